@@ -1,0 +1,38 @@
+#include "base/error.h"
+
+#include <cstdarg>
+#include <cstdio>
+#include <utility>
+
+namespace fs {
+namespace {
+
+// initial-exec: the servo's path may read and write this pointer, and a lazily made TLS block would be an allocation.
+thread_local const char* last_text __attribute__((tls_model("initial-exec"))) = "";
+thread_local std::string last_owned;
+
+}  // namespace
+
+void fail(fs_status status, const char* format, ...) {
+  char text[512];
+  va_list arguments;
+  va_start(arguments, format);
+  std::vsnprintf(text, sizeof text, format, arguments);
+  va_end(arguments);
+  throw Error{status, text};
+}
+
+fs_status set_last_error(fs_status status, std::string text) noexcept {
+  last_owned = std::move(text);
+  last_text = last_owned.c_str();
+  return status;
+}
+
+fs_status set_last_error_literal(fs_status status, const char* literal) noexcept {
+  last_text = literal;
+  return status;
+}
+
+const char* last_error() noexcept { return last_text; }
+
+}  // namespace fs

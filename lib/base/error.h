@@ -1,0 +1,27 @@
+// Errors inside the library. Off the servo they are thrown as Error and become an fs_status at the C border; on the
+// servo's path a function returns an fs_status and a literal sentence, and nothing is thrown.
+#pragma once
+
+#include <string>
+
+#include <forceserver/base.h>
+
+namespace fs {
+
+struct Error {
+  fs_status status;
+  std::string text;  // a sentence with field, value and bound
+};
+
+// Throws an Error with a printf-formatted sentence.
+[[noreturn, gnu::format(printf, 2, 3)]] void fail(fs_status status, const char* format, ...);
+
+// Makes a copy of text the thread's last error; returns status. May allocate.
+fs_status set_last_error(fs_status status, std::string text) noexcept;
+
+// [rt] Makes a literal the thread's last error; returns status.
+fs_status set_last_error_literal(fs_status status, const char* literal) noexcept;
+
+const char* last_error() noexcept;
+
+}  // namespace fs

@@ -1,0 +1,18 @@
+// The drivers of this process, by URI scheme. Drivers hand in a table of functions; the library includes none of them.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <forceserver/driver.h>
+
+namespace fs {
+
+// Copies the table. Throws INVALID (a missing function, a bad scheme), EXISTS, VERSION.
+void register_driver(const fs_driver& driver);
+
+// Null when there is none of this scheme. Lives as long as the process.
+const fs_driver* find_driver(const std::string& scheme);
+std::vector<const fs_driver*> all_drivers();  // in order of their schemes
+
+}  // namespace fs

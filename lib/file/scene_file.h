@@ -1,0 +1,31 @@
+// A scene as JSON: its objects, frame and tool. The schema stands in scene.schema.json beside this file. What belongs to a
+// moment is not in it: an object's `time` (loading is setting now); `start` is there only when it was given.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <forceserver/scene.h>
+
+#include "force/curve.h"
+#include "force/shape.h"
+
+namespace fs {
+
+struct SceneDescription {
+  std::vector<fs_object> objects;  // as fs_object_set takes them; their handles are kept alive by the two lists below
+  std::vector<Ref<const Shape>> shapes;
+  std::vector<Ref<const Curve>> curves;
+  fs_frame frame;
+  std::vector<Vec3> tool;
+};
+
+// Meshes go beside it as PLY, one file for each shape however many objects share it. Every number comes back bit for bit.
+// Throws IO; then the old files are intact.
+void write_scene_file(const std::string& path, const SceneDescription& scene);
+
+// Checks the file's form (version, keys, types); the values of objects are for the caller's fs_object_set to check.
+// Throws NOT_FOUND, IO, PARSE (line and column, or the object's name and field), VERSION.
+SceneDescription read_scene_file(const std::string& path);
+
+}  // namespace fs

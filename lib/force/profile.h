@@ -1,0 +1,34 @@
+// Profiles: the intensity f(d, t), clamped to [0, limit] and zero beyond reach (Table 2 of the paper).
+#pragma once
+
+#include <limits>
+
+#include "force/curve.h"
+
+namespace fs {
+
+struct Profile {
+  fs_profile_kind kind = FS_PROFILE_NONE;
+  fs_sense sense = FS_SENSE_ATTRACTIVE;
+  double gain = 0, offset = 0, width = 0;
+  double limit = 0;
+  double reach = 0;  // as the contract has it: 0 is without end
+  Ref<const Curve> curve;
+};
+
+// Checks every field of an fs_profile; `field` is its name in the error sentence ("front"). Throws INVALID.
+Profile parse_profile(const fs_profile& profile, const char* field);
+// The other way; a curve in it is borrowed, not retained.
+fs_profile to_c(const Profile& profile);
+bool operator==(const Profile& a, const Profile& b);
+
+// [rt] d in m, >= 0 (may be infinite); t in s.
+Intensity evaluate(const Profile& profile, unsigned reader, double d, double t) noexcept;
+
+// The distance beyond which the profile gives no force, m; infinite where there is none.
+double support(const Profile& profile) noexcept;
+
+// The steepest |df/dd| over all d >= 0, N/m; infinite where f jumps at the reach. Curves: sampled, an estimate.
+double steepest_slope(const Profile& profile);
+
+}  // namespace fs
