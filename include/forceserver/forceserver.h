@@ -2,10 +2,20 @@
  *
  * An application fills a scene with force-objects (primitive + profiles + pose). The scene is evaluated in this
  * process (fs_tool, fs_servo), or in a server that several applications share (fs_scene_connect): the same calls.
- * Method: Flueckiger & Nguyen, "A Generic Force-Server for Haptic Devices" (below: the paper).
+ * Method: Flueckiger & Nguyen, "A Generic Force-Server for Haptic Devices" (NASA Ames / EPFL; below: the paper).
+ *
+ * In reading order: base.h (statuses, plain data), object.h (what is felt), scene.h (the objects of an application),
+ * evaluate.h (a loop of one's own), device.h, servo.h (the real-time loop), server.h (several processes). For those who
+ * write a device driver: driver.h, which is not included here.
+ *
+ *     fs_scene *scene; fs_device *device; fs_servo *servo;           (each call returns an fs_status: look at it)
+ *     fs_object spring = fs_object_init("spring", FS_PRIMITIVE_POINT);
+ *     spring.front = fs_profile_init(FS_PROFILE_LINEAR_INCREASING, FS_SENSE_ATTRACTIVE, 200, 0, 5);
+ *     fs_scene_create(&scene); fs_object_set(scene, &spring);
+ *     fs_device_open("sim:", &device); fs_servo_start(scene, device, NULL, &servo);      now it is felt
  *
  * Units    SI: m, N, N m, s, rad, kg. Right-handed frames. Quaternions (w, x, y, z) turn object to parent; they are
- *          normalised when within 1e-3 of unit length; all zeros means the identity.
+ *          normalised when within 1e-3 of unit length; all zeros means the identity. Coordinates lie within 1e15 m.
  * Frames   object -pose-> scene -frame-> device. Device: origin at the centre of the workspace; for the user who
  *          faces it x is right, y forward (away), z up. Everything is in the scene frame unless its comment says other.
  * Time     seconds on the scene's clock (fs_scene_get_time); FS_NOW (0) means when the call is made.
@@ -14,14 +24,18 @@
  *          finite unless a comment says other, else FS_ERROR_INVALID. Any call may return _INVALID, _MEMORY,
  *          _INTERNAL, and with a connected scene _DISCONNECTED; further ones are listed.
  * Handles  reference-counted inside: a handle keeps alive what it was made from, so the order of destruction is free.
- *          _destroy, _close, _stop, _release give back the caller's reference and accept null.
+ *          _destroy, _close, _stop, _release give back the caller's reference and accept null; the handle may not be
+ *          used afterwards, and no call of another thread may be under way on it.
  * Input    is copied (handles: referenced) before the call returns.
  * Lists    (out, capacity, count): at most capacity are written (capacity 0: out may be null), *count is how many
  *          there are. A small buffer is not an error.
  * Threads  any call from any thread; calls on one handle are serialised. [rt]: no lock, allocation or system call,
  *          never waits for calls on the same handle from other threads.
  * ABI      frozen structs never change and their `reserved` is 0. Growing structs begin with struct_size, are made by
- *          their inline _init and grow at the end only; no struct has padding. Enum values never change.
+ *          their inline _init and grow at the end only; no struct has padding. Enum values never change. A struct_size
+ *          larger than the library's: FS_ERROR_VERSION; smaller than the struct's first version: FS_ERROR_INVALID.
+ * "0.1:"   begins what this version does not do yet, or does otherwise. It is declared already, so that programs can be
+ *          written for it. UNSUPPORTED there means that the call returns FS_ERROR_UNSUPPORTED.
  */
 #ifndef FORCESERVER_FORCESERVER_H
 #define FORCESERVER_FORCESERVER_H

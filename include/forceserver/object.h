@@ -1,4 +1,9 @@
-/* forceserver/object.h - force-objects: primitive, profiles, contact, shapes and curves. Conventions: forceserver.h. */
+/* forceserver/object.h - force-objects: primitive, profiles, contact, shapes and curves. Conventions: forceserver.h.
+ *
+ * At a position x of the hand a primitive gives its closest point p, the distance d = |x - p|, the direction from p to x
+ * and, of a plane or mesh, the side. The profile of that side gives the intensity f(d, t) >= 0 in newtons, and its sense
+ * says whether the force points to p or away from it. The forces of all objects add.
+ */
 #ifndef FORCESERVER_OBJECT_H
 #define FORCESERVER_OBJECT_H
 
@@ -8,16 +13,24 @@
 extern "C" {
 #endif
 
-typedef enum fs_primitive {             /* Table 1 of the paper; p is the closest point, d = |hand - p| >= 0 */
-  FS_PRIMITIVE_POINT = 0,               /* the origin of the object frame */
-  FS_PRIMITIVE_POLYLINE = 1,            /* of its shape: the curve, not the area a closed one surrounds */
-  FS_PRIMITIVE_PLANE = 2,               /* z = 0 of the object frame; the front is z > 0 */
-  FS_PRIMITIVE_MESH = 3,                /* of its shape; the front is where triangles run counter-clockwise */
-  FS_PRIMITIVE_FORCE_32 = 0x7fffffff    /* d = 0: a plane or mesh counts as front, along its normal; others give 0 */
+/* Where an object is: Table 1 of the paper. The closest point is exact in double precision; among triangles or segments
+ * that are equally near, the one of the lowest index counts. At d = 0 (within 2 units in the last place of the
+ * coordinates) a plane or mesh counts as front, along its normal there; the force of a point or polyline is 0, as its
+ * direction is undefined. */
+typedef enum fs_primitive {
+  FS_PRIMITIVE_POINT = 0,       /* the origin of the object frame */
+  FS_PRIMITIVE_POLYLINE = 1,    /* the segments of its shape: the curve, not the area a closed one surrounds */
+  FS_PRIMITIVE_PLANE = 2,       /* z = 0 of the object frame; the front is z > 0 */
+  FS_PRIMITIVE_MESH = 3,        /* the triangles of its shape; the front is where they run counter-clockwise. Nearest to
+                                   an edge or vertex, its angle-weighted pseudonormal tells the side (Baerentzen & Aanaes
+                                   2005): right for every closed mesh; at an open edge the plane of its triangle does */
+  FS_PRIMITIVE_FORCE_32 = 0x7fffffff
 } fs_primitive;
 
-typedef enum fs_profile_kind {          /* Table 2 of the paper, with the components each one uses */
-  FS_PROFILE_NONE = 0,
+/* The intensity f(d, t): Table 2 of the paper. d: distance, m; t: s since the object's start; result in N, before it is
+ * clamped to [0, limit]. Named are the fields of fs_profile that a kind uses, with unit and range. */
+typedef enum fs_profile_kind {
+  FS_PROFILE_NONE = 0,                  /* no force */
   FS_PROFILE_CONSTANT = 1,              /* gain (N, > 0) */
   FS_PROFILE_LINEAR_INCREASING = 2,     /* gain*d + offset (N/m, > 0; N) */
   FS_PROFILE_LINEAR_DECREASING = 3,     /* gain*d + offset (N/m, < 0; N) */
@@ -28,63 +41,70 @@ typedef enum fs_profile_kind {          /* Table 2 of the paper, with the compon
   FS_PROFILE_FORCE_32 = 0x7fffffff
 } fs_profile_kind;
 
+/* Where the force points. */
 typedef enum fs_sense {
-  FS_SENSE_ATTRACTIVE = 0,              /* the hand is drawn towards p: also how a plane's back pushes it out */
-  FS_SENSE_REPULSIVE = 1,               /* the hand is driven away from p */
+  FS_SENSE_ATTRACTIVE = 0,      /* the hand is drawn towards p: also how a plane's back pushes it out */
+  FS_SENSE_REPULSIVE = 1,       /* the hand is driven away from p */
   FS_SENSE_FORCE_32 = 0x7fffffff
 } fs_sense;
 
-typedef struct fs_profile {             /* f(d, t), N, clamped to [0, limit]. Frozen. What a kind does not use is 0 */
-  fs_profile_kind kind;
-  fs_sense sense;
-  double gain, offset, width;           /* see the kind */
-  double limit;                         /* N, > 0 unless kind is NONE: the threshold of the paper */
-  double reach;                         /* m, >= 0: no force beyond; 0: without end */
-  fs_curve *curve;                      /* CUSTOM; else null */
+/* f(d, t), N, clamped to [0, limit]; f that is not a number counts as 0. Frozen. Zeros are "no profile"; what a kind does
+ * not use is 0. Made by fs_profile_init, or by hand. */
+typedef struct fs_profile {
+  fs_profile_kind kind;         /* the formula */
+  fs_sense sense;               /* to p or away from it */
+  double gain, offset, width;   /* see the kind */
+  double limit;                 /* N, > 0 and at most 1e9, unless kind is NONE: the threshold of the paper */
+  double reach;                 /* m, >= 0: no force beyond; 0: without end */
+  fs_curve *curve;              /* CUSTOM; else null */
 } fs_profile;
 
-typedef enum fs_keep {                  /* the side of a plane or mesh the hand cannot leave */
-  FS_KEEP_NONE = 0,                     /* not solid */
-  FS_KEEP_FRONT = 1,                    /* an obstacle */
-  FS_KEEP_BACK = 2,                     /* an envelope: the hand stays within a closed mesh */
-  FS_KEEP_EITHER = 3,                   /* a sheet: the side it came from */
+/* The side of a plane or mesh that the hand cannot leave. */
+typedef enum fs_keep {
+  FS_KEEP_NONE = 0,             /* not solid */
+  FS_KEEP_FRONT = 1,            /* an obstacle */
+  FS_KEEP_BACK = 2,             /* an envelope: the hand stays within a closed mesh, such as a robot's reach */
+  FS_KEEP_EITHER = 3,           /* a sheet: the side it came from */
   FS_KEEP_FORCE_32 = 0x7fffffff
 } fs_keep;
 
 /* Makes a plane or mesh solid: a proxy of each tool point stays on the kept side (Zilles & Salisbury 1995) and draws the
  * point with min(stiffness*|hand - proxy|, limit). This object's profiles are then those at the proxy; where the proxy
- * lies on the surface they act along the kept side's normal. Frozen. */
+ * lies on the surface they act along the kept side's normal. Frozen. With keep NONE all other fields are 0.
+ * 0.1: a keep other than NONE is checked, then UNSUPPORTED. */
 typedef struct fs_contact {
-  fs_keep keep;                         /* POINT, POLYLINE: NONE */
-  uint32_t reserved;
-  double stiffness;                     /* N/m, >= 0; 0: an equal share of the servo's max_stiffness among those that
-                                           ask for 0; no servo and no bound: 1000 */
-  double limit;                         /* N, > 0 unless keep is NONE */
-  double damping;                       /* N s/m, >= 0, along the normal, on approach only */
-  double friction;                      /* Coulomb coefficient, 0..2 */
+  fs_keep keep;                 /* POINT, POLYLINE: NONE */
+  uint32_t reserved;            /* 0 */
+  double stiffness;             /* N/m, 0..1e9; 0: an equal share of the servo's max_stiffness among those that ask for
+                                   0; no servo and no bound: 1000 */
+  double limit;                 /* N, > 0 and at most 1e9, unless keep is NONE */
+  double damping;               /* N s/m, 0..1e9, along the normal, on approach only */
+  double friction;              /* Coulomb coefficient, 0..2 */
 } fs_contact;
 
-typedef struct fs_object {              /* a force-object. Growing; made by fs_object_init */
-  uint32_t struct_size;
-  fs_primitive primitive;
-  char name[FS_NAME_SIZE];              /* UTF-8, 1..31 bytes and a 0, no '/', no control character; unique */
-  fs_pose pose;                         /* object to scene, at `time` */
-  fs_twist twist;                       /* its motion from then on, for 0.1 s at most; then it stands */
-  double time;                          /* s; FS_NOW */
-  double start;                         /* s, t = 0 of f(d, t); 0: when this name was first set, kept by later sets */
-  double lifetime;                      /* s, >= 0: fades unless set, changed or moved within it; 0: as its client */
-  fs_profile front;                     /* POINT, POLYLINE: the only one */
-  fs_profile back;                      /* PLANE, MESH: on the back side; else NONE */
-  double damping;                       /* N s/m, >= 0, against motion relative to the object, where a profile acts */
-  fs_contact contact;
-  fs_shape *shape;                      /* POLYLINE, MESH; else null */
-  void *owner;                          /* the library's; null but in what fs_object_get filled */
-  uint32_t tool_points;                 /* bit i: point i of the tool feels it; 0: all */
-  bool enabled;
-  uint8_t reserved[3];
+/* A force-object. Growing; made by fs_object_init. */
+typedef struct fs_object {
+  uint32_t struct_size;         /* sizeof(fs_object), by fs_object_init */
+  fs_primitive primitive;       /* where it is */
+  char name[FS_NAME_SIZE];      /* UTF-8, 1..31 bytes and a 0, no '/', no control character; unique in its scene */
+  fs_pose pose;                 /* object to scene, at `time` */
+  fs_twist twist;               /* its motion from then on, for 0.1 s at most; then it stands */
+  double time;                  /* s; FS_NOW */
+  double start;                 /* s, t = 0 of f(d, t); 0: when this name was first set, kept by later sets */
+  double lifetime;              /* s, 0..1e12: fades unless set, changed or moved within it; 0: as its client */
+  fs_profile front;             /* POINT, POLYLINE: the only one */
+  fs_profile back;              /* PLANE, MESH: on the back side; else NONE */
+  double damping;               /* N s/m, 0..1e9: adds -damping times the velocity of the tool point less that of the
+                                   object there, where f(d, t) > 0; both together keep the limit of the side's profile */
+  fs_contact contact;           /* PLANE, MESH: whether it is solid */
+  fs_shape *shape;              /* POLYLINE, MESH: of that primitive; else null */
+  void *owner;                  /* the library's; null but in what fs_object_get filled */
+  uint32_t tool_points;         /* bit i: point i of the tool feels it; 0: all */
+  bool enabled;                 /* false: kept but not felt; a change fades the object out or in */
+  uint8_t reserved[3];          /* 0 */
 } fs_object;
 
-/* The three components of the paper: gain, offset (GAUSSIAN: width), limit. */
+/* A profile from the three components of the paper: gain, offset (GAUSSIAN: width) and limit. Without reach or curve. */
 static inline fs_profile fs_profile_init(fs_profile_kind kind, fs_sense sense, double gain, double offset_or_width,
                                          double limit)
 {
@@ -95,7 +115,8 @@ static inline fs_profile fs_profile_init(fs_profile_kind kind, fs_sense sense, d
   return p;
 }
 
-/* Enabled, at the origin, no profile, not solid. name may be a temporary; a bad one is refused by fs_object_set. */
+/* Enabled, at the origin, no profile, not solid. name may be a temporary, or null: none; a bad one is refused by
+ * fs_object_set. */
 static inline fs_object fs_object_init(const char *name, fs_primitive primitive)
 {
   fs_object o;
@@ -108,46 +129,88 @@ static inline fs_object fs_object_init(const char *name, fs_primitive primitive)
   return o;
 }
 
-/* After fs_object_get: its handles go unless retained, whatever the fields hold by now. Else does nothing. */
+/* After fs_object_get: its handles (shape, curves) go unless retained, whatever the fields hold by now. Of any other
+ * object, or null, it does nothing. */
 FS_API void fs_object_release(fs_object *object);
 
-/* What a profile gives at count distances (m), with slopes limited to max_stiffness (N/m; 0: the bare formula). */
+/* forces[i]: what the profile gives at distances[i] (m, >= 0) and time t (s since the start), in N; with slopes limited to
+ * max_stiffness (N/m, >= 0; 0: the bare formula). Both arrays have count entries; count 0: they may be null.
+ * 0.1: max_stiffness above 0 is UNSUPPORTED. */
 FS_API fs_status fs_profile_evaluate(const fs_profile *profile, double max_stiffness, double t,
                                      const double *distances, size_t count, double *forces);
 
-/* Shapes: cheap to make (copy and check). The search tree is built by fs_shape_build, else by the first scene of this
- * process that uses the shape (a million triangles: about 1 s); a server builds its own. */
-FS_API fs_status fs_shape_create_polyline(const fs_vec3 *points, size_t count, bool closed, fs_shape **out); /* >= 2 */
-FS_API fs_status fs_shape_create_mesh(const fs_vec3 *points, size_t point_count, const uint32_t *triangles,
-                                      size_t triangle_count, fs_shape **out);   /* three indices a triangle */
-FS_API fs_status fs_shape_load(const char *path, double scale, fs_shape **out); /* OBJ PLY STL OFF; scale: m per file
-                                                                   unit; NOT_FOUND, IO, PARSE, UNSUPPORTED */
-FS_API fs_status fs_shape_build(fs_shape *shape);
-FS_API fs_shape *fs_shape_retain(fs_shape *shape);      /* one more reference; returns shape; null gives null */
-FS_API void fs_shape_destroy(fs_shape *shape);
-FS_API const fs_vec3 *fs_shape_get_points(const fs_shape *shape, size_t *count);        /* live as long as the shape */
-FS_API const uint32_t *fs_shape_get_triangles(const fs_shape *shape, size_t *count);    /* polyline: null, 0 */
+/* ---- Shapes: cheap to make (copy and check). The search tree is built by fs_shape_build, else by the first scene of
+ * this process that uses the shape (a million triangles: about 1 s); a server builds its own. A mesh may be open,
+ * non-manifold or degenerate. Points count as one where their coordinates are the same. */
 
-typedef struct fs_shape_info {          /* growing */
-  uint32_t struct_size;
-  fs_primitive primitive;               /* POLYLINE or MESH */
-  uint64_t open_edges, odd_edges;       /* mesh: of one triangle; of three and more, or of two that disagree */
-  uint64_t degenerate;                  /* mesh: triangles without area; they are kept */
-  fs_vec3 lower, upper;                 /* m, bounds, object frame */
-  bool closed, built;
-  uint8_t reserved[6];
+/* A polyline through count (>= 2) points, m, object frame. closed: the last is joined to the first. */
+FS_API fs_status fs_shape_create_polyline(const fs_vec3 *points, size_t count, bool closed, fs_shape **out);
+
+/* A mesh of 1 to 5e8 triangles. points: m, object frame, at most 4e9; triangles: three indices of points a triangle,
+ * counter-clockwise as seen from the front. */
+FS_API fs_status fs_shape_create_mesh(const fs_vec3 *points, size_t point_count, const uint32_t *triangles,
+                                      size_t triangle_count, fs_shape **out);
+
+/* A mesh from a file whose name ends in .obj, .ply, .stl or .off; polygons are cut into triangles, the points of an STL
+ * joined where they are the same. scale: m per file unit, > 0. NOT_FOUND, IO, PARSE, UNSUPPORTED (another ending, or a
+ * variant that is not read: the sentence has it). */
+FS_API fs_status fs_shape_load(const char *path, double scale, fs_shape **out);
+
+/* Builds the search tree now, in this thread, rather than at the first use. Once: a second call waits for the first, or
+ * does nothing. */
+FS_API fs_status fs_shape_build(fs_shape *shape);
+
+/* One more reference; returns shape; null gives null. */
+FS_API fs_shape *fs_shape_retain(fs_shape *shape);
+
+/* Gives one reference back; null does nothing. Objects keep the shape as long as they need it. */
+FS_API void fs_shape_destroy(fs_shape *shape);
+
+/* The points, as given, with their count; they live as long as the shape. Null when an argument is. */
+FS_API const fs_vec3 *fs_shape_get_points(const fs_shape *shape, size_t *count);
+
+/* Three indices a triangle, as given; *count: triangles; they live as long as the shape. Polyline: null, 0. */
+FS_API const uint32_t *fs_shape_get_triangles(const fs_shape *shape, size_t *count);
+
+/* What a shape is, and what is odd in it. Growing. Edges join points of the same index. */
+typedef struct fs_shape_info {
+  uint32_t struct_size;         /* sizeof(fs_shape_info), by fs_shape_info_init */
+  fs_primitive primitive;       /* POLYLINE or MESH */
+  uint64_t open_edges,          /* mesh: edges of one triangle */
+           odd_edges;           /* mesh: of three and more, or of two that disagree about the front */
+  uint64_t degenerate;          /* mesh: triangles without area; they are kept */
+  fs_vec3 lower, upper;         /* m, bounds of all points, object frame */
+  bool closed,                  /* polyline: as made; mesh: it has edges, and none is open or odd */
+       built;                   /* the search tree is there; of a polyline it always is */
+  uint8_t reserved[6];          /* 0 */
 } fs_shape_info;
 FS_DEFINE_INIT(fs_shape_info)
+
+/* Fills out, which was made by fs_shape_info_init. VERSION. */
 FS_API fs_status fs_shape_get_info(const fs_shape *shape, fs_shape_info *out);
 
-/* Curves f(d, t), N: below 0 or not finite counts as 0. */
-FS_API fs_status fs_curve_create_table(const double *forces, size_t count, double step, fs_curve **out); /* f(0), f(step),
-                                      f(2 step)...; count >= 2, step > 0 (m); monotone cubic; the last value beyond */
-FS_API fs_status fs_curve_create_expression(const char *text, fs_curve **out);  /* "3*(1+sin(12*t))*exp(-d/0.01)";
-                              d in m, t in s; no assignment; at most 255 bytes; its slope by differences in d; PARSE */
-FS_API const char *fs_curve_get_expression(const fs_curve *curve);      /* table: null; lives as long as the curve */
-FS_API const double *fs_curve_get_table(const fs_curve *curve, size_t *count, double *step); /* expression: null, 0 */
+/* ---- Curves: the function f(d, t) of a CUSTOM profile, N. What is below 0 or not finite counts as 0. */
+
+/* A table: forces (N) are f(0), f(step), f(2 step)...; count >= 2, step > 0 (m). Between them a monotone cubic, which
+ * never overshoots (PCHIP: Fritsch & Carlson 1980); the last value beyond. It does not depend on t. */
+FS_API fs_status fs_curve_create_table(const double *forces, size_t count, double step, fs_curve **out);
+
+/* An expression such as "3*(1+sin(12*t))*exp(-d/0.01)": d in m, t in s since the object's start; the functions and
+ * operators of muParser; no assignment; at most 255 bytes of printable ASCII. Its slope is the central difference over
+ * d - 1e-6 m .. d + 1e-6 m, at d < 1e-6 m from 0 on. PARSE; UNSUPPORTED where the library was built without expressions. */
+FS_API fs_status fs_curve_create_expression(const char *text, fs_curve **out);
+
+/* The text of an expression; lives as long as the curve. Of a table: null. */
+FS_API const char *fs_curve_get_expression(const fs_curve *curve);
+
+/* The entries of a table, as given, with their count and step (m); they live as long as the curve. Of an expression:
+ * null, 0, 0. */
+FS_API const double *fs_curve_get_table(const fs_curve *curve, size_t *count, double *step);
+
+/* One more reference; returns curve; null gives null. */
 FS_API fs_curve *fs_curve_retain(fs_curve *curve);
+
+/* Gives one reference back; null does nothing. Profiles of objects keep the curve as long as they need it. */
 FS_API void fs_curve_destroy(fs_curve *curve);
 
 #ifdef __cplusplus

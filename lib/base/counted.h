@@ -1,4 +1,5 @@
 // Intrusive reference counts: a C handle is the object itself, and Ref is the C++ way to hold one.
+// LocalCounted is the same without atomics, for what only one thread at a time (under a lock) takes and lets go.
 #pragma once
 
 #include <atomic>
@@ -6,6 +7,25 @@
 #include <utility>
 
 namespace fs {
+
+template <class Derived>
+class LocalCounted {
+ public:
+  void retain() const noexcept { ++references_; }
+  void release() const noexcept {
+    if (--references_ == 0) delete static_cast<const Derived*>(this);
+  }
+  // True while the caller's is the only reference: then it may change the object in place.
+  bool is_unique() const noexcept { return references_ == 1; }
+
+ protected:
+  LocalCounted() = default;
+  LocalCounted(const LocalCounted&) {}  // a copy has its own count
+  ~LocalCounted() = default;
+
+ private:
+  mutable uint32_t references_ = 1;
+};
 
 template <class Derived>
 class Counted {
@@ -18,8 +38,6 @@ class Counted {
   void release() const noexcept {
     if (references_.fetch_sub(1, std::memory_order_acq_rel) == 1) delete static_cast<const Derived*>(this);
   }
-  // True while the caller's is the only reference: then it may change the object in place.
-  bool is_unique() const noexcept { return references_.load(std::memory_order_acquire) == 1; }
 
  protected:
   ~Counted() = default;

@@ -3,7 +3,6 @@
 
 #include <atomic>
 #include <mutex>
-#include <string>
 
 #include <forceserver/driver.h>
 
@@ -16,16 +15,21 @@ struct fs_device : fs::Counted<fs_device> {
   ~fs_device();
 
   const fs_device_info& info() const noexcept { return info_; }  // checked once, when it was opened
+  bool is_simulated() const noexcept { return driver_.advance; }        // it follows the clock that read is given
 
-  // The owner is a servo, or nobody. A servo calls read and write from its one thread; the C calls are refused meanwhile.
+  // The owner is a servo, or nobody. A servo calls read and write from its one thread; the C calls are refused
+  // meanwhile: they hold `mutex` while they ask is_owned and act, and acquire waits for one that is under way.
   bool acquire() noexcept;
   void release_ownership() noexcept;
   bool is_owned() const noexcept { return owned_.load(std::memory_order_acquire); }
 
-  // [rt] time: s, the servo's (see fs_driver.advance). The newest state; a twist left 0 is worked out, and a time left 0
-  // becomes `time`. On failure out is zeros.
+  // [rt] time: s, the servo's (see fs_driver.advance). The newest state: a time left 0 becomes `time`; an orientation
+  // left 0 the identity; the twist of a driver that leaves it 0 is worked out. A pose or twist that is not finite comes
+  // through as it is: the guard faults on it. On failure out is zeros; a time that is not finite or a quaternion more
+  // than 1e-3 off unit length is one.
   fs_status read(double time, fs_state& out) noexcept;
-  // [rt] Scaled into the device's maxima, direction kept; axes that the device does not have are set to 0.
+  // [rt] Scaled into the device's maxima, direction kept. A device with n < 3 force axes has the first n of x, y, z (so
+  // with its torque axes); the others are set to 0. Not finite: INVALID, and the device gets 0.
   fs_status write(const fs_wrench& wrench) noexcept;
 
   std::mutex mutex;  // of the C calls fs_device_read, _write
@@ -36,6 +40,7 @@ struct fs_device : fs::Counted<fs_device> {
   fs_device_info info_;
   std::atomic<bool> owned_{false};
   fs::VelocityEstimator velocity_;
+  bool gives_twist_ = false;  // it gave one before: then its zeros are meant
 };
 
 namespace fs {

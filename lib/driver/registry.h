@@ -1,4 +1,5 @@
 // The drivers of this process, by URI scheme. Drivers hand in a table of functions; the library includes none of them.
+// Any thread, at any time: also from static initialisers and while the process ends.
 #pragma once
 
 #include <string>
@@ -8,7 +9,8 @@
 
 namespace fs {
 
-// Copies the table. Throws INVALID (a missing function, a bad scheme), EXISTS, VERSION.
+// Copies the table and the scheme. Throws INVALID (a missing function, a scheme that is not 1..31 of [a-z0-9]), EXISTS,
+// VERSION. list, write_model and advance may be null.
 void register_driver(const fs_driver& driver);
 
 // Null when there is none of this scheme. Lives as long as the process.

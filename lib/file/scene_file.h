@@ -1,5 +1,5 @@
-// A scene as JSON: its objects, frame and tool. The schema stands in scene.schema.json beside this file. What belongs to a
-// moment is not in it: an object's `time` (loading is setting now); `start` is there only when it was given.
+// A scene as JSON: its objects, frame and tool. The schema stands in scene.schema.json beside this file. What belongs
+// to a moment is not in it: an object's `time` (loading is setting now); `start` is there only when it was given.
 #pragma once
 
 #include <string>
@@ -20,8 +20,9 @@ struct SceneDescription {
   std::vector<Vec3> tool;
 };
 
-// Meshes go beside it as PLY, one file for each shape however many objects share it. Every number comes back bit for bit.
-// Throws IO; then the old files are intact.
+// Meshes go beside it as PLY, one file for each shape however many objects share it, named after its content
+// (NAME-HASH.ply): so the meshes of an old scene file are never replaced, and those no longer used are left. Every
+// number comes back bit for bit. Throws IO, or INVALID for a name that is not UTF-8; then the old files are intact.
 void write_scene_file(const std::string& path, const SceneDescription& scene);
 
 // Checks the file's form (version, keys, types); the values of objects are for the caller's fs_object_set to check.

@@ -10,6 +10,10 @@
 
 namespace fs {
 
+// The slope of an expression is the difference over d - expression_step .. d + expression_step (m); from d = 0 on one side
+// near 0.
+inline constexpr double expression_step = 1e-6;
+
 // An intensity (N, >= 0) and its slope in d (N/m).
 struct Intensity {
   double force = 0, slope = 0;
@@ -20,10 +24,12 @@ struct Intensity {
 struct fs_curve : fs::Counted<fs_curve> {
   virtual ~fs_curve() = default;
 
-  // Makes all that `reader` needs to evaluate this curve without allocating. Any thread, off the tick; idempotent.
+  // Makes all that `reader` needs to evaluate this curve without allocating. Any thread, off the tick; idempotent. The
+  // reader itself may evaluate meanwhile only when it was prepared before.
   virtual void prepare(unsigned reader) const = 0;
 
-  // [rt] d in m, >= 0; t in s. One thread at a time for each reader, which must have been prepared.
+  // [rt] d in m, >= 0; t in s. Both results are finite. One thread at a time for each reader, which must have been
+  // prepared; an expression gives 0 to one that was not.
   virtual fs::Intensity evaluate(unsigned reader, double d, double t) const noexcept = 0;
 
   virtual const std::string* expression() const noexcept { return nullptr; }          // null: a table
@@ -35,7 +41,11 @@ namespace fs {
 
 using Curve = fs_curve;
 
-Ref<const Curve> make_table_curve(const double* forces, size_t count, double step);   // INVALID
-Ref<const Curve> make_expression_curve(const char* text);                             // INVALID, PARSE
+// Monotone cubic through forces[i] (N) at i * step (m), after Fritsch & Carlson, "Monotone piecewise cubic interpolation"
+// (SIAM J. Numer. Anal. 17, 1980), with the slopes of Fritsch & Butland (SIAM J. Sci. Stat. Comput. 5, 1984): it never
+// overshoots its entries. INVALID.
+Ref<const Curve> make_table_curve(const double* forces, size_t count, double step);
+// INVALID, PARSE; UNSUPPORTED when built without muParser.
+Ref<const Curve> make_expression_curve(const char* text);
 
 }  // namespace fs

@@ -12,27 +12,32 @@
 #include "math/vec3.h"
 
 namespace fs {
+class BoxTree;
 class MeshTree;
 }
 
 struct fs_shape : fs::Counted<fs_shape> {
-  fs_shape(fs_primitive primitive, std::vector<fs::Vec3> points, std::vector<uint32_t> triangles, bool closed);
+  fs_shape(const fs_shape_info& info, std::vector<fs::Vec3> points, std::vector<uint32_t> triangles);
   ~fs_shape();
 
   const fs_primitive primitive;            // POLYLINE or MESH
   const std::vector<fs::Vec3> points;      // m, object frame
   const std::vector<uint32_t> triangles;   // three a triangle; a polyline has none
-  const bool closed;                       // polyline: the last point joins the first; mesh: every edge has two triangles
+  const bool closed;                       // polyline: the last point joins the first; mesh: no edge is open or odd
 
-  // Builds the search tree of a mesh; once, any thread, others wait for it. A polyline has none and is always built.
+  // Builds the search tree of a mesh; once, any thread, others wait for it. A polyline is always built.
   void build() const;
   bool is_built() const noexcept;
   const fs::MeshTree* tree() const noexcept { return tree_.load(std::memory_order_acquire); }  // [rt] null: not built
 
+  const fs::BoxTree& segments() const noexcept { return *segments_; }  // [rt] of a polyline
+
+  // Edges join vertices of equal index; a triangle with a repeated index is degenerate and has no edges here.
   void get_info(fs_shape_info& out) const;  // all but struct_size
 
  private:
   fs_shape_info info_;
+  std::unique_ptr<const fs::BoxTree> segments_;
   mutable std::mutex build_mutex_;
   mutable std::atomic<const fs::MeshTree*> tree_{nullptr};
 };
@@ -42,7 +47,7 @@ namespace fs {
 using Shape = fs_shape;
 
 // Check and copy. INVALID: fewer than 2 points, no triangle, an index out of range, a coordinate not finite or beyond
-// 1e15 m; the sentence names the first bad point or triangle.
+// 1e15 m, more than 4e9 points or 5e8 triangles; the sentence names the first bad point or triangle.
 Ref<const Shape> make_polyline(const Vec3* points, size_t count, bool closed);
 Ref<const Shape> make_mesh(const Vec3* points, size_t point_count, const uint32_t* triangles, size_t triangle_count);
 

@@ -1,0 +1,16 @@
+// Hands the drivers of this library to the registry when it is loaded. lib/ does not know what stands here.
+#include "device/sim/sim.h"
+#include "driver/registry.h"
+
+namespace {
+
+[[maybe_unused]] const bool registered = [] {
+  try {
+    fs::register_driver(fs::sim_driver());
+    return true;
+  } catch (...) {  // no memory: then opening "sim:" says that there is no such driver
+    return false;
+  }
+}();
+
+}  // namespace

@@ -1,0 +1,112 @@
+#include "device/sim/path.h"
+
+#include <cerrno>
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <memory>
+#include <numbers>
+#include <string_view>
+
+#include "base/error.h"
+#include "device/sim/parameters.h"
+
+namespace fs {
+namespace {
+
+constexpr double coordinate_max = 1;  // m: a hand may want to be beyond the stops, but not beyond an arm's length
+
+// The numbers of a line, at most 5; -1 when something else stands there.
+int parse_line(std::string_view text, double (&numbers)[5]) {
+  text = text.substr(0, text.find('#'));
+  int count = 0;
+  for (;;) {
+    const size_t begin = text.find_first_not_of(" \t\r\n");
+    if (begin == std::string_view::npos || count == 5) return count;
+    text.remove_prefix(begin);
+    const std::string_view word = text.substr(0, text.find_first_of(" \t\r\n"));
+    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), numbers[count]);
+    if (error != std::errc() || end != word.data() + word.size() || !std::isfinite(numbers[count])) return -1;
+    text.remove_prefix(word.size());
+    ++count;
+  }
+}
+
+}  // namespace
+
+HandPath HandPath::hold(Vec3 position) {
+  HandPath path;
+  path.points_ = {{0, position}};
+  return path;
+}
+
+HandPath HandPath::named(const std::string& name) {
+  HandPath path;
+  if (name == "figure8") path.kind_ = Kind::FIGURE8;
+  else if (name == "sweep") path.kind_ = Kind::SWEEP;
+  else if (name == "touch") path.kind_ = Kind::TOUCH;
+  else return read_file(name);
+  return path;
+}
+
+HandPath HandPath::read_file(const std::string& name) {
+  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(name.c_str(), "r"), std::fclose);
+  if (!file) {
+    fail(errno == ENOENT ? FS_ERROR_NOT_FOUND : FS_ERROR_IO,
+         "path '%s' is none of figure8, sweep, touch, and as a file: %s", name.c_str(), std::strerror(errno));
+  }
+  HandPath path;
+  char line[512];
+  for (int number = 1; std::fgets(line, sizeof line, file.get()); ++number) {
+    if (std::strlen(line) == sizeof line - 1) {
+      fail(FS_ERROR_PARSE, "%s:%d: a line must be shorter than %zu bytes", name.c_str(), number, sizeof line - 1);
+    }
+    double n[5];
+    const int count = parse_line(line, n);
+    if (count == 0) continue;
+    if (count != 4) fail(FS_ERROR_PARSE, "%s:%d: must be four numbers, t x y z", name.c_str(), number);
+    if (!path.points_.empty() && !(n[0] > path.points_.back().time)) {
+      fail(FS_ERROR_PARSE, "%s:%d: t is %.9g, must be above the %.9g before it", name.c_str(), number, n[0],
+           path.points_.back().time);
+    }
+    for (int i = 1; i < 4; ++i) {
+      if (!(std::fabs(n[i]) <= coordinate_max)) {
+        fail(FS_ERROR_PARSE, "%s:%d: a coordinate is %.9g, must be within %.9g..%.9g m", name.c_str(), number, n[i],
+             -coordinate_max, coordinate_max);
+      }
+    }
+    path.points_.push_back({n[0], {n[1], n[2], n[3]}});
+  }
+  if (std::ferror(file.get())) fail(FS_ERROR_IO, "path '%s': %s", name.c_str(), std::strerror(errno));
+  if (path.points_.empty()) fail(FS_ERROR_PARSE, "%s: there is no line t x y z", name.c_str());
+  return path;
+}
+
+HandPath::Target HandPath::at(double time) noexcept {
+  using namespace fidel;
+  switch (kind_) {
+    case Kind::FIGURE8: {
+      const double w = 2 * std::numbers::pi / figure8_period, a = w * time;
+      return {{figure8_width * std::sin(a), figure8_height * std::sin(2 * a), 0},
+              {w * figure8_width * std::cos(a), 2 * w * figure8_height * std::cos(2 * a), 0}};
+    }
+    case Kind::SWEEP: {
+      const double w = 2 * std::numbers::pi / sweep_period, a = w * time;
+      return {{-sweep_width * std::cos(a), 0, 0}, {w * sweep_width * std::sin(a), 0, 0}};
+    }
+    case Kind::TOUCH: {
+      const double w = 2 * std::numbers::pi / touch_period, a = w * time;
+      return {{0, 0, touch_middle + touch_stroke * std::cos(a)}, {0, 0, -w * touch_stroke * std::sin(a)}};
+    }
+    case Kind::POINTS: break;
+  }
+  while (next_ < points_.size() && points_[next_].time <= time) ++next_;
+  if (next_ == 0) return {points_.front().position, {}};
+  if (next_ == points_.size()) return {points_.back().position, {}};
+  const Point &from = points_[next_ - 1], &to = points_[next_];
+  const Vec3 velocity = (1 / (to.time - from.time)) * (to.position - from.position);
+  return {from.position + (time - from.time) * velocity, velocity};
+}
+
+}  // namespace fs

@@ -1,0 +1,39 @@
+// Where the simulated hand wants to be.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "math/vec3.h"
+
+namespace fs {
+
+class HandPath {
+ public:
+  struct Target {
+    Vec3 position, velocity;  // m, m/s, device frame
+  };
+
+  static HandPath hold(Vec3 position);
+  // "figure8", "sweep" or "touch" (parameters.h), else the name of a file with lines "t x y z" (s, m): t increasing,
+  // straight between the lines, at rest before the first and after the last; '#' begins a comment. Throws NOT_FOUND,
+  // IO, PARSE with the line.
+  static HandPath named(const std::string& name);
+
+  // [rt] time: s, never before that of the last call.
+  Target at(double time) noexcept;
+
+ private:
+  enum class Kind { POINTS, FIGURE8, SWEEP, TOUCH };
+  struct Point {
+    double time;
+    Vec3 position;
+  };
+  static HandPath read_file(const std::string& name);
+
+  Kind kind_ = Kind::POINTS;
+  std::vector<Point> points_;
+  size_t next_ = 0;  // the first point that is still to come
+};
+
+}  // namespace fs

@@ -1,0 +1,48 @@
+// The border: no exception crosses it, and no null pointer comes in.
+#pragma once
+
+#include <cstring>
+#include <exception>
+#include <new>
+
+#include "base/error.h"
+
+namespace fs {
+
+// Runs f and makes a status of what it throws; the sentence becomes fs_last_error.
+template <class F>
+fs_status guarded(F&& f) noexcept {
+  try {
+    f();
+    return FS_OK;
+  } catch (Error& error) {
+    return set_last_error(error.status, std::move(error.text));
+  } catch (const std::bad_alloc&) {
+    return set_last_error_literal(FS_ERROR_MEMORY, "out of memory");
+  } catch (const std::exception& error) {
+    return set_last_error(FS_ERROR_INTERNAL, std::string("internal: ") + error.what());
+  }
+}
+
+// Throws INVALID for a null argument of that name.
+inline void require_pointer(const void* pointer, const char* name) {
+  if (!pointer) fail(FS_ERROR_INVALID, "%s is null", name);
+}
+
+// [rt] The same without a throw: `return null_argument("tool is null")`.
+inline fs_status null_argument(const char* literal) noexcept { return set_last_error_literal(FS_ERROR_INVALID, literal); }
+
+// Copies what fits of a list out.
+template <class T, class List>
+void copy_list(const List& list, T* out, size_t capacity, size_t* count) {
+  require_pointer(count, "count");
+  if (capacity) require_pointer(out, "out");
+  size_t i = 0;
+  for (const T& element : list) {
+    if (i == capacity) break;
+    out[i++] = element;
+  }
+  *count = list.size();
+}
+
+}  // namespace fs

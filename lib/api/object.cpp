@@ -1,0 +1,168 @@
+#include <forceserver/object.h>
+
+#include "api/guarded.h"
+#include "file/mesh_file.h"
+#include "force/profile.h"
+#include "force/reader.h"
+#include "scene/object.h"
+
+using namespace fs;
+
+void fs_object_release(fs_object* object) {
+  if (!object || !object->owner) return;
+  Ref<const Object>::adopt(static_cast<const Object*>(object->owner));
+  object->owner = nullptr;
+}
+
+fs_status fs_profile_evaluate(const fs_profile* profile, double max_stiffness, double t, const double* distances,
+                              size_t count, double* forces) {
+  return guarded([&] {
+    require_pointer(profile, "profile");
+    if (count) {
+      require_pointer(distances, "distances");
+      require_pointer(forces, "forces");
+    }
+    const Profile parsed = parse_profile(*profile, "profile");
+    if (!(max_stiffness >= 0) || !std::isfinite(max_stiffness)) {
+      fail(FS_ERROR_INVALID, "max_stiffness is %g, must be finite and >= 0 N/m", max_stiffness);
+    }
+    parse_finite(t, "t");
+    for (size_t i = 0; i < count; ++i) {
+      if (!(distances[i] >= 0)) fail(FS_ERROR_INVALID, "distances[%zu] is %g, must be >= 0 m", i, distances[i]);
+    }
+    if (max_stiffness > 0) {
+      fail(FS_ERROR_UNSUPPORTED, "max_stiffness is %g: slope caps are not in version %s of this library, only 0",
+           max_stiffness, fs_version());
+    }
+    const ReaderId reader;
+    if (parsed.curve) parsed.curve->prepare(reader.get());
+    for (size_t i = 0; i < count; ++i) forces[i] = evaluate(parsed, reader.get(), distances[i], t).force;
+  });
+}
+
+// ----------------------------------------------------------------------------------------------------------- shapes
+
+namespace {
+void give(Ref<const Shape> shape, fs_shape** out) { *out = const_cast<fs_shape*>(shape.detach()); }
+void give(Ref<const Curve> curve, fs_curve** out) { *out = const_cast<fs_curve*>(curve.detach()); }
+}  // namespace
+
+fs_status fs_shape_create_polyline(const fs_vec3* points, size_t count, bool closed, fs_shape** out) {
+  return guarded([&] {
+    require_pointer(points, "points");
+    require_pointer(out, "out");
+    give(make_polyline(points, count, closed), out);
+  });
+}
+
+fs_status fs_shape_create_mesh(const fs_vec3* points, size_t point_count, const uint32_t* triangles,
+                               size_t triangle_count, fs_shape** out) {
+  return guarded([&] {
+    require_pointer(points, "points");
+    require_pointer(triangles, "triangles");
+    require_pointer(out, "out");
+    give(make_mesh(points, point_count, triangles, triangle_count), out);
+  });
+}
+
+fs_status fs_shape_load(const char* path, double scale, fs_shape** out) {
+  return guarded([&] {
+    require_pointer(path, "path");
+    require_pointer(out, "out");
+    const MeshData mesh = read_mesh_file(path, scale);
+    give(make_mesh(mesh.points.data(), mesh.points.size(), mesh.triangles.data(), mesh.triangles.size() / 3), out);
+  });
+}
+
+fs_status fs_shape_build(fs_shape* shape) {
+  return guarded([&] {
+    require_pointer(shape, "shape");
+    shape->build();
+  });
+}
+
+fs_shape* fs_shape_retain(fs_shape* shape) {
+  if (shape) shape->retain();
+  return shape;
+}
+
+void fs_shape_destroy(fs_shape* shape) {
+  if (shape) shape->release();
+}
+
+const fs_vec3* fs_shape_get_points(const fs_shape* shape, size_t* count) {
+  if (count) *count = shape ? shape->points.size() : 0;
+  if (!shape || !count) {
+    null_argument(shape ? "count is null" : "shape is null");
+    return nullptr;
+  }
+  return shape->points.data();
+}
+
+const uint32_t* fs_shape_get_triangles(const fs_shape* shape, size_t* count) {
+  if (count) *count = shape ? shape->triangles.size() / 3 : 0;
+  if (!shape || !count) {
+    null_argument(shape ? "count is null" : "shape is null");
+    return nullptr;
+  }
+  return shape->triangles.empty() ? nullptr : shape->triangles.data();
+}
+
+fs_status fs_shape_get_info(const fs_shape* shape, fs_shape_info* out) {
+  return guarded([&] {
+    require_pointer(shape, "shape");
+    require_pointer(out, "out");
+    check_struct_size(out->struct_size, sizeof *out, "fs_shape_info");
+    shape->get_info(*out);
+  });
+}
+
+// ----------------------------------------------------------------------------------------------------------- curves
+
+fs_status fs_curve_create_table(const double* forces, size_t count, double step, fs_curve** out) {
+  return guarded([&] {
+    require_pointer(forces, "forces");
+    require_pointer(out, "out");
+    give(make_table_curve(forces, count, step), out);
+  });
+}
+
+fs_status fs_curve_create_expression(const char* text, fs_curve** out) {
+  return guarded([&] {
+    require_pointer(text, "text");
+    require_pointer(out, "out");
+    give(make_expression_curve(text), out);
+  });
+}
+
+const char* fs_curve_get_expression(const fs_curve* curve) {
+  if (!curve) {
+    null_argument("curve is null");
+    return nullptr;
+  }
+  const std::string* text = curve->expression();
+  return text ? text->c_str() : nullptr;
+}
+
+const double* fs_curve_get_table(const fs_curve* curve, size_t* count, double* step) {
+  if (count) *count = 0;
+  if (step) *step = 0;
+  if (!curve || !count || !step) {
+    null_argument(!curve ? "curve is null" : !count ? "count is null" : "step is null");
+    return nullptr;
+  }
+  const std::vector<double>* table = curve->table();
+  if (!table) return nullptr;
+  *count = table->size();
+  *step = curve->step();
+  return table->data();
+}
+
+fs_curve* fs_curve_retain(fs_curve* curve) {
+  if (curve) curve->retain();
+  return curve;
+}
+
+void fs_curve_destroy(fs_curve* curve) {
+  if (curve) curve->release();
+}

@@ -1,0 +1,213 @@
+#include <forceserver/scene.h>
+
+#include "api/guarded.h"
+#include "file/scene_file.h"
+#include "scene/scene.h"
+
+using namespace fs;
+
+namespace {
+
+// A call on a scene: `scene` is checked, what f throws becomes a status.
+template <class F>
+fs_status on_scene(const fs_scene* scene, F&& f) {
+  return guarded([&] {
+    require_pointer(scene, "scene");
+    f();
+  });
+}
+
+}  // namespace
+
+fs_status fs_scene_create(fs_scene** out) {
+  return guarded([&] {
+    require_pointer(out, "out");
+    *out = make_ref<Scene>().detach();
+  });
+}
+
+fs_status fs_scene_connect(const char* endpoint, const char* client_name, fs_scene** out) {
+  return guarded([&] {
+    require_pointer(endpoint, "endpoint");
+    require_pointer(client_name, "client_name");
+    require_pointer(out, "out");
+    const std::string name = parse_name(client_name, "client_name");
+    if (name == "server") fail(FS_ERROR_INVALID, "client_name is 'server', which is the name of the server's own scene");
+    const std::string text = endpoint;
+    if (!text.starts_with("shm:") && !text.starts_with("dds:")) {
+      fail(FS_ERROR_INVALID, "endpoint is '%.80s', must begin with shm: or dds:", endpoint);
+    }
+    fail(FS_ERROR_UNSUPPORTED, "endpoint is '%.80s': connecting to a server is not in version %s of this library",
+         endpoint, fs_version());
+  });
+}
+
+void fs_scene_destroy(fs_scene* scene) {
+  if (scene) scene->release();
+}
+
+fs_status fs_object_set(fs_scene* scene, const fs_object* object) {
+  return on_scene(scene, [&] {
+    require_pointer(object, "object");
+    scene->set(*object);
+  });
+}
+
+fs_status fs_object_get(fs_scene* scene, const char* name, fs_object* out) {
+  return on_scene(scene, [&] {
+    require_pointer(name, "name");
+    require_pointer(out, "out");
+    check_struct_size(out->struct_size, sizeof *out, "fs_object");
+    fs_object object;
+    Ref<const Object> owner = scene->get(name, object);
+    *out = object;
+    out->owner = const_cast<Object*>(owner.detach());
+  });
+}
+
+fs_status fs_object_change(fs_scene* scene, const fs_object* object, uint32_t parts) {
+  return on_scene(scene, [&] {
+    require_pointer(object, "object");
+    scene->change(*object, parts);
+  });
+}
+
+fs_status fs_object_move(fs_scene* scene, const char* name, const fs_pose* pose, const fs_twist* twist, double time) {
+  return on_scene(scene, [&] {
+    require_pointer(name, "name");
+    require_pointer(pose, "pose");
+    scene->move(name, *pose, twist, time);
+  });
+}
+
+fs_status fs_object_remove(fs_scene* scene, const char* name) {
+  return on_scene(scene, [&] {
+    require_pointer(name, "name");
+    scene->remove(name);
+  });
+}
+
+fs_status fs_scene_clear(fs_scene* scene) {
+  return on_scene(scene, [&] { scene->clear(); });
+}
+
+fs_status fs_scene_begin(fs_scene* scene) {
+  return on_scene(scene, [&] { scene->begin(); });
+}
+
+fs_status fs_scene_commit(fs_scene* scene) {
+  return on_scene(scene, [&] { scene->commit(); });
+}
+
+fs_status fs_scene_cancel(fs_scene* scene) {
+  return on_scene(scene, [&] { scene->cancel(); });
+}
+
+fs_status fs_scene_sync(fs_scene* scene, double timeout) {
+  return on_scene(scene, [&] { scene->sync(timeout); });
+}
+
+fs_status fs_scene_save(fs_scene* scene, const char* path) {
+  return on_scene(scene, [&] {
+    require_pointer(path, "path");
+    const Scene::Contents contents = scene->contents();
+    SceneDescription description;
+    description.objects = contents.objects;
+    description.frame = contents.frame;
+    description.tool = contents.tool;
+    write_scene_file(path, description);
+  });
+}
+
+fs_status fs_scene_load(fs_scene* scene, const char* path) {
+  return on_scene(scene, [&] {
+    require_pointer(path, "path");
+    const SceneDescription description = read_scene_file(path);
+    scene->set_contents(description.objects, description.frame, description.tool);
+  });
+}
+
+fs_status fs_scene_set_frame(fs_scene* scene, const fs_frame* frame) {
+  return on_scene(scene, [&] {
+    require_pointer(frame, "frame");
+    scene->set_frame(*frame);
+  });
+}
+
+fs_status fs_scene_get_frame(fs_scene* scene, const char* client, fs_frame* out) {
+  return on_scene(scene, [&] {
+    require_pointer(out, "out");
+    if (client) {
+      fail(FS_ERROR_NOT_FOUND, "client is '%.80s': a scene in this process has no clients; null means its own frame",
+           client);
+    }
+    *out = scene->get_frame();
+  });
+}
+
+fs_status fs_scene_set_clutch(fs_scene* scene, bool held) {
+  return on_scene(scene, [&] { scene->set_clutch(held); });
+}
+
+fs_status fs_scene_set_tool(fs_scene* scene, const fs_vec3* points, size_t count) {
+  return on_scene(scene, [&] {
+    require_pointer(points, "points");
+    scene->set_tool(points, count);
+  });
+}
+
+fs_status fs_scene_get_tool(fs_scene* scene, fs_vec3* out, size_t capacity, size_t* count) {
+  return on_scene(scene, [&] { copy_list(scene->get_tool(), out, capacity, count); });
+}
+
+fs_status fs_scene_set_accuracy(fs_scene* scene, double newtons) {
+  return on_scene(scene, [&] {
+    if (!(newtons >= 0 && std::isfinite(newtons))) {
+      fail(FS_ERROR_INVALID, "newtons is %g, must be finite and >= 0", newtons);
+    }
+    // Evaluation is exact, which is within any error that is allowed.
+  });
+}
+
+fs_status fs_scene_set_max_stiffness(fs_scene* scene, double stiffness) {
+  return on_scene(scene, [&] {
+    if (!(stiffness >= 0 && std::isfinite(stiffness))) {
+      fail(FS_ERROR_INVALID, "stiffness is %g, must be finite and >= 0 N/m", stiffness);
+    }
+    if (stiffness > 0) {
+      fail(FS_ERROR_UNSUPPORTED, "stiffness is %g: slope caps are not in version %s of this library, only 0", stiffness,
+           fs_version());
+    }
+  });
+}
+
+fs_status fs_scene_get_time(const fs_scene* scene, double* out) {
+  if (!scene) return null_argument("scene is null");
+  if (!out) return null_argument("out is null");
+  *out = scene->now();
+  return FS_OK;
+}
+
+fs_status fs_scene_set_time(fs_scene* scene, double time) {
+  if (!scene) return null_argument("scene is null");
+  return scene->set_time(time);
+}
+
+fs_status fs_scene_get_reports(fs_scene* scene, fs_report* out, size_t capacity, size_t* count) {
+  return on_scene(scene, [&] { copy_list(scene->reports(), out, capacity, count); });
+}
+
+fs_status fs_scene_get_report(fs_scene* scene, const char* name, fs_report* out) {
+  return on_scene(scene, [&] {
+    require_pointer(name, "name");
+    require_pointer(out, "out");
+    *out = scene->report(name);
+  });
+}
+
+fs_status fs_scene_next_event(fs_scene* scene, double timeout, fs_event* out) {
+  return on_scene(scene, [&] {
+    require_pointer(out, "out");
+    *out = scene->next_event(timeout);
+  });
+}

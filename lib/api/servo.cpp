@@ -1,0 +1,71 @@
+#include <forceserver/servo.h>
+
+#include "api/guarded.h"
+#include "servo/servo.h"
+
+using namespace fs;
+
+fs_status fs_servo_start(fs_scene* scene, fs_device* device, const fs_servo_options* options, fs_servo** out) {
+  return guarded([&] {
+    require_pointer(scene, "scene");
+    require_pointer(device, "device");
+    require_pointer(out, "out");
+    const fs_servo_options given = options ? *options : fs_servo_options_init();
+    check_struct_size(given.struct_size, sizeof given, "fs_servo_options");
+    const ServoSettings settings = parse_options(given, device->info());
+    *out = make_ref<Servo>(Ref<Scene>::share(scene), Ref<Device>::share(device), settings).detach();
+  });
+}
+
+fs_status fs_servo_step(fs_servo* servo, uint64_t ticks) {
+  if (!servo) return null_argument("servo is null");
+  return servo->step(ticks);
+}
+
+fs_status fs_servo_set_enabled(fs_servo* servo, bool enabled) {
+  if (!servo) return null_argument("servo is null");
+  servo->set_enabled(enabled);
+  return FS_OK;
+}
+
+void fs_servo_stop(fs_servo* servo) {
+  if (servo) servo->release();
+}
+
+fs_status fs_servo_get_record(fs_servo* servo, fs_tick* out, size_t capacity, size_t* count) {
+  return guarded([&] {
+    require_pointer(servo, "servo");
+    require_pointer(count, "count");
+    if (capacity) require_pointer(out, "out");
+    *count = servo->record(out, capacity);
+  });
+}
+
+fs_status fs_scene_get_hand(const fs_scene* scene, fs_state* state, fs_response* response, fs_wrench* sent) {
+  if (!scene) return null_argument("scene is null");
+  if (!scene->has_servo()) return set_last_error_literal(FS_ERROR_STATE, "the scene has no servo, so no hand");
+  HandSample hand;
+  if (!scene->output.hand.read(hand)) return set_last_error_literal(FS_ERROR_INTERNAL, "the hand could not be read");
+  if (state) *state = hand.state;
+  if (response) *response = hand.response;
+  if (sent) *sent = hand.sent;
+  return FS_OK;
+}
+
+fs_status fs_scene_get_servo_stats(fs_scene* scene, fs_servo_stats* out) {
+  return guarded([&] {
+    require_pointer(scene, "scene");
+    require_pointer(out, "out");
+    check_struct_size(out->struct_size, sizeof *out, "fs_servo_stats");
+    scene->get_servo_stats(*out);
+  });
+}
+
+fs_status fs_scene_get_device_info(fs_scene* scene, fs_device_info* out) {
+  return guarded([&] {
+    require_pointer(scene, "scene");
+    require_pointer(out, "out");
+    check_struct_size(out->struct_size, sizeof *out, "fs_device_info");
+    scene->get_device_info(*out);
+  });
+}

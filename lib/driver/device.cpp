@@ -1,0 +1,166 @@
+#include "driver/device.h"
+
+#include <cmath>
+#include <cstring>
+#include <string>
+
+#include "base/error.h"
+#include "driver/registry.h"
+#include "driver/uri.h"
+
+namespace fs {
+namespace {
+
+constexpr const char* planned_schemes[] = {"falcon", "fidel"};  // known by name, not built in yet
+
+const fs_driver& driver_of(const std::string& scheme, const char* uri) {
+  if (scheme.empty()) fail(FS_ERROR_INVALID, "device '%s' has no scheme; for the simulator write 'sim:'", uri);
+  if (const fs_driver* driver = find_driver(scheme)) return *driver;
+  for (const char* planned : planned_schemes) {
+    if (scheme == planned) {
+      fail(FS_ERROR_UNSUPPORTED, "device '%s': the driver '%s' is not built into this library", uri, planned);
+    }
+  }
+  std::string schemes;
+  for (const fs_driver* driver : all_drivers()) schemes += (schemes.empty() ? "" : ", ") + std::string(driver->scheme);
+  fail(FS_ERROR_NOT_FOUND, "device '%s': there is no driver '%s'; there are: %s", uri, scheme.c_str(),
+       schemes.empty() ? "none" : schemes.c_str());
+}
+
+fs_status known_status(fs_status status) {  // of a driver that may return anything
+  const int value = static_cast<int>(status);
+  return value <= FS_OK && value >= FS_ERROR_INTERNAL ? status : FS_ERROR_IO;
+}
+
+// Calls one function of a driver. Its failure is thrown with its own sentence, or with a general one when it has none.
+template <class Call>
+void ask(const fs_driver& driver, const char* function, Call call) {
+  static const char silence[] = "";
+  const char* const previous = last_error();
+  set_last_error_literal(FS_OK, silence);
+  const fs_status status = call();
+  const bool silent = last_error() == silence;
+  if (silent) set_last_error_literal(FS_OK, previous);
+  if (status == FS_OK) return;
+  if (!silent && last_error()[0]) throw Error{known_status(status), last_error()};
+  fail(known_status(status), "driver '%s': %s failed with status %d and said no more", driver.scheme, function,
+       static_cast<int>(status));
+}
+
+void check_info(const fs_device_info& info, const char* scheme) {
+  const auto check = [&](double value, double low, double high, const char* field) {
+    if (!(value >= low && value <= high)) {
+      fail(FS_ERROR_INVALID, "driver '%s': info.%s is %.9g, must be within %.9g..%.9g", scheme, field, value, low,
+           high);
+    }
+  };
+  const auto check_text = [&](const char (&text)[64], const char* field) {
+    if (!std::memchr(text, 0, sizeof text)) {
+      fail(FS_ERROR_INVALID, "driver '%s': info.%s does not end within %zu bytes", scheme, field, sizeof text);
+    }
+  };
+  // The upper bounds are generous: they catch garbage and wrong units, not large devices.
+  check(info.force_axes, 0, 3, "force_axes");
+  check(info.torque_axes, 0, 3, "torque_axes");
+  check_text(info.name, "name");
+  check_text(info.serial, "serial");
+  check(info.workspace_radius, 0, 1000, "workspace_radius");
+  check(info.workspace_height, 0, 1000, "workspace_height");
+  check(info.workspace_angle, 0, 1000, "workspace_angle");
+  check(info.force_max, info.force_axes ? 1e-6 : 0, 1e6, "force_max");
+  check(info.torque_max, info.torque_axes ? 1e-6 : 0, 1e6, "torque_max");
+  check(info.resolution, 0, 1, "resolution");
+  check(info.rate, 100, 20000, "rate");
+  check(info.delay, 0, 10, "delay");
+  check(info.damping, 0, 1e6, "damping");
+  check(info.mass, 0, 1e6, "mass");
+}
+
+Vec3 limited(Vec3 v, uint32_t axes, double max) {
+  if (axes < 3) v.z = 0;
+  if (axes < 2) v.y = 0;
+  if (axes < 1) v.x = 0;
+  return norm(v) > max ? (max * (1 - 1e-15)) * normalized(v) : v;  // not above max by rounding either
+}
+
+bool is_zero(const Twist& t) { return t.linear == Vec3{} && t.angular == Vec3{}; }
+
+// False for a finite quaternion that is neither 0 (the identity: a device without orientation) nor within 1e-3 of unit.
+bool repair_orientation(Quat& q) {
+  const double length = norm(q);
+  if (length == 0) {
+    q = identity_quat();
+  } else if (std::fabs(length - 1) <= 1e-3) {
+    q = normalized(q);
+  } else if (is_finite(q)) {
+    return false;
+  }
+  return true;
+}
+
+}  // namespace
+}  // namespace fs
+
+fs_device::fs_device(const char* uri)
+    : driver_(fs::driver_of(fs::parse_uri(uri).scheme, uri)), info_(fs_device_info_init()) {
+  const char* const address = std::strchr(uri, ':') + 1;  // there is one: the scheme was found
+  fs::ask(driver_, "open", [&] { return driver_.open(address, &self_); });
+  try {
+    fs::ask(driver_, "get_info", [&] { return driver_.get_info(self_, &info_); });
+    info_.struct_size = sizeof info_;
+    info_.reserved = 0;
+    fs::check_info(info_, driver_.scheme);
+  } catch (...) {
+    driver_.close(self_);
+    throw;
+  }
+}
+
+fs_device::~fs_device() {
+  const fs_wrench none{};
+  driver_.write(self_, &none);
+  driver_.close(self_);
+}
+
+bool fs_device::acquire() noexcept {
+  const std::lock_guard lock(mutex);
+  return !owned_.exchange(true, std::memory_order_acq_rel);
+}
+
+void fs_device::release_ownership() noexcept { owned_.store(false, std::memory_order_release); }
+
+fs_status fs_device::read(double time, fs_state& out) noexcept {
+  out = {};
+  fs_status status = driver_.advance ? driver_.advance(self_, time) : FS_OK;
+  if (status == FS_OK) status = driver_.read(self_, &out);
+  if (status == FS_OK && !(fs::repair_orientation(out.pose.orientation) && std::isfinite(out.time))) {
+    status = fs::set_last_error_literal(FS_ERROR_INVALID, "the driver gave a time that is not finite, or an orientation"
+                                        " whose length is not 1");
+  }
+  if (status != FS_OK) {
+    out = {};
+    velocity_.reset();
+    return fs::known_status(status);
+  }
+  if (out.time == 0) out.time = time;
+  if (!fs::is_zero(out.twist)) gives_twist_ = true;
+  if (gives_twist_) return FS_OK;
+  if ((out.flags & FS_STATE_READY) && fs::is_finite(out.pose)) {
+    out.twist = velocity_.update(out.pose, out.time);
+  } else {
+    velocity_.reset();  // the pose jumps when a device is homed
+  }
+  return FS_OK;
+}
+
+fs_status fs_device::write(const fs_wrench& wrench) noexcept {
+  fs_wrench limited{};
+  const bool finite = fs::is_finite(wrench);
+  if (finite) {
+    limited.force = fs::limited(wrench.force, info_.force_axes, info_.force_max);
+    limited.torque = fs::limited(wrench.torque, info_.torque_axes, info_.torque_max);
+  }
+  const fs_status status = fs::known_status(driver_.write(self_, &limited));
+  if (finite) return status;
+  return fs::set_last_error_literal(FS_ERROR_INVALID, "the force or torque is not finite; the device got 0");
+}

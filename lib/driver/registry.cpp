@@ -1,0 +1,85 @@
+#include "driver/registry.h"
+
+#include <cstddef>
+#include <cstring>
+#include <map>
+#include <mutex>
+
+#include "base/error.h"
+
+namespace fs {
+namespace {
+
+constexpr size_t scheme_length_max = 31;
+
+struct Registry {
+  std::mutex mutex;
+  std::map<std::string, fs_driver> drivers;  // entries are never changed or taken away; scheme points to the key
+};
+
+// Never destroyed: devices may still be open when the process ends.
+Registry& registry() {
+  static Registry* const instance = new Registry;
+  return *instance;
+}
+
+// The table as this library knows it: what an older driver did not have yet is null.
+fs_driver parse_driver(const fs_driver& driver) {
+  constexpr size_t size_0_1 = offsetof(fs_driver, advance) + sizeof(fs_driver::advance);
+  if (driver.struct_size > sizeof(fs_driver)) {
+    fail(FS_ERROR_VERSION, "driver.struct_size is %u, this library knows %zu bytes: the driver is newer",
+         driver.struct_size, sizeof(fs_driver));
+  }
+  if (driver.struct_size < size_0_1) {
+    fail(FS_ERROR_INVALID, "driver.struct_size is %u, must be sizeof(fs_driver), %zu", driver.struct_size,
+         sizeof(fs_driver));
+  }
+  fs_driver table{};
+  std::memcpy(&table, &driver, driver.struct_size);
+  table.struct_size = sizeof table;
+  if (table.reserved) fail(FS_ERROR_INVALID, "driver.reserved is %u, must be 0", table.reserved);
+  if (!table.scheme) fail(FS_ERROR_INVALID, "driver.scheme is null");
+  const size_t length = strnlen(table.scheme, scheme_length_max + 1);
+  const std::string scheme(table.scheme, length);
+  if (length < 1 || length > scheme_length_max ||
+      scheme.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789") != std::string::npos) {
+    fail(FS_ERROR_INVALID, "driver.scheme is '%s', must be 1..%zu of a-z and 0-9", scheme.c_str(), scheme_length_max);
+  }
+  const auto require = [&](bool given, const char* function) {
+    if (!given) fail(FS_ERROR_INVALID, "driver.%s of '%s' is null", function, scheme.c_str());
+  };
+  require(table.open, "open");
+  require(table.close, "close");
+  require(table.get_info, "get_info");
+  require(table.read, "read");
+  require(table.write, "write");
+  return table;
+}
+
+}  // namespace
+
+void register_driver(const fs_driver& driver) {
+  const fs_driver table = parse_driver(driver);
+  Registry& all = registry();
+  const std::lock_guard lock(all.mutex);
+  const auto [entry, inserted] = all.drivers.try_emplace(table.scheme, table);
+  if (!inserted) fail(FS_ERROR_EXISTS, "a driver of the scheme '%s' is registered already", table.scheme);
+  entry->second.scheme = entry->first.c_str();
+}
+
+const fs_driver* find_driver(const std::string& scheme) {
+  Registry& all = registry();
+  const std::lock_guard lock(all.mutex);
+  const auto entry = all.drivers.find(scheme);
+  return entry == all.drivers.end() ? nullptr : &entry->second;
+}
+
+std::vector<const fs_driver*> all_drivers() {
+  Registry& all = registry();
+  const std::lock_guard lock(all.mutex);
+  std::vector<const fs_driver*> drivers;
+  for (const auto& [scheme, driver] : all.drivers) drivers.push_back(&driver);
+  return drivers;
+}
+
+}  // namespace fs

@@ -1,0 +1,434 @@
+// JSON to a scene. Strict: a key that is not known, or there twice, is an error and not a default felt by surprise.
+#include "file/scene_reader.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <limits>
+#include <map>
+#include <set>
+
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "file/mesh_file.h"
+#include "file/scene_words.h"
+#include "file/whole_file.h"
+#include "math/pose.h"
+
+namespace fs {
+namespace {
+
+using Json = nlohmann::json;
+
+// ---- text to tree
+
+constexpr size_t max_depth = 16;  // braces and brackets within one another; a scene has 5
+
+// Goes over text and leaves behind how far it is, for sentences. nlohmann-json reads no further than the token at hand.
+class CountingIterator {
+ public:
+  using iterator_category = std::input_iterator_tag;
+  using value_type = char;
+  using difference_type = std::ptrdiff_t;
+  using pointer = const char*;
+  using reference = const char&;
+
+  CountingIterator(const char* at, const char*& reached) : at_(at), reached_(&reached) {}
+  const char& operator*() const { return *at_; }
+  CountingIterator& operator++() {
+    *reached_ = ++at_;
+    return *this;
+  }
+  CountingIterator operator++(int) {
+    CountingIterator old = *this;
+    ++*this;
+    return old;
+  }
+  bool operator==(const CountingIterator& other) const { return at_ == other.at_; }
+
+ private:
+  const char* at_;
+  const char** reached_;
+};
+
+std::string place_of(std::string_view text, size_t offset, const std::string& path) {
+  const std::string_view before = text.substr(0, offset);
+  const auto line = 1 + std::count(before.begin(), before.end(), '\n');
+  const size_t column = before.size() - (before.rfind('\n') + 1);  // bytes; npos + 1 is 0
+  return path + ", line " + std::to_string(line) + ", column " + std::to_string(column);
+}
+
+// What nlohmann-json says behind "[json.exception.parse_error.101] parse error at line 1, column 2: ".
+std::string reason_of(const Json::exception& error) {
+  std::string_view text = error.what();
+  text.remove_prefix(std::min(text.find("] ") + 2, text.size()));
+  if (text.starts_with("parse error at ")) text.remove_prefix(std::min(text.find(": ") + 2, text.size()));
+  std::string reason;
+  for (const char c : text.substr(0, 200)) reason += c >= 0x20 && c < 0x7f ? c : '?';
+  return reason;
+}
+
+Json parse_json(std::string_view text, const std::string& path) {
+  const char* reached = text.data();
+  const auto offset = [&] { return static_cast<size_t>(reached - text.data()); };
+  std::vector<std::set<std::string>> keys;  // of the objects that are open
+  const auto check = [&](int depth, Json::parse_event_t event, Json& parsed) {
+    switch (event) {
+      case Json::parse_event_t::object_start:
+        keys.emplace_back();
+        [[fallthrough]];
+      case Json::parse_event_t::array_start:
+        if (static_cast<size_t>(depth) >= max_depth) {
+          fail_at(FS_ERROR_PARSE, place_of(text, offset(), path), "values lie more than %zu deep in one another",
+                  max_depth);
+        }
+        break;
+      case Json::parse_event_t::object_end: keys.pop_back(); break;
+      case Json::parse_event_t::key:
+        if (const auto& key = parsed.get_ref<const std::string&>(); !keys.back().insert(key).second) {
+          fail_at(FS_ERROR_PARSE, place_of(text, offset(), path), "the key %s is there twice", in_quotes(key).c_str());
+        }
+        break;
+      default: break;
+    }
+    return true;
+  };
+  try {
+    const char* end = text.data() + text.size();
+    return Json::parse(CountingIterator(text.data(), reached), CountingIterator(end, reached), check);
+  } catch (const Json::exception& error) {
+    fail_at(FS_ERROR_PARSE, place_of(text, offset(), path), "%s", reason_of(error).c_str());
+  }
+}
+
+// ---- values. `where` is the file and what in it: "a.json, object 'wall', front"
+
+[[noreturn]] void fail_value(const Json& value, const std::string& where, const std::string& key, const char* must) {
+  fail_at(FS_ERROR_PARSE, where, "%s is %s, must be %s", in_quotes(key).c_str(), printable(value.dump()).c_str(), must);
+}
+
+double parse_number(const Json& value, const std::string& where, const std::string& key) {
+  if (value.is_number()) return value.get<double>();
+  if (value == "inf") return std::numeric_limits<double>::infinity();
+  if (value == "-inf") return -std::numeric_limits<double>::infinity();
+  if (value == "nan") return std::numeric_limits<double>::quiet_NaN();
+  fail_value(value, where, key, "a number (or the string inf, -inf or nan)");
+}
+
+Vec3 parse_vec3(const Json& value, const std::string& where, const std::string& key) {
+  if (!value.is_array() || value.size() != 3) fail_value(value, where, key, "a list of three numbers, [x, y, z]");
+  return {parse_number(value[0], where, key), parse_number(value[1], where, key), parse_number(value[2], where, key)};
+}
+
+Quat parse_quat(const Json& value, const std::string& where, const std::string& key) {
+  if (!value.is_array() || value.size() != 4) fail_value(value, where, key, "a list of four numbers, [w, x, y, z]");
+  return {parse_number(value[0], where, key), parse_number(value[1], where, key), parse_number(value[2], where, key),
+          parse_number(value[3], where, key)};
+}
+
+std::vector<Vec3> parse_points(const Json& value, const std::string& where, const std::string& key) {
+  if (!value.is_array()) fail_value(value, where, key, "a list of points, [[x, y, z], ...]");
+  std::vector<Vec3> points;
+  points.reserve(value.size());
+  for (const Json& point : value) points.push_back(parse_vec3(point, where, key));
+  return points;
+}
+
+// A JSON object whose keys are asked for one by one; finish() refuses those that nobody asked for.
+class Form {
+ public:
+  Form(const Json& value, std::string where, const char* name) : value_(value), where_(std::move(where)) {
+    if (!value.is_object()) fail_value(value, where_, name, "an object, {...}");
+  }
+
+  const std::string& where() const { return where_; }
+  void rename(std::string where) { where_ = std::move(where); }
+
+  const Json* find(const char* key) {
+    known_.insert(key);
+    const auto found = value_.find(key);
+    return found == value_.end() ? nullptr : &*found;
+  }
+  const Json& need(const char* key) {
+    const Json* found = find(key);
+    if (!found) fail_at(FS_ERROR_PARSE, where_, "\"%s\" is missing", key);
+    return *found;
+  }
+  void finish() const {
+    for (const auto& [key, value] : value_.items()) {
+      if (!known_.count(key)) fail_at(FS_ERROR_PARSE, where_, "the key %s is not known", in_quotes(key).c_str());
+    }
+  }
+
+  // Sets out where the key is there, and leaves its default where it is not.
+  void read(const char* key, double& out) {
+    if (const Json* value = find(key)) out = parse_number(*value, where_, key);
+  }
+  void read(const char* key, Vec3& out) {
+    if (const Json* value = find(key)) out = parse_vec3(*value, where_, key);
+  }
+  void read(const char* key, Quat& out) {
+    if (const Json* value = find(key)) out = parse_quat(*value, where_, key);
+  }
+  void read(const char* key, bool& out) {
+    const Json* value = find(key);
+    if (value && !value->is_boolean()) fail_value(*value, where_, key, "true or false");
+    if (value) out = value->get<bool>();
+  }
+  void read(const char* key, uint32_t& out) {
+    const Json* value = find(key);
+    if (!value) return;
+    if (!value->is_number_unsigned() || value->get<uint64_t>() > 0xffffffff) {
+      fail_value(*value, where_, key, "an integer 0..4294967295");
+    }
+    out = value->get<uint32_t>();
+  }
+  template <class Enum, size_t count>
+  void read(const char* key, const char* const (&words)[count], Enum& out) {
+    const Json* value = find(key);
+    if (!value) return;
+    const auto found = std::find_if(words, words + count, [&](const char* word) { return *value == word; });
+    if (found == words + count) {
+      std::string must = "one of";
+      for (const char* word : words) must += std::string(" \"") + word + "\"";
+      fail_value(*value, where_, key, must.c_str());
+    }
+    out = static_cast<Enum>(found - words);
+  }
+  std::string text(const char* key) {
+    const Json& value = need(key);
+    if (!value.is_string()) fail_value(value, where_, key, "a string");
+    std::string text = value.get<std::string>();
+    if (text.find('\0') != text.npos) fail_value(value, where_, key, "without a NUL character");
+    return text;
+  }
+
+ private:
+  const Json& value_;
+  std::string where_;
+  std::set<std::string> known_;
+};
+
+// ---- the scene
+
+class SceneReader {
+ public:
+  explicit SceneReader(const std::string& path) : path_(path) {}
+
+  SceneDescription read(const Json& value) {
+    Form form(value, path_, "the file");
+    check_version(form);
+    scene_.frame = fs_frame_init();
+    if (const Json* frame = form.find("frame")) scene_.frame = read_frame(*frame);
+    scene_.tool = {{0, 0, 0}};
+    if (const Json* tool = form.find("tool")) {
+      scene_.tool = parse_points(*tool, path_, "tool");
+      if (scene_.tool.empty() || scene_.tool.size() > FS_TOOL_POINTS_MAX) {
+        fail_at(FS_ERROR_PARSE, path_, "\"tool\" has %zu points, must have 1..%d", scene_.tool.size(),
+                FS_TOOL_POINTS_MAX);
+      }
+    }
+    if (const Json* shapes = form.find("shapes")) {
+      read_all(*shapes, "shapes", "shape", shapes_, [this](Form& f) { return read_shape(f); });
+    }
+    if (const Json* curves = form.find("curves")) {
+      read_all(*curves, "curves", "curve", curves_, [this](Form& f) { return read_curve(f); });
+    }
+    if (const Json* objects = form.find("objects")) read_objects(*objects);
+    form.finish();
+    for (auto& [key, shape] : shapes_) scene_.shapes.push_back(shape);
+    for (auto& [key, curve] : curves_) scene_.curves.push_back(curve);
+    return std::move(scene_);
+  }
+
+ private:
+  void check_version(Form& form) const {
+    if (form.text("forceserver") != "scene") {
+      fail_value(form.need("forceserver"), path_, "forceserver", "\"scene\": this is no scene file");
+    }
+    uint32_t version = 0;
+    form.need("version");
+    form.read("version", version);
+    if (version > scene_version) {
+      fail_at(FS_ERROR_VERSION, path_, "\"version\" is %u, this library (%d.%d.%d) knows 1..%d", version,
+              FS_VERSION_MAJOR, FS_VERSION_MINOR, FS_VERSION_PATCH, scene_version);
+    }
+    if (version < 1) fail_at(FS_ERROR_PARSE, path_, "\"version\" is %u, must be 1..%d", version, scene_version);
+  }
+
+  fs_frame read_frame(const Json& value) const {
+    Form form(value, path_ + ", frame", "frame");
+    fs_frame frame = fs_frame_init();
+    read_pose(form, frame.pose);
+    form.read("scale", frame.scale);
+    form.read("force_scale", frame.force_scale);
+    form.finish();
+    return frame;
+  }
+
+  static void read_pose(Form& parent, Pose& out) {
+    const Json* value = parent.find("pose");
+    if (!value) return;
+    Form form(*value, parent.where() + ", pose", "pose");
+    form.read("position", out.position);
+    form.read("orientation", out.orientation);
+    form.finish();
+  }
+
+  template <class Handle, class Read>
+  void read_all(const Json& value, const char* key, const char* noun, std::map<std::string, Handle>& out,
+                Read read) const {
+    if (!value.is_object()) fail_value(value, path_, key, "an object, {\"name\": {...}, ...}");
+    for (const auto& [name, item] : value.items()) {
+      Form form(item, path_ + ", " + noun + " " + in_quotes(name), noun);
+      try {
+        out[name] = read(form);
+      } catch (Error& error) {
+        // What the makers of shapes and curves refuse is, seen from here, a fault of the file; they do not know which.
+        if (error.text.rfind(form.where(), 0) != 0) error.text = form.where() + ": " + error.text;
+        if (error.status == FS_ERROR_INVALID) error.status = FS_ERROR_PARSE;
+        throw;
+      }
+    }
+  }
+
+  Ref<const Shape> read_shape(Form& form) const {
+    if (form.find("file")) {
+      const std::string name = form.text("file");
+      if (!is_beside(name)) {
+        fail_value(form.need("file"), form.where(), "file", "a relative path without \".\" and \"..\"");
+      }
+      double scale = 1;
+      form.read("scale", scale);
+      form.finish();
+      const MeshData mesh = read_mesh_file(path_.substr(0, path_.rfind('/') + 1) + name, scale);
+      return make_mesh(mesh.points.data(), mesh.points.size(), mesh.triangles.data(), mesh.triangles.size() / 3);
+    }
+    bool closed = false;
+    form.read("closed", closed);
+    const std::vector<Vec3> points = parse_points(form.need("points"), form.where(), "points");
+    form.finish();
+    return make_polyline(points.data(), points.size(), closed);
+  }
+
+  // A scene file from elsewhere may not name any file of this machine.
+  static bool is_beside(const std::string& name) {
+    for (size_t begin = 0; begin <= name.size();) {
+      const size_t end = std::min(name.find('/', begin), name.size());
+      const std::string_view part(name.data() + begin, end - begin);
+      if (part.empty() || part == "." || part == "..") return false;  // empty: also of an absolute name
+      begin = end + 1;
+    }
+    return true;
+  }
+
+  Ref<const Curve> read_curve(Form& form) const {
+    if (form.find("expression")) {
+      const std::string text = form.text("expression");
+      form.finish();
+      return make_expression_curve(text.c_str());
+    }
+    double step = 0;
+    form.need("step");
+    form.read("step", step);
+    const Json& table = form.need("table");
+    if (!table.is_array()) fail_value(table, form.where(), "table", "a list of numbers");
+    std::vector<double> forces;
+    forces.reserve(table.size());
+    for (const Json& force : table) forces.push_back(parse_number(force, form.where(), "table"));
+    form.finish();
+    return make_table_curve(forces.data(), forces.size(), step);
+  }
+
+  void read_objects(const Json& value) {
+    if (!value.is_array()) fail_value(value, path_, "objects", "a list, [{...}, ...]");
+    std::set<std::string> names;
+    for (size_t i = 0; i < value.size(); ++i) {
+      Form form(value[i], path_ + ", objects[" + std::to_string(i) + "]", "an object");
+      const std::string name = form.text("name");
+      if (name.empty() || name.size() > 31) {
+        fail_at(FS_ERROR_PARSE, form.where(), "\"name\" is %zu bytes long, must be 1..31", name.size());
+      }
+      form.rename(path_ + ", object '" + name + "'");
+      if (!names.insert(name).second) fail_at(FS_ERROR_PARSE, form.where(), "another object has this name too");
+      scene_.objects.push_back(read_object(form, name));
+    }
+  }
+
+  // A handle that the key names; borrowed, the scene keeps it alive.
+  template <class Type>
+  static Type* find_handle(Form& form, const char* key, const char* list,
+                           const std::map<std::string, Ref<const Type>>& handles) {
+    if (!form.find(key)) return nullptr;
+    const auto found = handles.find(form.text(key));
+    if (found == handles.end()) {
+      fail_value(form.need(key), form.where(), key, (std::string("a key of \"") + list + "\"").c_str());
+    }
+    return const_cast<Type*>(found->second.get());
+  }
+
+  fs_object read_object(Form& form, const std::string& name) const {
+    fs_object object = fs_object_init(name.c_str(), FS_PRIMITIVE_POINT);
+    form.need("primitive");
+    form.read("primitive", primitive_words, object.primitive);
+    object.shape = find_handle(form, "shape", "shapes", shapes_);
+    form.read("enabled", object.enabled);
+    object.pose = identity_pose();
+    read_pose(form, object.pose);
+    if (const Json* twist = form.find("twist")) {
+      Form part(*twist, form.where() + ", twist", "twist");
+      part.read("linear", object.twist.linear);
+      part.read("angular", object.twist.angular);
+      part.finish();
+    }
+    read_profile(form, "front", object.front);
+    read_profile(form, "back", object.back);
+    form.read("damping", object.damping);
+    if (const Json* contact = form.find("contact")) {
+      Form part(*contact, form.where() + ", contact", "contact");
+      part.read("keep", keep_words, object.contact.keep);
+      part.read("stiffness", object.contact.stiffness);
+      part.read("limit", object.contact.limit);
+      part.read("damping", object.contact.damping);
+      part.read("friction", object.contact.friction);
+      part.finish();
+    }
+    form.read("start", object.start);
+    form.read("lifetime", object.lifetime);
+    form.read("tool_points", object.tool_points);
+    form.finish();
+    return object;
+  }
+
+  void read_profile(Form& parent, const char* key, fs_profile& out) const {
+    const Json* value = parent.find(key);
+    if (!value) return;
+    Form form(*value, parent.where() + ", " + key, key);
+    form.read("kind", kind_words, out.kind);
+    form.read("sense", sense_words, out.sense);
+    form.read("gain", out.gain);
+    form.read("offset", out.offset);
+    form.read("width", out.width);
+    form.read("limit", out.limit);
+    form.read("reach", out.reach);
+    out.curve = find_handle(form, "curve", "curves", curves_);
+    form.finish();
+  }
+
+  const std::string& path_;
+  SceneDescription scene_;
+  std::map<std::string, Ref<const Shape>> shapes_;
+  std::map<std::string, Ref<const Curve>> curves_;
+};
+
+}  // namespace
+
+SceneDescription parse_scene(std::string_view text, const std::string& path) {
+  const Json tree = parse_json(text, path);
+  return SceneReader(path).read(tree);
+}
+
+SceneDescription read_scene_file(const std::string& path) { return parse_scene(read_whole_file(path), path); }
+
+}  // namespace fs

@@ -1,0 +1,145 @@
+#include "file/whole_file.h"
+
+#include <cerrno>
+#include <cstdarg>
+#include <cstdio>
+#include <system_error>
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/error.h"
+#include "file/mesh_file.h"
+
+namespace fs {
+namespace {
+
+[[noreturn]] void fail_system(const std::string& path, const char* what, int error) {
+  const bool is_missing = error == ENOENT || error == ENOTDIR;
+  fail_at(is_missing ? FS_ERROR_NOT_FOUND : FS_ERROR_IO, path, "%s: %s", what,
+          std::generic_category().message(error).c_str());
+}
+
+class Descriptor {
+ public:
+  explicit Descriptor(int value) : value_(value) {}
+  ~Descriptor() {
+    if (value_ >= 0) ::close(value_);
+  }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  int get() const { return value_; }
+  int close() {  // 0, or -1 with errno: some file systems tell only here that the disk is full
+    const int value = value_;
+    value_ = -1;
+    return ::close(value);
+  }
+
+ private:
+  int value_;
+};
+
+const char* kind_name(mode_t mode) {
+  if (S_ISDIR(mode)) return "a directory";
+  if (S_ISCHR(mode) || S_ISBLK(mode)) return "a device";
+  return "not a regular file";
+}
+
+// A new file in `directory` ("" or ending in '/') that no one else has; path becomes its name.
+int create_temporary(const std::string& directory, std::string& path) {
+  for (unsigned i = 0;; ++i) {
+    path = directory + ".forceserver-" + std::to_string(::getpid()) + "-" + std::to_string(i) + ".tmp";
+    const int descriptor = ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    if (descriptor >= 0 || errno != EEXIST) return descriptor;
+  }
+}
+
+bool write_all(int descriptor, std::string_view text) {
+  while (!text.empty()) {
+    const ssize_t written = ::write(descriptor, text.data(), text.size());
+    if (written < 0 && errno == EINTR) continue;
+    if (written < 0) return false;
+    text.remove_prefix(static_cast<size_t>(written));
+  }
+  return true;
+}
+
+}  // namespace
+
+void fail_at(fs_status status, const std::string& where, const char* format, ...) {
+  char text[512];
+  va_list arguments;
+  va_start(arguments, format);
+  std::vsnprintf(text, sizeof text, format, arguments);
+  va_end(arguments);
+  throw Error{status, where + ": " + text};
+}
+
+std::string printable(std::string_view text) {
+  constexpr size_t longest = 40;
+  std::string out;
+  for (const char c : text.substr(0, longest)) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (byte >= 0x20 && byte < 0x7f) {
+      out += c;
+    } else {
+      char hex[8];
+      std::snprintf(hex, sizeof hex, "\\x%02x", byte);
+      out += hex;
+    }
+  }
+  return out + (text.size() > longest ? "..." : "");
+}
+
+std::string in_quotes(std::string_view text) { return "\"" + printable(text) + "\""; }
+
+std::string read_whole_file(const std::string& path) {
+  // Without O_NONBLOCK the open of a pipe would wait for a writer.
+  Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+  if (file.get() < 0) fail_system(path, "cannot be opened", errno);
+  struct stat status;
+  if (::fstat(file.get(), &status) != 0) fail_system(path, "cannot be read", errno);
+  if (!S_ISREG(status.st_mode)) fail_at(FS_ERROR_IO, path, "is %s, must be a file", kind_name(status.st_mode));
+
+  std::string bytes(static_cast<size_t>(status.st_size), '\0');
+  size_t size = 0;
+  while (size < bytes.size()) {
+    const ssize_t count = ::read(file.get(), bytes.data() + size, bytes.size() - size);
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) fail_system(path, "cannot be read", errno);
+    if (count == 0) break;  // made shorter meanwhile
+    size += static_cast<size_t>(count);
+  }
+  bytes.resize(size);
+  return bytes;
+}
+
+void write_file_atomically(const std::string& path, const std::string& text) {
+  struct stat old;
+  const bool is_there = ::stat(path.c_str(), &old) == 0;
+  if (is_there && !S_ISREG(old.st_mode)) {  // a rename would replace it, /dev/null too
+    fail_at(FS_ERROR_IO, path, "is %s, cannot be replaced", kind_name(old.st_mode));
+  }
+  const std::string directory = path.substr(0, path.rfind('/') + 1);  // "" where there is no '/'
+  std::string temporary;
+  Descriptor file(create_temporary(directory, temporary));
+  if (file.get() < 0) {
+    fail_at(FS_ERROR_IO, path, "cannot be written: %s", std::generic_category().message(errno).c_str());
+  }
+
+  if (is_there) (void)!::fchmod(file.get(), old.st_mode & 07777);
+  const bool is_good = write_all(file.get(), text) && ::fsync(file.get()) == 0 && file.close() == 0 &&
+                       ::rename(temporary.c_str(), path.c_str()) == 0;
+  if (!is_good) {
+    const int error = errno;
+    ::unlink(temporary.c_str());
+    fail_at(FS_ERROR_IO, path, "cannot be written: %s; nothing was changed",
+            std::generic_category().message(error).c_str());
+  }
+  // The rename itself reaches the disk; a file system that cannot do this has no more to offer.
+  const Descriptor parent(::open(directory.empty() ? "." : directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (parent.get() >= 0) (void)!::fsync(parent.get());
+}
+
+}  // namespace fs

@@ -1,0 +1,268 @@
+// A tree of boxes for the nearest of many things: the segments of a polyline or the triangles of a mesh. It knows their
+// boxes only; the exact test is its user's.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "math/vec3.h"
+
+namespace fs {
+
+struct Box {
+  Vec3 lower{std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity(),
+             std::numeric_limits<double>::infinity()};
+  Vec3 upper = -lower;
+
+  void add(Vec3 p) {
+    lower = {std::min(lower.x, p.x), std::min(lower.y, p.y), std::min(lower.z, p.z)};
+    upper = {std::max(upper.x, p.x), std::max(upper.y, p.y), std::max(upper.z, p.z)};
+  }
+  void add(const Box& b) {
+    lower = {std::min(lower.x, b.lower.x), std::min(lower.y, b.lower.y), std::min(lower.z, b.lower.z)};
+    upper = {std::max(upper.x, b.upper.x), std::max(upper.y, b.upper.y), std::max(upper.z, b.upper.z)};
+  }
+  double half_area() const {
+    const Vec3 e = upper - lower;
+    return e.x * e.y + e.y * e.z + e.z * e.x;
+  }
+};
+
+// Four-wide, built top down by the surface area heuristic in bins (Wald, "On fast construction of SAH-based bounding
+// volume hierarchies", 2007).
+//
+// Why no rounding margin is needed: the distance to a box is worked out from lower - x and x - upper, the test's from
+// points that were kept within the box of its vertices relative to x (triangle.h). Rounding is monotone, so
+// in double precision too the distance to a box is never above that of anything in it.
+class BoxTree {
+ public:
+  // Few boxes make no tree: they are one leaf.
+  explicit BoxTree(std::vector<Box> boxes) {
+    items_.reserve(boxes.size());
+    for (size_t i = 0; i < boxes.size(); ++i) items_.push_back({boxes[i], static_cast<uint32_t>(i)});
+    boxes = {};
+    if (items_.size() > few) build();
+    order_.reserve(items_.size());
+    for (const Item& item : items_) order_.push_back(item.index);
+    items_ = {};
+  }
+
+  // The indices of the boxes, leaf by leaf: the positions that nearest() speaks of.
+  const std::vector<uint32_t>& order() const { return order_; }
+
+  // [rt] Calls test(first, count, bound) for every leaf (a run of positions) that may hold something at a squared distance
+  // from x of at most bound; test lowers bound when it finds something nearer. Near leaves come first.
+  template <class Test>
+  void nearest(Vec3 x, double bound, Test&& test) const {
+    if (nodes_.empty()) {
+      test(0u, static_cast<uint32_t>(order_.size()), bound);
+      return;
+    }
+    struct Entry {
+      double squared;
+      uint32_t child, count;
+    };
+    Entry stack[stack_size];
+    int size = 0;
+    Entry now{0, 0, 0};
+    for (;;) {
+      if (now.count > 0) {
+        test(now.child, now.count, bound);
+      } else {
+        const Node& node = nodes_[now.child];
+        double squared[width];
+        for (int i = 0; i < width; ++i) {
+          const double dx = std::max(std::max(node.lower_x[i] - x.x, x.x - node.upper_x[i]), 0.0);
+          const double dy = std::max(std::max(node.lower_y[i] - x.y, x.y - node.upper_y[i]), 0.0);
+          const double dz = std::max(std::max(node.lower_z[i] - x.z, x.z - node.upper_z[i]), 0.0);
+          squared[i] = dx * dx + dy * dy + dz * dz;
+        }
+        const int first = size;
+        for (int i = 0; i < node.size; ++i) {
+          if (squared[i] > bound) continue;
+          int place = size++;  // the farthest lies deepest
+          for (; place > first && stack[place - 1].squared < squared[i]; --place) stack[place] = stack[place - 1];
+          stack[place] = {squared[i], node.child[i], node.count[i]};
+        }
+      }
+      do {
+        if (size == 0) return;
+        now = stack[--size];
+      } while (now.squared > bound);
+    }
+  }
+
+ private:
+  static constexpr int width = 4;
+  static constexpr size_t few = 12;         // no tree for so many
+  static constexpr size_t leaf_size = 4;    // items at most
+  static constexpr int heuristic_levels = 24;  // below them halves, so that the depth is bounded:
+  static constexpr int stack_size = (heuristic_levels + 18) * (width - 1) + 1;
+  static constexpr int bins = 16;
+
+  struct Item {
+    Box box;
+    uint32_t index;
+    double center(int axis) const {  // twice, in fact
+      return axis == 0   ? box.lower.x + box.upper.x
+             : axis == 1 ? box.lower.y + box.upper.y
+                         : box.lower.z + box.upper.z;
+    }
+  };
+
+  struct Node {
+    double lower_x[width], lower_y[width], lower_z[width], upper_x[width], upper_y[width], upper_z[width];
+    uint32_t child[width];  // a node; or the first position of a leaf
+    uint8_t count[width];   // of a leaf; 0: a node
+    int size;               // children
+  };
+
+  struct Range {
+    size_t begin, end;
+    Box box;
+    size_t size() const { return end - begin; }
+  };
+
+  Box box_of(size_t begin, size_t end) const {
+    Box box;
+    for (size_t i = begin; i < end; ++i) box.add(items_[i].box);
+    return box;
+  }
+
+  void build() {
+    struct Task {
+      Range range;
+      uint32_t node;
+      int level;
+    };
+    std::vector<Task> tasks;
+    nodes_.reserve(items_.size() / 8 + 1);
+    nodes_.emplace_back();
+    tasks.push_back({{0, items_.size(), {}}, 0, 0});
+    while (!tasks.empty()) {
+      const Task task = tasks.back();
+      tasks.pop_back();
+      Range children[width] = {task.range};
+      int size = 1;
+      while (size < width) {
+        // Splits the child that is the most work.
+        int largest = -1;
+        double most = -1;
+        for (int i = 0; i < size; ++i) {
+          const double count = static_cast<double>(children[i].size());
+          const double work = task.level < heuristic_levels && size > 1 ? children[i].box.half_area() * count : count;
+          if (children[i].size() > leaf_size && work > most) {
+            largest = i;
+            most = work;
+          }
+        }
+        if (largest < 0) break;
+        const Range range = children[largest];
+        const size_t middle = split(range.begin, range.end, task.level < heuristic_levels);
+        children[largest] = {range.begin, middle, box_of(range.begin, middle)};
+        children[size++] = {middle, range.end, box_of(middle, range.end)};
+      }
+      Node node{};
+      node.size = size;
+      for (int i = 0; i < size; ++i) {
+        const Range& range = children[i];
+        node.lower_x[i] = range.box.lower.x;
+        node.lower_y[i] = range.box.lower.y;
+        node.lower_z[i] = range.box.lower.z;
+        node.upper_x[i] = range.box.upper.x;
+        node.upper_y[i] = range.box.upper.y;
+        node.upper_z[i] = range.box.upper.z;
+        if (range.size() <= leaf_size) {
+          node.child[i] = static_cast<uint32_t>(range.begin);
+          node.count[i] = static_cast<uint8_t>(range.size());
+        } else {
+          node.child[i] = static_cast<uint32_t>(nodes_.size());
+          nodes_.emplace_back();
+          tasks.push_back({range, node.child[i], task.level + 1});
+        }
+      }
+      nodes_[task.node] = node;
+    }
+  }
+
+  // Parts the items of a range in two; returns where the second part begins.
+  size_t split(size_t begin, size_t end, bool by_heuristic) {
+    double low[3], high[3];
+    for (int axis = 0; axis < 3; ++axis) {
+      low[axis] = high[axis] = items_[begin].center(axis);
+    }
+    for (size_t i = begin + 1; i < end; ++i) {
+      for (int axis = 0; axis < 3; ++axis) {
+        const double c = items_[i].center(axis);
+        low[axis] = std::min(low[axis], c);
+        high[axis] = std::max(high[axis], c);
+      }
+    }
+    int axis = 0;
+    for (int i = 1; i < 3; ++i) {
+      if (high[i] - low[i] > high[axis] - low[axis]) axis = i;
+    }
+    const double scale = bins / (high[axis] - low[axis]);
+    if (by_heuristic && scale > 0 && std::isfinite(scale)) {
+      const auto bin = [&](const Item& item) {
+        return std::min(static_cast<int>((item.center(axis) - low[axis]) * scale), bins - 1);
+      };
+      const int border = best_border(begin, end, bin);
+      if (border > 0) {
+        const auto middle = std::partition(items_.begin() + static_cast<ptrdiff_t>(begin),
+                                           items_.begin() + static_cast<ptrdiff_t>(end),
+                                           [&](const Item& item) { return bin(item) < border; });
+        return static_cast<size_t>(middle - items_.begin());
+      }
+    }
+    const size_t middle = begin + (end - begin) / 2;
+    std::nth_element(items_.begin() + static_cast<ptrdiff_t>(begin), items_.begin() + static_cast<ptrdiff_t>(middle),
+                     items_.begin() + static_cast<ptrdiff_t>(end),
+                     [&](const Item& a, const Item& b) { return a.center(axis) < b.center(axis); });
+    return middle;
+  }
+
+  // The first bin of the second part in the cheapest split; 0: none.
+  template <class Bin>
+  int best_border(size_t begin, size_t end, Bin bin) const {
+    Box boxes[bins];
+    size_t counts[bins] = {};
+    for (size_t i = begin; i < end; ++i) {
+      const int b = bin(items_[i]);
+      boxes[b].add(items_[i].box);
+      ++counts[b];
+    }
+    double right_cost[bins] = {};
+    Box box;
+    size_t count = 0;
+    for (int b = bins - 1; b > 0; --b) {
+      box.add(boxes[b]);
+      count += counts[b];
+      right_cost[b] = count > 0 ? static_cast<double>(count) * box.half_area() : -1;
+    }
+    box = {};
+    count = 0;
+    int best = 0;
+    double best_cost = std::numeric_limits<double>::infinity();
+    for (int b = 1; b < bins; ++b) {
+      box.add(boxes[b - 1]);
+      count += counts[b - 1];
+      if (count == 0 || right_cost[b] < 0) continue;
+      const double cost = static_cast<double>(count) * box.half_area() + right_cost[b];
+      if (cost < best_cost) {
+        best_cost = cost;
+        best = b;
+      }
+    }
+    return best;
+  }
+
+  std::vector<Item> items_;  // while building
+  std::vector<Node> nodes_;  // the first is the root; none: all items are one leaf
+  std::vector<uint32_t> order_;
+};
+
+}  // namespace fs

@@ -1,0 +1,264 @@
+#include "force/curve.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cctype>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <memory>
+#include <mutex>
+
+#ifdef FORCESERVER_EXPRESSIONS
+#include <muParser.h>
+#endif
+
+#include "base/error.h"
+
+namespace fs {
+namespace {
+
+constexpr double largest = std::numeric_limits<double>::max();
+
+class TableCurve final : public Curve {
+ public:
+  TableCurve(std::vector<double> table, double step) : table_(std::move(table)), step_(step) {
+    values_.reserve(table_.size());
+    for (const double force : table_) {
+      // The upper bound keeps differences finite; no profile lets more than 1e9 N through.
+      values_.push_back(force > 0 && std::isfinite(force) ? std::fmin(force, 1e100) : 0);
+    }
+    set_slopes();
+  }
+
+  void prepare(unsigned) const override {}
+
+  Intensity evaluate(unsigned, double d, double) const noexcept override {
+    const size_t last = values_.size() - 1;
+    const double position = d / step_;
+    if (!(position < static_cast<double>(last))) return {values_[last], 0};
+    if (!(position > 0)) return {values_[0], clamped(slopes_[0] / step_)};
+    const size_t i = static_cast<size_t>(position);
+    const double u = position - static_cast<double>(i);
+    // Cubic Hermite as a polynomial of u in [0, 1); slopes_ are per step.
+    const double rise = values_[i + 1] - values_[i];
+    const double c2 = 3 * rise - 2 * slopes_[i] - slopes_[i + 1];
+    const double c3 = slopes_[i] + slopes_[i + 1] - 2 * rise;
+    const double force = values_[i] + u * (slopes_[i] + u * (c2 + u * c3));
+    const auto [low, high] = std::minmax(values_[i], values_[i + 1]);
+    return {std::clamp(force, low, high), clamped((slopes_[i] + u * (2 * c2 + u * (3 * c3))) / step_)};
+  }
+
+  const std::vector<double>* table() const noexcept override { return &table_; }
+  double step() const noexcept override { return step_; }
+
+ private:
+  static double clamped(double slope) { return std::clamp(slope, -largest, largest); }
+
+  // The slope at an end from the rises of the two intervals next to it: of the parabola through three entries, kept
+  // monotone.
+  static double end_slope(double first, double second) {
+    const double slope = (3 * first - second) / 2;
+    if (slope * first <= 0) return 0;
+    if (first * second < 0 && std::fabs(slope) > 3 * std::fabs(first)) return 3 * first;
+    return slope;
+  }
+
+  void set_slopes() {
+    const size_t n = values_.size();
+    const auto rise = [&](size_t i) { return values_[i + 1] - values_[i]; };
+    slopes_.assign(n, 0);
+    if (n == 2) {
+      slopes_[0] = slopes_[1] = rise(0);
+      return;
+    }
+    slopes_[0] = end_slope(rise(0), rise(1));
+    slopes_[n - 1] = end_slope(rise(n - 2), rise(n - 3));
+    for (size_t i = 1; i + 1 < n; ++i) {
+      const double before = rise(i - 1), after = rise(i);
+      if ((before > 0) == (after > 0) && before != 0 && after != 0) {
+        slopes_[i] = 2 * before * (after / (before + after));  // the harmonic mean
+      }
+    }
+  }
+
+  const std::vector<double> table_;  // as given
+  std::vector<double> values_;       // N, finite, >= 0
+  std::vector<double> slopes_;       // N per step
+  const double step_;                // m
+};
+
+#ifdef FORCESERVER_EXPRESSIONS
+
+constexpr size_t longest_expression = 255;  // bytes
+
+// muParser with its variables: its state belongs to one thread at a time.
+class Parser {
+ public:
+  explicit Parser(const std::string& text) {
+    parser_.DefineVar("d", &d_);
+    parser_.DefineVar("t", &t_);
+    parser_.SetExpr(text);
+    // The first evaluation parses and allocates; further ones are to show that the others do not.
+    for (const double d : {0.0, 0.001, 1.0}) value(d, 0);
+  }
+
+  // The bare value; may throw mu::ParserError.
+  double value(double d, double t) {
+    d_ = d;
+    t_ = t;
+    return parser_.Eval();
+  }
+
+  // The value as a force: 0 when below 0 or not finite.
+  double force(double d, double t) noexcept {
+    try {
+      const double f = value(d, t);
+      return f > 0 && f <= largest ? f : 0;
+    } catch (...) {
+      return 0;
+    }
+  }
+
+  int result_count() const { return parser_.GetNumResults(); }
+
+ private:
+  double d_ = 0, t_ = 0;
+  mu::Parser parser_;
+};
+
+// One parser for each reader, in blocks that double in size and never move: block k holds 8 * 2^k readers.
+class Parsers {
+ public:
+  ~Parsers() {
+    for (size_t k = 0; k < blocks_.size(); ++k) {
+      std::atomic<Parser*>* block = blocks_[k].load(std::memory_order_relaxed);
+      if (!block) continue;
+      for (size_t i = 0; i < block_size(k); ++i) delete block[i].load(std::memory_order_relaxed);
+      delete[] block;
+    }
+  }
+
+  Parser* get(unsigned reader) const noexcept {  // [rt] null: not prepared
+    const auto [k, i] = place(reader);
+    const std::atomic<Parser*>* block = blocks_[k].load(std::memory_order_acquire);
+    return block ? block[i].load(std::memory_order_acquire) : nullptr;
+  }
+
+  void make(unsigned reader, const std::string& text) {
+    const std::lock_guard lock(mutex_);
+    if (get(reader)) return;
+    auto parser = std::make_unique<Parser>(text);
+    const auto [k, i] = place(reader);
+    std::atomic<Parser*>* block = blocks_[k].load(std::memory_order_relaxed);
+    if (!block) {
+      block = new std::atomic<Parser*>[block_size(k)]();
+      blocks_[k].store(block, std::memory_order_release);
+    }
+    block[i].store(parser.release(), std::memory_order_release);
+  }
+
+ private:
+  struct Place {
+    size_t block, index;
+  };
+  static size_t block_size(size_t k) { return size_t{8} << k; }
+  static Place place(unsigned reader) noexcept {
+    const size_t k = static_cast<size_t>(std::bit_width(reader / 8ull + 1)) - 1;
+    return {k, reader - 8 * ((size_t{1} << k) - 1)};
+  }
+
+  std::mutex mutex_;
+  std::array<std::atomic<std::atomic<Parser*>*>, 30> blocks_{};
+};
+
+class ExpressionCurve final : public Curve {
+ public:
+  explicit ExpressionCurve(std::string text) : text_(std::move(text)) {}
+
+  void prepare(unsigned reader) const override { parsers_.make(reader, text_); }
+
+  Intensity evaluate(unsigned reader, double d, double t) const noexcept override {
+    Parser* const parser = parsers_.get(reader);
+    if (!parser) return {};
+    const double force = parser->force(d, t);
+    if (force == 0) return {};
+    const double low = std::fmax(d - expression_step, 0), high = d + expression_step;
+    if (!(high > low)) return {force, 0};  // d so large that the step is lost in it
+    const double slope = (parser->force(high, t) - parser->force(low, t)) / (high - low);
+    return {force, std::clamp(slope, -largest, largest)};
+  }
+
+  const std::string* expression() const noexcept override { return &text_; }
+
+ private:
+  const std::string text_;
+  mutable Parsers parsers_;
+};
+
+// What muParser accepts but a profile must not have: bytes that are no plain text, strings, assignment, a list of results.
+void check_expression(const std::string& text) {
+  if (text.find_first_not_of(' ') == std::string::npos) fail(FS_ERROR_INVALID, "the expression is empty");
+  if (text.size() > longest_expression) {
+    fail(FS_ERROR_INVALID, "the expression has more than %zu bytes", longest_expression);
+  }
+  std::string open;  // for each '(' that is open: 'f' when it begins the arguments of a function, else '('
+  for (size_t i = 0; i < text.size(); ++i) {
+    const auto c = static_cast<unsigned char>(text[i]);
+    if (c < 0x20 || c > 0x7e) {
+      fail(FS_ERROR_PARSE, "column %zu of the expression is byte 0x%02x, must be printable ASCII", i + 1, c);
+    }
+    if (c == '"') fail(FS_ERROR_PARSE, "column %zu of the expression is '\"': strings are not numbers", i + 1);
+    if (std::strchr("<>!=", c) && text[i + 1] == '=') {
+      ++i;
+    } else if (c == '=') {
+      fail(FS_ERROR_PARSE, "column %zu of the expression is '=': there is no assignment", i + 1);
+    } else if (c == '(') {
+      const size_t before = i == 0 ? std::string::npos : text.find_last_not_of(' ', i - 1);
+      const bool is_call = before != std::string::npos && (std::isalnum(text[before]) || text[before] == '_');
+      open.push_back(is_call ? 'f' : '(');
+    } else if (c == ')' && !open.empty()) {
+      open.pop_back();
+    } else if (c == ',' && (open.empty() || open.back() != 'f')) {
+      fail(FS_ERROR_PARSE, "column %zu of the expression is ',' outside of a call: one number is wanted", i + 1);
+    }
+  }
+}
+
+#endif  // FORCESERVER_EXPRESSIONS
+
+}  // namespace
+
+Ref<const Curve> make_table_curve(const double* forces, size_t count, double step) {
+  if (count < 2) fail(FS_ERROR_INVALID, "count is %zu, must be at least 2 entries of a table", count);
+  if (!(step > 0) || !std::isfinite(step)) fail(FS_ERROR_INVALID, "step is %.9g, must be > 0 m and finite", step);
+  return make_ref<const TableCurve>(std::vector<double>(forces, forces + count), step);
+}
+
+#ifdef FORCESERVER_EXPRESSIONS
+
+Ref<const Curve> make_expression_curve(const char* text) {
+  const std::string expression(text, strnlen(text, longest_expression + 1));
+  check_expression(expression);
+  try {
+    Parser parser(expression);
+    if (parser.result_count() != 1) {
+      fail(FS_ERROR_PARSE, "the expression gives %d numbers, must be one", parser.result_count());
+    }
+  } catch (const mu::ParserError& error) {
+    fail(FS_ERROR_PARSE, "column %d of the expression, at '%s': %s", static_cast<int>(error.GetPos()) + 1,
+         error.GetToken().c_str(), error.GetMsg().c_str());
+  }
+  return make_ref<const ExpressionCurve>(expression);
+}
+
+#else
+
+Ref<const Curve> make_expression_curve(const char*) {
+  fail(FS_ERROR_UNSUPPORTED, "a curve cannot be an expression: built without muParser");
+}
+
+#endif
+
+}  // namespace fs

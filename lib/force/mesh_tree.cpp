@@ -1,0 +1,97 @@
+#include "force/mesh_tree.h"
+
+#include <cmath>
+
+#include "force/triangle.h"
+
+namespace fs {
+namespace {
+
+constexpr uint32_t no_triangle = UINT32_MAX;
+
+std::vector<Box> triangle_boxes(std::span<const Vec3> points, std::span<const uint32_t> corners) {
+  std::vector<Box> boxes(corners.size() / 3);
+  for (size_t i = 0; i < corners.size(); ++i) boxes[i / 3].add(points[corners[i]]);
+  return boxes;
+}
+
+}  // namespace
+
+MeshTree::MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corners)
+    : boxes_(triangle_boxes(points, corners)), normals_(points, corners) {
+  triangles_.reserve(corners.size() / 3);
+  for (const uint32_t i : boxes_.order()) {
+    const uint32_t* v = corners.data() + size_t{3} * i;
+    triangles_.push_back({points[v[0]], points[v[1]], points[v[2]]});
+  }
+}
+
+bool MeshTree::closest(Vec3 x, double max_distance, Closest& out) const noexcept {
+  // Squared, and a little more: the exact comparison is made at the end.
+  Nearest best;
+  uint32_t best_index = no_triangle, best_position = 0;
+  boxes_.nearest(x, max_distance * max_distance * (1 + 1e-15) + std::numeric_limits<double>::min(),
+                 [&](uint32_t first, uint32_t count, double& bound) {
+                   for (uint32_t i = first; i < first + count; ++i) {
+                     const Triangle& t = triangles_[i];
+                     const Nearest here = nearest_on_triangle(t.a - x, t.b - x, t.c - x);
+                     if (here.squared > bound) continue;
+                     const uint32_t index = boxes_.order()[i];
+                     if (here.squared == best.squared && index > best_index) continue;
+                     best = here;
+                     best_index = index;
+                     best_position = i;
+                     bound = here.squared;
+                   }
+                 });
+  if (best_index == no_triangle) return false;
+  double distance = std::sqrt(best.squared);
+  if (!(distance <= max_distance)) return false;
+
+  const Triangle& t = triangles_[best_position];
+  const Vec3 corners[3] = {t.a, t.b, t.c};
+  const Vec3 face = triangle_normal(t.a, t.b, t.c);
+  const bool has_face = !(face == Vec3{0, 0, 0});
+  const int part = static_cast<int>(best.part);
+  const bool on_edge = best.part == Part::edge_ab || best.part == Part::edge_bc || best.part == Part::edge_ca;
+  Pseudonormals::Normal normal{face, true};
+  if (on_edge || best.part == Part::face) {
+    // A point "inside" a triangle without area is on its first edge, as good as anywhere.
+    if (on_edge || !has_face) normal = normals_.side(best_index, on_edge ? part - 1 : 0);
+  } else {
+    normal = normals_.corner(best_index, part - static_cast<int>(Part::corner_a));
+  }
+  const bool on_face = normal.is_flat;
+  if (on_face && has_face) normal.vector = face;
+
+  Closest hit;
+  hit.point = x + best.offset;
+  hit.triangle = best_index;
+  if (on_face) {
+    hit.feature = Feature::face;
+  } else if (on_edge) {
+    hit.feature = Feature::edge;
+    hit.tangent = normalized(corners[part % 3] - corners[part - 1]);
+  } else {
+    hit.feature = Feature::vertex;
+  }
+  double largest = largest_coordinate(x);
+  for (const Vec3& corner : corners) largest = std::fmax(largest, largest_coordinate(corner));
+  if (distance <= coordinate_rounding(largest)) {
+    distance = 0;
+    hit.direction = normal.vector;
+  } else {
+    hit.side = dot(best.offset, normal.vector) <= 0 ? Side::front : Side::back;
+    // On a face the normal is exact where the offset of a tiny distance is mostly rounding.
+    if (!on_face) {
+      hit.direction = normalized(-best.offset);
+    } else {
+      hit.direction = hit.side == Side::front ? normal.vector : -normal.vector;
+    }
+  }
+  hit.distance = distance;
+  out = hit;
+  return true;
+}
+
+}  // namespace fs

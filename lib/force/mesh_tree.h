@@ -1,0 +1,33 @@
+// The closest point of a triangle mesh. Built once, immutable.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "force/box_tree.h"
+#include "force/primitive.h"
+#include "force/pseudonormals.h"
+
+namespace fs {
+
+class MeshTree {
+ public:
+  // corners: three indices of points for each triangle.
+  MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corners);
+
+  // [rt] As closest_point() in primitive.h. The triangle is the one that a test of all, in their order, would find: the
+  // lowest index of those at the least distance.
+  bool closest(Vec3 x, double max_distance, Closest& out) const noexcept;
+
+ private:
+  struct Triangle {
+    Vec3 a, b, c;
+  };
+
+  BoxTree boxes_;
+  std::vector<Triangle> triangles_;  // in the order of the tree
+  Pseudonormals normals_;
+};
+
+}  // namespace fs

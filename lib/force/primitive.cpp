@@ -1,0 +1,111 @@
+#include "force/primitive.h"
+
+#include <cmath>
+
+#include "force/box_tree.h"
+#include "force/mesh_tree.h"
+#include "force/triangle.h"
+
+namespace fs {
+namespace {
+
+constexpr double largest_position = 1e150;  // m: its square is finite
+constexpr double straight_angle = 1e-7;     // rad
+
+bool closest_on_point(Vec3 x, double max_distance, Closest& out) noexcept {
+  const double distance = norm(x);
+  if (!(distance <= max_distance)) return false;
+  out = Closest{};
+  out.distance = distance;
+  if (distance > 0) out.direction = normalized(x);
+  return true;
+}
+
+bool closest_on_plane(Vec3 x, double max_distance, Closest& out) noexcept {
+  const double distance = std::fabs(x.z);
+  if (!(distance <= max_distance)) return false;
+  out = Closest{};
+  out.point = {x.x, x.y, 0};
+  out.distance = distance;
+  out.side = x.z < 0 ? Side::back : Side::front;
+  out.direction = {0, 0, x.z < 0 ? -1.0 : 1.0};
+  out.feature = Feature::face;
+  return true;
+}
+
+// The other segment at the end of segment i; the number of segments where there is none.
+size_t segment_beyond(const Shape& shape, size_t count, size_t i, bool at_start) noexcept {
+  if (at_start) return i > 0 ? i - 1 : shape.closed ? count - 1 : count;
+  return i + 1 < count ? i + 1 : shape.closed ? 0 : count;
+}
+
+bool closest_on_polyline(const Shape& shape, Vec3 x, double max_distance, Closest& out) noexcept {
+  const std::vector<Vec3>& points = shape.points;
+  const std::vector<uint32_t>& order = shape.segments().order();
+  const size_t count = order.size();
+  const auto start = [&](size_t i) { return points[i]; };
+  const auto end = [&](size_t i) { return points[i + 1 < points.size() ? i + 1 : 0]; };
+
+  Nearest best;
+  size_t best_segment = count;
+  // The bound is a little more than the square: the exact comparison is made at the end.
+  shape.segments().nearest(x, max_distance * max_distance * (1 + 1e-15) + std::numeric_limits<double>::min(),
+                           [&](uint32_t first, uint32_t size, double& bound) {
+                             for (uint32_t i = first; i < first + size; ++i) {
+                               const size_t segment = order[i];
+                               Nearest here;
+                               nearest_on_segment(start(segment) - x, end(segment) - x, Part::edge_ab, Part::corner_a,
+                                                  Part::corner_b, here);
+                               if (here.squared > bound) continue;
+                               if (here.squared == best.squared && segment > best_segment) continue;
+                               best = here;
+                               best_segment = segment;
+                               bound = here.squared;
+                             }
+                           });
+  if (best_segment == count) return false;
+  const double distance = std::sqrt(best.squared);
+  if (!(distance <= max_distance)) return false;
+
+  out = Closest{};
+  out.point = x + best.offset;
+  out.triangle = static_cast<uint32_t>(best_segment);
+  const Vec3 tangent = normalized(end(best_segment) - start(best_segment));
+  bool on_edge = best.part == Part::edge_ab;
+  if (!on_edge) {
+    const size_t beyond = segment_beyond(shape, count, best_segment, best.part == Part::corner_a);
+    on_edge = beyond < count && beyond != best_segment && !(tangent == Vec3{0, 0, 0}) &&
+              norm(normalized(end(beyond) - start(beyond)) - tangent) <= straight_angle;
+  }
+  if (on_edge) {
+    out.feature = Feature::edge;
+    out.tangent = tangent;
+  }
+  const double largest = std::fmax(largest_coordinate(x), std::fmax(largest_coordinate(start(best_segment)),
+                                                                   largest_coordinate(end(best_segment))));
+  if (distance > coordinate_rounding(largest)) {
+    out.distance = distance;
+    out.direction = normalized(-best.offset);
+  }
+  return true;
+}
+
+}  // namespace
+
+bool closest_point(fs_primitive primitive, const Shape* shape, Vec3 x, double max_distance, Closest& out) noexcept {
+  if (!(max_distance >= 0) || !is_finite(x) || largest_coordinate(x) > largest_position) return false;
+  switch (primitive) {
+    case FS_PRIMITIVE_POINT:
+      return closest_on_point(x, max_distance, out);
+    case FS_PRIMITIVE_POLYLINE:
+      return closest_on_polyline(*shape, x, max_distance, out);
+    case FS_PRIMITIVE_PLANE:
+      return closest_on_plane(x, max_distance, out);
+    case FS_PRIMITIVE_MESH:
+      return shape->tree()->closest(x, max_distance, out);
+    default:
+      return false;
+  }
+}
+
+}  // namespace fs

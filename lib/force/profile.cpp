@@ -1,0 +1,262 @@
+#include "force/profile.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/error.h"
+#include "force/reader.h"
+
+namespace fs {
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr double largest = std::numeric_limits<double>::max();
+constexpr double largest_limit = 1e9;        // N
+constexpr double gaussian_support = 39;      // widths: exp(-39^2 / 2) is 0 in double precision
+constexpr const char* kind_names[] = {"NONE",     "CONSTANT",  "LINEAR_INCREASING", "LINEAR_DECREASING",
+                                      "GAUSSIAN", "QUADRATIC", "INVERSE",           "CUSTOM"};
+
+// A bound >= 0 that has been rounded, made safe.
+double outward(double bound) { return bound * (1 + 1e-15) + std::numeric_limits<double>::min(); }
+
+void require_finite(double value, const char* field, const char* part) {
+  if (!std::isfinite(value)) fail(FS_ERROR_INVALID, "%s.%s is %g, must be finite", field, part, value);
+}
+
+void require_zero(double value, const char* field, const char* part, const char* kind) {
+  if (value != 0) fail(FS_ERROR_INVALID, "%s.%s is %.9g, must be 0 for a %s profile", field, part, value, kind);
+}
+
+void require_positive(double value, const char* field, const char* part, const char* kind) {
+  if (!(value > 0)) fail(FS_ERROR_INVALID, "%s.%s is %.9g, must be > 0 for a %s profile", field, part, value, kind);
+}
+
+void require_negative(double value, const char* field, const char* part, const char* kind) {
+  if (!(value < 0)) fail(FS_ERROR_INVALID, "%s.%s is %.9g, must be < 0 for a %s profile", field, part, value, kind);
+}
+
+// The formula without limit and reach. The slope is of use only where 0 < force < limit.
+Intensity formula(const Profile& p, unsigned reader, double d, double t) noexcept {
+  switch (p.kind) {
+    case FS_PROFILE_CONSTANT:
+      return {p.gain, 0};
+    case FS_PROFILE_LINEAR_INCREASING:
+    case FS_PROFILE_LINEAR_DECREASING:
+      return {p.gain * d + p.offset, p.gain};
+    case FS_PROFILE_GAUSSIAN: {
+      const double q = d / p.width;
+      const double force = p.gain * std::exp(-0.5 * q * q);
+      return {force, -(force * q) / p.width};
+    }
+    case FS_PROFILE_QUADRATIC:
+      if (p.gain == 0) return {p.offset, 0};  // also at an infinite d
+      return {p.gain * d * d + p.offset, 2 * p.gain * d};
+    case FS_PROFILE_INVERSE: {
+      const double force = p.gain / d;
+      return {force + p.offset, -force / d};
+    }
+    case FS_PROFILE_CUSTOM: {
+      const Intensity curve = p.curve->evaluate(reader, d, t);
+      return {p.gain * curve.force, p.gain * curve.slope};
+    }
+    default:
+      return {};
+  }
+}
+
+// The support of the formula clamped at 0, whatever the reach.
+double formula_support(const Profile& p) noexcept {
+  switch (p.kind) {
+    case FS_PROFILE_CONSTANT:
+    case FS_PROFILE_LINEAR_INCREASING:
+      return infinity;
+    case FS_PROFILE_LINEAR_DECREASING:
+      return p.offset > 0 ? outward(p.offset / -p.gain) : -1;
+    case FS_PROFILE_GAUSSIAN:
+      return gaussian_support * p.width;
+    case FS_PROFILE_QUADRATIC:
+      if (p.gain > 0 || (p.gain == 0 && p.offset > 0)) return infinity;
+      return p.offset > 0 ? outward(std::sqrt(p.offset / -p.gain)) : -1;
+    case FS_PROFILE_INVERSE:
+      return p.offset < 0 ? outward(p.gain / -p.offset) : infinity;
+    case FS_PROFILE_CUSTOM: {
+      const std::vector<double>* table = p.curve->table();
+      if (!table) return infinity;
+      // The last entry with a force; from the next one on the curve is flat at 0.
+      size_t after = table->size();
+      while (after > 0 && !((*table)[after - 1] > 0 && std::isfinite((*table)[after - 1]))) --after;
+      if (after == 0) return -1;
+      if (after == table->size()) return infinity;
+      return outward(static_cast<double>(after) * p.curve->step());
+    }
+    default:
+      return -1;
+  }
+}
+
+// The supremum of |slope| where 0 < formula < limit and d <= end.
+double formula_slope(const Profile& p, double end) noexcept {
+  switch (p.kind) {
+    case FS_PROFILE_LINEAR_INCREASING:
+      return p.offset < p.limit && p.gain * end + p.offset > 0 ? p.gain : 0;
+    case FS_PROFILE_LINEAR_DECREASING:
+      return p.offset > 0 && p.gain * end + p.offset < p.limit ? -p.gain : 0;
+    case FS_PROFILE_GAUSSIAN: {
+      // gain / width * q * exp(-q^2 / 2) with q = d / width is steepest at q = 1.
+      const double start = p.gain > p.limit ? std::sqrt(2 * (std::log(p.gain) - std::log(p.limit))) : 0;
+      const double stop = end / p.width;
+      if (start >= stop) return 0;
+      const double q = std::clamp(1.0, start, stop);
+      return p.gain * std::exp(-0.5 * q * q) * q / p.width;
+    }
+    case FS_PROFILE_QUADRATIC: {
+      // The slope grows with d: it counts where the force comes to limit (gain > 0) or to 0 (gain < 0), or at the end.
+      const double room = p.gain > 0 ? p.limit - p.offset : p.offset;
+      if (p.gain == 0 || room <= 0) return 0;
+      const double d = std::fmin(std::sqrt(room / std::fabs(p.gain)), end);
+      const double force = p.gain * d * d + p.offset;
+      const bool is_felt = p.gain > 0 ? force > 0 : force < p.limit;
+      return is_felt ? 2 * std::fabs(p.gain) * d : 0;
+    }
+    case FS_PROFILE_INVERSE: {
+      if (p.offset >= p.limit) return 0;
+      const double d = p.gain / (p.limit - p.offset);  // where the force leaves the limit: it is steepest there
+      return d < end ? (p.limit - p.offset) / p.gain * (p.limit - p.offset) : 0;
+    }
+    default:
+      return 0;
+  }
+}
+
+// The larger of slopes and secants over a grid of distances: the secants see jumps.
+template <class Distance>
+double sampled_slope(const Profile& p, unsigned reader, double t, size_t count, Distance distance) {
+  double steepest = 0;
+  Intensity before = evaluate(p, reader, 0, t);
+  double d_before = 0;
+  for (size_t i = 1; i <= count; ++i) {
+    const double d = distance(i);
+    const Intensity here = evaluate(p, reader, d, t);
+    if (d > d_before) steepest = std::fmax(steepest, std::fabs(here.force - before.force) / (d - d_before));
+    steepest = std::fmax(steepest, std::fmax(std::fabs(before.slope), std::fabs(here.slope)));
+    before = here;
+    d_before = d;
+  }
+  return steepest;
+}
+
+double curve_slope(const Profile& p) {
+  const ReaderId reader;
+  p.curve->prepare(reader.get());
+  if (const std::vector<double>* table = p.curve->table()) {
+    const double intervals = static_cast<double>(table->size() - 1);
+    const double range = std::fmin(intervals * p.curve->step(), p.reach > 0 ? p.reach : infinity);
+    const double samples = std::clamp(16 * intervals, 256.0, 1e6);
+    return sampled_slope(p, reader.get(), 0, static_cast<size_t>(samples),
+                         [&](size_t i) { return range * (static_cast<double>(i) / samples); });
+  }
+  // Distances in a geometric row from 1 um to the reach, or 10 m; times that do not beat with a usual frequency.
+  constexpr size_t samples = 256, times = 32;
+  const double range = p.reach > 0 ? p.reach : 10.0;
+  const double start = std::fmin(1e-6, range);
+  const double ratio = std::log(range / start) / (samples - 1);
+  double steepest = 0;
+  for (size_t j = 0; j < times; ++j) {
+    const double t = 0.3141 * static_cast<double>(j);
+    const auto distance = [&](size_t i) {
+      return std::fmin(start * std::exp(ratio * static_cast<double>(i - 1)), range);
+    };
+    steepest = std::fmax(steepest, sampled_slope(p, reader.get(), t, samples, distance));
+    if (p.reach > 0 && evaluate(p, reader.get(), p.reach, t).force > 0) return infinity;
+  }
+  return steepest;
+}
+
+// True where f jumps to 0 at the reach.
+bool jumps_at_reach(const Profile& p) {
+  if (!(p.reach > 0)) return false;
+  if (p.kind != FS_PROFILE_CUSTOM) return evaluate(p, 0, p.reach, 0).force > 0;
+  const ReaderId reader;
+  p.curve->prepare(reader.get());
+  return evaluate(p, reader.get(), p.reach, 0).force > 0;
+}
+
+}  // namespace
+
+Profile parse_profile(const fs_profile& in, const char* field) {
+  if (in.kind < FS_PROFILE_NONE || in.kind > FS_PROFILE_CUSTOM) {
+    fail(FS_ERROR_INVALID, "%s.kind is %d, must be an fs_profile_kind (0..7)", field, static_cast<int>(in.kind));
+  }
+  if (in.sense != FS_SENSE_ATTRACTIVE && in.sense != FS_SENSE_REPULSIVE) {
+    fail(FS_ERROR_INVALID, "%s.sense is %d, must be an fs_sense (0 or 1)", field, static_cast<int>(in.sense));
+  }
+  const char* kind = kind_names[in.kind];
+  require_finite(in.gain, field, "gain");
+  require_finite(in.offset, field, "offset");
+  require_finite(in.width, field, "width");
+  require_finite(in.limit, field, "limit");
+  require_finite(in.reach, field, "reach");
+
+  const bool has_gain = in.kind != FS_PROFILE_NONE;
+  const bool has_offset = in.kind == FS_PROFILE_LINEAR_INCREASING || in.kind == FS_PROFILE_LINEAR_DECREASING ||
+                          in.kind == FS_PROFILE_QUADRATIC || in.kind == FS_PROFILE_INVERSE;
+  if (!has_gain) {
+    require_zero(in.gain, field, "gain", kind);
+  } else if (in.kind == FS_PROFILE_LINEAR_DECREASING) {
+    require_negative(in.gain, field, "gain", kind);
+  } else if (in.kind != FS_PROFILE_QUADRATIC) {
+    require_positive(in.gain, field, "gain", kind);
+  }
+  if (!has_offset) require_zero(in.offset, field, "offset", kind);
+  if (in.kind == FS_PROFILE_GAUSSIAN) {
+    require_positive(in.width, field, "width", kind);
+  } else {
+    require_zero(in.width, field, "width", kind);
+  }
+  if (in.kind == FS_PROFILE_NONE) {
+    require_zero(in.limit, field, "limit", kind);
+    require_zero(in.reach, field, "reach", kind);
+  } else {
+    require_positive(in.limit, field, "limit", kind);
+    if (in.limit > largest_limit) {
+      fail(FS_ERROR_INVALID, "%s.limit is %.9g, must be at most %.9g N", field, in.limit, largest_limit);
+    }
+    if (in.reach < 0) fail(FS_ERROR_INVALID, "%s.reach is %.9g, must be >= 0 m", field, in.reach);
+  }
+  if (in.kind == FS_PROFILE_CUSTOM) {
+    if (!in.curve) fail(FS_ERROR_INVALID, "%s.curve is null, must be a curve for a CUSTOM profile", field);
+  } else if (in.curve) {
+    fail(FS_ERROR_INVALID, "%s.curve is given, must be null for a %s profile", field, kind);
+  }
+  return {in.kind, in.sense, in.gain, in.offset, in.width, in.limit, in.reach, Ref<const Curve>::share(in.curve)};
+}
+
+fs_profile to_c(const Profile& p) {
+  return {p.kind, p.sense, p.gain, p.offset, p.width, p.limit, p.reach, const_cast<fs_curve*>(p.curve.get())};
+}
+
+bool operator==(const Profile& a, const Profile& b) {
+  return a.kind == b.kind && a.sense == b.sense && a.gain == b.gain && a.offset == b.offset && a.width == b.width &&
+         a.limit == b.limit && a.reach == b.reach && a.curve == b.curve;
+}
+
+Intensity evaluate(const Profile& p, unsigned reader, double d, double t) noexcept {
+  if (p.reach > 0 && !(d <= p.reach)) return {};
+  const Intensity raw = formula(p, reader, d, t);
+  if (!(raw.force > 0)) return {};  // NaN too
+  if (raw.force >= p.limit) return {p.limit, 0};
+  return {raw.force, std::clamp(raw.slope, -largest, largest)};
+}
+
+double support(const Profile& p) noexcept {
+  const double bound = formula_support(p);
+  return p.reach > 0 ? std::fmin(bound, p.reach) : bound;
+}
+
+double steepest_slope(const Profile& p) {
+  if (p.kind == FS_PROFILE_NONE) return 0;
+  if (jumps_at_reach(p)) return infinity;
+  return p.kind == FS_PROFILE_CUSTOM ? curve_slope(p) : formula_slope(p, p.reach > 0 ? p.reach : infinity);
+}
+
+}  // namespace fs

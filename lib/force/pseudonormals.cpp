@@ -1,0 +1,188 @@
+#include "force/pseudonormals.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <numbers>
+
+#include "force/mesh_edges.h"
+#include "force/triangle.h"
+
+namespace fs {
+namespace {
+
+constexpr double flat_angle = 1e-7;        // rad
+constexpr double cancelled = 1e-12;        // of the weights of a sum of unit normals
+constexpr Vec3 no_normal{0, 0, 0};
+constexpr Vec3 last_resort{0, 0, 1};
+
+// For each corner the number of its vertex; vertices are points of different coordinates, numbered as they come.
+struct Welded {
+  std::vector<uint32_t> corners;
+  size_t count = 0;
+};
+
+uint64_t hash(Vec3 p) {
+  uint64_t h = 0;
+  for (const double c : {p.x, p.y, p.z}) {
+    h = (h ^ std::bit_cast<uint64_t>(c + 0.0)) * 0x9e3779b97f4a7c15u;  // + 0.0: -0 is 0
+    h ^= h >> 32;
+  }
+  return h;
+}
+
+Welded weld(std::span<const Vec3> points, std::span<const uint32_t> corners) {
+  constexpr uint32_t none = UINT32_MAX;
+  const size_t slots = std::bit_ceil(2 * std::min(points.size(), corners.size()));
+  std::vector<uint32_t> table(slots, none), vertex_of_point(points.size(), none);
+  std::vector<Vec3> vertices;
+  Welded welded;
+  welded.corners.reserve(corners.size());
+  for (const uint32_t point : corners) {
+    uint32_t& vertex = vertex_of_point[point];
+    if (vertex == none) {
+      size_t slot = hash(points[point]) & (slots - 1);
+      while (table[slot] != none && !(vertices[table[slot]] == points[point])) slot = (slot + 1) & (slots - 1);
+      if (table[slot] == none) {
+        table[slot] = static_cast<uint32_t>(vertices.size());
+        vertices.push_back(points[point]);
+      }
+      vertex = table[slot];
+    }
+    welded.corners.push_back(vertex);
+  }
+  welded.count = vertices.size();
+  return welded;
+}
+
+double angle_between(Vec3 u, Vec3 v) { return std::atan2(norm(cross(u, v)), dot(u, v)); }
+
+}  // namespace
+
+Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint32_t> corners) {
+  const Welded welded = weld(points, corners);
+  vertices_ = welded.corners;
+  edges_.resize(corners.size());
+  const uint32_t triangle_count = static_cast<uint32_t>(corners.size() / 3);
+  const auto corner = [&](uint32_t t, int k) { return points[corners[size_t{3} * t + k]]; };
+
+  // Edges. A regular one joins two triangles, in opposite directions; only there can a mesh be flat.
+  std::vector<uint8_t> is_twin(triangle_count, 0), edge_is_flat, vertex_is_flat(welded.count, 1);
+  struct Candidate {
+    uint64_t key;  // of triangles with this edge: equal for those with the same vertices and orientation
+    uint32_t triangle;
+  };
+  std::vector<Candidate> candidates;
+  for_each_edge(welded.corners, welded.count, [&](std::span<const HalfEdge> edge) {
+    candidates.clear();
+    for (const HalfEdge h : edge) {
+      edges_[h.id] = static_cast<uint32_t>(edge_is_flat.size());
+      if (is_collapsed(welded.corners, h.triangle())) continue;
+      const uint64_t opposite = welded.corners[size_t{3} * h.triangle() + (h.side() + 2) % 3];
+      candidates.push_back({opposite << 1 | runs_up(welded.corners, h), h.triangle()});
+    }
+    size_t count = candidates.size();
+    if (count > 2) {
+      std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
+        return a.key != b.key ? a.key < b.key : a.triangle < b.triangle;
+      });
+    }
+    for (size_t i = 1; i < candidates.size(); ++i) {
+      if (candidates[i].key != candidates[i - 1].key) continue;
+      is_twin[candidates[i].triangle] = 1;
+      --count;
+    }
+    const bool is_regular = count == 2 && (candidates.front().key & 1) != (candidates.back().key & 1);
+    edge_is_flat.push_back(is_regular);
+    if (!is_regular && count > 0) {
+      const HalfEdge h = edge.front();
+      vertex_is_flat[h.other] = 0;
+      vertex_is_flat[welded.corners[size_t{3} * h.triangle() + (h.side() + (runs_up(welded.corners, h) ? 0 : 1)) % 3]] = 0;
+    }
+  });
+
+  // The sums: a face weighs pi at its edges (here 1) and its angle at its vertices.
+  std::vector<Vec3> faces(triangle_count);
+  std::vector<double> vertex_weights(welded.count, 0);
+  edge_normals_.assign(edge_is_flat.size(), no_normal);
+  vertex_normals_.assign(welded.count, no_normal);
+  std::vector<uint32_t> without_area;
+  for (uint32_t t = 0; t < triangle_count; ++t) {
+    if (is_twin[t]) continue;
+    const Vec3 p[3] = {corner(t, 0), corner(t, 1), corner(t, 2)};
+    faces[t] = triangle_normal(p[0], p[1], p[2]);
+    if (faces[t] == no_normal) {
+      if (!is_collapsed(welded.corners, t)) without_area.push_back(t);
+      continue;
+    }
+    for (int k = 0; k < 3; ++k) {
+      const double angle = angle_between(p[(k + 1) % 3] - p[k], p[(k + 2) % 3] - p[k]);
+      edge_normals_[edges_[size_t{3} * t + k]] += faces[t];
+      vertex_normals_[vertices_[size_t{3} * t + k]] += angle * faces[t];
+      vertex_weights[vertices_[size_t{3} * t + k]] += angle;
+    }
+  }
+
+  // A triangle without area lies along its longest side: to its short sides it stands for what is across the long one,
+  // and the other way round; at the corner between the short sides its angle is pi.
+  struct StandIn {
+    uint32_t triangle;
+    int long_side;
+    Vec3 across_long, across_short;
+  };
+  std::vector<StandIn> stand_ins;
+  for (const uint32_t t : without_area) {
+    int k = 0;
+    double longest = -1;
+    for (int i = 0; i < 3; ++i) {
+      const double length = norm(corner(t, (i + 1) % 3) - corner(t, i));
+      if (length > longest) {
+        longest = length;
+        k = i;
+      }
+    }
+    const auto sum = [&](int side) { return edge_normals_[edges_[size_t{3} * t + side % 3]]; };
+    stand_ins.push_back({t, k, normalized(sum(k)), normalized(sum(k + 1) + sum(k + 2))});
+  }
+  for (const StandIn& s : stand_ins) {
+    const size_t first = size_t{3} * s.triangle;
+    edge_normals_[edges_[first + s.long_side]] += s.across_short;
+    for (int i = 1; i < 3; ++i) edge_normals_[edges_[first + (s.long_side + i) % 3]] += s.across_long;
+    const uint32_t vertex = vertices_[first + (s.long_side + 2) % 3];
+    vertex_normals_[vertex] += std::numbers::pi * s.across_long;
+    vertex_weights[vertex] += std::numbers::pi;
+  }
+
+  // Unit length; where normals cancel, the first triangle's.
+  const auto finish = [&](std::vector<Vec3>& normals, const std::vector<uint32_t>& ids, auto weight) {
+    for (size_t i = 0; i < normals.size(); ++i) {
+      normals[i] = norm(normals[i]) > cancelled * weight(i) ? normalized(normals[i]) : no_normal;
+    }
+    for (size_t i = 0; i < ids.size(); ++i) {
+      if (normals[ids[i]] == no_normal) normals[ids[i]] = faces[i / 3];
+    }
+  };
+  finish(edge_normals_, edges_, [](size_t) { return 2.0; });
+  finish(vertex_normals_, vertices_, [&](size_t i) { return vertex_weights[i]; });
+
+  // Flat: no triangle there deviates.
+  const auto mark = [&](std::vector<Vec3>& normals, std::vector<uint32_t>& ids, std::vector<uint8_t>& is_flat) {
+    for (size_t i = 0; i < ids.size(); ++i) {
+      const Vec3 face = faces[i / 3];
+      if (!(face == no_normal) && norm(face - normals[ids[i]]) > flat_angle) is_flat[ids[i]] = 0;
+    }
+    for (size_t i = 0; i < normals.size(); ++i) {
+      if (normals[i] == no_normal) {
+        normals[i] = last_resort;
+        is_flat[i] = 0;
+      }
+    }
+    for (uint32_t& id : ids) {
+      if (is_flat[id]) id |= flat_bit;
+    }
+  };
+  mark(edge_normals_, edges_, edge_is_flat);
+  mark(vertex_normals_, vertices_, vertex_is_flat);
+}
+
+}  // namespace fs

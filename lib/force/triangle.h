@@ -1,0 +1,95 @@
+// The closest point of a segment and of a triangle to the origin: its user takes coordinates relative to the point it asks
+// for, so nothing but the size of the triangle and its distance enters the rounding.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+
+#include "math/vec3.h"
+
+namespace fs {
+
+// Where on a segment or triangle a point lies. The edges of a triangle are ab, bc, ca.
+enum class Part : uint8_t { face, edge_ab, edge_bc, edge_ca, corner_a, corner_b, corner_c };
+
+struct Nearest {
+  Vec3 offset{};  // the closest point
+  double squared = std::numeric_limits<double>::infinity();
+  Part part = Part::face;
+};
+
+// p within the box of the others: rounding must not carry it out, see box_tree.h. Never NaN.
+inline double clamped(double p, double a, double b) noexcept {
+  return std::max(std::min(a, b), std::min(std::max(a, b), p));
+}
+inline double clamped(double p, double a, double b, double c) noexcept {
+  return std::max(std::min(std::min(a, b), c), std::min(std::max(std::max(a, b), c), p));
+}
+
+// Lowers `nearest` to the closest point of the segment ab when that is nearer. The same bits for ba; a segment without
+// length is a point.
+inline void nearest_on_segment(Vec3 a, Vec3 b, Part on_ab, Part at_a, Part at_b, Nearest& nearest) noexcept {
+  const Vec3 ab = b - a;
+  const double from_a = -dot(a, ab), from_b = dot(b, ab);  // their sum is |ab|^2
+  Nearest candidate;
+  if (!(from_a > 0)) {
+    candidate = {a, dot(a, a), at_a};
+  } else if (!(from_b > 0)) {
+    candidate = {b, dot(b, b), at_b};
+  } else {
+    // From the nearer end, where the rounding is least.
+    const double length = dot(ab, ab);
+    const Vec3 p = from_a <= from_b ? a + (from_a / length) * ab : b + (from_b / -length) * ab;
+    candidate.offset = {clamped(p.x, a.x, b.x), clamped(p.y, a.y, b.y), clamped(p.z, a.z, b.z)};
+    candidate.squared = dot(candidate.offset, candidate.offset);
+    candidate.part = on_ab;
+  }
+  if (candidate.squared < nearest.squared) nearest = candidate;
+}
+
+// The closest point of triangle abc; without area it is as its edges are.
+inline Nearest nearest_on_triangle(Vec3 a, Vec3 b, Vec3 c) noexcept {
+  // The origin's projection is a + s ab + t ac. The height h of c above ab comes by Gram-Schmidt, not through the
+  // products of a Gram matrix, which loses twice the digits on a needle.
+  const Vec3 ab = b - a, ac = c - a;
+  const double length = dot(ab, ab);
+  const double k = dot(ac, ab) / length;
+  const Vec3 h = ac - k * ab;
+  const double t = -dot(a, h) / dot(h, h);
+  const double s = -dot(a, ab) / length - t * k;
+  if (s > 0 && t > 0 && s + t < 1) {
+    const Vec3 p = a + s * ab + t * ac;
+    const Vec3 q{clamped(p.x, a.x, b.x, c.x), clamped(p.y, a.y, b.y, c.y), clamped(p.z, a.z, b.z, c.z)};
+    return {q, dot(q, q), Part::face};
+  }
+  Nearest nearest;
+  nearest_on_segment(a, b, Part::edge_ab, Part::corner_a, Part::corner_b, nearest);
+  nearest_on_segment(b, c, Part::edge_bc, Part::corner_b, Part::corner_c, nearest);
+  nearest_on_segment(c, a, Part::edge_ca, Part::corner_c, Part::corner_a, nearest);
+  return nearest;
+}
+
+// The unit normal (counter-clockwise), {0, 0, 0} for a triangle whose area is nothing but rounding. Taken at the corner
+// of the largest angle, where a needle loses least.
+inline Vec3 triangle_normal(Vec3 a, Vec3 b, Vec3 c) noexcept {
+  const Vec3 ab = b - a, bc = c - b, ca = a - c;
+  const double l_ab = dot(ab, ab), l_bc = dot(bc, bc), l_ca = dot(ca, ca);
+  const double longest = std::max(std::max(l_ab, l_bc), l_ca);
+  const Vec3 u = longest == l_ab ? bc : longest == l_bc ? ca : ab;
+  const Vec3 v = longest == l_ab ? ca : longest == l_bc ? ab : bc;
+  const Vec3 n = cross(u, v);
+  const double noise = 16 * std::numeric_limits<double>::epsilon() * std::sqrt(dot(u, u)) * std::sqrt(dot(v, v));
+  if (!(norm(n) > noise)) return {0, 0, 0};
+  return normalized(n);
+}
+
+// The rounding of coordinates as large as `largest`: distances up to it are 0 (2 ulps).
+inline double coordinate_rounding(double largest) noexcept { return 2 * std::numeric_limits<double>::epsilon() * largest; }
+
+inline double largest_coordinate(Vec3 a) noexcept {
+  return std::max(std::max(std::fabs(a.x), std::fabs(a.y)), std::fabs(a.z));
+}
+
+}  // namespace fs

@@ -1,0 +1,87 @@
+// The weight of what comes and goes: linear in time, from 0 to 1 and back over the servo's `fade`, so that no change makes
+// a step in force. It is data: the servo works it out from the time of its tick. A change begins to count at the first
+// tick that uses it (its Epoch), not when it was made: a client that was held up between the two makes no step either.
+#pragma once
+
+#include <atomic>
+#include <cmath>
+#include <limits>
+
+#include "base/counted.h"
+
+namespace fs {
+
+inline constexpr double never = std::numeric_limits<double>::infinity();
+
+// The time at which the servo first used a group of changes; NaN before that. Written once, by the servo.
+struct Epoch : Counted<Epoch> {
+  void stamp(double now) const noexcept {  // [rt]
+    if (!is_stamped()) time_.store(now, std::memory_order_release);
+  }
+  double time() const noexcept { return time_.load(std::memory_order_acquire); }
+  bool is_stamped() const noexcept { return !std::isnan(time()); }
+
+ private:
+  mutable std::atomic<double> time_{std::numeric_limits<double>::quiet_NaN()};
+};
+
+class Fade {
+ public:
+  // In full, or not at all, since ever.
+  static Fade steady(bool is_on, double expiry = never) { return Fade({-never, is_on ? 1.0 : 0.0, 0, expiry}); }
+
+  // From `now` on it goes in (true) or out; until the epoch it goes on as before. `duration` is the servo's fade, s.
+  Fade turned(bool in, double expiry, Ref<const Epoch> epoch, double duration) const {
+    Fade next(*this);
+    if (epoch_ && epoch_->is_stamped()) {
+      next.before_ = {epoch_->time(), before_.at(epoch_->time(), duration), direction_, expiry_};
+    }
+    next.epoch_ = std::move(epoch);
+    next.direction_ = in ? 1 : -1;
+    next.expiry_ = expiry;
+    return next;
+  }
+
+  double weight(double now, double duration) const noexcept {  // [rt]
+    if (!epoch_) return before_.at(now, duration);
+    const double start = epoch_->time();
+    if (!(now > start)) return before_.at(now, duration);  // not used yet
+    return Segment{start, before_.at(start, duration), direction_, expiry_}.at(now, duration);
+  }
+
+  bool is_going_in() const noexcept { return epoch_ ? direction_ > 0 : before_.weight > 0; }
+  bool is_pending() const noexcept { return epoch_ && !epoch_->is_stamped(); }
+  double expiry() const noexcept { return expiry_; }  // s; infinite: none
+
+  // The same with all times `shift` later; what is under way is brought to its end.
+  Fade settled(double shift) const { return steady(is_going_in(), expiry() + shift); }
+
+ private:
+  struct Segment {
+    double time, weight;  // s; 0..1 at that time
+    int direction;        // +1, -1; 0: stays
+    double expiry;        // s; from then on, but not before `time`, it goes out
+
+    double at(double now, double duration) const noexcept {
+      const double out_since = std::fmax(expiry, time);
+      double line = weight, end = 1;
+      if (!(duration > 0)) {
+        if (direction) line = direction > 0 ? 1 : 0;
+        if (now >= out_since) end = 0;
+      } else {
+        if (direction) line += direction * (now - time) / duration;
+        if (now > out_since) end -= (now - out_since) / duration;
+      }
+      return std::fmax(0, std::fmin(1, std::fmin(line, end)));
+    }
+  };
+
+  explicit Fade(const Segment& before) : before_(before), expiry_(before.expiry) {}
+
+  Segment before_;
+  Ref<const Epoch> epoch_;
+  int direction_ = 0;
+  double expiry_;
+};
+
+}  // namespace fs

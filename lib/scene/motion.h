@@ -1,0 +1,64 @@
+// Where an object is: a pose at a time and the twist it has from then on. The application says so at 25 Hz; between two
+// words of it the servo extrapolates, for a stated time at most, and never back.
+#pragma once
+
+#include <algorithm>
+
+#include "math/pose.h"
+
+namespace fs {
+
+inline constexpr double extrapolation_limit = 0.1;   // s: longer, and a dead application drives its walls into the hand
+inline constexpr double twist_memory = 0.2;          // s between two poses that still make a twist
+inline constexpr double same_instant = 1e-3;         // s: of two poses nearer than this the later replaces the earlier
+
+struct Motion {
+  Pose pose = identity_pose();
+  Twist twist{};
+  double time = 0;     // s, when pose held
+  double horizon = 0;  // s, how long the twist is used; 0: it stands
+
+  bool is_moving(double t) const noexcept { return t > time && t < time + horizon; }
+
+  Pose at(double t) const noexcept {  // [rt]
+    const double dt = std::clamp(t - time, 0.0, horizon);
+    return dt > 0 ? advanced(pose, twist, dt) : pose;
+  }
+
+  // [rt] Velocity at time t of the point of the object that is at x, both in the parent's frame.
+  Vec3 velocity(Vec3 x, const Pose& pose_now, double t) const noexcept {
+    if (!is_moving(t)) return {};
+    return twist.linear + cross(twist.angular, x - pose_now.position);
+  }
+};
+
+// The poses that the application gave, as far as the next worked-out twist needs them.
+struct Track {
+  struct Sample {
+    Pose pose = identity_pose();
+    double time = 0;
+    bool is_known = false;
+  };
+  Sample before, last;
+
+  // Takes a pose given at `time`; without a twist of its own it gets one worked out from the pose before. One older than
+  // the last pose stands.
+  Motion take(const Pose& pose, const Twist* twist, double time) noexcept {
+    const double since_last = last.is_known ? time - last.time : 0;
+    if (since_last < 0) before = {};
+    if (since_last >= same_instant) before = last;
+    last = {pose, time, true};
+
+    if (since_last < 0) return {pose, {}, time, 0};
+    if (twist) return {pose, *twist, time, is_zero(*twist) ? 0 : extrapolation_limit};
+    const double dt = time - before.time;
+    if (!before.is_known || !(dt >= same_instant && dt <= twist_memory)) return {pose, {}, time, 0};
+    const Twist worked_out{(1 / dt) * (pose.position - before.pose.position),
+                           (1 / dt) * log_rotation(pose.orientation * conjugate(before.pose.orientation))};
+    return {pose, worked_out, time, is_zero(worked_out) ? 0 : std::min(extrapolation_limit, 2 * dt)};
+  }
+
+  static bool is_zero(const Twist& t) noexcept { return t.linear == Vec3{} && t.angular == Vec3{}; }
+};
+
+}  // namespace fs

@@ -1,0 +1,281 @@
+#include "scene/object.h"
+
+#include <cmath>
+#include <cstring>
+
+#include "base/error.h"
+#include "force/reader.h"
+
+namespace fs {
+namespace {
+
+double parse_range(double value, double low, double high, const char* field) {
+  if (!(value >= low && value <= high)) {
+    fail(FS_ERROR_INVALID, "%s is %.9g, must be within %.9g..%.9g", field, value, low, high);
+  }
+  return value;
+}
+
+// Length of the UTF-8 sequence at text, 0 when it is not one (RFC 3629: no overlong forms, surrogates, above U+10FFFF).
+size_t utf8_length(const unsigned char* text) {
+  const auto is_tail = [](unsigned char c) { return (c & 0xc0) == 0x80; };
+  if (text[0] < 0x80) return 1;
+  if (text[0] >= 0xc2 && text[0] <= 0xdf) return is_tail(text[1]) ? 2 : 0;
+  if (text[0] >= 0xe0 && text[0] <= 0xef) {
+    if (!is_tail(text[1]) || !is_tail(text[2])) return 0;
+    if (text[0] == 0xe0 && text[1] < 0xa0) return 0;
+    if (text[0] == 0xed && text[1] > 0x9f) return 0;
+    return 3;
+  }
+  if (text[0] >= 0xf0 && text[0] <= 0xf4) {
+    if (!is_tail(text[1]) || !is_tail(text[2]) || !is_tail(text[3])) return 0;
+    if (text[0] == 0xf0 && text[1] < 0x90) return 0;
+    if (text[0] == 0xf4 && text[1] > 0x8f) return 0;
+    return 4;
+  }
+  return 0;
+}
+
+bool has_surface(fs_primitive primitive) { return primitive == FS_PRIMITIVE_PLANE || primitive == FS_PRIMITIVE_MESH; }
+bool has_shape(fs_primitive primitive) { return primitive == FS_PRIMITIVE_POLYLINE || primitive == FS_PRIMITIVE_MESH; }
+
+const char* primitive_name(fs_primitive primitive) {
+  static constexpr const char* names[] = {"POINT", "POLYLINE", "PLANE", "MESH"};
+  return names[primitive];
+}
+
+void check_contact(const fs_contact& contact, fs_primitive primitive) {
+  if (contact.keep < FS_KEEP_NONE || contact.keep > FS_KEEP_EITHER) {
+    fail(FS_ERROR_INVALID, "contact.keep is %d, must be an fs_keep (0..3)", static_cast<int>(contact.keep));
+  }
+  if (contact.reserved) fail(FS_ERROR_INVALID, "contact.reserved is %u, must be 0", contact.reserved);
+  parse_range(contact.stiffness, 0, 1e9, "contact.stiffness");
+  parse_range(contact.limit, 0, 1e9, "contact.limit");
+  parse_range(contact.damping, 0, 1e9, "contact.damping");
+  parse_range(contact.friction, 0, 2, "contact.friction");
+  if (contact.keep == FS_KEEP_NONE) {
+    if (contact.stiffness != 0 || contact.limit != 0 || contact.damping != 0 || contact.friction != 0) {
+      fail(FS_ERROR_INVALID, "contact.keep is NONE, so stiffness, limit, damping and friction of contact must be 0");
+    }
+    return;
+  }
+  if (!has_surface(primitive)) {
+    fail(FS_ERROR_INVALID, "contact.keep is %d, must be NONE (0) for a %s", static_cast<int>(contact.keep),
+         primitive_name(primitive));
+  }
+  if (!(contact.limit > 0)) fail(FS_ERROR_INVALID, "contact.limit is %.9g, must be > 0 N", contact.limit);
+}
+
+// The steepest slope of the force along the distance. Where the force jumps, it is infinite: at a point or polyline its
+// direction turns over, at a surface it goes from the front's value to the back's.
+double object_slope(const Object& object) {
+  const auto signed_force = [](const Profile& profile, double side) {
+    // At d = 0+, along the front's normal; a curve is looked at when the object is born.
+    if (profile.kind == FS_PROFILE_NONE) return 0.0;
+    if (profile.kind == FS_PROFILE_CUSTOM) {
+      const ReaderId reader;
+      profile.curve->prepare(reader.get());
+      return side * evaluate(profile, reader.get(), 0, 0).force;
+    }
+    return side * evaluate(profile, 0, 0, 0).force;
+  };
+  const auto outward = [](const Profile& profile) { return profile.sense == FS_SENSE_REPULSIVE ? 1.0 : -1.0; };
+  const double steepest = std::fmax(steepest_slope(object.front), steepest_slope(object.back));
+  const double front = signed_force(object.front, outward(object.front));
+  const double back = has_surface(object.primitive) ? signed_force(object.back, -outward(object.back)) : -front;
+  return front == back ? steepest : std::numeric_limits<double>::infinity();
+}
+
+double shape_radius(const Shape& shape) {
+  double largest = 0;
+  for (const Vec3& p : shape.points) largest = std::fmax(largest, dot(p, p));
+  return std::sqrt(largest) * (1 + 1e-12);
+}
+
+ParsedObject parse(const fs_object& in, std::string name) {
+  if (in.primitive < FS_PRIMITIVE_POINT || in.primitive > FS_PRIMITIVE_MESH) {
+    fail(FS_ERROR_INVALID, "primitive is %d, must be an fs_primitive (0..3)", static_cast<int>(in.primitive));
+  }
+  for (const uint8_t byte : in.reserved) {
+    if (byte) fail(FS_ERROR_INVALID, "reserved is %u, must be 0", byte);
+  }
+  ParsedObject out;
+  out.pose = parse_pose(in.pose, "pose");
+  out.twist = parse_twist(in.twist, "twist");
+  out.time = parse_finite(in.time, "time");
+
+  out.start = parse_finite(in.start, "start");
+
+  const Ref<Object> made = make_ref<Object>();
+  Object& object = *made;
+  object.name = std::move(name);
+  object.primitive = in.primitive;
+  object.lifetime = parse_range(in.lifetime, 0, 1e12, "lifetime");
+  object.front = parse_profile(in.front, "front");
+  object.back = parse_profile(in.back, "back");
+  if (object.back.kind != FS_PROFILE_NONE && !has_surface(in.primitive)) {
+    fail(FS_ERROR_INVALID, "back.kind is %d, must be NONE (0): a %s has one profile, front",
+         static_cast<int>(object.back.kind), primitive_name(in.primitive));
+  }
+  object.damping = parse_range(in.damping, 0, 1e9, "damping");
+  object.tool_points = in.tool_points;
+  object.is_enabled = in.enabled;
+
+  if (has_shape(in.primitive)) {
+    if (!in.shape) fail(FS_ERROR_INVALID, "shape is null, must be a shape for a %s", primitive_name(in.primitive));
+    if (in.shape->primitive != in.primitive) {
+      fail(FS_ERROR_INVALID, "shape is of a %s, must be of a %s", primitive_name(in.shape->primitive),
+           primitive_name(in.primitive));
+    }
+    object.shape = Ref<const Shape>::share(in.shape);
+  } else if (in.shape) {
+    fail(FS_ERROR_INVALID, "shape is given, must be null for a %s", primitive_name(in.primitive));
+  }
+  check_contact(in.contact, in.primitive);
+  if (in.contact.keep != FS_KEEP_NONE) {
+    fail(FS_ERROR_UNSUPPORTED, "contact.keep is %d: solid contacts are not in version %d.%d of this library",
+         static_cast<int>(in.contact.keep), FS_VERSION_MAJOR, FS_VERSION_MINOR);
+  }
+  object.contact = in.contact;
+
+  if (object.shape) {
+    object.shape->build();
+    object.radius = shape_radius(*object.shape);
+  } else if (in.primitive == FS_PRIMITIVE_PLANE) {
+    object.radius = std::numeric_limits<double>::infinity();
+  }
+  object.support = std::fmax(support(object.front), support(object.back));
+  object.steepest_slope = object_slope(object);  // a slope cap belongs here, where an object is admitted
+  out.object = made;
+  return out;
+}
+
+}  // namespace
+
+void check_struct_size(uint32_t given, size_t ours, const char* type) {
+  if (given > ours) {
+    fail(FS_ERROR_VERSION, "struct_size of %s is %u, this library (%s) knows %zu: it is older than its caller", type,
+         given, fs_version(), ours);
+  }
+  if (given < ours) {
+    fail(FS_ERROR_INVALID, "struct_size of %s is %u, must be %zu: make it with %s_init", type, given, ours, type);
+  }
+}
+
+std::string parse_name(const char* name, const char* field) {
+  const size_t size = strnlen(name, FS_NAME_SIZE);
+  if (size < 1 || size > 31) {
+    fail(FS_ERROR_INVALID, "%s is %zu bytes long%s, must be 1..31", field, size, size == FS_NAME_SIZE ? " or more" : "");
+  }
+  for (size_t i = 0; i < size;) {
+    const auto* text = reinterpret_cast<const unsigned char*>(name + i);
+    const size_t length = utf8_length(text);
+    if (length == 0) fail(FS_ERROR_INVALID, "%s is not UTF-8: byte %zu is 0x%02x", field, i, text[0]);
+    if (text[0] == '/') fail(FS_ERROR_INVALID, "%s has a '/' at byte %zu, must be without", field, i);
+    if (text[0] < 0x20 || text[0] == 0x7f || (text[0] == 0xc2 && text[1] < 0xa0)) {
+      fail(FS_ERROR_INVALID, "%s has a control character at byte %zu, must be without", field, i);
+    }
+    i += length;
+  }
+  return std::string(name, size);
+}
+
+double parse_finite(double value, const char* field) {
+  if (!std::isfinite(value)) fail(FS_ERROR_INVALID, "%s is %g, must be finite", field, value);
+  return value;
+}
+
+Vec3 parse_position(Vec3 v, const char* field) {
+  const double components[] = {v.x, v.y, v.z};
+  for (int i = 0; i < 3; ++i) {
+    if (!(std::fabs(components[i]) <= coordinate_limit)) {
+      fail(FS_ERROR_INVALID, "%s.%c is %g, must be finite and within %g", field, "xyz"[i], components[i],
+           coordinate_limit);
+    }
+  }
+  return v;
+}
+
+Twist parse_twist(const Twist& twist, const char* field) {
+  const std::string name = field;
+  return {parse_position(twist.linear, (name + ".linear").c_str()),
+          parse_position(twist.angular, (name + ".angular").c_str())};
+}
+
+Pose parse_pose(const Pose& pose, const char* field) {
+  const std::string name = field;
+  parse_position(pose.position, (name + ".position").c_str());
+  const Quat q = pose.orientation;
+  Pose unit = pose;
+  if (!make_unit_pose(unit)) {
+    fail(FS_ERROR_INVALID, "%s.orientation is (%g, %g, %g, %g) of length %.9g, must be within 1e-3 of 1 or all 0", field,
+         q.w, q.x, q.y, q.z, norm(q));
+  }
+  return unit;
+}
+
+bool make_unit_pose(Pose& pose) noexcept {
+  const auto is_in_range = [](double v) { return std::fabs(v) <= coordinate_limit; };
+  if (!is_in_range(pose.position.x) || !is_in_range(pose.position.y) || !is_in_range(pose.position.z)) return false;
+  Quat& q = pose.orientation;
+  if (q.w == 0 && q.x == 0 && q.y == 0 && q.z == 0) {
+    q = identity_quat();
+    return true;
+  }
+  const double length = norm(q);
+  if (!(std::fabs(length - 1) <= 1e-3)) return false;
+  if (std::fabs(length - 1) > 1e-15) q = normalized(q);  // one that is unit already keeps its bits
+  return true;
+}
+
+ParsedObject parse_object(const fs_object& in) {
+  check_struct_size(in.struct_size, sizeof(fs_object), "fs_object");
+  const std::string name = parse_name(in.name, "name");
+  try {
+    return parse(in, name);
+  } catch (Error& error) {
+    error.text = "object '" + name + "': " + error.text;
+    throw;
+  }
+}
+
+fs_object merge_parts(const fs_object& object, const fs_object& change, uint32_t parts) {
+  fs_object merged = object;
+  if (parts & FS_PART_POSE) {
+    merged.pose = change.pose;
+    merged.twist = change.twist;
+    merged.time = change.time;
+  }
+  if (parts & FS_PART_PROFILES) {
+    merged.front = change.front;
+    merged.back = change.back;
+    merged.damping = change.damping;
+    merged.start = change.start;
+  }
+  if (parts & FS_PART_CONTACT) merged.contact = change.contact;
+  if (parts & FS_PART_SHAPE) {
+    merged.primitive = change.primitive;
+    merged.shape = change.shape;
+  }
+  if (parts & FS_PART_OTHER) {
+    merged.lifetime = change.lifetime;
+    merged.tool_points = change.tool_points;
+    merged.enabled = change.enabled;
+  }
+  return merged;
+}
+
+fs_object to_c(const Object& object) {
+  fs_object out = fs_object_init(object.name.c_str(), object.primitive);
+  out.lifetime = object.lifetime;
+  out.front = to_c(object.front);
+  out.back = to_c(object.back);
+  out.damping = object.damping;
+  out.contact = object.contact;
+  out.shape = const_cast<fs_shape*>(object.shape.get());
+  out.tool_points = object.tool_points;
+  out.enabled = object.is_enabled;
+  return out;
+}
+
+}  // namespace fs

@@ -1,0 +1,72 @@
+// A force-object as the rest of the core sees it: checked once, immutable, shared by all who look at it.
+// parse_object is the only validator: deeper code never checks again.
+#pragma once
+
+#include <string>
+
+#include <forceserver/scene.h>
+
+#include "base/counted.h"
+#include "force/profile.h"
+#include "force/shape.h"
+#include "math/pose.h"
+
+namespace fs {
+
+inline constexpr double coordinate_limit = 1e15;  // m: its square still leaves a double 278 decades
+
+struct Object : Counted<Object> {
+  std::string name;
+  fs_primitive primitive = FS_PRIMITIVE_POINT;
+  Profile front, back;
+  double damping = 0;       // N s/m
+  fs_contact contact{};     // keep is NONE: contacts come with the proxy
+  Ref<const Shape> shape;   // built
+  uint32_t tool_points = 0;  // as the contract has it: 0 is all
+  double lifetime = 0;      // s, 0: without end
+  bool is_enabled = true;
+
+  // Worked out when it is admitted.
+  double support = 0;          // m, no force beyond this distance from the primitive; may be infinite, negative: none
+  double radius = 0;           // m, of the primitive about its origin; a plane: infinite
+  double steepest_slope = 0;   // N/m, of the force in the distance; infinite where it jumps
+  uint32_t point_mask() const noexcept { return tool_points ? tool_points : ~0u; }
+
+  // What cannot change while it is felt but by fading from one version to the other.
+  bool is_same_version(const Object& other) const noexcept {
+    return primitive == other.primitive && shape == other.shape && point_mask() == other.point_mask();
+  }
+};
+
+// What fs_object_set is given, checked. Times that are 0 are left for the scene, which knows its clock.
+struct ParsedObject {
+  Ref<const Object> object;
+  Pose pose;
+  Twist twist;
+  double time, start;
+};
+
+// Checks every field, builds the shape's tree, works out what depends on the whole. Throws INVALID (the sentence begins
+// with the object's name), VERSION, UNSUPPORTED.
+ParsedObject parse_object(const fs_object& object);
+
+// Only what stands in `parts` (fs_part bits) is taken from `change`, the rest from `object`; both as the contract has them.
+fs_object merge_parts(const fs_object& object, const fs_object& change, uint32_t parts);
+
+// The other way, all but pose, twist, time and start. Handles are borrowed.
+fs_object to_c(const Object& object);
+
+// The checks that others need too. `field` is the name in the sentence. All throw INVALID.
+std::string parse_name(const char* name, const char* field);
+Pose parse_pose(const Pose& pose, const char* field);  // zero orientation: identity; within 1e-3 of unit: normalised
+Vec3 parse_position(Vec3 v, const char* field);
+Twist parse_twist(const Twist& twist, const char* field);
+double parse_finite(double value, const char* field);
+
+// [rt] The same for a pose without a sentence: false when it is not a pose. Normalises in place.
+bool make_unit_pose(Pose& pose) noexcept;
+
+// struct_size of what a caller made: larger than ours throws VERSION, smaller INVALID.
+void check_struct_size(uint32_t given, size_t ours, const char* type);
+
+}  // namespace fs

@@ -1,0 +1,95 @@
+// What became of the objects, and events, which are polled.
+#include <chrono>
+#include <cstdio>
+#include <thread>
+
+#include "base/error.h"
+#include "scene/scene.h"
+
+using namespace fs;
+
+namespace {
+constexpr size_t event_capacity = 1024;
+}
+
+fs_report fs_scene::make_report(const Entry& entry, double now) const {
+  const Object& object = *entry.object;
+  fs_report out{};
+  object.name.copy(out.name, FS_NAME_SIZE - 1);
+  out.primitive = object.primitive;
+  out.revision = entry.revision;
+  out.weight = servo_ ? entry.fade.weight(now, servo_->fade) : entry.is_present(now);
+  if (servo_ && entry.fade.is_pending() && out.weight == 0 && object.is_enabled) {
+    out.state = FS_OBJECT_PENDING;
+  } else if (!object.is_enabled && out.weight == 0) {
+    out.state = FS_OBJECT_DISABLED;
+  } else {
+    out.state = out.weight < 1 ? FS_OBJECT_FADING : FS_OBJECT_FELT;
+  }
+  const fs_frame& frame = views_.view->frame;
+  const double slope_scale = frame.scale * frame.force_scale;
+  out.stiffness_wanted = slope_scale > 0 ? slope_scale * object.steepest_slope : 0;
+  out.stiffness_applied = out.stiffness_wanted;
+  out.distance = never;
+  FeltSample felt;
+  if (servo_ && entry.felt->sample.read(felt) && felt.tick >= output.tick.load(std::memory_order_acquire)) {
+    out.distance = felt.distance;
+    out.point = felt.point;
+    out.wrench = felt.wrench;
+  }
+  return out;
+}
+
+std::vector<fs_report> fs_scene::reports() const {
+  const std::lock_guard lock(mutex_);
+  std::vector<fs_report> out;
+  const double time = now();
+  table_.for_each([&](uint32_t, const Entry& entry) {
+    if (!entry.is_removed) out.push_back(make_report(entry, time));
+  });
+  return out;
+}
+
+fs_report fs_scene::report(const char* name) const {
+  const std::lock_guard lock(mutex_);
+  uint32_t slot;
+  return make_report(require(name, slot), now());
+}
+
+void fs_scene::push_event(const fs_event& event) {
+  if (events_.size() == event_capacity) {
+    events_.pop_front();
+    ++lost_events_;
+  }
+  events_.push_back(event);
+}
+
+fs_event fs_scene::next_event(double timeout) {
+  if (!(timeout >= 0)) fail(FS_ERROR_INVALID, "timeout is %g, must be >= 0 s", timeout);
+  const double start = steady_now();
+  for (;;) {
+    {
+      const std::lock_guard lock(mutex_);
+      settle(true);
+      if (servo_) {
+        for (fs_event event; servo_->take_event(event);) push_event(event);
+      }
+      if (lost_events_) {
+        fs_event event{};
+        event.kind = FS_EVENT_OVERFLOW;
+        event.time = now();
+        event.value = static_cast<double>(std::exchange(lost_events_, 0));
+        return event;
+      }
+      if (!events_.empty()) {
+        const fs_event event = events_.front();
+        events_.pop_front();
+        return event;
+      }
+    }
+    const double rest = timeout - (steady_now() - start);
+    if (!(rest > 0)) return {};
+    // The servo makes no system call to wake anyone, so this side looks, often enough for a person.
+    std::this_thread::sleep_for(std::chrono::duration<double>(std::fmin(rest, 2e-3)));
+  }
+}

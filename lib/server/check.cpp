@@ -1,0 +1,267 @@
+// forceserver check: what a scene or a mesh is, and what is odd in it.
+#include <algorithm>
+#include <cctype>
+#include <cstdarg>
+#include <cstdio>
+#include <filesystem>
+#include <limits>
+#include <string_view>
+#include <vector>
+
+#include "program.h"
+
+namespace {
+
+const double faint = 1e-3;  // N: below it nobody feels anything
+
+class Findings {
+ public:
+  [[gnu::format(printf, 3, 4)]] void add(const std::string& name, const char* format, ...) {
+    std::printf("  odd: %s%s", name.c_str(), name.empty() ? "" : ": ");
+    va_list arguments;
+    va_start(arguments, format);
+    std::vprintf(format, arguments);
+    va_end(arguments);
+    std::printf("\n");
+    ++count_;
+  }
+  int finish() const {
+    if (count_ == 0) std::printf("nothing odd\n");
+    else std::printf("%d odd %s\n", count_, count_ == 1 ? "thing" : "things");
+    return count_ == 0 ? exit_fine : exit_odd;
+  }
+
+ private:
+  int count_ = 0;
+};
+
+// A length with a unit that suits it.
+std::string metres(double value) {
+  char text[32];
+  const double size = std::abs(value);
+  if (size >= 1000) std::snprintf(text, sizeof text, "%.4g km", value / 1000);
+  else if (size >= 1 || size == 0) std::snprintf(text, sizeof text, "%.4g m", value);
+  else if (size >= 1e-3) std::snprintf(text, sizeof text, "%.4g mm", value * 1e3);
+  else std::snprintf(text, sizeof text, "%.4g um", value * 1e6);
+  return text;
+}
+
+fs_vec3 minus(const fs_vec3& a, const fs_vec3& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+
+fs_vec3 rotate(const fs_quat& q, const fs_vec3& v) {
+  const fs_vec3 t = {2 * (q.y * v.z - q.z * v.y), 2 * (q.z * v.x - q.x * v.z), 2 * (q.x * v.y - q.y * v.x)};
+  return {v.x + q.w * t.x + q.y * t.z - q.z * t.y, v.y + q.w * t.y + q.z * t.x - q.x * t.z,
+          v.z + q.w * t.z + q.x * t.y - q.y * t.x};
+}
+
+fs_vec3 apply(const fs_pose& pose, const fs_vec3& v) {
+  const fs_vec3 r = rotate(pose.orientation, v);
+  return {pose.position.x + r.x, pose.position.y + r.y, pose.position.z + r.z};
+}
+
+fs_shape_info describe(const fs_shape* shape) {
+  fs_shape_info info = fs_shape_info_init();
+  require(fs_shape_get_info(shape, &info));
+  std::size_t points = 0, triangles = 0;
+  fs_shape_get_points(shape, &points);
+  fs_shape_get_triangles(shape, &triangles);
+  const fs_vec3 size = minus(info.upper, info.lower);
+  if (info.primitive == FS_PRIMITIVE_MESH) {
+    std::printf("%s mesh of %zu triangles and %zu points", info.closed ? "closed" : "open", triangles, points);
+  } else {
+    std::printf("%s polyline of %zu points", info.closed ? "closed" : "open", points);
+  }
+  std::printf(", %s x %s x %s", metres(size.x).c_str(), metres(size.y).c_str(), metres(size.z).c_str());
+  return info;
+}
+
+void check_shape(const std::string& name, const fs_shape* shape, Findings& findings) {
+  fs_shape_info info = fs_shape_info_init();
+  require(fs_shape_get_info(shape, &info));
+  std::size_t triangles = 0;
+  fs_shape_get_triangles(shape, &triangles);
+  auto plural = [](std::uint64_t n, const char* one, const char* many) { return n == 1 ? one : many; };
+  using Count = unsigned long long;
+
+  if (info.open_edges > 0) {
+    findings.add(name, "%llu open %s: the mesh has holes or a border, where front and back meet",
+                 Count(info.open_edges), plural(info.open_edges, "edge", "edges"));
+  }
+  if (info.odd_edges > 0) {
+    findings.add(name, "%llu odd %s: of three and more triangles, or of two that disagree about the front",
+                 Count(info.odd_edges), plural(info.odd_edges, "edge", "edges"));
+  }
+  if (info.degenerate > 0) {
+    findings.add(name, "%llu %s without area", Count(info.degenerate),
+                 plural(info.degenerate, "triangle", "triangles"));
+  }
+  if (triangles > 2000000) {
+    findings.add(name, "%zu triangles: expect seconds until it can be felt, and about %zu MB", triangles,
+                 triangles * 150 / 1000000);
+  }
+  const fs_vec3 size = minus(info.upper, info.lower);
+  const double across = length(size), far = std::max(length(info.lower), length(info.upper));
+  if (across == 0) findings.add(name, "all its points are the same");
+  // Mesh files mostly hold single precision: 24 bits.
+  const double rounded = far * std::numeric_limits<float>::epsilon() / 2;
+  if (across > 0 && rounded > 1e-4 * across) {
+    findings.add(name, "it lies %s from its origin but is only %s across: single precision, as in most files, rounds "
+                 "that to %s", metres(far).c_str(), metres(across).c_str(), metres(rounded).c_str());
+  }
+}
+
+int check_mesh(const CheckOptions& options) {
+  const Shape shape = open<Shape>(fs_shape_load, options.file.c_str(), options.scale);
+  std::printf("%s: a ", options.file.c_str());
+  const fs_shape_info info = describe(shape.get());
+  std::printf("\n");
+  Findings findings;
+  check_shape("", shape.get(), findings);
+  const double across = length(minus(info.upper, info.lower));
+  if (across > 10 || (across > 0 && across < 1e-3)) {
+    findings.add("", "%s across at %g m per unit of the file: is another --scale meant (0.001: millimetres)?",
+                 metres(across).c_str(), options.scale);
+  }
+  return findings.finish();
+}
+
+const char* kind_name(fs_profile_kind kind) {
+  switch (kind) {
+    case FS_PROFILE_CONSTANT: return "constant";
+    case FS_PROFILE_LINEAR_INCREASING: return "linear increasing";
+    case FS_PROFILE_LINEAR_DECREASING: return "linear decreasing";
+    case FS_PROFILE_GAUSSIAN: return "gaussian";
+    case FS_PROFILE_QUADRATIC: return "quadratic";
+    case FS_PROFILE_INVERSE: return "inverse";
+    case FS_PROFILE_CUSTOM: return "custom";
+    default: return "no profile";
+  }
+}
+
+void describe_profile(const char* side, const fs_profile& profile) {
+  if (profile.kind == FS_PROFILE_NONE) return;
+  std::printf("; %s%s %s, at most %g N", side, profile.sense == FS_SENSE_ATTRACTIVE ? "attractive" : "repulsive",
+              kind_name(profile.kind), profile.limit);
+  if (profile.reach > 0) std::printf(" within %s", metres(profile.reach).c_str());
+}
+
+// The most that a profile gives at distances from `nearest` to `farthest`, N.
+double most(const fs_profile& profile, double nearest, double farthest) {
+  if (profile.kind == FS_PROFILE_NONE || (profile.reach > 0 && nearest > profile.reach)) return 0;
+  if (profile.kind == FS_PROFILE_CUSTOM) return profile.limit;  // it may depend on time: the benefit of the doubt
+  double distances[256], forces[256];
+  for (int i = 0; i < 256; ++i) distances[i] = nearest + (farthest - nearest) * i / 255;
+  require(fs_profile_evaluate(&profile, 0, 0, distances, 256, forces));
+  return *std::max_element(forces, forces + 256);
+}
+
+struct Workspace {  // in scene metres
+  fs_vec3 centre;
+  double radius;  // of the sphere around the device's cylinder
+};
+
+// A bound from below of the distance between an object and the workspace, m.
+double nearest(const fs_object& object, const Workspace& workspace) {
+  fs_pose inverse = object.pose;
+  inverse.orientation = {object.pose.orientation.w, -object.pose.orientation.x, -object.pose.orientation.y,
+                         -object.pose.orientation.z};
+  const fs_vec3 centre = rotate(inverse.orientation, minus(workspace.centre, object.pose.position));
+  double distance = 0;
+  if (object.primitive == FS_PRIMITIVE_POINT) distance = length(centre);
+  if (object.primitive == FS_PRIMITIVE_PLANE) distance = std::abs(centre.z);
+  if (object.shape) {
+    fs_shape_info info = fs_shape_info_init();
+    require(fs_shape_get_info(object.shape, &info));
+    distance = length({std::max({info.lower.x - centre.x, 0.0, centre.x - info.upper.x}),
+                       std::max({info.lower.y - centre.y, 0.0, centre.y - info.upper.y}),
+                       std::max({info.lower.z - centre.z, 0.0, centre.z - info.upper.z})});
+  }
+  return std::max(0.0, distance - workspace.radius);
+}
+
+void check_object(const fs_object& object, const Workspace& workspace, std::size_t tool_points, double force_max,
+                  Findings& findings) {
+  const std::string name = object.name;
+  if (object.shape) check_shape(name, object.shape, findings);
+  if (!object.enabled) findings.add(name, "it is disabled: nothing is felt of it");
+  const bool solid = object.contact.keep != FS_KEEP_NONE;
+  const bool profiles = object.front.kind != FS_PROFILE_NONE || object.back.kind != FS_PROFILE_NONE;
+  if (!solid && !profiles) {
+    findings.add(name, "it has no profile and is not solid: nothing is felt of it");
+  } else if (profiles) {
+    const double from = nearest(object, workspace), to = from + 2 * workspace.radius + length(object.pose.position);
+    if (std::max(most(object.front, from, to), most(object.back, from, to)) < faint && !solid) {
+      findings.add(name, "the hand cannot get near enough to feel it: at least %s of the scene are between it and the "
+                   "device's workspace", metres(from).c_str());
+    }
+  } else if (nearest(object, workspace) > 0) {
+    findings.add(name, "it lies %s of the scene outside of the device's workspace",
+                 metres(nearest(object, workspace)).c_str());
+  }
+  const double limit = std::max({object.front.limit, object.back.limit, object.contact.limit});
+  if (limit > force_max) findings.add(name, "its limit of %g N is above the device's %g N", limit, force_max);
+  const std::uint32_t points = tool_points >= 32 ? ~0u : (1u << tool_points) - 1;
+  if (object.tool_points != 0 && (object.tool_points & points) == 0) {
+    findings.add(name, "it is for points that the tool, with %zu, does not have", tool_points);
+  }
+}
+
+int check_scene(const CheckOptions& options) {
+  const Scene scene = open<Scene>(fs_scene_create);
+  require(fs_scene_load(scene.get(), options.file.c_str()));
+  const Device device = open<Device>(fs_device_open, options.device.c_str());
+  fs_device_info info = fs_device_info_init();
+  require(fs_device_get_info(device.get(), &info));
+  fs_frame frame = fs_frame_init();
+  require(fs_scene_get_frame(scene.get(), nullptr, &frame));
+  std::size_t tool_points = 0;
+  require(fs_scene_get_tool(scene.get(), nullptr, 0, &tool_points));
+
+  // One tick of a servo tells what it makes of the slopes.
+  fs_servo_options servo_options = fs_servo_options_init();
+  servo_options.mode = FS_SERVO_VIRTUAL;
+  const Servo servo = open<Servo>(fs_servo_start, scene.get(), device.get(), &servo_options);
+  require(fs_servo_step(servo.get(), 1));
+  std::size_t count = 0;
+  require(fs_scene_get_reports(scene.get(), nullptr, 0, &count));
+  std::vector<fs_report> reports(count);
+  require(fs_scene_get_reports(scene.get(), reports.data(), count, &count));
+
+  std::printf("%s: a scene of %zu %s for a tool of %zu %s; %s of it are a metre of the device\n", options.file.c_str(),
+              count, count == 1 ? "object" : "objects", tool_points, tool_points == 1 ? "point" : "points",
+              metres(frame.scale).c_str());
+  Findings findings;
+  if (count == 0) findings.add("", "it is empty");
+  if (frame.force_scale == 0) findings.add("", "its force_scale is 0: nothing is felt of it");
+  const fs_quat& q = frame.pose.orientation;
+  const fs_vec3 centre = rotate({q.w, -q.x, -q.y, -q.z}, frame.pose.position);
+  const Workspace workspace = {{-centre.x * frame.scale, -centre.y * frame.scale, -centre.z * frame.scale},
+                               std::hypot(info.workspace_radius, info.workspace_height / 2) * frame.scale};
+  for (const fs_report& report : reports) {
+    fs_object object = fs_object_init("", FS_PRIMITIVE_POINT);
+    require(fs_object_get(scene.get(), report.name, &object));
+    const std::unique_ptr<fs_object, Release<fs_object_release>> released(&object);
+    std::printf("%s: a ", object.name);
+    if (object.shape) describe(object.shape);
+    else std::printf("%s", object.primitive == FS_PRIMITIVE_PLANE ? "plane" : "point");
+    const bool sides = object.primitive == FS_PRIMITIVE_PLANE || object.primitive == FS_PRIMITIVE_MESH;
+    describe_profile(sides ? "front " : "", object.front);
+    describe_profile("back ", object.back);
+    if (object.contact.keep != FS_KEEP_NONE) std::printf("; solid");
+    std::printf("\n");
+    check_object(object, workspace, tool_points, info.force_max, findings);
+    if (object.enabled && report.stiffness_applied < 0.99 * report.stiffness_wanted) {
+      std::printf("  note: %s: as steep as %.4g N/m at the device; a servo at %g Hz flattens that to %.4g N/m\n",
+                  object.name, report.stiffness_wanted, info.rate, report.stiffness_applied);
+    }
+  }
+  return findings.finish();
+}
+
+}  // namespace
+
+int check(const CheckOptions& options) {
+  std::string extension = std::filesystem::path(options.file).extension().string();
+  for (char& c : extension) c = char(std::tolower(static_cast<unsigned char>(c)));
+  return extension == ".json" ? check_scene(options) : check_mesh(options);
+}

@@ -1,0 +1,124 @@
+// forceserver evaluate: positions in, forces out.
+#include <unistd.h>
+
+#include <cerrno>
+#include <charconv>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <optional>
+#include <string_view>
+#include <vector>
+
+#include "program.h"
+
+namespace {
+
+const std::size_t batch_size = 8192;
+
+// The next number of the line; nothing when there is none. Takes it, and one comma behind it, off the line.
+std::optional<double> take_number(std::string_view& line) {
+  const char* const blanks = " \t\r";
+  line.remove_prefix(std::min(line.find_first_not_of(blanks), line.size()));
+  if (line.starts_with('+')) line.remove_prefix(1);
+  double value = 0;
+  const auto [end, error] = std::from_chars(line.data(), line.data() + line.size(), value);
+  if (error != std::errc() || !std::isfinite(value)) return {};
+  line.remove_prefix(end - line.data());
+  if (!line.empty() && !std::strchr(" \t\r,;", line.front())) return {};
+  line.remove_prefix(std::min(line.find_first_not_of(blanks), line.size()));
+  if (line.starts_with(',') || line.starts_with(';')) line.remove_prefix(1);
+  return value;
+}
+
+// Empty: not a position.
+std::optional<fs_vec3> parse_position(std::string_view line) {
+  const auto x = take_number(line), y = take_number(line), z = take_number(line);
+  if (!x || !y || !z || line.find_first_not_of(" \t\r") != line.npos) return {};
+  return fs_vec3{*x, *y, *z};
+}
+
+class Progress {
+ public:
+  explicit Progress(const std::string& input) : shown_(isatty(STDERR_FILENO)) {
+    std::error_code none;
+    if (shown_ && input != "-") size_ = std::filesystem::file_size(input, none);
+    if (none) size_ = 0;
+  }
+  void print(std::size_t done, std::streamoff at) {
+    if (!shown_) return;
+    std::fprintf(stderr, "\r\033[K%zu positions", done);
+    if (size_ > 0 && at > 0) std::fprintf(stderr, ", %.0f %%", 100.0 * double(at) / double(size_));
+    drawn_ = true;
+  }
+  ~Progress() {
+    if (drawn_) std::fprintf(stderr, "\r\033[K");
+  }
+
+ private:
+  bool shown_, drawn_ = false;
+  std::uintmax_t size_ = 0;
+};
+
+}  // namespace
+
+int evaluate(const EvaluateOptions& options) {
+  const double begin = 1;  // s: a scene's time has to be above 0; its objects begin here
+  const Scene scene = open<Scene>(fs_scene_create);
+  require(fs_scene_set_time(scene.get(), begin));
+  require(fs_scene_load(scene.get(), options.scene.c_str()));
+  require(fs_scene_set_time(scene.get(), begin + options.time));
+
+  std::ifstream file;
+  if (options.input != "-") {
+    file.open(options.input);
+    if (!file) throw std::runtime_error("cannot read " + options.input + ": " + std::strerror(errno));
+  }
+  std::istream& in = options.input == "-" ? std::cin : file;
+  auto require_written = [](bool good) {
+    if (!good) throw std::runtime_error(std::string("cannot write the forces: ") + std::strerror(errno));
+  };
+
+  Progress progress(options.input);
+  std::vector<fs_vec3> positions, forces;
+  std::size_t done = 0, line_number = 0;
+  auto flush = [&] {
+    forces.resize(positions.size());
+    const char* const object = options.object.empty() ? nullptr : options.object.c_str();
+    require(fs_evaluate_field(scene.get(), object, FS_NOW, positions.data(), positions.size(), forces.data()));
+    for (std::size_t i = 0; i < positions.size(); ++i) {
+      const fs_vec3 &x = positions[i], &f = forces[i];
+      require_written(std::printf("%.17g,%.17g,%.17g,%.17g,%.17g,%.17g\n", x.x, x.y, x.z, f.x, f.y, f.z) > 0);
+    }
+    done += positions.size();
+    positions.clear();
+    if (done > batch_size) progress.print(done, in.tellg());
+  };
+
+  require_written(std::puts("x,y,z,fx,fy,fz") >= 0);
+  bool header_possible = true;
+  for (std::string line; std::getline(in, line);) {
+    ++line_number;
+    std::string_view text(line);
+    if (line_number == 1 && text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);  // a byte-order mark
+    text = text.substr(0, text.find('#'));
+    if (text.find_first_not_of(" \t\r") == text.npos) continue;
+    const auto position = parse_position(text);
+    std::string_view first_word = text;
+    const bool header = !position && header_possible && !take_number(first_word);
+    header_possible = false;
+    if (header) continue;
+    if (!position) {
+      throw std::runtime_error(options.input + ", line " + std::to_string(line_number) +
+                               ": expected three finite numbers \"x y z\" or \"x,y,z\", found \"" + line + "\"");
+    }
+    positions.push_back(*position);
+    if (positions.size() == batch_size) flush();
+  }
+  if (in.bad()) throw std::runtime_error("cannot read " + options.input + ": " + std::strerror(errno));
+  flush();
+  require_written(std::fflush(stdout) == 0);
+  return exit_fine;
+}

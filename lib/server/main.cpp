@@ -1,0 +1,119 @@
+#include <cstdio>
+#include <vector>
+
+#include <CLI/CLI.hpp>
+
+#include "program.h"
+
+namespace {
+
+int devices() {
+  std::size_t count = 0;
+  require(fs_device_list(nullptr, 0, &count));
+  std::vector<fs_device_entry> entries(count);
+  require(fs_device_list(entries.data(), entries.size(), &count));
+  for (std::size_t i = 0; i < std::min(count, entries.size()); ++i) {
+    std::printf("%-24s %s\n", entries[i].uri, entries[i].label);
+  }
+  return exit_fine;
+}
+
+const char* const run_help = R"(examples:
+  forceserver run --scene room.json
+      the scene with a simulated device and hand, until Ctrl-C
+  forceserver run --scene room.json --device 'sim:?path=figure8' --duration 10 --record ticks.csv
+      ten seconds with a hand that draws an eight; every tick goes to a file
+  sudo forceserver run --scene room.json --rate 4000
+      four thousand ticks a second; root is granted a real-time priority
+
+The columns of the record: time (s), the pose (m; w, x, y, z), the force as evaluated and as sent after all
+protections (N), how late the tick began and how long it took (s), and the faults. Positions and forces are the
+device's. Ends with 1 when a fault stopped the force.)";
+
+const char* const check_help = R"(examples:
+  forceserver check room.json
+  forceserver check part.stl --scale 0.001
+      a mesh whose file is in millimetres
+
+Tells what it is and what is odd in it: holes, triangles without area, objects that nobody can feel or reach. Ends with
+0 when nothing is odd, 1 when something is, 2 when it cannot be read.)";
+
+const char* const evaluate_help = R"(examples:
+  forceserver evaluate --scene room.json points.csv > forces.csv
+  echo 0 0 0.01 | forceserver evaluate --scene room.json --object wall
+  seq 0 0.001 0.1 | sed 's/^/0 0 /' | forceserver evaluate --scene room.json --time 2.5
+
+In: a position per line, "x y z" or "x,y,z" in metres of the scene; '#' begins a comment; the first line may be a
+header. Out: x,y,z,fx,fy,fz with all digits, so that the same input gives the same file. No device and no protection
+takes part: this is the bare scene.)";
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const CLI::Validator above_zero([](const std::string& text) {
+    double value = 0;
+    return CLI::detail::lexical_cast(text, value) && value > 0 ? "" : text + " is not a number above 0";
+  }, "");
+  const CLI::Validator not_negative([](const std::string& text) {
+    double value = 0;
+    return CLI::detail::lexical_cast(text, value) && value >= 0 ? "" : text + " is not a number of 0 or more";
+  }, "");
+  CLI::App app("Say what should be felt; a servo makes it felt, a thousand times a second and more.", "forceserver");
+  app.set_version_flag("--version", std::string("forceserver ") + fs_version());
+  app.require_subcommand(1);
+  app.footer("Each command has its own help with examples: forceserver run --help\n"
+             "Exit status: 0 all is well, 1 something is odd (check) or a fault happened (run), 2 it could not be done");
+
+  RunOptions run_options;
+  CLI::App* run_command = app.add_subcommand("run", "Run a scene on a device");
+  auto run_option = [&](const char* name, auto& value, const char* type, const char* help) {
+    return run_command->add_option(name, value, help)->type_name(type);
+  };
+  run_option("--scene", run_options.scene, "FILE", "The scene, a .json file; without it nothing is felt");
+  run_option("--device", run_options.device, "URI", "The device; see `forceserver devices`")->capture_default_str();
+  run_option("--duration", run_options.duration, "SECONDS", "Without it until Ctrl-C")->check(above_zero);
+  run_option("--rate", run_options.rate, "HZ", "Ticks a second, 100 to 20000; without it the device's")
+      ->check(above_zero);
+  run_option("--force-limit", run_options.force_limit, "N", "The most force; without it the device's")
+      ->check(above_zero);
+  run_option("--record", run_options.record, "FILE", "Write every tick to this .csv file");
+  run_option("--listen", run_options.listen, "ENDPOINT", "Let other programs in, such as shm:lab");
+  run_command->footer(run_help);
+
+  CheckOptions check_options;
+  CLI::App* check_command = app.add_subcommand("check", "Say what a scene or mesh is and what is odd in it");
+  check_command->add_option("file", check_options.file, "A scene (.json) or a mesh (.obj .ply .stl .off)")
+      ->type_name("")->required();
+  check_command->add_option("--scale", check_options.scale, "Of a mesh: metres per unit of the file")
+      ->type_name("M")->check(above_zero)->capture_default_str();
+  check_command->add_option("--device", check_options.device, "Of a scene: the device it is for")
+      ->type_name("URI")->capture_default_str();
+  check_command->footer(check_help);
+
+  EvaluateOptions evaluate_options;
+  CLI::App* evaluate_command = app.add_subcommand("evaluate", "The forces of a scene at given positions");
+  evaluate_command->add_option("positions", evaluate_options.input, "A file of positions; - is the standard input")
+      ->type_name("")->capture_default_str();
+  evaluate_command->add_option("--scene", evaluate_options.scene, "The scene, a .json file")
+      ->type_name("FILE")->required();
+  evaluate_command->add_option("--object", evaluate_options.object, "Of this object alone; without it of all")
+      ->type_name("NAME");
+  evaluate_command->add_option("--time", evaluate_options.time, "Since the scene began")
+      ->type_name("SECONDS")->check(not_negative)->capture_default_str();
+  evaluate_command->footer(evaluate_help);
+
+  CLI::App* devices_command = app.add_subcommand("devices", "List the devices that can be opened");
+
+  try {
+    app.parse(argc, argv);
+    if (*run_command) return run(run_options);
+    if (*check_command) return check(check_options);
+    if (*evaluate_command) return evaluate(evaluate_options);
+    if (*devices_command) return devices();
+  } catch (const CLI::Success& wanted) {  // --help, --version
+    return app.exit(wanted);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "forceserver: %s\n", error.what());
+  }
+  return exit_failed;
+}

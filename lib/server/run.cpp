@@ -1,0 +1,256 @@
+// forceserver run: a scene on a device, until the time is over or Ctrl-C.
+#include <pthread.h>
+#include <signal.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cstdio>
+#include <cstring>
+#include <string_view>
+#include <vector>
+
+#include "program.h"
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using Seconds = std::chrono::duration<double>;
+
+// The signals that end a program are blocked in every thread and waited for here: nothing is interrupted in the middle,
+// and the force always goes to 0 first.
+class Ending {
+ public:
+  Ending() {
+    sigemptyset(&signals_);
+    for (int signal : {SIGINT, SIGTERM, SIGHUP, SIGPIPE}) sigaddset(&signals_, signal);
+    pthread_sigmask(SIG_BLOCK, &signals_, nullptr);
+  }
+  bool wait(double seconds) const {  // true: a signal asked us to end
+    const timespec time = {time_t(seconds), long((seconds - std::floor(seconds)) * 1e9)};
+    return sigtimedwait(&signals_, nullptr, &time) > 0;
+  }
+
+ private:
+  sigset_t signals_;
+};
+
+// Every tick as a line of a file. The servo remembers two seconds: fetch() is to be called more often than that.
+class Record {
+ public:
+  explicit Record(const std::string& path) : path_(path), file_(std::fopen(path.c_str(), "w")) {
+    if (!file_) fail();
+    std::fputs("time,x,y,z,qw,qx,qy,qz,fx,fy,fz,sent_fx,sent_fy,sent_fz,late,compute,faults\n", file_);
+  }
+  Record(const Record&) = delete;
+  Record& operator=(const Record&) = delete;
+  ~Record() { std::fclose(file_); }
+
+  void fetch(fs_servo* servo) {
+    std::size_t count = 0;
+    require(fs_servo_get_record(servo, nullptr, 0, &count));
+    ticks_.resize(count + 1000);  // more come meanwhile
+    require(fs_servo_get_record(servo, ticks_.data(), ticks_.size(), &count));
+    ticks_.resize(std::min(count, ticks_.size()));
+    auto is_last = [&](const fs_tick& tick) { return any_ && std::memcmp(&tick, &last_, sizeof tick) == 0; };
+    const auto seen = std::find_if(ticks_.rbegin(), ticks_.rend(), is_last);
+    if (seen == ticks_.rend() && any_) ++gaps_;
+    for (auto tick = seen.base(); tick != ticks_.end(); ++tick) {
+      const fs_vec3 &x = tick->state.pose.position, &f = tick->response.wrench.force, &s = tick->sent.force;
+      const fs_quat& q = tick->state.pose.orientation;
+      const double columns[] = {x.x, x.y, x.z, q.w, q.x, q.y, q.z, f.x, f.y, f.z, s.x, s.y, s.z, tick->late,
+                                tick->compute};
+      std::fprintf(file_, "%.9f", tick->state.time);
+      for (const double value : columns) std::fprintf(file_, ",%.9g", value);
+      std::fprintf(file_, ",%u\n", tick->faults);
+    }
+    if (!ticks_.empty()) {
+      last_ = ticks_.back();
+      any_ = true;
+    }
+    if (std::fflush(file_) != 0 || std::ferror(file_)) fail();
+  }
+  int gaps() const { return gaps_; }
+
+ private:
+  [[noreturn]] void fail() const { throw std::runtime_error("cannot write " + path_ + ": " + std::strerror(errno)); }
+
+  std::string path_;
+  FILE* file_;
+  std::vector<fs_tick> ticks_;
+  fs_tick last_;
+  bool any_ = false;
+  int gaps_ = 0;
+};
+
+std::string join(const std::vector<std::string>& words, const char* none) {
+  std::string text;
+  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
+  return text.empty() ? none : text;
+}
+
+std::string fault_names(std::uint32_t faults) {
+  std::vector<std::string> names;
+  if (faults & FS_FAULT_DEVICE) names.push_back("the device is not ready");
+  if (faults & FS_FAULT_SPEED) names.push_back("the hand was too fast");
+  if (faults & FS_FAULT_NUMBER) names.push_back("a pose or force was not finite");
+  if (faults & FS_FAULT_LATE) names.push_back("the servo was late too long");
+  return join(names, "none");
+}
+
+std::string protection_names(std::uint32_t off) {
+  const std::pair<std::uint32_t, const char*> all[] = {
+    {FS_OFF_SLEW, "limit of the change in force"}, {FS_OFF_SPEED, "limit of the hand's speed"},
+    {FS_OFF_STIFFNESS, "limit of the slope"}, {FS_OFF_DAMPING, "local damping"}, {FS_OFF_RAMP, "ramp at the start"},
+    {FS_OFF_FADE, "fading in and out"}, {FS_OFF_BLEND, "blending of moves"}};
+  std::vector<std::string> names;
+  for (const auto& [bit, name] : all) {
+    if (off & bit) names.push_back(name);
+  }
+  return join(names, "none");
+}
+
+const char* realtime_name(fs_realtime realtime) {
+  switch (realtime) {
+    case FS_REALTIME_FIFO_LOCKED: return "real-time priority (FIFO) and locked memory";
+    case FS_REALTIME_FIFO: return "real-time priority (FIFO), memory not locked";
+    case FS_REALTIME_NICE: return "a better nice value, no real-time priority";
+    default: return "nothing: an ordinary thread, which the system may keep waiting";
+  }
+}
+
+fs_servo_stats get_stats(fs_scene* scene) {
+  fs_servo_stats stats = fs_servo_stats_init();
+  require(fs_scene_get_servo_stats(scene, &stats));
+  return stats;
+}
+
+// What is felt most, by name.
+std::string felt(fs_scene* scene) {
+  std::size_t count = 0;
+  require(fs_scene_get_reports(scene, nullptr, 0, &count));
+  std::vector<fs_report> reports(count);
+  require(fs_scene_get_reports(scene, reports.data(), reports.size(), &count));
+  reports.resize(std::min(count, reports.size()));
+  std::sort(reports.begin(), reports.end(), [](const fs_report& a, const fs_report& b) {
+    return length(a.wrench.force) > length(b.wrench.force);
+  });
+  std::vector<std::string> names;
+  for (const fs_report& report : reports) {
+    const double force = length(report.wrench.force);
+    if (force < 0.01 || names.size() == 3) break;
+    char text[FS_NAME_SIZE + 32];
+    std::snprintf(text, sizeof text, "%s %.2f N", report.name, force);
+    names.push_back(text);
+  }
+  return join(names, "nothing");
+}
+
+void print_line(fs_scene* scene, double time, bool terminal) {
+  const fs_servo_stats stats = get_stats(scene);
+  fs_wrench sent;
+  require(fs_scene_get_hand(scene, nullptr, nullptr, &sent));
+  char head[160];
+  std::snprintf(head, sizeof head, "%.1f s  %.0f Hz, late by %.0f us (p99), force %.2f N; felt: ", time, stats.rate,
+                stats.late_p99 * 1e6, length(sent.force));
+  std::string line = head + felt(scene);
+  if (stats.faults) line += "; STOPPED: " + fault_names(stats.faults);
+  winsize window{};
+  if (terminal && ioctl(STDOUT_FILENO, TIOCGWINSZ, &window) == 0 && window.ws_col > 1) {
+    line.resize(std::min<std::size_t>(line.size(), window.ws_col - 1));  // it must not wrap
+  }
+  std::printf(terminal ? "\r\033[K%s" : "%s\n", line.c_str());
+  std::fflush(stdout);
+}
+
+// What happened meanwhile, each as a line of its own.
+void print_events(fs_scene* scene, bool terminal) {
+  for (;;) {
+    fs_event event;
+    require(fs_scene_next_event(scene, 0, &event));
+    if (event.kind == FS_EVENT_NONE) return;
+    if (terminal) std::printf("\r\033[K");
+    if (event.kind == FS_EVENT_CAPPED) std::printf("%s: its slope is now %.0f N/m at most\n", event.name, event.value);
+    if (event.kind == FS_EVENT_EXPIRED) std::printf("%s: outlived its lifetime\n", event.name);
+    if (event.kind == FS_EVENT_EDITED) std::printf("%s: edited by %s\n", event.name, event.text);
+    if (event.kind == FS_EVENT_DEVICE && event.status == FS_OK) std::printf("the device is ready\n");
+    if (event.kind == FS_EVENT_DEVICE && event.status != FS_OK) std::printf("the force stopped: %s\n", event.text);
+    if (event.kind == FS_EVENT_OVERFLOW) std::printf("%.0f older events were dropped\n", event.value);
+  }
+}
+
+void print_summary(const fs_servo_stats& s, double seconds, std::uint32_t faults) {
+  using Count = unsigned long long;
+  std::printf("%llu ticks in %.1f s: %.1f Hz; %llu missed, %llu with a device error\n", Count(s.ticks), seconds,
+              s.rate, Count(s.misses), Count(s.device_errors));
+  std::printf("late    p50 %.0f us, p99 %.0f us, most %.0f us (last 10 s)\n", s.late_p50 * 1e6, s.late_p99 * 1e6,
+              s.late_max * 1e6);
+  std::printf("compute p50 %.1f us, p99 %.1f us, most %.1f us\n", s.compute_p50 * 1e6, s.compute_p99 * 1e6,
+              s.compute_max * 1e6);
+  std::printf("slopes up to %.0f N/m, local damping %.1f N s/m; a limit or fault changed the force of %llu ticks\n",
+              s.max_stiffness, s.damping, Count(s.guarded));
+  std::printf("faults: %s\n", fault_names(faults).c_str());
+  std::printf("the system granted: %s\n", realtime_name(s.realtime));
+  std::printf("protections switched off: %s\n", protection_names(s.protections_off).c_str());
+}
+
+}  // namespace
+
+int run(const RunOptions& options) {
+  const Ending ending;
+  const bool terminal = isatty(STDOUT_FILENO);
+  const Scene scene = open<Scene>(fs_scene_create);
+  if (!options.scene.empty()) require(fs_scene_load(scene.get(), options.scene.c_str()));
+  std::unique_ptr<Record> record;
+  if (!options.record.empty()) record = std::make_unique<Record>(options.record);
+
+  const Device device = open<Device>(fs_device_open, options.device.c_str());
+  fs_device_info info = fs_device_info_init();
+  require(fs_device_get_info(device.get(), &info));
+  fs_servo_options servo_options = fs_servo_options_init();
+  servo_options.rate = options.rate;
+  servo_options.force_limit = options.force_limit;
+  const Servo servo = open<Servo>(fs_servo_start, scene.get(), device.get(), &servo_options);
+  Server server;
+  if (!options.listen.empty()) server = open<Server>(fs_server_start, servo.get(), options.listen.c_str(), nullptr);
+  std::printf("%s (%s), at most %g N%s\n", info.name, options.device.c_str(),
+              options.force_limit > 0 ? std::min(options.force_limit, info.force_max) : info.force_max,
+              options.duration > 0 ? "" : "; Ctrl-C ends");
+  std::fflush(stdout);
+
+  const auto start = Clock::now();
+  const double sample = 0.1, line_period = terminal ? 0.2 : 5;
+  double next_line = line_period;
+  std::uint32_t faults = 0;
+  bool record_failed = false;
+  for (bool over = false; !over;) {
+    double elapsed = Seconds(Clock::now() - start).count();
+    const double left = options.duration > 0 ? options.duration - elapsed : sample;
+    over = left <= 0 || ending.wait(std::min(left, sample));
+    elapsed = Seconds(Clock::now() - start).count();
+    faults |= get_stats(scene.get()).faults;
+    print_events(scene.get(), terminal);
+    if (record) {
+      try {
+        record->fetch(servo.get());
+      } catch (const std::exception& error) {  // the hand should not suffer from a full disk
+        std::fprintf(stderr, "forceserver: %s; the run goes on without the record\n", error.what());
+        record.reset();
+        record_failed = true;
+      }
+    }
+    if (elapsed >= next_line) {
+      print_line(scene.get(), elapsed, terminal);
+      next_line += line_period;
+    }
+  }
+  const fs_servo_stats stats = get_stats(scene.get());
+  fs_servo_set_enabled(servo.get(), false);
+  if (terminal) std::printf("\r\033[K");
+  print_summary(stats, Seconds(Clock::now() - start).count(), faults | stats.faults);
+  if (record && record->gaps() > 0) std::printf("the record has %d gaps: this machine was too slow\n", record->gaps());
+  if (record_failed) return exit_failed;
+  return faults | stats.faults ? exit_odd : exit_fine;
+}

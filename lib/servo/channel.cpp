@@ -1,0 +1,135 @@
+#include "servo/channel.h"
+
+namespace fs {
+
+fs_state to_scene(const fs_frame& frame, const fs_state& hand) noexcept {
+  const Quat back = conjugate(frame.pose.orientation);
+  fs_state out = hand;
+  out.pose.position = frame.scale * rotate(back, hand.pose.position - frame.pose.position);
+  out.pose.orientation = back * hand.pose.orientation;
+  out.twist.linear = frame.scale * rotate(back, hand.twist.linear);
+  out.twist.angular = rotate(back, hand.twist.angular);
+  return out;
+}
+
+fs_response to_device(const fs_frame& frame, const fs_response& response) noexcept {
+  const Quat q = frame.pose.orientation;
+  const Mat3 r = to_matrix(q);
+  fs_response out = response;
+  out.wrench.force = frame.force_scale * rotate(q, response.wrench.force);
+  out.wrench.torque = (frame.force_scale / frame.scale) * rotate(q, response.wrench.torque);
+  out.stiffness = (frame.force_scale * frame.scale) * (r * response.stiffness * transposed(r));
+  out.proxy = frame.pose * Pose{(1 / frame.scale) * response.proxy.position, response.proxy.orientation};
+  out.error_bound = frame.force_scale * response.error_bound;
+  return out;
+}
+
+namespace {
+
+void add(fs_response& sum, const fs_response& other) noexcept {
+  sum.wrench.force += other.wrench.force;
+  sum.wrench.torque += other.wrench.torque;
+  sum.stiffness += other.stiffness;
+  sum.felt_count += other.felt_count;
+  sum.flags |= other.flags;
+  sum.error_bound += other.error_bound;
+}
+
+// [rt] What a view needs from its first tick: where the tool is held, or where the frame goes so that it does not jump.
+void use_first_time(const View& view, const fs_state& hand) noexcept {
+  Pose found;
+  if (view.kind == View::Kind::free || view.found.read(found)) return;
+  if (view.kind == View::Kind::held) {
+    view.found.write(to_scene(view.frame, hand).pose);
+  } else if (view.anchor->found.read(found)) {
+    const Quat q = view.frame.pose.orientation;
+    view.found.write({hand.pose.position - rotate(q, (1 / view.frame.scale) * found.position), q});
+  }
+}
+
+}  // namespace
+
+void Channel::fetch(double now) noexcept {
+  if (!link_.reader.mailbox.fetch()) return;
+  for (const Ref<const Epoch>& epoch : link_.reader.mailbox.front()->epochs) epoch->stamp(now);
+}
+
+fs_response Channel::evaluate_view(const Snapshot& snapshot, const View& view, double weight, bool is_current,
+                                   const fs_state& hand, double now, uint64_t tick) noexcept {
+  fs_response sum{};
+  use_first_time(view, hand);
+  fs_frame frame;
+  if (!view.get_frame(frame)) return sum;
+  fs_state state = to_scene(frame, hand);
+  if (is_current) {
+    hand_.state = state;
+    if (view.kind == View::Kind::held) hand_.state.flags |= FS_STATE_CLUTCHED;
+    axes_ = frame.pose.orientation;
+  }
+  if (view.kind == View::Kind::held) {
+    view.found.read(state.pose);
+    state.twist = {};
+  }
+  sum.proxy = state.pose;
+  if (!(weight > 0) || !make_unit_pose(state.pose)) return sum;
+
+  const double duration = link_.fade;
+  const ToolState tool =
+      ToolState::at(state, view.points.data(), view.points.size(), now, link_.reader.id.get());
+  Share share;
+  snapshot.objects.for_each([&](uint32_t, const Entry& entry) {
+    const double own = weight * entry.fade.weight(now, duration);
+    if (own > 0 && evaluate_object(*entry.object, entry.motion, entry.start, tool, share)) {
+      add_share(sum, share, own);
+      if (is_current) {
+        entry.felt->sample.write({tick, share.distance, share.point,
+                                  {own * share.wrench.force, own * share.wrench.torque}});
+      }
+    }
+    if (!entry.previous) return;
+    const Entry& previous = *entry.previous;
+    const double rest = weight * previous.fade.weight(now, duration);
+    if (rest > 0 && evaluate_object(*previous.object, previous.motion, previous.start, tool, share)) {
+      add_share(sum, share, rest);
+    }
+  });
+  return sum;
+}
+
+fs_response Channel::evaluate(const fs_state& hand, double now, uint64_t tick) noexcept {
+  const Snapshot& snapshot = *link_.reader.mailbox.front();
+  const ViewFade& views = snapshot.views;
+  const double duration = link_.fade;
+  fs_frame frame;
+
+  fs_response here = evaluate_view(snapshot, *views.view, views.fade.weight(now, duration), true, hand, now, tick);
+  views.view->get_frame(frame);
+  fs_response device = to_device(frame, here);
+
+  const double rest = views.previous ? views.previous_fade.weight(now, duration) : 0;
+  if (rest > 0) {
+    const fs_response before = evaluate_view(snapshot, *views.previous, rest, false, hand, now, tick);
+    views.previous->get_frame(frame);
+    add(device, to_device(frame, before));
+    fs_response turned = before;  // along the present view's axes
+    const Quat q = conjugate(axes_) * frame.pose.orientation;
+    const Mat3 r = to_matrix(q);
+    turned.wrench = {rotate(q, before.wrench.force), rotate(q, before.wrench.torque)};
+    turned.stiffness = r * before.stiffness * transposed(r);
+    add(here, turned);
+  }
+  hand_.response = here;
+  return device;
+}
+
+void Channel::publish(const Wrench& sent, uint32_t response_flags, uint64_t tick) noexcept {
+  const Quat back = conjugate(axes_);
+  hand_.sent = {rotate(back, sent.force), rotate(back, sent.torque)};
+  hand_.response.flags |= response_flags;
+  ServoOutput& out = scene_.output;
+  out.hand.write(hand_);
+  out.tick.store(tick, std::memory_order_release);
+  out.used.store(link_.reader.mailbox.front()->sequence, std::memory_order_release);
+}
+
+}  // namespace fs

@@ -1,0 +1,48 @@
+// The last stage before the device: finite, limited with its direction kept, ramped, and zero on a fault. It is never
+// bypassed. (Slew limit and local damping belong here too.)
+#pragma once
+
+#include <cstdint>
+
+#include <forceserver/servo.h>
+
+#include "math/pose.h"
+
+namespace fs {
+
+class Guard {
+ public:
+  struct Limits {
+    double force, torque;  // N, N m; torque 0: the device has none
+    double speed;          // m/s; infinite: none
+    double ramp;           // s; 0: none
+    double period;         // s, of the servo
+  };
+  explicit Guard(const Limits& limits) : limits_(limits) {}
+
+  // What a tick knows of the hand.
+  struct Hand {
+    const fs_state& state;
+    bool is_ready;  // read and written without failure, READY, and fresh
+    double late;    // s, of this tick
+  };
+
+  // [rt] The wrench to be sent.
+  Wrench apply(const Hand& hand, const Wrench& wanted) noexcept;
+
+  // [rt] false: no force. true: after false or a latched fault, full force through the ramp.
+  void set_enabled(bool enabled) noexcept;
+
+  uint32_t faults() const noexcept { return faults_; }      // fs_fault bits
+  bool is_latched() const noexcept { return faults_ & ~static_cast<uint32_t>(FS_FAULT_DEVICE); }
+  bool has_guarded() const noexcept { return guarded_; }    // a limit or a fault changed the last wrench
+
+ private:
+  Limits limits_;
+  bool enabled_ = true, guarded_ = false;
+  uint32_t faults_ = 0;
+  int late_in_a_row_ = 0;
+  double ramp_ = 0;  // 0..1
+};
+
+}  // namespace fs

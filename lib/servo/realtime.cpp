@@ -1,0 +1,35 @@
+#include "servo/realtime.h"
+
+#include <pthread.h>
+#include <sched.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+namespace fs {
+
+fs_realtime request_realtime(int priority, int cpu) noexcept {
+  if (cpu >= 0) {
+    cpu_set_t set;
+    CPU_ZERO(&set);
+    CPU_SET(static_cast<size_t>(cpu), &set);
+    pthread_setaffinity_np(pthread_self(), sizeof set, &set);
+  }
+  sched_param parameter{};
+  parameter.sched_priority = priority;
+  if (pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameter) == 0) return FS_REALTIME_FIFO;
+  prctl(PR_SET_TIMERSLACK, 1UL);
+  const auto thread = static_cast<id_t>(syscall(SYS_gettid));
+  if (setpriority(PRIO_PROCESS, thread, -15) == 0) return FS_REALTIME_NICE;
+  return FS_REALTIME_NONE;
+}
+
+bool lock_memory() noexcept {
+  rlimit limit{};
+  getrlimit(RLIMIT_MEMLOCK, &limit);
+  return mlockall(limit.rlim_cur == RLIM_INFINITY ? MCL_CURRENT | MCL_FUTURE : MCL_CURRENT) == 0;
+}
+
+}  // namespace fs

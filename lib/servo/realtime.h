@@ -1,0 +1,16 @@
+// What the system grants to a thread that must not be late.
+#pragma once
+
+#include <forceserver/servo.h>
+
+namespace fs {
+
+// For the calling thread: SCHED_FIFO at priority, else a better nice value, else a timer slack of 1 ns. cpu: the processor
+// it stays on, negative: any. Returns what was reached, FIFO at most.
+fs_realtime request_realtime(int priority, int cpu) noexcept;
+
+// Locks the memory that the process has. Later memory too only where no limit is set: under a limit that locking makes
+// every later allocation and thread fail.
+bool lock_memory() noexcept;
+
+}  // namespace fs

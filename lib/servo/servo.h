@@ -1,0 +1,94 @@
+// The loop device.read -> evaluate -> guard -> device.write at a fixed rate. It is the fs_servo of the C contract itself.
+#pragma once
+
+#include <pthread.h>
+
+#include <memory>
+#include <string>
+
+#include "driver/device.h"
+#include "servo/channel.h"
+#include "servo/guard.h"
+#include "servo/statistics.h"
+
+namespace fs {
+
+// fs_servo_options, checked and with the device's values for what was left 0.
+struct ServoSettings {
+  fs_servo_mode mode;
+  double rate;               // Hz
+  Guard::Limits limits;
+  double fade;               // s; 0: none
+  int priority, cpu;         // negative: ordinary; negative: any
+  uint32_t protections_off;  // FS_OFF_ bits
+};
+ServoSettings parse_options(const fs_servo_options& options, const fs_device_info& device);  // INVALID
+
+}  // namespace fs
+
+struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
+  // Takes scene and device and, in THREAD mode, runs. STATE, IO.
+  fs_servo(fs::Ref<fs::Scene> scene, fs::Ref<fs::Device> device, const fs::ServoSettings& settings);
+  ~fs_servo();  // force to 0, then lets go of both
+
+  fs_status step(uint64_t ticks) noexcept;            // [rt] STATE, UNSUPPORTED, DISCONNECTED
+  void set_enabled(bool enabled) noexcept;            // [rt]
+  size_t record(fs_tick* out, size_t capacity) const;  // how many there are
+
+  void get_stats(fs_servo_stats& out) const override;
+  void get_device_info(fs_device_info& out) const override;
+  bool take_event(fs_event& out) override;
+
+ private:
+  struct RecordSlot {
+    uint64_t tick;
+    fs_tick value;
+  };
+  struct DeviceEvent {
+    double time;
+    fs_status status;
+    uint32_t faults;
+  };
+  static constexpr uint64_t event_capacity = 64;
+
+  void tick(double now, double late) noexcept;
+  void note_device(double now, fs_status status) noexcept;
+  void run() noexcept;
+
+  const fs::Ref<fs::Scene> scene_;
+  const fs::Ref<fs::Device> device_;
+  const fs::ServoSettings settings_;
+  const double period_;
+
+  // The servo thread's own.
+  fs::Channel channel_;
+  fs::Guard guard_;
+  uint64_t tick_ = 0;
+  double last_time_ = -1;
+  fs_status write_status_ = FS_OK;
+  bool was_ready_ = false;
+  uint32_t latched_ = 0;
+  bool is_recording_ = true;
+  uint32_t enable_requests_seen_ = 0;
+
+  // Shared: written by the servo, but for enable_ and the stop.
+  std::atomic<uint32_t> enable_{1};  // bit 0: enabled; the rest counts the calls
+  std::atomic<bool> is_stopping_{false}, is_stepping_{false};
+  std::atomic<uint64_t> ticks_{0}, misses_{0}, device_errors_{0}, guarded_{0}, approximated_{0};
+  std::atomic<uint32_t> faults_{0};
+  std::atomic<int> realtime_{FS_REALTIME_NONE};
+  std::atomic<double> first_time_{0}, newest_time_{0};
+  fs::RollingHistogram late_, compute_;
+  const size_t record_size_;
+  std::unique_ptr<fs::Seqlock<RecordSlot>[]> record_;
+  std::atomic<uint64_t> recorded_{0};
+  std::array<DeviceEvent, event_capacity> device_events_;
+  std::atomic<uint64_t> events_written_{0}, events_read_{0};
+
+  pthread_t thread_{};
+  bool has_thread_ = false;
+};
+
+namespace fs {
+using Servo = fs_servo;
+}

@@ -1,0 +1,110 @@
+#include "scenes/fake_device.h"
+
+#include <cstring>
+#include <map>
+
+namespace scenes {
+namespace {
+
+std::mutex names_mutex;
+std::map<std::string, FakeDevice*>& names() {
+  static std::map<std::string, FakeDevice*> all;
+  return all;
+}
+
+FakeDevice& device_of(void* self) { return *static_cast<FakeDevice*>(self); }
+
+fs_status open_fake(const char* address, void** self) {
+  const std::lock_guard lock(names_mutex);
+  const auto found = names().find(address);
+  if (found == names().end()) return fs_fail(FS_ERROR_NOT_FOUND, "fake: no test has made this device");
+  const std::lock_guard device_lock(found->second->mutex);
+  found->second->is_open = true;
+  *self = found->second;
+  return FS_OK;
+}
+
+void close_fake(void* self) {
+  FakeDevice& device = device_of(self);
+  const std::lock_guard lock(device.mutex);
+  device.written = {};
+  device.is_open = false;
+}
+
+fs_status get_info(void* self, fs_device_info* out) {
+  FakeDevice& device = device_of(self);
+  const std::lock_guard lock(device.mutex);
+  const uint32_t size = out->struct_size;
+  std::memcpy(out, &device.info, size < sizeof device.info ? size : sizeof device.info);
+  out->struct_size = size;
+  return FS_OK;
+}
+
+fs_status read(void* self, fs_state* out) {
+  FakeDevice& device = device_of(self);
+  const std::lock_guard lock(device.mutex);
+  ++device.reads;
+  if (device.on_read) device.on_read(device, device.time);
+  *out = device.state;
+  return device.read_status;
+}
+
+fs_status write(void* self, const fs_wrench* wrench) {
+  FakeDevice& device = device_of(self);
+  const std::lock_guard lock(device.mutex);
+  ++device.writes;
+  device.written = *wrench;
+  if (device.log) device.log->push_back(*wrench);
+  return device.write_status;
+}
+
+fs_status advance(void* self, double time) {
+  FakeDevice& device = device_of(self);
+  const std::lock_guard lock(device.mutex);
+  device.time = time;
+  return FS_OK;
+}
+
+void register_drivers() {
+  fs_driver driver{};
+  driver.struct_size = sizeof driver;
+  driver.open = open_fake;
+  driver.close = close_fake;
+  driver.get_info = get_info;
+  driver.read = read;
+  driver.write = write;
+  driver.scheme = "fakereal";
+  require(fs_driver_register(&driver), "fs_driver_register");
+  driver.scheme = "fake";
+  driver.advance = advance;
+  require(fs_driver_register(&driver), "fs_driver_register");
+}
+
+}  // namespace
+
+FakeDevice::FakeDevice(std::string name) : info(fs_device_info_init()), name_(std::move(name)) {
+  static const bool registered = (register_drivers(), true);
+  (void)registered;
+  std::strcpy(info.name, "fake device");
+  info.force_axes = info.torque_axes = 3;
+  info.workspace_radius = info.workspace_height = 0.2;
+  info.workspace_angle = 1;
+  info.force_max = 10;
+  info.torque_max = 1;
+  info.resolution = 1e-5;
+  info.rate = 1000;
+  state.flags = FS_STATE_READY;
+  const std::lock_guard lock(names_mutex);
+  names()[name_] = this;
+}
+
+FakeDevice::~FakeDevice() {
+  const std::lock_guard lock(names_mutex);
+  names().erase(name_);
+}
+
+Device FakeDevice::open(bool is_simulated) const {
+  return open_device(((is_simulated ? "fake:" : "fakereal:") + name_).c_str());
+}
+
+}  // namespace scenes

@@ -1,0 +1,43 @@
+// A haptic device that does what a test says: "fake:NAME" moves with the servo's time as a simulator does, "fakereal:NAME"
+// runs on the monotonic clock as a real device does. Found by its name from the moment the test makes it.
+#pragma once
+
+#include <functional>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include <forceserver/driver.h>
+
+#include "scenes/handles.h"
+
+namespace scenes {
+
+class FakeDevice {
+ public:
+  explicit FakeDevice(std::string name);  // and registers the two drivers, once a process
+  ~FakeDevice();
+  FakeDevice(const FakeDevice&) = delete;
+  FakeDevice& operator=(const FakeDevice&) = delete;
+
+  Device open(bool is_simulated = true) const;
+
+  // The script. While a servo thread runs, only under the mutex.
+  std::mutex mutex;
+  fs_device_info info;                           // 10 N, 1 N m, 1000 Hz, three axes each
+  fs_state state{};                              // what read gives; READY unless a test says other
+  fs_status read_status = FS_OK, write_status = FS_OK;
+  std::function<void(FakeDevice&, double time)> on_read;  // before each read; time in s
+
+  // What it saw.
+  double time = 0;                               // s, of the last advance; fakereal: 0
+  fs_wrench written{};                           // the last
+  uint64_t reads = 0, writes = 0;
+  bool is_open = false;
+  std::vector<fs_wrench>* log = nullptr;         // all that is written, if the test wants it
+
+ private:
+  std::string name_;
+};
+
+}  // namespace scenes
