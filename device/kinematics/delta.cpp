@@ -45,10 +45,9 @@ std::optional<Vec3> delta_forward(const DeltaGeometry& g, Vec3 angles) {
   const Vec3 a = elbow(g, legs[1], angles.y) - first, b = elbow(g, legs[2], angles.z) - first;
   const Vec3 normal = cross(a, b);
   const double normal2 = dot(normal, normal);
-  if (!(normal2 > 1e-12 * dot(a, a) * dot(b, b))) return std::nullopt;  // collinear
   const Vec3 centre = (1 / (2 * normal2)) * cross(dot(a, a) * b - dot(b, b) * a, normal);
   const double height2 = g.forearm * g.forearm - dot(centre, centre);
-  if (!(height2 >= 0)) return std::nullopt;
+  if (!(height2 >= 0)) return std::nullopt;  // too far apart; also when they are in one line: the centre is nowhere
   const double side = normal.z < 0 ? -1 : 1;
   return first + centre + (side * std::sqrt(height2 / normal2)) * normal;
 }

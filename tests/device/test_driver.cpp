@@ -1,0 +1,439 @@
+// URIs, the registry and the device handle, with drivers that misbehave.
+#include <cmath>
+#include <thread>
+
+#include "support.h"
+
+#include "driver/registry.h"
+#include "driver/uri.h"
+
+using namespace fs;
+
+namespace {
+
+// A driver that does what a test says. Each test runs in its own process, so what it registers is gone after it.
+struct Fake {
+  fs_status open_status = FS_OK, info_status = FS_OK, read_status = FS_OK, write_status = FS_OK, advance_status = FS_OK;
+  const char* sentence = nullptr;  // with a failing open
+  std::string address;
+  fs_device_info info = fs_device_info_init();
+  fs_state state{};
+  fs_wrench written{{9, 9, 9}, {9, 9, 9}};
+  double advanced = -1;
+  int open = 0, reads = 0, writes = 0;
+} fake;
+
+fs_status fake_open(const char* address, void** self) {
+  fake.address = address;
+  if (fake.sentence) set_last_error(fake.open_status, fake.sentence);
+  if (fake.open_status != FS_OK) return fake.open_status;
+  ++fake.open;
+  *self = &fake;
+  return FS_OK;
+}
+void fake_close(void*) { --fake.open; }
+fs_status fake_get_info(void*, fs_device_info* out) {
+  const uint32_t size = out->struct_size;
+  *out = fake.info;
+  out->struct_size = size;
+  return fake.info_status;
+}
+fs_status fake_read(void*, fs_state* out) {
+  static const fs_state zeros{};
+  ck_assert(same_bits(*out, zeros));
+  ++fake.reads;
+  *out = fake.state;
+  return fake.read_status;
+}
+fs_status fake_write(void*, const fs_wrench* wrench) {
+  ++fake.writes;
+  fake.written = *wrench;
+  return fake.write_status;
+}
+fs_status fake_advance(void*, double time) {
+  fake.advanced = time;
+  return fake.advance_status;
+}
+
+fs_driver fake_table(const char* scheme) {
+  fs_driver driver{};
+  driver.struct_size = sizeof driver;
+  driver.scheme = scheme;
+  driver.open = fake_open;
+  driver.close = fake_close;
+  driver.get_info = fake_get_info;
+  driver.read = fake_read;
+  driver.write = fake_write;
+  driver.advance = fake_advance;
+  return driver;
+}
+
+void setup() {
+  register_driver(fake_table("fake"));
+  fake.info.force_axes = fake.info.torque_axes = 3;
+  std::strcpy(fake.info.name, "fake");
+  fake.info.force_max = 10;
+  fake.info.torque_max = 1;
+  fake.info.rate = 1000;
+  fake.state.pose.orientation = {1, 0, 0, 0};
+  fake.state.flags = FS_STATE_READY;
+}
+
+START_TEST(uri_parts) {
+  const Uri uri = parse_uri("fidel:udp:HOST:7001?a=1&b=x=y?z&c=");
+  ck_assert_str_eq(uri.scheme.c_str(), "fidel");
+  ck_assert_str_eq(uri.address.c_str(), "udp:HOST:7001");
+  ck_assert_uint_eq(uri.options.size(), 3);
+  ck_assert_str_eq(uri.options[0].first.c_str(), "a");
+  ck_assert_str_eq(uri.options[1].second.c_str(), "x=y?z");
+  ck_assert_str_eq(uri.options[2].second.c_str(), "");
+  const Uri without = parse_uri("name?path=c:d");
+  ck_assert_str_eq(without.scheme.c_str(), "");
+  ck_assert_str_eq(without.address.c_str(), "name");
+  ck_assert_uint_eq(parse_uri("sim:?").options.size(), 0);
+  const Uri behind = parse_address("udp:HOST?a=1");
+  ck_assert_str_eq(behind.address.c_str(), "udp:HOST");
+  expect_error(FS_ERROR_INVALID, "'b' must be key=value", [] { parse_uri("sim:?a=1&b"); });
+  expect_error(FS_ERROR_INVALID, "'' must be key=value", [] { parse_uri("sim:?a=1&"); });
+  expect_error(FS_ERROR_INVALID, "'=1' must be key=value", [] { parse_uri("sim:?=1"); });
+  expect_error(FS_ERROR_INVALID, "'a' is given twice", [] { parse_uri("sim:?a=1&a=1"); });
+}
+END_TEST
+
+START_TEST(uri_values) {
+  ck_assert_double_eq(parse_number("k", "-1.5e-3", -1, 1), -1.5e-3);
+  for (const char* bad : {"", " 1", "1 ", "1,5", "x", "nan", "inf", "1e400", "2.1", "0x1", "+1"}) {
+    expect_error(FS_ERROR_INVALID, "must be a number within -1..2", [&] { parse_number("k", bad, -1, 2); });
+  }
+  const Vec3 v = parse_vector("hold", "1,-2,.5", -2, 2);
+  ck_assert(v == (Vec3{1, -2, 0.5}));
+  for (const char* bad : {"", "1", "1,2", "1,2,", "1,2,3", "1,2,2,2", "1,nan,2", "1, 2,2"}) {
+    expect_error(FS_ERROR_INVALID, "hold is", [&] { parse_vector("hold", bad, -2, 2); });
+  }
+  ck_assert_uint_eq(parse_choice("k", "b", {"a", "b"}), 1);
+  expect_error(FS_ERROR_INVALID, "k is 'c', must be one of a, b", [] { parse_choice("k", "c", {"a", "b"}); });
+  check_keys(parse_address("?a=1"), {"a", "b"});
+  const Uri other = parse_address("?c=1");
+  expect_error(FS_ERROR_INVALID, "'c' is not known; there are a, b", [&] { check_keys(other, {"a", "b"}); });
+}
+END_TEST
+
+START_TEST(registry_refuses_bad_tables) {
+  const auto refused = [](fs_status status, const char* part, auto change) {
+    fs_driver driver = fake_table("other");
+    change(driver);
+    expect_error(status, part, [&] { register_driver(driver); });
+    ck_assert(!find_driver("other"));
+  };
+  refused(FS_ERROR_VERSION, "newer", [](fs_driver& d) { d.struct_size = sizeof d + 8; });
+  refused(FS_ERROR_INVALID, "struct_size is 8", [](fs_driver& d) { d.struct_size = 8; });
+  refused(FS_ERROR_INVALID, "struct_size is 0", [](fs_driver& d) { d.struct_size = 0; });
+  refused(FS_ERROR_INVALID, "reserved is 1", [](fs_driver& d) { d.reserved = 1; });
+  refused(FS_ERROR_INVALID, "scheme is null", [](fs_driver& d) { d.scheme = nullptr; });
+  for (const char* scheme : {"", "Other", "a b", "a:", "a-b", "\xc3\xa4", "a23456789012345678901234567890123"}) {
+    refused(FS_ERROR_INVALID, "driver.scheme is", [&](fs_driver& d) { d.scheme = scheme; });
+  }
+  refused(FS_ERROR_INVALID, "driver.open of", [](fs_driver& d) { d.open = nullptr; });
+  refused(FS_ERROR_INVALID, "driver.close of", [](fs_driver& d) { d.close = nullptr; });
+  refused(FS_ERROR_INVALID, "driver.get_info of", [](fs_driver& d) { d.get_info = nullptr; });
+  refused(FS_ERROR_INVALID, "driver.read of", [](fs_driver& d) { d.read = nullptr; });
+  refused(FS_ERROR_INVALID, "driver.write of", [](fs_driver& d) { d.write = nullptr; });
+  expect_error(FS_ERROR_EXISTS, "'fake'", [] { register_driver(fake_table("fake")); });
+}
+END_TEST
+
+START_TEST(registry_copies_and_sorts) {
+  char scheme[] = "b2";
+  register_driver(fake_table(scheme));
+  std::strcpy(scheme, "zz");  // the caller's to change
+  register_driver(fake_table("a1"));
+  std::string schemes;
+  for (const fs_driver* driver : all_drivers()) schemes += std::string(driver->scheme) + " ";
+  ck_assert_str_eq(schemes.c_str(), "a1 b2 fake sim ");
+  ck_assert_str_eq(find_driver("b2")->scheme, "b2");
+  ck_assert(!find_driver("zz"));
+  ck_assert(!find_driver("b2")->list && !find_driver("b2")->write_model);
+}
+END_TEST
+
+START_TEST(registry_from_many_threads) {
+  std::vector<std::thread> threads;
+  std::atomic<int> taken{0};
+  for (int t = 0; t < 4; ++t) {
+    threads.emplace_back([&] {
+      for (int i = 0; i < 50; ++i) {
+        try {
+          register_driver(fake_table(("x" + std::to_string(i)).c_str()));
+        } catch (const Error& error) {
+          if (error.status == FS_ERROR_EXISTS) ++taken;
+        }
+        ck_assert(find_driver("x" + std::to_string(i)));
+        all_drivers();
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  ck_assert_int_eq(taken, 150);
+  ck_assert_uint_eq(all_drivers().size(), 52);
+}
+END_TEST
+
+START_TEST(device_of_no_driver) {
+  const std::string text = expect_error(FS_ERROR_NOT_FOUND, "no driver 'foo'", [] { open_device("foo:bar"); });
+  ck_assert_msg(text.find("fake, sim") != std::string::npos, "%s", text.c_str());
+  expect_error(FS_ERROR_UNSUPPORTED, "'fidel' is not built", [] { open_device("fidel:usb"); });
+  expect_error(FS_ERROR_UNSUPPORTED, "'falcon' is not built", [] { open_device("falcon:0"); });
+  expect_error(FS_ERROR_INVALID, "no scheme", [] { open_device("sim"); });
+  expect_error(FS_ERROR_INVALID, "no scheme", [] { open_device(""); });
+  expect_error(FS_ERROR_INVALID, "no scheme", [] { open_device(":x"); });
+  expect_error(FS_ERROR_INVALID, "key=value", [] { open_device("sim:?x"); });
+}
+END_TEST
+
+START_TEST(device_that_does_not_open) {
+  fake.open_status = FS_ERROR_DENIED;
+  fake.sentence = "the plug is red";
+  expect_error(FS_ERROR_DENIED, "the plug is red", [] { open_device("fake:0?x=1"); });
+  ck_assert_str_eq(fake.address.c_str(), "0?x=1");
+  fake.open_status = FS_ERROR_IO;
+  fake.sentence = nullptr;  // it says nothing, and the sentence of before is not taken for its own
+  set_last_error(FS_ERROR_FULL, "an older failure");
+  expect_error(FS_ERROR_IO, "driver 'fake': open failed with status -8", [] { open_device("fake:0"); });
+  ck_assert_str_eq(last_error(), "an older failure");
+  fake.open_status = static_cast<fs_status>(77);
+  expect_error(FS_ERROR_IO, "status 77", [] { open_device("fake:0"); });
+  fake.open_status = FS_OK;
+  fake.info_status = FS_ERROR_IO;
+  expect_error(FS_ERROR_IO, "get_info failed", [] { open_device("fake:0"); });
+  ck_assert_int_eq(fake.open, 0);
+}
+END_TEST
+
+START_TEST(device_with_bad_info) {
+  const auto refused = [](const char* part, auto change) {
+    const fs_device_info good = fake.info;
+    change(fake.info);
+    expect_error(FS_ERROR_INVALID, part, [] { open_device("fake:"); });
+    ck_assert_int_eq(fake.open, 0);
+    fake.info = good;
+  };
+  using Info = fs_device_info;
+  refused("force_axes is 4", [](Info& i) { i.force_axes = 4; });
+  refused("torque_axes", [](Info& i) { i.torque_axes = 0xffffffff; });
+  refused("info.name", [](Info& i) { std::memset(i.name, 'x', sizeof i.name); });
+  refused("info.serial", [](Info& i) { std::memset(i.serial, 'x', sizeof i.serial); });
+  refused("force_max", [](Info& i) { i.force_max = 0; });
+  refused("force_max", [](Info& i) { i.force_max = -1; });
+  refused("torque_max", [](Info& i) { i.torque_max = NAN; });
+  refused("rate", [](Info& i) { i.rate = 99; });
+  refused("rate", [](Info& i) { i.rate = 20001; });
+  refused("rate", [](Info& i) { i.rate = NAN; });
+  refused("delay", [](Info& i) { i.delay = -1e-3; });
+  refused("delay", [](Info& i) { i.delay = INFINITY; });
+  refused("damping", [](Info& i) { i.damping = -1; });
+  refused("mass", [](Info& i) { i.mass = NAN; });
+  refused("resolution", [](Info& i) { i.resolution = INFINITY; });
+  refused("workspace_radius", [](Info& i) { i.workspace_radius = -1; });
+  refused("workspace_height", [](Info& i) { i.workspace_height = NAN; });
+  refused("workspace_angle", [](Info& i) { i.workspace_angle = INFINITY; });
+  const Ref<Device> device = open_device("fake:");
+  ck_assert_uint_eq(device->info().struct_size, sizeof(Info));
+  ck_assert_double_eq(device->info().force_max, 10);
+}
+END_TEST
+
+START_TEST(device_closes_with_no_force) {
+  {
+    const Ref<Device> device = open_device("fake:");
+    const fs_wrench wrench{{1, 2, 3}, {}};
+    ck_assert_int_eq(device->write(wrench), FS_OK);
+  }
+  ck_assert(fake.written.force == Vec3{});
+  ck_assert_int_eq(fake.open, 0);
+}
+END_TEST
+
+START_TEST(device_has_one_owner) {
+  const Ref<Device> device = open_device("fake:");
+  ck_assert(!device->is_owned());
+  ck_assert(device->acquire());
+  ck_assert(device->is_owned());
+  ck_assert(!device->acquire());
+  device->release_ownership();
+  ck_assert(device->acquire());
+}
+END_TEST
+
+START_TEST(device_read_fills_in) {
+  const Ref<Device> device = open_device("fake:");
+  fs_state state;
+  fake.state.pose.orientation = {0, 0, 0, 0};
+  ck_assert_int_eq(device->read(5.5, state), FS_OK);
+  ck_assert_double_eq(fake.advanced, 5.5);
+  ck_assert_double_eq(state.time, 5.5);
+  ck_assert_double_eq(state.pose.orientation.w, 1);
+  fake.state.time = 5.25;
+  fake.state.pose.orientation = {0.6 * 1.0005, 0, 0.8 * 1.0005, 0};
+  ck_assert_int_eq(device->read(5.6, state), FS_OK);
+  ck_assert_double_eq(state.time, 5.25);
+  ck_assert_double_eq_tol(norm(state.pose.orientation), 1, 1e-15);
+  ck_assert_double_eq_tol(state.pose.orientation.y, 0.8, 1e-15);
+}
+END_TEST
+
+bool all_zero(const fs_state& state) {
+  static const fs_state zeros{};
+  return same_bits(state, zeros);
+}
+
+START_TEST(device_read_failures_are_zeros) {
+  const Ref<Device> device = open_device("fake:");
+  fs_state state;
+  fake.state.pose.position = {1, 2, 3};
+  fake.read_status = FS_ERROR_DISCONNECTED;
+  ck_assert_int_eq(device->read(1, state), FS_ERROR_DISCONNECTED);
+  ck_assert(all_zero(state));
+  fake.read_status = static_cast<fs_status>(3);
+  ck_assert_int_eq(device->read(1, state), FS_ERROR_IO);
+  fake.read_status = FS_OK;
+  const int reads = fake.reads;
+  fake.advance_status = FS_ERROR_IO;
+  ck_assert_int_eq(device->read(1, state), FS_ERROR_IO);
+  ck_assert_int_eq(fake.reads, reads);
+  fake.advance_status = FS_OK;
+  fake.state.pose.orientation = {2, 0, 0, 0};
+  ck_assert_int_eq(device->read(1, state), FS_ERROR_INVALID);
+  ck_assert(all_zero(state));
+  fake.state.pose.orientation = {1, 0, 0, 0};
+  fake.state.time = NAN;
+  ck_assert_int_eq(device->read(1, state), FS_ERROR_INVALID);
+  fake.state.time = 0;
+  ck_assert_int_eq(device->read(1, state), FS_OK);
+}
+END_TEST
+
+// The guard is there for numbers that are not finite; here they come through and do no harm to what follows.
+START_TEST(device_read_shows_what_is_not_finite) {
+  const Ref<Device> device = open_device("fake:");
+  fs_state state;
+  device->read(0.001, state);
+  fake.state.pose.position.y = NAN;
+  ck_assert_int_eq(device->read(0.002, state), FS_OK);
+  ck_assert(std::isnan(state.pose.position.y));
+  fake.state.pose.position.y = 0;
+  fake.state.pose.orientation.x = INFINITY;
+  ck_assert_int_eq(device->read(0.003, state), FS_OK);
+  ck_assert(std::isinf(state.pose.orientation.x));
+  fake.state.pose.orientation.x = 0;
+  device->read(0.004, state);
+  fake.state.pose.position.x = 1e-3;
+  device->read(0.005, state);
+  ck_assert(is_finite(state.twist));
+  ck_assert_double_gt(state.twist.linear.x, 0.1);
+}
+END_TEST
+
+START_TEST(device_works_out_the_twist) {
+  const Ref<Device> device = open_device("fake:");
+  fs_state state;
+  for (int k = 0; k <= 100; ++k) {
+    fake.state.pose.position.x = 0.2 * k * 1e-3;
+    fake.state.pose.orientation = exp_rotation({0, 0, 3 * k * 1e-3});
+    device->read(k * 1e-3 + 1, state);
+  }
+  ck_assert_double_eq_tol(state.twist.linear.x, 0.2, 1e-9);
+  ck_assert_double_eq_tol(state.twist.angular.z, 3, 1e-9);
+  // Not ready: no twist, and the jump of homing makes none afterwards.
+  fake.state.flags = 0;
+  device->read(1.101, state);
+  ck_assert_double_eq(state.twist.linear.x, 0);
+  fake.state.pose.position.x = 0.5;
+  fake.state.flags = FS_STATE_READY;
+  device->read(1.102, state);
+  ck_assert_double_eq(state.twist.linear.x, 0);
+  // The driver gives its own: taken as it is, its zeros too.
+  fake.state.twist.linear.y = 0.7;
+  device->read(1.103, state);
+  ck_assert_double_eq(state.twist.linear.y, 0.7);
+  fake.state.twist.linear.y = 0;
+  fake.state.pose.position.x = 0.6;
+  device->read(1.104, state);
+  ck_assert_double_eq(state.twist.linear.x, 0);
+}
+END_TEST
+
+START_TEST(device_write_limits_and_keeps_the_direction) {
+  const Ref<Device> device = open_device("fake:");
+  fs_wrench wrench{{1, 2, -3}, {0.1, 0.2, 0.3}};
+  ck_assert_int_eq(device->write(wrench), FS_OK);
+  ck_assert(fake.written.force == wrench.force && fake.written.torque == wrench.torque);  // untouched
+  for (const double scale : {20.0, 1e150, 1e300}) {
+    wrench = {scale * Vec3{3, 0, -4}, scale * Vec3{0, 2, 1}};
+    device->write(wrench);
+    ck_assert_double_le(norm(fake.written.force), 10);
+    ck_assert_double_eq_tol(fake.written.force.x, 6, 1e-12);
+    ck_assert_double_eq_tol(fake.written.force.z, -8, 1e-12);
+    ck_assert_double_le(norm(fake.written.torque), 1);
+    ck_assert_double_eq_tol(fake.written.torque.y, 2 / std::sqrt(5), 1e-12);
+  }
+  fake.write_status = FS_ERROR_DISCONNECTED;
+  ck_assert_int_eq(device->write(wrench), FS_ERROR_DISCONNECTED);
+  fake.write_status = FS_OK;
+  for (const double bad : {NAN * 1.0, INFINITY * 1.0}) {
+    wrench = {{1, 1, 1}, {0, bad, 0}};
+    ck_assert_int_eq(device->write(wrench), FS_ERROR_INVALID);
+    ck_assert(fake.written.force == Vec3{} && fake.written.torque == Vec3{});
+  }
+}
+END_TEST
+
+START_TEST(device_write_without_all_axes) {
+  const fs_wrench wrench{{3, 4, 100}, {0.1, 0.1, 0.1}};
+  fake.info.force_axes = 2;
+  fake.info.torque_axes = 0;
+  fake.info.torque_max = 0;
+  {
+    const Ref<Device> device = open_device("fake:");
+    device->write(wrench);
+    ck_assert(fake.written.force == (Vec3{3, 4, 0}));  // what is not there does not count for the maximum
+    ck_assert(fake.written.torque == Vec3{});
+  }
+  fake.info.force_axes = 1;
+  {
+    const Ref<Device> device = open_device("fake:");
+    device->write(wrench);
+    ck_assert(fake.written.force == (Vec3{3, 0, 0}));
+  }
+  fake.info.force_axes = 0;
+  const Ref<Device> device = open_device("fake:");
+  device->write(wrench);
+  ck_assert(fake.written.force == Vec3{});
+}
+END_TEST
+
+}  // namespace
+
+int main() {
+  Suite* suite = suite_create("driver");
+  TCase* all = tcase_create("driver");
+  tcase_set_timeout(all, 60);
+  tcase_add_checked_fixture(all, setup, nullptr);
+  tcase_add_test(all, uri_parts);
+  tcase_add_test(all, uri_values);
+  tcase_add_test(all, registry_refuses_bad_tables);
+  tcase_add_test(all, registry_copies_and_sorts);
+  tcase_add_test(all, registry_from_many_threads);
+  tcase_add_test(all, device_of_no_driver);
+  tcase_add_test(all, device_that_does_not_open);
+  tcase_add_test(all, device_with_bad_info);
+  tcase_add_test(all, device_closes_with_no_force);
+  tcase_add_test(all, device_has_one_owner);
+  tcase_add_test(all, device_read_fills_in);
+  tcase_add_test(all, device_read_failures_are_zeros);
+  tcase_add_test(all, device_read_shows_what_is_not_finite);
+  tcase_add_test(all, device_works_out_the_twist);
+  tcase_add_test(all, device_write_limits_and_keeps_the_direction);
+  tcase_add_test(all, device_write_without_all_axes);
+  suite_add_tcase(suite, all);
+  return run_suite(suite);
+}
