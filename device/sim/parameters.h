@@ -56,8 +56,9 @@ constexpr Hand firm_hand{0.8, 5.5, 568, 0.03, 2};                 // N. Hogan
 constexpr Hand light_hand{0.15, 3, 100, 0.03, 2};                 // assumed
 constexpr Hand released_hand{0, 0, 0, 0, 0};                      // nobody holds the handle
 
-// The simulation: an exact step of 1/8 of the controller's period, and no more than so much at once after a stall.
-constexpr double substep = 125e-6;                                // s
+// The simulation: an exact step, 1/8 of the period of a controller at 5 kHz (of one at 1 kHz 1/40), and no more than so
+// much at once after a stall.
+constexpr double substep = 25e-6;                                 // s
 constexpr double catch_up_max = 0.1;                              // s
 
 // Motions of the hand's wish (device frame, all within the workspace; chosen for this simulator). They begin at t = 0

@@ -7,7 +7,7 @@
 // Not modelled: gravity, the change of inertia with the pose, elasticity, backlash, amplifiers (count their lag into
 // delay_ms), the quantised angles' error in the conversion of force to torque (1e-4), coupling between wrist and arm.
 //
-// Time runs on a grid of 125 us that begins at the first reading, so the same writes give the same bits, however often
+// Time runs on a grid of 25 us that begins at the first reading, so the same writes give the same bits, however often
 // it is read. What is written takes effect at the newest grid time that was read, delay_ms (rounded to the grid) later.
 // The only randomness is where, within its first count, each encoder begins: `seed`.
 #pragma once

@@ -49,10 +49,10 @@ START_TEST(info_of_the_simulator) {
   ck_assert_double_eq(info.delay, 0);
   ck_assert_double_eq(info.damping, 1);
   ck_assert_double_eq(info.mass, 0.3);
-  const auto other = open_device("sim:?wrist=active&delay_ms=7.3&mass=0.1&encoder=ideal");
+  const auto other = open_device("sim:?wrist=active&delay_ms=7.31&mass=0.1&encoder=ideal");
   ck_assert_uint_eq(other->info().torque_axes, 3);
   ck_assert_double_eq(other->info().torque_max, 0.5);
-  ck_assert_double_eq_tol(other->info().delay, 7.25e-3, 1e-15);  // on the grid of 125 us
+  ck_assert_double_eq_tol(other->info().delay, 7.3e-3, 1e-12);  // on the grid of 25 us
   ck_assert_double_eq(other->info().mass, 0.1);
   ck_assert_double_eq(other->info().resolution, 0);
 }
