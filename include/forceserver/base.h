@@ -23,8 +23,8 @@
 #define FS_TOOL_POINTS_MAX 32   /* points of a tool */
 #define FS_NOW 0.0              /* as a time: when the call is made */
 
-/* Defines type_init(), which gives the struct as zeros with its struct_size. It is inline so that the size is the one the
- * caller was compiled with. */
+/* Defines type_init(), which gives the struct as zeros with its struct_size. It is inline so that the size is the one
+ * the caller was compiled with. */
 #define FS_DEFINE_INIT(type) static inline type type##_init(void) \
   { type v; memset(&v, 0, sizeof v); v.struct_size = (uint32_t)sizeof v; return v; }
 

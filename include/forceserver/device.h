@@ -8,34 +8,64 @@
 extern "C" {
 #endif
 
-typedef struct fs_device_info {         /* growing */
-  uint32_t struct_size;
-  uint32_t force_axes, torque_axes;     /* 0..3 each */
-  uint32_t reserved;
-  char name[64], serial[64];
-  double workspace_radius, workspace_height, workspace_angle;   /* m, m: cylinder about z, centred; rad each way */
-  double force_max, torque_max;         /* N, N m, in most of the workspace */
-  double resolution;                    /* m */
-  double rate;                          /* Hz, as it likes to be served */
-  double delay;                         /* s from pose to force, beside the servo period */
-  double damping;                       /* N s/m, its own, physical */
-  double mass;                          /* kg, its own, felt at the handle; 0: not known */
+/* What a device is and can. Growing. */
+typedef struct fs_device_info {
+  uint32_t struct_size;         /* sizeof(fs_device_info), by fs_device_info_init */
+  uint32_t force_axes,          /* 0..3: forces along the first so many of x, y, z */
+           torque_axes;         /* 0..3: torques about the first so many of x, y, z */
+  uint32_t reserved;            /* 0 */
+  char name[64], serial[64];    /* for people; serial may be empty */
+  double workspace_radius,      /* m: a cylinder about z, centred on the origin */
+         workspace_height,      /* m: of that cylinder */
+         workspace_angle;       /* rad, each way; 0: it does not turn */
+  double force_max, torque_max; /* N, N m, in most of the workspace */
+  double resolution;            /* m, of the position */
+  double rate;                  /* Hz, as it likes to be served, 100..20000 */
+  double delay;                 /* s from pose to force, beside the servo period */
+  double damping;               /* N s/m, its own, physical */
+  double mass;                  /* kg, its own, felt at the handle; 0: not known */
 } fs_device_info;
 FS_DEFINE_INIT(fs_device_info)
-typedef struct fs_device_entry { char uri[128], label[128]; } fs_device_entry;  /* frozen */
 
+/* A device that can be opened. Frozen. */
+typedef struct fs_device_entry {
+  char uri[128],                /* for fs_device_open */
+       label[128];              /* for people */
+} fs_device_entry;
+
+/* The devices that all drivers find now, a list. */
 FS_API fs_status fs_device_list(fs_device_entry *out, size_t capacity, size_t *count);
-/* "sim:", "fidel:usb", "fidel:udp:HOST:PORT", "falcon:0"; then "?key=value&..": an unknown key is INVALID. NOT_FOUND,
- * UNSUPPORTED, DENIED, IO. sim: (a simulated FIDEL and the hand on it) takes hand=nominal|firm|light|released or
- * hand_mass, hand_damping, hand_stiffness (SI); hold=X,Y,Z where the hand wants to be, or path=figure8|sweep|touch|FILE
- * (lines "t x y z"); mass, friction (SI), encoder=joint|ideal, wrist=passive|active, delay_ms, seed; and a controller
- * behind a link: link=force|model, link_ms, link_hz. */
+
+/* Opens a device: "sim:", "fidel:usb", "fidel:udp:HOST:PORT", "falcon:0" or one of a driver of one's own (driver.h);
+ * then "?key=value&.." (nothing is %-decoded): an unknown key is INVALID. May take seconds. NOT_FOUND, UNSUPPORTED,
+ * DENIED, IO. 0.1: fidel and falcon are UNSUPPORTED.
+ *
+ * "sim:" is a simulated FIDEL, the device of the paper, and the hand on it. Its keys:
+ *     hand=nominal|firm|light|released             who holds it (nominal); and one by one:
+ *     hand_mass, hand_damping, hand_stiffness      kg 0..10, N s/m 0..1000, N/m 0..1e5
+ *     hold=X,Y,Z                                   m, within 1: where the hand wants to be (0,0,0); or
+ *     path=figure8|sweep|touch|FILE                how it wants to move, from the first reading on; FILE: lines of
+ *                                                  "t x y z" (s, rising; m, within 1), straight between, '#': comment
+ *     mass, friction                               of the device: kg 0.01..10 (0.3), N 0..20 (0.3)
+ *     encoder=joint|ideal                          quantised as by encoders in the joints (default), or exact
+ *     wrist=passive|active                         passive (default): no torque
+ *     delay_ms                                     0..1000 (0), from force sent to force felt
+ *     seed                                         of where the encoders begin, 0..4294967295 (0)
+ *     link=force|model, link_ms, link_hz           a controller behind a link. 0.1: UNSUPPORTED */
 FS_API fs_status fs_device_open(const char *uri, fs_device **out);
-FS_API void fs_device_close(fs_device *device);         /* force to 0 first */
+
+/* Gives the device back, its force set to 0 first; null does nothing. A servo that has it goes on. */
+FS_API void fs_device_close(fs_device *device);
+
+/* Fills out, which was made by fs_device_info_init. VERSION. */
 FS_API fs_status fs_device_get_info(fs_device *device, fs_device_info *out);
-/* For calibration and tests, device frame, not guarded but scaled into the maxima; neither waits. STATE while a servo
- * has the device; DISCONNECTED, IO. */
+
+/* For calibration and tests, also the next: the newest state, device frame; it does not wait for another one. STATE
+ * while a servo has the device; DISCONNECTED, IO. */
 FS_API fs_status fs_device_read(fs_device *device, fs_state *out);
+
+/* Sends a force and torque, device frame, not guarded but scaled into the maxima with the direction kept; axes that
+ * the device does not have get 0. Does not wait. STATE while a servo has the device; DISCONNECTED, IO. */
 FS_API fs_status fs_device_write(fs_device *device, const fs_wrench *wrench);
 
 #ifdef __cplusplus

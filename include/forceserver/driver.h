@@ -9,31 +9,60 @@ extern "C" {
 #endif
 
 #ifndef SWIG
-/* A device driver: a table of functions, growing. get_info, read, write are called by one thread at a time; read and
- * write at the servo rate: they never wait, allocate or lock (USB and sockets live in a thread of the driver). Report
- * with `return fs_fail(status, "why, with the value")`; from read and write the bare status. */
+/* A device driver: a table of functions, growing. It knows one device and nothing of scenes, limits or faults: the
+ * library scales forces into the maxima, guards them, and judges the age of poses. get_info, read, write are called
+ * by one thread at a time; read and write at the servo rate: they never wait, allocate or lock (USB and sockets live
+ * in a thread of the driver). Report with `return fs_fail(status, "why, with the value")`; from read and write the
+ * bare status. */
 typedef struct fs_driver {
-  uint32_t struct_size;                 /* sizeof(fs_driver) */
-  uint32_t reserved;
-  const char *scheme;                   /* "falcon": [a-z0-9]+, what stands before the ':' of a URI */
-  fs_status (*list)(fs_device_entry *out, size_t capacity, size_t *count);  /* null: nothing to list */
-  fs_status (*open)(const char *address, void **self);      /* the URI behind "scheme:", with options; may take seconds */
-  void (*close)(void *self);                                /* force to 0, then free */
-  fs_status (*get_info)(void *self, fs_device_info *out);   /* out->struct_size is set; write no further */
-  fs_status (*read)(void *self, fs_state *out);             /* newest pose, device frame, its time on the monotonic clock;
-                     out comes as zeros; READY only when homed and fresh; a twist left 0 is worked out; DISCONNECTED */
-  fs_status (*write)(void *self, const fs_wrench *wrench);  /* finite, within the maxima. A driver whose device can
-                                                               lets go 20 ms after the last write */
-  fs_status (*write_model)(void *self, const fs_pose *x0, const fs_wrench *f0, const fs_mat3 *dfdx);  /* null: write only.
-                     Instead of write, for a far controller that renders f0 + dfdx (x - x0) at its own rate, saturates,
-                     damps, and fades when nothing comes */
-  fs_status (*advance)(void *self, double time);            /* null: a real device. A simulated one is brought to time (s,
-                     the servo's; without one the monotonic clock's) before each read */
+  uint32_t struct_size;         /* sizeof(fs_driver) */
+  uint32_t reserved;            /* 0 */
+  const char *scheme;           /* "falcon": [a-z0-9]+, at most 31, what stands before the ':' of a URI */
+
+  /* The devices that are there, as fs_device_list. Null: nothing to list. */
+  fs_status (*list)(fs_device_entry *out, size_t capacity, size_t *count);
+
+  /* *self becomes the driver's own handle. address: the URI behind "scheme:", with options. May take seconds. */
+  fs_status (*open)(const char *address, void **self);
+
+  /* Force to 0, then free. No other call comes afterwards. */
+  void (*close)(void *self);
+
+  /* out comes as zeros with its struct_size; write no further. Called once, after open. A device with n force axes
+   * has the first n of x, y, z; rate must be within 100..20000 Hz, and force_max above 0 where there is an axis. */
+  fs_status (*get_info)(void *self, fs_device_info *out);
+
+  /* The newest pose, device frame, its time on the monotonic clock (s; 0: now). out comes as zeros; READY only when
+   * homed and fresh; a twist left 0 is worked out; an orientation left 0 is the identity. DISCONNECTED: lost; it is
+   * asked again each tick. */
+  fs_status (*read)(void *self, fs_state *out);
+
+  /* Sends a wrench, device frame, finite, within the maxima. A driver whose device can lets go 20 ms after the last
+   * write. */
+  fs_status (*write)(void *self, const fs_wrench *wrench);
+
+  /* Null: write only. Instead of write, for a far controller that renders f0 + dfdx (x - x0) at its own rate,
+   * saturates, damps, and fades when nothing comes. 0.1: never called, write is. */
+  fs_status (*write_model)(void *self, const fs_pose *x0, const fs_wrench *f0, const fs_mat3 *dfdx);
+
+  /* Null: a real device. A simulated one is brought to time (s, the servo's; without one the monotonic clock's)
+   * before each read. */
+  fs_status (*advance)(void *self, double time);
 } fs_driver;
-FS_API fs_status fs_driver_register(const fs_driver *driver);       /* copied; for the whole process; EXISTS, VERSION */
-FS_API fs_status fs_driver_load(const char *path);                  /* a library that exports fs_driver_entry: IO, VERSION */
-FS_API fs_status fs_fail(fs_status status, const char *message);    /* becomes fs_last_error here; returns status */
-typedef const fs_driver *(*fs_driver_entry_function)(void);         /* const fs_driver *fs_driver_entry(void); */
+
+/* Adds a driver, copied, for the whole process; its functions must stay. list, write_model and advance may be null.
+ * EXISTS: the scheme is taken; VERSION. */
+FS_API fs_status fs_driver_register(const fs_driver *driver);
+
+/* Adds the driver of a library at path that exports fs_driver_entry, a fs_driver_entry_function. IO, VERSION.
+ * 0.1: UNSUPPORTED; link the driver and use fs_driver_register. */
+FS_API fs_status fs_driver_load(const char *path);
+
+/* message (null: none) becomes fs_last_error of this thread; returns status. */
+FS_API fs_status fs_fail(fs_status status, const char *message);
+
+/* What a driver's library exports: const fs_driver *fs_driver_entry(void); */
+typedef const fs_driver *(*fs_driver_entry_function)(void);
 #endif
 
 #ifdef __cplusplus

@@ -5,8 +5,8 @@
  * Method: Flueckiger & Nguyen, "A Generic Force-Server for Haptic Devices" (NASA Ames / EPFL; below: the paper).
  *
  * In reading order: base.h (statuses, plain data), object.h (what is felt), scene.h (the objects of an application),
- * evaluate.h (a loop of one's own), device.h, servo.h (the real-time loop), server.h (several processes). For those who
- * write a device driver: driver.h, which is not included here.
+ * evaluate.h (a loop of one's own), device.h, servo.h (the real-time loop), server.h (several processes). For those
+ * who write a device driver: driver.h, which is not included here.
  *
  *     fs_scene *scene; fs_device *device; fs_servo *servo;           (each call returns an fs_status: look at it)
  *     fs_object spring = fs_object_init("spring", FS_PRIMITIVE_POINT);
@@ -24,8 +24,8 @@
  *          finite unless a comment says other, else FS_ERROR_INVALID. Any call may return _INVALID, _MEMORY,
  *          _INTERNAL, and with a connected scene _DISCONNECTED; further ones are listed.
  * Handles  reference-counted inside: a handle keeps alive what it was made from, so the order of destruction is free.
- *          _destroy, _close, _stop, _release give back the caller's reference and accept null; the handle may not be
- *          used afterwards, and no call of another thread may be under way on it.
+ *          _destroy, _close, _stop, _release give back the caller's reference and accept null; no other call may be
+ *          under way with it then, or come afterwards.
  * Input    is copied (handles: referenced) before the call returns.
  * Lists    (out, capacity, count): at most capacity are written (capacity 0: out may be null), *count is how many
  *          there are. A small buffer is not an error.
@@ -33,9 +33,9 @@
  *          never waits for calls on the same handle from other threads.
  * ABI      frozen structs never change and their `reserved` is 0. Growing structs begin with struct_size, are made by
  *          their inline _init and grow at the end only; no struct has padding. Enum values never change. A struct_size
- *          larger than the library's: FS_ERROR_VERSION; smaller than the struct's first version: FS_ERROR_INVALID.
- * "0.1:"   begins what this version does not do yet, or does otherwise. It is declared already, so that programs can be
- *          written for it. UNSUPPORTED there means that the call returns FS_ERROR_UNSUPPORTED.
+ *          larger than the library's: FS_ERROR_VERSION; smaller than that of the first version: FS_ERROR_INVALID.
+ * "0.1:"   begins what this version does otherwise, or not yet; "0.1: UNSUPPORTED": the call returns that status. It is
+ *          declared already, so that programs can be written for it.
  */
 #ifndef FORCESERVER_FORCESERVER_H
 #define FORCESERVER_FORCESERVER_H

@@ -1,8 +1,8 @@
 /* forceserver/object.h - force-objects: primitive, profiles, contact, shapes and curves. Conventions: forceserver.h.
  *
- * At a position x of the hand a primitive gives its closest point p, the distance d = |x - p|, the direction from p to x
- * and, of a plane or mesh, the side. The profile of that side gives the intensity f(d, t) >= 0 in newtons, and its sense
- * says whether the force points to p or away from it. The forces of all objects add.
+ * At a position x of the hand a primitive gives its closest point p, the distance d = |x - p|, the direction from p
+ * to x and, of a plane or mesh, the side. The profile of that side gives the intensity f(d, t) >= 0 in newtons, and
+ * its sense says whether the force points to p or away from it. The forces of all objects add.
  */
 #ifndef FORCESERVER_OBJECT_H
 #define FORCESERVER_OBJECT_H
@@ -13,22 +13,23 @@
 extern "C" {
 #endif
 
-/* Where an object is: Table 1 of the paper. The closest point is exact in double precision; among triangles or segments
- * that are equally near, the one of the lowest index counts. At d = 0 (within 2 units in the last place of the
- * coordinates) a plane or mesh counts as front, along its normal there; the force of a point or polyline is 0, as its
- * direction is undefined. */
+/* Where an object is: Table 1 of the paper. The closest point is exact in double precision; among triangles or
+ * segments that are equally near, the one of the lowest index counts. At d = 0 (within 2 units in the last place of
+ * the coordinates) a plane or mesh counts as front, along its normal there; the force of a point or polyline is 0, as
+ * its direction is undefined. */
 typedef enum fs_primitive {
   FS_PRIMITIVE_POINT = 0,       /* the origin of the object frame */
   FS_PRIMITIVE_POLYLINE = 1,    /* the segments of its shape: the curve, not the area a closed one surrounds */
   FS_PRIMITIVE_PLANE = 2,       /* z = 0 of the object frame; the front is z > 0 */
-  FS_PRIMITIVE_MESH = 3,        /* the triangles of its shape; the front is where they run counter-clockwise. Nearest to
-                                   an edge or vertex, its angle-weighted pseudonormal tells the side (Baerentzen & Aanaes
-                                   2005): right for every closed mesh; at an open edge the plane of its triangle does */
+  FS_PRIMITIVE_MESH = 3,        /* the triangles of its shape; the front is where they run counter-clockwise. Where
+                                   an edge or vertex is nearest, its angle-weighted pseudonormal tells the side
+                                   (Baerentzen & Aanaes 2005), exactly where the mesh is closed; an open edge has the
+                                   normal of its triangle */
   FS_PRIMITIVE_FORCE_32 = 0x7fffffff
 } fs_primitive;
 
-/* The intensity f(d, t): Table 2 of the paper. d: distance, m; t: s since the object's start; result in N, before it is
- * clamped to [0, limit]. Named are the fields of fs_profile that a kind uses, with unit and range. */
+/* The intensity f(d, t): Table 2 of the paper. d: distance, m; t: s since the object's start; result in N, before it
+ * is clamped to [0, limit]. Named are the fields of fs_profile that a kind uses, with unit and range. */
 typedef enum fs_profile_kind {
   FS_PROFILE_NONE = 0,                  /* no force */
   FS_PROFILE_CONSTANT = 1,              /* gain (N, > 0) */
@@ -48,8 +49,8 @@ typedef enum fs_sense {
   FS_SENSE_FORCE_32 = 0x7fffffff
 } fs_sense;
 
-/* f(d, t), N, clamped to [0, limit]; f that is not a number counts as 0. Frozen. Zeros are "no profile"; what a kind does
- * not use is 0. Made by fs_profile_init, or by hand. */
+/* f(d, t), N, clamped to [0, limit]. Frozen. What a kind does not use is 0; all zeros: no force. Made by
+ * fs_profile_init, or by hand. */
 typedef struct fs_profile {
   fs_profile_kind kind;         /* the formula */
   fs_sense sense;               /* to p or away from it */
@@ -68,9 +69,9 @@ typedef enum fs_keep {
   FS_KEEP_FORCE_32 = 0x7fffffff
 } fs_keep;
 
-/* Makes a plane or mesh solid: a proxy of each tool point stays on the kept side (Zilles & Salisbury 1995) and draws the
- * point with min(stiffness*|hand - proxy|, limit). This object's profiles are then those at the proxy; where the proxy
- * lies on the surface they act along the kept side's normal. Frozen. With keep NONE all other fields are 0.
+/* Makes a plane or mesh solid: a proxy of each tool point stays on the kept side (Zilles & Salisbury 1995) and draws
+ * the point with min(stiffness*|hand - proxy|, limit). This object's profiles are then those at the proxy; where the
+ * proxy lies on the surface they act along the kept side's normal. Frozen. With keep NONE all other fields are 0.
  * 0.1: a keep other than NONE is checked, then UNSUPPORTED. */
 typedef struct fs_contact {
   fs_keep keep;                 /* POINT, POLYLINE: NONE */
@@ -91,11 +92,11 @@ typedef struct fs_object {
   fs_twist twist;               /* its motion from then on, for 0.1 s at most; then it stands */
   double time;                  /* s; FS_NOW */
   double start;                 /* s, t = 0 of f(d, t); 0: when this name was first set, kept by later sets */
-  double lifetime;              /* s, 0..1e12: fades unless set, changed or moved within it; 0: as its client */
+  double lifetime;              /* s, 0..1e12: fades unless set, changed or moved within it; 0: as long as its client */
   fs_profile front;             /* POINT, POLYLINE: the only one */
   fs_profile back;              /* PLANE, MESH: on the back side; else NONE */
-  double damping;               /* N s/m, 0..1e9: adds -damping times the velocity of the tool point less that of the
-                                   object there, where f(d, t) > 0; both together keep the limit of the side's profile */
+  double damping;               /* N s/m, 0..1e9: where f(d, t) > 0, adds -damping times (velocity of the tool point
+                                   minus that of the object there); both together keep the limit of the profile */
   fs_contact contact;           /* PLANE, MESH: whether it is solid */
   fs_shape *shape;              /* POLYLINE, MESH: of that primitive; else null */
   void *owner;                  /* the library's; null but in what fs_object_get filled */
@@ -104,7 +105,7 @@ typedef struct fs_object {
   uint8_t reserved[3];          /* 0 */
 } fs_object;
 
-/* A profile from the three components of the paper: gain, offset (GAUSSIAN: width) and limit. Without reach or curve. */
+/* A profile of the three components of the paper: gain, offset (GAUSSIAN: width), limit. No reach, no curve. */
 static inline fs_profile fs_profile_init(fs_profile_kind kind, fs_sense sense, double gain, double offset_or_width,
                                          double limit)
 {
@@ -133,15 +134,16 @@ static inline fs_object fs_object_init(const char *name, fs_primitive primitive)
  * object, or null, it does nothing. */
 FS_API void fs_object_release(fs_object *object);
 
-/* forces[i]: what the profile gives at distances[i] (m, >= 0) and time t (s since the start), in N; with slopes limited to
- * max_stiffness (N/m, >= 0; 0: the bare formula). Both arrays have count entries; count 0: they may be null.
- * 0.1: max_stiffness above 0 is UNSUPPORTED. */
+/* forces[i]: what the profile gives at distances[i] (m, >= 0) and time t (s since the start), in N; with slopes
+ * limited to max_stiffness (N/m, >= 0; 0: the bare formula). Both arrays have count entries; count 0: they may be
+ * null. 0.1: max_stiffness above 0 is UNSUPPORTED. */
 FS_API fs_status fs_profile_evaluate(const fs_profile *profile, double max_stiffness, double t,
                                      const double *distances, size_t count, double *forces);
 
 /* ---- Shapes: cheap to make (copy and check). The search tree is built by fs_shape_build, else by the first scene of
  * this process that uses the shape (a million triangles: about 1 s); a server builds its own. A mesh may be open,
- * non-manifold or degenerate. Points count as one where their coordinates are the same. */
+ * non-manifold or degenerate. To tell its sides, corners at the same coordinates count as one, whatever their indices.
+ * They live as long as the caller's reference or an object needs them. */
 
 /* A polyline through count (>= 2) points, m, object frame. closed: the last is joined to the first. */
 FS_API fs_status fs_shape_create_polyline(const fs_vec3 *points, size_t count, bool closed, fs_shape **out);
@@ -151,25 +153,26 @@ FS_API fs_status fs_shape_create_polyline(const fs_vec3 *points, size_t count, b
 FS_API fs_status fs_shape_create_mesh(const fs_vec3 *points, size_t point_count, const uint32_t *triangles,
                                       size_t triangle_count, fs_shape **out);
 
-/* A mesh from a file whose name ends in .obj, .ply, .stl or .off; polygons are cut into triangles, the points of an STL
- * joined where they are the same. scale: m per file unit, > 0. NOT_FOUND, IO, PARSE, UNSUPPORTED (another ending, or a
- * variant that is not read: the sentence has it). */
+/* A mesh from a file whose name ends in .obj, .ply, .stl or .off; polygons are cut into triangles, the points of an
+ * STL joined where they are the same. scale: m per file unit, > 0. NOT_FOUND, IO, PARSE, UNSUPPORTED (another ending,
+ * or a variant that is not read: the sentence has it). */
 FS_API fs_status fs_shape_load(const char *path, double scale, fs_shape **out);
 
-/* Builds the search tree now, in this thread, rather than at the first use. Once: a second call waits for the first, or
- * does nothing. */
+/* Builds the search tree now, in this thread, rather than at the first use. One that is built, and a polyline's,
+ * stays as it is. */
 FS_API fs_status fs_shape_build(fs_shape *shape);
 
 /* One more reference; returns shape; null gives null. */
 FS_API fs_shape *fs_shape_retain(fs_shape *shape);
 
-/* Gives one reference back; null does nothing. Objects keep the shape as long as they need it. */
+/* Gives one reference back; null does nothing. */
 FS_API void fs_shape_destroy(fs_shape *shape);
 
-/* The points, as given, with their count; they live as long as the shape. Null when an argument is. */
+/* The points, as given, with their count; they live as long as the shape. A null argument: null, with fs_last_error. */
 FS_API const fs_vec3 *fs_shape_get_points(const fs_shape *shape, size_t *count);
 
-/* Three indices a triangle, as given; *count: triangles; they live as long as the shape. Polyline: null, 0. */
+/* Three indices a triangle, as given; *count: triangles; they live as long as the shape. Polyline: null, 0.
+ * A null argument: null, with fs_last_error. */
 FS_API const uint32_t *fs_shape_get_triangles(const fs_shape *shape, size_t *count);
 
 /* What a shape is, and what is odd in it. Growing. Edges join points of the same index. */
@@ -189,28 +192,31 @@ FS_DEFINE_INIT(fs_shape_info)
 /* Fills out, which was made by fs_shape_info_init. VERSION. */
 FS_API fs_status fs_shape_get_info(const fs_shape *shape, fs_shape_info *out);
 
-/* ---- Curves: the function f(d, t) of a CUSTOM profile, N. What is below 0 or not finite counts as 0. */
+/* ---- Curves: the function f(d, t) of a CUSTOM profile, N. What is below 0 or not finite counts as 0. They live as
+ * long as the caller's reference or an object needs them. */
 
 /* A table: forces (N) are f(0), f(step), f(2 step)...; count >= 2, step > 0 (m). Between them a monotone cubic, which
  * never overshoots (PCHIP: Fritsch & Carlson 1980); the last value beyond. It does not depend on t. */
 FS_API fs_status fs_curve_create_table(const double *forces, size_t count, double step, fs_curve **out);
 
 /* An expression such as "3*(1+sin(12*t))*exp(-d/0.01)": d in m, t in s since the object's start; the functions and
- * operators of muParser; no assignment; at most 255 bytes of printable ASCII. Its slope is the central difference over
- * d - 1e-6 m .. d + 1e-6 m, at d < 1e-6 m from 0 on. PARSE; UNSUPPORTED where the library was built without expressions. */
+ * operators of muParser; no assignment; at most 255 bytes of printable ASCII. Its slope is the central difference
+ * over d - 1e-6 m .. d + 1e-6 m, at d < 1e-6 m from 0 on. PARSE; UNSUPPORTED where the library was built without
+ * expressions. */
 FS_API fs_status fs_curve_create_expression(const char *text, fs_curve **out);
 
-/* The text of an expression; lives as long as the curve. Of a table: null. */
+/* The text of an expression; lives as long as the curve. Of a table: null. A null argument: null, with
+ * fs_last_error. */
 FS_API const char *fs_curve_get_expression(const fs_curve *curve);
 
 /* The entries of a table, as given, with their count and step (m); they live as long as the curve. Of an expression:
- * null, 0, 0. */
+ * null, 0, 0. A null argument: null, with fs_last_error. */
 FS_API const double *fs_curve_get_table(const fs_curve *curve, size_t *count, double *step);
 
 /* One more reference; returns curve; null gives null. */
 FS_API fs_curve *fs_curve_retain(fs_curve *curve);
 
-/* Gives one reference back; null does nothing. Profiles of objects keep the curve as long as they need it. */
+/* Gives one reference back; null does nothing. */
 FS_API void fs_curve_destroy(fs_curve *curve);
 
 #ifdef __cplusplus

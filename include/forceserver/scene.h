@@ -4,8 +4,8 @@
  * connected to a server that several applications share; "connected:" in a comment is about the latter.
  *
  * No step in force. Under a servo every object has a weight that goes from 0 to 1 and back, linear in time, over
- * fs_servo_options.fade; it begins at the first tick that uses the change. A removed object is kept, nameless, until its
- * weight is 0; a name set again meanwhile goes on from its weight. Without a servo, and for a tool of one's own
+ * fs_servo_options.fade; it begins at the first tick that uses the change. A removed object is kept, nameless, until
+ * its weight is 0; a name set again meanwhile goes on from its weight. Without a servo, and for a tool of one's own
  * (evaluate.h), what is there is felt in full at once.
  */
 #ifndef FORCESERVER_SCENE_H
@@ -32,13 +32,13 @@ FS_API void fs_scene_destroy(fs_scene *scene);
 /* ---- Objects */
 
 /* Adds an object, under a servo fading in; of a name that exists it changes the parts that differ:
- * - pose, profiles and contact act at once, as by fs_object_change;
+ * - pose, profiles and contact, as fs_object_change does (0.1: at once);
  * - `enabled` fades the same object out or in;
- * - a new primitive, shape or tool_points: the old version fades out while the new one fades in. At most one old version is
- *   kept: a further change meanwhile replaces the new one, and both go on from their weights.
- * A mesh whose tree is not built yet is built in this call, without holding up the servo. Connected: checked here, sent
- * without waiting; a mesh is felt when the server has built it (FS_EVENT_READY, _REFUSED). A scene holds 1,048,576 objects
- * at most, those still fading out included: FULL. VERSION. */
+ * - a new primitive, shape or tool_points: the old version fades out while the new one fades in. At most one old
+ *   version is kept: a further change meanwhile replaces the new one, and both go on from their weights.
+ * A mesh whose tree is not built yet is built in this call, without holding up the servo. Connected: checked here,
+ * sent without waiting; a mesh is felt when the server has built it (FS_EVENT_READY, _REFUSED). A scene holds
+ * 1,048,576 objects at most, those still fading out included: FULL. VERSION. */
 FS_API fs_status fs_object_set(fs_scene *scene, const fs_object *object);
 
 /* Parts of an object; bits. */
@@ -51,24 +51,24 @@ typedef enum fs_part {
   FS_PART_FORCE_32 = 0x7fffffff
 } fs_part;
 
-/* From here on a name may also be "client/object": another client's, in that client's frame. NOT_FOUND, DENIED.
+/* ---- From here on a name may also be "client/object": another client's, in that client's frame. NOT_FOUND, DENIED.
  * 0.1: such names are NOT_FOUND. */
 
-/* Fills out, which was made by fs_object_init with any name: struct_size is read, no more than that is written. `time` and
- * `start` come as times of the scene's clock. The handles in it live until fs_object_release(out), which is the caller's to
- * call; before out is filled again, too. NOT_FOUND, VERSION, TIMEOUT (1 s). */
+/* Fills out, which was made by fs_object_init with any name: struct_size is read, no more than that is written.
+ * Release it (fs_object_release), also before it is filled again: its handles live until then. NOT_FOUND, VERSION,
+ * TIMEOUT (1 s). */
 FS_API fs_status fs_object_get(fs_scene *scene, const char *name, fs_object *out);
 
-/* Takes only these parts (fs_part bits) of object, for the one of its name: an editor does not undo the owner's moves.
- * The rest of object is not looked at, but for name and struct_size; the whole must be a good object afterwards. parts 0
- * changes nothing. NOT_FOUND, DENIED, VERSION. */
+/* Takes only these parts (fs_part bits) of object, for the one of its name: an editor does not undo the owner's
+ * moves. The rest of object is not looked at, but for name and struct_size; the whole must be a good object
+ * afterwards. parts 0 changes nothing. NOT_FOUND, DENIED, VERSION. */
 FS_API fs_status fs_object_change(fs_scene *scene, const fs_object *object, uint32_t parts);
 
-/* Moves an object: it has pose at time (s, scene's clock; FS_NOW) and twist from then on. Cheap, for meshes too. The next
- * tick feels it; connected (own objects), no system call, and the server takes it at the servo's rate.
- * twist null: worked out from this and the last move or set (none in the last 0.2 s: 0) and used for at most twice the
- * time between them; of two within 1 ms the later pose replaces the earlier. An older time than the last one is taken
- * with twist 0. Evaluation extrapolates from `time`, never back and for 0.1 s at most. NOT_FOUND, DENIED. */
+/* Moves an object: it has pose at time (s, scene's clock; FS_NOW) and twist from then on. Cheap, for meshes too. The
+ * next tick feels it; connected (own objects), no system call, and the server takes it at the servo's rate.
+ * twist null: worked out from this and the last move or set (none in the last 0.2 s: 0) and used for at most twice
+ * the time between them; of two within 1 ms the later pose replaces the earlier. An older time than the last one is
+ * taken with twist 0. Evaluation extrapolates from `time`, never back and for 0.1 s at most. NOT_FOUND, DENIED. */
 FS_API fs_status fs_object_move(fs_scene *scene, const char *name, const fs_pose *pose, const fs_twist *twist,
                                       double time);
 
@@ -90,8 +90,9 @@ FS_API fs_status fs_scene_commit(fs_scene *scene);
 /* Closes the group and takes back all of it. STATE: none is open. */
 FS_API fs_status fs_scene_cancel(fs_scene *scene);
 
-/* Waits, timeout s (>= 0) at most, until a tick has used all changes so far, faded in or not; those of an open group do
- * not count. No servo: at once. VIRTUAL: another thread must step. TIMEOUT, or the status of the first change refused. */
+/* Waits, timeout s (>= 0) at most, until a tick has used all changes so far, faded in or not; those of an open group
+ * do not count. No servo: at once. VIRTUAL: another thread must step. TIMEOUT, or the status of the first change
+ * refused. */
 FS_API fs_status fs_scene_sync(fs_scene *scene, double timeout);
 
 /* ---- Files. A scene as JSON; its schema is share/forceserver/scene.schema.json:
@@ -102,23 +103,25 @@ FS_API fs_status fs_scene_sync(fs_scene *scene, double timeout);
  *      "objects": [{"name": "a", "primitive": "mesh", "shape": "part", "pose": {"position": [0, 0, 0.05]},
  *                   "back": {"kind": "linear_increasing", "sense": "attractive", "gain": 500, "limit": 10}}]}
  *
- * Names are those of this header: fields as they are, enum values in lower case without their prefix. What is left out
- * is 0, the default frame or tool, and `enabled`; a key that is not known or there twice is an error. A mesh may be OBJ,
- * PLY, STL or OFF, beside the file or below. `time` is not kept (loading is setting now), `start` when it was given. */
+ * Names are those of this header: fields as they are, enum values in lower case without their prefix. What is left
+ * out is 0, the default frame or tool, and `enabled`; a key that is not known or there twice is an error. A mesh may
+ * be OBJ, PLY, STL or OFF, beside the file or below. `time` is not kept (loading is setting now), `start` only where
+ * it was given. */
 
-/* Writes the scene's own objects, frame and tool; meshes beside it as PLY, named after the file and their content. Every
- * number comes back bit for bit. The file is replaced as a whole or not at all. IO, NOT_FOUND (no such folder). */
+/* Writes the scene's own objects, frame and tool; meshes beside it as PLY, named after the file and their content.
+ * Every number comes back bit for bit. The file is replaced as a whole or not at all. IO. */
 FS_API fs_status fs_scene_save(fs_scene *scene, const char *path);
 
-/* Adds or replaces the objects of a file, and sets frame and tool; all or nothing. Objects of other names stay. NOT_FOUND,
- * IO, PARSE, VERSION (a newer file), UNSUPPORTED, FULL. */
+/* Adds or replaces the objects of a file, and sets frame and tool; all or nothing. Objects of other names stay.
+ * NOT_FOUND, IO, PARSE, VERSION (a newer file), UNSUPPORTED, FULL. */
 FS_API fs_status fs_scene_load(fs_scene *scene, const char *path);
 
-/* ---- Frame, clutch, tool: where the scene's tool stands. A new frame or tool, or a clutch let go, puts it elsewhere: what
- * was felt fades out there while the new fades in, without proxies; as with objects, at most one old version is kept. */
+/* ---- Frame, clutch, tool: where the scene's tool stands. A new frame or tool, or a clutch let go, puts it
+ * elsewhere: what was felt fades out there while the new fades in, without proxies; as with objects, at most one old
+ * version is kept. */
 
-/* Scene to device: x_device = pose * (x_scene / scale), F_device = force_scale * (the orientation of pose turns F). So a
- * slope k of the scene is scale*force_scale*k at the device. Frozen. */
+/* Scene to device: x_device = pose * (x_scene / scale), F_device = force_scale * (the orientation of pose turns F).
+ * So a slope k of the scene is scale*force_scale*k at the device. Frozen. */
 typedef struct fs_frame {
   fs_pose pose;                 /* scene to device, device metres */
   double scale;                 /* scene metres a device metre, 1e-9..1e9 */
@@ -135,14 +138,14 @@ FS_API fs_status fs_scene_set_frame(fs_scene *scene, const fs_frame *frame);
 /* The frame, as a clutch may have moved it. client: whose; null: its own. NOT_FOUND. 0.1: NOT_FOUND unless null. */
 FS_API fs_status fs_scene_get_frame(fs_scene *scene, const char *client, fs_frame *out);
 
-/* held: the hand moves, the tool stays, the force of this scene fades out; let go: the frame is moved (not turned) so that
- * the tool's position does not jump, its orientation is the hand's again, and the force fades in. What it is already
- * changes nothing. */
+/* held: the hand moves, the tool stays, the force of this scene fades out; let go: the frame is moved (not turned) so
+ * that the tool's position does not jump, its orientation is the hand's again, and the force fades in. What it is
+ * already changes nothing. */
 FS_API fs_status fs_scene_set_clutch(fs_scene *scene, bool held);
 
-/* Sets the tool's points: count 1..32, frame of the handle, scene metres; by default one, (0, 0, 0). Profiles act as the
- * mean over the points that feel the object (tool_points), contacts as their sum; an object's total force keeps its limit.
- * Several points make a torque about the handle's origin too. */
+/* Sets the tool's points: count 1..32, frame of the handle, scene metres; by default one, (0, 0, 0). Profiles act as
+ * the mean over the points that feel the object (tool_points), contacts as their sum; an object's total force keeps
+ * its limit. Several points make a torque about the handle's origin too. */
 FS_API fs_status fs_scene_set_tool(fs_scene *scene, const fs_vec3 *points, size_t count);
 
 /* The tool's points, a list. */
@@ -150,21 +153,21 @@ FS_API fs_status fs_scene_get_tool(fs_scene *scene, fs_vec3 *out, size_t capacit
 
 /* ---- Accuracy, slope, clock */
 
-/* The error in the force that evaluation may make to be faster, N, >= 0; 0 (default): exact. fs_response.error_bound is
- * what it made. 0.1: always exact. */
+/* The error in the force that evaluation may make to be faster, N, >= 0; 0 (default): exact. fs_response.error_bound
+ * is what it made. 0.1: always exact. */
 FS_API fs_status fs_scene_set_accuracy(fs_scene *scene, double newtons);
 
-/* Bound of the summed slope of overlapping objects, N/m at the device, >= 0; above it they are scaled together, never the
- * force raised. 0 (default): what the servo can render; no servo: none. Connected: of its own objects; can only lower
- * what the server gives them. 0.1: above 0 is UNSUPPORTED, and 0 is no bound under a servo either. */
+/* Bound of the summed slope of overlapping objects, N/m at the device, >= 0; above it they are scaled together, never
+ * the force raised. 0 (default): what the servo can render; no servo: none. Connected: of its own objects; can only
+ * lower what the server gives them. 0.1: above 0 is UNSUPPORTED, and 0 is no bound under a servo either. */
 FS_API fs_status fs_scene_set_max_stiffness(fs_scene *scene, double stiffness);
 
-/* [rt] The clock, s: monotonic, of the machine that evaluates (one machine: the same in every process), or the servo's
- * virtual time: when a servo's start or stop changes it, stored times shift along, so ages stay. */
+/* [rt] The clock, s: monotonic, of the machine that evaluates (one machine: the same in every process), or the
+ * servo's virtual time: when a servo's start or stop changes it, stored times shift along, so ages stay. */
 FS_API fs_status fs_scene_get_time(const fs_scene *scene, double *out);
 
-/* [rt] From now on the clock is what the caller says, until it says more or a servo starts; > 0 s, forth or back. For
- * plots and tests. STATE: not in this process, or with a servo. */
+/* [rt] From now on the clock is what the caller says, until it says more or a servo starts; > 0. For plots and tests.
+ * STATE: not in this process, or with a servo. */
 FS_API fs_status fs_scene_set_time(fs_scene *scene, double time);
 
 /* ---- What became of it */
@@ -173,7 +176,7 @@ FS_API fs_status fs_scene_set_time(fs_scene *scene, double time);
 typedef enum fs_object_state {
   FS_OBJECT_PENDING = 0,        /* no tick has used it yet */
   FS_OBJECT_FELT = 1,           /* in full; without a servo: there */
-  FS_OBJECT_FADING = 2,         /* in or out; or out and there still, its lifetime over */
+  FS_OBJECT_FADING = 2,         /* on its way in or out; or at weight 0, its lifetime being over */
   FS_OBJECT_DISABLED = 3,       /* `enabled` is false, and it has faded out */
   FS_OBJECT_REFUSED = 4,        /* connected: the server did not take it */
   FS_OBJECT_FORCE_32 = 0x7fffffff
@@ -186,11 +189,11 @@ typedef struct fs_report {
   fs_object_state state;        /* how far it has come */
   uint64_t revision;            /* grows with every change but moves */
   double weight;                /* 0..1; between: FADING, in or out */
-  double stiffness_wanted;      /* N/m at the device, steepest slope of profiles and contact; may be infinite, as where the
-                                   force jumps. Of a curve it is an estimate by samples */
+  double stiffness_wanted;      /* N/m at the device, steepest slope of profiles and contact; infinite where the force
+                                   jumps. Of a curve it is an estimate by samples */
   double stiffness_applied;     /* N/m at the device; below wanted: capped. 0.1: as wanted */
-  double distance;              /* m, at the last tick, of the tool point next to it; infinite: out of reach, at weight 0 or
-                                   without a servo, and then point and wrench are 0 */
+  double distance;              /* m, at the last tick, of the tool point nearest to it; infinite: not near (beyond its
+                                   force, weight 0, clutched, no servo), then point and wrench are 0 */
   fs_vec3 point;                /* p, or the proxy; in the asking scene's frame */
   fs_wrench wrench;             /* its share, with its weight, before the guard; in the asking scene's frame */
   double reserved[4];           /* 0 */
@@ -208,11 +211,13 @@ typedef enum fs_event_kind {
   FS_EVENT_NONE = 0,            /* nothing within the timeout */
   FS_EVENT_READY = 1,           /* connected: a pending object is felt */
   FS_EVENT_REFUSED = 2,         /* the server did not take an object: status, text */
-  FS_EVENT_CAPPED = 3,          /* stiffness_applied changed by over 10 %: value, N/m; at most one a second. 0.1: never */
+  FS_EVENT_CAPPED = 3,          /* stiffness_applied changed by over 10 %: value, N/m; at most one a second.
+                                   0.1: never */
   FS_EVENT_EDITED = 4,          /* another client (text) changed or removed an object of this one */
-  FS_EVENT_EXPIRED = 5,         /* an object outlived its lifetime: it stays, at weight 0, until set, changed or moved */
+  FS_EVENT_EXPIRED = 5,         /* an object outlived its lifetime: it stays, at weight 0, until set, changed or
+                                   moved */
   FS_EVENT_DEVICE = 6,          /* device (name) ready (FS_OK), lost or stopped by a fault: status, text; value: the
-                                   fs_fault bits that came, a number */
+                                   fs_fault bits that came, as a number; 0: ready */
   FS_EVENT_DISCONNECTED = 7,    /* server gone; the last event: make a new scene */
   FS_EVENT_OVERFLOW = 8,        /* value older events were dropped, never fetched: 1024 are kept */
   FS_EVENT_FORCE_32 = 0x7fffffff
@@ -228,8 +233,8 @@ typedef struct fs_event {
        text[168];               /* a sentence for people */
 } fs_event;
 
-/* The oldest event that was not fetched yet; waits for one, timeout s (>= 0) at most; 0: does not wait. None: FS_OK and
- * FS_EVENT_NONE. Events are polled, never called back; a wait holds up no other call. */
+/* The oldest event that was not fetched yet; waits for one, timeout s (>= 0) at most; 0: does not wait. None: FS_OK
+ * and FS_EVENT_NONE. Events are polled, never called back; a wait holds up no other call. */
 FS_API fs_status fs_scene_next_event(fs_scene *scene, double timeout, fs_event *out);
 
 #ifdef __cplusplus

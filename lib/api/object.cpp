@@ -28,7 +28,9 @@ fs_status fs_profile_evaluate(const fs_profile* profile, double max_stiffness, d
     }
     parse_finite(t, "t");
     for (size_t i = 0; i < count; ++i) {
-      if (!(distances[i] >= 0)) fail(FS_ERROR_INVALID, "distances[%zu] is %g, must be >= 0 m", i, distances[i]);
+      if (!(distances[i] >= 0 && std::isfinite(distances[i]))) {
+        fail(FS_ERROR_INVALID, "distances[%zu] is %g, must be finite and >= 0 m", i, distances[i]);
+      }
     }
     if (max_stiffness > 0) {
       fail(FS_ERROR_UNSUPPORTED, "max_stiffness is %g: slope caps are not in version %s of this library, only 0",

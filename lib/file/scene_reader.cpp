@@ -69,38 +69,62 @@ std::string reason_of(const Json::exception& error) {
   return reason;
 }
 
-Json parse_json(std::string_view text, const std::string& path) {
-  const char* reached = text.data();
-  const auto offset = [&] { return static_cast<size_t>(reached - text.data()); };
-  std::vector<std::set<std::string>> keys;  // of the objects that are open
-  const auto check = [&](int depth, Json::parse_event_t event, Json& parsed) {
-    switch (event) {
-      case Json::parse_event_t::object_start:
-        keys.emplace_back();
-        [[fallthrough]];
-      case Json::parse_event_t::array_start:
-        if (static_cast<size_t>(depth) >= max_depth) {
-          fail_at(FS_ERROR_PARSE, place_of(text, offset(), path), "values lie more than %zu deep in one another",
-                  max_depth);
-        }
-        break;
-      case Json::parse_event_t::object_end: keys.pop_back(); break;
-      case Json::parse_event_t::key:
-        if (const auto& key = parsed.get_ref<const std::string&>(); !keys.back().insert(key).second) {
-          fail_at(FS_ERROR_PARSE, place_of(text, offset(), path), "the key %s is there twice", in_quotes(key).c_str());
-        }
-        break;
-      default: break;
-    }
-    return true;
-  };
-  try {
-    const char* end = text.data() + text.size();
-    return Json::parse(CountingIterator(text.data(), reached), CountingIterator(end, reached), check);
-  } catch (const Json::exception& error) {
-    fail_at(FS_ERROR_PARSE, place_of(text, offset(), path), "%s", reason_of(error).c_str());
+// Goes over the text first, for what the parser of the tree does not look at: keys that are there twice, and depth.
+class Checker : public nlohmann::json_sax<Json> {
+ public:
+  Checker(std::string_view text, const std::string& path) : text_(text), path_(path), reached_(text.data()) {}
+
+  void check() {
+    const char* end = text_.data() + text_.size();
+    Json::sax_parse(CountingIterator(text_.data(), reached_), CountingIterator(end, reached_), this);
   }
-}
+
+  bool null() override { return true; }
+  bool boolean(bool) override { return true; }
+  bool number_integer(number_integer_t) override { return true; }
+  bool number_unsigned(number_unsigned_t) override { return true; }
+  bool number_float(number_float_t, const string_t&) override { return true; }
+  bool string(string_t&) override { return true; }
+  bool binary(binary_t&) override { return true; }
+  bool start_object(size_t) override {
+    keys_.emplace_back();
+    return enter();
+  }
+  bool key(string_t& key) override {
+    if (!keys_.back().insert(key).second) fail_here("the key " + in_quotes(key) + " is there twice");
+    return true;
+  }
+  bool end_object() override {
+    keys_.pop_back();
+    return leave();
+  }
+  bool start_array(size_t) override { return enter(); }
+  bool end_array() override { return leave(); }
+  bool parse_error(size_t byte, const std::string&, const Json::exception& error) override {
+    reached_ = text_.data() + std::min(byte, text_.size());  // behind the token
+    fail_here(reason_of(error));
+  }
+
+ private:
+  bool enter() {
+    if (++depth_ > max_depth) fail_here("values lie more than " + std::to_string(max_depth) + " deep in one another");
+    return true;
+  }
+  bool leave() {
+    --depth_;
+    return true;
+  }
+  [[noreturn]] void fail_here(const std::string& sentence) const {
+    const auto offset = static_cast<size_t>(reached_ - text_.data());
+    fail_at(FS_ERROR_PARSE, place_of(text_, offset, path_), "%s", sentence.c_str());
+  }
+
+  std::string_view text_;
+  const std::string& path_;
+  const char* reached_;
+  size_t depth_ = 0;
+  std::vector<std::set<std::string>> keys_;  // of the objects that are open
+};
 
 // ---- values. `where` is the file and what in it: "a.json, object 'wall', front"
 
@@ -425,8 +449,8 @@ class SceneReader {
 }  // namespace
 
 SceneDescription parse_scene(std::string_view text, const std::string& path) {
-  const Json tree = parse_json(text, path);
-  return SceneReader(path).read(tree);
+  Checker(text, path).check();
+  return SceneReader(path).read(Json::parse(text));
 }
 
 SceneDescription read_scene_file(const std::string& path) { return parse_scene(read_whole_file(path), path); }

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <cstring>
 
 #include "base/error.h"
 #include "force/reader.h"
@@ -10,29 +12,38 @@ namespace fs {
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
-constexpr double largest = std::numeric_limits<double>::max();
+constexpr double largest = 1e200;             // N/m: a slope that can still be summed and scaled
 constexpr double largest_limit = 1e9;        // N
 constexpr double gaussian_support = 39;      // widths: exp(-39^2 / 2) is 0 in double precision
-constexpr const char* kind_names[] = {"NONE",     "CONSTANT",  "LINEAR_INCREASING", "LINEAR_DECREASING",
-                                      "GAUSSIAN", "QUADRATIC", "INVERSE",           "CUSTOM"};
+constexpr const char* kind_names[] = {"a NONE",     "a CONSTANT",  "a LINEAR_INCREASING", "a LINEAR_DECREASING",
+                                      "a GAUSSIAN", "a QUADRATIC", "an INVERSE",          "a CUSTOM"};
 
 // A bound >= 0 that has been rounded, made safe.
 double outward(double bound) { return bound * (1 + 1e-15) + std::numeric_limits<double>::min(); }
+
+// The number in an enum that a C program may have set to anything: in C++ its mere value would be undefined then.
+template <class Enum>
+int32_t raw_value(const Enum& value) {
+  static_assert(sizeof(Enum) == sizeof(int32_t));
+  int32_t raw;
+  std::memcpy(&raw, &value, sizeof raw);
+  return raw;
+}
 
 void require_finite(double value, const char* field, const char* part) {
   if (!std::isfinite(value)) fail(FS_ERROR_INVALID, "%s.%s is %g, must be finite", field, part, value);
 }
 
 void require_zero(double value, const char* field, const char* part, const char* kind) {
-  if (value != 0) fail(FS_ERROR_INVALID, "%s.%s is %.9g, must be 0 for a %s profile", field, part, value, kind);
+  if (value != 0) fail(FS_ERROR_INVALID, "%s.%s is %.9g, must be 0 for %s profile", field, part, value, kind);
 }
 
 void require_positive(double value, const char* field, const char* part, const char* kind) {
-  if (!(value > 0)) fail(FS_ERROR_INVALID, "%s.%s is %.9g, must be > 0 for a %s profile", field, part, value, kind);
+  if (!(value > 0)) fail(FS_ERROR_INVALID, "%s.%s is %.9g, must be > 0 for %s profile", field, part, value, kind);
 }
 
 void require_negative(double value, const char* field, const char* part, const char* kind) {
-  if (!(value < 0)) fail(FS_ERROR_INVALID, "%s.%s is %.9g, must be < 0 for a %s profile", field, part, value, kind);
+  if (!(value < 0)) fail(FS_ERROR_INVALID, "%s.%s is %.9g, must be < 0 for %s profile", field, part, value, kind);
 }
 
 // The formula without limit and reach. The slope is of use only where 0 < force < limit.
@@ -50,7 +61,7 @@ Intensity formula(const Profile& p, unsigned reader, double d, double t) noexcep
     }
     case FS_PROFILE_QUADRATIC:
       if (p.gain == 0) return {p.offset, 0};  // also at an infinite d
-      return {p.gain * d * d + p.offset, 2 * p.gain * d};
+      return {p.gain * d * d + p.offset, 2 * (p.gain * d)};
     case FS_PROFILE_INVERSE: {
       const double force = p.gain / d;
       return {force + p.offset, -force / d};
@@ -184,11 +195,12 @@ bool jumps_at_reach(const Profile& p) {
 }  // namespace
 
 Profile parse_profile(const fs_profile& in, const char* field) {
-  if (in.kind < FS_PROFILE_NONE || in.kind > FS_PROFILE_CUSTOM) {
-    fail(FS_ERROR_INVALID, "%s.kind is %d, must be an fs_profile_kind (0..7)", field, static_cast<int>(in.kind));
+  const int32_t raw_kind = raw_value(in.kind), raw_sense = raw_value(in.sense);
+  if (raw_kind < FS_PROFILE_NONE || raw_kind > FS_PROFILE_CUSTOM) {
+    fail(FS_ERROR_INVALID, "%s.kind is %d, must be an fs_profile_kind (0..7)", field, raw_kind);
   }
-  if (in.sense != FS_SENSE_ATTRACTIVE && in.sense != FS_SENSE_REPULSIVE) {
-    fail(FS_ERROR_INVALID, "%s.sense is %d, must be an fs_sense (0 or 1)", field, static_cast<int>(in.sense));
+  if (raw_sense != FS_SENSE_ATTRACTIVE && raw_sense != FS_SENSE_REPULSIVE) {
+    fail(FS_ERROR_INVALID, "%s.sense is %d, must be an fs_sense (0 or 1)", field, raw_sense);
   }
   const char* kind = kind_names[in.kind];
   require_finite(in.gain, field, "gain");
@@ -226,7 +238,7 @@ Profile parse_profile(const fs_profile& in, const char* field) {
   if (in.kind == FS_PROFILE_CUSTOM) {
     if (!in.curve) fail(FS_ERROR_INVALID, "%s.curve is null, must be a curve for a CUSTOM profile", field);
   } else if (in.curve) {
-    fail(FS_ERROR_INVALID, "%s.curve is given, must be null for a %s profile", field, kind);
+    fail(FS_ERROR_INVALID, "%s.curve is given, must be null for %s profile", field, kind);
   }
   return {in.kind, in.sense, in.gain, in.offset, in.width, in.limit, in.reach, Ref<const Curve>::share(in.curve)};
 }

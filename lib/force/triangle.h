@@ -51,14 +51,14 @@ inline void nearest_on_segment(Vec3 a, Vec3 b, Part on_ab, Part at_a, Part at_b,
 
 // The closest point of triangle abc; without area it is as its edges are.
 inline Nearest nearest_on_triangle(Vec3 a, Vec3 b, Vec3 c) noexcept {
-  // The origin's projection is a + s ab + t ac. The height h of c above ab comes by Gram-Schmidt, not through the
-  // products of a Gram matrix, which loses twice the digits on a needle.
+  // The origin's projection is a + s ab + t ac. By modified Gram-Schmidt: c and the origin both less their projections on
+  // ab, which keeps the digits of a needle where the products of a Gram matrix lose twice as many.
   const Vec3 ab = b - a, ac = c - a;
   const double length = dot(ab, ab);
-  const double k = dot(ac, ab) / length;
-  const Vec3 h = ac - k * ab;
-  const double t = -dot(a, h) / dot(h, h);
-  const double s = -dot(a, ab) / length - t * k;
+  const double c_along = dot(ac, ab) / length, along = -dot(a, ab) / length;
+  const Vec3 height = ac - c_along * ab;
+  const double t = -dot(a + along * ab, height) / dot(height, height);
+  const double s = along - t * c_along;
   if (s > 0 && t > 0 && s + t < 1) {
     const Vec3 p = a + s * ab + t * ac;
     const Vec3 q{clamped(p.x, a.x, b.x, c.x), clamped(p.y, a.y, b.y, c.y), clamped(p.z, a.z, b.z, c.z)};

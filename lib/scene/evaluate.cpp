@@ -58,7 +58,7 @@ ToolState ToolState::at(const fs_state& state, const Vec3* points, size_t count,
 bool evaluate_object(const Object& object, const Motion& motion, double start, const ToolState& tool,
                      Share& out) noexcept {
   const uint32_t all = tool.count == 32 ? ~0u : (1u << tool.count) - 1;
-  const uint32_t mask = object.point_mask() & all;
+  const uint32_t mask = tool.is_any_point ? all : object.point_mask() & all;
   if (mask == 0 || !(object.support >= 0)) return false;
   const double share = 1.0 / std::popcount(mask);
   const Pose pose = motion.at(tool.time);

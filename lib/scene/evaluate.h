@@ -15,6 +15,7 @@ struct ToolState {
   unsigned count;
   double time;      // s, scene time
   unsigned reader;  // of the thread that evaluates
+  bool is_any_point = false;  // it feels what any point of a tool would, whichever the object is meant for
 
   // points: m, frame of the handle. state's pose must be one.
   static ToolState at(const fs_state& state, const Vec3* points, size_t count, double time, unsigned reader) noexcept;

@@ -65,7 +65,7 @@ void fs_scene::push_event(const fs_event& event) {
 }
 
 fs_event fs_scene::next_event(double timeout) {
-  if (!(timeout >= 0)) fail(FS_ERROR_INVALID, "timeout is %g, must be >= 0 s", timeout);
+  check_timeout(timeout);
   const double start = steady_now();
   for (;;) {
     {

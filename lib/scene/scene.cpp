@@ -13,7 +13,7 @@ namespace {
 
 constexpr uint32_t all_parts = FS_PART_POSE | FS_PART_PROFILES | FS_PART_CONTACT | FS_PART_SHAPE | FS_PART_OTHER;
 
-constexpr size_t open_epochs = 64;
+constexpr size_t open_epochs = 16;
 
 double expiry_of(const Object& object, double now) { return object.lifetime > 0 ? now + object.lifetime : never; }
 
@@ -247,6 +247,8 @@ void fs_scene::set_contents(const std::vector<fs_object>& objects, const fs_fram
                             const std::vector<Vec3>& tool) {
   std::vector<ParsedObject> parsed;
   for (const fs_object& object : objects) parsed.push_back(parse_object(object));
+  const fs_frame parsed_frame = parse_frame(frame);
+  check_tool(tool.data(), tool.size());
   const std::lock_guard lock(mutex_);
   settle(false);
   size_t added = 0;
@@ -255,7 +257,7 @@ void fs_scene::set_contents(const std::vector<fs_object>& objects, const fs_fram
     fail(FS_ERROR_FULL, "the scene would hold more than %u objects, its maximum", Table<Entry>::capacity);
   }
   for (const ParsedObject& object : parsed) admit(object, all_parts);
-  apply_view(&frame, tool.data(), tool.size());
+  apply_view(&parsed_frame, tool.data(), tool.size());
   changed();
 }
 
@@ -286,8 +288,14 @@ void fs_scene::cancel() {
   changed();
 }
 
+void fs::check_timeout(double timeout) {
+  if (!(timeout >= 0 && std::isfinite(timeout))) {
+    fail(FS_ERROR_INVALID, "timeout is %g, must be finite and >= 0 s", timeout);
+  }
+}
+
 void fs_scene::sync(double timeout) const {
-  if (!(timeout >= 0)) fail(FS_ERROR_INVALID, "timeout is %g, must be >= 0 s", timeout);
+  check_timeout(timeout);
   uint64_t wanted;
   {
     const std::lock_guard lock(mutex_);

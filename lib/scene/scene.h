@@ -50,8 +50,10 @@ class ServoLink {
 
 double steady_now() noexcept;  // [rt] s, the monotonic clock
 
-// Throws INVALID unless they are 1..32 points within bounds.
+// Throw INVALID: unless they are 1..32 points within bounds; for a field out of its range.
 void check_tool(const Vec3* points, size_t count);
+fs_frame parse_frame(const fs_frame& frame);
+void check_timeout(double timeout);
 
 }  // namespace fs
 
@@ -132,7 +134,7 @@ struct fs_scene : fs::Counted<fs_scene> {
   fs::Fade turned(const fs::Fade& fade, bool in, double expiry);
   void replace_view(fs::Ref<const fs::View> view, bool in);
   fs::Ref<fs::View> copy_view() const;
-  void apply_view(const fs_frame* frame, const fs::Vec3* points, size_t count);
+  void apply_view(const fs_frame* frame, const fs::Vec3* points, size_t count);   // both checked; null: as it is
   void changed();
   fs::Ref<const fs::Snapshot> snapshot();
   void settle(bool now_or_never);

@@ -20,7 +20,17 @@ class Table {
     uint32_t used = 0;  // bit i: child i is there
     std::array<Ref<Child>, width> children;
   };
-  using Root = Node<Node<Node<Node<Node<const T>>>>>;
+  template <uint32_t level>
+  struct Level {
+    using Child = typename Level<level - 1>::Type;
+    using Type = Node<Child>;
+  };
+  template <uint32_t level>
+    requires(level == 0)
+  struct Level<level> {
+    using Type = Node<const T>;
+  };
+  using Root = typename Level<depth - 1>::Type;
 
  public:
   static constexpr uint32_t capacity = 1u << (bits * depth);  // 1,048,576

@@ -39,19 +39,18 @@ void fs::evaluate_field(Scene& scene, const char* name, double time, const Vec3*
   scene.with_snapshot(name, [&](const Snapshot& snapshot, int64_t slot) {
     const double now = time != 0 ? time : scene.now(snapshot.clock);
     const auto evaluate_object_alone = [&](const Entry& entry, const ToolState& point) {
-      // A plot shows what a point feels, whichever point of a tool the object is meant for.
       Share share;
-      Object const& object = *entry.object;
-      return entry.is_present(now) && evaluate_object(object, entry.motion, entry.start, point, share)
-                 ? share.wrench.force
-                 : Vec3{};
+      const bool is_felt =
+          entry.is_present(now) && evaluate_object(*entry.object, entry.motion, entry.start, point, share);
+      return is_felt ? share.wrench.force : Vec3{};
     };
     const auto work = [&](size_t begin, size_t end, unsigned reader) {
       const Vec3 origin{0, 0, 0};
       for (size_t i = begin; i < end; ++i) {
         fs_state state{};
         state.pose = {positions[i], identity_quat()};
-        const ToolState point = ToolState::at(state, &origin, 1, now, reader);
+        ToolState point = ToolState::at(state, &origin, 1, now, reader);
+        point.is_any_point = true;
         Vec3 sum{};
         if (slot >= 0) {
           sum = evaluate_object_alone(*snapshot.objects.get(static_cast<uint32_t>(slot)), point);

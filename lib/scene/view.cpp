@@ -5,9 +5,7 @@
 
 using namespace fs;
 
-namespace {
-
-fs_frame parse_frame(const fs_frame& frame) {
+fs_frame fs::parse_frame(const fs_frame& frame) {
   fs_frame out = frame;
   out.pose = parse_pose(frame.pose, "frame.pose");
   if (!(frame.scale >= 1e-9 && frame.scale <= 1e9)) {
@@ -18,8 +16,6 @@ fs_frame parse_frame(const fs_frame& frame) {
   }
   return out;
 }
-
-}  // namespace
 
 void fs::check_tool(const Vec3* points, size_t count) {
   if (count < 1 || count > FS_TOOL_POINTS_MAX) {
@@ -63,21 +59,18 @@ void fs_scene::replace_view(Ref<const View> view, bool in) {
 void fs_scene::apply_view(const fs_frame* frame, const Vec3* points, size_t count) {
   const Ref<View> view = copy_view();
   if (frame) {
-    view->frame = parse_frame(*frame);
+    view->frame = *frame;
     if (view->kind == View::Kind::rebased) view->kind = View::Kind::free;
   }
-  if (points) {
-    check_tool(points, count);
-    view->points.assign(points, points + count);
-  }
+  if (points) view->points.assign(points, points + count);
   replace_view(view, view->kind != View::Kind::held);
 }
 
 void fs_scene::set_frame(const fs_frame& frame) {
-  parse_frame(frame);
+  const fs_frame parsed = parse_frame(frame);
   const std::lock_guard lock(mutex_);
   settle(false);
-  apply_view(&frame, nullptr, 0);
+  apply_view(&parsed, nullptr, 0);
   changed();
 }
 

@@ -54,11 +54,6 @@ fs_vec3 rotate(const fs_quat& q, const fs_vec3& v) {
           v.z + q.w * t.z + q.x * t.y - q.y * t.x};
 }
 
-fs_vec3 apply(const fs_pose& pose, const fs_vec3& v) {
-  const fs_vec3 r = rotate(pose.orientation, v);
-  return {pose.position.x + r.x, pose.position.y + r.y, pose.position.z + r.z};
-}
-
 fs_shape_info describe(const fs_shape* shape) {
   fs_shape_info info = fs_shape_info_init();
   require(fs_shape_get_info(shape, &info));
@@ -67,9 +62,9 @@ fs_shape_info describe(const fs_shape* shape) {
   fs_shape_get_triangles(shape, &triangles);
   const fs_vec3 size = minus(info.upper, info.lower);
   if (info.primitive == FS_PRIMITIVE_MESH) {
-    std::printf("%s mesh of %zu triangles and %zu points", info.closed ? "closed" : "open", triangles, points);
+    std::printf("%s mesh of %zu triangles and %zu points", info.closed ? "a closed" : "an open", triangles, points);
   } else {
-    std::printf("%s polyline of %zu points", info.closed ? "closed" : "open", points);
+    std::printf("%s polyline of %zu points", info.closed ? "a closed" : "an open", points);
   }
   std::printf(", %s x %s x %s", metres(size.x).c_str(), metres(size.y).c_str(), metres(size.z).c_str());
   return info;
@@ -112,7 +107,7 @@ void check_shape(const std::string& name, const fs_shape* shape, Findings& findi
 
 int check_mesh(const CheckOptions& options) {
   const Shape shape = open<Shape>(fs_shape_load, options.file.c_str(), options.scale);
-  std::printf("%s: a ", options.file.c_str());
+  std::printf("%s: ", options.file.c_str());
   const fs_shape_info info = describe(shape.get());
   std::printf("\n");
   Findings findings;
@@ -241,9 +236,9 @@ int check_scene(const CheckOptions& options) {
     fs_object object = fs_object_init("", FS_PRIMITIVE_POINT);
     require(fs_object_get(scene.get(), report.name, &object));
     const std::unique_ptr<fs_object, Release<fs_object_release>> released(&object);
-    std::printf("%s: a ", object.name);
+    std::printf("%s: ", object.name);
     if (object.shape) describe(object.shape);
-    else std::printf("%s", object.primitive == FS_PRIMITIVE_PLANE ? "plane" : "point");
+    else std::printf("%s", object.primitive == FS_PRIMITIVE_PLANE ? "a plane" : "a point");
     const bool sides = object.primitive == FS_PRIMITIVE_PLANE || object.primitive == FS_PRIMITIVE_MESH;
     describe_profile(sides ? "front " : "", object.front);
     describe_profile("back ", object.back);

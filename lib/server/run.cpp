@@ -189,8 +189,9 @@ void print_summary(const fs_servo_stats& s, double seconds, std::uint32_t faults
               s.late_max * 1e6);
   std::printf("compute p50 %.1f us, p99 %.1f us, most %.1f us\n", s.compute_p50 * 1e6, s.compute_p99 * 1e6,
               s.compute_max * 1e6);
-  std::printf("slopes up to %.0f N/m, local damping %.1f N s/m; a limit or fault changed the force of %llu ticks\n",
-              s.max_stiffness, s.damping, Count(s.guarded));
+  if (std::isfinite(s.max_stiffness)) std::printf("slopes up to %.0f N/m, ", s.max_stiffness);
+  std::printf("local damping %.1f N s/m; a limit or fault changed the force of %llu ticks\n", s.damping,
+              Count(s.guarded));
   std::printf("faults: %s\n", fault_names(faults).c_str());
   std::printf("the system granted: %s\n", realtime_name(s.realtime));
   std::printf("protections switched off: %s\n", protection_names(s.protections_off).c_str());

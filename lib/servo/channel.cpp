@@ -122,6 +122,13 @@ fs_response Channel::evaluate(const fs_state& hand, double now, uint64_t tick) n
   return device;
 }
 
+void Channel::lose_hand() noexcept {
+  hand_.state.flags = hand_.state.buttons = 0;  // the pose stays the last that is known
+  hand_.state.twist = {};
+  hand_.response = {};
+  hand_.response.proxy = hand_.state.pose;
+}
+
 void Channel::publish(const Wrench& sent, uint32_t response_flags, uint64_t tick) noexcept {
   const Quat back = conjugate(axes_);
   hand_.sent = {rotate(back, sent.force), rotate(back, sent.torque)};

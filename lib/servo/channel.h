@@ -17,6 +17,9 @@ class Channel {
   // [rt] The scene's response for the hand (device frame), in device axes. tick: the number of this one.
   fs_response evaluate(const fs_state& hand, double now, uint64_t tick) noexcept;
 
+  // [rt] Instead of evaluate, when the device gave no pose.
+  void lose_hand() noexcept;
+
   // [rt] Tells the scene of this tick. response_flags: what the guard added.
   void publish(const Wrench& sent, uint32_t response_flags, uint64_t tick) noexcept;
 

@@ -48,6 +48,8 @@ void Guard::set_enabled(bool enabled) noexcept {
   if (enabled) {
     faults_ &= FS_FAULT_DEVICE;
     late_in_a_row_ = 0;
+  } else {
+    ramp_ = 0;
   }
   enabled_ = enabled;
 }

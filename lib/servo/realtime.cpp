@@ -10,6 +10,11 @@
 
 namespace fs {
 
+bool may_use_processor(int cpu) noexcept {
+  cpu_set_t set;
+  return cpu < CPU_SETSIZE && sched_getaffinity(0, sizeof set, &set) == 0 && CPU_ISSET(static_cast<size_t>(cpu), &set);
+}
+
 fs_realtime request_realtime(int priority, int cpu) noexcept {
   if (cpu >= 0) {
     cpu_set_t set;
@@ -17,6 +22,7 @@ fs_realtime request_realtime(int priority, int cpu) noexcept {
     CPU_SET(static_cast<size_t>(cpu), &set);
     pthread_setaffinity_np(pthread_self(), sizeof set, &set);
   }
+  if (priority < 0) return FS_REALTIME_NONE;
   sched_param parameter{};
   parameter.sched_priority = priority;
   if (pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameter) == 0) return FS_REALTIME_FIFO;

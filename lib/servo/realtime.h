@@ -5,8 +5,10 @@
 
 namespace fs {
 
-// For the calling thread: SCHED_FIFO at priority, else a better nice value, else a timer slack of 1 ns. cpu: the processor
-// it stays on, negative: any. Returns what was reached, FIFO at most.
+bool may_use_processor(int cpu) noexcept;
+
+// For the calling thread: SCHED_FIFO at priority, else a better nice value, else a timer slack of 1 ns; negative: none of
+// these. cpu: the processor it stays on, negative: any. Returns what was reached, FIFO at most.
 fs_realtime request_realtime(int priority, int cpu) noexcept;
 
 // Locks the memory that the process has. Later memory too only where no limit is set: under a limit that locking makes

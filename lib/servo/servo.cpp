@@ -70,6 +70,9 @@ ServoSettings fs::parse_options(const fs_servo_options& options, const fs_device
     fail(FS_ERROR_INVALID, "cpu is %d, must be within 0..%ld", options.cpu, processors);
   }
   out.cpu = options.cpu - 1;
+  if (out.cpu >= 0 && !may_use_processor(out.cpu)) {
+    fail(FS_ERROR_INVALID, "cpu is %d, but this process may not run on processor %d", options.cpu, out.cpu);
+  }
   return out;
 }
 
@@ -103,8 +106,7 @@ fs_servo::fs_servo(Ref<Scene> scene, Ref<Device> device, const ServoSettings& se
   const auto entry = [](void* data) -> void* {
     fs_servo* servo = static_cast<Start*>(data)->servo;
     std::atomic<int>* granted = static_cast<Start*>(data)->granted;
-    const int priority = servo->settings_.priority;
-    const fs_realtime reached = priority > 0 ? request_realtime(priority, servo->settings_.cpu) : FS_REALTIME_NONE;
+    const fs_realtime reached = request_realtime(servo->settings_.priority, servo->settings_.cpu);
     servo->realtime_.store(reached);
     granted->store(reached);
     granted->notify_one();  // the last use of what start() owns
@@ -182,10 +184,13 @@ void fs_servo::tick(double now, double late) noexcept {
   const double begin = steady_now();
 
   const uint32_t requested = enable_.load(std::memory_order_acquire);
-  if (requested != enable_requests_seen_) {
-    guard_.set_enabled(requested & 1);
-    is_recording_ = is_recording_ || (requested & 1);
-    enable_requests_seen_ = requested;
+  if (requested != enable_seen_) {
+    if ((requested ^ enable_seen_) >> 2) guard_.set_enabled(false);  // also when it was enabled again meanwhile
+    if (requested & 1) {
+      guard_.set_enabled(true);
+      is_recording_ = true;
+    }
+    enable_seen_ = requested;
   }
 
   fs_state hand;
@@ -200,7 +205,11 @@ void fs_servo::tick(double now, double late) noexcept {
   channel_.fetch(now);
   fs_response response{};
   response.proxy = identity_pose();
-  if (has_pose) response = channel_.evaluate(hand, now, tick_);
+  if (has_pose) {
+    response = channel_.evaluate(hand, now, tick_);
+  } else {
+    channel_.lose_hand();
+  }
 
   const Wrench sent = guard_.apply({hand, is_ready, late}, response.wrench);
   const uint32_t guarded = guard_.has_guarded() ? FS_RESPONSE_GUARDED : 0;
@@ -238,7 +247,10 @@ void fs_servo::note_device(double now, fs_status status) noexcept {
   faults_.store(faults, std::memory_order_relaxed);
   const auto leave = [&](fs_status what, uint32_t bits) {
     const uint64_t written = events_written_.load(std::memory_order_relaxed);
-    if (written - events_read_.load(std::memory_order_acquire) == event_capacity) return;
+    if (written - events_read_.load(std::memory_order_acquire) == event_capacity) {
+      events_lost_.fetch_add(1, std::memory_order_relaxed);
+      return;
+    }
     device_events_[written % event_capacity] = {now, what, bits};
     events_written_.store(written + 1, std::memory_order_release);
   };
@@ -251,7 +263,13 @@ void fs_servo::note_device(double now, fs_status status) noexcept {
 
 bool fs_servo::take_event(fs_event& out) {
   const uint64_t read = events_read_.load(std::memory_order_relaxed);
-  if (read == events_written_.load(std::memory_order_acquire)) return false;
+  if (read == events_written_.load(std::memory_order_acquire)) {
+    const uint64_t lost = events_lost_.exchange(0, std::memory_order_relaxed);
+    out = {};
+    out.kind = FS_EVENT_OVERFLOW;
+    out.value = static_cast<double>(lost);
+    return lost > 0;
+  }
   const DeviceEvent event = device_events_[read % event_capacity];
   events_read_.store(read + 1, std::memory_order_release);
   out = {};
@@ -273,7 +291,8 @@ bool fs_servo::take_event(fs_event& out) {
 
 void fs_servo::set_enabled(bool enabled) noexcept {
   uint32_t before = enable_.load(std::memory_order_relaxed);
-  while (!enable_.compare_exchange_weak(before, ((before & ~1u) + 2) | (enabled ? 1u : 0u), std::memory_order_acq_rel)) {
+  const auto next = [&] { return enabled ? (before | 1) ^ 2 : (before & ~1u) + 4; };
+  while (!enable_.compare_exchange_weak(before, next(), std::memory_order_acq_rel)) {
   }
 }
 

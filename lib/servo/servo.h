@@ -69,10 +69,10 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   bool was_ready_ = false;
   uint32_t latched_ = 0;
   bool is_recording_ = true;
-  uint32_t enable_requests_seen_ = 0;
+  uint32_t enable_seen_ = 1;
 
   // Shared: written by the servo, but for enable_ and the stop.
-  std::atomic<uint32_t> enable_{1};  // bit 0: enabled; the rest counts the calls
+  std::atomic<uint32_t> enable_{1};  // bit 0: enabled; bit 1 turns over at every true; the rest counts the falses
   std::atomic<bool> is_stopping_{false}, is_stepping_{false};
   std::atomic<uint64_t> ticks_{0}, misses_{0}, device_errors_{0}, guarded_{0}, approximated_{0};
   std::atomic<uint32_t> faults_{0};
@@ -83,7 +83,7 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   std::unique_ptr<fs::Seqlock<RecordSlot>[]> record_;
   std::atomic<uint64_t> recorded_{0};
   std::array<DeviceEvent, event_capacity> device_events_;
-  std::atomic<uint64_t> events_written_{0}, events_read_{0};
+  std::atomic<uint64_t> events_written_{0}, events_read_{0}, events_lost_{0};
 
   pthread_t thread_{};
   bool has_thread_ = false;
