@@ -71,8 +71,8 @@ typedef enum fs_keep {
 
 /* Makes a plane or mesh solid: a proxy of each tool point stays on the kept side (Zilles & Salisbury 1995) and draws
  * the point with min(stiffness*|hand - proxy|, limit). This object's profiles are then those at the proxy; where the
- * proxy lies on the surface they act along the kept side's normal. Frozen. With keep NONE all other fields are 0.
- * 0.1: a keep other than NONE is checked, then UNSUPPORTED. */
+ * proxy lies on the surface they act along the kept side's normal. Frozen. With keep NONE the other fields are
+ * checked and kept, but do nothing. 0.1: a keep other than NONE is checked, then UNSUPPORTED. */
 typedef struct fs_contact {
   fs_keep keep;                 /* POINT, POLYLINE: NONE */
   uint32_t reserved;            /* 0 */

@@ -44,10 +44,10 @@ fs_status fs_pose_from_z(fs_vec3 position, fs_vec3 direction, fs_pose* out) {
       fail(FS_ERROR_INVALID, "direction is (%g, %g, %g), must be finite and longer than 0", direction.x, direction.y,
            direction.z);
     }
-    // The shortest turn from z to the direction; straight down, half a turn about x.
+    // The shortest turn from z to the direction; straight down, half a turn about x. Below the horizon 1 + z cancels.
     const Vec3 z = normalized(direction);
-    Quat q = z.z > -1 ? Quat{1 + z.z, -z.y, z.x, 0} : Quat{0, 1, 0, 0};
-    if (norm(q) < 1e-7) q = {0, 1, 0, 0};
-    *out = {position, normalized(q)};
+    const double w = z.z > 0 ? 1 + z.z : (z.x * z.x + z.y * z.y) / (1 - z.z);
+    const bool is_down = z.x == 0 && z.y == 0 && z.z < 0;
+    *out = {position, is_down ? Quat{0, 1, 0, 0} : normalized(Quat{w, -z.y, z.x, 0})};
   });
 }

@@ -8,7 +8,6 @@ namespace {
 
 // Derivative of the unit direction from p to x, times d: how much of a sideways motion turns the force.
 Mat3 turning(const Closest& closest, Vec3 direction, Vec3 tangent) {
-  if (closest.feature == Feature::face || !(closest.distance > 0)) return {};
   Mat3 m = identity() + -1.0 * outer(direction, direction);
   if (closest.feature == Feature::edge) m += -1.0 * outer(tangent, tangent);
   return m;
@@ -34,7 +33,7 @@ void add_profile(const Profile& profile, const Object& object, const Closest& cl
   out.wrench.force += share * force;
   out.wrench.torque += share * cross(point.arm, force);
   out.stiffness += (share * sign * intensity.slope) * outer(direction, direction);
-  if (closest.distance > 0) {
+  if (closest.feature != Feature::face && closest.distance > 0) {
     out.stiffness += (share * sign * intensity.force / closest.distance) * turning(closest, direction, tangent);
   }
 }

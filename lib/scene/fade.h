@@ -45,7 +45,8 @@ class Fade {
   double weight(double now, double duration) const noexcept {  // [rt]
     if (!epoch_) return before_.at(now, duration);
     const double start = epoch_->time();
-    if (!(now > start)) return before_.at(now, duration);  // not used yet
+    const bool is_used = duration > 0 ? now > start : now >= start;
+    if (!is_used) return before_.at(now, duration);
     return Segment{start, before_.at(start, duration), direction_, expiry_}.at(now, duration);
   }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <initializer_list>
 
 #include "math/pose.h"
 
@@ -39,23 +40,35 @@ struct Track {
     double time = 0;
     bool is_known = false;
   };
-  Sample before, last;
+  Sample last;           // the newest of an instant
+  Sample before, older;  // the newest of the two instants before it
+  double instant = 0;    // s, when the present instant began
 
   // Takes a pose given at `time`; without a twist of its own it gets one worked out from the pose before. One older than
   // the last pose stands.
   Motion take(const Pose& pose, const Twist* twist, double time) noexcept {
     const double since_last = last.is_known ? time - last.time : 0;
-    if (since_last < 0) before = {};
-    if (since_last >= same_instant) before = last;
+    if (since_last < 0) before = older = {};
+    if (!last.is_known || since_last < 0) instant = time;
+    if (time - instant >= same_instant) {
+      older = before;
+      before = last;
+      instant = time;
+    }
     last = {pose, time, true};
 
     if (since_last < 0) return {pose, {}, time, 0};
     if (twist) return {pose, *twist, time, is_zero(*twist) ? 0 : extrapolation_limit};
-    const double dt = time - before.time;
-    if (!before.is_known || !(dt >= same_instant && dt <= twist_memory)) return {pose, {}, time, 0};
-    const Twist worked_out{(1 / dt) * (pose.position - before.pose.position),
-                           (1 / dt) * log_rotation(pose.orientation * conjugate(before.pose.orientation))};
+    const Sample& from = time - before.time >= same_instant ? before : older;  // in a stream above 1 kHz
+    const double dt = time - from.time;
+    if (!from.is_known || !(dt >= same_instant && dt <= twist_memory)) return {pose, {}, time, 0};
+    const Twist worked_out{(1 / dt) * (pose.position - from.pose.position),
+                           (1 / dt) * log_rotation(pose.orientation * conjugate(from.pose.orientation))};
     return {pose, worked_out, time, is_zero(worked_out) ? 0 : std::min(extrapolation_limit, 2 * dt)};
+  }
+
+  void shift(double by) noexcept {
+    for (double* time : {&last.time, &before.time, &older.time, &instant}) *time += by;
   }
 
   static bool is_zero(const Twist& t) noexcept { return t.linear == Vec3{} && t.angular == Vec3{}; }

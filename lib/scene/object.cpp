@@ -53,12 +53,7 @@ void check_contact(const fs_contact& contact, fs_primitive primitive) {
   parse_range(contact.limit, 0, 1e9, "contact.limit");
   parse_range(contact.damping, 0, 1e9, "contact.damping");
   parse_range(contact.friction, 0, 2, "contact.friction");
-  if (contact.keep == FS_KEEP_NONE) {
-    if (contact.stiffness != 0 || contact.limit != 0 || contact.damping != 0 || contact.friction != 0) {
-      fail(FS_ERROR_INVALID, "contact.keep is NONE, so stiffness, limit, damping and friction of contact must be 0");
-    }
-    return;
-  }
+  if (contact.keep == FS_KEEP_NONE) return;  // the rest waits for the next time it is made solid
   if (!has_surface(primitive)) {
     fail(FS_ERROR_INVALID, "contact.keep is %d, must be NONE (0) for a %s", static_cast<int>(contact.keep),
          primitive_name(primitive));

@@ -443,8 +443,7 @@ void fs_scene::retime(double shift) {
   const auto retimed = [&](const Entry& old) {
     const Ref<Entry> entry = copy(old);
     entry->motion.time += shift;
-    entry->track.before.time += shift;
-    entry->track.last.time += shift;
+    entry->track.shift(shift);
     entry->start += shift;
     entry->fade = old.fade.settled(shift);
     entry->previous = nullptr;

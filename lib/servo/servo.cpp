@@ -242,7 +242,7 @@ void fs_servo::tick(double now, double late) noexcept {
 // Keeps the faults for the stats, and leaves an event when the device becomes ready, is lost or is stopped by a fault.
 void fs_servo::note_device(double now, fs_status status) noexcept {
   const uint32_t faults = guard_.faults();
-  const bool is_ready = !(faults & FS_FAULT_DEVICE);
+  const bool is_ready = !(faults & FS_FAULT_DEVICE) && status == FS_OK;
   const uint32_t latched = faults & ~static_cast<uint32_t>(FS_FAULT_DEVICE);
   faults_.store(faults, std::memory_order_relaxed);
   const auto leave = [&](fs_status what, uint32_t bits) {

@@ -119,7 +119,8 @@ START_TEST(fade_of_no_duration_is_at_once) {
   const Fade fade = Fade::steady(false).turned(true, never, epoch, 0);
   ck_assert_double_eq(fade.weight(5, 0), 0);
   epoch->stamp(5);
-  ck_assert_double_eq(fade.weight(5.001, 0), 1);
+  ck_assert_double_eq(fade.weight(4.999, 0), 0);
+  ck_assert_double_eq(fade.weight(5, 0), 1);
   ck_assert_double_eq(Fade::steady(true, 7).weight(6.9, 0), 1);
   ck_assert_double_eq(Fade::steady(true, 7).weight(7, 0), 0);
 }
