@@ -118,6 +118,9 @@ fs_status check_state(fs_state& state) noexcept {
   if (!(std::fabs(state.time) <= coordinate_limit)) {
     return set_last_error_literal(FS_ERROR_INVALID, "state.time must be finite and within 1e15 s");
   }
+  for (const double reserved : state.reserved) {
+    if (reserved != 0) return set_last_error_literal(FS_ERROR_INVALID, "state.reserved must be 0");
+  }
   return FS_OK;
 }
 

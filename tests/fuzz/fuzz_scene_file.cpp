@@ -1,0 +1,18 @@
+// libFuzzer on the reader of scene files.
+//   clang++ -std=c++20 -g -O1 -fsanitize=fuzzer,address,undefined -Iinclude -Ilib tests/fuzz/fuzz_scene_file.cpp
+//     lib/base/error.cpp lib/file/*.cpp lib/force/*.cpp -o fuzz_scene_file
+#include <cstdlib>
+
+#include "base/error.h"
+#include "file/scene_reader.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  try {
+    // Meshes beside a file in a folder that does not exist: none is found.
+    fs::parse_scene({reinterpret_cast<const char*>(data), size}, "/nonexistent/fuzz.json");
+  } catch (const fs::Error& error) {
+    if (!error.text.starts_with("/nonexistent/fuzz.json") || error.text.size() > 600) std::abort();
+    if (error.status == FS_ERROR_INVALID || error.status == FS_ERROR_INTERNAL) std::abort();
+  }
+  return 0;
+}
