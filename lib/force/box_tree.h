@@ -53,8 +53,8 @@ class BoxTree {
   // The indices of the boxes, leaf by leaf: the positions that nearest() speaks of.
   const std::vector<uint32_t>& order() const { return order_; }
 
-  // [rt] Calls test(first, count, bound) for every leaf (a run of positions) that may hold something at a squared distance
-  // from x of at most bound; test lowers bound when it finds something nearer. Near leaves come first.
+  // [rt] Calls test(first, count, bound) for every leaf (a run of positions) that may hold something at a squared
+  // distance from x of at most bound; test lowers bound when it finds something nearer. Near leaves come first.
   template <class Test>
   void nearest(Vec3 x, double bound, Test&& test) const {
     if (nodes_.empty()) {

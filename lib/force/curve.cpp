@@ -197,9 +197,10 @@ class ExpressionCurve final : public Curve {
   mutable Parsers parsers_;
 };
 
-// What muParser accepts but a profile must not have: bytes that are no plain text, strings, assignment, a list of results.
+// What muParser accepts but a profile must not have: bytes that are no plain text, strings, assignment, a list of
+// results.
 void check_expression(const std::string& text) {
-  if (text.find_first_not_of(' ') == std::string::npos) fail(FS_ERROR_INVALID, "the expression is empty");
+  if (text.find_first_not_of(' ') == std::string::npos) fail(FS_ERROR_PARSE, "the expression is empty");
   if (text.size() > longest_expression) {
     fail(FS_ERROR_INVALID, "the expression has more than %zu bytes", longest_expression);
   }

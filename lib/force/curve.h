@@ -10,8 +10,8 @@
 
 namespace fs {
 
-// The slope of an expression is the difference over d - expression_step .. d + expression_step (m); from d = 0 on one side
-// near 0.
+// The slope of an expression is the difference over d - expression_step .. d + expression_step (m); from d = 0 on one
+// side near 0.
 inline constexpr double expression_step = 1e-6;
 
 // An intensity (N, >= 0) and its slope in d (N/m).
@@ -41,9 +41,9 @@ namespace fs {
 
 using Curve = fs_curve;
 
-// Monotone cubic through forces[i] (N) at i * step (m), after Fritsch & Carlson, "Monotone piecewise cubic interpolation"
-// (SIAM J. Numer. Anal. 17, 1980), with the slopes of Fritsch & Butland (SIAM J. Sci. Stat. Comput. 5, 1984): it never
-// overshoots its entries. INVALID.
+// Monotone cubic through forces[i] (N) at i * step (m), after Fritsch & Carlson, "Monotone piecewise cubic
+// interpolation" (SIAM J. Numer. Anal. 17, 1980), with the slopes of Fritsch & Butland (SIAM J. Sci. Stat. Comput. 5,
+// 1984): it never overshoots its entries. INVALID.
 Ref<const Curve> make_table_curve(const double* forces, size_t count, double step);
 // INVALID, PARSE; UNSUPPORTED when built without muParser.
 Ref<const Curve> make_expression_curve(const char* text);

@@ -25,8 +25,8 @@ inline bool is_collapsed(std::span<const uint32_t> corners, uint32_t triangle) {
   return v[0] == v[1] || v[1] == v[2] || v[2] == v[0];
 }
 
-// Calls edge(half_edges) for every edge with the half-edges that share it, in the order of their triangles. corners: three
-// vertices a triangle, all below vertex_count. Those of collapsed triangles are among them.
+// Calls edge(half_edges) for every edge with the half-edges that share it, in the order of their triangles. corners:
+// three vertices a triangle, all below vertex_count. Those of collapsed triangles are among them.
 template <class Edge>
 void for_each_edge(std::span<const uint32_t> corners, size_t vertex_count, Edge&& edge) {
   const auto for_each_half_edge = [&](auto&& visit) {

@@ -8,8 +8,8 @@ namespace fs {
 
 enum class Side : uint8_t { front, back };
 // How the closest point moves when x does: it stays (vertex), slides along `tangent` (edge) or follows x along the
-// surface (face). The direction's derivative is (I - u u^T)/d, (I - u u^T - t t^T)/d and 0. An edge or vertex inside a flat
-// part of a mesh counts as face, a joint inside a straight part of a polyline as edge.
+// surface (face). The direction's derivative is (I - u u^T)/d, (I - u u^T - t t^T)/d and 0. An edge or vertex inside a
+// flat part of a mesh counts as face, a joint inside a straight part of a polyline as edge.
 enum class Feature : uint8_t { vertex, edge, face };
 
 struct Closest {

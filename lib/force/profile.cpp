@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <cstring>
 
+#include "base/enum.h"
 #include "base/error.h"
 #include "force/reader.h"
 
@@ -20,15 +21,6 @@ constexpr const char* kind_names[] = {"a NONE",     "a CONSTANT",  "a LINEAR_INC
 
 // A bound >= 0 that has been rounded, made safe.
 double outward(double bound) { return bound * (1 + 1e-15) + std::numeric_limits<double>::min(); }
-
-// The number in an enum that a C program may have set to anything: in C++ its mere value would be undefined then.
-template <class Enum>
-int32_t raw_value(const Enum& value) {
-  static_assert(sizeof(Enum) == sizeof(int32_t));
-  int32_t raw;
-  std::memcpy(&raw, &value, sizeof raw);
-  return raw;
-}
 
 void require_finite(double value, const char* field, const char* part) {
   if (!std::isfinite(value)) fail(FS_ERROR_INVALID, "%s.%s is %g, must be finite", field, part, value);

@@ -25,8 +25,8 @@ bool operator==(const Profile& a, const Profile& b);
 // [rt] d in m, >= 0 (may be infinite); t in s. The slope is 0 where f is clamped, and always finite.
 Intensity evaluate(const Profile& profile, unsigned reader, double d, double t) noexcept;
 
-// The distance beyond which the profile gives no force, m: d > support means f = 0. Infinite where there is none, -1 for
-// a profile that never gives any. Expressions: their reach.
+// The distance beyond which the profile gives no force, m: d > support means f = 0. Infinite where there is none, -1
+// for a profile that never gives any. Expressions: their reach.
 double support(const Profile& profile) noexcept;
 
 // The steepest |df/dd| over all d >= 0, N/m; infinite where f jumps at the reach. Curves: sampled over d (and an

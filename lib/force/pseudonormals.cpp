@@ -96,8 +96,9 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
     edge_is_flat.push_back(is_regular);
     if (!is_regular && count > 0) {
       const HalfEdge h = edge.front();
+      const int lower = (h.side() + (runs_up(welded.corners, h) ? 0 : 1)) % 3;
       vertex_is_flat[h.other] = 0;
-      vertex_is_flat[welded.corners[size_t{3} * h.triangle() + (h.side() + (runs_up(welded.corners, h) ? 0 : 1)) % 3]] = 0;
+      vertex_is_flat[welded.corners[size_t{3} * h.triangle() + lower]] = 0;
     }
   });
 

@@ -1,5 +1,5 @@
-// The closest point of a segment and of a triangle to the origin: its user takes coordinates relative to the point it asks
-// for, so nothing but the size of the triangle and its distance enters the rounding.
+// The closest point of a segment and of a triangle to the origin: its user takes coordinates relative to the point it
+// asks for, so nothing but the size of the triangle and its distance enters the rounding.
 #pragma once
 
 #include <algorithm>
@@ -51,8 +51,8 @@ inline void nearest_on_segment(Vec3 a, Vec3 b, Part on_ab, Part at_a, Part at_b,
 
 // The closest point of triangle abc; without area it is as its edges are.
 inline Nearest nearest_on_triangle(Vec3 a, Vec3 b, Vec3 c) noexcept {
-  // The origin's projection is a + s ab + t ac. By modified Gram-Schmidt: c and the origin both less their projections on
-  // ab, which keeps the digits of a needle where the products of a Gram matrix lose twice as many.
+  // The origin's projection is a + s ab + t ac. By modified Gram-Schmidt: c and the origin both less their projections
+  // on ab, which keeps the digits of a needle where the products of a Gram matrix lose twice as many.
   const Vec3 ab = b - a, ac = c - a;
   const double length = dot(ab, ab);
   const double c_along = dot(ac, ab) / length, along = -dot(a, ab) / length;
@@ -86,7 +86,9 @@ inline Vec3 triangle_normal(Vec3 a, Vec3 b, Vec3 c) noexcept {
 }
 
 // The rounding of coordinates as large as `largest`: distances up to it are 0 (2 ulps).
-inline double coordinate_rounding(double largest) noexcept { return 2 * std::numeric_limits<double>::epsilon() * largest; }
+inline double coordinate_rounding(double largest) noexcept {
+  return 2 * std::numeric_limits<double>::epsilon() * largest;
+}
 
 inline double largest_coordinate(Vec3 a) noexcept {
   return std::max(std::max(std::fabs(a.x), std::fabs(a.y)), std::fabs(a.z));

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "base/enum.h"
 #include "base/error.h"
 #include "force/reader.h"
 
@@ -45,8 +46,9 @@ const char* primitive_name(fs_primitive primitive) {
 }
 
 void check_contact(const fs_contact& contact, fs_primitive primitive) {
-  if (contact.keep < FS_KEEP_NONE || contact.keep > FS_KEEP_EITHER) {
-    fail(FS_ERROR_INVALID, "contact.keep is %d, must be an fs_keep (0..3)", static_cast<int>(contact.keep));
+  const int32_t keep = raw_value(contact.keep);
+  if (keep < FS_KEEP_NONE || keep > FS_KEEP_EITHER) {
+    fail(FS_ERROR_INVALID, "contact.keep is %d, must be an fs_keep (0..3)", keep);
   }
   if (contact.reserved) fail(FS_ERROR_INVALID, "contact.reserved is %u, must be 0", contact.reserved);
   parse_range(contact.stiffness, 0, 1e9, "contact.stiffness");
@@ -55,7 +57,7 @@ void check_contact(const fs_contact& contact, fs_primitive primitive) {
   parse_range(contact.friction, 0, 2, "contact.friction");
   if (contact.keep == FS_KEEP_NONE) return;  // the rest waits for the next time it is made solid
   if (!has_surface(primitive)) {
-    fail(FS_ERROR_INVALID, "contact.keep is %d, must be NONE (0) for a %s", static_cast<int>(contact.keep),
+    fail(FS_ERROR_INVALID, "contact.keep is %d, must be NONE (0) for a %s", keep,
          primitive_name(primitive));
   }
   if (!(contact.limit > 0)) fail(FS_ERROR_INVALID, "contact.limit is %.9g, must be > 0 N", contact.limit);
@@ -88,8 +90,9 @@ double shape_radius(const Shape& shape) {
 }
 
 ParsedObject parse(const fs_object& in, std::string name) {
-  if (in.primitive < FS_PRIMITIVE_POINT || in.primitive > FS_PRIMITIVE_MESH) {
-    fail(FS_ERROR_INVALID, "primitive is %d, must be an fs_primitive (0..3)", static_cast<int>(in.primitive));
+  const int32_t primitive = raw_value(in.primitive);
+  if (primitive < FS_PRIMITIVE_POINT || primitive > FS_PRIMITIVE_MESH) {
+    fail(FS_ERROR_INVALID, "primitive is %d, must be an fs_primitive (0..3)", primitive);
   }
   for (const uint8_t byte : in.reserved) {
     if (byte) fail(FS_ERROR_INVALID, "reserved is %u, must be 0", byte);

@@ -28,7 +28,9 @@ const char* const run_help = R"(examples:
 
 The columns of the record: time (s), the pose (m; w, x, y, z), the force as evaluated and as sent after all
 protections (N), how late the tick began and how long it took (s), and the faults. Positions and forces are the
-device's. Ends with 1 when a fault stopped the force.)";
+device's.
+
+A fault ends the force; when it was not the device, which may come back, start again. Ends with 1 after any fault.)";
 
 const char* const check_help = R"(examples:
   forceserver check room.json

@@ -7,6 +7,7 @@
 #include <ctime>
 #include <unistd.h>
 
+#include "base/enum.h"
 #include "base/error.h"
 #include "servo/realtime.h"
 
@@ -39,8 +40,9 @@ double parse_switch(double given, double standard, double none, double high, uin
 
 ServoSettings fs::parse_options(const fs_servo_options& options, const fs_device_info& device) {
   ServoSettings out{};
-  if (options.mode < FS_SERVO_THREAD || options.mode > FS_SERVO_VIRTUAL) {
-    fail(FS_ERROR_INVALID, "mode is %d, must be an fs_servo_mode (0..2)", static_cast<int>(options.mode));
+  const int32_t mode = raw_value(options.mode);
+  if (mode < FS_SERVO_THREAD || mode > FS_SERVO_VIRTUAL) {
+    fail(FS_ERROR_INVALID, "mode is %d, must be an fs_servo_mode (0..2)", mode);
   }
   out.mode = options.mode;
   if (options.rate != 0 && !(options.rate >= 100 && options.rate <= 20000)) {

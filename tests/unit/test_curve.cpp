@@ -1,0 +1,306 @@
+// Curves: tables that do not overshoot, expressions that do not allocate, and readers.
+#include <algorithm>
+#include <atomic>
+#include <limits>
+#include <memory>
+#include <thread>
+
+#include "force/curve.h"
+#include "force/reader.h"
+#include "unit/count_allocations.h"
+#include "unit/force_fixtures.h"
+
+using namespace fs;
+using namespace fs::test;
+
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+Ref<const Curve> table(const std::vector<double>& forces, double step) {
+  return make_table_curve(forces.data(), forces.size(), step);
+}
+
+START_TEST(table_goes_through_its_entries) {
+  const std::vector<double> forces = {1, 3, -2, std::nan(""), infinity, 4, 4.5, 0.25};
+  const std::vector<double> counted = {1, 3, 0, 0, 0, 4, 4.5, 0.25};
+  const Ref<const Curve> curve = table(forces, 0.25);
+  for (size_t i = 0; i < forces.size(); ++i) {
+    ck_assert_double_eq(curve->evaluate(0, 0.25 * static_cast<double>(i), 0).force, counted[i]);
+  }
+  ck_assert(curve->expression() == nullptr && curve->step() == 0.25);
+  const std::vector<double>& given = *curve->table();
+  ck_assert_uint_eq(given.size(), forces.size());
+  ck_assert(given[2] == -2 && std::isnan(given[3]) && given[4] == infinity);
+  for (const double d : {1.75, 2.0, 1e300, infinity}) {
+    ck_assert_double_eq(curve->evaluate(0, d, 0).force, 0.25);
+    ck_assert_double_eq(curve->evaluate(0, d, 0).slope, 0);
+  }
+  // Three entries of a parabola that rises: the ends have the parabola's slope, as in PCHIP.
+  const Ref<const Curve> parabola = table({1, 2, 5}, 1);
+  ck_assert_double_eq_tol(parabola->evaluate(0, 0, 0).slope, 0, 1e-15);
+  ck_assert_double_eq_tol(parabola->evaluate(0, 1, 0).slope, 1.5, 1e-15);  // the harmonic mean of 1 and 3
+  ck_assert_double_eq_tol(parabola->evaluate(0, std::nextafter(2, 0), 0).slope, 4, 1e-12);
+  const Ref<const Curve> line = table({1, 3}, 0.5);
+  ck_assert_double_eq_tol(line->evaluate(0, 0.125, 0).force, 1.5, 1e-15);
+  ck_assert_double_eq_tol(line->evaluate(0, 0.125, 0).slope, 4, 1e-14);
+}
+END_TEST
+
+START_TEST(table_never_overshoots) {
+  Random random(1);
+  for (int i = 0; i < 300; ++i) {
+    std::vector<double> forces(2 + random.below(20));
+    for (double& f : forces) f = random.coin(0.3) ? std::floor(random.between(0, 4)) : random.log_between(1e-6, 1e6);
+    if (i % 3 == 0) std::sort(forces.begin(), forces.end());
+    const double step = random.log_between(1e-6, 1e3);
+    const Ref<const Curve> curve = table(forces, step);
+    for (size_t k = 0; k + 1 < forces.size(); ++k) {
+      const auto [low, high] = std::minmax(forces[k], forces[k + 1]);
+      double before = forces[k];
+      for (int j = 1; j < 20; ++j) {
+        const Intensity here = curve->evaluate(0, (static_cast<double>(k) + j / 20.0) * step, 0);
+        ck_assert(here.force >= low && here.force <= high);
+        // Monotone within each interval, in value and slope.
+        const double sign = forces[k + 1] >= forces[k] ? 1 : -1;
+        ck_assert_double_ge(sign * (here.force - before), -1e-12 * high);
+        ck_assert_double_ge(sign * here.slope, -1e-9 * high / step);
+        before = here.force;
+      }
+    }
+  }
+}
+END_TEST
+
+START_TEST(table_slopes_match_differences) {
+  Random random(2);
+  std::vector<double> forces(30);
+  for (double& f : forces) f = random.between(0, 5);
+  const Ref<const Curve> curve = table(forces, 0.01);
+  for (int i = 0; i < 1000; ++i) {
+    const double d = random.between(1e-4, 0.29 - 1e-4), h = 1e-7;
+    const double difference = (curve->evaluate(0, d + h, 0).force - curve->evaluate(0, d - h, 0).force) / (2 * h);
+    ck_assert_double_eq_tol(curve->evaluate(0, d, 0).slope, difference, 0.05);
+  }
+  // Ends of the numbers.
+  for (const double step : {5e-324, 1e-300, 1e300}) {
+    for (const double value : {5e-324, 1e300, std::numeric_limits<double>::max()}) {
+      const Ref<const Curve> extreme = table({0, value, value, 0, value}, step);
+      for (const double d : {0.0, step / 2, 1.5 * step, 2.5 * step, infinity}) {
+        const Intensity here = extreme->evaluate(0, d, 0);
+        ck_assert(here.force >= 0 && std::isfinite(here.force) && std::isfinite(here.slope));
+      }
+    }
+  }
+}
+END_TEST
+
+START_TEST(table_refusals) {
+  const double forces[] = {1, 2};
+  ck_assert_says(refusal(FS_ERROR_INVALID, [&] { make_table_curve(forces, 1, 1); }), "count is 1, must be at least 2");
+  ck_assert_says(refusal(FS_ERROR_INVALID, [&] { make_table_curve(forces, 0, 1); }), "count is 0");
+  ck_assert_says(refusal(FS_ERROR_INVALID, [&] { make_table_curve(forces, 2, 0); }), "step is 0, must be > 0 m");
+  ck_assert_says(refusal(FS_ERROR_INVALID, [&] { make_table_curve(forces, 2, -1); }), "step is -1");
+  ck_assert_says(refusal(FS_ERROR_INVALID, [&] { make_table_curve(forces, 2, infinity); }), "step is inf");
+  ck_assert_says(refusal(FS_ERROR_INVALID, [&] { make_table_curve(forces, 2, std::nan("")); }), "step is nan");
+}
+END_TEST
+
+START_TEST(readers_are_small_and_used_again) {
+  auto a = std::make_unique<ReaderId>(), b = std::make_unique<ReaderId>(), c = std::make_unique<ReaderId>();
+  ck_assert_uint_eq(a->get(), 0);
+  ck_assert_uint_eq(b->get(), 1);
+  ck_assert_uint_eq(c->get(), 2);
+  b.reset();
+  a.reset();
+  const ReaderId first, second, third;
+  ck_assert_uint_eq(first.get(), 0);
+  ck_assert_uint_eq(second.get(), 1);
+  ck_assert_uint_eq(third.get(), 3);
+
+  std::vector<std::thread> threads;
+  std::atomic<bool> in_use[64] = {};
+  std::atomic<int> wrong{0};
+  for (int i = 0; i < 8; ++i) {
+    threads.emplace_back([&] {
+      for (int k = 0; k < 500; ++k) {
+        const ReaderId id;
+        if (id.get() >= 64 || in_use[id.get()].exchange(true)) ++wrong;
+        if (id.get() < 64) in_use[id.get()] = false;
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  ck_assert_int_eq(wrong, 0);
+}
+END_TEST
+
+bool has_expressions() {
+  try {
+    make_expression_curve("1");
+    return true;
+  } catch (const Error& error) {
+    ck_assert_int_eq(error.status, FS_ERROR_UNSUPPORTED);
+    ck_assert_says(error.text, "built without muParser");
+    return false;
+  }
+}
+
+START_TEST(expression_values) {
+  if (!has_expressions()) return;
+  const ReaderId reader;
+  const auto value = [&](const char* text, double d, double t) {
+    const Ref<const Curve> curve = make_expression_curve(text);
+    curve->prepare(reader.get());
+    curve->prepare(reader.get());
+    return curve->evaluate(reader.get(), d, t);
+  };
+  ck_assert_double_eq_tol(value("3*(1+sin(12*t))*exp(-d/0.01)", 0.02, 0.1).force,
+                          3 * (1 + std::sin(1.2)) * std::exp(-2), 1e-14);
+  ck_assert_double_eq(value("d > 0.5 ? 2 : t", 0.4, 7).force, 7);
+  ck_assert_double_eq(value("min(d, t)", 0.4, 7).force, 0.4);
+  ck_assert_double_eq(value("max(1, (2), t)", 0.4, 7).force, 7);
+  ck_assert_double_eq(value("d >= 0.4 && t <= 7 && d != t && d == d", 0.4, 7).force, 1);
+  for (const char* nothing : {"-1", "1/0", "0/0", "-1/0", "sqrt(-1)", "ln(-1)", "exp(1e9)"}) {
+    ck_assert_double_eq(value(nothing, 0.1, 0).force, 0);
+    ck_assert_double_eq(value(nothing, 0.1, 0).slope, 0);
+  }
+  // Slopes: to the square of the step, and one-sided at 0.
+  Random random(3);
+  for (int i = 0; i < 200; ++i) {
+    const double d = i == 0 ? 0 : random.between(0, 0.05);
+    const Intensity here = value("3*exp(-d/0.01)", d, 0);
+    ck_assert_double_eq_tol(here.slope, -300 * std::exp(-d / 0.01), i == 0 ? 0.02 : 1e-5);
+  }
+  for (const double d : {1e10, 1e300, infinity}) {
+    const Intensity here = value("3 + 1/(1+d)", d, 0);
+    ck_assert_double_eq_tol(here.force, 3, 1e-9);
+    ck_assert(std::isfinite(here.slope));
+  }
+  const Ref<const Curve> curve = make_expression_curve("d + 2");
+  ck_assert_str_eq(curve->expression()->c_str(), "d + 2");
+  ck_assert(curve->table() == nullptr);
+  ck_assert_double_eq(curve->evaluate(40, 1, 0).force, 0);  // not prepared
+  ck_assert_double_eq(curve->evaluate(4000000000u, 1, 0).force, 0);
+  for (unsigned other = 0; other < 100; ++other) {  // each has a parser of its own
+    ck_assert_double_eq(curve->evaluate(other, 1, 0).force, 0);
+    curve->prepare(other);
+    ck_assert_double_eq(curve->evaluate(other, 1, 0).force, 3);
+  }
+  curve->prepare(1000);
+  ck_assert_double_eq(curve->evaluate(1000, 1, 0).force, 3);
+}
+END_TEST
+
+START_TEST(expression_refusals) {
+  if (!has_expressions()) return;
+  const auto refused = [](fs_status status, const std::string& text, const char* says) {
+    const std::string sentence = refusal(status, [&] { make_expression_curve(text.c_str()); });
+    ck_assert_says(sentence, says);
+  };
+  refused(FS_ERROR_PARSE, "", "empty");
+  refused(FS_ERROR_PARSE, "   ", "empty");
+  refused(FS_ERROR_INVALID, std::string(250, '(') + "1" + std::string(250, ')'), "more than 255 bytes");
+  refused(FS_ERROR_PARSE, "d=5", "column 2 of the expression is '='");
+  refused(FS_ERROR_PARSE, "1+(t=3)", "column 5");
+  refused(FS_ERROR_PARSE, "d===3", "column 4");
+  refused(FS_ERROR_PARSE, "d<==3", "column 4");
+  refused(FS_ERROR_PARSE, "d+=3", "column 3");
+  refused(FS_ERROR_PARSE, "3,4", "column 2 of the expression is ',' outside of a call");
+  refused(FS_ERROR_PARSE, "1+(3,4)", "column 5");
+  refused(FS_ERROR_PARSE, "min(1,(3,4))", "column 9");
+  refused(FS_ERROR_PARSE, "\"text\"", "strings");
+  refused(FS_ERROR_PARSE, "1 +\t2", "byte 0x09");
+  refused(FS_ERROR_PARSE, "1 + \xc3\xa9", "column 5 of the expression is byte 0xc3");
+  refused(FS_ERROR_PARSE, "3*foo(d)", "column 3 of the expression, at 'foo'");
+  refused(FS_ERROR_PARSE, "3*(d", "column");
+  refused(FS_ERROR_PARSE, "3*d)", "column 4");
+  refused(FS_ERROR_PARSE, "3*", "column");
+  refused(FS_ERROR_PARSE, "sin(1,2)", "column");
+  refused(FS_ERROR_PARSE, "d ? 1", "column");
+  refused(FS_ERROR_PARSE, "x", "at 'x'");
+  make_expression_curve((std::string(127, '(') + "d" + std::string(127, ')')).c_str());
+  std::string minus = "d";
+  while (minus.size() + 3 <= 255) minus = "-(" + minus + ")";
+  make_expression_curve(minus.c_str());
+}
+END_TEST
+
+START_TEST(any_text_is_taken_or_refused) {
+  if (!has_expressions()) return;
+  const char* const parts[] = {"d", "t", "1", "2.5e3", "+", "-", "*", "/", "^", "(", ")", ",", "?", ":", "<", ">=",
+                               "==", "!=", "&&", "||", "sin(", "min(", "sum(", "if(", "sqrt(", "_pi", " ", "=", ".",
+                               "e", "0x", "#", "!"};
+  Random random(4);
+  const ReaderId reader;
+  int taken = 0;
+  for (int i = 0; i < 6000; ++i) {
+    std::string text;
+    const size_t length = 1 + random.below(i % 10 == 0 ? 80 : 8);
+    for (size_t k = 0; k < length; ++k) {
+      const std::string byte(1, static_cast<char>(random.below(256)));
+      text += random.coin(0.02) ? byte : parts[random.below(std::size(parts))];
+    }
+    try {
+      const Ref<const Curve> curve = make_expression_curve(text.c_str());
+      ++taken;
+      curve->prepare(reader.get());
+      const Intensity here = curve->evaluate(reader.get(), random.between(0, 1), random.between(0, 10));
+      ck_assert(here.force >= 0 && std::isfinite(here.force) && std::isfinite(here.slope));
+    } catch (const Error& error) {
+      ck_assert(error.status == FS_ERROR_PARSE || error.status == FS_ERROR_INVALID);
+    }
+  }
+  ck_assert_int_gt(taken, 100);
+}
+END_TEST
+
+START_TEST(an_evaluation_does_not_allocate) {
+  if (!has_expressions()) return;
+  Random random(5);
+  const Ref<const Curve> of_table = table({1, 2, 3}, 1);
+  for (const char* text : {"3", "d", "3*(1+sin(12*t))*exp(-d/0.01)", "d > 0.5 ? min(1, 2, d, t) : sum(d, t, 3)^2",
+                           "1/0", "(d<0.5 && t>1) ? 1 : d<0.7 ? 2 : sqrt(-d)"}) {
+    const ReaderId reader;
+    const Ref<const Curve> curve = make_expression_curve(text);
+    curve->prepare(reader.get());
+    const long before = allocations;
+    for (int i = 0; i < 1000; ++i) {
+      curve->evaluate(reader.get(), random.between(0, 1), random.between(0, 10));
+      of_table->evaluate(reader.get(), random.between(0, 4), 0);
+    }
+    ck_assert_int_eq(allocations, before);
+  }
+}
+END_TEST
+
+START_TEST(many_readers_at_once) {
+  if (!has_expressions()) return;
+  const Ref<const Curve> curve = make_expression_curve("d + t");
+  std::vector<std::thread> threads;
+  std::atomic<int> wrong{0};
+  for (int i = 0; i < 6; ++i) {
+    threads.emplace_back([&] {
+      for (int k = 0; k < 20; ++k) {
+        const ReaderId a, b, c, d;  // so that blocks are added while others evaluate
+        for (const ReaderId* id : {&a, &b, &c, &d}) {
+          curve->prepare(id->get());
+          for (int j = 0; j < 50; ++j) {
+            if (curve->evaluate(id->get(), 0.25 * j, 0.5 * k).force != 0.25 * j + 0.5 * k) ++wrong;
+          }
+        }
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  ck_assert_int_eq(wrong, 0);
+}
+END_TEST
+
+}  // namespace
+
+int main() {
+  return run("curve", {table_goes_through_its_entries, table_never_overshoots, table_slopes_match_differences,
+                       table_refusals, readers_are_small_and_used_again, expression_values, expression_refusals,
+                       any_text_is_taken_or_refused, an_evaluation_does_not_allocate, many_readers_at_once});
+}
