@@ -242,7 +242,7 @@ struct Reference::Part {
     const Vec outwards = placed.turn * (d == 0 ? normal : 1 / d * away);
     const fs_profile& profile = d == 0 || is_front ? object.front : object.back;
     const Real f = profile_force(profile, d == 0 || is_front ? front : back, d, time - object.start);
-    if (!(f > 0)) return {};
+    if (!(static_cast<double>(f) > 0)) return {};  // the tail of a gaussian ends where a double does
     const Vec object_velocity = placed.linear + cross(placed.angular, x - placed.origin);
     const Vec sum = (profile.sense == FS_SENSE_REPULSIVE ? f : -f) * outwards -
                     static_cast<Real>(object.damping) * (v - object_velocity);
@@ -282,14 +282,14 @@ Felt Reference::evaluate(const fs_state& state, const std::vector<fs_vec3>& tool
     for (size_t i = 0; i < tool.size(); ++i) {
       if (object.tool_points == 0 || (object.tool_points >> i & 1)) feeling.push_back(turn * Vec(tool[i]));
     }
-    bool is_felt = false;
+    Real largest = 0;
     for (const Vec arm : feeling) {
       const Vec x = origin + arm, v = linear + cross(angular, arm);
       const Real share = 1.0L / feeling.size();
       const Vec f = share * part.force(placed, x, v, state.time);
       force = force + f;
       torque = torque + cross(arm, f);
-      is_felt = is_felt || norm(f) > 0;
+      largest = std::fmax(largest, norm(f));
       if (!with_stiffness) continue;
       const Vec steps[3]{{h, 0, 0}, {0, h, 0}, {0, 0, h}};
       for (int k = 0; k < 3; ++k) {
@@ -297,7 +297,8 @@ Felt Reference::evaluate(const fs_state& state, const std::vector<fs_vec3>& tool
         behind[k] = behind[k] + 1 / h * (f - share * part.force(placed, x - steps[k], v, state.time));
       }
     }
-    felt.felt_count += is_felt;
+    felt.felt_count += largest >= 1e-30L;
+    felt.faint_count += largest > 0 && largest < 1e-30L;
   }
   felt.wrench = {rounded(force), rounded(torque)};
   const fs_vec3 cx = rounded(0.5L * (ahead[0] + behind[0])), cy = rounded(0.5L * (ahead[1] + behind[1])),

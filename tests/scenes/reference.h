@@ -15,7 +15,7 @@ struct Felt {
   fs_wrench wrench;
   fs_mat3 stiffness;
   double roughness;  // N/m: how far the slopes just before and just behind x differ: large at a kink or a jump
-  uint32_t felt_count;
+  uint32_t felt_count, faint_count;  // objects that give a force; those that give less than 1e-30 N
 };
 
 class Reference {

@@ -78,6 +78,7 @@ bool has_expressions() {
 
 Function monotone_cubic(std::vector<double> y, double step) {
   const size_t n = y.size();
+  for (double& f : y) f = f > 0 && std::isfinite(f) ? f : 0;  // below 0 or not finite counts as 0
   std::vector<long double> secant(n - 1), slope(n, 0);
   for (size_t i = 0; i + 1 < n; ++i) secant[i] = (static_cast<long double>(y[i + 1]) - y[i]) / step;
   auto end = [](long double near, long double far) -> long double {

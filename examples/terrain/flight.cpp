@@ -1,0 +1,138 @@
+#include "flight.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <stdexcept>
+#include <thread>
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double length(const fs_vec3& v) { return std::hypot(v.x, v.y, v.z); }
+
+void check(fs_status status) {
+  if (status < 0) throw std::runtime_error(fs_last_error());
+}
+
+double quantile(std::vector<double> values, double part) {
+  const auto place = values.begin() + std::ptrdiff_t(part * double(values.size() - 1));
+  std::nth_element(values.begin(), place, values.end());
+  return *place;
+}
+
+}  // namespace
+
+void Flight::watch(double seconds) {
+  const bool terminal = isatty(STDOUT_FILENO);
+  const int line_period = terminal ? 20 : 500, period_ms = 10;
+  const auto start = Clock::now();
+  for (int i = 1; i * period_ms <= seconds * 1000; ++i) {
+    std::this_thread::sleep_until(start + std::chrono::milliseconds(i * period_ms));
+    sample(period_ms * 1e-3);
+    if (i % 50 == 0) fetch_ticks();
+    if (i % line_period == 0) print_line(i * period_ms * 1e-3);
+  }
+  fetch_ticks();
+  check(fs_scene_get_servo_stats(scene_, &stats_));
+  if (terminal) std::printf("\r\033[K");
+}
+
+void Flight::sample(double period) {
+  std::size_t count = 0;
+  check(fs_scene_get_reports(scene_, nullptr, 0, &count));
+  reports_.resize(count);
+  check(fs_scene_get_reports(scene_, reports_.data(), count, &count));
+  for (const fs_report& report : reports_) {
+    const double force = length(report.wrench.force);
+    Felt& felt = felt_[report.name];
+    if (force > 0.01) felt.seconds += period;
+    felt.sum += force * period;
+    felt.max = std::max(felt.max, force);
+  }
+}
+
+// The servo keeps the last two seconds: add those ticks that were not there before.
+void Flight::fetch_ticks() {
+  std::vector<fs_tick> recent(100000);
+  std::size_t count = 0;
+  check(fs_servo_get_record(servo_, recent.data(), recent.size(), &count));
+  recent.resize(count);
+  for (const fs_tick& tick : recent) {
+    if (ticks_.empty() || tick.state.time > ticks_.back().state.time) ticks_.push_back(tick);
+  }
+}
+
+void Flight::print_line(double time) const {
+  const bool terminal = isatty(STDOUT_FILENO);
+  fs_wrench sent;
+  check(fs_scene_get_hand(scene_, nullptr, nullptr, &sent));
+  std::printf("%s%5.1f s   the hand feels %4.2f N:", terminal ? "\r\033[K" : "", time, length(sent.force));
+  for (const fs_report& report : reports_) {
+    const double force = length(report.wrench.force);
+    if (force > 0.01) std::printf("   %s %.2f", report.name, force);
+  }
+  std::printf(terminal ? "" : "\n");
+  std::fflush(stdout);
+}
+
+void Flight::print_table() const {
+  std::printf("\n%-18s %10s %10s %10s\n", "who pushed", "felt, s", "mean, N", "most, N");
+  for (const auto& [name, felt] : felt_) {
+    std::printf("%-18s %10.1f %10.2f %10.2f\n", name.c_str(), felt.seconds,
+                felt.seconds > 0 ? felt.sum / felt.seconds : 0, felt.max);
+  }
+  std::vector<double> late, compute;
+  double step = 0;
+  for (std::size_t i = 0; i < ticks_.size(); ++i) {
+    late.push_back(ticks_[i].late * 1e6);
+    compute.push_back(ticks_[i].compute * 1e6);
+    if (i == 0) continue;
+    const fs_vec3 a = ticks_[i - 1].sent.force, b = ticks_[i].sent.force;
+    step = std::max(step, length({b.x - a.x, b.y - a.y, b.z - a.z}));
+  }
+  std::printf("\n%-18s %10s %10s %10s\n", "the servo", "p50", "p99", "max");
+  for (const auto& [name, us] : {std::pair("late, us", late), std::pair("compute, us", compute)}) {
+    std::printf("%-18s %10.1f %10.1f %10.1f\n", name, quantile(us, 0.5), quantile(us, 0.99), quantile(us, 1));
+  }
+  const char* granted[] = {"none: ordinary scheduling", "a raised nice value", "real-time scheduling (FIFO)",
+                           "real-time scheduling (FIFO), memory locked"};
+  std::printf("rate %.1f Hz, %llu ticks, %llu missed; worst step in force from one tick to the next %.3f N\n",
+              stats_.rate, (unsigned long long)stats_.ticks, (unsigned long long)stats_.misses, step);
+  std::printf("priority granted by the system: %s\n", granted[stats_.realtime]);
+  const char* protections[] = {"limit of the change in force", "limit of the hand's speed", "limit of the slope",
+                               "local damping", "ramp at the start", "fading in and out", "blending of moves"};
+  std::string off;
+  for (int bit = 0; bit < 7; ++bit) {
+    if (stats_.protections_off >> bit & 1) off += (off.empty() ? "" : ", ") + std::string(protections[bit]);
+  }
+  std::printf("protections switched off: %s\n", off.empty() ? "none" : off.c_str());
+}
+
+void Flight::write_csv(const std::string& path) const {
+  FILE* file = std::fopen(path.c_str(), "w");
+  if (!file) throw std::runtime_error("cannot write " + path);
+  std::fprintf(file, "time,x,y,z,fx,fy,fz,late,compute\n");
+  for (const fs_tick& t : ticks_) {
+    const fs_vec3 &x = t.state.pose.position, &f = t.sent.force;
+    std::fprintf(file, "%.6f,%.7f,%.7f,%.7f,%.5f,%.5f,%.5f,%.7f,%.7f\n", t.state.time, x.x, x.y, x.z, f.x, f.y, f.z,
+                 t.late, t.compute);
+  }
+  const bool failed = std::ferror(file) != 0;
+  if (std::fclose(file) != 0 || failed) throw std::runtime_error("cannot write " + path);
+  std::printf("every tick of it: %s\n", path.c_str());
+}
+
+void Flight::require_all_felt() const {
+  for (const auto& [name, felt] : felt_) {
+    if (felt.seconds == 0) throw std::runtime_error(name + " was never felt");
+  }
+  for (const fs_tick& tick : ticks_) {
+    if (tick.faults) throw std::runtime_error("the servo stopped the force: fault " + std::to_string(tick.faults));
+  }
+  if (stats_.faults) throw std::runtime_error("the servo ended with fault " + std::to_string(stats_.faults));
+}

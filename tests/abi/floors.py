@@ -1,0 +1,68 @@
+"""The floors of the house: a file may include what lies on lower floors, never what lies beside or above.
+
+floors.py PROJECT_FOLDER
+"""
+import pathlib
+import re
+import sys
+
+# From the ground up. The public headers lie below all.
+FLOORS = [["base"], ["math", "ipc"], ["force", "driver"], ["scene"], ["file", "client", "servo"], ["api"]]
+FLOOR = {folder: number for number, folders in enumerate(FLOORS) for folder in folders}
+# Those outside of it, with all that they may use beside the public headers and their own files.
+OUTSIDE = {"device": {"base", "math", "driver"}, "server": set()}  # server: the program
+
+root = pathlib.Path(sys.argv[1])
+problems = []
+edges = set()
+
+
+def folder_of(path):
+    """The folder under lib/, or 'device'."""
+    parts = path.relative_to(root).parts
+    return "device" if parts[0] == "device" else parts[1]
+
+
+def check(file):
+    here = folder_of(file)
+    if here not in FLOOR and here not in OUTSIDE:
+        problems.append(f"{file}: lib/{here} stands on no floor")
+        return
+    for number, line in enumerate(file.read_text().splitlines(), 1):
+        match = re.match(r'\s*#\s*include\s*([<"])([^>"]+)[>"]', line)
+        if not match:
+            continue
+        name, place = match[2], f"{file.relative_to(root)}:{number}"
+        if name.startswith("forceserver/"):
+            continue
+        candidates = [root / "lib" / name, root / name]
+        if match[1] == '"':
+            candidates.insert(0, file.parent / name)
+        target = next((c.resolve() for c in candidates if c.is_file()), None)
+        if target is None:
+            if match[1] == '"':
+                problems.append(f"{place}: {name} is not there")
+            continue  # of the system
+        if not target.is_relative_to(root / "lib") and not target.is_relative_to(root / "device"):
+            problems.append(f"{place}: {name} is neither in lib nor in device")
+            continue
+        there = folder_of(target)
+        edges.add((here, there))
+        if there == here:
+            continue
+        if here in OUTSIDE:
+            good = there in OUTSIDE[here]
+        else:
+            good = there in FLOOR and FLOOR[there] < FLOOR[here]
+        if not good:
+            problems.append(f"{place}: {here} may not include {there} ({name})")
+
+
+root = root.resolve()
+files = [f for top in ["lib", "device"] for f in sorted((root / top).rglob("*")) if f.suffix in {".h", ".cpp"}]
+for f in files:
+    check(f)
+if not files or not edges:
+    problems.append("no includes were found: this test sees nothing")
+print("\n".join(problems) or f"{len(files)} files; {len({e for e in edges if e[0] != e[1]})} ways between folders, all down")
+sys.exit(bool(problems))

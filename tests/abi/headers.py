@@ -1,0 +1,33 @@
+"""Every public header can be included alone, in C and C++, without a warning; no struct has padding.
+
+headers.py INCLUDE_FOLDER C_COMPILER CXX_COMPILER
+"""
+import subprocess
+import sys
+
+from public_headers import headers
+
+include, c, cxx = sys.argv[1:4]
+STRICT = ["-Wall", "-Wextra", "-pedantic", "-Wpadded", "-Werror", f"-I{include}", "-c", "-o", "/dev/null", "-"]
+LANGUAGES = {"C99": [c, "-std=c99", "-xc"], "C11": [c, "-std=c11", "-xc"], "C++20": [cxx, "-std=c++20", "-xc++"]}
+
+
+def compiles(language, text):
+    result = subprocess.run(LANGUAGES[language] + STRICT, input=text, text=True, capture_output=True)
+    return result.returncode == 0, result.stderr
+
+
+failed = False
+for language in LANGUAGES:
+    for header in headers(include):
+        for what in ["", " twice"]:
+            text = f"#include <forceserver/{header.name}>\n" * (2 if what else 1) + "int forceserver_header_test;\n"
+            good, errors = compiles(language, text)
+            if not good:
+                failed = True
+                print(f"{header.name}{what} as {language}:\n{errors}")
+    # The test itself can fail: a struct with padding must not pass.
+    if compiles(language, "struct s { char a; double b; };\nstruct s forceserver_header_test;\n")[0]:
+        failed = True
+        print(f"{language}: a struct with padding was not seen")
+sys.exit(failed)

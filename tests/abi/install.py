@@ -1,0 +1,83 @@
+"""The installed library can be found by CMake and by pkg-config, and a C and a C++ program built with it run.
+
+install.py BUILD_FOLDER CMAKE GENERATOR C_COMPILER CXX_COMPILER LIBRARY_FOLDER
+"""
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+
+build, cmake, generator, c, cxx, library_folder = sys.argv[1:7]
+
+PROGRAM = r"""
+#include <stdio.h>
+#include <forceserver/forceserver.h>
+#include <forceserver/driver.h>
+
+int main(void)
+{
+  fs_scene *scene = NULL;
+  fs_tool *tool = NULL;
+  fs_object spring = fs_object_init("spring", FS_PRIMITIVE_POINT);
+  fs_state hand;
+  fs_response response;
+  memset(&hand, 0, sizeof hand);
+  hand.pose.position.x = 0.01;
+  spring.front = fs_profile_init(FS_PROFILE_LINEAR_INCREASING, FS_SENSE_ATTRACTIVE, 200, 0, 3);
+  if (fs_scene_create(&scene) || fs_object_set(scene, &spring) || fs_tool_create(scene, NULL, 0, &tool) ||
+      fs_evaluate(tool, &hand, &response)) {
+    printf("%s\n", fs_last_error());
+    return 1;
+  }
+  printf("forceserver %s: %g N\n", fs_version(), response.wrench.force.x);
+  fs_tool_destroy(tool);
+  fs_scene_destroy(scene);
+  return response.wrench.force.x < -1.99 && response.wrench.force.x > -2.01 ? 0 : 1;
+}
+"""
+PROJECT = """
+cmake_minimum_required(VERSION 3.25)
+project(user LANGUAGES C CXX)
+find_package(forceserver 0.1 REQUIRED)
+add_executable(in_c user.c)
+add_executable(in_cpp user.cpp)
+target_link_libraries(in_c PRIVATE forceserver::forceserver)
+target_link_libraries(in_cpp PRIVATE forceserver::forceserver)
+"""
+
+
+def run(*command, **options):
+    result = subprocess.run([str(part) for part in command], text=True, capture_output=True, **options)
+    print(f"$ {' '.join(str(part) for part in command)}\n{result.stdout}{result.stderr}")
+    if result.returncode:
+        sys.exit(1)
+    return result.stdout
+
+
+with tempfile.TemporaryDirectory() as temporary:
+    folder = pathlib.Path(temporary)
+    prefix = folder / "prefix"
+    run(cmake, "--install", build, "--prefix", prefix)
+
+    user = folder / "user"
+    user.mkdir()
+    for name, text in [("user.c", PROGRAM), ("user.cpp", PROGRAM), ("CMakeLists.txt", PROJECT)]:
+        (user / name).write_text(text)
+    run(cmake, "-S", user, "-B", user / "build", "-G", generator, f"-DCMAKE_PREFIX_PATH={prefix}",
+        f"-DCMAKE_C_COMPILER={c}", f"-DCMAKE_CXX_COMPILER={cxx}")
+    run(cmake, "--build", user / "build")
+    for program in ["in_c", "in_cpp"]:
+        run(user / "build" / program)
+
+    libraries = prefix / library_folder
+    pkg_config = shutil.which("pkg-config")
+    if not pkg_config:
+        print("pkg-config is missing; not tried")
+        sys.exit(0)
+    environment = dict(os.environ, PKG_CONFIG_PATH=str(libraries / "pkgconfig"), LD_LIBRARY_PATH=str(libraries))
+    flags = run(pkg_config, "--cflags", "--libs", "forceserver", env=environment).split()
+    for compiler, source in [([c, "-std=c99"], "user.c"), ([cxx, "-std=c++20"], "user.cpp")]:
+        run(*compiler, user / source, *flags, "-o", user / "by_pkg_config")
+        run(user / "by_pkg_config", env=environment)

@@ -1,0 +1,220 @@
+// What is marked [rt] neither allocates nor frees, on no thread that evaluates, whatever others do to the scene meanwhile.
+// malloc and its family are taken over by this program; operator new comes here too.
+#include <atomic>
+#include <cerrno>
+#include <thread>
+#include <vector>
+
+#include "api/support.h"
+
+using namespace scenes;
+
+static thread_local bool is_armed;
+static thread_local unsigned long seen;
+
+extern "C" {
+void* __libc_malloc(size_t);
+void* __libc_calloc(size_t, size_t);
+void* __libc_realloc(void*, size_t);
+void* __libc_memalign(size_t, size_t);
+void __libc_free(void*);
+
+static void note() { seen += is_armed; }
+
+void* malloc(size_t size) { note(); return __libc_malloc(size); }
+void* calloc(size_t n, size_t size) { note(); return __libc_calloc(n, size); }
+void* realloc(void* p, size_t size) { note(); return __libc_realloc(p, size); }
+void* memalign(size_t alignment, size_t size) { note(); return __libc_memalign(alignment, size); }
+void* aligned_alloc(size_t alignment, size_t size) { note(); return __libc_memalign(alignment, size); }
+int posix_memalign(void** out, size_t alignment, size_t size) {
+  note();
+  *out = __libc_memalign(alignment, size);
+  return *out ? 0 : ENOMEM;
+}
+void free(void* p) { if (p) note(); __libc_free(p); }
+}
+
+// How often this thread allocated or freed within f.
+template <class F>
+static unsigned long count(F f) {
+  seen = 0;
+  is_armed = true;
+  f();
+  is_armed = false;
+  return seen;
+}
+
+START_TEST(the_counter_counts) {
+  int* volatile number = nullptr;  // or the compiler leaves both out
+  void* volatile block = nullptr;
+  ck_assert_uint_eq(count([&] { number = new int; delete number; }), 2);
+  ck_assert_uint_eq(count([&] { block = malloc(8); free(block); }), 2);
+  ck_assert_uint_eq(count([] { std::vector<double> v(100); }), 2);
+  // The library's own, from inside of it.
+  ck_assert_uint_gt(count([] { make_scene(); }), 2);
+  ck_assert_uint_eq(count([] {}), 0);
+}
+END_TEST
+
+// Every primitive with every kind of profile, a custom expression, moving objects.
+static Content everything() {
+  Content content = profiles();
+  Content more = moving(1);
+  for (fs_object& o : more.objects) content.objects.push_back(o);
+  for (Shape& s : more.shapes) content.shapes.push_back(std::move(s));
+  for (Curve& c : more.curves) content.curves.push_back(std::move(c));
+  if (has_expressions()) {
+    fs_object& o = content.add("expression", FS_PRIMITIVE_PLANE);
+    o.front = o.back = fs_profile_init(FS_PROFILE_CUSTOM, FS_SENSE_ATTRACTIVE, 0.5, 0, 1);
+    o.front.curve = o.back.curve = content.keep(make_expression("1+sin(20*t)*exp(-d/0.1)"), {});
+  }
+  return content;
+}
+
+// A thread that does all sorts of things to a scene until it is told to stop.
+class Editor {
+ public:
+  Editor(fs_scene* scene, const Content& content) : thread_([this, scene, &content] {
+    Random random(7);
+    while (!is_over_) {
+      const fs_object& o = content.objects[random.below(content.objects.size())];
+      const fs_pose pose = random.pose(0.05);
+      switch (random.below(5)) {
+        case 0: fs_object_set(scene, &o); break;
+        case 1: fs_object_remove(scene, o.name); break;
+        case 2:  // the old shape, and maybe the snapshot that held it last, are dropped in a tick
+          if (o.primitive == FS_PRIMITIVE_MESH) {
+            fs_object other = o;
+            const Shape shape = make_mesh(sphere_mesh(0.01, 100));
+            other.shape = shape.get();
+            fs_object_set(scene, &other);
+          }
+          break;
+        default: fs_object_move(scene, o.name, &pose, nullptr, FS_NOW);
+      }
+      ++rounds_;
+    }
+  }) {}
+  ~Editor() { stop(); }
+  void stop() {
+    is_over_ = true;
+    if (thread_.joinable()) thread_.join();
+  }
+  uint64_t rounds() const { return rounds_; }
+
+ private:
+  std::atomic<bool> is_over_{false};
+  std::atomic<uint64_t> rounds_{0};
+  std::thread thread_;
+};
+
+START_TEST(a_tool) {
+  const Scene scene = make_scene();
+  const Content content = everything();
+  fill(scene.get(), content);
+  const fs_vec3 points[]{{0, 0, 0}, {0.01, 0, 0}};
+  fs_tool* raw = nullptr;
+  OK(fs_tool_create(scene.get(), points, 2, &raw));
+  const Tool tool(raw);
+  Random random(3);
+  fs_response response;
+  fs_status worst = FS_OK;
+  double time = 0;
+  ck_assert_uint_eq(count([&] {  // from the very first
+    for (int k = 0; k < 2000; ++k) {
+      const fs_state state = hand_at(random.in_box(0.08));
+      worst = std::min(worst, fs_evaluate(tool.get(), &state, &response));
+      if (k % 100 == 0) worst = std::min(worst, fs_tool_reset(tool.get()));
+      worst = std::min(worst, fs_scene_get_time(scene.get(), &time));
+    }
+  }), 0);
+  ck_assert_int_eq(worst, FS_OK);
+  // A refusal does not either.
+  fs_state bad{};
+  bad.time = NAN;
+  fs_evaluate(tool.get(), &bad, &response);
+  ck_assert_uint_eq(count([&] { fs_evaluate(tool.get(), &bad, &response); }), 0);
+
+  Editor editor(scene.get(), content);
+  unsigned long total = 0;
+  while (editor.rounds() < 3000) {
+    const fs_state state = hand_at(random.in_box(0.08));
+    total += count([&] { fs_evaluate(tool.get(), &state, &response); });
+  }
+  ck_assert_uint_eq(total, 0);
+}
+END_TEST
+
+static void drive(fs_servo_mode mode) {
+  const Scene scene = make_scene();
+  const Device device = open_device("sim:?path=figure8");
+  const Content content = everything();
+  fill(scene.get(), content);
+  fs_servo_options options = fs_servo_options_init();
+  options.mode = mode;
+  options.fade = 0.05;
+  const Servo servo = start_servo(scene.get(), device.get(), options);
+  ck_assert_uint_eq(count([&] {
+    for (int k = 0; k < 200; ++k) fs_servo_step(servo.get(), 1);
+  }), 0);
+  Editor editor(scene.get(), content);
+  unsigned long total = 0;
+  uint64_t ticks = 0;
+  fs_state state;
+  fs_response response;
+  fs_wrench sent;
+  while (editor.rounds() < 3000 || ticks < 3000) {
+    total += count([&] {
+      fs_servo_step(servo.get(), 1);
+      fs_scene_get_hand(scene.get(), &state, &response, &sent);
+      if (ticks % 500 == 0) fs_servo_set_enabled(servo.get(), ticks % 1000 != 0);
+    });
+    ++ticks;
+  }
+  editor.stop();
+  ck_assert_uint_eq(total, 0);
+  // Everything dropped at once, and the frame, tool and clutch with it.
+  OK(fs_scene_clear(scene.get()));
+  const fs_vec3 points[]{{0, 0, 0}, {0.01, 0, 0}};
+  OK(fs_scene_set_tool(scene.get(), points, 2));
+  fs_frame frame = fs_frame_init();
+  frame.scale = 2;
+  OK(fs_scene_set_frame(scene.get(), &frame));
+  OK(fs_scene_set_clutch(scene.get(), true));
+  ck_assert_uint_eq(count([&] { fs_servo_step(servo.get(), mode == FS_SERVO_VIRTUAL ? 200 : 1); }), 0);
+  OK(fs_scene_set_clutch(scene.get(), false));
+  ck_assert_uint_eq(count([&] {
+    for (int k = 0; k < 200; ++k) fs_servo_step(servo.get(), 1);
+  }), 0);
+}
+
+START_TEST(a_virtual_servo) { drive(FS_SERVO_VIRTUAL); }
+END_TEST
+START_TEST(a_callers_servo) { drive(FS_SERVO_CALLER); }
+END_TEST
+
+START_TEST(faults) {  // what goes wrong allocates no more than what goes well
+  Rig rig("faults");
+  fill(rig.scene.get(), hello());
+  rig.start(virtual_options());
+  rig.step(100);
+  ck_assert_uint_eq(count([&] { rig.step(10); }), 0);
+  rig.fake.read_status = FS_ERROR_DISCONNECTED;
+  fs_servo_step(rig.servo.get(), 1);
+  ck_assert_uint_eq(count([&] { fs_servo_step(rig.servo.get(), 10); }), 0);
+  rig.fake.read_status = FS_OK;
+  rig.fake.state.pose.position.x = NAN;
+  ck_assert_uint_eq(count([&] { fs_servo_step(rig.servo.get(), 10); }), 0);
+  rig.fake.state.pose.position.x = 0;
+  ck_assert_uint_eq(count([&] {
+    fs_servo_set_enabled(rig.servo.get(), true);
+    fs_servo_step(rig.servo.get(), 10);
+  }), 0);
+}
+END_TEST
+
+int main() {
+  Suite* suite = suite_create("allocation");
+  add_case(suite, "allocation", {the_counter_counts, a_tool, a_virtual_servo, a_callers_servo, faults});
+  return run_suite(suite);
+}

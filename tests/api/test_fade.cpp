@@ -1,0 +1,447 @@
+// No step in force: whatever comes, goes or is replaced, between two ticks the force changes by no more than the fade allows.
+// Poses and profiles act at once.
+#include <functional>
+#include <vector>
+
+#include "api/support.h"
+
+using namespace scenes;
+
+static constexpr double fade = 0.2, period = 0.001;  // s
+
+// A hand that holds still at (0.1, 0, 0), or moves slowly along y, in a scene felt through a virtual servo.
+struct FadeRig : Rig {
+  std::vector<fs_wrench> log;
+  double speed;  // m/s
+
+  FadeRig(const char* name, double hand_speed) : Rig(name), speed(hand_speed) {
+    fake.state.pose = at(0.1, 0, 0);
+    fake.on_read = [this](FakeDevice& f, double) { f.state.pose.position.y += speed * period; };
+  }
+  ~FadeRig() { fake.log = nullptr; }
+  void begin(double with_fade = fade) {
+    fs_servo_options options = virtual_options();
+    options.fade = with_fade;
+    options.ramp = -1;
+    options.speed_limit = -1;
+    start(options);
+    step(1000);  // what was there before is steady
+    fake.log = &log;
+    log.push_back(fake.written);
+  }
+  double largest_step() const {
+    double largest = 0;
+    for (size_t k = 1; k < log.size(); ++k) largest = std::fmax(largest, norm(log[k].force - log[k - 1].force));
+    return largest;
+  }
+  double smallest_force() const {
+    double smallest = 1e9;
+    for (const fs_wrench& w : log) smallest = std::fmin(smallest, norm(w.force));
+    return smallest;
+  }
+
+  void set(const fs_object& o) { OK(fs_object_set(scene.get(), &o)); }
+  void remove(const char* name) { OK(fs_object_remove(scene.get(), name)); }
+};
+
+// A force of `force` N that does not depend on where the hand is: up, or along another axis of the scene.
+static fs_object steady(const char* name, double force = 2, fs_vec3 direction = {0, 0, 1}) {
+  fs_object o = fs_object_init(name, FS_PRIMITIVE_PLANE);
+  require(fs_pose_from_z(-100.0 * direction, direction, &o.pose), "fs_pose_from_z");
+  o.front = constant(FS_SENSE_REPULSIVE, force);
+  return o;
+}
+
+// Attracts with 20 N/m to the origin: 2 N for the hand at 0.1 m.
+static fs_object spring(const char* name) {
+  fs_object o = fs_object_init(name, FS_PRIMITIVE_POINT);
+  o.front = attract(20, 9);
+  return o;
+}
+
+static Shape line_at(double z) {
+  const fs_vec3 ends[]{{-5, -5, z}, {-5, 5, z}};
+  return make_polyline(ends, 2, false);
+}
+static fs_object line(const Shape& shape) {  // a constant 2 N towards a line far away
+  fs_object o = fs_object_init("a", FS_PRIMITIVE_POLYLINE);
+  o.front = constant(FS_SENSE_ATTRACTIVE, 2);
+  o.shape = shape.get();
+  return o;
+}
+
+struct Cause {
+  const char* name;
+  double force;                      // N: the sum of all that fades, old and new; the allowed step is force*period/fade
+  double slope;                      // N/m at the hand, for one that moves
+  std::function<void(FadeRig&)> before, act;
+  fs_vec3 end;                       // N, once all is steady, the hand at (0.1, 0, 0)
+};
+
+static const Shape& low_line() {
+  static const Shape shape = line_at(0);
+  return shape;
+}
+static const Shape& high_line() {
+  static const Shape shape = line_at(5.1);
+  return shape;
+}
+
+static void disable(FadeRig& rig, fs_object o) {
+  o.enabled = false;
+  rig.set(o);
+}
+
+static void move_frame(FadeRig& rig, double x) {
+  fs_frame frame = fs_frame_init();
+  frame.pose.position.x = x;
+  OK(fs_scene_set_frame(rig.scene.get(), &frame));
+}
+
+static std::vector<Cause> causes() {
+  const double diagonal = std::sqrt(0.5);
+  const auto nothing = [](FadeRig&) {};
+  const auto one = [](FadeRig& rig) { rig.set(steady("a")); };
+  return {
+      {"add", 2, 0, nothing, [](FadeRig& rig) { rig.set(steady("a")); }, {0, 0, 2}},
+      {"remove", 2, 0, one, [](FadeRig& rig) { rig.remove("a"); }, {}},
+      {"remove and add at once", 2, 0, one, [](FadeRig& rig) { rig.remove("a"); rig.set(steady("a")); }, {0, 0, 2}},
+      {"add again while it fades", 2, 0, one,
+       [](FadeRig& rig) { rig.remove("a"); rig.step(80); rig.set(steady("a")); }, {0, 0, 2}},
+      {"remove while it fades in", 2, 0, nothing,
+       [](FadeRig& rig) { rig.set(steady("a")); rig.step(80); rig.remove("a"); }, {}},
+      {"disable", 2, 0, one, [](FadeRig& rig) { disable(rig, steady("a")); }, {}},
+      {"enable", 2, 0, [](FadeRig& rig) { disable(rig, steady("a")); }, [](FadeRig& rig) { rig.set(steady("a")); },
+       {0, 0, 2}},
+      {"disable and enable", 2, 0, one,
+       [](FadeRig& rig) { disable(rig, steady("a")); rig.step(50); rig.set(steady("a")); }, {0, 0, 2}},
+      {"enable and remove", 2, 0, [](FadeRig& rig) { disable(rig, steady("a")); },
+       [](FadeRig& rig) { rig.set(steady("a")); rig.step(50); rig.remove("a"); }, {}},
+      {"a new shape", 4, 0.5, [](FadeRig& rig) { rig.set(line(low_line())); },
+       [](FadeRig& rig) { rig.set(line(high_line())); }, {-2 * diagonal, 0, 2 * diagonal}},
+      {"a new primitive", 4, 0.5, [](FadeRig& rig) { rig.set(line(low_line())); },
+       [](FadeRig& rig) { rig.set(steady("a")); }, {0, 0, 2}},
+      {"a new shape, removed while it comes", 4, 0.5, [](FadeRig& rig) { rig.set(line(low_line())); },
+       [](FadeRig& rig) { rig.set(line(high_line())); rig.step(60); rig.remove("a"); }, {}},
+      {"a new shape, disabled while it comes", 4, 0.5, [](FadeRig& rig) { rig.set(line(low_line())); },
+       [](FadeRig& rig) { rig.set(line(high_line())); rig.step(60); disable(rig, line(high_line())); }, {}},
+      {"other points of the tool", 2, 0, one,
+       [](FadeRig& rig) { fs_object o = steady("a"); o.tool_points = 2; rig.set(o); }, {}},
+      {"a frame elsewhere", 3, 20, [](FadeRig& rig) { rig.set(spring("a")); },
+       [](FadeRig& rig) { move_frame(rig, 0.05); }, {-1, 0, 0}},
+      {"a turned frame", 4, 0, one,
+       [](FadeRig& rig) {
+         fs_frame frame = fs_frame_init();
+         frame.pose.orientation = turn({1, 0, 0}, -1.5707963267948966);
+         OK(fs_scene_set_frame(rig.scene.get(), &frame));
+       }, {0, 2, 0}},
+      {"another tool", 5, 20, [](FadeRig& rig) { rig.set(spring("a")); },
+       [](FadeRig& rig) { const fs_vec3 p{0.05, 0, 0}; OK(fs_scene_set_tool(rig.scene.get(), &p, 1)); }, {-3, 0, 0}},
+      {"clutch", 2.05, 0, [](FadeRig& rig) { rig.set(spring("a")); },
+       [](FadeRig& rig) { OK(fs_scene_set_clutch(rig.scene.get(), true)); }, {}},
+      {"clutch let go", 2, 20,
+       [](FadeRig& rig) { rig.set(spring("a")); },
+       [](FadeRig& rig) {
+         OK(fs_scene_set_clutch(rig.scene.get(), true));
+         rig.step(400);
+         rig.fake.state.pose.position.z += 0.05;  // the hand goes elsewhere; nothing is felt of that
+         rig.step(10);
+         OK(fs_scene_set_clutch(rig.scene.get(), false));
+       }, {-2, 0, 0}},
+      {"clutch let go while it fades", 4, 20, [](FadeRig& rig) { rig.set(spring("a")); },
+       [](FadeRig& rig) {
+         OK(fs_scene_set_clutch(rig.scene.get(), true));
+         rig.step(70);
+         OK(fs_scene_set_clutch(rig.scene.get(), false));
+       }, {-2, 0, 0}},
+      {"expiry", 2, 0, nothing,
+       [](FadeRig& rig) { fs_object o = steady("a"); o.lifetime = 0.5; rig.set(o); rig.step(800); }, {}},
+      {"expiry and return", 2, 0, nothing,
+       [](FadeRig& rig) {
+         fs_object o = steady("a");
+         o.lifetime = 0.5;
+         rig.set(o);
+         rig.step(580);  // fading out since 80 ms
+         const fs_pose pose = o.pose;
+         const fs_twist still{};
+         OK(fs_object_move(rig.scene.get(), "a", &pose, &still, FS_NOW));
+         rig.step(800);  // gone
+         ck_assert_double_eq(norm(rig.sent()), 0);
+         OK(fs_object_move(rig.scene.get(), "a", &pose, &still, FS_NOW));
+         for (int k = 0; k < 5; ++k) {
+           rig.step(100);
+           OK(fs_object_move(rig.scene.get(), "a", &pose, &still, FS_NOW));
+         }
+         o.lifetime = 0;
+         rig.set(o);
+       }, {0, 0, 2}},
+      {"expiry before it is in", 2, 0, nothing,
+       [](FadeRig& rig) { fs_object o = steady("a"); o.lifetime = 0.1; rig.set(o); }, {}},
+      {"on the hand", 5, 0, nothing,
+       [](FadeRig& rig) {
+         fs_object o = fs_object_init("a", FS_PRIMITIVE_PLANE);
+         o.pose = at(0, 0, -0.0001);
+         o.front = fs_profile_init(FS_PROFILE_INVERSE, FS_SENSE_REPULSIVE, 1, 0, 5);
+         rig.set(o);
+       }, {0, 0, 5}},
+      {"clear of many", 4, 0,
+       [](FadeRig& rig) { for (const char* name : {"a", "b", "c", "d"}) rig.set(steady(name, 1)); },
+       [](FadeRig& rig) { OK(fs_scene_clear(rig.scene.get())); }, {}},
+      {"a group of many", 6, 0,
+       [](FadeRig& rig) { rig.set(steady("old")); },
+       [](FadeRig& rig) {
+         OK(fs_scene_begin(rig.scene.get()));
+         rig.remove("old");
+         rig.set(steady("a", 1));
+         rig.set(steady("b", 1, {0, 1, 0}));
+         rig.step(20);
+         rig.set(steady("c", 2, {0, 0, -1}));
+         OK(fs_scene_commit(rig.scene.get()));
+       }, {0, 1, -1}},
+      {"a scene replaced in a group", 4, 0, one,
+       [](FadeRig& rig) {
+         OK(fs_scene_begin(rig.scene.get()));
+         OK(fs_scene_clear(rig.scene.get()));
+         rig.set(steady("a"));
+         rig.set(steady("b", 2, {0, 1, 0}));
+         OK(fs_scene_commit(rig.scene.get()));
+       }, {0, 2, 2}},
+      {"a cancelled group", 2, 0, one,
+       [](FadeRig& rig) {
+         OK(fs_scene_begin(rig.scene.get()));
+         OK(fs_scene_clear(rig.scene.get()));
+         rig.step(10);
+         OK(fs_scene_cancel(rig.scene.get()));
+       }, {0, 0, 2}},
+      {"held up between set and tick", 2, 0, nothing,
+       [](FadeRig& rig) {
+         rig.set(steady("a"));
+         rig.step(30);
+         disable(rig, steady("a"));
+         rig.set(steady("a"));
+         rig.remove("a");
+         rig.set(steady("a"));
+       }, {0, 0, 2}},
+  };
+}
+
+static void no_step(double hand_speed) {
+  for (const Cause& cause : causes()) {
+    FadeRig rig("fade", hand_speed);
+    cause.before(rig);
+    rig.begin();
+    cause.act(rig);
+    rig.step(5 * static_cast<uint64_t>(fade / period));
+    const double allowed = cause.force * period / fade * (1 + 1e-6) + cause.slope * hand_speed * period * 1.01 + 1e-9;
+    ck_assert_msg(rig.largest_step() <= allowed, "%s: a step of %g N, %g are allowed", cause.name, rig.largest_step(),
+                  allowed);
+    ck_assert_msg(rig.log.size() > 500, "%s: %zu ticks", cause.name, rig.log.size());
+    if (hand_speed == 0) {
+      ck_assert_msg(norm(rig.sent() - cause.end) < 1e-9, "%s: ends at (%g, %g, %g)", cause.name, rig.sent().x,
+                    rig.sent().y, rig.sent().z);
+    }
+  }
+}
+
+START_TEST(no_step_for_a_still_hand) { no_step(0); }
+END_TEST
+START_TEST(no_step_for_a_moving_hand) { no_step(0.01); }
+END_TEST
+
+START_TEST(takes_as_long_as_it_should) {
+  FadeRig rig("long", 0);
+  rig.begin();
+  rig.set(steady("a"));
+  rig.step(100);
+  EXPECT_NEAR(rig.sent().z, 1, 0.011);  // linear in time
+  rig.step(50);
+  EXPECT_NEAR(rig.sent().z, 1.5, 0.011);
+  rig.step(51);
+  EXPECT_NEAR(rig.sent().z, 2, 1e-12);
+  rig.remove("a");
+  rig.step(50);
+  EXPECT_NEAR(rig.sent().z, 1.5, 0.011);
+  rig.set(steady("a"));  // a name set again while it fades goes on from its weight
+  rig.step(10);
+  EXPECT_NEAR(rig.sent().z, 1.6, 0.011);
+  rig.step(42);
+  EXPECT_NEAR(rig.sent().z, 2, 1e-12);
+  ck_assert_double_gt(rig.smallest_force() + 1e-12, 0);
+  rig.remove("a");
+  rig.step(201);
+  EXPECT_VECTOR(rig.sent(), (fs_vec3{}), 1e-12);
+}
+END_TEST
+
+START_TEST(cross_fades_meet_in_the_middle) {
+  FadeRig rig("cross", 0);
+  rig.set(line(low_line()));
+  rig.begin();
+  EXPECT_VECTOR(rig.sent(), (fs_vec3{-2, 0, 0}), 1e-12);
+  rig.set(steady("a"));
+  rig.step(100);
+  EXPECT_VECTOR(rig.sent(), (fs_vec3{-1, 0, 1}), 0.02);
+  rig.step(102);
+  EXPECT_VECTOR(rig.sent(), (fs_vec3{0, 0, 2}), 1e-12);
+  // A further change meanwhile: at most one old version is kept, and in the end only the newest is felt.
+  rig.set(line(low_line()));
+  rig.step(50);
+  rig.set(line(high_line()));
+  rig.step(50);
+  rig.set(steady("a", 1));
+  rig.step(500);
+  EXPECT_VECTOR(rig.sent(), (fs_vec3{0, 0, 1}), 1e-12);
+  fs_response response;
+  OK(fs_scene_get_hand(rig.scene.get(), nullptr, &response, nullptr));
+  ck_assert_uint_eq(response.felt_count, 1);
+  ck_assert_uint_eq(response.flags & FS_RESPONSE_FADING, 0);
+}
+END_TEST
+
+START_TEST(fading_is_told) {
+  FadeRig rig("told", 0);
+  rig.begin();
+  fs_response response;
+  OK(fs_scene_get_hand(rig.scene.get(), nullptr, &response, nullptr));
+  ck_assert_uint_eq(response.flags & FS_RESPONSE_FADING, 0);
+  rig.set(steady("a"));
+  rig.step(100);
+  OK(fs_scene_get_hand(rig.scene.get(), nullptr, &response, nullptr));
+  ck_assert_uint_ne(response.flags & FS_RESPONSE_FADING, 0);
+  rig.step(200);
+  OK(fs_scene_get_hand(rig.scene.get(), nullptr, &response, nullptr));
+  ck_assert_uint_eq(response.flags & FS_RESPONSE_FADING, 0);
+}
+END_TEST
+
+START_TEST(the_standard_is_a_second) {
+  FadeRig rig("standard", 0);
+  rig.begin(0);
+  rig.set(steady("a"));
+  rig.step(500);
+  EXPECT_NEAR(rig.sent().z, 1, 0.003);
+  rig.step(501);
+  EXPECT_NEAR(rig.sent().z, 2, 1e-12);
+}
+END_TEST
+
+START_TEST(no_fade_is_at_once) {
+  FadeRig rig("none", 0);
+  rig.begin(-1);
+  ck_assert(stats_of(rig.scene.get()).protections_off & FS_OFF_FADE);
+  rig.set(steady("a"));
+  rig.step(1);
+  EXPECT_VECTOR(rig.sent(), (fs_vec3{0, 0, 2}), 1e-12);
+  rig.set(line(low_line()));
+  rig.step(1);
+  EXPECT_VECTOR(rig.sent(), (fs_vec3{-2, 0, 0}), 1e-12);
+  rig.remove("a");
+  rig.step(1);
+  EXPECT_VECTOR(rig.sent(), (fs_vec3{}), 0);
+}
+END_TEST
+
+START_TEST(poses_and_profiles_act_at_once) {
+  FadeRig rig("atonce", 0);
+  rig.set(spring("a"));
+  rig.begin();
+  EXPECT_VECTOR(rig.sent(), (fs_vec3{-2, 0, 0}), 1e-12);
+  const fs_pose pose = at(0.05, 0, 0);
+  const fs_twist still{};
+  OK(fs_object_move(rig.scene.get(), "a", &pose, &still, FS_NOW));
+  rig.step(1);
+  EXPECT_VECTOR(rig.sent(), (fs_vec3{-1, 0, 0}), 1e-12);
+  fs_object o = spring("a");
+  o.pose = pose;
+  o.front.gain = 40;
+  rig.set(o);
+  rig.step(1);
+  EXPECT_VECTOR(rig.sent(), (fs_vec3{-2, 0, 0}), 1e-12);
+}
+END_TEST
+
+// The clutch: the hand moves, the tool stays.
+START_TEST(clutching) {
+  FadeRig rig("clutch", 0);
+  rig.set(spring("a"));
+  rig.begin();
+  auto hand = [&] {
+    fs_state state;
+    OK(fs_scene_get_hand(rig.scene.get(), &state, nullptr, nullptr));
+    return state;
+  };
+  for (int round = 0; round < 3; ++round) {
+    const fs_vec3 held = hand().pose.position;
+    ck_assert_uint_eq(hand().flags & FS_STATE_CLUTCHED, 0);
+    OK(fs_scene_set_clutch(rig.scene.get(), true));
+    rig.step(1);
+    ck_assert_uint_ne(hand().flags & FS_STATE_CLUTCHED, 0);
+    for (int k = 0; k < 300; ++k) {
+      rig.fake.state.pose.position = rig.fake.state.pose.position + fs_vec3{1e-4, -2e-4, 1e-4};
+      rig.fake.state.pose.orientation = turn({0, 0, 1}, 0.002 * (300 * round + k));
+      rig.step(1);
+    }
+    EXPECT_VECTOR(rig.sent(), (fs_vec3{}), 0);
+    OK(fs_scene_set_clutch(rig.scene.get(), false));
+    rig.step(1);
+    EXPECT_VECTOR(hand().pose.position, held, 1e-12);   // the tool's position does not jump
+    EXPECT_NEAR(hand().pose.orientation.z, rig.fake.state.pose.orientation.z, 1e-12);  // its orientation is the hand's
+    EXPECT_NEAR(hand().pose.orientation.w, rig.fake.state.pose.orientation.w, 1e-12);
+    fs_frame frame;
+    OK(fs_scene_get_frame(rig.scene.get(), nullptr, &frame));  // the frame is moved, not turned
+    EXPECT_VECTOR(frame.pose.position + held, rig.fake.state.pose.position, 1e-12);
+    EXPECT_NEAR(std::fabs(frame.pose.orientation.w), 1, 1e-15);
+    rig.fake.state.pose.position = rig.fake.state.pose.position + fs_vec3{0.01, 0, 0};
+    rig.step(300);
+    EXPECT_VECTOR(hand().pose.position, (held + fs_vec3{0.01, 0, 0}), 1e-12);
+    EXPECT_VECTOR(rig.sent(), -20.0 * (held + fs_vec3{0.01, 0, 0}), 1e-9);
+  }
+  // Held and let go before a tick saw it, held twice, let go twice: nothing moves.
+  const fs_vec3 before = hand().pose.position;
+  OK(fs_scene_set_clutch(rig.scene.get(), true));
+  OK(fs_scene_set_clutch(rig.scene.get(), false));
+  rig.step(300);
+  EXPECT_VECTOR(hand().pose.position, before, 1e-12);
+  OK(fs_scene_set_clutch(rig.scene.get(), true));
+  OK(fs_scene_set_clutch(rig.scene.get(), true));
+  rig.step(300);
+  OK(fs_scene_set_clutch(rig.scene.get(), false));
+  OK(fs_scene_set_clutch(rig.scene.get(), false));
+  rig.step(300);
+  EXPECT_VECTOR(hand().pose.position, before, 1e-12);
+  EXPECT_VECTOR(rig.sent(), -20.0 * before, 1e-9);
+}
+END_TEST
+
+START_TEST(clutching_in_a_scaled_frame) {
+  FadeRig rig("scaled", 0);
+  fs_frame frame = fs_frame_init();
+  frame.pose = {{0.05, 0, 0}, turn({0, 0, 1}, 1.5707963267948966)};
+  frame.scale = 10;
+  OK(fs_scene_set_frame(rig.scene.get(), &frame));
+  rig.begin();
+  fs_state held, after;
+  OK(fs_scene_get_hand(rig.scene.get(), &held, nullptr, nullptr));
+  EXPECT_VECTOR(held.pose.position, (fs_vec3{0, -0.5, 0}), 1e-12);
+  OK(fs_scene_set_clutch(rig.scene.get(), true));
+  rig.step(300);
+  rig.fake.state.pose = at(-0.02, 0.03, 0.01);
+  rig.step(10);
+  OK(fs_scene_set_clutch(rig.scene.get(), false));
+  rig.step(1);
+  OK(fs_scene_get_hand(rig.scene.get(), &after, nullptr, nullptr));
+  EXPECT_VECTOR(after.pose.position, held.pose.position, 1e-12);
+  OK(fs_scene_get_frame(rig.scene.get(), nullptr, &frame));
+  ck_assert_double_eq(frame.scale, 10);
+  EXPECT_VECTOR(frame.pose * (0.1 * after.pose.position), rig.fake.state.pose.position, 1e-12);
+}
+END_TEST
+
+int main() {
+  Suite* suite = suite_create("fade");
+  add_case(suite, "no step", {no_step_for_a_still_hand, no_step_for_a_moving_hand});
+  add_case(suite, "fades", {takes_as_long_as_it_should, cross_fades_meet_in_the_middle, fading_is_told,
+                            the_standard_is_a_second, no_fade_is_at_once, poses_and_profiles_act_at_once});
+  add_case(suite, "clutch", {clutching, clutching_in_a_scaled_frame});
+  return run_suite(suite);
+}

@@ -1,0 +1,704 @@
+// The servo on a device that does what the test says: ramp, faults, limits, record, options, ownership.
+#include <chrono>
+#include <limits>
+#include <thread>
+#include <vector>
+
+#include "api/support.h"
+
+using namespace scenes;
+
+static constexpr double infinite = std::numeric_limits<double>::infinity();
+
+// Felt everywhere: 2 N upwards, unless a test says other.
+static fs_object lift(double force = 2) {
+  fs_object o = fs_object_init("lift", FS_PRIMITIVE_PLANE);
+  o.front = o.back = constant(FS_SENSE_REPULSIVE, force);
+  o.back.sense = FS_SENSE_ATTRACTIVE;
+  return o;
+}
+
+// Without fades, so that what is seen is the servo.
+static fs_servo_options plain(double ramp = -1) {
+  fs_servo_options options = virtual_options();
+  options.fade = -1;
+  options.ramp = ramp;
+  return options;
+}
+
+static void set(fs_scene* scene, const fs_object& o) { OK(fs_object_set(scene, &o)); }
+
+static fs_wrench sent_of(fs_scene* scene) {
+  fs_wrench sent;
+  OK(fs_scene_get_hand(scene, nullptr, nullptr, &sent));
+  return sent;
+}
+
+// Steps until the ramp of 0.1 s is over, and sees that it was one.
+static void expect_ramp(Rig& rig, double force) {
+  double before = norm(rig.sent());
+  ck_assert_double_lt(before, 0.02 * force);
+  for (int k = 0; k < 99; ++k) {
+    rig.step(1);
+    const double after = norm(rig.sent());
+    ck_assert_double_ge(after, before);
+    ck_assert_double_le(after - before, force * 0.001 / 0.1 * (1 + 1e-6));
+    before = after;
+  }
+  ck_assert_double_gt(before, 0.95 * force);
+  rig.step(3);
+  EXPECT_NEAR(norm(rig.sent()), force, 1e-12);
+}
+
+START_TEST(ramps_at_the_start) {
+  Rig rig("ramp");
+  set(rig.scene.get(), lift());
+  rig.start(plain(0.1));
+  EXPECT_VECTOR(rig.sent(), (fs_vec3{}), 0);
+  rig.step(1);
+  expect_ramp(rig, 2);
+  EXPECT_VECTOR(rig.sent(), (fs_vec3{0, 0, 2}), 1e-12);
+  ck_assert_uint_eq(stats_of(rig.scene.get()).faults, 0);
+}
+END_TEST
+
+START_TEST(no_ramp) {
+  Rig rig("noramp");
+  set(rig.scene.get(), lift());
+  rig.start(plain());
+  rig.step(1);
+  EXPECT_VECTOR(rig.sent(), (fs_vec3{0, 0, 2}), 1e-12);
+  ck_assert(stats_of(rig.scene.get()).protections_off & FS_OFF_RAMP);
+}
+END_TEST
+
+START_TEST(zero_until_ready) {
+  Rig rig("ready");
+  set(rig.scene.get(), lift());
+  rig.fake.state.flags = 0;
+  rig.start(plain(0.1));
+  for (int k = 0; k < 50; ++k) {
+    rig.step(1);
+    EXPECT_VECTOR(rig.sent(), (fs_vec3{}), 0);
+  }
+  ck_assert_uint_eq(stats_of(rig.scene.get()).faults, FS_FAULT_DEVICE);
+  rig.fake.state.flags = FS_STATE_READY;
+  rig.step(1);
+  expect_ramp(rig, 2);
+  ck_assert_uint_eq(stats_of(rig.scene.get()).faults, 0);
+  rig.fake.state.flags = 0;  // homed no more
+  rig.step(1);
+  EXPECT_VECTOR(rig.sent(), (fs_vec3{}), 0);
+}
+END_TEST
+
+START_TEST(a_lost_device_comes_back) {
+  for (bool at_write : {false, true}) {
+    Rig rig(at_write ? "lostwrite" : "lostread");
+    set(rig.scene.get(), lift());
+    rig.start(plain(0.1));
+    rig.step(200);
+    (at_write ? rig.fake.write_status : rig.fake.read_status) = FS_ERROR_DISCONNECTED;
+    for (int k = 0; k < 20; ++k) EXPECT(FS_ERROR_DISCONNECTED, fs_servo_step(rig.servo.get(), 1));
+    const fs_servo_stats stats = stats_of(rig.scene.get());
+    ck_assert_uint_eq(stats.device_errors, 20);
+    ck_assert_uint_eq(stats.ticks, 220);  // all ticks ran
+    ck_assert(stats.faults & FS_FAULT_DEVICE);
+    if (!at_write) EXPECT_VECTOR(sent_of(rig.scene.get()).force, (fs_vec3{}), 0);
+    (at_write ? rig.fake.write_status : rig.fake.read_status) = FS_OK;
+    fs_servo_step(rig.servo.get(), 1);
+    if (at_write) rig.step(1);
+    expect_ramp(rig, 2);  // by itself
+    ck_assert_uint_eq(stats_of(rig.scene.get()).faults, 0);
+  }
+}
+END_TEST
+
+START_TEST(an_old_pose_is_no_pose) {  // older than 20 ms
+  Rig rig("old");
+  set(rig.scene.get(), lift());
+  double age = 0.015;
+  rig.fake.on_read = [&](FakeDevice& fake, double time) { fake.state.time = std::fmax(time - age, 1e-9); };
+  rig.start(plain());
+  rig.step(100);
+  EXPECT_VECTOR(rig.sent(), (fs_vec3{0, 0, 2}), 1e-12);
+  age = 0.025;
+  rig.step(1);
+  EXPECT_VECTOR(rig.sent(), (fs_vec3{}), 0);
+  ck_assert_uint_eq(stats_of(rig.scene.get()).faults, FS_FAULT_DEVICE);
+  age = 0;
+  rig.step(2);
+  EXPECT_VECTOR(rig.sent(), (fs_vec3{0, 0, 2}), 1e-12);
+}
+END_TEST
+
+// A fault that stays until the servo is enabled again; the record stops with it.
+static void expect_latched(Rig& rig, uint32_t fault, const std::function<void()>& heal) {
+  EXPECT_VECTOR(rig.sent(), (fs_vec3{}), 0);
+  ck_assert_uint_eq(stats_of(rig.scene.get()).faults & fault, fault);
+  std::vector<fs_tick> record(2000);
+  size_t count = 0;
+  OK(fs_servo_get_record(rig.servo.get(), record.data(), record.size(), &count));
+  ck_assert_uint_gt(count, 0);
+  ck_assert(record[count - 1].faults & fault);  // the tick of the fault is the last
+  const double last = record[count - 1].state.time;
+  heal();
+  rig.step(100);
+  EXPECT_VECTOR(rig.sent(), (fs_vec3{}), 0);
+  ck_assert_uint_eq(stats_of(rig.scene.get()).faults & fault, fault);
+  OK(fs_servo_get_record(rig.servo.get(), record.data(), record.size(), &count));
+  ck_assert_double_eq(record[count - 1].state.time, last);
+  OK(fs_servo_set_enabled(rig.servo.get(), true));
+  rig.step(1);
+  expect_ramp(rig, 2);
+  ck_assert_uint_eq(stats_of(rig.scene.get()).faults, 0);
+  OK(fs_servo_get_record(rig.servo.get(), record.data(), record.size(), &count));
+  ck_assert_double_gt(record[count - 1].state.time, last);
+}
+
+START_TEST(too_fast) {
+  for (bool given : {false, true}) {
+    Rig rig(given ? "twist" : "speed");
+    set(rig.scene.get(), lift());
+    double speed = 1.9;
+    rig.fake.on_read = [&](FakeDevice& fake, double) {
+      fake.state.pose.position.x += speed * 0.001;
+      if (given) fake.state.twist.linear.x = speed;
+    };
+    rig.start(plain(0.1));
+    rig.step(200);
+    EXPECT_NEAR(norm(rig.sent()), 2, 1e-12);
+    speed = 2.2;
+    rig.step(100);  // worked-out speeds may be filtered
+    expect_latched(rig, FS_FAULT_SPEED, [&] { speed = 0; });
+  }
+  {
+    Rig rig("slow");
+    set(rig.scene.get(), lift());
+    rig.fake.state.twist.linear.y = 0.6;
+    fs_servo_options options = plain(0.1);
+    options.speed_limit = 0.5;
+    rig.start(options);
+    rig.step(10);
+    EXPECT_VECTOR(rig.sent(), (fs_vec3{}), 0);
+    ck_assert_uint_eq(stats_of(rig.scene.get()).faults, FS_FAULT_SPEED);
+  }
+  {
+    Rig rig("free");
+    set(rig.scene.get(), lift());
+    rig.fake.state.twist.linear.y = 50;
+    fs_servo_options options = plain();
+    options.speed_limit = -1;
+    rig.start(options);
+    rig.step(10);
+    EXPECT_NEAR(norm(rig.sent()), 2, 1e-12);
+    ck_assert(stats_of(rig.scene.get()).protections_off & FS_OFF_SPEED);
+  }
+}
+END_TEST
+
+START_TEST(not_a_number) {
+  void (*const spoils[])(fs_state&){[](fs_state& s) { s.pose.position.y = NAN; },
+                                    [](fs_state& s) { s.pose.orientation.w = infinite; },
+                                    [](fs_state& s) { s.pose.position.z = -infinite; },
+                                    [](fs_state& s) { s.twist.angular.x = NAN; }};
+  for (size_t i = 0; i < std::size(spoils); ++i) {
+    Rig rig(("nan" + std::to_string(i)).c_str());
+    set(rig.scene.get(), lift());
+    rig.start(plain(0.1));
+    rig.step(200);
+    const fs_state good = rig.fake.state;
+    spoils[i](rig.fake.state);
+    fs_servo_step(rig.servo.get(), 1);
+    expect_latched(rig, FS_FAULT_NUMBER, [&] { rig.fake.state = good; });
+  }
+}
+END_TEST
+
+START_TEST(too_strong) {  // the force is shortened, its direction kept
+  Rig rig("strong");
+  fs_object o = lift(20);
+  o.pose.orientation = turn({1, 2, 0}, 0.8);
+  o.pose.position = {0, 0, -5};
+  set(rig.scene.get(), o);
+  const fs_vec3 direction = rotate(o.pose.orientation, {0, 0, 1});
+  rig.start(plain());
+  rig.step(10);
+  EXPECT_VECTOR(rig.sent(), 10.0 * direction, 1e-9);
+  ck_assert_uint_eq(stats_of(rig.scene.get()).guarded, 10);
+  fs_response response;
+  fs_wrench sent;
+  OK(fs_scene_get_hand(rig.scene.get(), nullptr, &response, &sent));
+  EXPECT_VECTOR(response.wrench.force, 20.0 * direction, 1e-9);  // before the guard
+  EXPECT_VECTOR(sent.force, 10.0 * direction, 1e-9);
+  fs_tick tick;
+  size_t count = 0;
+  OK(fs_servo_get_record(rig.servo.get(), &tick, 1, &count));
+  ck_assert(tick.response.flags & FS_RESPONSE_GUARDED);
+  ck_assert_uint_eq(tick.faults, 0);
+  set(rig.scene.get(), lift(9));
+  rig.step(5);
+  ck_assert_uint_eq(stats_of(rig.scene.get()).guarded, 10);
+  OK(fs_servo_get_record(rig.servo.get(), &tick, 1, &count));
+  ck_assert(!(tick.response.flags & FS_RESPONSE_GUARDED));
+}
+END_TEST
+
+START_TEST(limits_of_ones_own) {
+  Rig rig("limits");
+  const fs_vec3 arm{0.5, 0, 0};  // 2 N at 0.5 m: 1 N m
+  OK(fs_scene_set_tool(rig.scene.get(), &arm, 1));
+  set(rig.scene.get(), lift(2));
+  fs_servo_options options = plain();
+  options.force_limit = 1.5;
+  options.torque_limit = 0.25;
+  rig.start(options);
+  rig.step(5);
+  ck_assert_double_le(norm(rig.fake.written.force), 1.5 * (1 + 1e-12));
+  ck_assert_double_le(norm(rig.fake.written.torque), 0.25 * (1 + 1e-12));
+  EXPECT_VECTOR(unit(rig.fake.written.force), (fs_vec3{0, 0, 1}), 1e-12);
+  EXPECT_VECTOR(unit(rig.fake.written.torque), (fs_vec3{0, -1, 0}), 1e-12);
+}
+END_TEST
+
+START_TEST(enabled_or_not) {
+  Rig rig("enabled");
+  set(rig.scene.get(), lift());
+  rig.start(plain(0.1));
+  rig.step(200);
+  OK(fs_servo_set_enabled(rig.servo.get(), false));
+  for (int k = 0; k < 50; ++k) {
+    rig.step(1);
+    EXPECT_VECTOR(rig.sent(), (fs_vec3{}), 0);
+  }
+  OK(fs_servo_set_enabled(rig.servo.get(), true));
+  rig.step(1);
+  expect_ramp(rig, 2);
+  rig.fake.state.pose.position.x = NAN;
+  fs_servo_step(rig.servo.get(), 1);
+  rig.fake.state.pose.position.x = 0;
+  OK(fs_servo_set_enabled(rig.servo.get(), false));  // off is no way out of a fault
+  rig.step(5);
+  EXPECT_VECTOR(rig.sent(), (fs_vec3{}), 0);
+  OK(fs_servo_set_enabled(rig.servo.get(), true));
+  rig.step(1);
+  expect_ramp(rig, 2);
+}
+END_TEST
+
+START_TEST(the_record) {
+  Rig rig("record");
+  set(rig.scene.get(), lift());
+  rig.fake.state.pose = at(0.01, 0.02, 0.03);
+  rig.fake.state.buttons = 5;
+  rig.start(plain());
+  std::vector<fs_tick> record(3000);
+  size_t count = 9;
+  OK(fs_servo_get_record(rig.servo.get(), record.data(), 3000, &count));
+  ck_assert_uint_eq(count, 0);
+  rig.step(10);
+  OK(fs_servo_get_record(rig.servo.get(), record.data(), 3000, &count));
+  ck_assert_uint_eq(count, 10);
+  for (size_t k = 0; k < count; ++k) {
+    const fs_tick& tick = record[k];
+    EXPECT_NEAR(tick.state.time, 0.001 * (k + 1), 1e-12);
+    EXPECT_VECTOR(tick.state.pose.position, (fs_vec3{0.01, 0.02, 0.03}), 0);
+    ck_assert_uint_eq(tick.state.buttons, 5);
+    EXPECT_VECTOR(tick.response.wrench.force, (fs_vec3{0, 0, 2}), 1e-12);
+    EXPECT_VECTOR(tick.sent.force, (fs_vec3{0, 0, 2}), 1e-12);
+    ck_assert_int_eq(tick.device, FS_OK);
+    ck_assert_uint_eq(tick.faults, 0);
+  }
+  rig.step(2990);
+  OK(fs_servo_get_record(rig.servo.get(), record.data(), 3000, &count));
+  ck_assert_uint_eq(count, 2000);  // 2 s
+  EXPECT_NEAR(record[0].state.time, 1.001, 1e-12);
+  EXPECT_NEAR(record[1999].state.time, 3, 1e-12);
+  OK(fs_servo_get_record(rig.servo.get(), record.data(), 3, &count));  // the newest, oldest first
+  ck_assert_uint_eq(count, 2000);
+  EXPECT_NEAR(record[0].state.time, 2.998, 1e-12);
+  EXPECT_NEAR(record[2].state.time, 3, 1e-12);
+  OK(fs_servo_get_record(rig.servo.get(), nullptr, 0, &count));
+  ck_assert_uint_eq(count, 2000);
+}
+END_TEST
+
+START_TEST(stats) {
+  Rig rig("stats");
+  fs_servo_stats stats = fs_servo_stats_init();
+  EXPECT(FS_ERROR_STATE, fs_scene_get_servo_stats(rig.scene.get(), &stats));
+  fs_device_info info = fs_device_info_init();
+  EXPECT(FS_ERROR_STATE, fs_scene_get_device_info(rig.scene.get(), &info));
+  EXPECT(FS_ERROR_STATE, fs_scene_get_hand(rig.scene.get(), nullptr, nullptr, nullptr));
+  fs_servo_options options = virtual_options();
+  options.rate = 500;
+  rig.start(options);
+  rig.step(250);
+  stats = stats_of(rig.scene.get());
+  ck_assert_uint_eq(stats.ticks, 250);
+  ck_assert_uint_eq(stats.misses, 0);
+  ck_assert_uint_eq(stats.device_errors, 0);
+  ck_assert_uint_eq(stats.approximated, 0);
+  ck_assert_uint_eq(stats.faults, 0);
+  EXPECT_NEAR(stats.rate, 500, 1e-6);
+  ck_assert_double_eq(stats.damping, 0);
+  ck_assert_double_eq(stats.max_stiffness, infinite);
+  // Not built yet: said as switched off.
+  ck_assert_uint_eq(stats.protections_off, FS_OFF_SLEW | FS_OFF_STIFFNESS | FS_OFF_DAMPING | FS_OFF_BLEND);
+  EXPECT_NEAR(now(rig.scene.get()), 0.5, 1e-12);  // tick k is at k/rate
+  EXPECT(FS_ERROR_STATE, fs_scene_set_time(rig.scene.get(), 10));
+  OK(fs_scene_get_device_info(rig.scene.get(), &info));
+  ck_assert_str_eq(info.name, "fake device");
+  EXPECT_NEAR(info.force_max, 10, 0);
+  stats.struct_size = sizeof stats + 8;
+  EXPECT(FS_ERROR_VERSION, fs_scene_get_servo_stats(rig.scene.get(), &stats));
+  stats.struct_size = 8;
+  EXPECT(FS_ERROR_INVALID, fs_scene_get_servo_stats(rig.scene.get(), &stats));
+  rig.servo.reset();
+  EXPECT(FS_ERROR_STATE, fs_scene_get_hand(rig.scene.get(), nullptr, nullptr, nullptr));
+}
+END_TEST
+
+START_TEST(rate_of_the_device) {
+  Rig rig("rate");
+  rig.fake.info.rate = 2000;
+  fs_servo_options options = fs_servo_options_init();
+  options.mode = FS_SERVO_VIRTUAL;
+  rig.start(options);
+  rig.step(100);
+  EXPECT_NEAR(now(rig.scene.get()), 0.05, 1e-12);
+  EXPECT_NEAR(rig.fake.time, 0.05, 1e-12);
+}
+END_TEST
+
+START_TEST(bad_options) {
+  Rig rig("options");
+  rig.device = rig.fake.open();
+  const struct {
+    const char* field;
+    void (*spoil)(fs_servo_options&);
+  } cases[]{{"mode", [](fs_servo_options& o) { o.mode = static_cast<fs_servo_mode>(3); }},
+            {"mode", [](fs_servo_options& o) { o.mode = static_cast<fs_servo_mode>(-1); }},
+            {"rate", [](fs_servo_options& o) { o.rate = 99; }},
+            {"rate", [](fs_servo_options& o) { o.rate = 20001; }},
+            {"rate", [](fs_servo_options& o) { o.rate = -1; }},
+            {"rate", [](fs_servo_options& o) { o.rate = NAN; }},
+            {"force_limit", [](fs_servo_options& o) { o.force_limit = 10.1; }},
+            {"force_limit", [](fs_servo_options& o) { o.force_limit = -1; }},
+            {"force_limit", [](fs_servo_options& o) { o.force_limit = NAN; }},
+            {"torque_limit", [](fs_servo_options& o) { o.torque_limit = 1.1; }},
+            {"torque_limit", [](fs_servo_options& o) { o.torque_limit = -1; }},
+            {"slew_limit", [](fs_servo_options& o) { o.slew_limit = NAN; }},
+            {"speed_limit", [](fs_servo_options& o) { o.speed_limit = infinite; }},
+            {"ramp", [](fs_servo_options& o) { o.ramp = NAN; }},
+            {"fade", [](fs_servo_options& o) { o.fade = infinite; }},
+            {"blend", [](fs_servo_options& o) { o.blend = NAN; }},
+            {"delay", [](fs_servo_options& o) { o.delay = NAN; }},
+            {"delay", [](fs_servo_options& o) { o.delay = -0.01; }},
+            {"damping", [](fs_servo_options& o) { o.damping = NAN; }},
+            {"max_stiffness", [](fs_servo_options& o) { o.max_stiffness = NAN; }},
+            {"priority", [](fs_servo_options& o) { o.priority = 100; }},
+            {"cpu", [](fs_servo_options& o) { o.cpu = -1; }},
+            {"cpu", [](fs_servo_options& o) { o.cpu = 1000000; }}};
+  for (const auto& c : cases) {
+    fs_servo_options options = virtual_options();
+    c.spoil(options);
+    fs_servo* servo = nullptr;
+    EXPECT_SENTENCE(FS_ERROR_INVALID, fs_servo_start(rig.scene.get(), rig.device.get(), &options, &servo), c.field);
+    ck_assert_ptr_null(servo);
+  }
+  fs_servo_options options = virtual_options();
+  fs_servo* servo = nullptr;
+  options.struct_size += 8;
+  EXPECT(FS_ERROR_VERSION, fs_servo_start(rig.scene.get(), rig.device.get(), &options, &servo));
+  options.struct_size = 8;
+  EXPECT(FS_ERROR_INVALID, fs_servo_start(rig.scene.get(), rig.device.get(), &options, &servo));
+  // All at their edges, and the device and the scene are free still.
+  options = virtual_options();
+  options.rate = 20000;
+  options.force_limit = 10;
+  options.torque_limit = 1;
+  options.slew_limit = 1e6;
+  options.blend = 0.1;
+  options.delay = 0.001;
+  options.damping = 3;
+  options.max_stiffness = 5000;
+  options.priority = 99;
+  options.cpu = 1;
+  rig.start(options);
+  rig.step(10);
+}
+END_TEST
+
+START_TEST(one_servo_each) {
+  Rig rig("one");
+  const FakeDevice other_fake("two");
+  const Scene other_scene = make_scene();
+  const Device other_device = other_fake.open();
+  rig.start(plain());
+  const fs_servo_options options = plain();
+  fs_servo* servo = nullptr;
+  EXPECT(FS_ERROR_STATE, fs_servo_start(rig.scene.get(), other_device.get(), &options, &servo));
+  EXPECT(FS_ERROR_STATE, fs_servo_start(other_scene.get(), rig.device.get(), &options, &servo));
+  ck_assert_ptr_null(servo);
+  fs_state state;
+  const fs_wrench wrench{{1, 0, 0}, {}};
+  EXPECT(FS_ERROR_STATE, fs_device_read(rig.device.get(), &state));
+  EXPECT(FS_ERROR_STATE, fs_device_write(rig.device.get(), &wrench));
+  fs_device_info info = fs_device_info_init();
+  OK(fs_device_get_info(rig.device.get(), &info));
+  rig.step(1);
+  rig.servo.reset();
+  EXPECT_VECTOR(rig.sent(), (fs_vec3{}), 0);
+  OK(fs_device_read(rig.device.get(), &state));
+  OK(fs_device_write(rig.device.get(), &wrench));
+  EXPECT_VECTOR(rig.sent(), wrench.force, 0);
+  // The refused ones left nothing behind.
+  { const Servo second = start_servo(rig.scene.get(), other_device.get(), options); }
+  { const Servo third = start_servo(other_scene.get(), rig.device.get(), options); }
+}
+END_TEST
+
+START_TEST(device_by_hand) {  // scaled into the maxima
+  FakeDevice fake("hand");
+  fake.state.pose = at(1, 2, 3);
+  Device device = fake.open();
+  fs_state state;
+  OK(fs_device_read(device.get(), &state));
+  EXPECT_VECTOR(state.pose.position, (fs_vec3{1, 2, 3}), 0);
+  fs_wrench wrench{{30, 40, 0}, {0, 0, -3}};
+  OK(fs_device_write(device.get(), &wrench));
+  EXPECT_VECTOR(fake.written.force, (fs_vec3{6, 8, 0}), 1e-12);
+  EXPECT_VECTOR(unit(fake.written.torque), (fs_vec3{0, 0, -1}), 1e-12);
+  ck_assert_double_le(norm(fake.written.torque), 1 + 1e-12);
+  wrench.force.x = NAN;
+  EXPECT(FS_ERROR_INVALID, fs_device_write(device.get(), &wrench));
+  fake.read_status = FS_ERROR_DISCONNECTED;
+  EXPECT(FS_ERROR_DISCONNECTED, fs_device_read(device.get(), &state));
+  fake.write_status = FS_ERROR_IO;
+  wrench.force.x = 1;
+  EXPECT(FS_ERROR_IO, fs_device_write(device.get(), &wrench));
+  fake.write_status = FS_OK;
+  device.reset();
+  ck_assert(!fake.is_open);
+  EXPECT_VECTOR(fake.written.force, (fs_vec3{}), 0);
+}
+END_TEST
+
+START_TEST(lives_on_without_its_makers) {
+  Rig rig("orphan");
+  set(rig.scene.get(), lift());
+  rig.start(plain());
+  rig.step(5);
+  rig.scene.reset();
+  rig.device.reset();
+  rig.step(5);
+  ck_assert(rig.fake.is_open);
+  EXPECT_VECTOR(rig.sent(), (fs_vec3{0, 0, 2}), 1e-12);
+  rig.servo.reset();
+  ck_assert(!rig.fake.is_open);
+  EXPECT_VECTOR(rig.sent(), (fs_vec3{}), 0);
+}
+END_TEST
+
+START_TEST(frames) {  // x_device = pose*(x_scene/scale), F_device = force_scale*(turned F)
+  Rig rig("frames");
+  fs_frame frame = fs_frame_init();
+  frame.pose = {{0.1, 0.2, 0.3}, turn({0, 0, 1}, 1.5707963267948966)};
+  frame.scale = 4;
+  frame.force_scale = 0.5;
+  OK(fs_scene_set_frame(rig.scene.get(), &frame));
+  // In the scene a spring at (1, 0, 0); on the device that is at (0.1, 0.2 + 0.25, 0.3).
+  fs_object spring = fs_object_init("spring", FS_PRIMITIVE_POINT);
+  spring.pose = at(1, 0, 0);
+  spring.front = attract(10, 100);
+  set(rig.scene.get(), spring);
+  const fs_vec3 arm{0, 0, 0.4};  // scene metres, frame of the handle; 0.1 on the device
+  OK(fs_scene_set_tool(rig.scene.get(), &arm, 1));
+  rig.fake.state.pose = at(0.1, 0.2 + 0.25 + 0.02, 0.3 - 0.1);  // 20 mm off along the device's y: 80 mm of the scene's x
+  rig.fake.state.twist.linear = {0, 0.03, 0};
+  rig.start(plain());
+  rig.step(3);
+  EXPECT_VECTOR(rig.fake.written.force, (fs_vec3{0, -0.4, 0}), 1e-9);         // 0.5*10*0.08
+  EXPECT_VECTOR(rig.fake.written.torque, (fs_vec3{0.1 * 0.4, 0, 0}), 1e-9);   // z x -y, in device metres
+  fs_state state;
+  fs_wrench sent;
+  OK(fs_scene_get_hand(rig.scene.get(), &state, nullptr, &sent));
+  EXPECT_VECTOR(state.pose.position, (fs_vec3{1.08, 0, -0.4}), 1e-9);
+  EXPECT_VECTOR(state.twist.linear, (fs_vec3{0.12, 0, 0}), 1e-9);
+  EXPECT_VECTOR(rotate(state.pose.orientation, {1, 0, 0}), (fs_vec3{0, -1, 0}), 1e-9);
+  EXPECT_VECTOR(sent.force, (fs_vec3{-0.4, 0, 0}), 1e-9);  // along this scene's axes
+  fs_tick tick;
+  size_t count = 0;
+  OK(fs_servo_get_record(rig.servo.get(), &tick, 1, &count));
+  EXPECT_VECTOR(tick.state.pose.position, rig.fake.state.pose.position, 0);   // device frame
+  EXPECT_VECTOR(tick.response.wrench.force, (fs_vec3{0, -0.4, 0}), 1e-9);
+  EXPECT_NEAR(tick.response.stiffness.yy, -4 * 0.5 * 10, 1e-9);               // scale*force_scale*k
+}
+END_TEST
+
+START_TEST(ages_stay) {  // a virtual servo begins at 0, whatever the scene's clock was
+  Rig rig("ages");
+  OK(fs_scene_set_time(rig.scene.get(), 10000));
+  fs_object o = lift();
+  o.name[0] = 'm';
+  o.front = attract(10, 100);  // moves up with 0.5 m/s: the hand at 1 m is drawn down
+  o.twist.linear = {0, 0, 0.5};
+  set(rig.scene.get(), o);
+  fs_object mortal = lift(0.5);
+  mortal.lifetime = 5;
+  set(rig.scene.get(), mortal);
+  if (has_expressions()) {
+    const Curve curve = make_expression("t");
+    fs_object clock = fs_object_init("clock", FS_PRIMITIVE_PLANE);
+    clock.pose.orientation = turn({0, 1, 0}, 1.5707963267948966);  // its front is +x
+    clock.front = fs_profile_init(FS_PROFILE_CUSTOM, FS_SENSE_REPULSIVE, 1, 0, 100);
+    clock.front.curve = curve.get();
+    set(rig.scene.get(), clock);
+  }
+  OK(fs_scene_set_time(rig.scene.get(), 10000.04));
+  rig.fake.state.pose = at(1, 0, 1);
+  rig.fake.info.force_max = 100;
+  rig.start(plain());
+  rig.step(30);  // 0.07 s old: moved by 35 mm
+  EXPECT_NEAR(rig.sent().z, 0.5 - 10 * (1 - 0.035), 1e-9);
+  if (has_expressions()) EXPECT_NEAR(rig.sent().x, 0.07, 1e-9);
+  rig.step(4900);
+  EXPECT_NEAR(rig.sent().z, 0.5 - 10 * 0.95, 1e-9);
+  rig.step(100);  // 5.07 s: expired
+  EXPECT_NEAR(rig.sent().z, -10 * 0.95, 1e-9);
+  if (has_expressions()) EXPECT_NEAR(rig.sent().x, 5.07, 1e-9);
+  rig.servo.reset();
+  const Tool tool = make_tool(rig.scene.get());
+  const fs_vec3 f = force_at(tool.get(), {1, 0, 1});  // on whatever clock is the scene's now
+  EXPECT_NEAR(f.z, -10 * 0.95, 1e-9);
+  if (has_expressions()) {
+    ck_assert_double_ge(f.x, 5.07 - 1e-6);
+    ck_assert_double_lt(f.x, 60);
+  }
+}
+END_TEST
+
+START_TEST(a_hundred_thousand_objects) {
+  Rig rig("crowd");
+  const Content content = crowd(100000);
+  fill(rig.scene.get(), content);
+  rig.start(plain());
+  rig.step(5);
+  const Tool tool = make_tool(rig.scene.get());
+  Random random(5);
+  for (int k = 0; k < 50; ++k) {
+    // Put one beside the hand: felt by the servo at the next tick, and by the tool.
+    const size_t i = random.below(content.objects.size());
+    const fs_pose near = at(0.001, 0, 0), back = content.objects[i].pose;
+    const fs_vec3 before = force_at(tool.get(), {});
+    const fs_twist still{};
+    OK(fs_object_move(rig.scene.get(), content.objects[i].name, &near, &still, FS_NOW));
+    const fs_vec3 after = force_at(tool.get(), {});
+    EXPECT_VECTOR(after - before, (fs_vec3{0.2, 0, 0}), 1e-9);
+    rig.step(1);
+    EXPECT_VECTOR(rig.sent(), after, 1e-9);
+    OK(fs_object_move(rig.scene.get(), content.objects[i].name, &back, &still, FS_NOW));
+    rig.step(1);
+    EXPECT_VECTOR(rig.sent(), before, 1e-9);
+  }
+}
+END_TEST
+
+// On the real clock. Nothing here depends on how fast the machine is, only on what it does when it is late.
+
+START_TEST(late_ticks_latch) {  // 20 in a row, each later than a period
+  Rig rig("late");
+  set(rig.scene.get(), lift());
+  rig.device = rig.fake.open(false);
+  fs_servo_options options = plain(0.1);
+  options.mode = FS_SERVO_CALLER;
+  options.rate = 2000;
+  rig.servo = start_servo(rig.scene.get(), rig.device.get(), options);
+  for (int k = 0; k < 40; ++k) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(3));
+    rig.step(1);
+  }
+  ck_assert_uint_eq(stats_of(rig.scene.get()).faults, FS_FAULT_LATE);
+  EXPECT_VECTOR(rig.sent(), (fs_vec3{}), 0);
+  ck_assert_uint_gt(stats_of(rig.scene.get()).misses, 0);
+  rig.step(1);
+  EXPECT_VECTOR(rig.sent(), (fs_vec3{}), 0);
+}
+END_TEST
+
+START_TEST(a_stall_ramps) {
+  Rig rig("stall");
+  set(rig.scene.get(), lift());
+  rig.device = rig.fake.open(false);
+  fs_servo_options options = plain(0.02);
+  options.mode = FS_SERVO_CALLER;
+  options.rate = 100;
+  rig.servo = start_servo(rig.scene.get(), rig.device.get(), options);
+  bool was_full = false;
+  for (int k = 0; k < 50 && !was_full; ++k) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(9));
+    rig.step(1);
+    was_full = norm(rig.sent()) > 1.999;
+  }
+  ck_assert(was_full);
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  rig.step(1);
+  ck_assert_double_lt(norm(rig.sent()), 1.999);
+  ck_assert_uint_eq(stats_of(rig.scene.get()).faults, 0);  // one stall is no fault
+}
+END_TEST
+
+START_TEST(its_own_thread) {
+  Rig rig("thread");
+  set(rig.scene.get(), lift());
+  rig.device = rig.fake.open(false);
+  fs_servo_options options = plain();
+  options.mode = FS_SERVO_THREAD;
+  rig.servo = start_servo(rig.scene.get(), rig.device.get(), options);
+  EXPECT(FS_ERROR_UNSUPPORTED, fs_servo_step(rig.servo.get(), 1));
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  OK(fs_scene_sync(rig.scene.get(), 30));
+  const fs_servo_stats stats = stats_of(rig.scene.get());
+  ck_assert_uint_gt(stats.ticks, 0);
+  EXPECT_VECTOR(sent_of(rig.scene.get()).force, (stats.faults ? fs_vec3{} : fs_vec3{0, 0, 2}), 1e-9);
+  const char* const granted[]{"none", "nice", "FIFO", "FIFO and locked memory"};
+  std::printf("  thread: %lu ticks in 0.3 s, %lu missed, real time: %s; late p50 %.0f us, p99 %.0f us, max %.0f us\n",
+              static_cast<unsigned long>(stats.ticks), static_cast<unsigned long>(stats.misses), granted[stats.realtime],
+              1e6 * stats.late_p50, 1e6 * stats.late_p99, 1e6 * stats.late_max);
+  rig.servo.reset();
+  const std::lock_guard lock(rig.fake.mutex);
+  EXPECT_VECTOR(rig.fake.written.force, (fs_vec3{}), 0);
+}
+END_TEST
+
+START_TEST(the_simulator) {
+  const Scene scene = make_scene();
+  const Device device = open_device("sim:?hold=0.01,0,0");
+  fs_object o = hello().objects[0];
+  OK(fs_object_set(scene.get(), &o));
+  const Servo servo = start_servo(scene.get(), device.get(), virtual_options());
+  OK(fs_servo_step(servo.get(), 5000));
+  fs_state state;
+  fs_response response;
+  fs_wrench sent;
+  OK(fs_scene_get_hand(scene.get(), &state, &response, &sent));
+  ck_assert(state.flags & FS_STATE_READY);
+  // Between where the hand wants to be and where the spring draws it; the force is the spring's.
+  ck_assert_double_gt(state.pose.position.x, 0.001);
+  ck_assert_double_lt(state.pose.position.x, 0.01);
+  EXPECT_VECTOR(response.wrench.force, -200.0 * state.pose.position, 1e-6);
+  EXPECT_VECTOR(sent.force, response.wrench.force, 1e-6);
+}
+END_TEST
+
+int main() {
+  Suite* suite = suite_create("servo");
+  add_case(suite, "force", {ramps_at_the_start, no_ramp, too_strong, limits_of_ones_own, enabled_or_not, frames});
+  add_case(suite, "faults", {zero_until_ready, a_lost_device_comes_back, an_old_pose_is_no_pose, too_fast, not_a_number});
+  add_case(suite, "record", {the_record, stats, rate_of_the_device});
+  add_case(suite, "ownership", {bad_options, one_servo_each, device_by_hand, lives_on_without_its_makers});
+  add_case(suite, "time", {ages_stay, a_hundred_thousand_objects, late_ticks_latch, a_stall_ramps, its_own_thread,
+                           the_simulator});
+  return run_suite(suite);
+}

@@ -1,0 +1,325 @@
+// Shapes, curves and mesh files: what is made of them, what is refused, and how long they live.
+#include <unistd.h>
+
+#include <cstdio>
+#include <fstream>
+#include <limits>
+#include <numbers>
+
+#include "api/support.h"
+
+using namespace scenes;
+
+static constexpr double nan_ = std::numeric_limits<double>::quiet_NaN();
+static constexpr double infinite = std::numeric_limits<double>::infinity();
+
+static fs_shape_info info_of(const fs_shape* shape) {
+  fs_shape_info info = fs_shape_info_init();
+  OK(fs_shape_get_info(shape, &info));
+  return info;
+}
+
+START_TEST(polylines) {
+  const fs_vec3 points[]{{1, 2, 3}, {-1, 5, 3}, {0, 0, 9}};
+  const Shape shape = make_polyline(points, 3, true);
+  size_t count = 99;
+  const fs_vec3* got = fs_shape_get_points(shape.get(), &count);
+  ck_assert_uint_eq(count, 3);
+  ck_assert(got != points);
+  for (int i = 0; i < 3; ++i) EXPECT_VECTOR(got[i], points[i], 0);
+  ck_assert_ptr_null(fs_shape_get_triangles(shape.get(), &count));
+  ck_assert_uint_eq(count, 0);
+  const fs_shape_info info = info_of(shape.get());
+  ck_assert_int_eq(info.primitive, FS_PRIMITIVE_POLYLINE);
+  ck_assert(info.closed);
+  EXPECT_VECTOR(info.lower, (fs_vec3{-1, 0, 3}), 0);
+  EXPECT_VECTOR(info.upper, (fs_vec3{1, 5, 9}), 0);
+  ck_assert(!info_of(make_polyline(points, 2, false).get()).closed);
+  const fs_vec3 same[]{{1, 1, 1}, {1, 1, 1}};  // of no length, but a line
+  make_polyline(same, 2, false);
+
+  fs_shape* none = nullptr;
+  EXPECT(FS_ERROR_INVALID, fs_shape_create_polyline(points, 1, false, &none));
+  EXPECT(FS_ERROR_INVALID, fs_shape_create_polyline(points, 0, false, &none));
+  EXPECT(FS_ERROR_INVALID, fs_shape_create_polyline(nullptr, 3, false, &none));
+  for (double bad : {nan_, infinite, 1.1e15}) {
+    fs_vec3 spoilt[]{points[0], points[1], points[2]};
+    spoilt[2].z = bad;
+    EXPECT_SENTENCE(FS_ERROR_INVALID, fs_shape_create_polyline(spoilt, 3, false, &none), "2");  // which point
+  }
+  ck_assert_ptr_null(none);
+}
+END_TEST
+
+START_TEST(meshes) {
+  const MeshData box = box_mesh({1, 2, 3});
+  const Shape shape = make_mesh(box);
+  size_t count = 0;
+  const uint32_t* triangles = fs_shape_get_triangles(shape.get(), &count);
+  ck_assert_uint_eq(count, 12);
+  for (size_t i = 0; i < 36; ++i) ck_assert_uint_eq(triangles[i], box.triangles[i]);
+  fs_shape_info info = info_of(shape.get());
+  ck_assert_int_eq(info.primitive, FS_PRIMITIVE_MESH);
+  ck_assert(info.closed && !info.built);
+  ck_assert_uint_eq(info.open_edges, 0);
+  ck_assert_uint_eq(info.odd_edges, 0);
+  ck_assert_uint_eq(info.degenerate, 0);
+  EXPECT_VECTOR(info.lower, (fs_vec3{-1, -2, -3}), 0);
+  EXPECT_VECTOR(info.upper, (fs_vec3{1, 2, 3}), 0);
+  OK(fs_shape_build(shape.get()));
+  ck_assert(info_of(shape.get()).built);
+  OK(fs_shape_build(shape.get()));
+
+  fs_shape* none = nullptr;
+  const fs_vec3* p = box.points.data();
+  const uint32_t* t = box.triangles.data();
+  EXPECT(FS_ERROR_INVALID, fs_shape_create_mesh(p, 8, t, 0, &none));
+  EXPECT(FS_ERROR_INVALID, fs_shape_create_mesh(p, 7, t, 12, &none));  // an index beyond
+  EXPECT(FS_ERROR_INVALID, fs_shape_create_mesh(nullptr, 8, t, 12, &none));
+  EXPECT(FS_ERROR_INVALID, fs_shape_create_mesh(p, 8, nullptr, 12, &none));
+  EXPECT(FS_ERROR_INVALID, fs_shape_create_mesh(p, 8, t, 12, nullptr));
+  MeshData bad = box;
+  bad.points[5].x = nan_;
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_shape_create_mesh(bad.points.data(), 8, t, 12, &none), "5");
+  ck_assert_ptr_null(none);
+}
+END_TEST
+
+START_TEST(edges_of_meshes) {  // counted; the triangles are kept whatever they are
+  MeshData mesh = box_mesh({1, 1, 1});
+  mesh.triangles.resize(33);  // one triangle off
+  fs_shape_info info = info_of(make_mesh(mesh).get());
+  ck_assert_uint_eq(info.open_edges, 3);
+  ck_assert_uint_eq(info.odd_edges, 0);
+  ck_assert(!info.closed);
+
+  mesh = box_mesh({1, 1, 1});
+  std::swap(mesh.triangles[0], mesh.triangles[1]);  // one the wrong way round: its three edges disagree
+  info = info_of(make_mesh(mesh).get());
+  ck_assert_uint_eq(info.odd_edges, 3);
+  ck_assert_uint_eq(info.open_edges, 0);
+
+  // A fin: a third triangle at an edge of the box.
+  mesh = box_mesh({1, 1, 1});
+  mesh.points.push_back({5, 5, 5});
+  mesh.triangles.insert(mesh.triangles.end(), {0, 1, 8});
+  info = info_of(make_mesh(mesh).get());
+  ck_assert_uint_eq(info.odd_edges, 1);
+  ck_assert_uint_eq(info.open_edges, 2);
+
+  mesh = box_mesh({1, 1, 1});
+  mesh.triangles.insert(mesh.triangles.end(), {0, 0, 1});
+  const Shape shape = make_mesh(mesh);
+  ck_assert_uint_eq(info_of(shape.get()).degenerate, 1);
+  size_t count = 0;
+  fs_shape_get_triangles(shape.get(), &count);
+  ck_assert_uint_eq(count, 13);
+}
+END_TEST
+
+START_TEST(shape_references) {
+  fs_shape* shape = make_mesh(box_mesh({1, 1, 1})).release();
+  ck_assert_ptr_eq(fs_shape_retain(shape), shape);
+  fs_shape_destroy(shape);
+  size_t count = 0;
+  ck_assert_ptr_nonnull(fs_shape_get_points(shape, &count));
+  fs_shape_destroy(shape);
+  ck_assert_ptr_null(fs_shape_retain(nullptr));
+  ck_assert_ptr_null(fs_curve_retain(nullptr));
+}
+END_TEST
+
+START_TEST(tables) {
+  const double forces[]{0, 3, 1, 1};
+  const Curve curve = make_table(forces, 4, 0.5);
+  size_t count = 0;
+  double step = 0;
+  const double* got = fs_curve_get_table(curve.get(), &count, &step);
+  ck_assert_uint_eq(count, 4);
+  ck_assert_double_eq(step, 0.5);
+  for (int i = 0; i < 4; ++i) ck_assert_double_eq(got[i], forces[i]);
+  ck_assert_ptr_null(fs_curve_get_expression(curve.get()));
+
+  fs_curve* none = nullptr;
+  EXPECT(FS_ERROR_INVALID, fs_curve_create_table(forces, 1, 0.5, &none));
+  EXPECT(FS_ERROR_INVALID, fs_curve_create_table(nullptr, 4, 0.5, &none));
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_curve_create_table(forces, 4, 0, &none), "step");
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_curve_create_table(forces, 4, -1, &none), "step");
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_curve_create_table(forces, 4, nan_, &none), "step");
+  ck_assert_ptr_null(none);
+
+  const double odd[]{2, nan_, -3, infinite, 2};  // below 0 or not finite counts as 0
+  const double distances[]{0, 1, 1.5, 2, 2.5, 3, 4, 9}, expected[]{2, 0, 0, 0, 0, 0, 2, 2};
+  const Curve odd_curve = make_table(odd, 5, 1);
+  fs_profile profile = fs_profile_init(FS_PROFILE_CUSTOM, FS_SENSE_ATTRACTIVE, 1, 0, 9);
+  profile.curve = odd_curve.get();
+  double felt[8];
+  OK(fs_profile_evaluate(&profile, 0, 0, distances, 8, felt));
+  for (int i = 0; i < 8; ++i) EXPECT_NEAR(felt[i], expected[i], 0);
+}
+END_TEST
+
+START_TEST(expressions) {
+  fs_curve* none = nullptr;
+  EXPECT(FS_ERROR_INVALID, fs_curve_create_expression(nullptr, &none));
+  if (!has_expressions()) {
+    EXPECT(FS_ERROR_UNSUPPORTED, fs_curve_create_expression("d", &none));
+    return;
+  }
+  const char* text = "3*(1+sin(12*t))*exp(-d/0.01)";
+  const Curve curve = make_expression(text);
+  ck_assert_str_eq(fs_curve_get_expression(curve.get()), text);
+  size_t count = 9;
+  double step = 9;
+  ck_assert_ptr_null(fs_curve_get_table(curve.get(), &count, &step));
+  ck_assert_uint_eq(count, 0);
+  // What is no expression in d and t, with the place where it goes wrong.
+  const char* bad[]{"3*(1+", "3*q", "1 2", "a=5", "d=3", "3,4", "1;2", "sin(", "exp(-d/0.01", ")", "d +* t",
+                    "\"text\"", "d?1", "$"};
+  for (const char* b : bad) {
+    EXPECT(FS_ERROR_PARSE, fs_curve_create_expression(b, &none));
+    ck_assert_uint_gt(std::strlen(fs_last_error()), 5);
+  }
+  for (const char* nothing : {"", "   "}) ck_assert_int_lt(fs_curve_create_expression(nothing, &none), 0);
+  EXPECT(FS_ERROR_PARSE, fs_curve_create_expression("1+2+3+4+wrong+5", &none));
+  ck_assert_msg(std::strpbrk(fs_last_error(), "0123456789"), "no place in \"%s\"", fs_last_error());
+  std::string longest = "d";
+  while (longest.size() + 2 <= 255) longest += "+1";
+  make_expression(longest.c_str());
+  const std::string too_long(256, ' ');
+  const fs_status status = fs_curve_create_expression((longest + "+1").c_str(), &none);
+  ck_assert(status == FS_ERROR_PARSE || status == FS_ERROR_INVALID);
+  // Deep nesting ends in a sentence or a curve, not in a crash.
+  const std::string deep = std::string(120, '(') + "d" + std::string(120, ')');
+  if (fs_curve_create_expression(deep.c_str(), &none) == FS_OK) fs_curve_destroy(none);
+}
+END_TEST
+
+// Mesh files.
+
+static std::string write_file(const char* name, const std::string& text) {
+  const std::string path = "/tmp/forceserver-test-" + std::to_string(getpid()) + "-" + name;
+  std::ofstream(path, std::ios::binary) << text;
+  return path;
+}
+
+static const char* const obj_text =
+    "# a tetrahedron\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n";
+static const char* const off_text = "OFF\n4 4 6\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n";
+static const char* const ply_text =
+    "ply\nformat ascii 1.0\nelement vertex 4\nproperty double x\nproperty double y\nproperty double z\nelement face 4\n"
+    "property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n";
+static const char* const stl_text =
+    "solid t\n"
+    "facet normal 0 0 -1\nouter loop\nvertex 0 0 0\nvertex 0 1 0\nvertex 1 0 0\nendloop\nendfacet\n"
+    "facet normal 0 -1 0\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 0 1\nendloop\nendfacet\n"
+    "facet normal 1 1 1\nouter loop\nvertex 1 0 0\nvertex 0 1 0\nvertex 0 0 1\nendloop\nendfacet\n"
+    "facet normal -1 0 0\nouter loop\nvertex 0 0 0\nvertex 0 0 1\nvertex 0 1 0\nendloop\nendfacet\nendsolid t\n";
+
+START_TEST(mesh_files) {  // four ways to say one tetrahedron, in millimetres
+  const struct {
+    const char *name, *text;
+  } files[]{{"a.obj", obj_text}, {"a.off", off_text}, {"a.ply", ply_text}, {"a.stl", stl_text}};
+  for (const auto& file : files) {
+    const std::string path = write_file(file.name, file.text);
+    fs_shape* raw = nullptr;
+    OK(fs_shape_load(path.c_str(), 0.001, &raw));
+    const Shape shape(raw);
+    const fs_shape_info info = info_of(shape.get());
+    EXPECT_VECTOR(info.upper, (fs_vec3{0.001, 0.001, 0.001}), 0);
+    size_t count = 0;
+    fs_shape_get_triangles(shape.get(), &count);
+    ck_assert_uint_eq(count, 4);
+    // Felt alike: 0.2 mm under the ground face the hand is drawn up by its front.
+    const Scene scene = make_scene();
+    const Tool tool = make_tool(scene.get());
+    fs_object o = fs_object_init("t", FS_PRIMITIVE_MESH);
+    o.shape = shape.get();
+    o.front = attract(1000, 5);
+    OK(fs_object_set(scene.get(), &o));
+    EXPECT_VECTOR(force_at(tool.get(), {2e-4, 2e-4, -2e-4}), (fs_vec3{0, 0, 0.2}), 1e-12);
+    EXPECT_VECTOR(force_at(tool.get(), {2e-4, 2e-4, 1e-5}), (fs_vec3{}), 0);  // within: no back profile
+    ck_assert_int_eq(unlink(path.c_str()), 0);
+  }
+}
+END_TEST
+
+START_TEST(bad_mesh_files) {
+  fs_shape* none = nullptr;
+  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_shape_load("/tmp/there/is/no/such.obj", 1, &none), "such.obj");
+  const struct {
+    const char *name, *text;
+    fs_status status;
+  } files[]{
+      {"empty.obj", "", FS_ERROR_PARSE},
+      {"word.obj", "v 0 0 zero\n", FS_ERROR_PARSE},
+      {"index.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", FS_ERROR_PARSE},
+      {"nan.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", FS_ERROR_PARSE},
+      {"short.off", "OFF\n4 4 6\n0 0 0\n1 0 0\n", FS_ERROR_PARSE},
+      {"huge.off", "OFF\n4000000000 4 6\n0 0 0\n", FS_ERROR_PARSE},
+      {"huge.ply", "ply\nformat ascii 1.0\nelement vertex 99999999999\nproperty double x\nproperty double y\nproperty double z\n"
+                   "element face 1\nproperty list uchar int vertex_indices\nend_header\n", FS_ERROR_PARSE},
+      {"index.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n", FS_ERROR_PARSE},
+      {"cut.stl", "solid t\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\n", FS_ERROR_PARSE},
+      {"other.xyz", "1 2 3\n", FS_ERROR_UNSUPPORTED},
+  };
+  for (const auto& file : files) {
+    const std::string path = write_file(file.name, file.text);
+    const fs_status status = fs_shape_load(path.c_str(), 1, &none);
+    ck_assert_msg(status == file.status, "%s: %s (%s)", file.name, fs_status_name(status), fs_last_error());
+    unlink(path.c_str());
+  }
+  // A binary STL that claims more triangles than it holds.
+  std::string stl(84, '\0');
+  stl[80] = stl[81] = stl[82] = '\x7f';
+  const std::string path = write_file("claims.stl", stl);
+  EXPECT(FS_ERROR_PARSE, fs_shape_load(path.c_str(), 1, &none));
+  unlink(path.c_str());
+  const std::string good = write_file("good.obj", obj_text);
+  for (double bad : {0.0, -1.0, nan_, infinite}) {
+    EXPECT_SENTENCE(FS_ERROR_INVALID, fs_shape_load(good.c_str(), bad, &none), "scale");
+  }
+  unlink(good.c_str());
+  ck_assert_ptr_null(none);
+}
+END_TEST
+
+// The builders of tests/scenes, so that other tests can trust them.
+
+static double volume(const MeshData& mesh) {
+  double six_volumes = 0;
+  for (size_t i = 0; i < mesh.triangles.size(); i += 3) {
+    six_volumes += dot(mesh.points[mesh.triangles[i]],
+                       cross(mesh.points[mesh.triangles[i + 1]], mesh.points[mesh.triangles[i + 2]]));
+  }
+  return six_volumes / 6;
+}
+
+START_TEST(scenes_of_the_tests) {
+  const double pi = std::numbers::pi;
+  EXPECT_NEAR(volume(sphere_mesh(1, 4000)), 4 * pi / 3, 0.02);
+  EXPECT_NEAR(volume(torus_mesh(1, 0.3, 4000)), 2 * pi * pi * 0.09, 0.02);
+  EXPECT_NEAR(volume(box_mesh({1, 2, 3})), 48, 1e-12);
+  for (const MeshData& mesh : {sphere_mesh(1, 200), torus_mesh(1, 0.3, 200), box_mesh({1, 1, 1})}) {
+    const fs_shape_info info = info_of(make_mesh(mesh).get());
+    ck_assert(info.closed);
+    ck_assert_uint_eq(info.odd_edges, 0);
+  }
+  ck_assert(!info_of(make_mesh(terrain_mesh(1, 0.3, 200)).get()).closed);
+  EXPECT_NEAR(sphere_mesh(1, 70000).triangles.size() / 3.0, 70000, 1000);
+  for (const Named& named : all_scenes()) {
+    const Scene scene = make_scene();
+    const Content content = named.build();
+    fill(scene.get(), content);
+    ck_assert_uint_eq(object_count(scene.get()), content.objects.size());
+  }
+}
+END_TEST
+
+int main() {
+  Suite* suite = suite_create("shape");
+  add_case(suite, "shapes", {polylines, meshes, edges_of_meshes, shape_references, scenes_of_the_tests});
+  add_case(suite, "curves", {tables, expressions});
+  add_case(suite, "files", {mesh_files, bad_mesh_files});
+  return run_suite(suite);
+}

@@ -1,0 +1,103 @@
+#!/usr/bin/env bash
+# program.sh PROGRAM SCENE: the command line of forceserver, as a user has it.
+set -uo pipefail
+program=$1 scene=$2
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+cd "$folder" || exit 1
+failures=0
+
+# expect STATUS PATTERN COMMAND...: its exit status, and a regular expression in what it prints on both streams.
+expect() {
+  local wanted=$1 pattern=$2 status
+  shift 2
+  "$@" > output 2>&1 < "${input:-/dev/null}"
+  status=$?
+  if [ "$status" != "$wanted" ] || ! grep -qE -e "$pattern" output; then
+    echo "FAILED: $*: ended with $status, expected $wanted and /$pattern/ in:"
+    sed 's/^/    /' output
+    failures=$((failures + 1))
+  fi
+}
+
+# Help, version and wrong command lines.
+expect 0 '^forceserver [0-9]+\.[0-9]+\.[0-9]+$' "$program" --version
+expect 0 'examples:' "$program" run --help
+expect 0 'Exit status' "$program" --help
+expect 0 'sim:' "$program" devices
+expect 2 '^forceserver: ' "$program"
+expect 2 '^forceserver: .*nonsense' "$program" run --nonsense
+expect 2 '^forceserver: .*duration' "$program" run --duration -1
+
+# run: a summary, a record without a gap, errors with a sentence.
+expect 0 '^protections switched off: ' "$program" run --scene "$scene" --duration 1 --record ticks.csv
+grep -qE '^time,x,y,z,' ticks.csv || { echo "FAILED: no record"; failures=$((failures + 1)); }
+awk -F, 'NR > 2 && $1 <= last { bad = 1 } { last = $1 } END { exit bad || NR < 100 }' ticks.csv ||
+  { echo "FAILED: the ticks of the record are out of order or few"; failures=$((failures + 1)); }
+expect 2 '^forceserver: .*no-such\.json' "$program" run --scene no-such.json --duration 1
+expect 2 '^forceserver: .*no-such' "$program" run --device no-such: --duration 1
+expect 2 '^forceserver: cannot write no/folder/ticks.csv: ' "$program" run --duration 1 --record no/folder/ticks.csv
+if [ -w /dev/full ]; then
+  expect 2 'cannot write /dev/full.*goes on' "$program" run --duration 1 --record /dev/full
+fi
+"$program" run > ended 2>&1 &
+sleep 1
+kill -INT $!
+wait $!
+status=$?
+if [ $status != 0 ] || ! grep -q '^faults: none' ended; then
+  echo "FAILED: an interrupted run ended with $status:"
+  sed 's/^/    /' ended
+  failures=$((failures + 1))
+fi
+
+# evaluate: the floor of the scene is at z = -0.05 with 800 N/m.
+printf 'x y z\n# a comment\n0 0 -0.06   # 10 mm deep\n\n0,0,-0.055\r\n' > points
+expect 0 '^0,0,-0\.055,0,0,(4\.0000|3\.99999)' "$program" evaluate --scene "$scene" --object floor points
+input=points expect 0 '^0,0,-0\.059999999999999998,0,0,(8|7\.99999)' "$program" evaluate --scene "$scene" --object floor
+seq 1 20000 | awk '{ print $1 * 1e-6, 0.05, 0.05 }' > many
+"$program" evaluate --scene "$scene" --time 0.4 many > first
+"$program" evaluate --scene "$scene" --time 0.4 < many > second
+cmp first second || failures=$((failures + 1))
+[ "$(wc -l < first)" = 20001 ] || { echo "FAILED: lines are missing"; failures=$((failures + 1)); }
+"$program" evaluate --scene "$scene" --time 0.5 many | cmp -s - first && {
+  echo "FAILED: the pulse does not depend on time"
+  failures=$((failures + 1))
+}
+printf '0 0 0\n0 0 0 0\n' > four
+expect 2 'four, line 2: .*three' "$program" evaluate --scene "$scene" four
+printf '0 0 0\n0 0 nan\n' > number
+expect 2 'line 2: ' "$program" evaluate --scene "$scene" number
+expect 2 'no-object' "$program" evaluate --scene "$scene" --object no-object points
+expect 2 'no-points' "$program" evaluate --scene "$scene" no-points
+[ ! -w /dev/full ] || "$program" evaluate --scene "$scene" many 2> output > /dev/full
+grep -q 'cannot write the forces' output || { echo "FAILED: a full disk is not noticed"; failures=$((failures + 1)); }
+
+# check: what is fine, what is odd, what cannot be read.
+expect 0 '^nothing odd$' "$program" check "$scene"
+cat > odd.json << 'END'
+{"forceserver": "scene", "version": 1, "objects": [
+  {"name": "mute", "primitive": "plane"},
+  {"name": "off", "primitive": "point", "enabled": false,
+   "front": {"kind": "constant", "sense": "attractive", "gain": 1, "limit": 1}},
+  {"name": "far", "primitive": "point", "pose": {"position": [9, 0, 0]},
+   "front": {"kind": "gaussian", "sense": "repulsive", "gain": 1, "width": 0.01, "limit": 1}},
+  {"name": "strong", "primitive": "point",
+   "front": {"kind": "gaussian", "sense": "repulsive", "gain": 1, "width": 0.01, "limit": 1000}}]}
+END
+expect 1 '^4 odd things$' "$program" check odd.json
+expect 1 'mute: it has no profile' "$program" check odd.json
+expect 1 'off: it is disabled' "$program" check odd.json
+expect 1 'far: the hand cannot get near' "$program" check odd.json
+expect 1 'strong: its limit of 1000 N' "$program" check odd.json
+printf 'v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n' > solid.obj
+expect 0 'closed mesh of 4 triangles and 4 points' "$program" check solid.obj
+sed '$d' solid.obj > open.obj
+expect 1 '3 open edges' "$program" check open.obj
+expect 1 'millimetres' "$program" check solid.obj --scale 1000
+expect 2 '^forceserver: ' "$program" check no-such.stl
+echo '{"forceserver": 1' > broken.json
+expect 2 '^forceserver: .*broken\.json' "$program" check broken.json
+
+echo "$failures failures"
+[ $failures = 0 ]

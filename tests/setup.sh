@@ -1,0 +1,80 @@
+# Sourced by tests/run and examples/quickstart (bash): what has to be installed, and how a build is made.
+
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+
+# need_packages NAME...: Debian packages. Installs the missing ones, or says how.
+need_packages() {
+  if ! command -v apt-get > /dev/null || ! command -v dpkg-query > /dev/null; then
+    need_tools "$@"
+    return
+  fi
+  local missing=() package
+  for package in "$@"; do
+    dpkg-query -W -f '${Status}' "$package" 2> /dev/null | grep -q '^install ok installed$' || missing+=("$package")
+  done
+  [ ${#missing[@]} -gt 0 ] || return 0
+
+  local as_root=()
+  if [ "$(id -u)" != 0 ]; then
+    as_root=(sudo -n)
+    if ! sudo -n true 2> /dev/null; then
+      echo "Some packages are missing. Please install them and try again:" >&2
+      echo "  sudo apt-get install ${missing[*]}" >&2
+      exit 1
+    fi
+  fi
+  echo "Installing ${missing[*]} ..."
+  local get=("${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -o DPkg::Lock::Timeout=400 -qq)
+  local log
+  log=$(mktemp)
+  if ! "${get[@]}" --no-install-recommends -y install "${missing[@]}" > "$log" 2>&1 < /dev/null; then
+    # The list of packages may be old or was never fetched.
+    if ! { "${get[@]}" update && "${get[@]}" --no-install-recommends -y install "${missing[@]}"; } \
+        >> "$log" 2>&1 < /dev/null; then
+      cat "$log" >&2
+      rm -f "$log"
+      echo "This failed: apt-get install ${missing[*]}" >&2
+      exit 1
+    fi
+  fi
+  rm -f "$log"
+}
+
+# Not a Debian: goes on when the tools are there; CMake then tells which library it does not find.
+need_tools() {
+  local tool absent=()
+  for tool in c++ cmake ninja pkg-config; do
+    command -v "$tool" > /dev/null || absent+=("$tool")
+  done
+  if [ ${#absent[@]} -gt 0 ]; then
+    echo "Missing: ${absent[*]}. On Debian these packages hold all that is needed, elsewhere look for the like:" >&2
+    echo "  $*" >&2
+    exit 1
+  fi
+}
+
+# configure FOLDER [CMAKE OPTION...]: quiet unless it fails.
+configure() {
+  local folder=$1 launcher=()
+  shift
+  if command -v ccache > /dev/null; then
+    launcher=(-DCMAKE_C_COMPILER_LAUNCHER=ccache -DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
+  fi
+  mkdir -p "$folder"
+  if ! cmake -S "$root" -B "$folder" -G Ninja "${launcher[@]}" "$@" > "$folder/configure.log" 2>&1; then
+    cat "$folder/configure.log"
+    return 1
+  fi
+}
+
+# build FOLDER [TARGET...]: one line of progress on a terminal; otherwise only what goes wrong.
+build() {
+  local folder=$1
+  shift
+  echo "building in ${folder#"$PWD/"}"
+  if [ -t 1 ]; then
+    ninja -C "$folder" "$@"
+  else
+    ninja -C "$folder" --quiet "$@"
+  fi
+}
