@@ -154,6 +154,7 @@ void run(double seconds) {
       while (!stop.stop_requested() && drive(rover, scene, terrain, 0.04) == FS_OK) {
         std::this_thread::sleep_until(next += std::chrono::milliseconds(40));
       }
+      if (!stop.stop_requested()) std::fprintf(stderr, "the rover stopped: %s\n", fs_last_error());
     });
     flight.watch(seconds);
   }

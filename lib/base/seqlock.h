@@ -26,24 +26,44 @@ class Seqlock {
     sequence_.store(sequence + 2, std::memory_order_release);
   }
 
-  // [rt] False when nothing was ever written, or the writer was in the way at every try.
+  // [rt] False when nothing was ever written, or the writer was in the way.
   bool read(T& value) const noexcept {
     uint64_t copy[words];
-    for (int tries = 0; tries < 1000; ++tries) {
-      const uint64_t before = sequence_.load(std::memory_order_acquire);
-      if (before == 0) return false;
-      if (before & 1) continue;
-      for (size_t i = 0; i < words; ++i) copy[i] = words_[i].load(std::memory_order_acquire);
-      if (sequence_.load(std::memory_order_relaxed) != before) continue;
-      std::memcpy(&value, copy, sizeof value);
-      return true;
-    }
-    return false;
+    const uint64_t before = sequence_.load(std::memory_order_acquire);
+    if (before == 0 || before & 1) return false;
+    for (size_t i = 0; i < words; ++i) copy[i] = words_[i].load(std::memory_order_acquire);
+    if (sequence_.load(std::memory_order_relaxed) != before) return false;
+    std::memcpy(&value, copy, sizeof value);
+    return true;
   }
 
  private:
   std::atomic<uint64_t> sequence_{0};
   std::array<std::atomic<uint64_t>, words> words_{};
+};
+
+// Two of them, written in turn: one is whole at any time, also while the writer is held up in the middle of the other.
+template <class T>
+class Latest {
+ public:
+  void write(const T& value) noexcept {  // [rt] one writer
+    const unsigned other = 1 - newest_.load(std::memory_order_relaxed);
+    slots_[other].write(value);
+    newest_.store(other, std::memory_order_release);
+  }
+
+  // [rt] False when nothing was ever written. (Or after the writer came by twice in each of a hundred tries, which a
+  // writer that has anything else to do cannot.)
+  bool read(T& value) const noexcept {
+    for (int tries = 0; tries < 100; ++tries) {
+      if (slots_[newest_.load(std::memory_order_acquire)].read(value)) return true;
+    }
+    return false;
+  }
+
+ private:
+  std::array<Seqlock<T>, 2> slots_;
+  std::atomic<unsigned> newest_{0};
 };
 
 }  // namespace fs

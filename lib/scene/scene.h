@@ -31,7 +31,7 @@ struct ServoOutput {
   std::atomic<double> time{0};    // s, of the newest tick: the clock of a virtual servo
   std::atomic<uint64_t> tick{0};  // the newest finished
   std::atomic<uint64_t> used{0};  // sequence of the snapshot it evaluated
-  Seqlock<HandSample> hand;
+  Latest<HandSample> hand;
 };
 
 // The servo of a scene, as far as the scene needs it.

@@ -25,7 +25,7 @@ struct FeltSample {
   Wrench wrench{};      // its share, scene frame, before the guard
 };
 struct Felt : Counted<Felt> {
-  mutable Seqlock<FeltSample> sample;
+  mutable Latest<FeltSample> sample;
 };
 
 // One force-object in the table: what it is, where it is, how far it has faded.

@@ -1,5 +1,5 @@
-"""Every public function has a comment. It stands on the function's own lines, or ends on the line before them, or begins the
-paragraph (the lines without a blank one between) in which the function stands, and so speaks for the group.
+"""Every public function has a comment. It stands on the function's own lines, or ends on the line before them, or
+begins the paragraph (the lines without a blank one between) in which the function stands, and speaks for the group.
 
 comments.py INCLUDE_FOLDER
 """
@@ -34,6 +34,7 @@ for header in headers(sys.argv[1]):
         failed = True
         print(f"{header.name}:{number}: no comment: {line}")
 # The test itself can fail.
-assert list(uncommented("/* a */\n\nFS_API void f(void);\n")) and not list(uncommented("/* a */\nFS_API void f(void);\n"))
+assert not list(uncommented("/* a */\nFS_API void f(void);\n"))
+assert list(uncommented("/* a */\n\nFS_API void f(void);\n"))
 assert list(uncommented("int x; /* a */\nFS_API void f(int a,\n  int b);\n"))
 sys.exit(failed)

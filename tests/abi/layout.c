@@ -1,5 +1,5 @@
-/* The binary interface on 64-bit machines, made by make_layout.py from the headers and kept: what compiles here is the
- * interface that programs were built with. */
+/* The binary interface on 64-bit machines, made by make_layout.py from the headers and kept: what compiles
+ * here is the interface that programs were built with. */
 #include <stddef.h>
 #include <stdint.h>
 #include <forceserver/forceserver.h>

@@ -3,8 +3,8 @@
 make_layout.py INCLUDE_FOLDER C_COMPILER          writes layout.c beside this file
 make_layout.py INCLUDE_FOLDER C_COMPILER --check  only says whether it would be the same
 
-A difference is right only where the contract lets the interface grow: new fields at the end of a growing struct, new values,
-new structs. Whatever stood in layout.c before must stand there still.
+A difference is right only where the contract lets the interface grow: new fields at the end of a growing struct, new
+values, new structs. Whatever stood in layout.c before must stand there still, but the size of a struct that grew.
 """
 import pathlib
 import re
@@ -61,11 +61,12 @@ probe += "  return 0;\n}\n"
 
 with tempfile.TemporaryDirectory() as folder:
     program = pathlib.Path(folder, "probe")
-    subprocess.run([compiler, "-std=c11", f"-I{include}", "-xc", "-", "-o", program], input=probe, text=True, check=True)
+    command = [compiler, "-std=c11", f"-I{include}", "-xc", "-", "-o", program]
+    subprocess.run(command, input=probe, text=True, check=True)
     asserts = subprocess.run([program], text=True, capture_output=True, check=True).stdout
 
-layout = f"""/* The binary interface on 64-bit machines, made by make_layout.py from the headers and kept: what compiles here is the
- * interface that programs were built with. */
+layout = f"""/* The binary interface on 64-bit machines, made by make_layout.py from the headers and kept: what compiles
+ * here is the interface that programs were built with. */
 {includes}
 #define STRUCT(type, size) _Static_assert(sizeof(type) == (size), #type)
 #define FIELD(type, field, offset, size) \\

@@ -1,5 +1,5 @@
-// What is marked [rt] neither allocates nor frees, on no thread that evaluates, whatever others do to the scene meanwhile.
-// malloc and its family are taken over by this program; operator new comes here too.
+// What is marked [rt] neither allocates nor frees, on no thread that evaluates, whatever others do to the scene
+// meanwhile. malloc and its family are taken over by this program; operator new comes here too.
 #include <atomic>
 #include <cerrno>
 #include <thread>

@@ -1,5 +1,5 @@
-// Every function of the headers is called: with good arguments, and with null for each pointer in turn, which is INVALID and
-// never a crash. contract_list.py sees that no function of the headers is missing here.
+// Every function of the headers is called: with good arguments, and with null for each pointer in turn, which is
+// INVALID and never a crash. contract_list.py sees that no function of the headers is missing here.
 #include <unistd.h>
 
 #include <cstdio>
@@ -107,7 +107,8 @@ static fs_server* new_server;
 static const std::vector<Call> calls{
     {"fs_pose_from_z", 1, FS_OK, [](World& w, int n) { return fs_pose_from_z({}, {0, 0, 1}, but(n, 0, &w.pose)); }},
     {"fs_profile_evaluate", 3, FS_OK, [](World& w, int n) {
-       return fs_profile_evaluate(but(n, 0, &w.profile), 0, 0, but(n, 1, w.doubles.data()), 3, but(n, 2, w.doubles.data()));
+       return fs_profile_evaluate(but(n, 0, &w.profile), 0, 0, but(n, 1, w.doubles.data()), 3,
+                                  but(n, 2, w.doubles.data()));
      }},
     {"fs_shape_create_polyline", 2, FS_OK, [](World& w, int n) {
        fs_shape** out = but(n, 1, &new_shape);
@@ -142,7 +143,9 @@ static const std::vector<Call> calls{
        fs_scene** out = but(n, 2, &new_scene);
        return made(out, fs_scene_connect(but(n, 0, "shm:contract"), but(n, 1, "me"), out));
      }},
-    {"fs_object_set", 2, FS_OK, [](World& w, int n) { return fs_object_set(but(n, 0, w.scene), but(n, 1, &w.object)); }},
+    {"fs_object_set", 2, FS_OK, [](World& w, int n) {
+       return fs_object_set(but(n, 0, w.scene), but(n, 1, &w.object));
+     }},
     {"fs_object_get", 3, FS_OK, [](World& w, int n) {
        fs_object got = fs_object_init("", FS_PRIMITIVE_POINT);
        const fs_status status = fs_object_get(but(n, 0, w.scene), but(n, 1, "ball"), but(n, 2, &got));
@@ -172,14 +175,22 @@ static const std::vector<Call> calls{
        require(fs_servo_step(w.servo, 1), "fs_servo_step");
        return fs_scene_sync(but(n, 0, w.scene), 0);
      }},
-    {"fs_scene_save", 2, FS_OK, [](World& w, int n) { return fs_scene_save(but(n, 0, w.scene), but(n, 1, w.scene_path.c_str())); }},
-    {"fs_scene_load", 2, FS_OK, [](World& w, int n) { return fs_scene_load(but(n, 0, w.scene), but(n, 1, w.scene_path.c_str())); }},
-    {"fs_scene_set_frame", 2, FS_OK, [](World& w, int n) { return fs_scene_set_frame(but(n, 0, w.scene), but(n, 1, &w.frame)); }},
+    {"fs_scene_save", 2, FS_OK, [](World& w, int n) {
+       return fs_scene_save(but(n, 0, w.scene), but(n, 1, w.scene_path.c_str()));
+     }},
+    {"fs_scene_load", 2, FS_OK, [](World& w, int n) {
+       return fs_scene_load(but(n, 0, w.scene), but(n, 1, w.scene_path.c_str()));
+     }},
+    {"fs_scene_set_frame", 2, FS_OK, [](World& w, int n) {
+       return fs_scene_set_frame(but(n, 0, w.scene), but(n, 1, &w.frame));
+     }},
     {"fs_scene_get_frame", 2, FS_OK, [](World& w, int n) {  // client null: its own
        return fs_scene_get_frame(but(n, 0, w.scene), nullptr, but(n, 1, &w.frame));
      }},
     {"fs_scene_set_clutch", 1, FS_OK, [](World& w, int n) { return fs_scene_set_clutch(but(n, 0, w.scene), false); }},
-    {"fs_scene_set_tool", 2, FS_OK, [](World& w, int n) { return fs_scene_set_tool(but(n, 0, w.scene), but(n, 1, w.points.data()), 1); }},
+    {"fs_scene_set_tool", 2, FS_OK, [](World& w, int n) {
+       return fs_scene_set_tool(but(n, 0, w.scene), but(n, 1, w.points.data()), 1);
+     }},
     {"fs_scene_get_tool", 3, FS_OK, [](World& w, int n) {
        return fs_scene_get_tool(but(n, 0, w.scene), but(n, 1, w.points.data()), 3, but(n, 2, &w.count));
      }},
@@ -187,39 +198,57 @@ static const std::vector<Call> calls{
     {"fs_scene_set_max_stiffness", 1, FS_ERROR_UNSUPPORTED, [](World& w, int n) {
        return fs_scene_set_max_stiffness(but(n, 0, w.scene), 1000);
      }},
-    {"fs_scene_get_time", 2, FS_OK, [](World& w, int n) { return fs_scene_get_time(but(n, 0, w.scene), but(n, 1, &w.number)); }},
-    {"fs_scene_set_time", 1, FS_OK, [](World& w, int n) { return fs_scene_set_time(but(n, 0, w.spare_scene.get()), 5); }},
+    {"fs_scene_get_time", 2, FS_OK, [](World& w, int n) {
+       return fs_scene_get_time(but(n, 0, w.scene), but(n, 1, &w.number));
+     }},
+    {"fs_scene_set_time", 1, FS_OK, [](World& w, int n) {
+       return fs_scene_set_time(but(n, 0, w.spare_scene.get()), 5);
+     }},
     {"fs_scene_get_reports", 3, FS_OK, [](World& w, int n) {
        return fs_scene_get_reports(but(n, 0, w.scene), but(n, 1, &w.report), 1, but(n, 2, &w.count));
      }},
     {"fs_scene_get_report", 3, FS_OK, [](World& w, int n) {
        return fs_scene_get_report(but(n, 0, w.scene), but(n, 1, "ball"), but(n, 2, &w.report));
      }},
-    {"fs_scene_next_event", 2, FS_OK, [](World& w, int n) { return fs_scene_next_event(but(n, 0, w.scene), 0, but(n, 1, &w.event)); }},
+    {"fs_scene_next_event", 2, FS_OK, [](World& w, int n) {
+       return fs_scene_next_event(but(n, 0, w.scene), 0, but(n, 1, &w.event));
+     }},
 
     {"fs_tool_create", 2, FS_OK, [](World& w, int n) {  // points may be null
        fs_tool** out = but(n, 1, &new_tool);
        return made(out, fs_tool_create(but(n, 0, w.scene), nullptr, 0, out));
      }},
-    {"fs_evaluate", 3, FS_OK, [](World& w, int n) { return fs_evaluate(but(n, 0, w.tool), but(n, 1, &w.state), but(n, 2, &w.response)); }},
+    {"fs_evaluate", 3, FS_OK, [](World& w, int n) {
+       return fs_evaluate(but(n, 0, w.tool), but(n, 1, &w.state), but(n, 2, &w.response));
+     }},
     {"fs_tool_reset", 1, FS_OK, [](World& w, int n) { return fs_tool_reset(but(n, 0, w.tool)); }},
     {"fs_evaluate_field", 3, FS_OK, [](World& w, int n) {  // name null: all
        std::vector<fs_vec3> forces(3);
-       return fs_evaluate_field(but(n, 0, w.scene), nullptr, FS_NOW, but(n, 1, w.points.data()), 3, but(n, 2, forces.data()));
+       return fs_evaluate_field(but(n, 0, w.scene), nullptr, FS_NOW, but(n, 1, w.points.data()), 3,
+                                but(n, 2, forces.data()));
      }},
 
-    {"fs_device_list", 2, FS_OK, [](World& w, int n) { return fs_device_list(but(n, 0, &w.entry), 1, but(n, 1, &w.count)); }},
+    {"fs_device_list", 2, FS_OK, [](World& w, int n) {
+       return fs_device_list(but(n, 0, &w.entry), 1, but(n, 1, &w.count));
+     }},
     {"fs_device_open", 2, FS_OK, [](World&, int n) {
        fs_device** out = but(n, 1, &new_device);
        return made(out, fs_device_open(but(n, 0, "sim:"), out));
      }},
-    {"fs_device_get_info", 2, FS_OK, [](World& w, int n) { return fs_device_get_info(but(n, 0, w.device), but(n, 1, &w.device_info)); }},
-    {"fs_device_read", 2, FS_OK, [](World& w, int n) { return fs_device_read(but(n, 0, w.device), but(n, 1, &w.state)); }},
-    {"fs_device_write", 2, FS_OK, [](World& w, int n) { return fs_device_write(but(n, 0, w.device), but(n, 1, &w.wrench)); }},
+    {"fs_device_get_info", 2, FS_OK, [](World& w, int n) {
+       return fs_device_get_info(but(n, 0, w.device), but(n, 1, &w.device_info));
+     }},
+    {"fs_device_read", 2, FS_OK, [](World& w, int n) {
+       return fs_device_read(but(n, 0, w.device), but(n, 1, &w.state));
+     }},
+    {"fs_device_write", 2, FS_OK, [](World& w, int n) {
+       return fs_device_write(but(n, 0, w.device), but(n, 1, &w.wrench));
+     }},
 
     {"fs_servo_start", 3, FS_OK, [](World& w, int n) {
        fs_servo** out = but(n, 2, &new_servo);
-       return made(out, fs_servo_start(but(n, 0, w.spare_scene.get()), but(n, 1, w.spare_device.get()), &w.servo_options, out));
+       return made(out, fs_servo_start(but(n, 0, w.spare_scene.get()), but(n, 1, w.spare_device.get()),
+                                       &w.servo_options, out));
      }},
     {"fs_servo_step", 1, FS_OK, [](World& w, int n) { return fs_servo_step(but(n, 0, w.servo), 1); }},
     {"fs_servo_set_enabled", 1, FS_OK, [](World& w, int n) { return fs_servo_set_enabled(but(n, 0, w.servo), true); }},
@@ -240,7 +269,9 @@ static const std::vector<Call> calls{
      }},
 
     {"fs_driver_register", 1, FS_OK, [](World& w, int n) { return fs_driver_register(but(n, 0, &w.driver)); }},
-    {"fs_driver_load", 1, FS_ERROR_UNSUPPORTED, [](World&, int n) { return fs_driver_load(but(n, 0, "/no/such/driver.so")); }},
+    {"fs_driver_load", 1, FS_ERROR_UNSUPPORTED, [](World&, int n) {
+       return fs_driver_load(but(n, 0, "/no/such/driver.so"));
+     }},
 };
 
 START_TEST(every_pointer_in_turn) {
@@ -249,7 +280,8 @@ START_TEST(every_pointer_in_turn) {
     for (int n = c.pointers - 1; n >= 0; --n) {
       const fs_status status = c.call(world, n);
       ck_assert_msg(status == FS_ERROR_INVALID, "%s with pointer %d null: %s", c.function, n, fs_status_name(status));
-      ck_assert_msg(std::strlen(fs_last_error()) > 8, "%s with pointer %d null: \"%s\"", c.function, n, fs_last_error());
+      ck_assert_msg(std::strlen(fs_last_error()) > 8, "%s with pointer %d null: \"%s\"", c.function, n,
+                    fs_last_error());
     }
     const fs_status status = c.call(world, -1);
     ck_assert_msg(status == c.good, "%s: %s (%s)", c.function, fs_status_name(status), fs_last_error());
@@ -355,7 +387,8 @@ START_TEST(devices_and_their_names) {
   const FakeDevice fake("somebody");  // the drivers are registered now
   for (const auto& b : bad) EXPECT_SENTENCE(b.status, fs_device_open(b.uri, &device), b.names);
   ck_assert_ptr_null(device);
-  for (const char* uri : {"sim:", "sim:?hand=firm&seed=3", "sim:?path=figure8&encoder=ideal&friction=0", "sim:?hold=0,0.01,0",
+  for (const char* uri : {"sim:", "sim:?hand=firm&seed=3", "sim:?path=figure8&encoder=ideal&friction=0",
+                          "sim:?hold=0,0.01,0",
                           "sim:?hand_mass=0.3&hand_damping=2&hand_stiffness=150&delay_ms=2&wrist=active&mass=0.2"}) {
     OK(fs_device_open(uri, &device));
     fs_device_info info = fs_device_info_init();
@@ -396,7 +429,7 @@ START_TEST(drivers_that_are_refused) {
   OK(fs_driver_register(&w.driver));
   EXPECT_SENTENCE(FS_ERROR_EXISTS, fs_driver_register(&w.driver), "twice");
   fs_device* device = nullptr;
-  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open("twice:", &device), "nothing behind it");  // the driver's own words
+  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open("twice:", &device), "nothing behind it");  // its own words
 }
 END_TEST
 

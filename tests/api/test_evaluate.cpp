@@ -1,4 +1,4 @@
-// What a tool feels, against the slow reference of tests/scenes, which was first checked against values worked out by hand.
+// What a tool feels, against the slow reference of tests/scenes, which itself is first checked by hand.
 #include <algorithm>
 #include <cstdio>
 #include <numbers>
@@ -108,7 +108,8 @@ START_TEST(reference_primitives) {
     EXPECT_VECTOR(refer(content, {1, 0.2, 0.3}).wrench.force, (fs_vec3{3, 0, 0}), 1e-14);
   }
   {  // the reflex edge of an open strip: sides come from its angle-weighted normals
-    MeshData mesh{{{-1, -1, 0}, {-1, 1, 0}, {0, -1, 0}, {0, 1, 0}, {0, -1, 1}, {0, 1, 1}}, {0, 2, 3, 0, 3, 1, 2, 4, 5, 2, 5, 3}};
+    MeshData mesh{{{-1, -1, 0}, {-1, 1, 0}, {0, -1, 0}, {0, 1, 0}, {0, -1, 1}, {0, 1, 1}},
+                  {0, 2, 3, 0, 3, 1, 2, 4, 5, 2, 5, 3}};
     Content content;
     fs_object& o = content.add_shape("a", make_mesh(mesh));
     o.front = constant(FS_SENSE_REPULSIVE, 1);
@@ -201,12 +202,13 @@ static void compare(const Content& content, const Reference& reference, fs_tool*
   ++worst.compared;
   if (force_error > tolerance || torque_error > tolerance) {
     for (const fs_object& o : content.objects) {
-      std::printf("    %s: primitive %d, front %d, back %d, damping %g, enabled %d\n", o.name, o.primitive, o.front.kind,
-                  o.back.kind, o.damping, o.enabled);
+      std::printf("    %s: primitive %d, front %d, back %d, damping %g, enabled %d\n", o.name, o.primitive,
+                  o.front.kind, o.back.kind, o.damping, o.enabled);
     }
     std::fflush(stdout);
   }
-  ck_assert_msg(force_error <= tolerance, "at (%.17g, %.17g, %.17g): force (%.17g, %.17g, %.17g), reference (%.17g, %.17g, %.17g)",
+  ck_assert_msg(force_error <= tolerance,
+                "at (%.17g, %.17g, %.17g): force (%.17g, %.17g, %.17g), reference (%.17g, %.17g, %.17g)",
                 state.pose.position.x, state.pose.position.y, state.pose.position.z, response.wrench.force.x,
                 response.wrench.force.y, response.wrench.force.z, felt.wrench.force.x, felt.wrench.force.y,
                 felt.wrench.force.z);
@@ -222,7 +224,8 @@ static void compare(const Content& content, const Reference& reference, fs_tool*
   const double slope_error = mat_norm(difference(response.stiffness, felt.stiffness)) / size;
   worst.stiffness = std::fmax(worst.stiffness, slope_error);
   ++worst.compared_stiffness;
-  ck_assert_msg(slope_error < 1e-5, "stiffness off by %g of %g N/m at (%.17g, %.17g, %.17g): xx %g, %g; yy %g, %g; zz %g, %g",
+  ck_assert_msg(slope_error < 1e-5,
+                "stiffness off by %g of %g N/m at (%.17g, %.17g, %.17g): xx %g, %g; yy %g, %g; zz %g, %g",
                 slope_error * size, size, state.pose.position.x, state.pose.position.y, state.pose.position.z,
                 response.stiffness.xx, felt.stiffness.xx, response.stiffness.yy, felt.stiffness.yy,
                 response.stiffness.zz, felt.stiffness.zz);
@@ -336,8 +339,10 @@ START_TEST(rigid_motion) {
       state.time = options.time;
       fs_state moved_state = state;
       moved_state.pose = motion * state.pose;
-      moved_state.twist = {rotate(motion.orientation, state.twist.linear), rotate(motion.orientation, state.twist.angular)};
-      const fs_wrench first = evaluate(tool_here.get(), state).wrench, second = evaluate(tool_there.get(), moved_state).wrench;
+      moved_state.twist.linear = rotate(motion.orientation, state.twist.linear);
+      moved_state.twist.angular = rotate(motion.orientation, state.twist.angular);
+      const fs_wrench first = evaluate(tool_here.get(), state).wrench;
+      const fs_wrench second = evaluate(tool_there.get(), moved_state).wrench;
       const double error = norm(rotate(motion.orientation, first.force) - second.force) +
                            norm(rotate(motion.orientation, first.torque) - second.torque);
       worst = std::fmax(worst, error);
@@ -453,7 +458,9 @@ START_TEST(extremes_stay_finite) {
           const fs_response r = evaluate(tool.get(), hand_at(s * unit(d)));
           ck_assert_msg(std::isfinite(norm(r.wrench.force)), "kind %d, primitive %d at %g", profile.kind, primitive, s);
           ck_assert_double_le(norm(r.wrench.force), profile.limit * (1 + 1e-12));
-          for (int i = 0; i < 9; ++i) ck_assert_msg(!std::isnan((&r.stiffness.xx)[i]), "stiffness of kind %d at %g", profile.kind, s);
+          for (int i = 0; i < 9; ++i) {
+            ck_assert_msg(!std::isnan((&r.stiffness.xx)[i]), "stiffness of kind %d at %g", profile.kind, s);
+          }
         }
       }
     }
@@ -546,9 +553,10 @@ START_TEST(same_input_same_bits) {  // whatever was felt before: a warm start ch
     RandomOptions options;
     options.moves = true;
     const Content content = random_content(random, options);
-    const std::vector<fs_response> first = walk(content, false), second = walk(content, false), third = walk(content, true);
-    ck_assert_int_eq(std::memcmp(first.data(), second.data(), first.size() * sizeof first[0]), 0);
-    ck_assert_int_eq(std::memcmp(first.data(), third.data(), first.size() * sizeof first[0]), 0);
+    const std::vector<fs_response> first = walk(content, false);
+    const std::vector<fs_response> again = walk(content, false), backwards = walk(content, true);
+    ck_assert_int_eq(std::memcmp(first.data(), again.data(), first.size() * sizeof first[0]), 0);
+    ck_assert_int_eq(std::memcmp(first.data(), backwards.data(), first.size() * sizeof first[0]), 0);
   }
   // Ties between triangles: on the axis of a sphere all are as near.
   const Content content = ball(500);
@@ -652,7 +660,8 @@ START_TEST(profile_evaluate) {
     const struct {
       const char* text;
       double (*f)(double d, double t);
-    } texts[]{{"3*(1+sin(12*t))*exp(-d/0.01)", [](double d, double t) { return 3 * (1 + std::sin(12 * t)) * std::exp(-d / 0.01); }},
+    } texts[]{{"3*(1+sin(12*t))*exp(-d/0.01)",
+               [](double d, double t) { return 3 * (1 + std::sin(12 * t)) * std::exp(-d / 0.01); }},
               {"t", [](double, double t) { return t; }},
               {"d*d", [](double d, double) { return d * d; }},
               {"1/d", [](double d, double) { return 1 / d; }},

@@ -1,5 +1,5 @@
-// No step in force: whatever comes, goes or is replaced, between two ticks the force changes by no more than the fade allows.
-// Poses and profiles act at once.
+// No step in force: whatever comes, goes or is replaced, between two ticks the force changes by no more than the fade
+// allows. Poses and profiles act at once.
 #include <functional>
 #include <vector>
 

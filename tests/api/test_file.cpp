@@ -1,4 +1,4 @@
-// Scenes as files: what was saved comes back bit for bit; a bad file loads nothing and says what is wrong with which object.
+// Scenes as files: what was saved comes back bit for bit; a bad file loads nothing and says what is wrong and where.
 #include <sys/resource.h>
 #include <unistd.h>
 
@@ -30,7 +30,9 @@ static std::string text_of(const std::string& path) {
   text << std::ifstream(path, std::ios::binary).rdbuf();
   return text.str();
 }
-static void write_text(const std::string& path, const std::string& text) { std::ofstream(path, std::ios::binary) << text; }
+static void write_text(const std::string& path, const std::string& text) {
+  std::ofstream(path, std::ios::binary) << text;
+}
 
 static void expect_same_profile(const fs_profile& a, const fs_profile& b) {
   ck_assert_int_eq(a.kind, b.kind);
@@ -367,7 +369,7 @@ START_TEST(a_full_disk_leaves_the_old_file) {
       setrlimit(RLIMIT_FSIZE, &small);
       const fs_status status = fs_scene_save(scene.get(), path.c_str());
       setrlimit(RLIMIT_FSIZE, &old_limit);
-      ck_assert_msg(status == FS_ERROR_IO, "%s with %lu bytes", fs_status_name(status), static_cast<unsigned long>(bytes));
+      ck_assert_msg(status == FS_ERROR_IO, "%s with %lu bytes", fs_status_name(status), (unsigned long)bytes);
       ck_assert_msg(std::strstr(fs_last_error(), "large") || std::strstr(fs_last_error(), "space"),
                     "\"%s\" does not have the system's reason", fs_last_error());
       ck_assert(text_of(path) == before);

@@ -1,5 +1,5 @@
-// A recording that is kept for good: 20 s of the simulator's hand on its path through the testbed scene. The same build gives
-// the same bits, in whatever portions it is stepped; any build gives the same numbers to 1e-9.
+// A recording that is kept for good: 20 s of the simulator's hand on its path through the testbed scene. The same build
+// gives the same bits, in whatever portions it is stepped; any build gives the same numbers to 1e-9.
 //   test_golden --record    writes the recording anew
 #include <fstream>
 #include <iomanip>
@@ -15,7 +15,7 @@ static constexpr int rate = 1000, seconds = 20, every = 50;
 struct Run {
   uint64_t hash = 0xcbf29ce484222325u;       // FNV-1a over state, response and sent of all ticks
   uint32_t faults = 0;
-  std::vector<std::vector<double>> rows;     // of every 50th: time, position, orientation, force, torque, stiffness, sent
+  std::vector<std::vector<double>> rows;     // of every 50th, as the recording's second line says
 
   void add(const void* data, size_t size) {
     for (size_t i = 0; i < size; ++i) hash = (hash ^ static_cast<const unsigned char*>(data)[i]) * 0x100000001b3u;
@@ -28,10 +28,10 @@ struct Run {
     const fs_pose& p = tick.state.pose;
     const fs_wrench& w = tick.response.wrench;
     const fs_vec3 &s = tick.sent.force, &u = tick.sent.torque;
+    const fs_mat3& k = tick.response.stiffness;
     rows.push_back({tick.state.time, p.position.x, p.position.y, p.position.z, p.orientation.w, p.orientation.x,
-                    p.orientation.y, p.orientation.z, w.force.x, w.force.y, w.force.z, w.torque.x, w.torque.y, w.torque.z,
-                    tick.response.stiffness.xx, tick.response.stiffness.yy, tick.response.stiffness.zz, s.x, s.y, s.z, u.x,
-                    u.y, u.z});
+                    p.orientation.y, p.orientation.z, w.force.x, w.force.y, w.force.z, w.torque.x, w.torque.y,
+                    w.torque.z, k.xx, k.yy, k.zz, s.x, s.y, s.z, u.x, u.y, u.z});
   }
 };
 
@@ -50,7 +50,8 @@ static Run run(const char* uri, uint64_t portion) {
   for (int second = 0; second < seconds; ++second) {
     for (uint64_t done = 0; done < rate; done += portion) require(fs_servo_step(servo.get(), portion), "fs_servo_step");
     size_t count = 0;
-    require(fs_servo_get_record(servo.get(), ticks.data(), ticks.size(), &count), "fs_servo_get_record");  // newest second
+    // The newest second.
+    require(fs_servo_get_record(servo.get(), ticks.data(), ticks.size(), &count), "fs_servo_get_record");
     for (int k = 0; k < rate; ++k) result.add(ticks[k], static_cast<uint64_t>(second) * rate + k);
   }
   result.faults = stats_of(scene.get()).faults;
@@ -112,7 +113,8 @@ START_TEST(the_recording_is_worth_something) {  // the hand moves, feels, and no
   }
   ck_assert_uint_gt(felt, now.rows.size() / 10);
   ck_assert_double_gt(high - low, 0.02);
-  std::printf("  %zu rows, %zu with a force, %zu without; x from %.3f to %.3f m\n", now.rows.size(), felt, free, low, high);
+  std::printf("  %zu rows, %zu with a force, %zu without; x from %.3f to %.3f m\n", now.rows.size(), felt, free, low,
+              high);
 }
 END_TEST
 
@@ -120,7 +122,8 @@ static int record() {
   const Run now = run(golden_uri, 100);
   std::ofstream file(golden_path);
   file << "# " << golden_uri << " in scenes::testbed(), virtual servo of " << rate << " Hz, every " << every
-       << "th tick.\n# time; position, orientation (w x y z); force, torque, stiffness xx yy zz; force, torque as sent\n"
+       << "th tick.\n"
+       << "# time; position, orientation (w x y z); force, torque, stiffness xx yy zz; force, torque as sent\n"
        << std::setprecision(17);
   for (const auto& row : now.rows) {
     for (size_t i = 0; i < row.size(); ++i) file << (i ? " " : "") << row[i];

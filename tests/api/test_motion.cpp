@@ -290,8 +290,8 @@ END_TEST
 int main() {
   Suite* suite = suite_create("motion");
   add_case(suite, "twists", {given_twists, given_turns, worked_out_twists, a_stream_of_moves, a_fast_stream_of_moves,
-                             old_moves_make_no_twist, moves_of_one_instant, older_moves_stand, given_twists_count_as_last,
-                             worked_out_turns, moves_now});
+                             old_moves_make_no_twist, moves_of_one_instant, older_moves_stand,
+                             given_twists_count_as_last, worked_out_turns, moves_now});
   add_case(suite, "times", {the_clock, start_of_time, lifetimes});
   return run_suite(suite);
 }

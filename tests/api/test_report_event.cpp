@@ -79,7 +79,7 @@ START_TEST(revisions) {  // grow with every change but moves
 }
 END_TEST
 
-// The steepest slope of the force, at the device. On a plane whose two sides push the same way there is no jump at d = 0.
+// The steepest slope of the force, at the device. On a plane whose sides push the same way nothing jumps at d = 0.
 START_TEST(stiffness_wanted) {
   const Scene scene = make_scene();
   auto wanted = [&](fs_profile profile) {

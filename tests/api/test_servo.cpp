@@ -515,7 +515,8 @@ START_TEST(frames) {  // x_device = pose*(x_scene/scale), F_device = force_scale
   set(rig.scene.get(), spring);
   const fs_vec3 arm{0, 0, 0.4};  // scene metres, frame of the handle; 0.1 on the device
   OK(fs_scene_set_tool(rig.scene.get(), &arm, 1));
-  rig.fake.state.pose = at(0.1, 0.2 + 0.25 + 0.02, 0.3 - 0.1);  // 20 mm off along the device's y: 80 mm of the scene's x
+  // 20 mm off along the device's y: 80 mm along the scene's x.
+  rig.fake.state.pose = at(0.1, 0.2 + 0.25 + 0.02, 0.3 - 0.1);
   rig.fake.state.twist.linear = {0, 0.03, 0};
   rig.start(plain());
   rig.step(3);
@@ -664,7 +665,7 @@ START_TEST(its_own_thread) {
   EXPECT_VECTOR(sent_of(rig.scene.get()).force, (stats.faults ? fs_vec3{} : fs_vec3{0, 0, 2}), 1e-9);
   const char* const granted[]{"none", "nice", "FIFO", "FIFO and locked memory"};
   std::printf("  thread: %lu ticks in 0.3 s, %lu missed, real time: %s; late p50 %.0f us, p99 %.0f us, max %.0f us\n",
-              static_cast<unsigned long>(stats.ticks), static_cast<unsigned long>(stats.misses), granted[stats.realtime],
+              (unsigned long)stats.ticks, (unsigned long)stats.misses, granted[stats.realtime],
               1e6 * stats.late_p50, 1e6 * stats.late_p99, 1e6 * stats.late_max);
   rig.servo.reset();
   const std::lock_guard lock(rig.fake.mutex);
@@ -695,7 +696,8 @@ END_TEST
 int main() {
   Suite* suite = suite_create("servo");
   add_case(suite, "force", {ramps_at_the_start, no_ramp, too_strong, limits_of_ones_own, enabled_or_not, frames});
-  add_case(suite, "faults", {zero_until_ready, a_lost_device_comes_back, an_old_pose_is_no_pose, too_fast, not_a_number});
+  add_case(suite, "faults", {zero_until_ready, a_lost_device_comes_back, an_old_pose_is_no_pose, too_fast,
+                             not_a_number});
   add_case(suite, "record", {the_record, stats, rate_of_the_device});
   add_case(suite, "ownership", {bad_options, one_servo_each, device_by_hand, lives_on_without_its_makers});
   add_case(suite, "time", {ages_stay, a_hundred_thousand_objects, late_ticks_latch, a_stall_ramps, its_own_thread,

@@ -208,7 +208,8 @@ static const char* const obj_text =
 static const char* const off_text = "OFF\n4 4 6\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n";
 static const char* const ply_text =
     "ply\nformat ascii 1.0\nelement vertex 4\nproperty double x\nproperty double y\nproperty double z\nelement face 4\n"
-    "property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n";
+    "property list uchar int vertex_indices\nend_header\n"
+    "0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n";
 static const char* const stl_text =
     "solid t\n"
     "facet normal 0 0 -1\nouter loop\nvertex 0 0 0\nvertex 0 1 0\nvertex 1 0 0\nendloop\nendfacet\n"
@@ -257,8 +258,9 @@ START_TEST(bad_mesh_files) {
       {"nan.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", FS_ERROR_PARSE},
       {"short.off", "OFF\n4 4 6\n0 0 0\n1 0 0\n", FS_ERROR_PARSE},
       {"huge.off", "OFF\n4000000000 4 6\n0 0 0\n", FS_ERROR_PARSE},
-      {"huge.ply", "ply\nformat ascii 1.0\nelement vertex 99999999999\nproperty double x\nproperty double y\nproperty double z\n"
-                   "element face 1\nproperty list uchar int vertex_indices\nend_header\n", FS_ERROR_PARSE},
+      {"huge.ply", "ply\nformat ascii 1.0\nelement vertex 99999999999\nproperty double x\nproperty double y\n"
+                   "property double z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n",
+       FS_ERROR_PARSE},
       {"index.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n", FS_ERROR_PARSE},
       {"cut.stl", "solid t\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\n", FS_ERROR_PARSE},
       {"other.xyz", "1 2 3\n", FS_ERROR_UNSUPPORTED},

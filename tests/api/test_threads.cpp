@@ -1,5 +1,5 @@
-// Many threads at one scene while its servo runs: editors of all kinds, two tools, and a servo with a thread of its own.
-// Nothing is timed; under the thread sanitizer this must be silent.
+// Many threads at one scene while its servo runs: editors of all kinds, two tools, and a servo with a thread of its
+// own. Nothing is timed; under the thread sanitizer this must be silent.
 #include <unistd.h>
 
 #include <atomic>
@@ -44,7 +44,9 @@ static void edit(fs_scene* scene, const Shape& mesh, Random& random) {
   check(fs_object_set(scene, &o), "set");
   o.front.gain *= 2;
   // It is gone where it had joined a group that was cancelled.
-  const auto check_there = [](fs_status status, const char* what) { check(status == FS_OK || status == FS_ERROR_NOT_FOUND, what); };
+  const auto check_there = [](fs_status status, const char* what) {
+    check(status == FS_OK || status == FS_ERROR_NOT_FOUND, what);
+  };
   check_there(fs_object_change(scene, &o, FS_PART_PROFILES | FS_PART_OTHER), "change");
   if (random.coin(0.3)) check_there(fs_object_remove(scene, name.c_str()), "remove");
 }
@@ -147,9 +149,10 @@ START_TEST(all_at_once) {
   OK(fs_servo_get_record(servo.get(), record.data(), record.size(), &count));
   ck_assert_uint_gt(count, 0);
   for (size_t i = 0; i < count && i < record.size(); ++i) ck_assert(std::isfinite(norm(record[i].sent.force)));
-  std::printf("  %lu edits, %lu moves, %lu groups, %lu looks, %lu + %lu evaluations, %lu ticks\n", (unsigned long)rounds[0],
-              (unsigned long)rounds[1], (unsigned long)rounds[2], (unsigned long)rounds[3], (unsigned long)rounds[4],
-              (unsigned long)rounds[5], (unsigned long)stats_of(scene.get()).ticks);
+  const uint64_t ticks = stats_of(scene.get()).ticks;
+  std::printf("  edits, moves, groups, looks, evaluations of two tools:");
+  for (uint64_t r : rounds) std::printf(" %lu", (unsigned long)r);
+  std::printf("; %lu ticks\n", (unsigned long)ticks);
   unlink(path.c_str());
 }
 END_TEST

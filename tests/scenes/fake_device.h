@@ -1,5 +1,5 @@
-// A haptic device that does what a test says: "fake:NAME" moves with the servo's time as a simulator does, "fakereal:NAME"
-// runs on the monotonic clock as a real device does. Found by its name from the moment the test makes it.
+// A haptic device that does what a test says: "fake:NAME" moves with the servo's time as a simulator does,
+// "fakereal:NAME" runs on the monotonic clock as a real device does. Found by its name as long as the test has it.
 #pragma once
 
 #include <functional>

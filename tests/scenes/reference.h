@@ -8,7 +8,7 @@
 
 namespace scenes {
 
-// f(d, t) of a profile, N, clamped to [0, limit] and 0 beyond its reach. curve: what its fs_curve stands for; may be null.
+// f(d, t) of a profile, N, clamped to [0, limit] and 0 beyond its reach. curve: what its fs_curve stands for, or null.
 long double profile_force(const fs_profile& profile, const Function* curve, long double d, long double t);
 
 struct Felt {

@@ -169,7 +169,8 @@ MeshData sphere_mesh(double radius, size_t triangles) {
 }
 
 MeshData torus_mesh(double radius, double tube_radius, size_t triangles) {
-  const size_t tube = std::max<size_t>(3, std::lround(std::sqrt(static_cast<double>(triangles)) / 2)), around = 2 * tube;
+  const size_t tube = std::max<size_t>(3, std::lround(std::sqrt(static_cast<double>(triangles)) / 2));
+  const size_t around = 2 * tube;
   MeshData mesh;
   for (size_t i = 0; i < tube; ++i) {
     const double a = 2 * pi * i / tube, r = radius + tube_radius * std::cos(a);
@@ -398,8 +399,12 @@ fs_profile random_profile(Random& random, Content& content) {
   const double limit = random.log_between(0.3, 10), offset = random.coin() ? 0 : random.between(-1, 3);
   fs_profile p{};
   switch (kind) {
-    case FS_PROFILE_LINEAR_INCREASING: p = fs_profile_init(kind, sense, random.log_between(10, 2000), offset, limit); break;
-    case FS_PROFILE_LINEAR_DECREASING: p = fs_profile_init(kind, sense, -random.log_between(10, 2000), offset, limit); break;
+    case FS_PROFILE_LINEAR_INCREASING:
+      p = fs_profile_init(kind, sense, random.log_between(10, 2000), offset, limit);
+      break;
+    case FS_PROFILE_LINEAR_DECREASING:
+      p = fs_profile_init(kind, sense, -random.log_between(10, 2000), offset, limit);
+      break;
     case FS_PROFILE_GAUSSIAN:
       p = fs_profile_init(kind, sense, random.log_between(0.3, 10), random.log_between(0.003, 0.1), limit);
       break;

@@ -1,5 +1,5 @@
-// Vectors, quaternions and poses of the C contract, as far as tests need them. In doubles and plain: what must be exact to
-// the last digit stands in reference.cpp.
+// Vectors, quaternions and poses of the C contract, as far as tests need them. In doubles and plain: what must be exact
+// to the last digit stands in reference.cpp.
 #pragma once
 
 #include <cmath>

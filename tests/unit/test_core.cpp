@@ -133,16 +133,18 @@ START_TEST(mailbox_and_seqlock_are_never_torn) {
   };
   Mailbox<Value> mailbox;
   Seqlock<Value> seqlock;
+  Latest<Value> latest;
   std::atomic<bool> is_done{false};
   const uint64_t count = 300000;
   std::thread writer([&] {
     for (uint64_t i = 1; i <= count; ++i) {
       mailbox.post({i, ~i});
       seqlock.write({i, ~i});
+      latest.write({i, ~i});
     }
     is_done = true;
   });
-  uint64_t last_mail = 0, last_read = 0, fetched = 0;
+  uint64_t last_mail = 0, last_read = 0, last_latest = 0, fetched = 0;
   for (bool is_last = false; !is_last;) {
     is_last = is_done;
     if (mailbox.fetch()) {
@@ -157,10 +159,16 @@ START_TEST(mailbox_and_seqlock_are_never_torn) {
       ck_assert_uint_ge(value.a, last_read);
       last_read = value.a;
     }
+    if (latest.read(value)) {
+      ck_assert_uint_eq(value.a, ~value.b);
+      ck_assert_uint_ge(value.a, last_latest);
+      last_latest = value.a;
+    }
   }
   writer.join();
   ck_assert_uint_eq(last_mail, count);
   ck_assert_uint_eq(last_read, count);
+  ck_assert_uint_eq(last_latest, count);
   ck_assert_uint_gt(fetched, 0);
 }
 END_TEST
