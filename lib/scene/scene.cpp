@@ -1,9 +1,8 @@
-// Objects, groups, snapshots and the clock. Frame, clutch and tool: view.cpp; reports and events: report.cpp.
+// Objects and groups. Snapshots, readers and fades: publish.cpp; servo and clock: clock.cpp; frame, clutch and tool:
+// view.cpp; reports and events: report.cpp.
 #include "scene/scene.h"
 
 #include <cstring>
-#include <ctime>
-#include <thread>
 
 #include "base/error.h"
 
@@ -13,24 +12,11 @@ namespace {
 
 constexpr uint32_t all_parts = FS_PART_POSE | FS_PART_PROFILES | FS_PART_CONTACT | FS_PART_SHAPE | FS_PART_OTHER;
 
-constexpr size_t open_epochs = 16;
-
 double expiry_of(const Object& object, double now) { return object.lifetime > 0 ? now + object.lifetime : never; }
-
-void prepare_curves(const Object& object, unsigned reader) {
-  if (object.front.curve) object.front.curve->prepare(reader);
-  if (object.back.curve) object.back.curve->prepare(reader);
-}
 
 Ref<Entry> copy(const Entry& entry) { return make_ref<Entry>(entry); }
 
 }  // namespace
-
-double fs::steady_now() noexcept {
-  timespec now;
-  clock_gettime(CLOCK_MONOTONIC, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
 
 // ---------------------------------------------------------------------------------------------------------- objects
 
@@ -79,16 +65,6 @@ void fs_scene::put(uint32_t slot, Ref<const Entry> entry) {
     if (entry->previous || entry->is_removed) fading_.insert(slot);
   }
   table_.set(slot, std::move(entry));
-}
-
-Fade fs_scene::turned(const Fade& fade, bool in, double expiry) {
-  if (!servo_) return Fade::steady(in, expiry);
-  if (!pending_epoch_) {
-    // A servo that does not tick meanwhile must not make the list of open epochs grow: from some number on they share one.
-    const bool is_shared = epochs_.size() >= open_epochs && !epochs_.back()->is_stamped();
-    pending_epoch_ = is_shared ? epochs_.back() : Ref<const Epoch>(make_ref<Epoch>());
-  }
-  return fade.turned(in, expiry, pending_epoch_, servo_->fade);
 }
 
 // Puts a checked object in, or the parts of it that are named, into the object of its name.
@@ -286,245 +262,4 @@ void fs_scene::cancel() {
   views_ = group->views;
   pending_epoch_ = nullptr;
   changed();
-}
-
-void fs::check_timeout(double timeout) {
-  if (!(timeout >= 0 && std::isfinite(timeout))) {
-    fail(FS_ERROR_INVALID, "timeout is %g, must be finite and >= 0 s", timeout);
-  }
-}
-
-void fs_scene::sync(double timeout) const {
-  check_timeout(timeout);
-  uint64_t wanted;
-  {
-    const std::lock_guard lock(mutex_);
-    wanted = sequence_;
-  }
-  const double start = steady_now();
-  while (has_servo() && output.used.load(std::memory_order_acquire) < wanted) {
-    if (steady_now() - start >= timeout) {
-      fail(FS_ERROR_TIMEOUT, "no tick has used the changes within timeout %g s", timeout);
-    }
-    std::this_thread::sleep_for(std::chrono::microseconds(200));
-  }
-}
-
-// -------------------------------------------------------------------------------------------- snapshots and readers
-
-void fs_scene::changed() {
-  if (group_) return;
-  posted_ = nullptr;
-  if (readers_.empty()) return;
-  const Ref<const Snapshot> newest = snapshot();
-  for (Reader* reader : readers_) reader->mailbox.post(newest);
-}
-
-// The newest snapshot; of an open group it has nothing.
-Ref<const Snapshot> fs_scene::snapshot() {
-  if (posted_) return posted_;
-  const Ref<Snapshot> made = make_ref<Snapshot>();
-  made->sequence = ++sequence_;
-  made->objects = table_;
-  made->views = views_;
-  std::erase_if(epochs_, [](const Ref<const Epoch>& epoch) { return epoch->is_stamped(); });
-  if (group_) {
-    for (auto undo = group_->undo.rbegin(); undo != group_->undo.rend(); ++undo) {
-      made->objects.set(undo->first, undo->second);
-    }
-    made->views = group_->views;
-  } else if (pending_epoch_) {
-    if (epochs_.empty() || !(epochs_.back() == pending_epoch_)) epochs_.push_back(pending_epoch_);
-    pending_epoch_ = nullptr;
-  }
-  made->clock = clock_.load(std::memory_order_relaxed);
-  made->epochs = epochs_;
-  return posted_ = made;
-}
-
-void fs_scene::attach(Reader& reader) {
-  const std::lock_guard lock(mutex_);
-  table_.for_each([&](uint32_t, const Entry& entry) { prepare_curves(*entry.object, reader.id.get()); });
-  readers_.push_back(&reader);
-  reader.mailbox.post(snapshot());
-}
-
-void fs_scene::detach(Reader& reader) noexcept {
-  const std::lock_guard lock(mutex_);
-  std::erase(readers_, &reader);
-  reader.mailbox.clear();
-}
-
-void fs_scene::with_snapshot(const char* name, const std::function<void(const Snapshot&, int64_t)>& f) {
-  Ref<const Snapshot> held;
-  int64_t slot = -1;
-  {
-    const std::lock_guard lock(mutex_);
-    uint32_t found;
-    if (name) {
-      require(name, found);
-      slot = found;
-    }
-    held = snapshot();
-  }
-  struct Release {  // under the lock again, also when f throws
-    fs_scene& scene;
-    Ref<const Snapshot>& held;
-    ~Release() {
-      const std::lock_guard lock(scene.mutex_);
-      held = nullptr;
-    }
-  } const release{*this, held};
-  f(*held, slot);
-}
-
-// Lets go of what has faded out, and announces what has expired. Every call that changes something comes by here; that is
-// often enough, for what has weight 0 costs a tick next to nothing.
-void fs_scene::settle(bool now_or_never) {
-  const double time = now();
-  if (group_ || (!now_or_never && std::fabs(time - settled_at_) < 5e-3)) return;
-  settled_at_ = time;
-  while (!expiries_.empty() && expiries_.begin()->first <= time) {
-    const Entry& entry = *table_.get(expiries_.begin()->second);
-    fs_event event{};
-    event.kind = FS_EVENT_EXPIRED;
-    event.time = expiries_.begin()->first;
-    entry.object->name.copy(event.name, FS_NAME_SIZE - 1);
-    push_event(event);
-    expiries_.erase(expiries_.begin());
-  }
-  if (!servo_) return;
-  const double duration = servo_->fade;
-  const std::vector<uint32_t> fading(fading_.begin(), fading_.end());
-  bool is_changed = false;
-  for (const uint32_t slot : fading) {
-    const Entry& old = *table_.get(slot);
-    const bool previous_is_gone = !old.previous || !(old.previous->fade.weight(time, duration) > 0);
-    if (old.is_removed && previous_is_gone && !(old.fade.weight(time, duration) > 0)) {
-      put(slot, nullptr);
-    } else if (old.previous && previous_is_gone) {
-      const Ref<Entry> entry = copy(old);
-      entry->previous = nullptr;
-      put(slot, entry);
-    } else {
-      continue;
-    }
-    is_changed = true;
-  }
-  if (views_.previous && !(views_.previous_fade.weight(time, duration) > 0)) {
-    views_.previous = nullptr;
-    is_changed = true;
-  }
-  if (is_changed) changed();
-}
-
-// ------------------------------------------------------------------------------------------------- servo and clock
-
-double fs_scene::now(ClockKind clock) const noexcept {
-  if (clock == ClockKind::virtual_time) return output.time.load(std::memory_order_acquire);
-  if (clock == ClockKind::caller) {
-    const double told = told_time_.load(std::memory_order_acquire);
-    if (!std::isnan(told)) return told;
-  }
-  return steady_now();
-}
-
-fs_status fs_scene::set_time(double time) noexcept {
-  if (!(time > 0) || !(time <= 1e15)) {
-    return set_last_error_literal(FS_ERROR_INVALID, "time must be > 0 s and at most 1e15 s");
-  }
-  if (has_servo()) return set_last_error_literal(FS_ERROR_STATE, "fs_scene_set_time: the scene's servo has the clock");
-  told_time_.store(time, std::memory_order_release);
-  return FS_OK;
-}
-
-// Shifts every stored time and brings what fades to its end.
-void fs_scene::retime(double shift) {
-  const auto retimed = [&](const Entry& old) {
-    const Ref<Entry> entry = copy(old);
-    entry->motion.time += shift;
-    entry->track.shift(shift);
-    entry->start += shift;
-    entry->fade = old.fade.settled(shift);
-    entry->previous = nullptr;
-    return entry;
-  };
-  std::vector<std::pair<uint32_t, Ref<const Entry>>> entries;
-  table_.for_each([&](uint32_t slot, const Entry& old) {
-    entries.emplace_back(slot, old.is_removed ? nullptr : Ref<const Entry>(retimed(old)));
-  });
-  std::unique_ptr<Group> group = std::move(group_);  // an open group stays open, and its undo list is retimed too
-  expiries_.clear();
-  for (auto& [slot, entry] : entries) put(slot, entry);
-  settled_at_ = -never;
-  pending_epoch_ = nullptr;
-  epochs_.clear();
-
-  const auto settle_views = [](ViewFade& views) {
-    const Ref<View> view = make_ref<View>();
-    views.view->get_frame(view->frame);
-    view->points = views.view->points;
-    view->kind = views.view->kind == View::Kind::held ? View::Kind::held : View::Kind::free;
-    views = {view, nullptr, Fade::steady(view->kind == View::Kind::free), Fade::steady(false)};
-  };
-  settle_views(views_);
-  if (group) {
-    for (auto& [slot, before] : group->undo) {
-      if (before) before = before->is_removed ? nullptr : Ref<const Entry>(retimed(*before));
-    }
-    settle_views(group->views);
-  }
-  posted_ = nullptr;
-  group_ = std::move(group);
-}
-
-void fs_scene::switch_clock(ClockKind clock) {
-  const double before = now();
-  const bool was_told = !std::isnan(told_time_.exchange(std::numeric_limits<double>::quiet_NaN()));
-  const ClockKind old = clock_.exchange(clock);
-  const bool same = (old == ClockKind::virtual_time) == (clock == ClockKind::virtual_time) && !was_told;
-  retime(same ? 0 : now() - before);
-}
-
-void fs_scene::attach_servo(ServoLink& servo) {
-  const std::lock_guard lock(mutex_);
-  if (servo_) fail(FS_ERROR_STATE, "scene has a servo already; stop it first");
-  settle(true);
-  output.time.store(0);
-  output.tick.store(0);
-  output.used.store(0);
-  HandSample hand{};
-  hand.state.pose = hand.response.proxy = identity_pose();
-  output.hand.write(hand);
-  has_servo_.store(true);
-  servo_ = &servo;
-  switch_clock(servo.clock);
-  table_.for_each([&](uint32_t, const Entry& entry) { prepare_curves(*entry.object, servo.reader.id.get()); });
-  readers_.push_back(&servo.reader);
-  const Ref<const Snapshot> newest = snapshot();
-  for (Reader* reader : readers_) reader->mailbox.post(newest);
-}
-
-void fs_scene::detach_servo(ServoLink& servo) {
-  const std::lock_guard lock(mutex_);
-  std::erase(readers_, &servo.reader);
-  servo.reader.mailbox.clear();
-  for (fs_event event; servo.take_event(event);) push_event(event);
-  servo_ = nullptr;
-  has_servo_.store(false);
-  switch_clock(ClockKind::caller);
-  const Ref<const Snapshot> newest = snapshot();
-  for (Reader* reader : readers_) reader->mailbox.post(newest);
-}
-
-void fs_scene::get_servo_stats(fs_servo_stats& out) const {
-  const std::lock_guard lock(mutex_);
-  if (!servo_) fail(FS_ERROR_STATE, "the scene has no servo; fs_servo_start gives it one");
-  servo_->get_stats(out);
-}
-
-void fs_scene::get_device_info(fs_device_info& out) const {
-  const std::lock_guard lock(mutex_);
-  if (!servo_) fail(FS_ERROR_STATE, "the scene has no servo, so no device; fs_servo_start gives it one");
-  servo_->get_device_info(out);
 }

@@ -50,6 +50,8 @@ class ServoLink {
 
 double steady_now() noexcept;  // [rt] s, the monotonic clock
 
+void prepare_curves(const Object& object, unsigned reader);
+
 // Throw INVALID: unless they are 1..32 points within bounds; for a field out of its range.
 void check_tool(const Vec3* points, size_t count);
 fs_frame parse_frame(const fs_frame& frame);

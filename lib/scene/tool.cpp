@@ -67,10 +67,7 @@ void fs::evaluate_field(Scene& scene, const char* name, double time, const Vec3*
     std::vector<std::unique_ptr<ReaderId>> readers;
     for (size_t i = 0; i < thread_count; ++i) readers.push_back(std::make_unique<ReaderId>());
     snapshot.objects.for_each([&](uint32_t, const Entry& entry) {
-      for (const auto& reader : readers) {
-        if (entry.object->front.curve) entry.object->front.curve->prepare(reader->get());
-        if (entry.object->back.curve) entry.object->back.curve->prepare(reader->get());
-      }
+      for (const auto& reader : readers) prepare_curves(*entry.object, reader->get());
     });
     std::vector<std::jthread> threads;
     for (size_t i = 1; i < thread_count; ++i) {
