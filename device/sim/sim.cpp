@@ -209,7 +209,7 @@ fs_status sim_open(const char* address, void** self) {
     *self = new Simulator(parse_sim_options(address));
     return FS_OK;
   } catch (const Error& error) {
-    return set_last_error(error.status, error.text);
+    return set_last_error(error.status, error.text.c_str());
   } catch (const std::bad_alloc&) {
     return set_last_error_literal(FS_ERROR_MEMORY, "no memory for the simulator");
   } catch (const std::exception& error) {

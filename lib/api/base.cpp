@@ -44,10 +44,10 @@ fs_status fs_pose_from_z(fs_vec3 position, fs_vec3 direction, fs_pose* out) {
       fail(FS_ERROR_INVALID, "direction is (%g, %g, %g), must be finite and longer than 0", direction.x, direction.y,
            direction.z);
     }
-    // The shortest turn from z to the direction; straight down, half a turn about x. Below the horizon 1 + z cancels.
+    // The shortest turn from z to the direction; straight down, half a turn about x.
     const Vec3 z = normalized(direction);
-    const double w = z.z > 0 ? 1 + z.z : (z.x * z.x + z.y * z.y) / (1 - z.z);
-    const bool is_down = z.x == 0 && z.y == 0 && z.z < 0;
-    *out = {position, is_down ? Quat{0, 1, 0, 0} : normalized(Quat{w, -z.y, z.x, 0})};
+    const double sideways = std::hypot(z.x, z.y), half = std::atan2(sideways, z.z) / 2;
+    const Vec3 axis = sideways > 0 ? normalized(Vec3{-z.y, z.x, 0}) : Vec3{1, 0, 0};
+    *out = {position, {std::cos(half), std::sin(half) * axis.x, std::sin(half) * axis.y, 0}};
   });
 }

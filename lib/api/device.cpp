@@ -104,9 +104,5 @@ fs_status fs_driver_load(const char* path) {
 }
 
 fs_status fs_fail(fs_status status, const char* message) {
-  try {
-    return set_last_error(status, message ? message : "");
-  } catch (...) {
-    return set_last_error_literal(status, "out of memory");
-  }
+  return set_last_error(status, message ? message : "");
 }

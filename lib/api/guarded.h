@@ -20,7 +20,7 @@ fs_status guarded(F&& f) noexcept {
   } catch (const std::bad_alloc&) {
     return set_last_error_literal(FS_ERROR_MEMORY, "out of memory");
   } catch (const std::exception& error) {
-    return set_last_error(FS_ERROR_INTERNAL, std::string("internal: ") + error.what());
+    return set_last_error(FS_ERROR_INTERNAL, error.what());
   }
 }
 

@@ -10,8 +10,8 @@ fs_status fs_servo_start(fs_scene* scene, fs_device* device, const fs_servo_opti
     require_pointer(scene, "scene");
     require_pointer(device, "device");
     require_pointer(out, "out");
+    if (options) check_struct_size(options->struct_size, sizeof *options, "fs_servo_options");
     const fs_servo_options given = options ? *options : fs_servo_options_init();
-    check_struct_size(given.struct_size, sizeof given, "fs_servo_options");
     const ServoSettings settings = parse_options(given, device->info());
     *out = make_ref<Servo>(Ref<Scene>::share(scene), Ref<Device>::share(device), settings).detach();
   });

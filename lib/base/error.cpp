@@ -22,10 +22,18 @@ void fail(fs_status status, const char* format, ...) {
   throw Error{status, text};
 }
 
-fs_status set_last_error(fs_status status, std::string text) noexcept {
+fs_status set_last_error(fs_status status, std::string&& text) noexcept {
   last_owned = std::move(text);
   last_text = last_owned.c_str();
   return status;
+}
+
+fs_status set_last_error(fs_status status, const char* text) noexcept {
+  try {
+    return set_last_error(status, std::string(text));
+  } catch (...) {
+    return set_last_error_literal(status, "out of memory for the sentence");
+  }
 }
 
 fs_status set_last_error_literal(fs_status status, const char* literal) noexcept {

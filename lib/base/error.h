@@ -16,8 +16,9 @@ struct Error {
 // Throws an Error with a printf-formatted sentence.
 [[noreturn, gnu::format(printf, 2, 3)]] void fail(fs_status status, const char* format, ...);
 
-// Makes a copy of text the thread's last error; returns status. May allocate.
-fs_status set_last_error(fs_status status, std::string text) noexcept;
+// Makes text, or a copy of it, the thread's last error; returns status. May allocate; where it cannot, it says so.
+fs_status set_last_error(fs_status status, std::string&& text) noexcept;
+fs_status set_last_error(fs_status status, const char* text) noexcept;
 
 // [rt] Makes a literal the thread's last error; returns status.
 fs_status set_last_error_literal(fs_status status, const char* literal) noexcept;

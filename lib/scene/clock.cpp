@@ -1,6 +1,8 @@
 // The scene's clock and its servo, which may bring a clock of its own.
 #include <cmath>
 #include <ctime>
+#include <limits>
+#include <new>
 
 #include "base/error.h"
 #include "scene/scene.h"
@@ -31,83 +33,111 @@ fs_status fs_scene::set_time(double time) noexcept {
   return FS_OK;
 }
 
-// Shifts every stored time and brings what fades to its end.
+// Shifts every stored time and brings what fades to its end. All that can fail is done first.
 void fs_scene::retime(double shift) {
   const auto retimed = [&](const Entry& old) {
     const Ref<Entry> entry = make_ref<Entry>(old);
     entry->motion.time += shift;
     entry->track.shift(shift);
     entry->start += shift;
+    entry->expiry += shift;
     entry->fade = old.fade.settled(shift);
     entry->previous = nullptr;
+    entry->tidy_at = never;
+    entry->felt = make_ref<Felt>();
     return entry;
   };
-  std::vector<std::pair<uint32_t, Ref<const Entry>>> entries;
+  Table<Entry> table, group_table;
+  std::set<uint32_t> free_slots = free_slots_;
+  std::vector<std::string_view> gone;
   table_.for_each([&](uint32_t slot, const Entry& old) {
-    entries.emplace_back(slot, old.is_removed ? nullptr : Ref<const Entry>(retimed(old)));
-  });
-  std::unique_ptr<Group> group = std::move(group_);  // an open group stays open, and its undo list is retimed too
-  expiries_.clear();
-  for (auto& [slot, entry] : entries) put(slot, entry);
-  settled_at_ = -never;
-  pending_epoch_ = nullptr;
-  epochs_.clear();
-
-  const auto settle_views = [](ViewFade& views) {
-    const Ref<View> view = make_ref<View>();
-    views.view->get_frame(view->frame);
-    view->points = views.view->points;
-    view->kind = views.view->kind == View::Kind::held ? View::Kind::held : View::Kind::free;
-    views = {view, nullptr, Fade::steady(view->kind == View::Kind::free), Fade::steady(false)};
-  };
-  settle_views(views_);
-  if (group) {
-    for (auto& [slot, before] : group->undo) {
-      if (before) before = before->is_removed ? nullptr : Ref<const Entry>(retimed(*before));
+    const bool is_in_group = group_ && group_->touched.contains(slot);
+    if (!old.is_removed) {
+      table.set(slot, retimed(old));
+    } else if (!is_in_group) {
+      free_slots.insert(slot);
+      gone.push_back(old.object->name);
     }
-    settle_views(group->views);
+  });
+  if (group_) {
+    group_->table.for_each([&](uint32_t slot, const Entry& entry) {
+      if (group_->touched.contains(slot) || !entry.is_removed) group_table.set(slot, retimed(entry));
+    });
   }
+  std::set<std::pair<double, uint32_t>> expiries;
+  for (const auto& [time, slot] : expiries_) expiries.insert({time + shift, slot});
+  const Ref<View> view = make_ref<View>();
+  views_.view->get_frame(view->frame);
+  view->points = views_.view->points;
+  view->kind = views_.view->kind == View::Kind::held ? View::Kind::held : View::Kind::free;
+
+  for (const std::string_view name : gone) slots_.erase(slots_.find(name));
+  table_ = table;
+  if (group_) group_->table = group_table;
+  std::swap(free_slots_, free_slots);
+  std::swap(expiries_, expiries);
+  tidies_.clear();
+  views_ = {view, nullptr, Fade::steady(view->kind == View::Kind::free), Fade::steady(false)};
+  for (fs_event& event : events_) event.time += shift;
+  settled_at_ = -never;
   posted_ = nullptr;
-  group_ = std::move(group);
+  pending_epoch_ = open_epoch_ = nullptr;
 }
 
 void fs_scene::switch_clock(ClockKind clock) {
   const double before = now();
-  const bool was_told = !std::isnan(told_time_.exchange(std::numeric_limits<double>::quiet_NaN()));
+  const double told = told_time_.exchange(std::numeric_limits<double>::quiet_NaN());
   const ClockKind old = clock_.exchange(clock);
-  const bool same = (old == ClockKind::virtual_time) == (clock == ClockKind::virtual_time) && !was_told;
-  retime(same ? 0 : now() - before);
+  const bool is_same =
+      (old == ClockKind::virtual_time) == (clock == ClockKind::virtual_time) && std::isnan(told);
+  try {
+    retime(is_same ? 0 : now() - before);
+  } catch (...) {
+    clock_.store(old);
+    told_time_.store(told);
+    throw;
+  }
 }
 
 void fs_scene::attach_servo(ServoLink& servo) {
   const std::lock_guard lock(mutex_);
   if (servo_) fail(FS_ERROR_STATE, "scene has a servo already; stop it first");
   settle(true);
+  prepare_all_curves(servo.reader.id.get());
+  readers_.reserve(readers_.size() + 1);
   output.time.store(0);
   output.tick.store(0);
   output.used.store(0);
   HandSample hand{};
   hand.state.pose = hand.response.proxy = identity_pose();
   output.hand.write(hand);
-  has_servo_.store(true);
-  servo_ = &servo;
   switch_clock(servo.clock);
-  table_.for_each([&](uint32_t, const Entry& entry) { prepare_curves(*entry.object, servo.reader.id.get()); });
   readers_.push_back(&servo.reader);
-  const Ref<const Snapshot> newest = snapshot();
-  for (Reader* reader : readers_) reader->mailbox.post(newest);
+  servo_ = &servo;
+  try {
+    servo.reader.mailbox.prime(newest());
+  } catch (...) {
+    servo_ = nullptr;
+    readers_.pop_back();
+    throw;
+  }
+  has_servo_.store(true);
 }
 
-void fs_scene::detach_servo(ServoLink& servo) {
+void fs_scene::detach_servo(ServoLink& servo) noexcept {
   const std::lock_guard lock(mutex_);
   std::erase(readers_, &servo.reader);
   servo.reader.mailbox.clear();
-  for (fs_event event; servo.take_event(event);) push_event(event);
   servo_ = nullptr;
   has_servo_.store(false);
-  switch_clock(ClockKind::caller);
-  const Ref<const Snapshot> newest = snapshot();
-  for (Reader* reader : readers_) reader->mailbox.post(newest);
+  try {
+    for (fs_event event; servo.take_event(event);) push_event(event);
+    switch_clock(ClockKind::caller);
+    newest();
+  } catch (const std::bad_alloc&) {  // then the clock stands where it is, so that ages stay
+    told_time_.store(now());
+    clock_.store(ClockKind::caller);
+  }
 }
 
 void fs_scene::get_servo_stats(fs_servo_stats& out) const {

@@ -33,8 +33,13 @@ class Fade {
   // From `now` on it goes in (true) or out; until the epoch it goes on as before. `duration` is the servo's fade, s.
   Fade turned(bool in, double expiry, Ref<const Epoch> epoch, double duration) const {
     Fade next(*this);
-    if (epoch_ && epoch_->is_stamped()) {
-      next.before_ = {epoch_->time(), before_.at(epoch_->time(), duration), direction_, expiry_};
+    if (epoch_ && !(epoch_ == epoch)) {
+      if (epoch_->is_stamped()) {
+        next.before_ = {epoch_->time(), weight_before(epoch_->time(), duration), direction_, expiry_};
+        next.earlier_ = nullptr;
+      } else {  // the servo is about to stamp it
+        next.earlier_ = Ref<const Earlier>(make_ref<Earlier>(*this));
+      }
     }
     next.epoch_ = std::move(epoch);
     next.direction_ = in ? 1 : -1;
@@ -46,8 +51,8 @@ class Fade {
     if (!epoch_) return before_.at(now, duration);
     const double start = epoch_->time();
     const bool is_used = duration > 0 ? now > start : now >= start;
-    if (!is_used) return before_.at(now, duration);
-    return Segment{start, before_.at(start, duration), direction_, expiry_}.at(now, duration);
+    if (!is_used) return weight_before(now, duration);
+    return Segment{start, weight_before(start, duration), direction_, expiry_}.at(now, duration);
   }
 
   bool is_going_in() const noexcept { return epoch_ ? direction_ > 0 : before_.weight > 0; }
@@ -76,13 +81,26 @@ class Fade {
       return std::fmax(0, std::fmin(1, std::fmin(line, end)));
     }
   };
+  struct Earlier;
 
   explicit Fade(const Segment& before) : before_(before), expiry_(before.expiry) {}
 
-  Segment before_;
+  double weight_before(double now, double duration) const noexcept;
+
+  Segment before_;              // how it went before the epoch,
+  Ref<const Earlier> earlier_;  // or this, where that had not begun yet
   Ref<const Epoch> epoch_;
   int direction_ = 0;
   double expiry_;
 };
+
+struct Fade::Earlier : Counted<Earlier> {
+  explicit Earlier(const Fade& f) : fade(f) {}
+  Fade fade;
+};
+
+inline double Fade::weight_before(double now, double duration) const noexcept {
+  return earlier_ ? earlier_->fade.weight(now, duration) : before_.at(now, duration);
+}
 
 }  // namespace fs

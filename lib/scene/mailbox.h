@@ -12,12 +12,15 @@ namespace fs {
 template <class T>
 class Mailbox {
  public:
-  // The writer's. Afterwards the slot that came back is emptied, so that old values are freed here and at once.
-  void post(T value) {
+  // The writer's. True when the value before was never fetched. The slot that comes back is emptied, so that old values
+  // are freed here and at once.
+  bool post(T value) {
     slots_[back_] = std::move(value);
-    back_ = middle_.exchange(static_cast<uint8_t>(back_ | fresh), std::memory_order_acq_rel) & index;
-    slots_[back_] = T();
+    return swap_middle(back_ | fresh);
   }
+
+  // The writer's. Takes back what was posted last: true when it was not fetched, and now cannot be any more.
+  bool take_back() { return swap_middle(back_); }
 
   // [rt] The reader's. True when there is a newer value in front().
   bool fetch() noexcept {
@@ -27,11 +30,22 @@ class Mailbox {
   }
   const T& front() const noexcept { return slots_[front_]; }
 
+  // Before the reader runs: what it has until it fetches.
+  void prime(T value) { slots_[front_] = std::move(value); }
+
   // When neither runs any more.
   void clear() { slots_ = {}; }
 
  private:
   static constexpr uint8_t index = 3, fresh = 4;
+
+  bool swap_middle(int value) {
+    const uint8_t before = middle_.exchange(static_cast<uint8_t>(value), std::memory_order_acq_rel);
+    back_ = before & index;
+    slots_[back_] = T();
+    return before & fresh;
+  }
+
   std::array<T, 3> slots_;
   alignas(64) std::atomic<uint8_t> middle_{0};
   alignas(64) uint8_t back_ = 1;

@@ -89,7 +89,7 @@ double shape_radius(const Shape& shape) {
   return std::sqrt(largest) * (1 + 1e-12);
 }
 
-ParsedObject parse(const fs_object& in, std::string name) {
+ParsedObject parse(const fs_object& in, std::string name, const Object* like) {
   const int32_t primitive = raw_value(in.primitive);
   if (primitive < FS_PRIMITIVE_POINT || primitive > FS_PRIMITIVE_MESH) {
     fail(FS_ERROR_INVALID, "primitive is %d, must be an fs_primitive (0..3)", primitive);
@@ -138,12 +138,14 @@ ParsedObject parse(const fs_object& in, std::string name) {
 
   if (object.shape) {
     object.shape->build();
-    object.radius = shape_radius(*object.shape);
+    object.radius = like && like->shape == object.shape ? like->radius : shape_radius(*object.shape);
   } else if (in.primitive == FS_PRIMITIVE_PLANE) {
     object.radius = std::numeric_limits<double>::infinity();
   }
   object.support = std::fmax(support(object.front), support(object.back));
-  object.steepest_slope = object_slope(object);  // a slope cap belongs here, where an object is admitted
+  const bool has_same_force = like && like->primitive == object.primitive && like->front == object.front &&
+                              like->back == object.back;
+  object.steepest_slope = has_same_force ? like->steepest_slope : object_slope(object);  // the place for a slope cap
   out.object = made;
   return out;
 }
@@ -226,11 +228,11 @@ bool make_unit_pose(Pose& pose) noexcept {
   return true;
 }
 
-ParsedObject parse_object(const fs_object& in) {
+ParsedObject parse_object(const fs_object& in, const Object* like) {
   check_struct_size(in.struct_size, sizeof(fs_object), "fs_object");
   const std::string name = parse_name(in.name, "name");
   try {
-    return parse(in, name);
+    return parse(in, name, like);
   } catch (Error& error) {
     error.text = "object '" + name + "': " + error.text;
     throw;

@@ -48,7 +48,8 @@ struct ParsedObject {
 
 // Checks every field, builds the shape's tree, works out what depends on the whole. Throws INVALID (the sentence begins
 // with the object's name), VERSION, UNSUPPORTED.
-ParsedObject parse_object(const fs_object& object);
+// like: an object of which much may be the same, and need not be worked out again; may be null.
+ParsedObject parse_object(const fs_object& object, const Object* like = nullptr);
 
 // Only what stands in `parts` (fs_part bits) is taken from `change`, the rest from `object`; both as the contract has them.
 fs_object merge_parts(const fs_object& object, const fs_object& change, uint32_t parts);

@@ -8,61 +8,67 @@
 
 using namespace fs;
 
-namespace {
-constexpr size_t open_epochs = 16;
-}
-
 // The parsers of expressions: made for a reader before it can come by the curve.
 void fs::prepare_curves(const Object& object, unsigned reader) {
   if (object.front.curve) object.front.curve->prepare(reader);
   if (object.back.curve) object.back.curve->prepare(reader);
 }
 
+void fs_scene::prepare_all_curves(unsigned reader) const {
+  const auto prepare = [&](uint32_t, const Entry& entry) {
+    prepare_curves(*entry.object, reader);
+    if (entry.previous) prepare_curves(*entry.previous->object, reader);
+  };
+  table_.for_each(prepare);
+  if (group_) group_->table.for_each(prepare);
+}
+
+// All fades between two ticks begin at the same epoch. It is a new one once the servo has fetched the last: whether it has
+// is made sure by taking the snapshot back, so that nothing begins before the servo can know of it.
 Fade fs_scene::turned(const Fade& fade, bool in, double expiry) {
   if (!servo_) return Fade::steady(in, expiry);
   if (!pending_epoch_) {
-    // A servo that does not tick meanwhile must not make the list of open epochs grow: from some number on they share one.
-    const bool is_shared = epochs_.size() >= open_epochs && !epochs_.back()->is_stamped();
-    pending_epoch_ = is_shared ? epochs_.back() : Ref<const Epoch>(make_ref<Epoch>());
+    const Ref<const Epoch> fresh = make_ref<Epoch>();
+    posted_ = nullptr;
+    if (!servo_->reader.mailbox.take_back()) open_epoch_ = nullptr;
+    pending_epoch_ = open_epoch_ ? open_epoch_ : fresh;
   }
   return fade.turned(in, expiry, pending_epoch_, servo_->fade);
 }
 
 void fs_scene::changed() {
-  if (group_) return;
   posted_ = nullptr;
-  if (readers_.empty()) return;
-  const Ref<const Snapshot> newest = snapshot();
-  for (Reader* reader : readers_) reader->mailbox.post(newest);
+  newest();
 }
 
-// The newest snapshot; of an open group it has nothing.
-Ref<const Snapshot> fs_scene::snapshot() {
+// The newest snapshot; the readers have it, too. Of an open group it has nothing.
+Ref<const Snapshot> fs_scene::newest() {
   if (posted_) return posted_;
-  const Ref<Snapshot> made = make_ref<Snapshot>();
-  made->sequence = ++sequence_;
+  const Ref<Snapshot> made = spare_ ? std::move(spare_) : make_ref<Snapshot>();
+  made->sequence = sequence_ + 1;
   made->objects = table_;
   made->views = views_;
-  std::erase_if(epochs_, [](const Ref<const Epoch>& epoch) { return epoch->is_stamped(); });
-  if (group_) {
-    for (auto undo = group_->undo.rbegin(); undo != group_->undo.rend(); ++undo) {
-      made->objects.set(undo->first, undo->second);
-    }
-    made->views = group_->views;
-  } else if (pending_epoch_) {
-    if (epochs_.empty() || !(epochs_.back() == pending_epoch_)) epochs_.push_back(pending_epoch_);
-    pending_epoch_ = nullptr;
-  }
   made->clock = clock_.load(std::memory_order_relaxed);
-  made->epochs = epochs_;
+  made->epoch = pending_epoch_ ? pending_epoch_ : open_epoch_;
+  for (Reader* reader : readers_) {
+    const bool was_unread = reader->mailbox.post(made);
+    if (!servo_ || reader != &servo_->reader) continue;
+    if (pending_epoch_) {
+      open_epoch_ = std::move(pending_epoch_);
+    } else if (!was_unread) {
+      open_epoch_ = nullptr;  // fetched with the snapshot before
+    }
+  }
+  ++sequence_;
   return posted_ = made;
 }
 
 void fs_scene::attach(Reader& reader) {
   const std::lock_guard lock(mutex_);
-  table_.for_each([&](uint32_t, const Entry& entry) { prepare_curves(*entry.object, reader.id.get()); });
+  prepare_all_curves(reader.id.get());
+  const Ref<const Snapshot> snapshot = newest();
   readers_.push_back(&reader);
-  reader.mailbox.post(snapshot());
+  reader.mailbox.prime(snapshot);
 }
 
 void fs_scene::detach(Reader& reader) noexcept {
@@ -76,12 +82,15 @@ void fs_scene::with_snapshot(const char* name, const std::function<void(const Sn
   int64_t slot = -1;
   {
     const std::lock_guard lock(mutex_);
-    uint32_t found;
-    if (name) {
-      require(name, found);
-      slot = found;
+    if (name) {  // as it is evaluated, whatever an open group has done to it
+      const auto found = slots_.find(std::string_view(name));
+      const Entry* entry = found == slots_.end() ? nullptr : table_.get(found->second);
+      if (!entry || entry->is_removed) {
+        fail(FS_ERROR_NOT_FOUND, "name is '%.80s': there is no such object to evaluate", name);
+      }
+      slot = found->second;
     }
-    held = snapshot();
+    held = newest();
   }
   struct Release {  // under the lock again, also when f throws
     fs_scene& scene;
@@ -96,10 +105,15 @@ void fs_scene::with_snapshot(const char* name, const std::function<void(const Sn
 
 // Lets go of what has faded out, and announces what has expired. Every call that changes something comes by here; that is
 // often enough, for what has weight 0 costs a tick next to nothing.
-void fs_scene::settle(bool now_or_never) {
+void fs_scene::settle(bool is_urgent) {
   const double time = now();
-  if (group_ || (!now_or_never && std::fabs(time - settled_at_) < 5e-3)) return;
+  if (!is_urgent && std::fabs(time - settled_at_) < 5e-3) return;
   settled_at_ = time;
+  announce_expired(time);
+  if (servo_ && tidy(time)) changed();
+}
+
+void fs_scene::announce_expired(double time) {
   while (!expiries_.empty() && expiries_.begin()->first <= time) {
     const Entry& entry = *table_.get(expiries_.begin()->second);
     fs_event event{};
@@ -109,29 +123,34 @@ void fs_scene::settle(bool now_or_never) {
     push_event(event);
     expiries_.erase(expiries_.begin());
   }
-  if (!servo_) return;
+}
+
+// True when it changed something. Only what is due, and not too much at once: no call waits for the tidying of thousands.
+bool fs_scene::tidy(double time) {
+  constexpr int most = 256;
   const double duration = servo_->fade;
-  const std::vector<uint32_t> fading(fading_.begin(), fading_.end());
   bool is_changed = false;
-  for (const uint32_t slot : fading) {
+  for (int i = 0; i < most && !tidies_.empty() && tidies_.begin()->first <= time; ++i) {
+    const uint32_t slot = tidies_.begin()->second;
     const Entry& old = *table_.get(slot);
-    const bool previous_is_gone = !old.previous || !(old.previous->fade.weight(time, duration) > 0);
-    if (old.is_removed && previous_is_gone && !(old.fade.weight(time, duration) > 0)) {
-      put(slot, nullptr);
-    } else if (old.previous && previous_is_gone) {
-      const Ref<Entry> entry = make_ref<Entry>(old);
-      entry->previous = nullptr;
-      put(slot, entry);
-    } else {
-      continue;
+    const bool is_alone = !old.previous || !(old.previous->fade.weight(time, duration) > 0);
+    const bool is_gone = old.is_removed && is_alone && !(old.fade.weight(time, duration) > 0);
+    const bool is_in_group = group_ && group_->touched.contains(slot);
+    Ref<Entry> entry;
+    if (!is_gone || is_in_group) {
+      entry = make_ref<Entry>(old);
+      if (is_alone) entry->previous = nullptr;
+      entry->tidy_at = entry->previous || old.is_removed ? time + duration + 1e-3 : never;  // else look again then
     }
-    is_changed = true;
+    if (group_ && !is_in_group) group_->table.set(slot, entry);
+    is_changed |= !entry || !(entry->previous == old.previous);
+    store(slot, entry);
   }
   if (views_.previous && !(views_.previous_fade.weight(time, duration) > 0)) {
     views_.previous = nullptr;
     is_changed = true;
   }
-  if (is_changed) changed();
+  return is_changed;
 }
 
 void fs::check_timeout(double timeout) {

@@ -12,21 +12,23 @@ namespace {
 constexpr size_t event_capacity = 1024;
 }
 
-fs_report fs_scene::make_report(const Entry& entry, double now) const {
+fs_report fs_scene::make_report(uint32_t slot, const Entry& entry, double now) const {
   const Object& object = *entry.object;
   fs_report out{};
   object.name.copy(out.name, FS_NAME_SIZE - 1);
   out.primitive = object.primitive;
   out.revision = entry.revision;
-  out.weight = servo_ ? entry.fade.weight(now, servo_->fade) : entry.is_present(now);
-  if (servo_ && entry.fade.is_pending() && out.weight == 0 && object.is_enabled) {
+  const Entry* evaluated = table_.get(slot);  // what an open group has changed is not yet
+  if (evaluated) out.weight = servo_ ? evaluated->fade.weight(now, servo_->fade) : evaluated->is_present(now);
+  const bool is_pending = !evaluated || (servo_ && evaluated->fade.is_pending());
+  if (is_pending && out.weight == 0 && object.is_enabled) {
     out.state = FS_OBJECT_PENDING;
   } else if (!object.is_enabled && out.weight == 0) {
     out.state = FS_OBJECT_DISABLED;
   } else {
     out.state = out.weight < 1 ? FS_OBJECT_FADING : FS_OBJECT_FELT;
   }
-  const fs_frame& frame = views_.view->frame;
+  const fs_frame frame = present_frame();
   const double slope_scale = frame.scale * frame.force_scale;
   out.stiffness_wanted = slope_scale > 0 ? slope_scale * object.steepest_slope : 0;
   out.stiffness_applied = out.stiffness_wanted;
@@ -44,8 +46,8 @@ std::vector<fs_report> fs_scene::reports() const {
   const std::lock_guard lock(mutex_);
   std::vector<fs_report> out;
   const double time = now();
-  table_.for_each([&](uint32_t, const Entry& entry) {
-    if (!entry.is_removed) out.push_back(make_report(entry, time));
+  working().for_each([&](uint32_t slot, const Entry& entry) {
+    if (!entry.is_removed) out.push_back(make_report(slot, entry, time));
   });
   return out;
 }
@@ -53,7 +55,8 @@ std::vector<fs_report> fs_scene::reports() const {
 fs_report fs_scene::report(const char* name) const {
   const std::lock_guard lock(mutex_);
   uint32_t slot;
-  return make_report(require(name, slot), now());
+  const Entry& entry = require(name, slot);
+  return make_report(slot, entry, now());
 }
 
 void fs_scene::push_event(const fs_event& event) {

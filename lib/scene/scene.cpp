@@ -18,13 +18,11 @@ Ref<Entry> copy(const Entry& entry) { return make_ref<Entry>(entry); }
 
 }  // namespace
 
-// ---------------------------------------------------------------------------------------------------------- objects
-
 const Entry* fs_scene::find(std::string_view name, uint32_t& slot) const {
   const auto found = slots_.find(name);
   if (found == slots_.end()) return nullptr;
   slot = found->second;
-  return table_.get(slot);
+  return working().get(slot);
 }
 
 const Entry& fs_scene::require(const char* name, uint32_t& slot) const {
@@ -36,35 +34,12 @@ const Entry& fs_scene::require(const char* name, uint32_t& slot) const {
   return *entry;
 }
 
-uint32_t fs_scene::take_slot() {
+uint32_t fs_scene::free_slot() const {
   if (!free_slots_.empty()) return *free_slots_.begin();
   if (slots_end_ == Table<Entry>::capacity) {
     fail(FS_ERROR_FULL, "the scene holds %u objects, its maximum", Table<Entry>::capacity);
   }
-  return slots_end_++;
-}
-
-// The one place where the table changes; keeps the indexes beside it true, and the group's undo list.
-void fs_scene::put(uint32_t slot, Ref<const Entry> entry) {
-  const Ref<const Entry> before = Ref<const Entry>::share(table_.get(slot));
-  if (group_) group_->undo.emplace_back(slot, before);
-  if (before) {
-    if (before->fade.expiry() < never) expiries_.erase({before->fade.expiry(), slot});
-    if (before->previous || before->is_removed) fading_.erase(slot);
-    if (!entry) {
-      slots_.erase(before->object->name);
-      free_slots_.insert(slot);
-    }
-  } else if (entry) {
-    slots_[entry->object->name] = slot;
-    free_slots_.erase(slot);
-  }
-  if (entry) {
-    const double expiry = entry->fade.expiry();
-    if (expiry < never && !entry->is_removed && expiry > now()) expiries_.insert({expiry, slot});
-    if (entry->previous || entry->is_removed) fading_.insert(slot);
-  }
-  table_.set(slot, std::move(entry));
+  return slots_end_;
 }
 
 // Puts a checked object in, or the parts of it that are named, into the object of its name.
@@ -76,13 +51,16 @@ void fs_scene::admit(const ParsedObject& parsed, uint32_t parts) {
   uint32_t slot;
   const Entry* old = find(object.name, slot);
   const bool is_known = old && !old->is_removed;  // else the name is new, also where its last bearer still fades out
-  if (!old) slot = take_slot();
+  if (!old) {
+    if (free_slots_.empty() && slots_end_ == Table<Entry>::capacity) settle(true);
+    slot = free_slot();
+  }
 
-  Ref<Entry> entry = old ? copy(*old) : make_ref<Entry>();
+  const Ref<Entry> entry = is_known ? copy(*old) : make_ref<Entry>();
   entry->object = parsed.object;
-  entry->is_removed = false;
   entry->revision = ++revision_;
-  if (!is_known || !entry->felt) entry->felt = make_ref<Felt>();
+  entry->expiry = expiry_of(object, time);
+  if (!is_known) entry->felt = make_ref<Felt>();
   if (!is_known || (parsed.start != 0 && parsed.start != old->start)) {
     entry->start_is_given = parsed.start != 0;
     entry->start = parsed.start != 0 ? parsed.start : time;
@@ -91,52 +69,122 @@ void fs_scene::admit(const ParsedObject& parsed, uint32_t parts) {
     entry->track = {};
     entry->motion = entry->track.take(parsed.pose, &parsed.twist, parsed.time != 0 ? parsed.time : time);
   }
+  put(slot, entry, true);
+}
 
-  const double expiry = expiry_of(object, time);
-  if (!servo_) {
-    entry->fade = Fade::steady(object.is_enabled, expiry);
-  } else if (!old) {
-    entry->fade = turned(Fade::steady(false), object.is_enabled, expiry);
-  } else if (old->object->is_same_version(object)) {
-    entry->fade = turned(old->fade, object.is_enabled, expiry);
-  } else if (old->previous && old->previous->fade.weight(time, servo_->fade) > 0) {
-    // At most one old version is kept: this one takes the place, and the weight, of the one that is fading in.
-    entry->fade = turned(old->fade, object.is_enabled, expiry);
+void fs_scene::move_entry(uint32_t slot, const Entry& old, const fs_pose& pose, const fs_twist* twist, double time) {
+  const Ref<Entry> entry = copy(old);
+  const double present = now();
+  entry->motion = entry->track.take(pose, twist, time != 0 ? time : present);
+  entry->expiry = expiry_of(*old.object, present);
+  put(slot, entry, old.object->lifetime > 0);
+}
+
+void fs_scene::remove_entry(uint32_t slot, const Entry& old) {
+  if (old.is_removed) return;
+  const Ref<Entry> entry = copy(old);
+  entry->is_removed = true;
+  entry->expiry = never;
+  put(slot, entry, true);
+}
+
+// Takes what an entry shall be: into the group, or at once through the fade that it needs.
+void fs_scene::put(uint32_t slot, Ref<Entry> entry, bool is_more_than_moved) {
+  const bool is_new = !working().get(slot);
+  if (is_new) {
+    slots_.try_emplace(entry->object->name, slot);
+    if (slot == slots_end_) ++slots_end_;
+  }
+  if (group_) {
+    group_->touched[slot] |= is_more_than_moved;
+    group_->table.set(slot, std::move(entry));
   } else {
-    const Ref<Entry> previous = copy(*old);
-    previous->fade = turned(old->fade, false, never);
+    store(slot, is_more_than_moved ? transit(table_.get(slot), *entry) : Ref<const Entry>(entry));
+  }
+  if (is_new) free_slots_.erase(slot);
+}
+
+// How what is felt becomes what is wanted: without a step. Null: at once gone.
+Ref<const Entry> fs_scene::transit(const Entry* felt, const Entry& wanted) {
+  const bool in = wanted.object->is_enabled && !wanted.is_removed;
+  if (!servo_ || !felt) {
+    if (wanted.is_removed) return nullptr;
+    const Ref<Entry> entry = copy(wanted);
+    entry->previous = nullptr;
+    entry->fade = servo_ ? turned(Fade::steady(false), in, wanted.expiry) : Fade::steady(in, wanted.expiry);
+    return entry;
+  }
+  const double time = now();
+  const bool is_tailed = felt->previous && felt->previous->fade.weight(time, servo_->fade) > 0;
+  const Ref<Entry> entry = copy(wanted.is_removed ? *felt : wanted);
+  entry->is_removed = wanted.is_removed;
+  entry->expiry = wanted.expiry;
+  if (wanted.is_removed || is_tailed || felt->object->is_same_version(*wanted.object)) {
+    // The same object, out or in. Also of another version while one fades out behind it: at most one old version is kept,
+    // so this one takes the place, and the weight, of the one that is fading in.
+    entry->previous = felt->previous;
+    entry->fade = turned(felt->fade, in, wanted.expiry);
+  } else {
+    const Ref<Entry> previous = copy(*felt);
+    previous->fade = turned(felt->fade, false, never);
     previous->previous = nullptr;
     previous->felt = nullptr;
     entry->previous = previous;
-    entry->fade = turned(Fade::steady(false), object.is_enabled, expiry);
+    entry->fade = turned(Fade::steady(false), in, wanted.expiry);
   }
-  put(slot, entry);
+  if (entry->is_removed || entry->previous) entry->tidy_at = time + servo_->fade;
+  return entry;
+}
+
+// The one place where the table changes, and the indexes beside it. What can fail is done first.
+void fs_scene::store(uint32_t slot, Ref<const Entry> entry) {
+  using Key = std::pair<double, uint32_t>;
+  const Ref<const Entry> before = Ref<const Entry>::share(table_.get(slot));
+  const Key old_tidy{before ? before->tidy_at : never, slot}, old_expiry{before ? before->expiry : never, slot};
+  const Key tidy{entry ? entry->tidy_at : never, slot}, expiry{entry ? entry->expiry : never, slot};
+  // An expiry that has been announced is so no more than once.
+  const bool is_to_announce = expiry.first < never && (expiry != old_expiry || expiries_.contains(old_expiry));
+  const bool is_new_tidy = tidy.first < never && tidies_.insert(tidy).second;
+  bool is_new_expiry = false;
+  try {
+    is_new_expiry = is_to_announce && expiries_.insert(expiry).second;
+    if (!entry) free_slots_.insert(slot);
+    table_.set(slot, entry);
+  } catch (...) {
+    if (is_new_tidy) tidies_.erase(tidy);
+    if (is_new_expiry) expiries_.erase(expiry);
+    if (!entry) free_slots_.erase(slot);
+    throw;
+  }
+  if (old_tidy != tidy) tidies_.erase(old_tidy);
+  if (old_expiry != expiry) expiries_.erase(old_expiry);
+  if (before && !entry) slots_.erase(before->object->name);
 }
 
 void fs_scene::set(const fs_object& object) {
   const ParsedObject parsed = parse_object(object);
-  const std::lock_guard lock(mutex_);
-  settle(false);
-  admit(parsed, all_parts);
-  changed();
+  mutate([&] { admit(parsed, all_parts); });
 }
 
 void fs_scene::change(const fs_object& change, uint32_t parts) {
   if (parts & ~all_parts) fail(FS_ERROR_INVALID, "parts is 0x%x, must be of the fs_part bits 0x%x", parts, all_parts);
   check_struct_size(change.struct_size, sizeof(fs_object), "fs_object");
   const std::string name = parse_name(change.name, "name");
-  for (;;) {
+  for (bool is_done = parts == 0; !is_done;) {
     fs_object current;
     const Ref<const Object> object = get(name.c_str(), current);
-    if (parts == 0) return;
-    const ParsedObject parsed = parse_object(merge_parts(current, change, parts));  // may build a tree: not under the lock
+    // May build a tree, so not under the lock; when another thread comes between, once more.
+    const ParsedObject parsed = parse_object(merge_parts(current, change, parts), object.get());
+    mutate([&] {
+      uint32_t slot;
+      is_done = require(name.c_str(), slot).object == object;
+      if (is_done) admit(parsed, parts);
+    });
+  }
+  if (parts == 0) {
     const std::lock_guard lock(mutex_);
-    settle(false);
     uint32_t slot;
-    if (!(require(name.c_str(), slot).object == object)) continue;  // another thread came between: once more
-    admit(parsed, parts);
-    changed();
-    return;
+    require(name.c_str(), slot);
   }
 }
 
@@ -144,46 +192,27 @@ void fs_scene::move(const char* name, const fs_pose& pose, const fs_twist* twist
   const Pose parsed = parse_pose(pose, "pose");
   if (twist) parse_twist(*twist, "twist");
   parse_finite(time, "time");
-  const std::lock_guard lock(mutex_);
-  settle(false);
-  uint32_t slot;
-  const Entry& old = require(name, slot);
-  const Ref<Entry> entry = copy(old);
-  const double present = now();
-  entry->motion = entry->track.take(parsed, twist, time != 0 ? time : present);
-  if (old.object->lifetime > 0) {
-    entry->fade = turned(old.fade, old.object->is_enabled, expiry_of(*old.object, present));
-  }
-  put(slot, entry);
-  changed();
-}
-
-void fs_scene::remove_slot(uint32_t slot) {
-  const Entry& old = *table_.get(slot);
-  if (old.is_removed) return;
-  if (!servo_) return put(slot, nullptr);
-  const Ref<Entry> entry = copy(old);
-  entry->is_removed = true;
-  entry->fade = turned(old.fade, false, never);
-  put(slot, entry);
+  mutate([&] {
+    uint32_t slot;
+    const Entry& old = require(name, slot);
+    move_entry(slot, old, parsed, twist, time);
+  });
 }
 
 void fs_scene::remove(const char* name) {
-  const std::lock_guard lock(mutex_);
-  settle(false);
-  uint32_t slot;
-  require(name, slot);
-  remove_slot(slot);
-  changed();
+  mutate([&] {
+    uint32_t slot;
+    const Entry& old = require(name, slot);
+    remove_entry(slot, old);
+  });
 }
 
 void fs_scene::clear() {
-  const std::lock_guard lock(mutex_);
-  settle(false);
-  std::vector<uint32_t> slots;
-  table_.for_each([&](uint32_t slot, const Entry&) { slots.push_back(slot); });
-  for (const uint32_t slot : slots) remove_slot(slot);
-  changed();
+  mutate([&] {
+    std::vector<uint32_t> slots;
+    working().for_each([&](uint32_t slot, const Entry&) { slots.push_back(slot); });
+    for (const uint32_t slot : slots) remove_entry(slot, *working().get(slot));
+  });
 }
 
 fs_object fs_scene::to_c(const Entry& entry) const {
@@ -206,7 +235,7 @@ Ref<const Object> fs_scene::get(const char* name, fs_object& out) const {
 fs_scene::Contents fs_scene::contents() const {
   const std::lock_guard lock(mutex_);
   Contents out;
-  table_.for_each([&](uint32_t, const Entry& entry) {
+  working().for_each([&](uint32_t, const Entry& entry) {
     if (entry.is_removed) return;
     fs_object object = to_c(entry);
     object.time = 0;
@@ -214,8 +243,8 @@ fs_scene::Contents fs_scene::contents() const {
     out.objects.push_back(object);
     out.owners.push_back(entry.object);
   });
-  views_.view->get_frame(out.frame);
-  out.tool = views_.view->points;
+  out.frame = present_frame();
+  out.tool = present_tool();
   return out;
 }
 
@@ -225,16 +254,15 @@ void fs_scene::set_contents(const std::vector<fs_object>& objects, const fs_fram
   for (const fs_object& object : objects) parsed.push_back(parse_object(object));
   const fs_frame parsed_frame = parse_frame(frame);
   check_tool(tool.data(), tool.size());
-  const std::lock_guard lock(mutex_);
-  settle(false);
-  size_t added = 0;
-  for (const ParsedObject& object : parsed) added += !slots_.contains(object.object->name);
-  if (added > Table<Entry>::capacity - slots_end_ + free_slots_.size()) {
-    fail(FS_ERROR_FULL, "the scene would hold more than %u objects, its maximum", Table<Entry>::capacity);
-  }
-  for (const ParsedObject& object : parsed) admit(object, all_parts);
-  apply_view(&parsed_frame, tool.data(), tool.size());
-  changed();
+  mutate([&] {
+    size_t added = 0;
+    for (const ParsedObject& object : parsed) added += !slots_.contains(object.object->name);
+    if (added > Table<Entry>::capacity - slots_end_ + free_slots_.size()) {
+      fail(FS_ERROR_FULL, "the scene would hold more than %u objects, its maximum", Table<Entry>::capacity);
+    }
+    for (const ParsedObject& object : parsed) admit(object, all_parts);
+    change_view({parsed_frame, tool, {}});
+  });
 }
 
 // ----------------------------------------------------------------------------------------------------------- groups
@@ -244,22 +272,39 @@ void fs_scene::begin() {
   if (group_) fail(FS_ERROR_STATE, "fs_scene_begin: a group is open already; commit or cancel it first");
   settle(true);
   group_ = std::make_unique<Group>();
-  group_->views = views_;
+  group_->table = table_;
 }
 
 void fs_scene::commit() {
-  const std::lock_guard lock(mutex_);
-  if (!group_) fail(FS_ERROR_STATE, "fs_scene_commit: no group is open; fs_scene_begin opens one");
-  group_ = nullptr;
-  changed();
+  mutate([&] {
+    if (!group_) fail(FS_ERROR_STATE, "fs_scene_commit: no group is open; fs_scene_begin opens one");
+    const std::unique_ptr<Group> group = std::move(group_);
+    for (const auto& [slot, is_more_than_moved] : group->touched) {
+      const Entry* felt = table_.get(slot);
+      const Entry& wanted = *group->table.get(slot);
+      if (!felt && wanted.is_removed) {  // came and went
+        slots_.erase(wanted.object->name);
+        free_slots_.insert(slot);
+      } else if (is_more_than_moved || !felt) {
+        store(slot, transit(felt, wanted));
+      } else {
+        const Ref<Entry> entry = copy(*felt);
+        entry->motion = wanted.motion;
+        entry->track = wanted.track;
+        store(slot, entry);
+      }
+    }
+    transit_view(group->view);
+  });
 }
 
 void fs_scene::cancel() {
   const std::lock_guard lock(mutex_);
   if (!group_) fail(FS_ERROR_STATE, "fs_scene_cancel: no group is open; fs_scene_begin opens one");
-  const std::unique_ptr<Group> group = std::move(group_);
-  for (auto undo = group->undo.rbegin(); undo != group->undo.rend(); ++undo) put(undo->first, undo->second);
-  views_ = group->views;
-  pending_epoch_ = nullptr;
-  changed();
+  for (const auto& [slot, is_more_than_moved] : group_->touched) {
+    if (table_.get(slot)) continue;  // else its name came with the group
+    slots_.erase(group_->table.get(slot)->object->name);
+    free_slots_.insert(slot);
+  }
+  group_ = nullptr;
 }

@@ -5,8 +5,10 @@
 
 #include <deque>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <string>
 #include <string_view>
@@ -110,7 +112,7 @@ struct fs_scene : fs::Counted<fs_scene> {
 
   // The servo. Attaching and detaching change the clock: stored times shift along, so ages stay; fades end.
   void attach_servo(fs::ServoLink& servo);  // STATE
-  void detach_servo(fs::ServoLink& servo);
+  void detach_servo(fs::ServoLink& servo) noexcept;
   bool has_servo() const noexcept { return has_servo_.load(std::memory_order_acquire); }  // [rt]
   void get_servo_stats(fs_servo_stats& out) const;                                        // STATE
   void get_device_info(fs_device_info& out) const;                                        // STATE
@@ -121,46 +123,80 @@ struct fs_scene : fs::Counted<fs_scene> {
     using is_transparent = void;
     size_t operator()(std::string_view name) const noexcept { return std::hash<std::string_view>()(name); }
   };
+  // A wish for the view: what is not given stays.
+  struct ViewChange {
+    std::optional<fs_frame> frame;
+    std::optional<std::vector<fs::Vec3>> points;
+    std::optional<bool> held;
+  };
+  // An open group works on a table of its own, which at first is the scene's. What fades, and from where, is decided when
+  // it is committed: until then evaluation goes on with the scene's table, and its fades with it.
   struct Group {
-    std::vector<std::pair<uint32_t, fs::Ref<const fs::Entry>>> undo;  // slots with what was in them, oldest first
-    fs::ViewFade views;
+    fs::Table<fs::Entry> table;
+    std::map<uint32_t, bool> touched;  // slots; true: more than moved
+    ViewChange view;
   };
 
   // All of these want the lock.
-  const fs::Entry* find(std::string_view name, uint32_t& slot) const;             // also what is fading out
-  const fs::Entry& require(const char* name, uint32_t& slot) const;               // NOT_FOUND
+  const fs::Table<fs::Entry>& working() const { return group_ ? group_->table : table_; }
+  const fs::Entry* find(std::string_view name, uint32_t& slot) const;  // also what is fading out
+  const fs::Entry& require(const char* name, uint32_t& slot) const;    // NOT_FOUND
+  uint32_t free_slot() const;                                          // FULL
   void admit(const fs::ParsedObject& parsed, uint32_t parts);
-  void put(uint32_t slot, fs::Ref<const fs::Entry> entry);
-  uint32_t take_slot();                                                           // FULL
-  void remove_slot(uint32_t slot);
-  fs::Fade turned(const fs::Fade& fade, bool in, double expiry);
+  void move_entry(uint32_t slot, const fs::Entry& old, const fs_pose& pose, const fs_twist* twist, double time);
+  void remove_entry(uint32_t slot, const fs::Entry& old);
+  void put(uint32_t slot, fs::Ref<fs::Entry> entry, bool is_more_than_moved);
+  fs::Ref<const fs::Entry> transit(const fs::Entry* felt, const fs::Entry& wanted);
+  void store(uint32_t slot, fs::Ref<const fs::Entry> entry);
+  fs_frame present_frame() const;
+  const std::vector<fs::Vec3>& present_tool() const;
+  void change_view(ViewChange change);
+  void transit_view(const ViewChange& change);
   void replace_view(fs::Ref<const fs::View> view, bool in);
-  fs::Ref<fs::View> copy_view() const;
-  void apply_view(const fs_frame* frame, const fs::Vec3* points, size_t count);   // both checked; null: as it is
+  fs::Fade turned(const fs::Fade& fade, bool in, double expiry);
+  fs::Ref<const fs::Snapshot> newest();
   void changed();
-  fs::Ref<const fs::Snapshot> snapshot();
-  void settle(bool now_or_never);
+  void settle(bool is_urgent);
+  bool tidy(double time);
+  void announce_expired(double time);
+  void prepare_all_curves(unsigned reader) const;
   void retime(double shift);
   void switch_clock(fs::ClockKind clock);
   fs_object to_c(const fs::Entry& entry) const;
-  fs_report make_report(const fs::Entry& entry, double now) const;
+  fs_report make_report(uint32_t slot, const fs::Entry& entry, double now) const;
   void push_event(const fs_event& event);
 
+  // Runs f, which changes the scene, and makes it known.
+  template <class F>
+  void mutate(F&& f) {
+    const std::lock_guard lock(mutex_);
+    settle(false);
+    if (!spare_) spare_ = fs::make_ref<fs::Snapshot>();  // so that nothing can fail after the change
+    try {
+      f();
+    } catch (...) {
+      if (!posted_) changed();  // what was taken back goes out again
+      throw;
+    }
+    if (!group_) changed();
+  }
+
   mutable std::mutex mutex_;
-  fs::Table<fs::Entry> table_;
+  fs::Table<fs::Entry> table_;  // what is evaluated
   std::unordered_map<std::string, uint32_t, NameHash, std::equal_to<>> slots_;  // of names, also of those fading out
   std::set<uint32_t> free_slots_;
   uint32_t slots_end_ = 0;
-  std::set<uint32_t> fading_;                       // slots to be tidied: removed, or with a previous version
+  std::set<std::pair<double, uint32_t>> tidies_;    // when to look at slots where something fades out
   std::set<std::pair<double, uint32_t>> expiries_;  // to be announced
   uint64_t revision_ = 0;
   fs::ViewFade views_{fs::make_ref<fs::View>(), nullptr};
   std::unique_ptr<Group> group_;
 
   uint64_t sequence_ = 0;
-  fs::Ref<const fs::Snapshot> posted_;              // the newest; null: something has changed since
-  fs::Ref<const fs::Epoch> pending_epoch_;          // of the fades since the last snapshot
-  std::vector<fs::Ref<const fs::Epoch>> epochs_;    // of snapshots, not stamped when last looked at
+  fs::Ref<const fs::Snapshot> posted_;      // the newest; null: something has changed since
+  fs::Ref<fs::Snapshot> spare_;             // for the next
+  fs::Ref<const fs::Epoch> pending_epoch_;  // of the fades since the last snapshot
+  fs::Ref<const fs::Epoch> open_epoch_;     // of a snapshot that the servo has not fetched, as far as is known
   std::vector<fs::Reader*> readers_;
   double settled_at_ = -fs::never;
 

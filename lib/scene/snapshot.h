@@ -38,11 +38,13 @@ struct Entry : LocalCounted<Entry> {
   Ref<const Entry> previous;  // the version felt before, fading out where it was
   Ref<Felt> felt;
   uint64_t revision = 0;
+  double expiry = never;        // s, scene time: goes out from then on unless set, changed or moved
+  double tidy_at = never;       // s: when what has been fading out may be gone
   bool start_is_given = false;  // by the caller; else it is when the name was first set
   bool is_removed = false;      // nameless, until its weight is 0
 
   // Without a servo nothing fades: what is there is felt in full.
-  bool is_present(double now) const noexcept { return fade.is_going_in() && !is_removed && now < fade.expiry(); }
+  bool is_present(double now) const noexcept { return fade.is_going_in() && !is_removed && now < expiry; }
 };
 
 // Where the tool stands: the frame between scene and device, and the points of the tool.
@@ -79,7 +81,7 @@ struct Snapshot : LocalCounted<Snapshot> {
   Table<Entry> objects;
   ViewFade views;
   ClockKind clock = ClockKind::caller;
-  std::vector<Ref<const Epoch>> epochs;  // to be stamped by the servo when it first uses this
+  Ref<const Epoch> epoch;  // to be stamped by the servo when it first uses this; may be null
 };
 
 // A thread that evaluates, as the scene knows it.

@@ -1,6 +1,6 @@
 #include "scene/tool.h"
 
-#include <exception>
+#include <system_error>
 #include <thread>
 
 #include "base/error.h"
@@ -70,8 +70,16 @@ void fs::evaluate_field(Scene& scene, const char* name, double time, const Vec3*
       for (const auto& reader : readers) prepare_curves(*entry.object, reader->get());
     });
     std::vector<std::jthread> threads;
-    for (size_t i = 1; i < thread_count; ++i) {
-      threads.emplace_back(work, count * i / thread_count, count * (i + 1) / thread_count, readers[i]->get());
+    threads.reserve(thread_count);
+    size_t begin = count / thread_count;
+    try {
+      for (size_t i = 1; i < thread_count; ++i) {
+        const size_t end = count * (i + 1) / thread_count;
+        threads.emplace_back(work, begin, end, readers[i]->get());
+        begin = end;
+      }
+    } catch (const std::system_error&) {  // no thread to be had: this one does the rest
+      work(begin, count, readers[0]->get());
     }
     work(0, count / thread_count, readers[0]->get());
   });

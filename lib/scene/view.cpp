@@ -25,20 +25,64 @@ void fs::check_tool(const Vec3* points, size_t count) {
   for (size_t i = 0; i < count; ++i) parse_position(points[i], ("points[" + std::to_string(i) + "]").c_str());
 }
 
-// A view to be changed, which stands where the present one does.
-Ref<View> fs_scene::copy_view() const {
-  const View& old = *views_.view;
+// The frame as it is, or as an open group wants it.
+fs_frame fs_scene::present_frame() const {
+  if (group_ && group_->view.frame) return *group_->view.frame;
+  fs_frame frame;
+  views_.view->get_frame(frame);
+  return frame;
+}
+
+const std::vector<Vec3>& fs_scene::present_tool() const {
+  return group_ && group_->view.points ? *group_->view.points : views_.view->points;
+}
+
+// Takes a wish, all checked: into the group, or at once.
+void fs_scene::change_view(ViewChange change) {
+  if (!group_) return transit_view(change);
+  if (change.frame) group_->view.frame = change.frame;
+  if (change.points) group_->view.points = std::move(change.points);
+  if (change.held) group_->view.held = change.held;
+}
+
+// How the present view becomes the one that is wanted: without a step.
+void fs_scene::transit_view(const ViewChange& change) {
+  const Ref<const View> old = views_.view;
+  const bool was_held = old->kind == View::Kind::held;
+  const bool is_held = change.held.value_or(was_held);
+  const bool is_elsewhere = change.frame || change.points;
+  if (is_held == was_held && !is_elsewhere) return;
+
+  Pose tool;
+  const bool is_found = servo_ && old->found.read(tool);
   const Ref<View> view = make_ref<View>();
-  view->points = old.points;
-  if (old.get_frame(view->frame)) {
-    view->kind = old.kind == View::Kind::held ? View::Kind::held : View::Kind::free;
-    Pose tool;
-    if (old.kind == View::Kind::held && old.found.read(tool)) view->found.write(tool);
-  } else {  // let go, but no tick has come by yet
-    view->kind = View::Kind::rebased;
-    view->anchor = old.anchor;
+  const bool is_resolved = old->get_frame(view->frame);
+  view->points = change.points ? *change.points : old->points;
+  if (change.frame) view->frame = *change.frame;
+
+  if (is_held) {
+    view->kind = View::Kind::held;
+    if (was_held && is_found) view->found.write(tool);
+    if (is_elsewhere) return replace_view(view, false);
+    // The same view, standing still: its force fades from the weight it has. No second version is needed. One that was let
+    // go, without a tick since, goes back to where it was held.
+    views_.view = is_resolved ? Ref<const View>(view) : old->anchor;
+    views_.fade = turned(views_.fade, false, never);
+    return;
   }
-  return view;
+  if (!change.frame && was_held && is_found) {  // let go: the frame follows the hand
+    view->kind = View::Kind::rebased;
+    view->anchor = old;
+  } else if (!change.frame && !is_resolved) {  // let go, and no tick has come by yet
+    view->kind = View::Kind::rebased;
+    view->anchor = old->anchor;
+  }
+  if (was_held && !is_found && !is_elsewhere) {  // no servo, or no tick since it was held
+    views_.view = view;
+    views_.fade = turned(views_.fade, true, never);
+    return;
+  }
+  replace_view(view, true);
 }
 
 void fs_scene::replace_view(Ref<const View> view, bool in) {
@@ -56,71 +100,26 @@ void fs_scene::replace_view(Ref<const View> view, bool in) {
   views_.view = std::move(view);
 }
 
-void fs_scene::apply_view(const fs_frame* frame, const Vec3* points, size_t count) {
-  const Ref<View> view = copy_view();
-  if (frame) {
-    view->frame = *frame;
-    if (view->kind == View::Kind::rebased) view->kind = View::Kind::free;
-  }
-  if (points) view->points.assign(points, points + count);
-  replace_view(view, view->kind != View::Kind::held);
-}
-
 void fs_scene::set_frame(const fs_frame& frame) {
   const fs_frame parsed = parse_frame(frame);
-  const std::lock_guard lock(mutex_);
-  settle(false);
-  apply_view(&parsed, nullptr, 0);
-  changed();
-}
-
-fs_frame fs_scene::get_frame() const {
-  const std::lock_guard lock(mutex_);
-  fs_frame frame;
-  views_.view->get_frame(frame);
-  return frame;
+  mutate([&] { change_view({parsed, {}, {}}); });
 }
 
 void fs_scene::set_tool(const Vec3* points, size_t count) {
   check_tool(points, count);
+  mutate([&] { change_view({{}, std::vector<Vec3>(points, points + count), {}}); });
+}
+
+void fs_scene::set_clutch(bool held) {
+  mutate([&] { change_view({{}, {}, held}); });
+}
+
+fs_frame fs_scene::get_frame() const {
   const std::lock_guard lock(mutex_);
-  settle(false);
-  apply_view(nullptr, points, count);
-  changed();
+  return present_frame();
 }
 
 std::vector<Vec3> fs_scene::get_tool() const {
   const std::lock_guard lock(mutex_);
-  return views_.view->points;
-}
-
-void fs_scene::set_clutch(bool held) {
-  const std::lock_guard lock(mutex_);
-  const Ref<const View> old = views_.view;
-  if (held == (old->kind == View::Kind::held)) return;
-  settle(false);
-  Pose tool;
-  if (held && old->kind == View::Kind::rebased && !old->found.read(tool)) {
-    views_.view = old->anchor;  // let go and held again between two ticks
-    views_.fade = turned(views_.fade, false, never);
-  } else if (held) {
-    // The same view, standing still: its force fades from the weight it has. No second version is needed.
-    const Ref<View> view = copy_view();
-    view->kind = View::Kind::held;
-    views_.view = view;
-    views_.fade = turned(views_.fade, false, never);
-  } else {
-    const Ref<View> view = make_ref<View>();
-    view->frame = old->frame;
-    view->points = old->points;
-    if (servo_ && old->found.read(tool)) {
-      view->kind = View::Kind::rebased;
-      view->anchor = old;
-      replace_view(view, true);
-    } else {  // no servo, or no tick since it was held
-      views_.view = view;
-      views_.fade = turned(views_.fade, true, never);
-    }
-  }
-  changed();
+  return present_tool();
 }

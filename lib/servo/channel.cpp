@@ -51,7 +51,8 @@ void use_first_time(const View& view, const fs_state& hand) noexcept {
 
 void Channel::fetch(double now) noexcept {
   if (!link_.reader.mailbox.fetch()) return;
-  for (const Ref<const Epoch>& epoch : link_.reader.mailbox.front()->epochs) epoch->stamp(now);
+  const Ref<const Epoch>& epoch = link_.reader.mailbox.front()->epoch;
+  if (epoch) epoch->stamp(now);
 }
 
 fs_response Channel::evaluate_view(const Snapshot& snapshot, const View& view, double weight, bool is_current,
@@ -123,7 +124,8 @@ fs_response Channel::evaluate(const fs_state& hand, double now, uint64_t tick) n
 }
 
 void Channel::lose_hand() noexcept {
-  hand_.state.flags = hand_.state.buttons = 0;  // the pose stays the last that is known
+  hand_.state.flags &= FS_STATE_CLUTCHED;  // the pose stays the last that is known
+  hand_.state.buttons = 0;
   hand_.state.twist = {};
   hand_.response = {};
   hand_.response.proxy = hand_.state.pose;

@@ -9,7 +9,9 @@ namespace fs {
 
 class Channel {
  public:
-  explicit Channel(Scene& scene, ServoLink& link) : scene_(scene), link_(link) {}
+  Channel(Scene& scene, ServoLink& link) : scene_(scene), link_(link) {
+    hand_.state.pose = hand_.response.proxy = identity_pose();
+  }
 
   // [rt] Takes the newest snapshot; changes that it brings begin at `now`.
   void fetch(double now) noexcept;

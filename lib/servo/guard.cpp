@@ -8,6 +8,9 @@ namespace {
 constexpr int late_ticks = 20;        // in a row, each later than a period: the machine is too slow
 constexpr double stall_limit = 0.02;  // s: after this long the world may have moved; the force only ramps
 
+// What a device with so many axes can make of it: the first of x, y, z.
+Vec3 first_axes(Vec3 v, uint32_t axes) noexcept { return {axes > 0 ? v.x : 0, axes > 1 ? v.y : 0, axes > 2 ? v.z : 0}; }
+
 // At most `limit`, direction kept; true when it was more.
 bool limit_vector(Vec3& v, double limit) noexcept {
   const double magnitude = norm(v);
@@ -34,20 +37,16 @@ Wrench Guard::apply(const Hand& hand, const Wrench& wanted) noexcept {
     return {};
   }
   ramp_ = limits_.ramp > 0 ? std::min(1.0, ramp_ + limits_.period / limits_.ramp) : 1.0;
-  Wrench out = wanted;
+  Wrench out{first_axes(wanted.force, limits_.force_axes), first_axes(wanted.torque, limits_.torque_axes)};
   guarded_ = limit_vector(out.force, limits_.force);
-  if (limits_.torque > 0) {
-    guarded_ |= limit_vector(out.torque, limits_.torque);
-  } else {
-    out.torque = {};
-  }
+  guarded_ |= limit_vector(out.torque, limits_.torque);
   return {ramp_ * out.force, ramp_ * out.torque};
 }
 
 void Guard::set_enabled(bool enabled) noexcept {
   if (enabled) {
+    if (is_latched() || !enabled_) late_in_a_row_ = 0;
     faults_ &= FS_FAULT_DEVICE;
-    late_in_a_row_ = 0;
   } else {
     ramp_ = 0;
   }

@@ -13,10 +13,11 @@ namespace fs {
 class Guard {
  public:
   struct Limits {
-    double force, torque;  // N, N m; torque 0: the device has none
+    double force, torque;  // N, N m
     double speed;          // m/s; infinite: none
     double ramp;           // s; 0: none
     double period;         // s, of the servo
+    uint32_t force_axes = 3, torque_axes = 3;  // that the device has
   };
   explicit Guard(const Limits& limits) : limits_(limits) {}
 

@@ -1,6 +1,7 @@
 #include "servo/servo.h"
 
 #include <cerrno>
+#include <csignal>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
@@ -50,6 +51,8 @@ ServoSettings fs::parse_options(const fs_servo_options& options, const fs_device
   }
   out.rate = options.rate != 0 ? options.rate : device.rate;
   out.limits.period = 1 / out.rate;
+  out.limits.force_axes = device.force_axes;
+  out.limits.torque_axes = device.torque_axes;
   out.limits.force = parse_limit(options.force_limit, device.force_max, "force_limit");
   out.limits.torque = parse_limit(options.torque_limit, device.torque_max, "torque_limit");
   uint32_t& off = out.protections_off;
@@ -86,7 +89,8 @@ fs_servo::fs_servo(Ref<Scene> scene, Ref<Device> device, const ServoSettings& se
       channel_(*scene_, *this),
       guard_(settings.limits),
       record_size_(static_cast<size_t>(std::ceil(record_length * settings.rate))),
-      record_(std::make_unique<Seqlock<RecordSlot>[]>(record_size_)) {
+      record_slots_(record_size_ + 64),
+      record_(std::make_unique<Seqlock<RecordSlot>[]>(record_slots_)) {
   fade = settings.fade;
   clock = settings.mode == FS_SERVO_VIRTUAL ? ClockKind::virtual_time : ClockKind::steady;
   if (!device_->acquire()) fail(FS_ERROR_STATE, "device has a servo already; stop it first");
@@ -115,7 +119,13 @@ fs_servo::fs_servo(Ref<Scene> scene, Ref<Device> device, const ServoSettings& se
     servo->run();
     return nullptr;
   };
+  // The application's signal handlers are not for this thread: they may lock and allocate.
+  sigset_t signals, before;
+  sigfillset(&signals);
+  for (const int fault : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGTRAP, SIGABRT}) sigdelset(&signals, fault);
+  pthread_sigmask(SIG_SETMASK, &signals, &before);
   const int error = pthread_create(&thread_, &attributes, entry, &start);
+  pthread_sigmask(SIG_SETMASK, &before, nullptr);
   pthread_attr_destroy(&attributes);
   if (error) {
     scene_->detach_servo(*this);
@@ -185,9 +195,9 @@ void fs_servo::tick(double now, double late) noexcept {
   scene_->output.time.store(now, std::memory_order_release);
   const double begin = steady_now();
 
-  const uint32_t requested = enable_.load(std::memory_order_acquire);
+  const uint64_t requested = enable_.load(std::memory_order_acquire);
   if (requested != enable_seen_) {
-    if ((requested ^ enable_seen_) >> 2) guard_.set_enabled(false);  // also when it was enabled again meanwhile
+    if ((requested ^ enable_seen_) >> 32) guard_.set_enabled(false);  // also when it was enabled again meanwhile
     if (requested & 1) {
       guard_.set_enabled(true);
       is_recording_ = true;
@@ -234,7 +244,7 @@ void fs_servo::tick(double now, double late) noexcept {
                       std::memory_order_relaxed);
   if (is_recording_) {
     const uint64_t number = recorded_.load(std::memory_order_relaxed);
-    record_[number % record_size_].write(
+    record_[number % record_slots_].write(
         {number, {hand, response, sent, late, compute, status, guard_.faults()}});
     recorded_.store(number + 1, std::memory_order_release);
     if (guard_.is_latched()) is_recording_ = false;  // kept for whoever asks why
@@ -292,8 +302,11 @@ bool fs_servo::take_event(fs_event& out) {
 }
 
 void fs_servo::set_enabled(bool enabled) noexcept {
-  uint32_t before = enable_.load(std::memory_order_relaxed);
-  const auto next = [&] { return enabled ? (before | 1) ^ 2 : (before & ~1u) + 4; };
+  uint64_t before = enable_.load(std::memory_order_relaxed);
+  const auto next = [&] {
+    const uint64_t trues = before & 0xffffffff, falses = before >> 32;
+    return enabled ? falses << 32 | ((trues | 1) + 2) % 0x100000000 : (falses + 1) << 32 | (trues & ~uint64_t{1});
+  };
   while (!enable_.compare_exchange_weak(before, next(), std::memory_order_acq_rel)) {
   }
 }
@@ -334,8 +347,8 @@ size_t fs_servo::record(fs_tick* out, size_t capacity) const {
   size_t written = 0;
   for (uint64_t number = end - wanted; number < end; ++number) {
     RecordSlot slot;
-    if (!record_[number % record_size_].read(slot) || slot.tick != number) continue;  // the servo came round meanwhile
+    if (!record_[number % record_slots_].read(slot) || slot.tick != number) continue;  // the servo came round meanwhile
     out[written++] = slot.value;
   }
-  return capacity < kept ? static_cast<size_t>(kept) : written;
+  return written < wanted ? written : static_cast<size_t>(kept);
 }

@@ -69,17 +69,17 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   bool was_ready_ = false;
   uint32_t latched_ = 0;
   bool is_recording_ = true;
-  uint32_t enable_seen_ = 1;
+  uint64_t enable_seen_ = 1;
 
   // Shared: written by the servo, but for enable_ and the stop.
-  std::atomic<uint32_t> enable_{1};  // bit 0: enabled; bit 1 turns over at every true; the rest counts the falses
+  std::atomic<uint64_t> enable_{1};  // bit 0: enabled; bits 1..31 count the trues, bits 32.. the falses
   std::atomic<bool> is_stopping_{false}, is_stepping_{false};
   std::atomic<uint64_t> ticks_{0}, misses_{0}, device_errors_{0}, guarded_{0}, approximated_{0};
   std::atomic<uint32_t> faults_{0};
   std::atomic<int> realtime_{FS_REALTIME_NONE};
   std::atomic<double> first_time_{0}, newest_time_{0};
   fs::RollingHistogram late_, compute_;
-  const size_t record_size_;
+  const size_t record_size_, record_slots_;  // some to spare for whoever reads while it goes on
   std::unique_ptr<fs::Seqlock<RecordSlot>[]> record_;
   std::atomic<uint64_t> recorded_{0};
   std::array<DeviceEvent, event_capacity> device_events_;

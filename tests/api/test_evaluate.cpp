@@ -479,6 +479,9 @@ START_TEST(extremes_stay_finite) {
     EXPECT(FS_ERROR_INVALID, fs_evaluate(tool.get(), &state, &r));
     const fs_response zeros{};
     ck_assert_int_eq(std::memcmp(&r, &zeros, sizeof r), 0);
+    std::memset(&r, 0x55, sizeof r);
+    EXPECT(FS_ERROR_INVALID, fs_evaluate(nullptr, &state, &r));
+    ck_assert_int_eq(std::memcmp(&r, &zeros, sizeof r), 0);
   }
 }
 END_TEST

@@ -125,6 +125,11 @@ static std::vector<Cause> causes() {
        [](FadeRig& rig) { rig.set(line(high_line())); rig.step(60); rig.remove("a"); }, {}},
       {"a new shape, disabled while it comes", 4, 0.5, [](FadeRig& rig) { rig.set(line(low_line())); },
        [](FadeRig& rig) { rig.set(line(high_line())); rig.step(60); disable(rig, line(high_line())); }, {}},
+      {"removed, then another shape of its name", 4, 0.5, [](FadeRig& rig) { rig.set(line(low_line())); },
+       [](FadeRig& rig) { rig.remove("a"); rig.step(60); rig.set(line(high_line())); },
+       {-2 * diagonal, 0, 2 * diagonal}},
+      {"another shape at once", 4, 0.5, [](FadeRig& rig) { rig.set(line(low_line())); },
+       [](FadeRig& rig) { rig.remove("a"); rig.set(line(high_line())); }, {-2 * diagonal, 0, 2 * diagonal}},
       {"other points of the tool", 2, 0, one,
        [](FadeRig& rig) { fs_object o = steady("a"); o.tool_points = 2; rig.set(o); }, {}},
       {"a frame elsewhere", 3, 20, [](FadeRig& rig) { rig.set(spring("a")); },
@@ -154,6 +159,12 @@ static std::vector<Cause> causes() {
          rig.step(70);
          OK(fs_scene_set_clutch(rig.scene.get(), false));
        }, {-2, 0, 0}},
+      {"clutch while a frame comes", 3, 20, [](FadeRig& rig) { rig.set(spring("a")); },
+       [](FadeRig& rig) {
+         move_frame(rig, 0.05);
+         rig.step(60);
+         OK(fs_scene_set_clutch(rig.scene.get(), true));
+       }, {}},
       {"expiry", 2, 0, nothing,
        [](FadeRig& rig) { fs_object o = steady("a"); o.lifetime = 0.5; rig.set(o); rig.step(800); }, {}},
       {"expiry and return", 2, 0, nothing,
@@ -413,6 +424,24 @@ START_TEST(clutching) {
 }
 END_TEST
 
+START_TEST(what_fades_under_the_clutch_stays) {  // the force at the place where it was held, whatever the hand does
+  FadeRig rig("stays", 0);
+  rig.set(spring("a"));
+  rig.begin();
+  OK(fs_scene_set_clutch(rig.scene.get(), true));
+  rig.step(1);
+  double before = 2;
+  for (int k = 0; k < 150; ++k) {
+    rig.fake.state.pose.position = rig.fake.state.pose.position + fs_vec3{0, 0.001, -0.001};
+    rig.step(1);
+    ck_assert_double_lt(-rig.sent().x, before);
+    before = -rig.sent().x;
+    EXPECT_VECTOR(rig.sent(), (fs_vec3{-before, 0, 0}), 1e-12);  // along x still
+    EXPECT_NEAR(before, 2 * (1 - (k + 1) * period / fade), 0.011);
+  }
+}
+END_TEST
+
 START_TEST(clutching_in_a_scaled_frame) {
   FadeRig rig("scaled", 0);
   fs_frame frame = fs_frame_init();
@@ -442,6 +471,6 @@ int main() {
   add_case(suite, "no step", {no_step_for_a_still_hand, no_step_for_a_moving_hand});
   add_case(suite, "fades", {takes_as_long_as_it_should, cross_fades_meet_in_the_middle, fading_is_told,
                             the_standard_is_a_second, no_fade_is_at_once, poses_and_profiles_act_at_once});
-  add_case(suite, "clutch", {clutching, clutching_in_a_scaled_frame});
+  add_case(suite, "clutch", {clutching, what_fades_under_the_clutch_stays, clutching_in_a_scaled_frame});
   return run_suite(suite);
 }

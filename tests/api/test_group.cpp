@@ -172,6 +172,30 @@ START_TEST(frame_and_tool_in_a_group) {
 }
 END_TEST
 
+START_TEST(fields_do_not_see_the_group) {
+  Grouped g;
+  g.set("old");
+  const fs_vec3 x{0, 0.1, 0};
+  auto field = [&](const char* name) {
+    fs_vec3 f{};
+    const fs_status status = fs_evaluate_field(g.scene.get(), name, FS_NOW, &x, 1, &f);
+    ck_assert(status == FS_OK || status == FS_ERROR_NOT_FOUND);
+    return f.y;
+  };
+  EXPECT_NEAR(field("old"), -10, 1e-12);
+  OK(fs_scene_begin(g.scene.get()));
+  OK(fs_object_remove(g.scene.get(), "old"));
+  g.set("new");
+  g.set("newer");
+  EXPECT_NEAR(field(nullptr), -10, 1e-12);
+  EXPECT_NEAR(field("new"), 0, 0);  // it is not there yet, nor is anything in its place
+  EXPECT_NEAR(field("newer"), 0, 0);
+  OK(fs_scene_commit(g.scene.get()));
+  EXPECT_NEAR(field(nullptr), -20, 1e-12);
+  EXPECT_NEAR(field("new"), -10, 1e-12);
+}
+END_TEST
+
 START_TEST(a_group_is_one_tick) {  // of the servo too
   Rig rig("group");
   rig.fake.state.pose = at(0, 0.01, 0);
@@ -225,6 +249,6 @@ END_TEST
 int main() {
   Suite* suite = suite_create("group");
   add_case(suite, "groups", {commit, cancel, clear_and_anew, a_failed_call_adds_nothing, not_now, other_threads_join,
-                             frame_and_tool_in_a_group, a_group_is_one_tick, sync_waits});
+                             frame_and_tool_in_a_group, fields_do_not_see_the_group, a_group_is_one_tick, sync_waits});
   return run_suite(suite);
 }

@@ -292,6 +292,14 @@ START_TEST(names) {
     const fs_object o = spring(name);
     EXPECT_SENTENCE(FS_ERROR_INVALID, fs_object_set(scene.get(), &o), "name");
   }
+  const std::string long_name(1000, 'n');  // to ask for, it is only not there
+  fs_object got = fs_object_init("", FS_PRIMITIVE_POINT);
+  const fs_pose pose = at(0, 0, 0);
+  for (const char* name : {"", "absent", "a/b", "\xff", long_name.c_str()}) {
+    EXPECT(FS_ERROR_NOT_FOUND, fs_object_get(scene.get(), name, &got));
+    EXPECT(FS_ERROR_NOT_FOUND, fs_object_remove(scene.get(), name));
+    EXPECT(FS_ERROR_NOT_FOUND, fs_object_move(scene.get(), name, &pose, nullptr, FS_NOW));
+  }
   fs_object endless = spring("x");
   std::memset(endless.name, 'x', sizeof endless.name);  // no end at all
   EXPECT_SENTENCE(FS_ERROR_INVALID, fs_object_set(scene.get(), &endless), "name");

@@ -1,7 +1,9 @@
 // Reports: what became of each object. Events: what happened meanwhile, polled.
+#include <atomic>
 #include <chrono>
 #include <limits>
 #include <map>
+#include <thread>
 #include <vector>
 
 #include "api/support.h"
@@ -253,6 +255,31 @@ START_TEST(device_events) {
 }
 END_TEST
 
+START_TEST(waiting_holds_up_nobody) {
+  Rig rig("waiting");
+  rig.start(virtual_options());
+  rig.step(1);
+  while (next(rig.scene.get(), 0).kind != FS_EVENT_NONE) {
+  }
+  fs_event event{};
+  std::atomic<bool> is_back{false};
+  std::thread waiter([&] {
+    fs_scene_next_event(rig.scene.get(), 30, &event);
+    is_back = true;
+  });
+  const fs_object o = point("a", attract(10, 3));
+  for (int k = 0; k < 100; ++k) {
+    OK(fs_object_set(rig.scene.get(), &o));
+    rig.step(1);
+  }
+  ck_assert(!is_back);
+  rig.fake.read_status = FS_ERROR_DISCONNECTED;
+  fs_servo_step(rig.servo.get(), 1);
+  waiter.join();
+  ck_assert_int_eq(event.kind, FS_EVENT_DEVICE);
+}
+END_TEST
+
 START_TEST(overflow) {  // older events are dropped, and counted
   const size_t many = 20000;
   const Scene scene = make_scene();
@@ -283,6 +310,6 @@ END_TEST
 int main() {
   Suite* suite = suite_create("report_event");
   add_case(suite, "reports", {without_a_servo, revisions, stiffness_wanted, under_a_servo});
-  add_case(suite, "events", {nothing_happened, expired, device_events, overflow});
+  add_case(suite, "events", {nothing_happened, expired, device_events, waiting_holds_up_nobody, overflow});
   return run_suite(suite);
 }

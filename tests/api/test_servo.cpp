@@ -156,6 +156,52 @@ static void expect_latched(Rig& rig, uint32_t fault, const std::function<void()>
   ck_assert_double_gt(record[count - 1].state.time, last);
 }
 
+START_TEST(a_jump_while_away_is_no_speed) {
+  Rig rig("jump");
+  set(rig.scene.get(), lift());
+  rig.fake.state.pose = at(0.05, -0.05, 0.05);  // wherever it is at the start
+  rig.start(plain());
+  rig.step(5);
+  EXPECT_NEAR(norm(rig.sent()), 2, 1e-12);
+  rig.fake.state.flags = 0;
+  rig.step(5);
+  rig.fake.state.pose = at(0, 0.05, 0);  // homed: it is found elsewhere
+  rig.step(1);
+  rig.fake.state.flags = FS_STATE_READY;
+  rig.step(5);
+  EXPECT_NEAR(norm(rig.sent()), 2, 1e-12);
+  ck_assert_uint_eq(stats_of(rig.scene.get()).faults, 0);
+}
+END_TEST
+
+START_TEST(speeds_are_worked_out) {  // where the driver leaves the twist at 0
+  Rig rig("twists");
+  rig.fake.on_read = [](FakeDevice& fake, double time) {
+    fake.state.pose = {{0.1 * time, 0, -0.05 * time}, turn({0, 0, 1}, 0.5 * time)};
+  };
+  rig.start(plain());
+  rig.step(500);
+  fs_state state;
+  OK(fs_scene_get_hand(rig.scene.get(), &state, nullptr, nullptr));
+  EXPECT_VECTOR(state.twist.linear, (fs_vec3{0.1, 0, -0.05}), 0.002);
+  EXPECT_VECTOR(state.twist.angular, (fs_vec3{0, 0, 0.5}), 0.01);
+}
+END_TEST
+
+START_TEST(axes_that_are_not_there) {  // get nothing
+  Rig rig("axes");
+  const fs_vec3 arm{0.5, 0, 0};
+  OK(fs_scene_set_tool(rig.scene.get(), &arm, 1));
+  set(rig.scene.get(), lift(2));
+  rig.fake.info.torque_axes = 0;
+  rig.fake.info.torque_max = 0;
+  rig.start(plain());
+  rig.step(5);
+  EXPECT_VECTOR(rig.fake.written.force, (fs_vec3{0, 0, 2}), 1e-12);
+  EXPECT_VECTOR(rig.fake.written.torque, (fs_vec3{}), 0);
+}
+END_TEST
+
 START_TEST(too_fast) {
   for (bool given : {false, true}) {
     Rig rig(given ? "twist" : "speed");
@@ -588,7 +634,7 @@ START_TEST(a_hundred_thousand_objects) {
   rig.step(5);
   const Tool tool = make_tool(rig.scene.get());
   Random random(5);
-  for (int k = 0; k < 50; ++k) {
+  for (int k = 0; k < 10; ++k) {
     // Put one beside the hand: felt by the servo at the next tick, and by the tool.
     const size_t i = random.below(content.objects.size());
     const fs_pose near = at(0.001, 0, 0), back = content.objects[i].pose;
@@ -695,9 +741,10 @@ END_TEST
 
 int main() {
   Suite* suite = suite_create("servo");
-  add_case(suite, "force", {ramps_at_the_start, no_ramp, too_strong, limits_of_ones_own, enabled_or_not, frames});
+  add_case(suite, "force", {ramps_at_the_start, no_ramp, too_strong, limits_of_ones_own, axes_that_are_not_there,
+                            enabled_or_not, frames});
   add_case(suite, "faults", {zero_until_ready, a_lost_device_comes_back, an_old_pose_is_no_pose, too_fast,
-                             not_a_number});
+                             not_a_number, a_jump_while_away_is_no_speed, speeds_are_worked_out});
   add_case(suite, "record", {the_record, stats, rate_of_the_device});
   add_case(suite, "ownership", {bad_options, one_servo_each, device_by_hand, lives_on_without_its_makers});
   add_case(suite, "time", {ages_stay, a_hundred_thousand_objects, late_ticks_latch, a_stall_ramps, its_own_thread,

@@ -157,6 +157,37 @@ START_TEST(all_at_once) {
 }
 END_TEST
 
+// What is read of the hand is of one tick: its force is the spring's at its place.
+START_TEST(the_hand_is_whole) {
+  const Scene scene = make_scene();
+  const Device device = open_device("sim:?path=figure8");
+  fill(scene.get(), hello());
+  fs_servo_options options = fs_servo_options_init();
+  options.rate = 10000;
+  const Servo servo = start_servo(scene.get(), device.get(), options);
+  OK(fs_scene_sync(scene.get(), 30));
+  is_over = false;
+  wrong = 0;
+  std::vector<std::thread> threads;
+  for (int i = 0; i < 2; ++i) {
+    threads.emplace_back([&] {
+      repeat([&](Random&) {
+        fs_state state;
+        fs_response response;
+        check(fs_scene_get_hand(scene.get(), &state, &response, nullptr), "hand");
+        const fs_vec3 p = state.pose.position, pull = -200.0 * p;
+        const fs_vec3 force = norm(pull) > 3 ? 3 / norm(pull) * pull : pull;
+        check(!(state.flags & FS_STATE_READY) || norm(response.wrench.force - force) < 1e-9, "torn");
+      }, 0);
+    });
+  }
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  is_over = true;
+  for (std::thread& thread : threads) thread.join();
+  ck_assert_uint_eq(wrong, 0);
+}
+END_TEST
+
 // Handles come and go in several threads: what one made, another may destroy.
 START_TEST(handles_come_and_go) {
   const Scene scene = make_scene();
@@ -229,6 +260,6 @@ END_TEST
 
 int main() {
   Suite* suite = suite_create("threads");
-  add_case(suite, "threads", {all_at_once, handles_come_and_go, servos_come_and_go});
+  add_case(suite, "threads", {all_at_once, the_hand_is_whole, handles_come_and_go, servos_come_and_go});
   return run_suite(suite);
 }

@@ -208,7 +208,7 @@ START_TEST(track_works_out_twists) {
 END_TEST
 
 START_TEST(guard_limits_ramps_and_latches) {
-  Guard guard({10, 0, 2, 0.5, 1e-3});
+  Guard guard({10, 1, 2, 0.5, 1e-3, 3, 0});
   fs_state state{};
   state.pose = identity_pose();
   const Wrench wanted{{30, 0, 40}, {1, 0, 0}};
