@@ -143,7 +143,8 @@ fs_status fs_device::read(double time, fs_state& out) noexcept {
     return fs::known_status(status);
   }
   if (out.time == 0) out.time = time;
-  if (!fs::is_zero(out.twist) && fs::is_finite(out.twist)) gives_twist_ = true;
+  if (!fs::is_finite(out.twist)) return FS_OK;  // one bad value is no habit
+  if (!fs::is_zero(out.twist)) gives_twist_ = true;
   if (gives_twist_) return FS_OK;
   if ((out.flags & FS_STATE_READY) && fs::is_finite(out.pose)) {
     out.twist = velocity_.update(out.pose, out.time);

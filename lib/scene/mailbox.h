@@ -1,5 +1,5 @@
-// The latest value from one writer to one reader: three slots and one atomic exchange, no locks, nothing torn. The writer
-// frees what the reader let go.
+// The latest value from one writer to one reader: three slots and one atomic word, no locks, nothing torn. What was posted
+// can be taken back as long as it was not fetched. The writer frees what the reader let go.
 #pragma once
 
 #include <array>
@@ -24,9 +24,13 @@ class Mailbox {
 
   // [rt] The reader's. True when there is a newer value in front().
   bool fetch() noexcept {
-    if (!(middle_.load(std::memory_order_relaxed) & fresh)) return false;
-    front_ = middle_.exchange(front_, std::memory_order_acq_rel) & index;
-    return true;
+    uint8_t found = middle_.load(std::memory_order_relaxed);
+    for (int tries = 0; tries < 8 && found & fresh; ++tries) {  // it may be taken back, or be replaced, meanwhile
+      if (!middle_.compare_exchange_strong(found, front_, std::memory_order_acq_rel, std::memory_order_relaxed)) continue;
+      front_ = found & index;
+      return true;
+    }
+    return false;
   }
   const T& front() const noexcept { return slots_[front_]; }
 

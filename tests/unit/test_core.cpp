@@ -173,6 +173,39 @@ START_TEST(mailbox_and_seqlock_are_never_torn) {
 }
 END_TEST
 
+// What was taken back is never seen, what was not is; and the reader always has something whole.
+START_TEST(mailbox_takes_back) {
+  Mailbox<Ref<const Item>> mailbox;
+  mailbox.prime(make_ref<Item>(0));
+  std::atomic<bool> is_done{false};
+  std::atomic<int> newest{0};  // of what was left to be fetched
+  int taken = 0;
+  std::thread reader([&] {
+    int last = 0;
+    for (bool is_last = false; !is_last;) {
+      is_last = is_done;
+      mailbox.fetch();
+      ck_assert(mailbox.front());
+      const int value = mailbox.front()->value;
+      ck_assert_int_ge(value, last);
+      last = value;
+    }
+    ck_assert_int_eq(last, newest);
+  });
+  for (int i = 1; i <= 200000; ++i) {
+    mailbox.post(make_ref<Item>(i));
+    if (i % 3 == 0 && mailbox.take_back()) {
+      ++taken;
+      mailbox.post(make_ref<Item>(i));
+    }
+    newest = i;
+  }
+  is_done = true;
+  reader.join();
+  ck_assert_int_gt(taken, 0);
+}
+END_TEST
+
 START_TEST(mailbox_frees_what_was_let_go) {
   {
     Mailbox<Ref<const Item>> mailbox;
@@ -269,6 +302,7 @@ int main() {
   tcase_add_test(test_case, fade_has_no_step);
   tcase_add_test(test_case, fade_of_no_duration_is_at_once);
   tcase_add_test(test_case, mailbox_and_seqlock_are_never_torn);
+  tcase_add_test(test_case, mailbox_takes_back);
   tcase_add_test(test_case, mailbox_frees_what_was_let_go);
   tcase_add_test(test_case, track_works_out_twists);
   tcase_add_test(test_case, guard_limits_ramps_and_latches);
