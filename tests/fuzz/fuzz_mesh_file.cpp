@@ -1,6 +1,4 @@
-// libFuzzer on the readers of mesh files: the first byte chooses the format.
-//   clang++ -std=c++20 -g -O1 -fsanitize=fuzzer,address,undefined -Iinclude -Ilib tests/fuzz/fuzz_mesh_file.cpp
-//     lib/base/error.cpp lib/file/{mesh_file,mesh_obj,mesh_off,mesh_ply,mesh_stl,text,whole_file}.cpp -o fuzz_mesh_file
+// libFuzzer on the readers of mesh files: the first byte chooses the format. Built and run by tests/fuzz/run.
 #include <cstdlib>
 
 #include "base/error.h"

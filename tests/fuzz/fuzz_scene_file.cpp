@@ -1,6 +1,4 @@
-// libFuzzer on the reader of scene files.
-//   clang++ -std=c++20 -g -O1 -fsanitize=fuzzer,address,undefined -Iinclude -Ilib tests/fuzz/fuzz_scene_file.cpp
-//     lib/base/error.cpp lib/file/*.cpp lib/force/*.cpp -o fuzz_scene_file
+// libFuzzer on the reader of scene files. Built and run by tests/fuzz/run.
 #include <cstdlib>
 
 #include "base/error.h"
