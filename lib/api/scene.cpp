@@ -123,7 +123,12 @@ fs_status fs_scene_load(fs_scene* scene, const char* path) {
   return on_scene(scene, [&] {
     require_pointer(path, "path");
     const SceneDescription description = read_scene_file(path);
-    scene->set_contents(description.objects, description.frame, description.tool);
+    try {
+      scene->set_contents(description.objects, description.frame, description.tool);
+    } catch (Error& error) {
+      error.text = std::string(path) + ": " + error.text;
+      throw;
+    }
   });
 }
 

@@ -19,6 +19,7 @@ void add_profile(const Profile& profile, const Object& object, const Closest& cl
                  Share& out) noexcept {
   const Intensity intensity = evaluate(profile, tool.reader, closest.distance, t);
   if (!(intensity.force > 0) && intensity.slope == 0) return;
+  if (closest.direction == Vec3{}) return;  // on a point or polyline there is none
 
   const Vec3 direction = rotate(pose.orientation, closest.direction);
   const Vec3 tangent = rotate(pose.orientation, closest.tangent);

@@ -251,7 +251,14 @@ fs_scene::Contents fs_scene::contents() const {
 void fs_scene::set_contents(const std::vector<fs_object>& objects, const fs_frame& frame,
                             const std::vector<Vec3>& tool) {
   std::vector<ParsedObject> parsed;
-  for (const fs_object& object : objects) parsed.push_back(parse_object(object));
+  for (const fs_object& object : objects) {
+    try {
+      parsed.push_back(parse_object(object));
+    } catch (Error& error) {  // by its place, where its name is what is wrong
+      if (!error.text.starts_with("object")) error.text = "object " + std::to_string(parsed.size() + 1) + ": " + error.text;
+      throw;
+    }
+  }
   const fs_frame parsed_frame = parse_frame(frame);
   check_tool(tool.data(), tool.size());
   mutate([&] {

@@ -304,7 +304,8 @@ START_TEST(near_surfaces) {
           on = u * p[t[i]] + v * p[t[i + 1]] + (1 - u - v) * p[t[i + 2]];
         }
       }
-      fs_state state = hand_at(o.pose * (on + random.log_between(1e-6, 1e-2) * random.direction()), options.time);
+      const double distance = random.log_between(1e-6, 1e-2);
+      const fs_state state = hand_at(o.pose * (on + distance * random.direction()), options.time);
       compare(content, reference, tool.get(), state, one_point, false, 1e-8, worst);
     }
   }

@@ -405,9 +405,12 @@ fs_profile random_profile(Random& random, Content& content) {
     case FS_PROFILE_LINEAR_DECREASING:
       p = fs_profile_init(kind, sense, -random.log_between(10, 2000), offset, limit);
       break;
-    case FS_PROFILE_GAUSSIAN:
-      p = fs_profile_init(kind, sense, random.log_between(0.3, 10), random.log_between(0.003, 0.1), limit);
+    case FS_PROFILE_GAUSSIAN: {
+      const double gain = random.log_between(0.3, 10), width = random.log_between(0.003, 0.1);
+      p = fs_profile_init(kind, sense, gain, width, limit);
+      p.reach = 20 * width;  // before its tail is too thin for a double, where "f > 0" is a matter of rounding
       break;
+    }
     case FS_PROFILE_QUADRATIC: p = fs_profile_init(kind, sense, random.between(-3e3, 3e3), offset, limit); break;
     case FS_PROFILE_INVERSE: p = fs_profile_init(kind, sense, random.log_between(0.001, 0.1), offset, limit); break;
     case FS_PROFILE_CUSTOM: {
@@ -420,7 +423,7 @@ fs_profile random_profile(Random& random, Content& content) {
     }
     default: p = fs_profile_init(FS_PROFILE_CONSTANT, sense, random.log_between(0.1, 10), 0, limit);
   }
-  if (random.coin()) p.reach = random.log_between(0.01, 0.2);
+  if (random.coin()) p.reach = std::fmin(p.reach > 0 ? p.reach : 1, random.log_between(0.01, 0.2));
   return p;
 }
 
