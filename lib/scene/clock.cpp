@@ -71,7 +71,9 @@ void fs_scene::retime(double shift) {
   view->points = views_.view->points;
   view->kind = views_.view->kind == View::Kind::held ? View::Kind::held : View::Kind::free;
 
-  for (const std::string_view name : gone) slots_.erase(slots_.find(name));
+  for (const std::string_view name : gone) {
+    if (const auto found = slots_.find(name); found != slots_.end()) slots_.erase(found);
+  }
   table_ = table;
   if (group_) group_->table = group_table;
   std::swap(free_slots_, free_slots);
@@ -131,7 +133,7 @@ void fs_scene::detach_servo(ServoLink& servo) noexcept {
   servo_ = nullptr;
   has_servo_.store(false);
   try {
-    for (fs_event event; servo.take_event(event);) push_event(event);
+    collect_events(servo);
     switch_clock(ClockKind::caller);
     newest();
   } catch (const std::bad_alloc&) {  // then the clock stands where it is, so that ages stay

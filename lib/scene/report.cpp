@@ -59,12 +59,26 @@ fs_report fs_scene::report(const char* name) const {
   return make_report(slot, entry, now());
 }
 
-void fs_scene::push_event(const fs_event& event) {
-  if (events_.size() == event_capacity) {
-    events_.pop_front();
-    ++lost_events_;
+// None is taken from the servo before there is room for it.
+void fs_scene::collect_events(ServoLink& servo) {
+  for (;;) {
+    events_.emplace_back();
+    if (!servo.take_event(events_.back())) break;
+    limit_events();
   }
+  events_.pop_back();
+}
+
+void fs_scene::push_event(const fs_event& event) {
   events_.push_back(event);
+  limit_events();
+}
+
+void fs_scene::limit_events() {
+  if (events_.size() <= event_capacity) return;
+  const fs_event& oldest = events_.front();
+  lost_events_ += oldest.kind == FS_EVENT_OVERFLOW ? static_cast<uint64_t>(oldest.value) : 1;
+  events_.pop_front();
 }
 
 fs_event fs_scene::next_event(double timeout) {
@@ -74,9 +88,7 @@ fs_event fs_scene::next_event(double timeout) {
     {
       const std::lock_guard lock(mutex_);
       settle(true);
-      if (servo_) {
-        for (fs_event event; servo_->take_event(event);) push_event(event);
-      }
+      if (servo_) collect_events(*servo_);
       if (lost_events_) {
         fs_event event{};
         event.kind = FS_EVENT_OVERFLOW;

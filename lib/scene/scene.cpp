@@ -285,14 +285,11 @@ void fs_scene::begin() {
 void fs_scene::commit() {
   mutate([&] {
     if (!group_) fail(FS_ERROR_STATE, "fs_scene_commit: no group is open; fs_scene_begin opens one");
-    const std::unique_ptr<Group> group = std::move(group_);
-    for (const auto& [slot, is_more_than_moved] : group->touched) {
+    for (const auto& [slot, is_more_than_moved] : group_->touched) {
       const Entry* felt = table_.get(slot);
-      const Entry& wanted = *group->table.get(slot);
-      if (!felt && wanted.is_removed) {  // came and went
-        slots_.erase(wanted.object->name);
-        free_slots_.insert(slot);
-      } else if (is_more_than_moved || !felt) {
+      const Entry& wanted = *group_->table.get(slot);
+      if (!felt && wanted.is_removed) continue;  // came and went
+      if (is_more_than_moved || !felt) {
         store(slot, transit(felt, wanted));
       } else {
         const Ref<Entry> entry = copy(*felt);
@@ -301,17 +298,25 @@ void fs_scene::commit() {
         store(slot, entry);
       }
     }
-    transit_view(group->view);
+    transit_view(group_->view);
+    forget_new_names();
+    group_ = nullptr;
   });
 }
 
 void fs_scene::cancel() {
   const std::lock_guard lock(mutex_);
   if (!group_) fail(FS_ERROR_STATE, "fs_scene_cancel: no group is open; fs_scene_begin opens one");
-  for (const auto& [slot, is_more_than_moved] : group_->touched) {
-    if (table_.get(slot)) continue;  // else its name came with the group
-    slots_.erase(group_->table.get(slot)->object->name);
-    free_slots_.insert(slot);
-  }
+  forget_new_names();
   group_ = nullptr;
+}
+
+// Of names that came with the group, those that did not get into the scene. All that can fail is done first.
+void fs_scene::forget_new_names() {
+  std::set<uint32_t> freed;
+  for (const auto& [slot, is_more_than_moved] : group_->touched) {
+    if (!table_.get(slot)) freed.insert(slot);
+  }
+  for (const uint32_t slot : freed) slots_.erase(group_->table.get(slot)->object->name);
+  free_slots_.merge(freed);
 }

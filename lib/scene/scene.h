@@ -165,6 +165,9 @@ struct fs_scene : fs::Counted<fs_scene> {
   fs_object to_c(const fs::Entry& entry) const;
   fs_report make_report(uint32_t slot, const fs::Entry& entry, double now) const;
   void push_event(const fs_event& event);
+  void limit_events();
+  void collect_events(fs::ServoLink& servo);
+  void forget_new_names();
 
   // Runs f, which changes the scene, and makes it known.
   template <class F>

@@ -291,13 +291,12 @@ bool fs_servo::take_event(fs_event& out) {
   out.value = event.faults;
   const fs_device_info& info = device_->info();
   std::memcpy(out.name, info.name, sizeof out.name - 1);
-  std::string text;
-  if (event.faults == 0) text = "ready";
+  const char* text = "ready";
   if (event.faults & FS_FAULT_DEVICE) text = "lost, not ready, or its pose older than 20 ms; the force comes back by the ramp";
   if (event.faults & FS_FAULT_SPEED) text = "stopped: the hand was above speed_limit";
   if (event.faults & FS_FAULT_NUMBER) text = "stopped: a pose or force was not finite";
   if (event.faults & FS_FAULT_LATE) text = "stopped: 20 ticks in a row were each later than a period";
-  text.copy(out.text, sizeof out.text - 1);
+  std::snprintf(out.text, sizeof out.text, "%s", text);
   return true;
 }
 
