@@ -1,0 +1,324 @@
+// Out of memory: in every call each allocation fails once. Nothing crashes, a call that says FS_ERROR_MEMORY has
+// changed nothing, the same call works afterwards, and the scene goes on. Files are not in this.
+#include <cstddef>
+#include <cstdio>
+#include <functional>
+#include <new>
+#include <vector>
+
+#include "api/support.h"
+
+using namespace scenes;
+
+// Every operator new of the program, the library's too, comes by here.
+static thread_local long countdown = -1;  // the allocation that fails; -1: none
+static thread_local bool has_failed;
+
+static void* allocate(size_t size, size_t alignment) {
+  if (countdown >= 0 && countdown-- == 0) {
+    has_failed = true;
+    throw std::bad_alloc();
+  }
+  const size_t whole = (size + alignment - 1) / alignment * alignment;
+  void* p = alignment > alignof(std::max_align_t) ? std::aligned_alloc(alignment, whole) : std::malloc(whole);
+  if (!p) throw std::bad_alloc();
+  return p;
+}
+void* operator new(size_t size) { return allocate(size, 1); }
+void* operator new(size_t size, std::align_val_t alignment) { return allocate(size, static_cast<size_t>(alignment)); }
+void operator delete(void* p) noexcept { std::free(p); }
+void operator delete(void* p, size_t) noexcept { std::free(p); }
+void operator delete(void* p, std::align_val_t) noexcept { std::free(p); }
+void operator delete(void* p, size_t, std::align_val_t) noexcept { std::free(p); }
+
+static fs_object pull(const char* name, double x = 0.01) {  // 2 N
+  fs_object o = fs_object_init(name, FS_PRIMITIVE_POINT);
+  o.pose = at(x, 0, 0);
+  o.front = constant(FS_SENSE_ATTRACTIVE, 2);
+  return o;
+}
+
+static fs_object mortal(fs_object o, double lifetime) {
+  o.lifetime = lifetime;
+  return o;
+}
+
+static fs_servo_options options() {
+  fs_servo_options options = virtual_options();
+  options.fade = 0.05;
+  options.ramp = -1;
+  return options;
+}
+
+// A scene of some objects, all steady, one about to be let go of and one that has expired; with a tool, maybe a servo.
+struct World : Rig {
+  Tool tool = make_tool(scene.get());
+  fs_scene* s = scene.get();
+  Shape shape;                 // of a call that needs one
+  int expired = 0, ready = 0;  // events that came
+
+  explicit World(bool with_servo) : Rig("memory") {
+    OK(fs_scene_set_time(s, 1));
+    for (const char* name : {"a", "b", "c", "gone"}) set(pull(name));
+    set(mortal(pull("life"), 100));
+    set(mortal(pull("old"), 0.01));
+    OK(fs_scene_set_time(s, 2));
+    device = fake.open();
+    if (with_servo) {
+      servo = start_servo(s, device.get(), options());
+      step(10);
+    }
+    OK(fs_object_remove(s, "gone"));
+    if (with_servo) step(300);
+  }
+  void set(const fs_object& o) { OK(fs_object_set(s, &o)); }
+  fs_status next_event(fs_event& event) {
+    const fs_status status = fs_scene_next_event(s, 0, &event);
+    if (status == FS_OK && event.kind == FS_EVENT_EXPIRED) ++expired;
+    if (status == FS_OK && event.kind == FS_EVENT_DEVICE) ++ready;
+    return status;
+  }
+
+  // Of all that getters and evaluation show, as text.
+  std::string all(bool with_revisions) {
+    std::string out;
+    auto add = [&](auto... values) {
+      for (const double value : {static_cast<double>(values)...}) {
+        char text[40];
+        std::snprintf(text, sizeof text, " %.17g", value);
+        out += text;
+      }
+    };
+    std::vector<fs_report> reports(object_count(s));
+    size_t count = 0;
+    OK(fs_scene_get_reports(s, reports.data(), reports.size(), &count));
+    for (const fs_report& r : reports) {
+      out += std::string("\n") + r.name;
+      add(r.primitive, r.state, r.weight, r.stiffness_wanted, r.distance, r.wrench.force.x);
+      if (with_revisions) add(r.revision);
+      fs_object o = fs_object_init("", FS_PRIMITIVE_POINT);
+      OK(fs_object_get(s, r.name, &o));
+      add(o.pose.position.x, o.twist.linear.x, o.front.gain, o.lifetime, o.enabled, o.tool_points);
+      fs_object_release(&o);
+      const fs_vec3 x{0.003, 0, 0};
+      fs_vec3 force{};
+      if (fs_evaluate_field(s, r.name, FS_NOW, &x, 1, &force) == FS_OK) add(force.x);
+    }
+    fs_frame frame;
+    OK(fs_scene_get_frame(s, nullptr, &frame));
+    fs_vec3 points[32];
+    OK(fs_scene_get_tool(s, points, 32, &count));
+    out += "\nframe, tool";
+    add(frame.pose.position.x, count, points[0].x, points[count - 1].x);
+    if (tool) {
+      const fs_response response = evaluate(tool.get(), hand_at({0.003, 0, 0}));
+      add(response.wrench.force.x, response.felt_count);
+    }
+    if (servo) {
+      fs_state hand;
+      fs_response response;
+      OK(fs_scene_get_hand(s, &hand, &response, nullptr));
+      add(sent().x, hand.flags, response.felt_count, response.flags);
+    }
+    return out;
+  }
+};
+
+struct Call {
+  const char* name;
+  std::function<fs_status(World&)> call;
+  std::function<void(World&)> before = [](World&) {};
+  bool may_be_partial = false;  // it may have done some of it when memory ran out; but nothing crashes
+};
+
+static std::vector<Call> calls() {
+  const auto set = [](const fs_object& o) { return [o](World& w) { return fs_object_set(w.s, &o); }; };
+  fs_object plane = pull("a");
+  plane.primitive = FS_PRIMITIVE_PLANE;
+  fs_object mesh = pull("a");
+  mesh.primitive = FS_PRIMITIVE_MESH;
+  fs_object off = pull("a");
+  off.enabled = false;
+  const auto pose = at(0.05, 0, 0);
+  const auto in_group = [](World& w) {
+    fs_scene_begin(w.s);  // open already where all is done in a group
+    w.set(pull("new"));
+    w.set(mortal(pull("b", 0.2), 50));
+    OK(fs_object_remove(w.s, "a"));
+    OK(fs_scene_set_clutch(w.s, true));
+  };
+  return {
+      {"set, new", set(pull("new", 0.1))},
+      {"set, new, with a lifetime", set(mortal(pull("new", 0.1), 50))},
+      {"set, there", set(pull("a", 0.2))},
+      {"set, there, with a lifetime", set(mortal(pull("a"), 50))},
+      {"set, another primitive", set(plane)},
+      {"set, disabled", set(off)},
+      {"set, a mesh", [mesh](World& w) {  // its tree is built in the call
+         fs_object o = mesh;
+         o.shape = w.shape.get();
+         return fs_object_set(w.s, &o);
+       }, [](World& w) { w.shape = make_mesh(sphere_mesh(0.1, 100)); }},
+      {"change", [](World& w) {
+         fs_object o = pull("a", 0.2);
+         o.front.gain = 3;
+         return fs_object_change(w.s, &o, FS_PART_POSE | FS_PART_PROFILES);
+       }},
+      {"move", [pose](World& w) { return fs_object_move(w.s, "a", &pose, nullptr, FS_NOW); }},
+      {"move, with a lifetime", [pose](World& w) { return fs_object_move(w.s, "life", &pose, nullptr, FS_NOW); }},
+      {"remove", [](World& w) { return fs_object_remove(w.s, "a"); }},
+      {"clear", [](World& w) { return fs_scene_clear(w.s); }, [](World&) {}, true},
+      {"frame", [](World& w) {
+         fs_frame frame = fs_frame_init();
+         frame.pose.position.x = 0.3;
+         return fs_scene_set_frame(w.s, &frame);
+       }},
+      {"clutch", [](World& w) { return fs_scene_set_clutch(w.s, true); }},
+      {"clutch let go", [](World& w) { return fs_scene_set_clutch(w.s, false); },
+       [](World& w) { OK(fs_scene_set_clutch(w.s, true)); if (w.servo) w.step(100); }},
+      {"tool", [](World& w) {
+         const fs_vec3 points[]{{0, 0, 0}, {0.1, 0, 0}};
+         return fs_scene_set_tool(w.s, points, 2);
+       }},
+      {"begin", [](World& w) {
+         const fs_status status = fs_scene_begin(w.s);
+         return status == FS_ERROR_STATE ? FS_OK : status;
+       }},
+      {"commit", [](World& w) { return fs_scene_commit(w.s); }, in_group, true},
+      {"cancel", [](World& w) { return fs_scene_cancel(w.s); }, in_group, true},
+      {"tool_create", [](World& w) {
+         fs_tool* tool = nullptr;
+         const fs_status status = fs_tool_create(w.s, nullptr, 0, &tool);
+         fs_tool_destroy(tool);
+         return status;
+       }},
+      {"tool_destroy", [](World& w) { w.tool.reset(); return FS_OK; }},
+      {"servo_start", [](World& w) {
+         if (w.servo) return FS_OK;
+         fs_servo* servo = nullptr;
+         const fs_servo_options chosen = options();
+         const fs_status status = fs_servo_start(w.s, w.device.get(), &chosen, &servo);
+         w.servo.reset(servo);
+         return status;
+       }},
+      {"servo_stop", [](World& w) { w.servo.reset(); return FS_OK; }},
+      {"next_event", [](World& w) {
+         fs_event event;
+         return w.next_event(event);
+       }},
+      {"get_reports", [](World& w) {
+         fs_report reports[9];
+         size_t count = 0;
+         return fs_scene_get_reports(w.s, reports, 9, &count);
+       }},
+      {"get", [](World& w) {
+         fs_object o = fs_object_init("", FS_PRIMITIVE_POINT);
+         const fs_status status = fs_object_get(w.s, "a", &o);
+         fs_object_release(&o);
+         return status;
+       }},
+      {"scene_destroy", [](World& w) { w.tool.reset(); w.servo.reset(); w.scene.reset(); return FS_OK; }},
+  };
+}
+
+// What a call does when nothing fails.
+static std::string wanted(const Call& call, bool with_servo, bool is_grouped) {
+  World world(with_servo);
+  if (is_grouped) OK(fs_scene_begin(world.s));
+  call.before(world);
+  OK(call.call(world));
+  return world.scene ? world.all(false) : "";
+}
+
+// How many allocations there are to fail.
+static int sweep(const Call& call, bool with_servo, bool is_grouped) {
+  const std::string after_success = wanted(call, with_servo, is_grouped);
+  for (int k = 0;; ++k) {
+    World world(with_servo);
+    if (is_grouped) OK(fs_scene_begin(world.s));
+    call.before(world);
+    const std::string before = world.all(true);
+    has_failed = false;
+    countdown = k;
+    const fs_status status = call.call(world);
+    countdown = -1;
+    const bool is_last = !has_failed;
+    if (!world.scene) {
+      if (is_last) return k;
+      continue;
+    }
+    const std::string what = std::string(call.name) + (with_servo ? ", servo" : "") + (is_grouped ? ", group" : "") +
+                             ", allocation " + std::to_string(k);
+    if (status != FS_OK) {
+      ck_assert_msg(has_failed && status == FS_ERROR_MEMORY, "%s: %s", what.c_str(), fs_status_name(status));
+      if (!call.may_be_partial) {
+        const std::string after = world.all(true);
+        ck_assert_msg(after == before, "%s:%s\nhas become%s", what.c_str(), before.c_str(), after.c_str());
+        if (with_servo) {
+          const fs_vec3 force = world.sent();
+          world.step(1);
+          ck_assert_msg(norm(world.sent() - force) < 1e-12, "%s: a step of force", what.c_str());
+        }
+        OK(call.call(world));
+      }
+    }
+    if (!with_servo && !call.may_be_partial) {
+      const std::string after = world.all(false);
+      ck_assert_msg(after == after_success, "%s: in the end%s\nnot%s", what.c_str(), after.c_str(),
+                    after_success.c_str());
+    }
+
+    // The scene goes on.
+    fs_scene_commit(world.s);
+    world.set(pull("after", 0.1));
+    OK(fs_object_remove(world.s, "after"));
+    fs_object_remove(world.s, "b");  // it may be gone
+    if (world.servo) world.step(300);
+    world.set(pull("after", 0.1));
+    fs_event event;
+    do OK(world.next_event(event));
+    while (event.kind != FS_EVENT_NONE);
+    ck_assert_msg(world.expired == 1, "%s: %d objects have expired", what.c_str(), world.expired);
+    const bool may_be_lost = std::strcmp(call.name, "servo_stop") == 0;  // it has no way to say so
+    if (world.servo || (with_servo && !may_be_lost)) {
+      ck_assert_msg(world.ready == 1, "%s: the device was ready %d times", what.c_str(), world.ready);
+    }
+    world.servo.reset();
+    world.tool = make_tool(world.s);
+    ck_assert_uint_ge(evaluate(world.tool.get(), {}).felt_count, 1);
+    world.servo = start_servo(world.s, world.device.get(), options());
+    world.step(5);
+    OK(fs_scene_clear(world.s));
+    world.step(100);
+    ck_assert_double_eq(norm(world.sent()), 0);
+    ck_assert_uint_eq(object_count(world.s), 0);
+    if (is_last) return k;
+  }
+}
+
+START_TEST(each_allocation_fails_once) {
+  const Call call = calls()[static_cast<size_t>(_i)];
+  for (bool with_servo : {false, true}) {
+    for (bool is_grouped : {false, true}) sweep(call, with_servo, is_grouped);
+  }
+}
+END_TEST
+
+START_TEST(allocations_are_seen) {  // the library's own
+  for (const Call& call : calls()) {
+    if (std::strcmp(call.name, "set, new") == 0) ck_assert_int_gt(sweep(call, true, false), 5);
+  }
+}
+END_TEST
+
+int main() {
+  Suite* suite = suite_create("memory");
+  add_case(suite, "the test", {allocations_are_seen});
+  for (int k = 0; k < static_cast<int>(calls().size()); ++k) {
+    TCase* test_case = tcase_create(calls()[static_cast<size_t>(k)].name);
+    tcase_set_timeout(test_case, 120);
+    tcase_add_loop_test(test_case, each_allocation_fails_once, k, k + 1);
+    suite_add_tcase(suite, test_case);
+  }
+  return run_suite(suite);
+}
