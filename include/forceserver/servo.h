@@ -15,7 +15,7 @@ extern "C" {
 
 /* Who runs the ticks, and on which clock. */
 typedef enum fs_servo_mode {
-  FS_SERVO_THREAD = 0,          /* its own real-time thread */
+  FS_SERVO_THREAD = 0,          /* its own real-time thread; the application's signals are blocked there */
   FS_SERVO_CALLER = 1,          /* the caller's loop calls fs_servo_step(servo, 1): a tick now, real clock */
   FS_SERVO_VIRTUAL = 2,         /* fs_servo_step; tick k = 1, 2.. is at k/rate s: tests, simulations */
   FS_SERVO_FORCE_32 = 0x7fffffff

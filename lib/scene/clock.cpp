@@ -35,13 +35,14 @@ fs_status fs_scene::set_time(double time) noexcept {
 
 // Shifts every stored time and brings what fades to its end. All that can fail is done first.
 void fs_scene::retime(double shift) {
+  const double time = now();
   const auto retimed = [&](const Entry& old) {
     const Ref<Entry> entry = make_ref<Entry>(old);
     entry->motion.time += shift;
     entry->track.shift(shift);
     entry->start += shift;
     entry->expiry += shift;
-    entry->fade = old.fade.settled(shift);
+    entry->fade = Fade::steady(old.fade.is_going_in() && time < entry->expiry, entry->expiry);
     entry->previous = nullptr;
     entry->tidy_at = never;
     entry->felt = make_ref<Felt>();

@@ -57,10 +57,6 @@ class Fade {
 
   bool is_going_in() const noexcept { return epoch_ ? direction_ > 0 : before_.weight > 0; }
   bool is_pending() const noexcept { return epoch_ && !epoch_->is_stamped(); }
-  double expiry() const noexcept { return expiry_; }  // s; infinite: none
-
-  // The same with all times `shift` later; what is under way is brought to its end.
-  Fade settled(double shift) const { return steady(is_going_in(), expiry() + shift); }
 
  private:
   struct Segment {

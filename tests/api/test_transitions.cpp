@@ -543,6 +543,23 @@ START_TEST(a_hand_that_never_was) {  // is at the identity
 }
 END_TEST
 
+START_TEST(expired_before_the_servo) {  // is not felt by it, not even on the way out
+  Rig rig("expired");
+  OK(fs_scene_set_time(rig.scene.get(), 10));
+  fs_object o = mortal(pull("x", 4), 1);
+  o.pose = at(3, 0, 0);
+  OK(fs_object_set(rig.scene.get(), &o));
+  OK(fs_scene_set_time(rig.scene.get(), 11.1));
+  fs_servo_options options = fast_options();
+  options.fade = 0.5;
+  rig.start(options);
+  for (int k = 0; k < 10; ++k) {
+    rig.step(1);
+    EXPECT_VECTOR(rig.sent(), (fs_vec3{}), 0);
+  }
+}
+END_TEST
+
 START_TEST(sent_is_what_the_device_got) {
   Rig rig("twoaxes");
   rig.fake.info.force_axes = 2;
@@ -761,7 +778,7 @@ int main() {
   Suite* suite = suite_create("transitions");
   add_case(suite, "transitions", {no_step, a_client_held_up, any_order});
   add_case(suite, "servos", {enabled_twice, late_is_late, a_bad_twist_and_the_speed_limit, a_hand_that_never_was,
-                             sent_is_what_the_device_got, reports_begin_anew});
+                             expired_before_the_servo, sent_is_what_the_device_got, reports_begin_anew});
   add_case(suite, "events", {expiry_is_told, events_keep_their_age});
   add_case(suite, "groups", {fields_and_open_groups, expressions_and_open_groups, poses_of_extreme_directions});
   return run_suite(suite);
