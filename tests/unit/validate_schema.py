@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""validate_schema.py SCHEMA PROGRAM: lets PROGRAM write scenes into a folder and checks each against SCHEMA, and that
-SCHEMA refuses scenes with one fault. Ends with 77 where python3-jsonschema is missing."""
+"""validate_schema.py SCHEMA SOURCE...: checks every scene against SCHEMA, and that SCHEMA refuses scenes with one fault.
+A source is a folder with scenes, or a program that writes some into the folder that is its argument. Ends with 77 where python3-jsonschema is missing."""
 import copy
 import json
 import pathlib
@@ -88,13 +88,18 @@ def main():
     check_described(schema, "", failures)
 
     with tempfile.TemporaryDirectory() as folder:
-        subprocess.run([sys.argv[2], folder], check=True)
-        files = sorted(pathlib.Path(folder).glob("*.json"))
+        files = []
+        for source in map(pathlib.Path, sys.argv[2:]):
+            if source.is_file():
+                subprocess.run([source, folder], check=True)
+            else:
+                files += source.glob("*.json")
+        files = sorted(files + list(pathlib.Path(folder).glob("*.json")))
         for file in files:
             for error in validator.iter_errors(json.loads(file.read_text(encoding="utf-8"))):
                 failures.append(f"{file.name}: {error.json_path}: {error.message[:200]}")
     if len(files) < 50:
-        failures.append(f"{sys.argv[2]} wrote only {len(files)} scenes")
+        failures.append(f"there were only {len(files)} scenes")
 
     for error in validator.iter_errors(GOOD):
         failures.append(f"the good scene: {error.json_path}: {error.message[:200]}")
