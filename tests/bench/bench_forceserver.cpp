@@ -128,8 +128,9 @@ static void named(State& state) {
 }
 BENCHMARK(named)->Name("evaluate/scene")->DenseRange(0, 9);
 
-// A change beside n objects, alone or with a virtual servo attached, of which a tick follows each 40 changes.
-static void change_beside(State& state, bool with_servo, bool moves) {
+// A change beside n objects, alone or with a virtual servo attached, of which a tick follows each 40 changes. Of one
+// object all the time, which is then in the cache, or of any: that shows what memory costs.
+static void change_beside(State& state, bool with_servo, bool moves, bool is_one = false) {
   FakeDevice fake("bench");
   Scene scene = make_scene();
   const Content content = crowd(state.range(0));
@@ -148,7 +149,7 @@ static void change_beside(State& state, bool with_servo, bool moves) {
   const fs_twist twist{{0.01, 0, 0}, {}};
   uint64_t number = 0;
   const auto change = [&] {
-    const fs_object& o = content.objects[random.below(content.objects.size())];
+    const fs_object& o = content.objects[is_one ? 0 : random.below(content.objects.size())];
     if (moves) {
       fs_object_move(scene.get(), o.name, &o.pose, &twist, FS_NOW);
     } else {
@@ -156,15 +157,17 @@ static void change_beside(State& state, bool with_servo, bool moves) {
     }
   };
   each_call(state, change, [&] {
-    if (with_servo && ++number % 40 == 0) fs_servo_step(servo.get(), 1);
+    if (with_servo && !is_one && ++number % 40 == 0) fs_servo_step(servo.get(), 1);
   });
 }
 static void move(State& state) { change_beside(state, false, true); }
 static void move_with_servo(State& state) { change_beside(state, true, true); }
+static void move_one_with_servo(State& state) { change_beside(state, true, true, true); }
 static void set(State& state) { change_beside(state, false, false); }
 static void set_with_servo(State& state) { change_beside(state, true, false); }
 BENCHMARK(move)->Name("move/beside")->Arg(1)->Arg(100000)->UseManualTime();
 BENCHMARK(move_with_servo)->Name("move/beside_with_servo")->Arg(1)->Arg(100000)->UseManualTime();
+BENCHMARK(move_one_with_servo)->Name("move/one_beside_with_servo")->Arg(1)->Arg(100000)->UseManualTime();
 BENCHMARK(set)->Name("set/beside")->Arg(1)->Arg(100000)->UseManualTime();
 BENCHMARK(set_with_servo)->Name("set/beside_with_servo")->Arg(1)->Arg(100000)->UseManualTime();
 
