@@ -91,17 +91,23 @@ void fs_scene::remove_entry(uint32_t slot, const Entry& old) {
 // Takes what an entry shall be: into the group, or at once through the fade that it needs.
 void fs_scene::put(uint32_t slot, Ref<Entry> entry, bool is_more_than_moved) {
   const bool is_new = !working().get(slot);
-  if (is_new) {
-    slots_.try_emplace(entry->object->name, slot);
-    if (slot == slots_end_) ++slots_end_;
+  const bool is_first_touch = group_ && !group_->touched.contains(slot);
+  if (is_new) slots_.insert_or_assign(entry->object->name, slot);
+  try {
+    if (group_) {
+      group_->touched[slot] |= is_more_than_moved;
+      group_->table.set(slot, entry);
+    } else {
+      store(slot, is_more_than_moved ? transit(table_.get(slot), *entry) : Ref<const Entry>(entry));
+    }
+  } catch (...) {
+    if (is_first_touch) group_->touched.erase(slot);
+    if (is_new) slots_.erase(entry->object->name);
+    throw;
   }
-  if (group_) {
-    group_->touched[slot] |= is_more_than_moved;
-    group_->table.set(slot, std::move(entry));
-  } else {
-    store(slot, is_more_than_moved ? transit(table_.get(slot), *entry) : Ref<const Entry>(entry));
-  }
-  if (is_new) free_slots_.erase(slot);
+  if (!is_new) return;
+  free_slots_.erase(slot);
+  if (slot == slots_end_) ++slots_end_;
 }
 
 // How what is felt becomes what is wanted: without a step. Null: at once gone.

@@ -1,5 +1,6 @@
 #include "servo/servo.h"
 
+#include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <cmath>
@@ -19,6 +20,7 @@ namespace {
 constexpr double pose_age_limit = 0.02;  // s: an older pose is a lost device
 constexpr double record_length = 2;      // s
 constexpr size_t stack_size = 256 * 1024;
+constexpr int not_asked = -1;            // of fs_realtime: the thread has not come so far
 
 double parse_limit(double given, double device, const char* field) {
   if (!(given >= 0 && given <= device)) {
@@ -104,18 +106,11 @@ fs_servo::fs_servo(Ref<Scene> scene, Ref<Device> device, const ServoSettings& se
   pthread_attr_t attributes;
   pthread_attr_init(&attributes);
   pthread_attr_setstacksize(&attributes, stack_size);
-  std::atomic<int> granted{-1};
-  struct Start {
-    fs_servo* servo;
-    std::atomic<int>* granted;
-  } start{this, &granted};
+  realtime_.store(not_asked);
   const auto entry = [](void* data) -> void* {
-    fs_servo* servo = static_cast<Start*>(data)->servo;
-    std::atomic<int>* granted = static_cast<Start*>(data)->granted;
-    const fs_realtime reached = request_realtime(servo->settings_.priority, servo->settings_.cpu);
-    servo->realtime_.store(reached);
-    granted->store(reached);
-    granted->notify_one();  // the last use of what start() owns
+    fs_servo* servo = static_cast<fs_servo*>(data);
+    servo->realtime_.store(request_realtime(servo->settings_.priority, servo->settings_.cpu));
+    servo->realtime_.notify_one();
     servo->run();
     return nullptr;
   };
@@ -124,7 +119,7 @@ fs_servo::fs_servo(Ref<Scene> scene, Ref<Device> device, const ServoSettings& se
   sigfillset(&signals);
   for (const int fault : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGTRAP, SIGABRT}) sigdelset(&signals, fault);
   pthread_sigmask(SIG_SETMASK, &signals, &before);
-  const int error = pthread_create(&thread_, &attributes, entry, &start);
+  const int error = pthread_create(&thread_, &attributes, entry, this);
   pthread_sigmask(SIG_SETMASK, &before, nullptr);
   pthread_attr_destroy(&attributes);
   if (error) {
@@ -133,8 +128,8 @@ fs_servo::fs_servo(Ref<Scene> scene, Ref<Device> device, const ServoSettings& se
     fail(FS_ERROR_IO, "the servo's thread could not be started: %s", std::strerror(error));
   }
   has_thread_ = true;
-  granted.wait(-1);
-  if (granted.load() == FS_REALTIME_FIFO && lock_memory()) realtime_.store(FS_REALTIME_FIFO_LOCKED);
+  realtime_.wait(not_asked);
+  if (realtime_.load() == FS_REALTIME_FIFO && lock_memory()) realtime_.store(FS_REALTIME_FIFO_LOCKED);
 }
 
 fs_servo::~fs_servo() {
@@ -313,7 +308,7 @@ void fs_servo::set_enabled(bool enabled) noexcept {
 void fs_servo::get_stats(fs_servo_stats& out) const {
   const RollingHistogram::Percentiles late = late_.percentiles(), compute = compute_.percentiles();
   const double since = std::fmax(first_time_.load(), late.since), span = newest_time_.load() - since;
-  out.realtime = static_cast<fs_realtime>(realtime_.load());
+  out.realtime = static_cast<fs_realtime>(std::max<int>(realtime_.load(), FS_REALTIME_NONE));
   out.faults = faults_.load();
   out.protections_off = settings_.protections_off;
   out.ticks = ticks_.load();

@@ -304,6 +304,30 @@ START_TEST(each_allocation_fails_once) {
 }
 END_TEST
 
+START_TEST(the_first_object) {  // of a scene that never had one: what failed leaves no trace of its name
+  for (bool is_grouped : {false, true}) {
+    bool is_last = false;
+    for (int k = 0; !is_last; ++k) {
+      const Scene scene = make_scene();
+      if (is_grouped) OK(fs_scene_begin(scene.get()));
+      const fs_object o = pull("first", 0.1);
+      has_failed = false;
+      countdown = k;
+      const fs_status status = fs_object_set(scene.get(), &o);
+      countdown = -1;
+      is_last = !has_failed;
+      ck_assert_int_eq(status, is_last ? FS_OK : FS_ERROR_MEMORY);
+      OK(fs_object_set(scene.get(), &o));
+      if (is_grouped) OK(fs_scene_commit(scene.get()));
+      fs_object got = fs_object_init("", FS_PRIMITIVE_POINT);
+      OK(fs_object_get(scene.get(), "first", &got));
+      fs_object_release(&got);
+      ck_assert_uint_eq(object_count(scene.get()), 1);
+    }
+  }
+}
+END_TEST
+
 START_TEST(allocations_are_seen) {  // the library's own
   for (const Call& call : calls()) {
     if (std::strcmp(call.name, "set, new") == 0) ck_assert_int_gt(sweep(call, true, false), 5);
@@ -313,7 +337,7 @@ END_TEST
 
 int main() {
   Suite* suite = suite_create("memory");
-  add_case(suite, "the test", {allocations_are_seen});
+  add_case(suite, "the test", {allocations_are_seen, the_first_object});
   for (int k = 0; k < static_cast<int>(calls().size()); ++k) {
     TCase* test_case = tcase_create(calls()[static_cast<size_t>(k)].name);
     tcase_set_timeout(test_case, 120);
