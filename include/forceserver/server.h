@@ -27,6 +27,27 @@ FS_DEFINE_INIT(fs_server_options)
 FS_API fs_status fs_server_start(fs_servo *servo, const char *endpoint, const fs_server_options *options,
                                  fs_server **out);
 
+/* A client of a server. Frozen. */
+typedef struct fs_client {
+  char name[FS_NAME_SIZE];      /* as it connected; "server": the server's own scene */
+  uint32_t process, user;       /* ids of the system */
+  uint32_t objects;             /* that it has now */
+  uint32_t reserved_32;         /* 0 */
+  double connected;             /* s, when it came, on the scene's clock */
+  double force_limit;           /* N, of its summed force */
+  fs_wrench wrench;             /* its sum at the last tick, as it was added; device frame */
+  uint64_t moves,               /* of its objects, taken since it came */
+           changes,             /* of other kinds, taken since it came */
+           refused;             /* changes that were not taken */
+  uint64_t limited;             /* ticks in which force_limit bounded it */
+  uint64_t shape_bytes;         /* of its shapes and curves at the server */
+  uint64_t reserved[4];         /* 0 */
+} fs_client;
+
+/* The clients of the server that this scene is connected to, a list; the server's own scene is the first. In this
+ * process: UNSUPPORTED. */
+FS_API fs_status fs_scene_get_clients(fs_scene *scene, fs_client *out, size_t capacity, size_t *count);
+
 /* Closes the door; the objects of its clients fade. Null does nothing. */
 FS_API void fs_server_stop(fs_server *server);
 

@@ -3,7 +3,7 @@
 #include "api/guarded.h"
 #include "driver/device.h"
 #include "driver/registry.h"
-#include "scene/scene.h"
+#include "scene/local_scene.h"
 
 using namespace fs;
 

@@ -15,7 +15,7 @@ fs_status fs_tool_create(fs_scene* scene, const fs_vec3* points, size_t count, f
       check_tool(points, count);
       own.assign(points, points + count);
     }
-    *out = make_ref<Tool>(Ref<Scene>::share(scene), std::move(own)).detach();
+    *out = make_ref<Tool>(Ref<LocalScene>::share(&scene->local()), std::move(own)).detach();
   });
 }
 
@@ -45,6 +45,6 @@ fs_status fs_evaluate_field(fs_scene* scene, const char* name, double time, cons
       require_pointer(positions, "positions");
       require_pointer(forces, "forces");
     }
-    evaluate_field(*scene, name, time, positions, count, forces);
+    evaluate_field(scene->local(), name, time, positions, count, forces);
   });
 }

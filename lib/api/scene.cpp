@@ -2,17 +2,19 @@
 
 #include "api/guarded.h"
 #include "file/scene_file.h"
-#include "scene/scene.h"
+#include "scene/local_scene.h"
 
 using namespace fs;
 
 namespace {
 
-// A call on a scene: `scene` is checked, what f throws becomes a status.
+// A call on a scene: `scene` is checked, what f throws becomes a status. The scene stays until the call ends, also when
+// another thread gives its handle back meanwhile.
 template <class F>
-fs_status on_scene(const fs_scene* scene, F&& f) {
+fs_status on_scene(fs_scene* scene, F&& f) {
   return guarded([&] {
     require_pointer(scene, "scene");
+    const Ref<fs_scene> kept = Ref<fs_scene>::share(scene);
     f();
   });
 }
@@ -22,7 +24,7 @@ fs_status on_scene(const fs_scene* scene, F&& f) {
 fs_status fs_scene_create(fs_scene** out) {
   return guarded([&] {
     require_pointer(out, "out");
-    *out = make_ref<Scene>().detach();
+    *out = make_ref<LocalScene>().detach();
   });
 }
 
@@ -43,7 +45,9 @@ fs_status fs_scene_connect(const char* endpoint, const char* client_name, fs_sce
 }
 
 void fs_scene_destroy(fs_scene* scene) {
-  if (scene) scene->release();
+  if (!scene) return;
+  scene->close();
+  scene->release();
 }
 
 fs_status fs_object_set(fs_scene* scene, const fs_object* object) {
@@ -142,11 +146,7 @@ fs_status fs_scene_set_frame(fs_scene* scene, const fs_frame* frame) {
 fs_status fs_scene_get_frame(fs_scene* scene, const char* client, fs_frame* out) {
   return on_scene(scene, [&] {
     require_pointer(out, "out");
-    if (client) {
-      fail(FS_ERROR_NOT_FOUND, "client is '%.80s': a scene in this process has no clients; null means its own frame",
-           client);
-    }
-    *out = scene->get_frame();
+    *out = scene->get_frame(client);
   });
 }
 
@@ -167,30 +167,20 @@ fs_status fs_scene_get_tool(fs_scene* scene, fs_vec3* out, size_t capacity, size
 
 fs_status fs_scene_set_accuracy(fs_scene* scene, double newtons) {
   return on_scene(scene, [&] {
-    if (!(newtons >= 0 && std::isfinite(newtons))) {
-      fail(FS_ERROR_INVALID, "newtons is %g, must be finite and >= 0", newtons);
-    }
-    // Evaluation is exact, which is within any error that is allowed.
+    scene->set_accuracy(newtons);
   });
 }
 
 fs_status fs_scene_set_max_stiffness(fs_scene* scene, double stiffness) {
   return on_scene(scene, [&] {
-    if (!(stiffness >= 0 && std::isfinite(stiffness))) {
-      fail(FS_ERROR_INVALID, "stiffness is %g, must be finite and >= 0 N/m", stiffness);
-    }
-    if (stiffness > 0) {
-      fail(FS_ERROR_UNSUPPORTED, "stiffness is %g: slope caps are not in version %s of this library, only 0", stiffness,
-           fs_version());
-    }
+    scene->set_max_stiffness(stiffness);
   });
 }
 
 fs_status fs_scene_get_time(const fs_scene* scene, double* out) {
   if (!scene) return null_argument("scene is null");
   if (!out) return null_argument("out is null");
-  *out = scene->now();
-  return FS_OK;
+  return scene->get_time(*out);
 }
 
 fs_status fs_scene_set_time(fs_scene* scene, double time) {

@@ -13,7 +13,10 @@ fs_status fs_servo_start(fs_scene* scene, fs_device* device, const fs_servo_opti
     if (options) check_struct_size(options->struct_size, sizeof *options, "fs_servo_options");
     const fs_servo_options given = options ? *options : fs_servo_options_init();
     const ServoSettings settings = parse_options(given, device->info());
-    *out = make_ref<Servo>(Ref<Scene>::share(scene), Ref<Device>::share(device), settings).detach();
+    if (scene->is_remote()) {
+      fail(FS_ERROR_UNSUPPORTED, "scene is connected to a server, whose servo runs it: one in this process is needed");
+    }
+    *out = make_ref<Servo>(Ref<LocalScene>::share(&scene->local()), Ref<Device>::share(device), settings).detach();
   });
 }
 
@@ -29,7 +32,9 @@ fs_status fs_servo_set_enabled(fs_servo* servo, bool enabled) {
 }
 
 void fs_servo_stop(fs_servo* servo) {
-  if (servo) servo->release();
+  if (!servo) return;
+  servo->stop();
+  servo->release();
 }
 
 fs_status fs_servo_get_record(fs_servo* servo, fs_tick* out, size_t capacity, size_t* count) {
@@ -43,13 +48,7 @@ fs_status fs_servo_get_record(fs_servo* servo, fs_tick* out, size_t capacity, si
 
 fs_status fs_scene_get_hand(const fs_scene* scene, fs_state* state, fs_response* response, fs_wrench* sent) {
   if (!scene) return null_argument("scene is null");
-  if (!scene->has_servo()) return set_last_error_literal(FS_ERROR_STATE, "the scene has no servo, so no hand");
-  HandSample hand;
-  if (!scene->output.hand.read(hand)) return set_last_error_literal(FS_ERROR_INTERNAL, "the hand could not be read");
-  if (state) *state = hand.state;
-  if (response) *response = hand.response;
-  if (sent) *sent = hand.sent;
-  return FS_OK;
+  return scene->get_hand(state, response, sent);
 }
 
 fs_status fs_scene_get_servo_stats(fs_scene* scene, fs_servo_stats* out) {

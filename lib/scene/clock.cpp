@@ -5,7 +5,7 @@
 #include <new>
 
 #include "base/error.h"
-#include "scene/scene.h"
+#include "scene/local_scene.h"
 
 using namespace fs;
 
@@ -15,8 +15,8 @@ double fs::steady_now() noexcept {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-double fs_scene::now(ClockKind clock) const noexcept {
-  if (clock == ClockKind::virtual_time) return output.time.load(std::memory_order_acquire);
+double LocalScene::now(ClockKind clock) const noexcept {
+  if (clock == ClockKind::virtual_time) return output->time.load(std::memory_order_acquire);
   if (clock == ClockKind::caller) {
     const double told = told_time_.load(std::memory_order_acquire);
     if (!std::isnan(told)) return told;
@@ -24,7 +24,12 @@ double fs_scene::now(ClockKind clock) const noexcept {
   return steady_now();
 }
 
-fs_status fs_scene::set_time(double time) noexcept {
+fs_status LocalScene::get_time(double& out) const noexcept {
+  out = now();
+  return FS_OK;
+}
+
+fs_status LocalScene::set_time(double time) noexcept {
   if (!(time > 0) || !(time <= 1e15)) {
     return set_last_error_literal(FS_ERROR_INVALID, "time must be > 0 s and at most 1e15 s");
   }
@@ -34,7 +39,7 @@ fs_status fs_scene::set_time(double time) noexcept {
 }
 
 // Shifts every stored time and brings what fades to its end. All that can fail is done first.
-void fs_scene::retime(double shift) {
+void LocalScene::retime(double shift) {
   const double time = now();
   const auto retimed = [&](const Entry& old) {
     const Ref<Entry> entry = make_ref<Entry>(old);
@@ -87,7 +92,7 @@ void fs_scene::retime(double shift) {
   pending_epoch_ = open_epoch_ = nullptr;
 }
 
-void fs_scene::switch_clock(ClockKind clock) {
+void LocalScene::switch_clock(ClockKind clock) {
   const double before = now();
   const double told = told_time_.exchange(std::numeric_limits<double>::quiet_NaN());
   const ClockKind old = clock_.exchange(clock);
@@ -102,18 +107,18 @@ void fs_scene::switch_clock(ClockKind clock) {
   }
 }
 
-void fs_scene::attach_servo(ServoLink& servo) {
+void LocalScene::attach_servo(ServoLink& servo) {
   const std::lock_guard lock(mutex_);
   if (servo_) fail(FS_ERROR_STATE, "scene has a servo already; stop it first");
   settle(true);
-  prepare_all_curves(servo.reader.id.get());
+  prepare_all_curves(servo.reader.id);
   readers_.reserve(readers_.size() + 1);
-  output.time.store(0);
-  output.tick.store(0);
-  output.used.store(0);
+  output->time.store(0);
+  output->tick.store(0);
+  output->used.store(0);
   HandSample hand{};
   hand.state.pose = hand.response.proxy = identity_pose();
-  output.hand.write(hand);
+  output->hand.write(hand);
   switch_clock(servo.clock);
   readers_.push_back(&servo.reader);
   servo_ = &servo;
@@ -127,7 +132,7 @@ void fs_scene::attach_servo(ServoLink& servo) {
   has_servo_.store(true);
 }
 
-void fs_scene::detach_servo(ServoLink& servo) noexcept {
+void LocalScene::detach_servo(ServoLink& servo) noexcept {
   const std::lock_guard lock(mutex_);
   std::erase(readers_, &servo.reader);
   servo.reader.mailbox.clear();
@@ -143,13 +148,31 @@ void fs_scene::detach_servo(ServoLink& servo) noexcept {
   }
 }
 
-void fs_scene::get_servo_stats(fs_servo_stats& out) const {
+fs_status LocalScene::get_hand(fs_state* state, fs_response* response, fs_wrench* sent) const noexcept {
+  if (!has_servo()) return set_last_error_literal(FS_ERROR_STATE, "the scene has no servo, so no hand");
+  return read_hand(*output, state, response, sent);
+}
+
+fs_status fs::read_hand(const ServoOutput& output, fs_state* state, fs_response* response, fs_wrench* sent) noexcept {
+  HandSample hand;
+  if (!output.hand.read(hand)) return set_last_error_literal(FS_ERROR_INTERNAL, "the hand could not be read");
+  if (state) *state = hand.state;
+  if (response) *response = hand.response;
+  if (sent) *sent = hand.sent;
+  return FS_OK;
+}
+
+std::vector<fs_client> LocalScene::clients() {
+  fail(FS_ERROR_UNSUPPORTED, "the scene is in this process: only one that is connected to a server can tell its clients");
+}
+
+void LocalScene::get_servo_stats(fs_servo_stats& out) {
   const std::lock_guard lock(mutex_);
   if (!servo_) fail(FS_ERROR_STATE, "the scene has no servo; fs_servo_start gives it one");
   servo_->get_stats(out);
 }
 
-void fs_scene::get_device_info(fs_device_info& out) const {
+void LocalScene::get_device_info(fs_device_info& out) {
   const std::lock_guard lock(mutex_);
   if (!servo_) fail(FS_ERROR_STATE, "the scene has no servo, so no device; fs_servo_start gives it one");
   servo_->get_device_info(out);

@@ -89,7 +89,7 @@ double shape_radius(const Shape& shape) {
   return std::sqrt(largest) * (1 + 1e-12);
 }
 
-ParsedObject parse(const fs_object& in, std::string name, const Object* like) {
+ParsedObject parse(const fs_object& in, std::string name, const Object* like, bool builds_shape) {
   const int32_t primitive = raw_value(in.primitive);
   if (primitive < FS_PRIMITIVE_POINT || primitive > FS_PRIMITIVE_MESH) {
     fail(FS_ERROR_INVALID, "primitive is %d, must be an fs_primitive (0..3)", primitive);
@@ -137,7 +137,7 @@ ParsedObject parse(const fs_object& in, std::string name, const Object* like) {
   object.contact = in.contact;
 
   if (object.shape) {
-    object.shape->build();
+    if (builds_shape) object.shape->build();
     object.radius = like && like->shape == object.shape ? like->radius : shape_radius(*object.shape);
   } else if (in.primitive == FS_PRIMITIVE_PLANE) {
     object.radius = std::numeric_limits<double>::infinity();
@@ -228,11 +228,11 @@ bool make_unit_pose(Pose& pose) noexcept {
   return true;
 }
 
-ParsedObject parse_object(const fs_object& in, const Object* like) {
+ParsedObject parse_object(const fs_object& in, const Object* like, bool builds_shape) {
   check_struct_size(in.struct_size, sizeof(fs_object), "fs_object");
   const std::string name = parse_name(in.name, "name");
   try {
-    return parse(in, name, like);
+    return parse(in, name, like, builds_shape);
   } catch (Error& error) {
     error.text = "object '" + name + "': " + error.text;
     throw;

@@ -21,7 +21,7 @@ struct Object : Counted<Object> {
   Profile front, back;
   double damping = 0;       // N s/m
   fs_contact contact{};     // keep is NONE: contacts come with the proxy
-  Ref<const Shape> shape;   // built
+  Ref<const Shape> shape;   // built, where anybody evaluates
   uint32_t tool_points = 0;  // as the contract has it: 0 is all
   double lifetime = 0;      // s, 0: without end
   bool is_enabled = true;
@@ -49,7 +49,8 @@ struct ParsedObject {
 // Checks every field, builds the shape's tree, works out what depends on the whole. Throws INVALID (the sentence begins
 // with the object's name), VERSION, UNSUPPORTED.
 // like: an object of which much may be the same, and need not be worked out again; may be null.
-ParsedObject parse_object(const fs_object& object, const Object* like = nullptr);
+// builds_shape: false where nobody evaluates the object yet.
+ParsedObject parse_object(const fs_object& object, const Object* like = nullptr, bool builds_shape = true);
 
 // Only what stands in `parts` (fs_part bits) is taken from `change`, the rest from `object`; both as the contract has them.
 fs_object merge_parts(const fs_object& object, const fs_object& change, uint32_t parts);

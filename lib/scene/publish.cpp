@@ -4,7 +4,7 @@
 #include <thread>
 
 #include "base/error.h"
-#include "scene/scene.h"
+#include "scene/local_scene.h"
 
 using namespace fs;
 
@@ -14,7 +14,7 @@ void fs::prepare_curves(const Object& object, unsigned reader) {
   if (object.back.curve) object.back.curve->prepare(reader);
 }
 
-void fs_scene::prepare_all_curves(unsigned reader) const {
+void LocalScene::prepare_all_curves(unsigned reader) const {
   const auto prepare = [&](uint32_t, const Entry& entry) {
     prepare_curves(*entry.object, reader);
     if (entry.previous) prepare_curves(*entry.previous->object, reader);
@@ -25,7 +25,7 @@ void fs_scene::prepare_all_curves(unsigned reader) const {
 
 // All fades between two ticks begin at the same epoch. It is a new one once the servo has fetched the last: whether it has
 // is made sure by taking the snapshot back, so that nothing begins before the servo can know of it.
-Fade fs_scene::turned(const Fade& fade, bool in, double expiry) {
+Fade LocalScene::turned(const Fade& fade, bool in, double expiry) {
   if (!servo_) return Fade::steady(in, expiry);
   if (!pending_epoch_) {
     const Ref<const Epoch> fresh = make_ref<Epoch>();
@@ -36,13 +36,13 @@ Fade fs_scene::turned(const Fade& fade, bool in, double expiry) {
   return fade.turned(in, expiry, pending_epoch_, servo_->fade);
 }
 
-void fs_scene::changed() {
+void LocalScene::changed() {
   posted_ = nullptr;
-  newest();
+  if (!is_held_) newest();
 }
 
 // The newest snapshot; the readers have it, too. Of an open group it has nothing.
-Ref<const Snapshot> fs_scene::newest() {
+Ref<const Snapshot> LocalScene::newest() {
   if (posted_) return posted_;
   const Ref<Snapshot> made = spare_ ? std::move(spare_) : make_ref<Snapshot>();
   made->sequence = sequence_ + 1;
@@ -63,21 +63,43 @@ Ref<const Snapshot> fs_scene::newest() {
   return posted_ = made;
 }
 
-void fs_scene::attach(Reader& reader) {
+void LocalScene::attach(Reader& reader) {
+  build_shapes();
   const std::lock_guard lock(mutex_);
-  prepare_all_curves(reader.id.get());
+  prepare_all_curves(reader.id);
   const Ref<const Snapshot> snapshot = newest();
   readers_.push_back(&reader);
   reader.mailbox.prime(snapshot);
 }
 
-void fs_scene::detach(Reader& reader) noexcept {
+void LocalScene::detach(Reader& reader) noexcept {
   const std::lock_guard lock(mutex_);
   std::erase(readers_, &reader);
   reader.mailbox.clear();
 }
 
-void fs_scene::with_snapshot(const char* name, const std::function<void(const Snapshot&, int64_t)>& f) {
+bool LocalScene::has_readers() const {
+  const std::lock_guard lock(mutex_);
+  return !readers_.empty();
+}
+
+// Makes good what leave_unbuilt has left out.
+void LocalScene::build_shapes() {
+  if (builds_shapes_.exchange(true)) return;
+  std::vector<Ref<const Object>> objects;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto collect = [&](uint32_t, const Entry& entry) { objects.push_back(entry.object); };
+    table_.for_each(collect);
+    if (group_) group_->table.for_each(collect);
+  }
+  for (const Ref<const Object>& object : objects) {
+    if (object->shape) object->shape->build();
+  }
+}
+
+void LocalScene::with_snapshot(const char* name, const std::function<void(const Snapshot&, int64_t)>& f) {
+  build_shapes();
   Ref<const Snapshot> held;
   int64_t slot = -1;
   {
@@ -93,7 +115,7 @@ void fs_scene::with_snapshot(const char* name, const std::function<void(const Sn
     held = newest();
   }
   struct Release {  // under the lock again, also when f throws
-    fs_scene& scene;
+    LocalScene& scene;
     Ref<const Snapshot>& held;
     ~Release() {
       const std::lock_guard lock(scene.mutex_);
@@ -105,7 +127,7 @@ void fs_scene::with_snapshot(const char* name, const std::function<void(const Sn
 
 // Lets go of what has faded out, and announces what has expired. Every call that changes something comes by here; that is
 // often enough, for what has weight 0 costs a tick next to nothing.
-void fs_scene::settle(bool is_urgent) {
+void LocalScene::settle(bool is_urgent) {
   const double time = now();
   if (!is_urgent && std::fabs(time - settled_at_) < 5e-3) return;
   settled_at_ = time;
@@ -113,7 +135,7 @@ void fs_scene::settle(bool is_urgent) {
   if (servo_ && tidy(time)) changed();
 }
 
-void fs_scene::announce_expired(double time) {
+void LocalScene::announce_expired(double time) {
   while (!expiries_.empty() && expiries_.begin()->first <= time) {
     const Entry& entry = *table_.get(expiries_.begin()->second);
     fs_event event{};
@@ -126,7 +148,7 @@ void fs_scene::announce_expired(double time) {
 }
 
 // True when it changed something. Only what is due, and not too much at once: no call waits for the tidying of thousands.
-bool fs_scene::tidy(double time) {
+bool LocalScene::tidy(double time) {
   constexpr int most = 256;
   const double duration = servo_->fade;
   bool is_changed = false;
@@ -159,7 +181,7 @@ void fs::check_timeout(double timeout) {
   }
 }
 
-void fs_scene::sync(double timeout) const {
+void LocalScene::sync(double timeout) {
   check_timeout(timeout);
   uint64_t wanted;
   {
@@ -167,7 +189,7 @@ void fs_scene::sync(double timeout) const {
     wanted = sequence_;
   }
   const double start = steady_now();
-  while (has_servo() && output.used.load(std::memory_order_acquire) < wanted) {
+  while (has_servo() && output->used.load(std::memory_order_acquire) < wanted) {
     if (steady_now() - start >= timeout) {
       fail(FS_ERROR_TIMEOUT, "no tick has used the changes within timeout %g s", timeout);
     }

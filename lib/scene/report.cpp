@@ -4,7 +4,7 @@
 #include <thread>
 
 #include "base/error.h"
-#include "scene/scene.h"
+#include "scene/local_scene.h"
 
 using namespace fs;
 
@@ -12,7 +12,7 @@ namespace {
 constexpr size_t event_capacity = 1024;
 }
 
-fs_report fs_scene::make_report(uint32_t slot, const Entry& entry, double now) const {
+fs_report LocalScene::make_report(uint32_t slot, const Entry& entry, double now) const {
   const Object& object = *entry.object;
   fs_report out{};
   object.name.copy(out.name, FS_NAME_SIZE - 1);
@@ -34,7 +34,7 @@ fs_report fs_scene::make_report(uint32_t slot, const Entry& entry, double now) c
   out.stiffness_applied = out.stiffness_wanted;
   out.distance = never;
   FeltSample felt;
-  if (servo_ && entry.felt->sample.read(felt) && felt.tick >= output.tick.load(std::memory_order_acquire)) {
+  if (servo_ && entry.felt->sample.read(felt) && felt.tick >= output->tick.load(std::memory_order_acquire)) {
     out.distance = felt.distance;
     out.point = felt.point;
     out.wrench = felt.wrench;
@@ -42,7 +42,7 @@ fs_report fs_scene::make_report(uint32_t slot, const Entry& entry, double now) c
   return out;
 }
 
-std::vector<fs_report> fs_scene::reports() const {
+std::vector<fs_report> LocalScene::reports() {
   const std::lock_guard lock(mutex_);
   std::vector<fs_report> out;
   const double time = now();
@@ -52,7 +52,7 @@ std::vector<fs_report> fs_scene::reports() const {
   return out;
 }
 
-fs_report fs_scene::report(const char* name) const {
+fs_report LocalScene::report(const char* name) {
   const std::lock_guard lock(mutex_);
   uint32_t slot;
   const Entry& entry = require(name, slot);
@@ -60,7 +60,7 @@ fs_report fs_scene::report(const char* name) const {
 }
 
 // None is taken from the servo before there is room for it.
-void fs_scene::collect_events(ServoLink& servo) {
+void LocalScene::collect_events(ServoLink& servo) {
   for (;;) {
     events_.emplace_back();
     if (!servo.take_event(events_.back())) break;
@@ -69,39 +69,51 @@ void fs_scene::collect_events(ServoLink& servo) {
   events_.pop_back();
 }
 
-void fs_scene::push_event(const fs_event& event) {
+void LocalScene::push_event(const fs_event& event) {
   events_.push_back(event);
   limit_events();
 }
 
-void fs_scene::limit_events() {
+void LocalScene::limit_events() {
   if (events_.size() <= event_capacity) return;
   const fs_event& oldest = events_.front();
   lost_events_ += oldest.kind == FS_EVENT_OVERFLOW ? static_cast<uint64_t>(oldest.value) : 1;
   events_.pop_front();
 }
 
-fs_event fs_scene::next_event(double timeout) {
+bool LocalScene::take_event(fs_event& out) {
+  const std::lock_guard lock(mutex_);
+  settle(true);
+  if (servo_) collect_events(*servo_);
+  if (lost_events_) {
+    out = {};
+    out.kind = FS_EVENT_OVERFLOW;
+    out.time = now();
+    out.value = static_cast<double>(std::exchange(lost_events_, 0));
+    return true;
+  }
+  if (events_.empty()) return false;
+  out = events_.front();
+  events_.pop_front();
+  return true;
+}
+
+void LocalScene::note_edit(const char* name, const char* editor) {
+  fs_event event{};
+  event.kind = FS_EVENT_EDITED;
+  event.time = now();
+  std::snprintf(event.name, sizeof event.name, "%s", name);
+  std::snprintf(event.text, sizeof event.text, "%s", editor);
+  const std::lock_guard lock(mutex_);
+  push_event(event);
+}
+
+fs_event LocalScene::next_event(double timeout) {
   check_timeout(timeout);
   const double start = steady_now();
   for (;;) {
-    {
-      const std::lock_guard lock(mutex_);
-      settle(true);
-      if (servo_) collect_events(*servo_);
-      if (lost_events_) {
-        fs_event event{};
-        event.kind = FS_EVENT_OVERFLOW;
-        event.time = now();
-        event.value = static_cast<double>(std::exchange(lost_events_, 0));
-        return event;
-      }
-      if (!events_.empty()) {
-        const fs_event event = events_.front();
-        events_.pop_front();
-        return event;
-      }
-    }
+    fs_event event;
+    if (take_event(event)) return event;
     const double rest = timeout - (steady_now() - start);
     if (!(rest > 0)) return {};
     // The servo makes no system call to wake anyone, so this side looks, often enough for a person.

@@ -8,7 +8,6 @@
 
 #include "base/counted.h"
 #include "base/seqlock.h"
-#include "force/reader.h"
 #include "scene/fade.h"
 #include "scene/mailbox.h"
 #include "scene/motion.h"
@@ -86,7 +85,7 @@ struct Snapshot : LocalCounted<Snapshot> {
 
 // A thread that evaluates, as the scene knows it.
 struct Reader {
-  ReaderId id;
+  const unsigned id;  // of the thread: a ReaderId that its owner holds
   Mailbox<Ref<const Snapshot>> mailbox;
 };
 

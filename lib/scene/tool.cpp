@@ -8,7 +8,7 @@
 
 using namespace fs;
 
-fs_tool::fs_tool(Ref<Scene> scene, std::vector<Vec3> points) : scene_(std::move(scene)), points_(std::move(points)) {
+fs_tool::fs_tool(Ref<LocalScene> scene, std::vector<Vec3> points) : scene_(std::move(scene)), points_(std::move(points)) {
   scene_->attach(reader_);
 }
 
@@ -22,11 +22,11 @@ fs_status fs_tool::evaluate(const fs_state& state, fs_response& out) noexcept {
   const Snapshot& snapshot = *reader_.mailbox.front();
   const std::vector<Vec3>& points = points_.empty() ? snapshot.views.view->points : points_;
   const double time = checked.time != 0 ? checked.time : scene_->now(snapshot.clock);
-  out = evaluate_scene(snapshot, ToolState::at(checked, points.data(), points.size(), time, reader_.id.get()));
+  out = evaluate_scene(snapshot, ToolState::at(checked, points.data(), points.size(), time, reader_.id));
   return FS_OK;
 }
 
-void fs::evaluate_field(Scene& scene, const char* name, double time, const Vec3* positions, size_t count,
+void fs::evaluate_field(LocalScene& scene, const char* name, double time, const Vec3* positions, size_t count,
                         Vec3* forces) {
   parse_finite(time, "time");
   for (size_t i = 0; i < count; ++i) {

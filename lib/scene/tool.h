@@ -1,24 +1,26 @@
 // What touches a scene in a loop of the caller's own. It is the fs_tool of the C contract itself.
 #pragma once
 
-#include "scene/scene.h"
+#include "force/reader.h"
+#include "scene/local_scene.h"
 
 struct fs_tool : fs::Counted<fs_tool> {
   // points: m, frame of the handle; none: those of the scene, as they are at each evaluation.
-  fs_tool(fs::Ref<fs::Scene> scene, std::vector<fs::Vec3> points);
+  fs_tool(fs::Ref<fs::LocalScene> scene, std::vector<fs::Vec3> points);
   ~fs_tool();
 
   fs_status evaluate(const fs_state& state, fs_response& out) noexcept;  // [rt]
 
  private:
-  const fs::Ref<fs::Scene> scene_;
+  const fs::Ref<fs::LocalScene> scene_;
   const std::vector<fs::Vec3> points_;
-  fs::Reader reader_;
+  const fs::ReaderId id_;
+  fs::Reader reader_{id_.get(), {}};
 };
 
 namespace fs {
 using Tool = fs_tool;
 
 // The force on a point at each of the positions (m, scene) at `time` (s; 0: now), on all processors. INVALID, NOT_FOUND.
-void evaluate_field(Scene& scene, const char* name, double time, const Vec3* positions, size_t count, Vec3* forces);
+void evaluate_field(LocalScene& scene, const char* name, double time, const Vec3* positions, size_t count, Vec3* forces);
 }  // namespace fs

@@ -1,7 +1,7 @@
 // Frame, clutch and tool of a scene: where its tool stands. A new view puts the tool elsewhere, so what was felt through
 // the old one fades out while the new fades in.
 #include "base/error.h"
-#include "scene/scene.h"
+#include "scene/local_scene.h"
 
 using namespace fs;
 
@@ -26,19 +26,19 @@ void fs::check_tool(const Vec3* points, size_t count) {
 }
 
 // The frame as it is, or as an open group wants it.
-fs_frame fs_scene::present_frame() const {
+fs_frame LocalScene::present_frame() const {
   if (group_ && group_->view.frame) return *group_->view.frame;
   fs_frame frame;
   views_.view->get_frame(frame);
   return frame;
 }
 
-const std::vector<Vec3>& fs_scene::present_tool() const {
+const std::vector<Vec3>& LocalScene::present_tool() const {
   return group_ && group_->view.points ? *group_->view.points : views_.view->points;
 }
 
 // Takes a wish, all checked: into the group, or at once.
-void fs_scene::change_view(ViewChange change) {
+void LocalScene::change_view(ViewChange change) {
   if (!group_) return transit_view(change);
   if (change.frame) group_->view.frame = change.frame;
   if (change.points) group_->view.points = std::move(change.points);
@@ -46,7 +46,7 @@ void fs_scene::change_view(ViewChange change) {
 }
 
 // How the present view becomes the one that is wanted: without a step.
-void fs_scene::transit_view(const ViewChange& change) {
+void LocalScene::transit_view(const ViewChange& change) {
   const Ref<const View> old = views_.view;
   const bool was_held = old->kind == View::Kind::held;
   const bool is_held = change.held.value_or(was_held);
@@ -85,7 +85,7 @@ void fs_scene::transit_view(const ViewChange& change) {
   replace_view(view, true);
 }
 
-void fs_scene::replace_view(Ref<const View> view, bool in) {
+void LocalScene::replace_view(Ref<const View> view, bool in) {
   if (!servo_) {
     views_ = {std::move(view), nullptr, Fade::steady(in), Fade::steady(false)};
     return;
@@ -100,26 +100,50 @@ void fs_scene::replace_view(Ref<const View> view, bool in) {
   views_.view = std::move(view);
 }
 
-void fs_scene::set_frame(const fs_frame& frame) {
+void LocalScene::set_frame(const fs_frame& frame) {
   const fs_frame parsed = parse_frame(frame);
   mutate([&] { change_view({parsed, {}, {}}); });
 }
 
-void fs_scene::set_tool(const Vec3* points, size_t count) {
+void LocalScene::set_tool(const Vec3* points, size_t count) {
   check_tool(points, count);
   mutate([&] { change_view({{}, std::vector<Vec3>(points, points + count), {}}); });
 }
 
-void fs_scene::set_clutch(bool held) {
+void LocalScene::set_clutch(bool held) {
   mutate([&] { change_view({{}, {}, held}); });
 }
 
-fs_frame fs_scene::get_frame() const {
+fs_frame LocalScene::get_frame(const char* client) {
+  if (client) {
+    fail(FS_ERROR_NOT_FOUND, "client is '%.80s': a scene in this process has no clients; null means its own frame", client);
+  }
   const std::lock_guard lock(mutex_);
   return present_frame();
 }
 
-std::vector<Vec3> fs_scene::get_tool() const {
+void fs::check_accuracy(double newtons) {
+  if (!(newtons >= 0 && std::isfinite(newtons))) {
+    fail(FS_ERROR_INVALID, "newtons is %g, must be finite and >= 0", newtons);
+  }
+}
+
+void fs::check_max_stiffness(double stiffness) {
+  if (!(stiffness >= 0 && std::isfinite(stiffness))) {
+    fail(FS_ERROR_INVALID, "stiffness is %g, must be finite and >= 0 N/m", stiffness);
+  }
+  if (stiffness > 0) {
+    fail(FS_ERROR_UNSUPPORTED, "stiffness is %g: slope caps are not in version %s of this library, only 0", stiffness,
+         fs_version());
+  }
+}
+
+// Evaluation is exact, which is within any error that is allowed.
+void LocalScene::set_accuracy(double newtons) { check_accuracy(newtons); }
+
+void LocalScene::set_max_stiffness(double stiffness) { check_max_stiffness(stiffness); }
+
+std::vector<Vec3> LocalScene::get_tool() {
   const std::lock_guard lock(mutex_);
   return present_tool();
 }

@@ -1,6 +1,32 @@
 #include "servo/channel.h"
 
+#include "servo/servo.h"
+
 namespace fs {
+
+Channel::Channel(fs_servo& servo, Ref<LocalScene> scene, const Limits& limits)
+    : ServoLink(servo.fade(), servo.clock(), servo.reader_id()),
+      servo_(servo),
+      scene_(std::move(scene)),
+      limits_(limits),
+      events_read_(std::max<uint64_t>(servo.event_count(), 1) - 1) {  // the last one tells how the device is
+  hand_.state.pose = hand_.response.proxy = identity_pose();
+  scene_->attach_servo(*this);
+}
+
+void Channel::detach() noexcept {
+  if (std::exchange(is_attached_, false)) scene_->detach_servo(*this);
+}
+
+Wrench Channel::wrench() const noexcept {
+  Wrench out{};
+  wrench_.read(out);
+  return out;
+}
+
+void Channel::get_stats(fs_servo_stats& out) const { servo_.get_stats(out); }
+void Channel::get_device_info(fs_device_info& out) const { servo_.get_device_info(out); }
+bool Channel::take_event(fs_event& out) { return servo_.take_event(events_read_, out); }
 
 fs_state to_scene(const fs_frame& frame, const fs_state& hand) noexcept {
   const Quat back = conjugate(frame.pose.orientation);
@@ -24,8 +50,6 @@ fs_response to_device(const fs_frame& frame, const fs_response& response) noexce
   return out;
 }
 
-namespace {
-
 void add(fs_response& sum, const fs_response& other) noexcept {
   sum.wrench.force += other.wrench.force;
   sum.wrench.torque += other.wrench.torque;
@@ -34,6 +58,8 @@ void add(fs_response& sum, const fs_response& other) noexcept {
   sum.flags |= other.flags;
   sum.error_bound += other.error_bound;
 }
+
+namespace {
 
 // [rt] What a view needs from its first tick: where the tool is held, or where the frame goes so that it does not jump.
 void use_first_time(const View& view, const fs_state& hand) noexcept {
@@ -47,11 +73,18 @@ void use_first_time(const View& view, const fs_state& hand) noexcept {
   }
 }
 
+void scale(fs_response& response, double factor) noexcept {
+  response.wrench = {factor * response.wrench.force, factor * response.wrench.torque};
+  response.stiffness = factor * response.stiffness;
+  response.error_bound *= factor;
+}
+
 }  // namespace
 
 void Channel::fetch(double now) noexcept {
-  if (!link_.reader.mailbox.fetch()) return;
-  const Ref<const Epoch>& epoch = link_.reader.mailbox.front()->epoch;
+  scene_->output->time.store(now, std::memory_order_release);
+  if (!reader.mailbox.fetch()) return;
+  const Ref<const Epoch>& epoch = reader.mailbox.front()->epoch;
   if (epoch) epoch->stamp(now);
 }
 
@@ -74,12 +107,11 @@ fs_response Channel::evaluate_view(const Snapshot& snapshot, const View& view, d
   sum.proxy = state.pose;
   if (!(weight > 0) || !make_unit_pose(state.pose)) return sum;
 
-  const double duration = link_.fade;
   const ToolState tool =
-      ToolState::at(state, view.points.data(), view.points.size(), now, link_.reader.id.get());
+      ToolState::at(state, view.points.data(), view.points.size(), now, reader.id);
   Share share;
   snapshot.objects.for_each([&](uint32_t, const Entry& entry) {
-    const double own = weight * entry.fade.weight(now, duration);
+    const double own = weight * entry.fade.weight(now, fade);
     if (own > 0 && evaluate_object(*entry.object, entry.motion, entry.start, tool, share)) {
       add_share(sum, share, own);
       if (is_current) {
@@ -89,7 +121,7 @@ fs_response Channel::evaluate_view(const Snapshot& snapshot, const View& view, d
     }
     if (!entry.previous) return;
     const Entry& previous = *entry.previous;
-    const double rest = weight * previous.fade.weight(now, duration);
+    const double rest = weight * previous.fade.weight(now, fade);
     if (rest > 0 && evaluate_object(*previous.object, previous.motion, previous.start, tool, share)) {
       add_share(sum, share, rest);
     }
@@ -97,17 +129,16 @@ fs_response Channel::evaluate_view(const Snapshot& snapshot, const View& view, d
   return sum;
 }
 
-fs_response Channel::evaluate(const fs_state& hand, double now, uint64_t tick) noexcept {
-  const Snapshot& snapshot = *link_.reader.mailbox.front();
+fs_response Channel::evaluate_views(const fs_state& hand, double now, uint64_t tick) noexcept {
+  const Snapshot& snapshot = *reader.mailbox.front();
   const ViewFade& views = snapshot.views;
-  const double duration = link_.fade;
   fs_frame frame;
 
-  fs_response here = evaluate_view(snapshot, *views.view, views.fade.weight(now, duration), true, hand, now, tick);
+  fs_response here = evaluate_view(snapshot, *views.view, views.fade.weight(now, fade), true, hand, now, tick);
   views.view->get_frame(frame);
   fs_response device = to_device(frame, here);
 
-  const double rest = views.previous ? views.previous_fade.weight(now, duration) : 0;
+  const double rest = views.previous ? views.previous_fade.weight(now, fade) : 0;
   if (rest > 0) {
     const fs_response before = evaluate_view(snapshot, *views.previous, rest, false, hand, now, tick);
     views.previous->get_frame(frame);
@@ -123,7 +154,41 @@ fs_response Channel::evaluate(const fs_state& hand, double now, uint64_t tick) n
   return device;
 }
 
+// One client can neither push harder than it may nor, by a number that is none, take the others' forces with it.
+void Channel::limit(fs_response& device) noexcept {
+  const Wrench& w = device.wrench;
+  if (!is_finite(w)) {
+    is_bad_.store(true, std::memory_order_release);
+    return;
+  }
+  const double force = norm(w.force), torque = norm(w.torque);
+  const double share = std::fmin(force > limits_.force ? limits_.force / force : 1,
+                                 torque > limits_.torque ? limits_.torque / torque : 1);
+  if (!(share < 1)) return;
+  scale(device, share);
+  limited_.store(limited_.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
+}
+
+fs_response Channel::evaluate(const fs_state& hand, double now, uint64_t tick) noexcept {
+  fs_response device = evaluate_views(hand, now, tick);
+  if (limits_.force < never) limit(device);
+  const double left = now - leaves_at_.load(std::memory_order_acquire);
+  if (left > 0) {
+    const double weight = fade > 0 ? std::fmax(0, 1 - left / fade) : 0;
+    scale(device, weight);
+    scale(hand_.response, weight);
+  }
+  if (is_bad()) {
+    device = hand_.response = {};
+    device.proxy = hand.pose;
+    hand_.response.proxy = hand_.state.pose;
+  }
+  wrench_.write(device.wrench);
+  return device;
+}
+
 void Channel::lose_hand() noexcept {
+  wrench_.write({});
   hand_.state.flags &= FS_STATE_CLUTCHED;  // the pose stays the last that is known
   hand_.state.buttons = 0;
   hand_.state.twist = {};
@@ -135,10 +200,10 @@ void Channel::publish(const Wrench& sent, uint32_t response_flags, uint64_t tick
   const Quat back = conjugate(axes_);
   hand_.sent = {rotate(back, sent.force), rotate(back, sent.torque)};
   hand_.response.flags |= response_flags;
-  ServoOutput& out = scene_.output;
+  ServoOutput& out = *scene_->output;
   out.hand.write(hand_);
   out.tick.store(tick, std::memory_order_release);
-  out.used.store(link_.reader.mailbox.front()->sequence, std::memory_order_release);
+  out.used.store(reader.mailbox.front()->sequence, std::memory_order_release);
 }
 
 }  // namespace fs

@@ -1,5 +1,7 @@
 #include "servo/servo.h"
 
+#include <sched.h>
+
 #include <algorithm>
 #include <cerrno>
 #include <csignal>
@@ -83,21 +85,21 @@ ServoSettings fs::parse_options(const fs_servo_options& options, const fs_device
   return out;
 }
 
-fs_servo::fs_servo(Ref<Scene> scene, Ref<Device> device, const ServoSettings& settings)
+fs_servo::fs_servo(Ref<LocalScene> scene, Ref<Device> device, const ServoSettings& settings)
     : scene_(std::move(scene)),
       device_(std::move(device)),
       settings_(settings),
       period_(1 / settings.rate),
-      channel_(*scene_, *this),
       guard_(settings.limits),
       record_size_(static_cast<size_t>(std::ceil(record_length * settings.rate))),
       record_slots_(record_size_ + 64),
       record_(std::make_unique<Seqlock<RecordSlot>[]>(record_slots_)) {
-  fade = settings.fade;
-  clock = settings.mode == FS_SERVO_VIRTUAL ? ClockKind::virtual_time : ClockKind::steady;
   if (!device_->acquire()) fail(FS_ERROR_STATE, "device has a servo already; stop it first");
   try {
-    scene_->attach_servo(*this);
+    const Ref<ChannelList> list = make_ref<ChannelList>();
+    list->channels.push_back(make_ref<Channel>(*this, scene_, Channel::Limits{}));
+    posted_channels_ = list;
+    channels_.prime(posted_channels_);
   } catch (...) {
     device_->release_ownership();
     throw;
@@ -123,7 +125,7 @@ fs_servo::fs_servo(Ref<Scene> scene, Ref<Device> device, const ServoSettings& se
   pthread_sigmask(SIG_SETMASK, &before, nullptr);
   pthread_attr_destroy(&attributes);
   if (error) {
-    scene_->detach_servo(*this);
+    drop_channels();
     device_->release_ownership();
     fail(FS_ERROR_IO, "the servo's thread could not be started: %s", std::strerror(error));
   }
@@ -132,12 +134,69 @@ fs_servo::fs_servo(Ref<Scene> scene, Ref<Device> device, const ServoSettings& se
   if (realtime_.load() == FS_REALTIME_FIFO && lock_memory()) realtime_.store(FS_REALTIME_FIFO_LOCKED);
 }
 
-fs_servo::~fs_servo() {
-  is_stopping_.store(true);
+void fs_servo::stop() noexcept {
+  {
+    const std::lock_guard lock(listeners_mutex_);
+    if (is_stopping_.exchange(true)) return;
+    for (const auto& [owner, listener] : listeners_) listener();
+    listeners_.clear();
+  }
   if (has_thread_) pthread_join(thread_, nullptr);
+  while (is_stepping_.exchange(true, std::memory_order_acquire)) sched_yield();  // a last step in another thread
   device_->write({});
-  scene_->detach_servo(*this);
+  drop_channels();
   device_->release_ownership();
+}
+
+void fs_servo::drop_channels() noexcept {
+  const std::lock_guard lock(channels_mutex_);
+  for (const Ref<Channel>& channel : posted_channels_->channels) channel->detach();
+  posted_channels_ = nullptr;
+  channels_.clear();  // those taken out before, too, that the servo had not let go of
+}
+
+ClockKind fs_servo::clock() const noexcept {
+  return settings_.mode == FS_SERVO_VIRTUAL ? ClockKind::virtual_time : ClockKind::steady;
+}
+
+Ref<Channel> fs_servo::add_channel(Ref<LocalScene> scene, const Channel::Limits& limits) {
+  const std::lock_guard lock(channels_mutex_);
+  if (!posted_channels_) fail(FS_ERROR_STATE, "the servo has been stopped");
+  const Ref<ChannelList> list = make_ref<ChannelList>();
+  list->channels = posted_channels_->channels;
+  list->channels.reserve(list->channels.size() + 1);
+  const Ref<Channel> channel = make_ref<Channel>(*this, std::move(scene), limits);
+  list->channels.push_back(channel);
+  posted_channels_ = list;
+  channels_.post(posted_channels_);
+  return channel;
+}
+
+void fs_servo::remove_channel(const Channel& channel) {
+  const std::lock_guard lock(channels_mutex_);
+  if (!posted_channels_) return;
+  const Ref<ChannelList> list = make_ref<ChannelList>();
+  for (const Ref<Channel>& other : posted_channels_->channels) {
+    if (other.get() != &channel) list->channels.push_back(other);
+  }
+  posted_channels_ = list;
+  channels_.post(posted_channels_);
+}
+
+void fs_servo::sweep_channels() {
+  const std::lock_guard lock(channels_mutex_);
+  if (posted_channels_ && channels_.take_back()) channels_.post(posted_channels_);
+}
+
+void fs_servo::add_listener(const void* owner, std::function<void()> f) {
+  const std::lock_guard lock(listeners_mutex_);
+  if (is_stopping_) fail(FS_ERROR_STATE, "the servo has been stopped");
+  listeners_.emplace_back(owner, std::move(f));
+}
+
+void fs_servo::remove_listener(const void* owner) noexcept {
+  const std::lock_guard lock(listeners_mutex_);
+  std::erase_if(listeners_, [owner](const auto& listener) { return listener.first == owner; });
 }
 
 void fs_servo::run() noexcept {
@@ -187,7 +246,6 @@ fs_status fs_servo::step(uint64_t ticks) noexcept {
 void fs_servo::tick(double now, double late) noexcept {
   ++tick_;
   last_time_ = now;
-  scene_->output.time.store(now, std::memory_order_release);
   const double begin = steady_now();
 
   const uint64_t requested = enable_.load(std::memory_order_acquire);
@@ -203,19 +261,27 @@ void fs_servo::tick(double now, double late) noexcept {
   fs_state hand;
   fs_status status = device_->read(now, hand);
   // In virtual time the clock of a real device says nothing about age.
-  const bool has_age = clock != ClockKind::virtual_time || device_->is_simulated();
+  const bool has_age = clock() != ClockKind::virtual_time || device_->is_simulated();
   const bool is_fresh = !has_age || now - hand.time <= pose_age_limit;
   const bool is_ready =
       status == FS_OK && write_status_ == FS_OK && (hand.flags & FS_STATE_READY) && is_fresh;
   const bool has_pose = status == FS_OK && is_finite(hand.pose) && is_finite(hand.twist);
 
-  channel_.fetch(now);
+  channels_.fetch();
+  const std::vector<Ref<Channel>>& channels = channels_.front()->channels;
   fs_response response{};
   response.proxy = identity_pose();
-  if (has_pose) {
-    response = channel_.evaluate(hand, now, tick_);
-  } else {
-    channel_.lose_hand();
+  for (size_t i = 0; i < channels.size(); ++i) {
+    Channel& channel = *channels[i];
+    if (channel.is_gone(now)) continue;
+    channel.fetch(now);
+    if (!has_pose) {
+      channel.lose_hand();
+    } else if (i == 0) {
+      response = channel.evaluate(hand, now, tick_);  // the servo's own scene: its proxy is the one that is told
+    } else {
+      add(response, channel.evaluate(hand, now, tick_));
+    }
   }
 
   const Wrench sent = guard_.apply({hand, is_ready, late}, response.wrench);
@@ -224,7 +290,9 @@ void fs_servo::tick(double now, double late) noexcept {
   write_status_ = device_->write(sent);
   if (status == FS_OK) status = write_status_;
 
-  channel_.publish(sent, guarded, tick_);
+  for (const Ref<Channel>& channel : channels) {
+    if (!channel->is_gone(now)) channel->publish(sent, guarded, tick_);
+  }
   note_device(now, status);
 
   const double compute = steady_now() - begin;
@@ -253,13 +321,9 @@ void fs_servo::note_device(double now, fs_status status) noexcept {
   const uint32_t latched = faults & ~static_cast<uint32_t>(FS_FAULT_DEVICE);
   faults_.store(faults, std::memory_order_relaxed);
   const auto leave = [&](fs_status what, uint32_t bits) {
-    const uint64_t written = events_written_.load(std::memory_order_relaxed);
-    if (written - events_read_.load(std::memory_order_acquire) == event_capacity) {
-      events_lost_.fetch_add(1, std::memory_order_relaxed);
-      return;
-    }
-    device_events_[written % event_capacity] = {now, what, bits};
-    events_written_.store(written + 1, std::memory_order_release);
+    const uint64_t number = events_written_.load(std::memory_order_relaxed);
+    device_events_[number % event_capacity].write({number, now, what, bits});
+    events_written_.store(number + 1, std::memory_order_release);
   };
   if (is_ready && !was_ready_) leave(FS_OK, 0);
   if (!is_ready && was_ready_) leave(status != FS_OK ? status : FS_ERROR_STATE, FS_FAULT_DEVICE);
@@ -268,17 +332,21 @@ void fs_servo::note_device(double now, fs_status status) noexcept {
   latched_ = latched;
 }
 
-bool fs_servo::take_event(fs_event& out) {
-  const uint64_t read = events_read_.load(std::memory_order_relaxed);
-  if (read == events_written_.load(std::memory_order_acquire)) {
-    const uint64_t lost = events_lost_.exchange(0, std::memory_order_relaxed);
+bool fs_servo::take_event(uint64_t& next, fs_event& out) const {
+  const uint64_t end = event_count();
+  if (next == end) return false;
+  DeviceEvent event;
+  const uint64_t oldest = end - std::min<uint64_t>(end, event_capacity);
+  if (next < oldest || !device_events_[next % event_capacity].read(event) || event.number != next) {
+    const uint64_t first = std::max(oldest, next + 1);  // what came before has been overwritten
     out = {};
     out.kind = FS_EVENT_OVERFLOW;
-    out.value = static_cast<double>(lost);
-    return lost > 0;
+    out.time = newest_time_.load(std::memory_order_relaxed);
+    out.value = static_cast<double>(first - next);
+    next = first;
+    return true;
   }
-  const DeviceEvent event = device_events_[read % event_capacity];
-  events_read_.store(read + 1, std::memory_order_release);
+  ++next;
   out = {};
   out.kind = FS_EVENT_DEVICE;
   out.status = event.status;

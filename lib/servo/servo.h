@@ -3,10 +3,13 @@
 
 #include <pthread.h>
 
+#include <functional>
 #include <memory>
+#include <mutex>
 #include <string>
 
 #include "driver/device.h"
+#include "force/reader.h"
 #include "servo/channel.h"
 #include "servo/guard.h"
 #include "servo/statistics.h"
@@ -26,18 +29,38 @@ ServoSettings parse_options(const fs_servo_options& options, const fs_device_inf
 
 }  // namespace fs
 
-struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
+struct fs_servo final : fs::Counted<fs_servo> {
   // Takes scene and device and, in THREAD mode, runs. STATE, IO.
-  fs_servo(fs::Ref<fs::Scene> scene, fs::Ref<fs::Device> device, const fs::ServoSettings& settings);
-  ~fs_servo();  // force to 0, then lets go of both
+  fs_servo(fs::Ref<fs::LocalScene> scene, fs::Ref<fs::Device> device, const fs::ServoSettings& settings);
+  ~fs_servo() { stop(); }
+
+  // Tells the listeners, then: force to 0, and lets go of device and scenes. A second time it does nothing.
+  void stop() noexcept;
+
+  // More scenes, beside the servo's own: what they add is felt from the next tick on. Any thread; not [rt].
+  fs::Ref<fs::Channel> add_channel(fs::Ref<fs::LocalScene> scene, const fs::Channel::Limits& limits);  // STATE
+  void remove_channel(const fs::Channel& channel);
+  void sweep_channels();  // frees those that the servo has let go of
+  const fs::Ref<fs::LocalScene>& scene() const noexcept { return scene_; }
+
+  // f is called once, by the thread that stops the servo, before it stops; not after remove_listener has returned.
+  void add_listener(const void* owner, std::function<void()> f);  // STATE
+  void remove_listener(const void* owner) noexcept;
 
   fs_status step(uint64_t ticks) noexcept;            // [rt] STATE, UNSUPPORTED, DISCONNECTED
   void set_enabled(bool enabled) noexcept;            // [rt]
   size_t record(fs_tick* out, size_t capacity) const;  // how many there are
 
-  void get_stats(fs_servo_stats& out) const override;
-  void get_device_info(fs_device_info& out) const override;
-  bool take_event(fs_event& out) override;
+  const fs::ServoSettings& settings() const noexcept { return settings_; }
+  double fade() const noexcept { return settings_.fade; }  // s; 0: none
+  fs::ClockKind clock() const noexcept;
+  unsigned reader_id() const noexcept { return id_.get(); }
+
+  void get_stats(fs_servo_stats& out) const;        // all but struct_size
+  void get_device_info(fs_device_info& out) const;  // all but struct_size
+  // Of the device, from number `next` on, which goes along; false: none.
+  bool take_event(uint64_t& next, fs_event& out) const;
+  uint64_t event_count() const noexcept { return events_written_.load(std::memory_order_acquire); }
 
  private:
   struct RecordSlot {
@@ -45,6 +68,7 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
     fs_tick value;
   };
   struct DeviceEvent {
+    uint64_t number;
     double time;
     fs_status status;
     uint32_t faults;
@@ -54,14 +78,24 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   void tick(double now, double late) noexcept;
   void note_device(double now, fs_status status) noexcept;
   void run() noexcept;
+  void drop_channels() noexcept;
 
-  const fs::Ref<fs::Scene> scene_;
+  const fs::Ref<fs::LocalScene> scene_;
   const fs::Ref<fs::Device> device_;
   const fs::ServoSettings settings_;
   const double period_;
 
+  const fs::ReaderId id_;
+
+  // The channels: their list reaches the tick as snapshots do.
+  std::mutex channels_mutex_;
+  fs::Ref<const fs::ChannelList> posted_channels_;
+  fs::Mailbox<fs::Ref<const fs::ChannelList>> channels_;
+
+  std::mutex listeners_mutex_;
+  std::vector<std::pair<const void*, std::function<void()>>> listeners_;
+
   // The servo thread's own.
-  fs::Channel channel_;
   fs::Guard guard_;
   uint64_t tick_ = 0;
   double last_time_ = -1;
@@ -82,8 +116,8 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   const size_t record_size_, record_slots_;  // some to spare for whoever reads while it goes on
   std::unique_ptr<fs::Seqlock<RecordSlot>[]> record_;
   std::atomic<uint64_t> recorded_{0};
-  std::array<DeviceEvent, event_capacity> device_events_;
-  std::atomic<uint64_t> events_written_{0}, events_read_{0}, events_lost_{0};
+  std::array<fs::Seqlock<DeviceEvent>, event_capacity> device_events_;
+  std::atomic<uint64_t> events_written_{0};
 
   pthread_t thread_{};
   bool has_thread_ = false;

@@ -1,6 +1,6 @@
 // Objects and groups. Snapshots, readers and fades: publish.cpp; servo and clock: clock.cpp; frame, clutch and tool:
 // view.cpp; reports and events: report.cpp.
-#include "scene/scene.h"
+#include "scene/local_scene.h"
 
 #include <cstring>
 
@@ -18,14 +18,17 @@ Ref<Entry> copy(const Entry& entry) { return make_ref<Entry>(entry); }
 
 }  // namespace
 
-const Entry* fs_scene::find(std::string_view name, uint32_t& slot) const {
+LocalScene::LocalScene(std::shared_ptr<ServoOutput> the_output, ClockKind clock)
+    : output(the_output ? std::move(the_output) : std::make_shared<ServoOutput>()), clock_(clock) {}
+
+const Entry* LocalScene::find(std::string_view name, uint32_t& slot) const {
   const auto found = slots_.find(name);
   if (found == slots_.end()) return nullptr;
   slot = found->second;
   return working().get(slot);
 }
 
-const Entry& fs_scene::require(const char* name, uint32_t& slot) const {
+const Entry& LocalScene::require(const char* name, uint32_t& slot) const {
   const size_t size = strnlen(name, 2 * FS_NAME_SIZE);
   const Entry* entry = find({name, size}, slot);
   if (!entry || entry->is_removed) {
@@ -34,7 +37,7 @@ const Entry& fs_scene::require(const char* name, uint32_t& slot) const {
   return *entry;
 }
 
-uint32_t fs_scene::free_slot() const {
+uint32_t LocalScene::free_slot() const {
   if (!free_slots_.empty()) return *free_slots_.begin();
   if (slots_end_ == Table<Entry>::capacity) {
     fail(FS_ERROR_FULL, "the scene holds %u objects, its maximum", Table<Entry>::capacity);
@@ -43,10 +46,11 @@ uint32_t fs_scene::free_slot() const {
 }
 
 // Puts a checked object in, or the parts of it that are named, into the object of its name.
-void fs_scene::admit(const ParsedObject& parsed, uint32_t parts) {
+void LocalScene::admit(const ParsedObject& parsed, uint32_t parts) {
   const Object& object = *parsed.object;
   const double time = now();
-  for (const Reader* reader : readers_) prepare_curves(object, reader->id.get());
+  for (const Reader* reader : readers_) prepare_curves(object, reader->id);
+  if (builds_shapes_ && object.shape) object.shape->build();  // mostly it is, since parse_object
 
   uint32_t slot;
   const Entry* old = find(object.name, slot);
@@ -72,7 +76,7 @@ void fs_scene::admit(const ParsedObject& parsed, uint32_t parts) {
   put(slot, entry, true);
 }
 
-void fs_scene::move_entry(uint32_t slot, const Entry& old, const fs_pose& pose, const fs_twist* twist, double time) {
+void LocalScene::move_entry(uint32_t slot, const Entry& old, const fs_pose& pose, const fs_twist* twist, double time) {
   const Ref<Entry> entry = copy(old);
   const double present = now();
   entry->motion = entry->track.take(pose, twist, time != 0 ? time : present);
@@ -80,7 +84,7 @@ void fs_scene::move_entry(uint32_t slot, const Entry& old, const fs_pose& pose, 
   put(slot, entry, old.object->lifetime > 0);
 }
 
-void fs_scene::remove_entry(uint32_t slot, const Entry& old) {
+void LocalScene::remove_entry(uint32_t slot, const Entry& old) {
   if (old.is_removed) return;
   const Ref<Entry> entry = copy(old);
   entry->is_removed = true;
@@ -89,7 +93,7 @@ void fs_scene::remove_entry(uint32_t slot, const Entry& old) {
 }
 
 // Takes what an entry shall be: into the group, or at once through the fade that it needs.
-void fs_scene::put(uint32_t slot, Ref<Entry> entry, bool is_more_than_moved) {
+void LocalScene::put(uint32_t slot, Ref<Entry> entry, bool is_more_than_moved) {
   const bool is_new = !working().get(slot);
   const bool is_first_touch = group_ && !group_->touched.contains(slot);
   if (is_new) slots_.insert_or_assign(entry->object->name, slot);
@@ -111,7 +115,7 @@ void fs_scene::put(uint32_t slot, Ref<Entry> entry, bool is_more_than_moved) {
 }
 
 // How what is felt becomes what is wanted: without a step. Null: at once gone.
-Ref<const Entry> fs_scene::transit(const Entry* felt, const Entry& wanted) {
+Ref<const Entry> LocalScene::transit(const Entry* felt, const Entry& wanted) {
   const bool in = wanted.object->is_enabled && !wanted.is_removed;
   if (!servo_ || !felt) {
     if (wanted.is_removed) return nullptr;
@@ -143,7 +147,7 @@ Ref<const Entry> fs_scene::transit(const Entry* felt, const Entry& wanted) {
 }
 
 // The one place where the table changes, and the indexes beside it. What can fail is done first.
-void fs_scene::store(uint32_t slot, Ref<const Entry> entry) {
+void LocalScene::store(uint32_t slot, Ref<const Entry> entry) {
   using Key = std::pair<double, uint32_t>;
   const Ref<const Entry> before = Ref<const Entry>::share(table_.get(slot));
   const Key old_tidy{before ? before->tidy_at : never, slot}, old_expiry{before ? before->expiry : never, slot};
@@ -167,12 +171,12 @@ void fs_scene::store(uint32_t slot, Ref<const Entry> entry) {
   if (before && !entry) slots_.erase(before->object->name);
 }
 
-void fs_scene::set(const fs_object& object) {
-  const ParsedObject parsed = parse_object(object);
+void LocalScene::set(const fs_object& object) {
+  const ParsedObject parsed = parse_object(object, nullptr, builds_shapes_);
   mutate([&] { admit(parsed, all_parts); });
 }
 
-void fs_scene::change(const fs_object& change, uint32_t parts) {
+void LocalScene::change(const fs_object& change, uint32_t parts) {
   if (parts & ~all_parts) fail(FS_ERROR_INVALID, "parts is 0x%x, must be of the fs_part bits 0x%x", parts, all_parts);
   check_struct_size(change.struct_size, sizeof(fs_object), "fs_object");
   const std::string name = parse_name(change.name, "name");
@@ -180,7 +184,7 @@ void fs_scene::change(const fs_object& change, uint32_t parts) {
     fs_object current;
     const Ref<const Object> object = get(name.c_str(), current);
     // May build a tree, so not under the lock; when another thread comes between, once more.
-    const ParsedObject parsed = parse_object(merge_parts(current, change, parts), object.get());
+    const ParsedObject parsed = parse_object(merge_parts(current, change, parts), object.get(), builds_shapes_);
     mutate([&] {
       uint32_t slot;
       is_done = require(name.c_str(), slot).object == object;
@@ -194,7 +198,7 @@ void fs_scene::change(const fs_object& change, uint32_t parts) {
   }
 }
 
-void fs_scene::move(const char* name, const fs_pose& pose, const fs_twist* twist, double time) {
+void LocalScene::move(const char* name, const fs_pose& pose, const fs_twist* twist, double time) {
   const Pose parsed = parse_pose(pose, "pose");
   if (twist) parse_twist(*twist, "twist");
   parse_finite(time, "time");
@@ -205,7 +209,7 @@ void fs_scene::move(const char* name, const fs_pose& pose, const fs_twist* twist
   });
 }
 
-void fs_scene::remove(const char* name) {
+void LocalScene::remove(const char* name) {
   mutate([&] {
     uint32_t slot;
     const Entry& old = require(name, slot);
@@ -213,7 +217,7 @@ void fs_scene::remove(const char* name) {
   });
 }
 
-void fs_scene::clear() {
+void LocalScene::clear() {
   mutate([&] {
     std::vector<uint32_t> slots;
     working().for_each([&](uint32_t slot, const Entry&) { slots.push_back(slot); });
@@ -221,7 +225,7 @@ void fs_scene::clear() {
   });
 }
 
-fs_object fs_scene::to_c(const Entry& entry) const {
+fs_object LocalScene::to_c(const Entry& entry) const {
   fs_object out = fs::to_c(*entry.object);
   out.pose = entry.motion.pose;
   out.twist = entry.motion.twist;
@@ -230,7 +234,26 @@ fs_object fs_scene::to_c(const Entry& entry) const {
   return out;
 }
 
-Ref<const Object> fs_scene::get(const char* name, fs_object& out) const {
+Movement LocalScene::movement(const char* name) const {
+  const std::lock_guard lock(mutex_);
+  uint32_t slot;
+  const Entry& entry = require(name, slot);
+  return {entry.motion, entry.track};
+}
+
+void LocalScene::set_movement(const char* name, const Movement& movement) {
+  mutate([&] {
+    uint32_t slot;
+    const Entry& old = require(name, slot);
+    const Ref<Entry> entry = copy(old);
+    entry->motion = movement.motion;
+    entry->track = movement.track;
+    entry->expiry = expiry_of(*old.object, now());
+    put(slot, entry, old.object->lifetime > 0);
+  });
+}
+
+Ref<const Object> LocalScene::get(const char* name, fs_object& out) {
   const std::lock_guard lock(mutex_);
   uint32_t slot;
   const Entry& entry = require(name, slot);
@@ -238,7 +261,7 @@ Ref<const Object> fs_scene::get(const char* name, fs_object& out) const {
   return entry.object;
 }
 
-fs_scene::Contents fs_scene::contents() const {
+Scene::Contents LocalScene::contents() {
   const std::lock_guard lock(mutex_);
   Contents out;
   working().for_each([&](uint32_t, const Entry& entry) {
@@ -254,12 +277,12 @@ fs_scene::Contents fs_scene::contents() const {
   return out;
 }
 
-void fs_scene::set_contents(const std::vector<fs_object>& objects, const fs_frame& frame,
+void LocalScene::set_contents(const std::vector<fs_object>& objects, const fs_frame& frame,
                             const std::vector<Vec3>& tool) {
   std::vector<ParsedObject> parsed;
   for (const fs_object& object : objects) {
     try {
-      parsed.push_back(parse_object(object));
+      parsed.push_back(parse_object(object, nullptr, builds_shapes_));
     } catch (Error& error) {  // by its place, where its name is what is wrong
       if (!error.text.starts_with("object")) error.text = "object " + std::to_string(parsed.size() + 1) + ": " + error.text;
       throw;
@@ -280,7 +303,7 @@ void fs_scene::set_contents(const std::vector<fs_object>& objects, const fs_fram
 
 // ----------------------------------------------------------------------------------------------------------- groups
 
-void fs_scene::begin() {
+void LocalScene::begin() {
   const std::lock_guard lock(mutex_);
   if (group_) fail(FS_ERROR_STATE, "fs_scene_begin: a group is open already; commit or cancel it first");
   settle(true);
@@ -288,7 +311,7 @@ void fs_scene::begin() {
   group_->table = table_;
 }
 
-void fs_scene::commit() {
+void LocalScene::commit() {
   mutate([&] {
     if (!group_) fail(FS_ERROR_STATE, "fs_scene_commit: no group is open; fs_scene_begin opens one");
     for (const auto& [slot, is_more_than_moved] : group_->touched) {
@@ -310,15 +333,31 @@ void fs_scene::commit() {
   });
 }
 
-void fs_scene::cancel() {
+void LocalScene::cancel() {
   const std::lock_guard lock(mutex_);
   if (!group_) fail(FS_ERROR_STATE, "fs_scene_cancel: no group is open; fs_scene_begin opens one");
   forget_new_names();
   group_ = nullptr;
 }
 
+void LocalScene::hold() {
+  const std::lock_guard lock(mutex_);
+  is_held_ = true;
+}
+
+void LocalScene::let_go() {
+  const std::lock_guard lock(mutex_);
+  is_held_ = false;
+  newest();
+}
+
+uint64_t LocalScene::sequence() const {
+  const std::lock_guard lock(mutex_);
+  return sequence_;
+}
+
 // Of names that came with the group, those that did not get into the scene. All that can fail is done first.
-void fs_scene::forget_new_names() {
+void LocalScene::forget_new_names() {
   std::set<uint32_t> freed;
   for (const auto& [slot, is_more_than_moved] : group_->touched) {
     if (!table_.get(slot)) freed.insert(slot);
