@@ -1,12 +1,14 @@
 // A custom profile function f(d, t) in newtons, immutable. It is the fs_curve of the C contract itself.
 #pragma once
 
+#include <memory>
 #include <string>
 #include <vector>
 
 #include <forceserver/object.h>
 
 #include "base/counted.h"
+#include "base/serial.h"
 
 namespace fs {
 
@@ -24,6 +26,11 @@ struct Intensity {
 struct fs_curve : fs::Counted<fs_curve> {
   virtual ~fs_curve() = default;
 
+  const uint64_t serial = fs::next_serial();
+
+  // Whatever shall go when the curve goes. Set before it is shared.
+  void keep(std::shared_ptr<const void> what) const { kept_ = std::move(what); }
+
   // Makes all that `reader` needs to evaluate this curve without allocating. Any thread, off the tick; idempotent. The
   // reader itself may evaluate meanwhile only when it was prepared before.
   virtual void prepare(unsigned reader) const = 0;
@@ -35,6 +42,9 @@ struct fs_curve : fs::Counted<fs_curve> {
   virtual const std::string* expression() const noexcept { return nullptr; }          // null: a table
   virtual const std::vector<double>* table() const noexcept { return nullptr; }       // null: an expression
   virtual double step() const noexcept { return 0; }                                  // of the table, m
+
+ private:
+  mutable std::shared_ptr<const void> kept_;
 };
 
 namespace fs {

@@ -9,6 +9,7 @@
 #include <forceserver/object.h>
 
 #include "base/counted.h"
+#include "base/serial.h"
 #include "math/vec3.h"
 
 namespace fs {
@@ -20,6 +21,7 @@ struct fs_shape : fs::Counted<fs_shape> {
   fs_shape(const fs_shape_info& info, std::vector<fs::Vec3> points, std::vector<uint32_t> triangles);
   ~fs_shape();
 
+  const uint64_t serial = fs::next_serial();
   const fs_primitive primitive;            // POLYLINE or MESH
   const std::vector<fs::Vec3> points;      // m, object frame
   const std::vector<uint32_t> triangles;   // three a triangle; a polyline has none
@@ -35,7 +37,11 @@ struct fs_shape : fs::Counted<fs_shape> {
   // Edges join vertices of equal index; a triangle with a repeated index is degenerate and has no edges here.
   void get_info(fs_shape_info& out) const;  // all but struct_size
 
+  // Whatever shall go when the shape goes. Set before it is shared.
+  void keep(std::shared_ptr<const void> what) const { kept_ = std::move(what); }
+
  private:
+  mutable std::shared_ptr<const void> kept_;
   fs_shape_info info_;
   std::unique_ptr<const fs::BoxTree> segments_;
   mutable std::mutex build_mutex_;

@@ -1,0 +1,62 @@
+#include "ipc/blob.h"
+
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+
+#include "base/error.h"
+
+namespace fs {
+namespace {
+constexpr int seals = F_SEAL_SEAL | F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_WRITE;
+constexpr size_t most_at_once = 1 << 30;
+}  // namespace
+
+Descriptor make_blob(std::initializer_list<std::span<const std::byte>> parts) {
+  Descriptor blob(memfd_create("forceserver-data", MFD_CLOEXEC | MFD_ALLOW_SEALING));
+  if (!blob) {
+    fail(errno == EMFILE || errno == ENFILE ? FS_ERROR_FULL : FS_ERROR_IO, "shared memory could not be made: %s",
+         std::strerror(errno));
+  }
+  for (std::span<const std::byte> part : parts) {
+    while (!part.empty()) {
+      const ssize_t written = write(blob.get(), part.data(), std::min(part.size(), most_at_once));
+      if (written < 0 && errno == EINTR) continue;
+      if (written <= 0) fail(FS_ERROR_IO, "shared memory could not be written: %s", std::strerror(errno));
+      part = part.subspan(static_cast<size_t>(written));
+    }
+  }
+  if (fcntl(blob.get(), F_ADD_SEALS, seals) != 0) {
+    fail(FS_ERROR_IO, "shared memory could not be sealed: %s", std::strerror(errno));
+  }
+  return blob;
+}
+
+void check_blob(const Descriptor& blob, uint64_t bytes) {
+  if (!blob) fail(FS_ERROR_INVALID, "the data did not come along: no descriptor, or none left in this process");
+  const int found = fcntl(blob.get(), F_GET_SEALS);
+  if (found < 0 || (found & seals) != seals) {
+    fail(FS_ERROR_INVALID, "the data are not in a memory file with the seals SEAL, SHRINK, GROW and WRITE");
+  }
+  struct stat info{};
+  if (fstat(blob.get(), &info) != 0 || info.st_size < 0 || static_cast<uint64_t>(info.st_size) != bytes) {
+    fail(FS_ERROR_INVALID, "the data are %lld bytes, must be %llu", static_cast<long long>(info.st_size),
+         static_cast<unsigned long long>(bytes));
+  }
+}
+
+void read_blob(const Descriptor& blob, uint64_t offset, std::span<std::byte> out) {
+  while (!out.empty()) {
+    const ssize_t got = pread(blob.get(), out.data(), std::min(out.size(), most_at_once), static_cast<off_t>(offset));
+    if (got < 0 && errno == EINTR) continue;
+    if (got <= 0) fail(FS_ERROR_IO, "shared memory could not be read: %s", got < 0 ? std::strerror(errno) : "too short");
+    offset += static_cast<uint64_t>(got);
+    out = out.subspan(static_cast<size_t>(got));
+  }
+}
+
+}  // namespace fs

@@ -1,0 +1,26 @@
+// Big data between processes: a memory file that is written once, sealed, and sent as a descriptor. Whoever gets one
+// copies it before it looks at it; a file that could still change, shrink or block is refused.
+#pragma once
+
+#include <cstdint>
+#include <initializer_list>
+#include <span>
+
+#include "ipc/descriptor.h"
+
+namespace fs {
+
+// A sealed file of the parts, one behind the other. IO, FULL (no descriptor left).
+Descriptor make_blob(std::initializer_list<std::span<const std::byte>> parts);
+
+// Throws INVALID unless it is a sealed memory file of exactly so many bytes.
+void check_blob(const Descriptor& blob, uint64_t bytes);
+// Fills out from byte `offset` on. IO.
+void read_blob(const Descriptor& blob, uint64_t offset, std::span<std::byte> out);
+
+template <class T>
+std::span<const std::byte> bytes_of(const T* data, size_t count) {
+  return std::as_bytes(std::span<const T>(data, count));
+}
+
+}  // namespace fs

@@ -1,0 +1,204 @@
+#include "ipc/socket.h"
+
+#include <poll.h>
+#include <pwd.h>
+#include <sys/socket.h>
+#include <sys/uio.h>
+#include <sys/un.h>
+
+#include <array>
+#include <cerrno>
+#include <charconv>
+#include <cmath>
+#include <cstring>
+#include <vector>
+
+#include "base/error.h"
+
+namespace fs {
+namespace {
+
+constexpr size_t longest_name = 64;
+
+uid_t parse_user(const std::string& text) {
+  uid_t id = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), id);
+  if (error == std::errc() && end == text.data() + text.size()) return id;
+  std::vector<char> buffer(16384);
+  passwd entry, *found = nullptr;
+  getpwnam_r(text.c_str(), &entry, buffer.data(), buffer.size(), &found);
+  if (!found) fail(FS_ERROR_INVALID, "user is '%.80s', must be a user of this machine, by name or number", text.c_str());
+  return found->pw_uid;
+}
+
+double parse_timeout(const std::string& text) {
+  double timeout = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), timeout);
+  if (error != std::errc() || end != text.data() + text.size() || !(timeout >= 0 && timeout <= 1e6)) {
+    fail(FS_ERROR_INVALID, "timeout is '%.80s', must be within 0..1e6 s", text.c_str());
+  }
+  return timeout;
+}
+
+sockaddr_un to_sockaddr(const std::string& address, socklen_t& size) {
+  sockaddr_un out{};
+  out.sun_family = AF_UNIX;
+  std::memcpy(out.sun_path + 1, address.data(), address.size());  // the 0 before it: abstract
+  size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + address.size());
+  return out;
+}
+
+}  // namespace
+
+Endpoint parse_endpoint(const char* given, bool is_server) {
+  Endpoint out;
+  out.text = given;
+  if (out.text.starts_with("dds:")) {
+    fail(FS_ERROR_UNSUPPORTED, "endpoint is '%.80s': DDS is not in version %s of this library", given, fs_version());
+  }
+  if (!out.text.starts_with("shm:")) {
+    fail(FS_ERROR_INVALID, "endpoint is '%.80s', must begin with shm: or dds:", given);
+  }
+  const size_t question = out.text.find('?');
+  out.name = out.text.substr(4, question == std::string::npos ? question : question - 4);
+  out.user = geteuid();
+  if (out.name.empty() || out.name.size() > longest_name) {
+    fail(FS_ERROR_INVALID, "endpoint is '%.80s': its name is %zu bytes long, must be 1..%zu", given, out.name.size(),
+         longest_name);
+  }
+  for (const char c : out.name) {
+    if (c == '/' || static_cast<unsigned char>(c) < 0x20 || c == 0x7f) {
+      fail(FS_ERROR_INVALID, "endpoint is '%.80s': its name must be without '/' and control characters", given);
+    }
+  }
+  std::string options = question == std::string::npos ? "" : out.text.substr(question + 1);
+  bool has_user = false;
+  while (!options.empty()) {
+    const size_t end = options.find('&');
+    const std::string option = options.substr(0, end);
+    options = end == std::string::npos ? "" : options.substr(end + 1);
+    const size_t equals = option.find('=');
+    const std::string key = option.substr(0, equals), value = equals == std::string::npos ? "" : option.substr(equals + 1);
+    const bool is_known = !is_server && equals != std::string::npos && (key == "user" || key == "timeout");
+    if (!is_known) {
+      fail(FS_ERROR_INVALID, "endpoint is '%.80s': option '%.40s' is not known; there %s", given, option.c_str(),
+           is_server ? "is none for a server" : "are user=USER and timeout=SECONDS");
+    }
+    if (key == "user" ? has_user : out.timeout >= 0) {
+      fail(FS_ERROR_INVALID, "endpoint is '%.80s': %s is given twice", given, key.c_str());
+    }
+    if (key == "user") {
+      out.user = parse_user(value);
+      has_user = true;
+    } else {
+      out.timeout = parse_timeout(value);
+    }
+  }
+  out.is_own_user = out.user == geteuid();
+  return out;
+}
+
+std::string user_address(uid_t user, const std::string& name) {
+  return "forceserver/" + std::to_string(user) + "/" + name;
+}
+
+std::string shared_address(const std::string& name) { return "forceserver/" + name; }
+
+Descriptor listen_at(const std::string& address) {
+  Descriptor listener(socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  socklen_t size;
+  const sockaddr_un place = to_sockaddr(address, size);
+  if (!listener || bind(listener.get(), reinterpret_cast<const sockaddr*>(&place), size) != 0 ||
+      listen(listener.get(), 64) != 0) {
+    if (errno == EADDRINUSE) fail(FS_ERROR_EXISTS, "a server listens at '%s' already", address.c_str());
+    fail(errno == EMFILE || errno == ENFILE ? FS_ERROR_FULL : FS_ERROR_IO, "no server can listen at '%s': %s",
+         address.c_str(), std::strerror(errno));
+  }
+  return listener;
+}
+
+int connect_to(const std::string& address, Descriptor& out) {
+  Descriptor made(socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  if (!made) return errno;
+  socklen_t size;
+  const sockaddr_un place = to_sockaddr(address, size);
+  if (connect(made.get(), reinterpret_cast<const sockaddr*>(&place), size) != 0) return errno;
+  out = std::move(made);
+  return 0;
+}
+
+Peer peer_of(const Descriptor& socket) {
+  ucred found{};
+  socklen_t size = sizeof found;
+  if (getsockopt(socket.get(), SOL_SOCKET, SO_PEERCRED, &found, &size) != 0) {
+    fail(FS_ERROR_IO, "the system does not tell who is at the other end: %s", std::strerror(errno));
+  }
+  return {found.pid, found.uid};
+}
+
+Transfer send_message(const Descriptor& socket, std::span<const std::span<const std::byte>> parts,
+                      std::span<const int> descriptors) noexcept {
+  std::array<iovec, 4> vectors{};
+  for (size_t i = 0; i < parts.size(); ++i) {
+    vectors[i] = {const_cast<std::byte*>(parts[i].data()), parts[i].size()};
+  }
+  alignas(cmsghdr) std::array<char, CMSG_SPACE(2 * sizeof(int))> control{};
+  msghdr message{};
+  message.msg_iov = vectors.data();
+  message.msg_iovlen = parts.size();
+  if (!descriptors.empty()) {
+    message.msg_control = control.data();
+    message.msg_controllen = CMSG_SPACE(descriptors.size_bytes());
+    cmsghdr* header = CMSG_FIRSTHDR(&message);
+    header->cmsg_level = SOL_SOCKET;
+    header->cmsg_type = SCM_RIGHTS;
+    header->cmsg_len = CMSG_LEN(descriptors.size_bytes());
+    std::memcpy(CMSG_DATA(header), descriptors.data(), descriptors.size_bytes());
+  }
+  for (;;) {
+    if (sendmsg(socket.get(), &message, MSG_DONTWAIT | MSG_NOSIGNAL) >= 0) return Transfer::done;
+    if (errno == EINTR) continue;
+    // ETOOMANYREFS: too many descriptors are on their way.
+    const bool may_pass = errno == EAGAIN || errno == EWOULDBLOCK || errno == ENOBUFS || errno == ETOOMANYREFS;
+    return may_pass ? Transfer::again : Transfer::closed;
+  }
+}
+
+Transfer receive_message(const Descriptor& socket, std::span<std::byte> buffer, size_t& size,
+                         std::span<Descriptor> descriptors, bool& is_cut) noexcept {
+  iovec vector{buffer.data(), buffer.size()};
+  alignas(cmsghdr) std::array<char, CMSG_SPACE(16 * sizeof(int))> control{};
+  msghdr message{};
+  message.msg_iov = &vector;
+  message.msg_iovlen = 1;
+  message.msg_control = control.data();
+  message.msg_controllen = control.size();
+  ssize_t got;
+  do {
+    got = recvmsg(socket.get(), &message, MSG_DONTWAIT | MSG_CMSG_CLOEXEC);
+  } while (got < 0 && errno == EINTR);
+  if (got < 0) return errno == EAGAIN || errno == EWOULDBLOCK ? Transfer::again : Transfer::closed;
+
+  size_t kept = 0;
+  for (cmsghdr* header = CMSG_FIRSTHDR(&message); header; header = CMSG_NXTHDR(&message, header)) {
+    if (header->cmsg_level != SOL_SOCKET || header->cmsg_type != SCM_RIGHTS) continue;
+    for (size_t i = 0; i < (header->cmsg_len - CMSG_LEN(0)) / sizeof(int); ++i) {
+      int number;
+      std::memcpy(&number, CMSG_DATA(header) + i * sizeof(int), sizeof number);
+      Descriptor came(number);
+      if (kept < descriptors.size()) descriptors[kept++] = std::move(came);
+    }
+  }
+  is_cut = message.msg_flags & MSG_CTRUNC;
+  size = static_cast<size_t>(got);
+  return got == 0 || (message.msg_flags & MSG_TRUNC) ? Transfer::closed : Transfer::done;
+}
+
+bool wait_for(const Descriptor& socket, bool to_write, double timeout) noexcept {
+  pollfd waiting{socket.get(), static_cast<short>(to_write ? POLLOUT : POLLIN), 0};
+  const double whole = std::floor(timeout);
+  timespec limit{static_cast<time_t>(whole), static_cast<long>((timeout - whole) * 1e9)};
+  return ppoll(&waiting, 1, &limit, nullptr) > 0;
+}
+
+}  // namespace fs

@@ -1,0 +1,226 @@
+// The records that a client and a server exchange, and the table of them. Both ends must have the same: the layout's
+// number is compared when a client connects, and a mismatch is told by record and field.
+//
+// On the socket (SOCK_SEQPACKET) each message is a Header and one record of the type's own; a file descriptor may come
+// with it. In shared memory: region.h. All numbers are those of the machine; no record has padding.
+//
+// A client's changes are numbered by Header::serial, rising. The changes of a group come one after another, all but the
+// last with `more`. Requests are answered by a Reply of the same serial; changes are not answered: an event tells what
+// was refused.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include <forceserver/server.h>
+
+namespace fs::wire {
+
+// ---------------------------------------------------------------------------------------- connecting: never changes
+
+inline constexpr uint64_t magic = 0x3172657673636f66;  // "focsver1"
+
+struct Hello {  // the client's first message
+  uint64_t magic;
+  uint64_t layout;               // layout_id()
+  char client[FS_NAME_SIZE];
+  char version[16];              // of its library, for the sentence
+};
+
+struct Answer {  // the server's first; FS_OK: a Welcome follows in it, and two descriptors: inbox, outbox
+  uint64_t magic;
+  uint64_t layout;
+  int32_t status;                // VERSION: layout_text() follows in it, up to 60,000 bytes
+  uint32_t reserved;
+  char text[256];
+};
+
+// ----------------------------------------------------------------------------------------------------- the records
+
+struct Welcome {
+  uint64_t inbox_bytes, outbox_bytes;
+  uint32_t max_objects;
+  uint32_t is_virtual;           // the servo's clock is that of the ticks
+  double rate;                   // Hz, of the servo
+};
+
+enum Type : uint32_t {
+  // Changes of the client's own objects and view.
+  type_shape = 1,    // Shape, and a descriptor: points, then triangles
+  type_curve,        // Curve; a table: and a descriptor
+  type_forget,       // Forget
+  type_set,          // Set
+  type_change,       // Set: of an object that is there, only `parts`
+  type_place,        // Place
+  type_remove,       // Remove
+  type_clear,        // nothing
+  type_frame,        // Frame
+  type_clutch,       // Clutch
+  type_tool,         // Tool
+  type_wake,         // nothing: there is something in the inbox, and the server slept
+
+  // Requests.
+  type_sync = 100,   // nothing. Reply when a tick has used all before it; or the status of the first refused change
+  type_pull,         // nothing. Reply, Pulled: an own object that others have changed
+  type_get,          // Target. Reply, Object
+  type_fetch,        // Fetch. Reply, Shape or Curve, and the descriptor that goes with it
+  type_edit,         // Edit. Reply
+  type_move_other,   // MoveOther. Reply
+  type_remove_other, // Target. Reply
+  type_report,       // Target. Reply, fs_report
+  type_reports,      // nothing. Reply, Count, and a descriptor: fs_report, as many
+  type_clients,      // nothing. Reply, Count, and a descriptor: fs_client, as many
+  type_view,         // Target: a client. Reply, Frame
+  type_stats,        // nothing. Reply, fs_servo_stats
+  type_device,       // nothing. Reply, fs_device_info
+
+  type_reply = 200   // Reply and what it says above
+};
+
+struct Header {
+  uint32_t type;
+  uint32_t more;                 // 1: the group goes on
+  uint64_t serial;
+};
+
+struct Reply {
+  int32_t status;
+  uint32_t reserved;
+  char text[256];                // fs_last_error of the failure
+};
+
+// Shapes and curves: named by a number that never comes twice in a process. In what a client sends it is the client's,
+// sent before in a Shape or Curve, or the server's with `of_server`; in what a server sends, likewise.
+inline constexpr uint64_t of_server = uint64_t{1} << 63;
+
+struct Profile {
+  int32_t kind, sense;
+  double gain, offset, width, limit, reach;
+  uint64_t curve;                // 0: none
+};
+
+struct Object {
+  char name[FS_NAME_SIZE];
+  int32_t primitive;
+  uint32_t tool_points;
+  fs_pose pose;
+  fs_twist twist;
+  double time, start, lifetime;  // s; worked out, none is 0 but lifetime
+  Profile front, back;
+  double damping;
+  int32_t keep;
+  uint32_t is_enabled;
+  double contact_stiffness, contact_limit, contact_damping, contact_friction;
+  uint64_t shape;                // 0: none
+};
+
+struct Set {
+  uint32_t slot;                 // of the client, below Welcome::max_objects; one name at a time
+  uint32_t parts;                // fs_part bits
+  Object object;
+};
+
+// How an object moves from a time on: Motion, in scene/motion.h.
+struct Movement {
+  fs_pose pose;
+  fs_twist twist;
+  double time;                   // s
+  double horizon;                // s, how long the twist holds
+};
+
+struct Place {
+  uint32_t slot;
+  uint32_t reserved;
+  Movement movement;
+};
+
+struct Remove {
+  uint32_t slot;
+  uint32_t reserved;
+};
+
+struct Frame {
+  fs_frame frame;
+};
+
+struct Clutch {
+  uint64_t is_held;
+};
+
+struct Tool {
+  uint64_t count;
+  fs_vec3 points[FS_TOOL_POINTS_MAX];
+};
+
+struct Shape {
+  uint64_t id;
+  uint32_t primitive, is_closed; // is_closed: of a polyline
+  uint64_t point_count, triangle_count;
+};
+
+struct Curve {
+  uint64_t id;
+  uint64_t count;                // of a table; 0: an expression
+  double step;                   // m, of a table
+  char expression[256];
+};
+
+struct Forget {  // a shape or curve that no object of the client uses any more
+  uint64_t id;
+};
+
+struct Target {
+  char name[2 * FS_NAME_SIZE];   // "object", "client/object", or a client
+};
+
+struct Fetch {
+  uint64_t id;                   // the server's, of the last Object or Pulled that was sent
+};
+
+struct Edit {  // parts of another client's object
+  Target target;
+  uint64_t parts;
+  Object object;
+};
+
+struct MoveOther {
+  Target target;
+  uint64_t has_twist;
+  fs_pose pose;
+  fs_twist twist;
+  double time;                   // s
+};
+
+struct Count {
+  uint64_t count;
+};
+
+struct Pulled {
+  uint32_t slot;
+  uint32_t state;                // 0: none has been changed; 1: object is what it is now; 2: it was removed
+  uint64_t edits;                // Outbox::edits as far as they have been told now
+  Object object;
+};
+
+// In shared memory, a slot each: written by fs_object_move.
+struct Move {
+  uint64_t after;                // serial of the change that last set the pose of the slot: of others it is not taken
+  Movement movement;
+};
+
+struct EventSlot {
+  uint64_t number;
+  fs_event event;
+};
+
+// --------------------------------------------------------------------------------------------------------- the table
+
+// "record field offset size kind", a line each; kind: f(loating) u(nsigned) i(nteger) c(haracters) r(ecord).
+const std::string& layout_text();
+uint64_t layout_id();
+
+// What differs first, as a sentence; empty: nothing.
+std::string layout_difference(std::string_view client, std::string_view server);
+
+}  // namespace fs::wire

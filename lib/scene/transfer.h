@@ -1,0 +1,44 @@
+// Between the things of a scene and the records that go from process to process (ipc/wire.h). What comes in is checked as
+// if it came from anybody; objects are checked where they are set.
+#pragma once
+
+#include "ipc/blob.h"
+#include "ipc/wire.h"
+#include "scene/local_scene.h"
+
+namespace fs {
+
+// All but the ids of shape and curves.
+wire::Object to_record(const fs_object& object);
+// The handles are null.
+fs_object from_record(const wire::Object& record);
+
+// A shape or curve with what does not fit in its record. IO, FULL.
+wire::Shape to_record(const Shape& shape, Descriptor& data);
+wire::Curve to_record(const Curve& curve, Descriptor& data);  // data: of a table
+
+// How many bytes come with a record. INVALID: no good record.
+uint64_t data_size(const wire::Shape& record);
+uint64_t data_size(const wire::Curve& record);
+// INVALID, PARSE, UNSUPPORTED, IO. data is closed when it has been read.
+Ref<const Shape> from_record(const wire::Shape& record, Descriptor data);
+Ref<const Curve> from_record(const wire::Curve& record, Descriptor data);
+
+wire::Movement to_record(const Motion& motion);
+Motion from_record(const wire::Movement& record);                         // INVALID
+bool from_record(const wire::Movement& record, Motion& motion) noexcept;  // the same without a sentence
+
+// A name that came in a record, cut where it has no end.
+template <size_t n>
+std::string text_of(const char (&text)[n]) {
+  return std::string(text, strnlen(text, n));
+}
+
+// Puts text into a record's field, cut where it is too long; the rest is 0.
+template <size_t n>
+void put_text(char (&field)[n], std::string_view text) {
+  std::memset(field, 0, n);
+  text.copy(field, n - 1);
+}
+
+}  // namespace fs
