@@ -20,10 +20,12 @@ extern "C" {
 /* An empty scene in this process. */
 FS_API fs_status fs_scene_create(fs_scene **out);
 
-/* A scene at a server of this user: "shm:NAME" or "dds:DOMAIN", then "?timeout=2" (s); of another user's:
- * "shm:NAME?user=USER". client_name: as an object's, but not "server"; free again as soon as its process is dead. Its
- * objects live as long as the process, silent or not. NOT_FOUND, EXISTS, VERSION, DENIED, FULL, TIMEOUT, UNSUPPORTED.
- * 0.1: UNSUPPORTED. */
+/* A scene at a server of this user: "shm:NAME" or "dds:DOMAIN"; of another user's: "shm:NAME?user=USER". Options are
+ * joined by '&'. "timeout=5": waits for a server that is not there yet, 5 s at most; without it: NOT_FOUND at once.
+ * client_name: as an object's, but not "server"; free again as soon as its process is dead. Its objects live as long
+ * as the process, silent or not. A server that is lost stays lost for this scene: its calls give DISCONNECTED. After
+ * fork the scene is the parent's. NOT_FOUND, EXISTS, VERSION (the sentence has what differs), DENIED, FULL, TIMEOUT
+ * (it does not answer), IO, UNSUPPORTED. 0.1: dds is UNSUPPORTED. */
 FS_API fs_status fs_scene_connect(const char *endpoint, const char *client_name, fs_scene **out);
 
 /* Gives the scene back; null does nothing. A servo or tool that uses it goes on; connected: its objects fade. */
@@ -51,12 +53,12 @@ typedef enum fs_part {
   FS_PART_FORCE_32 = 0x7fffffff
 } fs_part;
 
-/* ---- From here on a name may also be "client/object": another client's, in that client's frame. NOT_FOUND, DENIED.
- * 0.1: such names are NOT_FOUND. */
+/* ---- From here on a name may also be "client/object", of a connected scene: another client's, in that client's
+ * frame; "server/object": of the server's own scene. Such a call asks the server: TIMEOUT (1 s), NOT_FOUND, DENIED
+ * (it is `locked`), STATE (a group is open: it holds the scene's own objects only). */
 
 /* Fills out, which was made by fs_object_init with any name: struct_size is read, no more than that is written.
- * Release it (fs_object_release), also before it is filled again: its handles live until then. NOT_FOUND, VERSION,
- * TIMEOUT (1 s). */
+ * Release it (fs_object_release), also before it is filled again: its handles live until then. NOT_FOUND, VERSION. */
 FS_API fs_status fs_object_get(fs_scene *scene, const char *name, fs_object *out);
 
 /* Takes only these parts (fs_part bits) of object, for the one of its name: an editor does not undo the owner's
@@ -135,7 +137,7 @@ static inline fs_frame fs_frame_init(void)
 /* Sets the frame between the scene and the device. It is the servo's: tools of one's own do not see it. */
 FS_API fs_status fs_scene_set_frame(fs_scene *scene, const fs_frame *frame);
 
-/* The frame, as a clutch may have moved it. client: whose; null: its own. NOT_FOUND. 0.1: NOT_FOUND unless null. */
+/* The frame, as a clutch may have moved it. client: whose, of a connected scene; null: its own. NOT_FOUND. */
 FS_API fs_status fs_scene_get_frame(fs_scene *scene, const char *client, fs_frame *out);
 
 /* held: the hand moves, the tool stays, the force of this scene fades out; let go: the frame is moved (not turned) so
@@ -195,7 +197,8 @@ typedef struct fs_report {
   double distance;              /* m, at the last tick, of the tool point nearest to it; infinite: not near (beyond its
                                    force, weight 0, clutched, no servo), then point and wrench are 0 */
   fs_vec3 point;                /* p, or the proxy; in the asking scene's frame */
-  fs_wrench wrench;             /* its share, with its weight, before the guard; in the asking scene's frame */
+  fs_wrench wrench;             /* its share, with its weight, before the guard; along the asking scene's axes,
+                                   another client's in newtons at the device */
   double reserved[4];           /* 0 */
 } fs_report;
 

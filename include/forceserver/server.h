@@ -1,4 +1,10 @@
-/* forceserver/server.h - lets other processes into a servo. Conventions: forceserver.h. 0.1: there is no server yet. */
+/* forceserver/server.h - lets other processes into a servo. Conventions: forceserver.h.
+ *
+ * A client is a process, or a part of one, that calls fs_scene_connect: it has a scene of its own, with its own frame,
+ * clutch and tool, and the forces of all scenes add. What a client is lost with, be it killed, fades; nothing it sends
+ * can do more than push within its force_limit. The server has a thread that takes what the clients have changed at
+ * the servo's rate, and one that builds their meshes; both end with it, and nothing is left in the system.
+ */
 #ifndef FORCESERVER_SERVER_H
 #define FORCESERVER_SERVER_H
 
@@ -11,19 +17,21 @@ extern "C" {
 /* Growing; made by fs_server_options_init; all zeros are the defaults. */
 typedef struct fs_server_options {
   uint32_t struct_size;         /* sizeof(fs_server_options), by fs_server_options_init */
-  uint32_t max_clients;         /* 0: 32 */
-  uint32_t max_objects;         /* a client; 0: 4096 */
-  uint32_t max_megabytes;       /* of shapes, a client; 0: 1024 */
-  double lease;                 /* s from the loss of a client to the start of its fade; 0: 0.2 */
-  double force_limit;           /* N, of one client's summed force; 0: the servo's */
+  uint32_t max_clients;         /* at most 4096; 0: 32 */
+  uint32_t max_objects;         /* a client, at most 65536; 0: 4096 */
+  uint32_t max_megabytes;       /* of points, triangles and tables, a client, at most 1e6; 0: 1024 */
+  double lease;                 /* s from the loss of a client to the start of its fade, at most 1e6; 0: 0.2 */
+  double force_limit;           /* N, of one client's summed force, its torque in proportion; 0: the servo's */
   bool locked;                  /* a client changes its own objects only */
   bool all_users;               /* other users of this machine may connect */
   uint8_t reserved[6];          /* 0 */
 } fs_server_options;
 FS_DEFINE_INIT(fs_server_options)
 
-/* Lets other processes in, at endpoint ("shm:NAME" or "dds:DOMAIN"): their scenes' forces add to those of the servo's
- * own. options null: defaults. EXISTS, IO, UNSUPPORTED, VERSION. 0.1: UNSUPPORTED. */
+/* Lets other processes in, at endpoint ("shm:NAME", 1..64 bytes without '/', or "dds:DOMAIN"): their scenes' forces
+ * add to those of the servo's own. options null: defaults. EXISTS (a server of this user, or with all_users of
+ * anybody, has the name), STATE (the servo was stopped), FULL (no descriptors), IO, UNSUPPORTED, VERSION. 0.1: dds is
+ * UNSUPPORTED. */
 FS_API fs_status fs_server_start(fs_servo *servo, const char *endpoint, const fs_server_options *options,
                                  fs_server **out);
 
@@ -48,7 +56,7 @@ typedef struct fs_client {
  * process: UNSUPPORTED. */
 FS_API fs_status fs_scene_get_clients(fs_scene *scene, fs_client *out, size_t capacity, size_t *count);
 
-/* Closes the door; the objects of its clients fade. Null does nothing. */
+/* Closes the door; the objects of its clients fade, and their calls give DISCONNECTED. Null does nothing. */
 FS_API void fs_server_stop(fs_server *server);
 
 #ifdef __cplusplus

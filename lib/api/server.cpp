@@ -1,7 +1,8 @@
 #include <forceserver/server.h>
 
 #include "api/guarded.h"
-#include "scene/object.h"
+#include "scene/scene.h"
+#include "server/server.h"
 
 using namespace fs;
 
@@ -11,9 +12,22 @@ fs_status fs_server_start(fs_servo* servo, const char* endpoint, const fs_server
     require_pointer(endpoint, "endpoint");
     require_pointer(out, "out");
     if (options) check_struct_size(options->struct_size, sizeof *options, "fs_server_options");
-    fail(FS_ERROR_UNSUPPORTED, "endpoint is '%.80s': servers are not in version %s of this library", endpoint,
-         fs_version());
+    const Endpoint place = parse_endpoint(endpoint, true);
+    const ServerSettings settings = parse_options(options ? *options : fs_server_options_init(), servo->settings());
+    *out = make_ref<fs_server>(Ref<Servo>::share(servo), place, settings).detach();
   });
 }
 
-void fs_server_stop(fs_server*) {}  // there is none to stop
+void fs_server_stop(fs_server* server) {
+  if (!server) return;
+  server->stop();
+  server->release();
+}
+
+fs_status fs_scene_get_clients(fs_scene* scene, fs_client* out, size_t capacity, size_t* count) {
+  return guarded([&] {
+    require_pointer(scene, "scene");
+    const Ref<fs_scene> kept = Ref<fs_scene>::share(scene);
+    copy_list(scene->clients(), out, capacity, count);
+  });
+}

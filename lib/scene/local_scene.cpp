@@ -345,9 +345,8 @@ void LocalScene::hold() {
   is_held_ = true;
 }
 
-void LocalScene::let_go() {
+void LocalScene::post() {
   const std::lock_guard lock(mutex_);
-  is_held_ = false;
   newest();
 }
 

@@ -85,9 +85,9 @@ struct LocalScene final : Scene {
   void cancel() override;
   void sync(double timeout) override;
 
-  // While held, changes are collected for the readers; let go, they are posted at once. Not counted.
+  // Held, changes are collected, and reach the readers only with post().
   void hold();
-  void let_go();
+  void post();
   uint64_t sequence() const;  // of the newest change
 
   // Frame, clutch, tool, accuracy, slope.

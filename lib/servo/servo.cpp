@@ -4,15 +4,16 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <csignal>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
+#include <iterator>
 #include <ctime>
 #include <unistd.h>
 
 #include "base/enum.h"
 #include "base/error.h"
+#include "base/signals.h"
 #include "servo/realtime.h"
 
 using namespace fs;
@@ -116,13 +117,10 @@ fs_servo::fs_servo(Ref<LocalScene> scene, Ref<Device> device, const ServoSetting
     servo->run();
     return nullptr;
   };
-  // The application's signal handlers are not for this thread: they may lock and allocate.
-  sigset_t signals, before;
-  sigfillset(&signals);
-  for (const int fault : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGTRAP, SIGABRT}) sigdelset(&signals, fault);
-  pthread_sigmask(SIG_SETMASK, &signals, &before);
-  const int error = pthread_create(&thread_, &attributes, entry, this);
-  pthread_sigmask(SIG_SETMASK, &before, nullptr);
+  const int error = [&] {
+    const SignalsBlocked blocked;
+    return pthread_create(&thread_, &attributes, entry, this);
+  }();
   pthread_attr_destroy(&attributes);
   if (error) {
     drop_channels();
@@ -172,20 +170,25 @@ Ref<Channel> fs_servo::add_channel(Ref<LocalScene> scene, const Channel::Limits&
   return channel;
 }
 
-void fs_servo::remove_channel(const Channel& channel) {
+Wrench fs_servo::own_wrench() {
   const std::lock_guard lock(channels_mutex_);
-  if (!posted_channels_) return;
-  const Ref<ChannelList> list = make_ref<ChannelList>();
-  for (const Ref<Channel>& other : posted_channels_->channels) {
-    if (other.get() != &channel) list->channels.push_back(other);
-  }
-  posted_channels_ = list;
-  channels_.post(posted_channels_);
+  return posted_channels_ ? posted_channels_->channels.front()->wrench() : Wrench{};
 }
 
-void fs_servo::sweep_channels() {
+void fs_servo::reap_channels() {
   const std::lock_guard lock(channels_mutex_);
-  if (posted_channels_ && channels_.take_back()) channels_.post(posted_channels_);
+  if (!posted_channels_) return;
+  const double now = scene_->now();
+  const std::vector<Ref<Channel>>& present = posted_channels_->channels;
+  const auto is_gone = [now](const Ref<Channel>& channel) { return channel->is_gone(now); };
+  if (std::any_of(present.begin(), present.end(), is_gone)) {
+    const Ref<ChannelList> list = make_ref<ChannelList>();
+    std::remove_copy_if(present.begin(), present.end(), std::back_inserter(list->channels), is_gone);
+    posted_channels_ = list;
+    channels_.post(posted_channels_);
+  } else if (channels_.take_back()) {  // frees the list that the tick has let go of
+    channels_.post(posted_channels_);
+  }
 }
 
 void fs_servo::add_listener(const void* owner, std::function<void()> f) {

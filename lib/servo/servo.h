@@ -39,8 +39,8 @@ struct fs_servo final : fs::Counted<fs_servo> {
 
   // More scenes, beside the servo's own: what they add is felt from the next tick on. Any thread; not [rt].
   fs::Ref<fs::Channel> add_channel(fs::Ref<fs::LocalScene> scene, const fs::Channel::Limits& limits);  // STATE
-  void remove_channel(const fs::Channel& channel);
-  void sweep_channels();  // frees those that the servo has let go of
+  fs::Wrench own_wrench();  // what the servo's own scene added at the last tick, device frame
+  void reap_channels();  // lets go of those that have faded out
   const fs::Ref<fs::LocalScene>& scene() const noexcept { return scene_; }
 
   // f is called once, by the thread that stops the servo, before it stops; not after remove_listener has returned.

@@ -1,0 +1,309 @@
+#include "server/server.h"
+
+#include <pthread.h>
+#include <sys/epoll.h>
+#include <sys/eventfd.h>
+#include <sys/socket.h>
+#include <sys/timerfd.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <system_error>
+
+#include "base/error.h"
+#include "base/signals.h"
+#include "server/session.h"
+
+using namespace fs;
+
+namespace {
+
+constexpr double awake_for = 0.05;        // s after the last change, before it sleeps
+constexpr double asleep_period = 0.02;    // s: the heartbeat, and the scenes' events
+constexpr double housekeeping_period = 0.01;
+constexpr ptrdiff_t most_strangers = 64;  // that have not said who they are
+constexpr ptrdiff_t most_refused = 16;
+
+template <class T>
+T parse_bound(T given, T standard, T most, const char* field) {
+  if (given > most) fail(FS_ERROR_INVALID, "%s is %g, must be at most %g", field, double(given), double(most));
+  return given ? given : standard;
+}
+
+Descriptor open_file() { return Descriptor(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)); }
+
+}  // namespace
+
+ServerSettings fs::parse_options(const fs_server_options& options, const ServoSettings& servo) {
+  ServerSettings out{};
+  out.max_clients = parse_bound<uint32_t>(options.max_clients, 32, 4096, "max_clients");
+  out.max_objects = parse_bound<uint32_t>(options.max_objects, 4096, most_slots, "max_objects");
+  out.max_bytes = uint64_t{1'000'000} * parse_bound<uint32_t>(options.max_megabytes, 1024, 1'000'000, "max_megabytes");
+  if (!(options.lease >= 0 && options.lease <= 1e6)) {
+    fail(FS_ERROR_INVALID, "lease is %g, must be within 0..1e6 s", options.lease);
+  }
+  out.lease = options.lease > 0 ? options.lease : 0.2;
+  const double most = servo.limits.force;
+  if (!(options.force_limit >= 0 && options.force_limit <= most)) {
+    fail(FS_ERROR_INVALID, "force_limit is %g, must be within 0..%g N, what the servo sends", options.force_limit, most);
+  }
+  out.limits.force = options.force_limit > 0 ? options.force_limit : most;
+  out.limits.torque = servo.limits.torque * (out.limits.force / most);
+  for (const uint8_t byte : options.reserved) {
+    if (byte) fail(FS_ERROR_INVALID, "reserved is %u, must be 0", byte);
+  }
+  out.is_locked = options.locked;
+  out.is_for_all_users = options.all_users;
+  return out;
+}
+
+fs_server::fs_server(Ref<Servo> servo, const Endpoint& endpoint, const ServerSettings& settings)
+    : servo_(std::move(servo)),
+      endpoint_(endpoint),
+      settings_(settings),
+      period_(1 / servo_->settings().rate),
+      worker_([this] { wake(); }) {
+  epoll_ = Descriptor(epoll_create1(EPOLL_CLOEXEC));
+  timer_ = Descriptor(timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK));
+  wake_ = open_file();
+  spare_ = open_file();
+  if (!epoll_ || !timer_ || !wake_ || !spare_) {
+    fail(errno == EMFILE || errno == ENFILE ? FS_ERROR_FULL : FS_ERROR_IO, "the server could not be made: %s",
+         std::strerror(errno));
+  }
+  watch(wake_, source_wake, EPOLLIN);
+  watch(timer_, source_timer, EPOLLIN);
+  listener_ = listen_at(user_address(geteuid(), endpoint_.name));
+  watch(listener_, source_listener, EPOLLIN);
+  if (settings_.is_for_all_users) {
+    shared_listener_ = listen_at(shared_address(endpoint_.name));
+    watch(shared_listener_, source_shared_listener, EPOLLIN);
+  }
+  servo_->reap_channels();  // of a server before this one
+  servo_->add_listener(this, [this] {
+    std::unique_lock lock(mutex_);
+    is_servo_stopping_ = true;
+    wake();
+    changed_.wait(lock, [this] { return has_let_go_; });
+  });
+  try {
+    const SignalsBlocked blocked;
+    thread_ = std::thread([this] { run(); });
+  } catch (const std::system_error& error) {
+    servo_->remove_listener(this);
+    fail(FS_ERROR_IO, "the server's thread could not be started: %s", error.what());
+  }
+}
+
+void fs_server::stop() noexcept {
+  if (!thread_.joinable()) return;
+  servo_->remove_listener(this);
+  {
+    const std::lock_guard lock(mutex_);
+    is_stopping_ = true;
+  }
+  wake();
+  thread_.join();
+}
+
+void fs_server::wake() const noexcept {
+  const uint64_t one = 1;
+  [[maybe_unused]] const ssize_t written = write(wake_.get(), &one, sizeof one);
+}
+
+void fs_server::watch(const Descriptor& descriptor, uint64_t source, uint32_t events) {
+  epoll_event event{};
+  event.events = events;
+  event.data.u64 = source;
+  if (epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, descriptor.get(), &event) != 0) {
+    fail(FS_ERROR_IO, "the server cannot watch a descriptor: %s", std::strerror(errno));
+  }
+}
+
+void fs_server::unwatch(const Session& session) noexcept {
+  for (const Descriptor* descriptor : {&session.socket(), &session.process()}) {
+    if (*descriptor) epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, descriptor->get(), nullptr);
+  }
+}
+
+void fs_server::set_reading(const Session& session, bool is_reading) noexcept {
+  epoll_event event{};
+  event.events = is_reading ? static_cast<uint32_t>(EPOLLIN) : 0;
+  event.data.u64 = first_session + 2 * session.id();
+  epoll_ctl(epoll_.get(), EPOLL_CTL_MOD, session.socket().get(), &event);
+}
+
+void fs_server::set_period(double period) noexcept {
+  itimerspec timer{};
+  timer.it_interval.tv_nsec = static_cast<long>(period * 1e9);
+  timer.it_value = timer.it_interval;
+  timerfd_settime(timer_.get(), 0, &timer, nullptr);
+}
+
+// --------------------------------------------------------------------------------------------------------- its thread
+
+void fs_server::run() noexcept {
+  pthread_setname_np(pthread_self(), "fs-server");
+  set_period(period_);
+  std::array<epoll_event, 64> events;
+  for (;;) {
+    const int count = epoll_wait(epoll_.get(), events.data(), static_cast<int>(events.size()), -1);
+    {
+      const std::lock_guard lock(mutex_);
+      if (is_stopping_ || is_servo_stopping_) break;
+    }
+    for (int i = 0; i < count; ++i) {
+      try {
+        handle(events[static_cast<size_t>(i)].data.u64, events[static_cast<size_t>(i)].events);
+      } catch (...) {  // no memory: what was asked for is not done
+      }
+    }
+    std::erase_if(sessions_, [](const std::shared_ptr<Session>& session) { return session->is_gone(); });
+  }
+  for (const std::shared_ptr<Session>& session : sessions_) session->drop(0);
+  sessions_.clear();
+  listener_.reset();
+  shared_listener_.reset();
+  const std::lock_guard lock(mutex_);
+  has_let_go_ = true;
+  changed_.notify_all();
+}
+
+void fs_server::handle(uint64_t source, uint32_t events) {
+  uint64_t count;
+  if (source == source_wake) {
+    [[maybe_unused]] const ssize_t got = read(wake_.get(), &count, sizeof count);
+    note_activity();
+    for (const Worker::Done& done : worker_.take_done()) {
+      if (done) done();
+    }
+  } else if (source == source_timer) {
+    if (read(timer_.get(), &count, sizeof count) == sizeof count) turn(steady_now());
+  } else if (source == source_listener) {
+    accept_clients(listener_);
+  } else if (source == source_shared_listener) {
+    accept_clients(shared_listener_);
+  } else {
+    const std::shared_ptr<Session> session = find((source - first_session) / 2);
+    if (!session) return;
+    if ((source - first_session) % 2) return session->drop(settings_.lease);  // its process has ended
+    if (events & EPOLLIN) {
+      session->receive();
+    } else if (events & (EPOLLHUP | EPOLLERR)) {
+      session->drop(settings_.lease);
+    }
+  }
+  if (is_asleep_ && steady_now() - last_activity_ < awake_for) {
+    is_asleep_ = false;
+    for (const std::shared_ptr<Session>& session : sessions_) session->set_asleep(false);
+    set_period(period_);
+    turn(steady_now());
+  }
+}
+
+// What comes each period. Whoever comes first in one is last in the next.
+void fs_server::turn(double now) {
+  const size_t count = sessions_.size();
+  ++turns_;
+  for (size_t i = 0; i < count; ++i) sessions_[(i + turns_) % count]->turn(now);
+  bool is_busy = false;
+  for (const std::shared_ptr<Session>& session : sessions_) {
+    session->settle();
+    is_busy = is_busy || session->is_busy();
+  }
+  if (is_busy) note_activity();
+  if (now - last_housekeeping_ >= housekeeping_period) {
+    last_housekeeping_ = now;
+    for (const std::shared_ptr<Session>& session : sessions_) session->keep_house();
+    servo_->reap_channels();
+  }
+  if (!is_asleep_ && now - last_activity_ > awake_for) fall_asleep();
+}
+
+// Says so, then looks once more: whoever has written before it could know is seen now, whoever writes later wakes.
+void fs_server::fall_asleep() noexcept {
+  for (const std::shared_ptr<Session>& session : sessions_) session->set_asleep(true);
+  const bool has_moves = std::any_of(sessions_.begin(), sessions_.end(), [](const auto& s) { return s->has_moves(); });
+  if (has_moves) {
+    for (const std::shared_ptr<Session>& session : sessions_) session->set_asleep(false);
+    note_activity();
+    return;
+  }
+  is_asleep_ = true;
+  set_period(asleep_period);
+}
+
+Session* fs_server::find(std::string_view client) const {
+  for (const std::shared_ptr<Session>& session : sessions_) {
+    if (!session->is_gone() && !session->name().empty() && session->name() == client) return session.get();
+  }
+  return nullptr;
+}
+
+std::shared_ptr<Session> fs_server::find(uint64_t id) const {
+  const auto found = std::find_if(sessions_.begin(), sessions_.end(), [id](const auto& s) { return s->id() == id; });
+  return found != sessions_.end() && !(*found)->is_gone() ? *found : nullptr;
+}
+
+size_t fs_server::client_count() const {
+  return static_cast<size_t>(std::count_if(sessions_.begin(), sessions_.end(), [](const auto& session) {
+    return !session->is_gone() && !session->name().empty();
+  }));
+}
+
+std::vector<fs_client> fs_server::describe() const {
+  std::vector<fs_client> out;
+  fs_client own{};
+  std::strcpy(own.name, "server");
+  own.process = static_cast<uint32_t>(getpid());
+  own.user = geteuid();
+  own.objects = static_cast<uint32_t>(servo_->scene()->reports().size());
+  own.force_limit = servo_->settings().limits.force;
+  own.wrench = servo_->own_wrench();
+  out.push_back(own);
+  for (const std::shared_ptr<Session>& session : sessions_) {
+    if (!session->is_gone() && !session->name().empty()) out.push_back(session->describe());
+  }
+  return out;
+}
+
+// ------------------------------------------------------------------------------------------------------------ the door
+
+void fs_server::accept_clients(const Descriptor& listener) {
+  for (int i = 0; i < 64; ++i) {
+    Descriptor socket(accept4(listener.get(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
+    if (!socket && (errno == EMFILE || errno == ENFILE)) {
+      // One is kept for this: to turn away whoever waits, rather than to be asked again and again.
+      spare_.reset();
+      socket = Descriptor(accept4(listener.get(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
+      socket.reset();
+      spare_ = open_file();
+      if (!spare_) return;
+      continue;
+    }
+    if (!socket) return;
+    note_activity();
+    try {
+      const Peer peer = peer_of(socket);
+      // Who has to be told no gets a few places of its own, so that nobody can take all of them.
+      const bool is_refused = peer.user != geteuid() && !settings_.is_for_all_users;
+      const auto strangers = std::count_if(sessions_.begin(), sessions_.end(), [&](const auto& session) {
+        return !session->is_gone() && session->name().empty() && session->is_refused() == is_refused;
+      });
+      if (strangers >= (is_refused ? most_refused : most_strangers)) continue;
+      const auto session = std::make_shared<Session>(*this, ++last_id_, std::move(socket), peer,
+                                                     is_refused ? FS_ERROR_DENIED : FS_OK);
+      sessions_.push_back(session);
+      try {
+        watch(session->socket(), first_session + 2 * session->id(), EPOLLIN);
+        if (session->process()) watch(session->process(), first_session + 2 * session->id() + 1, EPOLLIN);
+      } catch (const Error&) {
+        session->drop(0);
+      }
+    } catch (const Error&) {  // it is gone already
+    }
+  }
+}

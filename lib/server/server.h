@@ -1,0 +1,85 @@
+// The door of a servo to other processes. It is the fs_server of the C contract itself. One thread owns the sessions: it
+// takes what the clients have written at the servo's rate, in turn, and answers what they ask. Each client has a scene and
+// a channel of its own in the servo, so their forces add; a scene gets one snapshot a period at most.
+#pragma once
+
+#include <condition_variable>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <unordered_map>
+#include <vector>
+
+#include "ipc/socket.h"
+#include "server/worker.h"
+#include "servo/servo.h"
+
+namespace fs {
+
+class Session;
+
+// fs_server_options, checked and with the defaults for what was left 0.
+struct ServerSettings {
+  uint32_t max_clients, max_objects;
+  uint64_t max_bytes;  // of shapes, a client
+  double lease;        // s
+  Channel::Limits limits;
+  bool is_locked, is_for_all_users;
+};
+ServerSettings parse_options(const fs_server_options& options, const ServoSettings& servo);  // INVALID
+
+}  // namespace fs
+
+struct fs_server : fs::Counted<fs_server> {
+  // EXISTS, IO, FULL, STATE.
+  fs_server(fs::Ref<fs::Servo> servo, const fs::Endpoint& endpoint, const fs::ServerSettings& settings);
+  ~fs_server() { stop(); }
+
+  void stop() noexcept;  // closes the door; the clients' objects begin to fade
+
+  // ---- For the sessions, on the server's thread.
+  fs::Servo& servo() const noexcept { return *servo_; }
+  const fs::ServerSettings& settings() const noexcept { return settings_; }
+  fs::Worker& worker() noexcept { return worker_; }
+  const std::vector<std::shared_ptr<fs::Session>>& sessions() const noexcept { return sessions_; }
+  fs::Session* find(std::string_view client) const;  // null: none of that name, or it is gone
+  std::shared_ptr<fs::Session> find(uint64_t id) const;
+  size_t client_count() const;
+  std::vector<fs_client> describe() const;  // the server's own scene, then the clients
+  void set_reading(const fs::Session& session, bool is_reading) noexcept;
+  void unwatch(const fs::Session& session) noexcept;
+  void note_activity() noexcept { last_activity_ = fs::steady_now(); }
+
+ private:
+  // What epoll tells of; a session's is `first_session` + 2 id, its process one more.
+  enum Source : uint64_t { source_wake, source_timer, source_listener, source_shared_listener, first_session = 16 };
+
+  void run() noexcept;
+  void watch(const fs::Descriptor& descriptor, uint64_t source, uint32_t events);  // IO
+  void set_period(double period) noexcept;
+  void handle(uint64_t source, uint32_t events);
+  void accept_clients(const fs::Descriptor& listener);
+  void turn(double now);
+  void fall_asleep() noexcept;
+  void wake() const noexcept;
+
+  const fs::Ref<fs::Servo> servo_;
+  const fs::Endpoint endpoint_;
+  const fs::ServerSettings settings_;
+  const double period_;  // s
+
+  fs::Descriptor listener_, shared_listener_, epoll_, timer_, wake_, spare_;
+  fs::Worker worker_;
+  std::vector<std::shared_ptr<fs::Session>> sessions_;  // and those that have not said who they are
+  uint64_t last_id_ = 0, turns_ = 0;
+  bool is_asleep_ = false;
+  double last_activity_ = 0, last_housekeeping_ = 0;
+
+  // Between the server's thread and those who stop it or the servo.
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  bool is_stopping_ = false, is_servo_stopping_ = false, has_let_go_ = false;
+  std::thread thread_;
+};

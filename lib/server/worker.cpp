@@ -1,0 +1,62 @@
+#include "server/worker.h"
+
+#include <pthread.h>
+
+#include <utility>
+
+#include "base/signals.h"
+
+namespace fs {
+
+Worker::Worker(std::function<void()> notify) : notify_(std::move(notify)) {
+  const SignalsBlocked blocked;
+  thread_ = std::thread([this] { run(); });
+}
+
+Worker::~Worker() {
+  {
+    const std::lock_guard lock(mutex_);
+    is_stopping_ = true;
+  }
+  changed_.notify_one();
+  thread_.join();
+}
+
+void Worker::add(uint64_t owner, Job job) {
+  {
+    const std::lock_guard lock(mutex_);
+    jobs_[owner].push_back(std::move(job));
+  }
+  changed_.notify_one();
+}
+
+std::vector<Worker::Done> Worker::take_done() {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(done_, {});
+}
+
+void Worker::run() {
+  pthread_setname_np(pthread_self(), "fs-builder");
+  uint64_t last = 0;
+  std::unique_lock lock(mutex_);
+  for (;;) {
+    changed_.wait(lock, [this] { return is_stopping_ || !jobs_.empty(); });
+    if (is_stopping_) return;
+    auto next = jobs_.upper_bound(last);
+    if (next == jobs_.end()) next = jobs_.begin();
+    last = next->first;
+    Job job = std::move(next->second.front());
+    next->second.pop_front();
+    if (next->second.empty()) jobs_.erase(next);
+    lock.unlock();
+    Done done = job();
+    job = nullptr;
+    lock.lock();
+    done_.push_back(std::move(done));
+    lock.unlock();
+    notify_();
+    lock.lock();
+  }
+}
+
+}  // namespace fs
