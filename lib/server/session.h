@@ -84,10 +84,10 @@ class Session : public std::enable_shared_from_this<Session> {
   };
   // What parked units hold up.
   struct Held {
-    std::map<uint32_t, unsigned> slots;
-    std::map<uint64_t, unsigned> ids;
-    unsigned all = 0, units = 0;
-    void add(const Unit& unit, int sign);
+    std::set<uint32_t> slots;
+    std::set<uint64_t> ids;
+    size_t all = 0, messages = 0;
+    void add(const Unit& unit);
     bool blocks(const Unit& unit) const;
   };
   struct Awaited {  // an object that no tick has used yet

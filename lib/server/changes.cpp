@@ -1,0 +1,304 @@
+// What a client changes: its shapes and curves, its objects one by one and in groups, its view.
+#include <algorithm>
+#include <cstring>
+
+#include "base/error.h"
+#include "server/session.h"
+
+namespace fs {
+namespace {
+
+constexpr size_t most_parked = 4096;  // messages; then its socket is not read until some have been applied
+
+// Bytes that a shape or curve takes, given back when it goes.
+struct Charge {
+  Charge(std::shared_ptr<std::atomic<uint64_t>> the_total, uint64_t the_bytes)
+      : total(std::move(the_total)), bytes(the_bytes) {
+    total->fetch_add(bytes);
+  }
+  ~Charge() { total->fetch_sub(bytes); }
+  const std::shared_ptr<std::atomic<uint64_t>> total;
+  const uint64_t bytes;
+};
+
+}  // namespace
+
+// ------------------------------------------------------------------------------------------------- shapes and curves
+
+void Session::take_upload(Message&& message, Descriptor&& came) {
+  const bool is_shape = message.header.type == wire::type_shape;
+  const uint64_t id = is_shape ? message.as<wire::Shape>().id : message.as<wire::Curve>().id;
+  const size_t most = 4 * size_t{server_.settings().max_objects} + 64;
+  if (id == 0 || (id & wire::of_server) || uploads_.size() >= most || !uploads_.emplace(id, Upload{}).second) {
+    return drop(server_.settings().lease);
+  }
+  Upload refused;
+  try {
+    const uint64_t bytes = is_shape ? data_size(message.as<wire::Shape>()) : data_size(message.as<wire::Curve>());
+    const uint64_t used = shape_bytes_->load(), limit = server_.settings().max_bytes;
+    if (bytes > limit || used > limit - bytes) {
+      fail(FS_ERROR_FULL, "shapes of %llu bytes would come to %llu: a client may have at most %llu megabytes",
+           static_cast<unsigned long long>(used), static_cast<unsigned long long>(bytes),
+           static_cast<unsigned long long>(limit / 1'000'000));
+    }
+    // Reading, checking and building take as long as they take: not on this thread.
+    server_.worker().add(id_, [server = &server_, session = id_, is_shape, id, message = std::move(message),
+                               data = std::make_shared<Descriptor>(std::move(came)),
+                               charge = std::make_shared<Charge>(shape_bytes_, bytes)]() -> Worker::Done {
+      const auto made = std::make_shared<Upload>();
+      try {
+        if (is_shape) {
+          made->shape = from_record(message.as<wire::Shape>(), std::move(*data));
+          made->shape->keep(charge);
+          made->shape->build();
+        } else {
+          made->curve = from_record(message.as<wire::Curve>(), std::move(*data));
+          made->curve->keep(charge);
+        }
+      } catch (const Error& error) {
+        *made = {false, nullptr, nullptr, error.status, error.text};
+      } catch (...) {
+        *made = {false, nullptr, nullptr, FS_ERROR_MEMORY, ""};
+      }
+      return [server, session, id, made] {
+        if (const std::shared_ptr<Session> found = server->find(session)) found->finish_upload(id, std::move(*made));
+      };
+    });
+    return;
+  } catch (const Error& error) {
+    refused = {false, nullptr, nullptr, error.status, error.text};
+  }
+  finish_upload(id, std::move(refused));
+}
+
+void Session::finish_upload(uint64_t id, Upload&& upload) {
+  const auto found = uploads_.find(id);
+  if (found == uploads_.end() || is_gone_) return;
+  upload.is_ready = true;
+  if (upload.status == FS_ERROR_MEMORY && upload.text.empty()) upload.text = "the server has not enough memory for the shape";
+  found->second = std::move(upload);
+  retry_parked();
+  const std::vector<Message> waiting = std::exchange(waiting_edits_, {});
+  for (const Message& message : waiting) edit(message);
+}
+
+// --------------------------------------------------------------------------------------------------------- changes
+
+void Session::Held::add(const Unit& unit) {
+  slots.insert(unit.slots.begin(), unit.slots.end());
+  ids.insert(unit.ids.begin(), unit.ids.end());
+  all += unit.is_about_all;
+  messages += unit.messages.size();
+}
+
+bool Session::Held::blocks(const Unit& unit) const {
+  if (messages == 0) return false;
+  if (all || unit.is_about_all) return true;
+  const auto is_held = [](const auto& counts) { return [&counts](auto key) { return counts.contains(key); }; };
+  return std::any_of(unit.slots.begin(), unit.slots.end(), is_held(slots)) ||
+         (unit.is_forget && std::any_of(unit.ids.begin(), unit.ids.end(), is_held(ids)));
+}
+
+bool Session::is_ready(const Unit& unit) const {
+  return unit.is_forget || std::all_of(unit.ids.begin(), unit.ids.end(), [this](uint64_t id) {
+    const auto found = uploads_.find(id);
+    return found == uploads_.end() || found->second.is_ready;
+  });
+}
+
+// What needs a shape that is being built waits for it, and what concerns the same objects behind it; all else goes on.
+void Session::submit(Unit&& unit) {
+  if (is_ready(unit) && !held_.blocks(unit)) return apply(unit);
+  for (const Message& message : unit.messages) {
+    if (message.header.type != wire::type_set) continue;
+    const fs_object object = from_record(message.as<wire::Set>().object);
+    const std::string name = text_of(object.name);
+    if (!slot_of_.contains(name)) absent_[name] = {object.primitive, FS_OBJECT_PENDING};
+  }
+  held_.add(unit);
+  parked_.push_back(std::move(unit));
+  if (held_.messages >= most_parked) server_.set_reading(*this, is_reading_ = false);
+}
+
+void Session::retry_parked() {
+  std::deque<Unit> units = std::exchange(parked_, {});
+  held_ = {};
+  is_late_ = true;
+  for (Unit& unit : units) {
+    if (is_ready(unit) && !held_.blocks(unit)) {
+      apply(unit);
+    } else {
+      held_.add(unit);
+      parked_.push_back(std::move(unit));
+    }
+  }
+  is_late_ = false;
+  if (!is_reading_ && !is_gone_ && held_.messages < most_parked / 2) server_.set_reading(*this, is_reading_ = true);
+}
+
+void Session::apply(const Unit& unit) {
+  if (unit.messages.size() == 1) {
+    try {
+      apply(unit.messages[0]);
+    } catch (const Error& error) {
+      refuse(unit.messages[0], error.status, error.text);
+    }
+    return;
+  }
+  // All or nothing.
+  std::map<uint32_t, Slot> before;
+  for (uint32_t i = 0; i < slots_.size(); ++i) {
+    if (unit.slots.contains(i) || (unit.is_about_all && !slots_[i].name.empty())) before[i] = slots_[i];
+  }
+  const size_t awaited = awaited_.size();
+  const uint64_t changes = changes_;
+  scene_->begin();
+  const Message* failed = nullptr;
+  try {
+    for (const Message& message : unit.messages) {
+      failed = &message;
+      apply(message);
+    }
+    scene_->commit();
+  } catch (const Error& error) {
+    scene_->cancel();
+    awaited_.resize(awaited);
+    changes_ = changes;
+    for (const uint32_t slot : unit.slots) slot_of_.erase(slots_[slot].name);
+    for (const auto& [slot, was] : before) {
+      slots_[slot] = was;
+      if (!was.name.empty()) slot_of_[was.name] = slot;
+    }
+    for (const Message& message : unit.messages) {
+      const bool is_it = &message == failed;
+      refuse(message, error.status, is_it ? error.text : "another change of its group was refused: " + error.text);
+    }
+  }
+}
+
+void Session::apply(const Message& message) {
+  using namespace wire;
+  switch (message.header.type) {
+    case type_set: return apply_set(message.as<Set>(), message.header.serial, false);
+    case type_change: return apply_set(message.as<Set>(), message.header.serial, true);
+    case type_place: {
+      const Place& place = message.as<Place>();
+      Slot& slot = slots_[place.slot];
+      if (slot.name.empty()) return;  // another client has removed it
+      ::fs::Movement movement = scene_->movement(slot.name.c_str());
+      movement.motion = from_record(place.movement);
+      movement.track.take(movement.motion.pose, &movement.motion.twist, movement.motion.time);
+      scene_->set_movement(slot.name.c_str(), movement);
+      slot.after = message.header.serial;
+      mark(place.slot);
+      ++moves_;
+      return;
+    }
+    case type_remove: {
+      const uint32_t slot = message.as<Remove>().slot;
+      if (slots_[slot].name.empty()) return;
+      scene_->remove(slots_[slot].name.c_str());
+      free_slot(slot);
+      break;
+    }
+    case type_clear:
+      scene_->clear();
+      for (const auto& [name, slot] : slot_of_) slots_[slot] = {};
+      slot_of_.clear();
+      absent_.clear();
+      edited_.clear();
+      break;
+    case type_frame: scene_->set_frame(message.as<Frame>().frame); break;
+    case type_clutch: scene_->set_clutch(message.as<Clutch>().is_held != 0); break;
+    case type_tool: {
+      const wire::Tool& tool = message.as<wire::Tool>();
+      if (tool.count > FS_TOOL_POINTS_MAX) fail(FS_ERROR_INVALID, "count is %llu points, must be 1..%d",
+                                                static_cast<unsigned long long>(tool.count), FS_TOOL_POINTS_MAX);
+      scene_->set_tool(tool.points, tool.count);
+      break;
+    }
+    case type_forget: uploads_.erase(message.as<Forget>().id); return;
+    default: return;
+  }
+  ++changes_;
+}
+
+void Session::apply_set(const wire::Set& set, uint64_t serial, bool is_change) {
+  Slot& slot = slots_[set.slot];
+  const std::string name = parse_name(set.object.name, "name");
+  const auto known = slot_of_.find(name);
+  const bool is_new = known == slot_of_.end();
+  if (is_new ? !slot.name.empty() : known->second != set.slot) {
+    fail(FS_ERROR_INVALID, "object '%s': its slot %u is not its own", name.c_str(), set.slot);
+  }
+  if (is_change && is_new) return;  // another client has removed it
+  const fs_object object = resolve(set.object, set.parts, nullptr);
+  if (is_change) {
+    scene_->change(object, set.parts);
+  } else {
+    scene_->set(object);
+  }
+  if (is_new || is_late_) awaited_.push_back({name, 0});
+  absent_.erase(name);
+  slot.name = name;
+  slot_of_[name] = set.slot;
+  if (set.parts & FS_PART_POSE) {
+    slot.after = serial;
+    mark(set.slot);  // a move after it may have come by already
+  }
+  ++changes_;
+}
+
+void Session::free_slot(uint32_t slot) {
+  slot_of_.erase(slots_[slot].name);
+  absent_.erase(slots_[slot].name);
+  edited_.erase(slot);
+  slots_[slot] = {};
+}
+
+void Session::refuse(const Message& message, fs_status status, const std::string& text) {
+  ++refused_;
+  if (!first_refused_) first_refused_ = {status, text};
+  fs_event event{};
+  event.kind = FS_EVENT_REFUSED;
+  event.status = status;
+  event.time = scene_->now();
+  put_text(event.text, text);
+  if (message.header.type == wire::type_set || message.header.type == wire::type_change) {
+    const fs_object object = from_record(message.as<wire::Set>().object);
+    const std::string name = text_of(object.name);
+    put_text(event.name, name);
+    if (!slot_of_.contains(name) && absent_.size() < slots_.size()) absent_[name] = {object.primitive, FS_OBJECT_REFUSED};
+  }
+  push_event(event);
+}
+
+// The object of a record, as far as `parts`, with the client's shapes and curves, or those that the target has or that
+// were offered. Throws INVALID, STATE (no such shape of the server's), or why the shape could not be had.
+fs_object Session::resolve(const wire::Object& record, uint32_t parts, const fs_object* target) const {
+  fs_object out = from_record(record);
+  const auto find = [&](uint64_t id) -> std::pair<const fs_shape*, const fs_curve*> {
+    if (id & wire::of_server) {
+      const uint64_t serial = id & ~wire::of_server;
+      if (target && target->shape && target->shape->serial == serial) return {target->shape, nullptr};
+      for (const fs_profile* p : {target ? &target->front : nullptr, target ? &target->back : nullptr}) {
+        if (p && p->curve && p->curve->serial == serial) return {nullptr, p->curve};
+      }
+      const auto offered = offered_.find(serial);
+      if (offered == offered_.end()) fail(FS_ERROR_STATE, "unknown shape");
+      return {offered->second.first.get(), offered->second.second.get()};
+    }
+    const auto upload = uploads_.find(id);
+    if (upload == uploads_.end()) fail(FS_ERROR_INVALID, "its shape or curve was not sent");
+    if (upload->second.status != FS_OK) fail(upload->second.status, "%s", upload->second.text.c_str());
+    return {upload->second.shape.get(), upload->second.curve.get()};
+  };
+  if ((parts & FS_PART_SHAPE) && record.shape) out.shape = const_cast<fs_shape*>(find(record.shape).first);
+  if (parts & FS_PART_PROFILES) {
+    if (record.front.curve) out.front.curve = const_cast<fs_curve*>(find(record.front.curve).second);
+    if (record.back.curve) out.back.curve = const_cast<fs_curve*>(find(record.back.curve).second);
+  }
+  return out;
+}
+
+}  // namespace fs
