@@ -1,8 +1,8 @@
 #include <forceserver/scene.h>
 
 #include "api/guarded.h"
+#include "client/remote_scene.h"
 #include "file/scene_file.h"
-#include "scene/local_scene.h"
 
 using namespace fs;
 
@@ -35,12 +35,7 @@ fs_status fs_scene_connect(const char* endpoint, const char* client_name, fs_sce
     require_pointer(out, "out");
     const std::string name = parse_name(client_name, "client_name");
     if (name == "server") fail(FS_ERROR_INVALID, "client_name is 'server', which is the name of the server's own scene");
-    const std::string text = endpoint;
-    if (!text.starts_with("shm:") && !text.starts_with("dds:")) {
-      fail(FS_ERROR_INVALID, "endpoint is '%.80s', must begin with shm: or dds:", endpoint);
-    }
-    fail(FS_ERROR_UNSUPPORTED, "endpoint is '%.80s': connecting to a server is not in version %s of this library",
-         endpoint, fs_version());
+    *out = make_ref<RemoteScene>(parse_endpoint(endpoint, false), name).detach();
   });
 }
 

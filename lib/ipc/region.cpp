@@ -43,6 +43,8 @@ std::shared_ptr<void> map_region(const Descriptor& region, size_t bytes, bool ma
   if (fstat(region.get(), &info) != 0 || info.st_size != static_cast<off_t>(bytes)) {
     fail(FS_ERROR_INVALID, "shared memory has %lld bytes, must be %zu", static_cast<long long>(info.st_size), bytes);
   }
+  const int seals = fcntl(region.get(), F_GET_SEALS);
+  if (seals < 0 || !(seals & F_SEAL_SHRINK)) fail(FS_ERROR_INVALID, "shared memory could be made shorter");
   void* memory = mmap(nullptr, bytes, PROT_READ | (may_write ? PROT_WRITE : 0), MAP_SHARED, region.get(), 0);
   if (memory == MAP_FAILED) fail(FS_ERROR_IO, "shared memory could not be mapped: %s", std::strerror(errno));
   return {memory, [bytes](void* m) { munmap(m, bytes); }};

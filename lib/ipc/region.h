@@ -102,7 +102,8 @@ inline bool Inbox::has_dirty() const noexcept {
 Descriptor make_region(const char* label, size_t bytes);
 // The seals are final; and only what is mapped already can write to it. IO.
 void seal_region(const Descriptor& region, bool against_writing);
-// The whole of it in this process, as long as the pointer lives. The size is checked. IO, INVALID.
+// The whole of it in this process, as long as the pointer lives. Its size is checked, and that nobody can
+// make it shorter, which would be a SIGBUS. IO, INVALID.
 std::shared_ptr<void> map_region(const Descriptor& region, size_t bytes, bool may_write);
 
 }  // namespace fs

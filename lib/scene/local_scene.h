@@ -11,9 +11,9 @@
 #include <set>
 #include <string>
 #include <string_view>
-#include <unordered_map>
 #include <vector>
 
+#include "base/name_map.h"
 #include "ipc/servo_output.h"
 #include "scene/scene.h"
 #include "scene/snapshot.h"
@@ -119,7 +119,6 @@ struct LocalScene final : Scene {
   void with_snapshot(const char* name, const std::function<void(const Snapshot&, int64_t)>& f);
   // A scene that nobody evaluates leaves meshes unbuilt, until it has a reader.
   void leave_unbuilt() noexcept { builds_shapes_ = false; }
-  bool has_readers() const;
 
   // The servo. Attaching and detaching change the clock: stored times shift along, so ages stay; fades end.
   void attach_servo(ServoLink& servo);  // STATE
@@ -133,10 +132,6 @@ struct LocalScene final : Scene {
   const std::shared_ptr<ServoOutput> output;
 
  private:
-  struct NameHash {
-    using is_transparent = void;
-    size_t operator()(std::string_view name) const noexcept { return std::hash<std::string_view>()(name); }
-  };
   // A wish for the view: what is not given stays.
   struct ViewChange {
     std::optional<fs_frame> frame;
@@ -201,7 +196,7 @@ struct LocalScene final : Scene {
 
   mutable std::mutex mutex_;
   Table<Entry> table_;  // what is evaluated
-  std::unordered_map<std::string, uint32_t, NameHash, std::equal_to<>> slots_;  // of names, also of those fading out
+  NameMap<uint32_t> slots_;         // of names, also of those fading out
   std::set<uint32_t> free_slots_;
   uint32_t slots_end_ = 0;
   std::set<std::pair<double, uint32_t>> tidies_;    // when to look at slots where something fades out

@@ -78,11 +78,6 @@ void LocalScene::detach(Reader& reader) noexcept {
   reader.mailbox.clear();
 }
 
-bool LocalScene::has_readers() const {
-  const std::lock_guard lock(mutex_);
-  return !readers_.empty();
-}
-
 // Makes good what leave_unbuilt has left out.
 void LocalScene::build_shapes() {
   if (builds_shapes_.exchange(true)) return;

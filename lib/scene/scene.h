@@ -20,8 +20,8 @@ struct fs_scene : fs::Counted<fs_scene> {
   // The caller has given its handle back; others (a servo, a tool, a call of another thread) may hold the scene still.
   virtual void close() noexcept {}
 
-  // The scene's own objects as this process has them: what a tool evaluates.
-  virtual fs::LocalScene& local() noexcept = 0;
+  // The scene's own objects as this process has them, to be evaluated here.
+  virtual fs::LocalScene& local() = 0;
   virtual bool is_remote() const noexcept = 0;
 
   // Objects.

@@ -1,0 +1,253 @@
+#include "client/connection.h"
+
+#include <poll.h>
+#include <pthread.h>
+#include <sys/socket.h>
+
+#include <array>
+#include <cerrno>
+#include <chrono>
+#include <cmath>
+#include <cstring>
+#include <thread>
+
+#include "scene/transfer.h"
+
+namespace fs {
+namespace {
+
+constexpr double retry_period = 0.02;     // s, between two tries to connect
+constexpr double handshake_limit = 2;     // s, where the endpoint does not say
+constexpr double answer_limit = 1;        // s
+constexpr double sending_limit = 10;      // s, once something has been said that must go on
+constexpr double heartbeat_limit = 0.1;   // s: of a server that has not come by for so long the system is asked
+
+constexpr const char* lost_text = "the server is gone, and stays so for this scene: make a new one";
+constexpr const char* forked_text = "this process was forked from the one that connected, whose scene it is";
+constexpr const char* shut_text = "the scene has been given back";
+
+// How often this process is the child of a fork.
+std::atomic<uint64_t> forks{0};
+[[maybe_unused]] const int is_counting =
+    pthread_atfork(nullptr, nullptr, [] { forks.fetch_add(1, std::memory_order_relaxed); });
+
+void sleep(double s) { std::this_thread::sleep_for(std::chrono::duration<double>(s)); }
+
+fs_status to_status(int32_t status) {  // of a failure
+  return status < 0 && status >= FS_ERROR_INTERNAL ? static_cast<fs_status>(status) : FS_ERROR_INTERNAL;
+}
+
+}  // namespace
+
+// --------------------------------------------------------------------------------------------------------- connecting
+
+Connection::Connection(const Endpoint& endpoint, const std::string& client)
+    : forks_(forks.load(std::memory_order_relaxed)) {
+  const double start = steady_now();
+  for (;;) {
+    connect(endpoint, start);
+    if (greet(endpoint, client)) return;
+    // It was about to stop, or had no room for a stranger just now.
+    if (steady_now() - start >= std::fmax(endpoint.timeout, handshake_limit)) {
+      fail(FS_ERROR_FULL, "the server '%s' hangs up: it has no room for anybody", endpoint.name.c_str());
+    }
+    sleep(retry_period);
+  }
+}
+
+void Connection::connect(const Endpoint& endpoint, double start) {
+  const std::string address =
+      endpoint.is_own_user ? user_address(endpoint.user, endpoint.name) : shared_address(endpoint.name);
+  const char* name = endpoint.name.c_str();
+  for (;; sleep(retry_period)) {
+    const int error = connect_to(address, socket_);
+    const double waited = steady_now() - start;
+    if (error == 0) break;
+    if (error == ENOENT || error == ECONNREFUSED) {
+      if (waited < endpoint.timeout) continue;
+      fail(FS_ERROR_NOT_FOUND, "there is no server '%s' of user %u", name, endpoint.user);
+    }
+    if (error == EAGAIN) {  // too many wait at its door
+      if (waited < std::fmax(endpoint.timeout, handshake_limit)) continue;
+      fail(FS_ERROR_TIMEOUT, "the server '%s' has let nobody in for %.3g s", name, waited);
+    }
+    fail(error == EMFILE || error == ENFILE ? FS_ERROR_FULL : FS_ERROR_IO, "the server '%s' cannot be reached: %s", name,
+         std::strerror(error));
+  }
+  const Peer peer = peer_of(socket_);
+  if (peer.user != endpoint.user) {
+    fail(FS_ERROR_DENIED, "the server '%s' is of user %u, must be of user %u", name, peer.user, endpoint.user);
+  }
+}
+
+bool Connection::greet(const Endpoint& endpoint, const std::string& client) {
+  const char* name = endpoint.name.c_str();
+  wire::Hello hello{};
+  hello.magic = wire::magic;
+  hello.layout = wire::layout_id();
+  put_text(hello.client, client);
+  put_text(hello.version, fs_version());
+  const std::span<const std::byte> parts[] = {bytes_of(&hello, 1)};
+  if (send_message(socket_, parts, {}) != Transfer::done) return false;
+
+  const double limit = endpoint.timeout > 0 ? endpoint.timeout : handshake_limit;
+  if (!wait_for(socket_, false, limit)) {
+    fail(FS_ERROR_TIMEOUT, "the server '%s' has not answered within %g s", name, limit);
+  }
+  std::vector<std::byte> message(most_message);
+  std::array<Descriptor, 2> regions;
+  size_t size;
+  bool is_cut;
+  if (receive_message(socket_, message, size, regions, is_cut) != Transfer::done) return false;
+
+  wire::Answer answer{};
+  if (size >= sizeof answer) std::memcpy(&answer, message.data(), sizeof answer);
+  if (answer.magic != wire::magic) {
+    fail(FS_ERROR_VERSION, "what answers at '%s' is no server that this library (%s) knows", name, fs_version());
+  }
+  const std::span<const std::byte> rest = std::span(message).subspan(sizeof answer, size - sizeof answer);
+  if (answer.status != FS_OK) {
+    std::string text = text_of(answer.text);
+    if (answer.status == FS_ERROR_VERSION) {
+      text += wire::layout_difference(wire::layout_text(), {reinterpret_cast<const char*>(rest.data()), rest.size()});
+    }
+    throw Error{to_status(answer.status), std::move(text)};
+  }
+  if (rest.size() != sizeof welcome_) fail(FS_ERROR_VERSION, "the server '%s' has said something else than welcome", name);
+  std::memcpy(&welcome_, rest.data(), sizeof welcome_);
+  if (welcome_.max_objects < 1 || welcome_.max_objects > most_slots || welcome_.outbox_bytes != sizeof(Outbox) ||
+      welcome_.inbox_bytes != Inbox::bytes(welcome_.max_objects)) {
+    fail(FS_ERROR_VERSION, "the server '%s' has another idea of shared memory", name);
+  }
+  if (is_cut || !regions[0] || !regions[1]) {
+    fail(FS_ERROR_FULL, "no descriptor is left in this process for the memory of the server '%s'", name);
+  }
+  inbox_memory_ = map_region(regions[0], welcome_.inbox_bytes, true);
+  inbox_ = Inbox(inbox_memory_.get(), welcome_.max_objects);
+  const std::shared_ptr<void> memory = map_region(regions[1], sizeof(Outbox), false);
+  outbox_ = std::shared_ptr<Outbox>(memory, static_cast<Outbox*>(memory.get()));
+  return true;
+}
+
+// --------------------------------------------------------------------------------------------------------------- loss
+
+bool Connection::is_forked() const noexcept { return forks.load(std::memory_order_relaxed) != forks_; }
+
+const char* Connection::loss(double now) const noexcept {
+  if (is_forked()) return forked_text;
+  if (const char* known = loss_.load(std::memory_order_acquire)) return known;
+  bool is_gone = outbox_->is_closed.load(std::memory_order_acquire) != 0;
+  if (!is_gone && now - outbox_->heartbeat.load(std::memory_order_relaxed) > heartbeat_limit) {
+    pollfd look{socket_.get(), 0, 0};
+    is_gone = poll(&look, 1, 0) > 0 && (look.revents & (POLLHUP | POLLERR));
+  }
+  if (!is_gone) return nullptr;
+  lose(lost_text);
+  return loss_.load(std::memory_order_acquire);
+}
+
+void Connection::lose(const char* why) const noexcept {
+  const char* none = nullptr;
+  loss_.compare_exchange_strong(none, why, std::memory_order_acq_rel);
+}
+
+void Connection::check() const {
+  if (const char* why = loss(steady_now())) throw Error{FS_ERROR_DISCONNECTED, why};
+}
+
+void Connection::shut() noexcept {
+  if (is_forked()) return;  // the parent's goes on
+  lose(shut_text);
+  shutdown(socket_.get(), SHUT_RDWR);
+}
+
+// ----------------------------------------------------------------------------------------------------------- messages
+
+uint64_t Connection::send(wire::Type type, std::span<const std::byte> body, bool has_more, int descriptor) {
+  const wire::Header header{type, has_more, ++serial_};
+  const std::span<const std::byte> parts[] = {bytes_of(&header, 1), body};
+  const std::span<const int> descriptors(&descriptor, descriptor >= 0 ? 1 : 0);
+  const double start = steady_now();
+  for (;;) {
+    const Transfer transfer = send_message(socket_, parts, descriptors);
+    if (transfer == Transfer::done) return serial_;
+    if (transfer == Transfer::closed) lose(lost_text);
+    if (steady_now() - start > sending_limit) lose("the server has taken nothing for 10 s, and is given up");
+    check();
+    // Room alone is not enough where too many descriptors are on their way.
+    wait_for(socket_, true, 0.01);
+    sleep(2e-4);
+  }
+}
+
+void Connection::wait_for_room() {
+  if (wait_for(socket_, true, answer_limit)) return;
+  check();
+  fail(FS_ERROR_TIMEOUT, "the server has not taken earlier changes within %g s", answer_limit);
+}
+
+void Connection::wake() noexcept {
+  if (outbox_->is_asleep.load() == 0) return;
+  const wire::Header header{wire::type_wake, 0, ++serial_};
+  const std::span<const std::byte> parts[] = {bytes_of(&header, 1)};
+  if (send_message(socket_, parts, {}) == Transfer::closed) lose(lost_text);  // no room: then it is awake
+}
+
+uint64_t Connection::ask(wire::Type type, std::span<const std::byte> body) {
+  wait_for_room();
+  const uint64_t serial = send(type, body);
+  awaited_[serial] = std::nullopt;
+  return serial;
+}
+
+bool Connection::take_answer(uint64_t serial, Answer& out) {
+  receive();
+  const auto found = awaited_.find(serial);
+  if (found == awaited_.end() || !found->second) {
+    check();
+    return false;
+  }
+  Reply reply = std::move(*found->second);
+  awaited_.erase(found);
+  if (reply.head.status != FS_OK) throw Error{to_status(reply.head.status), text_of(reply.head.text)};
+  out = std::move(reply.answer);
+  return true;
+}
+
+Answer Connection::request(wire::Type type, std::span<const std::byte> body) {
+  const uint64_t serial = ask(type, body);
+  const double start = steady_now();
+  Answer answer;
+  while (!take_answer(serial, answer)) {
+    const double rest = answer_limit - (steady_now() - start);
+    if (!(rest > 0)) {
+      give_up(serial);
+      fail(FS_ERROR_TIMEOUT, "the server has not answered within %g s", answer_limit);
+    }
+    wait(rest);
+  }
+  return answer;
+}
+
+// All that is there. Answers that nobody waits for any more are dropped.
+void Connection::receive() {
+  std::array<std::byte, 4096> buffer;
+  for (;;) {
+    Reply reply;
+    size_t size;
+    bool is_cut;
+    const Transfer transfer = receive_message(socket_, buffer, size, {&reply.answer.data, 1}, is_cut);
+    if (transfer == Transfer::again) return;
+    wire::Header header{};
+    constexpr size_t head_size = sizeof header + sizeof reply.head;
+    if (transfer == Transfer::done && size >= head_size) std::memcpy(&header, buffer.data(), sizeof header);
+    if (header.type != wire::type_reply) return lose(lost_text);  // or it talks nonsense
+    const auto found = awaited_.find(header.serial);
+    if (found == awaited_.end()) continue;
+    std::memcpy(&reply.head, buffer.data() + sizeof header, sizeof reply.head);
+    reply.answer.body.assign(buffer.data() + head_size, buffer.data() + size);
+    found->second = std::move(reply);
+  }
+}
+
+}  // namespace fs

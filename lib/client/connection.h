@@ -1,0 +1,111 @@
+// A client's end of the way to its server: the socket, the shared memory, and whether anybody is still there. A server
+// that is lost stays lost.
+#pragma once
+
+#include <atomic>
+#include <map>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "ipc/blob.h"
+#include "ipc/region.h"
+#include "ipc/socket.h"
+
+namespace fs {
+
+// What a server says to a request.
+struct Answer {
+  std::vector<std::byte> body;
+  Descriptor data;
+
+  template <class T>
+  T as() const {  // INTERNAL: it is something else
+    T out;
+    if (body.size() != sizeof out) {
+      fail(FS_ERROR_INTERNAL, "the server's answer has %zu bytes, must be %zu", body.size(), sizeof out);
+    }
+    std::memcpy(&out, body.data(), sizeof out);
+    return out;
+  }
+  void require_data() const {  // FULL
+    if (!data) fail(FS_ERROR_FULL, "no descriptor is left in this process for the server's answer");
+  }
+  // The data that came along, so many T. FULL, INTERNAL, IO.
+  template <class T>
+  std::vector<T> list() const {
+    constexpr uint64_t most = 1 << 30;
+    const uint64_t count = as<wire::Count>().count;
+    if (count > most) fail(FS_ERROR_INTERNAL, "the server's list has %llu entries", static_cast<unsigned long long>(count));
+    require_data();
+    check_blob(data, count * sizeof(T));
+    std::vector<T> out(count);
+    read_blob(data, 0, std::as_writable_bytes(std::span(out)));
+    return out;
+  }
+};
+
+class Connection {
+ public:
+  // NOT_FOUND, EXISTS, VERSION, DENIED, FULL, TIMEOUT, IO, INVALID: whatever the server says.
+  Connection(const Endpoint& endpoint, const std::string& client);
+  Connection(const Connection&) = delete;
+  Connection& operator=(const Connection&) = delete;
+
+  // ---- By any thread at any time.
+  const wire::Welcome& welcome() const noexcept { return welcome_; }
+  const std::shared_ptr<Outbox>& outbox() const noexcept { return outbox_; }  // mapped to be read only
+  bool is_forked() const noexcept;  // [rt] since it connected: it is the parent's
+  // [rt] Null: the server is there; else why it is not, a literal. No system call, while the server comes by.
+  const char* loss(double now) const noexcept;  // now: s, monotonic clock
+  void check() const;                           // DISCONNECTED
+  // Ends it from this side, also for calls that wait.
+  void shut() noexcept;
+  // Waits until there may be an answer, timeout s at most.
+  void wait(double timeout) const noexcept { wait_for(socket_, false, timeout); }
+
+  // ---- By one thread at a time. All may throw DISCONNECTED.
+  Inbox& inbox() noexcept { return inbox_; }
+  void wake() noexcept;  // [rt] the server looks at the inbox, also if it slept; then with a system call
+
+  // Sends a message; returns its serial. Waits for room where there is none: when it does not come, all is lost.
+  uint64_t send(wire::Type type, std::span<const std::byte> body, bool has_more = false, int descriptor = -1);
+  // Waits until there is room for some messages, 1 s at most. TIMEOUT.
+  void wait_for_room();
+
+  // Sends a request and waits for its answer, 1 s at most. What the server refuses is thrown. TIMEOUT.
+  Answer request(wire::Type type, std::span<const std::byte> body = {});
+  // The same in parts, for what takes longer.
+  uint64_t ask(wire::Type type, std::span<const std::byte> body = {});
+  bool take_answer(uint64_t serial, Answer& out);  // false: not there yet
+  void give_up(uint64_t serial) noexcept { awaited_.erase(serial); }
+
+  // The server is lost for this connection, whatever it does.
+  void lose(const char* why) const noexcept;
+
+ private:
+  struct Reply {
+    wire::Reply head;
+    Answer answer;
+  };
+
+  void connect(const Endpoint& endpoint, double start);
+  bool greet(const Endpoint& endpoint, const std::string& client);  // false: turned away without a word
+  void receive();
+
+  Descriptor socket_;
+  wire::Welcome welcome_{};
+  std::shared_ptr<void> inbox_memory_;
+  Inbox inbox_;
+  std::shared_ptr<Outbox> outbox_;
+  const uint64_t forks_;  // of this process when it connected
+  mutable std::atomic<const char*> loss_{nullptr};
+
+  uint64_t serial_ = 0;  // of the last message
+  std::map<uint64_t, std::optional<Reply>> awaited_;
+};
+
+}  // namespace fs
