@@ -348,6 +348,7 @@ void LocalScene::hold() {
 void LocalScene::post() {
   const std::lock_guard lock(mutex_);
   newest();
+  for (Reader* reader : readers_) reader->mailbox.tidy();
 }
 
 uint64_t LocalScene::sequence() const {

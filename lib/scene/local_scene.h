@@ -111,6 +111,7 @@ struct LocalScene final : Scene {
   fs_event next_event(double timeout) override;
   bool take_event(fs_event& out);  // one that is there; false: none
   void note_edit(const char* name, const char* editor);  // another client changed or removed an object
+  size_t object_count() const;
 
   // Readers. The newest snapshot is in the mailbox when attach returns; detach when the reader reads no more.
   void attach(Reader& reader);

@@ -22,6 +22,12 @@ class Mailbox {
   // The writer's. Takes back what was posted last: true when it was not fetched, and now cannot be any more.
   bool take_back() { return swap_middle(back_); }
 
+  // The writer's. Frees what the reader has let go of, which would otherwise stay until the next post.
+  void tidy() {
+    const uint8_t found = middle_.load(std::memory_order_acquire);
+    if (!(found & fresh) && !(slots_[found] == T())) slots_[found] = T();  // the reader takes fresh ones only
+  }
+
   // [rt] The reader's. True when there is a newer value in front().
   bool fetch() noexcept {
     uint8_t found = middle_.load(std::memory_order_relaxed);

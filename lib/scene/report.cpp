@@ -52,6 +52,13 @@ std::vector<fs_report> LocalScene::reports() {
   return out;
 }
 
+size_t LocalScene::object_count() const {
+  const std::lock_guard lock(mutex_);
+  size_t count = 0;
+  working().for_each([&](uint32_t, const Entry& entry) { count += !entry.is_removed; });
+  return count;
+}
+
 fs_report LocalScene::report(const char* name) {
   const std::lock_guard lock(mutex_);
   uint32_t slot;

@@ -8,7 +8,11 @@
 namespace fs {
 namespace {
 
-constexpr size_t most_parked = 4096;  // messages; then its socket is not read until some have been applied
+// Then its socket is not read, until some have been applied and done.
+constexpr size_t most_parked = 4096;  // messages
+constexpr unsigned most_jobs = 16;    // each may hold a descriptor
+
+constexpr uint64_t expression_size = 40'000;  // bytes, about what two parsers of a long one take
 
 // Bytes that a shape or curve takes, given back when it goes.
 struct Charge {
@@ -21,6 +25,18 @@ struct Charge {
   const uint64_t bytes;
 };
 
+// What a map has of a slot, and the same put back.
+template <class Value>
+std::optional<Value> look_up(const std::map<uint32_t, Value>& map, uint32_t slot) {
+  const auto found = map.find(slot);
+  return found == map.end() ? std::nullopt : std::optional(found->second);
+}
+template <class Value>
+void put_back(std::map<uint32_t, Value>& map, uint32_t slot, const std::optional<Value>& value) {
+  if (value) map.insert_or_assign(slot, *value);
+  else map.erase(slot);
+}
+
 }  // namespace
 
 // ------------------------------------------------------------------------------------------------- shapes and curves
@@ -29,23 +45,32 @@ void Session::take_upload(Message&& message, Descriptor&& came) {
   const bool is_shape = message.header.type == wire::type_shape;
   const uint64_t id = is_shape ? message.as<wire::Shape>().id : message.as<wire::Curve>().id;
   const size_t most = 4 * size_t{server_.settings().max_objects} + 64;
+  const auto forgets = [id](const Unit& unit) { return unit.is_forget && unit.ids.contains(id); };
+  if (const auto found = std::find_if(parked_.begin(), parked_.end(), forgets); found != parked_.end()) {
+    parked_.erase(found);  // it is wanted again before that could be done, so it stays
+    held_ = {};
+    for (const Unit& unit : parked_) held_.add(unit);
+    return;
+  }
   if (id == 0 || (id & wire::of_server) || uploads_.size() >= most || !uploads_.emplace(id, Upload{}).second) {
     return drop(server_.settings().lease);
   }
   Upload refused;
   try {
-    const uint64_t bytes = is_shape ? data_size(message.as<wire::Shape>()) : data_size(message.as<wire::Curve>());
+    const bool is_expression = !is_shape && message.as<wire::Curve>().count == 0;
+    const uint64_t bytes = is_expression ? expression_size
+                           : is_shape    ? data_size(message.as<wire::Shape>())
+                                         : data_size(message.as<wire::Curve>());
     const uint64_t used = shape_bytes_->load(), limit = server_.settings().max_bytes;
     if (bytes > limit || used > limit - bytes) {
       fail(FS_ERROR_FULL, "shapes of %llu bytes would come to %llu: a client may have at most %llu megabytes",
-           static_cast<unsigned long long>(used), static_cast<unsigned long long>(bytes),
+           static_cast<unsigned long long>(bytes), static_cast<unsigned long long>(used + bytes),
            static_cast<unsigned long long>(limit / 1'000'000));
     }
     // Reading, checking and building take as long as they take: not on this thread.
-    server_.worker().add(id_, [server = &server_, session = id_, is_shape, id, message = std::move(message),
-                               data = std::make_shared<Descriptor>(std::move(came)),
-                               charge = std::make_shared<Charge>(shape_bytes_, bytes)]() -> Worker::Done {
-      const auto made = std::make_shared<Upload>();
+    const auto made = std::make_shared<Upload>();
+    auto work = [made, is_shape, message = std::move(message), data = std::make_shared<Descriptor>(std::move(came)),
+                 charge = std::make_shared<Charge>(shape_bytes_, bytes)] {
       try {
         if (is_shape) {
           made->shape = from_record(message.as<wire::Shape>(), std::move(*data));
@@ -55,31 +80,51 @@ void Session::take_upload(Message&& message, Descriptor&& came) {
           made->curve = from_record(message.as<wire::Curve>(), std::move(*data));
           made->curve->keep(charge);
         }
-      } catch (const Error& error) {
-        *made = {false, nullptr, nullptr, error.status, error.text};
+      } catch (Error& error) {
+        *made = {false, nullptr, nullptr, error.status, std::move(error.text)};
       } catch (...) {
         *made = {false, nullptr, nullptr, FS_ERROR_MEMORY, ""};
       }
-      return [server, session, id, made] {
-        if (const std::shared_ptr<Session> found = server->find(session)) found->finish_upload(id, std::move(*made));
-      };
-    });
-    return;
+    };
+    server_.worker().add(id_, {std::move(work), [server = &server_, session = id_, id, made] {
+      const std::shared_ptr<Session> found = server->find(session);
+      if (!found) return;
+      found->finish_upload(id, std::move(*made));
+      found->finish_job();
+    }});
+    ++jobs_;
+    return regulate();
   } catch (const Error& error) {
     refused = {false, nullptr, nullptr, error.status, error.text};
   }
   finish_upload(id, std::move(refused));
 }
 
-void Session::finish_upload(uint64_t id, Upload&& upload) {
-  const auto found = uploads_.find(id);
-  if (found == uploads_.end() || is_gone_) return;
-  upload.is_ready = true;
-  if (upload.status == FS_ERROR_MEMORY && upload.text.empty()) upload.text = "the server has not enough memory for the shape";
-  found->second = std::move(upload);
-  retry_parked();
-  const std::vector<Message> waiting = std::exchange(waiting_edits_, {});
-  for (const Message& message : waiting) edit(message);
+void Session::finish_upload(uint64_t id, Upload&& upload) noexcept {
+  try {
+    upload.is_ready = true;
+    if (upload.status == FS_ERROR_MEMORY && upload.text.empty()) upload.text = "the server has not enough memory for the shape";
+    const auto found = uploads_.find(id);
+    if (found != uploads_.end()) found->second = std::move(upload);  // else it was forgotten meanwhile
+    retry_parked();
+    const std::vector<Message> waiting = std::exchange(waiting_edits_, {});
+    for (const Message& message : waiting) edit(message);
+  } catch (...) {
+    drop(server_.settings().lease);
+  }
+}
+
+void Session::finish_job() noexcept {
+  --jobs_;
+  regulate();
+}
+
+// Who is far ahead of what is done for it is not listened to meanwhile.
+void Session::regulate() noexcept {
+  if (is_gone_) return;
+  const bool is_ahead = held_.messages >= most_parked || jobs_ >= most_jobs;
+  const bool is_near = held_.messages < most_parked / 2 && jobs_ < most_jobs;
+  if (is_reading_ ? is_ahead : is_near) server_.set_reading(*this, is_reading_ = !is_reading_);
 }
 
 // --------------------------------------------------------------------------------------------------------- changes
@@ -110,14 +155,11 @@ bool Session::is_ready(const Unit& unit) const {
 void Session::submit(Unit&& unit) {
   if (is_ready(unit) && !held_.blocks(unit)) return apply(unit);
   for (const Message& message : unit.messages) {
-    if (message.header.type != wire::type_set) continue;
-    const fs_object object = from_record(message.as<wire::Set>().object);
-    const std::string name = text_of(object.name);
-    if (!slot_of_.contains(name)) absent_[name] = {object.primitive, FS_OBJECT_PENDING};
+    if (message.header.type == wire::type_set) note_absent(message.as<wire::Set>(), FS_OBJECT_PENDING);
   }
   held_.add(unit);
   parked_.push_back(std::move(unit));
-  if (held_.messages >= most_parked) server_.set_reading(*this, is_reading_ = false);
+  regulate();
 }
 
 void Session::retry_parked() {
@@ -133,7 +175,11 @@ void Session::retry_parked() {
     }
   }
   is_late_ = false;
-  if (!is_reading_ && !is_gone_ && held_.messages < most_parked / 2) server_.set_reading(*this, is_reading_ = true);
+  regulate();
+}
+
+Session::Kept Session::keep(uint32_t slot) const {
+  return {slots_[slot], look_up(absent_, slot), look_up(edited_, slot), look_up(awaited_, slot)};
 }
 
 void Session::apply(const Unit& unit) {
@@ -146,11 +192,16 @@ void Session::apply(const Unit& unit) {
     return;
   }
   // All or nothing.
-  std::map<uint32_t, Slot> before;
-  for (uint32_t i = 0; i < slots_.size(); ++i) {
-    if (unit.slots.contains(i) || (unit.is_about_all && !slots_[i].name.empty())) before[i] = slots_[i];
+  std::map<uint32_t, Kept> before;
+  const auto keep_all = [&](const auto& map) {
+    for (const auto& [slot, value] : map) before.emplace(slot, keep(slot));
+  };
+  for (const uint32_t slot : unit.slots) before.emplace(slot, keep(slot));
+  if (unit.is_about_all) {
+    for (const auto& [name, slot] : slot_of_) before.emplace(slot, keep(slot));
+    keep_all(absent_);
+    keep_all(edited_);
   }
-  const size_t awaited = awaited_.size();
   const uint64_t changes = changes_;
   scene_->begin();
   const Message* failed = nullptr;
@@ -162,12 +213,14 @@ void Session::apply(const Unit& unit) {
     scene_->commit();
   } catch (const Error& error) {
     scene_->cancel();
-    awaited_.resize(awaited);
     changes_ = changes;
-    for (const uint32_t slot : unit.slots) slot_of_.erase(slots_[slot].name);
+    for (const auto& [slot, was] : before) slot_of_.erase(slots_[slot].name);
     for (const auto& [slot, was] : before) {
-      slots_[slot] = was;
-      if (!was.name.empty()) slot_of_[was.name] = slot;
+      slots_[slot] = was.slot;
+      if (!was.slot.name.empty()) slot_of_[was.slot.name] = slot;
+      put_back(absent_, slot, was.absent);
+      put_back(edited_, slot, was.editor);
+      put_back(awaited_, slot, was.awaited);
     }
     for (const Message& message : unit.messages) {
       const bool is_it = &message == failed;
@@ -196,7 +249,10 @@ void Session::apply(const Message& message) {
     }
     case type_remove: {
       const uint32_t slot = message.as<Remove>().slot;
-      if (slots_[slot].name.empty()) return;
+      if (slots_[slot].name.empty()) {  // it was refused, or another client has removed it
+        absent_.erase(slot);
+        return;
+      }
       scene_->remove(slots_[slot].name.c_str());
       free_slot(slot);
       break;
@@ -207,6 +263,7 @@ void Session::apply(const Message& message) {
       slot_of_.clear();
       absent_.clear();
       edited_.clear();
+      awaited_.clear();
       break;
     case type_frame: scene_->set_frame(message.as<Frame>().frame); break;
     case type_clutch: scene_->set_clutch(message.as<Clutch>().is_held != 0); break;
@@ -238,8 +295,8 @@ void Session::apply_set(const wire::Set& set, uint64_t serial, bool is_change) {
   } else {
     scene_->set(object);
   }
-  if (is_new || is_late_) awaited_.push_back({name, 0});
-  absent_.erase(name);
+  if (is_new || is_late_) awaited_[set.slot] = 0;
+  absent_.erase(set.slot);
   slot.name = name;
   slot_of_[name] = set.slot;
   if (set.parts & FS_PART_POSE) {
@@ -251,9 +308,21 @@ void Session::apply_set(const wire::Set& set, uint64_t serial, bool is_change) {
 
 void Session::free_slot(uint32_t slot) {
   slot_of_.erase(slots_[slot].name);
-  absent_.erase(slots_[slot].name);
+  absent_.erase(slot);
   edited_.erase(slot);
+  awaited_.erase(slot);
   slots_[slot] = {};
+}
+
+// Others are told of it: what can be no object's is left out.
+void Session::note_absent(const wire::Set& set, fs_object_state state) {
+  const bool is_primitive = set.object.primitive >= FS_PRIMITIVE_POINT && set.object.primitive <= FS_PRIMITIVE_MESH;
+  if (!slots_[set.slot].name.empty() || !is_primitive) return;
+  try {
+    const std::string name = parse_name(set.object.name, "name");
+    if (!slot_of_.contains(name)) absent_[set.slot] = {name, static_cast<fs_primitive>(set.object.primitive), state};
+  } catch (const Error&) {
+  }
 }
 
 void Session::refuse(const Message& message, fs_status status, const std::string& text) {
@@ -265,10 +334,9 @@ void Session::refuse(const Message& message, fs_status status, const std::string
   event.time = scene_->now();
   put_text(event.text, text);
   if (message.header.type == wire::type_set || message.header.type == wire::type_change) {
-    const fs_object object = from_record(message.as<wire::Set>().object);
-    const std::string name = text_of(object.name);
-    put_text(event.name, name);
-    if (!slot_of_.contains(name) && absent_.size() < slots_.size()) absent_[name] = {object.primitive, FS_OBJECT_REFUSED};
+    const wire::Set& set = message.as<wire::Set>();
+    put_text(event.name, text_of(set.object.name));
+    note_absent(set, FS_OBJECT_REFUSED);
   }
   push_event(event);
 }

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cstring>
-#include <limits>
 
 #include "base/error.h"
 #include "server/session.h"
@@ -22,6 +21,16 @@ fs_report seen_from(const fs_report& report, const fs_frame& owner, const fs_fra
   const Vec3 torque = (owner.force_scale / owner.scale) * rotate(to_device, report.wrench.torque);
   out.wrench = {rotate(from_device, force), rotate(from_device, torque)};
   out.distance = report.distance * viewer.scale / owner.scale;
+  return out;
+}
+
+// Of an object that is not in the scene.
+fs_report report_of(const std::string& name, fs_primitive primitive, fs_object_state state) {
+  fs_report out{};
+  put_text(out.name, name);
+  out.primitive = primitive;
+  out.state = state;
+  out.distance = never;
   return out;
 }
 
@@ -56,7 +65,10 @@ LocalScene& Session::target(const wire::Target& name, bool is_to_change, Session
   if (client != "server" && !owner) {
     fail(FS_ERROR_NOT_FOUND, "name is '%.120s': no client '%.60s' is connected", text.c_str(), client.c_str());
   }
-  if (is_to_change && owner != this && server_.settings().is_locked) {
+  if (is_to_change && owner == this) {  // then two would keep account of them
+    fail(FS_ERROR_INVALID, "name is '%.120s', must be another client's: its own objects a client changes itself", text.c_str());
+  }
+  if (is_to_change && server_.settings().is_locked) {
     fail(FS_ERROR_DENIED, "name is '%.120s': this server lets a client change its own objects only", text.c_str());
   }
   return owner ? *owner->scene_ : *server_.servo().scene();
@@ -72,7 +84,7 @@ void Session::request(const Message& message) {
       case type_sync: {
         constexpr size_t most = 64;
         if (syncs_.size() >= most) fail(FS_ERROR_FULL, "%zu calls wait for this client already", syncs_.size());
-        syncs_.push_back({serial, {}});
+        syncs_.push_back({serial, false, 0, {}});
         return;
       }
       case type_pull: return pull(message);
@@ -100,14 +112,13 @@ void Session::request(const Message& message) {
         return reply(serial);
       }
       case type_report: {
-        const std::string wanted = text_of(message.as<Target>().name);
-        const std::string own = name_ + "/";
-        const std::string looked_for = wanted.starts_with(own) ? wanted.substr(own.size()) : wanted;
-        target(message.as<Target>(), false, owner, name);  // NOT_FOUND, where it has no such client
-        for (const fs_report& report : reports()) {
-          if (looked_for == report.name) return reply(serial, bytes_of(&report, 1));
+        LocalScene& scene = target(message.as<Target>(), false, owner, name);
+        fs_report report = owner ? owner->own_report(name) : scene.report(name.c_str());
+        if (owner != this) {
+          report = seen_from(report, scene.get_frame(nullptr), scene_->get_frame(nullptr));
+          put_text(report.name, (owner ? owner->name_ : "server") + "/" + name);
         }
-        fail(FS_ERROR_NOT_FOUND, "name is '%.120s': there is no such object", wanted.c_str());
+        return reply(serial, bytes_of(&report, 1));
       }
       case type_reports: {
         const std::vector<fs_report> list = reports();
@@ -163,6 +174,9 @@ void Session::edit(const Message& message) {
     std::string name;
     LocalScene& scene = target(edit.target, true, owner, name);
     if (owner) owner->take_moves();
+    if (edit.parts > UINT32_MAX) {
+      fail(FS_ERROR_INVALID, "parts is 0x%llx, must be of the fs_part bits", static_cast<unsigned long long>(edit.parts));
+    }
     const auto parts = static_cast<uint32_t>(edit.parts);
     fs_object present;
     const Ref<const Object> kept = scene.get(name.c_str(), present);
@@ -239,9 +253,8 @@ void Session::fetch(const Message& message) {
     fs_status status = FS_OK;
     std::string text;
   };
-  server_.worker().add(id_, [server = &server_, session = id_, serial = message.header.serial,
-                             shape = found->second.first, curve = found->second.second]() -> Worker::Done {
-    const auto made = std::make_shared<Made>();
+  const auto made = std::make_shared<Made>();
+  auto work = [made, shape = found->second.first, curve = found->second.second] {
     try {
       if (shape) {
         made->shape = to_record(*shape, made->data);
@@ -250,20 +263,28 @@ void Session::fetch(const Message& message) {
         made->curve = to_record(*curve, made->data);
         made->curve.id |= wire::of_server;
       }
-    } catch (const Error& error) {
+    } catch (Error& error) {
       made->status = error.status;
-      made->text = error.text;
+      made->text = std::move(error.text);
     } catch (...) {
       made->status = FS_ERROR_MEMORY;
-      made->text = "the server has not enough memory for the shape";
     }
-    return [server, session, serial, made, is_shape = bool(shape)] {
-      const std::shared_ptr<Session> found = server->find(session);
-      if (!found) return;
-      if (made->status != FS_OK) return found->reply_failure(serial, made->status, made->text);
+  };
+  const bool is_shape = bool(found->second.first);
+  server_.worker().add(id_, {std::move(work), [server = &server_, session = id_, serial = message.header.serial, made,
+                                               is_shape] {
+    const std::shared_ptr<Session> found = server->find(session);
+    if (!found) return;
+    if (made->status == FS_OK) {
       found->reply(serial, is_shape ? bytes_of(&made->shape, 1) : bytes_of(&made->curve, 1), made->data.get());
-    };
-  });
+    } else {
+      found->reply_failure(serial, made->status,
+                           made->text.empty() ? "the server has not enough memory for the shape" : made->text);
+    }
+    found->finish_job();
+  }});
+  ++jobs_;
+  regulate();
 }
 
 // Answers those who wait until a tick has used all that they did: of whatever scene, so of all.
@@ -276,20 +297,18 @@ void Session::settle_syncs() {
       reply_failure(sync.serial, status, text);
       continue;
     }
-    if (sync.wanted.empty()) {
-      sync.wanted.emplace_back(server_.servo().scene(), server_.servo().scene()->sequence());
+    const LocalScene& own = *server_.servo().scene();
+    if (!std::exchange(sync.has_begun, true)) {
+      sync.own = own.sequence();
       for (const std::shared_ptr<Session>& other : server_.sessions()) {
-        if (!other->is_gone_ && other->scene_) sync.wanted.emplace_back(other->scene_, other->scene_->sequence());
+        if (!other->is_gone_ && other->scene_) sync.wanted.emplace_back(other, other->scene_->sequence());
       }
     }
-    std::erase_if(sync.wanted, [this](const auto& wanted) {
-      const auto& [scene, sequence] = wanted;
-      if (scene->output->used.load(std::memory_order_acquire) >= sequence) return true;
-      return std::none_of(server_.sessions().begin(), server_.sessions().end(), [&](const auto& other) {
-        return other->scene_ == scene && !other->is_gone_;
-      }) && !(scene == server_.servo().scene());
+    std::erase_if(sync.wanted, [](const auto& wanted) {
+      const std::shared_ptr<const Session> other = wanted.first.lock();
+      return !other || other->is_gone_ || other->scene_->output->used.load(std::memory_order_acquire) >= wanted.second;
     });
-    if (sync.wanted.empty()) {
+    if (sync.wanted.empty() && own.output->used.load(std::memory_order_acquire) >= sync.own) {
       reply(sync.serial);
     } else {
       syncs_.push_back(std::move(sync));
@@ -301,15 +320,17 @@ void Session::settle_syncs() {
 
 std::vector<fs_report> Session::own_reports() const {
   std::vector<fs_report> out = scene_->reports();
-  for (const auto& [name, absent] : absent_) {
-    fs_report report{};
-    put_text(report.name, name);
-    report.primitive = absent.primitive;
-    report.state = absent.state;
-    report.distance = std::numeric_limits<double>::infinity();
-    out.push_back(report);
-  }
+  for (const auto& [slot, absent] : absent_) out.push_back(report_of(absent.name, absent.primitive, absent.state));
   return out;
+}
+
+fs_report Session::own_report(const std::string& name) const {
+  if (!slot_of_.contains(name)) {
+    for (const auto& [slot, absent] : absent_) {
+      if (absent.name == name) return report_of(name, absent.primitive, absent.state);
+    }
+  }
+  return scene_->report(name.c_str());
 }
 
 // Of all objects, its own first.

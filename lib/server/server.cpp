@@ -51,7 +51,8 @@ ServerSettings fs::parse_options(const fs_server_options& options, const ServoSe
     fail(FS_ERROR_INVALID, "force_limit is %g, must be within 0..%g N, what the servo sends", options.force_limit, most);
   }
   out.limits.force = options.force_limit > 0 ? options.force_limit : most;
-  out.limits.torque = servo.limits.torque * (out.limits.force / most);
+  // A device without torque makes none of what it gets: no reason to lower the force.
+  out.limits.torque = servo.limits.torque_axes ? servo.limits.torque * (out.limits.force / most) : never;
   for (const uint8_t byte : options.reserved) {
     if (byte) fail(FS_ERROR_INVALID, "reserved is %u, must be 0", byte);
   }
@@ -93,6 +94,11 @@ fs_server::fs_server(Ref<Servo> servo, const Endpoint& endpoint, const ServerSet
     const SignalsBlocked blocked;
     thread_ = std::thread([this] { run(); });
   } catch (const std::system_error& error) {
+    {
+      const std::lock_guard lock(mutex_);
+      has_let_go_ = true;
+      changed_.notify_all();
+    }
     servo_->remove_listener(this);
     fail(FS_ERROR_IO, "the server's thread could not be started: %s", error.what());
   }
@@ -158,6 +164,9 @@ void fs_server::run() noexcept {
     for (int i = 0; i < count; ++i) {
       try {
         handle(events[static_cast<size_t>(i)].data.u64, events[static_cast<size_t>(i)].events);
+        // However many have something to say, the moves are taken at the servo's rate.
+        const double now = steady_now();
+        if (!is_asleep_ && now - last_turn_ >= period_) turn(now);
       } catch (...) {  // no memory: what was asked for is not done
       }
     }
@@ -177,9 +186,7 @@ void fs_server::handle(uint64_t source, uint32_t events) {
   if (source == source_wake) {
     [[maybe_unused]] const ssize_t got = read(wake_.get(), &count, sizeof count);
     note_activity();
-    for (const Worker::Done& done : worker_.take_done()) {
-      if (done) done();
-    }
+    for (const Worker::Job& job : worker_.take_done()) job.done();
   } else if (source == source_timer) {
     if (read(timer_.get(), &count, sizeof count) == sizeof count) turn(steady_now());
   } else if (source == source_listener) {
@@ -207,6 +214,7 @@ void fs_server::handle(uint64_t source, uint32_t events) {
 // What comes each period. Whoever comes first in one is last in the next.
 void fs_server::turn(double now) {
   const size_t count = sessions_.size();
+  last_turn_ = now;
   ++turns_;
   for (size_t i = 0; i < count; ++i) sessions_[(i + turns_) % count]->turn(now);
   bool is_busy = false;
@@ -219,6 +227,7 @@ void fs_server::turn(double now) {
     last_housekeeping_ = now;
     for (const std::shared_ptr<Session>& session : sessions_) session->keep_house();
     servo_->reap_channels();
+    if (!is_door_open_) open_door(true);
   }
   if (!is_asleep_ && now - last_activity_ > awake_for) fall_asleep();
 }
@@ -244,8 +253,9 @@ Session* fs_server::find(std::string_view client) const {
 }
 
 std::shared_ptr<Session> fs_server::find(uint64_t id) const {
-  const auto found = std::find_if(sessions_.begin(), sessions_.end(), [id](const auto& s) { return s->id() == id; });
-  return found != sessions_.end() && !(*found)->is_gone() ? *found : nullptr;
+  const auto found = std::lower_bound(sessions_.begin(), sessions_.end(), id,
+                                      [](const auto& session, uint64_t wanted) { return session->id() < wanted; });
+  return found != sessions_.end() && (*found)->id() == id && !(*found)->is_gone() ? *found : nullptr;
 }
 
 size_t fs_server::client_count() const {
@@ -260,7 +270,7 @@ std::vector<fs_client> fs_server::describe() const {
   std::strcpy(own.name, "server");
   own.process = static_cast<uint32_t>(getpid());
   own.user = geteuid();
-  own.objects = static_cast<uint32_t>(servo_->scene()->reports().size());
+  own.objects = static_cast<uint32_t>(servo_->scene()->object_count());
   own.force_limit = servo_->settings().limits.force;
   own.wrench = servo_->own_wrench();
   out.push_back(own);
@@ -272,28 +282,47 @@ std::vector<fs_client> fs_server::describe() const {
 
 // ------------------------------------------------------------------------------------------------------------ the door
 
+// Closed, nobody is asked in, nor is the server told again and again that somebody waits.
+void fs_server::open_door(bool is_open) noexcept {
+  is_door_open_ = is_open;
+  if (is_open && !spare_) spare_ = open_file();
+  epoll_event event{};
+  event.events = is_open ? static_cast<uint32_t>(EPOLLIN) : 0;
+  event.data.u64 = source_listener;
+  epoll_ctl(epoll_.get(), EPOLL_CTL_MOD, listener_.get(), &event);
+  event.data.u64 = source_shared_listener;
+  if (shared_listener_) epoll_ctl(epoll_.get(), EPOLL_CTL_MOD, shared_listener_.get(), &event);
+}
+
 void fs_server::accept_clients(const Descriptor& listener) {
   for (int i = 0; i < 64; ++i) {
     Descriptor socket(accept4(listener.get(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
-    if (!socket && (errno == EMFILE || errno == ENFILE)) {
-      // One is kept for this: to turn away whoever waits, rather than to be asked again and again.
+    const int error = socket ? 0 : errno;
+    if (error == EAGAIN || error == EWOULDBLOCK) return;
+    if (error == EINTR || error == ECONNABORTED) continue;
+    if ((error == EMFILE || error == ENFILE) && spare_) {
+      // One is kept for this: to turn away whoever waits.
       spare_.reset();
       socket = Descriptor(accept4(listener.get(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
       socket.reset();
       spare_ = open_file();
-      if (!spare_) return;
-      continue;
+      if (spare_) continue;
     }
-    if (!socket) return;
+    if (error) return open_door(false);  // nothing can be done about it but to look again a little later
     note_activity();
     try {
       const Peer peer = peer_of(socket);
       // Who has to be told no gets a few places of its own, so that nobody can take all of them.
       const bool is_refused = peer.user != geteuid() && !settings_.is_for_all_users;
-      const auto strangers = std::count_if(sessions_.begin(), sessions_.end(), [&](const auto& session) {
+      const auto is_rival = [&](const auto& session) {
         return !session->is_gone() && session->name().empty() && session->is_refused() == is_refused;
-      });
-      if (strangers >= (is_refused ? most_refused : most_strangers)) continue;
+      };
+      if (std::count_if(sessions_.begin(), sessions_.end(), is_rival) >= (is_refused ? most_refused : most_strangers)) {
+        // Who says nothing makes room for who comes: the one that has stood here longest.
+        const std::shared_ptr<Session> longest = *std::find_if(sessions_.begin(), sessions_.end(), is_rival);
+        longest->receive();  // it may have said something by now
+        if (longest->name().empty()) longest->drop(0);
+      }
       const auto session = std::make_shared<Session>(*this, ++last_id_, std::move(socket), peer,
                                                      is_refused ? FS_ERROR_DENIED : FS_OK);
       sessions_.push_back(session);

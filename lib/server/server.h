@@ -61,6 +61,7 @@ struct fs_server : fs::Counted<fs_server> {
   void set_period(double period) noexcept;
   void handle(uint64_t source, uint32_t events);
   void accept_clients(const fs::Descriptor& listener);
+  void open_door(bool is_open) noexcept;
   void turn(double now);
   void fall_asleep() noexcept;
   void wake() const noexcept;
@@ -74,8 +75,8 @@ struct fs_server : fs::Counted<fs_server> {
   fs::Worker worker_;
   std::vector<std::shared_ptr<fs::Session>> sessions_;  // and those that have not said who they are
   uint64_t last_id_ = 0, turns_ = 0;
-  bool is_asleep_ = false;
-  double last_activity_ = 0, last_housekeeping_ = 0;
+  bool is_asleep_ = false, is_door_open_ = true;
+  double last_activity_ = 0, last_turn_ = 0, last_housekeeping_ = 0;
 
   // Between the server's thread and those who stop it or the servo.
   std::mutex mutex_;

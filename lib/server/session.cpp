@@ -3,6 +3,7 @@
 
 #include <poll.h>
 #include <sys/epoll.h>
+#include <sys/socket.h>
 #include <sys/syscall.h>
 
 #include <algorithm>
@@ -15,6 +16,7 @@ namespace fs {
 namespace {
 
 constexpr int messages_at_once = 64;
+constexpr double slice = 2e-4;  // s; then it is another one's turn
 
 // Of the record that comes with a type; -1: no such type.
 ssize_t body_size(uint32_t type) {
@@ -74,6 +76,8 @@ void Session::drop(double lease) noexcept {
   if (channel_) channel_->leave(scene_->now() + lease);
   if (outbox_) outbox_->is_closed.store(1);
   server_.unwatch(*this);
+  server_.worker().forget(id_);
+  if (socket_) shutdown(socket_.get(), SHUT_RDWR);  // a process that was forked from this one may have it, too
   socket_.reset();
   process_.reset();
 }
@@ -91,7 +95,9 @@ bool Session::is_busy() const noexcept {
 void Session::receive() noexcept {
   try {
     alignas(16) static thread_local std::byte buffer[most_message];
+    const double start = steady_now();
     for (int i = 0; i < messages_at_once && !is_gone_ && is_reading_; ++i) {
+      if (i > 0 && steady_now() - start > slice) return;
       Descriptor data;
       size_t size;
       bool is_cut;
@@ -156,6 +162,13 @@ void Session::greet(const Message& message) {
     }
     if (server_.client_count() >= settings.max_clients) {
       fail(FS_ERROR_FULL, "the server has %u clients, its maximum", settings.max_clients);
+    }
+    // What is left of clients that came and went costs the servo as much as they did.
+    server_.servo().reap_channels();
+    const size_t scenes = server_.servo().channel_count();
+    if (scenes >= 2 * size_t{settings.max_clients}) {
+      fail(FS_ERROR_FULL, "the server has %zu scenes of clients, those of the gone that fade out still among them; its "
+           "maximum is %zu", scenes, 2 * size_t{settings.max_clients});
     }
 
     const Descriptor inbox = make_region("forceserver-inbox", Inbox::bytes(settings.max_objects));
@@ -293,16 +306,20 @@ void Session::settle() noexcept {
   if (is_gone_ || name_.empty()) return;
   try {
     const uint64_t used = scene_->output->used.load(std::memory_order_acquire);
-    std::erase_if(awaited_, [&](Awaited& awaited) {
-      if (awaited.sequence == 0) awaited.sequence = scene_->sequence();
-      if (used < awaited.sequence) return false;
+    for (auto awaited = awaited_.begin(); awaited != awaited_.end();) {
+      auto& [slot, sequence] = *awaited;
+      if (sequence == 0) sequence = scene_->sequence();
+      if (used < sequence) {
+        ++awaited;
+        continue;
+      }
       fs_event event{};
       event.kind = FS_EVENT_READY;
       event.time = scene_->now();
-      put_text(event.name, awaited.name);
-      if (slot_of_.contains(awaited.name)) push_event(event);
-      return true;
-    });
+      put_text(event.name, slots_[slot].name);
+      push_event(event);
+      awaited = awaited_.erase(awaited);
+    }
     settle_syncs();
   } catch (...) {
     drop(server_.settings().lease);
@@ -326,6 +343,10 @@ void Session::keep_house() noexcept {
 
 void Session::push_event(const fs_event& event) noexcept {
   const uint64_t number = outbox_->events_written.load(std::memory_order_relaxed);
+  if (event.kind == FS_EVENT_OVERFLOW) {  // numbers that are never there: the client counts them with those it missed
+    outbox_->events_written.store(number + static_cast<uint64_t>(event.value), std::memory_order_release);
+    return;
+  }
   outbox_->events[number % event_slots].write({number, event});
   outbox_->events_written.store(number + 1, std::memory_order_release);
 }
@@ -345,6 +366,7 @@ void Session::note_edit(const std::string& object, const std::string& editor, bo
   }
   told = editor;
   if (is_removed) {
+    awaited_.erase(slot);
     slots_[slot] = {};
     slot_of_.erase(found);
   }

@@ -51,6 +51,7 @@ class Session : public std::enable_shared_from_this<Session> {
   std::vector<fs_report> reports();
   fs_client describe() const;
   std::vector<fs_report> own_reports() const;  // in its own frame, by bare names
+  fs_report own_report(const std::string& name) const;  // NOT_FOUND
 
  private:
   struct Slot {
@@ -59,8 +60,16 @@ class Session : public std::enable_shared_from_this<Session> {
   };
   // An object that is not in the scene: being built, or refused.
   struct Absent {
+    std::string name;
     fs_primitive primitive;
     fs_object_state state;
+  };
+  // All that is known of a slot.
+  struct Kept {
+    Slot slot;
+    std::optional<Absent> absent;
+    std::optional<std::string> editor;
+    std::optional<uint64_t> awaited;
   };
   struct Upload {
     bool is_ready = false;
@@ -90,13 +99,11 @@ class Session : public std::enable_shared_from_this<Session> {
     void add(const Unit& unit);
     bool blocks(const Unit& unit) const;
   };
-  struct Awaited {  // an object that no tick has used yet
-    std::string name;
-    uint64_t sequence;  // 0: not posted yet
-  };
   struct Sync {
     uint64_t serial;
-    std::vector<std::pair<Ref<LocalScene>, uint64_t>> wanted;  // empty: from the next turn on
+    bool has_begun;  // it does with the next turn
+    uint64_t own;    // sequence wanted of the servo's own scene, and those of the clients
+    std::vector<std::pair<std::weak_ptr<const Session>, uint64_t>> wanted;
   };
 
   void handle(Message&& message, Descriptor&& data);
@@ -104,7 +111,9 @@ class Session : public std::enable_shared_from_this<Session> {
   void answer(fs_status status, const std::string& text, std::span<const std::byte> rest = {},
               std::span<const int> descriptors = {});
   void take_upload(Message&& message, Descriptor&& data);
-  void finish_upload(uint64_t id, Upload&& upload);
+  void finish_upload(uint64_t id, Upload&& upload) noexcept;
+  void finish_job() noexcept;
+  void regulate() noexcept;
   void submit(Unit&& unit);
   bool is_ready(const Unit& unit) const;
   void retry_parked();
@@ -112,6 +121,8 @@ class Session : public std::enable_shared_from_this<Session> {
   void apply(const Message& message);
   void apply_set(const wire::Set& set, uint64_t serial, bool is_change);
   void free_slot(uint32_t slot);
+  Kept keep(uint32_t slot) const;
+  void note_absent(const wire::Set& set, fs_object_state state);
   void refuse(const Message& message, fs_status status, const std::string& text);
   void take_moves();
   fs_object resolve(const wire::Object& record, uint32_t parts, const fs_object* target) const;
@@ -151,7 +162,7 @@ class Session : public std::enable_shared_from_this<Session> {
 
   std::vector<Slot> slots_;
   std::unordered_map<std::string, uint32_t> slot_of_;
-  std::map<std::string, Absent> absent_;
+  std::map<uint32_t, Absent> absent_;  // by slot
   std::vector<uint64_t> dirty_;  // a bit each slot: there is a move to be looked at
   std::vector<std::pair<uint32_t, wire::Move>> moved_;
   uint64_t last_serial_ = 0;
@@ -160,12 +171,13 @@ class Session : public std::enable_shared_from_this<Session> {
   Held held_;
   bool is_late_ = false;  // what is applied now has waited for a shape
   std::unordered_map<uint64_t, Upload> uploads_;
+  unsigned jobs_ = 0;  // of the worker, that are not done
   const std::shared_ptr<std::atomic<uint64_t>> shape_bytes_ = std::make_shared<std::atomic<uint64_t>>(0);
   std::vector<Message> waiting_edits_;
   std::map<uint64_t, std::pair<Ref<const Shape>, Ref<const Curve>>> offered_;  // by the server's number
   std::map<uint32_t, std::string> edited_;  // slots, and by whom
   uint64_t edits_told_ = 0;
-  std::vector<Awaited> awaited_;
+  std::map<uint32_t, uint64_t> awaited_;  // slots that no tick has used yet, with the sequence; 0: not posted so far
   std::vector<Sync> syncs_;
   std::optional<std::pair<fs_status, std::string>> first_refused_;
   uint64_t moves_ = 0, changes_ = 0, refused_ = 0;

@@ -30,7 +30,16 @@ void Worker::add(uint64_t owner, Job job) {
   changed_.notify_one();
 }
 
-std::vector<Worker::Done> Worker::take_done() {
+void Worker::forget(uint64_t owner) noexcept {
+  std::list<Job> forgotten;  // what they hold goes without the lock
+  const std::lock_guard lock(mutex_);
+  const auto found = jobs_.find(owner);
+  if (found == jobs_.end()) return;
+  forgotten.swap(found->second);
+  jobs_.erase(found);
+}
+
+std::list<Worker::Job> Worker::take_done() {
   const std::lock_guard lock(mutex_);
   return std::exchange(done_, {});
 }
@@ -45,14 +54,14 @@ void Worker::run() {
     auto next = jobs_.upper_bound(last);
     if (next == jobs_.end()) next = jobs_.begin();
     last = next->first;
-    Job job = std::move(next->second.front());
-    next->second.pop_front();
+    std::list<Job> job;  // moved from list to list: that takes no memory, which there may be none of
+    job.splice(job.end(), next->second, next->second.begin());
     if (next->second.empty()) jobs_.erase(next);
     lock.unlock();
-    Done done = job();
-    job = nullptr;
+    job.front().work();
+    job.front().work = nullptr;
     lock.lock();
-    done_.push_back(std::move(done));
+    done_.splice(done_.end(), job);
     lock.unlock();
     notify_();
     lock.lock();

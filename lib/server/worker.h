@@ -3,27 +3,28 @@
 #pragma once
 
 #include <condition_variable>
-#include <deque>
 #include <functional>
+#include <list>
 #include <map>
 #include <mutex>
 #include <thread>
-#include <vector>
 
 namespace fs {
 
 class Worker {
  public:
-  // What is left to be done by the thread that asked.
-  using Done = std::function<void()>;
-  using Job = std::function<Done()>;  // must not throw
+  struct Job {
+    std::function<void()> work;  // by the worker's thread; must not throw
+    std::function<void()> done;  // what is left to be done by the thread that asked
+  };
 
   // notify: called by the worker's thread when something was done.
   explicit Worker(std::function<void()> notify);
   ~Worker();  // drops the jobs that have not begun
 
   void add(uint64_t owner, Job job);
-  std::vector<Done> take_done();
+  void forget(uint64_t owner) noexcept;  // its jobs that have not begun
+  std::list<Job> take_done();
 
  private:
   void run();
@@ -31,8 +32,8 @@ class Worker {
   const std::function<void()> notify_;
   std::mutex mutex_;
   std::condition_variable changed_;
-  std::map<uint64_t, std::deque<Job>> jobs_;  // by owner
-  std::vector<Done> done_;
+  std::map<uint64_t, std::list<Job>> jobs_;  // by owner
+  std::list<Job> done_;
   bool is_stopping_ = false;
   std::thread thread_;
 };

@@ -175,6 +175,11 @@ Wrench fs_servo::own_wrench() {
   return posted_channels_ ? posted_channels_->channels.front()->wrench() : Wrench{};
 }
 
+size_t fs_servo::channel_count() {
+  const std::lock_guard lock(channels_mutex_);
+  return posted_channels_ ? posted_channels_->channels.size() - 1 : 0;
+}
+
 void fs_servo::reap_channels() {
   const std::lock_guard lock(channels_mutex_);
   if (!posted_channels_) return;

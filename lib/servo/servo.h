@@ -41,6 +41,7 @@ struct fs_servo final : fs::Counted<fs_servo> {
   fs::Ref<fs::Channel> add_channel(fs::Ref<fs::LocalScene> scene, const fs::Channel::Limits& limits);  // STATE
   fs::Wrench own_wrench();  // what the servo's own scene added at the last tick, device frame
   void reap_channels();  // lets go of those that have faded out
+  size_t channel_count();  // beside the servo's own; those that fade out are among them
   const fs::Ref<fs::LocalScene>& scene() const noexcept { return scene_; }
 
   // f is called once, by the thread that stops the servo, before it stops; not after remove_listener has returned.

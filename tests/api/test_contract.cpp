@@ -18,8 +18,13 @@ struct World {
   Tool tool_owner = make_tool(scene_owner.get());
   Device device_owner = fake.open(), spare_device = other_fake.open();
   Servo servo_owner = start_servo(scene_owner.get(), device_owner.get(), virtual_options());
+  std::string endpoint = "shm:contract-" + std::to_string(getpid()), other_endpoint = endpoint + "-other";
+  Server server_owner;
+  Scene connected_owner;
   Curve curve_owner;
   fs_scene* scene = scene_owner.get();
+  fs_scene* connected = nullptr;
+  fs_client client{};
   fs_tool* tool = tool_owner.get();
   fs_device* device = spare_device.get();
   fs_servo* servo = servo_owner.get();
@@ -56,6 +61,11 @@ struct World {
     curve = curve_owner.get();
     require(fs_object_set(scene, &object), "fs_object_set");
     require(fs_servo_step(servo, 5), "fs_servo_step");
+    fs_server* server = nullptr;
+    require(fs_server_start(servo, endpoint.c_str(), nullptr, &server), "fs_server_start");
+    server_owner.reset(server);
+    require(fs_scene_connect(endpoint.c_str(), "world", &connected), "fs_scene_connect");
+    connected_owner.reset(connected);
     require(fs_scene_save(scene, scene_path.c_str()), "fs_scene_save");
     std::FILE* file = std::fopen(mesh_path.c_str(), "w");
     std::fputs("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", file);
@@ -139,9 +149,9 @@ static const std::vector<Call> calls{
        fs_scene** out = but(n, 0, &new_scene);
        return made(out, fs_scene_create(out));
      }},
-    {"fs_scene_connect", 3, FS_ERROR_UNSUPPORTED, [](World&, int n) {
+    {"fs_scene_connect", 3, FS_OK, [](World& w, int n) {
        fs_scene** out = but(n, 2, &new_scene);
-       return made(out, fs_scene_connect(but(n, 0, "shm:contract"), but(n, 1, "me"), out));
+       return made(out, fs_scene_connect(but(n, 0, w.endpoint.c_str()), but(n, 1, "me"), out));
      }},
     {"fs_object_set", 2, FS_OK, [](World& w, int n) {
        return fs_object_set(but(n, 0, w.scene), but(n, 1, &w.object));
@@ -264,8 +274,12 @@ static const std::vector<Call> calls{
     {"fs_servo_get_record", 3, FS_OK, [](World& w, int n) {
        return fs_servo_get_record(but(n, 0, w.servo), but(n, 1, &w.tick), 1, but(n, 2, &w.count));
      }},
-    {"fs_server_start", 3, FS_ERROR_UNSUPPORTED, [](World& w, int n) {
-       return fs_server_start(but(n, 0, w.servo), but(n, 1, "shm:contract"), &w.server_options, but(n, 2, &new_server));
+    {"fs_server_start", 3, FS_OK, [](World& w, int n) {
+       fs_server** out = but(n, 2, &new_server);
+       return made(out, fs_server_start(but(n, 0, w.servo), but(n, 1, w.other_endpoint.c_str()), &w.server_options, out));
+     }},
+    {"fs_scene_get_clients", 3, FS_OK, [](World& w, int n) {
+       return fs_scene_get_clients(but(n, 0, w.connected), but(n, 1, &w.client), 1, but(n, 2, &w.count));
      }},
 
     {"fs_driver_register", 1, FS_OK, [](World& w, int n) { return fs_driver_register(but(n, 0, &w.driver)); }},
@@ -346,7 +360,9 @@ START_TEST(pointers_that_may_be_null) {
     return Servo(raw);
   }();
   EXPECT(FS_ERROR_UNSUPPORTED, fs_servo_step(servo.get(), 1));
-  EXPECT(FS_ERROR_UNSUPPORTED, fs_server_start(w.servo, "shm:contract", nullptr, &new_server));
+  EXPECT(FS_ERROR_UNSUPPORTED, fs_server_start(w.servo, "dds:0", nullptr, &new_server));
+  OK(made(&new_server, fs_server_start(w.servo, w.other_endpoint.c_str(), nullptr, &new_server)));
+  OK(fs_scene_get_clients(w.connected, nullptr, 0, &w.count));
   OK(fs_scene_get_hand(w.scene, &w.state, nullptr, nullptr));
   OK(fs_scene_get_hand(w.scene, nullptr, &w.response, nullptr));
   OK(fs_scene_get_hand(w.scene, nullptr, nullptr, &w.wrench));

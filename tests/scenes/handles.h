@@ -14,6 +14,7 @@ struct Release {
   void operator()(fs_tool* p) const { fs_tool_destroy(p); }
   void operator()(fs_device* p) const { fs_device_close(p); }
   void operator()(fs_servo* p) const { fs_servo_stop(p); }
+  void operator()(fs_server* p) const { fs_server_stop(p); }
 };
 using Scene = std::unique_ptr<fs_scene, Release>;
 using Shape = std::unique_ptr<fs_shape, Release>;
@@ -21,6 +22,7 @@ using Curve = std::unique_ptr<fs_curve, Release>;
 using Tool = std::unique_ptr<fs_tool, Release>;
 using Device = std::unique_ptr<fs_device, Release>;
 using Servo = std::unique_ptr<fs_servo, Release>;
+using Server = std::unique_ptr<fs_server, Release>;
 
 // These end the program with the library's sentence when it refuses: a test's own set-up is not what it tests.
 [[noreturn]] void stop_with_last_error(const char* what);
