@@ -9,15 +9,13 @@
 #include <stdexcept>
 #include <thread>
 
+#include "landscape.h"
+
 namespace {
 
 using Clock = std::chrono::steady_clock;
 
 double length(const fs_vec3& v) { return std::hypot(v.x, v.y, v.z); }
-
-void check(fs_status status) {
-  if (status < 0) throw std::runtime_error(fs_last_error());
-}
 
 double quantile(std::vector<double> values, double part) {
   const auto place = values.begin() + std::ptrdiff_t(part * double(values.size() - 1));

@@ -99,5 +99,80 @@ expect 2 '^forceserver: ' "$program" check no-such.stl
 echo '{"forceserver": 1' > broken.json
 expect 2 '^forceserver: .*broken\.json' "$program" check broken.json
 
+# run --listen, clients and watch: a server, who looks on, and how all of them end.
+fail() {
+  echo "FAILED: $*"
+  failures=$((failures + 1))
+}
+name=program-test-$$
+listen() {  # OPTION...: a server in the background: $server
+  "$program" run --listen "shm:$name" "$@" > served 2>&1 < /dev/null &
+  server=$!
+  for _ in $(seq 100); do
+    grep -q '^listens at shm:' served && return
+    sleep 0.1
+  done
+  fail "run --listen does not listen"
+}
+ended() {  # PROCESS STATUS WHAT
+  local status
+  wait "$1"
+  status=$?
+  [ $status = "$2" ] || fail "$3 ended with $status, expected $2"
+}
+json() {  # FILE PYTHON: a statement about d, what each line of the file holds
+  python3 -c "
+import json, sys
+for d in map(json.loads, open('$1')):
+    $2" || fail "$1 is not as expected"
+}
+expect 2 "no server listens at shm:$name; " "$program" clients "$name"
+expect 2 "no server listens at shm:$name; " "$program" watch "shm:$name"
+expect 2 '^forceserver: .*listen' "$program" run --locked --duration 1
+expect 2 '^forceserver: .*count' "$program" watch "$name" --count 0
+
+listen --scene "$scene" --device 'sim:?hold=0,0,-0.09' --locked --all-users --client-force 5
+expect 2 "$name" "$program" run --listen "shm:$name" --duration 1
+expect 0 "^server +$server +[^ ]+ +[1-9]" "$program" clients "$name"
+"$program" watch "$name" --interval 0.1 > watched 2>&1 &
+watcher=$!
+sleep 1
+expect 0 "^watch-$watcher +$watcher +[^ ]+ +0 " "$program" clients "shm:$name?user=$(id -u)"
+if [ "$(id -u)" = 0 ] && setpriv --reuid=65534 test -x "$program" 2> /dev/null; then
+  expect 0 '^server ' setpriv --reuid=65534 "$program" clients "shm:$name?user=0"
+fi
+expect 0 '^servo +faults: none; [0-9]+ Hz' "$program" watch "$name" --count 1
+expect 0 '^server/floor +plane +felt +1\.00 ' "$program" watch "$name" --count 2 --interval 0.05
+"$program" clients "$name" --json > clients.json
+if command -v python3 > /dev/null; then
+  python3 -m json.tool clients.json > /dev/null || fail "clients --json is not JSON"
+  "$program" watch "$name" --json --interval 0.1 --count 3 > looks.json
+  [ "$(wc -l < looks.json)" = 3 ] || fail "watch --count 3 has not written 3 lines"
+  json looks.json "assert d['servo']['new_ticks'] > 10 and d['servo']['faults'] == []"
+  json looks.json "assert 'watch-$watcher' in [c['name'] for c in d['clients']]"
+  json looks.json "assert [c['force_limit'] for c in d['clients']] == [25, 5]"
+  json looks.json "floor = [o for o in d['objects'] if (o['client'], o['name']) == ('server', 'floor')][0]
+    assert floor['force'][2] > 1 and floor['weight'] == 1"
+fi
+kill -INT $watcher
+ended $watcher 0 "watch, interrupted,"
+grep -q '^hand  ' watched || fail "watch wrote nothing"
+"$program" watch "$name" --interval 0.1 2> output | sed 2q > watched
+[ "${PIPESTATUS[0]}" = 0 ] || fail "watch whose reader has gone did not end with 0"
+if command -v script > /dev/null; then
+  script -qec "$program watch $name --count 2 --interval 0.1" /dev/null < /dev/null > watched
+  grep -q $'\e\\[H' watched || fail "watch on a terminal does not go back to its top"
+  sed -n $'/\e\\[?1049l/,$p' watched | grep -q '^server/' || fail "the last look does not stay on the terminal"
+fi
+"$program" watch "$name" --interval 0.1 > watched 2>&1 &
+watcher=$!
+sleep 0.5
+kill -INT $server
+ended $server 0 "run with a client"
+ended $watcher 1 "watch whose server has gone"
+grep -q "the server at shm:$name has gone" watched || fail "watch does not say that the server has gone"
+grep -q '^faults: none' served || fail "run with a client ended without a summary"
+grep "$name" /proc/net/unix && fail "a socket is left"
+
 echo "$failures failures"
 [ $failures = 0 ]

@@ -21,6 +21,9 @@ int devices() {
 const char* const run_help = R"(examples:
   forceserver run --scene room.json
       the scene with a simulated device and hand, until Ctrl-C
+  forceserver run --listen shm:lab
+      nothing of its own: other programs connect to it (fs_scene_connect), each with its scene; see also
+      `forceserver watch lab`
   forceserver run --scene room.json --device 'sim:?path=figure8' --duration 10 --record ticks.csv
       ten seconds with a hand that draws an eight; every tick goes to a file
   sudo forceserver run --scene room.json --rate 4000
@@ -31,6 +34,27 @@ protections (N), how late the tick began and how long it took (s), and the fault
 device's.
 
 A fault ends the force; when it was not the device, which may come back, start again. Ends with 1 after any fault.)";
+
+const char* const clients_help = R"(examples:
+  forceserver clients lab
+      of the server that listens at shm:lab, as `forceserver run --listen shm:lab` does
+  forceserver clients 'shm:lab?user=anna' --json
+      of another user's server that lets in all users, as one JSON document, in SI units
+
+Counted are, since a client came: the moves of its objects and the other changes that were taken, those that were
+refused, and the ticks in which the limit on a client's force bounded it. The client that asks is left out. Ends with 1
+when the server goes meanwhile.)";
+
+const char* const watch_help = R"(examples:
+  forceserver watch lab
+      of the server that listens at shm:lab: two looks a second, in place on a terminal, until Ctrl-C
+  forceserver watch lab --interval 5 > log.txt
+      a look every five seconds, one below the other
+  forceserver watch lab --json --interval 0.1 --count 100 > looks.jsonl
+      ten seconds, one JSON object a line, in SI units; what is not finite is null
+
+Positions and distances are the device's; `far` is from the nearest point of the tool. Rates and ticks are those since
+the look before. A slope "400 of 800" is one that was capped. Ends with 1 when the server goes, with 0 on Ctrl-C.)";
 
 const char* const check_help = R"(examples:
   forceserver check room.json
@@ -64,7 +88,8 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", std::string("forceserver ") + fs_version());
   app.require_subcommand(1);
   app.footer("Each command has its own help with examples: forceserver run --help\n"
-             "Exit status: 0 all is well, 1 something is odd (check) or a fault happened (run), 2 it could not be done");
+             "Exit status: 0 all is well; 1 something is odd (check), a fault happened (run) or the server has gone\n"
+             "(clients, watch); 2 it could not be done");
 
   RunOptions run_options;
   CLI::App* run_command = app.add_subcommand("run", "Run a scene on a device");
@@ -79,8 +104,31 @@ int main(int argc, char** argv) {
   run_option("--force-limit", run_options.force_limit, "N", "The most force; without it the device's")
       ->check(above_zero);
   run_option("--record", run_options.record, "FILE", "Write every tick to this .csv file");
-  run_option("--listen", run_options.listen, "ENDPOINT", "Let other programs in, such as shm:lab");
+  CLI::Option* listen =
+      run_option("--listen", run_options.listen, "ENDPOINT", "Let other programs in, such as shm:lab");
+  run_option("--client-force", run_options.client_force, "N", "The most force of one of them; without it the servo's")
+      ->check(above_zero)->needs(listen);
+  run_command->add_flag("--locked", run_options.locked, "Each of them changes its own objects only")->needs(listen);
+  run_command->add_flag("--all-users", run_options.all_users, "Also those of other users of this machine")
+      ->needs(listen);
   run_command->footer(run_help);
+
+  const char* const server_help = "The server: NAME for shm:NAME, or an endpoint in full";
+  ClientsOptions clients_options;
+  CLI::App* clients_command = app.add_subcommand("clients", "List who is connected to a server");
+  clients_command->add_option("server", clients_options.server, server_help)->type_name("")->required();
+  clients_command->add_flag("--json", clients_options.json, "One JSON document");
+  clients_command->footer(clients_help);
+
+  WatchOptions watch_options;
+  CLI::App* watch_command = app.add_subcommand("watch", "Look on at a server: the hand, the clients, what is felt");
+  watch_command->add_option("server", watch_options.server, server_help)->type_name("")->required();
+  watch_command->add_option("--interval", watch_options.interval, "From look to look")
+      ->type_name("SECONDS")->check(CLI::Range(0.01, 86400.0).description(""))->capture_default_str();
+  watch_command->add_option("--count", watch_options.count, "Looks; without it until Ctrl-C")
+      ->type_name("N")->check(CLI::Range(1u, 1000000000u).description(""));
+  watch_command->add_flag("--json", watch_options.json, "One JSON object a look, a line each");
+  watch_command->footer(watch_help);
 
   CheckOptions check_options;
   CLI::App* check_command = app.add_subcommand("check", "Say what a scene or mesh is and what is odd in it");
@@ -109,6 +157,8 @@ int main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
     if (*run_command) return run(run_options);
+    if (*clients_command) return clients(clients_options);
+    if (*watch_command) return watch(watch_options);
     if (*check_command) return check(check_options);
     if (*evaluate_command) return evaluate(evaluate_options);
     if (*devices_command) return devices();

@@ -5,6 +5,7 @@
 #include <memory>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include <forceserver/forceserver.h>
 
@@ -21,8 +22,12 @@ using Device = std::unique_ptr<fs_device, Release<fs_device_close>>;
 using Servo = std::unique_ptr<fs_servo, Release<fs_servo_stop>>;
 using Server = std::unique_ptr<fs_server, Release<fs_server_stop>>;
 
+struct Failure : std::runtime_error {
+  explicit Failure(fs_status why) : std::runtime_error(fs_last_error()), status(why) {}
+  fs_status status;
+};
 inline void require(fs_status status) {
-  if (status < 0) throw std::runtime_error(fs_last_error());
+  if (status < 0) throw Failure(status);
 }
 
 // open<Device>(fs_device_open, "sim:"): calls the library's function with a place for the handle as its last argument.
@@ -33,11 +38,25 @@ Handle open(fs_status (*function)(Parameters...), Arguments... arguments) {
   return Handle(handle);
 }
 
+// get_list(fs_scene_get_reports, scene): all of a list, which may grow while it is asked for.
+template <class Entry>
+std::vector<Entry> get_list(fs_status (*function)(fs_scene*, Entry*, std::size_t, std::size_t*), fs_scene* scene) {
+  std::vector<Entry> list(64);
+  for (std::size_t count = 0;; list.resize(count + 64)) {
+    require(function(scene, list.data(), list.size(), &count));
+    if (count > list.size()) continue;
+    list.resize(count);
+    return list;
+  }
+}
+
 inline double length(const fs_vec3& v) { return std::hypot(v.x, v.y, v.z); }
 
 struct RunOptions {
   std::string scene, device = "sim:", record, listen;
   double duration = 0, rate = 0, force_limit = 0;  // s, Hz, N; 0: without end, the device's
+  double client_force = 0;                         // N; 0: the servo's
+  bool locked = false, all_users = false;
 };
 int run(const RunOptions& options);
 
@@ -52,3 +71,18 @@ struct EvaluateOptions {
   double time = 0;  // s since the scene was loaded
 };
 int evaluate(const EvaluateOptions& options);
+
+// server: NAME, or an endpoint in full.
+struct ClientsOptions {
+  std::string server;
+  bool json = false;
+};
+int clients(const ClientsOptions& options);
+
+struct WatchOptions {
+  std::string server;
+  double interval = 0.5;  // s
+  unsigned count = 0;     // looks; 0: without end
+  bool json = false;
+};
+int watch(const WatchOptions& options);

@@ -1,6 +1,4 @@
 // forceserver run: a scene on a device, until the time is over or Ctrl-C.
-#include <pthread.h>
-#include <signal.h>
 #include <sys/ioctl.h>
 #include <unistd.h>
 
@@ -12,30 +10,14 @@
 #include <string_view>
 #include <vector>
 
+#include "ending.h"
 #include "program.h"
+#include "words.h"
 
 namespace {
 
 using Clock = std::chrono::steady_clock;
 using Seconds = std::chrono::duration<double>;
-
-// The signals that end a program are blocked in every thread and waited for here: nothing is interrupted in the middle,
-// and the force always goes to 0 first.
-class Ending {
- public:
-  Ending() {
-    sigemptyset(&signals_);
-    for (int signal : {SIGINT, SIGTERM, SIGHUP, SIGPIPE}) sigaddset(&signals_, signal);
-    pthread_sigmask(SIG_BLOCK, &signals_, nullptr);
-  }
-  bool wait(double seconds) const {  // true: a signal asked us to end
-    const timespec time = {time_t(seconds), long((seconds - std::floor(seconds)) * 1e9)};
-    return sigtimedwait(&signals_, nullptr, &time) > 0;
-  }
-
- private:
-  sigset_t signals_;
-};
 
 // Every tick as a line of a file. The servo remembers two seconds: fetch() is to be called more often than that.
 class Record {
@@ -85,21 +67,6 @@ class Record {
   int gaps_ = 0;
 };
 
-std::string join(const std::vector<std::string>& words, const char* none) {
-  std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
-  return text.empty() ? none : text;
-}
-
-std::string fault_names(std::uint32_t faults) {
-  std::vector<std::string> names;
-  if (faults & FS_FAULT_DEVICE) names.push_back("the device is not ready");
-  if (faults & FS_FAULT_SPEED) names.push_back("the hand was too fast");
-  if (faults & FS_FAULT_NUMBER) names.push_back("a pose or force was not finite");
-  if (faults & FS_FAULT_LATE) names.push_back("the servo was late too long");
-  return join(names, "none");
-}
-
 std::string protection_names(std::uint32_t off) {
   const std::pair<std::uint32_t, const char*> all[] = {
     {FS_OFF_SLEW, "limit of the change in force"}, {FS_OFF_SPEED, "limit of the hand's speed"},
@@ -129,11 +96,7 @@ fs_servo_stats get_stats(fs_scene* scene) {
 
 // What is felt most, by name.
 std::string felt(fs_scene* scene) {
-  std::size_t count = 0;
-  require(fs_scene_get_reports(scene, nullptr, 0, &count));
-  std::vector<fs_report> reports(count);
-  require(fs_scene_get_reports(scene, reports.data(), reports.size(), &count));
-  reports.resize(std::min(count, reports.size()));
+  std::vector<fs_report> reports = get_list(fs_scene_get_reports, scene);
   std::sort(reports.begin(), reports.end(), [](const fs_report& a, const fs_report& b) {
     return length(a.wrench.force) > length(b.wrench.force);
   });
@@ -141,25 +104,22 @@ std::string felt(fs_scene* scene) {
   for (const fs_report& report : reports) {
     const double force = length(report.wrench.force);
     if (force < 0.01 || names.size() == 3) break;
-    char text[FS_NAME_SIZE + 32];
-    std::snprintf(text, sizeof text, "%s %.2f N", report.name, force);
-    names.push_back(text);
+    names.push_back(format("%s %.2f N", report.name, force));
   }
   return join(names, "nothing");
 }
 
-void print_line(fs_scene* scene, double time, bool terminal) {
+void print_line(fs_scene* scene, double time, bool listens, bool terminal) {
   const fs_servo_stats stats = get_stats(scene);
   fs_wrench sent;
   require(fs_scene_get_hand(scene, nullptr, nullptr, &sent));
-  char head[160];
-  std::snprintf(head, sizeof head, "%.1f s  %.0f Hz, late by %.0f us (p99), force %.2f N; felt: ", time, stats.rate,
-                stats.late_p99 * 1e6, length(sent.force));
-  std::string line = head + felt(scene);
+  std::string line = format("%.1f s  %.0f Hz, late by %.0f us (p99), force %.2f N; felt%s: ", time, stats.rate,
+                            stats.late_p99 * 1e6, length(sent.force), listens ? " of its own objects" : "") +
+                     felt(scene);
   if (stats.faults) line += "; STOPPED: " + fault_names(stats.faults);
   winsize window{};
   if (terminal && ioctl(STDOUT_FILENO, TIOCGWINSZ, &window) == 0 && window.ws_col > 1) {
-    line.resize(std::min<std::size_t>(line.size(), window.ws_col - 1));  // it must not wrap
+    line = fit(line, window.ws_col - 1u);  // it must not wrap
   }
   std::printf(terminal ? "\r\033[K%s" : "%s\n", line.c_str());
   std::fflush(stdout);
@@ -215,10 +175,17 @@ int run(const RunOptions& options) {
   servo_options.force_limit = options.force_limit;
   const Servo servo = open<Servo>(fs_servo_start, scene.get(), device.get(), &servo_options);
   Server server;
-  if (!options.listen.empty()) server = open<Server>(fs_server_start, servo.get(), options.listen.c_str(), nullptr);
+  if (!options.listen.empty()) {
+    fs_server_options server_options = fs_server_options_init();
+    server_options.locked = options.locked;
+    server_options.all_users = options.all_users;
+    server_options.force_limit = options.client_force;
+    server = open<Server>(fs_server_start, servo.get(), options.listen.c_str(), &server_options);
+  }
   std::printf("%s (%s), at most %g N%s\n", info.name, options.device.c_str(),
               options.force_limit > 0 ? std::min(options.force_limit, info.force_max) : info.force_max,
               options.duration > 0 ? "" : "; Ctrl-C ends");
+  if (server) std::printf("listens at %s\n", options.listen.c_str());
   std::fflush(stdout);
 
   const auto start = Clock::now();
@@ -243,7 +210,7 @@ int run(const RunOptions& options) {
       }
     }
     if (elapsed >= next_line) {
-      print_line(scene.get(), elapsed, terminal);
+      print_line(scene.get(), elapsed, bool(server), terminal);
       next_line += line_period;
     }
   }

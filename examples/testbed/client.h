@@ -1,0 +1,41 @@
+// What every process of the testbed does alike: it connects, goes on until it is told to end, and says what happens.
+#pragma once
+
+#include <signal.h>
+
+#include <chrono>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "../terrain/landscape.h"
+
+class Client {
+ public:
+  // Connects to a server as `name`, with the frame and tool of the landscape. The signals that end a program are
+  // blocked from here on, and looked at by wait().
+  Client(const std::string& endpoint, const std::string& name);
+  ~Client() { fs_scene_destroy(scene_); }  // its objects fade
+  Client(const Client&) = delete;
+  Client& operator=(const Client&) = delete;
+
+  fs_scene* scene() const { return scene_; }
+
+  // Waits until `period` s after the last time; false: Ctrl-C.
+  bool wait(double period);
+
+  // A line of this client.
+  void say(const char* form, ...) const __attribute__((format(printf, 2, 3)));
+
+ private:
+  std::string name_;
+  fs_scene* scene_ = nullptr;
+  sigset_t signals_;
+  std::chrono::steady_clock::time_point next_;
+};
+
+// The main function of a client: "NAME ENDPOINT [ARGUMENT...]", where `usage` names the arguments and `needs` is how
+// many there must be. Runs `body` with them. Exit code: 0, or 1 when something failed or the server has gone.
+using Arguments = std::vector<std::string>;
+int run_client(int argc, char** argv, const char* name, const char* usage, std::size_t needs,
+               const std::function<void(Client&, const Arguments&)>& body);

@@ -1,0 +1,20 @@
+// Writes where the simulated hand wants to be: a tour of all that the testbed makes felt.
+#include <cstdio>
+#include <cstdlib>
+#include <stdexcept>
+
+#include "../terrain/landscape.h"
+
+int main(int argc, char** argv) {
+  const double seconds = argc == 4 ? std::atof(argv[2]) : 0, lead = argc == 4 ? std::atof(argv[3]) : 0;
+  if (!(seconds > 0 && lead >= 0)) {
+    std::fprintf(stderr, "usage: tour FILE SECONDS LEAD    (it begins after LEAD s)\n");
+    return 2;
+  }
+  try {
+    write_tour(argv[1], load_terrain(TERRAIN_FILE, exaggeration), lead, seconds);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "tour: %s\n", error.what());
+    return 1;
+  }
+}

@@ -1,0 +1,89 @@
+#include "look.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+
+#include "words.h"
+
+namespace {
+
+std::string client_name(const char* kind) { return kind + std::string("-") + std::to_string(getpid()); }
+
+}  // namespace
+
+std::string full_endpoint(const std::string& server) {
+  return server.starts_with("shm:") || server.starts_with("dds:") ? server : "shm:" + server;
+}
+
+Scene connect(const std::string& server, const char* kind) {
+  const std::string endpoint = full_endpoint(server);
+  fs_scene* scene = nullptr;
+  const fs_status status = fs_scene_connect(endpoint.c_str(), client_name(kind).c_str(), &scene);
+  if (status == FS_ERROR_NOT_FOUND) {
+    throw std::runtime_error("no server listens at " + endpoint + "; one is started by: forceserver run --listen " +
+                             endpoint.substr(0, endpoint.find('?')));
+  }
+  require(status);
+  return Scene(scene);
+}
+
+std::vector<fs_client> other_clients(fs_scene* scene) {
+  std::vector<fs_client> list = get_list(fs_scene_get_clients, scene);
+  std::erase_if(list, [](const fs_client& client) {
+    return client.process == std::uint32_t(getpid()) &&
+           (client.name == client_name("watch") || client.name == client_name("clients"));
+  });
+  return list;
+}
+
+Look take_look(fs_scene* scene, const std::string& endpoint) {
+  Look look{};
+  look.endpoint = endpoint;
+  look.device = fs_device_info_init();
+  look.servo = fs_servo_stats_init();
+  require(fs_scene_get_device_info(scene, &look.device));
+  require(fs_scene_get_time(scene, &look.time));
+  require(fs_scene_get_hand(scene, &look.hand, &look.response, &look.sent));
+  require(fs_scene_get_servo_stats(scene, &look.servo));
+  look.clients = other_clients(scene);
+  look.objects = get_list(fs_scene_get_reports, scene);
+  return look;
+}
+
+Rates rates_of(const fs_client& client, const Look& now, const Look& before) {
+  const auto same = std::find_if(before.clients.begin(), before.clients.end(), [&](const fs_client& earlier) {
+    return std::string_view(earlier.name) == client.name && earlier.connected == client.connected;
+  });
+  const bool is_new = same == before.clients.end();
+  const double period = now.time - before.time;
+  if (!(period > 0)) return {};
+  return {double(client.moves - (is_new ? 0 : same->moves)) / period,
+          double(client.changes - (is_new ? 0 : same->changes)) / period};
+}
+
+Ticks ticks_of(const Look& now, const Look& before) {
+  return {now.servo.ticks - before.servo.ticks, now.servo.misses - before.servo.misses,
+          now.servo.guarded - before.servo.guarded};
+}
+
+const char* word_of(fs_primitive primitive) {
+  switch (primitive) {
+    case FS_PRIMITIVE_POINT: return "point";
+    case FS_PRIMITIVE_POLYLINE: return "polyline";
+    case FS_PRIMITIVE_PLANE: return "plane";
+    case FS_PRIMITIVE_MESH: return "mesh";
+    default: return "?";
+  }
+}
+
+const char* word_of(fs_object_state state) {
+  switch (state) {
+    case FS_OBJECT_PENDING: return "pending";
+    case FS_OBJECT_FELT: return "felt";
+    case FS_OBJECT_FADING: return "fading";
+    case FS_OBJECT_DISABLED: return "disabled";
+    case FS_OBJECT_REFUSED: return "refused";
+    default: return "?";
+  }
+}

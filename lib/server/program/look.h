@@ -1,0 +1,59 @@
+// A look at a server: what it told at one moment. For the commands clients and watch.
+#pragma once
+
+#include <cstdio>
+
+#include "program.h"
+
+struct Look {
+  std::string endpoint;
+  fs_device_info device;
+  double time;                      // s, scene's clock
+  fs_state hand;                    // device frame
+  fs_response response;
+  fs_wrench sent;                   // what the device gets
+  fs_servo_stats servo;
+  std::vector<fs_client> clients;   // the server's own scene first; without the one that looks
+  std::vector<fs_report> objects;   // of all clients, in device metres and newtons
+  std::vector<fs_event> events;     // since the look before
+};
+
+// What happened from one look to the next.
+struct Rates {
+  double moves, changes;            // a second
+};
+struct Ticks {
+  std::uint64_t all, missed, guarded;
+};
+
+// `server` as options have it; kind: "watch": the client is called "watch-PID".
+Scene connect(const std::string& server, const char* kind);
+std::string full_endpoint(const std::string& server);
+
+// What `look` returns; where the server goes meanwhile, a sentence and its exit code.
+int at_server(const std::string& server, auto&& look) {
+  try {
+    return look();
+  } catch (const Failure& failure) {
+    if (failure.status != FS_ERROR_DISCONNECTED) throw;
+    std::fprintf(stderr, "forceserver: the server at %s has gone\n", full_endpoint(server).c_str());
+    return exit_odd;
+  }
+}
+
+Look take_look(fs_scene* scene, const std::string& endpoint);
+std::vector<fs_client> other_clients(fs_scene* scene);
+
+Rates rates_of(const fs_client& client, const Look& now, const Look& before);
+Ticks ticks_of(const Look& now, const Look& before);
+
+// Whether less of its slope is felt than it asks for.
+inline bool is_capped(const fs_report& report) { return report.stiffness_applied < 0.99 * report.stiffness_wanted; }
+
+// As a scene file has them: "mesh", "felt".
+const char* word_of(fs_primitive primitive);
+const char* word_of(fs_object_state state);
+
+// watch, for people and for programs; a line each.
+std::vector<std::string> to_text(const Look& now, const Look& before);
+std::string to_json(const Look& now, const Look& before);

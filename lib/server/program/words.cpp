@@ -1,0 +1,64 @@
+#include "words.h"
+
+#include <algorithm>
+#include <cstdarg>
+#include <cstdio>
+
+namespace {
+
+bool begins_character(char byte) { return (byte & 0xc0) != 0x80; }  // of UTF-8
+
+std::size_t characters(std::string_view text) {
+  return std::size_t(std::count_if(text.begin(), text.end(), begins_character));
+}
+
+}  // namespace
+
+std::string format(const char* form, ...) {
+  char text[1024];
+  va_list arguments;
+  va_start(arguments, form);
+  std::vsnprintf(text, sizeof text, form, arguments);
+  va_end(arguments);
+  return text;
+}
+
+std::string join(const std::vector<std::string>& words, const char* none) {
+  std::string text;
+  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
+  return text.empty() ? none : text;
+}
+
+std::string fault_names(std::uint32_t faults) {
+  std::vector<std::string> names;
+  if (faults & FS_FAULT_DEVICE) names.push_back("the device is not ready");
+  if (faults & FS_FAULT_SPEED) names.push_back("the hand was too fast");
+  if (faults & FS_FAULT_NUMBER) names.push_back("a pose or force was not finite");
+  if (faults & FS_FAULT_LATE) names.push_back("the servo was late too long");
+  return join(names, "none");
+}
+
+std::string fit(std::string_view text, std::size_t columns) {
+  std::size_t end = 0;
+  for (; end < text.size(); ++end) {
+    if (begins_character(text[end]) && columns-- == 0) break;
+  }
+  return std::string(text.substr(0, end));
+}
+
+std::vector<std::string> Table::lines() const {
+  std::vector<std::size_t> widths(rows_.front().size(), 7);  // so that they do not jump with every digit
+  for (const auto& row : rows_) {
+    for (std::size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], characters(row[i]));
+  }
+  std::vector<std::string> out;
+  for (const auto& row : rows_) {
+    std::string line;
+    for (std::size_t i = 0; i < row.size(); ++i) {
+      const std::string space(widths[i] - characters(row[i]), ' ');
+      line += i == 0 ? row[i] + space : "  " + space + row[i];
+    }
+    out.push_back(std::move(line));
+  }
+  return out;
+}
