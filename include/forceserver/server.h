@@ -41,11 +41,11 @@ typedef struct fs_client {
   uint32_t process, user;       /* ids of the system */
   uint32_t objects;             /* that it has now */
   uint32_t reserved_32;         /* 0 */
-  double connected;             /* s, when it came, on the scene's clock */
+  double connected;             /* s, when it came, on the scene's clock; 0: the server itself */
   double force_limit;           /* N, of its summed force */
   fs_wrench wrench;             /* its sum at the last tick, as it was added; device frame */
-  uint64_t moves,               /* of its objects, taken since it came */
-           changes,             /* of other kinds, taken since it came */
+  uint64_t moves,               /* of its objects, taken since it came; of two within a period one is taken */
+           changes,             /* of its objects otherwise, of its frame, clutch and tool, and by it of others' */
            refused;             /* changes that were not taken */
   uint64_t limited;             /* ticks in which force_limit bounded it */
   uint64_t shape_bytes;         /* of its shapes and curves at the server */
