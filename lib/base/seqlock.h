@@ -18,11 +18,13 @@ class Seqlock {
 
  public:
   void write(const T& value) noexcept {  // [rt] one writer
-    uint64_t copy[words];
-    std::memcpy(copy, &value, sizeof value);
     const uint64_t sequence = sequence_.load(std::memory_order_relaxed);
     sequence_.store(sequence + 1, std::memory_order_relaxed);
-    for (size_t i = 0; i < words; ++i) words_[i].store(copy[i], std::memory_order_release);
+    for (size_t i = 0; i < words; ++i) {  // word by word from the value: a copy of what was just put together stalls
+      uint64_t word;
+      std::memcpy(&word, reinterpret_cast<const char*>(&value) + 8 * i, sizeof word);
+      words_[i].store(word, std::memory_order_release);
+    }
     sequence_.store(sequence + 2, std::memory_order_release);
   }
 

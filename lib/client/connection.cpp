@@ -11,15 +11,13 @@
 #include <cstring>
 #include <thread>
 
-#include "scene/transfer.h"
-
 namespace fs {
 namespace {
 
 constexpr double retry_period = 0.02;     // s, between two tries to connect
 constexpr double handshake_limit = 2;     // s, where the endpoint does not say
 constexpr double answer_limit = 1;        // s
-constexpr double sending_limit = 10;      // s, once something has been said that must go on
+constexpr double sending_limit = 60;      // s, in the middle of what belongs together; the server may have much to build
 constexpr double heartbeat_limit = 0.1;   // s: of a server that has not come by for so long the system is asked
 
 constexpr const char* lost_text = "the server is gone, and stays so for this scene: make a new one";
@@ -151,8 +149,8 @@ void Connection::lose(const char* why) const noexcept {
   loss_.compare_exchange_strong(none, why, std::memory_order_acq_rel);
 }
 
-void Connection::check() const {
-  if (const char* why = loss(steady_now())) throw Error{FS_ERROR_DISCONNECTED, why};
+void Connection::check(double now) const {
+  if (const char* why = loss(now)) throw Error{FS_ERROR_DISCONNECTED, why};
 }
 
 void Connection::shut() noexcept {
@@ -172,7 +170,7 @@ uint64_t Connection::send(wire::Type type, std::span<const std::byte> body, bool
     const Transfer transfer = send_message(socket_, parts, descriptors);
     if (transfer == Transfer::done) return serial_;
     if (transfer == Transfer::closed) lose(lost_text);
-    if (steady_now() - start > sending_limit) lose("the server has taken nothing for 10 s, and is given up");
+    if (steady_now() - start > sending_limit) lose("the server has taken nothing for a minute, and is given up");
     check();
     // Room alone is not enough where too many descriptors are on their way.
     wait_for(socket_, true, 0.01);

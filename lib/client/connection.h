@@ -11,9 +11,9 @@
 #include <vector>
 
 #include "base/error.h"
-#include "ipc/blob.h"
 #include "ipc/region.h"
 #include "ipc/socket.h"
+#include "scene/transfer.h"
 
 namespace fs {
 
@@ -60,8 +60,8 @@ class Connection {
   const std::shared_ptr<Outbox>& outbox() const noexcept { return outbox_; }  // mapped to be read only
   bool is_forked() const noexcept;  // [rt] since it connected: it is the parent's
   // [rt] Null: the server is there; else why it is not, a literal. No system call, while the server comes by.
-  const char* loss(double now) const noexcept;  // now: s, monotonic clock
-  void check() const;                           // DISCONNECTED
+  const char* loss(double now = steady_now()) const noexcept;  // now: s, monotonic clock
+  void check(double now = steady_now()) const;                 // DISCONNECTED
   // Ends it from this side, also for calls that wait.
   void shut() noexcept;
   // Waits until there may be an answer, timeout s at most.

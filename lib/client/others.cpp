@@ -143,10 +143,10 @@ void RemoteScene::move_other(const char* name, const Pose& pose, const fs_twist*
 // What others have changed of this one's objects comes into the replica. Not while a group is open: it began without.
 void RemoteScene::pull() {
   const std::atomic<uint64_t>& edits = connection_.outbox()->edits;
-  if (edits.load(std::memory_order_acquire) == edits_seen_ || group_) return;
+  const auto is_current = [&] { return edits.load(std::memory_order_acquire) == edits_seen_; };
+  if (is_current() || group_) return;
   flush_ahead();
-  // Whoever goes on changing is not waited for.
-  for (uint32_t i = 0; i <= connection_.welcome().max_objects && edits.load(std::memory_order_acquire) != edits_seen_; ++i) {
+  for (uint32_t i = 0; i <= connection_.welcome().max_objects && !is_current(); ++i) {  // who goes on is not waited for
     const auto pulled = connection_.request(wire::type_pull).as<wire::Pulled>();
     edits_seen_ = pulled.edits;
     if (pulled.state == 0) break;
@@ -157,13 +157,40 @@ void RemoteScene::pull() {
       replica_->remove(slot->first.c_str());
       drop_slot(slot);
     } else if (text_of(pulled.object.name) == slot->first) {
-      replica_->set(receive(pulled.object).object);
-      fs_object object;
-      note_object(slot->second, replica_->get(slot->first.c_str(), object).get());
+      try {
+        take_over(*slot, pulled.object);
+      } catch (const Error&) {  // its mesh is on its way for too long: whoever needs all of it asks again
+        behind_.insert(slot->first);
+      }
     }
   }
   publish();
   forget_unused();
+}
+
+// The same, and all of an object, or of all, is there.
+void RemoteScene::catch_up(const char* name) {
+  pull();
+  if (group_) return;
+  for (auto next = behind_.begin(); next != behind_.end();) {
+    if (name && *next != name) {
+      ++next;
+      continue;
+    }
+    const wire::Target target = to_target(next->c_str(), "name");
+    take_over(*slots_.find(*next), connection_.request(wire::type_get, bytes_of(&target, 1)).as<wire::Object>());
+    next = behind_.erase(next);
+    publish();
+    forget_unused();
+  }
+}
+
+// An own object as the server has it.
+void RemoteScene::take_over(Slots::value_type& slot, const wire::Object& record) {
+  flush_ahead();
+  replica_->set(receive(record).object);
+  fs_object object;
+  note_object(slot.second, replica_->get(slot.first.c_str(), object).get());
 }
 
 // ------------------------------------------------------------------------------------------------- reports and events
@@ -235,7 +262,7 @@ std::vector<fs_client> RemoteScene::clients() {
 
 // The oldest event that is there; false: none. After the last of a server that is gone comes its end.
 bool RemoteScene::take_event(fs_event& out) {
-  const char* loss = connection_.loss(steady_now());  // before its last events are looked at
+  const char* loss = connection_.loss();  // before its last events are looked at
   if (!loss) {
     try {
       pull();

@@ -30,15 +30,19 @@ RemoteScene::RemoteScene(const Endpoint& endpoint, const std::string& client)
   replica_->hold();
 }
 
-// Not after a loss; and not in a forked child, where nobody may ever give the lock back.
-RemoteScene::Lock RemoteScene::enter() const {
-  connection_.check();
-  return Lock(mutex_);
+// Not after a loss; and in a forked child not even to the lock, which nobody there may ever give back.
+RemoteScene::Lock RemoteScene::enter(double* steady) const {
+  if (connection_.is_forked()) connection_.check();
+  Lock lock(mutex_);
+  const double now = steady_now();
+  connection_.check(now);
+  if (steady) *steady = now;
+  return lock;
 }
 
 LocalScene& RemoteScene::local() {
   const Lock lock = enter();
-  pull();
+  catch_up();
   is_evaluated_here_ = true;
   flush_ahead();
   return *replica_;
@@ -117,7 +121,7 @@ void RemoteScene::change(const fs_object& object, uint32_t parts) {
   if (name && is_evaluated_here_ && (parts & FS_PART_SHAPE) && object.shape) object.shape->build();  // without the lock
   const Lock lock = enter();
   if (!name) return change_other(object, parts);
-  pull();
+  catch_up(name);
   fs_object own = object;
   if (name != given.c_str()) put_text(own.name, name);
   mutate([&](Group& group) {
@@ -132,8 +136,9 @@ void RemoteScene::move(const char* given, const fs_pose& pose, const fs_twist* t
   const Pose parsed = parse_pose(pose, "pose");
   if (twist) parse_twist(*twist, "twist");
   parse_finite(time, "time");
-  const Lock lock = enter();
-  const double at = time != 0 ? time : now();
+  double steady;
+  const Lock lock = enter(&steady);
+  const double at = time != 0 ? time : connection_.welcome().is_virtual ? now() : steady;
   const char* name = own_name(given);
   if (!name) return move_other(given, parsed, twist, at);
   if (group_) {
@@ -198,14 +203,14 @@ Ref<const Object> RemoteScene::get(const char* given, fs_object& out) {
   const Lock lock = enter();
   const char* name = own_name(given);
   if (!name) return get_other(given, out);
-  pull();
+  catch_up(name);
   flush_ahead();
   return replica_->get(name, out);
 }
 
 Scene::Contents RemoteScene::contents() {
   const Lock lock = enter();
-  pull();
+  catch_up();
   flush_ahead();
   Contents out = replica_->contents();
   out.frame = own_frame();
@@ -354,7 +359,7 @@ fs_status RemoteScene::set_time(double) noexcept {
 }
 
 fs_status RemoteScene::get_hand(fs_state* state, fs_response* response, fs_wrench* sent) const noexcept {
-  if (const char* why = connection_.loss(steady_now())) return set_last_error_literal(FS_ERROR_DISCONNECTED, why);
+  if (const char* why = connection_.loss()) return set_last_error_literal(FS_ERROR_DISCONNECTED, why);
   return read_hand(connection_.outbox()->servo, state, response, sent);
 }
 

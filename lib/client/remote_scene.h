@@ -109,7 +109,7 @@ struct RemoteScene final : Scene {
   template <class T>
   using Fetched = std::deque<std::pair<uint64_t, Ref<const T>>>;  // by the server's number, the oldest first
 
-  Lock enter() const;  // DISCONNECTED
+  Lock enter(double* steady = nullptr) const;  // DISCONNECTED. steady: s, monotonic clock
   double now() const noexcept { return replica_->now(); }
   const char* own_name(const char* name) const noexcept;  // null: it is another client's
   void require_no_group() const;                          // STATE
@@ -143,6 +143,8 @@ struct RemoteScene final : Scene {
 
   // ---- What others have done, and what they have (others.cpp).
   void pull();
+  void catch_up(const char* name = nullptr);
+  void take_over(Slots::value_type& slot, const wire::Object& record);
   Received receive(const wire::Object& record);
   Ref<const Shape> receive_shape(uint64_t id);
   Ref<const Curve> receive_curve(uint64_t id);
@@ -169,6 +171,7 @@ struct RemoteScene final : Scene {
 
   Fetched<Shape> fetched_shapes_;
   Fetched<Curve> fetched_curves_;
+  std::set<std::string> behind_;  // that others have changed, and their mesh is not here yet
   uint64_t edits_seen_ = 0, events_read_ = 0;
   bool is_end_told_ = false;
 };

@@ -154,6 +154,7 @@ void RemoteScene::make_slot(const std::string& name) {
 
 RemoteScene::Slots::iterator RemoteScene::drop_slot(Slots::iterator slot) {
   free_indexes_.insert(slot->second.index);
+  behind_.erase(slot->first);
   note_object(slot->second, nullptr);
   return slots_.erase(slot);
 }

@@ -253,6 +253,19 @@ void LocalScene::set_movement(const char* name, const Movement& movement) {
   });
 }
 
+void LocalScene::set_motion(const char* name, const Motion& motion) {
+  mutate([&] {
+    uint32_t slot;
+    const Entry& old = require(name, slot);
+    const Ref<Entry> entry = copy(old);
+    entry->track.take(motion.pose, &motion.twist, motion.time);
+    entry->motion = motion;
+    const bool has_lifetime = old.object->lifetime > 0;
+    if (has_lifetime) entry->expiry = expiry_of(*old.object, now());
+    put(slot, entry, has_lifetime);
+  });
+}
+
 Ref<const Object> LocalScene::get(const char* name, fs_object& out) {
   const std::lock_guard lock(mutex_);
   uint32_t slot;

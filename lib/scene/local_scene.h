@@ -78,6 +78,7 @@ struct LocalScene final : Scene {
   // An object's motion as it is (as an open group has it), and set as another process has worked it out: good numbers.
   Movement movement(const char* name) const;
   void set_movement(const char* name, const Movement& movement);
+  void set_motion(const char* name, const Motion& motion);  // a move whose twist has been worked out
 
   // Groups.
   void begin() override;

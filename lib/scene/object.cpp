@@ -222,6 +222,7 @@ bool make_unit_pose(Pose& pose) noexcept {
     q = identity_quat();
     return true;
   }
+  if (std::fabs(dot(q, q) - 1) <= 1e-15) return true;  // as below, without the root
   const double length = norm(q);
   if (!(std::fabs(length - 1) <= 1e-3)) return false;
   if (std::fabs(length - 1) > 1e-15) q = normalized(q);  // one that is unit already keeps its bits
@@ -254,7 +255,7 @@ fs_object merge_parts(const fs_object& object, const fs_object& change, uint32_t
   }
   if (parts & FS_PART_CONTACT) merged.contact = change.contact;
   if (parts & FS_PART_SHAPE) {
-    merged.primitive = change.primitive;
+    std::memcpy(&merged.primitive, &change.primitive, sizeof merged.primitive);  // any number: checked later
     merged.shape = change.shape;
   }
   if (parts & FS_PART_OTHER) {

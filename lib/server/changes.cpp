@@ -49,7 +49,7 @@ void Session::take_upload(Message&& message, Descriptor&& came) {
   if (const auto found = std::find_if(parked_.begin(), parked_.end(), forgets); found != parked_.end()) {
     parked_.erase(found);  // it is wanted again before that could be done, so it stays
     held_ = {};
-    for (const Unit& unit : parked_) held_.add(unit);
+    for (const Unit& unit : parked_) held_.add(unit, slots_);
     return;
   }
   if (id == 0 || (id & wire::of_server) || uploads_.size() >= most || !uploads_.emplace(id, Upload{}).second) {
@@ -129,18 +129,27 @@ void Session::regulate() noexcept {
 
 // --------------------------------------------------------------------------------------------------------- changes
 
-void Session::Held::add(const Unit& unit) {
+void Session::Held::add(const Unit& unit, const std::vector<Slot>& present) {
   slots.insert(unit.slots.begin(), unit.slots.end());
+  for (const uint32_t slot : unit.slots) names.insert(present[slot].name);
+  for (const Message& message : unit.messages) {
+    if (message.header.type == wire::type_set) names.insert(text_of(message.as<wire::Set>().object.name));
+  }
   ids.insert(unit.ids.begin(), unit.ids.end());
   all += unit.is_about_all;
+  view += unit.is_about_view;
   messages += unit.messages.size();
 }
 
 bool Session::Held::blocks(const Unit& unit) const {
   if (messages == 0) return false;
-  if (all || unit.is_about_all) return true;
+  if (all || unit.is_about_all || (view && unit.is_about_view)) return true;
   const auto is_held = [](const auto& counts) { return [&counts](auto key) { return counts.contains(key); }; };
+  const auto has_held_name = [this](const Message& message) {
+    return message.header.type == wire::type_set && names.contains(text_of(message.as<wire::Set>().object.name));
+  };
   return std::any_of(unit.slots.begin(), unit.slots.end(), is_held(slots)) ||
+         std::any_of(unit.messages.begin(), unit.messages.end(), has_held_name) ||
          (unit.is_forget && std::any_of(unit.ids.begin(), unit.ids.end(), is_held(ids)));
 }
 
@@ -157,7 +166,7 @@ void Session::submit(Unit&& unit) {
   for (const Message& message : unit.messages) {
     if (message.header.type == wire::type_set) note_absent(message.as<wire::Set>(), FS_OBJECT_PENDING);
   }
-  held_.add(unit);
+  held_.add(unit, slots_);
   parked_.push_back(std::move(unit));
   regulate();
 }
@@ -170,11 +179,12 @@ void Session::retry_parked() {
     if (is_ready(unit) && !held_.blocks(unit)) {
       apply(unit);
     } else {
-      held_.add(unit);
+      held_.add(unit, slots_);
       parked_.push_back(std::move(unit));
     }
   }
   is_late_ = false;
+  if (!edited_.empty()) outbox_->edits.fetch_add(1, std::memory_order_release);  // what had to wait can be told now
   regulate();
 }
 
@@ -238,10 +248,7 @@ void Session::apply(const Message& message) {
       const Place& place = message.as<Place>();
       Slot& slot = slots_[place.slot];
       if (slot.name.empty()) return;  // another client has removed it
-      ::fs::Movement movement = scene_->movement(slot.name.c_str());
-      movement.motion = from_record(place.movement);
-      movement.track.take(movement.motion.pose, &movement.motion.twist, movement.motion.time);
-      scene_->set_movement(slot.name.c_str(), movement);
+      scene_->set_motion(slot.name.c_str(), from_record(place.movement));
       slot.after = message.header.serial;
       mark(place.slot);
       ++moves_;

@@ -138,7 +138,14 @@ void Session::request(const Message& message) {
         if (!owner && client != "server") {
           fail(FS_ERROR_NOT_FOUND, "client is '%.80s': no client of that name is connected", client.c_str());
         }
-        const Frame frame{(owner ? *owner->scene_ : *server_.servo().scene()).get_frame(nullptr)};
+        Frame frame{(owner ? *owner->scene_ : *server_.servo().scene()).get_frame(nullptr)};
+        if (owner == this) {  // as it was said, where that waits for a shape still
+          for (const Unit& unit : parked_) {
+            for (const Message& waiting : unit.messages) {
+              if (waiting.header.type == type_frame) frame = waiting.as<Frame>();
+            }
+          }
+        }
         return reply(serial, bytes_of(&frame, 1));
       }
       case type_stats: {
@@ -200,13 +207,14 @@ void Session::tell_edit(LocalScene& scene, Session* owner, const std::string& na
   }
 }
 
-// The next of its own objects that others have changed.
+// The next of its own objects that others have changed. Where changes of its own wait, they come first.
 void Session::pull(const Message& message) {
   take_moves();
   wire::Pulled out{};
-  if (!edited_.empty()) {
-    out.slot = edited_.begin()->first;
-    edited_.erase(edited_.begin());
+  const auto is_told = [this](const auto& edit) { return held_.all == 0 && !held_.slots.contains(edit.first); };
+  if (const auto next = std::find_if(edited_.begin(), edited_.end(), is_told); next != edited_.end()) {
+    out.slot = next->first;
+    edited_.erase(next);
     const std::string& name = slots_[out.slot].name;
     if (name.empty()) {
       out.state = 2;
@@ -217,7 +225,7 @@ void Session::pull(const Message& message) {
       out.state = 1;
     }
   }
-  if (edited_.empty()) edits_told_ = outbox_->edits.load(std::memory_order_relaxed);
+  if (std::none_of(edited_.begin(), edited_.end(), is_told)) edits_told_ = outbox_->edits.load(std::memory_order_relaxed);
   out.edits = edits_told_;
   reply(message.header.serial, bytes_of(&out, 1));
 }

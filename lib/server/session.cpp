@@ -239,7 +239,7 @@ void Session::handle(Message&& message, Descriptor&& data) {
       unit_.is_forget = true;
       need(message.as<Forget>().id);
       break;
-    default: break;  // of the view
+    default: unit_.is_about_view = true;
   }
   const bool goes_on = message.header.more != 0;
   unit_.messages.push_back(std::move(message));
@@ -272,18 +272,13 @@ void Session::take_moves() {
     return;
   }
   for (const auto& [slot, move] : moved_) {
-    ::fs::Movement movement;
-    if (!from_record(move.movement, movement.motion)) {
+    Motion motion;
+    if (!from_record(move.movement, motion)) {
       ++refused_;
       continue;
     }
     try {
-      const char* name = slots_[slot].name.c_str();
-      const Motion motion = movement.motion;
-      movement = scene_->movement(name);
-      movement.track.take(motion.pose, &motion.twist, motion.time);
-      movement.motion = motion;
-      scene_->set_movement(name, movement);
+      scene_->set_motion(slots_[slot].name.c_str(), motion);
       ++moves_;
     } catch (const Error&) {  // the object is not there any more
     }

@@ -89,14 +89,15 @@ class Session : public std::enable_shared_from_this<Session> {
     std::vector<Message> messages;
     std::set<uint32_t> slots;
     std::set<uint64_t> ids;  // shapes and curves that it needs, or forgets
-    bool is_about_all = false, is_forget = false;
+    bool is_about_all = false, is_about_view = false, is_forget = false;
   };
   // What parked units hold up.
   struct Held {
     std::set<uint32_t> slots;
     std::set<uint64_t> ids;
-    size_t all = 0, messages = 0;
-    void add(const Unit& unit);
+    std::set<std::string> names;  // a client that has removed an object may give its slot and its name to others
+    size_t all = 0, view = 0, messages = 0;
+    void add(const Unit& unit, const std::vector<Slot>& present);
     bool blocks(const Unit& unit) const;
   };
   struct Sync {

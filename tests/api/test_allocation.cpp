@@ -5,7 +5,7 @@
 #include <thread>
 #include <vector>
 
-#include "api/support.h"
+#include "api/world.h"
 
 using namespace scenes;
 
@@ -193,6 +193,40 @@ END_TEST
 START_TEST(a_callers_servo) { drive(FS_SERVO_CALLER); }
 END_TEST
 
+// Moves through shared memory neither, nor a look at the hand there.
+START_TEST(a_connected_scene) {
+  Rig rig("connected");
+  rig.start(virtual_options());
+  const std::string endpoint = new_endpoint();
+  const Server server = start_server(rig.servo.get(), endpoint, fs_server_options_init());
+  const Scene scene = connect(endpoint, "me");
+  const Content content = everything();
+  fill(scene.get(), content);
+  Random random(5);
+  fs_state state;
+  fs_response response;
+  fs_wrench sent;
+  double time = 0;
+  fs_status worst = FS_OK;
+  const fs_twist twist{{0.1, 0, 0}, {0, 0, 1}};
+  const auto look_and_move = [&] {
+    for (const fs_object& o : content.objects) {
+      const fs_pose pose = random.pose(0.05);
+      worst = std::min(worst, fs_object_move(scene.get(), o.name, &pose, random.coin() ? &twist : nullptr, FS_NOW));
+    }
+    worst = std::min(worst, fs_scene_get_hand(scene.get(), &state, &response, &sent));
+    worst = std::min(worst, fs_scene_get_time(scene.get(), &time));
+  };
+  ck_assert_uint_eq(count([&] {
+    for (int k = 0; k < 1000; ++k) look_and_move();
+  }), 0);
+  ck_assert_int_eq(worst, FS_OK);
+  Got(scene.get(), content.objects[0].name);  // what has moved comes into the scene of this process
+  ck_assert_uint_eq(count(look_and_move), 0);
+  ck_assert_int_eq(worst, FS_OK);
+}
+END_TEST
+
 START_TEST(faults) {  // what goes wrong allocates no more than what goes well
   Rig rig("faults");
   fill(rig.scene.get(), hello());
@@ -215,6 +249,7 @@ END_TEST
 
 int main() {
   Suite* suite = suite_create("allocation");
-  add_case(suite, "allocation", {the_counter_counts, a_tool, a_virtual_servo, a_callers_servo, faults});
+  add_case(suite, "allocation", {the_counter_counts, a_tool, a_virtual_servo, a_callers_servo, a_connected_scene,
+                                faults});
   return run_suite(suite);
 }

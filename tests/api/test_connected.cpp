@@ -1,0 +1,775 @@
+// Several clients of one server: their forces add, their names are their own, and each sees, and may change, what the
+// others have. What one scene alone does: test_scenario.
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <map>
+#include <memory>
+#include <utility>
+
+#include "api/world.h"
+
+using namespace scenes;
+
+static void set(const Scene& scene, const fs_object& o) { OK(fs_object_set(scene.get(), &o)); }
+static fs_object solid(const char* name, const Shape& shape, double stiffness = 100) {
+  fs_object o = fs_object_init(name, FS_PRIMITIVE_MESH);
+  o.shape = shape.get();
+  o.front = attract(stiffness, 1000);
+  return o;
+}
+
+// A server, its own scene, and two clients.
+struct Two : ServerRig {
+  Scene me, bob;
+  explicit Two(const fs_server_options& options = fs_server_options_init())
+      : ServerRig(options), me(join("me")), bob(join("bob")) {}
+  void settle_all() {
+    for (fs_scene* scene : {me.get(), bob.get(), base.get()}) {
+      if (scene) OK(sync(scene));
+    }
+    step_through_fade();
+  }
+};
+
+START_TEST(forces_add) {
+  ServerRig rig;
+  const Scene a = rig.join("a"), c = rig.join("c");
+  Scene b = rig.join("b");
+  set(rig.base, push("x", 1, {0, 0, 1}));
+  set(a, push("x", 2, {0, 1, 0}));
+  set(b, push("x", 3, {1, 0, 0}));
+  set(c, push("x", 4, {0, 0, -1}));
+  for (fs_scene* scene : {a.get(), b.get(), c.get()}) rig.settle(scene);
+  EXPECT_VECTOR(rig.fake.written.force, (fs_vec3{3, 2, -3}), 1e-12);
+  fs_response response;
+  fs_wrench sent;
+  OK(fs_scene_get_hand(a.get(), nullptr, &response, &sent));
+  EXPECT_VECTOR(response.wrench.force, (fs_vec3{0, 2, 0}), 1e-12);  // of this scene alone
+  EXPECT_VECTOR(sent.force, (fs_vec3{3, 2, -3}), 1e-12);            // of all
+  EXPECT_VECTOR(record_of(rig.servo.get()).back().response.wrench.force, (fs_vec3{3, 2, -3}), 1e-12);
+  ck_assert_uint_eq(record_of(rig.servo.get()).back().response.felt_count, 4);
+
+  // One that leaves takes its force along, without a step; the name is free.
+  std::vector<fs_wrench> log{rig.fake.written};
+  rig.fake.log = &log;
+  b.reset();
+  const bool is_gone = eventually([&] {
+    rig.step();
+    return rig.fake.written.force.x == 0;
+  });
+  rig.fake.log = nullptr;
+  ck_assert(is_gone);
+  EXPECT_VECTOR(rig.fake.written.force, (fs_vec3{0, 2, -3}), 1e-12);
+  for (size_t k = 1; k < log.size(); ++k) {
+    ck_assert_double_le(norm(log[k].force - log[k - 1].force), 3 * 0.001 / world_fade * (1 + 1e-6));
+  }
+  b = rig.join("b");
+  ck_assert_uint_eq(own_reports_of(b.get()).size(), 0);
+  set(b, push("x", 5, {1, 0, 0}));
+  rig.settle(b.get());
+  EXPECT_VECTOR(rig.fake.written.force, (fs_vec3{5, 2, -3}), 1e-12);
+}
+END_TEST
+
+START_TEST(names_are_private) {
+  Two two;
+  set(two.base, push("a", 1, {0, 0, 1}));
+  set(two.me, push("a", 2, {0, 1, 0}));
+  set(two.bob, push("a", 3, {1, 0, 0}));
+  two.settle_all();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{3, 2, 1}), 1e-12);
+  ck_assert_double_eq(Got(two.me.get(), "a")->front.gain, 2);
+  ck_assert_double_eq(Got(two.bob.get(), "a")->front.gain, 3);
+  ck_assert_double_eq(Got(two.me.get(), "me/a")->front.gain, 2);  // its own, by its full name
+  ck_assert_double_eq(Got(two.me.get(), "bob/a")->front.gain, 3);
+  ck_assert_double_eq(Got(two.bob.get(), "me/a")->front.gain, 2);
+  ck_assert_double_eq(Got(two.bob.get(), "server/a")->front.gain, 1);
+  OK(fs_object_remove(two.me.get(), "a"));
+  two.settle_all();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{3, 0, 1}), 1e-12);
+  ck_assert(!has(two.me.get(), "a") && !has(two.bob.get(), "me/a") && has(two.me.get(), "bob/a"));
+  OK(fs_scene_clear(two.bob.get()));  // its own only
+  two.settle_all();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{0, 0, 1}), 1e-12);
+  for (const char* name : {"nobody/a", "me/none", "server/none", "/a", "me/", "bob/a/b", "bob//a"}) {
+    ck_assert_msg(!has(two.bob.get(), name), "%s", name);
+    fs_report report;
+    EXPECT(FS_ERROR_NOT_FOUND, fs_scene_get_report(two.bob.get(), name, &report));
+    EXPECT(FS_ERROR_NOT_FOUND, fs_object_remove(two.bob.get(), name));
+  }
+}
+END_TEST
+
+// Its own object by its full name: each call is the same.
+START_TEST(own_names_in_full) {
+  Two two;
+  set(two.me, push("a", 2));
+  fs_object o = push("a", 3);
+  std::strcpy(o.name, "me/a");
+  OK(fs_object_change(two.me.get(), &o, FS_PART_PROFILES));
+  two.settle_all();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{0, 0, 3}), 1e-12);
+  ck_assert_str_eq(Got(two.me.get(), "me/a")->name, "a");
+  const fs_pose pose{{0, -100, 0}, turn({1, 0, 0}, -1.5707963267948966)};
+  OK(fs_object_move(two.me.get(), "me/a", &pose, nullptr, FS_NOW));
+  const fs_twist still{};
+  OK(fs_object_move(two.me.get(), "me/a", &pose, &still, FS_NOW));
+  two.settle_all();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{0, 3, 0}), 1e-12);
+  fs_report report;
+  OK(fs_scene_get_report(two.me.get(), "me/a", &report));
+  ck_assert_str_eq(report.name, "a");
+  EXPECT_VECTOR(report.wrench.force, (fs_vec3{0, 3, 0}), 1e-12);
+  OK(fs_object_remove(two.me.get(), "me/a"));
+  two.settle_all();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{}), 1e-12);
+  for (const fs_event& e : events_now(two.me.get())) ck_assert_int_ne(e.kind, FS_EVENT_EDITED);
+  EXPECT(FS_ERROR_INVALID, fs_object_set(two.me.get(), &o));  // a set is of a new name
+}
+END_TEST
+
+// Another client's object: seen, changed, moved and removed; the owner is told, and sees the same.
+static void change_of_others(Two& two, fs_scene* owner, const std::string& prefix) {
+  fs_scene* const bob = two.bob.get();
+  const std::string name = prefix + "/a";
+  const char* const full = name.c_str();
+  const auto is_told = [&] {
+    const fs_event event = next_event(owner, FS_EVENT_EDITED);
+    ck_assert_str_eq(event.name, "a");
+    ck_assert_str_eq(event.text, "bob");
+    ck_assert_int_eq(event.status, FS_OK);
+    ck_assert_double_le(event.time, now(owner));
+  };
+  const auto settle = [&] {
+    OK(two.sync(bob));
+    if (owner != two.base.get()) OK(two.sync(owner));
+    two.step_through_fade();
+  };
+  two.fake.state.pose = at(0.1, 0, 0);
+  fs_object o = spring("a", {0.3, 0, 0});
+  o.time = 1e-3;
+  o.lifetime = 1e7;
+  o.start = -4;
+  OK(fs_object_set(owner, &o));
+  settle();
+  {
+    const Got seen(bob, full);
+    ck_assert_str_eq(seen->name, full);  // so it can be changed as it is
+    EXPECT_VECTOR(seen->pose.position, o.pose.position, 0);
+    ck_assert(seen->time == o.time && seen->lifetime == o.lifetime && seen->start == -4 && seen->front.gain == 100);
+  }
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{20, 0, 0}), 1e-12);
+
+  // Parts of it: the owner's pose stays, and its moves go on.
+  fs_object change = spring("", {9, 9, 9}, 50);
+  change.lifetime = 3;
+  std::strcpy(change.name, full);
+  OK(fs_object_change(bob, &change, FS_PART_PROFILES));
+  settle();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{10, 0, 0}), 1e-12);
+  is_told();
+  ck_assert_double_eq(Got(owner, "a")->front.gain, 50);
+  ck_assert_double_eq(Got(owner, "a")->lifetime, 1e7);
+  ck_assert_double_eq(Got(owner, "a")->start, -4);
+  EXPECT_VECTOR(Got(owner, "a")->pose.position, o.pose.position, 0);
+  const fs_pose here = at(0.2, 0, 0), there = at(0.1, 0.04, 0);
+  const fs_twist still{};
+  OK(fs_object_move(owner, "a", &here, &still, FS_NOW));
+  settle();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{5, 0, 0}), 1e-12);
+  EXPECT_VECTOR(Got(bob, full)->pose.position, here.position, 0);
+
+  // Moved by the other, then by the owner again.
+  OK(fs_object_move(bob, full, &there, &still, FS_NOW));
+  settle();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{0, 2, 0}), 1e-12);
+  is_told();
+  EXPECT_VECTOR(Got(owner, "a")->pose.position, there.position, 0);
+  OK(fs_object_move(owner, "a", &here, &still, FS_NOW));
+  settle();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{5, 0, 0}), 1e-12);
+  change.pose = there;
+  OK(fs_object_change(bob, &change, FS_PART_POSE | FS_PART_OTHER));
+  settle();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{0, 2, 0}), 1e-12);
+  is_told();
+  ck_assert_double_eq(Got(owner, "a")->lifetime, 3);
+  EXPECT_VECTOR(Got(owner, "a")->pose.position, there.position, 0);
+  OK(fs_object_change(bob, &change, 0));
+  OK(fs_object_set(owner, &o));  // the owner's word again
+  settle();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{20, 0, 0}), 1e-12);
+
+  // A shape and a curve of the other's.
+  const Shape box = make_mesh(box_mesh({0.01, 0.02, 0.03}));
+  const double table[]{2, 2};
+  const Curve curve = make_table(table, 2, 0.1);
+  fs_object mesh = fs_object_init(full, FS_PRIMITIVE_MESH);
+  mesh.shape = box.get();
+  mesh.front = mesh.back = fs_profile_init(FS_PROFILE_CUSTOM, FS_SENSE_ATTRACTIVE, 2, 0, 100);
+  mesh.front.curve = mesh.back.curve = curve.get();
+  OK(fs_object_change(bob, &mesh, FS_PART_SHAPE | FS_PART_PROFILES));
+  settle();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{4, 0, 0}), 1e-12);
+  is_told();
+  {
+    const Got seen(owner, "a");
+    size_t points = 0, triangles = 0, entries = 0;
+    double step = 0;
+    ck_assert_int_eq(seen->primitive, FS_PRIMITIVE_MESH);
+    const fs_vec3* p = fs_shape_get_points(seen->shape, &points);
+    const uint32_t* t = fs_shape_get_triangles(seen->shape, &triangles);
+    ck_assert(points == 8 && triangles == 12);
+    ck_assert_int_eq(std::memcmp(p, fs_shape_get_points(box.get(), &points), points * sizeof *p), 0);
+    ck_assert_int_eq(std::memcmp(t, fs_shape_get_triangles(box.get(), &triangles), 3 * triangles * sizeof *t), 0);
+    const double* f = fs_curve_get_table(seen->back.curve, &entries, &step);
+    ck_assert(entries == 2 && step == 0.1 && f[0] == 2 && f[1] == 2);
+    fs_object again = seen.object;  // as the owner sees it, it can set it
+    again.pose = at(-1, 0, 0);
+    again.time = FS_NOW;
+    OK(fs_object_set(owner, &again));
+  }
+  settle();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{-4, 0, 0}), 1e-12);
+  fs_vec3 f{}, x{0.1, 0, 0};
+  OK(fs_evaluate_field(owner, nullptr, FS_NOW, &x, 1, &f));  // its own tools feel it too
+  EXPECT_VECTOR(f, (fs_vec3{-4, 0, 0}), 1e-12);
+
+  // Refused, with nothing changed: what makes a bad whole, and what is not there.
+  change.front.gain = -1;
+  EXPECT(FS_ERROR_INVALID, fs_object_change(bob, &change, FS_PART_PROFILES));
+  change = fs_object_init(full, FS_PRIMITIVE_MESH);
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_object_change(bob, &change, FS_PART_SHAPE), "shape");
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_object_change(bob, &change, 64), "parts");
+  fs_pose bad = here;
+  bad.orientation.w = 2;
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_object_move(bob, full, &bad, nullptr, FS_NOW), "orientation");
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_object_move(bob, full, &here, nullptr, NAN), "time");
+  const std::string missing = prefix + "/missing";
+  fs_object none = spring(missing.c_str());
+  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_object_change(bob, &none, FS_PART_POSE), "missing");
+  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_object_change(bob, &none, 0), "missing");
+  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_object_move(bob, missing.c_str(), &here, nullptr, FS_NOW), "missing");
+  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_object_remove(bob, missing.c_str()), "missing");
+  EXPECT(FS_ERROR_INVALID, fs_object_set(bob, &none));
+  settle();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{-4, 0, 0}), 1e-12);
+
+  // Not in a group, which holds the scene's own.
+  OK(fs_scene_begin(bob));
+  EXPECT(FS_ERROR_STATE, fs_object_move(bob, full, &here, nullptr, FS_NOW));
+  change = spring(full);
+  EXPECT(FS_ERROR_STATE, fs_object_change(bob, &change, FS_PART_POSE));
+  EXPECT(FS_ERROR_STATE, fs_object_remove(bob, full));
+  OK(fs_scene_cancel(bob));
+
+  // Removed by the other: the owner has it no more, and can make it again.
+  OK(fs_object_remove(bob, full));
+  settle();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{}), 0);
+  is_told();
+  ck_assert(!has(owner, "a") && !has(bob, full));
+  EXPECT(FS_ERROR_NOT_FOUND, fs_object_move(owner, "a", &here, nullptr, FS_NOW));
+  EXPECT(FS_ERROR_NOT_FOUND, fs_object_remove(owner, "a"));
+  OK(fs_object_set(owner, &o));
+  settle();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{20, 0, 0}), 1e-12);
+  for (const fs_event& e : events_now(bob)) ck_assert_int_ne(e.kind, FS_EVENT_EDITED);  // they were not its own
+}
+START_TEST(objects_of_others) {
+  Two two;
+  change_of_others(two, two.me.get(), "me");
+}
+END_TEST
+START_TEST(objects_of_the_server) {
+  Two two;
+  change_of_others(two, two.base.get(), "server");
+}
+END_TEST
+
+START_TEST(edits_in_an_open_group) {  // the owner's group and the other's changes both come to pass
+  Two two;
+  for (const char* name : {"a", "b"}) set(two.me, push(name, 1));
+  two.settle_all();
+  OK(fs_scene_begin(two.me.get()));
+  set(two.me, push("c", 10));
+  fs_object o = push("me/a", 5);
+  OK(fs_object_change(two.bob.get(), &o, FS_PART_PROFILES));
+  OK(fs_object_remove(two.bob.get(), "me/b"));
+  o = push("b", 100);
+  OK(fs_object_change(two.me.get(), &o, FS_PART_PROFILES));  // of one that the other has removed meanwhile
+  OK(fs_scene_commit(two.me.get()));
+  two.settle_all();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{0, 0, 15}), 1e-12);
+  ck_assert_double_eq(Got(two.me.get(), "a")->front.gain, 5);
+  ck_assert(has(two.me.get(), "c") && !has(two.me.get(), "b"));
+  set(two.me, push("b", 100));
+  two.settle_all();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{0, 0, 115}), 1e-12);
+}
+END_TEST
+
+START_TEST(many_edits) {  // each of many objects, some again and again
+  Two two;
+  for (int i = 0; i < 100; ++i) set(two.me, push(("o" + std::to_string(i)).c_str(), 0.5));
+  two.settle_all();
+  double sum = 0;
+  for (int i = 0; i < 100; ++i) {
+    const std::string name = "me/o" + std::to_string(i);
+    if (i % 10 == 9) {
+      OK(fs_object_remove(two.bob.get(), name.c_str()));
+      continue;
+    }
+    for (int k = 0; k <= i % 3; ++k) {
+      const fs_object o = push(name.c_str(), 0.01 * i + k + 0.01);
+      OK(fs_object_change(two.bob.get(), &o, FS_PART_PROFILES));
+    }
+    sum += 0.01 * i + i % 3 + 0.01;
+  }
+  two.settle_all();
+  EXPECT_NEAR(two.fake.written.force.z, sum, 1e-9);
+  std::map<std::string, int> told;
+  for (const fs_event& e : events_now(two.me.get())) told[e.name] += e.kind == FS_EVENT_EDITED;
+  ck_assert_uint_ge(told.size(), 100);
+  for (int i = 0; i < 100; ++i) {
+    const std::string name = "o" + std::to_string(i);
+    ck_assert_int_ge(told[name], 1);
+    ck_assert(has(two.me.get(), name.c_str()) == (i % 10 != 9));
+    if (i % 10 != 9) ck_assert_double_eq(Got(two.me.get(), name.c_str())->front.gain, 0.01 * i + i % 3 + 0.01);
+  }
+  ck_assert_uint_eq(own_reports_of(two.me.get()).size(), 90);
+}
+END_TEST
+
+START_TEST(locked) {
+  fs_server_options options = fs_server_options_init();
+  options.locked = true;
+  Two two(options);
+  set(two.base, push("a", 1));
+  set(two.me, push("a", 2));
+  two.settle_all();
+  const fs_pose pose = at(0, 0, 0);
+  for (const char* name : {"me/a", "server/a"}) {
+    const fs_object o = push(name, 9);
+    EXPECT_SENTENCE(FS_ERROR_DENIED, fs_object_change(two.bob.get(), &o, FS_PART_PROFILES), name);
+    EXPECT(FS_ERROR_DENIED, fs_object_move(two.bob.get(), name, &pose, nullptr, FS_NOW));
+    EXPECT(FS_ERROR_DENIED, fs_object_remove(two.bob.get(), name));
+    ck_assert(has(two.bob.get(), name));  // looking is free
+  }
+  const fs_object o = push("me/a", 3);
+  OK(fs_object_change(two.me.get(), &o, FS_PART_PROFILES));
+  two.settle_all();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{0, 0, 4}), 1e-12);
+  ck_assert_uint_eq(events_now(two.base.get()).size(), 1);  // the device is ready
+}
+END_TEST
+
+START_TEST(views) {  // each client has a frame, a clutch and a tool of its own
+  Two two;
+  fs_frame mine = fs_frame_init(), bobs = fs_frame_init();
+  mine.scale = 2;
+  bobs.pose.orientation = turn({0, 0, 1}, 1.5707963267948966);
+  bobs.force_scale = 3;
+  OK(fs_scene_set_frame(two.me.get(), &mine));
+  OK(fs_scene_set_frame(two.bob.get(), &bobs));
+  const fs_vec3 arm{0, 0, 0.5};
+  OK(fs_scene_set_tool(two.bob.get(), &arm, 1));
+  set(two.base, spring("a", {}, 1));
+  set(two.me, spring("a", {}, 10));
+  set(two.bob, push("a", 2, {1, 0, 0}));
+  two.fake.state.pose = at(0.1, 0, 0);
+  two.settle_all();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{-0.1 - 2, 6, 0}), 1e-12);
+  EXPECT_VECTOR(two.fake.written.torque, (fs_vec3{-3, 0, 0}), 1e-12);
+  ck_assert_uint_eq(tool_of(two.me.get()).size(), 1);
+  EXPECT_VECTOR(tool_of(two.me.get())[0], (fs_vec3{}), 0);
+  // Anybody's frame.
+  ck_assert_double_eq(frame_of(two.me.get(), "bob").force_scale, 3);
+  ck_assert_double_eq(frame_of(two.bob.get(), "bob").force_scale, 3);
+  ck_assert_double_eq(frame_of(two.bob.get(), "me").scale, 2);
+  ck_assert_double_eq(frame_of(two.bob.get(), "server").scale, 1);
+  fs_frame none;
+  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_scene_get_frame(two.me.get(), "nobody", &none), "nobody");
+  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_scene_get_frame(two.base.get(), "me", &none), "me");
+  // A clutch holds its own scene, not the others.
+  OK(fs_scene_set_clutch(two.me.get(), true));
+  two.settle_all();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{-0.1, 6, 0}), 1e-12);
+  fs_state state;
+  OK(fs_scene_get_hand(two.me.get(), &state, nullptr, nullptr));
+  ck_assert_uint_eq(state.flags, FS_STATE_READY | FS_STATE_CLUTCHED);
+  OK(fs_scene_get_hand(two.bob.get(), &state, nullptr, nullptr));
+  ck_assert_uint_eq(state.flags, FS_STATE_READY);
+  EXPECT_VECTOR(state.pose.position, (fs_vec3{0, -0.1, 0}), 1e-12);
+  two.fake.state.pose = at(0.3, 0, 0);
+  two.settle_all();
+  OK(fs_scene_set_clutch(two.me.get(), false));
+  two.settle_all();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{-0.3 - 2, 6, 0}), 1e-12);
+  EXPECT_VECTOR(frame_of(two.bob.get(), "me").pose.position, (fs_vec3{0.2, 0, 0}), 1e-12);
+  EXPECT_VECTOR(frame_of(two.bob.get()).pose.position, (fs_vec3{}), 0);
+}
+END_TEST
+
+START_TEST(reports_of_all) {
+  Two two;
+  Random random(31);
+  const fs_vec3 arms[]{{0.1, 0, 0}, {0, 0.05, 0}};
+  OK(fs_scene_set_tool(two.me.get(), arms, 2));
+  OK(fs_scene_set_tool(two.bob.get(), arms, 1));
+  fs_frame frames[3];  // of me, bob, the server
+  fs_scene* const scenes[]{two.me.get(), two.bob.get(), two.base.get()};
+  for (int i = 0; i < 3; ++i) {
+    frames[i] = {random.pose(0.1), random.between(0.5, 3), random.between(0.2, 2)};
+    OK(fs_scene_set_frame(scenes[i], &frames[i]));
+    const fs_object near = spring("near", random.in_box(0.1), 20);
+    fs_object far = spring("far", {50, 0, 0});
+    far.front.reach = 0.1;
+    OK(fs_object_set(scenes[i], &near));
+    OK(fs_object_set(scenes[i], &far));
+  }
+  two.fake.state.pose = random.pose(0.05);
+  two.settle_all();
+
+  const char* const prefixes[]{"me/", "bob/", "server/"};
+  for (int viewer = 0; viewer < 2; ++viewer) {
+    std::map<std::string, fs_report> all;
+    for (const fs_report& r : reports_of(scenes[viewer])) all[r.name] = r;
+    ck_assert_uint_eq(all.size(), 6);
+    for (int owner = 0; owner < 3; ++owner) {
+      const std::string prefix = owner == viewer ? "" : prefixes[owner];
+      ck_assert(all.contains(prefix + "near") && all.contains(prefix + "far"));
+      const fs_report seen = all[prefix + "near"], own = report_of(scenes[owner], "near");
+      const fs_report single = report_of(scenes[viewer], (prefix + "near").c_str());
+      ck_assert_int_eq(std::memcmp(&single, &seen, sizeof seen), 0);
+      ck_assert(seen.state == FS_OBJECT_FELT && seen.weight == 1 && seen.primitive == FS_PRIMITIVE_POINT);
+      ck_assert(seen.revision == own.revision && seen.stiffness_wanted == own.stiffness_wanted);
+      ck_assert(std::isinf(all[prefix + "far"].distance));
+      EXPECT_VECTOR(all[prefix + "far"].wrench.force, (fs_vec3{}), 0);
+      if (owner == viewer) {
+        EXPECT_VECTOR(seen.point, Got(scenes[owner], "near")->pose.position, 1e-12);
+        continue;
+      }
+      // The point through the device into the viewer's frame; the force at the device, along the viewer's axes.
+      const fs_frame &f = frames[owner], &v = frames[viewer];
+      const fs_vec3 p = Got(scenes[owner], "near")->pose.position;
+      const fs_vec3 at_device = f.pose.position + rotate(f.pose.orientation, (1 / f.scale) * p);
+      const fs_vec3 point = v.scale * rotate(inverse(v.pose.orientation), at_device - v.pose.position);
+      EXPECT_VECTOR(seen.point, point, 1e-12);
+      fs_response response;
+      OK(fs_scene_get_hand(scenes[owner], nullptr, &response, nullptr));
+      const fs_vec3 force = f.force_scale * rotate(f.pose.orientation, response.wrench.force);
+      const fs_vec3 torque = (f.force_scale / f.scale) * rotate(f.pose.orientation, response.wrench.torque);
+      ck_assert_double_gt(norm(force), 0.01);
+      EXPECT_VECTOR(seen.wrench.force, rotate(inverse(v.pose.orientation), force), 1e-12);
+      EXPECT_VECTOR(seen.wrench.torque, rotate(inverse(v.pose.orientation), torque), 1e-12);
+      EXPECT_NEAR(seen.distance, own.distance / f.scale * v.scale, 1e-12);
+    }
+    // All of them are what the device gets.
+    fs_vec3 sum{};
+    for (const auto& [name, r] : all) {
+      const bool is_own = name.find('/') == std::string::npos;
+      sum = sum + (is_own ? frames[viewer].force_scale : 1) * rotate(frames[viewer].pose.orientation, r.wrench.force);
+    }
+    EXPECT_VECTOR(sum, two.fake.written.force, 1e-11);
+  }
+  // A scene in this process sees its own.
+  ck_assert_uint_eq(reports_of(two.base.get()).size(), 2);
+  fs_report one;
+  size_t count = 0;
+  OK(fs_scene_get_reports(two.me.get(), &one, 1, &count));
+  ck_assert_uint_eq(count, 6);
+}
+END_TEST
+
+START_TEST(shapes_of_others) {
+  Two two;
+  const Shape torus = make_mesh(torus_mesh(0.05, 0.02, 2000));
+  const std::vector<fs_vec3> points = helix(0.03, 0.1, 3, 50);
+  const Shape line = make_polyline(points.data(), points.size(), true);
+  const double table[]{0.1, 1.0 / 3, 7};
+  const Curve curve = make_table(table, 3, 1e-3);
+  set(two.me, solid("torus", torus));
+  fs_object o = fs_object_init("line", FS_PRIMITIVE_POLYLINE);
+  o.shape = line.get();
+  o.front = fs_profile_init(FS_PROFILE_CUSTOM, FS_SENSE_ATTRACTIVE, 1, 0, 10);
+  o.front.curve = curve.get();
+  set(two.me, o);
+  if (has_expressions()) {
+    const Curve expression = make_expression("1+sin(t)*d");
+    fs_object e = push("expression");
+    e.front = fs_profile_init(FS_PROFILE_CUSTOM, FS_SENSE_ATTRACTIVE, 1, 0, 10);
+    e.front.curve = expression.get();
+    set(two.base, e);
+    const Got seen(two.bob.get(), "server/expression");
+    ck_assert_str_eq(fs_curve_get_expression(seen->front.curve), "1+sin(t)*d");
+  }
+  two.settle_all();
+  {
+    const Got mesh(two.bob.get(), "me/torus"), again(two.bob.get(), "me/torus"), wire(two.bob.get(), "me/line");
+    size_t n = 0, m = 0;
+    const fs_vec3* p = fs_shape_get_points(mesh->shape, &n);
+    const fs_vec3* q = fs_shape_get_points(torus.get(), &m);
+    ck_assert(n == m && std::memcmp(p, q, n * sizeof *p) == 0);
+    const uint32_t* t = fs_shape_get_triangles(mesh->shape, &n);
+    const uint32_t* u = fs_shape_get_triangles(torus.get(), &m);
+    ck_assert(n == m && std::memcmp(t, u, 3 * n * sizeof *t) == 0);
+    ck_assert_ptr_eq(mesh->shape, again->shape);  // fetched once
+    p = fs_shape_get_points(wire->shape, &n);
+    ck_assert(n == points.size() && std::memcmp(p, points.data(), n * sizeof *p) == 0);
+    fs_shape_info info = fs_shape_info_init();
+    OK(fs_shape_get_info(wire->shape, &info));
+    ck_assert(info.closed && info.primitive == FS_PRIMITIVE_POLYLINE);
+    double step = 0;
+    const double* f = fs_curve_get_table(wire->front.curve, &n, &step);
+    ck_assert(n == 3 && step == 1e-3 && std::memcmp(f, table, sizeof table) == 0);
+    // What was fetched is as good as a shape of one's own.
+    fs_object copy = mesh.object;
+    copy.time = copy.start = 0;
+    std::strcpy(copy.name, "torus");
+    OK(fs_object_set(two.bob.get(), &copy));
+    copy = wire.object;
+    copy.time = copy.start = 0;
+    std::strcpy(copy.name, "line");
+    OK(fs_object_set(two.bob.get(), &copy));
+    std::strcpy(copy.name, "me/torus");
+    OK(fs_object_change(two.bob.get(), &copy, FS_PART_SHAPE | FS_PART_PROFILES));  // and for the other
+  }
+  two.settle_all();
+  const fs_vec3 x{0.07, 0.03, 0.02};
+  const auto own = [&](const Scene& scene, const char* name) {
+    fs_vec3 f{};
+    OK(fs_evaluate_field(scene.get(), name, FS_NOW, &x, 1, &f));
+    return f;
+  };
+  const Scene plain = make_scene();
+  set(plain, solid("torus", torus));
+  set(plain, o);
+  const fs_vec3 of_torus = own(plain, "torus"), of_line = own(plain, "line");
+  EXPECT_VECTOR(own(two.bob, "torus"), of_torus, 0);
+  EXPECT_VECTOR(own(two.bob, "line"), of_line, 0);
+  EXPECT_VECTOR(own(two.me, "torus"), of_line, 0);
+  OK(fs_object_remove(two.bob.get(), "server/expression") == FS_OK || !has_expressions() ? FS_OK : FS_ERROR_INTERNAL);
+  two.settle_all();
+  EXPECT_VECTOR(two.force_at(x), of_torus + 3.0 * of_line, 1e-12);
+  // The copies outlive who made them.
+  two.me.reset();
+  ck_assert(eventually([&] {
+    two.step(50);
+    return norm(two.fake.written.force - of_torus - of_line) < 1e-12;
+  }));
+}
+END_TEST
+
+START_TEST(force_limit) {
+  fs_server_options options = fs_server_options_init();
+  options.force_limit = 5;
+  Two two(options);
+  const fs_vec3 arm{0.5, 0, 0};
+  OK(fs_scene_set_tool(two.me.get(), &arm, 1));
+  set(two.me, push("a", 3, {0, 0, 1}));
+  set(two.bob, push("a", 4, {1, 0, 0}));
+  set(two.base, push("a", 20, {0, 1, 0}));  // the server's own has no limit of that kind
+  two.settle_all();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{4, 20, 3}), 1e-12);
+  set(two.me, push("b", 3, {0, 0, 1}));
+  set(two.me, push("c", 8, {1, 0, 0}));
+  two.settle_all();
+  // (8, 0, 6) N and its torque (0, 8 * 0 - 6 * 0.5, 0) N m, shortened to 5 N.
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{4 + 4, 20, 3}), 1e-12);
+  EXPECT_VECTOR(two.fake.written.torque, (fs_vec3{0, -1.5, 0}), 1e-12);
+  std::vector<fs_client> clients(9);
+  size_t count = 0;
+  OK(fs_scene_get_clients(two.bob.get(), clients.data(), clients.size(), &count));
+  ck_assert_uint_eq(count, 3);
+  for (size_t i = 0; i < count; ++i) {
+    const fs_client& c = clients[i];
+    const std::string name = c.name;
+    ck_assert_double_eq(c.force_limit, name == "server" ? 1000 : 5);
+    if (name == "me") {
+      ck_assert_uint_gt(c.limited, 0);
+      EXPECT_VECTOR(c.wrench.force, (fs_vec3{4, 0, 3}), 1e-12);
+    } else {
+      ck_assert_uint_eq(c.limited, 0);
+    }
+  }
+  OK(fs_scene_clear(two.me.get()));  // back below it
+  two.settle_all();
+  OK(fs_scene_get_clients(two.bob.get(), clients.data(), clients.size(), &count));
+  const uint64_t limited = clients[1].limited;
+  two.step(100);
+  OK(fs_scene_get_clients(two.bob.get(), clients.data(), clients.size(), &count));
+  ck_assert_uint_eq(clients[1].limited, limited);
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{4, 20, 0}), 1e-12);
+}
+END_TEST
+
+START_TEST(clients) {
+  Two two;
+  size_t count = 0;
+  EXPECT(FS_ERROR_UNSUPPORTED, fs_scene_get_clients(two.base.get(), nullptr, 0, &count));
+  EXPECT(FS_ERROR_INVALID, fs_scene_get_clients(two.me.get(), nullptr, 0, nullptr));
+  EXPECT(FS_ERROR_INVALID, fs_scene_get_clients(two.me.get(), nullptr, 1, &count));
+  const auto list = [&](const Scene& scene) {
+    std::vector<fs_client> clients(9);
+    OK(fs_scene_get_clients(scene.get(), clients.data(), clients.size(), &count));
+    clients.resize(count);
+    return clients;
+  };
+  const Shape box = make_mesh(box_mesh({0.01, 0.01, 0.01}));
+  set(two.me, push("a", 2));
+  set(two.me, solid("b", box));
+  set(two.base, push("own", 1));
+  two.settle_all();
+  for (int k = 0; k < 5; ++k) {
+    const fs_pose pose = at(0, 0, -100 - k);
+    OK(fs_object_move(two.me.get(), "a", &pose, nullptr, FS_NOW));
+    OK(two.sync(two.me.get()));
+  }
+  two.settle_all();
+  std::vector<fs_client> clients = list(two.bob);
+  ck_assert_uint_eq(clients.size(), 3);
+  ck_assert_str_eq(clients[0].name, "server");  // the first
+  for (const fs_client& c : clients) {
+    ck_assert_uint_eq(c.process, static_cast<uint32_t>(getpid()));
+    ck_assert_uint_eq(c.user, geteuid());
+    ck_assert_double_eq(c.force_limit, 1000);
+    ck_assert_double_le(c.connected, now(two.me.get()));
+    ck_assert_uint_eq(c.refused, 0);
+    ck_assert_uint_eq(c.reserved_32, 0);
+    for (uint64_t x : c.reserved) ck_assert_uint_eq(x, 0);
+  }
+  ck_assert_uint_eq(clients[0].objects, 1);
+  EXPECT_NEAR(clients[0].wrench.force.z, 1, 1e-12);
+  const fs_client& me = clients[std::string(clients[1].name) == "me" ? 1 : 2];
+  ck_assert_str_eq(me.name, "me");
+  ck_assert_uint_eq(me.objects, 2);
+  ck_assert_uint_eq(me.moves, 5);
+  ck_assert_uint_eq(me.changes, 2);
+  ck_assert_uint_eq(me.shape_bytes, 8 * 24 + 12 * 12);
+  ck_assert_double_gt(me.wrench.force.z, 1);
+  two.bob.reset();
+  ck_assert(eventually([&] { return list(two.me).size() == 2; }));
+  OK(fs_scene_clear(two.me.get()));
+  two.settle_all();
+  clients = list(two.me);
+  ck_assert_uint_eq(clients[1].objects, 0);
+  ck_assert(eventually([&] {  // its shapes go when nobody needs them any more
+    two.step(10);
+    set(two.me, push("x"));
+    return list(two.me)[1].shape_bytes == 0;
+  }));
+}
+END_TEST
+
+START_TEST(two_servers) {  // of one servo
+  ServerRig rig;
+  const std::string other_endpoint = new_endpoint();
+  fs_server_options options = fs_server_options_init();
+  options.force_limit = 1;
+  Server other = start_server(rig.servo.get(), other_endpoint, options);
+  const Scene a = rig.join("me");
+  const Scene b = connect(other_endpoint, "me");
+  set(a, push("x", 2, {1, 0, 0}));
+  set(b, push("x", 3, {0, 1, 0}));
+  rig.settle(a.get());
+  rig.settle(b.get());
+  EXPECT_VECTOR(rig.fake.written.force, (fs_vec3{2, 1, 0}), 1e-12);
+  size_t count = 0;
+  OK(fs_scene_get_clients(a.get(), nullptr, 0, &count));
+  ck_assert_uint_eq(count, 2);
+  ck_assert_uint_eq(reports_of(a.get()).size(), 1);
+  other.reset();
+  const fs_object o = push("y");
+  EXPECT(FS_ERROR_DISCONNECTED, fs_object_set(b.get(), &o));
+  ck_assert(eventually([&] {
+    rig.step(10);
+    return rig.fake.written.force.y == 0;
+  }));
+  EXPECT_VECTOR(rig.fake.written.force, (fs_vec3{2, 0, 0}), 1e-12);
+  set(a, push("x", 4, {1, 0, 0}));
+  rig.settle(a.get());
+  EXPECT_VECTOR(rig.fake.written.force, (fs_vec3{4, 0, 0}), 1e-12);
+}
+END_TEST
+
+// Clients in threads of their own do whatever can be done, to their own and to each other's.
+START_TEST(all_at_once) {
+  ServerRig rig;
+  std::atomic<int> failures{0};
+  std::atomic<fs_status> first{FS_OK};
+  {
+    const Stepper stepper(rig.servo.get());
+    std::vector<std::thread> threads;
+    std::array<Scene, 3> clients{rig.join("c0"), rig.join("c1"), rig.join("c2")};
+    for (int i = 0; i < 4; ++i) {  // two threads share the last one
+      threads.emplace_back([&, i] {
+        fs_scene* const scene = clients[static_cast<size_t>(std::min(i, 2))].get();
+        const Shape box = make_mesh(box_mesh({0.01, 0.01, 0.01}));
+        Random random(static_cast<uint64_t>(i));
+        const auto expect = [&](fs_status status, std::initializer_list<fs_status> allowed) {
+          if (status == FS_OK || std::find(allowed.begin(), allowed.end(), status) != allowed.end()) return;
+          ++failures;
+          first = status;
+        };
+        for (int k = 0; k < 150; ++k) {
+          const std::string own = "o" + std::to_string(random.below(4));
+          const std::string others = "c" + std::to_string(random.below(3)) + "/" + own;
+          const fs_pose pose = random.pose(0.1);
+          fs_object o = random.coin() ? spring(own.c_str()) : solid(own.c_str(), box);
+          switch (random.below(10)) {
+            case 0:
+            case 1: expect(fs_object_set(scene, &o), {}); break;
+            case 2: expect(fs_object_move(scene, own.c_str(), &pose, nullptr, FS_NOW), {FS_ERROR_NOT_FOUND}); break;
+            case 3:
+              expect(fs_object_move(scene, others.c_str(), &pose, nullptr, FS_NOW), {FS_ERROR_NOT_FOUND, FS_ERROR_STATE});
+              break;
+            case 4: {
+              std::snprintf(o.name, sizeof o.name, "%s", others.c_str());
+              expect(fs_object_change(scene, &o, 31), {FS_ERROR_NOT_FOUND, FS_ERROR_STATE});
+              break;
+            }
+            case 5: {
+              fs_object got = fs_object_init("", FS_PRIMITIVE_POINT);
+              expect(fs_object_get(scene, others.c_str(), &got), {FS_ERROR_NOT_FOUND, FS_ERROR_STATE});
+              fs_object_release(&got);
+              break;
+            }
+            case 6:
+              expect(fs_object_remove(scene, random.coin() ? others.c_str() : own.c_str()),
+                     {FS_ERROR_NOT_FOUND, FS_ERROR_STATE});
+              break;
+            case 7: {
+              std::vector<fs_report> reports(40);
+              size_t count = 0;
+              expect(fs_scene_get_reports(scene, reports.data(), reports.size(), &count), {});
+              fs_event event;
+              expect(fs_scene_next_event(scene, 0, &event), {});
+              break;
+            }
+            case 8: expect(fs_scene_sync(scene, 10), {}); break;
+            default:
+              expect(fs_scene_begin(scene), {FS_ERROR_STATE});
+              expect(fs_object_set(scene, &o), {});
+              expect(fs_object_move(scene, own.c_str(), &pose, nullptr, FS_NOW), {FS_ERROR_NOT_FOUND});
+              expect(random.coin(0.8) ? fs_scene_commit(scene) : fs_scene_cancel(scene), {FS_ERROR_STATE});
+          }
+        }
+      });
+    }
+    for (std::thread& thread : threads) thread.join();
+  }
+  ck_assert_msg(failures == 0, "%d calls failed, the last with %s", failures.load(), fs_status_name(first));
+}
+END_TEST
+
+int main() {
+  Suite* suite = suite_create("connected");
+  add_once(suite, "several", {forces_add, names_are_private, own_names_in_full, views, force_limit, two_servers});
+  add_once(suite, "others", {objects_of_others, objects_of_the_server, edits_in_an_open_group, many_edits, locked,
+                             shapes_of_others});
+  add_once(suite, "seen", {reports_of_all, clients});
+  add_once(suite, "threads", {all_at_once});
+  return run_suite(suite);
+}

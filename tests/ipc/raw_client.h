@@ -1,0 +1,102 @@
+// A client that speaks the wire itself and keeps to no rule: what a test wants to send, it sends. The records are the
+// library's own (ipc/wire.h), so a layout that changes changes here too.
+#pragma once
+
+#include <cstring>
+#include <deque>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "ipc/blob.h"
+#include "ipc/region.h"
+#include "ipc/socket.h"
+#include "scene/transfer.h"
+
+namespace hostile {
+
+constexpr uint32_t all_parts = FS_PART_POSE | FS_PART_PROFILES | FS_PART_CONTACT | FS_PART_SHAPE | FS_PART_OTHER;
+
+class RawClient {
+ public:
+  // The server's answer to a Hello, if it gave one.
+  struct Greeting {
+    bool is_answered = false;
+    fs_status status = FS_OK;
+    uint64_t magic = 0, layout = 0;
+    std::string text, rest;  // rest: what follows, but the Welcome
+  };
+  struct Reply {
+    uint64_t serial;
+    fs_status status;
+    std::string text;
+    std::vector<std::byte> body;
+    fs::Descriptor data;
+    template <class T>
+    const T& as() const { return *reinterpret_cast<const T*>(body.data()); }
+  };
+
+  // Connects to the endpoint ("shm:NAME") of this user, as a stranger; waits where the server's queue is full.
+  explicit RawClient(const std::string& endpoint);
+  RawClient(RawClient&&) = default;
+  RawClient& operator=(RawClient&&) = default;
+
+  static fs::wire::Hello hello(const std::string& name);
+  Greeting greet(const fs::wire::Hello& hello);  // maps what comes with a Welcome
+  Greeting greet_with(std::span<const std::byte> bytes);
+  int join(const std::string& name);  // must be taken; how often it had to try
+
+  // Sends bytes as they are, with descriptors; waits for room, 10 s at most. False: nobody takes them.
+  bool send_bytes(std::span<const std::byte> bytes, std::span<const int> descriptors = {});
+  // A message of the next serial, which is given back (whether it arrives or not).
+  uint64_t send(uint32_t type, std::span<const std::byte> body, int descriptor = -1, bool more = false);
+  template <class Record>
+  uint64_t send(uint32_t type, const Record& record, int descriptor = -1, bool more = false) {
+    return send(type, std::as_bytes(std::span(&record, 1)), descriptor, more);
+  }
+  uint64_t send(uint32_t type) { return send(type, std::span<const std::byte>()); }
+
+  // The reply of a serial, others being thrown away; none within 10 s, or dropped: nothing.
+  std::optional<Reply> reply_of(uint64_t serial, double timeout = 10);
+  // Sends and waits. Dropped meanwhile: DISCONNECTED; no answer: TIMEOUT.
+  template <class... Arguments>
+  fs_status ask(uint32_t type, const Arguments&... arguments) {
+    return status_of(reply_of(send(type, arguments...)));
+  }
+  fs_status status_of(const std::optional<Reply>& reply) const;
+
+  bool is_dropped() const;       // now
+  bool is_soon_dropped() const;  // within 10 s
+
+  // Own objects. Only `parts` count of a Set.
+  uint64_t set(uint32_t slot, const fs_object& object, bool more = false);
+  uint64_t set(uint32_t slot, const fs::wire::Object& record, uint32_t parts = all_parts, bool more = false);
+  uint64_t remove(uint32_t slot, bool more = false);
+  uint64_t forget(uint64_t id) { return send(fs::wire::type_forget, fs::wire::Forget{id}); }
+  void move(uint32_t slot, uint64_t after, const fs_pose& pose);  // in the inbox
+  uint64_t polyline(uint64_t id, std::span<const fs_vec3> points);
+  uint64_t expression(uint64_t id, const char* text);
+
+  bool next_event(fs_event& event);  // of the outbox; false: no more
+  bool next_refusal(fs_event& event);
+
+  fs::Descriptor socket;
+  uint64_t serial = 0;
+
+  // Once it was taken.
+  fs::wire::Welcome welcome{};
+  fs::Descriptor inbox_file, outbox_file;
+  std::shared_ptr<void> inbox_memory, outbox_memory;
+  fs::Inbox inbox;
+  const fs::Outbox* outbox = nullptr;
+
+ private:
+  std::string endpoint_;
+  uint64_t events_read_ = 0;
+};
+
+// A memory file of so many bytes with these seals; its content is `bytes` and zeros.
+fs::Descriptor memory_file(std::span<const std::byte> bytes, size_t size, unsigned seals);
+
+}  // namespace hostile

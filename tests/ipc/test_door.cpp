@@ -1,0 +1,446 @@
+// Who comes to the server's door: strangers, impostors, too many, and others when there are no descriptors left. Whatever
+// they do, a client that is in is not disturbed and one that comes is let in.
+#include <fcntl.h>
+#include <poll.h>
+#include <spawn.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <ctime>
+
+#include "ipc/rig.h"
+
+using namespace hostile;
+using fs::Descriptor;
+
+extern char** environ;
+
+// ------------------------------------------------------------------------------------------------------------- hello
+
+// The table of a library whose record `record` has one field less, more, or of another size.
+static std::string changed_layout(const std::string& line, const std::string& instead) {
+  std::string text = fs::wire::layout_text();
+  const size_t place = text.find(line);
+  ck_assert_msg(place != std::string::npos, "'%s' is not in the layout", line.c_str());
+  return text.replace(place, line.size(), instead);
+}
+
+static uint64_t id_of(const std::string& layout) {  // FNV-1a
+  uint64_t hash = 0xcbf29ce484222325;
+  for (const char c : layout) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3;
+  return hash;
+}
+
+START_TEST(another_layout) {
+  Rig rig;
+  ck_assert_uint_eq(id_of(fs::wire::layout_text()), fs::wire::layout_id());
+  const std::string frame = "Frame frame 0 72 r\n";
+  const struct {
+    std::string text;
+    const char* named[3];  // in the sentence
+  } layouts[] = {
+      {changed_layout(frame, "Frame frame 0 64 r\n"), {"record Frame", "field frame", "64 bytes"}},           // older
+      {changed_layout(frame, frame + "Frame blend 72 8 f\n"), {"record Frame", "field blend", "at 72"}},      // newer
+      {changed_layout(frame, ""), {"record Frame", "field frame", "record Clutch"}},
+      {fs::wire::layout_text() + "Last field 0 8 u\n", {"record Last", "field field", "nothing more"}},
+      {"", {"nothing more", "record Header", "field type"}},
+  };
+  for (const auto& layout : layouts) {
+    RawClient client = rig.stranger();
+    fs::wire::Hello hello = RawClient::hello("other");
+    hello.layout = id_of(layout.text);
+    const RawClient::Greeting greeting = client.greet(hello);
+    ck_assert(greeting.is_answered);
+    ck_assert_int_eq(greeting.status, FS_ERROR_VERSION);
+    ck_assert_uint_eq(greeting.magic, fs::wire::magic);
+    ck_assert_uint_eq(greeting.layout, fs::wire::layout_id());
+    ck_assert_str_eq(greeting.rest.c_str(), fs::wire::layout_text().c_str());
+    for (const char* part : {"test", fs_version()}) {  // both versions
+      ck_assert_msg(std::strstr(greeting.text.c_str(), part), "'%s' is not in: %s", part, greeting.text.c_str());
+    }
+    const std::string difference = fs::wire::layout_difference(layout.text, greeting.rest);
+    for (const char* part : layout.named) {
+      ck_assert_msg(std::strstr(difference.c_str(), part), "'%s' is not in: %s", part, difference.c_str());
+    }
+    rig.expect_dropped(client, "another layout");
+  }
+  ck_assert(fs::wire::layout_difference(fs::wire::layout_text(), fs::wire::layout_text()).empty());
+  rig.check_honest();
+}
+END_TEST
+
+// What is no Hello is not answered.
+START_TEST(no_hello) {
+  Rig rig;
+  const fs::wire::Hello good = RawClient::hello("other");
+  const auto expect_no_answer = [&](std::span<const std::byte> bytes, const char* why) {
+    RawClient client = rig.stranger();
+    ck_assert_msg(!client.greet_with(bytes).is_answered, "answered: %s", why);
+    rig.expect_dropped(client, why);
+  };
+  for (size_t size = 0; size < sizeof good; ++size) expect_no_answer(fs::bytes_of(&good, 1).first(size), "too short");
+  fs::wire::Hello wrong = good;
+  for (int bit = 0; bit < 64; ++bit) {
+    wrong.magic = fs::wire::magic ^ uint64_t{1} << bit;
+    expect_no_answer(fs::bytes_of(&wrong, 1), "wrong magic");
+  }
+  std::vector<std::byte> large(100'000);
+  std::memcpy(large.data(), &good, sizeof good);
+  expect_no_answer(large, "too long for any message");
+  scenes::Random random(1);
+  for (int i = 0; i < 100; ++i) {
+    std::vector<std::byte> bytes(1 + random.below(300));
+    for (std::byte& byte : bytes) byte = static_cast<std::byte>(random.bits());
+    expect_no_answer(bytes, "garbage");
+  }
+  rig.check_honest();
+
+  // A longer Hello is one of a later library, and its beginning is understood.
+  RawClient later = rig.stranger();
+  ck_assert_int_eq(later.greet_with(std::span(large).first(sizeof good + 8)).status, FS_OK);
+  rig.check_honest();
+}
+END_TEST
+
+// Descriptors that nobody asked for, with the first message.
+START_TEST(hello_with_descriptors) {
+  Rig rig;
+  const size_t before = open_files();
+  {
+    const int files[20] = {};  // standard input, twenty times
+    for (const size_t count : {1, 2, 16, 20}) {
+      RawClient client = rig.stranger();
+      const fs::wire::Hello hello = RawClient::hello("other");
+      client.send_bytes(fs::bytes_of(&hello, 1), std::span(files).first(count));
+      ck_assert(rig.until([&] { return fs::wait_for(client.socket, false, 1e-3); }));
+    }
+    rig.check_honest();
+  }
+  ck_assert(rig.until([&] { return open_files() == before; }));
+}
+END_TEST
+
+START_TEST(bad_names) {
+  Rig rig;
+  const std::string bad[] = {"",  "server",  std::string(32, 'x'), std::string(63, 'x'), "a/b",    "/",        "bell\a",
+                             "\x7f", "\xc2\x80", "\xff",  "\xc0\xaf", "\xed\xa0\x80", "caf\xc3", "\xf5\x80\x80\x80"};
+  for (const std::string& name : bad) {
+    RawClient client = rig.stranger();
+    const RawClient::Greeting greeting = client.greet(RawClient::hello(name));
+    ck_assert(greeting.is_answered);
+    ck_assert_int_eq(greeting.status, FS_ERROR_INVALID);
+    ck_assert_msg(greeting.text.find("client_name") != std::string::npos, "client_name is not in: %s",
+                  greeting.text.c_str());
+    rig.expect_dropped(client, "a bad name");
+  }
+  fs::wire::Hello endless = RawClient::hello("x");
+  std::memset(endless.client, 'x', sizeof endless.client);
+  std::memset(endless.version, 'x', sizeof endless.version);
+  RawClient client = rig.stranger();
+  ck_assert_int_eq(client.greet(endless).status, FS_ERROR_INVALID);
+  RawClient good = rig.join("caf\xc3\xa9");
+  rig.check_honest();
+}
+END_TEST
+
+// -------------------------------------------------------------------------------------------------------------- names
+
+START_TEST(two_of_one_name) {
+  Rig rig;
+  for (int i = 0; i < 20; ++i) {
+    RawClient first = rig.join("twin");
+    RawClient second = rig.stranger();
+    const RawClient::Greeting greeting = second.greet(RawClient::hello("twin"));
+    ck_assert_int_eq(greeting.status, FS_ERROR_EXISTS);
+    const std::string process = std::to_string(getpid());
+    ck_assert_msg(greeting.text.find(process) != std::string::npos, "%s is not in: %s", process.c_str(),
+                  greeting.text.c_str());
+    ck_assert(!first.is_dropped());
+    // Gone, and there again, without a pause.
+    first.socket.reset();
+    RawClient third = rig.stranger();
+    ck_assert_int_eq(third.greet(RawClient::hello("twin")).status, FS_OK);
+  }
+  rig.check_honest();
+}
+END_TEST
+
+// This program as a client that only is there: it says so with a byte, and stays until it is killed. "fork": its child
+// holds the socket too, as long as the other end of standard input is open.
+static int be_a_bearer(const char* endpoint, const char* name, bool forks) {
+  RawClient client(endpoint);
+  client.join(name);
+  if (forks && fork() == 0) {
+    char byte;
+    while (read(STDIN_FILENO, &byte, 1) > 0) {
+    }
+    _exit(0);
+  }
+  [[maybe_unused]] const ssize_t said = write(STDOUT_FILENO, "", 1);
+  for (;;) pause();
+}
+
+struct Bearer {
+  pid_t process = 0;
+  Descriptor input;  // its standard input: its child lives as long as this
+
+  Bearer(const std::string& endpoint, const char* name, bool forks) {
+    int in[2], out[2];
+    ck_assert(pipe2(in, O_CLOEXEC) == 0 && pipe2(out, O_CLOEXEC) == 0);
+    posix_spawn_file_actions_t actions;
+    posix_spawn_file_actions_init(&actions);
+    posix_spawn_file_actions_adddup2(&actions, in[0], STDIN_FILENO);
+    posix_spawn_file_actions_adddup2(&actions, out[1], STDOUT_FILENO);
+    std::string words[] = {"test_door", "--bearer", endpoint, name, forks ? "fork" : ""};
+    char* arguments[] = {words[0].data(), words[1].data(), words[2].data(), words[3].data(), words[4].data(), nullptr};
+    ck_assert_int_eq(posix_spawn(&process, "/proc/self/exe", &actions, nullptr, arguments, environ), 0);
+    posix_spawn_file_actions_destroy(&actions);
+    close(in[0]);
+    close(out[1]);
+    input = Descriptor(in[1]);
+    const Descriptor said(out[0]);
+    char byte;
+    ck_assert_msg(read(said.get(), &byte, 1) == 1, "the other process did not get in");
+  }
+  void kill_it() {
+    kill(process, SIGKILL);
+    ck_assert_int_eq(waitpid(process, nullptr, 0), process);
+    process = 0;
+  }
+  ~Bearer() {
+    if (process) kill_it();
+  }
+};
+
+// Free at once after the death of its bearer, also where a child of the dead holds the socket.
+START_TEST(name_of_the_dead) {
+  Rig rig;
+  for (const bool forks : {false, true}) {
+    Bearer bearer(rig.endpoint, "bearer", forks);
+    RawClient early = rig.stranger();
+    ck_assert_int_eq(early.greet(RawClient::hello("bearer")).status, FS_ERROR_EXISTS);
+    ck_assert_uint_eq(rig.listed("bearer").process, static_cast<uint32_t>(bearer.process));
+    bearer.kill_it();
+    RawClient heir = rig.stranger();
+    ck_assert_int_eq(heir.greet(RawClient::hello("bearer")).status, FS_OK);
+    rig.check_honest();
+  }
+}
+END_TEST
+
+// ----------------------------------------------------------------------------------------------------------- too many
+
+START_TEST(max_clients) {
+  fs_server_options options = server_options();
+  options.max_clients = 3;
+  Rig rig(options);
+  RawClient second = rig.join("second"), third = rig.join("third");
+  for (int i = 0; i < 10; ++i) {
+    RawClient fourth = rig.stranger();
+    const RawClient::Greeting greeting = fourth.greet(RawClient::hello("fourth"));
+    ck_assert_int_eq(greeting.status, FS_ERROR_FULL);
+    ck_assert_msg(greeting.text.find('3') != std::string::npos, "the maximum is not in: %s", greeting.text.c_str());
+  }
+  // A name that is taken is told as such, full or not.
+  RawClient other = rig.stranger();
+  ck_assert_int_eq(other.greet(RawClient::hello("third")).status, FS_ERROR_EXISTS);
+  third.socket.reset();
+  ck_assert(rig.until([&] {
+    RawClient fourth = rig.stranger();
+    return fourth.greet(RawClient::hello("fourth")).status == FS_OK;
+  }));
+  rig.check_honest();
+}
+END_TEST
+
+// One that says nothing is sent away.
+START_TEST(silent_stranger) {
+  Rig rig;
+  const size_t before = open_files();
+  {
+    const RawClient silent = rig.stranger();
+    rig.tick(20);
+    ck_assert(!silent.is_dropped());
+    rig.expect_dropped(silent, "it says nothing");
+    rig.check_honest();
+  }
+  ck_assert(rig.until([&] { return open_files() == before; }));
+}
+END_TEST
+
+// A crowd that says nothing, and comes back as soon as it is sent away, keeps nobody out.
+START_TEST(crowd_at_the_door) {
+  Rig rig;
+  std::atomic<bool> is_over{false};
+  std::atomic<int> came{0};
+  std::thread crowd([&] {
+    std::vector<RawClient> strangers;
+    while (!is_over) {
+      std::erase_if(strangers, [](const RawClient& stranger) { return stranger.is_dropped(); });
+      while (strangers.size() < 150 && !is_over) {
+        strangers.emplace_back(rig.endpoint);
+        ++came;
+      }
+      scenes::wait_a_little();
+    }
+  });
+  ck_assert(rig.until([&] { return came > 200; }));
+  for (int i = 0; i < 5; ++i) {
+    RawClient newcomer = rig.stranger();
+    const int tries = newcomer.join("newcomer" + std::to_string(i));
+    ck_assert_msg(tries < 200, "let in at the %dth try", tries);
+    rig.check_honest();
+  }
+  is_over = true;
+  crowd.join();
+}
+END_TEST
+
+// Clients that come, push and go again and again: what fades out of them is bounded, too.
+START_TEST(coming_and_going) {
+  fs_server_options options = server_options();
+  options.max_clients = 4;
+  options.lease = 1e6;  // they go on pushing
+  Rig rig(options);
+  rig.others = 100;
+  int came = 0, refused = 0;
+  for (int i = 0; i < 50; ++i) {
+    RawClient client = rig.stranger();
+    const RawClient::Greeting greeting = client.greet(RawClient::hello("guest"));
+    if (greeting.status == FS_OK) {
+      ++came;
+      client.set(0, push("push", 1));
+      ck_assert_int_eq(rig.sync(client), FS_OK);
+    } else {
+      ck_assert_int_eq(greeting.status, FS_ERROR_FULL);
+      ++refused;
+    }
+    rig.tick();
+  }
+  ck_assert_int_ge(came, 4);
+  ck_assert_msg(came <= 8, "%d scenes push at a time, of 4 clients", came);
+  ck_assert_int_eq(came + refused, 50);
+  rig.check_honest();
+}
+END_TEST
+
+// -------------------------------------------------------------------------------------------------- no descriptors left
+
+// The processor time of a thread of this process, by its name, s.
+static pid_t thread_named(const char* name) {
+  for (const auto& task : std::filesystem::directory_iterator("/proc/self/task")) {
+    std::ifstream comm(task.path() / "comm");
+    std::string found;
+    if (std::getline(comm, found) && found == name) return std::stoi(task.path().filename());
+  }
+  ck_abort_msg("no thread '%s'", name);
+  return 0;
+}
+static double processor_time(pid_t thread) {
+  timespec used{};
+  clock_gettime(static_cast<clockid_t>(~static_cast<unsigned>(thread) << 3 | 6), &used);
+  return static_cast<double>(used.tv_sec) + 1e-9 * static_cast<double>(used.tv_nsec);
+}
+
+// Sockets that are there before the descriptors go, to be connected when there are none.
+struct Unconnected {
+  std::vector<Descriptor> sockets;
+  explicit Unconnected(int count) {
+    for (int i = 0; i < count; ++i) sockets.emplace_back(socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  }
+  void connect_to(const std::string& endpoint) {
+    const std::string address = fs::user_address(geteuid(), endpoint.substr(4));
+    sockaddr_un place{};
+    place.sun_family = AF_UNIX;
+    std::memcpy(place.sun_path + 1, address.data(), address.size());
+    const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + address.size());
+    for (const Descriptor& s : sockets) {
+      ck_assert_int_eq(::connect(s.get(), reinterpret_cast<const sockaddr*>(&place), size), 0);
+    }
+  }
+};
+
+// Takes what descriptors there are, and goes on taking.
+struct Greedy {
+  std::vector<Descriptor> taken;
+  rlimit before{};
+  std::atomic<bool> is_taking{false}, is_over{false};
+  std::thread thread;  // it begins before there are none and ends after: a sanitizer wants one for that
+
+  explicit Greedy(bool goes_on) {
+    taken.reserve(100'000);
+    getrlimit(RLIMIT_NOFILE, &before);
+    thread = std::thread([this] {
+      while (!is_over) {
+        if (!is_taking || !take()) scenes::wait_a_little(1e-5);
+      }
+    });
+    const rlimit low{open_files() + 50, before.rlim_max};
+    setrlimit(RLIMIT_NOFILE, &low);
+    while (take()) {
+    }
+    is_taking = goes_on;
+  }
+  bool take() {
+    const int got = open("/dev/null", O_RDONLY | O_CLOEXEC);
+    if (got >= 0) taken.emplace_back(got);
+    return got >= 0;
+  }
+  ~Greedy() {
+    is_taking = false;
+    setrlimit(RLIMIT_NOFILE, &before);
+    is_over = true;
+    thread.join();
+  }
+};
+
+static void run_out(bool goes_on) {
+  Rig rig;
+  rig.honest().set(1, push("other", 0.5, {0, 1, 0}));  // so that the next sync has something to do
+  rig.honest().remove(1);
+  ck_assert_int_eq(rig.sync(rig.honest()), FS_OK);
+  const pid_t server = thread_named("fs-server");
+  Unconnected waiting(40);
+  {
+    const Greedy greedy(goes_on);
+    waiting.connect_to(rig.endpoint);
+    const double before = processor_time(server), start = fs::steady_now();
+    while (fs::steady_now() - start < 1) rig.check_honest();
+    // It serves the honest client all this time; but it does not spin.
+    const double share = (processor_time(server) - before) / (fs::steady_now() - start);
+    ck_assert_msg(share < 0.5, "the server's thread takes %.0f %% of a processor", 100 * share);
+    if (!goes_on) {
+      for (const Descriptor& s : waiting.sockets) {
+        pollfd look{s.get(), 0, 0};
+        ck_assert_msg(poll(&look, 1, 10'000) > 0 && (look.revents & POLLHUP), "one that waits was not turned away");
+      }
+    }
+    // What needs a descriptor is refused, and told so.
+    const uint64_t serial = rig.honest().send(fs::wire::type_reports);
+    const std::optional<RawClient::Reply> reply = rig.honest().reply_of(serial);
+    ck_assert(reply && reply->status == FS_ERROR_FULL);
+  }
+  const RawClient newcomer = rig.join("newcomer");
+  rig.check_honest();
+}
+
+START_TEST(no_descriptors) { run_out(false); }
+END_TEST
+START_TEST(no_descriptors_and_greedy) { run_out(true); }
+END_TEST
+
+int main(int count, char** arguments) {
+  if (count == 5 && std::strcmp(arguments[1], "--bearer") == 0) {
+    return be_a_bearer(arguments[2], arguments[3], std::strcmp(arguments[4], "fork") == 0);
+  }
+  Suite* suite = suite_create("door");
+  scenes::add_once(suite, "hello", {another_layout, no_hello, hello_with_descriptors, bad_names});
+  scenes::add_once(suite, "names", {two_of_one_name, name_of_the_dead});
+  scenes::add_once(suite, "too many", {max_clients, silent_stranger, crowd_at_the_door, coming_and_going});
+  scenes::add_once(suite, "descriptors", {no_descriptors, no_descriptors_and_greedy});
+  return scenes::run_suite(suite);
+}

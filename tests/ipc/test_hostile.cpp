@@ -1,0 +1,552 @@
+// Messages that no good client would send: of wrong size, out of order, about what is not its own, more than can be taken.
+// They harm the one that sends them; an honest client keeps its object, its force and its answers.
+#include "ipc/rig.h"
+
+using namespace hostile;
+using namespace fs::wire;
+
+struct Known {
+  uint32_t type;
+  size_t size;  // of its record
+};
+static const std::vector<Known> known_types = {
+    {type_shape, sizeof(Shape)},   {type_curve, sizeof(Curve)},   {type_forget, sizeof(Forget)},
+    {type_set, sizeof(Set)},       {type_change, sizeof(Set)},    {type_place, sizeof(Place)},
+    {type_remove, sizeof(Remove)}, {type_clear, 0},               {type_frame, sizeof(Frame)},
+    {type_clutch, sizeof(Clutch)}, {type_tool, sizeof(Tool)},     {type_wake, 0},
+    {type_sync, 0},                {type_pull, 0},                {type_get, sizeof(Target)},
+    {type_fetch, sizeof(Fetch)},   {type_edit, sizeof(Edit)},     {type_move_other, sizeof(MoveOther)},
+    {type_remove_other, sizeof(Target)}, {type_report, sizeof(Target)}, {type_reports, 0},
+    {type_clients, 0},             {type_view, sizeof(Target)},   {type_stats, 0},
+    {type_device, 0}};
+
+static const std::vector<std::byte> zeros(fs::most_message);
+
+static std::span<const std::byte> body(size_t size) { return std::span(zeros).first(size); }
+
+static Target target_of(const char* name) {
+  Target out{};
+  fs::put_text(out.name, name);
+  return out;
+}
+
+static fs_vec3 line[]{{0, 0, 0}, {0.01, 0, 0}, {0.02, 0.01, 0}};
+
+// ------------------------------------------------------------------------------------------------------- wrong sizes
+
+START_TEST(wrong_sizes) {
+  Rig rig;
+  for (const Known& known : known_types) {
+    for (const size_t size : {size_t{0}, size_t{1}, known.size / 2, known.size - 1, known.size + 1, known.size + 8,
+                              size_t{60'000}, size_t{fs::most_message}}) {
+      if (size == known.size || size > fs::most_message) continue;
+      RawClient client = rig.join("wrong");
+      client.set(0, push("push", 1));
+      client.send(known.type, body(size));
+      rig.expect_dropped(client, "a wrong size");
+    }
+  }
+  // Not even a header, and one byte more than any message has.
+  for (const size_t size : {size_t{1}, size_t{8}, sizeof(Header) - 1, fs::most_message + 1}) {
+    RawClient client = rig.join("wrong");
+    const std::vector<std::byte> bytes(size);
+    client.send_bytes(bytes);
+    rig.expect_dropped(client, "no header");
+  }
+  rig.check_honest();
+}
+END_TEST
+
+START_TEST(unknown_types) {
+  Rig rig;
+  std::vector<uint32_t> types{type_reply, ~0u, 1u << 31, 1u << 16, 256 + type_set};
+  for (uint32_t type = 0; type < 300; ++type) {
+    const bool is_known = std::any_of(known_types.begin(), known_types.end(), [&](const Known& k) { return k.type == type; });
+    if (!is_known) types.push_back(type);
+  }
+  for (const uint32_t type : types) {
+    RawClient client = rig.join("unknown");
+    client.send(type);
+    rig.expect_dropped(client, "an unknown type");
+  }
+  rig.check_honest();
+}
+END_TEST
+
+// Records of the right size, full of anything: with each type many times, in one client after the other.
+START_TEST(random_bodies) {
+  Rig rig;
+  scenes::Random random(3);
+  rig.others = 10;
+  int dropped = 0;
+  RawClient client = rig.join("random");
+  for (int round = 0; round < 40; ++round) {
+    for (const Known& known : known_types) {
+      std::vector<std::byte> bytes(known.size);
+      for (std::byte& byte : bytes) {
+        // Mostly zeros and small numbers, else all looks like nonsense at the first field.
+        byte = static_cast<std::byte>(random.coin(0.8) ? 0 : random.coin() ? random.below(4) : random.bits());
+      }
+      client.send(known.type, bytes);
+      if (client.is_dropped()) {
+        client = rig.join("random");
+        ++dropped;
+      }
+    }
+    if (round % 10 == 0) rig.check_honest();
+    while (client.reply_of(0, 1e-3)) {  // they are read, so that it is not dropped for that
+    }
+  }
+  ck_assert_int_gt(dropped, 0);
+  rig.check_honest();
+}
+END_TEST
+
+// ------------------------------------------------------------------------------------------------------------- order
+
+START_TEST(serials_that_do_not_rise) {
+  Rig rig;
+  for (const uint64_t next : {uint64_t{0}, uint64_t{1}, uint64_t{9}, uint64_t{10}}) {
+    RawClient client = rig.join("serial");
+    client.serial = 9;
+    ck_assert_int_eq(rig.sync(client), FS_OK);  // of serial 10
+    client.serial = next - 1;
+    client.send(type_clear);
+    rig.expect_dropped(client, "a serial that was there");
+  }
+  RawClient client = rig.join("serial");
+  client.serial = ~uint64_t{0} - 1;
+  ck_assert_int_eq(rig.sync(client), FS_OK);  // the last that there is
+  client.send(type_clear);                    // 0
+  rig.expect_dropped(client, "no serial is left");
+  rig.check_honest();
+}
+END_TEST
+
+START_TEST(in_the_middle_of_a_group) {
+  Rig rig;
+  for (const Known& known : known_types) {
+    const bool is_request = known.type >= type_sync, is_upload = known.type == type_shape || known.type == type_curve;
+    if (!is_request && !is_upload && known.type != type_forget) continue;
+    RawClient client = rig.join("group");
+    client.set(0, push("push", 1), true);
+    client.send(known.type, body(known.size));
+    rig.expect_dropped(client, "in the middle of a group");
+  }
+  RawClient client = rig.join("group");
+  client.send(type_clear, body(0), -1, true);
+  client.forget(1);
+  rig.expect_dropped(client, "it forgets in the middle of a group");
+
+  // What is no change does not belong to it.
+  RawClient woken = rig.join("woken");
+  woken.set(0, push("push", 1), true);
+  woken.send(type_wake);
+  woken.set(1, push("pull", 1, {0, 1, 0}));
+  ck_assert_int_eq(rig.sync(woken), FS_OK);
+  ck_assert_uint_eq(rig.listed("woken").objects, 2);
+  rig.check_honest();
+}
+END_TEST
+
+START_TEST(group_without_end) {
+  fs_server_options options = server_options();
+  options.max_objects = 100;
+  Rig rig(options);
+  RawClient endless = rig.join("endless"), broken = rig.join("broken");
+  for (int i = 0; i < 4 * 100 + 65; ++i) endless.set(static_cast<uint32_t>(i) % 100, push("push", 1), true);
+  rig.expect_dropped(endless, "a group without end");
+  // One that ends before its group does has changed nothing.
+  broken.set(0, push("push", 1), true);
+  broken.set(1, push("more", 1), true);
+  broken.socket.reset();
+  rig.tick(50);
+  ck_assert(is_near(rig.foreign_force(), {}));
+  // One as long as may be is taken.
+  RawClient longest = rig.join("longest");
+  for (uint32_t i = 0; i < 4 * 100 + 63; ++i) {
+    longest.set(i % 100, push(("push" + std::to_string(i % 100)).c_str(), 1e-4), true);
+  }
+  longest.send(type_clutch, Clutch{0});
+  ck_assert_int_eq(rig.sync(longest), FS_OK);
+  ck_assert_uint_eq(rig.listed("longest").objects, 100);
+  rig.check_honest();
+}
+END_TEST
+
+// All of a group or none of it, also where one name changes its slot.
+START_TEST(group_refused) {
+  Rig rig;
+  RawClient client = rig.join("group");
+  client.set(0, push("a", 0.5));
+  client.set(1, push("b", 0.5, {0, 1, 0}));
+  ck_assert_int_eq(rig.sync(client), FS_OK);
+  ck_assert(rig.until([&] { return is_near(rig.foreign_force(), {0.5, 0.5, 0}); }));
+  fs_object bad = push("bad", 1);
+  bad.front.limit = -1;
+  client.remove(0, true);
+  client.set(5, push("a", 1), true);
+  client.send(type_clear, body(0), -1, true);
+  client.set(7, push("b", 1), true);
+  client.set(2, bad);
+  ck_assert_int_eq(rig.sync(client), FS_ERROR_INVALID);
+  ck_assert_int_eq(rig.sync(client), FS_OK);  // told once
+  for (int i = 0; i < 5; ++i) rig.expect_refusal(client, FS_ERROR_INVALID, "limit");
+  ck_assert(is_near(rig.foreign_force(), {0.5, 0.5, 0}));
+  ck_assert_uint_eq(rig.listed("group").objects, 2);
+  ck_assert_uint_eq(rig.listed("group").refused, 5);
+  client.set(0, push("a", 1));  // the slots are as they were
+  client.set(1, push("b", 1, {0, 1, 0}));
+  ck_assert_int_eq(rig.sync(client), FS_OK);
+  ck_assert(rig.until([&] { return is_near(rig.foreign_force(), {1, 1, 0}); }));
+  rig.check_honest();
+}
+END_TEST
+
+// ------------------------------------------------------------------------------------------------- slots and numbers
+
+START_TEST(slot_out_of_range) {
+  fs_server_options options = server_options();
+  options.max_objects = 100;
+  Rig rig(options);
+  for (const uint32_t slot : {100u, 101u, 128u, 65536u, 1u << 31, ~0u}) {
+    for (const bool more : {false, true}) {
+      RawClient set = rig.join("slot");
+      set.set(slot, push("push", 1), more);
+      rig.expect_dropped(set, "set");
+      RawClient change = rig.join("slot");
+      change.send(type_change, Set{slot, all_parts, fs::to_record(push("push", 1))}, -1, more);
+      rig.expect_dropped(change, "change");
+      RawClient place = rig.join("slot");
+      place.send(type_place, Place{slot, 0, {}}, -1, more);
+      rig.expect_dropped(place, "place");
+      RawClient remove = rig.join("slot");
+      remove.remove(slot, more);
+      rig.expect_dropped(remove, "remove");
+    }
+  }
+  rig.check_honest();
+}
+END_TEST
+
+START_TEST(slots_of_others) {
+  Rig rig;
+  RawClient client = rig.join("mixed");
+  client.set(1, push("a", 1));
+  client.set(2, push("b", 1, {0, 1, 0}));
+  ck_assert_int_eq(rig.sync(client), FS_OK);
+  client.set(2, push("a", 2));
+  rig.expect_refusal(client, FS_ERROR_INVALID, "slot");
+  client.set(1, push("c", 2));
+  rig.expect_refusal(client, FS_ERROR_INVALID, "slot");
+  client.set(3, push("a", 2));
+  rig.expect_refusal(client, FS_ERROR_INVALID, "slot");
+  client.send(type_change, Set{3, all_parts, fs::to_record(push("a", 2))});
+  rig.expect_refusal(client, FS_ERROR_INVALID, "slot");
+  client.remove(9);  // nobody's
+  client.send(type_place, Place{9, 0, fs::to_record(fs::Motion{})});
+  client.send(type_change, Set{9, all_parts, fs::to_record(push("unknown", 2))});
+  rig.sync(client);
+  fs_event event;
+  ck_assert(!client.next_refusal(event));
+  ck_assert(rig.until([&] { return is_near(rig.foreign_force(), {1, 1, 0}); }));
+  // Names that belong to another client are a client's own here, not that one's.
+  client.set(4, push("wall", 1, {0, 0, 1}));
+  ck_assert_int_eq(rig.sync(client), FS_OK);
+  client.remove(4);
+  client.set(5, push("honest/wall", 1));
+  rig.expect_refusal(client, FS_ERROR_INVALID, "'/'");
+  rig.check_honest();
+}
+END_TEST
+
+START_TEST(numbers_of_shapes) {
+  Rig rig;
+  for (const uint64_t id : {uint64_t{0}, of_server, of_server | 1, ~uint64_t{0}}) {
+    RawClient shape = rig.join("number");
+    shape.polyline(id, line);
+    rig.expect_dropped(shape, "a shape's number");
+    RawClient curve = rig.join("number");
+    curve.expression(id, "d");
+    rig.expect_dropped(curve, "a curve's number");
+  }
+  for (const bool is_shape : {false, true}) {  // the same twice
+    RawClient twice = rig.join("twice");
+    twice.polyline(1, line);
+    if (is_shape) twice.polyline(1, line);
+    else twice.expression(1, "d");
+    rig.expect_dropped(twice, "a number twice");
+  }
+
+  RawClient client = rig.join("number");
+  fs_object object = push("o", 1);
+  object.primitive = FS_PRIMITIVE_POLYLINE;
+  fs::wire::Object record = fs::to_record(object);
+  const auto refused = [&](uint64_t shape, uint64_t curve, fs_status status, const char* part) {
+    record.shape = shape;
+    record.front = {FS_PROFILE_CUSTOM, FS_SENSE_ATTRACTIVE, 1, 0, 0, 1, 0, curve};
+    client.set(0, record);
+    rig.expect_refusal(client, status, part);
+  };
+  client.polyline(1, line);
+  client.expression(2, "1");
+  refused(0, 2, FS_ERROR_INVALID, "shape is null");
+  refused(7, 2, FS_ERROR_INVALID, "not sent");
+  refused(1, 7, FS_ERROR_INVALID, "not sent");
+  refused(1, 0, FS_ERROR_INVALID, "curve is null");
+  refused(2, 2, FS_ERROR_INVALID, "shape is null");   // a curve is no shape
+  refused(1, 1, FS_ERROR_INVALID, "curve is null");   // nor the other way round
+  refused(of_server | 1, 2, FS_ERROR_STATE, "unknown");
+  refused(1, of_server | 1, FS_ERROR_STATE, "unknown");
+  refused(of_server, of_server, FS_ERROR_STATE, "unknown");
+  client.forget(1);
+  client.forget(1);
+  client.forget(99);
+  client.forget(of_server | 1);
+  refused(1, 2, FS_ERROR_INVALID, "not sent");
+  client.polyline(1, line);  // free again
+  record.shape = 1;
+  record.front.curve = 2;
+  client.set(0, record);
+  rig.sync(client);
+  ck_assert_uint_eq(rig.listed("number").objects, 1);
+  // A shape that is in use may be forgotten: the object has it still.
+  client.forget(1);
+  client.forget(2);
+  record.front.gain = 0.5;
+  client.send(type_change, Set{0, FS_PART_POSE, record});
+  ck_assert_int_eq(rig.sync(client), FS_OK);
+  ck_assert_uint_gt(rig.listed("number").shape_bytes, 0);
+  client.remove(0);
+  ck_assert_int_eq(rig.sync(client), FS_OK);
+  ck_assert_msg(rig.until([&] { return rig.listed("number").shape_bytes == 0; }), "its bytes are not given back");
+  rig.check_honest();
+}
+END_TEST
+
+// --------------------------------------------------------------------------------------------------- others' objects
+
+START_TEST(bad_requests) {
+  Rig rig;
+  RawClient client = rig.join("asker");
+  const char* nowhere[] = {"", "/", "honest", "honest/", "/wall", "honest/nothing", "nobody/wall", "server/", "server/x",
+                           "honest/wall/", "honest//wall", "\xff/\xff"};
+  for (const char* name : nowhere) {
+    for (const uint32_t type : {type_get, type_report}) {
+      ck_assert_int_eq(client.ask(type, target_of(name)), FS_ERROR_NOT_FOUND);
+    }
+    if (!std::strchr(name, '/')) continue;  // its own
+    ck_assert_int_eq(client.ask(type_remove_other, target_of(name)), FS_ERROR_NOT_FOUND);
+    Edit edit{target_of(name), all_parts, fs::to_record(push("wall", 1))};
+    ck_assert_int_eq(client.ask(type_edit, edit), FS_ERROR_NOT_FOUND);
+    ck_assert_int_eq(client.ask(type_move_other, MoveOther{target_of(name), 0, scenes::at(0, 0, 0), {}, 0}),
+                     FS_ERROR_NOT_FOUND);
+  }
+  for (const char* name : {"", "nobody", "honest/wall", "/"}) {
+    ck_assert_int_eq(client.ask(type_view, target_of(name)), FS_ERROR_NOT_FOUND);
+  }
+  Target endless;
+  std::memset(endless.name, 'x', sizeof endless.name);
+  for (const uint32_t type : {type_get, type_report, type_view}) {
+    ck_assert_int_eq(client.ask(type, endless), FS_ERROR_NOT_FOUND);
+  }
+  for (const uint64_t id : {uint64_t{0}, uint64_t{1}, of_server | 1, ~uint64_t{0}}) {
+    ck_assert_int_eq(client.ask(type_fetch, Fetch{id}), FS_ERROR_NOT_FOUND);
+  }
+
+  // What would make it a bad object is not taken.
+  const Target wall = target_of("honest/wall");
+  const double nan = std::nan("");
+  fs_object bad = push("wall", 1);
+  bad.front.limit = nan;
+  ck_assert_int_eq(client.ask(type_edit, Edit{wall, FS_PART_PROFILES, fs::to_record(bad)}), FS_ERROR_INVALID);
+  bad.pose.position.x = 1e300;
+  ck_assert_int_eq(client.ask(type_edit, Edit{wall, FS_PART_POSE, fs::to_record(bad)}), FS_ERROR_INVALID);
+  ck_assert_int_eq(client.ask(type_edit, Edit{wall, ~uint64_t{0}, fs::to_record(bad)}), FS_ERROR_INVALID);
+  ck_assert_int_eq(client.ask(type_edit, Edit{wall, uint64_t{1} << 40, fs::to_record(push("wall", 5))}), FS_ERROR_INVALID);
+  fs::wire::Object record = fs::to_record(bad);
+  record.primitive = -7;
+  ck_assert_int_eq(client.ask(type_edit, Edit{wall, FS_PART_SHAPE, record}), FS_ERROR_INVALID);
+  record.shape = of_server | 12345;
+  ck_assert_int_eq(client.ask(type_edit, Edit{wall, FS_PART_SHAPE, record}), FS_ERROR_STATE);
+  const fs_pose poses[] = {{{nan, 0, 0}, {1, 0, 0, 0}}, {{1e16, 0, 0}, {1, 0, 0, 0}}, {{0, 0, 0}, {2, 0, 0, 0}}};
+  for (const fs_pose& pose : poses) {
+    ck_assert_int_eq(client.ask(type_move_other, MoveOther{wall, 0, pose, {}, 0}), FS_ERROR_INVALID);
+  }
+  const fs_twist twist{{0, INFINITY, 0}, {}};
+  ck_assert_int_eq(client.ask(type_move_other, MoveOther{wall, 1, scenes::at(0, 0, 0), twist, 0}), FS_ERROR_INVALID);
+  ck_assert_int_eq(client.ask(type_move_other, MoveOther{wall, 0, scenes::at(0, 0, 0), {}, nan}), FS_ERROR_INVALID);
+  rig.check_honest();
+}
+END_TEST
+
+START_TEST(locked) {
+  fs_server_options options = server_options();
+  options.locked = true;
+  Rig rig(options);
+  OK(fs_object_set(rig.scene(), &(const fs_object&)push("own", 0.01)));
+  RawClient client = rig.join("editor");
+  for (const char* name : {"honest/wall", "server/own", "server/nothing"}) {
+    ck_assert_int_eq(client.ask(type_edit, Edit{target_of(name), 0, fs::to_record(push("wall", 1))}), FS_ERROR_DENIED);
+    ck_assert_int_eq(client.ask(type_move_other, MoveOther{target_of(name), 0, scenes::at(0, 0, 0), {}, 0}),
+                     FS_ERROR_DENIED);
+    ck_assert_int_eq(client.ask(type_remove_other, target_of(name)), FS_ERROR_DENIED);
+  }
+  ck_assert_int_eq(client.ask(type_get, target_of("honest/wall")), FS_OK);  // looking is free
+  OK(fs_object_remove(rig.scene(), "own"));
+  rig.check_honest();
+}
+END_TEST
+
+// Its own objects by way of the messages about others': there is one way only to change them.
+START_TEST(own_as_another) {
+  Rig rig;
+  RawClient client = rig.join("self");
+  client.set(0, push("o", 1));
+  ck_assert_int_eq(rig.sync(client), FS_OK);
+  for (const char* name : {"o", "self/o"}) {
+    ck_assert_int_eq(client.ask(type_remove_other, target_of(name)), FS_ERROR_INVALID);
+    ck_assert_int_eq(client.ask(type_move_other, MoveOther{target_of(name), 0, scenes::at(0, 0, 0), {}, 0}),
+                     FS_ERROR_INVALID);
+    ck_assert_int_eq(client.ask(type_edit, Edit{target_of(name), 0, fs::to_record(push("o", 1))}), FS_ERROR_INVALID);
+    ck_assert_int_eq(client.ask(type_get, target_of(name)), FS_OK);
+    ck_assert_int_eq(client.ask(type_report, target_of(name)), FS_OK);
+  }
+  client.remove(0);
+  client.set(3, push("o", 1));
+  ck_assert_int_eq(rig.sync(client), FS_OK);
+  rig.check_honest();
+}
+END_TEST
+
+// What the honest one is told of a hostile one's objects is good: names that can be shown, primitives that there are.
+START_TEST(reports_of_nonsense) {
+  Rig rig;
+  RawClient client = rig.join("nonsense");
+  fs::wire::Object record = fs::to_record(push("x", 1));
+  const char* names[] = {"", "a/b", "\xff\xfe", "bell\a", "0123456789012345678901234567890123456789"};
+  uint32_t slot = 0;
+  for (const char* name : names) {
+    fs::put_text(record.name, name);
+    client.set(slot++, record);
+  }
+  fs::put_text(record.name, "odd");
+  for (const int32_t primitive : {-1, 4, 0x7fffffff, INT32_MIN}) {
+    record.primitive = primitive;
+    client.set(slot++, record);
+  }
+  // The same, waiting for a shape.
+  client.polyline(1, line);
+  record.shape = 1;
+  for (const char* name : names) {
+    fs::put_text(record.name, name);
+    client.set(slot++, record);
+  }
+  std::memset(record.name, 'x', sizeof record.name);
+  client.set(slot++, record);
+  rig.sync(client);
+  const std::optional<RawClient::Reply> reply = rig.honest().reply_of(rig.honest().send(type_reports));
+  ck_assert(reply && reply->status == FS_OK);
+  std::vector<fs_report> list(reply->as<Count>().count);
+  fs::read_blob(reply->data, 0, std::as_writable_bytes(std::span(list)));
+  for (const fs_report& report : list) {
+    int32_t primitive;
+    std::memcpy(&primitive, &report.primitive, sizeof primitive);
+    ck_assert_msg(primitive >= 0 && primitive <= FS_PRIMITIVE_MESH, "primitive %d", primitive);
+    const std::string name = report.name;
+    const size_t slash = name.find('/');
+    ck_assert(slash == std::string::npos || name.find('/', slash + 1) == std::string::npos);
+    ck_assert_msg(std::all_of(name.begin(), name.end(), [](char c) { return c >= 0x20 && c != 0x7f; }), "'%s'", name.c_str());
+  }
+  rig.check_honest();
+}
+END_TEST
+
+// A refused object is told as such until it is removed, set anew, or all is cleared.
+START_TEST(refused_until_removed) {
+  Rig rig;
+  RawClient client = rig.join("refused");
+  const auto state = [&](const char* name) {
+    const auto reply = client.reply_of(client.send(type_report, target_of(name)));
+    ck_assert(reply.has_value());
+    return reply->status != FS_OK ? int{reply->status} : int{reply->as<fs_report>().state};
+  };
+  fs_object bad = push("bad", 1);
+  bad.front.limit = -1;
+  client.set(3, bad);
+  rig.sync(client);
+  ck_assert_int_eq(state("bad"), FS_OBJECT_REFUSED);
+  ck_assert_int_eq(state("refused/bad"), FS_OBJECT_REFUSED);
+  client.remove(3);
+  rig.sync(client);
+  ck_assert_int_eq(state("bad"), FS_ERROR_NOT_FOUND);
+  client.set(3, bad);
+  client.set(3, push("bad", 1));
+  rig.sync(client);
+  ck_assert(rig.until([&] { return state("bad") == FS_OBJECT_FELT; }));
+  client.set(3, bad);  // a change that is refused leaves it as it was
+  rig.sync(client);
+  ck_assert_int_eq(state("bad"), FS_OBJECT_FELT);
+  client.set(4, [&] { fs_object o = bad; std::strcpy(o.name, "other"); return o; }());
+  client.send(type_clear);
+  rig.sync(client);
+  ck_assert_int_eq(state("bad"), FS_ERROR_NOT_FOUND);
+  ck_assert_int_eq(state("other"), FS_ERROR_NOT_FOUND);
+  rig.check_honest();
+}
+END_TEST
+
+// ------------------------------------------------------------------------------------------------------------ too much
+
+// One that asks and asks, and never looks at the answers.
+START_TEST(never_reads) {
+  Rig rig;
+  for (const uint32_t type : {type_pull, type_stats, type_reports, type_sync, type_get}) {
+    RawClient client = rig.join("deaf");
+    for (int i = 0; i < 100'000 && !client.is_dropped(); ++i) {
+      client.send(type, body(type == type_get ? sizeof(Target) : 0));
+      if (i % 256 == 0) rig.tick();
+    }
+    rig.expect_dropped(client, "it never reads");
+    rig.check_honest();
+  }
+}
+END_TEST
+
+// Changes and moves as fast as they can be sent: another one's are taken all the while.
+START_TEST(flood) {
+  Rig rig;
+  rig.others = 3;
+  std::atomic<bool> is_over{false};
+  std::atomic<int> rounds{0};
+  RawClient clients[3] = {rig.join("sets"), rig.join("moves"), rig.join("asks")};
+  const std::function<void(RawClient&, uint32_t)> works[3] = {
+      [](RawClient& client, uint32_t i) { client.set(i % 64, push(("o" + std::to_string(i % 64)).c_str(), 0.01)); },
+      [](RawClient& client, uint32_t i) {
+        if (i < 64) client.set(i, push(("o" + std::to_string(i)).c_str(), 0.01));
+        for (uint32_t slot = 0; slot < 64; ++slot) client.move(slot, slot + 1, scenes::at(0.001 * (i % 100), 0, 0));
+      },
+      [](RawClient& client, uint32_t) { client.ask(type_reports); }};
+  std::vector<std::thread> threads;
+  for (int k = 0; k < 3; ++k) {
+    threads.emplace_back([&, k] {
+      for (uint32_t i = 0; !is_over; ++i, ++rounds) works[k](clients[k], i);
+    });
+  }
+  for (int i = 0; i < 100; ++i) rig.check_honest();
+  is_over = true;
+  for (std::thread& thread : threads) thread.join();
+  ck_assert_int_gt(rounds, 100);
+  for (RawClient& client : clients) ck_assert_int_eq(rig.sync(client), FS_OK);  // that is no offence
+}
+END_TEST
+
+int main() {
+  Suite* suite = suite_create("hostile");
+  scenes::add_once(suite, "sizes", {wrong_sizes, unknown_types, random_bodies});
+  scenes::add_once(suite, "order", {serials_that_do_not_rise, in_the_middle_of_a_group, group_without_end, group_refused});
+  scenes::add_once(suite, "numbers", {slot_out_of_range, slots_of_others, numbers_of_shapes});
+  scenes::add_once(suite, "others", {bad_requests, locked, own_as_another, reports_of_nonsense, refused_until_removed});
+  scenes::add_once(suite, "too much", {never_reads, flood});
+  return scenes::run_suite(suite);
+}

@@ -1,0 +1,295 @@
+// Clients are killed at any moment, again and again, and nobody is any the worse for it: what they had fades, what another
+// client feels is not disturbed, their names are free at once, and nothing of them remains.
+#include <sys/wait.h>
+
+#include <deque>
+
+#include "ipc/process.h"
+#include "ipc/victim.h"
+#include "ipc/watch.h"
+
+using namespace life;
+using namespace scenes;
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+constexpr int standard_kills = 20;  // a process takes long to begin
+#else
+constexpr int standard_kills = 60;
+#endif
+constexpr double fade = 0.1, lease = 0.02;      // s
+constexpr double client_limit = 2;              // N
+constexpr double device_limit = 3;              // N: some victims together come to more
+constexpr double honest_step = 0.002;           // N, at a tick at most
+constexpr size_t growth_limit = 64'000'000;     // bytes; 100 victims leave more behind if they leave their scene or a mesh
+
+static int kills = standard_kills;
+static uint64_t seed = 1;
+
+// ------------------------------------------------------------------------------------------------- the honest client
+
+// Pushes with 1 N in a direction that turns: it goes on when the turn is felt. Its thread checks with `is_good` alone, as
+// Check is for the main thread.
+class Honest {
+ public:
+  explicit Honest(const std::string& endpoint) : scene_(connect(endpoint, "honest")) {
+    set_prey();
+    turn();
+    expect(fs_object_set(scene_.get(), &push_), "set");
+    expect(fs_scene_sync(scene_.get(), 10), "sync");
+    wait_a_little(fade + 0.1);
+  }
+  ~Honest() { stop(); }
+
+  void start() { thread_ = std::thread([this] { run(); }); }
+  void stop() {
+    is_over_ = true;
+    if (thread_.joinable()) thread_.join();
+  }
+  uint64_t turns() const { return turns_; }
+  std::string complaint() {
+    const std::lock_guard lock(mutex_);
+    return complaint_;
+  }
+
+ private:
+  void expect(bool is_good, const std::string& what) {
+    const std::lock_guard lock(mutex_);
+    if (!is_good && complaint_.empty()) complaint_ = what;
+  }
+  void expect(fs_status status, const char* call) {
+    expect(status == FS_OK, std::string(call) + ": " + fs_status_name(status) + ": " + fs_last_error());
+  }
+
+  void turn() {
+    before_ = wanted_;
+    angle_ += honest_step;
+    wanted_ = {std::cos(angle_), std::sin(angle_), 0};
+    push_ = push("push", 1, wanted_);
+  }
+  // What the victims may change; it is not felt.
+  void set_prey() {
+    fs_object prey = fs_object_init("prey", FS_PRIMITIVE_PLANE);
+    expect(fs_object_set(scene_.get(), &prey), "set");
+  }
+
+  bool is_felt() {
+    fs_response response;
+    expect(fs_scene_get_hand(scene_.get(), nullptr, &response, nullptr), "hand");
+    const fs_vec3 force = response.wrench.force;
+    const bool is_there = norm(force - wanted_) < 1e-9;
+    expect(is_there || norm(force - before_) < 1e-9, "its force is another: " + std::to_string(norm(force)) + " N");
+    return is_there;
+  }
+
+  void run() {
+    wanted_ = {std::cos(angle_), std::sin(angle_), 0};
+    const fs_twist still{};
+    for (; !is_over_ && complaint().empty(); ++turns_) {
+      turn();
+      expect(fs_object_move(scene_.get(), "push", &push_.pose, &still, FS_NOW), "move");
+      expect(eventually([this] { return is_felt(); }), "its move is not felt");
+      if (turns_ % 16) continue;
+      set_prey();
+      expect(fs_scene_sync(scene_.get(), 10), "sync");
+      size_t count = 0;
+      expect(fs_scene_get_clients(scene_.get(), nullptr, 0, &count), "clients");
+      expect(fs_scene_get_reports(scene_.get(), nullptr, 0, &count), "reports");
+      for (fs_event event{}; fs_scene_next_event(scene_.get(), 0, &event) == FS_OK && event.kind != FS_EVENT_NONE;) {
+        expect(event.kind == FS_EVENT_EDITED || event.kind == FS_EVENT_READY || event.kind == FS_EVENT_DEVICE ||
+                   event.kind == FS_EVENT_OVERFLOW,
+               "event " + std::to_string(event.kind) + ": " + event.text);
+      }
+    }
+  }
+
+  Scene scene_;
+  fs_object push_;
+  fs_vec3 wanted_{}, before_{};
+  double angle_ = 0;
+  std::atomic<uint64_t> turns_{0};
+  std::atomic<bool> is_over_{false};
+  std::mutex mutex_;
+  std::string complaint_;
+  std::thread thread_;
+};
+
+// ----------------------------------------------------------------------------------------------------- the force's steps
+
+// Each tick's change of the force that all scenes have together, against what it may be: everything of those who are there,
+// or not yet faded out, may be on its way in or out, both as an object and as a client that is gone (`fades_at_once`). Who
+// is there at a tick is known when the next victim is in, so ticks are judged later.
+class Steps {
+ public:
+  explicit Steps(fs_servo* servo) : watch_(servo) {
+    watch_.look([](const fs_tick&, const fs_tick*) {});  // what was before is not looked at
+  }
+
+  void look() {
+    watch_.look([this](const fs_tick& tick, const fs_tick* before) {
+      check_tick(tick, device_limit);
+      if (!before) return;
+      steps_.push_back({tick.state.time, tick.state.time - before->state.time,
+                        norm(tick.response.wrench.force - before->response.wrench.force)});
+    });
+  }
+
+  // A victim is in, which began at `begin`: the one of its name before it is known to be gone, and fades.
+  void add_victim(double begin, double now) {
+    if (!victims_.empty()) victims_.back().end = now + lease + fade;
+    victims_.push_back({begin, never});
+    judge(now);
+  }
+  void end() { judge(never); }
+
+  const Watch& watch() const { return watch_; }
+  double largest() const { return largest_; }             // N per ms
+  double largest_share() const { return largest_share_; }  // of what was allowed
+  double most_allowed() const { return most_allowed_; }    // N per ms
+
+ private:
+  static constexpr double never = 1e300, fades_at_once = 2;
+  struct Step {
+    double time, elapsed, size;  // s, s, N
+  };
+  struct Victim {
+    double begin, end;  // s
+  };
+
+  void judge(double until) {
+    for (; !steps_.empty() && steps_.front().time <= until; steps_.pop_front()) {
+      const Step& step = steps_.front();
+      std::erase_if(victims_, [&](const Victim& victim) { return victim.end < step.time - step.elapsed; });
+      const auto there = std::count_if(victims_.begin(), victims_.end(),
+                                       [&](const Victim& victim) { return victim.begin <= step.time; });
+      const double faded = fades_at_once * victim_force * static_cast<double>(there) / fade * step.elapsed;
+      const double allowed = faded + honest_step + 1e-4;
+      ck_assert_msg(step.size <= allowed, "the force steps by %g N within %g ms, %g N are allowed (%d victims)", step.size,
+                    1e3 * step.elapsed, allowed, static_cast<int>(there));
+      const double ms = std::fmax(1, 1e3 * step.elapsed);
+      largest_ = std::fmax(largest_, step.size / ms);
+      if (there) largest_share_ = std::fmax(largest_share_, step.size / allowed);
+      most_allowed_ = std::fmax(most_allowed_, allowed / ms);
+    }
+  }
+
+  Watch watch_;
+  std::deque<Step> steps_;
+  std::vector<Victim> victims_;
+  double largest_ = 0, largest_share_ = 0, most_allowed_ = 0;
+};
+
+// --------------------------------------------------------------------------------------------------------- the kills
+
+START_TEST(kill_at_any_moment) {
+  fs_servo_options servo_options = world_options();
+  servo_options.mode = FS_SERVO_THREAD;
+  servo_options.rate = 1000;
+  servo_options.fade = fade;
+  servo_options.force_limit = device_limit;
+  fs_server_options server_options = fs_server_options_init();
+  server_options.force_limit = client_limit;
+  server_options.lease = lease;
+  server_options.max_clients = 4096;  // as many scenes fade out at a time when a victim does nothing but come and go
+  ServerRig rig(server_options, servo_options);
+  const fs_object prey = fs_object_init("prey", FS_PRIMITIVE_PLANE);
+  OK(fs_object_set(rig.base.get(), &prey));
+  Honest honest(rig.endpoint);
+  Steps steps(rig.servo.get());
+  Holdings before = holdings();
+  honest.start();
+  ++before.threads;
+
+  Random random(seed);
+  std::vector<size_t> memory(static_cast<size_t>(kills));
+  int unborn = 0, stopped = 0;
+  const double start = now(rig.base.get());
+  for (int k = 0; k < kills; ++k) {
+    const char* work = victim_works[random.below(std::size(victim_works))];
+    const double begin = now(rig.base.get());
+    Process victim({"--victim", rig.endpoint, "victim", work, std::to_string(random.bits())});
+    std::string line = "killed before it said anything";
+    const bool waits = random.coin(0.85);
+    if (waits) {
+      const bool is_heard = victim.hear(line, 30);
+      ck_assert_msg(is_heard && line == "connected", "kill %d: a victim that %s: %s", k, work, line.c_str());
+      steps.add_victim(begin, now(rig.base.get()));
+      wait_a_little(random.log_between(1e-4, 0.03));
+    } else {  // on its way: it has set nothing yet
+      wait_a_little(random.log_between(1e-4, 0.005));
+      ++unborn;
+    }
+    if (random.coin(0.3)) {  // stands still in the middle of something, and never goes on
+      victim.send(SIGSTOP);
+      wait_a_little(random.log_between(1e-4, 0.02));
+      ++stopped;
+    }
+    victim.send(SIGKILL);
+    const int status = victim.wait();
+    ck_assert_msg(!victim.hear(line, 0) || (!waits && line == "connected"), "kill %d: a victim that %s: %s", k, work,
+                  line.c_str());
+    ck_assert_msg(WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL, "kill %d: a victim that %s ended by itself", k, work);
+    if (k % 4 == 3 || k + 1 == kills) steps.look();
+    const std::string complaint = honest.complaint();
+    ck_assert_msg(complaint.empty(), "kill %d, of one that %s: the honest client: %s", k, work, complaint.c_str());
+    memory[static_cast<size_t>(k)] = resident_bytes();
+  }
+  const double duration = now(rig.base.get()) - start;
+
+  // Nothing of them remains.
+  Holdings after;
+  ck_assert_msg(eventually([&] { return (after = holdings()) == before; }), "before: %s; after: %s", to_text(before).c_str(),
+                to_text(after).c_str());
+  steps.look();
+  steps.end();
+  ck_assert_int_eq(waitpid(-1, nullptr, WNOHANG), -1);  // no child, dead or alive
+  ck_assert_int_eq(errno, ECHILD);
+  ck_assert_uint_eq(steps.watch().gaps(), 0);
+  ck_assert_uint_gt(honest.turns(), 0);
+  honest.stop();
+  ck_assert_msg(honest.complaint().empty(), "the honest client: %s", honest.complaint().c_str());
+
+  const auto mean = [&](int first, int last) {
+    size_t sum = 0;
+    for (int i = first; i < last; ++i) sum += memory[static_cast<size_t>(i)];
+    return sum / static_cast<size_t>(std::max(1, last - first));
+  };
+  const size_t early = mean(0, kills / 4), late = mean(3 * kills / 4, kills);
+  std::printf("  %d kills in %.1f s: %d before they had connected, %d that stood still\n", kills, duration, unborn, stopped);
+  std::printf("  %lu ticks (%lu of them stopped, the machine being too slow), %lu moves of the honest client felt\n",
+              static_cast<unsigned long>(steps.watch().ticks()), static_cast<unsigned long>(steps.watch().late()),
+              static_cast<unsigned long>(honest.turns()));
+  std::printf("  largest step %.4f N per ms; up to %.4f were allowed, and no step had more than %.0f %% of its own\n",
+              steps.largest(), steps.most_allowed(), 100 * steps.largest_share());
+  std::printf("  %.1f MB resident in the first quarter, %.1f MB in the last; %s\n", 1e-6 * static_cast<double>(early),
+              1e-6 * static_cast<double>(late), to_text(after).c_str());
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // they keep what is freed
+  ck_assert_msg(late < early + growth_limit, "%zu bytes resident at first, %zu at last", early, late);
+#endif
+}
+END_TEST
+
+static int show_help() {
+  std::printf(
+      "test_kill [--kills N] [--seed N]\n"
+      "Kills N clients (%d) of a server at any moment, and checks each tick of its servo, a client that goes on, and that\n"
+      "nothing remains. A hundred take about a second.\n",
+      standard_kills);
+  return EXIT_FAILURE;
+}
+
+int main(int count, char** arguments) {
+  if (count > 1 && std::strcmp(arguments[1], "--victim") == 0) return be_a_victim(count, arguments);
+  for (int i = 1; i < count; i += 2) {
+    const std::string key = arguments[i];
+    if (i + 1 == count || (key != "--kills" && key != "--seed")) return show_help();
+    const unsigned long long value = std::strtoull(arguments[i + 1], nullptr, 10);
+    if (key == "--kills") kills = static_cast<int>(value);
+    if (key == "--seed") seed = value;
+  }
+  if (kills < 1) return show_help();
+  Suite* suite = suite_create("kill");
+  TCase* test_case = new_case(suite, "kill");
+  tcase_set_timeout(test_case, 120 + 0.5 * kills);
+  tcase_add_test(test_case, kill_at_any_moment);
+  return run_suite(suite);
+}
