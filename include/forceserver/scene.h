@@ -58,7 +58,8 @@ typedef enum fs_part {
  * (it is `locked`), STATE (a group is open: it holds the scene's own objects only). */
 
 /* Fills out, which was made by fs_object_init with any name: struct_size is read, no more than that is written.
- * Release it (fs_object_release), also before it is filled again: its handles live until then. NOT_FOUND, VERSION. */
+ * Another client's object has the name it was asked by, so it can be changed as it stands. Release it
+ * (fs_object_release), also before it is filled again: its handles live until then. NOT_FOUND, VERSION. */
 FS_API fs_status fs_object_get(fs_scene *scene, const char *name, fs_object *out);
 
 /* Takes only these parts (fs_part bits) of object, for the one of its name: an editor does not undo the owner's

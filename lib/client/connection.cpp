@@ -17,7 +17,7 @@ namespace {
 constexpr double retry_period = 0.02;     // s, between two tries to connect
 constexpr double handshake_limit = 2;     // s, where the endpoint does not say
 constexpr double answer_limit = 1;        // s
-constexpr double sending_limit = 60;      // s, in the middle of what belongs together; the server may have much to build
+constexpr double sending_limit = 60;      // s, amid what belongs together: the server may have much to build
 constexpr double heartbeat_limit = 0.1;   // s: of a server that has not come by for so long the system is asked
 
 constexpr const char* lost_text = "the server is gone, and stays so for this scene: make a new one";
@@ -69,8 +69,8 @@ void Connection::connect(const Endpoint& endpoint, double start) {
       if (waited < std::fmax(endpoint.timeout, handshake_limit)) continue;
       fail(FS_ERROR_TIMEOUT, "the server '%s' has let nobody in for %.3g s", name, waited);
     }
-    fail(error == EMFILE || error == ENFILE ? FS_ERROR_FULL : FS_ERROR_IO, "the server '%s' cannot be reached: %s", name,
-         std::strerror(error));
+    fail(error == EMFILE || error == ENFILE ? FS_ERROR_FULL : FS_ERROR_IO, "the server '%s' cannot be reached: %s",
+         name, std::strerror(error));
   }
   const Peer peer = peer_of(socket_);
   if (peer.user != endpoint.user) {
@@ -111,7 +111,7 @@ bool Connection::greet(const Endpoint& endpoint, const std::string& client) {
     }
     throw Error{to_status(answer.status), std::move(text)};
   }
-  if (rest.size() != sizeof welcome_) fail(FS_ERROR_VERSION, "the server '%s' has said something else than welcome", name);
+  if (rest.size() != sizeof welcome_) fail(FS_ERROR_VERSION, "the server '%s' says something else than welcome", name);
   std::memcpy(&welcome_, rest.data(), sizeof welcome_);
   if (welcome_.max_objects < 1 || welcome_.max_objects > most_slots || welcome_.outbox_bytes != sizeof(Outbox) ||
       welcome_.inbox_bytes != Inbox::bytes(welcome_.max_objects)) {

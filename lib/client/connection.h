@@ -39,7 +39,9 @@ struct Answer {
   std::vector<T> list() const {
     constexpr uint64_t most = 1 << 30;
     const uint64_t count = as<wire::Count>().count;
-    if (count > most) fail(FS_ERROR_INTERNAL, "the server's list has %llu entries", static_cast<unsigned long long>(count));
+    if (count > most) {
+      fail(FS_ERROR_INTERNAL, "the server's list has %llu entries", static_cast<unsigned long long>(count));
+    }
     require_data();
     check_blob(data, count * sizeof(T));
     std::vector<T> out(count);

@@ -39,7 +39,9 @@ void keep_fetched(List& list, uint64_t id, const Thing& thing) {
 wire::Target RemoteScene::to_target(const char* name, const char* field) {
   wire::Target out{};
   const size_t size = strnlen(name, sizeof out.name);
-  if (size == sizeof out.name) fail(FS_ERROR_NOT_FOUND, "%s is '%.80s...': there is none of such a long name", field, name);
+  if (size == sizeof out.name) {
+    fail(FS_ERROR_NOT_FOUND, "%s is '%.80s...': there is none of such a long name", field, name);
+  }
   std::memcpy(out.name, name, size);
   return out;
 }
@@ -61,7 +63,7 @@ Ref<const Shape> RemoteScene::receive_shape(uint64_t id) {
   if (id == 0) return nullptr;
   if (!(id & wire::of_server)) {
     const auto own = data_.find(id);
-    if (own == data_.end() || !own->second.shape) fail(FS_ERROR_INTERNAL, "the server tells of a shape that is not there");
+    if (own == data_.end() || !own->second.shape) fail(FS_ERROR_INTERNAL, "the server tells of a shape that is none");
     return own->second.shape;
   }
   if (Ref<const Shape> known = find_fetched(fetched_shapes_, id)) return known;
@@ -77,7 +79,7 @@ Ref<const Curve> RemoteScene::receive_curve(uint64_t id) {
   if (id == 0) return nullptr;
   if (!(id & wire::of_server)) {
     const auto own = data_.find(id);
-    if (own == data_.end() || !own->second.curve) fail(FS_ERROR_INTERNAL, "the server tells of a curve that is not there");
+    if (own == data_.end() || !own->second.curve) fail(FS_ERROR_INTERNAL, "the server tells of a curve that is none");
     return own->second.curve;
   }
   if (Ref<const Curve> known = find_fetched(fetched_curves_, id)) return known;
@@ -150,6 +152,10 @@ void RemoteScene::pull() {
     const auto pulled = connection_.request(wire::type_pull).as<wire::Pulled>();
     edits_seen_ = pulled.edits;
     if (pulled.state == 0) break;
+    if (pulled.state == 3) {
+      if (const auto data = data_.find(pulled.object.shape); data != data_.end()) data->second.is_refused = true;
+      continue;
+    }
     const auto slot = std::find_if(slots_.begin(), slots_.end(),
                                    [&](const auto& entry) { return entry.second.index == pulled.slot; });
     if (slot == slots_.end()) continue;
@@ -277,7 +283,10 @@ bool RemoteScene::take_event(fs_event& out) {
     events_read_ = written - event_slots;
   }
   wire::EventSlot slot;
-  while (events_read_ != written && !(outbox.events[events_read_ % event_slots].read(slot) && slot.number == events_read_)) {
+  const auto read_next = [&] {
+    return outbox.events[events_read_ % event_slots].read(slot) && slot.number == events_read_;
+  };
+  while (events_read_ != written && !read_next()) {
     ++lost;  // overwritten meanwhile
     ++events_read_;
   }

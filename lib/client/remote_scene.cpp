@@ -106,6 +106,7 @@ void RemoteScene::set(const fs_object& object) {
   check_struct_size(object.struct_size, sizeof object, "fs_object");
   const std::string name = text_of(object.name);
   const Lock lock = enter();
+  pull();
   mutate([&](Group& group) {
     require_room(group, !has(group, name));
     replica_->set(object);
@@ -323,7 +324,9 @@ std::vector<Vec3> RemoteScene::get_tool() {
 // As an open group has it; else the server's, where a clutch may have moved it.
 fs_frame RemoteScene::own_frame() {
   const auto is_frame = [](const Change& change) { return change.type == wire::type_frame; };
-  if (group_ && std::any_of(group_->changes.begin(), group_->changes.end(), is_frame)) return replica_->get_frame(nullptr);
+  if (group_ && std::any_of(group_->changes.begin(), group_->changes.end(), is_frame)) {
+    return replica_->get_frame(nullptr);
+  }
   const wire::Target target = to_target(client_.c_str(), "client");
   return connection_.request(wire::type_view, bytes_of(&target, 1)).as<wire::Frame>().frame;
 }

@@ -1,7 +1,7 @@
-// A scene at a server. It has a scene of its own in this process, the replica, which checks every change before it is sent,
-// is what getters of its own objects look at, and what tools evaluate. Small and frequent is only fs_object_move: it
-// goes through shared memory. Everything else is messages, and one change or a group of them takes the same way: into
-// the replica's group, then all that may fail, then the replica's commit, then the messages.
+// A scene at a server. It has a scene of its own in this process, the replica, which checks every change before it is
+// sent, is what getters of its own objects look at, and what tools evaluate. Small and frequent is only fs_object_move:
+// it goes through shared memory. Everything else is messages, and one change or a group of them takes the same way:
+// into the replica's group, then all that may fail, then the replica's commit, then the messages.
 #pragma once
 
 #include <array>
@@ -85,6 +85,7 @@ struct RemoteScene final : Scene {
     Ref<const Shape> shape;
     Ref<const Curve> curve;
     uint32_t uses = 0;
+    bool is_refused = false;         // so the server has it not
   };
 
   // A change on its way: its record but for the slot, which it begins with where it is about an object.
@@ -136,6 +137,7 @@ struct RemoteScene final : Scene {
   void make_slot(const std::string& name);
   Slots::iterator drop_slot(Slots::iterator slot);
   void note_object(Slot& slot, const Object* object);
+  bool is_missing(uint64_t id) const;
   uint64_t upload(const Shape* shape);
   uint64_t upload(const Curve* curve);
   void upload(wire::Type type, uint64_t id, std::span<const std::byte> record, const Descriptor& content, Data data);

@@ -185,10 +185,16 @@ void RemoteScene::note_object(Slot& slot, const Object* object) {
 
 // --------------------------------------------------------------------------------------------------- shapes and curves
 
+// Whether the server has it not; or refused it, then it may have become better.
+bool RemoteScene::is_missing(uint64_t id) const {
+  const auto found = data_.find(id);
+  return found == data_.end() || found->second.is_refused;
+}
+
 // Sends it unless the server has it. Until an object uses it, it may be forgotten with the next change.
 uint64_t RemoteScene::upload(const Shape* shape) {
   if (!shape) return 0;
-  if (!data_.contains(shape->serial)) {
+  if (is_missing(shape->serial)) {
     Descriptor content;
     const wire::Shape record = to_record(*shape, content);
     upload(wire::type_shape, shape->serial, bytes_of(&record, 1), content, {Ref<const Shape>::share(shape), nullptr});
@@ -198,7 +204,7 @@ uint64_t RemoteScene::upload(const Shape* shape) {
 
 uint64_t RemoteScene::upload(const Curve* curve) {
   if (!curve) return 0;
-  if (!data_.contains(curve->serial)) {
+  if (is_missing(curve->serial)) {
     Descriptor content;
     const wire::Curve record = to_record(*curve, content);
     upload(wire::type_curve, curve->serial, bytes_of(&record, 1), content, {nullptr, Ref<const Curve>::share(curve)});
@@ -210,7 +216,12 @@ void RemoteScene::upload(wire::Type type, uint64_t id, std::span<const std::byte
                          Data data) {
   connection_.wait_for_room();
   maybe_unused_.push_back(id);
-  data_.emplace(id, std::move(data));
+  const auto [known, is_new] = data_.try_emplace(id, std::move(data));
+  if (!is_new) {  // what it was refused as
+    const wire::Forget forget{id};
+    connection_.send(wire::type_forget, bytes_of(&forget, 1));
+    known->second.is_refused = false;
+  }
   connection_.send(type, record, false, content.get());
 }
 

@@ -198,7 +198,8 @@ struct Count {
 
 struct Pulled {
   uint32_t slot;
-  uint32_t state;                // 0: none has been changed; 1: object is what it is now; 2: it was removed
+  uint32_t state;                // 0: none has been changed; 1: object is what it is now; 2: it was removed; 3: what has
+                                 // the number object.shape was refused, and has to be sent again when it is needed
   uint64_t edits;                // Outbox::edits as far as they have been told now
   Object object;
 };

@@ -39,8 +39,8 @@ const Entry& LocalScene::require(const char* name, uint32_t& slot) const {
 
 uint32_t LocalScene::free_slot() const {
   if (!free_slots_.empty()) return *free_slots_.begin();
-  if (slots_end_ == Table<Entry>::capacity) {
-    fail(FS_ERROR_FULL, "the scene holds %u objects, its maximum", Table<Entry>::capacity);
+  if (slots_end_ == capacity_) {
+    fail(FS_ERROR_FULL, "the scene holds %u objects, those that fade out among them: its maximum", capacity_);
   }
   return slots_end_;
 }
@@ -56,7 +56,7 @@ void LocalScene::admit(const ParsedObject& parsed, uint32_t parts) {
   const Entry* old = find(object.name, slot);
   const bool is_known = old && !old->is_removed;  // else the name is new, also where its last bearer still fades out
   if (!old) {
-    if (free_slots_.empty() && slots_end_ == Table<Entry>::capacity) settle(true);
+    if (free_slots_.empty() && slots_end_ == capacity_) settle(true);
     slot = free_slot();
   }
 
@@ -306,8 +306,8 @@ void LocalScene::set_contents(const std::vector<fs_object>& objects, const fs_fr
   mutate([&] {
     size_t added = 0;
     for (const ParsedObject& object : parsed) added += !slots_.contains(object.object->name);
-    if (added > Table<Entry>::capacity - slots_end_ + free_slots_.size()) {
-      fail(FS_ERROR_FULL, "the scene would hold more than %u objects, its maximum", Table<Entry>::capacity);
+    if (added > capacity_ - slots_end_ + free_slots_.size()) {
+      fail(FS_ERROR_FULL, "the scene would hold more than %u objects, its maximum", capacity_);
     }
     for (const ParsedObject& object : parsed) admit(object, all_parts);
     change_view({parsed_frame, tool, {}});
@@ -351,6 +351,11 @@ void LocalScene::cancel() {
   if (!group_) fail(FS_ERROR_STATE, "fs_scene_cancel: no group is open; fs_scene_begin opens one");
   forget_new_names();
   group_ = nullptr;
+}
+
+void LocalScene::set_capacity(uint32_t capacity) {
+  const std::lock_guard lock(mutex_);
+  capacity_ = capacity;
 }
 
 void LocalScene::hold() {

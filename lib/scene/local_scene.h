@@ -86,6 +86,9 @@ struct LocalScene final : Scene {
   void cancel() override;
   void sync(double timeout) override;
 
+  // How many objects it holds at most, those still fading out included.
+  void set_capacity(uint32_t capacity);
+
   // Held, changes are collected, and reach the readers only with post().
   void hold();
   void post();
@@ -200,7 +203,7 @@ struct LocalScene final : Scene {
   Table<Entry> table_;  // what is evaluated
   NameMap<uint32_t> slots_;         // of names, also of those fading out
   std::set<uint32_t> free_slots_;
-  uint32_t slots_end_ = 0;
+  uint32_t slots_end_ = 0, capacity_ = Table<Entry>::capacity;
   std::set<std::pair<double, uint32_t>> tidies_;    // when to look at slots where something fades out
   std::set<std::pair<double, uint32_t>> expiries_;  // to be announced
   uint64_t revision_ = 0;

@@ -50,7 +50,9 @@ void Session::take_upload(Message&& message, Descriptor&& came) {
     parked_.erase(found);  // it is wanted again before that could be done, so it stays
     held_ = {};
     for (const Unit& unit : parked_) held_.add(unit, slots_);
-    return;
+    const auto known = uploads_.find(id);
+    if (known == uploads_.end() || !known->second.is_ready || known->second.status == FS_OK) return;
+    uploads_.erase(known);  // it was refused: once more
   }
   if (id == 0 || (id & wire::of_server) || uploads_.size() >= most || !uploads_.emplace(id, Upload{}).second) {
     return drop(server_.settings().lease);
@@ -105,7 +107,13 @@ void Session::finish_upload(uint64_t id, Upload&& upload) noexcept {
     upload.is_ready = true;
     if (upload.status == FS_ERROR_MEMORY && upload.text.empty()) upload.text = "the server has not enough memory for the shape";
     const auto found = uploads_.find(id);
-    if (found != uploads_.end()) found->second = std::move(upload);  // else it was forgotten meanwhile
+    if (found != uploads_.end()) {  // else it was forgotten meanwhile
+      if (upload.status != FS_OK) {
+        refused_uploads_.insert(id);
+        outbox_->edits.fetch_add(1, std::memory_order_release);
+      }
+      found->second = std::move(upload);
+    }
     retry_parked();
     const std::vector<Message> waiting = std::exchange(waiting_edits_, {});
     for (const Message& message : waiting) edit(message);
@@ -281,7 +289,10 @@ void Session::apply(const Message& message) {
       scene_->set_tool(tool.points, tool.count);
       break;
     }
-    case type_forget: uploads_.erase(message.as<Forget>().id); return;
+    case type_forget:
+      uploads_.erase(message.as<Forget>().id);
+      refused_uploads_.erase(message.as<Forget>().id);
+      return;
     default: return;
   }
   ++changes_;

@@ -207,11 +207,18 @@ void Session::tell_edit(LocalScene& scene, Session* owner, const std::string& na
   }
 }
 
-// The next of its own objects that others have changed. Where changes of its own wait, they come first.
+// What it sent and was refused, one by one; then the next of its own objects that others have changed. Where changes of its own wait, they come first.
 void Session::pull(const Message& message) {
   take_moves();
   wire::Pulled out{};
   const auto is_told = [this](const auto& edit) { return held_.all == 0 && !held_.slots.contains(edit.first); };
+  if (!refused_uploads_.empty()) {
+    out.state = 3;
+    out.object.shape = *refused_uploads_.begin();
+    refused_uploads_.erase(refused_uploads_.begin());
+    out.edits = edits_told_;
+    return reply(message.header.serial, bytes_of(&out, 1));
+  }
   if (const auto next = std::find_if(edited_.begin(), edited_.end(), is_told); next != edited_.end()) {
     out.slot = next->first;
     edited_.erase(next);

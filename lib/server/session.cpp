@@ -185,6 +185,7 @@ void Session::greet(const Message& message) {
     dirty_.resize((settings.max_objects + 63) / 64);
     scene_ = make_ref<LocalScene>(std::shared_ptr<ServoOutput>(outbox_, &outbox_->servo));
     scene_->hold();
+    scene_->set_capacity(2 * settings.max_objects);  // all of them anew, while the old ones fade out
     channel_ = server_.servo().add_channel(scene_, settings.limits);
     connected_ = scene_->now();
     name_ = name;

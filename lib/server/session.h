@@ -172,6 +172,7 @@ class Session : public std::enable_shared_from_this<Session> {
   Held held_;
   bool is_late_ = false;  // what is applied now has waited for a shape
   std::unordered_map<uint64_t, Upload> uploads_;
+  std::set<uint64_t> refused_uploads_;  // that the client has not been told of
   unsigned jobs_ = 0;  // of the worker, that are not done
   const std::shared_ptr<std::atomic<uint64_t>> shape_bytes_ = std::make_shared<std::atomic<uint64_t>>(0);
   std::vector<Message> waiting_edits_;

@@ -110,7 +110,8 @@ START_TEST(own_names_in_full) {
   OK(fs_object_change(two.me.get(), &o, FS_PART_PROFILES));
   two.settle_all();
   EXPECT_VECTOR(two.fake.written.force, (fs_vec3{0, 0, 3}), 1e-12);
-  ck_assert_str_eq(Got(two.me.get(), "me/a")->name, "a");
+  const Got seen(two.me.get(), "me/a");
+  ck_assert_str_eq(seen->name, "a");
   const fs_pose pose{{0, -100, 0}, turn({1, 0, 0}, -1.5707963267948966)};
   OK(fs_object_move(two.me.get(), "me/a", &pose, nullptr, FS_NOW));
   const fs_twist still{};

@@ -154,8 +154,8 @@ void part_write() {
     o.pose.position.z += 1e-6;
     fs_object_move(scene.get(), o.name, &o.pose, &twist, FS_NOW);
   };
-  const Samples single_clock = time_batches(count(400000), 1, [](size_t) {});
-  const Samples single = time_batches(count(400000), 1, move);
+  const Samples single_clock = time_batches(count(100000), 1, [](size_t) {});
+  const Samples single = time_batches(count(100000), 1, move);
   table_row("write: nothing, each timed alone", Unit::time, single_clock);
   table_row("write: fs_object_move, connected, each timed alone", Unit::time, single, {"nothing", &single_clock});
   Samples first;

@@ -1,5 +1,5 @@
-// Connecting to a server and losing it: endpoints, who answers there, servers that stop, stall or are killed, forks of the
-// client; and what a connected scene has to keep in order by itself. Through the public C contract alone.
+// Connecting to a server and losing it: endpoints, who answers there, servers that stop, stall or are killed, forks of
+// the client; and what a connected scene has to keep in order by itself. Through the public C contract alone.
 #include <dirent.h>
 #include <fcntl.h>
 #include <sys/socket.h>
@@ -42,10 +42,9 @@ START_TEST(endpoints) {
   EXPECT(FS_ERROR_NOT_FOUND, try_connect(name + "?timeout=0.05"));
   EXPECT(FS_ERROR_NOT_FOUND, try_connect(name + "?user=1&timeout=0"));
   EXPECT_SENTENCE(FS_ERROR_UNSUPPORTED, try_connect("dds:0"), "dds:0");
-  for (const char* bad : {"", "lab", "tcp:lab", "shm:", "shm:a/b", "shm:a?", "shm:a?timeout", "shm:a?timeout=",
-                          "shm:a?timeout=-1", "shm:a?timeout=nan", "shm:a?timeout=1&timeout=2", "shm:a?user=nobody-here",
-                          "shm:a?color=red"}) {
-    if (std::strcmp(bad, "shm:a?") == 0) continue;  // no option: as without
+  for (const char* bad : {"", "lab", "tcp:lab", "shm:", "shm:a/b", "shm:a?timeout", "shm:a?timeout=",
+                          "shm:a?timeout=-1", "shm:a?timeout=nan", "shm:a?timeout=1&timeout=2",
+                          "shm:a?user=nobody-here", "shm:a?user=", "shm:a?color=red"}) {
     EXPECT(FS_ERROR_INVALID, try_connect(bad));
   }
   EXPECT(FS_ERROR_INVALID, try_connect("shm:" + std::string(65, 'a')));
@@ -282,7 +281,8 @@ class ServerProcess {
     ck_assert_int_eq(pipe2(ends, O_CLOEXEC), 0);
     process_ = fork();
     if (process_ == 0) {
-      execl("/proc/self/exe", "test_connect", "--server", endpoint.c_str(), std::to_string(dup(ends[1])).c_str(), nullptr);
+      const std::string end = std::to_string(dup(ends[1]));
+      execl("/proc/self/exe", "test_connect", "--server", endpoint.c_str(), end.c_str(), nullptr);
       _exit(1);
     }
     close(ends[1]);
