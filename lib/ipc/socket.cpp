@@ -1,7 +1,9 @@
 #include "ipc/socket.h"
 
+#include <linux/sockios.h>
 #include <poll.h>
 #include <pwd.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <sys/uio.h>
 #include <sys/un.h>
@@ -162,6 +164,11 @@ Transfer send_message(const Descriptor& socket, std::span<const std::span<const 
     const bool may_pass = errno == EAGAIN || errno == EWOULDBLOCK || errno == ENOBUFS || errno == ETOOMANYREFS;
     return may_pass ? Transfer::again : Transfer::closed;
   }
+}
+
+size_t unread(const Descriptor& socket) noexcept {
+  int bytes = 0;
+  return ioctl(socket.get(), SIOCOUTQ, &bytes) == 0 ? static_cast<size_t>(bytes) : 0;
 }
 
 Transfer receive_message(const Descriptor& socket, std::span<std::byte> buffer, size_t& size,

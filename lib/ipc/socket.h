@@ -47,6 +47,9 @@ enum class Transfer { done, again, closed };
 Transfer send_message(const Descriptor& socket, std::span<const std::span<const std::byte>> parts,
                       std::span<const int> descriptors) noexcept;
 
+// Bytes (as the system counts them) that were sent and that the other side has not read so far.
+size_t unread(const Descriptor& socket) noexcept;
+
 // Never blocks. size: of the message; one longer than the buffer counts as closed. The first descriptors that came are
 // put in `descriptors`, what came beyond is closed; is_cut: some did not come, as this process has none left.
 Transfer receive_message(const Descriptor& socket, std::span<std::byte> buffer, size_t& size,

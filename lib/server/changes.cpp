@@ -114,7 +114,7 @@ void Session::finish_upload(uint64_t id, Upload&& upload) noexcept {
       }
       found->second = std::move(upload);
     }
-    retry_parked();
+    if (held_.ids.contains(id)) retry_parked();
     const std::vector<Message> waiting = std::exchange(waiting_edits_, {});
     for (const Message& message : waiting) edit(message);
   } catch (...) {

@@ -44,8 +44,14 @@ void Session::send_reply(uint64_t serial, fs_status status, const std::string& t
   put_text(reply.text, text);
   const std::span<const std::byte> parts[] = {bytes_of(&header, 1), bytes_of(&reply, 1), body};
   const std::span<const int> descriptors(&descriptor, descriptor >= 0 ? 1 : 0);
-  // It does not read: it cannot be told anything any more.
-  if (send_message(socket_, parts, descriptors) != Transfer::done) drop(server_.settings().lease);
+  // It does not read: it cannot be told anything any more. Data are memory and a descriptor on their way, so not much of it.
+  constexpr size_t most_unread = 8192;
+  const bool is_deaf = descriptor >= 0 && unread(socket_) > most_unread;
+  const Transfer transfer = is_deaf ? Transfer::closed : send_message(socket_, parts, descriptors);
+  if (transfer == Transfer::again && descriptor >= 0) {  // perhaps others of this user have too many on their way
+    return send_reply(serial, FS_ERROR_FULL, "the system takes no more descriptors on their way now", {}, -1);
+  }
+  if (transfer != Transfer::done) drop(server_.settings().lease);
 }
 
 void Session::reply(uint64_t serial, std::span<const std::byte> body, int descriptor) {

@@ -164,9 +164,7 @@ void fs_server::run() noexcept {
     for (int i = 0; i < count; ++i) {
       try {
         handle(events[static_cast<size_t>(i)].data.u64, events[static_cast<size_t>(i)].events);
-        // However many have something to say, the moves are taken at the servo's rate.
-        const double now = steady_now();
-        if (!is_asleep_ && now - last_turn_ >= period_) turn(now);
+        turn_if_due();
       } catch (...) {  // no memory: what was asked for is not done
       }
     }
@@ -186,7 +184,10 @@ void fs_server::handle(uint64_t source, uint32_t events) {
   if (source == source_wake) {
     [[maybe_unused]] const ssize_t got = read(wake_.get(), &count, sizeof count);
     note_activity();
-    for (const Worker::Job& job : worker_.take_done()) job.done();
+    for (const Worker::Job& job : worker_.take_done()) {
+      job.done();
+      turn_if_due();
+    }
   } else if (source == source_timer) {
     if (read(timer_.get(), &count, sizeof count) == sizeof count) turn(steady_now());
   } else if (source == source_listener) {
@@ -209,6 +210,12 @@ void fs_server::handle(uint64_t source, uint32_t events) {
     set_period(period_);
     turn(steady_now());
   }
+}
+
+// However much there is to be done, the moves are taken at the servo's rate.
+void fs_server::turn_if_due() {
+  const double now = steady_now();
+  if (!is_asleep_ && now - last_turn_ >= period_) turn(now);
 }
 
 // What comes each period. Whoever comes first in one is last in the next.

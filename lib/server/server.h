@@ -63,6 +63,7 @@ struct fs_server : fs::Counted<fs_server> {
   void accept_clients(const fs::Descriptor& listener);
   void open_door(bool is_open) noexcept;
   void turn(double now);
+  void turn_if_due();
   void fall_asleep() noexcept;
   void wake() const noexcept;
 

@@ -724,7 +724,8 @@ START_TEST(all_at_once) {
             case 1: expect(fs_object_set(scene, &o), {}); break;
             case 2: expect(fs_object_move(scene, own.c_str(), &pose, nullptr, FS_NOW), {FS_ERROR_NOT_FOUND}); break;
             case 3:
-              expect(fs_object_move(scene, others.c_str(), &pose, nullptr, FS_NOW), {FS_ERROR_NOT_FOUND, FS_ERROR_STATE});
+              expect(fs_object_move(scene, others.c_str(), &pose, nullptr, FS_NOW),
+                     {FS_ERROR_NOT_FOUND, FS_ERROR_STATE});
               break;
             case 4: {
               std::snprintf(o.name, sizeof o.name, "%s", others.c_str());

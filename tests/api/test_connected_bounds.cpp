@@ -1,5 +1,5 @@
-// The bounds of a connection: who gets in, how much a client may have, what waits for a mesh to be built, and the end of
-// a server or of a client.
+// The bounds of a connection: who gets in, how much a client may have, what waits for a mesh to be built, and the end
+// of a server or of a client.
 #include <algorithm>
 #include <map>
 #include <memory>
@@ -42,8 +42,9 @@ START_TEST(connecting) {
   const std::string user = std::to_string(geteuid());
   const std::string longest = rig.endpoint + std::string(64 - (rig.endpoint.size() - 4), 'x');
   const Server long_one = start_server(rig.servo.get(), longest, fs_server_options_init());
-  for (const std::string& endpoint : {rig.endpoint, longest, rig.endpoint + "?timeout=1", rig.endpoint + "?user=" + user,
-                                      rig.endpoint + "?user=" + user + "&timeout=0", rig.endpoint + "?timeout=1e-3"}) {
+  for (const std::string& endpoint :
+       {rig.endpoint, longest, rig.endpoint + "?timeout=1", rig.endpoint + "?timeout=1e-3",
+        rig.endpoint + "?user=" + user, rig.endpoint + "?user=" + user + "&timeout=0"}) {
     EXPECT(FS_OK, try_to_connect(endpoint, "me"));
   }
   for (const std::string& endpoint :

@@ -691,6 +691,46 @@ static fs_servo_options thread_options() {
   return options;
 }
 
+// So many moves that half of them would be seen: the springs pull against each other, two by two.
+START_TEST(a_thousand_moves_are_one_tick) {
+  const size_t count = 1000;
+  fs_servo_options options = world_options();
+  options.fade = -1;
+  std::vector<fs_wrench> log;
+  World w(_i, options);
+  std::vector<std::string> names;
+  OK(fs_scene_begin(w.scene));
+  for (size_t i = 0; i < count; ++i) {
+    names.push_back("o" + std::to_string(i));
+    w.set(spring(names[i].c_str()));
+  }
+  OK(fs_scene_commit(w.scene));
+  OK(w.sync(w.scene));
+  w.fake.log = &log;
+  Random random(5);
+  fs_status status = FS_OK;
+  size_t ticks = 0;
+  {
+    const Stepper stepper(w.servo.get());
+    while (ticks < 200 && status == FS_OK) {
+      const double x = random.between(-1, 1);
+      const fs_twist still{};
+      status = fs_scene_begin(w.scene);
+      for (size_t i = 0; i < count; ++i) {
+        const fs_pose pose = at(i < count / 2 ? x : -x, 0, 0);
+        status = std::min(status, fs_object_move(w.scene, names[i].c_str(), &pose, &still, FS_NOW));
+      }
+      status = std::min(status, fs_scene_commit(w.scene));
+      const std::lock_guard lock(w.fake.mutex);
+      ticks = log.size();
+    }
+  }
+  w.fake.log = nullptr;
+  EXPECT(FS_OK, status);
+  for (const fs_wrench& tick : log) EXPECT_VECTOR(tick.force, (fs_vec3{}), 1e-8);
+}
+END_TEST
+
 START_TEST(moves_are_one_tick) { one_tick(_i, world_options(), true, false); }
 END_TEST
 START_TEST(moves_and_sets_are_one_tick) { one_tick(_i, world_options(), false, false); }
@@ -864,8 +904,8 @@ int main() {
   add_on_both(suite, "objects", {every_primitive_and_profile, random_scenes, curves_of_time,
                                  set_change_move_remove_clear, many_names, shared_shapes, enabled_or_not});
   add_on_both(suite, "time", {twists_that_are_given, twists_that_are_worked_out, now_and_the_past, lifetimes});
-  add_on_both(suite, "groups", {groups, moves_are_one_tick, moves_and_sets_are_one_tick, all_kinds_are_one_tick,
-                                one_tick_of_a_thread});
+  add_on_both(suite, "groups", {groups, a_thousand_moves_are_one_tick, moves_are_one_tick, moves_and_sets_are_one_tick,
+                                all_kinds_are_one_tick, one_tick_of_a_thread});
   add_on_both(suite, "view", {frames, clutch, tools});
   return run_suite(suite);
 }

@@ -328,13 +328,12 @@ static std::vector<Bad> bad_calls(const Content& content, const std::string& fol
   add("load null", [](fs_scene* s) { return fs_scene_load(s, nullptr); });
   add("load nothing", [=](fs_scene* s) { return fs_scene_load(s, (folder + "/none.json").c_str()); });
   int number = 0;
-  for (const char* text : {"", "{", "{\"forceserver\": \"scene\", \"version\": 99}",
-                           "{\"forceserver\": \"scene\", \"version\": 1, \"objects\": [{\"name\": \"a\", \"primitive\": "
-                           "\"point\"}, {\"name\": \"b\", \"primitive\": \"point\", \"lifetime\": -1}]}",
-                           "{\"forceserver\": \"scene\", \"version\": 1, \"frame\": {\"scale\": 0}, \"objects\": "
-                           "[{\"name\": \"a\", \"primitive\": \"point\"}]}",
-                           "{\"forceserver\": \"scene\", \"version\": 1, \"tool\": [], \"objects\": "
-                           "[{\"name\": \"a\", \"primitive\": \"point\"}]}"}) {
+  const std::string scene = R"({"forceserver": "scene", "version": )", point = R"({"name": "a", "primitive": "point"})";
+  for (const std::string& text :
+       {std::string(), std::string("{"), scene + "99}",
+        scene + "1, \"objects\": [" + point + R"(, {"name": "b", "primitive": "point", "lifetime": -1}]})",
+        scene + R"(1, "frame": {"scale": 0}, "objects": [)" + point + "]}",
+        scene + R"(1, "tool": [], "objects": [)" + point + "]}"}) {
     const std::string path = folder + "/bad" + std::to_string(number++) + ".json";
     std::ofstream(path) << text;
     add("load bad" + std::to_string(number), [=](fs_scene* s) { return fs_scene_load(s, path.c_str()); });
@@ -471,8 +470,8 @@ START_TEST(bad_input) {  // the same status, the same sentence, and nothing is c
       const std::string sentence = fs_last_error();
       const fs_status other = bad.call(there.scene);
       ck_assert_msg(status < 0, "%s is good", bad.what.c_str());
-      ck_assert_msg(status == other, "%s: %s here (%s), %s at the server (%s)", bad.what.c_str(), fs_status_name(status),
-                    sentence.c_str(), fs_status_name(other), fs_last_error());
+      ck_assert_msg(status == other, "%s: %s here (%s), %s at the server (%s)", bad.what.c_str(),
+                    fs_status_name(status), sentence.c_str(), fs_status_name(other), fs_last_error());
       ck_assert_msg(sentence == fs_last_error(), "%s: \"%s\" here, \"%s\" at the server", bad.what.c_str(),
                     sentence.c_str(), fs_last_error());
       expect_same(before, state_of(here));

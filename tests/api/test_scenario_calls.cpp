@@ -342,8 +342,8 @@ START_TEST(hand_stats_device) {
   const fs_servo_stats stats = stats_of(w.scene), own = stats_of(w.base.get());
   ck_assert_int_eq(std::memcmp(&stats, &own, sizeof stats), 0);
   EXPECT_NEAR(static_cast<double>(stats.ticks) / 1000, now(w.scene), 1e-9);
-  ck_assert_uint_eq(stats.protections_off, FS_OFF_SLEW | FS_OFF_STIFFNESS | FS_OFF_DAMPING | FS_OFF_BLEND | FS_OFF_RAMP |
-                                               FS_OFF_SPEED);
+  ck_assert_uint_eq(stats.protections_off, FS_OFF_SLEW | FS_OFF_STIFFNESS | FS_OFF_DAMPING | FS_OFF_BLEND |
+                                               FS_OFF_RAMP | FS_OFF_SPEED);
   fs_device_info info = fs_device_info_init(), own_info = info;
   OK(fs_scene_get_device_info(w.scene, &info));
   OK(fs_scene_get_device_info(w.base.get(), &own_info));

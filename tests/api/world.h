@@ -1,5 +1,5 @@
-// Scenes that are felt on a fake device: run by a servo of their own, or connected to a server here. A test that has its
-// variant from Check (a loop test) says the same words to both.
+// Scenes that are felt on a fake device: run by a servo of their own, or connected to a server here. A test that has
+// its variant from Check (a loop test) says the same words to both.
 #pragma once
 
 #include <unistd.h>

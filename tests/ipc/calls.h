@@ -15,8 +15,8 @@ struct Call {
   fs_status when_lost = FS_ERROR_DISCONNECTED;
 };
 
-// With an own object "mine", another client's "other/theirs" and a file of a scene. fs_scene_next_event gives DISCONNECTED
-// here when its events are at an end.
+// With an own object "mine", another client's "other/theirs" and a file of a scene. fs_scene_next_event gives
+// DISCONNECTED here when its events are at an end.
 std::vector<Call> all_calls(const std::string& path);
 
 }  // namespace life

@@ -1,5 +1,5 @@
-// This program again as another process: a client or a server that is killed, stopped, forked, or of another user. What it
-// is to do stands in its arguments. It says what it has done in lines on its standard output, and takes lines on its
+// This program again as another process: a client or a server that is killed, stopped, forked, or of another user. What
+// it is to do stands in its arguments. It says what it has done in lines on its standard output, and takes lines on its
 // standard input, which ends when whoever started it is through with it.
 #pragma once
 
@@ -33,6 +33,7 @@ class Process {
   void send(int signal) const { ::kill(id_, signal); }
   int wait();       // until it has ended; its status as waitpid gives it. 10 s at most, then it is killed
   void kill_it();   // and waits
+  void forget() { id_ = 0; }  // it has been waited for
 
  private:
   void swap(Process& other) noexcept;

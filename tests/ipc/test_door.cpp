@@ -169,11 +169,9 @@ START_TEST(two_of_one_name) {
 }
 END_TEST
 
-// This program as a client that only is there: it says so with a byte, and stays until it is killed. "fork": its child
-// holds the socket too, as long as the other end of standard input is open.
-static int be_a_bearer(const char* endpoint, const char* name, bool forks) {
-  RawClient client(endpoint);
-  client.join(name);
+// This program as another process: it says with a byte that it is there, and stays until it is killed. forks: its child
+// has all that it has, as long as the other end of standard input is open.
+[[noreturn]] static void stay(bool forks) {
   if (forks && fork() == 0) {
     char byte;
     while (read(STDIN_FILENO, &byte, 1) > 0) {
@@ -183,35 +181,55 @@ static int be_a_bearer(const char* endpoint, const char* name, bool forks) {
   [[maybe_unused]] const ssize_t said = write(STDOUT_FILENO, "", 1);
   for (;;) pause();
 }
+[[noreturn]] static void be_a_client(const char* endpoint, const char* name, bool forks) {
+  RawClient client(endpoint);
+  client.join(name);
+  stay(forks);
+}
+[[noreturn]] static void be_a_server(const char* endpoint) {
+  const scenes::Scene scene = scenes::make_scene();
+  const scenes::Device device = scenes::open_device("sim:");
+  const scenes::Servo servo = scenes::start_servo(scene.get(), device.get(), servo_options(FS_SERVO_THREAD));
+  const scenes::Server server = scenes::start_server(servo.get(), endpoint, server_options());
+  char byte = 0;
+  [[maybe_unused]] const bool told = write(STDOUT_FILENO, &byte, 1) == 1 && read(STDIN_FILENO, &byte, 1) == 1;
+  stay(true);
+}
 
-struct Bearer {
+struct Other {
   pid_t process = 0;
-  Descriptor input;  // its standard input: its child lives as long as this
+  Descriptor input, output;  // its standard ones; its child lives as long as its input
 
-  Bearer(const std::string& endpoint, const char* name, bool forks) {
+  explicit Other(std::vector<std::string> words) {
     int in[2], out[2];
     ck_assert(pipe2(in, O_CLOEXEC) == 0 && pipe2(out, O_CLOEXEC) == 0);
     posix_spawn_file_actions_t actions;
     posix_spawn_file_actions_init(&actions);
     posix_spawn_file_actions_adddup2(&actions, in[0], STDIN_FILENO);
     posix_spawn_file_actions_adddup2(&actions, out[1], STDOUT_FILENO);
-    std::string words[] = {"test_door", "--bearer", endpoint, name, forks ? "fork" : ""};
-    char* arguments[] = {words[0].data(), words[1].data(), words[2].data(), words[3].data(), words[4].data(), nullptr};
-    ck_assert_int_eq(posix_spawn(&process, "/proc/self/exe", &actions, nullptr, arguments, environ), 0);
+    words.insert(words.begin(), "test_door");
+    std::vector<char*> arguments;
+    for (std::string& word : words) arguments.push_back(word.data());
+    arguments.push_back(nullptr);
+    ck_assert_int_eq(posix_spawn(&process, "/proc/self/exe", &actions, nullptr, arguments.data(), environ), 0);
     posix_spawn_file_actions_destroy(&actions);
     close(in[0]);
     close(out[1]);
     input = Descriptor(in[1]);
-    const Descriptor said(out[0]);
-    char byte;
-    ck_assert_msg(read(said.get(), &byte, 1) == 1, "the other process did not get in");
+    output = Descriptor(out[0]);
+    hear();
   }
+  void hear() {
+    char byte;
+    ck_assert_msg(read(output.get(), &byte, 1) == 1, "the other process has ended");
+  }
+  void tell() { ck_assert_int_eq(write(input.get(), "", 1), 1); }
   void kill_it() {
     kill(process, SIGKILL);
     ck_assert_int_eq(waitpid(process, nullptr, 0), process);
     process = 0;
   }
-  ~Bearer() {
+  ~Other() {
     if (process) kill_it();
   }
 };
@@ -220,7 +238,7 @@ struct Bearer {
 START_TEST(name_of_the_dead) {
   Rig rig;
   for (const bool forks : {false, true}) {
-    Bearer bearer(rig.endpoint, "bearer", forks);
+    Other bearer({"--client", rig.endpoint, "bearer", forks ? "fork" : ""});
     RawClient early = rig.stranger();
     ck_assert_int_eq(early.greet(RawClient::hello("bearer")).status, FS_ERROR_EXISTS);
     ck_assert_uint_eq(rig.listed("bearer").process, static_cast<uint32_t>(bearer.process));
@@ -229,6 +247,66 @@ START_TEST(name_of_the_dead) {
     ck_assert_int_eq(heir.greet(RawClient::hello("bearer")).status, FS_OK);
     rig.check_honest();
   }
+}
+END_TEST
+
+// --------------------------------------------------------------------------------------------------------------- forks
+
+// A process that was forked from this one, and does nothing but to have all that it had.
+struct Child {
+  pid_t process;
+  Descriptor input;  // it lives as long as this
+
+  Child() {
+    int pipes[2];
+    ck_assert_int_eq(pipe2(pipes, O_CLOEXEC), 0);
+    process = fork();
+    if (process == 0) {
+      close(pipes[1]);
+      char byte;
+      while (read(pipes[0], &byte, 1) > 0) {
+      }
+      _exit(0);
+    }
+    close(pipes[0]);
+    input = Descriptor(pipes[1]);
+  }
+  ~Child() {
+    input.reset();
+    waitpid(process, nullptr, 0);
+  }
+};
+
+// A forked process has the server's sockets, too: clients that are dropped, or whose server stops, learn of it all the
+// same, and the endpoint is free.
+START_TEST(server_that_forks) {
+  Rig rig;
+  RawClient bad = rig.join("bad"), good = rig.join("good");
+  const Child child;
+  bad.send(777);
+  rig.expect_dropped(bad, "an unknown type");
+  rig.check_honest();
+  rig.stop_server();
+  ck_assert(good.is_soon_dropped());
+  fs_server* again = nullptr;
+  OK(fs_server_start(rig.servo(), rig.endpoint.c_str(), nullptr, &again));
+  fs_server_stop(again);
+}
+END_TEST
+
+// A server that is killed while a process forked from it lives on is lost like any other.
+START_TEST(forked_server_is_killed) {
+  const std::string endpoint = new_endpoint();
+  Other server({"--server", endpoint});
+  const scenes::Scene scene = scenes::connect(endpoint, "client");
+  fs_state hand;
+  OK(fs_scene_get_hand(scene.get(), &hand, nullptr, nullptr));
+  server.tell();  // now it forks
+  server.hear();
+  server.kill_it();
+  ck_assert(eventually([&] { return fs_scene_get_hand(scene.get(), &hand, nullptr, nullptr) == FS_ERROR_DISCONNECTED; }));
+  // Its name is free.
+  Other next({"--server", endpoint});
 }
 END_TEST
 
@@ -434,12 +512,14 @@ START_TEST(no_descriptors_and_greedy) { run_out(true); }
 END_TEST
 
 int main(int count, char** arguments) {
-  if (count == 5 && std::strcmp(arguments[1], "--bearer") == 0) {
-    return be_a_bearer(arguments[2], arguments[3], std::strcmp(arguments[4], "fork") == 0);
+  if (count == 5 && std::strcmp(arguments[1], "--client") == 0) {
+    be_a_client(arguments[2], arguments[3], std::strcmp(arguments[4], "fork") == 0);
   }
+  if (count == 3 && std::strcmp(arguments[1], "--server") == 0) be_a_server(arguments[2]);
   Suite* suite = suite_create("door");
   scenes::add_once(suite, "hello", {another_layout, no_hello, hello_with_descriptors, bad_names});
   scenes::add_once(suite, "names", {two_of_one_name, name_of_the_dead});
+  scenes::add_once(suite, "forks", {server_that_forks, forked_server_is_killed});
   scenes::add_once(suite, "too many", {max_clients, silent_stranger, crowd_at_the_door, coming_and_going});
   scenes::add_once(suite, "descriptors", {no_descriptors, no_descriptors_and_greedy});
   return scenes::run_suite(suite);

@@ -1,10 +1,9 @@
-// The life of a connection, with both ends in this process: a client goes, or the server does, in the middle of anything.
-// As processes: test_process.cpp.
+// The life of a connection, with both ends in this process: a client goes, or the server does, in the middle of
+// anything. As processes: test_process.cpp.
 #include <fstream>
 
 #include "ipc/calls.h"
-#include "ipc/process.h"
-#include "ipc/watch.h"
+#include "ipc/case.h"
 
 using namespace life;
 using namespace scenes;
@@ -13,7 +12,8 @@ static bool is_listed(fs_scene* observer, const char* name) {
   fs_client clients[64];
   size_t count = 0;
   OK(fs_scene_get_clients(observer, clients, 64, &count));
-  return std::any_of(clients, clients + std::min<size_t>(count, 64), [&](const fs_client& c) { return !std::strcmp(c.name, name); });
+  return std::any_of(clients, clients + std::min<size_t>(count, 64),
+                     [&](const fs_client& client) { return !std::strcmp(client.name, name); });
 }
 // Waits until the server knows that it is gone. No tick comes by meanwhile, so its lease begins at the last one.
 static void wait_until_gone(fs_scene* observer, const char* name) {
@@ -163,7 +163,7 @@ START_TEST(names_are_free_at_once) {
 }
 END_TEST
 
-// ------------------------------------------------------------------------------------------------------ the server goes
+// ----------------------------------------------------------------------------------------------------- the server goes
 
 // The table of calls has all there are.
 START_TEST(all_calls_are_there) {
@@ -179,7 +179,8 @@ START_TEST(all_calls_are_there) {
       const std::string name = line.substr(begin, end - begin);
       if (name == "fs_scene_destroy") continue;
       ++found;
-      if (std::none_of(calls.begin(), calls.end(), [&](const Call& call) { return name == call.name; })) missing += " " + name;
+      const auto is_it = [&](const Call& call) { return name == call.name; };
+      if (std::none_of(calls.begin(), calls.end(), is_it)) missing += " " + name;
     }
   }
   ck_assert_int_gt(found, 30);
@@ -225,8 +226,8 @@ START_TEST(every_call_says_so) {
   stops_servo ? rig.servo.reset() : rig.server.reset();
   for (size_t i = 0; i < calls.size(); ++i) {
     fs_status status = FS_OK;
-    ck_assert_msg(eventually([&] { return (status = calls[i].run(scenes[i].get())) == calls[i].when_lost; }), "%s: %s: %s",
-                  calls[i].name, fs_status_name(status), fs_last_error());
+    ck_assert_msg(eventually([&] { return (status = calls[i].run(scenes[i].get())) == calls[i].when_lost; }),
+                  "%s: %s: %s", calls[i].name, fs_status_name(status), fs_last_error());
     ck_assert_msg(std::strlen(fs_last_error()) > 10, "%s: '%s'", calls[i].name, fs_last_error());
   }
   // A new server of the name makes no difference to them.
@@ -296,8 +297,8 @@ START_TEST(in_the_middle_of_a_group) {
 }
 END_TEST
 
-// While a mesh is being built, its name and its slot at the server are given to others, and what is set later waits behind
-// what was set before.
+// While a mesh is being built, its name and its slot at the server are given to others, and what is set later waits
+// behind what was set before.
 START_TEST(names_change_hands_while_a_mesh_is_built) {
   ServerRig rig;
   const Scene client = rig.join("client");
@@ -371,7 +372,7 @@ START_TEST(removed_while_its_mesh_is_built) {
 }
 END_TEST
 
-// ------------------------------------------------------------------------------------------------- again and again
+// ----------------------------------------------------------------------------------------------------- again and again
 
 static std::atomic<bool> is_over;
 static std::atomic<int> wrong;
@@ -445,7 +446,7 @@ START_TEST(the_server_comes_and_goes) {
 }
 END_TEST
 
-// ------------------------------------------------------------------------------------------------ many threads, one scene
+// --------------------------------------------------------------------------------------------- many threads, one scene
 
 static bool is_asleep(pid_t thread) {
   std::ifstream file("/proc/self/task/" + std::to_string(thread) + "/stat");
@@ -561,7 +562,7 @@ START_TEST(threads_on_one_scene) {
         fs_object_release(&got);
         fine(fs_object_change(editor.get(), &o, FS_PART_PROFILES), "change theirs");
         fine(fs_object_move(editor.get(), theirs.c_str(), &o.pose, nullptr, FS_NOW), "move theirs");
-        if (theirs.find("set") != std::string::npos) fine(fs_object_remove(editor.get(), theirs.c_str()), "remove theirs");
+        if (theirs.starts_with("client/set")) fine(fs_object_remove(editor.get(), theirs.c_str()), "remove theirs");
       }};
   uint64_t rounds[std::size(works)]{};
   std::vector<std::thread> threads;
@@ -600,7 +601,8 @@ START_TEST(lost_while_threads_are_in_calls) {
     std::vector<std::thread> threads;
     for (const Call& call : all_calls(path)) {
       const std::string name = call.name;
-      if (call.when_lost != FS_ERROR_DISCONNECTED || name == "fs_scene_begin" || name == "fs_scene_next_event") continue;
+      if (call.when_lost != FS_ERROR_DISCONNECTED) continue;
+      if (name == "fs_scene_begin" || name == "fs_scene_next_event") continue;
       threads.emplace_back([&, s, call] {
         ++begun;
         while (call.run(s) != FS_ERROR_DISCONNECTED) {
@@ -618,11 +620,13 @@ END_TEST
 
 int main() {
   Suite* suite = suite_create("life");
-  tcase_add_loop_test(new_case(suite, "fade"), it_fades, 0, std::size(cases));
-  add_once(suite, "names", {it_fades_while_it_comes, one_of_the_same_name, names_are_free_at_once});
-  tcase_add_loop_test(new_case(suite, "calls"), every_call_says_so, 0, 2);
-  add_once(suite, "server", {all_calls_are_there, events_come_to_an_end, in_the_middle_of_a_group,
-                            names_change_hands_while_a_mesh_is_built, removed_while_its_mesh_is_built, the_server_comes_and_goes});
-  add_once(suite, "threads", {given_back_while_calls_wait, threads_on_one_scene, lost_while_threads_are_in_calls});
+  tcase_add_loop_test(life::new_case(suite, "fade"), it_fades, 0, std::size(cases));
+  life::add_case(suite, "names", {it_fades_while_it_comes, one_of_the_same_name, names_are_free_at_once});
+  tcase_add_loop_test(life::new_case(suite, "calls"), every_call_says_so, 0, 2);
+  life::add_case(suite, "server", {all_calls_are_there, events_come_to_an_end, in_the_middle_of_a_group,
+                                   the_server_comes_and_goes});
+  life::add_case(suite, "waiting", {names_change_hands_while_a_mesh_is_built, removed_while_its_mesh_is_built});
+  life::add_case(suite, "threads",
+                 {given_back_while_calls_wait, threads_on_one_scene, lost_while_threads_are_in_calls});
   return run_suite(suite);
 }

@@ -196,7 +196,7 @@ class Actor {
       case 0: client_->send(type_sync); break;
       case 1: client_->send(type_pull); break;
       case 2: client_->send(type_get, target()); break;
-      case 3: client_->send(type_fetch, Fetch{id()}); break;
+      case 3: return fetch();
       case 4: case 5: client_->send(type_edit, spoiled(Edit{target(), random_.below(32), object(slot)})); break;
       case 6: client_->send(type_move_other, spoiled(MoveOther{target(), random_.below(2), pose(random_), {vector(random_), vector(random_)}, number(random_)})); break;
       case 7: client_->send(type_remove_other, target()); break;
@@ -208,6 +208,19 @@ class Actor {
       default: client_->send(type_device);
     }
     if (random_.coin(0.5)) client_->reply_of(client_->serial, 1e-3);
+  }
+
+  // The shape and the curve of an object, as an editor asks for them; then it gives them to an object of its own.
+  void fetch() {
+    const auto reply = client_->reply_of(client_->send(type_get, target()), 0.1);
+    if (!reply || reply->status != FS_OK) return;
+    Object record = reply->as<Object>();
+    for (const uint64_t wanted : {record.shape, record.front.curve}) {
+      if (wanted & of_server) client_->send(type_fetch, Fetch{random_.coin(0.9) ? wanted : id()});
+    }
+    const auto slot = static_cast<uint32_t>(random_.below(slots));
+    fs::put_text(record.name, object_name(slot));
+    after_[slot] = client_->set(slot, record);
   }
 
   void nonsense() {
@@ -241,7 +254,11 @@ START_TEST(random_clients) {
   Rig rig(options);
   rig.others = 2 * (most_clients + 1);  // those that fade out too
   Random random(seed);
-  for (uint32_t i = 0; i < 5; ++i) {  // something of the server's own, that they may change: without force
+  // Something of the server's own, that they may change. No client's limit holds there: so it is not felt.
+  fs_frame unfelt = fs_frame_init();
+  unfelt.force_scale = 0;
+  OK(fs_scene_set_frame(rig.scene(), &unfelt));
+  for (uint32_t i = 0; i < 5; ++i) {
     fs_object object = fs_object_init(("o" + std::to_string(i)).c_str(), FS_PRIMITIVE_POINT);
     OK(fs_object_set(rig.scene(), &object));
   }

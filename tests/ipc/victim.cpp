@@ -1,9 +1,15 @@
 #include "ipc/victim.h"
 
+#include <sys/mman.h>
+#include <sys/ptrace.h>
+#include <ucontext.h>
+#include <unistd.h>
+
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <functional>
+#include <fstream>
 #include <string>
 #include <vector>
 
@@ -17,6 +23,14 @@ using namespace scenes;
 
 constexpr int object_count = 10;  // that push
 constexpr int crowd_count = 64;   // that are only moved
+
+Scene must_connect(const char* endpoint, const char* name) {
+  fs_scene* scene = nullptr;
+  const fs_status status = fs_scene_connect(endpoint, name, &scene);
+  if (status == FS_OK) return Scene(scene);
+  tell(std::string("fs_scene_connect: ") + fs_status_name(status) + ": " + fs_last_error());
+  std::_Exit(EXIT_FAILURE);
+}
 
 class Victim {
  public:
@@ -59,15 +73,7 @@ class Victim {
     std::_Exit(EXIT_FAILURE);
   }
 
-  void connect() {
-    fs_scene* scene = nullptr;
-    const fs_status status = fs_scene_connect(endpoint_.c_str(), name_.c_str(), &scene);
-    if (status != FS_OK) {
-      tell(std::string("fs_scene_connect: ") + fs_status_name(status) + ": " + fs_last_error());
-      std::_Exit(EXIT_FAILURE);
-    }
-    scene_.reset(scene);
-  }
+  void connect() { scene_ = must_connect(endpoint_.c_str(), name_.c_str()); }
 
   // The same push from something else: from far away, so that it has the same direction wherever it is moved to.
   fs_object push(int i) {
@@ -248,12 +254,143 @@ class Victim {
   Curve curve_;
 };
 
+// ---------------------------------------------------------------------------------------------------- stops at a write
+
+#if defined(__x86_64__) && defined(__linux__)
+
+// The memory is kept from being written. Whoever tries is counted, then may go on for a single instruction.
+char *shared_begin, *shared_end;
+int writes, stop_before;
+constexpr greg_t single_step = 0x100;  // of the processor's flags
+
+bool find_shared_memory() {
+  std::ifstream maps("/proc/self/maps");
+  for (std::string line; std::getline(maps, line);) {
+    if (line.find("memfd:forceserver-inbox") == std::string::npos) continue;
+    void *begin, *end;
+    if (std::sscanf(line.c_str(), "%p-%p", &begin, &end) != 2) return false;
+    shared_begin = static_cast<char*>(begin);
+    shared_end = static_cast<char*>(end);
+    return true;
+  }
+  return false;
+}
+void allow_writing(bool is_allowed) {
+  mprotect(shared_begin, static_cast<size_t>(shared_end - shared_begin), PROT_READ | (is_allowed ? PROT_WRITE : 0));
+}
+void before_write(int, siginfo_t* info, void* context) {
+  const char* address = static_cast<char*>(info->si_addr);
+  if (address < shared_begin || address >= shared_end) {
+    std::signal(SIGSEGV, SIG_DFL);
+    return;
+  }
+  if (++writes == stop_before) kill(getpid(), SIGSTOP);
+  allow_writing(true);
+  static_cast<ucontext_t*>(context)->uc_mcontext.gregs[REG_EFL] |= single_step;
+}
+void after_write(int, siginfo_t*, void* context) {
+  allow_writing(false);
+  static_cast<ucontext_t*>(context)->uc_mcontext.gregs[REG_EFL] &= ~single_step;
+}
+bool stop_before_write(int number) {
+  if (!find_shared_memory()) return false;
+  stop_before = number;
+  struct sigaction action {};
+  action.sa_flags = SA_SIGINFO;
+  action.sa_sigaction = before_write;
+  sigaction(SIGSEGV, &action, nullptr);
+  action.sa_sigaction = after_write;
+  sigaction(SIGTRAP, &action, nullptr);
+  allow_writing(false);
+  return true;
+}
+void write_as_ever() { allow_writing(true); }
+
+#else
+
+bool stop_before_write(int) { return false; }
+void write_as_ever() {}
+
+#endif
+
 }  // namespace
 
 int be_a_victim(int count, char** arguments) {
   if (count != 6) return EXIT_FAILURE;
   leave_with_parent();
   Victim(arguments[2], arguments[3], std::strtoull(arguments[5], nullptr, 10)).run(arguments[4]);
+}
+
+int be_a_writer(int count, char** arguments) {
+  if (count != 5) return EXIT_FAILURE;
+  leave_with_parent();
+  const Scene scene = must_connect(arguments[2], arguments[3]);
+  fs_pose up, down;
+  require(fs_pose_from_z({0, 0, -100}, {0, 0, 1}, &up), "fs_pose_from_z");
+  require(fs_pose_from_z({0, 0, 100}, {0, 0, -1}, &down), "fs_pose_from_z");
+  const char* const names[] = {"a", "b", "c"};
+  for (const char* name : names) {
+    fs_object o = fs_object_init(name, FS_PRIMITIVE_PLANE);
+    o.front = constant(FS_SENSE_REPULSIVE, flip_force);
+    o.pose = up;
+    require(fs_object_set(scene.get(), &o), "fs_object_set");
+  }
+  require(fs_scene_sync(scene.get(), 10), "fs_scene_sync");
+  if (!stop_before_write(std::atoi(arguments[4]))) {
+    tell("unsupported");
+    return EXIT_FAILURE;
+  }
+  tell("connected");
+  std::string line;
+  listen(line);
+  const fs_twist still{};
+  // Twice, so that the server looks for what the second one changes.
+  require(fs_object_move(scene.get(), "a", &up, &still, FS_NOW), "fs_object_move");
+  require(fs_object_move(scene.get(), "a", &down, &still, FS_NOW), "fs_object_move");
+  fs_response felt{};
+  do {
+    require(fs_scene_get_hand(scene.get(), nullptr, &felt, nullptr), "fs_scene_get_hand");
+  } while (felt.wrench.force.z > 2 * flip_force);
+  require(fs_scene_begin(scene.get()), "fs_scene_begin");
+  for (const char* name : names) require(fs_object_move(scene.get(), name, &down, &still, FS_NOW), "fs_object_move");
+  require(fs_scene_commit(scene.get()), "fs_scene_commit");
+  write_as_ever();
+  tell("over");
+  while (listen(line)) {
+  }
+  return EXIT_SUCCESS;
+}
+
+int be_a_caller(int count, char** arguments) {
+  if (count != 4) return EXIT_FAILURE;
+  leave_with_parent();
+  const Shape mesh = make_mesh(sphere_mesh(0.05, 1000));
+  const std::vector<double> table(1000, 0.1);
+  const Curve curve = make_table(table.data(), table.size(), 1e-3);
+  if (ptrace(PTRACE_TRACEME, 0, nullptr, nullptr) != 0) {
+    tell("unsupported");
+    return EXIT_FAILURE;
+  }
+  raise(SIGSTOP);
+  Scene scene = must_connect(arguments[2], arguments[3]);
+  fs_object o = fs_object_init("mesh", FS_PRIMITIVE_MESH);
+  o.shape = mesh.get();
+  o.front = constant(FS_SENSE_REPULSIVE, 0.1);
+  o.front.kind = FS_PROFILE_CUSTOM;
+  o.front.gain = 1;
+  o.front.curve = curve.get();
+  o.pose = at(0, 0, -100);
+  require(fs_object_set(scene.get(), &o), "fs_object_set");
+  require(fs_object_move(scene.get(), "mesh", &o.pose, nullptr, FS_NOW), "fs_object_move");
+  size_t number = 0;
+  require(fs_scene_get_reports(scene.get(), nullptr, 0, &number), "fs_scene_get_reports");
+  fs_object got = fs_object_init("", FS_PRIMITIVE_POINT);
+  require(fs_object_get(scene.get(), "server/prey", &got), "fs_object_get");
+  require(fs_object_change(scene.get(), &got, FS_PART_POSE), "fs_object_change");
+  fs_object_release(&got);
+  require(fs_object_remove(scene.get(), "mesh"), "fs_object_remove");
+  scene.reset();
+  return EXIT_SUCCESS;
 }
 
 }  // namespace life
