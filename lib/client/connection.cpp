@@ -76,6 +76,7 @@ void Connection::connect(const Endpoint& endpoint, double start) {
   if (peer.user != endpoint.user) {
     fail(FS_ERROR_DENIED, "the server '%s' is of user %u, must be of user %u", name, peer.user, endpoint.user);
   }
+  process_ = open_process(peer.process);
 }
 
 bool Connection::greet(const Endpoint& endpoint, const std::string& client) {
@@ -136,8 +137,9 @@ const char* Connection::loss(double now) const noexcept {
   if (const char* known = loss_.load(std::memory_order_acquire)) return known;
   bool is_gone = outbox_->is_closed.load(std::memory_order_acquire) != 0;
   if (!is_gone && now - outbox_->heartbeat.load(std::memory_order_relaxed) > heartbeat_limit) {
-    pollfd look{socket_.get(), 0, 0};
-    is_gone = poll(&look, 1, 0) > 0 && (look.revents & (POLLHUP | POLLERR));
+    // The socket does not tell, where a process that was forked from the server has it too.
+    pollfd look[2] = {{socket_.get(), 0, 0}, {process_.get(), POLLIN, 0}};
+    is_gone = poll(look, 2, 0) > 0 && ((look[0].revents & (POLLHUP | POLLERR)) || (look[1].revents & POLLIN));
   }
   if (!is_gone) return nullptr;
   lose(lost_text);

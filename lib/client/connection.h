@@ -98,7 +98,7 @@ class Connection {
   bool greet(const Endpoint& endpoint, const std::string& client);  // false: turned away without a word
   void receive();
 
-  Descriptor socket_;
+  Descriptor socket_, process_;  // process_: of the server; may be none
   wire::Welcome welcome_{};
   std::shared_ptr<void> inbox_memory_;
   Inbox inbox_;

@@ -2,9 +2,11 @@
 
 #include <linux/sockios.h>
 #include <poll.h>
+#include <pthread.h>
 #include <pwd.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
+#include <sys/syscall.h>
 #include <sys/uio.h>
 #include <sys/un.h>
 
@@ -13,6 +15,7 @@
 #include <charconv>
 #include <cmath>
 #include <cstring>
+#include <mutex>
 #include <vector>
 
 #include "base/error.h"
@@ -40,6 +43,23 @@ double parse_timeout(const std::string& text) {
     fail(FS_ERROR_INVALID, "timeout is '%.80s', must be within 0..1e6 s", text.c_str());
   }
   return timeout;
+}
+
+// Those that are open, for the child of a fork to close. A fork waits while one is made or closed.
+struct Listeners {
+  std::mutex mutex;
+  std::vector<int> numbers;
+};
+Listeners& listeners() {
+  static Listeners& all = *new Listeners;  // never destroyed: a fork may come late
+  [[maybe_unused]] static const int is_watching = pthread_atfork(
+      [] { listeners().mutex.lock(); }, [] { listeners().mutex.unlock(); },
+      [] {
+        for (const int number : all.numbers) close(number);
+        all.numbers.clear();
+        all.mutex.unlock();
+      });
+  return all;
 }
 
 sockaddr_un to_sockaddr(const std::string& address, socklen_t& size) {
@@ -106,17 +126,28 @@ std::string user_address(uid_t user, const std::string& name) {
 
 std::string shared_address(const std::string& name) { return "forceserver/" + name; }
 
-Descriptor listen_at(const std::string& address) {
-  Descriptor listener(socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+Listener::Listener(const std::string& address) {
+  Listeners& all = listeners();
+  const std::lock_guard lock(all.mutex);
+  all.numbers.reserve(all.numbers.size() + 1);
+  Descriptor made(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   socklen_t size;
   const sockaddr_un place = to_sockaddr(address, size);
-  if (!listener || bind(listener.get(), reinterpret_cast<const sockaddr*>(&place), size) != 0 ||
-      listen(listener.get(), 64) != 0) {
+  if (!made || bind(made.get(), reinterpret_cast<const sockaddr*>(&place), size) != 0 || listen(made.get(), 64) != 0) {
     if (errno == EADDRINUSE) fail(FS_ERROR_EXISTS, "a server listens at '%s' already", address.c_str());
     fail(errno == EMFILE || errno == ENFILE ? FS_ERROR_FULL : FS_ERROR_IO, "no server can listen at '%s': %s",
          address.c_str(), std::strerror(errno));
   }
-  return listener;
+  all.numbers.push_back(made.get());
+  socket_ = std::move(made);
+}
+
+void Listener::reset() noexcept {
+  if (!socket_) return;
+  Listeners& all = listeners();
+  const std::lock_guard lock(all.mutex);
+  std::erase(all.numbers, socket_.get());
+  socket_.reset();
 }
 
 int connect_to(const std::string& address, Descriptor& out) {
@@ -136,6 +167,10 @@ Peer peer_of(const Descriptor& socket) {
     fail(FS_ERROR_IO, "the system does not tell who is at the other end: %s", std::strerror(errno));
   }
   return {found.pid, found.uid};
+}
+
+Descriptor open_process(pid_t process) noexcept {
+  return Descriptor(process > 0 ? static_cast<int>(syscall(SYS_pidfd_open, process, 0)) : -1);
 }
 
 Transfer send_message(const Descriptor& socket, std::span<const std::span<const std::byte>> parts,

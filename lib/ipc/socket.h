@@ -29,8 +29,23 @@ std::string shared_address(const std::string& name);
 
 inline constexpr size_t most_message = 65536;  // bytes
 
-// The server's, not blocking. EXISTS, IO, FULL.
-Descriptor listen_at(const std::string& address);
+// The server's socket, not blocking. A process that is forked from this one does not keep it: its address would be taken
+// as long as that lives.
+class Listener {
+ public:
+  Listener() = default;
+  explicit Listener(const std::string& address);  // EXISTS, IO, FULL
+  Listener(Listener&&) noexcept = default;
+  Listener& operator=(Listener&&) noexcept = default;
+  ~Listener() { reset(); }
+
+  void reset() noexcept;
+  const Descriptor& socket() const noexcept { return socket_; }
+
+ private:
+  Descriptor socket_;
+};
+
 // The client's, blocking; 0: done, else an errno.
 int connect_to(const std::string& address, Descriptor& out);
 
@@ -39,6 +54,8 @@ struct Peer {
   uid_t user;
 };
 Peer peer_of(const Descriptor& socket);  // IO
+// Readable when the process has ended. None: of another name space of processes, or gone already, or no descriptor left.
+Descriptor open_process(pid_t process) noexcept;
 
 enum class Transfer { done, again, closed };
 

@@ -77,11 +77,11 @@ fs_server::fs_server(Ref<Servo> servo, const Endpoint& endpoint, const ServerSet
   }
   watch(wake_, source_wake, EPOLLIN);
   watch(timer_, source_timer, EPOLLIN);
-  listener_ = listen_at(user_address(geteuid(), endpoint_.name));
-  watch(listener_, source_listener, EPOLLIN);
+  listener_ = Listener(user_address(geteuid(), endpoint_.name));
+  watch(listener_.socket(), source_listener, EPOLLIN);
   if (settings_.is_for_all_users) {
-    shared_listener_ = listen_at(shared_address(endpoint_.name));
-    watch(shared_listener_, source_shared_listener, EPOLLIN);
+    shared_listener_ = Listener(shared_address(endpoint_.name));
+    watch(shared_listener_.socket(), source_shared_listener, EPOLLIN);
   }
   servo_->reap_channels();  // of a server before this one
   servo_->add_listener(this, [this] {
@@ -191,9 +191,9 @@ void fs_server::handle(uint64_t source, uint32_t events) {
   } else if (source == source_timer) {
     if (read(timer_.get(), &count, sizeof count) == sizeof count) turn(steady_now());
   } else if (source == source_listener) {
-    accept_clients(listener_);
+    accept_clients(listener_.socket());
   } else if (source == source_shared_listener) {
-    accept_clients(shared_listener_);
+    accept_clients(shared_listener_.socket());
   } else {
     const std::shared_ptr<Session> session = find((source - first_session) / 2);
     if (!session) return;
@@ -213,9 +213,13 @@ void fs_server::handle(uint64_t source, uint32_t events) {
 }
 
 // However much there is to be done, the moves are taken at the servo's rate.
-void fs_server::turn_if_due() {
+void fs_server::turn_if_due() noexcept {
   const double now = steady_now();
-  if (!is_asleep_ && now - last_turn_ >= period_) turn(now);
+  if (is_asleep_ || now - last_turn_ < period_) return;
+  try {
+    turn(now);
+  } catch (...) {  // no memory: the next one makes good for it
+  }
 }
 
 // What comes each period. Whoever comes first in one is last in the next.
@@ -296,9 +300,9 @@ void fs_server::open_door(bool is_open) noexcept {
   epoll_event event{};
   event.events = is_open ? static_cast<uint32_t>(EPOLLIN) : 0;
   event.data.u64 = source_listener;
-  epoll_ctl(epoll_.get(), EPOLL_CTL_MOD, listener_.get(), &event);
+  epoll_ctl(epoll_.get(), EPOLL_CTL_MOD, listener_.socket().get(), &event);
   event.data.u64 = source_shared_listener;
-  if (shared_listener_) epoll_ctl(epoll_.get(), EPOLL_CTL_MOD, shared_listener_.get(), &event);
+  if (shared_listener_.socket()) epoll_ctl(epoll_.get(), EPOLL_CTL_MOD, shared_listener_.socket().get(), &event);
 }
 
 void fs_server::accept_clients(const Descriptor& listener) {

@@ -63,7 +63,7 @@ struct fs_server : fs::Counted<fs_server> {
   void accept_clients(const fs::Descriptor& listener);
   void open_door(bool is_open) noexcept;
   void turn(double now);
-  void turn_if_due();
+  void turn_if_due() noexcept;
   void fall_asleep() noexcept;
   void wake() const noexcept;
 
@@ -72,7 +72,8 @@ struct fs_server : fs::Counted<fs_server> {
   const fs::ServerSettings settings_;
   const double period_;  // s
 
-  fs::Descriptor listener_, shared_listener_, epoll_, timer_, wake_, spare_;
+  fs::Listener listener_, shared_listener_;
+  fs::Descriptor epoll_, timer_, wake_, spare_;
   fs::Worker worker_;
   std::vector<std::shared_ptr<fs::Session>> sessions_;  // and those that have not said who they are
   uint64_t last_id_ = 0, turns_ = 0;

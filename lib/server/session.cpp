@@ -4,7 +4,6 @@
 #include <poll.h>
 #include <sys/epoll.h>
 #include <sys/socket.h>
-#include <sys/syscall.h>
 
 #include <algorithm>
 #include <cstring>
@@ -60,8 +59,7 @@ bool has_event(const Descriptor& descriptor, short events) noexcept {
 
 Session::Session(fs_server& server, uint64_t id, Descriptor socket, const Peer& peer, fs_status refusal)
     : server_(server), id_(id), socket_(std::move(socket)), peer_(peer), refusal_(refusal), since_(steady_now()) {
-  // Of another name space of processes, or gone already: then the socket tells alone.
-  if (peer.process > 0) process_ = Descriptor(static_cast<int>(syscall(SYS_pidfd_open, peer.process, 0)));
+  process_ = open_process(peer.process);  // none: then the socket tells alone
 }
 
 Session::~Session() = default;

@@ -390,7 +390,7 @@ int be_a_caller(int count, char** arguments) {
   fs_object_release(&got);
   require(fs_object_remove(scene.get(), "mesh"), "fs_object_remove");
   scene.reset();
-  return EXIT_SUCCESS;
+  std::_Exit(EXIT_SUCCESS);  // a sanitizer cannot look for leaks in what is traced
 }
 
 }  // namespace life
