@@ -55,7 +55,9 @@ struct Track {
       before = last;
       instant = time;
     }
-    last = {pose, time, true};
+    last.pose = pose;
+    last.time = time;
+    last.is_known = true;
 
     if (since_last < 0) return {pose, {}, time, 0};
     if (twist) return {pose, *twist, time, is_zero(*twist) ? 0 : extrapolation_limit};

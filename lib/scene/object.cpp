@@ -186,6 +186,7 @@ double parse_finite(double value, const char* field) {
 }
 
 Vec3 parse_position(Vec3 v, const char* field) {
+  if (is_in_range(v)) return v;
   const double components[] = {v.x, v.y, v.z};
   for (int i = 0; i < 3; ++i) {
     if (!(std::fabs(components[i]) <= coordinate_limit)) {
@@ -197,26 +198,23 @@ Vec3 parse_position(Vec3 v, const char* field) {
 }
 
 Twist parse_twist(const Twist& twist, const char* field) {
+  if (is_in_range(twist.linear) && is_in_range(twist.angular)) return twist;  // before any text is made
   const std::string name = field;
   return {parse_position(twist.linear, (name + ".linear").c_str()),
           parse_position(twist.angular, (name + ".angular").c_str())};
 }
 
 Pose parse_pose(const Pose& pose, const char* field) {
-  const std::string name = field;
-  parse_position(pose.position, (name + ".position").c_str());
-  const Quat q = pose.orientation;
   Pose unit = pose;
-  if (!make_unit_pose(unit)) {
-    fail(FS_ERROR_INVALID, "%s.orientation is (%g, %g, %g, %g) of length %.9g, must be within 1e-3 of 1 or all 0", field,
-         q.w, q.x, q.y, q.z, norm(q));
-  }
-  return unit;
+  if (make_unit_pose(unit)) return unit;
+  parse_position(pose.position, (std::string(field) + ".position").c_str());
+  const Quat q = pose.orientation;
+  fail(FS_ERROR_INVALID, "%s.orientation is (%g, %g, %g, %g) of length %.9g, must be within 1e-3 of 1 or all 0", field,
+       q.w, q.x, q.y, q.z, norm(q));
 }
 
 bool make_unit_pose(Pose& pose) noexcept {
-  const auto is_in_range = [](double v) { return std::fabs(v) <= coordinate_limit; };
-  if (!is_in_range(pose.position.x) || !is_in_range(pose.position.y) || !is_in_range(pose.position.z)) return false;
+  if (!is_in_range(pose.position)) return false;
   Quat& q = pose.orientation;
   if (q.w == 0 && q.x == 0 && q.y == 0 && q.z == 0) {
     q = identity_quat();

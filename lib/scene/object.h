@@ -2,6 +2,7 @@
 // parse_object is the only validator: deeper code never checks again.
 #pragma once
 
+#include <cmath>
 #include <string>
 
 #include <forceserver/scene.h>
@@ -14,6 +15,9 @@
 namespace fs {
 
 inline constexpr double coordinate_limit = 1e15;  // m: its square still leaves a double 278 decades
+inline bool is_in_range(Vec3 v) noexcept {
+  return std::fabs(v.x) <= coordinate_limit && std::fabs(v.y) <= coordinate_limit && std::fabs(v.z) <= coordinate_limit;
+}
 
 struct Object : Counted<Object> {
   std::string name;

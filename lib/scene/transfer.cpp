@@ -141,9 +141,6 @@ wire::Movement to_record(const Motion& m) { return {m.pose, m.twist, m.time, m.h
 
 bool from_record(const wire::Movement& r, Motion& motion) noexcept {
   Motion out{r.pose, r.twist, r.time, r.horizon};
-  const auto is_in_range = [](const Vec3& v) {
-    return std::fabs(v.x) <= coordinate_limit && std::fabs(v.y) <= coordinate_limit && std::fabs(v.z) <= coordinate_limit;
-  };
   if (!make_unit_pose(out.pose) || !is_in_range(r.twist.linear) || !is_in_range(r.twist.angular)) return false;
   if (!std::isfinite(r.time) || !(r.horizon >= 0 && r.horizon <= extrapolation_limit)) return false;
   motion = out;
