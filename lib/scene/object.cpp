@@ -204,7 +204,13 @@ Twist parse_twist(const Twist& twist, const char* field) {
           parse_position(twist.angular, (name + ".angular").c_str())};
 }
 
+// The usual case of make_unit_pose, without a root.
+static bool is_unit_pose(const Pose& pose) noexcept {
+  return is_in_range(pose.position) && std::fabs(dot(pose.orientation, pose.orientation) - 1) <= 1e-15;
+}
+
 Pose parse_pose(const Pose& pose, const char* field) {
+  if (is_unit_pose(pose)) return pose;  // looked at before it is copied: a copy of what was just written stalls
   Pose unit = pose;
   if (make_unit_pose(unit)) return unit;
   parse_position(pose.position, (std::string(field) + ".position").c_str());
@@ -214,13 +220,13 @@ Pose parse_pose(const Pose& pose, const char* field) {
 }
 
 bool make_unit_pose(Pose& pose) noexcept {
+  if (is_unit_pose(pose)) return true;
   if (!is_in_range(pose.position)) return false;
   Quat& q = pose.orientation;
   if (q.w == 0 && q.x == 0 && q.y == 0 && q.z == 0) {
     q = identity_quat();
     return true;
   }
-  if (std::fabs(dot(q, q) - 1) <= 1e-15) return true;  // as below, without the root
   const double length = norm(q);
   if (!(std::fabs(length - 1) <= 1e-3)) return false;
   if (std::fabs(length - 1) > 1e-15) q = normalized(q);  // one that is unit already keeps its bits
