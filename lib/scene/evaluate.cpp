@@ -61,12 +61,15 @@ bool evaluate_object(const Object& object, const Motion& motion, double start, c
   const uint32_t mask = tool.is_any_point ? all : object.point_mask() & all;
   if (mask == 0 || !(object.support >= 0)) return false;
   const double share = 1.0 / std::popcount(mask);
-  const Pose pose = motion.at(tool.time);
-  bool is_near = false;
+  const Vec3 origin = motion.position_at(tool.time);
+  Pose pose;
+  bool has_pose = false, is_near = false;
   for (uint32_t rest = mask; rest; rest &= rest - 1) {
     const ToolState::Point& point = tool.points[static_cast<size_t>(std::countr_zero(rest))];
-    const Vec3 offset = point.position - pose.position;
+    const Vec3 offset = point.position - origin;
     if (norm(offset) - object.radius > object.support) continue;
+    if (!has_pose) pose = motion.at(tool.time);  // what is far, as most is, needs no orientation
+    has_pose = true;
     const Vec3 local = rotate(conjugate(pose.orientation), offset);
     Closest closest;
     if (!closest_point(object.primitive, object.shape.get(), local, object.support, closest)) continue;

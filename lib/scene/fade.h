@@ -3,6 +3,7 @@
 // tick that uses it (its Epoch), not when it was made: a client that was held up between the two makes no step either.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <limits>
@@ -65,7 +66,7 @@ class Fade {
     double expiry;        // s; from then on, but not before `time`, it goes out
 
     double at(double now, double duration) const noexcept {
-      const double out_since = std::fmax(expiry, time);
+      const double out_since = std::max(expiry, time);
       double line = weight, end = 1;
       if (!(duration > 0)) {
         if (direction) line = direction > 0 ? 1 : 0;
@@ -74,7 +75,7 @@ class Fade {
         if (direction) line += direction * (now - time) / duration;
         if (now > out_since) end -= (now - out_since) / duration;
       }
-      return std::fmax(0, std::fmin(1, std::fmin(line, end)));
+      return std::clamp(std::min(line, end), 0.0, 1.0);
     }
   };
   struct Earlier;

@@ -22,8 +22,11 @@ struct Motion {
   bool is_moving(double t) const noexcept { return t > time && t < time + horizon; }
 
   Pose at(double t) const noexcept {  // [rt]
-    const double dt = std::clamp(t - time, 0.0, horizon);
+    const double dt = used(t);
     return dt > 0 ? advanced(pose, twist, dt) : pose;
+  }
+  Vec3 position_at(double t) const noexcept {  // [rt] that of at(t), for less
+    return pose.position + used(t) * twist.linear;
   }
 
   // [rt] Velocity at time t of the point of the object that is at x, both in the parent's frame.
@@ -31,6 +34,9 @@ struct Motion {
     if (!is_moving(t)) return {};
     return twist.linear + cross(twist.angular, x - pose_now.position);
   }
+
+ private:
+  double used(double t) const noexcept { return std::clamp(t - time, 0.0, horizon); }  // s, of the twist
 };
 
 // The poses that the application gave, as far as the next worked-out twist needs them.

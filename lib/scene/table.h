@@ -82,6 +82,9 @@ class Table {
     for (uint32_t rest = node.used; rest; rest &= rest - 1) {
       const uint32_t i = static_cast<uint32_t>(std::countr_zero(rest));
       const uint32_t slot = first + (i << (level * bits));
+      if (const uint32_t later = rest & (rest - 1)) {
+        __builtin_prefetch(node.children[static_cast<uint32_t>(std::countr_zero(later))].get());
+      }
       if constexpr (level == 0) {
         f(slot, *node.children[i]);
       } else {
