@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <cmath>
 #include <cstring>
 #include <system_error>
 
@@ -24,6 +25,7 @@ namespace {
 constexpr double awake_for = 0.05;        // s after the last change, before it sleeps
 constexpr double asleep_period = 0.02;    // s: the heartbeat, and the scenes' events
 constexpr double housekeeping_period = 0.01;
+constexpr double shortest_lead = 1.5e-4;  // s before a tick: for a thread to wake up and to take some moves
 constexpr ptrdiff_t most_strangers = 64;  // that have not said who they are
 constexpr ptrdiff_t most_refused = 16;
 
@@ -31,6 +33,11 @@ template <class T>
 T parse_bound(T given, T standard, T most, const char* field) {
   if (given > most) fail(FS_ERROR_INVALID, "%s is %g, must be at most %g", field, double(given), double(most));
   return given ? given : standard;
+}
+
+timespec to_timespec(double time) noexcept {  // s
+  const double whole = std::floor(time);
+  return {static_cast<time_t>(whole), static_cast<long>((time - whole) * 1e9)};
 }
 
 Descriptor open_file() { return Descriptor(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)); }
@@ -142,18 +149,27 @@ void fs_server::set_reading(const Session& session, bool is_reading) noexcept {
   epoll_ctl(epoll_.get(), EPOLL_CTL_MOD, session.socket().get(), &event);
 }
 
-void fs_server::set_period(double period) noexcept {
+// Awake, its turns come as often as the servo's ticks and a little before them: what has been moved until then is felt
+// at once.
+void fs_server::set_timer() noexcept {
+  const double period = is_asleep_ ? asleep_period : period_;
   itimerspec timer{};
-  timer.it_interval.tv_nsec = static_cast<long>(period * 1e9);
+  timer.it_interval = to_timespec(period);
   timer.it_value = timer.it_interval;
-  timerfd_settime(timer_.get(), 0, &timer, nullptr);
+  int flags = 0;
+  if (const double due = servo_->due(); due > 0 && !is_asleep_) {
+    const double phase = due - std::fmax(shortest_lead, period / 4), soonest = steady_now() + period / 2;
+    timer.it_value = to_timespec(phase + period * std::ceil((soonest - phase) / period));
+    flags = TFD_TIMER_ABSTIME;
+  }
+  timerfd_settime(timer_.get(), flags, &timer, nullptr);
 }
 
 // --------------------------------------------------------------------------------------------------------- its thread
 
 void fs_server::run() noexcept {
   pthread_setname_np(pthread_self(), "fs-server");
-  set_period(period_);
+  set_timer();
   std::array<epoll_event, 64> events;
   for (;;) {
     const int count = epoll_wait(epoll_.get(), events.data(), static_cast<int>(events.size()), -1);
@@ -207,7 +223,7 @@ void fs_server::handle(uint64_t source, uint32_t events) {
   if (is_asleep_ && steady_now() - last_activity_ < awake_for) {
     is_asleep_ = false;
     for (const std::shared_ptr<Session>& session : sessions_) session->set_asleep(false);
-    set_period(period_);
+    set_timer();
     turn(steady_now());
   }
 }
@@ -239,6 +255,7 @@ void fs_server::turn(double now) {
     for (const std::shared_ptr<Session>& session : sessions_) session->keep_house();
     servo_->reap_channels();
     if (!is_door_open_) open_door(true);
+    if (!is_asleep_) set_timer();  // the servo skips what it is too late for
   }
   if (!is_asleep_ && now - last_activity_ > awake_for) fall_asleep();
 }
@@ -253,7 +270,7 @@ void fs_server::fall_asleep() noexcept {
     return;
   }
   is_asleep_ = true;
-  set_period(asleep_period);
+  set_timer();
 }
 
 Session* fs_server::find(std::string_view client) const {

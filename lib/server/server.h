@@ -58,7 +58,7 @@ struct fs_server : fs::Counted<fs_server> {
 
   void run() noexcept;
   void watch(const fs::Descriptor& descriptor, uint64_t source, uint32_t events);  // IO
-  void set_period(double period) noexcept;
+  void set_timer() noexcept;
   void handle(uint64_t source, uint32_t events);
   void accept_clients(const fs::Descriptor& listener);
   void open_door(bool is_open) noexcept;

@@ -220,6 +220,7 @@ void fs_servo::run() noexcept {
     const double missed = std::floor(late / period_);  // skipped, never made up for in a burst
     misses_.fetch_add(static_cast<uint64_t>(missed), std::memory_order_relaxed);
     next += missed * period_;
+    due_.store(next, std::memory_order_relaxed);
     tick(now, late);
     next += period_;
   }

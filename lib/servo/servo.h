@@ -43,6 +43,8 @@ struct fs_servo final : fs::Counted<fs_servo> {
   void reap_channels();  // lets go of those that have faded out
   size_t channel_count();  // beside the servo's own; those that fade out are among them
   const fs::Ref<fs::LocalScene>& scene() const noexcept { return scene_; }
+  // s, monotonic clock: when the last tick was due; they come a period apart. 0: it has no thread that keeps to a time.
+  double due() const noexcept { return due_.load(std::memory_order_relaxed); }
 
   // f is called once, by the thread that stops the servo, before it stops; not after remove_listener has returned.
   void add_listener(const void* owner, std::function<void()> f);  // STATE
@@ -109,6 +111,7 @@ struct fs_servo final : fs::Counted<fs_servo> {
   // Shared: written by the servo, but for enable_ and the stop.
   std::atomic<uint64_t> enable_{1};  // bit 0: enabled; bits 1..31 count the trues, bits 32.. the falses
   std::atomic<bool> is_stopping_{false}, is_stepping_{false};
+  std::atomic<double> due_{0};
   std::atomic<uint64_t> ticks_{0}, misses_{0}, device_errors_{0}, guarded_{0}, approximated_{0};
   std::atomic<uint32_t> faults_{0};
   std::atomic<int> realtime_{FS_REALTIME_NONE};

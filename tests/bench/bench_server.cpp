@@ -423,7 +423,22 @@ struct LoadCase {
 };
 struct LoadFigures {
   Samples late, servo, server, beside;
-  double taken = 0, written = 0;  // moves a second
+  Samples taken, written;  // moves a second
+  Samples p50, p99;        // of late, by those of cyclictest beside it, or alone in the same round
+
+  void add(const LoadFigures& round, const Samples& alone) {
+    const Samples& peer = round.beside.values.empty() ? alone : round.beside;
+    if (!peer.values.empty()) {
+      p50.add(round.late.p50() / peer.p50());
+      p99.add(round.late.p99() / peer.p99());
+    }
+    late.add(round.late);
+    servo.add(round.servo);
+    server.add(round.server);
+    beside.add(round.beside);
+    taken.add(round.taken);
+    written.add(round.written);
+  }
 };
 
 LoadFigures measure_load(const LoadCase& c, double time) {
@@ -467,8 +482,8 @@ LoadFigures measure_load(const LoadCase& c, double time) {
   }
   if (watcher) {
     const double passed = 1e-9 * static_cast<double>(now_ns() - begin);
-    out.written = static_cast<double>(crew.page().moves - written) / passed;
-    out.taken = static_cast<double>(moves_taken(watcher.get()) - taken) / passed;
+    out.written.add(static_cast<double>(crew.page().moves - written) / passed);
+    out.taken.add(static_cast<double>(moves_taken(watcher.get()) - taken) / passed);
   }
   const fs_servo_stats stats = rig.stats();
   if (stats.faults || stats.misses) {
@@ -478,18 +493,12 @@ LoadFigures measure_load(const LoadCase& c, double time) {
   return out;
 }
 
+// Rounds of cyclictest alone and of each case, so that each is compared with what the machine was like just then.
 void part_load() {
   const bool has_cyclictest = Cyclictest::is_there();
   if (!has_cyclictest) progress("cyclictest is not installed (Debian: rt-tests): the servo is not compared with it");
-  const double time = seconds(6, 1.5);
-  Samples alone;
-  const auto run_alone = [&](const char* name) {
-    if (!has_cyclictest) return;
-    progress("load: %s ...", name);
-    const Samples samples = Cyclictest(time).result();
-    table_row(std::string("late: ") + name, Unit::time, samples);
-    alone.values.insert(alone.values.end(), samples.values.begin(), samples.values.end());
-  };
+  const double time = seconds(2, 1.5);
+  const int rounds = is_quick ? 1 : 5;
   const LoadCase cases[] = {
       {"no client", 0, 0, Work::idle, false},
       {"1 client, idle", 1, 1, Work::idle, false},
@@ -500,23 +509,29 @@ void part_load() {
       {"64 clients, 100 objects each at 25 Hz", 8, 8, Work::crowd, true},
   };
   std::vector<std::pair<const LoadCase*, LoadFigures>> all;
-  run_alone("cyclictest alone, before");
   for (const LoadCase& c : cases) {
-    if (c.is_beside && !has_cyclictest) continue;
-    all.emplace_back(&c, measure_load(c, time));
-    if (&c == &cases[2]) run_alone("cyclictest alone, between");
+    if (!c.is_beside || has_cyclictest) all.emplace_back(&c, LoadFigures());
   }
-  run_alone("cyclictest alone, after");
-
-  const Peer peer{has_cyclictest ? "cyclictest alone, all" : "", has_cyclictest ? &alone : nullptr};
-  for (const auto& [c, figures] : all) {
-    if (c->is_beside) {
-      table_row(std::string("late: cyclictest beside ") + c->name, Unit::time, figures.beside, peer);
-      table_row(std::string("late: ") + c->name + ", beside it", Unit::time, figures.late,
-                {"cyclictest beside", &figures.beside});
-    } else {
-      table_row(std::string("late: ") + c->name, Unit::time, figures.late, peer);
+  Samples alone;
+  for (int round = 1; round <= rounds; ++round) {
+    Samples now;
+    if (has_cyclictest) {
+      progress("load, round %d of %d: cyclictest alone ...", round, rounds);
+      now = Cyclictest(time).result();
+      alone.add(now);
     }
+    for (auto& [c, figures] : all) figures.add(measure_load(*c, time), now);
+  }
+
+  table_row("late: cyclictest alone", Unit::time, alone);
+  for (const auto& [c, figures] : all) {
+    const std::string name = std::string("late: ") + c->name;
+    if (c->is_beside) table_row(std::string("late: cyclictest beside ") + c->name, Unit::time, figures.beside);
+    table_row(name + (c->is_beside ? ", beside it" : ""), Unit::time, figures.late);
+    if (!has_cyclictest) continue;
+    const std::string of = name + (c->is_beside ? ", by cyclictest beside it" : ", by cyclictest alone");
+    table_row(of + ": p50", Unit::ratio, figures.p50);
+    table_row(of + ": p99", Unit::ratio, figures.p99);
   }
   const LoadFigures& none = all.front().second;
   for (const auto& [c, figures] : all) {
@@ -528,7 +543,7 @@ void part_load() {
       table_row(std::string("moves taken: ") + c->name, Unit::rate, figures.taken);
       if (c->processes > 1) {
         const double used = 1e7 * (figures.server.p50() - none.server.p50());  // ns a second
-        table_row(std::string("server thread a move: ") + c->name, Unit::time, used / figures.taken);
+        table_row(std::string("server thread a move: ") + c->name, Unit::time, used / figures.taken.p50());
       }
     }
   }

@@ -34,6 +34,7 @@ std::string text_of(double value, Unit unit) {
     case Unit::percent: scaled(1, "%"); break;
     case Unit::bytes: value < 1e6 ? scaled(1e3, "kB") : scaled(1e6, "MB"); break;
     case Unit::rate: std::snprintf(text, sizeof text, "%.0f /s", value); break;
+    case Unit::ratio: std::snprintf(text, sizeof text, "%.2f", value); break;
   }
   return text;
 }
@@ -58,6 +59,7 @@ const char* name_of(Unit unit) {
     case Unit::percent: return "percent of a core";
     case Unit::bytes: return "bytes";
     case Unit::rate: return "1/s";
+    case Unit::ratio: return "ratio";
   }
   return "";
 }

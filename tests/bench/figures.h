@@ -22,13 +22,14 @@ struct Samples {
   std::vector<double> values;
 
   void add(double value) { values.push_back(value); }
+  void add(const Samples& more) { values.insert(values.end(), more.values.begin(), more.values.end()); }
   double quantile(double part) const;  // NaN: there is none
   double p50() const { return quantile(0.5); }
   double p99() const { return quantile(0.99); }
   double max() const { return quantile(1); }
 };
 
-enum class Unit { time, percent, bytes, rate };  // ns, of a core, of memory, a second
+enum class Unit { time, percent, bytes, rate, ratio };  // ns, of a core, of memory, a second, none
 
 // What a row is compared with.
 struct Peer {
