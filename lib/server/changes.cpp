@@ -105,7 +105,9 @@ void Session::take_upload(Message&& message, Descriptor&& came) {
 void Session::finish_upload(uint64_t id, Upload&& upload) noexcept {
   try {
     upload.is_ready = true;
-    if (upload.status == FS_ERROR_MEMORY && upload.text.empty()) upload.text = "the server has not enough memory for the shape";
+    if (upload.status == FS_ERROR_MEMORY && upload.text.empty()) {
+      upload.text = "the server has not enough memory for the shape";
+    }
     const auto found = uploads_.find(id);
     if (found != uploads_.end()) {  // else it was forgotten meanwhile
       if (upload.status != FS_OK) {

@@ -72,7 +72,8 @@ LocalScene& Session::target(const wire::Target& name, bool is_to_change, Session
     fail(FS_ERROR_NOT_FOUND, "name is '%.120s': no client '%.60s' is connected", text.c_str(), client.c_str());
   }
   if (is_to_change && owner == this) {  // then two would keep account of them
-    fail(FS_ERROR_INVALID, "name is '%.120s', must be another client's: its own objects a client changes itself", text.c_str());
+    fail(FS_ERROR_INVALID, "name is '%.120s', must be another client's: its own objects a client changes itself",
+         text.c_str());
   }
   if (is_to_change && server_.settings().is_locked) {
     fail(FS_ERROR_DENIED, "name is '%.120s': this server lets a client change its own objects only", text.c_str());
@@ -213,7 +214,8 @@ void Session::tell_edit(LocalScene& scene, Session* owner, const std::string& na
   }
 }
 
-// What it sent and was refused, one by one; then the next of its own objects that others have changed. Where changes of its own wait, they come first.
+// What it sent and was refused, one by one; then the next of its own objects that others have changed. Where changes of
+// its own wait, they come first.
 void Session::pull(const Message& message) {
   take_moves();
   wire::Pulled out{};

@@ -176,7 +176,8 @@ class Rig {
       const fs_tick& t = newest[i];
       const fs_vec3 force = t.response.wrench.force, sent = t.sent.force;
       ck_assert(is_finite(force) && is_finite(t.response.wrench.torque) && is_finite(sent) && is_finite(t.sent.torque));
-      ck_assert_msg(norm(sent) <= device_limit * (1 + 1e-12) && norm(t.sent.torque) <= torque_limit * (1 + 1e-12), "%g N are sent", norm(sent));
+      ck_assert_msg(norm(sent) <= device_limit * (1 + 1e-12) && norm(t.sent.torque) <= torque_limit * (1 + 1e-12),
+                    "%g N are sent", norm(sent));
       ck_assert_msg(norm(force) <= 1 + others * client_limit + 1e-9, "the clients push with %g N together", norm(force));
       // A machine that is too slow for the thread stops it, which is no client's doing.
       ck_assert_msg(t.faults == 0 || (!is_virtual_ && t.faults == FS_FAULT_LATE), "fault %u", t.faults);

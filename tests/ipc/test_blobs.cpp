@@ -129,7 +129,8 @@ START_TEST(wrong_files) {
     const Descriptor files[] = {Descriptor(pipes[0]), Descriptor(pipes[1]), Descriptor(sockets[0]), Descriptor(sockets[1]),
                                 Descriptor(eventfd(0, EFD_CLOEXEC)), Descriptor(epoll_create1(EPOLL_CLOEXEC)),
                                 Descriptor(open("/", O_RDONLY | O_CLOEXEC)), Descriptor(open("/dev/zero", O_RDWR | O_CLOEXEC)),
-                                Descriptor(open("/dev/null", O_RDWR | O_CLOEXEC)), Descriptor(open(path.c_str(), O_PATH | O_CLOEXEC)),
+                                Descriptor(open("/dev/null", O_RDWR | O_CLOEXEC)),
+                                Descriptor(open(path.c_str(), O_PATH | O_CLOEXEC)),
                                 Descriptor(open(regular.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600))};
     ck_assert_int_eq(ftruncate(files[10].get(), 96 + 24), 0);
     for (const Descriptor& file : files) {

@@ -147,7 +147,9 @@ static double odd_number(scenes::Random& random) {
   return random.coin(0.1) ? std::bit_cast<double>(random.bits()) : numbers[random.below(std::size(numbers))];
 }
 static Movement odd_movement(scenes::Random& random) {
-  const auto vector = [&] { return random.coin() ? random.in_box(0.1) : fs_vec3{odd_number(random), odd_number(random), odd_number(random)}; };
+  const auto vector = [&] {
+    return random.coin() ? random.in_box(0.1) : fs_vec3{odd_number(random), odd_number(random), odd_number(random)};
+  };
   Movement out{};
   out.pose = random.pose(0.1);
   if (random.coin()) out.pose.position = vector();

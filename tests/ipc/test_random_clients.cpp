@@ -28,7 +28,9 @@ static double number(Random& random) {
   if (random.coin(0.1)) return numbers[random.below(std::size(numbers))];
   return random.between(-1, 1);
 }
-static fs_vec3 vector(Random& random) { return random.coin(0.8) ? random.in_box(0.05) : fs_vec3{number(random), number(random), number(random)}; }
+static fs_vec3 vector(Random& random) {
+  return random.coin(0.8) ? random.in_box(0.05) : fs_vec3{number(random), number(random), number(random)};
+}
 static fs_pose pose(Random& random) {
   if (random.coin(0.9)) return random.pose(0.05);
   return {vector(random), {number(random), number(random), number(random), number(random)}};
@@ -126,7 +128,8 @@ class Actor {
     return spoiled(out);
   }
   Movement movement() {
-    return spoiled(Movement{pose(random_), {vector(random_), vector(random_)}, random_.coin(0.8) ? fs::steady_now() : number(random_),
+    return spoiled(Movement{pose(random_), {vector(random_), vector(random_)},
+                            random_.coin(0.8) ? fs::steady_now() : number(random_),
                             random_.coin(0.8) ? random_.between(0, 0.1) : number(random_)});
   }
 
