@@ -195,7 +195,7 @@ START_TEST(max_objects) {
   EXPECT(FS_ERROR_FULL, fs_object_set(me.get(), &e));
   EXPECT_NEAR(felt(), 30 + 3, 1e-12);
 
-  const Folder folder("full");  // a file of too many adds none
+  const Folder folder;  // a file of too many adds none
   const std::string path = folder / "four.json";
   const Scene four = make_scene();
   for (const char* name : {"x", "v", "w"}) set(four, push(name, 1));

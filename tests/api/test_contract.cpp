@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "api/support.h"
+#include "scenes/folder.h"
 
 using namespace scenes;
 
@@ -53,8 +54,8 @@ struct World {
   std::vector<double> doubles{1, 2, 3};
   double number = 0;
   size_t count = 0;
-  std::string path = "/tmp/forceserver-contract-" + std::to_string(getpid());
-  std::string scene_path = path + ".json", mesh_path = path + ".obj";
+  const Folder folder;
+  std::string scene_path = folder / "scene.json", mesh_path = folder / "mesh.obj";
 
   World() {
     curve_owner = make_table(doubles.data(), 3, 0.1);
@@ -77,9 +78,6 @@ struct World {
     driver.get_info = [](void*, fs_device_info*) { return FS_OK; };
     driver.read = [](void*, fs_state*) { return FS_OK; };
     driver.write = [](void*, const fs_wrench*) { return FS_OK; };
-  }
-  ~World() {
-    for (const std::string& name : {scene_path, mesh_path}) unlink(name.c_str());
   }
 };
 

@@ -1,6 +1,5 @@
 // Scenes as files: what was saved comes back bit for bit; a bad file loads nothing and says what is wrong and where.
 #include <sys/resource.h>
-#include <unistd.h>
 
 #include <csignal>
 #include <filesystem>
@@ -9,21 +8,10 @@
 #include <sstream>
 
 #include "api/support.h"
+#include "scenes/folder.h"
 
 using namespace scenes;
 namespace files = std::filesystem;
-
-// A folder of this test alone.
-struct Folder {
-  files::path path;
-  explicit Folder(const char* name) {
-    path = files::temp_directory_path() / ("forceserver-test-" + std::to_string(getpid()) + "-" + name);
-    files::remove_all(path);
-    files::create_directory(path);
-  }
-  ~Folder() { files::remove_all(path); }
-  std::string operator/(const char* name) const { return (path / name).string(); }
-};
 
 static std::string text_of(const std::string& path) {
   std::ostringstream text;
@@ -99,7 +87,7 @@ static void expect_same_field(fs_scene* a, fs_scene* b, double half) {
 }
 
 START_TEST(all_scenes_come_back) {
-  const Folder folder("all");
+  const Folder folder;
   for (const Named& named : all_scenes()) {
     const Content content = named.build();
     const Scene scene = make_scene(), loaded = make_scene();
@@ -114,7 +102,7 @@ START_TEST(all_scenes_come_back) {
 END_TEST
 
 START_TEST(every_field_comes_back) {
-  const Folder folder("fields");
+  const Folder folder;
   const Scene scene = make_scene(), loaded = make_scene();
   Content content;
   const std::vector<fs_vec3> line{{1.0 / 3, -2e-300, 1e15}, {0, 5e-324, -0.1}, {0.1, 0.2, 0.3}};
@@ -161,7 +149,7 @@ START_TEST(every_field_comes_back) {
 END_TEST
 
 START_TEST(odd_tables) {  // what counts as 0 in a table may be saved too
-  const Folder folder("odd");
+  const Folder folder;
   const Scene scene = make_scene(), loaded = make_scene();
   const double table[]{1, NAN, INFINITY, -1, 2};
   Content content;
@@ -176,7 +164,7 @@ START_TEST(odd_tables) {  // what counts as 0 in a table may be saved too
 END_TEST
 
 START_TEST(load_adds_and_replaces) {
-  const Folder folder("add");
+  const Folder folder;
   const std::string path = folder / "scene.json";
   Content content = hello();
   content.add("second", FS_PRIMITIVE_PLANE).front = attract(50, 1);
@@ -207,7 +195,7 @@ START_TEST(load_adds_and_replaces) {
 END_TEST
 
 START_TEST(shared_shapes_are_one_file) {
-  const Folder folder("shared");
+  const Folder folder;
   const Scene scene = make_scene(), loaded = make_scene();
   Content content = ball(200);
   fs_object twin = content.objects[0];
@@ -219,7 +207,7 @@ START_TEST(shared_shapes_are_one_file) {
   for (const auto& entry : files::directory_iterator(folder.path)) ply_files += entry.path().extension() == ".ply";
   ck_assert_uint_eq(ply_files, 1);
   // The folder may be moved: names in the file are relative to it.
-  const Folder elsewhere("elsewhere");
+  const Folder elsewhere;
   files::copy(folder.path, elsewhere.path, files::copy_options::recursive);
   files::remove_all(folder.path);
   OK(fs_scene_load(loaded.get(), (elsewhere / "s.json").c_str()));
@@ -233,7 +221,7 @@ START_TEST(shared_shapes_are_one_file) {
 END_TEST
 
 START_TEST(meshes_on_the_map) {  // UTM coordinates keep their last bit
-  const Folder folder("map");
+  const Folder folder;
   const Scene scene = make_scene(), loaded = make_scene();
   const fs_vec3 place{448262.12345678901, 4600000.9876543210, 1200.1234567890123};
   Content content;
@@ -252,7 +240,7 @@ static std::string replaced(std::string text, const std::string& from, const std
 }
 
 START_TEST(bad_files_load_nothing) {
-  const Folder folder("bad");
+  const Folder folder;
   const std::string good = folder / "good.json", bad = folder / "bad.json";
   const Scene writer = make_scene();
   Content content = hello();
@@ -320,7 +308,7 @@ START_TEST(bad_files_load_nothing) {
 END_TEST
 
 START_TEST(contacts_in_files) {  // not in this version: said, and nothing is loaded
-  const Folder folder("contact");
+  const Folder folder;
   const std::string path = folder / "scene.json";
   const Scene scene = make_scene();
   write_text(path, R"({"forceserver": "scene", "version": 1, "objects": [
@@ -333,7 +321,7 @@ START_TEST(contacts_in_files) {  // not in this version: said, and nothing is lo
 END_TEST
 
 START_TEST(places_that_are_not_there) {
-  const Folder folder("place");
+  const Folder folder;
   const Scene scene = make_scene();
   EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_scene_load(scene.get(), (folder / "none.json").c_str()), "none.json");
   fill(scene.get(), hello());
@@ -347,7 +335,7 @@ START_TEST(places_that_are_not_there) {
 END_TEST
 
 START_TEST(a_full_disk_leaves_the_old_file) {
-  const Folder folder("full");
+  const Folder folder;
   const std::string path = folder / "scene.json";
   const Scene scene = make_scene();
   fill(scene.get(), hello());

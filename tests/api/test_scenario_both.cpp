@@ -427,7 +427,7 @@ static std::vector<Bad> bad_calls(const Content& content, const std::string& fol
 }
 
 START_TEST(bad_input) {  // the same status, the same sentence, and nothing is changed by it
-  const Folder folder("bad");
+  const Folder folder;
   const Content content = profiles();
   Content own;
   const std::vector<Bad> calls = [&] {
@@ -435,7 +435,7 @@ START_TEST(bad_input) {  // the same status, the same sentence, and nothing is c
     own.shapes.emplace_back(fs_shape_retain(content.shapes[0].get()));
     own.shapes.emplace_back(fs_shape_retain(content.shapes[1].get()));
     own.curves.emplace_back(fs_curve_retain(content.curves[0].get()));
-    return bad_calls(own, folder.path.string());
+    return bad_calls(own, folder.path);
   }();
   World here(in_process), there(connected);
   for (World* w : {&here, &there}) {
@@ -524,7 +524,7 @@ static Content for_a_file() {
 }
 
 START_TEST(files) {
-  const Folder folder("files");
+  const Folder folder;
   const Content content = for_a_file();
   const fs_frame frame{{{0.1, 1.0 / 3, -0.3}, turn({1, 2, 3}, 0.4)}, 1.7, 0.3};
   const fs_vec3 points[]{{0, 0, 0.1}, {1e-17, 2.0 / 3, 0}};

@@ -1,6 +1,5 @@
 // Many threads at one scene while its servo runs: editors of all kinds, two tools, and a servo with a thread of its
 // own. Nothing is timed; under the thread sanitizer this must be silent.
-#include <unistd.h>
 
 #include <atomic>
 #include <chrono>
@@ -8,6 +7,7 @@
 #include <vector>
 
 #include "api/support.h"
+#include "scenes/folder.h"
 
 using namespace scenes;
 
@@ -124,7 +124,8 @@ START_TEST(all_at_once) {
   options.fade = 0.02;
   const Servo servo = start_servo(scene.get(), device.get(), options);
   const Tool first = make_tool(scene.get()), second = make_tool(scene.get());
-  const std::string path = "/tmp/forceserver-threads-" + std::to_string(getpid()) + ".json";
+  const Folder folder;
+  const std::string path = folder / "scene.json";
   is_over = false;
   wrong = 0;
   uint64_t rounds[6]{};
@@ -153,7 +154,6 @@ START_TEST(all_at_once) {
   std::printf("  edits, moves, groups, looks, evaluations of two tools:");
   for (uint64_t r : rounds) std::printf(" %lu", (unsigned long)r);
   std::printf("; %lu ticks\n", (unsigned long)ticks);
-  unlink(path.c_str());
 }
 END_TEST
 

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "api/support.h"
+#include "scenes/folder.h"
 
 namespace scenes {
 
@@ -243,18 +244,6 @@ inline fs_object push(const char* name, double force = 2, fs_vec3 direction = {0
   o.front = constant(FS_SENSE_REPULSIVE, force);
   return o;
 }
-
-// A folder of this test alone.
-struct Folder {
-  std::filesystem::path path;
-  explicit Folder(const std::string& name)
-      : path(std::filesystem::temp_directory_path() / ("forceserver-test-" + std::to_string(getpid()) + "-" + name)) {
-    std::filesystem::remove_all(path);
-    std::filesystem::create_directory(path);
-  }
-  ~Folder() { std::filesystem::remove_all(path); }
-  std::string operator/(const std::string& name) const { return (path / name).string(); }
-};
 
 // A test may leave nothing behind: no endpoint, no thread of the library's.
 inline void nothing_remains() {

@@ -122,7 +122,7 @@ START_TEST(wrong_files) {
   {
     int pipes[2], sockets[2];
     ck_assert(pipe2(pipes, O_CLOEXEC) == 0 && socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, sockets) == 0);
-    const scenes::Folder folder("blobs");
+    const scenes::Folder folder;
     const Descriptor sealed = good_mesh();
     const std::string path = "/proc/self/fd/" + std::to_string(sealed.get());
     const std::string regular = folder / "file";

@@ -442,7 +442,7 @@ START_TEST(max_objects) {
     ck_assert_int_ne(event.kind, FS_EVENT_REFUSED);
   } while (event.kind != FS_EVENT_NONE);
   // A file that does not fit changes nothing.
-  const Folder folder("full");
+  const Folder folder;
   const Scene large = make_scene();
   for (int i = 0; i < 4; ++i) set(large, spring(("x" + std::to_string(i)).c_str()));
   OK(fs_scene_save(large.get(), (folder / "four.json").c_str()));

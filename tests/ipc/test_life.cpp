@@ -191,7 +191,7 @@ END_TEST
 // A client for each call, so that each finds out by itself.
 START_TEST(every_call_says_so) {
   const bool stops_servo = _i;
-  const Folder folder("lost");
+  const Folder folder;
   const std::string path = folder / "scene.json";
   const std::vector<Call> calls = all_calls(path);
   fs_server_options options = fs_server_options_init();
@@ -594,7 +594,7 @@ START_TEST(lost_while_threads_are_in_calls) {
     fs_scene* const s = client.get();
     const fs_object o = push("push");
     OK(fs_object_set(s, &o));
-    const Folder folder("calls");
+    const Folder folder;
     const std::string path = folder / "scene.json";
     OK(fs_scene_save(s, path.c_str()));
     std::atomic<int> begun{0};

@@ -472,7 +472,7 @@ END_TEST
 
 // Each call finds out by itself that the server's process has been killed, and goes on saying so.
 START_TEST(the_server_is_killed) {
-  const Folder folder("killed");
+  const Folder folder;
   const std::string path = folder / "scene.json", endpoint = new_endpoint();
   const std::vector<Call> calls = all_calls(path);
   Process server = start({"server", endpoint});
@@ -558,7 +558,7 @@ END_TEST
 // ------------------------------------------------------------------------------------------------------- fork and exec
 
 START_TEST(fork_of_a_client) {
-  const Folder folder("fork");
+  const Folder folder;
   ServerRig rig(server_options(), thread_options());
   const Scene other = rig.join("other");
   const fs_object theirs = spring("theirs");

@@ -21,6 +21,7 @@
 #include "file/mesh_file.h"
 #include "file/mesh_formats.h"
 #include "file/whole_file.h"
+#include "scenes/folder.h"
 #include "scenes/random.h"
 
 #include <check.h>  // last: it has a macro `fail`
@@ -67,19 +68,6 @@ Outcome attempt(Parse parse, std::string_view bytes) {
 }
 
 uint64_t bits(double value) { return std::bit_cast<uint64_t>(value); }
-
-struct TemporaryDirectory {
-  TemporaryDirectory() {
-    char name[] = "/tmp/fs_mesh_XXXXXX";
-    path = mkdtemp(name);
-  }
-  ~TemporaryDirectory() { std::filesystem::remove_all(path); }
-  std::string operator/(const char* name) const { return path + "/" + name; }
-  size_t files() const {
-    return static_cast<size_t>(std::distance(std::filesystem::directory_iterator(path), {}));
-  }
-  std::string path;
-};
 
 void write_text(const std::string& path, std::string_view text) {
   std::ofstream(path, std::ios::binary) << text;
@@ -489,7 +477,7 @@ END_TEST
 
 START_TEST(a_file_is_read_by_its_ending_and_scaled)
 {
-  const TemporaryDirectory directory;
+  const scenes::Folder directory;
   const MeshData mesh{{{1, 2, 3}, {4, 5, 6}, {7, 8, 10}}, {0, 1, 2}};
   for (const auto& [name, bytes] : std::initializer_list<std::pair<const char*, std::string>>{
            {"a.obj", to_obj(mesh)},
@@ -512,7 +500,7 @@ END_TEST
 
 START_TEST(files_that_are_none)
 {
-  const TemporaryDirectory directory;
+  const scenes::Folder directory;
   const auto check = [](const std::string& path, fs_status status, const char* word) {
     const Outcome out = attempt([&] { return read_mesh_file(path, 1); });
     ck_assert_msg(out.status == status && out.text.find(word) != out.text.npos && out.text.find(path) == 0, "%s: %d %s",
@@ -539,7 +527,7 @@ END_TEST
 
 START_TEST(a_file_is_replaced_as_a_whole_or_not_at_all)
 {
-  const TemporaryDirectory directory;
+  const scenes::Folder directory;
   const std::string path = directory / "a.ply";
   write_text(path, "old");
   chmod(path.c_str(), 0640);

@@ -18,6 +18,7 @@
 #include "file/scene_file.h"
 #include "file/scene_reader.h"
 #include "file/whole_file.h"
+#include "scenes/folder.h"
 #include "scenes/random.h"
 
 #include <check.h>  // last: it has a macro `fail`
@@ -28,19 +29,6 @@ using scenes::Random;
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
-
-struct TemporaryDirectory {
-  TemporaryDirectory() {
-    char name[] = "/tmp/fs_scene_XXXXXX";
-    path = mkdtemp(name);
-  }
-  ~TemporaryDirectory() { std::filesystem::remove_all(path); }
-  std::string operator/(const char* name) const { return path + "/" + name; }
-  size_t files() const {
-    return static_cast<size_t>(std::distance(std::filesystem::directory_iterator(path), {}));
-  }
-  std::string path;
-};
 
 void write_text(const std::string& path, std::string_view text) {
   std::ofstream(path, std::ios::binary) << text;
@@ -225,7 +213,7 @@ void check_equal(const SceneDescription& a, const SceneDescription& b) {
 
 START_TEST(random_scenes_come_back_bit_for_bit)
 {
-  const TemporaryDirectory one, two;
+  const scenes::Folder one, two;
   for (uint64_t seed = 1; seed <= 60; ++seed) {
     const SceneDescription scene = random_scene(seed);
     write_scene_file(one / "a.scene.json", scene);
@@ -247,7 +235,7 @@ END_TEST
 
 START_TEST(every_number_field_comes_back_bit_for_bit)
 {
-  const TemporaryDirectory directory;
+  const scenes::Folder directory;
   Random random(3);
   for (int round = 0; round < 60; ++round) {
     SceneDescription scene = empty_scene();
@@ -278,7 +266,7 @@ END_TEST
 
 START_TEST(defaults_are_left_out)
 {
-  const TemporaryDirectory directory;
+  const scenes::Folder directory;
   SceneDescription scene = empty_scene();
   scene.objects = {make_object("here", FS_PRIMITIVE_POINT)};
   scene.objects[0].front = fs_profile_init(FS_PROFILE_LINEAR_INCREASING, FS_SENSE_REPULSIVE, 200, 0, 3);
@@ -490,7 +478,7 @@ END_TEST
 
 START_TEST(damaged_files_never_crash)
 {
-  const TemporaryDirectory directory;
+  const scenes::Folder directory;
   std::vector<std::string> good;
   for (uint64_t seed = 1; seed <= 5; ++seed) {
     write_scene_file(directory / "a.json", random_scene(seed));
@@ -523,7 +511,7 @@ END_TEST
 
 START_TEST(meshes_lie_beside_the_scene_one_file_each)
 {
-  const TemporaryDirectory directory;
+  const scenes::Folder directory;
   SceneDescription scene = empty_scene();
   const Ref<const Shape> square = make_square(0), other = make_square(0.5);
   scene.shapes = {square, other, make_square(0)};
@@ -559,7 +547,7 @@ END_TEST
 
 START_TEST(a_scene_that_cannot_be_written_leaves_the_old_one)
 {
-  const TemporaryDirectory directory;
+  const scenes::Folder directory;
   SceneDescription scene = empty_scene();
   scene.shapes = {make_square(0)};
   scene.objects = {make_object("old", FS_PRIMITIVE_MESH)};
