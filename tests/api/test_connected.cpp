@@ -11,14 +11,6 @@
 
 using namespace scenes;
 
-static void set(const Scene& scene, const fs_object& o) { OK(fs_object_set(scene.get(), &o)); }
-static fs_object solid(const char* name, const Shape& shape, double stiffness = 100) {
-  fs_object o = fs_object_init(name, FS_PRIMITIVE_MESH);
-  o.shape = shape.get();
-  o.front = attract(stiffness, 1000);
-  return o;
-}
-
 // A server, its own scene, and two clients.
 struct Two : ServerRig {
   Scene me, bob;

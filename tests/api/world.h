@@ -244,6 +244,13 @@ inline fs_object push(const char* name, double force = 2, fs_vec3 direction = {0
   o.front = constant(FS_SENSE_REPULSIVE, force);
   return o;
 }
+inline fs_object solid(const char* name, const Shape& shape, double stiffness = 100) {
+  fs_object o = fs_object_init(name, FS_PRIMITIVE_MESH);
+  o.shape = shape.get();
+  o.front = attract(stiffness, 1000);
+  return o;
+}
+inline void set(const Scene& scene, const fs_object& o) { OK(fs_object_set(scene.get(), &o)); }
 
 // A test may leave nothing behind: no endpoint, no thread of the library's.
 inline void nothing_remains() {

@@ -31,8 +31,6 @@ static size_t open_descriptors() {
   return count;
 }
 
-static void set(const Scene& scene, const fs_object& o) { OK(fs_object_set(scene.get(), &o)); }
-
 // ------------------------------------------------------------------------------------------------------- connecting
 
 START_TEST(endpoints) {
