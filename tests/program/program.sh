@@ -26,6 +26,7 @@ expect 0 'examples:' "$program" run --help
 expect 0 'Exit status' "$program" --help
 expect 0 'sim:' "$program" devices
 expect 2 '^forceserver: ' "$program"
+expect 2 "^forceserver: there is no command 'wacth'; there are: run, clients, .*, devices$" "$program" wacth x
 expect 2 '^forceserver: .*nonsense' "$program" run --nonsense
 expect 2 '^forceserver: .*duration' "$program" run --duration -1
 
@@ -126,8 +127,12 @@ import json, sys
 for d in map(json.loads, open('$1')):
     $2" || fail "$1 is not as expected"
 }
-expect 2 "no server listens at shm:$name; " "$program" clients "$name"
-expect 2 "no server listens at shm:$name; " "$program" watch "shm:$name"
+user=$(id -un)
+expect 2 "no server of user $user listens at shm:$name; .* --listen shm:$name; .*'$name\?user=NAME'$" \
+  "$program" clients "$name"
+expect 2 "no server of user $user listens at shm:$name; " "$program" watch "shm:$name?timeout=0.1"
+expect 2 'no server of user 12345 listens at shm:[^ ]+$' "$program" watch "$name?timeout=0&user=12345"
+expect 2 '^forceserver: --client-force: force_limit is 30, ' "$program" run --listen "shm:$name" --client-force 30
 expect 2 '^forceserver: .*listen' "$program" run --locked --duration 1
 expect 2 '^forceserver: .*count' "$program" watch "$name" --count 0
 
@@ -143,6 +148,12 @@ if [ "$(id -u)" = 0 ] && setpriv --reuid=65534 test -x "$program" 2> /dev/null; 
 fi
 expect 0 '^servo +faults: none; [0-9]+ Hz' "$program" watch "$name" --count 1
 expect 0 '^server/floor +plane +felt +1\.00 ' "$program" watch "$name" --count 2 --interval 0.05
+"$program" watch "$name" --count 1 --interval 0.05 | grep 'is ready' && fail "the device is ready: that is no news"
+if [ -w /dev/full ]; then
+  for command in clients 'clients --json' 'watch --count 1' 'watch --count 1 --json'; do
+    expect 2 '^forceserver: cannot write: ' sh -c "\"\$0\" $command \"\$1\" > /dev/full" "$program" "$name"
+  done
+fi
 "$program" clients "$name" --json > clients.json
 if command -v python3 > /dev/null; then
   python3 -m json.tool clients.json > /dev/null || fail "clients --json is not JSON"
@@ -172,6 +183,18 @@ ended $server 0 "run with a client"
 ended $watcher 1 "watch whose server has gone"
 grep -q "the server at shm:$name has gone" watched || fail "watch does not say that the server has gone"
 grep -q '^faults: none' served || fail "run with a client ended without a summary"
+
+# A hand that is too fast after a second, and an object that is over by then.
+printf '0 0 0 0\n1 0 0 0\n1.01 0.5 0 0\n' > jump
+echo '{"forceserver": "scene", "version": 1, "objects": [{"name": "brief", "primitive": "point", "lifetime": 0.3,
+  "front": {"kind": "constant", "sense": "attractive", "gain": 1, "limit": 1}}]}' > brief.json
+listen --scene brief.json --device 'sim:?path=jump&hand=firm'
+sleep 2
+expect 0 '^the force stopped \(.*\): the hand was above speed_limit$' "$program" watch "$name" --count 1
+expect 0 '^server/brief +point +expired +0\.00 ' "$program" watch "$name" --count 1
+kill -INT $server
+ended $server 1 "run after a fault"
+grep -q '^the force stopped: the hand was above speed_limit; start again$' served || fail "run does not say what to do"
 grep "$name" /proc/net/unix && fail "a socket is left"
 
 echo "$failures failures"

@@ -1,6 +1,4 @@
 // forceserver clients: who is connected to a server, once.
-#include <pwd.h>
-
 #include <cstdio>
 
 #include "json.h"
@@ -8,11 +6,6 @@
 #include "words.h"
 
 namespace {
-
-std::string user_name(std::uint32_t user) {
-  const passwd* const entry = getpwuid(user);
-  return entry ? entry->pw_name : std::to_string(user);
-}
 
 std::vector<std::string> table(const std::vector<fs_client>& list, double now) {
   Table table({"client", "process", "user", "objects", "force N", "moves", "changes", "refused", "limited", "shapes MB",
@@ -38,6 +31,7 @@ int list_clients(const ClientsOptions& options) {
   } else {
     for (const std::string& line : table(list, now)) std::puts(line.c_str());
   }
+  write_out();
   return exit_fine;
 }
 

@@ -8,6 +8,21 @@
 
 namespace {
 
+// What is said when nobody listens there, and what to do about it.
+std::string nobody_at(const std::string& endpoint) {
+  const std::size_t question = endpoint.find('?');
+  const std::string address = endpoint.substr(0, question), key = "user=";
+  std::string options = question == endpoint.npos ? "" : endpoint.substr(question + 1);
+  for (std::size_t end = 0; end != options.npos; options.erase(0, end + 1)) {
+    end = options.find('&');
+    if (!options.starts_with(key)) continue;
+    return "no server of user " + options.substr(key.size(), end - key.size()) + " listens at " + address;
+  }
+  const std::string name = address.substr(address.find(':') + 1);
+  return "no server of user " + user_name(geteuid()) + " listens at " + address +
+         "; one is started by: forceserver run --listen " + address + "; another user's is '" + name + "?user=NAME'";
+}
+
 std::string client_name(const char* kind) { return kind + std::string("-") + std::to_string(getpid()); }
 
 }  // namespace
@@ -20,10 +35,7 @@ Scene connect(const std::string& server, const char* kind) {
   const std::string endpoint = full_endpoint(server);
   fs_scene* scene = nullptr;
   const fs_status status = fs_scene_connect(endpoint.c_str(), client_name(kind).c_str(), &scene);
-  if (status == FS_ERROR_NOT_FOUND) {
-    throw std::runtime_error("no server listens at " + endpoint + "; one is started by: forceserver run --listen " +
-                             endpoint.substr(0, endpoint.find('?')));
-  }
+  if (status == FS_ERROR_NOT_FOUND) throw std::runtime_error(nobody_at(endpoint));
   require(status);
   return Scene(scene);
 }

@@ -4,6 +4,7 @@
 #include <CLI/CLI.hpp>
 
 #include "program.h"
+#include "words.h"
 
 namespace {
 
@@ -52,9 +53,14 @@ const char* const watch_help = R"(examples:
       a look every five seconds, one below the other
   forceserver watch lab --json --interval 0.1 --count 100 > looks.jsonl
       ten seconds, one JSON object a line, in SI units; what is not finite is null
+  forceserver watch 'lab?user=anna'
+      another user's server that lets in all users
 
-Positions and distances are the device's; `far` is from the nearest point of the tool. Rates and ticks are those since
-the look before. A slope "400 of 800" is one that was capped. Ends with 1 when the server goes, with 0 on Ctrl-C.)";
+Positions and distances are the device's; `far` is from the nearest point of the tool. Hz and lateness are those of
+the last 10 s; the ticks missed, the moves and the changes are those since the look before. A slope "400 of 800" is one
+that was capped. The force of clients that are gone is in the hand's force, but in no line, until it has faded.
+
+Ends with 1 when the server goes, with 0 on Ctrl-C; while it waits for the server, Ctrl-C ends it at once.)";
 
 const char* const check_help = R"(examples:
   forceserver check room.json
@@ -72,6 +78,17 @@ const char* const evaluate_help = R"(examples:
 In: a position per line, "x y z" or "x,y,z" in metres of the scene; '#' begins a comment; the first line may be a
 header. Out: x,y,z,fx,fy,fz with all digits, so that the same input gives the same file. No device and no protection
 takes part: this is the bare scene.)";
+
+// The first word is a command, or there is a sentence with those that there are.
+void require_command(const CLI::App& app, int argc, char** argv) {
+  if (argc < 2 || argv[1][0] == '-') return;
+  std::vector<std::string> names;
+  for (const CLI::App* command : app.get_subcommands(nullptr)) {
+    if (command->check_name(argv[1])) return;
+    names.push_back(command->get_name());
+  }
+  throw std::runtime_error("there is no command '" + std::string(argv[1]) + "'; there are: " + join(names, "none"));
+}
 
 }  // namespace
 
@@ -155,6 +172,7 @@ int main(int argc, char** argv) {
   CLI::App* devices_command = app.add_subcommand("devices", "List the devices that can be opened");
 
   try {
+    require_command(app, argc, argv);
     app.parse(argc, argv);
     if (*run_command) return run(run_options);
     if (*clients_command) return clients(clients_options);

@@ -136,7 +136,10 @@ void print_events(fs_scene* scene, bool terminal) {
     if (event.kind == FS_EVENT_EXPIRED) std::printf("%s: outlived its lifetime\n", event.name);
     if (event.kind == FS_EVENT_EDITED) std::printf("%s: edited by %s\n", event.name, event.text);
     if (event.kind == FS_EVENT_DEVICE && event.status == FS_OK) std::printf("the device is ready\n");
-    if (event.kind == FS_EVENT_DEVICE && event.status != FS_OK) std::printf("the force stopped: %s\n", event.text);
+    if (event.kind == FS_EVENT_DEVICE && event.status != FS_OK) {
+      const bool comes_back = std::uint32_t(event.value) & FS_FAULT_DEVICE;
+      std::printf("the force stopped: %s%s\n", stop_reason(event).c_str(), comes_back ? "" : "; start again");
+    }
     if (event.kind == FS_EVENT_OVERFLOW) std::printf("%.0f older events were dropped\n", event.value);
   }
 }
@@ -144,7 +147,7 @@ void print_events(fs_scene* scene, bool terminal) {
 void print_summary(const fs_servo_stats& s, double seconds, std::uint32_t faults) {
   using Count = unsigned long long;
   std::printf("%llu ticks in %.1f s: %.1f Hz; %llu missed, %llu with a device error\n", Count(s.ticks), seconds,
-              s.rate, Count(s.misses), Count(s.device_errors));
+              double(s.ticks) / seconds, Count(s.misses), Count(s.device_errors));
   std::printf("late    p50 %.0f us, p99 %.0f us, most %.0f us (last 10 s)\n", s.late_p50 * 1e6, s.late_p99 * 1e6,
               s.late_max * 1e6);
   std::printf("compute p50 %.1f us, p99 %.1f us, most %.1f us\n", s.compute_p50 * 1e6, s.compute_p99 * 1e6,
@@ -180,7 +183,13 @@ int run(const RunOptions& options) {
     server_options.locked = options.locked;
     server_options.all_users = options.all_users;
     server_options.force_limit = options.client_force;
-    server = open<Server>(fs_server_start, servo.get(), options.listen.c_str(), &server_options);
+    try {
+      server = open<Server>(fs_server_start, servo.get(), options.listen.c_str(), &server_options);
+    } catch (const Failure& failure) {  // in the words of the command line
+      const bool is_force = options.client_force > 0 && std::string_view(failure.what()).starts_with("force_limit");
+      if (is_force) throw std::runtime_error(std::string("--client-force: ") + failure.what());
+      throw;
+    }
   }
   std::printf("%s (%s), at most %g N%s\n", info.name, options.device.c_str(),
               options.force_limit > 0 ? std::min(options.force_limit, info.force_max) : info.force_max,

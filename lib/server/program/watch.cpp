@@ -3,10 +3,8 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <chrono>
 #include <cstdio>
-#include <cstring>
 
 #include "ending.h"
 #include "look.h"
@@ -49,26 +47,23 @@ class Screen {
   std::vector<std::string> lines_;
 };
 
-void add_events(fs_scene* scene, std::vector<fs_event>& events) {
+// Those that came; without the one that tells every new client that the device is ready, as it was before.
+void add_events(fs_scene* scene, double connected, std::vector<fs_event>& events) {
   for (;;) {
     fs_event event;
     require(fs_scene_next_event(scene, 0, &event));
     if (event.kind == FS_EVENT_DISCONNECTED) throw Failure(FS_ERROR_DISCONNECTED);
     if (event.kind == FS_EVENT_NONE) return;
-    events.push_back(event);
+    const bool is_old = event.kind == FS_EVENT_DEVICE && event.status == FS_OK && event.time < connected;
+    if (!is_old) events.push_back(event);
   }
-}
-
-// false: whoever read it has gone.
-bool write_out() {
-  if (std::fflush(stdout) == 0 && !std::ferror(stdout)) return true;
-  if (errno == EPIPE) return false;
-  throw std::runtime_error(std::string("cannot write: ") + std::strerror(errno));
 }
 
 int look_on(const WatchOptions& options) {
   const std::string endpoint = full_endpoint(options.server);
   const Scene scene = connect(options.server, "watch");  // it may wait, and can be interrupted
+  double connected = 0;  // s, scene's clock
+  require(fs_scene_get_time(scene.get(), &connected));
   const Ending ending;
   const bool in_place = !options.json && isatty(STDOUT_FILENO);
   std::unique_ptr<Screen> screen;
@@ -82,7 +77,7 @@ int look_on(const WatchOptions& options) {
     for (double left = 1; left > 0;) {  // in short steps: the end of the server is noticed at once
       left = Seconds(next - Clock::now()).count();
       if (ending.wait(std::clamp(left, 0.0, 0.1))) return exit_fine;
-      add_events(scene.get(), events);
+      add_events(scene.get(), connected, events);
     }
     Look now = take_look(scene.get(), endpoint);
     now.events = std::move(events);

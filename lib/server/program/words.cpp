@@ -1,8 +1,13 @@
 #include "words.h"
 
+#include <pwd.h>
+
 #include <algorithm>
+#include <cerrno>
 #include <cstdarg>
 #include <cstdio>
+#include <cstring>
+#include <stdexcept>
 
 namespace {
 
@@ -38,12 +43,28 @@ std::string fault_names(std::uint32_t faults) {
   return join(names, "none");
 }
 
+std::string stop_reason(const fs_event& event) {
+  const std::string_view text = event.text, prefix = "stopped: ";
+  return std::string(text.starts_with(prefix) ? text.substr(prefix.size()) : text);
+}
+
+std::string user_name(std::uint32_t user) {
+  const passwd* const entry = getpwuid(user);
+  return entry ? entry->pw_name : std::to_string(user);
+}
+
 std::string fit(std::string_view text, std::size_t columns) {
   std::size_t end = 0;
   for (; end < text.size(); ++end) {
     if (begins_character(text[end]) && columns-- == 0) break;
   }
   return std::string(text.substr(0, end));
+}
+
+bool write_out() {
+  if (std::fflush(stdout) == 0 && !std::ferror(stdout)) return true;
+  if (errno == EPIPE) return false;
+  throw std::runtime_error(std::string("cannot write: ") + std::strerror(errno));
 }
 
 std::vector<std::string> Table::lines() const {
