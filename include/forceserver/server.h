@@ -2,8 +2,9 @@
  *
  * A client is a process, or a part of one, that calls fs_scene_connect: it has a scene of its own, with its own frame,
  * clutch and tool, and the forces of all scenes add. What a client is lost with, be it killed, fades; nothing it sends
- * can do more than push within its force_limit. The server has a thread that takes what the clients have changed at
- * the servo's rate, and one that builds their meshes; both end with it, and nothing is left in the system.
+ * can do more than push within its force_limit. One that alone takes longer than a period in ten ticks in a row, or
+ * whose force is not finite, is let go of, its force at once. The server has a thread that takes what the clients have changed at
+ * the servo's rate, and two that build their meshes; all end with it, and nothing is left in the system.
  */
 #ifndef FORCESERVER_SERVER_H
 #define FORCESERVER_SERVER_H
@@ -17,7 +18,7 @@ extern "C" {
 /* Growing; made by fs_server_options_init; all zeros are the defaults. */
 typedef struct fs_server_options {
   uint32_t struct_size;         /* sizeof(fs_server_options), by fs_server_options_init */
-  uint32_t max_clients;         /* at most 4096; 0: 32 */
+  uint32_t max_clients;         /* at most 4096; 0: 32. As many again, or 32, may be fading out */
   uint32_t max_objects;         /* a client, at most 65536; 0: 4096 */
   uint32_t max_megabytes;       /* of points, triangles and tables, a client, at most 1e6; 0: 1024 */
   double lease;                 /* s from the loss of a client to the start of its fade, at most 1e6; 0: 0.2 */

@@ -54,14 +54,15 @@ Connection::Connection(const Endpoint& endpoint, const std::string& client)
 }
 
 void Connection::connect(const Endpoint& endpoint, double start) {
-  const std::string address =
-      endpoint.is_own_user ? user_address(endpoint.user, endpoint.name) : shared_address(endpoint.name);
+  const std::string own_address = user_address(endpoint.user, endpoint.name);
   const char* name = endpoint.name.c_str();
   for (;; sleep(retry_period)) {
-    const int error = connect_to(address, socket_);
+    const auto is_nobody = [](int e) { return e == ENOENT || e == ECONNREFUSED; };
+    int error = endpoint.is_own_user ? ENOENT : connect_to(shared_address(endpoint.name), socket_);
+    if (is_nobody(error)) error = connect_to(own_address, socket_);  // of another user: it says that it lets nobody in
     const double waited = steady_now() - start;
     if (error == 0) break;
-    if (error == ENOENT || error == ECONNREFUSED) {
+    if (is_nobody(error)) {
       if (waited < endpoint.timeout) continue;
       fail(FS_ERROR_NOT_FOUND, "there is no server '%s' of user %u", name, endpoint.user);
     }
@@ -200,13 +201,17 @@ uint64_t Connection::ask(wire::Type type, std::span<const std::byte> body) {
   return serial;
 }
 
-bool Connection::take_answer(uint64_t serial, Answer& out) {
+bool Connection::has_answer(uint64_t serial) {
   receive();
   const auto found = awaited_.find(serial);
-  if (found == awaited_.end() || !found->second) {
-    check();
-    return false;
-  }
+  if (found != awaited_.end() && found->second) return true;
+  check();
+  return false;
+}
+
+bool Connection::take_answer(uint64_t serial, Answer& out) {
+  if (!has_answer(serial)) return false;
+  const auto found = awaited_.find(serial);
   Reply reply = std::move(*found->second);
   awaited_.erase(found);
   if (reply.head.status != FS_OK) throw Error{to_status(reply.head.status), text_of(reply.head.text)};
@@ -214,19 +219,25 @@ bool Connection::take_answer(uint64_t serial, Answer& out) {
   return true;
 }
 
-Answer Connection::request(wire::Type type, std::span<const std::byte> body) {
-  const uint64_t serial = ask(type, body);
+Answer Connection::await(uint64_t serial) {
   const double start = steady_now();
   Answer answer;
   while (!take_answer(serial, answer)) {
     const double rest = answer_limit - (steady_now() - start);
-    if (!(rest > 0)) {
-      give_up(serial);
-      fail(FS_ERROR_TIMEOUT, "the server has not answered within %g s", answer_limit);
-    }
+    if (!(rest > 0)) fail(FS_ERROR_TIMEOUT, "the server has not answered within %g s", answer_limit);
     wait(rest);
   }
   return answer;
+}
+
+Answer Connection::request(wire::Type type, std::span<const std::byte> body) {
+  const uint64_t serial = ask(type, body);
+  try {
+    return await(serial);
+  } catch (...) {
+    give_up(serial);
+    throw;
+  }
 }
 
 // All that is there. Answers that nobody waits for any more are dropped.

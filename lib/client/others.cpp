@@ -149,7 +149,9 @@ void RemoteScene::pull() {
   if (is_current() || group_) return;
   flush_ahead();
   for (uint32_t i = 0; i <= connection_.welcome().max_objects && !is_current(); ++i) {  // who goes on is not waited for
-    const auto pulled = connection_.request(wire::type_pull).as<wire::Pulled>();
+    if (!pull_) pull_ = connection_.ask(wire::type_pull);
+    const auto pulled = connection_.await(*pull_).as<wire::Pulled>();
+    pull_.reset();
     edits_seen_ = pulled.edits;
     if (pulled.state == 0) break;
     if (pulled.state == 3) {
@@ -163,10 +165,11 @@ void RemoteScene::pull() {
       replica_->remove(slot->first.c_str());
       drop_slot(slot);
     } else if (text_of(pulled.object.name) == slot->first) {
-      try {
+      if (is_here(pulled.object)) {
         take_over(*slot, pulled.object);
-      } catch (const Error&) {  // its mesh is on its way for too long: whoever needs all of it asks again
-        behind_.insert(slot->first);
+        behind_.erase(slot->first);
+      } else {
+        behind_.insert(slot->first);  // whoever needs all of it waits for its mesh
       }
     }
   }
@@ -189,6 +192,13 @@ void RemoteScene::catch_up(const char* name) {
     publish();
     forget_unused();
   }
+}
+
+// Whether nothing has to be fetched for it.
+bool RemoteScene::is_here(const wire::Object& record) const {
+  const auto is_known = [](uint64_t id, const auto& fetched) { return !(id & wire::of_server) || find_fetched(fetched, id); };
+  return is_known(record.shape, fetched_shapes_) && is_known(record.front.curve, fetched_curves_) &&
+         is_known(record.back.curve, fetched_curves_);
 }
 
 // An own object as the server has it.

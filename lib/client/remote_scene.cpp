@@ -12,6 +12,8 @@
 namespace fs {
 namespace {
 
+constexpr size_t most_syncs = 32;  // that have not been answered
+
 constexpr uint32_t all_parts = FS_PART_POSE | FS_PART_PROFILES | FS_PART_CONTACT | FS_PART_SHAPE | FS_PART_OTHER;
 
 ClockKind clock_of(const wire::Welcome& welcome) {
@@ -273,14 +275,19 @@ void RemoteScene::sync(double timeout) {
   check_timeout(timeout);
   const double start = steady_now();
   Lock lock = enter();
-  const uint64_t serial = connection_.ask(wire::type_sync);
-  Answer answer;
-  while (!connection_.take_answer(serial, answer)) {
-    const double rest = timeout - (steady_now() - start);
-    if (!(rest > 0)) {
-      connection_.give_up(serial);
-      fail(FS_ERROR_TIMEOUT, "no tick has used the changes within timeout %g s", timeout);
+  uint64_t own = 0;  // serial; 0: not asked yet
+  for (;;) {
+    // Those of earlier calls that did not wait for them may be refusals.
+    Answer answer;
+    while (!syncs_.empty() && connection_.has_answer(syncs_.front())) {
+      const uint64_t serial = syncs_.front();
+      syncs_.pop_front();
+      connection_.take_answer(serial, answer);
     }
+    if (!own && syncs_.size() < most_syncs) syncs_.push_back(own = connection_.ask(wire::type_sync));
+    if (own && (syncs_.empty() || syncs_.front() > own)) return;
+    const double rest = timeout - (steady_now() - start);
+    if (!(rest > 0)) fail(FS_ERROR_TIMEOUT, "no tick has used the changes within timeout %g s", timeout);
     lock.unlock();
     connection_.wait(std::fmin(rest, 2e-3));  // not longer: another thread may take the answer in
     lock.lock();

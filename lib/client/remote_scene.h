@@ -8,6 +8,7 @@
 #include <deque>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <string>
 #include <string_view>
@@ -146,6 +147,7 @@ struct RemoteScene final : Scene {
   // ---- What others have done, and what they have (others.cpp).
   void pull();
   void catch_up(const char* name = nullptr);
+  bool is_here(const wire::Object& record) const;
   void take_over(Slots::value_type& slot, const wire::Object& record);
   Received receive(const wire::Object& record);
   Ref<const Shape> receive_shape(uint64_t id);
@@ -175,6 +177,8 @@ struct RemoteScene final : Scene {
   Fetched<Curve> fetched_curves_;
   std::set<std::string> behind_;  // that others have changed, and their mesh is not here yet
   uint64_t edits_seen_ = 0, events_read_ = 0;
+  std::optional<uint64_t> pull_;  // serial of the one that has not been answered: what it brings is told once
+  std::deque<uint64_t> syncs_;    // and those, the oldest first: each may bring a refusal
   bool is_end_told_ = false;
 };
 

@@ -89,8 +89,14 @@ void RemoteScene::prepare(const Group& group) {
 // The replica has changed: now either all of it goes on its way, or the server is lost.
 void RemoteScene::transmit(Group& group) noexcept {
   try {
-    const auto is_move = [](const Change& change) { return change.type == wire::type_place; };
-    if (std::all_of(group.changes.begin(), group.changes.end(), is_move)) {
+    // Moves alone need no message; unless something they follow is still on its way, or waits for a mesh: they would be
+    // felt before what is to be felt with them.
+    const uint64_t settled = connection_.outbox()->settled.load(std::memory_order_acquire);
+    const auto may_be_written = [&](const Change& change) {
+      const auto slot = change.type == wire::type_place ? slots_.find(change.name) : slots_.end();
+      return slot != slots_.end() && slot->second.after <= settled;
+    };
+    if (std::all_of(group.changes.begin(), group.changes.end(), may_be_written)) {
       transmit_moves(group);
     } else {
       for (Change& change : group.changes) send(change, &change != &group.changes.back());
@@ -106,7 +112,6 @@ void RemoteScene::transmit_moves(const Group& group) noexcept {
   connection_.inbox().begin_batch();
   for (const Change& change : group.changes) {
     const auto slot = slots_.find(change.name);
-    if (slot == slots_.end()) continue;
     wire::Place place;
     std::memcpy(&place, change.record.data(), sizeof place);
     connection_.inbox().write(slot->second.index, {slot->second.after, place.movement});

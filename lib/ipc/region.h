@@ -24,6 +24,7 @@ struct Outbox {
   std::atomic<uint32_t> is_closed{0};                // the server has let go of this client
   std::atomic<uint32_t> is_asleep{0};                // it looks at the inbox only when it is woken
   std::atomic<uint64_t> edits{0};                    // changes of the client's objects by others
+  std::atomic<uint64_t> settled{0};                  // serial: all of the client's messages up to it have been applied
   std::atomic<uint64_t> events_written{0};
   Seqlock<wire::EventSlot> events[event_slots];      // the newest, by number
 };

@@ -113,7 +113,7 @@ void LocalScene::attach_servo(ServoLink& servo) {
   settle(true);
   prepare_all_curves(servo.reader.id);
   readers_.reserve(readers_.size() + 1);
-  output->time.store(0);
+  output->time.store(servo.since);
   output->tick.store(0);
   output->used.store(0);
   HandSample hand{};

@@ -28,11 +28,12 @@ class ServoLink {
   virtual bool take_event(fs_event& out) = 0;                   // of the device; false: none
   const double fade;  // s; 0: no fades
   const ClockKind clock;
+  const double since;  // s, of its newest tick when the scene came to it
   Reader reader;
 
  protected:
-  ServoLink(double the_fade, ClockKind the_clock, unsigned reader_id)
-      : fade(the_fade), clock(the_clock), reader{reader_id, {}} {}
+  ServoLink(double the_fade, ClockKind the_clock, double the_time, unsigned reader_id)
+      : fade(the_fade), clock(the_clock), since(the_time), reader{reader_id, {}} {}
   ~ServoLink() = default;
 };
 
@@ -116,6 +117,7 @@ struct LocalScene final : Scene {
   bool take_event(fs_event& out);  // one that is there; false: none
   void note_edit(const char* name, const char* editor);  // another client changed or removed an object
   size_t object_count() const;
+  bool is_empty() const;  // nothing is there, nor fading out
 
   // Readers. The newest snapshot is in the mailbox when attach returns; detach when the reader reads no more.
   void attach(Reader& reader);

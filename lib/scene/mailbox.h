@@ -22,6 +22,9 @@ class Mailbox {
   // The writer's. Takes back what was posted last: true when it was not fetched, and now cannot be any more.
   bool take_back() { return swap_middle(back_); }
 
+  // The writer's. What was posted last has not been fetched so far.
+  bool is_unread() const noexcept { return middle_.load(std::memory_order_acquire) & fresh; }
+
   // The writer's. Frees what the reader has let go of, which would otherwise stay until the next post.
   void tidy() {
     const uint8_t found = middle_.load(std::memory_order_acquire);

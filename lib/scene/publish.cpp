@@ -24,13 +24,17 @@ void LocalScene::prepare_all_curves(unsigned reader) const {
 }
 
 // All fades between two ticks begin at the same epoch. It is a new one once the servo has fetched the last: whether it has
-// is made sure by taking the snapshot back, so that nothing begins before the servo can know of it.
+// is made sure by taking the snapshot back, so that nothing begins before the servo can know of it. Not of a scene that is
+// held: who changes it without a pause would keep the servo from all of it. There a change may begin a tick early.
 Fade LocalScene::turned(const Fade& fade, bool in, double expiry) {
   if (!servo_) return Fade::steady(in, expiry);
   if (!pending_epoch_) {
     const Ref<const Epoch> fresh = make_ref<Epoch>();
-    posted_ = nullptr;
-    if (!servo_->reader.mailbox.take_back()) open_epoch_ = nullptr;
+    Mailbox<Ref<const Snapshot>>& mailbox = servo_->reader.mailbox;
+    const bool is_open = is_held_ ? mailbox.is_unread() && !(open_epoch_ && open_epoch_->is_stamped())
+                                  : mailbox.take_back();
+    if (!is_held_) posted_ = nullptr;
+    if (!is_open) open_epoch_ = nullptr;
     pending_epoch_ = open_epoch_ ? open_epoch_ : fresh;
   }
   return fade.turned(in, expiry, pending_epoch_, servo_->fade);

@@ -59,6 +59,11 @@ size_t LocalScene::object_count() const {
   return count;
 }
 
+bool LocalScene::is_empty() const {
+  const std::lock_guard lock(mutex_);
+  return slots_.empty();
+}
+
 fs_report LocalScene::report(const char* name) {
   const std::lock_guard lock(mutex_);
   uint32_t slot;

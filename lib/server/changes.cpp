@@ -88,7 +88,7 @@ void Session::take_upload(Message&& message, Descriptor&& came) {
         *made = {false, nullptr, nullptr, FS_ERROR_MEMORY, ""};
       }
     };
-    server_.worker().add(id_, {std::move(work), [server = &server_, session = id_, id, made] {
+    server_.worker(bytes).add(id_, {std::move(work), [server = &server_, session = id_, id, made] {
       const std::shared_ptr<Session> found = server->find(session);
       if (!found) return;
       found->finish_upload(id, std::move(*made));
@@ -175,16 +175,21 @@ void Session::submit(Unit&& unit) {
   if (is_ready(unit) && !held_.blocks(unit)) return apply(unit);
   for (const Message& message : unit.messages) {
     if (message.header.type == wire::type_set) note_absent(message.as<wire::Set>(), FS_OBJECT_PENDING);
+    if (message.header.type == wire::type_remove) absent_.erase(message.as<wire::Remove>().slot);
+    if (message.header.type == wire::type_clear) absent_.clear();
   }
   held_.add(unit, slots_);
   parked_.push_back(std::move(unit));
   regulate();
 }
 
+void Session::tell_settled() noexcept {
+  if (parked_.empty() && unit_.messages.empty() && outbox_) outbox_->settled.store(last_serial_, std::memory_order_release);
+}
+
 void Session::retry_parked() {
   std::deque<Unit> units = std::exchange(parked_, {});
   held_ = {};
-  is_late_ = true;
   for (Unit& unit : units) {
     if (is_ready(unit) && !held_.blocks(unit)) {
       apply(unit);
@@ -193,8 +198,8 @@ void Session::retry_parked() {
       parked_.push_back(std::move(unit));
     }
   }
-  is_late_ = false;
   if (!edited_.empty()) outbox_->edits.fetch_add(1, std::memory_order_release);  // what had to wait can be told now
+  tell_settled();
   regulate();
 }
 
@@ -222,7 +227,7 @@ void Session::apply(const Unit& unit) {
     keep_all(absent_);
     keep_all(edited_);
   }
-  const uint64_t changes = changes_;
+  const uint64_t changes = changes_, moves = moves_;
   scene_->begin();
   const Message* failed = nullptr;
   try {
@@ -234,6 +239,7 @@ void Session::apply(const Unit& unit) {
   } catch (const Error& error) {
     scene_->cancel();
     changes_ = changes;
+    moves_ = moves;
     for (const auto& [slot, was] : before) slot_of_.erase(slots_[slot].name);
     for (const auto& [slot, was] : before) {
       slots_[slot] = was.slot;
@@ -308,14 +314,23 @@ void Session::apply_set(const wire::Set& set, uint64_t serial, bool is_change) {
   if (is_new ? !slot.name.empty() : known->second != set.slot) {
     fail(FS_ERROR_INVALID, "object '%s': its slot %u is not its own", name.c_str(), set.slot);
   }
-  if (is_change && is_new) return;  // another client has removed it
+  if (is_change && is_new) {
+    if (!absent_.contains(set.slot)) return;  // another client has removed it
+    fail(FS_ERROR_NOT_FOUND, "object '%s' is not there: it was refused", name.c_str());
+  }
   const fs_object object = resolve(set.object, set.parts, nullptr);
+  bool brings_shape = false;
+  if (!is_new && (set.parts & FS_PART_SHAPE) && object.shape) {
+    fs_object present;
+    const Ref<const Object> kept = scene_->get(name.c_str(), present);
+    brings_shape = present.shape != object.shape;
+  }
   if (is_change) {
     scene_->change(object, set.parts);
   } else {
     scene_->set(object);
   }
-  if (is_new || is_late_) awaited_[set.slot] = 0;
+  if ((is_new || brings_shape) && set.object.is_enabled) awaited_[set.slot] = 0;
   absent_.erase(set.slot);
   slot.name = name;
   slot_of_[name] = set.slot;
@@ -345,8 +360,22 @@ void Session::note_absent(const wire::Set& set, fs_object_state state) {
   }
 }
 
+// What is there goes on as it was: it is moved on from here, and the client learns what it is.
 void Session::refuse(const Message& message, fs_status status, const std::string& text) {
   ++refused_;
+  const bool is_place = message.header.type == wire::type_place;
+  if (is_place || message.header.type == wire::type_set || message.header.type == wire::type_change) {
+    const uint32_t slot = is_place ? message.as<wire::Place>().slot : message.as<wire::Set>().slot;
+    Slot& present = slots_[slot];
+    if (!present.name.empty() && (is_place || present.name == text_of(message.as<wire::Set>().object.name))) {
+      if (is_place || (message.as<wire::Set>().parts & FS_PART_POSE)) {
+        present.after = message.header.serial;
+        mark(slot);
+      }
+      edited_[slot] = name_;
+      outbox_->edits.fetch_add(1, std::memory_order_release);
+    }
+  }
   if (!first_refused_) first_refused_ = {status, text};
   fs_event event{};
   event.kind = FS_EVENT_REFUSED;

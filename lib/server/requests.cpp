@@ -108,12 +108,14 @@ void Session::request(const Message& message) {
       case type_move_other: {
         const MoveOther& move = message.as<MoveOther>();
         LocalScene& scene = target(move.target, true, owner, name);
+        if (owner) owner->take_moves();  // what it has moved before
         scene.move(name.c_str(), move.pose, move.has_twist ? &move.twist : nullptr, move.time);
         tell_edit(scene, owner, name, false);
         return reply(serial);
       }
       case type_remove_other: {
         LocalScene& scene = target(message.as<Target>(), true, owner, name);
+        if (owner) owner->take_moves();
         scene.remove(name.c_str());
         tell_edit(scene, owner, name, true);
         return reply(serial);
@@ -294,7 +296,7 @@ void Session::fetch(const Message& message) {
     }
   };
   const bool is_shape = bool(found->second.first);
-  server_.worker().add(id_, {std::move(work), [server = &server_, session = id_, serial = message.header.serial, made,
+  server_.worker(0).add(id_, {std::move(work), [server = &server_, session = id_, serial = message.header.serial, made,
                                                is_shape] {
     const std::shared_ptr<Session> found = server->find(session);
     if (!found) return;

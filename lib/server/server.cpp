@@ -12,6 +12,7 @@
 #include <cerrno>
 #include <cmath>
 #include <cstring>
+#include <new>
 #include <system_error>
 
 #include "base/error.h"
@@ -73,7 +74,8 @@ fs_server::fs_server(Ref<Servo> servo, const Endpoint& endpoint, const ServerSet
       endpoint_(endpoint),
       settings_(settings),
       period_(1 / servo_->settings().rate),
-      worker_([this] { wake(); }) {
+      worker_([this] { wake(); }),
+      builder_([this] { wake(); }) {
   epoll_ = Descriptor(epoll_create1(EPOLL_CLOEXEC));
   timer_ = Descriptor(timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK));
   wake_ = open_file();
@@ -200,9 +202,11 @@ void fs_server::handle(uint64_t source, uint32_t events) {
   if (source == source_wake) {
     [[maybe_unused]] const ssize_t got = read(wake_.get(), &count, sizeof count);
     note_activity();
-    for (const Worker::Job& job : worker_.take_done()) {
-      job.done();
-      turn_if_due();
+    for (Worker* const worker : {&worker_, &builder_}) {
+      for (const Worker::Job& job : worker->take_done()) {
+        job.done();
+        turn_if_due();
+      }
     }
   } else if (source == source_timer) {
     if (read(timer_.get(), &count, sizeof count) == sizeof count) turn(steady_now());
@@ -253,7 +257,7 @@ void fs_server::turn(double now) {
   if (now - last_housekeeping_ >= housekeeping_period) {
     last_housekeeping_ = now;
     for (const std::shared_ptr<Session>& session : sessions_) session->keep_house();
-    servo_->reap_channels();
+    count_leaving();
     if (!is_door_open_) open_door(true);
     if (!is_asleep_) set_timer();  // the servo skips what it is too late for
   }
@@ -271,6 +275,28 @@ void fs_server::fall_asleep() noexcept {
   }
   is_asleep_ = true;
   set_timer();
+}
+
+void fs_server::forget_jobs(uint64_t session) noexcept {
+  worker_.forget(session);
+  builder_.forget(session);
+}
+
+void fs_server::note_leaving(Ref<Channel> channel) noexcept {
+  try {
+    leaving_.push_back(std::move(channel));
+  } catch (const std::bad_alloc&) {  // then it is not counted
+  }
+}
+
+size_t fs_server::count_leaving() {
+  servo_->reap_channels();
+  std::erase_if(leaving_, [now = servo_->scene()->now()](const Ref<Channel>& channel) { return channel->is_gone(now); });
+  return leaving_.size();
+}
+
+void fs_server::end_leases() noexcept {
+  for (const Ref<Channel>& channel : leaving_) channel->end_lease(servo_->scene()->now());
 }
 
 Session* fs_server::find(std::string_view client) const {

@@ -5,6 +5,7 @@
 
 #include <condition_variable>
 #include <functional>
+#include <list>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -42,7 +43,9 @@ struct fs_server : fs::Counted<fs_server> {
   // ---- For the sessions, on the server's thread.
   fs::Servo& servo() const noexcept { return *servo_; }
   const fs::ServerSettings& settings() const noexcept { return settings_; }
-  fs::Worker& worker() noexcept { return worker_; }
+  // For what takes long, by its bytes: what is small does not wait for what is large.
+  fs::Worker& worker(uint64_t bytes) noexcept { return bytes > quick_bytes ? builder_ : worker_; }
+  void forget_jobs(uint64_t session) noexcept;
   const std::vector<std::shared_ptr<fs::Session>>& sessions() const noexcept { return sessions_; }
   fs::Session* find(std::string_view client) const;  // null: none of that name, or it is gone
   std::shared_ptr<fs::Session> find(uint64_t id) const;
@@ -50,9 +53,14 @@ struct fs_server : fs::Counted<fs_server> {
   std::vector<fs_client> describe() const;  // the server's own scene, then the clients
   void set_reading(const fs::Session& session, bool is_reading) noexcept;
   void unwatch(const fs::Session& session) noexcept;
+  // The scenes of clients that are gone, as long as they can be felt.
+  void note_leaving(fs::Ref<fs::Channel> channel) noexcept;
+  size_t count_leaving();
+  void end_leases() noexcept;  // they begin to fade now
   void note_activity() noexcept { last_activity_ = fs::steady_now(); }
 
  private:
+  static constexpr uint64_t quick_bytes = 1'000'000;
   // What epoll tells of; a session's is `first_session` + 2 id, its process one more.
   enum Source : uint64_t { source_wake, source_timer, source_listener, source_shared_listener, first_session = 16 };
 
@@ -74,8 +82,9 @@ struct fs_server : fs::Counted<fs_server> {
 
   fs::Listener listener_, shared_listener_;
   fs::Descriptor epoll_, timer_, wake_, spare_;
-  fs::Worker worker_;
+  fs::Worker worker_, builder_;
   std::vector<std::shared_ptr<fs::Session>> sessions_;  // and those that have not said who they are
+  std::list<fs::Ref<fs::Channel>> leaving_;
   uint64_t last_id_ = 0, turns_ = 0;
   bool is_asleep_ = false, is_door_open_ = true;
   double last_activity_ = 0, last_turn_ = 0, last_housekeeping_ = 0;

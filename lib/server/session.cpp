@@ -71,10 +71,13 @@ bool Session::is_alive() const noexcept {
 void Session::drop(double lease) noexcept {
   if (is_gone_) return;
   is_gone_ = true;
-  if (channel_) channel_->leave(scene_->now() + lease);
+  if (channel_) {
+    channel_->leave(scene_->is_empty() ? -never : scene_->now() + lease);
+    server_.note_leaving(channel_);
+  }
   if (outbox_) outbox_->is_closed.store(1);
   server_.unwatch(*this);
-  server_.worker().forget(id_);
+  server_.forget_jobs(id_);
   if (socket_) shutdown(socket_.get(), SHUT_RDWR);  // a process that was forked from this one may have it, too
   socket_.reset();
   process_.reset();
@@ -118,6 +121,7 @@ void Session::receive() noexcept {
       }
       last_serial_ = message.header.serial;
       handle(std::move(message), std::move(data));
+      tell_settled();
     }
   } catch (...) {  // no memory, or no descriptors, for this client
     drop(server_.settings().lease);
@@ -141,7 +145,9 @@ void Session::greet(const Message& message) {
   wire::Hello hello{};
   std::memcpy(&hello, message.body.data(), std::min(message.body.size(), sizeof hello));
   if (hello.magic != wire::magic || message.body.size() < sizeof hello) return drop(0);
-  if (refusal_ == FS_ERROR_DENIED) return answer(refusal_, "this server lets in its own user only");
+  if (refusal_ == FS_ERROR_DENIED) {
+    return answer(refusal_, "this server lets in its own user only; one with all_users lets in others");
+  }
   if (hello.layout != wire::layout_id()) {
     const std::string& layout = wire::layout_text();
     const std::string text = "the client is version " + text_of(hello.version) + " of the library, the server " +
@@ -162,11 +168,10 @@ void Session::greet(const Message& message) {
       fail(FS_ERROR_FULL, "the server has %u clients, its maximum", settings.max_clients);
     }
     // What is left of clients that came and went costs the servo as much as they did.
-    server_.servo().reap_channels();
-    const size_t scenes = server_.servo().channel_count();
-    if (scenes >= 2 * size_t{settings.max_clients}) {
-      fail(FS_ERROR_FULL, "the server has %zu scenes of clients, those of the gone that fade out still among them; its "
-           "maximum is %zu", scenes, 2 * size_t{settings.max_clients});
+    const size_t most = settings.max_clients + std::max<size_t>(settings.max_clients, 32);
+    if (server_.client_count() + server_.count_leaving() >= most) {
+      server_.end_leases();
+      fail(FS_ERROR_FULL, "too many clients came and went: there is room again when their objects have faded out");
     }
 
     const Descriptor inbox = make_region("forceserver-inbox", Inbox::bytes(settings.max_objects));

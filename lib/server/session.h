@@ -116,6 +116,7 @@ class Session : public std::enable_shared_from_this<Session> {
   void finish_job() noexcept;
   void regulate() noexcept;
   void submit(Unit&& unit);
+  void tell_settled() noexcept;
   bool is_ready(const Unit& unit) const;
   void retry_parked();
   void apply(const Unit& unit);
@@ -170,7 +171,6 @@ class Session : public std::enable_shared_from_this<Session> {
   Unit unit_;  // that is coming in
   std::deque<Unit> parked_;  // until shapes are built
   Held held_;
-  bool is_late_ = false;  // what is applied now has waited for a shape
   std::unordered_map<uint64_t, Upload> uploads_;
   std::set<uint64_t> refused_uploads_;  // that the client has not been told of
   unsigned jobs_ = 0;  // of the worker, that are not done

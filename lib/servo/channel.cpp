@@ -5,7 +5,7 @@
 namespace fs {
 
 Channel::Channel(fs_servo& servo, Ref<LocalScene> scene, const Limits& limits)
-    : ServoLink(servo.fade(), servo.clock(), servo.reader_id()),
+    : ServoLink(servo.fade(), servo.clock(), servo.time(), servo.reader_id()),
       servo_(servo),
       scene_(std::move(scene)),
       limits_(limits),
@@ -170,7 +170,8 @@ void Channel::limit(fs_response& device) noexcept {
 }
 
 fs_response Channel::evaluate(const fs_state& hand, double now, uint64_t tick) noexcept {
-  fs_response device = evaluate_views(hand, now, tick);
+  fs_response device{};
+  if (!is_bad()) device = evaluate_views(hand, now, tick);
   if (limits_.force < never) limit(device);
   const double left = now - leaves_at_.load(std::memory_order_acquire);
   if (left > 0) {
@@ -185,6 +186,12 @@ fs_response Channel::evaluate(const fs_state& hand, double now, uint64_t tick) n
   }
   wrench_.write(device.wrench);
   return device;
+}
+
+void Channel::charge(double cost, double period) noexcept {
+  constexpr int most = 10;  // ticks; the guard waits for twice as many
+  slow_in_a_row_ = cost > period ? slow_in_a_row_ + 1 : 0;
+  if (slow_in_a_row_ >= most) is_bad_.store(true, std::memory_order_release);
 }
 
 void Channel::lose_hand() noexcept {

@@ -25,11 +25,15 @@ class Channel final : public Counted<Channel>, public ServoLink {
 
   // From time `when` (s, scene's clock) on the whole scene fades out, for good. Any thread.
   void leave(double when) noexcept { leaves_at_.store(when, std::memory_order_release); }
+  void end_lease(double now) noexcept {  // it leaves now, unless it has before
+    if (const double when = leaves_at_.load(std::memory_order_relaxed); when > now) leave(now);
+  }
   // [rt] It has faded out, and adds nothing any more.
   bool is_gone(double now) const noexcept { return now > leaves_at_.load(std::memory_order_acquire) + fade; }
 
   // Any thread.
-  bool is_bad() const noexcept { return is_bad_.load(std::memory_order_acquire); }  // its force was not finite: it has none
+  // Its force was not finite, or took too long: it has none.
+  bool is_bad() const noexcept { return is_bad_.load(std::memory_order_acquire); }
   uint64_t limited() const noexcept { return limited_.load(std::memory_order_relaxed); }  // ticks
   Wrench wrench() const noexcept;                                                         // as added at the last tick
 
@@ -38,6 +42,9 @@ class Channel final : public Counted<Channel>, public ServoLink {
 
   // [rt] The scene's response for the hand (device frame), in device axes, within the limits. tick: the number of this one.
   fs_response evaluate(const fs_state& hand, double now, uint64_t tick) noexcept;
+
+  // [rt] What evaluate took, s. One that makes every tick late by itself is taken out before the guard stops all force.
+  void charge(double cost, double period) noexcept;
 
   // [rt] Instead of evaluate, when the device gave no pose.
   void lose_hand() noexcept;
@@ -66,6 +73,7 @@ class Channel final : public Counted<Channel>, public ServoLink {
   HandSample hand_{};
   Quat axes_ = identity_quat();  // scene to device, of the present view
   std::atomic<bool> is_bad_{false};
+  int slow_in_a_row_ = 0;
   std::atomic<uint64_t> limited_{0};
   Latest<Wrench> wrench_;
 };

@@ -278,6 +278,7 @@ void fs_servo::tick(double now, double late) noexcept {
 
   channels_.fetch();
   const std::vector<Ref<Channel>>& channels = channels_.front()->channels;
+  const bool has_thread = settings_.mode == FS_SERVO_THREAD;
   fs_response response{};
   response.proxy = identity_pose();
   for (size_t i = 0; i < channels.size(); ++i) {
@@ -289,7 +290,9 @@ void fs_servo::tick(double now, double late) noexcept {
     } else if (i == 0) {
       response = channel.evaluate(hand, now, tick_);  // the servo's own scene: its proxy is the one that is told
     } else {
+      const double start = has_thread ? steady_now() : 0;
       add(response, channel.evaluate(hand, now, tick_));
+      if (has_thread) channel.charge(steady_now() - start, period_);
     }
   }
 

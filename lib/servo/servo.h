@@ -43,6 +43,7 @@ struct fs_servo final : fs::Counted<fs_servo> {
   void reap_channels();  // lets go of those that have faded out
   size_t channel_count();  // beside the servo's own; those that fade out are among them
   const fs::Ref<fs::LocalScene>& scene() const noexcept { return scene_; }
+  double time() const noexcept { return newest_time_.load(std::memory_order_relaxed); }  // s, of the newest tick
   // s, monotonic clock: when the last tick was due; they come a period apart. 0: it has no thread that keeps to a time.
   double due() const noexcept { return due_.load(std::memory_order_relaxed); }
 

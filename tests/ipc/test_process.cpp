@@ -630,13 +630,13 @@ START_TEST(a_server_of_one_user) {
   if (!is_root()) return;
   ServerRig rig(server_options(), thread_options());
   expect_answer(answer_to(nobody, rig.endpoint), "FS_ERROR_NOT_FOUND: ");  // of its own
-  expect_answer(answer_to(nobody, rig.endpoint + "?user=root"), "FS_ERROR_NOT_FOUND: ");
+  expect_answer(answer_to(nobody, rig.endpoint + "?user=root"), "FS_ERROR_DENIED: this server lets in its own user only");
   // Each user has servers of the same names.
   Process theirs = start({"user", nobody, "server", rig.endpoint});
   theirs.expect("serves");
   expect_answer(answer_to(nobody, rig.endpoint), "FS_OK");
   fs_scene* scene = nullptr;
-  EXPECT(FS_ERROR_NOT_FOUND, fs_scene_connect((rig.endpoint + "?user=" + nobody).c_str(), "root", &scene));
+  EXPECT(FS_ERROR_DENIED, fs_scene_connect((rig.endpoint + "?user=" + nobody).c_str(), "root", &scene));
   const Scene own = rig.join("root");
   theirs.stop_saying();
   ck_assert_int_eq(theirs.wait(), 0);
