@@ -55,7 +55,7 @@ typedef enum fs_part {
 
 /* ---- From here on a name may also be "client/object", of a connected scene: another client's, in that client's
  * frame; "server/object": of the server's own scene. Such a call asks the server: TIMEOUT (1 s), NOT_FOUND, DENIED
- * (it is `locked`), STATE (a group is open: it holds the scene's own objects only). */
+ * (it is `locked`), STATE (to change it in an open group, which holds the scene's own objects only). */
 
 /* Fills out, which was made by fs_object_init with any name: struct_size is read, no more than that is written.
  * Another client's object has the name it was asked by, so it can be changed as it stands. Release it
@@ -70,8 +70,9 @@ FS_API fs_status fs_object_change(fs_scene *scene, const fs_object *object, uint
 /* Moves an object: it has pose at time (s, scene's clock; FS_NOW) and twist from then on. Cheap, for meshes too. The
  * next tick feels it; connected (own objects), no system call, and the server takes it at the servo's rate.
  * twist null: worked out from this and the last move or set (none in the last 0.2 s: 0) and used for at most twice
- * the time between them; of two within 1 ms the later pose replaces the earlier. An older time than the last one is
- * taken with twist 0. Evaluation extrapolates from `time`, never back and for 0.1 s at most. NOT_FOUND, DENIED. */
+ * the time between them, so the last of a stream comes to rest up to two steps beyond; with a zero twist it stands
+ * where it is put. Of two within 1 ms the later pose replaces the earlier. An older time than the last one is taken
+ * with twist 0. Evaluation extrapolates from `time`, never back and for 0.1 s at most. NOT_FOUND, DENIED. */
 FS_API fs_status fs_object_move(fs_scene *scene, const char *name, const fs_pose *pose, const fs_twist *twist,
                                       double time);
 
@@ -203,8 +204,8 @@ typedef struct fs_report {
   double reserved[4];           /* 0 */
 } fs_report;
 
-/* All objects it can see, a list; connected: of all clients, the server's own scene being "server". Without a servo
- * nothing is near. */
+/* All objects it can see, a list; connected: of all clients, the server's own scene being "server"; TIMEOUT. Without
+ * a servo nothing is near. */
 FS_API fs_status fs_scene_get_reports(fs_scene *scene, fs_report *out, size_t capacity, size_t *count);
 
 /* One object. NOT_FOUND. */
@@ -217,7 +218,8 @@ typedef enum fs_event_kind {
   FS_EVENT_REFUSED = 2,         /* the server did not take an object: status, text */
   FS_EVENT_CAPPED = 3,          /* stiffness_applied changed by over 10 %: value, N/m; at most one a second.
                                    0.1: never */
-  FS_EVENT_EDITED = 4,          /* another client (text) changed or removed an object of this one */
+  FS_EVENT_EDITED = 4,          /* another client (text) changed, moved or removed an object of this one; of several
+                                   by one client, not yet looked at, one is told */
   FS_EVENT_EXPIRED = 5,         /* an object outlived its lifetime: it stays, at weight 0, until set, changed or
                                    moved */
   FS_EVENT_DEVICE = 6,          /* device (name) ready (FS_OK), lost or stopped by a fault: status, text; value: the

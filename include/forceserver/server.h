@@ -19,7 +19,7 @@ extern "C" {
 typedef struct fs_server_options {
   uint32_t struct_size;         /* sizeof(fs_server_options), by fs_server_options_init */
   uint32_t max_clients;         /* at most 4096; 0: 32. As many again, or 32, may be fading out */
-  uint32_t max_objects;         /* a client, at most 65536; 0: 4096 */
+  uint32_t max_objects;         /* a client, at most 65536; 0: 4096. As many again may be fading out */
   uint32_t max_megabytes;       /* of points, triangles and tables, a client, at most 1e6; 0: 1024 */
   double lease;                 /* s from the loss of a client to the start of its fade, at most 1e6; 0: 0.2 */
   double force_limit;           /* N, of one client's summed force, its torque in proportion; 0: the servo's */
@@ -47,17 +47,18 @@ typedef struct fs_client {
   fs_wrench wrench;             /* its sum at the last tick, as it was added; device frame */
   uint64_t moves,               /* of its objects, taken since it came; of two within a period one is taken */
            changes,             /* of its objects otherwise, of its frame, clutch and tool, and by it of others' */
-           refused;             /* changes that were not taken */
+           refused;             /* changes by it that were not taken */
   uint64_t limited;             /* ticks in which force_limit bounded it */
   uint64_t shape_bytes;         /* of its shapes and curves at the server */
   uint64_t reserved[4];         /* 0 */
 } fs_client;
 
 /* The clients of the server that this scene is connected to, a list; the server's own scene is the first. In this
- * process: UNSUPPORTED. */
+ * process: UNSUPPORTED. TIMEOUT. */
 FS_API fs_status fs_scene_get_clients(fs_scene *scene, fs_client *out, size_t capacity, size_t *count);
 
-/* Closes the door; the objects of its clients fade, and their calls give DISCONNECTED. Null does nothing. */
+/* Closes the door; the objects of its clients fade, and their calls give DISCONNECTED. Waits for a mesh that is being
+ * built. What the clients had of memory is given back with the servo, or by its next server. Null does nothing. */
 FS_API void fs_server_stop(fs_server *server);
 
 #ifdef __cplusplus

@@ -134,7 +134,12 @@ Listener::Listener(const std::string& address) {
   socklen_t size;
   const sockaddr_un place = to_sockaddr(address, size);
   if (!made || bind(made.get(), reinterpret_cast<const sockaddr*>(&place), size) != 0 || listen(made.get(), 64) != 0) {
-    if (errno == EADDRINUSE) fail(FS_ERROR_EXISTS, "a server listens at '%s' already", address.c_str());
+    if (errno == EADDRINUSE) {
+      const size_t slash = address.rfind('/');
+      const bool is_shared = slash == address.find('/');
+      fail(FS_ERROR_EXISTS, "endpoint is 'shm:%s': %s has that name already", address.c_str() + slash + 1,
+           is_shared ? "a server of all users" : "a server of this user");
+    }
     fail(errno == EMFILE || errno == ENFILE ? FS_ERROR_FULL : FS_ERROR_IO, "no server can listen at '%s': %s",
          address.c_str(), std::strerror(errno));
   }

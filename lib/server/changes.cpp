@@ -229,11 +229,17 @@ void Session::apply(const Unit& unit) {
   }
   const uint64_t changes = changes_, moves = moves_;
   scene_->begin();
+  is_applying_ = true;
+  struct Applied {
+    bool& is_applying;
+    ~Applied() { is_applying = false; }
+  } const applied{is_applying_};
   const Message* failed = nullptr;
   try {
     for (const Message& message : unit.messages) {
       failed = &message;
       apply(message);
+      if ((&message - unit.messages.data()) % 64 == 63) server_.turn_if_due();
     }
     scene_->commit();
   } catch (const Error& error) {

@@ -84,9 +84,9 @@ LocalScene& Session::target(const wire::Target& name, bool is_to_change, Session
 void Session::request(const Message& message) {
   using namespace wire;
   const uint64_t serial = message.header.serial;
+  Session* owner = nullptr;
+  std::string name;  // of the object that is asked for, when there is such a client
   try {
-    Session* owner;
-    std::string name;
     switch (message.header.type) {
       case type_sync: {
         constexpr size_t most = 64;
@@ -170,6 +170,11 @@ void Session::request(const Message& message) {
       default: return;
     }
   } catch (const Error& error) {
+    refused_ += message.header.type == type_move_other || message.header.type == type_remove_other;
+    if (error.status == FS_ERROR_NOT_FOUND && !name.empty()) {
+      const std::string client = owner ? owner->name_ : "server";
+      return reply_failure(serial, error.status, "name is '" + client + "/" + name + "': there is no such object");
+    }
     reply_failure(serial, error.status, error.text);
   }
 }
@@ -202,6 +207,7 @@ void Session::edit(const Message& message) {
     tell_edit(scene, owner, name, false);
     reply(message.header.serial);
   } catch (const Error& error) {
+    ++refused_;
     reply_failure(message.header.serial, error.status, error.text);
   }
 }

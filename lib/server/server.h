@@ -57,6 +57,7 @@ struct fs_server : fs::Counted<fs_server> {
   void note_leaving(fs::Ref<fs::Channel> channel) noexcept;
   size_t count_leaving();
   void end_leases() noexcept;  // they begin to fade now
+  void turn_if_due() noexcept;  // of all sessions, amid something that takes long
   void note_activity() noexcept { last_activity_ = fs::steady_now(); }
 
  private:
@@ -71,7 +72,6 @@ struct fs_server : fs::Counted<fs_server> {
   void accept_clients(const fs::Descriptor& listener);
   void open_door(bool is_open) noexcept;
   void turn(double now);
-  void turn_if_due() noexcept;
   void fall_asleep() noexcept;
   void wake() const noexcept;
 

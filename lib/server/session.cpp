@@ -294,6 +294,7 @@ void Session::turn(double now) noexcept {
   if (is_gone_ || name_.empty()) return;
   try {
     outbox_->heartbeat.store(now, std::memory_order_relaxed);
+    if (is_applying_) return;
     take_moves();
     scene_->post();
   } catch (...) {
@@ -302,7 +303,7 @@ void Session::turn(double now) noexcept {
 }
 
 void Session::settle() noexcept {
-  if (is_gone_ || name_.empty()) return;
+  if (is_gone_ || name_.empty() || is_applying_) return;
   try {
     const uint64_t used = scene_->output->used.load(std::memory_order_acquire);
     for (auto awaited = awaited_.begin(); awaited != awaited_.end();) {
@@ -326,7 +327,7 @@ void Session::settle() noexcept {
 }
 
 void Session::keep_house() noexcept {
-  if (is_gone_) return;
+  if (is_gone_ || is_applying_) return;
   if (name_.empty()) {
     constexpr double patience = 2;  // s
     if (steady_now() - since_ > patience) drop(0);

@@ -155,6 +155,7 @@ class Session : public std::enable_shared_from_this<Session> {
   double connected_ = 0;  // s, scene's clock
   std::string name_;
   bool is_gone_ = false, is_reading_ = true;
+  bool is_applying_ = false;  // a group: others have their turns meanwhile
 
   Ref<LocalScene> scene_;
   Ref<Channel> channel_;
