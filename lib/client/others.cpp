@@ -196,7 +196,9 @@ void RemoteScene::catch_up(const char* name) {
 
 // Whether nothing has to be fetched for it.
 bool RemoteScene::is_here(const wire::Object& record) const {
-  const auto is_known = [](uint64_t id, const auto& fetched) { return !(id & wire::of_server) || find_fetched(fetched, id); };
+  const auto is_known = [this](uint64_t id, const auto& fetched) {
+    return id == 0 || (id & wire::of_server ? find_fetched(fetched, id) != nullptr : data_.contains(id));
+  };
   return is_known(record.shape, fetched_shapes_) && is_known(record.front.curve, fetched_curves_) &&
          is_known(record.back.curve, fetched_curves_);
 }

@@ -122,16 +122,16 @@ START_TEST(ready_when_it_was_not) {  // what was felt before, and what is not to
       if (event.kind == FS_EVENT_READY) names += std::string(event.name) + " ";
     }
   };
-  ck_assert_str_eq(ready().c_str(), "felt mesh ");
+  ck_assert(ready() == "felt mesh ");
   OK(fs_scene_begin(me.get()));
   set(me, push("felt", 3));
   set(me, solid("mesh", second));
   OK(fs_scene_commit(me.get()));
   rig.settle(me.get());
-  ck_assert_str_eq(ready().c_str(), "mesh ");
+  ck_assert(ready() == "mesh ");
   set(me, solid("mesh", second, 7));
   rig.settle(me.get());
-  ck_assert_str_eq(ready().c_str(), "");
+  ck_assert(ready() == "");
 }
 END_TEST
 
