@@ -181,17 +181,28 @@ void RemoteScene::pull() {
 void RemoteScene::catch_up(const char* name) {
   pull();
   if (group_) return;
+  bool is_gone = false;
   for (auto next = behind_.begin(); next != behind_.end();) {
     if (name && *next != name) {
       ++next;
       continue;
     }
     const wire::Target target = to_target(next->c_str(), "name");
-    take_over(*slots_.find(*next), connection_.request(wire::type_get, bytes_of(&target, 1)).as<wire::Object>());
+    wire::Object record;
+    try {
+      record = connection_.request(wire::type_get, bytes_of(&target, 1)).as<wire::Object>();
+    } catch (const Error& error) {
+      if (error.status != FS_ERROR_NOT_FOUND) throw;
+      is_gone = true;  // removed meanwhile: the next pull tells so
+      next = behind_.erase(next);
+      continue;
+    }
+    take_over(*slots_.find(*next), record);
     next = behind_.erase(next);
     publish();
     forget_unused();
   }
+  if (is_gone) pull();
 }
 
 // Whether nothing has to be fetched for it.

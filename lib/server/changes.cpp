@@ -321,7 +321,8 @@ void Session::apply_set(const wire::Set& set, uint64_t serial, bool is_change) {
     fail(FS_ERROR_INVALID, "object '%s': its slot %u is not its own", name.c_str(), set.slot);
   }
   if (is_change && is_new) {
-    if (!absent_.contains(set.slot)) return;  // another client has removed it
+    const auto absent = look_up(absent_, set.slot);
+    if (!absent || absent->state != FS_OBJECT_REFUSED) return;  // another client has removed it
     fail(FS_ERROR_NOT_FOUND, "object '%s' is not there: it was refused", name.c_str());
   }
   const fs_object object = resolve(set.object, set.parts, nullptr);
