@@ -3,8 +3,8 @@
  * A client is a process, or a part of one, that calls fs_scene_connect: it has a scene of its own, with its own frame,
  * clutch and tool, and the forces of all scenes add. What a client is lost with, be it killed, fades; nothing it sends
  * can do more than push within its force_limit. One that alone takes longer than a period in ten ticks in a row, or
- * whose force is not finite, is let go of, its force at once. The server has a thread that takes what the clients have changed at
- * the servo's rate, and two that build their meshes; all end with it, and nothing is left in the system.
+ * whose force is not finite, is let go of, its force at once. The server has a thread that takes what the clients have
+ * changed at the servo's rate, and two that build their meshes; all end with it, and nothing is left in the system.
  */
 #ifndef FORCESERVER_SERVER_H
 #define FORCESERVER_SERVER_H

@@ -83,7 +83,7 @@ class Connection {
   // The same in parts, for what takes longer.
   uint64_t ask(wire::Type type, std::span<const std::byte> body = {});
   bool take_answer(uint64_t serial, Answer& out);  // false: not there yet
-  bool has_answer(uint64_t serial);
+  bool has_answer(uint64_t serial);                // it is there, to be taken
   Answer await(uint64_t serial);                   // waits for it, 1 s at most; it can be awaited again after TIMEOUT
   void give_up(uint64_t serial) noexcept { awaited_.erase(serial); }
 

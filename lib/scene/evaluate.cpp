@@ -106,10 +106,6 @@ fs_response evaluate_scene(const Snapshot& snapshot, const ToolState& tool) noex
 }
 
 fs_status check_state(fs_state& state) noexcept {
-  const auto is_in_range = [](Vec3 v) {
-    return std::fabs(v.x) <= coordinate_limit && std::fabs(v.y) <= coordinate_limit &&
-           std::fabs(v.z) <= coordinate_limit;
-  };
   if (!is_in_range(state.pose.position)) {
     return set_last_error_literal(FS_ERROR_INVALID, "state.pose.position must be finite and within 1e15 m");
   }

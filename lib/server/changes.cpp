@@ -184,7 +184,8 @@ void Session::submit(Unit&& unit) {
 }
 
 void Session::tell_settled() noexcept {
-  if (parked_.empty() && unit_.messages.empty() && outbox_) outbox_->settled.store(last_serial_, std::memory_order_release);
+  const bool waits = !parked_.empty() || !unit_.messages.empty();
+  if (outbox_ && !waits) outbox_->settled.store(last_serial_, std::memory_order_release);
 }
 
 void Session::retry_parked() {

@@ -61,7 +61,7 @@ struct fs_server : fs::Counted<fs_server> {
   void note_activity() noexcept { last_activity_ = fs::steady_now(); }
 
  private:
-  static constexpr uint64_t quick_bytes = 1'000'000;
+  static constexpr uint64_t quick_bytes = 1'000'000;  // more of them are for the builder
   // What epoll tells of; a session's is `first_session` + 2 id, its process one more.
   enum Source : uint64_t { source_wake, source_timer, source_listener, source_shared_listener, first_session = 16 };
 
