@@ -32,7 +32,9 @@ std::vector<fs_motion> RemoteScene::motions(const char* client) {
   }
   if (is_own) return out;
   const wire::Target target = to_target(client ? client : "", "client");
-  const std::vector<fs_motion> others = connection_.request(wire::type_motions, bytes_of(&target, 1)).list<fs_motion>();
+  const Answer answer = connection_.request(wire::type_motions, bytes_of(&target, 1));
+  std::vector<fs_motion> others = answer.list<fs_motion>();
+  if (out.empty()) return others;
   out.insert(out.end(), others.begin(), others.end());
   return out;
 }

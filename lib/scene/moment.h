@@ -1,5 +1,5 @@
 // The objects of a scene as they are at one moment, whatever is changed later: so that many can be looked at without
-// keeping others waiting for the lock, and those of several scenes at one time. Any thread.
+// keeping others waiting for the lock, those of several scenes at one time, and in another thread.
 #pragma once
 
 #include <mutex>
@@ -15,6 +15,7 @@ class LocalScene::Moment {
   Moment(Ref<LocalScene> scene, bool with_group) : scene_(std::move(scene)) {
     const std::lock_guard lock(scene_->mutex_);
     objects_ = with_group ? scene_->working() : scene_->table_;
+    most_ = scene_->slots_.size();
   }
   ~Moment() {
     const std::lock_guard lock(scene_->mutex_);
@@ -23,6 +24,7 @@ class LocalScene::Moment {
   Moment(const Moment&) = delete;
   Moment& operator=(const Moment&) = delete;
 
+  size_t most() const noexcept { return most_; }  // objects; those that have been removed and fade out among them
   // Calls f(fs_motion) for each of them; prefix comes before its name.
   template <class F>
   void for_each_motion(const std::string& prefix, F&& f) const {
@@ -48,6 +50,7 @@ class LocalScene::Moment {
 
   const Ref<LocalScene> scene_;
   Table<Entry> objects_;
+  size_t most_ = 0;
 };
 
 }  // namespace fs
