@@ -216,7 +216,7 @@ Scene::Contents RemoteScene::contents() {
   catch_up();
   flush_ahead();
   Contents out = replica_->contents();
-  out.frame = own_frame();
+  out.frame = own_view().frame;
   return out;
 }
 
@@ -328,22 +328,7 @@ std::vector<Vec3> RemoteScene::get_tool() {
   return replica_->get_tool();
 }
 
-// As an open group has it; else the server's, where a clutch may have moved it.
-fs_frame RemoteScene::own_frame() {
-  const auto is_frame = [](const Change& change) { return change.type == wire::type_frame; };
-  if (group_ && std::any_of(group_->changes.begin(), group_->changes.end(), is_frame)) {
-    return replica_->get_frame(nullptr);
-  }
-  const wire::Target target = to_target(client_.c_str(), "client");
-  return connection_.request(wire::type_view, bytes_of(&target, 1)).as<wire::Frame>().frame;
-}
-
-fs_frame RemoteScene::get_frame(const char* client) {
-  const Lock lock = enter();
-  if (!client || client_ == client) return own_frame();
-  const wire::Target target = to_target(client, "client");
-  return connection_.request(wire::type_view, bytes_of(&target, 1)).as<wire::Frame>().frame;
-}
+fs_frame RemoteScene::get_frame(const char* client) { return view(client).frame; }
 
 void RemoteScene::set_accuracy(double newtons) {
   connection_.check();

@@ -50,6 +50,7 @@ fs_frame parse_frame(const fs_frame& frame);
 void check_timeout(double timeout);
 void check_accuracy(double newtons);
 void check_max_stiffness(double stiffness);
+void require_no_client(const char* client);  // NOT_FOUND: it is not null
 
 // How an object moves, with what the next worked-out twist needs.
 struct Movement {
@@ -101,6 +102,8 @@ struct LocalScene final : Scene {
   void set_clutch(bool held) override;
   void set_tool(const Vec3* points, size_t count) override;
   std::vector<Vec3> get_tool() override;
+  fs_view view(const char* client) override;
+  fs_view view(bool with_group) const;  // as an open group has it, or as it is evaluated
   void set_accuracy(double newtons) override;
   void set_max_stiffness(double stiffness) override;
 
@@ -113,6 +116,8 @@ struct LocalScene final : Scene {
   // Reports and events.
   std::vector<fs_report> reports() override;
   fs_report report(const char* name) override;
+  std::vector<fs_motion> motions(const char* client) override;
+  class Moment;  // moment.h
   fs_event next_event(double timeout) override;
   bool take_event(fs_event& out);  // one that is there; false: none
   void note_edit(const char* name, const char* editor);  // another client changed or removed an object
@@ -208,7 +213,6 @@ struct LocalScene final : Scene {
   uint32_t slots_end_ = 0, capacity_ = Table<Entry>::capacity;
   std::set<std::pair<double, uint32_t>> tidies_;    // when to look at slots where something fades out
   std::set<std::pair<double, uint32_t>> expiries_;  // to be announced
-  uint64_t revision_ = 0;
   ViewFade views_{make_ref<View>(), nullptr};
   std::unique_ptr<Group> group_;
 

@@ -4,7 +4,7 @@
 #include <thread>
 
 #include "base/error.h"
-#include "scene/local_scene.h"
+#include "scene/moment.h"
 
 using namespace fs;
 
@@ -49,6 +49,14 @@ std::vector<fs_report> LocalScene::reports() {
   working().for_each([&](uint32_t slot, const Entry& entry) {
     if (!entry.is_removed) out.push_back(make_report(slot, entry, time));
   });
+  return out;
+}
+
+std::vector<fs_motion> LocalScene::motions(const char* client) {
+  require_no_client(client);
+  const Moment moment(Ref<LocalScene>::share(this), true);
+  std::vector<fs_motion> out;
+  moment.for_each_motion("", [&](const fs_motion& motion) { out.push_back(motion); });
   return out;
 }
 

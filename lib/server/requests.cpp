@@ -141,22 +141,8 @@ void Session::request(const Message& message) {
         const Count count{list.size()};
         return reply(serial, bytes_of(&count, 1), blob.get());
       }
-      case type_view: {
-        const std::string client = text_of(message.as<Target>().name);
-        owner = server_.find(client);
-        if (!owner && client != "server") {
-          fail(FS_ERROR_NOT_FOUND, "client is '%.80s': no client of that name is connected", client.c_str());
-        }
-        Frame frame{(owner ? *owner->scene_ : *server_.servo().scene()).get_frame(nullptr)};
-        if (owner == this) {  // as it was said, where that waits for a shape still
-          for (const Unit& unit : parked_) {
-            for (const Message& waiting : unit.messages) {
-              if (waiting.header.type == type_frame) frame = waiting.as<Frame>();
-            }
-          }
-        }
-        return reply(serial, bytes_of(&frame, 1));
-      }
+      case type_view: return tell_view(message);
+      case type_motions: return tell_motions(message);
       case type_stats: {
         fs_servo_stats stats = fs_servo_stats_init();
         server_.servo().get_stats(stats);

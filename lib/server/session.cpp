@@ -42,6 +42,7 @@ ssize_t body_size(uint32_t type) {
     case type_get:
     case type_report:
     case type_view:
+    case type_motions:
     case type_remove_other: return sizeof(Target);
     case type_fetch: return sizeof(Fetch);
     case type_edit: return sizeof(Edit);

@@ -18,6 +18,8 @@
 
 namespace fs {
 
+struct MotionList;  // lists.cpp
+
 class Session : public std::enable_shared_from_this<Session> {
  public:
   // refusal: FS_OK, or what it will be told when it says who it is.
@@ -135,6 +137,10 @@ class Session : public std::enable_shared_from_this<Session> {
   void tell_edit(LocalScene& scene, Session* owner, const std::string& name, bool is_removed);
   void pull(const Message& message);
   void fetch(const Message& message);
+  void tell_view(const Message& message);     // lists.cpp
+  void tell_motions(const Message& message);
+  void tell_motions(uint64_t serial, const MotionList& list);
+  Session* find_client(const std::string& name) const;  // null: the server. NOT_FOUND
   void settle_syncs();
   void reply(uint64_t serial, std::span<const std::byte> body = {}, int descriptor = -1);
   void reply_failure(uint64_t serial, fs_status status, const std::string& text);
