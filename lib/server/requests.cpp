@@ -3,8 +3,11 @@
 
 #include <algorithm>
 #include <cstring>
+#include <deque>
 
 #include "base/error.h"
+#include "scene/moment.h"
+#include "server/list.h"
 #include "server/session.h"
 
 namespace fs {
@@ -129,12 +132,7 @@ void Session::request(const Message& message) {
         }
         return reply(serial, bytes_of(&report, 1));
       }
-      case type_reports: {
-        const std::vector<fs_report> list = reports();
-        const Descriptor blob = make_blob({bytes_of(list.data(), list.size())});
-        const Count count{list.size()};
-        return reply(serial, bytes_of(&count, 1), blob.get());
-      }
+      case type_reports: return tell_reports(message);
       case type_clients: {
         const std::vector<fs_client> list = server_.describe();
         const Descriptor blob = make_blob({bytes_of(list.data(), list.size())});
@@ -339,12 +337,6 @@ void Session::settle_syncs() {
 
 // ----------------------------------------------------------------------------------------------------------- reports
 
-std::vector<fs_report> Session::own_reports() const {
-  std::vector<fs_report> out = scene_->reports();
-  for (const auto& [slot, absent] : absent_) out.push_back(report_of(absent.name, absent.primitive, absent.state));
-  return out;
-}
-
 fs_report Session::own_report(const std::string& name) const {
   if (!slot_of_.contains(name)) {
     for (const auto& [slot, absent] : absent_) {
@@ -354,24 +346,55 @@ fs_report Session::own_report(const std::string& name) const {
   return scene_->report(name.c_str());
 }
 
-// Of all objects, its own first.
-std::vector<fs_report> Session::reports() {
-  std::vector<fs_report> out = own_reports();
-  const fs_frame here = scene_->get_frame(nullptr);
-  const auto add = [&](const std::string& client, const std::vector<fs_report>& reports, const fs_frame& frame) {
-    for (const fs_report& report : reports) {
-      fs_report seen = seen_from(report, frame, here);
-      put_text(seen.name, client + "/" + report.name);
-      out.push_back(seen);
+// What became of all objects, those of one client first.
+class ReportList final : public List {
+ public:
+  struct Part {
+    Part(std::string the_prefix, const Ref<LocalScene>& scene) : prefix(std::move(the_prefix)), moment(scene, false) {}
+    const std::string prefix;  // empty: the client's own
+    const LocalScene::Moment moment;
+    std::vector<fs_report> absent;  // by bare names
+  };
+  std::deque<Part> parts;
+  fs_frame frame;  // of the client
+
+  size_t most() const override {
+    size_t sum = 0;
+    for (const Part& part : parts) sum += part.moment.most() + part.absent.size();
+    return sum;
+  }
+
+ private:
+  void write() override {
+    for (const Part& part : parts) {
+      const auto add = [&](const fs_report& report) {
+        if (part.prefix.empty()) return add_record(report);
+        fs_report seen = seen_from(report, part.moment.frame(), frame);
+        put_text(seen.name, part.prefix + report.name);
+        add_record(seen);
+      };
+      part.moment.for_each_report(add);
+      for (const fs_report& report : part.absent) add(report);
+    }
+  }
+  void release() override { parts.clear(); }
+};
+
+void Session::tell_reports(const Message& message) {
+  const auto list = std::make_shared<ReportList>();
+  const auto add = [&](const std::string& prefix, const Session& session) {
+    ReportList::Part& part = list->parts.emplace_back(prefix, session.scene_);
+    for (const auto& [slot, absent] : session.absent_) {
+      part.absent.push_back(report_of(absent.name, absent.primitive, absent.state));
     }
   };
-  const Ref<LocalScene>& own = server_.servo().scene();
-  add("server", own->reports(), own->get_frame(nullptr));
+  list->frame = scene_->get_frame(nullptr);
+  add("", *this);
+  list->parts.emplace_back("server/", server_.servo().scene());
   for (const std::shared_ptr<Session>& other : server_.sessions()) {
-    if (other.get() == this || other->is_gone_ || !other->scene_) continue;
-    add(other->name_, other->own_reports(), other->scene_->get_frame(nullptr));
+    if (other.get() != this && !other->is_gone_ && other->scene_) add(other->name_ + "/", *other);
   }
-  return out;
+  tell_list(message.header.serial, list);
 }
 
 fs_client Session::describe() const {

@@ -18,7 +18,7 @@
 
 namespace fs {
 
-struct MotionList;  // lists.cpp
+class List;  // list.h
 
 class Session : public std::enable_shared_from_this<Session> {
  public:
@@ -50,9 +50,7 @@ class Session : public std::enable_shared_from_this<Session> {
 
   // For the sessions of others: it changed one of this one's objects.
   void note_edit(const std::string& object, const std::string& editor, bool is_removed);
-  std::vector<fs_report> reports();
   fs_client describe() const;
-  std::vector<fs_report> own_reports() const;  // in its own frame, by bare names
   fs_report own_report(const std::string& name) const;  // NOT_FOUND
 
  private:
@@ -139,7 +137,9 @@ class Session : public std::enable_shared_from_this<Session> {
   void fetch(const Message& message);
   void tell_view(const Message& message);     // lists.cpp
   void tell_motions(const Message& message);
-  void tell_motions(uint64_t serial, const MotionList& list);
+  void tell_list(uint64_t serial, const std::shared_ptr<List>& list);  // now, or when the worker has made it
+  void tell_made(uint64_t serial, const List& list);
+  void tell_reports(const Message& message);
   Session* find_client(const std::string& name) const;  // null: the server. NOT_FOUND
   void settle_syncs();
   void reply(uint64_t serial, std::span<const std::byte> body = {}, int descriptor = -1);
