@@ -244,9 +244,8 @@ wire::Object Session::offer(const fs_object& object) {
   wire::Object out = to_record(object);
   const auto id_of = [this](const fs_shape* shape, const fs_curve* curve) -> uint64_t {
     if (!shape && !curve) return 0;
-    for (const auto& [id, upload] : uploads_) {
-      if (shape ? upload.shape.get() == shape : upload.curve.get() == curve) return id;
-    }
+    const auto own = upload_of_.find(shape ? static_cast<const void*>(shape) : curve);
+    if (own != upload_of_.end()) return own->second;
     const uint64_t serial = shape ? shape->serial : curve->serial;
     offered_[serial] = {Ref<const Shape>::share(shape), Ref<const Curve>::share(curve)};
     return serial | wire::of_server;
@@ -317,6 +316,10 @@ void Session::settle_syncs() {
       continue;
     }
     const LocalScene& own = *server_.servo().scene();
+    if (!sync.has_begun && !are_moves_taken_) {  // they came before it
+      syncs_.push_back(std::move(sync));
+      continue;
+    }
     if (!std::exchange(sync.has_begun, true)) {
       sync.own = own.sequence();
       for (const std::shared_ptr<Session>& other : server_.sessions()) {

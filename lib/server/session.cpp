@@ -15,7 +15,7 @@ namespace fs {
 namespace {
 
 constexpr int messages_at_once = 64;
-constexpr double slice = 2e-4;  // s; then it is another one's turn
+constexpr double slice = 3e-5;  // s; then it is another one's turn: who asks for little does not wait long
 
 // Of the record that comes with a type; -1: no such type.
 ssize_t body_size(uint32_t type) {
@@ -258,9 +258,9 @@ void Session::handle(Message&& message, Descriptor&& data) {
 
 // ------------------------------------------------------------------------------------------------- the shared memory
 
-void Session::take_moves() {
+bool Session::take_moves() {
   const uint64_t batch = inbox_.batch();
-  if (batch & 1) return;  // a group is being written: all of it at once, later
+  if (batch & 1) return false;  // a group is being written: all of it at once, later
   inbox_.take_dirty([this](uint32_t slot) { mark(slot); });
   moved_.clear();
   for (size_t word = 0; word < dirty_.size(); ++word) {
@@ -275,7 +275,7 @@ void Session::take_moves() {
   }
   if (inbox_.batch() != batch) {  // a group came between: it belongs together, so once more
     for (const auto& [slot, move] : moved_) mark(slot);
-    return;
+    return false;
   }
   for (const auto& [slot, move] : moved_) {
     Motion motion;
@@ -289,15 +289,18 @@ void Session::take_moves() {
     } catch (const Error&) {  // the object is not there any more
     }
   }
+  moves_allowed_.spend(moved_.size());
   if (!moved_.empty()) server_.note_activity();
+  return true;
 }
 
 void Session::turn(double now) noexcept {
   if (is_gone_ || name_.empty()) return;
   try {
     outbox_->heartbeat.store(now, std::memory_order_relaxed);
+    are_moves_taken_ = false;
     if (is_applying_) return;
-    take_moves();
+    are_moves_taken_ = moves_allowed_.begin_turn() && take_moves();
     scene_->post();
   } catch (...) {
     drop(server_.settings().lease);

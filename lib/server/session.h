@@ -14,6 +14,7 @@
 #include "ipc/region.h"
 #include "ipc/socket.h"
 #include "scene/transfer.h"
+#include "server/allowance.h"
 #include "server/server.h"
 
 namespace fs {
@@ -37,6 +38,8 @@ class Session : public std::enable_shared_from_this<Session> {
   void receive() noexcept;
   // What comes each period: takes the moves, and posts the changes to the servo.
   void turn(double now) noexcept;
+  // What waits for shapes and has become ready, where it is so much that each shape cannot be followed by a look at all.
+  void catch_up() noexcept;
   // After all have had their turn: tells what a tick has used.
   void settle() noexcept;
   // Now and then: passes on the scene's events, and looks after the channel.
@@ -126,7 +129,7 @@ class Session : public std::enable_shared_from_this<Session> {
   Kept keep(uint32_t slot) const;
   void note_absent(const wire::Set& set, fs_object_state state);
   void refuse(const Message& message, fs_status status, const std::string& text);
-  void take_moves();
+  bool take_moves();  // false: a group of them is being written, so later
   fs_object resolve(const wire::Object& record, uint32_t parts, const fs_object* target) const;
   wire::Object offer(const fs_object& object);
 
@@ -174,11 +177,16 @@ class Session : public std::enable_shared_from_this<Session> {
   std::map<uint32_t, Absent> absent_;  // by slot
   std::vector<uint64_t> dirty_;  // a bit each slot: there is a move to be looked at
   std::vector<std::pair<uint32_t, wire::Move>> moved_;
+  Allowance moves_allowed_{256};  // each turn, about 40 us
+  bool are_moves_taken_ = false;  // in this turn
   uint64_t last_serial_ = 0;
   Unit unit_;  // that is coming in
   std::deque<Unit> parked_;  // until shapes are built
   Held held_;
+  bool is_retry_due_ = false;  // something is there that parked changes wait for
+  size_t turns_until_retry_ = 0;
   std::map<uint64_t, Upload> uploads_;  // by the client's number
+  std::map<const void*, uint64_t> upload_of_;  // of a shape or curve that was made of one
   std::set<uint64_t> refused_uploads_;  // that the client has not been told of
   unsigned jobs_ = 0;  // of the worker, that are not done
   const std::shared_ptr<std::atomic<uint64_t>> shape_bytes_ = std::make_shared<std::atomic<uint64_t>>(0);

@@ -191,6 +191,22 @@ void sets(Page& page) {
   }
 }
 
+void moves(Page& page) {
+  Client client(page);
+  fill(client, 4000);
+  ++page.ready;
+  std::vector<std::string> names;
+  for (int i = 0; i < 4000; ++i) names.push_back("o" + std::to_string(i));
+  const fs_twist still{};
+  for (int k = 0;; ++k) {
+    for (int i = 0; i < 4000; ++i) {
+      fs_pose pose = far_point("", i).pose;
+      pose.position.z += 1e-3 * (k % 10);
+      client.look(fs_object_move(client.scene(), names[static_cast<size_t>(i)].c_str(), &pose, &still, FS_NOW));
+    }
+  }
+}
+
 void reports(Page& page) {
   Client client(page);
   fill(client, 4000);
@@ -352,6 +368,7 @@ const Attack attacks[] = {
     {"groups of 16,000 changes", largest_groups},
     {"4000 objects set and cleared", clears},
     {"changes of 100 objects, as many as it can", sets},
+    {"moves of 4000 objects, as many as it can", moves},
     {"reports of 4000 objects", reports},
     {"32 requests at a time", requests},
     {"changes of another's object", edits},
