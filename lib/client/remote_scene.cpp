@@ -208,7 +208,7 @@ Ref<const Object> RemoteScene::get(const char* given, fs_object& out) {
 Scene::Contents RemoteScene::contents() {
   Call call = enter();
   catch_up(call);
-  const fs_frame frame = own_frame(call);  // may wait: before the rest is looked at
+  const fs_frame frame = own_view(call).frame;  // may wait: before the rest is looked at
   flush_ahead();
   Contents out = replica_->contents();
   out.frame = frame;
@@ -342,22 +342,7 @@ std::vector<Vec3> RemoteScene::get_tool() {
   return replica_->get_tool();
 }
 
-// As an open group has it; else the server's, where a clutch may have moved it.
-fs_frame RemoteScene::own_frame(Call& call) {
-  const auto is_frame = [](const Change& change) { return change.type == wire::type_frame; };
-  if (group_ && std::any_of(group_->changes.begin(), group_->changes.end(), is_frame)) {
-    return replica_->get_frame(nullptr);
-  }
-  const wire::Target target = to_target(client_.c_str(), "client");
-  return request(call, wire::type_view, bytes_of(&target, 1)).as<wire::Frame>().frame;
-}
-
-fs_frame RemoteScene::get_frame(const char* client) {
-  Call call = enter();
-  if (!client || client_ == client) return own_frame(call);
-  const wire::Target target = to_target(client, "client");
-  return request(call, wire::type_view, bytes_of(&target, 1)).as<wire::Frame>().frame;
-}
+fs_frame RemoteScene::get_frame(const char* client) { return view(client).frame; }
 
 void RemoteScene::set_accuracy(double newtons) {
   connection_.check();

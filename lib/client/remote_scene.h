@@ -55,6 +55,7 @@ struct RemoteScene final : Scene {
   void set_clutch(bool held) override;
   void set_tool(const Vec3* points, size_t count) override;
   std::vector<Vec3> get_tool() override;
+  fs_view view(const char* client) override;
   void set_accuracy(double newtons) override;
   void set_max_stiffness(double stiffness) override;
 
@@ -63,6 +64,7 @@ struct RemoteScene final : Scene {
 
   std::vector<fs_report> reports() override;
   fs_report report(const char* name) override;
+  std::vector<fs_motion> motions(const char* client) override;
   fs_event next_event(double timeout) override;
 
   fs_status get_hand(fs_state* state, fs_response* response, fs_wrench* sent) const noexcept override;
@@ -144,7 +146,7 @@ struct RemoteScene final : Scene {
   void mutate(Call& call, F&& f);
   void publish();
   void flush_ahead();
-  fs_frame own_frame(Call& call);
+  fs_view own_view(Call& call);  // lists.cpp
 
   // ---- Groups and how they are sent (sending.cpp).
   bool has(const Group& group, std::string_view name) const;

@@ -11,6 +11,17 @@
 
 namespace fs {
 
+// A file that grows part by part, until it is sealed. IO, FULL (no descriptor left).
+class BlobWriter {
+ public:
+  BlobWriter();
+  void write(std::span<const std::byte> part);
+  Descriptor seal();  // and that was all
+
+ private:
+  Descriptor blob_;
+};
+
 // A sealed file of the parts, one behind the other. IO, FULL (no descriptor left).
 Descriptor make_blob(std::initializer_list<std::span<const std::byte>> parts);
 

@@ -121,6 +121,8 @@ std::string make_layout_text() {
   RECORD(EventSlot, number, event);
   RECORD(fs_report, name, primitive, state, revision, weight, stiffness_wanted, stiffness_applied, distance, point,
          wrench, reserved);
+  RECORD(fs_view, frame, tool, points, point_count, held, reserved_8, reserved);
+  RECORD(fs_motion, name, primitive, reserved_32, revision, motion_revision, pose, twist, time, horizon, reserved);
   RECORD(fs_client, name, process, user, objects, reserved_32, connected, force_limit, wrench, moves, changes, refused,
          limited, shape_bytes, reserved);
   RECORD(fs_servo_stats, struct_size, realtime, faults, protections_off, rate, max_stiffness, damping, energy, ticks,

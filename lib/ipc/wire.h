@@ -82,9 +82,10 @@ enum Type : uint32_t {
   type_report,       // Target. Reply, fs_report
   type_reports,      // nothing. Reply, Count, and a descriptor: fs_report, as many
   type_clients,      // nothing. Reply, Count, and a descriptor: fs_client, as many
-  type_view,         // Target: a client. Reply, Frame
+  type_view,         // Target: a client. Reply, fs_view
   type_stats,        // nothing. Reply, fs_servo_stats
   type_device,       // nothing. Reply, fs_device_info
+  type_motions,      // Target: a client; empty: all but the asking one. Reply, Count, and a descriptor: fs_motion, as many
 
   type_reply = 200   // Reply and what it says above
 };

@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "base/error.h"
+#include "base/serial.h"
 
 using namespace fs;
 
@@ -62,7 +63,7 @@ void LocalScene::admit(const ParsedObject& parsed, uint32_t parts) {
 
   const Ref<Entry> entry = is_known ? copy(*old) : make_ref<Entry>();
   entry->object = parsed.object;
-  entry->revision = ++revision_;
+  entry->revision = next_serial();
   entry->expiry = expiry_of(object, time);
   if (!is_known) entry->felt = make_ref<Felt>();
   if (!is_known || (parsed.start != 0 && parsed.start != old->start)) {
@@ -94,6 +95,7 @@ void LocalScene::remove_entry(uint32_t slot, const Entry& old) {
 
 // Takes what an entry shall be: into the group, or at once through the fade that it needs.
 void LocalScene::put(uint32_t slot, Ref<Entry> entry, bool is_more_than_moved) {
+  entry->motion_revision = next_serial();
   const bool is_new = !working().get(slot);
   const bool is_first_touch = group_ && !group_->touched.contains(slot);
   if (is_new) slots_.insert_or_assign(entry->object->name, slot);
@@ -337,6 +339,7 @@ void LocalScene::commit() {
         const Ref<Entry> entry = copy(*felt);
         entry->motion = wanted.motion;
         entry->track = wanted.track;
+        entry->motion_revision = wanted.motion_revision;
         store(slot, entry);
       }
     }

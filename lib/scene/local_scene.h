@@ -50,6 +50,7 @@ fs_frame parse_frame(const fs_frame& frame);
 void check_timeout(double timeout);
 void check_accuracy(double newtons);
 void check_max_stiffness(double stiffness);
+void require_no_client(const char* client);  // NOT_FOUND: it is not null
 
 // How an object moves, with what the next worked-out twist needs.
 struct Movement {
@@ -112,6 +113,8 @@ struct LocalScene final : Scene {
   void set_clutch(bool held) override;
   void set_tool(const Vec3* points, size_t count) override;
   std::vector<Vec3> get_tool() override;
+  fs_view view(const char* client) override;
+  fs_view view(bool with_group) const;  // as an open group has it, or as it is evaluated
   void set_accuracy(double newtons) override;
   void set_max_stiffness(double stiffness) override;
 
@@ -124,6 +127,8 @@ struct LocalScene final : Scene {
   // Reports and events.
   std::vector<fs_report> reports() override;
   fs_report report(const char* name) override;
+  std::vector<fs_motion> motions(const char* client) override;
+  class Moment;  // moment.h
   fs_event next_event(double timeout) override;
   bool take_event(fs_event& out);  // one that is there; false: none
   void note_edit(const char* name, const char* editor);  // another client changed or removed an object
@@ -193,7 +198,16 @@ struct LocalScene final : Scene {
   void retime(double shift);
   void switch_clock(ClockKind clock);
   fs_object to_c(const Entry& entry) const;
-  fs_report make_report(uint32_t slot, const Entry& entry, double now) const;
+  // What a report needs of the scene.
+  struct ReportBasis {
+    double time;     // s
+    double fade;     // s, the servo's; negative: there is no servo
+    uint64_t tick;   // the last
+    fs_frame frame;
+  };
+  ReportBasis report_basis() const;
+  // evaluated: the entry as it is felt; null: it is not yet. Needs no lock.
+  static fs_report make_report(const Entry& entry, const Entry* evaluated, const ReportBasis& basis);
   void push_event(const fs_event& event);
   void limit_events();
   void collect_events(ServoLink& servo);
@@ -221,7 +235,6 @@ struct LocalScene final : Scene {
   uint32_t slots_end_ = 0, capacity_ = Table<Entry>::capacity;
   std::set<std::pair<double, uint32_t>> tidies_;    // when to look at slots where something fades out
   std::set<std::pair<double, uint32_t>> expiries_;  // to be announced
-  uint64_t revision_ = 0;
   ViewFade views_{make_ref<View>(), nullptr};
   std::unique_ptr<Group> group_;
 

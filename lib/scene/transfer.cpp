@@ -117,15 +117,15 @@ uint64_t data_size(const wire::Curve& r) {
   return r.count * sizeof(double);
 }
 
-Ref<const Shape> from_record(const wire::Shape& r, Descriptor data) {
+Ref<const Shape> from_record(const wire::Shape& r, Descriptor data, Wanted& wanted) {
   check_blob(data, data_size(r));
   std::vector<Vec3> points(r.point_count);
   std::vector<uint32_t> triangles(3 * r.triangle_count);
   read_blob(data, 0, std::as_writable_bytes(std::span(points)));
   read_blob(data, points.size() * sizeof(Vec3), std::as_writable_bytes(std::span(triangles)));
   data.reset();
-  if (r.primitive == FS_PRIMITIVE_POLYLINE) return make_polyline(points.data(), points.size(), r.is_closed != 0);
-  return make_mesh(points.data(), points.size(), triangles.data(), r.triangle_count);
+  if (r.primitive == FS_PRIMITIVE_POLYLINE) return make_polyline(points.data(), points.size(), r.is_closed != 0, wanted);
+  return make_mesh(points.data(), points.size(), triangles.data(), r.triangle_count, wanted);
 }
 
 Ref<const Curve> from_record(const wire::Curve& r, Descriptor data) {
@@ -135,6 +135,21 @@ Ref<const Curve> from_record(const wire::Curve& r, Descriptor data) {
   read_blob(data, 0, std::as_writable_bytes(std::span(table)));
   data.reset();
   return make_table_curve(table.data(), table.size(), r.step);
+}
+
+void foresee(fs_view& view, wire::Type type, std::span<const std::byte> record) {
+  const auto as = [record]<class T>(T out) {
+    std::memcpy(&out, record.data(), std::min(record.size(), sizeof out));
+    return out;
+  };
+  if (type == wire::type_frame) view.frame = as(wire::Frame{}).frame;
+  if (type == wire::type_clutch) view.held = as(wire::Clutch{}).is_held != 0;
+  if (type != wire::type_tool) return;
+  const auto tool = as(wire::Tool{});
+  if (tool.count < 1 || tool.count > FS_TOOL_POINTS_MAX) return;
+  std::fill(std::begin(view.points), std::end(view.points), Vec3{});
+  std::copy_n(tool.points, tool.count, view.points);
+  view.point_count = static_cast<uint32_t>(tool.count);
 }
 
 wire::Movement to_record(const Motion& m) { return {m.pose, m.twist, m.time, m.horizon}; }

@@ -738,6 +738,9 @@ START_TEST(all_at_once) {
               std::vector<fs_report> reports(40);
               size_t count = 0;
               expect(fs_scene_get_reports(scene, reports.data(), reports.size(), &count), {});
+              expect(fs_scene_get_motions(scene, nullptr, nullptr, 0, &count), {});
+              fs_view view;
+              expect(fs_scene_get_view(scene, "c0", &view), {});
               fs_event event;
               expect(fs_scene_next_event(scene, 0, &event), {});
               break;

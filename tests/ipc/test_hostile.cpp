@@ -20,7 +20,7 @@ static const std::vector<Known> known_types = {
     {type_fetch, sizeof(Fetch)},   {type_edit, sizeof(Edit)},     {type_move_other, sizeof(MoveOther)},
     {type_remove_other, sizeof(Target)}, {type_report, sizeof(Target)}, {type_reports, 0},
     {type_clients, 0},             {type_view, sizeof(Target)},   {type_stats, 0},
-    {type_device, 0}};
+    {type_device, 0},              {type_motions, sizeof(Target)}};
 
 static const std::vector<std::byte> zeros(fs::most_message);
 
@@ -169,9 +169,9 @@ START_TEST(groups_that_lie) {
                          Lie{uint64_t{1} << 40, size, sealed}, Lie{size, size, 0u}, Lie{size, size, F_SEAL_SHRINK}}) {
     const fs::wire::Group group{lie.told};
     if (lie.seals == sealed) {
-      std::vector<std::byte> bytes(fs::bytes_of(&group, 1).begin(), fs::bytes_of(&group, 1).end());
-      bytes.insert(bytes.end(), changes.begin(), changes.begin() + static_cast<ptrdiff_t>(std::min<size_t>(lie.there, size)));
-      bytes.resize(sizeof group + lie.there);
+      std::vector<std::byte> bytes(sizeof group + lie.there);
+      std::memcpy(bytes.data(), &group, sizeof group);
+      std::memcpy(bytes.data() + sizeof group, changes.data(), std::min<size_t>(lie.there, size));
       RawClient client = rig.join("lie");
       client.send(type_group, bytes);
       rig.expect_dropped(client, "a group that lies");
@@ -545,10 +545,10 @@ END_TEST
 // One that asks and asks, and never looks at the answers.
 START_TEST(never_reads) {
   Rig rig;
-  for (const uint32_t type : {type_pull, type_stats, type_reports, type_sync, type_get}) {
+  for (const uint32_t type : {type_pull, type_stats, type_reports, type_motions, type_sync, type_get}) {
     RawClient client = rig.join("deaf");
     for (int i = 0; i < 100'000 && !client.is_dropped(); ++i) {
-      client.send(type, body(type == type_get ? sizeof(Target) : 0));
+      client.send(type, body(type == type_get || type == type_motions ? sizeof(Target) : 0));
       if (i % 256 == 0) rig.tick();
     }
     rig.expect_dropped(client, "it never reads");
