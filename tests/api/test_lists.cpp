@@ -473,6 +473,44 @@ START_TEST(groups_are_whole) {  // of other clients and of the server's own scen
 }
 END_TEST
 
+START_TEST(a_long_list) {  // which the server does not write at once: it is of one instant, too
+  constexpr int many = 3000;
+  Two two;
+  two.step(10);
+  const auto name = [](int i) { return "object " + std::to_string(i); };
+  const auto group = [&](double x, bool is_moved) {
+    OK(fs_scene_begin(two.bob.get()));
+    for (int i = 0; i < many; ++i) {
+      fs_object o = spring(name(i).c_str(), {x, 0.001 * i, 0});
+      o.enabled = false;  // ticks may be short
+      const fs_twist still{};
+      OK(is_moved ? fs_object_move(two.bob.get(), o.name, &o.pose, &still, FS_NOW) : fs_object_set(two.bob.get(), &o));
+    }
+    OK(fs_scene_commit(two.bob.get()));
+  };
+  group(0, false);
+  OK(two.sync(two.bob.get()));
+  set(two.base, spring("last"));
+  std::atomic<bool> is_over{false};
+  std::thread mover([&] {
+    for (int k = 1; !is_over; ++k) group(k, k % 4 != 0);
+  });
+  for (int k = 0; k < 60; ++k) {
+    const std::vector<fs_motion> list = motions_of(two.me.get(), k % 2 ? "bob" : nullptr);
+    const std::map<std::string, fs_motion> all = by_name(list);
+    ck_assert_uint_eq(all.size(), k % 2 ? many : many + 1);
+    const double x = all.at("bob/object 0").pose.position.x;
+    for (int i = 0; i < many; ++i) EXPECT_VECTOR(all.at("bob/" + name(i)).pose.position, (fs_vec3{x, 0.001 * i, 0}), 0);
+  }
+  is_over = true;
+  mover.join();
+  const std::map<std::string, fs_motion> own = by_name(motions_of(two.bob.get(), "bob"));
+  const std::map<std::string, fs_motion> seen = by_name(motions_of(two.me.get(), "bob"));
+  ck_assert_uint_eq(own.size(), many);
+  for (const auto& [bare, motion] : own) expect_same_motion(motion, seen.at("bob/" + bare));
+}
+END_TEST
+
 START_TEST(an_open_group_of_the_servers) {  // is its own alone
   Two two;
   set(two.base, spring("a", {1, 0, 0}));
@@ -558,7 +596,7 @@ int main() {
   add_on_both(suite, "motions", {the_list, what_is_felt, the_two_revisions});
   add_on_both(suite, "view", {the_view});
   add_once(suite, "in this process", {a_new_clock, without_a_servo});
-  add_once(suite, "several", {of_all_clients, revisions_of_others, groups_are_whole, an_open_group_of_the_servers,
-                              what_is_on_its_way, views_of_all});
+  add_once(suite, "several", {of_all_clients, revisions_of_others, groups_are_whole, a_long_list,
+                              an_open_group_of_the_servers, what_is_on_its_way, views_of_all});
   return run_suite(suite);
 }
