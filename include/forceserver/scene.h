@@ -249,7 +249,8 @@ typedef struct fs_motion {
  * of a connected scene ("server": the server's own scene); null: all, its own first. The scene's own objects are as
  * this process has them: as an open group has them, and those too that the server has not taken yet or has refused
  * (fs_report.state tells); their revisions are counted in this process. Those of others are as the server has them;
- * an open group of the server's own scene does not show. Connected: TIMEOUT, FULL. NOT_FOUND: no such client. */
+ * what an open group, here or of the server's own scene, does to them is not in it. Connected: TIMEOUT, FULL.
+ * NOT_FOUND: no such client. */
 FS_API fs_status fs_scene_get_motions(fs_scene *scene, const char *client, fs_motion *out, size_t capacity,
                                       size_t *count);
 
