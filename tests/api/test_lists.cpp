@@ -359,6 +359,7 @@ START_TEST(of_all_clients) {
       OK(fs_object_set(scene, &o));
     }
   }
+  for (fs_scene* scene : scenes) OK(two.sync(scene));  // what a client sets is on its way for a while
   // Moves need no tick and no turn of the server to be seen.
   for (int round = 0; round < 20; ++round) {
     for (fs_scene* scene : scenes) {
@@ -396,7 +397,11 @@ END_TEST
 
 START_TEST(revisions_of_others) {
   Two two;
-  set(two.bob, spring("a"));
+  const auto set_his = [&](const fs_object& o) {
+    set(two.bob, o);
+    OK(two.sync(two.bob.get()));
+  };
+  set_his(spring("a"));
   fs_motion last = motion_of(two.me.get(), "bob/a");
   ck_assert_uint_eq(last.revision, report_of(two.me.get(), "bob/a").revision);
   const auto expect_grown = [&](const std::string& wanted) {
@@ -412,14 +417,15 @@ START_TEST(revisions_of_others) {
   expect_grown("moved");
   OK(fs_object_move(two.me.get(), "bob/a", &pose, nullptr, FS_NOW));
   expect_grown("moved");
-  set(two.bob, spring("a", {1, 2, 3}));
+  set_his(spring("a", {1, 2, 3}));
   expect_grown("changed moved");
   const fs_object edited = spring("bob/a", {3, 2, 1});
   OK(fs_object_change(two.me.get(), &edited, FS_PART_PROFILES));
   expect_grown("changed moved");
   // The owner is told the same.
   const fs_motion before = motion_of(two.bob.get(), "a");
-  OK(fs_object_move(two.me.get(), "bob/a", &pose, nullptr, FS_NOW));
+  const fs_twist given{{1, 2, 3}, {}};
+  OK(fs_object_move(two.me.get(), "bob/a", &pose, &given, FS_NOW));
   const fs_motion after = motion_of(two.bob.get(), "a");
   ck_assert(after.motion_revision > before.motion_revision);
   expect_same_motion(after, motion_of(two.me.get(), "bob/a"));
@@ -430,7 +436,7 @@ START_TEST(revisions_of_others) {
     two.bob.reset();
     ck_assert(eventually([&] { return motions_of(two.me.get()).empty(); }));
     two.bob = two.join("bob");
-    set(two.bob, spring("a"));
+    set_his(spring("a"));
     expect_grown("changed moved");
   }
 }
@@ -450,6 +456,7 @@ START_TEST(groups_are_whole) {  // of other clients and of the server's own scen
   };
   pair(two.bob.get(), 0, false);
   pair(two.base.get(), 0, false);
+  OK(two.sync(two.bob.get()));
   std::atomic<bool> is_over{false};
   std::vector<std::thread> threads;
   for (fs_scene* scene : {two.bob.get(), two.base.get()}) {
@@ -505,6 +512,7 @@ START_TEST(a_long_list) {  // which the server does not write at once: it is of 
   }
   is_over = true;
   mover.join();
+  OK(two.sync(two.bob.get()));
   const std::map<std::string, fs_motion> own = by_name(motions_of(two.bob.get(), "bob"));
   const std::map<std::string, fs_motion> seen = by_name(motions_of(two.me.get(), "bob"));
   ck_assert_uint_eq(own.size(), many);
