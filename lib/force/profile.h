@@ -29,8 +29,10 @@ Intensity evaluate(const Profile& profile, unsigned reader, double d, double t) 
 // for a profile that never gives any. Expressions: their reach.
 double support(const Profile& profile) noexcept;
 
-// The steepest |df/dd| over all d >= 0, N/m; infinite where f jumps at the reach. Curves: sampled over d (and an
-// expression over the first 10 s), an estimate that may be too low.
+// The steepest |df/dd| over all d >= 0 where 0 < f < limit, N/m; infinite where f jumps at the reach. Curves are not
+// evaluated: what was worked out when they were made is scaled by the gain and cut off by limit and reach (curve.h).
 double steepest_slope(const Profile& profile);
+// The force at d = 0, N; of an expression the greatest of those sampled in time.
+double first_force(const Profile& profile);
 
 }  // namespace fs

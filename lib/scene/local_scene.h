@@ -198,7 +198,16 @@ struct LocalScene final : Scene {
   void retime(double shift);
   void switch_clock(ClockKind clock);
   fs_object to_c(const Entry& entry) const;
-  fs_report make_report(uint32_t slot, const Entry& entry, double now) const;
+  // What a report needs of the scene.
+  struct ReportBasis {
+    double time;     // s
+    double fade;     // s, the servo's; negative: there is no servo
+    uint64_t tick;   // the last
+    fs_frame frame;
+  };
+  ReportBasis report_basis() const;
+  // evaluated: the entry as it is felt; null: it is not yet. Needs no lock.
+  static fs_report make_report(const Entry& entry, const Entry* evaluated, const ReportBasis& basis);
   void push_event(const fs_event& event);
   void limit_events();
   void collect_events(ServoLink& servo);

@@ -15,6 +15,7 @@ class LocalScene::Moment {
   Moment(Ref<LocalScene> scene, bool with_group) : scene_(std::move(scene)) {
     const std::lock_guard lock(scene_->mutex_);
     objects_ = with_group ? scene_->working() : scene_->table_;
+    basis_ = scene_->report_basis();
     most_ = scene_->slots_.size();
   }
   ~Moment() {
@@ -33,6 +34,15 @@ class LocalScene::Moment {
     });
   }
 
+  // Calls f(fs_report) for each, as they were evaluated.
+  template <class F>
+  void for_each_report(F&& f) const {
+    objects_.for_each([&](uint32_t, const Entry& entry) {
+      if (!entry.is_removed) f(make_report(entry, &entry, basis_));
+    });
+  }
+  const fs_frame& frame() const noexcept { return basis_.frame; }
+
  private:
   static fs_motion to_motion(const Entry& entry, const std::string& prefix) noexcept {
     fs_motion out{};
@@ -50,6 +60,7 @@ class LocalScene::Moment {
 
   const Ref<LocalScene> scene_;
   Table<Entry> objects_;
+  ReportBasis basis_;
   size_t most_ = 0;
 };
 

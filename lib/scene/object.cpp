@@ -5,7 +5,6 @@
 
 #include "base/enum.h"
 #include "base/error.h"
-#include "force/reader.h"
 
 namespace fs {
 namespace {
@@ -66,27 +65,11 @@ void check_contact(const fs_contact& contact, fs_primitive primitive) {
 // The steepest slope of the force along the distance. Where the force jumps, it is infinite: at a point or polyline its
 // direction turns over, at a surface it goes from the front's value to the back's.
 double object_slope(const Object& object) {
-  const auto signed_force = [](const Profile& profile, double side) {
-    // At d = 0+, along the front's normal; a curve is looked at when the object is born.
-    if (profile.kind == FS_PROFILE_NONE) return 0.0;
-    if (profile.kind == FS_PROFILE_CUSTOM) {
-      const ReaderId reader;
-      profile.curve->prepare(reader.get());
-      return side * evaluate(profile, reader.get(), 0, 0).force;
-    }
-    return side * evaluate(profile, 0, 0, 0).force;
-  };
   const auto outward = [](const Profile& profile) { return profile.sense == FS_SENSE_REPULSIVE ? 1.0 : -1.0; };
   const double steepest = std::fmax(steepest_slope(object.front), steepest_slope(object.back));
-  const double front = signed_force(object.front, outward(object.front));
-  const double back = has_surface(object.primitive) ? signed_force(object.back, -outward(object.back)) : -front;
+  const double front = outward(object.front) * first_force(object.front);
+  const double back = has_surface(object.primitive) ? -outward(object.back) * first_force(object.back) : -front;
   return front == back ? steepest : std::numeric_limits<double>::infinity();
-}
-
-double shape_radius(const Shape& shape) {
-  double largest = 0;
-  for (const Vec3& p : shape.points) largest = std::fmax(largest, dot(p, p));
-  return std::sqrt(largest) * (1 + 1e-12);
 }
 
 ParsedObject parse(const fs_object& in, std::string name, const Object* like, bool builds_shape) {
@@ -138,7 +121,7 @@ ParsedObject parse(const fs_object& in, std::string name, const Object* like, bo
 
   if (object.shape) {
     if (builds_shape) object.shape->build();
-    object.radius = like && like->shape == object.shape ? like->radius : shape_radius(*object.shape);
+    object.radius = object.shape->radius;
   } else if (in.primitive == FS_PRIMITIVE_PLANE) {
     object.radius = std::numeric_limits<double>::infinity();
   }

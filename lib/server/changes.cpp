@@ -10,6 +10,7 @@ namespace {
 
 // Then its socket is not read, until some have been applied and done.
 constexpr size_t most_parked = 4096;  // messages
+constexpr size_t few_parked = 32;     // groups and changes, that cost little to look through
 constexpr unsigned most_jobs = 16;    // each may hold a descriptor
 
 constexpr uint64_t expression_size = 40'000;  // bytes, about what two parsers of a long one take
@@ -74,15 +75,16 @@ void Session::take_upload(Message&& message, Descriptor&& came) {
     // Reading, checking and building take as long as they take: not on this thread.
     const auto made = std::make_shared<Upload>();
     auto work = [made, is_shape, message = std::move(message), data = std::make_shared<Descriptor>(std::move(came)),
-                 charge = std::make_shared<Charge>(shape_bytes_, bytes)] {
+                 charge = std::make_shared<Charge>(shape_bytes_, bytes), reader = channel_->reader.id](Wanted& wanted) {
       try {
         if (is_shape) {
-          made->shape = from_record(message.as<wire::Shape>(), std::move(*data));
+          made->shape = from_record(message.as<wire::Shape>(), std::move(*data), wanted);
           made->shape->keep(charge);
-          made->shape->build();
+          made->shape->build(wanted);
         } else {
           made->curve = from_record(message.as<wire::Curve>(), std::move(*data));
           made->curve->keep(charge);
+          made->curve->prepare(reader);
         }
       } catch (Error& error) {
         *made = {false, nullptr, nullptr, error.status, std::move(error.text)};
@@ -116,9 +118,15 @@ void Session::finish_upload(uint64_t id, Upload&& upload) noexcept {
         refused_uploads_.insert(id);
         outbox_->edits.fetch_add(1, std::memory_order_release);
       }
+      if (const void* const made = upload.shape ? static_cast<const void*>(upload.shape.get()) : upload.curve.get()) {
+        upload_of_[made] = id;
+      }
       found->second = std::move(upload);
     }
-    if (held_.ids.contains(id)) retry_parked();
+    if (held_.ids.contains(id)) {
+      is_retry_due_ = true;
+      if (parked_.size() <= few_parked) retry_parked();
+    }
     const std::vector<Message> waiting = std::exchange(waiting_edits_, {});
     for (const Message& message : waiting) edit(message);
   } catch (...) {
@@ -184,7 +192,18 @@ void Session::tell_settled() noexcept {
   if (outbox_ && parked_.empty()) outbox_->settled.store(last_serial_, std::memory_order_release);
 }
 
+void Session::catch_up() noexcept {
+  if (is_gone_ || !is_retry_due_ || (turns_until_retry_ > 0 && --turns_until_retry_ > 0)) return;
+  try {
+    retry_parked();
+  } catch (...) {
+    drop(server_.settings().lease);
+  }
+}
+
 void Session::retry_parked() {
+  is_retry_due_ = false;
+  turns_until_retry_ = parked_.size() / few_parked;
   std::deque<Unit> units = std::exchange(parked_, {});
   held_ = {};
   for (Unit& unit : units) {
@@ -354,7 +373,11 @@ void Session::apply(const Message& message, uint64_t serial) {
       break;
     }
     case type_forget:
-      uploads_.erase(message.as<Forget>().id);
+      if (const auto found = uploads_.find(message.as<Forget>().id); found != uploads_.end()) {
+        upload_of_.erase(found->second.shape ? static_cast<const void*>(found->second.shape.get())
+                                             : found->second.curve.get());
+        uploads_.erase(found);
+      }
       refused_uploads_.erase(message.as<Forget>().id);
       return;
     default: return;

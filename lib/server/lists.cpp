@@ -4,6 +4,7 @@
 
 #include "base/error.h"
 #include "scene/moment.h"
+#include "server/list.h"
 #include "server/session.h"
 
 namespace fs {
@@ -29,8 +30,53 @@ void Session::tell_view(const Message& message) {
   reply(message.header.serial, bytes_of(&out, 1));
 }
 
-// How the objects of some scenes move, all at one instant, as a list for a client.
-struct MotionList {
+void List::flush() {
+  blob_->write(piece_);
+  piece_.clear();
+}
+
+void List::make() noexcept {
+  try {
+    BlobWriter blob;
+    blob_ = &blob;
+    write();
+    flush();
+    data = blob.seal();
+  } catch (Error& error) {
+    status = error.status;
+    text = std::move(error.text);
+  } catch (...) {
+    status = FS_ERROR_MEMORY;
+  }
+  release();
+}
+
+void Session::tell_list(uint64_t serial, const std::shared_ptr<List>& list) {
+  constexpr size_t short_list = 64;
+  if (list->most() <= short_list) {
+    list->make();
+    return tell_made(serial, *list);
+  }
+  server_.worker(0).add(id_, {[list](Wanted&) { list->make(); }, [server = &server_, session = id_, serial, list] {
+    const std::shared_ptr<Session> found = server->find(session);
+    if (!found) return;
+    found->tell_made(serial, *list);
+    found->finish_job();
+  }});
+  ++jobs_;
+  regulate();
+}
+
+void Session::tell_made(uint64_t serial, const List& list) {
+  if (list.status == FS_OK) return reply(serial, bytes_of(&list.count, 1), list.data.get());
+  reply_failure(serial, list.status, list.text.empty() ? "the server has not enough memory for the list" : list.text);
+}
+
+namespace {
+
+// How the objects of some scenes move, all at one instant.
+class MotionList final : public List {
+ public:
   struct Part {
     Part(std::string the_prefix, const Ref<LocalScene>& scene) : prefix(std::move(the_prefix)), moment(scene, false) {}
     const std::string prefix;
@@ -38,48 +84,24 @@ struct MotionList {
   };
   std::deque<Part> parts;
 
-  Descriptor data;
-  wire::Count count{0};
-  fs_status status = FS_OK;
-  std::string text;
-
-  size_t most() const {  // objects
+  size_t most() const override {
     size_t sum = 0;
     for (const Part& part : parts) sum += part.moment.most();
     return sum;
   }
 
-  void write() noexcept {  // any thread; lets go of the scenes
-    try {
-      BlobWriter blob;
-      std::vector<fs_motion> piece;
-      constexpr size_t piece_size = 256;
-      piece.reserve(piece_size);
-      const auto flush = [&] {
-        blob.write(bytes_of(piece.data(), piece.size()));
-        count.count += piece.size();
-        piece.clear();
-      };
-      for (const Part& part : parts) {
-        part.moment.for_each_motion(part.prefix, [&](const fs_motion& motion) {
-          piece.push_back(motion);
-          if (piece.size() == piece_size) flush();
-        });
-      }
-      flush();
-      data = blob.seal();
-    } catch (Error& error) {
-      status = error.status;
-      text = std::move(error.text);
-    } catch (...) {
-      status = FS_ERROR_MEMORY;
+ private:
+  void write() override {
+    for (const Part& part : parts) {
+      part.moment.for_each_motion(part.prefix, [&](const fs_motion& motion) { add_record(motion); });
     }
-    parts.clear();
   }
+  void release() override { parts.clear(); }
 };
 
-// At one instant: no other message is looked at meanwhile, so no group is there half. A long list is written by the
-// worker, for it takes a while.
+}  // namespace
+
+// At one instant: no other message is looked at meanwhile, so no group is there half.
 void Session::tell_motions(const Message& message) {
   const std::string client = text_of(message.as<wire::Target>().name);
   const Session* const only = client.empty() ? nullptr : find_client(client);
@@ -91,25 +113,7 @@ void Session::tell_motions(const Message& message) {
     session->take_moves();  // what it has moved before
     list->parts.emplace_back(session->name_ + "/", session->scene_);
   }
-  const uint64_t serial = message.header.serial;
-  constexpr size_t short_list = 1000;  // about 0.2 ms
-  if (list->most() <= short_list) {
-    list->write();
-    return tell_motions(serial, *list);
-  }
-  server_.worker(0).add(id_, {[list] { list->write(); }, [server = &server_, session = id_, serial, list] {
-    const std::shared_ptr<Session> found = server->find(session);
-    if (!found) return;
-    found->tell_motions(serial, *list);
-    found->finish_job();
-  }});
-  ++jobs_;
-  regulate();
-}
-
-void Session::tell_motions(uint64_t serial, const MotionList& list) {
-  if (list.status == FS_OK) return reply(serial, bytes_of(&list.count, 1), list.data.get());
-  reply_failure(serial, list.status, list.text.empty() ? "the server has not enough memory for the list" : list.text);
+  tell_list(message.header.serial, list);
 }
 
 }  // namespace fs

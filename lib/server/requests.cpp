@@ -3,8 +3,11 @@
 
 #include <algorithm>
 #include <cstring>
+#include <deque>
 
 #include "base/error.h"
+#include "scene/moment.h"
+#include "server/list.h"
 #include "server/session.h"
 
 namespace fs {
@@ -91,7 +94,7 @@ void Session::request(const Message& message) {
       case type_sync: {
         constexpr size_t most = 64;
         if (syncs_.size() >= most) fail(FS_ERROR_FULL, "%zu calls wait for this client already", syncs_.size());
-        syncs_.push_back({serial, whole_turns_, false, 0, {}});
+        syncs_.push_back({serial, false, 0, {}});
         return;
       }
       case type_pull: return pull(message);
@@ -129,12 +132,7 @@ void Session::request(const Message& message) {
         }
         return reply(serial, bytes_of(&report, 1));
       }
-      case type_reports: {
-        const std::vector<fs_report> list = reports();
-        const Descriptor blob = make_blob({bytes_of(list.data(), list.size())});
-        const Count count{list.size()};
-        return reply(serial, bytes_of(&count, 1), blob.get());
-      }
+      case type_reports: return tell_reports(message);
       case type_clients: {
         const std::vector<fs_client> list = server_.describe();
         const Descriptor blob = make_blob({bytes_of(list.data(), list.size())});
@@ -268,9 +266,8 @@ wire::Object Session::offer(const fs_object& object) {
   wire::Object out = to_record(object);
   const auto id_of = [this](const fs_shape* shape, const fs_curve* curve) -> uint64_t {
     if (!shape && !curve) return 0;
-    for (const auto& [id, upload] : uploads_) {
-      if (shape ? upload.shape.get() == shape : upload.curve.get() == curve) return id;
-    }
+    const auto own = upload_of_.find(shape ? static_cast<const void*>(shape) : curve);
+    if (own != upload_of_.end()) return own->second;
     const uint64_t serial = shape ? shape->serial : curve->serial;
     offered_[serial] = {Ref<const Shape>::share(shape), Ref<const Curve>::share(curve)};
     return serial | wire::of_server;
@@ -293,7 +290,7 @@ void Session::fetch(const Message& message) {
     std::string text;
   };
   const auto made = std::make_shared<Made>();
-  auto work = [made, shape = found->second.first, curve = found->second.second] {
+  auto work = [made, shape = found->second.first, curve = found->second.second](Wanted&) {
     try {
       if (shape) {
         made->shape = to_record(*shape, made->data);
@@ -310,7 +307,11 @@ void Session::fetch(const Message& message) {
     }
   };
   const bool is_shape = bool(found->second.first);
-  server_.worker(0).add(id_, {std::move(work), [server = &server_, session = id_, serial = message.header.serial, made,
+  const auto& [shape, curve] = found->second;
+  const uint64_t bytes = shape            ? shape->points.size() * sizeof(Vec3) + shape->triangles.size() * sizeof(uint32_t)
+                         : curve->table() ? curve->table()->size() * sizeof(double)
+                                          : 0;
+  server_.worker(bytes).add(id_, {std::move(work), [server = &server_, session = id_, serial = message.header.serial, made,
                                                is_shape] {
     const std::shared_ptr<Session> found = server->find(session);
     if (!found) return;
@@ -337,7 +338,7 @@ void Session::settle_syncs() {
       continue;
     }
     const LocalScene& own = *server_.servo().scene();
-    if (!sync.has_begun && whole_turns_ == sync.begins_after) {  // moves before it have not been taken
+    if (!sync.has_begun && !are_moves_taken_) {  // they came before it
       syncs_.push_back(std::move(sync));
       continue;
     }
@@ -361,36 +362,61 @@ void Session::settle_syncs() {
 
 // ----------------------------------------------------------------------------------------------------------- reports
 
-std::vector<fs_report> Session::own_reports() const {
-  std::vector<fs_report> out = scene_->reports();
-  for (const auto& [name, absent] : absent_) out.push_back(report_of(name, absent.primitive, absent.state));
-  return out;
-}
-
 fs_report Session::own_report(const std::string& name) const {
   const auto absent = absent_.find(name);
   if (absent != absent_.end()) return report_of(name, absent->second.primitive, absent->second.state);
   return scene_->report(name.c_str());
 }
 
-// Of all objects, its own first.
-std::vector<fs_report> Session::reports() {
-  std::vector<fs_report> out = own_reports();
-  const fs_frame here = scene_->get_frame(nullptr);
-  const auto add = [&](const std::string& client, const std::vector<fs_report>& reports, const fs_frame& frame) {
-    for (const fs_report& report : reports) {
-      fs_report seen = seen_from(report, frame, here);
-      put_text(seen.name, client + "/" + report.name);
-      out.push_back(seen);
+// What became of all objects, those of one client first.
+class ReportList final : public List {
+ public:
+  struct Part {
+    Part(std::string the_prefix, const Ref<LocalScene>& scene) : prefix(std::move(the_prefix)), moment(scene, false) {}
+    const std::string prefix;  // empty: the client's own
+    const LocalScene::Moment moment;
+    std::vector<fs_report> absent;  // by bare names
+  };
+  std::deque<Part> parts;
+  fs_frame frame;  // of the client
+
+  size_t most() const override {
+    size_t sum = 0;
+    for (const Part& part : parts) sum += part.moment.most() + part.absent.size();
+    return sum;
+  }
+
+ private:
+  void write() override {
+    for (const Part& part : parts) {
+      const auto add = [&](const fs_report& report) {
+        if (part.prefix.empty()) return add_record(report);
+        fs_report seen = seen_from(report, part.moment.frame(), frame);
+        put_text(seen.name, part.prefix + report.name);
+        add_record(seen);
+      };
+      part.moment.for_each_report(add);
+      for (const fs_report& report : part.absent) add(report);
+    }
+  }
+  void release() override { parts.clear(); }
+};
+
+void Session::tell_reports(const Message& message) {
+  const auto list = std::make_shared<ReportList>();
+  const auto add = [&](const std::string& prefix, const Session& session) {
+    ReportList::Part& part = list->parts.emplace_back(prefix, session.scene_);
+    for (const auto& [name, absent] : session.absent_) {
+      part.absent.push_back(report_of(name, absent.primitive, absent.state));
     }
   };
-  const Ref<LocalScene>& own = server_.servo().scene();
-  add("server", own->reports(), own->get_frame(nullptr));
+  list->frame = scene_->get_frame(nullptr);
+  add("", *this);
+  list->parts.emplace_back("server/", server_.servo().scene());
   for (const std::shared_ptr<Session>& other : server_.sessions()) {
-    if (other.get() == this || other->is_gone_ || !other->scene_) continue;
-    add(other->name_, other->own_reports(), other->scene_->get_frame(nullptr));
+    if (other.get() != this && !other->is_gone_ && other->scene_) add(other->name_ + "/", *other);
   }
-  return out;
+  tell_list(message.header.serial, list);
 }
 
 fs_client Session::describe() const {

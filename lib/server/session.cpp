@@ -15,7 +15,7 @@ namespace fs {
 namespace {
 
 constexpr int messages_at_once = 64;
-constexpr double slice = 2e-4;  // s; then it is another one's turn
+constexpr double slice = 3e-5;  // s; then it is another one's turn: who asks for little does not wait long
 
 // Of the record that comes with a type; -1: no such type.
 ssize_t body_size(uint32_t type) {
@@ -97,7 +97,7 @@ bool Session::is_busy() const noexcept {
 
 void Session::receive() noexcept {
   try {
-    alignas(16) static thread_local std::byte buffer[most_message];
+    const std::span<std::byte> buffer = server_.message_buffer();
     const double start = steady_now();
     for (int i = 0; i < messages_at_once && !is_gone_ && is_reading_; ++i) {
       if (i > 0 && steady_now() - start > slice) return;
@@ -109,15 +109,15 @@ void Session::receive() noexcept {
       if (transfer == Transfer::closed) return drop(server_.settings().lease);
       server_.note_activity();
       if (name_.empty()) {
-        greet({buffer, size});
+        greet(buffer.first(size));
         continue;
       }
       Message message{};
       if (size < sizeof message.header) return drop(server_.settings().lease);
-      std::memcpy(&message.header, buffer, sizeof message.header);
+      std::memcpy(&message.header, buffer.data(), sizeof message.header);
       size -= sizeof message.header;
       const std::shared_ptr<std::byte[]> memory = std::make_shared_for_overwrite<std::byte[]>(size);
-      std::memcpy(memory.get(), buffer + sizeof message.header, size);
+      std::memcpy(memory.get(), buffer.data() + sizeof message.header, size);
       message.body = {memory.get(), size};
       message.memory = memory;
       const uint32_t type = message.header.type;
@@ -344,6 +344,7 @@ bool Session::take_moves() {
     } catch (const Error&) {  // the object is not there any more
     }
   }
+  moves_allowed_.spend(moved_.size());
   if (!moved_.empty()) server_.note_activity();
   return true;
 }
@@ -352,8 +353,9 @@ void Session::turn(double now) noexcept {
   if (is_gone_ || name_.empty()) return;
   try {
     outbox_->heartbeat.store(now, std::memory_order_relaxed);
+    are_moves_taken_ = false;
     if (is_applying_) return;
-    if (take_moves()) ++whole_turns_;
+    are_moves_taken_ = moves_allowed_.begin_turn() && take_moves();
     scene_->post();
   } catch (...) {
     drop(server_.settings().lease);

@@ -8,18 +8,19 @@
 #include <optional>
 #include <set>
 #include <string>
-#include <unordered_map>
 #include <vector>
 
 #include "base/error.h"
+#include "base/name_map.h"
 #include "ipc/region.h"
 #include "ipc/socket.h"
 #include "scene/transfer.h"
+#include "server/allowance.h"
 #include "server/server.h"
 
 namespace fs {
 
-struct MotionList;  // lists.cpp
+class List;  // list.h
 
 class Session : public std::enable_shared_from_this<Session> {
  public:
@@ -38,6 +39,8 @@ class Session : public std::enable_shared_from_this<Session> {
   void receive() noexcept;
   // What comes each period: takes the moves, and posts the changes to the servo.
   void turn(double now) noexcept;
+  // What waits for shapes and has become ready, where it is so much that each shape cannot be followed by a look at all.
+  void catch_up() noexcept;
   // After all have had their turn: tells what a tick has used.
   void settle() noexcept;
   // Now and then: passes on the scene's events, and looks after the channel.
@@ -51,9 +54,7 @@ class Session : public std::enable_shared_from_this<Session> {
 
   // For the sessions of others: it changed one of this one's objects.
   void note_edit(const std::string& object, const std::string& editor, bool is_removed);
-  std::vector<fs_report> reports();
   fs_client describe() const;
-  std::vector<fs_report> own_reports() const;  // in its own frame, by bare names
   fs_report own_report(const std::string& name) const;  // NOT_FOUND
 
  private:
@@ -119,8 +120,7 @@ class Session : public std::enable_shared_from_this<Session> {
   };
   struct Sync {
     uint64_t serial;
-    uint64_t begins_after;  // of whole_turns_: then its targets are sampled
-    bool has_begun;
+    bool has_begun;  // its targets are sampled at the next turn that has taken all moves
     uint64_t own;    // sequence wanted of the servo's own scene, and those of the clients
     std::vector<std::pair<std::weak_ptr<const Session>, uint64_t>> wanted;
   };
@@ -163,7 +163,9 @@ class Session : public std::enable_shared_from_this<Session> {
   void fetch(const Message& message);
   void tell_view(const Message& message);     // lists.cpp
   void tell_motions(const Message& message);
-  void tell_motions(uint64_t serial, const MotionList& list);
+  void tell_list(uint64_t serial, const std::shared_ptr<List>& list);  // now, or when the worker has made it
+  void tell_made(uint64_t serial, const List& list);
+  void tell_reports(const Message& message);
   Session* find_client(const std::string& name) const;  // null: the server. NOT_FOUND
   void settle_syncs();
   void reply(uint64_t serial, std::span<const std::byte> body = {}, int descriptor = -1);
@@ -198,10 +200,15 @@ class Session : public std::enable_shared_from_this<Session> {
   std::map<std::string, Absent, std::less<>> absent_;
   std::vector<uint64_t> dirty_;  // a bit each slot: there is a move to be looked at
   std::vector<std::pair<uint32_t, wire::Move>> moved_;
+  Allowance moves_allowed_{256};  // each turn, about 40 us
+  bool are_moves_taken_ = false;  // in this turn
   uint64_t last_serial_ = 0;
   std::deque<Unit> parked_;  // until shapes are built
   Held held_;
-  std::unordered_map<uint64_t, Upload> uploads_;
+  bool is_retry_due_ = false;  // something is there that parked changes wait for
+  size_t turns_until_retry_ = 0;
+  std::map<uint64_t, Upload> uploads_;  // by the client's number
+  std::map<const void*, uint64_t> upload_of_;  // of a shape or curve that was made of one
   std::set<uint64_t> refused_uploads_;  // that the client has not been told of
   unsigned jobs_ = 0;  // of the worker, that are not done
   const std::shared_ptr<std::atomic<uint64_t>> shape_bytes_ = std::make_shared<std::atomic<uint64_t>>(0);
@@ -212,7 +219,6 @@ class Session : public std::enable_shared_from_this<Session> {
   bool is_view_edited_ = false;
   uint64_t edits_told_ = 0;
   std::map<std::string, uint64_t, std::less<>> awaited_;  // names that no tick has used yet, with the sequence; 0: not posted
-  uint64_t whole_turns_ = 0;  // that have taken all moves
   std::vector<Sync> syncs_;
   std::optional<std::pair<fs_status, std::string>> first_refused_;
   uint64_t moves_ = 0, changes_ = 0, refused_ = 0;

@@ -6,7 +6,6 @@
 #include <signal.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
-#include <sys/utsname.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -249,29 +248,6 @@ void part_read() {
 }
 
 // ------------------------------------------------------------------------------------------------------------ latency
-
-// From the move to the write of the force that comes of it, ns. overtaken: the next move came before a tick.
-Samples latencies(const Page& page, const std::vector<Arrival>& arrivals, size_t& overtaken) {
-  Samples out;
-  const auto place_of = [](const Arrival& a) {
-    const double angle = std::atan2(a.force.y, a.force.x) / (2 * M_PI);
-    return static_cast<uint64_t>(std::lround((angle < 0 ? angle + 1 : angle) * places)) % places;
-  };
-  size_t next = 0;
-  for (uint64_t k = 0; k < page.turn_count; ++k) {
-    const int64_t end = k + places < page.turn_count ? page.turns[k + places].time : INT64_MAX;
-    size_t i = next;
-    while (i < arrivals.size() && arrivals[i].time < page.turns[k].time) ++i;
-    while (i < arrivals.size() && arrivals[i].time < end && place_of(arrivals[i]) != k % places) ++i;
-    if (i == arrivals.size() || arrivals[i].time >= end) {
-      ++overtaken;
-      continue;
-    }
-    out.add(static_cast<double>(arrivals[i].time - page.turns[k].time));
-    next = i;
-  }
-  return out;
-}
 
 // As many threads as there are processors that work all the time, at the ordinary priority.
 class Load {
@@ -672,20 +648,6 @@ void part_lists() {
 }
 
 // --------------------------------------------------------------------------------------------------------------- parts
-
-void print_machine() {
-  utsname system{};
-  uname(&system);
-  std::ifstream file("/proc/cpuinfo");
-  std::string line, model = "?", load;
-  while (std::getline(file, line)) {
-    if (line.starts_with("model name")) model = line.substr(line.find(':') + 2);
-  }
-  std::getline(std::ifstream("/proc/loadavg"), load);
-  std::printf("%s, %ld processors; %s %s; forceserver %s; load before: %s\n", model.c_str(),
-              sysconf(_SC_NPROCESSORS_ONLN), system.sysname, system.release, fs_version(), load.c_str());
-  std::fflush(stdout);
-}
 
 void print_realtime() {
   const Rig rig(real_time);
