@@ -1,10 +1,13 @@
 #include "scene/object.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <optional>
 
 #include "base/enum.h"
 #include "base/error.h"
+#include "base/names.h"
 #include "force/reader.h"
 
 namespace fs {
@@ -40,10 +43,7 @@ size_t utf8_length(const unsigned char* text) {
 bool has_surface(fs_primitive primitive) { return primitive == FS_PRIMITIVE_PLANE || primitive == FS_PRIMITIVE_MESH; }
 bool has_shape(fs_primitive primitive) { return primitive == FS_PRIMITIVE_POLYLINE || primitive == FS_PRIMITIVE_MESH; }
 
-const char* primitive_name(fs_primitive primitive) {
-  static constexpr const char* names[] = {"POINT", "POLYLINE", "PLANE", "MESH"};
-  return names[primitive];
-}
+const char* primitive_name(fs_primitive primitive) { return without_prefix(primitive_names[primitive]); }
 
 void check_contact(const fs_contact& contact, fs_primitive primitive) {
   const int32_t keep = raw_value(contact.keep);
@@ -63,24 +63,48 @@ void check_contact(const fs_contact& contact, fs_primitive primitive) {
   if (!(contact.limit > 0)) fail(FS_ERROR_INVALID, "contact.limit is %.9g, must be > 0 N", contact.limit);
 }
 
-// The steepest slope of the force along the distance. Where the force jumps, it is infinite: at a point or polyline its
-// direction turns over, at a surface it goes from the front's value to the back's.
-double object_slope(const Object& object) {
-  const auto signed_force = [](const Profile& profile, double side) {
-    // At d = 0+, along the front's normal; a curve is looked at when the object is born.
-    if (profile.kind == FS_PROFILE_NONE) return 0.0;
-    if (profile.kind == FS_PROFILE_CUSTOM) {
-      const ReaderId reader;
-      profile.curve->prepare(reader.get());
-      return side * evaluate(profile, reader.get(), 0, 0).force;
-    }
-    return side * evaluate(profile, 0, 0, 0).force;
+// Whether the force changes at once where d = 0: at a surface from the front's value to the back's, at a point or
+// polyline from one direction to the opposite one.
+bool jumps_at_zero(const Object& object) {
+  std::optional<ReaderId> reader;
+  bool depends_on_time = false;
+  for (const Profile* profile : {&object.front, &object.back}) {
+    if (!profile->curve) continue;
+    if (!reader) reader.emplace();
+    profile->curve->prepare(reader->get());
+    depends_on_time = depends_on_time || profile->curve->expression();
+  }
+  const auto along_normal = [&](const Profile& profile, double side, double t) {
+    const double force = evaluate(profile, reader ? reader->get() : 0, 0, t).force;
+    return profile.sense == FS_SENSE_REPULSIVE ? side * force : -side * force;
   };
-  const auto outward = [](const Profile& profile) { return profile.sense == FS_SENSE_REPULSIVE ? 1.0 : -1.0; };
-  const double steepest = std::fmax(steepest_slope(object.front), steepest_slope(object.back));
-  const double front = signed_force(object.front, outward(object.front));
-  const double back = has_surface(object.primitive) ? signed_force(object.back, -outward(object.back)) : -front;
-  return front == back ? steepest : std::numeric_limits<double>::infinity();
+  for (int i = 0; i < (depends_on_time ? sample_times : 1); ++i) {
+    const double t = sample_time(i), front = along_normal(object.front, 1, t);
+    if (front != (has_surface(object.primitive) ? along_normal(object.back, -1, t) : -front)) return true;
+  }
+  return false;
+}
+
+// Whether all its points lie on one line, within a millionth of its length.
+bool is_straight(const Shape& polyline) {
+  const Vec3 begin = polyline.points.front();
+  Vec3 along{};
+  for (const Vec3& p : polyline.points) {
+    if (norm(p - begin) > norm(along)) along = p - begin;
+  }
+  const Vec3 direction = normalized(along);
+  return std::ranges::all_of(polyline.points, [&](const Vec3& p) {
+    return norm(cross(p - begin, direction)) <= 1e-6 * norm(along);
+  });
+}
+
+// The steepest slope of the force, infinite where it jumps: fs_report has the list. A polyline that is not straight is
+// no convex set, so some places have two closest points (Motzkin 1935); these places hang together, from its bends to
+// any distance, and where the force is not 0 its direction changes there.
+double object_slope(const Object& object) {
+  const bool is_bent = object.primitive == FS_PRIMITIVE_POLYLINE && !is_straight(*object.shape);
+  if (jumps_at_zero(object) || (is_bent && is_ever_felt(object.front))) return std::numeric_limits<double>::infinity();
+  return std::fmax(steepest_slope(object.front), steepest_slope(object.back));
 }
 
 double shape_radius(const Shape& shape) {
@@ -143,8 +167,8 @@ ParsedObject parse(const fs_object& in, std::string name, const Object* like, bo
     object.radius = std::numeric_limits<double>::infinity();
   }
   object.support = std::fmax(support(object.front), support(object.back));
-  const bool has_same_force = like && like->primitive == object.primitive && like->front == object.front &&
-                              like->back == object.back;
+  const bool has_same_force = like && like->primitive == object.primitive && like->shape == object.shape &&
+                              like->front == object.front && like->back == object.back;
   object.steepest_slope = has_same_force ? like->steepest_slope : object_slope(object);  // the place for a slope cap
   out.object = made;
   return out;
@@ -215,6 +239,10 @@ Pose parse_pose(const Pose& pose, const char* field) {
   if (make_unit_pose(unit)) return unit;
   parse_position(pose.position, (std::string(field) + ".position").c_str());
   const Quat q = pose.orientation;
+  if (std::isnan(q.w)) {
+    fail(FS_ERROR_INVALID, "%s.orientation.w is not a number; fs_wall_init makes it so where its normal, here (%g, %g, "
+         "%g), is not finite and longer than 0", field, q.x, q.y, q.z);
+  }
   fail(FS_ERROR_INVALID, "%s.orientation is (%g, %g, %g, %g) of length %.9g, must be within 1e-3 of 1 or all 0", field,
        q.w, q.x, q.y, q.z, norm(q));
 }
