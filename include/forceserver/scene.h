@@ -206,7 +206,8 @@ typedef struct fs_report {
   uint64_t revision;            /* grows with every change but moves */
   double weight;                /* 0..1; between: FADING, in or out */
   double stiffness_wanted;      /* N/m at the device, steepest slope of profiles and contact; infinite where the force
-                                   jumps (below). Of a curve it is an estimate by samples */
+                                   jumps (above). Worked out once for a curve, when it is made: of a table
+                                   it is never too low, of an expression an estimate by some hundred samples */
   double stiffness_applied;     /* N/m at the device; below wanted: capped. 0.1: as wanted */
   double distance;              /* m, at the last tick, of the tool point nearest to it; infinite: not near (beyond its
                                    force, weight 0, clutched, no servo), then point and wrench are 0 */

@@ -1,19 +1,15 @@
-// A hash map by name that is looked up by std::string_view, without making a std::string.
+// A map by name, looked up by std::string_view without making a std::string. Ordered: names come from other processes, and
+// names chosen to meet in a hash table would make every look-up as long as the table.
 #pragma once
 
 #include <functional>
+#include <map>
 #include <string>
 #include <string_view>
-#include <unordered_map>
 
 namespace fs {
 
-struct NameHash {
-  using is_transparent = void;
-  size_t operator()(std::string_view name) const noexcept { return std::hash<std::string_view>()(name); }
-};
-
 template <class T>
-using NameMap = std::unordered_map<std::string, T, NameHash, std::equal_to<>>;
+using NameMap = std::map<std::string, T, std::less<>>;
 
 }  // namespace fs

@@ -8,6 +8,7 @@
 #include <limits>
 #include <vector>
 
+#include "base/wanted.h"
 #include "math/vec3.h"
 
 namespace fs {
@@ -39,12 +40,12 @@ struct Box {
 // in double precision too the distance to a box is never above that of anything in it.
 class BoxTree {
  public:
-  // Few boxes make no tree: they are one leaf.
-  explicit BoxTree(std::vector<Box> boxes) {
+  // Few boxes make no tree: they are one leaf. Throws Abandoned.
+  BoxTree(std::vector<Box> boxes, Wanted& wanted) {
     items_.reserve(boxes.size());
     for (size_t i = 0; i < boxes.size(); ++i) items_.push_back({boxes[i], static_cast<uint32_t>(i)});
     boxes = {};
-    if (items_.size() > few) build();
+    if (items_.size() > few) build(wanted);
     order_.reserve(items_.size());
     for (const Item& item : items_) order_.push_back(item.index);
     items_ = {};
@@ -126,13 +127,16 @@ class BoxTree {
     size_t size() const { return end - begin; }
   };
 
-  Box box_of(size_t begin, size_t end) const {
+  Box box_of(size_t begin, size_t end, Wanted& wanted) const {
     Box box;
-    for (size_t i = begin; i < end; ++i) box.add(items_[i].box);
+    for (size_t i = begin; i < end; ++i) {
+      wanted.step();
+      box.add(items_[i].box);
+    }
     return box;
   }
 
-  void build() {
+  void build(Wanted& wanted) {
     struct Task {
       Range range;
       uint32_t node;
@@ -161,9 +165,9 @@ class BoxTree {
         }
         if (largest < 0) break;
         const Range range = children[largest];
-        const size_t middle = split(range.begin, range.end, task.level < heuristic_levels);
-        children[largest] = {range.begin, middle, box_of(range.begin, middle)};
-        children[size++] = {middle, range.end, box_of(middle, range.end)};
+        const size_t middle = split(range.begin, range.end, task.level < heuristic_levels, wanted);
+        children[largest] = {range.begin, middle, box_of(range.begin, middle, wanted)};
+        children[size++] = {middle, range.end, box_of(middle, range.end, wanted)};
       }
       Node node{};
       node.size = size;
@@ -189,12 +193,13 @@ class BoxTree {
   }
 
   // Parts the items of a range in two; returns where the second part begins.
-  size_t split(size_t begin, size_t end, bool by_heuristic) {
+  size_t split(size_t begin, size_t end, bool by_heuristic, Wanted& wanted) {
     double low[3], high[3];
     for (int axis = 0; axis < 3; ++axis) {
       low[axis] = high[axis] = items_[begin].center(axis);
     }
     for (size_t i = begin + 1; i < end; ++i) {
+      wanted.step();
       for (int axis = 0; axis < 3; ++axis) {
         const double c = items_[i].center(axis);
         low[axis] = std::min(low[axis], c);
@@ -208,6 +213,7 @@ class BoxTree {
     const double scale = bins / (high[axis] - low[axis]);
     if (by_heuristic && scale > 0 && std::isfinite(scale)) {
       const auto bin = [&](const Item& item) {
+        wanted.step();
         return std::min(static_cast<int>((item.center(axis) - low[axis]) * scale), bins - 1);
       };
       const int border = best_border(begin, end, bin);
@@ -221,7 +227,10 @@ class BoxTree {
     const size_t middle = begin + (end - begin) / 2;
     std::nth_element(items_.begin() + static_cast<ptrdiff_t>(begin), items_.begin() + static_cast<ptrdiff_t>(middle),
                      items_.begin() + static_cast<ptrdiff_t>(end),
-                     [&](const Item& a, const Item& b) { return a.center(axis) < b.center(axis); });
+                     [&](const Item& a, const Item& b) {
+                       wanted.step();
+                       return a.center(axis) < b.center(axis);
+                     });
     return middle;
   }
 

@@ -39,6 +39,15 @@ struct fs_curve : fs::Counted<fs_curve> {
   // prepared; an expression gives 0 to one that was not.
   virtual fs::Intensity evaluate(unsigned reader, double d, double t) const noexcept = 0;
 
+  // What is known of the curve without evaluating it: worked out once, when it is made, so that whoever sets a profile costs
+  // nobody more than a few hundred steps.
+  // The steepest |slope|, N/m, over 0 <= d < reach where the force is below limit (N). Never NaN; may be infinite. Of a
+  // table never too low: exact, but for one of more than 257 entries cut off by limit or reach. Of an expression an
+  // estimate by samples.
+  virtual double steepest_slope(double limit, double reach) const noexcept = 0;
+  // The greatest force at d (m) at any time, N. Of a table exact, of an expression an estimate by samples.
+  virtual double greatest_force(double d) const noexcept = 0;
+
   virtual const std::string* expression() const noexcept { return nullptr; }          // null: a table
   virtual const std::vector<double>* table() const noexcept { return nullptr; }       // null: an expression
   virtual double step() const noexcept { return 0; }                                  // of the table, m

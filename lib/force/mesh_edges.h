@@ -6,6 +6,8 @@
 #include <span>
 #include <vector>
 
+#include "base/wanted.h"
+
 namespace fs {
 
 // Side k of triangle t, from its corner k to the next; id = 3 t + k.
@@ -28,9 +30,10 @@ inline bool is_collapsed(std::span<const uint32_t> corners, uint32_t triangle) {
 // Calls edge(half_edges) for every edge with the half-edges that share it, in the order of their triangles. corners:
 // three vertices a triangle, all below vertex_count. Those of collapsed triangles are among them.
 template <class Edge>
-void for_each_edge(std::span<const uint32_t> corners, size_t vertex_count, Edge&& edge) {
+void for_each_edge(std::span<const uint32_t> corners, size_t vertex_count, Wanted& wanted, Edge&& edge) {
   const auto for_each_half_edge = [&](auto&& visit) {
     for (size_t t = 0; t + 2 < corners.size(); t += 3) {
+      wanted.step();
       const uint32_t v[3] = {corners[t], corners[t + 1], corners[t + 2]};
       for (size_t k = 0; k < 3; ++k) {
         const uint32_t from = v[k], to = v[(k + 1) % 3];
@@ -48,7 +51,11 @@ void for_each_edge(std::span<const uint32_t> corners, size_t vertex_count, Edge&
   for (size_t v = 0; v < vertex_count; ++v) {
     HalfEdge* first = half_edges.data() + begin[v];
     HalfEdge* const last = half_edges.data() + begin[v + 1];
-    std::sort(first, last, [](HalfEdge a, HalfEdge b) { return a.other != b.other ? a.other < b.other : a.id < b.id; });
+    std::sort(first, last, [&](HalfEdge a, HalfEdge b) {
+      wanted.step();
+      return a.other != b.other ? a.other < b.other : a.id < b.id;
+    });
+    wanted.step();
     while (first != last) {
       HalfEdge* end = first + 1;
       while (end != last && end->other == first->other) ++end;

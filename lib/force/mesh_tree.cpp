@@ -9,18 +9,22 @@ namespace {
 
 constexpr uint32_t no_triangle = UINT32_MAX;
 
-std::vector<Box> triangle_boxes(std::span<const Vec3> points, std::span<const uint32_t> corners) {
+std::vector<Box> triangle_boxes(std::span<const Vec3> points, std::span<const uint32_t> corners, Wanted& wanted) {
   std::vector<Box> boxes(corners.size() / 3);
-  for (size_t i = 0; i < corners.size(); ++i) boxes[i / 3].add(points[corners[i]]);
+  for (size_t i = 0; i < corners.size(); ++i) {
+    wanted.step();
+    boxes[i / 3].add(points[corners[i]]);
+  }
   return boxes;
 }
 
 }  // namespace
 
-MeshTree::MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corners)
-    : boxes_(triangle_boxes(points, corners)), normals_(points, corners) {
+MeshTree::MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corners, Wanted& wanted)
+    : boxes_(triangle_boxes(points, corners, wanted), wanted), normals_(points, corners, wanted) {
   triangles_.reserve(corners.size() / 3);
   for (const uint32_t i : boxes_.order()) {
+    wanted.step();
     const uint32_t* v = corners.data() + size_t{3} * i;
     triangles_.push_back({points[v[0]], points[v[1]], points[v[2]]});
   }

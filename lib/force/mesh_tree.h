@@ -14,7 +14,8 @@ namespace fs {
 class MeshTree {
  public:
   // corners: three indices of points for each triangle.
-  MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corners);
+  // Throws Abandoned.
+  MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corners, Wanted& wanted);
 
   // [rt] As closest_point() in primitive.h. The triangle is the one that a test of all, in their order, would find: the
   // lowest index of those at the least distance.

@@ -8,7 +8,6 @@
 #include "base/enum.h"
 #include "base/error.h"
 #include "base/names.h"
-#include "force/reader.h"
 
 namespace fs {
 namespace {
@@ -127,57 +126,11 @@ double formula_slope(const Profile& p, double end) noexcept {
   }
 }
 
-// The larger of slopes and secants over a grid of distances: the secants see jumps.
-template <class Distance>
-double sampled_slope(const Profile& p, unsigned reader, double t, size_t count, Distance distance) {
-  double steepest = 0;
-  Intensity before = evaluate(p, reader, 0, t);
-  double d_before = 0;
-  for (size_t i = 1; i <= count; ++i) {
-    const double d = distance(i);
-    const Intensity here = evaluate(p, reader, d, t);
-    if (d > d_before) steepest = std::fmax(steepest, std::fabs(here.force - before.force) / (d - d_before));
-    steepest = std::fmax(steepest, std::fmax(std::fabs(before.slope), std::fabs(here.slope)));
-    before = here;
-    d_before = d;
-  }
-  return steepest;
-}
-
-double curve_slope(const Profile& p) {
-  const ReaderId reader;
-  p.curve->prepare(reader.get());
-  if (const std::vector<double>* table = p.curve->table()) {
-    const double intervals = static_cast<double>(table->size() - 1);
-    const double range = std::fmin(intervals * p.curve->step(), p.reach > 0 ? p.reach : infinity);
-    const double samples = std::clamp(16 * intervals, 256.0, 1e6);
-    return sampled_slope(p, reader.get(), 0, static_cast<size_t>(samples),
-                         [&](size_t i) { return range * (static_cast<double>(i) / samples); });
-  }
-  // Distances in a geometric row from 1 um to the reach, or 10 m.
-  constexpr size_t samples = 256;
-  const double range = p.reach > 0 ? p.reach : 10.0;
-  const double start = std::fmin(1e-6, range);
-  const double ratio = std::log(range / start) / (samples - 1);
-  double steepest = 0;
-  for (int j = 0; j < sample_times; ++j) {
-    const double t = sample_time(j);
-    const auto distance = [&](size_t i) {
-      return std::fmin(start * std::exp(ratio * static_cast<double>(i - 1)), range);
-    };
-    steepest = std::fmax(steepest, sampled_slope(p, reader.get(), t, samples, distance));
-    if (p.reach > 0 && evaluate(p, reader.get(), p.reach, t).force > 0) return infinity;
-  }
-  return steepest;
-}
-
 // True where f jumps to 0 at the reach.
 bool jumps_at_reach(const Profile& p) {
   if (!(p.reach > 0)) return false;
-  if (p.kind != FS_PROFILE_CUSTOM) return evaluate(p, 0, p.reach, 0).force > 0;
-  const ReaderId reader;
-  p.curve->prepare(reader.get());
-  return evaluate(p, reader.get(), p.reach, 0).force > 0;
+  if (p.kind == FS_PROFILE_CUSTOM) return p.gain * p.curve->greatest_force(p.reach) > 0;
+  return evaluate(p, 0, p.reach, 0).force > 0;
 }
 
 }  // namespace
@@ -265,7 +218,14 @@ bool is_ever_felt(const Profile& p) noexcept {
 double steepest_slope(const Profile& p) {
   if (jumps_at_reach(p)) return infinity;
   if (p.gain == 0) return 0;
-  return p.kind == FS_PROFILE_CUSTOM ? curve_slope(p) : formula_slope(p, p.reach > 0 ? p.reach : infinity);
+  const double end = p.reach > 0 ? p.reach : infinity;
+  if (p.kind != FS_PROFILE_CUSTOM) return formula_slope(p, end);
+  return std::fmin(p.gain * p.curve->steepest_slope(p.limit / p.gain, end), largest);
+}
+
+double first_force(const Profile& p) {
+  if (p.kind == FS_PROFILE_CUSTOM) return std::fmin(p.gain * p.curve->greatest_force(0), p.limit);
+  return evaluate(p, 0, 0, 0).force;
 }
 
 }  // namespace fs

@@ -32,13 +32,10 @@ double support(const Profile& profile) noexcept;
 // Whether the profile gives a force at any distance d > 0. Curves: as far as their support tells.
 bool is_ever_felt(const Profile& profile) noexcept;
 
-// Times at which an expression is looked at when its slope and jumps are asked for: s since the start, apart by what
-// does not beat with a usual frequency.
-constexpr int sample_times = 32;
-constexpr double sample_time(int i) { return 0.3141 * i; }
-
-// The steepest |df/dd| over all d >= 0, N/m; infinite where f jumps at the reach. Curves: sampled over d (and an
-// expression over the first 10 s), an estimate that may be too low.
+// The steepest |df/dd| over all d >= 0 where 0 < f < limit, N/m; infinite where f jumps at the reach. Curves are not
+// evaluated: what was worked out when they were made is scaled by the gain and cut off by limit and reach (curve.h).
 double steepest_slope(const Profile& profile);
+// The force at d = 0, N; of an expression the greatest of those sampled in time.
+double first_force(const Profile& profile);
 
 }  // namespace fs

@@ -1,7 +1,6 @@
 #include "force/pseudonormals.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <numbers>
 
@@ -22,36 +21,41 @@ struct Welded {
   size_t count = 0;
 };
 
-uint64_t hash(Vec3 p) {
-  uint64_t h = 0;
-  for (const double c : {p.x, p.y, p.z}) {
-    h = (h ^ std::bit_cast<uint64_t>(c + 0.0)) * 0x9e3779b97f4a7c15u;  // + 0.0: -0 is 0
-    h ^= h >> 32;
-  }
-  return h;
-}
-
-Welded weld(std::span<const Vec3> points, std::span<const uint32_t> corners) {
+// By sorting: however the points were chosen, n of them take n log n steps.
+Welded weld(std::span<const Vec3> points, std::span<const uint32_t> corners, Wanted& wanted) {
   constexpr uint32_t none = UINT32_MAX;
-  const size_t slots = std::bit_ceil(2 * std::min(points.size(), corners.size()));
-  std::vector<uint32_t> table(slots, none), vertex_of_point(points.size(), none);
-  std::vector<Vec3> vertices;
+  struct Place {
+    Vec3 position;
+    uint32_t point;
+  };
+  std::vector<uint32_t> first_of(points.size(), none);  // the first point of those at the same place; none: no corner
+  std::vector<Place> places;
+  places.reserve(std::min(points.size(), corners.size()));
+  for (const uint32_t point : corners) {
+    wanted.step();
+    if (first_of[point] != none) continue;
+    first_of[point] = point;
+    places.push_back({points[point], point});
+  }
+  std::sort(places.begin(), places.end(), [&](const Place& a, const Place& b) {
+    wanted.step();
+    if (a.position.x != b.position.x) return a.position.x < b.position.x;
+    if (a.position.y != b.position.y) return a.position.y < b.position.y;
+    return a.position.z < b.position.z;
+  });
+  for (size_t i = 1; i < places.size(); ++i) {
+    if (places[i].position == places[i - 1].position) first_of[places[i].point] = first_of[places[i - 1].point];
+  }
+  places = {};
+  std::vector<uint32_t> vertex_of(points.size(), none);
   Welded welded;
   welded.corners.reserve(corners.size());
   for (const uint32_t point : corners) {
-    uint32_t& vertex = vertex_of_point[point];
-    if (vertex == none) {
-      size_t slot = hash(points[point]) & (slots - 1);
-      while (table[slot] != none && !(vertices[table[slot]] == points[point])) slot = (slot + 1) & (slots - 1);
-      if (table[slot] == none) {
-        table[slot] = static_cast<uint32_t>(vertices.size());
-        vertices.push_back(points[point]);
-      }
-      vertex = table[slot];
-    }
+    wanted.step();
+    uint32_t& vertex = vertex_of[first_of[point]];
+    if (vertex == none) vertex = static_cast<uint32_t>(welded.count++);
     welded.corners.push_back(vertex);
   }
-  welded.count = vertices.size();
   return welded;
 }
 
@@ -59,8 +63,8 @@ double angle_between(Vec3 u, Vec3 v) { return std::atan2(norm(cross(u, v)), dot(
 
 }  // namespace
 
-Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint32_t> corners) {
-  const Welded welded = weld(points, corners);
+Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint32_t> corners, Wanted& wanted) {
+  const Welded welded = weld(points, corners, wanted);
   vertices_ = welded.corners;
   edges_.resize(corners.size());
   const uint32_t triangle_count = static_cast<uint32_t>(corners.size() / 3);
@@ -73,9 +77,10 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
     uint32_t triangle;
   };
   std::vector<Candidate> candidates;
-  for_each_edge(welded.corners, welded.count, [&](std::span<const HalfEdge> edge) {
+  for_each_edge(welded.corners, welded.count, wanted, [&](std::span<const HalfEdge> edge) {
     candidates.clear();
     for (const HalfEdge h : edge) {
+      wanted.step();
       edges_[h.id] = static_cast<uint32_t>(edge_is_flat.size());
       if (is_collapsed(welded.corners, h.triangle())) continue;
       const uint64_t opposite = welded.corners[size_t{3} * h.triangle() + (h.side() + 2) % 3];
@@ -83,7 +88,8 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
     }
     size_t count = candidates.size();
     if (count > 2) {
-      std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
+      std::sort(candidates.begin(), candidates.end(), [&](const Candidate& a, const Candidate& b) {
+        wanted.step();
         return a.key != b.key ? a.key < b.key : a.triangle < b.triangle;
       });
     }
@@ -109,6 +115,7 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
   vertex_normals_.assign(welded.count, no_normal);
   std::vector<uint32_t> without_area;
   for (uint32_t t = 0; t < triangle_count; ++t) {
+    wanted.step();
     if (is_twin[t]) continue;
     const Vec3 p[3] = {corner(t, 0), corner(t, 1), corner(t, 2)};
     faces[t] = triangle_normal(p[0], p[1], p[2]);
@@ -160,6 +167,7 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
       normals[i] = norm(normals[i]) > cancelled * weight(i) ? normalized(normals[i]) : no_normal;
     }
     for (size_t i = 0; i < ids.size(); ++i) {
+      wanted.step();
       if (normals[ids[i]] == no_normal) normals[ids[i]] = faces[i / 3];
     }
   };
@@ -169,6 +177,7 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
   // Flat: no triangle there deviates.
   const auto mark = [&](std::vector<Vec3>& normals, std::vector<uint32_t>& ids, std::vector<uint8_t>& is_flat) {
     for (size_t i = 0; i < ids.size(); ++i) {
+      wanted.step();
       const Vec3 face = faces[i / 3];
       if (!(face == no_normal) && norm(face - normals[ids[i]]) > flat_angle) is_flat[ids[i]] = 0;
     }

@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "base/wanted.h"
 #include "math/vec3.h"
 
 namespace fs {
@@ -25,7 +26,8 @@ class Pseudonormals {
     bool is_flat;  // inside a part of the mesh that is flat to 1e-7 rad: no edge or vertex can be felt there
   };
 
-  Pseudonormals(std::span<const Vec3> points, std::span<const uint32_t> corners);
+  // Throws Abandoned.
+  Pseudonormals(std::span<const Vec3> points, std::span<const uint32_t> corners, Wanted& wanted);
 
   // [rt] Of side k (from corner k to the next) and corner k of a triangle.
   Normal side(uint32_t triangle, int k) const noexcept { return get(edge_normals_, edges_[size_t{3} * triangle + k]); }

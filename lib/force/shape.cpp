@@ -15,10 +15,11 @@ constexpr double largest_position = 1e15;      // m
 constexpr size_t most_points = 4'000'000'000;  // an index is a uint32_t
 constexpr size_t most_triangles = 500'000'000; // and so is the number of a half-edge
 
-void check_points(const Vec3* points, size_t count, size_t least) {
+void check_points(const Vec3* points, size_t count, size_t least, Wanted& wanted) {
   if (count < least) fail(FS_ERROR_INVALID, "the shape has %zu points, must have at least %zu", count, least);
   if (count > most_points) fail(FS_ERROR_INVALID, "the shape has %zu points, must be at most %zu", count, most_points);
   for (size_t i = 0; i < count; ++i) {
+    wanted.step();
     const double coordinates[] = {points[i].x, points[i].y, points[i].z};
     for (int k = 0; k < 3; ++k) {
       if (std::fabs(coordinates[k]) <= largest_position) continue;
@@ -28,18 +29,22 @@ void check_points(const Vec3* points, size_t count, size_t least) {
   }
 }
 
-fs_shape_info bounds_of(const std::vector<Vec3>& points) {
+fs_shape_info bounds_of(const std::vector<Vec3>& points, Wanted& wanted) {
   fs_shape_info info = fs_shape_info_init();
   Box box;
-  for (const Vec3& p : points) box.add(p);
+  for (const Vec3& p : points) {
+    wanted.step();
+    box.add(p);
+  }
   info.lower = box.lower;
   info.upper = box.upper;
   return info;
 }
 
-void count_edges(const std::vector<Vec3>& points, const std::vector<uint32_t>& triangles, fs_shape_info& info) {
+void count_edges(const std::vector<Vec3>& points, const std::vector<uint32_t>& triangles, fs_shape_info& info,
+                 Wanted& wanted) {
   bool has_edges = false;
-  for_each_edge(triangles, points.size(), [&](std::span<const HalfEdge> edge) {
+  for_each_edge(triangles, points.size(), wanted, [&](std::span<const HalfEdge> edge) {
     size_t count = 0, up = 0;
     for (const HalfEdge h : edge) {
       if (is_collapsed(triangles, h.triangle())) continue;
@@ -54,70 +59,75 @@ void count_edges(const std::vector<Vec3>& points, const std::vector<uint32_t>& t
     }
   });
   for (size_t i = 0; i < triangles.size(); i += 3) {
+    wanted.step();
     const Vec3 n = triangle_normal(points[triangles[i]], points[triangles[i + 1]], points[triangles[i + 2]]);
     if (n == Vec3{0, 0, 0}) ++info.degenerate;
   }
   info.closed = has_edges && info.open_edges == 0 && info.odd_edges == 0;
 }
 
-std::unique_ptr<const BoxTree> segment_tree(const fs_shape& shape) {
+std::unique_ptr<const BoxTree> segment_tree(const fs_shape& shape, Wanted& wanted) {
   const std::vector<Vec3>& points = shape.points;
   std::vector<Box> boxes(shape.closed ? points.size() : points.size() - 1);
   for (size_t i = 0; i < boxes.size(); ++i) {
+    wanted.step();
     boxes[i].add(points[i]);
     boxes[i].add(points[i + 1 < points.size() ? i + 1 : 0]);
   }
-  return std::make_unique<const BoxTree>(std::move(boxes));
+  return std::make_unique<const BoxTree>(std::move(boxes), wanted);
 }
 
 }  // namespace
 
-Ref<const Shape> make_polyline(const Vec3* points, size_t count, bool closed) {
-  check_points(points, count, 2);
+Ref<const Shape> make_polyline(const Vec3* points, size_t count, bool closed, Wanted& wanted) {
+  check_points(points, count, 2, wanted);
   std::vector<Vec3> copy(points, points + count);
-  fs_shape_info info = bounds_of(copy);
+  fs_shape_info info = bounds_of(copy, wanted);
   info.primitive = FS_PRIMITIVE_POLYLINE;
   info.closed = closed;
-  return make_ref<const Shape>(info, std::move(copy), std::vector<uint32_t>());
+  return make_ref<const Shape>(info, std::move(copy), std::vector<uint32_t>(), wanted);
 }
 
-Ref<const Shape> make_mesh(const Vec3* points, size_t point_count, const uint32_t* triangles, size_t triangle_count) {
+Ref<const Shape> make_mesh(const Vec3* points, size_t point_count, const uint32_t* triangles, size_t triangle_count,
+                           Wanted& wanted) {
   if (triangle_count < 1) fail(FS_ERROR_INVALID, "the mesh has no triangle, must have at least one");
   if (triangle_count > most_triangles) {
     fail(FS_ERROR_INVALID, "the mesh has %zu triangles, must be at most %zu", triangle_count, most_triangles);
   }
-  check_points(points, point_count, 1);
+  check_points(points, point_count, 1, wanted);
   for (size_t i = 0; i < 3 * triangle_count; ++i) {
+    wanted.step();
     if (triangles[i] < point_count) continue;
     fail(FS_ERROR_INVALID, "triangles[%zu] has point %u as corner %zu, must be below the %zu points there are", i / 3,
          triangles[i], i % 3, point_count);
   }
   std::vector<Vec3> copy(points, points + point_count);
   std::vector<uint32_t> corners(triangles, triangles + 3 * triangle_count);
-  fs_shape_info info = bounds_of(copy);
+  fs_shape_info info = bounds_of(copy, wanted);
   info.primitive = FS_PRIMITIVE_MESH;
-  count_edges(copy, corners, info);
-  return make_ref<const Shape>(info, std::move(copy), std::move(corners));
+  count_edges(copy, corners, info, wanted);
+  return make_ref<const Shape>(info, std::move(copy), std::move(corners), wanted);
 }
 
 }  // namespace fs
 
-fs_shape::fs_shape(const fs_shape_info& info, std::vector<fs::Vec3> the_points, std::vector<uint32_t> the_triangles)
+fs_shape::fs_shape(const fs_shape_info& info, std::vector<fs::Vec3> the_points, std::vector<uint32_t> the_triangles,
+                   fs::Wanted& wanted)
     : primitive(info.primitive),
       points(std::move(the_points)),
       triangles(std::move(the_triangles)),
       closed(info.closed),
       info_(info) {
-  if (primitive == FS_PRIMITIVE_POLYLINE) segments_ = fs::segment_tree(*this);
+  if (primitive == FS_PRIMITIVE_POLYLINE) segments_ = fs::segment_tree(*this, wanted);
 }
 
 fs_shape::~fs_shape() { delete tree_.load(std::memory_order_relaxed); }
 
-void fs_shape::build() const {
+void fs_shape::build(fs::Wanted& wanted) const {
   if (is_built()) return;
   const std::lock_guard lock(build_mutex_);
   if (is_built()) return;
-  tree_.store(new fs::MeshTree(points, triangles), std::memory_order_release);
+  tree_.store(new fs::MeshTree(points, triangles, wanted), std::memory_order_release);
 }
 
 bool fs_shape::is_built() const noexcept { return primitive == FS_PRIMITIVE_POLYLINE || tree() != nullptr; }

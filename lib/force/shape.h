@@ -10,6 +10,7 @@
 
 #include "base/counted.h"
 #include "base/serial.h"
+#include "base/wanted.h"
 #include "math/vec3.h"
 
 namespace fs {
@@ -18,7 +19,8 @@ class MeshTree;
 }
 
 struct fs_shape : fs::Counted<fs_shape> {
-  fs_shape(const fs_shape_info& info, std::vector<fs::Vec3> points, std::vector<uint32_t> triangles);
+  fs_shape(const fs_shape_info& info, std::vector<fs::Vec3> points, std::vector<uint32_t> triangles,
+           fs::Wanted& wanted);
   ~fs_shape();
 
   const uint64_t serial = fs::next_serial();
@@ -27,8 +29,12 @@ struct fs_shape : fs::Counted<fs_shape> {
   const std::vector<uint32_t> triangles;   // three a triangle; a polyline has none
   const bool closed;                       // polyline: the last point joins the first; mesh: no edge is open or odd
 
-  // Builds the search tree of a mesh; once, any thread, others wait for it. A polyline is always built.
-  void build() const;
+  // Builds the search tree of a mesh; once, any thread, others wait for it. A polyline is always built. Throws Abandoned.
+  void build(fs::Wanted& wanted) const;
+  void build() const {
+    fs::Wanted wanted;
+    build(wanted);
+  }
   bool is_built() const noexcept;
   const fs::MeshTree* tree() const noexcept { return tree_.load(std::memory_order_acquire); }  // [rt] null: not built
 
@@ -53,8 +59,18 @@ namespace fs {
 using Shape = fs_shape;
 
 // Check and copy. INVALID: fewer than 2 points, no triangle, an index out of range, a coordinate not finite or beyond
-// 1e15 m, more than 4e9 points or 5e8 triangles; the sentence names the first bad point or triangle.
-Ref<const Shape> make_polyline(const Vec3* points, size_t count, bool closed);
-Ref<const Shape> make_mesh(const Vec3* points, size_t point_count, const uint32_t* triangles, size_t triangle_count);
+// 1e15 m, more than 4e9 points or 5e8 triangles; the sentence names the first bad point or triangle. Throws Abandoned.
+Ref<const Shape> make_polyline(const Vec3* points, size_t count, bool closed, Wanted& wanted);
+Ref<const Shape> make_mesh(const Vec3* points, size_t point_count, const uint32_t* triangles, size_t triangle_count,
+                           Wanted& wanted);
+inline Ref<const Shape> make_polyline(const Vec3* points, size_t count, bool closed) {
+  Wanted wanted;
+  return make_polyline(points, count, closed, wanted);
+}
+inline Ref<const Shape> make_mesh(const Vec3* points, size_t point_count, const uint32_t* triangles,
+                                  size_t triangle_count) {
+  Wanted wanted;
+  return make_mesh(points, point_count, triangles, triangle_count, wanted);
+}
 
 }  // namespace fs

@@ -3,12 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <optional>
 
 #include "base/enum.h"
 #include "base/error.h"
 #include "base/names.h"
-#include "force/reader.h"
 
 namespace fs {
 namespace {
@@ -63,28 +61,6 @@ void check_contact(const fs_contact& contact, fs_primitive primitive) {
   if (!(contact.limit > 0)) fail(FS_ERROR_INVALID, "contact.limit is %.9g, must be > 0 N", contact.limit);
 }
 
-// Whether the force changes at once where d = 0: at a surface from the front's value to the back's, at a point or
-// polyline from one direction to the opposite one.
-bool jumps_at_zero(const Object& object) {
-  std::optional<ReaderId> reader;
-  bool depends_on_time = false;
-  for (const Profile* profile : {&object.front, &object.back}) {
-    if (!profile->curve) continue;
-    if (!reader) reader.emplace();
-    profile->curve->prepare(reader->get());
-    depends_on_time = depends_on_time || profile->curve->expression();
-  }
-  const auto along_normal = [&](const Profile& profile, double side, double t) {
-    const double force = evaluate(profile, reader ? reader->get() : 0, 0, t).force;
-    return profile.sense == FS_SENSE_REPULSIVE ? side * force : -side * force;
-  };
-  for (int i = 0; i < (depends_on_time ? sample_times : 1); ++i) {
-    const double t = sample_time(i), front = along_normal(object.front, 1, t);
-    if (front != (has_surface(object.primitive) ? along_normal(object.back, -1, t) : -front)) return true;
-  }
-  return false;
-}
-
 // Whether all its points lie on one line, within a millionth of its length.
 bool is_straight(const Shape& polyline) {
   const Vec3 begin = polyline.points.front();
@@ -98,12 +74,18 @@ bool is_straight(const Shape& polyline) {
   });
 }
 
-// The steepest slope of the force, infinite where it jumps: fs_report has the list. A polyline that is not straight is
-// no convex set, so some places have two closest points (Motzkin 1935); these places hang together, from its bends to
-// any distance, and where the force is not 0 its direction changes there.
+// The steepest slope of the force, infinite where it jumps: fs_report has the list.
 double object_slope(const Object& object) {
+  constexpr double jump = std::numeric_limits<double>::infinity();
+  // At d = 0 from one direction to the opposite one, or from the front's value to the back's.
+  const auto outward = [](const Profile& profile) { return profile.sense == FS_SENSE_REPULSIVE ? 1.0 : -1.0; };
+  const double front = outward(object.front) * first_force(object.front);
+  const double back = has_surface(object.primitive) ? -outward(object.back) * first_force(object.back) : -front;
+  if (front != back) return jump;
+  // A polyline that is not straight is no convex set, so some places have two closest points (Motzkin 1935). These
+  // places hang together, from its bends to any distance: if it is felt at all, then at some of them.
   const bool is_bent = object.primitive == FS_PRIMITIVE_POLYLINE && !is_straight(*object.shape);
-  if (jumps_at_zero(object) || (is_bent && is_ever_felt(object.front))) return std::numeric_limits<double>::infinity();
+  if (is_bent && is_ever_felt(object.front)) return jump;
   return std::fmax(steepest_slope(object.front), steepest_slope(object.back));
 }
 

@@ -117,15 +117,15 @@ uint64_t data_size(const wire::Curve& r) {
   return r.count * sizeof(double);
 }
 
-Ref<const Shape> from_record(const wire::Shape& r, Descriptor data) {
+Ref<const Shape> from_record(const wire::Shape& r, Descriptor data, Wanted& wanted) {
   check_blob(data, data_size(r));
   std::vector<Vec3> points(r.point_count);
   std::vector<uint32_t> triangles(3 * r.triangle_count);
   read_blob(data, 0, std::as_writable_bytes(std::span(points)));
   read_blob(data, points.size() * sizeof(Vec3), std::as_writable_bytes(std::span(triangles)));
   data.reset();
-  if (r.primitive == FS_PRIMITIVE_POLYLINE) return make_polyline(points.data(), points.size(), r.is_closed != 0);
-  return make_mesh(points.data(), points.size(), triangles.data(), r.triangle_count);
+  if (r.primitive == FS_PRIMITIVE_POLYLINE) return make_polyline(points.data(), points.size(), r.is_closed != 0, wanted);
+  return make_mesh(points.data(), points.size(), triangles.data(), r.triangle_count, wanted);
 }
 
 Ref<const Curve> from_record(const wire::Curve& r, Descriptor data) {

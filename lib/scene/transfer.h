@@ -21,7 +21,11 @@ wire::Curve to_record(const Curve& curve, Descriptor& data);  // data: of a tabl
 uint64_t data_size(const wire::Shape& record);
 uint64_t data_size(const wire::Curve& record);
 // INVALID, PARSE, UNSUPPORTED, IO. data is closed when it has been read.
-Ref<const Shape> from_record(const wire::Shape& record, Descriptor data);
+Ref<const Shape> from_record(const wire::Shape& record, Descriptor data, Wanted& wanted);  // throws Abandoned, too
+inline Ref<const Shape> from_record(const wire::Shape& record, Descriptor data) {
+  Wanted wanted;
+  return from_record(record, std::move(data), wanted);
+}
 Ref<const Curve> from_record(const wire::Curve& record, Descriptor data);
 
 wire::Movement to_record(const Motion& motion);

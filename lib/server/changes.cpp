@@ -72,12 +72,12 @@ void Session::take_upload(Message&& message, Descriptor&& came) {
     // Reading, checking and building take as long as they take: not on this thread.
     const auto made = std::make_shared<Upload>();
     auto work = [made, is_shape, message = std::move(message), data = std::make_shared<Descriptor>(std::move(came)),
-                 charge = std::make_shared<Charge>(shape_bytes_, bytes)] {
+                 charge = std::make_shared<Charge>(shape_bytes_, bytes)](Wanted& wanted) {
       try {
         if (is_shape) {
-          made->shape = from_record(message.as<wire::Shape>(), std::move(*data));
+          made->shape = from_record(message.as<wire::Shape>(), std::move(*data), wanted);
           made->shape->keep(charge);
-          made->shape->build();
+          made->shape->build(wanted);
         } else {
           made->curve = from_record(message.as<wire::Curve>(), std::move(*data));
           made->curve->keep(charge);

@@ -285,7 +285,7 @@ void Session::fetch(const Message& message) {
     std::string text;
   };
   const auto made = std::make_shared<Made>();
-  auto work = [made, shape = found->second.first, curve = found->second.second] {
+  auto work = [made, shape = found->second.first, curve = found->second.second](Wanted&) {
     try {
       if (shape) {
         made->shape = to_record(*shape, made->data);
@@ -302,7 +302,11 @@ void Session::fetch(const Message& message) {
     }
   };
   const bool is_shape = bool(found->second.first);
-  server_.worker(0).add(id_, {std::move(work), [server = &server_, session = id_, serial = message.header.serial, made,
+  const auto& [shape, curve] = found->second;
+  const uint64_t bytes = shape            ? shape->points.size() * sizeof(Vec3) + shape->triangles.size() * sizeof(uint32_t)
+                         : curve->table() ? curve->table()->size() * sizeof(double)
+                                          : 0;
+  server_.worker(bytes).add(id_, {std::move(work), [server = &server_, session = id_, serial = message.header.serial, made,
                                                is_shape] {
     const std::shared_ptr<Session> found = server->find(session);
     if (!found) return;

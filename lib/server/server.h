@@ -8,9 +8,9 @@
 #include <list>
 #include <memory>
 #include <mutex>
+#include <span>
 #include <string>
 #include <thread>
-#include <unordered_map>
 #include <vector>
 
 #include "ipc/socket.h"
@@ -59,6 +59,9 @@ struct fs_server : fs::Counted<fs_server> {
   void end_leases() noexcept;  // they begin to fade now
   void turn_if_due() noexcept;  // of all sessions, amid something that takes long
   void note_activity() noexcept { last_activity_ = fs::steady_now(); }
+  // Where a message is read into, one at a time. On the heap: thread-local it would keep the library from being loaded at
+  // run time.
+  std::span<std::byte> message_buffer() noexcept { return message_; }
 
  private:
   static constexpr uint64_t quick_bytes = 1'000'000;  // more of them are for the builder
@@ -85,6 +88,7 @@ struct fs_server : fs::Counted<fs_server> {
   fs::Worker worker_, builder_;
   std::vector<std::shared_ptr<fs::Session>> sessions_;  // and those that have not said who they are
   std::list<fs::Ref<fs::Channel>> leaving_;
+  std::vector<std::byte> message_ = std::vector<std::byte>(fs::most_message);
   uint64_t last_id_ = 0, turns_ = 0;
   bool is_asleep_ = false, is_door_open_ = true;
   double last_activity_ = 0, last_turn_ = 0, last_housekeeping_ = 0;

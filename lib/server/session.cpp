@@ -95,7 +95,7 @@ bool Session::is_busy() const noexcept {
 
 void Session::receive() noexcept {
   try {
-    alignas(16) static thread_local std::byte buffer[most_message];
+    const std::span<std::byte> buffer = server_.message_buffer();
     const double start = steady_now();
     for (int i = 0; i < messages_at_once && !is_gone_ && is_reading_; ++i) {
       if (i > 0 && steady_now() - start > slice) return;
@@ -108,13 +108,14 @@ void Session::receive() noexcept {
       server_.note_activity();
       Message message{};
       if (name_.empty()) {
-        message.body.assign(buffer, buffer + size);
+        message.body.assign(buffer.begin(), buffer.begin() + static_cast<ptrdiff_t>(size));
         greet(message);
         continue;
       }
       if (size < sizeof message.header) return drop(server_.settings().lease);
-      std::memcpy(&message.header, buffer, sizeof message.header);
-      message.body.assign(buffer + sizeof message.header, buffer + size);
+      std::memcpy(&message.header, buffer.data(), sizeof message.header);
+      const std::span<std::byte> body = buffer.subspan(sizeof message.header, size - sizeof message.header);
+      message.body.assign(body.begin(), body.end());
       const ssize_t wanted = body_size(message.header.type);
       if (wanted < 0 || static_cast<size_t>(wanted) != message.body.size() || message.header.serial <= last_serial_) {
         return drop(server_.settings().lease);

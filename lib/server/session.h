@@ -8,9 +8,9 @@
 #include <optional>
 #include <set>
 #include <string>
-#include <unordered_map>
 #include <vector>
 
+#include "base/name_map.h"
 #include "ipc/region.h"
 #include "ipc/socket.h"
 #include "scene/transfer.h"
@@ -164,7 +164,7 @@ class Session : public std::enable_shared_from_this<Session> {
   std::shared_ptr<Outbox> outbox_;
 
   std::vector<Slot> slots_;
-  std::unordered_map<std::string, uint32_t> slot_of_;
+  NameMap<uint32_t> slot_of_;
   std::map<uint32_t, Absent> absent_;  // by slot
   std::vector<uint64_t> dirty_;  // a bit each slot: there is a move to be looked at
   std::vector<std::pair<uint32_t, wire::Move>> moved_;
@@ -172,7 +172,7 @@ class Session : public std::enable_shared_from_this<Session> {
   Unit unit_;  // that is coming in
   std::deque<Unit> parked_;  // until shapes are built
   Held held_;
-  std::unordered_map<uint64_t, Upload> uploads_;
+  std::map<uint64_t, Upload> uploads_;  // by the client's number
   std::set<uint64_t> refused_uploads_;  // that the client has not been told of
   unsigned jobs_ = 0;  // of the worker, that are not done
   const std::shared_ptr<std::atomic<uint64_t>> shape_bytes_ = std::make_shared<std::atomic<uint64_t>>(0);

@@ -17,6 +17,7 @@ Worker::~Worker() {
   {
     const std::lock_guard lock(mutex_);
     is_stopping_ = true;
+    is_abandoned_ = true;
   }
   changed_.notify_one();
   thread_.join();
@@ -33,6 +34,7 @@ void Worker::add(uint64_t owner, Job job) {
 void Worker::forget(uint64_t owner) noexcept {
   std::list<Job> forgotten;  // what they hold goes without the lock
   const std::lock_guard lock(mutex_);
+  if (working_for_ == owner) is_abandoned_ = true;
   const auto found = jobs_.find(owner);
   if (found == jobs_.end()) return;
   forgotten.swap(found->second);
@@ -53,14 +55,17 @@ void Worker::run() {
     if (is_stopping_) return;
     auto next = jobs_.upper_bound(last);
     if (next == jobs_.end()) next = jobs_.begin();
-    last = next->first;
+    last = working_for_ = next->first;
+    is_abandoned_ = false;
     std::list<Job> job;  // moved from list to list: that takes no memory, which there may be none of
     job.splice(job.end(), next->second, next->second.begin());
     if (next->second.empty()) jobs_.erase(next);
     lock.unlock();
-    job.front().work();
+    Wanted wanted(is_abandoned_);
+    job.front().work(wanted);
     job.front().work = nullptr;
     lock.lock();
+    working_for_ = 0;
     done_.splice(done_.end(), job);
     lock.unlock();
     notify_();

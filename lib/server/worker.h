@@ -2,6 +2,7 @@
 // Who has jobs is served in turn.
 #pragma once
 
+#include <atomic>
 #include <condition_variable>
 #include <functional>
 #include <list>
@@ -9,21 +10,24 @@
 #include <mutex>
 #include <thread>
 
+#include "base/wanted.h"
+
 namespace fs {
 
 class Worker {
  public:
   struct Job {
-    std::function<void()> work;  // by the worker's thread; must not throw
+    // By the worker's thread; must not throw. Whatever takes long in it looks at `wanted` at every step.
+    std::function<void(Wanted& wanted)> work;
     std::function<void()> done;  // what is left to be done by the thread that asked
   };
 
   // notify: called by the worker's thread when something was done.
   explicit Worker(std::function<void()> notify);
-  ~Worker();  // drops the jobs that have not begun
+  ~Worker();  // drops the jobs that have not begun, and abandons the one that has
 
   void add(uint64_t owner, Job job);
-  void forget(uint64_t owner) noexcept;  // its jobs that have not begun
+  void forget(uint64_t owner) noexcept;  // its jobs; one that has begun is abandoned, and done
   std::list<Job> take_done();
 
  private:
@@ -34,6 +38,8 @@ class Worker {
   std::condition_variable changed_;
   std::map<uint64_t, std::list<Job>> jobs_;  // by owner
   std::list<Job> done_;
+  uint64_t working_for_ = 0;               // the owner whose job has begun
+  std::atomic<bool> is_abandoned_{false};  // that job
   bool is_stopping_ = false;
   std::thread thread_;
 };

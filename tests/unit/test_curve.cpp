@@ -106,6 +106,36 @@ START_TEST(table_refusals) {
 }
 END_TEST
 
+// Against many samples: never too low, and near them; also where a limit cuts it off.
+START_TEST(table_knows_its_steepest_slope) {
+  Random random(6);
+  for (int i = 0; i < 400; ++i) {
+    const bool is_long = i % 20 == 0;
+    std::vector<double> forces(is_long ? 1000 : 2 + random.below(20));
+    for (double& f : forces) f = random.coin(0.3) ? std::floor(random.between(0, 4)) : random.between(0, 5);
+    const double step = random.log_between(1e-6, 1e3);
+    const Ref<const Curve> curve = table(forces, step);
+    const double limit = random.coin(0.3) ? infinity : random.between(0.1, 6);
+    const double reach = random.coin(0.3) ? step * random.between(0.1, static_cast<double>(forces.size())) : infinity;
+    double largest = 0;
+    const size_t samples = 200 * (forces.size() - 1);
+    for (size_t k = 0; k <= samples; ++k) {
+      const double d = step * static_cast<double>(k) / 200;
+      if (d >= reach) break;
+      const Intensity here = curve->evaluate(0, d, 0);
+      if (here.force < limit) largest = std::fmax(largest, std::fabs(here.slope));
+    }
+    const double steepest = curve->steepest_slope(limit, reach);
+    ck_assert_double_ge(steepest, largest * (1 - 1e-12));
+    const bool is_cut = limit < infinity || reach < infinity;
+    if (!is_cut || (!is_long && reach == infinity)) ck_assert_double_le(steepest, largest * 1.03 + 1e-9 / step);
+    ck_assert_double_eq(curve->greatest_force(0.3 * step), curve->evaluate(0, 0.3 * step, 0).force);
+  }
+  ck_assert_double_eq(table({1, 1}, 1e-300)->steepest_slope(infinity, infinity), 0);
+  ck_assert(table({0, 1e100}, 1e-300)->steepest_slope(infinity, infinity) > 1e300);
+}
+END_TEST
+
 START_TEST(readers_are_small_and_used_again) {
   auto a = std::make_unique<ReaderId>(), b = std::make_unique<ReaderId>(), c = std::make_unique<ReaderId>();
   ck_assert_uint_eq(a->get(), 0);
@@ -189,6 +219,26 @@ START_TEST(expression_values) {
   }
   curve->prepare(1000);
   ck_assert_double_eq(curve->evaluate(1000, 1, 0).force, 3);
+}
+END_TEST
+
+START_TEST(expression_knows_its_steepest_slope) {
+  if (!has_expressions()) return;
+  const auto of = [](const char* text, double limit = infinity, double reach = infinity) {
+    return make_expression_curve(text)->steepest_slope(limit, reach);
+  };
+  ck_assert_double_eq(of("3"), 0);
+  ck_assert_double_eq_tol(of("200*d"), 200, 1e-6);
+  ck_assert_double_eq_tol(of("3*exp(-d/0.01)"), 300, 1);
+  ck_assert_double_eq_tol(of("2*exp(-0.5*(d/0.02)^2)"), 100 * std::exp(-0.5), 1);
+  ck_assert_double_eq_tol(of("3*(1+sin(12*t))*exp(-d/0.01)"), 600, 30);          // in time, too
+  ck_assert_double_ge(of("d < 0.0123 ? 3 : 0"), 1e6);                             // a jump
+  ck_assert_double_eq(of("10 + 0*d", 3), 0);                                      // above the limit
+  ck_assert_double_lt(of("0.001/(d+0.0001)", 3), 1.15 * 9000);                  // steep only above it
+  ck_assert_double_lt(of("d > 0.1 ? 1000*d : 0", infinity, 0.05), 1e-9);          // beyond the reach
+  ck_assert_double_eq_tol(make_expression_curve("3*exp(-d/0.01)")->greatest_force(0), 3, 1e-12);
+  ck_assert_double_eq(make_expression_curve("max(0, 3*(1-d/0.05))")->greatest_force(0.05), 0);
+  ck_assert_double_gt(make_expression_curve("2*exp(-d/0.05)")->greatest_force(0.05), 0);
 }
 END_TEST
 
@@ -301,6 +351,6 @@ END_TEST
 
 int main() {
   return run("curve", {table_goes_through_its_entries, table_never_overshoots, table_slopes_match_differences,
-                       table_refusals, readers_are_small_and_used_again, expression_values, expression_refusals,
+                       table_refusals, table_knows_its_steepest_slope, expression_knows_its_steepest_slope, readers_are_small_and_used_again, expression_values, expression_refusals,
                        any_text_is_taken_or_refused, an_evaluation_does_not_allocate, many_readers_at_once});
 }

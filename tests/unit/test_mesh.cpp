@@ -1,5 +1,8 @@
 // The closest point of a mesh against every triangle in 113-bit arithmetic, and its sides.
 #include <atomic>
+#include <bit>
+#include <cmath>
+#include <cstdio>
 #include <cstdlib>
 #include <functional>
 #include <limits>
@@ -540,6 +543,76 @@ START_TEST(info_and_refusals) {
 }
 END_TEST
 
+// Counted in steps, not in time. These points fall into one slot of a table by one well-known way to hash doubles (each
+// coordinate's bits, multiplied by the golden ratio): a table of them would take n^2 steps.
+std::vector<Vec3> colliding_points(size_t n) {
+  constexpr uint64_t factor = 0x9e3779b97f4a7c15u;
+  uint64_t inverse = factor;
+  for (int i = 0; i < 6; ++i) inverse *= 2 - factor * inverse;
+  const auto hash = [](uint64_t h, double c) {
+    h = (h ^ std::bit_cast<uint64_t>(c + 0.0)) * factor;
+    return h ^ h >> 32;
+  };
+  Random random(8);
+  std::vector<Vec3> points;
+  while (points.size() < n) {
+    const size_t i = points.size();
+    const double x = 1e-3 * static_cast<double>(i % 1000), y = 1e-3 * static_cast<double>(i / 1000);
+    const uint64_t high = random.below(1u << 31), low = (high ^ (random.below(1u << 10) << 20)) & 0xffffffff;
+    const double z = std::bit_cast<double>(((high << 32 | low) * inverse) ^ hash(hash(0, x), y));
+    if (std::fabs(z) < 1e3 && std::fabs(z) > 1e-300) points.push_back({x, y, z});
+  }
+  return points;
+}
+
+START_TEST(no_mesh_takes_many_steps) {
+  const auto steps = [](const Mesh& mesh) {
+    Wanted wanted;
+    make_mesh(mesh.points.data(), mesh.points.size(), mesh.triangles.data(), mesh.count(), wanted)->build(wanted);
+    return static_cast<double>(wanted.steps());
+  };
+  constexpr uint32_t n = 3 * 4000;
+  Random random(9);
+  std::map<std::string, Mesh> meshes;
+  meshes["colliding"].points = colliding_points(n);
+  for (uint32_t i = 0; i < n; ++i) {
+    meshes["ordinary"].points.push_back({random.between(0, 1), random.between(0, 1), random.between(0, 1)});
+    meshes["at one place"].points.push_back({1, 2, 3});
+    meshes["on a line"].points.push_back({std::ldexp(1.0, static_cast<int>(i % 90) - 45), 0, 0});
+    meshes["one after another"].points.push_back({static_cast<double>(i), 0, 0});
+  }
+  for (auto& [name, mesh] : meshes) {
+    for (uint32_t i = 0; i < n; ++i) mesh.triangles.push_back(i);
+  }
+  Mesh& fan = meshes["all at one edge"];
+  fan.points = meshes["ordinary"].points;
+  for (uint32_t i = 2; i < n / 3; ++i) fan.add(0, 1, i);
+  const double ordinary = steps(meshes["ordinary"]);
+  for (const auto& [name, mesh] : meshes) {
+    const double here = steps(mesh);
+    std::printf("  %-20s %9.0f steps\n", name.c_str(), here);
+    ck_assert_msg(here < 5 * ordinary, "%s: %g steps, an ordinary mesh takes %g", name.c_str(), here, ordinary);
+  }
+}
+END_TEST
+
+START_TEST(a_build_can_be_abandoned) {
+  const Mesh mesh = sphere(1, 6);
+  const Ref<const Shape> shape = mesh.shape(false);
+  const std::atomic<bool> is_abandoned{true};
+  Wanted wanted(is_abandoned);
+  bool is_thrown = false;
+  try {
+    shape->build(wanted);
+  } catch (const Abandoned&) {
+    is_thrown = true;
+  }
+  ck_assert(is_thrown && !shape->is_built() && wanted.steps() <= 1024);
+  shape->build();
+  ck_assert(shape->is_built());
+}
+END_TEST
+
 START_TEST(built_by_many_threads) {
   const Ref<const Shape> shape = sphere(1, 5).shape(false);
   std::vector<std::thread> threads;
@@ -574,6 +647,7 @@ int main() {
   return run("mesh", {matches_the_reference, matches_the_reference_far_away, takes_bad_meshes,
                       ties_go_to_the_lowest_index, respects_the_largest_distance, sides_of_closed_meshes,
                       sides_with_degenerate_and_duplicate_triangles, sheet_of_two_faces,
-                      closest_point_stays_in_the_box, features, info_and_refusals, built_by_many_threads,
+                      closest_point_stays_in_the_box, features, info_and_refusals, no_mesh_takes_many_steps,
+                      a_build_can_be_abandoned, built_by_many_threads,
                       a_query_does_not_allocate});
 }

@@ -4,6 +4,7 @@
 
 #include "force/profile.h"
 #include "force/reader.h"
+#include "scene/object.h"
 #include "unit/force_fixtures.h"
 
 using namespace fs;
@@ -217,7 +218,7 @@ START_TEST(steepest_slope_is_the_steepest) {
   ck_assert_double_eq_tol(of(profile(FS_PROFILE_QUADRATIC, 1000, 0, 10)), 200, 1e-12);
   ck_assert_double_eq_tol(of(profile(FS_PROFILE_GAUSSIAN, 4, 0.01, 10)), 400 * std::exp(-0.5), 1e-12);
 
-  // Curves are sampled: a table's ramp of 10 N within 1 mm, 4 N/mm at its steepest in the sine.
+  // A table's ramp of 10 N within 1 mm.
   const double ramp[] = {0, 0, 10, 10};
   const Ref<const Curve> table = make_table_curve(ramp, 4, 0.001);
   fs_profile custom = profile(FS_PROFILE_CUSTOM, 1, 0, 100);
@@ -227,6 +228,40 @@ START_TEST(steepest_slope_is_the_steepest) {
   ck_assert_double_lt(of(custom), 1000);
   custom.reach = 0.005;
   ck_assert_double_eq(of(custom), infinity);
+}
+END_TEST
+
+// Whoever sets a profile again and again, with another gain each time, makes nobody wait: the curve is not evaluated.
+class CountingCurve final : public Curve {
+ public:
+  void prepare(unsigned) const override { ++evaluations; }
+  Intensity evaluate(unsigned, double d, double) const noexcept override {
+    ++evaluations;
+    return {d < 1 ? 1 - d : 0, d < 1 ? -1.0 : 0.0};
+  }
+  double steepest_slope(double, double) const noexcept override { return 1; }
+  double greatest_force(double d) const noexcept override { return std::fmax(1 - d, 0); }
+  const std::vector<double>* table() const noexcept override { return &entries_; }
+  double step() const noexcept override { return 1; }
+  mutable int evaluations = 0;
+
+ private:
+  const std::vector<double> entries_ = {1, 0};
+};
+
+START_TEST(an_object_with_a_curve_does_not_evaluate_it) {
+  const Ref<const CountingCurve> curve = make_ref<const CountingCurve>();
+  fs_object object = fs_object_init("o", FS_PRIMITIVE_POINT);
+  object.front = profile(FS_PROFILE_CUSTOM, 1, 0, 3, 2);
+  object.front.curve = const_cast<CountingCurve*>(curve.get());
+  Ref<const Object> before;
+  for (int i = 0; i < 10; ++i) {
+    object.front.gain += 0.1;
+    before = parse_object(object, before.get()).object;
+    ck_assert_double_eq(before->steepest_slope, infinity);  // a point turns over
+    ck_assert_double_eq(steepest_slope(before->front), object.front.gain);
+  }
+  ck_assert_int_eq(curve->evaluations, 0);
 }
 END_TEST
 
@@ -308,5 +343,5 @@ END_TEST
 
 int main() {
   return run("profile", {formulas, gain_zero, always_within_limits, slopes_match_differences, nothing_beyond_the_support,
-                         steepest_slope_is_the_steepest, refusals});
+                         steepest_slope_is_the_steepest, an_object_with_a_curve_does_not_evaluate_it, refusals});
 }

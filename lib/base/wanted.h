@@ -1,0 +1,27 @@
+// Long work looks here at every step whether anybody wants it still, so that it can be abandoned within about a millisecond.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+
+namespace fs {
+
+struct Abandoned {};  // thrown where nobody wants the work any more
+
+class Wanted {
+ public:
+  Wanted() = default;  // to the end
+  explicit Wanted(const std::atomic<bool>& is_abandoned) : is_abandoned_(&is_abandoned) {}
+
+  // One step: some comparisons or copies, whatever is bounded.
+  void step() {
+    if (++steps_ % 1024 == 0 && is_abandoned_ && is_abandoned_->load(std::memory_order_relaxed)) throw Abandoned{};
+  }
+  uint64_t steps() const noexcept { return steps_; }  // so far
+
+ private:
+  const std::atomic<bool>* is_abandoned_ = nullptr;
+  uint64_t steps_ = 0;
+};
+
+}  // namespace fs
