@@ -123,15 +123,22 @@ void RemoteScene::change(const fs_object& object, uint32_t parts) {
   const char* name = own_name(given.c_str());
   if (name && is_evaluated_here_ && (parts & FS_PART_SHAPE) && object.shape) object.shape->build();  // without the lock
   const Lock lock = enter();
-  if (!name) return change_other(object, parts);
-  catch_up(name);
-  fs_object own = object;
-  if (name != given.c_str()) put_text(own.name, name);
-  mutate([&](Group& group) {
-    require_room(group, 0);
-    replica_->change(own, parts);
-    if (parts) add_object(group, wire::type_change, name, parts);
-  });
+  try {
+    if (!name) return change_other(object, parts);
+    catch_up(name);
+    fs_object own = object;
+    if (name != given.c_str()) put_text(own.name, name);
+    mutate([&](Group& group) {
+      require_room(group, 0);
+      replica_->change(own, parts);
+      if (parts) add_object(group, wire::type_change, name, parts);
+    });
+  } catch (Error& error) {
+    // A sentence about "spring" is one about "alice/spring" for whoever asked for that.
+    const std::string here = "object '" + given.substr(given.find('/') + 1) + "'";
+    if (error.text.starts_with(here)) error.text.replace(0, here.size(), "object '" + given + "'");
+    throw;
+  }
 }
 
 // The fast one: no system call and no allocation, while the server is awake.
