@@ -38,7 +38,7 @@ int main(void)
 }
 """
 PROJECT = """
-cmake_minimum_required(VERSION 3.25)
+cmake_minimum_required(VERSION 3.22)
 project(user LANGUAGES C CXX)
 find_package(forceserver 0.1 REQUIRED)
 add_executable(in_c user.c)

@@ -26,12 +26,35 @@ expect 0 'examples:' "$program" run --help
 expect 0 'Exit status' "$program" --help
 expect 0 'sim:' "$program" devices
 expect 2 '^forceserver: ' "$program"
-expect 2 "^forceserver: there is no command 'wacth'; there are: run, clients, .*, devices$" "$program" wacth x
-expect 2 '^forceserver: .*nonsense' "$program" run --nonsense
+expect 2 "^forceserver: there is no command 'wacth'; did you mean watch\? There are: run, clients, .*, devices$" \
+  "$program" wacth x
+expect 2 "^forceserver: there is no command 'nonsense'; there are: run, " "$program" nonsense
 expect 2 '^forceserver: .*duration' "$program" run --duration -1
 
+# What is not known is named, not the value behind it, and what was meant: of every command alike.
+expect 2 '^forceserver: run has no option --nonsense; see: forceserver run --help$' "$program" run --nonsense
+expect 2 '^forceserver: run has no option --duraton; did you mean --duration\?$' "$program" run --duraton 1
+expect 2 '^forceserver: run has no option --duraton; did you mean --duration\?$' "$program" run "$scene" --duraton=1
+expect 2 '^forceserver: run has no option --listn; did you mean --listen\?$' "$program" run --listn lab --duration 1
+expect 2 '^forceserver: run has no option --scen; did you mean --scene\?$' "$program" run --scen "$scene"
+expect 2 '^forceserver: run has no option -d; see: forceserver run --help$' "$program" run -d 1
+expect 2 '^forceserver: clients has no option --jsn; did you mean --json\?$' "$program" clients --jsn
+expect 2 '^forceserver: watch has no option --inteval; did you mean --interval\?$' "$program" watch lab --inteval 5
+expect 2 '^forceserver: check has no option --scales; did you mean --scale\?$' "$program" check --scales 1
+expect 2 '^forceserver: evaluate has no option --tim; did you mean --time\?$' "$program" evaluate --tim 1
+expect 2 '^forceserver: devices has no option --lits; see: forceserver devices --help$' "$program" devices --lits
+expect 2 '^forceserver: there is no option --versoin; did you mean --version\?$' "$program" --versoin
+expect 2 "^forceserver: run takes no 'b.json' after 'a.json'$" "$program" run a.json b.json
+expect 2 "^forceserver: watch takes no 'other' after 'lab'$" "$program" watch lab other
+expect 2 "^forceserver: devices takes no 'sim:'$" "$program" devices sim:
+expect 2 "^forceserver: run: the scene is given twice: 'a.json' and 'b.json'$" "$program" run a.json --scene b.json
+expect 2 '^forceserver: watch needs a server, such as: forceserver watch lab$' "$program" watch
+expect 2 '^forceserver: check needs a file, such as: forceserver check room.json$' "$program" check
+expect 2 '^forceserver: evaluate needs a scene, such as: forceserver evaluate room.json points.csv$' "$program" evaluate
+
 # run: a summary, a record without a gap, errors with a sentence.
-expect 0 '^protections switched off: ' "$program" run --scene "$scene" --duration 1 --record ticks.csv
+expect 0 '^protections switched off: ' "$program" run "$scene" --duration 1 --record ticks.csv
+expect 2 '^forceserver: .*no-such\.json' "$program" run no-such.json --duration 1
 grep -qE '^time,x,y,z,' ticks.csv || { echo "FAILED: no record"; failures=$((failures + 1)); }
 awk -F, 'NR > 2 && $1 <= last { bad = 1 } { last = $1 } END { exit bad || NR < 100 }' ticks.csv ||
   { echo "FAILED: the ticks of the record are out of order or few"; failures=$((failures + 1)); }
@@ -54,7 +77,10 @@ fi
 
 # evaluate: the floor of the scene is at z = -0.05 with 800 N/m.
 printf 'x y z\n# a comment\n0 0 -0.06   # 10 mm deep\n\n0,0,-0.055\r\n' > points
+expect 0 '^0,0,-0\.055,0,0,(4\.0000|3\.99999)' "$program" evaluate "$scene" points --object floor
 expect 0 '^0,0,-0\.055,0,0,(4\.0000|3\.99999)' "$program" evaluate --scene "$scene" --object floor points
+expect 0 '^0,0,-0\.055,0,0,(4\.0000|3\.99999)' "$program" evaluate points --scene "$scene" --object floor
+input=points expect 0 '^0,0,-0\.055,0,0,(4\.0000|3\.99999)' "$program" evaluate "$scene" --object floor
 input=points expect 0 '^0,0,-0\.059999999999999998,0,0,(8|7\.99999)' "$program" evaluate --scene "$scene" --object floor
 seq 1 20000 | awk '{ print $1 * 1e-6, 0.05, 0.05 }' > many
 "$program" evaluate --scene "$scene" --time 0.4 many > first
@@ -107,7 +133,7 @@ fail() {
 }
 name=program-test-$$
 listen() {  # OPTION...: a server in the background: $server
-  "$program" run --listen "shm:$name" "$@" > served 2>&1 < /dev/null &
+  "$program" run --listen "$name" "$@" > served 2>&1 < /dev/null &
   server=$!
   for _ in $(seq 100); do
     grep -q '^listens at shm:' served && return
@@ -128,7 +154,7 @@ for d in map(json.loads, open('$1')):
     $2" || fail "$1 is not as expected"
 }
 user=$(id -un)
-expect 2 "no server of user $user listens at shm:$name; .* --listen shm:$name; .*'$name\?user=NAME'$" \
+expect 2 "no server of user $user listens at shm:$name; .* --listen $name; .*'$name\?user=NAME'$" \
   "$program" clients "$name"
 expect 2 "no server of user $user listens at shm:$name; " "$program" watch "shm:$name?timeout=0.1"
 expect 2 'no server of user 12345 listens at shm:[^ ]+$' "$program" watch "$name?timeout=0&user=12345"

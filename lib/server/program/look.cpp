@@ -20,7 +20,7 @@ std::string nobody_at(const std::string& endpoint) {
   }
   const std::string name = address.substr(address.find(':') + 1);
   return "no server of user " + user_name(geteuid()) + " listens at " + address +
-         "; one is started by: forceserver run --listen " + address + "; another user's is '" + name + "?user=NAME'";
+         "; one is started by: forceserver run --listen " + name + "; another user's is '" + name + "?user=NAME'";
 }
 
 std::string client_name(const char* kind) { return kind + std::string("-") + std::to_string(getpid()); }
