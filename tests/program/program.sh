@@ -24,7 +24,28 @@ expect() {
 expect 0 '^forceserver [0-9]+\.[0-9]+\.[0-9]+$' "$program" --version
 expect 0 'examples:' "$program" run --help
 expect 0 'Exit status' "$program" --help
-expect 0 'sim:' "$program" devices
+
+# devices: what each is and can; the hands and paths of the simulator in the help.
+expect 0 '^sim:  simulated FIDEL$' "$program" devices
+expect 0 '^    workspace   a cylinder about z: 150 mm in radius, 200 mm high, .* 20 degrees each way$' "$program" devices
+expect 0 '^    force       along x, y, z, at most 25 N$' "$program" devices
+expect 0 '^    torque      none$' "$program" devices
+expect 0 '^    rate        1000 Hz; 0 ms ' "$program" devices
+expect 0 '^    moving      0.3 kg, 1 N s/m ' "$program" devices
+expect 0 'firm 0.8, 5.5, 568;' "$program" devices --help
+expect 0 'figure8: 120 mm by 60 mm' "$program" devices --help
+if command -v python3 > /dev/null; then
+  "$program" devices --json > devices.json
+  python3 -c "
+import json
+sim = [d for d in json.load(open('devices.json'))['devices'] if d['uri'] == 'sim:'][0]
+info = sim['info']
+assert (sim['label'], info['name'], info['serial']) == ('simulated FIDEL', 'FIDEL (simulated)', 'sim-0')
+assert (info['workspace_radius'], info['workspace_height'], round(info['workspace_angle'], 3)) == (0.15, 0.2, 0.349)
+assert (info['force_axes'], info['torque_axes'], info['force_max'], info['torque_max']) == (3, 0, 25, 0)
+assert (info['rate'], info['delay'], info['resolution'], info['mass'], info['damping']) == (1000, 0, 2e-5, 0.3, 1)
+" || { echo "FAILED: devices --json"; failures=$((failures + 1)); }
+fi
 expect 2 '^forceserver: ' "$program"
 expect 2 "^forceserver: there is no command 'wacth'; did you mean watch\? There are: run, clients, .*, devices$" \
   "$program" wacth x
@@ -112,7 +133,7 @@ cat > odd.json << 'END'
   {"name": "strong", "primitive": "point",
    "front": {"kind": "gaussian", "sense": "repulsive", "gain": 1, "width": 0.01, "limit": 1000}}]}
 END
-expect 1 '^4 odd things$' "$program" check odd.json
+expect 1 '^6 odd things$' "$program" check odd.json
 expect 1 'mute: it has no profile' "$program" check odd.json
 expect 1 'off: it is disabled' "$program" check odd.json
 expect 1 'far: the hand cannot get near' "$program" check odd.json
@@ -122,6 +143,52 @@ cat > honey.json << 'END'
   "front": {"kind": "constant", "sense": "attractive", "gain": 1e-6, "limit": 5, "reach": 0.03}}]}
 END
 expect 0 '^nothing odd$' "$program" check honey.json
+expect 1 'off: its force reverses across its point: 2 N over nothing$' "$program" check odd.json
+expect 1 'strong: its force reverses across its point: 2 N over nothing$' "$program" check odd.json
+# Each thing that jumps, and where; what does not is fine. What the hand cannot reach does not count.
+scene_of() {  # OBJECT: what is in its braces
+  echo '{"forceserver": "scene", "version": 1,
+    "shapes": {"bent": {"points": [[-0.05, 0, 0], [0, 0.03, 0], [0.05, 0, 0]]},
+               "straight": {"points": [[-0.05, 0, 0], [0, 0.03, 0], [0.05, 0.06, 0]]}},
+    "curves": {"pulse": {"expression": "2*(1+sin(12*t))*exp(-d/0.01)"}, "ends": {"expression": "50*d*(1-d/0.02)"}},
+    "objects": [{"name": "x", '"$1"'}]}' > one.json
+}
+odd() {  # PATTERN OBJECT
+  scene_of "$2"
+  expect 1 "^  odd: x: $1" "$program" check one.json
+}
+fine() {  # OBJECT
+  scene_of "$1"
+  expect 0 '^nothing odd$' "$program" check one.json
+}
+spring='"kind": "linear_increasing", "gain": 150, "limit": 2'
+odd 'its force reverses across its point: 7\.[0-9]+ N over nothing$' \
+  '"primitive": "point", "front": {"kind": "custom", "gain": 1, "limit": 5, "sense": "repulsive", "curve": "pulse"}'
+odd 'its force reverses across its line: 3 N over nothing$' \
+  '"primitive": "polyline", "shape": "straight", "front": {"kind": "gaussian", "gain": 1.5, "width": 0.01, "limit": 2}'
+odd 'its force changes its direction where two of its parts are equally near: by up to 4 N over nothing$' \
+  '"primitive": "polyline", "shape": "bent", "front": {'"$spring"'}'
+odd 'its force ends at its reach of 10 mm: 1.5 N over nothing$' \
+  '"primitive": "point", "front": {"reach": 0.01, '"$spring"'}'
+odd 'its force behind ends at its reach of 10 mm: 1.5 N over nothing$' \
+  '"primitive": "plane", "back": {"reach": 0.01, '"$spring"'}'
+odd 'its force jumps at its surface, where front and back do not agree: 1 N over nothing$' \
+  '"primitive": "plane", "front": {"kind": "constant", "gain": 1, "limit": 2, "sense": "repulsive"}'
+fine '"primitive": "point", "front": {'"$spring"'}'
+fine '"primitive": "polyline", "shape": "straight", "front": {'"$spring"'}'
+fine '"primitive": "point", "front": {"kind": "custom", "gain": 1, "limit": 5, "reach": 0.02, "curve": "ends"}'
+fine '"primitive": "plane", "front": {"kind": "constant", "gain": 1, "limit": 1, "sense": "repulsive"},
+      "back": {"kind": "constant", "gain": 1, "limit": 1}'
+fine '"primitive": "plane", "pose": {"position": [0, 0, -9]},
+      "front": {"kind": "constant", "gain": 1, "limit": 1, "sense": "repulsive"}'
+# Of four planes with one profile one is a wall. Two attractive sides hold the hand in the plane.
+fine '"primitive": "plane", "back": {'"$spring"'}'
+fine '"primitive": "plane", "front": {'"$spring"'}, "back": {'"$spring"'}'
+fine '"primitive": "plane", "front": {"kind": "constant", "gain": 2, "limit": 2},
+      "back": {"kind": "constant", "gain": 2, "limit": 2, "sense": "repulsive"}'  # gravity
+odd 'it pulls the hand towards it from everywhere in front' '"primitive": "plane", "front": {'"$spring"'}'
+odd 'it pushes the hand away in front, the harder' '"primitive": "plane", "front": {"sense": "repulsive", '"$spring"'}'
+odd 'its back drives the hand deeper' '"primitive": "plane", "back": {"sense": "repulsive", '"$spring"'}'
 printf 'v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n' > solid.obj
 expect 0 'closed mesh of 4 triangles and 4 points' "$program" check solid.obj
 sed '$d' solid.obj > open.obj
@@ -195,6 +262,8 @@ if command -v python3 > /dev/null; then
   json looks.json "assert [c['force_limit'] for c in d['clients']] == [25, 5]"
   json looks.json "floor = [o for o in d['objects'] if (o['client'], o['name']) == ('server', 'floor')][0]
     assert floor['force'][2] > 1 and floor['weight'] == 1"
+  json looks.json "assert [o['stiffness_wanted'] for o in d['objects'][:2]] == [800, 150]
+    assert 100 < d['objects'][2]['stiffness_wanted'] < 600"
 fi
 kill -INT $watcher
 ended $watcher 0 "watch, interrupted,"

@@ -78,24 +78,3 @@ Ticks ticks_of(const Look& now, const Look& before) {
   return {now.servo.ticks - before.servo.ticks, now.servo.misses - before.servo.misses,
           now.servo.guarded - before.servo.guarded};
 }
-
-const char* word_of(fs_primitive primitive) {
-  switch (primitive) {
-    case FS_PRIMITIVE_POINT: return "point";
-    case FS_PRIMITIVE_POLYLINE: return "polyline";
-    case FS_PRIMITIVE_PLANE: return "plane";
-    case FS_PRIMITIVE_MESH: return "mesh";
-    default: return "?";
-  }
-}
-
-const char* word_of(fs_object_state state) {
-  switch (state) {
-    case FS_OBJECT_PENDING: return "pending";
-    case FS_OBJECT_FELT: return "felt";
-    case FS_OBJECT_FADING: return "fading";
-    case FS_OBJECT_DISABLED: return "disabled";
-    case FS_OBJECT_REFUSED: return "refused";
-    default: return "?";
-  }
-}

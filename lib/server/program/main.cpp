@@ -9,17 +9,6 @@
 
 namespace {
 
-int devices() {
-  std::size_t count = 0;
-  require(fs_device_list(nullptr, 0, &count));
-  std::vector<fs_device_entry> entries(count);
-  require(fs_device_list(entries.data(), entries.size(), &count));
-  for (std::size_t i = 0; i < std::min(count, entries.size()); ++i) {
-    std::printf("%-24s %s\n", entries[i].uri, entries[i].label);
-  }
-  return exit_fine;
-}
-
 const char* const run_help = R"(examples:
   forceserver run room.json
       the scene with a simulated device and hand, until Ctrl-C
@@ -79,6 +68,23 @@ const char* const evaluate_help = R"(examples:
 In: a position per line, "x y z" or "x,y,z" in metres of the scene; '#' begins a comment; the first line may be a
 header. Out: x,y,z,fx,fy,fz with all digits, so that the same input gives the same file. No device and no protection
 takes part: this is the bare scene.)";
+
+const char* const devices_help = R"(examples:
+  forceserver devices
+  forceserver devices --json
+      one JSON document, in SI units, with the names of fs_device_info
+
+Each device is opened for a moment, so that it can tell what it is. "sim:" takes options:
+
+  sim:?hand=nominal|firm|light|released   who holds it. kg, N s/m, N/m: nominal 0.554, 6.45, 135; firm 0.8, 5.5, 568;
+                                          light 0.15, 3, 100; released: nobody
+  sim:?path=figure8|sweep|touch|FILE      how the hand wants to move. figure8: 120 mm by 60 mm about the origin in the
+                                          plane z = 0, once in 4 s; sweep: along x, 100 mm each way, in 5 s; touch:
+                                          along z, from 60 mm above the origin to 20 mm below it and back in 2 s;
+                                          FILE: lines of "t x y z", s and m
+  sim:?hold=X,Y,Z                         where it wants to rest, m
+  sim:?mass=..&friction=..&encoder=joint|ideal&wrist=passive|active&delay_ms=..&seed=..
+      of the device: kg, N; what device.h says of each)";
 
 void need(const std::string& value, const char* sentence) {
   if (value.empty()) throw std::runtime_error(sentence);
@@ -172,7 +178,10 @@ int main(int argc, char** argv) {
       ->type_name("SECONDS")->check(not_negative)->capture_default_str();
   evaluate_command->footer(evaluate_help);
 
-  CLI::App* devices_command = app.add_subcommand("devices", "List the devices that can be opened");
+  DevicesOptions devices_options;
+  CLI::App* devices_command = app.add_subcommand("devices", "List the devices that can be opened, and what they can");
+  devices_command->add_flag("--json", devices_options.json, "One JSON document");
+  devices_command->footer(devices_help);
 
   try {
     require_command(app, argc, argv);
@@ -203,7 +212,7 @@ int main(int argc, char** argv) {
       need(evaluate_options.scene, "evaluate needs a scene, such as: forceserver evaluate room.json points.csv");
       return evaluate(evaluate_options);
     }
-    if (*devices_command) return devices();
+    if (*devices_command) return devices(devices_options);
   } catch (const CLI::Success& wanted) {  // --help, --version
     return app.exit(wanted);
   } catch (const CLI::ParseError& error) {
