@@ -20,7 +20,8 @@ fs_report LocalScene::make_report(uint32_t slot, const Entry& entry, double now)
   out.revision = entry.revision;
   const Entry* evaluated = table_.get(slot);  // what an open group has changed is not yet
   if (evaluated) out.weight = servo_ ? evaluated->fade.weight(now, servo_->fade) : evaluated->is_present(now);
-  const bool is_pending = !evaluated || (servo_ && evaluated->fade.is_pending());
+  const bool is_new = !evaluated || evaluated->is_removed;  // also where its name still fades out from before
+  const bool is_pending = is_new || (servo_ && evaluated->fade.is_pending());
   if (is_pending && out.weight == 0 && object.is_enabled) {
     out.state = FS_OBJECT_PENDING;
   } else if (!object.is_enabled && out.weight == 0) {
