@@ -73,7 +73,8 @@ fs_profile pull(double newtons, double reach) {
 void Rover::drive(const Terrain& terrain, const fs_vec3& goal, double period) {
   const double forward_x = std::cos(heading), forward_y = std::sin(heading);
   const double left = forward_x * (goal.y - position.y) - forward_y * (goal.x - position.x);
-  heading += std::clamp(left / 3000, -1.0, 1.0) * period;
+  rate += (std::clamp(left / 3000, -1.0, 1.0) - rate) * std::min(1.0, period / 0.4);
+  heading += rate * period;
   position.x += forward_x * speed * period;
   position.y += forward_y * speed * period;
   position.z = terrain.height(position.x, position.y, wheelbase);
@@ -109,11 +110,11 @@ void add_rover(fs_scene* scene, const char* name, const Rover& rover, const Terr
 }
 
 void drive_rover(fs_scene* scene, const char* name, Rover& rover, const Terrain& terrain, const fs_vec3& goal,
-                 double period) {
+                 double period, double time) {
   rover.drive(terrain, goal, period);
   const fs_pose pose = rover.pose(terrain);
   const fs_twist twist = rover.twist(terrain, goal, period);
-  check(fs_object_move(scene, name, &pose, &twist, FS_NOW));
+  check(fs_object_move(scene, name, &pose, &twist, time));
 }
 
 bool find_rover(fs_scene* scene, const char* name, fs_pose* pose) {

@@ -32,6 +32,7 @@ fs_profile pull(double newtons, double reach);
 struct Rover {
   fs_vec3 position = {6000, 5000, 0};
   double heading = 0;   // rad, from east to north
+  double rate = 0;      // rad/s, of the heading: it steers to the goal, but not at once
   double distance = 0;  // m, driven so far
 
   void drive(const Terrain& terrain, const fs_vec3& goal, double period);  // a step of `period` s
@@ -47,9 +48,10 @@ struct Rover {
 void add_rover(fs_scene* scene, const char* name, const Rover& rover, const Terrain& terrain);
 
 // The rover drives to the goal for `period` s, and its plane goes with it. The twist that goes along lets the servo
-// move and turn the plane until the next call.
+// move and turn the plane until the next call. time: when the rover is there, s on the scene's clock; a caller that
+// gives times exactly one period apart makes no jump when it is called a little late.
 void drive_rover(fs_scene* scene, const char* name, Rover& rover, const Terrain& terrain, const fs_vec3& goal,
-                 double period);
+                 double period, double time);
 
 // The pose at this moment of the rover that was added under this name (another client's: "client/name"). False: there
 // is none, and *pose stays as it is.

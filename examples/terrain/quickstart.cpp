@@ -24,10 +24,10 @@ void add_editor(fs_scene* scene, const Terrain& terrain) {
 // plane, which resists sideways motion; between two of those times the servo moves and turns it.
 const char* const rover_name = "rover's plane";
 
-void drive(fs_scene* scene, const Terrain& terrain, Rover& rover, double period) {
+void drive(fs_scene* scene, const Terrain& terrain, Rover& rover, double period, double time) {
   fs_state hand;
   check(fs_scene_get_hand(scene, &hand, nullptr, nullptr));
-  drive_rover(scene, rover_name, rover, terrain, hand.pose.position, period);
+  drive_rover(scene, rover_name, rover, terrain, hand.pose.position, period, time);
 }
 
 // Client 3, the display: the borders of two hazardous areas keep the hand away.
@@ -63,8 +63,11 @@ void run(double seconds) {
     std::jthread rover_client([&](std::stop_token stop) {
       auto next = std::chrono::steady_clock::now();
       try {
+        double time;
+        check(fs_scene_get_time(scene, &time));
         for (; !stop.stop_requested(); std::this_thread::sleep_until(next += std::chrono::milliseconds(40))) {
-          drive(scene, terrain, rover, 0.04);
+          drive(scene, terrain, rover, 0.04, time);
+          time += 0.04;
         }
       } catch (const std::exception& error) {
         std::fprintf(stderr, "the rover stopped: %s\n", error.what());

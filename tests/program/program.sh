@@ -140,6 +140,11 @@ expect 1 'far: the hand cannot get near' "$program" check odd.json
 expect 1 'strong: its limit of 1000 N' "$program" check odd.json
 expect 1 'off: its force reverses across its point: 2 N over nothing$' "$program" check odd.json
 expect 1 'strong: its force reverses across its point: 2 N over nothing$' "$program" check odd.json
+cat > honey.json << 'END'
+{"forceserver": "scene", "version": 1, "objects": [{"name": "honey", "primitive": "point", "damping": 20,
+  "front": {"kind": "constant", "sense": "attractive", "gain": 1e-6, "limit": 5, "reach": 0.03}}]}
+END
+expect 0 '^nothing odd$' "$program" check honey.json
 printf 'v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n' > solid.obj
 # Each thing that jumps, and where; what does not is fine. What the hand cannot reach does not count.
 scene_of() {  # OBJECT: what is in its braces

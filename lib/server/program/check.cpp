@@ -279,7 +279,9 @@ void check_object(const fs_object& object, const Workspace& workspace, std::size
     findings.add(name, "it has no profile and is not solid: nothing is felt of it");
   } else if (profiles) {
     const double from = nearest(object, workspace), to = from + 2 * workspace.radius + length(object.pose.position);
-    if (std::max(most(object.front, from, to), most(object.back, from, to)) < faint && !solid) {
+    const double most_force = std::max(most(object.front, from, to), most(object.back, from, to));
+    const bool damps = object.damping > 0 && most_force > 0;  // however faint the force is
+    if (most_force < faint && !damps && !solid) {
       findings.add(name, "the hand cannot get near enough to feel it: at least %s of the scene are between it and the "
                    "device's workspace", metres(from).c_str());
     }
