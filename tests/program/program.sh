@@ -189,6 +189,7 @@ fine '"primitive": "plane", "pose": {"position": [0, 0, -9]},
 # Of four planes with one profile one is a wall. Two attractive sides hold the hand in the plane.
 fine '"primitive": "plane", "back": {'"$spring"'}'
 fine '"primitive": "plane", "front": {'"$spring"'}, "back": {'"$spring"'}'
+fine '"primitive": "mesh", "shape": "part", "front": {'"$spring"'}'  # a room
 odd 'it pulls the hand towards it from everywhere in front' '"primitive": "plane", "front": {'"$spring"'}'
 odd 'it pushes the hand away in front, the harder' '"primitive": "plane", "front": {"sense": "repulsive", '"$spring"'}'
 odd 'its back drives the hand deeper' '"primitive": "plane", "back": {"sense": "repulsive", '"$spring"'}'

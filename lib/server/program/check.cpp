@@ -167,6 +167,12 @@ struct Distances {
   double least, most;
 };
 
+bool is_closed(const fs_shape* shape) {
+  fs_shape_info info = fs_shape_info_init();
+  require(fs_shape_get_info(shape, &info));
+  return info.closed;
+}
+
 // A polyline that is not straight asks for an infinite stiffness with any profile (fs_report).
 bool is_bent(fs_shape* shape) {
   const Scene scene = open<Scene>(fs_scene_create);
@@ -227,7 +233,8 @@ void check_senses(const fs_object& object, const Distances& distances, Findings&
   const auto grows_without_end = [&](const fs_profile& profile) {
     return force_at(profile, distances.most) > force_at(profile, distances.least) + faint;
   };
-  if (sides && is_felt(object.front, FS_SENSE_ATTRACTIVE) && grows_without_end(object.front) &&
+  const bool is_room = object.primitive == FS_PRIMITIVE_MESH && is_closed(object.shape);  // that the hand cannot leave
+  if (sides && !is_room && is_felt(object.front, FS_SENSE_ATTRACTIVE) && grows_without_end(object.front) &&
       !is_felt(object.back, FS_SENSE_ATTRACTIVE)) {
     findings.add(name, "it pulls the hand towards it from everywhere in front, the harder the farther away; a wall "
                  "pushes out of its back: \"back\", attractive");
