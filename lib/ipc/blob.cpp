@@ -67,4 +67,11 @@ void read_blob(const Descriptor& blob, uint64_t offset, std::span<std::byte> out
   }
 }
 
+std::shared_ptr<const void> map_blob(const Descriptor& blob, uint64_t bytes) {
+  check_blob(blob, bytes);
+  void* const memory = mmap(nullptr, bytes, PROT_READ, MAP_SHARED, blob.get(), 0);
+  if (memory == MAP_FAILED) fail(FS_ERROR_IO, "the data could not be mapped: %s", std::strerror(errno));
+  return {memory, [bytes](const void* m) { munmap(const_cast<void*>(m), bytes); }};
+}
+
 }  // namespace fs

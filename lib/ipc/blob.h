@@ -1,9 +1,10 @@
-// Big data between processes: a memory file that is written once, sealed, and sent as a descriptor. Whoever gets one
-// copies it before it looks at it; a file that could still change, shrink or block is refused.
+// Big data between processes: a memory file that is written once, sealed, and sent as a descriptor. A file
+// that could still change, shrink or block is refused.
 #pragma once
 
 #include <cstdint>
 #include <initializer_list>
+#include <memory>
 #include <span>
 
 #include "ipc/descriptor.h"
@@ -28,6 +29,9 @@ Descriptor make_blob(std::initializer_list<std::span<const std::byte>> parts);
 void check_blob(const Descriptor& blob, uint64_t bytes);
 // Fills out from byte `offset` on. IO.
 void read_blob(const Descriptor& blob, uint64_t offset, std::span<std::byte> out);
+
+// The whole of a sealed file of so many bytes (> 0) in this process, without copying it: nobody can change it. INVALID, IO.
+std::shared_ptr<const void> map_blob(const Descriptor& blob, uint64_t bytes);
 
 template <class T>
 std::span<const std::byte> bytes_of(const T* data, size_t count) {

@@ -88,6 +88,17 @@ struct LocalScene final : Scene {
   void cancel() override;
   void sync(double timeout) override;
 
+  // Changes of objects that are there, by somebody else, kept apart until they are taken all at once; beside an open group,
+  // which is the application's. What another change has brought meanwhile stays, but for the parts that are changed.
+  class Draft;
+  Draft draft();
+  void change(Draft& draft, const fs_object& object, uint32_t parts);  // its shape is built
+  void move(Draft& draft, const char* name, const fs_pose& pose, const fs_twist* twist, double time);
+  void remove(Draft& draft, const char* name);
+  Ref<const Object> get(const Draft& draft, const char* name, fs_object& out);
+  void take(Draft& draft);
+  void discard(Draft& draft) noexcept;  // in any case at the end
+
   // How many objects it holds at most, those still fading out included.
   void set_capacity(uint32_t capacity);
 
@@ -130,7 +141,7 @@ struct LocalScene final : Scene {
   // Calls f(snapshot, slot of name; -1: name is null) outside of the lock.
   void with_snapshot(const char* name, const std::function<void(const Snapshot&, int64_t)>& f);
   // A scene that nobody evaluates leaves meshes unbuilt, until it has a reader.
-  void leave_unbuilt() noexcept { builds_shapes_ = false; }
+  void leave_unbuilt() noexcept { builds_shapes_ = is_built_ = false; }
 
   // The servo. Attaching and detaching change the clock: stored times shift along, so ages stay; fades end.
   void attach_servo(ServoLink& servo);  // STATE
@@ -157,6 +168,8 @@ struct LocalScene final : Scene {
     std::map<uint32_t, bool> touched;  // slots; true: more than moved
     ViewChange view;
   };
+
+  struct InDraft;
 
   // All of these want the lock.
   const Table<Entry>& working() const { return group_ ? group_->table : table_; }
@@ -240,9 +253,17 @@ struct LocalScene final : Scene {
 
   bool is_held_ = false;
   std::atomic<bool> builds_shapes_{true};
+  std::mutex building_mutex_;
+  bool is_built_ = true;  // what was left unbuilt; under building_mutex_
 
   std::deque<fs_event> events_;
   uint64_t lost_events_ = 0;
+};
+
+class LocalScene::Draft {
+  friend LocalScene;
+  std::unique_ptr<Group> group_;
+  std::map<uint32_t, uint32_t> parts_;  // that are changed, by slot
 };
 
 }  // namespace fs

@@ -249,13 +249,14 @@ static void change_of_others(Two& two, fs_scene* owner, const std::string& prefi
   settle();
   EXPECT_VECTOR(two.fake.written.force, (fs_vec3{-4, 0, 0}), 1e-12);
 
-  // Not in a group, which holds the scene's own.
+  // In a group, which is cancelled.
   OK(fs_scene_begin(bob));
-  EXPECT(FS_ERROR_STATE, fs_object_move(bob, full, &here, nullptr, FS_NOW));
-  change = spring(full);
-  EXPECT(FS_ERROR_STATE, fs_object_change(bob, &change, FS_PART_POSE));
-  EXPECT(FS_ERROR_STATE, fs_object_remove(bob, full));
+  OK(fs_object_remove(bob, full));
+  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_object_move(bob, full, &here, nullptr, FS_NOW), full);
+  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_object_remove(bob, missing.c_str()), "missing");
   OK(fs_scene_cancel(bob));
+  settle();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{-4, 0, 0}), 1e-12);
 
   // Removed by the other: the owner has it no more, and can make it again.
   OK(fs_object_remove(bob, full));
