@@ -46,9 +46,9 @@ FS_API fs_status fs_device_list(fs_device_entry *out, size_t capacity, size_t *c
  * that a spring and a damper draw to where the hand wants to be:
  *
  *     hand        kg       N s/m    N/m
- *     nominal     0.554    6.45     135      a relaxed grip
- *     firm        0.8      5.5      568      a firm grip
- *     light       0.15     3        100      two fingers
+ *     nominal     0.554    6.45     135      measured: Scientific Reports, srep18004, figure 3
+ *     firm        0.8      5.5      568      measured: N. Hogan
+ *     light       0.15     3        100      assumed
  *     released    0        0        0        nobody holds it
  *
  *     path        where it wants to be, m, t s after the first reading         once in    at most

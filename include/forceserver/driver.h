@@ -58,10 +58,10 @@ FS_API fs_status fs_driver_register(const fs_driver *driver);
 typedef const fs_driver *(*fs_driver_entry_function)(void);
 #endif
 
-/* Adds the driver of a shared library that exports fs_driver_entry, a fs_driver_entry_function. path: a file; without a
- * '/' it is searched for where the system's loader looks. The library stays loaded until the process ends. IO (it cannot
- * be loaded, or exports no fs_driver_entry: the sentence has the loader's reason), and as fs_driver_register: EXISTS,
- * VERSION. */
+/* Adds the driver of a shared library that exports fs_driver_entry, a fs_driver_entry_function. path: a file; without
+ * a '/' it is searched for where the system's loader looks. The library stays loaded until the process ends. IO (it
+ * cannot be loaded, or exports no fs_driver_entry: the sentence has the loader's reason), and as fs_driver_register:
+ * EXISTS, VERSION. */
 FS_API fs_status fs_driver_load(const char *path);
 
 /* message (null: none) becomes fs_last_error of this thread; returns status. */

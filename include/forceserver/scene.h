@@ -155,6 +155,23 @@ FS_API fs_status fs_scene_set_tool(fs_scene *scene, const fs_vec3 *points, size_
 /* The tool's points, a list. */
 FS_API fs_status fs_scene_get_tool(fs_scene *scene, fs_vec3 *out, size_t capacity, size_t *count);
 
+/* Where the tool of a scene stands: all that is needed to draw it. Frozen. */
+typedef struct fs_view {
+  fs_frame frame;               /* as fs_scene_get_frame gives it */
+  fs_pose tool;                 /* of the handle, in that scene's frame, at the last tick: where the hand has it or, while
+                                   the clutch is held, where the clutch holds it. The identity before the first tick
+                                   and without a servo */
+  fs_vec3 points[FS_TOOL_POINTS_MAX]; /* of the tool, m, frame of the handle: the first point_count; the rest 0 */
+  uint32_t point_count;         /* 1..32 */
+  bool held;                    /* the clutch */
+  uint8_t reserved_8[3];        /* 0 */
+  double reserved[4];           /* 0 */
+} fs_view;
+
+/* Frame, clutch and tool, all of one instant. client: whose, of a connected scene ("server": of the server's own
+ * scene); null: its own, as an open group has them. Connected: TIMEOUT. NOT_FOUND. */
+FS_API fs_status fs_scene_get_view(fs_scene *scene, const char *client, fs_view *out);
+
 /* ---- Accuracy, slope, clock */
 
 /* The error in the force that evaluation may make to be faster, N, >= 0; 0 (default): exact. fs_response.error_bound
@@ -223,6 +240,32 @@ FS_API fs_status fs_scene_get_reports(fs_scene *scene, fs_report *out, size_t ca
 
 /* One object. NOT_FOUND. */
 FS_API fs_status fs_scene_get_report(fs_scene *scene, const char *name, fs_report *out);
+
+/* How an object moves, in its owner's frame. At time t it is felt where its twist has taken it in dt = t - time, of
+ * which no less than 0 and no more than horizon counts: at position + dt*linear, and turned by the angle |dt*angular|
+ * about angular. Frozen. */
+typedef struct fs_motion {
+  char name[FS_NAME_SIZE];      /* another client's: "client/object" */
+  fs_primitive primitive;       /* as set */
+  uint32_t reserved_32;         /* 0 */
+  uint64_t revision;            /* grows with every change but moves: all but the motion may be another now */
+  uint64_t motion_revision;     /* grows with every change and every move. While it stays, so does all of this. Neither
+                                   number comes back with another object of that name */
+  fs_pose pose;                 /* at `time`, not extrapolated */
+  fs_twist twist;               /* from then on: m/s, rad/s; given or worked out (fs_object_move) */
+  double time;                  /* s, on the scene's clock */
+  double horizon;               /* s, for which the twist is used; 0: it stands */
+  double reserved[4];           /* 0 */
+} fs_motion;
+
+/* How all objects move, a list, with one request: for viewers, editors and bridges. The objects are those that
+ * fs_object_get has, at one instant: a group is there whole or not at all. client: only those of one client, of a
+ * connected scene ("server": of the server's own scene); null: of all, its own first. Its own are as this process has
+ * them: with its open group, and also while the server has not taken them yet or has refused them (fs_report.state
+ * tells); their two revisions are counted here. Those of others are as the server has them, without an open group of
+ * its own scene. Connected: TIMEOUT, FULL. NOT_FOUND: no such client. */
+FS_API fs_status fs_scene_get_motions(fs_scene *scene, const char *client, fs_motion *out, size_t capacity,
+                                      size_t *count);
 
 /* What happened. */
 typedef enum fs_event_kind {

@@ -169,6 +169,13 @@ fs_status fs_scene_get_tool(fs_scene* scene, fs_vec3* out, size_t capacity, size
   return on_scene(scene, [&] { copy_list(scene->get_tool(), out, capacity, count); });
 }
 
+fs_status fs_scene_get_view(fs_scene* scene, const char* client, fs_view* out) {
+  return on_scene(scene, [&] {
+    require_pointer(out, "out");
+    *out = scene->view(client);
+  });
+}
+
 fs_status fs_scene_set_accuracy(fs_scene* scene, double newtons) {
   return on_scene(scene, [&] {
     scene->set_accuracy(newtons);
@@ -202,6 +209,10 @@ fs_status fs_scene_get_report(fs_scene* scene, const char* name, fs_report* out)
     require_pointer(out, "out");
     *out = scene->report(name);
   });
+}
+
+fs_status fs_scene_get_motions(fs_scene* scene, const char* client, fs_motion* out, size_t capacity, size_t* count) {
+  return on_scene(scene, [&] { copy_list(scene->motions(client), out, capacity, count); });
 }
 
 fs_status fs_scene_next_event(fs_scene* scene, double timeout, fs_event* out) {

@@ -31,7 +31,8 @@ constexpr const char* event_kind_names[] = {"FS_EVENT_NONE",    "FS_EVENT_READY"
                                             "FS_EVENT_DEVICE",  "FS_EVENT_DISCONNECTED", "FS_EVENT_OVERFLOW"};
 constexpr const char* realtime_names[] = {"FS_REALTIME_NONE", "FS_REALTIME_NICE", "FS_REALTIME_FIFO",
                                           "FS_REALTIME_FIFO_LOCKED"};
-constexpr const char* fault_names[] = {"FS_FAULT_DEVICE", "FS_FAULT_SPEED", "FS_FAULT_NUMBER", "FS_FAULT_LATE"};  // bits
+// Of bits: the index is the number of the bit.
+constexpr const char* fault_names[] = {"FS_FAULT_DEVICE", "FS_FAULT_SPEED", "FS_FAULT_NUMBER", "FS_FAULT_LATE"};
 
 // [rt] The name of a value, which may be any number; `unknown` where it has none.
 template <size_t count>

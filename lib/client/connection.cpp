@@ -16,8 +16,7 @@ namespace {
 
 constexpr double retry_period = 0.02;     // s, between two tries to connect
 constexpr double handshake_limit = 2;     // s, where the endpoint does not say
-constexpr double answer_limit = 1;        // s
-constexpr double sending_limit = 60;      // s, amid what belongs together: the server may have much to build
+constexpr size_t most_answer = 4096;      // bytes
 constexpr double heartbeat_limit = 0.1;   // s: of a server that has not come by for so long the system is asked
 
 constexpr const char* lost_text = "the server is gone, and stays so for this scene: make a new one";
@@ -164,27 +163,18 @@ void Connection::shut() noexcept {
 
 // ----------------------------------------------------------------------------------------------------------- messages
 
-uint64_t Connection::send(wire::Type type, std::span<const std::byte> body, bool has_more, int descriptor) {
-  const wire::Header header{type, has_more, ++serial_};
-  const std::span<const std::byte> parts[] = {bytes_of(&header, 1), body};
+uint64_t Connection::send(wire::Type type, std::span<const std::byte> body, int descriptor,
+                          std::span<const std::byte> rest) {
+  const wire::Header header{type, 0, serial_ + 1};
+  const std::span<const std::byte> parts[] = {bytes_of(&header, 1), body, rest};
   const std::span<const int> descriptors(&descriptor, descriptor >= 0 ? 1 : 0);
-  const double start = steady_now();
-  for (;;) {
-    const Transfer transfer = send_message(socket_, parts, descriptors);
-    if (transfer == Transfer::done) return serial_;
-    if (transfer == Transfer::closed) lose(lost_text);
-    if (steady_now() - start > sending_limit) lose("the server has taken nothing for a minute, and is given up");
-    check();
-    // Room alone is not enough where too many descriptors are on their way.
-    wait_for(socket_, true, 0.01);
-    sleep(2e-4);
+  switch (send_message(socket_, parts, descriptors)) {
+    case Transfer::done: return ++serial_;
+    case Transfer::again: break;
+    case Transfer::closed: lose(lost_text);
   }
-}
-
-void Connection::wait_for_room() {
-  if (wait_for(socket_, true, answer_limit)) return;
   check();
-  fail(FS_ERROR_TIMEOUT, "the server has not taken earlier changes within %g s", answer_limit);
+  return 0;
 }
 
 void Connection::wake() noexcept {
@@ -195,16 +185,23 @@ void Connection::wake() noexcept {
 }
 
 uint64_t Connection::ask(wire::Type type, std::span<const std::byte> body) {
-  wait_for_room();
-  const uint64_t serial = send(type, body);
-  awaited_[serial] = std::nullopt;
+  const auto node = awaited_.try_emplace(serial_ + 1).first;
+  uint64_t serial = 0;
+  try {
+    node->second.answer.body.reserve(most_answer);
+    serial = send(type, body);
+  } catch (...) {
+    awaited_.erase(node);
+    throw;
+  }
+  if (!serial) awaited_.erase(node);
   return serial;
 }
 
 bool Connection::has_answer(uint64_t serial) {
   receive();
   const auto found = awaited_.find(serial);
-  if (found != awaited_.end() && found->second) return true;
+  if (found != awaited_.end() && found->second.is_there) return true;
   check();
   return false;
 }
@@ -212,52 +209,33 @@ bool Connection::has_answer(uint64_t serial) {
 bool Connection::take_answer(uint64_t serial, Answer& out) {
   if (!has_answer(serial)) return false;
   const auto found = awaited_.find(serial);
-  Reply reply = std::move(*found->second);
+  Reply reply = std::move(found->second);
   awaited_.erase(found);
   if (reply.head.status != FS_OK) throw Error{to_status(reply.head.status), text_of(reply.head.text)};
   out = std::move(reply.answer);
   return true;
 }
 
-Answer Connection::await(uint64_t serial) {
-  const double start = steady_now();
-  Answer answer;
-  while (!take_answer(serial, answer)) {
-    const double rest = answer_limit - (steady_now() - start);
-    if (!(rest > 0)) fail(FS_ERROR_TIMEOUT, "the server has not answered within %g s", answer_limit);
-    wait(rest);
-  }
-  return answer;
-}
-
-Answer Connection::request(wire::Type type, std::span<const std::byte> body) {
-  const uint64_t serial = ask(type, body);
-  try {
-    return await(serial);
-  } catch (...) {
-    give_up(serial);
-    throw;
-  }
-}
-
 // All that is there. Answers that nobody waits for any more are dropped.
 void Connection::receive() {
-  std::array<std::byte, 4096> buffer;
+  constexpr size_t head_size = sizeof(wire::Header) + sizeof(wire::Reply);
+  std::array<std::byte, head_size + most_answer> buffer;
   for (;;) {
-    Reply reply;
+    Descriptor data;
     size_t size;
     bool is_cut;
-    const Transfer transfer = receive_message(socket_, buffer, size, {&reply.answer.data, 1}, is_cut);
+    const Transfer transfer = receive_message(socket_, buffer, size, {&data, 1}, is_cut);
     if (transfer == Transfer::again) return;
     wire::Header header{};
-    constexpr size_t head_size = sizeof header + sizeof reply.head;
     if (transfer == Transfer::done && size >= head_size) std::memcpy(&header, buffer.data(), sizeof header);
     if (header.type != wire::type_reply) return lose(lost_text);  // or it talks nonsense
     const auto found = awaited_.find(header.serial);
     if (found == awaited_.end()) continue;
+    Reply& reply = found->second;
     std::memcpy(&reply.head, buffer.data() + sizeof header, sizeof reply.head);
     reply.answer.body.assign(buffer.data() + head_size, buffer.data() + size);
-    found->second = std::move(reply);
+    reply.answer.data = std::move(data);
+    reply.is_there = true;
   }
 }
 

@@ -69,22 +69,24 @@ class Connection {
   // Waits until there may be an answer, timeout s at most.
   void wait(double timeout) const noexcept { wait_for(socket_, false, timeout); }
 
-  // ---- By one thread at a time. All may throw DISCONNECTED.
+  // Waits until a message may be sent, timeout s at most. It is no promise.
+  void wait_for_room(double timeout) const noexcept { wait_for(socket_, true, timeout); }
+
+  bool has_room() const noexcept { return wait_for(socket_, true, 0); }
+
+  // ---- By one thread at a time; none waits. All may throw DISCONNECTED.
   Inbox& inbox() noexcept { return inbox_; }
   void wake() noexcept;  // [rt] the server looks at the inbox, also if it slept; then with a system call
 
-  // Sends a message; returns its serial. Waits for room where there is none: when it does not come, all is lost.
-  uint64_t send(wire::Type type, std::span<const std::byte> body, bool has_more = false, int descriptor = -1);
-  // Waits until there is room for some messages, 1 s at most. TIMEOUT.
-  void wait_for_room();
-
-  // Sends a request and waits for its answer, 1 s at most. What the server refuses is thrown. TIMEOUT.
-  Answer request(wire::Type type, std::span<const std::byte> body = {});
-  // The same in parts, for what takes longer.
+  // Sends a message, of one or two parts, as a whole or not at all. Returns its serial; 0: there is no room now.
+  uint64_t send(wire::Type type, std::span<const std::byte> body, int descriptor = -1,
+                std::span<const std::byte> rest = {});
+  uint64_t last_serial() const noexcept { return serial_; }
+  // The same of a request, whose answer is then awaited.
   uint64_t ask(wire::Type type, std::span<const std::byte> body = {});
-  bool take_answer(uint64_t serial, Answer& out);  // false: not there yet
+  bool take_answer(uint64_t serial, Answer& out);  // false: not there yet. What the server refuses is thrown
   bool has_answer(uint64_t serial);                // it is there, to be taken
-  Answer await(uint64_t serial);                   // waits for it, 1 s at most; it can be awaited again after TIMEOUT
+  bool is_awaited(uint64_t serial) const { return awaited_.contains(serial); }  // it has not been taken
   void give_up(uint64_t serial) noexcept { awaited_.erase(serial); }
 
   // The server is lost for this connection, whatever it does.
@@ -92,8 +94,9 @@ class Connection {
 
  private:
   struct Reply {
-    wire::Reply head;
-    Answer answer;
+    bool is_there = false;
+    wire::Reply head{};
+    Answer answer;  // has memory for any that may come: none is lost for lack of it
   };
 
   void connect(const Endpoint& endpoint, double start);
@@ -109,7 +112,7 @@ class Connection {
   mutable std::atomic<const char*> loss_{nullptr};
 
   uint64_t serial_ = 0;  // of the last message
-  std::map<uint64_t, std::optional<Reply>> awaited_;
+  std::map<uint64_t, Reply> awaited_;  // by serial
 };
 
 }  // namespace fs

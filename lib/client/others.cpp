@@ -1,4 +1,4 @@
-// What concerns other clients: their objects, their changes of this one's, reports and events.
+// What concerns other clients: their objects, reports and events. What is asked of the server: asking.cpp.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -13,14 +13,7 @@
 namespace fs {
 namespace {
 
-constexpr size_t most_fetched = 8;  // shapes, and curves, that are kept for the next who asks
-
-// What the fetched list has under the server's number; null: nothing.
-template <class List>
-auto find_fetched(const List& list, uint64_t id) {
-  const auto found = std::find_if(list.begin(), list.end(), [id](const auto& entry) { return entry.first == id; });
-  return found == list.end() ? nullptr : found->second;
-}
+constexpr int most_tries = 4;  // to get an object that others change again and again
 
 template <class List, class Thing>
 uint64_t number_of(const List& list, const Thing* thing) {  // the server's; 0: it is not its
@@ -28,10 +21,10 @@ uint64_t number_of(const List& list, const Thing* thing) {  // the server's; 0: 
   return found == list.end() ? 0 : found->first;
 }
 
-template <class List, class Thing>
-void keep_fetched(List& list, uint64_t id, const Thing& thing) {
-  list.emplace_back(id, thing);
-  if (list.size() > most_fetched) list.pop_front();
+// The object's own name, for checks: without its client's.
+void put_bare_name(fs_object& object) {
+  const std::string name = text_of(object.name);
+  put_text(object.name, name.substr(name.find('/') + 1));
 }
 
 }  // namespace
@@ -48,76 +41,99 @@ wire::Target RemoteScene::to_target(const char* name, const char* field) {
 
 // -------------------------------------------------------------------------------------------------- their objects
 
-// The handles of a record: this client's own, or the server's, which are fetched. Ask at once, before the next request
-// for an object: the server offers those of the last one only.
-RemoteScene::Received RemoteScene::receive(const wire::Object& record) {
-  Received out{from_record(record), receive_shape(record.shape), receive_curve(record.front.curve),
-               receive_curve(record.back.curve)};
-  out.object.shape = const_cast<fs_shape*>(out.shape.get());
-  out.object.front.curve = const_cast<fs_curve*>(out.front.get());
-  out.object.back.curve = const_cast<fs_curve*>(out.back.get());
-  return out;
-}
-
-Ref<const Shape> RemoteScene::receive_shape(uint64_t id) {
-  if (id == 0) return nullptr;
-  if (!(id & wire::of_server)) {
-    const auto own = data_.find(id);
-    if (own == data_.end() || !own->second.shape) fail(FS_ERROR_INTERNAL, "the server tells of a shape that is none");
-    return own->second.shape;
+// As an open group has it, else as the server has it. Its name is the one it was asked by, so that it can be changed as it
+// is.
+Ref<const Object> RemoteScene::get_other(Call& call, const char* name, fs_object& out) {
+  const auto not_found = [name] { fail(FS_ERROR_NOT_FOUND, "name is '%.128s': there is no such object", name); };
+  if (group_) {
+    if (const auto known = group_->others.find(std::string_view(name)); known != group_->others.end()) {
+      if (!known->second.kept) not_found();
+      out = known->second.object;
+      return known->second.kept;
+    }
   }
-  if (Ref<const Shape> known = find_fetched(fetched_shapes_, id)) return known;
-  const wire::Fetch fetch{id};
-  Answer answer = connection_.request(wire::type_fetch, bytes_of(&fetch, 1));
-  answer.require_data();
-  const Ref<const Shape> shape = from_record(answer.as<wire::Shape>(), std::move(answer.data));
-  keep_fetched(fetched_shapes_, id, shape);
-  return shape;
-}
-
-Ref<const Curve> RemoteScene::receive_curve(uint64_t id) {
-  if (id == 0) return nullptr;
-  if (!(id & wire::of_server)) {
-    const auto own = data_.find(id);
-    if (own == data_.end() || !own->second.curve) fail(FS_ERROR_INTERNAL, "the server tells of a curve that is none");
-    return own->second.curve;
-  }
-  if (Ref<const Curve> known = find_fetched(fetched_curves_, id)) return known;
-  const wire::Fetch fetch{id};
-  Answer answer = connection_.request(wire::type_fetch, bytes_of(&fetch, 1));
-  const auto record = answer.as<wire::Curve>();
-  if (record.count) answer.require_data();
-  const Ref<const Curve> curve = from_record(record, std::move(answer.data));
-  keep_fetched(fetched_curves_, id, curve);
-  return curve;
-}
-
-// Its name is the one it was asked by, so that it can be changed as it is.
-Ref<const Object> RemoteScene::get_other(const char* name, fs_object& out) {
   const wire::Target target = to_target(name, "name");
-  const auto record = connection_.request(wire::type_get, bytes_of(&target, 1)).as<wire::Object>();
-  const Received received = receive(record);
-  Ref<const Object> object = parse_object(received.object, nullptr, false).object;
-  out = received.object;
-  put_text(out.name, name);
-  return object;
+  for (int i = 1;; ++i) {
+    const auto record = request(call, wire::type_get, bytes_of(&target, 1)).as<wire::Object>();
+    try {
+      const Received received = receive(call, record);
+      Ref<const Object> object = parse_object(received.object, nullptr, false).object;
+      out = received.object;
+      put_text(out.name, name);
+      return object;
+    } catch (const Error& error) {  // it was changed before all of it was fetched
+      if (error.status != FS_ERROR_NOT_FOUND || i == most_tries) throw;
+    }
+  }
 }
 
-void RemoteScene::change_other(const fs_object& object, uint32_t parts) {
-  require_no_group();
-  wire::Edit edit{to_target(text_of(object.name).c_str(), "name"), parts, to_record(object)};
+// The object as the open group has it, which from now on changes it. May wait: then the group may have gone.
+RemoteScene::Other& RemoteScene::join_group(Call& call, const char* name) {
+  if (connection_.welcome().is_locked) {
+    fail(FS_ERROR_DENIED, "name is '%.128s': this server lets a client change its own objects only", name);
+  }
+  require_room(*group_, 0);
+  Other other;
+  other.kept = get_other(call, name, other.object);
+  if (!group_) fail(FS_ERROR_STATE, "the group was closed by another thread");
+  return group_->others.insert_or_assign(name, std::move(other)).first->second;
+}
+
+void RemoteScene::change_other(Call& call, const fs_object& object, uint32_t parts) {
+  const std::string name = text_of(object.name);
+  wire::Edit edit{to_target(name.c_str(), "name"), parts, to_record(object)};
   if (parts == 0) {  // whether it is there
-    connection_.request(wire::type_get, bytes_of(&edit.target, 1));
+    fs_object present;
+    get_other(call, name.c_str(), present);
     return;
   }
   if ((parts & FS_PART_POSE) && edit.object.time == 0) edit.object.time = now();
+  if (group_) {
+    Other& other = join_group(call, name.c_str());
+    fs_object whole = merge_parts(other.object, object, parts);
+    put_bare_name(whole);
+    const Ref<const Object> parsed = parse_object(whole, nullptr, false).object;
+    if (parts & FS_PART_SHAPE) edit.object.shape = object.shape ? object.shape->serial : 0;
+    if (parts & FS_PART_PROFILES) {
+      edit.object.front.curve = object.front.curve ? object.front.curve->serial : 0;
+      edit.object.back.curve = object.back.curve ? object.back.curve->serial : 0;
+    }
+    add(*group_, wire::type_edit, name.c_str(), bytes_of(&edit, 1));
+    group_->changes.back().parts = parts;
+    group_->changes.back().object = parsed;
+    put_text(whole.name, name);
+    other.object = whole;
+    other.kept = parsed;
+    return;
+  }
+  // While it is asked for, what it brings is in use.
+  struct Pins {
+    RemoteScene& scene;
+    std::vector<uint64_t> ids;
+    ~Pins() {
+      for (const uint64_t id : ids) {
+        const auto found = scene.data_.find(id);
+        if (found == scene.data_.end() || --found->second.uses > 0) continue;
+        try {
+          scene.maybe_unused_[id] = scene.connection_.last_serial();
+        } catch (const std::bad_alloc&) {  // the server keeps it longer than it must
+        }
+      }
+    }
+  };
   // What came from the server goes back by its number; unless it has let go of it, then it is sent as a new one.
   for (const bool may_refer : {true, false}) {
     bool refers = false;
-    const auto id_of = [&](const auto* thing, const auto& fetched) {
+    Pins pins{*this, {}};
+    const auto id_of = [&](const auto* thing, const auto& fetched) -> uint64_t {
       const uint64_t number = may_refer && thing ? number_of(fetched, thing) : 0;
       refers = refers || number;
-      return number ? number : upload(thing);
+      if (number || !thing) return number;
+      pins.ids.reserve(3);
+      while (!upload(thing)) pause(call, true);
+      ++data_.at(thing->serial).uses;
+      pins.ids.push_back(thing->serial);
+      return thing->serial;
     };
     if (parts & FS_PART_SHAPE) edit.object.shape = id_of(object.shape, fetched_shapes_);
     if (parts & FS_PART_PROFILES) {
@@ -125,101 +141,36 @@ void RemoteScene::change_other(const fs_object& object, uint32_t parts) {
       edit.object.back.curve = id_of(object.back.curve, fetched_curves_);
     }
     try {
-      connection_.request(wire::type_edit, bytes_of(&edit, 1));
-      break;
+      request(call, wire::type_edit, bytes_of(&edit, 1));
+      return;
     } catch (const Error& error) {
       if (!refers || error.status != FS_ERROR_STATE || error.text != "unknown shape") throw;
     }
   }
-  forget_unused();
 }
 
-void RemoteScene::move_other(const char* name, const Pose& pose, const fs_twist* twist, double time) {
-  require_no_group();
+void RemoteScene::move_other(Call& call, const char* name, const Pose& pose, const fs_twist* twist, double time) {
   const wire::MoveOther move{to_target(name, "name"), twist != nullptr, pose, twist ? *twist : fs_twist{}, time};
-  connection_.request(wire::type_move_other, bytes_of(&move, 1));
-}
-
-// ---------------------------------------------------------------------------------------------------- their changes
-
-// What others have changed of this one's objects comes into the replica. Not while a group is open: it began without.
-void RemoteScene::pull() {
-  const std::atomic<uint64_t>& edits = connection_.outbox()->edits;
-  const auto is_current = [&] { return edits.load(std::memory_order_acquire) == edits_seen_; };
-  if (is_current() || group_) return;
-  flush_ahead();
-  for (uint32_t i = 0; i <= connection_.welcome().max_objects && !is_current(); ++i) {  // who goes on is not waited for
-    if (!pull_) pull_ = connection_.ask(wire::type_pull);
-    const auto pulled = connection_.await(*pull_).as<wire::Pulled>();
-    pull_.reset();
-    edits_seen_ = pulled.edits;
-    if (pulled.state == 0) break;
-    if (pulled.state == 3) {
-      if (const auto data = data_.find(pulled.object.shape); data != data_.end()) data->second.is_refused = true;
-      continue;
-    }
-    const auto slot = std::find_if(slots_.begin(), slots_.end(),
-                                   [&](const auto& entry) { return entry.second.index == pulled.slot; });
-    if (slot == slots_.end()) continue;
-    if (pulled.state == 2) {
-      replica_->remove(slot->first.c_str());
-      drop_slot(slot);
-    } else if (text_of(pulled.object.name) == slot->first) {
-      if (is_here(pulled.object)) {
-        take_over(*slot, pulled.object);
-        behind_.erase(slot->first);
-      } else {
-        behind_.insert(slot->first);  // whoever needs all of it waits for its mesh
-      }
-    }
+  if (!group_) {
+    request(call, wire::type_move_other, bytes_of(&move, 1));
+    return;
   }
-  publish();
-  forget_unused();
+  Other& other = join_group(call, name);
+  add(*group_, wire::type_move_other, name, bytes_of(&move, 1));
+  other.object.pose = pose;
+  other.object.twist = twist ? *twist : fs_twist{};
+  other.object.time = time;
 }
 
-// The same, and all of an object, or of all, is there.
-void RemoteScene::catch_up(const char* name) {
-  pull();
-  if (group_) return;
-  bool is_gone = false;
-  for (auto next = behind_.begin(); next != behind_.end();) {
-    if (name && *next != name) {
-      ++next;
-      continue;
-    }
-    const wire::Target target = to_target(next->c_str(), "name");
-    wire::Object record;
-    try {
-      record = connection_.request(wire::type_get, bytes_of(&target, 1)).as<wire::Object>();
-    } catch (const Error& error) {
-      if (error.status != FS_ERROR_NOT_FOUND) throw;
-      is_gone = true;  // removed meanwhile: the next pull tells so
-      next = behind_.erase(next);
-      continue;
-    }
-    take_over(*slots_.find(*next), record);
-    next = behind_.erase(next);
-    publish();
-    forget_unused();
+void RemoteScene::remove_other(Call& call, const char* name) {
+  const wire::Target target = to_target(name, "name");
+  if (!group_) {
+    request(call, wire::type_remove_other, bytes_of(&target, 1));
+    return;
   }
-  if (is_gone) pull();
-}
-
-// Whether nothing has to be fetched for it.
-bool RemoteScene::is_here(const wire::Object& record) const {
-  const auto is_known = [this](uint64_t id, const auto& fetched) {
-    return id == 0 || (id & wire::of_server ? find_fetched(fetched, id) != nullptr : data_.contains(id));
-  };
-  return is_known(record.shape, fetched_shapes_) && is_known(record.front.curve, fetched_curves_) &&
-         is_known(record.back.curve, fetched_curves_);
-}
-
-// An own object as the server has it.
-void RemoteScene::take_over(Slots::value_type& slot, const wire::Object& record) {
-  flush_ahead();
-  replica_->set(receive(record).object);
-  fs_object object;
-  note_object(slot.second, replica_->get(slot.first.c_str(), object).get());
+  Other& other = join_group(call, name);
+  add(*group_, wire::type_remove_other, name, bytes_of(&target, 1));
+  other.kept = nullptr;
 }
 
 // ------------------------------------------------------------------------------------------------- reports and events
@@ -246,16 +197,16 @@ fs_report RemoteScene::in_group(const fs_report& ours, const fs_report* theirs) 
 }
 
 fs_report RemoteScene::report(const char* given) {
-  const Lock lock = enter();
+  Call call = enter();
   const char* name = own_name(given);
   fs_report ours{};
   if (name) {
-    pull();
+    catch_up(call, name);
     ours = replica_->report(name);  // NOT_FOUND
   }
   const wire::Target target = to_target(name ? name : given, "name");
   try {
-    const auto theirs = connection_.request(wire::type_report, bytes_of(&target, 1)).as<fs_report>();
+    const auto theirs = request(call, wire::type_report, bytes_of(&target, 1)).as<fs_report>();
     return name && group_ ? in_group(ours, &theirs) : theirs;
   } catch (const Error& error) {
     if (!name || !group_ || error.status != FS_ERROR_NOT_FOUND) throw;
@@ -264,9 +215,9 @@ fs_report RemoteScene::report(const char* given) {
 }
 
 std::vector<fs_report> RemoteScene::reports() {
-  const Lock lock = enter();
-  pull();
-  std::vector<fs_report> out = connection_.request(wire::type_reports).list<fs_report>();
+  Call call = enter();
+  catch_up(call, "");
+  std::vector<fs_report> out = request(call, wire::type_reports).list<fs_report>();
   if (!group_) return out;
   NameMap<fs_report> theirs;  // of its own objects; those of others have a '/'
   std::erase_if(out, [&](const fs_report& report) {
@@ -285,8 +236,9 @@ std::vector<fs_report> RemoteScene::reports() {
 }
 
 std::vector<fs_client> RemoteScene::clients() {
-  const Lock lock = enter();
-  return connection_.request(wire::type_clients).list<fs_client>();
+  Call call = enter();
+  look();
+  return request(call, wire::type_clients).list<fs_client>();
 }
 
 // The oldest event that is there; false: none. After the last of a server that is gone comes its end.
@@ -294,7 +246,7 @@ bool RemoteScene::take_event(fs_event& out) {
   const char* loss = connection_.loss();  // before its last events are looked at
   if (!loss) {
     try {
-      pull();
+      look();
     } catch (const Error&) {  // whatever it is, the next call is told
     }
   }

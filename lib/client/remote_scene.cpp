@@ -12,6 +12,7 @@
 namespace fs {
 namespace {
 
+constexpr const char* no_memory_text = "there was no memory in the middle of a change: the server is given up";
 constexpr size_t most_syncs = 32;  // that have not been answered
 
 constexpr uint32_t all_parts = FS_PART_POSE | FS_PART_PROFILES | FS_PART_CONTACT | FS_PART_SHAPE | FS_PART_OTHER;
@@ -28,23 +29,14 @@ RemoteScene::RemoteScene(const Endpoint& endpoint, const std::string& client)
       replica_(make_ref<LocalScene>(
           std::shared_ptr<ServoOutput>(connection_.outbox(), &connection_.outbox()->servo),
           clock_of(connection_.welcome()))) {
+  taken_.resize(connection_.welcome().max_objects);
   replica_->leave_unbuilt();
   replica_->hold();
 }
 
-// Not after a loss; and in a forked child not even to the lock, which nobody there may ever give back.
-RemoteScene::Lock RemoteScene::enter(double* steady) const {
-  if (connection_.is_forked()) connection_.check();
-  Lock lock(mutex_);
-  const double now = steady_now();
-  connection_.check(now);
-  if (steady) *steady = now;
-  return lock;
-}
-
 LocalScene& RemoteScene::local() {
-  const Lock lock = enter();
-  catch_up();
+  Call call = enter();
+  catch_up(call);
   is_evaluated_here_ = true;
   flush_ahead();
   return *replica_;
@@ -58,35 +50,38 @@ const char* RemoteScene::own_name(const char* name) const noexcept {
   return std::string_view(name, prefix) == client_ ? name + prefix + 1 : nullptr;
 }
 
-void RemoteScene::require_no_group() const {
-  if (group_) fail(FS_ERROR_STATE, "a group is open: another client's object cannot be changed in it");
-}
-
-// Runs f, which changes the replica and says so in a group: the one that is open, or one of its own.
+// Runs f, which changes the replica and says so in a group: the one that is open, or one of its own. Where the server has
+// no room, f runs again when there is.
 template <class F>
-void RemoteScene::mutate(F&& f) {
-  if (group_) {
+void RemoteScene::mutate(Call& call, F&& f) {
+  for (look(); !group_; pause(call, true)) {
+    flush_ahead();
+    Group group;
+    bool is_sent = false;
+    replica_->begin();
     try {
-      return f(*group_);
-    } catch (const std::bad_alloc&) {
-      connection_.lose("there was no memory in the middle of a change");
+      f(group);
+      is_sent = deliver(group);
+      if (is_sent) {
+        replica_->commit();
+      } else {
+        replica_->cancel();
+      }
+    } catch (...) {
+      replica_->cancel();
+      if (is_sent) connection_.lose(no_memory_text);
       throw;
     }
+    if (!is_sent) continue;
+    publish();
+    return connection_.check();
   }
-  flush_ahead();
-  Group group;
-  replica_->begin();
   try {
-    f(group);
-    prepare(group);
-    replica_->commit();
-  } catch (...) {
-    replica_->cancel();
+    f(*group_);
+  } catch (const std::bad_alloc&) {
+    connection_.lose(no_memory_text);
     throw;
   }
-  transmit(group);
-  publish();
-  connection_.check();
 }
 
 // Tools look at what has been posted.
@@ -107,10 +102,9 @@ void RemoteScene::set(const fs_object& object) {
   if (is_evaluated_here_) parse_object(object);  // builds its tree, without the lock
   check_struct_size(object.struct_size, sizeof object, "fs_object");
   const std::string name = text_of(object.name);
-  const Lock lock = enter();
-  pull();
-  mutate([&](Group& group) {
-    require_room(group, !has(group, name));
+  Call call = enter();
+  mutate(call, [&](Group& group) {
+    require_room(group, !is_object(group, name));
     replica_->set(object);
     add_object(group, wire::type_set, name.c_str(), all_parts);
   });
@@ -122,16 +116,19 @@ void RemoteScene::change(const fs_object& object, uint32_t parts) {
   const std::string given = text_of(object.name);
   const char* name = own_name(given.c_str());
   if (name && is_evaluated_here_ && (parts & FS_PART_SHAPE) && object.shape) object.shape->build();  // without the lock
-  const Lock lock = enter();
+  Call call = enter();
   try {
-    if (!name) return change_other(object, parts);
-    catch_up(name);
+    if (!name) return change_other(call, object, parts);
+    catch_up(call, name);
     fs_object own = object;
     if (name != given.c_str()) put_text(own.name, name);
-    mutate([&](Group& group) {
+    mutate(call, [&](Group& group) {
       require_room(group, 0);
       replica_->change(own, parts);
-      if (parts) add_object(group, wire::type_change, name, parts);
+      if (parts == 0) return;
+      const auto slot = slots_.find(std::string_view(name));
+      const bool is_whole = slot != slots_.end() && slot->second.is_refused;  // the server has nothing to change
+      add_object(group, is_whole ? wire::type_set : wire::type_change, name, is_whole ? all_parts : parts);
     });
   } catch (Error& error) {
     // A sentence about "spring" is one about "alice/spring" for whoever asked for that.
@@ -147,25 +144,25 @@ void RemoteScene::move(const char* given, const fs_pose& pose, const fs_twist* t
   if (twist) parse_twist(*twist, "twist");
   parse_finite(time, "time");
   double steady;
-  const Lock lock = enter(&steady);
+  Call call = enter(&steady);
   const double at = time != 0 ? time : connection_.welcome().is_virtual ? now() : steady;
   const char* name = own_name(given);
-  if (!name) return move_other(given, parsed, twist, at);
-  if (group_) {
-    return mutate([&](Group& group) {
+  if (!name) return move_other(call, given, parsed, twist, at);
+  look();
+  const auto found = slots_.find(std::string_view(name, strnlen(name, FS_NAME_SIZE)));
+  if (group_ || found == slots_.end() || found->second.index == wire::no_slot) {
+    call.limit = call.end = 0;  // it never waits
+    const bool is_refused = found != slots_.end() && found->second.is_refused;
+    return mutate(call, [&](Group& group) {
       require_room(group, 0);
       replica_->move(name, parsed, twist, at);
-      const wire::Place place{0, 0, to_record(replica_->movement(name).motion)};
-      add(group, wire::type_place, name, bytes_of(&place, 1));
+      wire::Place place{{}, to_record(replica_->movement(name).motion)};
+      put_text(place.name, name);
+      if (group_ || !is_refused) add(group, wire::type_place, name, bytes_of(&place, 1));
     });
   }
-  pull();
-  const auto found = slots_.find(std::string_view(name, strnlen(name, FS_NAME_SIZE)));
-  if (found == slots_.end()) {
-    replica_->movement(name);  // throws NOT_FOUND
-    fail(FS_ERROR_INTERNAL, "object '%.80s' has no slot", name);
-  }
   Slot& slot = found->second;
+  slot.moved_in = asking_;
   if (is_evaluated_here_ || slot.has_lifetime) {
     replica_->move(name, parsed, twist, at);
     slot.movement = replica_->movement(name);
@@ -184,25 +181,22 @@ void RemoteScene::move(const char* given, const fs_pose& pose, const fs_twist* t
 }
 
 void RemoteScene::remove(const char* given) {
-  const Lock lock = enter();
+  Call call = enter();
   const char* name = own_name(given);
-  if (!name) {
-    require_no_group();
-    const wire::Target target = to_target(given, "name");
-    connection_.request(wire::type_remove_other, bytes_of(&target, 1));
-    return;
-  }
-  mutate([&](Group& group) {
+  if (!name) return remove_other(call, given);
+  catch_up(call, "");
+  mutate(call, [&](Group& group) {
     require_room(group, 0);
     replica_->remove(name);
-    const wire::Remove removal{};
+    wire::Remove removal{};
+    put_text(removal.name, name);
     add(group, wire::type_remove, name, bytes_of(&removal, 1));
   });
 }
 
 void RemoteScene::clear() {
-  const Lock lock = enter();
-  mutate([&](Group& group) {
+  Call call = enter();
+  mutate(call, [&](Group& group) {
     require_room(group, 0);
     replica_->clear();
     add(group, wire::type_clear, "");
@@ -210,20 +204,21 @@ void RemoteScene::clear() {
 }
 
 Ref<const Object> RemoteScene::get(const char* given, fs_object& out) {
-  const Lock lock = enter();
+  Call call = enter();
   const char* name = own_name(given);
-  if (!name) return get_other(given, out);
-  catch_up(name);
+  if (!name) return get_other(call, given, out);
+  catch_up(call, name);
   flush_ahead();
   return replica_->get(name, out);
 }
 
 Scene::Contents RemoteScene::contents() {
-  const Lock lock = enter();
-  catch_up();
+  Call call = enter();
+  catch_up(call);
+  const fs_frame frame = own_view(call).frame;  // may wait: before the rest is looked at
   flush_ahead();
   Contents out = replica_->contents();
-  out.frame = own_frame();
+  out.frame = frame;
   return out;
 }
 
@@ -236,13 +231,12 @@ void RemoteScene::set_contents(const std::vector<fs_object>& objects, const fs_f
   }
   std::vector<std::string> names;
   for (const fs_object& object : objects) names.push_back(text_of(object.name));
-  const Lock lock = enter();
-  mutate([&](Group& group) {
-    std::set<std::string_view> fresh;
-    for (const std::string& name : names) {
-      if (!has(group, name)) fresh.insert(name);
-    }
-    require_room(group, fresh.size(), names.size() + 2);
+  Call call = enter();
+  mutate(call, [&](Group& group) {
+    const std::set<std::string_view> distinct(names.begin(), names.end());
+    const auto fresh = static_cast<size_t>(
+        std::count_if(distinct.begin(), distinct.end(), [&](std::string_view name) { return !is_object(group, name); }));
+    require_room(group, fresh, names.size() + 2);
     replica_->set_contents(objects, frame, tool);
     for (const std::string& name : names) add_object(group, wire::type_set, name.c_str(), all_parts);
     add_frame(group);
@@ -253,35 +247,49 @@ void RemoteScene::set_contents(const std::vector<fs_object>& objects, const fs_f
 // ------------------------------------------------------------------------------------------------------------- groups
 
 void RemoteScene::begin() {
-  const Lock lock = enter();
-  pull();
+  const Call call = enter();
+  look();
   flush_ahead();
   auto group = std::make_unique<Group>();
   replica_->begin();  // STATE
   group_ = std::move(group);
 }
 
-// When it fails before anything was sent, the group stays open.
+// Where it fails, the group stays open, and nothing of it was sent.
 void RemoteScene::commit() {
-  const Lock lock = enter();
-  if (group_) prepare(*group_);
-  replica_->commit();  // STATE
-  const std::unique_ptr<Group> group = std::move(group_);
-  transmit(*group);
+  Call call = enter();
+  while (group_ && !deliver(*group_)) pause(call, true);
+  try {
+    replica_->commit();  // STATE
+  } catch (const std::bad_alloc&) {
+    connection_.lose(no_memory_text);
+    throw;
+  }
+  group_ = nullptr;
   publish();
   connection_.check();
+  look();
 }
 
 void RemoteScene::cancel() {
-  const Lock lock = enter();
+  const Call call = enter();
   replica_->cancel();  // STATE
   group_ = nullptr;
 }
 
+// At its end the client knows what became of its changes, if the time suffices.
 void RemoteScene::sync(double timeout) {
   check_timeout(timeout);
   const double start = steady_now();
-  Lock lock = enter();
+  Call call = enter();
+  call.end = start + timeout;
+  const auto wait = [&](bool is_for_room) {
+    if (!(call.end > steady_now())) fail(FS_ERROR_TIMEOUT, "no tick has used the changes within timeout %g s", timeout);
+    pause(call, is_for_room);
+  };
+  const auto catch_up_in_time = [&] {
+    while (look(), !group_ && !is_current() && call.end > steady_now()) pause(call, !pull_);
+  };
   uint64_t own = 0;  // serial; 0: not asked yet
   for (;;) {
     // Those of earlier calls that did not wait for them may be refusals.
@@ -289,23 +297,28 @@ void RemoteScene::sync(double timeout) {
     while (!syncs_.empty() && connection_.has_answer(syncs_.front())) {
       const uint64_t serial = syncs_.front();
       syncs_.pop_front();
-      connection_.take_answer(serial, answer);
+      try {
+        connection_.take_answer(serial, answer);
+      } catch (const Error&) {
+        catch_up_in_time();
+        throw;
+      }
     }
-    if (!own && syncs_.size() < most_syncs) syncs_.push_back(own = connection_.ask(wire::type_sync));
-    if (own && (syncs_.empty() || syncs_.front() > own)) return;
-    const double rest = timeout - (steady_now() - start);
-    if (!(rest > 0)) fail(FS_ERROR_TIMEOUT, "no tick has used the changes within timeout %g s", timeout);
-    lock.unlock();
-    connection_.wait(std::fmin(rest, 2e-3));  // not longer: another thread may take the answer in
-    lock.lock();
+    if (!own && syncs_.size() < most_syncs) {
+      syncs_.push_back(0);  // before it is asked: so that its answer cannot be lost
+      syncs_.back() = own = connection_.ask(wire::type_sync);
+      if (!own) syncs_.pop_back();
+    }
+    if (own && (syncs_.empty() || syncs_.front() > own)) return catch_up_in_time();
+    wait(!own);
   }
 }
 
 // --------------------------------------------------------------------------------------------------------------- view
 
 void RemoteScene::set_frame(const fs_frame& frame) {
-  const Lock lock = enter();
-  mutate([&](Group& group) {
+  Call call = enter();
+  mutate(call, [&](Group& group) {
     require_room(group, 0);
     replica_->set_frame(frame);
     add_frame(group);
@@ -313,8 +326,8 @@ void RemoteScene::set_frame(const fs_frame& frame) {
 }
 
 void RemoteScene::set_tool(const Vec3* points, size_t count) {
-  const Lock lock = enter();
-  mutate([&](Group& group) {
+  Call call = enter();
+  mutate(call, [&](Group& group) {
     require_room(group, 0);
     replica_->set_tool(points, count);
     add_tool(group);
@@ -322,8 +335,8 @@ void RemoteScene::set_tool(const Vec3* points, size_t count) {
 }
 
 void RemoteScene::set_clutch(bool held) {
-  const Lock lock = enter();
-  mutate([&](Group& group) {
+  Call call = enter();
+  mutate(call, [&](Group& group) {
     require_room(group, 0);
     const wire::Clutch clutch{held};
     add(group, wire::type_clutch, "", bytes_of(&clutch, 1));
@@ -331,26 +344,12 @@ void RemoteScene::set_clutch(bool held) {
 }
 
 std::vector<Vec3> RemoteScene::get_tool() {
-  const Lock lock = enter();
+  Call call = enter();
+  catch_up(call, "");
   return replica_->get_tool();
 }
 
-// As an open group has it; else the server's, where a clutch may have moved it.
-fs_frame RemoteScene::own_frame() {
-  const auto is_frame = [](const Change& change) { return change.type == wire::type_frame; };
-  if (group_ && std::any_of(group_->changes.begin(), group_->changes.end(), is_frame)) {
-    return replica_->get_frame(nullptr);
-  }
-  const wire::Target target = to_target(client_.c_str(), "client");
-  return connection_.request(wire::type_view, bytes_of(&target, 1)).as<wire::Frame>().frame;
-}
-
-fs_frame RemoteScene::get_frame(const char* client) {
-  const Lock lock = enter();
-  if (!client || client_ == client) return own_frame();
-  const wire::Target target = to_target(client, "client");
-  return connection_.request(wire::type_view, bytes_of(&target, 1)).as<wire::Frame>().frame;
-}
+fs_frame RemoteScene::get_frame(const char* client) { return view(client).frame; }
 
 void RemoteScene::set_accuracy(double newtons) {
   connection_.check();
@@ -381,16 +380,16 @@ fs_status RemoteScene::get_hand(fs_state* state, fs_response* response, fs_wrenc
 }
 
 void RemoteScene::get_servo_stats(fs_servo_stats& out) {
-  const Lock lock = enter();
+  Call call = enter();
   const uint32_t size = out.struct_size;
-  out = connection_.request(wire::type_stats).as<fs_servo_stats>();
+  out = request(call, wire::type_stats).as<fs_servo_stats>();
   out.struct_size = size;
 }
 
 void RemoteScene::get_device_info(fs_device_info& out) {
-  const Lock lock = enter();
+  Call call = enter();
   const uint32_t size = out.struct_size;
-  out = connection_.request(wire::type_device).as<fs_device_info>();
+  out = request(call, wire::type_device).as<fs_device_info>();
   out.struct_size = size;
 }
 

@@ -1,11 +1,16 @@
 // A scene at a server. It has a scene of its own in this process, the replica, which checks every change before it is
-// sent, is what getters of its own objects look at, and what tools evaluate. Small and frequent is only fs_object_move:
-// it goes through shared memory. Everything else is messages, and one change or a group of them takes the same way:
-// into the replica's group, then all that may fail, then the replica's commit, then the messages.
+// sent, is what getters of its own objects look at, and what tools evaluate. fs_object_move goes through shared memory.
+// Every other change is a message, and a group of changes is one message: into the replica's group, then the message, then
+// the replica's commit. So the server has all of a change or nothing of it, and never more than the replica.
+//
+// The server may refuse a change, and others may change this client's objects. Then the server counts up Outbox::edits, and
+// the client asks (pull) name by name what there is now. A change that the client made after it asked is newer than the
+// answer: that name is asked again.
 #pragma once
 
 #include <array>
 #include <deque>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -50,6 +55,7 @@ struct RemoteScene final : Scene {
   void set_clutch(bool held) override;
   void set_tool(const Vec3* points, size_t count) override;
   std::vector<Vec3> get_tool() override;
+  fs_view view(const char* client) override;
   void set_accuracy(double newtons) override;
   void set_max_stiffness(double stiffness) override;
 
@@ -58,6 +64,7 @@ struct RemoteScene final : Scene {
 
   std::vector<fs_report> reports() override;
   fs_report report(const char* name) override;
+  std::vector<fs_motion> motions(const char* client) override;
   fs_event next_event(double timeout) override;
 
   fs_status get_hand(fs_state* state, fs_response* response, fs_wrench* sent) const noexcept override;
@@ -68,16 +75,25 @@ struct RemoteScene final : Scene {
  private:
   using Lock = std::unique_lock<std::mutex>;
 
+  // A call that is under way. It has the lock, but for the times in which it waits for the server.
+  struct Call {
+    Lock lock;
+    double limit;  // s, that it waits at most
+    double end;    // s, monotonic clock: then it waits no longer
+  };
+
   // An object of this client at the server.
   struct Slot {
-    uint32_t index = 0;              // of the inbox
+    uint32_t index = wire::no_slot;  // of the inbox; no_slot: there is none for it, so it is moved by messages
     uint64_t after = 0;              // serial of the change that last set its pose
     bool has_lifetime = false;
+    bool is_refused = false;         // the server has it not: it is here alone
     std::array<uint64_t, 3> data{};  // shape and curves that it uses, of those that the server has from this client
     // Moved, and the replica does not know yet.
     bool is_ahead = false;
     Movement movement;
     std::pair<const std::string, Slot>* next_ahead = nullptr;
+    uint64_t moved_in = 0;           // asking_ at its last move
   };
   using Slots = NameMap<Slot>;
 
@@ -89,17 +105,25 @@ struct RemoteScene final : Scene {
     bool is_refused = false;         // so the server has it not
   };
 
-  // A change on its way: its record but for the slot, which it begins with where it is about an object.
+  // A change on its way: its record but for the slot, which a set begins with.
   struct Change {
     wire::Type type;
     std::string name;                // of the object
     std::vector<std::byte> record;
-    uint32_t parts = 0;              // of a set or change
+    uint32_t parts = 0;              // of a set, change or edit
     Ref<const Object> object;        // as it is then
+  };
+  // Another client's object, as the group has it.
+  struct Other {
+    fs_object object;
+    Ref<const Object> kept;          // null: removed
   };
   struct Group {
     std::vector<Change> changes;
-    std::set<std::string, std::less<>> fresh, gone;  // names that slots_ has not, and has no more
+    // Names that the changes speak of; true: there is such an object then.
+    std::map<std::string, bool, std::less<>> names;
+    ptrdiff_t more_names = 0, more_objects = 0;  // than there were; what was refused is a name, but no object
+    std::map<std::string, Other, std::less<>> others;
   };
 
   // What a server's record stands for, with its handles.
@@ -107,54 +131,79 @@ struct RemoteScene final : Scene {
     fs_object object;
     Ref<const Shape> shape;
     Ref<const Curve> front, back;
+    void link();
   };
   template <class T>
   using Fetched = std::deque<std::pair<uint64_t, Ref<const T>>>;  // by the server's number, the oldest first
 
-  Lock enter(double* steady = nullptr) const;  // DISCONNECTED. steady: s, monotonic clock
+  Call enter(double* steady = nullptr) const;  // DISCONNECTED. steady: s, monotonic clock
   double now() const noexcept { return replica_->now(); }
   const char* own_name(const char* name) const noexcept;  // null: it is another client's
-  void require_no_group() const;                          // STATE
   static wire::Target to_target(const char* name, const char* field);  // NOT_FOUND
 
-  // ---- Own objects (remote_scene.cpp). All that follow want the lock.
+  // ---- Own objects (remote_scene.cpp). All that follow want the lock; those with a Call may wait without it.
   template <class F>
-  void mutate(F&& f);
+  void mutate(Call& call, F&& f);
   void publish();
   void flush_ahead();
-  fs_frame own_frame();
+  fs_view own_view(Call& call);  // lists.cpp
 
   // ---- Groups and how they are sent (sending.cpp).
   bool has(const Group& group, std::string_view name) const;
+  bool is_object(const Group& group, std::string_view name) const;
+  void note_name(Group& group, const std::string& name, bool is_there) const;
   void require_room(const Group& group, size_t objects, size_t changes = 1) const;  // FULL
   void add(Group& group, wire::Type type, const char* name, std::span<const std::byte> record = {}) const;
   void add_object(Group& group, wire::Type type, const char* name, uint32_t parts) const;
   void add_frame(Group& group) const;
   void add_tool(Group& group) const;
-  void prepare(const Group& group);
-  void transmit(Group& group) noexcept;
-  void transmit_moves(const Group& group) noexcept;
-  void send(Change& change, bool has_more);
-  void make_slot(const std::string& name);
+  bool deliver(Group& group);
+  bool may_be_written(const Group& group) const;
+  void write_moves(const Group& group) noexcept;
+  class SlotNumbers;
+  uint64_t send(Group& group);
+  void note_sent(const Group& group, uint64_t serial) noexcept;
+  uint32_t take_index() noexcept;
+  void release_index(Slot& slot) noexcept;
   Slots::iterator drop_slot(Slots::iterator slot);
   void note_object(Slot& slot, const Object* object);
+  void note_refused(Slot& slot, bool is_refused) noexcept;
   bool is_missing(uint64_t id) const;
-  uint64_t upload(const Shape* shape);
-  uint64_t upload(const Curve* curve);
-  void upload(wire::Type type, uint64_t id, std::span<const std::byte> record, const Descriptor& content, Data data);
+  bool upload(const Shape* shape);
+  bool upload(const Curve* curve);
+  bool upload(wire::Type type, uint64_t id, std::span<const std::byte> record, const Descriptor& content, Data data);
+  bool has_room_for_data() const;
+  bool upload_parts(const Object& object, uint32_t parts);
   void forget_unused();
 
-  // ---- What others have done, and what they have (others.cpp).
-  void pull();
-  void catch_up(const char* name = nullptr);
+  // ---- What is asked of the server (asking.cpp).
+  void pause(Call& call, bool is_for_room);  // TIMEOUT
+  Answer request(Call& call, wire::Type type, std::span<const std::byte> body = {});
+  struct Asking;
+  void end_question() noexcept;
+  bool is_current() const noexcept;
+  void look();
+  bool start_pull();
+  void catch_up(Call& call, const char* name = nullptr);
+  void fetch_behind(Call& call, const std::string& name);
+  void touch(const Change& change);
+  bool is_touched(const std::string& name) const;
+  void adopt(const wire::Pulled& pulled);
   bool is_here(const wire::Object& record) const;
-  void take_over(Slots::value_type& slot, const wire::Object& record);
-  Received receive(const wire::Object& record);
-  Ref<const Shape> receive_shape(uint64_t id);
-  Ref<const Curve> receive_curve(uint64_t id);
-  Ref<const Object> get_other(const char* name, fs_object& out);
-  void change_other(const fs_object& object, uint32_t parts);
-  void move_other(const char* name, const Pose& pose, const fs_twist* twist, double time);
+  Ref<const Shape> find_shape(uint64_t id) const;
+  Ref<const Curve> find_curve(uint64_t id) const;
+  void take_over(const std::string& name, const Received& received, uint32_t slot);
+  Received receive(Call& call, const wire::Object& record);
+  Answer fetch(Call& call, uint64_t id);
+  Ref<const Shape> receive_shape(Call& call, uint64_t id);
+  Ref<const Curve> receive_curve(Call& call, uint64_t id);
+
+  // ---- Other clients and what they have (others.cpp).
+  Ref<const Object> get_other(Call& call, const char* name, fs_object& out);
+  void change_other(Call& call, const fs_object& object, uint32_t parts);
+  void move_other(Call& call, const char* name, const Pose& pose, const fs_twist* twist, double time);
+  void remove_other(Call& call, const char* name);
+  Other& join_group(Call& call, const char* name);
   fs_report in_group(const fs_report& ours, const fs_report* theirs);
   bool take_event(fs_event& out);
 
@@ -166,19 +215,25 @@ struct RemoteScene final : Scene {
   std::atomic<bool> is_evaluated_here_{false};
 
   Slots slots_;
-  std::set<uint32_t> free_indexes_;
-  uint32_t indexes_end_ = 0;
+  size_t refused_count_ = 0;  // of slots_
+  std::vector<bool> taken_;  // slots of the inbox, by number
   Slots::value_type* ahead_ = nullptr;  // the first of those that are
   std::unordered_map<uint64_t, Data> data_;  // by their serial in this process
-  std::vector<uint64_t> maybe_unused_;
+  std::map<uint64_t, uint64_t> maybe_unused_;  // of data_, with the serial of the message after which they may be
   std::unique_ptr<Group> group_;
 
   Fetched<Shape> fetched_shapes_;
   Fetched<Curve> fetched_curves_;
-  std::set<std::string> behind_;  // that others have changed, and their mesh is not here yet
+  std::set<std::string, std::less<>> behind_;  // of which the server may have something else than the replica
   uint64_t edits_seen_ = 0, events_read_ = 0;
-  std::optional<uint64_t> pull_;  // serial of the one that has not been answered: what it brings is told once
-  std::deque<uint64_t> syncs_;    // and those, the oldest first: each may bring a refusal
+  std::optional<uint64_t> pull_;        // serial of the one that has not been answered: what it brings is told once
+  std::optional<wire::Pulled> pulled_;  // its answer, until the replica has it
+  // While questions about objects are open: names that were changed since, of which the answer is out of date.
+  unsigned open_questions_ = 0;
+  uint64_t asking_ = 0;                 // how often a first question was opened
+  std::set<std::string, std::less<>> touched_;
+  bool is_all_touched_ = false;
+  std::deque<uint64_t> syncs_;    // serials of those not answered, the oldest first: each may bring a refusal
   bool is_end_told_ = false;
 };
 

@@ -12,19 +12,35 @@ namespace fs {
 
 // ------------------------------------------------------------------------------------------------------- into a group
 
-// Whether there is such an object, as the group has it.
+// Whether there is such a name, as the group has it; and whether the server has an object of it then.
 bool RemoteScene::has(const Group& group, std::string_view name) const {
-  return group.fresh.contains(name) || (slots_.contains(name) && !group.gone.contains(name));
+  const auto known = group.names.find(name);
+  return known != group.names.end() ? known->second : slots_.contains(name);
 }
 
-// For so many more objects, and changes.
+bool RemoteScene::is_object(const Group& group, std::string_view name) const {
+  const auto slot = slots_.find(name);
+  const bool was_refused = slot != slots_.end() && slot->second.is_refused;
+  return has(group, name) && (group.names.contains(name) || !was_refused);
+}
+
+void RemoteScene::note_name(Group& group, const std::string& name, bool is_there) const {
+  group.more_names += is_there - has(group, name);
+  group.more_objects += is_there - is_object(group, name);
+  group.names[name] = is_there;
+}
+
+// For so many more objects, and changes. What was refused is at no server: it has room of its own.
 void RemoteScene::require_room(const Group& group, size_t objects, size_t changes) const {
-  const size_t most = connection_.welcome().max_objects;
-  if (objects && slots_.size() + group.fresh.size() - group.gone.size() + objects > most) {
-    fail(FS_ERROR_FULL, "the scene would hold %zu objects, the server allows a client %zu",
-         slots_.size() + group.fresh.size() - group.gone.size() + objects, most);
+  const size_t most = connection_.welcome().max_objects, most_changes = wire::most_changes(connection_.welcome().max_objects);
+  const size_t names = slots_.size() + static_cast<size_t>(group.more_names) + objects;
+  const size_t present = slots_.size() - refused_count_ + static_cast<size_t>(group.more_objects) + objects;
+  if (objects && present > most) {
+    fail(FS_ERROR_FULL, "the scene would hold %zu objects, the server allows a client %zu", present, most);
   }
-  const size_t most_changes = 4 * most + 64;
+  if (objects && names > 2 * most) {
+    fail(FS_ERROR_FULL, "the scene would hold %zu objects, %zu of them refused: remove these", names, refused_count_);
+  }
   if (group.changes.size() + changes > most_changes) {
     fail(FS_ERROR_FULL, "the group would be of %zu changes, must be at most %zu", group.changes.size() + changes,
          most_changes);
@@ -32,13 +48,12 @@ void RemoteScene::require_room(const Group& group, size_t objects, size_t change
 }
 
 void RemoteScene::add(Group& group, wire::Type type, const char* name, std::span<const std::byte> record) const {
-  if (type == wire::type_set && !has(group, name)) {
-    if (group.gone.erase(name) == 0) group.fresh.insert(name);
-  }
-  if (type == wire::type_remove && group.fresh.erase(name) == 0) group.gone.insert(name);
+  if (type == wire::type_set || type == wire::type_remove) note_name(group, name, type == wire::type_set);
   if (type == wire::type_clear) {
-    group.fresh.clear();
-    for (const auto& [known, slot] : slots_) group.gone.insert(known);
+    for (auto& [known, is_there] : group.names) is_there = false;
+    for (const auto& [known, slot] : slots_) group.names[known] = false;
+    group.more_names = -static_cast<ptrdiff_t>(slots_.size());
+    group.more_objects = -static_cast<ptrdiff_t>(slots_.size() - refused_count_);
   }
   group.changes.push_back({type, name, {record.begin(), record.end()}, 0, nullptr});
 }
@@ -74,94 +89,189 @@ void RemoteScene::add_tool(Group& group) const {
 
 // ------------------------------------------------------------------------------------------------------ to the server
 
-// All that may fail, before anything changes: its shapes and curves are sent, and there is room for the rest.
-void RemoteScene::prepare(const Group& group) {
+// Sends the group with all that it needs, as a whole. False: there is no room at the server now, and nothing has changed
+// but that some of its shapes and curves are there already.
+bool RemoteScene::deliver(Group& group) {
+  if (group.changes.empty()) return true;
+  if (may_be_written(group)) {
+    write_moves(group);
+    return true;
+  }
   for (const Change& change : group.changes) {
-    if (change.parts & FS_PART_SHAPE) upload(change.object->shape.get());
-    if (change.parts & FS_PART_PROFILES) {
-      upload(change.object->front.curve.get());
-      upload(change.object->back.curve.get());
-    }
+    if (change.object && !upload_parts(*change.object, change.parts)) return false;
   }
-  if (!group.changes.empty()) connection_.wait_for_room();
+  const uint64_t serial = send(group);
+  if (serial) note_sent(group, serial);
+  return serial != 0;
 }
 
-// The replica has changed: now either all of it goes on its way, or the server is lost.
-void RemoteScene::transmit(Group& group) noexcept {
-  try {
-    // Moves alone need no message; unless something they follow is still on its way, or waits for a mesh: they would be
-    // felt before what is to be felt with them.
-    const uint64_t settled = connection_.outbox()->settled.load(std::memory_order_acquire);
-    const auto may_be_written = [&](const Change& change) {
-      const auto slot = change.type == wire::type_place ? slots_.find(change.name) : slots_.end();
-      return slot != slots_.end() && slot->second.after <= settled;
-    };
-    if (std::all_of(group.changes.begin(), group.changes.end(), may_be_written)) {
-      transmit_moves(group);
-    } else {
-      for (Change& change : group.changes) send(change, &change != &group.changes.back());
-    }
-    forget_unused();
-  } catch (...) {
-    connection_.lose("a change could not be sent as a whole: the server is given up");
-  }
+// Moves alone need no message; unless a change before them has not been applied yet: they would be felt before it.
+bool RemoteScene::may_be_written(const Group& group) const {
+  const uint64_t settled = connection_.outbox()->settled.load(std::memory_order_acquire);
+  return std::all_of(group.changes.begin(), group.changes.end(), [&](const Change& change) {
+    const auto slot = change.type == wire::type_place ? slots_.find(change.name) : slots_.end();
+    return slot != slots_.end() && slot->second.index != wire::no_slot && slot->second.after <= settled;
+  });
 }
 
-void RemoteScene::transmit_moves(const Group& group) noexcept {
-  if (group.changes.empty()) return;
+void RemoteScene::write_moves(const Group& group) noexcept {
   connection_.inbox().begin_batch();
   for (const Change& change : group.changes) {
-    const auto slot = slots_.find(change.name);
+    Slot& slot = slots_.find(change.name)->second;
     wire::Place place;
     std::memcpy(&place, change.record.data(), sizeof place);
-    connection_.inbox().write(slot->second.index, {slot->second.after, place.movement});
+    connection_.inbox().write(slot.index, {slot.after, place.movement});
+    slot.moved_in = asking_;
   }
   connection_.inbox().end_batch();
   connection_.wake();
 }
 
-void RemoteScene::send(Change& change, bool has_more) {
-  const bool is_of_object = change.type == wire::type_set || change.type == wire::type_change ||
-                            change.type == wire::type_place || change.type == wire::type_remove;
-  Slots::iterator found = slots_.end();
-  if (is_of_object) {
-    if (change.type == wire::type_set) make_slot(change.name);
-    found = slots_.find(change.name);
-    if (found == slots_.end()) fail(FS_ERROR_INTERNAL, "object '%s' has no slot", change.name.c_str());
-    const uint32_t index = found->second.index;
-    std::memcpy(change.record.data(), &index, sizeof index);
+// The slots that a group of changes takes and gives, in turn; given back unless it is kept.
+class RemoteScene::SlotNumbers {
+ public:
+  explicit SlotNumbers(RemoteScene& scene) : scene_(scene) {}
+  ~SlotNumbers() {
+    for (auto step = steps_.rbegin(); step != steps_.rend(); ++step) scene_.taken_[step->first] = !step->second;
   }
-  const uint64_t serial = connection_.send(change.type, change.record, has_more);
-  if (change.type == wire::type_remove) {
-    drop_slot(found);
-  } else if (change.type == wire::type_clear) {
-    for (auto slot = slots_.begin(); slot != slots_.end();) slot = drop_slot(slot);
-  } else if (is_of_object) {
-    if (change.type == wire::type_place || (change.parts & FS_PART_POSE)) found->second.after = serial;
-    if (change.object) note_object(found->second, change.object.get());
+  void keep() noexcept { steps_.clear(); }
+
+  uint32_t of(const std::string& name) const {
+    if (const auto found = numbers_.find(name); found != numbers_.end()) return found->second;
+    const auto slot = scene_.slots_.find(name);
+    return slot == scene_.slots_.end() ? wire::no_slot : slot->second.index;
+  }
+  uint32_t take(const std::string& name) {
+    uint32_t number = of(name);
+    if (number == wire::no_slot) {
+      number = scene_.take_index();
+      if (number != wire::no_slot) steps_.emplace_back(number, true);
+    }
+    return numbers_[name] = number;
+  }
+  void give(const std::string& name) {
+    const uint32_t number = of(name);
+    numbers_[name] = wire::no_slot;
+    if (number == wire::no_slot) return;
+    steps_.emplace_back(number, false);
+    scene_.taken_[number] = false;
+  }
+  void give_all() {
+    std::vector<std::string> names;
+    for (const auto& [name, slot] : scene_.slots_) names.push_back(name);
+    for (const auto& [name, number] : numbers_) names.push_back(name);
+    for (const std::string& name : names) give(name);
+  }
+
+ private:
+  RemoteScene& scene_;
+  std::vector<std::pair<uint32_t, bool>> steps_;  // a number; true: it was taken
+  std::map<std::string, uint32_t> numbers_;       // as they are now, of the names that the group changes
+};
+
+// One message: the change, or a group's changes one behind the other. 0: no room.
+uint64_t RemoteScene::send(Group& group) {
+  SlotNumbers numbers(*this);
+  const bool is_alone = group.changes.size() == 1 && group.changes[0].type < wire::type_sync;
+  std::vector<std::byte> bytes;
+  for (Change& change : group.changes) {
+    if (change.type == wire::type_remove) {
+      numbers.give(change.name);
+    } else if (change.type == wire::type_clear) {
+      numbers.give_all();
+    } else if (change.type == wire::type_set || change.type == wire::type_change) {
+      const uint32_t index = change.type == wire::type_set ? numbers.take(change.name) : numbers.of(change.name);
+      std::memcpy(change.record.data(), &index, sizeof index);
+    }
+    if (is_alone) break;
+    const wire::Header header{change.type, 0, 0};
+    const auto head = bytes_of(&header, 1);
+    bytes.insert(bytes.end(), head.begin(), head.end());
+    bytes.insert(bytes.end(), change.record.begin(), change.record.end());
+  }
+  uint64_t serial;
+  const wire::Group head{bytes.size()};
+  if (is_alone) {
+    serial = connection_.send(group.changes[0].type, group.changes[0].record);
+  } else if (bytes.size() <= most_message / 2) {
+    serial = connection_.send(wire::type_group, bytes_of(&head, 1), -1, bytes);
+  } else {
+    serial = connection_.send(wire::type_group, bytes_of(&head, 1), make_blob({bytes}).get());
+  }
+  if (serial) numbers.keep();
+  return serial;
+}
+
+// It is on its way: so the slots are as send has numbered them.
+void RemoteScene::note_sent(const Group& group, uint64_t serial) noexcept {
+  try {
+    for (const Change& change : group.changes) {
+      const auto found = slots_.find(change.name);
+      switch (change.type) {
+        case wire::type_set: {
+          const auto slot = found != slots_.end() ? found : slots_.emplace(change.name, Slot{}).first;
+          std::memcpy(&slot->second.index, change.record.data(), sizeof slot->second.index);
+          slot->second.after = serial;
+          note_refused(slot->second, false);
+          note_object(slot->second, change.object.get());
+          break;
+        }
+        case wire::type_change:
+          if (found == slots_.end()) break;
+          if (change.parts & FS_PART_POSE) found->second.after = serial;
+          note_object(found->second, change.object.get());
+          break;
+        case wire::type_place:
+          if (found != slots_.end()) found->second.after = serial;
+          break;
+        case wire::type_remove:
+          if (found != slots_.end()) drop_slot(found);
+          break;
+        case wire::type_clear:
+          for (auto slot = slots_.begin(); slot != slots_.end();) slot = drop_slot(slot);
+          break;
+        case wire::type_edit:  // what it brings is the server's to keep
+          for (const uint64_t id : {change.object->shape ? change.object->shape->serial : 0,
+                                    change.object->front.curve ? change.object->front.curve->serial : 0,
+                                    change.object->back.curve ? change.object->back.curve->serial : 0}) {
+            if (data_.contains(id)) maybe_unused_[id] = serial;
+          }
+          break;
+        default: break;
+      }
+      touch(change);
+    }
+  } catch (...) {
+    connection_.lose("there was no memory in the middle of a change: the server is given up");
   }
 }
 
 // --------------------------------------------------------------------------------------------------------------- slots
 
-void RemoteScene::make_slot(const std::string& name) {
-  if (slots_.contains(name)) return;
-  const bool is_reused = !free_indexes_.empty();
-  Slot slot;
-  slot.index = is_reused ? *free_indexes_.begin() : indexes_end_;
-  slots_.emplace(name, slot);
-  if (is_reused) {
-    free_indexes_.erase(slot.index);
-  } else {
-    ++indexes_end_;
-  }
+// The lowest number that is free; no_slot: none is.
+uint32_t RemoteScene::take_index() noexcept {
+  const auto free = std::find(taken_.begin(), taken_.end(), false);
+  if (free == taken_.end()) return wire::no_slot;
+  *free = true;
+  return static_cast<uint32_t>(free - taken_.begin());
 }
 
+void RemoteScene::release_index(Slot& slot) noexcept {
+  if (slot.index != wire::no_slot) taken_[slot.index] = false;
+  slot.index = wire::no_slot;
+}
+
+// The object is no more; the number of its slot has been given back.
 RemoteScene::Slots::iterator RemoteScene::drop_slot(Slots::iterator slot) {
-  free_indexes_.insert(slot->second.index);
-  behind_.erase(slot->first);
   note_object(slot->second, nullptr);
+  note_refused(slot->second, false);
   return slots_.erase(slot);
+}
+
+void RemoteScene::note_refused(Slot& slot, bool is_refused) noexcept {
+  refused_count_ += is_refused;
+  refused_count_ -= slot.is_refused;
+  slot.is_refused = is_refused;
 }
 
 // What is in the slot now; null: nothing any more.
@@ -183,60 +293,84 @@ void RemoteScene::note_object(Slot& slot, const Object* object) {
   }
   for (const uint64_t id : slot.data) {
     const auto found = data_.find(id);
-    if (found != data_.end() && --found->second.uses == 0) maybe_unused_.push_back(id);
+    if (found != data_.end() && --found->second.uses == 0) maybe_unused_[id] = connection_.last_serial();
   }
   slot.data = used;
 }
 
 // --------------------------------------------------------------------------------------------------- shapes and curves
 
-// Whether the server has it not; or refused it, then it may have become better.
+// The server lacks it, or refused it and a retry may succeed.
 bool RemoteScene::is_missing(uint64_t id) const {
   const auto found = data_.find(id);
   return found == data_.end() || found->second.is_refused;
 }
 
-// Sends it unless the server has it. Until an object uses it, it may be forgotten with the next change.
-uint64_t RemoteScene::upload(const Shape* shape) {
-  if (!shape) return 0;
-  if (is_missing(shape->serial)) {
-    Descriptor content;
-    const wire::Shape record = to_record(*shape, content);
-    upload(wire::type_shape, shape->serial, bytes_of(&record, 1), content, {Ref<const Shape>::share(shape), nullptr});
-  }
-  return shape->serial;
+// Sends it unless the server has it. False: there is no room now. Until an object uses it, it may be forgotten.
+bool RemoteScene::upload(const Shape* shape) {
+  if (!shape || !is_missing(shape->serial)) return true;
+  if (!has_room_for_data()) return false;
+  Descriptor content;
+  const wire::Shape record = to_record(*shape, content);
+  return upload(wire::type_shape, shape->serial, bytes_of(&record, 1), content, {Ref<const Shape>::share(shape), nullptr});
 }
 
-uint64_t RemoteScene::upload(const Curve* curve) {
-  if (!curve) return 0;
-  if (is_missing(curve->serial)) {
-    Descriptor content;
-    const wire::Curve record = to_record(*curve, content);
-    upload(wire::type_curve, curve->serial, bytes_of(&record, 1), content, {nullptr, Ref<const Curve>::share(curve)});
-  }
-  return curve->serial;
+bool RemoteScene::upload(const Curve* curve) {
+  if (!curve || !is_missing(curve->serial)) return true;
+  if (!has_room_for_data()) return false;
+  Descriptor content;
+  const wire::Curve record = to_record(*curve, content);
+  return upload(wire::type_curve, curve->serial, bytes_of(&record, 1), content, {nullptr, Ref<const Curve>::share(curve)});
 }
 
-void RemoteScene::upload(wire::Type type, uint64_t id, std::span<const std::byte> record, const Descriptor& content,
+bool RemoteScene::upload(wire::Type type, uint64_t id, std::span<const std::byte> record, const Descriptor& content,
                          Data data) {
-  connection_.wait_for_room();
-  maybe_unused_.push_back(id);
-  const auto [known, is_new] = data_.try_emplace(id, std::move(data));
-  if (!is_new) {  // what it was refused as
+  if (const auto refused = data_.find(id); refused != data_.end()) {
     const wire::Forget forget{id};
-    connection_.send(wire::type_forget, bytes_of(&forget, 1));
-    known->second.is_refused = false;
+    if (!connection_.send(wire::type_forget, bytes_of(&forget, 1))) return false;
+    data.uses = refused->second.uses;
+    data_.erase(refused);
   }
-  connection_.send(type, record, false, content.get());
+  const auto known = data_.emplace(id, std::move(data)).first;
+  uint64_t serial = 0;
+  try {
+    maybe_unused_[id] = connection_.last_serial();
+    serial = connection_.send(type, record, content.get());
+  } catch (...) {
+    data_.erase(known);
+    throw;
+  }
+  if (!serial) data_.erase(known);
+  return serial != 0;
 }
 
+// Before it is copied.
+bool RemoteScene::has_room_for_data() const {
+  return data_.size() < wire::most_data(connection_.welcome().max_objects) && connection_.has_room();
+}
+
+bool RemoteScene::upload_parts(const Object& object, uint32_t parts) {
+  if ((parts & FS_PART_SHAPE) && !upload(object.shape.get())) return false;
+  return !(parts & FS_PART_PROFILES) || (upload(object.front.curve.get()) && upload(object.back.curve.get()));
+}
+
+// Not before the server has applied the change that uses it no more: if that is refused, it is used again.
 void RemoteScene::forget_unused() {
-  for (const uint64_t id : std::exchange(maybe_unused_, {})) {
+  const bool are_many = data_.size() > wire::most_data(connection_.welcome().max_objects) / 2;
+  if (maybe_unused_.empty() || !(is_current() || are_many)) return;
+  const uint64_t settled = connection_.outbox()->settled.load(std::memory_order_acquire);
+  for (auto next = maybe_unused_.begin(); next != maybe_unused_.end();) {
+    const auto [id, after] = *next;
     const auto found = data_.find(id);
-    if (found == data_.end() || found->second.uses > 0) continue;
-    data_.erase(found);
-    const wire::Forget record{id};
-    connection_.send(wire::type_forget, bytes_of(&record, 1));
+    if (found != data_.end() && found->second.uses == 0) {
+      const wire::Forget record{id};
+      if (after > settled || !connection_.send(wire::type_forget, bytes_of(&record, 1))) {
+        ++next;
+        continue;
+      }
+      data_.erase(found);
+    }
+    next = maybe_unused_.erase(next);
   }
 }
 

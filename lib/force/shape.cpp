@@ -66,6 +66,15 @@ void count_edges(const std::vector<Vec3>& points, const std::vector<uint32_t>& t
   info.closed = has_edges && info.open_edges == 0 && info.odd_edges == 0;
 }
 
+double radius_of(const std::vector<Vec3>& points, Wanted& wanted) {
+  double largest = 0;
+  for (const Vec3& p : points) {
+    wanted.step();
+    largest = std::fmax(largest, dot(p, p));
+  }
+  return std::sqrt(largest) * (1 + 1e-12);
+}
+
 std::unique_ptr<const BoxTree> segment_tree(const fs_shape& shape, Wanted& wanted) {
   const std::vector<Vec3>& points = shape.points;
   std::vector<Box> boxes(shape.closed ? points.size() : points.size() - 1);
@@ -117,6 +126,7 @@ fs_shape::fs_shape(const fs_shape_info& info, std::vector<fs::Vec3> the_points, 
       points(std::move(the_points)),
       triangles(std::move(the_triangles)),
       closed(info.closed),
+      radius(fs::radius_of(points, wanted)),
       info_(info) {
   if (primitive == FS_PRIMITIVE_POLYLINE) segments_ = fs::segment_tree(*this, wanted);
 }

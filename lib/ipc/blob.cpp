@@ -16,24 +16,32 @@ constexpr int seals = F_SEAL_SEAL | F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_WRITE;
 constexpr size_t most_at_once = 1 << 30;
 }  // namespace
 
-Descriptor make_blob(std::initializer_list<std::span<const std::byte>> parts) {
-  Descriptor blob(memfd_create("forceserver-data", MFD_CLOEXEC | MFD_ALLOW_SEALING));
-  if (!blob) {
-    fail(errno == EMFILE || errno == ENFILE ? FS_ERROR_FULL : FS_ERROR_IO, "shared memory could not be made: %s",
-         std::strerror(errno));
+BlobWriter::BlobWriter() : blob_(memfd_create("forceserver-data", MFD_CLOEXEC | MFD_ALLOW_SEALING)) {
+  if (blob_) return;
+  fail(errno == EMFILE || errno == ENFILE ? FS_ERROR_FULL : FS_ERROR_IO, "shared memory could not be made: %s",
+       std::strerror(errno));
+}
+
+void BlobWriter::write(std::span<const std::byte> part) {
+  while (!part.empty()) {
+    const ssize_t written = ::write(blob_.get(), part.data(), std::min(part.size(), most_at_once));
+    if (written < 0 && errno == EINTR) continue;
+    if (written <= 0) fail(FS_ERROR_IO, "shared memory could not be written: %s", std::strerror(errno));
+    part = part.subspan(static_cast<size_t>(written));
   }
-  for (std::span<const std::byte> part : parts) {
-    while (!part.empty()) {
-      const ssize_t written = write(blob.get(), part.data(), std::min(part.size(), most_at_once));
-      if (written < 0 && errno == EINTR) continue;
-      if (written <= 0) fail(FS_ERROR_IO, "shared memory could not be written: %s", std::strerror(errno));
-      part = part.subspan(static_cast<size_t>(written));
-    }
-  }
-  if (fcntl(blob.get(), F_ADD_SEALS, seals) != 0) {
+}
+
+Descriptor BlobWriter::seal() {
+  if (fcntl(blob_.get(), F_ADD_SEALS, seals) != 0) {
     fail(FS_ERROR_IO, "shared memory could not be sealed: %s", std::strerror(errno));
   }
-  return blob;
+  return std::move(blob_);
+}
+
+Descriptor make_blob(std::initializer_list<std::span<const std::byte>> parts) {
+  BlobWriter blob;
+  for (const std::span<const std::byte> part : parts) blob.write(part);
+  return blob.seal();
 }
 
 void check_blob(const Descriptor& blob, uint64_t bytes) {
@@ -57,6 +65,13 @@ void read_blob(const Descriptor& blob, uint64_t offset, std::span<std::byte> out
     offset += static_cast<uint64_t>(got);
     out = out.subspan(static_cast<size_t>(got));
   }
+}
+
+std::shared_ptr<const void> map_blob(const Descriptor& blob, uint64_t bytes) {
+  check_blob(blob, bytes);
+  void* const memory = mmap(nullptr, bytes, PROT_READ, MAP_SHARED, blob.get(), 0);
+  if (memory == MAP_FAILED) fail(FS_ERROR_IO, "the data could not be mapped: %s", std::strerror(errno));
+  return {memory, [bytes](const void* m) { munmap(const_cast<void*>(m), bytes); }};
 }
 
 }  // namespace fs

@@ -1,14 +1,26 @@
-// Big data between processes: a memory file that is written once, sealed, and sent as a descriptor. Whoever gets one
-// copies it before it looks at it; a file that could still change, shrink or block is refused.
+// Big data between processes: a memory file that is written once, sealed, and sent as a descriptor. A file
+// that could still change, shrink or block is refused.
 #pragma once
 
 #include <cstdint>
 #include <initializer_list>
+#include <memory>
 #include <span>
 
 #include "ipc/descriptor.h"
 
 namespace fs {
+
+// A file that grows part by part, until it is sealed. IO, FULL (no descriptor left).
+class BlobWriter {
+ public:
+  BlobWriter();
+  void write(std::span<const std::byte> part);
+  Descriptor seal();  // and that was all
+
+ private:
+  Descriptor blob_;
+};
 
 // A sealed file of the parts, one behind the other. IO, FULL (no descriptor left).
 Descriptor make_blob(std::initializer_list<std::span<const std::byte>> parts);
@@ -17,6 +29,9 @@ Descriptor make_blob(std::initializer_list<std::span<const std::byte>> parts);
 void check_blob(const Descriptor& blob, uint64_t bytes);
 // Fills out from byte `offset` on. IO.
 void read_blob(const Descriptor& blob, uint64_t offset, std::span<std::byte> out);
+
+// The whole of a sealed file of so many bytes (> 0) in this process, without copying it: nobody can change it. INVALID, IO.
+std::shared_ptr<const void> map_blob(const Descriptor& blob, uint64_t bytes);
 
 template <class T>
 std::span<const std::byte> bytes_of(const T* data, size_t count) {

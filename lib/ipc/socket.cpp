@@ -62,6 +62,12 @@ Listeners& listeners() {
   return all;
 }
 
+double now() noexcept {  // s, monotonic clock
+  timespec time{};
+  clock_gettime(CLOCK_MONOTONIC, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
 sockaddr_un to_sockaddr(const std::string& address, socklen_t& size) {
   sockaddr_un out{};
   out.sun_family = AF_UNIX;
@@ -160,7 +166,9 @@ int connect_to(const std::string& address, Descriptor& out) {
   if (!made) return errno;
   socklen_t size;
   const sockaddr_un place = to_sockaddr(address, size);
-  if (connect(made.get(), reinterpret_cast<const sockaddr*>(&place), size) != 0) return errno;
+  while (connect(made.get(), reinterpret_cast<const sockaddr*>(&place), size) != 0) {
+    if (errno != EINTR) return errno;
+  }
   out = std::move(made);
   return 0;
 }
@@ -243,9 +251,14 @@ Transfer receive_message(const Descriptor& socket, std::span<std::byte> buffer, 
 
 bool wait_for(const Descriptor& socket, bool to_write, double timeout) noexcept {
   pollfd waiting{socket.get(), static_cast<short>(to_write ? POLLOUT : POLLIN), 0};
-  const double whole = std::floor(timeout);
-  timespec limit{static_cast<time_t>(whole), static_cast<long>((timeout - whole) * 1e9)};
-  return ppoll(&waiting, 1, &limit, nullptr) > 0;
+  const double end = now() + timeout;
+  for (double rest = timeout;; rest = end - now()) {  // again after a signal, for as long as is left
+    const double limited = std::fmax(rest, 0), whole = std::floor(limited);
+    const timespec limit{static_cast<time_t>(whole), static_cast<long>((limited - whole) * 1e9)};
+    const int found = ppoll(&waiting, 1, &limit, nullptr);
+    if (found > 0) return true;
+    if (found == 0 || errno != EINTR || !(rest > 0)) return false;
+  }
 }
 
 }  // namespace fs

@@ -82,8 +82,9 @@ class Table {
 
 std::string make_layout_text() {
   Table table;
-  RECORD(Header, type, more, serial);
-  RECORD(Welcome, inbox_bytes, outbox_bytes, max_objects, is_virtual, rate);
+  RECORD(Header, type, reserved, serial);
+  RECORD(Group, bytes);
+  RECORD(Welcome, inbox_bytes, outbox_bytes, max_objects, is_virtual, is_locked, rate);
   RECORD(Reply, status, reserved, text);
   RECORD(fs_vec3, x, y, z);
   RECORD(fs_quat, w, x, y, z);
@@ -97,8 +98,9 @@ std::string make_layout_text() {
          is_enabled, contact_stiffness, contact_limit, contact_damping, contact_friction, shape);
   RECORD(Set, slot, parts, object);
   RECORD(Movement, pose, twist, time, horizon);
-  RECORD(Place, slot, reserved, movement);
-  RECORD(Remove, slot, reserved);
+  RECORD(Place, name, movement);
+  RECORD(Remove, name);
+  RECORD(Bind, slot, reserved, name);
   RECORD(Frame, frame);
   RECORD(Clutch, is_held);
   RECORD(Tool, count, points);
@@ -110,7 +112,7 @@ std::string make_layout_text() {
   RECORD(Edit, target, parts, object);
   RECORD(MoveOther, target, has_twist, pose, twist, time);
   RECORD(Count, count);
-  RECORD(Pulled, slot, state, edits, object);
+  RECORD(Pulled, state, slot, edits, object, frame, tool);
   RECORD(Move, after, movement);
   RECORD(fs_state, pose, twist, time, buttons, flags, reserved);
   RECORD(fs_response, wrench, stiffness, proxy, felt_count, flags, error_bound, reserved);
@@ -119,6 +121,8 @@ std::string make_layout_text() {
   RECORD(EventSlot, number, event);
   RECORD(fs_report, name, primitive, state, revision, weight, stiffness_wanted, stiffness_applied, distance, point,
          wrench, reserved);
+  RECORD(fs_view, frame, tool, points, point_count, held, reserved_8, reserved);
+  RECORD(fs_motion, name, primitive, reserved_32, revision, motion_revision, pose, twist, time, horizon, reserved);
   RECORD(fs_client, name, process, user, objects, reserved_32, connected, force_limit, wrench, moves, changes, refused,
          limited, shape_bytes, reserved);
   RECORD(fs_servo_stats, struct_size, realtime, faults, protections_off, rate, max_stiffness, damping, energy, ticks,

@@ -4,9 +4,9 @@
 // On the socket (SOCK_SEQPACKET) each message is a Header and one record of the type's own; a file descriptor may come
 // with it. In shared memory: region.h. All numbers are those of the machine; no record has padding.
 //
-// A client's changes are numbered by Header::serial, rising. The changes of a group come one after another, all but the
-// last with `more`. Requests are answered by a Reply of the same serial; changes are not answered: an event tells what
-// was refused.
+// A client's messages are numbered by Header::serial, rising. The changes of a group are one message, so that all of them
+// are sent or none. Requests are answered by a Reply of the same serial; changes are not answered: an event tells what was
+// refused, and a pull what is there instead.
 #pragma once
 
 #include <cstdint>
@@ -36,12 +36,20 @@ struct Answer {  // the server's first; FS_OK: a Welcome follows in it, and two 
   char text[256];
 };
 
+// ----------------------------------------------------------------------------------------------------- the bounds
+
+// Of a client that may have so many objects: changes in a group; shapes and curves at the server, which are those of its
+// objects and of a group on its way.
+inline constexpr size_t most_changes(uint32_t max_objects) { return 4 * size_t{max_objects} + 64; }
+inline constexpr size_t most_data(uint32_t max_objects) { return 3 * (most_changes(max_objects) + max_objects); }
+
 // ----------------------------------------------------------------------------------------------------- the records
 
 struct Welcome {
   uint64_t inbox_bytes, outbox_bytes;
   uint32_t max_objects;
-  uint32_t is_virtual;           // the servo's clock is that of the ticks
+  uint16_t is_virtual;           // the servo's clock is that of the ticks
+  uint16_t is_locked;            // others' objects cannot be changed
   double rate;                   // Hz, of the servo
 };
 
@@ -59,10 +67,13 @@ enum Type : uint32_t {
   type_clutch,       // Clutch
   type_tool,         // Tool
   type_wake,         // nothing: there is something in the inbox, and the server slept
+  type_group,        // Group, then a Header and a record for each change; where these are too long for a message, they
+                     // are in a descriptor that comes with it. Also changes of others' objects: edit, move, remove
+  type_bind,         // Bind
 
   // Requests.
   type_sync = 100,   // nothing. Reply when a tick has used all before it; or the status of the first refused change
-  type_pull,         // nothing. Reply, Pulled: an own object that others have changed
+  type_pull,         // Target: an own object; empty: the next of which the client knows less than the server. Reply, Pulled
   type_get,          // Target. Reply, Object
   type_fetch,        // Fetch. Reply, Shape or Curve, and the descriptor that goes with it
   type_edit,         // Edit. Reply
@@ -71,17 +82,22 @@ enum Type : uint32_t {
   type_report,       // Target. Reply, fs_report
   type_reports,      // nothing. Reply, Count, and a descriptor: fs_report, as many
   type_clients,      // nothing. Reply, Count, and a descriptor: fs_client, as many
-  type_view,         // Target: a client. Reply, Frame
+  type_view,         // Target: a client. Reply, fs_view
   type_stats,        // nothing. Reply, fs_servo_stats
   type_device,       // nothing. Reply, fs_device_info
+  type_motions,      // Target: a client; empty: all but the asking one. Reply, Count, and a descriptor: fs_motion, as many
 
   type_reply = 200   // Reply and what it says above
 };
 
 struct Header {
   uint32_t type;
-  uint32_t more;                 // 1: the group goes on
-  uint64_t serial;
+  uint32_t reserved;             // 0
+  uint64_t serial;               // of a change in a group: 0
+};
+
+struct Group {
+  uint64_t bytes;                // of its changes with their headers
 };
 
 struct Reply {
@@ -115,8 +131,10 @@ struct Object {
   uint64_t shape;                // 0: none
 };
 
+inline constexpr uint32_t no_slot = ~0u;
+
 struct Set {
-  uint32_t slot;                 // of the client, below Welcome::max_objects; one name at a time
+  uint32_t slot;                 // of the inbox: the object is moved through it from now on; no_slot: through none
   uint32_t parts;                // fs_part bits
   Object object;
 };
@@ -130,14 +148,19 @@ struct Movement {
 };
 
 struct Place {
-  uint32_t slot;
-  uint32_t reserved;
+  char name[FS_NAME_SIZE];
   Movement movement;
 };
 
 struct Remove {
+  char name[FS_NAME_SIZE];
+};
+
+// The object of this name is moved through this slot from now on.
+struct Bind {
   uint32_t slot;
   uint32_t reserved;
+  char name[FS_NAME_SIZE];
 };
 
 struct Frame {
@@ -196,12 +219,24 @@ struct Count {
   uint64_t count;
 };
 
+// What the server has where the client may believe something else: others have changed it, or a change was refused.
+enum PulledState : uint32_t {
+  pulled_nothing,                // the client knows all
+  pulled_present,                // object is what it is now
+  pulled_absent,                 // there is no object of its name
+  pulled_refused,                // nor is there, as it was refused
+  pulled_waiting,                // a change by the client itself waits for a shape: what comes of it is told then
+  pulled_data,                   // the shape or curve of number object.shape was refused: it has to be sent again
+  pulled_view                    // frame and tool
+};
+
 struct Pulled {
-  uint32_t slot;
-  uint32_t state;                // 0: none has been changed; 1: object is what it is now; 2: it was removed; 3: what has
-                                 // the number object.shape was refused, and has to be sent again when it is needed
+  uint32_t state;                // PulledState
+  uint32_t slot;                 // of the object; no_slot: none
   uint64_t edits;                // Outbox::edits as far as they have been told now
   Object object;
+  Frame frame;
+  Tool tool;
 };
 
 // In shared memory, a slot each: written by fs_object_move.

@@ -5,6 +5,7 @@
 #include <new>
 
 #include "base/error.h"
+#include "base/serial.h"
 #include "scene/local_scene.h"
 
 using namespace fs;
@@ -44,6 +45,7 @@ void LocalScene::retime(double shift) {
   const auto retimed = [&](const Entry& old) {
     const Ref<Entry> entry = make_ref<Entry>(old);
     entry->motion.time += shift;
+    if (shift != 0) entry->motion_revision = next_serial();
     entry->track.shift(shift);
     entry->start += shift;
     entry->expiry += shift;

@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "base/error.h"
+#include "base/serial.h"
 
 using namespace fs;
 
@@ -62,7 +63,7 @@ void LocalScene::admit(const ParsedObject& parsed, uint32_t parts) {
 
   const Ref<Entry> entry = is_known ? copy(*old) : make_ref<Entry>();
   entry->object = parsed.object;
-  entry->revision = ++revision_;
+  entry->revision = next_serial();
   entry->expiry = expiry_of(object, time);
   if (!is_known) entry->felt = make_ref<Felt>();
   if (!is_known || (parsed.start != 0 && parsed.start != old->start)) {
@@ -94,6 +95,7 @@ void LocalScene::remove_entry(uint32_t slot, const Entry& old) {
 
 // Takes what an entry shall be: into the group, or at once through the fade that it needs.
 void LocalScene::put(uint32_t slot, Ref<Entry> entry, bool is_more_than_moved) {
+  entry->motion_revision = next_serial();
   const bool is_new = !working().get(slot);
   const bool is_first_touch = group_ && !group_->touched.contains(slot);
   if (is_new) slots_.insert_or_assign(entry->object->name, slot);
@@ -337,6 +339,7 @@ void LocalScene::commit() {
         const Ref<Entry> entry = copy(*felt);
         entry->motion = wanted.motion;
         entry->track = wanted.track;
+        entry->motion_revision = wanted.motion_revision;
         store(slot, entry);
       }
     }
@@ -351,6 +354,88 @@ void LocalScene::cancel() {
   if (!group_) fail(FS_ERROR_STATE, "fs_scene_cancel: no group is open; fs_scene_begin opens one");
   forget_new_names();
   group_ = nullptr;
+}
+
+// ----------------------------------------------------------------------------------------------------------- drafts
+
+// Under the lock: the changes that follow go into the draft, as if it were the open group.
+struct LocalScene::InDraft {
+  InDraft(LocalScene& the_scene, Draft& the_draft) : scene(the_scene), draft(the_draft) { std::swap(scene.group_, draft.group_); }
+  ~InDraft() { std::swap(scene.group_, draft.group_); }
+  LocalScene& scene;
+  Draft& draft;
+};
+
+LocalScene::Draft LocalScene::draft() {
+  const std::lock_guard lock(mutex_);
+  Draft out;
+  out.group_ = std::make_unique<Group>();
+  out.group_->table = table_;
+  return out;
+}
+
+void LocalScene::change(Draft& draft, const fs_object& change, uint32_t parts) {
+  const std::string name = parse_name(change.name, "name");
+  const std::lock_guard lock(mutex_);
+  const InDraft inside(*this, draft);
+  uint32_t slot;
+  const Entry& old = require(name.c_str(), slot);
+  const ParsedObject parsed = parse_object(merge_parts(to_c(old), change, parts), old.object.get(), builds_shapes_);
+  admit(parsed, parts);
+  draft.parts_[slot] |= parts;
+}
+
+void LocalScene::move(Draft& draft, const char* name, const fs_pose& pose, const fs_twist* twist, double time) {
+  const Pose parsed = parse_pose(pose, "pose");
+  if (twist) parse_twist(*twist, "twist");
+  parse_finite(time, "time");
+  const std::lock_guard lock(mutex_);
+  const InDraft inside(*this, draft);
+  uint32_t slot;
+  const Entry& old = require(name, slot);
+  move_entry(slot, old, parsed, twist, time);
+  draft.parts_[slot] |= FS_PART_POSE;
+}
+
+void LocalScene::remove(Draft& draft, const char* name) {
+  const std::lock_guard lock(mutex_);
+  const InDraft inside(*this, draft);
+  uint32_t slot;
+  const Entry& old = require(name, slot);
+  remove_entry(slot, old);
+  draft.parts_.try_emplace(slot, 0);
+}
+
+Ref<const Object> LocalScene::get(const Draft& draft, const char* name, fs_object& out) {
+  const std::lock_guard lock(mutex_);
+  const auto found = slots_.find(std::string_view(name));
+  const Entry* entry = found == slots_.end() ? nullptr : draft.group_->table.get(found->second);
+  if (!entry || entry->is_removed) fail(FS_ERROR_NOT_FOUND, "name is '%.80s': there is no such object in the scene", name);
+  out = to_c(*entry);
+  return entry->object;
+}
+
+void LocalScene::take(Draft& draft) {
+  mutate([&] {
+    for (const auto& [slot, is_more_than_moved] : draft.group_->touched) {
+      const Entry* felt = table_.get(slot);
+      const Entry& wanted = *draft.group_->table.get(slot);
+      if (!felt || felt->is_removed || felt->object->name != wanted.object->name) continue;  // it went meanwhile
+      const Ref<Entry> entry = copy(is_more_than_moved ? wanted : *felt);
+      const Entry& mover = draft.parts_.at(slot) & FS_PART_POSE ? wanted : *felt;
+      entry->motion = mover.motion;
+      entry->track = mover.track;
+      store(slot, is_more_than_moved ? transit(felt, *entry) : Ref<const Entry>(entry));
+      if (!group_ || group_->touched.contains(slot)) continue;
+      group_->table.set(slot, Ref<const Entry>::share(table_.get(slot)));
+    }
+    if (group_) changed();  // what is evaluated has changed, beside the group
+  });
+}
+
+void LocalScene::discard(Draft& draft) noexcept {
+  const std::lock_guard lock(mutex_);
+  draft.group_ = nullptr;
 }
 
 void LocalScene::set_capacity(uint32_t capacity) {

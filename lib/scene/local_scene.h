@@ -50,6 +50,7 @@ fs_frame parse_frame(const fs_frame& frame);
 void check_timeout(double timeout);
 void check_accuracy(double newtons);
 void check_max_stiffness(double stiffness);
+void require_no_client(const char* client);  // NOT_FOUND: it is not null
 
 // How an object moves, with what the next worked-out twist needs.
 struct Movement {
@@ -87,6 +88,17 @@ struct LocalScene final : Scene {
   void cancel() override;
   void sync(double timeout) override;
 
+  // Changes of objects that are there, by somebody else, kept apart until they are taken all at once; beside an open group,
+  // which is the application's. What another change has brought meanwhile stays, but for the parts that are changed.
+  class Draft;
+  Draft draft();
+  void change(Draft& draft, const fs_object& object, uint32_t parts);  // its shape is built
+  void move(Draft& draft, const char* name, const fs_pose& pose, const fs_twist* twist, double time);
+  void remove(Draft& draft, const char* name);
+  Ref<const Object> get(const Draft& draft, const char* name, fs_object& out);
+  void take(Draft& draft);
+  void discard(Draft& draft) noexcept;  // in any case at the end
+
   // How many objects it holds at most, those still fading out included.
   void set_capacity(uint32_t capacity);
 
@@ -101,6 +113,8 @@ struct LocalScene final : Scene {
   void set_clutch(bool held) override;
   void set_tool(const Vec3* points, size_t count) override;
   std::vector<Vec3> get_tool() override;
+  fs_view view(const char* client) override;
+  fs_view view(bool with_group) const;  // as an open group has it, or as it is evaluated
   void set_accuracy(double newtons) override;
   void set_max_stiffness(double stiffness) override;
 
@@ -113,6 +127,8 @@ struct LocalScene final : Scene {
   // Reports and events.
   std::vector<fs_report> reports() override;
   fs_report report(const char* name) override;
+  std::vector<fs_motion> motions(const char* client) override;
+  class Moment;  // moment.h
   fs_event next_event(double timeout) override;
   bool take_event(fs_event& out);  // one that is there; false: none
   void note_edit(const char* name, const char* editor);  // another client changed or removed an object
@@ -125,7 +141,7 @@ struct LocalScene final : Scene {
   // Calls f(snapshot, slot of name; -1: name is null) outside of the lock.
   void with_snapshot(const char* name, const std::function<void(const Snapshot&, int64_t)>& f);
   // A scene that nobody evaluates leaves meshes unbuilt, until it has a reader.
-  void leave_unbuilt() noexcept { builds_shapes_ = false; }
+  void leave_unbuilt() noexcept { builds_shapes_ = is_built_ = false; }
 
   // The servo. Attaching and detaching change the clock: stored times shift along, so ages stay; fades end.
   void attach_servo(ServoLink& servo);  // STATE
@@ -152,6 +168,8 @@ struct LocalScene final : Scene {
     std::map<uint32_t, bool> touched;  // slots; true: more than moved
     ViewChange view;
   };
+
+  struct InDraft;
 
   // All of these want the lock.
   const Table<Entry>& working() const { return group_ ? group_->table : table_; }
@@ -180,7 +198,16 @@ struct LocalScene final : Scene {
   void retime(double shift);
   void switch_clock(ClockKind clock);
   fs_object to_c(const Entry& entry) const;
-  fs_report make_report(uint32_t slot, const Entry& entry, double now) const;
+  // What a report needs of the scene.
+  struct ReportBasis {
+    double time;     // s
+    double fade;     // s, the servo's; negative: there is no servo
+    uint64_t tick;   // the last
+    fs_frame frame;
+  };
+  ReportBasis report_basis() const;
+  // evaluated: the entry as it is felt; null: it is not yet. Needs no lock.
+  static fs_report make_report(const Entry& entry, const Entry* evaluated, const ReportBasis& basis);
   void push_event(const fs_event& event);
   void limit_events();
   void collect_events(ServoLink& servo);
@@ -208,7 +235,6 @@ struct LocalScene final : Scene {
   uint32_t slots_end_ = 0, capacity_ = Table<Entry>::capacity;
   std::set<std::pair<double, uint32_t>> tidies_;    // when to look at slots where something fades out
   std::set<std::pair<double, uint32_t>> expiries_;  // to be announced
-  uint64_t revision_ = 0;
   ViewFade views_{make_ref<View>(), nullptr};
   std::unique_ptr<Group> group_;
 
@@ -227,9 +253,17 @@ struct LocalScene final : Scene {
 
   bool is_held_ = false;
   std::atomic<bool> builds_shapes_{true};
+  std::mutex building_mutex_;
+  bool is_built_ = true;  // what was left unbuilt; under building_mutex_
 
   std::deque<fs_event> events_;
   uint64_t lost_events_ = 0;
+};
+
+class LocalScene::Draft {
+  friend LocalScene;
+  std::unique_ptr<Group> group_;
+  std::map<uint32_t, uint32_t> parts_;  // that are changed, by slot
 };
 
 }  // namespace fs

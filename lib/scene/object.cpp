@@ -89,12 +89,6 @@ double object_slope(const Object& object) {
   return std::fmax(steepest_slope(object.front), steepest_slope(object.back));
 }
 
-double shape_radius(const Shape& shape) {
-  double largest = 0;
-  for (const Vec3& p : shape.points) largest = std::fmax(largest, dot(p, p));
-  return std::sqrt(largest) * (1 + 1e-12);
-}
-
 ParsedObject parse(const fs_object& in, std::string name, const Object* like, bool builds_shape) {
   const int32_t primitive = raw_value(in.primitive);
   if (primitive < FS_PRIMITIVE_POINT || primitive > FS_PRIMITIVE_MESH) {
@@ -144,7 +138,7 @@ ParsedObject parse(const fs_object& in, std::string name, const Object* like, bo
 
   if (object.shape) {
     if (builds_shape) object.shape->build();
-    object.radius = like && like->shape == object.shape ? like->radius : shape_radius(*object.shape);
+    object.radius = object.shape->radius;
   } else if (in.primitive == FS_PRIMITIVE_PLANE) {
     object.radius = std::numeric_limits<double>::infinity();
   }
@@ -222,8 +216,8 @@ Pose parse_pose(const Pose& pose, const char* field) {
   parse_position(pose.position, (std::string(field) + ".position").c_str());
   const Quat q = pose.orientation;
   if (std::isnan(q.w)) {
-    fail(FS_ERROR_INVALID, "%s.orientation.w is not a number; fs_wall_init makes it so where its normal, here (%g, %g, "
-         "%g), is not finite and longer than 0", field, q.x, q.y, q.z);
+    fail(FS_ERROR_INVALID, "%s.orientation.w is nan, must be a number; fs_wall_init makes it so where its normal, here "
+         "(%g, %g, %g), is not finite and longer than 0", field, q.x, q.y, q.z);
   }
   fail(FS_ERROR_INVALID, "%s.orientation is (%g, %g, %g, %g) of length %.9g, must be within 1e-3 of 1 or all 0", field,
        q.w, q.x, q.y, q.z, norm(q));

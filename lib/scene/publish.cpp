@@ -82,9 +82,11 @@ void LocalScene::detach(Reader& reader) noexcept {
   reader.mailbox.clear();
 }
 
-// Makes good what leave_unbuilt has left out.
+// Makes good what leave_unbuilt has left out. Whoever comes meanwhile waits until all is there.
 void LocalScene::build_shapes() {
-  if (builds_shapes_.exchange(true)) return;
+  const std::lock_guard building(building_mutex_);
+  if (is_built_) return;
+  builds_shapes_ = true;  // first: what is set from now on is built where it is set
   std::vector<Ref<const Object>> objects;
   {
     const std::lock_guard lock(mutex_);
@@ -95,6 +97,7 @@ void LocalScene::build_shapes() {
   for (const Ref<const Object>& object : objects) {
     if (object->shape) object->shape->build();
   }
+  is_built_ = true;
 }
 
 void LocalScene::with_snapshot(const char* name, const std::function<void(const Snapshot&, int64_t)>& f) {

@@ -4,7 +4,7 @@
 #include <thread>
 
 #include "base/error.h"
-#include "scene/local_scene.h"
+#include "scene/moment.h"
 
 using namespace fs;
 
@@ -12,15 +12,22 @@ namespace {
 constexpr size_t event_capacity = 1024;
 }
 
-fs_report LocalScene::make_report(uint32_t slot, const Entry& entry, double now) const {
+LocalScene::ReportBasis LocalScene::report_basis() const {
+  return {now(), servo_ ? servo_->fade : -1, output->tick.load(std::memory_order_acquire), present_frame()};
+}
+
+fs_report LocalScene::make_report(const Entry& entry, const Entry* evaluated, const ReportBasis& basis) {
+  const bool has_servo = basis.fade >= 0;
   const Object& object = *entry.object;
   fs_report out{};
   object.name.copy(out.name, FS_NAME_SIZE - 1);
   out.primitive = object.primitive;
   out.revision = entry.revision;
-  const Entry* evaluated = table_.get(slot);  // what an open group has changed is not yet
-  if (evaluated) out.weight = servo_ ? evaluated->fade.weight(now, servo_->fade) : evaluated->is_present(now);
-  const bool is_pending = !evaluated || (servo_ && evaluated->fade.is_pending());
+  if (evaluated) {
+    out.weight = has_servo ? evaluated->fade.weight(basis.time, basis.fade) : evaluated->is_present(basis.time);
+  }
+  const bool is_new = !evaluated || evaluated->is_removed;  // also where its name still fades out from before
+  const bool is_pending = is_new || (has_servo && evaluated->fade.is_pending());
   if (is_pending && out.weight == 0 && object.is_enabled) {
     out.state = FS_OBJECT_PENDING;
   } else if (!object.is_enabled && out.weight == 0) {
@@ -28,13 +35,12 @@ fs_report LocalScene::make_report(uint32_t slot, const Entry& entry, double now)
   } else {
     out.state = out.weight < 1 ? FS_OBJECT_FADING : FS_OBJECT_FELT;
   }
-  const fs_frame frame = present_frame();
-  const double slope_scale = frame.scale * frame.force_scale;
+  const double slope_scale = basis.frame.scale * basis.frame.force_scale;
   out.stiffness_wanted = slope_scale > 0 ? slope_scale * object.steepest_slope : 0;
   out.stiffness_applied = out.stiffness_wanted;
   out.distance = never;
   FeltSample felt;
-  if (servo_ && entry.felt->sample.read(felt) && felt.tick >= output->tick.load(std::memory_order_acquire)) {
+  if (has_servo && entry.felt->sample.read(felt) && felt.tick >= basis.tick) {
     out.distance = felt.distance;
     out.point = felt.point;
     out.wrench = felt.wrench;
@@ -45,10 +51,18 @@ fs_report LocalScene::make_report(uint32_t slot, const Entry& entry, double now)
 std::vector<fs_report> LocalScene::reports() {
   const std::lock_guard lock(mutex_);
   std::vector<fs_report> out;
-  const double time = now();
-  working().for_each([&](uint32_t slot, const Entry& entry) {
-    if (!entry.is_removed) out.push_back(make_report(slot, entry, time));
+  const ReportBasis basis = report_basis();
+  working().for_each([&](uint32_t slot, const Entry& entry) {  // what an open group has changed is not felt yet
+    if (!entry.is_removed) out.push_back(make_report(entry, table_.get(slot), basis));
   });
+  return out;
+}
+
+std::vector<fs_motion> LocalScene::motions(const char* client) {
+  require_no_client(client);
+  const Moment moment(Ref<LocalScene>::share(this), true);
+  std::vector<fs_motion> out;
+  moment.for_each_motion("", [&](const fs_motion& motion) { out.push_back(motion); });
   return out;
 }
 
@@ -68,7 +82,7 @@ fs_report LocalScene::report(const char* name) {
   const std::lock_guard lock(mutex_);
   uint32_t slot;
   const Entry& entry = require(name, slot);
-  return make_report(slot, entry, now());
+  return make_report(entry, table_.get(slot), report_basis());
 }
 
 // None is taken from the servo before there is room for it.

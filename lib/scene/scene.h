@@ -56,6 +56,7 @@ struct fs_scene : fs::Counted<fs_scene> {
   virtual void set_clutch(bool held) = 0;
   virtual void set_tool(const fs::Vec3* points, size_t count) = 0;
   virtual std::vector<fs::Vec3> get_tool() = 0;
+  virtual fs_view view(const char* client) = 0;  // null: its own
   virtual void set_accuracy(double newtons) = 0;
   virtual void set_max_stiffness(double stiffness) = 0;
 
@@ -66,6 +67,7 @@ struct fs_scene : fs::Counted<fs_scene> {
   // Reports and events.
   virtual std::vector<fs_report> reports() = 0;
   virtual fs_report report(const char* name) = 0;
+  virtual std::vector<fs_motion> motions(const char* client) = 0;  // null: of all that it can see
   virtual fs_event next_event(double timeout) = 0;
 
   // The servo that runs this scene, and the others it runs. Null: not asked. Structs that grow: all but struct_size.

@@ -36,7 +36,7 @@ struct Entry : LocalCounted<Entry> {
   Fade fade = Fade::steady(true);
   Ref<const Entry> previous;  // the version felt before, fading out where it was
   Ref<Felt> felt;
-  uint64_t revision = 0;
+  uint64_t revision = 0, motion_revision = 0;  // of the last change but moves; of the last change or move
   double expiry = never;        // s, scene time: goes out from then on unless set, changed or moved
   double tidy_at = never;       // s: when what has been fading out may be gone
   bool start_is_given = false;  // by the caller; else it is when the name was first set

@@ -137,6 +137,21 @@ Ref<const Curve> from_record(const wire::Curve& r, Descriptor data) {
   return make_table_curve(table.data(), table.size(), r.step);
 }
 
+void foresee(fs_view& view, wire::Type type, std::span<const std::byte> record) {
+  const auto as = [record]<class T>(T out) {
+    std::memcpy(&out, record.data(), std::min(record.size(), sizeof out));
+    return out;
+  };
+  if (type == wire::type_frame) view.frame = as(wire::Frame{}).frame;
+  if (type == wire::type_clutch) view.held = as(wire::Clutch{}).is_held != 0;
+  if (type != wire::type_tool) return;
+  const auto tool = as(wire::Tool{});
+  if (tool.count < 1 || tool.count > FS_TOOL_POINTS_MAX) return;
+  std::fill(std::begin(view.points), std::end(view.points), Vec3{});
+  std::copy_n(tool.points, tool.count, view.points);
+  view.point_count = static_cast<uint32_t>(tool.count);
+}
+
 wire::Movement to_record(const Motion& m) { return {m.pose, m.twist, m.time, m.horizon}; }
 
 bool from_record(const wire::Movement& r, Motion& motion) noexcept {

@@ -32,6 +32,9 @@ wire::Movement to_record(const Motion& motion);
 Motion from_record(const wire::Movement& record);                         // INVALID
 bool from_record(const wire::Movement& record, Motion& motion) noexcept;  // the same without a sentence
 
+// What a change of the frame, the clutch or the tool that has not been done yet makes of a view.
+void foresee(fs_view& view, wire::Type type, std::span<const std::byte> record);
+
 // A name that came in a record, cut where it has no end.
 template <size_t n>
 std::string text_of(const char (&text)[n]) {

@@ -1,5 +1,7 @@
 // Frame, clutch and tool of a scene: where its tool stands. A new view puts the tool elsewhere, so what was felt through
 // the old one fades out while the new fades in.
+#include <algorithm>
+
 #include "base/error.h"
 #include "scene/local_scene.h"
 
@@ -114,12 +116,40 @@ void LocalScene::set_clutch(bool held) {
   mutate([&] { change_view({{}, {}, held}); });
 }
 
+void fs::require_no_client(const char* client) {
+  if (!client) return;
+  fail(FS_ERROR_NOT_FOUND, "client is '%.80s': a scene in this process has no clients; null means its own", client);
+}
+
 fs_frame LocalScene::get_frame(const char* client) {
-  if (client) {
-    fail(FS_ERROR_NOT_FOUND, "client is '%.80s': a scene in this process has no clients; null means its own frame", client);
-  }
+  require_no_client(client);
   const std::lock_guard lock(mutex_);
   return present_frame();
+}
+
+fs_view LocalScene::view(const char* client) {
+  require_no_client(client);
+  return view(true);
+}
+
+// The tool stands where the last tick had it; what holds it has told where, also for one let go that no tick has seen.
+fs_view LocalScene::view(bool with_group) const {
+  const std::lock_guard lock(mutex_);
+  const ViewChange wanted = with_group && group_ ? group_->view : ViewChange{};
+  const View& now = *views_.view;
+  fs_view out{};
+  const bool is_resolved = now.get_frame(out.frame);
+  if (wanted.frame) out.frame = *wanted.frame;
+  const std::vector<Vec3>& points = wanted.points ? *wanted.points : now.points;
+  std::copy(points.begin(), points.end(), out.points);
+  out.point_count = static_cast<uint32_t>(points.size());
+  out.held = wanted.held.value_or(now.kind == View::Kind::held);
+
+  HandSample hand;
+  out.tool = servo_ && output->hand.read(hand) ? hand.state.pose : identity_pose();
+  const View* const holder = now.kind == View::Kind::held ? &now : is_resolved ? nullptr : now.anchor.get();
+  if (holder) holder->found.read(out.tool);
+  return out;
 }
 
 void fs::check_accuracy(double newtons) {

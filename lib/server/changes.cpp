@@ -10,6 +10,7 @@ namespace {
 
 // Then its socket is not read, until some have been applied and done.
 constexpr size_t most_parked = 4096;  // messages
+constexpr size_t few_parked = 32;     // groups and changes, that cost little to look through
 constexpr unsigned most_jobs = 16;    // each may hold a descriptor
 
 constexpr uint64_t expression_size = 40'000;  // bytes, about what two parsers of a long one take
@@ -25,16 +26,16 @@ struct Charge {
   const uint64_t bytes;
 };
 
-// What a map has of a slot, and the same put back.
-template <class Value>
-std::optional<Value> look_up(const std::map<uint32_t, Value>& map, uint32_t slot) {
-  const auto found = map.find(slot);
+// What a map has of a name, and the same put back.
+template <class Map>
+std::optional<typename Map::mapped_type> look_up(const Map& map, const std::string& name) {
+  const auto found = map.find(name);
   return found == map.end() ? std::nullopt : std::optional(found->second);
 }
-template <class Value>
-void put_back(std::map<uint32_t, Value>& map, uint32_t slot, const std::optional<Value>& value) {
-  if (value) map.insert_or_assign(slot, *value);
-  else map.erase(slot);
+template <class Map>
+void put_into(Map& map, const std::string& name, const std::optional<typename Map::mapped_type>& value) {
+  if (value) map.insert_or_assign(name, *value);
+  else map.erase(name);
 }
 
 }  // namespace
@@ -44,17 +45,19 @@ void put_back(std::map<uint32_t, Value>& map, uint32_t slot, const std::optional
 void Session::take_upload(Message&& message, Descriptor&& came) {
   const bool is_shape = message.header.type == wire::type_shape;
   const uint64_t id = is_shape ? message.as<wire::Shape>().id : message.as<wire::Curve>().id;
-  const size_t most = 4 * size_t{server_.settings().max_objects} + 64;
+  const size_t most = wire::most_data(server_.settings().max_objects);
   const auto forgets = [id](const Unit& unit) { return unit.is_forget && unit.ids.contains(id); };
   if (const auto found = std::find_if(parked_.begin(), parked_.end(), forgets); found != parked_.end()) {
     parked_.erase(found);  // it is wanted again before that could be done, so it stays
     held_ = {};
-    for (const Unit& unit : parked_) held_.add(unit, slots_);
+    for (const Unit& unit : parked_) held_.add(unit);
     const auto known = uploads_.find(id);
     if (known == uploads_.end() || !known->second.is_ready || known->second.status == FS_OK) return;
     uploads_.erase(known);  // it was refused: once more
   }
-  if (id == 0 || (id & wire::of_server) || uploads_.size() >= most || !uploads_.emplace(id, Upload{}).second) {
+  // Parked changes hold some that the client has told to forget: then it is not read from until these are done.
+  const bool is_too_much = uploads_.size() >= most && parked_.empty();
+  if (id == 0 || (id & wire::of_server) || is_too_much || !uploads_.emplace(id, Upload{}).second) {
     return drop(server_.settings().lease);
   }
   Upload refused;
@@ -72,7 +75,7 @@ void Session::take_upload(Message&& message, Descriptor&& came) {
     // Reading, checking and building take as long as they take: not on this thread.
     const auto made = std::make_shared<Upload>();
     auto work = [made, is_shape, message = std::move(message), data = std::make_shared<Descriptor>(std::move(came)),
-                 charge = std::make_shared<Charge>(shape_bytes_, bytes)](Wanted& wanted) {
+                 charge = std::make_shared<Charge>(shape_bytes_, bytes), reader = channel_->reader.id](Wanted& wanted) {
       try {
         if (is_shape) {
           made->shape = from_record(message.as<wire::Shape>(), std::move(*data), wanted);
@@ -81,6 +84,7 @@ void Session::take_upload(Message&& message, Descriptor&& came) {
         } else {
           made->curve = from_record(message.as<wire::Curve>(), std::move(*data));
           made->curve->keep(charge);
+          made->curve->prepare(reader);
         }
       } catch (Error& error) {
         *made = {false, nullptr, nullptr, error.status, std::move(error.text)};
@@ -114,9 +118,15 @@ void Session::finish_upload(uint64_t id, Upload&& upload) noexcept {
         refused_uploads_.insert(id);
         outbox_->edits.fetch_add(1, std::memory_order_release);
       }
+      if (const void* const made = upload.shape ? static_cast<const void*>(upload.shape.get()) : upload.curve.get()) {
+        upload_of_[made] = id;
+      }
       found->second = std::move(upload);
     }
-    if (held_.ids.contains(id)) retry_parked();
+    if (held_.ids.contains(id)) {
+      is_retry_due_ = true;
+      if (parked_.size() <= few_parked) retry_parked();
+    }
     const std::vector<Message> waiting = std::exchange(waiting_edits_, {});
     for (const Message& message : waiting) edit(message);
   } catch (...) {
@@ -129,38 +139,32 @@ void Session::finish_job() noexcept {
   regulate();
 }
 
-// Who is far ahead of what is done for it is not listened to meanwhile.
+// Stop reading from a client with too much queued work.
 void Session::regulate() noexcept {
   if (is_gone_) return;
-  const bool is_ahead = held_.messages >= most_parked || jobs_ >= most_jobs;
-  const bool is_near = held_.messages < most_parked / 2 && jobs_ < most_jobs;
+  const bool has_too_much = !parked_.empty() && uploads_.size() >= wire::most_data(server_.settings().max_objects);
+  const bool is_ahead = held_.cost >= most_parked || jobs_ >= most_jobs || has_too_much;
+  const bool is_near = held_.cost < most_parked / 2 && jobs_ < most_jobs && !has_too_much;
   if (is_reading_ ? is_ahead : is_near) server_.set_reading(*this, is_reading_ = !is_reading_);
 }
 
 // --------------------------------------------------------------------------------------------------------- changes
 
-void Session::Held::add(const Unit& unit, const std::vector<Slot>& present) {
-  slots.insert(unit.slots.begin(), unit.slots.end());
-  for (const uint32_t slot : unit.slots) names.insert(present[slot].name);
-  for (const Message& message : unit.messages) {
-    if (message.header.type == wire::type_set) names.insert(text_of(message.as<wire::Set>().object.name));
-  }
+void Session::Held::add(const Unit& unit) {
+  constexpr size_t map_cost = 256;
+  names.insert(unit.names.begin(), unit.names.end());
   ids.insert(unit.ids.begin(), unit.ids.end());
   all += unit.is_about_all;
   view += unit.is_about_view;
-  messages += unit.messages.size();
+  cost += std::max(unit.messages.size(), unit.is_mapped ? map_cost : 1);
 }
 
 bool Session::Held::blocks(const Unit& unit) const {
-  if (messages == 0) return false;
+  if (cost == 0) return false;
   if (all || unit.is_about_all || (view && unit.is_about_view)) return true;
-  const auto is_held = [](const auto& counts) { return [&counts](auto key) { return counts.contains(key); }; };
-  const auto has_held_name = [this](const Message& message) {
-    return message.header.type == wire::type_set && names.contains(text_of(message.as<wire::Set>().object.name));
-  };
-  return std::any_of(unit.slots.begin(), unit.slots.end(), is_held(slots)) ||
-         std::any_of(unit.messages.begin(), unit.messages.end(), has_held_name) ||
-         (unit.is_forget && std::any_of(unit.ids.begin(), unit.ids.end(), is_held(ids)));
+  const auto is_in = [](const auto& held) { return [&held](const auto& key) { return held.contains(key); }; };
+  return std::any_of(unit.names.begin(), unit.names.end(), is_in(names)) ||
+         (unit.is_forget && std::any_of(unit.ids.begin(), unit.ids.end(), is_in(ids)));
 }
 
 bool Session::is_ready(const Unit& unit) const {
@@ -170,65 +174,122 @@ bool Session::is_ready(const Unit& unit) const {
   });
 }
 
-// What needs a shape that is being built waits for it, and what concerns the same objects behind it; all else goes on.
+// A change that needs a shape which is being built waits for it, and later changes of the same objects wait behind it; all
+// else goes on.
 void Session::submit(Unit&& unit) {
   if (is_ready(unit) && !held_.blocks(unit)) return apply(unit);
   for (const Message& message : unit.messages) {
     if (message.header.type == wire::type_set) note_absent(message.as<wire::Set>(), FS_OBJECT_PENDING);
-    if (message.header.type == wire::type_remove) absent_.erase(message.as<wire::Remove>().slot);
+    if (message.header.type == wire::type_remove) absent_.erase(text_of(message.as<wire::Remove>().name));
     if (message.header.type == wire::type_clear) absent_.clear();
   }
-  held_.add(unit, slots_);
+  held_.add(unit);
   parked_.push_back(std::move(unit));
   regulate();
 }
 
 void Session::tell_settled() noexcept {
-  const bool waits = !parked_.empty() || !unit_.messages.empty();
-  if (outbox_ && !waits) outbox_->settled.store(last_serial_, std::memory_order_release);
+  if (outbox_ && parked_.empty()) outbox_->settled.store(last_serial_, std::memory_order_release);
+}
+
+void Session::catch_up() noexcept {
+  if (is_gone_ || !is_retry_due_ || (turns_until_retry_ > 0 && --turns_until_retry_ > 0)) return;
+  try {
+    retry_parked();
+  } catch (...) {
+    drop(server_.settings().lease);
+  }
 }
 
 void Session::retry_parked() {
+  is_retry_due_ = false;
+  turns_until_retry_ = parked_.size() / few_parked;
   std::deque<Unit> units = std::exchange(parked_, {});
   held_ = {};
   for (Unit& unit : units) {
     if (is_ready(unit) && !held_.blocks(unit)) {
       apply(unit);
     } else {
-      held_.add(unit, slots_);
+      held_.add(unit);
       parked_.push_back(std::move(unit));
     }
   }
-  if (!edited_.empty()) outbox_->edits.fetch_add(1, std::memory_order_release);  // what had to wait can be told now
+  // What had to wait can be told now.
+  if (!edited_.empty() || is_view_edited_) outbox_->edits.fetch_add(1, std::memory_order_release);
   tell_settled();
   regulate();
 }
 
-Session::Kept Session::keep(uint32_t slot) const {
-  return {slots_[slot], look_up(absent_, slot), look_up(edited_, slot), look_up(awaited_, slot)};
+// --------------------------------------------------------------------------------------------- what is known of a name
+
+void Session::bind(const std::string& name, uint32_t slot, uint64_t after) {
+  uint32_t& present = objects_[name];
+  if (present != wire::no_slot && present != slot && slots_[present].name == name) slots_[present] = {};
+  present = slot;
+  if (slot == wire::no_slot) return;
+  // Whatever was moved through the slot before: the client has given it to another object.
+  if (std::string& other = slots_[slot].name; !other.empty() && other != name) objects_[other] = wire::no_slot;
+  slots_[slot] = {name, after};
+  mark(slot);  // a move after it may have come by already
 }
 
-void Session::apply(const Unit& unit) {
-  if (unit.messages.size() == 1) {
-    try {
-      apply(unit.messages[0]);
-    } catch (const Error& error) {
-      refuse(unit.messages[0], error.status, error.text);
-    }
-    return;
+void Session::forget_object(const std::string& name) {
+  if (const auto found = objects_.find(name); found != objects_.end()) {
+    if (found->second != wire::no_slot) slots_[found->second] = {};
+    objects_.erase(found);
   }
-  // All or nothing.
-  std::map<uint32_t, Kept> before;
+  absent_.erase(name);
+  edited_.erase(name);
+  awaited_.erase(name);
+}
+
+Session::Kept Session::keep(const std::string& name) const {
+  const std::optional<uint32_t> slot = look_up(objects_, name);
+  const bool has_slot = slot && *slot != wire::no_slot;
+  return {slot, has_slot ? slots_[*slot].after : 0, look_up(absent_, name), look_up(edited_, name), look_up(awaited_, name)};
+}
+
+void Session::put_back(const std::string& name, const Kept& kept) {
+  if (kept.slot) {
+    objects_.try_emplace(name, wire::no_slot);
+    bind(name, *kept.slot, kept.after);
+  }
+  put_into(absent_, name, kept.absent);
+  put_into(edited_, name, kept.editor);
+  put_into(awaited_, name, kept.awaited);
+}
+
+// --------------------------------------------------------------------------------------------------------- changes
+
+void Session::apply(const Unit& unit) {
+  if (unit.messages.size() > 1) return apply_group(unit);
+  for (const Message& message : unit.messages) {
+    try {
+      if (message.header.type < wire::type_sync) {
+        apply(message, unit.serial);
+      } else {
+        apply_group(unit);
+      }
+    } catch (const Error& error) {
+      refuse(unit, message, error);
+    }
+  }
+}
+
+// All or nothing.
+void Session::apply_group(const Unit& unit) {
+  std::map<std::string, Kept> before;
   const auto keep_all = [&](const auto& map) {
-    for (const auto& [slot, value] : map) before.emplace(slot, keep(slot));
+    for (const auto& [name, value] : map) before.emplace(name, keep(name));
   };
-  for (const uint32_t slot : unit.slots) before.emplace(slot, keep(slot));
+  for (const std::string& name : unit.names) before.emplace(name, keep(name));
   if (unit.is_about_all) {
-    for (const auto& [name, slot] : slot_of_) before.emplace(slot, keep(slot));
+    keep_all(objects_);
     keep_all(absent_);
     keep_all(edited_);
   }
   const uint64_t changes = changes_, moves = moves_;
+  std::map<const LocalScene*, Foreign> foreign;
   scene_->begin();
   is_applying_ = true;
   struct Applied {
@@ -237,60 +298,67 @@ void Session::apply(const Unit& unit) {
   } const applied{is_applying_};
   const Message* failed = nullptr;
   try {
+    size_t count = 0;
     for (const Message& message : unit.messages) {
       failed = &message;
-      apply(message);
-      if ((&message - unit.messages.data()) % 64 == 63) server_.turn_if_due();
+      if (message.header.type < wire::type_sync) {
+        apply(message, unit.serial);
+      } else {
+        apply_foreign(message, foreign);
+      }
+      if (++count % 64 == 0) server_.turn_if_due();
     }
     scene_->commit();
+    for (auto& [scene, other] : foreign) other.scene->take(other.draft);
   } catch (const Error& error) {
     scene_->cancel();
     changes_ = changes;
     moves_ = moves;
-    for (const auto& [slot, was] : before) slot_of_.erase(slots_[slot].name);
-    for (const auto& [slot, was] : before) {
-      slots_[slot] = was.slot;
-      if (!was.slot.name.empty()) slot_of_[was.slot.name] = slot;
-      put_back(absent_, slot, was.absent);
-      put_back(edited_, slot, was.editor);
-      put_back(awaited_, slot, was.awaited);
-    }
-    for (const Message& message : unit.messages) {
-      const bool is_it = &message == failed;
-      refuse(message, error.status, is_it ? error.text : "another change of its group was refused: " + error.text);
-    }
+    // Names that came with the group are gone before those that were there get their slots again.
+    for (const auto& [name, was] : before) forget_object(name);
+    for (const auto& [name, was] : before) put_back(name, was);
+    return refuse(unit, *failed, error);
+  }
+  for (auto& [scene, other] : foreign) {
+    for (const auto& [name, is_removed] : other.names) tell_edit(*other.scene, other.owner.get(), name, is_removed);
   }
 }
 
-void Session::apply(const Message& message) {
+void Session::apply(const Message& message, uint64_t serial) {
   using namespace wire;
   switch (message.header.type) {
-    case type_set: return apply_set(message.as<Set>(), message.header.serial, false);
-    case type_change: return apply_set(message.as<Set>(), message.header.serial, true);
+    case type_set: return apply_set(message.as<Set>(), serial, false);
+    case type_change: return apply_set(message.as<Set>(), serial, true);
     case type_place: {
-      const Place& place = message.as<Place>();
-      Slot& slot = slots_[place.slot];
-      if (slot.name.empty()) return;  // another client has removed it
-      scene_->set_motion(slot.name.c_str(), from_record(place.movement));
-      slot.after = message.header.serial;
-      mark(place.slot);
+      const std::string name = text_of(message.as<Place>().name);
+      const auto found = objects_.find(name);
+      if (found == objects_.end()) return;  // another client has removed it
+      scene_->set_motion(name.c_str(), from_record(message.as<Place>().movement));
+      bind(name, found->second, serial);
       ++moves_;
       return;
     }
+    case type_bind: {
+      const std::string name = text_of(message.as<Bind>().name);
+      if (objects_.contains(name)) bind(name, message.as<Bind>().slot, serial);
+      return;
+    }
     case type_remove: {
-      const uint32_t slot = message.as<Remove>().slot;
-      if (slots_[slot].name.empty()) {  // it was refused, or another client has removed it
-        absent_.erase(slot);
+      const std::string name = text_of(message.as<Remove>().name);
+      if (!objects_.contains(name)) {  // it was refused, or another client has removed it
+        absent_.erase(name);
         return;
       }
-      scene_->remove(slots_[slot].name.c_str());
-      free_slot(slot);
+      scene_->remove(name.c_str());
+      forget_object(name);
       break;
     }
     case type_clear:
       scene_->clear();
-      for (const auto& [name, slot] : slot_of_) slots_[slot] = {};
-      slot_of_.clear();
+      for (const auto& [name, slot] : objects_) {
+        if (slot != no_slot) slots_[slot] = {};
+      }
+      objects_.clear();
       absent_.clear();
       edited_.clear();
       awaited_.clear();
@@ -305,7 +373,11 @@ void Session::apply(const Message& message) {
       break;
     }
     case type_forget:
-      uploads_.erase(message.as<Forget>().id);
+      if (const auto found = uploads_.find(message.as<Forget>().id); found != uploads_.end()) {
+        upload_of_.erase(found->second.shape ? static_cast<const void*>(found->second.shape.get())
+                                             : found->second.curve.get());
+        uploads_.erase(found);
+      }
       refused_uploads_.erase(message.as<Forget>().id);
       return;
     default: return;
@@ -314,17 +386,16 @@ void Session::apply(const Message& message) {
 }
 
 void Session::apply_set(const wire::Set& set, uint64_t serial, bool is_change) {
-  Slot& slot = slots_[set.slot];
-  const std::string name = parse_name(set.object.name, "name");
-  const auto known = slot_of_.find(name);
-  const bool is_new = known == slot_of_.end();
-  if (is_new ? !slot.name.empty() : known->second != set.slot) {
-    fail(FS_ERROR_INVALID, "object '%s': its slot %u is not its own", name.c_str(), set.slot);
-  }
+  const std::string name = parse_name(text_of(set.object.name).c_str(), "name");
+  const bool is_new = !objects_.contains(name);
   if (is_change && is_new) {
-    const auto absent = look_up(absent_, set.slot);
+    const auto absent = look_up(absent_, name);
     if (!absent || absent->state != FS_OBJECT_REFUSED) return;  // another client has removed it
     fail(FS_ERROR_NOT_FOUND, "object '%s' is not there: it was refused", name.c_str());
+  }
+  if (is_new && objects_.size() >= server_.settings().max_objects) {
+    fail(FS_ERROR_FULL, "object '%s' would be one more than the %u that the server allows a client", name.c_str(),
+         server_.settings().max_objects);
   }
   const fs_object object = resolve(set.object, set.parts, nullptr);
   bool brings_shape = false;
@@ -338,64 +409,114 @@ void Session::apply_set(const wire::Set& set, uint64_t serial, bool is_change) {
   } else {
     scene_->set(object);
   }
-  if ((is_new || brings_shape) && set.object.is_enabled) awaited_[set.slot] = 0;
-  absent_.erase(set.slot);
-  slot.name = name;
-  slot_of_[name] = set.slot;
-  if (set.parts & FS_PART_POSE) {
-    slot.after = serial;
-    mark(set.slot);  // a move after it may have come by already
-  }
+  if ((is_new || brings_shape) && set.object.is_enabled) awaited_[name] = 0;
+  absent_.erase(name);
+  if (is_new) objects_[name] = wire::no_slot;
+  if (is_new || (set.parts & FS_PART_POSE)) bind(name, set.slot, serial);
   ++changes_;
 }
 
-void Session::free_slot(uint32_t slot) {
-  slot_of_.erase(slots_[slot].name);
-  absent_.erase(slot);
-  edited_.erase(slot);
-  awaited_.erase(slot);
-  slots_[slot] = {};
+uint32_t Session::parse_parts(uint64_t parts) {
+  if (parts > UINT32_MAX) {
+    fail(FS_ERROR_INVALID, "parts is 0x%llx, must be of the fs_part bits", static_cast<unsigned long long>(parts));
+  }
+  return static_cast<uint32_t>(parts);
 }
 
-// Others are told of it: what can be no object's is left out.
+// A change of another client's object, as part of a group.
+void Session::apply_foreign(const Message& message, std::map<const LocalScene*, Foreign>& foreign) const {
+  using namespace wire;
+  const uint32_t type = message.header.type;
+  const wire::Target& whose = type == type_edit         ? message.as<Edit>().target
+                              : type == type_move_other ? message.as<MoveOther>().target
+                                                        : message.as<Target>();
+  Session* owner;
+  std::string name;
+  LocalScene& scene = target(whose, true, owner, name);
+  const auto found = foreign.find(&scene);
+  if (found == foreign.end() && owner) owner->take_moves();  // what it has moved before
+  Foreign& other = found != foreign.end()
+                       ? found->second
+                       : foreign.try_emplace(&scene, owner ? owner->shared_from_this() : nullptr, Ref<LocalScene>::share(&scene))
+                             .first->second;
+  try {
+    if (type == type_edit) {
+      const Edit& edit = message.as<Edit>();
+      const uint32_t parts = parse_parts(edit.parts);
+      fs_object present;
+      const Ref<const ::fs::Object> kept = other.scene->get(other.draft, name.c_str(), present);
+      fs_object object = resolve(edit.object, parts, &present);
+      put_text(object.name, name);
+      other.scene->change(other.draft, object, parts);
+    } else if (type == type_move_other) {
+      const MoveOther& move = message.as<MoveOther>();
+      other.scene->move(other.draft, name.c_str(), move.pose, move.has_twist ? &move.twist : nullptr, move.time);
+    } else {
+      other.scene->remove(other.draft, name.c_str());
+    }
+  } catch (const Error& error) {
+    throw Error{error.status, "'" + text_of(whose.name) + "': " + error.text};
+  }
+  other.names[name] = type == type_remove_other;
+}
+
+// Others are told of an object that waits for its shape, or was refused.
 void Session::note_absent(const wire::Set& set, fs_object_state state) {
   const bool is_primitive = set.object.primitive >= FS_PRIMITIVE_POINT && set.object.primitive <= FS_PRIMITIVE_MESH;
-  if (!slots_[set.slot].name.empty() || !is_primitive) return;
+  if (!is_primitive || absent_.size() >= slots_.size()) return;
   try {
-    const std::string name = parse_name(set.object.name, "name");
-    if (!slot_of_.contains(name)) absent_[set.slot] = {name, static_cast<fs_primitive>(set.object.primitive), state};
+    const std::string name = parse_name(text_of(set.object.name).c_str(), "name");
+    if (!objects_.contains(name)) absent_[name] = {static_cast<fs_primitive>(set.object.primitive), state};
   } catch (const Error&) {
   }
 }
 
-// What is there goes on as it was: it is moved on from here, and the client learns what it is.
-void Session::refuse(const Message& message, fs_status status, const std::string& text) {
-  ++refused_;
-  const bool is_place = message.header.type == wire::type_place;
-  if (is_place || message.header.type == wire::type_set || message.header.type == wire::type_change) {
-    const uint32_t slot = is_place ? message.as<wire::Place>().slot : message.as<wire::Set>().slot;
-    Slot& present = slots_[slot];
-    if (!present.name.empty() && (is_place || present.name == text_of(message.as<wire::Set>().object.name))) {
-      if (is_place || (message.as<wire::Set>().parts & FS_PART_POSE)) {
-        present.after = message.header.serial;
-        mark(slot);
+// What is there goes on as it was. The client believes otherwise until it has been told, so each name that it spoke of is
+// told; and moves it writes meanwhile are taken.
+void Session::refuse(const Unit& unit, const Message& failed, const Error& error) {
+  const double now = scene_->now();
+  const size_t most_told = 4 * slots_.size();  // a client has not so many names
+  for (const std::string& name : unit.names) {
+    if (name.find('/') == std::string::npos && edited_.size() < most_told) edited_[name] = name_;
+  }
+  if (unit.is_about_all) {
+    for (const auto& [name, slot] : objects_) edited_[name] = name_;
+    for (const auto& [name, absent] : absent_) edited_[name] = name_;
+  }
+  is_view_edited_ = is_view_edited_ || unit.is_about_view;
+  for (const Message& message : unit.messages) {
+    ++refused_;
+    fs_event event{};
+    event.kind = FS_EVENT_REFUSED;
+    event.status = error.status;
+    event.time = now;
+    put_text(event.text, &message == &failed ? error.text : "another change of its group was refused: " + error.text);
+    const uint32_t type = message.header.type;
+    std::string name;
+    if (type == wire::type_set || type == wire::type_change) {
+      const wire::Set& set = message.as<wire::Set>();
+      name = text_of(set.object.name);
+      if (type == wire::type_set) note_absent(set, FS_OBJECT_REFUSED);
+      if ((set.parts & FS_PART_POSE) && objects_.contains(name)) bind(name, set.slot, unit.serial);
+    } else if (type == wire::type_place || type == wire::type_bind) {
+      name = type == wire::type_place ? text_of(message.as<wire::Place>().name) : text_of(message.as<wire::Bind>().name);
+      if (const auto found = objects_.find(name); found != objects_.end()) {
+        bind(name, type == wire::type_bind ? message.as<wire::Bind>().slot : found->second, unit.serial);
       }
-      edited_[slot] = name_;
-      outbox_->edits.fetch_add(1, std::memory_order_release);
+    } else if (type == wire::type_remove) {
+      name = text_of(message.as<wire::Remove>().name);
+    } else if (type == wire::type_edit) {
+      name = text_of(message.as<wire::Edit>().target.name);
+    } else if (type == wire::type_move_other) {
+      name = text_of(message.as<wire::MoveOther>().target.name);
+    } else if (type == wire::type_remove_other) {
+      name = text_of(message.as<wire::Target>().name);
     }
+    put_text(event.name, name);
+    push_event(event);
   }
-  if (!first_refused_) first_refused_ = {status, text};
-  fs_event event{};
-  event.kind = FS_EVENT_REFUSED;
-  event.status = status;
-  event.time = scene_->now();
-  put_text(event.text, text);
-  if (message.header.type == wire::type_set || message.header.type == wire::type_change) {
-    const wire::Set& set = message.as<wire::Set>();
-    put_text(event.name, text_of(set.object.name));
-    note_absent(set, FS_OBJECT_REFUSED);
-  }
-  push_event(event);
+  outbox_->edits.fetch_add(1, std::memory_order_release);
+  if (!first_refused_) first_refused_ = {error.status, error.text};
 }
 
 // The object of a record, as far as `parts`, with the client's shapes and curves, or those that the target has or that

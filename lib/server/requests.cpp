@@ -3,8 +3,11 @@
 
 #include <algorithm>
 #include <cstring>
+#include <deque>
 
 #include "base/error.h"
+#include "scene/moment.h"
+#include "server/list.h"
 #include "server/session.h"
 
 namespace fs {
@@ -91,7 +94,7 @@ void Session::request(const Message& message) {
       case type_sync: {
         constexpr size_t most = 64;
         if (syncs_.size() >= most) fail(FS_ERROR_FULL, "%zu calls wait for this client already", syncs_.size());
-        syncs_.push_back({serial, false, 0, {}});
+        syncs_.push_back({serial, whole_turns_, false, 0, {}});
         return;
       }
       case type_pull: return pull(message);
@@ -129,34 +132,15 @@ void Session::request(const Message& message) {
         }
         return reply(serial, bytes_of(&report, 1));
       }
-      case type_reports: {
-        const std::vector<fs_report> list = reports();
-        const Descriptor blob = make_blob({bytes_of(list.data(), list.size())});
-        const Count count{list.size()};
-        return reply(serial, bytes_of(&count, 1), blob.get());
-      }
+      case type_reports: return tell_reports(message);
       case type_clients: {
         const std::vector<fs_client> list = server_.describe();
         const Descriptor blob = make_blob({bytes_of(list.data(), list.size())});
         const Count count{list.size()};
         return reply(serial, bytes_of(&count, 1), blob.get());
       }
-      case type_view: {
-        const std::string client = text_of(message.as<Target>().name);
-        owner = server_.find(client);
-        if (!owner && client != "server") {
-          fail(FS_ERROR_NOT_FOUND, "client is '%.80s': no client of that name is connected", client.c_str());
-        }
-        Frame frame{(owner ? *owner->scene_ : *server_.servo().scene()).get_frame(nullptr)};
-        if (owner == this) {  // as it was said, where that waits for a shape still
-          for (const Unit& unit : parked_) {
-            for (const Message& waiting : unit.messages) {
-              if (waiting.header.type == type_frame) frame = waiting.as<Frame>();
-            }
-          }
-        }
-        return reply(serial, bytes_of(&frame, 1));
-      }
+      case type_view: return tell_view(message);
+      case type_motions: return tell_motions(message);
       case type_stats: {
         fs_servo_stats stats = fs_servo_stats_init();
         server_.servo().get_stats(stats);
@@ -195,10 +179,7 @@ void Session::edit(const Message& message) {
     std::string name;
     LocalScene& scene = target(edit.target, true, owner, name);
     if (owner) owner->take_moves();
-    if (edit.parts > UINT32_MAX) {
-      fail(FS_ERROR_INVALID, "parts is 0x%llx, must be of the fs_part bits", static_cast<unsigned long long>(edit.parts));
-    }
-    const auto parts = static_cast<uint32_t>(edit.parts);
+    const uint32_t parts = parse_parts(edit.parts);
     fs_object present;
     const Ref<const Object> kept = scene.get(name.c_str(), present);
     fs_object object = resolve(edit.object, parts, &present);
@@ -222,35 +203,60 @@ void Session::tell_edit(LocalScene& scene, Session* owner, const std::string& na
   }
 }
 
-// What it sent and was refused, one by one; then the next of its own objects that others have changed. Where changes of
-// its own wait, they come first.
+// One thing of which the client may believe something else than what is there. Where a change of its own waits, that comes
+// first.
 void Session::pull(const Message& message) {
-  take_moves();
   wire::Pulled out{};
-  const auto is_told = [this](const auto& edit) { return held_.all == 0 && !held_.slots.contains(edit.first); };
-  if (!refused_uploads_.empty()) {
-    out.state = 3;
+  out.slot = wire::no_slot;
+  const std::string asked = text_of(message.as<wire::Target>().name);
+  take_moves();
+  const auto is_told = [this](const auto& edit) { return !held_.has(edit.first); };
+  const auto next = std::find_if(edited_.begin(), edited_.end(), is_told);
+  if (!asked.empty()) {
+    if (held_.has(asked)) {
+      out.state = wire::pulled_waiting;
+      edited_[asked] = name_;
+    } else {
+      tell_object(asked, out);
+      edited_.erase(asked);
+    }
+  } else if (!refused_uploads_.empty()) {
+    out.state = wire::pulled_data;
     out.object.shape = *refused_uploads_.begin();
     refused_uploads_.erase(refused_uploads_.begin());
-    out.edits = edits_told_;
-    return reply(message.header.serial, bytes_of(&out, 1));
-  }
-  if (const auto next = std::find_if(edited_.begin(), edited_.end(), is_told); next != edited_.end()) {
-    out.slot = next->first;
+  } else if (is_view_edited_ && held_.view == 0 && held_.all == 0) {
+    out.state = wire::pulled_view;
+    out.frame.frame = scene_->get_frame(nullptr);
+    const std::vector<Vec3> points = scene_->get_tool();
+    out.tool.count = points.size();
+    std::copy(points.begin(), points.end(), out.tool.points);
+    is_view_edited_ = false;
+  } else if (next != edited_.end()) {
+    tell_object(next->first, out);
     edited_.erase(next);
-    const std::string& name = slots_[out.slot].name;
-    if (name.empty()) {
-      out.state = 2;
-    } else {
-      fs_object object;
-      const Ref<const Object> kept = scene_->get(name.c_str(), object);
-      out.object = offer(object);
-      out.state = 1;
-    }
   }
-  if (std::none_of(edited_.begin(), edited_.end(), is_told)) edits_told_ = outbox_->edits.load(std::memory_order_relaxed);
+  const bool is_all_told = refused_uploads_.empty() && (!is_view_edited_ || held_.view > 0 || held_.all > 0) &&
+                           std::none_of(edited_.begin(), edited_.end(), is_told);
+  if (is_all_told) edits_told_ = outbox_->edits.load(std::memory_order_relaxed);
   out.edits = edits_told_;
   reply(message.header.serial, bytes_of(&out, 1));
+}
+
+// An object as it is now, or that there is none.
+void Session::tell_object(const std::string& name, wire::Pulled& out) {
+  const auto found = objects_.find(name);
+  if (found == objects_.end()) {
+    const auto absent = absent_.find(name);
+    const bool is_refused = absent != absent_.end() && absent->second.state == FS_OBJECT_REFUSED;
+    out.state = is_refused ? wire::pulled_refused : wire::pulled_absent;
+    put_text(out.object.name, name);
+    return;
+  }
+  fs_object object;
+  const Ref<const Object> kept = scene_->get(name.c_str(), object);
+  out.object = offer(object);
+  out.slot = found->second;
+  out.state = wire::pulled_present;
 }
 
 // The record of an object with the numbers of its shape and curves: the client's own, or the server's, which it can fetch
@@ -260,9 +266,8 @@ wire::Object Session::offer(const fs_object& object) {
   wire::Object out = to_record(object);
   const auto id_of = [this](const fs_shape* shape, const fs_curve* curve) -> uint64_t {
     if (!shape && !curve) return 0;
-    for (const auto& [id, upload] : uploads_) {
-      if (shape ? upload.shape.get() == shape : upload.curve.get() == curve) return id;
-    }
+    const auto own = upload_of_.find(shape ? static_cast<const void*>(shape) : curve);
+    if (own != upload_of_.end()) return own->second;
     const uint64_t serial = shape ? shape->serial : curve->serial;
     offered_[serial] = {Ref<const Shape>::share(shape), Ref<const Curve>::share(curve)};
     return serial | wire::of_server;
@@ -322,7 +327,7 @@ void Session::fetch(const Message& message) {
   regulate();
 }
 
-// Answers those who wait until a tick has used all that they did: of whatever scene, so of all.
+// Answers once ticks have used every scene's changes: a client may have edited any of them.
 void Session::settle_syncs() {
   if (syncs_.empty() || !parked_.empty() || !waiting_edits_.empty()) return;
   std::vector<Sync> syncs = std::exchange(syncs_, {});
@@ -333,6 +338,10 @@ void Session::settle_syncs() {
       continue;
     }
     const LocalScene& own = *server_.servo().scene();
+    if (!sync.has_begun && whole_turns_ == sync.begins_after) {  // moves before it have not been taken
+      syncs_.push_back(std::move(sync));
+      continue;
+    }
     if (!std::exchange(sync.has_begun, true)) {
       sync.own = own.sequence();
       for (const std::shared_ptr<Session>& other : server_.sessions()) {
@@ -353,39 +362,61 @@ void Session::settle_syncs() {
 
 // ----------------------------------------------------------------------------------------------------------- reports
 
-std::vector<fs_report> Session::own_reports() const {
-  std::vector<fs_report> out = scene_->reports();
-  for (const auto& [slot, absent] : absent_) out.push_back(report_of(absent.name, absent.primitive, absent.state));
-  return out;
-}
-
 fs_report Session::own_report(const std::string& name) const {
-  if (!slot_of_.contains(name)) {
-    for (const auto& [slot, absent] : absent_) {
-      if (absent.name == name) return report_of(name, absent.primitive, absent.state);
-    }
-  }
+  const auto absent = absent_.find(name);
+  if (absent != absent_.end()) return report_of(name, absent->second.primitive, absent->second.state);
   return scene_->report(name.c_str());
 }
 
-// Of all objects, its own first.
-std::vector<fs_report> Session::reports() {
-  std::vector<fs_report> out = own_reports();
-  const fs_frame here = scene_->get_frame(nullptr);
-  const auto add = [&](const std::string& client, const std::vector<fs_report>& reports, const fs_frame& frame) {
-    for (const fs_report& report : reports) {
-      fs_report seen = seen_from(report, frame, here);
-      put_text(seen.name, client + "/" + report.name);
-      out.push_back(seen);
+// What became of all objects, those of one client first.
+class ReportList final : public List {
+ public:
+  struct Part {
+    Part(std::string the_prefix, const Ref<LocalScene>& scene) : prefix(std::move(the_prefix)), moment(scene, false) {}
+    const std::string prefix;  // empty: the client's own
+    const LocalScene::Moment moment;
+    std::vector<fs_report> absent;  // by bare names
+  };
+  std::deque<Part> parts;
+  fs_frame frame;  // of the client
+
+  size_t most() const override {
+    size_t sum = 0;
+    for (const Part& part : parts) sum += part.moment.most() + part.absent.size();
+    return sum;
+  }
+
+ private:
+  void write() override {
+    for (const Part& part : parts) {
+      const auto add = [&](const fs_report& report) {
+        if (part.prefix.empty()) return add_record(report);
+        fs_report seen = seen_from(report, part.moment.frame(), frame);
+        put_text(seen.name, part.prefix + report.name);
+        add_record(seen);
+      };
+      part.moment.for_each_report(add);
+      for (const fs_report& report : part.absent) add(report);
+    }
+  }
+  void release() override { parts.clear(); }
+};
+
+void Session::tell_reports(const Message& message) {
+  const auto list = std::make_shared<ReportList>();
+  const auto add = [&](const std::string& prefix, const Session& session) {
+    ReportList::Part& part = list->parts.emplace_back(prefix, session.scene_);
+    for (const auto& [name, absent] : session.absent_) {
+      part.absent.push_back(report_of(name, absent.primitive, absent.state));
     }
   };
-  const Ref<LocalScene>& own = server_.servo().scene();
-  add("server", own->reports(), own->get_frame(nullptr));
+  list->frame = scene_->get_frame(nullptr);
+  add("", *this);
+  list->parts.emplace_back("server/", server_.servo().scene());
   for (const std::shared_ptr<Session>& other : server_.sessions()) {
-    if (other.get() == this || other->is_gone_ || !other->scene_) continue;
-    add(other->name_, other->own_reports(), other->scene_->get_frame(nullptr));
+    if (other.get() != this && !other->is_gone_ && other->scene_) add(other->name_ + "/", *other);
   }
-  return out;
+  tell_list(message.header.serial, list);
 }
 
 fs_client Session::describe() const {
@@ -393,7 +424,7 @@ fs_client Session::describe() const {
   put_text(out.name, name_);
   out.process = static_cast<uint32_t>(peer_.process);
   out.user = peer_.user;
-  out.objects = static_cast<uint32_t>(slot_of_.size());
+  out.objects = static_cast<uint32_t>(objects_.size());
   out.connected = connected_;
   out.force_limit = server_.settings().limits.force;
   out.wrench = channel_->wrench();

@@ -210,6 +210,10 @@ void fs_server::handle(uint64_t source, uint32_t events) {
     }
   } else if (source == source_timer) {
     if (read(timer_.get(), &count, sizeof count) == sizeof count) turn(steady_now());
+    for (const std::shared_ptr<Session>& session : sessions_) {
+      session->catch_up();
+      turn_if_due();
+    }
   } else if (source == source_listener) {
     accept_clients(listener_.socket());
   } else if (source == source_shared_listener) {

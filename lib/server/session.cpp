@@ -15,7 +15,7 @@ namespace fs {
 namespace {
 
 constexpr int messages_at_once = 64;
-constexpr double slice = 2e-4;  // s; then it is another one's turn
+constexpr double slice = 3e-5;  // s; then it is another one's turn: who asks for little does not wait long
 
 // Of the record that comes with a type; -1: no such type.
 ssize_t body_size(uint32_t type) {
@@ -31,17 +31,19 @@ ssize_t body_size(uint32_t type) {
     case type_frame: return sizeof(Frame);
     case type_clutch: return sizeof(Clutch);
     case type_tool: return sizeof(wire::Tool);
+    case type_bind: return sizeof(Bind);
     case type_clear:
     case type_wake:
     case type_sync:
-    case type_pull:
     case type_reports:
     case type_clients:
     case type_stats:
     case type_device: return 0;
     case type_get:
+    case type_pull:
     case type_report:
     case type_view:
+    case type_motions:
     case type_remove_other: return sizeof(Target);
     case type_fetch: return sizeof(Fetch);
     case type_edit: return sizeof(Edit);
@@ -106,20 +108,22 @@ void Session::receive() noexcept {
       if (transfer == Transfer::again) return;
       if (transfer == Transfer::closed) return drop(server_.settings().lease);
       server_.note_activity();
-      Message message{};
       if (name_.empty()) {
-        message.body.assign(buffer.begin(), buffer.begin() + static_cast<ptrdiff_t>(size));
-        greet(message);
+        greet(buffer.first(size));
         continue;
       }
+      Message message{};
       if (size < sizeof message.header) return drop(server_.settings().lease);
       std::memcpy(&message.header, buffer.data(), sizeof message.header);
-      const std::span<std::byte> body = buffer.subspan(sizeof message.header, size - sizeof message.header);
-      message.body.assign(body.begin(), body.end());
-      const ssize_t wanted = body_size(message.header.type);
-      if (wanted < 0 || static_cast<size_t>(wanted) != message.body.size() || message.header.serial <= last_serial_) {
-        return drop(server_.settings().lease);
-      }
+      size -= sizeof message.header;
+      const std::shared_ptr<std::byte[]> memory = std::make_shared_for_overwrite<std::byte[]>(size);
+      std::memcpy(memory.get(), buffer.data() + sizeof message.header, size);
+      message.body = {memory.get(), size};
+      message.memory = memory;
+      const uint32_t type = message.header.type;
+      const bool is_size_good = type == wire::type_group ? size >= sizeof(wire::Group)
+                                                         : body_size(type) == static_cast<ssize_t>(size);
+      if (!is_size_good || message.header.serial <= last_serial_) return drop(server_.settings().lease);
       last_serial_ = message.header.serial;
       handle(std::move(message), std::move(data));
       tell_settled();
@@ -141,11 +145,11 @@ void Session::answer(fs_status status, const std::string& text, std::span<const 
 }
 
 // The first message: who it is, and whether both ends mean the same.
-void Session::greet(const Message& message) {
+void Session::greet(std::span<const std::byte> message) {
   const ServerSettings& settings = server_.settings();
   wire::Hello hello{};
-  std::memcpy(&hello, message.body.data(), std::min(message.body.size(), sizeof hello));
-  if (hello.magic != wire::magic || message.body.size() < sizeof hello) return drop(0);
+  std::memcpy(&hello, message.data(), std::min(message.size(), sizeof hello));
+  if (hello.magic != wire::magic || message.size() < sizeof hello) return drop(0);
   if (refusal_ == FS_ERROR_DENIED) {
     return answer(refusal_, "this server lets in its own user only; one with all_users lets in others");
   }
@@ -199,6 +203,7 @@ void Session::greet(const Message& message) {
     welcome.outbox_bytes = sizeof(Outbox);
     welcome.max_objects = settings.max_objects;
     welcome.is_virtual = server_.servo().clock() == ClockKind::virtual_time;
+    welcome.is_locked = settings.is_locked;
     welcome.rate = server_.servo().settings().rate;
     const int descriptors[] = {inbox.get(), outbox.get()};
     answer(FS_OK, "", bytes_of(&welcome, 1), descriptors);
@@ -211,55 +216,106 @@ void Session::handle(Message&& message, Descriptor&& data) {
   using namespace wire;
   const uint32_t type = message.header.type;
   if (type == type_wake) return;
-  if (type >= type_sync) {
-    if (!unit_.messages.empty()) return drop(server_.settings().lease);  // in the middle of a group
-    return request(message);
-  }
-  if (type == type_shape || type == type_curve) {
-    if (!unit_.messages.empty()) return drop(server_.settings().lease);
-    return take_upload(std::move(message), std::move(data));
-  }
+  if (type == type_group) return take_group(message, std::move(data));
+  if (type == type_shape || type == type_curve) return take_upload(std::move(message), std::move(data));
+  if (type >= type_sync) return request(message);
+  Unit unit;
+  unit.serial = message.header.serial;
+  if (!add(unit, message)) return drop(server_.settings().lease);
+  submit(std::move(unit));
+}
 
-  const auto need = [this](uint64_t id) {
-    if (id) unit_.ids.insert(id);
+// The changes of a group, one behind the other. They may be many: others have their turns meanwhile.
+void Session::take_group(const Message& message, Descriptor&& data) {
+  const double lease = server_.settings().lease;
+  const uint64_t bytes = message.as<wire::Group>().bytes;
+  const size_t most = wire::most_changes(server_.settings().max_objects);
+  Message next{};
+  next.body = message.body.subspan(sizeof(wire::Group));
+  next.memory = message.memory;
+  try {
+    if (data) {
+      constexpr size_t largest = sizeof(wire::Header) + std::max(sizeof(wire::Edit), sizeof(wire::Tool));
+      if (!next.body.empty() || bytes > most * largest) return drop(lease);
+      next.memory = map_blob(data, bytes);
+      next.body = {static_cast<const std::byte*>(next.memory.get()), static_cast<size_t>(bytes)};
+      data.reset();
+    }
+  } catch (const Error&) {  // it is no sealed memory of that size, or this process has no room for it
+    return drop(lease);
+  }
+  if (next.body.size() != bytes) return drop(lease);
+  Unit unit;
+  unit.serial = message.header.serial;
+  unit.is_mapped = next.memory != message.memory;
+  while (!next.body.empty()) {
+    if (next.body.size() < sizeof next.header || unit.messages.size() == most) return drop(lease);
+    std::memcpy(&next.header, next.body.data(), sizeof next.header);
+    next.body = next.body.subspan(sizeof next.header);
+    const ssize_t size = body_size(next.header.type);
+    if (size < 0 || next.body.size() < static_cast<size_t>(size)) return drop(lease);
+    Message change = next;
+    change.body = next.body.first(static_cast<size_t>(size));
+    next.body = next.body.subspan(static_cast<size_t>(size));
+    if (!add(unit, change) || unit.is_forget) return drop(lease);
+    if (unit.messages.size() % 64 == 0) server_.turn_if_due();
+    if (is_gone_) return;
+  }
+  submit(std::move(unit));
+}
+
+// What the change is about. False: it is none, or has a slot that there is not.
+bool Session::add(Unit& unit, const Message& message) const {
+  using namespace wire;
+  const auto is_slot = [this](uint32_t slot) { return slot < slots_.size() || slot == no_slot; };
+  const auto need = [&unit](const wire::Object& object, uint64_t parts) {
+    const std::initializer_list<uint64_t> ids = {parts & FS_PART_SHAPE ? object.shape : 0,
+                                                 parts & FS_PART_PROFILES ? object.front.curve : 0,
+                                                 parts & FS_PART_PROFILES ? object.back.curve : 0};
+    for (const uint64_t id : ids) {
+      if (id) unit.ids.insert(id);
+    }
   };
-  uint32_t slot = 0;
-  switch (type) {
+  switch (message.header.type) {
     case type_set:
     case type_change: {
       const Set& set = message.as<Set>();
-      slot = set.slot;
-      unit_.slots.insert(slot);
-      if (set.parts & FS_PART_SHAPE) need(set.object.shape);
-      if (set.parts & FS_PART_PROFILES) {
-        need(set.object.front.curve);
-        need(set.object.back.curve);
-      }
+      if (!is_slot(set.slot)) return false;
+      unit.names.insert(text_of(set.object.name));
+      need(set.object, set.parts);
       break;
     }
-    case type_place: unit_.slots.insert(slot = message.as<Place>().slot); break;
-    case type_remove: unit_.slots.insert(slot = message.as<Remove>().slot); break;
-    case type_clear: unit_.is_about_all = true; break;
-    case type_forget:
-      unit_.is_forget = true;
-      need(message.as<Forget>().id);
+    case type_place: unit.names.insert(text_of(message.as<Place>().name)); break;
+    case type_remove: unit.names.insert(text_of(message.as<Remove>().name)); break;
+    case type_bind:
+      if (!is_slot(message.as<Bind>().slot)) return false;
+      unit.names.insert(text_of(message.as<Bind>().name));
       break;
-    default: unit_.is_about_view = true;
+    case type_clear: unit.is_about_all = true; break;
+    case type_forget:
+      unit.is_forget = true;
+      if (message.as<Forget>().id) unit.ids.insert(message.as<Forget>().id);
+      break;
+    case type_frame:
+    case type_clutch:
+    case type_tool: unit.is_about_view = true; break;
+    case type_edit:
+      unit.names.insert(text_of(message.as<Edit>().target.name));
+      need(message.as<Edit>().object, message.as<Edit>().parts);
+      break;
+    case type_move_other: unit.names.insert(text_of(message.as<MoveOther>().target.name)); break;
+    case type_remove_other: unit.names.insert(text_of(message.as<Target>().name)); break;
+    default: return false;
   }
-  const bool goes_on = message.header.more != 0;
-  unit_.messages.push_back(std::move(message));
-  const size_t most = 4 * size_t{server_.settings().max_objects} + 64;
-  if (slot >= slots_.size() || unit_.messages.size() > most || (unit_.is_forget && unit_.messages.size() > 1)) {
-    return drop(server_.settings().lease);
-  }
-  if (!goes_on) submit(std::exchange(unit_, {}));
+  unit.messages.push_back(message);
+  return true;
 }
 
 // ------------------------------------------------------------------------------------------------- the shared memory
 
-void Session::take_moves() {
+bool Session::take_moves() {
   const uint64_t batch = inbox_.batch();
-  if (batch & 1) return;  // a group is being written: all of it at once, later
+  if (batch & 1) return false;  // a group is being written: all of it at once, later
   inbox_.take_dirty([this](uint32_t slot) { mark(slot); });
   moved_.clear();
   for (size_t word = 0; word < dirty_.size(); ++word) {
@@ -274,7 +330,7 @@ void Session::take_moves() {
   }
   if (inbox_.batch() != batch) {  // a group came between: it belongs together, so once more
     for (const auto& [slot, move] : moved_) mark(slot);
-    return;
+    return false;
   }
   for (const auto& [slot, move] : moved_) {
     Motion motion;
@@ -288,7 +344,9 @@ void Session::take_moves() {
     } catch (const Error&) {  // the object is not there any more
     }
   }
+  moves_allowed_.spend(moved_.size());
   if (!moved_.empty()) server_.note_activity();
+  return true;
 }
 
 void Session::turn(double now) noexcept {
@@ -296,7 +354,7 @@ void Session::turn(double now) noexcept {
   try {
     outbox_->heartbeat.store(now, std::memory_order_relaxed);
     if (is_applying_) return;
-    take_moves();
+    if (moves_allowed_.begin_turn() && take_moves()) ++whole_turns_;
     scene_->post();
   } catch (...) {
     drop(server_.settings().lease);
@@ -308,7 +366,7 @@ void Session::settle() noexcept {
   try {
     const uint64_t used = scene_->output->used.load(std::memory_order_acquire);
     for (auto awaited = awaited_.begin(); awaited != awaited_.end();) {
-      auto& [slot, sequence] = *awaited;
+      auto& [name, sequence] = *awaited;
       if (sequence == 0) sequence = scene_->sequence();
       if (used < sequence) {
         ++awaited;
@@ -317,7 +375,7 @@ void Session::settle() noexcept {
       fs_event event{};
       event.kind = FS_EVENT_READY;
       event.time = scene_->now();
-      put_text(event.name, slots_[slot].name);
+      put_text(event.name, name);
       push_event(event);
       awaited = awaited_.erase(awaited);
     }
@@ -353,10 +411,8 @@ void Session::push_event(const fs_event& event) noexcept {
 }
 
 void Session::note_edit(const std::string& object, const std::string& editor, bool is_removed) {
-  const auto found = slot_of_.find(object);
-  if (found == slot_of_.end()) return;
-  const uint32_t slot = found->second;
-  std::string& told = edited_[slot];
+  if (!objects_.contains(object)) return;
+  std::string& told = edited_[object];
   if (told != editor || is_removed) {  // of a stream of changes one is told, until the client has seen them
     fs_event event{};
     event.kind = FS_EVENT_EDITED;
@@ -367,9 +423,8 @@ void Session::note_edit(const std::string& object, const std::string& editor, bo
   }
   told = editor;
   if (is_removed) {
-    awaited_.erase(slot);
-    slots_[slot] = {};
-    slot_of_.erase(found);
+    forget_object(object);
+    edited_[object] = editor;
   }
   outbox_->edits.fetch_add(1, std::memory_order_release);
 }

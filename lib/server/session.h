@@ -10,13 +10,17 @@
 #include <string>
 #include <vector>
 
+#include "base/error.h"
 #include "base/name_map.h"
 #include "ipc/region.h"
 #include "ipc/socket.h"
 #include "scene/transfer.h"
+#include "server/allowance.h"
 #include "server/server.h"
 
 namespace fs {
+
+class List;  // list.h
 
 class Session : public std::enable_shared_from_this<Session> {
  public:
@@ -35,6 +39,8 @@ class Session : public std::enable_shared_from_this<Session> {
   void receive() noexcept;
   // What comes each period: takes the moves, and posts the changes to the servo.
   void turn(double now) noexcept;
+  // What waits for shapes and has become ready, where it is so much that each shape cannot be followed by a look at all.
+  void catch_up() noexcept;
   // After all have had their turn: tells what a tick has used.
   void settle() noexcept;
   // Now and then: passes on the scene's events, and looks after the channel.
@@ -48,25 +54,23 @@ class Session : public std::enable_shared_from_this<Session> {
 
   // For the sessions of others: it changed one of this one's objects.
   void note_edit(const std::string& object, const std::string& editor, bool is_removed);
-  std::vector<fs_report> reports();
   fs_client describe() const;
-  std::vector<fs_report> own_reports() const;  // in its own frame, by bare names
   fs_report own_report(const std::string& name) const;  // NOT_FOUND
 
  private:
   struct Slot {
-    std::string name;    // empty: free
+    std::string name;    // of the object that is moved through it; empty: of none
     uint64_t after = 0;  // serial of the change that last set the pose
   };
   // An object that is not in the scene: being built, or refused.
   struct Absent {
-    std::string name;
     fs_primitive primitive;
     fs_object_state state;
   };
-  // All that is known of a slot.
+  // All that is known of a name, to be put back when a group is refused.
   struct Kept {
-    Slot slot;
+    std::optional<uint32_t> slot;  // none: there was no such object
+    uint64_t after = 0;
     std::optional<Absent> absent;
     std::optional<std::string> editor;
     std::optional<uint64_t> awaited;
@@ -80,53 +84,75 @@ class Session : public std::enable_shared_from_this<Session> {
   };
   struct Message {
     wire::Header header;
-    std::vector<std::byte> body;
+    std::span<const std::byte> body;
+    std::shared_ptr<const void> memory;  // that the body lies in; nobody can change it any more
     template <class T>
     const T& as() const { return *reinterpret_cast<const T*>(body.data()); }  // its size was checked
   };
   // Changes that belong together: a group, or one.
   struct Unit {
+    uint64_t serial = 0;
     std::vector<Message> messages;
-    std::set<uint32_t> slots;
+    std::set<std::string, std::less<>> names;  // of objects; those of others with their client
     std::set<uint64_t> ids;  // shapes and curves that it needs, or forgets
     bool is_about_all = false, is_about_view = false, is_forget = false;
+    bool is_mapped = false;  // its changes lie in a memory file, of which a process can have so many
   };
   // What parked units hold up.
   struct Held {
-    std::set<uint32_t> slots;
+    std::set<std::string, std::less<>> names;
     std::set<uint64_t> ids;
-    std::set<std::string> names;  // a client that has removed an object may give its slot and its name to others
-    size_t all = 0, view = 0, messages = 0;
-    void add(const Unit& unit, const std::vector<Slot>& present);
+    size_t all = 0, view = 0;
+    size_t cost = 0;  // messages, or what comes to as much
+    void add(const Unit& unit);
     bool blocks(const Unit& unit) const;
+    bool has(const std::string& name) const { return all > 0 || names.contains(name); }
+  };
+  // Changes of another scene's objects that a group makes.
+  struct Foreign {
+    Foreign(std::shared_ptr<Session> the_owner, Ref<LocalScene> the_scene)
+        : owner(std::move(the_owner)), scene(std::move(the_scene)), draft(scene->draft()) {}
+    ~Foreign() { scene->discard(draft); }
+    const std::shared_ptr<Session> owner;  // null: the server itself
+    const Ref<LocalScene> scene;
+    LocalScene::Draft draft;
+    std::map<std::string, bool> names;  // of the objects; true: removed
   };
   struct Sync {
     uint64_t serial;
-    bool has_begun;  // it does with the next turn
+    uint64_t begins_after;  // of whole_turns_: then its targets are sampled
+    bool has_begun;
     uint64_t own;    // sequence wanted of the servo's own scene, and those of the clients
     std::vector<std::pair<std::weak_ptr<const Session>, uint64_t>> wanted;
   };
 
   void handle(Message&& message, Descriptor&& data);
-  void greet(const Message& message);
+  void greet(std::span<const std::byte> message);
   void answer(fs_status status, const std::string& text, std::span<const std::byte> rest = {},
               std::span<const int> descriptors = {});
   void take_upload(Message&& message, Descriptor&& data);
   void finish_upload(uint64_t id, Upload&& upload) noexcept;
   void finish_job() noexcept;
   void regulate() noexcept;
+  void take_group(const Message& message, Descriptor&& data);
+  bool add(Unit& unit, const Message& message) const;
   void submit(Unit&& unit);
   void tell_settled() noexcept;
   bool is_ready(const Unit& unit) const;
   void retry_parked();
   void apply(const Unit& unit);
-  void apply(const Message& message);
+  void apply_group(const Unit& unit);
+  void apply(const Message& message, uint64_t serial);
   void apply_set(const wire::Set& set, uint64_t serial, bool is_change);
-  void free_slot(uint32_t slot);
-  Kept keep(uint32_t slot) const;
+  void apply_foreign(const Message& message, std::map<const LocalScene*, Foreign>& foreign) const;
+  void forget_object(const std::string& name);
+  void bind(const std::string& name, uint32_t slot, uint64_t after);
+  Kept keep(const std::string& name) const;
+  void put_back(const std::string& name, const Kept& kept);
   void note_absent(const wire::Set& set, fs_object_state state);
-  void refuse(const Message& message, fs_status status, const std::string& text);
-  void take_moves();
+  void refuse(const Unit& unit, const Message& failed, const Error& error);
+  static uint32_t parse_parts(uint64_t parts);  // INVALID
+  bool take_moves();  // false: a group of them is being written, all comes later
   fs_object resolve(const wire::Object& record, uint32_t parts, const fs_object* target) const;
   wire::Object offer(const fs_object& object);
 
@@ -134,7 +160,14 @@ class Session : public std::enable_shared_from_this<Session> {
   void edit(const Message& message);
   void tell_edit(LocalScene& scene, Session* owner, const std::string& name, bool is_removed);
   void pull(const Message& message);
+  void tell_object(const std::string& name, wire::Pulled& out);
   void fetch(const Message& message);
+  void tell_view(const Message& message);     // lists.cpp
+  void tell_motions(const Message& message);
+  void tell_list(uint64_t serial, const std::shared_ptr<List>& list);  // now, or when the worker has made it
+  void tell_made(uint64_t serial, const List& list);
+  void tell_reports(const Message& message);
+  Session* find_client(const std::string& name) const;  // null: the server. NOT_FOUND
   void settle_syncs();
   void reply(uint64_t serial, std::span<const std::byte> body = {}, int descriptor = -1);
   void reply_failure(uint64_t serial, fs_status status, const std::string& text);
@@ -155,7 +188,7 @@ class Session : public std::enable_shared_from_this<Session> {
   double connected_ = 0;  // s, scene's clock
   std::string name_;
   bool is_gone_ = false, is_reading_ = true;
-  bool is_applying_ = false;  // a group: others have their turns meanwhile
+  bool is_applying_ = false;  // a group, amid which others have their turns
 
   Ref<LocalScene> scene_;
   Ref<Channel> channel_;
@@ -163,24 +196,30 @@ class Session : public std::enable_shared_from_this<Session> {
   Inbox inbox_;
   std::shared_ptr<Outbox> outbox_;
 
+  std::map<std::string, uint32_t, std::less<>> objects_;  // that are in the scene, with their slot, or wire::no_slot
   std::vector<Slot> slots_;
-  NameMap<uint32_t> slot_of_;
-  std::map<uint32_t, Absent> absent_;  // by slot
+  std::map<std::string, Absent, std::less<>> absent_;
   std::vector<uint64_t> dirty_;  // a bit each slot: there is a move to be looked at
   std::vector<std::pair<uint32_t, wire::Move>> moved_;
+  Allowance moves_allowed_{256};  // each turn, about 40 us
   uint64_t last_serial_ = 0;
-  Unit unit_;  // that is coming in
   std::deque<Unit> parked_;  // until shapes are built
   Held held_;
+  bool is_retry_due_ = false;  // something is there that parked changes wait for
+  size_t turns_until_retry_ = 0;
   std::map<uint64_t, Upload> uploads_;  // by the client's number
+  std::map<const void*, uint64_t> upload_of_;  // of a shape or curve that was made of one
   std::set<uint64_t> refused_uploads_;  // that the client has not been told of
   unsigned jobs_ = 0;  // of the worker, that are not done
   const std::shared_ptr<std::atomic<uint64_t>> shape_bytes_ = std::make_shared<std::atomic<uint64_t>>(0);
   std::vector<Message> waiting_edits_;
   std::map<uint64_t, std::pair<Ref<const Shape>, Ref<const Curve>>> offered_;  // by the server's number
-  std::map<uint32_t, std::string> edited_;  // slots, and by whom
+  // What the client has to be told of: names, with whoever changed them, and its view.
+  std::map<std::string, std::string, std::less<>> edited_;
+  bool is_view_edited_ = false;
   uint64_t edits_told_ = 0;
-  std::map<uint32_t, uint64_t> awaited_;  // slots that no tick has used yet, with the sequence; 0: not posted so far
+  std::map<std::string, uint64_t, std::less<>> awaited_;  // names that no tick has used yet, with the sequence; 0: not posted
+  uint64_t whole_turns_ = 0;  // that have taken all moves
   std::vector<Sync> syncs_;
   std::optional<std::pair<fs_status, std::string>> first_refused_;
   uint64_t moves_ = 0, changes_ = 0, refused_ = 0;

@@ -460,6 +460,7 @@ static void expect_lost(fs_scene* scene) {
   const fs_vec3 point{};
   fs_object got = fs_object_init("", FS_PRIMITIVE_POINT);
   fs_report report;
+  fs_view view;
   fs_frame other_frame;
   fs_state state;
   fs_servo_stats stats = fs_servo_stats_init();
@@ -490,6 +491,9 @@ static void expect_lost(fs_scene* scene) {
       [&] { return fs_scene_get_time(scene, &time); },
       [&] { return fs_scene_get_reports(scene, nullptr, 0, &count); },
       [&] { return fs_scene_get_report(scene, "a", &report); },
+      [&] { return fs_scene_get_motions(scene, nullptr, nullptr, 0, &count); },
+      [&] { return fs_scene_get_motions(scene, "me", nullptr, 0, &count); },
+      [&] { return fs_scene_get_view(scene, nullptr, &view); },
       [&] { return fs_scene_get_hand(scene, &state, nullptr, nullptr); },
       [&] { return fs_scene_get_servo_stats(scene, &stats); },
       [&] { return fs_scene_get_device_info(scene, &info); },

@@ -43,11 +43,14 @@ START_TEST(moves_after_a_refusal) {
   ck_assert_double_eq(place_of(bob.get(), "me/of a group"), 0.03);
   rig.step();
   EXPECT_NEAR(rig.fake.written.force.x, 100 * 0.05, 1e-9);
-  // A change of what was refused altogether is refused, too.
-  fs_object late = fs_object_init("new", FS_PRIMITIVE_MESH);
+  // What was refused altogether is sent anew with the next change of it: refused as before, or taken.
+  fs_object late = fs_object_init("new", FS_PRIMITIVE_POINT);
   late.front = attract(1, 1);
   OK(fs_object_change(me.get(), &late, FS_PART_PROFILES));
-  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, rig.sync(me.get()), "'new'");
+  EXPECT_SENTENCE(FS_ERROR_FULL, rig.sync(me.get()), "megabytes");
+  OK(fs_object_change(me.get(), &late, FS_PART_SHAPE));
+  OK(rig.sync(me.get()));
+  ck_assert_int_eq(Got(bob.get(), "me/new")->primitive, FS_PRIMITIVE_POINT);
 }
 END_TEST
 

@@ -40,6 +40,8 @@ struct World {
   fs_wrench wrench{};
   fs_response response{};
   fs_report report{};
+  fs_motion motion{};
+  fs_view view{};
   fs_event event{};
   fs_driver driver{};
   fs_tick tick{};
@@ -202,6 +204,9 @@ static const std::vector<Call> calls{
     {"fs_scene_get_tool", 3, FS_OK, [](World& w, int n) {
        return fs_scene_get_tool(but(n, 0, w.scene), but(n, 1, w.points.data()), 3, but(n, 2, &w.count));
      }},
+    {"fs_scene_get_view", 2, FS_OK, [](World& w, int n) {  // client null: its own
+       return fs_scene_get_view(but(n, 0, w.scene), nullptr, but(n, 1, &w.view));
+     }},
     {"fs_scene_set_accuracy", 1, FS_OK, [](World& w, int n) { return fs_scene_set_accuracy(but(n, 0, w.scene), 0); }},
     {"fs_scene_set_max_stiffness", 1, FS_ERROR_UNSUPPORTED, [](World& w, int n) {
        return fs_scene_set_max_stiffness(but(n, 0, w.scene), 1000);
@@ -217,6 +222,9 @@ static const std::vector<Call> calls{
      }},
     {"fs_scene_get_report", 3, FS_OK, [](World& w, int n) {
        return fs_scene_get_report(but(n, 0, w.scene), but(n, 1, "ball"), but(n, 2, &w.report));
+     }},
+    {"fs_scene_get_motions", 3, FS_OK, [](World& w, int n) {  // client null: of all
+       return fs_scene_get_motions(but(n, 0, w.scene), nullptr, but(n, 1, &w.motion), 1, but(n, 2, &w.count));
      }},
     {"fs_scene_next_event", 2, FS_OK, [](World& w, int n) {
        return fs_scene_next_event(but(n, 0, w.scene), 0, but(n, 1, &w.event));
@@ -432,6 +440,7 @@ START_TEST(pointers_that_may_be_null) {
   OK(fs_scene_get_hand(w.scene, nullptr, &w.response, nullptr));
   OK(fs_scene_get_hand(w.scene, nullptr, nullptr, &w.wrench));
   OK(fs_scene_get_reports(w.scene, nullptr, 0, &w.count));
+  OK(fs_scene_get_motions(w.scene, nullptr, nullptr, 0, &w.count));
   OK(fs_device_list(nullptr, 0, &w.count));
   OK(fs_servo_get_record(w.servo, nullptr, 0, &w.count));
   OK(fs_scene_get_tool(w.scene, nullptr, 0, &w.count));

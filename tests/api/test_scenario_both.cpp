@@ -375,6 +375,12 @@ static std::vector<Bad> bad_calls(const Content& content, const std::string& fol
     size_t count = 0;
     return fs_scene_get_reports(s, nullptr, 1, &count);
   });
+  add("motions, no count", [](fs_scene* s) { return fs_scene_get_motions(s, nullptr, nullptr, 0, nullptr); });
+  add("motions null", [](fs_scene* s) {
+    size_t count = 0;
+    return fs_scene_get_motions(s, nullptr, nullptr, 1, &count);
+  });
+  add("view null", [](fs_scene* s) { return fs_scene_get_view(s, nullptr, nullptr); });
   add("report null", [](fs_scene* s) { return fs_scene_get_report(s, "a", nullptr); });
   add("report of null", [](fs_scene* s) {
     fs_report report;

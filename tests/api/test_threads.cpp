@@ -85,6 +85,16 @@ static void look(fs_scene* scene, const std::string& path, Random& random) {
   for (size_t i = 0; i < count && i < reports.size(); ++i) {
     check(reports[i].weight >= 0 && reports[i].weight <= 1, "weight");
   }
+  std::vector<fs_motion> motions(64);
+  check(fs_scene_get_motions(scene, nullptr, motions.data(), motions.size(), &count), "motions");
+  for (size_t i = 0; i < count && i < motions.size(); ++i) {
+    const fs_motion& m = motions[i];
+    const fs_quat q = m.pose.orientation;
+    const double length = q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z;
+    check(m.name[0] && std::fabs(length - 1) < 1e-9 && m.motion_revision >= m.revision, "motion");
+  }
+  fs_view view;
+  check(fs_scene_get_view(scene, nullptr, &view), "view");
   fs_event event;
   check(fs_scene_next_event(scene, random.coin() ? 0 : 0.001, &event), "event");
   fs_servo_stats stats = fs_servo_stats_init();

@@ -6,7 +6,6 @@
 #include <signal.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
-#include <sys/utsname.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -249,29 +248,6 @@ void part_read() {
 }
 
 // ------------------------------------------------------------------------------------------------------------ latency
-
-// From the move to the write of the force that comes of it, ns. overtaken: the next move came before a tick.
-Samples latencies(const Page& page, const std::vector<Arrival>& arrivals, size_t& overtaken) {
-  Samples out;
-  const auto place_of = [](const Arrival& a) {
-    const double angle = std::atan2(a.force.y, a.force.x) / (2 * M_PI);
-    return static_cast<uint64_t>(std::lround((angle < 0 ? angle + 1 : angle) * places)) % places;
-  };
-  size_t next = 0;
-  for (uint64_t k = 0; k < page.turn_count; ++k) {
-    const int64_t end = k + places < page.turn_count ? page.turns[k + places].time : INT64_MAX;
-    size_t i = next;
-    while (i < arrivals.size() && arrivals[i].time < page.turns[k].time) ++i;
-    while (i < arrivals.size() && arrivals[i].time < end && place_of(arrivals[i]) != k % places) ++i;
-    if (i == arrivals.size() || arrivals[i].time >= end) {
-      ++overtaken;
-      continue;
-    }
-    out.add(static_cast<double>(arrivals[i].time - page.turns[k].time));
-    next = i;
-  }
-  return out;
-}
 
 // As many threads as there are processors that work all the time, at the ordinary priority.
 class Load {
@@ -590,21 +566,88 @@ void part_memory() {
   table_row("memory: shared by both, all of it", Unit::bytes, static_cast<double>(all));
 }
 
-// --------------------------------------------------------------------------------------------------------------- parts
+// -------------------------------------------------------------------------------------------------------------- lists
 
-void print_machine() {
-  utsname system{};
-  uname(&system);
-  std::ifstream file("/proc/cpuinfo");
-  std::string line, model = "?", load;
-  while (std::getline(file, line)) {
-    if (line.starts_with("model name")) model = line.substr(line.find(':') + 2);
+// What a viewer waits for that wants to know where all objects are.
+void part_lists() {
+  constexpr int n = 200;
+  const auto fill = [](fs_scene* scene, int objects, bool enabled = true) {
+    check(fs_scene_begin(scene), "fs_scene_begin");
+    for (int i = 0; i < objects; ++i) {
+      fs_object object = far_point(("object " + std::to_string(i)).c_str(), i);
+      object.enabled = enabled;
+      check(fs_object_set(scene, &object), "fs_object_set");
+    }
+    check(fs_scene_commit(scene), "fs_scene_commit");
+    check(fs_scene_sync(scene, 20), "fs_scene_sync");
+  };
+  const auto motions = [](fs_scene* scene, std::vector<fs_motion>& out) {
+    size_t there = 0;
+    check(fs_scene_get_motions(scene, nullptr, out.data(), out.size(), &there), "fs_scene_get_motions");
+    keep(out);
+  };
+  {
+    const Rig rig(ordinary);
+    const Scene owner = connect(rig.endpoint, "owner"), viewer = connect(rig.endpoint, "viewer"), here = make_scene();
+    fill(owner.get(), n);
+    fill(here.get(), n);
+    std::vector<std::string> names;
+    for (int i = 0; i < n; ++i) names.push_back("owner/object " + std::to_string(i));
+    std::vector<fs_motion> list(n);
+    std::vector<fs_report> reports(n);
+    const auto get = [&](size_t i) {
+      fs_object object = fs_object_init("", FS_PRIMITIVE_POINT);
+      check(fs_object_get(viewer.get(), names[i % n].c_str(), &object), "fs_object_get");
+      fs_object_release(&object);
+    };
+    const Samples one = time_batches(count(2000), 1, [&](size_t) { motions(viewer.get(), list); });
+    const Peer peer{"fs_scene_get_motions", &one};
+    table_row("lists: 200 objects of another client, fs_scene_get_motions", Unit::time, one);
+    table_row("lists: the same, fs_scene_get_reports", Unit::time, time_batches(count(2000), 1, [&](size_t) {
+                size_t there = 0;
+                check(fs_scene_get_reports(viewer.get(), reports.data(), n, &there), "fs_scene_get_reports");
+              }), peer);
+    table_row("lists: the same, 200 times fs_object_get", Unit::time, time_batches(count(100), 1, [&](size_t) {
+                for (size_t i = 0; i < n; ++i) get(i);
+              }), peer);
+    table_row("lists: one fs_object_get", Unit::time, time_batches(count(2000), 1, get), peer);
+    table_row("lists: fs_scene_get_view", Unit::time, time_batches(count(2000), 1, [&](size_t) {
+                fs_view view;
+                check(fs_scene_get_view(viewer.get(), "owner", &view), "fs_scene_get_view");
+              }), peer);
+    table_row("lists: 200 own objects, in process, fs_scene_get_motions", Unit::time,
+              time_batches(count(2000), 1, [&](size_t) { motions(here.get(), list); }), peer);
   }
-  std::getline(std::ifstream("/proc/loadavg"), load);
-  std::printf("%s, %ld processors; %s %s; forceserver %s; load before: %s\n", model.c_str(),
-              sysconf(_SC_NPROCESSORS_ONLN), system.sysname, system.release, fs_version(), load.c_str());
-  std::fflush(stdout);
+  // Many, and another client that asks for little meanwhile: it waits for a whole list at most, its moves for none.
+  constexpr int many = 65536;
+  const Rig rig(ordinary, 200);  // slow: so many objects are too many for 1 kHz
+  const Scene viewer = connect(rig.endpoint, "viewer"), other = connect(rig.endpoint, "other");
+  fill(rig.scene.get(), many, false);
+  std::vector<fs_motion> list(many);
+  const auto ask = [&] {
+    Samples out;
+    for (size_t i = 0; i < count(1000); ++i) {
+      sleep_for(1e-3);
+      const int64_t begin = now_ns();
+      fs_frame frame;
+      check(fs_scene_get_frame(other.get(), nullptr, &frame), "fs_scene_get_frame");
+      out.add(static_cast<double>(now_ns() - begin));
+    }
+    return out;
+  };
+  const Samples alone = ask();
+  table_row("lists: 65,536 objects, fs_scene_get_motions", Unit::time,
+            time_batches(count(100), 1, [&](size_t) { motions(viewer.get(), list); }));
+  std::atomic<bool> is_over{false};
+  std::thread thread([&] {
+    while (!is_over) motions(viewer.get(), list);
+  });
+  table_row("lists: another's fs_scene_get_frame meanwhile", Unit::time, ask(), {"alone", &alone});
+  is_over = true;
+  thread.join();
 }
+
+// --------------------------------------------------------------------------------------------------------------- parts
 
 void print_realtime() {
   const Rig rig(real_time);
@@ -629,7 +672,7 @@ int main(int argc, char** argv) {
     }
   }
   if (file.empty()) {
-    std::fprintf(stderr, "usage: bench_server [--quick] [--only=write|read|latency|load|memory] DATA_FILE\n");
+    std::fprintf(stderr, "usage: bench_server [--quick] [--only=write|read|lists|latency|load|memory] DATA_FILE\n");
     return 2;
   }
   const auto part = [&](const char* name, const std::function<void()>& f) {
@@ -640,6 +683,7 @@ int main(int argc, char** argv) {
   table_begin(file);
   part("write", part_write);
   part("read", part_read);
+  part("lists", part_lists);
   part("latency", part_latency);
   part("load", part_load);
   part("memory", part_memory);

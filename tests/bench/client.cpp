@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -89,9 +90,35 @@ void turn_at_random(fs_scene* scene, Page& page) {
   }
 }
 
-int run_client(const char* page_descriptor, const char* number_text) {
+Page& page_of_client(const char* page_descriptor) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
-  Page& page = *map_page(std::atoi(page_descriptor));
+  return *map_page(std::atoi(page_descriptor));
+}
+
+Samples latencies(const Page& page, const std::vector<Arrival>& arrivals, size_t& overtaken) {
+  Samples out;
+  const auto place_of = [](const Arrival& a) {
+    const double angle = std::atan2(a.force.y, a.force.x) / (2 * M_PI);
+    return static_cast<uint64_t>(std::lround((angle < 0 ? angle + 1 : angle) * places)) % places;
+  };
+  size_t next = 0;
+  for (uint64_t k = 0; k < page.turn_count; ++k) {
+    const int64_t end = k + places < page.turn_count ? page.turns[k + places].time : INT64_MAX;
+    size_t i = next;
+    while (i < arrivals.size() && arrivals[i].time < page.turns[k].time) ++i;
+    while (i < arrivals.size() && arrivals[i].time < end && place_of(arrivals[i]) != k % places) ++i;
+    if (i == arrivals.size() || arrivals[i].time >= end) {
+      ++overtaken;
+      continue;
+    }
+    out.add(static_cast<double>(arrivals[i].time - page.turns[k].time));
+    next = i;
+  }
+  return out;
+}
+
+int run_client(const char* page_descriptor, const char* number_text) {
+  Page& page = page_of_client(page_descriptor);
   const int number = std::atoi(number_text);
   const Job& job = page.job;
   const int64_t before = private_bytes();
@@ -157,6 +184,11 @@ Crew::Crew(const Job& job, int processes) {
     }
     sleep_for(0.005);
   }
+}
+
+void Crew::kill() {
+  for (const pid_t process : processes_) ::kill(process, SIGKILL);
+  end();
 }
 
 void Crew::end() {

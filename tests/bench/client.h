@@ -10,12 +10,16 @@
 
 #include <forceserver/forceserver.h>
 
+#include "device.h"
+#include "figures.h"
+
 namespace bench {
 
 enum class Work : int {
   idle,   // connect, set the objects, and no more
   turn,   // one object, turned about the hand at random moments
   crowd,  // moves all objects `rate` times a second, the scenes one after another
+  other,  // what the program itself makes of it: its parameter is `rate`
 };
 
 struct Job {
@@ -40,6 +44,9 @@ struct Page {
   std::atomic<int64_t> bytes;    // private memory that connecting and setting took, of all
   std::atomic<uint64_t> turn_count;
   Turn turns[1 << 15];
+  // Of a client that asks and sends meshes as well, ns each.
+  std::atomic<uint64_t> request_count, mesh_count, failures;
+  double requests[1 << 15], meshes[1 << 12];
 };
 
 // Client processes, as long as it lives.
@@ -47,6 +54,7 @@ class Crew {
  public:
   Crew(const Job& job, int processes);  // returns when all objects are felt
   ~Crew();
+  void kill();                          // at once, whatever they do
   void begin() { page_->is_begun = 1; }
   void end();                           // they have left
   Page& page() { return *page_; }
@@ -64,5 +72,9 @@ int64_t private_bytes();                                          // of this pro
 // Turns the object about the hand until the page says that it is over. For comparison also in the server's process.
 void turn_at_random(fs_scene* scene, Page& page);
 Page* make_page(int& descriptor);
+Page& page_of_client(const char* page_descriptor);                // in a client process
+
+// From each move to the write of the force that comes of it, ns. overtaken: the next move came before a tick.
+Samples latencies(const Page& page, const std::vector<Arrival>& arrivals, size_t& overtaken);
 
 }  // namespace bench

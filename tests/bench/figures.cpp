@@ -1,5 +1,8 @@
 #include "figures.h"
 
+#include <sys/utsname.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
@@ -7,7 +10,10 @@
 #include <cstddef>
 #include <cstdio>
 #include <cstdlib>
+#include <fstream>
 #include <limits>
+
+#include <forceserver/forceserver.h>
 
 namespace bench {
 namespace {
@@ -106,6 +112,20 @@ void table_begin(const std::string& path) {
 }
 
 void table_open(const std::string& path) { open_data(path, "a"); }
+
+void print_machine() {
+  utsname system{};
+  uname(&system);
+  std::ifstream file("/proc/cpuinfo");
+  std::string line, model = "?", load;
+  while (std::getline(file, line)) {
+    if (line.starts_with("model name")) model = line.substr(line.find(':') + 2);
+  }
+  std::getline(std::ifstream("/proc/loadavg"), load);
+  std::printf("%s, %ld processors; %s %s; forceserver %s; load before: %s\n", model.c_str(),
+              sysconf(_SC_NPROCESSORS_ONLN), system.sysname, system.release, fs_version(), load.c_str());
+  std::fflush(stdout);
+}
 
 void progress(const char* format, ...) {
   va_list arguments;

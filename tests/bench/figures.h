@@ -44,6 +44,9 @@ void table_row(const std::string& name, Unit unit, double value);  // one figure
 void table_begin(const std::string& data_file);                    // heading; the file is made anew
 void table_open(const std::string& data_file);                     // goes on, in another process
 
+// The machine, its system and its load: a line on standard output.
+void print_machine();
+
 // On standard error.
 [[gnu::format(printf, 1, 2)]] void progress(const char* format, ...);
 

@@ -120,10 +120,30 @@ bool RawClient::send_bytes(std::span<const std::byte> bytes, std::span<const int
 }
 
 uint64_t RawClient::send(uint32_t type, std::span<const std::byte> body, int descriptor, bool more) {
-  const fs::wire::Header header{type, more, ++serial};
-  std::vector<std::byte> bytes(sizeof header + body.size());
-  std::memcpy(bytes.data(), &header, sizeof header);
-  if (!body.empty()) std::memcpy(bytes.data() + sizeof header, body.data(), body.size());
+  const auto append = [](std::vector<std::byte>& bytes, std::span<const std::byte> part) {
+    bytes.insert(bytes.end(), part.begin(), part.end());
+  };
+  const bool is_in_group = more || !group_.empty();
+  const fs::wire::Header header{type, 0, is_in_group ? 0 : ++serial};
+  std::vector<std::byte> bytes;
+  if (is_in_group) {
+    append(group_, fs::bytes_of(&header, 1));
+    append(group_, body);
+    if (more) return serial + 1;
+    const fs::wire::Header outer{fs::wire::type_group, 0, ++serial};
+    const fs::wire::Group group{group_.size()};
+    append(bytes, fs::bytes_of(&outer, 1));
+    append(bytes, fs::bytes_of(&group, 1));
+    const bool fits = bytes.size() + group_.size() <= fs::most_message;
+    if (fits) append(bytes, group_);
+    const fs::Descriptor blob = fits ? fs::Descriptor() : fs::make_blob({group_});
+    const int number = fits ? descriptor : blob.get();
+    send_bytes(bytes, std::span(&number, number >= 0 ? 1 : 0));
+    group_.clear();
+    return serial;
+  }
+  append(bytes, fs::bytes_of(&header, 1));
+  append(bytes, body);
   send_bytes(bytes, std::span(&descriptor, descriptor >= 0 ? 1 : 0));
   return serial;
 }
@@ -176,8 +196,16 @@ uint64_t RawClient::set(uint32_t slot, const fs_object& object, bool more) {
   return set(slot, fs::to_record(object), all_parts, more);
 }
 
-uint64_t RawClient::remove(uint32_t slot, bool more) {
-  return send(fs::wire::type_remove, fs::wire::Remove{slot, 0}, -1, more);
+uint64_t RawClient::remove(const std::string& name, bool more) {
+  fs::wire::Remove record;
+  fs::put_text(record.name, name);
+  return send(fs::wire::type_remove, record, -1, more);
+}
+
+uint64_t RawClient::place(const std::string& name, const fs::wire::Movement& movement, bool more) {
+  fs::wire::Place record{{}, movement};
+  fs::put_text(record.name, name);
+  return send(fs::wire::type_place, record, -1, more);
 }
 
 void RawClient::move(uint32_t slot, uint64_t after, const fs_pose& pose) {

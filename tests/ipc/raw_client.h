@@ -49,7 +49,8 @@ class RawClient {
 
   // Sends bytes as they are, with descriptors; waits for room, 10 s at most. False: nobody takes them.
   bool send_bytes(std::span<const std::byte> bytes, std::span<const int> descriptors = {});
-  // A message of the next serial, which is given back (whether it arrives or not).
+  // A message of the next serial, which is given back (whether it arrives or not). more: it waits for the rest of its
+  // group, which then goes as one message of that serial.
   uint64_t send(uint32_t type, std::span<const std::byte> body, int descriptor = -1, bool more = false);
   template <class Record>
   uint64_t send(uint32_t type, const Record& record, int descriptor = -1, bool more = false) {
@@ -72,7 +73,8 @@ class RawClient {
   // Own objects. Only `parts` count of a Set.
   uint64_t set(uint32_t slot, const fs_object& object, bool more = false);
   uint64_t set(uint32_t slot, const fs::wire::Object& record, uint32_t parts = all_parts, bool more = false);
-  uint64_t remove(uint32_t slot, bool more = false);
+  uint64_t remove(const std::string& name, bool more = false);
+  uint64_t place(const std::string& name, const fs::wire::Movement& movement, bool more = false);
   uint64_t forget(uint64_t id) { return send(fs::wire::type_forget, fs::wire::Forget{id}); }
   void move(uint32_t slot, uint64_t after, const fs_pose& pose);  // in the inbox
   uint64_t polyline(uint64_t id, std::span<const fs_vec3> points);
@@ -94,6 +96,7 @@ class RawClient {
  private:
   std::string endpoint_;
   uint64_t events_read_ = 0;
+  std::vector<std::byte> group_;  // that is being put together
 };
 
 // A memory file of so many bytes with these seals; its content is `bytes` and zeros.

@@ -68,7 +68,7 @@ struct Sender {
     fs_event event{};
     client.next_refusal(event);
     ck_assert_msg(status == FS_OK, "%s: %s", fs_status_name(status), event.text);
-    client.remove(0);
+    client.remove("o");
     client.forget(id);
     ck_assert_int_eq(rig.sync(client), FS_OK);
   }
@@ -338,7 +338,7 @@ START_TEST(max_megabytes) {
   ck_assert_uint_eq(rig.listed("sender").shape_bytes, 720'000);
   sender.client.forget(first);
   sender.refused(polyline(30'000), half.get(), FS_ERROR_FULL, "megabytes");
-  sender.client.remove(0);
+  sender.client.remove("o");
   ck_assert(rig.until([&] { return rig.listed("sender").shape_bytes == 0; }));
   sender.taken(polyline(30'000), half.get());
   // Another client has its own.

@@ -47,7 +47,7 @@ START_TEST(names_without_end) {
   RawClient client = rig.join("names");
   expect_bounded("names, no tick", 60'000, 10, [&](int i) {
     client.set(7, push(name_of(i), 0.001));
-    client.remove(7);
+    client.remove(name_of(i));
   });
   rig.sync(client);
   fs_event event;
@@ -68,7 +68,7 @@ START_TEST(felt_without_end) {
   for (int i = 0; i < 20'000; ++i) {
     client.set(static_cast<uint32_t>(i) % 256, push(name_of(i), 0.001));
     if (i % 16 == 0) rig.tick();
-    client.remove(static_cast<uint32_t>(i) % 256);
+    client.remove(name_of(i));
     fs::HandSample hand;
     ck_assert(client.outbox->servo.hand.read(hand));
     ck_assert_msg(hand.response.felt_count <= 2 * 256, "%u objects are felt", hand.response.felt_count);
@@ -82,7 +82,7 @@ START_TEST(one_name_without_end) {
   RawClient client = rig.join("name");
   expect_bounded("one name, no tick", 100'000, 2, [&](int) {
     client.set(7, push("o", 0.001));
-    client.remove(7);
+    client.remove("o");
   });
   rig.sync(client);
   rig.check_honest();
@@ -138,7 +138,7 @@ START_TEST(uploads_without_end) {
   ck_assert_msg(megabytes() < before + 10, "%g MB are left", megabytes() - before);
   // Kept, they are refused at some number, each of them.
   RawClient keeper = rig.join("keeper");
-  for (uint64_t k = 1; k < 3000 && !keeper.is_dropped(); ++k) keeper.expression(k, "d");
+  for (uint64_t k = 1; k < fs::wire::most_data(256) + 100 && !keeper.is_dropped(); ++k) keeper.expression(k, "d");
   rig.expect_dropped(keeper, "it sends shapes without end");
   rig.check_honest();
 }

@@ -194,6 +194,11 @@ static std::vector<std::pair<const char*, std::function<fs_status()>>> calls(fs_
          return fs_scene_get_time(scene, &out);
        }},
       {"reports", [=] { return fs_scene_get_reports(scene, nullptr, 0, &count); }},
+      {"motions", [=] { return fs_scene_get_motions(scene, nullptr, nullptr, 0, &count); }},
+      {"view", [=] {
+         fs_view out;
+         return fs_scene_get_view(scene, nullptr, &out);
+       }},
       {"report", [=] {
          fs_report out;
          return fs_scene_get_report(scene, "a", &out);

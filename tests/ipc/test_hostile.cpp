@@ -1,5 +1,7 @@
 // Messages that no good client would send: of wrong size, out of order, about what is not its own, more than can be taken.
 // They harm the one that sends them; an honest client keeps its object, its force and its answers.
+#include <fcntl.h>
+
 #include "ipc/rig.h"
 
 using namespace hostile;
@@ -14,11 +16,11 @@ static const std::vector<Known> known_types = {
     {type_set, sizeof(Set)},       {type_change, sizeof(Set)},    {type_place, sizeof(Place)},
     {type_remove, sizeof(Remove)}, {type_clear, 0},               {type_frame, sizeof(Frame)},
     {type_clutch, sizeof(Clutch)}, {type_tool, sizeof(Tool)},     {type_wake, 0},
-    {type_sync, 0},                {type_pull, 0},                {type_get, sizeof(Target)},
+    {type_bind, sizeof(Bind)},     {type_sync, 0},                {type_pull, sizeof(Target)},   {type_get, sizeof(Target)},
     {type_fetch, sizeof(Fetch)},   {type_edit, sizeof(Edit)},     {type_move_other, sizeof(MoveOther)},
     {type_remove_other, sizeof(Target)}, {type_report, sizeof(Target)}, {type_reports, 0},
     {type_clients, 0},             {type_view, sizeof(Target)},   {type_stats, 0},
-    {type_device, 0}};
+    {type_device, 0},              {type_motions, sizeof(Target)}};
 
 static const std::vector<std::byte> zeros(fs::most_message);
 
@@ -63,7 +65,7 @@ START_TEST(unknown_types) {
   std::vector<uint32_t> types{type_reply, ~0u, 1u << 31, 1u << 16, 256 + type_set};
   for (uint32_t type = 0; type < 300; ++type) {
     const bool is_known = std::any_of(known_types.begin(), known_types.end(), [&](const Known& k) { return k.type == type; });
-    if (!is_known) types.push_back(type);
+    if (!is_known && type != type_group) types.push_back(type);
   }
   for (const uint32_t type : types) {
     RawClient client = rig.join("unknown");
@@ -124,28 +126,68 @@ START_TEST(serials_that_do_not_rise) {
 }
 END_TEST
 
-START_TEST(in_the_middle_of_a_group) {
+START_TEST(what_belongs_in_no_group) {
   Rig rig;
+  std::vector<Known> strangers{{type_group, sizeof(Group)}, {type_reply, 0}, {77, 0}};
   for (const Known& known : known_types) {
-    const bool is_request = known.type >= type_sync, is_upload = known.type == type_shape || known.type == type_curve;
-    if (!is_request && !is_upload && known.type != type_forget) continue;
+    const bool is_of_others = known.type == type_edit || known.type == type_move_other || known.type == type_remove_other;
+    const bool is_change = known.type >= type_set && known.type <= type_tool;
+    if (!is_change && !is_of_others && known.type != type_bind) strangers.push_back(known);
+  }
+  for (const Known& stranger : strangers) {
     RawClient client = rig.join("group");
     client.set(0, push("push", 1), true);
-    client.send(known.type, body(known.size));
-    rig.expect_dropped(client, "in the middle of a group");
+    client.send(stranger.type, body(stranger.size), -1, true);
+    client.set(1, push("pull", 1));
+    rig.expect_dropped(client, "what belongs in no group");
   }
-  RawClient client = rig.join("group");
-  client.send(type_clear, body(0), -1, true);
-  client.forget(1);
-  rig.expect_dropped(client, "it forgets in the middle of a group");
+  rig.tick(50);
+  ck_assert(is_near(rig.foreign_force(), {}));  // nothing of any of them
+  rig.check_honest();
+}
+END_TEST
 
-  // What is no change does not belong to it.
-  RawClient woken = rig.join("woken");
-  woken.set(0, push("push", 1), true);
-  woken.send(type_wake);
-  woken.set(1, push("pull", 1, {0, 1, 0}));
-  ck_assert_int_eq(rig.sync(woken), FS_OK);
-  ck_assert_uint_eq(rig.listed("woken").objects, 2);
+// A group that is shorter or longer than it says, or whose last change is cut; in the message or in a memory file.
+START_TEST(groups_that_lie) {
+  Rig rig;
+  rig.others = 100;
+  const Header head{type_set, 0, 0};
+  const Set set{0, all_parts, fs::to_record(push("push", 1))};
+  std::vector<std::byte> changes;
+  for (const auto part : {fs::bytes_of(&head, 1), std::as_bytes(std::span(&set, 1))}) {
+    changes.insert(changes.end(), part.begin(), part.end());
+  }
+  const uint64_t size = changes.size();
+  const unsigned sealed = F_SEAL_SEAL | F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_WRITE;
+  struct Lie {
+    uint64_t told;
+    size_t there;
+    unsigned seals;
+  };
+  for (const Lie& lie : {Lie{size, size - 1, sealed}, Lie{size - 8, size - 8, sealed}, Lie{size + 8, size + 8, sealed},
+                         Lie{size, size + 8, sealed}, Lie{0, size, sealed}, Lie{~uint64_t{0}, size, sealed},
+                         Lie{uint64_t{1} << 40, size, sealed}, Lie{size, size, 0u}, Lie{size, size, F_SEAL_SHRINK}}) {
+    const fs::wire::Group group{lie.told};
+    if (lie.seals == sealed) {
+      std::vector<std::byte> bytes(fs::bytes_of(&group, 1).begin(), fs::bytes_of(&group, 1).end());
+      bytes.insert(bytes.end(), changes.begin(), changes.begin() + static_cast<ptrdiff_t>(std::min<size_t>(lie.there, size)));
+      bytes.resize(sizeof group + lie.there);
+      RawClient client = rig.join("lie");
+      client.send(type_group, bytes);
+      rig.expect_dropped(client, "a group that lies");
+    }
+    RawClient client = rig.join("lie");
+    const fs::Descriptor file = memory_file(std::span(changes).first(std::min<size_t>(lie.there, size)), lie.there, lie.seals);
+    client.send(type_group, group, file.get());
+    rig.expect_dropped(client, "a group that lies, in a file");
+  }
+  rig.tick(50);
+  ck_assert(is_near(rig.foreign_force(), {}));
+  RawClient good = rig.join("good");
+  const fs::wire::Group group{size};
+  good.send(type_group, group, memory_file(changes, size, sealed).get());
+  ck_assert_int_eq(rig.sync(good), FS_OK);
+  ck_assert_uint_eq(rig.listed("good").objects, 1);
   rig.check_honest();
 }
 END_TEST
@@ -155,11 +197,10 @@ START_TEST(group_without_end) {
   options.max_objects = 100;
   Rig rig(options);
   RawClient endless = rig.join("endless"), broken = rig.join("broken");
-  for (int i = 0; i < 4 * 100 + 65; ++i) endless.set(static_cast<uint32_t>(i) % 100, push("push", 1), true);
+  for (int i = 0; i < 4 * 100 + 65; ++i) endless.set(static_cast<uint32_t>(i) % 100, push("push", 1), i < 4 * 100 + 64);
   rig.expect_dropped(endless, "a group without end");
   // One that ends before its group does has changed nothing.
   broken.set(0, push("push", 1), true);
-  broken.set(1, push("more", 1), true);
   broken.socket.reset();
   rig.tick(50);
   ck_assert(is_near(rig.foreign_force(), {}));
@@ -185,7 +226,7 @@ START_TEST(group_refused) {
   ck_assert(rig.until([&] { return is_near(rig.foreign_force(), {0.5, 0.5, 0}); }));
   fs_object bad = push("bad", 1);
   bad.front.limit = -1;
-  client.remove(0, true);
+  client.remove("a", true);
   client.set(5, push("a", 1), true);
   client.send(type_clear, body(0), -1, true);
   client.set(7, push("b", 1), true);
@@ -210,51 +251,53 @@ START_TEST(slot_out_of_range) {
   fs_server_options options = server_options();
   options.max_objects = 100;
   Rig rig(options);
-  for (const uint32_t slot : {100u, 101u, 128u, 65536u, 1u << 31, ~0u}) {
+  for (const uint32_t slot : {100u, 101u, 128u, 65536u, 1u << 31, ~0u - 1}) {
     for (const bool more : {false, true}) {
+      const auto expect_dropped = [&](RawClient& client, const char* what) {
+        if (more) client.send(type_clear);
+        rig.expect_dropped(client, what);
+      };
       RawClient set = rig.join("slot");
       set.set(slot, push("push", 1), more);
-      rig.expect_dropped(set, "set");
+      expect_dropped(set, "set");
       RawClient change = rig.join("slot");
       change.send(type_change, Set{slot, all_parts, fs::to_record(push("push", 1))}, -1, more);
-      rig.expect_dropped(change, "change");
-      RawClient place = rig.join("slot");
-      place.send(type_place, Place{slot, 0, {}}, -1, more);
-      rig.expect_dropped(place, "place");
-      RawClient remove = rig.join("slot");
-      remove.remove(slot, more);
-      rig.expect_dropped(remove, "remove");
+      expect_dropped(change, "change");
+      RawClient bind = rig.join("slot");
+      bind.send(type_bind, Bind{slot, 0, "push"}, -1, more);
+      expect_dropped(bind, "bind");
     }
   }
   rig.check_honest();
 }
 END_TEST
 
+// A slot belongs to the object that was given it last; the one before keeps all but its moves.
 START_TEST(slots_of_others) {
   Rig rig;
   RawClient client = rig.join("mixed");
   client.set(1, push("a", 1));
   client.set(2, push("b", 1, {0, 1, 0}));
   ck_assert_int_eq(rig.sync(client), FS_OK);
-  client.set(2, push("a", 2));
-  rig.expect_refusal(client, FS_ERROR_INVALID, "slot");
-  client.set(1, push("c", 2));
-  rig.expect_refusal(client, FS_ERROR_INVALID, "slot");
-  client.set(3, push("a", 2));
-  rig.expect_refusal(client, FS_ERROR_INVALID, "slot");
-  client.send(type_change, Set{3, all_parts, fs::to_record(push("a", 2))});
-  rig.expect_refusal(client, FS_ERROR_INVALID, "slot");
-  client.remove(9);  // nobody's
-  client.send(type_place, Place{9, 0, fs::to_record(fs::Motion{})});
+  const uint64_t after = client.set(2, push("a", 2));  // b has none any more
+  ck_assert_int_eq(rig.sync(client), FS_OK);
+  ck_assert_uint_eq(rig.listed("mixed").objects, 2);
+  ck_assert(rig.until([&] { return is_near(rig.foreign_force(), {2, 1, 0}); }));
+  client.move(1, after, scenes::at(1, 0, 0));  // nobody's
+  client.send(type_bind, Bind{~0u, 0, "a"});
+  client.send(type_bind, Bind{1, 0, "b"});
+  client.send(type_bind, Bind{7, 0, "nobody"});
+  client.remove("nobody");
+  client.place("nobody", fs::to_record(fs::Motion{}));
   client.send(type_change, Set{9, all_parts, fs::to_record(push("unknown", 2))});
-  rig.sync(client);
+  ck_assert_int_eq(rig.sync(client), FS_OK);
   fs_event event;
   ck_assert(!client.next_refusal(event));
-  ck_assert(rig.until([&] { return is_near(rig.foreign_force(), {1, 1, 0}); }));
+  ck_assert(rig.until([&] { return is_near(rig.foreign_force(), {2, 1, 0}); }));
   // Names that belong to another client are a client's own here, not that one's.
   client.set(4, push("wall", 1, {0, 0, 1}));
   ck_assert_int_eq(rig.sync(client), FS_OK);
-  client.remove(4);
+  client.remove("wall");
   client.set(5, push("honest/wall", 1));
   rig.expect_refusal(client, FS_ERROR_INVALID, "'/'");
   rig.check_honest();
@@ -318,7 +361,7 @@ START_TEST(numbers_of_shapes) {
   client.send(type_change, Set{0, FS_PART_POSE, record});
   ck_assert_int_eq(rig.sync(client), FS_OK);
   ck_assert_uint_gt(rig.listed("number").shape_bytes, 0);
-  client.remove(0);
+  client.remove(fs::text_of(record.name));
   ck_assert_int_eq(rig.sync(client), FS_OK);
   ck_assert_msg(rig.until([&] { return rig.listed("number").shape_bytes == 0; }), "its bytes are not given back");
   rig.check_honest();
@@ -413,7 +456,7 @@ START_TEST(own_as_another) {
     ck_assert_int_eq(client.ask(type_get, target_of(name)), FS_OK);
     ck_assert_int_eq(client.ask(type_report, target_of(name)), FS_OK);
   }
-  client.remove(0);
+  client.remove("o");
   client.set(3, push("o", 1));
   ck_assert_int_eq(rig.sync(client), FS_OK);
   rig.check_honest();
@@ -478,7 +521,7 @@ START_TEST(refused_until_removed) {
   rig.sync(client);
   ck_assert_int_eq(state("bad"), FS_OBJECT_REFUSED);
   ck_assert_int_eq(state("refused/bad"), FS_OBJECT_REFUSED);
-  client.remove(3);
+  client.remove("bad");
   rig.sync(client);
   ck_assert_int_eq(state("bad"), FS_ERROR_NOT_FOUND);
   client.set(3, bad);
@@ -502,10 +545,10 @@ END_TEST
 // One that asks and asks, and never looks at the answers.
 START_TEST(never_reads) {
   Rig rig;
-  for (const uint32_t type : {type_pull, type_stats, type_reports, type_sync, type_get}) {
+  for (const uint32_t type : {type_pull, type_stats, type_reports, type_motions, type_sync, type_get}) {
     RawClient client = rig.join("deaf");
     for (int i = 0; i < 100'000 && !client.is_dropped(); ++i) {
-      client.send(type, body(type == type_get ? sizeof(Target) : 0));
+      client.send(type, body(type == type_get || type == type_motions ? sizeof(Target) : 0));
       if (i % 256 == 0) rig.tick();
     }
     rig.expect_dropped(client, "it never reads");
@@ -555,7 +598,7 @@ END_TEST
 int main() {
   Suite* suite = suite_create("hostile");
   scenes::add_once(suite, "sizes", {wrong_sizes, unknown_types, random_bodies});
-  scenes::add_once(suite, "order", {serials_that_do_not_rise, in_the_middle_of_a_group, group_without_end, group_refused});
+  scenes::add_once(suite, "order", {serials_that_do_not_rise, what_belongs_in_no_group, groups_that_lie, group_without_end, group_refused});
   scenes::add_once(suite, "numbers", {slot_out_of_range, slots_of_others, numbers_of_shapes});
   scenes::add_once(suite, "others", {bad_requests, locked, own_as_another, reports_of_nonsense, refused_until_removed});
   scenes::add_once(suite, "too much", {never_reads, flood});

@@ -299,7 +299,7 @@ START_TEST(bad_numbers) {
     writer.client.inbox.write(0, {writer.after[0], m});
     ++refused;
     ck_assert_msg(rig.until([&] { return rig.listed("writer").refused == refused; }), "a bad move was not counted");
-    writer.after[0] = writer.client.send(type_place, Place{0, 0, m});
+    writer.after[0] = writer.client.place("o0", m);
     rig.expect_refusal(writer.client, FS_ERROR_INVALID, "must be");
     rig.sync(writer.client);
     ++refused;

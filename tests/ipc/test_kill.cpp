@@ -96,6 +96,7 @@ class Honest {
       size_t count = 0;
       expect(fs_scene_get_clients(scene_.get(), nullptr, 0, &count), "clients");
       expect(fs_scene_get_reports(scene_.get(), nullptr, 0, &count), "reports");
+      expect(fs_scene_get_motions(scene_.get(), nullptr, nullptr, 0, &count), "motions");
       for (fs_event event{}; fs_scene_next_event(scene_.get(), 0, &event) == FS_OK && event.kind != FS_EVENT_NONE;) {
         expect(event.kind == FS_EVENT_EDITED || event.kind == FS_EVENT_READY || event.kind == FS_EVENT_DEVICE ||
                    event.kind == FS_EVENT_OVERFLOW,

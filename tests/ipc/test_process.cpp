@@ -238,6 +238,7 @@ static void run_out_of_descriptors(char** words) {
     for (int i = 0; i < 3; ++i) expect(FS_ERROR_FULL, fs_object_set(scene, &o), "fs_object_set");
     size_t count = 0;
     expect(FS_ERROR_FULL, fs_scene_get_reports(scene, nullptr, 0, &count), "fs_scene_get_reports");
+    expect(FS_ERROR_FULL, fs_scene_get_motions(scene, nullptr, nullptr, 0, &count), "fs_scene_get_motions");
     expect(FS_ERROR_FULL, fs_scene_get_clients(scene, nullptr, 0, &count), "fs_scene_get_clients");
     fs_object got = fs_object_init("", FS_PRIMITIVE_POINT);
     expect(FS_ERROR_NOT_FOUND, fs_object_get(scene, "mesh", &got), "fs_object_get");

@@ -134,6 +134,12 @@ class Actor {
                             random_.coin(0.8) ? random_.between(0, 0.1) : number(random_)});
   }
 
+  Bind bind(uint32_t slot) {
+    Bind out{slot, 0, {}};
+    fs::put_text(out.name, object_name(slot));
+    return out;
+  }
+
   void change() {
     if (random_.coin(0.05)) is_in_group_ = !is_in_group_;
     const bool more = is_in_group_ && random_.coin(0.9);
@@ -155,12 +161,21 @@ class Actor {
         client_->send(type_tool, spoiled(tool), -1, more);
         break;
       }
-      case 4: client_->remove(slot, more); break;
-      case 5: case 6: after_[slot] = client_->send(type_place, Place{slot, 0, movement()}, -1, more); break;
+      case 4: client_->remove(object_name(slot), more); break;
+      case 5: case 6: after_[slot] = client_->place(object_name(slot), movement(), more); break;
       case 7: case 8:
         client_->send(type_change, Set{slot, static_cast<uint32_t>(random_.below(32)), object(slot)}, -1, more);
         break;
-      case 9: if (!more) client_->forget(id()); break;
+      case 9: if (!is_in_group_) client_->forget(id()); break;
+      case 10: after_[slot] = client_->send(type_bind, bind(slot), -1, more); break;
+      case 11:
+        if (!more) break;
+        switch (random_.below(3)) {
+          case 0: client_->send(type_edit, spoiled(Edit{target(), random_.below(32), object(slot)}), -1, true); break;
+          case 1: client_->send(type_move_other, MoveOther{target(), random_.below(2), pose(random_), {}, 0}, -1, true); break;
+          default: client_->send(type_remove_other, target(), -1, true);
+        }
+        break;
       default: after_[slot] = client_->set(slot, object(slot), all_parts, more);
     }
   }
@@ -196,9 +211,9 @@ class Actor {
   void ask() {
     if (is_in_group_) return;
     const auto slot = static_cast<uint32_t>(random_.below(slots));
-    switch (random_.below(14)) {
+    switch (random_.below(15)) {
       case 0: client_->send(type_sync); break;
-      case 1: client_->send(type_pull); break;
+      case 1: client_->send(type_pull, random_.coin() ? Target{} : target()); break;
       case 2: client_->send(type_get, target()); break;
       case 3: return fetch();
       case 4: case 5: client_->send(type_edit, spoiled(Edit{target(), random_.below(32), object(slot)})); break;
@@ -209,6 +224,7 @@ class Actor {
       case 10: client_->send(type_clients); break;
       case 11: client_->send(type_view, target()); break;
       case 12: client_->send(type_stats); break;
+      case 13: client_->send(type_motions, random_.coin() ? Target{} : target()); break;
       default: client_->send(type_device);
     }
     if (random_.coin(0.5)) client_->reply_of(client_->serial, 1e-3);

@@ -201,6 +201,7 @@ class Victim {
       case 13: {
         std::vector<fs_report> reports(100);
         size_t count;
+        if (random_.coin()) return check(fs_scene_get_motions(s, nullptr, nullptr, 0, &count), "fs_scene_get_motions");
         return check(fs_scene_get_reports(s, reports.data(), reports.size(), &count), "fs_scene_get_reports");
       }
       case 14: {

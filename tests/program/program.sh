@@ -138,18 +138,20 @@ expect 1 'mute: it has no profile' "$program" check odd.json
 expect 1 'off: it is disabled' "$program" check odd.json
 expect 1 'far: the hand cannot get near' "$program" check odd.json
 expect 1 'strong: its limit of 1000 N' "$program" check odd.json
+expect 1 'off: its force reverses across its point: 2 N over nothing$' "$program" check odd.json
+expect 1 'strong: its force reverses across its point: 2 N over nothing$' "$program" check odd.json
 cat > honey.json << 'END'
 {"forceserver": "scene", "version": 1, "objects": [{"name": "honey", "primitive": "point", "damping": 20,
   "front": {"kind": "constant", "sense": "attractive", "gain": 1e-6, "limit": 5, "reach": 0.03}}]}
 END
 expect 0 '^nothing odd$' "$program" check honey.json
-expect 1 'off: its force reverses across its point: 2 N over nothing$' "$program" check odd.json
-expect 1 'strong: its force reverses across its point: 2 N over nothing$' "$program" check odd.json
+printf 'v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n' > solid.obj
 # Each thing that jumps, and where; what does not is fine. What the hand cannot reach does not count.
 scene_of() {  # OBJECT: what is in its braces
   echo '{"forceserver": "scene", "version": 1,
     "shapes": {"bent": {"points": [[-0.05, 0, 0], [0, 0.03, 0], [0.05, 0, 0]]},
-               "straight": {"points": [[-0.05, 0, 0], [0, 0.03, 0], [0.05, 0.06, 0]]}},
+               "straight": {"points": [[-0.05, 0, 0], [0, 0.03, 0], [0.05, 0.06, 0]]},
+               "part": {"file": "solid.obj"}},
     "curves": {"pulse": {"expression": "2*(1+sin(12*t))*exp(-d/0.01)"}, "ends": {"expression": "50*d*(1-d/0.02)"}},
     "objects": [{"name": "x", '"$1"'}]}' > one.json
 }
@@ -174,6 +176,9 @@ odd 'its force behind ends at its reach of 10 mm: 1.5 N over nothing$' \
   '"primitive": "plane", "back": {"reach": 0.01, '"$spring"'}'
 odd 'its force jumps at its surface, where front and back do not agree: 1 N over nothing$' \
   '"primitive": "plane", "front": {"kind": "constant", "gain": 1, "limit": 2, "sense": "repulsive"}'
+scene_of '"primitive": "mesh", "shape": "part", "back": {'"$spring"'}'
+expect 0 '^  note: x: where another of its faces becomes the nearest, .* by up to 4 N' "$program" check one.json
+fine '"primitive": "mesh", "shape": "part", "back": {'"$spring"'}'
 fine '"primitive": "point", "front": {'"$spring"'}'
 fine '"primitive": "polyline", "shape": "straight", "front": {'"$spring"'}'
 fine '"primitive": "point", "front": {"kind": "custom", "gain": 1, "limit": 5, "reach": 0.02, "curve": "ends"}'
@@ -186,10 +191,10 @@ fine '"primitive": "plane", "back": {'"$spring"'}'
 fine '"primitive": "plane", "front": {'"$spring"'}, "back": {'"$spring"'}'
 fine '"primitive": "plane", "front": {"kind": "constant", "gain": 2, "limit": 2},
       "back": {"kind": "constant", "gain": 2, "limit": 2, "sense": "repulsive"}'  # gravity
+fine '"primitive": "mesh", "shape": "part", "front": {'"$spring"'}'  # a room
 odd 'it pulls the hand towards it from everywhere in front' '"primitive": "plane", "front": {'"$spring"'}'
 odd 'it pushes the hand away in front, the harder' '"primitive": "plane", "front": {"sense": "repulsive", '"$spring"'}'
 odd 'its back drives the hand deeper' '"primitive": "plane", "back": {"sense": "repulsive", '"$spring"'}'
-printf 'v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n' > solid.obj
 expect 0 'closed mesh of 4 triangles and 4 points' "$program" check solid.obj
 sed '$d' solid.obj > open.obj
 expect 1 '3 open edges' "$program" check open.obj

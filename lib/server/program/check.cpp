@@ -167,6 +167,12 @@ struct Distances {
   double least, most;
 };
 
+bool is_closed(const fs_shape* shape) {
+  fs_shape_info info = fs_shape_info_init();
+  require(fs_shape_get_info(shape, &info));
+  return info.closed;
+}
+
 // A polyline that is not straight asks for an infinite stiffness with any profile (fs_report).
 bool is_bent(fs_shape* shape) {
   const Scene scene = open<Scene>(fs_scene_create);
@@ -190,7 +196,8 @@ void check_jumps(const fs_object& object, const Distances& distances, Findings& 
     const double front = along_normal(object.front, 1), back = sides ? along_normal(object.back, -1) : -front;
     const double jump = std::abs(front - back);
     if (jump > faint && sides) {
-      findings.add(name, "its force jumps at its surface, where front and back do not agree: %.3g N over nothing", jump);
+      findings.add(name, "its force jumps at its surface, where front and back do not agree: %.3g N over nothing",
+                   jump);
     } else if (jump > faint) {
       findings.add(name, "its force reverses across its %s: %.3g N over nothing",
                    object.primitive == FS_PRIMITIVE_POINT ? "point" : "line", jump);
@@ -198,17 +205,21 @@ void check_jumps(const fs_object& object, const Distances& distances, Findings& 
   }
   for (const fs_profile* profile : {&object.front, &object.back}) {
     const double reach = profile->reach;
-    if (!(reach > 0) || reach < distances.least || reach > distances.most || force_at(*profile, reach) <= faint) continue;
-    findings.add(name, "its force%s ends at its reach of %s: %.3g N over nothing",
-                 !sides ? "" : profile == &object.front ? " in front" : " behind", metres(reach).c_str(),
-                 force_at(*profile, reach));
+    if (!(reach > 0) || reach < distances.least || reach > distances.most) continue;
+    const double jump = force_at(*profile, reach);
+    const char* const side = !sides ? "" : profile == &object.front ? " in front" : " behind";
+    if (jump <= faint) continue;
+    findings.add(name, "its force%s ends at its reach of %s: %.3g N over nothing", side, metres(reach).c_str(), jump);
   }
-  if (object.primitive == FS_PRIMITIVE_POLYLINE && is_bent(object.shape)) {
-    const double strongest = most(object.front, distances.least, distances.most);
-    if (strongest > faint) {
-      findings.add(name, "its force changes its direction where two of its parts are equally near: by up to %.3g N over "
-                   "nothing", 2 * strongest);
-    }
+  const double strongest = std::max(most(object.front, distances.least, distances.most),
+                                    most(object.back, distances.least, distances.most));
+  if (object.primitive == FS_PRIMITIVE_POLYLINE && strongest > faint && is_bent(object.shape)) {
+    findings.add(name, "its force changes its direction where two of its parts are equally near: by up to %.3g N "
+                 "over nothing", 2 * strongest);
+  }
+  if (object.primitive == FS_PRIMITIVE_MESH && strongest > faint) {  // a note: so is every solid that profiles make
+    std::printf("  note: %s: where another of its faces becomes the nearest, as deep inside of it, its force changes "
+                "its direction: by up to %.3g N over nothing\n", name.c_str(), 2 * strongest);
   }
 }
 
@@ -222,7 +233,8 @@ void check_senses(const fs_object& object, const Distances& distances, Findings&
   const auto grows_without_end = [&](const fs_profile& profile) {
     return force_at(profile, distances.most) > force_at(profile, distances.least) + faint;
   };
-  if (sides && is_felt(object.front, FS_SENSE_ATTRACTIVE) && grows_without_end(object.front) &&
+  const bool is_room = object.primitive == FS_PRIMITIVE_MESH && is_closed(object.shape);  // that the hand cannot leave
+  if (sides && !is_room && is_felt(object.front, FS_SENSE_ATTRACTIVE) && grows_without_end(object.front) &&
       !is_felt(object.back, FS_SENSE_ATTRACTIVE)) {
     findings.add(name, "it pulls the hand towards it from everywhere in front, the harder the farther away; a wall "
                  "pushes out of its back: \"back\", attractive");
@@ -236,8 +248,8 @@ void check_senses(const fs_object& object, const Distances& distances, Findings&
   // A plane that pushes everywhere in the same direction, and nowhere harder: gravity, a wind.
   const bool is_field = object.primitive == FS_PRIMITIVE_PLANE && is_felt(object.front, FS_SENSE_ATTRACTIVE) &&
                         !grows_without_end(object.front) && !grows_without_end(object.back);
-  if (sides && is_felt(object.back, FS_SENSE_REPULSIVE) && !is_felt(object.front, FS_SENSE_REPULSIVE) &&
-      !keeps_within && !is_field) {
+  const bool is_one_sided = !is_felt(object.front, FS_SENSE_REPULSIVE) && !is_field;
+  if (sides && is_felt(object.back, FS_SENSE_REPULSIVE) && is_one_sided && !keeps_within) {
     findings.add(name, "its back drives the hand deeper; a wall pushes out of its back: attractive");
   }
 }

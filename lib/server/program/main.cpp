@@ -57,8 +57,9 @@ const char* const check_help = R"(examples:
   forceserver check part.stl --scale 0.001
       a mesh whose file is in millimetres
 
-Tells what it is and what is odd in it: holes, triangles without area, objects that nobody can feel or reach. Ends with
-0 when nothing is odd, 1 when something is, 2 when it cannot be read.)";
+Tells what it is and what is odd in it: holes, triangles without area, objects that nobody can feel or reach, forces
+that jump, sides that pull for ever or drive the hand deeper. Ends with 0 when nothing is odd, 1 when something is, 2
+when it cannot be read.)";
 
 const char* const evaluate_help = R"(examples:
   forceserver evaluate room.json points.csv > forces.csv

@@ -1,0 +1,42 @@
+// What viewers, editors and bridges ask for: where the tools are, and how all objects move.
+#include "base/error.h"
+#include "client/remote_scene.h"
+
+namespace fs {
+
+// The server's word, for a clutch may have moved the frame there; with what an open group has.
+fs_view RemoteScene::own_view(Call& call) {
+  const wire::Target target = to_target(client_.c_str(), "client");
+  auto out = request(call, wire::type_view, bytes_of(&target, 1)).as<fs_view>();
+  if (!group_) return out;
+  for (const Change& change : group_->changes) foresee(out, change.type, change.record);
+  return out;
+}
+
+fs_view RemoteScene::view(const char* client) {
+  Call call = enter();
+  if (!client || client_ == client) return own_view(call);
+  const wire::Target target = to_target(client, "client");
+  return request(call, wire::type_view, bytes_of(&target, 1)).as<fs_view>();
+}
+
+std::vector<fs_motion> RemoteScene::motions(const char* client) {
+  Call call = enter();
+  const bool is_own = client && client_ == client;
+  if (client && !*client) fail(FS_ERROR_NOT_FOUND, "client is '': no client of that name is connected");
+  std::vector<fs_motion> out;
+  if (!client || is_own) {
+    catch_up(call);
+    flush_ahead();
+    out = replica_->motions(nullptr);
+  }
+  if (is_own) return out;
+  const wire::Target target = to_target(client ? client : "", "client");
+  const Answer answer = request(call, wire::type_motions, bytes_of(&target, 1));
+  std::vector<fs_motion> others = answer.list<fs_motion>();
+  if (out.empty()) return others;
+  out.insert(out.end(), others.begin(), others.end());
+  return out;
+}
+
+}  // namespace fs
