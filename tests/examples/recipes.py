@@ -1,4 +1,5 @@
-"""The recipes: what they print is what physics expects and what their page shows, and the page has their code.
+"""The recipes: what they print is what physics expects and what their page shows, and the page has their code and the
+figure of object.h.
 
 recipes.py PROGRAM_FOLDER RECIPES_FOLDER [LEFT_OUT...]
 """
@@ -116,6 +117,10 @@ page = (folder / "README.md").read_text()
 sections = {}
 for name, code, output in re.findall(r"\n\[`(\w+)\.c`\]\(\1\.c\).*?\n```c\n(.*?)```\n.*?```text\n(.*?)```", page, re.S):
     sections[name] = code, output
+figure = re.search(r"\n(    [^\n]*front\.sense[^\n]*\n(?:\n|    [^\n]*\n)*)", page)[1].splitlines()
+header = {line.lstrip(" *").rstrip() for line in (folder / "../../include/forceserver/object.h").read_text().splitlines()}
+for line in figure:
+    expect(line.strip() in header, f"object.h draws front and back in another way: {line}")
 sources = {path.stem for path in folder.glob("*.c")}
 expect(sources == set(CHECKS), f"there are {sorted(sources)}, checks for {sorted(CHECKS)}")
 expect(sources == set(sections), f"there are {sorted(sources)}, in the page {sorted(sections)}")
