@@ -55,16 +55,16 @@ need_tools() {
 
 # configure FOLDER [CMAKE OPTION...]: quiet unless it fails. A folder that was made for another build tool begins anew.
 configure() {
-  local folder=$1 launcher=() fresh=()
+  local folder=$1 launcher=()
   shift
   if [ -e "$folder/CMakeCache.txt" ] && ! grep -q '^CMAKE_GENERATOR:INTERNAL=Ninja$' "$folder/CMakeCache.txt"; then
-    fresh=(--fresh)
+    rm -rf "$folder/CMakeCache.txt" "$folder/CMakeFiles"
   fi
   if command -v ccache > /dev/null; then
     launcher=(-DCMAKE_C_COMPILER_LAUNCHER=ccache -DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
   fi
   mkdir -p "$folder"
-  if ! cmake "${fresh[@]}" -S "$root" -B "$folder" -G Ninja "${launcher[@]}" "$@" > "$folder/configure.log" 2>&1; then
+  if ! cmake -S "$root" -B "$folder" -G Ninja "${launcher[@]}" "$@" > "$folder/configure.log" 2>&1; then
     cat "$folder/configure.log"
     return 1
   fi

@@ -1,10 +1,11 @@
-/* A driver of one's own: a table of functions. This "device" has a handle that swings up and down by itself. */
+/* A driver of one's own: a table of functions. This "device" has a handle that swings up and down by itself, by 20 mm.
+ * So a spring of 200 N/m sends it up to 4 N. */
 #include <math.h>
 #include <stdio.h>
 #include <forceserver/driver.h>
 #include <forceserver/forceserver.h>
 
-static double now, told;  /* s, N: a driver of more than one device keeps such things behind `self` */
+static double now, told;  /* s, N; a driver for several devices keeps these for each, behind `self` */
 static fs_status swing_open(const char *address, void **self) { (void)address; *self = &now; return FS_OK; }
 static void swing_close(void *self) { (void)self; }
 static fs_status swing_write(void *self, const fs_wrench *w) { (void)self; told = w->force.z; return FS_OK; }
@@ -28,7 +29,7 @@ int main(void)
   fs_servo_options options = fs_servo_options_init();
   fs_object spring = fs_object_init("spring", FS_PRIMITIVE_POINT);
   spring.front = fs_profile_init(FS_PROFILE_LINEAR_INCREASING, FS_SENSE_ATTRACTIVE, 200, 0, 5);
-  options.mode = FS_SERVO_VIRTUAL;  /* time as we step it */
+  options.mode = FS_SERVO_VIRTUAL;  /* time goes on when we step it */
   int failed = fs_driver_register(&driver) < 0 || fs_scene_create(&scene) < 0 || fs_object_set(scene, &spring) < 0 ||
     fs_device_open("swing:", &device) < 0 || fs_servo_start(scene, device, &options, &servo) < 0;
   for (int i = 0; i < 10 && !failed && !(failed = fs_servo_step(servo, 200) < 0); ++i)

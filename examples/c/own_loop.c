@@ -1,4 +1,5 @@
-/* In a loop of one's own: a tool tells the force at a pose. The application owns time, device and safety here. */
+/* A loop of one's own: a tool tells the force at a pose. Here the application is responsible for time, device and
+ * safety: nothing limits the force but the objects themselves. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <forceserver/forceserver.h>

@@ -1,4 +1,5 @@
-// Hello: a spring to the centre. A real-time servo makes it felt to a simulated hand that draws an eight.
+// Hello: a spring to the centre. A real-time servo makes it felt to a simulated hand that draws an eight: with 5 N at
+// most, which is reached 25 mm from the centre.
 #include <chrono>
 #include <cmath>
 #include <cstdio>

@@ -3,21 +3,16 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <stdexcept>
-#include <thread>
-
-#include "landscape.h"
 
 namespace {
-
-using Clock = std::chrono::steady_clock;
 
 double length(const fs_vec3& v) { return std::hypot(v.x, v.y, v.z); }
 
 double quantile(std::vector<double> values, double part) {
+  if (values.empty()) return 0;
   const auto place = values.begin() + std::ptrdiff_t(part * double(values.size() - 1));
   std::nth_element(values.begin(), place, values.end());
   return *place;
@@ -25,12 +20,13 @@ double quantile(std::vector<double> values, double part) {
 
 }  // namespace
 
-void Flight::watch(double seconds) {
+bool Flight::watch(double seconds, Beat& beat) {
   const bool terminal = isatty(STDOUT_FILENO);
   const int line_period = terminal ? 20 : 500, period_ms = 10;
-  const auto start = Clock::now();
+  bool goes_on = true;
   for (int i = 1; i * period_ms <= seconds * 1000; ++i) {
-    std::this_thread::sleep_until(start + std::chrono::milliseconds(i * period_ms));
+    goes_on = beat.wait(period_ms * 1e-3);
+    if (!goes_on) break;
     sample(period_ms * 1e-3);
     if (i % 50 == 0) fetch_ticks();
     if (i % line_period == 0) print_line(i * period_ms * 1e-3);
@@ -38,6 +34,7 @@ void Flight::watch(double seconds) {
   fetch_ticks();
   check(fs_scene_get_servo_stats(scene_, &stats_));
   if (terminal) std::printf("\r\033[K");
+  return goes_on;
 }
 
 void Flight::sample(double period) {
@@ -45,13 +42,9 @@ void Flight::sample(double period) {
   check(fs_scene_get_reports(scene_, nullptr, 0, &count));
   reports_.resize(count);
   check(fs_scene_get_reports(scene_, reports_.data(), count, &count));
-  for (const fs_report& report : reports_) {
-    const double force = length(report.wrench.force);
-    Felt& felt = felt_[report.name];
-    if (force > 0.01) felt.seconds += period;
-    felt.sum += force * period;
-    felt.max = std::max(felt.max, force);
-  }
+  fs_pose rover = {};
+  find_rover(scene_, rover_, &rover);
+  for (const fs_report& report : reports_) felt_[report.name].add(report.wrench.force, rover, period);
 }
 
 // The servo keeps the last two seconds: add those ticks that were not there before.
@@ -79,11 +72,13 @@ void Flight::print_line(double time) const {
 }
 
 void Flight::print_table() const {
-  std::printf("\n%-18s %10s %10s %10s\n", "who pushed", "felt, s", "mean, N", "most, N");
+  std::printf("\n%-18s %10s %10s %10s %10s %10s %10s\n", "who pushed", "felt, s", "mean, N", "most, N", "sideways",
+              "forward", "up");
   for (const auto& [name, felt] : felt_) {
-    std::printf("%-18s %10.1f %10.2f %10.2f\n", name.c_str(), felt.seconds,
-                felt.seconds > 0 ? felt.sum / felt.seconds : 0, felt.max);
+    std::printf("%-18s %10.1f %10.2f %10.2f %10.2f %10.2f %10.2f\n", name.c_str(), felt.seconds, felt.mean(felt.sum),
+                felt.most, felt.mean(felt.sideways), felt.mean(felt.forward), felt.mean(felt.up));
   }
+  std::printf("sideways, forward, up: the mean force along the rover's axles, ahead of it and up from the ground, N\n");
   std::vector<double> late, compute;
   double step = 0;
   for (std::size_t i = 0; i < ticks_.size(); ++i) {
@@ -129,6 +124,9 @@ void Flight::require_all_felt() const {
   for (const auto& [name, felt] : felt_) {
     if (felt.seconds == 0) throw std::runtime_error(name + " was never felt");
   }
+}
+
+void Flight::require_no_fault() const {
   for (const fs_tick& tick : ticks_) {
     if (tick.faults) throw std::runtime_error("the servo stopped the force: fault " + std::to_string(tick.faults));
   }

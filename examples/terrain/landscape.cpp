@@ -11,6 +11,17 @@ namespace {
 
 const double speed = 600, wheelbase = 800;  // of the rover: m/s, in time lapse; m
 
+fs_quat product(const fs_quat& a, const fs_quat& b) {
+  return {a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z, a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
+          a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x, a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w};
+}
+
+// A turn about an axis of unit length.
+fs_quat turn(double x, double y, double z, double angle) {
+  const double s = std::sin(angle / 2);
+  return {std::cos(angle / 2), s * x, s * y, s * z};
+}
+
 }  // namespace
 
 void check(fs_status status) {
@@ -62,17 +73,77 @@ fs_profile pull(double newtons, double reach) {
 void Rover::drive(const Terrain& terrain, const fs_vec3& goal, double period) {
   const double forward_x = std::cos(heading), forward_y = std::sin(heading);
   const double left = forward_x * (goal.y - position.y) - forward_y * (goal.x - position.x);
-  heading += std::clamp(left / 3000, -1.0, 1.0) * period;
+  rate += (std::clamp(left / 3000, -1.0, 1.0) - rate) * std::min(1.0, period / 0.4);
+  heading += rate * period;
   position.x += forward_x * speed * period;
   position.y += forward_y * speed * period;
   position.z = terrain.height(position.x, position.y, wheelbase);
   distance += speed * period;
 }
 
-fs_pose Rover::wheels(const Terrain& terrain) const {
-  fs_pose pose;
-  check(fs_pose_from_z(position, terrain.normal(position.x, position.y, wheelbase), &pose));
-  return pose;
+fs_pose Rover::pose(const Terrain& terrain) const {
+  const fs_vec3 ground = terrain.normal(position.x, position.y, wheelbase);
+  const double ahead = ground.x * std::cos(heading) + ground.y * std::sin(heading);
+  const double left = ground.y * std::cos(heading) - ground.x * std::sin(heading);
+  const double pitch = std::atan2(ahead, ground.z), roll = std::atan2(-left, std::hypot(ahead, ground.z));
+  const fs_quat nose = product(turn(0, 0, 1, heading), turn(0, 1, 0, pitch));  // x ahead, y to the left, z up
+  return {position, product(nose, turn(1, 0, 0, roll + std::numbers::pi / 2))};
+}
+
+fs_twist Rover::twist(const Terrain& terrain, const fs_vec3& goal, double period) const {
+  Rover next = *this;
+  next.drive(terrain, goal, period);
+  const fs_vec3 &a = position, &b = next.position;
+  const fs_quat from = pose(terrain).orientation, to = next.pose(terrain).orientation;
+  const fs_quat by = product(to, {from.w, -from.x, -from.y, -from.z});
+  const double rate = (by.w < 0 ? -2 : 2) / period;  // of a turn that is small
+  return {{(b.x - a.x) / period, (b.y - a.y) / period, (b.z - a.z) / period},
+          {by.x * rate, by.y * rate, by.z * rate}};
+}
+
+void add_rover(fs_scene* scene, const char* name, const Rover& rover, const Terrain& terrain) {
+  fs_object plane = fs_object_init(name, FS_PRIMITIVE_PLANE);
+  plane.pose = rover.pose(terrain);
+  plane.front = plane.back = pull(1.5, 2000);
+  check(fs_object_set(scene, &plane));
+  fs_curve_destroy(plane.front.curve);
+}
+
+void drive_rover(fs_scene* scene, const char* name, Rover& rover, const Terrain& terrain, const fs_vec3& goal,
+                 double period, double time) {
+  rover.drive(terrain, goal, period);
+  const fs_pose pose = rover.pose(terrain);
+  const fs_twist twist = rover.twist(terrain, goal, period);
+  check(fs_object_move(scene, name, &pose, &twist, time));
+}
+
+bool find_rover(fs_scene* scene, const char* name, fs_pose* pose) {
+  fs_object plane = fs_object_init("", FS_PRIMITIVE_PLANE);
+  double now;
+  const fs_status status = fs_object_get(scene, name, &plane);
+  if (status == FS_ERROR_NOT_FOUND) return false;
+  check(status);
+  fs_object_release(&plane);
+  check(fs_scene_get_time(scene, &now));
+  const double time = std::clamp(now - plane.time, 0.0, 0.1);  // the servo goes on with a twist for 0.1 s
+  const fs_vec3 &v = plane.twist.linear, &w = plane.twist.angular;
+  const fs_vec3& x = plane.pose.position;
+  *pose = {{x.x + v.x * time, x.y + v.y * time, x.z + v.z * time}, plane.pose.orientation};
+  const double rate = std::hypot(w.x, w.y, w.z);
+  if (rate > 0) pose->orientation = product(turn(w.x / rate, w.y / rate, w.z / rate, rate * time), pose->orientation);
+  return true;
+}
+
+void Felt::add(const fs_vec3& force, const fs_pose& rover, double period) {
+  const double size = std::hypot(force.x, force.y, force.z);
+  if (size > 0.01) seconds += period;
+  sum += size * period;
+  most = std::max(most, size);
+  const fs_quat& q = rover.orientation;
+  const fs_quat part = product(product({q.w, -q.x, -q.y, -q.z}, {0, force.x, force.y, force.z}), q);
+  forward += std::abs(part.x) * period;
+  up += std::abs(part.y) * period;
+  sideways += std::abs(part.z) * period;
 }
 
 void write_tour(const std::string& path, const Terrain& terrain, double begin, double seconds) {

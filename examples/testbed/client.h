@@ -1,20 +1,17 @@
 // What every process of the testbed does alike: it connects, goes on until it is told to end, and says what happens.
 #pragma once
 
-#include <signal.h>
-
-#include <chrono>
 #include <functional>
 #include <string>
 #include <vector>
 
+#include "../terrain/beat.h"
 #include "../terrain/landscape.h"
 
 class Client {
  public:
-  // Connects to a server as `name`, with the frame and tool of the landscape. The signals that end a program are
-  // blocked from here on, and looked at by wait().
-  Client(const std::string& endpoint, const std::string& name);
+  // Connects to a server as `name`, with the frame and tool of the landscape.
+  Client(const std::string& endpoint, const std::string& name, Beat& beat);
   ~Client() { fs_scene_destroy(scene_); }  // its objects fade
   Client(const Client&) = delete;
   Client& operator=(const Client&) = delete;
@@ -22,16 +19,15 @@ class Client {
   fs_scene* scene() const { return scene_; }
 
   // Waits until `period` s after the last time; false: Ctrl-C.
-  bool wait(double period);
+  bool wait(double period) { return beat_.wait(period); }
 
   // A line of this client.
   void say(const char* form, ...) const __attribute__((format(printf, 2, 3)));
 
  private:
   std::string name_;
+  Beat& beat_;
   fs_scene* scene_ = nullptr;
-  sigset_t signals_;
-  std::chrono::steady_clock::time_point next_;
 };
 
 // The main function of a client: "NAME ENDPOINT [ARGUMENT...]", where `usage` names the arguments and `needs` is how

@@ -18,7 +18,8 @@ static void show(Client& client, const fs_event& event) {
       client.say("%s was edited by %s: now %g N", event.name, event.text, object.front.gain);
       return fs_object_release(&object);
     }
-    default: return;
+    case FS_EVENT_NONE: return;
+    default: return client.say("%s: %s %s", fs_event_kind_name(event.kind), event.name, event.text);
   }
 }
 

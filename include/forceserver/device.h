@@ -40,7 +40,23 @@ FS_API fs_status fs_device_list(fs_device_entry *out, size_t capacity, size_t *c
  * then "?key=value&.." (nothing is %-decoded): an unknown key is INVALID. May take seconds. NOT_FOUND, UNSUPPORTED,
  * DENIED, IO. 0.1: fidel and falcon are UNSUPPORTED.
  *
- * "sim:" is a simulated FIDEL, the device of the paper, and the hand on it. Its keys:
+ * "sim:" is a simulated FIDEL, the device of the paper, and the hand on it. Its workspace is a cylinder about z of
+ * radius 0.150 m and height 0.200 m (x, y within 0.150, z within -0.100..0.100), with stops 0.010 m beyond; its wrist
+ * turns 0.35 rad (20 degrees) each way; it gives 25 N, and with wrist=active 0.5 N m. The hand is a mass at the handle
+ * that a spring and a damper draw to where the hand wants to be:
+ *
+ *     hand        kg       N s/m    N/m
+ *     nominal     0.554    6.45     135      measured: Scientific Reports, srep18004, figure 3
+ *     firm        0.8      5.5      568      measured: N. Hogan
+ *     light       0.15     3        100      assumed
+ *     released    0        0        0        nobody holds it
+ *
+ *     path        where it wants to be, m, t s after the first reading         once in    at most
+ *     figure8     x = 0.06 sin(wt), y = 0.03 sin(2wt), z = 0                   4 s        0.133 m/s
+ *     sweep       x = -0.10 cos(wt), y = z = 0                                 5 s        0.126 m/s
+ *     touch       x = y = 0, z = 0.02 + 0.04 cos(wt): from 0.06 to -0.02       2 s        0.126 m/s
+ *
+ * What is felt draws the hand off its path. Its keys:
  *     hand=nominal|firm|light|released             who holds it (nominal); and one by one:
  *     hand_mass, hand_damping, hand_stiffness      kg 0..10, N s/m 0..1000, N/m 0..1e5
  *     hold=X,Y,Z                                   m, within 1: where the hand wants to be (0,0,0); or

@@ -8,7 +8,7 @@
 extern "C" {
 #endif
 
-#ifndef SWIG
+#ifndef SWIG  /* a runtime cannot write a driver, as it may not be called at the servo rate; it can load one */
 /* A device driver: a table of functions, growing. It knows one device and nothing of scenes, limits or faults: the
  * library scales forces into the maxima, guards them, and judges the age of poses. get_info, read, write are called
  * by one thread at a time; read and write at the servo rate: they never wait, allocate or lock (USB and sockets live
@@ -54,16 +54,18 @@ typedef struct fs_driver {
  * EXISTS: the scheme is taken; VERSION. */
 FS_API fs_status fs_driver_register(const fs_driver *driver);
 
-/* Adds the driver of a library at path that exports fs_driver_entry, a fs_driver_entry_function. IO, VERSION.
- * 0.1: UNSUPPORTED; link the driver and use fs_driver_register. */
+/* What a driver's library exports: const fs_driver *fs_driver_entry(void); */
+typedef const fs_driver *(*fs_driver_entry_function)(void);
+#endif
+
+/* Adds the driver of a shared library that exports fs_driver_entry, a fs_driver_entry_function. path: a file; without
+ * a '/' it is searched for where the system's loader looks. The library stays loaded until the process ends. IO (it
+ * cannot be loaded, or exports no fs_driver_entry: the sentence has the loader's reason), and as fs_driver_register:
+ * EXISTS, VERSION. */
 FS_API fs_status fs_driver_load(const char *path);
 
 /* message (null: none) becomes fs_last_error of this thread; returns status. */
 FS_API fs_status fs_fail(fs_status status, const char *message);
-
-/* What a driver's library exports: const fs_driver *fs_driver_entry(void); */
-typedef const fs_driver *(*fs_driver_entry_function)(void);
-#endif
 
 #ifdef __cplusplus
 }

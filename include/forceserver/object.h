@@ -7,6 +7,8 @@
 #ifndef FORCESERVER_OBJECT_H
 #define FORCESERVER_OBJECT_H
 
+#include <math.h>
+
 #include <forceserver/base.h>
 
 #ifdef __cplusplus
@@ -29,18 +31,27 @@ typedef enum fs_primitive {
 } fs_primitive;
 
 /* The intensity f(d, t): Table 2 of the paper. d: distance, m; t: s since the object's start; result in N, before it
- * is clamped to [0, limit]. Named are the fields of fs_profile that a kind uses, with unit and range. */
+ * is clamped to [0, limit]. Named are the fields of fs_profile that a kind uses, with unit and range. With gain 0 the
+ * force is the offset, of a kind without one 0: so a slider or an empty battery switches an object off. */
 typedef enum fs_profile_kind {
   FS_PROFILE_NONE = 0,                  /* no force */
-  FS_PROFILE_CONSTANT = 1,              /* gain (N, > 0) */
-  FS_PROFILE_LINEAR_INCREASING = 2,     /* gain*d + offset (N/m, > 0; N) */
-  FS_PROFILE_LINEAR_DECREASING = 3,     /* gain*d + offset (N/m, < 0; N) */
-  FS_PROFILE_GAUSSIAN = 4,              /* gain*exp(-(d/width)^2/2) (N, > 0; m, > 0) */
+  FS_PROFILE_CONSTANT = 1,              /* gain (N, >= 0) */
+  FS_PROFILE_LINEAR_INCREASING = 2,     /* gain*d + offset (N/m, >= 0; N) */
+  FS_PROFILE_LINEAR_DECREASING = 3,     /* gain*d + offset (N/m, <= 0; N) */
+  FS_PROFILE_GAUSSIAN = 4,              /* gain*exp(-(d/width)^2/2) (N, >= 0; m, > 0) */
   FS_PROFILE_QUADRATIC = 5,             /* gain*d^2 + offset (N/m^2; N) */
-  FS_PROFILE_INVERSE = 6,               /* gain/d + offset (N m, > 0; N) */
-  FS_PROFILE_CUSTOM = 7,                /* gain*curve(d, t) (a factor, > 0; the curve is in N) */
+  FS_PROFILE_INVERSE = 6,               /* gain/d + offset (N m, >= 0; N) */
+  FS_PROFILE_CUSTOM = 7,                /* gain*curve(d, t) (a factor, >= 0; the curve is in N) */
   FS_PROFILE_FORCE_32 = 0x7fffffff
 } fs_profile_kind;
+
+/* A curve has no parameters but d and t: what else its force depends on, such as the charge of a battery, is the gain.
+ * It may change at any rate, while it is felt. The curve stays the same and is not sent again, and t runs on, as
+ * `start` 0 keeps it:
+ *
+ *     scout.front.gain = battery_charge();                        0: no force
+ *     fs_object_change(scene, &scout, FS_PART_PROFILES);
+ */
 
 /* Where the force points. */
 typedef enum fs_sense {
@@ -48,6 +59,12 @@ typedef enum fs_sense {
   FS_SENSE_REPULSIVE = 1,       /* the hand is driven away from p */
   FS_SENSE_FORCE_32 = 0x7fffffff
 } fs_sense;
+
+/* [rt] "FS_PRIMITIVE_POINT", "FS_PROFILE_GAUSSIAN", "FS_SENSE_REPULSIVE"; static, never null, also for a number that
+ * is no value. */
+FS_API const char *fs_primitive_name(fs_primitive primitive);
+FS_API const char *fs_profile_kind_name(fs_profile_kind kind);
+FS_API const char *fs_sense_name(fs_sense sense);
 
 /* f(d, t), N, clamped to [0, limit]. Frozen. What a kind does not use is 0; all zeros: no force. Made by
  * fs_profile_init, or by hand. */
@@ -130,6 +147,43 @@ static inline fs_object fs_object_init(const char *name, fs_primitive primitive)
   return o;
 }
 
+/* Front, back and sense: the force F on the hand h, and p, the closest point of a plane or mesh. Each side has its own
+ * profile, and so its own sense.
+ *
+ *                      front.sense = ATTRACTIVE        front.sense = REPULSIVE
+ *                      it holds the hand at it         it keeps the hand away
+ *
+ *        normal                                               ^ F
+ *           ^                     h                           |
+ *           |                     | F                         h
+ *     front |                     v
+ *     ======+=====================p===========================p======================
+ *     back                        ^
+ *                                 | F                         h
+ *                                 h                           | F
+ *                                                             v
+ *                      back.sense = ATTRACTIVE         back.sense = REPULSIVE
+ *                      a wall: pushes out what         it drives the hand deeper
+ *                      is in it, towards the front
+ */
+
+/* A wall: a plane that is free in front, and pushes out with min(stiffness*depth, limit) what is behind it. point: any
+ * point of it, m; normal: towards the free side, of any length > 0; stiffness: N/m, >= 0; limit: N, > 0. A bad value is
+ * refused by fs_object_set; until then a normal that is 0 or not finite stands in pose.orientation as (NaN, normal). */
+static inline fs_object fs_wall_init(const char *name, fs_vec3 point, fs_vec3 normal, double stiffness, double limit)
+{
+  fs_object o = fs_object_init(name, FS_PRIMITIVE_PLANE);
+  o.back = fs_profile_init(FS_PROFILE_LINEAR_INCREASING, FS_SENSE_ATTRACTIVE, stiffness, 0, limit);
+  if (fs_pose_from_z(point, normal, &o.pose) != FS_OK) {
+    o.pose.position = point;
+    o.pose.orientation.w = NAN;
+    o.pose.orientation.x = normal.x;
+    o.pose.orientation.y = normal.y;
+    o.pose.orientation.z = normal.z;
+  }
+  return o;
+}
+
 /* After fs_object_get: its handles (shape, curves) go unless retained, whatever the fields hold by now. Of any other
  * object, or null, it does nothing. */
 FS_API void fs_object_release(fs_object *object);
@@ -199,7 +253,8 @@ FS_API fs_status fs_shape_get_info(const fs_shape *shape, fs_shape_info *out);
  * never overshoots (PCHIP: Fritsch & Carlson 1980); the last value beyond. It does not depend on t. */
 FS_API fs_status fs_curve_create_table(const double *forces, size_t count, double step, fs_curve **out);
 
-/* An expression such as "3*(1+sin(12*t))*exp(-d/0.01)": d in m, t in s since the object's start; the functions and
+/* An expression such as "3*(1+sin(12*t))*exp(-d/0.01)" (a value that changes, such as a battery's charge, is the gain
+ * of its profile: FS_PROFILE_CUSTOM): d in m, t in s since the object's start; the functions and
  * operators of muParser; no assignment; at most 255 bytes of printable ASCII. Its slope is the central difference
  * over d - 1e-6 m .. d + 1e-6 m, at d < 1e-6 m from 0 on. PARSE; UNSUPPORTED where the library was built without
  * expressions. */

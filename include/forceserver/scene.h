@@ -202,7 +202,19 @@ typedef enum fs_object_state {
   FS_OBJECT_FORCE_32 = 0x7fffffff
 } fs_object_state;
 
-/* What became of an object. Frozen. */
+/* [rt] "FS_OBJECT_FELT"; static, never null, also for a number that is no state. */
+FS_API const char *fs_object_state_name(fs_object_state state);
+
+/* What became of an object. Frozen.
+ *
+ * A force jumps, and so asks for an infinite stiffness:
+ * - of a point or polyline, at d = 0 unless f(0) = 0: it reverses from one side to the other;
+ * - of a plane or mesh, at the surface unless front and back agree there in size and direction;
+ * - at `reach` unless f(reach) = 0;
+ * - of a polyline that is not straight, wherever it is felt: at every distance there are places that are equally near
+ *   to two of its parts, and from one to the other the direction changes.
+ * Of a mesh only the surface is looked at: the places, mostly deep inside, that are equally near to two of its parts
+ * are not. */
 typedef struct fs_report {
   char name[FS_NAME_SIZE];      /* another client's: "client/object" */
   fs_primitive primitive;       /* as set */
@@ -210,8 +222,8 @@ typedef struct fs_report {
   uint64_t revision;            /* grows with every change but moves */
   double weight;                /* 0..1; between: FADING, in or out */
   double stiffness_wanted;      /* N/m at the device, steepest slope of profiles and contact; infinite where the force
-                                   jumps. Worked out once for a curve, when it is made: of a table it is
-                                   never too low, of an expression an estimate by some hundred samples */
+                                   jumps (above). Worked out once for a curve, when it is made: of a table
+                                   it is never too low, of an expression an estimate by some hundred samples */
   double stiffness_applied;     /* N/m at the device; below wanted: capped. 0.1: as wanted */
   double distance;              /* m, at the last tick, of the tool point nearest to it; infinite: not near (beyond its
                                    force, weight 0, clutched, no servo), then point and wrench are 0 */
@@ -272,6 +284,9 @@ typedef enum fs_event_kind {
   FS_EVENT_OVERFLOW = 8,        /* value older events were dropped, never fetched: 1024 are kept */
   FS_EVENT_FORCE_32 = 0x7fffffff
 } fs_event_kind;
+
+/* [rt] "FS_EVENT_DEVICE"; static, never null, also for a number that is no kind. */
+FS_API const char *fs_event_kind_name(fs_event_kind kind);
 
 /* One event. Frozen; what a kind does not use is 0. */
 typedef struct fs_event {

@@ -54,6 +54,9 @@ typedef enum fs_realtime {
   FS_REALTIME_FORCE_32 = 0x7fffffff
 } fs_realtime;
 
+/* [rt] "FS_REALTIME_FIFO"; static, never null, also for a number that is no value. */
+FS_API const char *fs_realtime_name(fs_realtime realtime);
+
 /* Why there is no force; bits. DEVICE ends by itself, through the ramp; the others hold the force at 0 until
  * fs_servo_set_enabled(servo, true). */
 typedef enum fs_fault {
@@ -65,6 +68,10 @@ typedef enum fs_fault {
                                    force only ramps; VIRTUAL: neither */
   FS_FAULT_FORCE_32 = 0x7fffffff
 } fs_fault;
+
+/* [rt] "FS_FAULT_SPEED": the name of the lowest of these fs_fault bits; of 0 "no fault". Static, never null, also for a
+ * bit that is no fault. Of all bits: for (; faults; faults &= faults - 1) puts(fs_fault_name(faults)); */
+FS_API const char *fs_fault_name(uint32_t faults);
 
 /* What negative options switched off; bits. 0.1: SLEW, STIFFNESS, DAMPING and BLEND always, as they are not there
  * yet. */

@@ -97,9 +97,7 @@ fs_status fs_driver_register(const fs_driver* driver) {
 fs_status fs_driver_load(const char* path) {
   return guarded([&] {
     require_pointer(path, "path");
-    fail(FS_ERROR_UNSUPPORTED,
-         "path is '%.200s': loading drivers from libraries is not in version %s; link it and use fs_driver_register", path,
-         fs_version());
+    load_driver(path);
   });
 }
 

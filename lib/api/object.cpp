@@ -1,12 +1,23 @@
 #include <forceserver/object.h>
 
 #include "api/guarded.h"
+#include "base/names.h"
 #include "file/mesh_file.h"
 #include "force/profile.h"
 #include "force/reader.h"
 #include "scene/object.h"
 
 using namespace fs;
+
+const char* fs_primitive_name(fs_primitive primitive) {
+  return name_of(primitive_names, primitive, "an unknown fs_primitive");
+}
+
+const char* fs_profile_kind_name(fs_profile_kind kind) {
+  return name_of(profile_kind_names, kind, "an unknown fs_profile_kind");
+}
+
+const char* fs_sense_name(fs_sense sense) { return name_of(sense_names, sense, "an unknown fs_sense"); }
 
 void fs_object_release(fs_object* object) {
   if (!object || !object->owner) return;

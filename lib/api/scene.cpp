@@ -1,10 +1,19 @@
 #include <forceserver/scene.h>
 
 #include "api/guarded.h"
+#include "base/names.h"
 #include "client/remote_scene.h"
 #include "file/scene_file.h"
 
 using namespace fs;
+
+const char* fs_object_state_name(fs_object_state state) {
+  return name_of(object_state_names, state, "an unknown fs_object_state");
+}
+
+const char* fs_event_kind_name(fs_event_kind kind) {
+  return name_of(event_kind_names, kind, "an unknown fs_event_kind");
+}
 
 namespace {
 

@@ -1,9 +1,19 @@
 #include <forceserver/servo.h>
 
 #include "api/guarded.h"
+#include "base/names.h"
 #include "servo/servo.h"
 
 using namespace fs;
+
+const char* fs_realtime_name(fs_realtime realtime) {
+  return name_of(realtime_names, realtime, "an unknown fs_realtime");
+}
+
+const char* fs_fault_name(uint32_t faults) {
+  if (faults == 0) return "no fault";
+  return name_at(fault_names, static_cast<size_t>(std::countr_zero(faults)), "an unknown fs_fault");
+}
 
 fs_status fs_servo_start(fs_scene* scene, fs_device* device, const fs_servo_options* options, fs_servo** out) {
   return guarded([&] {

@@ -117,18 +117,25 @@ void RemoteScene::change(const fs_object& object, uint32_t parts) {
   const char* name = own_name(given.c_str());
   if (name && is_evaluated_here_ && (parts & FS_PART_SHAPE) && object.shape) object.shape->build();  // without the lock
   Call call = enter();
-  if (!name) return change_other(call, object, parts);
-  catch_up(call, name);
-  fs_object own = object;
-  if (name != given.c_str()) put_text(own.name, name);
-  mutate(call, [&](Group& group) {
-    require_room(group, 0);
-    replica_->change(own, parts);
-    if (parts == 0) return;
-    const auto slot = slots_.find(std::string_view(name));
-    const bool is_whole = slot != slots_.end() && slot->second.is_refused;  // the server has nothing to change
-    add_object(group, is_whole ? wire::type_set : wire::type_change, name, is_whole ? all_parts : parts);
-  });
+  try {
+    if (!name) return change_other(call, object, parts);
+    catch_up(call, name);
+    fs_object own = object;
+    if (name != given.c_str()) put_text(own.name, name);
+    mutate(call, [&](Group& group) {
+      require_room(group, 0);
+      replica_->change(own, parts);
+      if (parts == 0) return;
+      const auto slot = slots_.find(std::string_view(name));
+      const bool is_whole = slot != slots_.end() && slot->second.is_refused;  // the server has nothing to change
+      add_object(group, is_whole ? wire::type_set : wire::type_change, name, is_whole ? all_parts : parts);
+    });
+  } catch (Error& error) {
+    // A sentence about "spring" is one about "alice/spring" for whoever asked for that.
+    const std::string here = "object '" + given.substr(given.find('/') + 1) + "'";
+    if (error.text.starts_with(here)) error.text.replace(0, here.size(), "object '" + given + "'");
+    throw;
+  }
 }
 
 // The fast one: no system call and no allocation, while the server is awake.

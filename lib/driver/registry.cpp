@@ -1,8 +1,11 @@
 #include "driver/registry.h"
 
+#include <dlfcn.h>
+
 #include <cstddef>
 #include <cstring>
 #include <map>
+#include <memory>
 #include <mutex>
 
 #include "base/error.h"
@@ -65,6 +68,18 @@ void register_driver(const fs_driver& driver) {
   const auto [entry, inserted] = all.drivers.try_emplace(table.scheme, table);
   if (!inserted) fail(FS_ERROR_EXISTS, "a driver of the scheme '%s' is registered already", table.scheme);
   entry->second.scheme = entry->first.c_str();
+}
+
+void load_driver(const char* path) {
+  if (!*path) fail(FS_ERROR_INVALID, "path is empty, must be the path of a driver's library");
+  std::unique_ptr<void, int (*)(void*)> library(dlopen(path, RTLD_NOW | RTLD_LOCAL), dlclose);
+  if (!library) fail(FS_ERROR_IO, "path is '%.200s': %s", path, dlerror());
+  const auto entry = reinterpret_cast<fs_driver_entry_function>(dlsym(library.get(), "fs_driver_entry"));
+  if (!entry) fail(FS_ERROR_IO, "path is '%.200s', a library without a driver: %s", path, dlerror());
+  const fs_driver* const driver = entry();
+  if (!driver) fail(FS_ERROR_IO, "path is '%.200s', a library whose fs_driver_entry gives no driver", path);
+  register_driver(*driver);
+  static_cast<void>(library.release());  // the registry has its functions: it is never unloaded
 }
 
 const fs_driver* find_driver(const std::string& scheme) {

@@ -13,6 +13,9 @@ namespace fs {
 // VERSION. list, write_model and advance may be null.
 void register_driver(const fs_driver& driver);
 
+// Loads a library and registers the driver that its fs_driver_entry gives. Throws IO, and what register_driver throws.
+void load_driver(const char* path);
+
 // Null when there is none of this scheme. Lives as long as the process.
 const fs_driver* find_driver(const std::string& scheme);
 std::vector<const fs_driver*> all_drivers();  // in order of their schemes

@@ -102,16 +102,16 @@ class Form {
     out = value->get<uint32_t>();
   }
   template <class Enum, size_t count>
-  void read(const char* key, const char* const (&words)[count], Enum& out) {
+  void read(const char* key, const std::array<Word, count>& words, Enum& out) {
     const Json* value = find(key);
     if (!value) return;
-    const auto found = std::find_if(words, words + count, [&](const char* word) { return *value == word; });
-    if (found == words + count) {
+    const auto found = std::ranges::find_if(words, [&](const Word& word) { return *value == word.text; });
+    if (found == words.end()) {
       std::string must = "one of";
-      for (const char* word : words) must += std::string(" \"") + word + "\"";
+      for (const Word& word : words) must += std::string(" \"") + word.text + "\"";
       fail_value(*value, where_, key, must.c_str());
     }
-    out = static_cast<Enum>(found - words);
+    out = static_cast<Enum>(found - words.begin());
   }
   std::string text(const char* key) {
     const Json& value = need(key);

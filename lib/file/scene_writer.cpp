@@ -103,11 +103,11 @@ void put(Json& out, const char* key, Json value) {
 }
 
 template <size_t count>
-const char* word_of(const char* const (&words)[count], int value, const char* field) {
+const char* word_of(const std::array<Word, count>& words, int value, const char* field) {
   if (value < 0 || static_cast<size_t>(value) >= count) {
     fail(FS_ERROR_INVALID, "%s is %d, must be 0..%zu", field, value, count - 1);
   }
-  return words[value];
+  return words[static_cast<size_t>(value)].text;
 }
 
 Json to_json(const Pose& pose) {

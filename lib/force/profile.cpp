@@ -7,6 +7,7 @@
 
 #include "base/enum.h"
 #include "base/error.h"
+#include "base/names.h"
 
 namespace fs {
 namespace {
@@ -15,8 +16,6 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double largest = 1e200;             // N/m: a slope that can still be summed and scaled
 constexpr double largest_limit = 1e9;        // N
 constexpr double gaussian_support = 39;      // widths: exp(-39^2 / 2) is 0 in double precision
-constexpr const char* kind_names[] = {"a NONE",     "a CONSTANT",  "a LINEAR_INCREASING", "a LINEAR_DECREASING",
-                                      "a GAUSSIAN", "a QUADRATIC", "an INVERSE",          "a CUSTOM"};
 
 // A bound >= 0 that has been rounded, made safe.
 double outward(double bound) { return bound * (1 + 1e-15) + std::numeric_limits<double>::min(); }
@@ -25,20 +24,17 @@ void require_finite(double value, const char* field, const char* part) {
   if (!std::isfinite(value)) fail(FS_ERROR_INVALID, "%s.%s is %g, must be finite", field, part, value);
 }
 
-void require_zero(double value, const char* field, const char* part, const char* kind) {
-  if (value != 0) fail(FS_ERROR_INVALID, "%s.%s is %.9g, must be 0 for %s profile", field, part, value, kind);
-}
-
-void require_positive(double value, const char* field, const char* part, const char* kind) {
-  if (!(value > 0)) fail(FS_ERROR_INVALID, "%s.%s is %.9g, must be > 0 for %s profile", field, part, value, kind);
-}
-
-void require_negative(double value, const char* field, const char* part, const char* kind) {
-  if (!(value < 0)) fail(FS_ERROR_INVALID, "%s.%s is %.9g, must be < 0 for %s profile", field, part, value, kind);
+// Throws INVALID unless the value is as it must be for a profile of this kind.
+void require_that(bool is_good, const char* must, double value, const char* field, const char* part,
+                  fs_profile_kind kind) {
+  if (is_good) return;
+  fail(FS_ERROR_INVALID, "%s.%s is %.9g, must be %s for %s %s profile", field, part, value, must,
+       kind == FS_PROFILE_INVERSE ? "an" : "a", without_prefix(profile_kind_names[kind]));
 }
 
 // The formula without limit and reach. The slope is of use only where 0 < force < limit.
 Intensity formula(const Profile& p, unsigned reader, double d, double t) noexcept {
+  if (p.gain == 0) return {p.offset, 0};  // of every kind, also where d makes it 0 * infinity or 0 / 0
   switch (p.kind) {
     case FS_PROFILE_CONSTANT:
       return {p.gain, 0};
@@ -51,7 +47,6 @@ Intensity formula(const Profile& p, unsigned reader, double d, double t) noexcep
       return {force, -(force * q) / p.width};
     }
     case FS_PROFILE_QUADRATIC:
-      if (p.gain == 0) return {p.offset, 0};  // also at an infinite d
       return {p.gain * d * d + p.offset, 2 * (p.gain * d)};
     case FS_PROFILE_INVERSE: {
       const double force = p.gain / d;
@@ -68,6 +63,7 @@ Intensity formula(const Profile& p, unsigned reader, double d, double t) noexcep
 
 // The support of the formula clamped at 0, whatever the reach.
 double formula_support(const Profile& p) noexcept {
+  if (p.gain == 0) return p.offset > 0 ? infinity : -1;
   switch (p.kind) {
     case FS_PROFILE_CONSTANT:
     case FS_PROFILE_LINEAR_INCREASING:
@@ -77,7 +73,7 @@ double formula_support(const Profile& p) noexcept {
     case FS_PROFILE_GAUSSIAN:
       return gaussian_support * p.width;
     case FS_PROFILE_QUADRATIC:
-      if (p.gain > 0 || (p.gain == 0 && p.offset > 0)) return infinity;
+      if (p.gain > 0) return infinity;
       return p.offset > 0 ? outward(std::sqrt(p.offset / -p.gain)) : -1;
     case FS_PROFILE_INVERSE:
       return p.offset < 0 ? outward(p.gain / -p.offset) : infinity;
@@ -114,7 +110,7 @@ double formula_slope(const Profile& p, double end) noexcept {
     case FS_PROFILE_QUADRATIC: {
       // The slope grows with d: it counts where the force comes to limit (gain > 0) or to 0 (gain < 0), or at the end.
       const double room = p.gain > 0 ? p.limit - p.offset : p.offset;
-      if (p.gain == 0 || room <= 0) return 0;
+      if (room <= 0) return 0;
       const double d = std::fmin(std::sqrt(room / std::fabs(p.gain)), end);
       const double force = p.gain * d * d + p.offset;
       const bool is_felt = p.gain > 0 ? force > 0 : force < p.limit;
@@ -147,7 +143,6 @@ Profile parse_profile(const fs_profile& in, const char* field) {
   if (raw_sense != FS_SENSE_ATTRACTIVE && raw_sense != FS_SENSE_REPULSIVE) {
     fail(FS_ERROR_INVALID, "%s.sense is %d, must be an fs_sense (0 or 1)", field, raw_sense);
   }
-  const char* kind = kind_names[in.kind];
   require_finite(in.gain, field, "gain");
   require_finite(in.offset, field, "offset");
   require_finite(in.width, field, "width");
@@ -157,24 +152,27 @@ Profile parse_profile(const fs_profile& in, const char* field) {
   const bool has_gain = in.kind != FS_PROFILE_NONE;
   const bool has_offset = in.kind == FS_PROFILE_LINEAR_INCREASING || in.kind == FS_PROFILE_LINEAR_DECREASING ||
                           in.kind == FS_PROFILE_QUADRATIC || in.kind == FS_PROFILE_INVERSE;
+  const auto require = [&](bool is_good, const char* must, double value, const char* part) {
+    require_that(is_good, must, value, field, part, in.kind);
+  };
   if (!has_gain) {
-    require_zero(in.gain, field, "gain", kind);
+    require(in.gain == 0, "0", in.gain, "gain");
   } else if (in.kind == FS_PROFILE_LINEAR_DECREASING) {
-    require_negative(in.gain, field, "gain", kind);
+    require(in.gain <= 0, "<= 0", in.gain, "gain");
   } else if (in.kind != FS_PROFILE_QUADRATIC) {
-    require_positive(in.gain, field, "gain", kind);
+    require(in.gain >= 0, ">= 0", in.gain, "gain");
   }
-  if (!has_offset) require_zero(in.offset, field, "offset", kind);
+  if (!has_offset) require(in.offset == 0, "0", in.offset, "offset");
   if (in.kind == FS_PROFILE_GAUSSIAN) {
-    require_positive(in.width, field, "width", kind);
+    require(in.width > 0, "> 0", in.width, "width");
   } else {
-    require_zero(in.width, field, "width", kind);
+    require(in.width == 0, "0", in.width, "width");
   }
   if (in.kind == FS_PROFILE_NONE) {
-    require_zero(in.limit, field, "limit", kind);
-    require_zero(in.reach, field, "reach", kind);
+    require(in.limit == 0, "0", in.limit, "limit");
+    require(in.reach == 0, "0", in.reach, "reach");
   } else {
-    require_positive(in.limit, field, "limit", kind);
+    require(in.limit > 0, "> 0", in.limit, "limit");
     if (in.limit > largest_limit) {
       fail(FS_ERROR_INVALID, "%s.limit is %.9g, must be at most %.9g N", field, in.limit, largest_limit);
     }
@@ -183,7 +181,8 @@ Profile parse_profile(const fs_profile& in, const char* field) {
   if (in.kind == FS_PROFILE_CUSTOM) {
     if (!in.curve) fail(FS_ERROR_INVALID, "%s.curve is null, must be a curve for a CUSTOM profile", field);
   } else if (in.curve) {
-    fail(FS_ERROR_INVALID, "%s.curve is given, must be null for %s profile", field, kind);
+    fail(FS_ERROR_INVALID, "%s.curve is given, must be null for %s %s profile", field,
+         in.kind == FS_PROFILE_INVERSE ? "an" : "a", without_prefix(profile_kind_names[in.kind]));
   }
   return {in.kind, in.sense, in.gain, in.offset, in.width, in.limit, in.reach, Ref<const Curve>::share(in.curve)};
 }
@@ -210,12 +209,18 @@ double support(const Profile& p) noexcept {
   return p.reach > 0 ? std::fmin(bound, p.reach) : bound;
 }
 
+bool is_ever_felt(const Profile& p) noexcept {
+  if (p.kind == FS_PROFILE_CUSTOM) return support(p) > 0;
+  // The formulas rise or fall throughout.
+  return evaluate(p, 0, 0, 0).force > 0 || evaluate(p, 0, p.reach > 0 ? p.reach : infinity, 0).force > 0;
+}
+
 double steepest_slope(const Profile& p) {
-  if (p.kind == FS_PROFILE_NONE) return 0;
   if (jumps_at_reach(p)) return infinity;
+  if (p.gain == 0) return 0;
   const double end = p.reach > 0 ? p.reach : infinity;
   if (p.kind != FS_PROFILE_CUSTOM) return formula_slope(p, end);
-  return p.gain > 0 ? std::fmin(p.gain * p.curve->steepest_slope(p.limit / p.gain, end), largest) : 0;
+  return std::fmin(p.gain * p.curve->steepest_slope(p.limit / p.gain, end), largest);
 }
 
 double first_force(const Profile& p) {

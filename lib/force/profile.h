@@ -29,6 +29,9 @@ Intensity evaluate(const Profile& profile, unsigned reader, double d, double t) 
 // for a profile that never gives any. Expressions: their reach.
 double support(const Profile& profile) noexcept;
 
+// Whether the profile gives a force at any distance d > 0. Curves: as far as their support tells.
+bool is_ever_felt(const Profile& profile) noexcept;
+
 // The steepest |df/dd| over all d >= 0 where 0 < f < limit, N/m; infinite where f jumps at the reach. Curves are not
 // evaluated: what was worked out when they were made is scaled by the gain and cut off by limit and reach (curve.h).
 double steepest_slope(const Profile& profile);

@@ -1,10 +1,12 @@
 #include "scene/object.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
 #include "base/enum.h"
 #include "base/error.h"
+#include "base/names.h"
 
 namespace fs {
 namespace {
@@ -39,10 +41,7 @@ size_t utf8_length(const unsigned char* text) {
 bool has_surface(fs_primitive primitive) { return primitive == FS_PRIMITIVE_PLANE || primitive == FS_PRIMITIVE_MESH; }
 bool has_shape(fs_primitive primitive) { return primitive == FS_PRIMITIVE_POLYLINE || primitive == FS_PRIMITIVE_MESH; }
 
-const char* primitive_name(fs_primitive primitive) {
-  static constexpr const char* names[] = {"POINT", "POLYLINE", "PLANE", "MESH"};
-  return names[primitive];
-}
+const char* primitive_name(fs_primitive primitive) { return without_prefix(primitive_names[primitive]); }
 
 void check_contact(const fs_contact& contact, fs_primitive primitive) {
   const int32_t keep = raw_value(contact.keep);
@@ -62,14 +61,32 @@ void check_contact(const fs_contact& contact, fs_primitive primitive) {
   if (!(contact.limit > 0)) fail(FS_ERROR_INVALID, "contact.limit is %.9g, must be > 0 N", contact.limit);
 }
 
-// The steepest slope of the force along the distance. Where the force jumps, it is infinite: at a point or polyline its
-// direction turns over, at a surface it goes from the front's value to the back's.
+// Whether all its points lie on one line, within a millionth of its length.
+bool is_straight(const Shape& polyline) {
+  const Vec3 begin = polyline.points.front();
+  Vec3 along{};
+  for (const Vec3& p : polyline.points) {
+    if (norm(p - begin) > norm(along)) along = p - begin;
+  }
+  const Vec3 direction = normalized(along);
+  return std::ranges::all_of(polyline.points, [&](const Vec3& p) {
+    return norm(cross(p - begin, direction)) <= 1e-6 * norm(along);
+  });
+}
+
+// The steepest slope of the force, infinite where it jumps: fs_report has the list.
 double object_slope(const Object& object) {
+  constexpr double jump = std::numeric_limits<double>::infinity();
+  // At d = 0 from one direction to the opposite one, or from the front's value to the back's.
   const auto outward = [](const Profile& profile) { return profile.sense == FS_SENSE_REPULSIVE ? 1.0 : -1.0; };
-  const double steepest = std::fmax(steepest_slope(object.front), steepest_slope(object.back));
   const double front = outward(object.front) * first_force(object.front);
   const double back = has_surface(object.primitive) ? -outward(object.back) * first_force(object.back) : -front;
-  return front == back ? steepest : std::numeric_limits<double>::infinity();
+  if (front != back) return jump;
+  // A polyline that is not straight is no convex set, so some places have two closest points (Motzkin 1935). These
+  // places hang together, from its bends to any distance: if it is felt at all, then at some of them.
+  const bool is_bent = object.primitive == FS_PRIMITIVE_POLYLINE && !is_straight(*object.shape);
+  if (is_bent && is_ever_felt(object.front)) return jump;
+  return std::fmax(steepest_slope(object.front), steepest_slope(object.back));
 }
 
 ParsedObject parse(const fs_object& in, std::string name, const Object* like, bool builds_shape) {
@@ -126,8 +143,8 @@ ParsedObject parse(const fs_object& in, std::string name, const Object* like, bo
     object.radius = std::numeric_limits<double>::infinity();
   }
   object.support = std::fmax(support(object.front), support(object.back));
-  const bool has_same_force = like && like->primitive == object.primitive && like->front == object.front &&
-                              like->back == object.back;
+  const bool has_same_force = like && like->primitive == object.primitive && like->shape == object.shape &&
+                              like->front == object.front && like->back == object.back;
   object.steepest_slope = has_same_force ? like->steepest_slope : object_slope(object);  // the place for a slope cap
   out.object = made;
   return out;
@@ -198,6 +215,10 @@ Pose parse_pose(const Pose& pose, const char* field) {
   if (make_unit_pose(unit)) return unit;
   parse_position(pose.position, (std::string(field) + ".position").c_str());
   const Quat q = pose.orientation;
+  if (std::isnan(q.w)) {
+    fail(FS_ERROR_INVALID, "%s.orientation.w is nan, must be a number; fs_wall_init makes it so where its normal, here "
+         "(%g, %g, %g), is not finite and longer than 0", field, q.x, q.y, q.z);
+  }
   fail(FS_ERROR_INVALID, "%s.orientation is (%g, %g, %g, %g) of length %.9g, must be within 1e-3 of 1 or all 0", field,
        q.w, q.x, q.y, q.z, norm(q));
 }

@@ -26,7 +26,8 @@ fs_report LocalScene::make_report(const Entry& entry, const Entry* evaluated, co
   if (evaluated) {
     out.weight = has_servo ? evaluated->fade.weight(basis.time, basis.fade) : evaluated->is_present(basis.time);
   }
-  const bool is_pending = !evaluated || (has_servo && evaluated->fade.is_pending());
+  const bool is_new = !evaluated || evaluated->is_removed;  // also where its name still fades out from before
+  const bool is_pending = is_new || (has_servo && evaluated->fade.is_pending());
   if (is_pending && out.weight == 0 && object.is_enabled) {
     out.state = FS_OBJECT_PENDING;
   } else if (!object.is_enabled && out.weight == 0) {

@@ -26,6 +26,12 @@ for language in LANGUAGES:
             if not good:
                 failed = True
                 print(f"{header.name}{what} as {language}:\n{errors}")
+    # What a generator of bindings sees: a driver can be loaded, not written.
+    good, errors = compiles(language, "#define SWIG\n#include <forceserver/driver.h>\n"
+                            "fs_status (*forceserver_header_test)(const char *) = fs_driver_load;\n")
+    if not good:
+        failed = True
+        print(f"driver.h for SWIG as {language}:\n{errors}")
     # The test itself can fail: a struct with padding must not pass.
     if compiles(language, "struct s { char a; double b; };\nstruct s forceserver_header_test;\n")[0]:
         failed = True

@@ -1,9 +1,11 @@
-"""The installed library can be found by CMake and by pkg-config, and a C and a C++ program built with it run.
+"""The installed library can be found by CMake and by pkg-config, and a C and a C++ program built with it run; so does
+the first program of the README.
 
 install.py BUILD_FOLDER CMAKE GENERATOR C_COMPILER CXX_COMPILER LIBRARY_FOLDER
 """
 import os
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
@@ -38,7 +40,7 @@ int main(void)
 }
 """
 PROJECT = """
-cmake_minimum_required(VERSION 3.25)
+cmake_minimum_required(VERSION 3.22)
 project(user LANGUAGES C CXX)
 find_package(forceserver 0.1 REQUIRED)
 add_executable(in_c user.c)
@@ -46,6 +48,7 @@ add_executable(in_cpp user.cpp)
 target_link_libraries(in_c PRIVATE forceserver::forceserver)
 target_link_libraries(in_cpp PRIVATE forceserver::forceserver)
 """
+README = pathlib.Path(__file__).parents[2] / "README.md"
 
 
 def run(*command, **options):
@@ -70,6 +73,19 @@ with tempfile.TemporaryDirectory() as temporary:
     run(cmake, "--build", user / "build")
     for program in ["in_c", "in_cpp"]:
         run(user / "build" / program)
+
+    hello = folder / "hello"
+    hello.mkdir()
+    for language, name, begin in [("c", "hello.c", "#include"), ("cmake", "CMakeLists.txt", "cmake_minimum_required")]:
+        block = re.search(rf"\n```{language}\n({begin}.*?)```\n", README.read_text(), re.S)
+        (hello / name).write_text(block[1])
+    run(cmake, "-S", hello, "-B", hello / "build", "-G", generator, f"-DCMAKE_PREFIX_PATH={prefix}",
+        f"-DCMAKE_C_COMPILER={c}")
+    run(cmake, "--build", hello / "build")
+    lines = run(hello / "build" / "hello").splitlines()
+    if len(lines) != 10 or not all("the hand is at" in line for line in lines):
+        print("the first program of the README prints something else")
+        sys.exit(1)
 
     libraries = prefix / library_folder
     pkg_config = shutil.which("pkg-config")

@@ -100,6 +100,9 @@ START_TEST(own_names_in_full) {
   fs_object o = push("a", 3);
   std::strcpy(o.name, "me/a");
   OK(fs_object_change(two.me.get(), &o, FS_PART_PROFILES));
+  fs_object bad = o;
+  bad.front.gain = -1;
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_object_change(two.me.get(), &bad, FS_PART_PROFILES), "object 'me/a': front.");
   two.settle_all();
   EXPECT_VECTOR(two.fake.written.force, (fs_vec3{0, 0, 3}), 1e-12);
   const Got seen(two.me.get(), "me/a");
@@ -231,7 +234,8 @@ static void change_of_others(Two& two, fs_scene* owner, const std::string& prefi
 
   // Refused, with nothing changed: what makes a bad whole, and what is not there.
   change.front.gain = -1;
-  EXPECT(FS_ERROR_INVALID, fs_object_change(bob, &change, FS_PART_PROFILES));
+  const std::string as_asked = std::string("object '") + full + "': front.gain is -1";
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_object_change(bob, &change, FS_PART_PROFILES), as_asked.c_str());
   change = fs_object_init(full, FS_PRIMITIVE_MESH);
   EXPECT_SENTENCE(FS_ERROR_INVALID, fs_object_change(bob, &change, FS_PART_SHAPE), "shape");
   EXPECT_SENTENCE(FS_ERROR_INVALID, fs_object_change(bob, &change, 64), "parts");

@@ -289,7 +289,7 @@ static const std::vector<Call> calls{
      }},
 
     {"fs_driver_register", 1, FS_OK, [](World& w, int n) { return fs_driver_register(but(n, 0, &w.driver)); }},
-    {"fs_driver_load", 1, FS_ERROR_UNSUPPORTED, [](World&, int n) {
+    {"fs_driver_load", 1, FS_ERROR_IO, [](World&, int n) {
        return fs_driver_load(but(n, 0, "/no/such/driver.so"));
      }},
 };
@@ -315,7 +315,8 @@ static const char* const others[]{
     "fs_version", "fs_status_name", "fs_last_error", "fs_object_release", "fs_shape_retain", "fs_shape_destroy",
     "fs_shape_get_points", "fs_shape_get_triangles", "fs_curve_get_expression", "fs_curve_get_table", "fs_curve_retain",
     "fs_curve_destroy", "fs_scene_destroy", "fs_tool_destroy", "fs_device_close", "fs_servo_stop", "fs_server_stop",
-    "fs_fail"};
+    "fs_fail", "fs_primitive_name", "fs_profile_kind_name", "fs_sense_name", "fs_object_state_name",
+    "fs_event_kind_name", "fs_realtime_name", "fs_fault_name"};
 
 START_TEST(the_others) {
   World w;
@@ -354,6 +355,72 @@ START_TEST(the_others) {
   EXPECT_SENTENCE(FS_ERROR_IO, fs_fail(FS_ERROR_IO, "the cable is out: 0 V, 5 V expected"), "0 V, 5 V expected");
   ck_assert_int_eq(fs_fail(FS_ERROR_IO, nullptr), FS_ERROR_IO);
   ck_assert_ptr_nonnull(fs_last_error());
+}
+END_TEST
+
+// Each value has the name that it has in the header, and any other number has one too.
+START_TEST(names) {
+#define NAMED(call) ck_assert_msg(std::string(#call).ends_with(std::string("(") + call + ")"), "%s: %s", #call, call)
+  NAMED(fs_status_name(FS_OK));
+  NAMED(fs_primitive_name(FS_PRIMITIVE_POINT));
+  NAMED(fs_primitive_name(FS_PRIMITIVE_POLYLINE));
+  NAMED(fs_primitive_name(FS_PRIMITIVE_PLANE));
+  NAMED(fs_primitive_name(FS_PRIMITIVE_MESH));
+  NAMED(fs_profile_kind_name(FS_PROFILE_NONE));
+  NAMED(fs_profile_kind_name(FS_PROFILE_CONSTANT));
+  NAMED(fs_profile_kind_name(FS_PROFILE_LINEAR_INCREASING));
+  NAMED(fs_profile_kind_name(FS_PROFILE_LINEAR_DECREASING));
+  NAMED(fs_profile_kind_name(FS_PROFILE_GAUSSIAN));
+  NAMED(fs_profile_kind_name(FS_PROFILE_QUADRATIC));
+  NAMED(fs_profile_kind_name(FS_PROFILE_INVERSE));
+  NAMED(fs_profile_kind_name(FS_PROFILE_CUSTOM));
+  NAMED(fs_sense_name(FS_SENSE_ATTRACTIVE));
+  NAMED(fs_sense_name(FS_SENSE_REPULSIVE));
+  NAMED(fs_object_state_name(FS_OBJECT_PENDING));
+  NAMED(fs_object_state_name(FS_OBJECT_FELT));
+  NAMED(fs_object_state_name(FS_OBJECT_FADING));
+  NAMED(fs_object_state_name(FS_OBJECT_DISABLED));
+  NAMED(fs_object_state_name(FS_OBJECT_REFUSED));
+  NAMED(fs_event_kind_name(FS_EVENT_NONE));
+  NAMED(fs_event_kind_name(FS_EVENT_READY));
+  NAMED(fs_event_kind_name(FS_EVENT_REFUSED));
+  NAMED(fs_event_kind_name(FS_EVENT_CAPPED));
+  NAMED(fs_event_kind_name(FS_EVENT_EDITED));
+  NAMED(fs_event_kind_name(FS_EVENT_EXPIRED));
+  NAMED(fs_event_kind_name(FS_EVENT_DEVICE));
+  NAMED(fs_event_kind_name(FS_EVENT_DISCONNECTED));
+  NAMED(fs_event_kind_name(FS_EVENT_OVERFLOW));
+  NAMED(fs_realtime_name(FS_REALTIME_NONE));
+  NAMED(fs_realtime_name(FS_REALTIME_NICE));
+  NAMED(fs_realtime_name(FS_REALTIME_FIFO));
+  NAMED(fs_realtime_name(FS_REALTIME_FIFO_LOCKED));
+  NAMED(fs_fault_name(FS_FAULT_DEVICE));
+  NAMED(fs_fault_name(FS_FAULT_SPEED));
+  NAMED(fs_fault_name(FS_FAULT_NUMBER));
+  NAMED(fs_fault_name(FS_FAULT_LATE));
+#undef NAMED
+  // Of several faults the lowest; all of them one after the other.
+  std::string all;
+  for (uint32_t faults = FS_FAULT_SPEED | FS_FAULT_LATE; faults; faults &= faults - 1) {
+    all += std::string(fs_fault_name(faults)) + " ";
+  }
+  ck_assert_str_eq(all.c_str(), "FS_FAULT_SPEED FS_FAULT_LATE ");
+  ck_assert_str_eq(fs_fault_name(0), "no fault");
+  ck_assert_str_eq(fs_fault_name(FS_FAULT_LATE << 1), "an unknown fs_fault");
+  ck_assert_str_eq(fs_fault_name(1u << 31), "an unknown fs_fault");
+  // A number that is no value, as a C program can have it.
+  const auto strange = [](auto name, auto value, const char* text) {
+    for (const uint32_t number : {99u, 0x7fffffffu, 0xffffffffu}) {
+      std::memcpy(&value, &number, sizeof value);
+      ck_assert_str_eq(name(value), text);
+    }
+  };
+  strange(fs_primitive_name, FS_PRIMITIVE_POINT, "an unknown fs_primitive");
+  strange(fs_profile_kind_name, FS_PROFILE_NONE, "an unknown fs_profile_kind");
+  strange(fs_sense_name, FS_SENSE_ATTRACTIVE, "an unknown fs_sense");
+  strange(fs_object_state_name, FS_OBJECT_FELT, "an unknown fs_object_state");
+  strange(fs_event_kind_name, FS_EVENT_NONE, "an unknown fs_event_kind");
+  strange(fs_realtime_name, FS_REALTIME_NONE, "an unknown fs_realtime");
 }
 END_TEST
 
@@ -458,7 +525,7 @@ END_TEST
 
 int main() {
   Suite* suite = suite_create("contract");
-  add_case(suite, "contract", {every_pointer_in_turn, the_others, pointers_that_may_be_null, devices_and_their_names,
-                               drivers_that_are_refused});
+  add_case(suite, "contract", {every_pointer_in_turn, the_others, names, pointers_that_may_be_null,
+                               devices_and_their_names, drivers_that_are_refused});
   return run_suite(suite);
 }

@@ -119,6 +119,87 @@ START_TEST(stiffness_wanted) {
 }
 END_TEST
 
+// What jumps asks for an infinite stiffness: at d = 0, at the reach, and where two parts of a polyline are equally near.
+START_TEST(what_jumps) {
+  const Scene scene = make_scene();
+  const auto wanted = [&](const fs_object& o) {
+    OK(fs_object_set(scene.get(), &o));
+    return report_of(scene.get(), o.name).stiffness_wanted;
+  };
+  const auto line = [&](std::initializer_list<fs_vec3> points, const fs_profile& profile, bool closed = false) {
+    const Shape shape = make_polyline(std::data(points), points.size(), closed);
+    fs_object o = fs_object_init("line", FS_PRIMITIVE_POLYLINE);
+    o.shape = shape.get();
+    o.front = profile;
+    return wanted(o);
+  };
+  const fs_profile spring = attract(150, 2), bell = fs_profile_init(FS_PROFILE_GAUSSIAN, FS_SENSE_REPULSIVE, 1, 0.01, 1);
+  fs_profile late = attract(100, 2), quadratic = fs_profile_init(FS_PROFILE_QUADRATIC, FS_SENSE_ATTRACTIVE, 1e3, 0, 2);
+  late.offset = -1;  // none within 10 mm
+
+  // Points.
+  EXPECT_NEAR(wanted(point("p", spring)), 150, 0);
+  EXPECT_NEAR(wanted(point("p", late)), 100, 0);
+  ck_assert_double_eq(wanted(point("p", bell)), infinite);
+  ck_assert_double_eq(wanted(point("p", constant(FS_SENSE_REPULSIVE, 1))), infinite);
+  ck_assert_double_eq(wanted(point("p", fs_profile_init(FS_PROFILE_INVERSE, FS_SENSE_REPULSIVE, 1, -1, 1))), infinite);
+  ck_assert_double_eq(wanted(point("p", fs_profile_init(FS_PROFILE_LINEAR_DECREASING, FS_SENSE_REPULSIVE, -9, 1, 1))),
+                      infinite);
+  late.reach = 0.01;  // f is 0 there: nothing jumps, and nothing is felt at all
+  EXPECT_NEAR(wanted(point("p", late)), 0, 0);
+  late.reach = 0;
+
+  // A straight polyline is as a point; whichever way it runs, and wherever it lies.
+  const fs_vec3 a{1, 2, 3}, b{1.1, 2.2, 2.9};
+  EXPECT_NEAR(line({a, b}, spring), 150, 0);
+  EXPECT_NEAR(line({a, 0.3 * (b - a) + a, 0.7 * (b - a) + a, b}, spring), 150, 0);
+  EXPECT_NEAR(line({a, b, 0.5 * (b - a) + a}, spring, true), 150, 0);
+  EXPECT_NEAR(line({a, a, a}, spring), 150, 0);
+  ck_assert_double_eq(line({a, b}, bell), infinite);
+
+  // One that is bent jumps wherever it is felt, also if f(0) = 0.
+  for (const double bend : {1e-4, 0.01, 0.1}) {
+    for (const bool closed : {false, true}) {
+      const std::initializer_list<fs_vec3> points{{-0.05, 0, 0}, {0, bend, 0}, {0.05, 0, 0}};
+      ck_assert_double_eq(line(points, spring, closed), infinite);
+      ck_assert_double_eq(line(points, quadratic, closed), infinite);
+      ck_assert_double_eq(line(points, late, closed), infinite);
+      EXPECT_NEAR(line(points, attract(0, 2), closed), 0, 0);
+      late.reach = 0.005;  // it is never felt
+      EXPECT_NEAR(line(points, late, closed), 0, 0);
+      late.reach = 0;
+    }
+  }
+
+  // A plane or mesh: where front and back do not agree.
+  const Content content = ball(100);
+  for (const fs_primitive primitive : {FS_PRIMITIVE_PLANE, FS_PRIMITIVE_MESH}) {
+    fs_object o = fs_object_init("surface", primitive);
+    if (primitive == FS_PRIMITIVE_MESH) o.shape = content.shapes[0].get();
+    o.back = attract(400, 3);
+    EXPECT_NEAR(wanted(o), 400, 0);
+    o.front = constant(FS_SENSE_REPULSIVE, 1);
+    ck_assert_double_eq(wanted(o), infinite);
+    o.back = fs_profile_init(FS_PROFILE_LINEAR_INCREASING, FS_SENSE_ATTRACTIVE, 400, 1, 3);  // 1 N too, the same way
+    EXPECT_NEAR(wanted(o), 400, 0);
+    o.back.sense = FS_SENSE_REPULSIVE;  // the other way
+    ck_assert_double_eq(wanted(o), infinite);
+  }
+
+  // A curve is looked at at several times.
+  if (!has_expressions()) return;
+  fs_object pulse = point("p", fs_profile{});
+  pulse.front.kind = FS_PROFILE_CUSTOM;
+  pulse.front.gain = pulse.front.limit = 1;
+  const Curve later = make_expression("t*exp(-d/0.01)"), never = make_expression("30*d*(1+sin(12*t))*exp(-d/0.01)");
+  pulse.front.curve = later.get();
+  ck_assert_double_eq(wanted(pulse), infinite);
+  pulse.front.curve = never.get();
+  ck_assert_double_gt(wanted(pulse), 50);
+  ck_assert_double_lt(wanted(pulse), 60.1);
+}
+END_TEST
+
 START_TEST(under_a_servo) {
   Rig rig("report");
   fs_frame frame = fs_frame_init();  // the hand at (0, 0, 0.01) is at (1, 0, 0.1) in the scene
@@ -309,7 +390,7 @@ END_TEST
 
 int main() {
   Suite* suite = suite_create("report_event");
-  add_case(suite, "reports", {without_a_servo, revisions, stiffness_wanted, under_a_servo});
+  add_case(suite, "reports", {without_a_servo, revisions, stiffness_wanted, what_jumps, under_a_servo});
   add_case(suite, "events", {nothing_happened, expired, device_events, waiting_holds_up_nobody, overflow});
   return run_suite(suite);
 }

@@ -109,6 +109,7 @@ class Actor {
     if (out.kind == FS_PROFILE_GAUSSIAN) out.width = random_.log_between(1e-4, 1);
     if (out.kind == FS_PROFILE_CUSTOM) out.curve = id();
     if (random_.coin(0.1)) out.gain = number(random_);
+    if (random_.coin(0.1)) out.gain = 0;
     if (random_.coin(0.3)) out.reach = random_.log_between(1e-4, 10);
     return out;
   }

@@ -24,14 +24,58 @@ expect() {
 expect 0 '^forceserver [0-9]+\.[0-9]+\.[0-9]+$' "$program" --version
 expect 0 'examples:' "$program" run --help
 expect 0 'Exit status' "$program" --help
-expect 0 'sim:' "$program" devices
+
+# devices: what each is and can; the hands and paths of the simulator in the help.
+expect 0 '^sim:  simulated FIDEL$' "$program" devices
+expect 0 '^    workspace   a cylinder about z: 150 mm in radius, 200 mm high, .* 20 degrees each way$' "$program" devices
+expect 0 '^    force       along x, y, z, at most 25 N$' "$program" devices
+expect 0 '^    torque      none$' "$program" devices
+expect 0 '^    rate        1000 Hz; 0 ms ' "$program" devices
+expect 0 '^    moving      0.3 kg, 1 N s/m ' "$program" devices
+expect 0 'firm 0.8, 5.5, 568;' "$program" devices --help
+expect 0 'figure8: 120 mm by 60 mm' "$program" devices --help
+if command -v python3 > /dev/null; then
+  "$program" devices --json > devices.json
+  python3 -c "
+import json
+sim = [d for d in json.load(open('devices.json'))['devices'] if d['uri'] == 'sim:'][0]
+info = sim['info']
+assert (sim['label'], info['name'], info['serial']) == ('simulated FIDEL', 'FIDEL (simulated)', 'sim-0')
+assert (info['workspace_radius'], info['workspace_height'], round(info['workspace_angle'], 3)) == (0.15, 0.2, 0.349)
+assert (info['force_axes'], info['torque_axes'], info['force_max'], info['torque_max']) == (3, 0, 25, 0)
+assert (info['rate'], info['delay'], info['resolution'], info['mass'], info['damping']) == (1000, 0, 2e-5, 0.3, 1)
+" || { echo "FAILED: devices --json"; failures=$((failures + 1)); }
+fi
 expect 2 '^forceserver: ' "$program"
-expect 2 "^forceserver: there is no command 'wacth'; there are: run, clients, .*, devices$" "$program" wacth x
-expect 2 '^forceserver: .*nonsense' "$program" run --nonsense
+expect 2 "^forceserver: there is no command 'wacth'; did you mean watch\? There are: run, clients, .*, devices$" \
+  "$program" wacth x
+expect 2 "^forceserver: there is no command 'nonsense'; there are: run, " "$program" nonsense
 expect 2 '^forceserver: .*duration' "$program" run --duration -1
 
+# What is not known is named, not the value behind it, and what was meant: of every command alike.
+expect 2 '^forceserver: run has no option --nonsense; see: forceserver run --help$' "$program" run --nonsense
+expect 2 '^forceserver: run has no option --duraton; did you mean --duration\?$' "$program" run --duraton 1
+expect 2 '^forceserver: run has no option --duraton; did you mean --duration\?$' "$program" run "$scene" --duraton=1
+expect 2 '^forceserver: run has no option --listn; did you mean --listen\?$' "$program" run --listn lab --duration 1
+expect 2 '^forceserver: run has no option --scen; did you mean --scene\?$' "$program" run --scen "$scene"
+expect 2 '^forceserver: run has no option -d; see: forceserver run --help$' "$program" run -d 1
+expect 2 '^forceserver: clients has no option --jsn; did you mean --json\?$' "$program" clients --jsn
+expect 2 '^forceserver: watch has no option --inteval; did you mean --interval\?$' "$program" watch lab --inteval 5
+expect 2 '^forceserver: check has no option --scales; did you mean --scale\?$' "$program" check --scales 1
+expect 2 '^forceserver: evaluate has no option --tim; did you mean --time\?$' "$program" evaluate --tim 1
+expect 2 '^forceserver: devices has no option --lits; see: forceserver devices --help$' "$program" devices --lits
+expect 2 '^forceserver: there is no option --versoin; did you mean --version\?$' "$program" --versoin
+expect 2 "^forceserver: run takes no 'b.json' after 'a.json'$" "$program" run a.json b.json
+expect 2 "^forceserver: watch takes no 'other' after 'lab'$" "$program" watch lab other
+expect 2 "^forceserver: devices takes no 'sim:'$" "$program" devices sim:
+expect 2 "^forceserver: run: the scene is given twice: 'a.json' and 'b.json'$" "$program" run a.json --scene b.json
+expect 2 '^forceserver: watch needs a server, such as: forceserver watch lab$' "$program" watch
+expect 2 '^forceserver: check needs a file, such as: forceserver check room.json$' "$program" check
+expect 2 '^forceserver: evaluate needs a scene, such as: forceserver evaluate room.json points.csv$' "$program" evaluate
+
 # run: a summary, a record without a gap, errors with a sentence.
-expect 0 '^protections switched off: ' "$program" run --scene "$scene" --duration 1 --record ticks.csv
+expect 0 '^protections switched off: ' "$program" run "$scene" --duration 1 --record ticks.csv
+expect 2 '^forceserver: .*no-such\.json' "$program" run no-such.json --duration 1
 grep -qE '^time,x,y,z,' ticks.csv || { echo "FAILED: no record"; failures=$((failures + 1)); }
 awk -F, 'NR > 2 && $1 <= last { bad = 1 } { last = $1 } END { exit bad || NR < 100 }' ticks.csv ||
   { echo "FAILED: the ticks of the record are out of order or few"; failures=$((failures + 1)); }
@@ -54,7 +98,10 @@ fi
 
 # evaluate: the floor of the scene is at z = -0.05 with 800 N/m.
 printf 'x y z\n# a comment\n0 0 -0.06   # 10 mm deep\n\n0,0,-0.055\r\n' > points
+expect 0 '^0,0,-0\.055,0,0,(4\.0000|3\.99999)' "$program" evaluate "$scene" points --object floor
 expect 0 '^0,0,-0\.055,0,0,(4\.0000|3\.99999)' "$program" evaluate --scene "$scene" --object floor points
+expect 0 '^0,0,-0\.055,0,0,(4\.0000|3\.99999)' "$program" evaluate points --scene "$scene" --object floor
+input=points expect 0 '^0,0,-0\.055,0,0,(4\.0000|3\.99999)' "$program" evaluate "$scene" --object floor
 input=points expect 0 '^0,0,-0\.059999999999999998,0,0,(8|7\.99999)' "$program" evaluate --scene "$scene" --object floor
 seq 1 20000 | awk '{ print $1 * 1e-6, 0.05, 0.05 }' > many
 "$program" evaluate --scene "$scene" --time 0.4 many > first
@@ -86,12 +133,68 @@ cat > odd.json << 'END'
   {"name": "strong", "primitive": "point",
    "front": {"kind": "gaussian", "sense": "repulsive", "gain": 1, "width": 0.01, "limit": 1000}}]}
 END
-expect 1 '^4 odd things$' "$program" check odd.json
+expect 1 '^6 odd things$' "$program" check odd.json
 expect 1 'mute: it has no profile' "$program" check odd.json
 expect 1 'off: it is disabled' "$program" check odd.json
 expect 1 'far: the hand cannot get near' "$program" check odd.json
 expect 1 'strong: its limit of 1000 N' "$program" check odd.json
+expect 1 'off: its force reverses across its point: 2 N over nothing$' "$program" check odd.json
+expect 1 'strong: its force reverses across its point: 2 N over nothing$' "$program" check odd.json
+cat > honey.json << 'END'
+{"forceserver": "scene", "version": 1, "objects": [{"name": "honey", "primitive": "point", "damping": 20,
+  "front": {"kind": "constant", "sense": "attractive", "gain": 1e-6, "limit": 5, "reach": 0.03}}]}
+END
+expect 0 '^nothing odd$' "$program" check honey.json
 printf 'v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n' > solid.obj
+# Each thing that jumps, and where; what does not is fine. What the hand cannot reach does not count.
+scene_of() {  # OBJECT: what is in its braces
+  echo '{"forceserver": "scene", "version": 1,
+    "shapes": {"bent": {"points": [[-0.05, 0, 0], [0, 0.03, 0], [0.05, 0, 0]]},
+               "straight": {"points": [[-0.05, 0, 0], [0, 0.03, 0], [0.05, 0.06, 0]]},
+               "part": {"file": "solid.obj"}},
+    "curves": {"pulse": {"expression": "2*(1+sin(12*t))*exp(-d/0.01)"}, "ends": {"expression": "50*d*(1-d/0.02)"}},
+    "objects": [{"name": "x", '"$1"'}]}' > one.json
+}
+odd() {  # PATTERN OBJECT
+  scene_of "$2"
+  expect 1 "^  odd: x: $1" "$program" check one.json
+}
+fine() {  # OBJECT
+  scene_of "$1"
+  expect 0 '^nothing odd$' "$program" check one.json
+}
+spring='"kind": "linear_increasing", "gain": 150, "limit": 2'
+odd 'its force reverses across its point: 7\.[0-9]+ N over nothing$' \
+  '"primitive": "point", "front": {"kind": "custom", "gain": 1, "limit": 5, "sense": "repulsive", "curve": "pulse"}'
+odd 'its force reverses across its line: 3 N over nothing$' \
+  '"primitive": "polyline", "shape": "straight", "front": {"kind": "gaussian", "gain": 1.5, "width": 0.01, "limit": 2}'
+odd 'its force changes its direction where two of its parts are equally near: by up to 4 N over nothing$' \
+  '"primitive": "polyline", "shape": "bent", "front": {'"$spring"'}'
+odd 'its force ends at its reach of 10 mm: 1.5 N over nothing$' \
+  '"primitive": "point", "front": {"reach": 0.01, '"$spring"'}'
+odd 'its force behind ends at its reach of 10 mm: 1.5 N over nothing$' \
+  '"primitive": "plane", "back": {"reach": 0.01, '"$spring"'}'
+odd 'its force jumps at its surface, where front and back do not agree: 1 N over nothing$' \
+  '"primitive": "plane", "front": {"kind": "constant", "gain": 1, "limit": 2, "sense": "repulsive"}'
+scene_of '"primitive": "mesh", "shape": "part", "back": {'"$spring"'}'
+expect 0 '^  note: x: where another of its faces becomes the nearest, .* by up to 4 N' "$program" check one.json
+fine '"primitive": "mesh", "shape": "part", "back": {'"$spring"'}'
+fine '"primitive": "point", "front": {'"$spring"'}'
+fine '"primitive": "polyline", "shape": "straight", "front": {'"$spring"'}'
+fine '"primitive": "point", "front": {"kind": "custom", "gain": 1, "limit": 5, "reach": 0.02, "curve": "ends"}'
+fine '"primitive": "plane", "front": {"kind": "constant", "gain": 1, "limit": 1, "sense": "repulsive"},
+      "back": {"kind": "constant", "gain": 1, "limit": 1}'
+fine '"primitive": "plane", "pose": {"position": [0, 0, -9]},
+      "front": {"kind": "constant", "gain": 1, "limit": 1, "sense": "repulsive"}'
+# Of four planes with one profile one is a wall. Two attractive sides hold the hand in the plane.
+fine '"primitive": "plane", "back": {'"$spring"'}'
+fine '"primitive": "plane", "front": {'"$spring"'}, "back": {'"$spring"'}'
+fine '"primitive": "plane", "front": {"kind": "constant", "gain": 2, "limit": 2},
+      "back": {"kind": "constant", "gain": 2, "limit": 2, "sense": "repulsive"}'  # gravity
+fine '"primitive": "mesh", "shape": "part", "front": {'"$spring"'}'  # a room
+odd 'it pulls the hand towards it from everywhere in front' '"primitive": "plane", "front": {'"$spring"'}'
+odd 'it pushes the hand away in front, the harder' '"primitive": "plane", "front": {"sense": "repulsive", '"$spring"'}'
+odd 'its back drives the hand deeper' '"primitive": "plane", "back": {"sense": "repulsive", '"$spring"'}'
 expect 0 'closed mesh of 4 triangles and 4 points' "$program" check solid.obj
 sed '$d' solid.obj > open.obj
 expect 1 '3 open edges' "$program" check open.obj
@@ -107,7 +210,7 @@ fail() {
 }
 name=program-test-$$
 listen() {  # OPTION...: a server in the background: $server
-  "$program" run --listen "shm:$name" "$@" > served 2>&1 < /dev/null &
+  "$program" run --listen "$name" "$@" > served 2>&1 < /dev/null &
   server=$!
   for _ in $(seq 100); do
     grep -q '^listens at shm:' served && return
@@ -128,7 +231,7 @@ for d in map(json.loads, open('$1')):
     $2" || fail "$1 is not as expected"
 }
 user=$(id -un)
-expect 2 "no server of user $user listens at shm:$name; .* --listen shm:$name; .*'$name\?user=NAME'$" \
+expect 2 "no server of user $user listens at shm:$name; .* --listen $name; .*'$name\?user=NAME'$" \
   "$program" clients "$name"
 expect 2 "no server of user $user listens at shm:$name; " "$program" watch "shm:$name?timeout=0.1"
 expect 2 'no server of user 12345 listens at shm:[^ ]+$' "$program" watch "$name?timeout=0&user=12345"
@@ -164,6 +267,8 @@ if command -v python3 > /dev/null; then
   json looks.json "assert [c['force_limit'] for c in d['clients']] == [25, 5]"
   json looks.json "floor = [o for o in d['objects'] if (o['client'], o['name']) == ('server', 'floor')][0]
     assert floor['force'][2] > 1 and floor['weight'] == 1"
+  json looks.json "assert [o['stiffness_wanted'] for o in d['objects'][:2]] == [800, 150]
+    assert 100 < d['objects'][2]['stiffness_wanted'] < 600"
 fi
 kill -INT $watcher
 ended $watcher 0 "watch, interrupted,"

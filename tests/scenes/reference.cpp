@@ -80,6 +80,7 @@ Vec closest_on_segment(Vec a, Vec b, Vec x) {
 long double profile_force(const fs_profile& p, const Function* curve, long double d, long double t) {
   if (p.kind == FS_PROFILE_NONE || (p.reach > 0 && d > p.reach)) return 0;
   Real f = 0;
+  if (p.gain == 0) return std::fmin(std::fmax(p.offset, 0), p.limit);  // by d = 0 and an infinite d too
   switch (p.kind) {
     case FS_PROFILE_CONSTANT: f = p.gain; break;
     case FS_PROFILE_LINEAR_INCREASING:

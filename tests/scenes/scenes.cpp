@@ -423,6 +423,7 @@ fs_profile random_profile(Random& random, Content& content) {
     }
     default: p = fs_profile_init(FS_PROFILE_CONSTANT, sense, random.log_between(0.1, 10), 0, limit);
   }
+  if (random.coin(0.05)) p.gain = 0;
   if (random.coin()) p.reach = std::fmin(p.reach > 0 ? p.reach : 1, random.log_between(0.01, 0.2));
   return p;
 }

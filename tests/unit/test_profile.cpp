@@ -31,7 +31,8 @@ fs_profile random_profile(Random& random) {
   const double limit = random.log_between(1e-2, 1e2), reach = random.coin() ? random.log_between(1e-3, 10) : 0;
   fs_profile p = profile(kind, gain, other, limit, reach);
   if (kind == FS_PROFILE_LINEAR_DECREASING) p.gain = -gain;
-  if (kind == FS_PROFILE_QUADRATIC) p.gain = random.coin(0.1) ? 0 : sign * gain;
+  if (kind == FS_PROFILE_QUADRATIC) p.gain = sign * gain;
+  if (random.coin(0.1)) p.gain = std::copysign(0, p.gain);
   if (kind == FS_PROFILE_CONSTANT) p.offset = 0;
   if (kind == FS_PROFILE_GAUSSIAN) p.width = random.log_between(1e-3, 1);
   return p;
@@ -61,6 +62,40 @@ START_TEST(formulas) {
   custom.curve = const_cast<fs_curve*>(curve.get());
   ck_assert_double_eq(force(custom, 0.01), 1);
   ck_assert_double_eq(force(custom, 1), 3);
+}
+END_TEST
+
+// Gain 0 leaves the offset at every distance, 0 and infinity too; nothing where there is none. Minus 0 is 0.
+START_TEST(gain_zero) {
+  const fs_profile_kind kinds[] = {FS_PROFILE_CONSTANT, FS_PROFILE_LINEAR_INCREASING, FS_PROFILE_LINEAR_DECREASING,
+                                   FS_PROFILE_GAUSSIAN, FS_PROFILE_QUADRATIC,         FS_PROFILE_INVERSE};
+  for (const fs_profile_kind kind : kinds) {
+    const bool has_offset = kind != FS_PROFILE_CONSTANT && kind != FS_PROFILE_GAUSSIAN;
+    for (const double gain : {0.0, -0.0}) {
+      for (const double offset : {-2.0, 0.0, 3.0, 30.0}) {
+        if (offset != 0 && !has_offset) continue;
+        const Profile p = parse_profile(profile(kind, gain, kind == FS_PROFILE_GAUSSIAN ? 0.01 : offset, 10), "front");
+        const double wanted = std::fmin(std::fmax(offset, 0), 10);
+        for (const double d : {0.0, 5e-324, 0.01, 1e300, infinity}) {
+          const Intensity f = evaluate(p, 0, d, 0);
+          ck_assert_double_eq(f.force, wanted);
+          ck_assert_double_eq(f.slope, 0);
+        }
+        ck_assert_double_eq(support(p), wanted > 0 ? infinity : -1);
+        ck_assert(is_ever_felt(p) == (wanted > 0));
+        ck_assert_double_eq(steepest_slope(p), 0);
+      }
+    }
+  }
+  const double forces[] = {3, 2, std::nan("")};
+  const Ref<const Curve> curve = make_table_curve(forces, 3, 0.01);
+  fs_profile custom = profile(FS_PROFILE_CUSTOM, 0, 0, 3, 0.5);
+  custom.curve = const_cast<fs_curve*>(curve.get());
+  const Profile p = parse_profile(custom, "front");
+  for (const double d : {0.0, 0.005, 0.5, 1e300, infinity}) ck_assert_double_eq(evaluate(p, 0, d, 0).force, 0);
+  ck_assert_double_eq(support(p), -1);
+  ck_assert(!is_ever_felt(p));
+  ck_assert_double_eq(steepest_slope(p), 0);
 }
 END_TEST
 
@@ -261,12 +296,12 @@ START_TEST(refusals) {
       }
     }
   }
-  refused(profile(FS_PROFILE_GAUSSIAN, -3, 0.01, 10), "front.gain is -3, must be > 0 for a GAUSSIAN profile");
-  refused(profile(FS_PROFILE_CONSTANT, 0, 0, 10), "front.gain is 0, must be > 0 for a CONSTANT profile");
-  refused(profile(FS_PROFILE_LINEAR_INCREASING, -1, 0, 10), "must be > 0 for a LINEAR_INCREASING profile");
+  refused(profile(FS_PROFILE_GAUSSIAN, -3, 0.01, 10), "front.gain is -3, must be >= 0 for a GAUSSIAN profile");
+  refused(profile(FS_PROFILE_CONSTANT, -1, 0, 10), "front.gain is -1, must be >= 0 for a CONSTANT profile");
+  refused(profile(FS_PROFILE_LINEAR_INCREASING, -1, 0, 10), "must be >= 0 for a LINEAR_INCREASING profile");
   refused(profile(FS_PROFILE_LINEAR_DECREASING, 1, 0, 10),
-          "front.gain is 1, must be < 0 for a LINEAR_DECREASING profile");
-  refused(profile(FS_PROFILE_INVERSE, -1, 0, 10), "front.gain is -1, must be > 0 for an INVERSE profile");
+          "front.gain is 1, must be <= 0 for a LINEAR_DECREASING profile");
+  refused(profile(FS_PROFILE_INVERSE, -1, 0, 10), "front.gain is -1, must be >= 0 for an INVERSE profile");
   refused(profile(FS_PROFILE_GAUSSIAN, 1, 0, 10), "front.width is 0, must be > 0 for a GAUSSIAN profile");
   refused(profile(FS_PROFILE_CONSTANT, 1, 2, 10), "front.offset is 2, must be 0 for a CONSTANT profile");
   p = profile(FS_PROFILE_INVERSE, 1, 0, 10);
@@ -307,6 +342,6 @@ END_TEST
 }  // namespace
 
 int main() {
-  return run("profile", {formulas, always_within_limits, slopes_match_differences, nothing_beyond_the_support,
+  return run("profile", {formulas, gain_zero, always_within_limits, slopes_match_differences, nothing_beyond_the_support,
                          steepest_slope_is_the_steepest, an_object_with_a_curve_does_not_evaluate_it, refusals});
 }

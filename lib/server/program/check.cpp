@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "program.h"
+#include "words.h"
 
 namespace {
 
@@ -120,23 +121,17 @@ int check_mesh(const CheckOptions& options) {
   return findings.finish();
 }
 
-const char* kind_name(fs_profile_kind kind) {
-  switch (kind) {
-    case FS_PROFILE_CONSTANT: return "constant";
-    case FS_PROFILE_LINEAR_INCREASING: return "linear increasing";
-    case FS_PROFILE_LINEAR_DECREASING: return "linear decreasing";
-    case FS_PROFILE_GAUSSIAN: return "gaussian";
-    case FS_PROFILE_QUADRATIC: return "quadratic";
-    case FS_PROFILE_INVERSE: return "inverse";
-    case FS_PROFILE_CUSTOM: return "custom";
-    default: return "no profile";
-  }
+// "linear increasing"
+std::string kind_name(fs_profile_kind kind) {
+  std::string words = word_of(fs_profile_kind_name(kind));
+  std::replace(words.begin(), words.end(), '_', ' ');
+  return words;
 }
 
 void describe_profile(const char* side, const fs_profile& profile) {
   if (profile.kind == FS_PROFILE_NONE) return;
   std::printf("; %s%s %s, at most %g N", side, profile.sense == FS_SENSE_ATTRACTIVE ? "attractive" : "repulsive",
-              kind_name(profile.kind), profile.limit);
+              kind_name(profile.kind).c_str(), profile.limit);
   if (profile.reach > 0) std::printf(" within %s", metres(profile.reach).c_str());
 }
 
@@ -148,6 +143,115 @@ double most(const fs_profile& profile, double nearest, double farthest) {
   for (int i = 0; i < 256; ++i) distances[i] = nearest + (farthest - nearest) * i / 255;
   require(fs_profile_evaluate(&profile, 0, 0, distances, 256, forces));
   return *std::max_element(forces, forces + 256);
+}
+
+// What a profile gives at a distance, N; of an expression the most at several times.
+double force_at(const fs_profile& profile, double distance) {
+  if (profile.kind == FS_PROFILE_NONE) return 0;
+  const int times = profile.curve && fs_curve_get_expression(profile.curve) ? 32 : 1;
+  double most = 0;
+  for (int i = 0; i < times; ++i) {
+    double force = 0;
+    require(fs_profile_evaluate(&profile, 0, 0.3141 * i, &distance, 1, &force));
+    most = std::max(most, force);
+  }
+  return most;
+}
+
+bool has_sides(const fs_object& object) {
+  return object.primitive == FS_PRIMITIVE_PLANE || object.primitive == FS_PRIMITIVE_MESH;
+}
+
+// Distances at which the hand can be, m.
+struct Distances {
+  double least, most;
+};
+
+bool is_closed(const fs_shape* shape) {
+  fs_shape_info info = fs_shape_info_init();
+  require(fs_shape_get_info(shape, &info));
+  return info.closed;
+}
+
+// A polyline that is not straight asks for an infinite stiffness with any profile (fs_report).
+bool is_bent(fs_shape* shape) {
+  const Scene scene = open<Scene>(fs_scene_create);
+  fs_object probe = fs_object_init("probe", FS_PRIMITIVE_POLYLINE);
+  probe.shape = shape;
+  probe.front = fs_profile_init(FS_PROFILE_LINEAR_INCREASING, FS_SENSE_ATTRACTIVE, 1, 0, 1);
+  require(fs_object_set(scene.get(), &probe));
+  fs_report report;
+  require(fs_scene_get_report(scene.get(), probe.name, &report));
+  return !std::isfinite(report.stiffness_wanted);
+}
+
+// Where the force jumps: whoever passes there feels a kick, and whoever rests there is shaken.
+void check_jumps(const fs_object& object, const Distances& distances, Findings& findings) {
+  const std::string name = object.name;
+  const bool sides = has_sides(object);
+  if (distances.least == 0) {
+    const auto along_normal = [](const fs_profile& profile, double side) {
+      return (profile.sense == FS_SENSE_REPULSIVE ? side : -side) * force_at(profile, 0);
+    };
+    const double front = along_normal(object.front, 1), back = sides ? along_normal(object.back, -1) : -front;
+    const double jump = std::abs(front - back);
+    if (jump > faint && sides) {
+      findings.add(name, "its force jumps at its surface, where front and back do not agree: %.3g N over nothing",
+                   jump);
+    } else if (jump > faint) {
+      findings.add(name, "its force reverses across its %s: %.3g N over nothing",
+                   object.primitive == FS_PRIMITIVE_POINT ? "point" : "line", jump);
+    }
+  }
+  for (const fs_profile* profile : {&object.front, &object.back}) {
+    const double reach = profile->reach;
+    if (!(reach > 0) || reach < distances.least || reach > distances.most) continue;
+    const double jump = force_at(*profile, reach);
+    const char* const side = !sides ? "" : profile == &object.front ? " in front" : " behind";
+    if (jump <= faint) continue;
+    findings.add(name, "its force%s ends at its reach of %s: %.3g N over nothing", side, metres(reach).c_str(), jump);
+  }
+  const double strongest = std::max(most(object.front, distances.least, distances.most),
+                                    most(object.back, distances.least, distances.most));
+  if (object.primitive == FS_PRIMITIVE_POLYLINE && strongest > faint && is_bent(object.shape)) {
+    findings.add(name, "its force changes its direction where two of its parts are equally near: by up to %.3g N "
+                 "over nothing", 2 * strongest);
+  }
+  if (object.primitive == FS_PRIMITIVE_MESH && strongest > faint) {  // a note: so is every solid that profiles make
+    std::printf("  note: %s: where another of its faces becomes the nearest, as deep inside of it, its force changes "
+                "its direction: by up to %.3g N over nothing\n", name.c_str(), 2 * strongest);
+  }
+}
+
+// Profiles of the wrong sense or side.
+void check_senses(const fs_object& object, const Distances& distances, Findings& findings) {
+  const std::string name = object.name;
+  const bool sides = has_sides(object);
+  const auto is_felt = [&](const fs_profile& profile, fs_sense sense) {
+    return profile.sense == sense && most(profile, distances.least, distances.most) > faint;
+  };
+  const auto grows_without_end = [&](const fs_profile& profile) {
+    return force_at(profile, distances.most) > force_at(profile, distances.least) + faint;
+  };
+  const bool is_room = object.primitive == FS_PRIMITIVE_MESH && is_closed(object.shape);  // that the hand cannot leave
+  if (sides && !is_room && is_felt(object.front, FS_SENSE_ATTRACTIVE) && grows_without_end(object.front) &&
+      !is_felt(object.back, FS_SENSE_ATTRACTIVE)) {
+    findings.add(name, "it pulls the hand towards it from everywhere in front, the harder the farther away; a wall "
+                 "pushes out of its back: \"back\", attractive");
+  }
+  if (is_felt(object.front, FS_SENSE_REPULSIVE) && grows_without_end(object.front)) {
+    findings.add(name, "it pushes the hand away%s, the harder the farther away", sides ? " in front" : "");
+  }
+  // Inside of a mesh a force that falls off from the surface keeps the hand within.
+  const bool keeps_within = object.primitive == FS_PRIMITIVE_MESH &&
+                            force_at(object.back, distances.most) < force_at(object.back, distances.least) - faint;
+  // A plane that pushes everywhere in the same direction, and nowhere harder: gravity, a wind.
+  const bool is_field = object.primitive == FS_PRIMITIVE_PLANE && is_felt(object.front, FS_SENSE_ATTRACTIVE) &&
+                        !grows_without_end(object.front) && !grows_without_end(object.back);
+  const bool is_one_sided = !is_felt(object.front, FS_SENSE_REPULSIVE) && !is_field;
+  if (sides && is_felt(object.back, FS_SENSE_REPULSIVE) && is_one_sided && !keeps_within) {
+    findings.add(name, "its back drives the hand deeper; a wall pushes out of its back: attractive");
+  }
 }
 
 struct Workspace {  // in scene metres
@@ -185,10 +289,14 @@ void check_object(const fs_object& object, const Workspace& workspace, std::size
     findings.add(name, "it has no profile and is not solid: nothing is felt of it");
   } else if (profiles) {
     const double from = nearest(object, workspace), to = from + 2 * workspace.radius + length(object.pose.position);
-    if (std::max(most(object.front, from, to), most(object.back, from, to)) < faint && !solid) {
+    const double most_force = std::max(most(object.front, from, to), most(object.back, from, to));
+    const bool damps = object.damping > 0 && most_force > 0;  // however faint the force is
+    if (most_force < faint && !damps && !solid) {
       findings.add(name, "the hand cannot get near enough to feel it: at least %s of the scene are between it and the "
                    "device's workspace", metres(from).c_str());
     }
+    check_jumps(object, {from, to}, findings);
+    check_senses(object, {from, to}, findings);
   } else if (nearest(object, workspace) > 0) {
     findings.add(name, "it lies %s of the scene outside of the device's workspace",
                  metres(nearest(object, workspace)).c_str());
@@ -222,9 +330,10 @@ int check_scene(const CheckOptions& options) {
   std::vector<fs_report> reports(count);
   require(fs_scene_get_reports(scene.get(), reports.data(), count, &count));
 
-  std::printf("%s: a scene of %zu %s for a tool of %zu %s; %s of it are a metre of the device\n", options.file.c_str(),
-              count, count == 1 ? "object" : "objects", tool_points, tool_points == 1 ? "point" : "points",
-              metres(frame.scale).c_str());
+  std::printf("%s: a scene of %zu %s for a tool of %zu %s; ", options.file.c_str(), count,
+              count == 1 ? "object" : "objects", tool_points, tool_points == 1 ? "point" : "points");
+  if (frame.scale == 1) std::printf("scale 1:1\n");
+  else std::printf("a metre of the device is %s of the scene\n", metres(frame.scale).c_str());
   Findings findings;
   if (count == 0) findings.add("", "it is empty");
   if (frame.force_scale == 0) findings.add("", "its force_scale is 0: nothing is felt of it");
@@ -239,8 +348,7 @@ int check_scene(const CheckOptions& options) {
     std::printf("%s: ", object.name);
     if (object.shape) describe(object.shape);
     else std::printf("%s", object.primitive == FS_PRIMITIVE_PLANE ? "a plane" : "a point");
-    const bool sides = object.primitive == FS_PRIMITIVE_PLANE || object.primitive == FS_PRIMITIVE_MESH;
-    describe_profile(sides ? "front " : "", object.front);
+    describe_profile(has_sides(object) ? "front " : "", object.front);
     describe_profile("back ", object.back);
     if (object.contact.keep != FS_KEEP_NONE) std::printf("; solid");
     std::printf("\n");

@@ -20,7 +20,7 @@ std::string nobody_at(const std::string& endpoint) {
   }
   const std::string name = address.substr(address.find(':') + 1);
   return "no server of user " + user_name(geteuid()) + " listens at " + address +
-         "; one is started by: forceserver run --listen " + address + "; another user's is '" + name + "?user=NAME'";
+         "; one is started by: forceserver run --listen " + name + "; another user's is '" + name + "?user=NAME'";
 }
 
 std::string client_name(const char* kind) { return kind + std::string("-") + std::to_string(getpid()); }
@@ -77,25 +77,4 @@ Rates rates_of(const fs_client& client, const Look& now, const Look& before) {
 Ticks ticks_of(const Look& now, const Look& before) {
   return {now.servo.ticks - before.servo.ticks, now.servo.misses - before.servo.misses,
           now.servo.guarded - before.servo.guarded};
-}
-
-const char* word_of(fs_primitive primitive) {
-  switch (primitive) {
-    case FS_PRIMITIVE_POINT: return "point";
-    case FS_PRIMITIVE_POLYLINE: return "polyline";
-    case FS_PRIMITIVE_PLANE: return "plane";
-    case FS_PRIMITIVE_MESH: return "mesh";
-    default: return "?";
-  }
-}
-
-const char* word_of(fs_object_state state) {
-  switch (state) {
-    case FS_OBJECT_PENDING: return "pending";
-    case FS_OBJECT_FELT: return "felt";
-    case FS_OBJECT_FADING: return "fading";
-    case FS_OBJECT_DISABLED: return "disabled";
-    case FS_OBJECT_REFUSED: return "refused";
-    default: return "?";
-  }
 }

@@ -50,10 +50,6 @@ Ticks ticks_of(const Look& now, const Look& before);
 // Whether less of its slope is felt than it asks for.
 inline bool is_capped(const fs_report& report) { return report.stiffness_applied < 0.99 * report.stiffness_wanted; }
 
-// As a scene file has them: "mesh", "felt".
-const char* word_of(fs_primitive primitive);
-const char* word_of(fs_object_state state);
-
 // watch, for people and for programs; a line each.
 std::vector<std::string> to_text(const Look& now, const Look& before);
 std::string to_json(const Look& now, const Look& before);

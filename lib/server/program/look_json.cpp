@@ -1,6 +1,7 @@
 // forceserver watch and clients, for programs: SI units, the names of the headers.
 #include "json.h"
 #include "look.h"
+#include "words.h"
 
 namespace {
 
@@ -10,8 +11,8 @@ Json to_json(const fs_report& report) {
   const std::size_t slash = name.find('/');
   return {{"client", name.substr(0, slash)},
           {"name", slash == name.npos ? "" : name.substr(slash + 1)},
-          {"primitive", word_of(report.primitive)},
-          {"state", word_of(report.state)},
+          {"primitive", word_of(fs_primitive_name(report.primitive))},
+          {"state", word_of(fs_object_state_name(report.state))},
           {"revision", report.revision},
           {"weight", report.weight},
           {"distance", report.distance},
@@ -22,25 +23,18 @@ Json to_json(const fs_report& report) {
           {"stiffness_applied", report.stiffness_applied}};
 }
 
-const char* word_of_event(fs_event_kind kind) {
-  switch (kind) {
-    case FS_EVENT_DEVICE: return "device";
-    case FS_EVENT_OVERFLOW: return "overflow";
-    default: return "other";  // those about a scene's own objects: there are none
-  }
-}
-
 Json to_json(const fs_event& event) {
-  return {{"kind", word_of_event(event.kind)}, {"time", event.time},   {"status", fs_status_name(event.status)},
-          {"value", event.value},              {"name", event.name},   {"text", event.text}};
+  return {{"kind", word_of(fs_event_kind_name(event.kind))},
+          {"time", event.time},
+          {"status", fs_status_name(event.status)},
+          {"value", event.value},
+          {"name", event.name},
+          {"text", event.text}};
 }
 
 Json fault_words(std::uint32_t faults) {
   Json words = Json::array();
-  if (faults & FS_FAULT_DEVICE) words.push_back("device");
-  if (faults & FS_FAULT_SPEED) words.push_back("speed");
-  if (faults & FS_FAULT_NUMBER) words.push_back("number");
-  if (faults & FS_FAULT_LATE) words.push_back("late");
+  for (; faults; faults &= faults - 1) words.push_back(word_of(fs_fault_name(faults)));
   return words;
 }
 

@@ -25,9 +25,9 @@ std::string stiffness(const fs_report& report) {
                            : format("%.4g", report.stiffness_wanted);
 }
 
-const char* state(const fs_report& report) {
+std::string state(const fs_report& report) {
   const bool is_over = report.state == FS_OBJECT_FADING && report.weight == 0;
-  return is_over ? "expired" : word_of(report.state);
+  return is_over ? "expired" : word_of(fs_object_state_name(report.state));
 }
 
 std::vector<std::string> head(const Look& now, const Look& before) {
@@ -66,7 +66,7 @@ std::vector<std::string> object_lines(const Look& now) {
   Table table({"object", "primitive", "state", "weight", "far mm", "force N", "slope N/m"});
   for (const fs_report& report : now.objects) {
     const bool is_near = std::isfinite(report.distance);
-    table.add({report.name, word_of(report.primitive), state(report), format("%.2f", report.weight),
+    table.add({report.name, word_of(fs_primitive_name(report.primitive)), state(report), format("%.2f", report.weight),
                is_near ? format("%.1f", report.distance * 1e3) : "-",
                is_near ? format("%.2f", length(report.wrench.force)) : "-", stiffness(report)});
   }
@@ -79,7 +79,7 @@ std::string event_line(const fs_event& event) {
     return format("the force stopped (%s): %s", event.name, stop_reason(event).c_str());
   }
   if (event.kind == FS_EVENT_OVERFLOW) return format("%.0f older events were dropped", event.value);
-  return format("event %d: %s %s", int(event.kind), event.name, event.text);
+  return format("%s: %s %s", word_of(fs_event_kind_name(event.kind)).c_str(), event.name, event.text);
 }
 
 }  // namespace

@@ -3,31 +3,21 @@
 
 #include <CLI/CLI.hpp>
 
+#include "arguments.h"
 #include "program.h"
 #include "words.h"
 
 namespace {
 
-int devices() {
-  std::size_t count = 0;
-  require(fs_device_list(nullptr, 0, &count));
-  std::vector<fs_device_entry> entries(count);
-  require(fs_device_list(entries.data(), entries.size(), &count));
-  for (std::size_t i = 0; i < std::min(count, entries.size()); ++i) {
-    std::printf("%-24s %s\n", entries[i].uri, entries[i].label);
-  }
-  return exit_fine;
-}
-
 const char* const run_help = R"(examples:
-  forceserver run --scene room.json
+  forceserver run room.json
       the scene with a simulated device and hand, until Ctrl-C
-  forceserver run --listen shm:lab
+  forceserver run --listen lab
       nothing of its own: other programs connect to it (fs_scene_connect), each with its scene; see also
       `forceserver watch lab`
-  forceserver run --scene room.json --device 'sim:?path=figure8' --duration 10 --record ticks.csv
+  forceserver run room.json --device 'sim:?path=figure8' --duration 10 --record ticks.csv
       ten seconds with a hand that draws an eight; every tick goes to a file
-  sudo forceserver run --scene room.json --rate 4000
+  sudo forceserver run room.json --rate 4000
       four thousand ticks a second; root is granted a real-time priority
 
 The columns of the record: time (s), the pose (m; w, x, y, z), the force as evaluated and as sent after all
@@ -38,8 +28,8 @@ A fault ends the force; when it was not the device, which may come back, start a
 
 const char* const clients_help = R"(examples:
   forceserver clients lab
-      of the server that listens at shm:lab, as `forceserver run --listen shm:lab` does
-  forceserver clients 'shm:lab?user=anna' --json
+      of the server that was started by `forceserver run --listen lab`
+  forceserver clients 'lab?user=anna' --json
       of another user's server that lets in all users, as one JSON document, in SI units
 
 Counted are, since a client came: the moves of its objects and the other changes that were taken, those that were
@@ -48,7 +38,7 @@ when the server goes meanwhile.)";
 
 const char* const watch_help = R"(examples:
   forceserver watch lab
-      of the server that listens at shm:lab: two looks a second, in place on a terminal, until Ctrl-C
+      of the server called lab: two looks a second, in place on a terminal, until Ctrl-C
   forceserver watch lab --interval 5 > log.txt
       a look every five seconds, one below the other
   forceserver watch lab --json --interval 0.1 --count 100 > looks.jsonl
@@ -67,27 +57,43 @@ const char* const check_help = R"(examples:
   forceserver check part.stl --scale 0.001
       a mesh whose file is in millimetres
 
-Tells what it is and what is odd in it: holes, triangles without area, objects that nobody can feel or reach. Ends with
-0 when nothing is odd, 1 when something is, 2 when it cannot be read.)";
+Tells what it is and what is odd in it: holes, triangles without area, objects that nobody can feel or reach, forces
+that jump, sides that pull for ever or drive the hand deeper. Ends with 0 when nothing is odd, 1 when something is, 2
+when it cannot be read.)";
 
 const char* const evaluate_help = R"(examples:
-  forceserver evaluate --scene room.json points.csv > forces.csv
-  echo 0 0 0.01 | forceserver evaluate --scene room.json --object wall
-  seq 0 0.001 0.1 | sed 's/^/0 0 /' | forceserver evaluate --scene room.json --time 2.5
+  forceserver evaluate room.json points.csv > forces.csv
+  echo 0 0 -0.06 | forceserver evaluate room.json --object floor
+  seq 0 0.001 0.1 | sed 's/^/0 0 /' | forceserver evaluate room.json --time 2.5
 
 In: a position per line, "x y z" or "x,y,z" in metres of the scene; '#' begins a comment; the first line may be a
 header. Out: x,y,z,fx,fy,fz with all digits, so that the same input gives the same file. No device and no protection
 takes part: this is the bare scene.)";
 
-// The first word is a command, or there is a sentence with those that there are.
-void require_command(const CLI::App& app, int argc, char** argv) {
-  if (argc < 2 || argv[1][0] == '-') return;
-  std::vector<std::string> names;
-  for (const CLI::App* command : app.get_subcommands(nullptr)) {
-    if (command->check_name(argv[1])) return;
-    names.push_back(command->get_name());
-  }
-  throw std::runtime_error("there is no command '" + std::string(argv[1]) + "'; there are: " + join(names, "none"));
+const char* const devices_help = R"(examples:
+  forceserver devices
+  forceserver devices --json
+      one JSON document, in SI units, with the names of fs_device_info
+
+Each device is opened for a moment, so that it can tell what it is. "sim:" takes options:
+
+  sim:?hand=nominal|firm|light|released   who holds it. kg, N s/m, N/m: nominal 0.554, 6.45, 135; firm 0.8, 5.5, 568;
+                                          light 0.15, 3, 100; released: nobody
+  sim:?path=figure8|sweep|touch|FILE      how the hand wants to move. figure8: 120 mm by 60 mm about the origin in the
+                                          plane z = 0, once in 4 s; sweep: along x, 100 mm each way, in 5 s; touch:
+                                          along z, from 60 mm above the origin to 20 mm below it and back in 2 s;
+                                          FILE: lines of "t x y z", s and m
+  sim:?hold=X,Y,Z                         where it wants to rest, m
+  sim:?mass=..&friction=..&encoder=joint|ideal&wrist=passive|active&delay_ms=..&seed=..
+      of the device: kg, N; what device.h says of each)";
+
+void need(const std::string& value, const char* sentence) {
+  if (value.empty()) throw std::runtime_error(sentence);
+}
+
+void require_once(const char* command, const std::string& first, const std::string& second) {
+  if (first.empty() || second.empty()) return;
+  throw std::runtime_error(command + std::string(": the scene is given twice: '") + first + "' and '" + second + "'");
 }
 
 }  // namespace
@@ -113,33 +119,36 @@ int main(int argc, char** argv) {
   auto run_option = [&](const char* name, auto& value, const char* type, const char* help) {
     return run_command->add_option(name, value, help)->type_name(type);
   };
-  run_option("--scene", run_options.scene, "FILE", "The scene, a .json file; without it nothing is felt");
+  std::string scene_option;  // as it was written before the scene could stand alone
+  const char* const scene_help = "The scene, a .json file; without it nothing is felt";
+  run_option("scene", run_options.scene, "", scene_help);
+  run_option("--scene", scene_option, "FILE", "The same");
   run_option("--device", run_options.device, "URI", "The device; see `forceserver devices`")->capture_default_str();
-  run_option("--duration", run_options.duration, "SECONDS", "Without it until Ctrl-C")->check(above_zero);
-  run_option("--rate", run_options.rate, "HZ", "Ticks a second, 100 to 20000; without it the device's")
+  run_option("--duration", run_options.duration, "SECONDS", "How long to run; without it until Ctrl-C")->check(above_zero);
+  run_option("--rate", run_options.rate, "HZ", "Ticks a second, 100 to 20000; without it the rate of the device")
       ->check(above_zero);
-  run_option("--force-limit", run_options.force_limit, "N", "The most force; without it the device's")
+  run_option("--force-limit", run_options.force_limit, "N", "The most force that is sent; without it what the device can")
       ->check(above_zero);
   run_option("--record", run_options.record, "FILE", "Write every tick to this .csv file");
   CLI::Option* listen =
-      run_option("--listen", run_options.listen, "ENDPOINT", "Let other programs in, such as shm:lab");
-  run_option("--client-force", run_options.client_force, "N", "The most force of one of them; without it the servo's")
+      run_option("--listen", run_options.listen, "NAME", "Let other programs in: lab for shm:lab");
+  run_option("--client-force", run_options.client_force, "N", "The most force of each of them; without it that of all")
       ->check(above_zero)->needs(listen);
-  run_command->add_flag("--locked", run_options.locked, "Each of them changes its own objects only")->needs(listen);
-  run_command->add_flag("--all-users", run_options.all_users, "Also those of other users of this machine")
+  run_command->add_flag("--locked", run_options.locked, "Each of them may change its own objects only")->needs(listen);
+  run_command->add_flag("--all-users", run_options.all_users, "Also programs of other users of this machine")
       ->needs(listen);
   run_command->footer(run_help);
 
   const char* const server_help = "The server: NAME for shm:NAME, or an endpoint in full";
   ClientsOptions clients_options;
   CLI::App* clients_command = app.add_subcommand("clients", "List who is connected to a server");
-  clients_command->add_option("server", clients_options.server, server_help)->type_name("")->required();
+  clients_command->add_option("server", clients_options.server, server_help)->type_name("");
   clients_command->add_flag("--json", clients_options.json, "One JSON document");
   clients_command->footer(clients_help);
 
   WatchOptions watch_options;
   CLI::App* watch_command = app.add_subcommand("watch", "Look on at a server: the hand, the clients, what is felt");
-  watch_command->add_option("server", watch_options.server, server_help)->type_name("")->required();
+  watch_command->add_option("server", watch_options.server, server_help)->type_name("");
   watch_command->add_option("--interval", watch_options.interval, "From look to look")
       ->type_name("SECONDS")->check(CLI::Range(0.01, 86400.0).description(""))->capture_default_str();
   watch_command->add_option("--count", watch_options.count, "Looks; without it until Ctrl-C")
@@ -150,7 +159,7 @@ int main(int argc, char** argv) {
   CheckOptions check_options;
   CLI::App* check_command = app.add_subcommand("check", "Say what a scene or mesh is and what is odd in it");
   check_command->add_option("file", check_options.file, "A scene (.json) or a mesh (.obj .ply .stl .off)")
-      ->type_name("")->required();
+      ->type_name("");
   check_command->add_option("--scale", check_options.scale, "Of a mesh: metres per unit of the file")
       ->type_name("M")->check(above_zero)->capture_default_str();
   check_command->add_option("--device", check_options.device, "Of a scene: the device it is for")
@@ -159,29 +168,56 @@ int main(int argc, char** argv) {
 
   EvaluateOptions evaluate_options;
   CLI::App* evaluate_command = app.add_subcommand("evaluate", "The forces of a scene at given positions");
+  evaluate_command->add_option("scene", evaluate_options.scene, "The scene, a .json file")->type_name("");
   evaluate_command->add_option("positions", evaluate_options.input, "A file of positions; - is the standard input")
       ->type_name("")->capture_default_str();
-  evaluate_command->add_option("--scene", evaluate_options.scene, "The scene, a .json file")
-      ->type_name("FILE")->required();
+  evaluate_command->add_option("--scene", scene_option, "The scene; then only positions may stand alone")
+      ->type_name("FILE");
   evaluate_command->add_option("--object", evaluate_options.object, "Of this object alone; without it of all")
       ->type_name("NAME");
   evaluate_command->add_option("--time", evaluate_options.time, "Since the scene began")
       ->type_name("SECONDS")->check(not_negative)->capture_default_str();
   evaluate_command->footer(evaluate_help);
 
-  CLI::App* devices_command = app.add_subcommand("devices", "List the devices that can be opened");
+  DevicesOptions devices_options;
+  CLI::App* devices_command = app.add_subcommand("devices", "List the devices that can be opened, and what they can");
+  devices_command->add_flag("--json", devices_options.json, "One JSON document");
+  devices_command->footer(devices_help);
 
   try {
     require_command(app, argc, argv);
     app.parse(argc, argv);
-    if (*run_command) return run(run_options);
-    if (*clients_command) return clients(clients_options);
-    if (*watch_command) return watch(watch_options);
-    if (*check_command) return check(check_options);
-    if (*evaluate_command) return evaluate(evaluate_options);
-    if (*devices_command) return devices();
+    if (*run_command) {
+      require_once("run", run_options.scene, scene_option);
+      if (!scene_option.empty()) run_options.scene = scene_option;
+      return run(run_options);
+    }
+    if (*clients_command) {
+      need(clients_options.server, "clients needs a server, such as: forceserver clients lab");
+      return clients(clients_options);
+    }
+    if (*watch_command) {
+      need(watch_options.server, "watch needs a server, such as: forceserver watch lab");
+      return watch(watch_options);
+    }
+    if (*check_command) {
+      need(check_options.file, "check needs a file, such as: forceserver check room.json");
+      return check(check_options);
+    }
+    if (*evaluate_command) {
+      if (!scene_option.empty()) {  // what stands alone are the positions
+        if (evaluate_command->count("positions") > 0) require_once("evaluate", evaluate_options.scene, scene_option);
+        if (!evaluate_options.scene.empty()) evaluate_options.input = evaluate_options.scene;
+        evaluate_options.scene = scene_option;
+      }
+      need(evaluate_options.scene, "evaluate needs a scene, such as: forceserver evaluate room.json points.csv");
+      return evaluate(evaluate_options);
+    }
+    if (*devices_command) return devices(devices_options);
   } catch (const CLI::Success& wanted) {  // --help, --version
     return app.exit(wanted);
+  } catch (const CLI::ParseError& error) {
+    std::fprintf(stderr, "forceserver: %s\n", explain(app, error).c_str());
   } catch (const std::exception& error) {
     std::fprintf(stderr, "forceserver: %s\n", error.what());
   }

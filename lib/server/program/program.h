@@ -60,6 +60,11 @@ struct RunOptions {
 };
 int run(const RunOptions& options);
 
+struct DevicesOptions {
+  bool json = false;
+};
+int devices(const DevicesOptions& options);
+
 struct CheckOptions {
   std::string file, device = "sim:";
   double scale = 1;  // m per unit of a mesh file

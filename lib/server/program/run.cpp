@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "ending.h"
+#include "look.h"
 #include "program.h"
 #include "words.h"
 
@@ -184,7 +185,7 @@ int run(const RunOptions& options) {
     server_options.all_users = options.all_users;
     server_options.force_limit = options.client_force;
     try {
-      server = open<Server>(fs_server_start, servo.get(), options.listen.c_str(), &server_options);
+      server = open<Server>(fs_server_start, servo.get(), full_endpoint(options.listen).c_str(), &server_options);
     } catch (const Failure& failure) {  // in the words of the command line
       const bool is_force = options.client_force > 0 && std::string_view(failure.what()).starts_with("force_limit");
       if (is_force) throw std::runtime_error(std::string("--client-force: ") + failure.what());
@@ -194,7 +195,7 @@ int run(const RunOptions& options) {
   std::printf("%s (%s), at most %g N%s\n", info.name, options.device.c_str(),
               options.force_limit > 0 ? std::min(options.force_limit, info.force_max) : info.force_max,
               options.duration > 0 ? "" : "; Ctrl-C ends");
-  if (server) std::printf("listens at %s\n", options.listen.c_str());
+  if (server) std::printf("listens at %s\n", full_endpoint(options.listen).c_str());
   std::fflush(stdout);
 
   const auto start = Clock::now();

@@ -3,6 +3,7 @@
 #include <pwd.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cerrno>
 #include <cstdarg>
 #include <cstdio>
@@ -32,6 +33,14 @@ std::string join(const std::vector<std::string>& words, const char* none) {
   std::string text;
   for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
   return text.empty() ? none : text;
+}
+
+std::string word_of(const char* name) {
+  const std::string_view all = name;
+  if (!all.starts_with("FS_")) return name;  // "an unknown fs_event_kind"
+  std::string word(all.substr(all.find('_', 3) + 1));
+  for (char& c : word) c = char(std::tolower(static_cast<unsigned char>(c)));
+  return word;
 }
 
 std::string fault_names(std::uint32_t faults) {

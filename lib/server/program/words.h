@@ -10,6 +10,7 @@
 
 std::string format(const char* form, ...) __attribute__((format(printf, 1, 2)));
 std::string join(const std::vector<std::string>& words, const char* none);  // "a, b"; of nothing: none
+std::string word_of(const char* name);           // of a value: "FS_OBJECT_FELT" is "felt", as a scene file has it
 std::string fault_names(std::uint32_t faults);                              // "none", or why there is no force
 std::string stop_reason(const fs_event& event);  // why the force stopped, of an event about the device
 std::string user_name(std::uint32_t user);       // its number, if it has none

@@ -1,0 +1,41 @@
+// A loop that goes on at a steady rate until Ctrl-C.
+#pragma once
+
+#include <pthread.h>
+#include <signal.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <ctime>
+
+// The signals that end a program are blocked in this thread and in those that it starts from here on, and wait() looks
+// at them: so the program ends where it is ready to.
+class Beat {
+ public:
+  Beat() {
+    sigemptyset(&signals_);
+    for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&signals_, signal);
+    pthread_sigmask(SIG_BLOCK, &signals_, nullptr);
+  }
+
+  // Waits until `period` s after the last time; false: Ctrl-C.
+  bool wait(double period) {
+    const auto now = std::chrono::steady_clock::now();
+    next_ = std::max(next_ + std::chrono::microseconds(std::llround(period * 1e6)), now);
+    const auto left = std::chrono::duration_cast<std::chrono::nanoseconds>(next_ - now).count();
+    const timespec time = {time_t(left / 1000000000), long(left % 1000000000)};
+    return sigtimedwait(&signals_, nullptr, &time) < 0;
+  }
+
+  // Ctrl-C came, and nobody has waited since.
+  bool is_told_to_end() const {
+    sigset_t pending;
+    sigpending(&pending);
+    return sigismember(&pending, SIGINT) || sigismember(&pending, SIGTERM) || sigismember(&pending, SIGHUP);
+  }
+
+ private:
+  sigset_t signals_;
+  std::chrono::steady_clock::time_point next_ = std::chrono::steady_clock::now();
+};

@@ -1,0 +1,94 @@
+// forceserver devices: what can be opened, and what it is and can.
+#include <algorithm>
+#include <cstdio>
+#include <numbers>
+
+#include "json.h"
+#include "words.h"
+
+namespace {
+
+std::vector<fs_device_entry> all_devices() {
+  std::vector<fs_device_entry> list(64);
+  for (std::size_t count = 0;; list.resize(count)) {
+    require(fs_device_list(list.data(), list.size(), &count));
+    if (count > list.size()) continue;
+    list.resize(count);
+    return list;
+  }
+}
+
+// "x, y, z": the first so many axes.
+std::string axes(std::uint32_t count) {
+  const std::vector<std::string> all{"x", "y", "z"};
+  return join({all.begin(), all.begin() + std::min<std::uint32_t>(count, 3)}, "none");
+}
+
+std::string most(const char* way, std::uint32_t axis_count, double value, const char* unit) {
+  return axis_count == 0 ? "none" : format("%s %s, at most %g %s", way, axes(axis_count).c_str(), value, unit);
+}
+
+std::vector<std::string> to_text(const fs_device_info& info) {
+  const double degrees = info.workspace_angle * 180 / std::numbers::pi;
+  std::vector<std::string> lines;
+  lines.push_back(format("name        %s%s%s", info.name, *info.serial ? ", serial " : "", info.serial));
+  lines.push_back(format("workspace   a cylinder about z: %g mm in radius, %g mm high, the origin in its middle; ",
+                         info.workspace_radius * 1e3, info.workspace_height * 1e3) +
+                  (degrees > 0 ? format("turns %.0f degrees each way", degrees) : "does not turn"));
+  lines.push_back("force       " + most("along", info.force_axes, info.force_max, "N"));
+  lines.push_back("torque      " + most("about", info.torque_axes, info.torque_max, "N m"));
+  lines.push_back(format("rate        %g Hz; %g ms from pose to force beside its period", info.rate, info.delay * 1e3));
+  lines.push_back("resolution  " + (info.resolution > 0 ? format("%g um", info.resolution * 1e6) : "not quantised"));
+  lines.push_back("moving      " + (info.mass > 0 ? format("%g kg", info.mass) : "mass not known") +
+                  format(", %g N s/m of its own", info.damping));
+  return lines;
+}
+
+Json to_json(const fs_device_info& info) {
+  return {{"name", info.name},
+          {"serial", info.serial},
+          {"workspace_radius", info.workspace_radius},
+          {"workspace_height", info.workspace_height},
+          {"workspace_angle", info.workspace_angle},
+          {"force_axes", info.force_axes},
+          {"torque_axes", info.torque_axes},
+          {"force_max", info.force_max},
+          {"torque_max", info.torque_max},
+          {"resolution", info.resolution},
+          {"rate", info.rate},
+          {"delay", info.delay},
+          {"damping", info.damping},
+          {"mass", info.mass}};
+}
+
+// Opens it to ask; one that somebody else has, or that is not there any more, is listed with the reason.
+void add(const fs_device_entry& entry, bool as_json, Json& list) {
+  Json listed = {{"uri", entry.uri}, {"label", entry.label}};
+  if (!as_json) std::printf("%s  %s\n", entry.uri, entry.label);
+  fs_device_info info = fs_device_info_init();
+  try {
+    const Device device = open<Device>(fs_device_open, entry.uri);
+    require(fs_device_get_info(device.get(), &info));
+  } catch (const Failure& failure) {
+    if (!as_json) std::printf("    cannot be opened now: %s\n", failure.what());
+    listed["status"] = fs_status_name(failure.status);
+    listed["error"] = failure.what();
+    list.push_back(listed);
+    return;
+  }
+  if (!as_json) {
+    for (const std::string& line : to_text(info)) std::printf("    %s\n", line.c_str());
+  }
+  listed["info"] = to_json(info);
+  list.push_back(listed);
+}
+
+}  // namespace
+
+int devices(const DevicesOptions& options) {
+  Json list = Json::array();
+  for (const fs_device_entry& entry : all_devices()) add(entry, options.json, list);
+  if (options.json) std::puts(dump({{"devices", list}}, 2).c_str());
+  write_out();
+  return exit_fine;
+}

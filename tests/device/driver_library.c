@@ -1,0 +1,52 @@
+/* A driver in a library of its own, as fs_driver_load takes it. DRIVER_FAULT: what is wrong with it: 0 nothing, 1 its
+ * entry has another name, 2 it gives none, 3 it is newer than the library, 4 it lacks a function. */
+#include <string.h>
+
+#include <forceserver/driver.h>
+
+static fs_wrench written;
+
+static fs_status open_device(const char *address, void **self)
+{
+  if (strcmp(address, "0") != 0) return fs_fail(FS_ERROR_NOT_FOUND, "there is device 0 only");
+  *self = &written;
+  return FS_OK;
+}
+static void close_device(void *self) { (void)self; }
+static fs_status get_info(void *self, fs_device_info *out)
+{
+  (void)self;
+  out->force_axes = 3;
+  out->force_max = 5;
+  out->rate = 1000;
+  strcpy(out->name, "a device from a library");
+  return FS_OK;
+}
+static fs_status read_device(void *self, fs_state *out)
+{
+  out->pose.position = ((const fs_wrench *)self)->force; /* it is where it was last pushed to */
+  out->flags = FS_STATE_READY;
+  return FS_OK;
+}
+static fs_status write_device(void *self, const fs_wrench *wrench)
+{
+  *(fs_wrench *)self = *wrench;
+  return FS_OK;
+}
+
+#if DRIVER_FAULT == 1
+#define fs_driver_entry another_name
+#endif
+__attribute__((visibility("default"))) const fs_driver *fs_driver_entry(void);
+const fs_driver *fs_driver_entry(void)
+{
+  static fs_driver driver;
+  driver.struct_size = sizeof driver + (DRIVER_FAULT == 3 ? 8 : 0);
+  driver.scheme = "library";
+  driver.open = open_device;
+  driver.close = DRIVER_FAULT == 4 ? NULL : close_device;
+  driver.get_info = get_info;
+  driver.read = read_device;
+  driver.write = write_device;
+  return DRIVER_FAULT == 2 ? NULL : &driver;
+}

@@ -1,0 +1,80 @@
+#!/usr/bin/env bash
+# interrupt.sh SOURCE_FOLDER QUICKSTART: Ctrl-C. The quickstart ends its flight early and keeps the summary; tests/run
+# ends at once with its children, whatever it is at, and says so.
+set -uo pipefail
+source_folder=$1 quickstart=$2
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+set -m  # so that what runs in the background is not deaf to the signal
+failures=0
+fail() {
+  echo "FAILED: $*"
+  failures=$((failures + 1))
+}
+
+# wait_for COMMAND...: until it succeeds, for a minute at most.
+wait_for() {
+  local i
+  for ((i = 0; i < 600; ++i)); do
+    "$@" > /dev/null 2>&1 && return
+    sleep 0.1
+  done
+  fail "waited in vain for: $*"
+}
+
+not() { ! "$@"; }
+
+# The quickstart.
+"$quickstart" --seconds 1000 > "$folder/flight" 2>&1 &
+flight=$!
+wait_for grep -q 'Ctrl-C' "$folder/flight"
+kill -INT $flight
+wait $flight
+status=$?
+[ $status = 0 ] || fail "the interrupted quickstart ended with $status"
+for line in '^interrupted' '^who pushed' "^rover's plane " '^every tick of it'; do
+  grep -q "$line" "$folder/flight" || fail "the interrupted quickstart has no line like $line"
+done
+[ $failures = 0 ] || sed 's/^/    /' "$folder/flight"
+
+# tests/run in a folder of its own, with tools that take for ever.
+mkdir -p "$folder/tests" "$folder/tools"
+cp "$source_folder/tests/run" "$source_folder/tests/setup.sh" "$folder/tests"
+cat > "$folder/tools/stand_in" << 'END'
+#!/usr/bin/env bash
+case "$(basename "$0")" in
+  dpkg-query) echo 'install ok installed'; exit ;;
+  cmake) [ "$STOPS_AT" = cmake ] || exit 0 ;;
+  ninja) [ "$STOPS_AT" = ninja ] || exit 0 ;;
+esac
+sleep 1000 &
+echo $$ $! > "$STARTED.new" && mv "$STARTED.new" "$STARTED"
+wait
+END
+chmod +x "$folder/tools/stand_in"
+for tool in cmake ninja ctest dpkg-query; do ln -s stand_in "$folder/tools/$tool"; done
+for tool in cmake ninja ctest; do
+  export STOPS_AT=$tool STARTED=$folder/started_$tool
+  PATH=$folder/tools:$PATH "$folder/tests/run" > "$folder/account" 2>&1 &
+  run=$!
+  wait_for test -s "$STARTED"
+  kill -INT $run
+  wait_for not kill -0 $run
+  kill -KILL $run 2> /dev/null
+  wait $run
+  status=$?
+  [ $status = 130 ] || fail "tests/run, interrupted in $tool, ended with $status"
+  grep -q FAILED "$folder/account" && fail "tests/run, interrupted in $tool, counts a failure"
+  tail -n 1 "$folder/account" | grep -q '^interrupted' || fail "tests/run, interrupted in $tool, does not say so"
+  for process in $(cat "$STARTED"); do
+    # Ended, or waiting for its new parent to look.
+    if grep -q '^State:[[:space:]]*[^ZX]' "/proc/$process/status" 2> /dev/null; then
+      fail "$process, a child of $tool, is left"
+      kill -KILL "$process"
+    fi
+  done
+  sed "s/^/  $tool: /" "$folder/account"
+done
+
+echo "$failures failures"
+[ $failures = 0 ]
