@@ -236,6 +236,9 @@ static void change_of_others(Two& two, fs_scene* owner, const std::string& prefi
   change.front.gain = -1;
   const std::string as_asked = std::string("object '") + full + "': front.gain is -1";
   EXPECT_SENTENCE(FS_ERROR_INVALID, fs_object_change(bob, &change, FS_PART_PROFILES), as_asked.c_str());
+  OK(fs_scene_begin(bob));
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_object_change(bob, &change, FS_PART_PROFILES), as_asked.c_str());
+  OK(fs_scene_cancel(bob));
   change = fs_object_init(full, FS_PRIMITIVE_MESH);
   EXPECT_SENTENCE(FS_ERROR_INVALID, fs_object_change(bob, &change, FS_PART_SHAPE), "shape");
   EXPECT_SENTENCE(FS_ERROR_INVALID, fs_object_change(bob, &change, 64), "parts");

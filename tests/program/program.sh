@@ -192,6 +192,8 @@ fine '"primitive": "plane", "front": {'"$spring"'}, "back": {'"$spring"'}'
 fine '"primitive": "plane", "front": {"kind": "constant", "gain": 2, "limit": 2},
       "back": {"kind": "constant", "gain": 2, "limit": 2, "sense": "repulsive"}'  # gravity
 fine '"primitive": "mesh", "shape": "part", "front": {'"$spring"'}'  # a room
+fine '"primitive": "plane", "front": {"kind": "constant", "gain": 1, "limit": 1},
+      "back": {"kind": "constant", "gain": 1, "limit": 1, "sense": "repulsive"}'  # gravity
 odd 'it pulls the hand towards it from everywhere in front' '"primitive": "plane", "front": {'"$spring"'}'
 odd 'it pushes the hand away in front, the harder' '"primitive": "plane", "front": {"sense": "repulsive", '"$spring"'}'
 odd 'its back drives the hand deeper' '"primitive": "plane", "back": {"sense": "repulsive", '"$spring"'}'

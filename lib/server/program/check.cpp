@@ -223,33 +223,29 @@ void check_jumps(const fs_object& object, const Distances& distances, Findings& 
   }
 }
 
-// Profiles of the wrong sense or side.
+// Profiles of the wrong sense or side. Where both sides have one it is meant: a plane that holds the hand in it, or a
+// force that is the same everywhere, such as gravity.
 void check_senses(const fs_object& object, const Distances& distances, Findings& findings) {
   const std::string name = object.name;
   const bool sides = has_sides(object);
-  const auto is_felt = [&](const fs_profile& profile, fs_sense sense) {
-    return profile.sense == sense && most(profile, distances.least, distances.most) > faint;
-  };
+  const bool front = most(object.front, distances.least, distances.most) > faint;
+  const bool back = most(object.back, distances.least, distances.most) > faint;
   const auto grows_without_end = [&](const fs_profile& profile) {
     return force_at(profile, distances.most) > force_at(profile, distances.least) + faint;
   };
   const bool is_room = object.primitive == FS_PRIMITIVE_MESH && is_closed(object.shape);  // that the hand cannot leave
-  if (sides && !is_room && is_felt(object.front, FS_SENSE_ATTRACTIVE) && grows_without_end(object.front) &&
-      !is_felt(object.back, FS_SENSE_ATTRACTIVE)) {
+  const bool pulls = front && object.front.sense == FS_SENSE_ATTRACTIVE && grows_without_end(object.front);
+  if (sides && pulls && !back && !is_room) {
     findings.add(name, "it pulls the hand towards it from everywhere in front, the harder the farther away; a wall "
                  "pushes out of its back: \"back\", attractive");
   }
-  if (is_felt(object.front, FS_SENSE_REPULSIVE) && grows_without_end(object.front)) {
+  if (front && object.front.sense == FS_SENSE_REPULSIVE && grows_without_end(object.front)) {
     findings.add(name, "it pushes the hand away%s, the harder the farther away", sides ? " in front" : "");
   }
   // Inside of a mesh a force that falls off from the surface keeps the hand within.
   const bool keeps_within = object.primitive == FS_PRIMITIVE_MESH &&
                             force_at(object.back, distances.most) < force_at(object.back, distances.least) - faint;
-  // A plane that pushes everywhere in the same direction, and nowhere harder: gravity, a wind.
-  const bool is_field = object.primitive == FS_PRIMITIVE_PLANE && is_felt(object.front, FS_SENSE_ATTRACTIVE) &&
-                        !grows_without_end(object.front) && !grows_without_end(object.back);
-  const bool is_one_sided = !is_felt(object.front, FS_SENSE_REPULSIVE) && !is_field;
-  if (sides && is_felt(object.back, FS_SENSE_REPULSIVE) && is_one_sided && !keeps_within) {
+  if (back && !front && object.back.sense == FS_SENSE_REPULSIVE && !keeps_within) {
     findings.add(name, "its back drives the hand deeper; a wall pushes out of its back: attractive");
   }
 }
