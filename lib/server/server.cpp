@@ -186,7 +186,7 @@ void fs_server::run() noexcept {
       } catch (...) {  // no memory: what was asked for is not done
       }
     }
-    std::erase_if(sessions_, [](const std::shared_ptr<Session>& session) { return session->is_gone(); });
+    bury_sessions();
   }
   for (const std::shared_ptr<Session>& session : sessions_) session->drop(0);
   sessions_.clear();
@@ -243,6 +243,19 @@ void fs_server::turn_if_due() noexcept {
   try {
     turn(now);
   } catch (...) {  // no memory: the next one makes good for it
+  }
+}
+
+// What was theirs may be a gigabyte of shapes and thousands of objects: letting go of it takes a while, so the worker does.
+void fs_server::bury_sessions() noexcept {
+  const auto gone = std::stable_partition(sessions_.begin(), sessions_.end(), [](const auto& s) { return !s->is_gone(); });
+  if (gone == sessions_.end()) return;
+  try {
+    const auto dead = std::make_shared<std::vector<std::shared_ptr<Session>>>(gone, sessions_.end());
+    sessions_.erase(gone, sessions_.end());
+    worker_.add(0, {[dead](Wanted&) { dead->clear(); }, [] {}});
+  } catch (const std::bad_alloc&) {  // then here, as long as it takes
+    std::erase_if(sessions_, [](const std::shared_ptr<Session>& session) { return session->is_gone(); });
   }
 }
 

@@ -75,6 +75,7 @@ struct fs_server : fs::Counted<fs_server> {
   void accept_clients(const fs::Descriptor& listener);
   void open_door(bool is_open) noexcept;
   void turn(double now);
+  void bury_sessions() noexcept;
   void fall_asleep() noexcept;
   void wake() const noexcept;
 
