@@ -94,7 +94,7 @@ void Session::request(const Message& message) {
       case type_sync: {
         constexpr size_t most = 64;
         if (syncs_.size() >= most) fail(FS_ERROR_FULL, "%zu calls wait for this client already", syncs_.size());
-        syncs_.push_back({serial, whole_turns_, false, 0, {}});
+        syncs_.push_back({serial, false, 0, {}});
         return;
       }
       case type_pull: return pull(message);
@@ -338,7 +338,7 @@ void Session::settle_syncs() {
       continue;
     }
     const LocalScene& own = *server_.servo().scene();
-    if (!sync.has_begun && whole_turns_ == sync.begins_after) {  // moves before it have not been taken
+    if (!sync.has_begun && !are_moves_taken_) {  // they came before it
       syncs_.push_back(std::move(sync));
       continue;
     }

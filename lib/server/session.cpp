@@ -354,8 +354,9 @@ void Session::turn(double now) noexcept {
   if (is_gone_ || name_.empty()) return;
   try {
     outbox_->heartbeat.store(now, std::memory_order_relaxed);
+    are_moves_taken_ = false;
     if (is_applying_) return;
-    if (moves_allowed_.begin_turn() && take_moves()) ++whole_turns_;
+    are_moves_taken_ = moves_allowed_.begin_turn() && take_moves();
     scene_->post();
   } catch (...) {
     drop(server_.settings().lease);

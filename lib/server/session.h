@@ -120,8 +120,7 @@ class Session : public std::enable_shared_from_this<Session> {
   };
   struct Sync {
     uint64_t serial;
-    uint64_t begins_after;  // of whole_turns_: then its targets are sampled
-    bool has_begun;
+    bool has_begun;  // its targets are sampled at the next turn that has taken all moves
     uint64_t own;    // sequence wanted of the servo's own scene, and those of the clients
     std::vector<std::pair<std::weak_ptr<const Session>, uint64_t>> wanted;
   };
@@ -204,6 +203,7 @@ class Session : public std::enable_shared_from_this<Session> {
   std::vector<uint64_t> dirty_;  // a bit each slot: there is a move to be looked at
   std::vector<std::pair<uint32_t, wire::Move>> moved_;
   Allowance moves_allowed_{256};  // each turn, about 40 us
+  bool are_moves_taken_ = false;  // in this turn
   uint64_t last_serial_ = 0;
   size_t steps_ = 0;
   std::deque<Unit> parked_;  // until shapes are built
@@ -223,7 +223,6 @@ class Session : public std::enable_shared_from_this<Session> {
   uint64_t edits_told_ = 0;
   std::string awaited_next_;  // where the next turn goes on with them
   std::map<std::string, uint64_t, std::less<>> awaited_;  // names that no tick has used yet, with the sequence; 0: not posted
-  uint64_t whole_turns_ = 0;  // that have taken all moves
   std::vector<Sync> syncs_;
   std::optional<std::pair<fs_status, std::string>> first_refused_;
   uint64_t moves_ = 0, changes_ = 0, refused_ = 0;

@@ -169,9 +169,9 @@ START_TEST(groups_that_lie) {
                          Lie{uint64_t{1} << 40, size, sealed}, Lie{size, size, 0u}, Lie{size, size, F_SEAL_SHRINK}}) {
     const fs::wire::Group group{lie.told};
     if (lie.seals == sealed) {
-      std::vector<std::byte> bytes(fs::bytes_of(&group, 1).begin(), fs::bytes_of(&group, 1).end());
-      bytes.insert(bytes.end(), changes.begin(), changes.begin() + static_cast<ptrdiff_t>(std::min<size_t>(lie.there, size)));
-      bytes.resize(sizeof group + lie.there);
+      std::vector<std::byte> bytes(sizeof group + lie.there);
+      std::memcpy(bytes.data(), &group, sizeof group);
+      std::memcpy(bytes.data() + sizeof group, changes.data(), std::min<size_t>(lie.there, size));
       RawClient client = rig.join("lie");
       client.send(type_group, bytes);
       rig.expect_dropped(client, "a group that lies");
@@ -276,13 +276,13 @@ END_TEST
 START_TEST(slots_of_others) {
   Rig rig;
   RawClient client = rig.join("mixed");
-  client.set(1, push("a", 1));
-  client.set(2, push("b", 1, {0, 1, 0}));
+  client.set(1, push("a", 0.5));
+  client.set(2, push("b", 0.5, {0, 1, 0}));
   ck_assert_int_eq(rig.sync(client), FS_OK);
-  const uint64_t after = client.set(2, push("a", 2));  // b has none any more
+  const uint64_t after = client.set(2, push("a", 1));  // b has none any more
   ck_assert_int_eq(rig.sync(client), FS_OK);
   ck_assert_uint_eq(rig.listed("mixed").objects, 2);
-  ck_assert(rig.until([&] { return is_near(rig.foreign_force(), {2, 1, 0}); }));
+  ck_assert(rig.until([&] { return is_near(rig.foreign_force(), {1, 0.5, 0}); }));
   client.move(1, after, scenes::at(1, 0, 0));  // nobody's
   client.send(type_bind, Bind{~0u, 0, "a"});
   client.send(type_bind, Bind{1, 0, "b"});
@@ -293,7 +293,7 @@ START_TEST(slots_of_others) {
   ck_assert_int_eq(rig.sync(client), FS_OK);
   fs_event event;
   ck_assert(!client.next_refusal(event));
-  ck_assert(rig.until([&] { return is_near(rig.foreign_force(), {2, 1, 0}); }));
+  ck_assert(rig.until([&] { return is_near(rig.foreign_force(), {1, 0.5, 0}); }));
   // Names that belong to another client are a client's own here, not that one's.
   client.set(4, push("wall", 1, {0, 0, 1}));
   ck_assert_int_eq(rig.sync(client), FS_OK);
