@@ -27,6 +27,7 @@ constexpr double awake_for = 0.05;        // s after the last change, before it 
 constexpr double asleep_period = 0.02;    // s: the heartbeat, and the scenes' events
 constexpr double housekeeping_period = 0.01;
 constexpr double shortest_lead = 1.5e-4;  // s before a tick: for a thread to wake up and to take some moves
+constexpr int most_accepted = 16;         // in a housekeeping period: letting one in takes as long as many requests
 constexpr ptrdiff_t most_strangers = 64;  // that have not said who they are
 constexpr ptrdiff_t most_refused = 16;
 
@@ -275,6 +276,7 @@ void fs_server::turn(double now) {
     last_housekeeping_ = now;
     for (const std::shared_ptr<Session>& session : sessions_) session->keep_house();
     count_leaving();
+    accepted_ = 0;
     if (!is_door_open_) open_door(true);
     if (!is_asleep_) set_timer();  // the servo skips what it is too late for
   }
@@ -366,10 +368,12 @@ void fs_server::open_door(bool is_open) noexcept {
 }
 
 void fs_server::accept_clients(const Descriptor& listener) {
-  for (int i = 0; i < 64; ++i) {
+  for (;;) {
+    if (accepted_ == most_accepted) return open_door(false);  // until the next housekeeping
     Descriptor socket(accept4(listener.get(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
     const int error = socket ? 0 : errno;
     if (error == EAGAIN || error == EWOULDBLOCK) return;
+    ++accepted_;
     if (error == EINTR || error == ECONNABORTED) continue;
     if ((error == EMFILE || error == ENFILE) && spare_) {
       // One is kept for this: to turn away whoever waits.
