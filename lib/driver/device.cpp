@@ -158,23 +158,28 @@ bool fs_device::take_turn() noexcept {
 
 void fs_device::end_turn() noexcept { turn_.store(0); }
 
-// A turn that is waited for.
+// A turn that is waited for, `most` times 20 us or more.
 class fs_device::Turn {
  public:
-  explicit Turn(fs_device& device) : device_(device), is_inside_(device.turn_.load() == pthread_self()) {
-    for (pthread_t nobody = 0; !is_inside_ && !device_.turn_.compare_exchange_strong(nobody, pthread_self()); nobody = 0) {
-      fs::pause(2e-5);
+  explicit Turn(fs_device& device, uint64_t most = UINT64_MAX) : device_(device) {
+    is_inside_ = device_.turn_.load() == pthread_self();
+    for (uint64_t i = 0; i < most && !is_inside_ && !is_taken_; ++i) {
+      pthread_t nobody = 0;
+      is_taken_ = device_.turn_.compare_exchange_strong(nobody, pthread_self());
+      if (!is_taken_) fs::pause(2e-5);
     }
   }
   ~Turn() {
-    if (!is_inside_) device_.end_turn();
+    if (is_taken_) device_.end_turn();
   }
   Turn(const Turn&) = delete;
   Turn& operator=(const Turn&) = delete;
+  explicit operator bool() const noexcept { return is_taken_ || is_inside_; }
 
  private:
   fs_device& device_;
-  const bool is_inside_;  // the driver has called exit
+  bool is_taken_ = false;
+  bool is_inside_ = false;  // the driver has called exit
 };
 
 void fs_device::write_zero() noexcept {
@@ -196,8 +201,8 @@ void fs_device::silence() noexcept {
 
 void fs_device::end() noexcept {
   if (!is_of_this_process() || has_ended_.exchange(true)) return;
-  const Turn turn(*this);
-  if (!was_pushing_) return;  // then the driver is left alone
+  const Turn turn(*this, 50'000);
+  if (!turn || !was_pushing_) return;  // a driver that hangs does not keep the process; one without a force is left alone
   write_zero();
   driver_.close(self_);  // only this is sure to wait until the 0 has arrived
   is_closed_ = true;

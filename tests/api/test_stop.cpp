@@ -424,6 +424,25 @@ START_TEST(a_start_that_fails) {
 }
 END_TEST
 
+START_TEST(a_thread_that_is_refused) {
+  Arrived& arrived = make_arrived();
+  ck_assert_int_eq(7, in_process([&] {
+    Pushed& pushed = *new Pushed(arrived, "nothread");
+    const rlimit none{0, 0};
+    if (geteuid() == 0 && setuid(65534) != 0) _exit(1);  // who may do everything gets it
+    setrlimit(RLIMIT_NPROC, &none);
+    fs_servo* servo = nullptr;
+    if (fs_servo_start(pushed.scene.get(), pushed.device.get(), nullptr, &servo) != FS_ERROR_IO || servo) _exit(2);
+    pushed.start(FS_SERVO_CALLER);
+    if (fs_servo_step(pushed.servo.get(), 3) != FS_OK) _exit(3);
+    arrived.has_begun = true;
+    pushed.servo.reset();
+    _exit(7);
+  }));
+  expect_quiet(arrived);
+}
+END_TEST
+
 // What the system locks for a servo is bounded, whatever else the process has, and is given back.
 START_TEST(locked_memory) {
   Arrived& arrived = make_arrived();
@@ -472,6 +491,6 @@ int main() {
   add_case(suite, "stop", {stop_before_the_server_is_told, two_threads_stop_at_once, a_zero_that_fails});
   add_case(suite, "exit", {exit_before_statics_are_gone, exit_with_all_that_runs, exit_without_a_tick,
                            exit_by_the_driver, a_forked_child_leaves_it_alone});
-  add_case(suite, "memory", {a_start_that_fails, locked_memory});
+  add_case(suite, "memory", {a_start_that_fails, a_thread_that_is_refused, locked_memory});
   return run_suite(suite);
 }
