@@ -59,9 +59,9 @@ typedef enum fs_realtime {
   FS_REALTIME_NICE = 1,         /* a better nice value */
   FS_REALTIME_FIFO = 2,         /* SCHED_FIFO */
   FS_REALTIME_FIFO_LOCKED = 3,  /* SCHED_FIFO, and locked in memory until the stop: the servo with its flight record,
-                                   its thread's stack, the code of this library and of the C and mathematical
-                                   libraries; 4 MB at 1 kHz. Not locked: objects, meshes, the driver, all else that
-                                   the process has */
+                                   its thread's stack, and this library, the C and the mathematical library; about
+                                   5 MB at 1 kHz. Objects, meshes, the driver and the rest of the process are not
+                                   locked: a process that wants that calls mlockall */
   FS_REALTIME_FORCE_32 = 0x7fffffff
 } fs_realtime;
 

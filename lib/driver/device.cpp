@@ -201,8 +201,8 @@ void fs_device::silence() noexcept {
 
 void fs_device::end() noexcept {
   if (!is_of_this_process() || has_ended_.exchange(true)) return;
-  const Turn turn(*this, 50'000);
-  if (!turn || !was_pushing_) return;  // a driver that hangs does not keep the process; one without a force is left alone
+  const Turn turn(*this, 50'000);  // a driver that hangs does not keep the process from its end
+  if (!turn || !was_pushing_) return;
   write_zero();
   driver_.close(self_);  // only this is sure to wait until the 0 has arrived
   is_closed_ = true;

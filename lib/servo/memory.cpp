@@ -61,10 +61,16 @@ class Code {
   }
   void add(uintptr_t begin, size_t size) noexcept {
     const uintptr_t first = begin / page_size() * page_size();
-    const MemoryLock::Range range{reinterpret_cast<const void*>(first), whole_pages(begin + size - first)};
-    if (has_failed_ || count_ == ranges_.size() || range.second > most_bytes || is_locked(range)) return;
-    has_failed_ = mlock(range.first, range.second) != 0;
-    ranges_[count_++] = range;
+    const size_t bytes = whole_pages(begin + size - first), half = whole_pages(bytes / 2);
+    if (has_failed_ || bytes > most_bytes) return;
+    const MemoryLock::Range range{reinterpret_cast<const void*>(first), bytes};
+    if (!is_locked(range)) {
+      has_failed_ = count_ == ranges_.size() || mlock(range.first, range.second) != 0;
+      if (!has_failed_) ranges_[count_++] = range;
+    } else if (bytes > page_size()) {  // some of it is: the rest
+      add(first, half);
+      add(first + half, bytes - half);
+    }
   }
   void release() noexcept {
     if (--users_ > 0) return;
@@ -76,7 +82,7 @@ class Code {
   std::mutex mutex_;
   int users_ = 0;
   bool has_failed_ = false;
-  std::array<MemoryLock::Range, 32> ranges_;
+  std::array<MemoryLock::Range, 256> ranges_;
   size_t count_ = 0;
 };
 

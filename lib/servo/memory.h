@@ -44,8 +44,8 @@ class Stack {
   char* begin_;
 };
 
-// Keeps memory from being taken out of the machine's: pages, and the code of this library, the C library and the
-// mathematical functions, as long as anyone has it locked. What the application has locked of them stays so.
+// Keeps memory from being paged out: the pages that it is given, and the loaded files of this library, the C library and
+// the mathematical library (which all locks share). What the application has locked of these files itself stays locked.
 class MemoryLock {
  public:
   MemoryLock() = default;

@@ -174,7 +174,9 @@ void fs_servo::run() noexcept {
 }
 
 fs_status fs_servo::step(uint64_t ticks) noexcept {
-  const auto stopped = [] { return set_last_error_literal(FS_ERROR_STATE, "fs_servo_step: the servo has been stopped"); };
+  const auto stopped = [] {
+    return set_last_error_literal(FS_ERROR_STATE, "fs_servo_step: the servo has been stopped");
+  };
   if (is_stopping_.load() || device_->is_silent()) return stopped();
   if (settings_.mode == FS_SERVO_THREAD) {
     return set_last_error_literal(FS_ERROR_UNSUPPORTED, "fs_servo_step: this servo has a thread of its own that steps it");

@@ -32,7 +32,7 @@ double parse_switch(double given, double standard, double none, double high, uin
 
 // Who asks for what is not there is told so: it might be relied upon.
 [[noreturn]] void refuse(double given, const char* field, const char* allowed) {
-  fail(FS_ERROR_UNSUPPORTED, "%s is %g: version %s of this library has no %s, only %s", field, given, fs_version(), field,
+  fail(FS_ERROR_UNSUPPORTED, "%s is %g: it is not in version %s of this library, only %s", field, given, fs_version(),
        allowed);
 }
 

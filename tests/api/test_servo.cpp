@@ -581,7 +581,8 @@ START_TEST(missing_protections) {  // who asks for one is told that it is not th
       fs_servo_options options = virtual_options();
       options.*c.member = value;
       fs_servo* servo = nullptr;
-      EXPECT_SENTENCE(FS_ERROR_UNSUPPORTED, fs_servo_start(rig.scene.get(), rig.device.get(), &options, &servo), c.field);
+      const fs_status status = fs_servo_start(rig.scene.get(), rig.device.get(), &options, &servo);
+      EXPECT_SENTENCE(FS_ERROR_UNSUPPORTED, status, c.field);
       ck_assert_ptr_null(servo);
     }
   }
@@ -858,7 +859,8 @@ int main() {
   add_case(suite, "faults", {zero_until_ready, a_lost_device_comes_back, an_old_pose_is_no_pose, told_again,
                              too_fast, not_a_number, a_jump_while_away_is_no_speed, speeds_are_worked_out});
   add_case(suite, "record", {the_record, stats, rate_of_the_device});
-  add_case(suite, "ownership", {bad_options, missing_protections, one_servo_each, device_by_hand, lives_on_without_its_makers});
+  add_case(suite, "ownership", {bad_options, missing_protections, one_servo_each, device_by_hand,
+                                lives_on_without_its_makers});
   add_case(suite, "time", {ages_stay, a_hundred_thousand_objects, late_ticks_latch, a_stall_ramps, its_own_thread,
                            the_simulator});
   return run_suite(suite);
