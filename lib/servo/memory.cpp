@@ -111,26 +111,22 @@ Stack::Stack(size_t bytes)
 
 Stack::~Stack() { unmap_pages(pages_, guard_ + size_); }
 
-bool MemoryLock::lock(const std::vector<Range>& pages) noexcept {
-  try {
-    pages_.reserve(pages.size());
-  } catch (const std::bad_alloc&) {
-    return false;
-  }
+bool MemoryLock::lock(const Ranges& pages) noexcept {
   has_code_ = code().lock();
   bool is_good = has_code_;
-  for (const Range& range : pages) {
-    if (!is_good) break;
-    is_good = mlock(range.first, range.second) == 0;
-    if (is_good) pages_.push_back(range);
+  for (size_t i = 0; i < pages.size() && is_good; ++i) {
+    is_good = mlock(pages[i].first, pages[i].second) == 0;
+    if (is_good) pages_[i] = pages[i];
   }
   if (!is_good) unlock();
   return is_good;
 }
 
 void MemoryLock::unlock() noexcept {
-  for (const Range& range : pages_) munlock(range.first, range.second);
-  pages_.clear();
+  for (Range& range : pages_) {
+    if (range.first) munlock(range.first, range.second);
+    range = {};
+  }
   if (std::exchange(has_code_, false)) code().unlock();
 }
 

@@ -2,11 +2,11 @@
 // again, without a change to anybody else's.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <limits>
 #include <new>
 #include <utility>
-#include <vector>
 
 namespace fs {
 
@@ -55,11 +55,12 @@ class MemoryLock {
 
   // All of them, brought in at once; false: the system does not allow it, and none is locked.
   using Range = std::pair<const void*, size_t>;
-  bool lock(const std::vector<Range>& pages) noexcept;
+  using Ranges = std::array<Range, 3>;
+  bool lock(const Ranges& pages) noexcept;
   void unlock() noexcept;
 
  private:
-  std::vector<Range> pages_;
+  Ranges pages_{};  // null: not locked
   bool has_code_ = false;
 };
 

@@ -68,7 +68,7 @@ void fs_servo::start_thread() {
   }
   realtime_.wait(not_asked);
   if (realtime_.load() == FS_REALTIME_FIFO &&
-      memory_lock_.lock({{this, sizeof *this}, {stack_->begin(), stack_->size()}, record_.pages()})) {
+      memory_lock_.lock({{{this, sizeof *this}, {stack_->begin(), stack_->size()}, record_.pages()}})) {
     realtime_.store(FS_REALTIME_FIFO_LOCKED);
   }
 }

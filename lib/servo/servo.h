@@ -60,7 +60,7 @@ struct fs_servo final : fs::Counted<fs_servo> {
   uint64_t event_count() const noexcept { return events_.count(); }
 
  private:
-  void start_thread();  // IO
+  void start_thread();  // IO; the last that can fail
   void run() noexcept;
   void tick(double now, double late) noexcept;
   void drop_channels() noexcept;
