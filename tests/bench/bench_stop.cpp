@@ -169,7 +169,7 @@ const Way ways[]{
      }},
     {"the same, both processors busy", [] {
        Rig rig;
-       for (int i = 0; i < 2; ++i) std::thread([] { for (volatile int k = 0;; k = k + 1) {} }).detach();
+       for (int i = 0; i < 2; ++i) std::thread([] { for (std::atomic<int> k{0};; ++k) {} }).detach();
        stop(rig);
      }},
     {"the same, with a server and a client", [] {
