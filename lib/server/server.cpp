@@ -171,7 +171,7 @@ void fs_server::set_timer() noexcept {
 // --------------------------------------------------------------------------------------------------------- its thread
 
 void fs_server::run() noexcept {
-  pthread_setname_np(pthread_self(), "fs-server");
+  begin_thread("fs-server");
   set_timer();
   std::array<epoll_event, 64> events;
   for (;;) {

@@ -51,6 +51,7 @@ void fs_servo::start_thread() {
   pthread_attr_setstack(&attributes, stack_->begin(), stack_->size());
   realtime_.store(not_asked);
   const auto entry = [](void* data) -> void* {
+    begin_thread("fs-servo");
     fs_servo* servo = static_cast<fs_servo*>(data);
     servo->realtime_.store(request_realtime(servo->settings_.priority, servo->settings_.cpu));
     servo->realtime_.notify_one();
