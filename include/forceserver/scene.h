@@ -158,9 +158,8 @@ FS_API fs_status fs_scene_get_tool(fs_scene *scene, fs_vec3 *out, size_t capacit
 /* Where the tool of a scene stands: all that is needed to draw it. Frozen. */
 typedef struct fs_view {
   fs_frame frame;               /* as fs_scene_get_frame gives it */
-  fs_pose tool;                 /* of the handle, in that scene's frame, at the last tick: where the hand has it or, while
-                                   the clutch is held, where the clutch holds it. The identity before the first tick
-                                   and without a servo */
+  fs_pose tool;                 /* of the handle at the last tick, in that scene's frame: the hand's, or the one at
+                                   which the clutch holds it. The identity before the first tick and without a servo */
   fs_vec3 points[FS_TOOL_POINTS_MAX]; /* of the tool, m, frame of the handle: the first point_count; the rest 0 */
   uint32_t point_count;         /* 1..32 */
   bool held;                    /* the clutch */
@@ -229,16 +228,16 @@ FS_API fs_status fs_scene_get_reports(fs_scene *scene, fs_report *out, size_t ca
 /* One object. NOT_FOUND. */
 FS_API fs_status fs_scene_get_report(fs_scene *scene, const char *name, fs_report *out);
 
-/* How an object moves, in its owner's frame. At time t it is felt where its twist has taken it in dt = t - time, of
- * which no less than 0 and no more than horizon counts: at position + dt*linear, and turned by the angle |dt*angular|
- * about angular. Frozen. */
+/* How an object moves, in its owner's scene frame. At time t it is felt at position + dt*linear, and its orientation is
+ * turned further by the angle |dt*angular| about the axis `angular`; dt is t - time, but at least 0 and at most
+ * horizon. Frozen. */
 typedef struct fs_motion {
   char name[FS_NAME_SIZE];      /* another client's: "client/object" */
   fs_primitive primitive;       /* as set */
   uint32_t reserved_32;         /* 0 */
-  uint64_t revision;            /* grows with every change but moves: all but the motion may be another now */
-  uint64_t motion_revision;     /* grows with every change and every move. While it stays, so does all of this. Neither
-                                   number comes back with another object of that name */
+  uint64_t revision;            /* grows with every change but moves: then the object is to be got again */
+  uint64_t motion_revision;     /* grows with every change and every move. While it stays, nothing here has changed.
+                                   Another object of the same name never has an old number */
   fs_pose pose;                 /* at `time`, not extrapolated */
   fs_twist twist;               /* from then on: m/s, rad/s; given or worked out (fs_object_move) */
   double time;                  /* s, on the scene's clock */
@@ -246,12 +245,13 @@ typedef struct fs_motion {
   double reserved[4];           /* 0 */
 } fs_motion;
 
-/* How all objects move, a list, with one request: for viewers, editors and bridges. The objects are those that
- * fs_object_get has, at one instant: a group is there whole or not at all. client: only those of one client, of a
- * connected scene ("server": of the server's own scene); null: of all, its own first. Its own are as this process has
- * them: with its open group, and also while the server has not taken them yet or has refused them (fs_report.state
- * tells); their two revisions are counted here. Those of others are as the server has them, without an open group of
- * its own scene. Connected: TIMEOUT, FULL. NOT_FOUND: no such client. */
+/* How all objects move, a list: one request for viewers, editors and bridges. It has the objects that fs_object_get
+ * has, as they are at one instant, so a group is in it as a whole or not at all. client: only the objects of this one,
+ * of a connected scene ("server": the server's own scene); null: all, its own first. The scene's own objects are as
+ * this process has them: as an open group has them, and those too that the server has not taken yet or has refused
+ * (fs_report.state tells); their revisions are counted in this process. Those of others are as the server has them;
+ * what an open group, here or of the server's own scene, does to them is not in it. Connected: TIMEOUT, FULL.
+ * NOT_FOUND: no such client. */
 FS_API fs_status fs_scene_get_motions(fs_scene *scene, const char *client, fs_motion *out, size_t capacity,
                                       size_t *count);
 

@@ -221,8 +221,8 @@ void RemoteScene::adopt(const wire::Pulled& pulled) {
       if (const auto data = data_.find(pulled.object.shape); data != data_.end()) data->second.is_refused = true;
       break;
     case wire::pulled_view:
-      if (!is_touched("/frame")) replica_->set_frame(pulled.frame.frame);
-      if (!is_touched("/tool")) {
+      if (!touched_.contains("/frame")) replica_->set_frame(pulled.frame.frame);
+      if (!touched_.contains("/tool")) {
         replica_->set_tool(pulled.tool.points, std::min<size_t>(pulled.tool.count, FS_TOOL_POINTS_MAX));
       }
       break;

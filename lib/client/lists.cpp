@@ -20,20 +20,20 @@ fs_view RemoteScene::view(const char* client) {
   return request(call, wire::type_view, bytes_of(&target, 1)).as<fs_view>();
 }
 
+// What may wait comes first: the scene's own objects are looked at with the lock.
 std::vector<fs_motion> RemoteScene::motions(const char* client) {
   Call call = enter();
   const bool is_own = client && client_ == client;
   if (client && !*client) fail(FS_ERROR_NOT_FOUND, "client is '': no client of that name is connected");
-  std::vector<fs_motion> out;
-  if (!client || is_own) {
-    catch_up(call);
-    flush_ahead();
-    out = replica_->motions(nullptr);
+  std::vector<fs_motion> others;
+  if (!is_own) {
+    const wire::Target target = to_target(client ? client : "", "client");
+    others = request(call, wire::type_motions, bytes_of(&target, 1)).list<fs_motion>();
+    if (client) return others;
   }
-  if (is_own) return out;
-  const wire::Target target = to_target(client ? client : "", "client");
-  const Answer answer = request(call, wire::type_motions, bytes_of(&target, 1));
-  std::vector<fs_motion> others = answer.list<fs_motion>();
+  catch_up(call);
+  flush_ahead();
+  std::vector<fs_motion> out = replica_->motions(nullptr);
   if (out.empty()) return others;
   out.insert(out.end(), others.begin(), others.end());
   return out;

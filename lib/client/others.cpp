@@ -72,10 +72,10 @@ RemoteScene::Other& RemoteScene::join_group(Call& call, const char* name) {
   if (connection_.welcome().is_locked) {
     fail(FS_ERROR_DENIED, "name is '%.128s': this server lets a client change its own objects only", name);
   }
-  require_room(*group_, 0);
   Other other;
   other.kept = get_other(call, name, other.object);
   if (!group_) fail(FS_ERROR_STATE, "the group was closed by another thread");
+  require_room(*group_, 0);
   return group_->others.insert_or_assign(name, std::move(other)).first->second;
 }
 

@@ -17,6 +17,9 @@ double expiry_of(const Object& object, double now) { return object.lifetime > 0 
 
 Ref<Entry> copy(const Entry& entry) { return make_ref<Entry>(entry); }
 
+// A number of what is wanted, in place of that of what is felt: it grows, also where that has changed meanwhile.
+uint64_t grown(uint64_t wanted, uint64_t felt) { return wanted >= felt ? wanted : next_serial(); }
+
 }  // namespace
 
 LocalScene::LocalScene(std::shared_ptr<ServoOutput> the_output, ClockKind clock)
@@ -340,13 +343,18 @@ bool LocalScene::commit(size_t most) {
       const Entry* felt = table_.get(slot);
       const Entry& wanted = *group_->table.get(slot);
       if (!felt && wanted.is_removed) continue;  // came and went
-      if (is_more_than_moved || !felt) {
+      if (!felt) {
         store(slot, transit(felt, wanted));
+      } else if (is_more_than_moved) {
+        const Ref<Entry> entry = copy(wanted);
+        entry->revision = grown(wanted.revision, felt->revision);
+        entry->motion_revision = grown(wanted.motion_revision, felt->motion_revision);
+        store(slot, transit(felt, *entry));
       } else {
         const Ref<Entry> entry = copy(*felt);
         entry->motion = wanted.motion;
         entry->track = wanted.track;
-        entry->motion_revision = wanted.motion_revision;
+        entry->motion_revision = grown(wanted.motion_revision, felt->motion_revision);
         store(slot, entry);
       }
     }
@@ -435,6 +443,8 @@ void LocalScene::take(Draft& draft) {
       const Entry& mover = draft.parts_.at(slot) & FS_PART_POSE ? wanted : *felt;
       entry->motion = mover.motion;
       entry->track = mover.track;
+      entry->revision = grown(entry->revision, felt->revision);
+      entry->motion_revision = grown(wanted.motion_revision, felt->motion_revision);
       store(slot, is_more_than_moved ? transit(felt, *entry) : Ref<const Entry>(entry));
       if (!group_ || group_->touched.contains(slot)) continue;
       group_->table.set(slot, Ref<const Entry>::share(table_.get(slot)));

@@ -226,10 +226,14 @@ void Session::retry_parked() {
 void Session::bind(const std::string& name, uint32_t slot, uint64_t after) {
   uint32_t& present = objects_[name];
   if (present != wire::no_slot && present != slot && slots_[present].name == name) slots_[present] = {};
-  present = slot;
+  present = wire::no_slot;
   if (slot == wire::no_slot) return;
-  // Whatever was moved through the slot before: the client has given it to another object.
-  if (std::string& other = slots_[slot].name; !other.empty() && other != name) objects_[other] = wire::no_slot;
+  // The client may have given the slot to another object, before this change or while it waited: the last word counts.
+  if (Slot& other = slots_[slot]; !other.name.empty() && other.name != name) {
+    if (other.after > after) return;
+    objects_[other.name] = wire::no_slot;
+  }
+  present = slot;
   slots_[slot] = {name, after};
   mark(slot);  // a move after it may have come by already
 }
@@ -486,7 +490,7 @@ void Session::apply_foreign(const Message& message, std::map<const LocalScene*, 
 // Others are told of an object that waits for its shape, or was refused.
 void Session::note_absent(const wire::Set& set, fs_object_state state) {
   const bool is_primitive = set.object.primitive >= FS_PRIMITIVE_POINT && set.object.primitive <= FS_PRIMITIVE_MESH;
-  if (!is_primitive || absent_.size() >= slots_.size()) return;
+  if (!is_primitive || absent_.size() >= 2 * slots_.size()) return;
   try {
     const std::string name = parse_name(text_of(set.object.name).c_str(), "name");
     if (!objects_.contains(name)) absent_[name] = {static_cast<fs_primitive>(set.object.primitive), state};
@@ -528,6 +532,9 @@ void Session::refuse(const Unit& unit, const Message& failed, const Error& error
       }
     } else if (type == wire::type_remove) {
       name = text_of(message.as<wire::Remove>().name);
+      absent_.erase(name);  // nor does the client want it
+    } else if (type == wire::type_clear) {
+      absent_.clear();
     } else if (type == wire::type_edit) {
       name = text_of(message.as<wire::Edit>().target.name);
     } else if (type == wire::type_move_other) {

@@ -567,6 +567,30 @@ START_TEST(never_reads) {
 }
 END_TEST
 
+// Long lists, which take a while, for one that goes meanwhile, and for one that has too many of them written.
+START_TEST(lists_for_nobody) {
+  Rig rig;
+  OK(fs_scene_begin(rig.scene()));
+  for (int i = 0; i < 1500; ++i) {
+    fs_object object = fs_object_init(("o" + std::to_string(i)).c_str(), FS_PRIMITIVE_POINT);
+    OK(fs_object_set(rig.scene(), &object));
+  }
+  OK(fs_scene_commit(rig.scene()));
+  const size_t files = open_files();
+  for (int round = 0; round < 30; ++round) {
+    RawClient client = rig.join("nobody");
+    for (int i = 0; i < 1 + round * 4; ++i) client.send(type_motions, target_of(round % 2 ? "" : "server"));
+    if (round % 3) rig.tick(round % 3);
+    if (round < 2) {  // who has more of them unread is let go of
+      const auto reply = client.reply_of(client.serial, 10);
+      ck_assert(reply && reply->status == FS_OK && reply->as<Count>().count == (round % 2 ? 1501 : 1500));
+    }
+  }
+  ck_assert(rig.until([&] { return open_files() == files; }));
+  rig.check_honest();
+}
+END_TEST
+
 // Changes and moves as fast as they can be sent: another one's are taken all the while.
 START_TEST(flood) {
   Rig rig;
@@ -601,6 +625,6 @@ int main() {
   scenes::add_once(suite, "order", {serials_that_do_not_rise, what_belongs_in_no_group, groups_that_lie, group_without_end, group_refused});
   scenes::add_once(suite, "numbers", {slot_out_of_range, slots_of_others, numbers_of_shapes});
   scenes::add_once(suite, "others", {bad_requests, locked, own_as_another, reports_of_nonsense, refused_until_removed});
-  scenes::add_once(suite, "too much", {never_reads, flood});
+  scenes::add_once(suite, "too much", {never_reads, lists_for_nobody, flood});
   return scenes::run_suite(suite);
 }
