@@ -21,7 +21,8 @@ typedef struct fs_device_info {
   double force_max, torque_max; /* N, N m, in most of the workspace */
   double resolution;            /* m, of the position */
   double rate;                  /* Hz, as it likes to be served, 100..20000 */
-  double delay;                 /* s from pose to force, beside the servo period */
+  double delay;                 /* s from pose to force, beside the servo period; adds to the age that a pose may have
+                                   (FS_FAULT_DEVICE) */
   double damping;               /* N s/m, its own, physical */
   double mass;                  /* kg, its own, felt at the handle; 0: not known */
 } fs_device_info;
@@ -81,7 +82,8 @@ FS_API fs_status fs_device_get_info(fs_device *device, fs_device_info *out);
 FS_API fs_status fs_device_read(fs_device *device, fs_state *out);
 
 /* Sends a force and torque, device frame, not guarded but scaled into the maxima with the direction kept; axes that
- * the device does not have get 0. Does not wait. STATE while a servo has the device; DISCONNECTED, IO. */
+ * the device does not have get 0. It stays until the next, a servo's first tick, fs_device_close or the end of the
+ * process by exit. Does not wait. STATE while a servo has the device; DISCONNECTED, IO. */
 FS_API fs_status fs_device_write(fs_device *device, const fs_wrench *wrench);
 
 #ifdef __cplusplus

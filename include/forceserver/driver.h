@@ -25,7 +25,9 @@ typedef struct fs_driver {
   /* *self becomes the driver's own handle. address: the URI behind "scheme:", with options. May take seconds. */
   fs_status (*open)(const char *address, void **self);
 
-  /* Force to 0, then free. No other call comes afterwards. */
+  /* Sets the force to 0, waits until the device has it, then frees. No other call comes afterwards. Also called when
+   * the process ends by exit or by a return from main, if the device was ever given a force; what became static only
+   * after its servo was started may be destroyed by then. */
   void (*close)(void *self);
 
   /* out comes as zeros with its struct_size; write no further. Called once, after open. A device with n force axes
@@ -38,7 +40,7 @@ typedef struct fs_driver {
   fs_status (*read)(void *self, fs_state *out);
 
   /* Sends a wrench, device frame, finite, within the maxima. A driver whose device can lets go 20 ms after the last
-   * write. */
+   * write: nothing else ends the force of a process that was killed. */
   fs_status (*write)(void *self, const fs_wrench *wrench);
 
   /* Null: write only. Instead of write, for a far controller that renders f0 + dfdx (x - x0) at its own rate,

@@ -279,7 +279,8 @@ typedef enum fs_event_kind {
   FS_EVENT_EXPIRED = 5,         /* an object outlived its lifetime: it stays, at weight 0, until set, changed or
                                    moved */
   FS_EVENT_DEVICE = 6,          /* device (name) ready (FS_OK), lost or stopped by a fault: status, text; value: the
-                                   fs_fault bits that came, as a number; 0: ready */
+                                   fs_fault bits that came, as a number; 0: ready. A fault that comes again after
+                                   fs_servo_set_enabled is told again */
   FS_EVENT_DISCONNECTED = 7,    /* server gone; the last event: make a new scene */
   FS_EVENT_OVERFLOW = 8,        /* value older events were dropped, never fetched: 1024 are kept */
   FS_EVENT_FORCE_32 = 0x7fffffff

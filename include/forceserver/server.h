@@ -5,6 +5,8 @@
  * can do more than push within its force_limit. One that alone takes longer than a period in ten ticks in a row, or
  * whose force is not finite, is let go of, its force at once. The server has a thread that takes what the clients have
  * changed at the servo's rate, and two that build their meshes; all end with it, and nothing is left in the system.
+ * That thread does so much for each client and no more: of one that moves more than 256 objects in every tick the
+ * newest moves are taken some ticks later, and a mesh waits for at most one of each other client.
  */
 #ifndef FORCESERVER_SERVER_H
 #define FORCESERVER_SERVER_H

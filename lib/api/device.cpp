@@ -36,9 +36,10 @@ fs_status fs_device_open(const char* uri, fs_device** out) {
 
 void fs_device_close(fs_device* device) {
   if (!device) return;
+  if (!device->is_of_this_process()) return;
   {
     const std::lock_guard lock(device->mutex);
-    if (!device->is_owned()) device->write({});
+    if (!device->is_owned()) device->zero();
   }
   device->release();
 }
@@ -60,8 +61,14 @@ template <class F>
 fs_status on_device(fs_device* device, F&& f) {
   return guarded([&] {
     require_pointer(device, "device");
+    if (!device->is_of_this_process()) fail(FS_ERROR_STATE, "the device was opened by the parent of this process");
     const std::lock_guard lock(device->mutex);
     if (device->is_owned()) fail(FS_ERROR_STATE, "a servo has the device; stop it first");
+    if (!device->take_turn()) fail(FS_ERROR_STATE, "the process is ending, and the device with it");
+    struct Turn {
+      fs_device* device;
+      ~Turn() { device->end_turn(); }
+    } const turn{device};
     const fs_status status = f();
     if (status != FS_OK) fail(status, "the device %s: %s", device->info().name, fs_status_name(status));
   });

@@ -19,7 +19,7 @@ fs_status fs_server_start(fs_servo* servo, const char* endpoint, const fs_server
 }
 
 void fs_server_stop(fs_server* server) {
-  if (!server) return;
+  if (!server || !server->servo().is_of_this_process()) return;
   server->stop();
   server->release();
 }

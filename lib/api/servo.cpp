@@ -1,10 +1,23 @@
 #include <forceserver/servo.h>
 
+#include <bit>
+#include <set>
+
 #include "api/guarded.h"
 #include "base/names.h"
 #include "servo/servo.h"
 
 using namespace fs;
+
+namespace {
+
+// The handles that are out, so that a servo may be stopped by two threads at once, or twice. Under the process's mutex.
+std::set<fs_servo*>& handles() {
+  static std::set<fs_servo*>& all = *new std::set<fs_servo*>;  // never destroyed: the process may be ending
+  return all;
+}
+
+}  // namespace
 
 const char* fs_realtime_name(fs_realtime realtime) {
   return name_of(realtime_names, realtime, "an unknown fs_realtime");
@@ -26,7 +39,10 @@ fs_status fs_servo_start(fs_scene* scene, fs_device* device, const fs_servo_opti
     if (scene->is_remote()) {
       fail(FS_ERROR_UNSUPPORTED, "scene is connected to a server, whose servo runs it: one in this process is needed");
     }
-    *out = make_ref<Servo>(Ref<LocalScene>::share(&scene->local()), Ref<Device>::share(device), settings).detach();
+    Ref<Servo> servo = make_ref<Servo>(Ref<LocalScene>::share(&scene->local()), Ref<Device>::share(device), settings);
+    const std::lock_guard lock(process_mutex());
+    handles().insert(servo.get());
+    *out = servo.detach();
   });
 }
 
@@ -42,9 +58,15 @@ fs_status fs_servo_set_enabled(fs_servo* servo, bool enabled) {
 }
 
 void fs_servo_stop(fs_servo* servo) {
-  if (!servo) return;
-  servo->stop();
-  servo->release();
+  Ref<Servo> kept;
+  {
+    const std::lock_guard lock(process_mutex());
+    if (!handles().contains(servo) || !servo->is_of_this_process()) return;
+    kept = Ref<Servo>::share(servo);
+  }
+  kept->stop();
+  const std::lock_guard lock(process_mutex());
+  if (handles().erase(servo)) servo->release();
 }
 
 fs_status fs_servo_get_record(fs_servo* servo, fs_tick* out, size_t capacity, size_t* count) {
@@ -52,7 +74,7 @@ fs_status fs_servo_get_record(fs_servo* servo, fs_tick* out, size_t capacity, si
     require_pointer(servo, "servo");
     require_pointer(count, "count");
     if (capacity) require_pointer(out, "out");
-    *count = servo->record(out, capacity);
+    *count = servo->record().read(out, capacity);
   });
 }
 

@@ -1,10 +1,13 @@
 #include "driver/device.h"
 
+#include <time.h>
+
 #include <cmath>
 #include <cstring>
 #include <string>
 
 #include "base/error.h"
+#include "driver/open_devices.h"
 #include "driver/registry.h"
 #include "driver/uri.h"
 
@@ -84,6 +87,13 @@ Vec3 limited(Vec3 v, uint32_t axes, double max) {
 }
 
 bool is_zero(const Twist& t) { return t.linear == Vec3{} && t.angular == Vec3{}; }
+bool is_zero(const Wrench& w) { return w.force == Vec3{} && w.torque == Vec3{}; }
+
+// Lets threads of any priority run meanwhile.
+void pause(double time) noexcept {  // s, less than 1
+  const timespec length{0, static_cast<long>(time * 1e9)};
+  nanosleep(&length, nullptr);
+}
 
 // False for a finite quaternion that is neither 0 (the identity: a device without orientation) nor within 1e-3 of unit.
 bool repair_orientation(Quat& q) {
@@ -110,24 +120,93 @@ fs_device::fs_device(const char* uri)
     info_.struct_size = sizeof info_;
     info_.reserved = 0;
     fs::check_info(info_, driver_.scheme);
+    fs::add_open_device(*this);
   } catch (...) {
     driver_.close(self_);
     throw;
   }
+  fs::guard_process_end();
 }
 
 fs_device::~fs_device() {
-  const fs_wrench none{};
-  driver_.write(self_, &none);
-  driver_.close(self_);
+  if (!is_of_this_process()) return;
+  silence();
+  fs::remove_open_device(*this);
+  if (!is_closed_) driver_.close(self_);
 }
 
-bool fs_device::acquire() noexcept {
+void fs_device::acquire() {
+  if (!is_of_this_process()) fs::fail(FS_ERROR_STATE, "device was opened by the parent of this process; open it here");
   const std::lock_guard lock(mutex);
-  return !owned_.exchange(true, std::memory_order_acq_rel);
+  if (owned_.exchange(true)) fs::fail(FS_ERROR_STATE, "device has a servo already; stop it first");
 }
 
-void fs_device::release_ownership() noexcept { owned_.store(false, std::memory_order_release); }
+void fs_device::release_ownership() noexcept {
+  is_silent_.store(false);
+  owned_.store(false, std::memory_order_release);
+}
+
+bool fs_device::is_silent() const noexcept { return is_silent_.load() || has_ended_.load() || !is_of_this_process(); }
+
+bool fs_device::take_turn() noexcept {
+  pthread_t nobody = 0;
+  if (!is_of_this_process() || !turn_.compare_exchange_strong(nobody, pthread_self())) return false;
+  if (!is_silent()) return true;
+  end_turn();
+  return false;
+}
+
+void fs_device::end_turn() noexcept { turn_.store(0); }
+
+// A turn that is waited for, `most` times 20 us or more.
+class fs_device::Turn {
+ public:
+  explicit Turn(fs_device& device, uint64_t most = UINT64_MAX) : device_(device) {
+    is_inside_ = device_.turn_.load() == pthread_self();
+    for (uint64_t i = 0; i < most && !is_inside_ && !is_taken_; ++i) {
+      pthread_t nobody = 0;
+      is_taken_ = device_.turn_.compare_exchange_strong(nobody, pthread_self());
+      if (!is_taken_) fs::pause(2e-5);
+    }
+  }
+  ~Turn() {
+    if (is_taken_) device_.end_turn();
+  }
+  Turn(const Turn&) = delete;
+  Turn& operator=(const Turn&) = delete;
+  explicit operator bool() const noexcept { return is_taken_ || is_inside_; }
+
+ private:
+  fs_device& device_;
+  bool is_taken_ = false;
+  bool is_inside_ = false;  // the driver has called exit
+};
+
+void fs_device::write_zero() noexcept {
+  constexpr int most_tries = 20;
+  const fs_wrench none{};
+  for (int i = 1; driver_.write(self_, &none) != FS_OK && i < most_tries; ++i) fs::pause(1e-3);
+}
+
+void fs_device::zero() noexcept {
+  if (!is_of_this_process()) return;
+  const Turn turn(*this);
+  if (!is_closed_) write_zero();
+}
+
+void fs_device::silence() noexcept {
+  is_silent_.store(true);
+  zero();
+}
+
+void fs_device::end() noexcept {
+  if (!is_of_this_process() || has_ended_.exchange(true)) return;
+  const Turn turn(*this, 50'000);  // a driver that hangs does not keep the process from its end
+  if (!turn || !was_pushing_) return;
+  write_zero();
+  driver_.close(self_);  // only this is sure to wait until the 0 has arrived
+  is_closed_ = true;
+}
 
 fs_status fs_device::read(double time, fs_state& out) noexcept {
   out = {};
@@ -161,6 +240,7 @@ fs_status fs_device::write(const fs_wrench& wrench) noexcept {
     limited.force = fs::limited(wrench.force, info_.force_axes, info_.force_max);
     limited.torque = fs::limited(wrench.torque, info_.torque_axes, info_.torque_max);
   }
+  was_pushing_ = was_pushing_ || !fs::is_zero(limited);
   const fs_status status = fs::known_status(driver_.write(self_, &limited));
   if (finite) return status;
   return fs::set_last_error_literal(FS_ERROR_INVALID, "the force or torque is not finite; the device got 0");

@@ -329,10 +329,17 @@ void LocalScene::begin() {
   group_->table = table_;
 }
 
-void LocalScene::commit() {
+void LocalScene::commit() { commit(SIZE_MAX); }
+
+bool LocalScene::commit(size_t most) {
+  bool is_done = false;
   mutate([&] {
     if (!group_) fail(FS_ERROR_STATE, "fs_scene_commit: no group is open; fs_scene_begin opens one");
-    for (const auto& [slot, is_more_than_moved] : group_->touched) {
+    std::map<uint32_t, bool>& touched = group_->touched;
+    auto next = group_->committed ? touched.upper_bound(*group_->committed) : touched.begin();
+    for (size_t i = 0; i < most && next != touched.end(); ++i, ++next) {
+      const auto& [slot, is_more_than_moved] = *next;
+      group_->committed = slot;
       const Entry* felt = table_.get(slot);
       const Entry& wanted = *group_->table.get(slot);
       if (!felt && wanted.is_removed) continue;  // came and went
@@ -351,10 +358,13 @@ void LocalScene::commit() {
         store(slot, entry);
       }
     }
+    if (next != touched.end()) return;
     transit_view(group_->view);
     forget_new_names();
     group_ = nullptr;
+    is_done = true;
   });
+  return is_done;
 }
 
 void LocalScene::cancel() {

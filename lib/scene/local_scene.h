@@ -85,6 +85,8 @@ struct LocalScene final : Scene {
   // Groups.
   void begin() override;
   void commit() override;
+  // The same by steps of at most `most` objects; true: done. Between them nothing else changes or posts the scene.
+  bool commit(size_t most);
   void cancel() override;
   void sync(double timeout) override;
 
@@ -166,6 +168,7 @@ struct LocalScene final : Scene {
   struct Group {
     Table<Entry> table;
     std::map<uint32_t, bool> touched;  // slots; true: more than moved
+    std::optional<uint32_t> committed;  // up to this one
     ViewChange view;
   };
 

@@ -11,6 +11,7 @@ namespace {
 // Then its socket is not read, until some have been applied and done.
 constexpr size_t most_parked = 4096;  // messages
 constexpr size_t few_parked = 32;     // groups and changes, that cost little to look through
+constexpr size_t few_steps = 64;      // of what takes about a microsecond each
 constexpr unsigned most_jobs = 16;    // each may hold a descriptor
 
 constexpr uint64_t expression_size = 40'000;  // bytes, about what two parsers of a long one take
@@ -280,13 +281,32 @@ void Session::apply(const Unit& unit) {
   }
 }
 
+// While many objects change, which all are felt in the same tick: others have their turns meanwhile, this session has not.
+struct Session::Applying {
+  explicit Applying(Session& the_session) : session(the_session), was(std::exchange(session.is_applying_, true)) {}
+  ~Applying() { session.is_applying_ = was; }
+  Session& session;
+  const bool was;
+};
+
+void Session::let_others() {
+  if (++steps_ % few_steps == 0) server_.turn_if_due();
+}
+
 // All or nothing.
 void Session::apply_group(const Unit& unit) {
   std::map<std::string, Kept> before;
+  const Applying applying(*this);
   const auto keep_all = [&](const auto& map) {
-    for (const auto& [name, value] : map) before.emplace(name, keep(name));
+    for (const auto& [name, value] : map) {
+      before.emplace(name, keep(name));
+      let_others();
+    }
   };
-  for (const std::string& name : unit.names) before.emplace(name, keep(name));
+  for (const std::string& name : unit.names) {
+    before.emplace(name, keep(name));
+    let_others();
+  }
   if (unit.is_about_all) {
     keep_all(objects_);
     keep_all(absent_);
@@ -295,14 +315,8 @@ void Session::apply_group(const Unit& unit) {
   const uint64_t changes = changes_, moves = moves_;
   std::map<const LocalScene*, Foreign> foreign;
   scene_->begin();
-  is_applying_ = true;
-  struct Applied {
-    bool& is_applying;
-    ~Applied() { is_applying = false; }
-  } const applied{is_applying_};
   const Message* failed = nullptr;
   try {
-    size_t count = 0;
     for (const Message& message : unit.messages) {
       failed = &message;
       if (message.header.type < wire::type_sync) {
@@ -310,17 +324,23 @@ void Session::apply_group(const Unit& unit) {
       } else {
         apply_foreign(message, foreign);
       }
-      if (++count % 64 == 0) server_.turn_if_due();
+      let_others();
     }
-    scene_->commit();
+    while (!scene_->commit(few_steps)) server_.turn_if_due();
     for (auto& [scene, other] : foreign) other.scene->take(other.draft);
   } catch (const Error& error) {
     scene_->cancel();
     changes_ = changes;
     moves_ = moves;
     // Names that came with the group are gone before those that were there get their slots again.
-    for (const auto& [name, was] : before) forget_object(name);
-    for (const auto& [name, was] : before) put_back(name, was);
+    for (const auto& [name, was] : before) {
+      forget_object(name);
+      let_others();
+    }
+    for (const auto& [name, was] : before) {
+      put_back(name, was);
+      let_others();
+    }
     return refuse(unit, *failed, error);
   }
   for (auto& [scene, other] : foreign) {
@@ -357,16 +377,19 @@ void Session::apply(const Message& message, uint64_t serial) {
       forget_object(name);
       break;
     }
-    case type_clear:
-      scene_->clear();
+    case type_clear: {
+      const Applying applying(*this);
       for (const auto& [name, slot] : objects_) {
+        scene_->remove(name.c_str());
         if (slot != no_slot) slots_[slot] = {};
+        let_others();
       }
       objects_.clear();
       absent_.clear();
       edited_.clear();
       awaited_.clear();
       break;
+    }
     case type_frame: scene_->set_frame(message.as<Frame>().frame); break;
     case type_clutch: scene_->set_clutch(message.as<Clutch>().is_held != 0); break;
     case type_tool: {

@@ -27,6 +27,7 @@ constexpr double awake_for = 0.05;        // s after the last change, before it 
 constexpr double asleep_period = 0.02;    // s: the heartbeat, and the scenes' events
 constexpr double housekeeping_period = 0.01;
 constexpr double shortest_lead = 1.5e-4;  // s before a tick: for a thread to wake up and to take some moves
+constexpr int most_accepted = 16;         // in a housekeeping period: letting one in takes as long as many requests
 constexpr ptrdiff_t most_strangers = 64;  // that have not said who they are
 constexpr ptrdiff_t most_refused = 16;
 
@@ -170,7 +171,7 @@ void fs_server::set_timer() noexcept {
 // --------------------------------------------------------------------------------------------------------- its thread
 
 void fs_server::run() noexcept {
-  pthread_setname_np(pthread_self(), "fs-server");
+  begin_thread("fs-server");
   set_timer();
   std::array<epoll_event, 64> events;
   for (;;) {
@@ -186,7 +187,7 @@ void fs_server::run() noexcept {
       } catch (...) {  // no memory: what was asked for is not done
       }
     }
-    std::erase_if(sessions_, [](const std::shared_ptr<Session>& session) { return session->is_gone(); });
+    bury_sessions();
   }
   for (const std::shared_ptr<Session>& session : sessions_) session->drop(0);
   sessions_.clear();
@@ -246,6 +247,19 @@ void fs_server::turn_if_due() noexcept {
   }
 }
 
+// What was theirs may be a gigabyte of shapes and thousands of objects: letting go of it takes a while, so the worker does.
+void fs_server::bury_sessions() noexcept {
+  const auto gone = std::stable_partition(sessions_.begin(), sessions_.end(), [](const auto& s) { return !s->is_gone(); });
+  if (gone == sessions_.end()) return;
+  try {
+    const auto dead = std::make_shared<std::vector<std::shared_ptr<Session>>>(gone, sessions_.end());
+    sessions_.erase(gone, sessions_.end());
+    worker_.add(0, {[dead](Wanted&) { dead->clear(); }, [] {}});
+  } catch (const std::bad_alloc&) {  // then here, as long as it takes
+    std::erase_if(sessions_, [](const std::shared_ptr<Session>& session) { return session->is_gone(); });
+  }
+}
+
 // What comes each period. Whoever comes first in one is last in the next.
 void fs_server::turn(double now) {
   const size_t count = sessions_.size();
@@ -262,6 +276,7 @@ void fs_server::turn(double now) {
     last_housekeeping_ = now;
     for (const std::shared_ptr<Session>& session : sessions_) session->keep_house();
     count_leaving();
+    accepted_ = 0;
     if (!is_door_open_) open_door(true);
     if (!is_asleep_) set_timer();  // the servo skips what it is too late for
   }
@@ -353,10 +368,12 @@ void fs_server::open_door(bool is_open) noexcept {
 }
 
 void fs_server::accept_clients(const Descriptor& listener) {
-  for (int i = 0; i < 64; ++i) {
+  for (;;) {
+    if (accepted_ == most_accepted) return open_door(false);  // until the next housekeeping
     Descriptor socket(accept4(listener.get(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
     const int error = socket ? 0 : errno;
     if (error == EAGAIN || error == EWOULDBLOCK) return;
+    ++accepted_;
     if (error == EINTR || error == ECONNABORTED) continue;
     if ((error == EMFILE || error == ENFILE) && spare_) {
       // One is kept for this: to turn away whoever waits.

@@ -75,6 +75,7 @@ struct fs_server : fs::Counted<fs_server> {
   void accept_clients(const fs::Descriptor& listener);
   void open_door(bool is_open) noexcept;
   void turn(double now);
+  void bury_sessions() noexcept;
   void fall_asleep() noexcept;
   void wake() const noexcept;
 
@@ -91,6 +92,7 @@ struct fs_server : fs::Counted<fs_server> {
   std::vector<std::byte> message_ = std::vector<std::byte>(fs::most_message);
   uint64_t last_id_ = 0, turns_ = 0;
   bool is_asleep_ = false, is_door_open_ = true;
+  int accepted_ = 0;  // since the last housekeeping
   double last_activity_ = 0, last_turn_ = 0, last_housekeeping_ = 0;
 
   // Between the server's thread and those who stop it or the servo.

@@ -15,6 +15,7 @@ namespace fs {
 namespace {
 
 constexpr int messages_at_once = 64;
+constexpr int most_awaited = 128;  // objects that are looked at in a turn, whether a tick has used them
 constexpr double slice = 3e-5;  // s; then it is another one's turn: who asks for little does not wait long
 
 // Of the record that comes with a type; -1: no such type.
@@ -366,7 +367,14 @@ void Session::settle() noexcept {
   if (is_gone_ || name_.empty() || is_applying_) return;
   try {
     const uint64_t used = scene_->output->used.load(std::memory_order_acquire);
-    for (auto awaited = awaited_.begin(); awaited != awaited_.end();) {
+    // Some in each turn, in the order of their names and from the first again.
+    auto awaited = awaited_.lower_bound(awaited_next_);
+    awaited_next_.clear();
+    for (int i = 0; awaited != awaited_.end(); ++i) {
+      if (i == most_awaited) {
+        awaited_next_ = awaited->first;
+        break;
+      }
       auto& [name, sequence] = *awaited;
       if (sequence == 0) sequence = scene_->sequence();
       if (used < sequence) {

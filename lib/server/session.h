@@ -141,6 +141,8 @@ class Session : public std::enable_shared_from_this<Session> {
   void retry_parked();
   void apply(const Unit& unit);
   void apply_group(const Unit& unit);
+  struct Applying;
+  void let_others();
   void apply(const Message& message, uint64_t serial);
   void apply_set(const wire::Set& set, uint64_t serial, bool is_change);
   void apply_foreign(const Message& message, std::map<const LocalScene*, Foreign>& foreign) const;
@@ -203,6 +205,7 @@ class Session : public std::enable_shared_from_this<Session> {
   Allowance moves_allowed_{256};  // each turn, about 40 us
   bool are_moves_taken_ = false;  // in this turn
   uint64_t last_serial_ = 0;
+  size_t steps_ = 0;
   std::deque<Unit> parked_;  // until shapes are built
   Held held_;
   bool is_retry_due_ = false;  // something is there that parked changes wait for
@@ -218,6 +221,7 @@ class Session : public std::enable_shared_from_this<Session> {
   std::map<std::string, std::string, std::less<>> edited_;
   bool is_view_edited_ = false;
   uint64_t edits_told_ = 0;
+  std::string awaited_next_;  // where the next turn goes on with them
   std::map<std::string, uint64_t, std::less<>> awaited_;  // names that no tick has used yet, with the sequence; 0: not posted
   std::vector<Sync> syncs_;
   std::optional<std::pair<fs_status, std::string>> first_refused_;

@@ -47,7 +47,7 @@ std::list<Worker::Job> Worker::take_done() {
 }
 
 void Worker::run() {
-  pthread_setname_np(pthread_self(), "fs-builder");
+  begin_thread("fs-builder");
   uint64_t last = 0;
   std::unique_lock lock(mutex_);
   for (;;) {

@@ -2,7 +2,6 @@
 
 #include <pthread.h>
 #include <sched.h>
-#include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/syscall.h>
@@ -30,12 +29,6 @@ fs_realtime request_realtime(int priority, int cpu) noexcept {
   const auto thread = static_cast<id_t>(syscall(SYS_gettid));
   if (setpriority(PRIO_PROCESS, thread, -15) == 0) return FS_REALTIME_NICE;
   return FS_REALTIME_NONE;
-}
-
-bool lock_memory() noexcept {
-  rlimit limit{};
-  getrlimit(RLIMIT_MEMLOCK, &limit);
-  return mlockall(limit.rlim_cur == RLIM_INFINITY ? MCL_CURRENT | MCL_FUTURE : MCL_CURRENT) == 0;
 }
 
 }  // namespace fs

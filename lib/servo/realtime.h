@@ -11,8 +11,4 @@ bool may_use_processor(int cpu) noexcept;
 // these. cpu: the processor it stays on, negative: any. Returns what was reached, FIFO at most.
 fs_realtime request_realtime(int priority, int cpu) noexcept;
 
-// Locks the memory that the process has. Later memory too only where no limit is set: under a limit that locking makes
-// every later allocation and thread fail.
-bool lock_memory() noexcept;
-
 }  // namespace fs

@@ -4,38 +4,32 @@
 #include <pthread.h>
 
 #include <functional>
-#include <memory>
 #include <mutex>
-#include <string>
+#include <optional>
 
 #include "driver/device.h"
 #include "force/reader.h"
 #include "servo/channel.h"
+#include "servo/device_events.h"
+#include "servo/flight_record.h"
 #include "servo/guard.h"
+#include "servo/memory.h"
+#include "servo/settings.h"
 #include "servo/statistics.h"
-
-namespace fs {
-
-// fs_servo_options, checked and with the device's values for what was left 0.
-struct ServoSettings {
-  fs_servo_mode mode;
-  double rate;               // Hz
-  Guard::Limits limits;
-  double fade;               // s; 0: none
-  int priority, cpu;         // negative: ordinary; negative: any
-  uint32_t protections_off;  // FS_OFF_ bits
-};
-ServoSettings parse_options(const fs_servo_options& options, const fs_device_info& device);  // INVALID
-
-}  // namespace fs
 
 struct fs_servo final : fs::Counted<fs_servo> {
   // Takes scene and device and, in THREAD mode, runs. STATE, IO.
   fs_servo(fs::Ref<fs::LocalScene> scene, fs::Ref<fs::Device> device, const fs::ServoSettings& settings);
   ~fs_servo() { stop(); }
 
-  // Tells the listeners, then: force to 0, and lets go of device and scenes. A second time it does nothing.
+  // It has pages of its own, for the lock of its memory.
+  static void* operator new(size_t size) { return fs::map_pages(size); }
+  static void operator delete(void* servo, size_t size) noexcept { fs::unmap_pages(servo, size); }
+
+  // First the force is 0, and stays so. Then tells the listeners and lets go of device and scenes. A second call waits
+  // until the first has done it. In a forked child it does nothing.
   void stop() noexcept;
+  bool is_of_this_process() const noexcept { return device_->is_of_this_process(); }
 
   // More scenes, beside the servo's own: what they add is felt from the next tick on. Any thread; not [rt].
   fs::Ref<fs::Channel> add_channel(fs::Ref<fs::LocalScene> scene, const fs::Channel::Limits& limits);  // STATE
@@ -47,13 +41,13 @@ struct fs_servo final : fs::Counted<fs_servo> {
   // s, monotonic clock: when the last tick was due; they come a period apart. 0: it has no thread that keeps to a time.
   double due() const noexcept { return due_.load(std::memory_order_relaxed); }
 
-  // f is called once, by the thread that stops the servo, before it stops; not after remove_listener has returned.
+  // f is called once, by the thread that stops the servo, when the force is 0; not after remove_listener has returned.
   void add_listener(const void* owner, std::function<void()> f);  // STATE
   void remove_listener(const void* owner) noexcept;
 
   fs_status step(uint64_t ticks) noexcept;            // [rt] STATE, UNSUPPORTED, DISCONNECTED
   void set_enabled(bool enabled) noexcept;            // [rt]
-  size_t record(fs_tick* out, size_t capacity) const;  // how many there are
+  const fs::FlightRecord& record() const noexcept { return record_; }
 
   const fs::ServoSettings& settings() const noexcept { return settings_; }
   double fade() const noexcept { return settings_.fade; }  // s; 0: none
@@ -62,26 +56,13 @@ struct fs_servo final : fs::Counted<fs_servo> {
 
   void get_stats(fs_servo_stats& out) const;        // all but struct_size
   void get_device_info(fs_device_info& out) const;  // all but struct_size
-  // Of the device, from number `next` on, which goes along; false: none.
-  bool take_event(uint64_t& next, fs_event& out) const;
-  uint64_t event_count() const noexcept { return events_written_.load(std::memory_order_acquire); }
+  bool take_event(uint64_t& next, fs_event& out) const;  // of the device: see DeviceEvents
+  uint64_t event_count() const noexcept { return events_.count(); }
 
  private:
-  struct RecordSlot {
-    uint64_t tick;
-    fs_tick value;
-  };
-  struct DeviceEvent {
-    uint64_t number;
-    double time;
-    fs_status status;
-    uint32_t faults;
-  };
-  static constexpr uint64_t event_capacity = 64;
-
-  void tick(double now, double late) noexcept;
-  void note_device(double now, fs_status status) noexcept;
+  void start_thread();  // IO; the last that can fail
   void run() noexcept;
+  void tick(double now, double late) noexcept;
   void drop_channels() noexcept;
 
   const fs::Ref<fs::LocalScene> scene_;
@@ -104,28 +85,24 @@ struct fs_servo final : fs::Counted<fs_servo> {
   uint64_t tick_ = 0;
   double last_time_ = -1;
   fs_status write_status_ = FS_OK;
-  bool was_ready_ = false;
-  uint32_t latched_ = 0;
   bool is_recording_ = true;
   uint64_t enable_seen_ = 1;
 
   // Shared: written by the servo, but for enable_ and the stop.
   std::atomic<uint64_t> enable_{1};  // bit 0: enabled; bits 1..31 count the trues, bits 32.. the falses
-  std::atomic<bool> is_stopping_{false}, is_stepping_{false};
+  std::atomic<bool> is_stopping_{false}, is_stopped_{false};
   std::atomic<double> due_{0};
   std::atomic<uint64_t> ticks_{0}, misses_{0}, device_errors_{0}, guarded_{0}, approximated_{0};
   std::atomic<uint32_t> faults_{0};
   std::atomic<int> realtime_{FS_REALTIME_NONE};
   std::atomic<double> first_time_{0}, newest_time_{0};
   fs::RollingHistogram late_, compute_;
-  const size_t record_size_, record_slots_;  // some to spare for whoever reads while it goes on
-  std::unique_ptr<fs::Seqlock<RecordSlot>[]> record_;
-  std::atomic<uint64_t> recorded_{0};
-  std::array<fs::Seqlock<DeviceEvent>, event_capacity> device_events_;
-  std::atomic<uint64_t> events_written_{0};
+  fs::FlightRecord record_;
+  fs::DeviceEvents events_;
 
+  std::optional<fs::Stack> stack_;  // of the thread; none: others call step
   pthread_t thread_{};
-  bool has_thread_ = false;
+  fs::MemoryLock memory_lock_;
 };
 
 namespace fs {

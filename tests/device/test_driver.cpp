@@ -260,11 +260,29 @@ END_TEST
 START_TEST(device_has_one_owner) {
   const Ref<Device> device = open_device("fake:");
   ck_assert(!device->is_owned());
-  ck_assert(device->acquire());
+  device->acquire();
   ck_assert(device->is_owned());
-  ck_assert(!device->acquire());
+  expect_error(FS_ERROR_STATE, "has a servo already", [&] { device->acquire(); });
   device->release_ownership();
-  ck_assert(device->acquire());
+  device->acquire();
+}
+END_TEST
+
+START_TEST(device_is_silent) {  // until its owner lets go of it
+  const Ref<Device> device = open_device("fake:");
+  device->acquire();
+  ck_assert(device->take_turn());
+  ck_assert(!device->take_turn());
+  device->end_turn();
+  ck_assert_int_eq(device->write({{1, 2, 3}, {}}), FS_OK);
+  device->silence();
+  ck_assert(fake.written.force == Vec3{});
+  ck_assert(device->is_silent());
+  ck_assert(!device->take_turn());
+  device->release_ownership();
+  ck_assert(!device->is_silent());
+  ck_assert(device->take_turn());
+  device->end_turn();
 }
 END_TEST
 
@@ -432,6 +450,7 @@ int main() {
   tcase_add_test(all, device_with_bad_info);
   tcase_add_test(all, device_closes_with_no_force);
   tcase_add_test(all, device_has_one_owner);
+  tcase_add_test(all, device_is_silent);
   tcase_add_test(all, device_read_fills_in);
   tcase_add_test(all, device_read_failures_are_zeros);
   tcase_add_test(all, device_read_shows_what_is_not_finite);

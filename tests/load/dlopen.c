@@ -1,6 +1,9 @@
 /* A program that knows the library only at run time, as a plug-in or a foreign runtime does: it makes a force felt, on
- * the clock of its own steps and on the real one. dlopen LIBRARY */
+ * the clock of its own steps and on the real one. Where the servo has a thread of its own, that is no worse for a host
+ * that wants a signal at an underflow: the far flank of a gaussian has many. dlopen LIBRARY */
+#define _GNU_SOURCE
 #include <dlfcn.h>
+#include <fenv.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <time.h>
@@ -37,16 +40,26 @@ static double feel(fs_servo_mode mode)
   fs_servo *servo = NULL;
   fs_servo_options options = fs_servo_options_init();
   fs_object wall = fs_object_init("wall", FS_PRIMITIVE_PLANE);
+  fs_object faint = fs_object_init("faint", FS_PRIMITIVE_POINT);
   fs_wrench sent = {{0, 0, 0}, {0, 0, 0}};
   int i;
 
+  faint.front = fs_profile_init(FS_PROFILE_GAUSSIAN, FS_SENSE_ATTRACTIVE, 1, 0.001, 1);
+  faint.pose.position.x = 0.0385;
+  faint.pose.position.z = -0.02;
   wall.back = fs_profile_init(FS_PROFILE_LINEAR_INCREASING, FS_SENSE_ATTRACTIVE, 500, 0, 10);
   options.mode = mode;
-  if (my_fs_scene_create(&scene) || my_fs_object_set(scene, &wall) ||
-      my_fs_device_open("sim:?hold=0,0,-0.02", &device) || my_fs_servo_start(scene, device, &options, &servo)) {
+  if (my_fs_scene_create(&scene) || my_fs_object_set(scene, &wall) || my_fs_object_set(scene, &faint) ||
+      my_fs_device_open("sim:?hold=0,0,-0.02", &device)) {
     fprintf(stderr, "%s\n", my_fs_last_error());
     exit(1);
   }
+  if (mode == FS_SERVO_THREAD) feenableexcept(FE_DIVBYZERO | FE_INVALID | FE_OVERFLOW | FE_UNDERFLOW);
+  if (my_fs_servo_start(scene, device, &options, &servo)) {
+    fprintf(stderr, "%s\n", my_fs_last_error());
+    exit(1);
+  }
+  fedisableexcept(FE_ALL_EXCEPT);
   for (i = 0; i < 20000 && !(sent.force.z > 1); ++i) {
     if (mode == FS_SERVO_VIRTUAL) {
       my_fs_servo_step(servo, 100);

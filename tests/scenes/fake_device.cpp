@@ -29,6 +29,7 @@ void close_fake(void* self) {
   const std::lock_guard lock(device.mutex);
   device.written = {};
   device.is_open = false;
+  if (device.on_close) device.on_close(device);
 }
 
 fs_status get_info(void* self, fs_device_info* out) {
@@ -55,6 +56,7 @@ fs_status write(void* self, const fs_wrench* wrench) {
   ++device.writes;
   device.written = *wrench;
   if (device.log) device.log->push_back(*wrench);
+  if (device.on_write) device.on_write(device);
   return device.write_status;
 }
 

@@ -28,6 +28,7 @@ class FakeDevice {
   fs_state state{};                              // what read gives; READY unless a test says other
   fs_status read_status = FS_OK, write_status = FS_OK;
   std::function<void(FakeDevice&, double time)> on_read;  // before each read; time in s
+  std::function<void(FakeDevice&)> on_write, on_close;    // when `written` has what came
 
   // What it saw.
   double time = 0;                               // s, of the last advance; fakereal: 0

@@ -1,0 +1,52 @@
+#include "driver/open_devices.h"
+
+#include <cstdlib>
+#include <vector>
+
+#include "base/process.h"
+#include "driver/device.h"
+
+namespace fs {
+namespace {
+
+std::vector<fs_device*>& open_devices() {  // under the process's mutex
+  static std::vector<fs_device*>& all = *new std::vector<fs_device*>;  // never destroyed: see below
+  return all;
+}
+
+// The newest first: a driver may have opened others for its own.
+void end_devices() {
+  const std::lock_guard lock(process_mutex());
+  std::vector<fs_device*>& all = open_devices();
+  while (!all.empty()) {
+    fs_device* const device = all.back();
+    all.pop_back();
+    device->end();
+  }
+}
+
+}  // namespace
+
+void add_open_device(fs_device& device) {
+  const std::lock_guard lock(process_mutex());
+  open_devices().push_back(&device);
+}
+
+void remove_open_device(fs_device& device) noexcept {
+  const std::lock_guard lock(process_mutex());
+  std::erase(open_devices(), &device);
+}
+
+// What is registered last runs first. So a driver may use what was made static before the last device was opened or the
+// last servo started, as long as they are not more than a system surely takes.
+void guard_process_end() noexcept {
+  constexpr int most = 32;
+  static int registered = 0;
+  const std::lock_guard lock(process_mutex());
+  if (registered == most) return;
+  ++registered;
+  std::atexit(end_devices);
+  std::at_quick_exit(end_devices);
+}
+
+}  // namespace fs

@@ -1,0 +1,133 @@
+#include "servo/memory.h"
+
+#include <link.h>
+#include <sys/mman.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cmath>
+#include <cstdint>
+#include <mutex>
+
+namespace fs {
+namespace {
+
+size_t page_size() noexcept { return static_cast<size_t>(sysconf(_SC_PAGESIZE)); }
+size_t whole_pages(size_t bytes) noexcept { return (bytes + page_size() - 1) / page_size() * page_size(); }
+
+// Of Linux: asked to invalidate what is mapped, it does nothing, but for saying whether any of it is locked.
+bool is_locked(const MemoryLock::Range& range) noexcept {
+  return msync(const_cast<void*>(range.first), range.second, MS_ASYNC | MS_INVALIDATE) != 0 && errno == EBUSY;
+}
+
+// The loaded files that the tick runs in, part by part. Locked once, however many servos there are.
+class Code {
+ public:
+  bool lock() noexcept {
+    const std::lock_guard lock(mutex_);
+    if (users_++ > 0) return true;
+    dl_iterate_phdr([](dl_phdr_info* info, size_t, void* self) { return static_cast<Code*>(self)->add(*info); }, this);
+    if (!has_failed_) return true;
+    release();
+    return false;
+  }
+  void unlock() noexcept {
+    const std::lock_guard lock(mutex_);
+    release();
+  }
+
+ private:
+  static constexpr size_t most_bytes = 16 << 20;  // of one part: more is no code, but somebody's data beside ours
+
+  int add(const dl_phdr_info& info) noexcept {
+    const auto parts = [&](auto f) {
+      for (int i = 0; i < info.dlpi_phnum; ++i) {
+        const ElfW(Phdr)& part = info.dlpi_phdr[i];
+        if (part.p_type == PT_LOAD && part.p_flags & PF_R) f(info.dlpi_addr + part.p_vaddr, part.p_memsz);
+      }
+    };
+    const std::array<uintptr_t, 3> wanted{reinterpret_cast<uintptr_t>(&page_size),
+                                          reinterpret_cast<uintptr_t>(&clock_nanosleep),
+                                          reinterpret_cast<uintptr_t>(static_cast<double (*)(double)>(&std::exp))};
+    bool is_wanted = false;
+    parts([&](uintptr_t begin, size_t size) {
+      is_wanted = is_wanted || std::any_of(wanted.begin(), wanted.end(), [&](uintptr_t a) { return a - begin < size; });
+    });
+    if (is_wanted) parts([&](uintptr_t begin, size_t size) { add(begin, size); });
+    return has_failed_;
+  }
+  void add(uintptr_t begin, size_t size) noexcept {
+    const uintptr_t first = begin / page_size() * page_size();
+    const size_t bytes = whole_pages(begin + size - first), half = whole_pages(bytes / 2);
+    if (has_failed_ || bytes > most_bytes) return;
+    const MemoryLock::Range range{reinterpret_cast<const void*>(first), bytes};
+    if (!is_locked(range)) {
+      has_failed_ = count_ == ranges_.size() || mlock(range.first, range.second) != 0;
+      if (!has_failed_) ranges_[count_++] = range;
+    } else if (bytes > page_size()) {  // some of it is: the rest
+      add(first, half);
+      add(first + half, bytes - half);
+    }
+  }
+  void release() noexcept {
+    if (--users_ > 0) return;
+    for (size_t i = 0; i < count_; ++i) munlock(ranges_[i].first, ranges_[i].second);
+    count_ = 0;
+    has_failed_ = false;
+  }
+
+  std::mutex mutex_;
+  int users_ = 0;
+  bool has_failed_ = false;
+  std::array<MemoryLock::Range, 256> ranges_;
+  size_t count_ = 0;
+};
+
+Code& code() {
+  static Code& instance = *new Code;  // never destroyed: a servo may be stopped while the process ends
+  return instance;
+}
+
+}  // namespace
+
+void* map_pages(size_t bytes) {
+  void* const pages = mmap(nullptr, whole_pages(bytes), PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+  if (pages == MAP_FAILED) throw std::bad_alloc();
+  return pages;
+}
+
+void unmap_pages(const void* pages, size_t bytes) noexcept { munmap(const_cast<void*>(pages), whole_pages(bytes)); }
+
+Stack::Stack(size_t bytes)
+    : pages_(static_cast<char*>(map_pages(whole_pages(bytes) + page_size()))),
+      guard_(page_size()),
+      size_(whole_pages(bytes)),
+      begin_(pages_ + guard_) {
+  mprotect(pages_, guard_, PROT_NONE);
+}
+
+Stack::~Stack() { unmap_pages(pages_, guard_ + size_); }
+
+bool MemoryLock::lock(const Ranges& pages) noexcept {
+  has_code_ = code().lock();
+  bool is_good = has_code_;
+  for (size_t i = 0; i < pages.size() && is_good; ++i) {
+    is_good = mlock(pages[i].first, pages[i].second) == 0;
+    if (is_good) pages_[i] = pages[i];
+  }
+  if (!is_good) unlock();
+  return is_good;
+}
+
+void MemoryLock::unlock() noexcept {
+  for (Range& range : pages_) {
+    if (range.first) munlock(range.first, range.second);
+    range = {};
+  }
+  if (std::exchange(has_code_, false)) code().unlock();
+}
+
+}  // namespace fs

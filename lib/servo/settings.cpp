@@ -1,0 +1,90 @@
+#include "servo/settings.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "base/enum.h"
+#include "base/error.h"
+#include "servo/realtime.h"
+
+namespace fs {
+namespace {
+
+double parse_limit(double given, double device, const char* field) {
+  if (!(given >= 0 && given <= device)) {
+    fail(FS_ERROR_INVALID, "%s is %g, must be within 0..%g, what the device can", field, given, device);
+  }
+  return given > 0 ? given : device;
+}
+
+// 0: the default; negative: none, told by `off`.
+double parse_switch(double given, double standard, double none, double high, uint32_t bit, uint32_t& off,
+                    const char* field) {
+  if (!(given <= high) || !std::isfinite(given)) {
+    fail(FS_ERROR_INVALID, "%s is %g, must be finite and at most %g", field, given, high);
+  }
+  if (given < 0) off |= bit;
+  return given < 0 ? none : given == 0 ? standard : given;
+}
+
+// Who asks for what is not there is told so: it might be relied upon.
+[[noreturn]] void refuse(double given, const char* field, const char* allowed) {
+  fail(FS_ERROR_UNSUPPORTED, "%s is %g: it is not in version %s of this library, only %s", field, given, fs_version(),
+       allowed);
+}
+
+// A protection that is not there yet: always off.
+void parse_missing_switch(double given, double high, uint32_t bit, uint32_t& off, const char* field) {
+  if (parse_switch(given, 0, 0, high, bit, off, field) > 0) refuse(given, field, "0 or a negative number (none)");
+  off |= bit;
+}
+
+}  // namespace
+
+ServoSettings parse_options(const fs_servo_options& options, const fs_device_info& device) {
+  ServoSettings out{};
+  const int32_t mode = raw_value(options.mode);
+  if (mode < FS_SERVO_THREAD || mode > FS_SERVO_VIRTUAL) {
+    fail(FS_ERROR_INVALID, "mode is %d, must be an fs_servo_mode (0..2)", mode);
+  }
+  out.mode = options.mode;
+  if (options.rate != 0 && !(options.rate >= 100 && options.rate <= 20000)) {
+    fail(FS_ERROR_INVALID, "rate is %g, must be within 100..20000 Hz, or 0 for the device's", options.rate);
+  }
+  out.rate = options.rate != 0 ? options.rate : device.rate;
+  out.pose_age = std::fmin(0.1, 0.02 + device.delay);
+  out.limits.period = 1 / out.rate;
+  out.limits.force_axes = device.force_axes;
+  out.limits.torque_axes = device.torque_axes;
+  out.limits.force = parse_limit(options.force_limit, device.force_max, "force_limit");
+  out.limits.torque = parse_limit(options.torque_limit, device.torque_max, "torque_limit");
+  uint32_t& off = out.protections_off;
+  constexpr double never = std::numeric_limits<double>::infinity();
+  out.limits.speed = parse_switch(options.speed_limit, 2, never, 1e6, FS_OFF_SPEED, off, "speed_limit");
+  out.limits.ramp = parse_switch(options.ramp, 0.5, 0, 1e6, FS_OFF_RAMP, off, "ramp");
+  out.fade = parse_switch(options.fade, 1, 0, 1e6, FS_OFF_FADE, off, "fade");
+  parse_missing_switch(options.slew_limit, 1e12, FS_OFF_SLEW, off, "slew_limit");
+  parse_missing_switch(options.blend, 1e6, FS_OFF_BLEND, off, "blend");
+  parse_missing_switch(options.damping, 1e9, FS_OFF_DAMPING, off, "damping");
+  parse_missing_switch(options.max_stiffness, 1e12, FS_OFF_STIFFNESS, off, "max_stiffness");
+  if (!(options.delay >= 0 && options.delay <= 10)) {
+    fail(FS_ERROR_INVALID, "delay is %g, must be within 0..10 s", options.delay);
+  }
+  if (options.delay > 0) refuse(options.delay, "delay", "0 (the device's)");
+  if (options.priority > 99) fail(FS_ERROR_INVALID, "priority is %d, must be at most 99", options.priority);
+  out.priority = options.priority == 0 ? 80 : options.priority;
+  const long processors = sysconf(_SC_NPROCESSORS_CONF);
+  if (options.cpu < 0 || options.cpu > processors) {
+    fail(FS_ERROR_INVALID, "cpu is %d, must be within 0..%ld", options.cpu, processors);
+  }
+  out.cpu = options.cpu - 1;
+  if (out.cpu >= 0 && !may_use_processor(out.cpu)) {
+    fail(FS_ERROR_INVALID, "cpu is %d, but this process may not run on processor %d", options.cpu, out.cpu);
+  }
+  return out;
+}
+
+}  // namespace fs

@@ -1,0 +1,499 @@
+// However a servo ends, the device has force 0 from then on, and has it first: before anything that may wait. Nothing
+// here depends on time: a tick knows that the stop has begun by asking fs_servo_step.
+#include <pthread.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <barrier>
+#include <cstdio>
+#include <functional>
+#include <thread>
+#include <vector>
+
+#include "api/support.h"
+
+using namespace scenes;
+
+// What has arrived at the device, in memory that outlives a process.
+struct Arrived {
+  std::atomic<uint32_t> forces;             // before the stop is known to have begun
+  std::atomic<bool> has_begun, is_zero;     // since then
+  std::atomic<uint32_t> late, again;        // forces since then: before the first 0, and after it
+  std::atomic<uint32_t> strange, closed;    // calls by another process; calls of close
+  std::atomic<bool> is_gone;                // what the driver needs has been destroyed
+  std::atomic<uint32_t> after_it_is_gone;   // calls since then
+  std::atomic<double> last;                 // N
+};
+
+static Arrived& make_arrived() {
+  void* const memory = mmap(nullptr, sizeof(Arrived), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+  ck_assert_ptr_ne(memory, MAP_FAILED);
+  return *new (memory) Arrived{};
+}
+
+static void expect_quiet(const Arrived& arrived) {
+  ck_assert_uint_gt(arrived.forces, 0);  // there was one
+  ck_assert(arrived.is_zero);
+  ck_assert_uint_eq(arrived.late, 0);
+  ck_assert_uint_eq(arrived.again, 0);
+  ck_assert_double_eq(arrived.last, 0);
+}
+
+// A device that is pushed with 2 N as soon as a servo ticks.
+struct Pushed {
+  Arrived& arrived;
+  FakeDevice fake;
+  Scene scene = make_scene();
+  Device device;
+  Servo servo;
+  const pid_t process = getpid();
+
+  Pushed(Arrived& the_arrived, const char* name) : arrived(the_arrived), fake(name) {
+    fs_object o = fs_object_init("lift", FS_PRIMITIVE_PLANE);
+    o.front = o.back = constant(FS_SENSE_REPULSIVE, 2);
+    o.back.sense = FS_SENSE_ATTRACTIVE;
+    require(fs_object_set(scene.get(), &o), "fs_object_set");
+    fake.on_read = [this](FakeDevice&, double) { note_call(); };
+    fake.on_write = [this](FakeDevice&) { note(); };
+    fake.on_close = [this](FakeDevice&) {
+      note_call();
+      ++arrived.closed;
+    };
+    device = fake.open(false);
+  }
+
+  void start(fs_servo_mode mode) {
+    fs_servo_options options = fs_servo_options_init();
+    options.mode = mode;
+    options.ramp = options.fade = -1;
+    options.priority = -1;
+    servo = start_servo(scene.get(), device.get(), options);
+  }
+  void note_call() {
+    if (getpid() != process) ++arrived.strange;
+    if (arrived.is_gone) ++arrived.after_it_is_gone;
+  }
+  void note() {
+    note_call();
+    const double force = norm(fake.written.force);
+    arrived.last = force;
+    if (!arrived.has_begun) {
+      arrived.forces += force > 0;
+    } else if (force == 0) {
+      arrived.is_zero = true;
+    } else {
+      ++(arrived.is_zero ? arrived.again : arrived.late);
+    }
+  }
+  bool is_stopping() const {
+    return fs_servo_step(servo.get(), 1) == FS_ERROR_STATE && std::strstr(fs_last_error(), "stopped");
+  }
+  // Waits for forces. A machine that is too slow for the servo is a fault, and the servo is enabled again.
+  void wait_until(const std::function<bool()>& condition) const {
+    while (!condition()) {
+      require(fs_servo_set_enabled(servo.get(), true), "fs_servo_set_enabled");
+      std::this_thread::yield();
+    }
+  }
+};
+
+// Where in a tick the stop begins.
+enum class Amid { read, write };
+
+// Holds the tick up in the driver, once there is a force, until the stop has begun; it begins when `go` is set.
+static void hold_up(Pushed& pushed, Amid amid, std::atomic<bool>& go) {
+  const auto hold = [&pushed, &go] {
+    if (pushed.arrived.forces < 3 || go.exchange(true)) return;
+    while (!pushed.is_stopping()) std::this_thread::yield();
+    pushed.arrived.has_begun = true;
+  };
+  if (amid == Amid::read) pushed.fake.on_read = [&pushed, hold](FakeDevice&, double) { pushed.note_call(); hold(); };
+  if (amid == Amid::write) pushed.fake.on_write = [&pushed, hold](FakeDevice&) { pushed.note(); hold(); };
+}
+
+// Steps as the mode wants it, until the servo says that it has been stopped.
+static std::thread step_on(Pushed& pushed, fs_servo_mode mode, std::atomic<bool>& is_told) {
+  if (mode == FS_SERVO_THREAD) {
+    is_told = true;
+    return {};
+  }
+  return std::thread([&pushed, &is_told, mode] {
+    fs_status status;
+    do {
+      status = fs_servo_step(pushed.servo.get(), mode == FS_SERVO_VIRTUAL ? 1'000'000'000 : 1);
+    } while (status == FS_OK);
+    is_told = status == FS_ERROR_STATE && std::strstr(fs_last_error(), "stopped");
+  });
+}
+
+static const struct {
+  fs_servo_mode mode;
+  Amid amid;
+} ticks[]{{FS_SERVO_THREAD, Amid::read},  {FS_SERVO_THREAD, Amid::write}, {FS_SERVO_CALLER, Amid::read},
+          {FS_SERVO_CALLER, Amid::write}, {FS_SERVO_VIRTUAL, Amid::read}, {FS_SERVO_VIRTUAL, Amid::write}};
+
+START_TEST(stop_amid_a_tick) {
+  Arrived& arrived = make_arrived();
+  Pushed pushed(arrived, "amid");
+  std::atomic<bool> go{false}, is_told{false};
+  pushed.start(ticks[_i].mode);
+  {
+    const std::lock_guard lock(pushed.fake.mutex);
+    hold_up(pushed, ticks[_i].amid, go);
+  }
+  std::thread stepper = step_on(pushed, ticks[_i].mode, is_told);
+  pushed.wait_until([&] { return go.load(); });
+  fs_servo_stop(pushed.servo.get());
+  if (stepper.joinable()) stepper.join();
+  ck_assert(pushed.servo.release() != nullptr);
+  ck_assert(is_told);  // a step under way ends, and says why
+  expect_quiet(arrived);
+  ck_assert_uint_eq(arrived.closed, 0);
+  pushed.start(FS_SERVO_VIRTUAL);  // both are free again
+  OK(fs_servo_step(pushed.servo.get(), 1));
+  ck_assert_double_eq(arrived.last, 2);
+}
+END_TEST
+
+// The stop waits for the server's thread to let go of its clients. When the 0 is written they are still there.
+START_TEST(stop_before_the_server_is_told) {
+  Arrived& arrived = make_arrived();
+  Pushed pushed(arrived, "server");
+  pushed.start(FS_SERVO_CALLER);
+  const std::string endpoint = "shm:test-stop-" + std::to_string(getpid());
+  fs_server* server = nullptr;
+  OK(fs_server_start(pushed.servo.get(), endpoint.c_str(), nullptr, &server));
+  fs_scene* client = nullptr;
+  OK(fs_scene_connect(endpoint.c_str(), "client", &client));
+  OK(fs_servo_step(pushed.servo.get(), 3));
+  size_t count = 0;
+  OK(fs_scene_get_clients(client, nullptr, 0, &count));
+  fs_status at_zero = FS_ERROR_INTERNAL;
+  pushed.fake.on_write = [&](FakeDevice&) {
+    pushed.note();
+    if (arrived.is_zero) at_zero = fs_scene_get_clients(client, nullptr, 0, &count);
+  };
+  arrived.has_begun = true;
+  pushed.servo.reset();
+  EXPECT(FS_OK, at_zero);
+  expect_quiet(arrived);
+  EXPECT(FS_ERROR_DISCONNECTED, fs_scene_get_clients(client, nullptr, 0, &count));
+  pushed.fake.on_write = nullptr;
+  fs_server_stop(server);
+  fs_scene_destroy(client);
+}
+END_TEST
+
+START_TEST(two_threads_stop_at_once) {
+  Arrived& arrived = make_arrived();
+  Pushed pushed(arrived, "two");
+  for (int k = 0; k < 50; ++k) {
+    pushed.start(k % 2 ? FS_SERVO_THREAD : FS_SERVO_CALLER);
+    fs_servo* const servo = pushed.servo.release();
+    std::barrier both(2);
+    const auto stop = [&] {
+      both.arrive_and_wait();
+      fs_servo_stop(servo);
+      fs_state state;  // whoever comes back finds it stopped
+      if (fs_device_read(pushed.device.get(), &state) != FS_OK) ++arrived.again;
+    };
+    std::thread other(stop);
+    stop();
+    other.join();
+    ck_assert_double_eq(arrived.last, 0);
+  }
+  ck_assert_uint_eq(arrived.again, 0);
+}
+END_TEST
+
+// A device that does not take the 0 at once is asked again.
+START_TEST(a_zero_that_fails) {
+  Arrived& arrived = make_arrived();
+  Pushed pushed(arrived, "fails");
+  pushed.start(FS_SERVO_CALLER);
+  OK(fs_servo_step(pushed.servo.get(), 3));
+  arrived.has_begun = true;
+  int failures = 5;
+  pushed.fake.on_write = [&](FakeDevice& fake) {
+    fake.write_status = failures-- > 0 ? FS_ERROR_IO : FS_OK;
+    if (fake.write_status == FS_OK) pushed.note();
+  };
+  pushed.servo.reset();
+  expect_quiet(arrived);
+}
+END_TEST
+
+// --------------------------------------------------------------------------------------------- the end of the process
+
+// f in a process of its own, in which it ends; gives the status of that.
+static int in_process(const std::function<void()>& f) {
+  std::fflush(nullptr);
+  const pid_t child = fork();
+  if (child == 0) {
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+    f();
+    _exit(99);
+  }
+  int status = 0;
+  ck_assert_int_eq(waitpid(child, &status, 0), child);
+  return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
+}
+
+START_TEST(exit_amid_a_tick) {
+  for (const bool is_quick : {false, true}) {
+    Arrived& arrived = make_arrived();
+    ck_assert_int_eq(7, in_process([&] {
+      Pushed& pushed = *new Pushed(arrived, "exit");
+      static std::atomic<bool> go{false}, is_told{false};
+      pushed.start(ticks[_i].mode);
+      {
+        const std::lock_guard lock(pushed.fake.mutex);
+        hold_up(pushed, ticks[_i].amid, go);
+      }
+      std::thread stepper = step_on(pushed, ticks[_i].mode, is_told);
+      if (stepper.joinable()) stepper.detach();
+      pushed.wait_until([&] { return go.load(); });
+      is_quick ? std::quick_exit(7) : std::exit(7);
+    }));
+    expect_quiet(arrived);
+    ck_assert_uint_eq(arrived.closed, 1);  // which is sure to send what a driver has not sent yet
+  }
+}
+END_TEST
+
+// What the driver needs. Its end takes as long as a servo that goes on needs to come by.
+struct Needed {
+  Arrived& arrived;
+  ~Needed() {
+    arrived.is_gone = true;
+    for (int k = 0; k < 50 && arrived.after_it_is_gone == 0; ++k) usleep(1000);
+  }
+};
+
+START_TEST(exit_before_statics_are_gone) {
+  Arrived& arrived = make_arrived();
+  ck_assert_int_eq(7, in_process([&] {
+    Pushed& pushed = *new Pushed(arrived, "statics");
+    static Needed needed{arrived};
+    pushed.start(FS_SERVO_THREAD);
+    pushed.wait_until([&] { return arrived.forces > 3; });
+    std::thread([] { std::exit(7); }).join();
+  }));
+  ck_assert_uint_eq(arrived.after_it_is_gone, 0);
+  ck_assert_double_eq(arrived.last, 0);
+}
+END_TEST
+
+START_TEST(exit_with_all_that_runs) {  // a server, a client, and handles that are given back only then
+  Arrived& arrived = make_arrived();
+  ck_assert_int_eq(7, in_process([&] {
+    static fs_server* server = nullptr;
+    static Pushed* pushed = nullptr;
+    std::atexit([] {  // runs after the library's own
+      pushed->servo.reset();
+      fs_server_stop(server);
+      pushed->scene.reset();
+      pushed->device.reset();
+    });
+    pushed = new Pushed(arrived, "all");
+    pushed->start(FS_SERVO_THREAD);
+    const std::string endpoint = "shm:test-exit-" + std::to_string(getpid());
+    require(fs_server_start(pushed->servo.get(), endpoint.c_str(), nullptr, &server), "fs_server_start");
+    fs_scene* client = nullptr;
+    require(fs_scene_connect(endpoint.c_str(), "client", &client), "fs_scene_connect");
+    pushed->wait_until([&] { return arrived.forces > 3; });
+    std::exit(7);
+  }));
+  ck_assert_double_eq(arrived.last, 0);
+  ck_assert_uint_eq(arrived.closed, 1);
+}
+END_TEST
+
+START_TEST(exit_without_a_tick) {  // who steps has not come again; and without a servo at all
+  for (const bool has_servo : {true, false}) {
+    Arrived& arrived = make_arrived();
+    ck_assert_int_eq(7, in_process([&] {
+      Pushed& pushed = *new Pushed(arrived, "idle");
+      if (has_servo) {
+        pushed.start(FS_SERVO_CALLER);
+        require(fs_servo_step(pushed.servo.get(), 3), "fs_servo_step");
+      } else {
+        const fs_wrench wrench{{0, 0, 2}, {}};
+        require(fs_device_write(pushed.device.get(), &wrench), "fs_device_write");
+      }
+      arrived.has_begun = true;
+      std::exit(7);
+    }));
+    expect_quiet(arrived);
+  }
+}
+END_TEST
+
+START_TEST(exit_by_the_driver) {
+  Arrived& arrived = make_arrived();
+  ck_assert_int_eq(7, in_process([&] {
+    Pushed& pushed = *new Pushed(arrived, "driver");
+    pushed.fake.on_read = [&](FakeDevice& fake, double) {
+      if (arrived.forces < 3) return;
+      arrived.has_begun = true;
+      fake.mutex.unlock();  // which the fake device holds, and no driver should
+      std::exit(7);
+    };
+    pushed.start(FS_SERVO_THREAD);
+    pushed.wait_until([] { return false; });
+  }));
+  expect_quiet(arrived);
+}
+END_TEST
+
+START_TEST(a_forked_child_leaves_it_alone) {
+  Arrived& arrived = make_arrived();
+  Pushed pushed(arrived, "fork");
+  pushed.start(FS_SERVO_THREAD);
+  Pushed other(make_arrived(), "forkother");
+  const fs_wrench wrench{{0, 0, 2}, {}};
+  OK(fs_device_write(other.device.get(), &wrench));
+  const std::string endpoint = "shm:test-fork-" + std::to_string(getpid());
+  fs_server* server = nullptr;
+  OK(fs_server_start(pushed.servo.get(), endpoint.c_str(), nullptr, &server));
+  pushed.wait_until([&] { return arrived.forces > 3; });
+  ck_assert_int_eq(7, in_process([&] {
+    fs_state state;
+    if (fs_servo_step(pushed.servo.get(), 1) != FS_ERROR_STATE) _exit(1);
+    if (fs_device_read(other.device.get(), &state) != FS_ERROR_STATE) _exit(2);
+    if (fs_device_write(other.device.get(), &wrench) != FS_ERROR_STATE) _exit(3);
+    fs_servo* second = nullptr;
+    if (fs_servo_start(other.scene.get(), other.device.get(), nullptr, &second) != FS_ERROR_STATE) _exit(4);
+    fs_server_stop(server);
+    fs_servo_stop(pushed.servo.get());
+    fs_device_close(other.device.get());
+    std::exit(7);
+  }));
+  ck_assert_uint_eq(arrived.strange, 0);
+  ck_assert_uint_eq(other.arrived.strange, 0);
+  ck_assert_double_eq(other.arrived.last, 2);
+  const uint32_t before = arrived.forces;
+  pushed.wait_until([&] { return arrived.forces > before + 3; });  // the parent's goes on
+  fs_server_stop(server);
+}
+END_TEST
+
+// ------------------------------------------------------------------------------------------------------------- memory
+
+static long status_kb(const char* field) {  // of /proc/self/status
+  std::FILE* const file = std::fopen("/proc/self/status", "r");
+  ck_assert_ptr_nonnull(file);
+  char line[256];
+  long out = -1;
+  while (std::fgets(line, sizeof line, file)) {
+    if (std::strncmp(line, field, std::strlen(field)) == 0) out = std::atol(line + std::strlen(field));
+  }
+  std::fclose(file);
+  return out;
+}
+
+// Whatever fails at the start, scene and device are as they were.
+START_TEST(a_start_that_fails) {
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+  Arrived& arrived = make_arrived();
+  Pushed pushed(arrived, "nomemory");
+  const rlimit all{RLIM_INFINITY, RLIM_INFINITY};
+  const fs_servo_options options = fs_servo_options_init();
+  int failures = 0;
+  for (long more = 0; more < 4096; more += 32) {  // kB
+    rlimit limit = all;
+    limit.rlim_cur = static_cast<rlim_t>(status_kb("VmSize:") + more) * 1024;
+    fs_servo* servo = nullptr;
+    setrlimit(RLIMIT_AS, &limit);
+    const fs_status status = fs_servo_start(pushed.scene.get(), pushed.device.get(), &options, &servo);
+    setrlimit(RLIMIT_AS, &all);
+    if (status != FS_OK) {
+      ck_assert(status == FS_ERROR_MEMORY || status == FS_ERROR_IO);
+      ck_assert_ptr_null(servo);
+      ++failures;
+      fs_state state;
+      OK(fs_device_read(pushed.device.get(), &state));
+    }
+    fs_servo_stop(servo);
+    ck_assert_double_eq(arrived.last, 0);
+  }
+  ck_assert_int_gt(failures, 0);
+#endif
+}
+END_TEST
+
+START_TEST(a_thread_that_is_refused) {
+  Arrived& arrived = make_arrived();
+  ck_assert_int_eq(7, in_process([&] {
+    Pushed& pushed = *new Pushed(arrived, "nothread");
+    const rlimit none{0, 0};
+    if (geteuid() == 0 && setuid(65534) != 0) _exit(1);  // who may do everything gets it
+    setrlimit(RLIMIT_NPROC, &none);
+    fs_servo* servo = nullptr;
+    if (fs_servo_start(pushed.scene.get(), pushed.device.get(), nullptr, &servo) != FS_ERROR_IO || servo) _exit(2);
+    pushed.start(FS_SERVO_CALLER);
+    if (fs_servo_step(pushed.servo.get(), 3) != FS_OK) _exit(3);
+    arrived.has_begun = true;
+    pushed.servo.reset();
+    _exit(7);
+  }));
+  expect_quiet(arrived);
+}
+END_TEST
+
+// What the system locks for a servo is bounded, whatever else the process has, and is given back.
+START_TEST(locked_memory) {
+  Arrived& arrived = make_arrived();
+  Pushed first(arrived, "locked"), second(arrived, "lockedtoo");
+  const size_t much = 500 << 20;
+  void* const others = mmap(nullptr, much, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  ck_assert_ptr_ne(others, MAP_FAILED);
+  // A page of the library's code that the application has locked itself.
+  const long page = sysconf(_SC_PAGESIZE);
+  const uintptr_t own = reinterpret_cast<uintptr_t>(&fs_version) / page * page;
+  const bool has_own = mlock(reinterpret_cast<void*>(own), page) == 0;
+  const auto start = [](Pushed& pushed) {
+    fs_servo_options options = fs_servo_options_init();
+    options.rate = 1000;
+    pushed.servo = start_servo(pushed.scene.get(), pushed.device.get(), options);
+    return stats_of(pushed.scene.get()).realtime == FS_REALTIME_FIFO_LOCKED;
+  };
+  const long before = status_kb("VmLck:");
+  if (!start(first)) {
+    std::printf("  locked memory: not allowed here, not tested\n");
+    return;
+  }
+  const long one = status_kb("VmLck:") - before;
+  ck_assert_int_gt(one, 1000);  // kB: the flight record alone
+  ck_assert_int_lt(one, 24000);
+  ck_assert(start(second));
+  const long two = status_kb("VmLck:") - before;
+  ck_assert_int_gt(two, one);
+  ck_assert_int_lt(two, 2 * one);  // the code is there once
+  first.servo.reset();
+  ck_assert_int_eq(status_kb("VmLck:") - before, one);
+  second.servo.reset();
+  ck_assert_int_eq(status_kb("VmLck:"), before);
+  ck_assert(!has_own || before > 0);
+  std::printf("  locked memory: %ld kB for a servo, %ld kB for two\n", one, two);
+  munmap(others, much);
+}
+END_TEST
+
+int main() {
+  Suite* suite = suite_create("stop");
+  TCase* loops = tcase_create("amid a tick");
+  tcase_set_timeout(loops, 120);
+  tcase_add_loop_test(loops, stop_amid_a_tick, 0, std::size(ticks));
+  tcase_add_loop_test(loops, exit_amid_a_tick, 0, std::size(ticks));
+  suite_add_tcase(suite, loops);
+  add_case(suite, "stop", {stop_before_the_server_is_told, two_threads_stop_at_once, a_zero_that_fails});
+  add_case(suite, "exit", {exit_before_statics_are_gone, exit_with_all_that_runs, exit_without_a_tick,
+                           exit_by_the_driver, a_forked_child_leaves_it_alone});
+  add_case(suite, "memory", {a_start_that_fails, a_thread_that_is_refused, locked_memory});
+  return run_suite(suite);
+}

@@ -1,0 +1,117 @@
+// What bounds the work that one client makes for others: counted, not timed.
+#include <atomic>
+#include <string>
+#include <thread>
+
+#include "scene/local_scene.h"
+#include "server/allowance.h"
+#include "server/worker.h"
+#include "unit/force_fixtures.h"
+
+using namespace fs;
+using namespace fs::test;
+
+namespace {
+
+START_TEST(an_allowance_is_kept_on_average) {
+  Allowance allowance(100);
+  size_t done = 0;
+  for (int turn = 0; turn < 1000; ++turn) {
+    if (!allowance.begin_turn()) continue;
+    allowance.spend(1650);  // as one with very many moves
+    done += 1650;
+  }
+  ck_assert_uint_le(done, 100 * 1000 + 1650);
+  ck_assert_uint_ge(done, 90 * 1000);
+  // Who stays within it never sits out a turn.
+  Allowance modest(100);
+  for (int turn = 0; turn < 100; ++turn) {
+    ck_assert(modest.begin_turn());
+    modest.spend(100);
+  }
+  // Nor is what was not used saved up.
+  Allowance idle(100);
+  for (int turn = 0; turn < 100; ++turn) ck_assert(idle.begin_turn());
+  idle.spend(300);
+  ck_assert(!idle.begin_turn());
+  ck_assert(!idle.begin_turn());
+  ck_assert(idle.begin_turn());
+}
+END_TEST
+
+// Work that never ends by itself: only when it is abandoned.
+Worker::Job endless(std::atomic<bool>& has_begun, std::atomic<bool>& is_abandoned) {
+  return {[&](Wanted& wanted) {
+            has_begun = true;
+            try {
+              for (;;) wanted.step();
+            } catch (const Abandoned&) {
+              is_abandoned = true;
+            }
+          },
+          [] {}};
+}
+void wait_for(const std::atomic<bool>& flag) {
+  while (!flag) std::this_thread::yield();
+}
+
+START_TEST(who_leaves_holds_up_nobody) {
+  std::atomic<bool> has_begun{false}, is_abandoned{false}, is_done{false};
+  Worker worker([] {});
+  worker.add(1, endless(has_begun, is_abandoned));
+  worker.add(1, endless(has_begun, is_abandoned));
+  worker.add(2, {[&](Wanted&) { is_done = true; }, [] {}});
+  wait_for(has_begun);
+  worker.forget(1);
+  wait_for(is_done);
+  ck_assert(is_abandoned);
+  // Another one's job is not abandoned with it.
+  std::atomic<bool> has_begun_again{false}, is_abandoned_again{false};
+  worker.add(3, endless(has_begun_again, is_abandoned_again));
+  wait_for(has_begun_again);
+  worker.forget(2);
+  ck_assert(!is_abandoned_again);
+}  // the end abandons what is under way
+END_TEST
+
+START_TEST(a_group_is_committed_by_steps) {
+  const Ref<LocalScene> scene = make_ref<LocalScene>();
+  scene->hold();
+  scene->begin();
+  for (int i = 0; i < 1000; ++i) {
+    fs_object object = fs_object_init(("o" + std::to_string(i)).c_str(), FS_PRIMITIVE_POINT);
+    scene->set(object);
+  }
+  int steps = 1;
+  while (!scene->commit(64)) ++steps;
+  ck_assert_int_eq(steps, 1000 / 64 + 1);
+  ck_assert_uint_eq(scene->object_count(), 1000);
+  // All that can be in one: changed, moved, removed, come and gone.
+  scene->begin();
+  fs_object object = fs_object_init("o1", FS_PRIMITIVE_PLANE);
+  scene->set(object);
+  scene->move("o2", {{1, 2, 3}, {1, 0, 0, 0}}, nullptr, 0);
+  scene->remove("o3");
+  object = fs_object_init("new", FS_PRIMITIVE_PLANE);
+  scene->set(object);
+  scene->remove("new");
+  steps = 1;
+  while (!scene->commit(1)) ++steps;
+  ck_assert_int_eq(steps, 4);
+  ck_assert_uint_eq(scene->object_count(), 999);
+  fs_object found;
+  scene->get("o1", found);
+  ck_assert_int_eq(found.primitive, FS_PRIMITIVE_PLANE);
+  scene->get("o2", found);
+  ck_assert_double_eq(found.pose.position.z, 3);
+  refusal(FS_ERROR_NOT_FOUND, [&] { scene->get("o3", found); });
+  refusal(FS_ERROR_NOT_FOUND, [&] { scene->get("new", found); });
+  scene->set(fs_object_init("new", FS_PRIMITIVE_POINT));
+}
+END_TEST
+
+}  // namespace
+
+int main() {
+  return run("server", {an_allowance_is_kept_on_average, who_leaves_holds_up_nobody, a_group_is_committed_by_steps});
+}
