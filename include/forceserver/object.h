@@ -153,9 +153,10 @@ FS_API fs_status fs_shape_create_polyline(const fs_vec3 *points, size_t count, b
 FS_API fs_status fs_shape_create_mesh(const fs_vec3 *points, size_t point_count, const uint32_t *triangles,
                                       size_t triangle_count, fs_shape **out);
 
-/* A mesh from a file whose name ends in .obj, .ply, .stl or .off; polygons are cut into triangles, the points of an
- * STL joined where they are the same. scale: m per file unit, > 0. NOT_FOUND, IO, PARSE, UNSUPPORTED (another ending,
- * or a variant that is not read: the sentence has it). */
+/* A mesh from a file whose name ends in .obj, .ply, .stl or .off. A face of n corners, convex or not, is cut into n - 2
+ * triangles in its own plane; the points of an STL are joined where they are the same. scale: m per file unit, > 0.
+ * NOT_FOUND, IO, PARSE, UNSUPPORTED (another ending, a variant that is not read, or a face too entangled to be cut:
+ * the sentence has it). */
 FS_API fs_status fs_shape_load(const char *path, double scale, fs_shape **out);
 
 /* Builds the search tree now, in this thread, rather than at the first use. One that is built, and a polyline's,

@@ -10,7 +10,7 @@ namespace fs {
 
 struct MeshData {
   std::vector<Vec3> points;
-  std::vector<uint32_t> triangles;  // three a triangle; polygons are cut into fans
+  std::vector<uint32_t> triangles;  // three a triangle; polygons are cut (polygon.h)
 };
 
 // By the file's ending, case aside. Coordinates are multiplied by scale (m per file unit). Throws NOT_FOUND, IO, PARSE
