@@ -5,7 +5,7 @@
 #include <set>
 #include <vector>
 
-#include "file/whole_file.h"
+#include "base/whole_file.h"
 
 namespace fs {
 namespace {

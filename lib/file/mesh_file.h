@@ -20,8 +20,4 @@ MeshData read_mesh_file(const std::string& path, double scale);
 // Binary PLY with double coordinates, replaced as a whole or not at all. Throws IO.
 void write_ply(const std::string& path, const std::vector<Vec3>& points, const std::vector<uint32_t>& triangles);
 
-// Writes all of text to path through a temporary file beside it, flushed and renamed: either the new file or the old
-// one is there, also when the disk is full. Throws IO.
-void write_file_atomically(const std::string& path, const std::string& text);
-
 }  // namespace fs

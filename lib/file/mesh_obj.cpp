@@ -1,8 +1,8 @@
 // OBJ: the lines "v" and "f". All else (normals, texture, groups, materials, lines, curves) is no surface that is felt.
+#include "base/whole_file.h"
 #include "file/mesh_formats.h"
 #include "file/polygon.h"
 #include "file/text.h"
-#include "file/whole_file.h"
 
 namespace fs {
 namespace {

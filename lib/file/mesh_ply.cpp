@@ -4,11 +4,11 @@
 #include <cmath>
 #include <optional>
 
+#include "base/whole_file.h"
 #include "file/binary.h"
 #include "file/mesh_formats.h"
 #include "file/polygon.h"
 #include "file/text.h"
-#include "file/whole_file.h"
 
 namespace fs {
 namespace {

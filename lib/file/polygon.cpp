@@ -7,7 +7,7 @@
 #include <span>
 #include <utility>
 
-#include "file/whole_file.h"
+#include "base/whole_file.h"
 
 namespace fs {
 namespace {

@@ -8,10 +8,10 @@
 #include <set>
 
 #include "base/error.h"
+#include "base/whole_file.h"
 #include "file/json_text.h"
 #include "file/mesh_file.h"
 #include "file/scene_words.h"
-#include "file/whole_file.h"
 #include "math/pose.h"
 
 namespace fs {

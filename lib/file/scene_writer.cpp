@@ -8,11 +8,11 @@
 #include <unistd.h>
 
 #include "base/error.h"
+#include "base/whole_file.h"
 #include "file/mesh_file.h"
 #include "file/mesh_formats.h"
 #include "file/scene_file.h"
 #include "file/scene_words.h"
-#include "file/whole_file.h"
 #include "math/pose.h"
 
 namespace fs {

@@ -1,5 +1,6 @@
 // Scenes as files: what was saved comes back bit for bit; a bad file loads nothing and says what is wrong and where.
 #include <sys/resource.h>
+#include <sys/stat.h>
 
 #include <csignal>
 #include <filesystem>
@@ -331,6 +332,12 @@ START_TEST(places_that_are_not_there) {
   ck_assert(status == FS_ERROR_IO || status == FS_ERROR_PARSE);
   ck_assert_uint_eq(object_count(scene.get()), 1);
   ck_assert_int_lt(fs_scene_save(scene.get(), ""), 0);
+  // What is no regular file: said at once.
+  const std::string pipe = folder / "pipe.json";
+  ck_assert_int_eq(mkfifo(pipe.c_str(), 0600), 0);
+  EXPECT_SENTENCE(FS_ERROR_IO, fs_scene_load(scene.get(), pipe.c_str()), "is a pipe");
+  EXPECT_SENTENCE(FS_ERROR_IO, fs_scene_save(scene.get(), pipe.c_str()), "is a pipe");
+  EXPECT_SENTENCE(FS_ERROR_IO, fs_scene_load(scene.get(), "/dev/zero"), "is a device");
 }
 END_TEST
 

@@ -13,14 +13,16 @@
 #include <clocale>
 #include <csignal>
 #include <sys/resource.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/un.h>
 #include <unistd.h>
 
 #include "base/error.h"
+#include "base/whole_file.h"
 #include "file/binary.h"
 #include "file/mesh_file.h"
 #include "file/mesh_formats.h"
-#include "file/whole_file.h"
 #include "scenes/folder.h"
 #include "scenes/random.h"
 
@@ -516,7 +518,19 @@ START_TEST(files_that_are_none)
   check(directory / "a.ply", FS_ERROR_PARSE, "line 1");
   check(directory / "a.ply/b.ply", FS_ERROR_NOT_FOUND, "Not a directory");
   ck_assert_int_eq(mkfifo((directory / "pipe.ply").c_str(), 0600), 0);
-  check(directory / "pipe.ply", FS_ERROR_IO, "not a regular file");
+  check(directory / "pipe.ply", FS_ERROR_IO, "is a pipe, must be a file");
+  std::filesystem::create_symlink("/dev/zero", directory / "zero.ply");
+  check(directory / "zero.ply", FS_ERROR_IO, "is a device, must be a file");
+  const int end = socket(AF_UNIX, SOCK_STREAM, 0);
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  std::strcpy(address.sun_path, (directory / "socket.ply").c_str());
+  ck_assert_int_eq(bind(end, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  check(directory / "socket.ply", FS_ERROR_IO, "is a socket, must be a file");
+  close(end);
+  write_text(directory / "large.ply", "");
+  std::filesystem::resize_file(directory / "large.ply", (uint64_t{1} << 36) + 1);  // it takes no room on the disk
+  check(directory / "large.ply", FS_ERROR_IO, "has 68719476737 bytes, must have at most 68719476736");
   check(directory.path + "/" + std::string(300, 'a') + ".ply", FS_ERROR_IO, "too long");
   if (geteuid() != 0) {  // root may read everything
     chmod((directory / "a.ply").c_str(), 0);

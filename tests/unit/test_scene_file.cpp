@@ -13,11 +13,11 @@
 #include <unistd.h>
 
 #include "base/error.h"
+#include "base/whole_file.h"
 #include "file/mesh_file.h"
 #include "file/mesh_formats.h"
 #include "file/scene_file.h"
 #include "file/scene_reader.h"
-#include "file/whole_file.h"
 #include "scenes/folder.h"
 #include "scenes/random.h"
 
