@@ -116,8 +116,9 @@ Element parse_element(Text& text, const std::vector<Element>& before) {
             static_cast<long long>(count));
   }
   element.count = static_cast<uint64_t>(count);
-  for (const Element& other : before) {
-    if (other.name == element.name && (element.name == "vertex" || element.name == "face")) {
+  if (element.name == "vertex" || element.name == "face") {  // the others are not compared: there may be very many
+    for (const Element& other : before) {
+      if (other.name != element.name) continue;
       fail_at(FS_ERROR_PARSE, text.where(), "the element \"%s\" is there twice", element.name.c_str());
     }
   }

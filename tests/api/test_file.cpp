@@ -149,6 +149,50 @@ START_TEST(every_field_comes_back) {
 }
 END_TEST
 
+START_TEST(a_start_goes_on) {  // whatever the clock of the machine that loads it
+  const Folder folder;
+  const std::string path = folder / "s.json", edited = folder / "t.json";
+  const Scene scene = make_scene(), loaded = make_scene();
+  OK(fs_scene_set_time(scene.get(), 1000.25));
+  fs_object o = fs_object_init("given", FS_PRIMITIVE_POINT);
+  o.start = 990;
+  OK(fs_object_set(scene.get(), &o));
+  o = fs_object_init("later", FS_PRIMITIVE_POINT);
+  o.start = 1007.5;
+  OK(fs_object_set(scene.get(), &o));
+  o = fs_object_init("none", FS_PRIMITIVE_POINT);
+  OK(fs_object_set(scene.get(), &o));
+  OK(fs_scene_save(scene.get(), path.c_str()));
+  ck_assert_ptr_nonnull(std::strstr(text_of(path).c_str(), "\"age\": 10.25"));
+  ck_assert_ptr_null(std::strstr(text_of(path).c_str(), "\"start\""));
+  const auto start_of = [&](const char* name) {
+    fs_object got = fs_object_init("", FS_PRIMITIVE_POINT);
+    OK(fs_object_get(loaded.get(), name, &got));
+    fs_object_release(&got);
+    return got.start;
+  };
+  for (const double now : {5.0, 10.25, 1e6}) {  // after the machine has started anew; where start comes to 0; days later
+    OK(fs_scene_clear(loaded.get()));
+    OK(fs_scene_set_time(loaded.get(), now));
+    OK(fs_scene_load(loaded.get(), path.c_str()));
+    EXPECT_NEAR(start_of("given"), now - 10.25, 1e-300);  // 0 would mean: not given
+    EXPECT_NEAR(start_of("later"), now + 7.25, 0);
+    EXPECT_NEAR(start_of("none"), now, 0);
+    OK(fs_scene_save(loaded.get(), edited.c_str()));
+    ck_assert(text_of(edited) == text_of(path));
+  }
+  // A file of before has the start itself.
+  write_text(edited, R"({"forceserver": "scene", "version": 1,
+                         "objects": [{"name": "given", "primitive": "point", "start": 4.5}]})");
+  OK(fs_scene_load(loaded.get(), edited.c_str()));
+  EXPECT_NEAR(start_of("given"), 4.5, 0);
+  write_text(edited, R"({"forceserver": "scene", "version": 1,
+                         "objects": [{"name": "given", "primitive": "point", "start": 4.5, "age": 1}]})");
+  EXPECT_SENTENCE(FS_ERROR_PARSE, fs_scene_load(loaded.get(), edited.c_str()), "both \"start\" and \"age\"");
+  EXPECT_NEAR(start_of("given"), 4.5, 0);
+}
+END_TEST
+
 START_TEST(odd_tables) {  // what counts as 0 in a table may be saved too
   const Folder folder;
   const Scene scene = make_scene(), loaded = make_scene();
@@ -381,7 +425,7 @@ END_TEST
 
 int main() {
   Suite* suite = suite_create("file");
-  add_case(suite, "round trips", {all_scenes_come_back, every_field_comes_back, odd_tables, load_adds_and_replaces,
+  add_case(suite, "round trips", {all_scenes_come_back, every_field_comes_back, a_start_goes_on, odd_tables, load_adds_and_replaces,
                                   shared_shapes_are_one_file, meshes_on_the_map});
   add_case(suite, "refusals", {bad_files_load_nothing, contacts_in_files, places_that_are_not_there,
                                a_full_disk_leaves_the_old_file});
