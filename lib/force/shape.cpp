@@ -37,12 +37,6 @@ fs_shape_info bounds_of(const std::vector<Vec3>& points) {
   return info;
 }
 
-double radius_of(const std::vector<Vec3>& points) {
-  double largest = 0;
-  for (const Vec3& p : points) largest = std::fmax(largest, dot(p, p));
-  return std::sqrt(largest) * (1 + 1e-12);
-}
-
 void count_edges(const std::vector<Vec3>& points, const std::vector<uint32_t>& triangles, fs_shape_info& info) {
   bool has_edges = false;
   for_each_edge(triangles, points.size(), [&](std::span<const HalfEdge> edge) {
@@ -113,7 +107,6 @@ fs_shape::fs_shape(const fs_shape_info& info, std::vector<fs::Vec3> the_points, 
       points(std::move(the_points)),
       triangles(std::move(the_triangles)),
       closed(info.closed),
-      radius(fs::radius_of(points)),
       info_(info) {
   if (primitive == FS_PRIMITIVE_POLYLINE) segments_ = fs::segment_tree(*this);
 }

@@ -26,7 +26,6 @@ struct fs_shape : fs::Counted<fs_shape> {
   const std::vector<fs::Vec3> points;      // m, object frame
   const std::vector<uint32_t> triangles;   // three a triangle; a polyline has none
   const bool closed;                       // polyline: the last point joins the first; mesh: no edge is open or odd
-  const double radius;                     // m: no point is farther from the origin of the object frame
 
   // Builds the search tree of a mesh; once, any thread, others wait for it. A polyline is always built.
   void build() const;

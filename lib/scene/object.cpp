@@ -83,6 +83,12 @@ double object_slope(const Object& object) {
   return front == back ? steepest : std::numeric_limits<double>::infinity();
 }
 
+double shape_radius(const Shape& shape) {
+  double largest = 0;
+  for (const Vec3& p : shape.points) largest = std::fmax(largest, dot(p, p));
+  return std::sqrt(largest) * (1 + 1e-12);
+}
+
 ParsedObject parse(const fs_object& in, std::string name, const Object* like, bool builds_shape) {
   const int32_t primitive = raw_value(in.primitive);
   if (primitive < FS_PRIMITIVE_POINT || primitive > FS_PRIMITIVE_MESH) {
@@ -132,7 +138,7 @@ ParsedObject parse(const fs_object& in, std::string name, const Object* like, bo
 
   if (object.shape) {
     if (builds_shape) object.shape->build();
-    object.radius = object.shape->radius;
+    object.radius = like && like->shape == object.shape ? like->radius : shape_radius(*object.shape);
   } else if (in.primitive == FS_PRIMITIVE_PLANE) {
     object.radius = std::numeric_limits<double>::infinity();
   }
