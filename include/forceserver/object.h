@@ -201,9 +201,10 @@ FS_API fs_status fs_shape_get_info(const fs_shape *shape, fs_shape_info *out);
 FS_API fs_status fs_curve_create_table(const double *forces, size_t count, double step, fs_curve **out);
 
 /* An expression such as "3*(1+sin(12*t))*exp(-d/0.01)": d in m, t in s since the object's start; the functions and
- * operators of muParser; no assignment; at most 255 bytes of printable ASCII. Its slope is the central difference
- * over d - 1e-6 m .. d + 1e-6 m, at d < 1e-6 m from 0 on. PARSE; UNSUPPORTED where the library was built without
- * expressions. */
+ * operators of muParser (log is ln, angles are in rad, a^b is the power, c ? a : b the choice; the sentence about a
+ * name that is not known lists all names); no assignment; at most 255 bytes of printable ASCII. Its slope is the
+ * central difference over d - 1e-6 m .. d + 1e-6 m, at d < 1e-6 m from 0 on. PARSE, with the column; UNSUPPORTED where
+ * the library was built without expressions. */
 FS_API fs_status fs_curve_create_expression(const char *text, fs_curve **out);
 
 /* The text of an expression; lives as long as the curve. Of a table: null. A null argument: null, with

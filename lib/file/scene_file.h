@@ -23,8 +23,8 @@ struct SceneDescription {
 
 // Meshes go beside it as PLY, one file for each shape however many objects share it, named after its content
 // (NAME-HASH.ply): so the meshes of an old scene file are never replaced, and those no longer used are left. Every
-// number comes back bit for bit, but that a start is worked out from its age, so within rounding of the clock. Throws IO,
-// or INVALID for a name that is not UTF-8; then the old files are intact.
+// number comes back bit for bit; a start is worked out from its age, so it is within rounding of the clock. Throws
+// IO, or INVALID for a name that is not UTF-8; then the old files are intact.
 void write_scene_file(const std::string& path, const SceneDescription& scene, double time);
 
 // Checks the file's form (version, keys, types); the values of objects are for the caller's fs_object_set to check.

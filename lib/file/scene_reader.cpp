@@ -20,7 +20,8 @@ namespace {
 // ---- values. `where` is the file and what in it: "a.json, object 'wall', front"
 
 [[noreturn]] void fail_value(const Json& value, const std::string& where, const std::string& key, const char* must) {
-  fail_at(FS_ERROR_PARSE, where, "%s is %s, must be %s", in_quotes(key).c_str(), printable(to_line(value)).c_str(), must);
+  fail_at(FS_ERROR_PARSE, where, "%s is %s, must be %s", in_quotes(key).c_str(), printable(to_line(value)).c_str(),
+          must);
 }
 
 double parse_number(const Json& value, const std::string& where, const std::string& key) {

@@ -171,7 +171,7 @@ START_TEST(a_start_goes_on) {  // whatever the clock of the machine that loads i
     fs_object_release(&got);
     return got.start;
   };
-  for (const double now : {5.0, 10.25, 1e6}) {  // after the machine has started anew; where start comes to 0; days later
+  for (const double now : {5.0, 10.25, 1e6}) {  // after a new start of the machine; where start comes to 0; days later
     OK(fs_scene_clear(loaded.get()));
     OK(fs_scene_set_time(loaded.get(), now));
     OK(fs_scene_load(loaded.get(), path.c_str()));
@@ -425,8 +425,8 @@ END_TEST
 
 int main() {
   Suite* suite = suite_create("file");
-  add_case(suite, "round trips", {all_scenes_come_back, every_field_comes_back, a_start_goes_on, odd_tables, load_adds_and_replaces,
-                                  shared_shapes_are_one_file, meshes_on_the_map});
+  add_case(suite, "round trips", {all_scenes_come_back, every_field_comes_back, a_start_goes_on, odd_tables,
+                                  load_adds_and_replaces, shared_shapes_are_one_file, meshes_on_the_map});
   add_case(suite, "refusals", {bad_files_load_nothing, contacts_in_files, places_that_are_not_there,
                                a_full_disk_leaves_the_old_file});
   return run_suite(suite);

@@ -314,8 +314,8 @@ END_TEST
 
 // ---- files
 
-// Calls f with allocation k = 0, 1... failing: that one, or all from it on; until none fails. f gets a function that runs
-// what is to fail, and is called again and again for fresh ones. Returns how many allocations there were.
+// Calls f for k = 0, 1... until nothing fails; f gets a function that runs a call in which allocation k fails: only
+// that one, or all from it on. Returns how many allocations there were.
 using Failing = std::function<fs_status(const std::function<fs_status()>& call)>;
 static int each_allocation(bool for_good, const std::function<void(const Failing&)>& f) {
   bool is_last = false;
@@ -350,8 +350,8 @@ static size_t count_files(const Folder& folder) {
   return count;
 }
 
-// One of everything that a file can hold. Expressions are for saving only: muParser reads numbers through a stream, which
-// hides that there is no memory, and says that the number is none.
+// One of everything that a file can hold. Expressions are for saving only: muParser reads numbers through a stream,
+// which hides that there is no memory, and says that the number is none.
 static Content contents_of_a_file(bool with_expression) {
   Content content = ball(20);
   const std::vector<fs_vec3> line{{0, 0, 0}, {0.1, 0, 0}, {0.1, 0.2, 0}};

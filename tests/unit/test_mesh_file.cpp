@@ -477,6 +477,26 @@ START_TEST(damaged_files_never_crash)
 }
 END_TEST
 
+// Of what a file may have any number: time that grows with its square would not end within the test's 60 s.
+START_TEST(large_headers_are_read_in_reasonable_time)
+{
+  std::string elements, properties, line;
+  for (int i = 0; i < 1000000; ++i) elements += "element a 0\n";
+  for (int i = 0; i < 300000; ++i) {
+    properties += "property list uchar float q\n";
+    line += "0 ";
+  }
+  const std::string head = std::string("element vertex 1\n") + xyz;
+  const std::string face = "element face 1\nproperty list uchar int vertex_index\n";
+  for (const std::string& text : {ply((elements + head + face).c_str(), "0 0 0\n3 0 0 0\n"),
+                                  ply((head + elements + face).c_str(), "0 0 0\n3 0 0 0\n"),
+                                  ply((head + properties + face).c_str(), ("0 0 0 " + line + "\n3 0 0 0\n").c_str())}) {
+    const Outcome out = attempt(parse_ply, text);
+    ck_assert_msg(out.status == FS_OK && out.mesh.triangles.size() == 3, "%s", out.text.c_str());
+  }
+}
+END_TEST
+
 START_TEST(a_file_is_read_by_its_ending_and_scaled)
 {
   const scenes::Folder directory;
@@ -605,6 +625,7 @@ int main()
   tcase_add_test(tests, numbers_do_not_depend_on_the_locale);
   tcase_add_test(tests, hostile_files_are_refused_with_their_reason);
   tcase_add_test(tests, damaged_files_never_crash);
+  tcase_add_test(tests, large_headers_are_read_in_reasonable_time);
   tcase_add_test(tests, a_file_is_read_by_its_ending_and_scaled);
   tcase_add_test(tests, files_that_are_none);
   tcase_add_test(tests, a_file_is_replaced_as_a_whole_or_not_at_all);
