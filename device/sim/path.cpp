@@ -1,20 +1,19 @@
 #include "device/sim/path.h"
 
-#include <cerrno>
+#include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <cstdio>
-#include <cstring>
-#include <memory>
 #include <numbers>
 #include <string_view>
 
 #include "base/error.h"
+#include "base/whole_file.h"
 #include "device/sim/parameters.h"
 
 namespace fs {
 namespace {
 
+constexpr uint64_t largest_path = 64 << 20;  // bytes: half an hour at 1000 lines a second
 constexpr double coordinate_max = 1;  // m: a hand may want to be beyond the stops, but not beyond an arm's length
 
 // The numbers of a line, at most 5; -1 when something else stands there.
@@ -51,17 +50,20 @@ HandPath HandPath::named(const std::string& name) {
 }
 
 HandPath HandPath::read_file(const std::string& name) {
-  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(name.c_str(), "r"), std::fclose);
-  if (!file) {
-    fail(errno == ENOENT ? FS_ERROR_NOT_FOUND : FS_ERROR_IO,
-         "path '%s' is none of figure8, sweep, touch, and as a file: %s", name.c_str(), std::strerror(errno));
+  std::string text;
+  try {
+    text = read_whole_file(name, largest_path);
+  } catch (Error& error) {
+    error.text = "path '" + name + "' is none of figure8, sweep, touch, and as a file: " + error.text;
+    throw;
   }
   HandPath path;
-  char line[512];
-  for (int number = 1; std::fgets(line, sizeof line, file.get()); ++number) {
-    if (std::strlen(line) == sizeof line - 1) {
-      fail(FS_ERROR_PARSE, "%s:%d: a line must be shorter than %zu bytes", name.c_str(), number, sizeof line - 1);
-    }
+  int number = 0;
+  for (size_t begin = 0; begin < text.size();) {
+    const size_t end = std::min(text.find('\n', begin), text.size());
+    const std::string_view line(text.data() + begin, end - begin);
+    begin = end + 1;
+    ++number;
     double n[5];
     const int count = parse_line(line, n);
     if (count == 0) continue;
@@ -78,7 +80,6 @@ HandPath HandPath::read_file(const std::string& name) {
     }
     path.points_.push_back({n[0], {n[1], n[2], n[3]}});
   }
-  if (std::ferror(file.get())) fail(FS_ERROR_IO, "path '%s': %s", name.c_str(), std::strerror(errno));
   if (path.points_.empty()) fail(FS_ERROR_PARSE, "%s: there is no line t x y z", name.c_str());
   return path;
 }

@@ -16,8 +16,8 @@ class HandPath {
 
   static HandPath hold(Vec3 position);
   // "figure8", "sweep" or "touch" (parameters.h), else the name of a file with lines "t x y z" (s, m): t increasing,
-  // straight between the lines, at rest before the first and after the last; '#' begins a comment. Throws NOT_FOUND,
-  // IO, PARSE with the line.
+  // straight between the lines, at rest before the first and after the last; '#' begins a comment. A regular file of at
+  // most 64 MB. Throws NOT_FOUND, IO, PARSE with the line.
   static HandPath named(const std::string& name);
 
   // [rt] time: s, never before that of the last call.

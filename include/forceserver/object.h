@@ -207,9 +207,10 @@ FS_API fs_status fs_shape_create_polyline(const fs_vec3 *points, size_t count, b
 FS_API fs_status fs_shape_create_mesh(const fs_vec3 *points, size_t point_count, const uint32_t *triangles,
                                       size_t triangle_count, fs_shape **out);
 
-/* A mesh from a file whose name ends in .obj, .ply, .stl or .off; polygons are cut into triangles, the points of an
- * STL joined where they are the same. scale: m per file unit, > 0. NOT_FOUND, IO, PARSE, UNSUPPORTED (another ending,
- * or a variant that is not read: the sentence has it). */
+/* A mesh from a file whose name ends in .obj, .ply, .stl or .off. A face of n corners, convex or not, is cut into n - 2
+ * triangles in its own plane; the points of an STL are joined where they are the same. scale: m per file unit, > 0.
+ * NOT_FOUND, IO, PARSE, UNSUPPORTED (another ending, a variant that is not read, or a face too entangled to be cut:
+ * the sentence has it). */
 FS_API fs_status fs_shape_load(const char *path, double scale, fs_shape **out);
 
 /* Builds the search tree now, in this thread, rather than at the first use. One that is built, and a polyline's,
@@ -253,11 +254,12 @@ FS_API fs_status fs_shape_get_info(const fs_shape *shape, fs_shape_info *out);
  * never overshoots (PCHIP: Fritsch & Carlson 1980); the last value beyond. It does not depend on t. */
 FS_API fs_status fs_curve_create_table(const double *forces, size_t count, double step, fs_curve **out);
 
-/* An expression such as "3*(1+sin(12*t))*exp(-d/0.01)" (a value that changes, such as a battery's charge, is the gain
- * of its profile: FS_PROFILE_CUSTOM): d in m, t in s since the object's start; the functions and
- * operators of muParser; no assignment; at most 255 bytes of printable ASCII. Its slope is the central difference
- * over d - 1e-6 m .. d + 1e-6 m, at d < 1e-6 m from 0 on. PARSE; UNSUPPORTED where the library was built without
- * expressions. */
+/* An expression such as "3*(1+sin(12*t))*exp(-d/0.01)": d in m, t in s since the object's start; the functions and
+ * operators of muParser (log is ln, angles are in rad, a^b is the power, c ? a : b the choice; the sentence about a
+ * name that is not known lists all names); no assignment; at most 255 bytes of printable ASCII. A value that changes,
+ * such as a battery's charge, is the gain of its profile: FS_PROFILE_CUSTOM. Its slope is the central difference over
+ * d - 1e-6 m .. d + 1e-6 m, at d < 1e-6 m from 0 on. PARSE, with the column; UNSUPPORTED where the library was built
+ * without expressions. */
 FS_API fs_status fs_curve_create_expression(const char *text, fs_curve **out);
 
 /* The text of an expression; lives as long as the curve. Of a table: null. A null argument: null, with

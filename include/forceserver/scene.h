@@ -109,15 +109,17 @@ FS_API fs_status fs_scene_sync(fs_scene *scene, double timeout);
  *
  * Names are those of this header: fields as they are, enum values in lower case without their prefix. What is left
  * out is 0, the default frame or tool, and `enabled`; a key that is not known or there twice is an error. A mesh may
- * be OBJ, PLY, STL or OFF, beside the file or below. `time` is not kept (loading is setting now), `start` only where
- * it was given. */
+ * be OBJ, PLY, STL or OFF, beside the file or below. `time` is not kept: loading is setting now. Of a `start` that was
+ * given the file keeps the "age" (s), how long ago it was when saved; loading sets start = now - age, so f(d, t) goes
+ * on where it was, on another machine too. A file may instead have the "start" itself; both are an error. */
 
 /* Writes the scene's own objects, frame and tool; meshes beside it as PLY, named after the file and their content.
- * Every number comes back bit for bit. The file is replaced as a whole or not at all. IO. */
+ * Every number comes back bit for bit, but for start: its age does, and start is within rounding of the clock (1e-9 s
+ * for a clock below 4e6 s). The file is replaced as a whole or not at all. IO, INVALID (a name that is not UTF-8). */
 FS_API fs_status fs_scene_save(fs_scene *scene, const char *path);
 
 /* Adds or replaces the objects of a file, and sets frame and tool; all or nothing. Objects of other names stay.
- * NOT_FOUND, IO, PARSE, VERSION (a newer file), UNSUPPORTED, FULL. */
+ * Only regular files are read. NOT_FOUND, IO, PARSE, VERSION (a newer file), UNSUPPORTED, FULL. */
 FS_API fs_status fs_scene_load(fs_scene *scene, const char *path);
 
 /* ---- Frame, clutch, tool: where the scene's tool stands. A new frame or tool, or a clutch let go, puts it

@@ -28,6 +28,12 @@ fs_status on_scene(fs_scene* scene, F&& f) {
   });
 }
 
+double time_of(const fs_scene& scene) {
+  double time = 0;
+  if (const fs_status status = scene.get_time(time); status != FS_OK) fail(status, "%s", last_error());
+  return time;
+}
+
 }  // namespace
 
 fs_status fs_scene_create(fs_scene** out) {
@@ -123,14 +129,14 @@ fs_status fs_scene_save(fs_scene* scene, const char* path) {
     description.objects = contents.objects;
     description.frame = contents.frame;
     description.tool = contents.tool;
-    write_scene_file(path, description);
+    write_scene_file(path, description, time_of(*scene));
   });
 }
 
 fs_status fs_scene_load(fs_scene* scene, const char* path) {
   return on_scene(scene, [&] {
     require_pointer(path, "path");
-    const SceneDescription description = read_scene_file(path);
+    const SceneDescription description = read_scene_file(path, time_of(*scene));
     try {
       scene->set_contents(description.objects, description.frame, description.tool);
     } catch (Error& error) {

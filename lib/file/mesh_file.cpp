@@ -3,8 +3,8 @@
 #include <cmath>
 
 #include "base/error.h"
+#include "base/whole_file.h"
 #include "file/mesh_formats.h"
-#include "file/whole_file.h"
 
 namespace fs {
 namespace {

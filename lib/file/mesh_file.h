@@ -10,7 +10,7 @@ namespace fs {
 
 struct MeshData {
   std::vector<Vec3> points;
-  std::vector<uint32_t> triangles;  // three a triangle; polygons are cut into fans
+  std::vector<uint32_t> triangles;  // three a triangle; polygons are cut (polygon.h)
 };
 
 // By the file's ending, case aside. Coordinates are multiplied by scale (m per file unit). Throws NOT_FOUND, IO, PARSE
@@ -19,9 +19,5 @@ MeshData read_mesh_file(const std::string& path, double scale);
 
 // Binary PLY with double coordinates, replaced as a whole or not at all. Throws IO.
 void write_ply(const std::string& path, const std::vector<Vec3>& points, const std::vector<uint32_t>& triangles);
-
-// Writes all of text to path through a temporary file beside it, flushed and renamed: either the new file or the old
-// one is there, also when the disk is full. Throws IO.
-void write_file_atomically(const std::string& path, const std::string& text);
 
 }  // namespace fs

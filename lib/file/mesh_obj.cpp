@@ -1,7 +1,8 @@
 // OBJ: the lines "v" and "f". All else (normals, texture, groups, materials, lines, curves) is no surface that is felt.
+#include "base/whole_file.h"
 #include "file/mesh_formats.h"
+#include "file/polygon.h"
 #include "file/text.h"
-#include "file/whole_file.h"
 
 namespace fs {
 namespace {
@@ -40,6 +41,7 @@ int64_t read_corner(const Text& text, std::string_view word) {
 MeshData parse_obj(std::string_view bytes, const std::string& file) {
   Text text(bytes, file, {.comments = true, .continuation = true});
   MeshData mesh;
+  Faces faces(mesh.triangles);
   int64_t largest = 0;  // a face may stand before its vertices: the largest index seen, checked at the end
   size_t line_of_largest = 0;
   do {
@@ -49,7 +51,6 @@ MeshData parse_obj(std::string_view bytes, const std::string& file) {
       mesh.points.push_back(read_vertex(text));
     } else if (key == "f" || key == "fo") {
       const auto points = static_cast<int64_t>(mesh.points.size());
-      Fan fan(mesh.triangles);
       for (std::string_view word = text.word(); !word.empty(); word = text.word()) {
         const int64_t index = read_corner(text, word);
         if (index == 0 || index < -points || index > static_cast<int64_t>(max_points)) {
@@ -60,11 +61,12 @@ MeshData parse_obj(std::string_view bytes, const std::string& file) {
           largest = index;
           line_of_largest = text.line();
         }
-        fan.add(static_cast<uint32_t>(index > 0 ? index - 1 : points + index));
+        faces.add(static_cast<uint32_t>(index > 0 ? index - 1 : points + index));
       }
-      if (fan.corners() < 3) {
-        fail_at(FS_ERROR_PARSE, text.where(), "a face has %zu corners, must have 3 or more", fan.corners());
+      if (faces.corners() < 3) {
+        fail_at(FS_ERROR_PARSE, text.where(), "a face has %zu corners, must have 3 or more", faces.corners());
       }
+      faces.end_face();
     }
   } while (text.next_line());
 
@@ -76,6 +78,7 @@ MeshData parse_obj(std::string_view bytes, const std::string& file) {
   if (mesh.triangles.empty()) {
     fail_at(FS_ERROR_PARSE, file, "has no face (lines 1..%zu), must have 1 or more", text.line());
   }
+  faces.cut(mesh.points, file);
   return mesh;
 }
 

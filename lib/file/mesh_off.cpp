@@ -1,7 +1,8 @@
 // OFF: a header, the counts, a line for each vertex and each face. Colours, normals and texture are read over.
+#include "base/whole_file.h"
 #include "file/mesh_formats.h"
+#include "file/polygon.h"
 #include "file/text.h"
-#include "file/whole_file.h"
 
 namespace fs {
 namespace {
@@ -63,6 +64,7 @@ MeshData parse_off(std::string_view bytes, const std::string& file) {
   MeshData mesh;
   mesh.points.reserve(points);
   mesh.triangles.reserve(3 * faces);
+  Faces cutter(mesh.triangles);
   for (uint64_t i = 0; i < points; ++i) {
     Vec3 point;
     point.x = text.number(next_item(text, "vertices", i, points), "x");
@@ -76,21 +78,22 @@ MeshData parse_off(std::string_view bytes, const std::string& file) {
       fail_at(FS_ERROR_PARSE, text.where(), "a face has %lld corners, must have 3 or more",
               static_cast<long long>(corners));
     }
-    Fan fan(mesh.triangles);
     for (int64_t k = 0; k < corners; ++k) {
       const int64_t index = text.integer(text.word(), "the vertex of a corner");
       if (index < 0 || index >= static_cast<int64_t>(points)) {
         fail_at(FS_ERROR_PARSE, text.where(), "the vertex of a corner is %lld, must be 0..%llu",
                 static_cast<long long>(index), static_cast<unsigned long long>(points - 1));
       }
-      fan.add(static_cast<uint32_t>(index));
+      cutter.add(static_cast<uint32_t>(index));
     }
+    cutter.end_face();
   }
   text.next_line();
   if (const auto more = text.word_anywhere(); !more.empty()) {
     fail_at(FS_ERROR_PARSE, text.where(), "%s stands behind the last of %llu faces", in_quotes(more).c_str(),
             static_cast<unsigned long long>(faces));
   }
+  cutter.cut(mesh.points, file);
   return mesh;
 }
 

@@ -4,10 +4,11 @@
 #include <cmath>
 #include <optional>
 
+#include "base/whole_file.h"
 #include "file/binary.h"
 #include "file/mesh_formats.h"
+#include "file/polygon.h"
 #include "file/text.h"
-#include "file/whole_file.h"
 
 namespace fs {
 namespace {
@@ -115,8 +116,9 @@ Element parse_element(Text& text, const std::vector<Element>& before) {
             static_cast<long long>(count));
   }
   element.count = static_cast<uint64_t>(count);
-  for (const Element& other : before) {
-    if (other.name == element.name && (element.name == "vertex" || element.name == "face")) {
+  if (element.name == "vertex" || element.name == "face") {  // the others are not compared: there may be very many
+    for (const Element& other : before) {
+      if (other.name != element.name) continue;
       fail_at(FS_ERROR_PARSE, text.where(), "the element \"%s\" is there twice", element.name.c_str());
     }
   }
@@ -251,24 +253,24 @@ class BinarySource {
 };
 
 template <class Source>
-void read_corners(Source& source, const Property& property, uint64_t count, uint64_t points, MeshData& mesh) {
+void read_corners(Source& source, const Property& property, uint64_t count, uint64_t points, Faces& faces) {
   if (count < 3) {
     fail_at(FS_ERROR_PARSE, source.where(), "a face has %llu corners, must have 3 or more",
             static_cast<unsigned long long>(count));
   }
-  Fan fan(mesh.triangles);
   for (uint64_t i = 0; i < count; ++i) {
     const int64_t index = source.integer(property.type, "the vertex of a corner");
     if (index < 0 || static_cast<uint64_t>(index) >= points) {
       fail_at(FS_ERROR_PARSE, source.where(), "the vertex of a corner is %lld, must be 0..%lld",
               static_cast<long long>(index), static_cast<long long>(points) - 1);
     }
-    fan.add(static_cast<uint32_t>(index));
+    faces.add(static_cast<uint32_t>(index));
   }
+  faces.end_face();
 }
 
 template <class Source>
-void read_element(Source& source, const Element& element, uint64_t points, MeshData& mesh) {
+void read_element(Source& source, const Element& element, uint64_t points, MeshData& mesh, Faces& faces) {
   if (element.properties.empty()) return;
   Vec3 point{};
   for (uint64_t i = 0; i < element.count; ++i) {
@@ -281,7 +283,7 @@ void read_element(Source& source, const Element& element, uint64_t points, MeshD
                   static_cast<long long>(count), source.remaining());
         }
         if (property.role == Role::corners) {
-          read_corners(source, property, static_cast<uint64_t>(count), points, mesh);
+          read_corners(source, property, static_cast<uint64_t>(count), points, faces);
         } else {
           source.skip(property.type, static_cast<uint64_t>(count));
         }
@@ -324,8 +326,10 @@ MeshData read_elements(Source source, const Header& header, const std::string& f
   MeshData mesh;
   mesh.points.reserve(points);
   mesh.triangles.reserve(3 * std::min<uint64_t>(faces, source.remaining() / 4));  // a face has 4 bytes or more
-  for (const Element& element : header.elements) read_element(source, element, points, mesh);
+  Faces cutter(mesh.triangles);
+  for (const Element& element : header.elements) read_element(source, element, points, mesh, cutter);
   source.expect_end();
+  cutter.cut(mesh.points, file);
   return mesh;
 }
 

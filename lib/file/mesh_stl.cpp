@@ -4,10 +4,10 @@
 #include <cmath>
 #include <cstring>
 
+#include "base/whole_file.h"
 #include "file/binary.h"
 #include "file/mesh_formats.h"
 #include "file/text.h"
-#include "file/whole_file.h"
 
 namespace fs {
 namespace {

@@ -8,47 +8,49 @@
 #include <set>
 
 #include "base/error.h"
-#include "file/json_text.h"
+#include "base/whole_file.h"
+#include "file/json.h"
 #include "file/mesh_file.h"
 #include "file/scene_words.h"
-#include "file/whole_file.h"
 #include "math/pose.h"
 
 namespace fs {
 namespace {
 
-using Json = nlohmann::json;
-
 // ---- values. `where` is the file and what in it: "a.json, object 'wall', front"
 
 [[noreturn]] void fail_value(const Json& value, const std::string& where, const std::string& key, const char* must) {
-  fail_at(FS_ERROR_PARSE, where, "%s is %s, must be %s", in_quotes(key).c_str(), printable(value.dump()).c_str(), must);
+  fail_at(FS_ERROR_PARSE, where, "%s is %s, must be %s", in_quotes(key).c_str(), printable(to_line(value)).c_str(),
+          must);
 }
 
 double parse_number(const Json& value, const std::string& where, const std::string& key) {
-  if (value.is_number()) return value.get<double>();
-  if (value == "inf") return std::numeric_limits<double>::infinity();
-  if (value == "-inf") return -std::numeric_limits<double>::infinity();
-  if (value == "nan") return std::numeric_limits<double>::quiet_NaN();
+  if (const Json::Number* const number = value.number()) return number->value;
+  const std::string word = value.text() ? *value.text() : "";
+  if (word == "inf") return std::numeric_limits<double>::infinity();
+  if (word == "-inf") return -std::numeric_limits<double>::infinity();
+  if (word == "nan") return std::numeric_limits<double>::quiet_NaN();
   fail_value(value, where, key, "a number (or the string inf, -inf or nan)");
 }
 
 Vec3 parse_vec3(const Json& value, const std::string& where, const std::string& key) {
-  if (!value.is_array() || value.size() != 3) fail_value(value, where, key, "a list of three numbers, [x, y, z]");
-  return {parse_number(value[0], where, key), parse_number(value[1], where, key), parse_number(value[2], where, key)};
+  const Json::List* const v = value.list();
+  if (!v || v->size() != 3) fail_value(value, where, key, "a list of three numbers, [x, y, z]");
+  return {parse_number((*v)[0], where, key), parse_number((*v)[1], where, key), parse_number((*v)[2], where, key)};
 }
 
 Quat parse_quat(const Json& value, const std::string& where, const std::string& key) {
-  if (!value.is_array() || value.size() != 4) fail_value(value, where, key, "a list of four numbers, [w, x, y, z]");
-  return {parse_number(value[0], where, key), parse_number(value[1], where, key), parse_number(value[2], where, key),
-          parse_number(value[3], where, key)};
+  const Json::List* const q = value.list();
+  if (!q || q->size() != 4) fail_value(value, where, key, "a list of four numbers, [w, x, y, z]");
+  return {parse_number((*q)[0], where, key), parse_number((*q)[1], where, key), parse_number((*q)[2], where, key),
+          parse_number((*q)[3], where, key)};
 }
 
 std::vector<Vec3> parse_points(const Json& value, const std::string& where, const std::string& key) {
-  if (!value.is_array()) fail_value(value, where, key, "a list of points, [[x, y, z], ...]");
+  if (!value.list()) fail_value(value, where, key, "a list of points, [[x, y, z], ...]");
   std::vector<Vec3> points;
-  points.reserve(value.size());
-  for (const Json& point : value) points.push_back(parse_vec3(point, where, key));
+  points.reserve(value.list()->size());
+  for (const Json& point : *value.list()) points.push_back(parse_vec3(point, where, key));
   return points;
 }
 
@@ -56,7 +58,7 @@ std::vector<Vec3> parse_points(const Json& value, const std::string& where, cons
 class Form {
  public:
   Form(const Json& value, std::string where, const char* name) : value_(value), where_(std::move(where)) {
-    if (!value.is_object()) fail_value(value, where_, name, "an object, {...}");
+    if (!value.object()) fail_value(value, where_, name, "an object, {...}");
   }
 
   const std::string& where() const { return where_; }
@@ -64,8 +66,10 @@ class Form {
 
   const Json* find(const char* key) {
     known_.insert(key);
-    const auto found = value_.find(key);
-    return found == value_.end() ? nullptr : &*found;
+    for (const auto& [name, value] : *value_.object()) {
+      if (name == key) return &value;
+    }
+    return nullptr;
   }
   const Json& need(const char* key) {
     const Json* found = find(key);
@@ -73,7 +77,7 @@ class Form {
     return *found;
   }
   void finish() const {
-    for (const auto& [key, value] : value_.items()) {
+    for (const auto& [key, value] : *value_.object()) {
       if (!known_.count(key)) fail_at(FS_ERROR_PARSE, where_, "the key %s is not known", in_quotes(key).c_str());
     }
   }
@@ -90,22 +94,24 @@ class Form {
   }
   void read(const char* key, bool& out) {
     const Json* value = find(key);
-    if (value && !value->is_boolean()) fail_value(*value, where_, key, "true or false");
-    if (value) out = value->get<bool>();
+    if (value && !value->boolean()) fail_value(*value, where_, key, "true or false");
+    if (value) out = *value->boolean();
   }
   void read(const char* key, uint32_t& out) {
     const Json* value = find(key);
     if (!value) return;
-    if (!value->is_number_unsigned() || value->get<uint64_t>() > 0xffffffff) {
+    const Json::Number* const number = value->number();
+    if (!number || !number->is_integer || !(number->value >= 0 && number->value <= 0xffffffff)) {
       fail_value(*value, where_, key, "an integer 0..4294967295");
     }
-    out = value->get<uint32_t>();
+    out = static_cast<uint32_t>(number->value);
   }
   template <class Enum, size_t count>
   void read(const char* key, const std::array<Word, count>& words, Enum& out) {
     const Json* value = find(key);
     if (!value) return;
-    const auto found = std::ranges::find_if(words, [&](const Word& word) { return *value == word.text; });
+    const auto found = std::ranges::find_if(
+        words, [&](const Word& word) { return value->text() && *value->text() == word.text; });
     if (found == words.end()) {
       std::string must = "one of";
       for (const Word& word : words) must += std::string(" \"") + word.text + "\"";
@@ -115,10 +121,9 @@ class Form {
   }
   std::string text(const char* key) {
     const Json& value = need(key);
-    if (!value.is_string()) fail_value(value, where_, key, "a string");
-    std::string text = value.get<std::string>();
-    if (text.find('\0') != text.npos) fail_value(value, where_, key, "without a NUL character");
-    return text;
+    if (!value.text()) fail_value(value, where_, key, "a string");
+    if (value.text()->find('\0') != std::string::npos) fail_value(value, where_, key, "without a NUL character");
+    return *value.text();
   }
 
  private:
@@ -131,7 +136,7 @@ class Form {
 
 class SceneReader {
  public:
-  explicit SceneReader(const std::string& path) : path_(path) {}
+  SceneReader(const std::string& path, double time) : path_(path), time_(time) {}
 
   SceneDescription read(const Json& value) {
     Form form(value, path_, "the file");
@@ -196,8 +201,8 @@ class SceneReader {
   template <class Handle, class Read>
   void read_all(const Json& value, const char* key, const char* noun, std::map<std::string, Handle>& out,
                 Read read) const {
-    if (!value.is_object()) fail_value(value, path_, key, "an object, {\"name\": {...}, ...}");
-    for (const auto& [name, item] : value.items()) {
+    if (!value.object()) fail_value(value, path_, key, "an object, {\"name\": {...}, ...}");
+    for (const auto& [name, item] : *value.object()) {
       Form form(item, path_ + ", " + noun + " " + in_quotes(name), noun);
       try {
         out[name] = read(form);
@@ -250,19 +255,19 @@ class SceneReader {
     form.need("step");
     form.read("step", step);
     const Json& table = form.need("table");
-    if (!table.is_array()) fail_value(table, form.where(), "table", "a list of numbers");
+    if (!table.list()) fail_value(table, form.where(), "table", "a list of numbers");
     std::vector<double> forces;
-    forces.reserve(table.size());
-    for (const Json& force : table) forces.push_back(parse_number(force, form.where(), "table"));
+    forces.reserve(table.list()->size());
+    for (const Json& force : *table.list()) forces.push_back(parse_number(force, form.where(), "table"));
     form.finish();
     return make_table_curve(forces.data(), forces.size(), step);
   }
 
   void read_objects(const Json& value) {
-    if (!value.is_array()) fail_value(value, path_, "objects", "a list, [{...}, ...]");
+    if (!value.list()) fail_value(value, path_, "objects", "a list, [{...}, ...]");
     std::set<std::string> names;
-    for (size_t i = 0; i < value.size(); ++i) {
-      Form form(value[i], path_ + ", objects[" + std::to_string(i) + "]", "an object");
+    for (size_t i = 0; i < value.list()->size(); ++i) {
+      Form form((*value.list())[i], path_ + ", objects[" + std::to_string(i) + "]", "an object");
       const std::string name = form.text("name");
       if (name.empty() || name.size() > 31) {
         fail_at(FS_ERROR_PARSE, form.where(), "\"name\" is %zu bytes long, must be 1..31", name.size());
@@ -312,6 +317,12 @@ class SceneReader {
       part.finish();
     }
     form.read("start", object.start);
+    if (const Json* age = form.find("age")) {
+      if (form.find("start")) fail_at(FS_ERROR_PARSE, form.where(), "has both \"start\" and \"age\", must have one");
+      if (!age->number()) fail_value(*age, form.where(), "age", "a number");
+      object.start = time_ - age->number()->value;
+      if (object.start == 0) object.start = std::numeric_limits<double>::denorm_min();  // 0: not given
+    }
     form.read("lifetime", object.lifetime);
     form.read("tool_points", object.tool_points);
     form.finish();
@@ -334,6 +345,7 @@ class SceneReader {
   }
 
   const std::string& path_;
+  const double time_;
   SceneDescription scene_;
   std::map<std::string, Ref<const Shape>> shapes_;
   std::map<std::string, Ref<const Curve>> curves_;
@@ -341,10 +353,12 @@ class SceneReader {
 
 }  // namespace
 
-SceneDescription parse_scene(std::string_view text, const std::string& path) {
-  return SceneReader(path).read(parse_json(text, path));
+SceneDescription parse_scene(std::string_view text, const std::string& path, double time) {
+  return SceneReader(path, time).read(parse_json(text, path));
 }
 
-SceneDescription read_scene_file(const std::string& path) { return parse_scene(read_whole_file(path), path); }
+SceneDescription read_scene_file(const std::string& path, double time) {
+  return parse_scene(read_whole_file(path), path, time);
+}
 
 }  // namespace fs

@@ -8,6 +8,6 @@
 
 namespace fs {
 
-SceneDescription parse_scene(std::string_view text, const std::string& path);  // throws as read_scene_file does
+SceneDescription parse_scene(std::string_view text, const std::string& path, double time);  // as read_scene_file
 
 }  // namespace fs

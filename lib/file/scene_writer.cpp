@@ -4,80 +4,19 @@
 #include <cstring>
 #include <map>
 
-#include <nlohmann/json.hpp>
 #include <unistd.h>
 
 #include "base/error.h"
+#include "base/whole_file.h"
+#include "file/json.h"
 #include "file/mesh_file.h"
 #include "file/mesh_formats.h"
 #include "file/scene_file.h"
 #include "file/scene_words.h"
-#include "file/whole_file.h"
 #include "math/pose.h"
 
 namespace fs {
 namespace {
-
-using Json = nlohmann::ordered_json;
-
-// ---- text: what fits on a line stands on one line
-
-constexpr size_t line_width = 110;  // columns
-
-void print_on_one_line(std::string& out, const Json& value) {
-  if (!value.is_structured()) {
-    out += value.dump();
-    return;
-  }
-  out += value.is_array() ? '[' : '{';
-  const char* separator = "";
-  for (const auto& [key, child] : value.items()) {
-    out += separator;
-    if (value.is_object()) out += Json(key).dump() + ": ";
-    print_on_one_line(out, child);
-    separator = ", ";
-  }
-  out += value.is_array() ? ']' : '}';
-}
-
-bool is_list_of_scalars(const Json& value) {
-  return value.is_array() && !value.empty() && !value.front().is_structured();
-}
-
-// Appends value; its first line begins at `column`, its further ones at `indent`.
-void print(std::string& out, const Json& value, size_t indent, size_t column) {
-  std::string line;
-  print_on_one_line(line, value);
-  if (!value.is_structured() || column + line.size() <= line_width) {
-    out += line;
-    return;
-  }
-  const std::string margin(indent + 2, ' ');
-  out += value.is_array() ? "[" : "{";
-  size_t used = line_width;  // of the present line
-  const char* separator = "";
-  for (const auto& [key, child] : value.items()) {
-    out += separator;
-    if (is_list_of_scalars(value)) {  // as many as fit
-      const std::string text = child.dump();
-      if (used + text.size() + 3 > line_width) {
-        out += "\n" + margin;
-        used = margin.size();
-      } else {
-        out += ' ';
-        ++used;
-      }
-      out += text;
-      used += text.size() + 1;
-    } else {
-      const std::string head = margin + (value.is_object() ? Json(key).dump() + ": " : "");
-      out += "\n" + head;
-      print(out, child, indent + 2, head.size());
-    }
-    separator = ",";
-  }
-  out += "\n" + std::string(indent, ' ') + (value.is_array() ? "]" : "}");
-}
 
 // ---- values
 
@@ -86,20 +25,23 @@ bool has_same_bits(Vec3 a, Vec3 b) { return std::memcmp(&a, &b, sizeof a) == 0; 
 bool has_same_bits(Quat a, Quat b) { return std::memcmp(&a, &b, sizeof a) == 0; }
 
 Json to_json(double value) {
-  if (std::isnan(value)) return "nan";
-  if (std::isinf(value)) return value > 0 ? "inf" : "-inf";
-  return value;
+  if (std::isnan(value)) return Json("nan");
+  if (std::isinf(value)) return Json(value > 0 ? "inf" : "-inf");
+  return Json(value);
 }
-Json to_json(Vec3 v) { return Json::array({to_json(v.x), to_json(v.y), to_json(v.z)}); }
-Json to_json(Quat q) { return Json::array({to_json(q.w), to_json(q.x), to_json(q.y), to_json(q.z)}); }
+Json to_json(Vec3 v) { return Json::List{to_json(v.x), to_json(v.y), to_json(v.z)}; }
+Json to_json(Quat q) { return Json::List{to_json(q.w), to_json(q.x), to_json(q.y), to_json(q.z)}; }
 
+void add(Json::Object& out, std::string key, Json value) { out.push_back({std::move(key), std::move(value)}); }
+
+// The same, unless it is the default.
 template <class Value>
-void put(Json& out, const char* key, const Value& value, const Value& unless) {
-  if (!has_same_bits(value, unless)) out[key] = to_json(value);
+void put(Json::Object& out, const char* key, const Value& value, const Value& unless) {
+  if (!has_same_bits(value, unless)) add(out, key, to_json(value));
 }
-void put(Json& out, const char* key, double value) { put(out, key, value, 0.0); }
-void put(Json& out, const char* key, Json value) {
-  if (!value.empty()) out[key] = std::move(value);
+void put(Json::Object& out, const char* key, double value) { put(out, key, value, 0.0); }
+void put(Json::Object& out, const char* key, Json::Object value) {
+  if (!value.empty()) add(out, key, std::move(value));
 }
 
 template <size_t count>
@@ -110,23 +52,23 @@ const char* word_of(const std::array<Word, count>& words, int value, const char*
   return words[static_cast<size_t>(value)].text;
 }
 
-Json to_json(const Pose& pose) {
-  Json out = Json::object();
+Json::Object to_json(const Pose& pose) {
+  Json::Object out;
   put(out, "position", pose.position, Vec3{0, 0, 0});
   put(out, "orientation", pose.orientation, identity_quat());
   return out;
 }
 
-Json to_json(const Twist& twist) {
-  Json out = Json::object();
+Json::Object to_json(const Twist& twist) {
+  Json::Object out;
   put(out, "linear", twist.linear, Vec3{0, 0, 0});
   put(out, "angular", twist.angular, Vec3{0, 0, 0});
   return out;
 }
 
-Json to_json(const fs_contact& contact) {
-  Json out = Json::object();
-  if (contact.keep != FS_KEEP_NONE) out["keep"] = word_of(keep_words, contact.keep, "contact.keep");
+Json::Object to_json(const fs_contact& contact) {
+  Json::Object out;
+  if (contact.keep != FS_KEEP_NONE) add(out, "keep", Json(word_of(keep_words, contact.keep, "contact.keep")));
   put(out, "stiffness", contact.stiffness);
   put(out, "limit", contact.limit);
   put(out, "damping", contact.damping);
@@ -134,31 +76,33 @@ Json to_json(const fs_contact& contact) {
   return out;
 }
 
-Json to_json(const fs_frame& frame) {
-  Json out = Json::object();
+Json::Object to_json(const fs_frame& frame) {
+  Json::Object out;
   put(out, "pose", to_json(frame.pose));
-  out["scale"] = to_json(frame.scale);
-  out["force_scale"] = to_json(frame.force_scale);
+  add(out, "scale", to_json(frame.scale));
+  add(out, "force_scale", to_json(frame.force_scale));
   return out;
 }
 
-Json to_json(const Curve& curve) {
-  Json out = Json::object();
+Json::Object to_json(const Curve& curve) {
+  Json::Object out;
   if (const std::string* text = curve.expression()) {
-    out["expression"] = *text;
+    add(out, "expression", Json(*text));
     return out;
   }
-  out["step"] = to_json(curve.step());
-  Json& table = out["table"] = Json::array();
+  add(out, "step", to_json(curve.step()));
+  Json::List table;
   for (const double force : *curve.table()) table.push_back(to_json(force));
+  add(out, "table", std::move(table));
   return out;
 }
 
-Json polyline_to_json(const Shape& shape) {  // a mesh has its file
-  Json out = Json::object();
-  if (shape.closed) out["closed"] = true;
-  Json& points = out["points"] = Json::array();
+Json::Object polyline_to_json(const Shape& shape) {  // a mesh has its file
+  Json::Object out;
+  if (shape.closed) add(out, "closed", Json(true));
+  Json::List points;
   for (const Vec3& point : shape.points) points.push_back(to_json(point));
+  add(out, "points", std::move(points));
   return out;
 }
 
@@ -196,8 +140,8 @@ class MeshWriter {
       const std::string name = stem_ + "-" + hash + (i == 0 ? "" : "-" + std::to_string(i)) + ".ply";
       const std::string path = directory_ + name;
       if (::access(path.c_str(), F_OK) != 0) {
+        written_.push_back(path);  // first: nothing may fail between a file and the note of it
         write_file_atomically(path, content);
-        written_.push_back(path);
         return name;
       }
       if (holds(path, content)) return name;
@@ -221,85 +165,92 @@ class MeshWriter {
 
 class SceneWriter {
  public:
-  explicit SceneWriter(MeshWriter& meshes) : meshes_(meshes) {}
+  SceneWriter(MeshWriter& meshes, double time) : meshes_(meshes), time_(time) {}
 
   Json write(const SceneDescription& scene) {
-    Json out = {{"forceserver", "scene"}, {"version", scene_version}, {"frame", to_json(scene.frame)}};
-    Json& tool = out["tool"] = Json::array();
+    Json::Object out;
+    add(out, "forceserver", Json("scene"));
+    add(out, "version", Json(Json::Number{scene_version, true}));
+    add(out, "frame", to_json(scene.frame));
+    Json::List tool, objects;
     for (const Vec3& point : scene.tool) tool.push_back(to_json(point));
-    Json objects = Json::array();
     for (const fs_object& object : scene.objects) objects.push_back(write(object));
+    add(out, "tool", std::move(tool));
     put(out, "shapes", std::move(shapes_));
     put(out, "curves", std::move(curves_));
-    out["objects"] = std::move(objects);
+    add(out, "objects", std::move(objects));
     return out;
   }
 
  private:
   Json write(const fs_object& object) {
     const std::string name(object.name, strnlen(object.name, sizeof object.name));
-    Json out = {{"name", name}, {"primitive", word_of(primitive_words, object.primitive, "primitive")}};
-    if (object.shape) out["shape"] = shape_key(*object.shape, name);
-    if (!object.enabled) out["enabled"] = false;
+    Json::Object out;
+    add(out, "name", Json(name));
+    add(out, "primitive", Json(word_of(primitive_words, object.primitive, "primitive")));
+    if (object.shape) add(out, "shape", Json(shape_key(*object.shape, name)));
+    if (!object.enabled) add(out, "enabled", Json(false));
     put(out, "pose", to_json(object.pose));
     put(out, "twist", to_json(object.twist));
     put(out, "front", write(object.front, name + ".front"));
     put(out, "back", write(object.back, name + ".back"));
     put(out, "damping", object.damping);
     put(out, "contact", to_json(object.contact));
-    put(out, "start", object.start);
+    if (object.start != 0) add(out, "age", to_json(time_ - object.start));
     put(out, "lifetime", object.lifetime);
-    if (object.tool_points != 0) out["tool_points"] = object.tool_points;
+    if (object.tool_points != 0) {
+      add(out, "tool_points", Json(Json::Number{static_cast<double>(object.tool_points), true}));
+    }
     return out;
   }
 
-  Json write(const fs_profile& profile, const std::string& place) {
-    Json out = Json::object();
-    if (profile.kind != FS_PROFILE_NONE) {
-      out["kind"] = word_of(kind_words, profile.kind, "kind");
-      out["sense"] = word_of(sense_words, profile.sense, "sense");
-    } else if (profile.sense != FS_SENSE_ATTRACTIVE) {
-      out["sense"] = word_of(sense_words, profile.sense, "sense");
+  Json::Object write(const fs_profile& profile, const std::string& place) {
+    Json::Object out;
+    if (profile.kind != FS_PROFILE_NONE) add(out, "kind", Json(word_of(kind_words, profile.kind, "kind")));
+    if (profile.kind != FS_PROFILE_NONE || profile.sense != FS_SENSE_ATTRACTIVE) {
+      add(out, "sense", Json(word_of(sense_words, profile.sense, "sense")));
     }
     put(out, "gain", profile.gain);
     put(out, "offset", profile.offset);
     put(out, "width", profile.width);
     put(out, "limit", profile.limit);
     put(out, "reach", profile.reach);
-    if (profile.curve) out["curve"] = curve_key(*profile.curve, place);
+    if (profile.curve) add(out, "curve", Json(curve_key(*profile.curve, place)));
     return out;
   }
 
   // Shapes and curves are named after the object that is the first to use them.
   std::string shape_key(const Shape& shape, const std::string& name) {
     const auto [entry, is_new] = shape_keys_.try_emplace(&shape, name);
-    if (is_new && shape.primitive == FS_PRIMITIVE_MESH) shapes_[name]["file"] = meshes_.write(shape);
-    if (is_new && shape.primitive != FS_PRIMITIVE_MESH) shapes_[name] = polyline_to_json(shape);
+    if (is_new && shape.primitive == FS_PRIMITIVE_MESH) {
+      Json::Object mesh;
+      add(mesh, "file", Json(meshes_.write(shape)));
+      add(shapes_, name, std::move(mesh));
+    } else if (is_new) {
+      add(shapes_, name, polyline_to_json(shape));
+    }
     return entry->second;
   }
   std::string curve_key(const Curve& curve, const std::string& place) {
     const auto [entry, is_new] = curve_keys_.try_emplace(&curve, place);
-    if (is_new) curves_[place] = to_json(curve);
+    if (is_new) add(curves_, place, to_json(curve));
     return entry->second;
   }
 
   MeshWriter& meshes_;
-  Json shapes_ = Json::object(), curves_ = Json::object();
+  const double time_;
+  Json::Object shapes_, curves_;
   std::map<const Shape*, std::string> shape_keys_;
   std::map<const Curve*, std::string> curve_keys_;
 };
 
 }  // namespace
 
-void write_scene_file(const std::string& path, const SceneDescription& scene) {
+void write_scene_file(const std::string& path, const SceneDescription& scene, double time) {
   MeshWriter meshes(path);
-  std::string text;
-  try {
-    print(text, SceneWriter(meshes).write(scene), 0, line_width);  // the outermost braces stand alone
-  } catch (const Json::type_error&) {  // nlohmann-json refuses to print it
-    fail_at(FS_ERROR_INVALID, path, "a name in it, or its own, is not UTF-8: JSON cannot hold it");
-  }
-  write_file_atomically(path, text + "\n");
+  const std::string text = to_lines(SceneWriter(meshes, time).write(scene)) + "\n";
+  if (!is_utf8(text)) fail_at(FS_ERROR_INVALID, path, "a name in it, or its own, is not UTF-8: JSON cannot hold it");
+  write_file_atomically(path, text);
   meshes.keep();
 }
 

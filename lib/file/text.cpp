@@ -3,7 +3,7 @@
 #include <charconv>
 #include <cmath>
 
-#include "file/whole_file.h"
+#include "base/whole_file.h"
 
 namespace fs {
 namespace {

@@ -15,6 +15,7 @@
 #endif
 
 #include "base/error.h"
+#include "force/expression.h"
 
 namespace fs {
 namespace {
@@ -386,8 +387,7 @@ Ref<const Curve> make_expression_curve(const char* text) {
     }
     return make_ref<const ExpressionCurve>(expression, parser);
   } catch (const mu::ParserError& error) {
-    fail(FS_ERROR_PARSE, "column %d of the expression, at '%s': %s", static_cast<int>(error.GetPos()) + 1,
-         error.GetToken().c_str(), error.GetMsg().c_str());
+    fail_expression(expression, error);
   }
 }
 

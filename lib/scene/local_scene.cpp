@@ -171,6 +171,7 @@ void LocalScene::store(uint32_t slot, Ref<const Entry> entry) {
     if (!entry) free_slots_.erase(slot);
     throw;
   }
+  posted_ = nullptr;  // also where what comes next fails: the newest snapshot is to have what the table has
   if (old_tidy != tidy) tidies_.erase(old_tidy);
   if (old_expiry != expiry) expiries_.erase(old_expiry);
   if (before && !entry) slots_.erase(before->object->name);

@@ -1,5 +1,6 @@
 // Scenes as files: what was saved comes back bit for bit; a bad file loads nothing and says what is wrong and where.
 #include <sys/resource.h>
+#include <sys/stat.h>
 
 #include <csignal>
 #include <filesystem>
@@ -145,6 +146,50 @@ START_TEST(every_field_comes_back) {
   const std::string again = folder / "again.json";
   OK(fs_scene_save(loaded.get(), again.c_str()));
   ck_assert(text_of(again) == text_of(path));
+}
+END_TEST
+
+START_TEST(a_start_goes_on) {  // whatever the clock of the machine that loads it
+  const Folder folder;
+  const std::string path = folder / "s.json", edited = folder / "t.json";
+  const Scene scene = make_scene(), loaded = make_scene();
+  OK(fs_scene_set_time(scene.get(), 1000.25));
+  fs_object o = fs_object_init("given", FS_PRIMITIVE_POINT);
+  o.start = 990;
+  OK(fs_object_set(scene.get(), &o));
+  o = fs_object_init("later", FS_PRIMITIVE_POINT);
+  o.start = 1007.5;
+  OK(fs_object_set(scene.get(), &o));
+  o = fs_object_init("none", FS_PRIMITIVE_POINT);
+  OK(fs_object_set(scene.get(), &o));
+  OK(fs_scene_save(scene.get(), path.c_str()));
+  ck_assert_ptr_nonnull(std::strstr(text_of(path).c_str(), "\"age\": 10.25"));
+  ck_assert_ptr_null(std::strstr(text_of(path).c_str(), "\"start\""));
+  const auto start_of = [&](const char* name) {
+    fs_object got = fs_object_init("", FS_PRIMITIVE_POINT);
+    OK(fs_object_get(loaded.get(), name, &got));
+    fs_object_release(&got);
+    return got.start;
+  };
+  for (const double now : {5.0, 10.25, 1e6}) {  // after a new start of the machine; where start comes to 0; days later
+    OK(fs_scene_clear(loaded.get()));
+    OK(fs_scene_set_time(loaded.get(), now));
+    OK(fs_scene_load(loaded.get(), path.c_str()));
+    EXPECT_NEAR(start_of("given"), now - 10.25, 1e-300);  // 0 would mean: not given
+    EXPECT_NEAR(start_of("later"), now + 7.25, 0);
+    EXPECT_NEAR(start_of("none"), now, 0);
+    OK(fs_scene_save(loaded.get(), edited.c_str()));
+    ck_assert(text_of(edited) == text_of(path));
+  }
+  // A file of before has the start itself.
+  write_text(edited, R"({"forceserver": "scene", "version": 1,
+                         "objects": [{"name": "given", "primitive": "point", "start": 4.5}]})");
+  OK(fs_scene_load(loaded.get(), edited.c_str()));
+  EXPECT_NEAR(start_of("given"), 4.5, 0);
+  write_text(edited, R"({"forceserver": "scene", "version": 1,
+                         "objects": [{"name": "given", "primitive": "point", "start": 4.5, "age": 1}]})");
+  EXPECT_SENTENCE(FS_ERROR_PARSE, fs_scene_load(loaded.get(), edited.c_str()), "both \"start\" and \"age\"");
+  EXPECT_NEAR(start_of("given"), 4.5, 0);
 }
 END_TEST
 
@@ -331,6 +376,12 @@ START_TEST(places_that_are_not_there) {
   ck_assert(status == FS_ERROR_IO || status == FS_ERROR_PARSE);
   ck_assert_uint_eq(object_count(scene.get()), 1);
   ck_assert_int_lt(fs_scene_save(scene.get(), ""), 0);
+  // What is no regular file: said at once.
+  const std::string pipe = folder / "pipe.json";
+  ck_assert_int_eq(mkfifo(pipe.c_str(), 0600), 0);
+  EXPECT_SENTENCE(FS_ERROR_IO, fs_scene_load(scene.get(), pipe.c_str()), "is a pipe");
+  EXPECT_SENTENCE(FS_ERROR_IO, fs_scene_save(scene.get(), pipe.c_str()), "is a pipe");
+  EXPECT_SENTENCE(FS_ERROR_IO, fs_scene_load(scene.get(), "/dev/zero"), "is a device");
 }
 END_TEST
 
@@ -374,8 +425,8 @@ END_TEST
 
 int main() {
   Suite* suite = suite_create("file");
-  add_case(suite, "round trips", {all_scenes_come_back, every_field_comes_back, odd_tables, load_adds_and_replaces,
-                                  shared_shapes_are_one_file, meshes_on_the_map});
+  add_case(suite, "round trips", {all_scenes_come_back, every_field_comes_back, a_start_goes_on, odd_tables,
+                                  load_adds_and_replaces, shared_shapes_are_one_file, meshes_on_the_map});
   add_case(suite, "refusals", {bad_files_load_nothing, contacts_in_files, places_that_are_not_there,
                                a_full_disk_leaves_the_old_file});
   return run_suite(suite);

@@ -245,6 +245,41 @@ START_TEST(mesh_files) {  // four ways to say one tetrahedron, in millimetres
 }
 END_TEST
 
+START_TEST(faces_that_are_not_convex) {  // an L: nothing is felt in its notch
+  const char* const vertices = "v 0 2 0\nv 0 0 0\nv 2 0 0\nv 2 1 0\nv 1 1 0\nv 1 2 0\n";
+  const std::string points = "0 2 0\n0 0 0\n2 0 0\n2 1 0\n1 1 0\n1 2 0\n";
+  const struct {
+    const char* name;
+    std::string text;
+  } files[]{{"l.obj", std::string(vertices) + "f 1 2 3 4 5 6\n"},
+            {"l.off", "OFF\n6 1 0\n" + points + "6 0 1 2 3 4 5\n"},
+            {"l.ply", "ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\nproperty float y\nproperty float z\n"
+                      "element face 1\nproperty list uchar int vertex_indices\nend_header\n" + points +
+                      "6 0 1 2 3 4 5\n"}};
+  for (const auto& file : files) {
+    const std::string path = write_file(file.name, file.text);
+    fs_shape* raw = nullptr;
+    OK(fs_shape_load(path.c_str(), 1, &raw));
+    unlink(path.c_str());
+    const Shape shape(raw);
+    size_t count = 0;
+    fs_shape_get_triangles(shape.get(), &count);
+    ck_assert_uint_eq(count, 4);
+    const Scene scene = make_scene();
+    fs_object o = fs_object_init("l", FS_PRIMITIVE_MESH);
+    o.shape = shape.get();
+    o.front = o.back = attract(100, 1000);
+    OK(fs_object_set(scene.get(), &o));
+    const fs_vec3 places[]{{1.5, 1.5, 0}, {1.75, 1.25, 0}, {0.5, 0.5, 0.25}, {0.5, 1.5, -0.25}};
+    const fs_vec3 wanted[]{{-50, 0, 0}, {0, -25, 0}, {0, 0, -25}, {0, 0, 25}};
+    fs_vec3 forces[4];
+    OK(fs_evaluate_field(scene.get(), nullptr, FS_NOW, places, 4, forces));
+    EXPECT_NEAR(norm(forces[0]), 50, 1e-9);  // to an edge of the notch, whichever
+    for (int i = 1; i < 4; ++i) EXPECT_VECTOR(forces[i], wanted[i], 1e-9);
+  }
+}
+END_TEST
+
 START_TEST(bad_mesh_files) {
   fs_shape* none = nullptr;
   EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_shape_load("/tmp/there/is/no/such.obj", 1, &none), "such.obj");
@@ -322,6 +357,6 @@ int main() {
   Suite* suite = suite_create("shape");
   add_case(suite, "shapes", {polylines, meshes, edges_of_meshes, shape_references, scenes_of_the_tests});
   add_case(suite, "curves", {tables, expressions});
-  add_case(suite, "files", {mesh_files, bad_mesh_files});
+  add_case(suite, "files", {mesh_files, faces_that_are_not_convex, bad_mesh_files});
   return run_suite(suite);
 }

@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <new>
 #include <numbers>
+#include <sys/stat.h>
 #include <unistd.h>
 #include <vector>
 
@@ -284,8 +285,15 @@ START_TEST(bad_path_files) {
     expect_error(FS_ERROR_PARSE, c.part, [&] { open_device("sim:?path=" + name); });
     unlink(name.c_str());
   }
-  const std::string name = write_file(std::string(600, ' ').c_str());
-  expect_error(FS_ERROR_PARSE, "shorter than 511", [&] { open_device("sim:?path=" + name); });
+  expect_error(FS_ERROR_IO, "/dev/zero: is a device, must be a file", [] { open_device("sim:?path=/dev/zero"); });
+  const std::string name = write_file((std::string(600, ' ') + "0 0 0 0 # a long line").c_str());
+  open_device("sim:?path=" + name);
+  ck_assert_int_eq(truncate(name.c_str(), (64 << 20) + 1), 0);
+  expect_error(FS_ERROR_IO, "has 67108865 bytes, must have at most 67108864",
+               [&] { open_device("sim:?path=" + name); });
+  unlink(name.c_str());
+  ck_assert_int_eq(mkfifo(name.c_str(), 0600), 0);  // nobody writes into it
+  expect_error(FS_ERROR_IO, "is a pipe, must be a file", [&] { open_device("sim:?path=" + name); });
   unlink(name.c_str());
 }
 END_TEST

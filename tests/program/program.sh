@@ -95,6 +95,13 @@ if [ $status != 0 ] || ! grep -q '^faults: none' ended; then
   sed 's/^/    /' ended
   failures=$((failures + 1))
 fi
+# Before anything is felt, a signal ends it at once: here it waits for a reader of its record.
+mkfifo pipe
+for signal in INT TERM; do
+  timeout --signal=$signal --kill-after=9 1 "$program" run --record pipe
+  [ $? = 124 ] || { echo "FAILED: $signal does not end a run that begins"; failures=$((failures + 1)); }
+done
+expect 2 '^forceserver: .*zero: is a device, must be a file$' "$program" run --device 'sim:?path=/dev/zero' --duration 1
 
 # evaluate: the floor of the scene is at z = -0.05 with 800 N/m.
 printf 'x y z\n# a comment\n0 0 -0.06   # 10 mm deep\n\n0,0,-0.055\r\n' > points

@@ -276,6 +276,49 @@ START_TEST(expression_refusals) {
 }
 END_TEST
 
+START_TEST(refusals_say_what_is_meant) {
+  if (!has_expressions()) return;
+  const struct {
+    const char *text, *place, *says;
+  } cases[] = {
+      {"3*foo(d)", "column 3 of the expression, at 'foo': ", "the distance d (m), the time t (s), _e _pi abs acos"},
+      {"3*foo(d)", "", " tan tanh"},
+      {"2*pow(d,2)", "column 3 of the expression, at 'pow': ", "(write a^b)"},
+      {"if(d>1,2,3)", "column 1 of the expression, at 'if': ", "(write condition ? a : b)"},
+      {"2*PI*t", "column 3 of the expression, at 'PI': ", "(write _pi)"},
+      {"3*x", "column 3 of the expression, at 'x': ", "(the distance is d)"},
+      {"r", "column 1 of the expression, at 'r': ", "(the distance is d)"},
+      {"1+time", "column 3 of the expression, at 'time': ", "(the time is t)"},
+      {"2*D", "column 3 of the expression, at 'D': ", "(write d)"},
+      {"Sin(t)", "column 1 of the expression, at 'Sin': ", "(write sin)"},
+      {"1+sin", "column 3 of the expression, at 'sin': ", "it is a function: write sin(...)"},
+      {"d**2", "column 3 of the expression, at '*': ", "(write a^b)"},
+      {"d and t", "column 3 of the expression, at 'and': ", "(write a && b)"},
+      {"d % 2", "column 3 of the expression, at '%': ", "no operator"},
+      {"3*(1+sin(12*t)", "column 3 of the expression, at '(': ", "not closed"},
+      {"sqrt(d", "column 5 of the expression, at '(': ", "not closed"},
+      {"sin(d))", "column 7 of the expression, at ')': ", "one too many"},
+      {"2*(3+)", "column 6 of the expression, at ')': ", "a value is missing"},
+      {"3*  ", "column 2 of the expression, at '*': ", "a value is missing behind it"},
+      {"d && ", "column 4 of the expression, at '&': ", "a value is missing behind it"},
+      {"^d", "column 1 of the expression, at '^': ", "a value is missing before it"},
+      {"1+sin(1,2)*3", "column 3 of the expression, at 'sin': ", "too many arguments"},
+      {"1+min()+3", "column 3 of the expression, at 'min': ", "too few arguments"},
+      {"2 * d t", "column 7 of the expression, at 't': ", "an operator is missing before it"},
+      {"2d", "column 2 of the expression, at 'd': ", "an operator is missing before it"},
+      {"d ? 1", "column 3 of the expression, at '?': ", "':' is missing"},
+      {"d>1 ? (d>2 ? 1 : 2)", "column 5 of the expression, at '?': ", "':' is missing"},
+      {"1 : 2", "column 3 of the expression, at ':': ", "'?' is missing"},
+      {"d ? : 2", "column 5 of the expression, at ':': ", "a value is missing before it"},
+  };
+  for (const auto& c : cases) {
+    const std::string sentence = refusal(FS_ERROR_PARSE, [&] { make_expression_curve(c.text); });
+    ck_assert_msg(sentence.starts_with(c.place) && sentence.find(c.says) != std::string::npos, "%s: %s", c.text,
+                  sentence.c_str());
+  }
+}
+END_TEST
+
 START_TEST(any_text_is_taken_or_refused) {
   if (!has_expressions()) return;
   const char* const parts[] = {"d", "t", "1", "2.5e3", "+", "-", "*", "/", "^", "(", ")", ",", "?", ":", "<", ">=",
@@ -299,6 +342,10 @@ START_TEST(any_text_is_taken_or_refused) {
       ck_assert(here.force >= 0 && std::isfinite(here.force) && std::isfinite(here.slope));
     } catch (const Error& error) {
       ck_assert(error.status == FS_ERROR_PARSE || error.status == FS_ERROR_INVALID);
+      unsigned column = 1;
+      const bool has_column = std::sscanf(error.text.c_str(), "column %u", &column) == 1;
+      ck_assert(has_column || error.text.find("column") == std::string::npos);
+      ck_assert_msg(column >= 1 && column <= text.size(), "%s: %s", text.c_str(), error.text.c_str());
     }
   }
   ck_assert_int_gt(taken, 100);
@@ -351,6 +398,8 @@ END_TEST
 
 int main() {
   return run("curve", {table_goes_through_its_entries, table_never_overshoots, table_slopes_match_differences,
-                       table_refusals, table_knows_its_steepest_slope, expression_knows_its_steepest_slope, readers_are_small_and_used_again, expression_values, expression_refusals,
-                       any_text_is_taken_or_refused, an_evaluation_does_not_allocate, many_readers_at_once});
+                       table_refusals, table_knows_its_steepest_slope, expression_knows_its_steepest_slope,
+                       readers_are_small_and_used_again, expression_values, expression_refusals,
+                       refusals_say_what_is_meant, any_text_is_taken_or_refused, an_evaluation_does_not_allocate,
+                       many_readers_at_once});
 }

@@ -13,14 +13,16 @@
 #include <clocale>
 #include <csignal>
 #include <sys/resource.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/un.h>
 #include <unistd.h>
 
 #include "base/error.h"
+#include "base/whole_file.h"
 #include "file/binary.h"
 #include "file/mesh_file.h"
 #include "file/mesh_formats.h"
-#include "file/whole_file.h"
 #include "scenes/folder.h"
 #include "scenes/random.h"
 
@@ -475,6 +477,26 @@ START_TEST(damaged_files_never_crash)
 }
 END_TEST
 
+// Of what a file may have any number: time that grows with its square would not end within the test's 60 s.
+START_TEST(large_headers_are_read_in_reasonable_time)
+{
+  std::string elements, properties, line;
+  for (int i = 0; i < 1000000; ++i) elements += "element a 0\n";
+  for (int i = 0; i < 300000; ++i) {
+    properties += "property list uchar float q\n";
+    line += "0 ";
+  }
+  const std::string head = std::string("element vertex 1\n") + xyz;
+  const std::string face = "element face 1\nproperty list uchar int vertex_index\n";
+  for (const std::string& text : {ply((elements + head + face).c_str(), "0 0 0\n3 0 0 0\n"),
+                                  ply((head + elements + face).c_str(), "0 0 0\n3 0 0 0\n"),
+                                  ply((head + properties + face).c_str(), ("0 0 0 " + line + "\n3 0 0 0\n").c_str())}) {
+    const Outcome out = attempt(parse_ply, text);
+    ck_assert_msg(out.status == FS_OK && out.mesh.triangles.size() == 3, "%s", out.text.c_str());
+  }
+}
+END_TEST
+
 START_TEST(a_file_is_read_by_its_ending_and_scaled)
 {
   const scenes::Folder directory;
@@ -516,7 +538,19 @@ START_TEST(files_that_are_none)
   check(directory / "a.ply", FS_ERROR_PARSE, "line 1");
   check(directory / "a.ply/b.ply", FS_ERROR_NOT_FOUND, "Not a directory");
   ck_assert_int_eq(mkfifo((directory / "pipe.ply").c_str(), 0600), 0);
-  check(directory / "pipe.ply", FS_ERROR_IO, "not a regular file");
+  check(directory / "pipe.ply", FS_ERROR_IO, "is a pipe, must be a file");
+  std::filesystem::create_symlink("/dev/zero", directory / "zero.ply");
+  check(directory / "zero.ply", FS_ERROR_IO, "is a device, must be a file");
+  const int end = socket(AF_UNIX, SOCK_STREAM, 0);
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  std::strcpy(address.sun_path, (directory / "socket.ply").c_str());
+  ck_assert_int_eq(bind(end, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  check(directory / "socket.ply", FS_ERROR_IO, "is a socket, must be a file");
+  close(end);
+  write_text(directory / "large.ply", "");
+  std::filesystem::resize_file(directory / "large.ply", (uint64_t{1} << 36) + 1);  // it takes no room on the disk
+  check(directory / "large.ply", FS_ERROR_IO, "has 68719476737 bytes, must have at most 68719476736");
   check(directory.path + "/" + std::string(300, 'a') + ".ply", FS_ERROR_IO, "too long");
   if (geteuid() != 0) {  // root may read everything
     chmod((directory / "a.ply").c_str(), 0);
@@ -591,6 +625,7 @@ int main()
   tcase_add_test(tests, numbers_do_not_depend_on_the_locale);
   tcase_add_test(tests, hostile_files_are_refused_with_their_reason);
   tcase_add_test(tests, damaged_files_never_crash);
+  tcase_add_test(tests, large_headers_are_read_in_reasonable_time);
   tcase_add_test(tests, a_file_is_read_by_its_ending_and_scaled);
   tcase_add_test(tests, files_that_are_none);
   tcase_add_test(tests, a_file_is_replaced_as_a_whole_or_not_at_all);

@@ -13,11 +13,12 @@
 #include <unistd.h>
 
 #include "base/error.h"
+#include "base/whole_file.h"
+#include "file/json.h"
 #include "file/mesh_file.h"
 #include "file/mesh_formats.h"
 #include "file/scene_file.h"
 #include "file/scene_reader.h"
-#include "file/whole_file.h"
 #include "scenes/folder.h"
 #include "scenes/random.h"
 
@@ -216,10 +217,10 @@ START_TEST(random_scenes_come_back_bit_for_bit)
   const scenes::Folder one, two;
   for (uint64_t seed = 1; seed <= 60; ++seed) {
     const SceneDescription scene = random_scene(seed);
-    write_scene_file(one / "a.scene.json", scene);
-    const SceneDescription back = read_scene_file(one / "a.scene.json");
+    write_scene_file(one / "a.scene.json", scene, 0);
+    const SceneDescription back = read_scene_file(one / "a.scene.json", 0);
     check_equal(scene, back);
-    write_scene_file(two / "a.scene.json", back);
+    write_scene_file(two / "a.scene.json", back, 0);
     ck_assert(read_whole_file(one / "a.scene.json") == read_whole_file(two / "a.scene.json"));
   }
   // The same meshes, bytes and names; and nothing else beside the scene.
@@ -240,9 +241,8 @@ START_TEST(every_number_field_comes_back_bit_for_bit)
   for (int round = 0; round < 60; ++round) {
     SceneDescription scene = empty_scene();
     fs_object object = make_object("x", FS_PRIMITIVE_MESH);
-    for (double* numbers : {&object.pose.position.x, &object.twist.linear.x, &object.start, &object.front.gain,
-                            &object.back.gain, &object.damping, &object.contact.stiffness,
-                            &scene.frame.pose.position.x}) {
+    for (double* numbers : {&object.pose.position.x, &object.twist.linear.x, &object.front.gain, &object.back.gain,
+                            &object.damping, &object.contact.stiffness, &scene.frame.pose.position.x}) {
       size_t count = 1;
       if (numbers == &object.pose.position.x || numbers == &scene.frame.pose.position.x) count = 7;
       if (numbers == &object.twist.linear.x) count = 6;
@@ -258,8 +258,8 @@ START_TEST(every_number_field_comes_back_bit_for_bit)
     scene.frame.scale = any_number(random);
     scene.frame.force_scale = infinity;
     scene.tool = {{infinity, -0.0, 1e-310}};
-    write_scene_file(directory / "a.json", scene);
-    check_equal(scene, read_scene_file(directory / "a.json"));
+    write_scene_file(directory / "a.json", scene, 0);
+    check_equal(scene, read_scene_file(directory / "a.json", 0));
   }
 }
 END_TEST
@@ -270,7 +270,7 @@ START_TEST(defaults_are_left_out)
   SceneDescription scene = empty_scene();
   scene.objects = {make_object("here", FS_PRIMITIVE_POINT)};
   scene.objects[0].front = fs_profile_init(FS_PROFILE_LINEAR_INCREASING, FS_SENSE_REPULSIVE, 200, 0, 3);
-  write_scene_file(directory / "a.json", scene);
+  write_scene_file(directory / "a.json", scene, 0);
   const std::string expected =
       "{\n"
       "  \"forceserver\": \"scene\",\n"
@@ -289,11 +289,11 @@ START_TEST(defaults_are_left_out)
   ck_assert_str_eq(written.c_str(), expected.c_str());
   // And what a file leaves out has its default.
   const SceneDescription back = parse_scene(R"({"forceserver": "scene", "version": 1,
-                                                "objects": [{"name": "x", "primitive": "plane"}]})", "a.json");
+                                                "objects": [{"name": "x", "primitive": "plane"}]})", "a.json", 0);
   SceneDescription defaults = empty_scene();
   defaults.objects = {make_object("x", FS_PRIMITIVE_PLANE)};
   check_equal(defaults, back);
-  ck_assert(parse_scene(R"({"forceserver": "scene", "version": 1})", "a.json").objects.empty());
+  ck_assert(parse_scene(R"({"forceserver": "scene", "version": 1})", "a.json", 0).objects.empty());
 }
 END_TEST
 
@@ -302,7 +302,7 @@ START_TEST(numbers_by_hand)
   const auto start_of = [](const char* number) {
     const std::string text = std::string(R"({"forceserver": "scene", "version": 1, "objects": [{"name": "x",
                                             "primitive": "point", "start": )") + number + "}]}";
-    return parse_scene(text, "a.json").objects.at(0).start;
+    return parse_scene(text, "a.json", 0).objects.at(0).start;
   };
   ck_assert_double_eq(start_of("7"), 7);
   ck_assert_double_eq(start_of("-7"), -7);
@@ -319,15 +319,77 @@ END_TEST
 
 namespace {
 
+std::string scene_text(const std::string& more) {
+  return "{\"forceserver\": \"scene\",\n \"version\": 1,\n " + more + "}";
+}
+
+}  // namespace
+
+START_TEST(a_start_is_kept_as_an_age)
+{
+  const scenes::Folder directory;
+  Random random(5);
+  for (int round = 0; round < 300; ++round) {
+    SceneDescription scene = empty_scene();
+    scene.objects = {make_object("x", FS_PRIMITIVE_POINT), make_object("y", FS_PRIMITIVE_POINT)};
+    const double saved = random.log_between(1e-3, 1e6), loaded = random.log_between(1e-3, 1e6);
+    scene.objects[0].start = saved - random.between(-1000, 1000);
+    write_scene_file(directory / "a.json", scene, saved);
+    const SceneDescription back = read_scene_file(directory / "a.json", loaded);
+    const double rounding = 1e-16 * (saved + loaded + 3000);
+    ck_assert_double_eq_tol(loaded - back.objects[0].start, saved - scene.objects[0].start, rounding);
+    ck_assert_double_eq(back.objects[1].start, 0);
+    // Saved again at that time the text is the same, but for a last digit of the age.
+    write_scene_file(directory / "b.json", back, loaded);
+    ck_assert_double_eq_tol(read_scene_file(directory / "b.json", loaded).objects[0].start, back.objects[0].start,
+                            rounding);
+  }
+  // The number in the file is the age, bit for bit; a start that comes out as 0 is still one that was given.
+  const auto start_of = [](const char* age, double time) {
+    return parse_scene(scene_text(std::string("\"objects\": [{\"name\": \"x\", \"primitive\": \"point\", \"age\": ") +
+                                  age + "}]"), "a.json", time).objects.at(0).start;
+  };
+  ck_assert_double_eq(start_of("0.1", 0), -0.1);
+  ck_assert_double_eq(start_of("-0.30000000000000004", 0), 0.30000000000000004);
+  ck_assert_double_eq(start_of("2.5", 1000), 997.5);
+  ck_assert(start_of("1000", 1000) != 0 && std::fabs(start_of("1000", 1000)) < 1e-300);
+}
+END_TEST
+
+START_TEST(values_by_hand)
+{
+  const std::pair<double, const char*> numbers[] = {
+      {0, "0.0"}, {-0.0, "-0.0"}, {1, "1.0"}, {-250, "-250.0"}, {100000, "100000.0"}, {1.0 / 3, "0.3333333333333333"},
+      {1e-5, "0.00001"}, {1e-6, "1e-06"}, {5e-324, "5e-324"}, {1e15, "1e+15"}, {123456789012345, "123456789012345.0"},
+      {1.7976931348623157e308, "1.7976931348623157e+308"}};
+  for (const auto& [value, text] : numbers) {
+    const std::string line = to_line(Json(value));
+    ck_assert_str_eq(line.c_str(), text);
+    ck_assert_uint_eq(bits(parse_json(text, "a").number()->value), bits(value));
+  }
+  const char* const text = R"({"a": [1, -2, 4294967295, true, false, null, {}], "b\u0001\"\\": "\u00e9\n"})";
+  const std::string line = to_line(parse_json(text, "a"));
+  ck_assert_str_eq(line.c_str(),
+                   "{\"a\": [1, -2, 4294967295, true, false, null, {}], \"b\\u0001\\\"\\\\\": \"\xc3\xa9\\u000a\"}");
+  for (const char* good : {"", "a", "\xc2\x80", "\xdf\xbf", "\xe0\xa0\x80", "\xed\x9f\xbf", "\xee\x80\x80",
+                           "\xf0\x90\x80\x80", "\xf4\x8f\xbf\xbf", "B\xc3\xa4r"}) {
+    ck_assert_msg(is_utf8(good), "%s", good);
+  }
+  for (const char* bad : {"\x80", "\xbf", "\xc0\x80", "\xc1\xbf", "\xc3", "\xc3(", "\xe0\x9f\xbf", "\xed\xa0\x80",
+                          "\xe2\x82", "\xf0\x8f\xbf\xbf", "\xf4\x90\x80\x80", "\xf5\x80\x80\x80", "\xff", "a\xfe"}) {
+    ck_assert_msg(!is_utf8(bad), "%s", bad);
+  }
+}
+END_TEST
+
+namespace {
+
 struct Hostile {
   std::string text;
   std::vector<const char*> words;
   fs_status status = FS_ERROR_PARSE;
 };
 
-std::string scene_text(const std::string& more) {
-  return "{\"forceserver\": \"scene\",\n \"version\": 1,\n " + more + "}";
-}
 std::string object_text(const std::string& more) {
   return scene_text("\"curves\": {\"c\": {\"step\": 1, \"table\": [1, 2]}}, "
                     "\"shapes\": {\"p\": {\"points\": [[0, 0, 0], [1, 0, 0]]}}, "
@@ -367,7 +429,7 @@ std::vector<Hostile> hostile_files() {
       {scene_text("\"tool\": [],\n\"tool\": []"), {"line 4, column 6", "\"tool\" is there twice"}},
       {object_text(", \"front\": {\"gain\": 1, \"gain\": 2}"), {"line 3", "\"gain\" is there twice"}},
       {scene_text("\"tool\": []"), {"\"tool\" has 0 points", "1..32"}},
-      {scene_text("\"tool\": [[0, 0]]"), {"\"tool\" is [0,0]", "three numbers"}},
+      {scene_text("\"tool\": [[0, 0]]"), {"\"tool\" is [0, 0]", "three numbers"}},
       {scene_text("\"tool\": [[0, 0, null]]"), {"\"tool\" is null", "a number"}},
       {scene_text("\"tool\": 7"), {"\"tool\" is 7", "list of points"}},
       {scene_text("\"frame\": []"), {"frame", "must be an object"}},
@@ -402,6 +464,9 @@ std::vector<Hostile> hostile_files() {
       {object_text(", \"pose\": {\"orientation\": [0, 0, 0]}"), {"object 'wall', pose", "four numbers"}},
       {object_text(", \"pose\": null"), {"object 'wall', pose", "null", "an object"}},
       {object_text(", \"twist\": {\"x\": 0}"), {"object 'wall', twist", "\"x\" is not known"}},
+      {object_text(", \"age\": 1, \"start\": 1"), {"object 'wall'", "both \"start\" and \"age\""}},
+      {object_text(", \"age\": \"inf\""), {"object 'wall'", "\"age\" is \"inf\", must be a number"}},
+      {object_text(", \"age\": null"), {"object 'wall'", "\"age\" is null"}},
       {object_text(", \"enabled\": 1"), {"object 'wall'", "\"enabled\" is 1", "true or false"}},
       {object_text(", \"tool_points\": -1"), {"object 'wall'", "\"tool_points\" is -1"}},
       {object_text(", \"tool_points\": 4294967296"), {"object 'wall'", "4294967296", "0..4294967295"}},
@@ -443,7 +508,7 @@ START_TEST(hostile_files_are_refused_with_their_reason)
 {
   for (const Hostile& hostile : hostile_files()) {
     const std::vector<char> exact(hostile.text.begin(), hostile.text.end());
-    const Outcome out = attempt([&] { parse_scene({exact.data(), exact.size()}, "a.json"); });
+    const Outcome out = attempt([&] { parse_scene({exact.data(), exact.size()}, "a.json", 0); });
     const std::string start = hostile.text.substr(0, 200);
     ck_assert_msg(out.status == hostile.status, "%d (%s) for: %s", out.status, out.text.c_str(), start.c_str());
     for (const char* word : hostile.words) {
@@ -460,18 +525,18 @@ START_TEST(large_files_are_read_in_reasonable_time)
 {
   std::string many = "{}";
   for (int i = 0; i < 300000; ++i) many += ", {}";
-  ck_assert_int_eq(attempt([&] { parse_scene(scene_text("\"objects\": [" + many + "]"), "a.json"); }).status,
+  ck_assert_int_eq(attempt([&] { parse_scene(scene_text("\"objects\": [" + many + "]"), "a.json", 0); }).status,
                    FS_ERROR_PARSE);
   std::string keys = "{\"forceserver\": \"scene\", \"version\": 1", objects, shapes;
   for (int i = 0; i < 100000; ++i) keys += ", \"k" + std::to_string(i) + "\": 0";
-  ck_assert_int_eq(attempt([&] { parse_scene(keys + "}", "a.json"); }).status, FS_ERROR_PARSE);
+  ck_assert_int_eq(attempt([&] { parse_scene(keys + "}", "a.json", 0); }).status, FS_ERROR_PARSE);
   for (int i = 0; i < 20000; ++i) {
     const std::string n = std::to_string(i), comma = i == 0 ? "" : ", ";
     shapes += comma + "\"" + n + "\": {\"points\": [[0, 0, 0], [1, 0, 0]]}";
     objects += comma + "{\"name\": \"" + n + "\", \"primitive\": \"polyline\", \"shape\": \"" + n + "\"}";
   }
   const SceneDescription scene =
-      parse_scene(scene_text("\"shapes\": {" + shapes + "}, \"objects\": [" + objects + "]"), "a.json");
+      parse_scene(scene_text("\"shapes\": {" + shapes + "}, \"objects\": [" + objects + "]"), "a.json", 0);
   ck_assert_uint_eq(scene.objects.size(), 20000);
 }
 END_TEST
@@ -481,7 +546,7 @@ START_TEST(damaged_files_never_crash)
   const scenes::Folder directory;
   std::vector<std::string> good;
   for (uint64_t seed = 1; seed <= 5; ++seed) {
-    write_scene_file(directory / "a.json", random_scene(seed));
+    write_scene_file(directory / "a.json", random_scene(seed), 0);
     good.push_back(read_whole_file(directory / "a.json"));
   }
   Random random(11);
@@ -501,7 +566,7 @@ START_TEST(damaged_files_never_crash)
           if (at < damaged.size()) damaged[at] = static_cast<char>(damaged[at] ^ 1 << random.below(8));
       }
     }
-    const Outcome out = attempt([&] { parse_scene(damaged, directory / "b.json"); });
+    const Outcome out = attempt([&] { parse_scene(damaged, directory / "b.json", 0); });
     (out.status == FS_OK ? read : refused) += 1;
   }
   ck_assert_int_gt(read, 100);
@@ -517,30 +582,30 @@ START_TEST(meshes_lie_beside_the_scene_one_file_each)
   scene.shapes = {square, other, make_square(0)};
   for (const char* name : {"a", "b", "c", "d"}) scene.objects.push_back(make_object(name, FS_PRIMITIVE_MESH));
   for (size_t i = 0; i < 4; ++i) scene.objects[i].shape = const_cast<fs_shape*>(scene.shapes[i % 3].get());
-  write_scene_file(directory / "terrain.json", scene);
+  write_scene_file(directory / "terrain.json", scene, 0);
   ck_assert_uint_eq(directory.files(), 3);  // equal content is one file
 
   // A new mesh: the old scene file's meshes stay, so a copy of it is still whole.
   std::filesystem::copy(directory / "terrain.json", directory / "copy.json");
   scene.shapes = {make_square(7)};
   for (fs_object& object : scene.objects) object.shape = const_cast<fs_shape*>(scene.shapes[0].get());
-  write_scene_file(directory / "terrain.json", scene);
+  write_scene_file(directory / "terrain.json", scene, 0);
   ck_assert_uint_eq(directory.files(), 5);
-  ck_assert_double_eq(read_scene_file(directory / "copy.json").objects[1].shape->points[0].z, 0.5);
-  check_equal(scene, read_scene_file(directory / "terrain.json"));
+  ck_assert_double_eq(read_scene_file(directory / "copy.json", 0).objects[1].shape->points[0].z, 0.5);
+  check_equal(scene, read_scene_file(directory / "terrain.json", 0));
 
   // A damaged mesh file of the right name is not taken for the mesh.
   for (const auto& file : std::filesystem::directory_iterator(directory.path)) {
     if (file.path().extension() == ".ply") write_text(file.path(), "damaged");
   }
-  write_scene_file(directory / "terrain.json", scene);
-  check_equal(scene, read_scene_file(directory / "terrain.json"));
+  write_scene_file(directory / "terrain.json", scene, 0);
+  check_equal(scene, read_scene_file(directory / "terrain.json", 0));
 
   // By hand: another format, in a folder beside it, in millimetres.
   std::filesystem::create_directory(directory / "meshes");
   write_text(directory / "meshes/a.obj", "v 0 0 0\nv 1000 0 0\nv 0 1000 0\nf 1 2 3\n");
   write_text(directory / "hand.json", shape_text("{\"file\": \"meshes/a.obj\", \"scale\": 0.001}"));
-  const SceneDescription hand = read_scene_file(directory / "hand.json");
+  const SceneDescription hand = read_scene_file(directory / "hand.json", 0);
   ck_assert_double_eq(hand.shapes.at(0)->points[1].x, 1);
 }
 END_TEST
@@ -552,7 +617,7 @@ START_TEST(a_scene_that_cannot_be_written_leaves_the_old_one)
   scene.shapes = {make_square(0)};
   scene.objects = {make_object("old", FS_PRIMITIVE_MESH)};
   scene.objects[0].shape = const_cast<fs_shape*>(scene.shapes[0].get());
-  write_scene_file(directory / "a.json", scene);
+  write_scene_file(directory / "a.json", scene, 0);
   const std::string old = read_whole_file(directory / "a.json");
 
   // The disk is full when the JSON comes, after its mesh: 300 bytes hold the mesh's file but not the scene's.
@@ -569,17 +634,17 @@ START_TEST(a_scene_that_cannot_be_written_leaves_the_old_one)
     rlimit small = unlimited;
     small.rlim_cur = bytes;
     setrlimit(RLIMIT_FSIZE, &small);
-    const Outcome full = attempt([&] { write_scene_file(directory / "a.json", large); });
+    const Outcome full = attempt([&] { write_scene_file(directory / "a.json", large, 0); });
     setrlimit(RLIMIT_FSIZE, &unlimited);
     ck_assert_int_eq(full.status, FS_ERROR_IO);
     ck_assert_msg(full.text.find("File too large") != full.text.npos, "%s", full.text.c_str());
     ck_assert_uint_eq(directory.files(), 2);
     ck_assert(read_whole_file(directory / "a.json") == old);
-    check_equal(scene, read_scene_file(directory / "a.json"));
+    check_equal(scene, read_scene_file(directory / "a.json", 0));
   }
 
   const auto refuse = [&](const std::string& path, fs_status status, const char* word) {
-    const Outcome out = attempt([&] { write_scene_file(path, scene); });
+    const Outcome out = attempt([&] { write_scene_file(path, scene, 0); });
     ck_assert_msg(out.status == status && out.text.find(word) != out.text.npos, "%d %s", out.status, out.text.c_str());
   };
   refuse(directory / "none/a.json", FS_ERROR_IO, "No such file");
@@ -587,17 +652,17 @@ START_TEST(a_scene_that_cannot_be_written_leaves_the_old_one)
   refuse(directory / "d.json", FS_ERROR_IO, "a directory");
   refuse(directory / "\xff.json", FS_ERROR_INVALID, "UTF-8");  // the name of its mesh would be in it
   ck_assert_uint_eq(directory.files(), 3);
-  ck_assert_int_eq(attempt([&] { read_scene_file(directory / "none.json"); }).status, FS_ERROR_NOT_FOUND);
-  ck_assert_int_eq(attempt([&] { read_scene_file(directory / "d.json"); }).status, FS_ERROR_IO);
+  ck_assert_int_eq(attempt([&] { read_scene_file(directory / "none.json", 0); }).status, FS_ERROR_NOT_FOUND);
+  ck_assert_int_eq(attempt([&] { read_scene_file(directory / "d.json", 0); }).status, FS_ERROR_IO);
 }
 END_TEST
 
 namespace {
 
 void write_scenes(const std::string& directory) {
-  write_scene_file(directory + "/empty.json", empty_scene());
+  write_scene_file(directory + "/empty.json", empty_scene(), 0);
   for (uint64_t seed = 1; seed <= 50; ++seed) {
-    write_scene_file(directory + "/random-" + std::to_string(seed) + ".json", random_scene(seed));
+    write_scene_file(directory + "/random-" + std::to_string(seed) + ".json", random_scene(seed), 0);
   }
 }
 
@@ -616,6 +681,8 @@ int main(int count, char** arguments)
   tcase_add_test(tests, every_number_field_comes_back_bit_for_bit);
   tcase_add_test(tests, defaults_are_left_out);
   tcase_add_test(tests, numbers_by_hand);
+  tcase_add_test(tests, a_start_is_kept_as_an_age);
+  tcase_add_test(tests, values_by_hand);
   tcase_add_test(tests, hostile_files_are_refused_with_their_reason);
   tcase_add_test(tests, large_files_are_read_in_reasonable_time);
   tcase_add_test(tests, damaged_files_never_crash);

@@ -24,6 +24,7 @@ GOOD = {
     "objects": [
         {"name": "a", "primitive": "polyline", "shape": "p", "front": {"kind": "custom", "gain": 1, "curve": "e"}},
         {"name": "b", "primitive": "plane", "contact": {"keep": "front", "limit": 3}, "back": {"kind": "none"}},
+        {"name": "c", "primitive": "point", "age": 12.5},
     ],
 }
 
@@ -42,6 +43,7 @@ FAULTS = [
     (["objects", 0, "name"], "x" * 32), (["objects", 0, "name"], "a\tb"), (["objects", 0, "primitive"], "ball"),
     (["objects", 0, "primitive"], None), (["objects", 0, "shape"], None), (["objects", 0, "back"], {}),
     (["objects", 0, "contact"], {}), (["objects", 1, "shape"], "p"), (["objects", 1, "time"], 1),
+    (["objects", 2, "start"], 1), (["objects", 2, "age"], "inf"),
     (["objects", 1, "enabled"], 1), (["objects", 1, "tool_points"], -1), (["objects", 1, "tool_points"], 2**32),
     (["objects", 1, "contact", "keep"], "both"), (["objects", 1, "contact", "friction"], 3),
     (["objects", 1, "contact", "reserved"], 0), (["objects", 1, "lifetime"], -1), (["objects", 1, "damping"], -1),

@@ -164,7 +164,6 @@ void print_summary(const fs_servo_stats& s, double seconds, std::uint32_t faults
 }  // namespace
 
 int run(const RunOptions& options) {
-  const Ending ending;
   const bool terminal = isatty(STDOUT_FILENO);
   const Scene scene = open<Scene>(fs_scene_create);
   if (!options.scene.empty()) require(fs_scene_load(scene.get(), options.scene.c_str()));
@@ -177,6 +176,7 @@ int run(const RunOptions& options) {
   fs_servo_options servo_options = fs_servo_options_init();
   servo_options.rate = options.rate;
   servo_options.force_limit = options.force_limit;
+  const Ending ending;  // until here, where nothing is felt yet, a signal ends the program at once
   const Servo servo = open<Servo>(fs_servo_start, scene.get(), device.get(), &servo_options);
   Server server;
   if (!options.listen.empty()) {

@@ -1,4 +1,4 @@
-#include "file/whole_file.h"
+#include "base/whole_file.h"
 
 #include <cerrno>
 #include <cstdarg>
@@ -10,7 +10,6 @@
 #include <unistd.h>
 
 #include "base/error.h"
-#include "file/mesh_file.h"
 
 namespace fs {
 namespace {
@@ -42,8 +41,9 @@ class Descriptor {
 
 const char* kind_name(mode_t mode) {
   if (S_ISDIR(mode)) return "a directory";
-  if (S_ISCHR(mode) || S_ISBLK(mode)) return "a device";
-  return "not a regular file";
+  if (S_ISFIFO(mode)) return "a pipe";
+  if (S_ISSOCK(mode)) return "a socket";
+  return "a device";
 }
 
 // A new file in `directory` ("" or ending in '/') that no one else has; path becomes its name.
@@ -94,13 +94,21 @@ std::string printable(std::string_view text) {
 
 std::string in_quotes(std::string_view text) { return "\"" + printable(text) + "\""; }
 
-std::string read_whole_file(const std::string& path) {
-  // Without O_NONBLOCK the open of a pipe would wait for a writer.
+std::string read_whole_file(const std::string& path, uint64_t most) {
+  const auto require_regular = [&](const struct stat& status) {
+    if (!S_ISREG(status.st_mode)) fail_at(FS_ERROR_IO, path, "is %s, must be a file", kind_name(status.st_mode));
+  };
+  struct stat status;
+  if (::stat(path.c_str(), &status) == 0) require_regular(status);  // to open a device may do something
+  // It may be another one by now. Without O_NONBLOCK the open of a pipe would wait for a writer.
   Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   if (file.get() < 0) fail_system(path, "cannot be opened", errno);
-  struct stat status;
   if (::fstat(file.get(), &status) != 0) fail_system(path, "cannot be read", errno);
-  if (!S_ISREG(status.st_mode)) fail_at(FS_ERROR_IO, path, "is %s, must be a file", kind_name(status.st_mode));
+  require_regular(status);
+  if (static_cast<uint64_t>(status.st_size) > most) {
+    fail_at(FS_ERROR_IO, path, "has %lld bytes, must have at most %llu", static_cast<long long>(status.st_size),
+            static_cast<unsigned long long>(most));
+  }
 
   std::string bytes(static_cast<size_t>(status.st_size), '\0');
   size_t size = 0;
