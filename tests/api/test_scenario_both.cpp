@@ -543,6 +543,7 @@ START_TEST(files) {
     OK(fs_scene_set_tool(scene, points, 2));
   }
   w.settle();
+  OK(fs_scene_set_time(plain.get(), now(w.scene)));  // so that its objects are as old
   OK(fs_scene_save(plain.get(), (folder / "scene.json").c_str()));
   const std::string wanted = text_of(folder / "scene.json");
   OK(fs_scene_save(w.scene, (folder / "scene.json").c_str()));
