@@ -26,6 +26,10 @@
  * Handles  reference-counted inside: a handle keeps alive what it was made from, so the order of destruction is free.
  *          _destroy, _close, _stop, _release give back the caller's reference and accept null; no other call may be
  *          under way with it then, or come afterwards.
+ * Waiting  a call waits for nobody, unless its comment gives a time. Connected: a change is sent without waiting for an
+ *          answer. Where the server has not taken earlier ones and there is no room, or where a call has to ask it, the
+ *          call waits 1 s at most, fetching a large mesh 1 s more: then TIMEOUT, and nothing has changed. A signal or
+ *          a server that stands still makes no call longer, and no call waits for one of another thread that does.
  * Input    is copied (handles: referenced) before the call returns.
  * Lists    (out, capacity, count): at most capacity are written (capacity 0: out may be null), *count is how many
  *          there are. A small buffer is not an error.

@@ -38,9 +38,10 @@ FS_API void fs_scene_destroy(fs_scene *scene);
  * - `enabled` fades the same object out or in;
  * - a new primitive, shape or tool_points: the old version fades out while the new one fades in. At most one old
  *   version is kept: a further change meanwhile replaces the new one, and both go on from their weights.
- * A mesh whose tree is not built yet is built in this call, without holding up the servo. Connected: checked here,
- * sent without waiting; a mesh is felt when the server has built it (FS_EVENT_READY, _REFUSED). A scene holds
- * 1,048,576 objects at most, those still fading out included: FULL. VERSION. */
+ * A mesh whose tree is not built yet is built in this call, without holding up the servo. Connected: checked here and
+ * sent (forceserver.h, Waiting); a mesh is felt when the server has built it (FS_EVENT_READY, _REFUSED). A scene holds
+ * 1,048,576 objects at most, those still fading out included; connected: as many as the server's max_objects: FULL.
+ * VERSION. */
 FS_API fs_status fs_object_set(fs_scene *scene, const fs_object *object);
 
 /* Parts of an object; bits. */
@@ -55,7 +56,9 @@ typedef enum fs_part {
 
 /* ---- From here on a name may also be "client/object", of a connected scene: another client's, in that client's
  * frame; "server/object": of the server's own scene. Such a call asks the server: TIMEOUT (1 s), NOT_FOUND, DENIED
- * (it is `locked`), STATE (to change it in an open group, which holds the scene's own objects only). */
+ * (it is `locked`). So does one about an own object that another client has changed, or of which a change was refused,
+ * until what the server has is known here. A refused object that is new stays here (FS_OBJECT_REFUSED): it can be set
+ * or changed again, which sends all of it, or removed; of any other the change that was refused is taken back. */
 
 /* Fills out, which was made by fs_object_init with any name: struct_size is read, no more than that is written.
  * Another client's object has the name it was asked by, so it can be changed as it stands. Release it
@@ -68,7 +71,7 @@ FS_API fs_status fs_object_get(fs_scene *scene, const char *name, fs_object *out
 FS_API fs_status fs_object_change(fs_scene *scene, const fs_object *object, uint32_t parts);
 
 /* Moves an object: it has pose at time (s, scene's clock; FS_NOW) and twist from then on. Cheap, for meshes too. The
- * next tick feels it; connected (own objects), no system call, and the server takes it at the servo's rate.
+ * next tick feels it; connected (own objects), no system call, it never waits, and the server takes it at its rate.
  * twist null: worked out from this and the last move or set (none in the last 0.2 s: 0) and used for at most twice
  * the time between them, so the last of a stream comes to rest up to two steps beyond; with a zero twist it stands
  * where it is put. Of two within 1 ms the later pose replaces the earlier. An older time than the last one is taken
@@ -83,12 +86,15 @@ FS_API fs_status fs_object_remove(fs_scene *scene, const char *name);
 FS_API fs_status fs_scene_clear(fs_scene *scene);
 
 /* ---- Groups: several changes, one tick. A call that fails adds nothing. Getters see the group, evaluation does not;
- * calls of other threads join it. */
+ * calls of other threads join it. Connected: changes, moves and removals of other clients' objects belong to it too;
+ * each client feels its part from one tick on. At most 4 max_objects + 64 changes: FULL. */
 
 /* Opens a group. STATE: one is open already. */
 FS_API fs_status fs_scene_begin(fs_scene *scene);
 
-/* Closes the group: all of it is felt from one tick on, or none of it. STATE: none is open. */
+/* Closes the group: all of it is felt from one tick on, or none of it. STATE: none is open. Connected: it is sent as a
+ * whole, else the group stays open: TIMEOUT. If the server refuses a part (FS_EVENT_REFUSED, fs_scene_sync), it takes
+ * nothing, and the scene is here again as it is there. */
 FS_API fs_status fs_scene_commit(fs_scene *scene);
 
 /* Closes the group and takes back all of it. STATE: none is open. */
@@ -96,7 +102,7 @@ FS_API fs_status fs_scene_cancel(fs_scene *scene);
 
 /* Waits, timeout s (>= 0) at most, until a tick has used all changes so far, faded in or not; those of an open group
  * do not count. No servo: at once. VIRTUAL: another thread must step. TIMEOUT, or the status of the first change
- * refused. */
+ * refused. Connected: afterwards it is known here what the server has, if the time sufficed. */
 FS_API fs_status fs_scene_sync(fs_scene *scene, double timeout);
 
 /* ---- Files. A scene as JSON; its schema is share/forceserver/scene.schema.json:

@@ -59,8 +59,8 @@ typedef struct fs_client {
  * process: UNSUPPORTED. TIMEOUT. */
 FS_API fs_status fs_scene_get_clients(fs_scene *scene, fs_client *out, size_t capacity, size_t *count);
 
-/* Closes the door; the objects of its clients fade, and their calls give DISCONNECTED. Waits for a mesh that is being
- * built. What the clients had of memory is given back with the servo, or by its next server. Null does nothing. */
+/* Closes the door; the objects of its clients fade, and their calls give DISCONNECTED. A mesh that is being built is
+ * given up. What the clients had of memory is given back with the servo, or by its next server. Null does nothing. */
 FS_API void fs_server_stop(fs_server *server);
 
 #ifdef __cplusplus

@@ -179,7 +179,7 @@ void RemoteScene::fetch_behind(Call& call, const std::string& name) {
     try {
       const Received received = receive(call, pulled.object);
       if (group_ || is_touched(name)) return;
-      take_over(name, received, pulled.slot);
+      take_over(pulled, received);
       behind_.erase(name);
       return publish();
     } catch (const Error& error) {  // it was changed again before it was fetched
@@ -203,7 +203,7 @@ void RemoteScene::adopt(const wire::Pulled& pulled) {
       Received received{from_record(pulled.object), find_shape(pulled.object.shape), find_curve(pulled.object.front.curve),
                         find_curve(pulled.object.back.curve)};
       received.link();
-      take_over(name, received, pulled.slot);
+      take_over(pulled, received);
       break;
     }
     case wire::pulled_absent:
@@ -233,20 +233,25 @@ void RemoteScene::adopt(const wire::Pulled& pulled) {
 }
 
 // An own object as the server has it. Where this client did not know of it, it gets a slot and the server is told.
-void RemoteScene::take_over(const std::string& name, const Received& received, uint32_t index) {
+void RemoteScene::take_over(const wire::Pulled& pulled, const Received& received) {
   flush_ahead();
+  const std::string name = text_of(pulled.object.name);
   auto slot = slots_.find(name);
   const bool is_new = slot == slots_.end();
   const bool was_moved = !is_new && slot->second.moved_in == asking_;
   const Movement newest = was_moved ? replica_->movement(name.c_str()) : Movement{};
   replica_->set(received.object);
-  if (was_moved) replica_->set_movement(name.c_str(), newest);
+  if (was_moved) {
+    replica_->set_movement(name.c_str(), newest);
+  } else {
+    replica_->set_motion(name.c_str(), from_record(pulled.movement));
+  }
   if (is_new) slot = slots_.emplace(name, Slot{}).first;
   fs_object object;
   note_object(slot->second, replica_->get(name.c_str(), object).get());
   note_refused(slot->second, false);
   Slot& known = slot->second;
-  if (known.index != wire::no_slot && known.index == index) return;
+  if (known.index != wire::no_slot && known.index == pulled.slot) return;
   if (known.index == wire::no_slot) known.index = take_index();
   if (known.index == wire::no_slot) return;  // it is moved by messages
   wire::Bind bind{known.index, 0, {}};

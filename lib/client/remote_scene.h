@@ -192,7 +192,7 @@ struct RemoteScene final : Scene {
   bool is_here(const wire::Object& record) const;
   Ref<const Shape> find_shape(uint64_t id) const;
   Ref<const Curve> find_curve(uint64_t id) const;
-  void take_over(const std::string& name, const Received& received, uint32_t slot);
+  void take_over(const wire::Pulled& pulled, const Received& received);
   Received receive(Call& call, const wire::Object& record);
   Answer fetch(Call& call, uint64_t id);
   Ref<const Shape> receive_shape(Call& call, uint64_t id);

@@ -112,7 +112,7 @@ std::string make_layout_text() {
   RECORD(Edit, target, parts, object);
   RECORD(MoveOther, target, has_twist, pose, twist, time);
   RECORD(Count, count);
-  RECORD(Pulled, state, slot, edits, object, frame, tool);
+  RECORD(Pulled, state, slot, edits, object, movement, frame, tool);
   RECORD(Move, after, movement);
   RECORD(fs_state, pose, twist, time, buttons, flags, reserved);
   RECORD(fs_response, wrench, stiffness, proxy, felt_count, flags, error_bound, reserved);

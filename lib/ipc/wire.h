@@ -235,6 +235,7 @@ struct Pulled {
   uint32_t slot;                 // of the object; no_slot: none
   uint64_t edits;                // Outbox::edits as far as they have been told now
   Object object;
+  Movement movement;             // of the object: it has how long the twist holds, too
   Frame frame;
   Tool tool;
 };

@@ -23,6 +23,11 @@ constexpr Vec3 cross(Vec3 a, Vec3 b) {
 inline double norm(Vec3 a) { return std::sqrt(dot(a, a)); }
 inline bool is_finite(Vec3 a) { return std::isfinite(a.x) && std::isfinite(a.y) && std::isfinite(a.z); }
 
+inline constexpr double coordinate_limit = 1e15;  // m: its square still leaves a double 278 decades
+inline bool is_in_range(Vec3 v) noexcept {
+  return std::fabs(v.x) <= coordinate_limit && std::fabs(v.y) <= coordinate_limit && std::fabs(v.z) <= coordinate_limit;
+}
+
 // The unit vector along a, also where the squares of its components would over- or underflow; {0, 0, 0} for 0.
 inline Vec3 normalized(Vec3 a) {
   const double largest = std::fmax(std::fabs(a.x), std::fmax(std::fabs(a.y), std::fabs(a.z)));

@@ -72,6 +72,7 @@ struct Track {
     if (!from.is_known || !(dt >= same_instant && dt <= twist_memory)) return {pose, {}, time, 0};
     const Twist worked_out{(1 / dt) * (pose.position - from.pose.position),
                            (1 / dt) * log_rotation(pose.orientation * conjugate(from.pose.orientation))};
+    if (!is_in_range(worked_out.linear)) return {pose, {}, time, 0};  // a jump, and no motion
     return {pose, worked_out, time, is_zero(worked_out) ? 0 : std::min(extrapolation_limit, 2 * dt)};
   }
 

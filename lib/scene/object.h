@@ -14,11 +14,6 @@
 
 namespace fs {
 
-inline constexpr double coordinate_limit = 1e15;  // m: its square still leaves a double 278 decades
-inline bool is_in_range(Vec3 v) noexcept {
-  return std::fabs(v.x) <= coordinate_limit && std::fabs(v.y) <= coordinate_limit && std::fabs(v.z) <= coordinate_limit;
-}
-
 struct Object : Counted<Object> {
   std::string name;
   fs_primitive primitive = FS_PRIMITIVE_POINT;

@@ -255,6 +255,7 @@ void Session::tell_object(const std::string& name, wire::Pulled& out) {
   fs_object object;
   const Ref<const Object> kept = scene_->get(name.c_str(), object);
   out.object = offer(object);
+  out.movement = to_record(scene_->movement(name.c_str()).motion);
   out.slot = found->second;
   out.state = wire::pulled_present;
 }

@@ -1,6 +1,9 @@
 #include "servo/memory.h"
 
 #include <link.h>
+#ifdef __SANITIZE_ADDRESS__
+#include <sanitizer/lsan_interface.h>
+#endif
 #include <sys/mman.h>
 #include <time.h>
 #include <unistd.h>
@@ -96,10 +99,18 @@ Code& code() {
 void* map_pages(size_t bytes) {
   void* const pages = mmap(nullptr, whole_pages(bytes), PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
   if (pages == MAP_FAILED) throw std::bad_alloc();
+#ifdef __SANITIZE_ADDRESS__
+  __lsan_register_root_region(pages, whole_pages(bytes));  // what these pages refer to is no leak
+#endif
   return pages;
 }
 
-void unmap_pages(const void* pages, size_t bytes) noexcept { munmap(const_cast<void*>(pages), whole_pages(bytes)); }
+void unmap_pages(const void* pages, size_t bytes) noexcept {
+#ifdef __SANITIZE_ADDRESS__
+  __lsan_unregister_root_region(pages, whole_pages(bytes));
+#endif
+  munmap(const_cast<void*>(pages), whole_pages(bytes));
+}
 
 Stack::Stack(size_t bytes)
     : pages_(static_cast<char*>(map_pages(whole_pages(bytes) + page_size()))),

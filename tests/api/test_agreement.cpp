@@ -27,6 +27,15 @@ struct Shapes {
   }
 };
 
+std::vector<fs_motion> motions_of(fs_scene* scene, const char* client) {
+  size_t count = 0;
+  require(fs_scene_get_motions(scene, client, nullptr, 0, &count), "fs_scene_get_motions");
+  std::vector<fs_motion> out(count);
+  require(fs_scene_get_motions(scene, client, out.data(), out.size(), &count), "fs_scene_get_motions");
+  ck_assert_uint_eq(count, out.size());
+  return out;
+}
+
 struct Party {
   const char* name;
   Scene scene;
@@ -195,6 +204,14 @@ class Pair {
         ck_assert_msg(has(other, full.c_str()) != is_refused, "%s is %srefused", full.c_str(), is_refused ? "" : "not ");
         compared += !is_refused;
         if (!is_refused) expect_same(Got(own, name).object, Got(other, full.c_str()).object, full);
+      }
+      std::map<std::string, fs_motion> moves;
+      for (const fs_motion& m : motions_of(own, parties[i].name)) moves[m.name] = m;
+      for (const fs_motion& m : motions_of(other, parties[i].name)) {
+        const fs_motion& ours = moves[m.name + prefix.size()];
+        ck_assert_msg(std::memcmp(&ours.pose, &m.pose, sizeof m.pose) == 0 && ours.time == m.time &&
+                          std::memcmp(&ours.twist, &m.twist, sizeof m.twist) == 0 && ours.horizon == m.horizon,
+                      "%s moves for %g s there, for %g s here", m.name, m.horizon, ours.horizon);
       }
       fs_view here, there;
       OK(fs_scene_get_view(own, nullptr, &here));

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <map>
 #include <memory>
+#include <set>
 #include <utility>
 
 #include "api/world.h"
@@ -340,6 +341,104 @@ START_TEST(many_edits) {  // each of many objects, some again and again
     if (i % 10 != 9) ck_assert_double_eq(Got(two.me.get(), name.c_str())->front.gain, 0.01 * i + i % 3 + 0.01);
   }
   ck_assert_uint_eq(own_reports_of(two.me.get()).size(), 90);
+}
+END_TEST
+
+// A group of changes of all that there are: each client feels its part in one tick, or nothing of it.
+START_TEST(groups_of_all) {
+  Two two;
+  set(two.base, push("s", 1, {0, 0, 1}));
+  set(two.me, push("a", 2, {0, 1, 0}));
+  set(two.me, push("b", 3, {0, 1, 0}));
+  set(two.bob, push("x", 4, {1, 0, 0}));
+  two.settle_all();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{4, 5, 1}), 1e-12);
+  fs_scene* const bob = two.bob.get();
+  const auto change_all = [&](double factor) {
+    OK(fs_scene_begin(bob));
+    for (const char* name : {"x", "me/a", "server/s"}) {
+      Got got(bob, name);
+      got.object.front.gain *= factor;
+      got.object.front.limit *= factor;
+      OK(fs_object_change(bob, &got.object, FS_PART_PROFILES));
+      ck_assert_double_eq(Got(bob, name)->front.gain, got.object.front.gain);  // as the group has it
+    }
+    OK(fs_object_remove(bob, "me/b"));
+    ck_assert(!has(bob, "me/b"));
+    const fs_pose pose = at(0, 0, -50);
+    const fs_twist still{};
+    OK(fs_object_move(bob, "server/s", &pose, &still, FS_NOW));
+    EXPECT_VECTOR(Got(bob, "server/s")->pose.position, pose.position, 0);
+  };
+  change_all(2);
+  two.step(20);
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{4, 5, 1}), 1e-12);  // not before
+  ck_assert(has(two.me.get(), "b"));
+  OK(fs_scene_cancel(bob));
+  ck_assert_double_eq(Got(bob, "me/a")->front.gain, 2);
+
+  change_all(2);
+  std::vector<fs_wrench> log;
+  two.fake.log = &log;
+  OK(fs_scene_commit(bob));
+  OK(two.sync(bob));
+  two.step_through_fade();
+  two.fake.log = nullptr;
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{8, 4, 2}), 1e-12);
+  for (const fs_wrench& w : log) {  // profiles act at once; what was removed fades
+    ck_assert(std::fabs(w.force.x - 4) < 1e-9 || std::fabs(w.force.x - 8) < 1e-9);
+    ck_assert_msg(std::fabs(w.force.z - 1) < 1e-9 || std::fabs(w.force.z - 2) < 1e-9, "%.17g", w.force.z);
+    ck_assert(std::fabs(w.force.y - 5) < 1e-9 || (w.force.y >= 4 - 1e-9 && w.force.y <= 7 + 1e-9));
+  }
+  ck_assert(!has(two.me.get(), "b"));
+  ck_assert_double_eq(Got(two.me.get(), "a")->front.gain, 4);
+  EXPECT_VECTOR(Got(two.base.get(), "s")->pose.position, (fs_vec3{0, 0, -50}), 0);
+  std::set<std::string> told;
+  for (const fs_event& e : events_now(two.me.get())) {
+    if (e.kind == FS_EVENT_EDITED) told.insert(e.name);
+  }
+  ck_assert(told == (std::set<std::string>{"a", "b"}));
+
+  // One part cannot be: the object went before the group came. Nothing of it is done.
+  OK(fs_scene_begin(bob));
+  for (const char* name : {"x", "server/s", "me/a"}) {
+    Got got(bob, name);
+    got.object.front.gain = 100;
+    OK(fs_object_change(bob, &got.object, FS_PART_PROFILES));
+  }
+  OK(fs_object_remove(two.me.get(), "a"));
+  OK(two.sync(two.me.get()));
+  OK(fs_scene_commit(bob));
+  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, two.sync(bob), "me/a");
+  two.step_through_fade();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{8, 0, 2}), 1e-12);
+  ck_assert_double_eq(Got(bob, "x")->front.gain, 8);  // and bob knows
+  ck_assert_double_eq(Got(two.base.get(), "s")->front.gain, 2);
+
+  // The server's own scene has a group of its own open: they do not meet.
+  OK(fs_scene_begin(two.base.get()));
+  fs_object s = push("s2", 1, {0, 0, 1});
+  OK(fs_object_set(two.base.get(), &s));
+  OK(fs_scene_begin(bob));
+  OK(fs_object_remove(bob, "server/s"));
+  OK(fs_object_remove(bob, "x"));
+  OK(fs_scene_commit(bob));
+  OK(two.sync(bob));
+  two.step_through_fade();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{0, 0, 0}), 1e-12);
+  OK(fs_scene_commit(two.base.get()));
+  two.settle_all();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{0, 0, 1}), 1e-12);
+  ck_assert(!has(two.base.get(), "s") && has(two.base.get(), "s2"));
+
+  // Parts that are good only together with what they are put on are checked at once.
+  OK(fs_scene_begin(bob));
+  fs_object bad = fs_object_init("server/s2", FS_PRIMITIVE_PLANE);
+  bad.front = constant(FS_SENSE_REPULSIVE, -1);
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_object_change(bob, &bad, FS_PART_PROFILES), "front.gain");
+  EXPECT(FS_ERROR_NOT_FOUND, fs_object_remove(bob, "server/s"));
+  OK(fs_scene_commit(bob));
+  OK(two.sync(bob));
 }
 END_TEST
 
@@ -771,7 +870,7 @@ END_TEST
 int main() {
   Suite* suite = suite_create("connected");
   add_once(suite, "several", {forces_add, names_are_private, own_names_in_full, views, force_limit, two_servers});
-  add_once(suite, "others", {objects_of_others, objects_of_the_server, edits_in_an_open_group, many_edits, locked,
+  add_once(suite, "others", {objects_of_others, objects_of_the_server, edits_in_an_open_group, many_edits, groups_of_all, locked,
                              shapes_of_others});
   add_once(suite, "seen", {reports_of_all, clients});
   add_once(suite, "threads", {all_at_once});

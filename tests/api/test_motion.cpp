@@ -108,6 +108,22 @@ START_TEST(a_fast_stream_of_moves) {  // 2 kHz: every one within 1 ms of the one
 }
 END_TEST
 
+// From one end of the world to the other within a moment: no motion, and no number that is too large.
+START_TEST(jumps_make_no_twist) {
+  const Scene scene = make_scene();
+  OK(fs_scene_set_time(scene.get(), 10));
+  fs_object o = fs_object_init("o", FS_PRIMITIVE_POINT);
+  o.pose = at(-1e15, 0, 0);
+  OK(fs_object_set(scene.get(), &o));
+  const fs_pose far = at(1e15, 0, 0);
+  OK(fs_object_move(scene.get(), "o", &far, nullptr, 10.01));
+  fs_object got = fs_object_init("o", FS_PRIMITIVE_POINT);
+  OK(fs_object_get(scene.get(), "o", &got));
+  EXPECT_VECTOR(got.pose.position, far.position, 0);
+  EXPECT_VECTOR(got.twist.linear, (fs_vec3{}), 0);
+}
+END_TEST
+
 START_TEST(old_moves_make_no_twist) {
   Watched w(10);
   w.move(1, 10.21);  // nothing in the last 0.2 s
@@ -290,6 +306,7 @@ END_TEST
 int main() {
   Suite* suite = suite_create("motion");
   add_case(suite, "twists", {given_twists, given_turns, worked_out_twists, a_stream_of_moves, a_fast_stream_of_moves,
+                             jumps_make_no_twist,
                              old_moves_make_no_twist, moves_of_one_instant, older_moves_stand,
                              given_twists_count_as_last, worked_out_turns, moves_now});
   add_case(suite, "times", {the_clock, start_of_time, lifetimes});

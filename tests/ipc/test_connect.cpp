@@ -2,7 +2,10 @@
 // the client; and what a connected scene has to keep in order by itself. Through the public C contract alone.
 #include <dirent.h>
 #include <fcntl.h>
+#include <poll.h>
 #include <sys/socket.h>
+#include <sys/syscall.h>
+#include <sys/time.h>
 #include <sys/un.h>
 #include <sys/wait.h>
 
@@ -14,6 +17,18 @@
 #include "api/world.h"
 
 using namespace scenes;
+
+// How often this thread has begun to wait: what the library calls for it goes by here.
+static thread_local int waits = 0;
+extern "C" int ppoll(pollfd* fds, nfds_t count, const timespec* timeout, const sigset_t* signals) {
+  if (!timeout || timeout->tv_sec || timeout->tv_nsec) ++waits;
+  timespec rest = timeout ? *timeout : timespec{};
+  return static_cast<int>(syscall(SYS_ppoll, fds, count, timeout ? &rest : nullptr, signals, 8));
+}
+extern "C" int nanosleep(const timespec* time, timespec* rest) {
+  ++waits;
+  return static_cast<int>(syscall(SYS_nanosleep, time, rest));
+}
 
 static fs_status try_connect(const std::string& endpoint, const char* client = "me") {
   fs_scene* scene = nullptr;
@@ -297,6 +312,7 @@ class ServerProcess {
   void signal(int number) {
     if (process_ <= 0) return;
     kill(process_, number);
+    if (number == SIGSTOP) waitpid(process_, nullptr, WUNTRACED);
     if (number == SIGKILL) waitpid(std::exchange(process_, 0), nullptr, 0);
   }
 
@@ -353,6 +369,133 @@ START_TEST(a_server_that_stalls) {
   const Scene other = connect(process.endpoint, "other");
   EXPECT_VECTOR(Got(other.get(), "me/a")->pose.position, pose.position, 0);
   ck_assert(has(other.get(), "me/b"));
+}
+END_TEST
+
+// Calls without a time, and with a time of 0, do not wait for a server that stands still: whatever was on its way.
+START_TEST(who_does_not_wait) {
+  ServerProcess process;
+  const Scene me = connect(process.endpoint, "me"), other = connect(process.endpoint, "other");
+  set(me, spring("a"));
+  set(other, spring("a"));
+  OK(fs_scene_sync(me.get(), 10));
+  const fs_pose pose = at(0.25, 0, 0);
+  const auto expect_no_wait = [&](const char* when) {
+    const auto none = [&](const char* what, fs_status wanted, const std::function<fs_status()>& call) {
+      waits = 0;
+      const fs_status status = call();
+      ck_assert_msg(status == wanted, "%s, %s: %s", when, what, fs_status_name(status));
+      ck_assert_msg(waits == 0, "%s, %s: it waited %d times", when, what, waits);
+    };
+    fs_event event;
+    none("move", FS_OK, [&] { return fs_object_move(me.get(), "a", &pose, nullptr, FS_NOW); });
+    none("sync", FS_ERROR_TIMEOUT, [&] { return fs_scene_sync(me.get(), 0); });
+    none("event", FS_OK, [&] { return fs_scene_next_event(me.get(), 0, &event); });
+    none("begin", FS_OK, [&] { return fs_scene_begin(me.get()); });
+    none("move in a group", FS_OK, [&] { return fs_object_move(me.get(), "a", &pose, nullptr, FS_NOW); });
+    none("cancel", FS_OK, [&] { return fs_scene_cancel(me.get()); });
+    none("hand", FS_OK, [&] { return fs_scene_get_hand(me.get(), nullptr, nullptr, nullptr); });
+  };
+  process.signal(SIGSTOP);
+  expect_no_wait("just stopped");
+  process.signal(SIGCONT);
+  OK(fs_scene_sync(me.get(), 10));
+
+  OK(fs_object_move(other.get(), "me/a", &pose, nullptr, FS_NOW));  // me has not asked what became of it
+  process.signal(SIGSTOP);
+  const fs_object b = spring("b");
+  waits = 0;
+  OK(fs_object_set(me.get(), &b));
+  ck_assert_int_eq(waits, 0);
+  expect_no_wait("edited by another");
+  EXPECT_SENTENCE(FS_ERROR_TIMEOUT, fs_object_move(me.get(), "other/a", &pose, nullptr, FS_NOW), "1 s");
+  process.signal(SIGCONT);
+  OK(fs_scene_sync(me.get(), 10));
+
+  // A group of many times what the socket holds is sent as a whole, without waiting.
+  process.signal(SIGSTOP);
+  OK(fs_scene_begin(me.get()));
+  for (int i = 0; i < 3000; ++i) {
+    const fs_object o = spring(("n" + std::to_string(i)).c_str());
+    OK(fs_object_set(me.get(), &o));
+  }
+  waits = 0;
+  OK(fs_scene_commit(me.get()));
+  ck_assert_int_eq(waits, 0);
+  // And where there is no room it stays open; nothing of it is sent.
+  fs_status status = FS_OK;
+  while (status == FS_OK) status = fs_object_set(me.get(), &b);
+  ck_assert_int_eq(status, FS_ERROR_TIMEOUT);
+  expect_no_wait("no room");
+  OK(fs_scene_begin(me.get()));
+  OK(fs_object_remove(me.get(), "a"));
+  EXPECT_SENTENCE(FS_ERROR_TIMEOUT, fs_scene_commit(me.get()), "1 s");
+  EXPECT(FS_ERROR_STATE, fs_scene_begin(me.get()));
+  ck_assert(!has(me.get(), "a"));
+  process.signal(SIGCONT);
+  OK(fs_scene_cancel(me.get()));
+  OK(fs_scene_sync(me.get(), 10));
+  ck_assert(has(me.get(), "a") && has(other.get(), "me/a") && has(other.get(), "me/n2999"));
+}
+END_TEST
+
+// A thread that waits for the server holds up no other thread of the scene.
+START_TEST(who_waits_holds_no_lock) {
+  ServerProcess process;
+  const Scene me = connect(process.endpoint, "me");
+  set(me, spring("a"));
+  OK(fs_scene_sync(me.get(), 10));
+  process.signal(SIGSTOP);
+  std::atomic<int> began{0}, ended{0};
+  std::vector<std::thread> asking;
+  for (int i = 0; i < 4; ++i) {
+    asking.emplace_back([&] {
+      ++began;
+      fs_report report;
+      while (fs_scene_get_report(me.get(), "a", &report) == FS_ERROR_TIMEOUT && ended == 0) {
+      }
+    });
+  }
+  ck_assert(eventually([&] { return began == 4; }));
+  const fs_pose pose = at(0.25, 0, 0);
+  waits = 0;
+  for (int i = 0; i < 2000; ++i) OK(fs_object_move(me.get(), "a", &pose, nullptr, FS_NOW));
+  ck_assert_int_eq(waits, 0);
+  ended = 1;
+  process.signal(SIGCONT);
+  for (std::thread& thread : asking) thread.join();
+}
+END_TEST
+
+// Signals make no call fail, nor end a wait early.
+START_TEST(signals) {
+  static std::atomic<int> came{0};
+  ServerProcess process;
+  struct sigaction action {};
+  action.sa_handler = [](int) { ++came; };
+  sigaction(SIGALRM, &action, nullptr);
+  const itimerval often{{0, 500}, {0, 500}}, never{};
+  setitimer(ITIMER_REAL, &often, nullptr);
+  for (int i = 0; i < 40; ++i) {
+    const Scene me = connect(process.endpoint, ("c" + std::to_string(i)).c_str());
+    set(me, spring("a"));
+    OK(fs_scene_sync(me.get(), 10));
+    fs_report report;
+    OK(fs_scene_get_report(me.get(), "a", &report));
+    Got(me.get(), "a");
+  }
+  {  // also where there is no room for a while
+    const Scene me = connect(process.endpoint, "me");
+    process.signal(SIGSTOP);
+    const fs_object a = spring("a");
+    fs_status status = FS_OK;
+    while (status == FS_OK) status = fs_object_set(me.get(), &a);
+    ck_assert_int_eq(status, FS_ERROR_TIMEOUT);
+    process.signal(SIGCONT);
+    OK(fs_scene_sync(me.get(), 10));
+  }
+  setitimer(ITIMER_REAL, &never, nullptr);
+  ck_assert_int_gt(came, 0);
 }
 END_TEST
 
@@ -551,6 +694,7 @@ int main(int argc, char** argv) {
                                  no_descriptor_is_left});
   add_once(suite, "losing", {a_server_that_stops, an_end_that_is_waited_for, a_server_that_is_killed,
                              a_server_that_stalls, no_room, forks});
+  add_once(suite, "waiting", {who_does_not_wait, who_waits_holds_no_lock, signals});
   add_once(suite, "keeping", {max_objects, a_group_that_is_too_long, moves_wake_and_are_known_here, a_large_mesh});
   return run_suite(suite);
 }
