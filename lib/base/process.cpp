@@ -3,7 +3,6 @@
 #include <pthread.h>
 
 #include <atomic>
-#include <new>
 
 namespace fs {
 namespace {
@@ -14,15 +13,15 @@ std::atomic<uint32_t> forks{0};  // between the first process and this one
     [] { process_mutex().lock(); }, [] { process_mutex().unlock(); },
     [] {
       forks.fetch_add(1, std::memory_order_relaxed);
-      new (&process_mutex()) std::recursive_mutex;  // it belongs to the parent's thread, and cannot be unlocked here
+      process_mutex().unlock();
     });
 
 }  // namespace
 
 uint32_t this_process() noexcept { return forks.load(std::memory_order_relaxed); }
 
-std::recursive_mutex& process_mutex() noexcept {
-  static std::recursive_mutex& mutex = *new std::recursive_mutex;  // never destroyed: it is used while the process ends
+std::mutex& process_mutex() noexcept {
+  static std::mutex& mutex = *new std::mutex;  // never destroyed: it is used while the process ends
   return mutex;
 }
 

@@ -9,7 +9,7 @@ namespace fs {
 // [rt] A number that is another one in a forked child.
 uint32_t this_process() noexcept;
 
-// Guards the lists of what this process has open. It is free in a forked child.
-std::recursive_mutex& process_mutex() noexcept;
+// Guards the lists of what this process has open; never for long. It is free in a forked child.
+std::mutex& process_mutex() noexcept;
 
 }  // namespace fs

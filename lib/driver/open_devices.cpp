@@ -1,6 +1,8 @@
 #include "driver/open_devices.h"
 
+#include <atomic>
 #include <cstdlib>
+#include <mutex>
 #include <vector>
 
 #include "base/process.h"
@@ -14,14 +16,20 @@ std::vector<fs_device*>& open_devices() {  // under the process's mutex
   return all;
 }
 
+std::atomic<fs_device*> ending{nullptr};  // which the end of the process is dealing with
+
 // The newest first: a driver may have opened others for its own.
 void end_devices() {
-  const std::lock_guard lock(process_mutex());
-  std::vector<fs_device*>& all = open_devices();
-  while (!all.empty()) {
-    fs_device* const device = all.back();
-    all.pop_back();
-    device->end();
+  for (;;) {
+    {
+      const std::lock_guard lock(process_mutex());
+      if (open_devices().empty()) return;
+      ending = open_devices().back();
+      open_devices().pop_back();
+    }
+    ending.load()->end();
+    ending = nullptr;
+    ending.notify_all();
   }
 }
 
@@ -33,8 +41,11 @@ void add_open_device(fs_device& device) {
 }
 
 void remove_open_device(fs_device& device) noexcept {
-  const std::lock_guard lock(process_mutex());
-  std::erase(open_devices(), &device);
+  {
+    const std::lock_guard lock(process_mutex());
+    std::erase(open_devices(), &device);
+  }
+  ending.wait(&device);
 }
 
 // What is registered last runs first. So a driver may use what was made static before the last device was opened or the

@@ -21,14 +21,19 @@ class Json {
     bool is_integer;  // written without a point or exponent
   };
 
-  Json() = default;  // null
-  explicit Json(std::same_as<bool> auto value) : value_(value) {}
-  explicit Json(double value) : value_(Number{value, false}) {}
-  explicit Json(Number value) : value_(value) {}
-  explicit Json(std::string text) : value_(std::move(text)) {}
-  explicit Json(const char* text) : value_(std::string(text)) {}
-  Json(List list) : value_(std::move(list)) {}
-  Json(Object object) : value_(std::move(object)) {}
+  Json() noexcept;  // null
+  Json(const Json&);
+  Json(Json&&) noexcept;
+  Json& operator=(const Json&);
+  Json& operator=(Json&&) noexcept;
+  ~Json();
+  explicit Json(std::same_as<bool> auto value) : Json(Value(value)) {}
+  explicit Json(double value);
+  explicit Json(Number value);
+  explicit Json(std::string text);
+  explicit Json(const char* text);
+  Json(List list);
+  Json(Object object);
 
   // What it is; null: something else.
   const bool* boolean() const { return std::get_if<bool>(&value_); }
@@ -40,13 +45,31 @@ class Json {
   Object* object() { return std::get_if<Object>(&value_); }
 
  private:
-  std::variant<std::nullptr_t, bool, Number, std::string, List, Object> value_;
+  using Value = std::variant<std::nullptr_t, bool, Number, std::string, List, Object>;
+  explicit Json(Value value);
+
+  Value value_;
 };
 
 struct Json::Member {
   std::string key;
   Json value;
 };
+
+// Here, as a list of members can be made only of a whole Member.
+inline Json::Json() noexcept = default;
+inline Json::Json(const Json&) = default;
+inline Json::Json(Json&&) noexcept = default;
+inline Json& Json::operator=(const Json&) = default;
+inline Json& Json::operator=(Json&&) noexcept = default;
+inline Json::~Json() = default;
+inline Json::Json(Value value) : value_(std::move(value)) {}
+inline Json::Json(double value) : value_(Number{value, false}) {}
+inline Json::Json(Number value) : value_(value) {}
+inline Json::Json(std::string text) : value_(std::move(text)) {}
+inline Json::Json(const char* text) : value_(std::string(text)) {}
+inline Json::Json(List list) : value_(std::move(list)) {}
+inline Json::Json(Object object) : value_(std::move(object)) {}
 
 // Strict: a key that is there twice in one object, and deep nesting, are errors too. path is the name for sentences.
 // Throws PARSE with line and column.
