@@ -79,27 +79,27 @@ Answer RemoteScene::request(Call& call, wire::Type type, std::span<const std::by
 
 // While there is one, changes of own objects are noted.
 struct RemoteScene::Asking {
-  explicit Asking(RemoteScene& the_scene) : scene(the_scene) {
-    if (scene.open_questions_++ == 0) ++scene.asking_;
-  }
+  explicit Asking(RemoteScene& the_scene) : scene(the_scene), number(++scene.question_) { ++scene.open_questions_; }
   ~Asking() { scene.end_question(); }
   RemoteScene& scene;
+  const uint64_t number;
 };
 
 void RemoteScene::end_question() noexcept {
-  if (--open_questions_ > 0) return;
-  touched_.clear();
-  is_all_touched_ = false;
+  if (--open_questions_ == 0) touched_.clear();
 }
 
 void RemoteScene::touch(const Change& change) {
   if (open_questions_ == 0) return;
-  if (change.type == wire::type_clear) is_all_touched_ = true;
+  if (change.type == wire::type_clear) all_touched_ = question_;
   const bool is_view = change.type == wire::type_frame || change.type == wire::type_tool;
-  touched_.insert(is_view ? change.type == wire::type_frame ? "/frame" : "/tool" : change.name);
+  touched_[is_view ? change.type == wire::type_frame ? "/frame" : "/tool" : change.name] = question_;
 }
 
-bool RemoteScene::is_touched(const std::string& name) const { return is_all_touched_ || touched_.contains(name); }
+bool RemoteScene::is_touched(std::string_view name, uint64_t question) const {
+  const auto found = touched_.find(name);
+  return found != touched_.end() && found->second >= question;
+}
 
 bool RemoteScene::is_current() const noexcept {
   return !pull_ && !pulled_ && connection_.outbox()->edits.load(std::memory_order_acquire) == edits_seen_;
@@ -125,7 +125,7 @@ void RemoteScene::look() {
     if (pulled_) {
       try {
         edits_seen_ = pulled_->edits;
-        adopt(*pulled_);
+        adopt(*pulled_, pull_question_);
       } catch (const Error&) {  // it cannot be had as it is
         pulled_.reset();
         end_question();
@@ -145,7 +145,8 @@ bool RemoteScene::start_pull() {
   const uint64_t serial = connection_.ask(wire::type_pull, bytes_of(&next, 1));
   if (!serial) return false;
   pull_ = serial;
-  if (open_questions_++ == 0) ++asking_;
+  pull_question_ = ++question_;
+  ++open_questions_;
   return true;
 }
 
@@ -175,11 +176,14 @@ void RemoteScene::fetch_behind(Call& call, const std::string& name) {
     const Asking asking(*this);
     const auto pulled = request(call, wire::type_pull, bytes_of(&target, 1)).as<wire::Pulled>();
     if (group_) return;
-    if (pulled.state != wire::pulled_present || is_touched(name) || is_here(pulled.object)) return adopt(pulled);
+    if (pulled.state != wire::pulled_present || is_touched(name, asking.number) || all_touched_ >= asking.number ||
+        is_here(pulled.object)) {
+      return adopt(pulled, asking.number);
+    }
     try {
       const Received received = receive(call, pulled.object);
-      if (group_ || is_touched(name)) return;
-      take_over(pulled, received);
+      if (group_ || is_touched(name, asking.number) || all_touched_ >= asking.number) return;
+      take_over(pulled, received, asking.number);
       behind_.erase(name);
       return publish();
     } catch (const Error& error) {  // it was changed again before it was fetched
@@ -189,12 +193,13 @@ void RemoteScene::fetch_behind(Call& call, const std::string& name) {
 }
 
 // The replica becomes what the server has, unless this client has changed that since it asked.
-void RemoteScene::adopt(const wire::Pulled& pulled) {
+void RemoteScene::adopt(const wire::Pulled& pulled, uint64_t question) {
   flush_ahead();
   const std::string name = text_of(pulled.object.name);
   const auto slot = slots_.find(name);
   const bool is_of_object = pulled.state >= wire::pulled_present && pulled.state <= wire::pulled_refused;
-  if (is_of_object && (is_touched(name) || (pulled.state == wire::pulled_present && !is_here(pulled.object)))) {
+  const bool is_newer_here = is_touched(name, question) || all_touched_ >= question;
+  if (is_of_object && (is_newer_here || (pulled.state == wire::pulled_present && !is_here(pulled.object)))) {
     behind_.insert(name);  // to be asked again; or its shape has to be fetched first, by whoever needs it
     return;
   }
@@ -203,7 +208,7 @@ void RemoteScene::adopt(const wire::Pulled& pulled) {
       Received received{from_record(pulled.object), find_shape(pulled.object.shape), find_curve(pulled.object.front.curve),
                         find_curve(pulled.object.back.curve)};
       received.link();
-      take_over(pulled, received);
+      take_over(pulled, received, question);
       break;
     }
     case wire::pulled_absent:
@@ -221,8 +226,8 @@ void RemoteScene::adopt(const wire::Pulled& pulled) {
       if (const auto data = data_.find(pulled.object.shape); data != data_.end()) data->second.is_refused = true;
       break;
     case wire::pulled_view:
-      if (!touched_.contains("/frame")) replica_->set_frame(pulled.frame.frame);
-      if (!touched_.contains("/tool")) {
+      if (!is_touched("/frame", question)) replica_->set_frame(pulled.frame.frame);
+      if (!is_touched("/tool", question)) {
         replica_->set_tool(pulled.tool.points, std::min<size_t>(pulled.tool.count, FS_TOOL_POINTS_MAX));
       }
       break;
@@ -233,12 +238,12 @@ void RemoteScene::adopt(const wire::Pulled& pulled) {
 }
 
 // An own object as the server has it. Where this client did not know of it, it gets a slot and the server is told.
-void RemoteScene::take_over(const wire::Pulled& pulled, const Received& received) {
+void RemoteScene::take_over(const wire::Pulled& pulled, const Received& received, uint64_t question) {
   flush_ahead();
   const std::string name = text_of(pulled.object.name);
   auto slot = slots_.find(name);
   const bool is_new = slot == slots_.end();
-  const bool was_moved = !is_new && slot->second.moved_in == asking_;
+  const bool was_moved = !is_new && slot->second.moved_in >= question;
   const Movement newest = was_moved ? replica_->movement(name.c_str()) : Movement{};
   replica_->set(received.object);
   if (was_moved) {

@@ -162,7 +162,7 @@ void RemoteScene::move(const char* given, const fs_pose& pose, const fs_twist* t
     });
   }
   Slot& slot = found->second;
-  slot.moved_in = asking_;
+  slot.moved_in = question_;
   if (is_evaluated_here_ || slot.has_lifetime) {
     replica_->move(name, parsed, twist, at);
     slot.movement = replica_->movement(name);
@@ -306,7 +306,12 @@ void RemoteScene::sync(double timeout) {
     }
     if (!own && syncs_.size() < most_syncs) {
       syncs_.push_back(0);  // before it is asked: so that its answer cannot be lost
-      syncs_.back() = own = connection_.ask(wire::type_sync);
+      try {
+        syncs_.back() = own = connection_.ask(wire::type_sync);
+      } catch (...) {
+        syncs_.pop_back();
+        throw;
+      }
       if (!own) syncs_.pop_back();
     }
     if (own && (syncs_.empty() || syncs_.front() > own)) return catch_up_in_time();

@@ -93,7 +93,7 @@ struct RemoteScene final : Scene {
     bool is_ahead = false;
     Movement movement;
     std::pair<const std::string, Slot>* next_ahead = nullptr;
-    uint64_t moved_in = 0;           // asking_ at its last move
+    uint64_t moved_in = 0;           // the newest question at its last move
   };
   using Slots = NameMap<Slot>;
 
@@ -164,6 +164,7 @@ struct RemoteScene final : Scene {
   uint64_t send(Group& group);
   void note_sent(const Group& group, uint64_t serial) noexcept;
   uint32_t take_index() noexcept;
+  void set_taken(uint32_t index, bool is_taken) noexcept;
   void release_index(Slot& slot) noexcept;
   Slots::iterator drop_slot(Slots::iterator slot);
   void note_object(Slot& slot, const Object* object);
@@ -187,12 +188,12 @@ struct RemoteScene final : Scene {
   void catch_up(Call& call, const char* name = nullptr);
   void fetch_behind(Call& call, const std::string& name);
   void touch(const Change& change);
-  bool is_touched(const std::string& name) const;
-  void adopt(const wire::Pulled& pulled);
+  bool is_touched(std::string_view name, uint64_t question) const;
+  void adopt(const wire::Pulled& pulled, uint64_t question);
   bool is_here(const wire::Object& record) const;
   Ref<const Shape> find_shape(uint64_t id) const;
   Ref<const Curve> find_curve(uint64_t id) const;
-  void take_over(const wire::Pulled& pulled, const Received& received);
+  void take_over(const wire::Pulled& pulled, const Received& received, uint64_t question);
   Received receive(Call& call, const wire::Object& record);
   Answer fetch(Call& call, uint64_t id);
   Ref<const Shape> receive_shape(Call& call, uint64_t id);
@@ -217,6 +218,7 @@ struct RemoteScene final : Scene {
   Slots slots_;
   size_t refused_count_ = 0;  // of slots_
   std::vector<bool> taken_;  // slots of the inbox, by number
+  size_t first_free_ = 0;    // all before it are taken
   Slots::value_type* ahead_ = nullptr;  // the first of those that are
   std::unordered_map<uint64_t, Data> data_;  // by their serial in this process
   std::map<uint64_t, uint64_t> maybe_unused_;  // of data_, with the serial of the message after which they may be
@@ -228,11 +230,12 @@ struct RemoteScene final : Scene {
   uint64_t edits_seen_ = 0, events_read_ = 0;
   std::optional<uint64_t> pull_;        // serial of the one that has not been answered: what it brings is told once
   std::optional<wire::Pulled> pulled_;  // its answer, until the replica has it
-  // While questions about objects are open: names that were changed since, of which the answer is out of date.
+  // Questions about objects are numbered. While one is open: names that were changed since, with the newest question then.
+  // An answer is out of date where the name was changed in its own question or in a later one.
+  uint64_t question_ = 0, pull_question_ = 0;
   unsigned open_questions_ = 0;
-  uint64_t asking_ = 0;                 // how often a first question was opened
-  std::set<std::string, std::less<>> touched_;
-  bool is_all_touched_ = false;
+  std::map<std::string, uint64_t, std::less<>> touched_;
+  uint64_t all_touched_ = 0;            // the newest question at the last clear
   std::deque<uint64_t> syncs_;    // serials of those not answered, the oldest first: each may bring a refusal
   bool is_end_told_ = false;
 };

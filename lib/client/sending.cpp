@@ -121,7 +121,7 @@ void RemoteScene::write_moves(const Group& group) noexcept {
     wire::Place place;
     std::memcpy(&place, change.record.data(), sizeof place);
     connection_.inbox().write(slot.index, {slot.after, place.movement});
-    slot.moved_in = asking_;
+    slot.moved_in = question_;
   }
   connection_.inbox().end_batch();
   connection_.wake();
@@ -132,7 +132,7 @@ class RemoteScene::SlotNumbers {
  public:
   explicit SlotNumbers(RemoteScene& scene) : scene_(scene) {}
   ~SlotNumbers() {
-    for (auto step = steps_.rbegin(); step != steps_.rend(); ++step) scene_.taken_[step->first] = !step->second;
+    for (auto step = steps_.rbegin(); step != steps_.rend(); ++step) scene_.set_taken(step->first, !step->second);
   }
   void keep() noexcept { steps_.clear(); }
 
@@ -154,7 +154,7 @@ class RemoteScene::SlotNumbers {
     numbers_[name] = wire::no_slot;
     if (number == wire::no_slot) return;
     steps_.emplace_back(number, false);
-    scene_.taken_[number] = false;
+    scene_.set_taken(number, false);
   }
   void give_all() {
     std::vector<std::string> names;
@@ -250,14 +250,19 @@ void RemoteScene::note_sent(const Group& group, uint64_t serial) noexcept {
 
 // The lowest number that is free; no_slot: none is.
 uint32_t RemoteScene::take_index() noexcept {
-  const auto free = std::find(taken_.begin(), taken_.end(), false);
-  if (free == taken_.end()) return wire::no_slot;
-  *free = true;
-  return static_cast<uint32_t>(free - taken_.begin());
+  while (first_free_ < taken_.size() && taken_[first_free_]) ++first_free_;
+  if (first_free_ == taken_.size()) return wire::no_slot;
+  taken_[first_free_] = true;
+  return static_cast<uint32_t>(first_free_);
+}
+
+void RemoteScene::set_taken(uint32_t index, bool is_taken) noexcept {
+  taken_[index] = is_taken;
+  if (!is_taken) first_free_ = std::min<size_t>(first_free_, index);
 }
 
 void RemoteScene::release_index(Slot& slot) noexcept {
-  if (slot.index != wire::no_slot) taken_[slot.index] = false;
+  if (slot.index != wire::no_slot) set_taken(slot.index, false);
   slot.index = wire::no_slot;
 }
 
