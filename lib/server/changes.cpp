@@ -11,7 +11,8 @@ namespace {
 // Then its socket is not read, until some have been applied and done.
 constexpr size_t most_parked = 4096;  // messages
 constexpr size_t few_parked = 32;     // groups and changes, that cost little to look through
-constexpr size_t few_steps = 8;       // of what takes about a microsecond each
+constexpr size_t few_steps = 4;       // of what takes about a microsecond each
+constexpr size_t most_kept = 256;     // changes that are let go of at once
 constexpr unsigned most_jobs = 16;    // each may hold a descriptor
 
 constexpr uint64_t expression_size = 40'000;  // bytes, about what two parsers of a long one take
@@ -55,6 +56,18 @@ struct Session::Applying {
 
 void Session::let_others() {
   if (++steps_ % few_steps == 0) server_.let_others(this, is_amid_drafts_);
+}
+
+template <class Map>
+void Session::empty(Map& map) {
+  for (; !map.empty(); map.erase(map.begin())) let_others();
+}
+
+// Letting go of many changes takes a while, so the worker does.
+void Session::let_go(Unit&& unit) {
+  if (unit.messages.size() <= most_kept) return;
+  const auto dead = std::make_shared<Unit>(std::move(unit));
+  server_.worker(0).add(0, {[dead](Wanted&) { *dead = {}; }, [] {}});
 }
 
 // ------------------------------------------------------------------------------------------------- shapes and curves
@@ -199,7 +212,10 @@ bool Session::is_ready(const Unit& unit) const {
 // A change that needs a shape which is being built waits for it, and later changes of the same objects wait behind it; all
 // else goes on.
 void Session::submit(Unit&& unit) {
-  if (is_ready(unit) && !held_.blocks(unit)) return apply(unit);
+  if (is_ready(unit) && !held_.blocks(unit)) {
+    apply(unit);
+    return let_go(std::move(unit));
+  }
   for (const Message& message : unit.messages) {
     if (message.header.type == wire::type_set) note_absent(message.as<wire::Set>(), FS_OBJECT_PENDING);
     if (message.header.type == wire::type_remove) absent_.erase(text_of(message.as<wire::Remove>().name));
@@ -232,6 +248,7 @@ void Session::retry_parked() {
   for (Unit& unit : units) {
     if (is_ready(unit) && !held_.blocks(unit)) {
       apply(unit);
+      let_go(std::move(unit));
     } else {
       held_.add(unit);
       parked_.push_back(std::move(unit));
@@ -360,7 +377,7 @@ void Session::apply_group(const Unit& unit) {
     for (const auto& [name, is_removed] : other.names) tell_edit(*other.scene, other.owner.get(), name, is_removed);
   }
   foreign.clear();
-  for (; !before.empty(); before.erase(before.begin())) let_others();  // that alone takes a while
+  empty(before);
 }
 
 void Session::apply(const Message& message, uint64_t serial) {
@@ -394,15 +411,14 @@ void Session::apply(const Message& message, uint64_t serial) {
     }
     case type_clear: {
       const Applying applying(*this);
-      for (const auto& [name, slot] : objects_) {
-        scene_->remove(name.c_str());
-        if (slot != no_slot) slots_[slot] = {};
+      for (auto next = objects_.begin(); next != objects_.end(); next = objects_.erase(next)) {
+        scene_->remove(next->first.c_str());
+        if (next->second != no_slot) slots_[next->second] = {};
         let_others();
       }
-      objects_.clear();
-      absent_.clear();
-      edited_.clear();
-      awaited_.clear();
+      empty(absent_);
+      empty(edited_);
+      empty(awaited_);
       break;
     }
     case type_frame: scene_->set_frame(message.as<Frame>().frame); break;

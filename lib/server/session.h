@@ -147,6 +147,9 @@ class Session : public std::enable_shared_from_this<Session> {
   void apply_group(const Unit& unit);
   struct Applying;
   void let_others();
+  template <class Map>
+  void empty(Map& map);
+  void let_go(Unit&& unit);
   void apply(const Message& message, uint64_t serial);
   void apply_set(const wire::Set& set, uint64_t serial, bool is_change);
   void apply_foreign(const Message& message, std::map<const LocalScene*, Foreign>& foreign) const;
