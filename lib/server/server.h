@@ -13,11 +13,11 @@
 #include <thread>
 #include <vector>
 
-#include <sys/epoll.h>
-
 #include "ipc/socket.h"
 #include "server/worker.h"
 #include "servo/servo.h"
+
+struct epoll_event;
 
 namespace fs {
 
