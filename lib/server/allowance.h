@@ -26,4 +26,17 @@ class Allowance {
   size_t debt_ = 0;
 };
 
+// How much of that thread one has used lately, in any unit. Who has used least is served first: who asks for little waits
+// for one piece of another's work, however much that one has to do. Nobody is left out, as being served makes it more.
+class Usage {
+ public:
+  explicit Usage(double begin) : lately_(begin) {}
+  void spend(double work) noexcept { lately_ += work; }
+  void fade() noexcept { lately_ /= 2; }  // once a turn
+  double lately() const noexcept { return lately_; }
+
+ private:
+  double lately_;
+};
+
 }  // namespace fs

@@ -11,7 +11,8 @@ namespace {
 // Then its socket is not read, until some have been applied and done.
 constexpr size_t most_parked = 4096;  // messages
 constexpr size_t few_parked = 32;     // groups and changes, that cost little to look through
-constexpr size_t few_steps = 64;      // of what takes about a microsecond each
+constexpr size_t few_steps = 4;       // of what takes about a microsecond each
+constexpr size_t most_kept = 256;     // changes that are let go of at once
 constexpr unsigned most_jobs = 16;    // each may hold a descriptor
 
 constexpr uint64_t expression_size = 40'000;  // bytes, about what two parsers of a long one take
@@ -41,6 +42,34 @@ void put_into(Map& map, const std::string& name, const std::optional<typename Ma
 
 }  // namespace
 
+// While many objects change, which all are felt in the same tick: others have their turns meanwhile and are answered, this
+// session is not.
+struct Session::Applying {
+  explicit Applying(Session& the_session) : session(the_session), was(std::exchange(session.is_applying_, true)) {}
+  ~Applying() {
+    session.is_applying_ = was;
+    session.is_amid_drafts_ = was_amid_drafts;
+  }
+  Session& session;
+  const bool was, was_amid_drafts = session.is_amid_drafts_;
+};
+
+void Session::let_others() {
+  if (++steps_ % few_steps == 0) server_.let_others(this, is_amid_drafts_);
+}
+
+template <class Map>
+void Session::empty(Map& map) {
+  for (; !map.empty(); map.erase(map.begin())) let_others();
+}
+
+// Letting go of many changes takes a while, so the worker does.
+void Session::let_go(Unit&& unit) {
+  if (unit.messages.size() <= most_kept) return;
+  const auto dead = std::make_shared<Unit>(std::move(unit));
+  server_.worker(0).add(0, {[dead](Wanted&) { *dead = {}; }, [] {}});
+}
+
 // ------------------------------------------------------------------------------------------------- shapes and curves
 
 void Session::take_upload(Message&& message, Descriptor&& came) {
@@ -48,10 +77,15 @@ void Session::take_upload(Message&& message, Descriptor&& came) {
   const uint64_t id = is_shape ? message.as<wire::Shape>().id : message.as<wire::Curve>().id;
   const size_t most = wire::most_data(server_.settings().max_objects);
   const auto forgets = [id](const Unit& unit) { return unit.is_forget && unit.ids.contains(id); };
-  if (const auto found = std::find_if(parked_.begin(), parked_.end(), forgets); found != parked_.end()) {
+  const auto found = held_.ids.contains(id) ? std::find_if(parked_.begin(), parked_.end(), forgets) : parked_.end();
+  if (found != parked_.end()) {
+    const Applying applying(*this);
     parked_.erase(found);  // it is wanted again before that could be done, so it stays
     held_ = {};
-    for (const Unit& unit : parked_) held_.add(unit);
+    for (const Unit& unit : parked_) {
+      held_.add(unit);
+      let_others();
+    }
     const auto known = uploads_.find(id);
     if (known == uploads_.end() || !known->second.is_ready || known->second.status == FS_OK) return;
     uploads_.erase(known);  // it was refused: once more
@@ -178,7 +212,10 @@ bool Session::is_ready(const Unit& unit) const {
 // A change that needs a shape which is being built waits for it, and later changes of the same objects wait behind it; all
 // else goes on.
 void Session::submit(Unit&& unit) {
-  if (is_ready(unit) && !held_.blocks(unit)) return apply(unit);
+  if (is_ready(unit) && !held_.blocks(unit)) {
+    apply(unit);
+    return let_go(std::move(unit));
+  }
   for (const Message& message : unit.messages) {
     if (message.header.type == wire::type_set) note_absent(message.as<wire::Set>(), FS_OBJECT_PENDING);
     if (message.header.type == wire::type_remove) absent_.erase(text_of(message.as<wire::Remove>().name));
@@ -203,6 +240,7 @@ void Session::catch_up() noexcept {
 }
 
 void Session::retry_parked() {
+  const Applying applying(*this);
   is_retry_due_ = false;
   turns_until_retry_ = parked_.size() / few_parked;
   std::deque<Unit> units = std::exchange(parked_, {});
@@ -210,10 +248,12 @@ void Session::retry_parked() {
   for (Unit& unit : units) {
     if (is_ready(unit) && !held_.blocks(unit)) {
       apply(unit);
+      let_go(std::move(unit));
     } else {
       held_.add(unit);
       parked_.push_back(std::move(unit));
     }
+    let_others();
   }
   // What had to wait can be told now.
   if (!edited_.empty() || is_view_edited_) outbox_->edits.fetch_add(1, std::memory_order_release);
@@ -281,22 +321,12 @@ void Session::apply(const Unit& unit) {
   }
 }
 
-// While many objects change, which all are felt in the same tick: others have their turns meanwhile, this session has not.
-struct Session::Applying {
-  explicit Applying(Session& the_session) : session(the_session), was(std::exchange(session.is_applying_, true)) {}
-  ~Applying() { session.is_applying_ = was; }
-  Session& session;
-  const bool was;
-};
-
-void Session::let_others() {
-  if (++steps_ % few_steps == 0) server_.turn_if_due();
-}
-
 // All or nothing.
 void Session::apply_group(const Unit& unit) {
   std::map<std::string, Kept> before;
   const Applying applying(*this);
+  const auto is_of_others = [](const Message& message) { return message.header.type >= wire::type_sync; };
+  is_amid_drafts_ = std::any_of(unit.messages.begin(), unit.messages.end(), is_of_others);
   const auto keep_all = [&](const auto& map) {
     for (const auto& [name, value] : map) {
       before.emplace(name, keep(name));
@@ -326,7 +356,7 @@ void Session::apply_group(const Unit& unit) {
       }
       let_others();
     }
-    while (!scene_->commit(few_steps)) server_.turn_if_due();
+    while (!scene_->commit(few_steps)) server_.let_others(this, is_amid_drafts_);
     for (auto& [scene, other] : foreign) other.scene->take(other.draft);
   } catch (const Error& error) {
     scene_->cancel();
@@ -346,6 +376,8 @@ void Session::apply_group(const Unit& unit) {
   for (auto& [scene, other] : foreign) {
     for (const auto& [name, is_removed] : other.names) tell_edit(*other.scene, other.owner.get(), name, is_removed);
   }
+  foreign.clear();
+  empty(before);
 }
 
 void Session::apply(const Message& message, uint64_t serial) {
@@ -379,15 +411,14 @@ void Session::apply(const Message& message, uint64_t serial) {
     }
     case type_clear: {
       const Applying applying(*this);
-      for (const auto& [name, slot] : objects_) {
-        scene_->remove(name.c_str());
-        if (slot != no_slot) slots_[slot] = {};
+      for (auto next = objects_.begin(); next != objects_.end(); next = objects_.erase(next)) {
+        scene_->remove(next->first.c_str());
+        if (next->second != no_slot) slots_[next->second] = {};
         let_others();
       }
-      objects_.clear();
-      absent_.clear();
-      edited_.clear();
-      awaited_.clear();
+      empty(absent_);
+      empty(edited_);
+      empty(awaited_);
       break;
     }
     case type_frame: scene_->set_frame(message.as<Frame>().frame); break;

@@ -30,6 +30,7 @@ constexpr double shortest_lead = 1.5e-4;  // s before a tick: for a thread to wa
 constexpr int most_accepted = 16;         // in a housekeeping period: letting one in takes as long as many requests
 constexpr ptrdiff_t most_strangers = 64;  // that have not said who they are
 constexpr ptrdiff_t most_refused = 16;
+constexpr int most_messages = 64;  // of one client, before all are looked at again
 
 template <class T>
 T parse_bound(T given, T standard, T most, const char* field) {
@@ -180,13 +181,23 @@ void fs_server::run() noexcept {
       const std::lock_guard lock(mutex_);
       if (is_stopping_ || is_servo_stopping_) break;
     }
-    for (int i = 0; i < count; ++i) {
+    // Of the clients only the one that has used least of this thread lately: then all are looked at again.
+    ++rounds_;
+    Session* next = nullptr;
+    for (const epoll_event& event : std::span(events).first(static_cast<size_t>(std::max(count, 0)))) {
       try {
-        handle(events[static_cast<size_t>(i)].data.u64, events[static_cast<size_t>(i)].events);
+        if (Session* const session = find_socket(event)) {
+          if (!(event.events & EPOLLIN)) session->drop(settings_.lease);
+          else if (!next || session->usage().lately() < next->usage().lately()) next = session;
+        } else {
+          handle(event.data.u64);
+        }
         turn_if_due();
       } catch (...) {  // no memory: what was asked for is not done
       }
     }
+    if (next) serve(*next, most_messages);
+    turn_if_due();
     bury_sessions();
   }
   for (const std::shared_ptr<Session>& session : sessions_) session->drop(0);
@@ -198,7 +209,41 @@ void fs_server::run() noexcept {
   changed_.notify_all();
 }
 
-void fs_server::handle(uint64_t source, uint32_t events) {
+Session* fs_server::find_socket(const epoll_event& event) const {
+  const uint64_t source = event.data.u64;
+  return source >= first_session && (source - first_session) % 2 == 0 ? find((source - first_session) / 2).get() : nullptr;
+}
+
+void fs_server::serve(Session& session, int most) noexcept {
+  const double start = last_look_ = steady_now();
+  used_by_others_ = 0;
+  session.receive(most);
+  last_look_ = steady_now();
+  session.usage().spend(last_look_ - start - used_by_others_);
+}
+
+void fs_server::let_others(const Session* busy, bool is_alone) noexcept {
+  turn_if_due();
+  if (is_alone || is_among_others_ || steady_now() - last_look_ < slice) return;
+  is_among_others_ = true;
+  std::array<epoll_event, 64> events;
+  const int count = epoll_wait(epoll_.get(), events.data(), static_cast<int>(events.size()), 0);
+  Session* next = nullptr;
+  for (const epoll_event& event : std::span(events).first(static_cast<size_t>(std::max(count, 0)))) {
+    Session* const session = find_socket(event);
+    if (!session || !(event.events & EPOLLIN) || session == busy || (next && session->usage().lately() >= next->usage().lately())) continue;
+    if (session->is_next_apart(busy, rounds_)) next = session;
+  }
+  last_look_ = steady_now();
+  if (next) {
+    const double used = used_by_others_, start = last_look_;
+    serve(*next, 1);
+    used_by_others_ = used + last_look_ - start;
+  }
+  is_among_others_ = false;
+}
+
+void fs_server::handle(uint64_t source) {
   uint64_t count;
   if (source == source_wake) {
     [[maybe_unused]] const ssize_t got = read(wake_.get(), &count, sizeof count);
@@ -206,41 +251,38 @@ void fs_server::handle(uint64_t source, uint32_t events) {
     for (Worker* const worker : {&worker_, &builder_}) {
       for (const Worker::Job& job : worker->take_done()) {
         job.done();
-        turn_if_due();
+        let_others(nullptr, false);
       }
     }
   } else if (source == source_timer) {
     if (read(timer_.get(), &count, sizeof count) == sizeof count) turn(steady_now());
     for (const std::shared_ptr<Session>& session : sessions_) {
       session->catch_up();
-      turn_if_due();
+      let_others(nullptr, false);
     }
   } else if (source == source_listener) {
     accept_clients(listener_.socket());
   } else if (source == source_shared_listener) {
     accept_clients(shared_listener_.socket());
-  } else {
-    const std::shared_ptr<Session> session = find((source - first_session) / 2);
-    if (!session) return;
-    if ((source - first_session) % 2) return session->drop(settings_.lease);  // its process has ended
-    if (events & EPOLLIN) {
-      session->receive();
-    } else if (events & (EPOLLHUP | EPOLLERR)) {
-      session->drop(settings_.lease);
-    }
+  } else if (const std::shared_ptr<Session> session = find((source - first_session) / 2)) {
+    session->drop(settings_.lease);  // its process has ended
   }
-  if (is_asleep_ && steady_now() - last_activity_ < awake_for) {
-    is_asleep_ = false;
-    for (const std::shared_ptr<Session>& session : sessions_) session->set_asleep(false);
-    set_timer();
-    turn(steady_now());
-  }
+}
+
+void fs_server::wake_up() noexcept {
+  is_asleep_ = false;
+  for (const std::shared_ptr<Session>& session : sessions_) session->set_asleep(false);
+  set_timer();
 }
 
 // However much there is to be done, the moves are taken at the servo's rate.
 void fs_server::turn_if_due() noexcept {
   const double now = steady_now();
-  if (is_asleep_ || now - last_turn_ < period_) return;
+  if (is_asleep_ && now - last_activity_ < awake_for) {
+    wake_up();
+  } else if (is_asleep_ || now - last_turn_ < period_) {
+    return;
+  }
   try {
     turn(now);
   } catch (...) {  // no memory: the next one makes good for it
@@ -265,6 +307,7 @@ void fs_server::turn(double now) {
   const size_t count = sessions_.size();
   last_turn_ = now;
   ++turns_;
+  for (const std::shared_ptr<Session>& session : sessions_) session->usage().fade();
   for (size_t i = 0; i < count; ++i) sessions_[(i + turns_) % count]->turn(now);
   bool is_busy = false;
   for (const std::shared_ptr<Session>& session : sessions_) {
@@ -395,7 +438,7 @@ void fs_server::accept_clients(const Descriptor& listener) {
       if (std::count_if(sessions_.begin(), sessions_.end(), is_rival) >= (is_refused ? most_refused : most_strangers)) {
         // Who says nothing makes room for who comes: the one that has stood here longest.
         const std::shared_ptr<Session> longest = *std::find_if(sessions_.begin(), sessions_.end(), is_rival);
-        longest->receive();  // it may have said something by now
+        longest->receive(1);  // it may have said something by now
         if (longest->name().empty()) longest->drop(0);
       }
       const auto session = std::make_shared<Session>(*this, ++last_id_, std::move(socket), peer,

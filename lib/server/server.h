@@ -17,6 +17,8 @@
 #include "server/worker.h"
 #include "servo/servo.h"
 
+struct epoll_event;
+
 namespace fs {
 
 class Session;
@@ -34,6 +36,8 @@ ServerSettings parse_options(const fs_server_options& options, const ServoSettin
 }  // namespace fs
 
 struct fs_server : fs::Counted<fs_server> {
+  static constexpr double slice = 1e-5;  // s of one client's work; then others are looked at
+
   // EXISTS, IO, FULL, STATE.
   fs_server(fs::Ref<fs::Servo> servo, const fs::Endpoint& endpoint, const fs::ServerSettings& settings);
   ~fs_server() { stop(); }
@@ -57,7 +61,9 @@ struct fs_server : fs::Counted<fs_server> {
   void note_leaving(fs::Ref<fs::Channel> channel) noexcept;
   size_t count_leaving();
   void end_leases() noexcept;  // they begin to fade now
-  void turn_if_due() noexcept;  // of all sessions, amid something that takes long
+  // Amid something that takes long: the turns that are due, and a message of another client than `busy`, if there is one
+  // that does not touch what is half done. `is_alone`: turns only.
+  void let_others(const fs::Session* busy, bool is_alone) noexcept;
   void note_activity() noexcept { last_activity_ = fs::steady_now(); }
   // Where a message is read into, one at a time. On the heap: thread-local it would keep the library from being loaded at
   // run time.
@@ -71,7 +77,11 @@ struct fs_server : fs::Counted<fs_server> {
   void run() noexcept;
   void watch(const fs::Descriptor& descriptor, uint64_t source, uint32_t events);  // IO
   void set_timer() noexcept;
-  void handle(uint64_t source, uint32_t events);
+  void handle(uint64_t source);
+  fs::Session* find_socket(const epoll_event& event) const;  // null: it is no client's
+  void serve(fs::Session& session, int most_messages) noexcept;
+  void wake_up() noexcept;
+  void turn_if_due() noexcept;
   void accept_clients(const fs::Descriptor& listener);
   void open_door(bool is_open) noexcept;
   void turn(double now);
@@ -90,7 +100,9 @@ struct fs_server : fs::Counted<fs_server> {
   std::vector<std::shared_ptr<fs::Session>> sessions_;  // and those that have not said who they are
   std::list<fs::Ref<fs::Channel>> leaving_;
   std::vector<std::byte> message_ = std::vector<std::byte>(fs::most_message);
-  uint64_t last_id_ = 0, turns_ = 0;
+  uint64_t last_id_ = 0, turns_ = 0, rounds_ = 0;
+  bool is_among_others_ = false;  // of something long
+  double last_look_ = 0, used_by_others_ = 0;
   bool is_asleep_ = false, is_door_open_ = true;
   int accepted_ = 0;  // since the last housekeeping
   double last_activity_ = 0, last_turn_ = 0, last_housekeeping_ = 0;

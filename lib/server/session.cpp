@@ -14,9 +14,7 @@
 namespace fs {
 namespace {
 
-constexpr int messages_at_once = 64;
 constexpr int most_awaited = 128;  // objects that are looked at in a turn, whether a tick has used them
-constexpr double slice = 3e-5;  // s; then it is another one's turn: who asks for little does not wait long
 
 // Of the record that comes with a type; -1: no such type.
 ssize_t body_size(uint32_t type) {
@@ -96,12 +94,43 @@ bool Session::is_busy() const noexcept {
 
 // ------------------------------------------------------------------------------------------------------- what comes in
 
-void Session::receive() noexcept {
+bool Session::is_next_apart(const Session* busy, uint64_t round) noexcept {
+  if (is_gone_ || name_.empty() || is_applying_ || round_to_wait_ == round) return false;
+  struct {
+    wire::Header header;
+    wire::Target target;
+  } next{};
+  const ssize_t size = recv(socket_.get(), &next, sizeof next, MSG_PEEK | MSG_DONTWAIT);
+  using namespace wire;
+  bool is_apart = size >= static_cast<ssize_t>(sizeof next.header);
+  switch (next.header.type) {
+    case type_group:  // these may be long themselves
+    case type_clear:
+    case type_reports:  // and these are about all
+    case type_motions:
+    case type_clients: is_apart = false; break;
+    case type_get:
+    case type_report:
+    case type_view:
+    case type_edit:
+    case type_move_other:
+    case type_remove_other: {
+      const std::string target = text_of(next.target.name);
+      if (busy && target.substr(0, target.find('/')) == busy->name_) is_apart = false;
+      break;
+    }
+    default: break;
+  }
+  if (!is_apart) round_to_wait_ = round;
+  return is_apart;
+}
+
+void Session::receive(int most) noexcept {
   try {
     const std::span<std::byte> buffer = server_.message_buffer();
     const double start = steady_now();
-    for (int i = 0; i < messages_at_once && !is_gone_ && is_reading_; ++i) {
-      if (i > 0 && steady_now() - start > slice) return;
+    for (int i = 0; i < most && !is_gone_ && is_reading_; ++i) {
+      if (i > 0 && steady_now() - start > fs_server::slice) return;
       Descriptor data;
       size_t size;
       bool is_cut;
@@ -259,7 +288,7 @@ void Session::take_group(const Message& message, Descriptor&& data) {
     change.body = next.body.first(static_cast<size_t>(size));
     next.body = next.body.subspan(static_cast<size_t>(size));
     if (!add(unit, change) || unit.is_forget) return drop(lease);
-    if (unit.messages.size() % 64 == 0) server_.turn_if_due();
+    let_others();
     if (is_gone_) return;
   }
   submit(std::move(unit));

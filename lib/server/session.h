@@ -35,8 +35,12 @@ class Session : public std::enable_shared_from_this<Session> {
   bool is_gone() const noexcept { return is_gone_; }
   bool is_refused() const noexcept { return refusal_ != FS_OK; }
 
-  // A few of the messages that are there.
-  void receive() noexcept;
+  // A few of the messages that are there, of which most take about a microsecond.
+  void receive(int most) noexcept;
+  // Whether the next message can be handled amid a long one of `busy`'s (null: amid nothing that is half done): it is short,
+  // and not about busy's objects. `round`: in which it is not looked at again when it cannot.
+  bool is_next_apart(const Session* busy, uint64_t round) noexcept;
+  Usage& usage() noexcept { return usage_; }
   // What comes each period: takes the moves, and posts the changes to the servo.
   void turn(double now) noexcept;
   // What waits for shapes and has become ready, where it is so much that each shape cannot be followed by a look at all.
@@ -143,6 +147,9 @@ class Session : public std::enable_shared_from_this<Session> {
   void apply_group(const Unit& unit);
   struct Applying;
   void let_others();
+  template <class Map>
+  void empty(Map& map);
+  void let_go(Unit&& unit);
   void apply(const Message& message, uint64_t serial);
   void apply_set(const wire::Set& set, uint64_t serial, bool is_change);
   void apply_foreign(const Message& message, std::map<const LocalScene*, Foreign>& foreign) const;
@@ -190,6 +197,9 @@ class Session : public std::enable_shared_from_this<Session> {
   std::string name_;
   bool is_gone_ = false, is_reading_ = true;
   bool is_applying_ = false;  // a group, amid which others have their turns
+  bool is_amid_drafts_ = false;  // of other scenes: nobody changes them meanwhile
+  Usage usage_{1e-3};  // s. Who comes anew does not come first
+  uint64_t round_to_wait_ = 0;
 
   Ref<LocalScene> scene_;
   Ref<Channel> channel_;

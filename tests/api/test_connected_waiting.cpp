@@ -1,7 +1,9 @@
 // Changes of clients that are on their way, wait for a mesh or are refused; what others do meanwhile; and clients that
 // cost too much.
+#include <atomic>
 #include <cmath>
 #include <memory>
+#include <thread>
 
 #include "api/world.h"
 
@@ -275,11 +277,45 @@ START_TEST(a_client_that_costs_too_much) {  // is let go of, and the others do n
 }
 END_TEST
 
+// While a long group is applied others are answered, but not about its objects.
+START_TEST(half_of_a_group_is_seen_by_nobody) {
+  ServerRig rig;
+  const Scene me = rig.join("me"), bob = rig.join("bob");
+  constexpr int count = 1000, rounds = 20;
+  const auto set_all = [&](double gain) {
+    OK(fs_scene_begin(me.get()));
+    for (int i = 0; i < count; ++i) {
+      fs_object o = spring(("o" + std::to_string(i)).c_str());
+      o.front.gain = gain;
+      set(me, o);
+    }
+    OK(fs_scene_commit(me.get()));
+    OK(rig.sync(me.get()));
+  };
+  set_all(1);
+  std::atomic<bool> is_done{false};
+  std::thread changes([&] {
+    for (int k = 2; k <= rounds; ++k) set_all(k);
+    is_done = true;
+  });
+  // They are changed in the order of their numbers: where only the last are as they were, it is half of a group.
+  while (!is_done) {
+    const double first = Got(bob.get(), "me/o0")->front.gain, last = Got(bob.get(), "me/o999")->front.gain;
+    ck_assert_double_le(first, last);
+    ck_assert_double_le(last, Got(bob.get(), "me/o0")->front.gain);
+    set(bob, spring("own"));
+  }
+  changes.join();
+  OK(rig.sync(bob.get()));
+  ck_assert_double_eq(Got(bob.get(), "me/o999")->front.gain, rounds);
+}
+END_TEST
+
 int main() {
   Suite* suite = suite_create("connected_waiting");
   add_once(suite, "refused", {moves_after_a_refusal, abandoned_syncs});
   add_once(suite, "waits", {groups_of_moves_wait_together, ready_when_it_was_not, removed_while_it_is_built,
-                            small_beside_large, the_later_move_counts});
+                            small_beside_large, the_later_move_counts, half_of_a_group_is_seen_by_nobody});
   add_once(suite, "cost", {who_comes_later, looking_in_again_and_again, a_stream_of_changes,
                            a_client_that_costs_too_much});
   return run_suite(suite);

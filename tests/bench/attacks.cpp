@@ -1,7 +1,11 @@
 #include "attacks.h"
 
+#include <sys/prctl.h>
+#include <unistd.h>
+
 #include <bit>
 #include <cmath>
+#include <csignal>
 #include <cstring>
 #include <string>
 #include <vector>
@@ -354,10 +358,20 @@ void a_process_that_computes(Page& page) {  // no attack: what it costs to share
   }
 }
 
+void two_that_compute(Page& page) {  // as much of the processors as a server that is asked all the time, and who asks it
+  if (fork() == 0) {
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+    for (;;) {
+    }
+  }
+  a_process_that_computes(page);
+}
+
 }  // namespace
 
 const Attack attacks[] = {
     {"a process that only computes", a_process_that_computes},
+    {"two processes that only compute", two_that_compute},
     {"another gain of a table of 62,501, 20 times a second", tables_at_times},
     {"the same, as often as it can", tables_at_once},
     {"groups of 120 such tables", groups_of_tables},

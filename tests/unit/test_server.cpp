@@ -2,6 +2,7 @@
 #include <atomic>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "scene/local_scene.h"
 #include "server/allowance.h"
@@ -36,6 +37,36 @@ START_TEST(an_allowance_is_kept_on_average) {
   ck_assert(!idle.begin_turn());
   ck_assert(!idle.begin_turn());
   ck_assert(idle.begin_turn());
+}
+END_TEST
+
+// Eight that have very much to do, and one that asks for a piece of 1 every 1000: it waits for one piece of another's.
+START_TEST(who_asks_little_goes_first) {
+  constexpr size_t quiet = 8;
+  constexpr double piece = 10, turn = 1000;
+  std::vector<Usage> all(quiet + 1, Usage(0));
+  std::vector<double> done(quiet + 1, 0);
+  double clock = 0, next_turn = turn, next_question = 0.5 * turn;
+  while (clock < 200 * turn) {
+    bool is_asking = clock >= next_question;
+    size_t next = 0;
+    for (size_t i = 0; i < all.size(); ++i) {
+      if ((i != quiet || is_asking) && all[i].lately() < all[next].lately()) next = i;
+    }
+    const double work = next == quiet ? 1 : piece;
+    if (next == quiet) {
+      ck_assert_double_le(clock - next_question, piece);
+      next_question += turn;
+    }
+    clock += work;
+    done[next] += work;
+    all[next].spend(work);
+    for (; clock >= next_turn; next_turn += turn) {
+      for (Usage& usage : all) usage.fade();
+    }
+  }
+  ck_assert_double_ge(done[quiet], 199);
+  for (size_t i = 0; i < quiet; ++i) ck_assert_double_ge(done[i], 0.99 * clock / quiet - 2 * piece);  // nor is one left out
 }
 END_TEST
 
@@ -113,5 +144,5 @@ END_TEST
 }  // namespace
 
 int main() {
-  return run("server", {an_allowance_is_kept_on_average, who_leaves_holds_up_nobody, a_group_is_committed_by_steps});
+  return run("server", {an_allowance_is_kept_on_average, who_asks_little_goes_first, who_leaves_holds_up_nobody, a_group_is_committed_by_steps});
 }
