@@ -144,7 +144,7 @@ void RemoteScene::change_other(Call& call, const fs_object& object, uint32_t par
       request(call, wire::type_edit, bytes_of(&edit, 1));
       return;
     } catch (const Error& error) {
-      if (!refers || error.status != FS_ERROR_STATE || error.text != "unknown shape") throw;
+      if (!refers || error.status != FS_ERROR_STATE || error.text != wire::not_offered) throw;
     }
   }
 }

@@ -109,6 +109,8 @@ struct Reply {
 // Shapes and curves: named by a number that never comes twice in a process. In what a client sends it is the client's,
 // sent before in a Shape or Curve, or the server's with `of_server`; in what a server sends, likewise.
 inline constexpr uint64_t of_server = uint64_t{1} << 63;
+// With STATE: it has to be fetched, or sent, anew.
+inline constexpr const char* not_offered = "the server offers this shape or curve no longer";
 
 struct Profile {
   int32_t kind, sense;

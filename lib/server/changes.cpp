@@ -148,7 +148,7 @@ void Session::finish_upload(uint64_t id, Upload&& upload) noexcept {
       upload.text = "the server has not enough memory for the shape";
     }
     const auto found = uploads_.find(id);
-    if (found != uploads_.end()) {  // else it was forgotten meanwhile
+    if (found != uploads_.end() && !found->second.is_ready) {  // else it was forgotten meanwhile
       if (upload.status != FS_OK) {
         refused_uploads_.insert(id);
         outbox_->edits.fetch_add(1, std::memory_order_release);
@@ -162,8 +162,7 @@ void Session::finish_upload(uint64_t id, Upload&& upload) noexcept {
       is_retry_due_ = true;
       if (parked_.size() <= few_parked) retry_parked();
     }
-    const std::vector<Message> waiting = std::exchange(waiting_edits_, {});
-    for (const Message& message : waiting) edit(message);
+    retry_requests();
   } catch (...) {
     drop(server_.settings().lease);
   }
@@ -227,7 +226,7 @@ void Session::submit(Unit&& unit) {
 }
 
 void Session::tell_settled() noexcept {
-  if (outbox_ && parked_.empty()) outbox_->settled.store(last_serial_, std::memory_order_release);
+  if (outbox_ && parked_.empty() && waiting_requests_.empty()) outbox_->settled.store(last_serial_, std::memory_order_release);
 }
 
 void Session::catch_up() noexcept {
@@ -255,6 +254,7 @@ void Session::retry_parked() {
     }
     let_others();
   }
+  retry_requests();
   // What had to wait can be told now.
   if (!edited_.empty() || is_view_edited_) outbox_->edits.fetch_add(1, std::memory_order_release);
   tell_settled();
@@ -529,13 +529,19 @@ void Session::note_absent(const wire::Set& set, fs_object_state state) {
   }
 }
 
+// The client has to be told of the name. It has not more names than it may have objects, twice that with those refused.
+void Session::note_untold(const std::string& name) {
+  if (edited_.size() < 4 * slots_.size()) edited_[name] = name_;
+}
+
 // What is there goes on as it was. The client believes otherwise until it has been told, so each name that it spoke of is
 // told; and moves it writes meanwhile are taken.
 void Session::refuse(const Unit& unit, const Message& failed, const Error& error) {
   const double now = scene_->now();
-  const size_t most_told = 4 * slots_.size();  // a client has not so many names
+  const Applying applying(*this);
   for (const std::string& name : unit.names) {
-    if (name.find('/') == std::string::npos && edited_.size() < most_told) edited_[name] = name_;
+    if (name.find('/') == std::string::npos) note_untold(name);
+    let_others();
   }
   if (unit.is_about_all) {
     for (const auto& [name, slot] : objects_) edited_[name] = name_;
@@ -575,6 +581,7 @@ void Session::refuse(const Unit& unit, const Message& failed, const Error& error
     }
     put_text(event.name, name);
     push_event(event);
+    let_others();
   }
   outbox_->edits.fetch_add(1, std::memory_order_release);
   if (!first_refused_) first_refused_ = {error.status, error.text};
@@ -591,9 +598,9 @@ fs_object Session::resolve(const wire::Object& record, uint32_t parts, const fs_
       for (const fs_profile* p : {target ? &target->front : nullptr, target ? &target->back : nullptr}) {
         if (p && p->curve && p->curve->serial == serial) return {nullptr, p->curve};
       }
-      const auto offered = offered_.find(serial);
-      if (offered == offered_.end()) fail(FS_ERROR_STATE, "unknown shape");
-      return {offered->second.first.get(), offered->second.second.get()};
+      const Offer* const offer = find_offer(serial);
+      if (!offer) fail(FS_ERROR_STATE, "%s", wire::not_offered);
+      return {offer->shape.get(), offer->curve.get()};
     }
     const auto upload = uploads_.find(id);
     if (upload == uploads_.end()) fail(FS_ERROR_INVALID, "its shape or curve was not sent");

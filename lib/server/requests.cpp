@@ -47,10 +47,12 @@ void Session::send_reply(uint64_t serial, fs_status status, const std::string& t
   put_text(reply.text, text);
   const std::span<const std::byte> parts[] = {bytes_of(&header, 1), bytes_of(&reply, 1), body};
   const std::span<const int> descriptors(&descriptor, descriptor >= 0 ? 1 : 0);
-  // It does not read: it cannot be told anything any more. Data are memory and a descriptor on their way, so not much of it.
-  constexpr size_t most_unread = 8192;
-  const bool is_deaf = descriptor >= 0 && unread(socket_) > most_unread;
-  const Transfer transfer = is_deaf ? Transfer::closed : send_message(socket_, parts, descriptors);
+  // Data are memory and a descriptor on their way: not much of it for a client that does not read.
+  constexpr size_t most_unread = 16384;
+  if (descriptor >= 0 && unread(socket_) > most_unread) {
+    return send_reply(serial, FS_ERROR_FULL, "this client has not read the answers before", {}, -1);
+  }
+  const Transfer transfer = send_message(socket_, parts, descriptors);
   if (transfer == Transfer::again && descriptor >= 0) {  // perhaps others of this user have too many on their way
     return send_reply(serial, FS_ERROR_FULL, "the system takes no more descriptors on their way now", {}, -1);
   }
@@ -69,11 +71,11 @@ LocalScene& Session::target(const wire::Target& name, bool is_to_change, Session
   const std::string text = text_of(name.name);
   const size_t slash = text.find('/');
   const std::string client = slash == std::string::npos ? name_ : text.substr(0, slash);
-  object = slash == std::string::npos ? text : text.substr(slash + 1);
   owner = client == "server" ? nullptr : server_.find(client);
   if (client != "server" && !owner) {
     fail(FS_ERROR_NOT_FOUND, "name is '%.120s': no client '%.60s' is connected", text.c_str(), client.c_str());
   }
+  object = slash == std::string::npos ? text : text.substr(slash + 1);
   if (is_to_change && owner == this) {  // then two would keep account of them
     fail(FS_ERROR_INVALID, "name is '%.120s', must be another client's: its own objects a client changes itself",
          text.c_str());
@@ -99,7 +101,16 @@ void Session::request(const Message& message) {
       }
       case type_pull: return pull(message);
       case type_fetch: return fetch(message);
-      case type_edit: return edit(message);
+      case type_edit:
+      case type_move_other:
+      case type_remove_other:
+        if (must_wait(message)) {
+          constexpr size_t most = 64;
+          if (waiting_requests_.size() >= most) fail(FS_ERROR_FULL, "%zu changes of this client wait already", most);
+          waiting_requests_.push_back(message);
+          return;
+        }
+        return edit(message, owner, name);
       case type_get: {
         LocalScene& scene = target(message.as<Target>(), false, owner, name);
         if (owner) owner->take_moves();
@@ -107,21 +118,6 @@ void Session::request(const Message& message) {
         const Ref<const ::fs::Object> kept = scene.get(name.c_str(), object);
         const wire::Object record = offer(object);
         return reply(serial, bytes_of(&record, 1));
-      }
-      case type_move_other: {
-        const MoveOther& move = message.as<MoveOther>();
-        LocalScene& scene = target(move.target, true, owner, name);
-        if (owner) owner->take_moves();  // what it has moved before
-        scene.move(name.c_str(), move.pose, move.has_twist ? &move.twist : nullptr, move.time);
-        tell_edit(scene, owner, name, false);
-        return reply(serial);
-      }
-      case type_remove_other: {
-        LocalScene& scene = target(message.as<Target>(), true, owner, name);
-        if (owner) owner->take_moves();
-        scene.remove(name.c_str());
-        tell_edit(scene, owner, name, true);
-        return reply(serial);
       }
       case type_report: {
         LocalScene& scene = target(message.as<Target>(), false, owner, name);
@@ -154,7 +150,8 @@ void Session::request(const Message& message) {
       default: return;
     }
   } catch (const Error& error) {
-    refused_ += message.header.type == type_move_other || message.header.type == type_remove_other;
+    const uint32_t type = message.header.type;
+    refused_ += type == type_edit || type == type_move_other || type == type_remove_other;
     if (error.status == FS_ERROR_NOT_FOUND && !name.empty()) {
       const std::string client = owner ? owner->name_ : "server";
       return reply_failure(serial, error.status, "name is '" + client + "/" + name + "': there is no such object");
@@ -163,34 +160,52 @@ void Session::request(const Message& message) {
   }
 }
 
-// Parts of another client's object. It waits until shapes that came with it are built.
-void Session::edit(const Message& message) {
-  const wire::Edit& edit = message.as<wire::Edit>();
-  try {
-    for (const uint64_t id : {edit.object.shape, edit.object.front.curve, edit.object.back.curve}) {
-      const auto found = uploads_.find(id);
-      if (found == uploads_.end() || found->second.is_ready) continue;
-      constexpr size_t most = 64;
-      if (waiting_edits_.size() >= most) fail(FS_ERROR_FULL, "%zu changes of this client wait for shapes already", most);
-      waiting_edits_.push_back(message);
-      return;
-    }
-    Session* owner;
-    std::string name;
-    LocalScene& scene = target(edit.target, true, owner, name);
-    if (owner) owner->take_moves();
+// Whether a change of another client's object has to wait: for a shape that came with it, or behind a group that waits.
+bool Session::must_wait(const Message& message) const {
+  static_assert(offsetof(wire::Edit, target) == 0 && offsetof(wire::MoveOther, target) == 0);  // each begins with its target
+  if (held_.has(text_of(message.as<wire::Target>().name))) return true;
+  if (message.header.type != wire::type_edit) return false;
+  const wire::Object& object = message.as<wire::Edit>().object;
+  const std::initializer_list<uint64_t> ids = {object.shape, object.front.curve, object.back.curve};
+  return std::any_of(ids.begin(), ids.end(), [this](uint64_t id) {
+    const auto found = uploads_.find(id);
+    return found != uploads_.end() && !found->second.is_ready;
+  });
+}
+
+void Session::retry_requests() {
+  const std::vector<Message> waiting = std::exchange(waiting_requests_, {});
+  for (const Message& message : waiting) request(message);
+  tell_settled();
+}
+
+// A change of another client's object.
+void Session::edit(const Message& message, Session*& owner, std::string& name) {
+  LocalScene& scene = target(message.as<wire::Target>(), true, owner, name);
+  if (owner) owner->take_moves();  // what it has moved before
+  const bool is_removal = message.header.type == wire::type_remove_other;
+  if (is_removal) {
+    scene.remove(name.c_str());
+  } else if (message.header.type == wire::type_move_other) {
+    const wire::MoveOther& move = message.as<wire::MoveOther>();
+    scene.move(name.c_str(), move.pose, move.has_twist ? &move.twist : nullptr, move.time);
+  } else {
+    const wire::Edit& edit = message.as<wire::Edit>();
     const uint32_t parts = parse_parts(edit.parts);
     fs_object present;
     const Ref<const Object> kept = scene.get(name.c_str(), present);
     fs_object object = resolve(edit.object, parts, &present);
     put_text(object.name, name);
     scene.change(object, parts);
-    tell_edit(scene, owner, name, false);
-    reply(message.header.serial);
-  } catch (const Error& error) {
-    ++refused_;
-    reply_failure(message.header.serial, error.status, error.text);
   }
+  tell_edit(scene, owner, name, is_removal);
+  reply(message.header.serial);
+}
+
+// The newest offer of a number; null: it has been let go of.
+const Session::Offer* Session::find_offer(uint64_t number) const noexcept {
+  const auto found = std::find_if(offered_.begin(), offered_.end(), [number](const Offer& o) { return o.number == number; });
+  return found == offered_.end() ? nullptr : &*found;
 }
 
 void Session::tell_edit(LocalScene& scene, Session* owner, const std::string& name, bool is_removed) {
@@ -215,7 +230,7 @@ void Session::pull(const Message& message) {
   if (!asked.empty()) {
     if (held_.has(asked)) {
       out.state = wire::pulled_waiting;
-      edited_[asked] = name_;
+      note_untold(asked);
     } else {
       tell_object(asked, out);
       edited_.erase(asked);
@@ -263,14 +278,17 @@ void Session::tell_object(const std::string& name, wire::Pulled& out) {
 // The record of an object with the numbers of its shape and curves: the client's own, or the server's, which it can fetch
 // until it is told of the next object.
 wire::Object Session::offer(const fs_object& object) {
-  offered_.clear();
+  constexpr size_t most_offered = 8;
   wire::Object out = to_record(object);
   const auto id_of = [this](const fs_shape* shape, const fs_curve* curve) -> uint64_t {
     if (!shape && !curve) return 0;
     const auto own = upload_of_.find(shape ? static_cast<const void*>(shape) : curve);
     if (own != upload_of_.end()) return own->second;
     const uint64_t serial = shape ? shape->serial : curve->serial;
-    offered_[serial] = {Ref<const Shape>::share(shape), Ref<const Curve>::share(curve)};
+    if (!find_offer(serial)) {
+      if (offered_.size() == most_offered) offered_.pop_front();
+      offered_.push_back({serial, Ref<const Shape>::share(shape), Ref<const Curve>::share(curve)});
+    }
     return serial | wire::of_server;
   };
   out.shape = id_of(object.shape, nullptr);
@@ -281,8 +299,8 @@ wire::Object Session::offer(const fs_object& object) {
 
 // Copying a mesh takes a while: not on this thread.
 void Session::fetch(const Message& message) {
-  const auto found = offered_.find(message.as<wire::Fetch>().id & ~wire::of_server);
-  if (found == offered_.end()) fail(FS_ERROR_NOT_FOUND, "the shape or curve is not there any more");
+  const Offer* const found = find_offer(message.as<wire::Fetch>().id & ~wire::of_server);
+  if (!found) fail(FS_ERROR_NOT_FOUND, "the shape or curve is not there any more");
   struct Made {
     wire::Shape shape;
     wire::Curve curve;
@@ -291,7 +309,7 @@ void Session::fetch(const Message& message) {
     std::string text;
   };
   const auto made = std::make_shared<Made>();
-  auto work = [made, shape = found->second.first, curve = found->second.second](Wanted&) {
+  auto work = [made, shape = found->shape, curve = found->curve](Wanted&) {
     try {
       if (shape) {
         made->shape = to_record(*shape, made->data);
@@ -307,8 +325,8 @@ void Session::fetch(const Message& message) {
       made->status = FS_ERROR_MEMORY;
     }
   };
-  const bool is_shape = bool(found->second.first);
-  const auto& [shape, curve] = found->second;
+  const bool is_shape = bool(found->shape);
+  const auto& [number, shape, curve] = *found;
   const uint64_t bytes = shape            ? shape->points.size() * sizeof(Vec3) + shape->triangles.size() * sizeof(uint32_t)
                          : curve->table() ? curve->table()->size() * sizeof(double)
                                           : 0;
@@ -330,7 +348,7 @@ void Session::fetch(const Message& message) {
 
 // Answers once ticks have used every scene's changes: a client may have edited any of them.
 void Session::settle_syncs() {
-  if (syncs_.empty() || !parked_.empty() || !waiting_edits_.empty()) return;
+  if (syncs_.empty() || !parked_.empty() || !waiting_requests_.empty()) return;
   std::vector<Sync> syncs = std::exchange(syncs_, {});
   for (Sync& sync : syncs) {
     if (first_refused_) {
@@ -339,7 +357,9 @@ void Session::settle_syncs() {
       continue;
     }
     const LocalScene& own = *server_.servo().scene();
-    if (!sync.has_begun && !are_moves_taken_) {  // they came before it
+    const auto is_applying = [](const auto& session) { return session->is_applying_; };
+    const bool are_all_posted = std::none_of(server_.sessions().begin(), server_.sessions().end(), is_applying);
+    if (!sync.has_begun && !(are_moves_taken_ && are_all_posted)) {  // what came before it is not in the snapshots yet
       syncs_.push_back(std::move(sync));
       continue;
     }

@@ -250,7 +250,10 @@ void fs_server::handle(uint64_t source) {
     note_activity();
     for (Worker* const worker : {&worker_, &builder_}) {
       for (const Worker::Job& job : worker->take_done()) {
-        job.done();
+        try {
+          job.done();
+        } catch (...) {  // no memory for this client; the others' jobs are done
+        }
         let_others(nullptr, false);
       }
     }

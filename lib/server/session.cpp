@@ -89,7 +89,7 @@ void Session::set_asleep(bool is_asleep) noexcept {
 }
 
 bool Session::is_busy() const noexcept {
-  return !awaited_.empty() || !syncs_.empty() || !parked_.empty() || !waiting_edits_.empty();
+  return is_applying_ || !awaited_.empty() || !syncs_.empty() || !parked_.empty() || !waiting_requests_.empty();
 }
 
 // ------------------------------------------------------------------------------------------------------- what comes in

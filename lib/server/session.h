@@ -86,6 +86,12 @@ class Session : public std::enable_shared_from_this<Session> {
     fs_status status = FS_OK;  // why there is neither
     std::string text;
   };
+  // A shape or curve of others that the client was told of.
+  struct Offer {
+    uint64_t number;  // the server's
+    Ref<const Shape> shape;
+    Ref<const Curve> curve;
+  };
   struct Message {
     wire::Header header;
     std::span<const std::byte> body;
@@ -165,7 +171,11 @@ class Session : public std::enable_shared_from_this<Session> {
   wire::Object offer(const fs_object& object);
 
   void request(const Message& message);
-  void edit(const Message& message);
+  void edit(const Message& message, Session*& owner, std::string& name);
+  bool must_wait(const Message& message) const;
+  void retry_requests();
+  const Offer* find_offer(uint64_t number) const noexcept;  // null: it has been let go of
+  void note_untold(const std::string& name);
   void tell_edit(LocalScene& scene, Session* owner, const std::string& name, bool is_removed);
   void pull(const Message& message);
   void tell_object(const std::string& name, wire::Pulled& out);
@@ -225,8 +235,8 @@ class Session : public std::enable_shared_from_this<Session> {
   std::set<uint64_t> refused_uploads_;  // that the client has not been told of
   unsigned jobs_ = 0;  // of the worker, that are not done
   const std::shared_ptr<std::atomic<uint64_t>> shape_bytes_ = std::make_shared<std::atomic<uint64_t>>(0);
-  std::vector<Message> waiting_edits_;
-  std::map<uint64_t, std::pair<Ref<const Shape>, Ref<const Curve>>> offered_;  // by the server's number
+  std::vector<Message> waiting_requests_;  // changes of others' objects that wait for shapes, or behind parked ones
+  std::deque<Offer> offered_;  // that the client can fetch or give to an object; the oldest first
   // What the client has to be told of: names, with whoever changed them, and its view.
   std::map<std::string, std::string, std::less<>> edited_;
   bool is_view_edited_ = false;

@@ -190,6 +190,10 @@ fs_status fs_servo::step(uint64_t ticks) noexcept {
     if (device_->is_silent()) return stopped();
     return set_last_error_literal(FS_ERROR_STATE, "fs_servo_step: another thread is stepping this servo");
   }
+  if (is_stopping_.load()) {  // since it was asked above: it has no scenes any more
+    device_->end_turn();
+    return stopped();
+  }
   for (uint64_t i = 0; i < ticks && !device_->is_silent(); ++i) {
     if (settings_.mode == FS_SERVO_VIRTUAL) {
       tick(static_cast<double>(tick_ + 1) / settings_.rate, 0);

@@ -68,7 +68,7 @@ START_TEST(unknown_types) {
     if (!is_known && type != type_group) types.push_back(type);
   }
   for (const uint32_t type : types) {
-    RawClient client = rig.join("unknown");
+    RawClient client = rig.join("no longer");
     client.send(type);
     rig.expect_dropped(client, "an unknown type");
   }
@@ -340,9 +340,9 @@ START_TEST(numbers_of_shapes) {
   refused(1, 0, FS_ERROR_INVALID, "curve is null");
   refused(2, 2, FS_ERROR_INVALID, "shape is null");   // a curve is no shape
   refused(1, 1, FS_ERROR_INVALID, "curve is null");   // nor the other way round
-  refused(of_server | 1, 2, FS_ERROR_STATE, "unknown");
-  refused(1, of_server | 1, FS_ERROR_STATE, "unknown");
-  refused(of_server, of_server, FS_ERROR_STATE, "unknown");
+  refused(of_server | 1, 2, FS_ERROR_STATE, "no longer");
+  refused(1, of_server | 1, FS_ERROR_STATE, "no longer");
+  refused(of_server, of_server, FS_ERROR_STATE, "no longer");
   client.forget(1);
   client.forget(1);
   client.forget(99);
