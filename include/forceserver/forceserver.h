@@ -27,9 +27,10 @@
  *          _destroy, _close, _stop, _release give back the caller's reference and accept null; no other call may be
  *          under way with it then, or come afterwards.
  * Waiting  a call waits for nobody, unless its comment gives a time. Connected: a change is sent without waiting for an
- *          answer. Where the server has not taken earlier ones and there is no room, or where a call has to ask it, the
- *          call waits 1 s at most, fetching a large mesh 1 s more: then TIMEOUT, and nothing has changed. A signal or
- *          a server that stands still makes no call longer, and no call waits for one of another thread that does.
+ *          answer. When the queue to the server is full, or when a call needs an answer from it, the call waits 1 s
+ *          at most, and 1 s more for each mesh or curve that it has to fetch: then TIMEOUT. Nothing has changed then, but
+ *          a question that was sent (about another client's object) may still be acted on. These limits also hold when
+ *          signals arrive or the server is stopped; while one thread waits, calls of other threads go on.
  * Input    is copied (handles: referenced) before the call returns.
  * Lists    (out, capacity, count): at most capacity are written (capacity 0: out may be null), *count is how many
  *          there are. A small buffer is not an error.

@@ -32,7 +32,7 @@ typedef enum fs_primitive {
 
 /* The intensity f(d, t): Table 2 of the paper. d: distance, m; t: s since the object's start; result in N, before it
  * is clamped to [0, limit]. Named are the fields of fs_profile that a kind uses, with unit and range. With gain 0 the
- * force is the offset, of a kind without one 0: so a slider or an empty battery switches an object off. */
+ * force is the offset; of CONSTANT, GAUSSIAN and CUSTOM, which have none, it is 0: an empty battery. */
 typedef enum fs_profile_kind {
   FS_PROFILE_NONE = 0,                  /* no force */
   FS_PROFILE_CONSTANT = 1,              /* gain (N, >= 0) */

@@ -21,7 +21,8 @@ extern "C" {
 FS_API fs_status fs_scene_create(fs_scene **out);
 
 /* A scene at a server of this user: "shm:NAME" or "dds:DOMAIN"; of another user's: "shm:NAME?user=USER". Options are
- * joined by '&'. "timeout=5": waits for a server that is not there yet, 5 s at most; without it: NOT_FOUND at once.
+ * joined by '&'. "timeout=5": waits for a server that is not there yet or does not answer, 5 s at most; without
+ * it: NOT_FOUND at once, or 2 s for one that does not answer.
  * client_name: as an object's, but not "server"; free again as soon as its process is dead. Its objects live as long
  * as the process, silent or not. A server that is lost stays lost for this scene: its calls give DISCONNECTED. After
  * fork the scene is the parent's. NOT_FOUND, EXISTS, VERSION (the sentence has what differs), DENIED, FULL, TIMEOUT
@@ -56,9 +57,9 @@ typedef enum fs_part {
 
 /* ---- From here on a name may also be "client/object", of a connected scene: another client's, in that client's
  * frame; "server/object": of the server's own scene. Such a call asks the server: TIMEOUT (1 s), NOT_FOUND, DENIED
- * (it is `locked`). So does one about an own object that another client has changed, or of which a change was refused,
- * until what the server has is known here. A refused object that is new stays here (FS_OBJECT_REFUSED): it can be set
- * or changed again, which sends all of it, or removed; of any other the change that was refused is taken back. */
+ * (it is `locked`). After another client has changed an own object, or a change of it was refused, the next call about
+ * it asks the server as well. An object that is new and was refused stays here (FS_OBJECT_REFUSED): it can be set or
+ * changed again, which sends all of it, or removed. Of any other object the change that was refused is taken back. */
 
 /* Fills out, which was made by fs_object_init with any name: struct_size is read, no more than that is written.
  * Another client's object has the name it was asked by, so it can be changed as it stands. Release it
@@ -71,7 +72,8 @@ FS_API fs_status fs_object_get(fs_scene *scene, const char *name, fs_object *out
 FS_API fs_status fs_object_change(fs_scene *scene, const fs_object *object, uint32_t parts);
 
 /* Moves an object: it has pose at time (s, scene's clock; FS_NOW) and twist from then on. Cheap, for meshes too. The
- * next tick feels it; connected (own objects), no system call, it never waits, and the server takes it at its rate.
+ * next tick feels it. Connected, of an own object: it never waits, normally without a system call, and the server takes
+ * it at its rate. To put an object somewhere once, give a zero twist: null is for streams of moves.
  * twist null: worked out from this and the last move or set (none in the last 0.2 s: 0) and used for at most twice
  * the time between them, so the last of a stream comes to rest up to two steps beyond; with a zero twist it stands
  * where it is put. Of two within 1 ms the later pose replaces the earlier. An older time than the last one is taken
@@ -94,7 +96,7 @@ FS_API fs_status fs_scene_begin(fs_scene *scene);
 
 /* Closes the group: all of it is felt from one tick on, or none of it. STATE: none is open. Connected: it is sent as a
  * whole, else the group stays open: TIMEOUT. If the server refuses a part (FS_EVENT_REFUSED, fs_scene_sync), it takes
- * nothing, and the scene is here again as it is there. */
+ * nothing, and this process's scene is set back to what the server has. */
 FS_API fs_status fs_scene_commit(fs_scene *scene);
 
 /* Closes the group and takes back all of it. STATE: none is open. */
@@ -102,7 +104,7 @@ FS_API fs_status fs_scene_cancel(fs_scene *scene);
 
 /* Waits, timeout s (>= 0) at most, until a tick has used all changes so far, faded in or not; those of an open group
  * do not count. No servo: at once. VIRTUAL: another thread must step. TIMEOUT, or the status of the first change
- * refused. Connected: afterwards it is known here what the server has, if the time sufficed. */
+ * refused. Connected: when it returns in time, getters show what the server has. */
 FS_API fs_status fs_scene_sync(fs_scene *scene, double timeout);
 
 /* ---- Files. A scene as JSON; its schema is share/forceserver/scene.schema.json:

@@ -1,12 +1,13 @@
 /* forceserver/server.h - lets other processes into a servo. Conventions: forceserver.h.
  *
  * A client is a process, or a part of one, that calls fs_scene_connect: it has a scene of its own, with its own frame,
- * clutch and tool, and the forces of all scenes add. What a client is lost with, be it killed, fades; nothing it sends
- * can do more than push within its force_limit. One that alone takes longer than a period in ten ticks in a row, or
- * whose force is not finite, is let go of, its force at once. The server has a thread that takes what the clients have
+ * clutch and tool, and the forces of all scenes add. When a client is lost, even killed, its objects fade; nothing it
+ * sends can do more than push within its force_limit. One that alone takes longer than a period in ten ticks
+ * in a row, or whose force is not finite, is let go of, its force at once. The server has a thread that takes what the clients have
  * changed at the servo's rate, and two that build their meshes; all end with it, and nothing is left in the system.
  * That thread does so much for each client and no more: of one that moves more than 256 objects in every tick the
- * newest moves are taken some ticks later, and a mesh waits for at most one of each other client.
+ * newest moves are taken some ticks later, and while a mesh waits, at most one mesh of each other client is built
+ * before it.
  */
 #ifndef FORCESERVER_SERVER_H
 #define FORCESERVER_SERVER_H

@@ -243,8 +243,8 @@ class EarCutter {
       for (size_t head = 0; head < queue_.size() && left_ > 3; ++head) {
         const uint32_t b = queue_[head];
         is_queued_[b] = false;
-        if (next_[b] == b || !is_ear(b, ear)) continue;
         if (work_ > most_work) return false;
+        if (next_[b] == b || !is_ear(b, ear)) continue;
         const uint32_t a = previous_[b], c = next_[b];
         emit(a, b, c);
         next_[a] = c;

@@ -68,7 +68,7 @@ START_TEST(unknown_types) {
     if (!is_known && type != type_group) types.push_back(type);
   }
   for (const uint32_t type : types) {
-    RawClient client = rig.join("no longer");
+    RawClient client = rig.join("unknown");
     client.send(type);
     rig.expect_dropped(client, "an unknown type");
   }

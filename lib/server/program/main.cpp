@@ -131,7 +131,8 @@ int main(int argc, char** argv) {
       ->check(above_zero);
   run_option("--record", run_options.record, "FILE", "Write every tick to this .csv file");
   CLI::Option* listen =
-      run_option("--listen", run_options.listen, "NAME", "Let other programs in: lab for shm:lab");
+      run_option("--listen", run_options.listen, "NAME", "Let other programs in: lab for shm:lab")
+          ->check([](const std::string& name) { return name.empty() ? "its name is empty" : std::string(); });
   run_option("--client-force", run_options.client_force, "N", "The most force of each of them; without it that of all")
       ->check(above_zero)->needs(listen);
   run_command->add_flag("--locked", run_options.locked, "Each of them may change its own objects only")->needs(listen);
