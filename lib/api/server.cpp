@@ -12,6 +12,7 @@ fs_status fs_server_start(fs_servo* servo, const char* endpoint, const fs_server
     require_pointer(endpoint, "endpoint");
     require_pointer(out, "out");
     if (options) check_struct_size(options->struct_size, sizeof *options, "fs_server_options");
+    if (!servo->is_of_this_process()) fail(FS_ERROR_STATE, "servo was started by the parent of this process");
     const Endpoint place = parse_endpoint(endpoint, true);
     const ServerSettings settings = parse_options(options ? *options : fs_server_options_init(), servo->settings());
     *out = make_ref<fs_server>(Ref<Servo>::share(servo), place, settings).detach();

@@ -199,10 +199,17 @@ void fs_device::silence() noexcept {
   zero();
 }
 
-void fs_device::end() noexcept {
+void fs_device::begin_end() noexcept {
   if (!is_of_this_process() || has_ended_.exchange(true)) return;
+  const Turn turn(*this, 1);
+  if (turn && was_pushing_ && !is_closed_) write_zero();
+}
+
+void fs_device::end() noexcept {
+  if (!is_of_this_process()) return;
+  has_ended_ = true;
   const Turn turn(*this, 50'000);  // a driver that hangs does not keep the process from its end
-  if (!turn || !was_pushing_) return;
+  if (!turn || !was_pushing_ || is_closed_) return;
   write_zero();
   driver_.close(self_);  // only this is sure to wait until the 0 has arrived
   is_closed_ = true;

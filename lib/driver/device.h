@@ -34,6 +34,7 @@ struct fs_device : fs::Counted<fs_device> {
   bool is_silent() const noexcept;  // [rt]
   void silence() noexcept;          // until its owner lets go of it; waits for the turn under way
   void zero() noexcept;             // force 0 now; waits for the turn under way, and tries for 20 ms
+  void begin_end() noexcept;        // at the process's end: silent for good, and force 0 if it is nobody's turn now
   void end() noexcept;              // at the process's end: silent for good; closed if it was ever given a force
 
   bool is_of_this_process() const noexcept { return process_ == fs::this_process(); }  // [rt]

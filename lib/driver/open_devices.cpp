@@ -18,8 +18,23 @@ std::vector<fs_device*>& open_devices() {  // under the process's mutex
 
 std::atomic<fs_device*> ending{nullptr};  // which the end of the process is dealing with
 
-// The newest first: a driver may have opened others for its own.
+void end_one(void (fs_device::*step)() noexcept) {
+  (ending.load()->*step)();
+  ending = nullptr;
+  ending.notify_all();
+}
+
+// The newest first: a driver may have opened others for its own. All that can be told at once get force 0 before any is
+// waited for: a driver that hangs keeps no other device under force.
 void end_devices() {
+  for (size_t i = 0;; ++i) {
+    {
+      const std::lock_guard lock(process_mutex());
+      if (i >= open_devices().size()) break;
+      ending = open_devices()[open_devices().size() - 1 - i];
+    }
+    end_one(&fs_device::begin_end);
+  }
   for (;;) {
     {
       const std::lock_guard lock(process_mutex());
@@ -27,9 +42,7 @@ void end_devices() {
       ending = open_devices().back();
       open_devices().pop_back();
     }
-    ending.load()->end();
-    ending = nullptr;
-    ending.notify_all();
+    end_one(&fs_device::end);
   }
 }
 

@@ -1,6 +1,7 @@
 #include "driver/registry.h"
 
 #include <dlfcn.h>
+#include <sys/stat.h>
 
 #include <cstddef>
 #include <cstring>
@@ -72,6 +73,10 @@ void register_driver(const fs_driver& driver) {
 
 void load_driver(const char* path) {
   if (!*path) fail(FS_ERROR_INVALID, "path is empty, must be the path of a driver's library");
+  struct stat info{};
+  if (std::strchr(path, '/') && stat(path, &info) == 0 && !S_ISREG(info.st_mode)) {  // the loader would wait for a pipe
+    fail(FS_ERROR_IO, "path is '%.200s', which is no file", path);
+  }
   std::unique_ptr<void, int (*)(void*)> library(dlopen(path, RTLD_NOW | RTLD_LOCAL), dlclose);
   if (!library) fail(FS_ERROR_IO, "path is '%.200s': %s", path, dlerror());
   const auto entry = reinterpret_cast<fs_driver_entry_function>(dlsym(library.get(), "fs_driver_entry"));

@@ -2,15 +2,21 @@
 
 #include <pthread.h>
 
+#include <system_error>
 #include <utility>
 
+#include "base/error.h"
 #include "base/signals.h"
 
 namespace fs {
 
 Worker::Worker(std::function<void()> notify) : notify_(std::move(notify)) {
   const SignalsBlocked blocked;
-  thread_ = std::thread([this] { run(); });
+  try {
+    thread_ = std::thread([this] { run(); });
+  } catch (const std::system_error& error) {
+    fail(FS_ERROR_IO, "the server's thread for meshes could not be started: %s", error.what());
+  }
 }
 
 Worker::~Worker() {

@@ -90,7 +90,9 @@ class Code {
 };
 
 Code& code() {
-  static Code& instance = *new Code;  // never destroyed: a servo may be stopped while the process ends
+  // Never destroyed: a servo may be stopped while the process ends. In memory that is there: no call of it can fail.
+  alignas(Code) static std::byte place[sizeof(Code)];
+  static Code& instance = *new (place) Code;
   return instance;
 }
 

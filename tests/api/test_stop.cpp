@@ -297,6 +297,36 @@ START_TEST(exit_before_statics_are_gone) {
 }
 END_TEST
 
+// A driver that hangs keeps no other device under force: it is not waited for first.
+START_TEST(exit_beside_one_that_hangs) {
+  Arrived& well = make_arrived();
+  Arrived& hung = make_arrived();
+  ck_assert_int_eq(7, in_process([&] {
+    static std::atomic<bool> hangs{false};
+    Pushed& first = *new Pushed(well, "well");
+    first.start(FS_SERVO_THREAD);
+    Pushed& second = *new Pushed(hung, "hangs");  // the newer one, whose turn at the end comes first
+    second.fake.on_write = [&](FakeDevice&) {
+      second.note();
+      if (hung.forces < 3 || hangs.exchange(true)) return;
+      while (hung.again < 5000 && !well.is_zero) {
+        ++hung.again;
+        usleep(1000);
+      }
+    };
+    second.start(FS_SERVO_THREAD);
+    first.wait_until([&] { return well.forces > 3; });
+    second.wait_until([&] { return hangs.load(); });
+    hung.again = 0;
+    well.has_begun = true;
+    std::exit(7);
+  }));
+  ck_assert(well.is_zero);
+  ck_assert_uint_eq(well.again, 0);
+  ck_assert_uint_lt(hung.again, 500);  // else it was waited for: for 1000 and more
+}
+END_TEST
+
 START_TEST(exit_with_all_that_runs) {  // a server, a client, and handles that are given back only then
   Arrived& arrived = make_arrived();
   ck_assert_int_eq(7, in_process([&] {
@@ -377,6 +407,8 @@ START_TEST(a_forked_child_leaves_it_alone) {
     if (fs_device_write(other.device.get(), &wrench) != FS_ERROR_STATE) _exit(3);
     fs_servo* second = nullptr;
     if (fs_servo_start(other.scene.get(), other.device.get(), nullptr, &second) != FS_ERROR_STATE) _exit(4);
+    fs_server* another = nullptr;
+    if (fs_server_start(pushed.servo.get(), "shm:of-a-child", nullptr, &another) != FS_ERROR_STATE) _exit(5);
     fs_server_stop(server);
     fs_servo_stop(pushed.servo.get());
     fs_device_close(other.device.get());
@@ -501,7 +533,7 @@ int main() {
   tcase_add_loop_test(loops, exit_amid_a_tick, 0, std::size(ticks));
   suite_add_tcase(suite, loops);
   add_case(suite, "stop", {stop_before_the_server_is_told, two_threads_stop_at_once, a_zero_that_fails});
-  add_case(suite, "exit", {exit_before_statics_are_gone, exit_with_all_that_runs, exit_without_a_tick,
+  add_case(suite, "exit", {exit_before_statics_are_gone, exit_beside_one_that_hangs, exit_with_all_that_runs, exit_without_a_tick,
                            exit_by_the_driver, a_forked_child_leaves_it_alone});
   add_case(suite, "memory", {a_start_that_fails, a_thread_that_is_refused, locked_memory});
   return run_suite(suite);
