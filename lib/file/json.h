@@ -27,7 +27,7 @@ class Json {
   Json& operator=(const Json&);
   Json& operator=(Json&&) noexcept;
   ~Json();
-  explicit Json(std::same_as<bool> auto value) : Json(Value(value)) {}
+  explicit Json(std::same_as<bool> auto value) : value_(value) {}
   explicit Json(double value);
   explicit Json(Number value);
   explicit Json(std::string text);

@@ -226,6 +226,12 @@ int run(const RunOptions& options) {
   }
   const fs_servo_stats stats = get_stats(scene.get());
   fs_servo_set_enabled(servo.get(), false);
+  try {
+    if (record) record->fetch(servo.get());  // as many ticks as the summary tells of
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "forceserver: %s; the record is not complete\n", error.what());
+    record_failed = true;
+  }
   if (terminal) std::printf("\r\033[K");
   print_summary(stats, Seconds(Clock::now() - start).count(), faults | stats.faults);
   if (record && record->gaps() > 0) std::printf("the record has %d gaps: this machine was too slow\n", record->gaps());
