@@ -22,11 +22,11 @@ FS_API fs_status fs_scene_create(fs_scene **out);
 
 /* A scene at a server of this user: "shm:NAME" or "dds:DOMAIN"; of another user's: "shm:NAME?user=USER". Options are
  * joined by '&'. "timeout=5": waits for a server that is not there yet or does not answer, 5 s at most; without
- * it: NOT_FOUND at once, or 2 s for one that does not answer.
- * client_name: as an object's, but not "server"; free again as soon as its process is dead. Its objects live as long
- * as the process, silent or not. A server that is lost stays lost for this scene: its calls give DISCONNECTED. After
- * fork the scene is the parent's. NOT_FOUND, EXISTS, VERSION (the sentence has what differs), DENIED, FULL, TIMEOUT
- * (it does not answer), IO, UNSUPPORTED. 0.1: dds is UNSUPPORTED. */
+ * it: NOT_FOUND at once, TIMEOUT after 2 s. client_name: as an object's, but not "server"; free again as soon as its
+ * process is dead. Its objects live as long as the process, silent or not. A server that is lost stays lost for this
+ * scene: its calls give DISCONNECTED; so they do after a change amid which this process ran out of memory. After fork
+ * the scene is the parent's. NOT_FOUND, EXISTS, VERSION (the sentence has what differs), DENIED, FULL, TIMEOUT, IO,
+ * UNSUPPORTED. 0.1: dds is UNSUPPORTED. */
 FS_API fs_status fs_scene_connect(const char *endpoint, const char *client_name, fs_scene **out);
 
 /* Gives the scene back; null does nothing. A servo or tool that uses it goes on; connected: its objects fade. */

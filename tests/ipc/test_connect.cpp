@@ -408,7 +408,9 @@ START_TEST(who_does_not_wait) {
   OK(fs_object_set(me.get(), &b));
   ck_assert_int_eq(waits, 0);
   expect_no_wait("edited by another");
+  waits = 0;
   EXPECT_SENTENCE(FS_ERROR_TIMEOUT, fs_object_move(me.get(), "other/a", &pose, nullptr, FS_NOW), "1 s");
+  ck_assert_int_gt(waits, 0);  // so waits are counted
   process.signal(SIGCONT);
   OK(fs_scene_sync(me.get(), 10));
 
