@@ -121,6 +121,7 @@ START_TEST(jumps_make_no_twist) {
   OK(fs_object_get(scene.get(), "o", &got));
   EXPECT_VECTOR(got.pose.position, far.position, 0);
   EXPECT_VECTOR(got.twist.linear, (fs_vec3{}), 0);
+  fs_object_release(&got);
 }
 END_TEST
 
