@@ -481,13 +481,27 @@ uint32_t Session::parse_parts(uint64_t parts) {
   return static_cast<uint32_t>(parts);
 }
 
+void Session::change_foreign(Foreign& other, const Message& message, const std::string& name) const {
+  if (message.header.type == wire::type_edit) {
+    const wire::Edit& edit = message.as<wire::Edit>();
+    const uint32_t parts = parse_parts(edit.parts);
+    fs_object present;
+    const Ref<const Object> kept = other.scene->get(other.draft, name.c_str(), present);
+    fs_object object = resolve(edit.object, parts, &present);
+    put_text(object.name, name);
+    other.scene->change(other.draft, object, parts);
+  } else if (message.header.type == wire::type_move_other) {
+    const wire::MoveOther& move = message.as<wire::MoveOther>();
+    other.scene->move(other.draft, name.c_str(), move.pose, move.has_twist ? &move.twist : nullptr, move.time);
+  } else {
+    other.scene->remove(other.draft, name.c_str());
+  }
+}
+
 // A change of another client's object, as part of a group.
 void Session::apply_foreign(const Message& message, std::map<const LocalScene*, Foreign>& foreign) const {
   using namespace wire;
-  const uint32_t type = message.header.type;
-  const wire::Target& whose = type == type_edit         ? message.as<Edit>().target
-                              : type == type_move_other ? message.as<MoveOther>().target
-                                                        : message.as<Target>();
+  const wire::Target& whose = message.as<Target>();  // each of them begins with it
   Session* owner;
   std::string name;
   LocalScene& scene = target(whose, true, owner, name);
@@ -498,24 +512,11 @@ void Session::apply_foreign(const Message& message, std::map<const LocalScene*, 
                        : foreign.try_emplace(&scene, owner ? owner->shared_from_this() : nullptr, Ref<LocalScene>::share(&scene))
                              .first->second;
   try {
-    if (type == type_edit) {
-      const Edit& edit = message.as<Edit>();
-      const uint32_t parts = parse_parts(edit.parts);
-      fs_object present;
-      const Ref<const ::fs::Object> kept = other.scene->get(other.draft, name.c_str(), present);
-      fs_object object = resolve(edit.object, parts, &present);
-      put_text(object.name, name);
-      other.scene->change(other.draft, object, parts);
-    } else if (type == type_move_other) {
-      const MoveOther& move = message.as<MoveOther>();
-      other.scene->move(other.draft, name.c_str(), move.pose, move.has_twist ? &move.twist : nullptr, move.time);
-    } else {
-      other.scene->remove(other.draft, name.c_str());
-    }
+    change_foreign(other, message, name);
   } catch (const Error& error) {
     throw Error{error.status, "'" + text_of(whose.name) + "': " + error.text};
   }
-  other.names[name] = type == type_remove_other;
+  other.names[name] = message.header.type == type_remove_other;
 }
 
 // Others are told of an object that waits for its shape, or was refused.

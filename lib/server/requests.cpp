@@ -114,8 +114,9 @@ void Session::request(const Message& message) {
       case type_get: {
         LocalScene& scene = target(message.as<Target>(), false, owner, name);
         if (owner) owner->take_moves();
+        const Foreign other(nullptr, Ref<LocalScene>::share(&scene));  // without a group that is open there
         fs_object object;
-        const Ref<const ::fs::Object> kept = scene.get(name.c_str(), object);
+        const Ref<const ::fs::Object> kept = scene.get(other.draft, name.c_str(), object);
         const wire::Object record = offer(object);
         return reply(serial, bytes_of(&record, 1));
       }
@@ -183,22 +184,11 @@ void Session::retry_requests() {
 void Session::edit(const Message& message, Session*& owner, std::string& name) {
   LocalScene& scene = target(message.as<wire::Target>(), true, owner, name);
   if (owner) owner->take_moves();  // what it has moved before
-  const bool is_removal = message.header.type == wire::type_remove_other;
-  if (is_removal) {
-    scene.remove(name.c_str());
-  } else if (message.header.type == wire::type_move_other) {
-    const wire::MoveOther& move = message.as<wire::MoveOther>();
-    scene.move(name.c_str(), move.pose, move.has_twist ? &move.twist : nullptr, move.time);
-  } else {
-    const wire::Edit& edit = message.as<wire::Edit>();
-    const uint32_t parts = parse_parts(edit.parts);
-    fs_object present;
-    const Ref<const Object> kept = scene.get(name.c_str(), present);
-    fs_object object = resolve(edit.object, parts, &present);
-    put_text(object.name, name);
-    scene.change(object, parts);
-  }
-  tell_edit(scene, owner, name, is_removal);
+  // Not as part of a group that the server's application has open: that may be cancelled.
+  Foreign other(owner ? owner->shared_from_this() : nullptr, Ref<LocalScene>::share(&scene));
+  change_foreign(other, message, name);
+  scene.take(other.draft);
+  tell_edit(scene, owner, name, message.header.type == wire::type_remove_other);
   reply(message.header.serial);
 }
 

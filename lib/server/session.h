@@ -158,6 +158,7 @@ class Session : public std::enable_shared_from_this<Session> {
   void let_go(Unit&& unit);
   void apply(const Message& message, uint64_t serial);
   void apply_set(const wire::Set& set, uint64_t serial, bool is_change);
+  void change_foreign(Foreign& other, const Message& message, const std::string& name) const;
   void apply_foreign(const Message& message, std::map<const LocalScene*, Foreign>& foreign) const;
   void forget_object(const std::string& name);
   void bind(const std::string& name, uint32_t slot, uint64_t after);

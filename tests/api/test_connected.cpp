@@ -431,6 +431,17 @@ START_TEST(groups_of_all) {
   EXPECT_VECTOR(two.fake.written.force, (fs_vec3{0, 0, 1}), 1e-12);
   ck_assert(!has(two.base.get(), "s") && has(two.base.get(), "s2"));
 
+  // A change by itself does not fall into that group either.
+  OK(fs_scene_begin(two.base.get()));
+  OK(fs_object_remove(two.base.get(), "s2"));
+  ck_assert(has(bob, "server/s2"));
+  Got alone(bob, "server/s2");
+  alone.object.front.gain = alone.object.front.limit = 3;
+  OK(fs_object_change(bob, &alone.object, FS_PART_PROFILES));
+  OK(fs_scene_cancel(two.base.get()));
+  two.settle_all();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{0, 0, 3}), 1e-12);
+
   // Parts that are good only together with what they are put on are checked at once.
   OK(fs_scene_begin(bob));
   fs_object bad = fs_object_init("server/s2", FS_PRIMITIVE_PLANE);
