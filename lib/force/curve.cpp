@@ -195,6 +195,8 @@ class Parser {
 // One parser for each reader, in blocks that double in size and never move: block k holds 8 * 2^k readers.
 class Parsers {
  public:
+  // first: for the reader that comes first; to parse a text takes long.
+  explicit Parsers(std::unique_ptr<Parser> first) : first_(std::move(first)) {}
   ~Parsers() {
     for (size_t k = 0; k < blocks_.size(); ++k) {
       std::atomic<Parser*>* block = blocks_[k].load(std::memory_order_relaxed);
@@ -213,14 +215,14 @@ class Parsers {
   void make(unsigned reader, const std::string& text) {
     const std::lock_guard lock(mutex_);
     if (get(reader)) return;
-    auto parser = std::make_unique<Parser>(text);
     const auto [k, i] = place(reader);
     std::atomic<Parser*>* block = blocks_[k].load(std::memory_order_relaxed);
     if (!block) {
       block = new std::atomic<Parser*>[block_size(k)]();
       blocks_[k].store(block, std::memory_order_release);
     }
-    block[i].store(parser.release(), std::memory_order_release);
+    if (!first_) first_ = std::make_unique<Parser>(text);
+    block[i].store(first_.release(), std::memory_order_release);
   }
 
  private:
@@ -234,6 +236,7 @@ class Parsers {
   }
 
   std::mutex mutex_;
+  std::unique_ptr<Parser> first_;
   std::array<std::atomic<std::atomic<Parser*>*>, 30> blocks_{};
 };
 
@@ -248,8 +251,8 @@ bool mentions_time(const std::string& text) {
 
 class ExpressionCurve final : public Curve {
  public:
-  // parser: of the text, borrowed.
-  ExpressionCurve(std::string text, Parser& parser) : text_(std::move(text)) { sample(parser); }
+  // parser: of the text.
+  ExpressionCurve(std::string text, std::unique_ptr<Parser> parser) : text_(std::move(text)), parsers_(sample(std::move(parser))) {}
 
   void prepare(unsigned reader) const override { parsers_.make(reader, text_); }
 
@@ -282,7 +285,8 @@ class ExpressionCurve final : public Curve {
  private:
   // Distances in a geometric row from 1 um to 100 m, and times that do not beat with a usual frequency. In all a few
   // hundred evaluations, some tenths of a millisecond: a file may have thousands of expressions.
-  void sample(Parser& parser) {
+  std::unique_ptr<Parser> sample(std::unique_ptr<Parser> given) {
+    Parser& parser = *given;
     const bool is_timed = mentions_time(text_);
     const size_t times = is_timed ? 6 : 1, distances = is_timed ? 64 : most_pieces;
     constexpr double first = 1e-6, last = 100;
@@ -319,6 +323,7 @@ class ExpressionCurve final : public Curve {
       Piece& piece = pieces_[steepest.piece];
       piece.steepest = std::fmax(piece.steepest, steepest.slope());
     }
+    return given;
   }
 
   struct Secant {
@@ -381,11 +386,11 @@ Ref<const Curve> make_expression_curve(const char* text) {
   const std::string expression(text, strnlen(text, longest_expression + 1));
   check_expression(expression);
   try {
-    Parser parser(expression);
-    if (parser.result_count() != 1) {
-      fail(FS_ERROR_PARSE, "the expression gives %d numbers, must be one", parser.result_count());
+    auto parser = std::make_unique<Parser>(expression);
+    if (parser->result_count() != 1) {
+      fail(FS_ERROR_PARSE, "the expression gives %d numbers, must be one", parser->result_count());
     }
-    return make_ref<const ExpressionCurve>(expression, parser);
+    return make_ref<const ExpressionCurve>(expression, std::move(parser));
   } catch (const mu::ParserError& error) {
     fail_expression(expression, error);
   }

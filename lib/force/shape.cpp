@@ -1,5 +1,6 @@
 #include "force/shape.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "base/error.h"
@@ -75,6 +76,19 @@ double radius_of(const std::vector<Vec3>& points, Wanted& wanted) {
   return std::sqrt(largest) * (1 + 1e-12);
 }
 
+bool are_on_a_line(const std::vector<Vec3>& points, Wanted& wanted) {
+  const Vec3 begin = points.front();
+  Vec3 along{};
+  for (const Vec3& p : points) {
+    wanted.step();
+    if (norm(p - begin) > norm(along)) along = p - begin;
+  }
+  const Vec3 direction = normalized(along);
+  return std::all_of(points.begin(), points.end(), [&](const Vec3& p) {
+    return norm(cross(p - begin, direction)) <= 1e-6 * norm(along);
+  });
+}
+
 std::unique_ptr<const BoxTree> segment_tree(const fs_shape& shape, Wanted& wanted) {
   const std::vector<Vec3>& points = shape.points;
   std::vector<Box> boxes(shape.closed ? points.size() : points.size() - 1);
@@ -127,6 +141,7 @@ fs_shape::fs_shape(const fs_shape_info& info, std::vector<fs::Vec3> the_points, 
       triangles(std::move(the_triangles)),
       closed(info.closed),
       radius(fs::radius_of(points, wanted)),
+      is_straight(primitive == FS_PRIMITIVE_POLYLINE && fs::are_on_a_line(points, wanted)),
       info_(info) {
   if (primitive == FS_PRIMITIVE_POLYLINE) segments_ = fs::segment_tree(*this, wanted);
 }

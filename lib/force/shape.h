@@ -29,6 +29,7 @@ struct fs_shape : fs::Counted<fs_shape> {
   const std::vector<uint32_t> triangles;   // three a triangle; a polyline has none
   const bool closed;                       // polyline: the last point joins the first; mesh: no edge is open or odd
   const double radius;                     // m, of all points about the origin, rounded up
+  const bool is_straight;                  // polyline: all its points lie on one line, within a millionth of its length
 
   // Builds the search tree of a mesh; once, any thread, others wait for it. A polyline is always built. Throws Abandoned.
   void build(fs::Wanted& wanted) const;

@@ -61,19 +61,6 @@ void check_contact(const fs_contact& contact, fs_primitive primitive) {
   if (!(contact.limit > 0)) fail(FS_ERROR_INVALID, "contact.limit is %.9g, must be > 0 N", contact.limit);
 }
 
-// Whether all its points lie on one line, within a millionth of its length.
-bool is_straight(const Shape& polyline) {
-  const Vec3 begin = polyline.points.front();
-  Vec3 along{};
-  for (const Vec3& p : polyline.points) {
-    if (norm(p - begin) > norm(along)) along = p - begin;
-  }
-  const Vec3 direction = normalized(along);
-  return std::ranges::all_of(polyline.points, [&](const Vec3& p) {
-    return norm(cross(p - begin, direction)) <= 1e-6 * norm(along);
-  });
-}
-
 // The steepest slope of the force, infinite where it jumps: fs_report has the list.
 double object_slope(const Object& object) {
   constexpr double jump = std::numeric_limits<double>::infinity();
@@ -84,7 +71,7 @@ double object_slope(const Object& object) {
   if (front != back) return jump;
   // A polyline that is not straight is no convex set, so some places have two closest points (Motzkin 1935). These
   // places hang together, from its bends to any distance: if it is felt at all, then at some of them.
-  const bool is_bent = object.primitive == FS_PRIMITIVE_POLYLINE && !is_straight(*object.shape);
+  const bool is_bent = object.primitive == FS_PRIMITIVE_POLYLINE && !object.shape->is_straight;
   if (is_bent && is_ever_felt(object.front)) return jump;
   return std::fmax(steepest_slope(object.front), steepest_slope(object.back));
 }

@@ -319,12 +319,13 @@ int check_scene(const CheckOptions& options) {
   // One tick of a servo tells what it makes of the slopes.
   fs_servo_options servo_options = fs_servo_options_init();
   servo_options.mode = FS_SERVO_VIRTUAL;
-  const Servo servo = open<Servo>(fs_servo_start, scene.get(), device.get(), &servo_options);
+  Servo servo = open<Servo>(fs_servo_start, scene.get(), device.get(), &servo_options);
   require(fs_servo_step(servo.get(), 1));
   std::size_t count = 0;
   require(fs_scene_get_reports(scene.get(), nullptr, 0, &count));
   std::vector<fs_report> reports(count);
   require(fs_scene_get_reports(scene.get(), reports.data(), count, &count));
+  servo.reset();  // each reader of an expression has to parse it, which takes longest of all
 
   std::printf("%s: a scene of %zu %s for a tool of %zu %s; ", options.file.c_str(), count,
               count == 1 ? "object" : "objects", tool_points, tool_points == 1 ? "point" : "points");
