@@ -114,6 +114,20 @@ void unmap_pages(const void* pages, size_t bytes) noexcept {
   munmap(const_cast<void*>(pages), whole_pages(bytes));
 }
 
+// Those of all files that are loaded, some of which may be elsewhere; and what the C library keeps for more and for itself.
+size_t thread_local_bytes() noexcept {
+  size_t sum = 64 << 10;
+  const auto add = [](dl_phdr_info* info, size_t, void* total) {
+    for (int i = 0; i < info->dlpi_phnum; ++i) {
+      const ElfW(Phdr)& part = info->dlpi_phdr[i];
+      if (part.p_type == PT_TLS) *static_cast<size_t*>(total) += part.p_memsz + part.p_align;
+    }
+    return 0;
+  };
+  dl_iterate_phdr(add, &sum);
+  return sum;
+}
+
 Stack::Stack(size_t bytes)
     : pages_(static_cast<char*>(map_pages(whole_pages(bytes) + page_size()))),
       guard_(page_size()),

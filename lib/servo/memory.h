@@ -28,6 +28,9 @@ struct PageAllocator {
   friend bool operator==(const PageAllocator&, const PageAllocator&) { return true; }
 };
 
+// What a new thread has on its stack of thread-local data: at most so much.
+size_t thread_local_bytes() noexcept;
+
 // The stack of a thread, with a page below it that must not be touched.
 class Stack {
  public:

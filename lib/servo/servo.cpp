@@ -17,7 +17,7 @@ using namespace fs;
 namespace {
 
 constexpr double record_length = 2;  // s
-constexpr size_t stack_sizes[]{256 << 10, 1 << 20, 4 << 20};  // bytes; thread-local data of the process may need more
+constexpr size_t stack_size = 256 << 10;  // bytes, beside the thread-local data
 constexpr int not_asked = -1;        // of fs_realtime: the thread has not come so far
 
 }  // namespace
@@ -54,19 +54,15 @@ void fs_servo::start_thread() {
     return nullptr;
   };
   realtime_.store(not_asked);
-  int error = EINVAL;
-  for (const size_t size : stack_sizes) {
-    stack_.emplace(size);
-    pthread_attr_t attributes;
-    pthread_attr_init(&attributes);
-    pthread_attr_setstack(&attributes, stack_->begin(), stack_->size());
-    {
-      const SignalsBlocked blocked;
-      error = pthread_create(&thread_, &attributes, entry, this);
-    }
-    pthread_attr_destroy(&attributes);
-    if (error != EINVAL) break;
-  }
+  stack_.emplace(stack_size + thread_local_bytes());
+  pthread_attr_t attributes;
+  pthread_attr_init(&attributes);
+  pthread_attr_setstack(&attributes, stack_->begin(), stack_->size());
+  const int error = [&] {
+    const SignalsBlocked blocked;
+    return pthread_create(&thread_, &attributes, entry, this);
+  }();
+  pthread_attr_destroy(&attributes);
   if (error) {
     stack_.reset();
     fail(FS_ERROR_IO, "the servo's thread could not be started: %s", std::strerror(error));

@@ -12,6 +12,9 @@
 
 static void *library;
 
+/* A host may have much thread-local data, which lies on the stack of each thread: here almost as much as a small stack. */
+static _Thread_local volatile char of_each_thread[254000];
+
 static void *need(void *found)
 {
   if (found) return found;
@@ -80,6 +83,7 @@ int main(int count, char **arguments)
 {
   double virtual_force, real_force;
   if (count != 2) return 2;
+  of_each_thread[0] = 1;
   library = need(dlopen(arguments[1], RTLD_NOW | RTLD_LOCAL));
   virtual_force = feel(FS_SERVO_VIRTUAL);
   real_force = feel(FS_SERVO_THREAD);
