@@ -9,6 +9,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/descriptor.h"
 #include "base/error.h"
 
 namespace fs {
@@ -19,25 +20,6 @@ namespace {
   fail_at(is_missing ? FS_ERROR_NOT_FOUND : FS_ERROR_IO, path, "%s: %s", what,
           std::generic_category().message(error).c_str());
 }
-
-class Descriptor {
- public:
-  explicit Descriptor(int value) : value_(value) {}
-  ~Descriptor() {
-    if (value_ >= 0) ::close(value_);
-  }
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  int get() const { return value_; }
-  int close() {  // 0, or -1 with errno: some file systems tell only here that the disk is full
-    const int value = value_;
-    value_ = -1;
-    return ::close(value);
-  }
-
- private:
-  int value_;
-};
 
 const char* kind_name(mode_t mode) {
   if (S_ISDIR(mode)) return "a directory";

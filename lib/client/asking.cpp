@@ -14,10 +14,9 @@
 namespace fs {
 namespace {
 
-constexpr double answer_limit = 1;   // s, that a call waits for the server
+constexpr double answer_limit = 1;     // s, that a call waits for the server
 constexpr double longest_wait = 2e-3;  // s: another thread may take in the answer
-constexpr size_t most_fetched = 8;   // shapes, and curves, that are kept for the next who asks
-constexpr int most_tries = 4;        // to get an object that others change again and again
+constexpr size_t most_fetched = 8;     // shapes, and curves, that are kept for the next who asks
 
 // What the fetched list has under the server's number; null: nothing.
 template <class List>
@@ -44,12 +43,9 @@ RemoteScene::Call RemoteScene::enter(double* steady) const {
   return {std::move(lock), answer_limit, now + answer_limit};
 }
 
-void RemoteScene::pause(Call& call, bool is_for_room) {
+bool RemoteScene::try_pause(Call& call, bool is_for_room) {
   const double rest = std::fmin(call.end - steady_now(), longest_wait);
-  if (!(rest > 0)) {
-    fail(FS_ERROR_TIMEOUT, is_for_room ? "the server has not taken earlier changes within %g s"
-                                       : "the server has not answered within %g s", call.limit);
-  }
+  if (!(rest > 0)) return false;
   call.lock.unlock();
   if (is_for_room) {
     connection_.wait_for_room(rest);
@@ -60,6 +56,13 @@ void RemoteScene::pause(Call& call, bool is_for_room) {
   }
   call.lock.lock();
   connection_.check();
+  return true;
+}
+
+void RemoteScene::pause(Call& call, bool is_for_room) {
+  if (try_pause(call, is_for_room)) return;
+  fail(FS_ERROR_TIMEOUT, is_for_room ? "the server has not taken earlier changes within %g s"
+                                     : "the server has not answered within %g s", call.limit);
 }
 
 Answer RemoteScene::request(Call& call, wire::Type type, std::span<const std::byte> body) {
@@ -150,7 +153,8 @@ bool RemoteScene::start_pull() {
   return true;
 }
 
-// The same until all is known, also what has to be fetched: of one object (name), of all (null), of none ("").
+// Waits until the client knows what the server has. What has to be fetched for it: name: of that object; null: of all;
+// "": nothing.
 void RemoteScene::catch_up(Call& call, const char* name) {
   // Who edits without a pause is not waited for.
   const uint64_t wanted = connection_.outbox()->edits.load(std::memory_order_acquire);

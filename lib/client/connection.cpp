@@ -1,7 +1,6 @@
 #include "client/connection.h"
 
 #include <poll.h>
-#include <pthread.h>
 #include <sys/socket.h>
 
 #include <array>
@@ -10,6 +9,8 @@
 #include <cmath>
 #include <cstring>
 #include <thread>
+
+#include "base/process.h"
 
 namespace fs {
 namespace {
@@ -23,11 +24,6 @@ constexpr const char* lost_text = "the server is gone, and stays so for this sce
 constexpr const char* forked_text = "this process was forked from the one that connected, whose scene it is";
 constexpr const char* shut_text = "the scene has been given back";
 
-// How often this process is the child of a fork.
-std::atomic<uint64_t> forks{0};
-[[maybe_unused]] const int is_counting =
-    pthread_atfork(nullptr, nullptr, [] { forks.fetch_add(1, std::memory_order_relaxed); });
-
 void sleep(double s) { std::this_thread::sleep_for(std::chrono::duration<double>(s)); }
 
 fs_status to_status(int32_t status) {  // of a failure
@@ -39,7 +35,7 @@ fs_status to_status(int32_t status) {  // of a failure
 // --------------------------------------------------------------------------------------------------------- connecting
 
 Connection::Connection(const Endpoint& endpoint, const std::string& client)
-    : forks_(forks.load(std::memory_order_relaxed)) {
+    : process_number_(this_process()) {
   const double start = steady_now();
   for (;;) {
     connect(endpoint, start);
@@ -130,7 +126,7 @@ bool Connection::greet(const Endpoint& endpoint, const std::string& client) {
 
 // --------------------------------------------------------------------------------------------------------------- loss
 
-bool Connection::is_forked() const noexcept { return forks.load(std::memory_order_relaxed) != forks_; }
+bool Connection::is_forked() const noexcept { return this_process() != process_number_; }
 
 const char* Connection::loss(double now) const noexcept {
   if (is_forked()) return forked_text;

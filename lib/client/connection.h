@@ -76,7 +76,7 @@ class Connection {
 
   // ---- By one thread at a time; none waits. All may throw DISCONNECTED.
   Inbox& inbox() noexcept { return inbox_; }
-  void wake() noexcept;  // [rt] the server looks at the inbox, also if it slept; then with a system call
+  void wake() noexcept;  // [rt] wakes the server if it sleeps; only then by a system call
 
   // Sends a message, of one or two parts, as a whole or not at all. Returns its serial; 0: there is no room now.
   uint64_t send(wire::Type type, std::span<const std::byte> body, int descriptor = -1,
@@ -108,7 +108,7 @@ class Connection {
   std::shared_ptr<void> inbox_memory_;
   Inbox inbox_;
   std::shared_ptr<Outbox> outbox_;
-  const uint64_t forks_;  // of this process when it connected
+  const uint32_t process_number_;  // this_process() when it connected
   mutable std::atomic<const char*> loss_{nullptr};
 
   uint64_t serial_ = 0;  // of the last message

@@ -13,8 +13,6 @@
 namespace fs {
 namespace {
 
-constexpr int most_tries = 4;  // to get an object that others change again and again
-
 template <class List, class Thing>
 uint64_t number_of(const List& list, const Thing* thing) {  // the server's; 0: it is not its
   const auto found = std::find_if(list.begin(), list.end(), [&](const auto& e) { return e.second.get() == thing; });

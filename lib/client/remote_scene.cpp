@@ -2,7 +2,6 @@
 #include "client/remote_scene.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstring>
 #include <new>
 
@@ -12,10 +11,7 @@
 namespace fs {
 namespace {
 
-constexpr const char* no_memory_text = "there was no memory in the middle of a change: the server is given up";
 constexpr size_t most_syncs = 32;  // that have not been answered
-
-constexpr uint32_t all_parts = FS_PART_POSE | FS_PART_PROFILES | FS_PART_CONTACT | FS_PART_SHAPE | FS_PART_OTHER;
 
 ClockKind clock_of(const wire::Welcome& welcome) {
   return welcome.is_virtual ? ClockKind::virtual_time : ClockKind::steady;
@@ -111,7 +107,7 @@ void RemoteScene::set(const fs_object& object) {
 }
 
 void RemoteScene::change(const fs_object& object, uint32_t parts) {
-  if (parts & ~all_parts) fail(FS_ERROR_INVALID, "parts is 0x%x, must be of the fs_part bits 0x%x", parts, all_parts);
+  parse_parts(parts);
   check_struct_size(object.struct_size, sizeof object, "fs_object");
   const std::string given = text_of(object.name);
   const char* name = own_name(given.c_str());
@@ -283,12 +279,9 @@ void RemoteScene::sync(double timeout) {
   const double start = steady_now();
   Call call = enter();
   call.end = start + timeout;
-  const auto wait = [&](bool is_for_room) {
-    if (!(call.end > steady_now())) fail(FS_ERROR_TIMEOUT, "no tick has used the changes within timeout %g s", timeout);
-    pause(call, is_for_room);
-  };
   const auto catch_up_in_time = [&] {
-    while (look(), !group_ && !is_current() && call.end > steady_now()) pause(call, !pull_);
+    while (look(), !group_ && !is_current() && try_pause(call, !pull_)) {
+    }
   };
   uint64_t own = 0;  // serial; 0: not asked yet
   for (;;) {
@@ -315,7 +308,9 @@ void RemoteScene::sync(double timeout) {
       if (!own) syncs_.pop_back();
     }
     if (own && (syncs_.empty() || syncs_.front() > own)) return catch_up_in_time();
-    wait(!own);
+    if (!try_pause(call, !own)) {
+      fail(FS_ERROR_TIMEOUT, "no tick has used the changes within timeout %g s", timeout);
+    }
   }
 }
 

@@ -1,11 +1,11 @@
 // A scene at a server. It has a scene of its own in this process, the replica, which checks every change before it is
-// sent, is what getters of its own objects look at, and what tools evaluate. fs_object_move goes through shared memory.
-// Every other change is a message, and a group of changes is one message: into the replica's group, then the message, then
-// the replica's commit. So the server has all of a change or nothing of it, and never more than the replica.
+// sent, is what getters of its own objects look at, and what tools evaluate. fs_object_move goes through shared
+// memory. Every other change is a message, and a group of changes is one message: into the replica's group, then the
+// message, then the replica's commit. So the server has all of a change or nothing of it.
 //
-// The server may refuse a change, and others may change this client's objects. Then the server counts up Outbox::edits, and
-// the client asks (pull) name by name what there is now. A change that the client made after it asked is newer than the
-// answer: that name is asked again.
+// The server may refuse a change, and others may change this client's objects. Then the server counts up
+// Outbox::edits, and the client asks (pull) name by name what there is now. A change that the client made after it
+// asked is newer than the answer: that name is asked again.
 #pragma once
 
 #include <array>
@@ -74,6 +74,8 @@ struct RemoteScene final : Scene {
 
  private:
   using Lock = std::unique_lock<std::mutex>;
+  static constexpr const char* no_memory_text = "there was no memory in the middle of a change: the server is given up";
+  static constexpr int most_tries = 4;  // to get an object that others change again and again
 
   // A call that is under way. It has the lock, but for the times in which it waits for the server.
   struct Call {
@@ -178,7 +180,8 @@ struct RemoteScene final : Scene {
   void forget_unused();
 
   // ---- What is asked of the server (asking.cpp).
-  void pause(Call& call, bool is_for_room);  // TIMEOUT
+  bool try_pause(Call& call, bool is_for_room);  // false: its time is over
+  void pause(Call& call, bool is_for_room);      // TIMEOUT
   Answer request(Call& call, wire::Type type, std::span<const std::byte> body = {});
   struct Asking;
   void end_question() noexcept;

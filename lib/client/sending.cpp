@@ -1,4 +1,4 @@
-// Changes of own objects on their way to the server: collected in a group, then sent one behind the other.
+// Changes on their way to the server: collected in a group, then sent as one message.
 #include <algorithm>
 #include <cstring>
 #include <limits>
@@ -242,7 +242,7 @@ void RemoteScene::note_sent(const Group& group, uint64_t serial) noexcept {
       touch(change);
     }
   } catch (...) {
-    connection_.lose("there was no memory in the middle of a change: the server is given up");
+    connection_.lose(no_memory_text);
   }
 }
 
@@ -311,7 +311,7 @@ bool RemoteScene::is_missing(uint64_t id) const {
   return found == data_.end() || found->second.is_refused;
 }
 
-// Sends it unless the server has it. False: there is no room now. Until an object uses it, it may be forgotten.
+// Sends it unless the server has it. False: there is no room now. It counts as unused until an object uses it.
 bool RemoteScene::upload(const Shape* shape) {
   if (!shape || !is_missing(shape->serial)) return true;
   if (!has_room_for_data()) return false;

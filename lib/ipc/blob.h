@@ -7,7 +7,7 @@
 #include <memory>
 #include <span>
 
-#include "ipc/descriptor.h"
+#include "base/descriptor.h"
 
 namespace fs {
 

@@ -9,7 +9,7 @@
 #include <memory>
 
 #include "base/seqlock.h"
-#include "ipc/descriptor.h"
+#include "base/descriptor.h"
 #include "ipc/servo_output.h"
 #include "ipc/wire.h"
 
@@ -23,7 +23,7 @@ struct Outbox {
   alignas(64) std::atomic<double> heartbeat{0};      // s, monotonic clock: when the server last came by
   std::atomic<uint32_t> is_closed{0};                // the server has let go of this client
   std::atomic<uint32_t> is_asleep{0};                // it looks at the inbox only when it is woken
-  std::atomic<uint64_t> edits{0};                    // changes of the client's objects by others
+  std::atomic<uint64_t> edits{0};                    // grows when there is something that the client may not know
   std::atomic<uint64_t> settled{0};                  // serial: all of the client's messages up to it have been applied
   std::atomic<uint64_t> events_written{0};
   Seqlock<wire::EventSlot> events[event_slots];      // the newest, by number
@@ -40,8 +40,6 @@ class Inbox {
   Inbox() = default;
   Inbox(void* memory, uint32_t slots);
   static size_t bytes(uint32_t slots);
-
-  uint32_t slots() const noexcept { return slots_; }
 
   // ---- The client's. [rt]
   void write(uint32_t slot, const wire::Move& move) noexcept;

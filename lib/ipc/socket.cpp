@@ -18,6 +18,7 @@
 #include <mutex>
 #include <vector>
 
+#include "base/clock.h"
 #include "base/error.h"
 
 namespace fs {
@@ -60,12 +61,6 @@ Listeners& listeners() {
         all.mutex.unlock();
       });
   return all;
-}
-
-double now() noexcept {  // s, monotonic clock
-  timespec time{};
-  clock_gettime(CLOCK_MONOTONIC, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
 
 sockaddr_un to_sockaddr(const std::string& address, socklen_t& size) {
@@ -251,8 +246,8 @@ Transfer receive_message(const Descriptor& socket, std::span<std::byte> buffer, 
 
 bool wait_for(const Descriptor& socket, bool to_write, double timeout) noexcept {
   pollfd waiting{socket.get(), static_cast<short>(to_write ? POLLOUT : POLLIN), 0};
-  const double end = now() + timeout;
-  for (double rest = timeout;; rest = end - now()) {  // again after a signal, for as long as is left
+  const double end = steady_now() + timeout;
+  for (double rest = timeout;; rest = end - steady_now()) {  // again after a signal, for as long as is left
     const double limited = std::fmax(rest, 0), whole = std::floor(limited);
     const timespec limit{static_cast<time_t>(whole), static_cast<long>((limited - whole) * 1e9)};
     const int found = ppoll(&waiting, 1, &limit, nullptr);

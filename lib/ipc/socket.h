@@ -8,7 +8,7 @@
 #include <span>
 #include <string>
 
-#include "ipc/descriptor.h"
+#include "base/descriptor.h"
 
 namespace fs {
 

@@ -73,7 +73,7 @@ enum Type : uint32_t {
 
   // Requests.
   type_sync = 100,   // nothing. Reply when a tick has used all before it; or the status of the first refused change
-  type_pull,         // Target: an own object; empty: the next of which the client knows less than the server. Reply, Pulled
+  type_pull,         // Target: an own object, or empty: the next that the client must be told of. Reply, Pulled
   type_get,          // Target. Reply, Object
   type_fetch,        // Fetch. Reply, Shape or Curve, and the descriptor that goes with it
   type_edit,         // Edit. Reply
@@ -244,7 +244,7 @@ struct Pulled {
 
 // In shared memory, a slot each: written by fs_object_move.
 struct Move {
-  uint64_t after;                // serial of the change that last set the pose of the slot: of others it is not taken
+  uint64_t after;                // serial of the change that last set the pose: must be the one that the server knows
   Movement movement;
 };
 

@@ -10,12 +10,6 @@
 
 using namespace fs;
 
-double fs::steady_now() noexcept {
-  timespec now;
-  clock_gettime(CLOCK_MONOTONIC, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
-
 double LocalScene::now(ClockKind clock) const noexcept {
   if (clock == ClockKind::virtual_time) return output->time.load(std::memory_order_acquire);
   if (clock == ClockKind::caller) {

@@ -11,8 +11,6 @@ using namespace fs;
 
 namespace {
 
-constexpr uint32_t all_parts = FS_PART_POSE | FS_PART_PROFILES | FS_PART_CONTACT | FS_PART_SHAPE | FS_PART_OTHER;
-
 double expiry_of(const Object& object, double now) { return object.lifetime > 0 ? now + object.lifetime : never; }
 
 Ref<Entry> copy(const Entry& entry) { return make_ref<Entry>(entry); }
@@ -183,7 +181,7 @@ void LocalScene::set(const fs_object& object) {
 }
 
 void LocalScene::change(const fs_object& change, uint32_t parts) {
-  if (parts & ~all_parts) fail(FS_ERROR_INVALID, "parts is 0x%x, must be of the fs_part bits 0x%x", parts, all_parts);
+  parse_parts(parts);
   check_struct_size(change.struct_size, sizeof(fs_object), "fs_object");
   const std::string name = parse_name(change.name, "name");
   for (bool is_done = parts == 0; !is_done;) {

@@ -13,6 +13,7 @@
 #include <string_view>
 #include <vector>
 
+#include "base/clock.h"
 #include "base/name_map.h"
 #include "ipc/servo_output.h"
 #include "scene/scene.h"
@@ -36,8 +37,6 @@ class ServoLink {
       : fade(the_fade), clock(the_clock), since(the_time), reader{reader_id, {}} {}
   ~ServoLink() = default;
 };
-
-double steady_now() noexcept;  // [rt] s, the monotonic clock
 
 // [rt] What fs_scene_get_hand gives. Null: not asked.
 fs_status read_hand(const ServoOutput& output, fs_state* state, fs_response* response, fs_wrench* sent) noexcept;

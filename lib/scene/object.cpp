@@ -139,6 +139,14 @@ ParsedObject parse(const fs_object& in, std::string name, const Object* like, bo
 
 }  // namespace
 
+uint32_t parse_parts(uint64_t parts) {
+  if (parts & ~uint64_t{all_parts}) {
+    fail(FS_ERROR_INVALID, "parts is 0x%llx, must be of the fs_part bits 0x%x", static_cast<unsigned long long>(parts),
+         all_parts);
+  }
+  return static_cast<uint32_t>(parts);
+}
+
 void check_struct_size(uint32_t given, size_t ours, const char* type) {
   if (given > ours) {
     fail(FS_ERROR_VERSION, "struct_size of %s is %u, this library (%s) knows %zu: it is older than its caller", type,

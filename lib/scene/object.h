@@ -67,6 +67,10 @@ double parse_finite(double value, const char* field);
 // [rt] The same for a pose without a sentence: false when it is not a pose. Normalises in place.
 bool make_unit_pose(Pose& pose) noexcept;
 
+// fs_part bits. INVALID.
+inline constexpr uint32_t all_parts = FS_PART_POSE | FS_PART_PROFILES | FS_PART_CONTACT | FS_PART_SHAPE | FS_PART_OTHER;
+uint32_t parse_parts(uint64_t parts);
+
 // struct_size of what a caller made: larger than ours throws VERSION, smaller INVALID.
 void check_struct_size(uint32_t given, size_t ours, const char* type);
 

@@ -103,7 +103,7 @@ void Session::take_upload(Message&& message, Descriptor&& came) {
                                          : data_size(message.as<wire::Curve>());
     const uint64_t used = shape_bytes_->load(), limit = server_.settings().max_bytes;
     if (bytes > limit || used > limit - bytes) {
-      fail(FS_ERROR_FULL, "shapes of %llu bytes would come to %llu: a client may have at most %llu megabytes",
+      fail(FS_ERROR_FULL, "this shape or curve of %llu bytes would make %llu, the server allows a client %llu megabytes",
            static_cast<unsigned long long>(bytes), static_cast<unsigned long long>(used + bytes),
            static_cast<unsigned long long>(limit / 1'000'000));
     }
@@ -474,13 +474,6 @@ void Session::apply_set(const wire::Set& set, uint64_t serial, bool is_change) {
   ++changes_;
 }
 
-uint32_t Session::parse_parts(uint64_t parts) {
-  if (parts > UINT32_MAX) {
-    fail(FS_ERROR_INVALID, "parts is 0x%llx, must be of the fs_part bits", static_cast<unsigned long long>(parts));
-  }
-  return static_cast<uint32_t>(parts);
-}
-
 void Session::change_foreign(Foreign& other, const Message& message, const std::string& name) const {
   if (message.header.type == wire::type_edit) {
     const wire::Edit& edit = message.as<wire::Edit>();
@@ -573,11 +566,7 @@ void Session::refuse(const Unit& unit, const Message& failed, const Error& error
       absent_.erase(name);  // nor does the client want it
     } else if (type == wire::type_clear) {
       absent_.clear();
-    } else if (type == wire::type_edit) {
-      name = text_of(message.as<wire::Edit>().target.name);
-    } else if (type == wire::type_move_other) {
-      name = text_of(message.as<wire::MoveOther>().target.name);
-    } else if (type == wire::type_remove_other) {
+    } else if (type >= wire::type_sync) {  // of another client's object
       name = text_of(message.as<wire::Target>().name);
     }
     put_text(event.name, name);

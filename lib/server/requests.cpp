@@ -1,7 +1,7 @@
 // What a client asks, and what it is told of others.
-#include <unistd.h>
-
 #include <algorithm>
+#include <cmath>
+#include <cstddef>
 #include <cstring>
 #include <deque>
 
@@ -192,7 +192,6 @@ void Session::edit(const Message& message, Session*& owner, std::string& name) {
   reply(message.header.serial);
 }
 
-// The newest offer of a number; null: it has been let go of.
 const Session::Offer* Session::find_offer(uint64_t number) const noexcept {
   const auto found = std::find_if(offered_.begin(), offered_.end(), [number](const Offer& o) { return o.number == number; });
   return found == offered_.end() ? nullptr : &*found;
@@ -266,7 +265,7 @@ void Session::tell_object(const std::string& name, wire::Pulled& out) {
 }
 
 // The record of an object with the numbers of its shape and curves: the client's own, or the server's, which it can fetch
-// until it is told of the next object.
+// until it was told of some more.
 wire::Object Session::offer(const fs_object& object) {
   constexpr size_t most_offered = 8;
   wire::Object out = to_record(object);

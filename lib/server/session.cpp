@@ -2,7 +2,6 @@
 #include "server/session.h"
 
 #include <poll.h>
-#include <sys/epoll.h>
 #include <sys/socket.h>
 
 #include <algorithm>

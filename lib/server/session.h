@@ -35,7 +35,7 @@ class Session : public std::enable_shared_from_this<Session> {
   bool is_gone() const noexcept { return is_gone_; }
   bool is_refused() const noexcept { return refusal_ != FS_OK; }
 
-  // A few of the messages that are there, of which most take about a microsecond.
+  // So many of the messages that are there, or as many as can be handled in a slice.
   void receive(int most) noexcept;
   // Whether the next message can be handled amid a long one of `busy`'s (null: amid nothing that is half done): it is short,
   // and not about busy's objects. `round`: in which it is not looked at again when it cannot.
@@ -43,7 +43,7 @@ class Session : public std::enable_shared_from_this<Session> {
   Usage& usage() noexcept { return usage_; }
   // What comes each period: takes the moves, and posts the changes to the servo.
   void turn(double now) noexcept;
-  // What waits for shapes and has become ready, where it is so much that each shape cannot be followed by a look at all.
+  // Applies what has waited for shapes: where many changes wait, not after every shape but every few turns.
   void catch_up() noexcept;
   // After all have had their turn: tells what a tick has used.
   void settle() noexcept;
@@ -166,7 +166,6 @@ class Session : public std::enable_shared_from_this<Session> {
   void put_back(const std::string& name, const Kept& kept);
   void note_absent(const wire::Set& set, fs_object_state state);
   void refuse(const Unit& unit, const Message& failed, const Error& error);
-  static uint32_t parse_parts(uint64_t parts);  // INVALID
   bool take_moves();  // false: a group of them is being written, all comes later
   fs_object resolve(const wire::Object& record, uint32_t parts, const fs_object* target) const;
   wire::Object offer(const fs_object& object);

@@ -67,6 +67,10 @@ class Pair {
     if (out.primitive >= FS_PRIMITIVE_PLANE && random.coin(0.3)) out.back = constant(FS_SENSE_ATTRACTIVE, 0.1);
     out.pose.position = random.in_box(0.1);
     out.enabled = random.coin(0.9);
+    out.damping = random.coin(0.3) ? random.between(0, 5) : 0;
+    out.tool_points = static_cast<uint32_t>(random.below(4));
+    if (random.coin(0.3)) out.front.reach = random.between(0, 1);
+    if (random.coin(0.2)) out.front.sense = FS_SENSE_REPULSIVE;
     if (random.coin(0.2)) out.lifetime = 1e3;
     return out;
   }
@@ -165,11 +169,17 @@ class Pair {
     same("lifetime", a.lifetime, b.lifetime);
     for (const auto& [x, y] : {std::pair(a.front, b.front), std::pair(a.back, b.back)}) {
       same("kind", x.kind, y.kind);
+      same("sense", x.sense, y.sense);
       same("gain", x.gain, y.gain);
+      same("offset", x.offset, y.offset);
+      same("width", x.width, y.width);
       same("limit", x.limit, y.limit);
+      same("reach", x.reach, y.reach);
       ck_assert_msg(!x.curve == !y.curve, "%s: only one has a curve", what.c_str());
     }
     same("damping", a.damping, b.damping);
+    same("contact", a.contact, b.contact);
+    same("tool_points", a.tool_points, b.tool_points);
     same("enabled", a.enabled, b.enabled);
     ck_assert_msg(!a.shape == !b.shape, "%s: only one has a shape", what.c_str());
     if (!a.shape) return;

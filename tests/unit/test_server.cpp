@@ -71,11 +71,10 @@ START_TEST(who_asks_little_goes_first) {
 END_TEST
 
 // Work that never ends by itself: only when it is abandoned.
-Worker::Job endless(std::atomic<bool>& has_begun, std::atomic<bool>& is_abandoned) {
+Worker::Job endless(std::atomic<uint64_t>& steps, std::atomic<bool>& is_abandoned) {
   return {[&](Wanted& wanted) {
-            has_begun = true;
             try {
-              for (;;) wanted.step();
+              for (;; ++steps) wanted.step();
             } catch (const Abandoned&) {
               is_abandoned = true;
             }
@@ -85,22 +84,29 @@ Worker::Job endless(std::atomic<bool>& has_begun, std::atomic<bool>& is_abandone
 void wait_for(const std::atomic<bool>& flag) {
   while (!flag) std::this_thread::yield();
 }
+void wait_for(const std::atomic<uint64_t>& count, uint64_t least) {
+  while (count < least) std::this_thread::yield();
+}
 
 START_TEST(who_leaves_holds_up_nobody) {
-  std::atomic<bool> has_begun{false}, is_abandoned{false}, is_done{false};
+  std::atomic<uint64_t> steps{0};
+  std::atomic<bool> is_abandoned{false}, is_done{false};
   Worker worker([] {});
-  worker.add(1, endless(has_begun, is_abandoned));
-  worker.add(1, endless(has_begun, is_abandoned));
+  worker.add(1, endless(steps, is_abandoned));
+  worker.add(1, endless(steps, is_abandoned));
   worker.add(2, {[&](Wanted&) { is_done = true; }, [] {}});
-  wait_for(has_begun);
+  wait_for(steps, 1);
   worker.forget(1);
   wait_for(is_done);
   ck_assert(is_abandoned);
   // Another one's job is not abandoned with it.
-  std::atomic<bool> has_begun_again{false}, is_abandoned_again{false};
-  worker.add(3, endless(has_begun_again, is_abandoned_again));
-  wait_for(has_begun_again);
+  std::atomic<uint64_t> steps_again{0};
+  std::atomic<bool> is_abandoned_again{false};
+  worker.add(3, endless(steps_again, is_abandoned_again));
+  wait_for(steps_again, 1);
   worker.forget(2);
+  const uint64_t least = steps_again + 5000;  // it would have noticed
+  while (steps_again < least && !is_abandoned_again) std::this_thread::yield();
   ck_assert(!is_abandoned_again);
 }  // the end abandons what is under way
 END_TEST

@@ -19,8 +19,10 @@ class Descriptor {
   ~Descriptor() { reset(); }
 
   void reset() noexcept {
-    if (number_ >= 0) close(std::exchange(number_, -1));
+    if (number_ >= 0) close();
   }
+  // 0, or -1 with errno: some file systems tell only here that the disk is full.
+  int close() noexcept { return ::close(std::exchange(number_, -1)); }
   int get() const noexcept { return number_; }
   explicit operator bool() const noexcept { return number_ >= 0; }
 
