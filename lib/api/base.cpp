@@ -1,7 +1,7 @@
 #include <forceserver/base.h>
 
 #include "api/guarded.h"
-#include "scene/object.h"
+#include "field/object.h"
 
 using namespace fs;
 

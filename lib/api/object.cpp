@@ -4,8 +4,7 @@
 #include "base/names.h"
 #include "file/mesh_file.h"
 #include "force/profile.h"
-#include "force/reader.h"
-#include "scene/object.h"
+#include "field/object.h"
 
 using namespace fs;
 
@@ -47,9 +46,8 @@ fs_status fs_profile_evaluate(const fs_profile* profile, double max_stiffness, d
       fail(FS_ERROR_UNSUPPORTED, "max_stiffness is %g: slope caps are not in version %s of this library, only 0",
            max_stiffness, fs_version());
     }
-    const ReaderId reader;
-    if (parsed.curve) parsed.curve->prepare(reader.get());
-    for (size_t i = 0; i < count; ++i) forces[i] = evaluate(parsed, reader.get(), distances[i], t).force;
+    const auto parser = parsed.curve ? parsed.curve->make_parser() : nullptr;
+    for (size_t i = 0; i < count; ++i) forces[i] = evaluate(parsed, parser.get(), distances[i], t).force;
   });
 }
 

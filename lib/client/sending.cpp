@@ -68,8 +68,8 @@ void RemoteScene::add_object(Group& group, wire::Type type, const char* name, ui
     if (*time == 0) *time = std::numeric_limits<double>::min();
   }
   if ((parts & FS_PART_SHAPE) && kept->shape) set.object.shape = kept->shape->serial;
-  if ((parts & FS_PART_PROFILES) && kept->front.curve) set.object.front.curve = kept->front.curve->serial;
-  if ((parts & FS_PART_PROFILES) && kept->back.curve) set.object.back.curve = kept->back.curve->serial;
+  if ((parts & FS_PART_PROFILES) && kept->law.front.curve) set.object.front.curve = kept->law.front.curve->serial;
+  if ((parts & FS_PART_PROFILES) && kept->law.back.curve) set.object.back.curve = kept->law.back.curve->serial;
   add(group, type, name, bytes_of(&set, 1));
   group.changes.back().parts = parts;
   group.changes.back().object = std::move(kept);
@@ -232,8 +232,8 @@ void RemoteScene::note_sent(const Group& group, uint64_t serial) noexcept {
           break;
         case wire::type_edit:  // what it brings is the server's to keep
           for (const uint64_t id : {change.object->shape ? change.object->shape->serial : 0,
-                                    change.object->front.curve ? change.object->front.curve->serial : 0,
-                                    change.object->back.curve ? change.object->back.curve->serial : 0}) {
+                                    change.object->law.front.curve ? change.object->law.front.curve->serial : 0,
+                                    change.object->law.back.curve ? change.object->law.back.curve->serial : 0}) {
             if (data_.contains(id)) maybe_unused_[id] = serial;
           }
           break;
@@ -285,8 +285,8 @@ void RemoteScene::note_object(Slot& slot, const Object* object) {
   if (object) {
     slot.has_lifetime = object->lifetime > 0;
     if (object->shape) used[0] = object->shape->serial;
-    if (object->front.curve) used[1] = object->front.curve->serial;
-    if (object->back.curve) used[2] = object->back.curve->serial;
+    if (object->law.front.curve) used[1] = object->law.front.curve->serial;
+    if (object->law.back.curve) used[2] = object->law.back.curve->serial;
   }
   for (uint64_t& id : used) {
     const auto found = data_.find(id);
@@ -356,7 +356,7 @@ bool RemoteScene::has_room_for_data() const {
 
 bool RemoteScene::upload_parts(const Object& object, uint32_t parts) {
   if ((parts & FS_PART_SHAPE) && !upload(object.shape.get())) return false;
-  return !(parts & FS_PART_PROFILES) || (upload(object.front.curve.get()) && upload(object.back.curve.get()));
+  return !(parts & FS_PART_PROFILES) || (upload(object.law.front.curve.get()) && upload(object.law.back.curve.get()));
 }
 
 // Not before the server has applied the change that uses it no more: if that is refused, it is used again.

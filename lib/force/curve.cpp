@@ -61,9 +61,7 @@ class TableCurve final : public Curve {
     set_pieces();
   }
 
-  void prepare(unsigned) const override {}
-
-  Intensity evaluate(unsigned, double d, double) const noexcept override {
+  Intensity evaluate(Parser*, double d, double) const noexcept override {
     const size_t last = values_.size() - 1;
     const double position = d / step_;
     if (!(position < static_cast<double>(last))) return {values_[last], 0};
@@ -158,9 +156,9 @@ class TableCurve final : public Curve {
 constexpr size_t longest_expression = 255;  // bytes
 
 // muParser with its variables: its state belongs to one thread at a time.
-class Parser {
+class ExpressionParser final : public Curve::Parser {
  public:
-  explicit Parser(const std::string& text) {
+  explicit ExpressionParser(const std::string& text) {
     parser_.DefineVar("d", &d_);
     parser_.DefineVar("t", &t_);
     parser_.SetExpr(text);
@@ -192,54 +190,6 @@ class Parser {
   mu::Parser parser_;
 };
 
-// One parser for each reader, in blocks that double in size and never move: block k holds 8 * 2^k readers.
-class Parsers {
- public:
-  // first: for the reader that comes first; to parse a text takes long.
-  explicit Parsers(std::unique_ptr<Parser> first) : first_(std::move(first)) {}
-  ~Parsers() {
-    for (size_t k = 0; k < blocks_.size(); ++k) {
-      std::atomic<Parser*>* block = blocks_[k].load(std::memory_order_relaxed);
-      if (!block) continue;
-      for (size_t i = 0; i < block_size(k); ++i) delete block[i].load(std::memory_order_relaxed);
-      delete[] block;
-    }
-  }
-
-  Parser* get(unsigned reader) const noexcept {  // [rt] null: not prepared
-    const auto [k, i] = place(reader);
-    const std::atomic<Parser*>* block = blocks_[k].load(std::memory_order_acquire);
-    return block ? block[i].load(std::memory_order_acquire) : nullptr;
-  }
-
-  void make(unsigned reader, const std::string& text) {
-    const std::lock_guard lock(mutex_);
-    if (get(reader)) return;
-    const auto [k, i] = place(reader);
-    std::atomic<Parser*>* block = blocks_[k].load(std::memory_order_relaxed);
-    if (!block) {
-      block = new std::atomic<Parser*>[block_size(k)]();
-      blocks_[k].store(block, std::memory_order_release);
-    }
-    if (!first_) first_ = std::make_unique<Parser>(text);
-    block[i].store(first_.release(), std::memory_order_release);
-  }
-
- private:
-  struct Place {
-    size_t block, index;
-  };
-  static size_t block_size(size_t k) { return size_t{8} << k; }
-  static Place place(unsigned reader) noexcept {
-    const size_t k = static_cast<size_t>(std::bit_width(reader / 8ull + 1)) - 1;
-    return {k, reader - 8 * ((size_t{1} << k) - 1)};
-  }
-
-  std::mutex mutex_;
-  std::unique_ptr<Parser> first_;
-  std::array<std::atomic<std::atomic<Parser*>*>, 30> blocks_{};
-};
-
 // True unless t surely does not matter: it stands somewhere by itself.
 bool mentions_time(const std::string& text) {
   const auto is_word = [](char c) { return std::isalnum(static_cast<unsigned char>(c)) || c == '_'; };
@@ -251,13 +201,20 @@ bool mentions_time(const std::string& text) {
 
 class ExpressionCurve final : public Curve {
  public:
-  // parser: of the text.
-  ExpressionCurve(std::string text, std::unique_ptr<Parser> parser) : text_(std::move(text)), parsers_(sample(std::move(parser))) {}
+  // parser: of the text. To parse a text takes long, so the first who wants a parser gets this one.
+  ExpressionCurve(std::string text, std::unique_ptr<ExpressionParser> parser) : text_(std::move(text)) {
+    sample(*parser);
+    first_.store(parser.release());
+  }
+  ~ExpressionCurve() override { delete first_.load(); }
 
-  void prepare(unsigned reader) const override { parsers_.make(reader, text_); }
+  std::unique_ptr<Parser> make_parser() const override {
+    if (ExpressionParser* const first = first_.exchange(nullptr)) return std::unique_ptr<Parser>(first);
+    return std::make_unique<ExpressionParser>(text_);
+  }
 
-  Intensity evaluate(unsigned reader, double d, double t) const noexcept override {
-    Parser* const parser = parsers_.get(reader);
+  Intensity evaluate(Parser* given, double d, double t) const noexcept override {
+    auto* const parser = static_cast<ExpressionParser*>(given);
     if (!parser) return {};
     const double force = parser->force(d, t);
     if (force == 0) return {};
@@ -285,8 +242,7 @@ class ExpressionCurve final : public Curve {
  private:
   // Distances in a geometric row from 1 um to 100 m, and times that do not beat with a usual frequency. In all a few
   // hundred evaluations, some tenths of a millisecond: a file may have thousands of expressions.
-  std::unique_ptr<Parser> sample(std::unique_ptr<Parser> given) {
-    Parser& parser = *given;
+  void sample(ExpressionParser& parser) {
     const bool is_timed = mentions_time(text_);
     const size_t times = is_timed ? 6 : 1, distances = is_timed ? 64 : most_pieces;
     constexpr double first = 1e-6, last = 100;
@@ -323,7 +279,6 @@ class ExpressionCurve final : public Curve {
       Piece& piece = pieces_[steepest.piece];
       piece.steepest = std::fmax(piece.steepest, steepest.slope());
     }
-    return given;
   }
 
   struct Secant {
@@ -337,7 +292,7 @@ class ExpressionCurve final : public Curve {
   const std::string text_;
   std::vector<Piece> pieces_;
   std::vector<std::pair<double, double>> forces_;  // m, N: samples, the greatest in time
-  mutable Parsers parsers_;
+  mutable std::atomic<ExpressionParser*> first_{nullptr};
 };
 
 // What muParser accepts but a profile must not have: bytes that are no plain text, strings, assignment, a list of
@@ -386,7 +341,7 @@ Ref<const Curve> make_expression_curve(const char* text) {
   const std::string expression(text, strnlen(text, longest_expression + 1));
   check_expression(expression);
   try {
-    auto parser = std::make_unique<Parser>(expression);
+    auto parser = std::make_unique<ExpressionParser>(expression);
     if (parser->result_count() != 1) {
       fail(FS_ERROR_PARSE, "the expression gives %d numbers, must be one", parser->result_count());
     }

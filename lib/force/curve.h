@@ -31,13 +31,16 @@ struct fs_curve : fs::Counted<fs_curve> {
   // Whatever shall go when the curve goes. Set before it is shared.
   void keep(std::shared_ptr<const void> what) const { kept_ = std::move(what); }
 
-  // Makes all that `reader` needs to evaluate this curve without allocating. Any thread, off the tick; idempotent. The
-  // reader itself may evaluate meanwhile only when it was prepared before.
-  virtual void prepare(unsigned reader) const = 0;
+  // What a thread needs of its own to evaluate this curve: an expression's parser holds state. Null where it needs
+  // nothing (a table). Whoever evaluates a curve keeps the parser that was made of it.
+  struct Parser {
+    virtual ~Parser() = default;
+  };
+  virtual std::unique_ptr<Parser> make_parser() const { return nullptr; }
 
-  // [rt] d in m, >= 0; t in s. Both results are finite. One thread at a time for each reader, which must have been
-  // prepared; an expression gives 0 to one that was not.
-  virtual fs::Intensity evaluate(unsigned reader, double d, double t) const noexcept = 0;
+  // [rt] d in m, >= 0; t in s. Both results are finite. One thread at a time for each parser; an expression without a
+  // parser gives 0.
+  virtual fs::Intensity evaluate(Parser* parser, double d, double t) const noexcept = 0;
 
   // What is known of the curve without evaluating it: worked out once, when it is made, so that whoever sets a profile costs
   // nobody more than a few hundred steps.

@@ -33,7 +33,7 @@ void require_that(bool is_good, const char* must, double value, const char* fiel
 }
 
 // The formula without limit and reach. The slope is of use only where 0 < force < limit.
-Intensity formula(const Profile& p, unsigned reader, double d, double t) noexcept {
+Intensity formula(const Profile& p, Curve::Parser* parser, double d, double t) noexcept {
   if (p.gain == 0) return {p.offset, 0};  // of every kind, also where d makes it 0 * infinity or 0 / 0
   switch (p.kind) {
     case FS_PROFILE_CONSTANT:
@@ -53,7 +53,7 @@ Intensity formula(const Profile& p, unsigned reader, double d, double t) noexcep
       return {force + p.offset, -force / d};
     }
     case FS_PROFILE_CUSTOM: {
-      const Intensity curve = p.curve->evaluate(reader, d, t);
+      const Intensity curve = p.curve->evaluate(parser, d, t);
       return {p.gain * curve.force, p.gain * curve.slope};
     }
     default:
@@ -130,7 +130,7 @@ double formula_slope(const Profile& p, double end) noexcept {
 bool jumps_at_reach(const Profile& p) {
   if (!(p.reach > 0)) return false;
   if (p.kind == FS_PROFILE_CUSTOM) return p.gain * p.curve->greatest_force(p.reach) > 0;
-  return evaluate(p, 0, p.reach, 0).force > 0;
+  return evaluate(p, nullptr, p.reach, 0).force > 0;
 }
 
 }  // namespace
@@ -196,9 +196,9 @@ bool operator==(const Profile& a, const Profile& b) {
          a.limit == b.limit && a.reach == b.reach && a.curve == b.curve;
 }
 
-Intensity evaluate(const Profile& p, unsigned reader, double d, double t) noexcept {
+Intensity evaluate(const Profile& p, Curve::Parser* parser, double d, double t) noexcept {
   if (p.reach > 0 && !(d <= p.reach)) return {};
-  const Intensity raw = formula(p, reader, d, t);
+  const Intensity raw = formula(p, parser, d, t);
   if (!(raw.force > 0)) return {};  // NaN too
   if (raw.force >= p.limit) return {p.limit, 0};
   return {raw.force, std::clamp(raw.slope, -largest, largest)};
@@ -212,7 +212,7 @@ double support(const Profile& p) noexcept {
 bool is_ever_felt(const Profile& p) noexcept {
   if (p.kind == FS_PROFILE_CUSTOM) return support(p) > 0;
   // The formulas rise or fall throughout.
-  return evaluate(p, 0, 0, 0).force > 0 || evaluate(p, 0, p.reach > 0 ? p.reach : infinity, 0).force > 0;
+  return evaluate(p, nullptr, 0, 0).force > 0 || evaluate(p, nullptr, p.reach > 0 ? p.reach : infinity, 0).force > 0;
 }
 
 double steepest_slope(const Profile& p) {
@@ -225,7 +225,7 @@ double steepest_slope(const Profile& p) {
 
 double first_force(const Profile& p) {
   if (p.kind == FS_PROFILE_CUSTOM) return std::fmin(p.gain * p.curve->greatest_force(0), p.limit);
-  return evaluate(p, 0, 0, 0).force;
+  return evaluate(p, nullptr, 0, 0).force;
 }
 
 }  // namespace fs

@@ -22,8 +22,8 @@ Profile parse_profile(const fs_profile& profile, const char* field);
 fs_profile to_c(const Profile& profile);
 bool operator==(const Profile& a, const Profile& b);
 
-// [rt] d in m, >= 0 (may be infinite); t in s. The slope is 0 where f is clamped, and always finite.
-Intensity evaluate(const Profile& profile, unsigned reader, double d, double t) noexcept;
+// [rt] d in m, >= 0 (may be infinite); t in s; parser: of the curve. The slope is 0 where f is clamped, and always finite.
+Intensity evaluate(const Profile& profile, Curve::Parser* parser, double d, double t) noexcept;
 
 // The distance beyond which the profile gives no force, m: d > support means f = 0. Infinite where there is none, -1
 // for a profile that never gives any. Expressions: their reach.

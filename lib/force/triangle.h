@@ -90,8 +90,4 @@ inline double coordinate_rounding(double largest) noexcept {
   return 2 * std::numeric_limits<double>::epsilon() * largest;
 }
 
-inline double largest_coordinate(Vec3 a) noexcept {
-  return std::max(std::max(std::fabs(a.x), std::fabs(a.y)), std::fabs(a.z));
-}
-
 }  // namespace fs

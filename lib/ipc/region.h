@@ -10,7 +10,7 @@
 
 #include "base/seqlock.h"
 #include "base/descriptor.h"
-#include "ipc/servo_output.h"
+#include "field/servo_output.h"
 #include "ipc/wire.h"
 
 namespace fs {

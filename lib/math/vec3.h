@@ -23,6 +23,10 @@ constexpr Vec3 cross(Vec3 a, Vec3 b) {
 inline double norm(Vec3 a) { return std::sqrt(dot(a, a)); }
 inline bool is_finite(Vec3 a) { return std::isfinite(a.x) && std::isfinite(a.y) && std::isfinite(a.z); }
 
+inline double largest_coordinate(Vec3 a) noexcept {
+  return std::fmax(std::fmax(std::fabs(a.x), std::fabs(a.y)), std::fabs(a.z));
+}
+
 inline constexpr double coordinate_limit = 1e15;  // m: its square still leaves a double 278 decades
 inline bool is_in_range(Vec3 v) noexcept {
   return std::fabs(v.x) <= coordinate_limit && std::fabs(v.y) <= coordinate_limit && std::fabs(v.z) <= coordinate_limit;

@@ -1,5 +1,4 @@
-// Objects and groups. Snapshots, readers and fades: publish.cpp; servo and clock: clock.cpp; frame, clutch and tool:
-// view.cpp; reports and events: report.cpp.
+// Objects, groups and drafts. Readers, servo and time: readers.cpp; frame, clutch and tool: view.cpp; reports: report.cpp.
 #include "scene/local_scene.h"
 
 #include <cstring>
@@ -13,166 +12,84 @@ namespace {
 
 double expiry_of(const Object& object, double now) { return object.lifetime > 0 ? now + object.lifetime : never; }
 
-Ref<Entry> copy(const Entry& entry) { return make_ref<Entry>(entry); }
-
 // A number of what is wanted, in place of that of what is felt: it grows, also where that has changed meanwhile.
 uint64_t grown(uint64_t wanted, uint64_t felt) { return wanted >= felt ? wanted : next_serial(); }
+
+fs_object to_contract(const Known& known) {
+  fs_object out = fs::to_c(*known.object);
+  out.pose = known.motion.pose;
+  out.twist = known.motion.twist;
+  out.time = known.motion.time;
+  out.start = known.start;
+  return out;
+}
+
+void fail_unknown(std::string_view name) {
+  fail(FS_ERROR_NOT_FOUND, "name is '%.*s': there is no such object in the scene", static_cast<int>(name.size()), name.data());
+}
 
 }  // namespace
 
 LocalScene::LocalScene(std::shared_ptr<ServoOutput> the_output, ClockKind clock)
-    : output(the_output ? std::move(the_output) : std::make_shared<ServoOutput>()), clock_(clock) {}
+    : output(the_output ? std::move(the_output) : std::make_shared<ServoOutput>()),
+      objects_(*output),
+      views_(*output),
+      clock_(*output, clock) {}
 
-const Entry* LocalScene::find(std::string_view name, uint32_t& slot) const {
-  const auto found = slots_.find(name);
-  if (found == slots_.end()) return nullptr;
-  slot = found->second;
-  return working().get(slot);
+bool LocalScene::find(std::string_view name, Known& out) const {
+  if (const Known* const wanted = group_ ? group_->find(name) : nullptr) {
+    out = *wanted;
+    return !wanted->is_removed;
+  }
+  return objects_.find(name, out);
 }
 
-const Entry& LocalScene::require(const char* name, uint32_t& slot) const {
-  const size_t size = strnlen(name, 2 * FS_NAME_SIZE);
-  const Entry* entry = find({name, size}, slot);
-  if (!entry || entry->is_removed) {
-    fail(FS_ERROR_NOT_FOUND, "name is '%.*s': there is no such object in the scene", static_cast<int>(size), name);
-  }
-  return *entry;
-}
-
-uint32_t LocalScene::free_slot() const {
-  if (!free_slots_.empty()) return *free_slots_.begin();
-  if (slots_end_ == capacity_) {
-    fail(FS_ERROR_FULL, "the scene holds %u objects, those that fade out among them: its maximum", capacity_);
-  }
-  return slots_end_;
+Known LocalScene::require(const char* name, std::string* key) const {
+  const std::string_view text(name, strnlen(name, 2 * FS_NAME_SIZE));
+  Known known;
+  if (!find(text, known)) fail_unknown(text);
+  if (key) *key = text;
+  return known;
 }
 
 // Puts a checked object in, or the parts of it that are named, into the object of its name.
 void LocalScene::admit(const ParsedObject& parsed, uint32_t parts) {
   const Object& object = *parsed.object;
   const double time = now();
-  for (const Reader* reader : readers_) prepare_curves(object, reader->id);
   if (builds_shapes_ && object.shape) object.shape->build();  // mostly it is, since parse_object
 
-  uint32_t slot;
-  const Entry* old = find(object.name, slot);
-  const bool is_known = old && !old->is_removed;  // else the name is new, also where its last bearer still fades out
-  if (!old) {
-    if (free_slots_.empty() && slots_end_ == capacity_) settle(true);
-    slot = free_slot();
+  Known known;
+  const bool is_known = find(object.name, known);  // else the name is new, also where its last bearer still fades out
+  if (!is_known) known = {};
+  if (!is_known || (parsed.start != 0 && parsed.start != known.start)) {
+    known.start_is_given = parsed.start != 0;
+    known.start = parsed.start != 0 ? parsed.start : time;
   }
-
-  const Ref<Entry> entry = is_known ? copy(*old) : make_ref<Entry>();
-  entry->object = parsed.object;
-  entry->revision = next_serial();
-  entry->expiry = expiry_of(object, time);
-  if (!is_known) entry->felt = make_ref<Felt>();
-  if (!is_known || (parsed.start != 0 && parsed.start != old->start)) {
-    entry->start_is_given = parsed.start != 0;
-    entry->start = parsed.start != 0 ? parsed.start : time;
-  }
+  known.object = parsed.object;
+  known.revision = next_serial();
+  known.expiry = expiry_of(object, time);
   if (parts & FS_PART_POSE) {
-    entry->track = {};
-    entry->motion = entry->track.take(parsed.pose, &parsed.twist, parsed.time != 0 ? parsed.time : time);
+    known.track = {};
+    known.motion = known.track.take(parsed.pose, &parsed.twist, parsed.time != 0 ? parsed.time : time);
   }
-  put(slot, entry, true);
+  put(object.name, known, true);
 }
 
-void LocalScene::move_entry(uint32_t slot, const Entry& old, const fs_pose& pose, const fs_twist* twist, double time) {
-  const Ref<Entry> entry = copy(old);
-  const double present = now();
-  entry->motion = entry->track.take(pose, twist, time != 0 ? time : present);
-  entry->expiry = expiry_of(*old.object, present);
-  put(slot, entry, old.object->lifetime > 0);
-}
-
-void LocalScene::remove_entry(uint32_t slot, const Entry& old) {
-  if (old.is_removed) return;
-  const Ref<Entry> entry = copy(old);
-  entry->is_removed = true;
-  entry->expiry = never;
-  put(slot, entry, true);
-}
-
-// Takes what an entry shall be: into the group, or at once through the fade that it needs.
-void LocalScene::put(uint32_t slot, Ref<Entry> entry, bool is_more_than_moved) {
-  entry->motion_revision = next_serial();
-  const bool is_new = !working().get(slot);
-  const bool is_first_touch = group_ && !group_->touched.contains(slot);
-  if (is_new) slots_.insert_or_assign(entry->object->name, slot);
-  try {
-    if (group_) {
-      group_->touched[slot] |= is_more_than_moved;
-      group_->table.set(slot, entry);
-    } else {
-      store(slot, is_more_than_moved ? transit(table_.get(slot), *entry) : Ref<const Entry>(entry));
-    }
-  } catch (...) {
-    if (is_first_touch) group_->touched.erase(slot);
-    if (is_new) slots_.erase(entry->object->name);
-    throw;
+// Takes what an object shall be: into the group, or at once.
+void LocalScene::put(const std::string& name, Known& wanted, bool is_more_than_moved) {
+  wanted.motion_revision = next_serial();
+  wanted.is_more_than_moved = is_more_than_moved;
+  const bool is_new = !objects_.has_name(name) && !(group_ && group_->find(name));
+  if (is_new) {
+    const size_t others = group_ ? group_->added : 0;
+    if (!objects_.has_room(others + 1)) settle(true);
+    objects_.require_room(others + 1, "holds");
   }
-  if (!is_new) return;
-  free_slots_.erase(slot);
-  if (slot == slots_end_) ++slots_end_;
-}
-
-// How what is felt becomes what is wanted: without a step. Null: at once gone.
-Ref<const Entry> LocalScene::transit(const Entry* felt, const Entry& wanted) {
-  const bool in = wanted.object->is_enabled && !wanted.is_removed;
-  if (!servo_ || !felt) {
-    if (wanted.is_removed) return nullptr;
-    const Ref<Entry> entry = copy(wanted);
-    entry->previous = nullptr;
-    entry->fade = servo_ ? turned(Fade::steady(false), in, wanted.expiry) : Fade::steady(in, wanted.expiry);
-    return entry;
-  }
-  const double time = now();
-  const bool is_tailed = felt->previous && felt->previous->fade.weight(time, servo_->fade) > 0;
-  const Ref<Entry> entry = copy(wanted.is_removed ? *felt : wanted);
-  entry->is_removed = wanted.is_removed;
-  entry->expiry = wanted.expiry;
-  if (wanted.is_removed || is_tailed || felt->object->is_same_version(*wanted.object)) {
-    // The same object, out or in. Also of another version while one fades out behind it: at most one old version is kept,
-    // so this one takes the place, and the weight, of the one that is fading in.
-    entry->previous = felt->previous;
-    entry->fade = turned(felt->fade, in, wanted.expiry);
+  if (group_) {
+    group_->put(name, wanted, is_new);
   } else {
-    const Ref<Entry> previous = copy(*felt);
-    previous->fade = turned(felt->fade, false, never);
-    previous->previous = nullptr;
-    previous->felt = nullptr;
-    entry->previous = previous;
-    entry->fade = turned(Fade::steady(false), in, wanted.expiry);
+    objects_.take(name, wanted);
   }
-  if (entry->is_removed || entry->previous) entry->tidy_at = time + servo_->fade;
-  return entry;
-}
-
-// The one place where the table changes, and the indexes beside it. What can fail is done first.
-void LocalScene::store(uint32_t slot, Ref<const Entry> entry) {
-  using Key = std::pair<double, uint32_t>;
-  const Ref<const Entry> before = Ref<const Entry>::share(table_.get(slot));
-  const Key old_tidy{before ? before->tidy_at : never, slot}, old_expiry{before ? before->expiry : never, slot};
-  const Key tidy{entry ? entry->tidy_at : never, slot}, expiry{entry ? entry->expiry : never, slot};
-  // An expiry that has been announced is so no more than once.
-  const bool is_to_announce = expiry.first < never && (expiry != old_expiry || expiries_.contains(old_expiry));
-  const bool is_new_tidy = tidy.first < never && tidies_.insert(tidy).second;
-  bool is_new_expiry = false;
-  try {
-    is_new_expiry = is_to_announce && expiries_.insert(expiry).second;
-    if (!entry) free_slots_.insert(slot);
-    table_.set(slot, entry);
-  } catch (...) {
-    if (is_new_tidy) tidies_.erase(tidy);
-    if (is_new_expiry) expiries_.erase(expiry);
-    if (!entry) free_slots_.erase(slot);
-    throw;
-  }
-  posted_ = nullptr;  // also where what comes next fails: the newest snapshot is to have what the table has
-  if (old_tidy != tidy) tidies_.erase(old_tidy);
-  if (old_expiry != expiry) expiries_.erase(old_expiry);
-  if (before && !entry) slots_.erase(before->object->name);
 }
 
 void LocalScene::set(const fs_object& object) {
@@ -190,16 +107,23 @@ void LocalScene::change(const fs_object& change, uint32_t parts) {
     // May build a tree, so not under the lock; when another thread comes between, once more.
     const ParsedObject parsed = parse_object(merge_parts(current, change, parts), object.get(), builds_shapes_);
     mutate([&] {
-      uint32_t slot;
-      is_done = require(name.c_str(), slot).object == object;
+      is_done = require(name.c_str(), nullptr).object == object;
       if (is_done) admit(parsed, parts);
     });
   }
   if (parts == 0) {
     const std::lock_guard lock(mutex_);
-    uint32_t slot;
-    require(name.c_str(), slot);
+    require(name.c_str(), nullptr);
   }
+}
+
+// In an open group or a draft.
+void LocalScene::move_in_group(const char* name, const Pose& pose, const Twist* twist, double time) {
+  std::string key;
+  Known known = require(name, &key);
+  known.motion = known.track.take(pose, twist, time != 0 ? time : now());
+  known.expiry = expiry_of(*known.object, now());
+  put(key, known, false);
 }
 
 void LocalScene::move(const char* name, const fs_pose& pose, const fs_twist* twist, double time) {
@@ -207,87 +131,90 @@ void LocalScene::move(const char* name, const fs_pose& pose, const fs_twist* twi
   if (twist) parse_twist(*twist, "twist");
   parse_finite(time, "time");
   mutate([&] {
-    uint32_t slot;
-    const Entry& old = require(name, slot);
-    move_entry(slot, old, parsed, twist, time);
+    if (group_) return move_in_group(name, parsed, twist, time);
+    const std::string_view text(name, strnlen(name, 2 * FS_NAME_SIZE));
+    if (!objects_.move(text, parsed, twist, time, now())) fail_unknown(text);
   });
 }
 
+void LocalScene::remove_one(const char* name) {
+  std::string key;
+  Known known = require(name, &key);
+  known.is_removed = true;
+  known.expiry = never;
+  put(key, known, true);
+}
+
 void LocalScene::remove(const char* name) {
-  mutate([&] {
-    uint32_t slot;
-    const Entry& old = require(name, slot);
-    remove_entry(slot, old);
+  mutate([&] { remove_one(name); });
+}
+
+// Calls f(name, Known) for each object as an open group has it: those that are evaluated, then those that are new in it.
+template <class F>
+void LocalScene::for_each(F&& f) const {
+  objects_.for_each([&](const std::string& name, const Known& known) {
+    const Known* const wanted = group_ ? group_->find(name) : nullptr;
+    if (!wanted || !wanted->is_removed) f(name, wanted ? *wanted : known);
   });
+  if (!group_) return;
+  for (const std::string* name : group_->order) {
+    const Known& wanted = *group_->find(*name);
+    if (!wanted.is_removed && !objects_.has(*name)) f(*name, wanted);
+  }
 }
 
 void LocalScene::clear() {
   mutate([&] {
-    std::vector<uint32_t> slots;
-    working().for_each([&](uint32_t slot, const Entry&) { slots.push_back(slot); });
-    for (const uint32_t slot : slots) remove_entry(slot, *working().get(slot));
+    std::vector<std::string> names;
+    for_each([&](const std::string& name, const Known&) { names.push_back(name); });
+    for (const std::string& name : names) remove_one(name.c_str());
   });
-}
-
-fs_object LocalScene::to_c(const Entry& entry) const {
-  fs_object out = fs::to_c(*entry.object);
-  out.pose = entry.motion.pose;
-  out.twist = entry.motion.twist;
-  out.time = entry.motion.time;
-  out.start = entry.start;
-  return out;
 }
 
 Movement LocalScene::movement(const char* name) const {
   const std::lock_guard lock(mutex_);
-  uint32_t slot;
-  const Entry& entry = require(name, slot);
-  return {entry.motion, entry.track};
+  const Known known = require(name, nullptr);
+  return {known.motion, known.track};
 }
 
 void LocalScene::set_movement(const char* name, const Movement& movement) {
   mutate([&] {
-    uint32_t slot;
-    const Entry& old = require(name, slot);
-    const Ref<Entry> entry = copy(old);
-    entry->motion = movement.motion;
-    entry->track = movement.track;
-    entry->expiry = expiry_of(*old.object, now());
-    put(slot, entry, old.object->lifetime > 0);
+    std::string key;
+    Known known = require(name, &key);
+    known.motion = movement.motion;
+    known.track = movement.track;
+    known.expiry = expiry_of(*known.object, now());
+    put(key, known, false);
   });
 }
 
 void LocalScene::set_motion(const char* name, const Motion& motion) {
   mutate([&] {
-    uint32_t slot;
-    const Entry& old = require(name, slot);
-    const Ref<Entry> entry = copy(old);
-    entry->track.take(motion.pose, &motion.twist, motion.time);
-    entry->motion = motion;
-    const bool has_lifetime = old.object->lifetime > 0;
-    if (has_lifetime) entry->expiry = expiry_of(*old.object, now());
-    put(slot, entry, has_lifetime);
+    std::string key;
+    Known known = require(name, &key);
+    known.track.take(motion.pose, &motion.twist, motion.time);
+    known.motion = motion;
+    known.expiry = expiry_of(*known.object, now());
+    put(key, known, false);
   });
 }
 
 Ref<const Object> LocalScene::get(const char* name, fs_object& out) {
   const std::lock_guard lock(mutex_);
-  uint32_t slot;
-  const Entry& entry = require(name, slot);
-  out = to_c(entry);
-  return entry.object;
+  const Known known = require(name, nullptr);
+  out = to_contract(known);
+  return known.object;
 }
 
 Scene::Contents LocalScene::contents() {
   const std::lock_guard lock(mutex_);
   Contents out;
-  working().for_each([&](uint32_t, const Entry& entry) {
-    if (entry.is_removed) return;
-    fs_object object = to_c(entry);
+  for_each([&](const std::string&, const Known& known) {
+    fs_object object = to_contract(known);
     object.time = 0;
-    if (!entry.start_is_given) object.start = 0;
+    if (!known.start_is_given) object.start = 0;
     out.objects.push_back(object);
-    out.owners.push_back(entry.object);
+    out.owners.push_back(known.object);
   });
   out.frame = present_frame();
   out.tool = present_tool();
@@ -308,11 +235,12 @@ void LocalScene::set_contents(const std::vector<fs_object>& objects, const fs_fr
   const fs_frame parsed_frame = parse_frame(frame);
   check_tool(tool.data(), tool.size());
   mutate([&] {
-    size_t added = 0;
-    for (const ParsedObject& object : parsed) added += !slots_.contains(object.object->name);
-    if (added > capacity_ - slots_end_ + free_slots_.size()) {
-      fail(FS_ERROR_FULL, "the scene would hold more than %u objects, its maximum", capacity_);
+    size_t added = group_ ? group_->added : 0;
+    for (const ParsedObject& object : parsed) {
+      const std::string& name = object.object->name;
+      added += !objects_.has_name(name) && !(group_ && group_->find(name));
     }
+    objects_.require_room(added, "would hold more than");
     for (const ParsedObject& object : parsed) admit(object, all_parts);
     change_view({parsed_frame, tool, {}});
   });
@@ -325,41 +253,39 @@ void LocalScene::begin() {
   if (group_) fail(FS_ERROR_STATE, "fs_scene_begin: a group is open already; commit or cancel it first");
   settle(true);
   group_ = std::make_unique<Group>();
-  group_->table = table_;
 }
 
 void LocalScene::commit() { commit(SIZE_MAX); }
+
+// One object of a group or draft: to what is felt, whatever has changed there meanwhile.
+void LocalScene::commit_one(const std::string& name, Known wanted) {
+  Known felt;
+  const bool is_felt = objects_.find(name, felt);
+  if (!is_felt) return objects_.take(name, wanted);
+  wanted.motion_revision = grown(wanted.motion_revision, felt.motion_revision);
+  if (wanted.is_more_than_moved) {
+    wanted.revision = grown(wanted.revision, felt.revision);
+    return objects_.take(name, wanted);
+  }
+  felt.motion = wanted.motion;
+  felt.track = wanted.track;
+  felt.expiry = wanted.expiry;
+  felt.motion_revision = wanted.motion_revision;
+  felt.is_more_than_moved = false;
+  objects_.take(name, felt);
+}
 
 bool LocalScene::commit(size_t most) {
   bool is_done = false;
   mutate([&] {
     if (!group_) fail(FS_ERROR_STATE, "fs_scene_commit: no group is open; fs_scene_begin opens one");
-    std::map<uint32_t, bool>& touched = group_->touched;
-    auto next = group_->committed ? touched.upper_bound(*group_->committed) : touched.begin();
-    for (size_t i = 0; i < most && next != touched.end(); ++i, ++next) {
-      const auto& [slot, is_more_than_moved] = *next;
-      group_->committed = slot;
-      const Entry* felt = table_.get(slot);
-      const Entry& wanted = *group_->table.get(slot);
-      if (!felt && wanted.is_removed) continue;  // came and went
-      if (!felt) {
-        store(slot, transit(felt, wanted));
-      } else if (is_more_than_moved) {
-        const Ref<Entry> entry = copy(wanted);
-        entry->revision = grown(wanted.revision, felt->revision);
-        entry->motion_revision = grown(wanted.motion_revision, felt->motion_revision);
-        store(slot, transit(felt, *entry));
-      } else {
-        const Ref<Entry> entry = copy(*felt);
-        entry->motion = wanted.motion;
-        entry->track = wanted.track;
-        entry->motion_revision = grown(wanted.motion_revision, felt->motion_revision);
-        store(slot, entry);
-      }
+    const std::vector<const std::string*>& order = group_->order;
+    for (size_t i = 0; i < most && group_->committed < order.size(); ++i) {
+      const std::string& name = *order[group_->committed++];
+      commit_one(name, *group_->find(name));
     }
-    if (next != touched.end()) return;
-    transit_view(group_->view);
-    forget_new_names();
+    if (group_->committed < order.size()) return;
+    views_.change(group_->view);
     group_ = nullptr;
     is_done = true;
   });
@@ -369,7 +295,6 @@ bool LocalScene::commit(size_t most) {
 void LocalScene::cancel() {
   const std::lock_guard lock(mutex_);
   if (!group_) fail(FS_ERROR_STATE, "fs_scene_cancel: no group is open; fs_scene_begin opens one");
-  forget_new_names();
   group_ = nullptr;
 }
 
@@ -384,10 +309,8 @@ struct LocalScene::InDraft {
 };
 
 LocalScene::Draft LocalScene::draft() {
-  const std::lock_guard lock(mutex_);
   Draft out;
   out.group_ = std::make_unique<Group>();
-  out.group_->table = table_;
   return out;
 }
 
@@ -395,11 +318,10 @@ void LocalScene::change(Draft& draft, const fs_object& change, uint32_t parts) {
   const std::string name = parse_name(change.name, "name");
   const std::lock_guard lock(mutex_);
   const InDraft inside(*this, draft);
-  uint32_t slot;
-  const Entry& old = require(name.c_str(), slot);
-  const ParsedObject parsed = parse_object(merge_parts(to_c(old), change, parts), old.object.get(), builds_shapes_);
+  const Known old = require(name.c_str(), nullptr);
+  const ParsedObject parsed = parse_object(merge_parts(to_contract(old), change, parts), old.object.get(), builds_shapes_);
   admit(parsed, parts);
-  draft.parts_[slot] |= parts;
+  group_->parts[name] |= parts;
 }
 
 void LocalScene::move(Draft& draft, const char* name, const fs_pose& pose, const fs_twist* twist, double time) {
@@ -408,45 +330,39 @@ void LocalScene::move(Draft& draft, const char* name, const fs_pose& pose, const
   parse_finite(time, "time");
   const std::lock_guard lock(mutex_);
   const InDraft inside(*this, draft);
-  uint32_t slot;
-  const Entry& old = require(name, slot);
-  move_entry(slot, old, parsed, twist, time);
-  draft.parts_[slot] |= FS_PART_POSE;
+  move_in_group(name, parsed, twist, time);
+  group_->parts[name] |= FS_PART_POSE;
 }
 
 void LocalScene::remove(Draft& draft, const char* name) {
   const std::lock_guard lock(mutex_);
   const InDraft inside(*this, draft);
-  uint32_t slot;
-  const Entry& old = require(name, slot);
-  remove_entry(slot, old);
-  draft.parts_.try_emplace(slot, 0);
+  remove_one(name);
+  group_->parts.try_emplace(name, 0);
 }
 
 Ref<const Object> LocalScene::get(const Draft& draft, const char* name, fs_object& out) {
   const std::lock_guard lock(mutex_);
-  const auto found = slots_.find(std::string_view(name));
-  const Entry* entry = found == slots_.end() ? nullptr : draft.group_->table.get(found->second);
-  if (!entry || entry->is_removed) fail(FS_ERROR_NOT_FOUND, "name is '%.80s': there is no such object in the scene", name);
-  out = to_c(*entry);
-  return entry->object;
+  const std::string_view text(name, strnlen(name, 2 * FS_NAME_SIZE));
+  Known known;
+  const Known* const wanted = draft.group_->find(text);
+  if (wanted ? wanted->is_removed : !objects_.find(text, known)) fail_unknown(text);
+  if (wanted) known = *wanted;
+  out = to_contract(known);
+  return known.object;
 }
 
 void LocalScene::take(Draft& draft) {
   mutate([&] {
-    for (const auto& [slot, is_more_than_moved] : draft.group_->touched) {
-      const Entry* felt = table_.get(slot);
-      const Entry& wanted = *draft.group_->table.get(slot);
-      if (!felt || felt->is_removed || felt->object->name != wanted.object->name) continue;  // it went meanwhile
-      const Ref<Entry> entry = copy(is_more_than_moved ? wanted : *felt);
-      const Entry& mover = draft.parts_.at(slot) & FS_PART_POSE ? wanted : *felt;
-      entry->motion = mover.motion;
-      entry->track = mover.track;
-      entry->revision = grown(entry->revision, felt->revision);
-      entry->motion_revision = grown(wanted.motion_revision, felt->motion_revision);
-      store(slot, is_more_than_moved ? transit(felt, *entry) : Ref<const Entry>(entry));
-      if (!group_ || group_->touched.contains(slot)) continue;
-      group_->table.set(slot, Ref<const Entry>::share(table_.get(slot)));
+    const Group& group = *draft.group_;
+    for (const std::string* name : group.order) {
+      Known wanted = *draft.group_->find(*name), felt;
+      if (!objects_.find(*name, felt)) continue;  // it went meanwhile
+      if (!(group.parts.find(*name)->second & FS_PART_POSE)) {
+        wanted.motion = felt.motion;
+        wanted.track = felt.track;
+      }
+      commit_one(*name, wanted);  // what the application's open group has changed stays as the group wants it
     }
     if (group_) changed();  // what is evaluated has changed, beside the group
   });
@@ -459,7 +375,7 @@ void LocalScene::discard(Draft& draft) noexcept {
 
 void LocalScene::set_capacity(uint32_t capacity) {
   const std::lock_guard lock(mutex_);
-  capacity_ = capacity;
+  objects_.set_capacity(capacity);
 }
 
 void LocalScene::hold() {
@@ -467,23 +383,20 @@ void LocalScene::hold() {
   is_held_ = true;
 }
 
-void LocalScene::post() {
-  const std::lock_guard lock(mutex_);
-  newest();
-  for (Reader* reader : readers_) reader->mailbox.tidy();
-}
-
 uint64_t LocalScene::sequence() const {
   const std::lock_guard lock(mutex_);
   return sequence_;
 }
 
-// Of names that came with the group, those that did not get into the scene. All that can fail is done first.
-void LocalScene::forget_new_names() {
-  std::set<uint32_t> freed;
-  for (const auto& [slot, is_more_than_moved] : group_->touched) {
-    if (!table_.get(slot)) freed.insert(slot);
-  }
-  for (const uint32_t slot : freed) slots_.erase(group_->table.get(slot)->object->name);
-  free_slots_.merge(freed);
+size_t LocalScene::object_count() const {
+  const std::lock_guard lock(mutex_);
+  size_t count = 0;
+  if (!group_) return objects_.count();
+  for_each([&](const std::string&, const Known&) { ++count; });
+  return count;
+}
+
+bool LocalScene::is_empty() const {
+  const std::lock_guard lock(mutex_);
+  return objects_.is_empty() && !(group_ && group_->added);
 }

@@ -1,47 +1,22 @@
-// A scene whose objects are evaluated in this process. Every change takes one way, wherever it comes from: check, table,
+// A scene whose objects are evaluated in this process. Every change takes one way, wherever it comes from: check, rows,
 // snapshot, mailbox. All functions but those marked [rt] may allocate and take the scene's lock; none waits on a reader.
 #pragma once
 
-#include <deque>
 #include <functional>
-#include <map>
 #include <memory>
 #include <mutex>
-#include <optional>
-#include <set>
 #include <string>
-#include <string_view>
 #include <vector>
 
-#include "base/clock.h"
-#include "base/name_map.h"
-#include "ipc/servo_output.h"
+#include "scene/clock.h"
+#include "scene/events.h"
+#include "scene/group.h"
 #include "scene/scene.h"
-#include "scene/snapshot.h"
 
 namespace fs {
 
-// The servo of a scene, as far as the scene needs it.
-class ServoLink {
- public:
-  virtual void get_stats(fs_servo_stats& out) const = 0;        // all but struct_size
-  virtual void get_device_info(fs_device_info& out) const = 0;  // all but struct_size
-  virtual bool take_event(fs_event& out) = 0;                   // of the device; false: none
-  const double fade;  // s; 0: no fades
-  const ClockKind clock;
-  const double since;  // s, of its newest tick when the scene came to it
-  Reader reader;
-
- protected:
-  ServoLink(double the_fade, ClockKind the_clock, double the_time, unsigned reader_id)
-      : fade(the_fade), clock(the_clock), since(the_time), reader{reader_id, {}} {}
-  ~ServoLink() = default;
-};
-
 // [rt] What fs_scene_get_hand gives. Null: not asked.
 fs_status read_hand(const ServoOutput& output, fs_state* state, fs_response* response, fs_wrench* sent) noexcept;
-
-void prepare_curves(const Object& object, unsigned reader);
 
 // Throw INVALID: unless they are 1..32 points within bounds; for a field out of its range.
 void check_tool(const Vec3* points, size_t count);
@@ -120,8 +95,8 @@ struct LocalScene final : Scene {
   void set_max_stiffness(double stiffness) override;
 
   // Clock, s.
-  double now() const noexcept { return now(clock_.load(std::memory_order_relaxed)); }  // [rt]
-  double now(ClockKind clock) const noexcept;                                          // [rt]
+  double now() const noexcept { return clock_.now(); }                                // [rt]
+  double now(ClockKind clock) const noexcept { return clock_.now(clock); }            // [rt]
   fs_status get_time(double& out) const noexcept override;                             // [rt]
   fs_status set_time(double time) noexcept override;                                   // [rt]
 
@@ -139,14 +114,15 @@ struct LocalScene final : Scene {
   // Readers. The newest snapshot is in the mailbox when attach returns; detach when the reader reads no more.
   void attach(Reader& reader);
   void detach(Reader& reader) noexcept;
-  // Calls f(snapshot, slot of name; -1: name is null) outside of the lock.
-  void with_snapshot(const char* name, const std::function<void(const Snapshot&, int64_t)>& f);
+  // Calls f(snapshot, row of name; no_row: name is null) outside of the lock.
+  void with_snapshot(const char* name, const std::function<void(const Snapshot&, uint32_t)>& f);
   // A scene that nobody evaluates leaves meshes unbuilt, until it has a reader.
   void leave_unbuilt() noexcept { builds_shapes_ = is_built_ = false; }
 
   // The servo. Attaching and detaching change the clock: stored times shift along, so ages stay; fades end.
-  void attach_servo(ServoLink& servo);  // STATE
-  void detach_servo(ServoLink& servo) noexcept;
+  // starts_in: what is there is felt in full from the first tick on; else it fades in.
+  void attach_servo(const ServoLink& servo, ServoReader& reader, bool starts_in);  // STATE
+  void detach_servo(ServoReader& reader) noexcept;
   bool has_servo() const noexcept { return has_servo_.load(std::memory_order_acquire); }  // [rt]
   fs_status get_hand(fs_state* state, fs_response* response, fs_wrench* sent) const noexcept override;  // [rt]
   void get_servo_stats(fs_servo_stats& out) override;                                     // STATE
@@ -156,64 +132,27 @@ struct LocalScene final : Scene {
   const std::shared_ptr<ServoOutput> output;
 
  private:
-  // A wish for the view: what is not given stays.
-  struct ViewChange {
-    std::optional<fs_frame> frame;
-    std::optional<std::vector<Vec3>> points;
-    std::optional<bool> held;
-  };
-  // An open group works on a table of its own, which at first is the scene's. What fades, and from where, is decided when
-  // it is committed: until then evaluation goes on with the scene's table, and its fades with it.
-  struct Group {
-    Table<Entry> table;
-    std::map<uint32_t, bool> touched;  // slots; true: more than moved
-    std::optional<uint32_t> committed;  // up to this one
-    ViewChange view;
-  };
-
-  struct InDraft;
-
   // All of these want the lock.
-  const Table<Entry>& working() const { return group_ ? group_->table : table_; }
-  const Entry* find(std::string_view name, uint32_t& slot) const;  // also what is fading out
-  const Entry& require(const char* name, uint32_t& slot) const;    // NOT_FOUND
-  uint32_t free_slot() const;                                          // FULL
+  bool find(std::string_view name, Known& out) const;         // as an open group has it
+  Known require(const char* name, std::string* key) const;    // NOT_FOUND
+  void put(const std::string& name, Known& wanted, bool is_more_than_moved);
   void admit(const ParsedObject& parsed, uint32_t parts);
-  void move_entry(uint32_t slot, const Entry& old, const fs_pose& pose, const fs_twist* twist, double time);
-  void remove_entry(uint32_t slot, const Entry& old);
-  void put(uint32_t slot, Ref<Entry> entry, bool is_more_than_moved);
-  Ref<const Entry> transit(const Entry* felt, const Entry& wanted);
-  void store(uint32_t slot, Ref<const Entry> entry);
+  void move_in_group(const char* name, const Pose& pose, const Twist* twist, double time);
+  void remove_one(const char* name);
+  void commit_one(const std::string& name, Known wanted);
+  template <class F>
+  void for_each(F&& f) const;
   fs_frame present_frame() const;
-  const std::vector<Vec3>& present_tool() const;
+  std::vector<Vec3> present_tool() const;
   void change_view(ViewChange change);
-  void transit_view(const ViewChange& change);
-  void replace_view(Ref<const View> view, bool in);
-  Fade turned(const Fade& fade, bool in, double expiry);
   Ref<const Snapshot> newest();
   void changed();
   void settle(bool is_urgent);
-  bool tidy(double time);
-  void announce_expired(double time);
-  void prepare_all_curves(unsigned reader) const;
   void build_shapes();
-  void retime(double shift);
-  void switch_clock(ClockKind clock);
-  fs_object to_c(const Entry& entry) const;
-  // What a report needs of the scene.
-  struct ReportBasis {
-    double time;     // s
-    double fade;     // s, the servo's; negative: there is no servo
-    uint64_t tick;   // the last
-    fs_frame frame;
-  };
-  ReportBasis report_basis() const;
-  // evaluated: the entry as it is felt; null: it is not yet. Needs no lock.
-  static fs_report make_report(const Entry& entry, const Entry* evaluated, const ReportBasis& basis);
-  void push_event(const fs_event& event);
-  void limit_events();
-  void collect_events(ServoLink& servo);
-  void forget_new_names();
+  struct InDraft;
+  struct Retimed;
+  Retimed retimed(double shift) const;
+  void take(Retimed& retimed, double shift) noexcept;
 
   // Runs f, which changes the scene, and makes it known.
   template <class F>
@@ -223,49 +162,38 @@ struct LocalScene final : Scene {
     if (!spare_) spare_ = make_ref<Snapshot>();  // so that nothing can fail after the change
     try {
       f();
-    } catch (...) {
-      if (!posted_) changed();  // what was taken back goes out again
+    } catch (const std::bad_alloc&) {  // a part may be done
+      changed();
       throw;
     }
     if (!group_) changed();
   }
 
   mutable std::mutex mutex_;
-  Table<Entry> table_;  // what is evaluated
-  NameMap<uint32_t> slots_;         // of names, also of those fading out
-  std::set<uint32_t> free_slots_;
-  uint32_t slots_end_ = 0, capacity_ = Table<Entry>::capacity;
-  std::set<std::pair<double, uint32_t>> tidies_;    // when to look at slots where something fades out
-  std::set<std::pair<double, uint32_t>> expiries_;  // to be announced
-  ViewFade views_{make_ref<View>(), nullptr};
+  Objects objects_;  // what is evaluated
+  ViewRows views_;
   std::unique_ptr<Group> group_;
+  Events events_;
+  Clock clock_;
 
   uint64_t sequence_ = 0;
-  Ref<const Snapshot> posted_;      // the newest; null: something has changed since
-  Ref<Snapshot> spare_;             // for the next
-  Ref<const Epoch> pending_epoch_;  // of the fades since the last snapshot
-  Ref<const Epoch> open_epoch_;     // of a snapshot that the servo has not fetched, as far as is known
-  std::vector<Reader*> readers_;
+  Ref<const Snapshot> posted_;  // the newest; null: something has changed since
+  Ref<Snapshot> spare_;         // for the next
   double settled_at_ = -never;
 
-  ServoLink* servo_ = nullptr;
+  const ServoLink* servo_ = nullptr;
+  ServoReader* servo_reader_ = nullptr;
   std::atomic<bool> has_servo_{false};
-  std::atomic<ClockKind> clock_{ClockKind::caller};
-  std::atomic<double> told_time_{std::numeric_limits<double>::quiet_NaN()};
 
   bool is_held_ = false;
   std::atomic<bool> builds_shapes_{true};
   std::mutex building_mutex_;
   bool is_built_ = true;  // what was left unbuilt; under building_mutex_
-
-  std::deque<fs_event> events_;
-  uint64_t lost_events_ = 0;
 };
 
 class LocalScene::Draft {
   friend LocalScene;
   std::unique_ptr<Group> group_;
-  std::map<uint32_t, uint32_t> parts_;  // that are changed, by slot
 };
 
 }  // namespace fs

@@ -1,8 +1,8 @@
 // The objects of a scene as they are at one moment, whatever is changed later: so that many can be looked at without
-// keeping others waiting for the lock, those of several scenes at one time, and in another thread.
+// keeping others waiting for the lock, those of several scenes at one time, and in another thread. Reports are worked out
+// here, by whoever asks, where the tool was at the last tick.
 #pragma once
 
-#include <mutex>
 #include <string>
 
 #include "scene/local_scene.h"
@@ -12,56 +12,66 @@ namespace fs {
 class LocalScene::Moment {
  public:
   // with_group: as an open group has them; else as they are evaluated.
-  Moment(Ref<LocalScene> scene, bool with_group) : scene_(std::move(scene)) {
-    const std::lock_guard lock(scene_->mutex_);
-    objects_ = with_group ? scene_->working() : scene_->table_;
-    basis_ = scene_->report_basis();
-    most_ = scene_->slots_.size();
-  }
-  ~Moment() {
-    const std::lock_guard lock(scene_->mutex_);
-    objects_ = {};
-  }
+  // only: of this object alone, NOT_FOUND; null: of all.
+  Moment(Ref<LocalScene> scene, bool with_group, const char* only = nullptr);
+  ~Moment();
   Moment(const Moment&) = delete;
   Moment& operator=(const Moment&) = delete;
 
-  size_t most() const noexcept { return most_; }  // objects; those that have been removed and fade out among them
+  size_t most() const noexcept { return most_; }  // objects
+  const fs_frame& frame() const noexcept { return frame_; }
+
   // Calls f(fs_motion) for each of them; prefix comes before its name.
   template <class F>
   void for_each_motion(const std::string& prefix, F&& f) const {
-    objects_.for_each([&](uint32_t, const Entry& entry) {
-      if (!entry.is_removed) f(to_motion(entry, prefix));
-    });
+    for_each([&](const Entry& entry, uint32_t) { f(to_motion(entry, prefix)); });
   }
-
-  // Calls f(fs_report) for each, as they were evaluated.
+  // Calls f(fs_report) for each.
   template <class F>
   void for_each_report(F&& f) const {
-    objects_.for_each([&](uint32_t, const Entry& entry) {
-      if (!entry.is_removed) f(make_report(entry, &entry, basis_));
-    });
+    for_each([&](const Entry& entry, uint32_t row) { f(report(entry, row)); });
   }
-  const fs_frame& frame() const noexcept { return basis_.frame; }
 
  private:
-  static fs_motion to_motion(const Entry& entry, const std::string& prefix) noexcept {
-    fs_motion out{};
-    const size_t size = prefix.copy(out.name, FS_NAME_SIZE - 1);
-    entry.object->name.copy(out.name + size, FS_NAME_SIZE - 1 - size);
-    out.primitive = entry.object->primitive;
-    out.revision = entry.revision;
-    out.motion_revision = entry.motion_revision;
-    out.pose = entry.motion.pose;
-    out.twist = entry.motion.twist;
-    out.time = entry.motion.time;
-    out.horizon = entry.motion.horizon;
-    return out;
+  // Calls f(Entry, number of its newest row; no_row: it is not evaluated yet).
+  template <class F>
+  void for_each(F&& f) const {
+    if (is_only_one_) return f(added_.front(), only_row_);
+    chunks_.for_each([&](uint32_t number, const Chunk& chunk) {
+      for (uint32_t i = 0; i < chunk_size; ++i) {
+        if (!(chunk.used >> i & 1) || !chunk.row(i).is_named) continue;
+        const uint32_t row = number * chunk_size + i;
+        const auto changed = changes_.find(chunk.row(i).object->name);
+        if (changed == changes_.end()) {
+          f(entry(row), row);
+        } else if (!changed->second.is_removed) {
+          f(changed->second, row);
+        }
+      }
+    });
+    for (const Entry& entry : added_) f(entry, no_row);
   }
 
+  const Row& row(uint32_t number) const noexcept { return find_chunk(chunks_, number)->row(number % chunk_size); }
+  Entry entry(uint32_t number) const;
+  fs_report report(const Entry& entry, uint32_t row) const;
+  bool feel(uint32_t number, Share& out) const;
+  static fs_motion to_motion(const Entry& entry, const std::string& prefix) noexcept;
+
   const Ref<LocalScene> scene_;
-  Table<Entry> objects_;
-  ReportBasis basis_;
+  Chunks chunks_;
+  NameMap<Known> changes_;    // of an open group, of objects that are evaluated
+  std::vector<Entry> added_;  // by an open group
+  bool is_only_one_ = false;  // it stands in added_, and is evaluated as
+  uint32_t only_row_ = no_row;
   size_t most_ = 0;
+
+  double time_;    // s, of the last tick; without a servo: now
+  fs_frame frame_;
+  uint64_t used_ = 0;              // sequence that the servo has used
+  Ref<const Memory> memory_;       // of the servo; null: there is none
+  TickSample tick_;
+  ToolState tool_;                 // where the last tick had it
 };
 
 }  // namespace fs

@@ -1,6 +1,6 @@
-// What became of the objects, and events, which are polled.
+// What became of the objects.
 #include <chrono>
-#include <cstdio>
+#include <cstring>
 #include <thread>
 
 #include "base/error.h"
@@ -8,26 +8,93 @@
 
 using namespace fs;
 
-namespace {
-constexpr size_t event_capacity = 1024;
+LocalScene::Moment::Moment(Ref<LocalScene> scene, bool with_group, const char* only) : scene_(std::move(scene)) {
+  const std::lock_guard lock(scene_->mutex_);
+  chunks_ = scene_->objects_.rows.chunks();
+  most_ = scene_->objects_.count();
+  Group* const group = with_group ? scene_->group_.get() : nullptr;
+  if (only) {
+    std::string key;
+    is_only_one_ = true;
+    added_.push_back(scene_->require(only, &key));
+    scene_->objects_.find_row(key, &only_row_);
+  } else if (group) {
+    for (const std::string* name : group->order) {
+      const Known& wanted = *group->find(*name);
+      if (scene_->objects_.has(*name)) {
+        changes_.emplace(*name, wanted);
+      } else if (!wanted.is_removed) {
+        added_.push_back(wanted);
+        ++most_;
+      }
+    }
+  }
+  time_ = scene_->now();
+  frame_ = scene_->present_frame();
+  const ServoReader* const servo = scene_->servo_reader_;
+  if (!servo) return;
+  memory_ = servo->memory;
+  used_ = scene_->objects_.rows.used();
+  if (!servo->newest.read(tick_)) return;
+  time_ = tick_.time;
+  const Views& views = *scene_->views_.views();
+  const View* view = &views.now();
+  for (const View& other : views.rows) {
+    if (other.version == tick_.view) view = &other;
+  }
+  fs_state state{};
+  state.pose = tick_.tool;
+  state.twist = tick_.twist;
+  tool_ = ToolState::at(state, *view->tool, tick_.time);
 }
 
-LocalScene::ReportBasis LocalScene::report_basis() const {
-  return {now(), servo_ ? servo_->fade : -1, output->tick.load(std::memory_order_acquire), present_frame()};
+LocalScene::Moment::~Moment() {
+  const std::lock_guard lock(scene_->mutex_);
+  chunks_ = {};
 }
 
-fs_report LocalScene::make_report(const Entry& entry, const Entry* evaluated, const ReportBasis& basis) {
-  const bool has_servo = basis.fade >= 0;
+Entry LocalScene::Moment::entry(uint32_t number) const {
+  const Chunk& chunk = *find_chunk(chunks_, number);
+  const Row& from = row(number);
+  return {from.object, chunk.motion(number % chunk_size), from.start, from.expiry, from.revision,
+          chunk.motion_revision(number % chunk_size)};
+}
+
+fs_motion LocalScene::Moment::to_motion(const Entry& entry, const std::string& prefix) noexcept {
+  fs_motion out{};
+  const size_t size = prefix.copy(out.name, FS_NAME_SIZE - 1);
+  entry.object->name.copy(out.name + size, FS_NAME_SIZE - 1 - size);
+  out.primitive = entry.object->primitive;
+  out.revision = entry.revision;
+  out.motion_revision = entry.motion_revision;
+  out.pose = entry.motion.pose;
+  out.twist = entry.motion.twist;
+  out.time = entry.motion.time;
+  out.horizon = entry.motion.horizon;
+  return out;
+}
+
+// What a row gives where the tool was, in full.
+bool LocalScene::Moment::feel(uint32_t number, Share& out) const {
+  const Row& it = row(number);
+  const Motion& motion = find_chunk(chunks_, number)->motion(number % chunk_size);
+  if (!evaluate_object(*it.object, motion, it.start, tool_, nullptr, out)) return false;
+  if (!it.object->law.has_curves()) return true;
+  const Law::Parsers parsers = it.object->law.make_parsers();
+  return evaluate_object(*it.object, motion, it.start, tool_, &parsers, out);
+}
+
+fs_report LocalScene::Moment::report(const Entry& entry, uint32_t number) const {
   const Object& object = *entry.object;
   fs_report out{};
   object.name.copy(out.name, FS_NAME_SIZE - 1);
   out.primitive = object.primitive;
   out.revision = entry.revision;
-  if (evaluated) {
-    out.weight = has_servo ? evaluated->fade.weight(basis.time, basis.fade) : evaluated->is_present(basis.time);
+  const bool is_evaluated = number != no_row;
+  if (is_evaluated) {
+    out.weight = memory_ ? memory_->weight_at(number, row(number).version, time_) : row(number).is_felt(time_);
   }
-  const bool is_new = !evaluated || evaluated->is_removed;  // also where its name still fades out from before
-  const bool is_pending = is_new || (has_servo && evaluated->fade.is_pending());
+  const bool is_pending = !is_evaluated || (memory_ && row(number).sequence > used_);
   if (is_pending && out.weight == 0 && object.is_enabled) {
     out.state = FS_OBJECT_PENDING;
   } else if (!object.is_enabled && out.weight == 0) {
@@ -35,26 +102,37 @@ fs_report LocalScene::make_report(const Entry& entry, const Entry* evaluated, co
   } else {
     out.state = out.weight < 1 ? FS_OBJECT_FADING : FS_OBJECT_FELT;
   }
-  const double slope_scale = basis.frame.scale * basis.frame.force_scale;
+  const double slope_scale = frame_.scale * frame_.force_scale;
   out.stiffness_wanted = slope_scale > 0 ? slope_scale * object.steepest_slope : 0;
   out.stiffness_applied = out.stiffness_wanted;
   out.distance = never;
-  FeltSample felt;
-  if (has_servo && entry.felt->sample.read(felt) && felt.tick >= basis.tick) {
-    out.distance = felt.distance;
-    out.point = felt.point;
-    out.wrench = felt.wrench;
+  if (!is_evaluated || !memory_ || !(tick_.weight > 0)) return out;
+  // The versions that fade out have their part of it.
+  for (uint32_t version = number; version != no_row; version = row(version).previous) {
+    const double weight = tick_.weight * memory_->weight_at(version, row(version).version, time_);
+    Share share;
+    if (!(weight > 0) || !feel(version, share)) continue;
+    if (out.distance == never) {
+      out.distance = share.distance;
+      out.point = share.point;
+    }
+    out.wrench.force += weight * share.wrench.force;
+    out.wrench.torque += weight * share.wrench.torque;
   }
   return out;
 }
 
 std::vector<fs_report> LocalScene::reports() {
-  const std::lock_guard lock(mutex_);
+  const Moment moment(Ref<LocalScene>::share(this), true);  // what an open group has changed is not felt yet
   std::vector<fs_report> out;
-  const ReportBasis basis = report_basis();
-  working().for_each([&](uint32_t slot, const Entry& entry) {  // what an open group has changed is not felt yet
-    if (!entry.is_removed) out.push_back(make_report(entry, table_.get(slot), basis));
-  });
+  moment.for_each_report([&](const fs_report& report) { out.push_back(report); });
+  return out;
+}
+
+fs_report LocalScene::report(const char* name) {
+  const Moment moment(Ref<LocalScene>::share(this), true, name);
+  fs_report out;
+  moment.for_each_report([&](const fs_report& report) { out = report; });
   return out;
 }
 
@@ -66,72 +144,16 @@ std::vector<fs_motion> LocalScene::motions(const char* client) {
   return out;
 }
 
-size_t LocalScene::object_count() const {
-  const std::lock_guard lock(mutex_);
-  size_t count = 0;
-  working().for_each([&](uint32_t, const Entry& entry) { count += !entry.is_removed; });
-  return count;
-}
-
-bool LocalScene::is_empty() const {
-  const std::lock_guard lock(mutex_);
-  return slots_.empty();
-}
-
-fs_report LocalScene::report(const char* name) {
-  const std::lock_guard lock(mutex_);
-  uint32_t slot;
-  const Entry& entry = require(name, slot);
-  return make_report(entry, table_.get(slot), report_basis());
-}
-
-// None is taken from the servo before there is room for it.
-void LocalScene::collect_events(ServoLink& servo) {
-  for (;;) {
-    events_.emplace_back();
-    if (!servo.take_event(events_.back())) break;
-    limit_events();
-  }
-  events_.pop_back();
-}
-
-void LocalScene::push_event(const fs_event& event) {
-  events_.push_back(event);
-  limit_events();
-}
-
-void LocalScene::limit_events() {
-  if (events_.size() <= event_capacity) return;
-  const fs_event& oldest = events_.front();
-  lost_events_ += oldest.kind == FS_EVENT_OVERFLOW ? static_cast<uint64_t>(oldest.value) : 1;
-  events_.pop_front();
-}
-
 bool LocalScene::take_event(fs_event& out) {
   const std::lock_guard lock(mutex_);
   settle(true);
-  if (servo_) collect_events(*servo_);
-  if (lost_events_) {
-    out = {};
-    out.kind = FS_EVENT_OVERFLOW;
-    out.time = now();
-    out.value = static_cast<double>(std::exchange(lost_events_, 0));
-    return true;
-  }
-  if (events_.empty()) return false;
-  out = events_.front();
-  events_.pop_front();
-  return true;
+  if (servo_) events_.collect(*servo_);
+  return events_.take(now(), out);
 }
 
 void LocalScene::note_edit(const char* name, const char* editor) {
-  fs_event event{};
-  event.kind = FS_EVENT_EDITED;
-  event.time = now();
-  std::snprintf(event.name, sizeof event.name, "%s", name);
-  std::snprintf(event.text, sizeof event.text, "%s", editor);
   const std::lock_guard lock(mutex_);
-  push_event(event);
+  events_.push(FS_EVENT_EDITED, now(), name, editor);
 }
 
 fs_event LocalScene::next_event(double timeout) {

@@ -8,7 +8,7 @@
 #include <forceserver/server.h>
 
 #include "base/counted.h"
-#include "scene/object.h"
+#include "field/object.h"
 
 namespace fs {
 struct LocalScene;

@@ -1,7 +1,6 @@
 // What touches a scene in a loop of the caller's own. It is the fs_tool of the C contract itself.
 #pragma once
 
-#include "force/reader.h"
 #include "scene/local_scene.h"
 
 struct fs_tool : fs::Counted<fs_tool> {
@@ -13,9 +12,8 @@ struct fs_tool : fs::Counted<fs_tool> {
 
  private:
   const fs::Ref<fs::LocalScene> scene_;
-  const std::vector<fs::Vec3> points_;
-  const fs::ReaderId id_;
-  fs::Reader reader_{id_.get(), {}};
+  const fs::Ref<const fs::ToolPoints> points_;  // null: those of the scene
+  fs::Reader reader_{fs::make_ref<fs::Memory>()};
 };
 
 namespace fs {

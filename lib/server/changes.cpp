@@ -110,7 +110,7 @@ void Session::take_upload(Message&& message, Descriptor&& came) {
     // Reading, checking and building take as long as they take: not on this thread.
     const auto made = std::make_shared<Upload>();
     auto work = [made, is_shape, message = std::move(message), data = std::make_shared<Descriptor>(std::move(came)),
-                 charge = std::make_shared<Charge>(shape_bytes_, bytes), reader = channel_->reader.id](Wanted& wanted) {
+                 charge = std::make_shared<Charge>(shape_bytes_, bytes)](Wanted& wanted) {
       try {
         if (is_shape) {
           made->shape = from_record(message.as<wire::Shape>(), std::move(*data), wanted);
@@ -119,7 +119,6 @@ void Session::take_upload(Message&& message, Descriptor&& came) {
         } else {
           made->curve = from_record(message.as<wire::Curve>(), std::move(*data));
           made->curve->keep(charge);
-          made->curve->prepare(reader);
         }
       } catch (Error& error) {
         *made = {false, nullptr, nullptr, error.status, std::move(error.text)};

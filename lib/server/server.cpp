@@ -356,7 +356,7 @@ void fs_server::note_leaving(Ref<Channel> channel) noexcept {
 
 size_t fs_server::count_leaving() {
   servo_->reap_channels();
-  std::erase_if(leaving_, [now = servo_->scene()->now()](const Ref<Channel>& channel) { return channel->is_gone(now); });
+  std::erase_if(leaving_, [](const Ref<Channel>& channel) { return channel->is_gone(); });
   return leaving_.size();
 }
 

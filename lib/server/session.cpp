@@ -72,7 +72,11 @@ void Session::drop(double lease) noexcept {
   if (is_gone_) return;
   is_gone_ = true;
   if (channel_) {
-    channel_->leave(scene_->is_empty() ? -never : scene_->now() + lease);
+    if (scene_->is_empty()) {
+      channel_->leave_at_once();
+    } else {
+      channel_->leave(scene_->now() + lease);
+    }
     server_.note_leaving(channel_);
   }
   if (outbox_) outbox_->is_closed.store(1);

@@ -4,18 +4,14 @@
 
 namespace fs {
 
-Channel::Channel(fs_servo& servo, Ref<LocalScene> scene, const Limits& limits)
-    : ServoLink(servo.fade(), servo.clock(), servo.time(), servo.reader_id()),
-      servo_(servo),
-      scene_(std::move(scene)),
-      limits_(limits),
-      events_read_(std::max<uint64_t>(servo.event_count(), 1) - 1) {  // the last one tells how the device is
+Channel::Channel(fs_servo& servo, Ref<LocalScene> scene, const Limits& limits, bool starts_in)
+    : scene_(std::move(scene)), limits_(limits), fade_(servo.fade()), reader_(make_ref<Memory>(servo.fade())) {
   hand_.state.pose = hand_.response.proxy = identity_pose();
-  scene_->attach_servo(*this);
+  scene_->attach_servo(servo, reader_, starts_in);
 }
 
 void Channel::detach() noexcept {
-  if (std::exchange(is_attached_, false)) scene_->detach_servo(*this);
+  if (std::exchange(is_attached_, false)) scene_->detach_servo(reader_);
 }
 
 Wrench Channel::wrench() const noexcept {
@@ -24,131 +20,67 @@ Wrench Channel::wrench() const noexcept {
   return out;
 }
 
-void Channel::get_stats(fs_servo_stats& out) const { servo_.get_stats(out); }
-void Channel::get_device_info(fs_device_info& out) const { servo_.get_device_info(out); }
-bool Channel::take_event(fs_event& out) { return servo_.take_event(events_read_, out); }
-
-fs_state to_scene(const fs_frame& frame, const fs_state& hand) noexcept {
-  const Quat back = conjugate(frame.pose.orientation);
-  fs_state out = hand;
-  out.pose.position = frame.scale * rotate(back, hand.pose.position - frame.pose.position);
-  out.pose.orientation = back * hand.pose.orientation;
-  out.twist.linear = frame.scale * rotate(back, hand.twist.linear);
-  out.twist.angular = rotate(back, hand.twist.angular);
-  return out;
-}
-
-fs_response to_device(const fs_frame& frame, const fs_response& response) noexcept {
-  const Quat q = frame.pose.orientation;
-  const Mat3 r = to_matrix(q);
-  fs_response out = response;
-  out.wrench.force = frame.force_scale * rotate(q, response.wrench.force);
-  out.wrench.torque = (frame.force_scale / frame.scale) * rotate(q, response.wrench.torque);
-  out.stiffness = (frame.force_scale * frame.scale) * (r * response.stiffness * transposed(r));
-  out.proxy = frame.pose * Pose{(1 / frame.scale) * response.proxy.position, response.proxy.orientation};
-  out.error_bound = frame.force_scale * response.error_bound;
-  return out;
-}
-
-void add(fs_response& sum, const fs_response& other) noexcept {
-  sum.wrench.force += other.wrench.force;
-  sum.wrench.torque += other.wrench.torque;
-  sum.stiffness += other.stiffness;
-  sum.felt_count += other.felt_count;
-  sum.flags |= other.flags;
-  sum.error_bound += other.error_bound;
-}
-
-namespace {
-
-// [rt] What a view needs from its first tick: where the tool is held, or where the frame goes so that it does not jump.
-void use_first_time(const View& view, const fs_state& hand) noexcept {
-  Pose found;
-  if (view.kind == View::Kind::free || view.found.read(found)) return;
-  if (view.kind == View::Kind::held) {
-    view.found.write(to_scene(view.frame, hand).pose);
-  } else if (view.anchor->found.read(found)) {
-    const Quat q = view.frame.pose.orientation;
-    view.found.write({hand.pose.position - rotate(q, (1 / view.frame.scale) * found.position), q});
-  }
-}
-
-void scale(fs_response& response, double factor) noexcept {
-  response.wrench = {factor * response.wrench.force, factor * response.wrench.torque};
-  response.stiffness = factor * response.stiffness;
-  response.error_bound *= factor;
-}
-
-}  // namespace
-
 void Channel::fetch(double now) noexcept {
   scene_->output->time.store(now, std::memory_order_release);
-  if (!reader.mailbox.fetch()) return;
-  const Ref<const Epoch>& epoch = reader.mailbox.front()->epoch;
-  if (epoch) epoch->stamp(now);
+  reader_.mailbox.fetch();
+  const Snapshot& snapshot = *reader_.mailbox.front().snapshot;
+  reader_.memory->absorb(snapshot, now);
+  reader_.memory->advance(snapshot, now);
+  const double left = now - leaves_at_.load(std::memory_order_acquire);
+  if (left > 0) {
+    weight_ = Weight::moved(weight_, false, Weight::part_of_fade(std::fmin(left, now - newest_time_), fade_));
+  }
+  newest_time_ = now;
 }
 
-fs_response Channel::evaluate_view(const Snapshot& snapshot, const View& view, double weight, bool is_current,
-                                   const fs_state& hand, double now, uint64_t tick) noexcept {
+// state: of the hand, or where the clutch holds the tool; scene frame.
+fs_response Channel::evaluate_view(const Snapshot& snapshot, uint32_t view, fs_state state, double weight,
+                                   double now) noexcept {
   fs_response sum{};
-  use_first_time(view, hand);
-  fs_frame frame;
-  if (!view.get_frame(frame)) return sum;
-  fs_state state = to_scene(frame, hand);
-  if (is_current) {
-    hand_.state = state;
-    if (view.kind == View::Kind::held) hand_.state.flags |= FS_STATE_CLUTCHED;
-    axes_ = frame.pose.orientation;
-  }
-  if (view.kind == View::Kind::held) {
-    view.found.read(state.pose);
-    state.twist = {};
-  }
   sum.proxy = state.pose;
   if (!(weight > 0) || !make_unit_pose(state.pose)) return sum;
-
-  const ToolState tool =
-      ToolState::at(state, view.points.data(), view.points.size(), now, reader.id);
-  Share share;
-  snapshot.objects.for_each([&](uint32_t, const Entry& entry) {
-    const double own = weight * entry.fade.weight(now, fade);
-    if (own > 0 && evaluate_object(*entry.object, entry.motion, entry.start, tool, share)) {
-      add_share(sum, share, own);
-      if (is_current) {
-        entry.felt->sample.write({tick, share.distance, share.point,
-                                  {own * share.wrench.force, own * share.wrench.torque}});
-      }
-    }
-    if (!entry.previous) return;
-    const Entry& previous = *entry.previous;
-    const double rest = weight * previous.fade.weight(now, fade);
-    if (rest > 0 && evaluate_object(*previous.object, previous.motion, previous.start, tool, share)) {
-      add_share(sum, share, rest);
-    }
-  });
+  const View& seen = snapshot.views->rows[view];
+  sum = evaluate_near(snapshot, reader_.mailbox.front().scratches, *reader_.memory, view, seen.version, *seen.tool,
+                      ToolState::at(state, *seen.tool, now));
+  scale(sum, weight);
+  if (weight < 1 && sum.felt_count > 0) sum.flags |= FS_RESPONSE_FADING;
   return sum;
 }
 
-fs_response Channel::evaluate_views(const fs_state& hand, double now, uint64_t tick) noexcept {
-  const Snapshot& snapshot = *reader.mailbox.front();
-  const ViewFade& views = snapshot.views;
-  fs_frame frame;
-
-  fs_response here = evaluate_view(snapshot, *views.view, views.fade.weight(now, fade), true, hand, now, tick);
-  views.view->get_frame(frame);
-  fs_response device = to_device(frame, here);
-
-  const double rest = views.previous ? views.previous_fade.weight(now, fade) : 0;
-  if (rest > 0) {
-    const fs_response before = evaluate_view(snapshot, *views.previous, rest, false, hand, now, tick);
-    views.previous->get_frame(frame);
-    add(device, to_device(frame, before));
-    fs_response turned = before;  // along the present view's axes
-    const Quat q = conjugate(axes_) * frame.pose.orientation;
-    const Mat3 r = to_matrix(q);
-    turned.wrench = {rotate(q, before.wrench.force), rotate(q, before.wrench.torque)};
-    turned.stiffness = r * before.stiffness * transposed(r);
-    add(here, turned);
+fs_response Channel::evaluate_views(const fs_state& hand, double now) noexcept {
+  const Snapshot& snapshot = *reader_.mailbox.front().snapshot;
+  const Views& views = *snapshot.views;
+  fs_response here{}, device{};
+  // The newest first: the hand is told as it sees it. What others give is turned to its axes.
+  for (uint32_t k = 0; k < Views::size; ++k) {
+    const uint32_t i = k == 0 ? views.newest : k - (k <= views.newest);
+    const View& view = views.rows[i];
+    if (view.version == 0) continue;
+    const FoundView& found = reader_.memory->find_view(snapshot, i, hand.pose);
+    const double weight = reader_.memory->view_weight_at(i, view.version);
+    if (k > 0 && !(weight > 0)) continue;
+    fs_frame frame = view.frame;
+    if (found.is_moved) frame.pose = found.frame;
+    fs_state state = to_scene(frame, hand);
+    if (k == 0) {
+      hand_.state = state;
+      if (view.is_held) hand_.state.flags |= FS_STATE_CLUTCHED;
+      axes_ = frame.pose.orientation;
+    }
+    if (found.is_held) {
+      state.pose = found.tool;
+      state.twist = {};
+    }
+    fs_response response = evaluate_view(snapshot, i, state, weight, now);
+    if (k == 0) {
+      here = response;
+      device = to_device(frame, here);
+      tick_ = {0, now, weight, view.version, state.pose, state.twist};
+    } else {
+      add(device, to_device(frame, response));
+      turn(response, conjugate(axes_) * frame.pose.orientation);
+      add(here, response);
+    }
   }
   hand_.response = here;
   return device;
@@ -169,20 +101,20 @@ void Channel::limit(fs_response& device) noexcept {
   limited_.store(limited_.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
 }
 
-fs_response Channel::evaluate(const fs_state& hand, double now, uint64_t tick) noexcept {
+fs_response Channel::evaluate(const fs_state& hand, double now) noexcept {
   fs_response device{};
-  if (!is_bad()) device = evaluate_views(hand, now, tick);
+  if (!is_bad()) device = evaluate_views(hand, now);
   if (limits_.force < never) limit(device);
-  const double left = now - leaves_at_.load(std::memory_order_acquire);
-  if (left > 0) {
-    const double weight = fade > 0 ? std::fmax(0, 1 - left / fade) : 0;
-    scale(device, weight);
-    scale(hand_.response, weight);
+  if (weight_ < 1) {
+    scale(device, weight_);
+    scale(hand_.response, weight_);
+    tick_.weight *= weight_;
   }
   if (is_bad()) {
     device = hand_.response = {};
     device.proxy = hand.pose;
     hand_.response.proxy = hand_.state.pose;
+    tick_.weight = 0;
   }
   wrench_.write(device.wrench);
   return device;
@@ -194,23 +126,28 @@ void Channel::charge(double cost, double period) noexcept {
   if (slow_in_a_row_ >= most) is_bad_.store(true, std::memory_order_release);
 }
 
-void Channel::lose_hand() noexcept {
+void Channel::lose_hand(double now) noexcept {
   wrench_.write({});
   hand_.state.flags &= FS_STATE_CLUTCHED;  // the pose stays the last that is known
   hand_.state.buttons = 0;
   hand_.state.twist = {};
   hand_.response = {};
   hand_.response.proxy = hand_.state.pose;
+  tick_.time = now;
+  tick_.weight = 0;
 }
 
 void Channel::publish(const Wrench& sent, uint32_t response_flags, uint64_t tick) noexcept {
   const Quat back = conjugate(axes_);
   hand_.sent = {rotate(back, sent.force), rotate(back, sent.torque)};
   hand_.response.flags |= response_flags;
+  tick_.tick = tick;
+  reader_.newest.write(tick_);
   ServoOutput& out = *scene_->output;
   out.hand.write(hand_);
   out.tick.store(tick, std::memory_order_release);
-  out.used.store(reader.mailbox.front()->sequence, std::memory_order_release);
+  out.used.store(reader_.mailbox.front().snapshot->sequence, std::memory_order_release);
+  if (weight_ == 0) is_gone_.store(true, std::memory_order_release);
 }
 
 }  // namespace fs

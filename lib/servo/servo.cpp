@@ -32,7 +32,7 @@ fs_servo::fs_servo(Ref<LocalScene> scene, Ref<Device> device, const ServoSetting
   device_->acquire();
   try {
     const Ref<ChannelList> list = make_ref<ChannelList>();
-    list->channels.push_back(make_ref<Channel>(*this, scene_, Channel::Limits{}));
+    list->channels.push_back(make_ref<Channel>(*this, scene_, Channel::Limits{}, true));
     posted_channels_ = list;
     channels_.prime(posted_channels_);
     guard_process_end();
@@ -109,7 +109,7 @@ Ref<Channel> fs_servo::add_channel(Ref<LocalScene> scene, const Channel::Limits&
   const Ref<ChannelList> list = make_ref<ChannelList>();
   list->channels = posted_channels_->channels;
   list->channels.reserve(list->channels.size() + 1);
-  const Ref<Channel> channel = make_ref<Channel>(*this, std::move(scene), limits);
+  const Ref<Channel> channel = make_ref<Channel>(*this, std::move(scene), limits, false);
   list->channels.push_back(channel);
   posted_channels_ = list;
   channels_.post(posted_channels_);
@@ -129,9 +129,8 @@ size_t fs_servo::channel_count() {
 void fs_servo::reap_channels() {
   const std::lock_guard lock(channels_mutex_);
   if (!posted_channels_) return;
-  const double now = scene_->now();
   const std::vector<Ref<Channel>>& present = posted_channels_->channels;
-  const auto is_gone = [now](const Ref<Channel>& channel) { return channel->is_gone(now); };
+  const auto is_gone = [](const Ref<Channel>& channel) { return channel->is_gone(); };
   if (std::any_of(present.begin(), present.end(), is_gone)) {
     const Ref<ChannelList> list = make_ref<ChannelList>();
     std::remove_copy_if(present.begin(), present.end(), std::back_inserter(list->channels), is_gone);
@@ -242,15 +241,15 @@ void fs_servo::tick(double now, double late) noexcept {
   response.proxy = identity_pose();
   for (size_t i = 0; i < channels.size(); ++i) {
     Channel& channel = *channels[i];
-    if (channel.is_gone(now)) continue;
+    if (channel.is_gone()) continue;
     channel.fetch(now);
     if (!has_pose) {
-      channel.lose_hand();
+      channel.lose_hand(now);
     } else if (i == 0) {
-      response = channel.evaluate(hand, now, tick_);  // the servo's own scene: its proxy is the one that is told
+      response = channel.evaluate(hand, now);  // the servo's own scene: its proxy is the one that is told
     } else {
       const double start = has_thread ? steady_now() : 0;
-      add(response, channel.evaluate(hand, now, tick_));
+      add(response, channel.evaluate(hand, now));
       if (has_thread) channel.charge(steady_now() - start, period_);
     }
   }
@@ -263,7 +262,7 @@ void fs_servo::tick(double now, double late) noexcept {
   if (status == FS_OK) status = write_status_;
 
   for (const Ref<Channel>& channel : channels) {
-    if (!channel->is_gone(now)) channel->publish(sent, guarded, tick_);
+    if (!channel->is_gone()) channel->publish(sent, guarded, tick_);
   }
   faults_.store(guard_.faults(), std::memory_order_relaxed);
   events_.note(now, status, guard_.faults());

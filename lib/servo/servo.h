@@ -8,7 +8,6 @@
 #include <optional>
 
 #include "driver/device.h"
-#include "force/reader.h"
 #include "servo/channel.h"
 #include "servo/device_events.h"
 #include "servo/flight_record.h"
@@ -17,7 +16,7 @@
 #include "servo/settings.h"
 #include "servo/statistics.h"
 
-struct fs_servo final : fs::Counted<fs_servo> {
+struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   // Takes scene and device and, in THREAD mode, runs. STATE, IO.
   fs_servo(fs::Ref<fs::LocalScene> scene, fs::Ref<fs::Device> device, const fs::ServoSettings& settings);
   ~fs_servo() { stop(); }
@@ -37,7 +36,7 @@ struct fs_servo final : fs::Counted<fs_servo> {
   void reap_channels();  // lets go of those that have faded out
   size_t channel_count();  // beside the servo's own; those that fade out are among them
   const fs::Ref<fs::LocalScene>& scene() const noexcept { return scene_; }
-  double time() const noexcept { return newest_time_.load(std::memory_order_relaxed); }  // s, of the newest tick
+  double time() const noexcept override { return newest_time_.load(std::memory_order_relaxed); }  // s, of the newest tick
   // s, monotonic clock: when the last tick was due; they come a period apart. 0: it has no thread that keeps to a time.
   double due() const noexcept { return due_.load(std::memory_order_relaxed); }
 
@@ -50,14 +49,13 @@ struct fs_servo final : fs::Counted<fs_servo> {
   const fs::FlightRecord& record() const noexcept { return record_; }
 
   const fs::ServoSettings& settings() const noexcept { return settings_; }
-  double fade() const noexcept { return settings_.fade; }  // s; 0: none
-  fs::ClockKind clock() const noexcept;
-  unsigned reader_id() const noexcept { return id_.get(); }
+  double fade() const noexcept override { return settings_.fade; }  // s; 0: none
+  fs::ClockKind clock() const noexcept override;
 
-  void get_stats(fs_servo_stats& out) const;        // all but struct_size
-  void get_device_info(fs_device_info& out) const;  // all but struct_size
-  bool take_event(uint64_t& next, fs_event& out) const;  // of the device: see DeviceEvents
-  uint64_t event_count() const noexcept { return events_.count(); }
+  void get_stats(fs_servo_stats& out) const override;        // all but struct_size
+  void get_device_info(fs_device_info& out) const override;  // all but struct_size
+  bool take_event(uint64_t& next, fs_event& out) const override;  // of the device: see DeviceEvents
+  uint64_t event_count() const noexcept override { return events_.count(); }
 
  private:
   void start_thread();  // IO; the last that can fail
@@ -69,8 +67,6 @@ struct fs_servo final : fs::Counted<fs_servo> {
   const fs::Ref<fs::Device> device_;
   const fs::ServoSettings settings_;
   const double period_;
-
-  const fs::ReaderId id_;
 
   // The channels: their list reaches the tick as snapshots do.
   std::mutex channels_mutex_;

@@ -1,4 +1,4 @@
-// The parts that the core stands on: table, fade, mailbox, seqlock, track, guard, histogram.
+// The parts that the core stands on: table, weights, mailbox, seqlock, track, guard, histogram.
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -6,10 +6,10 @@
 #include <vector>
 
 #include "base/seqlock.h"
-#include "scene/fade.h"
-#include "scene/mailbox.h"
-#include "scene/motion.h"
-#include "scene/table.h"
+#include "field/mailbox.h"
+#include "field/motion.h"
+#include "field/table.h"
+#include "scene/object_rows.h"
 #include "servo/guard.h"
 #include "servo/statistics.h"
 
@@ -31,98 +31,220 @@ struct Random {  // SplitMix64 (Steele, Lea, Flood 2014)
 };
 
 struct Item : LocalCounted<Item> {
-  explicit Item(int v) : value(v) { ++alive; }
+  explicit Item(int v = 0) : value(v) { ++alive; }
+  Item(const Item& other) : LocalCounted<Item>(other), value(other.value) { ++alive; }
   ~Item() { --alive; }
   int value;
+  uint64_t version = 0;
   static inline int alive = 0;
 };
+using Items = Table<Item, 3>;
 
-std::map<uint32_t, int> contents(const Table<Item>& table) {
+std::map<uint32_t, int> contents(const Items& table) {
   std::map<uint32_t, int> out;
   uint32_t last = 0;
-  table.for_each([&](uint32_t slot, const Item& item) {
-    ck_assert(out.empty() || slot > last);
-    last = slot;
-    out[slot] = item.value;
+  table.for_each([&](uint32_t i, const Item& item) {
+    ck_assert(out.empty() || i > last);
+    last = i;
+    out[i] = item.value;
   });
   return out;
 }
 
 }  // namespace
 
+// Copies stay as they were; and what has changed since one of them is found, no less.
 START_TEST(table_copies_do_not_change) {
   Random random;
   {
-    Table<Item> table;
+    Items table;
     std::map<uint32_t, int> wanted;
-    std::vector<std::pair<Table<Item>, std::map<uint32_t, int>>> copies;
-    for (int i = 0; i < 20000; ++i) {
-      const auto slot = static_cast<uint32_t>(random.next() % (i % 3 ? 100 : Table<Item>::capacity));
+    struct Copy {
+      Items table;
+      std::map<uint32_t, int> wanted;
+      uint64_t version;
+    };
+    std::vector<Copy> copies;
+    for (int step = 1; step <= 20000; ++step) {
+      const auto version = static_cast<uint64_t>(step);
+      const auto i = static_cast<uint32_t>(random.next() % (step % 3 ? 100 : Items::capacity));
       if (random.next() % 4 == 0) {
-        table.set(slot, nullptr);
-        wanted.erase(slot);
+        table.set(i, nullptr, version);
+        wanted.erase(i);
+      } else if (random.next() % 2) {
+        table.set(i, make_ref<Item>(step), version);
+        wanted[i] = step;
       } else {
-        table.set(slot, make_ref<Item>(i));
-        wanted[slot] = i;
+        table.edit(i, version).value = step;
+        wanted[i] = step;
       }
-      if (i % 1000 == 0) copies.emplace_back(table, wanted);
-      const Item* item = table.get(slot);
-      ck_assert_int_eq(item != nullptr, wanted.count(slot));
-      if (item) ck_assert_int_eq(item->value, wanted[slot]);
+      if (step % 1000 == 0) copies.push_back({table, wanted, version});
+      const Item* item = table.get(i);
+      ck_assert_int_eq(item != nullptr, wanted.count(i));
+      if (item) ck_assert_int_eq(item->value, wanted[i]);
     }
     ck_assert(contents(table) == wanted);
-    for (const auto& [copy, before] : copies) ck_assert(contents(copy) == before);
-    for (const auto& [slot, value] : wanted) table.set(slot, nullptr);
+    for (const Copy& copy : copies) {
+      ck_assert(contents(copy.table) == copy.wanted);
+      std::map<uint32_t, int> replayed = copy.wanted;
+      size_t changes = 0;
+      table.for_each_changed(copy.version, [&](uint32_t i, const Item* item) {
+        changes += item != nullptr;
+        if (item) {
+          replayed[i] = item->value;
+        } else {
+          replayed.erase(i);
+        }
+      });
+      ck_assert(replayed == wanted);
+      ck_assert_uint_le(changes, 20000 - copy.version);
+    }
+    for (const auto& [i, value] : wanted) table.set(i, nullptr, 30000);
     ck_assert(contents(table).empty());
   }
   ck_assert_int_eq(Item::alive, 0);
 }
 END_TEST
 
-// However it is turned about, a weight never moves by more than time/duration, and it gets where it is going.
-START_TEST(fade_has_no_step) {
-  Random random;
-  const double duration = 0.5, dt = 0.001;
-  for (int run = 0; run < 200; ++run) {
-    Fade fade = Fade::steady(random.next() % 2);
-    double now = 0, last = fade.weight(now, duration);
-    Ref<const Epoch> pending;
-    bool in = fade.is_going_in();
-    double expiry = never;
-    for (int i = 0; i < 2000; ++i) {
-      now += dt;
-      if (i < 1000 && random.next() % 50 == 0) {  // one change, or several between two ticks
-        for (uint64_t k = random.next() % 3 + 1; k; --k) {
-          in = random.next() % 2;
-          expiry = random.next() % 3 ? never : now + 0.1 * random.uniform();
-          if (!pending) pending = make_ref<Epoch>();
-          fade = fade.turned(in, expiry, pending, duration);
-        }
+namespace {
+
+// A scene of one name, and a servo that ticks when it likes.
+struct OneName {
+  explicit OneName(double the_fade) : fade(the_fade), reader(make_ref<Memory>(the_fade)), rows(output) {
+    for (const fs_primitive primitive : {FS_PRIMITIVE_POINT, FS_PRIMITIVE_PLANE}) {
+      fs_object object = fs_object_init("name", primitive);
+      for (uint32_t points : {0u, 1u, 2u}) {
+        object.tool_points = points;
+        versions.push_back(parse_object(object).object);
       }
-      if (pending && random.next() % 3) {  // the tick that uses it may come late
-        pending->stamp(now);
-        pending = nullptr;
-      }
-      const double weight = fade.weight(now, duration);
-      ck_assert_double_ge(weight, 0);
-      ck_assert_double_le(weight, 1);
-      ck_assert_double_le(std::fabs(weight - last), dt / duration * (1 + 1e-9));
-      last = weight;
     }
-    ck_assert_double_eq(last, in && expiry == never ? 1 : 0);
+    rows.attach_servo(reader, true, 0);
+    post();
+    reader.mailbox.prime({snapshot, {}});
+  }
+  void post() {
+    snapshot = make_ref<Snapshot>();
+    snapshot->sequence = ++sequence;
+    snapshot->chunks = rows.chunks();
+    snapshot->views = views;
+    rows.set_next_sequence(sequence + 1);
+    reader.mailbox.post({snapshot, {}});
+  }
+  void tick(double to) {
+    now = to;
+    reader.mailbox.fetch();
+    const Snapshot& front = *reader.mailbox.front().snapshot;
+    reader.memory->absorb(front, now);
+    reader.memory->advance(front, now);
+    output.used.store(front.sequence);
+  }
+  // Of every version that the tick evaluates.
+  std::map<uint64_t, double> weights() {
+    std::map<uint64_t, double> out;
+    reader.mailbox.front().snapshot->chunks.for_each([&](uint32_t number, const Chunk& chunk) {
+      for (uint32_t i = 0; i < chunk_size; ++i) {
+        if (!(chunk.used >> i & 1)) continue;
+        const uint64_t version = chunk.row(i).version;
+        out[version] = reader.memory->weight_at(number * chunk_size + i, version, now);
+      }
+    });
+    return out;
+  }
+
+  const double fade;
+  double now = 0;
+  uint64_t sequence = 0;
+  ServoOutput output;
+  Reader reader;
+  ObjectRows rows;
+  Ref<Views> views = make_ref<Views>();
+  Ref<Snapshot> snapshot;
+  std::vector<Ref<const Object>> versions;
+};
+
+}  // namespace
+
+// Whatever is called between ticks, and however late they come, no weight moves by more than time/fade; a name has three
+// rows at most; and what is wanted last is what is felt at last.
+START_TEST(weights_have_no_step) {
+  Random random;
+  const double dt = 0.001;
+  for (int run = 0; run < 100; ++run) {
+    OneName scene(0.05);
+    uint32_t newest = no_row;
+    std::map<uint64_t, double> before;
+    bool is_there = false;
+    uint64_t wanted = 0;
+    for (int step = 0; step < 3000; ++step) {
+      if (step < 2500) {
+        for (uint64_t k = random.next() % 4; k; --k) {
+          if (newest != no_row && random.next() % 3 == 0) {
+            if (is_there) newest = scene.rows.remove(newest);
+            is_there = false;
+          } else if (random.next() % (run % 4 ? 20 : 2) == 0) {
+            Entry entry;
+            entry.object = scene.versions[random.next() % (run % 3 ? 6 : 2)];
+            if (random.next() % 4 == 0) entry.expiry = scene.now + 0.1 * random.uniform();
+            newest = newest == no_row ? scene.rows.add(entry) : scene.rows.set(newest, entry);
+            is_there = true;
+            wanted = entry.expiry < never ? 0 : scene.rows.row(newest).version;
+          }
+          if (newest != no_row && random.next() % 2) newest = scene.rows.tidy(newest);
+          int count = 0;
+          for (uint32_t row = newest; row != no_row; row = scene.rows.row(row).previous) ++count;
+          ck_assert_int_le(count, 3);
+          if (random.next() % 2) scene.post();
+        }
+      } else if (step == 2500) {
+        scene.post();
+      }
+      if (random.next() % 3 == 0) continue;
+      const double passed = dt * static_cast<double>(1 + random.next() % 3);
+      scene.tick(scene.now + passed);
+      const std::map<uint64_t, double> after = scene.weights();
+      for (const auto& [version, weight] : after) {
+        const double last = before.count(version) ? before[version] : 0;
+        ck_assert_double_le(std::fabs(weight - last), passed / 0.05 * (1 + 1e-9));
+      }
+      for (const auto& [version, weight] : before) {
+        if (!after.count(version)) ck_assert_double_le(weight, passed / 0.05 * (1 + 1e-9));
+      }
+      before = after;
+    }
+    double felt = 0;
+    for (const auto& [version, weight] : before) felt += weight;
+    if (is_there && wanted) {
+      ck_assert_double_eq(before[wanted], 1);
+      ck_assert_double_eq(felt, 1);
+    } else {
+      ck_assert_double_eq(felt, 0);
+    }
+    if (newest != no_row) newest = scene.rows.tidy(newest);
+    ck_assert_int_eq(newest != no_row, is_there);
   }
 }
 END_TEST
 
-START_TEST(fade_of_no_duration_is_at_once) {
-  const Ref<const Epoch> epoch = make_ref<Epoch>();
-  const Fade fade = Fade::steady(false).turned(true, never, epoch, 0);
-  ck_assert_double_eq(fade.weight(5, 0), 0);
-  epoch->stamp(5);
-  ck_assert_double_eq(fade.weight(4.999, 0), 0);
-  ck_assert_double_eq(fade.weight(5, 0), 1);
-  ck_assert_double_eq(Fade::steady(true, 7).weight(6.9, 0), 1);
-  ck_assert_double_eq(Fade::steady(true, 7).weight(7, 0), 0);
+START_TEST(a_fade_of_no_duration_is_at_once) {
+  OneName scene(0);
+  Entry entry;
+  entry.object = scene.versions[0];
+  uint32_t newest = scene.rows.add(entry);
+  scene.post();
+  scene.tick(5);
+  ck_assert_double_eq(scene.weights()[scene.rows.row(newest).version], 1);
+  const uint64_t first = scene.rows.row(newest).version;
+  entry.object = scene.versions[1];
+  entry.expiry = 7;
+  newest = scene.rows.set(newest, entry);
+  scene.post();
+  scene.tick(5.001);
+  ck_assert_double_eq(scene.weights()[first], 0);
+  ck_assert_double_eq(scene.weights()[scene.rows.row(newest).version], 1);
+  scene.tick(6.999);
+  ck_assert_double_eq(scene.weights()[scene.rows.row(newest).version], 1);
+  scene.tick(7);
+  ck_assert_double_eq(scene.weights()[scene.rows.row(newest).version], 0);
 }
 END_TEST
 
@@ -299,8 +421,8 @@ int main() {
   TCase* test_case = tcase_create("core");
   tcase_set_timeout(test_case, 60);
   tcase_add_test(test_case, table_copies_do_not_change);
-  tcase_add_test(test_case, fade_has_no_step);
-  tcase_add_test(test_case, fade_of_no_duration_is_at_once);
+  tcase_add_test(test_case, weights_have_no_step);
+  tcase_add_test(test_case, a_fade_of_no_duration_is_at_once);
   tcase_add_test(test_case, mailbox_and_seqlock_are_never_torn);
   tcase_add_test(test_case, mailbox_takes_back);
   tcase_add_test(test_case, mailbox_frees_what_was_let_go);

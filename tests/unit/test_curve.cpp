@@ -6,7 +6,6 @@
 #include <thread>
 
 #include "force/curve.h"
-#include "force/reader.h"
 #include "unit/count_allocations.h"
 #include "unit/force_fixtures.h"
 
@@ -136,35 +135,6 @@ START_TEST(table_knows_its_steepest_slope) {
 }
 END_TEST
 
-START_TEST(readers_are_small_and_used_again) {
-  auto a = std::make_unique<ReaderId>(), b = std::make_unique<ReaderId>(), c = std::make_unique<ReaderId>();
-  ck_assert_uint_eq(a->get(), 0);
-  ck_assert_uint_eq(b->get(), 1);
-  ck_assert_uint_eq(c->get(), 2);
-  b.reset();
-  a.reset();
-  const ReaderId first, second, third;
-  ck_assert_uint_eq(first.get(), 0);
-  ck_assert_uint_eq(second.get(), 1);
-  ck_assert_uint_eq(third.get(), 3);
-
-  std::vector<std::thread> threads;
-  std::atomic<bool> in_use[64] = {};
-  std::atomic<int> wrong{0};
-  for (int i = 0; i < 8; ++i) {
-    threads.emplace_back([&] {
-      for (int k = 0; k < 500; ++k) {
-        const ReaderId id;
-        if (id.get() >= 64 || in_use[id.get()].exchange(true)) ++wrong;
-        if (id.get() < 64) in_use[id.get()] = false;
-      }
-    });
-  }
-  for (std::thread& thread : threads) thread.join();
-  ck_assert_int_eq(wrong, 0);
-}
-END_TEST
-
 bool has_expressions() {
   try {
     make_expression_curve("1");
@@ -178,12 +148,10 @@ bool has_expressions() {
 
 START_TEST(expression_values) {
   if (!has_expressions()) return;
-  const ReaderId reader;
   const auto value = [&](const char* text, double d, double t) {
     const Ref<const Curve> curve = make_expression_curve(text);
-    curve->prepare(reader.get());
-    curve->prepare(reader.get());
-    return curve->evaluate(reader.get(), d, t);
+    const auto parser = curve->make_parser();
+    return curve->evaluate(parser.get(), d, t);
   };
   ck_assert_double_eq_tol(value("3*(1+sin(12*t))*exp(-d/0.01)", 0.02, 0.1).force,
                           3 * (1 + std::sin(1.2)) * std::exp(-2), 1e-14);
@@ -210,15 +178,12 @@ START_TEST(expression_values) {
   const Ref<const Curve> curve = make_expression_curve("d + 2");
   ck_assert_str_eq(curve->expression()->c_str(), "d + 2");
   ck_assert(curve->table() == nullptr);
-  ck_assert_double_eq(curve->evaluate(40, 1, 0).force, 0);  // not prepared
-  ck_assert_double_eq(curve->evaluate(4000000000u, 1, 0).force, 0);
-  for (unsigned other = 0; other < 100; ++other) {  // each has a parser of its own
-    ck_assert_double_eq(curve->evaluate(other, 1, 0).force, 0);
-    curve->prepare(other);
-    ck_assert_double_eq(curve->evaluate(other, 1, 0).force, 3);
+  ck_assert_double_eq(curve->evaluate(nullptr, 1, 0).force, 0);  // without a parser
+  std::vector<std::unique_ptr<Curve::Parser>> parsers;
+  for (int i = 0; i < 100; ++i) {  // as many as are wanted
+    parsers.push_back(curve->make_parser());
+    ck_assert_double_eq(curve->evaluate(parsers.back().get(), 1, 0).force, 3);
   }
-  curve->prepare(1000);
-  ck_assert_double_eq(curve->evaluate(1000, 1, 0).force, 3);
 }
 END_TEST
 
@@ -325,7 +290,6 @@ START_TEST(any_text_is_taken_or_refused) {
                                "==", "!=", "&&", "||", "sin(", "min(", "sum(", "if(", "sqrt(", "_pi", " ", "=", ".",
                                "e", "0x", "#", "!"};
   Random random(4);
-  const ReaderId reader;
   int taken = 0;
   for (int i = 0; i < 6000; ++i) {
     std::string text;
@@ -337,8 +301,8 @@ START_TEST(any_text_is_taken_or_refused) {
     try {
       const Ref<const Curve> curve = make_expression_curve(text.c_str());
       ++taken;
-      curve->prepare(reader.get());
-      const Intensity here = curve->evaluate(reader.get(), random.between(0, 1), random.between(0, 10));
+      const auto parser = curve->make_parser();
+      const Intensity here = curve->evaluate(parser.get(), random.between(0, 1), random.between(0, 10));
       ck_assert(here.force >= 0 && std::isfinite(here.force) && std::isfinite(here.slope));
     } catch (const Error& error) {
       ck_assert(error.status == FS_ERROR_PARSE || error.status == FS_ERROR_INVALID);
@@ -358,13 +322,12 @@ START_TEST(an_evaluation_does_not_allocate) {
   const Ref<const Curve> of_table = table({1, 2, 3}, 1);
   for (const char* text : {"3", "d", "3*(1+sin(12*t))*exp(-d/0.01)", "d > 0.5 ? min(1, 2, d, t) : sum(d, t, 3)^2",
                            "1/0", "(d<0.5 && t>1) ? 1 : d<0.7 ? 2 : sqrt(-d)"}) {
-    const ReaderId reader;
     const Ref<const Curve> curve = make_expression_curve(text);
-    curve->prepare(reader.get());
+    const auto parser = curve->make_parser();
     const long before = allocations;
     for (int i = 0; i < 1000; ++i) {
-      curve->evaluate(reader.get(), random.between(0, 1), random.between(0, 10));
-      of_table->evaluate(reader.get(), random.between(0, 4), 0);
+      curve->evaluate(parser.get(), random.between(0, 1), random.between(0, 10));
+      of_table->evaluate(nullptr, random.between(0, 4), 0);
     }
     ck_assert_int_eq(allocations, before);
   }
@@ -379,11 +342,10 @@ START_TEST(many_readers_at_once) {
   for (int i = 0; i < 6; ++i) {
     threads.emplace_back([&] {
       for (int k = 0; k < 20; ++k) {
-        const ReaderId a, b, c, d;  // so that blocks are added while others evaluate
-        for (const ReaderId* id : {&a, &b, &c, &d}) {
-          curve->prepare(id->get());
+        for (int n = 0; n < 4; ++n) {  // made while others evaluate
+          const auto parser = curve->make_parser();
           for (int j = 0; j < 50; ++j) {
-            if (curve->evaluate(id->get(), 0.25 * j, 0.5 * k).force != 0.25 * j + 0.5 * k) ++wrong;
+            if (curve->evaluate(parser.get(), 0.25 * j, 0.5 * k).force != 0.25 * j + 0.5 * k) ++wrong;
           }
         }
       }
@@ -399,7 +361,7 @@ END_TEST
 int main() {
   return run("curve", {table_goes_through_its_entries, table_never_overshoots, table_slopes_match_differences,
                        table_refusals, table_knows_its_steepest_slope, expression_knows_its_steepest_slope,
-                       readers_are_small_and_used_again, expression_values, expression_refusals,
+                       expression_values, expression_refusals,
                        refusals_say_what_is_meant, any_text_is_taken_or_refused, an_evaluation_does_not_allocate,
                        many_readers_at_once});
 }

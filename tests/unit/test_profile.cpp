@@ -3,8 +3,7 @@
 #include <limits>
 
 #include "force/profile.h"
-#include "force/reader.h"
-#include "scene/object.h"
+#include "field/object.h"
 #include "unit/force_fixtures.h"
 
 using namespace fs;
@@ -234,8 +233,11 @@ END_TEST
 // Whoever sets a profile again and again, with another gain each time, makes nobody wait: the curve is not evaluated.
 class CountingCurve final : public Curve {
  public:
-  void prepare(unsigned) const override { ++evaluations; }
-  Intensity evaluate(unsigned, double d, double) const noexcept override {
+  std::unique_ptr<Parser> make_parser() const override {
+    ++evaluations;
+    return nullptr;
+  }
+  Intensity evaluate(Parser*, double d, double) const noexcept override {
     ++evaluations;
     return {d < 1 ? 1 - d : 0, d < 1 ? -1.0 : 0.0};
   }
@@ -259,7 +261,7 @@ START_TEST(an_object_with_a_curve_does_not_evaluate_it) {
     object.front.gain += 0.1;
     before = parse_object(object, before.get()).object;
     ck_assert_double_eq(before->steepest_slope, infinity);  // a point turns over
-    ck_assert_double_eq(steepest_slope(before->front), object.front.gain);
+    ck_assert_double_eq(steepest_slope(before->law.front), object.front.gain);
   }
   ck_assert_int_eq(curve->evaluations, 0);
 }

@@ -50,6 +50,14 @@ struct Track {
   Sample before, older;  // the newest of the two instants before it
   double instant = 0;    // s, when the present instant began
 
+  // That of an object which has been set and not been moved since.
+  static Track of(const Motion& motion) noexcept {
+    Track track;
+    track.last = {motion.pose, motion.time, true};
+    track.instant = motion.time;
+    return track;
+  }
+
   // Takes a pose given at `time`; without a twist of its own it gets one worked out from the pose before. One older than
   // the last pose stands.
   Motion take(const Pose& pose, const Twist* twist, double time) noexcept {

@@ -8,7 +8,7 @@
 #include <forceserver/scene.h>
 
 #include "base/counted.h"
-#include "force/profile.h"
+#include "force/law.h"
 #include "force/shape.h"
 #include "math/pose.h"
 
@@ -17,7 +17,7 @@ namespace fs {
 struct Object : Counted<Object> {
   std::string name;
   fs_primitive primitive = FS_PRIMITIVE_POINT;
-  Profile front, back;
+  Law law;
   double damping = 0;       // N s/m
   fs_contact contact{};     // keep is NONE: contacts come with the proxy
   Ref<const Shape> shape;   // built, where anybody evaluates
@@ -26,7 +26,6 @@ struct Object : Counted<Object> {
   bool is_enabled = true;
 
   // Worked out when it is admitted.
-  double support = 0;          // m, no force beyond this distance from the primitive; may be infinite, negative: none
   double radius = 0;           // m, of the primitive about its origin; a plane: infinite
   double steepest_slope = 0;   // N/m, of the force in the distance; infinite where it jumps
   uint32_t point_mask() const noexcept { return tool_points ? tool_points : ~0u; }

@@ -1,4 +1,4 @@
-#include "scene/object.h"
+#include "field/object.h"
 
 #include <algorithm>
 #include <cmath>
@@ -66,14 +66,14 @@ double object_slope(const Object& object) {
   constexpr double jump = std::numeric_limits<double>::infinity();
   // At d = 0 from one direction to the opposite one, or from the front's value to the back's.
   const auto outward = [](const Profile& profile) { return profile.sense == FS_SENSE_REPULSIVE ? 1.0 : -1.0; };
-  const double front = outward(object.front) * first_force(object.front);
-  const double back = has_surface(object.primitive) ? -outward(object.back) * first_force(object.back) : -front;
+  const double front = outward(object.law.front) * first_force(object.law.front);
+  const double back = has_surface(object.primitive) ? -outward(object.law.back) * first_force(object.law.back) : -front;
   if (front != back) return jump;
   // A polyline that is not straight is no convex set, so some places have two closest points (Motzkin 1935). These
   // places hang together, from its bends to any distance: if it is felt at all, then at some of them.
   const bool is_bent = object.primitive == FS_PRIMITIVE_POLYLINE && !object.shape->is_straight;
-  if (is_bent && is_ever_felt(object.front)) return jump;
-  return std::fmax(steepest_slope(object.front), steepest_slope(object.back));
+  if (is_bent && is_ever_felt(object.law.front)) return jump;
+  return std::fmax(steepest_slope(object.law.front), steepest_slope(object.law.back));
 }
 
 ParsedObject parse(const fs_object& in, std::string name, const Object* like, bool builds_shape) {
@@ -96,11 +96,11 @@ ParsedObject parse(const fs_object& in, std::string name, const Object* like, bo
   object.name = std::move(name);
   object.primitive = in.primitive;
   object.lifetime = parse_range(in.lifetime, 0, 1e12, "lifetime");
-  object.front = parse_profile(in.front, "front");
-  object.back = parse_profile(in.back, "back");
-  if (object.back.kind != FS_PROFILE_NONE && !has_surface(in.primitive)) {
+  object.law.front = parse_profile(in.front, "front");
+  object.law.back = parse_profile(in.back, "back");
+  if (object.law.back.kind != FS_PROFILE_NONE && !has_surface(in.primitive)) {
     fail(FS_ERROR_INVALID, "back.kind is %d, must be NONE (0): a %s has one profile, front",
-         static_cast<int>(object.back.kind), primitive_name(in.primitive));
+         static_cast<int>(object.law.back.kind), primitive_name(in.primitive));
   }
   object.damping = parse_range(in.damping, 0, 1e9, "damping");
   object.tool_points = in.tool_points;
@@ -129,9 +129,9 @@ ParsedObject parse(const fs_object& in, std::string name, const Object* like, bo
   } else if (in.primitive == FS_PRIMITIVE_PLANE) {
     object.radius = std::numeric_limits<double>::infinity();
   }
-  object.support = std::fmax(support(object.front), support(object.back));
+  object.law.support = std::fmax(support(object.law.front), support(object.law.back));
   const bool has_same_force = like && like->primitive == object.primitive && like->shape == object.shape &&
-                              like->front == object.front && like->back == object.back;
+                              like->law.front == object.law.front && like->law.back == object.law.back;
   object.steepest_slope = has_same_force ? like->steepest_slope : object_slope(object);  // the place for a slope cap
   out.object = made;
   return out;
@@ -272,8 +272,8 @@ fs_object merge_parts(const fs_object& object, const fs_object& change, uint32_t
 fs_object to_c(const Object& object) {
   fs_object out = fs_object_init(object.name.c_str(), object.primitive);
   out.lifetime = object.lifetime;
-  out.front = to_c(object.front);
-  out.back = to_c(object.back);
+  out.front = to_c(object.law.front);
+  out.back = to_c(object.law.back);
   out.damping = object.damping;
   out.contact = object.contact;
   out.shape = const_cast<fs_shape*>(object.shape.get());

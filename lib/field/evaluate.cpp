@@ -1,0 +1,162 @@
+#include "field/evaluate.h"
+
+#include <bit>
+#include <cmath>
+
+#include "base/error.h"
+#include "force/primitive.h"
+
+namespace fs {
+namespace {
+
+// Derivative of the unit direction from p to x, times d: how much of a sideways motion turns the force.
+Mat3 turning(const Closest& closest, Vec3 direction, Vec3 tangent) {
+  Mat3 m = identity() + -1.0 * outer(direction, direction);
+  if (closest.feature == Feature::edge) m += -1.0 * outer(tangent, tangent);
+  return m;
+}
+
+// The force of an object on one tool point, times `share`.
+void add_point(const Object& object, const Closest& closest, const Motion& motion, const Pose& pose, double t,
+               const ToolState::Point& point, const ToolState& tool, const Law::Parsers* parsers, double share,
+               Share& out) noexcept {
+  if (closest.direction == Vec3{}) return;  // on a point or polyline there is none
+  const double s = closest.side == Side::back ? -closest.distance : closest.distance;
+  const Intensity g = object.law.at(s, t, parsers);
+  if (g.force == 0 && g.slope == 0) return;
+
+  // Away from the closest point.
+  const Vec3 direction = rotate(pose.orientation, closest.direction);
+  const double outward = closest.side == Side::back ? -g.force : g.force;
+  Vec3 force = outward * direction;
+  if (object.damping > 0 && g.force != 0) {
+    const Vec3 velocity = point.velocity - motion.velocity(point.position, pose, tool.time);
+    force += -object.damping * velocity;
+    const double magnitude = norm(force), limit = object.law.limit(s);
+    if (magnitude > limit) force = (limit / magnitude) * force;
+  }
+  out.wrench.force += share * force;
+  out.wrench.torque += share * cross(point.arm, force);
+  out.stiffness += (share * g.slope) * outer(direction, direction);
+  if (closest.feature != Feature::face && closest.distance > 0) {
+    const Vec3 tangent = rotate(pose.orientation, closest.tangent);
+    out.stiffness += (share * outward / closest.distance) * turning(closest, direction, tangent);
+  }
+}
+
+uint32_t points_of(const ToolState& tool) noexcept { return tool.count == 32 ? ~0u : (1u << tool.count) - 1; }
+
+void add_share(const Share& share, double weight, uint32_t lane, LaneSum& sum) noexcept {
+  sum.fx[lane] += weight * share.wrench.force.x;
+  sum.fy[lane] += weight * share.wrench.force.y;
+  sum.fz[lane] += weight * share.wrench.force.z;
+  sum.tx[lane] += weight * share.wrench.torque.x;
+  sum.ty[lane] += weight * share.wrench.torque.y;
+  sum.tz[lane] += weight * share.wrench.torque.z;
+  sum.xx[lane] += weight * share.stiffness.xx;
+  sum.xy[lane] += weight * share.stiffness.xy;
+  sum.xz[lane] += weight * share.stiffness.xz;
+  sum.yy[lane] += weight * share.stiffness.yy;
+  sum.yz[lane] += weight * share.stiffness.yz;
+  sum.zz[lane] += weight * share.stiffness.zz;
+}
+
+}  // namespace
+
+ToolState ToolState::at(const fs_state& state, const ToolPoints& points, double time) noexcept {
+  ToolState tool;
+  tool.pose = state.pose;
+  tool.count = static_cast<unsigned>(points.points.size());
+  tool.time = time;
+  for (size_t i = 0; i < tool.count; ++i) {
+    const Vec3 arm = rotate(state.pose.orientation, points.points[i]);
+    tool.points[i] = {state.pose.position + arm, state.twist.linear + cross(state.twist.angular, arm), arm};
+  }
+  return tool;
+}
+
+bool evaluate_object(const Object& object, const Motion& motion, double start, const ToolState& tool,
+                     const Law::Parsers* parsers, Share& out) noexcept {
+  const uint32_t all = points_of(tool);
+  const uint32_t mask = tool.is_any_point ? all : object.point_mask() & all;
+  const double support = object.law.support;
+  if (mask == 0 || !(support >= 0)) return false;
+  const double share = 1.0 / std::popcount(mask);
+  const Vec3 origin = motion.position_at(tool.time);
+  Pose pose;
+  bool has_pose = false, is_near = false;
+  for (uint32_t rest = mask; rest; rest &= rest - 1) {
+    const ToolState::Point& point = tool.points[static_cast<size_t>(std::countr_zero(rest))];
+    const Vec3 offset = point.position - origin;
+    if (norm(offset) - object.radius > support) continue;
+    if (!has_pose) pose = motion.at(tool.time);  // what is far, as most is, needs no orientation
+    has_pose = true;
+    const Vec3 local = rotate(conjugate(pose.orientation), offset);
+    Closest closest;
+    if (!closest_point(object.primitive, object.shape.get(), local, support, closest)) continue;
+    if (!is_near) out = {};
+    is_near = true;
+    if (closest.distance < out.distance) {
+      out.distance = closest.distance;
+      out.point = pose * closest.point;
+    }
+    add_point(object, closest, motion, pose, tool.time - start, point, tool, parsers, share, out);
+  }
+  return is_near;
+}
+
+fs_response evaluate_near(const Snapshot& snapshot, const Scratches& scratches, Memory& memory, uint32_t view, uint64_t what,
+                          const ToolPoints& points, const ToolState& tool) noexcept {
+  memory.look(snapshot, view, what, tool.pose * points.centre, points.radius, tool.time);
+  LaneSum sum;
+  fs_response out{};
+  const double share = 1.0 / tool.count;
+  memory.for_each_near(snapshot, view, tool.time, [&](uint32_t number, const Chunk& chunk, uint64_t near,
+                                                      const Weight* given) {
+    const uint64_t linear = near & chunk.rows->linear & chunk.standing;
+    uint64_t felt = 0;
+    for (unsigned k = 0; linear && k < tool.count; ++k) {
+      felt |= add_linear(chunk, linear, tool.points[k].position, tool.points[k].arm, given, share, sum);
+    }
+    for (uint64_t rest = near & ~linear; rest; rest &= rest - 1) {
+      const auto i = static_cast<uint32_t>(std::countr_zero(rest));
+      const Row& row = chunk.row(i);
+      const Scratch* const scratch = row.object->law.has_curves() ? scratches.get(number * chunk_size + i) : nullptr;
+      Share got;
+      if (!evaluate_object(*row.object, chunk.motion(i), row.start, tool, scratch ? &scratch->parsers : nullptr, got)) {
+        continue;
+      }
+      add_share(got, given ? given[i].value() : 1, i % lane_count, sum);
+      if (!(got.wrench.force == Vec3{})) felt |= uint64_t{1} << i;
+    }
+    out.felt_count += static_cast<uint32_t>(std::popcount(felt));
+    for (uint64_t rest = felt; given && rest; rest &= rest - 1) {
+      if (given[std::countr_zero(rest)].value() < 1) out.flags |= FS_RESPONSE_FADING;
+    }
+  });
+  out.wrench = sum.wrench();
+  out.stiffness = sum.stiffness();
+  out.proxy = tool.pose;
+  return out;
+}
+
+fs_status check_state(fs_state& state) noexcept {
+  if (!is_in_range(state.pose.position)) {
+    return set_last_error_literal(FS_ERROR_INVALID, "state.pose.position must be finite and within 1e15 m");
+  }
+  if (!make_unit_pose(state.pose)) {
+    return set_last_error_literal(FS_ERROR_INVALID, "state.pose.orientation must be within 1e-3 of length 1, or all 0");
+  }
+  if (!is_in_range(state.twist.linear) || !is_in_range(state.twist.angular)) {
+    return set_last_error_literal(FS_ERROR_INVALID, "state.twist must be finite and within 1e15 m/s, rad/s");
+  }
+  if (!(std::fabs(state.time) <= coordinate_limit)) {
+    return set_last_error_literal(FS_ERROR_INVALID, "state.time must be finite and within 1e15 s");
+  }
+  for (const double reserved : state.reserved) {
+    if (reserved != 0) return set_last_error_literal(FS_ERROR_INVALID, "state.reserved must be 0");
+  }
+  return FS_OK;
+}
+
+}  // namespace fs

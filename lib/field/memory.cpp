@@ -1,0 +1,341 @@
+#include "field/memory.h"
+
+#include <bit>
+#include <cmath>
+
+#include "field/frame.h"
+#include "field/lanes.h"
+
+namespace fs {
+namespace {
+
+uint64_t bit_of(uint32_t i) noexcept { return uint64_t{1} << i; }
+
+template <class F>
+void for_each_bit(uint64_t mask, F&& f) {
+  for (; mask; mask &= mask - 1) f(static_cast<uint32_t>(std::countr_zero(mask)));
+}
+
+// Whether a row that has begun is wanted in from now on. One that is in full, or not felt at all, lets its next begin and
+// is wanted out.
+// next_version, next: of the row that follows; began: it has just begun.
+bool goes_in(const Want& row, double value, double now, Weight* next, uint64_t next_version, bool is_at_once,
+             bool& began) noexcept {
+  const bool in = row.is_in && now < row.expiry;
+  if (!next) return in;
+  if (next->has_begun(next_version)) return false;
+  if (!is_at_once && value > 0 && value < 1) return in;
+  if (!next->begin(next_version)) return in;  // it was replaced; another snapshot tells by what
+  began = true;
+  return false;
+}
+
+}  // namespace
+
+// ------------------------------------------------------------------------------------------------------ for the scene
+
+void Memory::make_room(uint32_t row) {
+  const uint32_t chunk = row / chunk_size, b = chunk / block_size, c = chunk % block_size;
+  if (!blocks_[b]) {
+    auto made = std::make_unique<Block>();
+    for (uint32_t v = 0; v < (has_weights_ ? Views::size : 1); ++v) made->sights[v] = std::make_unique<Sight>();
+    blocks_[b] = std::move(made);
+  }
+  if (has_weights_ && !blocks_[b]->weights[c]) blocks_[b]->weights[c] = std::make_unique<Weights>();
+}
+
+bool Memory::get_found(uint32_t view, uint64_t version, FoundView& out) const noexcept {
+  return views_[view].published.read(out) && out.version == version;
+}
+
+double Memory::weight_at(uint32_t row, uint64_t version, double now) const noexcept {
+  const Weights& all = weights(row / chunk_size);
+  const uint32_t i = row % chunk_size;
+  for (int tries = 0;; ++tries) {
+    const double since = all.since.load(std::memory_order_acquire);
+    const bool is_moving = all.moving.load(std::memory_order_acquire) & bit_of(i);
+    const bool in = all.going_in.load(std::memory_order_acquire) & bit_of(i);
+    const bool has_begun = all.rows[i].has_begun(version);
+    const double value = all.rows[i].value();
+    if (tries < 100 && all.since.load(std::memory_order_acquire) != since) continue;  // the tick came by
+    if (!has_begun) return 0;
+    return is_moving && now > since ? Weight::moved(value, in, Weight::part_of_fade(now - since, fade_)) : value;
+  }
+}
+
+double Memory::view_weight_at(uint32_t view, uint64_t version) const noexcept {
+  const Weight& weight = views_[view].weight;
+  return weight.has_begun(version) ? weight.value() : 0;
+}
+
+// ----------------------------------------------------------------------------------------------------- for the reader
+
+// The weights of a chunk that can be felt are moved at every tick, those of others when one of them arrives or expires.
+void Memory::set_due(uint32_t number) noexcept {
+  Block& b = block(number);
+  const uint32_t c = number % block_size;
+  bool is_near = false;
+  for (const auto& sight : b.sights) is_near |= sight->near[c] != 0;
+  b.due[c] = is_near && b.weights[c]->moving.load(std::memory_order_relaxed) ? -never : b.event[c];
+  b.due_least = std::min(b.due_least, b.due[c]);
+}
+
+void Memory::wake(uint32_t number) noexcept {
+  Block& b = block(number);
+  b.due[number % block_size] = b.event[number % block_size] = b.due_least = -never;
+  is_any_woken_ = true;
+}
+
+void Memory::forget(uint32_t number) noexcept {
+  if (!blocks_[number / block_size]) return;
+  Block& b = block(number);
+  const uint32_t c = number % block_size;
+  b.felt[c] = 0;
+  b.due[c] = b.event[c] = never;
+  if (b.weights[c]) b.weights[c]->moving.store(0, std::memory_order_relaxed);
+  for (const auto& sight : b.sights) {
+    if (!sight) continue;
+    sight->near[c] = 0;
+    sight->any &= ~bit_of(c);
+    sight->wake_at[c] = never;
+  }
+}
+
+void Memory::move_weights(uint32_t number, double now) noexcept {
+  Weights& all = weights(number);
+  uint64_t moving = all.moving.load(std::memory_order_relaxed);
+  if (moving == 0) return all.since.store(now, std::memory_order_release);
+  uint64_t& felt = block(number).felt[number % block_size];
+  const uint64_t going_in = all.going_in.load(std::memory_order_relaxed);
+  const double by = Weight::part_of_fade(now - all.since.load(std::memory_order_relaxed), fade_);
+  for_each_bit(moving, [&](uint32_t i) {
+    const bool in = going_in & bit_of(i);
+    const double value = Weight::moved(all.rows[i].value(), in, by);
+    all.rows[i].set(value);
+    if (value == (in ? 1.0 : 0.0)) moving &= ~bit_of(i);
+    felt = value > 0 ? felt | bit_of(i) : felt & ~bit_of(i);
+  });
+  all.since.store(now, std::memory_order_release);
+  all.moving.store(moving, std::memory_order_release);
+}
+
+void Memory::take_wants(const Snapshot& snapshot, uint32_t number, const Chunk& chunk, double now) noexcept {
+  Weights& all = weights(number);
+  Block& b = block(number);
+  uint64_t moving = 0, going_in = 0, felt = 0;
+  double event = never;
+  bool is_own_row_beginning = false;
+  for_each_bit(chunk.used, [&](uint32_t i) {
+    const Row& row = chunk.row(i);
+    Weight& weight = all.rows[i];
+    if (!weight.has_begun(row.version)) return;
+    double value = weight.value();
+    Weight* next = nullptr;
+    uint64_t next_version = 0;
+    if (row.next != no_row) {
+      next = &this->weight(row.next);
+      next_version = find_chunk(snapshot.chunks, row.next)->row(row.next % chunk_size).version;
+    }
+    bool began = false;
+    const bool in = goes_in(row, value, now, next, next_version, !(fade_ > 0), began);
+    if (began && row.next / chunk_size == number) is_own_row_beginning = true;
+    if (began) wake(row.next / chunk_size);
+    if (!(fade_ > 0)) weight.set(value = in);
+    if (in) going_in |= bit_of(i);
+    if (value > 0) felt |= bit_of(i);
+    if (value != (in ? 1.0 : 0.0)) {
+      moving |= bit_of(i);
+      event = std::min(event, now + (in ? 1 - value : value) * fade_);
+    }
+    if (in) event = std::min(event, row.expiry);
+  });
+  b.felt[number % block_size] = felt;
+  b.event[number % block_size] = is_own_row_beginning ? -never : event;
+  all.going_in.store(going_in, std::memory_order_release);
+  all.moving.store(moving, std::memory_order_release);
+}
+
+void Memory::absorb(const Snapshot& snapshot, double now) noexcept {
+  snapshot.chunks.for_each_changed(seen_, [&](uint32_t number, const Chunk* chunk) {
+    if (!chunk) return forget(number);
+    Block& b = block(number);
+    const uint32_t c = number % block_size;
+    blocks_used_ = std::max(blocks_used_, number / block_size + 1);
+    if (has_weights_) {
+      move_weights(number, now);  // as it was wanted so far
+      take_wants(snapshot, number, *chunk, now);
+      set_due(number);
+    } else {
+      b.felt[c] = b.expiring[c] = 0;
+      for_each_bit(chunk->used, [&](uint32_t i) {
+        const Row& row = chunk->row(i);
+        if (row.is_in && row.next == no_row) b.felt[c] |= bit_of(i);
+        if (row.expiry < never) b.expiring[c] |= bit_of(i);
+      });
+    }
+    for (const auto& sight : b.sights) {
+      if (sight) sight->wake_at[c] = sight->wake_least = -never;
+    }
+  });
+  seen_ = snapshot.sequence;
+}
+
+void Memory::advance(const Snapshot& snapshot, double now) noexcept {
+  advance_views(snapshot, now);
+  do {
+    is_any_woken_ = false;  // a row that begins may stand in a chunk that was looked at before
+    for (uint32_t n = 0; n < blocks_used_; ++n) {
+      Block* const b = blocks_[n].get();
+      if (!b || b->due_least > now) continue;
+      for (uint32_t c = 0; c < block_size; ++c) {
+        if (b->due[c] > now) continue;
+        const uint32_t number = n * block_size + c;
+        move_weights(number, now);
+        if (b->event[c] <= now) take_wants(snapshot, number, *snapshot.chunks.get(number), now);
+        set_due(number);
+      }
+      b->due_least = *std::min_element(b->due, b->due + block_size);
+    }
+  } while (is_any_woken_);
+}
+
+void Memory::advance_views(const Snapshot& snapshot, double now) noexcept {
+  const double by = Weight::part_of_fade(now - views_since_, fade_);
+  views_since_ = now;
+  const Views& views = *snapshot.views;
+  for (uint32_t i = 0; i < Views::size; ++i) {
+    const View& view = views.rows[i];
+    ViewMemory& m = views_[i];
+    if (view.version == 0 || !m.weight.has_begun(view.version)) continue;
+    double value = m.weight.value();
+    const bool is_known = m.wanted.load(std::memory_order_relaxed) == view.version;
+    if (is_known) value = Weight::moved(value, m.going_in, by);  // as it was wanted so far
+    m.wanted.store(view.version, std::memory_order_relaxed);
+    Weight* const next = view.next == no_row ? nullptr : &views_[view.next].weight;
+    bool began = false;
+    m.going_in = goes_in(view, value, now, next, next ? views.rows[view.next].version : 0, !(fade_ > 0), began);
+    if (!(fade_ > 0)) value = m.going_in;
+    m.weight.set(value);
+  }
+  if (fade_ > 0) return;
+  for (uint32_t i = 0; i < Views::size; ++i) {  // one that has just begun, in a row before
+    const View& view = views.rows[i];
+    if (view.version == 0 || !views_[i].weight.has_begun(view.version)) continue;
+    bool began = false;
+    Weight* const next = view.next == no_row ? nullptr : &views_[view.next].weight;
+    views_[i].weight.set(goes_in(view, 0, now, next, next ? views.rows[view.next].version : 0, true, began));
+  }
+}
+
+const FoundView& Memory::find_view(const Snapshot& snapshot, uint32_t i, const Pose& hand) noexcept {
+  const View& view = snapshot.views->rows[i];
+  ViewMemory& m = views_[i];
+  FoundView& found = m.found;
+  bool is_changed = false;
+  if (found.version != view.version) {
+    found = {};
+    found.version = view.version;
+    is_changed = true;
+    if (view.previous != no_row) {
+      const FoundView& before = views_[view.previous].found;
+      if (before.version == snapshot.views->rows[view.previous].version) {
+        if (!view.has_own_frame) {
+          found.is_moved = before.is_moved;
+          found.frame = before.frame;
+        }
+        if (before.is_held && (view.is_held || !view.has_own_frame)) {
+          found.is_held = 1;
+          found.tool = before.tool;
+        }
+      }
+    }
+  }
+  fs_frame frame = view.frame;
+  if (found.is_moved) frame.pose = found.frame;
+  if (view.is_held && !found.is_held) {
+    found.is_held = 1;
+    found.tool = to_scene(frame, hand);
+    is_changed = true;
+  } else if (!view.is_held && found.is_held) {  // let go: the frame moves so that the tool's position does not jump
+    const Quat q = frame.pose.orientation;
+    found.is_held = 0;
+    found.is_moved = 1;
+    found.frame = {hand.position - rotate(q, (1 / frame.scale) * found.tool.position), q};
+    is_changed = true;
+  }
+  if (is_changed) m.published.write(found);
+  return found;
+}
+
+void Memory::look(const Snapshot& snapshot, uint32_t i, uint64_t what, Vec3 centre, double radius, double now) noexcept {
+  ViewMemory& view = views_[i];
+  view.step = norm(centre - view.centre);
+  view.centre = centre;
+  // Rounded up, so that no chunk sleeps too long.
+  view.travelled += view.step * (1 + 1e-14) + 1e-15 * (view.travelled + largest_coordinate(centre));
+  if (view.what != what || !std::isfinite(view.travelled)) {
+    view.what = what;
+    view.travelled = view.step = 0;
+    for (uint32_t b = 0; b < blocks_used_; ++b) {
+      Sight* const sight = blocks_[b] ? blocks_[b]->sights[i].get() : nullptr;
+      if (!sight) continue;
+      std::fill_n(sight->wake_at, block_size, -never);
+      sight->wake_least = -never;
+    }
+  }
+  for (uint32_t n = 0; n < blocks_used_; ++n) {
+    Block* const b = blocks_[n].get();
+    if (!b || b->sights[i]->wake_least > view.travelled) continue;
+    Sight& sight = *b->sights[i];
+    for (uint32_t c = 0; c < block_size; ++c) {
+      if (sight.wake_at[c] > view.travelled) continue;
+      const uint32_t number = n * block_size + c;
+      const Chunk* const chunk = snapshot.chunks.get(number);
+      if (!chunk) {
+        sight.wake_at[c] = never;
+        continue;
+      }
+      look_at(*chunk, number, sight, view, radius);
+      if (has_weights_ && sight.near[c] && b->due[c] > now) {  // it has slept: its weights are those of some time ago
+        move_weights(number, now);
+        set_due(number);
+      }
+    }
+    sight.wake_least = *std::min_element(sight.wake_at, sight.wake_at + block_size);
+  }
+}
+
+void Memory::look_at(const Chunk& chunk, uint32_t number, Sight& sight, const ViewMemory& view, double radius) noexcept {
+  const uint32_t c = number % block_size;
+  double gaps[chunk_size];
+  find_gaps(chunk, view.centre, gaps);
+  for_each_bit(chunk.planes, [&](uint32_t i) {
+    const Motion& plane = chunk.motion(i);
+    const Vec3 offset = view.centre - plane.pose.position;
+    const double distance = std::fabs(dot(rotate(plane.pose.orientation, {0, 0, 1}), offset));
+    gaps[i] = distance - chunk.row(i).object->law.support - 1e-14 * norm(offset);
+  });
+  const double margin = radius + 4e-16 * largest_coordinate(view.centre);
+  // Rows that the tool reaches within some ticks count as near, too, if they are few: else their chunk hardly sleeps.
+  const double soon = margin + 16 * view.step;
+  uint64_t near = 0, near_soon = 0;
+  double least = never, least_later = never;
+  for (uint32_t i = 0; i < chunk_size; ++i) {
+    const double gap = gaps[i];
+    near |= static_cast<uint64_t>(gap <= margin) << i;
+    near_soon |= static_cast<uint64_t>(gap <= soon) << i;
+    if (gap > margin) least = std::min(least, gap);
+    if (gap > soon) least_later = std::min(least_later, gap);
+  }
+  if (std::popcount(near_soon ^ near) <= 4) {
+    near = near_soon;
+    least = least_later;
+  }
+  double sleeps = least - margin;  // m
+  if (near && view.step > 0) sleeps = std::min(sleeps, 64 * view.step);  // so that it learns when they are far again
+  sight.near[c] = near;
+  sight.any = near ? sight.any | bit_of(c) : sight.any & ~bit_of(c);
+  sight.wake_at[c] = view.travelled + sleeps;
+}
+
+}  // namespace fs

@@ -1,0 +1,153 @@
+// What a reader (the servo, a tool) keeps from tick to tick, beside the snapshot that it only looks at: for each row its
+// weight, and which rows are near. The scene makes room for a row before it posts the row; after that the reader alone
+// writes. Weights are atomic: the scene looks at them to learn what has faded out.
+//
+// A chunk of 64 rows *sleeps* as long as none of its rows can be felt and none of its weights arrives or expires. It wakes
+// when the tool has travelled as far as the smallest gap between the tool and its rows, or when its time has come. So a
+// tick costs what is near the hand, not what exists.
+#pragma once
+
+#include <array>
+#include <memory>
+
+#include "base/seqlock.h"
+#include "field/snapshot.h"
+
+namespace fs {
+
+// How the servo finds a view: where the clutch holds the tool, and where it has moved the frame.
+struct FoundView {
+  uint64_t version = 0;    // of the view
+  uint64_t is_held = 0;    // `tool` is where the clutch holds it, in the scene
+  uint64_t is_moved = 0;   // `frame` is the pose of the frame, else it is as given
+  Pose tool = identity_pose(), frame = identity_pose();
+};
+
+class Memory : public Counted<Memory> {
+ public:
+  static constexpr uint32_t row_count = 1u << 22;  // most
+
+  // Of a servo: it fades over `fade` seconds (0: at once). Rows that are posted later come in from weight 0.
+  explicit Memory(double fade) : fade_(fade), has_weights_(true) {}
+  // Of a tool, which feels in full what is there.
+  Memory() : fade_(0), has_weights_(false) {}
+
+  // ---- For the scene, under its lock.
+
+  // Makes room for the chunk that the row stands in.
+  void make_room(uint32_t row);
+  // The row must have room.
+  Weight& weight(uint32_t row) noexcept { return weights(row / chunk_size).rows[row % chunk_size]; }
+  Weight& view_weight(uint32_t view) noexcept { return views_[view].weight; }
+  // What the tick has found out about a view; false: no tick has used this version of it.
+  bool get_found(uint32_t view, uint64_t version, FoundView& out) const noexcept;
+  // The weight of a row at `now`, worked out where the chunk sleeps. Any thread that holds the memory.
+  double weight_at(uint32_t row, uint64_t version, double now) const noexcept;
+  double view_weight_at(uint32_t view, uint64_t version) const noexcept;
+
+  // ---- [rt] For the reader.
+
+  // Takes a snapshot that was just fetched.
+  void absorb(const Snapshot& snapshot, double now) noexcept;
+  // Moves the weights to `now`. Of a servo, once a tick, after absorb.
+  void advance(const Snapshot& snapshot, double now) noexcept;
+
+  // Finds out where a view has the tool, with the hand at `hand` (device frame).
+  const FoundView& find_view(const Snapshot& snapshot, uint32_t view, const Pose& hand) noexcept;
+  // Looks where the tool is now: in a sphere about `centre` (m, scene frame). what: another number means another tool or
+  // frame, so that nothing is known of the way it has come.
+  void look(const Snapshot& snapshot, uint32_t view, uint64_t what, Vec3 centre, double radius, double now) noexcept;
+
+  // Calls f(chunk number, const Chunk&, rows, weights) for each chunk with rows that may be felt, in order. rows: those that
+  // are near and have a weight. weights: of its 64 rows; null: all 1.
+  template <class F>
+  void for_each_near(const Snapshot& snapshot, uint32_t view, double now, F&& f) const noexcept;
+
+ private:
+  static constexpr uint32_t block_size = 64, block_count = row_count / chunk_size / block_size;  // chunks, blocks
+
+  struct Weights {
+    std::array<Weight, chunk_size> rows;
+    // Written by the tick, also read by whoever asks for a weight.
+    std::atomic<uint64_t> moving{0}, going_in{0};  // bit i: the weight of row i is on its way; to 1
+    std::atomic<double> since{0};                  // s: the weights are those of this time
+  };
+
+  // A view's sight of the chunks of a block.
+  struct Sight {
+    double wake_least = never;             // of wake_at
+    double wake_at[block_size];            // m: the chunk sleeps until `travelled` is as large
+    uint64_t near[block_size] = {};        // bit i: row i may be felt before the chunk wakes
+    uint64_t any = 0;                      // bit c: chunk c has a row that is near
+    Sight() { for (double& at : wake_at) at = never; }
+  };
+
+  struct Block {
+    double due_least = never;              // of due
+    double due[block_size];                // s: when the weights are to be looked at,
+    double event[block_size];              // and when one of them arrives or expires
+    uint64_t felt[block_size] = {};        // bit i: row i has a weight above 0; of a tool: it is there
+    uint64_t expiring[block_size] = {};    // of a tool, bit i: row i has an expiry
+    std::unique_ptr<Weights> weights[block_size];
+    std::unique_ptr<Sight> sights[Views::size];
+    Block() { for (uint32_t c = 0; c < block_size; ++c) due[c] = event[c] = never; }
+  };
+
+  struct ViewMemory {
+    Weight weight;
+    std::atomic<uint64_t> wanted{0};       // the version that was looked at last
+    bool going_in = false;
+    FoundView found;
+    Latest<FoundView> published;
+    // The way of the tool.
+    uint64_t what = 0;
+    Vec3 centre{};                         // m, when it was looked last
+    double travelled = 0;                  // m, rounded up
+    double step = 0;                       // m, the last
+  };
+
+  Block& block(uint32_t chunk) const noexcept { return *blocks_[chunk / block_size]; }
+  Weights& weights(uint32_t chunk) const noexcept { return *block(chunk).weights[chunk % block_size]; }
+
+  void set_due(uint32_t chunk) noexcept;
+  void wake(uint32_t chunk) noexcept;
+  void forget(uint32_t chunk) noexcept;
+  void move_weights(uint32_t chunk, double now) noexcept;
+  void take_wants(const Snapshot& snapshot, uint32_t number, const Chunk& chunk, double now) noexcept;
+  void advance_views(const Snapshot& snapshot, double now) noexcept;
+  void look_at(const Chunk& chunk, uint32_t number, Sight& sight, const ViewMemory& view, double radius) noexcept;
+
+  const double fade_;  // s
+  const bool has_weights_;
+  std::array<std::unique_ptr<Block>, block_count> blocks_;
+  uint32_t blocks_used_ = 0;  // of the reader: as far as its snapshots go
+  uint64_t seen_ = 0;         // sequence of the snapshot absorbed last
+  bool is_any_woken_ = false; // by take_wants
+  double views_since_ = 0;    // s
+  std::array<ViewMemory, Views::size> views_;
+};
+
+template <class F>
+void Memory::for_each_near(const Snapshot& snapshot, uint32_t view, double now, F&& f) const noexcept {
+  for (uint32_t b = 0; b < blocks_used_; ++b) {
+    const Block* const block = blocks_[b].get();
+    const Sight* const sight = block ? block->sights[view].get() : nullptr;
+    if (!sight) continue;
+    for (uint64_t rest = sight->any; rest; rest &= rest - 1) {
+      const auto c = static_cast<uint32_t>(__builtin_ctzll(rest));
+      uint64_t rows = sight->near[c] & block->felt[c];
+      if (rows == 0) continue;
+      const uint32_t number = b * block_size + c;
+      const Chunk& chunk = *snapshot.chunks.get(number);
+      if (const uint64_t expiring = has_weights_ ? 0 : rows & block->expiring[c]) {
+        for (uint64_t some = expiring; some; some &= some - 1) {
+          const auto i = static_cast<uint32_t>(__builtin_ctzll(some));
+          if (!chunk.row(i).is_felt(now)) rows &= ~(uint64_t{1} << i);
+        }
+      }
+      f(number, chunk, rows, has_weights_ ? block->weights[c]->rows.data() : nullptr);
+    }
+  }
+}
+
+}  // namespace fs

@@ -1,0 +1,112 @@
+// The immutable form of a scene that a reader (the servo, a tool) evaluates. Everything in it is data; a reader only looks
+// at it. What a reader finds out goes into its own memory (memory.h).
+//
+// Each object is a row. A name whose primitive, shape or tool points change while it is felt has several rows: one for
+// each version (weight.h). Rows stand in chunks of 64: the chunk is what a change copies and what a reader can pass over.
+#pragma once
+
+#include <vector>
+
+#include "base/counted.h"
+#include "field/motion.h"
+#include "field/object.h"
+#include "field/table.h"
+#include "field/weight.h"
+
+namespace fs {
+
+inline constexpr uint32_t chunk_size = 64;
+
+// A version of an object, but for its motion.
+struct Row : Want {
+  Ref<const Object> object;
+  double start = 0;             // s, t = 0 of f(d, t)
+  uint64_t revision = 0;        // of the last change but moves
+  uint32_t previous = no_row;   // the version before, while it fades out
+  bool is_named = false;        // the newest row of a name that is there
+};
+
+// What moves do not change.
+struct Rows : LocalCounted<Rows> {
+  Row rows[chunk_size];
+  // Points whose force is linear in the distance (constant too) can be evaluated several at a time: f = clamp(offset +
+  // gain d, 0, |limit|) where d <= reach, attractive where limit < 0.
+  uint64_t linear = 0;  // bit i: row i is one of them
+  double offset[chunk_size] = {}, gain[chunk_size] = {}, limit[chunk_size] = {}, reach[chunk_size] = {};
+};
+
+struct Motions : LocalCounted<Motions> {
+  static constexpr uint32_t size = 8;
+  Motion motions[size];
+  uint64_t revision[size] = {};  // of the last change or move
+};
+
+struct Chunk : LocalCounted<Chunk> {
+  uint64_t version = 0;
+  uint64_t used = 0;                           // bit i: row i is in use
+  uint64_t standing = 0;                       // its position does not depend on time, and is the centre below
+  uint64_t planes = 0;                         // it has no centre: its distance decides
+  // A row cannot be felt farther than `reach` from its centre, at any time (m; infinite: everywhere, or nowhere).
+  double x[chunk_size] = {}, y[chunk_size] = {}, z[chunk_size] = {}, reach[chunk_size];
+  Ref<Rows> rows;
+  Ref<Motions> motions[chunk_size / Motions::size];
+
+  Chunk();
+  const Row& row(uint32_t i) const noexcept { return rows->rows[i]; }
+  const Motion& motion(uint32_t i) const noexcept { return motions[i / Motions::size]->motions[i % Motions::size]; }
+  uint64_t motion_revision(uint32_t i) const noexcept {
+    return motions[i / Motions::size]->revision[i % Motions::size];
+  }
+
+  // For whoever posts. i: of the row in the chunk.
+  void own(uint32_t i);         // all that the next three need: may run out of memory, they cannot
+  void own_motion(uint32_t i);  // all that move needs
+  Row& edit_row(uint32_t i) noexcept;  // of which the object is not changed
+  void set_object(uint32_t i, Ref<const Object> object) noexcept;
+  void move(uint32_t i, const Motion& motion, uint64_t revision) noexcept;
+  void drop(uint32_t i) noexcept;
+
+ private:
+  void place(uint32_t i) noexcept;  // works out centre and reach, as soon as there are object and motion
+};
+
+using Chunks = Table<Chunk, 3>;  // by row / 64
+
+inline const Chunk* find_chunk(const Chunks& chunks, uint32_t row) noexcept { return chunks.get(row / chunk_size); }
+
+// Where the tool of a scene stands: the frame between scene and device, and the points of the tool. Rows as those of
+// objects: another frame or tool is another row.
+struct ToolPoints : Counted<ToolPoints> {
+  std::vector<Vec3> points{{0, 0, 0}};  // m, scene; frame of the handle
+  Vec3 centre{};                        // m, of a sphere that holds them,
+  double radius = 0;                    // and its radius
+
+  ToolPoints() = default;
+  explicit ToolPoints(std::vector<Vec3> points);
+};
+
+struct View : Want {
+  fs_frame frame = fs_frame_init();
+  Ref<const ToolPoints> tool;
+  bool is_held = false;            // clutched: the tool stays where the tick first finds it so
+  bool has_own_frame = true;       // false: the frame is that of `previous`, as a clutch may have moved it
+  uint32_t previous = no_row;
+};
+
+struct Views : LocalCounted<Views> {
+  static constexpr uint32_t size = 6;  // most that can be in use at a time (scene/views.h)
+  View rows[size];
+  uint32_t newest = 0;
+  const View& now() const noexcept { return rows[newest]; }
+};
+
+enum class ClockKind : uint8_t { caller, steady, virtual_time };  // caller: steady until told
+
+struct Snapshot : LocalCounted<Snapshot> {
+  uint64_t sequence = 0;
+  Chunks chunks;
+  Ref<const Views> views;
+  ClockKind clock = ClockKind::caller;
+};
+
+}  // namespace fs

@@ -1,0 +1,288 @@
+#include "scene/object_rows.h"
+
+#include <algorithm>
+#include <functional>
+
+#include "base/error.h"
+#include "base/serial.h"
+
+namespace fs {
+
+Entry ObjectRows::entry(uint32_t number) const {
+  const Row& from = row(number);
+  return {from.object, motion(number), from.start, from.expiry, from.revision, motion_revision(number)};
+}
+
+// ------------------------------------------------------------------------------------------------------- what may throw
+
+Chunk& ObjectRows::own(uint32_t row) {
+  Chunk& chunk = chunks_.edit(row / chunk_size, sequence_);
+  chunk.own(row % chunk_size);
+  return chunk;
+}
+
+Chunk& ObjectRows::own_motion(uint32_t row) {
+  Chunk& chunk = chunks_.edit(row / chunk_size, sequence_);
+  chunk.own_motion(row % chunk_size);
+  return chunk;
+}
+
+// A row that no tick can use. It is taken when it is filled; until then it may be given again.
+uint32_t ObjectRows::allocate() {
+  const uint64_t now_used = used();
+  const auto end = std::find_if(limbo_.begin(), limbo_.end(), [&](const Limbo& l) { return servo_ && l.sequence > now_used; });
+  for (auto l = limbo_.begin(); l != end; ++l) {
+    free_.push_back(l->row);
+    std::push_heap(free_.begin(), free_.end(), std::greater<>());
+  }
+  limbo_.erase(limbo_.begin(), end);
+  if (!free_.empty()) return free_.front();
+  if (end_ == Memory::row_count) fail(FS_ERROR_FULL, "the scene holds %u versions of objects: its maximum", Memory::row_count);
+  if (free_.capacity() <= end_) {  // so that a row can always be given back
+    free_.reserve(2 * end_ + 64);
+    limbo_.reserve(2 * end_ + 64);
+  }
+  return end_;
+}
+
+void ObjectRows::make_readers_ready(uint32_t row, const Object& object, const Object* before) {
+  const bool has_same_curves = before && before->law.front.curve == object.law.front.curve &&
+                               before->law.back.curve == object.law.back.curve;
+  for (Reader* const reader : readers_) {
+    reader->memory->make_room(row);
+    if (has_same_curves) continue;
+    Ref<Scratch> scratch;
+    if (object.law.has_curves()) {
+      scratch = make_ref<Scratch>();
+      scratch->parsers = object.law.make_parsers();
+    }
+    reader->scratches.set(row, std::move(scratch), sequence_);
+  }
+}
+
+// ---------------------------------------------------------------------------------------------------- what cannot throw
+
+void ObjectRows::fill(uint32_t number, const Entry& entry, uint64_t version, uint32_t previous) noexcept {
+  if (!free_.empty() && free_.front() == number) {
+    std::pop_heap(free_.begin(), free_.end(), std::greater<>());
+    free_.pop_back();
+  }
+  end_ = std::max(end_, number + 1);
+  Row& row = edit(number);
+  row.version = version;
+  row.sequence = sequence_;
+  row.expiry = entry.expiry;
+  row.next = no_row;
+  row.previous = previous;
+  row.is_in = entry.object->is_enabled;
+  row.is_named = true;
+  row.start = entry.start;
+  row.revision = entry.revision;
+  chunk(number).set_object(number % chunk_size, entry.object);
+  chunk(number).move(number % chunk_size, entry.motion, entry.motion_revision);
+}
+
+void ObjectRows::want_out(uint32_t number) noexcept {
+  Row& row = edit(number);
+  if (row.is_in) row.sequence = sequence_;
+  row.is_in = false;
+  row.expiry = never;
+}
+
+void ObjectRows::drop(uint32_t number) noexcept {
+  Chunk& its = chunk(number);
+  its.drop(number % chunk_size);
+  if (its.used == 0) chunks_.set(number / chunk_size, nullptr, sequence_);
+  limbo_.push_back({number, sequence_});
+  for (Reader* const reader : readers_) {
+    try {
+      reader->scratches.set(number, nullptr, sequence_);
+    } catch (...) {  // no memory: it goes when the row is used again
+    }
+  }
+}
+
+bool ObjectRows::has_begun(uint32_t number) const noexcept {
+  return !servo_ || servo_->memory->weight(number).has_begun(row(number).version);
+}
+
+// Its weight is 0, and no tick will raise it again.
+bool ObjectRows::is_gone(uint32_t number) const noexcept {
+  const Row& it = row(number);
+  if (!servo_) return true;
+  if (!has_begun(number) || servo_->memory->weight(number).value() > 0) return false;
+  return it.next != no_row ? has_begun(it.next) : !it.is_in && it.sequence <= used();
+}
+
+// ------------------------------------------------------------------------------------------------------- rows of a name
+
+uint32_t ObjectRows::add(const Entry& entry) {
+  const uint32_t number = allocate();
+  own(number);
+  make_readers_ready(number, *entry.object, nullptr);
+  const uint64_t version = ++last_version_;
+  if (servo_) servo_->memory->weight(number).set_up(version, false, 0);
+  fill(number, entry, version, no_row);
+  return number;
+}
+
+uint32_t ObjectRows::set(uint32_t newest, const Entry& entry) {
+  for (;;) {
+    if (servo_) newest = tidy_older(newest);
+    const Row& now = row(newest);
+    const uint32_t previous = now.previous;
+    const bool is_waiting = this->is_waiting(newest);
+    const bool is_same = now.object->is_same_version(*entry.object);
+    const bool is_adjusted = is_same || !servo_;
+    if (is_adjusted || is_waiting) {
+      own(newest);
+      if (is_waiting) own(previous);
+      make_readers_ready(newest, *entry.object, now.object.get());
+      uint64_t version = row(newest).version;
+      if (!is_same) {
+        const uint64_t before = std::exchange(version, ++last_version_);
+        if (servo_ && !servo_->memory->weight(newest).replace_waiting(before, version)) continue;  // it has begun
+      }
+      fill(newest, entry, version, previous);
+      if (is_waiting) {  // what goes out goes out as a whole
+        if (!entry.object->is_enabled) want_out(previous);
+        if (row(previous).is_in) edit(previous).expiry = entry.expiry;
+      }
+      return newest;
+    }
+    // Another version of what is felt. Where nothing else fades, one that goes out need not be waited for.
+    const bool waits = row(newest).is_in || previous != no_row;
+    const uint32_t number = allocate();
+    own(number);
+    own(newest);
+    make_readers_ready(number, *entry.object, nullptr);
+    const uint64_t version = ++last_version_;
+    servo_->memory->weight(number).set_up(version, waits, 0);
+    fill(number, entry, version, newest);
+    edit(newest).is_named = false;
+    if (waits) edit(newest).next = number;
+    if (!entry.object->is_enabled) want_out(newest);
+    return number;
+  }
+}
+
+void ObjectRows::move(uint32_t newest, const Motion& motion, double expiry, uint64_t motion_revision) {
+  const uint32_t felt = is_waiting(newest) ? row(newest).previous : no_row;  // the one before is the object still
+  const uint32_t both[] = {newest, felt};
+  for (const uint32_t number : both) {
+    if (number == no_row) continue;
+    if (row(number).expiry == expiry) {
+      own_motion(number);
+    } else {
+      own(number);
+    }
+  }
+  for (const uint32_t number : both) {
+    if (number == no_row) continue;
+    chunk(number).move(number % chunk_size, motion, motion_revision);
+    if (row(number).expiry != expiry && (number == newest || row(number).is_in)) edit(number).expiry = expiry;
+  }
+}
+
+uint32_t ObjectRows::remove(uint32_t newest) {
+  for (uint32_t number = newest; number != no_row; number = row(number).previous) own(number);
+  for (uint32_t number = newest; number != no_row; number = row(number).previous) want_out(number);
+  edit(newest).is_named = false;
+  if (servo_) return newest;
+  drop(newest);
+  return no_row;
+}
+
+uint32_t ObjectRows::tidy_older(uint32_t newest) {
+  for (uint32_t above = newest;;) {
+    const uint32_t number = row(above).previous;
+    if (number == no_row) return newest;
+    if (!is_gone(number)) {
+      above = number;
+      continue;
+    }
+    const uint32_t older = row(number).previous;
+    own(above);
+    own(number);
+    if (older != no_row) own(older);
+    if (older != no_row) {  // it was wanted out because `number` had begun
+      want_out(older);
+      edit(older).next = no_row;
+    }
+    edit(above).previous = older;
+    drop(number);
+  }
+}
+
+uint32_t ObjectRows::tidy(uint32_t newest) {
+  tidy_older(newest);
+  if (row(newest).is_named || row(newest).previous != no_row || !is_gone(newest)) return newest;
+  own(newest);
+  drop(newest);
+  return no_row;
+}
+
+// -------------------------------------------------------------------------------------------------------------- readers
+
+void ObjectRows::attach(Reader& reader) {
+  readers_.reserve(readers_.size() + 1);
+  for (uint32_t number = 0; number < end_; number += chunk_size) reader.memory->make_room(number);
+  chunks_.for_each([&](uint32_t number, const Chunk& chunk) {
+    for (uint32_t i = 0; i < chunk_size; ++i) {
+      if (!(chunk.used >> i & 1) || !chunk.row(i).object->law.has_curves()) continue;
+      Ref<Scratch> scratch = make_ref<Scratch>();
+      scratch->parsers = chunk.row(i).object->law.make_parsers();
+      reader.scratches.set(number * chunk_size + i, std::move(scratch), sequence_);
+    }
+  });
+  readers_.push_back(&reader);
+}
+
+void ObjectRows::attach_servo(Reader& reader, bool starts_in, double now) {
+  attach(reader);
+  chunks_.for_each([&](uint32_t number, const Chunk& chunk) {
+    for (uint32_t i = 0; i < chunk_size; ++i) {
+      if (!(chunk.used >> i & 1)) continue;
+      const Row& row = chunk.row(i);
+      reader.memory->weight(number * chunk_size + i).set_up(row.version, false, starts_in && row.is_felt(now) ? 1 : 0);
+    }
+  });
+  servo_ = &reader;
+}
+
+void ObjectRows::detach(Reader& reader) noexcept {
+  std::erase(readers_, &reader);
+  if (servo_ == &reader) servo_ = nullptr;
+  reader.mailbox.clear();
+  reader.scratches = {};
+}
+
+ObjectRows::Shifted ObjectRows::shifted(double shift) const {
+  Shifted out{chunks_, {}};
+  chunks_.for_each([&](uint32_t number, const Chunk& chunk) {
+    for (uint32_t i = 0; i < chunk_size; ++i) {
+      if (!(chunk.used >> i & 1)) continue;
+      const Row& before = chunk.row(i);
+      if (!before.is_named) out.dropped.push_back(number * chunk_size + i);
+      if (before.is_named && shift == 0 && before.previous == no_row) continue;
+      Chunk& copy = out.chunks.edit(number, sequence_);
+      copy.own(i);
+      Row& row = copy.edit_row(i);
+      row.previous = row.next = no_row;
+      row.start += shift;
+      row.expiry += shift;
+      if (shift == 0) continue;
+      Motion motion = chunk.motion(i);
+      motion.time += shift;
+      copy.move(i, motion, next_serial());
+    }
+  });
+  return out;
+}
+
+void ObjectRows::take(Shifted& shifted) noexcept {
+  std::swap(chunks_, shifted.chunks);
+  for (const uint32_t number : shifted.dropped) drop(number);
+}
+
+}  // namespace fs

@@ -1,0 +1,104 @@
+// The rows of a scene's objects, as readers are to see them: which versions of a name there are, and when a row is free
+// again. It is the poster's side of field/weight.h. All of it under the scene's lock.
+//
+// The rows of a name hang together: the newest has the name, and `previous` leads to those that fade out. A name has at
+// most three: one that fades out, one that comes in, and the newest, which waits for that one.
+#pragma once
+
+#include <vector>
+
+#include "field/servo_output.h"
+#include "scene/reader.h"
+
+namespace fs {
+
+// An object as an application has set it.
+struct Entry {
+  Ref<const Object> object;
+  Motion motion;
+  double start = 0;             // s, t = 0 of f(d, t)
+  double expiry = never;        // s, scene time: goes out from then on unless set, changed or moved
+  uint64_t revision = 0, motion_revision = 0;  // of the last change but moves; of the last change or move
+};
+
+class ObjectRows {
+ public:
+  explicit ObjectRows(const ServoOutput& output) : output_(output) {}
+
+  const Chunks& chunks() const noexcept { return chunks_; }
+  const Row& row(uint32_t row) const noexcept { return find_chunk(chunks_, row)->row(row % chunk_size); }
+  const Motion& motion(uint32_t row) const noexcept { return find_chunk(chunks_, row)->motion(row % chunk_size); }
+  uint64_t motion_revision(uint32_t row) const noexcept {
+    return find_chunk(chunks_, row)->motion_revision(row % chunk_size);
+  }
+  Entry entry(uint32_t row) const;
+  bool is_felt(uint32_t newest, double now) const noexcept { return row(newest).is_felt(now); }
+
+  // What is posted next has this number; versions in the table are those numbers.
+  void set_next_sequence(uint64_t sequence) noexcept { sequence_ = sequence; }
+
+  // The rows of a name, of which the newest is given. Each returns the newest from then on. When one of them throws
+  // (no memory), what is felt is as before.
+  uint32_t add(const Entry& entry);                    // a name that has no row
+  uint32_t set(uint32_t newest, const Entry& entry);   // to another version if need be
+  void move(uint32_t newest, const Motion& motion, double expiry, uint64_t motion_revision);
+  uint32_t remove(uint32_t newest);                    // no_row: nothing is left of it
+  // Lets go of what has faded out: no_row: of all of it.
+  uint32_t tidy(uint32_t newest);
+  // Whether something fades out behind the newest row, or the newest row itself.
+  bool is_fading(uint32_t newest) const noexcept { return row(newest).previous != no_row || !row(newest).is_named; }
+  // No tick has used what is wanted of it.
+  bool is_pending(const Row& row) const noexcept { return servo_ && row.sequence > used(); }
+
+  // Readers. starts_in: a servo's first snapshot is felt in full at once.
+  void attach(Reader& reader);
+  void attach_servo(Reader& reader, bool starts_in, double now);
+  void detach(Reader& reader) noexcept;
+  const std::vector<Reader*>& readers() const noexcept { return readers_; }
+  const Memory* servo_memory() const noexcept { return servo_ ? servo_->memory.get() : nullptr; }
+  uint64_t used() const noexcept { return output_.used.load(std::memory_order_acquire); }  // sequence
+
+  // A copy of the table with all times shifted, s, to be swapped in by take. Rows that are wanted out and nameless are
+  // left out: of a servo that is no more, nothing fades.
+  struct Shifted {
+    Chunks chunks;
+    std::vector<uint32_t> dropped;
+  };
+  Shifted shifted(double shift) const;
+  void take(Shifted& shifted) noexcept;
+
+ private:
+  struct Limbo {
+    uint32_t row;
+    uint64_t sequence;  // of the first snapshot without it: free when the servo has used that
+  };
+
+  // What may throw comes first: these make the chunk of a row and what is changed in it the table's own.
+  Chunk& own(uint32_t row);
+  Chunk& own_motion(uint32_t row);
+  uint32_t allocate();
+  uint32_t tidy_older(uint32_t newest);
+  void make_readers_ready(uint32_t row, const Object& object, const Object* before);
+
+  Chunk& chunk(uint32_t row) noexcept { return chunks_.edit(row / chunk_size, sequence_); }
+  Row& edit(uint32_t row) noexcept { return chunk(row).edit_row(row % chunk_size); }
+  void fill(uint32_t row, const Entry& entry, uint64_t version, uint32_t previous) noexcept;
+  void want_out(uint32_t row) noexcept;
+  void drop(uint32_t row) noexcept;
+  bool has_begun(uint32_t row) const noexcept;
+  bool is_waiting(uint32_t newest) const noexcept {  // for the one before
+    return row(newest).previous != no_row && !has_begun(newest);
+  }
+  bool is_gone(uint32_t row) const noexcept;
+
+  const ServoOutput& output_;
+  Chunks chunks_;
+  uint64_t sequence_ = 1, last_version_ = 0;
+  uint32_t end_ = 0;            // rows below it have been in use
+  std::vector<uint32_t> free_;  // of these, a heap: the lowest comes first
+  std::vector<Limbo> limbo_;
+  std::vector<Reader*> readers_;
+  Reader* servo_ = nullptr;
+};
+
+}  // namespace fs

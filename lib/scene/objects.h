@@ -1,0 +1,92 @@
+// The objects of a scene by their names, as they are evaluated. All of it under the scene's lock.
+#pragma once
+
+#include <deque>
+#include <memory>
+#include <set>
+
+#include "base/name_map.h"
+#include "scene/object_rows.h"
+
+namespace fs {
+
+// An object with all that its scene knows of it, or what a group wants to make of it.
+struct Known : Entry {
+  Track track;                  // for the next worked-out twist
+  bool start_is_given = false;  // by the caller; else it is when the name was first set
+
+  // Of a group only:
+  bool is_removed = false;
+  bool is_more_than_moved = false;
+};
+
+class Objects {
+ public:
+  explicit Objects(const ServoOutput& output) : rows(output) {}
+
+  ObjectRows rows;
+
+  bool find(std::string_view name, Known& out) const;  // false: there is none of this name
+  bool has(std::string_view name) const noexcept { return find_item(name) != nullptr; }
+  bool has_name(std::string_view name) const noexcept { return names_.contains(name); }  // also one that fades out
+  bool has_room(size_t more) const noexcept { return names_.size() + more <= capacity_; }
+  const Row* find_row(std::string_view name, uint32_t* number = nullptr) const noexcept;  // the newest
+
+  // Makes an object what is wanted: set, moved or removed. Throws before anything is changed: FULL, no memory.
+  void take(std::string_view name, const Known& wanted);
+  // For less: an object that is there is only moved. False: there is none.
+  bool move(std::string_view name, const Pose& pose, const Twist* twist, double time, double now);
+
+  void set_capacity(uint32_t capacity) noexcept { capacity_ = capacity; }
+  void require_room(size_t more, const char* verb) const;  // FULL
+  size_t count() const noexcept { return names_.size() - removed_; }
+  bool is_empty() const noexcept { return names_.empty(); }  // nothing fades out either
+
+  // Calls f(name, Known) for each, in the order of their rows.
+  template <class F>
+  void for_each(F&& f) const {
+    rows.chunks().for_each([&](uint32_t, const Chunk& chunk) {
+      for (uint32_t i = 0; i < chunk_size; ++i) {
+        if (!(chunk.used >> i & 1) || !chunk.row(i).is_named) continue;
+        Known known;
+        const std::string& name = chunk.row(i).object->name;
+        find(name, known);
+        f(name, known);
+      }
+    });
+  }
+
+  // Lets go of what has faded out, some at a time. True when it changed something.
+  bool tidy();
+  // The next name whose lifetime has ended by `time`, once; null: none.
+  const std::string* next_expired(double time, double& expiry);
+
+  // Every stored time shifted, s, and nothing fading; to be made in two steps, of which the second cannot throw.
+  struct Shifted {
+    ObjectRows::Shifted rows;
+    std::set<std::pair<double, std::string>> expiries;
+  };
+  Shifted shifted(double shift) const;
+  void take(Shifted& shifted, double shift) noexcept;
+
+ private:
+  struct Item {
+    uint32_t row;
+    std::unique_ptr<Track> track;  // null: not moved since it was set
+    bool start_is_given = false;
+    bool is_removed = false;       // it fades out
+    bool is_listed = false;        // in fading_
+  };
+
+  const Item* find_item(std::string_view name) const noexcept;  // null also for one that fades out
+  bool list(const std::string& name, Item& item);
+  void set_expiry(const std::string& name, double before, double after);
+
+  NameMap<Item> names_;
+  size_t removed_ = 0;
+  uint32_t capacity_ = 1u << 20;
+  std::deque<std::string> fading_;  // names behind which something fades out, or that do so themselves
+  std::set<std::pair<double, std::string>> expiries_;  // to be announced
+};
+
+}  // namespace fs

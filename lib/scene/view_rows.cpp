@@ -1,0 +1,159 @@
+#include "scene/view_rows.h"
+
+#include "base/error.h"
+
+namespace fs {
+
+void ViewChange::add(ViewChange later) {
+  if (later.frame) frame = later.frame;
+  if (later.points) points = std::move(later.points);
+  if (later.held) held = later.held;
+}
+
+Ref<Views> ViewRows::first() {
+  Ref<Views> views = make_ref<Views>();
+  views->rows[0].version = 1;
+  views->rows[0].is_in = true;
+  views->rows[0].tool = make_ref<ToolPoints>();
+  return views;
+}
+
+void ViewRows::own() {
+  if (!views_->is_unique()) views_ = make_ref<Views>(*views_);
+}
+
+// Its weight is 0, and no tick will raise it again.
+bool ViewRows::is_gone(uint32_t i) const noexcept {
+  const View& view = views_->rows[i];
+  if (!servo_) return true;
+  if (!has_begun(i) || servo_->memory->view_weight(i).value() > 0) return false;
+  if (view.next != no_row) return has_begun(view.next);
+  return !view.is_in && view.sequence <= output_.used.load(std::memory_order_acquire);
+}
+
+// There is always one: of six rows at most three are felt or wait, and those that have been let go of are free as soon as
+// the tick that let the newest begin has ended.
+uint32_t ViewRows::free_row() const {
+  const uint64_t used = output_.used.load(std::memory_order_acquire);
+  for (uint32_t i = 0; i < Views::size; ++i) {
+    if (views_->rows[i].version == 0 && (!servo_ || free_at_[i] <= used)) return i;
+  }
+  fail(FS_ERROR_INTERNAL, "no row is free for another view");
+}
+
+void ViewRows::tidy() {
+  for (uint32_t above = views_->newest;;) {
+    const uint32_t i = views_->rows[above].previous;
+    if (i == no_row) return;
+    if (!is_gone(i)) {
+      above = i;
+      continue;
+    }
+    own();
+    const uint32_t older = views_->rows[i].previous;
+    if (older != no_row) {  // it was wanted out because row i had begun
+      View& view = views_->rows[older];
+      if (view.is_in) view.sequence = sequence_;
+      view.is_in = false;
+      view.next = no_row;
+    }
+    views_->rows[above].previous = older;
+    views_->rows[i] = {};
+    free_at_[i] = sequence_;
+  }
+}
+
+void ViewRows::change(const ViewChange& change) {
+  const auto wanted = [&](const View& from, bool is_another) {
+    View view = from;
+    if (change.frame) {
+      view.frame = *change.frame;
+      view.has_own_frame = true;
+    } else if (is_another) {
+      view.has_own_frame = false;
+    }
+    if (change.points) view.tool = make_ref<ToolPoints>(*change.points);
+    view.is_held = change.held.value_or(from.is_held);
+    view.is_in = !view.is_held;
+    view.sequence = sequence_;
+    view.next = no_row;
+    return view;
+  };
+  const auto hold_older = [&] {  // what stands still stands still as a whole
+    for (uint32_t i = now().previous; i != no_row; i = views_->rows[i].previous) {
+      View& view = views_->rows[i];
+      if (view.is_in) view.sequence = sequence_;
+      view.is_held = true;
+      view.is_in = false;
+    }
+  };
+  const bool is_elsewhere = change.frame || change.points;
+  if (!is_elsewhere && change.held.value_or(now().is_held) == now().is_held) return;
+  for (;;) {
+    if (servo_) tidy();
+    own();
+    const uint32_t newest = views_->newest;
+    const bool is_waiting = now().previous != no_row && !has_begun(newest);
+    if (!is_elsewhere || !servo_ || is_waiting) {
+      View view = wanted(now(), false);
+      if (is_elsewhere) {
+        view.version = ++last_version_;
+        if (servo_ && !servo_->memory->view_weight(newest).replace_waiting(now().version, view.version)) continue;
+      }
+      views_->rows[newest] = view;
+    } else {
+      const uint32_t i = free_row();
+      const bool waits = now().is_in || now().previous != no_row;
+      View view = wanted(now(), true);
+      view.version = ++last_version_;
+      view.previous = newest;
+      servo_->memory->view_weight(i).set_up(view.version, waits, 0);
+      if (waits) views_->rows[newest].next = i;
+      views_->rows[i] = view;
+      views_->newest = i;
+    }
+    if (now().is_held) hold_older();
+    return;
+  }
+}
+
+// What the tick has found out about a view, or about the one that it goes on from.
+bool ViewRows::find(uint32_t i, FoundView& out) const noexcept {
+  if (!servo_) return false;
+  const View& view = views_->rows[i];
+  if (servo_->memory->get_found(i, view.version, out)) return true;
+  if (view.previous == no_row || !find(view.previous, out)) return false;
+  if (view.has_own_frame) out.is_moved = 0;
+  return true;
+}
+
+fs_frame ViewRows::frame() const noexcept {
+  fs_frame frame = now().frame;
+  FoundView found;
+  if (find(views_->newest, found) && found.is_moved) frame.pose = found.frame;
+  return frame;
+}
+
+bool ViewRows::get_held(Pose& tool) const noexcept {
+  FoundView found;
+  if (!find(views_->newest, found) || !found.is_held) return false;
+  tool = found.tool;
+  return true;
+}
+
+void ViewRows::attach_servo(Reader& reader) noexcept {
+  servo_ = &reader;
+  reader.memory->view_weight(views_->newest).set_up(now().version, false, now().is_in ? 1 : 0);
+}
+
+Ref<Views> ViewRows::settled() const {
+  Ref<Views> out = make_ref<Views>();
+  out->rows[0] = now();
+  View& view = out->rows[0];
+  view.frame = frame();
+  view.has_own_frame = true;
+  view.previous = view.next = no_row;
+  return out;
+}
+
+}  // namespace fs

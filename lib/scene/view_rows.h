@@ -1,0 +1,57 @@
+// The views of a scene, as readers are to see them: where its tool stands. Another frame or tool is another version, which
+// cross-fades with the one before (field/weight.h); the clutch holds and lets go the same view. All of it under the
+// scene's lock.
+#pragma once
+
+#include <optional>
+
+#include "field/servo_output.h"
+#include "scene/reader.h"
+
+namespace fs {
+
+// What is to change about a view; what is not given stays.
+struct ViewChange {
+  std::optional<fs_frame> frame;
+  std::optional<std::vector<Vec3>> points;
+  std::optional<bool> held;
+
+  void add(ViewChange later);  // which counts where both have something
+};
+
+class ViewRows {
+ public:
+  explicit ViewRows(const ServoOutput& output) : output_(output) {}
+
+  const Ref<Views>& views() const noexcept { return views_; }
+  const View& now() const noexcept { return views_->now(); }
+  void set_next_sequence(uint64_t sequence) noexcept { sequence_ = sequence; }
+
+  void change(const ViewChange& change);  // when it throws, all is as before
+  fs_frame frame() const noexcept;        // as a clutch may have moved it
+  bool get_held(Pose& tool) const noexcept;  // where the clutch holds the tool, scene frame; false: it does not, or no tick knows
+  void tidy();  // lets go of what has faded out
+
+  void attach_servo(Reader& reader) noexcept;
+  void detach_servo() noexcept { servo_ = nullptr; }
+  Ref<Views> settled() const;  // without anything that fades, as the clutch has left it; to be swapped in by take
+  void take(Ref<Views>& settled) noexcept { std::swap(views_, settled); }
+
+ private:
+  bool has_begun(uint32_t i) const noexcept {
+    return !servo_ || servo_->memory->view_weight(i).has_begun(views_->rows[i].version);
+  }
+  bool is_gone(uint32_t i) const noexcept;
+  bool find(uint32_t i, FoundView& out) const noexcept;
+  uint32_t free_row() const;
+  void own();
+
+  const ServoOutput& output_;
+  Ref<Views> views_ = first();
+  static Ref<Views> first();
+  uint64_t sequence_ = 1, last_version_ = 1;
+  uint64_t free_at_[Views::size] = {};  // sequence of the first snapshot without the row
+  Reader* servo_ = nullptr;
+};
+
+}  // namespace fs
