@@ -84,7 +84,10 @@ class Watch {
                   static_cast<unsigned long long>(ticks_), static_cast<unsigned long long>(step.tick), step.size,
                   step.allowed);
   }
-  uint64_t ticks() const { return ticks_; }
+  uint64_t ticks() const {
+    const std::lock_guard lock(fake_.mutex);
+    return ticks_;
+  }
 
  private:
   void look(const FakeDevice& f) {
