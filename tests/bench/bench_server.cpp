@@ -363,12 +363,6 @@ class Cyclictest {
   std::FILE* pipe_;
 };
 
-// Processor time of a thread of this process, ns.
-int64_t processor_time(pid_t thread) {
-  timespec t{};
-  clock_gettime(static_cast<clockid_t>(~static_cast<unsigned>(thread) << 3 | 6), &t);  // as pthread_getcpuclockid does
-  return int64_t{1'000'000'000} * t.tv_sec + t.tv_nsec;
-}
 pid_t thread_of_name(const char* wanted) {
   DIR* list = opendir("/proc/self/task");
   pid_t found = 0;
