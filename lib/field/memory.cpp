@@ -200,31 +200,25 @@ void Memory::advance(const Snapshot& snapshot, double now) noexcept {
 }
 
 void Memory::advance_views(const Snapshot& snapshot, double now) noexcept {
-  const double by = Weight::part_of_fade(now - views_since_, fade_);
+  double by = Weight::part_of_fade(now - views_since_, fade_);
   views_since_ = now;
   const Views& views = *snapshot.views;
-  for (uint32_t i = 0; i < Views::size; ++i) {
-    const View& view = views.rows[i];
-    ViewMemory& m = views_[i];
-    if (view.version == 0 || !m.weight.has_begun(view.version)) continue;
-    double value = m.weight.value();
-    const bool is_known = m.wanted.load(std::memory_order_relaxed) == view.version;
-    if (is_known) value = Weight::moved(value, m.going_in, by);  // as it was wanted so far
-    m.wanted.store(view.version, std::memory_order_relaxed);
-    Weight* const next = view.next == no_row ? nullptr : &views_[view.next].weight;
-    bool began = false;
-    m.going_in = goes_in(view, value, now, next, next ? views.rows[view.next].version : 0, !(fade_ > 0), began);
-    if (!(fade_ > 0)) value = m.going_in;
-    m.weight.set(value);
-  }
-  if (fade_ > 0) return;
-  for (uint32_t i = 0; i < Views::size; ++i) {  // one that has just begun, in a row before
-    const View& view = views.rows[i];
-    if (view.version == 0 || !views_[i].weight.has_begun(view.version)) continue;
-    bool began = false;
-    Weight* const next = view.next == no_row ? nullptr : &views_[view.next].weight;
-    views_[i].weight.set(goes_in(view, 0, now, next, next ? views.rows[view.next].version : 0, true, began));
-  }
+  bool is_any_beginning;
+  do {
+    is_any_beginning = false;  // a view that begins may stand in a row that was looked at before
+    for (uint32_t i = 0; i < Views::size; ++i) {
+      const View& view = views.rows[i];
+      ViewMemory& m = views_[i];
+      if (view.version == 0 || !m.weight.has_begun(view.version)) continue;
+      double value = m.weight.value();
+      if (m.wanted == view.version) value = Weight::moved(value, m.going_in, by);  // as it was wanted so far
+      m.wanted = view.version;
+      Weight* const next = view.next == no_row ? nullptr : &views_[view.next].weight;
+      m.going_in = goes_in(view, value, now, next, next ? views.rows[view.next].version : 0, !(fade_ > 0), is_any_beginning);
+      m.weight.set(fade_ > 0 ? value : m.going_in);
+    }
+    by = 0;
+  } while (is_any_beginning);
 }
 
 const FoundView& Memory::find_view(const Snapshot& snapshot, uint32_t i, const Pose& hand) noexcept {

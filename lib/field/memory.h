@@ -95,7 +95,7 @@ class Memory : public Counted<Memory> {
 
   struct ViewMemory {
     Weight weight;
-    std::atomic<uint64_t> wanted{0};       // the version that was looked at last
+    uint64_t wanted = 0;                   // the version that was looked at last
     bool going_in = false;
     FoundView found;
     Latest<FoundView> published;
