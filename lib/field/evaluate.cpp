@@ -113,12 +113,12 @@ fs_response evaluate_near(const Snapshot& snapshot, const Scratches& scratches, 
   const double share = 1.0 / tool.count;
   memory.for_each_near(snapshot, view, tool.time, [&](uint32_t number, const Chunk& chunk, uint64_t near,
                                                       const Weight* given) {
-    const uint64_t linear = near & chunk.rows->linear & chunk.standing;
+    const uint64_t points_near = near & chunk.rows->formulas() & chunk.standing;
     uint64_t felt = 0;
-    for (unsigned k = 0; linear && k < tool.count; ++k) {
-      felt |= add_linear(chunk, linear, tool.points[k].position, tool.points[k].arm, given, share, sum);
+    for (unsigned k = 0; points_near && k < tool.count; ++k) {
+      felt |= add_points(chunk, points_near, tool.points[k].position, tool.points[k].arm, given, share, sum);
     }
-    for (uint64_t rest = near & ~linear; rest; rest &= rest - 1) {
+    for (uint64_t rest = near & ~points_near; rest; rest &= rest - 1) {
       const auto i = static_cast<uint32_t>(std::countr_zero(rest));
       const Row& row = chunk.row(i);
       const Scratch* const scratch = row.object->law.has_curves() ? scratches.get(number * chunk_size + i) : nullptr;

@@ -13,7 +13,7 @@ struct Scratch : LocalCounted<Scratch> {
   uint64_t version = 0;
   Law::Parsers parsers;
 };
-using Scratches = Table<Scratch, 4>;  // by row
+using Scratches = Table<Scratch, 6>;  // by row
 
 // What is posted to a reader.
 struct Posting {

@@ -1,7 +1,9 @@
 #include "field/lanes.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 
 namespace fs {
 namespace {
@@ -26,6 +28,9 @@ FS_INLINE Four load(const Weight* weights, uint32_t i) {
   return Four{weights[i].value(), weights[i + 1].value(), weights[i + 2].value(), weights[i + 3].value()};
 }
 FS_INLINE Four where(Mask mask, Four value) { return (Four)(mask & (Mask)value); }  // else 0
+FS_INLINE Mask lanes_of(uint64_t bits) {
+  return Mask{-(long long)(bits & 1), -(long long)(bits >> 1 & 1), -(long long)(bits >> 2 & 1), -(long long)(bits >> 3 & 1)};
+}
 FS_INLINE Four root(Four v) { return Four{std::sqrt(v[0]), std::sqrt(v[1]), std::sqrt(v[2]), std::sqrt(v[3])}; }
 FS_INLINE Four least(Four a, Four b) { return a < b ? a : b; }
 FS_INLINE void add(double* sum, Four value) {
@@ -33,15 +38,25 @@ FS_INLINE void add(double* sum, Four value) {
   std::memcpy(sum, &out, sizeof out);
 }
 
-FS_INLINE void gaps_in_lanes(const Chunk& chunk, Vec3 from, double* gaps) {
-  for (uint32_t i = 0; i < chunk_size; i += lane_count) {
-    const Four x = all(from.x) - load(chunk.x + i), y = all(from.y) - load(chunk.y + i), z = all(from.z) - load(chunk.z + i);
-    const Four gap = root(x * x + y * y + z * z) - load(chunk.reach + i);
-    std::memcpy(gaps + i, &gap, sizeof gap);
+// e^-u for u >= 0, within 2 units in the last place: 2^n e^r with |r| <= ln(2)/2, the latter by its Taylor series. The
+// library's own, because that of the system is not the same on every width.
+FS_INLINE Four exp_minus(Four u) {
+  const Four magic = all(0x1.8p52);  // a number added to it is rounded to an integer, which stands in its last bits
+  const Four limited = u < all(760) ? u : all(760);
+  const Four n = limited * all(-1.4426950408889634) + magic - magic;
+  const Four r = -limited - n * all(0x1.62e42fefa38p-1) - n * all(0x1.ef35793c7673p-45);
+  Four sum = all(1.0 / 6227020800);
+  for (const double c : {1.0 / 479001600, 1.0 / 39916800, 1.0 / 3628800, 1.0 / 362880, 1.0 / 40320, 1.0 / 5040, 1.0 / 720,
+                         1.0 / 120, 1.0 / 24, 1.0 / 6, 0.5, 1.0, 1.0}) {
+    sum = sum * r + all(c);
   }
+  // In two steps, because 2^n may be too small for a double.
+  const Four half = n * all(0.5) + magic, rest = n - (half - magic) + magic;
+  const Mask one = (Mask)all(1);
+  return sum * (Four)(one + ((Mask)half << 52)) * (Four)(one + ((Mask)rest << 52));
 }
 
-FS_INLINE uint64_t linear_in_lanes(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm, const Weight* weights,
+FS_INLINE uint64_t points_in_lanes(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm, const Weight* weights,
                                    double share, LaneSum& sum) {
   const Rows& rows = *chunk.rows;
   uint64_t felt = 0;
@@ -49,19 +64,35 @@ FS_INLINE uint64_t linear_in_lanes(const Chunk& chunk, uint64_t mask, Vec3 posit
   for (uint32_t i = 0; i < chunk_size; i += lane_count) {
     const uint64_t wanted = mask >> i & 15;
     if (wanted == 0) continue;
-    const Mask is_wanted = Mask{-(long long)(wanted & 1), -(long long)(wanted >> 1 & 1), -(long long)(wanted >> 2 & 1),
-                                -(long long)(wanted >> 3 & 1)};
-    const Four x = all(position.x) - load(chunk.x + i), y = all(position.y) - load(chunk.y + i),
-               z = all(position.z) - load(chunk.z + i);
+    const Mask is_wanted = lanes_of(wanted);
+    const Motions& at = *chunk.motions[i / Motions::size];
+    const Four x = all(position.x) - load(at.x), y = all(position.y) - load(at.y), z = all(position.z) - load(at.z);
     const Four d = root(x * x + y * y + z * z);
     const Four signed_limit = load(rows.limit + i);
     const Four limit = signed_limit < zero ? -signed_limit : signed_limit;
-    const Four raw = load(rows.gain + i) * d + load(rows.offset + i);
+    const Four gain = load(rows.gain + i), offset = load(rows.offset + i);
+    const Four inverse = one / (d > all(least_distance) ? d : one);
+    Four raw = gain * d + offset, steepness = gain;
+    if (const uint64_t some = rows.quadratic >> i & 15) {
+      const Mask mine = lanes_of(some);
+      raw = mine ? gain * d * d + offset : raw;
+      steepness = mine ? all(2) * (gain * d) : steepness;
+    }
+    if (const uint64_t some = rows.inverse >> i & 15) {
+      const Mask mine = lanes_of(some);
+      raw = mine ? gain * inverse + offset : raw;
+      steepness = mine ? -(gain * inverse) * inverse : steepness;
+    }
+    if (const uint64_t some = rows.gaussian >> i & 15) {
+      const Mask mine = lanes_of(some);
+      const Four width = load(rows.width + i), q = d / width, force = gain * exp_minus(all(0.5) * q * q);
+      raw = mine ? force : raw;
+      steepness = mine ? -(force * q) / width : steepness;
+    }
     const Mask is_felt = is_wanted & (raw > zero) & (d <= load(rows.reach + i)) & (d > all(least_distance));
     const Four sign = signed_limit < zero ? -one : one;
     const Four weight = where(is_felt, load(weights, i) * all(share) * sign);
-    const Four slope = where(raw < limit, load(rows.gain + i)) * weight;
-    const Four inverse = one / (d > all(least_distance) ? d : one);
+    const Four slope = where(raw < limit, steepness) * weight;
     const Four ux = x * inverse, uy = y * inverse, uz = z * inverse;
     const Four force = least(raw, limit) * weight;
     const Four fx = where(is_felt, force * ux), fy = where(is_felt, force * uy), fz = where(is_felt, force * uz);
@@ -84,38 +115,56 @@ FS_INLINE uint64_t linear_in_lanes(const Chunk& chunk, uint64_t mask, Vec3 posit
   return felt;
 }
 
-using Gaps = void(const Chunk&, Vec3, double*);
-using Linear = uint64_t(const Chunk&, uint64_t, Vec3, Vec3, const Weight*, double, LaneSum&);
+using Points = uint64_t(const Chunk&, uint64_t, Vec3, Vec3, const Weight*, double, LaneSum&);
 
-void gaps_usual(const Chunk& chunk, Vec3 from, double* gaps) { gaps_in_lanes(chunk, from, gaps); }
-uint64_t linear_usual(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm, const Weight* weights, double share,
+uint64_t points_usual(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm, const Weight* weights, double share,
                       LaneSum& sum) {
-  return linear_in_lanes(chunk, mask, position, arm, weights, share, sum);
+  return points_in_lanes(chunk, mask, position, arm, weights, share, sum);
 }
 
 #ifdef __x86_64__
-__attribute__((target("avx2"))) void gaps_wide(const Chunk& chunk, Vec3 from, double* gaps) {
-  gaps_in_lanes(chunk, from, gaps);
-}
-__attribute__((target("avx2"))) uint64_t linear_wide(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm,
+__attribute__((target("avx2"))) uint64_t points_wide(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm,
                                                      const Weight* weights, double share, LaneSum& sum) {
-  return linear_in_lanes(chunk, mask, position, arm, weights, share, sum);
+  return points_in_lanes(chunk, mask, position, arm, weights, share, sum);
 }
 const bool is_wide = (__builtin_cpu_init(), __builtin_cpu_supports("avx2"));
-Gaps* const gaps_best = is_wide ? gaps_wide : gaps_usual;
-Linear* const linear_best = is_wide ? linear_wide : linear_usual;
+Points* const points_best = is_wide ? points_wide : points_usual;
 #else
-Gaps* const gaps_best = gaps_usual;
-Linear* const linear_best = linear_usual;
+Points* const points_best = points_usual;
 #endif
 
 }  // namespace
 
-void find_gaps(const Chunk& chunk, Vec3 from, double (&gaps)[chunk_size]) noexcept { gaps_best(chunk, from, gaps); }
+// Four floats are as wide as every processor has them.
+void find_gaps(const Chunk& chunk, Vec3 from, float (&gaps)[chunk_size]) noexcept {
+  typedef float Floats __attribute__((vector_size(16)));
+  const auto load = [](const float* from) {
+    Floats out;
+    std::memcpy(&out, from, sizeof out);
+    return out;
+  };
+  const Vec3 local = from - chunk.origin;
+  const float fx = static_cast<float>(local.x), fy = static_cast<float>(local.y), fz = static_cast<float>(local.z);
+  // What rounding can make of a distance, of the place `from` itself too.
+  const float part = 1 - 4e-7f;
+  const float rounding = static_cast<float>(2e-7 * norm(local) + 1e-15 * largest_coordinate(from));
+  for (uint32_t i = 0; i < chunk_size; i += Motions::size) {
+    const Motions* const group = chunk.motions[i / Motions::size].get();
+    if (!group) {
+      std::fill_n(gaps + i, Motions::size, std::numeric_limits<float>::infinity());
+      continue;
+    }
+    const Floats x = fx - load(group->centre_x), y = fy - load(group->centre_y), z = fz - load(group->centre_z);
+    const Floats squared = x * x + y * y + z * z;
+    const Floats distance{std::sqrt(squared[0]), std::sqrt(squared[1]), std::sqrt(squared[2]), std::sqrt(squared[3])};
+    const Floats gap = distance * part - rounding - load(group->reach);
+    std::memcpy(gaps + i, &gap, sizeof gap);
+  }
+}
 
-uint64_t add_linear(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm, const Weight* weights, double share,
+uint64_t add_points(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm, const Weight* weights, double share,
                     LaneSum& sum) noexcept {
-  return linear_best(chunk, mask, position, arm, weights, share, sum);
+  return points_best(chunk, mask, position, arm, weights, share, sum);
 }
 
 }  // namespace fs

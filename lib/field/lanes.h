@@ -24,12 +24,12 @@ struct LaneSum {
   }
 };
 
-// [rt] For each row the distance of `from` to where it may be felt: below 0 it may be felt there.
-void find_gaps(const Chunk& chunk, Vec3 from, double (&gaps)[chunk_size]) noexcept;
+// [rt] For each row a lower bound of the distance from `from` to where it may be felt, m; below 0 it may be felt there.
+void find_gaps(const Chunk& chunk, Vec3 from, float (&gaps)[chunk_size]) noexcept;
 
-// [rt] Adds the forces of the rows in `mask`, all of them linear and standing, on a tool point at `position` with `arm`
+// [rt] Adds the forces of the rows in `mask`, all of them standing points with a formula, on a tool point at `position` with `arm`
 // from the tool's origin; each times its weight (of all 64 rows; null: 1) times `share`. Returns the rows felt there.
-uint64_t add_linear(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm, const Weight* weights, double share,
+uint64_t add_points(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm, const Weight* weights, double share,
                     LaneSum& sum) noexcept;
 
 }  // namespace fs

@@ -161,11 +161,12 @@ void Memory::absorb(const Snapshot& snapshot, double now) noexcept {
     Block& b = block(number);
     const uint32_t c = number % block_size;
     blocks_used_ = std::max(blocks_used_, number / block_size + 1);
-    if (has_weights_) {
+    const bool is_only_moved = chunk->rows && chunk->rows->version <= seen_;
+    if (has_weights_ && !is_only_moved) {
       move_weights(number, now);  // as it was wanted so far
       take_wants(snapshot, number, *chunk, now);
       set_due(number);
-    } else {
+    } else if (!is_only_moved) {
       b.felt[c] = b.expiring[c] = 0;
       for_each_bit(chunk->used, [&](uint32_t i) {
         const Row& row = chunk->row(i);
@@ -301,21 +302,22 @@ void Memory::look(const Snapshot& snapshot, uint32_t i, uint64_t what, Vec3 cent
 
 void Memory::look_at(const Chunk& chunk, uint32_t number, Sight& sight, const ViewMemory& view, double radius) noexcept {
   const uint32_t c = number % block_size;
-  double gaps[chunk_size];
+  float gaps[chunk_size];
   find_gaps(chunk, view.centre, gaps);
   for_each_bit(chunk.planes, [&](uint32_t i) {
     const Motion& plane = chunk.motion(i);
     const Vec3 offset = view.centre - plane.pose.position;
     const double distance = std::fabs(dot(rotate(plane.pose.orientation, {0, 0, 1}), offset));
-    gaps[i] = distance - chunk.row(i).object->law.support - 1e-14 * norm(offset);
+    const double gap = distance - chunk.row(i).object->law.support - 1e-14 * norm(offset);
+    gaps[i] = static_cast<float>(gap - 1e-7 * std::fabs(gap));
   });
-  const double margin = radius + 4e-16 * largest_coordinate(view.centre);
+  const auto margin = static_cast<float>(radius * (1 + 2e-7));
   // Rows that the tool reaches within some ticks count as near, too, if they are few: else their chunk hardly sleeps.
-  const double soon = margin + 16 * view.step;
+  const auto soon = static_cast<float>(margin + 4 * view.step);
   uint64_t near = 0, near_soon = 0;
-  double least = never, least_later = never;
+  float least = std::numeric_limits<float>::infinity(), least_later = least;
   for (uint32_t i = 0; i < chunk_size; ++i) {
-    const double gap = gaps[i];
+    const float gap = gaps[i];
     near |= static_cast<uint64_t>(gap <= margin) << i;
     near_soon |= static_cast<uint64_t>(gap <= soon) << i;
     if (gap > margin) least = std::min(least, gap);
@@ -325,7 +327,7 @@ void Memory::look_at(const Chunk& chunk, uint32_t number, Sight& sight, const Vi
     near = near_soon;
     least = least_later;
   }
-  double sleeps = least - margin;  // m
+  double sleeps = static_cast<double>(least) - margin;  // m
   if (near && view.step > 0) sleeps = std::min(sleeps, 64 * view.step);  // so that it learns when they are far again
   sight.near[c] = near;
   sight.any = near ? sight.any | bit_of(c) : sight.any & ~bit_of(c);

@@ -2,11 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 namespace fs {
 
-Chunk::Chunk() { std::fill_n(reach, chunk_size, -never); }
+Motions::Motions() { std::fill_n(reach, size, -std::numeric_limits<float>::infinity()); }
 
 template <class T>
 static void make_unique(Ref<T>& part) {
@@ -19,6 +20,7 @@ static void make_unique(Ref<T>& part) {
 
 void Chunk::own(uint32_t i) {
   make_unique(rows);
+  rows->version = version;
   own_motion(i);
 }
 
@@ -42,60 +44,72 @@ void Chunk::set_object(uint32_t i, Ref<const Object> given) noexcept {
   row.object = std::move(given);
   const Object& object = *row.object;
   const Profile& f = object.law.front;
-  const bool is_linear = object.primitive == FS_PRIMITIVE_POINT && object.damping == 0 && object.point_mask() == ~0u &&
-                         (f.kind == FS_PROFILE_CONSTANT || f.kind == FS_PROFILE_LINEAR_INCREASING ||
-                          f.kind == FS_PROFILE_LINEAR_DECREASING) &&
-                         std::fabs(f.gain) < 1e100;
-  if (is_linear) {
-    rows->linear |= bit;
+  for (uint64_t* const formula : {&rows->linear, &rows->quadratic, &rows->inverse, &rows->gaussian}) *formula &= ~bit;
+  const bool is_simple = object.primitive == FS_PRIMITIVE_POINT && object.damping == 0 && object.point_mask() == ~0u &&
+                         std::fabs(f.gain) < 1e100;  // so that nothing overflows
+  if (is_simple) {
+    const bool is_constant = f.kind == FS_PROFILE_CONSTANT || f.gain == 0;
+    if (f.kind == FS_PROFILE_GAUSSIAN && !is_constant) {
+      rows->gaussian |= bit;
+    } else if (f.kind == FS_PROFILE_QUADRATIC && !is_constant) {
+      rows->quadratic |= bit;
+    } else if (f.kind == FS_PROFILE_INVERSE && !is_constant) {
+      rows->inverse |= bit;
+    } else if (f.kind != FS_PROFILE_CUSTOM) {
+      rows->linear |= bit;
+    }
     rows->offset[i] = f.kind == FS_PROFILE_CONSTANT ? f.gain : f.offset;
-    rows->gain[i] = f.kind == FS_PROFILE_CONSTANT ? 0 : f.gain;
+    rows->gain[i] = is_constant ? 0 : f.gain;
+    rows->width[i] = f.width > 0 ? f.width : 1;
     rows->limit[i] = f.sense == FS_SENSE_REPULSIVE ? f.limit : -f.limit;
     rows->reach[i] = f.reach > 0 ? f.reach : never;
-  } else {
-    rows->linear &= ~bit;
   }
   place(i);
 }
 
 void Chunk::place(uint32_t i) noexcept {
-  const uint64_t bit = uint64_t{1} << i;
   if (!row(i).object) return;
+  const uint64_t bit = uint64_t{1} << i;
   const Object& object = *row(i).object;
-  const Motion& m = motion(i);
+  Motions& group = *motions[i / Motions::size];
+  const uint32_t k = i % Motions::size;
+  const Motion& m = group.motions[k];
+  const double support = object.law.support;
+  constexpr float infinity = std::numeric_limits<float>::infinity();
   const bool is_standing = !(m.horizon > 0);
+  if (used == bit) origin = m.pose.position;
   standing = is_standing ? standing | bit : standing & ~bit;
   planes &= ~bit;
-  x[i] = m.pose.position.x;
-  y[i] = m.pose.position.y;
-  z[i] = m.pose.position.z;
-  if (!(object.law.support >= 0)) {
-    reach[i] = -never;
+  group.x[k] = m.pose.position.x;
+  group.y[k] = m.pose.position.y;
+  group.z[k] = m.pose.position.z;
+  if (!(support >= 0)) {
+    group.reach[k] = -infinity;
   } else if (object.primitive == FS_PRIMITIVE_PLANE) {
-    const bool has_distance = is_standing && object.law.support < never;
+    const bool has_distance = is_standing && support < never;
     if (has_distance) planes |= bit;
-    reach[i] = has_distance ? -never : never;
+    group.reach[k] = has_distance ? -infinity : infinity;
   } else {
     // The sphere around all places between the pose and the end of its twist.
     const Vec3 half = 0.5 * m.horizon * m.twist.linear;
-    if (!is_standing) {
-      x[i] += half.x;
-      y[i] += half.y;
-      z[i] += half.z;
-    }
-    const double rounding = 1e-14 * (object.radius + object.law.support) + 1e-15 * largest_coordinate({x[i], y[i], z[i]});
-    reach[i] = object.radius + object.law.support + norm(half) * (1 + 1e-14) + rounding;
+    const Vec3 centre = (is_standing ? m.pose.position : m.pose.position + half) - origin;
+    group.centre_x[k] = static_cast<float>(centre.x);
+    group.centre_y[k] = static_cast<float>(centre.y);
+    group.centre_z[k] = static_cast<float>(centre.z);
+    const double rounding = 2e-7 * norm(centre) + 1e-15 * (largest_coordinate(m.pose.position) + largest_coordinate(origin));
+    const double reach = (object.radius + support + norm(half) + rounding) * (1 + 2e-7) + 1e-30;
+    group.reach[k] = reach < 1e37 ? static_cast<float>(reach) : infinity;
   }
 }
 
 void Chunk::drop(uint32_t i) noexcept {
   const uint64_t bit = uint64_t{1} << i;
   rows->rows[i] = {};
-  rows->linear &= ~bit;
+  for (uint64_t* const formula : {&rows->linear, &rows->quadratic, &rows->inverse, &rows->gaussian}) *formula &= ~bit;
   used &= ~bit;
   standing &= ~bit;
   planes &= ~bit;
-  reach[i] = -never;
+  motions[i / Motions::size]->reach[i % Motions::size] = -std::numeric_limits<float>::infinity();
 }
 
 ToolPoints::ToolPoints(std::vector<Vec3> the_points) : points(std::move(the_points)) {

@@ -28,30 +28,38 @@ struct Row : Want {
 
 // What moves do not change.
 struct Rows : LocalCounted<Rows> {
+  uint64_t version = 0;
   Row rows[chunk_size];
-  // Points whose force is linear in the distance (constant too) can be evaluated several at a time: f = clamp(offset +
-  // gain d, 0, |limit|) where d <= reach, attractive where limit < 0.
-  uint64_t linear = 0;  // bit i: row i is one of them
-  double offset[chunk_size] = {}, gain[chunk_size] = {}, limit[chunk_size] = {}, reach[chunk_size] = {};
+  // Points with one of the formulas of fs_profile_kind can be evaluated several at a time: f(d) clamped to 0..|limit| where
+  // d <= reach, attractive where limit < 0. A constant is linear with gain 0. Bit i: row i is one of them.
+  uint64_t linear = 0, quadratic = 0, inverse = 0, gaussian = 0;
+  double offset[chunk_size] = {}, gain[chunk_size] = {}, width[chunk_size] = {};
+  double limit[chunk_size] = {}, reach[chunk_size] = {};
+
+  uint64_t formulas() const noexcept { return linear | quadratic | inverse | gaussian; }
 };
 
+// Four rows as moves change them.
 struct Motions : LocalCounted<Motions> {
-  static constexpr uint32_t size = 8;
+  static constexpr uint32_t size = 4;
+  // A row cannot be felt farther than `reach` from its centre, at any time. In metres from the origin of the chunk, rounded
+  // so that no row is missed; infinite: everywhere, or nowhere.
+  float centre_x[size] = {}, centre_y[size] = {}, centre_z[size] = {}, reach[size];
+  double x[size] = {}, y[size] = {}, z[size] = {};  // m, the position of a row that stands
   Motion motions[size];
   uint64_t revision[size] = {};  // of the last change or move
+  Motions();
 };
 
 struct Chunk : LocalCounted<Chunk> {
   uint64_t version = 0;
   uint64_t used = 0;                           // bit i: row i is in use
-  uint64_t standing = 0;                       // its position does not depend on time, and is the centre below
+  uint64_t standing = 0;                       // its position does not depend on time
   uint64_t planes = 0;                         // it has no centre: its distance decides
-  // A row cannot be felt farther than `reach` from its centre, at any time (m; infinite: everywhere, or nowhere).
-  double x[chunk_size] = {}, y[chunk_size] = {}, z[chunk_size] = {}, reach[chunk_size];
+  Vec3 origin{};                               // m
   Ref<Rows> rows;
-  Ref<Motions> motions[chunk_size / Motions::size];
+  Ref<Motions> motions[chunk_size / Motions::size];  // null where none of the four has been in use
 
-  Chunk();
   const Row& row(uint32_t i) const noexcept { return rows->rows[i]; }
   const Motion& motion(uint32_t i) const noexcept { return motions[i / Motions::size]->motions[i % Motions::size]; }
   uint64_t motion_revision(uint32_t i) const noexcept {
@@ -70,7 +78,7 @@ struct Chunk : LocalCounted<Chunk> {
   void place(uint32_t i) noexcept;  // works out centre and reach, as soon as there are object and motion
 };
 
-using Chunks = Table<Chunk, 3>;  // by row / 64
+using Chunks = Table<Chunk, 4>;  // by row / 64
 
 inline const Chunk* find_chunk(const Chunks& chunks, uint32_t row) noexcept { return chunks.get(row / chunk_size); }
 

@@ -15,7 +15,7 @@ namespace fs {
 // T is LocalCounted, has a default and a copy constructor and a member `uint64_t version`.
 template <class T, uint32_t depth>
 class Table {
-  static constexpr uint32_t bits = 6, width = 1u << bits;
+  static constexpr uint32_t bits = 4, width = 1u << bits;
 
   template <class Child>
   struct Node : LocalCounted<Node<Child>> {

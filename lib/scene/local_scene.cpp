@@ -149,17 +149,16 @@ void LocalScene::remove(const char* name) {
   mutate([&] { remove_one(name); });
 }
 
-// Calls f(name, Known) for each object as an open group has it: those that are evaluated, then those that are new in it.
+// Calls f(name, Known) for each object as an open group has it, in the order in which they came.
 template <class F>
 void LocalScene::for_each(F&& f) const {
-  objects_.for_each([&](const std::string& name, const Known& known) {
-    const Known* const wanted = group_ ? group_->find(name) : nullptr;
-    if (!wanted || !wanted->is_removed) f(name, wanted ? *wanted : known);
-  });
+  Known known;
+  for (const std::string_view name : objects_.in_order()) {
+    if (find(name, known)) f(std::string(name), known);
+  }
   if (!group_) return;
   for (const std::string* name : group_->order) {
-    const Known& wanted = *group_->find(*name);
-    if (!wanted.is_removed && !objects_.has(*name)) f(*name, wanted);
+    if (!objects_.has(*name) && find(*name, known)) f(*name, known);
   }
 }
 

@@ -28,21 +28,9 @@ Chunk& ObjectRows::own_motion(uint32_t row) {
 }
 
 // A row that no tick can use. It is taken when it is filled; until then it may be given again.
-uint32_t ObjectRows::allocate() {
-  const uint64_t now_used = used();
-  const auto end = std::find_if(limbo_.begin(), limbo_.end(), [&](const Limbo& l) { return servo_ && l.sequence > now_used; });
-  for (auto l = limbo_.begin(); l != end; ++l) {
-    free_.push_back(l->row);
-    std::push_heap(free_.begin(), free_.end(), std::greater<>());
-  }
-  limbo_.erase(limbo_.begin(), end);
-  if (!free_.empty()) return free_.front();
-  if (end_ == Memory::row_count) fail(FS_ERROR_FULL, "the scene holds %u versions of objects: its maximum", Memory::row_count);
-  if (free_.capacity() <= end_) {  // so that a row can always be given back
-    free_.reserve(2 * end_ + 64);
-    limbo_.reserve(2 * end_ + 64);
-  }
-  return end_;
+uint32_t ObjectRows::allocate(const Entry& entry) {
+  space_.reclaim(servo_ ? used() : sequence_);
+  return space_.find(entry.motion.pose.position, entry.object->radius + entry.object->law.support);
 }
 
 void ObjectRows::make_readers_ready(uint32_t row, const Object& object, const Object* before) {
@@ -63,11 +51,7 @@ void ObjectRows::make_readers_ready(uint32_t row, const Object& object, const Ob
 // ---------------------------------------------------------------------------------------------------- what cannot throw
 
 void ObjectRows::fill(uint32_t number, const Entry& entry, uint64_t version, uint32_t previous) noexcept {
-  if (!free_.empty() && free_.front() == number) {
-    std::pop_heap(free_.begin(), free_.end(), std::greater<>());
-    free_.pop_back();
-  }
-  end_ = std::max(end_, number + 1);
+  space_.take(number);
   Row& row = edit(number);
   row.version = version;
   row.sequence = sequence_;
@@ -93,7 +77,7 @@ void ObjectRows::drop(uint32_t number) noexcept {
   Chunk& its = chunk(number);
   its.drop(number % chunk_size);
   if (its.used == 0) chunks_.set(number / chunk_size, nullptr, sequence_);
-  limbo_.push_back({number, sequence_});
+  space_.release(number, sequence_);
   for (Reader* const reader : readers_) {
     try {
       reader->scratches.set(number, nullptr, sequence_);
@@ -117,7 +101,7 @@ bool ObjectRows::is_gone(uint32_t number) const noexcept {
 // ------------------------------------------------------------------------------------------------------- rows of a name
 
 uint32_t ObjectRows::add(const Entry& entry) {
-  const uint32_t number = allocate();
+  const uint32_t number = allocate(entry);
   own(number);
   make_readers_ready(number, *entry.object, nullptr);
   const uint64_t version = ++last_version_;
@@ -152,7 +136,7 @@ uint32_t ObjectRows::set(uint32_t newest, const Entry& entry) {
     }
     // Another version of what is felt. Where nothing else fades, one that goes out need not be waited for.
     const bool waits = row(newest).is_in || previous != no_row;
-    const uint32_t number = allocate();
+    const uint32_t number = allocate(entry);
     own(number);
     own(newest);
     make_readers_ready(number, *entry.object, nullptr);
@@ -226,7 +210,7 @@ uint32_t ObjectRows::tidy(uint32_t newest) {
 
 void ObjectRows::attach(Reader& reader) {
   readers_.reserve(readers_.size() + 1);
-  for (uint32_t number = 0; number < end_; number += chunk_size) reader.memory->make_room(number);
+  for (uint32_t chunk = 0; chunk < space_.chunks_end(); ++chunk) reader.memory->make_room(chunk * chunk_size);
   chunks_.for_each([&](uint32_t number, const Chunk& chunk) {
     for (uint32_t i = 0; i < chunk_size; ++i) {
       if (!(chunk.used >> i & 1) || !chunk.row(i).object->law.has_curves()) continue;

@@ -9,6 +9,7 @@
 
 #include "field/servo_output.h"
 #include "scene/reader.h"
+#include "scene/row_space.h"
 
 namespace fs {
 
@@ -68,15 +69,10 @@ class ObjectRows {
   void take(Shifted& shifted) noexcept;
 
  private:
-  struct Limbo {
-    uint32_t row;
-    uint64_t sequence;  // of the first snapshot without it: free when the servo has used that
-  };
-
   // What may throw comes first: these make the chunk of a row and what is changed in it the table's own.
   Chunk& own(uint32_t row);
   Chunk& own_motion(uint32_t row);
-  uint32_t allocate();
+  uint32_t allocate(const Entry& entry);
   uint32_t tidy_older(uint32_t newest);
   void make_readers_ready(uint32_t row, const Object& object, const Object* before);
 
@@ -94,9 +90,7 @@ class ObjectRows {
   const ServoOutput& output_;
   Chunks chunks_;
   uint64_t sequence_ = 1, last_version_ = 0;
-  uint32_t end_ = 0;            // rows below it have been in use
-  std::vector<uint32_t> free_;  // of these, a heap: the lowest comes first
-  std::vector<Limbo> limbo_;
+  RowSpace space_;
   std::vector<Reader*> readers_;
   Reader* servo_ = nullptr;
 };

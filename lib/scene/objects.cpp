@@ -33,6 +33,17 @@ bool Objects::find(std::string_view name, Known& out) const {
   return true;
 }
 
+std::vector<std::string_view> Objects::in_order() const {
+  std::vector<std::pair<uint32_t, std::string_view>> all;
+  for (const auto& [name, item] : names_) {
+    if (!item.is_removed) all.emplace_back(item.number, name);
+  }
+  std::sort(all.begin(), all.end());
+  std::vector<std::string_view> out;
+  for (const auto& [number, name] : all) out.push_back(name);
+  return out;
+}
+
 void Objects::require_room(size_t more, const char* verb) const {
   if (has_room(more)) return;
   fail(FS_ERROR_FULL, "the scene %s %u objects, those that fade out among them: its maximum", verb, capacity_);
@@ -65,6 +76,7 @@ void Objects::take(std::string_view given, const Known& wanted) {
       names_.erase(found);
       throw;
     }
+    found->second.number = ++last_number_;
     found->second.start_is_given = wanted.start_is_given;
     if (wanted.track.before.is_known) found->second.track = std::make_unique<Track>(wanted.track);
     return;

@@ -42,6 +42,8 @@ class Objects {
   size_t count() const noexcept { return names_.size() - removed_; }
   bool is_empty() const noexcept { return names_.empty(); }  // nothing fades out either
 
+  // Names in the order in which they first came.
+  std::vector<std::string_view> in_order() const;
   // Calls f(name, Known) for each, in the order of their rows.
   template <class F>
   void for_each(F&& f) const {
@@ -72,6 +74,7 @@ class Objects {
  private:
   struct Item {
     uint32_t row;
+    uint32_t number;               // of the name: they are saved in this order
     std::unique_ptr<Track> track;  // null: not moved since it was set
     bool start_is_given = false;
     bool is_removed = false;       // it fades out
@@ -83,6 +86,7 @@ class Objects {
   void set_expiry(const std::string& name, double before, double after);
 
   NameMap<Item> names_;
+  uint32_t last_number_ = 0;
   size_t removed_ = 0;
   uint32_t capacity_ = 1u << 20;
   std::deque<std::string> fading_;  // names behind which something fades out, or that do so themselves

@@ -38,7 +38,7 @@ struct Item : LocalCounted<Item> {
   uint64_t version = 0;
   static inline int alive = 0;
 };
-using Items = Table<Item, 3>;
+using Items = Table<Item, 5>;
 
 std::map<uint32_t, int> contents(const Items& table) {
   std::map<uint32_t, int> out;
