@@ -9,7 +9,6 @@
 
 #include "base/error.h"
 #include "client/remote_scene.h"
-#include "scene/transfer.h"
 
 namespace fs {
 namespace {

@@ -11,6 +11,8 @@
 #include <thread>
 
 #include "base/process.h"
+#include "ipc/region.h"
+#include "transfer/layout.h"
 
 namespace fs {
 namespace {

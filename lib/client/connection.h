@@ -11,9 +11,9 @@
 #include <vector>
 
 #include "base/error.h"
-#include "ipc/region.h"
 #include "ipc/socket.h"
-#include "scene/transfer.h"
+#include "transfer/records.h"
+#include "transfer/shared_memory.h"
 
 namespace fs {
 

@@ -8,7 +8,6 @@
 
 #include "base/error.h"
 #include "client/remote_scene.h"
-#include "scene/transfer.h"
 
 namespace fs {
 namespace {
@@ -248,32 +247,8 @@ bool RemoteScene::take_event(fs_event& out) {
     } catch (const Error&) {  // whatever it is, the next call is told
     }
   }
-  const Outbox& outbox = *connection_.outbox();
-  const uint64_t written = outbox.events_written.load(std::memory_order_acquire);
-  uint64_t lost = 0;
-  if (written - events_read_ > event_slots) {
-    lost = written - event_slots - events_read_;
-    events_read_ = written - event_slots;
-  }
-  wire::EventSlot slot;
-  const auto read_next = [&] {
-    return outbox.events[events_read_ % event_slots].read(slot) && slot.number == events_read_;
-  };
-  while (events_read_ != written && !read_next()) {
-    ++lost;  // overwritten meanwhile
-    ++events_read_;
-  }
-  out = {};
-  if (lost) {
-    out.kind = FS_EVENT_OVERFLOW;
-    out.time = now();
-    out.value = static_cast<double>(lost);
-    return true;
-  }
-  if (events_read_ != written) {
-    ++events_read_;
-    out = slot.event;
-    out.name[sizeof out.name - 1] = out.text[sizeof out.text - 1] = 0;
+  if (events_.read(*connection_.outbox(), out)) {
+    if (out.kind == FS_EVENT_OVERFLOW) out.time = now();
     return true;
   }
   if (!loss) return false;

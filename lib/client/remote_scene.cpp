@@ -6,7 +6,6 @@
 #include <new>
 
 #include "base/error.h"
-#include "scene/transfer.h"
 
 namespace fs {
 namespace {

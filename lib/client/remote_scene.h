@@ -23,6 +23,7 @@
 #include "base/name_map.h"
 #include "client/connection.h"
 #include "scene/local_scene.h"
+#include "transfer/records.h"
 
 namespace fs {
 
@@ -230,7 +231,8 @@ struct RemoteScene final : Scene {
   Fetched<Shape> fetched_shapes_;
   Fetched<Curve> fetched_curves_;
   std::set<std::string, std::less<>> behind_;  // of which the server may have something else than the replica
-  uint64_t edits_seen_ = 0, events_read_ = 0;
+  uint64_t edits_seen_ = 0;
+  EventReader events_;
   std::optional<uint64_t> pull_;        // serial of the one that has not been answered: what it brings is told once
   std::optional<wire::Pulled> pulled_;  // its answer, until the replica has it
   // Questions about objects are numbered. While one is open: names that were changed since, with the newest question then.

@@ -6,7 +6,6 @@
 
 #include "base/error.h"
 #include "client/remote_scene.h"
-#include "scene/transfer.h"
 
 namespace fs {
 
@@ -107,7 +106,7 @@ bool RemoteScene::deliver(Group& group) {
 
 // Moves alone need no message; unless a change before them has not been applied yet: they would be felt before it.
 bool RemoteScene::may_be_written(const Group& group) const {
-  const uint64_t settled = connection_.outbox()->settled.load(std::memory_order_acquire);
+  const uint64_t settled = connection_.outbox()->applied.load(std::memory_order_acquire);
   return std::all_of(group.changes.begin(), group.changes.end(), [&](const Change& change) {
     const auto slot = change.type == wire::type_place ? slots_.find(change.name) : slots_.end();
     return slot != slots_.end() && slot->second.index != wire::no_slot && slot->second.after <= settled;
@@ -363,7 +362,7 @@ bool RemoteScene::upload_parts(const Object& object, uint32_t parts) {
 void RemoteScene::forget_unused() {
   const bool are_many = data_.size() > wire::most_data(connection_.welcome().max_objects) / 2;
   if (maybe_unused_.empty() || !(is_current() || are_many)) return;
-  const uint64_t settled = connection_.outbox()->settled.load(std::memory_order_acquire);
+  const uint64_t settled = connection_.outbox()->applied.load(std::memory_order_acquire);
   for (auto next = maybe_unused_.begin(); next != maybe_unused_.end();) {
     const auto [id, after] = *next;
     const auto found = data_.find(id);

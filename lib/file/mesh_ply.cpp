@@ -8,7 +8,7 @@
 #include "file/binary.h"
 #include "file/mesh_formats.h"
 #include "file/polygon.h"
-#include "file/text.h"
+#include "file/mesh_text.h"
 
 namespace fs {
 namespace {

@@ -226,7 +226,7 @@ void Session::submit(Unit&& unit) {
 }
 
 void Session::tell_settled() noexcept {
-  if (outbox_ && parked_.empty() && waiting_requests_.empty()) outbox_->settled.store(last_serial_, std::memory_order_release);
+  if (outbox_ && parked_.empty() && waiting_requests_.empty()) outbox_->applied.store(last_serial_, std::memory_order_release);
 }
 
 void Session::catch_up() noexcept {

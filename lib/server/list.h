@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "ipc/blob.h"
-#include "ipc/wire.h"
+#include "transfer/wire.h"
 
 namespace fs {
 

@@ -17,6 +17,7 @@
 
 #include "base/error.h"
 #include "base/signals.h"
+#include "ipc/inbox.h"
 #include "server/session.h"
 
 using namespace fs;

@@ -9,6 +9,8 @@
 #include <new>
 
 #include "base/error.h"
+#include "ipc/region.h"
+#include "transfer/layout.h"
 
 namespace fs {
 namespace {
@@ -437,15 +439,7 @@ void Session::keep_house() noexcept {
   }
 }
 
-void Session::push_event(const fs_event& event) noexcept {
-  const uint64_t number = outbox_->events_written.load(std::memory_order_relaxed);
-  if (event.kind == FS_EVENT_OVERFLOW) {  // numbers that are never there: the client counts them with those it missed
-    outbox_->events_written.store(number + static_cast<uint64_t>(event.value), std::memory_order_release);
-    return;
-  }
-  outbox_->events[number % event_slots].write({number, event});
-  outbox_->events_written.store(number + 1, std::memory_order_release);
-}
+void Session::push_event(const fs_event& event) noexcept { fs::push_event(*outbox_, event); }
 
 void Session::note_edit(const std::string& object, const std::string& editor, bool is_removed) {
   if (!objects_.contains(object)) return;

@@ -12,9 +12,9 @@
 
 #include "base/error.h"
 #include "base/name_map.h"
-#include "ipc/region.h"
 #include "ipc/socket.h"
-#include "scene/transfer.h"
+#include "transfer/records.h"
+#include "transfer/shared_memory.h"
 #include "server/allowance.h"
 #include "server/server.h"
 

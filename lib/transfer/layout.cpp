@@ -1,10 +1,11 @@
-#include "ipc/wire.h"
+#include "transfer/layout.h"
 
 #include <cstddef>
 #include <type_traits>
 #include <vector>
 
-#include "ipc/region.h"
+#include "base/hash.h"
+#include "transfer/shared_memory.h"
 
 namespace fs::wire {
 namespace {
@@ -169,12 +170,7 @@ const std::string& layout_text() {
   return text;
 }
 
-// FNV-1a, 64 bits (Fowler, Noll, Vo).
-uint64_t layout_id() {
-  uint64_t hash = 0xcbf29ce484222325;
-  for (const char c : layout_text()) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3;
-  return hash;
-}
+uint64_t layout_id() { return hash_of(layout_text()); }
 
 std::string layout_difference(std::string_view client, std::string_view server) {
   while (!client.empty() || !server.empty()) {

@@ -1,17 +1,15 @@
-// The records that a client and a server exchange, and the table of them. Both ends must have the same: the layout's
-// number is compared when a client connects, and a mismatch is told by record and field.
+// The records that a client and a server exchange. Both ends must have the same (layout.h).
 //
 // On the socket (SOCK_SEQPACKET) each message is a Header and one record of the type's own; a file descriptor may come
-// with it. In shared memory: region.h. All numbers are those of the machine; no record has padding.
+// with it. In shared memory: shared_memory.h. All numbers are those of the machine; no record has padding.
 //
 // A client's messages are numbered by Header::serial, rising. The changes of a group are one message, so that all of them
 // are sent or none. Requests are answered by a Reply of the same serial; changes are not answered: an event tells what was
 // refused, and a pull what is there instead.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
-#include <string>
-#include <string_view>
 
 #include <forceserver/server.h>
 
@@ -252,14 +250,5 @@ struct EventSlot {
   uint64_t number;
   fs_event event;
 };
-
-// --------------------------------------------------------------------------------------------------------- the table
-
-// "record field offset size kind", a line each; kind: f(loating) u(nsigned) i(nteger) c(haracters) r(ecord).
-const std::string& layout_text();
-uint64_t layout_id();
-
-// What differs first, as a sentence; empty: nothing.
-std::string layout_difference(std::string_view client, std::string_view server);
 
 }  // namespace fs::wire

@@ -1,4 +1,4 @@
-#include "scene/transfer.h"
+#include "transfer/records.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "file/text.h"
+#include "file/mesh_text.h"
 
 #include <charconv>
 #include <cmath>

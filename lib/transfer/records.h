@@ -1,10 +1,11 @@
-// Between the things of a scene and the records that go from process to process (ipc/wire.h). What comes in is checked as
+// Between the things of a scene and the records that go from process to process (wire.h). What comes in is checked as
 // if it came from anybody; objects are checked where they are set.
 #pragma once
 
+#include "base/text.h"
 #include "ipc/blob.h"
-#include "ipc/wire.h"
 #include "scene/local_scene.h"
+#include "transfer/wire.h"
 
 namespace fs {
 
@@ -34,18 +35,5 @@ bool from_record(const wire::Movement& record, Motion& motion) noexcept;  // the
 
 // What a change of the frame, the clutch or the tool that has not been done yet makes of a view.
 void foresee(fs_view& view, wire::Type type, std::span<const std::byte> record);
-
-// A name that came in a record, cut where it has no end.
-template <size_t n>
-std::string text_of(const char (&text)[n]) {
-  return std::string(text, strnlen(text, n));
-}
-
-// Puts text into a record's field, cut where it is too long; the rest is 0.
-template <size_t n>
-void put_text(char (&field)[n], std::string_view text) {
-  std::memset(field, 0, n);
-  text.copy(field, n - 1);
-}
 
 }  // namespace fs

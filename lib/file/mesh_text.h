@@ -1,4 +1,4 @@
-// The words and numbers of a text file, with their line. Numbers do not depend on the locale.
+// The words and numbers of a mesh file that is text, with their line. Numbers do not depend on the locale.
 #pragma once
 
 #include <cstdint>
