@@ -315,7 +315,8 @@ Ref<const Shape> RemoteScene::receive_shape(Call& call, uint64_t id) {
   if (Ref<const Shape> known = find_shape(id)) return known;
   Answer answer = fetch(call, id);
   answer.require_data();
-  const Ref<const Shape> shape = from_record(answer.as<wire::Shape>(), std::move(answer.data));
+  Wanted wanted;
+  const Ref<const Shape> shape = unpack({wire::type_shape, answer.as<wire::Shape>(), {}, std::move(answer.data)}, wanted).shape;
   keep_fetched(fetched_shapes_, id, shape);
   return shape;
 }
@@ -326,7 +327,8 @@ Ref<const Curve> RemoteScene::receive_curve(Call& call, uint64_t id) {
   Answer answer = fetch(call, id);
   const auto record = answer.as<wire::Curve>();
   if (record.count) answer.require_data();
-  const Ref<const Curve> curve = from_record(record, std::move(answer.data));
+  Wanted wanted;
+  const Ref<const Curve> curve = unpack({wire::type_curve, {}, record, std::move(answer.data)}, wanted).curve;
   keep_fetched(fetched_curves_, id, curve);
   return curve;
 }

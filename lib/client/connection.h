@@ -10,7 +10,10 @@
 #include <string>
 #include <vector>
 
+#include "base/clock.h"
 #include "base/error.h"
+#include "base/text.h"
+#include "ipc/blob.h"
 #include "ipc/socket.h"
 #include "transfer/records.h"
 #include "transfer/shared_memory.h"

@@ -9,7 +9,7 @@ fs_view RemoteScene::own_view(Call& call) {
   const wire::Target target = to_target(client_.c_str(), "client");
   auto out = request(call, wire::type_view, bytes_of(&target, 1)).as<fs_view>();
   if (!group_) return out;
-  for (const Change& change : group_->changes) foresee(out, change.type, change.record);
+  for (const Change& change : group_->changes) foresee(out, fs::Change{change.type, change.record});
   return out;
 }
 

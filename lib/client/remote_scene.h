@@ -23,6 +23,7 @@
 #include "base/name_map.h"
 #include "client/connection.h"
 #include "scene/local_scene.h"
+#include "transfer/asset.h"
 #include "transfer/records.h"
 
 namespace fs {

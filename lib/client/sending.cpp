@@ -314,17 +314,15 @@ bool RemoteScene::is_missing(uint64_t id) const {
 bool RemoteScene::upload(const Shape* shape) {
   if (!shape || !is_missing(shape->serial)) return true;
   if (!has_room_for_data()) return false;
-  Descriptor content;
-  const wire::Shape record = to_record(*shape, content);
-  return upload(wire::type_shape, shape->serial, bytes_of(&record, 1), content, {Ref<const Shape>::share(shape), nullptr});
+  const PackedAsset packed = pack(Asset::of(shape));
+  return upload(wire::type_shape, shape->serial, packed.record(), packed.content, {Ref<const Shape>::share(shape), nullptr});
 }
 
 bool RemoteScene::upload(const Curve* curve) {
   if (!curve || !is_missing(curve->serial)) return true;
   if (!has_room_for_data()) return false;
-  Descriptor content;
-  const wire::Curve record = to_record(*curve, content);
-  return upload(wire::type_curve, curve->serial, bytes_of(&record, 1), content, {nullptr, Ref<const Curve>::share(curve)});
+  const PackedAsset packed = pack(Asset::of(curve));
+  return upload(wire::type_curve, curve->serial, packed.record(), packed.content, {nullptr, Ref<const Curve>::share(curve)});
 }
 
 bool RemoteScene::upload(wire::Type type, uint64_t id, std::span<const std::byte> record, const Descriptor& content,

@@ -78,74 +78,45 @@ fs_object from_record(const wire::Object& r) {
   return out;
 }
 
-wire::Shape to_record(const Shape& shape, Descriptor& data) {
-  data = make_blob({bytes_of(shape.points.data(), shape.points.size()),
-                    bytes_of(shape.triangles.data(), shape.triangles.size())});
-  return {shape.serial, static_cast<uint32_t>(shape.primitive),
-          shape.primitive == FS_PRIMITIVE_POLYLINE && shape.closed, shape.points.size(), shape.triangles.size() / 3};
-}
-
-wire::Curve to_record(const Curve& curve, Descriptor& data) {
-  wire::Curve out{};
-  out.id = curve.serial;
-  if (const std::vector<double>* table = curve.table()) {
-    data = make_blob({bytes_of(table->data(), table->size())});
-    out.count = table->size();
-    out.step = curve.step();
-  } else {
-    put_text(out.expression, *curve.expression());
+std::optional<size_t> record_size(uint32_t type) noexcept {
+  using namespace wire;
+  switch (type) {
+    case type_shape: return sizeof(wire::Shape);
+    case type_curve: return sizeof(wire::Curve);
+    case type_forget: return sizeof(Forget);
+    case type_set:
+    case type_change: return sizeof(Set);
+    case type_place: return sizeof(Place);
+    case type_remove: return sizeof(Remove);
+    case type_frame: return sizeof(Frame);
+    case type_clutch: return sizeof(Clutch);
+    case type_tool: return sizeof(wire::Tool);
+    case type_bind: return sizeof(Bind);
+    case type_clear:
+    case type_wake:
+    case type_sync:
+    case type_reports:
+    case type_clients:
+    case type_stats:
+    case type_device: return 0;
+    case type_get:
+    case type_pull:
+    case type_report:
+    case type_view:
+    case type_motions:
+    case type_remove_other: return sizeof(Target);
+    case type_fetch: return sizeof(Fetch);
+    case type_edit: return sizeof(Edit);
+    case type_move_other: return sizeof(MoveOther);
+    default: return {};
   }
-  return out;
 }
 
-uint64_t data_size(const wire::Shape& r) {
-  const bool is_mesh = r.primitive == FS_PRIMITIVE_MESH;
-  if (!is_mesh && r.primitive != FS_PRIMITIVE_POLYLINE) {
-    fail(FS_ERROR_INVALID, "the shape's primitive is %u, must be POLYLINE (1) or MESH (3)", r.primitive);
-  }
-  if (r.point_count > 4'000'000'000 || r.triangle_count > 500'000'000 || (!is_mesh && r.triangle_count != 0)) {
-    fail(FS_ERROR_INVALID, "the shape has %llu points and %llu triangles: too many",
-         static_cast<unsigned long long>(r.point_count), static_cast<unsigned long long>(r.triangle_count));
-  }
-  return r.point_count * sizeof(Vec3) + r.triangle_count * 3 * sizeof(uint32_t);
-}
-
-uint64_t data_size(const wire::Curve& r) {
-  if (r.count > uint64_t{1} << 40) {
-    fail(FS_ERROR_INVALID, "the table has %llu entries: too many", static_cast<unsigned long long>(r.count));
-  }
-  return r.count * sizeof(double);
-}
-
-Ref<const Shape> from_record(const wire::Shape& r, Descriptor data, Wanted& wanted) {
-  check_blob(data, data_size(r));
-  std::vector<Vec3> points(r.point_count);
-  std::vector<uint32_t> triangles(3 * r.triangle_count);
-  read_blob(data, 0, std::as_writable_bytes(std::span(points)));
-  read_blob(data, points.size() * sizeof(Vec3), std::as_writable_bytes(std::span(triangles)));
-  data.reset();
-  if (r.primitive == FS_PRIMITIVE_POLYLINE) return make_polyline(points.data(), points.size(), r.is_closed != 0, wanted);
-  return make_mesh(points.data(), points.size(), triangles.data(), r.triangle_count, wanted);
-}
-
-Ref<const Curve> from_record(const wire::Curve& r, Descriptor data) {
-  if (r.count == 0) return make_expression_curve(text_of(r.expression).c_str());
-  check_blob(data, data_size(r));
-  std::vector<double> table(r.count);
-  read_blob(data, 0, std::as_writable_bytes(std::span(table)));
-  data.reset();
-  return make_table_curve(table.data(), table.size(), r.step);
-}
-
-void foresee(fs_view& view, wire::Type type, std::span<const std::byte> record) {
-  const auto as = [record]<class T>(T out) {
-    std::memcpy(&out, record.data(), std::min(record.size(), sizeof out));
-    return out;
-  };
-  if (type == wire::type_frame) view.frame = as(wire::Frame{}).frame;
-  if (type == wire::type_clutch) view.held = as(wire::Clutch{}).is_held != 0;
-  if (type != wire::type_tool) return;
-  const auto tool = as(wire::Tool{});
+void foresee(fs_view& view, const Change& change) {
+  if (change.type == wire::type_frame) view.frame = change.as<wire::Frame>().frame;
+  if (change.type == wire::type_clutch) view.held = change.as<wire::Clutch>().is_held != 0;
+  if (change.type != wire::type_tool) return;
+  const auto& tool = change.as<wire::Tool>();
   if (tool.count < 1 || tool.count > FS_TOOL_POINTS_MAX) return;
   std::fill(std::begin(view.points), std::end(view.points), Vec3{});
   std::copy_n(tool.points, tool.count, view.points);

@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "base/clock.h"
+#include "base/text.h"
 #include "ipc/blob.h"
 #include "ipc/region.h"
 #include "ipc/socket.h"
