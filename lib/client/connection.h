@@ -20,6 +20,11 @@
 
 namespace fs {
 
+// FULL: data that come with an answer are not there.
+inline void require_data(const Descriptor& data) {
+  if (!data) fail(FS_ERROR_FULL, "no descriptor is left in this process for the server's answer");
+}
+
 // What a server says to a request.
 struct Answer {
   std::vector<std::byte> body;
@@ -34,9 +39,6 @@ struct Answer {
     std::memcpy(&out, body.data(), sizeof out);
     return out;
   }
-  void require_data() const {  // FULL
-    if (!data) fail(FS_ERROR_FULL, "no descriptor is left in this process for the server's answer");
-  }
   // The data that came along, so many T. FULL, INTERNAL, IO.
   template <class T>
   std::vector<T> list() const {
@@ -45,7 +47,7 @@ struct Answer {
     if (count > most) {
       fail(FS_ERROR_INTERNAL, "the server's list has %llu entries", static_cast<unsigned long long>(count));
     }
-    require_data();
+    require_data(data);
     check_blob(data, count * sizeof(T));
     std::vector<T> out(count);
     read_blob(data, 0, std::as_writable_bytes(std::span(out)));
