@@ -56,7 +56,7 @@ fs_status fs_device_get_info(fs_device* device, fs_device_info* out) {
 
 namespace {
 
-// f(device) unless a servo has it.
+// Calls f(device), unless a servo has the device.
 template <class F>
 fs_status on_device(fs_device* device, F&& f) {
   return guarded([&] {

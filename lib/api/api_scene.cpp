@@ -17,8 +17,8 @@ const char* fs_event_kind_name(fs_event_kind kind) {
 
 namespace {
 
-// A call on a scene: `scene` is checked, what f throws becomes a status. The scene stays until the call ends, also when
-// another thread gives its handle back meanwhile.
+// Checks `scene`, calls f, and makes a status of what it throws. The scene lives until the call ends, also when another
+// thread destroys its handle meanwhile.
 template <class F>
 fs_status on_scene(fs_scene* scene, F&& f) {
   return guarded([&] {

@@ -11,7 +11,8 @@ using namespace fs;
 
 namespace {
 
-// The handles that are out, so that a servo may be stopped by two threads at once, or twice. Under the process's mutex.
+// The handles that applications have, so that a servo may be stopped by two threads at once, or twice. Guarded by the
+// process's mutex.
 std::set<fs_servo*>& handles() {
   static std::set<fs_servo*>& all = *new std::set<fs_servo*>;  // never destroyed: the process may be ending
   return all;

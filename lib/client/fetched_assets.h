@@ -1,5 +1,5 @@
-// What the numbers of shapes and curves mean that come from the server: what this client has sent, or what the server offers
-// of others. The latter are fetched once, and the newest are kept for the next who asks.
+// Finds the shapes and curves that records of the server refer to: those that this client has sent, and those of others, which
+// are fetched from the server. The newest that were fetched are kept for the next record.
 #pragma once
 
 #include <deque>
@@ -14,11 +14,11 @@ class FetchedAssets {
  public:
   FetchedAssets(Line& line, const SentAssets& sent) : line_(line), sent_(sent) {}
 
-  bool is_here(const wire::Object& record) const;         // nothing has to be fetched for it
-  LinkedObject link(const wire::Object& record) const;    // one that is here
-  // Fetches what is not here. May wait. NOT_FOUND: the server does not offer it any more.
+  bool is_here(const wire::Object& record) const;         // nothing has to be fetched for the record
+  LinkedObject link(const wire::Object& record) const;    // of a record that is_here
+  // The same, but fetches what is not here. May wait. NOT_FOUND: the server offers it no longer.
   LinkedObject receive(Call& call, const wire::Object& record);
-  // The server's number of one that came from it; 0: it did not, or is not kept any more.
+  // The server's number of an asset that was fetched; 0: it was not, or is not kept any more.
   uint64_t number_of(const Asset& asset) const;
 
  private:

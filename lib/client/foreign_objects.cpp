@@ -13,7 +13,7 @@ namespace {
 
 constexpr int most_gets = 4;  // of an object that others change again and again
 
-// The object's own name, for checks: without its client's.
+// Leaves the object its own name without its client's, for checks.
 void put_bare_name(fs_object& object) {
   const std::string name = text_of(object.name);
   put_text(object.name, name.substr(name.find('/') + 1));
@@ -38,13 +38,13 @@ Ref<const Object> ForeignObjects::get(Call& call, const char* name, fs_object& o
       out = received.object;
       put_text(out.name, name);
       return object;
-    } catch (const Error& error) {  // it was changed before all of it was fetched
+    } catch (const Error& error) {  // the object was changed before all of it was fetched
       if (error.status != FS_ERROR_NOT_FOUND || i == most_gets) throw;
     }
   }
 }
 
-// The object as the open group has it, which from now on changes it. May wait: then the group may have gone.
+// Makes the object one that the open group changes. May wait; then the group may have been closed meanwhile.
 Group::Foreign& ForeignObjects::join_group(Call& call, const char* name) {
   if (line_.connection.welcome().is_locked) {
     fail(FS_ERROR_DENIED, "name is '%.128s': this server lets a client change its own objects only", name);
@@ -59,14 +59,14 @@ Group::Foreign& ForeignObjects::join_group(Call& call, const char* name) {
 void ForeignObjects::change(Call& call, const fs_object& object, uint32_t parts, double now) {
   const std::string name = text_of(object.name);
   wire::Edit edit{to_target(name.c_str(), "name"), parts, to_record(object)};
-  if (parts == 0) {  // whether it is there
+  if (parts == 0) {  // only whether it is there
     fs_object present;
     get(call, name.c_str(), present);
     return;
   }
   if ((parts & FS_PART_POSE) && edit.object.time == 0) edit.object.time = now;
   if (group_) return change_in_group(call, object, edit);
-  // What came from the server goes back by its number; unless the server has let go of it, then it is sent as a new one.
+  // An asset that came from the server goes back by its number. Where the server offers it no longer, it is sent as new.
   const Assets assets = assets_of(object, parts);
   if (!try_change(call, assets, edit, true)) try_change(call, assets, edit, false);
 }
@@ -86,7 +86,7 @@ void ForeignObjects::change_in_group(Call& call, const fs_object& object, wire::
   present.kept = parsed;
 }
 
-// Shapes and curves that are in use while a change is asked for that brings them.
+// Keeps assets in use while the server answers the change that brings them.
 class ForeignObjects::Pins {
  public:
   explicit Pins(SentAssets& sent) : sent_(sent) { ids_.reserve(3); }
@@ -94,7 +94,7 @@ class ForeignObjects::Pins {
     for (const uint64_t id : ids_) {
       try {
         sent_.stop_using(id);
-      } catch (const std::bad_alloc&) {  // the server keeps it longer than it must
+      } catch (const std::bad_alloc&) {  // then the server keeps it longer than it must
       }
     }
   }
@@ -110,7 +110,7 @@ class ForeignObjects::Pins {
   std::vector<uint64_t> ids_;
 };
 
-// False: the server has let go of an asset to which the change refers by the server's number.
+// may_refer: by the server's numbers. False: the server no longer offers one of these.
 bool ForeignObjects::try_change(Call& call, const Assets& assets, wire::Edit& edit, bool may_refer) {
   bool refers = false;
   Pins pins(sent_);

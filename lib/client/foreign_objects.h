@@ -1,5 +1,5 @@
-// Objects of other clients, as a connected scene reaches them: each get is a request. A change is one, too, which is
-// answered when it is done; in an open group it is added to that instead, which then has the object as it will be.
+// Gets and changes objects of other clients. Each get is a request, and so is each change, which the server answers when it is
+// done. While a group is open, changes become part of the group instead, and gets see them there.
 #pragma once
 
 #include <memory>
@@ -11,11 +11,11 @@ namespace fs {
 
 class ForeignObjects {
  public:
-  // group: the one that is open; null: none.
+  // group: the group that is open; null: none.
   ForeignObjects(Line& line, SentAssets& sent, FetchedAssets& fetched, const std::unique_ptr<Group>& group)
       : line_(line), sent_(sent), fetched_(fetched), group_(group) {}
 
-  // As an open group has it, else as the server has it. Returns the name that was asked for, ready for change.
+  // The object as an open group has it, else as the server has it. Its name is the one that was asked for, ready for change.
   Ref<const Object> get(Call& call, const char* name, fs_object& out);
   // now: s, of the scene's clock.
   void change(Call& call, const fs_object& object, uint32_t parts, double now);

@@ -38,7 +38,7 @@ void Group::note_name(const std::string& name, bool is_there) {
   names_[name] = is_there;
 }
 
-// What was refused is at no server: it has room of its own.
+// Refused objects are not at the server: they have room of their own.
 void Group::require_room(size_t objects, size_t changes) const {
   const OwnObjects& own = replica_.objects;
   const size_t most = max_objects_, most_changes = wire::most_changes(max_objects_);
@@ -51,7 +51,7 @@ void Group::require_room(size_t objects, size_t changes) const {
     fail(FS_ERROR_FULL, "the scene would hold %zu objects, %zu of them refused: remove these", names, own.refused_count());
   }
   if (batch.size() + changes > most_changes) {
-    fail(FS_ERROR_FULL, "the group would be of %zu changes, must be at most %zu", batch.size() + changes, most_changes);
+    fail(FS_ERROR_FULL, "the group would have %zu changes, must be at most %zu", batch.size() + changes, most_changes);
   }
 }
 
@@ -61,7 +61,7 @@ void Group::add_object(wire::Type type, const char* name, uint32_t parts) {
   Assets assets = assets_of(*kept, parts);
   wire::Set set{0, parts, to_record(object)};
   for (double* time : {&set.object.time, &set.object.start}) {
-    // The first instant of a virtual clock; in an object 0 would mean now, when it comes there.
+    // The first instant of a virtual clock is 0, which in an object means "now": at the server that would be later.
     if (*time == 0) *time = std::numeric_limits<double>::min();
   }
   put_ids(set.object, ids_of(assets));

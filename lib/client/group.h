@@ -1,5 +1,6 @@
-// The changes of a group that is not sent yet, or one change alone: as a batch, with what sending it needs, and with what
-// the group has made of names and of objects of others, which getters see and the server does not know yet.
+// A group that is not sent yet, or one change alone: its changes as a batch, and the objects and assets that sending them
+// needs. It also knows which names there will be, to count objects, and how the group has changed objects of others, which
+// getters see before the server does.
 #pragma once
 
 #include <map>
@@ -14,22 +15,22 @@ namespace fs {
 
 class Group {
  public:
-  // max_objects: that the server allows.
+  // max_objects: as many as the server allows.
   Group(const Replica& replica, uint32_t max_objects) : replica_(replica), max_objects_(max_objects) {}
 
-  // ---- Putting it together, after the replica has taken the change.
-  void require_room(size_t objects, size_t changes = 1) const;  // for so many new objects, and changes. FULL
-  bool is_object(std::string_view name) const;  // the server has one of this name, once the group is applied
-  void add_object(wire::Type type, const char* name, uint32_t parts);  // set or change: as the replica has it
-  void add_place(const char* name);                                    // as the replica has it
+  // ---- To put it together. Each change is added after the replica has taken it.
+  void require_room(size_t objects, size_t changes = 1) const;  // for so many more objects and changes. FULL
+  bool is_object(std::string_view name) const;  // once the group is applied, the server has such an object
+  void add_object(wire::Type type, const char* name, uint32_t parts);  // set or change: the object as the replica has it
+  void add_place(const char* name);                                    // the motion that the replica has
   void add_remove(const char* name);
   void add_clear();
-  void add_frame();  // as the replica has it
+  void add_frame();  // the one that the replica has
   void add_tool();
   void add_clutch(bool held) { batch.add(wire::type_clutch, wire::Clutch{held}); }
   void add_foreign(wire::Type type, std::span<const std::byte> record, Assets assets = {});
 
-  // An object of another client, as the group has it.
+  // An object of another client, as the group has changed it.
   struct Foreign {
     fs_object object;
     Ref<const Object> kept;  // null: removed
@@ -38,10 +39,10 @@ class Group {
 
   // ---- To be sent.
   Batch batch;
-  const Object* object(size_t i) const {  // of a set or change; null: of none
+  const Object* object(size_t i) const {  // that a set or change makes; null: any other change
     return i < objects_.size() ? objects_[i].get() : nullptr;
   }
-  // Those that the change brings, which have to be at the server before it.
+  // That the change refers to: the server must have them before it.
   const Assets& assets(size_t i) const;
 
  private:
@@ -50,11 +51,11 @@ class Group {
 
   const Replica& replica_;
   const uint32_t max_objects_;
-  // By the number of the change; shorter where the last changes have none.
+  // By the index of the change; the last changes may have no entry.
   std::vector<Ref<const Object>> objects_;
   std::vector<Assets> assets_;
-  std::map<std::string, bool, std::less<>> names_;  // that the changes speak of; true: there is such an object then
-  ptrdiff_t more_names_ = 0, more_objects_ = 0;     // than there were; what was refused is a name, but no object
+  std::map<std::string, bool, std::less<>> names_;  // that the changes name; true: there is such an object then
+  ptrdiff_t more_names_ = 0, more_objects_ = 0;     // than before the group; a refused object counts as a name only
 };
 
 }  // namespace fs

@@ -7,12 +7,12 @@
 namespace fs {
 namespace {
 
-constexpr double answer_limit = 1;     // s, that a call waits for the server
-constexpr double longest_wait = 2e-3;  // s: another thread may take in the answer
+constexpr double answer_limit = 1;     // s, the longest wait of a call for the server
+constexpr double longest_wait = 2e-3;  // s, at once: another thread may have taken in the answer
 
 }  // namespace
 
-// Not after a loss; and in a forked child not even to the lock, which nobody there may ever give back.
+// In a forked child it does not even touch the lock, which nobody may ever give back there.
 Call Line::enter(double* steady) const {
   if (connection.is_forked()) connection.check();
   std::unique_lock lock(mutex_);
@@ -28,7 +28,7 @@ bool Line::try_pause(Call& call, bool is_for_room) {
   call.lock.unlock();
   if (is_for_room) {
     connection.wait_for_room(rest);
-    // Room alone is not enough where too many descriptors are on their way.
+    // Room alone is not enough where too many descriptors are in transit.
     std::this_thread::sleep_for(std::chrono::microseconds(200));
   } else {
     connection.wait(rest);
@@ -63,7 +63,7 @@ wire::Target to_target(const char* name, const char* field) {
   wire::Target out{};
   const size_t size = strnlen(name, sizeof out.name);
   if (size == sizeof out.name) {
-    fail(FS_ERROR_NOT_FOUND, "%s is '%.80s...': there is none of such a long name", field, name);
+    fail(FS_ERROR_NOT_FOUND, "%s is '%.80s...': no name is that long", field, name);
   }
   std::memcpy(out.name, name, size);
   return out;

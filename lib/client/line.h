@@ -1,6 +1,6 @@
-// A connected scene's way to its server, for calls of many threads. A call has the lock while it works, and gives it back
-// while it waits for the server, so that others go on meanwhile: after a wait anything may have changed. No call waits
-// longer than its own time.
+// The line from a connected scene to its server, for calls of many threads. A call holds the lock while it works, and gives it
+// back while it waits for the server, so that other calls can go on: after a wait anything may have changed. Each call has an
+// end, after which it waits no longer.
 #pragma once
 
 #include <mutex>
@@ -13,8 +13,8 @@ namespace fs {
 // A call that is under way.
 struct Call {
   std::unique_lock<std::mutex> lock;
-  double limit;  // s, that it waits at most
-  double end;    // s, monotonic clock: then it waits no longer
+  double limit;  // s, the longest wait, for the sentence
+  double end;    // s, monotonic clock
 };
 
 class Line {
@@ -23,23 +23,23 @@ class Line {
 
   Connection connection;
 
-  // DISCONNECTED. steady: s, monotonic clock.
+  // Begins a call. steady: becomes the time, s, monotonic clock. DISCONNECTED.
   Call enter(double* steady = nullptr) const;
   std::unique_lock<std::mutex> enter_unchecked() const { return std::unique_lock(mutex_); }  // also after a loss
 
-  // Waits for room to send or for an answer, without the lock. False: the call's time is over.
+  // Waits a little for room to send or for an answer, without the lock. False: the call's end has come.
   bool try_pause(Call& call, bool is_for_room);
   void pause(Call& call, bool is_for_room);  // TIMEOUT
-  // Asks and waits for the answer. TIMEOUT, or what the server says.
+  // Sends a request and waits for the answer. TIMEOUT, or what the server refuses.
   Answer request(Call& call, wire::Type type, std::span<const std::byte> body = {});
   template <class Record>
   Answer request(Call& call, wire::Type type, const Record& record) {
     return request(call, type, std::as_bytes(std::span(&record, 1)));
   }
-  // Gives the call a whole answer's time from now on.
+  // Moves the call's end: it may wait for one more whole answer.
   static void extend(Call& call) noexcept;
 
-  // The server and this end have come apart, as there was no memory in the middle of a change.
+  // Gives the server up, because there was no memory in the middle of a change: both ends may differ.
   void lose_for_memory() const noexcept {
     connection.lose("there was no memory in the middle of a change: the server is given up");
   }
@@ -48,7 +48,7 @@ class Line {
   mutable std::mutex mutex_;
 };
 
-// Of a name that a caller gave, for a request. NOT_FOUND: it is too long to be one. field: its name in the sentence.
+// A name that a caller gave, for a request. field: the name of the argument, for the sentence. NOT_FOUND: it is too long.
 wire::Target to_target(const char* name, const char* field);
 
 }  // namespace fs

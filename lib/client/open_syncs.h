@@ -1,44 +1,28 @@
-// Syncs that this client has asked for and that are not answered. A call may stop waiting for its own; as each answer may
-// tell of a refusal, which is told only once, the next call takes it.
+// The syncs that were asked for and are not answered yet. A call may stop waiting for its sync; but each answer may tell of a
+// refused change, only once, so a later call takes that answer.
 #pragma once
 
 #include <deque>
 
-#include "client/connection.h"
+#include "client/line.h"
+#include "client/pulls.h"
 
 namespace fs {
 
 class OpenSyncs {
  public:
-  explicit OpenSyncs(Connection& connection) : connection_(connection) {}
+  OpenSyncs(Line& line, Pulls& pulls) : line_(line), pulls_(pulls) {}
 
-  // Throws the first refusal that is told.
-  void take_answers() {
-    while (!serials_.empty() && connection_.has_answer(serials_.front())) {
-      const uint64_t serial = serials_.front();
-      serials_.pop_front();
-      Answer answer;
-      connection_.take_answer(serial, answer);
-    }
-  }
-  bool is_answered(uint64_t serial) const { return serials_.empty() || serials_.front() > serial; }
-  uint64_t ask() {  // serial; 0: there is no room
-    constexpr size_t most = 32;
-    if (serials_.size() >= most) return 0;
-    serials_.push_back(0);  // before it is asked for, so that its answer cannot be lost
-    try {
-      serials_.back() = connection_.ask(wire::type_sync);
-    } catch (...) {
-      serials_.pop_back();
-      throw;
-    }
-    const uint64_t serial = serials_.back();
-    if (!serial) serials_.pop_back();
-    return serial;
-  }
+  // Waits until ticks have used all changes so far; then the replica has what became of them, if the call may wait so long.
+  // Throws the first refusal that is told; TIMEOUT. timeout: s, for the sentence.
+  void wait(Call& call, double timeout);
 
  private:
-  Connection& connection_;
+  void take_answers();
+  uint64_t ask();
+
+  Line& line_;
+  Pulls& pulls_;
   std::deque<uint64_t> serials_;  // the oldest first
 };
 

@@ -40,7 +40,7 @@ void OwnObjects::note_object(OwnObject& own, const Object* object) {
     used = ids_of(assets_of(*object));
   }
   for (uint64_t& id : used) {
-    if (!sent_.use(id)) id = 0;  // the server's own
+    if (!sent_.use(id)) id = 0;  // of another client
   }
   for (const uint64_t id : own.assets) sent_.stop_using(id);
   own.assets = used;

@@ -1,6 +1,6 @@
-// What is known of this client's own objects, by name: through which slot of the inbox each is moved and after which change,
-// whether the server has refused it, which shapes and curves it uses. A move may reach the inbox before the replica: the
-// objects that are ahead of it are known here too.
+// What the client knows of its own objects beside the replica, by name: the slot of the inbox through which each is moved,
+// whether the server has refused it, and which assets it uses. Moves go to the inbox at once and to the replica only when
+// somebody looks at it; until then the objects are ahead of the replica.
 #pragma once
 
 #include <string_view>
@@ -13,14 +13,14 @@
 namespace fs {
 
 struct OwnObject {
-  const std::string* name = nullptr;  // its key
-  uint32_t slot = wire::no_slot;  // no_slot: there is none for it, so it is moved by messages
+  const std::string* name = nullptr;  // the key in OwnObjects
+  uint32_t slot = wire::no_slot;  // no_slot: none was free, so it is moved by messages
   uint64_t after = 0;             // serial of the change that last set its pose
   bool has_lifetime = false;
-  bool is_refused = false;        // the server has it not: it is here alone
-  AssetIds assets{};              // that it uses, of those that the server has from this client
+  bool is_refused = false;        // the server does not have it: it is in the replica alone
+  AssetIds assets{};              // that it uses, of those in SentAssets
   uint64_t moved_in = 0;          // the newest question at its last move
-  // Moved, and the replica does not know yet.
+  // Where it is, while it is ahead of the replica.
   bool is_ahead = false;
   Movement movement;
   OwnObject* next_ahead = nullptr;
@@ -39,16 +39,16 @@ class OwnObjects {
   }
   const OwnObject* find(std::string_view name) const { return const_cast<OwnObjects*>(this)->find(name); }
 
-  OwnObject& add(std::string_view name);  // or the one that is there
-  // The object is no more; whoever calls has given its slot back.
+  OwnObject& add(std::string_view name);  // or gives the one that is there
+  // There is no such object any more. The caller has given its slot back.
   void drop(std::string_view name);
   void drop_all();
-  void note_object(OwnObject& own, const Object* object);  // what it is now; null: nothing any more
+  void note_object(OwnObject& own, const Object* object);  // as it is now; null: it is gone
   void note_refused(OwnObject& own, bool is_refused) noexcept;
 
-  // Moves it as the inbox will have it; the replica comes later.
+  // Moves the object ahead of the replica.
   void move_ahead(OwnObject& own, const LocalScene& replica, const Pose& pose, const fs_twist* twist, double time);
-  void move_replica(LocalScene& replica);  // to where the objects are
+  void move_replica(LocalScene& replica);  // moves all that are ahead there, too
 
   SlotNumbers numbers;
 
@@ -58,7 +58,7 @@ class OwnObjects {
   SentAssets& sent_;
   NameMap<OwnObject> objects_;
   size_t refused_count_ = 0;
-  OwnObject* ahead_ = nullptr;  // the first of those that are
+  OwnObject* ahead_ = nullptr;  // the first object that is ahead; it links the others
 };
 
 }  // namespace fs

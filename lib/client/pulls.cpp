@@ -14,7 +14,7 @@ bool Pulls::is_current() const noexcept {
   return !asked_ && !pulled_ && connection_.outbox()->edits.load(std::memory_order_acquire) == edits_seen_;
 }
 
-// The question ends when the replica has the answer, or cannot have it.
+// The question of a pull is closed when the replica has taken in the answer, or could not.
 void Pulls::look() {
   while (!group_) {
     if (asked_) {
@@ -25,7 +25,7 @@ void Pulls::look() {
       try {
         edits_seen_ = pulled_->edits;
         adopt(*pulled_, question_);
-      } catch (const Error&) {  // it cannot be had as it is
+      } catch (const Error&) {  // the replica cannot take it in
         pulled_.reset();
         questions_.close();
         throw;
@@ -44,7 +44,7 @@ void Pulls::take_answer() {
     if (!connection_.take_answer(*asked_, answer)) return;
     pulled_ = answer.as<wire::Pulled>();
   } catch (const Error&) {
-    if (!connection_.is_awaited(*asked_)) {  // it is asked again
+    if (!connection_.is_awaited(*asked_)) {  // the next look asks again
       asked_.reset();
       questions_.close();
     }
@@ -64,7 +64,7 @@ bool Pulls::start_pull() {
 }
 
 void Pulls::catch_up(Call& call, const char* name) {
-  // Bounded, so a client that edits continuously cannot hold this one.
+  // Bounded, so a client that edits continuously cannot hold this call.
   const uint64_t wanted = connection_.outbox()->edits.load(std::memory_order_acquire);
   size_t fetches = 2 * size_t{connection_.welcome().max_objects} + 1;
   for (;;) {
@@ -88,7 +88,7 @@ void Pulls::catch_up_in_time(Call& call) {
   }
 }
 
-// Asks for one object and fetches what it consists of.
+// Asks for one object, and fetches its shape and curves.
 void Pulls::fetch_behind(Call& call, const std::string& name) {
   const wire::Target target = to_target(name.c_str(), "name");
   for (int i = 0; i < most_tries; ++i) {
@@ -105,13 +105,13 @@ void Pulls::fetch_behind(Call& call, const std::string& name) {
       take_over(pulled, received, asking.number);
       behind_.erase(name);
       return replica_.post();
-    } catch (const Error& error) {  // it was changed again before it was fetched
+    } catch (const Error& error) {  // the object was changed again meanwhile
       if (error.status != FS_ERROR_NOT_FOUND) throw;
     }
   }
 }
 
-// The replica becomes what the server has, unless this client has changed that since it asked.
+// Changes the replica to what the server has, unless this client has changed the same since it asked.
 void Pulls::adopt(const wire::Pulled& pulled, uint64_t question) {
   replica_.catch_up_with_moves();
   const std::string name = text_of(pulled.object.name);
@@ -119,7 +119,7 @@ void Pulls::adopt(const wire::Pulled& pulled, uint64_t question) {
   const bool is_of_object = pulled.state >= wire::pulled_present && pulled.state <= wire::pulled_refused;
   const bool is_here = pulled.state != wire::pulled_present || fetched_.is_here(pulled.object);
   if (is_of_object && (questions_.is_object_changed(name, question) || !is_here)) {
-    behind_.insert(name);  // to be asked again; or its shape has to be fetched first, by a call that needs it
+    behind_.insert(name);  // it is asked for again; or its assets are fetched by a call that needs it
     return;
   }
   switch (pulled.state) {
@@ -135,7 +135,7 @@ void Pulls::adopt(const wire::Pulled& pulled, uint64_t question) {
       replica_.objects.numbers.give(std::exchange(own->slot, wire::no_slot));
       replica_.objects.note_refused(*own, true);
       break;
-    case wire::pulled_data: sent_.note_refused(pulled.object.shape); break;
+    case wire::pulled_asset: sent_.note_refused(pulled.object.shape); break;
     case wire::pulled_view:
       if (!questions_.is_changed(Questions::frame, question)) replica_.scene->set_frame(pulled.frame.frame);
       if (!questions_.is_changed(Questions::tool, question)) {
@@ -148,7 +148,7 @@ void Pulls::adopt(const wire::Pulled& pulled, uint64_t question) {
   replica_.post();
 }
 
-// An own object as the server has it; a move that this client has made since it asked stays.
+// Puts an own object into the replica as the server has it; but moves that this client has made since it asked count.
 void Pulls::take_over(const wire::Pulled& pulled, const LinkedObject& received, uint64_t question) {
   replica_.catch_up_with_moves();
   const std::string name = text_of(pulled.object.name);
@@ -167,7 +167,7 @@ void Pulls::take_over(const wire::Pulled& pulled, const LinkedObject& received, 
   replica_.objects.note_object(own, scene.get(name.c_str(), object).get());
   replica_.objects.note_refused(own, false);
   if (own.slot != wire::no_slot && own.slot == pulled.slot) return;
-  // The server is told of the slot through which the object is moved.
+  // Tells the server through which slot the object is moved from now on.
   SlotNumbers& numbers = replica_.objects.numbers;
   if (own.slot == wire::no_slot) own.slot = numbers.take();
   if (own.slot == wire::no_slot) return;  // it is moved by messages

@@ -1,6 +1,6 @@
-// Keeps the replica what the server has. The server may refuse a change, and others may change this client's objects; then
-// it counts up Outbox::edits, and the client asks (a pull), name by name, what there is now. Where the client has changed an
-// object after it asked, the object is asked for again. Not while a group is open: it began without.
+// Makes the replica what the server has. Where the server refuses a change, or others change this client's objects, the server
+// counts up Outbox::edits; then the client asks name by name what there is now: a pull. Where the client has changed an object
+// after it asked, it asks again. While a group is open the replica is left alone, because the group began without the news.
 #pragma once
 
 #include <memory>
@@ -16,18 +16,18 @@ namespace fs {
 
 class Pulls {
  public:
-  // group: the one that is open; null: none.
+  // group: the group that is open; null: none.
   Pulls(Line& line, Replica& replica, SentAssets& sent, FetchedAssets& fetched, Questions& questions,
         const std::unique_ptr<Group>& group)
       : line_(line), connection_(line.connection), replica_(replica), sent_(sent), fetched_(fetched), questions_(questions),
         group_(group) {}
 
-  // Takes in what has come, and asks for the next; never waits.
+  // Takes in the answers that have come, and asks for more; never waits.
   void look();
-  // Waits until the client knows what the server had when the call began; and fetches what an object consists of: of the one
-  // of this name; of all (null); of none ("").
+  // Waits until the replica has what the server had when the call began. Assets are fetched for the object of this name only;
+  // null: for all objects; "": for none.
   void catch_up(Call& call, const char* name = nullptr);
-  // The same without fetching, as far as the call's time suffices.
+  // The same without fetching, for as long as the call may wait.
   void catch_up_in_time(Call& call);
 
  private:
@@ -46,11 +46,11 @@ class Pulls {
   Questions& questions_;
   const std::unique_ptr<Group>& group_;
 
-  std::set<std::string, std::less<>> behind_;  // names of which the server may have something else than the replica
-  uint64_t edits_seen_ = 0;                    // Outbox::edits as far as it was told of
-  std::optional<uint64_t> asked_;              // serial of the pull that was not answered: its answer comes only once
-  std::optional<wire::Pulled> pulled_;         // the answer, until the replica has it
-  uint64_t question_ = 0;                      // of both
+  std::set<std::string, std::less<>> behind_;  // names that the server may have otherwise than the replica
+  uint64_t edits_seen_ = 0;                    // Outbox::edits as far as the server has told
+  std::optional<uint64_t> asked_;              // serial of the pull that is not answered yet: its answer comes only once
+  std::optional<wire::Pulled> pulled_;         // its answer, until the replica has taken it in
+  uint64_t question_ = 0;                      // the question of this pull
 };
 
 }  // namespace fs

@@ -1,6 +1,6 @@
-// What the client asks of the server about its own objects, and whether an answer is still true when it comes: a change that
-// the client made after it asked is newer than the answer. Questions are numbered; while one is open, names that the client
-// changes are noted with the newest question, and an answer about such a name is out of date.
+// Tells whether an answer of the server about an own object is out of date: a change that the client made after it asked is
+// newer than the answer. Questions are numbered. While one is open, each name that the client changes is noted with the newest
+// question, and answers to that question or earlier ones are out of date for this name.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@ namespace fs {
 
 class Questions {
  public:
-  // Names of what is no object: no object can have them.
+  // Stand for the frame and the tool: no object can have these names.
   static constexpr const char* frame = "/frame";
   static constexpr const char* tool = "/tool";
 
@@ -25,7 +25,7 @@ class Questions {
   void close() noexcept {
     if (--open_ == 0) changed_.clear();
   }
-  // One for as long as this lives.
+  // A question that is open as long as this lives.
   class Asking {
    public:
     explicit Asking(Questions& questions) : questions_(questions), number(questions.open()) {}
@@ -40,7 +40,7 @@ class Questions {
     const uint64_t number;
   };
 
-  // The client has made this change.
+  // Notes that the client has made this change.
   void note(const Change& change) {
     if (open_ == 0) return;
     if (change.type == wire::type_clear) all_changed_ = newest_;
@@ -59,7 +59,7 @@ class Questions {
  private:
   uint64_t newest_ = 0;
   unsigned open_ = 0;
-  NameMap<uint64_t> changed_;  // since the oldest open question, with the newest question then
+  NameMap<uint64_t> changed_;  // since the oldest open question; with the newest question at that time
   uint64_t all_changed_ = 0;   // the newest question at the last clear
 };
 

@@ -1,11 +1,10 @@
 #include "client/remote_scene.h"
 
 #include <algorithm>
-#include <chrono>
-#include <cmath>
 #include <cstring>
 #include <new>
-#include <thread>
+#include <set>
+#include <string_view>
 
 #include "base/error.h"
 #include "base/text.h"
@@ -31,8 +30,8 @@ const char* RemoteScene::own_name(const char* name) const noexcept {
   return std::string_view(name, prefix) == client_ ? name + prefix + 1 : nullptr;
 }
 
-// Runs f, which changes the replica and says so in a group: the one that is open, or one of its own. Where the server has
-// no room, f runs again when there is.
+// Calls f(group), which changes the replica and adds the change to the group: the open one, or one for this change alone. Where
+// the server has no room, f is called again later.
 template <class F>
 void RemoteScene::mutate(Call& call, F&& f) {
   for (pulls_.look(); !group_; line_.pause(call, true)) {
@@ -93,7 +92,7 @@ void RemoteScene::change(const fs_object& object, uint32_t parts) {
     if (name != given.c_str()) put_text(own.name, name);
     change_own(call, own, parts);
   } catch (Error& error) {
-    // A sentence about "spring" is one about "alice/spring" for a caller who asked for that.
+    // The caller asked for "alice/spring": the sentence must not be about "spring".
     const std::string here = "object '" + given.substr(given.find('/') + 1) + "'";
     if (error.text.starts_with(here)) error.text.replace(0, here.size(), "object '" + given + "'");
     throw;
@@ -108,12 +107,12 @@ void RemoteScene::change_own(Call& call, const fs_object& object, uint32_t parts
     replica_.scene->change(object, parts);
     if (parts == 0) return;
     const OwnObject* const own = replica_.objects.find(name);
-    const bool is_whole = own && own->is_refused;  // the server has nothing to change
+    const bool is_whole = own && own->is_refused;  // at the server there is nothing to change
     group.add_object(is_whole ? wire::type_set : wire::type_change, name.c_str(), is_whole ? all_parts : parts);
   });
 }
 
-// The fast one: no system call and no allocation, while the server is awake.
+// The fast one: it makes no system call and does not allocate, while the server is awake.
 void RemoteScene::move(const char* given, const fs_pose& pose, const fs_twist* twist, double time) {
   const Pose parsed = parse_pose(pose, "pose");
   if (twist) parse_twist(*twist, "twist");
@@ -126,7 +125,7 @@ void RemoteScene::move(const char* given, const fs_pose& pose, const fs_twist* t
   pulls_.look();
   OwnObject* const own = replica_.objects.find(std::string_view(name, strnlen(name, FS_NAME_SIZE)));
   if (group_ || !own || own->slot == wire::no_slot) {
-    call.limit = call.end = 0;  // it never waits
+    call.limit = call.end = 0;  // a move never waits
     const bool is_refused = own && own->is_refused;
     return mutate(call, [&](Group& group) {
       group.require_room(0);
@@ -179,7 +178,7 @@ Ref<const Object> RemoteScene::get(const char* given, fs_object& out) {
 Scene::Contents RemoteScene::contents() {
   Call call = line_.enter();
   pulls_.catch_up(call);
-  const fs_frame frame = own_view(call).frame;  // may wait: before the rest is looked at
+  const fs_frame frame = own_view(call).frame;  // may wait, so it comes before the rest
   replica_.catch_up_with_moves();
   Contents out = replica_.scene->contents();
   out.frame = frame;
@@ -217,7 +216,7 @@ void RemoteScene::begin() {
   group_ = std::move(group);
 }
 
-// Where it fails, the group stays open, and nothing of it was sent.
+// Where it fails, nothing of the group was sent, and the group stays open.
 void RemoteScene::commit() {
   Call call = line_.enter();
   while (group_ && !sender_.deliver(*group_)) line_.pause(call, true);
@@ -239,26 +238,12 @@ void RemoteScene::cancel() {
   group_ = nullptr;
 }
 
-// At its end the client knows what became of its changes, if the time suffices.
 void RemoteScene::sync(double timeout) {
   check_timeout(timeout);
   const double start = steady_now();
   Call call = line_.enter();
   call.end = start + timeout;
-  uint64_t own = 0;  // serial; 0: it is not asked for yet
-  for (;;) {
-    try {
-      syncs_.take_answers();
-    } catch (const Error&) {
-      pulls_.catch_up_in_time(call);
-      throw;
-    }
-    if (!own) own = syncs_.ask();
-    if (own && syncs_.is_answered(own)) return pulls_.catch_up_in_time(call);
-    if (!line_.try_pause(call, !own)) {
-      fail(FS_ERROR_TIMEOUT, "no tick has used the changes within timeout %g s", timeout);
-    }
-  }
+  syncs_.wait(call, timeout);
 }
 
 // --------------------------------------------------------------------------------------------------------------- view
@@ -295,7 +280,7 @@ std::vector<Vec3> RemoteScene::get_tool() {
   return replica_.scene->get_tool();
 }
 
-// The server's word, for a clutch may have moved the frame there; with what an open group has.
+// As the server has it, because a clutch may have moved the frame there; with the changes of an open group.
 fs_view RemoteScene::own_view(Call& call) {
   auto out = line_.request(call, wire::type_view, to_target(client_.c_str(), "client")).as<fs_view>();
   if (!group_) return out;
@@ -351,68 +336,20 @@ void RemoteScene::get_device_info(fs_device_info& out) {
   out.struct_size = size;
 }
 
-// -------------------------------------------------------------------------------------------------- reports and events
-
-// A report of an own object in an open group: what the object is, as the group has it; what became of it, as the server
-// tells, if it knows it.
-fs_report RemoteScene::in_group(const fs_report& ours, const fs_report* theirs) const {
-  if (!theirs) return ours;
-  fs_report out = *theirs;
-  out.primitive = ours.primitive;
-  out.stiffness_wanted = ours.stiffness_wanted;
-  out.stiffness_applied = ours.stiffness_applied;
-  fs_object object;
-  replica_.scene->get(ours.name, object);
-  if (out.state == FS_OBJECT_REFUSED) return out;
-  if (out.weight > 0) {
-    out.state = out.weight < 1 ? FS_OBJECT_FADING : FS_OBJECT_FELT;
-  } else if (!object.enabled) {
-    out.state = FS_OBJECT_DISABLED;
-  } else if (out.state != FS_OBJECT_PENDING) {
-    out.state = FS_OBJECT_FADING;
-  }
-  return out;
-}
+// -------------------------------------------------------------------------------------------------- reports and motions
 
 fs_report RemoteScene::report(const char* given) {
   Call call = line_.enter();
   const char* name = own_name(given);
-  fs_report ours{};
-  if (name) {
-    pulls_.catch_up(call, name);
-    ours = replica_.scene->report(name);  // NOT_FOUND
-  }
-  try {
-    const auto theirs = line_.request(call, wire::type_report, to_target(name ? name : given, "name")).as<fs_report>();
-    return name && group_ ? in_group(ours, &theirs) : theirs;
-  } catch (const Error& error) {
-    if (!name || !group_ || error.status != FS_ERROR_NOT_FOUND) throw;
-    return in_group(ours, nullptr);
-  }
+  return name ? reports_.of_own(call, name) : reports_.of_foreign(call, given);
 }
 
 std::vector<fs_report> RemoteScene::reports() {
   Call call = line_.enter();
-  pulls_.catch_up(call, "");
-  std::vector<fs_report> out = line_.request(call, wire::type_reports).list<fs_report>();
-  if (!group_) return out;
-  NameMap<fs_report> theirs;  // of its own objects; those of others have a '/'
-  std::erase_if(out, [&](const fs_report& report) {
-    const std::string name = text_of(report.name);
-    const bool is_own = name.find('/') == std::string::npos;
-    if (is_own) theirs[name] = report;
-    return is_own;
-  });
-  std::vector<fs_report> own = replica_.scene->reports();
-  for (fs_report& report : own) {
-    const auto found = theirs.find(text_of(report.name));
-    report = in_group(report, found == theirs.end() ? nullptr : &found->second);
-  }
-  out.insert(out.begin(), own.begin(), own.end());
-  return out;
+  return reports_.of_all(call);
 }
 
-// What may wait comes first: the scene's own objects are looked at with the lock.
+// The request may wait, so it comes first: own objects are looked at without giving the lock back.
 std::vector<fs_motion> RemoteScene::motions(const char* client) {
   Call call = line_.enter();
   const bool is_own = client && client_ == client;
@@ -435,44 +372,6 @@ std::vector<fs_client> RemoteScene::clients() {
   Call call = line_.enter();
   pulls_.look();
   return line_.request(call, wire::type_clients).list<fs_client>();
-}
-
-// The oldest event that is there; false: none. After the last of a server that is gone comes its end.
-bool RemoteScene::take_event(fs_event& out) {
-  const char* loss = connection_.loss();  // before its last events are looked at
-  if (!loss) {
-    try {
-      pulls_.look();
-    } catch (const Error&) {  // whatever it is, the next call is told
-    }
-  }
-  if (events_.read(*connection_.outbox(), out)) {
-    if (out.kind == FS_EVENT_OVERFLOW) out.time = now();
-    return true;
-  }
-  if (!loss) return false;
-  if (std::exchange(is_end_told_, true)) throw Error{FS_ERROR_DISCONNECTED, loss};
-  out.kind = FS_EVENT_DISCONNECTED;
-  out.status = FS_ERROR_DISCONNECTED;
-  out.time = now();
-  put_text(out.text, loss);
-  return true;
-}
-
-fs_event RemoteScene::next_event(double timeout) {
-  check_timeout(timeout);
-  const double start = steady_now();
-  for (;;) {
-    if (connection_.is_forked()) connection_.check();
-    {
-      const std::unique_lock lock = line_.enter_unchecked();
-      fs_event event;
-      if (take_event(event)) return event;
-    }
-    const double rest = timeout - (steady_now() - start);
-    if (!(rest > 0)) return {};
-    std::this_thread::sleep_for(std::chrono::duration<double>(std::fmin(rest, 2e-3)));
-  }
 }
 
 }  // namespace fs

@@ -1,15 +1,17 @@
-// A scene at a server. Every change is tried on the replica in this process, sent, and then done there, too: so the server
-// has all of a change or nothing of it. Moves of own objects go through shared memory, every other change is a message, and
-// a group of changes is one message. What others change, and what the server refuses, comes back to the replica (Pulls).
+// A scene at a server. Every change is first checked on the replica in this process, as a group that is committed there when
+// the change was sent. Moves of own objects go through shared memory; every other change, or group of changes, is one message,
+// so the server has all of it or nothing. What others change, and what the server refuses, comes to the replica by Pulls.
 #pragma once
 
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "client/event_queue.h"
 #include "client/foreign_objects.h"
 #include "client/open_syncs.h"
 #include "client/pulls.h"
+#include "client/reports.h"
 #include "client/sender.h"
 
 namespace fs {
@@ -22,7 +24,7 @@ struct RemoteScene final : Scene {
   LocalScene& local() override;
   bool is_remote() const noexcept override { return true; }
 
-  // Objects. A name with '/' is another client's, unless it is this one's.
+  // Objects. A name with '/' is of another client's object, unless this client's name comes first.
   void set(const fs_object& object) override;
   void change(const fs_object& object, uint32_t parts) override;
   void move(const char* name, const fs_pose& pose, const fs_twist* twist, double time) override;
@@ -53,7 +55,7 @@ struct RemoteScene final : Scene {
   std::vector<fs_report> reports() override;
   fs_report report(const char* name) override;
   std::vector<fs_motion> motions(const char* client) override;
-  fs_event next_event(double timeout) override;
+  fs_event next_event(double timeout) override { return events_.next(timeout); }
 
   fs_status get_hand(fs_state* state, fs_response* response, fs_wrench* sent) const noexcept override;
   void get_servo_stats(fs_servo_stats& out) override;
@@ -63,15 +65,13 @@ struct RemoteScene final : Scene {
  private:
   double now() const noexcept { return replica_.scene->now(); }
   uint32_t max_objects() const noexcept { return connection_.welcome().max_objects; }
-  const char* own_name(const char* name) const noexcept;  // null: it is another client's
+  const char* own_name(const char* name) const noexcept;  // without this client's; null: of another client's object
 
-  // All that follow want the lock; those with a Call may wait without it.
+  // All that follow are called with the lock, and may wait without it.
   template <class F>
   void mutate(Call& call, F&& f);
   void change_own(Call& call, const fs_object& object, uint32_t parts);
   fs_view own_view(Call& call);
-  fs_report in_group(const fs_report& ours, const fs_report* theirs) const;
-  bool take_event(fs_event& out);
 
   const std::string client_;
   Line line_;
@@ -79,14 +79,14 @@ struct RemoteScene final : Scene {
   SentAssets sent_{connection_};
   FetchedAssets fetched_{line_, sent_};
   Replica replica_{sent_, connection_};
-  std::unique_ptr<Group> group_;  // that is open
+  std::unique_ptr<Group> group_;  // the one that is open; null: none
   Questions questions_;
   Sender sender_{line_, replica_, sent_, questions_};
   Pulls pulls_{line_, replica_, sent_, fetched_, questions_, group_};
   ForeignObjects foreign_{line_, sent_, fetched_, group_};
-  OpenSyncs syncs_{connection_};
-  EventReader events_;
-  bool is_end_told_ = false;
+  OpenSyncs syncs_{line_, pulls_};
+  Reports reports_{line_, replica_, pulls_, group_};
+  EventQueue events_{line_, replica_, pulls_};
 };
 
 }  // namespace fs

@@ -1,5 +1,5 @@
-// This client's objects in its own process: a scene, the replica, which checks every change before it is sent, which getters
-// look at, and which tools of this process evaluate. What is known of the objects at the server goes with it.
+// The replica: a scene in this process with this client's own objects. It checks every change before it is sent, getters look
+// at it, and tools in this process evaluate it. OwnObjects has what is known of the same objects at the server.
 #pragma once
 
 #include <atomic>
@@ -13,7 +13,7 @@ struct Replica {
 
   const Ref<LocalScene> scene;
   OwnObjects objects;
-  // A tool may look at the scene, so each move goes there, too, and changes are posted.
+  // A tool may look at the scene, so moves go there at once, and changes are posted.
   std::atomic<bool> is_evaluated_here{false};
 
   void post() {

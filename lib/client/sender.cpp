@@ -21,7 +21,7 @@ bool Sender::deliver(Group& group) {
   return serial != 0;
 }
 
-// Moves alone need no message; unless a change before them has not been applied yet: they would be felt before it.
+// Moves alone need no message. But while a change before them is not applied, they would be felt before it.
 bool Sender::may_be_written(const Batch& batch) const {
   const uint64_t applied = connection_.outbox()->applied.load(std::memory_order_acquire);
   return std::all_of(batch.begin(), batch.end(), [&](const Change& change) {
@@ -41,7 +41,7 @@ void Sender::write_moves(const Batch& batch) noexcept {
   connection_.wake();
 }
 
-// The slots that the changes of a batch take and give back, one after the other; undone unless it is kept.
+// Takes and gives back slots for the changes of a batch, one after the other; all of that is undone unless it is kept.
 class Sender::SlotPlan {
  public:
   explicit SlotPlan(OwnObjects& objects) : objects_(objects) {}
@@ -82,11 +82,11 @@ class Sender::SlotPlan {
 
  private:
   OwnObjects& objects_;
-  std::vector<std::pair<uint32_t, bool>> steps_;  // a slot; true: it was taken
-  NameMap<uint32_t> slots_;                       // as they are now, of the names that the batch changes
+  std::vector<std::pair<uint32_t, bool>> steps_;  // slot; true: it was taken, false: given back
+  NameMap<uint32_t> slots_;                       // of the names that the batch changes, as they are so far
 };
 
-// 0: there is no room.
+// Returns the serial; 0: there is no room.
 uint64_t Sender::send(Batch& batch) {
   SlotPlan plan(replica_.objects);
   for (size_t i = 0; i < batch.size(); ++i) {
@@ -116,7 +116,7 @@ void Sender::note_sent(const Group& group, uint64_t serial) noexcept {
   }
 }
 
-// Slots that were given back are free already, as send has planned them.
+// The SlotPlan has given back the slots of removed objects already.
 void Sender::note_sent(const Group& group, size_t i, uint64_t serial) {
   const Change change = group.batch[i];
   OwnObjects& objects = replica_.objects;
@@ -140,7 +140,7 @@ void Sender::note_sent(const Group& group, size_t i, uint64_t serial) {
       break;
     case wire::type_remove: objects.drop(change.name()); break;
     case wire::type_clear: objects.drop_all(); break;
-    case wire::type_edit:  // what it brings is the server's to keep
+    case wire::type_edit:  // the other client's object uses them now
       for (const uint64_t id : ids_of(group.assets(i))) sent_.note_maybe_unused(id, serial);
       break;
     default: break;

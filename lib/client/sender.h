@@ -1,6 +1,5 @@
-// Brings groups to the server, each as a whole or not at all. Moves alone go through the inbox; all else is one message,
-// after the shapes and curves that it needs. When it is on its way, what is known of this client's objects is what the
-// server will have.
+// Sends groups to the server, each as a whole or not at all. A group of moves alone goes through the inbox; any other is one
+// message, after the assets that it needs. Once a group is sent, OwnObjects is brought up to what the server will have.
 #pragma once
 
 #include "client/group.h"
@@ -14,7 +13,7 @@ class Sender {
   Sender(Line& line, Replica& replica, SentAssets& sent, Questions& questions)
       : line_(line), connection_(line.connection), replica_(replica), sent_(sent), questions_(questions) {}
 
-  // False: there is no room at the server now, and nothing has changed but that some of its assets are there already.
+  // False: there is no room at the server now. Then nothing has changed, but some of the assets may be there already.
   bool deliver(Group& group);
 
  private:

@@ -11,7 +11,7 @@ bool SentAssets::send(const Asset& asset) {
   const uint64_t id = asset.serial();
   auto found = sent_.find(id);
   if (!asset || (found != sent_.end() && !found->second.is_refused)) return true;
-  if (sent_.size() >= most() || !connection_.has_room()) return false;  // looked at before it is packed
+  if (sent_.size() >= most() || !connection_.has_room()) return false;  // else it is packed in vain
   const PackedAsset packed = pack(asset);
   Sent sent{asset};
   if (found != sent_.end()) {  // it was refused

@@ -1,5 +1,4 @@
-// The numbers of an inbox's slots: which are taken. The lowest free one is taken first, so that few pages of the inbox are
-// used.
+// Which slots of the inbox are taken. The lowest free slot is taken first, so that few pages of the inbox are in use.
 #pragma once
 
 #include <algorithm>

@@ -1,6 +1,6 @@
-// The layout of an inbox: shared memory in which a client overwrites records and the server takes the newest of each, with
-// no message and no wait on either side. A record's place is its slot. Beside the records there is a bit for each slot
-// that says "written since the last look", and a summary of these bits, so that looking costs nothing where nothing came.
+// The layout of an inbox: shared memory in which a client overwrites records, of which the server takes the newest, without a
+// message and without waiting. Each record has a slot. A dirty bit for each slot says that it was written since the last
+// look, and a summary of these bits makes a look cheap where little was written.
 #pragma once
 
 #include <atomic>

@@ -46,7 +46,7 @@ double parse_timeout(const std::string& text) {
   return timeout;
 }
 
-// Those that are open, for the child of a fork to close. A fork waits while one is made or closed.
+// The listeners that are open, for the child of a fork to close. A fork waits while one is opened or closed.
 struct Listeners {
   std::mutex mutex;
   std::vector<int> numbers;
@@ -66,7 +66,7 @@ Listeners& listeners() {
 sockaddr_un to_sockaddr(const std::string& address, socklen_t& size) {
   sockaddr_un out{};
   out.sun_family = AF_UNIX;
-  std::memcpy(out.sun_path + 1, address.data(), address.size());  // the 0 before it: abstract
+  std::memcpy(out.sun_path + 1, address.data(), address.size());  // abstract: after a 0
   size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + address.size());
   return out;
 }
@@ -203,7 +203,7 @@ Transfer send_message(const Descriptor& socket, std::span<const std::span<const 
   for (;;) {
     if (sendmsg(socket.get(), &message, MSG_DONTWAIT | MSG_NOSIGNAL) >= 0) return Transfer::done;
     if (errno == EINTR) continue;
-    // ETOOMANYREFS: too many descriptors are on their way.
+    // ETOOMANYREFS: too many descriptors are in transit.
     const bool may_pass = errno == EAGAIN || errno == EWOULDBLOCK || errno == ENOBUFS || errno == ETOOMANYREFS;
     return may_pass ? Transfer::again : Transfer::closed;
   }
@@ -247,7 +247,7 @@ Transfer receive_message(const Descriptor& socket, std::span<std::byte> buffer, 
 bool wait_for(const Descriptor& socket, bool to_write, double timeout) noexcept {
   pollfd waiting{socket.get(), static_cast<short>(to_write ? POLLOUT : POLLIN), 0};
   const double end = steady_now() + timeout;
-  for (double rest = timeout;; rest = end - steady_now()) {  // again after a signal, for as long as is left
+  for (double rest = timeout;; rest = end - steady_now()) {  // after a signal it goes on for the rest of the time
     const double limited = std::fmax(rest, 0), whole = std::floor(limited);
     const timespec limit{static_cast<time_t>(whole), static_cast<long>((limited - whole) * 1e9)};
     const int found = ppoll(&waiting, 1, &limit, nullptr);

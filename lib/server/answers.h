@@ -1,5 +1,5 @@
-// The answers to what a client asks, on its socket. A client that does not read its answers is given up: they are not kept
-// for it.
+// Sends the answers to a client's requests on its socket. Answers are not queued: a client that does not read them, so that
+// the socket is full, is dropped.
 #pragma once
 
 #include <span>
@@ -11,12 +11,12 @@
 
 namespace fs {
 
-// Thrown where a client breaks the rules of the wire, or cannot be talked to: its session drops it.
+// Thrown when a client breaks the rules of the wire, or takes no more answers: its session drops it.
 struct BadClient {};
 
 class Answers {
  public:
-  explicit Answers(const Descriptor& socket) : socket_(socket) {}  // without one nothing is sent
+  explicit Answers(const Descriptor& socket) : socket_(socket) {}  // while it is closed, nothing is sent
 
   // May throw BadClient.
   void send(uint64_t serial, std::span<const std::byte> body = {}, int descriptor = -1) const;

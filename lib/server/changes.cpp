@@ -8,9 +8,7 @@
 namespace fs {
 namespace {
 
-constexpr size_t few_steps = 4;  // of a commit, of about a microsecond each
-
-// What a map has of a name, and the same put back.
+// Reads the entry of a name from a map, and restores it later.
 template <class Map>
 std::optional<typename Map::mapped_type> look_up(const Map& map, const std::string& name) {
   const auto found = map.find(name);
@@ -35,7 +33,7 @@ void Changes::apply(const ReceivedBatch& received) {
   }
 }
 
-// All or nothing.
+// Applies all changes or none.
 void Changes::apply_group(const ReceivedBatch& received) {
   const Client::Applying applying(client_);
   client_.is_amid_drafts = std::any_of(received.changes.begin(), received.changes.end(),
@@ -55,7 +53,7 @@ void Changes::apply_group(const ReceivedBatch& received) {
       }
       client_.let_others();
     }
-    while (!client_.scene->commit(few_steps)) client_.host.let_others(&client_, client_.is_amid_drafts);
+    while (!client_.scene->commit(Client::few_steps)) client_.host.let_others(&client_, client_.is_amid_drafts);
     for (auto& [scene, edit] : edits) edit.take();
   } catch (const Error& error) {
     client_.scene->cancel();
@@ -155,11 +153,11 @@ void Changes::apply_set(const wire::Set& set, uint64_t serial, bool is_change) {
 
 // A change of another client's object, as part of a group.
 void Changes::apply_foreign(const Change& change, ForeignEdits& edits) {
-  const auto& whose = change.as<wire::Target>();  // each of them begins with it
+  const auto& whose = change.as<wire::Target>();  // each foreign change begins with its target
   const TargetObject target = find_foreign(client_, whose);
   auto edit = edits.find(target.scene.get());
   if (edit == edits.end()) {
-    if (target.owner) target.owner->take_moves();  // what it has moved before
+    if (target.owner) target.owner->take_moves();  // moves that the owner made before this change
     edit = edits.try_emplace(target.scene.get(), target).first;
   }
   try {
@@ -190,7 +188,7 @@ std::map<std::string, Changes::Known> Changes::known_of(const Subjects& about) {
   return out;
 }
 
-// Names that came with the group go before those that were there get their slots again.
+// First forgets the names that came with the group, so that names that were there before can get their slots again.
 void Changes::put_back(const std::map<std::string, Known>& known) {
   for (const auto& [name, was] : known) {
     client_.forget_object(name);
@@ -205,8 +203,8 @@ void Changes::put_back(const std::map<std::string, Known>& known) {
   }
 }
 
-// What is there goes on as it was. The client believes otherwise until it has been told, so it is told of each name that
-// the batch spoke of, and its moves of these are taken meanwhile.
+// The objects stay as they were. The client believes otherwise until it has been told, so every name in the batch is noted to
+// be told, and slots are bound as the batch says: moves that the client has written meanwhile count.
 void Changes::refuse(const ReceivedBatch& received, const Change& failed, const Error& error) {
   const double now = client_.scene->now();
   const Client::Applying applying(client_);
@@ -252,7 +250,7 @@ void Changes::refuse(const Change& change, uint64_t serial) {
     case wire::type_bind:
       if (moves.has(name)) moves.bind(name, change.as<wire::Bind>().slot, serial);
       break;
-    case wire::type_remove: client_.absent.erase(name); break;  // nor does the client want it
+    case wire::type_remove: client_.absent.erase(name); break;  // the client does not want the refused object either
     case wire::type_clear: client_.absent.clear(); break;
     default: break;
   }

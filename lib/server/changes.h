@@ -1,6 +1,6 @@
-// Applies the changes of a client: to its scene, to what is known of its objects' names, and to objects of others. Of a
-// group all changes are applied, in one tick, or none. Of one that is refused the client is told, with every name that it
-// spoke of, because it believes that the change was done.
+// Applies the changes of a client: to its scene, to what is known of the names of its objects, and to objects of others.
+// All changes of a group are applied, for the same tick, or none of them. When a batch is refused, the client is told so and
+// asked to look at every name in it, because it believes that the changes were done.
 #pragma once
 
 #include <map>
@@ -21,7 +21,7 @@ class Changes {
   void apply(const ReceivedBatch& received);
 
  private:
-  // All that is known of a name, to be put back when a group is refused.
+  // All that is known of a name, to restore it when a group is refused.
   struct Known {
     std::optional<Moves::Place> place;  // none: there was no such object
     std::optional<Client::Absent> absent;

@@ -5,8 +5,6 @@
 
 namespace fs {
 
-constexpr size_t few_steps = 4;  // of about a microsecond each
-
 Client::Client(Host& the_host, uint64_t the_id, Descriptor&& the_socket, const Peer& the_peer)
     : host(the_host), id(the_id), peer(the_peer), socket(std::move(the_socket)), process(open_process(the_peer.process)) {}
 
@@ -41,7 +39,7 @@ void Client::forget_object(const std::string& object) {
 void Client::note_edit_by(const std::string& editor, const std::string& object, bool is_removed) {
   if (!moves.has(object)) return;
   std::string& told_editor = told.names()[object];
-  // Of a stream of changes one event tells, until the client has looked at the object.
+  // One event tells of a stream of changes, until the client has looked at the object.
   if (told_editor != editor || is_removed) push_event(FS_EVENT_EDITED, object, editor);
   told_editor = editor;
   if (is_removed) {
@@ -52,7 +50,7 @@ void Client::note_edit_by(const std::string& editor, const std::string& object, 
 }
 
 void Client::note_untold(const std::string& object) {
-  const size_t most = 4 * size_t{host.settings().max_objects};  // it has at most half as many, with those refused
+  const size_t most = 4 * size_t{host.settings().max_objects};  // twice the objects that it may have, with refused ones
   if (told.names().size() < most) told.names()[object] = name;
 }
 
@@ -62,7 +60,7 @@ void Client::note_absent(const wire::Set& set, fs_object_state state) {
   try {
     const std::string object = parse_name(text_of(set.object.name).c_str(), "name");
     if (!moves.has(object)) absent[object] = {static_cast<fs_primitive>(set.object.primitive), state};
-  } catch (const Error&) {  // it is no name
+  } catch (const Error&) {  // it is not a name
   }
 }
 

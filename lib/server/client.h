@@ -1,5 +1,5 @@
-// One client as the parts of its session share it, and as the sessions of others see it: who it is, its scene and channel,
-// and what the server keeps account of for it. Nothing that comes from a client is trusted. All on the server's thread.
+// One client, as the parts of its session and the sessions of others see it: who it is, its scene and its channel, and the
+// parts that keep track of its objects, moves, assets and requests. All of it is used on the server's thread alone.
 #pragma once
 
 #include <memory>
@@ -26,7 +26,7 @@ struct Client {
   const uint64_t id;
   const Peer peer;
   Descriptor socket, process;  // process: readable when it has ended; may be none
-  std::string name;            // empty: it has not said who it is, and all below is not there yet
+  std::string name;            // empty: it has not said who it is, and has no scene yet
   bool is_gone = false;
 
   Ref<LocalScene> scene;
@@ -48,31 +48,32 @@ struct Client {
   Parked parked;
   Syncs syncs;
   const Answers answers{socket};
-  unsigned jobs = 0;                             // of the workers, that are not done
+  unsigned jobs = 0;                             // that workers have not finished
   uint64_t moved = 0, changed = 0, refused = 0;  // counts for fs_client
 
-  // In the middle of a batch, or of many. Then others have their turns and are answered, this client is not.
+  // It is in the middle of long work: others have their turns and are answered meanwhile, this client is not.
   bool is_applying = false;
-  bool is_amid_drafts = false;  // of other scenes, too: nobody may change these meanwhile
+  bool is_amid_drafts = false;  // of other scenes, which nobody may change meanwhile
   class Applying;
-  void let_others();  // after each step of about a microsecond
+  static constexpr size_t few_steps = 4;  // of about a microsecond each, between two looks at the others
+  void let_others();                      // called after each step
   template <class Map>
   void empty(Map& map) {
     for (; !map.empty(); map.erase(map.begin())) let_others();
   }
 
-  // Takes what came in the inbox. False: a group is being written there, all of it comes later.
+  // Takes the moves in the inbox. False: a group of moves is being written there, and all of them come later.
   bool take_moves();
   void push_event(const fs_event& event) noexcept { fs::push_event(*outbox, event); }
   void push_event(fs_event_kind kind, const std::string& object, const std::string& text = "");
-  void note_edits() noexcept { outbox->edits.fetch_add(1, std::memory_order_release); }  // it has to be told of something
-  // All that is known of an object's name is forgotten, as there is none.
+  void note_edits() noexcept { outbox->edits.fetch_add(1, std::memory_order_release); }  // the client has to be told something
+  // Forgets all that is known of the name, as there is no such object.
   void forget_object(const std::string& object);
-  // Another client has changed one of its objects.
+  // Notes that another client has changed or removed one of its objects.
   void note_edit_by(const std::string& editor, const std::string& object, bool is_removed);
-  // The client has to be told of the name, of which it spoke itself. There may be only so many.
+  // Notes that the client has to be told of a name that it gave itself; unless it gave very many.
   void note_untold(const std::string& object);
-  // Others are told of an object that waits for its shape, or was refused.
+  // Notes an object that waits for its shape, or was refused, for reports.
   void note_absent(const wire::Set& set, fs_object_state state);
 
   fs_report report(const std::string& object) const;  // NOT_FOUND
@@ -82,7 +83,7 @@ struct Client {
   size_t steps_ = 0;
 };
 
-// Of an object that is not in the scene.
+// The report of an object that is not in the scene.
 fs_report report_of(const std::string& name, const Client::Absent& absent);
 
 class Client::Applying {

@@ -8,10 +8,10 @@
 namespace fs {
 namespace {
 
-constexpr uint64_t expression_size = 40'000;  // bytes, about what two parsers of a long one take
+constexpr uint64_t expression_size = 40'000;  // bytes, about as much as two parsers of a long expression take
 constexpr size_t most_offered = 8;
 
-// Bytes that a shape or curve takes, given back when it goes.
+// Adds its bytes to a total, and takes them away again when it is destroyed.
 struct Charge {
   Charge(std::shared_ptr<std::atomic<uint64_t>> the_total, uint64_t the_bytes)
       : total(std::move(the_total)), bytes(the_bytes) {

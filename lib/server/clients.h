@@ -1,4 +1,4 @@
-// Who is connected: the sessions of the server, by name and by number.
+// Keeps the sessions of the server, and finds clients by name and by number.
 #pragma once
 
 #include <functional>
@@ -16,15 +16,15 @@ class Session;
 
 class Clients {
  public:
-  // ---- The sessions, those among them that have not said who they are.
+  // ---- All sessions, also of clients that have not said who they are.
   const std::vector<std::shared_ptr<Session>>& sessions() const noexcept { return sessions_; }
-  void add(std::shared_ptr<Session> session) { sessions_.push_back(std::move(session)); }  // with rising numbers
-  std::shared_ptr<Session> find(uint64_t id) const;            // null: none, or it is gone
-  Session* find_session(std::string_view name) const;          // null: none of that name, or it is gone
-  std::vector<std::shared_ptr<Session>> take_gone();           // those that are gone
+  void add(std::shared_ptr<Session> session) { sessions_.push_back(std::move(session)); }  // ids rise
+  std::shared_ptr<Session> find(uint64_t id) const;            // null: there is none, or it is gone
+  Session* find_session(std::string_view name) const;          // null: there is none, or it is gone
+  std::vector<std::shared_ptr<Session>> take_gone();           // removes those of clients that are gone
   void clear() noexcept { sessions_.clear(); }
 
-  // ---- The clients: those that are there and have said who they are.
+  // ---- The clients that are there and have said who they are.
   Client* find(std::string_view name) const;  // null: none
   std::shared_ptr<Client> share(std::string_view name) const;
   size_t count() const;

@@ -40,7 +40,7 @@ bool Door::accept(const Descriptor& listener, const std::function<void(Descripto
       spare_ = open_file();
       if (spare_) continue;
     }
-    if (error) return false;  // nothing can be done about it but to look again a little later
+    if (error) return false;  // nothing helps but to try again a little later
     let_in(std::move(socket));
   }
 }

@@ -1,5 +1,5 @@
-// The door of a server: the sockets at which clients ask to be let in. It lets in so many in a while, because each costs as
-// much as many requests, and closes where the process has no descriptor left, until it is opened again.
+// The door of a server: the sockets to which clients connect. It lets in only so many at a time, because each costs as much as
+// many requests; then it stays closed until it is reopened. So it does when the process has no descriptor left.
 #pragma once
 
 #include <functional>
@@ -10,21 +10,21 @@ namespace fs {
 
 class Door {
  public:
-  // Everybody is let in at the first address; where it is empty, it is not there. EXISTS, IO, FULL.
+  // own_address: for the server's own user; shared_address: for all users, empty: for none. EXISTS, IO, FULL.
   Door(const std::string& own_address, const std::string& shared_address);
 
   const Descriptor& own_socket() const noexcept { return own_.socket(); }
   const Descriptor& shared_socket() const noexcept { return shared_.socket(); }  // may be none
 
-  // Calls let_in(socket of a client) for those who wait. False: the door has to be closed for now.
+  // Calls let_in(socket) for each client that waits. False: no more can be let in until the door is reopened.
   bool accept(const Descriptor& listener, const std::function<void(Descriptor&&)>& let_in);
-  void reopen() noexcept;  // it lets in some more
+  void reopen() noexcept;  // it may let in some more
   void close() noexcept;   // for good
 
  private:
   Listener own_, shared_;
-  Descriptor spare_;  // given up to turn away somebody where none is left
-  int accepted_ = 0;  // since it was opened
+  Descriptor spare_;  // closed for a moment, to accept and turn away a client when no other is left
+  int accepted_ = 0;  // since it was reopened
 };
 
 }  // namespace fs

@@ -21,8 +21,8 @@ TargetObject find_target(const Client& asking, const wire::Target& target) {
 
 TargetObject find_foreign(const Client& asking, const wire::Target& target) {
   TargetObject out = find_target(asking, target);
-  if (out.owner.get() == &asking) {  // both ends keep account of a client's own objects: only changes of its own do
-    fail(FS_ERROR_INVALID, "name is '%.120s', must be another client's: its own objects a client changes itself",
+  if (out.owner.get() == &asking) {  // both ends keep track of own objects
+    fail(FS_ERROR_INVALID, "name is '%.120s', must be of another client's object: its own ones have bare names",
          text_of(target.name).c_str());
   }
   if (asking.host.settings().is_locked) {

@@ -1,5 +1,5 @@
-// Objects of others: which scene and object a client means by "client/object", and the changes that it makes there. They
-// are collected in a draft of that scene, and taken all at once or not at all.
+// Finds the scene and object that a client means by "client/object", and changes objects of other scenes. The changes are
+// collected in a draft of the scene, and taken all at once or not at all.
 #pragma once
 
 #include <map>
@@ -13,16 +13,16 @@ namespace fs {
 // An object as a message names it.
 struct TargetObject {
   std::shared_ptr<Client> owner;  // null: the server itself
-  Ref<LocalScene> scene;          // of the owner
+  Ref<LocalScene> scene;          // the owner's
   std::string name;
   std::string full_name() const { return (owner ? owner->name : "server") + "/" + name; }
 };
-// NOT_FOUND: there is no such client. Whether there is such an object is not looked at.
+// NOT_FOUND: there is no such client. It does not look whether there is such an object.
 TargetObject find_target(const Client& asking, const wire::Target& target);
-// The same for one that is to be changed. Also INVALID: it is the client's own; DENIED.
+// The same for an object that is to be changed. Also INVALID: it is the client's own; DENIED: the server is locked.
 TargetObject find_foreign(const Client& asking, const wire::Target& target);
 
-// Changes of objects of one other scene, beside a group that may be open there.
+// Changes of objects of one other scene, independent of a group that may be open there.
 class ForeignEdit {
  public:
   explicit ForeignEdit(const TargetObject& target)
@@ -34,7 +34,7 @@ class ForeignEdit {
   Ref<const Object> get(const std::string& name, fs_object& out) const { return scene_->get(draft_, name.c_str(), out); }
   void add(const Client& editor, const Change& change, const std::string& name);
   void take() { scene_->take(draft_); }
-  void tell(Client& editor) const;  // the owner, once they are taken
+  void tell(Client& editor) const;  // tells the owner of the changes that were taken
 
  private:
   const std::shared_ptr<Client> owner_;

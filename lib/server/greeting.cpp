@@ -34,7 +34,7 @@ void require_free_name(const Clients& clients, const std::string& name) {
        static_cast<int>(other->client().peer.process));
 }
 
-// Makes its memory, its scene and its channel, and bids it welcome.
+// Makes the client's shared memory, scene and channel, and sends the welcome.
 bool open(Client& client, const std::string& name) {
   const ServerSettings& settings = client.host.settings();
   const Servo& servo = client.host.servo();
@@ -45,12 +45,12 @@ bool open(Client& client, const std::string& name) {
   const std::shared_ptr<void> memory = map_region(outbox, sizeof(Outbox), true);
   seal_region(outbox, true);
   client.moves.open(Inbox(client.inbox_memory.get(), settings.max_objects), settings.max_objects);
-  // All bytes are 0, as an Outbox begins: no page is touched without need.
+  // All bytes are 0, which is how an Outbox begins: so no page has to be touched.
   client.outbox = std::shared_ptr<Outbox>(memory, static_cast<Outbox*>(memory.get()));
   client.outbox->heartbeat.store(steady_now());
   client.scene = make_ref<LocalScene>(std::shared_ptr<ServoOutput>(client.outbox, &client.outbox->servo));
   client.scene->hold();
-  client.scene->set_capacity(2 * settings.max_objects);  // all of them anew, while the old ones fade out
+  client.scene->set_capacity(2 * settings.max_objects);  // it may replace all of them while the old ones fade out
   client.channel = client.host.servo().add_channel(client.scene, settings.limits);
   client.connected = client.scene->now();
   client.name = name;

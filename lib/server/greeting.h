@@ -1,5 +1,5 @@
-// The first message of a client and the answer to it. They say who the client is, and whether both ends have the same wire;
-// then the client gets its memory, its scene and a channel of the servo.
+// Answers the first message of a client. It says who the client is, and which layout of the wire it has; a client that is let
+// in gets its shared memory, its scene, and a channel of the servo.
 #pragma once
 
 #include <span>
@@ -8,7 +8,7 @@
 
 namespace fs {
 
-// Answers a client's first message. refusal: FS_OK, or why it is not let in, whoever it is. False: it is not let in.
+// refusal: FS_OK, or why the client is refused anyway. False: it is not let in, and has to be dropped.
 bool greet(Client& client, std::span<const std::byte> message, fs_status refusal);
 
 }  // namespace fs

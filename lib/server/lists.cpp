@@ -75,7 +75,7 @@ void answer(Client& client, uint64_t serial, const std::shared_ptr<List>& list) 
                         [&client, serial, list] { answer_made(client, serial, *list); });
 }
 
-// How the objects of some scenes move.
+// A list of how the objects of some scenes move.
 class MotionList final : public List {
  public:
   struct Part {
@@ -100,7 +100,7 @@ class MotionList final : public List {
   void release() override { parts.clear(); }
 };
 
-// What became of all objects.
+// A list of what became of all objects.
 class ReportList final : public List {
  public:
   struct Part {
@@ -143,7 +143,7 @@ void answer_motions(Client& client, uint64_t serial, const std::string& whose) {
   client.host.clients().for_each([&](const std::shared_ptr<Client>& other) {
     const bool is_wanted = whose.empty() ? other.get() != &client : other == only;
     if (!is_wanted) return;
-    other->take_moves();  // what it has moved before
+    other->take_moves();  // those that it made before this request
     list->parts.emplace_back(other->name + "/", other->scene);
   });
   answer(client, serial, list);
@@ -164,7 +164,7 @@ void answer_reports(Client& client, uint64_t serial) {
   answer(client, serial, list);
 }
 
-// The server's own scene, then the clients.
+// Lists the server's own scene first, then the clients.
 void answer_clients(Client& client, uint64_t serial) {
   Servo& servo = client.host.servo();
   fs_client own{};

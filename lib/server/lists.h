@@ -1,5 +1,5 @@
-// What a client asks for that may be long, of all objects of some scenes: a sealed file of records. A worker writes a long
-// one: on the server's thread all others would wait.
+// Answers that may be long, about all objects of some scenes: a list is a sealed file of records. A worker writes a long
+// list, because all other clients would wait for the server's thread.
 #pragma once
 
 #include <memory>
@@ -16,9 +16,9 @@ class List {
   virtual ~List() = default;
   virtual size_t most() const = 0;  // records
 
-  void make() noexcept;  // any thread, once
+  void make() noexcept;  // once, in any thread
 
-  // Then:
+  // What it has made:
   Descriptor data;
   wire::Count count{0};
   fs_status status = FS_OK;
@@ -41,13 +41,13 @@ class List {
   BlobWriter* blob_ = nullptr;
 };
 
-// Each answers the request of this serial, now or when a worker has made the list. Of all scenes that the client can see,
-// each at one instant: no other message is looked at meanwhile, so no group is there half.
-void answer_reports(Client& client, uint64_t serial);                            // its own first
-void answer_motions(Client& client, uint64_t serial, const std::string& whose);  // empty: all but its own. NOT_FOUND
+// Each answers the request of this serial, now or when a worker has made the list, for all scenes that the client can see.
+// The scenes are taken at one instant, between two messages, so no half of a group is seen.
+void answer_reports(Client& client, uint64_t serial);                            // its own objects first
+void answer_motions(Client& client, uint64_t serial, const std::string& whose);  // of a client; "": of all others. NOT_FOUND
 void answer_clients(Client& client, uint64_t serial);                            // IO, FULL
 
-// A report as another scene sees it: the place in that scene's frame, the force in newtons at the device along its axes.
+// A report as another scene sees it: the place in that scene's frame; the force in newtons at the device, along its axes.
 fs_report seen_from(const fs_report& report, const fs_frame& owner, const fs_frame& viewer);
 
 // The client of that name; null: the server. NOT_FOUND.

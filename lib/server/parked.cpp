@@ -36,7 +36,7 @@ bool Subjects::add(const Change& change) {
 }
 
 void Parked::count(const ReceivedBatch& batch) {
-  constexpr size_t map_cost = 256;  // a process can map so many memory files
+  constexpr size_t map_cost = 256;  // in changes: a process can map only so many memory files
   names_.insert(batch.about.names.begin(), batch.about.names.end());
   ids_.insert(batch.about.ids.begin(), batch.about.ids.end());
   all_ += batch.about.is_about_all;

@@ -1,5 +1,5 @@
 // Batches of a client that cannot be applied yet. One that needs a shape or curve which is being built waits for that, and
-// later ones that are about the same things wait behind it; all others go on. Knows what is held up by those that wait.
+// later ones that are about the same things wait behind it; all others go on. Parked knows what those that wait hold up.
 #pragma once
 
 #include <deque>
@@ -11,10 +11,10 @@
 
 namespace fs {
 
-// What a batch is about.
+// What a batch is about: the things that a later batch must not overtake.
 struct Subjects {
   std::set<std::string, std::less<>> names;  // of objects; "client/object" of foreign ones
-  std::set<uint64_t> ids;                    // of shapes and curves that it needs, or forgets
+  std::set<uint64_t> ids;                    // of the assets that it needs, or forgets
   bool is_about_all = false, is_about_view = false, is_forget = false;
 
   // False: the change cannot be part of a batch.
@@ -31,10 +31,10 @@ struct ReceivedBatch {
 class Parked {
  public:
   bool is_empty() const noexcept { return batches_.empty(); }
-  size_t cost() const noexcept { return cost_; }  // changes, or what comes to as much
+  size_t cost() const noexcept { return cost_; }  // in changes; a memory file costs as much as many
   const std::deque<ReceivedBatch>& batches() const noexcept { return batches_; }
 
-  // Whether something that waits is about the same things as the batch, which has to wait behind it then.
+  // Whether a batch that is about this has to wait behind one that waits already.
   bool holds_up(const Subjects& about) const;
   bool holds_up(std::string_view name) const { return all_ > 0 || names_.contains(name); }
   bool holds_up_view() const noexcept { return view_ > 0 || all_ > 0; }
@@ -43,27 +43,28 @@ class Parked {
   void add(ReceivedBatch&& batch);
   std::deque<ReceivedBatch> take_all();
 
-  // Takes out the first batch that forgets this shape or curve; false: there is none. step: called for each that stays.
+  // Removes the first batch that forgets this asset. False: there is none. Calls step() for each batch that stays.
   template <class F>
   bool take_forget(uint64_t id, F&& step);
 
-  // When those that wait are looked through again. Where many wait this is not done after every shape, but every few turns.
-  bool note_ready() noexcept {  // something that they wait for: true: to be done at once
+  // An asset that some wait for is ready. True: it is time to look through them now. Where many wait, they are not looked
+  // through after every asset, but every few turns.
+  bool note_ready() noexcept {
     is_retry_due_ = true;
     return batches_.size() <= few;
   }
-  bool is_retry_due() noexcept {  // once a turn
+  bool is_retry_due() noexcept {  // called once a turn
     return is_retry_due_ && (turns_until_retry_ == 0 || --turns_until_retry_ == 0);
   }
 
  private:
-  static constexpr size_t few = 32;  // cost little to look through
+  static constexpr size_t few = 32;  // that cost little to look through
 
   void count(const ReceivedBatch& batch);
   void count_nothing() noexcept;
 
   std::deque<ReceivedBatch> batches_;
-  // What they are about, all together.
+  // What all of them together are about.
   std::set<std::string, std::less<>> names_;
   std::set<uint64_t> ids_;
   size_t all_ = 0, view_ = 0, cost_ = 0;

@@ -17,7 +17,7 @@ bool is_edit(wire::Type type) {
   return type == wire::type_edit || type == wire::type_move_other || type == wire::type_remove_other;
 }
 
-// Calls f(target), which is about the object; says its whole name where there is no such object.
+// Calls f(target). Where that finds no such object, the error says the object's whole name.
 template <class F>
 void with_object(const TargetObject& target, F&& f) {
   try {
@@ -91,7 +91,7 @@ void Requests::edit(const Request& request) {
     return;
   }
   with_object(find_foreign(client_, request.as<wire::Target>()), [&](const TargetObject& target) {
-    if (target.owner) target.owner->take_moves();  // what it has moved before
+    if (target.owner) target.owner->take_moves();  // moves that the owner made before this change
     ForeignEdit edit(target);
     edit.add(client_, request.content, target.name);
     edit.take();
@@ -100,7 +100,7 @@ void Requests::edit(const Request& request) {
   client_.answers.send(request.serial);
 }
 
-// As it is without a group that is open there.
+// Gives the object as it is felt, without changes of a group that is open in its scene.
 void Requests::get(const Request& request) {
   with_object(find_target(client_, request.as<wire::Target>()), [&](const TargetObject& target) {
     if (target.owner) target.owner->take_moves();
@@ -122,7 +122,7 @@ void Requests::report(const Request& request) {
   });
 }
 
-// The client's own view is told as it was said, where that waits for a shape still.
+// Of the client's own view, changes that are parked count as done.
 void Requests::view(const Request& request) {
   const std::shared_ptr<Client> owner = find_client(client_, text_of(request.as<wire::Target>().name));
   fs_view out = (owner ? *owner->scene : *client_.host.servo().scene()).view(false);
@@ -136,7 +136,7 @@ void Requests::view(const Request& request) {
 
 // -------------------------------------------------------------------------------------------- what the client must know
 
-// One thing of which the client may believe something else than what is there.
+// Tells one thing of which the client may believe something else than what is there.
 void Requests::pull(const Request& request) {
   Told& told = client_.told;
   wire::Pulled out{};
@@ -152,7 +152,7 @@ void Requests::pull(const Request& request) {
       told.names().erase(asked);
     }
   } else if (const uint64_t refused = client_.assets.take_refused()) {
-    out.state = wire::pulled_data;
+    out.state = wire::pulled_asset;
     out.object.shape = refused;
   } else if (told.takes_view(client_.parked)) {
     out.state = wire::pulled_view;
@@ -171,7 +171,7 @@ void Requests::pull(const Request& request) {
   client_.answers.send_record(request.serial, out);
 }
 
-// An object as it is now, or that there is none.
+// Tells an object as it is now, or that there is none.
 void Requests::tell_object(const std::string& name, wire::Pulled& out) {
   if (!client_.moves.has(name)) {
     const auto absent = client_.absent.find(name);
@@ -188,7 +188,7 @@ void Requests::tell_object(const std::string& name, wire::Pulled& out) {
   out.state = wire::pulled_present;
 }
 
-// Copying a mesh takes a while: not on this thread.
+// A worker packs it: copying a mesh takes a while.
 void Requests::fetch(const Request& request) {
   const Asset* const found = client_.assets.find_offer(request.as<wire::Fetch>().id & ~wire::of_server);
   if (!found) fail(FS_ERROR_NOT_FOUND, "the shape or curve is not there any more");

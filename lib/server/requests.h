@@ -1,5 +1,5 @@
-// What a client asks, and the single changes that it makes to objects of others: each is answered. Such a change waits where
-// it brings a shape that is being built, or where a batch of the client's that is about the same object waits.
+// Answers the requests of a client. A single change of another client's object is a request, too; it waits while a shape
+// that it brings is being built, or while a parked batch of the client is about the same object.
 #pragma once
 
 #include <memory>
@@ -23,7 +23,7 @@ class Requests {
   explicit Requests(Client& client) : client_(client) {}
 
   void handle(const Request& request);
-  void retry();  // those that wait
+  void retry();  // handles again those that wait
   bool are_waiting() const noexcept { return !waiting_.empty(); }
 
  private:

@@ -1,7 +1,6 @@
 #include "server/server.h"
 
 #include <pthread.h>
-#include <sys/epoll.h>
 #include <sys/eventfd.h>
 #include <sys/socket.h>
 #include <sys/timerfd.h>
@@ -23,14 +22,14 @@ using namespace fs;
 
 namespace {
 
-constexpr double awake_for = 0.05;        // s after the last change, before it sleeps
-constexpr double asleep_period = 0.02;    // s: the heartbeat, and the scenes' events
+constexpr double awake_for = 0.05;        // s after the last activity, until the server sleeps
+constexpr double asleep_period = 0.02;    // s, for the heartbeat and the scenes' events
 constexpr double housekeeping_period = 0.01;
-constexpr double shortest_lead = 1.5e-4;  // s before a tick: for a thread to wake up and to take some moves
+constexpr double shortest_lead = 1.5e-4;  // s before a tick: time to wake up and to take some moves
 constexpr ptrdiff_t most_strangers = 64;  // that have not said who they are
 constexpr ptrdiff_t most_refused = 16;
 constexpr int most_messages = 64;  // of one client, before all are looked at again
-constexpr uint64_t quick_bytes = 1'000'000;  // more of them are for the builder
+constexpr uint64_t quick_bytes = 1'000'000;  // a job with more of them goes to the builder
 
 timespec to_timespec(double time) noexcept {  // s
   const double whole = std::floor(time);
@@ -43,22 +42,21 @@ fs_server::fs_server(Ref<Servo> servo, const Endpoint& endpoint, const ServerSet
     : servo_(std::move(servo)),
       settings_(settings),
       period_(1 / servo_->settings().rate),
-      epoll_(epoll_create1(EPOLL_CLOEXEC)),
       timer_(timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK)),
       wake_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
       door_(user_address(geteuid(), endpoint.name), settings.is_for_all_users ? shared_address(endpoint.name) : ""),
       worker_([this] { wake(); }),
       builder_([this] { wake(); }),
       message_(most_message) {
-  if (!epoll_ || !timer_ || !wake_) {
+  if (!timer_ || !wake_) {
     fail(errno == EMFILE || errno == ENFILE ? FS_ERROR_FULL : FS_ERROR_IO, "the server could not be made: %s",
          std::strerror(errno));
   }
-  watch(wake_, source_wake, EPOLLIN);
-  watch(timer_, source_timer, EPOLLIN);
-  watch(door_.own_socket(), source_listener, EPOLLIN);
-  if (door_.shared_socket()) watch(door_.shared_socket(), source_shared_listener, EPOLLIN);
-  servo_->reap_channels();  // of a server before this one
+  watcher_.add(wake_, source_wake);
+  watcher_.add(timer_, source_timer);
+  watcher_.add(door_.own_socket(), source_listener);
+  if (door_.shared_socket()) watcher_.add(door_.shared_socket(), source_shared_listener);
+  servo_->reap_channels();  // those of an earlier server
   servo_->add_listener(this, [this] {
     std::unique_lock lock(mutex_);
     is_servo_stopping_ = true;
@@ -95,23 +93,8 @@ void fs_server::wake() const noexcept {
   [[maybe_unused]] const ssize_t written = write(wake_.get(), &one, sizeof one);
 }
 
-void fs_server::watch(const Descriptor& descriptor, uint64_t source, uint32_t events) {
-  epoll_event event{};
-  event.events = events;
-  event.data.u64 = source;
-  if (epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, descriptor.get(), &event) != 0) {
-    fail(FS_ERROR_IO, "the server cannot watch a descriptor: %s", std::strerror(errno));
-  }
-}
-
-void fs_server::change_watch(const Descriptor& descriptor, uint64_t source, uint32_t events) noexcept {
-  epoll_event event{};
-  event.events = events;
-  event.data.u64 = source;
-  epoll_ctl(epoll_.get(), EPOLL_CTL_MOD, descriptor.get(), &event);
-}
-
-// Awake, its turns come as often as the servo's ticks and a little before them: the tick uses what was moved until then.
+// While it is awake, its turns come as often as the servo's ticks and a little before them, so that a tick uses the newest
+// moves.
 void fs_server::set_timer() noexcept {
   const double period = is_asleep_ ? asleep_period : period_;
   itimerspec timer{};
@@ -131,17 +114,17 @@ void fs_server::set_timer() noexcept {
 void fs_server::run() noexcept {
   begin_thread("fs-server");
   set_timer();
-  std::array<epoll_event, 64> events;
+  std::array<epoll_event, 64> buffer;
   for (;;) {
-    const int count = epoll_wait(epoll_.get(), events.data(), static_cast<int>(events.size()), -1);
+    const std::span<const epoll_event> events = watcher_.wait(buffer, -1);
     {
       const std::lock_guard lock(mutex_);
       if (is_stopping_ || is_servo_stopping_) break;
     }
-    // Of the clients only the one that has used least of this thread lately: then all are looked at again.
+    // Only one client is served, the one that has used least of this thread lately: then all are looked at again.
     ++rounds_;
     Session* next = nullptr;
-    for (const epoll_event& event : std::span(events).first(static_cast<size_t>(std::max(count, 0)))) {
+    for (const epoll_event& event : events) {
       try {
         if (Session* const session = find_socket(event)) {
           if (!(event.events & EPOLLIN)) session->drop();
@@ -150,7 +133,7 @@ void fs_server::run() noexcept {
           handle(event.data.u64);
         }
         turn_if_due();
-      } catch (...) {  // no memory: what was asked for is not done
+      } catch (...) {  // there is no memory: this event is not handled
       }
     }
     if (next) serve(*next, most_messages);
@@ -167,7 +150,8 @@ void fs_server::run() noexcept {
 
 Session* fs_server::find_socket(const epoll_event& event) const {
   const uint64_t source = event.data.u64;
-  return source >= first_session && (source - first_session) % 2 == 0 ? clients_.find((source - first_session) / 2).get() : nullptr;
+  const bool is_socket = source >= first_session && (source - first_session) % 2 == 0;
+  return is_socket ? clients_.find((source - first_session) / 2).get() : nullptr;
 }
 
 void fs_server::serve(Session& session, int most) noexcept {
@@ -182,10 +166,9 @@ void fs_server::let_others(const Client* busy, bool is_alone) noexcept {
   turn_if_due();
   if (is_alone || is_among_others_ || steady_now() - last_look_ < Session::slice) return;
   is_among_others_ = true;
-  std::array<epoll_event, 64> events;
-  const int count = epoll_wait(epoll_.get(), events.data(), static_cast<int>(events.size()), 0);
+  std::array<epoll_event, 64> buffer;
   Session* next = nullptr;
-  for (const epoll_event& event : std::span(events).first(static_cast<size_t>(std::max(count, 0)))) {
+  for (const epoll_event& event : watcher_.wait(buffer, 0)) {
     Session* const session = find_socket(event);
     if (!session || !(event.events & EPOLLIN) || &session->client() == busy) continue;
     if (next && session->usage().lately() >= next->usage().lately()) continue;
@@ -226,7 +209,7 @@ void fs_server::finish_jobs() {
     for (const Worker::Job& job : worker->take_done()) {
       try {
         job.done();
-      } catch (...) {  // no memory for this client; the others' jobs are done
+      } catch (...) {  // there is no memory for this client; go on with the jobs of others
       }
       let_others(nullptr, false);
     }
@@ -239,7 +222,7 @@ void fs_server::wake_up() noexcept {
   set_timer();
 }
 
-// However much there is to be done, the moves are taken at the servo's rate.
+// However much work there is, the moves are taken at the servo's rate.
 void fs_server::turn_if_due() noexcept {
   const double now = steady_now();
   if (is_asleep_ && now - last_activity_ < awake_for) {
@@ -249,11 +232,11 @@ void fs_server::turn_if_due() noexcept {
   }
   try {
     turn(now);
-  } catch (...) {  // no memory: the next one makes good for it
+  } catch (...) {  // there is no memory: the next turn does what this one could not
   }
 }
 
-// What was theirs may be a gigabyte of shapes and thousands of objects.
+// A worker destroys them: a session may hold a gigabyte of shapes and thousands of objects.
 void fs_server::bury_sessions() noexcept {
   try {
     std::vector<std::shared_ptr<Session>> gone = clients_.take_gone();
@@ -262,7 +245,7 @@ void fs_server::bury_sessions() noexcept {
   }
 }
 
-// What comes each period. The session that is first in one is last in the next.
+// Done each period. The session that comes first in one period comes last in the next.
 void fs_server::turn(double now) {
   const auto& sessions = clients_.sessions();
   const size_t count = sessions.size();
@@ -288,7 +271,7 @@ void fs_server::keep_house() {
   count_leaving();
   door_.reopen();
   if (!is_door_open_) open_door(true);
-  if (!is_asleep_) set_timer();  // the servo skips what it is too late for
+  if (!is_asleep_) set_timer();  // aligned anew, because the servo skips ticks that it is too late for
 }
 
 // Sets the flag, then looks again: a client that wrote before it is seen now, one that writes later sees the flag and wakes
@@ -323,7 +306,7 @@ void fs_server::destroy(std::shared_ptr<void> what) {
 }
 
 void fs_server::set_reading(const Client& client, bool is_reading) noexcept {
-  change_watch(client.socket, first_session + 2 * client.id, is_reading ? static_cast<uint32_t>(EPOLLIN) : 0);
+  watcher_.set_reading(client.socket, socket_source(client), is_reading);
 }
 
 size_t fs_server::count_leaving() {
@@ -337,7 +320,7 @@ void fs_server::require_room() {
   if (count >= settings_.max_clients) {
     fail(FS_ERROR_FULL, "the server has %u clients, its maximum", settings_.max_clients);
   }
-  // What is left of clients that came and went costs the servo as much as they did.
+  // Clients that are gone cost the servo as much as the others while they fade out.
   const size_t most = settings_.max_clients + std::max<size_t>(settings_.max_clients, 32);
   if (count + count_leaving() < most) return;
   for (const Ref<Channel>& channel : leaving_) channel->end_lease(servo_->scene()->now());
@@ -349,21 +332,19 @@ void fs_server::let_go(const Client& client) noexcept {
     if (client.channel) leaving_.push_back(client.channel);
   } catch (const std::bad_alloc&) {  // then it is not counted
   }
-  for (const Descriptor* descriptor : {&client.socket, &client.process}) {
-    if (*descriptor) epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, descriptor->get(), nullptr);
-  }
+  watcher_.remove(client.socket);
+  watcher_.remove(client.process);
   worker_.forget(client.id);
   builder_.forget(client.id);
 }
 
 // ------------------------------------------------------------------------------------------------------------ the door
 
-// Closed, nobody is let in, nor is the server told again and again that somebody waits.
+// While it is closed nobody is let in, and epoll does not report again and again that somebody waits.
 void fs_server::open_door(bool is_open) noexcept {
   is_door_open_ = is_open;
-  const uint32_t events = is_open ? static_cast<uint32_t>(EPOLLIN) : 0;
-  change_watch(door_.own_socket(), source_listener, events);
-  if (door_.shared_socket()) change_watch(door_.shared_socket(), source_shared_listener, events);
+  watcher_.set_reading(door_.own_socket(), source_listener, is_open);
+  if (door_.shared_socket()) watcher_.set_reading(door_.shared_socket(), source_shared_listener, is_open);
 }
 
 void fs_server::accept_clients(const Descriptor& listener) {
@@ -374,14 +355,14 @@ void fs_server::let_in(Descriptor&& socket) {
   note_activity();
   try {
     const Peer peer = peer_of(socket);
-    // A client that has to be refused gets one of a few places of its own, so that nobody can take all of them.
+    // Clients that will be refused have a few places of their own, so that they cannot take the places of others.
     const bool is_refused = peer.user != geteuid() && !settings_.is_for_all_users;
     const auto is_rival = [&](const std::shared_ptr<Session>& session) {
       return !session->client().is_gone && session->client().name.empty() && session->is_refused() == is_refused;
     };
     const auto& sessions = clients_.sessions();
     if (std::count_if(sessions.begin(), sessions.end(), is_rival) >= (is_refused ? most_refused : most_strangers)) {
-      // One that says nothing makes room for one that comes: the one that has stood here longest.
+      // The stranger that has waited longest without a word makes room for the new one.
       const std::shared_ptr<Session> longest = *std::find_if(sessions.begin(), sessions.end(), is_rival);
       longest->receive(1);  // it may have said something by now
       if (longest->client().name.empty()) longest->drop(0);
@@ -391,8 +372,8 @@ void fs_server::let_in(Descriptor&& socket) {
     clients_.add(session);
     const Client& client = session->client();
     try {
-      watch(client.socket, first_session + 2 * client.id, EPOLLIN);
-      if (client.process) watch(client.process, first_session + 2 * client.id + 1, EPOLLIN);
+      watcher_.add(client.socket, socket_source(client));
+      if (client.process) watcher_.add(client.process, socket_source(client) + 1);
     } catch (const Error&) {
       session->drop(0);
     }

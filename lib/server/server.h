@@ -14,22 +14,22 @@
 #include "server/clients.h"
 #include "server/door.h"
 #include "server/host.h"
+#include "server/watcher.h"
 #include "server/worker.h"
-
-struct epoll_event;
 
 struct fs_server final : fs::Counted<fs_server>, fs::Host {
   // EXISTS, IO, FULL, STATE.
   fs_server(fs::Ref<fs::Servo> servo, const fs::Endpoint& endpoint, const fs::ServerSettings& settings);
   ~fs_server() { stop(); }
 
-  void stop() noexcept;  // closes the door; the clients' objects begin to fade
+  void stop() noexcept;  // lets go of all clients, whose objects begin to fade
 
   fs::Servo& servo() const noexcept override { return *servo_; }
 
  private:
-  // What epoll tells of; a session's is `first_session` + 2 id, its process one more.
+  // Numbers of the descriptors that are watched. A client's process has the number after that of its socket.
   enum Source : uint64_t { source_wake, source_timer, source_listener, source_shared_listener, first_session = 16 };
+  static uint64_t socket_source(const fs::Client& client) noexcept { return first_session + 2 * client.id; }
 
   // ---- For the sessions.
   const fs::ServerSettings& settings() const noexcept override { return settings_; }
@@ -46,12 +46,10 @@ struct fs_server final : fs::Counted<fs_server>, fs::Host {
   void let_go(const fs::Client& client) noexcept override;
 
   void run() noexcept;
-  void watch(const fs::Descriptor& descriptor, uint64_t source, uint32_t events);  // IO
-  void change_watch(const fs::Descriptor& descriptor, uint64_t source, uint32_t events) noexcept;
   void set_timer() noexcept;
   void handle(uint64_t source);
   void finish_jobs();
-  fs::Session* find_socket(const epoll_event& event) const;  // null: it is no client's
+  fs::Session* find_socket(const epoll_event& event) const;  // null: it is not the socket of a client
   void serve(fs::Session& session, int most_messages) noexcept;
   void wake_up() noexcept;
   void turn_if_due() noexcept;
@@ -69,20 +67,21 @@ struct fs_server final : fs::Counted<fs_server>, fs::Host {
   const fs::ServerSettings settings_;
   const double period_;  // s
 
-  fs::Descriptor epoll_, timer_, wake_;
+  fs::Watcher watcher_;
+  fs::Descriptor timer_, wake_;
   fs::Door door_;
   bool is_door_open_ = true;
   fs::Worker worker_, builder_;
   fs::Clients clients_;
-  std::list<fs::Ref<fs::Channel>> leaving_;  // of clients that are gone, as long as they can be felt
+  std::list<fs::Ref<fs::Channel>> leaving_;  // of clients that are gone but can still be felt
   std::vector<std::byte> message_;
   uint64_t last_id_ = 0, turns_ = 0, rounds_ = 0;
-  bool is_among_others_ = false;  // in the middle of something long
+  bool is_among_others_ = false;  // handles a message in the middle of other work
   double last_look_ = 0, used_by_others_ = 0;
   bool is_asleep_ = false;
   double last_activity_ = 0, last_turn_ = 0, last_housekeeping_ = 0;
 
-  // Between the server's thread and those who stop it or the servo.
+  // Shared with the threads that stop the server or the servo.
   std::mutex mutex_;
   std::condition_variable changed_;
   bool is_stopping_ = false, is_servo_stopping_ = false, has_let_go_ = false;

@@ -15,11 +15,11 @@
 namespace fs {
 namespace {
 
-// Beyond these its socket is not read, until some have been applied and done.
+// With as many as this, the client's socket is not read until some have been applied or done.
 constexpr size_t most_parked = 4096;  // changes
 constexpr unsigned most_jobs = 16;    // each may hold a descriptor
 
-constexpr size_t many_changes = 256;  // a batch of more takes a while to be destroyed
+constexpr size_t many_changes = 256;  // it takes a while to destroy a batch of more
 
 bool has_event(const Descriptor& descriptor, short events) noexcept {
   pollfd look{descriptor.get(), events, 0};
@@ -50,7 +50,7 @@ void Session::drop(double lease) noexcept {
   if (client_->channel) client_->channel->leave(client_->scene->is_empty() ? -never : client_->scene->now() + lease);
   if (client_->outbox) client_->outbox->is_closed.store(1);
   client_->host.let_go(*client_);
-  if (client_->socket) shutdown(client_->socket.get(), SHUT_RDWR);  // a process that was forked from this one may have it, too
+  if (client_->socket) shutdown(client_->socket.get(), SHUT_RDWR);  // a forked process may have it, too
   client_->socket.reset();
   client_->process.reset();
 }
@@ -109,7 +109,7 @@ void Session::receive(int most) noexcept {
       note_applied();
       regulate();
     }
-  } catch (...) {  // it breaks the rules; or there is no memory or no descriptor for this client
+  } catch (...) {  // it breaks the rules of the wire; or there is no memory or descriptor for it
     drop();
   }
 }
@@ -144,7 +144,7 @@ void Session::handle(std::span<const std::byte> bytes, Descriptor&& data) {
   }
 }
 
-// The changes of a group may be many: others have their turns meanwhile, and may find that this client is gone.
+// A group may have many changes: others have their turns meanwhile, and may find that this client is gone.
 ReceivedBatch Session::take_apart(std::span<const std::byte> body, std::shared_ptr<const void> memory, Descriptor&& data) {
   ReceivedBatch out;
   Batch::Reader reader(body, std::move(memory), std::move(data), wire::most_changes(client_->host.settings().max_objects));
@@ -152,7 +152,7 @@ ReceivedBatch Session::take_apart(std::span<const std::byte> body, std::shared_p
     const std::optional<Change> change = reader.next();
     if (!change) break;
     check(*change, out.about);
-    if (out.about.is_forget) throw BadClient{};  // that comes alone
+    if (out.about.is_forget) throw BadClient{};  // a forget comes alone
     client_->let_others();
     if (client_->is_gone) return out;
   }
@@ -161,7 +161,7 @@ ReceivedBatch Session::take_apart(std::span<const std::byte> body, std::shared_p
   return out;
 }
 
-// Adds what the change is about. Throws BadClient.
+// Checks the change, and adds what it is about. Throws BadClient.
 void Session::check(const Change& change, Subjects& about) const {
   uint32_t slot = wire::no_slot;
   if (change.type == wire::type_set || change.type == wire::type_change) slot = change.as<wire::Set>().slot;
@@ -178,19 +178,19 @@ void Session::take_asset(PackedAsset&& packed) {
   if (client.parked.needs(id)) {
     const Client::Applying applying(client);
     if (client.parked.take_forget(id, [&] { client.let_others(); })) {
-      // It is wanted again before it was forgotten, so it stays; one that was refused is made once more.
+      // It is wanted again before it was forgotten: so it stays, or is made once more where it was refused.
       if (!client.assets.is_refused(id)) return;
       client.assets.forget(id);
     }
   }
-  // Those that parked changes are about to forget count, too: but then the client is not read from until these are done.
-  const bool is_too_much = client.assets.count() >= wire::most_data(settings.max_objects) && client.parked.is_empty();
+  // Where parked changes will forget some, the client is within its rights: regulate stops reading from it instead.
+  const bool is_too_much = client.assets.count() >= wire::most_assets(settings.max_objects) && client.parked.is_empty();
   if (is_too_much || !client.assets.begin(id)) throw BadClient{};
   const auto made = std::make_shared<ClientAssets::Upload>();
   try {
     const std::shared_ptr<const void> charge = client.assets.charge(packed, settings.max_bytes);
     const uint64_t bytes = packed.content_bytes();
-    // Reading, checking and building take as long as they take: not on this thread.
+    // A worker reads, checks and builds it: that may take long.
     auto work = [made, charge, packed = std::make_shared<PackedAsset>(std::move(packed)),
                  reader = client.channel->reader.id](Wanted& wanted) {
       try {
@@ -241,7 +241,7 @@ void Session::finish_job(const std::function<void()>& done) noexcept {
 // Stops reading from a client with too much queued work, and begins again when it has little.
 void Session::regulate() noexcept {
   if (client_->is_gone) return;
-  const size_t most_assets = wire::most_data(client_->host.settings().max_objects);
+  const size_t most_assets = wire::most_assets(client_->host.settings().max_objects);
   const size_t parked = client_->parked.cost();
   const bool has_too_much = !client_->parked.is_empty() && client_->assets.count() >= most_assets;
   const bool is_over = parked >= most_parked || client_->jobs >= most_jobs || has_too_much;
@@ -293,7 +293,7 @@ void Session::retry_parked() {
     client_->let_others();
   }
   requests_.retry();
-  if (!client_->told.is_empty()) client_->note_edits();  // what had to wait can be told now
+  if (!client_->told.is_empty()) client_->note_edits();  // names that parked changes held up can be told now
   note_applied();
 }
 

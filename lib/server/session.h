@@ -1,7 +1,7 @@
 // A client's life at the server: it says who it is, sends messages, has a turn in each period, and goes. The session reads
-// the messages, applies what it can and parks what has to wait. What it keeps account of stands in Client, what changes do
-// in Changes, what is asked in Requests. Nothing that comes is trusted: it is copied, checked, then used; what is not good
-// harms this client alone. All on the server's thread.
+// the messages, applies the changes that it can, and parks those that have to wait. Client holds what the server knows of the
+// client, Changes applies changes, Requests answers requests. Nothing that comes is trusted: it is copied, checked, then
+// used; what is not good harms this client alone. All of it runs on the server's thread.
 #pragma once
 
 #include <functional>
@@ -18,35 +18,35 @@ namespace fs {
 
 class Session {
  public:
-  static constexpr double slice = 1e-5;  // s of one client's work; then others are looked at
+  static constexpr double slice = 1e-5;  // s of work for one client, before others are looked at
 
-  // refusal: FS_OK, or what it is told when it says who it is.
+  // refusal: FS_OK, or why the client will be refused when it says who it is.
   Session(Host& host, uint64_t id, Descriptor socket, const Peer& peer, fs_status refusal);
 
   Client& client() const noexcept { return *client_; }
   const std::shared_ptr<Client>& shared_client() const noexcept { return client_; }
   bool is_refused() const noexcept { return refusal_ != FS_OK; }
 
-  // Handles so many of the messages that are there, or as many as it can within a slice.
+  // Handles at most so many of the messages that are there, for about a slice of time.
   void receive(int most) noexcept;
-  // Whether the next message can be handled in the middle of a long one of `busy`'s (null: of nobody's): it is short, and
-  // not about busy's objects. `round`: in which it is not looked at again when it cannot.
+  // Whether the next message can be handled in the middle of long work for `busy` (null: for nobody): the message is short,
+  // and not about busy's objects. Where it cannot, it is not looked at again in the same `round`.
   bool is_next_apart(const Client* busy, uint64_t round) noexcept;
   Usage& usage() noexcept { return usage_; }
 
-  // Each period: takes the moves, and posts the changes to the servo.
+  // Called each period: takes the moves, and posts the changes to the servo.
   void turn(double now) noexcept;
-  // After all have had their turn: tells what a tick has used.
+  // Called after all sessions had their turn: tells the client which of its changes a tick has used.
   void end_turn() noexcept;
-  // Applies what has waited for shapes, when it is time for that.
+  // Applies changes that have waited for shapes, when it is time to look through them.
   void catch_up() noexcept;
-  // Now and then: passes on the scene's events, and looks after the channel.
+  // Called now and then: passes on the scene's events, and looks after the channel.
   void keep_house() noexcept;
-  // A worker has done a job for it; done: what is left to be done here.
+  // A worker has finished a job for this client; done: what is left to do here.
   void finish_job(const std::function<void()>& done) noexcept;
 
-  bool is_busy() const noexcept;   // it waits for something that the servo or a worker must do
-  bool is_alive() const noexcept;  // its process, as far as the system tells
+  bool is_busy() const noexcept;   // it waits for the servo or a worker
+  bool is_alive() const noexcept;  // its process lives, as far as the system tells
   // From now on the client is gone; its objects fade from `lease` s on.
   void drop(double lease) noexcept;
   void drop() noexcept { drop(client_->host.settings().lease); }

@@ -8,7 +8,7 @@ namespace fs {
 
 void Syncs::add(uint64_t serial) {
   constexpr size_t most = 64;
-  if (waiting_.size() >= most) fail(FS_ERROR_FULL, "%zu calls wait for this client already", waiting_.size());
+  if (waiting_.size() >= most) fail(FS_ERROR_FULL, "%zu syncs of this client wait already", waiting_.size());
   waiting_.push_back({serial, false, 0, {}});
 }
 

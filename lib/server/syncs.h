@@ -1,6 +1,5 @@
-// Syncs of a client that wait: each is answered when ticks have used all that the client had changed before it. As a client
-// may have changed objects of any scene, every scene's changes count. Where a change was refused, the next sync tells of
-// the first refusal instead.
+// The syncs of a client that wait. A sync is answered once ticks have used every scene's changes up to now: the client may
+// have changed objects of any of them. Where a change was refused, the next sync tells the first refusal instead.
 #pragma once
 
 #include <memory>
@@ -22,15 +21,15 @@ class Syncs {
   void note_refusal(fs_status status, const std::string& text) {
     if (!first_refusal_) first_refusal_ = {status, text};
   }
-  // Once a turn, after the scenes were posted, while none of the client's changes waits. are_moves_taken: those of this
-  // client, in this turn. May throw BadClient.
+  // Called once a turn, after the scenes were posted, while no change of the client waits. are_moves_taken: this turn has
+  // taken the client's moves. May throw BadClient.
   void answer(const Client& client, bool are_moves_taken);
 
  private:
   struct Sync {
     uint64_t serial;
-    bool has_begun = false;  // its sequences are sampled when all that came before it has been posted
-    uint64_t own = 0;        // sequence wanted of the server's own scene, then those of the clients
+    bool has_begun = false;  // its sequences were sampled, after all that came before it was posted
+    uint64_t own = 0;        // the sequence that a tick has to use of the server's own scene; wanted: of the clients' scenes
     std::vector<std::pair<std::weak_ptr<const Client>, uint64_t>> wanted;
   };
   static void begin(Sync& sync, const Client& client);

@@ -1,6 +1,6 @@
-// What a client has to be told of: names of its objects where it may believe something else than what is there, with who
-// changed them, and its view. The client asks for these one by one (a pull), until Outbox::edits says that it knows all.
-// Where a change of the client's own waits for a shape, what comes of that is told first.
+// What a client has to be told: the names of its objects of which it may believe something else than what is there, with who
+// changed them, and its view. The client asks for these one by one (a pull), until it has been told as far as Outbox::edits
+// counts. A name that is held up by a parked change is told only after that change was applied or refused.
 #pragma once
 
 #include <string>
@@ -18,11 +18,11 @@ class Told {
   bool is_empty() const noexcept { return names_.empty() && !is_view_due_; }
   void note_view() noexcept { is_view_due_ = true; }
 
-  // What is told next.
+  // True: the view is told next, and is told then.
   bool takes_view(const Parked& parked) noexcept {
     return !parked.holds_up_view() && std::exchange(is_view_due_, false);
   }
-  const std::string* next_name(const Parked& parked) const {  // null: none
+  const std::string* next_name(const Parked& parked) const {  // that is told next; null: none
     for (const auto& [name, editor] : names_) {
       if (!parked.holds_up(name)) return &name;
     }

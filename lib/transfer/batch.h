@@ -1,5 +1,5 @@
-// A batch: changes that belong together, a group or one alone. All of them are sent, and applied, or none. A client puts
-// one together and the server takes it apart; what it looks like between the two is known here alone.
+// A batch: changes that belong together, either a group or one change alone. All of them are sent and applied, or none. A
+// client puts batches together, and the server takes them apart; only this file knows how they look in a message.
 #pragma once
 
 #include <cstddef>
@@ -18,13 +18,13 @@ namespace fs {
 // One change of a batch.
 struct Change {
   wire::Type type;
-  std::span<const std::byte> record;  // lies in the batch; as long as the type's record
+  std::span<const std::byte> record;  // lies in the batch; its size is that of the type's record
 
   template <class Record>
   const Record& as() const noexcept { return *reinterpret_cast<const Record*>(record.data()); }
-  // It changes another client's object.
+  // It changes an object of another client.
   bool is_foreign() const noexcept { return type >= wire::type_sync; }
-  // Of the object that it is about, "client/object" of a foreign one; empty: it is about none.
+  // The name of the object that it is about, "client/object" of a foreign one; empty: it is about none.
   std::string_view name() const noexcept;
 };
 
@@ -60,11 +60,11 @@ class Batch {
   Iterator begin() const noexcept { return {*this, 0}; }
   Iterator end() const noexcept { return {*this, size()}; }
 
-  // ---- One that is to be sent.
+  // ---- To send a batch.
   void add(wire::Type type, std::span<const std::byte> record);
   template <class Record>
   void add(wire::Type type, const Record& record) { add(type, std::as_bytes(std::span(&record, 1))); }
-  void put_slot(size_t i, uint32_t slot) noexcept;  // into a Set
+  void put_slot(size_t i, uint32_t slot) noexcept;  // of a set or change
   struct Message {
     wire::Type type;
     std::span<const std::byte> body;  // lies in the batch
@@ -72,9 +72,9 @@ class Batch {
   };
   Message message() const;  // IO, FULL
 
-  // ---- One that came.
+  // ---- To read a batch.
   class Reader;
-  bool is_mapped() const noexcept { return is_mapped_; }  // it lies in a memory file, of which a process has so many
+  bool is_mapped() const noexcept { return is_mapped_; }  // it lies in a memory file, of which a process can map only so many
 
  private:
   struct Place {
@@ -85,25 +85,25 @@ class Batch {
   const std::byte* base() const noexcept { return memory_ ? memory_base_ : bytes_.data(); }
 
   std::vector<Place> places_;
-  std::vector<std::byte> bytes_;             // of one that is to be sent: a wire::Group, then the changes with their headers
-  std::shared_ptr<const void> memory_;       // of one that came
+  std::vector<std::byte> bytes_;             // to be sent: a wire::Group, then the changes with their headers
+  std::shared_ptr<const void> memory_;       // that came
   const std::byte* memory_base_ = nullptr;
   bool is_mapped_ = false;
 };
 
-// Takes a batch that came apart, change by change: a long one takes a while.
+// Takes a group apart, change by change, because a long one takes a while.
 class Batch::Reader {
  public:
-  // A message of one change.
+  // The batch of a message with one change.
   static Batch read(wire::Type type, std::span<const std::byte> record, std::shared_ptr<const void> memory);
 
-  // A group's message; its body is at least a wire::Group. memory: what the body lies in, and nobody can change it any
-  // more. most: changes.
+  // body: of the group's message, at least a wire::Group; it lies in memory, which nobody can change any more. content: the
+  // descriptor that came along; may be none. most: changes.
   Reader(std::span<const std::byte> body, std::shared_ptr<const void> memory, Descriptor&& content, size_t most);
 
-  bool is_good() const noexcept { return is_good_; }  // false: it is no good batch
+  bool is_good() const noexcept { return is_good_; }  // false: the message is malformed
   bool is_done() const noexcept { return !is_good_ || rest_.empty(); }
-  std::optional<Change> next();  // nothing: it is no good batch
+  std::optional<Change> next();  // nothing: the message is malformed
   Batch take() noexcept { return std::move(batch_); }
 
  private:

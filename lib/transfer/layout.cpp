@@ -26,7 +26,7 @@ struct Field {
   char kind;
 };
 
-// A record is its fields, one behind the other: one that is left out, and padding, do not compile.
+// A record is its fields, one after the other: a field that is left out, or padding, does not compile.
 template <class... Size>
 constexpr size_t sum(Size... sizes) {
   return (sizes + ... + 0);
@@ -131,7 +131,7 @@ std::string make_layout_text() {
          compute_max);
   RECORD(fs_device_info, struct_size, force_axes, torque_axes, reserved, name, serial, workspace_radius,
          workspace_height, workspace_angle, force_max, torque_max, resolution, rate, delay, damping, mass);
-  // The regions hold atomic words; their parts have places of their own there.
+  // The regions consist of atomic words, so RECORD cannot check them.
   table.add("Outbox", {FIELD(Outbox, servo), FIELD(Outbox, heartbeat), FIELD(Outbox, is_closed), FIELD(Outbox, is_asleep),
                        FIELD(Outbox, edits), FIELD(Outbox, events_written), FIELD(Outbox, events)});
   table.add("ServoOutput", {FIELD(ServoOutput, time), FIELD(ServoOutput, tick), FIELD(ServoOutput, used),

@@ -1,5 +1,5 @@
-// The layout of all that client and server exchange, as a text. Both ends must have the same: its number is compared when a
-// client connects, and a mismatch is told by record and field.
+// The layout of all records that client and server exchange, as a text. When a client connects, both ends compare the number
+// of their layouts; a mismatch is told by the first record and field that differ.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@ namespace fs::wire {
 const std::string& layout_text();
 uint64_t layout_id();
 
-// What differs first, as a sentence; empty: nothing.
+// The first difference, as a sentence; empty: there is none.
 std::string layout_difference(std::string_view client, std::string_view server);
 
 }  // namespace fs::wire

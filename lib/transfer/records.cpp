@@ -14,7 +14,7 @@ wire::Profile to_record(const fs_profile& p) {
 }
 
 template <class Enum>
-Enum to_enum(int32_t value) {  // any number: whoever looks at it next checks it
+Enum to_enum(int32_t value) {  // it may be any number: it is checked where it is used
   Enum out;
   std::memcpy(&out, &value, sizeof out);
   return out;

@@ -1,5 +1,5 @@
-// Between the things of a scene and the records that go from process to process (wire.h). Motions that come in are checked
-// here, as if they came from anybody; objects are checked where they are set.
+// Converts between objects and motions and their records (wire.h). Motions are checked here, as nothing that comes from
+// another process is trusted; objects are checked where they are set.
 #pragma once
 
 #include <cstddef>
@@ -12,10 +12,10 @@
 
 namespace fs {
 
-// Of the record that comes with a type of message; nothing: there is no such type. Of a group it is not told here.
+// The size of the record of a message or change; nothing: there is no such type, or it is a group.
 std::optional<size_t> record_size(uint32_t type) noexcept;
 
-// All but the ids of shape and curves.
+// All but the numbers of shape and curves.
 wire::Object to_record(const fs_object& object);
 // The handles are null.
 fs_object from_record(const wire::Object& record);
@@ -24,7 +24,7 @@ wire::Movement to_record(const Motion& motion);
 Motion from_record(const wire::Movement& record);                         // INVALID
 bool from_record(const wire::Movement& record, Motion& motion) noexcept;  // the same without a sentence
 
-// What a change of the frame, the clutch or the tool that has not been applied yet makes of a view.
+// Applies a change of the frame, the clutch or the tool to a view, before the scene has it.
 void foresee(fs_view& view, const Change& change);
 
 }  // namespace fs

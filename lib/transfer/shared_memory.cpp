@@ -4,7 +4,7 @@ namespace fs {
 
 void push_event(Outbox& outbox, const fs_event& event) noexcept {
   const uint64_t number = outbox.events_written.load(std::memory_order_relaxed);
-  if (event.kind == FS_EVENT_OVERFLOW) {  // numbers that are never there: the client counts them with those it missed
+  if (event.kind == FS_EVENT_OVERFLOW) {  // skips numbers: the client counts them among those it missed
     outbox.events_written.store(number + static_cast<uint64_t>(event.value), std::memory_order_release);
     return;
   }
@@ -21,7 +21,7 @@ bool EventReader::read(const Outbox& outbox, fs_event& out) noexcept {
   }
   wire::EventSlot entry;
   const auto read_next = [&] { return outbox.events[read_ % kept_events].read(entry) && entry.number == read_; };
-  for (; read_ != written && !read_next(); ++read_) ++lost;  // it was overwritten meanwhile
+  for (; read_ != written && !read_next(); ++read_) ++lost;  // overwritten meanwhile
   out = {};
   if (lost) {
     out.kind = FS_EVENT_OVERFLOW;

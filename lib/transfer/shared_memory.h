@@ -1,5 +1,5 @@
-// The two regions that a client and its server share. Both are made and sealed by the server. In both every word is atomic,
-// and whatever is read is copied before it is looked at.
+// The two regions that a client and its server share. The server makes and seals both. Every word in them is atomic, and
+// what is read is copied before it is looked at.
 //
 //   inbox   client to server: where the client's objects are, a slot for each object that is moved through it
 //   outbox  server to client, which can only read it: the hand, what the client must know at once, events
@@ -23,19 +23,20 @@ struct Outbox {
   alignas(64) std::atomic<double> heartbeat{0};  // s, monotonic clock: when the server last came by
   std::atomic<uint32_t> is_closed{0};            // the server has let go of this client
   std::atomic<uint32_t> is_asleep{0};            // the server looks at the inbox only when it is woken
-  std::atomic<uint64_t> edits{0};                // grows when there is something that the client may not know
+  std::atomic<uint64_t> edits{0};                // grows when there is something new to tell the client
   std::atomic<uint64_t> applied{0};              // serial: all of the client's messages up to it have been applied
   std::atomic<uint64_t> events_written{0};
   Seqlock<wire::EventSlot> events[kept_events];  // by number, modulo kept_events
 };
 
-// The server's: adds an event, or counts what an OVERFLOW says was lost. An event that is not read in time is overwritten.
+// Called by the server: adds an event; of an OVERFLOW, counts the events that were lost. Events that are not read in time are
+// overwritten.
 void push_event(Outbox& outbox, const fs_event& event) noexcept;
 
-// The client's: reads the events of an outbox one by one.
+// Used by the client: reads the events of an outbox one by one.
 class EventReader {
  public:
-  // What was lost comes first, as an OVERFLOW without a time. False: there is no event.
+  // Where events were lost, an OVERFLOW without a time tells so first. False: there is no event.
   bool read(const Outbox& outbox, fs_event& out) noexcept;
 
  private:

@@ -36,10 +36,10 @@ struct Answer {  // the server's first; FS_OK: a Welcome follows in it, and two 
 
 // ----------------------------------------------------------------------------------------------------- the bounds
 
-// Of a client that may have so many objects: changes in a group; shapes and curves at the server, which are those of its
-// objects and of a group on its way.
+// For a client that may have so many objects: the changes of a group; the shapes and curves at the server, which are those
+// of its objects and of a group on its way.
 inline constexpr size_t most_changes(uint32_t max_objects) { return 4 * size_t{max_objects} + 64; }
-inline constexpr size_t most_data(uint32_t max_objects) { return 3 * (most_changes(max_objects) + max_objects); }
+inline constexpr size_t most_assets(uint32_t max_objects) { return 3 * (most_changes(max_objects) + max_objects); }
 
 // ----------------------------------------------------------------------------------------------------- the records
 
@@ -64,7 +64,7 @@ enum Type : uint32_t {
   type_frame,        // Frame
   type_clutch,       // Clutch
   type_tool,         // Tool
-  type_wake,         // nothing: there is something in the inbox, and the server slept
+  type_wake,         // nothing: wakes the server, as there is something in the inbox
   type_group,        // Group, then a Header and a record for each change; where these are too long for a message, they
                      // are in a descriptor that comes with it. Also changes of others' objects: edit, move, remove
   type_bind,         // Bind
@@ -104,10 +104,10 @@ struct Reply {
   char text[256];                // fs_last_error of the failure
 };
 
-// Shapes and curves: named by a number that never comes twice in a process. In what a client sends it is the client's,
-// sent before in a Shape or Curve, or the server's with `of_server`; in what a server sends, likewise.
+// Shapes and curves are named by numbers that never come twice in a process. In the records of both ends it is the client's
+// number, of one that the client has sent in a Shape or Curve; or, with the bit `of_server`, the server's.
 inline constexpr uint64_t of_server = uint64_t{1} << 63;
-// With STATE: it has to be fetched, or sent, anew.
+// The sentence of a STATE: the client has to send the shape or curve as its own.
 inline constexpr const char* not_offered = "the server offers this shape or curve no longer";
 
 struct Profile {
@@ -122,7 +122,7 @@ struct Object {
   uint32_t tool_points;
   fs_pose pose;
   fs_twist twist;
-  double time, start, lifetime;  // s; worked out, none is 0 but lifetime
+  double time, start, lifetime;  // s; no default is left: only lifetime may be 0
   Profile front, back;
   double damping;
   int32_t keep;
@@ -139,7 +139,7 @@ struct Set {
   Object object;
 };
 
-// How an object moves from a time on: Motion, in scene/motion.h.
+// How an object moves from a time on: the Motion of the scene.
 struct Movement {
   fs_pose pose;
   fs_twist twist;
@@ -198,7 +198,7 @@ struct Target {
 };
 
 struct Fetch {
-  uint64_t id;                   // the server's, of the last Object or Pulled that was sent
+  uint64_t id;                   // the server's number, of the last Object or Pulled that it sent
 };
 
 struct Edit {  // parts of another client's object
@@ -219,30 +219,30 @@ struct Count {
   uint64_t count;
 };
 
-// What the server has where the client may believe something else: others have changed it, or a change was refused.
+// What the server has, where the client may believe something else: others have changed it, or a change was refused.
 enum PulledState : uint32_t {
-  pulled_nothing,                // the client knows all
+  pulled_nothing,                // there is nothing that the client does not know
   pulled_present,                // object is what it is now
   pulled_absent,                 // there is no object of its name
-  pulled_refused,                // nor is there, as it was refused
-  pulled_waiting,                // a change by the client itself waits for a shape: what comes of it is told then
-  pulled_data,                   // the shape or curve of number object.shape was refused: it has to be sent again
+  pulled_refused,                // there is none, as it was refused
+  pulled_waiting,                // a change of the client's own waits for a shape: its outcome is told later
+  pulled_asset,                  // the shape or curve of number object.shape was refused: it has to be sent again
   pulled_view                    // frame and tool
 };
 
 struct Pulled {
   uint32_t state;                // PulledState
   uint32_t slot;                 // of the object; no_slot: none
-  uint64_t edits;                // Outbox::edits as far as they have been told now
+  uint64_t edits;                // Outbox::edits as far as the client has been told
   Object object;
-  Movement movement;             // of the object: it has how long the twist holds, too
+  Movement movement;             // of the object: unlike an Object it says how long the twist holds
   Frame frame;
   Tool tool;
 };
 
-// In shared memory, a slot each: written by fs_object_move.
+// In a slot of the inbox: written by fs_object_move.
 struct Move {
-  uint64_t after;                // serial of the change that last set the pose: must be the one that the server knows
+  uint64_t after;                // serial of the change that last set the pose: it counts only after that
   Movement movement;
 };
 
