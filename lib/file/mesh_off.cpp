@@ -1,4 +1,5 @@
 // OFF: a header, the counts, a line for each vertex and each face. Colours, normals and texture are read over.
+#include "base/text.h"
 #include "base/whole_file.h"
 #include "file/mesh_formats.h"
 #include "file/polygon.h"

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "base/text.h"
 #include "base/whole_file.h"
 #include "file/binary.h"
 #include "file/mesh_formats.h"

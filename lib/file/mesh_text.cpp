@@ -3,6 +3,7 @@
 #include <charconv>
 #include <cmath>
 
+#include "base/text.h"
 #include "base/whole_file.h"
 
 namespace fs {
@@ -89,8 +90,7 @@ double Text::number(std::string_view word, const char* what) const {
 int64_t Text::integer(std::string_view word, const char* what) const {
   const std::string_view digits = without_plus(word);
   int64_t value = 0;
-  const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
-  if (error != std::errc() || end != digits.data() + digits.size()) fail_word(word, what, "an integer");
+  if (!read_number(digits, value)) fail_word(word, what, "an integer");
   return value;
 }
 

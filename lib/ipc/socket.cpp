@@ -12,7 +12,6 @@
 
 #include <array>
 #include <cerrno>
-#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <mutex>
@@ -20,6 +19,7 @@
 
 #include "base/clock.h"
 #include "base/error.h"
+#include "base/text.h"
 
 namespace fs {
 namespace {
@@ -28,8 +28,7 @@ constexpr size_t longest_name = 64;
 
 uid_t parse_user(const std::string& text) {
   uid_t id = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), id);
-  if (error == std::errc() && end == text.data() + text.size()) return id;
+  if (read_number(text, id)) return id;
   std::vector<char> buffer(16384);
   passwd entry, *found = nullptr;
   getpwnam_r(text.c_str(), &entry, buffer.data(), buffer.size(), &found);
@@ -39,8 +38,7 @@ uid_t parse_user(const std::string& text) {
 
 double parse_timeout(const std::string& text) {
   double timeout = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), timeout);
-  if (error != std::errc() || end != text.data() + text.size() || !(timeout >= 0 && timeout <= 1e6)) {
+  if (!read_number(text, timeout) || !(timeout >= 0 && timeout <= 1e6)) {
     fail(FS_ERROR_INVALID, "timeout is '%.80s', must be within 0..1e6 s", text.c_str());
   }
   return timeout;
