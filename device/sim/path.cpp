@@ -1,12 +1,12 @@
 #include "device/sim/path.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <numbers>
 #include <string_view>
 
 #include "base/error.h"
+#include "base/text.h"
 #include "base/whole_file.h"
 #include "device/sim/parameters.h"
 
@@ -25,8 +25,7 @@ int parse_line(std::string_view text, double (&numbers)[5]) {
     if (begin == std::string_view::npos || count == 5) return count;
     text.remove_prefix(begin);
     const std::string_view word = text.substr(0, text.find_first_of(" \t\r\n"));
-    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), numbers[count]);
-    if (error != std::errc() || end != word.data() + word.size() || !std::isfinite(numbers[count])) return -1;
+    if (!read_number(word, numbers[count]) || !std::isfinite(numbers[count])) return -1;
     text.remove_prefix(word.size());
     ++count;
   }

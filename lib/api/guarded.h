@@ -1,4 +1,4 @@
-// The border: no exception crosses it, and no null pointer comes in.
+// For the C functions: no exception leaves them, and no null pointer comes in.
 #pragma once
 
 #include <cstring>

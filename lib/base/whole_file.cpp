@@ -58,24 +58,6 @@ void fail_at(fs_status status, const std::string& where, const char* format, ...
   throw Error{status, where + ": " + text};
 }
 
-std::string printable(std::string_view text) {
-  constexpr size_t longest = 40;
-  std::string out;
-  for (const char c : text.substr(0, longest)) {
-    const auto byte = static_cast<unsigned char>(c);
-    if (byte >= 0x20 && byte < 0x7f) {
-      out += c;
-    } else {
-      char hex[8];
-      std::snprintf(hex, sizeof hex, "\\x%02x", byte);
-      out += hex;
-    }
-  }
-  return out + (text.size() > longest ? "..." : "");
-}
-
-std::string in_quotes(std::string_view text) { return "\"" + printable(text) + "\""; }
-
 std::string read_whole_file(const std::string& path, uint64_t most) {
   const auto require_regular = [&](const struct stat& status) {
     if (!S_ISREG(status.st_mode)) fail_at(FS_ERROR_IO, path, "is %s, must be a file", kind_name(status.st_mode));

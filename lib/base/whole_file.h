@@ -24,8 +24,4 @@ void write_file_atomically(const std::string& path, const std::string& text);
 [[noreturn, gnu::format(printf, 3, 4)]]
 void fail_at(fs_status status, const std::string& where, const char* format, ...);
 
-// A piece of a file for a sentence: cut after 40 bytes, what is not printable ASCII as \xNN.
-std::string printable(std::string_view text);
-std::string in_quotes(std::string_view text);
-
 }  // namespace fs

@@ -11,18 +11,20 @@
 #include <thread>
 
 #include "base/process.h"
+#include "ipc/region.h"
+#include "transfer/layout.h"
 
 namespace fs {
 namespace {
 
 constexpr double retry_period = 0.02;     // s, between two tries to connect
-constexpr double handshake_limit = 2;     // s, where the endpoint does not say
+constexpr double handshake_limit = 2;     // s, where the endpoint gives none
 constexpr size_t most_answer = 4096;      // bytes
-constexpr double heartbeat_limit = 0.1;   // s: of a server that has not come by for so long the system is asked
+constexpr double heartbeat_limit = 0.1;   // s without a heartbeat, after which the system is asked for the server
 
-constexpr const char* lost_text = "the server is gone, and stays so for this scene: make a new one";
-constexpr const char* forked_text = "this process was forked from the one that connected, whose scene it is";
-constexpr const char* shut_text = "the scene has been given back";
+constexpr const char* lost_text = "the server is gone; this scene stays disconnected: connect a new one";
+constexpr const char* forked_text = "this process was forked from the one that connected: the scene belongs to that process";
+constexpr const char* shut_text = "the scene was destroyed";
 
 void sleep(double s) { std::this_thread::sleep_for(std::chrono::duration<double>(s)); }
 
@@ -40,9 +42,9 @@ Connection::Connection(const Endpoint& endpoint, const std::string& client)
   for (;;) {
     connect(endpoint, start);
     if (greet(endpoint, client)) return;
-    // It was about to stop, or had no room for a stranger just now.
+    // The server was about to stop, or had no room for another stranger just now.
     if (steady_now() - start >= std::fmax(endpoint.timeout, handshake_limit)) {
-      fail(FS_ERROR_FULL, "the server '%s' hangs up: it has no room for anybody", endpoint.name.c_str());
+      fail(FS_ERROR_FULL, "the server '%s' closes every connection: it has no room for another client", endpoint.name.c_str());
     }
     sleep(retry_period);
   }
@@ -54,16 +56,16 @@ void Connection::connect(const Endpoint& endpoint, double start) {
   for (;; sleep(retry_period)) {
     const auto is_nobody = [](int e) { return e == ENOENT || e == ECONNREFUSED; };
     int error = endpoint.is_own_user ? ENOENT : connect_to(shared_address(endpoint.name), socket_);
-    if (is_nobody(error)) error = connect_to(own_address, socket_);  // of another user: it says that it lets nobody in
+    if (is_nobody(error)) error = connect_to(own_address, socket_);  // another user's server says that it refuses this one
     const double waited = steady_now() - start;
     if (error == 0) break;
     if (is_nobody(error)) {
       if (waited < endpoint.timeout) continue;
       fail(FS_ERROR_NOT_FOUND, "there is no server '%s' of user %u", name, endpoint.user);
     }
-    if (error == EAGAIN) {  // too many wait at its door
+    if (error == EAGAIN) {  // too many wait to be accepted
       if (waited < std::fmax(endpoint.timeout, handshake_limit)) continue;
-      fail(FS_ERROR_TIMEOUT, "the server '%s' has let nobody in for %.3g s", name, waited);
+      fail(FS_ERROR_TIMEOUT, "the server '%s' has accepted no connection for %.3g s", name, waited);
     }
     fail(error == EMFILE || error == ENFILE ? FS_ERROR_FULL : FS_ERROR_IO, "the server '%s' cannot be reached: %s",
          name, std::strerror(error));
@@ -98,7 +100,8 @@ bool Connection::greet(const Endpoint& endpoint, const std::string& client) {
   wire::Answer answer{};
   if (size >= sizeof answer) std::memcpy(&answer, message.data(), sizeof answer);
   if (answer.magic != wire::magic) {
-    fail(FS_ERROR_VERSION, "what answers at '%s' is no server that this library (%s) knows", name, fs_version());
+    fail(FS_ERROR_VERSION, "what answers at '%s' is not a server that this library (version %s) can talk to", name,
+         fs_version());
   }
   const std::span<const std::byte> rest = std::span(message).subspan(sizeof answer, size - sizeof answer);
   if (answer.status != FS_OK) {
@@ -108,11 +111,11 @@ bool Connection::greet(const Endpoint& endpoint, const std::string& client) {
     }
     throw Error{to_status(answer.status), std::move(text)};
   }
-  if (rest.size() != sizeof welcome_) fail(FS_ERROR_VERSION, "the server '%s' says something else than welcome", name);
+  if (rest.size() != sizeof welcome_) fail(FS_ERROR_VERSION, "the server '%s' has sent a welcome of another size", name);
   std::memcpy(&welcome_, rest.data(), sizeof welcome_);
   if (welcome_.max_objects < 1 || welcome_.max_objects > most_slots || welcome_.outbox_bytes != sizeof(Outbox) ||
       welcome_.inbox_bytes != Inbox::bytes(welcome_.max_objects)) {
-    fail(FS_ERROR_VERSION, "the server '%s' has another idea of shared memory", name);
+    fail(FS_ERROR_VERSION, "the server '%s' lays out shared memory in another way", name);
   }
   if (is_cut || !regions[0] || !regions[1]) {
     fail(FS_ERROR_FULL, "no descriptor is left in this process for the memory of the server '%s'", name);
@@ -133,7 +136,7 @@ const char* Connection::loss(double now) const noexcept {
   if (const char* known = loss_.load(std::memory_order_acquire)) return known;
   bool is_gone = outbox_->is_closed.load(std::memory_order_acquire) != 0;
   if (!is_gone && now - outbox_->heartbeat.load(std::memory_order_relaxed) > heartbeat_limit) {
-    // The socket does not tell, where a process that was forked from the server has it too.
+    // The socket does not tell of it where a process that was forked from the server has the socket, too.
     pollfd look[2] = {{socket_.get(), 0, 0}, {process_.get(), POLLIN, 0}};
     is_gone = poll(look, 2, 0) > 0 && ((look[0].revents & (POLLHUP | POLLERR)) || (look[1].revents & POLLIN));
   }
@@ -152,7 +155,7 @@ void Connection::check(double now) const {
 }
 
 void Connection::shut() noexcept {
-  if (is_forked()) return;  // the parent's goes on
+  if (is_forked()) return;  // the connection of the parent process goes on
   lose(shut_text);
   shutdown(socket_.get(), SHUT_RDWR);
 }
@@ -177,7 +180,7 @@ void Connection::wake() noexcept {
   if (outbox_->is_asleep.load() == 0) return;
   const wire::Header header{wire::type_wake, 0, ++serial_};
   const std::span<const std::byte> parts[] = {bytes_of(&header, 1)};
-  if (send_message(socket_, parts, {}) == Transfer::closed) lose(lost_text);  // no room: then it is awake
+  if (send_message(socket_, parts, {}) == Transfer::closed) lose(lost_text);  // where there is no room, the server is awake
 }
 
 uint64_t Connection::ask(wire::Type type, std::span<const std::byte> body) {
@@ -212,7 +215,7 @@ bool Connection::take_answer(uint64_t serial, Answer& out) {
   return true;
 }
 
-// All that is there. Answers that nobody waits for any more are dropped.
+// Takes in all that is there. Answers that nobody waits for any more are dropped.
 void Connection::receive() {
   constexpr size_t head_size = sizeof(wire::Header) + sizeof(wire::Reply);
   std::array<std::byte, head_size + most_answer> buffer;
@@ -224,7 +227,7 @@ void Connection::receive() {
     if (transfer == Transfer::again) return;
     wire::Header header{};
     if (transfer == Transfer::done && size >= head_size) std::memcpy(&header, buffer.data(), sizeof header);
-    if (header.type != wire::type_reply) return lose(lost_text);  // or it talks nonsense
+    if (header.type != wire::type_reply) return lose(lost_text);  // or it breaks the rules of the wire
     const auto found = awaited_.find(header.serial);
     if (found == awaited_.end()) continue;
     Reply& reply = found->second;

@@ -1,5 +1,5 @@
-// A client's end of the way to its server: the socket, the shared memory, and whether anybody is still there. A server
-// that is lost stays lost.
+// A client's connection to its server: the socket, the shared memory, and whether the server is still there. A server that
+// is lost stays lost for this connection.
 #pragma once
 
 #include <atomic>
@@ -10,20 +10,28 @@
 #include <string>
 #include <vector>
 
+#include "base/clock.h"
 #include "base/error.h"
-#include "ipc/region.h"
+#include "base/text.h"
+#include "ipc/blob.h"
 #include "ipc/socket.h"
-#include "scene/transfer.h"
+#include "transfer/records.h"
+#include "transfer/shared_memory.h"
 
 namespace fs {
 
-// What a server says to a request.
+// FULL: data that come with an answer are not there.
+inline void require_data(const Descriptor& data) {
+  if (!data) fail(FS_ERROR_FULL, "no descriptor is left in this process for the server's answer");
+}
+
+// The answer of a server to a request.
 struct Answer {
   std::vector<std::byte> body;
   Descriptor data;
 
   template <class T>
-  T as() const {  // INTERNAL: it is something else
+  T as() const {  // INTERNAL: the answer has another size
     T out;
     if (body.size() != sizeof out) {
       fail(FS_ERROR_INTERNAL, "the server's answer has %zu bytes, must be %zu", body.size(), sizeof out);
@@ -31,10 +39,7 @@ struct Answer {
     std::memcpy(&out, body.data(), sizeof out);
     return out;
   }
-  void require_data() const {  // FULL
-    if (!data) fail(FS_ERROR_FULL, "no descriptor is left in this process for the server's answer");
-  }
-  // The data that came along, so many T. FULL, INTERNAL, IO.
+  // The list that came with the answer. FULL, INTERNAL, IO.
   template <class T>
   std::vector<T> list() const {
     constexpr uint64_t most = 1 << 30;
@@ -42,7 +47,7 @@ struct Answer {
     if (count > most) {
       fail(FS_ERROR_INTERNAL, "the server's list has %llu entries", static_cast<unsigned long long>(count));
     }
-    require_data();
+    require_data(data);
     check_blob(data, count * sizeof(T));
     std::vector<T> out(count);
     read_blob(data, 0, std::as_writable_bytes(std::span(out)));
@@ -52,7 +57,7 @@ struct Answer {
 
 class Connection {
  public:
-  // NOT_FOUND, EXISTS, VERSION, DENIED, FULL, TIMEOUT, IO, INVALID: whatever the server says.
+  // NOT_FOUND, EXISTS, VERSION, DENIED, FULL, TIMEOUT, IO, INVALID; or whatever status the server answers with.
   Connection(const Endpoint& endpoint, const std::string& client);
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
@@ -60,16 +65,16 @@ class Connection {
   // ---- By any thread at any time.
   const wire::Welcome& welcome() const noexcept { return welcome_; }
   const std::shared_ptr<Outbox>& outbox() const noexcept { return outbox_; }  // mapped to be read only
-  bool is_forked() const noexcept;  // [rt] since it connected: it is the parent's
-  // [rt] Null: the server is there; else why it is not, a literal. No system call, while the server comes by.
+  bool is_forked() const noexcept;  // [rt] this process was forked since: the connection is the parent's
+  // [rt] Null: the server is there; else the reason why not, a literal. No system call while the heartbeat goes on.
   const char* loss(double now = steady_now()) const noexcept;  // now: s, monotonic clock
   void check(double now = steady_now()) const;                 // DISCONNECTED
   // Ends it from this side, also for calls that wait.
   void shut() noexcept;
-  // Waits until there may be an answer, timeout s at most.
+  // Waits until there may be an answer, for timeout s at most.
   void wait(double timeout) const noexcept { wait_for(socket_, false, timeout); }
 
-  // Waits until a message may be sent, timeout s at most. It is no promise.
+  // Waits until there may be room to send, for timeout s at most.
   void wait_for_room(double timeout) const noexcept { wait_for(socket_, true, timeout); }
 
   bool has_room() const noexcept { return wait_for(socket_, true, 0); }
@@ -82,28 +87,28 @@ class Connection {
   uint64_t send(wire::Type type, std::span<const std::byte> body, int descriptor = -1,
                 std::span<const std::byte> rest = {});
   uint64_t last_serial() const noexcept { return serial_; }
-  // The same of a request, whose answer is then awaited.
+  // Sends a request, whose answer is then awaited. Returns its serial; 0: there is no room now.
   uint64_t ask(wire::Type type, std::span<const std::byte> body = {});
-  bool take_answer(uint64_t serial, Answer& out);  // false: not there yet. What the server refuses is thrown
-  bool has_answer(uint64_t serial);                // it is there, to be taken
-  bool is_awaited(uint64_t serial) const { return awaited_.contains(serial); }  // it has not been taken
+  bool take_answer(uint64_t serial, Answer& out);  // false: it is not there yet. Throws what the server refuses
+  bool has_answer(uint64_t serial);                // it can be taken
+  bool is_awaited(uint64_t serial) const { return awaited_.contains(serial); }  // it was asked for and not taken
   void give_up(uint64_t serial) noexcept { awaited_.erase(serial); }
 
-  // The server is lost for this connection, whatever it does.
+  // From now on the server is lost for this connection.
   void lose(const char* why) const noexcept;
 
  private:
   struct Reply {
     bool is_there = false;
     wire::Reply head{};
-    Answer answer;  // has memory for any that may come: none is lost for lack of it
+    Answer answer;  // with memory for any that may come, so that none is lost for lack of it
   };
 
   void connect(const Endpoint& endpoint, double start);
-  bool greet(const Endpoint& endpoint, const std::string& client);  // false: turned away without a word
+  bool greet(const Endpoint& endpoint, const std::string& client);  // false: the server closed the connection without an answer
   void receive();
 
-  Descriptor socket_, process_;  // process_: of the server; may be none
+  Descriptor socket_, process_;  // process_: of the server, readable when it has ended; may be none
   wire::Welcome welcome_{};
   std::shared_ptr<void> inbox_memory_;
   Inbox inbox_;

@@ -14,15 +14,11 @@
 namespace fs {
 namespace {
 
-constexpr const char* planned_schemes[] = {"falcon", "fidel"};  // known by name, not built in yet
-
 const fs_driver& driver_of(const std::string& scheme, const char* uri) {
   if (scheme.empty()) fail(FS_ERROR_INVALID, "device '%s' has no scheme; for the simulator write 'sim:'", uri);
   if (const fs_driver* driver = find_driver(scheme)) return *driver;
-  for (const char* planned : planned_schemes) {
-    if (scheme == planned) {
-      fail(FS_ERROR_UNSUPPORTED, "device '%s': the driver '%s' is not built into this library", uri, planned);
-    }
+  if (is_announced(scheme)) {
+    fail(FS_ERROR_UNSUPPORTED, "device '%s': the driver '%s' is not built into this library", uri, scheme.c_str());
   }
   std::string schemes;
   for (const fs_driver* driver : all_drivers()) schemes += (schemes.empty() ? "" : ", ") + std::string(driver->scheme);

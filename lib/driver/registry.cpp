@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <set>
 
 #include "base/error.h"
 
@@ -19,6 +20,7 @@ constexpr size_t scheme_length_max = 31;
 struct Registry {
   std::mutex mutex;
   std::map<std::string, fs_driver> drivers;  // entries are never changed or taken away; scheme points to the key
+  std::set<std::string> announced;           // schemes without a driver
 };
 
 // Never destroyed: devices may still be open when the process ends.
@@ -85,6 +87,18 @@ void load_driver(const char* path) {
   if (!driver) fail(FS_ERROR_IO, "path is '%.200s', a library whose fs_driver_entry gives no driver", path);
   register_driver(*driver);
   static_cast<void>(library.release());  // the registry has its functions: it is never unloaded
+}
+
+void announce_scheme(const char* scheme) {
+  Registry& all = registry();
+  const std::lock_guard lock(all.mutex);
+  all.announced.insert(scheme);
+}
+
+bool is_announced(const std::string& scheme) {
+  Registry& all = registry();
+  const std::lock_guard lock(all.mutex);
+  return all.announced.contains(scheme);
 }
 
 const fs_driver* find_driver(const std::string& scheme) {

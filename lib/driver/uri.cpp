@@ -1,10 +1,10 @@
 #include "driver/uri.h"
 
-#include <charconv>
 #include <cmath>
 #include <string_view>
 
 #include "base/error.h"
+#include "base/text.h"
 
 namespace fs {
 namespace {
@@ -30,8 +30,7 @@ void parse_option(std::string_view option, Uri& uri) {
 // The number that the whole text is, locale or not; NaN when it is none. "inf" comes out as it is.
 double number_of(std::string_view text) {
   double number = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  return error == std::errc() && end == text.data() + text.size() ? number : NAN;
+  return read_number(text, number) ? number : NAN;
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "base/error.h"
+#include "base/text.h"
 #include "base/whole_file.h"
 #include "file/mesh_formats.h"
 

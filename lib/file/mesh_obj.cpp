@@ -2,7 +2,7 @@
 #include "base/whole_file.h"
 #include "file/mesh_formats.h"
 #include "file/polygon.h"
-#include "file/text.h"
+#include "file/mesh_text.h"
 
 namespace fs {
 namespace {

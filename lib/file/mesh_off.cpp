@@ -1,8 +1,9 @@
 // OFF: a header, the counts, a line for each vertex and each face. Colours, normals and texture are read over.
+#include "base/text.h"
 #include "base/whole_file.h"
 #include "file/mesh_formats.h"
 #include "file/polygon.h"
-#include "file/text.h"
+#include "file/mesh_text.h"
 
 namespace fs {
 namespace {

@@ -4,11 +4,12 @@
 #include <cmath>
 #include <optional>
 
+#include "base/text.h"
 #include "base/whole_file.h"
 #include "file/binary.h"
 #include "file/mesh_formats.h"
 #include "file/polygon.h"
-#include "file/text.h"
+#include "file/mesh_text.h"
 
 namespace fs {
 namespace {

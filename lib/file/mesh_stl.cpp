@@ -4,10 +4,11 @@
 #include <cmath>
 #include <cstring>
 
+#include "base/text.h"
 #include "base/whole_file.h"
 #include "file/binary.h"
 #include "file/mesh_formats.h"
-#include "file/text.h"
+#include "file/mesh_text.h"
 
 namespace fs {
 namespace {

@@ -8,6 +8,7 @@
 #include <set>
 
 #include "base/error.h"
+#include "base/text.h"
 #include "base/whole_file.h"
 #include "file/json.h"
 #include "file/mesh_file.h"

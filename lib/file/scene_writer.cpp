@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "base/error.h"
+#include "base/hash.h"
 #include "base/whole_file.h"
 #include "file/json.h"
 #include "file/mesh_file.h"
@@ -108,12 +109,6 @@ Json::Object polyline_to_json(const Shape& shape) {  // a mesh has its file
 
 // ---- files of meshes
 
-uint64_t fnv1a(std::string_view bytes) {  // FNV-1a, 64 bits
-  uint64_t hash = 0xcbf29ce484222325;
-  for (const char c : bytes) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3;
-  return hash;
-}
-
 // Writes the meshes beside a scene file. Each is named after its content, so a mesh of the old scene file is never
 // replaced: until the new scene file is there, the old one is whole. Meshes that the new one no longer refers to are
 // left, as another scene file (a copy) may refer to them.
@@ -135,7 +130,7 @@ class MeshWriter {
   std::string write(const Shape& shape) {  // returns the file's name, relative to the scene file
     const std::string content = format_ply(shape.points, shape.triangles);
     char hash[17];
-    std::snprintf(hash, sizeof hash, "%016llx", static_cast<unsigned long long>(fnv1a(content)));
+    std::snprintf(hash, sizeof hash, "%016llx", static_cast<unsigned long long>(hash_of(content)));
     for (unsigned i = 0;; ++i) {  // past a damaged file of this name, or another content of this hash
       const std::string name = stem_ + "-" + hash + (i == 0 ? "" : "-" + std::to_string(i)) + ".ply";
       const std::string path = directory_ + name;

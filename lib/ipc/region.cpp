@@ -11,17 +11,6 @@
 
 namespace fs {
 
-Inbox::Inbox(void* memory, uint32_t slots) : slots_(slots), words_((slots + 63) / 64) {
-  auto* place = static_cast<char*>(memory);
-  head_ = reinterpret_cast<InboxHead*>(place);
-  dirty_ = reinterpret_cast<std::atomic<uint64_t>*>(place += sizeof(InboxHead));
-  records_ = reinterpret_cast<Seqlock<wire::Move>*>(place + 8 * words_);
-}
-
-size_t Inbox::bytes(uint32_t slots) {
-  return sizeof(InboxHead) + 8 * ((slots + 63) / 64) + slots * sizeof(Seqlock<wire::Move>);
-}
-
 Descriptor make_region(const char* label, size_t bytes) {
   Descriptor region(memfd_create(label, MFD_CLOEXEC | MFD_ALLOW_SEALING));
   if (!region || ftruncate(region.get(), static_cast<off_t>(bytes)) != 0 ||

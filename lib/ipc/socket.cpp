@@ -12,7 +12,6 @@
 
 #include <array>
 #include <cerrno>
-#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <mutex>
@@ -20,6 +19,7 @@
 
 #include "base/clock.h"
 #include "base/error.h"
+#include "base/text.h"
 
 namespace fs {
 namespace {
@@ -28,8 +28,7 @@ constexpr size_t longest_name = 64;
 
 uid_t parse_user(const std::string& text) {
   uid_t id = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), id);
-  if (error == std::errc() && end == text.data() + text.size()) return id;
+  if (read_number(text, id)) return id;
   std::vector<char> buffer(16384);
   passwd entry, *found = nullptr;
   getpwnam_r(text.c_str(), &entry, buffer.data(), buffer.size(), &found);
@@ -39,14 +38,13 @@ uid_t parse_user(const std::string& text) {
 
 double parse_timeout(const std::string& text) {
   double timeout = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), timeout);
-  if (error != std::errc() || end != text.data() + text.size() || !(timeout >= 0 && timeout <= 1e6)) {
+  if (!read_number(text, timeout) || !(timeout >= 0 && timeout <= 1e6)) {
     fail(FS_ERROR_INVALID, "timeout is '%.80s', must be within 0..1e6 s", text.c_str());
   }
   return timeout;
 }
 
-// Those that are open, for the child of a fork to close. A fork waits while one is made or closed.
+// The listeners that are open, for the child of a fork to close. A fork waits while one is opened or closed.
 struct Listeners {
   std::mutex mutex;
   std::vector<int> numbers;
@@ -66,7 +64,7 @@ Listeners& listeners() {
 sockaddr_un to_sockaddr(const std::string& address, socklen_t& size) {
   sockaddr_un out{};
   out.sun_family = AF_UNIX;
-  std::memcpy(out.sun_path + 1, address.data(), address.size());  // the 0 before it: abstract
+  std::memcpy(out.sun_path + 1, address.data(), address.size());  // abstract: after a 0
   size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + address.size());
   return out;
 }
@@ -203,7 +201,7 @@ Transfer send_message(const Descriptor& socket, std::span<const std::span<const 
   for (;;) {
     if (sendmsg(socket.get(), &message, MSG_DONTWAIT | MSG_NOSIGNAL) >= 0) return Transfer::done;
     if (errno == EINTR) continue;
-    // ETOOMANYREFS: too many descriptors are on their way.
+    // ETOOMANYREFS: too many descriptors are in transit.
     const bool may_pass = errno == EAGAIN || errno == EWOULDBLOCK || errno == ENOBUFS || errno == ETOOMANYREFS;
     return may_pass ? Transfer::again : Transfer::closed;
   }
@@ -247,7 +245,7 @@ Transfer receive_message(const Descriptor& socket, std::span<std::byte> buffer, 
 bool wait_for(const Descriptor& socket, bool to_write, double timeout) noexcept {
   pollfd waiting{socket.get(), static_cast<short>(to_write ? POLLOUT : POLLIN), 0};
   const double end = steady_now() + timeout;
-  for (double rest = timeout;; rest = end - steady_now()) {  // again after a signal, for as long as is left
+  for (double rest = timeout;; rest = end - steady_now()) {  // after a signal it goes on for the rest of the time
     const double limited = std::fmax(rest, 0), whole = std::floor(limited);
     const timespec limit{static_cast<time_t>(whole), static_cast<long>((limited - whole) * 1e9)};
     const int found = ppoll(&waiting, 1, &limit, nullptr);

@@ -1,5 +1,5 @@
-// The socket between clients and server: SOCK_SEQPACKET in the abstract name space, which leaves nothing in a file system
-// and is gone with its process. A message is a datagram, with a descriptor at most.
+// Sockets between clients and server: SOCK_SEQPACKET in the abstract name space, so that nothing is left in a file system
+// when the process ends. A message is a datagram that may carry descriptors.
 #pragma once
 
 #include <sys/types.h>
@@ -14,23 +14,23 @@ namespace fs {
 
 // "shm:NAME?user=U&timeout=T".
 struct Endpoint {
-  std::string text;       // as given, for sentences
+  std::string text;       // as given, for error sentences
   std::string name;
   uid_t user;             // whose server
   bool is_own_user;       // of this process
   double timeout = -1;    // s; below 0: not given
 };
-// INVALID; UNSUPPORTED ("dds:"). is_server: no options.
+// is_server: no options are allowed. INVALID; UNSUPPORTED: "dds:".
 Endpoint parse_endpoint(const char* text, bool is_server);
 
-// Where the server of a user listens, and the one that lets in all users.
+// Where the server of a user listens, and where a server for all users listens as well.
 std::string user_address(uid_t user, const std::string& name);
 std::string shared_address(const std::string& name);
 
 inline constexpr size_t most_message = 65536;  // bytes
 
-// The server's socket, not blocking. A process that is forked from this one does not keep it: its address would be taken
-// as long as that lives.
+// The socket at which a server listens, non-blocking. A child that is forked closes it at once: else the address would be
+// taken as long as the child lives.
 class Listener {
  public:
   Listener() = default;
@@ -46,7 +46,7 @@ class Listener {
   Descriptor socket_;
 };
 
-// The client's, blocking; 0: done, else an errno.
+// Connects a client's socket. 0: done, else an errno.
 int connect_to(const std::string& address, Descriptor& out);
 
 struct Peer {
@@ -54,25 +54,26 @@ struct Peer {
   uid_t user;
 };
 Peer peer_of(const Descriptor& socket);  // IO
-// Readable when the process has ended. None: of another name space of processes, or gone already, or no descriptor left.
+// A descriptor that is readable when the process has ended. None: the process is in another name space or gone already, or no
+// descriptor is left.
 Descriptor open_process(pid_t process) noexcept;
 
 enum class Transfer { done, again, closed };
 
-// Never blocks or raises a signal. The parts are one message, with up to two descriptors. closed: nobody is there; also
-// when the message cannot be sent at all.
+// Sends the parts as one message, with up to two descriptors. Never blocks or raises a signal. again: there is no room now;
+// closed: the other side is gone, or the message can never be sent.
 Transfer send_message(const Descriptor& socket, std::span<const std::span<const std::byte>> parts,
                       std::span<const int> descriptors) noexcept;
 
-// Bytes (as the system counts them) that were sent and that the other side has not read so far.
+// Bytes, as the system counts them, that were sent and that the other side has not read.
 size_t unread(const Descriptor& socket) noexcept;
 
-// Never blocks. size: of the message; one longer than the buffer counts as closed. The first descriptors that came are
-// put in `descriptors`, what came beyond is closed; is_cut: some did not come, as this process has none left.
+// Receives a message of `size` bytes; never blocks. A message longer than the buffer counts as closed. Fills `descriptors`
+// with the first that came, and closes the others. is_cut: some did not arrive, as this process has none left.
 Transfer receive_message(const Descriptor& socket, std::span<std::byte> buffer, size_t& size,
                          std::span<Descriptor> descriptors, bool& is_cut) noexcept;
 
-// Waits until there is something to read (or room to write), the other side is gone, or timeout s have passed: false.
+// Waits until there is something to read (or room to write) or the other side is gone. False: timeout s have passed.
 bool wait_for(const Descriptor& socket, bool to_write, double timeout) noexcept;
 
 }  // namespace fs

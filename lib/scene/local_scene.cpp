@@ -251,7 +251,7 @@ void LocalScene::begin() {
   const std::lock_guard lock(mutex_);
   if (group_) fail(FS_ERROR_STATE, "fs_scene_begin: a group is open already; commit or cancel it first");
   settle(true);
-  group_ = std::make_unique<Group>();
+  group_ = std::make_unique<OpenGroup>();
 }
 
 void LocalScene::commit() { commit(SIZE_MAX); }
@@ -309,7 +309,7 @@ struct LocalScene::InDraft {
 
 LocalScene::Draft LocalScene::draft() {
   Draft out;
-  out.group_ = std::make_unique<Group>();
+  out.group_ = std::make_unique<OpenGroup>();
   return out;
 }
 
@@ -353,7 +353,7 @@ Ref<const Object> LocalScene::get(const Draft& draft, const char* name, fs_objec
 
 void LocalScene::take(Draft& draft) {
   mutate([&] {
-    const Group& group = *draft.group_;
+    const OpenGroup& group = *draft.group_;
     for (const std::string* name : group.order) {
       Known wanted = *draft.group_->find(*name), felt;
       if (!objects_.find(*name, felt)) continue;  // it went meanwhile

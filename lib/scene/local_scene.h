@@ -10,7 +10,7 @@
 
 #include "scene/clock.h"
 #include "scene/events.h"
-#include "scene/group.h"
+#include "scene/open_group.h"
 #include "scene/scene.h"
 
 namespace fs {
@@ -172,7 +172,7 @@ struct LocalScene final : Scene {
   mutable std::mutex mutex_;
   Objects objects_;  // what is evaluated
   ViewRows views_;
-  std::unique_ptr<Group> group_;
+  std::unique_ptr<OpenGroup> group_;
   Events events_;
   Clock clock_;
 
@@ -193,7 +193,7 @@ struct LocalScene final : Scene {
 
 class LocalScene::Draft {
   friend LocalScene;
-  std::unique_ptr<Group> group_;
+  std::unique_ptr<OpenGroup> group_;
 };
 
 }  // namespace fs

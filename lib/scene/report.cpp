@@ -12,7 +12,7 @@ LocalScene::Moment::Moment(Ref<LocalScene> scene, bool with_group, const char* o
   const std::lock_guard lock(scene_->mutex_);
   chunks_ = scene_->objects_.rows.chunks();
   most_ = scene_->objects_.count();
-  Group* const group = with_group ? scene_->group_.get() : nullptr;
+  OpenGroup* const group = with_group ? scene_->group_.get() : nullptr;
   if (only) {
     std::string key;
     is_only_one_ = true;

@@ -1,5 +1,5 @@
-// What a session may do on the thread that serves all: so much work each turn. Who has done more sits out the turns in which
-// it would have been done, so a client with very many moves has them taken less often, and nobody else's come late.
+// How much work of one client the thread that serves all does in each turn. After more than that the client sits out so many
+// turns: one with very many moves has them taken less often, and nobody else's moves come late.
 #pragma once
 
 #include <cstddef>
@@ -10,7 +10,7 @@ class Allowance {
  public:
   explicit Allowance(size_t each_turn) : each_turn_(each_turn) {}
 
-  // Once a turn, before anything is done: false where this one is to be sat out.
+  // Called once a turn, before anything is done. False: the client sits this turn out.
   bool begin_turn() noexcept {
     if (debt_ <= each_turn_) {
       debt_ = 0;
@@ -26,8 +26,9 @@ class Allowance {
   size_t debt_ = 0;
 };
 
-// How much of that thread one has used lately, in any unit. Who has used least is served first: who asks for little waits
-// for one piece of another's work, however much that one has to do. Nobody is left out, as being served makes it more.
+// How much of that thread a client has used lately, in any unit. The one that has used least is served first: a client that
+// asks for little waits for one piece of another's work at most, however much work that one has. Nobody is left out, because
+// being served adds to what a client has used.
 class Usage {
  public:
   explicit Usage(double begin) : lately_(begin) {}

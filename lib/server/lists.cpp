@@ -1,34 +1,16 @@
-// What viewers, editors and bridges ask for: where the tools are, and how all objects move.
+#include "server/lists.h"
+
+#include <unistd.h>
+
+#include <cmath>
 #include <deque>
-#include <memory>
 
 #include "base/error.h"
+#include "base/text.h"
 #include "scene/moment.h"
-#include "server/list.h"
-#include "server/session.h"
+#include "server/clients.h"
 
 namespace fs {
-
-Session* Session::find_client(const std::string& name) const {
-  Session* const found = server_.find(name);
-  if (!found && name != "server") {
-    fail(FS_ERROR_NOT_FOUND, "client is '%.80s': no client of that name is connected", name.c_str());
-  }
-  return found;
-}
-
-void Session::tell_view(const Message& message) {
-  const Session* const owner = find_client(text_of(message.as<wire::Target>().name));
-  fs_view out = (owner ? *owner->scene_ : *server_.servo().scene()).view(false);
-  if (owner == this) {  // as it was said, where that waits for a shape still
-    for (const Unit& unit : parked_) {
-      for (const Message& waiting : unit.messages) {
-        foresee(out, static_cast<wire::Type>(waiting.header.type), waiting.body);
-      }
-    }
-  }
-  reply(message.header.serial, bytes_of(&out, 1));
-}
 
 void List::flush() {
   blob_->write(piece_);
@@ -47,34 +29,53 @@ void List::make() noexcept {
     text = std::move(error.text);
   } catch (...) {
     status = FS_ERROR_MEMORY;
+    text = "the server has not enough memory for the list";
   }
   release();
 }
 
-void Session::tell_list(uint64_t serial, const std::shared_ptr<List>& list) {
-  constexpr size_t short_list = 64;
-  if (list->most() <= short_list) {
-    list->make();
-    return tell_made(serial, *list);
+std::shared_ptr<Client> find_client(const Client& asking, const std::string& name) {
+  std::shared_ptr<Client> found = asking.host.clients().share(name);
+  if (!found && name != "server") {
+    fail(FS_ERROR_NOT_FOUND, "client is '%.80s': no client of that name is connected", name.c_str());
   }
-  server_.worker(0).add(id_, {[list](Wanted&) { list->make(); }, [server = &server_, session = id_, serial, list] {
-    const std::shared_ptr<Session> found = server->find(session);
-    if (!found) return;
-    found->tell_made(serial, *list);
-    found->finish_job();
-  }});
-  ++jobs_;
-  regulate();
+  return found;
 }
 
-void Session::tell_made(uint64_t serial, const List& list) {
-  if (list.status == FS_OK) return reply(serial, bytes_of(&list.count, 1), list.data.get());
-  reply_failure(serial, list.status, list.text.empty() ? "the server has not enough memory for the list" : list.text);
+fs_report seen_from(const fs_report& report, const fs_frame& owner, const fs_frame& viewer) {
+  fs_report out = report;
+  if (!std::isfinite(report.distance)) return out;
+  const Quat to_device = owner.pose.orientation, from_device = conjugate(viewer.pose.orientation);
+  const Vec3 at = owner.pose.position + rotate(to_device, (1 / owner.scale) * report.point);
+  out.point = viewer.scale * rotate(from_device, at - viewer.pose.position);
+  const Vec3 force = owner.force_scale * rotate(to_device, report.wrench.force);
+  const Vec3 torque = (owner.force_scale / owner.scale) * rotate(to_device, report.wrench.torque);
+  out.wrench = {rotate(from_device, force), rotate(from_device, torque)};
+  out.distance = report.distance * viewer.scale / owner.scale;
+  return out;
 }
 
 namespace {
 
-// How the objects of some scenes move, all at one instant.
+void answer_made(const Client& client, uint64_t serial, const List& list) {
+  if (list.status == FS_OK) {
+    client.answers.send_record(serial, list.count, list.data.get());
+  } else {
+    client.answers.refuse(serial, list.status, list.text);
+  }
+}
+
+void answer(Client& client, uint64_t serial, const std::shared_ptr<List>& list) {
+  constexpr size_t short_list = 64;
+  if (list->most() <= short_list) {
+    list->make();
+    return answer_made(client, serial, *list);
+  }
+  client.host.start_job(client, 0, [list](Wanted&) { list->make(); },
+                        [&client, serial, list] { answer_made(client, serial, *list); });
+}
+
+// A list of how the objects of some scenes move.
 class MotionList final : public List {
  public:
   struct Part {
@@ -99,21 +100,84 @@ class MotionList final : public List {
   void release() override { parts.clear(); }
 };
 
+// A list of what became of all objects.
+class ReportList final : public List {
+ public:
+  struct Part {
+    Part(std::string the_prefix, const Ref<LocalScene>& scene) : prefix(std::move(the_prefix)), moment(scene, false) {}
+    const std::string prefix;  // empty: the client's own
+    const LocalScene::Moment moment;
+    std::vector<fs_report> absent;  // by bare names
+  };
+  std::deque<Part> parts;
+  fs_frame frame;  // of the client
+
+  size_t most() const override {
+    size_t sum = 0;
+    for (const Part& part : parts) sum += part.moment.most() + part.absent.size();
+    return sum;
+  }
+
+ private:
+  void write() override {
+    for (const Part& part : parts) {
+      const auto add = [&](const fs_report& report) {
+        if (part.prefix.empty()) return add_record(report);
+        fs_report seen = seen_from(report, part.moment.frame(), frame);
+        put_text(seen.name, part.prefix + report.name);
+        add_record(seen);
+      };
+      part.moment.for_each_report(add);
+      for (const fs_report& report : part.absent) add(report);
+    }
+  }
+  void release() override { parts.clear(); }
+};
+
 }  // namespace
 
-// At one instant: no other message is looked at meanwhile, so no group is there half.
-void Session::tell_motions(const Message& message) {
-  const std::string client = text_of(message.as<wire::Target>().name);
-  const Session* const only = client.empty() ? nullptr : find_client(client);
+void answer_motions(Client& client, uint64_t serial, const std::string& whose) {
+  const std::shared_ptr<Client> only = whose.empty() ? nullptr : find_client(client, whose);
   const auto list = std::make_shared<MotionList>();
-  if (!only) list->parts.emplace_back("server/", server_.servo().scene());
-  for (const std::shared_ptr<Session>& session : server_.sessions()) {
-    const bool is_wanted = client.empty() ? session.get() != this : session.get() == only;
-    if (!is_wanted || session->is_gone_ || !session->scene_) continue;
-    session->take_moves();  // what it has moved before
-    list->parts.emplace_back(session->name_ + "/", session->scene_);
-  }
-  tell_list(message.header.serial, list);
+  if (!only) list->parts.emplace_back("server/", client.host.servo().scene());
+  client.host.clients().for_each([&](const std::shared_ptr<Client>& other) {
+    const bool is_wanted = whose.empty() ? other.get() != &client : other == only;
+    if (!is_wanted) return;
+    other->take_moves();  // those that it made before this request
+    list->parts.emplace_back(other->name + "/", other->scene);
+  });
+  answer(client, serial, list);
+}
+
+void answer_reports(Client& client, uint64_t serial) {
+  const auto list = std::make_shared<ReportList>();
+  const auto add = [&](const std::string& prefix, const Client& owner) {
+    ReportList::Part& part = list->parts.emplace_back(prefix, owner.scene);
+    for (const auto& [name, absent] : owner.absent) part.absent.push_back(report_of(name, absent));
+  };
+  list->frame = client.scene->get_frame(nullptr);
+  add("", client);
+  list->parts.emplace_back("server/", client.host.servo().scene());
+  client.host.clients().for_each([&](const std::shared_ptr<Client>& other) {
+    if (other.get() != &client) add(other->name + "/", *other);
+  });
+  answer(client, serial, list);
+}
+
+// Lists the server's own scene first, then the clients.
+void answer_clients(Client& client, uint64_t serial) {
+  Servo& servo = client.host.servo();
+  fs_client own{};
+  put_text(own.name, "server");
+  own.process = static_cast<uint32_t>(getpid());
+  own.user = geteuid();
+  own.objects = static_cast<uint32_t>(servo.scene()->object_count());
+  own.force_limit = servo.settings().limits.force;
+  own.wrench = servo.own_wrench();
+  std::vector<fs_client> list = client.host.clients().describe();
+  list.insert(list.begin(), own);
+  const Descriptor blob = make_blob({bytes_of(list.data(), list.size())});
+  client.answers.send_record(serial, wire::Count{list.size()}, blob.get());
 }
 
 }  // namespace fs

@@ -1,7 +1,6 @@
 #include "server/server.h"
 
 #include <pthread.h>
-#include <sys/epoll.h>
 #include <sys/eventfd.h>
 #include <sys/socket.h>
 #include <sys/timerfd.h>
@@ -23,78 +22,41 @@ using namespace fs;
 
 namespace {
 
-constexpr double awake_for = 0.05;        // s after the last change, before it sleeps
-constexpr double asleep_period = 0.02;    // s: the heartbeat, and the scenes' events
+constexpr double awake_for = 0.05;        // s after the last activity, until the server sleeps
+constexpr double asleep_period = 0.02;    // s, for the heartbeat and the scenes' events
 constexpr double housekeeping_period = 0.01;
-constexpr double shortest_lead = 1.5e-4;  // s before a tick: for a thread to wake up and to take some moves
-constexpr int most_accepted = 16;         // in a housekeeping period: letting one in takes as long as many requests
+constexpr double shortest_lead = 1.5e-4;  // s before a tick: time to wake up and to take some moves
 constexpr ptrdiff_t most_strangers = 64;  // that have not said who they are
 constexpr ptrdiff_t most_refused = 16;
 constexpr int most_messages = 64;  // of one client, before all are looked at again
-
-template <class T>
-T parse_bound(T given, T standard, T most, const char* field) {
-  if (given > most) fail(FS_ERROR_INVALID, "%s is %g, must be at most %g", field, double(given), double(most));
-  return given ? given : standard;
-}
+constexpr uint64_t quick_bytes = 1'000'000;  // a job with more of them goes to the builder
 
 timespec to_timespec(double time) noexcept {  // s
   const double whole = std::floor(time);
   return {static_cast<time_t>(whole), static_cast<long>((time - whole) * 1e9)};
 }
 
-Descriptor open_file() { return Descriptor(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)); }
-
 }  // namespace
-
-ServerSettings fs::parse_options(const fs_server_options& options, const ServoSettings& servo) {
-  ServerSettings out{};
-  out.max_clients = parse_bound<uint32_t>(options.max_clients, 32, 4096, "max_clients");
-  out.max_objects = parse_bound<uint32_t>(options.max_objects, 4096, most_slots, "max_objects");
-  out.max_bytes = uint64_t{1'000'000} * parse_bound<uint32_t>(options.max_megabytes, 1024, 1'000'000, "max_megabytes");
-  if (!(options.lease >= 0 && options.lease <= 1e6)) {
-    fail(FS_ERROR_INVALID, "lease is %g, must be within 0..1e6 s", options.lease);
-  }
-  out.lease = options.lease > 0 ? options.lease : 0.2;
-  const double most = servo.limits.force;
-  if (!(options.force_limit >= 0 && options.force_limit <= most)) {
-    fail(FS_ERROR_INVALID, "force_limit is %g, must be within 0..%g N, what the servo sends", options.force_limit, most);
-  }
-  out.limits.force = options.force_limit > 0 ? options.force_limit : most;
-  // A device without torque makes none of what it gets: no reason to lower the force.
-  out.limits.torque = servo.limits.torque_axes ? servo.limits.torque * (out.limits.force / most) : never;
-  for (const uint8_t byte : options.reserved) {
-    if (byte) fail(FS_ERROR_INVALID, "reserved is %u, must be 0", byte);
-  }
-  out.is_locked = options.locked;
-  out.is_for_all_users = options.all_users;
-  return out;
-}
 
 fs_server::fs_server(Ref<Servo> servo, const Endpoint& endpoint, const ServerSettings& settings)
     : servo_(std::move(servo)),
-      endpoint_(endpoint),
       settings_(settings),
       period_(1 / servo_->settings().rate),
+      timer_(timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK)),
+      wake_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
+      door_(user_address(geteuid(), endpoint.name), settings.is_for_all_users ? shared_address(endpoint.name) : ""),
       worker_([this] { wake(); }),
-      builder_([this] { wake(); }) {
-  epoll_ = Descriptor(epoll_create1(EPOLL_CLOEXEC));
-  timer_ = Descriptor(timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK));
-  wake_ = open_file();
-  spare_ = open_file();
-  if (!epoll_ || !timer_ || !wake_ || !spare_) {
+      builder_([this] { wake(); }),
+      message_(most_message) {
+  if (!timer_ || !wake_) {
     fail(errno == EMFILE || errno == ENFILE ? FS_ERROR_FULL : FS_ERROR_IO, "the server could not be made: %s",
          std::strerror(errno));
   }
-  watch(wake_, source_wake, EPOLLIN);
-  watch(timer_, source_timer, EPOLLIN);
-  listener_ = Listener(user_address(geteuid(), endpoint_.name));
-  watch(listener_.socket(), source_listener, EPOLLIN);
-  if (settings_.is_for_all_users) {
-    shared_listener_ = Listener(shared_address(endpoint_.name));
-    watch(shared_listener_.socket(), source_shared_listener, EPOLLIN);
-  }
-  servo_->reap_channels();  // of a server before this one
+  watcher_.add(wake_, source_wake);
+  watcher_.add(timer_, source_timer);
+  watcher_.add(door_.own_socket(), source_listener);
+  if (door_.shared_socket()) watcher_.add(door_.shared_socket(), source_shared_listener);
+  servo_->reap_channels();  // those of an earlier server
   servo_->add_listener(this, [this] {
     std::unique_lock lock(mutex_);
     is_servo_stopping_ = true;
@@ -131,30 +93,8 @@ void fs_server::wake() const noexcept {
   [[maybe_unused]] const ssize_t written = write(wake_.get(), &one, sizeof one);
 }
 
-void fs_server::watch(const Descriptor& descriptor, uint64_t source, uint32_t events) {
-  epoll_event event{};
-  event.events = events;
-  event.data.u64 = source;
-  if (epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, descriptor.get(), &event) != 0) {
-    fail(FS_ERROR_IO, "the server cannot watch a descriptor: %s", std::strerror(errno));
-  }
-}
-
-void fs_server::unwatch(const Session& session) noexcept {
-  for (const Descriptor* descriptor : {&session.socket(), &session.process()}) {
-    if (*descriptor) epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, descriptor->get(), nullptr);
-  }
-}
-
-void fs_server::set_reading(const Session& session, bool is_reading) noexcept {
-  epoll_event event{};
-  event.events = is_reading ? static_cast<uint32_t>(EPOLLIN) : 0;
-  event.data.u64 = first_session + 2 * session.id();
-  epoll_ctl(epoll_.get(), EPOLL_CTL_MOD, session.socket().get(), &event);
-}
-
-// Awake, its turns come as often as the servo's ticks and a little before them: what has been moved until then is felt
-// at once.
+// While it is awake, its turns come as often as the servo's ticks and a little before them, so that a tick uses the newest
+// moves.
 void fs_server::set_timer() noexcept {
   const double period = is_asleep_ ? asleep_period : period_;
   itimerspec timer{};
@@ -174,36 +114,35 @@ void fs_server::set_timer() noexcept {
 void fs_server::run() noexcept {
   begin_thread("fs-server");
   set_timer();
-  std::array<epoll_event, 64> events;
+  std::array<epoll_event, 64> buffer;
   for (;;) {
-    const int count = epoll_wait(epoll_.get(), events.data(), static_cast<int>(events.size()), -1);
+    const std::span<const epoll_event> events = watcher_.wait(buffer, -1);
     {
       const std::lock_guard lock(mutex_);
       if (is_stopping_ || is_servo_stopping_) break;
     }
-    // Of the clients only the one that has used least of this thread lately: then all are looked at again.
+    // Only one client is served, the one that has used least of this thread lately: then all are looked at again.
     ++rounds_;
     Session* next = nullptr;
-    for (const epoll_event& event : std::span(events).first(static_cast<size_t>(std::max(count, 0)))) {
+    for (const epoll_event& event : events) {
       try {
         if (Session* const session = find_socket(event)) {
-          if (!(event.events & EPOLLIN)) session->drop(settings_.lease);
+          if (!(event.events & EPOLLIN)) session->drop();
           else if (!next || session->usage().lately() < next->usage().lately()) next = session;
         } else {
           handle(event.data.u64);
         }
         turn_if_due();
-      } catch (...) {  // no memory: what was asked for is not done
+      } catch (...) {  // there is no memory: this event is not handled
       }
     }
     if (next) serve(*next, most_messages);
     turn_if_due();
     bury_sessions();
   }
-  for (const std::shared_ptr<Session>& session : sessions_) session->drop(0);
-  sessions_.clear();
-  listener_.reset();
-  shared_listener_.reset();
+  for (const std::shared_ptr<Session>& session : clients_.sessions()) session->drop(0);
+  clients_.clear();
+  door_.close();
   const std::lock_guard lock(mutex_);
   has_let_go_ = true;
   changed_.notify_all();
@@ -211,7 +150,8 @@ void fs_server::run() noexcept {
 
 Session* fs_server::find_socket(const epoll_event& event) const {
   const uint64_t source = event.data.u64;
-  return source >= first_session && (source - first_session) % 2 == 0 ? find((source - first_session) / 2).get() : nullptr;
+  const bool is_socket = source >= first_session && (source - first_session) % 2 == 0;
+  return is_socket ? clients_.find((source - first_session) / 2).get() : nullptr;
 }
 
 void fs_server::serve(Session& session, int most) noexcept {
@@ -222,16 +162,16 @@ void fs_server::serve(Session& session, int most) noexcept {
   session.usage().spend(last_look_ - start - used_by_others_);
 }
 
-void fs_server::let_others(const Session* busy, bool is_alone) noexcept {
+void fs_server::let_others(const Client* busy, bool is_alone) noexcept {
   turn_if_due();
-  if (is_alone || is_among_others_ || steady_now() - last_look_ < slice) return;
+  if (is_alone || is_among_others_ || steady_now() - last_look_ < Session::slice) return;
   is_among_others_ = true;
-  std::array<epoll_event, 64> events;
-  const int count = epoll_wait(epoll_.get(), events.data(), static_cast<int>(events.size()), 0);
+  std::array<epoll_event, 64> buffer;
   Session* next = nullptr;
-  for (const epoll_event& event : std::span(events).first(static_cast<size_t>(std::max(count, 0)))) {
+  for (const epoll_event& event : watcher_.wait(buffer, 0)) {
     Session* const session = find_socket(event);
-    if (!session || !(event.events & EPOLLIN) || session == busy || (next && session->usage().lately() >= next->usage().lately())) continue;
+    if (!session || !(event.events & EPOLLIN) || &session->client() == busy) continue;
+    if (next && session->usage().lately() >= next->usage().lately()) continue;
     if (session->is_next_apart(busy, rounds_)) next = session;
   }
   last_look_ = steady_now();
@@ -248,37 +188,41 @@ void fs_server::handle(uint64_t source) {
   if (source == source_wake) {
     [[maybe_unused]] const ssize_t got = read(wake_.get(), &count, sizeof count);
     note_activity();
-    for (Worker* const worker : {&worker_, &builder_}) {
-      for (const Worker::Job& job : worker->take_done()) {
-        try {
-          job.done();
-        } catch (...) {  // no memory for this client; the others' jobs are done
-        }
-        let_others(nullptr, false);
-      }
-    }
+    finish_jobs();
   } else if (source == source_timer) {
     if (read(timer_.get(), &count, sizeof count) == sizeof count) turn(steady_now());
-    for (const std::shared_ptr<Session>& session : sessions_) {
+    for (const std::shared_ptr<Session>& session : clients_.sessions()) {
       session->catch_up();
       let_others(nullptr, false);
     }
   } else if (source == source_listener) {
-    accept_clients(listener_.socket());
+    accept_clients(door_.own_socket());
   } else if (source == source_shared_listener) {
-    accept_clients(shared_listener_.socket());
-  } else if (const std::shared_ptr<Session> session = find((source - first_session) / 2)) {
-    session->drop(settings_.lease);  // its process has ended
+    accept_clients(door_.shared_socket());
+  } else if (const std::shared_ptr<Session> session = clients_.find((source - first_session) / 2)) {
+    session->drop();  // its process has ended
+  }
+}
+
+void fs_server::finish_jobs() {
+  for (Worker* const worker : {&worker_, &builder_}) {
+    for (const Worker::Job& job : worker->take_done()) {
+      try {
+        job.done();
+      } catch (...) {  // there is no memory for this client; go on with the jobs of others
+      }
+      let_others(nullptr, false);
+    }
   }
 }
 
 void fs_server::wake_up() noexcept {
   is_asleep_ = false;
-  for (const std::shared_ptr<Session>& session : sessions_) session->set_asleep(false);
+  for (const std::shared_ptr<Session>& session : clients_.sessions()) session->set_asleep(false);
   set_timer();
 }
 
-// However much there is to be done, the moves are taken at the servo's rate.
+// However much work there is, the moves are taken at the servo's rate.
 void fs_server::turn_if_due() noexcept {
   const double now = steady_now();
   if (is_asleep_ && now - last_activity_ < awake_for) {
@@ -288,53 +232,55 @@ void fs_server::turn_if_due() noexcept {
   }
   try {
     turn(now);
-  } catch (...) {  // no memory: the next one makes good for it
+  } catch (...) {  // there is no memory: the next turn does what this one could not
   }
 }
 
-// What was theirs may be a gigabyte of shapes and thousands of objects: letting go of it takes a while, so the worker does.
+// A worker destroys them: a session may hold a gigabyte of shapes and thousands of objects.
 void fs_server::bury_sessions() noexcept {
-  const auto gone = std::stable_partition(sessions_.begin(), sessions_.end(), [](const auto& s) { return !s->is_gone(); });
-  if (gone == sessions_.end()) return;
   try {
-    const auto dead = std::make_shared<std::vector<std::shared_ptr<Session>>>(gone, sessions_.end());
-    sessions_.erase(gone, sessions_.end());
-    worker_.add(0, {[dead](Wanted&) { dead->clear(); }, [] {}});
-  } catch (const std::bad_alloc&) {  // then here, as long as it takes
-    std::erase_if(sessions_, [](const std::shared_ptr<Session>& session) { return session->is_gone(); });
+    std::vector<std::shared_ptr<Session>> gone = clients_.take_gone();
+    if (!gone.empty()) destroy(std::make_shared<std::vector<std::shared_ptr<Session>>>(std::move(gone)));
+  } catch (const std::bad_alloc&) {  // then they are destroyed here, now or later
   }
 }
 
-// What comes each period. Whoever comes first in one is last in the next.
+// Done each period. The session that comes first in one period comes last in the next.
 void fs_server::turn(double now) {
-  const size_t count = sessions_.size();
+  const auto& sessions = clients_.sessions();
+  const size_t count = sessions.size();
   last_turn_ = now;
   ++turns_;
-  for (const std::shared_ptr<Session>& session : sessions_) session->usage().fade();
-  for (size_t i = 0; i < count; ++i) sessions_[(i + turns_) % count]->turn(now);
+  for (const std::shared_ptr<Session>& session : sessions) session->usage().fade();
+  for (size_t i = 0; i < count; ++i) sessions[(i + turns_) % count]->turn(now);
   bool is_busy = false;
-  for (const std::shared_ptr<Session>& session : sessions_) {
-    session->settle();
+  for (const std::shared_ptr<Session>& session : sessions) {
+    session->end_turn();
     is_busy = is_busy || session->is_busy();
   }
   if (is_busy) note_activity();
   if (now - last_housekeeping_ >= housekeeping_period) {
     last_housekeeping_ = now;
-    for (const std::shared_ptr<Session>& session : sessions_) session->keep_house();
-    count_leaving();
-    accepted_ = 0;
-    if (!is_door_open_) open_door(true);
-    if (!is_asleep_) set_timer();  // the servo skips what it is too late for
+    keep_house();
   }
   if (!is_asleep_ && now - last_activity_ > awake_for) fall_asleep();
 }
 
-// Says so, then looks once more: whoever has written before it could know is seen now, whoever writes later wakes.
+void fs_server::keep_house() {
+  for (const std::shared_ptr<Session>& session : clients_.sessions()) session->keep_house();
+  count_leaving();
+  door_.reopen();
+  if (!is_door_open_) open_door(true);
+  if (!is_asleep_) set_timer();  // aligned anew, because the servo skips ticks that it is too late for
+}
+
+// Sets the flag, then looks again: a client that wrote before it is seen now, one that writes later sees the flag and wakes
+// the server.
 void fs_server::fall_asleep() noexcept {
-  for (const std::shared_ptr<Session>& session : sessions_) session->set_asleep(true);
-  const bool has_moves = std::any_of(sessions_.begin(), sessions_.end(), [](const auto& s) { return s->has_moves(); });
-  if (has_moves) {
-    for (const std::shared_ptr<Session>& session : sessions_) session->set_asleep(false);
+  const auto& sessions = clients_.sessions();
+  for (const std::shared_ptr<Session>& session : sessions) session->set_asleep(true);
+  if (std::any_of(sessions.begin(), sessions.end(), [](const auto& session) { return session->has_moves(); })) {
+    for (const std::shared_ptr<Session>& session : sessions) session->set_asleep(false);
     note_activity();
     return;
   }
@@ -342,16 +288,25 @@ void fs_server::fall_asleep() noexcept {
   set_timer();
 }
 
-void fs_server::forget_jobs(uint64_t session) noexcept {
-  worker_.forget(session);
-  builder_.forget(session);
+// --------------------------------------------------------------------------------------------------- for the sessions
+
+void fs_server::note_activity() noexcept { last_activity_ = steady_now(); }
+
+void fs_server::start_job(Client& client, uint64_t bytes, std::function<void(Wanted&)> work, std::function<void()> done) {
+  Worker& worker = bytes > quick_bytes ? builder_ : worker_;
+  worker.add(client.id, {std::move(work), [this, id = client.id, done = std::move(done)] {
+    if (const std::shared_ptr<Session> session = clients_.find(id)) session->finish_job(done);
+  }});
+  ++client.jobs;
 }
 
-void fs_server::note_leaving(Ref<Channel> channel) noexcept {
-  try {
-    leaving_.push_back(std::move(channel));
-  } catch (const std::bad_alloc&) {  // then it is not counted
-  }
+void fs_server::destroy(std::shared_ptr<void> what) {
+  const auto dead = std::make_shared<std::shared_ptr<void>>(std::move(what));
+  worker_.add(0, {[dead](Wanted&) { dead->reset(); }, [] {}});
+}
+
+void fs_server::set_reading(const Client& client, bool is_reading) noexcept {
+  watcher_.set_reading(client.socket, socket_source(client), is_reading);
 }
 
 size_t fs_server::count_leaving() {
@@ -360,100 +315,68 @@ size_t fs_server::count_leaving() {
   return leaving_.size();
 }
 
-void fs_server::end_leases() noexcept {
+void fs_server::require_room() {
+  const size_t count = clients_.count();
+  if (count >= settings_.max_clients) {
+    fail(FS_ERROR_FULL, "the server has %u clients, its maximum", settings_.max_clients);
+  }
+  // Clients that are gone cost the servo as much as the others while they fade out.
+  const size_t most = settings_.max_clients + std::max<size_t>(settings_.max_clients, 32);
+  if (count + count_leaving() < most) return;
   for (const Ref<Channel>& channel : leaving_) channel->end_lease(servo_->scene()->now());
+  fail(FS_ERROR_FULL, "too many clients came and went: there is room again when their objects have faded out");
 }
 
-Session* fs_server::find(std::string_view client) const {
-  for (const std::shared_ptr<Session>& session : sessions_) {
-    if (!session->is_gone() && !session->name().empty() && session->name() == client) return session.get();
+void fs_server::let_go(const Client& client) noexcept {
+  try {
+    if (client.channel) leaving_.push_back(client.channel);
+  } catch (const std::bad_alloc&) {  // then it is not counted
   }
-  return nullptr;
-}
-
-std::shared_ptr<Session> fs_server::find(uint64_t id) const {
-  const auto found = std::lower_bound(sessions_.begin(), sessions_.end(), id,
-                                      [](const auto& session, uint64_t wanted) { return session->id() < wanted; });
-  return found != sessions_.end() && (*found)->id() == id && !(*found)->is_gone() ? *found : nullptr;
-}
-
-size_t fs_server::client_count() const {
-  return static_cast<size_t>(std::count_if(sessions_.begin(), sessions_.end(), [](const auto& session) {
-    return !session->is_gone() && !session->name().empty();
-  }));
-}
-
-std::vector<fs_client> fs_server::describe() const {
-  std::vector<fs_client> out;
-  fs_client own{};
-  std::strcpy(own.name, "server");
-  own.process = static_cast<uint32_t>(getpid());
-  own.user = geteuid();
-  own.objects = static_cast<uint32_t>(servo_->scene()->object_count());
-  own.force_limit = servo_->settings().limits.force;
-  own.wrench = servo_->own_wrench();
-  out.push_back(own);
-  for (const std::shared_ptr<Session>& session : sessions_) {
-    if (!session->is_gone() && !session->name().empty()) out.push_back(session->describe());
-  }
-  return out;
+  watcher_.remove(client.socket);
+  watcher_.remove(client.process);
+  worker_.forget(client.id);
+  builder_.forget(client.id);
 }
 
 // ------------------------------------------------------------------------------------------------------------ the door
 
-// Closed, nobody is asked in, nor is the server told again and again that somebody waits.
+// While it is closed nobody is let in, and epoll does not report again and again that somebody waits.
 void fs_server::open_door(bool is_open) noexcept {
   is_door_open_ = is_open;
-  if (is_open && !spare_) spare_ = open_file();
-  epoll_event event{};
-  event.events = is_open ? static_cast<uint32_t>(EPOLLIN) : 0;
-  event.data.u64 = source_listener;
-  epoll_ctl(epoll_.get(), EPOLL_CTL_MOD, listener_.socket().get(), &event);
-  event.data.u64 = source_shared_listener;
-  if (shared_listener_.socket()) epoll_ctl(epoll_.get(), EPOLL_CTL_MOD, shared_listener_.socket().get(), &event);
+  watcher_.set_reading(door_.own_socket(), source_listener, is_open);
+  if (door_.shared_socket()) watcher_.set_reading(door_.shared_socket(), source_shared_listener, is_open);
 }
 
 void fs_server::accept_clients(const Descriptor& listener) {
-  for (;;) {
-    if (accepted_ == most_accepted) return open_door(false);  // until the next housekeeping
-    Descriptor socket(accept4(listener.get(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
-    const int error = socket ? 0 : errno;
-    if (error == EAGAIN || error == EWOULDBLOCK) return;
-    ++accepted_;
-    if (error == EINTR || error == ECONNABORTED) continue;
-    if ((error == EMFILE || error == ENFILE) && spare_) {
-      // One is kept for this: to turn away whoever waits.
-      spare_.reset();
-      socket = Descriptor(accept4(listener.get(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
-      socket.reset();
-      spare_ = open_file();
-      if (spare_) continue;
+  if (!door_.accept(listener, [this](Descriptor&& socket) { let_in(std::move(socket)); })) open_door(false);
+}
+
+void fs_server::let_in(Descriptor&& socket) {
+  note_activity();
+  try {
+    const Peer peer = peer_of(socket);
+    // Clients that will be refused have a few places of their own, so that they cannot take the places of others.
+    const bool is_refused = peer.user != geteuid() && !settings_.is_for_all_users;
+    const auto is_rival = [&](const std::shared_ptr<Session>& session) {
+      return !session->client().is_gone && session->client().name.empty() && session->is_refused() == is_refused;
+    };
+    const auto& sessions = clients_.sessions();
+    if (std::count_if(sessions.begin(), sessions.end(), is_rival) >= (is_refused ? most_refused : most_strangers)) {
+      // The stranger that has waited longest without a word makes room for the new one.
+      const std::shared_ptr<Session> longest = *std::find_if(sessions.begin(), sessions.end(), is_rival);
+      longest->receive(1);  // it may have said something by now
+      if (longest->client().name.empty()) longest->drop(0);
     }
-    if (error) return open_door(false);  // nothing can be done about it but to look again a little later
-    note_activity();
+    const auto session = std::make_shared<Session>(*this, ++last_id_, std::move(socket), peer,
+                                                   is_refused ? FS_ERROR_DENIED : FS_OK);
+    clients_.add(session);
+    const Client& client = session->client();
     try {
-      const Peer peer = peer_of(socket);
-      // Who has to be told no gets a few places of its own, so that nobody can take all of them.
-      const bool is_refused = peer.user != geteuid() && !settings_.is_for_all_users;
-      const auto is_rival = [&](const auto& session) {
-        return !session->is_gone() && session->name().empty() && session->is_refused() == is_refused;
-      };
-      if (std::count_if(sessions_.begin(), sessions_.end(), is_rival) >= (is_refused ? most_refused : most_strangers)) {
-        // Who says nothing makes room for who comes: the one that has stood here longest.
-        const std::shared_ptr<Session> longest = *std::find_if(sessions_.begin(), sessions_.end(), is_rival);
-        longest->receive(1);  // it may have said something by now
-        if (longest->name().empty()) longest->drop(0);
-      }
-      const auto session = std::make_shared<Session>(*this, ++last_id_, std::move(socket), peer,
-                                                     is_refused ? FS_ERROR_DENIED : FS_OK);
-      sessions_.push_back(session);
-      try {
-        watch(session->socket(), first_session + 2 * session->id(), EPOLLIN);
-        if (session->process()) watch(session->process(), first_session + 2 * session->id() + 1, EPOLLIN);
-      } catch (const Error&) {
-        session->drop(0);
-      }
-    } catch (const Error&) {  // it is gone already
+      watcher_.add(client.socket, socket_source(client));
+      if (client.process) watcher_.add(client.process, socket_source(client) + 1);
+    } catch (const Error&) {
+      session->drop(0);
     }
+  } catch (const Error&) {  // it is gone already
   }
 }

@@ -1,4 +1,3 @@
-// A client's life, and what comes in. Its changes: changes.cpp; what it asks: requests.cpp.
 #include "server/session.h"
 
 #include <poll.h>
@@ -6,49 +5,21 @@
 
 #include <algorithm>
 #include <cstring>
-#include <new>
 
+#include "base/clock.h"
 #include "base/error.h"
+#include "base/text.h"
+#include "server/greeting.h"
+#include "transfer/records.h"
 
 namespace fs {
 namespace {
 
-constexpr int most_awaited = 128;  // objects that are looked at in a turn, whether a tick has used them
+// With as many as this, the client's socket is not read until some have been applied or done.
+constexpr size_t most_parked = 4096;  // changes
+constexpr unsigned most_jobs = 16;    // each may hold a descriptor
 
-// Of the record that comes with a type; -1: no such type.
-ssize_t body_size(uint32_t type) {
-  using namespace wire;
-  switch (type) {
-    case type_shape: return sizeof(wire::Shape);
-    case type_curve: return sizeof(wire::Curve);
-    case type_forget: return sizeof(Forget);
-    case type_set:
-    case type_change: return sizeof(Set);
-    case type_place: return sizeof(Place);
-    case type_remove: return sizeof(Remove);
-    case type_frame: return sizeof(Frame);
-    case type_clutch: return sizeof(Clutch);
-    case type_tool: return sizeof(wire::Tool);
-    case type_bind: return sizeof(Bind);
-    case type_clear:
-    case type_wake:
-    case type_sync:
-    case type_reports:
-    case type_clients:
-    case type_stats:
-    case type_device: return 0;
-    case type_get:
-    case type_pull:
-    case type_report:
-    case type_view:
-    case type_motions:
-    case type_remove_other: return sizeof(Target);
-    case type_fetch: return sizeof(Fetch);
-    case type_edit: return sizeof(Edit);
-    case type_move_other: return sizeof(MoveOther);
-    default: return -1;
-  }
-}
+constexpr size_t many_changes = 256;  // it takes a while to destroy a batch of more
 
 bool has_event(const Descriptor& descriptor, short events) noexcept {
   pollfd look{descriptor.get(), events, 0};
@@ -57,53 +28,46 @@ bool has_event(const Descriptor& descriptor, short events) noexcept {
 
 }  // namespace
 
-Session::Session(fs_server& server, uint64_t id, Descriptor socket, const Peer& peer, fs_status refusal)
-    : server_(server), id_(id), socket_(std::move(socket)), peer_(peer), refusal_(refusal), since_(steady_now()) {
-  process_ = open_process(peer.process);  // none: then the socket tells alone
-}
-
-Session::~Session() = default;
+Session::Session(Host& host, uint64_t id, Descriptor socket, const Peer& peer, fs_status refusal)
+    : client_(std::make_shared<Client>(host, id, std::move(socket), peer)), refusal_(refusal), since_(steady_now()) {}
 
 bool Session::is_alive() const noexcept {
-  return !is_gone_ && !has_event(process_, POLLIN) && !has_event(socket_, POLLHUP);
-}
-
-void Session::drop(double lease) noexcept {
-  if (is_gone_) return;
-  is_gone_ = true;
-  if (channel_) {
-    if (scene_->is_empty()) {
-      channel_->leave_at_once();
-    } else {
-      channel_->leave(scene_->now() + lease);
-    }
-    server_.note_leaving(channel_);
-  }
-  if (outbox_) outbox_->is_closed.store(1);
-  server_.unwatch(*this);
-  server_.forget_jobs(id_);
-  if (socket_) shutdown(socket_.get(), SHUT_RDWR);  // a process that was forked from this one may have it, too
-  socket_.reset();
-  process_.reset();
-}
-
-void Session::set_asleep(bool is_asleep) noexcept {
-  if (outbox_) outbox_->is_asleep.store(is_asleep);
+  return !client_->is_gone && !has_event(client_->process, POLLIN) && !has_event(client_->socket, POLLHUP);
 }
 
 bool Session::is_busy() const noexcept {
-  return is_applying_ || !awaited_.empty() || !syncs_.empty() || !parked_.empty() || !waiting_requests_.empty();
+  return client_->is_applying || !client_->awaited.is_empty() || !client_->syncs.is_empty() ||
+         !client_->parked.is_empty() || requests_.are_waiting();
+}
+
+void Session::set_asleep(bool is_asleep) noexcept {
+  if (client_->outbox) client_->outbox->is_asleep.store(is_asleep);
+}
+
+void Session::drop(double lease) noexcept {
+  if (client_->is_gone) return;
+  client_->is_gone = true;
+  if (client_->channel && client_->scene->is_empty()) {
+    client_->channel->leave_at_once();
+  } else if (client_->channel) {
+    client_->channel->leave(client_->scene->now() + lease);
+  }
+  if (client_->outbox) client_->outbox->is_closed.store(1);
+  client_->host.let_go(*client_);
+  if (client_->socket) shutdown(client_->socket.get(), SHUT_RDWR);  // a forked process may have it, too
+  client_->socket.reset();
+  client_->process.reset();
 }
 
 // ------------------------------------------------------------------------------------------------------- what comes in
 
-bool Session::is_next_apart(const Session* busy, uint64_t round) noexcept {
-  if (is_gone_ || name_.empty() || is_applying_ || round_to_wait_ == round) return false;
+bool Session::is_next_apart(const Client* busy, uint64_t round) noexcept {
+  if (client_->is_gone || client_->name.empty() || client_->is_applying || round_to_wait_ == round) return false;
   struct {
     wire::Header header;
     wire::Target target;
   } next{};
-  const ssize_t size = recv(socket_.get(), &next, sizeof next, MSG_PEEK | MSG_DONTWAIT);
+  const ssize_t size = recv(client_->socket.get(), &next, sizeof next, MSG_PEEK | MSG_DONTWAIT);
   using namespace wire;
   bool is_apart = size >= static_cast<ssize_t>(sizeof next.header);
   switch (next.header.type) {
@@ -119,7 +83,7 @@ bool Session::is_next_apart(const Session* busy, uint64_t round) noexcept {
     case type_move_other:
     case type_remove_other: {
       const std::string target = text_of(next.target.name);
-      if (busy && target.substr(0, target.find('/')) == busy->name_) is_apart = false;
+      if (busy && target.substr(0, target.find('/')) == busy->name) is_apart = false;
       break;
     }
     default: break;
@@ -130,344 +94,259 @@ bool Session::is_next_apart(const Session* busy, uint64_t round) noexcept {
 
 void Session::receive(int most) noexcept {
   try {
-    const std::span<std::byte> buffer = server_.message_buffer();
+    const std::span<std::byte> buffer = client_->host.message_buffer();
     const double start = steady_now();
-    for (int i = 0; i < most && !is_gone_ && is_reading_; ++i) {
-      if (i > 0 && steady_now() - start > fs_server::slice) return;
+    for (int i = 0; i < most && !client_->is_gone && is_reading_; ++i) {
+      if (i > 0 && steady_now() - start > slice) return;
       Descriptor data;
       size_t size;
       bool is_cut;
-      const Transfer transfer = receive_message(socket_, buffer, size, {&data, 1}, is_cut);
+      const Transfer transfer = receive_message(client_->socket, buffer, size, {&data, 1}, is_cut);
       if (transfer == Transfer::again) return;
-      if (transfer == Transfer::closed) return drop(server_.settings().lease);
-      server_.note_activity();
-      if (name_.empty()) {
-        greet(buffer.first(size));
+      if (transfer == Transfer::closed) return drop();
+      client_->host.note_activity();
+      if (client_->name.empty()) {
+        if (!greet(*client_, buffer.first(size), refusal_)) drop(0);
         continue;
       }
-      Message message{};
-      if (size < sizeof message.header) return drop(server_.settings().lease);
-      std::memcpy(&message.header, buffer.data(), sizeof message.header);
-      size -= sizeof message.header;
-      const std::shared_ptr<std::byte[]> memory = std::make_shared_for_overwrite<std::byte[]>(size);
-      std::memcpy(memory.get(), buffer.data() + sizeof message.header, size);
-      message.body = {memory.get(), size};
-      message.memory = memory;
-      const uint32_t type = message.header.type;
-      const bool is_size_good = type == wire::type_group ? size >= sizeof(wire::Group)
-                                                         : body_size(type) == static_cast<ssize_t>(size);
-      if (!is_size_good || message.header.serial <= last_serial_) return drop(server_.settings().lease);
-      last_serial_ = message.header.serial;
-      handle(std::move(message), std::move(data));
-      tell_settled();
+      handle(buffer.first(size), std::move(data));
+      note_applied();
+      regulate();
     }
-  } catch (...) {  // no memory, or no descriptors, for this client
-    drop(server_.settings().lease);
+  } catch (...) {  // it breaks the rules of the wire; or there is no memory or descriptor for it
+    drop();
   }
 }
 
-void Session::answer(fs_status status, const std::string& text, std::span<const std::byte> rest,
-                     std::span<const int> descriptors) {
-  wire::Answer out{};
-  out.magic = wire::magic;
-  out.layout = wire::layout_id();
-  out.status = status;
-  put_text(out.text, text);
-  const std::span<const std::byte> parts[] = {bytes_of(&out, 1), rest};
-  if (send_message(socket_, parts, descriptors) != Transfer::done || status != FS_OK) drop(0);
+// The bytes lie in the buffer of all sessions: what is needed later is copied.
+void Session::handle(std::span<const std::byte> bytes, Descriptor&& data) {
+  wire::Header header;
+  if (bytes.size() < sizeof header) throw BadClient{};
+  std::memcpy(&header, bytes.data(), sizeof header);
+  bytes = bytes.subspan(sizeof header);
+  const bool is_size_good = header.type == wire::type_group ? bytes.size() >= sizeof(wire::Group)
+                                                            : record_size(header.type) == bytes.size();
+  if (!is_size_good || header.serial <= last_serial_) throw BadClient{};
+  last_serial_ = header.serial;
+  const auto type = static_cast<wire::Type>(header.type);
+  if (type == wire::type_wake) return;
+  if (type == wire::type_shape || type == wire::type_curve) return take_asset(PackedAsset::of(type, bytes, std::move(data)));
+
+  const std::shared_ptr<std::byte[]> memory = std::make_shared_for_overwrite<std::byte[]>(bytes.size());
+  std::memcpy(memory.get(), bytes.data(), bytes.size());
+  bytes = {memory.get(), bytes.size()};
+  if (type == wire::type_group) {
+    ReceivedBatch batch = take_apart(bytes, memory, std::move(data));
+    batch.serial = header.serial;
+    if (!client_->is_gone) submit(std::move(batch));
+  } else if (type >= wire::type_sync) {
+    requests_.handle({header.serial, {type, bytes}, memory});
+  } else {
+    ReceivedBatch batch{header.serial, Batch::Reader::read(type, bytes, memory), {}};
+    check(batch.changes[0], batch.about);
+    submit(std::move(batch));
+  }
 }
 
-// The first message: who it is, and whether both ends mean the same.
-void Session::greet(std::span<const std::byte> message) {
-  const ServerSettings& settings = server_.settings();
-  wire::Hello hello{};
-  std::memcpy(&hello, message.data(), std::min(message.size(), sizeof hello));
-  if (hello.magic != wire::magic || message.size() < sizeof hello) return drop(0);
-  if (refusal_ == FS_ERROR_DENIED) {
-    return answer(refusal_, "this server lets in its own user only; one with all_users lets in others");
+// A group may have many changes: others have their turns meanwhile, and may find that this client is gone.
+ReceivedBatch Session::take_apart(std::span<const std::byte> body, std::shared_ptr<const void> memory, Descriptor&& data) {
+  ReceivedBatch out;
+  Batch::Reader reader(body, std::move(memory), std::move(data), wire::most_changes(client_->host.settings().max_objects));
+  while (!reader.is_done()) {
+    const std::optional<Change> change = reader.next();
+    if (!change) break;
+    check(*change, out.about);
+    if (out.about.is_forget) throw BadClient{};  // a forget comes alone
+    client_->let_others();
+    if (client_->is_gone) return out;
   }
-  if (hello.layout != wire::layout_id()) {
-    const std::string& layout = wire::layout_text();
-    const std::string text = "the client is version " + text_of(hello.version) + " of the library, the server " +
-                             fs_version() + ", and they do not go together: ";
-    return answer(FS_ERROR_VERSION, text, bytes_of(layout.data(), std::min<size_t>(layout.size(), 60000)));
+  if (!reader.is_good()) throw BadClient{};
+  out.changes = reader.take();
+  return out;
+}
+
+// Checks the change, and adds what it is about. Throws BadClient.
+void Session::check(const Change& change, Subjects& about) const {
+  uint32_t slot = wire::no_slot;
+  if (change.type == wire::type_set || change.type == wire::type_change) slot = change.as<wire::Set>().slot;
+  if (change.type == wire::type_bind) slot = change.as<wire::Bind>().slot;
+  if (!client_->moves.is_slot(slot) || !about.add(change)) throw BadClient{};
+}
+
+// ------------------------------------------------------------------------------------------------- shapes and curves
+
+void Session::take_asset(PackedAsset&& packed) {
+  Client& client = *client_;
+  const ServerSettings& settings = client.host.settings();
+  const uint64_t id = packed.id();
+  if (client.parked.needs(id)) {
+    const Client::Applying applying(client);
+    if (client.parked.take_forget(id, [&] { client.let_others(); })) {
+      // It is wanted again before it was forgotten: so it stays, or is made once more where it was refused.
+      if (!client.assets.is_refused(id)) return;
+      client.assets.forget(id);
+    }
   }
+  // Where parked changes will forget some, the client is within its rights: regulate stops reading from it instead.
+  const bool is_too_much = client.assets.count() >= wire::most_assets(settings.max_objects) && client.parked.is_empty();
+  if (is_too_much || !client.assets.begin(id)) throw BadClient{};
+  const auto made = std::make_shared<ClientAssets::Upload>();
   try {
-    const std::string name = parse_name(hello.client, "client_name");
-    if (name == "server") fail(FS_ERROR_INVALID, "client_name is 'server', which is the name of the server's own scene");
-    Session* const other = server_.find(name);
-    if (other && !other->is_alive()) {
-      other->drop(settings.lease);
-    } else if (other) {
-      fail(FS_ERROR_EXISTS, "client_name is '%s': a client of that name is connected (process %d)", name.c_str(),
-           static_cast<int>(other->peer_.process));
-    }
-    if (server_.client_count() >= settings.max_clients) {
-      fail(FS_ERROR_FULL, "the server has %u clients, its maximum", settings.max_clients);
-    }
-    // What is left of clients that came and went costs the servo as much as they did.
-    const size_t most = settings.max_clients + std::max<size_t>(settings.max_clients, 32);
-    if (server_.client_count() + server_.count_leaving() >= most) {
-      server_.end_leases();
-      fail(FS_ERROR_FULL, "too many clients came and went: there is room again when their objects have faded out");
-    }
-
-    const Descriptor inbox = make_region("forceserver-inbox", Inbox::bytes(settings.max_objects));
-    seal_region(inbox, false);
-    const Descriptor outbox = make_region("forceserver-outbox", sizeof(Outbox));
-    inbox_memory_ = map_region(inbox, Inbox::bytes(settings.max_objects), true);
-    const std::shared_ptr<void> memory = map_region(outbox, sizeof(Outbox), true);
-    seal_region(outbox, true);
-    inbox_ = Inbox(inbox_memory_.get(), settings.max_objects);
-    // All bytes are 0, as an Outbox begins: not a page is touched that need not be.
-    outbox_ = std::shared_ptr<Outbox>(memory, static_cast<Outbox*>(memory.get()));
-    outbox_->heartbeat.store(steady_now());
-    slots_.resize(settings.max_objects);
-    dirty_.resize((settings.max_objects + 63) / 64);
-    scene_ = make_ref<LocalScene>(std::shared_ptr<ServoOutput>(outbox_, &outbox_->servo));
-    scene_->hold();
-    scene_->set_capacity(2 * settings.max_objects);  // all of them anew, while the old ones fade out
-    channel_ = server_.servo().add_channel(scene_, settings.limits);
-    connected_ = scene_->now();
-    name_ = name;
-
-    wire::Welcome welcome{};
-    welcome.inbox_bytes = Inbox::bytes(settings.max_objects);
-    welcome.outbox_bytes = sizeof(Outbox);
-    welcome.max_objects = settings.max_objects;
-    welcome.is_virtual = server_.servo().clock() == ClockKind::virtual_time;
-    welcome.is_locked = settings.is_locked;
-    welcome.rate = server_.servo().settings().rate;
-    const int descriptors[] = {inbox.get(), outbox.get()};
-    answer(FS_OK, "", bytes_of(&welcome, 1), descriptors);
-  } catch (const Error& error) {
-    answer(error.status, error.text);
-  }
-}
-
-void Session::handle(Message&& message, Descriptor&& data) {
-  using namespace wire;
-  const uint32_t type = message.header.type;
-  if (type == type_wake) return;
-  if (type == type_group) return take_group(message, std::move(data));
-  if (type == type_shape || type == type_curve) return take_upload(std::move(message), std::move(data));
-  if (type >= type_sync) return request(message);
-  Unit unit;
-  unit.serial = message.header.serial;
-  if (!add(unit, message)) return drop(server_.settings().lease);
-  submit(std::move(unit));
-}
-
-// The changes of a group, one behind the other. They may be many: others have their turns meanwhile.
-void Session::take_group(const Message& message, Descriptor&& data) {
-  const double lease = server_.settings().lease;
-  const uint64_t bytes = message.as<wire::Group>().bytes;
-  const size_t most = wire::most_changes(server_.settings().max_objects);
-  Message next{};
-  next.body = message.body.subspan(sizeof(wire::Group));
-  next.memory = message.memory;
-  try {
-    if (data) {
-      constexpr size_t largest = sizeof(wire::Header) + std::max(sizeof(wire::Edit), sizeof(wire::Tool));
-      if (!next.body.empty() || bytes > most * largest) return drop(lease);
-      next.memory = map_blob(data, bytes);
-      next.body = {static_cast<const std::byte*>(next.memory.get()), static_cast<size_t>(bytes)};
-      data.reset();
-    }
-  } catch (const Error&) {  // it is no sealed memory of that size, or this process has no room for it
-    return drop(lease);
-  }
-  if (next.body.size() != bytes) return drop(lease);
-  Unit unit;
-  unit.serial = message.header.serial;
-  unit.is_mapped = next.memory != message.memory;
-  while (!next.body.empty()) {
-    if (next.body.size() < sizeof next.header || unit.messages.size() == most) return drop(lease);
-    std::memcpy(&next.header, next.body.data(), sizeof next.header);
-    next.body = next.body.subspan(sizeof next.header);
-    const ssize_t size = body_size(next.header.type);
-    if (size < 0 || next.body.size() < static_cast<size_t>(size)) return drop(lease);
-    Message change = next;
-    change.body = next.body.first(static_cast<size_t>(size));
-    next.body = next.body.subspan(static_cast<size_t>(size));
-    if (!add(unit, change) || unit.is_forget) return drop(lease);
-    let_others();
-    if (is_gone_) return;
-  }
-  submit(std::move(unit));
-}
-
-// What the change is about. False: it is none, or has a slot that there is not.
-bool Session::add(Unit& unit, const Message& message) const {
-  using namespace wire;
-  const auto is_slot = [this](uint32_t slot) { return slot < slots_.size() || slot == no_slot; };
-  const auto need = [&unit](const wire::Object& object, uint64_t parts) {
-    const std::initializer_list<uint64_t> ids = {parts & FS_PART_SHAPE ? object.shape : 0,
-                                                 parts & FS_PART_PROFILES ? object.front.curve : 0,
-                                                 parts & FS_PART_PROFILES ? object.back.curve : 0};
-    for (const uint64_t id : ids) {
-      if (id) unit.ids.insert(id);
-    }
-  };
-  switch (message.header.type) {
-    case type_set:
-    case type_change: {
-      const Set& set = message.as<Set>();
-      if (!is_slot(set.slot)) return false;
-      unit.names.insert(text_of(set.object.name));
-      need(set.object, set.parts);
-      break;
-    }
-    case type_place: unit.names.insert(text_of(message.as<Place>().name)); break;
-    case type_remove: unit.names.insert(text_of(message.as<Remove>().name)); break;
-    case type_bind:
-      if (!is_slot(message.as<Bind>().slot)) return false;
-      unit.names.insert(text_of(message.as<Bind>().name));
-      break;
-    case type_clear: unit.is_about_all = true; break;
-    case type_forget:
-      unit.is_forget = true;
-      if (message.as<Forget>().id) unit.ids.insert(message.as<Forget>().id);
-      break;
-    case type_frame:
-    case type_clutch:
-    case type_tool: unit.is_about_view = true; break;
-    case type_edit:
-      unit.names.insert(text_of(message.as<Edit>().target.name));
-      need(message.as<Edit>().object, message.as<Edit>().parts);
-      break;
-    case type_move_other: unit.names.insert(text_of(message.as<MoveOther>().target.name)); break;
-    case type_remove_other: unit.names.insert(text_of(message.as<Target>().name)); break;
-    default: return false;
-  }
-  unit.messages.push_back(message);
-  return true;
-}
-
-// ------------------------------------------------------------------------------------------------- the shared memory
-
-bool Session::take_moves() {
-  const uint64_t batch = inbox_.batch();
-  if (batch & 1) return false;  // a group is being written: all of it at once, later
-  inbox_.take_dirty([this](uint32_t slot) { mark(slot); });
-  moved_.clear();
-  for (size_t word = 0; word < dirty_.size(); ++word) {
-    for (uint64_t bits = std::exchange(dirty_[word], 0); bits != 0; bits &= bits - 1) {
-      const auto slot = static_cast<uint32_t>(64 * word) + static_cast<uint32_t>(__builtin_ctzll(bits));
-      wire::Move move;
-      // Not whole: it is being written, and will be marked again. After a change that has not come yet: that marks it.
-      if (!slots_[slot].name.empty() && inbox_.read(slot, move) && move.after == slots_[slot].after) {
-        moved_.emplace_back(slot, move);
+    const std::shared_ptr<const void> charge = client.assets.charge(packed, settings.max_bytes);
+    const uint64_t bytes = packed.content_bytes();
+    // A worker reads, checks and builds it: that may take long.
+    auto work = [made, charge, packed = std::make_shared<PackedAsset>(std::move(packed))](Wanted& wanted) {
+      try {
+        Asset asset = unpack(std::move(*packed), wanted);
+        if (asset.shape) {
+          asset.shape->keep(charge);
+          asset.shape->build(wanted);
+        } else {
+          asset.curve->keep(charge);
+        }
+        made->asset = std::move(asset);
+      } catch (Error& error) {
+        made->status = error.status;
+        made->text = std::move(error.text);
+      } catch (...) {
+        made->status = FS_ERROR_MEMORY;
+        made->text = "the server has not enough memory for the shape";
       }
-    }
+    };
+    return client.host.start_job(client, bytes, std::move(work),
+                                 [this, id, made] { finish_asset(id, std::move(*made)); });
+  } catch (const Error& error) {
+    made->status = error.status;
+    made->text = error.text;
   }
-  if (inbox_.batch() != batch) {  // a group came between: it belongs together, so once more
-    for (const auto& [slot, move] : moved_) mark(slot);
-    return false;
-  }
-  for (const auto& [slot, move] : moved_) {
-    Motion motion;
-    if (!from_record(move.movement, motion)) {
-      ++refused_;
-      continue;
-    }
-    try {
-      scene_->set_motion(slots_[slot].name.c_str(), motion);
-      ++moves_;
-    } catch (const Error&) {  // the object is not there any more
-    }
-  }
-  moves_allowed_.spend(moved_.size());
-  if (!moved_.empty()) server_.note_activity();
-  return true;
+  finish_asset(id, std::move(*made));
 }
+
+void Session::finish_asset(uint64_t id, ClientAssets::Upload&& upload) {
+  const bool is_refused = upload.status != FS_OK;
+  if (client_->assets.finish(id, std::move(upload)) && is_refused) client_->note_edits();
+  if (client_->parked.needs(id) && client_->parked.note_ready()) retry_parked();
+  requests_.retry();
+  note_applied();
+}
+
+void Session::finish_job(const std::function<void()>& done) noexcept {
+  try {
+    done();
+  } catch (...) {
+    drop();
+  }
+  --client_->jobs;
+  regulate();
+}
+
+// Stops reading from a client with too much queued work, and begins again when it has little.
+void Session::regulate() noexcept {
+  if (client_->is_gone) return;
+  const size_t most_assets = wire::most_assets(client_->host.settings().max_objects);
+  const size_t parked = client_->parked.cost();
+  const bool has_too_much = !client_->parked.is_empty() && client_->assets.count() >= most_assets;
+  const bool is_over = parked >= most_parked || client_->jobs >= most_jobs || has_too_much;
+  const bool is_well_below = parked < most_parked / 2 && client_->jobs < most_jobs && !has_too_much;
+  if (is_reading_ ? is_over : is_well_below) client_->host.set_reading(*client_, is_reading_ = !is_reading_);
+}
+
+// ------------------------------------------------------------------------------------------------------------ batches
+
+bool Session::is_ready(const ReceivedBatch& batch) const {
+  const auto& ids = batch.about.ids;
+  return batch.about.is_forget ||
+         std::none_of(ids.begin(), ids.end(), [this](uint64_t id) { return client_->assets.is_building(id); });
+}
+
+void Session::submit(ReceivedBatch&& batch) {
+  if (is_ready(batch) && !client_->parked.holds_up(batch.about)) return apply(std::move(batch));
+  for (const Change& change : batch.changes) {
+    if (change.type == wire::type_set) client_->note_absent(change.as<wire::Set>(), FS_OBJECT_PENDING);
+    if (change.type == wire::type_remove) client_->absent.erase(std::string(change.name()));
+    if (change.type == wire::type_clear) client_->absent.clear();
+  }
+  client_->parked.add(std::move(batch));
+}
+
+void Session::apply(ReceivedBatch&& batch) {
+  changes_.apply(batch);
+  if (batch.changes.size() > many_changes) client_->host.destroy(std::make_shared<ReceivedBatch>(std::move(batch)));
+}
+
+void Session::catch_up() noexcept {
+  if (client_->is_gone || !client_->parked.is_retry_due()) return;
+  try {
+    retry_parked();
+    regulate();
+  } catch (...) {
+    drop();
+  }
+}
+
+void Session::retry_parked() {
+  const Client::Applying applying(*client_);
+  for (ReceivedBatch& batch : client_->parked.take_all()) {
+    if (is_ready(batch) && !client_->parked.holds_up(batch.about)) {
+      apply(std::move(batch));
+    } else {
+      client_->parked.add(std::move(batch));
+    }
+    client_->let_others();
+  }
+  requests_.retry();
+  if (!client_->told.is_empty()) client_->note_edits();  // names that parked changes held up can be told now
+  note_applied();
+}
+
+void Session::note_applied() noexcept {
+  const bool is_any_waiting = !client_->parked.is_empty() || requests_.are_waiting();
+  if (client_->outbox && !is_any_waiting) client_->outbox->applied.store(last_serial_, std::memory_order_release);
+}
+
+// -------------------------------------------------------------------------------------------------------- each period
 
 void Session::turn(double now) noexcept {
-  if (is_gone_ || name_.empty()) return;
+  if (client_->is_gone || client_->name.empty()) return;
   try {
-    outbox_->heartbeat.store(now, std::memory_order_relaxed);
+    client_->outbox->heartbeat.store(now, std::memory_order_relaxed);
     are_moves_taken_ = false;
-    if (is_applying_) return;
-    are_moves_taken_ = moves_allowed_.begin_turn() && take_moves();
-    scene_->post();
+    if (client_->is_applying) return;
+    are_moves_taken_ = client_->moves.begin_turn() && client_->take_moves();
+    client_->scene->post();
   } catch (...) {
-    drop(server_.settings().lease);
+    drop();
   }
 }
 
-void Session::settle() noexcept {
-  if (is_gone_ || name_.empty() || is_applying_) return;
+void Session::end_turn() noexcept {
+  if (client_->is_gone || client_->name.empty() || client_->is_applying) return;
   try {
-    const uint64_t used = scene_->output->used.load(std::memory_order_acquire);
-    // Some in each turn, in the order of their names and from the first again.
-    auto awaited = awaited_.lower_bound(awaited_next_);
-    awaited_next_.clear();
-    for (int i = 0; awaited != awaited_.end(); ++i) {
-      if (i == most_awaited) {
-        awaited_next_ = awaited->first;
-        break;
-      }
-      auto& [name, sequence] = *awaited;
-      if (sequence == 0) sequence = scene_->sequence();
-      if (used < sequence) {
-        ++awaited;
-        continue;
-      }
-      fs_event event{};
-      event.kind = FS_EVENT_READY;
-      event.time = scene_->now();
-      put_text(event.name, name);
-      push_event(event);
-      awaited = awaited_.erase(awaited);
+    if (!client_->awaited.is_empty()) {
+      const uint64_t used = client_->scene->output->used.load(std::memory_order_acquire);
+      client_->awaited.take_used(client_->scene->sequence(), used,
+                                 [this](const std::string& name) { client_->push_event(FS_EVENT_READY, name); });
     }
-    settle_syncs();
+    const bool is_any_waiting = !client_->parked.is_empty() || requests_.are_waiting();
+    if (!is_any_waiting && !client_->syncs.is_empty()) client_->syncs.answer(*client_, are_moves_taken_);
   } catch (...) {
-    drop(server_.settings().lease);
+    drop();
   }
 }
 
 void Session::keep_house() noexcept {
-  if (is_gone_ || is_applying_) return;
-  if (name_.empty()) {
+  if (client_->is_gone || client_->is_applying) return;
+  if (client_->name.empty()) {
     constexpr double patience = 2;  // s
     if (steady_now() - since_ > patience) drop(0);
     return;
   }
   try {
-    for (fs_event event; scene_->take_event(event);) push_event(event);
-    if (channel_->is_bad()) drop(0);
+    for (fs_event event; client_->scene->take_event(event);) client_->push_event(event);
+    if (client_->channel->is_bad()) drop(0);
   } catch (...) {
-    drop(server_.settings().lease);
+    drop();
   }
-}
-
-void Session::push_event(const fs_event& event) noexcept {
-  const uint64_t number = outbox_->events_written.load(std::memory_order_relaxed);
-  if (event.kind == FS_EVENT_OVERFLOW) {  // numbers that are never there: the client counts them with those it missed
-    outbox_->events_written.store(number + static_cast<uint64_t>(event.value), std::memory_order_release);
-    return;
-  }
-  outbox_->events[number % event_slots].write({number, event});
-  outbox_->events_written.store(number + 1, std::memory_order_release);
-}
-
-void Session::note_edit(const std::string& object, const std::string& editor, bool is_removed) {
-  if (!objects_.contains(object)) return;
-  std::string& told = edited_[object];
-  if (told != editor || is_removed) {  // of a stream of changes one is told, until the client has seen them
-    fs_event event{};
-    event.kind = FS_EVENT_EDITED;
-    event.time = scene_->now();
-    put_text(event.name, object);
-    put_text(event.text, editor);
-    push_event(event);
-  }
-  told = editor;
-  if (is_removed) {
-    forget_object(object);
-    edited_[object] = editor;
-  }
-  outbox_->edits.fetch_add(1, std::memory_order_release);
 }
 
 }  // namespace fs

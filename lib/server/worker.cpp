@@ -15,7 +15,7 @@ Worker::Worker(std::function<void()> notify) : notify_(std::move(notify)) {
   try {
     thread_ = std::thread([this] { run(); });
   } catch (const std::system_error& error) {
-    fail(FS_ERROR_IO, "the server's thread for meshes could not be started: %s", error.what());
+    fail(FS_ERROR_IO, "the server's worker thread could not be started: %s", error.what());
   }
 }
 
@@ -38,7 +38,7 @@ void Worker::add(uint64_t owner, Job job) {
 }
 
 void Worker::forget(uint64_t owner) noexcept {
-  std::list<Job> forgotten;  // what they hold goes without the lock
+  std::list<Job> forgotten;  // destroyed without the lock
   const std::lock_guard lock(mutex_);
   if (working_for_ == owner) is_abandoned_ = true;
   const auto found = jobs_.find(owner);

@@ -1,5 +1,5 @@
 // A thread for what takes long (shapes and their trees), so that neither the servo nor the thread that takes moves waits.
-// Who has jobs is served in turn.
+// Owners that have jobs are served one after the other, a job each.
 #pragma once
 
 #include <atomic>
@@ -17,9 +17,9 @@ namespace fs {
 class Worker {
  public:
   struct Job {
-    // By the worker's thread; must not throw. Whatever takes long in it looks at `wanted` at every step.
+    // Called by the worker's thread; must not throw. Long work looks at `wanted` at every step.
     std::function<void(Wanted& wanted)> work;
-    std::function<void()> done;  // what is left to be done by the thread that asked
+    std::function<void()> done;  // what the thread that asked does then
   };
 
   // notify: called by the worker's thread when something was done.
@@ -27,7 +27,7 @@ class Worker {
   ~Worker();  // drops the jobs that have not begun, and abandons the one that has
 
   void add(uint64_t owner, Job job);
-  void forget(uint64_t owner) noexcept;  // its jobs; one that has begun is abandoned, and done
+  void forget(uint64_t owner) noexcept;  // drops its jobs; one that has begun is abandoned, and counts as done
   std::list<Job> take_done();
 
  private:

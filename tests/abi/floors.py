@@ -7,7 +7,7 @@ import re
 import sys
 
 # From the ground up. The public headers lie below all.
-FLOORS = [["base"], ["math"], ["force", "driver"], ["field"], ["ipc"], ["scene"], ["file", "client", "servo"], ["server"], ["api"]]
+FLOORS = [["base"], ["math", "ipc"], ["force", "driver"], ["field"], ["scene"], ["transfer"], ["file", "client", "servo"], ["server"], ["api"]]
 FLOOR = {folder: number for number, folders in enumerate(FLOORS) for folder in folders}
 # Those outside of it, with all that they may use beside the public headers and their own files.
 OUTSIDE = {"device": {"base", "math", "driver"}, "program": set()}
@@ -18,9 +18,9 @@ edges = set()
 
 
 def folder_of(path):
-    """The folder under lib/, or 'device', or 'program' (lib/server/program)."""
+    """The folder under lib/, or 'device', or 'program' (lib/program)."""
     parts = path.relative_to(root).parts
-    if parts[:3] == ("lib", "server", "program"):
+    if parts[:2] == ("lib", "program"):
         return "program"
     return "device" if parts[0] == "device" else parts[1]
 

@@ -25,7 +25,8 @@
 #include "figures.h"
 #include "ipc/region.h"
 #include "rig.h"
-#include "scene/transfer.h"
+#include "transfer/records.h"
+#include "transfer/shared_memory.h"
 #include "scenes/random.h"
 
 using namespace bench;

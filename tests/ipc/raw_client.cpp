@@ -227,10 +227,10 @@ uint64_t RawClient::expression(uint64_t id, const char* text) {
 
 bool RawClient::next_event(fs_event& event) {
   const uint64_t written = outbox->events_written.load(std::memory_order_acquire);
-  if (written - events_read_ > fs::event_slots) events_read_ = written - fs::event_slots;
+  if (written - events_read_ > fs::kept_events) events_read_ = written - fs::kept_events;
   for (; events_read_ < written; ++events_read_) {
     fs::wire::EventSlot slot;
-    if (!outbox->events[events_read_ % fs::event_slots].read(slot) || slot.number != events_read_) continue;
+    if (!outbox->events[events_read_ % fs::kept_events].read(slot) || slot.number != events_read_) continue;
     event = slot.event;
     ++events_read_;
     return true;

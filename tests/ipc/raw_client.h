@@ -1,5 +1,5 @@
 // A client that speaks the wire itself and keeps to no rule: what a test wants to send, it sends. The records are the
-// library's own (ipc/wire.h), so a layout that changes changes here too.
+// library's own (transfer/wire.h), so a layout that changes changes here too.
 #pragma once
 
 #include <cstring>
@@ -9,10 +9,14 @@
 #include <string>
 #include <vector>
 
+#include "base/clock.h"
+#include "base/text.h"
 #include "ipc/blob.h"
 #include "ipc/region.h"
 #include "ipc/socket.h"
-#include "scene/transfer.h"
+#include "transfer/layout.h"
+#include "transfer/records.h"
+#include "transfer/shared_memory.h"
 
 namespace hostile {
 

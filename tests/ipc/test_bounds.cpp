@@ -138,7 +138,7 @@ START_TEST(uploads_without_end) {
   ck_assert_msg(megabytes() < before + 10, "%g MB are left", megabytes() - before);
   // Kept, they are refused at some number, each of them.
   RawClient keeper = rig.join("keeper");
-  for (uint64_t k = 1; k < fs::wire::most_data(256) + 100 && !keeper.is_dropped(); ++k) keeper.expression(k, "d");
+  for (uint64_t k = 1; k < fs::wire::most_assets(256) + 100 && !keeper.is_dropped(); ++k) keeper.expression(k, "d");
   rig.expect_dropped(keeper, "it sends shapes without end");
   rig.check_honest();
 }

@@ -1,0 +1,113 @@
+#include <forceserver/driver.h>
+
+#include "api/guarded.h"
+#include "driver/device.h"
+#include "driver/registry.h"
+#include "scene/local_scene.h"
+
+using namespace fs;
+
+fs_status fs_device_list(fs_device_entry* out, size_t capacity, size_t* count) {
+  return guarded([&] {
+    std::vector<fs_device_entry> entries;
+    for (const fs_driver* driver : all_drivers()) {
+      if (!driver->list) continue;
+      size_t found = 0;
+      if (driver->list(nullptr, 0, &found) != FS_OK || found > 1024) continue;  // one bad driver does not hide the others
+      std::vector<fs_device_entry> own(found);
+      if (found && driver->list(own.data(), own.size(), &found) != FS_OK) continue;
+      own.resize(std::min(found, own.size()));
+      for (fs_device_entry& entry : own) {
+        entry.uri[sizeof entry.uri - 1] = entry.label[sizeof entry.label - 1] = 0;
+        entries.push_back(entry);
+      }
+    }
+    copy_list(entries, out, capacity, count);
+  });
+}
+
+fs_status fs_device_open(const char* uri, fs_device** out) {
+  return guarded([&] {
+    require_pointer(uri, "uri");
+    require_pointer(out, "out");
+    *out = make_ref<Device>(uri).detach();
+  });
+}
+
+void fs_device_close(fs_device* device) {
+  if (!device) return;
+  if (!device->is_of_this_process()) return;
+  {
+    const std::lock_guard lock(device->mutex);
+    if (!device->is_owned()) device->zero();
+  }
+  device->release();
+}
+
+fs_status fs_device_get_info(fs_device* device, fs_device_info* out) {
+  return guarded([&] {
+    require_pointer(device, "device");
+    require_pointer(out, "out");
+    check_struct_size(out->struct_size, sizeof *out, "fs_device_info");
+    *out = device->info();
+    out->struct_size = sizeof *out;
+  });
+}
+
+namespace {
+
+// Calls f(device), unless a servo has the device.
+template <class F>
+fs_status on_device(fs_device* device, F&& f) {
+  return guarded([&] {
+    require_pointer(device, "device");
+    if (!device->is_of_this_process()) fail(FS_ERROR_STATE, "the device was opened by the parent of this process");
+    const std::lock_guard lock(device->mutex);
+    if (device->is_owned()) fail(FS_ERROR_STATE, "a servo has the device; stop it first");
+    if (!device->take_turn()) fail(FS_ERROR_STATE, "the process is ending, and the device with it");
+    struct Turn {
+      fs_device* device;
+      ~Turn() { device->end_turn(); }
+    } const turn{device};
+    const fs_status status = f();
+    if (status != FS_OK) fail(status, "the device %s: %s", device->info().name, fs_status_name(status));
+  });
+}
+
+}  // namespace
+
+fs_status fs_device_read(fs_device* device, fs_state* out) {
+  return on_device(device, [&] {
+    require_pointer(out, "out");
+    fs_state state;
+    const fs_status status = device->read(steady_now(), state);
+    if (status == FS_OK) *out = state;
+    return status;
+  });
+}
+
+fs_status fs_device_write(fs_device* device, const fs_wrench* wrench) {
+  return on_device(device, [&] {
+    require_pointer(wrench, "wrench");
+    if (!is_finite(*wrench)) fail(FS_ERROR_INVALID, "wrench is not finite");
+    return device->write(*wrench);
+  });
+}
+
+fs_status fs_driver_register(const fs_driver* driver) {
+  return guarded([&] {
+    require_pointer(driver, "driver");
+    register_driver(*driver);
+  });
+}
+
+fs_status fs_driver_load(const char* path) {
+  return guarded([&] {
+    require_pointer(path, "path");
+    load_driver(path);
+  });
+}
+
+fs_status fs_fail(fs_status status, const char* message) {
+  return set_last_error(status, message ? message : "");
+}

@@ -1,0 +1,103 @@
+#include <forceserver/servo.h>
+
+#include <bit>
+#include <set>
+
+#include "api/guarded.h"
+#include "base/names.h"
+#include "servo/servo.h"
+
+using namespace fs;
+
+namespace {
+
+// The handles that applications have, so that a servo may be stopped by two threads at once, or twice. Guarded by the
+// process's mutex.
+std::set<fs_servo*>& handles() {
+  static std::set<fs_servo*>& all = *new std::set<fs_servo*>;  // never destroyed: the process may be ending
+  return all;
+}
+
+}  // namespace
+
+const char* fs_realtime_name(fs_realtime realtime) {
+  return name_of(realtime_names, realtime, "an unknown fs_realtime");
+}
+
+const char* fs_fault_name(uint32_t faults) {
+  if (faults == 0) return "no fault";
+  return name_at(fault_names, static_cast<size_t>(std::countr_zero(faults)), "an unknown fs_fault");
+}
+
+fs_status fs_servo_start(fs_scene* scene, fs_device* device, const fs_servo_options* options, fs_servo** out) {
+  return guarded([&] {
+    require_pointer(scene, "scene");
+    require_pointer(device, "device");
+    require_pointer(out, "out");
+    if (options) check_struct_size(options->struct_size, sizeof *options, "fs_servo_options");
+    const fs_servo_options given = options ? *options : fs_servo_options_init();
+    const ServoSettings settings = parse_options(given, device->info());
+    if (scene->is_remote()) {
+      fail(FS_ERROR_UNSUPPORTED, "scene is connected to a server, whose servo runs it: one in this process is needed");
+    }
+    Ref<Servo> servo = make_ref<Servo>(Ref<LocalScene>::share(&scene->local()), Ref<Device>::share(device), settings);
+    const std::lock_guard lock(process_mutex());
+    handles().insert(servo.get());
+    *out = servo.detach();
+  });
+}
+
+fs_status fs_servo_step(fs_servo* servo, uint64_t ticks) {
+  if (!servo) return null_argument("servo is null");
+  return servo->step(ticks);
+}
+
+fs_status fs_servo_set_enabled(fs_servo* servo, bool enabled) {
+  if (!servo) return null_argument("servo is null");
+  servo->set_enabled(enabled);
+  return FS_OK;
+}
+
+void fs_servo_stop(fs_servo* servo) {
+  Ref<Servo> kept;
+  {
+    const std::lock_guard lock(process_mutex());
+    if (!handles().contains(servo) || !servo->is_of_this_process()) return;
+    kept = Ref<Servo>::share(servo);
+  }
+  kept->stop();
+  const std::lock_guard lock(process_mutex());
+  if (handles().erase(servo)) servo->release();
+}
+
+fs_status fs_servo_get_record(fs_servo* servo, fs_tick* out, size_t capacity, size_t* count) {
+  return guarded([&] {
+    require_pointer(servo, "servo");
+    require_pointer(count, "count");
+    if (capacity) require_pointer(out, "out");
+    *count = servo->record().read(out, capacity);
+  });
+}
+
+fs_status fs_scene_get_hand(const fs_scene* scene, fs_state* state, fs_response* response, fs_wrench* sent) {
+  if (!scene) return null_argument("scene is null");
+  return scene->get_hand(state, response, sent);
+}
+
+fs_status fs_scene_get_servo_stats(fs_scene* scene, fs_servo_stats* out) {
+  return guarded([&] {
+    require_pointer(scene, "scene");
+    require_pointer(out, "out");
+    check_struct_size(out->struct_size, sizeof *out, "fs_servo_stats");
+    scene->get_servo_stats(*out);
+  });
+}
+
+fs_status fs_scene_get_device_info(fs_scene* scene, fs_device_info* out) {
+  return guarded([&] {
+    require_pointer(scene, "scene");
+    require_pointer(out, "out");
+    check_struct_size(out->struct_size, sizeof *out, "fs_device_info");
+    scene->get_device_info(*out);
+  });
+}

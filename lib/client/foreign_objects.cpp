@@ -1,0 +1,161 @@
+#include "client/foreign_objects.h"
+
+#include <new>
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "base/text.h"
+#include "transfer/records.h"
+
+namespace fs {
+namespace {
+
+constexpr int most_gets = 4;  // of an object that others change again and again
+
+// Leaves the object its own name without its client's, for checks.
+void put_bare_name(fs_object& object) {
+  const std::string name = text_of(object.name);
+  put_text(object.name, name.substr(name.find('/') + 1));
+}
+
+}  // namespace
+
+Ref<const Object> ForeignObjects::get(Call& call, const char* name, fs_object& out) {
+  if (group_) {
+    if (const auto known = group_->foreign.find(std::string_view(name)); known != group_->foreign.end()) {
+      if (!known->second.kept) fail(FS_ERROR_NOT_FOUND, "name is '%.128s': there is no such object", name);
+      out = known->second.object;
+      return known->second.kept;
+    }
+  }
+  const wire::Target target = to_target(name, "name");
+  for (int i = 1;; ++i) {
+    const auto record = line_.request(call, wire::type_get, target).as<wire::Object>();
+    try {
+      const LinkedObject received = fetched_.receive(call, record);
+      Ref<const Object> object = parse_object(received.object, nullptr, false).object;
+      out = received.object;
+      put_text(out.name, name);
+      return object;
+    } catch (const Error& error) {  // the object was changed before all of it was fetched
+      if (error.status != FS_ERROR_NOT_FOUND || i == most_gets) throw;
+    }
+  }
+}
+
+// Makes the object one that the open group changes. May wait; then the group may have been closed meanwhile.
+Group::Foreign& ForeignObjects::join_group(Call& call, const char* name) {
+  if (line_.connection.welcome().is_locked) {
+    fail(FS_ERROR_DENIED, "name is '%.128s': this server lets a client change its own objects only", name);
+  }
+  Group::Foreign present;
+  present.kept = get(call, name, present.object);
+  if (!group_) fail(FS_ERROR_STATE, "the group was closed by another thread");
+  group_->require_room(0);
+  return group_->foreign.insert_or_assign(name, std::move(present)).first->second;
+}
+
+void ForeignObjects::change(Call& call, const fs_object& object, uint32_t parts, double now) {
+  const std::string name = text_of(object.name);
+  wire::Edit edit{to_target(name.c_str(), "name"), parts, to_record(object)};
+  if (parts == 0) {  // only whether it is there
+    fs_object present;
+    get(call, name.c_str(), present);
+    return;
+  }
+  if ((parts & FS_PART_POSE) && edit.object.time == 0) edit.object.time = now;
+  if (group_) return change_in_group(call, object, edit);
+  // An asset that came from the server goes back by its number. Where the server offers it no longer, it is sent as new.
+  const Assets assets = assets_of(object, parts);
+  if (!try_change(call, assets, edit, true)) try_change(call, assets, edit, false);
+}
+
+void ForeignObjects::change_in_group(Call& call, const fs_object& object, wire::Edit& edit) {
+  const std::string name = text_of(object.name);
+  const auto parts = static_cast<uint32_t>(edit.parts);
+  Group::Foreign& present = join_group(call, name.c_str());
+  fs_object whole = merge_parts(present.object, object, parts);
+  put_bare_name(whole);
+  const Ref<const Object> parsed = parse_object(whole, nullptr, false).object;
+  Assets assets = assets_of(object, parts);
+  put_ids(edit.object, ids_of(assets));
+  group_->add_foreign(wire::type_edit, bytes_of(&edit, 1), std::move(assets));
+  put_text(whole.name, name);
+  present.object = whole;
+  present.kept = parsed;
+}
+
+// Keeps assets in use while the server answers the change that brings them.
+class ForeignObjects::Pins {
+ public:
+  explicit Pins(SentAssets& sent) : sent_(sent) { ids_.reserve(3); }
+  ~Pins() {
+    for (const uint64_t id : ids_) {
+      try {
+        sent_.stop_using(id);
+      } catch (const std::bad_alloc&) {  // then the server keeps it longer than it must
+      }
+    }
+  }
+  Pins(const Pins&) = delete;
+  Pins& operator=(const Pins&) = delete;
+
+  void add(uint64_t id) {
+    if (sent_.use(id)) ids_.push_back(id);
+  }
+
+ private:
+  SentAssets& sent_;
+  std::vector<uint64_t> ids_;
+};
+
+// may_refer: by the server's numbers. False: the server no longer offers one of these.
+bool ForeignObjects::try_change(Call& call, const Assets& assets, wire::Edit& edit, bool may_refer) {
+  bool refers = false;
+  Pins pins(sent_);
+  AssetIds ids{};
+  for (size_t i = 0; i < assets.size(); ++i) {
+    if (!assets[i]) continue;
+    ids[i] = may_refer ? fetched_.number_of(assets[i]) : 0;
+    refers = refers || ids[i];
+    if (ids[i]) continue;
+    while (!sent_.send(assets[i])) line_.pause(call, true);
+    ids[i] = assets[i].serial();
+    pins.add(ids[i]);
+  }
+  put_ids(edit.object, ids);
+  try {
+    line_.request(call, wire::type_edit, edit);
+    return true;
+  } catch (const Error& error) {
+    if (!refers || error.status != FS_ERROR_STATE || error.text != wire::not_offered) throw;
+    return false;
+  }
+}
+
+void ForeignObjects::move(Call& call, const char* name, const Pose& pose, const fs_twist* twist, double time) {
+  const wire::MoveOther move{to_target(name, "name"), twist != nullptr, pose, twist ? *twist : fs_twist{}, time};
+  if (!group_) {
+    line_.request(call, wire::type_move_other, move);
+    return;
+  }
+  Group::Foreign& present = join_group(call, name);
+  group_->add_foreign(wire::type_move_other, bytes_of(&move, 1));
+  present.object.pose = pose;
+  present.object.twist = twist ? *twist : fs_twist{};
+  present.object.time = time;
+}
+
+void ForeignObjects::remove(Call& call, const char* name) {
+  const wire::Target target = to_target(name, "name");
+  if (!group_) {
+    line_.request(call, wire::type_remove_other, target);
+    return;
+  }
+  Group::Foreign& present = join_group(call, name);
+  group_->add_foreign(wire::type_remove_other, bytes_of(&target, 1));
+  present.kept = nullptr;
+}
+
+}  // namespace fs

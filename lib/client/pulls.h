@@ -1,0 +1,56 @@
+// Makes the replica what the server has. Where the server refuses a change, or others change this client's objects, the server
+// counts up Outbox::edits; then the client asks name by name what there is now: a pull. Where the client has changed an object
+// after it asked, it asks again. While a group is open the replica is left alone, because the group began without the news.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+
+#include "client/fetched_assets.h"
+#include "client/group.h"
+#include "client/questions.h"
+
+namespace fs {
+
+class Pulls {
+ public:
+  // group: the group that is open; null: none.
+  Pulls(Line& line, Replica& replica, SentAssets& sent, FetchedAssets& fetched, Questions& questions,
+        const std::unique_ptr<Group>& group)
+      : line_(line), connection_(line.connection), replica_(replica), sent_(sent), fetched_(fetched), questions_(questions),
+        group_(group) {}
+
+  // Takes in the answers that have come, and asks for more; never waits.
+  void look();
+  // Waits until the replica has what the server had when the call began. Assets are fetched for the object of this name only;
+  // null: for all objects; "": for none.
+  void catch_up(Call& call, const char* name = nullptr);
+  // The same without fetching, for as long as the call may wait.
+  void catch_up_in_time(Call& call);
+
+ private:
+  bool is_current() const noexcept;
+  bool start_pull();
+  void take_answer();
+  void fetch_behind(Call& call, const std::string& name);
+  void adopt(const wire::Pulled& pulled, uint64_t question);
+  void take_over(const wire::Pulled& pulled, const LinkedObject& received, uint64_t question);
+
+  Line& line_;
+  Connection& connection_;
+  Replica& replica_;
+  SentAssets& sent_;
+  FetchedAssets& fetched_;
+  Questions& questions_;
+  const std::unique_ptr<Group>& group_;
+
+  std::set<std::string, std::less<>> behind_;  // names that the server may have otherwise than the replica
+  uint64_t edits_seen_ = 0;                    // Outbox::edits as far as the server has told
+  std::optional<uint64_t> asked_;              // serial of the pull that is not answered yet: its answer comes only once
+  std::optional<wire::Pulled> pulled_;         // its answer, until the replica has taken it in
+  uint64_t question_ = 0;                      // the question of this pull
+};
+
+}  // namespace fs

@@ -1,0 +1,36 @@
+// Sends the answers to a client's requests on its socket. Answers are not queued: a client that does not read them, so that
+// the socket is full, is dropped.
+#pragma once
+
+#include <span>
+#include <string>
+
+#include "ipc/blob.h"
+#include "ipc/socket.h"
+#include "transfer/wire.h"
+
+namespace fs {
+
+// Thrown when a client breaks the rules of the wire, or takes no more answers: its session drops it.
+struct BadClient {};
+
+class Answers {
+ public:
+  explicit Answers(const Descriptor& socket) : socket_(socket) {}  // while it is closed, nothing is sent
+
+  // May throw BadClient.
+  void send(uint64_t serial, std::span<const std::byte> body = {}, int descriptor = -1) const;
+  template <class Record>
+  void send_record(uint64_t serial, const Record& record, int descriptor = -1) const {
+    send(serial, bytes_of(&record, 1), descriptor);
+  }
+  void refuse(uint64_t serial, fs_status status, const std::string& text) const;
+
+ private:
+  void send(uint64_t serial, fs_status status, const std::string& text, std::span<const std::byte> body,
+            int descriptor) const;
+
+  const Descriptor& socket_;
+};
+
+}  // namespace fs

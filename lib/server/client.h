@@ -1,0 +1,107 @@
+// One client, as the parts of its session and the sessions of others see it: who it is, its scene and its channel, and the
+// parts that keep track of its objects, moves, assets and requests. All of it is used on the server's thread alone.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "base/name_map.h"
+#include "ipc/socket.h"
+#include "server/answers.h"
+#include "server/awaited.h"
+#include "server/client_assets.h"
+#include "server/host.h"
+#include "server/moves.h"
+#include "server/parked.h"
+#include "server/syncs.h"
+#include "server/told.h"
+
+namespace fs {
+
+struct Client {
+  Client(Host& the_host, uint64_t the_id, Descriptor&& the_socket, const Peer& the_peer);
+
+  Host& host;
+  const uint64_t id;
+  const Peer peer;
+  Descriptor socket, process;  // process: readable when it has ended; may be none
+  std::string name;            // empty: it has not said who it is, and has no scene yet
+  bool is_gone = false;
+
+  Ref<LocalScene> scene;
+  Ref<Channel> channel;
+  std::shared_ptr<void> inbox_memory;
+  std::shared_ptr<Outbox> outbox;
+  double connected = 0;  // s, scene's clock
+
+  // An object that is not in the scene: it waits for a shape, or was refused.
+  struct Absent {
+    fs_primitive primitive;
+    fs_object_state state;
+  };
+  NameMap<Absent> absent;
+  Moves moves;
+  Awaited awaited;
+  Told told;
+  ClientAssets assets;
+  Parked parked;
+  Syncs syncs;
+  const Answers answers{socket};
+  unsigned jobs = 0;                             // that workers have not finished
+  uint64_t moved = 0, changed = 0, refused = 0;  // counts for fs_client
+
+  // It is in the middle of long work: others have their turns and are answered meanwhile, this client is not.
+  bool is_applying = false;
+  bool is_amid_drafts = false;  // of other scenes, which nobody may change meanwhile
+  class Applying;
+  static constexpr size_t few_steps = 4;  // of about a microsecond each, between two looks at the others
+  void let_others();                      // called after each step
+  template <class Map>
+  void empty(Map& map) {
+    for (; !map.empty(); map.erase(map.begin())) let_others();
+  }
+
+  // Takes the moves in the inbox. False: a group of moves is being written there, and all of them come later.
+  bool take_moves();
+  void push_event(const fs_event& event) noexcept { fs::push_event(*outbox, event); }
+  void push_event(fs_event_kind kind, const std::string& object, const std::string& text = "");
+  void note_edits() noexcept { outbox->edits.fetch_add(1, std::memory_order_release); }  // the client has to be told something
+  // Forgets all that is known of the name, as there is no such object.
+  void forget_object(const std::string& object);
+  // Notes that another client has changed or removed one of its objects.
+  void note_edit_by(const std::string& editor, const std::string& object, bool is_removed);
+  // Notes that the client has to be told of a name that it gave itself; unless it gave very many.
+  void note_untold(const std::string& object);
+  // Notes an object that waits for its shape, or was refused, for reports.
+  void note_absent(const wire::Set& set, fs_object_state state);
+
+  fs_report report(const std::string& object) const;  // NOT_FOUND
+  fs_client describe() const;
+
+ private:
+  size_t steps_ = 0;
+};
+
+// The report of an object that is not in the scene.
+fs_report report_of(const std::string& name, const Client::Absent& absent);
+
+class Client::Applying {
+ public:
+  explicit Applying(Client& client)
+      : client_(client), was_applying_(client.is_applying), was_amid_drafts_(client.is_amid_drafts) {
+    client_.is_applying = true;
+  }
+  ~Applying() {
+    client_.is_applying = was_applying_;
+    client_.is_amid_drafts = was_amid_drafts_;
+  }
+  Applying(const Applying&) = delete;
+  Applying& operator=(const Applying&) = delete;
+
+ private:
+  Client& client_;
+  const bool was_applying_, was_amid_drafts_;
+};
+
+}  // namespace fs

@@ -1,0 +1,30 @@
+// The door of a server: the sockets to which clients connect. It lets in only so many at a time, because each costs as much as
+// many requests; then it stays closed until it is reopened. So it does when the process has no descriptor left.
+#pragma once
+
+#include <functional>
+
+#include "ipc/socket.h"
+
+namespace fs {
+
+class Door {
+ public:
+  // own_address: for the server's own user; shared_address: for all users, empty: for none. EXISTS, IO, FULL.
+  Door(const std::string& own_address, const std::string& shared_address);
+
+  const Descriptor& own_socket() const noexcept { return own_.socket(); }
+  const Descriptor& shared_socket() const noexcept { return shared_.socket(); }  // may be none
+
+  // Calls let_in(socket) for each client that waits. False: no more can be let in until the door is reopened.
+  bool accept(const Descriptor& listener, const std::function<void(Descriptor&&)>& let_in);
+  void reopen() noexcept;  // it may let in some more
+  void close() noexcept;   // for good
+
+ private:
+  Listener own_, shared_;
+  Descriptor spare_;  // closed for a moment, to accept and turn away a client when no other is left
+  int accepted_ = 0;  // since it was reopened
+};
+
+}  // namespace fs

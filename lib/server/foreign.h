@@ -1,0 +1,46 @@
+// Finds the scene and object that a client means by "client/object", and changes objects of other scenes. The changes are
+// collected in a draft of the scene, and taken all at once or not at all.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+
+#include "server/client.h"
+
+namespace fs {
+
+// An object as a message names it.
+struct TargetObject {
+  std::shared_ptr<Client> owner;  // null: the server itself
+  Ref<LocalScene> scene;          // the owner's
+  std::string name;
+  std::string full_name() const { return (owner ? owner->name : "server") + "/" + name; }
+};
+// NOT_FOUND: there is no such client. It does not look whether there is such an object.
+TargetObject find_target(const Client& asking, const wire::Target& target);
+// The same for an object that is to be changed. Also INVALID: it is the client's own; DENIED: the server is locked.
+TargetObject find_foreign(const Client& asking, const wire::Target& target);
+
+// Changes of objects of one other scene, independent of a group that may be open there.
+class ForeignEdit {
+ public:
+  explicit ForeignEdit(const TargetObject& target)
+      : owner_(target.owner), scene_(target.scene), draft_(scene_->draft()) {}
+  ~ForeignEdit() { scene_->discard(draft_); }
+  ForeignEdit(const ForeignEdit&) = delete;
+  ForeignEdit& operator=(const ForeignEdit&) = delete;
+
+  Ref<const Object> get(const std::string& name, fs_object& out) const { return scene_->get(draft_, name.c_str(), out); }
+  void add(const Client& editor, const Change& change, const std::string& name);
+  void take() { scene_->take(draft_); }
+  void tell(Client& editor) const;  // tells the owner of the changes that were taken
+
+ private:
+  const std::shared_ptr<Client> owner_;
+  const Ref<LocalScene> scene_;
+  LocalScene::Draft draft_;
+  std::map<std::string, bool> names_;  // of the objects; true: removed
+};
+
+}  // namespace fs

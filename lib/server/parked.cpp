@@ -1,0 +1,73 @@
+#include "server/parked.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace fs {
+
+bool Subjects::add(const Change& change) {
+  using namespace wire;
+  const auto need = [this](const AssetIds& wanted) {
+    for (const uint64_t id : wanted) {
+      if (id) ids.insert(id);
+    }
+  };
+  switch (change.type) {
+    case type_set:
+    case type_change: need(ids_of(change.as<Set>().object, change.as<Set>().parts)); break;
+    case type_edit: need(ids_of(change.as<Edit>().object, change.as<Edit>().parts)); break;
+    case type_place:
+    case type_remove:
+    case type_bind:
+    case type_move_other:
+    case type_remove_other: break;
+    case type_clear: is_about_all = true; return true;
+    case type_frame:
+    case type_clutch:
+    case type_tool: is_about_view = true; return true;
+    case type_forget:
+      is_forget = true;
+      need({change.as<Forget>().id, 0, 0});
+      return true;
+    default: return false;
+  }
+  names.emplace(change.name());
+  return true;
+}
+
+void Parked::count(const ReceivedBatch& batch) {
+  constexpr size_t map_cost = 256;  // in changes: a process can map only so many memory files
+  names_.insert(batch.about.names.begin(), batch.about.names.end());
+  ids_.insert(batch.about.ids.begin(), batch.about.ids.end());
+  all_ += batch.about.is_about_all;
+  view_ += batch.about.is_about_view;
+  cost_ += std::max(batch.changes.size(), batch.changes.is_mapped() ? map_cost : 1);
+}
+
+void Parked::count_nothing() noexcept {
+  names_.clear();
+  ids_.clear();
+  all_ = view_ = cost_ = 0;
+}
+
+bool Parked::holds_up(const Subjects& about) const {
+  if (cost_ == 0) return false;
+  if (all_ || about.is_about_all || (view_ && about.is_about_view)) return true;
+  const auto is_in = [](const auto& keys) { return [&keys](const auto& key) { return keys.contains(key); }; };
+  return std::any_of(about.names.begin(), about.names.end(), is_in(names_)) ||
+         (about.is_forget && std::any_of(about.ids.begin(), about.ids.end(), is_in(ids_)));
+}
+
+void Parked::add(ReceivedBatch&& batch) {
+  count(batch);
+  batches_.push_back(std::move(batch));
+}
+
+std::deque<ReceivedBatch> Parked::take_all() {
+  is_retry_due_ = false;
+  turns_until_retry_ = batches_.size() / few;
+  count_nothing();
+  return std::exchange(batches_, {});
+}
+
+}  // namespace fs

@@ -1,0 +1,90 @@
+// Batches of a client that cannot be applied yet. One that needs a shape or curve which is being built waits for that, and
+// later ones that are about the same things wait behind it; all others go on. Parked knows what those that wait hold up.
+#pragma once
+
+#include <deque>
+#include <set>
+#include <string>
+
+#include "transfer/asset.h"
+#include "transfer/batch.h"
+
+namespace fs {
+
+// What a batch is about: the things that a later batch must not overtake.
+struct Subjects {
+  std::set<std::string, std::less<>> names;  // of objects; "client/object" of foreign ones
+  std::set<uint64_t> ids;                    // of the assets that it needs, or forgets
+  bool is_about_all = false, is_about_view = false, is_forget = false;
+
+  // False: the change cannot be part of a batch.
+  bool add(const Change& change);
+};
+
+// A batch as it came.
+struct ReceivedBatch {
+  uint64_t serial = 0;
+  Batch changes;
+  Subjects about;
+};
+
+class Parked {
+ public:
+  bool is_empty() const noexcept { return batches_.empty(); }
+  size_t cost() const noexcept { return cost_; }  // in changes; a memory file costs as much as many
+  const std::deque<ReceivedBatch>& batches() const noexcept { return batches_; }
+
+  // Whether a batch that is about this has to wait behind one that waits already.
+  bool holds_up(const Subjects& about) const;
+  bool holds_up(std::string_view name) const { return all_ > 0 || names_.contains(name); }
+  bool holds_up_view() const noexcept { return view_ > 0 || all_ > 0; }
+  bool needs(uint64_t id) const { return ids_.contains(id); }
+
+  void add(ReceivedBatch&& batch);
+  std::deque<ReceivedBatch> take_all();
+
+  // Removes the first batch that forgets this asset. False: there is none. Calls step() for each batch that stays.
+  template <class F>
+  bool take_forget(uint64_t id, F&& step);
+
+  // An asset that some wait for is ready. True: it is time to look through them now. Where many wait, they are not looked
+  // through after every asset, but every few turns.
+  bool note_ready() noexcept {
+    is_retry_due_ = true;
+    return batches_.size() <= few;
+  }
+  bool is_retry_due() noexcept {  // called once a turn
+    return is_retry_due_ && (turns_until_retry_ == 0 || --turns_until_retry_ == 0);
+  }
+
+ private:
+  static constexpr size_t few = 32;  // that cost little to look through
+
+  void count(const ReceivedBatch& batch);
+  void count_nothing() noexcept;
+
+  std::deque<ReceivedBatch> batches_;
+  // What all of them together are about.
+  std::set<std::string, std::less<>> names_;
+  std::set<uint64_t> ids_;
+  size_t all_ = 0, view_ = 0, cost_ = 0;
+  bool is_retry_due_ = false;
+  size_t turns_until_retry_ = 0;
+};
+
+template <class F>
+bool Parked::take_forget(uint64_t id, F&& step) {
+  if (!needs(id)) return false;
+  auto found = batches_.begin();
+  while (found != batches_.end() && !(found->about.is_forget && found->about.ids.contains(id))) ++found;
+  if (found == batches_.end()) return false;
+  batches_.erase(found);
+  count_nothing();
+  for (const ReceivedBatch& batch : batches_) {
+    count(batch);
+    step();
+  }
+  return true;
+}
+
+}  // namespace fs

@@ -1,0 +1,49 @@
+#include "server/syncs.h"
+
+#include "base/error.h"
+#include "server/client.h"
+#include "server/clients.h"
+
+namespace fs {
+
+void Syncs::add(uint64_t serial) {
+  constexpr size_t most = 64;
+  if (waiting_.size() >= most) fail(FS_ERROR_FULL, "%zu syncs of this client wait already", waiting_.size());
+  waiting_.push_back({serial, false, 0, {}});
+}
+
+void Syncs::begin(Sync& sync, const Client& client) {
+  sync.has_begun = true;
+  sync.own = client.host.servo().scene()->sequence();
+  client.host.clients().for_each([&](const std::shared_ptr<Client>& other) {
+    sync.wanted.emplace_back(other, other->scene->sequence());
+  });
+}
+
+bool Syncs::is_used(Sync& sync, const Client& client) {
+  const auto used_of = [](const LocalScene& scene) { return scene.output->used.load(std::memory_order_acquire); };
+  std::erase_if(sync.wanted, [&](const auto& wanted) {
+    const std::shared_ptr<const Client> other = wanted.first.lock();
+    return !other || other->is_gone || used_of(*other->scene) >= wanted.second;
+  });
+  return sync.wanted.empty() && used_of(*client.host.servo().scene()) >= sync.own;
+}
+
+void Syncs::answer(const Client& client, bool are_moves_taken) {
+  std::vector<Sync> syncs = std::exchange(waiting_, {});
+  for (Sync& sync : syncs) {
+    if (first_refusal_) {
+      const auto [status, text] = *std::exchange(first_refusal_, std::nullopt);
+      client.answers.refuse(sync.serial, status, text);
+      continue;
+    }
+    if (!sync.has_begun && are_moves_taken && !client.host.clients().is_anybody_applying()) begin(sync, client);
+    if (sync.has_begun && is_used(sync, client)) {
+      client.answers.send(sync.serial);
+    } else {
+      waiting_.push_back(std::move(sync));
+    }
+  }
+}
+
+}  // namespace fs

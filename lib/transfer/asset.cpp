@@ -1,0 +1,136 @@
+#include "transfer/asset.h"
+
+#include <cstring>
+
+#include "base/error.h"
+#include "base/text.h"
+#include "ipc/blob.h"
+#include "transfer/records.h"
+
+namespace fs {
+
+uint64_t Asset::bytes() const noexcept {
+  if (shape) return shape->points.size() * sizeof(Vec3) + shape->triangles.size() * sizeof(uint32_t);
+  return curve && curve->table() ? curve->table()->size() * sizeof(double) : 0;
+}
+
+PackedAsset PackedAsset::of(wire::Type type, std::span<const std::byte> record, Descriptor&& content) {
+  PackedAsset out{type, {}, {}, std::move(content)};
+  if (type == wire::type_shape) {
+    std::memcpy(&out.shape, record.data(), sizeof out.shape);
+  } else {
+    std::memcpy(&out.curve, record.data(), sizeof out.curve);
+  }
+  return out;
+}
+
+std::span<const std::byte> PackedAsset::record() const noexcept {
+  return type == wire::type_shape ? bytes_of(&shape, 1) : bytes_of(&curve, 1);
+}
+
+uint64_t PackedAsset::content_bytes() const {
+  if (type == wire::type_curve) {
+    if (curve.count > uint64_t{1} << 40) {
+      fail(FS_ERROR_INVALID, "the table has %llu entries: too many", static_cast<unsigned long long>(curve.count));
+    }
+    return curve.count * sizeof(double);
+  }
+  const bool is_mesh = shape.primitive == FS_PRIMITIVE_MESH;
+  if (!is_mesh && shape.primitive != FS_PRIMITIVE_POLYLINE) {
+    fail(FS_ERROR_INVALID, "the shape's primitive is %u, must be POLYLINE (1) or MESH (3)", shape.primitive);
+  }
+  if (shape.point_count > 4'000'000'000 || shape.triangle_count > 500'000'000 || (!is_mesh && shape.triangle_count != 0)) {
+    fail(FS_ERROR_INVALID, "the shape has %llu points and %llu triangles: too many",
+         static_cast<unsigned long long>(shape.point_count), static_cast<unsigned long long>(shape.triangle_count));
+  }
+  return shape.point_count * sizeof(Vec3) + shape.triangle_count * 3 * sizeof(uint32_t);
+}
+
+PackedAsset pack(const Asset& asset) {
+  PackedAsset out{asset.shape ? wire::type_shape : wire::type_curve, {}, {}, {}};
+  if (asset.shape) {
+    const Shape& shape = *asset.shape;
+    out.content = make_blob({bytes_of(shape.points.data(), shape.points.size()),
+                             bytes_of(shape.triangles.data(), shape.triangles.size())});
+    out.shape = {shape.serial, static_cast<uint32_t>(shape.primitive),
+                 shape.primitive == FS_PRIMITIVE_POLYLINE && shape.closed, shape.points.size(), shape.triangles.size() / 3};
+    return out;
+  }
+  out.curve.id = asset.curve->serial;
+  if (const std::vector<double>* table = asset.curve->table()) {
+    out.content = make_blob({bytes_of(table->data(), table->size())});
+    out.curve.count = table->size();
+    out.curve.step = asset.curve->step();
+  } else {
+    put_text(out.curve.expression, *asset.curve->expression());
+  }
+  return out;
+}
+
+Asset unpack(PackedAsset&& packed, Wanted& wanted) {
+  if (packed.is_expression()) return {nullptr, make_expression_curve(text_of(packed.curve.expression).c_str())};
+  check_blob(packed.content, packed.content_bytes());
+  if (packed.type == wire::type_curve) {
+    std::vector<double> table(packed.curve.count);
+    read_blob(packed.content, 0, std::as_writable_bytes(std::span(table)));
+    packed.content.reset();
+    return {nullptr, make_table_curve(table.data(), table.size(), packed.curve.step)};
+  }
+  const wire::Shape& record = packed.shape;
+  std::vector<Vec3> points(record.point_count);
+  std::vector<uint32_t> triangles(3 * record.triangle_count);
+  read_blob(packed.content, 0, std::as_writable_bytes(std::span(points)));
+  read_blob(packed.content, points.size() * sizeof(Vec3), std::as_writable_bytes(std::span(triangles)));
+  packed.content.reset();
+  if (record.primitive == FS_PRIMITIVE_POLYLINE) {
+    return {make_polyline(points.data(), points.size(), record.is_closed != 0, wanted), nullptr};
+  }
+  return {make_mesh(points.data(), points.size(), triangles.data(), record.triangle_count, wanted), nullptr};
+}
+
+// ---------------------------------------------------------------------------------------------------------- of objects
+
+Assets assets_of(const Object& object, uint64_t parts) {
+  Assets out;
+  if (parts & FS_PART_SHAPE) out[0].shape = object.shape;
+  if (parts & FS_PART_PROFILES) {
+    out[1].curve = object.law.front.curve;
+    out[2].curve = object.law.back.curve;
+  }
+  return out;
+}
+
+Assets assets_of(const fs_object& object, uint64_t parts) {
+  Assets out;
+  if (parts & FS_PART_SHAPE) out[0] = Asset::of(object.shape);
+  if (parts & FS_PART_PROFILES) {
+    out[1] = Asset::of(object.front.curve);
+    out[2] = Asset::of(object.back.curve);
+  }
+  return out;
+}
+
+AssetIds ids_of(const Assets& assets) noexcept { return {assets[0].serial(), assets[1].serial(), assets[2].serial()}; }
+
+AssetIds ids_of(const wire::Object& record, uint64_t parts) noexcept {
+  AssetIds out = {record.shape, record.front.curve, record.back.curve};
+  for (size_t i = 0; i < out.size(); ++i) {
+    if (!(parts & asset_parts[i])) out[i] = 0;
+  }
+  return out;
+}
+
+void put_ids(wire::Object& record, const AssetIds& ids) noexcept {
+  record.shape = ids[0];
+  record.front.curve = ids[1];
+  record.back.curve = ids[2];
+}
+
+LinkedObject::LinkedObject(const wire::Object& record, Assets the_assets)
+    : object(from_record(record)), assets(std::move(the_assets)) {
+  object.shape = const_cast<fs_shape*>(assets[0].shape.get());
+  object.front.curve = const_cast<fs_curve*>(assets[1].curve.get());
+  object.back.curve = const_cast<fs_curve*>(assets[2].curve.get());
+}
+
+}  // namespace fs

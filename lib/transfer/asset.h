@@ -1,0 +1,73 @@
+// The shapes and curves that objects refer to. As they may be large and shared by many objects, they are sent once and on
+// their own, and the record of an object has only their numbers. Both ends keep them as Assets, and send PackedAssets.
+#pragma once
+
+#include <array>
+#include <span>
+
+#include "base/counted.h"
+#include "base/descriptor.h"
+#include "base/wanted.h"
+#include "force/curve.h"
+#include "force/shape.h"
+#include "field/object.h"
+#include "transfer/wire.h"
+
+namespace fs {
+
+// A shape, or a curve, or neither.
+struct Asset {
+  Ref<const Shape> shape;
+  Ref<const Curve> curve;
+
+  static Asset of(const fs_shape* shape) { return {Ref<const Shape>::share(shape), nullptr}; }
+  static Asset of(const fs_curve* curve) { return {nullptr, Ref<const Curve>::share(curve)}; }
+
+  explicit operator bool() const noexcept { return shape || curve; }
+  uint64_t serial() const noexcept { return shape ? shape->serial : curve ? curve->serial : 0; }  // 0: neither
+  uint64_t bytes() const noexcept;  // of the file when it is packed
+};
+
+// An asset as it travels: its record, and a sealed file with what does not fit into that.
+struct PackedAsset {
+  wire::Type type{};    // type_shape or type_curve: which of the records counts
+  wire::Shape shape{};
+  wire::Curve curve{};
+  Descriptor content;
+
+  // From a message of such a type, whose size was checked.
+  static PackedAsset of(wire::Type type, std::span<const std::byte> record, Descriptor&& content);
+
+  uint64_t id() const noexcept { return type == wire::type_shape ? shape.id : curve.id; }
+  void set_id(uint64_t id) noexcept { (type == wire::type_shape ? shape.id : curve.id) = id; }
+  bool is_expression() const noexcept { return type == wire::type_curve && curve.count == 0; }
+  std::span<const std::byte> record() const noexcept;
+  uint64_t content_bytes() const;  // that the file must have. INVALID: the record is no good
+};
+
+// The id becomes the asset's serial. IO, FULL.
+PackedAsset pack(const Asset& asset);
+// Trusts nothing in it. INVALID, PARSE, UNSUPPORTED, IO; throws Abandoned.
+Asset unpack(PackedAsset&& packed, Wanted& wanted);
+
+// What an object refers to, and the numbers of these: its shape, the curve of its front, the curve of its back.
+using Assets = std::array<Asset, 3>;
+using AssetIds = std::array<uint64_t, 3>;  // 0: none
+
+inline constexpr std::array<uint32_t, 3> asset_parts = {FS_PART_SHAPE, FS_PART_PROFILES, FS_PART_PROFILES};
+
+// Only those that belong to `parts` (fs_part bits).
+Assets assets_of(const Object& object, uint64_t parts = all_parts);
+Assets assets_of(const fs_object& object, uint64_t parts = all_parts);
+AssetIds ids_of(const Assets& assets) noexcept;
+AssetIds ids_of(const wire::Object& record, uint64_t parts = all_parts) noexcept;
+void put_ids(wire::Object& record, const AssetIds& ids) noexcept;
+
+// The object of a record with its handles, and the assets that keep these alive.
+struct LinkedObject {
+  LinkedObject(const wire::Object& record, Assets assets);
+  fs_object object;
+  Assets assets;
+};
+
+}  // namespace fs

@@ -1,0 +1,116 @@
+// A batch: changes that belong together, either a group or one change alone. All of them are sent and applied, or none. A
+// client puts batches together, and the server takes them apart; only this file knows how they look in a message.
+#pragma once
+
+#include <cstddef>
+#include <iterator>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "base/descriptor.h"
+#include "transfer/wire.h"
+
+namespace fs {
+
+// One change of a batch.
+struct Change {
+  wire::Type type;
+  std::span<const std::byte> record;  // lies in the batch; its size is that of the type's record
+
+  template <class Record>
+  const Record& as() const noexcept { return *reinterpret_cast<const Record*>(record.data()); }
+  // It changes an object of another client.
+  bool is_foreign() const noexcept { return type >= wire::type_sync; }
+  // The name of the object that it is about, "client/object" of a foreign one; empty: it is about none.
+  std::string_view name() const noexcept;
+};
+
+class Batch {
+ public:
+  class Iterator {
+   public:
+    using iterator_category = std::input_iterator_tag;
+    using value_type = Change;
+    using difference_type = std::ptrdiff_t;
+    using pointer = void;
+    using reference = Change;
+    Iterator(const Batch& batch, size_t i) : batch_(&batch), i_(i) {}
+    Change operator*() const noexcept { return (*batch_)[i_]; }
+    Iterator& operator++() noexcept { return ++i_, *this; }
+    bool operator==(const Iterator& other) const noexcept { return i_ == other.i_; }
+
+   private:
+    const Batch* batch_;
+    size_t i_;
+  };
+
+  Batch() = default;
+  Batch(Batch&&) noexcept = default;
+  Batch& operator=(Batch&&) noexcept = default;
+
+  size_t size() const noexcept { return places_.size(); }
+  bool empty() const noexcept { return places_.empty(); }
+  Change operator[](size_t i) const noexcept {
+    const Place& place = places_[i];
+    return {place.type, {base() + place.at, place.size}};
+  }
+  Iterator begin() const noexcept { return {*this, 0}; }
+  Iterator end() const noexcept { return {*this, size()}; }
+
+  // ---- To send a batch.
+  void add(wire::Type type, std::span<const std::byte> record);
+  template <class Record>
+  void add(wire::Type type, const Record& record) { add(type, std::as_bytes(std::span(&record, 1))); }
+  void put_slot(size_t i, uint32_t slot) noexcept;  // of a set or change
+  struct Message {
+    wire::Type type;
+    std::span<const std::byte> body;  // lies in the batch
+    Descriptor content;               // may be none
+  };
+  Message message() const;  // IO, FULL
+
+  // ---- To read a batch.
+  class Reader;
+  bool is_mapped() const noexcept { return is_mapped_; }  // it lies in a memory file, of which a process can map only so many
+
+ private:
+  struct Place {
+    wire::Type type;
+    uint32_t size;
+    size_t at;  // bytes from the base
+  };
+  const std::byte* base() const noexcept { return memory_ ? memory_base_ : bytes_.data(); }
+
+  std::vector<Place> places_;
+  std::vector<std::byte> bytes_;             // to be sent: a wire::Group, then the changes with their headers
+  std::shared_ptr<const void> memory_;       // that came
+  const std::byte* memory_base_ = nullptr;
+  bool is_mapped_ = false;
+};
+
+// Takes a group apart, change by change, because a long one takes a while.
+class Batch::Reader {
+ public:
+  // The batch of a message with one change.
+  static Batch read(wire::Type type, std::span<const std::byte> record, std::shared_ptr<const void> memory);
+
+  // body: of the group's message, at least a wire::Group; it lies in memory, which nobody can change any more. content: the
+  // descriptor that came along; may be none. most: changes.
+  Reader(std::span<const std::byte> body, std::shared_ptr<const void> memory, Descriptor&& content, size_t most);
+
+  bool is_good() const noexcept { return is_good_; }  // false: the message is malformed
+  bool is_done() const noexcept { return !is_good_ || rest_.empty(); }
+  std::optional<Change> next();  // nothing: the message is malformed
+  Batch take() noexcept { return std::move(batch_); }
+
+ private:
+  Batch batch_;
+  std::span<const std::byte> rest_;
+  size_t most_;
+  bool is_good_ = false;
+};
+
+}  // namespace fs

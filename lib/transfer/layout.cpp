@@ -1,0 +1,183 @@
+#include "transfer/layout.h"
+
+#include <cstddef>
+#include <type_traits>
+#include <vector>
+
+#include "base/hash.h"
+#include "transfer/shared_memory.h"
+
+namespace fs::wire {
+namespace {
+
+template <class T>
+constexpr char kind_of() {
+  using Element = std::remove_all_extents_t<T>;
+  if constexpr (std::is_same_v<Element, char>) return 'c';
+  else if constexpr (std::is_floating_point_v<Element>) return 'f';
+  else if constexpr (std::is_enum_v<Element>) return 'i';
+  else if constexpr (std::is_integral_v<Element>) return std::is_signed_v<Element> ? 'i' : 'u';
+  else return 'r';
+}
+
+struct Field {
+  const char* name;
+  size_t offset, size;
+  char kind;
+};
+
+// A record is its fields, one after the other: a field that is left out, or padding, does not compile.
+template <class... Size>
+constexpr size_t sum(Size... sizes) {
+  return (sizes + ... + 0);
+}
+
+class Table {
+ public:
+  void add(const char* record, std::initializer_list<Field> fields) {
+    for (const Field& f : fields) {
+      text_ += std::string(record) + ' ' + f.name + ' ' + std::to_string(f.offset) + ' ' + std::to_string(f.size) + ' ' +
+               f.kind + '\n';
+    }
+  }
+  std::string text_;
+};
+
+#define FIELD(record, field) \
+  Field { #field, offsetof(record, field), sizeof(record::field), kind_of<decltype(record::field)>() }
+#define SIZE(record, field) sizeof(record::field)
+
+#define EACH_1(m, r, a) m(r, a)
+#define EACH_2(m, r, a, ...) m(r, a), EACH_1(m, r, __VA_ARGS__)
+#define EACH_3(m, r, a, ...) m(r, a), EACH_2(m, r, __VA_ARGS__)
+#define EACH_4(m, r, a, ...) m(r, a), EACH_3(m, r, __VA_ARGS__)
+#define EACH_5(m, r, a, ...) m(r, a), EACH_4(m, r, __VA_ARGS__)
+#define EACH_6(m, r, a, ...) m(r, a), EACH_5(m, r, __VA_ARGS__)
+#define EACH_7(m, r, a, ...) m(r, a), EACH_6(m, r, __VA_ARGS__)
+#define EACH_8(m, r, a, ...) m(r, a), EACH_7(m, r, __VA_ARGS__)
+#define EACH_9(m, r, a, ...) m(r, a), EACH_8(m, r, __VA_ARGS__)
+#define EACH_10(m, r, a, ...) m(r, a), EACH_9(m, r, __VA_ARGS__)
+#define EACH_11(m, r, a, ...) m(r, a), EACH_10(m, r, __VA_ARGS__)
+#define EACH_12(m, r, a, ...) m(r, a), EACH_11(m, r, __VA_ARGS__)
+#define EACH_13(m, r, a, ...) m(r, a), EACH_12(m, r, __VA_ARGS__)
+#define EACH_14(m, r, a, ...) m(r, a), EACH_13(m, r, __VA_ARGS__)
+#define EACH_15(m, r, a, ...) m(r, a), EACH_14(m, r, __VA_ARGS__)
+#define EACH_16(m, r, a, ...) m(r, a), EACH_15(m, r, __VA_ARGS__)
+#define EACH_17(m, r, a, ...) m(r, a), EACH_16(m, r, __VA_ARGS__)
+#define EACH_18(m, r, a, ...) m(r, a), EACH_17(m, r, __VA_ARGS__)
+#define EACH_19(m, r, a, ...) m(r, a), EACH_18(m, r, __VA_ARGS__)
+#define EACH_20(m, r, a, ...) m(r, a), EACH_19(m, r, __VA_ARGS__)
+#define EACH_21(m, r, a, ...) m(r, a), EACH_20(m, r, __VA_ARGS__)
+#define EACH_22(m, r, a, ...) m(r, a), EACH_21(m, r, __VA_ARGS__)
+#define PICK(_1, _2, _3, _4, _5, _6, _7, _8, _9, _10, _11, _12, _13, _14, _15, _16, _17, _18, _19, _20, _21, _22, name, ...) \
+  name
+#define EACH(m, r, ...)                                                                                              \
+  PICK(__VA_ARGS__, EACH_22, EACH_21, EACH_20, EACH_19, EACH_18, EACH_17, EACH_16, EACH_15, EACH_14, EACH_13, EACH_12, \
+       EACH_11, EACH_10, EACH_9, EACH_8, EACH_7, EACH_6, EACH_5, EACH_4, EACH_3, EACH_2, EACH_1)                      \
+  (m, r, __VA_ARGS__)
+
+#define RECORD(record, ...)                                                                                       \
+  static_assert(sum(EACH(SIZE, record, __VA_ARGS__)) == sizeof(record) && std::is_trivially_copyable_v<record> && \
+                std::is_standard_layout_v<record>);                                                               \
+  table.add(#record, {EACH(FIELD, record, __VA_ARGS__)})
+
+std::string make_layout_text() {
+  Table table;
+  RECORD(Header, type, reserved, serial);
+  RECORD(Group, bytes);
+  RECORD(Welcome, inbox_bytes, outbox_bytes, max_objects, is_virtual, is_locked, rate);
+  RECORD(Reply, status, reserved, text);
+  RECORD(fs_vec3, x, y, z);
+  RECORD(fs_quat, w, x, y, z);
+  RECORD(fs_pose, position, orientation);
+  RECORD(fs_twist, linear, angular);
+  RECORD(fs_wrench, force, torque);
+  RECORD(fs_mat3, xx, xy, xz, yx, yy, yz, zx, zy, zz);
+  RECORD(fs_frame, pose, scale, force_scale);
+  RECORD(Profile, kind, sense, gain, offset, width, limit, reach, curve);
+  RECORD(Object, name, primitive, tool_points, pose, twist, time, start, lifetime, front, back, damping, keep,
+         is_enabled, contact_stiffness, contact_limit, contact_damping, contact_friction, shape);
+  RECORD(Set, slot, parts, object);
+  RECORD(Movement, pose, twist, time, horizon);
+  RECORD(Place, name, movement);
+  RECORD(Remove, name);
+  RECORD(Bind, slot, reserved, name);
+  RECORD(Frame, frame);
+  RECORD(Clutch, is_held);
+  RECORD(Tool, count, points);
+  RECORD(Shape, id, primitive, is_closed, point_count, triangle_count);
+  RECORD(Curve, id, count, step, expression);
+  RECORD(Forget, id);
+  RECORD(Target, name);
+  RECORD(Fetch, id);
+  RECORD(Edit, target, parts, object);
+  RECORD(MoveOther, target, has_twist, pose, twist, time);
+  RECORD(Count, count);
+  RECORD(Pulled, state, slot, edits, object, movement, frame, tool);
+  RECORD(Move, after, movement);
+  RECORD(fs_state, pose, twist, time, buttons, flags, reserved);
+  RECORD(fs_response, wrench, stiffness, proxy, felt_count, flags, error_bound, reserved);
+  RECORD(HandSample, state, response, sent);
+  RECORD(fs_event, kind, status, time, value, name, text);
+  RECORD(EventSlot, number, event);
+  RECORD(fs_report, name, primitive, state, revision, weight, stiffness_wanted, stiffness_applied, distance, point,
+         wrench, reserved);
+  RECORD(fs_view, frame, tool, points, point_count, held, reserved_8, reserved);
+  RECORD(fs_motion, name, primitive, reserved_32, revision, motion_revision, pose, twist, time, horizon, reserved);
+  RECORD(fs_client, name, process, user, objects, reserved_32, connected, force_limit, wrench, moves, changes, refused,
+         limited, shape_bytes, reserved);
+  RECORD(fs_servo_stats, struct_size, realtime, faults, protections_off, rate, max_stiffness, damping, energy, ticks,
+         misses, device_errors, guarded, approximated, late_p50, late_p99, late_max, compute_p50, compute_p99,
+         compute_max);
+  RECORD(fs_device_info, struct_size, force_axes, torque_axes, reserved, name, serial, workspace_radius,
+         workspace_height, workspace_angle, force_max, torque_max, resolution, rate, delay, damping, mass);
+  // The regions consist of atomic words, so RECORD cannot check them.
+  table.add("Outbox", {FIELD(Outbox, servo), FIELD(Outbox, heartbeat), FIELD(Outbox, is_closed), FIELD(Outbox, is_asleep),
+                       FIELD(Outbox, edits), FIELD(Outbox, events_written), FIELD(Outbox, events)});
+  table.add("ServoOutput", {FIELD(ServoOutput, time), FIELD(ServoOutput, tick), FIELD(ServoOutput, used),
+                            FIELD(ServoOutput, hand)});
+  table.add("InboxHead", {FIELD(InboxHead, batch), FIELD(InboxHead, summary)});
+  table.add("Inbox", {{"slot", 0, sizeof(Seqlock<Move>), 'r'}, {"event", 0, sizeof(Seqlock<EventSlot>), 'r'},
+                      {"types", 0, type_reply, 'u'}});
+  return table.text_;
+}
+
+// The lines of a text, one at a time.
+std::string_view next_line(std::string_view& rest) {
+  const size_t end = rest.find('\n');
+  const std::string_view line = rest.substr(0, end);
+  rest.remove_prefix(end == std::string_view::npos ? rest.size() : end + 1);
+  return line;
+}
+
+std::string told(std::string_view line) {
+  if (line.empty()) return "nothing more";
+  std::vector<std::string_view> words;
+  while (!line.empty()) {
+    const size_t end = line.find(' ');
+    words.push_back(line.substr(0, end));
+    line.remove_prefix(end == std::string_view::npos ? line.size() : end + 1);
+  }
+  words.resize(5);
+  return "record " + std::string(words[0]) + ", field " + std::string(words[1]) + " of " + std::string(words[3]) +
+         " bytes at " + std::string(words[2]);
+}
+
+}  // namespace
+
+const std::string& layout_text() {
+  static const std::string& text = *new std::string(make_layout_text());  // never destroyed: a server may still run
+  return text;
+}
+
+uint64_t layout_id() { return hash_of(layout_text()); }
+
+std::string layout_difference(std::string_view client, std::string_view server) {
+  while (!client.empty() || !server.empty()) {
+    const std::string_view ours = next_line(client), theirs = next_line(server);
+    if (ours != theirs) return "the client has " + told(ours) + ", the server " + told(theirs);
+  }
+  return "";
+}
+
+}  // namespace fs::wire

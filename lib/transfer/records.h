@@ -1,0 +1,30 @@
+// Converts between objects and motions and their records (wire.h). Motions are checked here, as nothing that comes from
+// another process is trusted; objects are checked where they are set.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+
+#include "field/object.h"
+#include "field/motion.h"
+#include "transfer/batch.h"
+#include "transfer/wire.h"
+
+namespace fs {
+
+// The size of the record of a message or change; nothing: there is no such type, or it is a group.
+std::optional<size_t> record_size(uint32_t type) noexcept;
+
+// All but the numbers of shape and curves.
+wire::Object to_record(const fs_object& object);
+// The handles are null.
+fs_object from_record(const wire::Object& record);
+
+wire::Movement to_record(const Motion& motion);
+Motion from_record(const wire::Movement& record);                         // INVALID
+bool from_record(const wire::Movement& record, Motion& motion) noexcept;  // the same without a sentence
+
+// Applies a change of the frame, the clutch or the tool to a view, before the scene has it.
+void foresee(fs_view& view, const Change& change);
+
+}  // namespace fs

@@ -1,0 +1,254 @@
+// The records that a client and a server exchange. Both ends must have the same (layout.h).
+//
+// On the socket (SOCK_SEQPACKET) each message is a Header and one record of the type's own; a file descriptor may come
+// with it. In shared memory: shared_memory.h. All numbers are those of the machine; no record has padding.
+//
+// A client's messages are numbered by Header::serial, rising. The changes of a group are one message, so that all of them
+// are sent or none. Requests are answered by a Reply of the same serial; changes are not answered: an event tells what was
+// refused, and a pull what is there instead.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include <forceserver/server.h>
+
+namespace fs::wire {
+
+// ---------------------------------------------------------------------------------------- connecting: never changes
+
+inline constexpr uint64_t magic = 0x3172657673636f66;  // "focsver1"
+
+struct Hello {  // the client's first message
+  uint64_t magic;
+  uint64_t layout;               // layout_id()
+  char client[FS_NAME_SIZE];
+  char version[16];              // of its library, for the sentence
+};
+
+struct Answer {  // the server's first; FS_OK: a Welcome follows in it, and two descriptors: inbox, outbox
+  uint64_t magic;
+  uint64_t layout;
+  int32_t status;                // VERSION: layout_text() follows in it, up to 60,000 bytes
+  uint32_t reserved;
+  char text[256];
+};
+
+// ----------------------------------------------------------------------------------------------------- the bounds
+
+// For a client that may have so many objects: the changes of a group; the shapes and curves at the server, which are those
+// of its objects and of a group on its way.
+inline constexpr size_t most_changes(uint32_t max_objects) { return 4 * size_t{max_objects} + 64; }
+inline constexpr size_t most_assets(uint32_t max_objects) { return 3 * (most_changes(max_objects) + max_objects); }
+
+// ----------------------------------------------------------------------------------------------------- the records
+
+struct Welcome {
+  uint64_t inbox_bytes, outbox_bytes;
+  uint32_t max_objects;
+  uint16_t is_virtual;           // the servo's clock is that of the ticks
+  uint16_t is_locked;            // others' objects cannot be changed
+  double rate;                   // Hz, of the servo
+};
+
+enum Type : uint32_t {
+  // Changes of the client's own objects and view.
+  type_shape = 1,    // Shape, and a descriptor: points, then triangles
+  type_curve,        // Curve; a table: and a descriptor
+  type_forget,       // Forget
+  type_set,          // Set
+  type_change,       // Set: of an object that is there, only `parts`
+  type_place,        // Place
+  type_remove,       // Remove
+  type_clear,        // nothing
+  type_frame,        // Frame
+  type_clutch,       // Clutch
+  type_tool,         // Tool
+  type_wake,         // nothing: wakes the server, as there is something in the inbox
+  type_group,        // Group, then a Header and a record for each change; where these are too long for a message, they
+                     // are in a descriptor that comes with it. Also changes of others' objects: edit, move, remove
+  type_bind,         // Bind
+
+  // Requests.
+  type_sync = 100,   // nothing. Reply when a tick has used all before it; or the status of the first refused change
+  type_pull,         // Target: an own object, or empty: the next that the client must be told of. Reply, Pulled
+  type_get,          // Target. Reply, Object
+  type_fetch,        // Fetch. Reply, Shape or Curve, and the descriptor that goes with it
+  type_edit,         // Edit. Reply
+  type_move_other,   // MoveOther. Reply
+  type_remove_other, // Target. Reply
+  type_report,       // Target. Reply, fs_report
+  type_reports,      // nothing. Reply, Count, and a descriptor: fs_report, as many
+  type_clients,      // nothing. Reply, Count, and a descriptor: fs_client, as many
+  type_view,         // Target: a client. Reply, fs_view
+  type_stats,        // nothing. Reply, fs_servo_stats
+  type_device,       // nothing. Reply, fs_device_info
+  type_motions,      // Target: a client; empty: all but the asking one. Reply, Count, and a descriptor: fs_motion, as many
+
+  type_reply = 200   // Reply and what it says above
+};
+
+struct Header {
+  uint32_t type;
+  uint32_t reserved;             // 0
+  uint64_t serial;               // of a change in a group: 0
+};
+
+struct Group {
+  uint64_t bytes;                // of its changes with their headers
+};
+
+struct Reply {
+  int32_t status;
+  uint32_t reserved;
+  char text[256];                // fs_last_error of the failure
+};
+
+// Shapes and curves are named by numbers that never come twice in a process. In the records of both ends it is the client's
+// number, of one that the client has sent in a Shape or Curve; or, with the bit `of_server`, the server's.
+inline constexpr uint64_t of_server = uint64_t{1} << 63;
+// The sentence of a STATE: the client has to send the shape or curve as its own.
+inline constexpr const char* not_offered = "the server offers this shape or curve no longer";
+
+struct Profile {
+  int32_t kind, sense;
+  double gain, offset, width, limit, reach;
+  uint64_t curve;                // 0: none
+};
+
+struct Object {
+  char name[FS_NAME_SIZE];
+  int32_t primitive;
+  uint32_t tool_points;
+  fs_pose pose;
+  fs_twist twist;
+  double time, start, lifetime;  // s; no default is left: only lifetime may be 0
+  Profile front, back;
+  double damping;
+  int32_t keep;
+  uint32_t is_enabled;
+  double contact_stiffness, contact_limit, contact_damping, contact_friction;
+  uint64_t shape;                // 0: none
+};
+
+inline constexpr uint32_t no_slot = ~0u;
+
+struct Set {
+  uint32_t slot;                 // of the inbox: the object is moved through it from now on; no_slot: through none
+  uint32_t parts;                // fs_part bits
+  Object object;
+};
+
+// How an object moves from a time on: the Motion of the scene.
+struct Movement {
+  fs_pose pose;
+  fs_twist twist;
+  double time;                   // s
+  double horizon;                // s, how long the twist holds
+};
+
+struct Place {
+  char name[FS_NAME_SIZE];
+  Movement movement;
+};
+
+struct Remove {
+  char name[FS_NAME_SIZE];
+};
+
+// The object of this name is moved through this slot from now on.
+struct Bind {
+  uint32_t slot;
+  uint32_t reserved;
+  char name[FS_NAME_SIZE];
+};
+
+struct Frame {
+  fs_frame frame;
+};
+
+struct Clutch {
+  uint64_t is_held;
+};
+
+struct Tool {
+  uint64_t count;
+  fs_vec3 points[FS_TOOL_POINTS_MAX];
+};
+
+struct Shape {
+  uint64_t id;
+  uint32_t primitive, is_closed; // is_closed: of a polyline
+  uint64_t point_count, triangle_count;
+};
+
+struct Curve {
+  uint64_t id;
+  uint64_t count;                // of a table; 0: an expression
+  double step;                   // m, of a table
+  char expression[256];
+};
+
+struct Forget {  // a shape or curve that no object of the client uses any more
+  uint64_t id;
+};
+
+struct Target {
+  char name[2 * FS_NAME_SIZE];   // "object", "client/object", or a client
+};
+
+struct Fetch {
+  uint64_t id;                   // the server's number, of the last Object or Pulled that it sent
+};
+
+struct Edit {  // parts of another client's object
+  Target target;
+  uint64_t parts;
+  Object object;
+};
+
+struct MoveOther {
+  Target target;
+  uint64_t has_twist;
+  fs_pose pose;
+  fs_twist twist;
+  double time;                   // s
+};
+
+struct Count {
+  uint64_t count;
+};
+
+// What the server has, where the client may believe something else: others have changed it, or a change was refused.
+enum PulledState : uint32_t {
+  pulled_nothing,                // there is nothing that the client does not know
+  pulled_present,                // object is what it is now
+  pulled_absent,                 // there is no object of its name
+  pulled_refused,                // there is none, as it was refused
+  pulled_waiting,                // a change of the client's own waits for a shape: its outcome is told later
+  pulled_asset,                  // the shape or curve of number object.shape was refused: it has to be sent again
+  pulled_view                    // frame and tool
+};
+
+struct Pulled {
+  uint32_t state;                // PulledState
+  uint32_t slot;                 // of the object; no_slot: none
+  uint64_t edits;                // Outbox::edits as far as the client has been told
+  Object object;
+  Movement movement;             // of the object: unlike an Object it says how long the twist holds
+  Frame frame;
+  Tool tool;
+};
+
+// In a slot of the inbox: written by fs_object_move.
+struct Move {
+  uint64_t after;                // serial of the change that last set the pose: it counts only after that
+  Movement movement;
+};
+
+struct EventSlot {
+  uint64_t number;
+  fs_event event;
+};
+
+}  // namespace fs::wire
