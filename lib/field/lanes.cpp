@@ -85,9 +85,9 @@ FS_INLINE uint64_t points_in_lanes(const Chunk& chunk, uint64_t mask, Vec3 posit
     }
     if (const uint64_t some = rows.gaussian >> i & 15) {
       const Mask mine = lanes_of(some);
-      const Four width = load(rows.width + i), q = d / width, force = gain * exp_minus(all(0.5) * q * q);
+      const Four per_width = load(rows.per_width + i), q = d * per_width, force = gain * exp_minus(all(0.5) * q * q);
       raw = mine ? force : raw;
-      steepness = mine ? -(force * q) / width : steepness;
+      steepness = mine ? -(force * q) * per_width : steepness;
     }
     const Mask is_felt = is_wanted & (raw > zero) & (d <= load(rows.reach + i)) & (d > all(least_distance));
     const Four sign = signed_limit < zero ? -one : one;
@@ -136,28 +136,53 @@ Points* const points_best = points_usual;
 }  // namespace
 
 // Four floats are as wide as every processor has them.
-void find_gaps(const Chunk& chunk, Vec3 from, float (&gaps)[chunk_size]) noexcept {
-  typedef float Floats __attribute__((vector_size(16)));
+typedef float Floats __attribute__((vector_size(16)));
+
+void Outline::take(const Chunk& chunk) noexcept {
+  constexpr uint32_t groups = chunk_size / Motions::size;
+  constexpr float infinity = std::numeric_limits<float>::infinity();
+  for (const Ref<Motions>& group : chunk.motions) {  // mostly not in the cache
+    __builtin_prefetch(group.get());
+    __builtin_prefetch(reinterpret_cast<const char*>(group.get()) + 64);
+  }
+  bool has_origin = false;
+  for (uint32_t g = 0; g < groups; ++g) {
+    const Motions* const group = chunk.motions[g].get();
+    const uint32_t i = g * Motions::size;
+    Floats fx{}, fy{}, fz{}, most{-infinity, -infinity, -infinity, -infinity};
+    if (group) {
+      if (!has_origin) origin = {group->x[0], group->y[0], group->z[0]};
+      has_origin = true;
+      fx = __builtin_convertvector(load(group->x) - all(origin.x), Floats);
+      fy = __builtin_convertvector(load(group->y) - all(origin.y), Floats);
+      fz = __builtin_convertvector(load(group->z) - all(origin.z), Floats);
+      const auto size = [](Floats v) { return v < 0 ? -v : v; };
+      std::memcpy(&most, group->reach, sizeof most);
+      most += 2e-7f * (size(fx) + size(fy) + size(fz)) + static_cast<float>(1e-15 * largest_coordinate(origin));
+    }
+    std::memcpy(x + i, &fx, sizeof fx);
+    std::memcpy(y + i, &fy, sizeof fy);
+    std::memcpy(z + i, &fz, sizeof fz);
+    std::memcpy(reach + i, &most, sizeof most);
+  }
+}
+
+void find_gaps(const Outline& outline, Vec3 from, float (&gaps)[chunk_size]) noexcept {
   const auto load = [](const float* from) {
     Floats out;
     std::memcpy(&out, from, sizeof out);
     return out;
   };
-  const Vec3 local = from - chunk.origin;
+  const Vec3 local = from - outline.origin;
   const float fx = static_cast<float>(local.x), fy = static_cast<float>(local.y), fz = static_cast<float>(local.z);
   // What rounding can make of a distance, of the place `from` itself too.
   const float part = 1 - 4e-7f;
   const float rounding = static_cast<float>(2e-7 * norm(local) + 1e-15 * largest_coordinate(from));
-  for (uint32_t i = 0; i < chunk_size; i += Motions::size) {
-    const Motions* const group = chunk.motions[i / Motions::size].get();
-    if (!group) {
-      std::fill_n(gaps + i, Motions::size, std::numeric_limits<float>::infinity());
-      continue;
-    }
-    const Floats x = fx - load(group->centre_x), y = fy - load(group->centre_y), z = fz - load(group->centre_z);
+  for (uint32_t i = 0; i < chunk_size; i += 4) {
+    const Floats x = fx - load(outline.x + i), y = fy - load(outline.y + i), z = fz - load(outline.z + i);
     const Floats squared = x * x + y * y + z * z;
     const Floats distance{std::sqrt(squared[0]), std::sqrt(squared[1]), std::sqrt(squared[2]), std::sqrt(squared[3])};
-    const Floats gap = distance * part - rounding - load(group->reach);
+    const Floats gap = distance * part - rounding - load(outline.reach + i);
     std::memcpy(gaps + i, &gap, sizeof gap);
   }
 }

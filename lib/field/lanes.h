@@ -25,7 +25,7 @@ struct LaneSum {
 };
 
 // [rt] For each row a lower bound of the distance from `from` to where it may be felt, m; below 0 it may be felt there.
-void find_gaps(const Chunk& chunk, Vec3 from, float (&gaps)[chunk_size]) noexcept;
+void find_gaps(const Outline& outline, Vec3 from, float (&gaps)[chunk_size]) noexcept;
 
 // [rt] Adds the forces of the rows in `mask`, all of them standing points with a formula, on a tool point at `position` with `arm`
 // from the tool's origin; each times its weight (of all 64 rows; null: 1) times `share`. Returns the rows felt there.

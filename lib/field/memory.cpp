@@ -41,6 +41,7 @@ void Memory::make_room(uint32_t row) {
     for (uint32_t v = 0; v < (has_weights_ ? Views::size : 1); ++v) made->sights[v] = std::make_unique<Sight>();
     blocks_[b] = std::move(made);
   }
+  if (!blocks_[b]->outlines[c]) blocks_[b]->outlines[c] = std::make_unique<Outline>();
   if (has_weights_ && !blocks_[b]->weights[c]) blocks_[b]->weights[c] = std::make_unique<Weights>();
 }
 
@@ -90,6 +91,7 @@ void Memory::forget(uint32_t number) noexcept {
   if (!blocks_[number / block_size]) return;
   Block& b = block(number);
   const uint32_t c = number % block_size;
+  b.is_there[c] = false;
   b.felt[c] = 0;
   b.due[c] = b.event[c] = never;
   if (b.weights[c]) b.weights[c]->moving.store(0, std::memory_order_relaxed);
@@ -160,8 +162,9 @@ void Memory::absorb(const Snapshot& snapshot, double now) noexcept {
     if (!chunk) return forget(number);
     Block& b = block(number);
     const uint32_t c = number % block_size;
+    b.is_there[c] = true;
     blocks_used_ = std::max(blocks_used_, number / block_size + 1);
-    const bool is_only_moved = chunk->rows && chunk->rows->version <= seen_;
+    const bool is_only_moved = chunk->rows_version <= seen_;
     if (has_weights_ && !is_only_moved) {
       move_weights(number, now);  // as it was wanted so far
       take_wants(snapshot, number, *chunk, now);
@@ -174,6 +177,7 @@ void Memory::absorb(const Snapshot& snapshot, double now) noexcept {
         if (row.expiry < never) b.expiring[c] |= bit_of(i);
       });
     }
+    b.is_outlined[c] = false;
     for (const auto& sight : b.sights) {
       if (sight) sight->wake_at[c] = sight->wake_least = -never;
     }
@@ -285,12 +289,11 @@ void Memory::look(const Snapshot& snapshot, uint32_t i, uint64_t what, Vec3 cent
     for (uint32_t c = 0; c < block_size; ++c) {
       if (sight.wake_at[c] > view.travelled) continue;
       const uint32_t number = n * block_size + c;
-      const Chunk* const chunk = snapshot.chunks.get(number);
-      if (!chunk) {
+      if (!b->is_there[c]) {
         sight.wake_at[c] = never;
         continue;
       }
-      look_at(*chunk, number, sight, view, radius);
+      look_at(snapshot, number, sight, view, radius);
       if (has_weights_ && sight.near[c] && b->due[c] > now) {  // it has slept: its weights are those of some time ago
         move_weights(number, now);
         set_due(number);
@@ -300,11 +303,26 @@ void Memory::look(const Snapshot& snapshot, uint32_t i, uint64_t what, Vec3 cent
   }
 }
 
-void Memory::look_at(const Chunk& chunk, uint32_t number, Sight& sight, const ViewMemory& view, double radius) noexcept {
+void Memory::look_at(const Snapshot& snapshot, uint32_t number, Sight& sight, const ViewMemory& view, double radius) noexcept {
+  Block& b = block(number);
   const uint32_t c = number % block_size;
+  if (!b.is_outlined[c]) {  // it has changed: as long as it is far as a whole, that is all there is to know
+    const Chunk& chunk = *snapshot.chunks.get(number);
+    const double gap = chunk.planes ? 0 : chunk.box.distance(view.centre) * (1 - 1e-14) - radius;
+    if (gap > 4 * view.step) {
+      sight.near[c] = 0;
+      sight.any &= ~bit_of(c);
+      sight.wake_at[c] = view.travelled + gap;
+      return;
+    }
+    b.outlines[c]->take(chunk);
+    b.planes[c] = chunk.planes;
+    b.is_outlined[c] = true;
+  }
   float gaps[chunk_size];
-  find_gaps(chunk, view.centre, gaps);
-  for_each_bit(chunk.planes, [&](uint32_t i) {
+  find_gaps(*b.outlines[c], view.centre, gaps);
+  for_each_bit(b.planes[c], [&](uint32_t i) {
+    const Chunk& chunk = *snapshot.chunks.get(number);
     const Motion& plane = chunk.motion(i);
     const Vec3 offset = view.centre - plane.pose.position;
     const double distance = std::fabs(dot(rotate(plane.pose.orientation, {0, 0, 1}), offset));

@@ -86,9 +86,13 @@ class Memory : public Counted<Memory> {
     double due_least = never;              // of due
     double due[block_size];                // s: when the weights are to be looked at,
     double event[block_size];              // and when one of them arrives or expires
+    bool is_there[block_size] = {};        // the chunk
+    bool is_outlined[block_size] = {};     // outline and planes are those of the chunk as it is now
+    uint64_t planes[block_size] = {};      // its planes
     uint64_t felt[block_size] = {};        // bit i: row i has a weight above 0; of a tool: it is there
     uint64_t expiring[block_size] = {};    // of a tool, bit i: row i has an expiry
     std::unique_ptr<Weights> weights[block_size];
+    std::unique_ptr<Outline> outlines[block_size];
     std::unique_ptr<Sight> sights[Views::size];
     Block() { for (uint32_t c = 0; c < block_size; ++c) due[c] = event[c] = never; }
   };
@@ -115,7 +119,7 @@ class Memory : public Counted<Memory> {
   void move_weights(uint32_t chunk, double now) noexcept;
   void take_wants(const Snapshot& snapshot, uint32_t number, const Chunk& chunk, double now) noexcept;
   void advance_views(const Snapshot& snapshot, double now) noexcept;
-  void look_at(const Chunk& chunk, uint32_t number, Sight& sight, const ViewMemory& view, double radius) noexcept;
+  void look_at(const Snapshot& snapshot, uint32_t number, Sight& sight, const ViewMemory& view, double radius) noexcept;
 
   const double fade_;  // s
   const bool has_weights_;

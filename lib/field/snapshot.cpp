@@ -1,6 +1,7 @@
 #include "field/snapshot.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -20,7 +21,7 @@ static void make_unique(Ref<T>& part) {
 
 void Chunk::own(uint32_t i) {
   make_unique(rows);
-  rows->version = version;
+  rows_version = version;
   own_motion(i);
 }
 
@@ -60,15 +61,48 @@ void Chunk::set_object(uint32_t i, Ref<const Object> given) noexcept {
     }
     rows->offset[i] = f.kind == FS_PROFILE_CONSTANT ? f.gain : f.offset;
     rows->gain[i] = is_constant ? 0 : f.gain;
-    rows->width[i] = f.width > 0 ? f.width : 1;
+    rows->per_width[i] = f.width > 0 ? 1 / f.width : 1;
     rows->limit[i] = f.sense == FS_SENSE_REPULSIVE ? f.limit : -f.limit;
     rows->reach[i] = f.reach > 0 ? f.reach : never;
   }
   place(i);
 }
 
+void Box::add(const Box& other) noexcept {
+  low = {std::min(low.x, other.low.x), std::min(low.y, other.low.y), std::min(low.z, other.low.z)};
+  high = {std::max(high.x, other.high.x), std::max(high.y, other.high.y), std::max(high.z, other.high.z)};
+}
+
+bool Box::is_inside(const Box& other) const noexcept {
+  return low.x > other.low.x && low.y > other.low.y && low.z > other.low.z && high.x < other.high.x &&
+         high.y < other.high.y && high.z < other.high.z;
+}
+
+double Box::distance(Vec3 from) const noexcept {
+  const auto beyond = [](double x, double low, double high) { return std::max(0.0, std::max(low - x, x - high)); };
+  return norm(Vec3{beyond(from.x, low.x, high.x), beyond(from.y, low.y, high.y), beyond(from.z, low.z, high.z)});
+}
+
+Box Chunk::box_of(uint32_t i) const noexcept {
+  const Motions& group = *motions[i / Motions::size];
+  const uint32_t k = i % Motions::size;
+  const double r = group.reach[k];
+  if (!(r > -never)) return {};
+  const Vec3 c{group.x[k], group.y[k], group.z[k]};
+  return {{c.x - r, c.y - r, c.z - r}, {c.x + r, c.y + r, c.z + r}};
+}
+
+// A row has gone from one box to another.
+void Chunk::bound(const Box& before, const Box& after) noexcept {
+  const bool was_empty = !(before.low.x <= before.high.x);
+  if (was_empty || before.is_inside(box)) return box.add(after);
+  box = {};
+  for (uint64_t rest = used; rest; rest &= rest - 1) box.add(box_of(static_cast<uint32_t>(std::countr_zero(rest))));
+}
+
 void Chunk::place(uint32_t i) noexcept {
   if (!row(i).object) return;
+  const Box before = box_of(i);
   const uint64_t bit = uint64_t{1} << i;
   const Object& object = *row(i).object;
   Motions& group = *motions[i / Motions::size];
@@ -77,7 +111,6 @@ void Chunk::place(uint32_t i) noexcept {
   const double support = object.law.support;
   constexpr float infinity = std::numeric_limits<float>::infinity();
   const bool is_standing = !(m.horizon > 0);
-  if (used == bit) origin = m.pose.position;
   standing = is_standing ? standing | bit : standing & ~bit;
   planes &= ~bit;
   group.x[k] = m.pose.position.x;
@@ -92,24 +125,28 @@ void Chunk::place(uint32_t i) noexcept {
   } else {
     // The sphere around all places between the pose and the end of its twist.
     const Vec3 half = 0.5 * m.horizon * m.twist.linear;
-    const Vec3 centre = (is_standing ? m.pose.position : m.pose.position + half) - origin;
-    group.centre_x[k] = static_cast<float>(centre.x);
-    group.centre_y[k] = static_cast<float>(centre.y);
-    group.centre_z[k] = static_cast<float>(centre.z);
-    const double rounding = 2e-7 * norm(centre) + 1e-15 * (largest_coordinate(m.pose.position) + largest_coordinate(origin));
+    if (!is_standing) {
+      group.x[k] += half.x;
+      group.y[k] += half.y;
+      group.z[k] += half.z;
+    }
+    const double rounding = 1e-15 * largest_coordinate({group.x[k], group.y[k], group.z[k]});
     const double reach = (object.radius + support + norm(half) + rounding) * (1 + 2e-7) + 1e-30;
     group.reach[k] = reach < 1e37 ? static_cast<float>(reach) : infinity;
   }
+  bound(before, box_of(i));
 }
 
 void Chunk::drop(uint32_t i) noexcept {
   const uint64_t bit = uint64_t{1} << i;
+  const Box before = box_of(i);
   rows->rows[i] = {};
   for (uint64_t* const formula : {&rows->linear, &rows->quadratic, &rows->inverse, &rows->gaussian}) *formula &= ~bit;
   used &= ~bit;
   standing &= ~bit;
   planes &= ~bit;
   motions[i / Motions::size]->reach[i % Motions::size] = -std::numeric_limits<float>::infinity();
+  bound(before, {});
 }
 
 ToolPoints::ToolPoints(std::vector<Vec3> the_points) : points(std::move(the_points)) {

@@ -28,12 +28,11 @@ struct Row : Want {
 
 // What moves do not change.
 struct Rows : LocalCounted<Rows> {
-  uint64_t version = 0;
   Row rows[chunk_size];
   // Points with one of the formulas of fs_profile_kind can be evaluated several at a time: f(d) clamped to 0..|limit| where
   // d <= reach, attractive where limit < 0. A constant is linear with gain 0. Bit i: row i is one of them.
   uint64_t linear = 0, quadratic = 0, inverse = 0, gaussian = 0;
-  double offset[chunk_size] = {}, gain[chunk_size] = {}, width[chunk_size] = {};
+  double offset[chunk_size] = {}, gain[chunk_size] = {}, per_width[chunk_size] = {};
   double limit[chunk_size] = {}, reach[chunk_size] = {};
 
   uint64_t formulas() const noexcept { return linear | quadratic | inverse | gaussian; }
@@ -42,21 +41,29 @@ struct Rows : LocalCounted<Rows> {
 // Four rows as moves change them.
 struct Motions : LocalCounted<Motions> {
   static constexpr uint32_t size = 4;
-  // A row cannot be felt farther than `reach` from its centre, at any time. In metres from the origin of the chunk, rounded
-  // so that no row is missed; infinite: everywhere, or nowhere.
-  float centre_x[size] = {}, centre_y[size] = {}, centre_z[size] = {}, reach[size];
-  double x[size] = {}, y[size] = {}, z[size] = {};  // m, the position of a row that stands
+  float reach[size];  // m, it cannot be felt farther from its centre; rounded up; infinite: everywhere, or nowhere
+  double x[size] = {}, y[size] = {}, z[size] = {};  // m, the centre of all places where the row is at any time
   Motion motions[size];
   uint64_t revision[size] = {};  // of the last change or move
   Motions();
 };
 
+// An axis-aligned box, m; empty at first.
+struct Box {
+  Vec3 low{never, never, never}, high{-never, -never, -never};
+
+  void add(const Box& other) noexcept;
+  bool is_inside(const Box& other) const noexcept;      // without touching it
+  double distance(Vec3 from) const noexcept;            // m; infinite of an empty box
+};
+
 struct Chunk : LocalCounted<Chunk> {
-  uint64_t version = 0;
+  uint64_t version = 0;                        // of the last change,
+  uint64_t rows_version = 0;                   // and of the last that was more than a move
   uint64_t used = 0;                           // bit i: row i is in use
-  uint64_t standing = 0;                       // its position does not depend on time
+  uint64_t standing = 0;                       // its position does not depend on time, and is the centre
   uint64_t planes = 0;                         // it has no centre: its distance decides
-  Vec3 origin{};                               // m
+  Box box;                                     // where any of its rows but the planes may be felt
   Ref<Rows> rows;
   Ref<Motions> motions[chunk_size / Motions::size];  // null where none of the four has been in use
 
@@ -76,6 +83,17 @@ struct Chunk : LocalCounted<Chunk> {
 
  private:
   void place(uint32_t i) noexcept;  // works out centre and reach, as soon as there are object and motion
+  Box box_of(uint32_t i) const noexcept;
+  void bound(const Box& before, const Box& after) noexcept;
+};
+
+// Where the rows of a chunk may be felt, close together and in half the room: for a reader that looks at many.
+struct Outline {
+  Vec3 origin{};                        // m
+  float x[chunk_size], y[chunk_size], z[chunk_size];  // m from the origin, the centre
+  float reach[chunk_size];              // m, rounded so that no row is missed
+
+  void take(const Chunk& chunk) noexcept;  // [rt]
 };
 
 using Chunks = Table<Chunk, 4>;  // by row / 64

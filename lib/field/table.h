@@ -121,6 +121,7 @@ class Table {
     if (node.version <= version) return;
     for (uint32_t k = 0; k < node.size; ++k) {
       const Child* const child = node.children[k].get();
+      if (k + 1 < node.size) __builtin_prefetch(node.children[k + 1].get());
       if constexpr (level == 0) {
         if (!child || child->version > version) f(first + k, static_cast<const T*>(child));
       } else {

@@ -48,29 +48,27 @@ uint32_t RowSpace::find(Vec3 position, double size) {
     if (~spaces_[after->second].taken != 0) return row_in(after->second);
     ++after;
   }
-  // Another chunk; where its code is taken, behind those that have it.
-  uint64_t own = code;
-  while (order_.contains(own)) ++own;
-  uint32_t chunk = closed_.empty() ? chunks_end() : closed_.front();
+  // Another chunk, behind those that begin in the same place.
+  const uint32_t chunk = closed_.empty() ? chunks_end() : closed_.front();
   if (chunk == chunk_count) {
     const auto open = std::find_if(spaces_.begin(), spaces_.end(), [](const Space& s) { return ~s.taken != 0; });
     if (open == spaces_.end()) fail(FS_ERROR_FULL, "the scene holds %u versions of objects: its maximum", chunk_count * chunk_size);
     return row_in(static_cast<uint32_t>(open - spaces_.begin()));
   }
-  order_.emplace(own, chunk);
+  const auto place = order_.emplace(code, chunk);
   try {
     if (chunk == spaces_.size()) spaces_.emplace_back();
     closed_.reserve(spaces_.capacity());  // so that rows can always be released
     leaving_.reserve(spaces_.capacity());
   } catch (...) {
-    order_.erase(own);
+    order_.erase(place);
     throw;
   }
   if (!closed_.empty() && closed_.front() == chunk) {
     std::pop_heap(closed_.begin(), closed_.end(), std::greater<>());
     closed_.pop_back();
   }
-  spaces_[chunk] = {0, 0, 0, own};
+  spaces_[chunk] = {0, 0, 0, place};
   return row_in(chunk);
 }
 
@@ -88,7 +86,7 @@ void RowSpace::reclaim(uint64_t used) noexcept {
     space.taken &= ~space.leaving;
     space.leaving = 0;
     if (space.taken != 0) return true;
-    order_.erase(space.code);
+    order_.erase(space.place);
     closed_.push_back(chunk);
     std::push_heap(closed_.begin(), closed_.end(), std::greater<>());
     return true;

@@ -28,14 +28,14 @@ class RowSpace {
     uint64_t taken = 0;       // bit i: row i is in use, or not free yet
     uint64_t leaving = 0;     // bit i: row i has been released
     uint64_t leaves_at = 0;   // sequence of the last release
-    uint64_t code = 0;        // where it begins
+    std::multimap<uint64_t, uint32_t>::iterator place;  // in order_, while it has rows
   };
   uint64_t code_of(Vec3 position) const noexcept;
   uint32_t row_in(uint32_t chunk) const noexcept;
 
   double cell_ = 0;                      // m; 0: not known yet
   std::vector<Space> spaces_;            // by chunk
-  std::map<uint64_t, uint32_t> order_;   // code: chunk
+  std::multimap<uint64_t, uint32_t> order_;  // where a chunk begins: its number
   std::vector<uint32_t> leaving_;        // chunks with released rows
   std::vector<uint32_t> closed_;         // chunks without a row, a heap: the lowest comes first
 };
