@@ -16,7 +16,7 @@ const std::string* find_option(const Uri& uri, const char* key) {
   return nullptr;
 }
 
-void read_number(const Uri& uri, const char* key, double low, double high, double& out) {
+void read_option(const Uri& uri, const char* key, double low, double high, double& out) {
   if (const std::string* value = find_option(uri, key)) out = parse_number(key, *value, low, high);
 }
 
@@ -50,15 +50,15 @@ SimOptions parse_sim_options(const char* address) {
     const fidel::Hand hands[] = {fidel::nominal_hand, fidel::firm_hand, fidel::light_hand, fidel::released_hand};
     options.hand = hands[parse_choice("hand", *hand, {"nominal", "firm", "light", "released"})];
   }
-  read_number(uri, "hand_mass", 0, 10, options.hand.mass);                // kg
-  read_number(uri, "hand_damping", 0, 1000, options.hand.damping);        // N s/m
-  read_number(uri, "hand_stiffness", 0, 100000, options.hand.stiffness);  // N/m
-  read_number(uri, "mass", 0.01, 10, options.mass);                       // kg
-  read_number(uri, "friction", 0, 20, options.friction);                  // N
+  read_option(uri, "hand_mass", 0, 10, options.hand.mass);                // kg
+  read_option(uri, "hand_damping", 0, 1000, options.hand.damping);        // N s/m
+  read_option(uri, "hand_stiffness", 0, 100000, options.hand.stiffness);  // N/m
+  read_option(uri, "mass", 0.01, 10, options.mass);                       // kg
+  read_option(uri, "friction", 0, 20, options.friction);                  // N
   double delay_ms = 0, seed = 0;
-  read_number(uri, "delay_ms", 0, 1000, delay_ms);
+  read_option(uri, "delay_ms", 0, 1000, delay_ms);
   options.delay_steps = static_cast<int>(std::lround(delay_ms * 1e-3 / fidel::substep));
-  read_number(uri, "seed", 0, UINT32_MAX, seed);
+  read_option(uri, "seed", 0, UINT32_MAX, seed);
   if (seed != std::floor(seed)) fail(FS_ERROR_INVALID, "seed is %.9g, must be a whole number", seed);
   options.seed = static_cast<uint32_t>(seed);
   options.ideal_encoder = is_second(uri, "encoder", "joint", "ideal");

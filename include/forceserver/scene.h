@@ -4,9 +4,13 @@
  * connected to a server that several applications share; "connected:" in a comment is about the latter.
  *
  * No step in force. Under a servo every object has a weight that goes from 0 to 1 and back, linear in time, over
- * fs_servo_options.fade; it begins at the first tick that uses the change. A removed object is kept, nameless, until
- * its weight is 0; a name set again meanwhile goes on from its weight. Without a servo, and for a tool of one's own
- * (evaluate.h), what is there is felt in full at once.
+ * fs_servo_options.fade; it begins at the first tick that uses the change. Whatever is called in whatever order, a tick
+ * moves a weight by its period / fade at most. A removed object is kept, nameless, until its weight is 0; a name set
+ * again meanwhile goes on from its weight. What cannot be adjusted while it is felt (an object's primitive, shape or
+ * tool points; a scene's frame or tool) has versions: the new one fades in while the old one fades out. A version that
+ * comes while another is still fading in waits until that one is felt in full; of several that wait only the newest is
+ * kept. So a stream of versions that is faster than the fade is felt as a chain of full cross-fades.
+ * Without a servo, and for a tool of one's own (evaluate.h), what is there is felt in full at once.
  */
 #ifndef FORCESERVER_SCENE_H
 #define FORCESERVER_SCENE_H
@@ -37,8 +41,7 @@ FS_API void fs_scene_destroy(fs_scene *scene);
 /* Adds an object, under a servo fading in; of a name that exists it changes the parts that differ:
  * - pose, profiles and contact, as fs_object_change does (0.1: at once);
  * - `enabled` fades the same object out or in;
- * - a new primitive, shape or tool_points: the old version fades out while the new one fades in. At most one old
- *   version is kept: a further change meanwhile replaces the new one, and both go on from their weights.
+ * - a new primitive, shape or tool_points is another version, which cross-fades with the one before (top of this file).
  * A mesh whose tree is not built yet is built in this call, without holding up the servo. Connected: checked here and
  * sent (forceserver.h, Waiting); a mesh is felt when the server has built it (FS_EVENT_READY, _REFUSED). A scene holds
  * 1,048,576 objects at most, those still fading out included; connected: as many as the server's max_objects: FULL.
@@ -130,9 +133,9 @@ FS_API fs_status fs_scene_save(fs_scene *scene, const char *path);
  * Only regular files are read. NOT_FOUND, IO, PARSE, VERSION (a newer file), UNSUPPORTED, FULL. */
 FS_API fs_status fs_scene_load(fs_scene *scene, const char *path);
 
-/* ---- Frame, clutch, tool: where the scene's tool stands. A new frame or tool, or a clutch let go, puts it
- * elsewhere: what was felt fades out there while the new fades in, without proxies; as with objects, at most one old
- * version is kept. */
+/* ---- Frame, clutch, tool: where the scene's tool stands. A new frame or tool puts it elsewhere, and is another
+ * version, as of an object: what was felt fades out there while the new fades in, without proxies. The clutch holds the
+ * tool where it is, and lets it go from there. */
 
 /* Scene to device: x_device = pose * (x_scene / scale), F_device = force_scale * (the orientation of pose turns F).
  * So a slope k of the scene is scale*force_scale*k at the device. Frozen. */

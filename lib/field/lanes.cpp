@@ -127,13 +127,19 @@ __attribute__((target("avx2"))) uint64_t points_wide(const Chunk& chunk, uint64_
                                                      const Weight* weights, double share, LaneSum& sum) {
   return points_in_lanes(chunk, mask, position, arm, weights, share, sum);
 }
-const bool is_wide = (__builtin_cpu_init(), __builtin_cpu_supports("avx2"));
-Points* const points_best = is_wide ? points_wide : points_usual;
+Points* best_points() noexcept {
+  __builtin_cpu_init();
+  return __builtin_cpu_supports("avx2") ? points_wide : points_usual;
+}
 #else
-Points* const points_best = points_usual;
+Points* best_points() noexcept { return points_usual; }
 #endif
 
+Points* points_best = best_points();
+
 }  // namespace
+
+void allow_wide_lanes(bool are_allowed) noexcept { points_best = are_allowed ? best_points() : points_usual; }
 
 // Four floats are as wide as every processor has them.
 typedef float Floats __attribute__((vector_size(16)));

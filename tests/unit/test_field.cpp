@@ -1,0 +1,148 @@
+// Rows in lanes, and which row an object gets.
+#include <cmath>
+#include <cstring>
+#include <set>
+
+#include "field/evaluate.h"
+#include "force_fixtures.h"
+#include "scene/row_space.h"
+
+#include <check.h>  // last: it has a macro `fail`
+
+using namespace fs;
+using namespace fs::test;
+
+namespace {
+
+Profile random_profile(Random& random) {
+  Profile p;
+  p.sense = random.coin(0.5) ? FS_SENSE_REPULSIVE : FS_SENSE_ATTRACTIVE;
+  p.limit = std::pow(10.0, random.between(-2, 2));
+  p.reach = random.coin(0.3) ? random.between(0, 0.2) : 0;
+  switch (random.below(6)) {
+    case 0: p.kind = FS_PROFILE_CONSTANT; p.gain = random.between(0, 3); break;
+    case 1: p.kind = FS_PROFILE_LINEAR_INCREASING; p.gain = random.between(0, 300); p.offset = random.between(-5, 5); break;
+    case 2: p.kind = FS_PROFILE_LINEAR_DECREASING; p.gain = random.between(-300, 0); p.offset = random.between(0, 5); break;
+    case 3: p.kind = FS_PROFILE_GAUSSIAN; p.gain = random.between(0, 5); p.width = std::pow(10.0, random.between(-4, 0)); break;
+    case 4: p.kind = FS_PROFILE_QUADRATIC; p.gain = random.between(-1e4, 1e4); p.offset = random.between(-1, 5); break;
+    default: p.kind = FS_PROFILE_INVERSE; p.gain = random.between(0, 0.1); p.offset = random.between(-1, 1); break;
+  }
+  if (random.coin(0.05)) p.gain = 0;
+  return p;
+}
+
+// A chunk of points with random profiles.
+struct Points {
+  Chunk chunk;
+  explicit Points(Random& random) {
+    for (uint32_t i = 0; i < chunk_size; ++i) {
+      fs_object o = fs_object_init(("p" + std::to_string(i)).c_str(), FS_PRIMITIVE_POINT);
+      o.front = to_c(random_profile(random));
+      Motion motion;
+      motion.pose.position = {random.between(-0.1, 0.1), random.between(-0.1, 0.1), random.between(-0.1, 0.1)};
+      chunk.own(i);
+      chunk.edit_row(i).version = 1;
+      chunk.set_object(i, parse_object(o).object);
+      chunk.move(i, motion, 1);
+    }
+  }
+};
+
+}  // namespace
+
+// Both widths give the same bits, and what they give is what one row after the other gives.
+START_TEST(lanes_agree) {
+  Random random(1);
+  double worst = 0;
+  for (int run = 0; run < 300; ++run) {
+    const Points points(random);
+    const Chunk& chunk = points.chunk;
+    Weight weights[chunk_size];
+    for (Weight& w : weights) w.set(random.coin(0.3) ? 1 : random.between(0, 1));
+    const ToolPoints tool_points({{0, 0, 0}, {0.01, 0, 0.02}});
+    fs_state state{};
+    state.pose = identity_pose();
+    state.pose.position = run % 5 ? Vec3{random.between(-0.1, 0.1), random.between(-0.1, 0.1), random.between(-0.1, 0.1)}
+                                  : chunk.motion(7).pose.position;  // on a point
+    const ToolState tool = ToolState::at(state, tool_points, 0);
+    const uint64_t mask = chunk.rows->formulas() & (static_cast<uint64_t>(random.below(1u << 30)) << 34 | random.below(1u << 30));
+    LaneSum wide, usual;
+    uint64_t felt[2] = {};
+    for (const bool is_wide : {true, false}) {
+      allow_wide_lanes(is_wide);
+      for (unsigned k = 0; k < 2; ++k) {
+        felt[is_wide] |= add_points(chunk, mask, tool.points[k].position, tool.points[k].arm, weights, 0.5, is_wide ? wide : usual);
+      }
+    }
+    allow_wide_lanes(true);
+    ck_assert_int_eq(std::memcmp(&wide, &usual, sizeof wide), 0);
+    ck_assert_uint_eq(felt[0], felt[1]);
+
+    Wrench wrench{};
+    Mat3 stiffness{};
+    double size = 1e-12, stiffness_size = 1e-9;
+    uint64_t felt_alone = 0;
+    for (uint32_t i = 0; i < chunk_size; ++i) {
+      Share share;
+      if (!(mask >> i & 1) || !evaluate_object(*chunk.row(i).object, chunk.motion(i), 0, tool, nullptr, share)) continue;
+      const double w = weights[i].value();
+      wrench.force += w * share.wrench.force;
+      wrench.torque += w * share.wrench.torque;
+      stiffness += w * share.stiffness;
+      size += w * norm(share.wrench.force);
+      stiffness_size += std::fabs(share.stiffness.xx) + std::fabs(share.stiffness.yy) + std::fabs(share.stiffness.zz) + 1;
+      if (!(share.wrench.force == Vec3{})) felt_alone |= uint64_t{1} << i;
+    }
+    const Vec3 difference = wide.wrench().force - wrench.force, turn = wide.wrench().torque - wrench.torque;
+    worst = std::fmax(worst, norm(difference) / size);
+    ck_assert_double_le(norm(difference), 1e-12 * size);
+    ck_assert_double_le(norm(turn), 1e-12 * size);
+    const Mat3 s = wide.stiffness() + -1.0 * stiffness;
+    for (const double part : {s.xx, s.xy, s.xz, s.yx, s.yy, s.yz, s.zx, s.zy, s.zz}) {
+      ck_assert_double_le(std::fabs(part), 1e-9 * stiffness_size);
+    }
+    ck_assert_uint_eq(felt[1], felt_alone);
+  }
+  ck_assert_double_gt(worst, 0);  // they are worked out differently
+}
+END_TEST
+
+// A row is never given twice, chunks are full enough, and what was released is used again.
+START_TEST(rows_are_given_among_neighbours) {
+  Random random(2);
+  for (int way = 0; way < 5; ++way) {
+    RowSpace space;
+    std::set<uint32_t> taken;
+    const int count = 30000;
+    const auto position = [&](int i) {
+      const double x = 1e-5 * i;
+      return way == 0 ? Vec3{random.between(-0.1, 0.1), random.between(-0.1, 0.1), random.between(-0.1, 0.1)}
+             : way == 1 ? Vec3{-x, -x, -x} : way == 2 ? Vec3{x, 0, 0} : way == 3 ? Vec3{} : Vec3{1e300, -1e300, x};
+    };
+    const double size = way == 3 ? never : 0.005;
+    for (int i = 0; i < count; ++i) {
+      const uint32_t row = space.find(position(i), size);
+      ck_assert(taken.insert(row).second);
+      space.take(row);
+    }
+    ck_assert_uint_le(space.chunks_end(), count / 64 * 5 / 4 + 1);
+    const uint32_t before = space.chunks_end();
+    uint64_t sequence = 0;
+    for (int i = 0; i < 3 * count; ++i) {  // some go, others come
+      const auto gone = std::next(taken.begin(), random.below(20));
+      space.release(*gone, ++sequence);
+      taken.erase(gone);
+      if (random.coin(0.1)) space.reclaim(sequence);
+      const uint32_t row = space.find(position(i), size);
+      ck_assert(taken.insert(row).second);
+      space.take(row);
+    }
+    ck_assert_uint_le(space.chunks_end(), 2 * before);
+    for (const uint32_t row : taken) space.release(row, ++sequence);
+    space.reclaim(sequence);
+    ck_assert_uint_lt(space.find({}, size), chunk_size);  // in the first chunk
+  }
+}
+END_TEST
+
+int main() { return run("field", {lanes_agree, rows_are_given_among_neighbours}); }
