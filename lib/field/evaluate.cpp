@@ -105,13 +105,13 @@ bool evaluate_object(const Object& object, const Motion& motion, double start, c
   return is_near;
 }
 
-fs_response evaluate_near(const Snapshot& snapshot, const Scratches& scratches, Memory& memory, uint32_t view, uint64_t what,
-                          const ToolPoints& points, const ToolState& tool) noexcept {
-  memory.look(snapshot, view, what, tool.pose * points.centre, points.radius, tool.time);
+fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t view, uint64_t what, const ToolPoints& points,
+                          const ToolState& tool) noexcept {
+  memory.look(view, what, tool.pose * points.centre, points.radius, tool.time);
   LaneSum sum;
   fs_response out{};
   const double share = 1.0 / tool.count;
-  memory.for_each_near(snapshot, view, tool.time, [&](uint32_t number, const Chunk& chunk, uint64_t near,
+  memory.for_each_near(view, tool.time, [&](uint32_t number, const Chunk& chunk, uint64_t near,
                                                       const Weight* given) {
     const uint64_t points_near = near & chunk.rows->formulas() & chunk.standing;
     uint64_t felt = 0;

@@ -49,9 +49,10 @@ struct Share {
 bool evaluate_object(const Object& object, const Motion& motion, double start, const ToolState& tool,
                      const Law::Parsers* parsers, Share& out) noexcept;
 
-// [rt] The sum of what can be felt, each object with its weight in `memory`, seen through a view. `what`: see Memory::look.
-fs_response evaluate_near(const Snapshot& snapshot, const Scratches& scratches, Memory& memory, uint32_t view, uint64_t what,
-                          const ToolPoints& points, const ToolState& tool) noexcept;
+// [rt] The sum of what can be felt of the snapshot that `memory` has absorbed, each object with its weight, seen through a
+// view. `what`: see Memory::look.
+fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t view, uint64_t what, const ToolPoints& points,
+                          const ToolState& tool) noexcept;
 
 // [rt] A state that can be evaluated: finite, within bounds, a unit orientation (made so in place).
 fs_status check_state(fs_state& state) noexcept;

@@ -91,7 +91,7 @@ void Memory::forget(uint32_t number) noexcept {
   if (!blocks_[number / block_size]) return;
   Block& b = block(number);
   const uint32_t c = number % block_size;
-  b.is_there[c] = false;
+  b.chunks[c] = nullptr;
   b.felt[c] = 0;
   b.due[c] = b.event[c] = never;
   if (b.weights[c]) b.weights[c]->moving.store(0, std::memory_order_relaxed);
@@ -162,7 +162,7 @@ void Memory::absorb(const Snapshot& snapshot, double now) noexcept {
     if (!chunk) return forget(number);
     Block& b = block(number);
     const uint32_t c = number % block_size;
-    b.is_there[c] = true;
+    b.chunks[c] = chunk;
     blocks_used_ = std::max(blocks_used_, number / block_size + 1);
     const bool is_only_moved = chunk->rows_version <= seen_;
     if (has_weights_ && !is_only_moved) {
@@ -196,7 +196,7 @@ void Memory::advance(const Snapshot& snapshot, double now) noexcept {
         if (b->due[c] > now) continue;
         const uint32_t number = n * block_size + c;
         move_weights(number, now);
-        if (b->event[c] <= now) take_wants(snapshot, number, *snapshot.chunks.get(number), now);
+        if (b->event[c] <= now) take_wants(snapshot, number, *b->chunks[c], now);
         set_due(number);
       }
       b->due_least = *std::min_element(b->due, b->due + block_size);
@@ -266,7 +266,7 @@ const FoundView& Memory::find_view(const Snapshot& snapshot, uint32_t i, const P
   return found;
 }
 
-void Memory::look(const Snapshot& snapshot, uint32_t i, uint64_t what, Vec3 centre, double radius, double now) noexcept {
+void Memory::look(uint32_t i, uint64_t what, Vec3 centre, double radius, double now) noexcept {
   ViewMemory& view = views_[i];
   view.step = norm(centre - view.centre);
   view.centre = centre;
@@ -289,11 +289,11 @@ void Memory::look(const Snapshot& snapshot, uint32_t i, uint64_t what, Vec3 cent
     for (uint32_t c = 0; c < block_size; ++c) {
       if (sight.wake_at[c] > view.travelled) continue;
       const uint32_t number = n * block_size + c;
-      if (!b->is_there[c]) {
+      if (!b->chunks[c]) {
         sight.wake_at[c] = never;
         continue;
       }
-      look_at(snapshot, number, sight, view, radius);
+      look_at(number, sight, view, radius);
       if (has_weights_ && sight.near[c] && b->due[c] > now) {  // it has slept: its weights are those of some time ago
         move_weights(number, now);
         set_due(number);
@@ -303,11 +303,11 @@ void Memory::look(const Snapshot& snapshot, uint32_t i, uint64_t what, Vec3 cent
   }
 }
 
-void Memory::look_at(const Snapshot& snapshot, uint32_t number, Sight& sight, const ViewMemory& view, double radius) noexcept {
+void Memory::look_at(uint32_t number, Sight& sight, const ViewMemory& view, double radius) noexcept {
   Block& b = block(number);
   const uint32_t c = number % block_size;
   if (!b.is_outlined[c]) {  // it has changed: as long as it is far as a whole, that is all there is to know
-    const Chunk& chunk = *snapshot.chunks.get(number);
+    const Chunk& chunk = *b.chunks[c];
     const double gap = chunk.planes ? 0 : chunk.box.distance(view.centre) * (1 - 1e-14) - radius;
     if (gap > 4 * view.step) {
       sight.near[c] = 0;
@@ -322,7 +322,7 @@ void Memory::look_at(const Snapshot& snapshot, uint32_t number, Sight& sight, co
   float gaps[chunk_size];
   find_gaps(*b.outlines[c], view.centre, gaps);
   for_each_bit(b.planes[c], [&](uint32_t i) {
-    const Chunk& chunk = *snapshot.chunks.get(number);
+    const Chunk& chunk = *b.chunks[c];
     const Motion& plane = chunk.motion(i);
     const Vec3 offset = view.centre - plane.pose.position;
     const double distance = std::fabs(dot(rotate(plane.pose.orientation, {0, 0, 1}), offset));

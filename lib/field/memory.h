@@ -56,12 +56,12 @@ class Memory : public Counted<Memory> {
   const FoundView& find_view(const Snapshot& snapshot, uint32_t view, const Pose& hand) noexcept;
   // Looks where the tool is now: in a sphere about `centre` (m, scene frame). what: another number means another tool or
   // frame, so that nothing is known of the way it has come.
-  void look(const Snapshot& snapshot, uint32_t view, uint64_t what, Vec3 centre, double radius, double now) noexcept;
+  void look(uint32_t view, uint64_t what, Vec3 centre, double radius, double now) noexcept;
 
   // Calls f(chunk number, const Chunk&, rows, weights) for each chunk with rows that may be felt, in order. rows: those that
   // are near and have a weight. weights: of its 64 rows; null: all 1.
   template <class F>
-  void for_each_near(const Snapshot& snapshot, uint32_t view, double now, F&& f) const noexcept;
+  void for_each_near(uint32_t view, double now, F&& f) const noexcept;
 
  private:
   static constexpr uint32_t block_size = 64, block_count = row_count / chunk_size / block_size;  // chunks, blocks
@@ -86,7 +86,7 @@ class Memory : public Counted<Memory> {
     double due_least = never;              // of due
     double due[block_size];                // s: when the weights are to be looked at,
     double event[block_size];              // and when one of them arrives or expires
-    bool is_there[block_size] = {};        // the chunk
+    const Chunk* chunks[block_size] = {};  // of the snapshot absorbed last; null: there is none
     bool is_outlined[block_size] = {};     // outline and planes are those of the chunk as it is now
     uint64_t planes[block_size] = {};      // its planes
     uint64_t felt[block_size] = {};        // bit i: row i has a weight above 0; of a tool: it is there
@@ -119,7 +119,7 @@ class Memory : public Counted<Memory> {
   void move_weights(uint32_t chunk, double now) noexcept;
   void take_wants(const Snapshot& snapshot, uint32_t number, const Chunk& chunk, double now) noexcept;
   void advance_views(const Snapshot& snapshot, double now) noexcept;
-  void look_at(const Snapshot& snapshot, uint32_t number, Sight& sight, const ViewMemory& view, double radius) noexcept;
+  void look_at(uint32_t number, Sight& sight, const ViewMemory& view, double radius) noexcept;
 
   const double fade_;  // s
   const bool has_weights_;
@@ -132,7 +132,7 @@ class Memory : public Counted<Memory> {
 };
 
 template <class F>
-void Memory::for_each_near(const Snapshot& snapshot, uint32_t view, double now, F&& f) const noexcept {
+void Memory::for_each_near(uint32_t view, double now, F&& f) const noexcept {
   for (uint32_t b = 0; b < blocks_used_; ++b) {
     const Block* const block = blocks_[b].get();
     const Sight* const sight = block ? block->sights[view].get() : nullptr;
@@ -142,7 +142,7 @@ void Memory::for_each_near(const Snapshot& snapshot, uint32_t view, double now, 
       uint64_t rows = sight->near[c] & block->felt[c];
       if (rows == 0) continue;
       const uint32_t number = b * block_size + c;
-      const Chunk& chunk = *snapshot.chunks.get(number);
+      const Chunk& chunk = *block->chunks[c];
       if (const uint64_t expiring = has_weights_ ? 0 : rows & block->expiring[c]) {
         for (uint64_t some = expiring; some; some &= some - 1) {
           const auto i = static_cast<uint32_t>(__builtin_ctzll(some));

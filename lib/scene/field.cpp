@@ -43,7 +43,7 @@ struct Worker {
       ToolState point = ToolState::at(state, origin, now);
       point.is_any_point = true;
       if (row == no_row) {
-        forces[i] = evaluate_near(snapshot, scratches, *memory, 0, 1, origin, point).wrench.force;
+        forces[i] = evaluate_near(scratches, *memory, 0, 1, origin, point).wrench.force;
         continue;
       }
       const Chunk& chunk = *find_chunk(snapshot.chunks, row);

@@ -1,6 +1,7 @@
 // Objects, groups and drafts. Readers, servo and time: readers.cpp; frame, clutch and tool: view.cpp; reports: report.cpp.
 #include "scene/local_scene.h"
 
+#include <algorithm>
 #include <cstring>
 
 #include "base/error.h"
@@ -257,27 +258,35 @@ void LocalScene::begin() {
 void LocalScene::commit() { commit(SIZE_MAX); }
 
 // One object of a group or draft: to what is felt, whatever has changed there meanwhile.
-void LocalScene::commit_one(const std::string& name, Known wanted) {
-  Known felt;
-  const bool is_felt = objects_.find(name, felt);
-  if (!is_felt) return objects_.take(name, wanted);
-  wanted.motion_revision = grown(wanted.motion_revision, felt.motion_revision);
-  if (wanted.is_more_than_moved) {
-    wanted.revision = grown(wanted.revision, felt.revision);
-    return objects_.take(name, wanted);
+void LocalScene::commit_one(const std::string& name, Known& wanted) {
+  uint32_t number;
+  if (const Row* const felt = objects_.find_row(name, &number)) {
+    wanted.motion_revision = grown(wanted.motion_revision, objects_.rows.motion_revision(number));
+    if (wanted.is_more_than_moved) wanted.revision = grown(wanted.revision, felt->revision);
   }
-  felt.motion = wanted.motion;
-  felt.track = wanted.track;
-  felt.expiry = wanted.expiry;
-  felt.motion_revision = wanted.motion_revision;
-  felt.is_more_than_moved = false;
-  objects_.take(name, felt);
+  objects_.take(name, wanted);
+}
+
+// New objects that lie together in space come together.
+void LocalScene::sort_group() {
+  if (group_->added < chunk_size) return;
+  std::vector<const std::string*>& order = group_->order;
+  const auto first = std::stable_partition(order.begin(), order.end(), [&](const auto* name) { return objects_.has(*name); });
+  std::vector<std::pair<uint64_t, const std::string*>> places;
+  for (auto name = first; name != order.end(); ++name) {
+    Known& wanted = *group_->find(**name);
+    wanted.number = objects_.last_number() + 1 + static_cast<uint32_t>(places.size());
+    places.emplace_back(objects_.rows.place_of(wanted), *name);
+  }
+  std::stable_sort(places.begin(), places.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::transform(places.begin(), places.end(), first, [](const auto& place) { return place.second; });
 }
 
 bool LocalScene::commit(size_t most) {
   bool is_done = false;
   mutate([&] {
     if (!group_) fail(FS_ERROR_STATE, "fs_scene_commit: no group is open; fs_scene_begin opens one");
+    if (group_->committed == 0) sort_group();
     const std::vector<const std::string*>& order = group_->order;
     for (size_t i = 0; i < most && group_->committed < order.size(); ++i) {
       const std::string& name = *order[group_->committed++];

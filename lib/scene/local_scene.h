@@ -139,7 +139,8 @@ struct LocalScene final : Scene {
   void admit(const ParsedObject& parsed, uint32_t parts);
   void move_in_group(const char* name, const Pose& pose, const Twist* twist, double time);
   void remove_one(const char* name);
-  void commit_one(const std::string& name, Known wanted);
+  void commit_one(const std::string& name, Known& wanted);
+  void sort_group();
   template <class F>
   void for_each(F&& f) const;
   fs_frame present_frame() const;

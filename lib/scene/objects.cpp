@@ -76,7 +76,8 @@ void Objects::take(std::string_view given, const Known& wanted) {
       names_.erase(found);
       throw;
     }
-    found->second.number = ++last_number_;
+    found->second.number = wanted.number ? wanted.number : last_number_ + 1;
+    last_number_ = std::max(last_number_, found->second.number);
     found->second.start_is_given = wanted.start_is_given;
     if (wanted.track.before.is_known) found->second.track = std::make_unique<Track>(wanted.track);
     return;
@@ -110,7 +111,7 @@ void Objects::take(std::string_view given, const Known& wanted) {
   removed_ += wanted.is_removed;
   removed_ -= item.is_removed;
   item.is_removed = wanted.is_removed;
-  item.start_is_given = wanted.start_is_given;
+  if (wanted.is_more_than_moved) item.start_is_given = wanted.start_is_given;
   item.track = std::move(track);
   if (item.row != no_row) return;
   removed_ -= item.is_removed;

@@ -18,6 +18,7 @@ struct Known : Entry {
   // Of a group only:
   bool is_removed = false;
   bool is_more_than_moved = false;
+  uint32_t number = 0;  // of a new name, where it is not the next
 };
 
 class Objects {
@@ -42,6 +43,7 @@ class Objects {
   size_t count() const noexcept { return names_.size() - removed_; }
   bool is_empty() const noexcept { return names_.empty(); }  // nothing fades out either
 
+  uint32_t last_number() const noexcept { return last_number_; }
   // Names in the order in which they first came.
   std::vector<std::string_view> in_order() const;
   // Calls f(name, Known) for each, in the order of their rows.

@@ -36,9 +36,13 @@ uint32_t RowSpace::row_in(uint32_t chunk) const noexcept {
   return chunk * chunk_size + static_cast<uint32_t>(std::countr_one(spaces_[chunk].taken));
 }
 
-uint32_t RowSpace::find(Vec3 position, double size) {
+uint64_t RowSpace::place_of(Vec3 position, double size) noexcept {
   if (cell_ == 0 && size > 1e-9 && size < 1e9) cell_ = size / 4;  // the first object tells how large things are here
-  const uint64_t code = cell_ > 0 ? code_of(position) : 0;
+  return cell_ > 0 ? code_of(position) : 0;
+}
+
+uint32_t RowSpace::find(Vec3 position, double size) {
+  const uint64_t code = place_of(position, size);
   // The chunk where the place is, or one of its neighbours in this order.
   constexpr int neighbours = 3;
   auto before = order_.upper_bound(code), after = before;

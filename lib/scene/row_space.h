@@ -21,6 +21,8 @@ class RowSpace {
   // The row is free again when the snapshot `sequence` has been used, the first without it: see reclaim.
   void release(uint32_t row, uint64_t sequence) noexcept;
   void reclaim(uint64_t used) noexcept;  // frees what was released up to there
+  // Objects that are added in the order of this number lie together best.
+  uint64_t place_of(Vec3 position, double size) noexcept;
   uint32_t chunks_end() const noexcept { return static_cast<uint32_t>(spaces_.size()); }  // all numbers are below it
 
  private:

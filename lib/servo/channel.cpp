@@ -40,7 +40,7 @@ fs_response Channel::evaluate_view(const Snapshot& snapshot, uint32_t view, fs_s
   sum.proxy = state.pose;
   if (!(weight > 0) || !make_unit_pose(state.pose)) return sum;
   const View& seen = snapshot.views->rows[view];
-  sum = evaluate_near(snapshot, reader_.mailbox.front().scratches, *reader_.memory, view, seen.version, *seen.tool,
+  sum = evaluate_near(reader_.mailbox.front().scratches, *reader_.memory, view, seen.version, *seen.tool,
                       ToolState::at(state, *seen.tool, now));
   scale(sum, weight);
   if (weight < 1 && sum.felt_count > 0) sum.flags |= FS_RESPONSE_FADING;
