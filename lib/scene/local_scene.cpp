@@ -188,15 +188,29 @@ void LocalScene::set_movement(const char* name, const Movement& movement) {
   });
 }
 
-void LocalScene::set_motion(const char* name, const Motion& motion) {
+size_t LocalScene::set_motions(const std::vector<Move>& moves) {
+  size_t count = 0;
   mutate([&] {
-    std::string key;
-    Known known = require(name, &key);
-    known.track.take(motion.pose, &motion.twist, motion.time);
-    known.motion = motion;
-    known.expiry = expiry_of(*known.object, now());
-    put(key, known, false);
+    const double time = now();
+    for (const auto& [name, motion] : moves) {
+      if (!group_) {
+        count += objects_.move_to(*name, motion, time);
+        continue;
+      }
+      Known known;
+      if (!find(*name, known)) continue;
+      known.track.take(motion.pose, &motion.twist, motion.time);
+      known.motion = motion;
+      known.expiry = expiry_of(*known.object, time);
+      put(*name, known, false);
+      ++count;
+    }
   });
+  return count;
+}
+
+void LocalScene::set_motion(const std::string& name, const Motion& motion) {
+  if (set_motions({{&name, motion}}) == 0) fail_unknown(name);
 }
 
 Ref<const Object> LocalScene::get(const char* name, fs_object& out) {

@@ -54,7 +54,13 @@ struct LocalScene final : Scene {
   // An object's motion as it is (as an open group has it), and set as another process has worked it out: good numbers.
   Movement movement(const char* name) const;
   void set_movement(const char* name, const Movement& movement);
-  void set_motion(const char* name, const Motion& motion);  // a move whose twist has been worked out
+  // Moves whose twists have been worked out, all at once; returns how many of the objects are there.
+  struct Move {
+    const std::string* name;
+    Motion motion;
+  };
+  size_t set_motions(const std::vector<Move>& moves);
+  void set_motion(const std::string& name, const Motion& motion);  // NOT_FOUND
 
   // Groups.
   void begin() override;

@@ -118,14 +118,27 @@ void Objects::take(std::string_view given, const Known& wanted) {
   names_.erase(found);
 }
 
-bool Objects::move(std::string_view given, const Pose& pose, const Twist* twist, double time, double now) {
-  const auto found = names_.find(given);
+bool Objects::move(std::string_view name, const Pose& pose, const Twist* twist, double time, double now) {
+  return move(name, now, [&](Track& track) { return track.take(pose, twist, time != 0 ? time : now); });
+}
+
+bool Objects::move_to(std::string_view name, const Motion& motion, double now) {
+  return move(name, now, [&](Track& track) {
+    track.take(motion.pose, &motion.twist, motion.time);
+    return motion;
+  });
+}
+
+// take: enters the move in the object's track, and returns its motion.
+template <class F>
+bool Objects::move(std::string_view name, double now, F&& take) {
+  const auto found = names_.find(name);
   if (found == names_.end() || found->second.is_removed) return false;
   Item& item = found->second;
   const Row& row = rows.row(item.row);
   if (!item.track) item.track = std::make_unique<Track>(Track::of(rows.motion(item.row)));
   Track track = *item.track;
-  const Motion motion = track.take(pose, twist, time != 0 ? time : now);
+  const Motion motion = take(track);
   const double before = row.expiry, after = expiry_of(*row.object, now);
   set_expiry(found->first, before, after);
   rows.move(item.row, motion, after, next_serial());

@@ -37,6 +37,7 @@ class Objects {
   void take(std::string_view name, const Known& wanted);
   // For less: an object that is there is only moved. False: there is none.
   bool move(std::string_view name, const Pose& pose, const Twist* twist, double time, double now);
+  bool move_to(std::string_view name, const Motion& motion, double now);  // its twist has been worked out
 
   void set_capacity(uint32_t capacity) noexcept { capacity_ = capacity; }
   void require_room(size_t more, const char* verb) const;  // FULL
@@ -85,6 +86,8 @@ class Objects {
 
   const Item* find_item(std::string_view name) const noexcept;  // null also for one that fades out
   bool list(const std::string& name, Item& item);
+  template <class F>
+  bool move(std::string_view name, double now, F&& take);
   void set_expiry(const std::string& name, double before, double after);
 
   NameMap<Item> names_;

@@ -2,7 +2,6 @@
 
 #include <utility>
 
-#include "base/error.h"
 #include "transfer/records.h"
 
 namespace fs {
@@ -72,18 +71,16 @@ Moves::Taken Moves::take(LocalScene& scene) {
     return {};
   }
   Taken out{true, taken_.size(), 0, 0};
+  moves_.clear();
   for (const auto& [slot, move] : taken_) {
     Motion motion;
     if (!from_record(move.movement, motion)) {
       ++out.refused;
       continue;
     }
-    try {
-      scene.set_motion(slots_[slot].name.c_str(), motion);
-      ++out.applied;
-    } catch (const Error&) {  // the object is not there any more
-    }
+    moves_.push_back({&slots_[slot].name, motion});
   }
+  if (!moves_.empty()) out.applied = scene.set_motions(moves_);
   allowance_.spend(taken_.size());
   return out;
 }

@@ -57,7 +57,8 @@ class Moves {
   NameMap<uint32_t> objects_;
   std::vector<Slot> slots_;
   std::vector<uint64_t> dirty_;  // a bit for each slot: there is a move to look at
-  std::vector<std::pair<uint32_t, wire::Move>> taken_;  // kept for its memory
+  std::vector<std::pair<uint32_t, wire::Move>> taken_;  // these two are kept for their memory
+  std::vector<LocalScene::Move> moves_;
   Allowance allowance_{256};                            // moves each turn, about 40 us
 };
 
