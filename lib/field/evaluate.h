@@ -31,7 +31,7 @@ struct ToolState {
   std::array<Point, FS_TOOL_POINTS_MAX> points;
   unsigned count;
   double time;                 // s, scene time
-  bool is_any_point = false;   // it feels what any point of a tool would, whichever the object is meant for
+  bool is_any_point = false;   // its point feels every object, whatever the object's tool_points
 
   // state's pose must be one.
   static ToolState at(const fs_state& state, const ToolPoints& points, double time) noexcept;

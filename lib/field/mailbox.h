@@ -1,5 +1,5 @@
-// The latest value from one writer to one reader: three slots and one atomic word, no locks, nothing torn. What was posted
-// can be taken back as long as it was not fetched. The writer frees what the reader let go.
+// Hands the latest value from one writer to one reader through three slots and one atomic word, without locks. A value
+// is never torn. The writer can take a value back until the reader has fetched it, and frees old values.
 #pragma once
 
 #include <array>
@@ -12,26 +12,22 @@ namespace fs {
 template <class T>
 class Mailbox {
  public:
-  // The writer's. True when the value before was never fetched. The slot that comes back is emptied, so that old values
-  // are freed here and at once.
+  // Writer. True: the previous value was never fetched. Empties the slot that comes back, so old values are freed here.
   bool post(T value) {
     slots_[back_] = std::move(value);
     return swap_middle(back_ | fresh);
   }
 
-  // The writer's. Takes back what was posted last: true when it was not fetched, and now cannot be any more.
+  // Writer. Takes the newest value back. True: the reader had not fetched it, and now cannot.
   bool take_back() { return swap_middle(back_); }
 
-  // The writer's. What was posted last has not been fetched so far.
-  bool is_unread() const noexcept { return middle_.load(std::memory_order_acquire) & fresh; }
-
-  // The writer's. Frees what the reader has let go of, which would otherwise stay until the next post.
+  // Writer. Frees a value that the reader has replaced, without waiting for the next post.
   void tidy() {
     const uint8_t found = middle_.load(std::memory_order_acquire);
     if (!(found & fresh) && !(slots_[found] == T())) slots_[found] = T();  // the reader takes fresh ones only
   }
 
-  // [rt] The reader's. True when there is a newer value in front().
+  // [rt] Reader. True: front() is a newer value now.
   bool fetch() noexcept {
     uint8_t found = middle_.load(std::memory_order_relaxed);
     for (int tries = 0; tries < 8 && found & fresh; ++tries) {  // it may be taken back, or be replaced, meanwhile
@@ -43,10 +39,10 @@ class Mailbox {
   }
   const T& front() const noexcept { return slots_[front_]; }
 
-  // Before the reader runs: what it has until it fetches.
+  // Sets front() before the reader runs.
   void prime(T value) { slots_[front_] = std::move(value); }
 
-  // When neither runs any more.
+  // Empties all slots; neither side may run.
   void clear() { slots_ = {}; }
 
  private:

@@ -1,5 +1,5 @@
-// Where an object is: a pose at a time and the twist it has from then on. The application says so at 25 Hz; between two
-// words of it the servo extrapolates, for a stated time at most, and never back.
+// Where an object is: its pose at a time, and its twist from then on. The application gives both at 25 Hz or so; in
+// between the servo extrapolates, never backwards and for a limited time.
 #pragma once
 
 #include <algorithm>
@@ -9,15 +9,15 @@
 
 namespace fs {
 
-inline constexpr double extrapolation_limit = 0.1;   // s: longer, and a dead application drives its walls into the hand
-inline constexpr double twist_memory = 0.2;          // s between two poses that still make a twist
-inline constexpr double same_instant = 1e-3;         // s: of two poses nearer than this the later replaces the earlier
+inline constexpr double extrapolation_limit = 0.1;   // s: a dead application must not go on driving a wall into the hand
+inline constexpr double twist_memory = 0.2;          // s, most between two poses that a twist is worked out from
+inline constexpr double same_instant = 1e-3;         // s: two poses closer in time count as one, the later
 
 struct Motion {
   Pose pose = identity_pose();
   Twist twist{};
   double time = 0;     // s, when pose held
-  double horizon = 0;  // s, how long the twist is used; 0: it stands
+  double horizon = 0;  // s, how long the twist is used; 0: the object stands
 
   bool is_moving(double t) const noexcept { return t > time && t < time + horizon; }
 
@@ -25,7 +25,7 @@ struct Motion {
     const double dt = used(t);
     return dt > 0 ? advanced(pose, twist, dt) : pose;
   }
-  Vec3 position_at(double t) const noexcept {  // [rt] that of at(t), for less
+  Vec3 position_at(double t) const noexcept {  // [rt] the position of at(t), which costs less
     return pose.position + used(t) * twist.linear;
   }
 
@@ -39,7 +39,7 @@ struct Motion {
   double used(double t) const noexcept { return std::clamp(t - time, 0.0, horizon); }  // s, of the twist
 };
 
-// The poses that the application gave, as far as the next worked-out twist needs them.
+// The last poses that the application gave; twists are worked out from them.
 struct Track {
   struct Sample {
     Pose pose = identity_pose();
@@ -58,8 +58,8 @@ struct Track {
     return track;
   }
 
-  // Takes a pose given at `time`; without a twist of its own it gets one worked out from the pose before. One older than
-  // the last pose stands.
+  // Takes a pose given at `time`. Without a twist one is worked out from the pose before. A pose older than the last one
+  // has no twist.
   Motion take(const Pose& pose, const Twist* twist, double time) noexcept {
     const double since_last = last.is_known ? time - last.time : 0;
     if (since_last < 0) before = older = {};

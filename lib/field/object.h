@@ -1,5 +1,5 @@
-// A force-object as the rest of the core sees it: checked once, immutable, shared by all who look at it.
-// parse_object is the only validator: deeper code never checks again.
+// A force-object as the rest of the core sees it: checked once, immutable and shared. parse_object is the only
+// validator; deeper code does not check again.
 #pragma once
 
 #include <cmath>
@@ -20,23 +20,23 @@ struct Object : Counted<Object> {
   Law law;
   double damping = 0;       // N s/m
   fs_contact contact{};     // keep is NONE: contacts come with the proxy
-  Ref<const Shape> shape;   // built, where anybody evaluates
+  Ref<const Shape> shape;   // its tree is built if anybody evaluates the object
   uint32_t tool_points = 0;  // as the contract has it: 0 is all
   double lifetime = 0;      // s, 0: without end
   bool is_enabled = true;
 
-  // Worked out when it is admitted.
+  // Worked out by parse_object.
   double radius = 0;           // m, of the primitive about its origin; a plane: infinite
   double steepest_slope = 0;   // N/m, of the force in the distance; infinite where it jumps
   uint32_t point_mask() const noexcept { return tool_points ? tool_points : ~0u; }
 
-  // What cannot change while it is felt but by fading from one version to the other.
+  // False: the object cannot be adjusted to the other one while it is felt; the two must cross-fade (weight.h).
   bool is_same_version(const Object& other) const noexcept {
     return primitive == other.primitive && shape == other.shape && point_mask() == other.point_mask();
   }
 };
 
-// What fs_object_set is given, checked. Times that are 0 are left for the scene, which knows its clock.
+// The checked argument of fs_object_set. A time of 0 stays 0: the scene, which knows its clock, replaces it.
 struct ParsedObject {
   Ref<const Object> object;
   Pose pose;
@@ -44,33 +44,33 @@ struct ParsedObject {
   double time, start;
 };
 
-// Checks every field, builds the shape's tree, works out what depends on the whole. Throws INVALID (the sentence begins
-// with the object's name), VERSION, UNSUPPORTED.
-// like: an object of which much may be the same, and need not be worked out again; may be null.
-// builds_shape: false where nobody evaluates the object yet.
+// Checks every field, builds the shape's tree and works out the derived fields. Throws INVALID (the sentence begins with
+// the object's name), VERSION, UNSUPPORTED.
+// like: an earlier version of the object, whose slopes are used again if the profiles are the same; may be null.
+// builds_shape: false as long as nobody evaluates the object.
 ParsedObject parse_object(const fs_object& object, const Object* like = nullptr, bool builds_shape = true);
 
-// Only what stands in `parts` (fs_part bits) is taken from `change`, the rest from `object`; both as the contract has them.
+// The object with the given parts (fs_part bits) of `change`.
 fs_object merge_parts(const fs_object& object, const fs_object& change, uint32_t parts);
 
-// The other way, all but pose, twist, time and start. Handles are borrowed.
+// The contract's form of an object, without pose, twist, time and start. Its handles are borrowed.
 fs_object to_c(const Object& object);
 
-// The checks that others need too. `field` is the name in the sentence. All throw INVALID.
+// Checks of single fields. `field` names the field in the sentence. All throw INVALID.
 std::string parse_name(const char* name, const char* field);
 Pose parse_pose(const Pose& pose, const char* field);  // zero orientation: identity; within 1e-3 of unit: normalised
 Vec3 parse_position(Vec3 v, const char* field);
 Twist parse_twist(const Twist& twist, const char* field);
 double parse_finite(double value, const char* field);
 
-// [rt] The same for a pose without a sentence: false when it is not a pose. Normalises in place.
+// [rt] As parse_pose, but in place and without a sentence; false: it is not a pose.
 bool make_unit_pose(Pose& pose) noexcept;
 
 // fs_part bits. INVALID.
 inline constexpr uint32_t all_parts = FS_PART_POSE | FS_PART_PROFILES | FS_PART_CONTACT | FS_PART_SHAPE | FS_PART_OTHER;
 uint32_t parse_parts(uint64_t parts);
 
-// struct_size of what a caller made: larger than ours throws VERSION, smaller INVALID.
+// Checks the struct_size of a caller's struct: larger than ours throws VERSION, smaller INVALID.
 void check_struct_size(uint32_t given, size_t ours, const char* type);
 
 }  // namespace fs

@@ -1,4 +1,4 @@
-// What a servo's tick tells of one scene. It may lie in memory that a client maps read-only.
+// What a servo's tick tells about one scene. It may lie in memory that a client maps read-only.
 #pragma once
 
 #include <atomic>

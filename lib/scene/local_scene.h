@@ -1,5 +1,5 @@
-// A scene whose objects are evaluated in this process. Every change takes one way, wherever it comes from: check, rows,
-// snapshot, mailbox. All functions but those marked [rt] may allocate and take the scene's lock; none waits on a reader.
+// A scene whose objects are evaluated in this process. Every change takes the same way: check, rows, snapshot, mailbox.
+// Functions that are not marked [rt] may allocate and take the scene's lock; none waits for a reader.
 #pragma once
 
 #include <functional>
@@ -51,10 +51,11 @@ struct LocalScene final : Scene {
   void set_contents(const std::vector<fs_object>& objects, const fs_frame& frame,
                     const std::vector<Vec3>& tool) override;
 
-  // An object's motion as it is (as an open group has it), and set as another process has worked it out: good numbers.
+  // The motion of an object, as an open group has it; and the motion that another process has worked out, to be set
+  // without a check.
   Movement movement(const char* name) const;
   void set_movement(const char* name, const Movement& movement);
-  // Moves whose twists have been worked out, all at once; returns how many of the objects are there.
+  // Sets several motions at once. Returns how many of the objects exist.
   struct Move {
     const std::string* name;
     Motion motion;
@@ -65,13 +66,13 @@ struct LocalScene final : Scene {
   // Groups.
   void begin() override;
   void commit() override;
-  // The same by steps of at most `most` objects; true: done. Between them nothing else changes or posts the scene.
+  // The same in steps of at most `most` objects; true: done. Between the steps nobody may change or post the scene.
   bool commit(size_t most);
   void cancel() override;
   void sync(double timeout) override;
 
-  // Changes of objects that are there, by somebody else, kept apart until they are taken all at once; beside an open group,
-  // which is the application's. What another change has brought meanwhile stays, but for the parts that are changed.
+  // A draft collects changes that somebody else makes to existing objects, until take applies all of them at once. It is
+  // independent of the application's open group. take changes only the parts that the draft has changed.
   class Draft;
   Draft draft();
   void change(Draft& draft, const fs_object& object, uint32_t parts);  // its shape is built
@@ -79,12 +80,12 @@ struct LocalScene final : Scene {
   void remove(Draft& draft, const char* name);
   Ref<const Object> get(const Draft& draft, const char* name, fs_object& out);
   void take(Draft& draft);
-  void discard(Draft& draft) noexcept;  // in any case at the end
+  void discard(Draft& draft) noexcept;  // must be called at the end in any case
 
-  // How many objects it holds at most, those still fading out included.
+  // The most objects that the scene can hold, including those that fade out.
   void set_capacity(uint32_t capacity);
 
-  // Held, changes are collected, and reach the readers only with post().
+  // After hold() changes reach the readers only with post().
   void hold();
   void post();
   uint64_t sequence() const;  // of the newest change

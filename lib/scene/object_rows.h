@@ -1,8 +1,8 @@
-// The rows of a scene's objects, as readers are to see them: which versions of a name there are, and when a row is free
-// again. It is the poster's side of field/weight.h. All of it under the scene's lock.
+// The rows of objects that a scene posts: which versions of a name there are, and when a row is free again. This is the
+// poster's side of field/weight.h. Every call needs the scene's lock.
 //
-// The rows of a name hang together: the newest has the name, and `previous` leads to those that fade out. A name has at
-// most three: one that fades out, one that comes in, and the newest, which waits for that one.
+// The rows of a name form a chain: the newest row has the name, and `previous` leads to the rows that fade out. A chain has
+// at most three rows: one fades out, one comes in, and the newest waits for the one that comes in.
 #pragma once
 
 #include <vector>

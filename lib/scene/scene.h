@@ -1,6 +1,5 @@
-// The fs_scene of the C contract itself: what can be done with a scene, wherever its objects are felt. There are two:
-// LocalScene in this process, RemoteScene (client/) at a server. The calls throw Error but where they are noexcept; any
-// thread may make them.
+// The fs_scene of the C contract: the calls of a scene, wherever its objects are evaluated. LocalScene evaluates them in
+// this process, RemoteScene (client/) at a server. Any thread may call; calls that are not noexcept throw Error.
 #pragma once
 
 #include <vector>
@@ -17,10 +16,10 @@ struct LocalScene;
 struct fs_scene : fs::Counted<fs_scene> {
   virtual ~fs_scene() = default;
 
-  // The caller has given its handle back; others (a servo, a tool, a call of another thread) may hold the scene still.
+  // The caller has given its handle back. A servo, a tool or a call of another thread may still hold the scene.
   virtual void close() noexcept {}
 
-  // The scene's own objects as this process has them, to be evaluated here.
+  // The scene's own objects as this process has them.
   virtual fs::LocalScene& local() = 0;
   virtual bool is_remote() const noexcept = 0;
 

@@ -1,5 +1,5 @@
-// The views of a scene, as readers are to see them: where its tool stands. Another frame or tool is another version, which
-// cross-fades with the one before (field/weight.h); the clutch holds and lets go the same view. All of it under the
+// The views that a scene posts: where its tool stands. Another frame or tool is another version, which cross-fades with
+// the one before (field/weight.h). The clutch holds and lets go of a view without making another. Every call needs the
 // scene's lock.
 #pragma once
 
@@ -16,7 +16,7 @@ struct ViewChange {
   std::optional<std::vector<Vec3>> points;
   std::optional<bool> held;
 
-  void add(ViewChange later);  // which counts where both have something
+  void add(ViewChange later);  // where both have a value, the later one counts
 };
 
 class ViewRows {

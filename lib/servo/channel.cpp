@@ -86,7 +86,7 @@ fs_response Channel::evaluate_views(const fs_state& hand, double now) noexcept {
   return device;
 }
 
-// One client can neither push harder than it may nor, by a number that is none, take the others' forces with it.
+// Clamps to the limit of the client; a force that is not finite disables only this client.
 void Channel::limit(fs_response& device) noexcept {
   const Wrench& w = device.wrench;
   if (!is_finite(w)) {
