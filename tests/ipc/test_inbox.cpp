@@ -197,7 +197,7 @@ START_TEST(random_writes) {
   });
   const uint64_t wanted = wanted_writes / (_i ? 4 : 1);
   int rounds = 0;
-  while (writes < wanted || rounds < 20) {
+  while (writes < wanted || rounds < 20 || writer.moves(rig) == 0) {  // however late the server comes to take one
     rig.tick(_i ? 1 : 50);
     rig.check_honest();
     ++rounds;
@@ -205,7 +205,6 @@ START_TEST(random_writes) {
   is_over = true;
   for (std::thread& thread : threads) thread.join();
   const uint64_t moves = writer.moves(rig);
-  ck_assert_uint_gt(moves, 0);
   ck_assert_uint_gt(scenes::stats_of(rig.scene()).ticks, before);
   std::printf("  %lu random writes, %lu moves taken of them, %lu ticks\n", (unsigned long)writes.load(), (unsigned long)moves,
               (unsigned long)(scenes::stats_of(rig.scene()).ticks - before));
