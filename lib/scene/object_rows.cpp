@@ -94,7 +94,9 @@ bool ObjectRows::has_begun(uint32_t number) const noexcept {
 bool ObjectRows::is_gone(uint32_t number) const noexcept {
   const Row& it = row(number);
   if (!servo_) return true;
-  if (!has_begun(number) || servo_->memory->weight(number).value() > 0) return false;
+  // One that waits gives way in the tick in which it begins, if that tick knows its next.
+  if (!has_begun(number)) return it.next != no_row && row(it.next).sequence <= used();
+  if (servo_->memory->weight(number).value() > 0) return false;
   return it.next != no_row ? has_begun(it.next) : !it.is_in && it.sequence <= used();
 }
 
@@ -115,22 +117,27 @@ uint32_t ObjectRows::set(uint32_t newest, const Entry& entry) {
     if (servo_) newest = tidy_older(newest);
     const Row& now = row(newest);
     const uint32_t previous = now.previous;
-    const bool is_waiting = this->is_waiting(newest);
     const bool is_same = now.object->is_same_version(*entry.object);
-    const bool is_adjusted = is_same || !servo_;
-    if (is_adjusted || is_waiting) {
+    // A version that waits may be replaced as long as no tick can know it. One that was posted belongs to a group that is
+    // felt as a whole, so the new one comes after it; a servo that stands still must not make the chain endless.
+    const bool is_replaced = is_waiting(newest) && (now.sequence == sequence_ || length(newest) >= longest_chain);
+    if (is_same || !servo_ || is_replaced) {
+      for (uint32_t older = newest; is_waiting(older); older = row(older).previous) own(row(older).previous);
       own(newest);
-      if (is_waiting) own(previous);
-      make_readers_ready(newest, *entry.object, now.object.get());
+      make_readers_ready(newest, *entry.object, row(newest).object.get());
       uint64_t version = row(newest).version;
       if (!is_same) {
         const uint64_t before = std::exchange(version, ++last_version_);
         if (servo_ && !servo_->memory->weight(newest).replace_waiting(before, version)) continue;  // it has begun
       }
+      const bool was_in = row(newest).is_in;
+      const uint64_t sequence = row(newest).sequence;
       fill(newest, entry, version, previous);
-      if (is_waiting) {  // what goes out goes out as a whole
-        if (!entry.object->is_enabled) want_out(previous);
-        if (row(previous).is_in) edit(previous).expiry = entry.expiry;
+      if (is_same && was_in == entry.object->is_enabled) edit(newest).sequence = sequence;
+      for (uint32_t number = newest; is_waiting(number);) {  // what is felt still is the same object
+        number = row(number).previous;
+        if (!entry.object->is_enabled) want_out(number);
+        if (row(number).is_in) edit(number).expiry = entry.expiry;
       }
       return newest;
     }
@@ -150,22 +157,29 @@ uint32_t ObjectRows::set(uint32_t newest, const Entry& entry) {
   }
 }
 
+uint32_t ObjectRows::length(uint32_t newest) const noexcept {
+  uint32_t count = 0;
+  for (uint32_t number = newest; number != no_row; number = row(number).previous) ++count;
+  return count;
+}
+
 void ObjectRows::move(uint32_t newest, const Motion& motion, double expiry, uint64_t motion_revision) {
-  const uint32_t felt = is_waiting(newest) ? row(newest).previous : no_row;  // the one before is the object still
-  const uint32_t both[] = {newest, felt};
-  for (const uint32_t number : both) {
-    if (number == no_row) continue;
+  const auto own_moved = [&](uint32_t number) {
     if (row(number).expiry == expiry) {
       own_motion(number);
     } else {
       own(number);
     }
-  }
-  for (const uint32_t number : both) {
-    if (number == no_row) continue;
+  };
+  const auto move_one = [&](uint32_t number) {
     chunk(number).move(number % chunk_size, motion, motion_revision);
     if (row(number).expiry != expiry && (number == newest || row(number).is_in)) edit(number).expiry = expiry;
-  }
+  };
+  // Where the newest waits, the versions before it, back to the one that has begun, are the object still.
+  own_moved(newest);
+  for (uint32_t number = newest; is_waiting(number); number = row(number).previous) own_moved(row(number).previous);
+  move_one(newest);
+  for (uint32_t number = newest; is_waiting(number); number = row(number).previous) move_one(row(number).previous);
 }
 
 uint32_t ObjectRows::remove(uint32_t newest) {
@@ -185,11 +199,13 @@ uint32_t ObjectRows::tidy_older(uint32_t newest) {
       above = number;
       continue;
     }
-    const uint32_t older = row(number).previous;
+    const uint32_t older = row(number).previous, next = row(number).next;
     own(above);
     own(number);
     if (older != no_row) own(older);
-    if (older != no_row) {  // it was wanted out because `number` had begun
+    if (older != no_row && !has_begun(number)) {
+      edit(older).next = next;
+    } else if (older != no_row) {  // it was wanted out because `number` had begun
       want_out(older);
       edit(older).next = no_row;
     }

@@ -1,8 +1,9 @@
 // The rows of objects that a scene posts: which versions of a name there are, and when a row is free again. This is the
 // poster's side of field/weight.h. Every call needs the scene's lock.
 //
-// The rows of a name form a chain: the newest row has the name, and `previous` leads to the rows that fade out. A chain has
-// at most three rows: one fades out, one comes in, and the newest waits for the one that comes in.
+// The rows of a name form a chain: the newest row has the name, and `previous` leads to the rows that fade out. After a tick
+// a chain has three rows at most: one fades out, one comes in, and the newest waits for the one that comes in. Versions
+// that come between two ticks are appended, and go again with the next tick.
 #pragma once
 
 #include <vector>
@@ -91,6 +92,8 @@ class ObjectRows {
     return row(newest).previous != no_row && !has_begun(newest);
   }
   bool is_gone(uint32_t row) const noexcept;
+  static constexpr uint32_t longest_chain = 16;
+  uint32_t length(uint32_t newest) const noexcept;  // of the chain
 
   const ServoOutput& output_;
   Chunks chunks_;
