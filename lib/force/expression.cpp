@@ -12,7 +12,7 @@ namespace {
 
 bool is_letter(char c) { return std::isalnum(static_cast<unsigned char>(c)) || c == '_'; }
 
-// What is meant by a name of other languages.
+// Names from other languages and what they mean here.
 constexpr struct {
   const char *name, *hint;
 } hints[] = {
@@ -48,7 +48,7 @@ std::string sentence_on_name(const std::string& name) {
          "; there are the distance d (m), the time t (s)," + names_of(parser.GetConst()) + names_of(functions);
 }
 
-// Where the first ':' or the last '?' stands that has no partner.
+// The index of the first ':' or the last '?' that has no partner.
 size_t lonely_colon(const std::string& text) {
   for (size_t i = 0, open = 0; i < text.size(); ++i) {
     if (text[i] == '?') ++open;
