@@ -22,7 +22,7 @@ const fs_driver& driver_of(const std::string& scheme, const char* uri) {
   }
   std::string schemes;
   for (const fs_driver* driver : all_drivers()) schemes += (schemes.empty() ? "" : ", ") + std::string(driver->scheme);
-  fail(FS_ERROR_NOT_FOUND, "device '%s': there is no driver '%s'; there are: %s", uri, scheme.c_str(),
+  fail(FS_ERROR_NOT_FOUND, "device '%s': there is no driver '%s'; the drivers are: %s", uri, scheme.c_str(),
        schemes.empty() ? "none" : schemes.c_str());
 }
 
@@ -43,7 +43,7 @@ void ask(const fs_driver& driver, const char* function, Call call) {
   if (silent) set_last_error_literal(FS_OK, previous);
   if (status == FS_OK) return;
   if (!silent && last_error()[0]) throw Error{known_status(status), last_error()};
-  fail(known_status(status), "driver '%s': %s failed with status %d and said no more", driver.scheme, function,
+  fail(known_status(status), "driver '%s': %s failed with status %d and gave no reason", driver.scheme, function,
        static_cast<int>(status));
 }
 

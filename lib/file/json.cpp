@@ -115,7 +115,7 @@ class Builder : public nlohmann::json_sax<nlohmann::json> {
   }
   bool enter(Json value) {
     if (open_.size() == max_depth) {
-      fail_here("values lie more than " + std::to_string(max_depth) + " deep in one another");
+      fail_here("values are nested more than " + std::to_string(max_depth) + " levels deep");
     }
     add(std::move(value));
     open_.push_back(last_);

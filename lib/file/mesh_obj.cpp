@@ -16,7 +16,7 @@ Vec3 read_vertex(Text& text) {
   for (int i = 0; i < 4; ++i) {  // an optional weight or colour
     const std::string_view more = text.word();
     if (more.empty()) return point;
-    text.number(more, "what stands behind x y z");
+    text.number(more, "the value after x y z");
   }
   if (!text.word().empty()) fail_at(FS_ERROR_PARSE, text.where(), "a vertex has more than 7 numbers");
   return point;

@@ -91,7 +91,7 @@ MeshData parse_off(std::string_view bytes, const std::string& file) {
   }
   text.next_line();
   if (const auto more = text.word_anywhere(); !more.empty()) {
-    fail_at(FS_ERROR_PARSE, text.where(), "%s stands behind the last of %llu faces", in_quotes(more).c_str(),
+    fail_at(FS_ERROR_PARSE, text.where(), "%s follows the last of %llu faces", in_quotes(more).c_str(),
             static_cast<unsigned long long>(faces));
   }
   cutter.cut(mesh.points, file);

@@ -155,7 +155,7 @@ Header parse_header(std::string_view bytes, const std::string& file) {
     } else if (key == "element") {
       header.elements.push_back(parse_element(text, header.elements));
     } else if (key == "property") {
-      if (header.elements.empty()) fail_at(FS_ERROR_PARSE, text.where(), "a property stands before the first element");
+      if (header.elements.empty()) fail_at(FS_ERROR_PARSE, text.where(), "a property comes before the first element");
       header.elements.back().properties.push_back(parse_property(text, header.elements.back()));
     } else if (key != "end_header") {
       fail_at(FS_ERROR_PARSE, text.where(), "%s is no word of a PLY header", in_quotes(key).c_str());
@@ -307,7 +307,7 @@ MeshData read_elements(Source source, const Header& header, const std::string& f
   for (const Element& element : header.elements) {
     const size_t least = Source::least_size(element);
     if (least > 0 && element.count > left / least) {
-      fail_at(FS_ERROR_PARSE, file, "the header says %llu of %s, the %zu bytes behind it do not hold them",
+      fail_at(FS_ERROR_PARSE, file, "the header says %llu of %s, the %zu bytes after it do not hold them",
               static_cast<unsigned long long>(element.count), in_quotes(element.name).c_str(), source.remaining());
     }
     left -= element.count * least;

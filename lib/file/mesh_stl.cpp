@@ -84,7 +84,7 @@ void expect(Text& text, const char* keyword) {
   const std::string_view word = text.word_anywhere();
   if (is_keyword(word, keyword)) return;
   if (word.empty()) fail_at(FS_ERROR_PARSE, text.where(), "the file ends, \"%s\" must follow", keyword);
-  fail_at(FS_ERROR_PARSE, text.where(), "%s stands where \"%s\" must", in_quotes(word).c_str(), keyword);
+  fail_at(FS_ERROR_PARSE, text.where(), "%s is in the place of \"%s\"", in_quotes(word).c_str(), keyword);
 }
 
 MeshData parse_ascii(std::string_view bytes, const std::string& file) {
@@ -98,7 +98,7 @@ MeshData parse_ascii(std::string_view bytes, const std::string& file) {
       if (is_keyword(word, "endsolid")) break;
       if (!is_keyword(word, "facet")) {
         if (word.empty()) fail_at(FS_ERROR_PARSE, text.where(), "the file ends, \"facet\" or \"endsolid\" must follow");
-        fail_at(FS_ERROR_PARSE, text.where(), "%s stands where \"facet\" or \"endsolid\" must",
+        fail_at(FS_ERROR_PARSE, text.where(), "%s is in the place of \"facet\" or \"endsolid\"",
                 in_quotes(word).c_str());
       }
       expect(text, "normal");
@@ -121,7 +121,7 @@ MeshData parse_ascii(std::string_view bytes, const std::string& file) {
     const std::string_view word = text.word_anywhere();
     is_open = is_keyword(word, "solid");
     if (!is_open && !word.empty()) {
-      fail_at(FS_ERROR_PARSE, text.where(), "%s stands behind \"endsolid\"", in_quotes(word).c_str());
+      fail_at(FS_ERROR_PARSE, text.where(), "%s follows \"endsolid\"", in_quotes(word).c_str());
     }
   }
   if (corners.empty()) fail_at(FS_ERROR_PARSE, text.where(), "the file ends without a facet");

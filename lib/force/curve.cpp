@@ -315,7 +315,7 @@ void check_expression(const std::string& text) {
     if (std::strchr("<>!=", c) && text[i + 1] == '=') {
       ++i;
     } else if (c == '=') {
-      fail(FS_ERROR_PARSE, "column %zu of the expression is '=': there is no assignment", i + 1);
+      fail(FS_ERROR_PARSE, "column %zu of the expression is '=': assignment is not allowed", i + 1);
     } else if (c == '(') {
       const size_t before = i == 0 ? std::string::npos : text.find_last_not_of(' ', i - 1);
       const bool is_call = before != std::string::npos && (std::isalnum(text[before]) || text[before] == '_');
@@ -323,7 +323,7 @@ void check_expression(const std::string& text) {
     } else if (c == ')' && !open.empty()) {
       open.pop_back();
     } else if (c == ',' && (open.empty() || open.back() != 'f')) {
-      fail(FS_ERROR_PARSE, "column %zu of the expression is ',' outside of a call: one number is wanted", i + 1);
+      fail(FS_ERROR_PARSE, "column %zu of the expression is ',' outside of a call: it must give one number", i + 1);
     }
   }
 }

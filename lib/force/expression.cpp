@@ -45,7 +45,7 @@ std::string sentence_on_name(const std::string& name) {
   }
   if (functions.count(lower) || lower == "d" || lower == "t") hint = "write " + lower;
   return "the name is not known" + (hint.empty() ? "" : " (" + hint + ")") +
-         "; there are the distance d (m), the time t (s)," + names_of(parser.GetConst()) + names_of(functions);
+         "; known are the distance d (m), the time t (s)," + names_of(parser.GetConst()) + names_of(functions);
 }
 
 // The index of the first ':' or the last '?' that has no partner.
@@ -80,7 +80,7 @@ void fail_expression(const std::string& text, const mu::ParserError& error) {
   switch (error.GetCode()) {
     case mu::ecUNASSIGNABLE_TOKEN:
       sentence = is_letter(text[place]) ? sentence_on_name(token)
-                                        : "it is no operator; there are + - * / ^ < > <= >= == != && || and a ? b : c";
+                                        : "it is no operator; use + - * / ^ < > <= >= == != && || and a ? b : c";
       break;
     case mu::ecUNEXPECTED_EOF:
       place = text.find_last_not_of(' ');
