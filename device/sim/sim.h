@@ -3,9 +3,9 @@
 // Modelled: a hand fixed to the handle; on each axis of the device frame, a mass with viscous and Coulomb friction, and
 // the hand's spring and damper towards its (moving) target; forces constant between writes, and delayed; motor torques
 // limited with the direction kept; mechanical stops without rebound; the position as the joint encoders measure it
-// through the kinematics; a wrist with a grip, its rotation vector moved on each of the axes x, y, z. Not modelled:
-// gravity, the change of inertia with the pose, elasticity, backlash, amplifiers (include their lag in delay_ms), the
-// error of quantised angles in the conversion of force to torque (1e-4), coupling between wrist and arm.
+// through the kinematics; a wrist with a grip, its rotation vector moved on each of the axes x, y, z.
+// Not modelled: gravity, the change of inertia with the pose, elasticity, backlash, amplifiers (include their lag in
+// delay_ms), the error of quantised angles in the conversion of force to torque (1e-4), coupling of wrist and arm.
 //
 // Time runs on a grid of 25 us that begins at the first reading, so the same writes give the same bits, however often
 // the device is read. A write counts from the newest grid time that was read, and takes effect delay_ms (rounded to the

@@ -1,6 +1,5 @@
 // Intrusive reference counts: a C handle is the object itself, and Ref is the C++ way to hold one.
-// LocalCounted is the same without atomics, for objects that only one thread at a time (under a lock) retains or
-// releases.
+// LocalCounted is the same without atomics, for objects that a lock guards.
 #pragma once
 
 #include <atomic>

@@ -1,5 +1,4 @@
-// Tells a process from its forked child. The child has copies of all handles, but not the threads and devices behind
-// them.
+// Tells a process from its forked child. The child has copies of all handles, but not their threads and devices.
 #pragma once
 
 #include <cstdint>

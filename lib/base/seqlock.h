@@ -44,8 +44,7 @@ class Seqlock {
   std::array<std::atomic<uint64_t>, words> words_{};
 };
 
-// Two seqlocks, written alternately: one is complete at any time, even while the writer is delayed in the middle of the
-// other.
+// Two seqlocks, written alternately: one is complete at any time, even while the writer is delayed in the other.
 template <class T>
 class Latest {
  public:

@@ -9,8 +9,7 @@
 
 namespace fs {
 
-// The text of a field. The field may come from another process and have no terminating 0; then the text fills the
-// field.
+// The text of a field. A field from another process may lack its terminating 0; then the text is the whole field.
 template <size_t n>
 std::string text_of(const char (&field)[n]) {
   return std::string(field, strnlen(field, n));

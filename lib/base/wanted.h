@@ -1,5 +1,4 @@
-// Long work checks at every step whether anybody still wants it, so that it can be abandoned within about a
-// millisecond.
+// Long work checks at every step whether it is still wanted, so that it can be abandoned within about a millisecond.
 #pragma once
 
 #include <atomic>

@@ -31,8 +31,7 @@ fs_status known_status(fs_status status) {  // a driver may return any number
   return value <= FS_OK && value >= FS_ERROR_INTERNAL ? status : FS_ERROR_IO;
 }
 
-// Calls one function of a driver. A failure is thrown with the driver's sentence, or a general one if the driver set
-// none.
+// Calls one function of a driver. A failure is thrown with the driver's sentence, or else with a general one.
 template <class Call>
 void ask(const fs_driver& driver, const char* function, Call call) {
   static const char silence[] = "";

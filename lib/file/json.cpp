@@ -18,8 +18,7 @@ namespace {
 
 constexpr size_t max_depth = 16;  // levels of nested braces and brackets; a scene has 5
 
-// Iterates over text and records how far it came, for error sentences. nlohmann-json never reads beyond the present
-// token.
+// Iterates over text and records its position for error sentences. nlohmann-json never reads beyond the present token.
 class CountingIterator {
  public:
   using iterator_category = std::input_iterator_tag;

@@ -1,5 +1,4 @@
-// OBJ: reads the lines "v" and "f". The rest (normals, texture, groups, materials, lines, curves) is no surface and
-// ignored.
+// OBJ: reads the lines "v" and "f". The rest (normals, texture, groups, materials, lines, curves) is ignored.
 #include "base/whole_file.h"
 #include "file/mesh_formats.h"
 #include "file/polygon.h"
@@ -22,8 +21,7 @@ Vec3 read_vertex(Text& text) {
   return point;
 }
 
-// The vertex number in "7", "7/5", "7//3" or "7/5/3", as written: from 1, or negative counting back from the last
-// vertex.
+// The vertex number in "7", "7/5", "7//3" or "7/5/3", as written: from 1, or negative to count back from the last.
 int64_t read_corner(const Text& text, std::string_view word) {
   const size_t end = word.find('/');
   if (end != word.npos) {

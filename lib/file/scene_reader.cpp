@@ -1,5 +1,4 @@
-// JSON to a scene. Strict: an unknown or repeated key is an error, so that a misspelt key does not become a default
-// force.
+// JSON to a scene. Strict: an unknown or repeated key is an error, so that a misspelt key never leaves a default force.
 #include "file/scene_reader.h"
 
 #include <algorithm>
@@ -209,8 +208,7 @@ class SceneReader {
       try {
         out[name] = read(form);
       } catch (Error& error) {
-        // make_mesh, make_polyline and the makers of curves do not know the file and report INVALID; for a file it is
-        // PARSE.
+        // The functions that make shapes and curves report INVALID, without the file; for a file it is PARSE.
         if (error.text.rfind(form.where(), 0) != 0) error.text = form.where() + ": " + error.text;
         if (error.status == FS_ERROR_INVALID) error.status = FS_ERROR_PARSE;
         throw;

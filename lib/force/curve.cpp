@@ -30,8 +30,7 @@ struct Piece {
 };
 constexpr size_t most_pieces = 256;
 
-// A cubic Hermite segment from one entry to the next as a polynomial of u in [0, 1], given the slopes there (N per
-// step).
+// A cubic Hermite segment between two entries as a polynomial of u in [0, 1], from the slopes there (N per step).
 struct Cubic {
   double c0, c1, c2, c3;
 
@@ -105,8 +104,7 @@ class TableCurve final : public Curve {
     }
   }
 
-  // The steepest |slope| (N/m) in the part of interval i where the force is below `limit`; it crosses `limit` there
-  // once.
+  // The steepest |slope| (N/m) of interval i where the force is below `limit`, which it crosses there once.
   double slope_below(size_t i, double limit) const {
     const Cubic cubic = interval(i);
     const bool is_rising = values_[i + 1] > values_[i];
@@ -243,8 +241,8 @@ class ExpressionCurve final : public Curve {
 
  private:
   // Samples at distances in a geometric series from 1 um to 100 m, and at times that do not fall into step with a usual
-  // frequency. These few hundred evaluations take some tenths of a millisecond: a file may have thousands of
-  // expressions.
+  // frequency. A file may have thousands of expressions, so these few hundred evaluations take only some
+  // tenths of a millisecond.
   void sample(ExpressionParser& parser) {
     const bool is_timed = mentions_time(text_);
     const size_t times = is_timed ? 6 : 1, distances = is_timed ? 64 : most_pieces;

@@ -24,8 +24,7 @@ struct Law {
   }
   bool has_curves() const noexcept { return front.curve || back.curve; }
 
-  // [rt] g (N) and its slope (N/m) at s (m) and the profiles' time t (s); parsers: may be null when there are no
-  // curves.
+  // [rt] g (N) and its slope (N/m) at s (m) and the profiles' time t (s); parsers: may be null without curves.
   Intensity at(double s, double t, const Parsers* parsers) const noexcept {
     if (!(s < 0)) {
       const Intensity f = evaluate(front, parsers ? parsers->front.get() : nullptr, s, t);

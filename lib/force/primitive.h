@@ -25,8 +25,7 @@ struct Closest {
 // [rt] The closest point to x (object frame, m). False when it is farther than max_distance (m, may be infinite), or
 // when x is not finite or beyond 1e150 m; then out is unchanged. shape: of a polyline or mesh, already built.
 // Exact to double precision: coordinates are taken relative to x, so rounding depends on the size of a triangle or
-// segment and its distance, not on how far both are from the origin. A distance of at most 2 ulps of the coordinates is
-// 0.
+// segment and its distance, not on how far both are from the origin. A distance within 2 ulps of the coordinates is 0.
 bool closest_point(fs_primitive primitive, const Shape* shape, Vec3 x, double max_distance, Closest& out) noexcept;
 
 }  // namespace fs

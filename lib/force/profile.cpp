@@ -108,8 +108,7 @@ double formula_slope(const Profile& p, double end) noexcept {
       return p.gain * std::exp(-0.5 * q * q) * q / p.width;
     }
     case FS_PROFILE_QUADRATIC: {
-      // The slope grows with d, so it is steepest where the force reaches limit (gain > 0) or 0 (gain < 0), or at the
-      // end.
+      // The slope grows with d: it is steepest where the force reaches limit (gain > 0) or 0 (gain < 0), or at the end.
       const double room = p.gain > 0 ? p.limit - p.offset : p.offset;
       if (room <= 0) return 0;
       const double d = std::fmin(std::sqrt(room / std::fabs(p.gain)), end);
