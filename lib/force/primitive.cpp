@@ -9,8 +9,8 @@
 namespace fs {
 namespace {
 
-constexpr double largest_position = 1e150;  // m: its square is finite
-constexpr double straight_angle = 1e-7;     // rad
+constexpr double largest_query = 1e150;  // m: its square is finite
+constexpr double straight_angle = 1e-7;  // rad
 
 bool closest_on_point(Vec3 x, double max_distance, Closest& out) noexcept {
   const double distance = norm(x);
@@ -93,7 +93,7 @@ bool closest_on_polyline(const Shape& shape, Vec3 x, double max_distance, Closes
 }  // namespace
 
 bool closest_point(fs_primitive primitive, const Shape* shape, Vec3 x, double max_distance, Closest& out) noexcept {
-  if (!(max_distance >= 0) || !is_finite(x) || largest_coordinate(x) > largest_position) return false;
+  if (!(max_distance >= 0) || !is_finite(x) || largest_coordinate(x) > largest_query) return false;
   switch (primitive) {
     case FS_PRIMITIVE_POINT:
       return closest_on_point(x, max_distance, out);
