@@ -61,7 +61,8 @@ constexpr Hand released_hand{0, 0, 0, 0, 0};                      // nobody hold
 constexpr double substep = 25e-6;                                 // s
 constexpr double catch_up_max = 0.1;                              // s
 
-// Motions of the hand's target (device frame, within the workspace; chosen for this simulator). t = 0: the first reading.
+// Motions of the hand's target (device frame, within the workspace; chosen for this simulator).
+// t = 0 is the time of the first reading.
 constexpr double figure8_width = 0.06, figure8_height = 0.03;     // m: x = width sin(wt), y = height sin(2wt), z = 0
 constexpr double figure8_period = 4;                              // s
 constexpr double sweep_width = 0.10, sweep_period = 5;            // m, s: x = -width cos(wt), y = z = 0
