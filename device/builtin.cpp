@@ -1,5 +1,5 @@
-// Hands the drivers of this library to the registry when it is loaded, and the schemes of those that are planned. lib/ does
-// not know what stands here.
+// When the library is loaded, registers its drivers and announces the schemes of planned ones. Nothing in lib/ depends
+// on this file.
 #include "device/sim/sim.h"
 #include "driver/registry.h"
 
@@ -10,7 +10,7 @@ namespace {
     fs::register_driver(fs::sim_driver());
     for (const char* planned : {"falcon", "fidel"}) fs::announce_scheme(planned);
     return true;
-  } catch (...) {  // no memory: then opening "sim:" says that there is no such driver
+  } catch (...) {  // out of memory: opening "sim:" will say that there is no such driver
     return false;
   }
 }();

@@ -13,10 +13,10 @@ struct Direction {  // of a leg, seen from above
 constexpr double half_sqrt3 = std::numbers::sqrt3 / 2;
 constexpr Direction legs[3] = {{1, 0}, {-0.5, half_sqrt3}, {-0.5, -half_sqrt3}};
 
-// Base and platform enter by the difference of their radii alone.
+// Only the difference of the radii of base and platform matters.
 double offset(const DeltaGeometry& g) { return g.base_radius - g.platform_radius; }
 
-// Where the forearm would begin if it ended in the platform's centre.
+// The beginning of the forearm, moved so that the forearm ends at the platform's centre.
 Vec3 elbow(const DeltaGeometry& g, Direction leg, double angle) {
   const double reach = offset(g) + g.upper_arm * std::cos(angle);
   return {reach * leg.cosine, reach * leg.sine, g.upper_arm * std::sin(angle)};
@@ -27,7 +27,7 @@ Vec3 elbow(const DeltaGeometry& g, Direction leg, double angle) {
 std::optional<Vec3> delta_inverse(const DeltaGeometry& g, Vec3 p) {
   double angles[3];
   for (int i = 0; i < 3; ++i) {
-    // In the plane of the leg: u outwards from the arm's axis, z away from the base; v out of the plane.
+    // Coordinates of the leg: u outwards from the arm's axis, z away from the base, v perpendicular to the leg's plane.
     const double u = legs[i].cosine * p.x + legs[i].sine * p.y - offset(g);
     const double v = -legs[i].sine * p.x + legs[i].cosine * p.y;
     const double forearm2 = g.forearm * g.forearm - v * v;
@@ -40,20 +40,21 @@ std::optional<Vec3> delta_inverse(const DeltaGeometry& g, Vec3 p) {
 }
 
 std::optional<Vec3> delta_forward(const DeltaGeometry& g, Vec3 angles) {
-  // The point at one forearm from each elbow: above the circumcentre of their triangle.
+  // The point one forearm's length from each elbow lies above the circumcentre of their triangle.
   const Vec3 first = elbow(g, legs[0], angles.x);
   const Vec3 a = elbow(g, legs[1], angles.y) - first, b = elbow(g, legs[2], angles.z) - first;
   const Vec3 normal = cross(a, b);
   const double normal2 = dot(normal, normal);
   const Vec3 centre = (1 / (2 * normal2)) * cross(dot(a, a) * b - dot(b, b) * a, normal);
   const double height2 = g.forearm * g.forearm - dot(centre, centre);
-  if (!(height2 >= 0)) return std::nullopt;  // too far apart; also when they are in one line: the centre is nowhere
+  if (!(height2 >= 0)) return std::nullopt;  // elbows too far apart, or in one line (height2 is NaN)
   const double side = normal.z < 0 ? -1 : 1;
   return first + centre + (side * std::sqrt(height2 / normal2)) * normal;
 }
 
 std::optional<DeltaJacobian> delta_jacobian(const DeltaGeometry& g, Vec3 p, Vec3 angles) {
-  // Constant forearm lengths: s_i . dp = (s_i . t_i) dangle_i, s_i along the forearm, t_i how its elbow moves.
+  // Forearm lengths are constant: s_i . dp = (s_i . t_i) dangle_i, with s_i along the forearm and t_i the motion of its
+  // elbow per rad.
   const double angle[3] = {angles.x, angles.y, angles.z};
   Vec3 s[3];
   double lever[3];

@@ -17,19 +17,19 @@ struct DeltaGeometry {
   double forearm;          // m
 };
 
-// The three angles (rad) for a position (m), elbows outward; none when it is out of reach.
+// The three angles (rad) for a position (m), with the elbows outward; nullopt when the position is out of reach.
 std::optional<Vec3> delta_inverse(const DeltaGeometry& geometry, Vec3 position);
 
-// The position (m) for three angles (rad), on the side away from the base; none when the legs cannot meet.
+// The position (m) for three angles (rad), on the side away from the base; nullopt when the legs cannot meet.
 std::optional<Vec3> delta_forward(const DeltaGeometry& geometry, Vec3 angles);
 
 struct DeltaJacobian {
   Mat3 jacobian;    // m/rad: velocity = jacobian * rates, torques = transposed(jacobian) * force
-  double coplanar;  // |det| of the unit forearms: towards 0 the force cannot be controlled
-  double straight;  // smallest lever of a forearm over the upper arm: 0 when a leg is straight or folded
+  double coplanar;  // |det| of the unit forearm vectors; the force cannot be controlled near 0
+  double straight;  // smallest lever of a forearm relative to its upper arm; 0 when a leg is straight or folded
 };
 
-// For a position and its angles; none where the forearms are coplanar (below 1e-6).
+// For a position and its angles; nullopt where the forearms are coplanar (`coplanar` below 1e-6).
 std::optional<DeltaJacobian> delta_jacobian(const DeltaGeometry& geometry, Vec3 position, Vec3 angles);
 
 }  // namespace fs

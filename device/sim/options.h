@@ -1,4 +1,4 @@
-// What stands behind "sim:", parsed.
+// The parsed options of a "sim:" URI.
 #pragma once
 
 #include <cstdint>
@@ -13,13 +13,13 @@ struct SimOptions {
   HandPath path = HandPath::hold({0, 0, 0});
   double mass = fidel::mass;          // kg, of the device
   double friction = fidel::friction;  // N
-  bool ideal_encoder = false;         // exact pose and twist, instead of what joint encoders see
+  bool ideal_encoder = false;         // exact pose and twist, not quantised by the encoders
   bool active_wrist = false;
-  int delay_steps = 0;                // from a write to its force, in substeps
-  uint32_t seed = 0;                  // 0: all encoders are 0 in the middle of a count; else each elsewhere in it
+  int delay_steps = 0;                // from a write to its effect, in substeps
+  uint32_t seed = 0;                  // 0: no encoder offset; otherwise it seeds offsets within one count
 };
 
-// Throws INVALID, UNSUPPORTED (what is not built yet), and what the path's file gives.
+// Throws INVALID, UNSUPPORTED (an option that is planned), and as HandPath::named does.
 SimOptions parse_sim_options(const char* address);
 
 }  // namespace fs

@@ -14,9 +14,9 @@ namespace fs {
 namespace {
 
 constexpr uint64_t largest_path = 64 << 20;  // bytes: half an hour at 1000 lines a second
-constexpr double coordinate_max = 1;  // m: a hand may want to be beyond the stops, but not beyond an arm's length
+constexpr double coordinate_max = 1;  // m: a target may lie beyond the stops, but not beyond an arm's length
 
-// The numbers of a line, at most 5; -1 when something else stands there.
+// Reads at most 5 numbers of a line and returns how many; -1 when the line has anything else.
 int parse_line(std::string_view text, double (&numbers)[5]) {
   text = text.substr(0, text.find('#'));
   int count = 0;

@@ -1,4 +1,4 @@
-// Where the simulated hand wants to be.
+// The path of the target towards which the simulated hand pulls.
 #pragma once
 
 #include <string>
@@ -15,12 +15,12 @@ class HandPath {
   };
 
   static HandPath hold(Vec3 position);
-  // "figure8", "sweep" or "touch" (parameters.h), else the name of a file with lines "t x y z" (s, m): t increasing,
-  // straight between the lines, at rest before the first and after the last; '#' begins a comment. A regular file of at
-  // most 64 MB. Throws NOT_FOUND, IO, PARSE with the line.
+  // "figure8", "sweep" or "touch" (parameters.h); any other name is that of a file with lines "t x y z" (s, m). t must
+  // increase; the target moves straight from line to line and rests before the first and after the last. '#' begins a
+  // comment. The file must be regular and at most 64 MB. Throws NOT_FOUND, IO, PARSE with the line.
   static HandPath named(const std::string& name);
 
-  // [rt] time: s, never before that of the last call.
+  // [rt] time: s, never earlier than in the last call.
   Target at(double time) noexcept;
 
  private:
@@ -33,7 +33,7 @@ class HandPath {
 
   Kind kind_ = Kind::POINTS;
   std::vector<Point> points_;
-  size_t next_ = 0;  // the first point that is still to come
+  size_t next_ = 0;  // index of the first point still ahead
 };
 
 }  // namespace fs

@@ -7,7 +7,7 @@
 namespace fs {
 namespace {
 
-// e^m by scaling and squaring. Its Taylor series ends below 1e-20 for a norm of 1/4.
+// e^m by scaling and squaring. For a norm of 1/4 the Taylor series is cut off below 1e-20.
 Mat3 exponential(const Mat3& m) {
   const double size = std::fabs(m.xx) + std::fabs(m.xy) + std::fabs(m.xz) + std::fabs(m.yx) + std::fabs(m.yy) +
                       std::fabs(m.yz) + std::fabs(m.zx) + std::fabs(m.zy) + std::fabs(m.zz);
@@ -27,14 +27,14 @@ Mat3 exponential(const Mat3& m) {
 
 Axis::Axis(double m, double b, double k, double friction, double stick_speed, double step)
     : stiffness_(k), friction_(friction), stick_speed_(stick_speed) {
-  // (x, v, u)' = M (x, v, u) with u held: its exponential has the step of the state and that of the input.
+  // (x, v, u)' = M (x, v, u) with u constant. The exponential of M step gives the coefficients of a step.
   const Mat3 e = exponential(step * Mat3{0, 1, 0, -k / m, -b / m, 1 / m, 0, 0, 0});
   xx_ = e.xx, xv_ = e.xy, xu_ = e.xz;
   vx_ = e.yx, vv_ = e.yy, vu_ = e.yz;
 }
 
 AxisState Axis::advance(AxisState s, double u) const noexcept {
-  const double load = u - stiffness_ * s.x;  // what friction would have to hold
+  const double load = u - stiffness_ * s.x;  // the force that friction must balance to stop the axis
   const bool can_hold = std::fabs(load) <= friction_;
   if (friction_ > 0 && std::fabs(s.v) < stick_speed_) {
     if (can_hold) return {s.x, 0};

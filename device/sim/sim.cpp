@@ -22,7 +22,7 @@ Vec3 from_delta(Vec3 p) { return {p.x, -p.y, centre_depth - p.z}; }
 Vec3 position_of(const AxisState (&axes)[3]) { return {axes[0].x, axes[1].x, axes[2].x}; }
 Vec3 velocity_of(const AxisState (&axes)[3]) { return {axes[0].v, axes[1].v, axes[2].v}; }
 
-// Mechanical stops: back to the edge, and no speed outwards.
+// Mechanical stops: moves the handle back to the edge and removes its outward speed.
 void stop_handle(AxisState (&axes)[3]) {
   const double radius = std::hypot(axes[0].x, axes[1].x);
   if (radius > stop_radius) {
@@ -40,14 +40,14 @@ void stop_wrist(AxisState& axis) {
   if (axis.x < -wrist_angle) axis = {-wrist_angle, std::max(0.0, axis.v)};
 }
 
-// The force that the motors make when asked for `force` at p (device frame). All three torques are scaled together: the
-// direction stays. Up to force_max no motor reaches its limit anywhere within the stops.
+// The force that the motors give for the command `force` at p (device frame). All three torques are scaled together,
+// which keeps the direction. Up to force_max no motor reaches its limit anywhere within the stops.
 Vec3 motor_force(Vec3 force, Vec3 p) {
   if (norm(force) <= force_max) return force;
   const Vec3 position = to_delta(p);
   const auto angles = delta_inverse(geometry, position);
   const auto jacobian = angles ? delta_jacobian(geometry, position, *angles) : std::nullopt;
-  if (!jacobian) return {0, 0, 0};  // not within the stops
+  if (!jacobian) return {0, 0, 0};  // cannot happen within the stops
   const Vec3 unit = normalized(force);
   const Vec3 torque = transposed(jacobian->jacobian) * Vec3{unit.x, -unit.y, -unit.z};  // N m for 1 N
   const double largest = std::max({std::fabs(torque.x), std::fabs(torque.y), std::fabs(torque.z)});
@@ -58,7 +58,7 @@ Vec3 wrist_motor_torque(Vec3 torque) {
   return norm(torque) > wrist_torque_max ? wrist_torque_max * normalized(torque) : torque;
 }
 
-// Angular velocity (along the device's axes) for the rate of a rotation vector: the left Jacobian of SO(3).
+// Maps the rate of a rotation vector to an angular velocity (along the device's axes): the left Jacobian of SO(3).
 Mat3 rotation_jacobian(Vec3 r) {
   const double angle2 = dot(r, r), angle = std::sqrt(angle2);
   const bool small = angle < 1e-3;
@@ -73,7 +73,7 @@ double encoded(double angle, double counts, double phase) {
   return (std::round(angle / count + phase) - phase) * count;
 }
 
-// A number within [-0.5, 0.5); S. Vigna's splitmix64.
+// A random number within [-0.5, 0.5), by S. Vigna's splitmix64.
 double next_phase(uint64_t& state) {
   uint64_t z = state += 0x9e3779b97f4a7c15;
   z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9;
@@ -94,7 +94,7 @@ Simulator::Simulator(const SimOptions& options)
     for (double& phase : joint_phase_) phase = next_phase(state);
     for (double& phase : wrist_phase_) phase = next_phase(state);
   }
-  const Vec3 start = path_.at(0).position;  // at rest there, or at the stop nearest to it
+  const Vec3 start = path_.at(0).position;  // begin at rest there, or at the nearest stop
   position_[0].x = start.x;
   position_[1].x = start.y;
   position_[2].x = start.z;
@@ -119,9 +119,9 @@ void Simulator::get_info(fs_device_info& out) const noexcept {
 }
 
 void Simulator::advance(double time) noexcept {
-  // The grid step that has begun by then; the tolerance of 1/8 us forgives the rounding of k/rate.
+  // The number of the grid step that has begun by `time`; the tolerance of 25 ns absorbs the rounding of k/rate.
   double wanted = std::floor((time - origin_) / substep + 1e-3);
-  if (!started_ || wanted < static_cast<double>(steps_)) {  // the first time, or another clock
+  if (!started_ || wanted < static_cast<double>(steps_)) {  // the first call, or a clock that went back
     started_ = true;
     origin_ = time - static_cast<double>(steps_) * substep;
     return;
@@ -137,7 +137,7 @@ void Simulator::advance(double time) noexcept {
 void Simulator::step() noexcept {
   const size_t size = line_.size(), now = static_cast<size_t>(steps_) % size;
   line_[now] = command_;
-  const Wrench& acting = line_[(now + 1) % size];  // the oldest; with no delay that of now
+  const Wrench& acting = line_[(now + 1) % size];  // the oldest command; without a delay the newest
   step_handle(motor_force(acting.force, position_of(position_)));
   step_wrist(options_.active_wrist ? wrist_motor_torque(acting.torque) : Vec3{});
   ++steps_;
@@ -154,7 +154,7 @@ void Simulator::step_handle(Vec3 force) noexcept {
 }
 
 void Simulator::step_wrist(Vec3 torque) noexcept {
-  const Vec3 input = transposed(rotation_jacobian(position_of(rotation_))) * torque;  // the same power
+  const Vec3 input = transposed(rotation_jacobian(position_of(rotation_))) * torque;  // the transpose preserves power
   rotation_[0] = wrist_.advance(rotation_[0], input.x);
   rotation_[1] = wrist_.advance(rotation_[1], input.y);
   rotation_[2] = wrist_.advance(rotation_[2], input.z);
@@ -164,7 +164,7 @@ void Simulator::step_wrist(Vec3 torque) noexcept {
 Vec3 Simulator::encoded_position() const noexcept {
   const Vec3 position = position_of(position_);
   const auto angles = delta_inverse(geometry, to_delta(position));
-  if (!angles) return position;  // not within the stops
+  if (!angles) return position;  // cannot happen within the stops
   const auto measured = delta_forward(geometry, {encoded(angles->x, joint_counts, joint_phase_[0]),
                                                  encoded(angles->y, joint_counts, joint_phase_[1]),
                                                  encoded(angles->z, joint_counts, joint_phase_[2])});

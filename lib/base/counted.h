@@ -1,5 +1,5 @@
 // Intrusive reference counts: a C handle is the object itself, and Ref is the C++ way to hold one.
-// LocalCounted is the same without atomics, for what only one thread at a time (under a lock) takes and lets go.
+// LocalCounted is the same without atomics, for objects that a lock guards.
 #pragma once
 
 #include <atomic>
@@ -15,7 +15,7 @@ class LocalCounted {
   void release() const noexcept {
     if (--references_ == 0) delete static_cast<const Derived*>(this);
   }
-  // True while the caller's is the only reference: then it may change the object in place.
+  // True while the caller has the only reference; then it may change the object in place.
   bool is_unique() const noexcept { return references_ == 1; }
 
  protected:

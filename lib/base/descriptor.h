@@ -21,7 +21,7 @@ class Descriptor {
   void reset() noexcept {
     if (number_ >= 0) close();
   }
-  // 0, or -1 with errno: some file systems tell only here that the disk is full.
+  // Returns 0, or -1 with errno: some file systems report a full disk only on close.
   int close() noexcept { return ::close(std::exchange(number_, -1)); }
   int get() const noexcept { return number_; }
   explicit operator bool() const noexcept { return number_ >= 0; }

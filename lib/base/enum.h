@@ -1,4 +1,4 @@
-// Enums of the C contract as they come from a caller.
+// Reads enums of the C contract that a caller has set.
 #pragma once
 
 #include <cstdint>
@@ -6,7 +6,8 @@
 
 namespace fs {
 
-// The number in an enum that a C program may have set to anything: in C++ its mere value would be undefined then.
+// Reads the bits of an enum that a C program may have set to any number: reading an out-of-range value as the enum is
+// undefined in C++.
 template <class Enum>
 int32_t raw_value(const Enum& value) {
   static_assert(sizeof(Enum) == sizeof(int32_t));

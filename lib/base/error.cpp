@@ -7,7 +7,7 @@
 namespace fs {
 namespace {
 
-// initial-exec: the servo's path may read and write this pointer, and a lazily made TLS block would be an allocation.
+// initial-exec, because the servo's path reads and writes this pointer, and creating a TLS block lazily would allocate.
 thread_local const char* last_text __attribute__((tls_model("initial-exec"))) = "";
 thread_local std::string last_owned;
 

@@ -1,5 +1,5 @@
-// Errors inside the library. Off the servo they are thrown as Error and become an fs_status at the C border; on the
-// servo's path a function returns an fs_status and a literal sentence, and nothing is thrown.
+// Errors inside the library. Outside the servo's path they are thrown as Error and become an fs_status in the C
+// functions; on the servo's path a function returns an fs_status with a literal sentence, and nothing is thrown.
 #pragma once
 
 #include <string>
@@ -16,7 +16,8 @@ struct Error {
 // Throws an Error with a printf-formatted sentence.
 [[noreturn, gnu::format(printf, 2, 3)]] void fail(fs_status status, const char* format, ...);
 
-// Makes text, or a copy of it, the thread's last error; returns status. May allocate; where it cannot, it says so.
+// Makes text, or a copy of it, the thread's last error; returns status. May allocate; if memory runs out, the last
+// error says so.
 fs_status set_last_error(fs_status status, std::string&& text) noexcept;
 fs_status set_last_error(fs_status status, const char* text) noexcept;
 

@@ -1,5 +1,5 @@
-// A number that stands for bytes: equal bytes have equal numbers, and others most probably not. It is no protection
-// against somebody who looks for bytes of a given number.
+// A hash of bytes: different bytes most probably have different hashes. It is not cryptographic: bytes with a given
+// hash can be found.
 #pragma once
 
 #include <cstdint>

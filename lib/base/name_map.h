@@ -1,5 +1,5 @@
-// A map by name, looked up by std::string_view without making a std::string. Ordered: names come from other processes, and
-// names chosen to meet in a hash table would make every look-up as long as the table.
+// A map by name, looked up by std::string_view without making a std::string. It is ordered and not a hash table because
+// names come from other processes: names chosen to collide would make every look-up scan the whole table.
 #pragma once
 
 #include <functional>

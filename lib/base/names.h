@@ -1,5 +1,5 @@
-// The names of the contract's enum values: one table an enum, in which a value is the index of its name. What people
-// read of a value is made from them, in the library and in the program.
+// The names of the contract's enum values: one table for each enum, in which a value is the index of its name. The
+// library and the program take all texts about enum values from these tables.
 #pragma once
 
 #include <bit>
@@ -31,10 +31,10 @@ constexpr const char* event_kind_names[] = {"FS_EVENT_NONE",    "FS_EVENT_READY"
                                             "FS_EVENT_DEVICE",  "FS_EVENT_DISCONNECTED", "FS_EVENT_OVERFLOW"};
 constexpr const char* realtime_names[] = {"FS_REALTIME_NONE", "FS_REALTIME_NICE", "FS_REALTIME_FIFO",
                                           "FS_REALTIME_FIFO_LOCKED"};
-// Of bits: the index is the number of the bit.
+// For fault bits the index is the number of the bit.
 constexpr const char* fault_names[] = {"FS_FAULT_DEVICE", "FS_FAULT_SPEED", "FS_FAULT_NUMBER", "FS_FAULT_LATE"};
 
-// [rt] The name of a value, which may be any number; `unknown` where it has none.
+// [rt] The name of a value, which may be any number; `unknown` when it has no name.
 template <size_t count>
 const char* name_at(const char* const (&names)[count], size_t index, const char* unknown) noexcept {
   return index < count ? names[index] : unknown;

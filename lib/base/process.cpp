@@ -7,7 +7,7 @@
 namespace fs {
 namespace {
 
-std::atomic<uint32_t> forks{0};  // between the first process and this one
+std::atomic<uint32_t> forks{0};  // number of forks from the first process to this one
 
 [[maybe_unused]] const int is_watching = pthread_atfork(
     [] { process_mutex().lock(); }, [] { process_mutex().unlock(); },

@@ -1,4 +1,4 @@
-// Which process this is. A forked child has copies of all handles, but neither the threads nor the devices behind them.
+// Tells a process from its forked child. The child has copies of all handles, but not their threads and devices.
 #pragma once
 
 #include <cstdint>
@@ -6,10 +6,10 @@
 
 namespace fs {
 
-// [rt] A number that is another one in a forked child.
+// [rt] A number that differs in a forked child.
 uint32_t this_process() noexcept;
 
-// Guards the lists of what this process has open; never for long. It is free in a forked child.
+// Guards the lists of what this process has open. It is locked only briefly, and is never locked in a new forked child.
 std::mutex& process_mutex() noexcept;
 
 }  // namespace fs

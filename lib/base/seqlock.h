@@ -1,6 +1,6 @@
-// A value that one thread writes and any other reads, without waiting on either side. After H. Boehm, "Can seqlocks get
-// along with programming language memory models?" (MSPC 2012); the words themselves carry acquire and release, so that
-// the thread sanitizer, which does not know fences, understands it.
+// A value that one thread writes and any thread reads, without waiting on either side. After H. Boehm, "Can seqlocks
+// get along with programming language memory models?" (MSPC 2012). Each word is loaded with acquire and stored with
+// release, because the thread sanitizer does not understand fences.
 #pragma once
 
 #include <array>
@@ -20,7 +20,7 @@ class Seqlock {
   void write(const T& value) noexcept {  // [rt] one writer
     const uint64_t sequence = sequence_.load(std::memory_order_relaxed);
     sequence_.store(sequence + 1, std::memory_order_relaxed);
-    for (size_t i = 0; i < words; ++i) {  // word by word from the value: a copy of what was just put together stalls
+    for (size_t i = 0; i < words; ++i) {  // no whole copy first: copying a value just assembled stalls
       uint64_t word;
       std::memcpy(&word, reinterpret_cast<const char*>(&value) + 8 * i, sizeof word);
       words_[i].store(word, std::memory_order_release);
@@ -28,7 +28,7 @@ class Seqlock {
     sequence_.store(sequence + 2, std::memory_order_release);
   }
 
-  // [rt] False when nothing was ever written, or the writer was in the way.
+  // [rt] False when nothing was ever written, or a write came in between.
   bool read(T& value) const noexcept {
     uint64_t copy[words];
     const uint64_t before = sequence_.load(std::memory_order_acquire);
@@ -44,7 +44,7 @@ class Seqlock {
   std::array<std::atomic<uint64_t>, words> words_{};
 };
 
-// Two of them, written in turn: one is whole at any time, also while the writer is held up in the middle of the other.
+// Two seqlocks, written alternately: one is complete at any time, even while the writer is delayed in the other.
 template <class T>
 class Latest {
  public:
@@ -54,8 +54,8 @@ class Latest {
     newest_.store(other, std::memory_order_release);
   }
 
-  // [rt] False when nothing was ever written. (Or after the writer came by twice in each of a hundred tries, which a
-  // writer that has anything else to do cannot.)
+  // [rt] False when nothing was ever written. (It would also be false if the writer wrote twice during each of a
+  // hundred tries; a writer with any other work cannot do that.)
   bool read(T& value) const noexcept {
     for (int tries = 0; tries < 100; ++tries) {
       if (slots_[newest_.load(std::memory_order_acquire)].read(value)) return true;

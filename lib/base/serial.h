@@ -1,4 +1,4 @@
-// Numbers that never come twice in a process, for what must be told apart also after it is gone. From 1 on.
+// Serial numbers, from 1 on. None is used twice in a process, so they identify objects even after those are gone.
 #pragma once
 
 #include <atomic>

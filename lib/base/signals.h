@@ -1,6 +1,7 @@
-// How the library's own threads begin, in whatever process they are.
+// How the library's own threads begin, whatever the application has set up.
 //
-// While it lives, a thread that is started has the application's signals blocked: its handlers may lock and allocate.
+// A thread started while a SignalsBlocked exists has the application's signals blocked, because the application's
+// handlers may lock and allocate.
 #pragma once
 
 #include <pthread.h>
@@ -26,8 +27,8 @@ class SignalsBlocked {
   sigset_t before_;
 };
 
-// First in each thread: numbers are worked out as everywhere, though the one that started it rounds otherwise, takes tiny
-// numbers for 0, or has asked for a signal at an overflow.
+// Called first in each thread. It restores default floating-point arithmetic: the thread that started this one may
+// round differently, flush subnormal numbers to 0 or trap overflows.
 inline void begin_thread(const char* name) noexcept {
   pthread_setname_np(pthread_self(), name);
   std::fesetenv(FE_DFL_ENV);

@@ -1,4 +1,4 @@
-// Long work looks here at every step whether anybody wants it still, so that it can be abandoned within about a millisecond.
+// Long work checks at every step whether it is still wanted, so that it can be abandoned within about a millisecond.
 #pragma once
 
 #include <atomic>
@@ -10,10 +10,10 @@ struct Abandoned {};  // thrown where nobody wants the work any more
 
 class Wanted {
  public:
-  Wanted() = default;  // to the end
+  Wanted() = default;  // never abandoned
   explicit Wanted(const std::atomic<bool>& is_abandoned) : is_abandoned_(&is_abandoned) {}
 
-  // One step: some comparisons or copies, whatever is bounded.
+  // Called at each step of the work; a step is a bounded amount, such as a few comparisons or copies.
   void step() {
     if (++steps_ % 1024 == 0 && is_abandoned_ && is_abandoned_->load(std::memory_order_relaxed)) throw Abandoned{};
   }

@@ -28,7 +28,7 @@ const char* kind_name(mode_t mode) {
   return "a device";
 }
 
-// A new file in `directory` ("" or ending in '/') that no one else has; path becomes its name.
+// Creates a new file in `directory` ("" or ending in '/') with an unused name, and sets path to it.
 int create_temporary(const std::string& directory, std::string& path) {
   for (unsigned i = 0;; ++i) {
     path = directory + ".forceserver-" + std::to_string(::getpid()) + "-" + std::to_string(i) + ".tmp";
@@ -63,8 +63,8 @@ std::string read_whole_file(const std::string& path, uint64_t most) {
     if (!S_ISREG(status.st_mode)) fail_at(FS_ERROR_IO, path, "is %s, must be a file", kind_name(status.st_mode));
   };
   struct stat status;
-  if (::stat(path.c_str(), &status) == 0) require_regular(status);  // to open a device may do something
-  // It may be another one by now. Without O_NONBLOCK the open of a pipe would wait for a writer.
+  if (::stat(path.c_str(), &status) == 0) require_regular(status);  // before open, which may have effects on a device
+  // The file may have been replaced since stat. Without O_NONBLOCK, opening a pipe would wait for a writer.
   Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   if (file.get() < 0) fail_system(path, "cannot be opened", errno);
   if (::fstat(file.get(), &status) != 0) fail_system(path, "cannot be read", errno);
@@ -80,7 +80,7 @@ std::string read_whole_file(const std::string& path, uint64_t most) {
     const ssize_t count = ::read(file.get(), bytes.data() + size, bytes.size() - size);
     if (count < 0 && errno == EINTR) continue;
     if (count < 0) fail_system(path, "cannot be read", errno);
-    if (count == 0) break;  // made shorter meanwhile
+    if (count == 0) break;  // the file became shorter meanwhile
     size += static_cast<size_t>(count);
   }
   bytes.resize(size);
@@ -90,7 +90,7 @@ std::string read_whole_file(const std::string& path, uint64_t most) {
 void write_file_atomically(const std::string& path, const std::string& text) {
   struct stat old;
   const bool is_there = ::stat(path.c_str(), &old) == 0;
-  if (is_there && !S_ISREG(old.st_mode)) {  // a rename would replace it, /dev/null too
+  if (is_there && !S_ISREG(old.st_mode)) {  // a rename would replace it, even /dev/null
     fail_at(FS_ERROR_IO, path, "is %s, cannot be replaced", kind_name(old.st_mode));
   }
   const std::string directory = path.substr(0, path.rfind('/') + 1);  // "" where there is no '/'
@@ -109,7 +109,7 @@ void write_file_atomically(const std::string& path, const std::string& text) {
     fail_at(FS_ERROR_IO, path, "cannot be written: %s; nothing was changed",
             std::generic_category().message(error).c_str());
   }
-  // The rename itself reaches the disk; a file system that cannot do this has no more to offer.
+  // Flush the directory too, so that the rename reaches the disk; a file system that refuses this cannot do better.
   const Descriptor parent(::open(directory.empty() ? "." : directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (parent.get() >= 0) (void)!::fsync(parent.get());
 }

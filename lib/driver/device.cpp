@@ -22,16 +22,16 @@ const fs_driver& driver_of(const std::string& scheme, const char* uri) {
   }
   std::string schemes;
   for (const fs_driver* driver : all_drivers()) schemes += (schemes.empty() ? "" : ", ") + std::string(driver->scheme);
-  fail(FS_ERROR_NOT_FOUND, "device '%s': there is no driver '%s'; there are: %s", uri, scheme.c_str(),
+  fail(FS_ERROR_NOT_FOUND, "device '%s': there is no driver '%s'; the drivers are: %s", uri, scheme.c_str(),
        schemes.empty() ? "none" : schemes.c_str());
 }
 
-fs_status known_status(fs_status status) {  // of a driver that may return anything
+fs_status known_status(fs_status status) {  // a driver may return any number
   const int value = static_cast<int>(status);
   return value <= FS_OK && value >= FS_ERROR_INTERNAL ? status : FS_ERROR_IO;
 }
 
-// Calls one function of a driver. Its failure is thrown with its own sentence, or with a general one when it has none.
+// Calls one function of a driver. A failure is thrown with the driver's sentence, or else with a general one.
 template <class Call>
 void ask(const fs_driver& driver, const char* function, Call call) {
   static const char silence[] = "";
@@ -42,7 +42,7 @@ void ask(const fs_driver& driver, const char* function, Call call) {
   if (silent) set_last_error_literal(FS_OK, previous);
   if (status == FS_OK) return;
   if (!silent && last_error()[0]) throw Error{known_status(status), last_error()};
-  fail(known_status(status), "driver '%s': %s failed with status %d and said no more", driver.scheme, function,
+  fail(known_status(status), "driver '%s': %s failed with status %d and gave no reason", driver.scheme, function,
        static_cast<int>(status));
 }
 
@@ -79,19 +79,20 @@ Vec3 limited(Vec3 v, uint32_t axes, double max) {
   if (axes < 3) v.z = 0;
   if (axes < 2) v.y = 0;
   if (axes < 1) v.x = 0;
-  return norm(v) > max ? (max * (1 - 1e-15)) * normalized(v) : v;  // not above max by rounding either
+  return norm(v) > max ? (max * (1 - 1e-15)) * normalized(v) : v;  // slightly less, so that rounding never exceeds max
 }
 
 bool is_zero(const Twist& t) { return t.linear == Vec3{} && t.angular == Vec3{}; }
 bool is_zero(const Wrench& w) { return w.force == Vec3{} && w.torque == Vec3{}; }
 
-// Lets threads of any priority run meanwhile.
+// Sleeps, so that threads of any priority can run meanwhile.
 void pause(double time) noexcept {  // s, less than 1
   const timespec length{0, static_cast<long>(time * 1e9)};
   nanosleep(&length, nullptr);
 }
 
-// False for a finite quaternion that is neither 0 (the identity: a device without orientation) nor within 1e-3 of unit.
+// Normalizes q; 0, from a device without orientation, becomes the identity. False when q is finite and neither 0 nor
+// within 1e-3 of unit length.
 bool repair_orientation(Quat& q) {
   const double length = norm(q);
   if (length == 0) {
@@ -109,7 +110,7 @@ bool repair_orientation(Quat& q) {
 
 fs_device::fs_device(const char* uri)
     : driver_(fs::driver_of(fs::parse_uri(uri).scheme, uri)), info_(fs_device_info_init()) {
-  const char* const address = std::strchr(uri, ':') + 1;  // there is one: the scheme was found
+  const char* const address = std::strchr(uri, ':') + 1;  // not null: the scheme was found
   fs::ask(driver_, "open", [&] { return driver_.open(address, &self_); });
   try {
     fs::ask(driver_, "get_info", [&] { return driver_.get_info(self_, &info_); });
@@ -154,7 +155,7 @@ bool fs_device::take_turn() noexcept {
 
 void fs_device::end_turn() noexcept { turn_.store(0); }
 
-// A turn that is waited for, `most` times 20 us or more.
+// Waits for the turn and takes it; gives up after `most` tries, at least 20 us apart.
 class fs_device::Turn {
  public:
   explicit Turn(fs_device& device, uint64_t most = UINT64_MAX) : device_(device) {
@@ -175,7 +176,7 @@ class fs_device::Turn {
  private:
   fs_device& device_;
   bool is_taken_ = false;
-  bool is_inside_ = false;  // the driver has called exit
+  bool is_inside_ = false;  // this thread has the turn already: the driver called exit
 };
 
 void fs_device::write_zero() noexcept {
@@ -204,10 +205,10 @@ void fs_device::begin_end() noexcept {
 void fs_device::end() noexcept {
   if (!is_of_this_process()) return;
   has_ended_ = true;
-  const Turn turn(*this, 50'000);  // a driver that hangs does not keep the process from its end
+  const Turn turn(*this, 50'000);  // limited, so that a driver that hangs cannot stop the process from ending
   if (!turn || !was_pushing_ || is_closed_) return;
   write_zero();
-  driver_.close(self_);  // only this is sure to wait until the 0 has arrived
+  driver_.close(self_);  // only close guarantees that the 0 has arrived
   is_closed_ = true;
 }
 
@@ -225,7 +226,7 @@ fs_status fs_device::read(double time, fs_state& out) noexcept {
     return fs::known_status(status);
   }
   if (out.time == 0) out.time = time;
-  if (!fs::is_finite(out.twist)) return FS_OK;  // one bad value is no habit
+  if (!fs::is_finite(out.twist)) return FS_OK;  // a bad value does not show that the driver gives twists
   if (!fs::is_zero(out.twist)) gives_twist_ = true;
   if (gives_twist_) return FS_OK;
   if ((out.flags & FS_STATE_READY) && fs::is_finite(out.pose)) {

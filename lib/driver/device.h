@@ -18,51 +18,52 @@ struct fs_device : fs::Counted<fs_device> {
   ~fs_device();
 
   const fs_device_info& info() const noexcept { return info_; }  // checked once, when it was opened
-  bool is_simulated() const noexcept { return driver_.advance; }        // it follows the clock that read is given
+  bool is_simulated() const noexcept { return driver_.advance; }        // it advances with the time given to read
 
-  // The owner is a servo, or nobody. The C calls that read and write are refused while it has an owner: they hold
-  // `mutex` while they ask is_owned and act, and acquire waits for one that is under way.
-  void acquire();                      // STATE
-  void release_ownership() noexcept;   // it may be used again
+  // The owner, if any, is a servo. fs_device_read and fs_device_write are refused while the device has an owner: they
+  // hold `mutex` from the test of is_owned to the end of the call, and acquire waits for a call under way.
+  void acquire();                      // throws STATE
+  void release_ownership() noexcept;   // also ends a silence
   bool is_owned() const noexcept { return owned_.load(std::memory_order_acquire); }
 
-  // The driver is asked by one thread at a time: the one whose turn it is.
-  bool take_turn() noexcept;  // [rt] false: it is another thread's turn, or the device is silent
+  // Only one thread at a time calls the driver: the one that has the turn.
+  bool take_turn() noexcept;  // [rt] false: another thread has the turn, or the device is silent
   void end_turn() noexcept;   // [rt]
 
-  // Silent, it has force 0, and nobody gets a turn. The tick under way sees is_silent and writes 0 as well.
+  // A silent device has force 0, and no thread gets its turn. The tick under way sees is_silent and writes 0 too.
   bool is_silent() const noexcept;  // [rt]
-  void silence() noexcept;          // until its owner lets go of it; waits for the turn under way
-  void zero() noexcept;             // force 0 now; waits for the turn under way, and tries for 20 ms
-  void begin_end() noexcept;        // at the process's end: silent for good, and force 0 if it is nobody's turn now
-  void end() noexcept;              // at the process's end: silent for good; closed if it was ever given a force
+  void silence() noexcept;          // until its owner releases it; waits for the turn under way
+  void zero() noexcept;             // sets force 0; waits for the turn under way, then tries for 20 ms
+  void begin_end() noexcept;        // when the process ends: silent for good; force 0 if no thread has the turn
+  void end() noexcept;              // when the process ends: silent for good; closed if it was ever given a force
 
   bool is_of_this_process() const noexcept { return process_ == fs::this_process(); }  // [rt]
 
-  // [rt] time: s, the servo's (see fs_driver.advance). The newest state: a time left 0 becomes `time`; an orientation
-  // left 0 the identity; the twist of a driver that leaves it 0 is worked out. A pose or twist that is not finite comes
-  // through as it is: the guard faults on it. On failure out is zeros; a time that is not finite or a quaternion more
-  // than 1e-3 off unit length is one.
+  // [rt] Reads the newest state. time: s, on the servo's clock (see fs_driver.advance). Where the driver leaves 0, the
+  // state's time becomes `time`, its orientation the identity, and its twist an estimate from the poses. A pose or
+  // twist that is not finite is passed on unchanged, and the guard faults on it. The call fails, with out all zeros,
+  // when the driver fails, the time is not finite, or the quaternion's length differs from 1 by more than 1e-3.
   fs_status read(double time, fs_state& out) noexcept;
-  // [rt] Scaled into the device's maxima, direction kept. A device with n < 3 force axes has the first n of x, y, z (so
-  // with its torque axes); the others are set to 0. Not finite: INVALID, and the device gets 0.
+  // [rt] Writes the wrench, scaled to the device's maxima with its direction kept. A device with n < 3 force axes has
+  // the first n of x, y, z; the other components are set to 0. The same holds for torque axes. A wrench that is not
+  // finite is INVALID, and the device gets 0.
   fs_status write(const fs_wrench& wrench) noexcept;
 
-  std::mutex mutex;  // of the C calls fs_device_read, _write
+  std::mutex mutex;  // held by the C calls fs_device_read and fs_device_write
 
  private:
   fs_driver driver_;
   void* self_ = nullptr;
   fs_device_info info_;
-  const uint32_t process_ = fs::this_process();  // that has opened it
+  const uint32_t process_ = fs::this_process();  // the process that opened it
   std::atomic<bool> owned_{false}, is_silent_{false}, has_ended_{false};
-  std::atomic<pthread_t> turn_{0};  // 0: nobody's
+  std::atomic<pthread_t> turn_{0};  // the thread that has the turn; 0: none
 
-  // Of whoever has the turn.
-  bool was_pushing_ = false;  // it was given a force since it was opened
+  // Used only by the thread that has the turn.
+  bool was_pushing_ = false;  // a force was written since the device was opened
   bool is_closed_ = false;
   fs::VelocityEstimator velocity_;
-  bool gives_twist_ = false;  // it gave one before: then its zeros are meant
+  bool gives_twist_ = false;  // the driver gave a twist before, so a twist of 0 means rest
 
   class Turn;
   void write_zero() noexcept;

@@ -11,12 +11,12 @@
 namespace fs {
 namespace {
 
-std::vector<fs_device*>& open_devices() {  // under the process's mutex
+std::vector<fs_device*>& open_devices() {  // guarded by process_mutex()
   static std::vector<fs_device*>& all = *new std::vector<fs_device*>;  // never destroyed: see below
   return all;
 }
 
-std::atomic<fs_device*> ending{nullptr};  // which the end of the process is dealing with
+std::atomic<fs_device*> ending{nullptr};  // the device that the process's end is using
 
 void end_one(void (fs_device::*step)() noexcept) {
   (ending.load()->*step)();
@@ -24,8 +24,9 @@ void end_one(void (fs_device::*step)() noexcept) {
   ending.notify_all();
 }
 
-// The newest first: a driver may have opened others for its own. All that can be told at once get force 0 before any is
-// waited for: a driver that hangs keeps no other device under force.
+// Goes from the newest device to the oldest, because a driver may have opened other devices for its own use. First it
+// sets force 0 on every device that is free at once, and only then waits for the others: a driver that hangs leaves no
+// other device with a force.
 void end_devices() {
   for (size_t i = 0;; ++i) {
     {
@@ -61,8 +62,8 @@ void remove_open_device(fs_device& device) noexcept {
   ending.wait(&device);
 }
 
-// What is registered last runs first. So a driver may use what was made static before the last device was opened or the
-// last servo started, as long as they are not more than a system surely takes.
+// Exit functions run in reverse order of registration, so registering again at each new device or servo lets a driver
+// use static objects that were made before. `most` is the number of exit functions that every system accepts.
 void guard_process_end() noexcept {
   constexpr int most = 32;
   static int registered = 0;

@@ -6,9 +6,9 @@ struct fs_device;
 namespace fs {
 
 void add_open_device(fs_device& device);
-void remove_open_device(fs_device& device) noexcept;  // waits while the end of the process is dealing with it
+void remove_open_device(fs_device& device) noexcept;  // waits while the process's end uses the device
 
-// From now on the end of the process sets the forces to 0 before anything is destroyed that is static now.
+// From now on, when the process ends, the forces are set to 0 before any static object that exists now is destroyed.
 void guard_process_end() noexcept;
 
 }  // namespace fs

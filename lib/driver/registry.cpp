@@ -19,7 +19,7 @@ constexpr size_t scheme_length_max = 31;
 
 struct Registry {
   std::mutex mutex;
-  std::map<std::string, fs_driver> drivers;  // entries are never changed or taken away; scheme points to the key
+  std::map<std::string, fs_driver> drivers;  // entries are never changed or removed; their scheme points to the key
   std::set<std::string> announced;           // schemes without a driver
 };
 
@@ -29,7 +29,7 @@ Registry& registry() {
   return *instance;
 }
 
-// The table as this library knows it: what an older driver did not have yet is null.
+// The table as this library knows it: functions that an older driver did not have yet are null.
 fs_driver parse_driver(const fs_driver& driver) {
   constexpr size_t size_0_1 = offsetof(fs_driver, advance) + sizeof(fs_driver::advance);
   if (driver.struct_size > sizeof(fs_driver)) {
@@ -76,7 +76,7 @@ void register_driver(const fs_driver& driver) {
 void load_driver(const char* path) {
   if (!*path) fail(FS_ERROR_INVALID, "path is empty, must be the path of a driver's library");
   struct stat info{};
-  if (std::strchr(path, '/') && stat(path, &info) == 0 && !S_ISREG(info.st_mode)) {  // the loader would wait for a pipe
+  if (std::strchr(path, '/') && stat(path, &info) == 0 && !S_ISREG(info.st_mode)) {  // dlopen would block on a pipe
     fail(FS_ERROR_IO, "path is '%.200s', which is no file", path);
   }
   std::unique_ptr<void, int (*)(void*)> library(dlopen(path, RTLD_NOW | RTLD_LOCAL), dlclose);

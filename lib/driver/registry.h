@@ -1,5 +1,5 @@
-// The drivers of this process, by URI scheme. Drivers hand in a table of functions; the library includes none of them.
-// Any thread, at any time: also from static initialisers and while the process ends.
+// The drivers of this process, by URI scheme. A driver registers a table of functions; lib/ includes no driver.
+// Any thread may call these functions at any time, even from static initialisers and while the process ends.
 #pragma once
 
 #include <string>
@@ -13,14 +13,14 @@ namespace fs {
 // VERSION. list, write_model and advance may be null.
 void register_driver(const fs_driver& driver);
 
-// Loads a library and registers the driver that its fs_driver_entry gives. Throws IO, and what register_driver throws.
+// Loads a library and registers the driver that its fs_driver_entry returns. Throws IO, and as register_driver does.
 void load_driver(const char* path);
 
-// Makes a scheme known whose driver is not built in: whoever asks for it is told so.
+// Makes a scheme known whose driver is not built in, so that opening it gives a clear error.
 void announce_scheme(const char* scheme);
 bool is_announced(const std::string& scheme);
 
-// Null when there is none of this scheme. Lives as long as the process.
+// Null when no driver has this scheme. The table lives as long as the process.
 const fs_driver* find_driver(const std::string& scheme);
 std::vector<const fs_driver*> all_drivers();  // in order of their schemes
 

@@ -27,7 +27,7 @@ void parse_option(std::string_view option, Uri& uri) {
   uri.options.emplace_back(key, option.substr(equals + 1));
 }
 
-// The number that the whole text is, locale or not; NaN when it is none. "inf" comes out as it is.
+// Reads the whole text as a number, independent of the locale; NaN when it is not a number. "inf" gives infinity.
 double number_of(std::string_view text) {
   double number = 0;
   return read_number(text, number) ? number : NAN;

@@ -1,5 +1,5 @@
-// "scheme:address?key=value&key=value": the parts of a device's URI, and the values of its options. Keys and values are
-// taken as they stand (nothing is %-decoded), so a value cannot contain '&'.
+// Parses a device's URI, "scheme:address?key=value&key=value", and the values of its options. Keys and values are taken
+// literally (without %-decoding), so a value cannot contain '&'.
 #pragma once
 
 #include <cstddef>
@@ -20,10 +20,10 @@ struct Uri {
 
 // Throws INVALID for an option without key or '=', or a key given twice.
 Uri parse_uri(const std::string& text);
-// The same for what stands behind the scheme: what a driver's open is given.
+// The same for the text after the scheme and its ':', which a driver's open gets.
 Uri parse_address(const std::string& text);
 
-// Throws INVALID for a key that is not among the known ones; the sentence lists those.
+// Throws INVALID for an unknown key; the sentence lists the known ones.
 void check_keys(const Uri& uri, std::initializer_list<const char*> known);
 
 // A finite number within [low, high]. Throws INVALID with key, value and bounds.

@@ -16,9 +16,9 @@
 namespace fs {
 namespace {
 
-constexpr size_t max_depth = 16;  // braces and brackets within one another; a scene has 5
+constexpr size_t max_depth = 16;  // levels of nested braces and brackets; a scene has 5
 
-// Goes over text and leaves behind how far it is, for sentences. nlohmann-json reads no further than the token at hand.
+// Iterates over text and records its position for error sentences. nlohmann-json never reads beyond the present token.
 class CountingIterator {
  public:
   using iterator_category = std::input_iterator_tag;
@@ -52,7 +52,7 @@ std::string place_of(std::string_view text, size_t offset, const std::string& pa
   return path + ", line " + std::to_string(line) + ", column " + std::to_string(column);
 }
 
-// What nlohmann-json says behind "[json.exception.parse_error.101] parse error at line 1, column 2: ".
+// The message of nlohmann-json after "[json.exception.parse_error.101] parse error at line 1, column 2: ".
 std::string reason_of(const nlohmann::json::exception& error) {
   std::string_view text = error.what();
   text.remove_prefix(std::min(text.find("] ") + 2, text.size()));
@@ -82,7 +82,7 @@ class Builder : public nlohmann::json_sax<nlohmann::json> {
   }
   bool number_float(number_float_t value, const string_t&) override { return add(Json(value)); }
   bool string(string_t& value) override { return add(Json(std::move(value))); }
-  bool binary(binary_t&) override { return add(Json()); }  // not in text
+  bool binary(binary_t&) override { return add(Json()); }  // never occurs in text
   bool start_object(size_t) override { return enter(Json(Json::Object())); }
   bool key(string_t& key) override {
     if (!keys_.back().insert(key).second) fail_here("the key " + in_quotes(key) + " is there twice");
@@ -93,12 +93,13 @@ class Builder : public nlohmann::json_sax<nlohmann::json> {
   bool start_array(size_t) override { return enter(Json(Json::List())); }
   bool end_array() override { return leave(); }
   bool parse_error(size_t byte, const std::string&, const nlohmann::json::exception& error) override {
-    reached_ = text_.data() + std::min(byte, text_.size());  // behind the token
+    reached_ = text_.data() + std::min(byte, text_.size());  // the end of the token
     fail_here(reason_of(error));
   }
 
  private:
-  // Puts a value where it belongs. What is open is the last of its parent, which does not grow meanwhile.
+  // Adds a value to the innermost open list or object. Pointers to open values stay valid: each is the last child of
+  // its parent, which does not grow until the child is closed.
   bool add(Json value) {
     last_ = &root_;
     if (!open_.empty()) {
@@ -113,7 +114,7 @@ class Builder : public nlohmann::json_sax<nlohmann::json> {
   }
   bool enter(Json value) {
     if (open_.size() == max_depth) {
-      fail_here("values lie more than " + std::to_string(max_depth) + " deep in one another");
+      fail_here("values are nested more than " + std::to_string(max_depth) + " levels deep");
     }
     add(std::move(value));
     open_.push_back(last_);
@@ -134,9 +135,9 @@ class Builder : public nlohmann::json_sax<nlohmann::json> {
   const std::string& path_;
   const char* reached_;
   Json root_;
-  Json* last_ = nullptr;                     // what was added last
+  Json* last_ = nullptr;                     // the value added last
   std::vector<Json*> open_;                  // lists and objects that have not ended
-  std::vector<std::set<std::string>> keys_;  // of each of them
+  std::vector<std::set<std::string>> keys_;  // the keys of each open value
 };
 
 // ---- tree to text
@@ -170,7 +171,7 @@ void print_text(std::string& out, std::string_view text) {
 
 bool is_structured(const Json& value) { return value.list() || value.object(); }
 
-// Calls f(key, value) for what is in a list (key: null) or object.
+// Calls f(key, value) for each child of a list (key: null) or object.
 template <class F>
 void for_each(const Json& value, F f) {
   if (const Json::List* const list = value.list()) {
@@ -208,7 +209,7 @@ void print_on_one_line(std::string& out, const Json& value) {
   }
 }
 
-// Appends value; its first line begins at `column`, its further ones at `indent`.
+// Appends value; its first line begins at `column`, the following ones at `indent`.
 void print(std::string& out, const Json& value, size_t indent, size_t column) {
   std::string line;
   print_on_one_line(line, value);
@@ -220,12 +221,12 @@ void print(std::string& out, const Json& value, size_t indent, size_t column) {
   const std::string margin(indent + 2, ' ');
   const bool has_scalars = value.list() && !value.list()->empty() && !is_structured(value.list()->front());
   out += value.list() ? '[' : '{';
-  size_t used = line_width;  // of the present line
+  size_t used = line_width;  // columns of the present line
   const char* separator = "";
   for_each(value, [&](const std::string* key, const Json& child) {
     out += separator;
     separator = ",";
-    if (has_scalars) {  // as many as fit
+    if (has_scalars) {  // put as many on a line as fit
       const std::string text = to_line(child);
       if (used + text.size() + 3 > line_width) {
         out += "\n" + margin;
@@ -258,7 +259,7 @@ std::string to_line(const Json& value) {
 
 std::string to_lines(const Json& value) {
   std::string out;
-  print(out, value, 0, line_width);  // the outermost braces stand alone
+  print(out, value, 0, line_width);  // a full line as start column: the outermost braces get lines of their own
   return out;
 }
 
@@ -275,7 +276,7 @@ bool is_utf8(std::string_view text) {
     constexpr uint32_t least[] = {0, 0x80, 0x800, 0x10000};
     const bool is_lead = length == 1 || first >= 0xc0;
     if (!is_lead || first > 0xf4 || code < least[length - 1] || code > 0x10ffff) return false;
-    if (code >= 0xd800 && code < 0xe000) return false;  // halves of UTF-16
+    if (code >= 0xd800 && code < 0xe000) return false;  // UTF-16 surrogates
     i += length;
   }
   return true;

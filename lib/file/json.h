@@ -1,5 +1,5 @@
-// JSON: text to a tree and a tree to text. The text is read by nlohmann-json; its own tree is not used, because letting
-// go of one takes memory, and ends the process where there is none.
+// JSON: text to a tree and a tree to text. nlohmann-json parses the text. Its own tree is not used, because freeing one
+// allocates memory, and ends the process when there is none.
 #pragma once
 
 #include <concepts>
@@ -35,7 +35,7 @@ class Json {
   Json(List list);
   Json(Object object);
 
-  // What it is; null: something else.
+  // The value if it has this type, null otherwise.
   const bool* boolean() const { return std::get_if<bool>(&value_); }
   const Number* number() const { return std::get_if<Number>(&value_); }
   const std::string* text() const { return std::get_if<std::string>(&value_); }
@@ -56,7 +56,7 @@ struct Json::Member {
   Json value;
 };
 
-// Here, as a list of members can be made only of a whole Member.
+// Defined here because a list of members needs the complete type Member.
 inline Json::Json() noexcept = default;
 inline Json::Json(const Json&) = default;
 inline Json::Json(Json&&) noexcept = default;
@@ -71,14 +71,14 @@ inline Json::Json(const char* text) : value_(std::string(text)) {}
 inline Json::Json(List list) : value_(std::move(list)) {}
 inline Json::Json(Object object) : value_(std::move(object)) {}
 
-// Strict: a key that is there twice in one object, and deep nesting, are errors too. path is the name for sentences.
+// Strict: a repeated key in one object and deep nesting are errors too. path is the file's name for error sentences.
 // Throws PARSE with line and column.
 Json parse_json(std::string_view text, const std::string& path);
 
-// On one line.
+// The value on one line.
 std::string to_line(const Json& value);
 
-// On as many lines as it needs; what fits on a line stands on one.
+// The value on as many lines as it needs; a list or object that fits on one line stays on one.
 std::string to_lines(const Json& value);
 
 bool is_utf8(std::string_view text);

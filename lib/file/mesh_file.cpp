@@ -16,7 +16,7 @@ struct Format {
 };
 constexpr Format formats[] = {{"obj", parse_obj}, {"off", parse_off}, {"ply", parse_ply}, {"stl", parse_stl}};
 
-// The lower-case letters behind the last '.' of the file's name; "" without one.
+// The file's extension in lower case, without the '.'; "" when there is none.
 std::string ending_of(const std::string& path) {
   const size_t dot = path.find_last_of("./");
   if (dot == path.npos || path[dot] == '/') return "";

@@ -1,6 +1,6 @@
-// The formats of mesh files, on bytes in memory; `file` is the name for sentences. They throw PARSE and UNSUPPORTED.
-// A file may lie: every count is compared with the bytes that are there before memory is taken, every index with the
-// points. No triangle is dropped, also none without area.
+// The formats of mesh files, on bytes in memory; `file` is the name for error sentences. They throw PARSE and
+// UNSUPPORTED. Files are not trusted: each count is checked against the bytes present before memory is allocated, and
+// each index against the number of points. No triangle is dropped, even without area.
 #pragma once
 
 #include <cstdint>
@@ -21,7 +21,7 @@ MeshData parse_stl(std::string_view bytes, const std::string& file);
 // Binary little-endian PLY with double coordinates.
 std::string format_ply(const std::vector<Vec3>& points, const std::vector<uint32_t>& triangles);
 
-// Triangles count their points in 32 bits.
+// Triangles refer to points by 32-bit indices.
 constexpr uint64_t max_points = std::numeric_limits<uint32_t>::max();
 
 }  // namespace fs

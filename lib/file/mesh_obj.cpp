@@ -1,4 +1,4 @@
-// OBJ: the lines "v" and "f". All else (normals, texture, groups, materials, lines, curves) is no surface that is felt.
+// OBJ: reads the lines "v" and "f". The rest (normals, texture, groups, materials, lines, curves) is ignored.
 #include "base/whole_file.h"
 #include "file/mesh_formats.h"
 #include "file/polygon.h"
@@ -12,16 +12,16 @@ Vec3 read_vertex(Text& text) {
   point.x = text.number(text.word(), "x");
   point.y = text.number(text.word(), "y");
   point.z = text.number(text.word(), "z");
-  for (int i = 0; i < 4; ++i) {  // a weight, a colour
+  for (int i = 0; i < 4; ++i) {  // an optional weight or colour
     const std::string_view more = text.word();
     if (more.empty()) return point;
-    text.number(more, "what stands behind x y z");
+    text.number(more, "the value after x y z");
   }
   if (!text.word().empty()) fail_at(FS_ERROR_PARSE, text.where(), "a vertex has more than 7 numbers");
   return point;
 }
 
-// The vertex of "7", "7/5", "7//3" or "7/5/3", as written: from 1, or negative from the last one back.
+// The vertex number in "7", "7/5", "7//3" or "7/5/3", as written: from 1, or negative to count back from the last.
 int64_t read_corner(const Text& text, std::string_view word) {
   const size_t end = word.find('/');
   if (end != word.npos) {
@@ -42,7 +42,7 @@ MeshData parse_obj(std::string_view bytes, const std::string& file) {
   Text text(bytes, file, {.comments = true, .continuation = true});
   MeshData mesh;
   Faces faces(mesh.triangles);
-  int64_t largest = 0;  // a face may stand before its vertices: the largest index seen, checked at the end
+  int64_t largest = 0;  // the largest index seen; checked at the end, because a face may come before its vertices
   size_t line_of_largest = 0;
   do {
     const std::string_view key = text.word();

@@ -1,4 +1,4 @@
-// OFF: a header, the counts, a line for each vertex and each face. Colours, normals and texture are read over.
+// OFF: a header, the counts, a line for each vertex and each face. Colours, normals and texture are skipped.
 #include "base/text.h"
 #include "base/whole_file.h"
 #include "file/mesh_formats.h"
@@ -8,7 +8,7 @@
 namespace fs {
 namespace {
 
-// "OFF", before it what each vertex has more: normal N, colour C, texture ST. They stand behind x y z.
+// The header is "OFF" after prefixes for more data of each vertex, which follows x y z: normal N, colour C, texture ST.
 void check_header(std::string_view word, const Text& text) {
   std::string_view kind = word;
   while (kind.size() > 3 && (kind[0] == 'N' || kind[0] == 'C' || kind.starts_with("ST"))) {
@@ -31,7 +31,7 @@ uint64_t read_count(const Text& text, std::string_view word, const char* what) {
   return static_cast<uint64_t>(count);
 }
 
-// The first word of the next line that has one. n of count lines were read before.
+// The first word of the next line that is not empty. n of count lines were read before.
 std::string_view next_item(Text& text, const char* what, uint64_t n, uint64_t count) {
   text.next_line();
   const std::string_view word = text.word_anywhere();
@@ -91,7 +91,7 @@ MeshData parse_off(std::string_view bytes, const std::string& file) {
   }
   text.next_line();
   if (const auto more = text.word_anywhere(); !more.empty()) {
-    fail_at(FS_ERROR_PARSE, text.where(), "%s stands behind the last of %llu faces", in_quotes(more).c_str(),
+    fail_at(FS_ERROR_PARSE, text.where(), "%s follows the last of %llu faces", in_quotes(more).c_str(),
             static_cast<unsigned long long>(faces));
   }
   cutter.cut(mesh.points, file);

@@ -1,5 +1,5 @@
 // PLY: ASCII and binary of either byte order. The element "vertex" has x y z, the element "face" the list
-// vertex_indices (or vertex_index) of any integer types; all other properties and elements are read over.
+// vertex_indices (or vertex_index) of any integer types; all other properties and elements are skipped.
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -117,7 +117,7 @@ Element parse_element(Text& text, const std::vector<Element>& before) {
             static_cast<long long>(count));
   }
   element.count = static_cast<uint64_t>(count);
-  if (element.name == "vertex" || element.name == "face") {  // the others are not compared: there may be very many
+  if (element.name == "vertex" || element.name == "face") {  // others may repeat: comparing very many would be slow
     for (const Element& other : before) {
       if (other.name != element.name) continue;
       fail_at(FS_ERROR_PARSE, text.where(), "the element \"%s\" is there twice", element.name.c_str());
@@ -129,7 +129,7 @@ Element parse_element(Text& text, const std::vector<Element>& before) {
   return element;
 }
 
-// The header ends with the line "end_header"; lines end as the first one does, so that binary data may follow.
+// The header ends with the line "end_header". All its lines end like the first one: any other byte belongs to the data.
 Header parse_header(std::string_view bytes, const std::string& file) {
   if (!bytes.starts_with("ply\n") && !bytes.starts_with("ply\r")) {
     fail_at(FS_ERROR_PARSE, file + ", line 1", "is %s, must be \"ply\"",
@@ -155,7 +155,7 @@ Header parse_header(std::string_view bytes, const std::string& file) {
     } else if (key == "element") {
       header.elements.push_back(parse_element(text, header.elements));
     } else if (key == "property") {
-      if (header.elements.empty()) fail_at(FS_ERROR_PARSE, text.where(), "a property stands before the first element");
+      if (header.elements.empty()) fail_at(FS_ERROR_PARSE, text.where(), "a property comes before the first element");
       header.elements.back().properties.push_back(parse_property(text, header.elements.back()));
     } else if (key != "end_header") {
       fail_at(FS_ERROR_PARSE, text.where(), "%s is no word of a PLY header", in_quotes(key).c_str());
@@ -250,7 +250,7 @@ class BinarySource {
   std::string_view data_;
   const std::string& file_;
   size_t start_;                    // of data_ in the file
-  size_t position_ = 0, last_ = 0;  // in data_: of the next value, and of the one taken last
+  size_t position_ = 0, last_ = 0;  // in data_: the next value, and the one taken last
 };
 
 template <class Source>
@@ -303,11 +303,11 @@ void read_element(Source& source, const Element& element, uint64_t points, MeshD
 
 template <class Source>
 MeshData read_elements(Source source, const Header& header, const std::string& file) {
-  uint64_t points = 0, faces = 0, left = source.remaining() + 1;  // + 1: the last line of text may have no end
+  uint64_t points = 0, faces = 0, left = source.remaining() + 1;  // + 1: the last text line may lack its end
   for (const Element& element : header.elements) {
     const size_t least = Source::least_size(element);
     if (least > 0 && element.count > left / least) {
-      fail_at(FS_ERROR_PARSE, file, "the header says %llu of %s, the %zu bytes behind it do not hold them",
+      fail_at(FS_ERROR_PARSE, file, "the header says %llu of %s, the %zu bytes after it do not hold them",
               static_cast<unsigned long long>(element.count), in_quotes(element.name).c_str(), source.remaining());
     }
     left -= element.count * least;
@@ -326,7 +326,7 @@ MeshData read_elements(Source source, const Header& header, const std::string& f
 
   MeshData mesh;
   mesh.points.reserve(points);
-  mesh.triangles.reserve(3 * std::min<uint64_t>(faces, source.remaining() / 4));  // a face has 4 bytes or more
+  mesh.triangles.reserve(3 * std::min<uint64_t>(faces, source.remaining() / 4));  // a face has at least 4 bytes
   Faces cutter(mesh.triangles);
   for (const Element& element : header.elements) read_element(source, element, points, mesh, cutter);
   source.expect_end();

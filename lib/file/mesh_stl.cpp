@@ -1,4 +1,4 @@
-// STL, binary and ASCII. Corners at equal coordinates become one point; the triangles stay, each one.
+// STL, binary and ASCII. Corners at equal coordinates become one point; every triangle is kept.
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -15,8 +15,8 @@ namespace {
 
 constexpr size_t header_size = 84, triangle_size = 50;  // bytes: 80 of text and the count; 12 floats and 2 bytes more
 
-// Makes points of equal coordinates one, numbered in the order in which they first appear. By sorting: a hash table
-// could be made slow by a hostile file.
+// Merges points at equal coordinates and numbers them in the order in which they first appear. It sorts, because a
+// hostile file could make a hash table slow.
 MeshData weld(const std::vector<Vec3>& corners) {
   struct Corner {
     Vec3 point;
@@ -60,7 +60,7 @@ MeshData parse_binary(std::string_view bytes, const std::string& file) {
   corners.reserve(3 * size_t{triangles});
   for (size_t i = 0; i < triangles; ++i) {
     for (size_t corner = 0; corner < 3; ++corner) {
-      const size_t at = header_size + triangle_size * i + 12 * (corner + 1);  // behind the normal
+      const size_t at = header_size + triangle_size * i + 12 * (corner + 1);  // after the normal
       double xyz[3];
       for (size_t k = 0; k < 3; ++k) {
         xyz[k] = load<float, std::endian::little>(bytes.data() + at + 4 * k);
@@ -75,7 +75,7 @@ MeshData parse_binary(std::string_view bytes, const std::string& file) {
   return weld(corners);
 }
 
-bool is_keyword(std::string_view word, std::string_view keyword) {  // case aside
+bool is_keyword(std::string_view word, std::string_view keyword) {  // ignores case
   return std::equal(word.begin(), word.end(), keyword.begin(), keyword.end(),
                     [](char a, char b) { return (a >= 'A' && a <= 'Z' ? a - 'A' + 'a' : a) == b; });
 }
@@ -84,7 +84,7 @@ void expect(Text& text, const char* keyword) {
   const std::string_view word = text.word_anywhere();
   if (is_keyword(word, keyword)) return;
   if (word.empty()) fail_at(FS_ERROR_PARSE, text.where(), "the file ends, \"%s\" must follow", keyword);
-  fail_at(FS_ERROR_PARSE, text.where(), "%s stands where \"%s\" must", in_quotes(word).c_str(), keyword);
+  fail_at(FS_ERROR_PARSE, text.where(), "%s is in the place of \"%s\"", in_quotes(word).c_str(), keyword);
 }
 
 MeshData parse_ascii(std::string_view bytes, const std::string& file) {
@@ -98,11 +98,11 @@ MeshData parse_ascii(std::string_view bytes, const std::string& file) {
       if (is_keyword(word, "endsolid")) break;
       if (!is_keyword(word, "facet")) {
         if (word.empty()) fail_at(FS_ERROR_PARSE, text.where(), "the file ends, \"facet\" or \"endsolid\" must follow");
-        fail_at(FS_ERROR_PARSE, text.where(), "%s stands where \"facet\" or \"endsolid\" must",
+        fail_at(FS_ERROR_PARSE, text.where(), "%s is in the place of \"facet\" or \"endsolid\"",
                 in_quotes(word).c_str());
       }
       expect(text, "normal");
-      for (int i = 0; i < 3; ++i) text.word_anywhere();  // often nan; the corners' order says it too
+      for (int i = 0; i < 3; ++i) text.word_anywhere();  // often nan, and the order of the corners gives it too
       expect(text, "outer");
       expect(text, "loop");
       for (int corner = 0; corner < 3; ++corner) {
@@ -121,7 +121,7 @@ MeshData parse_ascii(std::string_view bytes, const std::string& file) {
     const std::string_view word = text.word_anywhere();
     is_open = is_keyword(word, "solid");
     if (!is_open && !word.empty()) {
-      fail_at(FS_ERROR_PARSE, text.where(), "%s stands behind \"endsolid\"", in_quotes(word).c_str());
+      fail_at(FS_ERROR_PARSE, text.where(), "%s follows \"endsolid\"", in_quotes(word).c_str());
     }
   }
   if (corners.empty()) fail_at(FS_ERROR_PARSE, text.where(), "the file ends without a facet");
@@ -134,7 +134,7 @@ MeshData parse_stl(std::string_view bytes, const std::string& file) {
   uint32_t triangles = 0;
   if (bytes.size() >= header_size) triangles = load<uint32_t, std::endian::little>(bytes.data() + 80);
   const uint64_t expected = header_size + triangle_size * uint64_t{triangles};
-  // By size first: many binary files begin with "solid" too.
+  // The size is tested first, because many binary files begin with "solid" too.
   if (bytes.size() >= header_size && bytes.size() == expected) return parse_binary(bytes, file);
   std::string_view start = bytes.substr(0, header_size);
   if (start.find('\0') == start.npos) {

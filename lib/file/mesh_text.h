@@ -1,4 +1,4 @@
-// The words and numbers of a mesh file that is text, with their line. Numbers do not depend on the locale.
+// Reads words and numbers from a mesh file in text form and counts its lines. Numbers do not depend on the locale.
 #pragma once
 
 #include <cstdint>
@@ -13,18 +13,18 @@ namespace fs {
 class Text {
  public:
   struct Rules {
-    bool comments = false;      // a word that begins with '#' and all behind it on its line are not there
-    bool continuation = false;  // a '\' at the end of a line is a blank, and the line goes on
+    bool comments = false;      // a word that begins with '#' begins a comment up to the end of the line
+    bool continuation = false;  // a '\' at the end of a line counts as a blank and joins the next line to it
   };
 
-  // bytes and file (its name) must outlive this. A byte order mark is skipped; a NUL byte is refused: it is no text.
+  // bytes and file (its name) must outlive this. A byte order mark is skipped; a NUL byte is refused, as text has none.
   Text(std::string_view bytes, const std::string& file, Rules rules, size_t first_line = 1);
 
-  std::string_view word();           // the next one of this line; "" at its end
-  bool next_line();                  // leaves the rest of this line; false at the end of the file
-  std::string_view word_anywhere();  // the next one of this or a later line; "" at the end of the file
+  std::string_view word();           // the next word of this line; "" at its end
+  bool next_line();                  // skips the rest of this line; false at the end of the file
+  std::string_view word_anywhere();  // the next word of this or a later line; "" at the file's end
 
-  // What a word says; `what` is its name in the sentence. An empty word is one that is missing.
+  // Parse a word; `what` names it in the error sentence. An empty word counts as missing.
   double number(std::string_view word, const char* what) const;  // finite
   int64_t integer(std::string_view word, const char* what) const;
 

@@ -12,8 +12,8 @@
 namespace fs {
 namespace {
 
-// A corner in the plane of its polygon, on a grid of 2^-51 of the polygon's size: as fine as the coordinates are, and
-// coarse enough for an orientation to be exact in 128 bits.
+// A corner in the plane of its polygon, on a grid of 2^-51 of the polygon's size: as fine as the coordinates, and
+// coarse enough that 128 bits hold an orientation exactly.
 struct Place {
   int64_t x, y;
   bool operator==(const Place&) const = default;
@@ -25,19 +25,21 @@ Area orientation(Place a, Place b, Place c) {
   return static_cast<Area>(b.x - a.x) * (c.y - a.y) - static_cast<Area>(b.y - a.y) * (c.x - a.x);
 }
 
-// Rounding moves a corner by about one step of the grid: so near to the line a b a point counts as on it.
+// A point whose orientation to the line a b is at most this counts as on the line, because rounding moves a corner by
+// about one step of the grid.
 Area blur(Place a, Place b) { return static_cast<Area>(8) * (std::abs(b.x - a.x) + std::abs(b.y - a.y)); }
 
-// The corners in the plane of their polygon, its normal (of Newell) towards the viewer. False: it has no area.
+// Projects the corners to the plane of their polygon, with its normal (after Newell) towards the viewer. False when the
+// polygon has no area.
 bool project(const std::vector<Vec3>& points, std::span<const uint32_t> corners, std::vector<Place>& places) {
-  const Vec3 origin = 0.5 * points[corners[0]];  // halves: the difference of two doubles may not be one
+  const Vec3 origin = 0.5 * points[corners[0]];  // halves, because the difference of two doubles can overflow
   double size = 0;
   for (const uint32_t corner : corners) {
     const Vec3 p = 0.5 * points[corner] - origin;
     size = std::fmax(size, std::fmax(std::fabs(p.x), std::fmax(std::fabs(p.y), std::fabs(p.z))));
   }
   if (!(size > 0)) return false;
-  const int exponent = -std::ilogb(size) - 1;  // |coordinates| < 1: no product over- or underflows
+  const int exponent = -std::ilogb(size) - 1;  // makes |coordinates| < 1, so that no product overflows or underflows
   const auto scaled = [&](uint32_t corner) {
     const Vec3 p = 0.5 * points[corner] - origin;
     return Vec3{std::ldexp(p.x, exponent), std::ldexp(p.y, exponent), std::ldexp(p.z, exponent)};
@@ -49,9 +51,9 @@ bool project(const std::vector<Vec3>& points, std::span<const uint32_t> corners,
     sum += cross(before, here);
     before = here;
   }
-  if (!(norm(sum) > 0x1p-46)) return false;  // what rounding leaves of none
+  if (!(norm(sum) > 0x1p-46)) return false;  // only rounding error: no area
   const Vec3 normal = normalized(sum);
-  // In a plane across an axis, u and v are axes: nothing is rounded.
+  // In a plane perpendicular to an axis, u and v are axes too, so nothing is rounded.
   const Vec3 other = std::fabs(normal.x) > std::fabs(normal.z) || std::fabs(normal.y) > std::fabs(normal.z)
                          ? Vec3{0, 0, 1} : Vec3{0, 1, 0};
   const Vec3 u = normalized(cross(other, normal)), v = cross(normal, u);
@@ -63,7 +65,7 @@ bool project(const std::vector<Vec3>& points, std::span<const uint32_t> corners,
   return true;
 }
 
-// Every corner turns left, and the fan from the first one does not overlap.
+// True when every corner turns left and the fan from the first corner does not overlap.
 bool is_convex(const std::vector<Place>& p) {
   const size_t n = p.size();
   for (size_t i = 0; i < n; ++i) {
@@ -74,15 +76,15 @@ bool is_convex(const std::vector<Place>& p) {
   return true;
 }
 
-// Bounds of some places, in steps of the grid: a rectangle along their direction. Corners often lie on one line; their
-// bounds are then that line, whatever its direction.
+// Bounds of some places, in steps of the grid: a rectangle along their main direction. Corners often lie on one line;
+// the rectangle is then that line, whatever its direction.
 struct Rectangle {
   double x, y;              // the middle
   double along_x, along_y;  // a unit vector
   double length, width;     // half of each
 };
 
-// The triangle a b c, to tell fast and safely which rectangles are clear of it.
+// The triangle a b c; tells quickly, and never wrongly, that a rectangle misses it.
 class Region {
  public:
   Region(Place a, Place b, Place c) : corners_{{at(a), at(b), at(c)}} {
@@ -94,7 +96,7 @@ class Region {
   }
 
   bool misses(const Rectangle& r) const {
-    for (size_t i = 0; i < 3; ++i) {  // all of it is outside of an edge
+    for (size_t i = 0; i < 3; ++i) {  // is the whole rectangle outside of an edge?
       const double across = inwards_[i].x * r.along_x + inwards_[i].y * r.along_y;
       const double beside = inwards_[i].y * r.along_x - inwards_[i].x * r.along_y;
       const double middle = inwards_[i].x * (r.x - corners_[i].x) + inwards_[i].y * (r.y - corners_[i].y);
@@ -122,8 +124,8 @@ class Region {
   std::array<Point, 3> inwards_;  // of edge i, to the left: unit vectors
 };
 
-// Corners that can be searched by place, and taken out: a tree of rectangles, each halved across its direction (after
-// the strip trees of Ballard, 1981). Without it every test of an ear would look at every corner.
+// Corners that can be searched by place and removed: a tree of rectangles, each halved across its direction (after the
+// strip trees of Ballard, 1981). Without it every test of an ear would look at every corner.
 class PlaceTree {
  public:
   PlaceTree(const std::vector<Place>& places, std::vector<uint32_t> corners)
@@ -148,8 +150,8 @@ class PlaceTree {
     }
   }
 
-  // Whether hits(corner) for any that is left. Parts of the tree for which misses(bounds, place) are not looked into;
-  // place: where all corners of the part are, null when they are not at one place. Adds its steps to work.
+  // True when hits(corner) is true for any remaining corner. Skips the parts of the tree for which misses(bounds,
+  // place) is true; place: the common place of all corners of the part, null when they differ. Adds its steps to work.
   template <class Misses, class Hits>
   bool find(const Misses& misses, const Hits& hits, uint64_t& work) const {
     return !order_.empty() && find(misses, hits, work, 1, 0, order_.size());
@@ -159,8 +161,8 @@ class PlaceTree {
   static constexpr size_t none = ~size_t{0}, few = 8;
   struct Node {
     Rectangle bounds;
-    const Place* place;  // of all corners, where they are at one
-    size_t count;        // of corners that were not taken out
+    const Place* place;  // of all corners if they are at the same place, otherwise null
+    size_t count;        // of corners that were not removed
   };
 
   void build(size_t node, size_t begin, size_t end) {
@@ -215,26 +217,26 @@ class PlaceTree {
 
   const std::vector<Place>& places_;
   std::vector<uint32_t> order_;    // corners, leaf by leaf
-  std::vector<size_t> positions_;  // of a corner in order_; none: never there, or taken out
+  std::vector<size_t> positions_;  // of each corner in order_; none: never there, or removed
   std::vector<Node> nodes_;        // the children of i are 2 i and 2 i + 1
 };
 
-// How much a corner is asked for before it is cut off.
+// How strict the test is that a corner must pass before it is cut off.
 enum class Ear {
   clear,   // its triangle has an area, and nothing of the polygon's outline is in it or on the new edge
-  touched, // it has none, or the outline touches it
-  convex,  // it has an area
+  touched, // its triangle has no area, or the outline only touches it
+  convex,  // its triangle has an area
 };
 
-// Cuts off ears. Only corners that are not convex can lie in the triangle of another one, and only the two next to an
-// ear that was cut off can become ears by it: so each corner is looked at a few times.
+// Cuts off ears. Only corners that are not convex can lie in the triangle of another corner, and cutting off an ear can
+// make ears only of its two neighbours. So each corner is examined only a few times.
 class EarCutter {
  public:
   EarCutter(const std::vector<Place>& places, uint64_t& work)
       : places_(places), previous_(places.size()), next_(places.size()), is_queued_(places.size()),
         left_(places.size()), tree_(places, link()), work_(work) {}
 
-  // Calls emit(a, b, c) for each triangle. False: its work would come to more than most_work.
+  // Calls emit(a, b, c) for each triangle. Gives up and returns false when its work exceeds most_work.
   template <class Emit>
   bool cut(uint64_t most_work, Emit emit) {
     for (const Ear ear : {Ear::clear, Ear::touched, Ear::convex}) {
@@ -249,7 +251,7 @@ class EarCutter {
         emit(a, b, c);
         next_[a] = c;
         previous_[c] = a;
-        next_[b] = b;  // it is out
+        next_[b] = b;  // marks b as cut off
         tree_.remove(b);
         start_ = a;
         --left_;
@@ -264,7 +266,7 @@ class EarCutter {
   }
 
  private:
-  // Joins the corners to a ring; returns those that are not convex.
+  // Links the corners into a ring; returns those that are not convex.
   std::vector<uint32_t> link() {
     const auto n = static_cast<uint32_t>(places_.size());
     for (uint32_t i = 0; i < n; ++i) {
@@ -294,7 +296,7 @@ class EarCutter {
     if (ear == Ear::convex) return area > 0;
     if (ear == Ear::touched && area <= 0) return area == 0;
     if (ear == Ear::clear && area <= blur(a, c)) return false;
-    const Area least = ear == Ear::clear ? -blur(a, c) : 1;  // inside of the new edge: what may not be there
+    const Area least = ear == Ear::clear ? -blur(a, c) : 1;  // from here inwards of the new edge, no corner may lie
 
     const Region region(a, b, c);
     const auto misses = [&](const Rectangle& rectangle, const Place* place) {
@@ -306,7 +308,7 @@ class EarCutter {
       const Area beside_ab = orientation(a, b, p), beside_bc = orientation(b, c, p);
       if (beside_ab < 0 || beside_bc < 0 || orientation(c, a, p) < least) return false;
       if (beside_ab > 0 && beside_bc > 0) return true;
-      // It touches an old edge: from outside, or is there outline that goes on inside?
+      // The corner touches an old edge. It is in the way if the outline goes on from it to the inside.
       const auto goes_inside = [&](uint32_t neighbour) {
         const Place q = places_[neighbour];
         return (beside_ab > 0 || orientation(a, b, q) > 0) && (beside_bc > 0 || orientation(b, c, q) > 0);
@@ -321,7 +323,7 @@ class EarCutter {
   std::vector<uint32_t> queue_;            // corners to be looked at
   std::vector<bool> is_queued_;
   size_t left_;
-  uint32_t start_ = 0;  // one that is left
+  uint32_t start_ = 0;  // a corner that is left
   PlaceTree tree_;      // corners that are not convex
   uint64_t& work_;
 };

@@ -1,4 +1,4 @@
-// The faces of a mesh file, cut into triangles. All formats with polygons use it.
+// Cuts the faces of a mesh file into triangles. All formats with polygons use this.
 #pragma once
 
 #include <cstdint>
@@ -10,13 +10,13 @@
 namespace fs {
 
 // Takes faces corner by corner: add() for each, then end_face(). A face of n >= 3 corners becomes n - 2 triangles.
-// cut() comes last, when all points are known (a face of an OBJ file may stand before them).
+// cut() comes last, when all points are known (a face of an OBJ file may come before its points).
 //
 // A convex polygon becomes a fan from its first corner: 0 1 2, 0 2 3, 0 3 4... Any other is cut by its ears (Meisters
 // 1975) in its own plane, with exact orientation tests: the triangles of a simple polygon cover it and nothing else.
-// A polygon that touches or crosses itself, or is so bent that it does so in its plane, is cut by its ears as far as
-// there are any, then by its convex corners; what is left, and a polygon without area, becomes a fan. So the signed
-// areas of the triangles always add to the signed area of the polygon.
+// A polygon that touches or crosses itself, or is bent so much that its projection does, is cut by its ears while it
+// has any, then by its convex corners; the rest becomes a fan, as does a polygon without area. So the signed areas of
+// the triangles always add up to the signed area of the polygon.
 class Faces {
  public:
   explicit Faces(std::vector<uint32_t>& triangles) : triangles_(triangles) {}
@@ -27,13 +27,13 @@ class Faces {
     previous_ = corner;
     ++corners_;
   }
-  size_t corners() const { return corners_; }  // of the present face
+  size_t corners() const { return corners_; }  // of the face being added
   void end_face() {
     if (corners_ > 3) polygons_.push_back({triangles_.size() - 3 * (corners_ - 2), corners_});
     corners_ = 0;
   }
 
-  // Throws UNSUPPORTED for a polygon so entangled that cutting it would take more than about 1 s a MB of the file.
+  // Throws UNSUPPORTED for a polygon so entangled that cutting it would take more than about 1 s per MB of the file.
   void cut(const std::vector<Vec3>& points, const std::string& file);
 
  private:

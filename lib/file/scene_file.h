@@ -1,6 +1,6 @@
-// A scene as JSON: its objects, frame and tool. The schema stands in scene.schema.json beside this file. What belongs
-// to a moment is not in it: an object's `time` (loading is setting now). `start` is there only when it was given, as an
-// age: how long before the present `time` (s) of the scene's clock it was.
+// A scene as JSON: its objects, frame and tool. The schema is scene.schema.json beside this file. An object's `time` is
+// not saved, because loading sets the object anew. Its `start` is saved only if it was given, as an age: the time from
+// it to the present `time` (s) of the scene's clock.
 #pragma once
 
 #include <string>
@@ -21,13 +21,13 @@ struct SceneDescription {
   std::vector<Vec3> tool;
 };
 
-// Meshes go beside it as PLY, one file for each shape however many objects share it, named after its content
-// (NAME-HASH.ply): so the meshes of an old scene file are never replaced, and those no longer used are left. Every
-// number comes back bit for bit; a start is worked out from its age, so it is within rounding of the clock. Throws
-// IO, or INVALID for a name that is not UTF-8; then the old files are intact.
+// Meshes are written beside the scene file as PLY, one file for each shape however many objects use it, named after its
+// content (NAME-HASH.ply). So the meshes of an old scene file are never replaced; those no longer used stay. Every
+// number is read back bit for bit, except that a start is computed from its age and is exact to the rounding of the
+// clock. Throws IO, or INVALID for a name that is not UTF-8; then the old files are intact.
 void write_scene_file(const std::string& path, const SceneDescription& scene, double time);
 
-// Checks the file's form (version, keys, types); the values of objects are for the caller's fs_object_set to check.
+// Checks the file's form (version, keys, types); the caller's fs_object_set checks the values of objects.
 // Throws NOT_FOUND, IO, PARSE (line and column, or the object's name and field), VERSION.
 SceneDescription read_scene_file(const std::string& path, double time);
 

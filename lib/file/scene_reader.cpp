@@ -1,4 +1,4 @@
-// JSON to a scene. Strict: a key that is not known, or there twice, is an error and not a default felt by surprise.
+// JSON to a scene. Strict: an unknown or repeated key is an error, so that a misspelt key never leaves a default force.
 #include "file/scene_reader.h"
 
 #include <algorithm>
@@ -18,7 +18,7 @@
 namespace fs {
 namespace {
 
-// ---- values. `where` is the file and what in it: "a.json, object 'wall', front"
+// ---- values. `where` names the file and the part of it: "a.json, object 'wall', front"
 
 [[noreturn]] void fail_value(const Json& value, const std::string& where, const std::string& key, const char* must) {
   fail_at(FS_ERROR_PARSE, where, "%s is %s, must be %s", in_quotes(key).c_str(), printable(to_line(value)).c_str(),
@@ -55,7 +55,7 @@ std::vector<Vec3> parse_points(const Json& value, const std::string& where, cons
   return points;
 }
 
-// A JSON object whose keys are asked for one by one; finish() refuses those that nobody asked for.
+// A JSON object whose keys are read one by one; finish() refuses the keys that were never asked for.
 class Form {
  public:
   Form(const Json& value, std::string where, const char* name) : value_(value), where_(std::move(where)) {
@@ -83,7 +83,7 @@ class Form {
     }
   }
 
-  // Sets out where the key is there, and leaves its default where it is not.
+  // Sets out if the key is present; otherwise out keeps its default.
   void read(const char* key, double& out) {
     if (const Json* value = find(key)) out = parse_number(*value, where_, key);
   }
@@ -208,7 +208,7 @@ class SceneReader {
       try {
         out[name] = read(form);
       } catch (Error& error) {
-        // What the makers of shapes and curves refuse is, seen from here, a fault of the file; they do not know which.
+        // The functions that make shapes and curves report INVALID, without the file; for a file it is PARSE.
         if (error.text.rfind(form.where(), 0) != 0) error.text = form.where() + ": " + error.text;
         if (error.status == FS_ERROR_INVALID) error.status = FS_ERROR_PARSE;
         throw;
@@ -235,12 +235,12 @@ class SceneReader {
     return make_polyline(points.data(), points.size(), closed);
   }
 
-  // A scene file from elsewhere may not name any file of this machine.
+  // A scene file from elsewhere may name only files beside it or in folders there.
   static bool is_beside(const std::string& name) {
     for (size_t begin = 0; begin <= name.size();) {
       const size_t end = std::min(name.find('/', begin), name.size());
       const std::string_view part(name.data() + begin, end - begin);
-      if (part.empty() || part == "." || part == "..") return false;  // empty: also of an absolute name
+      if (part.empty() || part == "." || part == "..") return false;  // the first part of an absolute path is empty
       begin = end + 1;
     }
     return true;
@@ -279,7 +279,7 @@ class SceneReader {
     }
   }
 
-  // A handle that the key names; borrowed, the scene keeps it alive.
+  // The handle that the key's value names. It is borrowed; the scene keeps it alive.
   template <class Type>
   static Type* find_handle(Form& form, const char* key, const char* list,
                            const std::map<std::string, Ref<const Type>>& handles) {
@@ -322,7 +322,7 @@ class SceneReader {
       if (form.find("start")) fail_at(FS_ERROR_PARSE, form.where(), "has both \"start\" and \"age\", must have one");
       if (!age->number()) fail_value(*age, form.where(), "age", "a number");
       object.start = time_ - age->number()->value;
-      if (object.start == 0) object.start = std::numeric_limits<double>::denorm_min();  // 0: not given
+      if (object.start == 0) object.start = std::numeric_limits<double>::denorm_min();  // 0 would mean: not given
     }
     form.read("lifetime", object.lifetime);
     form.read("tool_points", object.tool_points);

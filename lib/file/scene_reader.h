@@ -1,4 +1,4 @@
-// The text of a scene file to a scene; path is its name, beside which its meshes lie.
+// Parses the text of a scene file. path is the file's name; its meshes are in the same folder.
 #pragma once
 
 #include <string>

@@ -1,4 +1,4 @@
-// A scene to JSON. Keys stand in a fixed order; what has its default is left out, compared bit by bit.
+// A scene to JSON. Keys are in a fixed order; a value with the same bits as its default is left out.
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -35,7 +35,7 @@ Json to_json(Quat q) { return Json::List{to_json(q.w), to_json(q.x), to_json(q.y
 
 void add(Json::Object& out, std::string key, Json value) { out.push_back({std::move(key), std::move(value)}); }
 
-// The same, unless it is the default.
+// Adds the value unless it is the default.
 template <class Value>
 void put(Json::Object& out, const char* key, const Value& value, const Value& unless) {
   if (!has_same_bits(value, unless)) add(out, key, to_json(value));
@@ -98,7 +98,7 @@ Json::Object to_json(const Curve& curve) {
   return out;
 }
 
-Json::Object polyline_to_json(const Shape& shape) {  // a mesh has its file
+Json::Object polyline_to_json(const Shape& shape) {  // a mesh is in its own file
   Json::Object out;
   if (shape.closed) add(out, "closed", Json(true));
   Json::List points;
@@ -109,9 +109,9 @@ Json::Object polyline_to_json(const Shape& shape) {  // a mesh has its file
 
 // ---- files of meshes
 
-// Writes the meshes beside a scene file. Each is named after its content, so a mesh of the old scene file is never
-// replaced: until the new scene file is there, the old one is whole. Meshes that the new one no longer refers to are
-// left, as another scene file (a copy) may refer to them.
+// Writes the meshes beside a scene file. Each is named after its content, so no mesh of the old scene file is ever
+// replaced: the old scene file stays complete until the new one is there. Meshes that the new one no longer uses stay,
+// because another scene file (a copy) may use them.
 class MeshWriter {
  public:
   explicit MeshWriter(const std::string& scene_path) {
@@ -122,7 +122,7 @@ class MeshWriter {
   }
   MeshWriter(const MeshWriter&) = delete;
   MeshWriter& operator=(const MeshWriter&) = delete;
-  ~MeshWriter() {  // not kept: takes back what it wrote
+  ~MeshWriter() {  // without keep(), removes the files that it wrote
     for (const std::string& path : written_) ::unlink(path.c_str());
   }
   void keep() { written_.clear(); }
@@ -131,11 +131,11 @@ class MeshWriter {
     const std::string content = format_ply(shape.points, shape.triangles);
     char hash[17];
     std::snprintf(hash, sizeof hash, "%016llx", static_cast<unsigned long long>(hash_of(content)));
-    for (unsigned i = 0;; ++i) {  // past a damaged file of this name, or another content of this hash
+    for (unsigned i = 0;; ++i) {  // skips a damaged file, or other content with the same hash
       const std::string name = stem_ + "-" + hash + (i == 0 ? "" : "-" + std::to_string(i)) + ".ply";
       const std::string path = directory_ + name;
       if (::access(path.c_str(), F_OK) != 0) {
-        written_.push_back(path);  // first: nothing may fail between a file and the note of it
+        written_.push_back(path);  // noted first, so that a failure leaves no unnoted file
         write_file_atomically(path, content);
         return name;
       }
@@ -214,7 +214,7 @@ class SceneWriter {
     return out;
   }
 
-  // Shapes and curves are named after the object that is the first to use them.
+  // Shapes and curves are named after the first object that uses them.
   std::string shape_key(const Shape& shape, const std::string& name) {
     const auto [entry, is_new] = shape_keys_.try_emplace(&shape, name);
     if (is_new && shape.primitive == FS_PRIMITIVE_MESH) {

@@ -1,5 +1,5 @@
-// A tree of boxes for the nearest of many things: the segments of a polyline or the triangles of a mesh. It knows their
-// boxes only; the exact test is its user's.
+// A tree of boxes that finds the nearest of many items: the segments of a polyline or the triangles of a mesh. It knows
+// only their boxes; the caller supplies the exact test.
 #pragma once
 
 #include <algorithm>
@@ -35,12 +35,12 @@ struct Box {
 // Four-wide, built top down by the surface area heuristic in bins (Wald, "On fast construction of SAH-based bounding
 // volume hierarchies", 2007).
 //
-// Why no rounding margin is needed: the distance to a box is worked out from lower - x and x - upper, the test's from
-// points that were kept within the box of its vertices relative to x (triangle.h). Rounding is monotone, so
-// in double precision too the distance to a box is never above that of anything in it.
+// No rounding margin is needed. The distance to a box comes from lower - x and x - upper; the exact test clamps its
+// points to the box of the item's vertices relative to x (triangle.h). Rounding is monotone, so the computed distance
+// to a box never exceeds that to anything in it.
 class BoxTree {
  public:
-  // Few boxes make no tree: they are one leaf. Throws Abandoned.
+  // A few boxes are one leaf, without a tree. Throws Abandoned.
   BoxTree(std::vector<Box> boxes, Wanted& wanted) {
     items_.reserve(boxes.size());
     for (size_t i = 0; i < boxes.size(); ++i) items_.push_back({boxes[i], static_cast<uint32_t>(i)});
@@ -51,11 +51,11 @@ class BoxTree {
     items_ = {};
   }
 
-  // The indices of the boxes, leaf by leaf: the positions that nearest() speaks of.
+  // The indices of the boxes, leaf by leaf. A position, as in nearest(), is an index into this list.
   const std::vector<uint32_t>& order() const { return order_; }
 
   // [rt] Calls test(first, count, bound) for every leaf (a run of positions) that may hold something at a squared
-  // distance from x of at most bound; test lowers bound when it finds something nearer. Near leaves come first.
+  // distance of at most `bound` from x. test lowers bound when it finds something nearer. Near leaves come first.
   template <class Test>
   void nearest(Vec3 x, double bound, Test&& test) const {
     if (nodes_.empty()) {
@@ -84,7 +84,7 @@ class BoxTree {
         const int first = size;
         for (int i = 0; i < node.size; ++i) {
           if (squared[i] > bound) continue;
-          int place = size++;  // the farthest lies deepest
+          int place = size++;  // the farthest child lies deepest in the stack
           for (; place > first && stack[place - 1].squared < squared[i]; --place) stack[place] = stack[place - 1];
           stack[place] = {squared[i], node.child[i], node.count[i]};
         }
@@ -98,16 +98,16 @@ class BoxTree {
 
  private:
   static constexpr int width = 4;
-  static constexpr size_t few = 12;         // no tree for so many
+  static constexpr size_t few = 12;         // up to this many boxes are one leaf
   static constexpr size_t leaf_size = 4;    // items at most
-  static constexpr int heuristic_levels = 24;  // below them halves, so that the depth is bounded:
+  static constexpr int heuristic_levels = 24;  // deeper nodes are split in halves, which bounds the depth and the stack
   static constexpr int stack_size = (heuristic_levels + 18) * (width - 1) + 1;
   static constexpr int bins = 16;
 
   struct Item {
     Box box;
     uint32_t index;
-    double center(int axis) const {  // twice, in fact
+    double center(int axis) const {  // twice the centre: enough for comparisons
       return axis == 0   ? box.lower.x + box.upper.x
              : axis == 1 ? box.lower.y + box.upper.y
                          : box.lower.z + box.upper.z;
@@ -116,9 +116,9 @@ class BoxTree {
 
   struct Node {
     double lower_x[width], lower_y[width], lower_z[width], upper_x[width], upper_y[width], upper_z[width];
-    uint32_t child[width];  // a node; or the first position of a leaf
-    uint8_t count[width];   // of a leaf; 0: a node
-    int size;               // children
+    uint32_t child[width];  // the index of a node, or the first position of a leaf
+    uint8_t count[width];   // items of a leaf; 0: the child is a node
+    int size;               // number of children
   };
 
   struct Range {
@@ -152,7 +152,7 @@ class BoxTree {
       Range children[width] = {task.range};
       int size = 1;
       while (size < width) {
-        // Splits the child that is the most work.
+        // Split the child that costs the most to search.
         int largest = -1;
         double most = -1;
         for (int i = 0; i < size; ++i) {
@@ -192,7 +192,7 @@ class BoxTree {
     }
   }
 
-  // Parts the items of a range in two; returns where the second part begins.
+  // Divides the items of a range into two parts; returns where the second part begins.
   size_t split(size_t begin, size_t end, bool by_heuristic, Wanted& wanted) {
     double low[3], high[3];
     for (int axis = 0; axis < 3; ++axis) {
@@ -234,7 +234,7 @@ class BoxTree {
     return middle;
   }
 
-  // The first bin of the second part in the cheapest split; 0: none.
+  // The bin at which the second part of the cheapest split begins; 0: no split.
   template <class Bin>
   int best_border(size_t begin, size_t end, Bin bin) const {
     Box boxes[bins];
@@ -269,8 +269,8 @@ class BoxTree {
     return best;
   }
 
-  std::vector<Item> items_;  // while building
-  std::vector<Node> nodes_;  // the first is the root; none: all items are one leaf
+  std::vector<Item> items_;  // used only while building
+  std::vector<Node> nodes_;  // the first is the root; empty when all items are one leaf
   std::vector<uint32_t> order_;
 };
 

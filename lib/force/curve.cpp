@@ -22,15 +22,15 @@ namespace {
 
 constexpr double largest = std::numeric_limits<double>::max();
 
-// A part of a curve: from `begin` (m) to where the next one begins.
+// A part of a curve, from `begin` (m) to the beginning of the next piece.
 struct Piece {
   double begin = 0;
-  double low = 0, high = 0;  // N, what the force lies between
-  double steepest = 0;       // N/m, of |slope|
+  double low = 0, high = 0;  // N, bounds of the force
+  double steepest = 0;       // N/m, the largest |slope|
 };
 constexpr size_t most_pieces = 256;
 
-// Cubic Hermite as a polynomial of u in [0, 1]: from one entry to the next, with the slopes there (N per step).
+// A cubic Hermite segment between two entries as a polynomial of u in [0, 1], from the slopes there (N per step).
 struct Cubic {
   double c0, c1, c2, c3;
 
@@ -42,7 +42,7 @@ struct Cubic {
 
   double force(double u) const { return c0 + u * (c1 + u * (c2 + u * c3)); }
   double slope(double u) const { return c1 + u * (2 * c2 + u * (3 * c3)); }
-  // The largest |slope| from u = a to b: at an end, or where the slope's parabola turns.
+  // The largest |slope| from u = a to b: at an end, or at the vertex of the slope's parabola.
   double steepest(double a, double b) const {
     const double turn = std::clamp(c3 != 0 ? -c2 / (3 * c3) : a, a, b);
     return std::fmax(std::fmax(std::fabs(slope(a)), std::fabs(slope(b))), std::fabs(slope(turn)));
@@ -104,7 +104,7 @@ class TableCurve final : public Curve {
     }
   }
 
-  // The steepest |slope| of interval i as far as the force is below `limit`, which it passes there once. N/m
+  // The steepest |slope| (N/m) of interval i where the force is below `limit`, which it crosses there once.
   double slope_below(size_t i, double limit) const {
     const Cubic cubic = interval(i);
     const bool is_rising = values_[i + 1] > values_[i];
@@ -116,8 +116,8 @@ class TableCurve final : public Curve {
     return std::fmin((is_rising ? cubic.steepest(0, above) : cubic.steepest(above, 1)) / step_, largest);
   }
 
-  // The slope at an end from the rises of the two intervals next to it: of the parabola through three entries, kept
-  // monotone.
+  // The slope at an end of the table, from the rises of the two intervals next to it: that of the parabola through
+  // three entries, limited so that the curve stays monotone.
   static double end_slope(double first, double second) {
     const double slope = (3 * first - second) / 2;
     if (slope * first <= 0) return 0;
@@ -155,18 +155,18 @@ class TableCurve final : public Curve {
 
 constexpr size_t longest_expression = 255;  // bytes
 
-// muParser with its variables: its state belongs to one thread at a time.
+// muParser with its variables. Only one thread at a time may use it.
 class ExpressionParser final : public Curve::Parser {
  public:
   explicit ExpressionParser(const std::string& text) {
     parser_.DefineVar("d", &d_);
     parser_.DefineVar("t", &t_);
     parser_.SetExpr(text);
-    // The first evaluation parses and allocates; further ones are to show that the others do not.
+    // The first evaluation parses and allocates; those in the servo must not. A few more make sure that they do not.
     for (const double d : {0.0, 0.001, 1.0}) value(d, 0);
   }
 
-  // The bare value; may throw mu::ParserError.
+  // The value as muParser gives it; may throw mu::ParserError.
   double value(double d, double t) {
     d_ = d;
     t_ = t;
@@ -190,7 +190,7 @@ class ExpressionParser final : public Curve::Parser {
   mu::Parser parser_;
 };
 
-// True unless t surely does not matter: it stands somewhere by itself.
+// True when `t` occurs as a word of its own, so the expression may depend on time.
 bool mentions_time(const std::string& text) {
   const auto is_word = [](char c) { return std::isalnum(static_cast<unsigned char>(c)) || c == '_'; };
   for (size_t i = 0; i < text.size(); ++i) {
@@ -201,7 +201,7 @@ bool mentions_time(const std::string& text) {
 
 class ExpressionCurve final : public Curve {
  public:
-  // parser: of the text. To parse a text takes long, so the first who wants a parser gets this one.
+  // parser: made from the text. Parsing is slow, so the first call of make_parser returns this one.
   ExpressionCurve(std::string text, std::unique_ptr<ExpressionParser> parser) : text_(std::move(text)) {
     sample(*parser);
     first_.store(parser.release());
@@ -219,7 +219,7 @@ class ExpressionCurve final : public Curve {
     const double force = parser->force(d, t);
     if (force == 0) return {};
     const double low = std::fmax(d - expression_step, 0), high = d + expression_step;
-    if (!(high > low)) return {force, 0};  // d so large that the step is lost in it
+    if (!(high > low)) return {force, 0};  // d is so large that rounding loses the step
     const double slope = (parser->force(high, t) - parser->force(low, t)) / (high - low);
     return {force, std::clamp(slope, -largest, largest)};
   }
@@ -231,7 +231,7 @@ class ExpressionCurve final : public Curve {
     }
     return steepest;
   }
-  double greatest_force(double d) const noexcept override {  // at the next sample
+  double greatest_force(double d) const noexcept override {  // of the first sample at d or beyond
     const auto next = std::lower_bound(forces_.begin(), forces_.end() - 1, d,
                                        [](const auto& sample, double wanted) { return sample.first < wanted; });
     return next->second;
@@ -240,8 +240,9 @@ class ExpressionCurve final : public Curve {
   const std::string* expression() const noexcept override { return &text_; }
 
  private:
-  // Distances in a geometric row from 1 um to 100 m, and times that do not beat with a usual frequency. In all a few
-  // hundred evaluations, some tenths of a millisecond: a file may have thousands of expressions.
+  // Samples at distances in a geometric series from 1 um to 100 m, and at times that do not fall into step with a usual
+  // frequency. A file may have thousands of expressions, so these few hundred evaluations take only some
+  // tenths of a millisecond.
   void sample(ExpressionParser& parser) {
     const bool is_timed = mentions_time(text_);
     const size_t times = is_timed ? 6 : 1, distances = is_timed ? 64 : most_pieces;
@@ -270,7 +271,7 @@ class ExpressionCurve final : public Curve {
         before = force;
       }
     }
-    // Nearer to where it is steepest: so a jump shows as what it is.
+    // Halve the steepest interval repeatedly, so that a jump shows its true steepness.
     for (int k = 0; k < 32 && steepest.end - steepest.begin > 2 * expression_step; ++k) {
       Secant left = steepest, right = steepest;
       left.end = right.begin = (steepest.begin + steepest.end) / 2;
@@ -291,18 +292,18 @@ class ExpressionCurve final : public Curve {
 
   const std::string text_;
   std::vector<Piece> pieces_;
-  std::vector<std::pair<double, double>> forces_;  // m, N: samples, the greatest in time
+  std::vector<std::pair<double, double>> forces_;  // samples: distance (m), greatest force at any sampled time (N)
   mutable std::atomic<ExpressionParser*> first_{nullptr};
 };
 
-// What muParser accepts but a profile must not have: bytes that are no plain text, strings, assignment, a list of
-// results.
+// Refuses what muParser accepts but a profile must not contain: bytes that are not printable ASCII, strings,
+// assignment, several results.
 void check_expression(const std::string& text) {
   if (text.find_first_not_of(' ') == std::string::npos) fail(FS_ERROR_PARSE, "the expression is empty");
   if (text.size() > longest_expression) {
     fail(FS_ERROR_INVALID, "the expression has more than %zu bytes", longest_expression);
   }
-  std::string open;  // for each '(' that is open: 'f' when it begins the arguments of a function, else '('
+  std::string open;  // one for each open '(': 'f' when it begins the arguments of a function, otherwise '('
   for (size_t i = 0; i < text.size(); ++i) {
     const auto c = static_cast<unsigned char>(text[i]);
     if (c < 0x20 || c > 0x7e) {
@@ -312,7 +313,7 @@ void check_expression(const std::string& text) {
     if (std::strchr("<>!=", c) && text[i + 1] == '=') {
       ++i;
     } else if (c == '=') {
-      fail(FS_ERROR_PARSE, "column %zu of the expression is '=': there is no assignment", i + 1);
+      fail(FS_ERROR_PARSE, "column %zu of the expression is '=': assignment is not allowed", i + 1);
     } else if (c == '(') {
       const size_t before = i == 0 ? std::string::npos : text.find_last_not_of(' ', i - 1);
       const bool is_call = before != std::string::npos && (std::isalnum(text[before]) || text[before] == '_');
@@ -320,7 +321,7 @@ void check_expression(const std::string& text) {
     } else if (c == ')' && !open.empty()) {
       open.pop_back();
     } else if (c == ',' && (open.empty() || open.back() != 'f')) {
-      fail(FS_ERROR_PARSE, "column %zu of the expression is ',' outside of a call: one number is wanted", i + 1);
+      fail(FS_ERROR_PARSE, "column %zu of the expression is ',' outside of a call: it must give one number", i + 1);
     }
   }
 }

@@ -12,7 +12,7 @@ namespace {
 
 bool is_letter(char c) { return std::isalnum(static_cast<unsigned char>(c)) || c == '_'; }
 
-// What is meant by a name of other languages.
+// Names from other languages and what they mean here.
 constexpr struct {
   const char *name, *hint;
 } hints[] = {
@@ -45,10 +45,10 @@ std::string sentence_on_name(const std::string& name) {
   }
   if (functions.count(lower) || lower == "d" || lower == "t") hint = "write " + lower;
   return "the name is not known" + (hint.empty() ? "" : " (" + hint + ")") +
-         "; there are the distance d (m), the time t (s)," + names_of(parser.GetConst()) + names_of(functions);
+         "; known are the distance d (m), the time t (s)," + names_of(parser.GetConst()) + names_of(functions);
 }
 
-// Where the first ':' or the last '?' stands that has no partner.
+// The index of the first ':' or the last '?' that has no partner.
 size_t lonely_colon(const std::string& text) {
   for (size_t i = 0, open = 0; i < text.size(); ++i) {
     if (text[i] == '?') ++open;
@@ -80,7 +80,7 @@ void fail_expression(const std::string& text, const mu::ParserError& error) {
   switch (error.GetCode()) {
     case mu::ecUNASSIGNABLE_TOKEN:
       sentence = is_letter(text[place]) ? sentence_on_name(token)
-                                        : "it is no operator; there are + - * / ^ < > <= >= == != && || and a ? b : c";
+                                        : "it is no operator; use + - * / ^ < > <= >= == != && || and a ? b : c";
       break;
     case mu::ecUNEXPECTED_EOF:
       place = text.find_last_not_of(' ');

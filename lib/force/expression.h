@@ -1,4 +1,4 @@
-// Sentences about what muParser does not take in an expression.
+// Error sentences for expressions that muParser refuses.
 #pragma once
 
 #ifdef FORCESERVER_EXPRESSIONS
@@ -9,7 +9,7 @@
 
 namespace fs {
 
-// Throws PARSE: the column (from 1, within the text), what stands there, what is wrong, and what may be meant.
+// Throws PARSE. The sentence names the column (from 1), the text there, what is wrong, and what may be meant.
 [[noreturn]] void fail_expression(const std::string& text, const mu::ParserError& error);
 
 }  // namespace fs

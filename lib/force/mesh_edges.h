@@ -10,7 +10,7 @@
 
 namespace fs {
 
-// Side k of triangle t, from its corner k to the next; id = 3 t + k.
+// Side k of triangle t runs from its corner k to the next; id = 3 t + k.
 struct HalfEdge {
   uint32_t other;  // the higher vertex
   uint32_t id;
@@ -27,8 +27,8 @@ inline bool is_collapsed(std::span<const uint32_t> corners, uint32_t triangle) {
   return v[0] == v[1] || v[1] == v[2] || v[2] == v[0];
 }
 
-// Calls edge(half_edges) for every edge with the half-edges that share it, in the order of their triangles. corners:
-// three vertices a triangle, all below vertex_count. Those of collapsed triangles are among them.
+// Calls edge(half_edges) for every edge, with the half-edges that lie on it in the order of their triangles. corners:
+// three vertices for each triangle, all below vertex_count. The half-edges of collapsed triangles are included.
 template <class Edge>
 void for_each_edge(std::span<const uint32_t> corners, size_t vertex_count, Wanted& wanted, Edge&& edge) {
   const auto for_each_half_edge = [&](auto&& visit) {

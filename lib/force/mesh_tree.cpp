@@ -31,7 +31,7 @@ MeshTree::MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corne
 }
 
 bool MeshTree::closest(Vec3 x, double max_distance, Closest& out) const noexcept {
-  // Squared, and a little more: the exact comparison is made at the end.
+  // The bound is squared and slightly enlarged; the exact comparison comes at the end.
   Nearest best;
   uint32_t best_index = no_triangle, best_position = 0;
   boxes_.nearest(x, max_distance * max_distance * (1 + 1e-15) + std::numeric_limits<double>::min(),
@@ -60,7 +60,7 @@ bool MeshTree::closest(Vec3 x, double max_distance, Closest& out) const noexcept
   const bool on_edge = best.part == Part::edge_ab || best.part == Part::edge_bc || best.part == Part::edge_ca;
   Pseudonormals::Normal normal{face, true};
   if (on_edge || best.part == Part::face) {
-    // A point "inside" a triangle without area is on its first edge, as good as anywhere.
+    // A point "inside" a triangle without area counts as on its first edge; any edge would do.
     if (on_edge || !has_face) normal = normals_.side(best_index, on_edge ? part - 1 : 0);
   } else {
     normal = normals_.corner(best_index, part - static_cast<int>(Part::corner_a));
@@ -86,7 +86,7 @@ bool MeshTree::closest(Vec3 x, double max_distance, Closest& out) const noexcept
     hit.direction = normal.vector;
   } else {
     hit.side = dot(best.offset, normal.vector) <= 0 ? Side::front : Side::back;
-    // On a face the normal is exact where the offset of a tiny distance is mostly rounding.
+    // At a tiny distance the offset is mostly rounding error; on a face the normal is exact.
     if (!on_face) {
       hit.direction = normalized(-best.offset);
     } else {

@@ -1,4 +1,4 @@
-// The closest point of a triangle mesh. Built once, immutable.
+// Finds the closest point of a triangle mesh. Built once, then immutable.
 #pragma once
 
 #include <cstdint>
@@ -17,8 +17,8 @@ class MeshTree {
   // Throws Abandoned.
   MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corners, Wanted& wanted);
 
-  // [rt] As closest_point() in primitive.h. The triangle is the one that a test of all, in their order, would find: the
-  // lowest index of those at the least distance.
+  // [rt] As closest_point() in primitive.h. Of the triangles at the least distance it takes the one with the lowest
+  // index, as a test of all triangles in order would.
   bool closest(Vec3 x, double max_distance, Closest& out) const noexcept;
 
  private:

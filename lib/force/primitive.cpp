@@ -9,8 +9,8 @@
 namespace fs {
 namespace {
 
-constexpr double largest_position = 1e150;  // m: its square is finite
-constexpr double straight_angle = 1e-7;     // rad
+constexpr double largest_query = 1e150;  // m: its square is finite
+constexpr double straight_angle = 1e-7;  // rad
 
 bool closest_on_point(Vec3 x, double max_distance, Closest& out) noexcept {
   const double distance = norm(x);
@@ -33,7 +33,7 @@ bool closest_on_plane(Vec3 x, double max_distance, Closest& out) noexcept {
   return true;
 }
 
-// The other segment at the end of segment i; the number of segments where there is none.
+// The segment that continues segment i at its start or end; the number of segments when there is none.
 size_t segment_beyond(const Shape& shape, size_t count, size_t i, bool at_start) noexcept {
   if (at_start) return i > 0 ? i - 1 : shape.closed ? count - 1 : count;
   return i + 1 < count ? i + 1 : shape.closed ? 0 : count;
@@ -48,7 +48,7 @@ bool closest_on_polyline(const Shape& shape, Vec3 x, double max_distance, Closes
 
   Nearest best;
   size_t best_segment = count;
-  // The bound is a little more than the square: the exact comparison is made at the end.
+  // The bound is squared and slightly enlarged; the exact comparison comes at the end.
   shape.segments().nearest(x, max_distance * max_distance * (1 + 1e-15) + std::numeric_limits<double>::min(),
                            [&](uint32_t first, uint32_t size, double& bound) {
                              for (uint32_t i = first; i < first + size; ++i) {
@@ -93,7 +93,7 @@ bool closest_on_polyline(const Shape& shape, Vec3 x, double max_distance, Closes
 }  // namespace
 
 bool closest_point(fs_primitive primitive, const Shape* shape, Vec3 x, double max_distance, Closest& out) noexcept {
-  if (!(max_distance >= 0) || !is_finite(x) || largest_coordinate(x) > largest_position) return false;
+  if (!(max_distance >= 0) || !is_finite(x) || largest_coordinate(x) > largest_query) return false;
   switch (primitive) {
     case FS_PRIMITIVE_POINT:
       return closest_on_point(x, max_distance, out);

@@ -7,25 +7,25 @@
 namespace fs {
 
 enum class Side : uint8_t { front, back };
-// How the closest point moves when x does: it stays (vertex), slides along `tangent` (edge) or follows x along the
-// surface (face). The direction's derivative is (I - u u^T)/d, (I - u u^T - t t^T)/d and 0. An edge or vertex inside a
-// flat part of a mesh counts as face, a joint inside a straight part of a polyline as edge.
+// How the closest point moves when x moves: it stays (vertex), slides along `tangent` (edge) or follows x along the
+// surface (face). The derivative of the direction is (I - u u^T)/d, (I - u u^T - t t^T)/d and 0 respectively. An edge
+// or vertex inside a flat part of a mesh counts as a face, a joint inside a straight part of a polyline as an edge.
 enum class Feature : uint8_t { vertex, edge, face };
 
 struct Closest {
   Vec3 point{};      // p
   double distance = 0;
-  Vec3 direction{};  // unit, from p to x. At d = 0: of a plane or mesh its normal there; else {0, 0, 0}
-  Vec3 tangent{};    // unit; edge only
+  Vec3 direction{};  // unit, from p to x. At d = 0: the normal of a plane or mesh; {0, 0, 0} for the other primitives
+  Vec3 tangent{};    // unit; set for an edge only
   Side side = Side::front;
   Feature feature = Feature::vertex;
-  uint32_t triangle = 0;  // or segment: the lowest index among ties
+  uint32_t triangle = 0;  // index of the triangle or segment; the lowest of those at equal distance
 };
 
-// [rt] The closest point to x (object frame, m). False when it lies farther than max_distance (m, may be infinite), or
-// when x is not finite or beyond 1e150 m; then out is left alone. shape: for polyline and mesh; built.
-// Exact in double precision: worked out in coordinates relative to x, so only the size of a triangle or segment and its
-// distance count, not how far both are from the origin. A distance of at most 2 ulps of the coordinates is 0.
+// [rt] The closest point to x (object frame, m). False when it is farther than max_distance (m, may be infinite), or
+// when x is not finite or beyond 1e150 m; then out is unchanged. shape: of a polyline or mesh, already built.
+// Exact to double precision: coordinates are taken relative to x, so rounding depends on the size of a triangle or
+// segment and its distance, not on how far both are from the origin. A distance within 2 ulps of the coordinates is 0.
 bool closest_point(fs_primitive primitive, const Shape* shape, Vec3 x, double max_distance, Closest& out) noexcept;
 
 }  // namespace fs

@@ -13,18 +13,18 @@ namespace fs {
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
-constexpr double largest = 1e200;             // N/m: a slope that can still be summed and scaled
+constexpr double largest = 1e200;             // N/m: larger slopes could overflow when summed or scaled
 constexpr double largest_limit = 1e9;        // N
 constexpr double gaussian_support = 39;      // widths: exp(-39^2 / 2) is 0 in double precision
 
-// A bound >= 0 that has been rounded, made safe.
+// Enlarges a rounded bound >= 0 slightly, so that it is never below the exact one.
 double outward(double bound) { return bound * (1 + 1e-15) + std::numeric_limits<double>::min(); }
 
 void require_finite(double value, const char* field, const char* part) {
   if (!std::isfinite(value)) fail(FS_ERROR_INVALID, "%s.%s is %g, must be finite", field, part, value);
 }
 
-// Throws INVALID unless the value is as it must be for a profile of this kind.
+// Throws INVALID unless the value is good for a profile of this kind; `must` says what is good.
 void require_that(bool is_good, const char* must, double value, const char* field, const char* part,
                   fs_profile_kind kind) {
   if (is_good) return;
@@ -32,9 +32,9 @@ void require_that(bool is_good, const char* must, double value, const char* fiel
        kind == FS_PROFILE_INVERSE ? "an" : "a", without_prefix(profile_kind_names[kind]));
 }
 
-// The formula without limit and reach. The slope is of use only where 0 < force < limit.
+// The formula without limit and reach. The slope is meaningful only where 0 < force < limit.
 Intensity formula(const Profile& p, Curve::Parser* parser, double d, double t) noexcept {
-  if (p.gain == 0) return {p.offset, 0};  // of every kind, also where d makes it 0 * infinity or 0 / 0
+  if (p.gain == 0) return {p.offset, 0};  // for every kind, even when d would make it 0 * infinity or 0 / 0
   switch (p.kind) {
     case FS_PROFILE_CONSTANT:
       return {p.gain, 0};
@@ -61,7 +61,7 @@ Intensity formula(const Profile& p, Curve::Parser* parser, double d, double t) n
   }
 }
 
-// The support of the formula clamped at 0, whatever the reach.
+// The support of the formula clamped at 0, ignoring the reach.
 double formula_support(const Profile& p) noexcept {
   if (p.gain == 0) return p.offset > 0 ? infinity : -1;
   switch (p.kind) {
@@ -80,7 +80,7 @@ double formula_support(const Profile& p) noexcept {
     case FS_PROFILE_CUSTOM: {
       const std::vector<double>* table = p.curve->table();
       if (!table) return infinity;
-      // The last entry with a force; from the next one on the curve is flat at 0.
+      // Find the entry after the last force; from there on the curve is flat at 0.
       size_t after = table->size();
       while (after > 0 && !((*table)[after - 1] > 0 && std::isfinite((*table)[after - 1]))) --after;
       if (after == 0) return -1;
@@ -108,7 +108,7 @@ double formula_slope(const Profile& p, double end) noexcept {
       return p.gain * std::exp(-0.5 * q * q) * q / p.width;
     }
     case FS_PROFILE_QUADRATIC: {
-      // The slope grows with d: it counts where the force comes to limit (gain > 0) or to 0 (gain < 0), or at the end.
+      // The slope grows with d: it is steepest where the force reaches limit (gain > 0) or 0 (gain < 0), or at the end.
       const double room = p.gain > 0 ? p.limit - p.offset : p.offset;
       if (room <= 0) return 0;
       const double d = std::fmin(std::sqrt(room / std::fabs(p.gain)), end);
@@ -118,7 +118,7 @@ double formula_slope(const Profile& p, double end) noexcept {
     }
     case FS_PROFILE_INVERSE: {
       if (p.offset >= p.limit) return 0;
-      const double d = p.gain / (p.limit - p.offset);  // where the force leaves the limit: it is steepest there
+      const double d = p.gain / (p.limit - p.offset);  // where the force falls below the limit, and is steepest
       return d < end ? (p.limit - p.offset) / p.gain * (p.limit - p.offset) : 0;
     }
     default:
@@ -211,7 +211,7 @@ double support(const Profile& p) noexcept {
 
 bool is_ever_felt(const Profile& p) noexcept {
   if (p.kind == FS_PROFILE_CUSTOM) return support(p) > 0;
-  // The formulas rise or fall throughout.
+  // The formulas are monotone, so the two ends decide.
   return evaluate(p, nullptr, 0, 0).force > 0 || evaluate(p, nullptr, p.reach > 0 ? p.reach : infinity, 0).force > 0;
 }
 

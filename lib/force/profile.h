@@ -12,30 +12,31 @@ struct Profile {
   fs_sense sense = FS_SENSE_ATTRACTIVE;
   double gain = 0, offset = 0, width = 0;
   double limit = 0;
-  double reach = 0;  // as the contract has it: 0 is without end
+  double reach = 0;  // m; 0 means unlimited, as in fs_profile
   Ref<const Curve> curve;
 };
 
 // Checks every field of an fs_profile; `field` is its name in the error sentence ("front"). Throws INVALID.
 Profile parse_profile(const fs_profile& profile, const char* field);
-// The other way; a curve in it is borrowed, not retained.
+// Converts back to an fs_profile; the curve in it is borrowed, not retained.
 fs_profile to_c(const Profile& profile);
 bool operator==(const Profile& a, const Profile& b);
 
-// [rt] d in m, >= 0 (may be infinite); t in s; parser: of the curve. The slope is 0 where f is clamped, and always finite.
+// [rt] d in m, >= 0 (may be infinite); t in s; parser: made by the profile's curve. The slope is 0 where f is clamped,
+// and always finite.
 Intensity evaluate(const Profile& profile, Curve::Parser* parser, double d, double t) noexcept;
 
-// The distance beyond which the profile gives no force, m: d > support means f = 0. Infinite where there is none, -1
-// for a profile that never gives any. Expressions: their reach.
+// The distance beyond which the profile gives no force, m: d > support means f = 0. Infinite when the force never ends,
+// -1 when the profile never gives a force. For an expression it is the reach.
 double support(const Profile& profile) noexcept;
 
-// Whether the profile gives a force at any distance d > 0. Curves: as far as their support tells.
+// Whether the profile gives a force at any distance d > 0. For a curve only its support is asked.
 bool is_ever_felt(const Profile& profile) noexcept;
 
-// The steepest |df/dd| over all d >= 0 where 0 < f < limit, N/m; infinite where f jumps at the reach. Curves are not
-// evaluated: what was worked out when they were made is scaled by the gain and cut off by limit and reach (curve.h).
+// The steepest |df/dd| over all d >= 0 where 0 < f < limit, N/m; infinite when f jumps at the reach. A curve is not
+// evaluated: the slopes computed when it was made are scaled by the gain and cut off by limit and reach (curve.h).
 double steepest_slope(const Profile& profile);
-// The force at d = 0, N; of an expression the greatest of those sampled in time.
+// The force at d = 0, N; for an expression the greatest of its samples in time.
 double first_force(const Profile& profile);
 
 }  // namespace fs

@@ -11,24 +11,25 @@ namespace fs {
 namespace {
 
 constexpr double flat_angle = 1e-7;        // rad
-constexpr double cancelled = 1e-12;        // of the weights of a sum of unit normals
+constexpr double cancelled = 1e-12;        // relative to the weights of a sum of unit normals
 constexpr Vec3 no_normal{0, 0, 0};
 constexpr Vec3 last_resort{0, 0, 1};
 
-// For each corner the number of its vertex; vertices are points of different coordinates, numbered as they come.
+// The number of the vertex of each corner. Points at equal coordinates are one vertex; vertices are numbered in the
+// order in which corners first use them.
 struct Welded {
   std::vector<uint32_t> corners;
   size_t count = 0;
 };
 
-// By sorting: however the points were chosen, n of them take n log n steps.
+// Sorts, because n points then never take more than n log n steps, however they were chosen.
 Welded weld(std::span<const Vec3> points, std::span<const uint32_t> corners, Wanted& wanted) {
   constexpr uint32_t none = UINT32_MAX;
   struct Place {
     Vec3 position;
     uint32_t point;
   };
-  std::vector<uint32_t> first_of(points.size(), none);  // the first point of those at the same place; none: no corner
+  std::vector<uint32_t> first_of(points.size(), none);  // the first point at the same place; none: no corner uses it
   std::vector<Place> places;
   places.reserve(std::min(points.size(), corners.size()));
   for (const uint32_t point : corners) {
@@ -70,10 +71,10 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
   const uint32_t triangle_count = static_cast<uint32_t>(corners.size() / 3);
   const auto corner = [&](uint32_t t, int k) { return points[corners[size_t{3} * t + k]]; };
 
-  // Edges. A regular one joins two triangles, in opposite directions; only there can a mesh be flat.
+  // A regular edge joins two triangles that run along it in opposite directions; a mesh can be flat only at such edges.
   std::vector<uint8_t> is_twin(triangle_count, 0), edge_is_flat, vertex_is_flat(welded.count, 1);
   struct Candidate {
-    uint64_t key;  // of triangles with this edge: equal for those with the same vertices and orientation
+    uint64_t key;  // equal for triangles on this edge with the same vertices and orientation
     uint32_t triangle;
   };
   std::vector<Candidate> candidates;
@@ -108,7 +109,7 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
     }
   });
 
-  // The sums: a face weighs pi at its edges (here 1) and its angle at its vertices.
+  // Sum the normals. A face has the weight pi at its edges (here 1) and its angle at its vertices.
   std::vector<Vec3> faces(triangle_count);
   std::vector<double> vertex_weights(welded.count, 0);
   edge_normals_.assign(edge_is_flat.size(), no_normal);
@@ -131,8 +132,8 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
     }
   }
 
-  // A triangle without area lies along its longest side: to its short sides it stands for what is across the long one,
-  // and the other way round; at the corner between the short sides its angle is pi.
+  // A triangle without area lies along its longest side. To its short sides it stands in for the triangle across the
+  // long side, and the other way round; at the corner between the short sides its angle is pi.
   struct StandIn {
     uint32_t triangle;
     int long_side;
@@ -161,7 +162,7 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
     vertex_weights[vertex] += std::numbers::pi;
   }
 
-  // Unit length; where normals cancel, the first triangle's.
+  // Scale to unit length; where normals cancel, take the first triangle's.
   const auto finish = [&](std::vector<Vec3>& normals, const std::vector<uint32_t>& ids, auto weight) {
     for (size_t i = 0; i < normals.size(); ++i) {
       normals[i] = norm(normals[i]) > cancelled * weight(i) ? normalized(normals[i]) : no_normal;
@@ -174,7 +175,7 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
   finish(edge_normals_, edges_, [](size_t) { return 2.0; });
   finish(vertex_normals_, vertices_, [&](size_t i) { return vertex_weights[i]; });
 
-  // Flat: no triangle there deviates.
+  // A normal is flat when no triangle there deviates from it.
   const auto mark = [&](std::vector<Vec3>& normals, std::vector<uint32_t>& ids, std::vector<uint8_t>& is_flat) {
     for (size_t i = 0; i < ids.size(); ++i) {
       wanted.step();

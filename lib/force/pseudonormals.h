@@ -11,14 +11,14 @@
 
 namespace fs {
 
-// Vertices at the same coordinates count as one, whatever their indices, so a soup of triangles has its sides too.
+// Vertices at equal coordinates count as one, whatever their indices, so unconnected triangles (a soup) have sides too.
 //
 // Where the paper's assumptions (closed, consistently oriented, no degenerate triangle) fail:
 // - an open edge has the normal of its triangle;
-// - a triangle that is there twice counts once;
-// - a triangle without area counts on each of its sides as what lies across it, so that it changes nothing;
-// - normals that cancel (a sheet with two faces) leave that of the triangle with the lowest index;
-// - what has no normal at all (only triangles without area) gets {0, 0, 1}.
+// - a repeated triangle counts once;
+// - a triangle without area passes on to each neighbour the normal of the neighbour across it, so it changes nothing;
+// - where normals cancel (a sheet with two faces), the triangle with the lowest index gives the normal;
+// - where no triangle has an area, the normal is {0, 0, 1}.
 class Pseudonormals {
  public:
   struct Normal {
@@ -29,7 +29,7 @@ class Pseudonormals {
   // Throws Abandoned.
   Pseudonormals(std::span<const Vec3> points, std::span<const uint32_t> corners, Wanted& wanted);
 
-  // [rt] Of side k (from corner k to the next) and corner k of a triangle.
+  // [rt] The normals of side k (from corner k to the next) and of corner k of a triangle.
   Normal side(uint32_t triangle, int k) const noexcept { return get(edge_normals_, edges_[size_t{3} * triangle + k]); }
   Normal corner(uint32_t triangle, int k) const noexcept {
     return get(vertex_normals_, vertices_[size_t{3} * triangle + k]);
@@ -42,7 +42,7 @@ class Pseudonormals {
   }
 
   std::vector<Vec3> edge_normals_, vertex_normals_;
-  std::vector<uint32_t> edges_, vertices_;  // three a triangle, with flat_bit
+  std::vector<uint32_t> edges_, vertices_;  // three for each triangle, with flat_bit
 };
 
 }  // namespace fs

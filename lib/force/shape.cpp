@@ -14,7 +14,7 @@ namespace {
 
 constexpr double largest_position = 1e15;      // m
 constexpr size_t most_points = 4'000'000'000;  // an index is a uint32_t
-constexpr size_t most_triangles = 500'000'000; // and so is the number of a half-edge
+constexpr size_t most_triangles = 500'000'000; // so is the number of a half-edge, 3 per triangle
 
 void check_points(const Vec3* points, size_t count, size_t least, Wanted& wanted) {
   if (count < least) fail(FS_ERROR_INVALID, "the shape has %zu points, must have at least %zu", count, least);

@@ -26,26 +26,27 @@ struct fs_shape : fs::Counted<fs_shape> {
   const uint64_t serial = fs::next_serial();
   const fs_primitive primitive;            // POLYLINE or MESH
   const std::vector<fs::Vec3> points;      // m, object frame
-  const std::vector<uint32_t> triangles;   // three a triangle; a polyline has none
+  const std::vector<uint32_t> triangles;   // three point indices for each triangle; empty for a polyline
   const bool closed;                       // polyline: the last point joins the first; mesh: no edge is open or odd
-  const double radius;                     // m, of all points about the origin, rounded up
+  const double radius;                     // m, from the origin to the farthest point, rounded up
   const bool is_straight;                  // polyline: all its points lie on one line, within a millionth of its length
 
-  // Builds the search tree of a mesh; once, any thread, others wait for it. A polyline is always built. Throws Abandoned.
+  // Builds the search tree of a mesh once. Any thread may call it; the others wait until the tree is built. A polyline
+  // is always built. Throws Abandoned.
   void build(fs::Wanted& wanted) const;
   void build() const {
     fs::Wanted wanted;
     build(wanted);
   }
   bool is_built() const noexcept;
-  const fs::MeshTree* tree() const noexcept { return tree_.load(std::memory_order_acquire); }  // [rt] null: not built
+  const fs::MeshTree* tree() const noexcept { return tree_.load(std::memory_order_acquire); }  // [rt] null until built
 
   const fs::BoxTree& segments() const noexcept { return *segments_; }  // [rt] of a polyline
 
   // Edges join vertices of equal index; a triangle with a repeated index is degenerate and has no edges here.
   void get_info(fs_shape_info& out) const;  // all but struct_size
 
-  // Whatever shall go when the shape goes. Set before it is shared.
+  // Keeps `what` alive as long as the shape. Called before any other thread has the shape.
   void keep(std::shared_ptr<const void> what) const { kept_ = std::move(what); }
 
  private:
@@ -60,8 +61,9 @@ namespace fs {
 
 using Shape = fs_shape;
 
-// Check and copy. INVALID: fewer than 2 points, no triangle, an index out of range, a coordinate not finite or beyond
-// 1e15 m, more than 4e9 points or 5e8 triangles; the sentence names the first bad point or triangle. Throws Abandoned.
+// These check and copy their arguments. INVALID: fewer than 2 points, no triangle, an index out of range, a coordinate
+// not finite or beyond 1e15 m, more than 4e9 points or 5e8 triangles; the sentence names the first bad point or
+// triangle. Throws Abandoned.
 Ref<const Shape> make_polyline(const Vec3* points, size_t count, bool closed, Wanted& wanted);
 Ref<const Shape> make_mesh(const Vec3* points, size_t point_count, const uint32_t* triangles, size_t triangle_count,
                            Wanted& wanted);

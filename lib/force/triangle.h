@@ -1,5 +1,5 @@
-// The closest point of a segment and of a triangle to the origin: its user takes coordinates relative to the point it
-// asks for, so nothing but the size of the triangle and its distance enters the rounding.
+// The closest point of a segment and of a triangle to the origin. The caller passes coordinates relative to the query
+// point, so rounding depends only on the size of the triangle and its distance.
 #pragma once
 
 #include <algorithm>
@@ -20,7 +20,8 @@ struct Nearest {
   Part part = Part::face;
 };
 
-// p within the box of the others: rounding must not carry it out, see box_tree.h. Never NaN.
+// Clamps p to the range of the other arguments, so that rounding cannot carry it out of their box (see box_tree.h).
+// Never NaN.
 inline double clamped(double p, double a, double b) noexcept {
   return std::max(std::min(a, b), std::min(std::max(a, b), p));
 }
@@ -28,8 +29,8 @@ inline double clamped(double p, double a, double b, double c) noexcept {
   return std::max(std::min(std::min(a, b), c), std::min(std::max(std::max(a, b), c), p));
 }
 
-// Lowers `nearest` to the closest point of the segment ab when that is nearer. The same bits for ba; a segment without
-// length is a point.
+// Replaces `nearest` by the closest point of the segment ab if that is nearer. ab and ba give the same bits; a segment
+// of length 0 counts as a point.
 inline void nearest_on_segment(Vec3 a, Vec3 b, Part on_ab, Part at_a, Part at_b, Nearest& nearest) noexcept {
   const Vec3 ab = b - a;
   const double from_a = -dot(a, ab), from_b = dot(b, ab);  // their sum is |ab|^2
@@ -39,7 +40,7 @@ inline void nearest_on_segment(Vec3 a, Vec3 b, Part on_ab, Part at_a, Part at_b,
   } else if (!(from_b > 0)) {
     candidate = {b, dot(b, b), at_b};
   } else {
-    // From the nearer end, where the rounding is least.
+    // Start from the nearer end, where rounding is least.
     const double length = dot(ab, ab);
     const Vec3 p = from_a <= from_b ? a + (from_a / length) * ab : b + (from_b / -length) * ab;
     candidate.offset = {clamped(p.x, a.x, b.x), clamped(p.y, a.y, b.y), clamped(p.z, a.z, b.z)};
@@ -49,10 +50,10 @@ inline void nearest_on_segment(Vec3 a, Vec3 b, Part on_ab, Part at_a, Part at_b,
   if (candidate.squared < nearest.squared) nearest = candidate;
 }
 
-// The closest point of triangle abc; without area it is as its edges are.
+// The closest point of triangle abc; for a triangle without area, the closest point of its edges.
 inline Nearest nearest_on_triangle(Vec3 a, Vec3 b, Vec3 c) noexcept {
-  // The origin's projection is a + s ab + t ac. By modified Gram-Schmidt: c and the origin both less their projections
-  // on ab, which keeps the digits of a needle where the products of a Gram matrix lose twice as many.
+  // The origin's projection is a + s ab + t ac. Modified Gram-Schmidt subtracts from c and from the origin their
+  // projections on ab; for a needle-shaped triangle a Gram matrix would lose twice as many digits.
   const Vec3 ab = b - a, ac = c - a;
   const double length = dot(ab, ab);
   const double c_along = dot(ac, ab) / length, along = -dot(a, ab) / length;
@@ -71,8 +72,8 @@ inline Nearest nearest_on_triangle(Vec3 a, Vec3 b, Vec3 c) noexcept {
   return nearest;
 }
 
-// The unit normal (counter-clockwise), {0, 0, 0} for a triangle whose area is nothing but rounding. Taken at the corner
-// of the largest angle, where a needle loses least.
+// The unit normal (counter-clockwise), {0, 0, 0} for a triangle whose area is only rounding error. It is computed at
+// the corner with the largest angle, where a needle-shaped triangle loses the fewest digits.
 inline Vec3 triangle_normal(Vec3 a, Vec3 b, Vec3 c) noexcept {
   const Vec3 ab = b - a, bc = c - b, ca = a - c;
   const double l_ab = dot(ab, ab), l_bc = dot(bc, bc), l_ca = dot(ca, ca);
@@ -85,7 +86,7 @@ inline Vec3 triangle_normal(Vec3 a, Vec3 b, Vec3 c) noexcept {
   return normalized(n);
 }
 
-// The rounding of coordinates as large as `largest`: distances up to it are 0 (2 ulps).
+// The rounding error (2 ulps) of coordinates as large as `largest`: distances up to it count as 0.
 inline double coordinate_rounding(double largest) noexcept {
   return 2 * std::numeric_limits<double>::epsilon() * largest;
 }

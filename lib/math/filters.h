@@ -1,4 +1,4 @@
-// Small filters of the loop. State in, state out; no allocation.
+// Small filters for the servo loop. They do not allocate.
 #pragma once
 
 #include <cmath>
@@ -8,15 +8,15 @@
 
 namespace fs {
 
-// Velocity of a pose that comes without one: backward difference, then a first-order low-pass. At 100 Hz the noise that a
-// 20 um encoder makes falls from .172 to .066 N rms at 20 N s/m.
+// Estimates the twist of a device that reports only poses: a backward difference, then a first-order low-pass. A cutoff
+// of 100 Hz lowers the force noise of a 20 um encoder at 20 N s/m from .172 to .066 N rms.
 class VelocityEstimator {
  public:
   explicit VelocityEstimator(double cutoff = 100) : cutoff_(cutoff) {}  // Hz
 
   Twist update(const Pose& pose, double time) noexcept {
     const double dt = time - time_;
-    if (!started_ || !(dt >= 0 && dt < 0.1)) {  // the first pose, or one after a gap: at rest
+    if (!started_ || !(dt >= 0 && dt < 0.1)) {  // the first pose, or the first after a gap, counts as at rest
       twist_ = {};
     } else if (dt > 1e-6) {
       const double gain = 1 - std::exp(-2 * std::numbers::pi * cutoff_ * dt);

@@ -38,7 +38,7 @@ constexpr Mat3 to_matrix(Quat q) {
   return {x.x, y.x, z.x, x.y, y.y, z.y, x.z, y.z, z.z};
 }
 
-// The rotation by a rotation vector (axis times angle, rad), and back; the angle of the latter is within [0, pi].
+// Converts a rotation vector (axis times angle, rad) to a rotation, and back to a vector with its angle within [0, pi].
 inline Quat exp_rotation(Vec3 v) {
   const double angle = norm(v);
   if (angle < 1e-9) return normalized(Quat{1, v.x / 2, v.y / 2, v.z / 2});

@@ -1,4 +1,4 @@
-// Vectors and 3x3 matrices, right-handed. The types are those of the C contract, so nothing is converted at the border.
+// Vectors and 3x3 matrices, right-handed. The vector type is that of the C contract, so it needs no conversion.
 #pragma once
 
 #include <cmath>
@@ -27,12 +27,12 @@ inline double largest_coordinate(Vec3 a) noexcept {
   return std::fmax(std::fmax(std::fabs(a.x), std::fabs(a.y)), std::fabs(a.z));
 }
 
-inline constexpr double coordinate_limit = 1e15;  // m: its square still leaves a double 278 decades
+inline constexpr double coordinate_limit = 1e15;  // m: its square is still 278 decades below the largest double
 inline bool is_in_range(Vec3 v) noexcept {
   return std::fabs(v.x) <= coordinate_limit && std::fabs(v.y) <= coordinate_limit && std::fabs(v.z) <= coordinate_limit;
 }
 
-// The unit vector along a, also where the squares of its components would over- or underflow; {0, 0, 0} for 0.
+// The unit vector along a, even when the squares of its components would overflow or underflow; {0, 0, 0} for 0.
 inline Vec3 normalized(Vec3 a) {
   const double largest = std::fmax(std::fabs(a.x), std::fmax(std::fabs(a.y), std::fabs(a.z)));
   if (!(largest > 0)) return {0, 0, 0};
