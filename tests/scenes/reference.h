@@ -1,5 +1,5 @@
-// The slow reference: a second implementation of what the headers say, in long double and without shortcuts. It looks at
-// every triangle, finds the side of a closed mesh from the winding number, and the stiffness from differences.
+// The slow reference: a second implementation of what the headers say, in long double and without shortcuts. It looks
+// at every triangle, finds the side of a closed mesh from the winding number, and the stiffness from differences.
 #pragma once
 
 #include <vector>
@@ -24,7 +24,7 @@ class Reference {
   explicit Reference(const Content& content);
   ~Reference();
 
-  // There is no servo: objects that are enabled and have not expired have weight 1. with_stiffness costs six times more.
+  // Without a servo: objects that are enabled and have not expired have weight 1. with_stiffness costs six times more.
   Felt evaluate(const fs_state& state, const std::vector<fs_vec3>& tool, bool with_stiffness) const;
 
  private:

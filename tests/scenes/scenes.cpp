@@ -408,7 +408,7 @@ fs_profile random_profile(Random& random, Content& content) {
     case FS_PROFILE_GAUSSIAN: {
       const double gain = random.log_between(0.3, 10), width = random.log_between(0.003, 0.1);
       p = fs_profile_init(kind, sense, gain, width, limit);
-      p.reach = 20 * width;  // cuts off the tail where a double rounds the force to 0
+      p.reach = 20 * width;  // cuts off the tail before a double rounds the force to 0
       break;
     }
     case FS_PROFILE_QUADRATIC: p = fs_profile_init(kind, sense, random.between(-3e3, 3e3), offset, limit); break;
