@@ -1,5 +1,5 @@
-// Plays the recorded telemetry of a rover, the scout. The two dust devils that it saw move as recorded and keep the hand
-// away. The scout itself draws the hand with a pulsing force that fades with its battery.
+// Plays the recorded telemetry of a rover, the scout. The two dust devils that it saw move as recorded and keep the
+// hand away. The scout itself draws the hand with a pulsing force that fades with its battery.
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
@@ -44,7 +44,7 @@ static const char* const devils[] = {"dust devil 1", "dust devil 2"};
 
 static void add_objects(fs_scene* scene, const Telemetry& begin, fs_object& scout) {
   scout.pose.position = begin.scout;
-  // The force is 0 at the scout itself and largest at 2000 m, with a slow pulse. The gain is the battery's strength, N.
+  // The force is 0 at the scout itself and largest at 2000 m, with a slow pulse. The gain, N, falls with the battery.
   scout.front = fs_profile_init(FS_PROFILE_CUSTOM, FS_SENSE_ATTRACTIVE, 3 * begin.battery, 0, 3);
   check(fs_curve_create_expression("(0.75 + 0.25*sin(9*t)) * d/2000 * exp(0.5 - (d/2000)^2/2)", &scout.front.curve));
   check(fs_object_set(scene, &scout));
@@ -78,7 +78,7 @@ static void play(Client& client, const Arguments& arguments) {
     move("scout", row.scout);
     for (int i = 0; i < 2; ++i) move(devils[i], row.devils[i]);
     if (std::abs(row.battery - told) < 0.01) continue;
-    told = row.battery;  // say the charge again when it has fallen by one percent
+    told = row.battery;  // the charge has changed by one percent
     scout.front.gain = 3 * told;
     check(fs_object_change(client.scene(), &scout, FS_PART_PROFILES));
   }
