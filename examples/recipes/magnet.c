@@ -18,7 +18,7 @@ int main(int argc, char **argv)
     char where[40];
     snprintf(where, sizeof where, "10 mm above it, at %d %%", charge);
     magnet.front.gain = charge / 100.0;
-    check(fs_object_change(scene, &magnet, FS_PART_PROFILES));  /* leaves the pose alone, which another client may move */
+    check(fs_object_change(scene, &magnet, FS_PART_PROFILES));  /* not the pose: another client may move it */
     feel(scene, where, 0, 0, 0.01);
   }
   fs_curve_destroy(magnet.front.curve);
