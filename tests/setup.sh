@@ -1,8 +1,8 @@
-# Sourced by tests/run and examples/quickstart (bash): what has to be installed, and how a build is made.
+# Sourced by tests/run and examples/quickstart (bash): installs the packages that are needed, configures and builds.
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
-# need_packages NAME...: Debian packages. Installs the missing ones, or says how.
+# need_packages NAME...: installs the missing ones of these Debian packages, or says how.
 need_packages() {
   if ! command -v apt-get > /dev/null || ! command -v dpkg-query > /dev/null; then
     need_tools "$@"
@@ -28,7 +28,7 @@ need_packages() {
   local log
   log=$(mktemp)
   if ! "${get[@]}" --no-install-recommends -y install "${missing[@]}" > "$log" 2>&1 < /dev/null; then
-    # The list of packages may be old or was never fetched.
+    # The list of packages may be old or missing: fetch it and try again.
     if ! { "${get[@]}" update && "${get[@]}" --no-install-recommends -y install "${missing[@]}"; } \
         >> "$log" 2>&1 < /dev/null; then
       cat "$log" >&2
@@ -40,20 +40,21 @@ need_packages() {
   rm -f "$log"
 }
 
-# Not a Debian: goes on when the tools are there; CMake then tells which library it does not find.
+# need_tools NAME...: for other systems than Debian. Ends with a message when a tool is missing; CMake reports a missing
+# library. NAME...: the Debian packages, for the message.
 need_tools() {
   local tool absent=()
   for tool in c++ cmake ninja pkg-config; do
     command -v "$tool" > /dev/null || absent+=("$tool")
   done
   if [ ${#absent[@]} -gt 0 ]; then
-    echo "Missing: ${absent[*]}. On Debian these packages hold all that is needed, elsewhere look for the like:" >&2
+    echo "Missing: ${absent[*]}. On Debian these packages have all that is needed; elsewhere look for similar ones:" >&2
     echo "  $*" >&2
     exit 1
   fi
 }
 
-# configure FOLDER [CMAKE OPTION...]: quiet unless it fails. A folder that was made for another build tool begins anew.
+# configure FOLDER [CMAKE OPTION...]: quiet unless it fails. A folder of another build tool is configured from scratch.
 configure() {
   local folder=$1 launcher=()
   shift
@@ -70,7 +71,7 @@ configure() {
   fi
 }
 
-# build FOLDER [TARGET...]: one line of progress on a terminal; otherwise only what goes wrong.
+# build FOLDER [TARGET...]: shows one line of progress on a terminal; elsewhere prints only errors.
 build() {
   local folder=$1
   shift

@@ -1,5 +1,5 @@
-/* A driver of one's own: a table of functions. This "device" has a handle that swings up and down by itself, by 20 mm.
- * So a spring of 200 N/m sends it up to 4 N. */
+/* A driver of your own is a table of functions. This "device" has a handle that swings up and down by itself, by 20 mm.
+ * So a spring of 200 N/m sends forces of up to 4 N to it. */
 #include <math.h>
 #include <stdio.h>
 #include <forceserver/driver.h>
@@ -29,7 +29,7 @@ int main(void)
   fs_servo_options options = fs_servo_options_init();
   fs_object spring = fs_object_init("spring", FS_PRIMITIVE_POINT);
   spring.front = fs_profile_init(FS_PROFILE_LINEAR_INCREASING, FS_SENSE_ATTRACTIVE, 200, 0, 5);
-  options.mode = FS_SERVO_VIRTUAL;  /* time goes on when we step it */
+  options.mode = FS_SERVO_VIRTUAL;  /* time advances only when we step the servo */
   int failed = fs_driver_register(&driver) < 0 || fs_scene_create(&scene) < 0 || fs_object_set(scene, &spring) < 0 ||
     fs_device_open("swing:", &device) < 0 || fs_servo_start(scene, device, &options, &servo) < 0;
   for (int i = 0; i < 10 && !failed && !(failed = fs_servo_step(servo, 200) < 0); ++i)

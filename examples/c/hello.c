@@ -23,7 +23,7 @@ int main(void)
   fs_wrench sent;
   int i;
 
-  options.mode = FS_SERVO_VIRTUAL;  /* time goes on when we step it; else a real-time thread runs the servo */
+  options.mode = FS_SERVO_VIRTUAL;  /* time advances when we step; the default is a real-time thread */
   check(fs_scene_create(&scene));
   check(fs_object_set(scene, &wall));
   check(fs_device_open("sim:?hold=0,0,-0.02", &device));

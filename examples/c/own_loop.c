@@ -1,5 +1,5 @@
-/* A loop of one's own: a tool tells the force at a pose. Here the application is responsible for time, device and
- * safety: nothing limits the force but the objects themselves. */
+/* A loop of your own: a tool gives the force at a pose. Here the application is responsible for time, device and
+ * safety: only the objects' own limits bound the force. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <forceserver/forceserver.h>

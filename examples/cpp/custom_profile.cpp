@@ -1,5 +1,5 @@
-// Profiles of one's own: an expression in the distance d and the time t, and a table of measured values. It prints the
-// force of both at some distances; the pulse is limited to 5 N.
+// Profiles of your own: an expression in the distance d and the time t, and a table of measured values. The program
+// prints the force of both at some distances; the pulse is limited to 5 N.
 #include <cstdio>
 #include <cstdlib>
 

@@ -1,5 +1,5 @@
-// A path to follow: a polyline draws the hand towards it. Left alone this hand would go straight, up to 30 mm beside
-// the path; so it stays within 9 mm.
+// A path to follow: a polyline draws the hand towards it. Without the path this hand would go straight, up to 30 mm
+// away from the polyline; with it, the hand stays within 9 mm.
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -22,7 +22,7 @@ int main() {
   fs_device* device;
   fs_servo* servo;
   fs_servo_options options = fs_servo_options_init();
-  options.mode = FS_SERVO_VIRTUAL;  // time goes on when we step it
+  options.mode = FS_SERVO_VIRTUAL;  // time advances only when we step the servo
   check(fs_scene_create(&scene));
   check(fs_object_set(scene, &path));
   fs_shape_destroy(path.shape);  // the scene keeps what it needs

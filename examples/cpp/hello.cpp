@@ -1,5 +1,5 @@
-// Hello: a spring to the centre. A real-time servo makes it felt to a simulated hand that draws an eight: with 5 N at
-// most, which is reached 25 mm from the centre.
+// Hello: a spring to the centre, which a real-time servo renders to a simulated hand that draws an eight. The force is
+// 5 N at most, from 25 mm from the centre on.
 #include <chrono>
 #include <cmath>
 #include <cstdio>

@@ -1,9 +1,9 @@
-/* A box of 60 mm x 60 mm x 40 mm: free outside; inside, 500 N/m push the hand to the nearest face, 10 N at most. */
+/* A box of 60 mm x 60 mm x 40 mm: no force outside; inside, 500 N/m push the hand to the nearest face, 10 N at most. */
 #include "recipe.h"
 
 int main(int argc, char **argv)
 {
-  const uint32_t faces[12][3] = {  /* counter-clockwise as seen from outside: so the front is outside */
+  const uint32_t faces[12][3] = {  /* counter-clockwise as seen from outside, so the front is outside */
     {0, 2, 1}, {1, 2, 3}, {4, 5, 6}, {5, 7, 6}, {0, 1, 4}, {1, 5, 4},
     {2, 6, 3}, {3, 6, 7}, {0, 4, 2}, {2, 4, 6}, {1, 3, 5}, {3, 7, 5}};
   fs_vec3 corners[8];

@@ -1,6 +1,6 @@
-/* A hazard: a border, here a circle with a radius of 40 mm, that keeps the hand away from both sides, with 3 N at most,
- * 10 mm from it. On the border itself there is no force, so that nothing jumps when the hand is pushed across it; and
- * from 30 mm on there is none. */
+/* A hazard: a border, here a circle with a radius of 40 mm, that keeps the hand away on both sides, most strongly 10 mm
+ * away, with 3 N. On the border itself there is no force, so the force does not jump when the hand is pushed across it;
+ * from 30 mm on there is none either. */
 #include "recipe.h"
 
 int main(int argc, char **argv)
@@ -11,7 +11,7 @@ int main(int argc, char **argv)
   fs_scene *scene;
   int i;
 
-  for (i = 0; i < 360; ++i) {  /* so many that the force hardly jumps where, inside, two edges are equally near */
+  for (i = 0; i < 360; ++i) {  /* with so many the force hardly jumps where, inside, two edges are equally near */
     border[i].x = 0.04 * cos((i + 0.5) * degree);
     border[i].y = 0.04 * sin((i + 0.5) * degree);
     border[i].z = 0;

@@ -1,5 +1,5 @@
-/* A magnet with a battery: it draws the hand from all sides, with 3 N at most, 10 mm from it. The gain is the charge of
- * the battery, 0 to 1, and may change at any time while the magnet is felt. */
+/* A magnet with a battery: it draws the hand from all sides, most strongly 10 mm away, with 3 N. The gain is the charge
+ * of the battery, 0 to 1, and may change at any time while the magnet is felt. */
 #include "recipe.h"
 
 int main(int argc, char **argv)
@@ -18,7 +18,7 @@ int main(int argc, char **argv)
     char where[40];
     snprintf(where, sizeof where, "10 mm above it, at %d %%", charge);
     magnet.front.gain = charge / 100.0;
-    check(fs_object_change(scene, &magnet, FS_PART_PROFILES));  /* not its pose, which somebody else may move */
+    check(fs_object_change(scene, &magnet, FS_PART_PROFILES));  /* not the pose: another client may move it */
     feel(scene, where, 0, 0, 0.01);
   }
   fs_curve_destroy(magnet.front.curve);

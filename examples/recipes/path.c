@@ -1,11 +1,11 @@
-/* A path: it draws the hand to itself, with 3 N at most, 10 mm beside it. On the path there is no force, and from 20 mm
- * on there is none: so the hand comes and goes without a jump. */
+/* A path: it draws the hand to itself, most strongly 10 mm away, with 3 N. On the path and from 20 mm on there is no
+ * force, so the force does not jump when the hand comes or goes. */
 #include "recipe.h"
 
 int main(int argc, char **argv)
 {
   const fs_vec3 points[] = {{-0.06, 0, 0}, {0, 0, 0}, {0.06, 0, 0.03}};
-  const double newtons[] = {0, 2, 3, 2, 0};  /* every 5 mm; smooth in between, the last one beyond */
+  const double newtons[] = {0, 2, 3, 2, 0};  /* every 5 mm; smooth in between; the last one also holds beyond */
   fs_object path = fs_object_init("path", FS_PRIMITIVE_POLYLINE);
   fs_scene *scene;
 

@@ -1,4 +1,4 @@
-/* What the recipes share: the force at a place, and a file to feel the scene with. */
+/* What the recipes share: they print the force at a place, and save the scene to a file. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

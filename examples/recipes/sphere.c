@@ -1,5 +1,5 @@
-/* A ball with a radius of 30 mm: free outside; inside, 500 N/m push the hand out, away from the centre. No mesh is
- * needed: the force of a point that falls with the distance, 500 N/m * (30 mm - d), is 0 from 30 mm on. */
+/* A ball with a radius of 30 mm: no force outside; inside, 500 N/m push the hand out, away from the centre. No mesh is
+ * needed: the force of a point can fall with the distance d, as 500 N/m * (30 mm - d), and is 0 from 30 mm on. */
 #include "recipe.h"
 
 int main(int argc, char **argv)

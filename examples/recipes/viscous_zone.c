@@ -1,5 +1,5 @@
 /* A ball of honey with a radius of 30 mm: it resists motion with 20 N s/m, 5 N at most, and does nothing to a hand at
- * rest. The damping of an object acts where its profile gives a force: here one that is too small to be felt. */
+ * rest. The damping of an object acts where its profile gives a force: here a force too small to be felt. */
 #include "recipe.h"
 
 static void feel_moving(fs_tool *tool, const char *where, double x, double speed)

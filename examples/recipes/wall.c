@@ -1,4 +1,4 @@
-/* A wall: free above z = 0; below, 500 N/m push the hand out again, 10 N at most. */
+/* A wall: no force above z = 0; below, 500 N/m push the hand out, 10 N at most. */
 #include "recipe.h"
 
 int main(int argc, char **argv)

@@ -1,4 +1,4 @@
-// A loop that goes on at a steady rate until Ctrl-C.
+// Keeps the steady rate of a loop that goes on until Ctrl-C.
 #pragma once
 
 #include <pthread.h>
@@ -9,8 +9,8 @@
 #include <cmath>
 #include <ctime>
 
-// The signals that end a program are blocked in this thread and in those that it starts from here on, and wait() looks
-// at them: so the program ends where it is ready to.
+// Blocks the signals that end a program, in this thread and in those that it starts afterwards. wait() looks at them,
+// so the program ends only where it is ready to.
 class Beat {
  public:
   Beat() {
@@ -19,7 +19,7 @@ class Beat {
     pthread_sigmask(SIG_BLOCK, &signals_, nullptr);
   }
 
-  // Waits until `period` s after the last time; false: Ctrl-C.
+  // Waits until `period` s after the previous beat. Returns false after Ctrl-C.
   bool wait(double period) {
     const auto now = std::chrono::steady_clock::now();
     next_ = std::max(next_ + std::chrono::microseconds(std::llround(period * 1e6)), now);
@@ -28,7 +28,7 @@ class Beat {
     return sigtimedwait(&signals_, nullptr, &time) < 0;
   }
 
-  // Ctrl-C came, and nobody has waited since.
+  // Whether Ctrl-C has come since the last wait.
   bool is_told_to_end() const {
     sigset_t pending;
     sigpending(&pending);

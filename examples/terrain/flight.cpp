@@ -47,7 +47,7 @@ void Flight::sample(double period) {
   for (const fs_report& report : reports_) felt_[report.name].add(report.wrench.force, rover, period);
 }
 
-// The servo keeps the last two seconds: add those ticks that were not there before.
+// The servo keeps the ticks of the last two seconds: adds the new ones.
 void Flight::fetch_ticks() {
   std::vector<fs_tick> recent(100000);
   std::size_t count = 0;

@@ -1,4 +1,4 @@
-// What a run was like: who pushed how hard, and how well the servo kept its time.
+// Records a run: which object pushed how hard, and how punctual the servo's ticks were.
 #pragma once
 
 #include <map>
@@ -10,10 +10,10 @@
 
 class Flight {
  public:
-  // rover: the name under which it was added to the scene.
+  // rover: the name of the rover's object in the scene.
   Flight(fs_scene* scene, fs_servo* servo, const char* rover) : scene_(scene), servo_(servo), rover_(rover) {}
 
-  // Samples for that long, with a line to look at meanwhile. False: Ctrl-C has ended it earlier.
+  // Samples for `seconds`, and prints a line now and then. Returns false if Ctrl-C ended it earlier.
   bool watch(double seconds, Beat& beat);
   void print_table() const;
   void write_csv(const std::string& path) const;

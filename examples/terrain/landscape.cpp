@@ -16,7 +16,7 @@ fs_quat product(const fs_quat& a, const fs_quat& b) {
           a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x, a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w};
 }
 
-// A turn about an axis of unit length.
+// A rotation by `angle` (rad) about an axis of unit length.
 fs_quat turn(double x, double y, double z, double angle) {
   const double s = std::sin(angle / 2);
   return {std::cos(angle / 2), s * x, s * y, s * z};
@@ -96,7 +96,7 @@ fs_twist Rover::twist(const Terrain& terrain, const fs_vec3& goal, double period
   const fs_vec3 &a = position, &b = next.position;
   const fs_quat from = pose(terrain).orientation, to = next.pose(terrain).orientation;
   const fs_quat by = product(to, {from.w, -from.x, -from.y, -from.z});
-  const double rate = (by.w < 0 ? -2 : 2) / period;  // of a turn that is small
+  const double rate = (by.w < 0 ? -2 : 2) / period;  // correct for small rotations
   return {{(b.x - a.x) / period, (b.y - a.y) / period, (b.z - a.z) / period},
           {by.x * rate, by.y * rate, by.z * rate}};
 }
@@ -147,7 +147,7 @@ void Felt::add(const fs_vec3& force, const fs_pose& rover, double period) {
 }
 
 void write_tour(const std::string& path, const Terrain& terrain, double begin, double seconds) {
-  // Mostly a little below the ground (z: above it).
+  // z is the height above the ground; most stops are a little below it.
   const fs_vec3 stops[] = {{0, 0, 0}, {6000, 5000, -900}, {9000, 1000, -900}, {2000, 9000, -900}, {-8500, 9500, 1500},
     {-8000, 9000, 1000}, {-7000, 4000, 500}, {-7000, -1000, 500}, {-2500, -8000, 500}, {4000, -6000, -900}};
   const int legs = int(std::size(stops)) - 1;

@@ -21,7 +21,7 @@ void add_editor(fs_scene* scene, const Terrain& terrain) {
 }
 
 // Client 2, the rover: it drives over the ground and steers to where the hand is, 25 times a second. The hand feels its
-// plane, which resists sideways motion; between two of those times the servo moves and turns it.
+// plane, which resists sideways motion; between two updates the servo moves and turns the plane.
 const char* const rover_name = "rover's plane";
 
 void drive(fs_scene* scene, const Terrain& terrain, Rover& rover, double period, double time) {
@@ -54,7 +54,7 @@ void run(double seconds) {
   fs_device* device;
   fs_servo* servo;
   check(fs_device_open(("sim:?hand=nominal&path=" + tour).c_str(), &device));
-  check(fs_servo_start(scene, device, nullptr, &servo));  // from here on a real-time thread makes the scene felt
+  check(fs_servo_start(scene, device, nullptr, &servo));  // from here on a real-time thread renders the scene
   std::printf("the hand is on its way for %g s; Ctrl-C ends it earlier\n", seconds);
   std::fflush(stdout);
   Flight flight(scene, servo, rover_name);

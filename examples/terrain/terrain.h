@@ -1,4 +1,4 @@
-// A grid of heights as a landscape one can feel: real metres, x east, y north, z up, the origin in its middle.
+// A grid of heights as a landscape to be felt: in real metres, x east, y north, z up, the origin in its middle.
 #pragma once
 
 #include <string>
@@ -14,11 +14,12 @@ struct Terrain {
   double width() const { return step_x * (columns - 1); }
   double depth() const { return step_y * (rows - 1); }
 
-  // The mean around (x, y), with weights that fall to 0 at +-span metres. Beyond the edge the ground goes on level.
+  // The mean height around (x, y), with weights that fall to 0 at +-span metres. Beyond the edge of the grid the ground
+  // goes on level.
   double height(double x, double y, double span) const;
-  // Upwards from the ground, with the slope found over +-span metres; not of unit length.
+  // The upward normal of the ground, from its slope over +-span metres; not of unit length.
   fs_vec3 normal(double x, double y, double span) const;
-  // Two triangles for each square of the grid, their front up. Null: see fs_last_error.
+  // A mesh with two triangles for each square of the grid, their front up. Returns null on failure: see fs_last_error.
   fs_shape* mesh() const;
 };
 

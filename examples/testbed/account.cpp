@@ -1,4 +1,4 @@
-// Looks on, and at the end tells who pushed how long, how hard and in which direction, as the rover sees it.
+// Watches the clients. At the end it prints how long, how hard and in which direction each pushed, in the rover's axes.
 #include <cmath>
 #include <cstdio>
 #include <map>
@@ -49,10 +49,10 @@ static void account(Client& client, const Arguments&) {
     clients.resize(64);
     check(fs_scene_get_clients(client.scene(), clients.data(), clients.size(), &count));
     clients.resize(std::min(count, clients.size()));
-    fs_pose rover = {};  // as long as there is none: no parts are counted
+    fs_pose rover = {};  // all zeros until there is a rover: then the parts of the force are 0
     find_rover(client.scene(), "rover/wheels", &rover);
     for (const fs_client& other : clients) {
-      if (other.objects == 0) continue;  // one that only looks on, as this one
+      if (other.objects == 0) continue;  // a client that only watches, such as this one
       Account& account = accounts[other.name];
       account.add(other.wrench.force, rover, period);  // the device has the axes of the landscape
       account.last = other;

@@ -5,7 +5,7 @@
 #include <stdexcept>
 
 Client::Client(const std::string& endpoint, const std::string& name, Beat& beat) : name_(name), beat_(beat) {
-  std::setvbuf(stdout, nullptr, _IOLBF, 0);  // several processes write to one place, a line at a time
+  std::setvbuf(stdout, nullptr, _IOLBF, 0);  // whole lines, because several processes write to one terminal
   const bool is_name = endpoint.find(':') == endpoint.npos;
   check(fs_scene_connect((is_name ? "shm:" + endpoint : endpoint).c_str(), name.c_str(), &scene_));
   set_view(scene_);
@@ -33,7 +33,7 @@ int run_client(int argc, char** argv, const char* name, const char* usage, std::
     body(client, arguments);
     return 0;
   } catch (const std::exception& error) {
-    if (beat.is_told_to_end()) return 0;  // Ctrl-C ends the server, too
+    if (beat.is_told_to_end()) return 0;  // Ctrl-C also ends the server: no failure
     std::fprintf(stderr, "%s: %s\n", name, error.what());
     return 1;
   }

@@ -1,4 +1,4 @@
-// What every process of the testbed does alike: it connects, goes on until it is told to end, and says what happens.
+// What every process of the testbed does: it connects, goes on until it is told to end, and prints what happens.
 #pragma once
 
 #include <functional>
@@ -18,10 +18,10 @@ class Client {
 
   fs_scene* scene() const { return scene_; }
 
-  // Waits until `period` s after the last time; false: Ctrl-C.
+  // Waits until `period` s after the previous beat. Returns false after Ctrl-C.
   bool wait(double period) { return beat_.wait(period); }
 
-  // A line of this client.
+  // Prints a line that begins with the client's name.
   void say(const char* form, ...) const __attribute__((format(printf, 2, 3)));
 
  private:

@@ -1,5 +1,5 @@
-// The force editor: a spring to a point whose strength is moved like a slider, and now and then a change of somebody
-// else's object: of the strength of the viewer's western hazard.
+// The force editor: it has a spring to a point, and changes the spring's strength as a user would with a slider. Now
+// and then it changes another client's object: the strength of the viewer's western hazard.
 #include <cmath>
 #include <stdexcept>
 
@@ -7,7 +7,7 @@
 
 static const char* const hazard_name = "viewer/hazard west";
 
-// Changes the strength of the hazard and nothing else: where it is and what moves it remain the viewer's.
+// Changes only the strength of the hazard; the viewer may go on changing its place.
 static void edit_hazard(Client& client, double newtons) {
   fs_object hazard = fs_object_init("", FS_PRIMITIVE_POINT);
   const fs_status found = fs_object_get(client.scene(), hazard_name, &hazard);

@@ -1,6 +1,6 @@
 // Makes telemetry.csv: the hand takes its tour through the quickstart's landscape, in virtual time, and a rover, the
-// scout, follows it. It reports where it is, what is left in its battery, and two dust devils that drift with the wind
-// and run down into the valleys. The same on each run.
+// scout, follows it. The scout reports where it is, the charge of its battery, and two dust devils that drift with the
+// wind and run down into the valleys. Every run gives the same file.
 #include <cmath>
 #include <cstdio>
 #include <stdexcept>
@@ -50,7 +50,7 @@ void record(const std::string& tour) {
     check(fs_scene_get_hand(scene, &hand, nullptr, nullptr));
     const double height = scout.position.z, distance = scout.distance;
     scout.drive(terrain, hand.pose.position, step);
-    // It would be empty after 20 km on level ground; a metre up costs as much as four ahead.
+    // The battery would be empty after 20 km on level ground; a metre up costs as much as four metres ahead.
     battery -= (scout.distance - distance + 4 * std::max(0.0, scout.position.z - height)) / 20000;
     for (int k = 0; k < 2; ++k) devils[k] = drift(devils[k], winds[k], terrain);
   }

@@ -1,5 +1,5 @@
-// Recorded telemetry of a rover, the scout: telemetry.csv. The columns: time (s); of the scout x, y, z (m) and what is
-// left in its battery (1: full); x, y, z of two dust devils that it has seen.
+// Recorded telemetry of a rover, the scout: telemetry.csv. The columns are the time (s); the scout's x, y, z (m) and
+// the charge of its battery (1: full); x, y, z (m) of two dust devils that it has seen.
 #pragma once
 
 #include "../terrain/landscape.h"

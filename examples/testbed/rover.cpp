@@ -16,7 +16,7 @@ static void drive(Client& client, const Arguments&) {
   check(fs_scene_get_time(client.scene(), &time));
   for (int i = 1; client.wait(period); ++i) {
     check(fs_scene_get_time(client.scene(), &now));
-    time = std::max(time + period, now - period);  // exactly a period later, unless this process was held up for long
+    time = std::max(time + period, now - period);  // exactly one period later, unless this process was delayed for long
     fs_state hand;
     check(fs_scene_get_hand(client.scene(), &hand, nullptr, nullptr));
     drive_rover(client.scene(), "wheels", rover, terrain, hand.pose.position, period, time);

@@ -1,5 +1,5 @@
-// Plays the recorded telemetry of a rover, the scout: two dust devils that it has seen, which keep the hand away and
-// move as they did, and the scout itself, which draws the hand with a pulse that fades with its battery.
+// Plays the recorded telemetry of a rover, the scout. The two dust devils that it saw move as recorded and keep the
+// hand away. The scout itself draws the hand with a pulsing force that fades with its battery.
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
@@ -28,7 +28,7 @@ static fs_vec3 between(const fs_vec3& a, const fs_vec3& b, double part) {
   return {std::lerp(a.x, b.x, part), std::lerp(a.y, b.y, part), std::lerp(a.z, b.z, part)};
 }
 
-// At `time` s of the recording; before its beginning and after its end as there.
+// The state at `time` s of the recording; before its beginning the first state, after its end the last.
 static Telemetry at(const std::vector<Telemetry>& rows, double time) {
   auto next = std::upper_bound(rows.begin(), rows.end(), time, [](double t, const Telemetry& row) {
     return t < row.time;
@@ -44,7 +44,7 @@ static const char* const devils[] = {"dust devil 1", "dust devil 2"};
 
 static void add_objects(fs_scene* scene, const Telemetry& begin, fs_object& scout) {
   scout.pose.position = begin.scout;
-  // 0 at the scout itself, most at 2000 m, with a slow pulse; the gain is what the battery gives, N.
+  // The force is 0 at the scout itself and largest at 2000 m, with a slow pulse. The gain, N, falls with the battery.
   scout.front = fs_profile_init(FS_PROFILE_CUSTOM, FS_SENSE_ATTRACTIVE, 3 * begin.battery, 0, 3);
   check(fs_curve_create_expression("(0.75 + 0.25*sin(9*t)) * d/2000 * exp(0.5 - (d/2000)^2/2)", &scout.front.curve));
   check(fs_object_set(scene, &scout));
@@ -71,14 +71,14 @@ static void play(Client& client, const Arguments& arguments) {
   while (client.wait(0.04)) {
     check(fs_scene_get_time(client.scene(), &now));
     const Telemetry row = at(rows, (now - begin - lead) * rows.back().time / seconds);
-    const auto move = [&](const char* name, const fs_vec3& position) {  // how fast, the library sees by itself
+    const auto move = [&](const char* name, const fs_vec3& position) {  // the library derives the twist
       const fs_pose pose = {position, {1, 0, 0, 0}};
       check(fs_object_move(client.scene(), name, &pose, nullptr, now));
     };
     move("scout", row.scout);
     for (int i = 0; i < 2; ++i) move(devils[i], row.devils[i]);
     if (std::abs(row.battery - told) < 0.01) continue;
-    told = row.battery;  // a percent less
+    told = row.battery;  // the charge has changed by one percent
     scout.front.gain = 3 * told;
     check(fs_object_change(client.scene(), &scout, FS_PART_PROFILES));
   }

@@ -1,4 +1,4 @@
-// Writes where the simulated hand wants to be: a tour of all that the testbed makes felt.
+// Writes the path of the simulated hand: a tour of all objects of the testbed.
 #include <cstdio>
 #include <cstdlib>
 #include <stdexcept>

@@ -1,5 +1,5 @@
-// VIZ: the display of the landscape. It makes the ground felt, which is a mesh that travels to the server once, and
-// keeps the hand away from two hazards. It tells what happens to its objects: they are felt, or edited by others.
+// VIZ: the display of the landscape. It adds the ground, a mesh that is sent to the server once, and two hazards that
+// keep the hand away. It prints what happens to its objects: they are felt, or edited by others.
 #include "client.h"
 
 static void show(Client& client, const fs_event& event) {
@@ -25,7 +25,7 @@ static void show(Client& client, const fs_event& event) {
 
 static void view(Client& client, const Arguments&) {
   const Terrain terrain = load_terrain(TERRAIN_FILE, exaggeration);
-  check(fs_scene_begin(client.scene()));  // all of it is felt from one tick on
+  check(fs_scene_begin(client.scene()));  // all objects are felt from the same tick on
   add_ground(client.scene(), terrain);
   add_hazard(client.scene(), terrain, "hazard west", -7000, 3000, 2500, 3);
   add_hazard(client.scene(), terrain, "hazard south", -2500, -8500, 2500, 3);

@@ -44,7 +44,7 @@ fs_status fs_pose_from_z(fs_vec3 position, fs_vec3 direction, fs_pose* out) {
       fail(FS_ERROR_INVALID, "direction is (%g, %g, %g), must be finite and longer than 0", direction.x, direction.y,
            direction.z);
     }
-    // The shortest turn from z to the direction; straight down, half a turn about x.
+    // The shortest rotation from z to the direction; for straight down, half a turn about x.
     const Vec3 z = normalized(direction);
     const double sideways = std::hypot(z.x, z.y), half = std::atan2(sideways, z.z) / 2;
     const Vec3 axis = sideways > 0 ? normalized(Vec3{-z.y, z.x, 0}) : Vec3{1, 0, 0};

@@ -56,7 +56,7 @@ fs_status fs_device_get_info(fs_device* device, fs_device_info* out) {
 
 namespace {
 
-// Calls f(device), unless a servo has the device.
+// Calls f(device), unless a servo owns the device.
 template <class F>
 fs_status on_device(fs_device* device, F&& f) {
   return guarded([&] {

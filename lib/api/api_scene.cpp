@@ -17,7 +17,7 @@ const char* fs_event_kind_name(fs_event_kind kind) {
 
 namespace {
 
-// Checks `scene`, calls f, and makes a status of what it throws. The scene lives until the call ends, also when another
+// Checks `scene`, calls f, and turns an exception into a status. The scene lives until the call ends, even if another
 // thread destroys its handle meanwhile.
 template <class F>
 fs_status on_scene(fs_scene* scene, F&& f) {

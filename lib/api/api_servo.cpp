@@ -11,8 +11,8 @@ using namespace fs;
 
 namespace {
 
-// The handles that applications have, so that a servo may be stopped by two threads at once, or twice. Guarded by the
-// process's mutex.
+// The servo handles that applications hold. The set makes it safe to stop a servo twice, or from two threads at once.
+// The process's mutex guards it.
 std::set<fs_servo*>& handles() {
   static std::set<fs_servo*>& all = *new std::set<fs_servo*>;  // never destroyed: the process may be ending
   return all;

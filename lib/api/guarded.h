@@ -1,4 +1,4 @@
-// For the C functions: no exception leaves them, and no null pointer comes in.
+// Helpers for the C functions, which let no exception out and no null pointer in.
 #pragma once
 
 #include <cstring>
@@ -9,7 +9,7 @@
 
 namespace fs {
 
-// Runs f and makes a status of what it throws; the sentence becomes fs_last_error.
+// Runs f and turns an exception into a status; the exception's text becomes fs_last_error.
 template <class F>
 fs_status guarded(F&& f) noexcept {
   try {
@@ -24,15 +24,15 @@ fs_status guarded(F&& f) noexcept {
   }
 }
 
-// Throws INVALID for a null argument of that name.
+// Throws INVALID if the argument is null; name: of the argument.
 inline void require_pointer(const void* pointer, const char* name) {
   if (!pointer) fail(FS_ERROR_INVALID, "%s is null", name);
 }
 
-// [rt] The same without a throw: `return null_argument("tool is null")`.
+// [rt] For functions that must not throw: `return null_argument("tool is null")`.
 inline fs_status null_argument(const char* literal) noexcept { return set_last_error_literal(FS_ERROR_INVALID, literal); }
 
-// Copies what fits of a list out.
+// Copies as many elements as fit to `out`, and gives the size of the whole list in *count.
 template <class T, class List>
 void copy_list(const List& list, T* out, size_t capacity, size_t* count) {
   require_pointer(count, "count");

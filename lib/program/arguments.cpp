@@ -9,7 +9,7 @@
 
 namespace {
 
-// How many letters have to be put in, left out, replaced or swapped with their neighbour.
+// The edit distance of two words: how many letters have to be inserted, removed, replaced, or swapped with the next.
 std::size_t edits(std::string_view a, std::string_view b) {
   std::vector<std::vector<std::size_t>> cost(a.size() + 1, std::vector<std::size_t>(b.size() + 1));
   for (std::size_t i = 0; i <= a.size(); ++i) {
@@ -26,7 +26,7 @@ std::size_t edits(std::string_view a, std::string_view b) {
   return cost[a.size()][b.size()];
 }
 
-// The word that was probably meant; empty: none is near.
+// The word that was probably meant, or an empty string when no word is similar enough.
 std::string nearest(std::string_view word, const std::vector<std::string>& words) {
   std::string best;
   std::size_t least = (std::min<std::size_t>(word.size(), 100) + 2) / 3 + 1;

@@ -1,13 +1,13 @@
-// What is wrong with a command line, in sentences of our own.
+// Explains what is wrong with a command line, in clearer sentences than CLI11's.
 #pragma once
 
 #include <string>
 
 #include <CLI/CLI.hpp>
 
-// The first word is a command; otherwise throws with the commands that there are.
+// Throws when the first word is neither an option nor a command; the sentence lists the commands.
 void require_command(const CLI::App& app, int argc, char** argv);
 
-// After app.parse() has failed with `error`. An option or word that nobody knows comes first: what follows it was
-// misread with it.
+// The sentence to print after app.parse() has failed with `error`. An unknown option or word is reported first, since
+// it makes the parser misread what follows.
 std::string explain(const CLI::App& app, const CLI::ParseError& error);

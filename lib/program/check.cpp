@@ -1,4 +1,4 @@
-// forceserver check: what a scene or a mesh is, and what is odd in it.
+// forceserver check: describes a scene or a mesh, and reports what is odd in it.
 #include <algorithm>
 #include <cctype>
 #include <cstdarg>
@@ -13,7 +13,7 @@
 
 namespace {
 
-const double faint = 1e-3;  // N: below it nobody feels anything
+const double faint = 1e-3;  // N: nobody feels a smaller force
 
 class Findings {
  public:
@@ -36,7 +36,7 @@ class Findings {
   int count_ = 0;
 };
 
-// A length with a unit that suits it.
+// A length as text, in a unit that suits its size.
 std::string metres(double value) {
   char text[32];
   const double size = std::abs(value);
@@ -135,17 +135,17 @@ void describe_profile(const char* side, const fs_profile& profile) {
   if (profile.reach > 0) std::printf(" within %s", metres(profile.reach).c_str());
 }
 
-// The most that a profile gives at distances from `nearest` to `farthest`, N.
+// The largest force of a profile at distances from `nearest` to `farthest`, N.
 double most(const fs_profile& profile, double nearest, double farthest) {
   if (profile.kind == FS_PROFILE_NONE || (profile.reach > 0 && nearest > profile.reach)) return 0;
-  if (profile.kind == FS_PROFILE_CUSTOM) return profile.limit;  // it may depend on time: the benefit of the doubt
+  if (profile.kind == FS_PROFILE_CUSTOM) return profile.limit;  // it may depend on time: assume the limit
   double distances[256], forces[256];
   for (int i = 0; i < 256; ++i) distances[i] = nearest + (farthest - nearest) * i / 255;
   require(fs_profile_evaluate(&profile, 0, 0, distances, 256, forces));
   return *std::max_element(forces, forces + 256);
 }
 
-// What a profile gives at a distance, N; of an expression the most at several times.
+// The force of a profile at a distance, N; for an expression, the largest at several times.
 double force_at(const fs_profile& profile, double distance) {
   if (profile.kind == FS_PROFILE_NONE) return 0;
   const int times = profile.curve && fs_curve_get_expression(profile.curve) ? 32 : 1;
@@ -162,7 +162,7 @@ bool has_sides(const fs_object& object) {
   return object.primitive == FS_PRIMITIVE_PLANE || object.primitive == FS_PRIMITIVE_MESH;
 }
 
-// Distances at which the hand can be, m.
+// The range of distances between an object and the hand, m.
 struct Distances {
   double least, most;
 };
@@ -185,7 +185,7 @@ bool is_bent(fs_shape* shape) {
   return !std::isfinite(report.stiffness_wanted);
 }
 
-// Where the force jumps: whoever passes there feels a kick, and whoever rests there is shaken.
+// Finds the places where the force jumps. A hand that passes there feels a knock; a hand that rests there is shaken.
 void check_jumps(const fs_object& object, const Distances& distances, Findings& findings) {
   const std::string name = object.name;
   const bool sides = has_sides(object);
@@ -217,14 +217,14 @@ void check_jumps(const fs_object& object, const Distances& distances, Findings& 
     findings.add(name, "its force changes its direction where two of its parts are equally near: by up to %.3g N "
                  "over nothing", 2 * strongest);
   }
-  if (object.primitive == FS_PRIMITIVE_MESH && strongest > faint) {  // a note: so is every solid that profiles make
+  if (object.primitive == FS_PRIMITIVE_MESH && strongest > faint) {  // only a note: every solid mesh does this
     std::printf("  note: %s: where another of its faces becomes the nearest, as deep inside of it, its force changes "
                 "its direction: by up to %.3g N over nothing\n", name.c_str(), 2 * strongest);
   }
 }
 
-// Profiles of the wrong sense or side. Where both sides have one it is meant: a plane that holds the hand in it, or a
-// force that is the same everywhere, such as gravity.
+// Finds profiles with a wrong sense or on the wrong side. Profiles on both sides are taken as intended: a plane that
+// holds the hand at it, or a force that is the same everywhere, such as gravity.
 void check_senses(const fs_object& object, const Distances& distances, Findings& findings) {
   const std::string name = object.name;
   const bool sides = has_sides(object);
@@ -233,7 +233,7 @@ void check_senses(const fs_object& object, const Distances& distances, Findings&
   const auto grows_without_end = [&](const fs_profile& profile) {
     return force_at(profile, distances.most) > force_at(profile, distances.least) + faint;
   };
-  const bool is_room = object.primitive == FS_PRIMITIVE_MESH && is_closed(object.shape);  // that the hand cannot leave
+  const bool is_room = object.primitive == FS_PRIMITIVE_MESH && is_closed(object.shape);  // the hand cannot leave it
   const bool pulls = front && object.front.sense == FS_SENSE_ATTRACTIVE && grows_without_end(object.front);
   if (sides && pulls && !back && !is_room) {
     findings.add(name, "it pulls the hand towards it from everywhere in front, the harder the farther away; a wall "
@@ -242,7 +242,7 @@ void check_senses(const fs_object& object, const Distances& distances, Findings&
   if (front && object.front.sense == FS_SENSE_REPULSIVE && grows_without_end(object.front)) {
     findings.add(name, "it pushes the hand away%s, the harder the farther away", sides ? " in front" : "");
   }
-  // Inside of a mesh a force that falls off from the surface keeps the hand within.
+  // Inside a mesh, a repulsive force that falls with the distance from the surface keeps the hand inside.
   const bool keeps_within = object.primitive == FS_PRIMITIVE_MESH &&
                             force_at(object.back, distances.most) < force_at(object.back, distances.least) - faint;
   if (back && !front && object.back.sense == FS_SENSE_REPULSIVE && !keeps_within) {
@@ -255,7 +255,7 @@ struct Workspace {  // in scene metres
   double radius;  // of the sphere around the device's cylinder
 };
 
-// A bound from below of the distance between an object and the workspace, m.
+// A lower bound of the distance between an object and the workspace, m.
 double nearest(const fs_object& object, const Workspace& workspace) {
   fs_pose inverse = object.pose;
   inverse.orientation = {object.pose.orientation.w, -object.pose.orientation.x, -object.pose.orientation.y,
@@ -286,7 +286,7 @@ void check_object(const fs_object& object, const Workspace& workspace, std::size
   } else if (profiles) {
     const double from = nearest(object, workspace), to = from + 2 * workspace.radius + length(object.pose.position);
     const double most_force = std::max(most(object.front, from, to), most(object.back, from, to));
-    const bool damps = object.damping > 0 && most_force > 0;  // however faint the force is
+    const bool damps = object.damping > 0 && most_force > 0;  // even if the force itself is too faint to feel
     if (most_force < faint && !damps && !solid) {
       findings.add(name, "the hand cannot get near enough to feel it: at least %s of the scene are between it and the "
                    "device's workspace", metres(from).c_str());
@@ -316,7 +316,7 @@ int check_scene(const CheckOptions& options) {
   std::size_t tool_points = 0;
   require(fs_scene_get_tool(scene.get(), nullptr, 0, &tool_points));
 
-  // One tick of a servo tells what it makes of the slopes.
+  // One tick of a servo shows which slopes it applies.
   fs_servo_options servo_options = fs_servo_options_init();
   servo_options.mode = FS_SERVO_VIRTUAL;
   Servo servo = open<Servo>(fs_servo_start, scene.get(), device.get(), &servo_options);
@@ -325,7 +325,7 @@ int check_scene(const CheckOptions& options) {
   require(fs_scene_get_reports(scene.get(), nullptr, 0, &count));
   std::vector<fs_report> reports(count);
   require(fs_scene_get_reports(scene.get(), reports.data(), count, &count));
-  servo.reset();  // each reader of an expression has to parse it, which takes longest of all
+  servo.reset();  // each reader of an expression has to parse it, which takes longer than anything else here
 
   std::printf("%s: a scene of %zu %s for a tool of %zu %s; ", options.file.c_str(), count,
               count == 1 ? "object" : "objects", tool_points, tool_points == 1 ? "point" : "points");

@@ -1,4 +1,4 @@
-// forceserver clients: who is connected to a server, once.
+// forceserver clients: lists once who is connected to a server.
 #include <cstdio>
 
 #include "json.h"

@@ -1,4 +1,4 @@
-// forceserver devices: what can be opened, and what it is and can.
+// forceserver devices: lists the devices that can be opened, and their properties.
 #include <algorithm>
 #include <cstdio>
 #include <numbers>
@@ -18,7 +18,7 @@ std::vector<fs_device_entry> all_devices() {
   }
 }
 
-// "x, y, z": the first so many axes.
+// The names of the first `count` axes, such as "x, y, z".
 std::string axes(std::uint32_t count) {
   const std::vector<std::string> all{"x", "y", "z"};
   return join({all.begin(), all.begin() + std::min<std::uint32_t>(count, 3)}, "none");
@@ -61,7 +61,7 @@ Json to_json(const fs_device_info& info) {
           {"mass", info.mass}};
 }
 
-// Opens it to ask; one that somebody else has, or that is not there any more, is listed with the reason.
+// Opens the device to ask for its properties. If another program has it, or it has gone, lists it with the reason.
 void add(const fs_device_entry& entry, bool as_json, Json& list) {
   Json listed = {{"uri", entry.uri}, {"label", entry.label}};
   if (!as_json) std::printf("%s  %s\n", entry.uri, entry.label);

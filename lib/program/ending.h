@@ -7,9 +7,9 @@
 #include <cmath>
 #include <ctime>
 
-// The signals that end a program are blocked in every thread and waited for here: nothing is interrupted in the middle,
-// and what has to be put back (the force to 0, the terminal) always is. To be made before the first thread that may be
-// interrupted: those of the library never are.
+// Blocks the signals that end a program in every thread, and waits for them here. So nothing is interrupted half-way,
+// and the program always sets the force to 0 and restores the terminal. It must exist before the program starts any
+// thread; the library's own threads block these signals anyway.
 class Ending {
  public:
   Ending() {

@@ -1,4 +1,4 @@
-// forceserver evaluate: positions in, forces out.
+// forceserver evaluate: reads positions and writes the forces there.
 #include <unistd.h>
 
 #include <cerrno>
@@ -18,7 +18,7 @@ namespace {
 
 const std::size_t batch_size = 8192;
 
-// The next number of the line; nothing when there is none. Takes it, and one comma behind it, off the line.
+// Takes the next number, and one comma or semicolon after it, off the line. Returns nothing when there is no number.
 std::optional<double> take_number(std::string_view& line) {
   const char* const blanks = " \t\r";
   line.remove_prefix(std::min(line.find_first_not_of(blanks), line.size()));
@@ -33,7 +33,7 @@ std::optional<double> take_number(std::string_view& line) {
   return value;
 }
 
-// Empty: not a position.
+// Returns nothing when the line is not a position.
 std::optional<fs_vec3> parse_position(std::string_view line) {
   const auto x = take_number(line), y = take_number(line), z = take_number(line);
   if (!x || !y || !z || line.find_first_not_of(" \t\r") != line.npos) return {};
@@ -65,7 +65,7 @@ class Progress {
 }  // namespace
 
 int evaluate(const EvaluateOptions& options) {
-  const double begin = 1;  // s: a scene's time has to be above 0; its objects begin here
+  const double begin = 1;  // s: a scene's time must be above 0; the objects of the scene start at this time
   const Scene scene = open<Scene>(fs_scene_create);
   require(fs_scene_set_time(scene.get(), begin));
   require(fs_scene_load(scene.get(), options.scene.c_str()));

@@ -1,4 +1,4 @@
-// What clients and watch share of their JSON. What is not finite becomes null.
+// JSON that several commands share. A number that is not finite becomes null.
 #pragma once
 
 #include <nlohmann/json.hpp>

@@ -8,7 +8,7 @@
 
 namespace {
 
-// What is said when nobody listens there, and what to do about it.
+// The sentence for an endpoint at which no server listens: it says what to do.
 std::string nobody_at(const std::string& endpoint) {
   const std::size_t question = endpoint.find('?');
   const std::string address = endpoint.substr(0, question), key = "user=";

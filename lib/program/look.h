@@ -1,4 +1,4 @@
-// A look at a server: what it told at one moment. For the commands clients and watch.
+// A look is the state of a server at one moment. The commands clients and watch use it.
 #pragma once
 
 #include <cstdio>
@@ -13,7 +13,7 @@ struct Look {
   fs_response response;
   fs_wrench sent;                   // what the device gets
   fs_servo_stats servo;
-  std::vector<fs_client> clients;   // the server's own scene first; without the one that looks
+  std::vector<fs_client> clients;   // the server's own scene first; without this program itself
   std::vector<fs_report> objects;   // of all clients, in device metres and newtons
   std::vector<fs_event> events;     // since the look before
 };
@@ -26,11 +26,11 @@ struct Ticks {
   std::uint64_t all, missed, guarded;
 };
 
-// `server` as options have it; kind: "watch": the client is called "watch-PID".
+// Connects to `server`, a name or an endpoint. The client's name is kind and process number, such as "watch-1234".
 Scene connect(const std::string& server, const char* kind);
 std::string full_endpoint(const std::string& server);
 
-// What `look` returns; where the server goes meanwhile, a sentence and its exit code.
+// Returns what `look` returns. If the server ends meanwhile, prints that and returns exit_odd.
 int at_server(const std::string& server, auto&& look) {
   try {
     return look();
@@ -47,9 +47,9 @@ std::vector<fs_client> other_clients(fs_scene* scene);
 Rates rates_of(const fs_client& client, const Look& now, const Look& before);
 Ticks ticks_of(const Look& now, const Look& before);
 
-// Whether less of its slope is felt than it asks for.
+// Whether the slope that is felt is less than the object asks for.
 inline bool is_capped(const fs_report& report) { return report.stiffness_applied < 0.99 * report.stiffness_wanted; }
 
-// watch, for people and for programs; a line each.
+// A look as watch prints it: lines for people, or one line of JSON for programs.
 std::vector<std::string> to_text(const Look& now, const Look& before);
 std::string to_json(const Look& now, const Look& before);

@@ -1,11 +1,12 @@
-// forceserver watch and clients, for programs: SI units, the names of the headers.
+// The JSON of forceserver watch and clients: SI units, and names as in the headers.
 #include "json.h"
 #include "look.h"
 #include "words.h"
 
 namespace {
 
-// "client/object"; the own objects of a scene have no client, but one that only looks has none of them.
+// The report's name is "client/object". Only a scene's own objects have names without a client, and this program has
+// no objects of its own.
 Json to_json(const fs_report& report) {
   const std::string name = report.name;
   const std::size_t slash = name.find('/');
@@ -79,7 +80,7 @@ Json to_json(const fs_client& client, double now) {
 }
 
 std::string dump(const Json& json, int indent) {
-  return json.dump(indent, ' ', false, Json::error_handler_t::replace);  // what is not UTF-8, of a driver
+  return json.dump(indent, ' ', false, Json::error_handler_t::replace);  // a driver's text may not be UTF-8
 }
 
 std::string to_json(const Look& now, const Look& before) {

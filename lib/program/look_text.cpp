@@ -1,4 +1,4 @@
-// forceserver watch, for people.
+// The text of forceserver watch, for people.
 #include <algorithm>
 #include <ctime>
 

@@ -13,69 +13,71 @@ const char* const run_help = R"(examples:
   forceserver run room.json
       the scene with a simulated device and hand, until Ctrl-C
   forceserver run --listen lab
-      nothing of its own: other programs connect to it (fs_scene_connect), each with its scene; see also
-      `forceserver watch lab`
+      a server without a scene of its own: other programs connect to it (fs_scene_connect), each with its scene; see
+      also `forceserver watch lab`
   forceserver run room.json --device 'sim:?path=figure8' --duration 10 --record ticks.csv
       ten seconds with a hand that draws an eight; every tick goes to a file
   sudo forceserver run room.json --rate 4000
       four thousand ticks a second; root is granted a real-time priority
 
 The columns of the record: time (s), the pose (m; w, x, y, z), the force as evaluated and as sent after all
-protections (N), how late the tick began and how long it took (s), and the faults. Positions and forces are the
-device's.
+protections (N), how late the tick began and how long it took (s), and the faults. Positions and forces are in the
+device's frame.
 
-A fault ends the force; when it was not the device, which may come back, start again. Ends with 1 after any fault.)";
+A fault ends the force. If the device was lost, the force returns when the device does; after any other fault, start
+again. Ends with 1 after any fault.)";
 
 const char* const clients_help = R"(examples:
   forceserver clients lab
-      of the server that was started by `forceserver run --listen lab`
+      the clients of the server that was started by `forceserver run --listen lab`
   forceserver clients 'lab?user=anna' --json
-      of another user's server that lets in all users, as one JSON document, in SI units
+      those of another user's server that lets in all users, as one JSON document, in SI units
 
-Counted are, since a client came: the moves of its objects and the other changes that were taken, those that were
-refused, and the ticks in which the limit on a client's force bounded it. The client that asks is left out. Ends with 1
-when the server goes meanwhile.)";
+For each client it counts, since the client connected: the moves of its objects, its other changes that the server
+applied, those that it refused, and the ticks in which the limit on a client's force bounded its force. The client that
+asks is left out. Ends with 1 if the server ends meanwhile.)";
 
 const char* const watch_help = R"(examples:
   forceserver watch lab
-      of the server called lab: two looks a second, in place on a terminal, until Ctrl-C
+      the server called lab, twice a second until Ctrl-C; on a terminal each look replaces the one before
   forceserver watch lab --interval 5 > log.txt
       a look every five seconds, one below the other
   forceserver watch lab --json --interval 0.1 --count 100 > looks.jsonl
-      ten seconds, one JSON object a line, in SI units; what is not finite is null
+      ten seconds, one JSON object per line, in SI units; a number that is not finite is null
   forceserver watch 'lab?user=anna'
       another user's server that lets in all users
 
-Positions and distances are the device's; `far` is from the nearest point of the tool. Hz and lateness are those of
-the last 10 s; the ticks missed, the moves and the changes are those since the look before. A slope "400 of 800" is one
-that was capped. The force of clients that are gone is in the hand's force, but in no line, until it has faded.
+Positions and distances are the device's; `far` is the distance from the nearest point of the tool. The rate (Hz) and
+the lateness are those of the last 10 s; the missed ticks, the moves and the changes are those since the previous look.
+A slope "400 of 800" is capped: 800 N/m are wanted, 400 N/m are felt. The force of clients that have gone stays in the
+force on the hand until it has faded, but no line shows it.
 
-Ends with 1 when the server goes, with 0 on Ctrl-C; while it waits for the server, Ctrl-C ends it at once.)";
+Ends with 1 when the server ends, with 0 on Ctrl-C; while it waits for the server, Ctrl-C ends it at once.)";
 
 const char* const check_help = R"(examples:
   forceserver check room.json
   forceserver check part.stl --scale 0.001
       a mesh whose file is in millimetres
 
-Tells what it is and what is odd in it: holes, triangles without area, objects that nobody can feel or reach, forces
-that jump, sides that pull for ever or drive the hand deeper. Ends with 0 when nothing is odd, 1 when something is, 2
-when it cannot be read.)";
+Describes the file and reports what is odd in it: holes, triangles without area, objects that nobody can feel or reach,
+forces that jump, sides that pull for ever or drive the hand deeper. Ends with 0 when nothing is odd, 1 when something
+is, 2 when the file cannot be read.)";
 
 const char* const evaluate_help = R"(examples:
   forceserver evaluate room.json points.csv > forces.csv
   echo 0 0 -0.06 | forceserver evaluate room.json --object floor
   seq 0 0.001 0.1 | sed 's/^/0 0 /' | forceserver evaluate room.json --time 2.5
 
-In: a position per line, "x y z" or "x,y,z" in metres of the scene; '#' begins a comment; the first line may be a
-header. Out: x,y,z,fx,fy,fz with all digits, so that the same input gives the same file. No device and no protection
-takes part: this is the bare scene.)";
+Input: one position per line, "x y z" or "x,y,z" in metres of the scene; '#' begins a comment; the first line may be a
+header. Output: x,y,z,fx,fy,fz in full precision, so that the same input gives the same file. These are the forces of
+the scene alone, without a device and without protections.)";
 
 const char* const devices_help = R"(examples:
   forceserver devices
   forceserver devices --json
       one JSON document, in SI units, with the names of fs_device_info
 
-Each device is opened for a moment, so that it can tell what it is. "sim:" takes options:
+The command opens each device for a moment, to ask for its properties. "sim:" takes options:
 
   sim:?hand=nominal|firm|light|released   who holds it. kg, N s/m, N/m: nominal 0.554, 6.45, 135; firm 0.8, 5.5, 568;
                                           light 0.15, 3, 100; released: nobody
@@ -85,7 +87,7 @@ Each device is opened for a moment, so that it can tell what it is. "sim:" takes
                                           FILE: lines of "t x y z", s and m
   sim:?hold=X,Y,Z                         where it wants to rest, m
   sim:?mass=..&friction=..&encoder=joint|ideal&wrist=passive|active&delay_ms=..&seed=..
-      of the device: kg, N; what device.h says of each)";
+      properties of the device: mass in kg, friction in N; device.h explains each)";
 
 void need(const std::string& value, const char* sentence) {
   if (value.empty()) throw std::runtime_error(sentence);
@@ -119,7 +121,7 @@ int main(int argc, char** argv) {
   auto run_option = [&](const char* name, auto& value, const char* type, const char* help) {
     return run_command->add_option(name, value, help)->type_name(type);
   };
-  std::string scene_option;  // as it was written before the scene could stand alone
+  std::string scene_option;  // the older form: --scene FILE instead of the word alone
   const char* const scene_help = "The scene, a .json file; without it nothing is felt";
   run_option("scene", run_options.scene, "", scene_help);
   run_option("--scene", scene_option, "FILE", "The same");
@@ -127,16 +129,16 @@ int main(int argc, char** argv) {
   run_option("--duration", run_options.duration, "SECONDS", "How long to run; without it until Ctrl-C")->check(above_zero);
   run_option("--rate", run_options.rate, "HZ", "Ticks a second, 100 to 20000; without it the rate of the device")
       ->check(above_zero);
-  run_option("--force-limit", run_options.force_limit, "N", "The most force that is sent; without it what the device can")
+  run_option("--force-limit", run_options.force_limit, "N", "The largest force to send; without it the device's")
       ->check(above_zero);
   run_option("--record", run_options.record, "FILE", "Write every tick to this .csv file");
   CLI::Option* listen =
-      run_option("--listen", run_options.listen, "NAME", "Let other programs in: lab for shm:lab")
+      run_option("--listen", run_options.listen, "NAME", "Be a server for other programs: lab for shm:lab")
           ->check([](const std::string& name) { return name.empty() ? "its name is empty" : std::string(); });
-  run_option("--client-force", run_options.client_force, "N", "The most force of each of them; without it that of all")
+  run_option("--client-force", run_options.client_force, "N", "The largest force of a client; without it the servo's")
       ->check(above_zero)->needs(listen);
-  run_command->add_flag("--locked", run_options.locked, "Each of them may change its own objects only")->needs(listen);
-  run_command->add_flag("--all-users", run_options.all_users, "Also programs of other users of this machine")
+  run_command->add_flag("--locked", run_options.locked, "Each client may change its own objects only")->needs(listen);
+  run_command->add_flag("--all-users", run_options.all_users, "Also let in programs of other users of this machine")
       ->needs(listen);
   run_command->footer(run_help);
 
@@ -148,22 +150,22 @@ int main(int argc, char** argv) {
   clients_command->footer(clients_help);
 
   WatchOptions watch_options;
-  CLI::App* watch_command = app.add_subcommand("watch", "Look on at a server: the hand, the clients, what is felt");
+  CLI::App* watch_command = app.add_subcommand("watch", "Watch a server: the hand, the clients, what is felt");
   watch_command->add_option("server", watch_options.server, server_help)->type_name("");
-  watch_command->add_option("--interval", watch_options.interval, "From look to look")
+  watch_command->add_option("--interval", watch_options.interval, "The time between two looks")
       ->type_name("SECONDS")->check(CLI::Range(0.01, 86400.0).description(""))->capture_default_str();
-  watch_command->add_option("--count", watch_options.count, "Looks; without it until Ctrl-C")
+  watch_command->add_option("--count", watch_options.count, "The number of looks; without it until Ctrl-C")
       ->type_name("N")->check(CLI::Range(1u, 1000000000u).description(""));
-  watch_command->add_flag("--json", watch_options.json, "One JSON object a look, a line each");
+  watch_command->add_flag("--json", watch_options.json, "Print each look as a JSON object on one line");
   watch_command->footer(watch_help);
 
   CheckOptions check_options;
-  CLI::App* check_command = app.add_subcommand("check", "Say what a scene or mesh is and what is odd in it");
+  CLI::App* check_command = app.add_subcommand("check", "Describe a scene or mesh and report what is odd in it");
   check_command->add_option("file", check_options.file, "A scene (.json) or a mesh (.obj .ply .stl .off)")
       ->type_name("");
-  check_command->add_option("--scale", check_options.scale, "Of a mesh: metres per unit of the file")
+  check_command->add_option("--scale", check_options.scale, "For a mesh: metres per unit of the file")
       ->type_name("M")->check(above_zero)->capture_default_str();
-  check_command->add_option("--device", check_options.device, "Of a scene: the device it is for")
+  check_command->add_option("--device", check_options.device, "For a scene: the device on which it will run")
       ->type_name("URI")->capture_default_str();
   check_command->footer(check_help);
 
@@ -174,14 +176,14 @@ int main(int argc, char** argv) {
       ->type_name("")->capture_default_str();
   evaluate_command->add_option("--scene", scene_option, "The scene; then only positions may stand alone")
       ->type_name("FILE");
-  evaluate_command->add_option("--object", evaluate_options.object, "Of this object alone; without it of all")
+  evaluate_command->add_option("--object", evaluate_options.object, "Only the forces of this object; without it of all")
       ->type_name("NAME");
-  evaluate_command->add_option("--time", evaluate_options.time, "Since the scene began")
+  evaluate_command->add_option("--time", evaluate_options.time, "The time since the scene began")
       ->type_name("SECONDS")->check(not_negative)->capture_default_str();
   evaluate_command->footer(evaluate_help);
 
   DevicesOptions devices_options;
-  CLI::App* devices_command = app.add_subcommand("devices", "List the devices that can be opened, and what they can");
+  CLI::App* devices_command = app.add_subcommand("devices", "List the devices that can be opened, and what they are");
   devices_command->add_flag("--json", devices_options.json, "One JSON document");
   devices_command->footer(devices_help);
 
@@ -206,7 +208,7 @@ int main(int argc, char** argv) {
       return check(check_options);
     }
     if (*evaluate_command) {
-      if (!scene_option.empty()) {  // what stands alone are the positions
+      if (!scene_option.empty()) {  // then the word that stands alone is the file of positions
         if (evaluate_command->count("positions") > 0) require_once("evaluate", evaluate_options.scene, scene_option);
         if (!evaluate_options.scene.empty()) evaluate_options.input = evaluate_options.scene;
         evaluate_options.scene = scene_option;

@@ -1,4 +1,4 @@
-// What the subcommands of the program share: handles that let go by themselves, and errors as exceptions.
+// What the commands of the program share: handles that release themselves, and errors as exceptions.
 #pragma once
 
 #include <cmath>
@@ -30,7 +30,7 @@ inline void require(fs_status status) {
   if (status < 0) throw Failure(status);
 }
 
-// open<Device>(fs_device_open, "sim:"): calls the library's function with a place for the handle as its last argument.
+// open<Device>(fs_device_open, "sim:") calls the function, which returns the handle through its last parameter.
 template <class Handle, class... Parameters, class... Arguments>
 Handle open(fs_status (*function)(Parameters...), Arguments... arguments) {
   typename Handle::pointer handle = nullptr;
@@ -38,7 +38,7 @@ Handle open(fs_status (*function)(Parameters...), Arguments... arguments) {
   return Handle(handle);
 }
 
-// get_list(fs_scene_get_reports, scene): all of a list, which may grow while it is asked for.
+// get_list(fs_scene_get_reports, scene) returns a whole list, also when the list grows meanwhile.
 template <class Entry>
 std::vector<Entry> get_list(fs_status (*function)(fs_scene*, Entry*, std::size_t, std::size_t*), fs_scene* scene) {
   std::vector<Entry> list(64);
@@ -54,8 +54,8 @@ inline double length(const fs_vec3& v) { return std::hypot(v.x, v.y, v.z); }
 
 struct RunOptions {
   std::string scene, device = "sim:", record, listen;
-  double duration = 0, rate = 0, force_limit = 0;  // s, Hz, N; 0: without end, the device's
-  double client_force = 0;                         // N; 0: the servo's
+  double duration = 0, rate = 0, force_limit = 0;  // s, Hz, N; 0: without end, the device's rate, the device's limit
+  double client_force = 0;                         // N; 0: the servo's limit
   bool locked = false, all_users = false;
 };
 int run(const RunOptions& options);

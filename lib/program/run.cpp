@@ -1,4 +1,4 @@
-// forceserver run: a scene on a device, until the time is over or Ctrl-C.
+// forceserver run: runs a scene on a device, until the time is over or Ctrl-C.
 #include <sys/ioctl.h>
 #include <unistd.h>
 
@@ -20,7 +20,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using Seconds = std::chrono::duration<double>;
 
-// Every tick as a line of a file. The servo remembers two seconds: fetch() is to be called more often than that.
+// Writes every tick as a line of a file. The servo keeps two seconds of ticks, so fetch() must be called more often.
 class Record {
  public:
   explicit Record(const std::string& path) : path_(path), file_(std::fopen(path.c_str(), "w")) {
@@ -34,7 +34,7 @@ class Record {
   void fetch(fs_servo* servo) {
     std::size_t count = 0;
     require(fs_servo_get_record(servo, nullptr, 0, &count));
-    ticks_.resize(count + 1000);  // more come meanwhile
+    ticks_.resize(count + 1000);  // room for the ticks that come meanwhile
     require(fs_servo_get_record(servo, ticks_.data(), ticks_.size(), &count));
     ticks_.resize(std::min(count, ticks_.size()));
     auto is_last = [&](const fs_tick& tick) { return any_ && std::memcmp(&tick, &last_, sizeof tick) == 0; };
@@ -95,7 +95,7 @@ fs_servo_stats get_stats(fs_scene* scene) {
   return stats;
 }
 
-// What is felt most, by name.
+// The objects that are felt most, with their forces.
 std::string felt(fs_scene* scene) {
   std::vector<fs_report> reports = get_list(fs_scene_get_reports, scene);
   std::sort(reports.begin(), reports.end(), [](const fs_report& a, const fs_report& b) {
@@ -126,7 +126,7 @@ void print_line(fs_scene* scene, double time, bool listens, bool terminal) {
   std::fflush(stdout);
 }
 
-// What happened meanwhile, each as a line of its own.
+// Prints the events since the last call, one per line.
 void print_events(fs_scene* scene, bool terminal) {
   for (;;) {
     fs_event event;
@@ -176,7 +176,7 @@ int run(const RunOptions& options) {
   fs_servo_options servo_options = fs_servo_options_init();
   servo_options.rate = options.rate;
   servo_options.force_limit = options.force_limit;
-  const Ending ending;  // until here, where nothing is felt yet, a signal ends the program at once
+  const Ending ending;  // before this line nothing is felt, and a signal ends the program at once
   const Servo servo = open<Servo>(fs_servo_start, scene.get(), device.get(), &servo_options);
   Server server;
   if (!options.listen.empty()) {
@@ -186,7 +186,7 @@ int run(const RunOptions& options) {
     server_options.force_limit = options.client_force;
     try {
       server = open<Server>(fs_server_start, servo.get(), full_endpoint(options.listen).c_str(), &server_options);
-    } catch (const Failure& failure) {  // in the words of the command line
+    } catch (const Failure& failure) {  // name the option of the command line instead of the field
       const bool is_force = options.client_force > 0 && std::string_view(failure.what()).starts_with("force_limit");
       if (is_force) throw std::runtime_error(std::string("--client-force: ") + failure.what());
       throw;
@@ -213,7 +213,7 @@ int run(const RunOptions& options) {
     if (record) {
       try {
         record->fetch(servo.get());
-      } catch (const std::exception& error) {  // the hand should not suffer from a full disk
+      } catch (const std::exception& error) {  // a full disk must not end the force
         std::fprintf(stderr, "forceserver: %s; the run goes on without the record\n", error.what());
         record.reset();
         record_failed = true;
@@ -227,7 +227,7 @@ int run(const RunOptions& options) {
   const fs_servo_stats stats = get_stats(scene.get());
   fs_servo_set_enabled(servo.get(), false);
   try {
-    if (record) record->fetch(servo.get());  // as many ticks as the summary tells of
+    if (record) record->fetch(servo.get());  // the last ticks that the summary counts
   } catch (const std::exception& error) {
     std::fprintf(stderr, "forceserver: %s; the record is not complete\n", error.what());
     record_failed = true;

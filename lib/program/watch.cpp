@@ -1,4 +1,4 @@
-// forceserver watch: what goes on at a server, again and again.
+// forceserver watch: shows the state of a server again and again.
 #include <sys/ioctl.h>
 #include <unistd.h>
 
@@ -15,7 +15,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using Seconds = std::chrono::duration<double>;
 
-// Where a terminal shows a text that changes in place. What was on it before comes back at the end.
+// A terminal on which each text replaces the one before. At the end the former content of the terminal returns.
 class Screen {
  public:
   Screen() { std::printf("\033[?1049h\033[?25l"); }
@@ -47,7 +47,8 @@ class Screen {
   std::vector<std::string> lines_;
 };
 
-// Those that came; without the one that tells every new client that the device is ready, as it was before.
+// Adds the events since the last call. Leaves out the event that tells every new client that the device is ready, if
+// the device was ready before.
 void add_events(fs_scene* scene, double connected, std::vector<fs_event>& events) {
   for (;;) {
     fs_event event;
@@ -74,7 +75,7 @@ int look_on(const WatchOptions& options) {
   for (unsigned i = 0; options.count == 0 || i < options.count; ++i) {
     std::vector<fs_event> events;
     next = std::max(next + std::chrono::duration_cast<Clock::duration>(Seconds(options.interval)), Clock::now());
-    for (double left = 1; left > 0;) {  // in short steps: the end of the server is noticed at once
+    for (double left = 1; left > 0;) {  // in short steps, to notice the end of the server at once
       left = Seconds(next - Clock::now()).count();
       if (ending.wait(std::clamp(left, 0.0, 0.1))) return exit_fine;
       add_events(scene.get(), connected, events);

@@ -77,7 +77,7 @@ bool write_out() {
 }
 
 std::vector<std::string> Table::lines() const {
-  std::vector<std::size_t> widths(rows_.front().size(), 7);  // so that they do not jump with every digit
+  std::vector<std::size_t> widths(rows_.front().size(), 7);  // a minimum, so that columns keep their places
   for (const auto& row : rows_) {
     for (std::size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], characters(row[i]));
   }

@@ -1,4 +1,4 @@
-// Words and tables for people.
+// Texts and tables for people.
 #pragma once
 
 #include <cstdint>
@@ -10,16 +10,16 @@
 
 std::string format(const char* form, ...) __attribute__((format(printf, 1, 2)));
 std::string join(const std::vector<std::string>& words, const char* none);  // "a, b"; of nothing: none
-std::string word_of(const char* name);           // of a value: "FS_OBJECT_FELT" is "felt", as a scene file has it
+std::string word_of(const char* name);           // the word for a value: "felt" for "FS_OBJECT_FELT", as in scene files
 std::string fault_names(std::uint32_t faults);                              // "none", or why there is no force
-std::string stop_reason(const fs_event& event);  // why the force stopped, of an event about the device
-std::string user_name(std::uint32_t user);       // its number, if it has none
+std::string stop_reason(const fs_event& event);  // why the force stopped; event: about the device
+std::string user_name(std::uint32_t user);       // the user's number, if there is no name
 std::string fit(std::string_view text, std::size_t columns);  // at most so many characters (of UTF-8)
 
-// Sends on what was printed. false: whoever read it has gone.
+// Flushes what was printed. Returns false when the reader of a pipe has gone.
 bool write_out();
 
-// Columns under their headings: the first to the left, the others to the right.
+// A table with headings: the first column is aligned left, the others right.
 class Table {
  public:
   explicit Table(std::vector<std::string> headings) : rows_{std::move(headings)} {}

@@ -1,5 +1,5 @@
-// What one scene gives to the servo: its objects with their weights, seen through its views (frame, tool, clutch) and
-// turned into device axes. A servo has one for each scene that it evaluates.
+// A channel gives the forces of one scene to the servo. It evaluates the scene's objects with their weights, through
+// the scene's views (frame, tool, clutch), and rotates the result into device axes. A servo has one for each scene.
 #pragma once
 
 #include "field/frame.h"
@@ -11,30 +11,30 @@ namespace fs {
 
 class Channel final : public Counted<Channel> {
  public:
-  // What one scene may add to the sum.
+  // The most that this scene may add to the sum of all forces.
   struct Limits {
     double force = never, torque = never;  // N, N m
   };
 
-  // Gives the scene to the servo, which must live as long as the channel is attached. starts_in: see attach_servo. STATE.
+  // Attaches the scene to the servo, which must live as long as it is attached. starts_in: see attach_servo. STATE.
   Channel(fs_servo& servo, Ref<LocalScene> scene, const Limits& limits, bool starts_in);
   ~Channel() { detach(); }
 
-  // Takes the scene back, when the servo evaluates it no more. What was done already is not done again.
+  // Detaches the scene, once the servo evaluates it no longer. A second call does nothing.
   void detach() noexcept;
 
-  // From time `when` (s, scene's clock) on the whole scene fades out, for good; one without objects may go at once.
-  // Any thread.
+  // leave: from time `when` (s, scene's clock) on the whole scene fades out, for good. leave_at_once is for a scene
+  // without objects. Any thread.
   void leave(double when) noexcept { leaves_at_.store(when, std::memory_order_release); }
   void leave_at_once() noexcept { is_gone_.store(true, std::memory_order_release); }
-  void end_lease(double now) noexcept {  // it leaves now, unless it has before
+  void end_lease(double now) noexcept {  // leaves now, unless the scene is leaving already
     if (const double when = leaves_at_.load(std::memory_order_relaxed); when > now) leave(now);
   }
-  // It has faded out, and adds nothing any more: a tick says so. Any thread.
+  // Whether the scene has faded out and adds nothing any more; a tick sets this. Any thread.
   bool is_gone() const noexcept { return is_gone_.load(std::memory_order_acquire); }  // [rt]
 
   // Any thread.
-  // Its force was not finite, or took too long: it has none.
+  // The scene's force was not finite, or took too long to evaluate; from then on its force is zero.
   bool is_bad() const noexcept { return is_bad_.load(std::memory_order_acquire); }
   uint64_t limited() const noexcept { return limited_.load(std::memory_order_relaxed); }  // ticks
   Wrench wrench() const noexcept;                                                         // as added at the last tick
@@ -45,13 +45,14 @@ class Channel final : public Counted<Channel> {
   // [rt] The scene's response for the hand (device frame), in device axes, within the limits.
   fs_response evaluate(const fs_state& hand, double now) noexcept;
 
-  // [rt] What evaluate took, s. One that makes every tick late by itself is taken out before the guard stops all force.
+  // [rt] Reports the time that evaluate took, s. A scene that makes every tick late on its own is excluded before the
+  // guard would stop the force of all scenes.
   void charge(double cost, double period) noexcept;
 
-  // [rt] Instead of evaluate, when the device gave no pose.
+  // [rt] Called instead of evaluate when the device gave no pose.
   void lose_hand(double now) noexcept;
 
-  // [rt] Tells the scene of this tick. response_flags: what the guard added. tick: its number.
+  // [rt] Gives the results of this tick to the scene. response_flags: added by the guard. tick: the tick's number.
   void publish(const Wrench& sent, uint32_t response_flags, uint64_t tick) noexcept;
 
  private:
@@ -66,13 +67,13 @@ class Channel final : public Counted<Channel> {
   std::atomic<double> leaves_at_{never};
   std::atomic<bool> is_gone_{false};
 
-  // The servo's.
+  // Only the servo's thread uses these; other threads may read the atomic ones and wrench_.
   ServoReader reader_;
   double weight_ = 1;        // of the whole scene
   double newest_time_ = -never;  // s, of the newest tick
   HandSample hand_{};
   TickSample tick_{};
-  Quat axes_ = identity_quat();  // scene to device, of the present view
+  Quat axes_ = identity_quat();  // rotation from scene to device axes in the newest view
   std::atomic<bool> is_bad_{false};
   int slow_in_a_row_ = 0;
   std::atomic<uint64_t> limited_{0};

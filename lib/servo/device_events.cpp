@@ -9,7 +9,7 @@ namespace {
 
 constexpr uint32_t device_fault = FS_FAULT_DEVICE;
 
-// What stopped it, one reason after the other.
+// Appends the reasons why the force stopped.
 void append_faults(uint32_t faults, char* text, size_t size) {
   const struct {
     uint32_t bit;

@@ -1,5 +1,5 @@
-// What an application is told of the device: that it is ready, lost, or stopped by a fault. Written by the tick, read by
-// the servo's scenes.
+// Events about the device for the application: it is ready, it is lost, or a fault stopped the force. The tick writes
+// them, the servo's scenes read them.
 #pragma once
 
 #include <array>
@@ -13,17 +13,17 @@ namespace fs {
 
 class DeviceEvents {
  public:
-  // [rt] Once a tick. time: s; status: of the device's read and write; faults: the guard's. Leaves an event when
-  // something has begun.
+  // [rt] Called once a tick. time: s; status: of the device's read and write; faults: the guard's. Adds an event when
+  // the device becomes ready or is lost, or when a fault begins.
   void note(double time, fs_status status, uint32_t faults) noexcept;
-  // [rt] The latched faults were cleared. One that is there again is told again, also in the same tick.
+  // [rt] The latched faults were cleared. A fault that comes again makes a new event, even in the same tick.
   void forget_faults() noexcept { latched_ = 0; }
   bool is_ready() const noexcept { return is_ready_; }  // [rt] of the last tick
 
   // Any thread.
   uint64_t count() const noexcept { return written_.load(std::memory_order_acquire); }
-  // The event of number `next` or, if that has been overwritten, how many are lost; next goes along. False: none yet.
-  // pose_age: s, the servo's, for the text.
+  // Gives the event with number `next`, or an overflow event that counts the lost ones if it was overwritten, and
+  // advances `next`. Returns false when there is no such event yet. pose_age (s, the servo's) goes into the text.
   bool take(uint64_t& next, const fs_device_info& device, double pose_age, fs_event& out) const;
 
  private:
@@ -31,14 +31,14 @@ class DeviceEvents {
     uint64_t number;
     double time;
     fs_status status;
-    uint32_t faults;   // that came
-    uint64_t latched;  // that hold the force at 0
+    uint32_t faults;   // the faults that began
+    uint64_t latched;  // the faults that keep the force at 0
   };
   static constexpr uint64_t capacity = 64;
 
   void leave(const Event& event) noexcept;
 
-  // The tick's.
+  // Only the tick uses these.
   bool is_ready_ = false;
   uint32_t latched_ = 0;
 

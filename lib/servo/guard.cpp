@@ -6,12 +6,12 @@ namespace fs {
 namespace {
 
 constexpr int late_ticks = 20;        // in a row, each later than a period: the machine is too slow
-constexpr double stall_limit = 0.02;  // s: after this long the world may have moved; the force only ramps
+constexpr double stall_limit = 0.02;  // s: after a longer pause the hand may be elsewhere, so the force ramps up again
 
-// What a device with so many axes can make of it: the first of x, y, z.
+// Keeps the first `axes` of x, y and z, those on which the device acts, and makes the others zero.
 Vec3 first_axes(Vec3 v, uint32_t axes) noexcept { return {axes > 0 ? v.x : 0, axes > 1 ? v.y : 0, axes > 2 ? v.z : 0}; }
 
-// At most `limit`, direction kept; true when it was more.
+// Shortens v to `limit` and keeps its direction. Returns true when v was longer.
 bool limit_vector(Vec3& v, double limit) noexcept {
   const double magnitude = norm(v);
   if (magnitude <= limit) return false;

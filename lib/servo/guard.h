@@ -1,5 +1,6 @@
-// The last stage before the device: finite, limited with its direction kept, ramped, and zero on a fault. It is never
-// bypassed. (Slew limit and local damping belong here too.)
+// The last stage before the device, which no force bypasses. It lets only finite forces through, limits their size but
+// not their direction, ramps the force up after a stop, and makes it zero on a fault. (The slew limit and local damping
+// belong here too.)
 #pragma once
 
 #include <cstdint>
@@ -17,21 +18,21 @@ class Guard {
     double speed;          // m/s; infinite: none
     double ramp;           // s; 0: none
     double period;         // s, of the servo
-    uint32_t force_axes = 3, torque_axes = 3;  // that the device has
+    uint32_t force_axes = 3, torque_axes = 3;  // the number of axes on which the device acts
   };
   explicit Guard(const Limits& limits) : limits_(limits) {}
 
   // What a tick knows of the hand.
   struct Hand {
     const fs_state& state;
-    bool is_ready;  // read and written without failure, READY, and fresh
+    bool is_ready;  // reading and writing succeeded, the device says READY, and the pose is not too old
     double late;    // s, of this tick
   };
 
-  // [rt] The wrench to be sent.
+  // [rt] Returns the wrench to send to the device.
   Wrench apply(const Hand& hand, const Wrench& wanted) noexcept;
 
-  // [rt] false: no force. true: after false or a latched fault, full force through the ramp.
+  // [rt] false: no force. true: the force returns through the ramp, also after a latched fault.
   void set_enabled(bool enabled) noexcept;
 
   uint32_t faults() const noexcept { return faults_; }      // fs_fault bits

@@ -21,12 +21,13 @@ namespace {
 size_t page_size() noexcept { return static_cast<size_t>(sysconf(_SC_PAGESIZE)); }
 size_t whole_pages(size_t bytes) noexcept { return (bytes + page_size() - 1) / page_size() * page_size(); }
 
-// Of Linux: asked to invalidate what is mapped, it does nothing, but for saying whether any of it is locked.
+// Whether any page of the range is locked. On Linux, msync with MS_INVALIDATE does nothing to these pages, but it fails
+// with EBUSY if one of them is locked.
 bool is_locked(const MemoryLock::Range& range) noexcept {
   return msync(const_cast<void*>(range.first), range.second, MS_ASYNC | MS_INVALIDATE) != 0 && errno == EBUSY;
 }
 
-// The loaded files that the tick runs in, part by part. Locked once, however many servos there are.
+// The segments of the loaded files whose functions a tick calls. They are locked once, however many servos there are.
 class Code {
  public:
   bool lock() noexcept {
@@ -43,7 +44,7 @@ class Code {
   }
 
  private:
-  static constexpr size_t most_bytes = 16 << 20;  // of one part: more is no code, but somebody's data beside ours
+  static constexpr size_t most_bytes = 16 << 20;  // of one segment: a larger one holds the application's data, too
 
   int add(const dl_phdr_info& info) noexcept {
     const auto parts = [&](auto f) {
@@ -70,7 +71,7 @@ class Code {
     if (!is_locked(range)) {
       has_failed_ = count_ == ranges_.size() || mlock(range.first, range.second) != 0;
       if (!has_failed_) ranges_[count_++] = range;
-    } else if (bytes > page_size()) {  // some of it is: the rest
+    } else if (bytes > page_size()) {  // a part is locked already: split the range to lock the rest
       add(first, half);
       add(first + half, bytes - half);
     }
@@ -90,7 +91,8 @@ class Code {
 };
 
 Code& code() {
-  // Never destroyed: a servo may be stopped while the process ends. In memory that is there: no call of it can fail.
+  // Never destroyed, because a servo may be stopped while the process ends. In static memory, so that creating it
+  // cannot fail.
   alignas(Code) static std::byte place[sizeof(Code)];
   static Code& instance = *new (place) Code;
   return instance;
@@ -102,7 +104,7 @@ void* map_pages(size_t bytes) {
   void* const pages = mmap(nullptr, whole_pages(bytes), PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
   if (pages == MAP_FAILED) throw std::bad_alloc();
 #ifdef __SANITIZE_ADDRESS__
-  __lsan_register_root_region(pages, whole_pages(bytes));  // what these pages refer to is no leak
+  __lsan_register_root_region(pages, whole_pages(bytes));  // what only these pages refer to is not a leak
 #endif
   return pages;
 }
@@ -114,7 +116,8 @@ void unmap_pages(const void* pages, size_t bytes) noexcept {
   munmap(const_cast<void*>(pages), whole_pages(bytes));
 }
 
-// Those of all files that are loaded, some of which may be elsewhere; and what the C library keeps for more and for itself.
+// Adds up the thread-local data of all loaded files, although some of it may not be on the stack, and 64 KiB that the C
+// library reserves for files loaded later and for itself.
 size_t thread_local_bytes() noexcept {
   size_t sum = 64 << 10;
   const auto add = [](dl_phdr_info* info, size_t, void* total) {

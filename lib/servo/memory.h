@@ -1,5 +1,5 @@
-// Memory that must be there when a tick wants it: pages that hold nothing else, so that they can be locked, and let go of
-// again, without a change to anybody else's.
+// Memory that must not be paged out, because a tick uses it. It has whole pages of its own, so that locking and
+// unlocking it never affects other data.
 #pragma once
 
 #include <array>
@@ -13,7 +13,7 @@ namespace fs {
 void* map_pages(size_t bytes);                               // whole pages, zeros. Throws std::bad_alloc
 void unmap_pages(const void* pages, size_t bytes) noexcept;  // of the same size
 
-// For a container whose elements get pages of their own.
+// An allocator that gives a container's elements pages of their own.
 template <class T>
 struct PageAllocator {
   using value_type = T;
@@ -28,10 +28,10 @@ struct PageAllocator {
   friend bool operator==(const PageAllocator&, const PageAllocator&) { return true; }
 };
 
-// What a new thread has on its stack of thread-local data: at most so much.
+// An upper bound of the thread-local data that a new thread has on its stack, in bytes.
 size_t thread_local_bytes() noexcept;
 
-// The stack of a thread, with a page below it that must not be touched.
+// The stack of a thread, with a guard page below it: an overflow of the stack faults at once.
 class Stack {
  public:
   explicit Stack(size_t bytes);
@@ -47,8 +47,8 @@ class Stack {
   char* begin_;
 };
 
-// Keeps memory from being paged out: the pages that it is given, and the loaded files of this library, the C library and
-// the mathematical library (which all locks share). What the application has locked of these files itself stays locked.
+// Keeps memory from being paged out: the pages it is given, and the loaded files of this library, the C library and the
+// mathematical library. All locks share these files. What the application has locked of them itself stays locked.
 class MemoryLock {
  public:
   MemoryLock() = default;
@@ -56,7 +56,8 @@ class MemoryLock {
   MemoryLock(const MemoryLock&) = delete;
   MemoryLock& operator=(const MemoryLock&) = delete;
 
-  // All of them, brought in at once; false: the system does not allow it, and none is locked.
+  // Brings all pages into memory at once and locks them. Returns false when the system does not allow it; then none is
+  // locked.
   using Range = std::pair<const void*, size_t>;
   using Ranges = std::array<Range, 3>;
   bool lock(const Ranges& pages) noexcept;

@@ -1,4 +1,4 @@
-// What the system grants to a thread that must not be late.
+// Asks the system for a priority for a thread that must not be late.
 #pragma once
 
 #include <forceserver/servo.h>
@@ -7,8 +7,9 @@ namespace fs {
 
 bool may_use_processor(int cpu) noexcept;
 
-// For the calling thread: SCHED_FIFO at priority, else a better nice value, else a timer slack of 1 ns; negative: none of
-// these. cpu: the processor it stays on, negative: any. Returns what was reached, FIFO at most.
+// For the calling thread, asks for SCHED_FIFO at `priority`; if that is refused, sets a timer slack of 1 ns and asks
+// for a better nice value. A negative priority asks for nothing. cpu: the processor that the thread stays on; negative:
+// any. Returns what was granted, FIFO at most.
 fs_realtime request_realtime(int priority, int cpu) noexcept;
 
 }  // namespace fs

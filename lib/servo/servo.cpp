@@ -18,7 +18,7 @@ namespace {
 
 constexpr double record_length = 2;  // s
 constexpr size_t stack_size = 256 << 10;  // bytes, beside the thread-local data
-constexpr int not_asked = -1;        // of fs_realtime: the thread has not come so far
+constexpr int not_asked = -1;  // in place of an fs_realtime: the thread has not asked the system yet
 
 }  // namespace
 
@@ -96,7 +96,7 @@ void fs_servo::drop_channels() noexcept {
   if (!posted_channels_) return;
   for (const Ref<Channel>& channel : posted_channels_->channels) channel->detach();
   posted_channels_ = nullptr;
-  channels_.clear();  // those taken out before, too, that the servo had not let go of
+  channels_.clear();  // also frees older lists, which may still refer to removed channels
 }
 
 ClockKind fs_servo::clock() const noexcept {
@@ -136,7 +136,7 @@ void fs_servo::reap_channels() {
     std::remove_copy_if(present.begin(), present.end(), std::back_inserter(list->channels), is_gone);
     posted_channels_ = list;
     channels_.post(posted_channels_);
-  } else if (channels_.take_back()) {  // frees the list that the tick has let go of
+  } else if (channels_.take_back()) {  // also frees the list that the tick no longer uses
     channels_.post(posted_channels_);
   }
 }
@@ -162,11 +162,11 @@ void fs_servo::run() noexcept {
     }
     const double now = steady_now();
     const double late = std::fmax(0, now - next);
-    const double missed = std::floor(late / period_);  // skipped, never made up for in a burst
+    const double missed = std::floor(late / period_);  // missed ticks are skipped: no burst makes up for them
     misses_.fetch_add(static_cast<uint64_t>(missed), std::memory_order_relaxed);
     next += missed * period_;
     due_.store(next, std::memory_order_relaxed);
-    if (!device_->take_turn()) return;  // only whoever stops this servo wants it, too
+    if (!device_->take_turn()) return;  // fails only when another thread is stopping this servo
     tick(now, late);
     device_->end_turn();
     next += period_;
@@ -185,7 +185,7 @@ fs_status fs_servo::step(uint64_t ticks) noexcept {
     if (device_->is_silent()) return stopped();
     return set_last_error_literal(FS_ERROR_STATE, "fs_servo_step: another thread is stepping this servo");
   }
-  if (is_stopping_.load()) {  // since it was asked above: it has no scenes any more
+  if (is_stopping_.load()) {  // stopped since the check above: the scenes are detached
     device_->end_turn();
     return stopped();
   }
@@ -200,7 +200,7 @@ fs_status fs_servo::step(uint64_t ticks) noexcept {
     }
   }
   const bool is_lost = tick_ > 0 && !events_.is_ready(), is_stopped = device_->is_silent();
-  device_->end_turn();  // whoever stops the servo may now destroy it
+  device_->end_turn();  // from here on another thread may stop and destroy the servo
   if (is_stopped) return stopped();
   if (is_lost) {
     return set_last_error_literal(FS_ERROR_DISCONNECTED, "the device was lost or not ready at the last tick");
@@ -208,7 +208,7 @@ fs_status fs_servo::step(uint64_t ticks) noexcept {
   return FS_OK;
 }
 
-// One turn of the loop. It never allocates, locks, logs, throws or waits on anyone.
+// One pass of the loop. It never allocates, locks, logs, throws or waits for another thread.
 void fs_servo::tick(double now, double late) noexcept {
   ++tick_;
   last_time_ = now;
@@ -216,7 +216,7 @@ void fs_servo::tick(double now, double late) noexcept {
 
   const uint64_t requested = enable_.load(std::memory_order_acquire);
   if (requested != enable_seen_) {
-    if ((requested ^ enable_seen_) >> 32) guard_.set_enabled(false);  // also when it was enabled again meanwhile
+    if ((requested ^ enable_seen_) >> 32) guard_.set_enabled(false);  // even if it was enabled again meanwhile
     if (requested & 1) {
       guard_.set_enabled(true);
       events_.forget_faults();
@@ -227,7 +227,7 @@ void fs_servo::tick(double now, double late) noexcept {
 
   fs_state hand;
   fs_status status = device_->read(now, hand);
-  // In virtual time the clock of a real device says nothing about age.
+  // In virtual time the age of a real device's pose is unknown: its time is that of another clock.
   const bool has_age = clock() != ClockKind::virtual_time || device_->is_simulated();
   const bool is_fresh = !has_age || now - hand.time <= settings_.pose_age;
   const bool is_ready =
@@ -246,7 +246,7 @@ void fs_servo::tick(double now, double late) noexcept {
     if (!has_pose) {
       channel.lose_hand(now);
     } else if (i == 0) {
-      response = channel.evaluate(hand, now);  // the servo's own scene: its proxy is the one that is told
+      response = channel.evaluate(hand, now);  // the servo's own scene: its proxy is the one that is reported
     } else {
       const double start = has_thread ? steady_now() : 0;
       add(response, channel.evaluate(hand, now));
@@ -279,7 +279,7 @@ void fs_servo::tick(double now, double late) noexcept {
                       std::memory_order_relaxed);
   if (is_recording_) {
     record_.add({hand, response, sent, late, compute, status, guard_.faults()});
-    if (guard_.is_latched()) is_recording_ = false;  // kept for whoever asks why
+    if (guard_.is_latched()) is_recording_ = false;  // keeps the ticks before the fault, to find its cause
   }
 }
 

@@ -1,4 +1,5 @@
-// The loop device.read -> evaluate -> guard -> device.write at a fixed rate. It is the fs_servo of the C contract itself.
+// The servo loop: device.read -> evaluate -> guard -> device.write at a fixed rate. This class is the fs_servo of the C
+// functions.
 #pragma once
 
 #include <pthread.h>
@@ -17,30 +18,32 @@
 #include "servo/statistics.h"
 
 struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
-  // Takes scene and device and, in THREAD mode, runs. STATE, IO.
+  // Takes the scene and the device and, in THREAD mode, starts the thread. STATE, IO.
   fs_servo(fs::Ref<fs::LocalScene> scene, fs::Ref<fs::Device> device, const fs::ServoSettings& settings);
   ~fs_servo() { stop(); }
 
-  // It has pages of its own, for the lock of its memory.
+  // A servo has pages of its own, so that its memory can be locked.
   static void* operator new(size_t size) { return fs::map_pages(size); }
   static void operator delete(void* servo, size_t size) noexcept { fs::unmap_pages(servo, size); }
 
-  // First the force is 0, and stays so. Then tells the listeners and lets go of device and scenes. A second call waits
-  // until the first has done it. In a forked child it does nothing.
+  // Sets the force to 0 for good, then calls the listeners, and releases the device and the scenes. A second call waits
+  // until the first has finished. In a forked child it does nothing.
   void stop() noexcept;
   bool is_of_this_process() const noexcept { return device_->is_of_this_process(); }
 
-  // More scenes, beside the servo's own: what they add is felt from the next tick on. Any thread; not [rt].
+  // Adds a scene beside the servo's own; its forces are felt from the next tick on. Any thread; not [rt].
   fs::Ref<fs::Channel> add_channel(fs::Ref<fs::LocalScene> scene, const fs::Channel::Limits& limits);  // STATE
   fs::Wrench own_wrench();  // what the servo's own scene added at the last tick, device frame
-  void reap_channels();  // lets go of those that have faded out
-  size_t channel_count();  // beside the servo's own; those that fade out are among them
+  void reap_channels();  // removes the channels that have faded out
+  size_t channel_count();  // without the servo's own; channels that are fading out count
   const fs::Ref<fs::LocalScene>& scene() const noexcept { return scene_; }
   double time() const noexcept override { return newest_time_.load(std::memory_order_relaxed); }  // s, of the newest tick
-  // s, monotonic clock: when the last tick was due; they come a period apart. 0: it has no thread that keeps to a time.
+  // s, monotonic clock: when the last tick was due; ticks are due one period apart. 0: the servo has no thread of its
+  // own, or has not ticked yet.
   double due() const noexcept { return due_.load(std::memory_order_relaxed); }
 
-  // f is called once, by the thread that stops the servo, when the force is 0; not after remove_listener has returned.
+  // The thread that stops the servo calls f once, when the force is 0. After remove_listener has returned, f is not
+  // called.
   void add_listener(const void* owner, std::function<void()> f);  // STATE
   void remove_listener(const void* owner) noexcept;
 
@@ -58,7 +61,7 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   uint64_t event_count() const noexcept override { return events_.count(); }
 
  private:
-  void start_thread();  // IO; the last that can fail
+  void start_thread();  // IO; nothing after it can fail
   void run() noexcept;
   void tick(double now, double late) noexcept;
   void drop_channels() noexcept;
@@ -68,7 +71,7 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   const fs::ServoSettings settings_;
   const double period_;
 
-  // The channels: their list reaches the tick as snapshots do.
+  // The list of channels reaches the tick through a mailbox, as snapshots do.
   std::mutex channels_mutex_;
   fs::Ref<const fs::ChannelList> posted_channels_;
   fs::Mailbox<fs::Ref<const fs::ChannelList>> channels_;
@@ -76,7 +79,7 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   std::mutex listeners_mutex_;
   std::vector<std::pair<const void*, std::function<void()>>> listeners_;
 
-  // The servo thread's own.
+  // Only the tick uses these.
   fs::Guard guard_;
   uint64_t tick_ = 0;
   double last_time_ = -1;
@@ -84,7 +87,7 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   bool is_recording_ = true;
   uint64_t enable_seen_ = 1;
 
-  // Shared: written by the servo, but for enable_ and the stop.
+  // Shared. The servo's thread writes these; other threads write only enable_, is_stopping_ and is_stopped_.
   std::atomic<uint64_t> enable_{1};  // bit 0: enabled; bits 1..31 count the trues, bits 32.. the falses
   std::atomic<bool> is_stopping_{false}, is_stopped_{false};
   std::atomic<double> due_{0};
@@ -96,7 +99,7 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   fs::FlightRecord record_;
   fs::DeviceEvents events_;
 
-  std::optional<fs::Stack> stack_;  // of the thread; none: others call step
+  std::optional<fs::Stack> stack_;  // of the servo's thread; none: the application calls step
   pthread_t thread_{};
   fs::MemoryLock memory_lock_;
 };

@@ -20,7 +20,8 @@ double parse_limit(double given, double device, const char* field) {
   return given > 0 ? given : device;
 }
 
-// 0: the default; negative: none, told by `off`.
+// The value of an option that can be switched off. 0 means the default; a negative number switches it off, which sets
+// `bit` in `off`.
 double parse_switch(double given, double standard, double none, double high, uint32_t bit, uint32_t& off,
                     const char* field) {
   if (!(given <= high) || !std::isfinite(given)) {
@@ -30,13 +31,13 @@ double parse_switch(double given, double standard, double none, double high, uin
   return given < 0 ? none : given == 0 ? standard : given;
 }
 
-// Who asks for what is not there is told so: it might be relied upon.
+// Refuses an option that this version lacks, rather than ignore it: the application might rely on it.
 [[noreturn]] void refuse(double given, const char* field, const char* allowed) {
   fail(FS_ERROR_UNSUPPORTED, "%s is %g: it is not in version %s of this library, only %s", field, given, fs_version(),
        allowed);
 }
 
-// A protection that is not there yet: always off.
+// An option for a protection that does not exist yet: it is always off, and asking for it is an error.
 void parse_missing_switch(double given, double high, uint32_t bit, uint32_t& off, const char* field) {
   if (parse_switch(given, 0, 0, high, bit, off, field) > 0) refuse(given, field, "0 or a negative number (none)");
   off |= bit;

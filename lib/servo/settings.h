@@ -1,4 +1,4 @@
-// fs_servo_options, checked and with the device's values for what was left 0.
+// The settings of a servo: fs_servo_options after the checks, with defaults in place of zeros.
 #pragma once
 
 #include <forceserver/servo.h>
@@ -11,9 +11,9 @@ struct ServoSettings {
   fs_servo_mode mode;
   double rate;               // Hz
   Guard::Limits limits;
-  double pose_age;           // s: an older pose is a lost device
+  double pose_age;           // s: if the pose is older, the device counts as lost
   double fade;               // s; 0: none
-  int priority, cpu;         // negative: ordinary; negative: any
+  int priority, cpu;         // negative: ordinary priority; negative: any processor
   uint32_t protections_off;  // FS_OFF_ bits
 };
 

@@ -1,4 +1,4 @@
-// Percentiles of the last 10 s, at a constant price a tick: a histogram for each second, ten of them merged when asked.
+// Percentiles of the last 10 s at a constant cost per tick: one histogram for each second; a query merges all ten.
 // Bins are 1/32 of an octave wide (as in G. Tene's HdrHistogram), so a percentile is at most 3.2 % too high; the maximum
 // is exact.
 #pragma once
@@ -20,7 +20,7 @@ class RollingHistogram {
     double since = 0;  // s, the beginning of the oldest second that is counted
   };
 
-  // [rt] One writer. value: s, >= 0; now: s, not going back.
+  // [rt] Only one thread may call it. value: s, >= 0; now: s, never less than before.
   void add(double value, double now) noexcept {
     const int64_t second = static_cast<int64_t>(std::floor(now));
     Second& slot = seconds_[static_cast<size_t>(((second % kept) + kept) % kept)];
@@ -36,7 +36,7 @@ class RollingHistogram {
     newest_.store(second, std::memory_order_release);
   }
 
-  // Any thread. Second by second: what is being written now may be half counted.
+  // Any thread. A value that is being added at the same time may be counted in part only.
   Percentiles percentiles() const noexcept {
     const int64_t newest = newest_.load(std::memory_order_acquire);
     std::array<uint64_t, bin_count> sum{};

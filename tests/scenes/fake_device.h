@@ -1,5 +1,5 @@
 // A haptic device that does what a test says: "fake:NAME" moves with the servo's time as a simulator does,
-// "fakereal:NAME" runs on the monotonic clock as a real device does. Found by its name as long as the test has it.
+// "fakereal:NAME" runs on the monotonic clock as a real device does. It can be opened as long as this object exists.
 #pragma once
 
 #include <functional>
@@ -15,23 +15,23 @@ namespace scenes {
 
 class FakeDevice {
  public:
-  explicit FakeDevice(std::string name);  // and registers the two drivers, once a process
+  explicit FakeDevice(std::string name);  // registers the two drivers, too, once in a process
   ~FakeDevice();
   FakeDevice(const FakeDevice&) = delete;
   FakeDevice& operator=(const FakeDevice&) = delete;
 
   Device open(bool is_simulated = true) const;
 
-  // The script. While a servo thread runs, only under the mutex.
+  // What the device does. While a servo thread runs, lock the mutex to change it.
   std::mutex mutex;
   fs_device_info info;                           // 10 N, 1 N m, 1000 Hz, three axes each
-  fs_state state{};                              // what read gives; READY unless a test says other
+  fs_state state{};                              // what read gives; READY unless a test changes it
   fs_status read_status = FS_OK, write_status = FS_OK;
   std::function<void(FakeDevice&, double time)> on_read;  // before each read; time in s
-  std::function<void(FakeDevice&)> on_write, on_close;    // when `written` has what came
+  std::function<void(FakeDevice&)> on_write, on_close;    // on_write: after `written` is set
 
-  // What it saw.
-  double time = 0;                               // s, of the last advance; fakereal: 0
+  // What the device was given.
+  double time = 0;                               // s, of the last call of advance; fakereal: 0
   fs_wrench written{};                           // the last
   uint64_t reads = 0, writes = 0;
   bool is_open = false;

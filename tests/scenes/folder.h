@@ -1,4 +1,4 @@
-// A folder of one test alone, in the system's place for such, gone with all that is in it at the end.
+// A temporary folder for one test. The destructor removes it with all that is in it.
 #pragma once
 
 #include <cstdlib>

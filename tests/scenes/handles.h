@@ -1,4 +1,4 @@
-// The handles of the C contract that give themselves back.
+// Handles of the C functions that release themselves.
 #pragma once
 
 #include <memory>
@@ -24,7 +24,7 @@ using Device = std::unique_ptr<fs_device, Release>;
 using Servo = std::unique_ptr<fs_servo, Release>;
 using Server = std::unique_ptr<fs_server, Release>;
 
-// These end the program with the library's sentence when it refuses: a test's own set-up is not what it tests.
+// These functions prepare a test. When the library refuses, they end the program with its error sentence.
 [[noreturn]] void stop_with_last_error(const char* what);
 inline void require(fs_status status, const char* what) {
   if (status != FS_OK) stop_with_last_error(what);

@@ -62,7 +62,7 @@ Placed place(const fs_object& object, Real time) {
   const Turn turn = turn_of(object.pose.orientation);
   const Vec r = dt * Vec(object.twist.angular);
   placed.turn = {turned(r, turn.x), turned(r, turn.y), turned(r, turn.z)};
-  if (since >= 0 && since < 0.1L) {  // after that it stands
+  if (since >= 0 && since < 0.1L) {  // after 0.1 s it stands still
     placed.linear = object.twist.linear;
     placed.angular = object.twist.angular;
   }
@@ -80,7 +80,7 @@ Vec closest_on_segment(Vec a, Vec b, Vec x) {
 long double profile_force(const fs_profile& p, const Function* curve, long double d, long double t) {
   if (p.kind == FS_PROFILE_NONE || (p.reach > 0 && d > p.reach)) return 0;
   Real f = 0;
-  if (p.gain == 0) return std::fmin(std::fmax(p.offset, 0), p.limit);  // by d = 0 and an infinite d too
+  if (p.gain == 0) return std::fmin(std::fmax(p.offset, 0), p.limit);  // also for d = 0 and an infinite d
   switch (p.kind) {
     case FS_PROFILE_CONSTANT: f = p.gain; break;
     case FS_PROFILE_LINEAR_INCREASING:
@@ -98,7 +98,7 @@ long double profile_force(const fs_profile& p, const Function* curve, long doubl
   return std::fmin(std::fmax(f, 0), static_cast<Real>(p.limit));
 }
 
-// A shape with what the brute search needs.
+// A shape with the data that the search through all triangles needs.
 struct Reference::Solid {
   struct Hit {
     Vec p;
@@ -106,7 +106,7 @@ struct Reference::Solid {
   };
   std::vector<Vec> points;
   std::vector<std::array<uint32_t, 3>> triangles;
-  bool is_closed = false;  // a polyline: as its maker said; a mesh: every edge is run once each way
+  bool is_closed = false;  // a polyline: as given; a mesh: its triangles use every edge once in each direction
 
   explicit Solid(const fs_shape* shape) {
     size_t count = 0;
@@ -148,7 +148,7 @@ struct Reference::Solid {
     return {best, normal};
   }
 
-  // Of a closed mesh: 1 inside, 0 outside (sum of solid angles; van Oosterom & Strackee 1983).
+  // The winding number of a closed mesh: 1 inside, 0 outside (sum of solid angles; van Oosterom & Strackee 1983).
   Real winding_number(Vec x) const {
     Real sum = 0;
     for (const auto& t : triangles) {
@@ -180,7 +180,7 @@ struct Reference::Solid {
     return best;
   }
 
-  // The angle that a triangle fills around a point p on it: that of its corner, pi on an edge, 2 pi within.
+  // The angle that a triangle fills around a point p on it: the corner's angle, pi on an edge, 2 pi inside.
   Real angle_at(const std::array<uint32_t, 3>& t, Vec p) const {
     const Real pi = std::acos(-1.0L);
     for (int i = 0; i < 3; ++i) {

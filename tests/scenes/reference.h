@@ -1,5 +1,5 @@
-// The slow reference: what the header says, written down once more, in long double and without a single shortcut. Every
-// triangle is looked at; the side of a closed mesh comes from its winding number, the stiffness from differences.
+// The slow reference: a second implementation of what the headers say, in long double and without shortcuts. It looks
+// at every triangle, finds the side of a closed mesh from the winding number, and the stiffness from differences.
 #pragma once
 
 #include <vector>
@@ -8,13 +8,13 @@
 
 namespace scenes {
 
-// f(d, t) of a profile, N, clamped to [0, limit] and 0 beyond its reach. curve: what its fs_curve stands for, or null.
+// f(d, t) of a profile, N, clamped to [0, limit] and 0 beyond its reach. curve: the function of its fs_curve, or null.
 long double profile_force(const fs_profile& profile, const Function* curve, long double d, long double t);
 
 struct Felt {
   fs_wrench wrench;
   fs_mat3 stiffness;
-  double roughness;  // N/m: how far the slopes just before and just behind x differ: large at a kink or a jump
+  double roughness;  // N/m: the difference of the slopes on both sides of x: large at a kink or a jump
   uint32_t felt_count, faint_count;  // objects that give a force; those that give less than 1e-30 N
 };
 
@@ -24,7 +24,7 @@ class Reference {
   explicit Reference(const Content& content);
   ~Reference();
 
-  // Without a servo: what is enabled and has not expired is felt in full. with_stiffness costs six times more.
+  // Without a servo: objects that are enabled and have not expired have weight 1. with_stiffness costs six times more.
   Felt evaluate(const fs_state& state, const std::vector<fs_vec3>& tool, bool with_stiffness) const;
 
  private:

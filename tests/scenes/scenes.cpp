@@ -408,7 +408,7 @@ fs_profile random_profile(Random& random, Content& content) {
     case FS_PROFILE_GAUSSIAN: {
       const double gain = random.log_between(0.3, 10), width = random.log_between(0.003, 0.1);
       p = fs_profile_init(kind, sense, gain, width, limit);
-      p.reach = 20 * width;  // before its tail is too thin for a double, where "f > 0" is a matter of rounding
+      p.reach = 20 * width;  // cuts off the tail before a double rounds the force to 0
       break;
     }
     case FS_PROFILE_QUADRATIC: p = fs_profile_init(kind, sense, random.between(-3e3, 3e3), offset, limit); break;
@@ -464,7 +464,7 @@ Content random_content(Random& random, const RandomOptions& options) {
     } else if (object.primitive == FS_PRIMITIVE_MESH && random.coin(0.15)) {
       content.shapes.push_back(make_mesh(soup_mesh(random, 0.6 * options.half, 12)));
       object.shape = content.shapes.back().get();
-      object.back = object.front;  // a soup has no sides to speak of
+      object.back = object.front;  // a soup has no inside and outside
     } else if (object.primitive == FS_PRIMITIVE_MESH) {
       content.shapes.push_back(make_mesh(random_mesh(random, 0.6 * options.half, options.mesh_triangles)));
       object.shape = content.shapes.back().get();

@@ -1,4 +1,4 @@
-// Scenes by name, as data: tests, benchmarks and examples feel the same ones. Only the C contract is used here.
+// Scenes by name, as data, for tests and benchmarks. Only the C functions are used here.
 #pragma once
 
 #include <functional>
@@ -11,10 +11,10 @@
 
 namespace scenes {
 
-// What a curve stands for, so that the reference needs no curve of the library: f(d, t) in N.
+// The function of a curve, f(d, t) in N, so that the reference needs no curve of the library.
 using Function = std::function<long double(long double d, long double t)>;
 
-// The force-objects of a scene and what keeps their handles alive.
+// The force-objects of a scene, and the handles that they use.
 struct Content {
   std::vector<fs_object> objects;
   std::vector<Shape> shapes;
@@ -27,17 +27,18 @@ struct Content {
 };
 void fill(fs_scene* scene, const Content& content);  // with fs_object_set, as one group
 
-// Triangles and points before they are a shape.
+// The triangles and points of a mesh before it becomes a shape.
 struct MeshData {
   std::vector<fs_vec3> points;
   std::vector<uint32_t> triangles;
 };
-// Of about `triangles` triangles; closed and counter-clockwise seen from outside, the terrain open and seen from above.
+// Meshes of about `triangles` triangles, which are counter-clockwise as seen from outside; the terrain is open, its
+// triangles are counter-clockwise as seen from above.
 MeshData sphere_mesh(double radius, size_t triangles);
 MeshData torus_mesh(double radius, double tube_radius, size_t triangles);
 MeshData terrain_mesh(double half_width, double height, size_t triangles);
 MeshData box_mesh(fs_vec3 half_size);
-MeshData soup_mesh(Random& random, double half, size_t triangles);  // loose triangles, open and through each other
+MeshData soup_mesh(Random& random, double half, size_t triangles);  // loose triangles that intersect each other
 MeshData moved(MeshData mesh, const fs_pose& pose);
 Shape make_mesh(const MeshData& mesh);
 std::vector<fs_vec3> helix(double radius, double height, double turns, size_t points);
@@ -46,7 +47,7 @@ fs_profile attract(double stiffness, double limit);  // linear increasing
 fs_profile constant(fs_sense sense, double force);
 std::vector<fs_profile> all_profiles(Content& content, fs_sense sense, double limit);  // one of each kind, 10 mm wide
 
-// Named scenes. They fit into a workspace of 100 mm about the origin, but `crowd`.
+// Named scenes. All but `crowd` fit into a workspace of 100 mm about the origin.
 Content hello();                          // one point that draws the hand
 Content profiles();                       // every primitive with every kind of profile, on a grid
 Content path();                           // a curved line that guides
@@ -73,7 +74,8 @@ Content random_content(Random& random, const RandomOptions& options);
 fs_profile random_profile(Random& random, Content& content);
 
 bool has_expressions();                   // whether the library was built with them
-// Monotone cubic through f(0), f(step)...: the slopes of Fritsch & Butland (1984), three-point ones at the ends.
+// A monotone cubic through f(0), f(step)... with the slopes of Fritsch & Butland (1984), and three-point slopes at the
+// ends.
 Function monotone_cubic(std::vector<double> forces, double step);
 
 }  // namespace scenes

@@ -1,5 +1,5 @@
-// Vectors, quaternions and poses of the C contract, as far as tests need them. In doubles and plain: what must be exact
-// to the last digit stands in reference.cpp.
+// Operations on the C types for vectors, quaternions and poses, as far as tests need them. They use plain doubles;
+// reference.cpp has its own in long double.
 #pragma once
 
 #include <cmath>
@@ -33,7 +33,7 @@ inline fs_quat unit(fs_quat q) {
   const double n = std::sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z);
   return {q.w / n, q.x / n, q.y / n, q.z / n};
 }
-// A turn by `angle` (rad) about axis (any length > 0).
+// A rotation by `angle` (rad) about axis (any length > 0).
 inline fs_quat turn(fs_vec3 axis, double angle) {
   const fs_vec3 a = std::sin(angle / 2) * unit(axis);
   return {std::cos(angle / 2), a.x, a.y, a.z};

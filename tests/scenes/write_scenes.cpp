@@ -1,4 +1,4 @@
-// write_scenes FOLDER: saves every named scene there, for the test of the schema.
+// write_scenes FOLDER: saves every named scene in the folder, for the test of the schema.
 #include <cstdio>
 #include <string>
 
