@@ -54,11 +54,13 @@ class Latest {
     newest_.store(other, std::memory_order_release);
   }
 
-  // [rt] False when nothing was ever written. (It would also be false if the writer wrote twice during each of a
+  // [rt] False when nothing was ever written. (It would also be false if the writer wrote during each of a
   // hundred tries; a writer with any other work cannot do that.)
   bool read(T& value) const noexcept {
     for (int tries = 0; tries < 100; ++tries) {
-      if (slots_[newest_.load(std::memory_order_acquire)].read(value)) return true;
+      const unsigned newest = newest_.load(std::memory_order_acquire);
+      // Looked at again: a value that has been written but is not the newest yet would make the next read go back.
+      if (slots_[newest].read(value) && newest_.load(std::memory_order_acquire) == newest) return true;
     }
     return false;
   }

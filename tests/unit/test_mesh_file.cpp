@@ -407,7 +407,7 @@ std::vector<Hostile> hostile_files() {
       {parse_stl, "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 inf 0\n", {"line 4", "y is \"inf\""}},
       {parse_stl, "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0", {"line 4", "z is missing"}},
       {parse_stl, "solid\nhello\n", {"line 2", "\"hello\""}},
-      {parse_stl, to_ascii_stl(good) + "hello\n", {"\"hello\"", "behind"}},
+      {parse_stl, to_ascii_stl(good) + "hello\n", {"\"hello\"", "follows"}},
       {parse_stl, to_ascii_stl(good).substr(0, to_ascii_stl(good).size() - 17), {"endsolid"}},
   };
 }
