@@ -22,6 +22,7 @@ struct Row : Want {
   Ref<const Object> object;
   double start = 0;             // s, t = 0 of f(d, t)
   uint64_t revision = 0;        // of the last change but moves
+  uint64_t created = 0;         // sequence of the first snapshot with this version
   uint32_t previous = no_row;   // the version before, while it fades out
   bool is_named = false;        // the newest row of a name that is there
 };

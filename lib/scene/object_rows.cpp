@@ -53,6 +53,7 @@ void ObjectRows::make_readers_ready(uint32_t row, const Object& object, const Ob
 void ObjectRows::fill(uint32_t number, const Entry& entry, uint64_t version, uint32_t previous) noexcept {
   space_.take(number);
   Row& row = edit(number);
+  if (row.version != version) row.created = sequence_;
   row.version = version;
   row.sequence = sequence_;
   row.expiry = entry.expiry;
@@ -120,7 +121,7 @@ uint32_t ObjectRows::set(uint32_t newest, const Entry& entry) {
     const bool is_same = now.object->is_same_version(*entry.object);
     // A version that waits may be replaced as long as no tick can know it. One that was posted belongs to a group that is
     // felt as a whole, so the new one comes after it; a servo that stands still must not make the chain endless.
-    const bool is_replaced = is_waiting(newest) && (now.sequence == sequence_ || length(newest) >= longest_chain);
+    const bool is_replaced = is_waiting(newest) && (now.created == sequence_ || length(newest) >= longest_chain);
     if (is_same || !servo_ || is_replaced) {
       for (uint32_t older = newest; is_waiting(older); older = row(older).previous) own(row(older).previous);
       own(newest);
