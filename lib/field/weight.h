@@ -5,8 +5,8 @@
 //
 // What cannot be adjusted (another primitive, shape or tool) is another version and so another row. The old row names the
 // new one as its `next`: as soon as the old row is in full, or not felt at all, the tick lets the next begin, and from then
-// on the old row is wanted out. So the two cross-fade, and a stream of versions that is faster than the
-// fade is felt as a chain of full cross-fades.
+// on the old row is wanted out. So the two cross-fade, and a stream of versions that is faster than the fade is felt as a
+// chain of full cross-fades.
 #pragma once
 
 #include <algorithm>
@@ -24,7 +24,7 @@ struct Want {
   uint64_t version = 0;   // of this use of the row; 0: the row is not in use
   uint64_t sequence = 0;  // of the snapshot that first wanted it so
   double expiry = never;  // s, scene time: from then on the row is wanted out
-  uint32_t next = no_row; // the row that begins when this one has arrived
+  uint32_t next = no_row; // the row that begins when this one is in full, or not felt
   bool is_in = false;
 
   // As a tool feels it, which knows no weights: in full, and only the newest version.

@@ -34,7 +34,6 @@ class ObjectRows {
     return find_chunk(chunks_, row)->motion_revision(row % chunk_size);
   }
   Entry entry(uint32_t row) const;
-  bool is_felt(uint32_t newest, double now) const noexcept { return row(newest).is_felt(now); }
 
   // What is posted next has this number; versions in the table are those numbers.
   void set_next_sequence(uint64_t sequence) noexcept { sequence_ = sequence; }
@@ -49,8 +48,6 @@ class ObjectRows {
   uint32_t tidy(uint32_t newest);
   // Whether something fades out behind the newest row, or the newest row itself.
   bool is_fading(uint32_t newest) const noexcept { return row(newest).previous != no_row || !row(newest).is_named; }
-  // No tick has used what is wanted of it.
-  bool is_pending(const Row& row) const noexcept { return servo_ && row.sequence > used(); }
 
   // Objects that are added in the order of this number lie together best.
   uint64_t place_of(const Entry& entry) noexcept {
@@ -62,7 +59,6 @@ class ObjectRows {
   void attach_servo(Reader& reader, bool starts_in, double now);
   void detach(Reader& reader) noexcept;
   const std::vector<Reader*>& readers() const noexcept { return readers_; }
-  const Memory* servo_memory() const noexcept { return servo_ ? servo_->memory.get() : nullptr; }
   uint64_t used() const noexcept { return output_.used.load(std::memory_order_acquire); }  // sequence
 
   // A copy of the table with all times shifted, s, to be swapped in by take. Rows that are wanted out and nameless are
