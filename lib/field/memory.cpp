@@ -236,16 +236,14 @@ const FoundView& Memory::find_view(const Snapshot& snapshot, uint32_t i, const P
     found.version = view.version;
     is_changed = true;
     if (view.previous != no_row) {
-      const FoundView& before = views_[view.previous].found;
-      if (before.version == snapshot.views->rows[view.previous].version) {
-        if (!view.has_own_frame) {
-          found.is_moved = before.is_moved;
-          found.frame = before.frame;
-        }
-        if (before.is_held && (view.is_held || !view.has_own_frame)) {
-          found.is_held = 1;
-          found.tool = before.tool;
-        }
+      const FoundView& before = find_view(snapshot, view.previous, hand);
+      if (!view.has_own_frame) {
+        found.is_moved = before.is_moved;
+        found.frame = before.frame;
+      }
+      if (before.is_held && (view.is_held || !view.has_own_frame)) {
+        found.is_held = 1;
+        found.tool = before.tool;
       }
     }
   }

@@ -118,10 +118,11 @@ struct View : Want {
   bool is_held = false;            // clutched: the tool stays where the tick first finds it so
   bool has_own_frame = true;       // false: the frame is that of `previous`, as a clutch may have moved it
   uint32_t previous = no_row;
+  uint64_t created = 0;            // sequence of the first snapshot with this version
 };
 
 struct Views : LocalCounted<Views> {
-  static constexpr uint32_t size = 6;  // most that can be in use at a time (scene/views.h)
+  static constexpr uint32_t size = 16;
   View rows[size];
   uint32_t newest = 0;
   const View& now() const noexcept { return rows[newest]; }

@@ -26,19 +26,19 @@ void ViewRows::own() {
 bool ViewRows::is_gone(uint32_t i) const noexcept {
   const View& view = views_->rows[i];
   if (!servo_) return true;
-  if (!has_begun(i) || servo_->memory->view_weight(i).value() > 0) return false;
+  // One that waits gives way in the tick in which it begins, if that tick knows its next.
+  if (!has_begun(i)) return view.next != no_row && views_->rows[view.next].sequence <= used();
+  if (servo_->memory->view_weight(i).value() > 0) return false;
   if (view.next != no_row) return has_begun(view.next);
-  return !view.is_in && view.sequence <= output_.used.load(std::memory_order_acquire);
+  return !view.is_in && view.sequence <= used();
 }
 
-// There is always one: of six rows at most three are felt or wait, and those that have been let go of are free as soon as
-// the tick that let the newest begin has ended.
-uint32_t ViewRows::free_row() const {
-  const uint64_t used = output_.used.load(std::memory_order_acquire);
+std::vector<uint32_t> ViewRows::free_rows() const {
+  std::vector<uint32_t> out;
   for (uint32_t i = 0; i < Views::size; ++i) {
-    if (views_->rows[i].version == 0 && (!servo_ || free_at_[i] <= used)) return i;
+    if (views_->rows[i].version == 0 && (!servo_ || free_at_[i] <= used())) out.push_back(i);
   }
-  fail(FS_ERROR_INTERNAL, "no row is free for another view");
+  return out;
 }
 
 void ViewRows::tidy() {
@@ -51,7 +51,9 @@ void ViewRows::tidy() {
     }
     own();
     const uint32_t older = views_->rows[i].previous;
-    if (older != no_row) {  // it was wanted out because row i had begun
+    if (older != no_row && !has_begun(i)) {
+      views_->rows[older].next = views_->rows[i].next;
+    } else if (older != no_row) {  // it was wanted out because row i had begun
       View& view = views_->rows[older];
       if (view.is_in) view.sequence = sequence_;
       view.is_in = false;
@@ -94,18 +96,25 @@ void ViewRows::change(const ViewChange& change) {
     own();
     const uint32_t newest = views_->newest;
     const bool is_waiting = now().previous != no_row && !has_begun(newest);
-    if (!is_elsewhere || !servo_ || is_waiting) {
+    const std::vector<uint32_t> free = free_rows();
+    // A view that waits may be replaced as long as no tick can know it. One that was posted belongs to a group that is felt
+    // as a whole, so the new one comes after it, unless the servo stands still and rows become few.
+    const bool is_replaced = is_waiting && (now().created == sequence_ || free.size() <= reserve);
+    if (!is_elsewhere || !servo_ || is_replaced) {
       View view = wanted(now(), false);
       if (is_elsewhere) {
         view.version = ++last_version_;
+        view.created = sequence_;
         if (servo_ && !servo_->memory->view_weight(newest).replace_waiting(now().version, view.version)) continue;
       }
       views_->rows[newest] = view;
     } else {
-      const uint32_t i = free_row();
+      if (free.empty()) fail(FS_ERROR_INTERNAL, "no row is free for another view");
+      const uint32_t i = free.front();
       const bool waits = now().is_in || now().previous != no_row;
       View view = wanted(now(), true);
       view.version = ++last_version_;
+      view.created = sequence_;
       view.previous = newest;
       servo_->memory->view_weight(i).set_up(view.version, waits, 0);
       if (waits) views_->rows[newest].next = i;

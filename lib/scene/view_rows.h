@@ -43,7 +43,11 @@ class ViewRows {
   }
   bool is_gone(uint32_t i) const noexcept;
   bool find(uint32_t i, FoundView& out) const noexcept;
-  uint32_t free_row() const;
+  // Rows that no tick can use. Those in reserve are for a view that follows one that has begun, which cannot be replaced:
+  // at most two such views come before the rows that were let go of are free again.
+  std::vector<uint32_t> free_rows() const;
+  static constexpr size_t reserve = 3;
+  uint64_t used() const noexcept { return output_.used.load(std::memory_order_acquire); }
   void own();
 
   const ServoOutput& output_;

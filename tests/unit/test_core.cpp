@@ -10,6 +10,7 @@
 #include "field/motion.h"
 #include "field/table.h"
 #include "scene/object_rows.h"
+#include "scene/view_rows.h"
 #include "servo/guard.h"
 #include "servo/statistics.h"
 
@@ -225,6 +226,94 @@ START_TEST(weights_have_no_step) {
 }
 END_TEST
 
+// The views of a scene under a servo of which a tick can be held up between its parts.
+struct OneView {
+  explicit OneView(double fade) : servo(make_ref<Memory>(fade)) {
+    views.attach_servo(servo);
+    post();
+    fetch();
+  }
+  void post() {
+    posted = make_ref<Snapshot>();
+    posted->sequence = ++sequence;
+    posted->views = Ref<const Views>(make_ref<Views>(*views.views()));
+    views.set_next_sequence(sequence + 1);
+  }
+  void fetch() { used = posted; }
+  void advance(double time) {
+    servo.memory->absorb(*used, time);
+    servo.memory->advance(*used, time);
+    for (uint32_t i = 0; i < Views::size; ++i) {
+      if (used->views->rows[i].version != 0) servo.memory->find_view(*used, i, identity_pose());
+    }
+  }
+  void end() { output.used.store(used->sequence); }
+  std::map<uint64_t, double> weights() const {
+    std::map<uint64_t, double> out;
+    for (uint32_t i = 0; i < Views::size; ++i) {
+      const uint64_t version = used->views->rows[i].version;
+      if (version != 0) out[version] = servo.memory->view_weight_at(i, version);
+    }
+    return out;
+  }
+
+  ServoOutput output{};
+  ViewRows views{output};
+  Reader servo;
+  uint64_t sequence = 0;
+  Ref<Snapshot> posted, used;
+};
+
+// Frames come at any moment of a tick, clutched or not. No weight makes a step; without a fade each tick feels the newest
+// view of its snapshot, though another has been set since (else the tick would feel the rest of a group without its
+// frame); and a new tool without a frame of its own keeps the frame that a clutch has moved.
+START_TEST(views_have_no_step_and_are_not_overtaken) {
+  Random random;
+  for (int run = 0; run < 200; ++run) {
+    const double fade = run % 2 ? 0.05 : 0;
+    OneView scene(fade);
+    std::map<uint64_t, double> before = scene.weights();
+    double now = 1;
+    int rest = 0;  // changes until the next snapshot is used: more would not find rows for all
+    const auto change_some = [&] {
+      for (uint64_t k = random.next() % 4; k && rest > 0; --k, --rest) {
+        ViewChange change;
+        const uint64_t what = random.next();
+        if (what & 1) change.frame = fs_frame_init();
+        if (what & 2) change.points = std::vector<Vec3>{{random.uniform(), 0, 0}};
+        if ((what >> 2 & 15) == 0) change.held = what >> 6 & 1;
+        scene.views.change(change);
+        if (random.next() % 2) scene.post();
+      }
+    };
+    for (int step = 0; step < 2000; ++step) {
+      rest = run % 3 ? 2 : 1000;
+      const double passed = 0.001 * static_cast<double>(1 + random.next() % 3);
+      change_some();
+      scene.fetch();
+      change_some();
+      now += passed;
+      scene.advance(now);
+      const View newest = scene.used->views->now();
+      const std::map<uint64_t, double> after = scene.weights();
+      if (fade == 0 && run % 3) {
+        for (const auto& [version, weight] : after) ck_assert_double_eq(weight, version == newest.version && newest.is_in);
+      }
+      for (const auto& [version, weight] : after) {
+        const double last = before.count(version) ? before[version] : 0;
+        if (fade > 0) ck_assert_double_le(std::fabs(weight - last), passed / fade * (1 + 1e-9));
+      }
+      for (const auto& [version, weight] : before) {
+        if (fade > 0 && !after.count(version)) ck_assert_double_le(weight, passed / fade * (1 + 1e-9));
+      }
+      before = after;
+      change_some();
+      scene.end();
+    }
+  }
+}
+END_TEST
+
 START_TEST(a_fade_of_no_duration_is_at_once) {
   OneName scene(0);
   Entry entry;
@@ -422,6 +511,7 @@ int main() {
   tcase_set_timeout(test_case, 60);
   tcase_add_test(test_case, table_copies_do_not_change);
   tcase_add_test(test_case, weights_have_no_step);
+  tcase_add_test(test_case, views_have_no_step_and_are_not_overtaken);
   tcase_add_test(test_case, a_fade_of_no_duration_is_at_once);
   tcase_add_test(test_case, mailbox_and_seqlock_are_never_torn);
   tcase_add_test(test_case, mailbox_takes_back);
