@@ -114,9 +114,7 @@ void RemoteScene::change_own(Call& call, const fs_object& object, uint32_t parts
 
 // The fast one: it makes no system call and does not allocate, while the server is awake.
 void RemoteScene::move(const char* given, const fs_pose& pose, const fs_twist* twist, double time) {
-  const Pose parsed = parse_pose(pose, "pose");
-  if (twist) parse_twist(*twist, "twist");
-  parse_finite(time, "time");
+  const Pose parsed = parse_move(pose, twist, time);
   double steady;
   Call call = line_.enter(&steady);
   const double at = time != 0 ? time : connection_.welcome().is_virtual ? now() : steady;

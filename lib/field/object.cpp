@@ -180,6 +180,13 @@ double parse_finite(double value, const char* field) {
   return value;
 }
 
+Pose parse_move(const Pose& pose, const Twist* twist, double time) {
+  const Pose out = parse_pose(pose, "pose");
+  if (twist) parse_twist(*twist, "twist");
+  parse_finite(time, "time");
+  return out;
+}
+
 Vec3 parse_position(Vec3 v, const char* field) {
   if (is_in_range(v)) return v;
   const double components[] = {v.x, v.y, v.z};

@@ -62,6 +62,7 @@ Pose parse_pose(const Pose& pose, const char* field);  // zero orientation: iden
 Vec3 parse_position(Vec3 v, const char* field);
 Twist parse_twist(const Twist& twist, const char* field);
 double parse_finite(double value, const char* field);
+Pose parse_move(const Pose& pose, const Twist* twist, double time);  // the pose; null: no twist is given
 
 // [rt] As parse_pose, but in place and without a sentence; false: it is not a pose.
 bool make_unit_pose(Pose& pose) noexcept;

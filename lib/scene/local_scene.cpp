@@ -1,247 +1,92 @@
-// Objects, groups and drafts. Readers, servo and time: readers.cpp; frame, clutch and tool: view.cpp; reports: report.cpp.
 #include "scene/local_scene.h"
 
-#include <algorithm>
-#include <cstring>
+#include <chrono>
+#include <cmath>
+#include <thread>
 
 #include "base/error.h"
-#include "base/serial.h"
+#include "scene/moment.h"
 
 using namespace fs;
 
-namespace {
-
-double expiry_of(const Object& object, double now) { return object.lifetime > 0 ? now + object.lifetime : never; }
-
-// A number of what is wanted, in place of that of what is felt: it grows, also where that has changed meanwhile.
-uint64_t grown(uint64_t wanted, uint64_t felt) { return wanted >= felt ? wanted : next_serial(); }
-
-fs_object to_contract(const Known& known) {
-  fs_object out = fs::to_c(*known.object);
-  out.pose = known.motion.pose;
-  out.twist = known.motion.twist;
-  out.time = known.motion.time;
-  out.start = known.start;
-  return out;
-}
-
-void fail_unknown(std::string_view name) {
-  fail(FS_ERROR_NOT_FOUND, "name is '%.*s': there is no such object in the scene", static_cast<int>(name.size()), name.data());
-}
-
-}  // namespace
-
 LocalScene::LocalScene(std::shared_ptr<ServoOutput> the_output, ClockKind clock)
-    : output(the_output ? std::move(the_output) : std::make_shared<ServoOutput>()),
-      objects_(*output),
-      views_(*output),
-      clock_(*output, clock) {}
+    : evaluated_(the_output ? std::move(the_output) : std::make_shared<ServoOutput>(), clock) {}
 
-bool LocalScene::find(std::string_view name, Known& out) const {
-  if (const Known* const wanted = group_ ? group_->find(name) : nullptr) {
-    out = *wanted;
-    return !wanted->is_removed;
-  }
-  return objects_.find(name, out);
+// -------------------------------------------------------------------------------------------------------------- objects
+
+void LocalScene::put(const ParsedObject& object, uint32_t parts) {
+  if (builds_shapes_ && object.object->shape) object.object->shape->build();  // in most cases parse_object has built it
+  edits_.put(object, parts);
 }
 
-Known LocalScene::require(const char* name, std::string* key) const {
-  const std::string_view text(name, strnlen(name, 2 * FS_NAME_SIZE));
-  Known known;
-  if (!find(text, known)) fail_unknown(text);
-  if (key) *key = text;
-  return known;
-}
-
-// Puts a checked object in, or the parts of it that are named, into the object of its name.
-void LocalScene::admit(const ParsedObject& parsed, uint32_t parts) {
-  const Object& object = *parsed.object;
-  const double time = now();
-  if (builds_shapes_ && object.shape) object.shape->build();  // mostly it is, since parse_object
-
-  Known known;
-  const bool is_known = find(object.name, known);  // else the name is new, also where its last bearer still fades out
-  if (!is_known) known = {};
-  if (!is_known || (parsed.start != 0 && parsed.start != known.start)) {
-    known.start_is_given = parsed.start != 0;
-    known.start = parsed.start != 0 ? parsed.start : time;
-  }
-  known.object = parsed.object;
-  known.revision = next_serial();
-  known.expiry = expiry_of(object, time);
-  if (parts & FS_PART_POSE) {
-    known.track = {};
-    known.motion = known.track.take(parsed.pose, &parsed.twist, parsed.time != 0 ? parsed.time : time);
-  }
-  put(object.name, known, true);
-}
-
-// Takes what an object shall be: into the group, or at once.
-void LocalScene::put(const std::string& name, Known& wanted, bool is_more_than_moved) {
-  wanted.motion_revision = next_serial();
-  wanted.is_more_than_moved = is_more_than_moved;
-  const bool is_new = !objects_.has_name(name) && !(group_ && group_->find(name));
-  if (is_new) {
-    const size_t others = group_ ? group_->added : 0;
-    if (!objects_.has_room(others + 1)) settle(true);
-    objects_.require_room(others + 1, "holds");
-  }
-  if (group_) {
-    group_->put(name, wanted, is_new);
-  } else {
-    objects_.take(name, wanted);
-  }
+Ref<const Object> LocalScene::get_one(const char* name, fs_object& out) const {
+  const Known known = edits_.require(name);
+  out = to_c(known);
+  return known.object;
 }
 
 void LocalScene::set(const fs_object& object) {
   const ParsedObject parsed = parse_object(object, nullptr, builds_shapes_);
-  mutate([&] { admit(parsed, all_parts); });
+  mutate([&] { put(parsed, all_parts); });
 }
 
 void LocalScene::change(const fs_object& change, uint32_t parts) {
   parse_parts(parts);
   check_struct_size(change.struct_size, sizeof(fs_object), "fs_object");
   const std::string name = parse_name(change.name, "name");
-  for (bool is_done = parts == 0; !is_done;) {
-    fs_object current;
+  fs_object current;
+  for (bool is_done = false; !is_done;) {
     const Ref<const Object> object = get(name.c_str(), current);
-    // May build a tree, so not under the lock; when another thread comes between, once more.
+    if (parts == 0) return;
+    // Parsing may build a tree, so it happens without the lock, and again if another thread has changed the object.
     const ParsedObject parsed = parse_object(merge_parts(current, change, parts), object.get(), builds_shapes_);
     mutate([&] {
-      is_done = require(name.c_str(), nullptr).object == object;
-      if (is_done) admit(parsed, parts);
+      is_done = edits_.require(name.c_str()).object == object;
+      if (is_done) put(parsed, parts);
     });
   }
-  if (parts == 0) {
-    const std::lock_guard lock(mutex_);
-    require(name.c_str(), nullptr);
-  }
-}
-
-// In an open group or a draft.
-void LocalScene::move_in_group(const char* name, const Pose& pose, const Twist* twist, double time) {
-  std::string key;
-  Known known = require(name, &key);
-  known.motion = known.track.take(pose, twist, time != 0 ? time : now());
-  known.expiry = expiry_of(*known.object, now());
-  put(key, known, false);
 }
 
 void LocalScene::move(const char* name, const fs_pose& pose, const fs_twist* twist, double time) {
-  const Pose parsed = parse_pose(pose, "pose");
-  if (twist) parse_twist(*twist, "twist");
-  parse_finite(time, "time");
-  mutate([&] {
-    if (group_) return move_in_group(name, parsed, twist, time);
-    const std::string_view text(name, strnlen(name, 2 * FS_NAME_SIZE));
-    if (!objects_.move(text, parsed, twist, time, now())) fail_unknown(text);
-  });
-}
-
-void LocalScene::remove_one(const char* name) {
-  std::string key;
-  Known known = require(name, &key);
-  known.is_removed = true;
-  known.expiry = never;
-  put(key, known, true);
+  const Pose parsed = parse_move(pose, twist, time);
+  mutate([&] { edits_.move(name, parsed, twist, time); });
 }
 
 void LocalScene::remove(const char* name) {
-  mutate([&] { remove_one(name); });
-}
-
-// Calls f(name, Known) for each object as an open group has it, in the order in which they came.
-template <class F>
-void LocalScene::for_each(F&& f) const {
-  Known known;
-  for (const std::string_view name : objects_.in_order()) {
-    if (find(name, known)) f(std::string(name), known);
-  }
-  if (!group_) return;
-  for (const std::string* name : group_->order) {
-    if (!objects_.has(*name) && find(*name, known)) f(*name, known);
-  }
+  mutate([&] { edits_.remove(name); });
 }
 
 void LocalScene::clear() {
-  mutate([&] {
-    std::vector<std::string> names;
-    for_each([&](const std::string& name, const Known&) { names.push_back(name); });
-    for (const std::string& name : names) remove_one(name.c_str());
-  });
-}
-
-Movement LocalScene::movement(const char* name) const {
-  const std::lock_guard lock(mutex_);
-  const Known known = require(name, nullptr);
-  return {known.motion, known.track};
-}
-
-void LocalScene::set_movement(const char* name, const Movement& movement) {
-  mutate([&] {
-    std::string key;
-    Known known = require(name, &key);
-    known.motion = movement.motion;
-    known.track = movement.track;
-    known.expiry = expiry_of(*known.object, now());
-    put(key, known, false);
-  });
-}
-
-size_t LocalScene::set_motions(const std::vector<Move>& moves) {
-  size_t count = 0;
-  mutate([&] {
-    const double time = now();
-    for (const auto& [name, motion] : moves) {
-      if (!group_) {
-        count += objects_.move_to(*name, motion, time);
-        continue;
-      }
-      Known known;
-      if (!find(*name, known)) continue;
-      known.track.take(motion.pose, &motion.twist, motion.time);
-      known.motion = motion;
-      known.expiry = expiry_of(*known.object, time);
-      put(*name, known, false);
-      ++count;
-    }
-  });
-  return count;
-}
-
-void LocalScene::set_motion(const std::string& name, const Motion& motion) {
-  if (set_motions({{&name, motion}}) == 0) fail_unknown(name);
+  mutate([&] { edits_.clear(); });
 }
 
 Ref<const Object> LocalScene::get(const char* name, fs_object& out) {
   const std::lock_guard lock(mutex_);
-  const Known known = require(name, nullptr);
-  out = to_contract(known);
-  return known.object;
+  return get_one(name, out);
 }
 
 Scene::Contents LocalScene::contents() {
   const std::lock_guard lock(mutex_);
   Contents out;
-  for_each([&](const std::string&, const Known& known) {
-    fs_object object = to_contract(known);
+  edits_.for_each([&](const std::string&, const Known& known) {
+    fs_object object = to_c(known);
     object.time = 0;
     if (!known.start_is_given) object.start = 0;
     out.objects.push_back(object);
     out.owners.push_back(known.object);
   });
-  out.frame = present_frame();
-  out.tool = present_tool();
+  out.frame = edits_.frame();
+  out.tool = edits_.tool();
   return out;
 }
 
 void LocalScene::set_contents(const std::vector<fs_object>& objects, const fs_frame& frame,
-                            const std::vector<Vec3>& tool) {
+                              const std::vector<Vec3>& tool) {
   std::vector<ParsedObject> parsed;
   for (const fs_object& object : objects) {
     try {
       parsed.push_back(parse_object(object, nullptr, builds_shapes_));
-    } catch (Error& error) {  // by its place, where its name is what is wrong
+    } catch (Error& error) {  // an object whose name is wrong is told by its place
       if (!error.text.starts_with("object")) error.text = "object " + std::to_string(parsed.size() + 1) + ": " + error.text;
       throw;
     }
@@ -249,176 +94,302 @@ void LocalScene::set_contents(const std::vector<fs_object>& objects, const fs_fr
   const fs_frame parsed_frame = parse_frame(frame);
   check_tool(tool.data(), tool.size());
   mutate([&] {
-    size_t added = group_ ? group_->added : 0;
-    for (const ParsedObject& object : parsed) {
-      const std::string& name = object.object->name;
-      added += !objects_.has_name(name) && !(group_ && group_->find(name));
-    }
-    objects_.require_room(added, "would hold more than");
-    for (const ParsedObject& object : parsed) admit(object, all_parts);
-    change_view({parsed_frame, tool, {}});
+    edits_.require_room(parsed);
+    for (const ParsedObject& object : parsed) put(object, all_parts);
+    edits_.change_view({parsed_frame, tool, {}});
   });
 }
 
-// ----------------------------------------------------------------------------------------------------------- groups
-
-void LocalScene::begin() {
+Movement LocalScene::movement(const char* name) const {
   const std::lock_guard lock(mutex_);
-  if (group_) fail(FS_ERROR_STATE, "fs_scene_begin: a group is open already; commit or cancel it first");
-  settle(true);
-  group_ = std::make_unique<OpenGroup>();
+  const Known known = edits_.require(name);
+  return {known.motion, known.track};
 }
 
-void LocalScene::commit() { commit(SIZE_MAX); }
-
-// One object of a group or draft: to what is felt, whatever has changed there meanwhile.
-void LocalScene::commit_one(const std::string& name, Known& wanted) {
-  uint32_t number;
-  if (const Row* const felt = objects_.find_row(name, &number)) {
-    wanted.motion_revision = grown(wanted.motion_revision, objects_.rows.motion_revision(number));
-    if (wanted.is_more_than_moved) wanted.revision = grown(wanted.revision, felt->revision);
-  }
-  objects_.take(name, wanted);
+void LocalScene::set_movement(const char* name, const Movement& movement) {
+  mutate([&] { edits_.move_to(name, movement.motion, movement.track); });
 }
 
-// New objects that lie together in space come together.
-void LocalScene::sort_group() {
-  if (group_->added < chunk_size) return;
-  std::vector<const std::string*>& order = group_->order;
-  const auto first = std::stable_partition(order.begin(), order.end(), [&](const auto* name) { return objects_.has(*name); });
-  std::vector<std::pair<uint64_t, const std::string*>> places;
-  for (auto name = first; name != order.end(); ++name) {
-    Known& wanted = *group_->find(**name);
-    wanted.number = objects_.last_number() + 1 + static_cast<uint32_t>(places.size());
-    places.emplace_back(objects_.rows.place_of(wanted), *name);
-  }
-  std::stable_sort(places.begin(), places.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
-  std::transform(places.begin(), places.end(), first, [](const auto& place) { return place.second; });
-}
-
-bool LocalScene::commit(size_t most) {
-  bool is_done = false;
+size_t LocalScene::set_motions(const std::vector<Move>& moves) {
+  size_t count = 0;
   mutate([&] {
-    if (!group_) fail(FS_ERROR_STATE, "fs_scene_commit: no group is open; fs_scene_begin opens one");
-    if (group_->committed == 0) sort_group();
-    const std::vector<const std::string*>& order = group_->order;
-    for (size_t i = 0; i < most && group_->committed < order.size(); ++i) {
-      const std::string& name = *order[group_->committed++];
-      commit_one(name, *group_->find(name));
-    }
-    if (group_->committed < order.size()) return;
-    views_.change(group_->view);
-    group_ = nullptr;
-    is_done = true;
+    const double time = now();
+    for (const auto& [name, motion] : moves) count += edits_.move_to(*name, motion, time);
   });
-  return is_done;
+  return count;
 }
 
-void LocalScene::cancel() {
-  const std::lock_guard lock(mutex_);
-  if (!group_) fail(FS_ERROR_STATE, "fs_scene_cancel: no group is open; fs_scene_begin opens one");
-  group_ = nullptr;
-}
-
-// ----------------------------------------------------------------------------------------------------------- drafts
-
-// Under the lock: the changes that follow go into the draft, as if it were the open group.
-struct LocalScene::InDraft {
-  InDraft(LocalScene& the_scene, Draft& the_draft) : scene(the_scene), draft(the_draft) { std::swap(scene.group_, draft.group_); }
-  ~InDraft() { std::swap(scene.group_, draft.group_); }
-  LocalScene& scene;
-  Draft& draft;
-};
-
-LocalScene::Draft LocalScene::draft() {
-  Draft out;
-  out.group_ = std::make_unique<OpenGroup>();
-  return out;
-}
-
-void LocalScene::change(Draft& draft, const fs_object& change, uint32_t parts) {
-  const std::string name = parse_name(change.name, "name");
-  const std::lock_guard lock(mutex_);
-  const InDraft inside(*this, draft);
-  const Known old = require(name.c_str(), nullptr);
-  const ParsedObject parsed = parse_object(merge_parts(to_contract(old), change, parts), old.object.get(), builds_shapes_);
-  admit(parsed, parts);
-  group_->parts[name] |= parts;
-}
-
-void LocalScene::move(Draft& draft, const char* name, const fs_pose& pose, const fs_twist* twist, double time) {
-  const Pose parsed = parse_pose(pose, "pose");
-  if (twist) parse_twist(*twist, "twist");
-  parse_finite(time, "time");
-  const std::lock_guard lock(mutex_);
-  const InDraft inside(*this, draft);
-  move_in_group(name, parsed, twist, time);
-  group_->parts[name] |= FS_PART_POSE;
-}
-
-void LocalScene::remove(Draft& draft, const char* name) {
-  const std::lock_guard lock(mutex_);
-  const InDraft inside(*this, draft);
-  remove_one(name);
-  group_->parts.try_emplace(name, 0);
-}
-
-Ref<const Object> LocalScene::get(const Draft& draft, const char* name, fs_object& out) {
-  const std::lock_guard lock(mutex_);
-  const std::string_view text(name, strnlen(name, 2 * FS_NAME_SIZE));
-  Known known;
-  const Known* const wanted = draft.group_->find(text);
-  if (wanted ? wanted->is_removed : !objects_.find(text, known)) fail_unknown(text);
-  if (wanted) known = *wanted;
-  out = to_contract(known);
-  return known.object;
-}
-
-void LocalScene::take(Draft& draft) {
-  mutate([&] {
-    const OpenGroup& group = *draft.group_;
-    for (const std::string* name : group.order) {
-      Known wanted = *draft.group_->find(*name), felt;
-      if (!objects_.find(*name, felt)) continue;  // it went meanwhile
-      if (!(group.parts.find(*name)->second & FS_PART_POSE)) {
-        wanted.motion = felt.motion;
-        wanted.track = felt.track;
-      }
-      commit_one(*name, wanted);  // what the application's open group has changed stays as the group wants it
-    }
-    if (group_) changed();  // what is evaluated has changed, beside the group
-  });
-}
-
-void LocalScene::discard(Draft& draft) noexcept {
-  const std::lock_guard lock(mutex_);
-  draft.group_ = nullptr;
+void LocalScene::set_motion(const std::string& name, const Motion& motion) {
+  if (set_motions({{&name, motion}}) == 0) edits_.require(name.c_str());
 }
 
 void LocalScene::set_capacity(uint32_t capacity) {
   const std::lock_guard lock(mutex_);
-  objects_.set_capacity(capacity);
-}
-
-void LocalScene::hold() {
-  const std::lock_guard lock(mutex_);
-  is_held_ = true;
-}
-
-uint64_t LocalScene::sequence() const {
-  const std::lock_guard lock(mutex_);
-  return sequence_;
+  evaluated_.objects.set_capacity(capacity);
 }
 
 size_t LocalScene::object_count() const {
   const std::lock_guard lock(mutex_);
+  if (!edits_.group()) return evaluated_.objects.count();
   size_t count = 0;
-  if (!group_) return objects_.count();
-  for_each([&](const std::string&, const Known&) { ++count; });
+  edits_.for_each([&](const std::string&, const Known&) { ++count; });
   return count;
 }
 
 bool LocalScene::is_empty() const {
   const std::lock_guard lock(mutex_);
-  return objects_.is_empty() && !(group_ && group_->added);
+  return evaluated_.objects.is_empty() && !(edits_.group() && edits_.group()->added);
+}
+
+// --------------------------------------------------------------------------------------------------- groups
+
+void LocalScene::begin() {
+  const std::lock_guard lock(mutex_);
+  edits_.begin();
+}
+
+void LocalScene::commit() { commit(SIZE_MAX); }
+
+bool LocalScene::commit(size_t most) {
+  bool is_done = false;
+  mutate([&] { is_done = edits_.commit(most); });
+  return is_done;
+}
+
+void LocalScene::cancel() {
+  const std::lock_guard lock(mutex_);
+  edits_.cancel();
+}
+
+// -------------------------------------------------------------------------------------------------- frame, clutch, tool
+
+void LocalScene::set_frame(const fs_frame& frame) {
+  const fs_frame parsed = parse_frame(frame);
+  mutate([&] { edits_.change_view({parsed, {}, {}}); });
+}
+
+fs_frame LocalScene::get_frame(const char* client) {
+  require_no_client(client);
+  const std::lock_guard lock(mutex_);
+  return edits_.frame();
+}
+
+void LocalScene::set_clutch(bool held) {
+  mutate([&] { edits_.change_view({{}, {}, held}); });
+}
+
+void LocalScene::set_tool(const Vec3* points, size_t count) {
+  check_tool(points, count);
+  mutate([&] { edits_.change_view({{}, std::vector<Vec3>(points, points + count), {}}); });
+}
+
+std::vector<Vec3> LocalScene::get_tool() {
+  const std::lock_guard lock(mutex_);
+  return edits_.tool();
+}
+
+fs_view LocalScene::view(const char* client) {
+  require_no_client(client);
+  return view(true);
+}
+
+// The tool stands where the last tick had it, or where the clutch holds it.
+fs_view LocalScene::view(bool with_group) const {
+  const std::lock_guard lock(mutex_);
+  const ViewRows& views = evaluated_.views;
+  fs_view out{};
+  out.frame = with_group ? edits_.frame() : views.frame();
+  const std::vector<Vec3>& points = with_group ? edits_.tool() : views.now().tool->points;
+  std::copy(points.begin(), points.end(), out.points);
+  out.point_count = static_cast<uint32_t>(points.size());
+  out.held = with_group ? edits_.is_held() : views.now().is_held;
+  HandSample hand;
+  out.tool = has_servo() && output->hand.read(hand) ? hand.state.pose : identity_pose();
+  views.get_held(out.tool);
+  return out;
+}
+
+// Evaluation is exact, which is within any error that is allowed.
+void LocalScene::set_accuracy(double newtons) { check_accuracy(newtons); }
+
+void LocalScene::set_max_stiffness(double stiffness) { check_max_stiffness(stiffness); }
+
+// --------------------------------------------------------------------------------------------------- reports and events
+
+std::vector<fs_report> LocalScene::reports() {
+  const Moment moment(Ref<LocalScene>::share(this), true);  // what an open group has changed is not felt yet
+  std::vector<fs_report> out;
+  moment.for_each_report([&](const fs_report& report) { out.push_back(report); });
+  return out;
+}
+
+fs_report LocalScene::report(const char* name) {
+  const Moment moment(Ref<LocalScene>::share(this), true, name);
+  fs_report out;
+  moment.for_each_report([&](const fs_report& report) { out = report; });
+  return out;
+}
+
+std::vector<fs_motion> LocalScene::motions(const char* client) {
+  require_no_client(client);
+  const Moment moment(Ref<LocalScene>::share(this), true);
+  std::vector<fs_motion> out;
+  moment.for_each_motion("", [&](const fs_motion& motion) { out.push_back(motion); });
+  return out;
+}
+
+bool LocalScene::take_event(fs_event& out) {
+  const std::lock_guard lock(mutex_);
+  evaluated_.settle(true);
+  evaluated_.collect_events();
+  return evaluated_.events.take(now(), out);
+}
+
+fs_event LocalScene::next_event(double timeout) {
+  check_timeout(timeout);
+  const double start = steady_now();
+  for (;;) {
+    fs_event event;
+    if (take_event(event)) return event;
+    const double rest = timeout - (steady_now() - start);
+    if (!(rest > 0)) return {};
+    // The servo makes no system call to wake anyone, so this side looks, often enough for a person.
+    std::this_thread::sleep_for(std::chrono::duration<double>(std::fmin(rest, 2e-3)));
+  }
+}
+
+void LocalScene::note_edit(const char* name, const char* editor) {
+  const std::lock_guard lock(mutex_);
+  evaluated_.events.push(FS_EVENT_EDITED, now(), name, editor);
+}
+
+// -------------------------------------------------------------------------------------------------------------- readers
+
+void LocalScene::hold() {
+  const std::lock_guard lock(mutex_);
+  evaluated_.hold();
+}
+
+void LocalScene::post() {
+  const std::lock_guard lock(mutex_);
+  evaluated_.post();
+}
+
+uint64_t LocalScene::sequence() const {
+  const std::lock_guard lock(mutex_);
+  return evaluated_.sequence();
+}
+
+void LocalScene::sync(double timeout) {
+  check_timeout(timeout);
+  const uint64_t wanted = sequence();
+  const double start = steady_now();
+  while (has_servo() && output->used.load(std::memory_order_acquire) < wanted) {
+    if (steady_now() - start >= timeout) {
+      fail(FS_ERROR_TIMEOUT, "no tick has used the changes within timeout %g s", timeout);
+    }
+    std::this_thread::sleep_for(std::chrono::microseconds(200));
+  }
+}
+
+// Builds what leave_unbuilt has left out. Whoever comes meanwhile waits until all is built.
+void LocalScene::build_shapes() {
+  const std::lock_guard building(building_mutex_);
+  if (is_built_) return;
+  builds_shapes_ = true;  // first: what is set from now on is built where it is set
+  std::vector<Ref<const Object>> objects;
+  {
+    const std::lock_guard lock(mutex_);
+    evaluated_.objects.for_each([&](const std::string&, const Known& known) { objects.push_back(known.object); });
+    if (OpenGroup* const group = edits_.group()) {
+      for (const std::string* name : group->order) objects.push_back(group->find(*name)->object);
+    }
+  }
+  for (const Ref<const Object>& object : objects) {
+    if (object->shape) object->shape->build();
+  }
+  is_built_ = true;
+}
+
+void LocalScene::attach(Reader& reader) {
+  build_shapes();
+  const std::lock_guard lock(mutex_);
+  evaluated_.attach(reader);
+}
+
+void LocalScene::detach(Reader& reader) noexcept {
+  const std::lock_guard lock(mutex_);
+  evaluated_.detach(reader);
+}
+
+void LocalScene::with_snapshot(const char* name, const std::function<void(const Snapshot&, uint32_t)>& f) {
+  build_shapes();
+  Ref<const Snapshot> kept;
+  uint32_t row = no_row;
+  {
+    const std::lock_guard lock(mutex_);
+    // As it is evaluated, whatever an open group has done to it.
+    if (name && !evaluated_.objects.find_row(std::string_view(name), &row)) {
+      fail(FS_ERROR_NOT_FOUND, "name is '%.80s': there is no such object to evaluate", name);
+    }
+    kept = evaluated_.newest();
+  }
+  struct Release {  // under the lock again, also when f throws
+    LocalScene& scene;
+    Ref<const Snapshot>& kept;
+    ~Release() {
+      const std::lock_guard lock(scene.mutex_);
+      kept = nullptr;
+    }
+  } const release{*this, kept};
+  f(*kept, row);
+}
+
+// ----------------------------------------------------------------------------------------------------- servo and clock
+
+fs_status LocalScene::get_time(double& out) const noexcept {
+  out = now();
+  return FS_OK;
+}
+
+fs_status LocalScene::set_time(double time) noexcept {
+  if (!(time > 0) || !(time <= 1e15)) {
+    return set_last_error_literal(FS_ERROR_INVALID, "time must be > 0 s and at most 1e15 s");
+  }
+  if (has_servo()) return set_last_error_literal(FS_ERROR_STATE, "fs_scene_set_time: the scene's servo has the clock");
+  evaluated_.clock.tell(time);
+  return FS_OK;
+}
+
+void LocalScene::attach_servo(const ServoLink& servo, ServoReader& reader, bool starts_in) {
+  const std::lock_guard lock(mutex_);
+  edits_.shift(evaluated_.attach_servo(servo, reader, starts_in));
+  has_servo_.store(true);
+}
+
+void LocalScene::detach_servo(ServoReader& reader) noexcept {
+  const std::lock_guard lock(mutex_);
+  has_servo_.store(false);
+  edits_.shift(evaluated_.detach_servo(reader));
+}
+
+fs_status LocalScene::get_hand(fs_state* state, fs_response* response, fs_wrench* sent) const noexcept {
+  if (!has_servo()) return set_last_error_literal(FS_ERROR_STATE, "the scene has no servo, so no hand");
+  return read_hand(*output, state, response, sent);
+}
+
+std::vector<fs_client> LocalScene::clients() {
+  fail(FS_ERROR_UNSUPPORTED, "the scene is in this process: only one that is connected to a server can tell its clients");
+}
+
+void LocalScene::get_servo_stats(fs_servo_stats& out) {
+  const std::lock_guard lock(mutex_);
+  if (!evaluated_.servo()) fail(FS_ERROR_STATE, "the scene has no servo; fs_servo_start gives it one");
+  evaluated_.servo()->get_stats(out);
+}
+
+void LocalScene::get_device_info(fs_device_info& out) {
+  const std::lock_guard lock(mutex_);
+  if (!evaluated_.servo()) fail(FS_ERROR_STATE, "the scene has no servo, so no device; fs_servo_start gives it one");
+  evaluated_.servo()->get_device_info(out);
 }

@@ -1,5 +1,6 @@
-// A scene whose objects are evaluated in this process. Every change takes the same way: check, rows, snapshot, mailbox.
-// Functions that are not marked [rt] may allocate and take the scene's lock; none waits for a reader.
+// A scene whose objects are evaluated in this process: a lock around what is evaluated (Evaluated) and what is wanted of it
+// (Edits). Every change takes the same way: check, edit, rows, snapshot, mailbox. Functions that are not marked [rt] may
+// allocate and take the lock; none waits for a reader.
 #pragma once
 
 #include <functional>
@@ -8,23 +9,10 @@
 #include <string>
 #include <vector>
 
-#include "scene/clock.h"
-#include "scene/events.h"
-#include "scene/open_group.h"
+#include "scene/edits.h"
 #include "scene/scene.h"
 
 namespace fs {
-
-// [rt] What fs_scene_get_hand gives. Null: not asked.
-fs_status read_hand(const ServoOutput& output, fs_state* state, fs_response* response, fs_wrench* sent) noexcept;
-
-// Throw INVALID: unless they are 1..32 points within bounds; for a field out of its range.
-void check_tool(const Vec3* points, size_t count);
-fs_frame parse_frame(const fs_frame& frame);
-void check_timeout(double timeout);
-void check_accuracy(double newtons);
-void check_max_stiffness(double stiffness);
-void require_no_client(const char* client);  // NOT_FOUND: it is not null
 
 // How an object moves, with what the next worked-out twist needs.
 struct Movement {
@@ -71,17 +59,6 @@ struct LocalScene final : Scene {
   void cancel() override;
   void sync(double timeout) override;
 
-  // A draft collects changes that somebody else makes to existing objects, until take applies all of them at once. It is
-  // independent of the application's open group. take changes only the parts that the draft has changed.
-  class Draft;
-  Draft draft();
-  void change(Draft& draft, const fs_object& object, uint32_t parts);  // its shape is built
-  void move(Draft& draft, const char* name, const fs_pose& pose, const fs_twist* twist, double time);
-  void remove(Draft& draft, const char* name);
-  Ref<const Object> get(const Draft& draft, const char* name, fs_object& out);
-  void take(Draft& draft);
-  void discard(Draft& draft) noexcept;  // must be called at the end in any case
-
   // The most objects that the scene can hold, including those that fade out.
   void set_capacity(uint32_t capacity);
 
@@ -102,8 +79,8 @@ struct LocalScene final : Scene {
   void set_max_stiffness(double stiffness) override;
 
   // Clock, s.
-  double now() const noexcept { return clock_.now(); }                                // [rt]
-  double now(ClockKind clock) const noexcept { return clock_.now(clock); }            // [rt]
+  double now() const noexcept { return evaluated_.clock.now(); }                      // [rt]
+  double now(ClockKind clock) const noexcept { return evaluated_.clock.now(clock); }  // [rt]
   fs_status get_time(double& out) const noexcept override;                             // [rt]
   fs_status set_time(double time) noexcept override;                                   // [rt]
 
@@ -111,7 +88,6 @@ struct LocalScene final : Scene {
   std::vector<fs_report> reports() override;
   fs_report report(const char* name) override;
   std::vector<fs_motion> motions(const char* client) override;
-  class Moment;  // moment.h
   fs_event next_event(double timeout) override;
   bool take_event(fs_event& out);  // one that is there; false: none
   void note_edit(const char* name, const char* editor);  // another client changed or removed an object
@@ -136,72 +112,41 @@ struct LocalScene final : Scene {
   void get_device_info(fs_device_info& out) override;                                     // STATE
   std::vector<fs_client> clients() override;                                              // UNSUPPORTED
 
-  const std::shared_ptr<ServoOutput> output;
-
  private:
-  // All of these want the lock.
-  bool find(std::string_view name, Known& out) const;         // as an open group has it
-  Known require(const char* name, std::string* key) const;    // NOT_FOUND
-  void put(const std::string& name, Known& wanted, bool is_more_than_moved);
-  void admit(const ParsedObject& parsed, uint32_t parts);
-  void move_in_group(const char* name, const Pose& pose, const Twist* twist, double time);
-  void remove_one(const char* name);
-  void commit_one(const std::string& name, Known& wanted);
-  void sort_group();
-  template <class F>
-  void for_each(F&& f) const;
-  fs_frame present_frame() const;
-  std::vector<Vec3> present_tool() const;
-  void change_view(ViewChange change);
-  Ref<const Snapshot> newest();
-  void changed();
-  void settle(bool is_urgent);
-  void build_shapes();
-  struct InDraft;
-  struct Retimed;
-  Retimed retimed(double shift) const;
-  void take(Retimed& retimed, double shift) noexcept;
+  friend class Draft;
+  friend class Moment;
 
-  // Runs f, which changes the scene, and makes it known.
+  // These want the lock.
+  void put(const ParsedObject& object, uint32_t parts);
+  Ref<const Object> get_one(const char* name, fs_object& out) const;  // NOT_FOUND
+
+  void build_shapes();
+
+  // Runs f, which changes the scene, and makes the change known.
   template <class F>
   void mutate(F&& f) {
     const std::lock_guard lock(mutex_);
-    settle(false);
-    if (!spare_) spare_ = make_ref<Snapshot>();  // so that nothing can fail after the change
+    evaluated_.prepare();
     try {
       f();
     } catch (const std::bad_alloc&) {  // a part may be done
-      changed();
+      evaluated_.changed();
       throw;
     }
-    if (!group_) changed();
+    if (!edits_.group()) evaluated_.changed();
   }
 
   mutable std::mutex mutex_;
-  Objects objects_;  // what is evaluated
-  ViewRows views_;
-  std::unique_ptr<OpenGroup> group_;
-  Events events_;
-  Clock clock_;
-
-  uint64_t sequence_ = 0;
-  Ref<const Snapshot> posted_;  // the newest; null: something has changed since
-  Ref<Snapshot> spare_;         // for the next
-  double settled_at_ = -never;
-
-  const ServoLink* servo_ = nullptr;
-  ServoReader* servo_reader_ = nullptr;
+  Evaluated evaluated_;
+  Edits edits_{evaluated_};
   std::atomic<bool> has_servo_{false};
 
-  bool is_held_ = false;
   std::atomic<bool> builds_shapes_{true};
   std::mutex building_mutex_;
   bool is_built_ = true;  // what was left unbuilt; under building_mutex_
-};
 
-class LocalScene::Draft {
-  friend LocalScene;
-  std::unique_ptr<OpenGroup> group_;
+ public:
+  const std::shared_ptr<ServoOutput>& output = evaluated_.output;
 };
 
 }  // namespace fs

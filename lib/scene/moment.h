@@ -1,6 +1,6 @@
-// The objects of a scene as they are at one moment, whatever is changed later: so that many can be looked at without
-// keeping others waiting for the lock, those of several scenes at one time, and in another thread. Reports are worked out
-// here, by whoever asks, where the tool was at the last tick.
+// The objects of a scene as they are at one moment, whatever is changed later: many can be looked at without keeping
+// others waiting for the lock, those of several scenes at one time, and in another thread. Reports are worked out here, by
+// whoever asks, for where the tool was at the last tick.
 #pragma once
 
 #include <string>
@@ -9,7 +9,7 @@
 
 namespace fs {
 
-class LocalScene::Moment {
+class Moment {
  public:
   // with_group: as an open group has them; else as they are evaluated.
   // only: of this object alone, NOT_FOUND; null: of all.

@@ -239,8 +239,7 @@ void ObjectRows::attach(Reader& reader) {
   readers_.push_back(&reader);
 }
 
-void ObjectRows::attach_servo(Reader& reader, bool starts_in, double now) {
-  attach(reader);
+void ObjectRows::start_servo(Reader& reader, bool starts_in, double now) noexcept {
   chunks_.for_each([&](uint32_t number, const Chunk& chunk) {
     for (uint32_t i = 0; i < chunk_size; ++i) {
       if (!(chunk.used >> i & 1)) continue;

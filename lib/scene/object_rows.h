@@ -56,7 +56,7 @@ class ObjectRows {
 
   // Readers. starts_in: a servo's first snapshot is felt in full at once.
   void attach(Reader& reader);
-  void attach_servo(Reader& reader, bool starts_in, double now);
+  void start_servo(Reader& reader, bool starts_in, double now) noexcept;  // it is attached; no snapshot was posted since
   void detach(Reader& reader) noexcept;
   const std::vector<Reader*>& readers() const noexcept { return readers_; }
   uint64_t used() const noexcept { return output_.used.load(std::memory_order_acquire); }  // sequence

@@ -12,6 +12,15 @@ double expiry_of(const Object& object, double now) { return object.lifetime > 0 
 
 }  // namespace
 
+fs_object to_c(const Known& known) {
+  fs_object out = to_c(*known.object);
+  out.pose = known.motion.pose;
+  out.twist = known.motion.twist;
+  out.time = known.motion.time;
+  out.start = known.start;
+  return out;
+}
+
 const Objects::Item* Objects::find_item(std::string_view name) const noexcept {
   const auto found = names_.find(name);
   return found == names_.end() || found->second.is_removed ? nullptr : &found->second;

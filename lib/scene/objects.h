@@ -18,8 +18,11 @@ struct Known : Entry {
   // Of a group only:
   bool is_removed = false;
   bool is_more_than_moved = false;
+  uint32_t parts = 0;   // fs_part bits that are changed
   uint32_t number = 0;  // of a new name, where it is not the next
 };
+
+fs_object to_c(const Known& known);  // its handles live as long as known.object
 
 class Objects {
  public:

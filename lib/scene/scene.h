@@ -78,4 +78,16 @@ struct fs_scene : fs::Counted<fs_scene> {
 
 namespace fs {
 using Scene = fs_scene;
-}
+struct ServoOutput;
+
+// Arguments that every kind of scene checks in the same way. INVALID, unless they say otherwise.
+fs_frame parse_frame(const fs_frame& frame);
+void check_tool(const Vec3* points, size_t count);  // 1..32 points
+void check_timeout(double timeout);
+void check_accuracy(double newtons);
+void check_max_stiffness(double stiffness);  // UNSUPPORTED: above 0
+void require_no_client(const char* client);  // NOT_FOUND: it is not null
+
+// [rt] What fs_scene_get_hand gives. Null: not asked.
+fs_status read_hand(const ServoOutput& output, fs_state* state, fs_response* response, fs_wrench* sent) noexcept;
+}  // namespace fs

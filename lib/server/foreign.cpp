@@ -37,15 +37,15 @@ void ForeignEdit::add(const Client& editor, const Change& change, const std::str
     const wire::Edit& edit = change.as<wire::Edit>();
     const uint32_t parts = parse_parts(edit.parts);
     fs_object present;
-    const Ref<const Object> kept = get(name, present);
+    const Ref<const Object> kept = draft_.get(name.c_str(), present);
     LinkedObject linked = editor.assets.resolve(edit.object, parts, &present);
     put_text(linked.object.name, name);
-    scene_->change(draft_, linked.object, parts);
+    draft_.change(linked.object, parts);
   } else if (change.type == wire::type_move_other) {
     const wire::MoveOther& move = change.as<wire::MoveOther>();
-    scene_->move(draft_, name.c_str(), move.pose, move.has_twist ? &move.twist : nullptr, move.time);
+    draft_.move(name.c_str(), move.pose, move.has_twist ? &move.twist : nullptr, move.time);
   } else {
-    scene_->remove(draft_, name.c_str());
+    draft_.remove(name.c_str());
   }
   names_[name] = change.type == wire::type_remove_other;
 }

@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 
+#include "scene/draft.h"
 #include "server/client.h"
 
 namespace fs {
@@ -26,20 +27,16 @@ TargetObject find_foreign(const Client& asking, const wire::Target& target);
 class ForeignEdit {
  public:
   explicit ForeignEdit(const TargetObject& target)
-      : owner_(target.owner), scene_(target.scene), draft_(scene_->draft()) {}
-  ~ForeignEdit() { scene_->discard(draft_); }
-  ForeignEdit(const ForeignEdit&) = delete;
-  ForeignEdit& operator=(const ForeignEdit&) = delete;
+      : owner_(target.owner), scene_(target.scene), draft_(scene_) {}
 
-  Ref<const Object> get(const std::string& name, fs_object& out) const { return scene_->get(draft_, name.c_str(), out); }
   void add(const Client& editor, const Change& change, const std::string& name);
-  void take() { scene_->take(draft_); }
+  void take() { draft_.take(); }
   void tell(Client& editor) const;  // tells the owner of the changes that were taken
 
  private:
   const std::shared_ptr<Client> owner_;
   const Ref<LocalScene> scene_;
-  LocalScene::Draft draft_;
+  Draft draft_;
   std::map<std::string, bool> names_;  // of the objects; true: removed
 };
 

@@ -81,7 +81,7 @@ class MotionList final : public List {
   struct Part {
     Part(std::string the_prefix, const Ref<LocalScene>& scene) : prefix(std::move(the_prefix)), moment(scene, false) {}
     const std::string prefix;
-    const LocalScene::Moment moment;
+    const Moment moment;
   };
   std::deque<Part> parts;
 
@@ -106,7 +106,7 @@ class ReportList final : public List {
   struct Part {
     Part(std::string the_prefix, const Ref<LocalScene>& scene) : prefix(std::move(the_prefix)), moment(scene, false) {}
     const std::string prefix;  // empty: the client's own
-    const LocalScene::Moment moment;
+    const Moment moment;
     std::vector<fs_report> absent;  // by bare names
   };
   std::deque<Part> parts;

@@ -104,9 +104,9 @@ void Requests::edit(const Request& request) {
 void Requests::get(const Request& request) {
   with_object(find_target(client_, request.as<wire::Target>()), [&](const TargetObject& target) {
     if (target.owner) target.owner->take_moves();
-    const ForeignEdit nothing(target);
+    Draft nothing(target.scene);
     fs_object object;
-    const Ref<const Object> kept = nothing.get(target.name, object);
+    const Ref<const Object> kept = nothing.get(target.name.c_str(), object);
     client_.answers.send_record(request.serial, client_.assets.offer(object));
   });
 }

@@ -119,7 +119,8 @@ struct OneName {
         versions.push_back(parse_object(object).object);
       }
     }
-    rows.attach_servo(reader, true, 0);
+    rows.attach(servo);
+    rows.start_servo(reader, true, 0);
     post();
     reader.mailbox.prime({snapshot, {}});
   }

@@ -1,27 +1,22 @@
-// What became of the objects.
-#include <chrono>
-#include <cstring>
-#include <thread>
-
-#include "base/error.h"
 #include "scene/moment.h"
 
-using namespace fs;
+namespace fs {
 
-LocalScene::Moment::Moment(Ref<LocalScene> scene, bool with_group, const char* only) : scene_(std::move(scene)) {
+Moment::Moment(Ref<LocalScene> scene, bool with_group, const char* only) : scene_(std::move(scene)) {
   const std::lock_guard lock(scene_->mutex_);
-  chunks_ = scene_->objects_.rows.chunks();
-  most_ = scene_->objects_.count();
-  OpenGroup* const group = with_group ? scene_->group_.get() : nullptr;
+  const Evaluated& evaluated = scene_->evaluated_;
+  chunks_ = evaluated.objects.rows.chunks();
+  most_ = evaluated.objects.count();
+  OpenGroup* const group = with_group ? scene_->edits_.group() : nullptr;
   if (only) {
     std::string key;
     is_only_one_ = true;
-    added_.push_back(scene_->require(only, &key));
-    scene_->objects_.find_row(key, &only_row_);
+    added_.push_back(scene_->edits_.require(only, &key));
+    evaluated.objects.find_row(key, &only_row_);
   } else if (group) {
     for (const std::string* name : group->order) {
       const Known& wanted = *group->find(*name);
-      if (scene_->objects_.has(*name)) {
+      if (evaluated.objects.has(*name)) {
         changes_.emplace(*name, wanted);
       } else if (!wanted.is_removed) {
         added_.push_back(wanted);
@@ -30,14 +25,14 @@ LocalScene::Moment::Moment(Ref<LocalScene> scene, bool with_group, const char* o
     }
   }
   time_ = scene_->now();
-  frame_ = scene_->present_frame();
-  const ServoReader* const servo = scene_->servo_reader_;
+  frame_ = scene_->edits_.frame();
+  const ServoReader* const servo = evaluated.servo_reader();
   if (!servo) return;
   memory_ = servo->memory;
-  used_ = scene_->objects_.rows.used();
+  used_ = evaluated.objects.rows.used();
   if (!servo->newest.read(tick_)) return;
   time_ = tick_.time;
-  const Views& views = *scene_->views_.views();
+  const Views& views = *evaluated.views.views();
   const View* view = &views.now();
   for (const View& other : views.rows) {
     if (other.version == tick_.view) view = &other;
@@ -48,19 +43,19 @@ LocalScene::Moment::Moment(Ref<LocalScene> scene, bool with_group, const char* o
   tool_ = ToolState::at(state, *view->tool, tick_.time);
 }
 
-LocalScene::Moment::~Moment() {
+Moment::~Moment() {
   const std::lock_guard lock(scene_->mutex_);
   chunks_ = {};
 }
 
-Entry LocalScene::Moment::entry(uint32_t number) const {
+Entry Moment::entry(uint32_t number) const {
   const Chunk& chunk = *find_chunk(chunks_, number);
   const Row& from = row(number);
   return {from.object, chunk.motion(number % chunk_size), from.start, from.expiry, from.revision,
           chunk.motion_revision(number % chunk_size)};
 }
 
-fs_motion LocalScene::Moment::to_motion(const Entry& entry, const std::string& prefix) noexcept {
+fs_motion Moment::to_motion(const Entry& entry, const std::string& prefix) noexcept {
   fs_motion out{};
   const size_t size = prefix.copy(out.name, FS_NAME_SIZE - 1);
   entry.object->name.copy(out.name + size, FS_NAME_SIZE - 1 - size);
@@ -75,7 +70,7 @@ fs_motion LocalScene::Moment::to_motion(const Entry& entry, const std::string& p
 }
 
 // What a row gives where the tool was, in full.
-bool LocalScene::Moment::feel(uint32_t number, Share& out) const {
+bool Moment::feel(uint32_t number, Share& out) const {
   const Row& it = row(number);
   const Motion& motion = find_chunk(chunks_, number)->motion(number % chunk_size);
   if (!evaluate_object(*it.object, motion, it.start, tool_, nullptr, out)) return false;
@@ -84,7 +79,7 @@ bool LocalScene::Moment::feel(uint32_t number, Share& out) const {
   return evaluate_object(*it.object, motion, it.start, tool_, &parsers, out);
 }
 
-fs_report LocalScene::Moment::report(const Entry& entry, uint32_t number) const {
+fs_report Moment::report(const Entry& entry, uint32_t number) const {
   const Object& object = *entry.object;
   fs_report out{};
   object.name.copy(out.name, FS_NAME_SIZE - 1);
@@ -122,49 +117,4 @@ fs_report LocalScene::Moment::report(const Entry& entry, uint32_t number) const 
   return out;
 }
 
-std::vector<fs_report> LocalScene::reports() {
-  const Moment moment(Ref<LocalScene>::share(this), true);  // what an open group has changed is not felt yet
-  std::vector<fs_report> out;
-  moment.for_each_report([&](const fs_report& report) { out.push_back(report); });
-  return out;
-}
-
-fs_report LocalScene::report(const char* name) {
-  const Moment moment(Ref<LocalScene>::share(this), true, name);
-  fs_report out;
-  moment.for_each_report([&](const fs_report& report) { out = report; });
-  return out;
-}
-
-std::vector<fs_motion> LocalScene::motions(const char* client) {
-  require_no_client(client);
-  const Moment moment(Ref<LocalScene>::share(this), true);
-  std::vector<fs_motion> out;
-  moment.for_each_motion("", [&](const fs_motion& motion) { out.push_back(motion); });
-  return out;
-}
-
-bool LocalScene::take_event(fs_event& out) {
-  const std::lock_guard lock(mutex_);
-  settle(true);
-  if (servo_) events_.collect(*servo_);
-  return events_.take(now(), out);
-}
-
-void LocalScene::note_edit(const char* name, const char* editor) {
-  const std::lock_guard lock(mutex_);
-  events_.push(FS_EVENT_EDITED, now(), name, editor);
-}
-
-fs_event LocalScene::next_event(double timeout) {
-  check_timeout(timeout);
-  const double start = steady_now();
-  for (;;) {
-    fs_event event;
-    if (take_event(event)) return event;
-    const double rest = timeout - (steady_now() - start);
-    if (!(rest > 0)) return {};
-    // The servo makes no system call to wake anyone, so this side looks, often enough for a person.
-    std::this_thread::sleep_for(std::chrono::duration<double>(std::fmin(rest, 2e-3)));
-  }
-}
+}  // namespace fs

@@ -1,0 +1,90 @@
+// What an application wants a scene to be: changes that are made at once, or collected in an open group until it is
+// committed. Every call needs the scene's lock.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "scene/evaluated.h"
+
+namespace fs {
+
+// Changes that belong together and are not felt yet.
+struct OpenGroup {
+  NameMap<Known> changes;
+  std::vector<const std::string*> order;  // names, in the order in which they came
+  size_t added = 0;                       // names that the scene does not have
+  size_t committed = 0;                   // of order, so far
+  ViewChange view;
+
+  Known* find(std::string_view name);     // null: the group does not change it
+  void put(std::string_view name, const Known& wanted, bool is_new);
+};
+
+class Edits {
+ public:
+  explicit Edits(Evaluated& evaluated) : evaluated_(evaluated) {}
+
+  // The scene as an open group has it.
+  bool find(std::string_view name, Known& out) const;
+  Known require(const char* name, std::string* key = nullptr) const;  // NOT_FOUND
+  fs_frame frame() const;
+  const std::vector<Vec3>& tool() const;
+  bool is_held() const;
+  // Calls f(name, Known) for each object, in the order in which the names first came.
+  template <class F>
+  void for_each(F&& f) const;
+
+  // Changes, all checked.
+  void require_room(const std::vector<ParsedObject>& objects) const;  // FULL
+  void put(const ParsedObject& object, uint32_t parts);  // all of it, or the parts that are named
+  void move(const char* name, const Pose& pose, const Twist* twist, double time);
+  void move_to(const char* name, const Motion& motion, const Track& track);
+  bool move_to(const std::string& name, const Motion& motion, double now);  // its twist is worked out; false: there is none
+  void remove(const char* name);
+  void clear();
+  void change_view(ViewChange change);
+
+  // The open group; null: there is none.
+  OpenGroup* group() const noexcept { return group_.get(); }
+  void begin();              // STATE
+  bool commit(size_t most);  // at most so many objects; true: the group is committed
+  void cancel();             // STATE
+  void shift(double by) noexcept;  // all times of the group, s
+
+  // As long as it lives, another group stands in for the open one.
+  class In {
+   public:
+    In(Edits& edits, std::unique_ptr<OpenGroup>& group) : edits_(edits), group_(group) { std::swap(edits_.group_, group_); }
+    ~In() { std::swap(edits_.group_, group_); }
+    In(const In&) = delete;
+    In& operator=(const In&) = delete;
+
+   private:
+    Edits& edits_;
+    std::unique_ptr<OpenGroup>& group_;
+  };
+  void take(OpenGroup& draft);  // what it has changed of the objects that are still there; the open group stays as it is
+
+ private:
+  void put(const std::string& name, Known& wanted, bool is_more_than_moved);
+  void commit_one(const std::string& name, Known& wanted);
+  void sort();
+
+  Evaluated& evaluated_;
+  std::unique_ptr<OpenGroup> group_;
+};
+
+template <class F>
+void Edits::for_each(F&& f) const {
+  Known known;
+  for (const std::string_view name : evaluated_.objects.in_order()) {
+    if (find(name, known)) f(std::string(name), known);
+  }
+  if (!group_) return;
+  for (const std::string* name : group_->order) {
+    if (!evaluated_.objects.has(*name) && find(*name, known)) f(*name, known);
+  }
+}
+
+}  // namespace fs

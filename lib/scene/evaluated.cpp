@@ -1,0 +1,131 @@
+#include "scene/evaluated.h"
+
+#include <cmath>
+#include <new>
+
+#include "base/error.h"
+
+namespace fs {
+
+Evaluated::Evaluated(std::shared_ptr<ServoOutput> the_output, ClockKind kind)
+    : output(std::move(the_output)), objects(*output), views(*output), clock(*output, kind) {}
+
+void Evaluated::prepare() {
+  settle(false);
+  if (!spare_) spare_ = make_ref<Snapshot>();
+}
+
+void Evaluated::changed() {
+  posted_ = nullptr;
+  if (!is_held_) newest();
+}
+
+Ref<const Snapshot> Evaluated::newest() {
+  if (posted_) return posted_;
+  const Ref<Snapshot> made = spare_ ? std::move(spare_) : make_ref<Snapshot>();
+  made->sequence = ++sequence_;
+  made->chunks = objects.rows.chunks();
+  made->views = views.views();
+  made->clock = clock.kind();
+  objects.rows.set_next_sequence(sequence_ + 1);
+  views.set_next_sequence(sequence_ + 1);
+  for (Reader* const reader : objects.rows.readers()) reader->mailbox.post({made, reader->scratches});
+  return posted_ = made;
+}
+
+void Evaluated::post() {
+  newest();
+  for (Reader* const reader : objects.rows.readers()) reader->mailbox.tidy();
+}
+
+// Every call that changes something comes by here; that is often enough, because what has weight 0 costs a tick nothing.
+void Evaluated::settle(bool is_urgent) {
+  const double time = clock.now();
+  if (!is_urgent && std::fabs(time - settled_at_) < 5e-3) return;
+  settled_at_ = time;
+  double expiry;
+  while (const std::string* const name = objects.next_expired(time, expiry)) events.push(FS_EVENT_EXPIRED, expiry, *name);
+  if (servo_ && objects.tidy()) changed();
+}
+
+void Evaluated::collect_events() {
+  if (servo_) events.collect(*servo_);
+}
+
+void Evaluated::attach(Reader& reader) {
+  const Ref<const Snapshot> snapshot = newest();
+  objects.rows.attach(reader);
+  reader.mailbox.prime({snapshot, reader.scratches});
+}
+
+void Evaluated::detach(Reader& reader) noexcept { objects.rows.detach(reader); }
+
+// The scene with every stored time shifted, and nothing fading.
+struct Evaluated::Retimed {
+  Objects::Shifted objects;
+  Ref<Views> views;
+};
+
+Evaluated::Retimed Evaluated::retimed(double shift) const { return {objects.shifted(shift), views.settled()}; }
+
+void Evaluated::take(Retimed& retimed, double shift) noexcept {
+  objects.take(retimed.objects, shift);
+  views.take(retimed.views);
+  events.shift(shift);
+  settled_at_ = -never;
+  posted_ = nullptr;
+}
+
+double Evaluated::attach_servo(const ServoLink& servo, ServoReader& reader, bool starts_in) {
+  if (servo_) fail(FS_ERROR_STATE, "scene has a servo already; stop it first");
+  settle(true);
+  output->time.store(servo.time());
+  output->tick.store(0);
+  output->used.store(0);
+  HandSample hand{};
+  hand.state.pose = hand.response.proxy = identity_pose();
+  output->hand.write(hand);
+  Clock::Before before;
+  const double shift = clock.switch_to(servo.clock(), before);
+  try {
+    Retimed all = retimed(shift);
+    if (!spare_) spare_ = make_ref<Snapshot>();
+    objects.rows.attach(reader);
+    take(all, shift);  // nothing can fail from here on
+  } catch (...) {
+    objects.rows.detach(reader);
+    clock.switch_back(before);
+    throw;
+  }
+  objects.rows.start_servo(reader, starts_in, clock.now());
+  views.attach_servo(reader);
+  events.attach(servo);
+  servo_ = &servo;
+  servo_reader_ = &reader;
+  reader.mailbox.prime({newest(), reader.scratches});
+  return shift;
+}
+
+double Evaluated::detach_servo(ServoReader& reader) noexcept {
+  const ServoLink& servo = *std::exchange(servo_, nullptr);
+  servo_reader_ = nullptr;
+  Clock::Before before{ClockKind::caller, clock.now()};
+  try {
+    events.collect(servo);
+    const double shift = clock.switch_to(ClockKind::caller, before);
+    before = {ClockKind::caller, clock.now() - shift};  // should memory run out
+    Retimed all = retimed(shift);  // also where the clutch has moved the frame
+    objects.rows.detach(reader);
+    views.detach_servo();
+    take(all, shift);
+    newest();
+    return shift;
+  } catch (const std::bad_alloc&) {  // then the clock stands where it is, so that ages stay
+    objects.rows.detach(reader);
+    views.detach_servo();
+    clock.switch_back(before);
+    return 0;
+  }
+}
+
+}  // namespace fs
