@@ -119,7 +119,7 @@ struct OneName {
         versions.push_back(parse_object(object).object);
       }
     }
-    rows.attach(servo);
+    rows.attach(reader);
     rows.start_servo(reader, true, 0);
     post();
     reader.mailbox.prime({snapshot, {}});
