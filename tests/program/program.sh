@@ -123,6 +123,12 @@ printf '0 0 0\n0 0 0 0\n' > four
 expect 2 'four, line 2: .*three' "$program" evaluate --scene "$scene" four
 printf '0 0 0\n0 0 nan\n' > number
 expect 2 'line 2: ' "$program" evaluate --scene "$scene" number
+printf '+0 -0 +0.1\n' > number
+expect 0 '^0,-0,0\.1' "$program" evaluate --scene "$scene" number
+for signs in +- -+ ++ --; do
+  printf '0 0 0\n0 0 %s5\n' $signs > number
+  expect 2 'line 2: ' "$program" evaluate --scene "$scene" number
+done
 expect 2 'no-object' "$program" evaluate --scene "$scene" --object no-object points
 expect 2 'no-points' "$program" evaluate --scene "$scene" no-points
 [ ! -w /dev/full ] || "$program" evaluate --scene "$scene" many 2> output > /dev/full
