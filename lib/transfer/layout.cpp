@@ -105,8 +105,8 @@ std::string make_layout_text() {
   RECORD(Object, name, primitive, tool_points, pose, twist, time, start, lifetime, front, back, damping, keep,
          is_enabled, contact_stiffness, contact_limit, contact_damping, contact_friction, shape);
   RECORD(Set, slot, parts, object);
-  RECORD(Movement, pose, twist, time, horizon);
-  RECORD(Place, name, movement);
+  RECORD(Motion, pose, twist, time, horizon);
+  RECORD(Place, name, motion);
   RECORD(Remove, name);
   RECORD(Bind, slot, reserved, name);
   RECORD(Frame, frame);
@@ -120,8 +120,8 @@ std::string make_layout_text() {
   RECORD(Edit, target, parts, object);
   RECORD(MoveOther, target, has_twist, pose, twist, time);
   RECORD(Count, count);
-  RECORD(Pulled, state, slot, edits, object, movement, frame, tool);
-  RECORD(Move, after, movement);
+  RECORD(Pulled, state, slot, edits, object, motion, frame, tool);
+  RECORD(Move, after, motion);
   RECORD(fs_state, pose, twist, time, buttons, flags, reserved);
   RECORD(fs_response, wrench, stiffness, proxy, felt_count, flags, error_bound, reserved);
   RECORD(HandSample, state, response, sent);
