@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# program.sh PROGRAM SCENE: the command line of forceserver, as a user has it.
+# program.sh PROGRAM SCENE LOSING_DRIVER: the command line of forceserver, as a user has it.
 set -uo pipefail
-program=$1 scene=$2
+program=$1 scene=$2 losing_driver=$3
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 cd "$folder" || exit 1
@@ -315,7 +315,13 @@ expect 0 '^server/brief +point +expired +0\.00 ' "$program" watch "$name" --coun
 kill -INT $server
 ended $server 1 "run after a fault"
 grep -q '^the force stopped: the hand was above speed_limit; start again$' served || fail "run does not say what to do"
+
 grep "$name" /proc/net/unix && fail "a socket is left"
+
+# A device that is lost between two looks of the program, and back at once, is not overlooked.
+expect 1 '^faults: the device is not ready$' env LD_PRELOAD="$losing_driver" ASAN_OPTIONS=verify_asan_link_order=0 \
+  "$program" run --device losing: --duration 0.5
+grep -q '^the force stopped: lost, ' output || fail "run does not say that the device was lost"
 
 echo "$failures failures"
 [ $failures = 0 ]
