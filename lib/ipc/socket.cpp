@@ -143,8 +143,8 @@ Listener::Listener(const std::string& address) {
       fail(FS_ERROR_EXISTS, "endpoint is 'shm:%s': %s has that name already", address.c_str() + slash + 1,
            is_shared ? "a server of all users" : "a server of this user");
     }
-    fail(errno == EMFILE || errno == ENFILE ? FS_ERROR_FULL : FS_ERROR_IO, "no server can listen at '%s': %s",
-         address.c_str(), std::strerror(errno));
+    fail(status_without_descriptor(errno), "no server can listen at '%s': %s", address.c_str(),
+         std::strerror(errno));
   }
   all.numbers.push_back(made.get());
   socket_ = std::move(made);

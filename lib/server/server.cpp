@@ -47,8 +47,7 @@ fs_server::fs_server(Ref<Servo> servo, const Endpoint& endpoint, const ServerSet
       builder_([this] { wake(); }),
       message_(most_message) {
   if (!timer_ || !wake_) {
-    fail(errno == EMFILE || errno == ENFILE ? FS_ERROR_FULL : FS_ERROR_IO, "the server could not be made: %s",
-         std::strerror(errno));
+    fail(status_without_descriptor(errno), "the server could not be made: %s", std::strerror(errno));
   }
   watcher_.add(wake_, source_wake);
   watcher_.add(timer_, source_timer);
