@@ -3,7 +3,10 @@
 
 #include <unistd.h>
 
+#include <cerrno>
 #include <utility>
+
+#include <forceserver/base.h>
 
 namespace fs {
 
@@ -29,5 +32,10 @@ class Descriptor {
  private:
   int number_ = -1;
 };
+
+// Why a descriptor could not be made: FULL, because the process or the machine has no other left; else IO.
+inline fs_status status_without_descriptor(int error) noexcept {
+  return error == EMFILE || error == ENFILE ? FS_ERROR_FULL : FS_ERROR_IO;
+}
 
 }  // namespace fs

@@ -1,8 +1,9 @@
 #include "base/error.h"
 
 #include <cstdarg>
-#include <cstdio>
 #include <utility>
+
+#include "base/text.h"
 
 namespace fs {
 namespace {
@@ -14,12 +15,11 @@ thread_local std::string last_owned;
 }  // namespace
 
 void fail(fs_status status, const char* format, ...) {
-  char text[512];
   va_list arguments;
   va_start(arguments, format);
-  std::vsnprintf(text, sizeof text, format, arguments);
+  std::string text = formatted(format, arguments);
   va_end(arguments);
-  throw Error{status, text};
+  throw Error{status, std::move(text)};
 }
 
 fs_status set_last_error(fs_status status, std::string&& text) noexcept {

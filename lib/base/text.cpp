@@ -1,8 +1,24 @@
 #include "base/text.h"
 
+#include <algorithm>
 #include <cstdio>
 
 namespace fs {
+
+std::string formatted(const char* format, va_list arguments) {
+  va_list again;
+  va_copy(again, arguments);
+  const int size = std::vsnprintf(nullptr, 0, format, arguments);
+  std::string out(static_cast<size_t>(std::max(size, 0)), 0);
+  std::vsnprintf(out.data(), out.size() + 1, format, again);
+  va_end(again);
+  return out;
+}
+
+std::string shortened(std::string_view text) {
+  constexpr size_t longest = 80;
+  return std::string(beginning_of(text, longest)) + (text.size() > longest ? "..." : "");
+}
 
 std::string printable(std::string_view text) {
   constexpr size_t longest = 40;

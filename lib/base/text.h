@@ -2,6 +2,7 @@
 #pragma once
 
 #include <charconv>
+#include <cstdarg>
 #include <cstddef>
 #include <cstring>
 #include <string>
@@ -15,11 +16,18 @@ std::string text_of(const char (&field)[n]) {
   return std::string(field, strnlen(field, n));
 }
 
+// The beginning of a text, of at most so many bytes, that ends with a whole character of UTF-8.
+inline std::string_view beginning_of(std::string_view text, size_t most) {
+  if (text.size() <= most) return text;
+  while (most > 0 && (text[most] & 0xc0) == 0x80) --most;
+  return text.substr(0, most);
+}
+
 // Puts text into a field, cut if it is too long; the rest of the field is 0.
 template <size_t n>
 void put_text(char (&field)[n], std::string_view text) {
   std::memset(field, 0, n);
-  text.copy(field, n - 1);
+  beginning_of(text, n - 1).copy(field, n - 1);
 }
 
 // Reads a number, independent of the locale. False when the whole text is not one number, or it is out of range.
@@ -29,6 +37,11 @@ bool read_number(std::string_view text, Number& out) {
   return error == std::errc() && end == text.data() + text.size();
 }
 
+// What printf would print, of any length.
+[[gnu::format(printf, 1, 0)]] std::string formatted(const char* format, va_list arguments);
+
+// A text that a caller gave, for an error sentence: a long one is cut after 80 bytes and ends with "...".
+std::string shortened(std::string_view text);
 // A piece of text for an error sentence: cut after 40 bytes; bytes that are not printable ASCII become \xNN.
 std::string printable(std::string_view text);
 std::string in_quotes(std::string_view text);

@@ -11,6 +11,7 @@
 
 #include "base/descriptor.h"
 #include "base/error.h"
+#include "base/text.h"
 
 namespace fs {
 namespace {
@@ -50,10 +51,9 @@ bool write_all(int descriptor, std::string_view text) {
 }  // namespace
 
 void fail_at(fs_status status, const std::string& where, const char* format, ...) {
-  char text[512];
   va_list arguments;
   va_start(arguments, format);
-  std::vsnprintf(text, sizeof text, format, arguments);
+  const std::string text = formatted(format, arguments);
   va_end(arguments);
   throw Error{status, where + ": " + text};
 }

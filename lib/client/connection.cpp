@@ -67,8 +67,7 @@ void Connection::connect(const Endpoint& endpoint, double start) {
       if (waited < std::fmax(endpoint.timeout, handshake_limit)) continue;
       fail(FS_ERROR_TIMEOUT, "the server '%s' has accepted no connection for %.3g s", name, waited);
     }
-    fail(error == EMFILE || error == ENFILE ? FS_ERROR_FULL : FS_ERROR_IO, "the server '%s' cannot be reached: %s",
-         name, std::strerror(error));
+    fail(status_without_descriptor(error), "the server '%s' cannot be reached: %s", name, std::strerror(error));
   }
   const Peer peer = peer_of(socket_);
   if (peer.user != endpoint.user) {

@@ -24,7 +24,7 @@ void put_bare_name(fs_object& object) {
 Ref<const Object> ForeignObjects::get(Call& call, const char* name, fs_object& out) {
   if (group_) {
     if (const auto known = group_->foreign.find(std::string_view(name)); known != group_->foreign.end()) {
-      if (!known->second.kept) fail(FS_ERROR_NOT_FOUND, "name is '%.128s': there is no such object", name);
+      if (!known->second.kept) fail(FS_ERROR_NOT_FOUND, "name is '%s': there is no such object", shortened(name).c_str());
       out = known->second.object;
       return known->second.kept;
     }
@@ -47,7 +47,7 @@ Ref<const Object> ForeignObjects::get(Call& call, const char* name, fs_object& o
 // Makes the object one that the open group changes. May wait; then the group may have been closed meanwhile.
 Group::Foreign& ForeignObjects::join_group(Call& call, const char* name) {
   if (line_.connection.welcome().is_locked) {
-    fail(FS_ERROR_DENIED, "name is '%.128s': this server lets a client change its own objects only", name);
+    fail(FS_ERROR_DENIED, "name is '%s': this server lets a client change its own objects only", shortened(name).c_str());
   }
   Group::Foreign present;
   present.kept = get(call, name, present.object);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <set>
 
 #include "base/error.h"
 #include "base/text.h"
@@ -12,7 +13,8 @@ namespace fs {
 Replica::Replica(SentAssets& sent, const Connection& connection)
     : scene(make_ref<LocalScene>(std::shared_ptr<ServoOutput>(connection.outbox(), &connection.outbox()->servo),
                                  connection.welcome().is_virtual ? ClockKind::virtual_time : ClockKind::steady)),
-      objects(sent, connection.welcome().max_objects) {
+      max_objects(connection.welcome().max_objects),
+      objects(sent, max_objects) {
   scene->leave_unbuilt();
   scene->hold();
 }
@@ -41,7 +43,7 @@ void Group::note_name(const std::string& name, bool is_there) {
 // Refused objects are not at the server: they have room of their own.
 void Group::require_room(size_t objects, size_t changes) const {
   const OwnObjects& own = replica_.objects;
-  const size_t most = max_objects_, most_changes = wire::most_changes(max_objects_);
+  const size_t most = replica_.max_objects, most_changes = wire::most_changes(replica_.max_objects);
   const size_t names = own.size() + static_cast<size_t>(more_names_) + objects;
   const size_t present = own.size() - own.refused_count() + static_cast<size_t>(more_objects_) + objects;
   if (objects && present > most) {
@@ -53,6 +55,12 @@ void Group::require_room(size_t objects, size_t changes) const {
   if (batch.size() + changes > most_changes) {
     fail(FS_ERROR_FULL, "the group would have %zu changes, must be at most %zu", batch.size() + changes, most_changes);
   }
+}
+
+void Group::require_room(const std::vector<std::string>& names, size_t changes) const {
+  const std::set<std::string_view> distinct(names.begin(), names.end());
+  const auto is_new = [&](std::string_view name) { return !is_object(name); };
+  require_room(static_cast<size_t>(std::count_if(distinct.begin(), distinct.end(), is_new)), names.size() + changes);
 }
 
 void Group::add_object(wire::Type type, const char* name, uint32_t parts) {

@@ -15,11 +15,11 @@ namespace fs {
 
 class Group {
  public:
-  // max_objects: as many as the server allows.
-  Group(const Replica& replica, uint32_t max_objects) : replica_(replica), max_objects_(max_objects) {}
+  explicit Group(const Replica& replica) : replica_(replica) {}
 
   // ---- To put it together. Each change is added after the replica has taken it.
   void require_room(size_t objects, size_t changes = 1) const;  // for so many more objects and changes. FULL
+  void require_room(const std::vector<std::string>& names, size_t changes) const;  // to set objects of these names, too
   bool is_object(std::string_view name) const;  // once the group is applied, the server has such an object
   void add_object(wire::Type type, const char* name, uint32_t parts);  // set or change: the object as the replica has it
   void add_place(const char* name);                                    // the motion that the replica has
@@ -50,7 +50,6 @@ class Group {
   void note_name(const std::string& name, bool is_there);
 
   const Replica& replica_;
-  const uint32_t max_objects_;
   // By the index of the change; the last changes may have no entry.
   std::vector<Ref<const Object>> objects_;
   std::vector<Assets> assets_;

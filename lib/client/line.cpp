@@ -4,6 +4,8 @@
 #include <cmath>
 #include <thread>
 
+#include "base/text.h"
+
 namespace fs {
 namespace {
 
@@ -63,7 +65,8 @@ wire::Target to_target(const char* name, const char* field) {
   wire::Target out{};
   const size_t size = strnlen(name, sizeof out.name);
   if (size == sizeof out.name) {
-    fail(FS_ERROR_NOT_FOUND, "%s is '%.80s...': no name is that long", field, name);
+    fail(FS_ERROR_NOT_FOUND, "%s is '%s': no name is that long", field,
+         shortened(std::string_view(name, size)).c_str());
   }
   std::memcpy(out.name, name, size);
   return out;

@@ -160,7 +160,7 @@ void Pulls::take_over(const wire::Pulled& pulled, const LinkedObject& received, 
   if (was_moved) {
     scene.set_movement(name.c_str(), newest);
   } else {
-    scene.set_motion(name, from_record(pulled.movement));
+    scene.set_motion(name, from_record(pulled.motion));
   }
   OwnObject& own = replica_.objects.add(name);
   fs_object object;

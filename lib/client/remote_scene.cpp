@@ -1,9 +1,7 @@
 #include "client/remote_scene.h"
 
-#include <algorithm>
 #include <cstring>
 #include <new>
-#include <set>
 #include <string_view>
 
 #include "base/error.h"
@@ -36,17 +34,14 @@ template <class F>
 void RemoteScene::mutate(Call& call, F&& f) {
   for (pulls_.look(); !group_; line_.pause(call, true)) {
     replica_.catch_up_with_moves();
-    Group group(replica_, max_objects());
+    Group group(replica_);
     bool is_sent = false;
     replica_.scene->begin();
     try {
       f(group);
       is_sent = sender_.deliver(group);
-      if (is_sent) {
-        replica_.scene->commit();
-      } else {
-        replica_.scene->cancel();
-      }
+      if (is_sent) replica_.scene->commit();
+      else replica_.scene->cancel();
     } catch (...) {
       replica_.scene->cancel();
       if (is_sent) line_.lose_for_memory();
@@ -192,10 +187,7 @@ void RemoteScene::set_contents(const std::vector<fs_object>& objects, const fs_f
   }
   Call call = line_.enter();
   mutate(call, [&](Group& group) {
-    const std::set<std::string_view> distinct(names.begin(), names.end());
-    const auto fresh = static_cast<size_t>(
-        std::count_if(distinct.begin(), distinct.end(), [&](std::string_view name) { return !group.is_object(name); }));
-    group.require_room(fresh, names.size() + 2);
+    group.require_room(names, 2);
     replica_.scene->set_contents(objects, frame, tool);
     for (const std::string& name : names) group.add_object(wire::type_set, name.c_str(), all_parts);
     group.add_frame();
@@ -209,7 +201,7 @@ void RemoteScene::begin() {
   const Call call = line_.enter();
   pulls_.look();
   replica_.catch_up_with_moves();
-  auto group = std::make_unique<Group>(replica_, max_objects());
+  auto group = std::make_unique<Group>(replica_);
   replica_.scene->begin();  // STATE
   group_ = std::move(group);
 }
@@ -320,19 +312,17 @@ fs_status RemoteScene::get_hand(fs_state* state, fs_response* response, fs_wrenc
   return read_hand(connection_.outbox()->servo, state, response, sent);
 }
 
-void RemoteScene::get_servo_stats(fs_servo_stats& out) {
+// What the server answers becomes out, which keeps its own size.
+template <class Info>
+void RemoteScene::ask(wire::Type type, Info& out) {
   Call call = line_.enter();
   const uint32_t size = out.struct_size;
-  out = line_.request(call, wire::type_stats).as<fs_servo_stats>();
+  out = line_.request(call, type).as<Info>();
   out.struct_size = size;
 }
 
-void RemoteScene::get_device_info(fs_device_info& out) {
-  Call call = line_.enter();
-  const uint32_t size = out.struct_size;
-  out = line_.request(call, wire::type_device).as<fs_device_info>();
-  out.struct_size = size;
-}
+void RemoteScene::get_servo_stats(fs_servo_stats& out) { ask(wire::type_stats, out); }
+void RemoteScene::get_device_info(fs_device_info& out) { ask(wire::type_device, out); }
 
 // -------------------------------------------------------------------------------------------------- reports and motions
 
@@ -347,23 +337,10 @@ std::vector<fs_report> RemoteScene::reports() {
   return reports_.of_all(call);
 }
 
-// The request may wait, so it comes first: own objects are looked at without giving the lock back.
 std::vector<fs_motion> RemoteScene::motions(const char* client) {
   Call call = line_.enter();
-  const bool is_own = client && client_ == client;
-  if (client && !*client) fail(FS_ERROR_NOT_FOUND, "client is '': no client of that name is connected");
-  std::vector<fs_motion> others;
-  if (!is_own) {
-    const wire::Target target = to_target(client ? client : "", "client");
-    others = line_.request(call, wire::type_motions, target).list<fs_motion>();
-    if (client) return others;
-  }
-  pulls_.catch_up(call);
-  replica_.catch_up_with_moves();
-  std::vector<fs_motion> out = replica_.scene->motions(nullptr);
-  if (out.empty()) return others;
-  out.insert(out.end(), others.begin(), others.end());
-  return out;
+  if (client && client_ == client) return reports_.own_motions(call);
+  return client ? reports_.foreign_motions(call, client) : reports_.all_motions(call);
 }
 
 std::vector<fs_client> RemoteScene::clients() {

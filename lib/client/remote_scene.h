@@ -64,7 +64,8 @@ struct RemoteScene final : Scene {
 
  private:
   double now() const noexcept { return replica_.scene->now(); }
-  uint32_t max_objects() const noexcept { return connection_.welcome().max_objects; }
+  template <class Info>
+  void ask(wire::Type type, Info& out);
   const char* own_name(const char* name) const noexcept;  // without this client's; null: of another client's object
 
   // All that follow are called with the lock, and may wait without it.

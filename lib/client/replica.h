@@ -12,6 +12,7 @@ struct Replica {
   Replica(SentAssets& sent, const Connection& connection);
 
   const Ref<LocalScene> scene;
+  const uint32_t max_objects;  // as many as the server allows
   OwnObjects objects;
   // A tool may look at the scene, so moves go there at once, and changes are posted.
   std::atomic<bool> is_evaluated_here{false};

@@ -1,5 +1,6 @@
 #include "client/reports.h"
 
+#include "base/error.h"
 #include "base/text.h"
 
 namespace fs {
@@ -57,6 +58,25 @@ std::vector<fs_report> Reports::of_all(Call& call) {
     report = in_group(report, found == theirs.end() ? nullptr : &found->second);
   }
   out.insert(out.begin(), own.begin(), own.end());
+  return out;
+}
+
+std::vector<fs_motion> Reports::own_motions(Call& call) {
+  pulls_.catch_up(call);
+  replica_.catch_up_with_moves();
+  return replica_.scene->motions(nullptr);
+}
+
+std::vector<fs_motion> Reports::foreign_motions(Call& call, const char* client) {
+  if (!*client) fail(FS_ERROR_NOT_FOUND, "client is '': no client of that name is connected");
+  return line_.request(call, wire::type_motions, to_target(client, "client")).list<fs_motion>();
+}
+
+// The request may wait, so it comes first: own objects are looked at without giving the lock back.
+std::vector<fs_motion> Reports::all_motions(Call& call) {
+  const auto others = line_.request(call, wire::type_motions, wire::Target{}).list<fs_motion>();
+  std::vector<fs_motion> out = own_motions(call);
+  out.insert(out.end(), others.begin(), others.end());
   return out;
 }
 

@@ -1,5 +1,6 @@
 // Reports of objects come from the server, which alone knows what became of them. While a group is open, the report of an own
-// object also says what the group has made of it, which the server does not know yet.
+// object also says what the group has made of it, which the server does not know yet. Motions of own objects come from the
+// replica, those of others from the server.
 #pragma once
 
 #include <memory>
@@ -14,18 +15,22 @@ namespace fs {
 class Reports {
  public:
   // group: the group that is open; null: none.
-  Reports(Line& line, const Replica& replica, Pulls& pulls, const std::unique_ptr<Group>& group)
+  Reports(Line& line, Replica& replica, Pulls& pulls, const std::unique_ptr<Group>& group)
       : line_(line), replica_(replica), pulls_(pulls), group_(group) {}
 
   fs_report of_own(Call& call, const char* name);      // NOT_FOUND
   fs_report of_foreign(Call& call, const char* name);  // "client/object". NOT_FOUND
   std::vector<fs_report> of_all(Call& call);           // the client's own objects first
 
+  std::vector<fs_motion> own_motions(Call& call);
+  std::vector<fs_motion> foreign_motions(Call& call, const char* client);  // of another client's objects. NOT_FOUND
+  std::vector<fs_motion> all_motions(Call& call);                          // the client's own objects first
+
  private:
   fs_report in_group(const fs_report& ours, const fs_report* theirs) const;
 
   Line& line_;
-  const Replica& replica_;
+  Replica& replica_;
   Pulls& pulls_;
   const std::unique_ptr<Group>& group_;
 };

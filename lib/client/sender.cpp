@@ -34,7 +34,7 @@ void Sender::write_moves(const Batch& batch) noexcept {
   connection_.inbox().begin_batch();
   for (const Change& change : batch) {
     OwnObject& own = *replica_.objects.find(change.name());
-    connection_.inbox().write(own.slot, {own.after, change.as<wire::Place>().movement});
+    connection_.inbox().write(own.slot, {own.after, change.as<wire::Place>().motion});
     own.moved_in = questions_.newest();
   }
   connection_.inbox().end_batch();

@@ -26,7 +26,8 @@ const fs_driver& driver_of(const std::string& scheme, const char* uri) {
        schemes.empty() ? "none" : schemes.c_str());
 }
 
-fs_status known_status(fs_status status) {  // a driver may return any number
+// A driver may return any number. Each is a value of fs_status to C++, as the type has negative values and is 32 bits wide.
+fs_status known_status(fs_status status) {
   const int value = static_cast<int>(status);
   return value <= FS_OK && value >= FS_ERROR_INTERNAL ? status : FS_ERROR_IO;
 }

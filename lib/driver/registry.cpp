@@ -77,14 +77,14 @@ void load_driver(const char* path) {
   if (!*path) fail(FS_ERROR_INVALID, "path is empty, must be the path of a driver's library");
   struct stat info{};
   if (std::strchr(path, '/') && stat(path, &info) == 0 && !S_ISREG(info.st_mode)) {  // dlopen would block on a pipe
-    fail(FS_ERROR_IO, "path is '%.200s', which is no file", path);
+    fail(FS_ERROR_IO, "path is '%s', which is no file", path);
   }
   std::unique_ptr<void, int (*)(void*)> library(dlopen(path, RTLD_NOW | RTLD_LOCAL), dlclose);
-  if (!library) fail(FS_ERROR_IO, "path is '%.200s': %s", path, dlerror());
+  if (!library) fail(FS_ERROR_IO, "path is '%s': %s", path, dlerror());
   const auto entry = reinterpret_cast<fs_driver_entry_function>(dlsym(library.get(), "fs_driver_entry"));
-  if (!entry) fail(FS_ERROR_IO, "path is '%.200s', a library without a driver: %s", path, dlerror());
+  if (!entry) fail(FS_ERROR_IO, "path is '%s', a library without a driver: %s", path, dlerror());
   const fs_driver* const driver = entry();
-  if (!driver) fail(FS_ERROR_IO, "path is '%.200s', a library whose fs_driver_entry gives no driver", path);
+  if (!driver) fail(FS_ERROR_IO, "path is '%s', a library whose fs_driver_entry gives no driver", path);
   register_driver(*driver);
   static_cast<void>(library.release());  // the registry has its functions: it is never unloaded
 }

@@ -8,10 +8,7 @@ namespace fs {
 namespace {
 
 Vec3 read_vertex(Text& text) {
-  Vec3 point;
-  point.x = text.number(text.word(), "x");
-  point.y = text.number(text.word(), "y");
-  point.z = text.number(text.word(), "z");
+  const Vec3 point = text.point(text.word());
   for (int i = 0; i < 4; ++i) {  // an optional weight or colour
     const std::string_view more = text.word();
     if (more.empty()) return point;

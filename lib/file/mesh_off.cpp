@@ -67,11 +67,7 @@ MeshData parse_off(std::string_view bytes, const std::string& file) {
   mesh.triangles.reserve(3 * faces);
   Faces cutter(mesh.triangles);
   for (uint64_t i = 0; i < points; ++i) {
-    Vec3 point;
-    point.x = text.number(next_item(text, "vertices", i, points), "x");
-    point.y = text.number(text.word(), "y");
-    point.z = text.number(text.word(), "z");
-    mesh.points.push_back(point);
+    mesh.points.push_back(text.point(next_item(text, "vertices", i, points)));
   }
   for (uint64_t i = 0; i < faces; ++i) {
     const int64_t corners = text.integer(next_item(text, "faces", i, faces), "the number of corners");

@@ -107,11 +107,7 @@ MeshData parse_ascii(std::string_view bytes, const std::string& file) {
       expect(text, "loop");
       for (int corner = 0; corner < 3; ++corner) {
         expect(text, "vertex");
-        Vec3 point;
-        point.x = text.number(text.word(), "x");
-        point.y = text.number(text.word(), "y");
-        point.z = text.number(text.word(), "z");
-        corners.push_back(point);
+        corners.push_back(text.point(text.word()));
       }
       expect(text, "endloop");
       expect(text, "endfacet");

@@ -94,6 +94,8 @@ int64_t Text::integer(std::string_view word, const char* what) const {
   return value;
 }
 
+Vec3 Text::point(std::string_view x) { return {number(x, "x"), number(word(), "y"), number(word(), "z")}; }
+
 std::string Text::where() const { return file_ + ", line " + std::to_string(line_); }
 
 }  // namespace fs

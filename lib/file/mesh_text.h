@@ -7,6 +7,8 @@
 
 #include <forceserver/base.h>
 
+#include "math/vec3.h"
+
 namespace fs {
 
 // A cursor over text. Lines end with \n, \r\n or \r; words are separated by blanks.
@@ -27,6 +29,7 @@ class Text {
   // Parse a word; `what` names it in the error sentence. An empty word counts as missing.
   double number(std::string_view word, const char* what) const;  // finite
   int64_t integer(std::string_view word, const char* what) const;
+  Vec3 point(std::string_view x);  // of this word and the next two of the line
 
   size_t line() const { return line_; }  // from 1
   size_t remaining() const { return static_cast<size_t>(end_ - cursor_); }  // bytes

@@ -12,7 +12,6 @@
 namespace fs {
 namespace {
 
-constexpr double largest_position = 1e15;      // m
 constexpr size_t most_points = 4'000'000'000;  // an index is a uint32_t
 constexpr size_t most_triangles = 500'000'000; // so is the number of a half-edge, 3 per triangle
 
@@ -23,9 +22,9 @@ void check_points(const Vec3* points, size_t count, size_t least, Wanted& wanted
     wanted.step();
     const double coordinates[] = {points[i].x, points[i].y, points[i].z};
     for (int k = 0; k < 3; ++k) {
-      if (std::fabs(coordinates[k]) <= largest_position) continue;
+      if (std::fabs(coordinates[k]) <= coordinate_limit) continue;
       fail(FS_ERROR_INVALID, "points[%zu].%c is %g, must be finite and within +-%g m", i, "xyz"[k], coordinates[k],
-           largest_position);
+           coordinate_limit);
     }
   }
 }

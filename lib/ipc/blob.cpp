@@ -18,8 +18,7 @@ constexpr size_t most_at_once = 1 << 30;
 
 BlobWriter::BlobWriter() : blob_(memfd_create("forceserver-data", MFD_CLOEXEC | MFD_ALLOW_SEALING)) {
   if (blob_) return;
-  fail(errno == EMFILE || errno == ENFILE ? FS_ERROR_FULL : FS_ERROR_IO, "shared memory could not be made: %s",
-       std::strerror(errno));
+  fail(status_without_descriptor(errno), "shared memory could not be made: %s", std::strerror(errno));
 }
 
 void BlobWriter::write(std::span<const std::byte> part) {

@@ -32,14 +32,16 @@ uid_t parse_user(const std::string& text) {
   std::vector<char> buffer(16384);
   passwd entry, *found = nullptr;
   getpwnam_r(text.c_str(), &entry, buffer.data(), buffer.size(), &found);
-  if (!found) fail(FS_ERROR_INVALID, "user is '%.80s', must be a user of this machine, by name or number", text.c_str());
+  if (!found) {
+    fail(FS_ERROR_INVALID, "user is '%s', must be a user of this machine, by name or number", shortened(text).c_str());
+  }
   return found->pw_uid;
 }
 
 double parse_timeout(const std::string& text) {
   double timeout = 0;
   if (!read_number(text, timeout) || !(timeout >= 0 && timeout <= 1e6)) {
-    fail(FS_ERROR_INVALID, "timeout is '%.80s', must be within 0..1e6 s", text.c_str());
+    fail(FS_ERROR_INVALID, "timeout is '%s', must be within 0..1e6 s", shortened(text).c_str());
   }
   return timeout;
 }
@@ -74,22 +76,24 @@ sockaddr_un to_sockaddr(const std::string& address, socklen_t& size) {
 Endpoint parse_endpoint(const char* given, bool is_server) {
   Endpoint out;
   out.text = given;
+  const std::string shown = shortened(given);  // in sentences
   if (out.text.starts_with("dds:")) {
-    fail(FS_ERROR_UNSUPPORTED, "endpoint is '%.80s': DDS is not in version %s of this library", given, fs_version());
+    fail(FS_ERROR_UNSUPPORTED, "endpoint is '%s': DDS is not in version %s of this library", shown.c_str(),
+         fs_version());
   }
   if (!out.text.starts_with("shm:")) {
-    fail(FS_ERROR_INVALID, "endpoint is '%.80s', must begin with shm: or dds:", given);
+    fail(FS_ERROR_INVALID, "endpoint is '%s', must begin with shm: or dds:", shown.c_str());
   }
   const size_t question = out.text.find('?');
   out.name = out.text.substr(4, question == std::string::npos ? question : question - 4);
   out.user = geteuid();
   if (out.name.empty() || out.name.size() > longest_name) {
-    fail(FS_ERROR_INVALID, "endpoint is '%.80s': its name is %zu bytes long, must be 1..%zu", given, out.name.size(),
-         longest_name);
+    fail(FS_ERROR_INVALID, "endpoint is '%s': its name is %zu bytes long, must be 1..%zu", shown.c_str(),
+         out.name.size(), longest_name);
   }
   for (const char c : out.name) {
     if (c == '/' || static_cast<unsigned char>(c) < 0x20 || c == 0x7f) {
-      fail(FS_ERROR_INVALID, "endpoint is '%.80s': its name must be without '/' and control characters", given);
+      fail(FS_ERROR_INVALID, "endpoint is '%s': its name must be without '/' and control characters", shown.c_str());
     }
   }
   std::string options = question == std::string::npos ? "" : out.text.substr(question + 1);
@@ -102,11 +106,11 @@ Endpoint parse_endpoint(const char* given, bool is_server) {
     const std::string key = option.substr(0, equals), value = equals == std::string::npos ? "" : option.substr(equals + 1);
     const bool is_known = !is_server && equals != std::string::npos && (key == "user" || key == "timeout");
     if (!is_known) {
-      fail(FS_ERROR_INVALID, "endpoint is '%.80s': option '%.40s' is not known; there %s", given, option.c_str(),
-           is_server ? "is none for a server" : "are user=USER and timeout=SECONDS");
+      fail(FS_ERROR_INVALID, "endpoint is '%s': option '%s' is not known; there %s", shown.c_str(),
+           shortened(option).c_str(), is_server ? "is none for a server" : "are user=USER and timeout=SECONDS");
     }
     if (key == "user" ? has_user : out.timeout >= 0) {
-      fail(FS_ERROR_INVALID, "endpoint is '%.80s': %s is given twice", given, key.c_str());
+      fail(FS_ERROR_INVALID, "endpoint is '%s': %s is given twice", shown.c_str(), key.c_str());
     }
     if (key == "user") {
       out.user = parse_user(value);
@@ -139,8 +143,8 @@ Listener::Listener(const std::string& address) {
       fail(FS_ERROR_EXISTS, "endpoint is 'shm:%s': %s has that name already", address.c_str() + slash + 1,
            is_shared ? "a server of all users" : "a server of this user");
     }
-    fail(errno == EMFILE || errno == ENFILE ? FS_ERROR_FULL : FS_ERROR_IO, "no server can listen at '%s': %s",
-         address.c_str(), std::strerror(errno));
+    fail(status_without_descriptor(errno), "no server can listen at '%s': %s", address.c_str(),
+         std::strerror(errno));
   }
   all.numbers.push_back(made.get());
   socket_ = std::move(made);

@@ -22,7 +22,7 @@ const std::size_t batch_size = 8192;
 std::optional<double> take_number(std::string_view& line) {
   const char* const blanks = " \t\r";
   line.remove_prefix(std::min(line.find_first_not_of(blanks), line.size()));
-  if (line.starts_with('+')) line.remove_prefix(1);
+  if (line.starts_with('+') && !line.starts_with("+-")) line.remove_prefix(1);  // from_chars does not accept a '+'
   double value = 0;
   const auto [end, error] = std::from_chars(line.data(), line.data() + line.size(), value);
   if (error != std::errc() || !std::isfinite(value)) return {};

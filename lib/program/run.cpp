@@ -126,18 +126,19 @@ void print_line(fs_scene* scene, double time, bool listens, bool terminal) {
   std::fflush(stdout);
 }
 
-// Prints the events since the last call, one per line.
-void print_events(fs_scene* scene, bool terminal) {
-  for (;;) {
+// Prints the events since the last call, one per line. Returns the faults that they tell of.
+std::uint32_t print_events(fs_scene* scene, bool terminal) {
+  for (std::uint32_t faults = 0;;) {
     fs_event event;
     require(fs_scene_next_event(scene, 0, &event));
-    if (event.kind == FS_EVENT_NONE) return;
+    if (event.kind == FS_EVENT_NONE) return faults;
     if (terminal) std::printf("\r\033[K");
     if (event.kind == FS_EVENT_CAPPED) std::printf("%s: its slope is now %.0f N/m at most\n", event.name, event.value);
     if (event.kind == FS_EVENT_EXPIRED) std::printf("%s: outlived its lifetime\n", event.name);
     if (event.kind == FS_EVENT_EDITED) std::printf("%s: edited by %s\n", event.name, event.text);
     if (event.kind == FS_EVENT_DEVICE && event.status == FS_OK) std::printf("the device is ready\n");
     if (event.kind == FS_EVENT_DEVICE && event.status != FS_OK) {
+      faults |= std::uint32_t(event.value);
       const bool comes_back = std::uint32_t(event.value) & FS_FAULT_DEVICE;
       std::printf("the force stopped: %s%s\n", stop_reason(event).c_str(), comes_back ? "" : "; start again");
     }
@@ -208,8 +209,8 @@ int run(const RunOptions& options) {
     const double left = options.duration > 0 ? options.duration - elapsed : sample;
     over = left <= 0 || ending.wait(std::min(left, sample));
     elapsed = Seconds(Clock::now() - start).count();
-    faults |= get_stats(scene.get()).faults;
-    print_events(scene.get(), terminal);
+    // No event tells of a device that was not ready from the start, and the statistics do not tell of a fault that is over.
+    faults |= get_stats(scene.get()).faults | print_events(scene.get(), terminal);
     if (record) {
       try {
         record->fetch(servo.get());
@@ -225,6 +226,7 @@ int run(const RunOptions& options) {
     }
   }
   const fs_servo_stats stats = get_stats(scene.get());
+  faults |= stats.faults | print_events(scene.get(), terminal);
   fs_servo_set_enabled(servo.get(), false);
   try {
     if (record) record->fetch(servo.get());  // the last ticks that the summary counts
@@ -233,8 +235,8 @@ int run(const RunOptions& options) {
     record_failed = true;
   }
   if (terminal) std::printf("\r\033[K");
-  print_summary(stats, Seconds(Clock::now() - start).count(), faults | stats.faults);
+  print_summary(stats, Seconds(Clock::now() - start).count(), faults);
   if (record && record->gaps() > 0) std::printf("the record has %d gaps: this machine was too slow\n", record->gaps());
   if (record_failed) return exit_failed;
-  return faults | stats.faults ? exit_odd : exit_fine;
+  return faults ? exit_odd : exit_fine;
 }

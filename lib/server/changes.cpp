@@ -76,7 +76,7 @@ void Changes::apply(const Change& change, uint64_t serial) {
     case type_change: return apply_set(change.as<Set>(), serial, true);
     case type_place:
       if (!client_.moves.has(name)) return;  // another client has removed it
-      scene.set_motion(name, from_record(change.as<Place>().movement));
+      scene.set_motion(name, from_record(change.as<Place>().motion));
       client_.moves.bind(name, client_.moves.slot_of(name), serial);
       ++client_.moved;
       return;

@@ -2,11 +2,16 @@
 
 #include <algorithm>
 #include <iterator>
+#include <new>
 
+#include "base/error.h"
 #include "server/session.h"
 
 namespace fs {
 namespace {
+
+constexpr ptrdiff_t most_strangers = 64;  // that have not said who they are
+constexpr ptrdiff_t most_refused = 16;
 
 bool is_there(const std::shared_ptr<Session>& session) {
   return !session->client().is_gone && !session->client().name.empty();
@@ -69,6 +74,40 @@ std::vector<fs_client> Clients::describe() const {
 
 bool Clients::is_anybody_applying() const {
   return std::any_of(sessions_.begin(), sessions_.end(), [](const auto& session) { return session->client().is_applying; });
+}
+
+void Clients::make_room(bool is_refused) {
+  // Clients that will be refused have a few places of their own, so that they cannot take the places of others.
+  const auto is_rival = [&](const std::shared_ptr<Session>& session) {
+    return !session->client().is_gone && session->client().name.empty() && session->is_refused() == is_refused;
+  };
+  const ptrdiff_t most = is_refused ? most_refused : most_strangers;
+  if (std::count_if(sessions_.begin(), sessions_.end(), is_rival) < most) return;
+  const std::shared_ptr<Session> longest = *std::find_if(sessions_.begin(), sessions_.end(), is_rival);
+  longest->receive(1);  // it may have said something by now
+  if (longest->client().name.empty()) longest->drop(0);
+}
+
+void Clients::require_room() {
+  const size_t present = count();
+  if (present >= most_) fail(FS_ERROR_FULL, "the server has %u clients, its maximum", most_);
+  // Clients that are gone cost the servo as much as the others while they fade out.
+  reap_leaving();
+  if (present + leaving_.size() < most_ + std::max<size_t>(most_, 32)) return;
+  for (const Ref<Channel>& channel : leaving_) channel->end_lease(servo_.scene()->now());
+  fail(FS_ERROR_FULL, "too many clients came and went: there is room again when their objects have faded out");
+}
+
+void Clients::note_leaving(const Client& client) noexcept {
+  try {
+    if (client.channel) leaving_.push_back(client.channel);
+  } catch (const std::bad_alloc&) {  // then it is not counted
+  }
+}
+
+void Clients::reap_leaving() {
+  servo_.reap_channels();
+  std::erase_if(leaving_, [](const Ref<Channel>& channel) { return channel->is_gone(); });
 }
 
 }  // namespace fs

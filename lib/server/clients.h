@@ -1,7 +1,8 @@
-// Keeps the sessions of the server, and finds clients by name and by number.
+// Keeps the sessions of the server, finds clients by name and by number, and knows whether there is room for another.
 #pragma once
 
 #include <functional>
+#include <list>
 #include <memory>
 #include <string_view>
 #include <vector>
@@ -16,6 +17,8 @@ class Session;
 
 class Clients {
  public:
+  Clients(Servo& servo, uint32_t most) : servo_(servo), most_(most) {}
+
   // ---- All sessions, also of clients that have not said who they are.
   const std::vector<std::shared_ptr<Session>>& sessions() const noexcept { return sessions_; }
   void add(std::shared_ptr<Session> session) { sessions_.push_back(std::move(session)); }  // ids rise
@@ -32,8 +35,18 @@ class Clients {
   bool is_anybody_applying() const;
   void for_each(const std::function<void(const std::shared_ptr<Client>&)>& f) const;
 
+  // ---- Room. There may be so many clients, a few that have not said who they are, and as many that are gone but still felt.
+  // Called before one is added that has not said who it is: the one that has waited longest without a word may have to go.
+  void make_room(bool is_refused);  // is_refused: the new one will be
+  void require_room();              // for one more client that has said who it is. FULL
+  void note_leaving(const Client& client) noexcept;  // it is gone
+  void reap_leaving();                               // forgets those that are not felt any more
+
  private:
+  Servo& servo_;
+  const uint32_t most_;
   std::vector<std::shared_ptr<Session>> sessions_;
+  std::list<Ref<Channel>> leaving_;  // of clients that are gone but can still be felt
 };
 
 }  // namespace fs

@@ -20,8 +20,7 @@ Descriptor open_file() { return Descriptor(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK
 Door::Door(const std::string& own_address, const std::string& shared_address)
     : own_(own_address), shared_(shared_address.empty() ? Listener() : Listener(shared_address)), spare_(open_file()) {
   if (!spare_) {
-    fail(errno == EMFILE || errno == ENFILE ? FS_ERROR_FULL : FS_ERROR_IO, "the server could not be made: %s",
-         std::strerror(errno));
+    fail(status_without_descriptor(errno), "the server could not be made: %s", std::strerror(errno));
   }
 }
 

@@ -14,7 +14,8 @@ TargetObject find_target(const Client& asking, const wire::Target& target) {
   if (client == "server") return {nullptr, asking.host.servo().scene(), name};
   const std::shared_ptr<Client> owner = asking.host.clients().share(client);
   if (!owner) {
-    fail(FS_ERROR_NOT_FOUND, "name is '%.120s': no client '%.60s' is connected", text.c_str(), client.c_str());
+    fail(FS_ERROR_NOT_FOUND, "name is '%s': no client '%s' is connected", shortened(text).c_str(),
+         shortened(client).c_str());
   }
   return {owner, owner->scene, name};
 }
@@ -22,12 +23,12 @@ TargetObject find_target(const Client& asking, const wire::Target& target) {
 TargetObject find_foreign(const Client& asking, const wire::Target& target) {
   TargetObject out = find_target(asking, target);
   if (out.owner.get() == &asking) {  // both ends keep track of own objects
-    fail(FS_ERROR_INVALID, "name is '%.120s', must be of another client's object: its own ones have bare names",
-         text_of(target.name).c_str());
+    fail(FS_ERROR_INVALID, "name is '%s', must be of another client's object: its own ones have bare names",
+         shortened(text_of(target.name)).c_str());
   }
   if (asking.host.settings().is_locked) {
-    fail(FS_ERROR_DENIED, "name is '%.120s': this server lets a client change its own objects only",
-         text_of(target.name).c_str());
+    fail(FS_ERROR_DENIED, "name is '%s': this server lets a client change its own objects only",
+         shortened(text_of(target.name)).c_str());
   }
   return out;
 }

@@ -37,7 +37,7 @@ void List::make() noexcept {
 std::shared_ptr<Client> find_client(const Client& asking, const std::string& name) {
   std::shared_ptr<Client> found = asking.host.clients().share(name);
   if (!found && name != "server") {
-    fail(FS_ERROR_NOT_FOUND, "client is '%.80s': no client of that name is connected", name.c_str());
+    fail(FS_ERROR_NOT_FOUND, "client is '%s': no client of that name is connected", shortened(name).c_str());
   }
   return found;
 }

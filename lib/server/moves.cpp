@@ -74,7 +74,7 @@ Moves::Taken Moves::take(LocalScene& scene) {
   moves_.clear();
   for (const auto& [slot, move] : taken_) {
     Motion motion;
-    if (!from_record(move.movement, motion)) {
+    if (!from_record(move.motion, motion)) {
       ++out.refused;
       continue;
     }

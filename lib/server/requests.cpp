@@ -183,7 +183,7 @@ void Requests::tell_object(const std::string& name, wire::Pulled& out) {
   fs_object object;
   const Ref<const Object> kept = client_.scene->get(name.c_str(), object);
   out.object = client_.assets.offer(object);
-  out.movement = to_record(client_.scene->movement(name.c_str()).motion);
+  out.motion = to_record(client_.scene->movement(name.c_str()).motion);
   out.slot = client_.moves.slot_of(name);
   out.state = wire::pulled_present;
 }

@@ -26,8 +26,6 @@ constexpr double awake_for = 0.05;        // s after the last activity, until th
 constexpr double asleep_period = 0.02;    // s, for the heartbeat and the scenes' events
 constexpr double housekeeping_period = 0.01;
 constexpr double shortest_lead = 1.5e-4;  // s before a tick: time to wake up and to take some moves
-constexpr ptrdiff_t most_strangers = 64;  // that have not said who they are
-constexpr ptrdiff_t most_refused = 16;
 constexpr int most_messages = 64;  // of one client, before all are looked at again
 constexpr uint64_t quick_bytes = 1'000'000;  // a job with more of them goes to the builder
 
@@ -49,8 +47,7 @@ fs_server::fs_server(Ref<Servo> servo, const Endpoint& endpoint, const ServerSet
       builder_([this] { wake(); }),
       message_(most_message) {
   if (!timer_ || !wake_) {
-    fail(errno == EMFILE || errno == ENFILE ? FS_ERROR_FULL : FS_ERROR_IO, "the server could not be made: %s",
-         std::strerror(errno));
+    fail(status_without_descriptor(errno), "the server could not be made: %s", std::strerror(errno));
   }
   watcher_.add(wake_, source_wake);
   watcher_.add(timer_, source_timer);
@@ -268,7 +265,7 @@ void fs_server::turn(double now) {
 
 void fs_server::keep_house() {
   for (const std::shared_ptr<Session>& session : clients_.sessions()) session->keep_house();
-  count_leaving();
+  clients_.reap_leaving();
   door_.reopen();
   if (!is_door_open_) open_door(true);
   if (!is_asleep_) set_timer();  // aligned anew, because the servo skips ticks that it is too late for
@@ -309,29 +306,8 @@ void fs_server::set_reading(const Client& client, bool is_reading) noexcept {
   watcher_.set_reading(client.socket, socket_source(client), is_reading);
 }
 
-size_t fs_server::count_leaving() {
-  servo_->reap_channels();
-  std::erase_if(leaving_, [](const Ref<Channel>& channel) { return channel->is_gone(); });
-  return leaving_.size();
-}
-
-void fs_server::require_room() {
-  const size_t count = clients_.count();
-  if (count >= settings_.max_clients) {
-    fail(FS_ERROR_FULL, "the server has %u clients, its maximum", settings_.max_clients);
-  }
-  // Clients that are gone cost the servo as much as the others while they fade out.
-  const size_t most = settings_.max_clients + std::max<size_t>(settings_.max_clients, 32);
-  if (count + count_leaving() < most) return;
-  for (const Ref<Channel>& channel : leaving_) channel->end_lease(servo_->scene()->now());
-  fail(FS_ERROR_FULL, "too many clients came and went: there is room again when their objects have faded out");
-}
-
 void fs_server::let_go(const Client& client) noexcept {
-  try {
-    if (client.channel) leaving_.push_back(client.channel);
-  } catch (const std::bad_alloc&) {  // then it is not counted
-  }
+  clients_.note_leaving(client);
   watcher_.remove(client.socket);
   watcher_.remove(client.process);
   worker_.forget(client.id);
@@ -355,18 +331,8 @@ void fs_server::let_in(Descriptor&& socket) {
   note_activity();
   try {
     const Peer peer = peer_of(socket);
-    // Clients that will be refused have a few places of their own, so that they cannot take the places of others.
     const bool is_refused = peer.user != geteuid() && !settings_.is_for_all_users;
-    const auto is_rival = [&](const std::shared_ptr<Session>& session) {
-      return !session->client().is_gone && session->client().name.empty() && session->is_refused() == is_refused;
-    };
-    const auto& sessions = clients_.sessions();
-    if (std::count_if(sessions.begin(), sessions.end(), is_rival) >= (is_refused ? most_refused : most_strangers)) {
-      // The stranger that has waited longest without a word makes room for the new one.
-      const std::shared_ptr<Session> longest = *std::find_if(sessions.begin(), sessions.end(), is_rival);
-      longest->receive(1);  // it may have said something by now
-      if (longest->client().name.empty()) longest->drop(0);
-    }
+    clients_.make_room(is_refused);
     const auto session = std::make_shared<Session>(*this, ++last_id_, std::move(socket), peer,
                                                    is_refused ? FS_ERROR_DENIED : FS_OK);
     clients_.add(session);

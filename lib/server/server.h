@@ -4,7 +4,6 @@
 #pragma once
 
 #include <condition_variable>
-#include <list>
 #include <memory>
 #include <mutex>
 #include <span>
@@ -42,7 +41,7 @@ struct fs_server final : fs::Counted<fs_server>, fs::Host {
   // On the heap: a thread-local buffer would keep the library from being loaded at run time.
   std::span<std::byte> message_buffer() noexcept override { return message_; }
   void set_reading(const fs::Client& client, bool is_reading) noexcept override;
-  void require_room() override;
+  void require_room() override { clients_.require_room(); }
   void let_go(const fs::Client& client) noexcept override;
 
   void run() noexcept;
@@ -58,7 +57,6 @@ struct fs_server final : fs::Counted<fs_server>, fs::Host {
   void let_in(fs::Descriptor&& socket);
   void turn(double now);
   void keep_house();
-  size_t count_leaving();
   void bury_sessions() noexcept;
   void fall_asleep() noexcept;
   void wake() const noexcept;
@@ -72,8 +70,7 @@ struct fs_server final : fs::Counted<fs_server>, fs::Host {
   fs::Door door_;
   bool is_door_open_ = true;
   fs::Worker worker_, builder_;
-  fs::Clients clients_;
-  std::list<fs::Ref<fs::Channel>> leaving_;  // of clients that are gone but can still be felt
+  fs::Clients clients_{*servo_, settings_.max_clients};
   std::vector<std::byte> message_;
   uint64_t last_id_ = 0, turns_ = 0, rounds_ = 0;
   bool is_among_others_ = false;  // handles a message in the middle of other work

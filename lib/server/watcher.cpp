@@ -10,8 +10,7 @@ namespace fs {
 
 Watcher::Watcher() : epoll_(epoll_create1(EPOLL_CLOEXEC)) {
   if (epoll_) return;
-  fail(errno == EMFILE || errno == ENFILE ? FS_ERROR_FULL : FS_ERROR_IO, "the server could not be made: %s",
-       std::strerror(errno));
+  fail(status_without_descriptor(errno), "the server could not be made: %s", std::strerror(errno));
 }
 
 void Watcher::add(const Descriptor& descriptor, uint64_t source) {

@@ -13,7 +13,8 @@ namespace {
 template <class T>
 constexpr char kind_of() {
   using Element = std::remove_all_extents_t<T>;
-  if constexpr (std::is_same_v<Element, char>) return 'c';
+  if constexpr (requires { Element::is_always_lock_free; }) return kind_of<typename Element::value_type>();  // atomic
+  else if constexpr (std::is_same_v<Element, char>) return 'c';
   else if constexpr (std::is_floating_point_v<Element>) return 'f';
   else if constexpr (std::is_enum_v<Element>) return 'i';
   else if constexpr (std::is_integral_v<Element>) return std::is_signed_v<Element> ? 'i' : 'u';
@@ -81,6 +82,12 @@ class Table {
                 std::is_standard_layout_v<record>);                                                               \
   table.add(#record, {EACH(FIELD, record, __VA_ARGS__)})
 
+// A part of a shared region. It may have padding; but as the structured binding needs a name for each member, a member that is
+// left out does not compile.
+#define REGION(region, ...)                                                          \
+  (void)[](const region& all) { [[maybe_unused]] const auto& [__VA_ARGS__] = all; }; \
+  table.add(#region, {EACH(FIELD, region, __VA_ARGS__)})
+
 std::string make_layout_text() {
   Table table;
   RECORD(Header, type, reserved, serial);
@@ -98,8 +105,8 @@ std::string make_layout_text() {
   RECORD(Object, name, primitive, tool_points, pose, twist, time, start, lifetime, front, back, damping, keep,
          is_enabled, contact_stiffness, contact_limit, contact_damping, contact_friction, shape);
   RECORD(Set, slot, parts, object);
-  RECORD(Movement, pose, twist, time, horizon);
-  RECORD(Place, name, movement);
+  RECORD(Motion, pose, twist, time, horizon);
+  RECORD(Place, name, motion);
   RECORD(Remove, name);
   RECORD(Bind, slot, reserved, name);
   RECORD(Frame, frame);
@@ -113,8 +120,8 @@ std::string make_layout_text() {
   RECORD(Edit, target, parts, object);
   RECORD(MoveOther, target, has_twist, pose, twist, time);
   RECORD(Count, count);
-  RECORD(Pulled, state, slot, edits, object, movement, frame, tool);
-  RECORD(Move, after, movement);
+  RECORD(Pulled, state, slot, edits, object, motion, frame, tool);
+  RECORD(Move, after, motion);
   RECORD(fs_state, pose, twist, time, buttons, flags, reserved);
   RECORD(fs_response, wrench, stiffness, proxy, felt_count, flags, error_bound, reserved);
   RECORD(HandSample, state, response, sent);
@@ -131,12 +138,9 @@ std::string make_layout_text() {
          compute_max);
   RECORD(fs_device_info, struct_size, force_axes, torque_axes, reserved, name, serial, workspace_radius,
          workspace_height, workspace_angle, force_max, torque_max, resolution, rate, delay, damping, mass);
-  // The regions consist of atomic words, so RECORD cannot check them.
-  table.add("Outbox", {FIELD(Outbox, servo), FIELD(Outbox, heartbeat), FIELD(Outbox, is_closed), FIELD(Outbox, is_asleep),
-                       FIELD(Outbox, edits), FIELD(Outbox, events_written), FIELD(Outbox, events)});
-  table.add("ServoOutput", {FIELD(ServoOutput, time), FIELD(ServoOutput, tick), FIELD(ServoOutput, used),
-                            FIELD(ServoOutput, hand)});
-  table.add("InboxHead", {FIELD(InboxHead, batch), FIELD(InboxHead, summary)});
+  REGION(Outbox, servo, heartbeat, is_closed, is_asleep, edits, applied, events_written, events);
+  REGION(ServoOutput, time, tick, used, hand);
+  REGION(InboxHead, batch, summary);
   table.add("Inbox", {{"slot", 0, sizeof(Seqlock<Move>), 'r'}, {"event", 0, sizeof(Seqlock<EventSlot>), 'r'},
                       {"types", 0, type_reply, 'u'}});
   return table.text_;

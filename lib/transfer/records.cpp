@@ -123,9 +123,9 @@ void foresee(fs_view& view, const Change& change) {
   view.point_count = static_cast<uint32_t>(tool.count);
 }
 
-wire::Movement to_record(const Motion& m) { return {m.pose, m.twist, m.time, m.horizon}; }
+wire::Motion to_record(const Motion& m) { return {m.pose, m.twist, m.time, m.horizon}; }
 
-bool from_record(const wire::Movement& r, Motion& motion) noexcept {
+bool from_record(const wire::Motion& r, Motion& motion) noexcept {
   Motion out{r.pose, r.twist, r.time, r.horizon};
   if (!make_unit_pose(out.pose) || !is_in_range(r.twist.linear) || !is_in_range(r.twist.angular)) return false;
   if (!std::isfinite(r.time) || !(r.horizon >= 0 && r.horizon <= extrapolation_limit)) return false;
@@ -133,7 +133,7 @@ bool from_record(const wire::Movement& r, Motion& motion) noexcept {
   return true;
 }
 
-Motion from_record(const wire::Movement& r) {
+Motion from_record(const wire::Motion& r) {
   Motion out;
   if (from_record(r, out)) return out;
   parse_pose(r.pose, "pose");

@@ -20,9 +20,9 @@ wire::Object to_record(const fs_object& object);
 // The handles are null.
 fs_object from_record(const wire::Object& record);
 
-wire::Movement to_record(const Motion& motion);
-Motion from_record(const wire::Movement& record);                         // INVALID
-bool from_record(const wire::Movement& record, Motion& motion) noexcept;  // the same without a sentence
+wire::Motion to_record(const Motion& motion);
+Motion from_record(const wire::Motion& record);                         // INVALID
+bool from_record(const wire::Motion& record, Motion& motion) noexcept;  // the same without a sentence
 
 // Applies a change of the frame, the clutch or the tool to a view, before the scene has it.
 void foresee(fs_view& view, const Change& change);

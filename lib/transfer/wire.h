@@ -139,8 +139,8 @@ struct Set {
   Object object;
 };
 
-// How an object moves from a time on: the Motion of the scene.
-struct Movement {
+// How an object moves from a time on.
+struct Motion {
   fs_pose pose;
   fs_twist twist;
   double time;                   // s
@@ -149,7 +149,7 @@ struct Movement {
 
 struct Place {
   char name[FS_NAME_SIZE];
-  Movement movement;
+  Motion motion;
 };
 
 struct Remove {
@@ -235,7 +235,7 @@ struct Pulled {
   uint32_t slot;                 // of the object; no_slot: none
   uint64_t edits;                // Outbox::edits as far as the client has been told
   Object object;
-  Movement movement;             // of the object: unlike an Object it says how long the twist holds
+  Motion motion;                 // of the object: unlike an Object it says how long the twist holds
   Frame frame;
   Tool tool;
 };
@@ -243,7 +243,7 @@ struct Pulled {
 // In a slot of the inbox: written by fs_object_move.
 struct Move {
   uint64_t after;                // serial of the change that last set the pose: it counts only after that
-  Movement movement;
+  Motion motion;
 };
 
 struct EventSlot {

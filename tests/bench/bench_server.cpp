@@ -84,8 +84,8 @@ std::vector<uint32_t> shuffled(uint32_t n) {
 fs::wire::Move some_move(size_t number) {
   fs::wire::Move move{};
   move.after = 1;
-  move.movement.pose = {{0.1, 0.1, 1e-6 * static_cast<double>(number)}, {1, 0, 0, 0}};
-  move.movement.time = 1;
+  move.motion.pose = {{0.1, 0.1, 1e-6 * static_cast<double>(number)}, {1, 0, 0, 0}};
+  move.motion.time = 1;
   return move;
 }
 
@@ -132,7 +132,7 @@ void part_write() {
       check(fs_scene_sync(scene.get(), 20), "fs_scene_sync");
       const auto move = [&](const char* how, const fs_twist* given) {
         const Samples times = time_batches(batches, calls, [&](size_t i) {
-          const fs_pose pose = some_move(i).movement.pose;
+          const fs_pose pose = some_move(i).motion.pose;
           fs_object_move(scene.get(), names[object(i)].text, &pose, given, FS_NOW);
         });
         table_row(std::string("write: fs_object_move, ") + what + ", " + how + of, Unit::time, times,
@@ -219,7 +219,7 @@ void time_reads(uint32_t n, bool from_elsewhere) {
       fs::Motion motion;
       const int64_t begin = now_ns();
       inbox.take_dirty([&](uint32_t slot) {
-        if (inbox.read(slot, move) && fs::from_record(move.movement, motion)) sum += move.after;
+        if (inbox.read(slot, move) && fs::from_record(move.motion, motion)) sum += move.after;
       });
       const int64_t middle = now_ns();
       for (uint32_t r = 0; r < n; ++r) {

@@ -1,5 +1,6 @@
 // URIs, the registry and the device handle, with drivers that misbehave.
 #include <cmath>
+#include <cstdint>
 #include <thread>
 
 #include "support.h"
@@ -315,8 +316,10 @@ START_TEST(device_read_failures_are_zeros) {
   fake.read_status = FS_ERROR_DISCONNECTED;
   ck_assert_int_eq(device->read(1, state), FS_ERROR_DISCONNECTED);
   ck_assert(all_zero(state));
-  fake.read_status = static_cast<fs_status>(3);
-  ck_assert_int_eq(device->read(1, state), FS_ERROR_IO);
+  for (const int status : {INT32_MIN, FS_ERROR_INTERNAL - 1, 1, 3, INT32_MAX}) {
+    fake.read_status = static_cast<fs_status>(status);
+    ck_assert_int_eq(device->read(1, state), FS_ERROR_IO);
+  }
   fake.read_status = FS_OK;
   const int reads = fake.reads;
   fake.advance_status = FS_ERROR_IO;

@@ -202,8 +202,8 @@ uint64_t RawClient::remove(const std::string& name, bool more) {
   return send(fs::wire::type_remove, record, -1, more);
 }
 
-uint64_t RawClient::place(const std::string& name, const fs::wire::Movement& movement, bool more) {
-  fs::wire::Place record{{}, movement};
+uint64_t RawClient::place(const std::string& name, const fs::wire::Motion& motion, bool more) {
+  fs::wire::Place record{{}, motion};
   fs::put_text(record.name, name);
   return send(fs::wire::type_place, record, -1, more);
 }

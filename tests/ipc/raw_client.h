@@ -78,7 +78,7 @@ class RawClient {
   uint64_t set(uint32_t slot, const fs_object& object, bool more = false);
   uint64_t set(uint32_t slot, const fs::wire::Object& record, uint32_t parts = all_parts, bool more = false);
   uint64_t remove(const std::string& name, bool more = false);
-  uint64_t place(const std::string& name, const fs::wire::Movement& movement, bool more = false);
+  uint64_t place(const std::string& name, const fs::wire::Motion& motion, bool more = false);
   uint64_t forget(uint64_t id) { return send(fs::wire::type_forget, fs::wire::Forget{id}); }
   void move(uint32_t slot, uint64_t after, const fs_pose& pose);  // in the inbox
   uint64_t polyline(uint64_t id, std::span<const fs_vec3> points);

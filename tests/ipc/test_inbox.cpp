@@ -146,11 +146,11 @@ static double odd_number(scenes::Random& random) {
                                    1.0000001e15, 1e154, 1e300, -1e308, infinity, -infinity, nan_value, 1000, 0.01};
   return random.coin(0.1) ? std::bit_cast<double>(random.bits()) : numbers[random.below(std::size(numbers))];
 }
-static Movement odd_movement(scenes::Random& random) {
+static Motion odd_motion(scenes::Random& random) {
   const auto vector = [&] {
     return random.coin() ? random.in_box(0.1) : fs_vec3{odd_number(random), odd_number(random), odd_number(random)};
   };
-  Movement out{};
+  Motion out{};
   out.pose = random.pose(0.1);
   if (random.coin()) out.pose.position = vector();
   if (random.coin(0.2)) out.pose.orientation = {odd_number(random), odd_number(random), odd_number(random), odd_number(random)};
@@ -192,7 +192,7 @@ START_TEST(random_writes) {
     while (!is_over) {
       const auto slot = static_cast<uint32_t>(random.below(Writer::count));
       if (writer.sequence(slot).load() & 1) writer.sequence(slot).fetch_add(1);
-      writer.client.inbox.write(slot, {writer.after[slot], odd_movement(random)});
+      writer.client.inbox.write(slot, {writer.after[slot], odd_motion(random)});
     }
   });
   const uint64_t wanted = wanted_writes / (_i ? 4 : 1);
@@ -270,31 +270,31 @@ END_TEST
 START_TEST(bad_numbers) {
   Rig rig;
   Writer writer(rig);
-  std::vector<Movement> bad;
-  const Movement good{scenes::at(0, 0, 0), {}, 1, 0};
+  std::vector<Motion> bad;
+  const Motion good{scenes::at(0, 0, 0), {}, 1, 0};
   const auto with = [&](auto change) {
-    Movement m = good;
+    Motion m = good;
     change(m);
     bad.push_back(m);
   };
   for (const double x : {nan_value, infinity, -infinity, 1.1e15, -1e300}) {
     for (double fs_vec3::*axis : {&fs_vec3::x, &fs_vec3::y, &fs_vec3::z}) {
-      with([&](Movement& m) { m.pose.position.*axis = x; });
-      with([&](Movement& m) { m.twist.linear.*axis = x; });
-      with([&](Movement& m) { m.twist.angular.*axis = x; });
+      with([&](Motion& m) { m.pose.position.*axis = x; });
+      with([&](Motion& m) { m.twist.linear.*axis = x; });
+      with([&](Motion& m) { m.twist.angular.*axis = x; });
     }
-    with([&](Movement& m) { m.pose.orientation.w = x; });
-    with([&](Movement& m) { m.horizon = x; });
+    with([&](Motion& m) { m.pose.orientation.w = x; });
+    with([&](Motion& m) { m.horizon = x; });
   }
-  for (const double x : {nan_value, infinity, -infinity}) with([&](Movement& m) { m.time = x; });
-  with([&](Movement& m) { m.pose.orientation = {1.01, 0, 0, 0}; });
-  with([&](Movement& m) { m.pose.orientation = {1e-300, 0, 0, 0}; });
-  with([&](Movement& m) { m.horizon = -1e-9; });
-  with([&](Movement& m) { m.horizon = 0.1001; });
+  for (const double x : {nan_value, infinity, -infinity}) with([&](Motion& m) { m.time = x; });
+  with([&](Motion& m) { m.pose.orientation = {1.01, 0, 0, 0}; });
+  with([&](Motion& m) { m.pose.orientation = {1e-300, 0, 0, 0}; });
+  with([&](Motion& m) { m.horizon = -1e-9; });
+  with([&](Motion& m) { m.horizon = 0.1001; });
 
   const uint64_t moves = writer.moves(rig);
   uint64_t refused = rig.listed("writer").refused;
-  for (const Movement& m : bad) {
+  for (const Motion& m : bad) {
     writer.client.inbox.write(0, {writer.after[0], m});
     ++refused;
     ck_assert_msg(rig.until([&] { return rig.listed("writer").refused == refused; }), "a bad move was not counted");
@@ -307,7 +307,7 @@ START_TEST(bad_numbers) {
   // At the very bounds, and times of any size, they are good.
   for (const double time : {1e308, -1e308, 0.0, 5e-324}) {
     for (const double x : {1e15, -1e15, 0.0}) {
-      const Movement m{scenes::at(x, x, x), {{x, x, x}, {x, x, x}}, time, 0.1};
+      const Motion m{scenes::at(x, x, x), {{x, x, x}, {x, x, x}}, time, 0.1};
       writer.client.inbox.write(0, {writer.after[0], m});
       rig.check_honest();
     }

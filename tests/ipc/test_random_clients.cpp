@@ -128,8 +128,8 @@ class Actor {
     if (random_.coin(0.2)) out.start = number(random_);
     return spoiled(out);
   }
-  Movement movement() {
-    return spoiled(Movement{pose(random_), {vector(random_), vector(random_)},
+  Motion motion() {
+    return spoiled(Motion{pose(random_), {vector(random_), vector(random_)},
                             random_.coin(0.8) ? fs::steady_now() : number(random_),
                             random_.coin(0.8) ? random_.between(0, 0.1) : number(random_)});
   }
@@ -162,7 +162,7 @@ class Actor {
         break;
       }
       case 4: client_->remove(object_name(slot), more); break;
-      case 5: case 6: after_[slot] = client_->place(object_name(slot), movement(), more); break;
+      case 5: case 6: after_[slot] = client_->place(object_name(slot), motion(), more); break;
       case 7: case 8:
         client_->send(type_change, Set{slot, static_cast<uint32_t>(random_.below(32)), object(slot)}, -1, more);
         break;
@@ -255,7 +255,7 @@ class Actor {
     if (kind == 0) client_->inbox.begin_batch();
     else if (kind < 4) client_->inbox.end_batch();
     else if (kind == 4) static_cast<std::atomic<uint64_t>*>(client_->inbox_memory.get())[random_.below(client_->welcome.inbox_bytes / 8)].store(random_.bits());
-    else client_->inbox.write(slot, {random_.coin(0.9) ? after_[slot] : random_.below(1000), movement()});
+    else client_->inbox.write(slot, {random_.coin(0.9) ? after_[slot] : random_.below(1000), motion()});
   }
 
   Rig& rig_;

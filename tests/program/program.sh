@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# program.sh PROGRAM SCENE: the command line of forceserver, as a user has it.
+# program.sh PROGRAM SCENE LOSING_DRIVER: the command line of forceserver, as a user has it.
 set -uo pipefail
-program=$1 scene=$2
+program=$1 scene=$2 losing_driver=$3
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 cd "$folder" || exit 1
@@ -123,6 +123,12 @@ printf '0 0 0\n0 0 0 0\n' > four
 expect 2 'four, line 2: .*three' "$program" evaluate --scene "$scene" four
 printf '0 0 0\n0 0 nan\n' > number
 expect 2 'line 2: ' "$program" evaluate --scene "$scene" number
+printf '+0 -0 +0.1\n' > number
+expect 0 '^0,-0,0\.1' "$program" evaluate --scene "$scene" number
+for signs in +- -+ ++ --; do
+  printf '0 0 0\n0 0 %s5\n' $signs > number
+  expect 2 'line 2: ' "$program" evaluate --scene "$scene" number
+done
 expect 2 'no-object' "$program" evaluate --scene "$scene" --object no-object points
 expect 2 'no-points' "$program" evaluate --scene "$scene" no-points
 [ ! -w /dev/full ] || "$program" evaluate --scene "$scene" many 2> output > /dev/full
@@ -309,7 +315,13 @@ expect 0 '^server/brief +point +expired +0\.00 ' "$program" watch "$name" --coun
 kill -INT $server
 ended $server 1 "run after a fault"
 grep -q '^the force stopped: the hand was above speed_limit; start again$' served || fail "run does not say what to do"
+
 grep "$name" /proc/net/unix && fail "a socket is left"
+
+# A device that is lost between two looks of the program, and back at once, is not overlooked.
+expect 1 '^faults: the device is not ready$' env LD_PRELOAD="$losing_driver" ASAN_OPTIONS=verify_asan_link_order=0 \
+  "$program" run --device losing: --duration 0.5
+grep -q '^the force stopped: lost, ' output || fail "run does not say that the device was lost"
 
 echo "$failures failures"
 [ $failures = 0 ]

@@ -1,11 +1,14 @@
-// The parts that the core stands on: table, weights, mailbox, seqlock, track, guard, histogram.
+// The parts that the core stands on: texts, table, weights, mailbox, seqlock, track, guard, histogram.
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <thread>
 #include <vector>
 
+#include "base/error.h"
 #include "base/seqlock.h"
+#include "base/text.h"
+#include "base/whole_file.h"
 #include "field/mailbox.h"
 #include "field/motion.h"
 #include "field/table.h"
@@ -53,6 +56,40 @@ std::map<uint32_t, int> contents(const Items& table) {
 }
 
 }  // namespace
+
+// However long what it quotes is, a sentence has its end.
+START_TEST(sentences_are_whole) {
+  const std::string expression(5000, '(');
+  try {
+    (fs::fail)(FS_ERROR_PARSE, "the expression '%s': %s", expression.c_str(), "it is not closed");
+  } catch (const Error& error) {
+    ck_assert_int_eq(error.status, FS_ERROR_PARSE);
+    ck_assert(error.text == "the expression '" + expression + "': it is not closed");
+  }
+  try {
+    fail_at(FS_ERROR_PARSE, "file, line 1", "'%s' %s", expression.c_str(), "is not closed");
+  } catch (const Error& error) {
+    ck_assert(error.text == "file, line 1: '" + expression + "' is not closed");
+  }
+}
+END_TEST
+
+// Characters of one to four bytes, cut after any byte.
+START_TEST(texts_are_cut_between_characters) {
+  const std::string_view text = "a\u00fc\u2192\U0001f600b";
+  const size_t ends[] = {0, 1, 1, 3, 3, 3, 6, 6, 6, 6, 10};
+  for (size_t most = 0; most < std::size(ends); ++most) ck_assert_uint_eq(beginning_of(text, most).size(), ends[most]);
+  ck_assert(beginning_of(text, 11) == text && beginning_of(text, 99) == text);
+  char field[8];
+  put_text(field, text);
+  ck_assert_str_eq(field, "a\u00fc\u2192");
+  ck_assert(field[7] == 0);
+  const std::string eighty(80, 'x'), shorter(79, 'x');
+  ck_assert(shortened(eighty) == eighty);
+  ck_assert(shortened(eighty + "y") == eighty + "...");
+  ck_assert(shortened(shorter + "\u00fc") == shorter + "...");
+}
+END_TEST
 
 // Copies stay as they were; and what has changed since one of them is found, no less.
 START_TEST(table_copies_do_not_change) {
@@ -510,6 +547,8 @@ END_TEST
 int main() {
   TCase* test_case = tcase_create("core");
   tcase_set_timeout(test_case, 60);
+  tcase_add_test(test_case, sentences_are_whole);
+  tcase_add_test(test_case, texts_are_cut_between_characters);
   tcase_add_test(test_case, table_copies_do_not_change);
   tcase_add_test(test_case, weights_have_no_step);
   tcase_add_test(test_case, views_have_no_step_and_are_not_overtaken);

@@ -7,7 +7,9 @@
 #include "ipc/blob.h"
 #include "transfer/asset.h"
 #include "transfer/batch.h"
+#include "transfer/layout.h"
 #include "transfer/records.h"
+#include "transfer/shared_memory.h"
 #include "unit/force_fixtures.h"
 
 using namespace fs;
@@ -171,9 +173,26 @@ START_TEST(an_object_keeps_its_assets) {
 }
 END_TEST
 
+// Each word of an outbox counts in the number of the layout: where it is, how long it is and what kind of number.
+START_TEST(the_layout_has_all_words_of_an_outbox) {
+  const std::string& text = wire::layout_text();
+  const auto has = [&](const std::string& word, size_t offset, size_t size, char kind) {
+    const std::string line = "Outbox " + word + ' ' + std::to_string(offset) + ' ' + std::to_string(size) + ' ' + kind + '\n';
+    ck_assert_msg(text.find(line) != std::string::npos, "the layout lacks: %s", line.c_str());
+  };
+  has("heartbeat", offsetof(Outbox, heartbeat), 8, 'f');
+  has("is_closed", offsetof(Outbox, is_closed), 4, 'u');
+  has("is_asleep", offsetof(Outbox, is_asleep), 4, 'u');
+  has("edits", offsetof(Outbox, edits), 8, 'u');
+  has("applied", offsetof(Outbox, applied), 8, 'u');
+  has("events_written", offsetof(Outbox, events_written), 8, 'u');
+}
+END_TEST
+
 }  // namespace
 
 int main() {
   return run("transfer", {one_change_is_its_own_message, a_group_comes_back_as_it_was, a_foreign_change_alone_is_a_group,
-                          what_is_malformed_is_refused, assets_come_back_as_they_were, an_object_keeps_its_assets});
+                          what_is_malformed_is_refused, assets_come_back_as_they_were, an_object_keeps_its_assets,
+                          the_layout_has_all_words_of_an_outbox});
 }
