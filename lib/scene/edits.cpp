@@ -5,6 +5,7 @@
 
 #include "base/error.h"
 #include "base/serial.h"
+#include "base/text.h"
 
 namespace fs {
 namespace {
@@ -17,7 +18,7 @@ uint64_t grown(uint64_t wanted, uint64_t felt) { return wanted >= felt ? wanted 
 std::string_view text_of(const char* name) { return {name, strnlen(name, 2 * FS_NAME_SIZE)}; }
 
 void fail_unknown(std::string_view name) {
-  fail(FS_ERROR_NOT_FOUND, "name is '%.*s': there is no such object in the scene", static_cast<int>(name.size()), name.data());
+  fail(FS_ERROR_NOT_FOUND, "name is '%s': there is no such object in the scene", shortened(name).c_str());
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <thread>
 
 #include "base/error.h"
+#include "base/text.h"
 #include "scene/moment.h"
 
 using namespace fs;
@@ -330,7 +331,7 @@ void LocalScene::with_snapshot(const char* name, const std::function<void(const 
     const std::lock_guard lock(mutex_);
     // As it is evaluated, whatever an open group has done to it.
     if (name && !evaluated_.objects.find_row(std::string_view(name), &row)) {
-      fail(FS_ERROR_NOT_FOUND, "name is '%.80s': there is no such object to evaluate", name);
+      fail(FS_ERROR_NOT_FOUND, "name is '%s': there is no such object to evaluate", shortened(name).c_str());
     }
     kept = evaluated_.newest();
   }

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "base/error.h"
+#include "base/text.h"
 #include "field/servo_output.h"
 
 namespace fs {
@@ -51,7 +52,8 @@ void check_max_stiffness(double stiffness) {
 
 void require_no_client(const char* client) {
   if (!client) return;
-  fail(FS_ERROR_NOT_FOUND, "client is '%.80s': a scene in this process has no clients; null means its own", client);
+  fail(FS_ERROR_NOT_FOUND, "client is '%s': a scene in this process has no clients; null means its own",
+       shortened(client).c_str());
 }
 
 fs_status read_hand(const ServoOutput& output, fs_state* state, fs_response* response, fs_wrench* sent) noexcept {
