@@ -63,7 +63,7 @@ wire::Target to_target(const char* name, const char* field) {
   wire::Target out{};
   const size_t size = strnlen(name, sizeof out.name);
   if (size == sizeof out.name) {
-    fail(FS_ERROR_NOT_FOUND, "%s is '%.80s...': no name is that long", field, name);
+    fail(FS_ERROR_NOT_FOUND, "%s is '%.80s...': too long for a name", field, name);
   }
   std::memcpy(out.name, name, size);
   return out;

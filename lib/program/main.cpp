@@ -109,12 +109,12 @@ int main(int argc, char** argv) {
     double value = 0;
     return CLI::detail::lexical_cast(text, value) && value >= 0 ? "" : text + " is not a number of 0 or more";
   }, "");
-  CLI::App app("Say what should be felt; a servo makes it felt, a thousand times a second and more.", "forceserver");
+  CLI::App app("Describe what should be felt; a servo renders it at 1 kHz and more.", "forceserver");
   app.set_version_flag("--version", std::string("forceserver ") + fs_version());
   app.require_subcommand(1);
   app.footer("Each command has its own help with examples: forceserver run --help\n"
              "Exit status: 0 all is well; 1 something is odd (check), a fault happened (run) or the server has gone\n"
-             "(clients, watch); 2 it could not be done");
+             "(clients, watch); 2 the command failed");
 
   RunOptions run_options;
   CLI::App* run_command = app.add_subcommand("run", "Run a scene on a device");
@@ -174,7 +174,7 @@ int main(int argc, char** argv) {
   evaluate_command->add_option("scene", evaluate_options.scene, "The scene, a .json file")->type_name("");
   evaluate_command->add_option("positions", evaluate_options.input, "A file of positions; - is the standard input")
       ->type_name("")->capture_default_str();
-  evaluate_command->add_option("--scene", scene_option, "The scene; then only positions may stand alone")
+  evaluate_command->add_option("--scene", scene_option, "The scene; then the only argument is the file of positions")
       ->type_name("FILE");
   evaluate_command->add_option("--object", evaluate_options.object, "Only the forces of this object; without it of all")
       ->type_name("NAME");

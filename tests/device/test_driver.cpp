@@ -117,7 +117,7 @@ START_TEST(uri_values) {
   expect_error(FS_ERROR_INVALID, "k is 'c', must be one of a, b", [] { parse_choice("k", "c", {"a", "b"}); });
   check_keys(parse_address("?a=1"), {"a", "b"});
   const Uri other = parse_address("?c=1");
-  expect_error(FS_ERROR_INVALID, "'c' is not known; there are a, b", [&] { check_keys(other, {"a", "b"}); });
+  expect_error(FS_ERROR_INVALID, "'c' is unknown; the options are a, b", [&] { check_keys(other, {"a", "b"}); });
 }
 END_TEST
 

@@ -75,7 +75,7 @@ END_TEST
 START_TEST(bad_options_each_with_its_sentence) {
   const struct { const char *uri, *part; } cases[] = {
       {"sim:x", "takes no address, is 'x'"},
-      {"sim:?color=red", "'color' is not known; there are hand, hand_mass"},
+      {"sim:?color=red", "'color' is unknown; the options are hand, hand_mass"},
       {"sim:?hand=heavy", "hand is 'heavy', must be one of nominal, firm, light, released"},
       {"sim:?hand_mass=-1", "hand_mass is '-1', must be a number within 0..10"},
       {"sim:?hand_damping=1e9", "hand_damping is '1e9'"},

@@ -631,7 +631,8 @@ START_TEST(a_server_of_one_user) {
   if (!is_root()) return;
   ServerRig rig(server_options(), thread_options());
   expect_answer(answer_to(nobody, rig.endpoint), "FS_ERROR_NOT_FOUND: ");  // of its own
-  expect_answer(answer_to(nobody, rig.endpoint + "?user=root"), "FS_ERROR_DENIED: this server lets in its own user only");
+  expect_answer(answer_to(nobody, rig.endpoint + "?user=root"),
+                "FS_ERROR_DENIED: this server accepts its own user only");
   // Each user has servers of the same names.
   Process theirs = start({"user", nobody, "server", rig.endpoint});
   theirs.expect("serves");

@@ -145,8 +145,8 @@ expect 1 'mute: it has no profile' "$program" check odd.json
 expect 1 'off: it is disabled' "$program" check odd.json
 expect 1 'far: the hand cannot get near' "$program" check odd.json
 expect 1 'strong: its limit of 1000 N' "$program" check odd.json
-expect 1 'off: its force reverses across its point: 2 N over nothing$' "$program" check odd.json
-expect 1 'strong: its force reverses across its point: 2 N over nothing$' "$program" check odd.json
+expect 1 'off: its force reverses across its point: a jump of 2 N$' "$program" check odd.json
+expect 1 'strong: its force reverses across its point: a jump of 2 N$' "$program" check odd.json
 cat > honey.json << 'END'
 {"forceserver": "scene", "version": 1, "objects": [{"name": "honey", "primitive": "point", "damping": 20,
   "front": {"kind": "constant", "sense": "attractive", "gain": 1e-6, "limit": 5, "reach": 0.03}}]}
@@ -171,20 +171,20 @@ fine() {  # OBJECT
   expect 0 '^nothing odd$' "$program" check one.json
 }
 spring='"kind": "linear_increasing", "gain": 150, "limit": 2'
-odd 'its force reverses across its point: 7\.[0-9]+ N over nothing$' \
+odd 'its force reverses across its point: a jump of 7\.[0-9]+ N$' \
   '"primitive": "point", "front": {"kind": "custom", "gain": 1, "limit": 5, "sense": "repulsive", "curve": "pulse"}'
-odd 'its force reverses across its line: 3 N over nothing$' \
+odd 'its force reverses across its line: a jump of 3 N$' \
   '"primitive": "polyline", "shape": "straight", "front": {"kind": "gaussian", "gain": 1.5, "width": 0.01, "limit": 2}'
-odd 'its force changes its direction where two of its parts are equally near: by up to 4 N over nothing$' \
+odd 'its force changes its direction where two of its parts are equally near: a jump of up to 4 N$' \
   '"primitive": "polyline", "shape": "bent", "front": {'"$spring"'}'
-odd 'its force ends at its reach of 10 mm: 1.5 N over nothing$' \
+odd 'its force ends at its reach of 10 mm: a jump of 1.5 N$' \
   '"primitive": "point", "front": {"reach": 0.01, '"$spring"'}'
-odd 'its force behind ends at its reach of 10 mm: 1.5 N over nothing$' \
+odd 'its force behind ends at its reach of 10 mm: a jump of 1.5 N$' \
   '"primitive": "plane", "back": {"reach": 0.01, '"$spring"'}'
-odd 'its force jumps at its surface, where front and back do not agree: 1 N over nothing$' \
+odd 'its force jumps at its surface, where front and back do not agree: a jump of 1 N$' \
   '"primitive": "plane", "front": {"kind": "constant", "gain": 1, "limit": 2, "sense": "repulsive"}'
 scene_of '"primitive": "mesh", "shape": "part", "back": {'"$spring"'}'
-expect 0 '^  note: x: where another of its faces becomes the nearest, .* by up to 4 N' "$program" check one.json
+expect 0 '^  note: x: where another of its faces becomes the nearest, .* a jump of up to 4 N' "$program" check one.json
 fine '"primitive": "mesh", "shape": "part", "back": {'"$spring"'}'
 fine '"primitive": "point", "front": {'"$spring"'}'
 fine '"primitive": "polyline", "shape": "straight", "front": {'"$spring"'}'
@@ -202,7 +202,7 @@ fine '"primitive": "mesh", "shape": "part", "front": {'"$spring"'}'  # a room
 fine '"primitive": "plane", "front": {"kind": "constant", "gain": 1, "limit": 1},
       "back": {"kind": "constant", "gain": 1, "limit": 1, "sense": "repulsive"}'  # gravity
 odd 'it pulls the hand towards it from everywhere in front' '"primitive": "plane", "front": {'"$spring"'}'
-odd 'it pushes the hand away in front, the harder' '"primitive": "plane", "front": {"sense": "repulsive", '"$spring"'}'
+odd 'it pushes the hand away in front, harder' '"primitive": "plane", "front": {"sense": "repulsive", '"$spring"'}'
 odd 'its back drives the hand deeper' '"primitive": "plane", "back": {"sense": "repulsive", '"$spring"'}'
 expect 0 'closed mesh of 4 triangles and 4 points' "$program" check solid.obj
 sed '$d' solid.obj > open.obj
