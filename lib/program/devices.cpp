@@ -34,7 +34,8 @@ std::vector<std::string> to_text(const fs_device_info& info) {
   lines.push_back(format("name        %s%s%s", info.name, *info.serial ? ", serial " : "", info.serial));
   lines.push_back(format("workspace   a cylinder about z: %g mm in radius, %g mm high, with the origin at its centre; ",
                          info.workspace_radius * 1e3, info.workspace_height * 1e3) +
-                  (degrees > 0 ? format("it rotates %.0f degrees each way", degrees) : "it does not rotate"));
+                  (degrees > 0 ? format("the handle rotates %.0f degrees each way", degrees)
+                               : "the handle does not rotate"));
   lines.push_back("force       " + most("along", info.force_axes, info.force_max, "N"));
   lines.push_back("torque      " + most("about", info.torque_axes, info.torque_max, "N m"));
   lines.push_back(format("rate        %g Hz; %g ms from pose to force, in addition to the period", info.rate,
