@@ -105,7 +105,7 @@ START_TEST(table_refusals) {
 }
 END_TEST
 
-// Against many samples: never too low, and near them; also where a limit cuts it off.
+// Compared with many samples the slope is never too low, and near them; even if a limit cuts the curve off.
 START_TEST(table_knows_its_steepest_slope) {
   Random random(6);
   for (int i = 0; i < 400; ++i) {
@@ -180,7 +180,7 @@ START_TEST(expression_values) {
   ck_assert(curve->table() == nullptr);
   ck_assert_double_eq(curve->evaluate(nullptr, 1, 0).force, 0);  // without a parser
   std::vector<std::unique_ptr<Curve::Parser>> parsers;
-  for (int i = 0; i < 100; ++i) {  // as many as are wanted
+  for (int i = 0; i < 100; ++i) {  // any number of parsers
     parsers.push_back(curve->make_parser());
     ck_assert_double_eq(curve->evaluate(parsers.back().get(), 1, 0).force, 3);
   }

@@ -80,7 +80,8 @@ std::string text_of(double value) {
   return std::string(buffer, std::to_chars(buffer, buffer + sizeof buffer, value).ptr);
 }
 
-// A mesh with a vertex of every awkward kind, a degenerate triangle, one twice, and three at an edge.
+// A mesh with vertices of every awkward kind, a degenerate triangle, a repeated triangle, and an edge of three
+// triangles.
 MeshData awkward_mesh() {
   return {{{4100000.98765, -0.0, 5e-324}, {0.1, 1.0 / 3, 1e15}, {1, 0, -2.5e-7}, {-1e-300, 123456789.123456789, 7}},
           {0, 1, 2, 0, 1, 2, 0, 1, 3, 1, 0, 3, 2, 2, 2, 3, 3, 0}};
@@ -433,8 +434,8 @@ START_TEST(hostile_files_are_refused_with_their_reason)
 }
 END_TEST
 
-// Files one change away from good ones: refused or read, never a crash, never an index out of range or a number that is
-// not finite.
+// Files that differ by one change from good ones are refused or read: never a crash, an index out of range or a number
+// that is not finite.
 START_TEST(damaged_files_never_crash)
 {
   const MeshData mesh = awkward_mesh();
@@ -477,7 +478,7 @@ START_TEST(damaged_files_never_crash)
 }
 END_TEST
 
-// Of what a file may have any number: time that grows with its square would not end within the test's 60 s.
+// Large numbers of each thing that a file can repeat: with quadratic time the test would not end within its 60 s.
 START_TEST(large_headers_are_read_in_reasonable_time)
 {
   std::string elements, properties, line;
@@ -549,7 +550,8 @@ START_TEST(files_that_are_none)
   check(directory / "socket.ply", FS_ERROR_IO, "is a socket, must be a file");
   close(end);
   write_text(directory / "large.ply", "");
-  std::filesystem::resize_file(directory / "large.ply", (uint64_t{1} << 36) + 1);  // it takes no room on the disk
+  // a sparse file, which takes no room on the disk
+  std::filesystem::resize_file(directory / "large.ply", (uint64_t{1} << 36) + 1);
   check(directory / "large.ply", FS_ERROR_IO, "has 68719476737 bytes, must have at most 68719476736");
   check(directory.path + "/" + std::string(300, 'a') + ".ply", FS_ERROR_IO, "too long");
   if (geteuid() != 0) {  // root may read everything

@@ -115,7 +115,7 @@ Ref<const Shape> random_shape(Random& random, fs_primitive primitive) {
   return make_mesh(points.data(), points.size(), triangles.data(), triangles.size() / 3);
 }
 
-// Whatever fs_object_set takes, and what the schema says so.
+// Anything that fs_object_set accepts and that the schema allows.
 SceneDescription random_scene(uint64_t seed) {
   Random random(seed);
   SceneDescription scene = empty_scene();
@@ -197,7 +197,7 @@ void check_equal(const SceneDescription& a, const SceneDescription& b) {
       ck_assert_msg(same_bytes(x.shape->points, y.shape->points), "%s", x.name);
       ck_assert_msg(same_bytes(x.shape->triangles, y.shape->triangles), "%s", x.name);
     }
-    for (size_t k = 0; k < i; ++k) {  // what was shared is shared
+    for (size_t k = 0; k < i; ++k) {  // shared handles are shared again
       ck_assert((x.shape == a.objects[k].shape) == (y.shape == b.objects[k].shape));
       ck_assert((x.front.curve == a.objects[k].front.curve) == (y.front.curve == b.objects[k].front.curve));
       ck_assert((x.front.curve == a.objects[k].back.curve) == (y.front.curve == b.objects[k].back.curve));
@@ -287,7 +287,7 @@ START_TEST(defaults_are_left_out)
       "}\n";
   const std::string written = read_whole_file(directory / "a.json");
   ck_assert_str_eq(written.c_str(), expected.c_str());
-  // And what a file leaves out has its default.
+  // A field that the file leaves out has its default.
   const SceneDescription back = parse_scene(R"({"forceserver": "scene", "version": 1,
                                                 "objects": [{"name": "x", "primitive": "plane"}]})", "a.json", 0);
   SceneDescription defaults = empty_scene();
@@ -520,7 +520,7 @@ START_TEST(hostile_files_are_refused_with_their_reason)
 }
 END_TEST
 
-// Very many objects or keys: time that grows with their square would not end within the test's 60 s.
+// Very many objects or keys: with quadratic time the test would not end within its 60 s.
 START_TEST(large_files_are_read_in_reasonable_time)
 {
   std::string many = "{}";
