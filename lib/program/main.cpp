@@ -39,17 +39,17 @@ asks is left out. Ends with 1 if the server ends meanwhile.)";
 
 const char* const watch_help = R"(examples:
   forceserver watch lab
-      the server called lab, twice a second until Ctrl-C; on a terminal each look replaces the one before
+      the server called lab, twice a second until Ctrl-C; on a terminal each output replaces the one before
   forceserver watch lab --interval 5 > log.txt
-      a look every five seconds, one below the other
+      an output every five seconds, one below the other
   forceserver watch lab --json --interval 0.1 --count 100 > looks.jsonl
       ten seconds, one JSON object per line, in SI units; a number that is not finite is null
   forceserver watch 'lab?user=anna'
       another user's server that lets in all users
 
-Positions and distances are the device's; `far` is the distance from the nearest point of the tool. The rate (Hz) and
-the lateness are those of the last 10 s; the missed ticks, the moves and the changes are those since the previous look.
-A slope "400 of 800" is capped: 800 N/m are wanted, 400 N/m are felt. The force of clients that have gone stays in the
+Positions and distances are the device's; `distance` is measured from the nearest point of the tool. The rate (Hz)
+and the lateness are those of the last 10 s; the missed ticks, the moves and the changes are those since the previous
+look. A slope "400 of 800" is capped: 800 N/m are wanted, 400 N/m are felt. The force of clients that have gone stays in the
 force on the hand until it has faded, but no line shows it.
 
 Ends with 1 when the server ends, with 0 on Ctrl-C; while it waits for the server, Ctrl-C ends it at once.)";

@@ -73,7 +73,7 @@ bool greet(Client& client, std::span<const std::byte> message, fs_status refusal
   std::memcpy(&hello, message.data(), std::min(message.size(), sizeof hello));
   if (hello.magic != wire::magic || message.size() < sizeof hello) return false;
   if (refusal == FS_ERROR_DENIED) {
-    return answer(client, refusal, "this server accepts its own user only; with all_users it accepts others");
+    return answer(client, refusal, "this server lets in its own user only; with all_users it lets in others");
   }
   if (hello.layout != wire::layout_id()) {
     const std::string& layout = wire::layout_text();

@@ -632,7 +632,7 @@ START_TEST(a_server_of_one_user) {
   ServerRig rig(server_options(), thread_options());
   expect_answer(answer_to(nobody, rig.endpoint), "FS_ERROR_NOT_FOUND: ");  // of its own
   expect_answer(answer_to(nobody, rig.endpoint + "?user=root"),
-                "FS_ERROR_DENIED: this server accepts its own user only");
+                "FS_ERROR_DENIED: this server lets in its own user only");
   // Servers of different users can have the same name.
   Process theirs = start({"user", nobody, "server", rig.endpoint});
   theirs.expect("serves");
