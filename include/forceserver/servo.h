@@ -48,7 +48,7 @@ typedef struct fs_servo_options {
                                    0 UNSUPPORTED */
   double damping;               /* N s/m, local, filtered at 100 Hz; 0: 5, or less where the loop cannot render that;
                                    negative: none. 0.1: always none, above 0 UNSUPPORTED */
-  double max_stiffness;         /* N/m, divided among all objects; 0: what the loop can render; negative: none.
+  double max_stiffness;         /* N/m, the total of all objects; 0: what the loop can render; negative: none.
                                    fs_servo_stats has this value and damping as applied. 0.1: always none, above 0
                                    UNSUPPORTED */
   int32_t priority;             /* THREAD: of SCHED_FIFO, 1..99; 0: 80; negative: an ordinary thread */

@@ -49,8 +49,8 @@ const char* const watch_help = R"(examples:
 
 Positions and distances are the device's; `distance` is measured from the nearest point of the tool. The rate (Hz)
 and the lateness are those of the last 10 s; the missed ticks, the moves and the changes are those since the previous
-look. A slope "400 of 800" is capped: 800 N/m are wanted, 400 N/m are felt. The force of clients that have gone stays in the
-force on the hand until it has faded, but no line shows it.
+look. A slope "400 of 800" is capped: 800 N/m are wanted, 400 N/m are felt. The force of clients that have gone stays
+in the force on the hand until it has faded, but no line shows it.
 
 Ends with 1 when the server ends, with 0 on Ctrl-C; while it waits for the server, Ctrl-C ends it at once.)";
 
