@@ -8,21 +8,21 @@
 extern "C" {
 #endif
 
-/* What a device is and can. Growing. */
+/* The properties of a device. Growing. */
 typedef struct fs_device_info {
   uint32_t struct_size;         /* sizeof(fs_device_info), by fs_device_info_init */
-  uint32_t force_axes,          /* 0..3: forces along the first so many of x, y, z */
-           torque_axes;         /* 0..3: torques about the first so many of x, y, z */
+  uint32_t force_axes,          /* 0..3: n means forces along the first n of x, y, z */
+           torque_axes;         /* 0..3: n means torques about the first n of x, y, z */
   uint32_t reserved;            /* 0 */
   char name[64], serial[64];    /* for people; serial may be empty */
   double workspace_radius,      /* m: a cylinder about z, centred on the origin */
          workspace_height,      /* m: of that cylinder */
-         workspace_angle;       /* rad, each way; 0: it does not turn */
+         workspace_angle;       /* rad, each way; 0: the handle does not rotate */
   double force_max, torque_max; /* N, N m, in most of the workspace */
   double resolution;            /* m, of the position */
-  double rate;                  /* Hz, as it likes to be served, 100..20000 */
-  double delay;                 /* s from pose to force, beside the servo period; adds to the age that a pose may have
-                                   (FS_FAULT_DEVICE) */
+  double rate;                  /* Hz, preferred servo rate, 100..20000 */
+  double delay;                 /* s from pose to force, in addition to the servo period; adds to the age that a pose
+                                   may have (FS_FAULT_DEVICE) */
   double damping;               /* N s/m, its own, physical */
   double mass;                  /* kg, its own, felt at the handle; 0: not known */
 } fs_device_info;
@@ -34,17 +34,17 @@ typedef struct fs_device_entry {
        label[128];              /* for people */
 } fs_device_entry;
 
-/* The devices that all drivers find now, a list. */
+/* The devices that the drivers find at this moment, a list. */
 FS_API fs_status fs_device_list(fs_device_entry *out, size_t capacity, size_t *count);
 
-/* Opens a device: "sim:", "fidel:usb", "fidel:udp:HOST:PORT", "falcon:0" or one of a driver of one's own (driver.h);
- * then "?key=value&.." (nothing is %-decoded): an unknown key is INVALID. May take seconds. NOT_FOUND, UNSUPPORTED,
- * DENIED, IO. 0.1: fidel and falcon are UNSUPPORTED.
+/* Opens a device: "sim:", "fidel:usb", "fidel:udp:HOST:PORT", "falcon:0" or a device of your own driver (driver.h),
+ * followed by options "?key=value&.." (nothing is %-decoded); an unknown key is INVALID. May take seconds. NOT_FOUND,
+ * UNSUPPORTED, DENIED, IO. 0.1: fidel and falcon are UNSUPPORTED.
  *
  * "sim:" is a simulated FIDEL, the device of the paper, and the hand on it. Its workspace is a cylinder about z of
- * radius 0.150 m and height 0.200 m (x, y within 0.150, z within -0.100..0.100), with stops 0.010 m beyond; its wrist
- * turns 0.35 rad (20 degrees) each way; it gives 25 N, and with wrist=active 0.5 N m. The hand is a mass at the handle
- * that a spring and a damper draw to where the hand wants to be:
+ * radius 0.150 m and height 0.200 m (x, y within 0.150, z within -0.100..0.100), with end stops 0.010 m beyond; its
+ * wrist rotates 0.35 rad (20 degrees) each way; it gives 25 N, and with wrist=active 0.5 N m. The hand is a mass at the
+ * handle that a spring and a damper pull to its target, where the hand wants to be:
  *
  *     hand        kg       N s/m    N/m
  *     nominal     0.554    6.45     135      measured: Scientific Reports, srep18004, figure 3
@@ -52,38 +52,39 @@ FS_API fs_status fs_device_list(fs_device_entry *out, size_t capacity, size_t *c
  *     light       0.15     3        100      assumed
  *     released    0        0        0        nobody holds it
  *
- *     path        where it wants to be, m, t s after the first reading         once in    at most
+ *     path        target, m, t s after the first reading                       period     top speed
  *     figure8     x = 0.06 sin(wt), y = 0.03 sin(2wt), z = 0                   4 s        0.133 m/s
  *     sweep       x = -0.10 cos(wt), y = z = 0                                 5 s        0.126 m/s
  *     touch       x = y = 0, z = 0.02 + 0.04 cos(wt): from 0.06 to -0.02       2 s        0.126 m/s
  *
- * What is felt draws the hand off its path. Its keys:
- *     hand=nominal|firm|light|released             who holds it (nominal); and one by one:
+ * Forces push the hand off its target. The keys of "sim:", with their defaults in parentheses:
+ *     hand=nominal|firm|light|released             the hand (nominal); its values one by one:
  *     hand_mass, hand_damping, hand_stiffness      kg 0..10, N s/m 0..1000, N/m 0..1e5
- *     hold=X,Y,Z                                   m, within 1: where the hand wants to be (0,0,0); or
- *     path=figure8|sweep|touch|FILE                how it wants to move, from the first reading on; FILE: lines of
+ *     hold=X,Y,Z                                   m, within 1: a target that stands still (0,0,0); or
+ *     path=figure8|sweep|touch|FILE                a target that moves, from the first reading on; FILE: lines of
  *                                                  "t x y z" (s, rising; m, within 1), straight between, '#': comment
  *     mass, friction                               of the device: kg 0.01..10 (0.3), N 0..20 (0.3)
- *     encoder=joint|ideal                          quantised as by encoders in the joints (default), or exact
+ *     encoder=joint|ideal                          positions quantised as by encoders in the joints (default), or exact
  *     wrist=passive|active                         passive (default): no torque
  *     delay_ms                                     0..1000 (0), from force sent to force felt
- *     seed                                         of where the encoders begin, 0..4294967295 (0)
+ *     seed                                         of the encoders' starting offsets, 0..4294967295 (0)
  *     link=force|model, link_ms, link_hz           a controller behind a link. 0.1: UNSUPPORTED */
 FS_API fs_status fs_device_open(const char *uri, fs_device **out);
 
-/* Gives the device back, its force set to 0 first; null does nothing. A servo that has it goes on. */
+/* Gives the device back after setting its force to 0; null does nothing. A servo that uses the device goes on. */
 FS_API void fs_device_close(fs_device *device);
 
-/* Fills out, which was made by fs_device_info_init. VERSION. */
+/* Fills out, which fs_device_info_init made. VERSION. */
 FS_API fs_status fs_device_get_info(fs_device *device, fs_device_info *out);
 
-/* For calibration and tests, also the next: the newest state, device frame; it does not wait for another one. STATE
- * while a servo has the device; DISCONNECTED, IO. */
+/* For calibration and tests, as is fs_device_write: the newest state, device frame; it does not wait for a newer one.
+ * STATE while a servo has the device; DISCONNECTED, IO. */
 FS_API fs_status fs_device_read(fs_device *device, fs_state *out);
 
-/* Sends a force and torque, device frame, not guarded but scaled into the maxima with the direction kept; axes that
- * the device does not have get 0. It stays until the next, a servo's first tick, fs_device_close or the end of the
- * process by exit. Does not wait. STATE while a servo has the device; DISCONNECTED, IO. */
+/* Sends a force and torque, device frame, not guarded, but scaled down to the device's maxima with the direction kept;
+ * axes that the device does not have get 0. It stays until the next fs_device_write, a servo's first tick,
+ * fs_device_close or the end of the process by exit. Does not wait. STATE while a servo has the device; DISCONNECTED,
+ * IO. */
 FS_API fs_status fs_device_write(fs_device *device, const fs_wrench *wrench);
 
 #ifdef __cplusplus

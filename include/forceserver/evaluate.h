@@ -1,7 +1,7 @@
-/* forceserver/evaluate.h - the force that a tool feels in a scene, for a loop of one's own. Conventions: forceserver.h.
+/* forceserver/evaluate.h - the force that a tool feels in a scene, for your own loop. Conventions: forceserver.h.
  *
- * Here the application owns time, device and safety: frame, fade, blend and guard belong to the servo (servo.h). For
- * a loop of one's own with all of them see FS_SERVO_CALLER.
+ * Here the application is responsible for time, device and safety: frame, fade, blend and guard belong to the servo
+ * (servo.h). For your own loop with all of them see FS_SERVO_CALLER.
  */
 #ifndef FORCESERVER_EVALUATE_H
 #define FORCESERVER_EVALUATE_H
@@ -14,15 +14,16 @@ extern "C" {
 
 /* Bits of fs_state.flags; evaluation does not look at them. */
 enum {
-  FS_STATE_READY = 1,           /* connected, homed, fresh; else a servo sends 0 */
-  FS_STATE_CLUTCHED = 2         /* of fs_scene_get_hand: the clutch is held, the tool does not follow the hand */
+  FS_STATE_READY = 1,           /* connected, homed, fresh; without this flag a servo sends 0 */
+  FS_STATE_CLUTCHED = 2         /* from fs_scene_get_hand: the clutch is held, the tool does not follow the hand */
 };
 
-/* The handle. Frozen; all zeros is a good one. In the scene frame for a tool, in the device frame for a device. */
+/* The state of the handle. Frozen; all zeros is a valid one. In the scene frame for a tool, in the device frame for a
+ * device. */
 typedef struct fs_state {
   fs_pose pose;                 /* of the handle */
   fs_twist twist;               /* its motion; the damping of objects needs it */
-  double time;                  /* s, when pose was measured, and at which a scene is evaluated; FS_NOW */
+  double time;                  /* s, when the pose was measured; the scene is evaluated for this time; FS_NOW */
   uint32_t buttons,             /* bit i: button i is down */
            flags;               /* FS_STATE_ bits */
   double reserved[4];           /* 0 */
@@ -42,33 +43,33 @@ typedef struct fs_response {
   fs_mat3 stiffness;            /* dF/dx, N/m, as capped, without the damping */
   fs_pose proxy;                /* of the tool: the rigid pose that best fits the proxies of its points. 0.1: the
                                    tool's own pose */
-  uint32_t felt_count,          /* objects with a force */
+  uint32_t felt_count,          /* number of objects with a force */
            flags;               /* FS_RESPONSE_ bits */
-  double error_bound;           /* N, certified: |force - exact force| as vectors; 0: exact. More than 0 only when
-                                   fs_scene_set_accuracy allows, or when a servo's tick ran out of time. 0.1: 0 */
+  double error_bound;           /* N, a certified bound of |force - exact force| (vectors); 0: exact. Above 0 only when
+                                   fs_scene_set_accuracy allows it, or when a servo's tick ran out of time. 0.1: 0 */
   double reserved[3];           /* 0 */
 } fs_response;
 
-/* A tool for a loop of one's own, without frame, fade, blend or guard: it feels what is enabled and within its
+/* A tool for your own loop, without frame, fade, blend or guard: it feels every object that is enabled and within its
  * lifetime in full, at once. points: count 1..32, frame of the handle, scene metres; null and 0: those of
- * fs_scene_set_tool, also when they change. As many tools as one likes, one thread at a time for each. Connected: the
- * scene's own objects, evaluated in this process. */
+ * fs_scene_set_tool, also when they change later. A scene can have any number of tools; each is used by one thread at a
+ * time. Connected: it feels the scene's own objects, evaluated in this process. */
 FS_API fs_status fs_tool_create(fs_scene *scene, const fs_vec3 *points, size_t count, fs_tool **out);
 
-/* [rt] What the tool feels at state, with all changes made before the call (groups: committed). Failed: out is zeros.
- * The same input gives the same bits. */
+/* [rt] What the tool feels at state, with all changes made before the call (groups: once committed). If the call fails,
+ * out is all zeros. The same input gives the same bits. */
 FS_API fs_status fs_evaluate(fs_tool *tool, const fs_state *state, fs_response *out);
 
-/* [rt] Forgets the tool's proxies: the hand was put elsewhere. */
+/* [rt] Forgets the tool's proxies. Call it when the hand was put elsewhere. */
 FS_API fs_status fs_tool_reset(fs_tool *tool);
 
 /* Gives the tool back; null does nothing. */
 FS_API void fs_tool_destroy(fs_tool *tool);
 
-/* The field, for plots: forces[i] (N) is what a resting point without memory (KEEP_EITHER: no contact) feels at
- * positions[i] (m), of one own object or, name null, of all; disabled objects give 0. tool_points are ignored: the
- * point feels every object. time: s, scene's clock; FS_NOW. count 0: the arrays may be null. Runs on all processors
- * when there are many positions. NOT_FOUND. */
+/* The force field, for plots: forces[i] (N) is the force on a point that rests at positions[i] (m) and has no memory
+ * (so FS_KEEP_EITHER gives no contact). It is that of the scene's own object `name` or, with name null, of all its own
+ * objects; disabled objects give 0. tool_points are ignored: the point feels every object. time: s, scene's clock;
+ * FS_NOW. With count 0 the arrays may be null. Runs on all processors when there are many positions. NOT_FOUND. */
 FS_API fs_status fs_evaluate_field(fs_scene *scene, const char *name, double time, const fs_vec3 *positions,
                                    size_t count, fs_vec3 *forces);
 

@@ -1,8 +1,8 @@
 /* forceserver/object.h - force-objects: primitive, profiles, contact, shapes and curves. Conventions: forceserver.h.
  *
- * At a position x of the hand a primitive gives its closest point p, the distance d = |x - p|, the direction from p
- * to x and, of a plane or mesh, the side. The profile of that side gives the intensity f(d, t) >= 0 in newtons, and
- * its sense says whether the force points to p or away from it. The forces of all objects add.
+ * For a position x of the hand a primitive gives its closest point p, the distance d = |x - p|, the direction from p
+ * to x and, for a plane or mesh, the side that x is on. The profile of that side gives the intensity f(d, t) >= 0 in
+ * newtons, and its sense says whether the force points to p or away from it. The forces of all objects add.
  */
 #ifndef FORCESERVER_OBJECT_H
 #define FORCESERVER_OBJECT_H
@@ -15,24 +15,24 @@
 extern "C" {
 #endif
 
-/* Where an object is: Table 1 of the paper. The closest point is exact in double precision; among triangles or
- * segments that are equally near, the one of the lowest index counts. At d = 0 (within 2 units in the last place of
- * the coordinates) a plane or mesh counts as front, along its normal there; the force of a point or polyline is 0, as
- * its direction is undefined. */
+/* The geometry of an object: Table 1 of the paper. The closest point is exact in double precision; of triangles or
+ * segments that are equally near, the one with the lowest index counts. At d = 0 (within 2 units in the last place of
+ * the coordinates) the hand counts as on the front of a plane or mesh, in the direction of its normal there; the force
+ * of a point or polyline is 0 there, as its direction is undefined. */
 typedef enum fs_primitive {
   FS_PRIMITIVE_POINT = 0,       /* the origin of the object frame */
-  FS_PRIMITIVE_POLYLINE = 1,    /* the segments of its shape: the curve, not the area a closed one surrounds */
+  FS_PRIMITIVE_POLYLINE = 1,    /* the segments of its shape; a closed one is its line, not the area inside */
   FS_PRIMITIVE_PLANE = 2,       /* z = 0 of the object frame; the front is z > 0 */
-  FS_PRIMITIVE_MESH = 3,        /* the triangles of its shape; the front is where they run counter-clockwise. Where
-                                   an edge or vertex is nearest, its angle-weighted pseudonormal tells the side
-                                   (Baerentzen & Aanaes 2005), exactly where the mesh is closed; an open edge has the
-                                   normal of its triangle */
+  FS_PRIMITIVE_MESH = 3,        /* the triangles of its shape; seen from the front they run counter-clockwise. Where
+                                   an edge or vertex is nearest, its angle-weighted pseudonormal gives the side
+                                   (Baerentzen & Aanaes 2005), which is exact where the mesh is closed; an open edge
+                                   has the normal of its triangle */
   FS_PRIMITIVE_FORCE_32 = 0x7fffffff
 } fs_primitive;
 
-/* The intensity f(d, t): Table 2 of the paper. d: distance, m; t: s since the object's start; result in N, before it
- * is clamped to [0, limit]. Named are the fields of fs_profile that a kind uses, with unit and range. With gain 0 the
- * force is the offset; of CONSTANT, GAUSSIAN and CUSTOM, which have none, it is 0: an empty battery. */
+/* The intensity f(d, t): Table 2 of the paper. d: distance, m; t: s since the object's start; the result is in N,
+ * before it is clamped to [0, limit]. Each formula names the fields of fs_profile that its kind uses, with their units
+ * and ranges. With gain 0 the force is the offset; for CONSTANT, GAUSSIAN and CUSTOM, which have no offset, it is 0. */
 typedef enum fs_profile_kind {
   FS_PROFILE_NONE = 0,                  /* no force */
   FS_PROFILE_CONSTANT = 1,              /* gain (N, >= 0) */
@@ -45,9 +45,9 @@ typedef enum fs_profile_kind {
   FS_PROFILE_FORCE_32 = 0x7fffffff
 } fs_profile_kind;
 
-/* A curve has no parameters but d and t: what else its force depends on, such as the charge of a battery, is the gain.
- * It may change at any rate, while it is felt. The curve stays the same and is not sent again, and t runs on, as
- * `start` 0 keeps it:
+/* A curve depends only on d and t. Use the gain for anything else that the force depends on, such as the charge of a
+ * battery. The gain may change at any rate while the object is felt. The curve stays the same and is not sent again,
+ * and t goes on, as `start` 0 keeps the start:
  *
  *     scout.front.gain = battery_charge();                        0: no force
  *     fs_object_change(scene, &scout, FS_PART_PROFILES);
@@ -60,21 +60,21 @@ typedef enum fs_sense {
   FS_SENSE_FORCE_32 = 0x7fffffff
 } fs_sense;
 
-/* [rt] "FS_PRIMITIVE_POINT", "FS_PROFILE_GAUSSIAN", "FS_SENSE_REPULSIVE"; static, never null, also for a number that
- * is no value. */
+/* [rt] The name of a value, such as "FS_PRIMITIVE_POINT", "FS_PROFILE_GAUSSIAN", "FS_SENSE_REPULSIVE"; static, never
+ * null, not even for a number that is no value. */
 FS_API const char *fs_primitive_name(fs_primitive primitive);
 FS_API const char *fs_profile_kind_name(fs_profile_kind kind);
 FS_API const char *fs_sense_name(fs_sense sense);
 
-/* f(d, t), N, clamped to [0, limit]. Frozen. What a kind does not use is 0; all zeros: no force. Made by
- * fs_profile_init, or by hand. */
+/* The function f(d, t), N, clamped to [0, limit]. Frozen. A field that the kind does not use is 0; all zeros: no force.
+ * Fill it by fs_profile_init or field by field. */
 typedef struct fs_profile {
   fs_profile_kind kind;         /* the formula */
   fs_sense sense;               /* to p or away from it */
-  double gain, offset, width;   /* see the kind */
+  double gain, offset, width;   /* see fs_profile_kind */
   double limit;                 /* N, > 0 and at most 1e9, unless kind is NONE: the threshold of the paper */
-  double reach;                 /* m, >= 0: no force beyond; 0: without end */
-  fs_curve *curve;              /* CUSTOM; else null */
+  double reach;                 /* m, >= 0: no force beyond this distance; 0: unlimited */
+  fs_curve *curve;              /* for CUSTOM; otherwise null */
 } fs_profile;
 
 /* The side of a plane or mesh that the hand cannot leave. */
@@ -82,47 +82,48 @@ typedef enum fs_keep {
   FS_KEEP_NONE = 0,             /* not solid */
   FS_KEEP_FRONT = 1,            /* an obstacle */
   FS_KEEP_BACK = 2,             /* an envelope: the hand stays within a closed mesh, such as a robot's reach */
-  FS_KEEP_EITHER = 3,           /* a sheet: the side it came from */
+  FS_KEEP_EITHER = 3,           /* a sheet: the hand stays on the side it came from */
   FS_KEEP_FORCE_32 = 0x7fffffff
 } fs_keep;
 
 /* Makes a plane or mesh solid: a proxy of each tool point stays on the kept side (Zilles & Salisbury 1995) and draws
- * the point with min(stiffness*|hand - proxy|, limit). This object's profiles are then those at the proxy; where the
- * proxy lies on the surface they act along the kept side's normal. Frozen. With keep NONE the other fields are
- * checked and kept, but do nothing. 0.1: a keep other than NONE is checked, then UNSUPPORTED. */
+ * the point with min(stiffness*|hand - proxy|, limit). This object's profiles are then evaluated at the proxy; where
+ * the proxy lies on the surface they act along the kept side's normal. Frozen. With keep NONE the other fields are
+ * checked and stored, but have no effect. 0.1: a keep other than NONE is checked, then UNSUPPORTED. */
 typedef struct fs_contact {
   fs_keep keep;                 /* POINT, POLYLINE: NONE */
   uint32_t reserved;            /* 0 */
-  double stiffness;             /* N/m, 0..1e9; 0: an equal share of the servo's max_stiffness among those that ask for
-                                   0; no servo and no bound: 1000 */
+  double stiffness;             /* N/m, 0..1e9; 0: the contacts with stiffness 0 divide the servo's max_stiffness
+                                   equally among themselves; with neither servo nor bound: 1000 */
   double limit;                 /* N, > 0 and at most 1e9, unless keep is NONE */
-  double damping;               /* N s/m, 0..1e9, along the normal, on approach only */
+  double damping;               /* N s/m, 0..1e9, along the normal, only while the hand approaches */
   double friction;              /* Coulomb coefficient, 0..2 */
 } fs_contact;
 
 /* A force-object. Growing; made by fs_object_init. */
 typedef struct fs_object {
   uint32_t struct_size;         /* sizeof(fs_object), by fs_object_init */
-  fs_primitive primitive;       /* where it is */
+  fs_primitive primitive;       /* its geometry */
   char name[FS_NAME_SIZE];      /* UTF-8, 1..31 bytes and a 0, no '/', no control character; unique in its scene */
   fs_pose pose;                 /* object to scene, at `time` */
-  fs_twist twist;               /* its motion from then on, for 0.1 s at most; then it stands */
-  double time;                  /* s; FS_NOW */
+  fs_twist twist;               /* its motion from then on, for 0.1 s at most; then it stands still */
+  double time;                  /* s, on the scene's clock; FS_NOW */
   double start;                 /* s, t = 0 of f(d, t); 0: when this name was first set, kept by later sets */
-  double lifetime;              /* s, 0..1e12: fades unless set, changed or moved within it; 0: as long as its client */
-  fs_profile front;             /* POINT, POLYLINE: the only one */
-  fs_profile back;              /* PLANE, MESH: on the back side; else NONE */
+  double lifetime;              /* s, 0..1e12: it fades unless set, changed or moved within this time; 0: it lives as
+                                   long as its client */
+  fs_profile front;             /* PLANE, MESH: on the front side; POINT, POLYLINE: the only profile */
+  fs_profile back;              /* PLANE, MESH: on the back side; otherwise of kind NONE */
   double damping;               /* N s/m, 0..1e9: where f(d, t) > 0, adds -damping times (velocity of the tool point
-                                   minus that of the object there); both together keep the limit of the profile */
+                                   minus that of the object there); the sum stays within the limit of the profile */
   fs_contact contact;           /* PLANE, MESH: whether it is solid */
-  fs_shape *shape;              /* POLYLINE, MESH: of that primitive; else null */
-  void *owner;                  /* the library's; null but in what fs_object_get filled */
+  fs_shape *shape;              /* POLYLINE, MESH: a shape of that primitive; otherwise null */
+  void *owner;                  /* for the library's use; null except in an object that fs_object_get filled */
   uint32_t tool_points;         /* bit i: point i of the tool feels it; 0: all */
   bool enabled;                 /* false: kept but not felt; a change fades the object out or in */
   uint8_t reserved[3];          /* 0 */
 } fs_object;
 
-/* A profile of the three components of the paper: gain, offset (GAUSSIAN: width), limit. No reach, no curve. */
+/* A profile from the three components of the paper: gain, offset (GAUSSIAN: width), limit. No reach, no curve. */
 static inline fs_profile fs_profile_init(fs_profile_kind kind, fs_sense sense, double gain, double offset_or_width,
                                          double limit)
 {
@@ -133,8 +134,8 @@ static inline fs_profile fs_profile_init(fs_profile_kind kind, fs_sense sense, d
   return p;
 }
 
-/* Enabled, at the origin, no profile, not solid. name may be a temporary, or null: none; a bad one is refused by
- * fs_object_set. */
+/* An object that is enabled, at the origin, without profile, not solid. name is copied; null: no name. fs_object_set
+ * refuses a bad name. */
 static inline fs_object fs_object_init(const char *name, fs_primitive primitive)
 {
   fs_object o;
@@ -147,7 +148,7 @@ static inline fs_object fs_object_init(const char *name, fs_primitive primitive)
   return o;
 }
 
-/* Front, back and sense: the force F on the hand h, and p, the closest point of a plane or mesh. Each side has its own
+/* Front, back and sense: the force F on the hand h, and the closest point p of a plane or mesh. Each side has its own
  * profile, and so its own sense.
  *
  *                      front.sense = ATTRACTIVE        front.sense = REPULSIVE
@@ -167,9 +168,10 @@ static inline fs_object fs_object_init(const char *name, fs_primitive primitive)
  *                      is in it, towards the front
  */
 
-/* A wall: a plane that is free in front, and pushes out with min(stiffness*depth, limit) what is behind it. point: any
- * point of it, m; normal: towards the free side, of any length > 0; stiffness: N/m, >= 0; limit: N, > 0. A bad value is
- * refused by fs_object_set; until then a normal that is 0 or not finite stands in pose.orientation as (NaN, normal). */
+/* A wall: a plane without force in front; it pushes a hand behind it out with min(stiffness*depth, limit). point: any
+ * point of the plane, m; normal: towards the free side, of any length > 0; stiffness: N/m, >= 0; limit: N, > 0.
+ * fs_object_set refuses a bad value; until then pose.orientation holds (NaN, normal) for a normal that is 0 or not
+ * finite. */
 static inline fs_object fs_wall_init(const char *name, fs_vec3 point, fs_vec3 normal, double stiffness, double limit)
 {
   fs_object o = fs_object_init(name, FS_PRIMITIVE_PLANE);
@@ -184,37 +186,38 @@ static inline fs_object fs_wall_init(const char *name, fs_vec3 point, fs_vec3 no
   return o;
 }
 
-/* After fs_object_get: its handles (shape, curves) go unless retained, whatever the fields hold by now. Of any other
- * object, or null, it does nothing. */
+/* Releases an object that fs_object_get filled: gives back the handles (shape, curves) that fs_object_get put there,
+ * whatever the fields hold by now; the caller's own references keep them alive. For any other object, or null, it does
+ * nothing. */
 FS_API void fs_object_release(fs_object *object);
 
-/* forces[i]: what the profile gives at distances[i] (m, >= 0) and time t (s since the start), in N; with slopes
- * limited to max_stiffness (N/m, >= 0; 0: the bare formula). Both arrays have count entries; count 0: they may be
- * null. 0.1: max_stiffness above 0 is UNSUPPORTED. */
+/* Sets forces[i] to the force (N) of the profile at distances[i] (m, >= 0) and time t (s since the start), with slopes
+ * limited to max_stiffness (N/m, >= 0; 0: no limit). Both arrays have count entries; with count 0 they may be null.
+ * 0.1: max_stiffness above 0 is UNSUPPORTED. */
 FS_API fs_status fs_profile_evaluate(const fs_profile *profile, double max_stiffness, double t,
                                      const double *distances, size_t count, double *forces);
 
-/* ---- Shapes: cheap to make (copy and check). The search tree is built by fs_shape_build, else by the first scene of
- * this process that uses the shape (a million triangles: about 1 s); a server builds its own. A mesh may be open,
- * non-manifold or degenerate. To tell its sides, corners at the same coordinates count as one, whatever their indices.
- * They live as long as the caller's reference or an object needs them. */
+/* ---- Shapes are cheap to make: they are copied and checked. The search tree is built by fs_shape_build, or by the
+ * first scene of this process that uses the shape (a million triangles: about 1 s); a server builds its own. A mesh may
+ * be open, non-manifold or degenerate. To find its front and back, corners at the same coordinates count as one,
+ * whatever their indices. A shape lives as long as the caller's reference or an object needs it. */
 
-/* A polyline through count (>= 2) points, m, object frame. closed: the last is joined to the first. */
+/* A polyline through count (>= 2) points, m, object frame. closed: the last point is joined to the first. */
 FS_API fs_status fs_shape_create_polyline(const fs_vec3 *points, size_t count, bool closed, fs_shape **out);
 
-/* A mesh of 1 to 5e8 triangles. points: m, object frame, at most 4e9; triangles: three indices of points a triangle,
+/* A mesh of 1 to 5e8 triangles. points: m, object frame, at most 4e9; triangles: three indices of points per triangle,
  * counter-clockwise as seen from the front. */
 FS_API fs_status fs_shape_create_mesh(const fs_vec3 *points, size_t point_count, const uint32_t *triangles,
                                       size_t triangle_count, fs_shape **out);
 
-/* A mesh from a file whose name ends in .obj, .ply, .stl or .off. A face of n corners, convex or not, is cut into n - 2
- * triangles in its own plane; the points of an STL are joined where they are the same. scale: m per file unit, > 0.
- * NOT_FOUND, IO, PARSE, UNSUPPORTED (another ending, a variant that is not read, or a face too entangled to be cut:
- * the sentence has it). */
+/* A mesh from a file whose name ends in .obj, .ply, .stl or .off. A face with n corners, convex or not, is cut into
+ * n - 2 triangles in its own plane; equal points of an STL file are merged. scale: m per file unit, > 0. NOT_FOUND, IO,
+ * PARSE, UNSUPPORTED (another ending, a variant that is not read, or a face too entangled to be cut: fs_last_error()
+ * has which). */
 FS_API fs_status fs_shape_load(const char *path, double scale, fs_shape **out);
 
-/* Builds the search tree now, in this thread, rather than at the first use. One that is built, and a polyline's,
- * stays as it is. */
+/* Builds the search tree now, in this thread, rather than at the first use. Does nothing if the tree is built already,
+ * as that of a polyline always is. */
 FS_API fs_status fs_shape_build(fs_shape *shape);
 
 /* One more reference; returns shape; null gives null. */
@@ -223,51 +226,53 @@ FS_API fs_shape *fs_shape_retain(fs_shape *shape);
 /* Gives one reference back; null does nothing. */
 FS_API void fs_shape_destroy(fs_shape *shape);
 
-/* The points, as given, with their count; they live as long as the shape. A null argument: null, with fs_last_error. */
+/* The points, as given, with their count; they live as long as the shape. With a null argument it returns null and sets
+ * fs_last_error. */
 FS_API const fs_vec3 *fs_shape_get_points(const fs_shape *shape, size_t *count);
 
-/* Three indices a triangle, as given; *count: triangles; they live as long as the shape. Polyline: null, 0.
- * A null argument: null, with fs_last_error. */
+/* Three indices per triangle, as given; *count becomes the number of triangles. They live as long as the shape. For a
+ * polyline: null, 0. With a null argument it returns null and sets fs_last_error. */
 FS_API const uint32_t *fs_shape_get_triangles(const fs_shape *shape, size_t *count);
 
-/* What a shape is, and what is odd in it. Growing. Edges join points of the same index. */
+/* What a shape is, and what is irregular in it. Growing. Two triangles share an edge if they share its two indices. */
 typedef struct fs_shape_info {
   uint32_t struct_size;         /* sizeof(fs_shape_info), by fs_shape_info_init */
   fs_primitive primitive;       /* POLYLINE or MESH */
-  uint64_t open_edges,          /* mesh: edges of one triangle */
-           odd_edges;           /* mesh: of three and more, or of two that disagree about the front */
+  uint64_t open_edges,          /* mesh: edges of only one triangle */
+           odd_edges;           /* mesh: edges of three or more triangles, or of two that disagree about the front */
   uint64_t degenerate;          /* mesh: triangles without area; they are kept */
   fs_vec3 lower, upper;         /* m, bounds of all points, object frame */
-  bool closed,                  /* polyline: as made; mesh: it has edges, and none is open or odd */
-       built;                   /* the search tree is there; of a polyline it always is */
+  bool closed,                  /* polyline: as created; mesh: it has edges, and none is open or odd */
+       built;                   /* the search tree is built; for a polyline always true */
   uint8_t reserved[6];          /* 0 */
 } fs_shape_info;
 FS_DEFINE_INIT(fs_shape_info)
 
-/* Fills out, which was made by fs_shape_info_init. VERSION. */
+/* Fills out, which fs_shape_info_init made. VERSION. */
 FS_API fs_status fs_shape_get_info(const fs_shape *shape, fs_shape_info *out);
 
-/* ---- Curves: the function f(d, t) of a CUSTOM profile, N. What is below 0 or not finite counts as 0. They live as
- * long as the caller's reference or an object needs them. */
+/* ---- Curves: the function f(d, t) of a CUSTOM profile, N. A value below 0 or not finite counts as 0. A curve lives as
+ * long as the caller's reference or an object needs it. */
 
-/* A table: forces (N) are f(0), f(step), f(2 step)...; count >= 2, step > 0 (m). Between them a monotone cubic, which
- * never overshoots (PCHIP: Fritsch & Carlson 1980); the last value beyond. It does not depend on t. */
+/* A table: forces (N) are f(0), f(step), f(2 step)...; count >= 2, step > 0 (m). Between the entries f is a monotone
+ * cubic, which never overshoots (PCHIP: Fritsch & Carlson 1980); beyond the last entry f keeps its value. It does not
+ * depend on t. */
 FS_API fs_status fs_curve_create_table(const double *forces, size_t count, double step, fs_curve **out);
 
-/* An expression such as "3*(1+sin(12*t))*exp(-d/0.01)": d in m, t in s since the object's start; the functions and
- * operators of muParser (log is ln, angles are in rad, a^b is the power, c ? a : b the choice; the sentence about a
- * name that is not known lists all names); no assignment; at most 255 bytes of printable ASCII. A value that changes,
- * such as a battery's charge, is the gain of its profile: FS_PROFILE_CUSTOM. Its slope is the central difference over
- * d - 1e-6 m .. d + 1e-6 m, at d < 1e-6 m from 0 on. PARSE, with the column; UNSUPPORTED where the library was built
- * without expressions. */
+/* An expression such as "3*(1+sin(12*t))*exp(-d/0.01)": d in m, t in s since the object's start. It has the functions
+ * and operators of muParser: log is ln, angles are in rad, a^b is the power, c ? a : b the choice; the error sentence
+ * about an unknown name lists all names. No assignment; at most 255 bytes of printable ASCII. A value that changes,
+ * such as a battery's charge, belongs in the gain of the profile: see FS_PROFILE_CUSTOM. The slope is the central
+ * difference over d - 1e-6 m .. d + 1e-6 m; for d < 1e-6 m that interval begins at 0. PARSE, with the column;
+ * UNSUPPORTED where the library was built without expressions. */
 FS_API fs_status fs_curve_create_expression(const char *text, fs_curve **out);
 
-/* The text of an expression; lives as long as the curve. Of a table: null. A null argument: null, with
- * fs_last_error. */
+/* The text of an expression; it lives as long as the curve. For a table: null. With a null argument it returns null and
+ * sets fs_last_error. */
 FS_API const char *fs_curve_get_expression(const fs_curve *curve);
 
-/* The entries of a table, as given, with their count and step (m); they live as long as the curve. Of an expression:
- * null, 0, 0. A null argument: null, with fs_last_error. */
+/* The entries of a table, as given, with their count and step (m); they live as long as the curve. For an expression:
+ * null, 0, 0. With a null argument it returns null and sets fs_last_error. */
 FS_API const double *fs_curve_get_table(const fs_curve *curve, size_t *count, double *step);
 
 /* One more reference; returns curve; null gives null. */

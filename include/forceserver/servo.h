@@ -1,14 +1,14 @@
 /* forceserver/servo.h - the loop read, evaluate, guard, write. Conventions: forceserver.h.
  *
- * A servo makes a scene felt on a device. Each tick reads the hand, evaluates the scene there, guards the force and
- * writes it. The guard is the last stage and never bypassed: the force is finite, at most force_limit (direction
- * kept), ramped after a stop, and 0 on a fault or for a device that is not ready.
+ * A servo renders a scene on a device. Each tick reads the hand, evaluates the scene there, guards the force and writes
+ * it. The guard is the last stage and never bypassed: the force is finite, at most force_limit (direction kept), ramped
+ * after a stop, and 0 on a fault or for a device that is not ready.
  *
- * However a servo ends, the device has force 0 within two ticks, before anything is waited for: by fs_servo_stop, also
- * while the server or another thread is busy, and when the process ends by exit or by a return from main, from
- * whatever thread. A process that is killed, crashes, calls _exit or exec, or whose thread of CALLER mode stops
- * stepping, can send nothing: there only the device's own watchdog ends the force (driver.h). A forked child has
- * nothing of the servo: its calls do nothing or give STATE, and the device stays the parent's.
+ * When a servo ends, the device has force 0 within two ticks, before anything is waited for. This holds for
+ * fs_servo_stop, also while the server or another thread is busy, and when the process ends by exit or by a return from
+ * main, from whatever thread. A process that is killed, crashes, calls _exit or exec, or stops stepping a servo of mode
+ * CALLER, cannot send anything: there only the device's own watchdog ends the force (driver.h). A forked child does not
+ * have the servo: its calls do nothing or return STATE, and the device stays with the parent.
  */
 #ifndef FORCESERVER_SERVO_H
 #define FORCESERVER_SERVO_H
@@ -22,33 +22,36 @@ extern "C" {
 /* Who runs the ticks, and on which clock. */
 typedef enum fs_servo_mode {
   FS_SERVO_THREAD = 0,          /* its own real-time thread; the application's signals are blocked there */
-  FS_SERVO_CALLER = 1,          /* the caller's loop calls fs_servo_step(servo, 1): a tick now, real clock. Between
-                                   ticks the device keeps its force: who stops stepping stops the servo, too */
-  FS_SERVO_VIRTUAL = 2,         /* fs_servo_step; tick k = 1, 2.. is at k/rate s: tests, simulations */
+  FS_SERVO_CALLER = 1,          /* the caller's loop calls fs_servo_step(servo, 1): a tick now, on the real clock.
+                                   Between ticks the device keeps its force: stop the servo when you stop stepping */
+  FS_SERVO_VIRTUAL = 2,         /* fs_servo_step; tick k = 1, 2.. is at k/rate s: for tests and simulations */
   FS_SERVO_FORCE_32 = 0x7fffffff
 } fs_servo_mode;
 
-/* Growing; made by fs_servo_options_init; all zeros are the defaults. "none": fs_servo_stats says so. */
+/* Growing; made by fs_servo_options_init; all zeros are the defaults. "none" switches a protection off, and
+ * fs_servo_stats.protections_off reports it. */
 typedef struct fs_servo_options {
   uint32_t struct_size;         /* sizeof(fs_servo_options), by fs_servo_options_init */
   fs_servo_mode mode;           /* who runs the ticks */
   double rate;                  /* Hz, 100..20000; 0: the device's */
   double force_limit,           /* N, at most the device's; 0: the device's */
          torque_limit;          /* N m, at most the device's; 0: the device's */
-  double slew_limit;            /* N/s of the whole force, against faults only: below what a hard wall needs it makes a
-                                   loop unstable; 0: 3 m/s times max_stiffness; negative: none. 0.1: always none,
-                                   above 0 UNSUPPORTED */
-  double speed_limit;           /* m/s of the hand, a fault above; 0: 2; negative: none */
+  double slew_limit;            /* N/s of the whole force, a protection against faults only: a limit below what a hard
+                                   wall needs makes the loop unstable; 0: 3 m/s times max_stiffness; negative: none.
+                                   0.1: always none, above 0 UNSUPPORTED */
+  double speed_limit;           /* m/s of the hand; a higher speed is a fault; 0: 2; negative: none */
   double ramp;                  /* s to full force at the start and after a fault; 0: 0.5; negative: none */
-  double fade;                  /* s for an object that comes or goes; 0: 1.0; negative: none */
-  double blend;                 /* s over which a moved or changed object settles; 0: 0.02; negative: none. 0.1: always
-                                   none, above 0 UNSUPPORTED */
-  double delay;                 /* s of the loop, beside its period, 0..10; 0: the device's. 0.1: above 0 UNSUPPORTED */
-  double damping;               /* N s/m, local, filtered at 100 Hz; 0: 5, or less where the loop cannot carry it;
+  double fade;                  /* s in which an object fades in or out; 0: 1.0; negative: none */
+  double blend;                 /* s over which the change of a moved or changed object is spread; 0: 0.02; negative:
+                                   none. 0.1: always none, above 0 UNSUPPORTED */
+  double delay;                 /* s of delay in the loop, in addition to its period, 0..10; 0: the device's. 0.1: above
+                                   0 UNSUPPORTED */
+  double damping;               /* N s/m, local, filtered at 100 Hz; 0: 5, or less where the loop cannot render that;
                                    negative: none. 0.1: always none, above 0 UNSUPPORTED */
-  double max_stiffness;         /* N/m shared by all; 0: what the loop can render; negative: none. It and damping as
-                                   applied: fs_servo_stats. 0.1: always none, above 0 UNSUPPORTED */
-  int32_t priority;             /* THREAD: SCHED_FIFO 1..99; 0: 80; negative: ordinary */
+  double max_stiffness;         /* N/m, the total of all objects; 0: what the loop can render; negative: none.
+                                   fs_servo_stats has this value and damping as applied. 0.1: always none, above 0
+                                   UNSUPPORTED */
+  int32_t priority;             /* THREAD: of SCHED_FIFO, 1..99; 0: 80; negative: an ordinary thread */
   int32_t cpu;                  /* THREAD: n > 0: processor n-1; 0: any */
 } fs_servo_options;
 FS_DEFINE_INIT(fs_servo_options)
@@ -58,35 +61,36 @@ typedef enum fs_realtime {
   FS_REALTIME_NONE = 0,         /* an ordinary thread: expect late ticks */
   FS_REALTIME_NICE = 1,         /* a better nice value */
   FS_REALTIME_FIFO = 2,         /* SCHED_FIFO */
-  FS_REALTIME_FIFO_LOCKED = 3,  /* SCHED_FIFO, and locked in memory until the stop: the servo with its flight record,
-                                   its thread's stack, and this library, the C and the mathematical library; about
-                                   5 MB at 1 kHz. Objects, meshes, the driver and the rest of the process are not
-                                   locked: a process that wants that calls mlockall */
+  FS_REALTIME_FIFO_LOCKED = 3,  /* SCHED_FIFO, and these are locked in memory until the stop: the servo with its flight
+                                   record, its thread's stack, this library, the C library and the mathematical
+                                   library; about 5 MB at 1 kHz. Objects, meshes, the driver and the rest of the process
+                                   are not locked: a process that wants that calls mlockall */
   FS_REALTIME_FORCE_32 = 0x7fffffff
 } fs_realtime;
 
-/* [rt] "FS_REALTIME_FIFO"; static, never null, also for a number that is no value. */
+/* [rt] The name of a value, such as "FS_REALTIME_FIFO"; static, never null, not even for a number that is no value. */
 FS_API const char *fs_realtime_name(fs_realtime realtime);
 
-/* Why there is no force; bits. DEVICE ends by itself, through the ramp; the others hold the force at 0 until
- * fs_servo_set_enabled(servo, true). */
+/* Why there is no force; bits. FS_FAULT_DEVICE ends by itself, then the force ramps up; the others hold the force at 0
+ * until fs_servo_set_enabled(servo, true). */
 typedef enum fs_fault {
-  FS_FAULT_DEVICE = 1,          /* not ready, lost, or its pose too old: older than 20 ms and fs_device_info.delay
-                                   together, at most 100 ms (its time 0: now). VIRTUAL: a device without `advance`
-                                   (driver.h) has no age */
-  FS_FAULT_SPEED = 2,           /* the hand above speed_limit */
-  FS_FAULT_NUMBER = 4,          /* a pose or force that is not finite */
-  FS_FAULT_LATE = 8,            /* 20 ticks in a row, each later than a period. After one stall of 20 ms or more the
-                                   force only ramps; VIRTUAL: neither */
+  FS_FAULT_DEVICE = 1,          /* the device is not ready, lost, or its pose is older than the sum of 20 ms and
+                                   fs_device_info.delay, or than 100 ms if that is less (a time of 0 means now).
+                                   VIRTUAL: the pose of a device without `advance` (driver.h) has no age */
+  FS_FAULT_SPEED = 2,           /* the hand is faster than speed_limit */
+  FS_FAULT_NUMBER = 4,          /* a pose or force is not finite */
+  FS_FAULT_LATE = 8,            /* 20 ticks in a row were each later than a period. After a single stall of 20 ms or
+                                   more the force only ramps up again. VIRTUAL: neither happens */
   FS_FAULT_FORCE_32 = 0x7fffffff
 } fs_fault;
 
-/* [rt] "FS_FAULT_SPEED": the name of the lowest of these fs_fault bits; of 0 "no fault". Static, never null, also for a
- * bit that is no fault. Of all bits: for (; faults; faults &= faults - 1) puts(fs_fault_name(faults)); */
+/* [rt] The name of the lowest of these fs_fault bits, such as "FS_FAULT_SPEED"; for 0 "no fault". Static, never null,
+ * not even for a bit that is no fault. To print all of them:
+ *     for (; faults; faults &= faults - 1) puts(fs_fault_name(faults)); */
 FS_API const char *fs_fault_name(uint32_t faults);
 
-/* What negative options switched off; bits. 0.1: SLEW, STIFFNESS, DAMPING and BLEND always, as they are not there
- * yet. */
+/* The protections that negative options switched off; bits. 0.1: SLEW, STIFFNESS, DAMPING and BLEND are always set, as
+ * these protections do not exist yet. */
 enum {
   FS_OFF_SLEW = 1,              /* slew_limit */
   FS_OFF_SPEED = 2,             /* speed_limit */
@@ -97,71 +101,76 @@ enum {
   FS_OFF_BLEND = 64             /* blend */
 };
 
-/* How a servo does. Growing; made by fs_servo_stats_init. Percentiles are at most 3.2 % too high, maxima exact. */
+/* How well a servo runs. Growing; made by fs_servo_stats_init. Percentiles are at most 3.2 % too high, maxima are
+ * exact. */
 typedef struct fs_servo_stats {
   uint32_t struct_size;         /* sizeof(fs_servo_stats), by fs_servo_stats_init */
   fs_realtime realtime;         /* what the system granted */
-  uint32_t faults,              /* fs_fault bits now */
+  uint32_t faults,              /* present fs_fault bits */
            protections_off;     /* FS_OFF_ bits */
-  double rate;                  /* Hz, reached in the last 10 s */
-  double max_stiffness;         /* N/m at the device, the budget in force; infinite: none. 0.1: infinite */
+  double rate;                  /* Hz, achieved in the last 10 s */
+  double max_stiffness;         /* N/m at the device, the bound that is applied; infinite: none. 0.1: infinite */
   double damping;               /* N s/m, local, as applied. 0.1: 0 */
-  double energy;                /* J given to the hand less J taken since the start; it only reports. 0.1: 0 */
+  double energy;                /* J given to the hand minus J taken from it since the start; for information only.
+                                   0.1: 0 */
   uint64_t ticks,               /* since the start */
-           misses;              /* since the start; a miss is later than a period, and skipped */
+           misses;              /* since the start; a miss is a tick later than a period, which is skipped */
   uint64_t device_errors,       /* ticks with a failed read or write */
-           guarded;             /* ticks whose force a limit or fault changed (the ramp does not count) */
+           guarded;             /* ticks whose force was changed by a limit or fault (the ramp does not count) */
   uint64_t approximated;        /* ticks with error_bound > 0 */
-  double late_p50, late_p99, late_max,            /* s from when a tick was due to its beginning, of the last 10 s */
+  double late_p50, late_p99, late_max,            /* s from a tick's due time to its beginning, of the last 10 s */
          compute_p50, compute_p99, compute_max;   /* s that a tick took, of the last 10 s */
 } fs_servo_stats;
 FS_DEFINE_INIT(fs_servo_stats)
 
-/* One tick as it was. Frozen. */
+/* The record of one tick. Frozen. */
 typedef struct fs_tick {
-  fs_state state;               /* device frame; failed read: zeros */
+  fs_state state;               /* device frame; all zeros if the read failed */
   fs_response response;         /* of all scenes, device frame, before the guard */
   fs_wrench sent;               /* device frame, after the guard */
-  double late, compute;         /* s from when it was due to its beginning; s it took */
-  fs_status device;             /* of read and write: the first that failed */
+  double late, compute;         /* s from its due time to its beginning; s it took */
+  fs_status device;             /* the status of read or write: of the first that failed */
   uint32_t faults;              /* fs_fault bits */
 } fs_tick;
 
-/* Runs read, evaluate, guard, write, until stopped, also when the caller has let go of scene and device. options
- * null: defaults. Stored times move to the servo's clock, and what fades is brought to its end. A scene or device has
- * one servo at most: STATE. Connected scene, an option that is not there yet: UNSUPPORTED. VERSION; IO: no thread. */
+/* Runs read, evaluate, guard, write until stopped, even when the caller has given back scene and device. options null:
+ * defaults. Stored times are converted to the servo's clock, and fades that are under way end at once. A scene or
+ * device has one servo at most: STATE. A connected scene, or an option that does not exist yet: UNSUPPORTED. VERSION;
+ * IO: no thread. */
 FS_API fs_status fs_servo_start(fs_scene *scene, fs_device *device, const fs_servo_options *options, fs_servo **out);
 
-/* [rt] Runs so many ticks at once, in this thread; never waits. One thread at a time: else STATE. DISCONNECTED: at
- * the last tick the device was lost or not ready (all ticks ran; go on). STATE, too, when another thread stops the
- * servo meanwhile: the other ticks do not run, and no call with this handle may follow. THREAD: UNSUPPORTED. */
+/* [rt] Runs this number of ticks at once, in this thread; never waits. Only one thread may step at a time: STATE.
+ * DISCONNECTED: at the last tick the device was lost or not ready (all ticks ran; you may go on). STATE is also
+ * returned when another thread stops the servo meanwhile: the remaining ticks do not run, and no call with this handle
+ * may follow. Mode THREAD: UNSUPPORTED. */
 FS_API fs_status fs_servo_step(fs_servo *servo, uint64_t ticks);
 
-/* [rt] false: no force, from the next tick on. true: the force ramps up again, also after a latched fault, which it
- * clears; enabled and without one, it changes nothing. What caused the fault and is still there latches it again, and
- * each time there is an FS_EVENT_DEVICE. A servo starts enabled. */
+/* [rt] false: no force, from the next tick on. true: clears a latched fault, and the force ramps up again; it changes
+ * nothing if the servo is enabled and has no such fault. If the cause of the fault persists, the fault latches again,
+ * each time with an FS_EVENT_DEVICE. A servo starts enabled. */
 FS_API fs_status fs_servo_set_enabled(fs_servo *servo, bool enabled);
 
-/* Stops the servo; null does nothing. First the force is 0 and no tick comes any more (a device that fails to take it
- * is asked again for 20 ms), then its server's clients are disconnected. Unlike with other handles, a fs_servo_step
- * may be under way in another thread, which ends early, and so may another fs_servo_stop: both return when it is
- * stopped. Scene and device can have another servo afterwards. */
+/* Stops the servo; null does nothing. First the force is set to 0 and the ticks end (if the device fails to take the
+ * force, it is tried again for 20 ms), then the clients of its server are disconnected. Unlike with other handles,
+ * another thread may be in fs_servo_step, which then ends early, or in another fs_servo_stop: both return when the
+ * servo is stopped. Scene and device can have another servo afterwards. */
 FS_API void fs_servo_stop(fs_servo *servo);
 
-/* [rt] Of the servo that runs this scene, here or at the server; none: STATE. state: the hand, last tick; response:
- * of this scene alone; sent: what the device got of all scenes, after the guard, along this scene's axes. Null: not
- * asked. Before the first tick all are zeros, at the identity. */
+/* [rt] The last tick of the servo that runs this scene, in this process or at the server; no servo: STATE. state: the
+ * hand; response: of this scene alone; sent: what the device got from all scenes, after the guard, along this scene's
+ * axes. Each of the three may be null. Before the first tick all values are 0, and poses are the identity. */
 FS_API fs_status fs_scene_get_hand(const fs_scene *scene, fs_state *state, fs_response *response, fs_wrench *sent);
 
-/* Fills out, which was made by fs_servo_stats_init, from the servo that runs this scene; none: STATE. VERSION. */
+/* Fills out, which fs_servo_stats_init made, from the servo that runs this scene; no servo: STATE. VERSION. */
 FS_API fs_status fs_scene_get_servo_stats(fs_scene *scene, fs_servo_stats *out);
 
-/* Fills out, which was made by fs_device_info_init, with the device of the servo that runs this scene; none: STATE.
+/* Fills out, which fs_device_info_init made, with the device of the servo that runs this scene; no servo: STATE.
  * VERSION. */
 FS_API fs_status fs_scene_get_device_info(fs_scene *scene, fs_device_info *out);
 
-/* The flight record, a list: the newest ticks, oldest first, 2 s at most. A latched fault stops it, that tick being
- * the last, until the servo is enabled again; FS_FAULT_DEVICE does not. Connected: UNSUPPORTED. */
+/* The flight record, a list: the newest ticks, oldest first, 2 s at most. A latched fault stops the record, with the
+ * tick of the fault as the last, until the servo is enabled again; FS_FAULT_DEVICE does not stop it. Connected:
+ * UNSUPPORTED. */
 FS_API fs_status fs_servo_get_record(fs_servo *servo, fs_tick *out, size_t capacity, size_t *count);
 
 #ifdef __cplusplus

@@ -43,7 +43,7 @@ fs_status fs_profile_evaluate(const fs_profile* profile, double max_stiffness, d
       }
     }
     if (max_stiffness > 0) {
-      fail(FS_ERROR_UNSUPPORTED, "max_stiffness is %g: slope caps are not in version %s of this library, only 0",
+      fail(FS_ERROR_UNSUPPORTED, "max_stiffness is %g: version %s of this library has no slope caps, must be 0",
            max_stiffness, fs_version());
     }
     const auto parser = parsed.curve ? parsed.curve->make_parser() : nullptr;

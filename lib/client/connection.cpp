@@ -71,7 +71,7 @@ void Connection::connect(const Endpoint& endpoint, double start) {
   }
   const Peer peer = peer_of(socket_);
   if (peer.user != endpoint.user) {
-    fail(FS_ERROR_DENIED, "the server '%s' is of user %u, must be of user %u", name, peer.user, endpoint.user);
+    fail(FS_ERROR_DENIED, "the server '%s' belongs to user %u, must belong to user %u", name, peer.user, endpoint.user);
   }
   process_ = open_process(peer.process);
 }
@@ -110,11 +110,11 @@ bool Connection::greet(const Endpoint& endpoint, const std::string& client) {
     }
     throw Error{to_status(answer.status), std::move(text)};
   }
-  if (rest.size() != sizeof welcome_) fail(FS_ERROR_VERSION, "the server '%s' has sent a welcome of another size", name);
+  if (rest.size() != sizeof welcome_) fail(FS_ERROR_VERSION, "the server '%s' has sent a welcome of wrong size", name);
   std::memcpy(&welcome_, rest.data(), sizeof welcome_);
   if (welcome_.max_objects < 1 || welcome_.max_objects > most_slots || welcome_.outbox_bytes != sizeof(Outbox) ||
       welcome_.inbox_bytes != Inbox::bytes(welcome_.max_objects)) {
-    fail(FS_ERROR_VERSION, "the server '%s' lays out shared memory in another way", name);
+    fail(FS_ERROR_VERSION, "the server '%s' has another layout of shared memory", name);
   }
   if (is_cut || !regions[0] || !regions[1]) {
     fail(FS_ERROR_FULL, "no descriptor is left in this process for the memory of the server '%s'", name);

@@ -40,7 +40,7 @@ LinkedObject FetchedAssets::receive(Call& call, const wire::Object& record) {
 }
 
 Asset FetchedAssets::fetch(Call& call, uint64_t id, wire::Type type) {
-  if (!(id & wire::of_server)) fail(FS_ERROR_NOT_FOUND, "the shape or curve is not there any more");
+  if (!(id & wire::of_server)) fail(FS_ERROR_NOT_FOUND, "the shape or curve no longer exists");
   Line::extend(call);  // each may be large
   Answer answer = line_.request(call, wire::type_fetch, wire::Fetch{id});
   PackedAsset packed{type, {}, {}, std::move(answer.data)};

@@ -65,7 +65,7 @@ wire::Target to_target(const char* name, const char* field) {
   wire::Target out{};
   const size_t size = strnlen(name, sizeof out.name);
   if (size == sizeof out.name) {
-    fail(FS_ERROR_NOT_FOUND, "%s is '%s': no name is that long", field,
+    fail(FS_ERROR_NOT_FOUND, "%s is '%s': too long for a name", field,
          shortened(std::string_view(name, size)).c_str());
   }
   std::memcpy(out.name, name, size);

@@ -41,7 +41,7 @@ class Line {
 
   // Gives the server up, because there was no memory in the middle of a change: both ends may differ.
   void lose_for_memory() const noexcept {
-    connection.lose("there was no memory in the middle of a change: the server is given up");
+    connection.lose("memory ran out in the middle of a change, so this scene is disconnected");
   }
 
  private:

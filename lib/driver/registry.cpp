@@ -77,7 +77,7 @@ void load_driver(const char* path) {
   if (!*path) fail(FS_ERROR_INVALID, "path is empty, must be the path of a driver's library");
   struct stat info{};
   if (std::strchr(path, '/') && stat(path, &info) == 0 && !S_ISREG(info.st_mode)) {  // dlopen would block on a pipe
-    fail(FS_ERROR_IO, "path is '%s', which is no file", path);
+    fail(FS_ERROR_IO, "path is '%s', which is not a file", path);
   }
   std::unique_ptr<void, int (*)(void*)> library(dlopen(path, RTLD_NOW | RTLD_LOCAL), dlclose);
   if (!library) fail(FS_ERROR_IO, "path is '%s': %s", path, dlerror());

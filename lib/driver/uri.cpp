@@ -63,7 +63,7 @@ void check_keys(const Uri& uri, std::initializer_list<const char*> known) {
   for (const auto& [key, value] : uri.options) {
     bool found = false;
     for (const char* name : known) found = found || key == name;
-    if (!found) fail(FS_ERROR_INVALID, "option '%s' is not known; there are %s", key.c_str(), join(known).c_str());
+    if (!found) fail(FS_ERROR_INVALID, "option '%s' is unknown; the options are %s", key.c_str(), join(known).c_str());
   }
 }
 

@@ -85,7 +85,7 @@ class Builder : public nlohmann::json_sax<nlohmann::json> {
   bool binary(binary_t&) override { return add(Json()); }  // never occurs in text
   bool start_object(size_t) override { return enter(Json(Json::Object())); }
   bool key(string_t& key) override {
-    if (!keys_.back().insert(key).second) fail_here("the key " + in_quotes(key) + " is there twice");
+    if (!keys_.back().insert(key).second) fail_here("the key " + in_quotes(key) + " is given twice");
     open_.back()->object()->push_back({std::move(key), Json()});
     return true;
   }

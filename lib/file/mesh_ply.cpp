@@ -104,7 +104,7 @@ Property parse_property(Text& text, const Element& element) {
     fail_at(FS_ERROR_PARSE, text.where(), "%s must be of an integer type", in_quotes(name).c_str());
   }
   if (property.role != Role::none && element.has(property.role)) {
-    fail_at(FS_ERROR_PARSE, text.where(), "%s is there twice", role_names[static_cast<size_t>(property.role)]);
+    fail_at(FS_ERROR_PARSE, text.where(), "%s is given twice", role_names[static_cast<size_t>(property.role)]);
   }
   return property;
 }
@@ -120,7 +120,7 @@ Element parse_element(Text& text, const std::vector<Element>& before) {
   if (element.name == "vertex" || element.name == "face") {  // others may repeat: comparing very many would be slow
     for (const Element& other : before) {
       if (other.name != element.name) continue;
-      fail_at(FS_ERROR_PARSE, text.where(), "the element \"%s\" is there twice", element.name.c_str());
+      fail_at(FS_ERROR_PARSE, text.where(), "the element \"%s\" is given twice", element.name.c_str());
     }
   }
   if (element.name == "tristrips") {
@@ -158,7 +158,7 @@ Header parse_header(std::string_view bytes, const std::string& file) {
       if (header.elements.empty()) fail_at(FS_ERROR_PARSE, text.where(), "a property comes before the first element");
       header.elements.back().properties.push_back(parse_property(text, header.elements.back()));
     } else if (key != "end_header") {
-      fail_at(FS_ERROR_PARSE, text.where(), "%s is no word of a PLY header", in_quotes(key).c_str());
+      fail_at(FS_ERROR_PARSE, text.where(), "%s is not a keyword of a PLY header", in_quotes(key).c_str());
     }
     const std::string_view more = text.word_anywhere();
     if (!more.empty()) fail_at(FS_ERROR_PARSE, text.where(), "%s is one word too many", in_quotes(more).c_str());
@@ -185,7 +185,7 @@ class AsciiSource {
   std::string where() const { return text_.where(); }
   void expect_end() {
     const std::string_view more = text_.word_anywhere();
-    if (!more.empty()) fail_at(FS_ERROR_PARSE, where(), "%s stands behind the last element", in_quotes(more).c_str());
+    if (!more.empty()) fail_at(FS_ERROR_PARSE, where(), "%s follows the last element", in_quotes(more).c_str());
   }
   static size_t least_size(const Element& element) { return 2 * element.properties.size(); }
 
@@ -217,7 +217,7 @@ class BinarySource {
   std::string where() const { return file_ + ", byte " + std::to_string(start_ + last_); }
   void expect_end() {
     last_ = position_;
-    if (remaining() > 0) fail_at(FS_ERROR_PARSE, where(), "%zu bytes stand behind the last element", remaining());
+    if (remaining() > 0) fail_at(FS_ERROR_PARSE, where(), "%zu bytes follow the last element", remaining());
   }
   static size_t least_size(const Element& element) {
     size_t size = 0;
@@ -307,22 +307,22 @@ MeshData read_elements(Source source, const Header& header, const std::string& f
   for (const Element& element : header.elements) {
     const size_t least = Source::least_size(element);
     if (least > 0 && element.count > left / least) {
-      fail_at(FS_ERROR_PARSE, file, "the header says %llu of %s, the %zu bytes after it do not hold them",
+      fail_at(FS_ERROR_PARSE, file, "the header declares %llu of %s, the %zu bytes after it do not hold them",
               static_cast<unsigned long long>(element.count), in_quotes(element.name).c_str(), source.remaining());
     }
     left -= element.count * least;
     if (element.name == "vertex") points = element.count;
     if (element.name == "face") faces = element.count;
     if (element.name == "vertex" && !(element.has(Role::x) && element.has(Role::y) && element.has(Role::z))) {
-      fail_at(FS_ERROR_PARSE, file, "the header gives a vertex no x, y or z");
+      fail_at(FS_ERROR_PARSE, file, "the header declares a vertex with no x, y or z");
     }
     if (element.name == "face" && !element.has(Role::corners)) {
-      fail_at(FS_ERROR_PARSE, file, "the header gives a face no list vertex_indices");
+      fail_at(FS_ERROR_PARSE, file, "the header declares a face with no list vertex_indices");
     }
   }
-  if (points == 0) fail_at(FS_ERROR_PARSE, file, "the header says no vertex, must have 1 or more");
-  if (points > max_points) fail_at(FS_ERROR_UNSUPPORTED, file, "the header says 2^32 vertices or more");
-  if (faces == 0) fail_at(FS_ERROR_PARSE, file, "the header says no face, must have 1 or more");
+  if (points == 0) fail_at(FS_ERROR_PARSE, file, "the header declares no vertex, must declare 1 or more");
+  if (points > max_points) fail_at(FS_ERROR_UNSUPPORTED, file, "the header declares 2^32 vertices or more");
+  if (faces == 0) fail_at(FS_ERROR_PARSE, file, "the header declares no face, must declare 1 or more");
 
   MeshData mesh;
   mesh.points.reserve(points);

@@ -83,8 +83,8 @@ bool is_keyword(std::string_view word, std::string_view keyword) {  // ignores c
 void expect(Text& text, const char* keyword) {
   const std::string_view word = text.word_anywhere();
   if (is_keyword(word, keyword)) return;
-  if (word.empty()) fail_at(FS_ERROR_PARSE, text.where(), "the file ends, \"%s\" must follow", keyword);
-  fail_at(FS_ERROR_PARSE, text.where(), "%s is in the place of \"%s\"", in_quotes(word).c_str(), keyword);
+  if (word.empty()) fail_at(FS_ERROR_PARSE, text.where(), "the file ends, must go on with \"%s\"", keyword);
+  fail_at(FS_ERROR_PARSE, text.where(), "the word is %s, must be \"%s\"", in_quotes(word).c_str(), keyword);
 }
 
 MeshData parse_ascii(std::string_view bytes, const std::string& file) {
@@ -97,8 +97,10 @@ MeshData parse_ascii(std::string_view bytes, const std::string& file) {
       const std::string_view word = text.word_anywhere();
       if (is_keyword(word, "endsolid")) break;
       if (!is_keyword(word, "facet")) {
-        if (word.empty()) fail_at(FS_ERROR_PARSE, text.where(), "the file ends, \"facet\" or \"endsolid\" must follow");
-        fail_at(FS_ERROR_PARSE, text.where(), "%s is in the place of \"facet\" or \"endsolid\"",
+        if (word.empty()) {
+          fail_at(FS_ERROR_PARSE, text.where(), "the file ends, must go on with \"facet\" or \"endsolid\"");
+        }
+        fail_at(FS_ERROR_PARSE, text.where(), "the word is %s, must be \"facet\" or \"endsolid\"",
                 in_quotes(word).c_str());
       }
       expect(text, "normal");
@@ -139,7 +141,7 @@ MeshData parse_stl(std::string_view bytes, const std::string& file) {
     if (is_keyword(start.substr(0, 5), "solid")) return parse_ascii(bytes, file);
   }
   if (bytes.size() < header_size) {
-    fail_at(FS_ERROR_PARSE, file, "byte %zu: the file ends, must begin with \"solid\" or have %zu bytes or more",
+    fail_at(FS_ERROR_PARSE, file, "byte %zu: the file ends here, must begin with \"solid\" or have %zu bytes or more",
             bytes.size(), header_size);
   }
   fail_at(FS_ERROR_PARSE, file, "byte 80: %u triangles take %llu bytes, the file has %zu", triangles,

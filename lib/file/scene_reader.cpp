@@ -79,7 +79,7 @@ class Form {
   }
   void finish() const {
     for (const auto& [key, value] : *value_.object()) {
-      if (!known_.count(key)) fail_at(FS_ERROR_PARSE, where_, "the key %s is not known", in_quotes(key).c_str());
+      if (!known_.count(key)) fail_at(FS_ERROR_PARSE, where_, "the key %s is unknown", in_quotes(key).c_str());
     }
   }
 
@@ -168,7 +168,7 @@ class SceneReader {
  private:
   void check_version(Form& form) const {
     if (form.text("forceserver") != "scene") {
-      fail_value(form.need("forceserver"), path_, "forceserver", "\"scene\": this is no scene file");
+      fail_value(form.need("forceserver"), path_, "forceserver", "\"scene\": this is not a scene file");
     }
     uint32_t version = 0;
     form.need("version");

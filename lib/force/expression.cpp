@@ -44,8 +44,8 @@ std::string sentence_on_name(const std::string& name) {
     if (lower == other) hint = text;
   }
   if (functions.count(lower) || lower == "d" || lower == "t") hint = "write " + lower;
-  return "the name is not known" + (hint.empty() ? "" : " (" + hint + ")") +
-         "; known are the distance d (m), the time t (s)," + names_of(parser.GetConst()) + names_of(functions);
+  return "the name is unknown" + (hint.empty() ? "" : " (" + hint + ")") +
+         "; the names are the distance d (m), the time t (s)," + names_of(parser.GetConst()) + names_of(functions);
 }
 
 // The index of the first ':' or the last '?' that has no partner.
@@ -80,11 +80,11 @@ void fail_expression(const std::string& text, const mu::ParserError& error) {
   switch (error.GetCode()) {
     case mu::ecUNASSIGNABLE_TOKEN:
       sentence = is_letter(text[place]) ? sentence_on_name(token)
-                                        : "it is no operator; use + - * / ^ < > <= >= == != && || and a ? b : c";
+                                        : "it is not an operator; use + - * / ^ < > <= >= == != && || and a ? b : c";
       break;
     case mu::ecUNEXPECTED_EOF:
       place = text.find_last_not_of(' ');
-      sentence = "a value is missing behind it";
+      sentence = "a value is missing after it";
       break;
     case mu::ecMISSING_PARENS:
       place = lonely_bracket(text);
@@ -113,7 +113,7 @@ void fail_expression(const std::string& text, const mu::ParserError& error) {
       break;
     case mu::ecUNEXPECTED_PARENS:
       sentence = text[place] == '(' ? "an operator is missing before it"
-                                    : "it is one too many, or a value is missing before it";
+                                    : "there is one too many, or a value is missing before it";
       break;
     case mu::ecUNEXPECTED_VAL:
     case mu::ecUNEXPECTED_VAR:

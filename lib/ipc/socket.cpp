@@ -106,8 +106,8 @@ Endpoint parse_endpoint(const char* given, bool is_server) {
     const std::string key = option.substr(0, equals), value = equals == std::string::npos ? "" : option.substr(equals + 1);
     const bool is_known = !is_server && equals != std::string::npos && (key == "user" || key == "timeout");
     if (!is_known) {
-      fail(FS_ERROR_INVALID, "endpoint is '%s': option '%s' is not known; there %s", shown.c_str(),
-           shortened(option).c_str(), is_server ? "is none for a server" : "are user=USER and timeout=SECONDS");
+      fail(FS_ERROR_INVALID, "endpoint is '%s': option '%s' is unknown; %s", shown.c_str(), shortened(option).c_str(),
+           is_server ? "a server has no options" : "the options are user=USER and timeout=SECONDS");
     }
     if (key == "user" ? has_user : out.timeout >= 0) {
       fail(FS_ERROR_INVALID, "endpoint is '%s': %s is given twice", shown.c_str(), key.c_str());
@@ -174,7 +174,7 @@ Peer peer_of(const Descriptor& socket) {
   ucred found{};
   socklen_t size = sizeof found;
   if (getsockopt(socket.get(), SOL_SOCKET, SO_PEERCRED, &found, &size) != 0) {
-    fail(FS_ERROR_IO, "the system does not tell who is at the other end: %s", std::strerror(errno));
+    fail(FS_ERROR_IO, "the system does not say which process is at the other end: %s", std::strerror(errno));
   }
   return {found.pid, found.uid};
 }

@@ -84,7 +84,7 @@ void check_shape(const std::string& name, const fs_shape* shape, Findings& findi
                  Count(info.open_edges), plural(info.open_edges, "edge", "edges"));
   }
   if (info.odd_edges > 0) {
-    findings.add(name, "%llu odd %s: of three and more triangles, or of two that disagree about the front",
+    findings.add(name, "%llu odd %s: of three or more triangles, or of two that disagree about the front",
                  Count(info.odd_edges), plural(info.odd_edges, "edge", "edges"));
   }
   if (info.degenerate > 0) {
@@ -92,7 +92,7 @@ void check_shape(const std::string& name, const fs_shape* shape, Findings& findi
                  plural(info.degenerate, "triangle", "triangles"));
   }
   if (triangles > 2000000) {
-    findings.add(name, "%zu triangles: expect seconds until it can be felt, and about %zu MB", triangles,
+    findings.add(name, "%zu triangles: it takes seconds until it can be felt, and about %zu MB", triangles,
                  triangles * 150 / 1000000);
   }
   const fs_vec3 size = minus(info.upper, info.lower);
@@ -102,7 +102,7 @@ void check_shape(const std::string& name, const fs_shape* shape, Findings& findi
   const double rounded = far * std::numeric_limits<float>::epsilon() / 2;
   if (across > 0 && rounded > 1e-4 * across) {
     findings.add(name, "it lies %s from its origin but is only %s across: single precision, as in most files, rounds "
-                 "that to %s", metres(far).c_str(), metres(across).c_str(), metres(rounded).c_str());
+                 "its points by %s", metres(far).c_str(), metres(across).c_str(), metres(rounded).c_str());
   }
 }
 
@@ -196,10 +196,10 @@ void check_jumps(const fs_object& object, const Distances& distances, Findings& 
     const double front = along_normal(object.front, 1), back = sides ? along_normal(object.back, -1) : -front;
     const double jump = std::abs(front - back);
     if (jump > faint && sides) {
-      findings.add(name, "its force jumps at its surface, where front and back do not agree: %.3g N over nothing",
+      findings.add(name, "its force jumps at its surface, where front and back do not agree: a jump of %.3g N",
                    jump);
     } else if (jump > faint) {
-      findings.add(name, "its force reverses across its %s: %.3g N over nothing",
+      findings.add(name, "its force reverses across its %s: a jump of %.3g N",
                    object.primitive == FS_PRIMITIVE_POINT ? "point" : "line", jump);
     }
   }
@@ -209,17 +209,17 @@ void check_jumps(const fs_object& object, const Distances& distances, Findings& 
     const double jump = force_at(*profile, reach);
     const char* const side = !sides ? "" : profile == &object.front ? " in front" : " behind";
     if (jump <= faint) continue;
-    findings.add(name, "its force%s ends at its reach of %s: %.3g N over nothing", side, metres(reach).c_str(), jump);
+    findings.add(name, "its force%s ends at its reach of %s: a jump of %.3g N", side, metres(reach).c_str(), jump);
   }
   const double strongest = std::max(most(object.front, distances.least, distances.most),
                                     most(object.back, distances.least, distances.most));
   if (object.primitive == FS_PRIMITIVE_POLYLINE && strongest > faint && is_bent(object.shape)) {
-    findings.add(name, "its force changes its direction where two of its parts are equally near: by up to %.3g N "
-                 "over nothing", 2 * strongest);
+    findings.add(name, "its force changes its direction where two of its parts are equally near: a jump of up "
+                 "to %.3g N", 2 * strongest);
   }
   if (object.primitive == FS_PRIMITIVE_MESH && strongest > faint) {  // only a note: every solid mesh does this
     std::printf("  note: %s: where another of its faces becomes the nearest, as deep inside of it, its force changes "
-                "its direction: by up to %.3g N over nothing\n", name.c_str(), 2 * strongest);
+                "its direction: a jump of up to %.3g N\n", name.c_str(), 2 * strongest);
   }
 }
 
@@ -236,17 +236,17 @@ void check_senses(const fs_object& object, const Distances& distances, Findings&
   const bool is_room = object.primitive == FS_PRIMITIVE_MESH && is_closed(object.shape);  // the hand cannot leave it
   const bool pulls = front && object.front.sense == FS_SENSE_ATTRACTIVE && grows_without_end(object.front);
   if (sides && pulls && !back && !is_room) {
-    findings.add(name, "it pulls the hand towards it from everywhere in front, the harder the farther away; a wall "
-                 "pushes out of its back: \"back\", attractive");
+    findings.add(name, "it pulls the hand towards it from everywhere in front, harder with the distance; for a wall "
+                 "use \"back\" with sense attractive");
   }
   if (front && object.front.sense == FS_SENSE_REPULSIVE && grows_without_end(object.front)) {
-    findings.add(name, "it pushes the hand away%s, the harder the farther away", sides ? " in front" : "");
+    findings.add(name, "it pushes the hand away%s, harder with the distance", sides ? " in front" : "");
   }
   // Inside a mesh, a repulsive force that falls with the distance from the surface keeps the hand inside.
   const bool keeps_within = object.primitive == FS_PRIMITIVE_MESH &&
                             force_at(object.back, distances.most) < force_at(object.back, distances.least) - faint;
   if (back && !front && object.back.sense == FS_SENSE_REPULSIVE && !keeps_within) {
-    findings.add(name, "its back drives the hand deeper; a wall pushes out of its back: attractive");
+    findings.add(name, "its back drives the hand deeper; for a wall use sense attractive");
   }
 }
 
@@ -278,18 +278,18 @@ void check_object(const fs_object& object, const Workspace& workspace, std::size
                   Findings& findings) {
   const std::string name = object.name;
   if (object.shape) check_shape(name, object.shape, findings);
-  if (!object.enabled) findings.add(name, "it is disabled: nothing is felt of it");
+  if (!object.enabled) findings.add(name, "it is disabled, so it is not felt");
   const bool solid = object.contact.keep != FS_KEEP_NONE;
   const bool profiles = object.front.kind != FS_PROFILE_NONE || object.back.kind != FS_PROFILE_NONE;
   if (!solid && !profiles) {
-    findings.add(name, "it has no profile and is not solid: nothing is felt of it");
+    findings.add(name, "it has no profile and is not solid, so it is not felt");
   } else if (profiles) {
     const double from = nearest(object, workspace), to = from + 2 * workspace.radius + length(object.pose.position);
     const double most_force = std::max(most(object.front, from, to), most(object.back, from, to));
     const bool damps = object.damping > 0 && most_force > 0;  // even if the force itself is too faint to feel
     if (most_force < faint && !damps && !solid) {
-      findings.add(name, "the hand cannot get near enough to feel it: at least %s of the scene are between it and the "
-                   "device's workspace", metres(from).c_str());
+      findings.add(name, "the hand cannot get near enough to feel it: it is at least %s of the scene away from "
+                   "the device's workspace", metres(from).c_str());
     }
     check_jumps(object, {from, to}, findings);
     check_senses(object, {from, to}, findings);
@@ -301,7 +301,7 @@ void check_object(const fs_object& object, const Workspace& workspace, std::size
   if (limit > force_max) findings.add(name, "its limit of %g N is above the device's %g N", limit, force_max);
   const std::uint32_t points = tool_points >= 32 ? ~0u : (1u << tool_points) - 1;
   if (object.tool_points != 0 && (object.tool_points & points) == 0) {
-    findings.add(name, "it is for points that the tool, with %zu, does not have", tool_points);
+    findings.add(name, "its tool_points select none of the tool's points, of which there are %zu", tool_points);
   }
 }
 
@@ -333,7 +333,7 @@ int check_scene(const CheckOptions& options) {
   else std::printf("a metre of the device is %s of the scene\n", metres(frame.scale).c_str());
   Findings findings;
   if (count == 0) findings.add("", "it is empty");
-  if (frame.force_scale == 0) findings.add("", "its force_scale is 0: nothing is felt of it");
+  if (frame.force_scale == 0) findings.add("", "its force_scale is 0, so nothing is felt");
   const fs_quat& q = frame.pose.orientation;
   const fs_vec3 centre = rotate({q.w, -q.x, -q.y, -q.z}, frame.pose.position);
   const Workspace workspace = {{-centre.x * frame.scale, -centre.y * frame.scale, -centre.z * frame.scale},
@@ -351,7 +351,7 @@ int check_scene(const CheckOptions& options) {
     std::printf("\n");
     check_object(object, workspace, tool_points, info.force_max, findings);
     if (object.enabled && report.stiffness_applied < 0.99 * report.stiffness_wanted) {
-      std::printf("  note: %s: as steep as %.4g N/m at the device; a servo at %g Hz flattens that to %.4g N/m\n",
+      std::printf("  note: %s: its steepest slope is %.4g N/m at the device; a servo at %g Hz reduces it to %.4g N/m\n",
                   object.name, report.stiffness_wanted, info.rate, report.stiffness_applied);
     }
   }

@@ -32,15 +32,17 @@ std::vector<std::string> to_text(const fs_device_info& info) {
   const double degrees = info.workspace_angle * 180 / std::numbers::pi;
   std::vector<std::string> lines;
   lines.push_back(format("name        %s%s%s", info.name, *info.serial ? ", serial " : "", info.serial));
-  lines.push_back(format("workspace   a cylinder about z: %g mm in radius, %g mm high, the origin in its middle; ",
+  lines.push_back(format("workspace   a cylinder about z: %g mm in radius, %g mm high, with the origin at its centre; ",
                          info.workspace_radius * 1e3, info.workspace_height * 1e3) +
-                  (degrees > 0 ? format("turns %.0f degrees each way", degrees) : "does not turn"));
+                  (degrees > 0 ? format("the handle rotates %.0f degrees each way", degrees)
+                               : "the handle does not rotate"));
   lines.push_back("force       " + most("along", info.force_axes, info.force_max, "N"));
   lines.push_back("torque      " + most("about", info.torque_axes, info.torque_max, "N m"));
-  lines.push_back(format("rate        %g Hz; %g ms from pose to force beside its period", info.rate, info.delay * 1e3));
+  lines.push_back(format("rate        %g Hz; %g ms from pose to force, in addition to the period", info.rate,
+                         info.delay * 1e3));
   lines.push_back("resolution  " + (info.resolution > 0 ? format("%g um", info.resolution * 1e6) : "not quantised"));
-  lines.push_back("moving      " + (info.mass > 0 ? format("%g kg", info.mass) : "mass not known") +
-                  format(", %g N s/m of its own", info.damping));
+  lines.push_back("moving      " + (info.mass > 0 ? format("%g kg", info.mass) : "mass unknown") +
+                  format(", %g N s/m of damping", info.damping));
   return lines;
 }
 

@@ -19,7 +19,7 @@ std::string rate(double per_second) { return format(per_second < 99.95 ? "%.1f" 
 std::string stiffness(const fs_report& report) {
   if (report.state == FS_OBJECT_PENDING || report.state == FS_OBJECT_REFUSED) return "-";
   if (!std::isfinite(report.stiffness_wanted)) {
-    return std::isfinite(report.stiffness_applied) ? format("%.4g of a jump", report.stiffness_applied) : "jumps";
+    return std::isfinite(report.stiffness_applied) ? format("%.4g of infinite", report.stiffness_applied) : "jumps";
   }
   return is_capped(report) ? format("%.4g of %.4g", report.stiffness_applied, report.stiffness_wanted)
                            : format("%.4g", report.stiffness_wanted);
@@ -47,7 +47,7 @@ std::vector<std::string> head(const Look& now, const Look& before) {
   }
   lines.push_back(force);
   lines.push_back("servo  faults: " + fault_names(s.faults) +
-                  format("; %.0f Hz, late p99 %.0f us, most %.0f us; %llu of %llu ticks missed", s.rate,
+                  format("; %.0f Hz, late p99 %.0f us, max %.0f us; %llu of %llu ticks missed", s.rate,
                          s.late_p99 * 1e6, s.late_max * 1e6, Count(ticks.missed), Count(ticks.all)));
   return lines;
 }
@@ -63,7 +63,7 @@ std::vector<std::string> client_lines(const Look& now, const Look& before) {
 }
 
 std::vector<std::string> object_lines(const Look& now) {
-  Table table({"object", "primitive", "state", "weight", "far mm", "force N", "slope N/m"});
+  Table table({"object", "primitive", "state", "weight", "distance mm", "force N", "slope N/m"});
   for (const fs_report& report : now.objects) {
     const bool is_near = std::isfinite(report.distance);
     table.add({report.name, word_of(fs_primitive_name(report.primitive)), state(report), format("%.2f", report.weight),

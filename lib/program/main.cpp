@@ -39,18 +39,18 @@ asks is left out. Ends with 1 if the server ends meanwhile.)";
 
 const char* const watch_help = R"(examples:
   forceserver watch lab
-      the server called lab, twice a second until Ctrl-C; on a terminal each look replaces the one before
+      the server called lab, twice a second until Ctrl-C; on a terminal each output replaces the one before
   forceserver watch lab --interval 5 > log.txt
-      a look every five seconds, one below the other
+      an output every five seconds, one below the other
   forceserver watch lab --json --interval 0.1 --count 100 > looks.jsonl
       ten seconds, one JSON object per line, in SI units; a number that is not finite is null
   forceserver watch 'lab?user=anna'
       another user's server that lets in all users
 
-Positions and distances are the device's; `far` is the distance from the nearest point of the tool. The rate (Hz) and
-the lateness are those of the last 10 s; the missed ticks, the moves and the changes are those since the previous look.
-A slope "400 of 800" is capped: 800 N/m are wanted, 400 N/m are felt. The force of clients that have gone stays in the
-force on the hand until it has faded, but no line shows it.
+Positions and distances are the device's; `distance` is measured from the nearest point of the tool. The rate (Hz)
+and the lateness are those of the last 10 s; the missed ticks, the moves and the changes are those since the previous
+look. A slope "400 of 800" is capped: 800 N/m are wanted, 400 N/m are felt. The force of clients that have gone stays
+in the force on the hand until it has faded, but no line shows it.
 
 Ends with 1 when the server ends, with 0 on Ctrl-C; while it waits for the server, Ctrl-C ends it at once.)";
 
@@ -109,12 +109,12 @@ int main(int argc, char** argv) {
     double value = 0;
     return CLI::detail::lexical_cast(text, value) && value >= 0 ? "" : text + " is not a number of 0 or more";
   }, "");
-  CLI::App app("Say what should be felt; a servo makes it felt, a thousand times a second and more.", "forceserver");
+  CLI::App app("Describe what should be felt; a servo renders it at 1 kHz and more.", "forceserver");
   app.set_version_flag("--version", std::string("forceserver ") + fs_version());
   app.require_subcommand(1);
   app.footer("Each command has its own help with examples: forceserver run --help\n"
              "Exit status: 0 all is well; 1 something is odd (check), a fault happened (run) or the server has gone\n"
-             "(clients, watch); 2 it could not be done");
+             "(clients, watch); 2 the command failed");
 
   RunOptions run_options;
   CLI::App* run_command = app.add_subcommand("run", "Run a scene on a device");
@@ -174,7 +174,7 @@ int main(int argc, char** argv) {
   evaluate_command->add_option("scene", evaluate_options.scene, "The scene, a .json file")->type_name("");
   evaluate_command->add_option("positions", evaluate_options.input, "A file of positions; - is the standard input")
       ->type_name("")->capture_default_str();
-  evaluate_command->add_option("--scene", scene_option, "The scene; then only positions may stand alone")
+  evaluate_command->add_option("--scene", scene_option, "The scene; then the only argument is the file of positions")
       ->type_name("FILE");
   evaluate_command->add_option("--object", evaluate_options.object, "Only the forces of this object; without it of all")
       ->type_name("NAME");

@@ -150,9 +150,9 @@ void print_summary(const fs_servo_stats& s, double seconds, std::uint32_t faults
   using Count = unsigned long long;
   std::printf("%llu ticks in %.1f s: %.1f Hz; %llu missed, %llu with a device error\n", Count(s.ticks), seconds,
               double(s.ticks) / seconds, Count(s.misses), Count(s.device_errors));
-  std::printf("late    p50 %.0f us, p99 %.0f us, most %.0f us (last 10 s)\n", s.late_p50 * 1e6, s.late_p99 * 1e6,
+  std::printf("late    p50 %.0f us, p99 %.0f us, max %.0f us (last 10 s)\n", s.late_p50 * 1e6, s.late_p99 * 1e6,
               s.late_max * 1e6);
-  std::printf("compute p50 %.1f us, p99 %.1f us, most %.1f us\n", s.compute_p50 * 1e6, s.compute_p99 * 1e6,
+  std::printf("compute p50 %.1f us, p99 %.1f us, max %.1f us\n", s.compute_p50 * 1e6, s.compute_p99 * 1e6,
               s.compute_max * 1e6);
   if (std::isfinite(s.max_stiffness)) std::printf("slopes up to %.0f N/m, ", s.max_stiffness);
   std::printf("local damping %.1f N s/m; a limit or fault changed the force of %llu ticks\n", s.damping,

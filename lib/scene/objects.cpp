@@ -55,7 +55,7 @@ std::vector<std::string_view> Objects::in_order() const {
 
 void Objects::require_room(size_t more, const char* verb) const {
   if (has_room(more)) return;
-  fail(FS_ERROR_FULL, "the scene %s %u objects, those that fade out among them: its maximum", verb, capacity_);
+  fail(FS_ERROR_FULL, "the scene %s its maximum of %u objects, including those that fade out", verb, capacity_);
 }
 
 // False when it was listed already.

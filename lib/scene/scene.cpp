@@ -45,7 +45,7 @@ void check_max_stiffness(double stiffness) {
     fail(FS_ERROR_INVALID, "stiffness is %g, must be finite and >= 0 N/m", stiffness);
   }
   if (stiffness > 0) {
-    fail(FS_ERROR_UNSUPPORTED, "stiffness is %g: slope caps are not in version %s of this library, only 0", stiffness,
+    fail(FS_ERROR_UNSUPPORTED, "stiffness is %g: version %s of this library has no slope caps, must be 0", stiffness,
          fs_version());
   }
 }

@@ -127,7 +127,7 @@ void Changes::apply_set(const wire::Set& set, uint64_t serial, bool is_change) {
   if (is_change && is_new) {
     const auto absent = look_up(client_.absent, name);
     if (!absent || absent->state != FS_OBJECT_REFUSED) return;  // another client has removed it
-    fail(FS_ERROR_NOT_FOUND, "object '%s' is not there: it was refused", name.c_str());
+    fail(FS_ERROR_NOT_FOUND, "object '%s' does not exist: it was refused", name.c_str());
   }
   if (is_new && client_.moves.objects().size() >= most) {
     fail(FS_ERROR_FULL, "object '%s' would be one more than the %u that the server allows a client", name.c_str(), most);

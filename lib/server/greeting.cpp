@@ -73,12 +73,12 @@ bool greet(Client& client, std::span<const std::byte> message, fs_status refusal
   std::memcpy(&hello, message.data(), std::min(message.size(), sizeof hello));
   if (hello.magic != wire::magic || message.size() < sizeof hello) return false;
   if (refusal == FS_ERROR_DENIED) {
-    return answer(client, refusal, "this server lets in its own user only; one with all_users lets in others");
+    return answer(client, refusal, "this server lets in its own user only; with all_users it lets in others");
   }
   if (hello.layout != wire::layout_id()) {
     const std::string& layout = wire::layout_text();
     const std::string text = "the client is version " + text_of(hello.version) + " of the library, the server " +
-                             fs_version() + ", and they do not go together: ";
+                             fs_version() + ", and they are not compatible: ";
     return answer(client, FS_ERROR_VERSION, text, bytes_of(layout.data(), std::min<size_t>(layout.size(), 60000)));
   }
   try {

@@ -191,7 +191,7 @@ void Requests::tell_object(const std::string& name, wire::Pulled& out) {
 // A worker packs it: copying a mesh takes a while.
 void Requests::fetch(const Request& request) {
   const Asset* const found = client_.assets.find_offer(request.as<wire::Fetch>().id & ~wire::of_server);
-  if (!found) fail(FS_ERROR_NOT_FOUND, "the shape or curve is not there any more");
+  if (!found) fail(FS_ERROR_NOT_FOUND, "the shape or curve no longer exists");
   struct Outcome {
     PackedAsset packed;
     Error error{FS_OK, ""};

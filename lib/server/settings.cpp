@@ -25,7 +25,7 @@ ServerSettings parse_options(const fs_server_options& options, const ServoSettin
   out.lease = options.lease > 0 ? options.lease : 0.2;
   const double most = servo.limits.force;
   if (!(options.force_limit >= 0 && options.force_limit <= most)) {
-    fail(FS_ERROR_INVALID, "force_limit is %g, must be within 0..%g N, what the servo sends", options.force_limit, most);
+    fail(FS_ERROR_INVALID, "force_limit is %g, must be within 0..%g N, the servo's limit", options.force_limit, most);
   }
   out.limits.force = options.force_limit > 0 ? options.force_limit : most;
   // A device without torque ignores the torque that it gets: no reason to lower the force.

@@ -67,13 +67,13 @@ bool DeviceEvents::take(uint64_t& next, const fs_device_info& device, double pos
   std::memcpy(out.name, device.name, sizeof out.name - 1);
   const size_t size = sizeof out.text;
   if (event.faults & device_fault) {
-    std::snprintf(out.text, size, "lost, not ready, or its pose older than %g ms; the force comes back by the ramp",
+    std::snprintf(out.text, size, "lost, not ready, or its pose older than %g ms; the force will ramp up again",
                   1e3 * pose_age);
   } else if (event.faults) {
     std::snprintf(out.text, size, "stopped: ");
     append_faults(event.faults, out.text, size);
   } else if (event.latched) {
-    std::snprintf(out.text, size, "ready, but stopped until it is enabled: ");
+    std::snprintf(out.text, size, "ready, but the servo is stopped until it is enabled: ");
     append_faults(static_cast<uint32_t>(event.latched), out.text, size);
   } else {
     std::snprintf(out.text, size, "ready");

@@ -15,7 +15,7 @@ namespace {
 
 double parse_limit(double given, double device, const char* field) {
   if (!(given >= 0 && given <= device)) {
-    fail(FS_ERROR_INVALID, "%s is %g, must be within 0..%g, what the device can", field, given, device);
+    fail(FS_ERROR_INVALID, "%s is %g, must be within 0..%g, the device's limit", field, given, device);
   }
   return given > 0 ? given : device;
 }
@@ -33,8 +33,8 @@ double parse_switch(double given, double standard, double none, double high, uin
 
 // Refuses an option that this version lacks, rather than ignore it: the application might rely on it.
 [[noreturn]] void refuse(double given, const char* field, const char* allowed) {
-  fail(FS_ERROR_UNSUPPORTED, "%s is %g: it is not in version %s of this library, only %s", field, given, fs_version(),
-       allowed);
+  fail(FS_ERROR_UNSUPPORTED, "%s is %g: version %s of this library does not have it, must be %s", field, given,
+       fs_version(), allowed);
 }
 
 // An option for a protection that does not exist yet: it is always off, and asking for it is an error.

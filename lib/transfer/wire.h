@@ -108,7 +108,7 @@ struct Reply {
 // number, of one that the client has sent in a Shape or Curve; or, with the bit `of_server`, the server's.
 inline constexpr uint64_t of_server = uint64_t{1} << 63;
 // The sentence of a STATE: the client has to send the shape or curve as its own.
-inline constexpr const char* not_offered = "the server offers this shape or curve no longer";
+inline constexpr const char* not_offered = "the server no longer offers this shape or curve";
 
 struct Profile {
   int32_t kind, sense;

@@ -1,5 +1,5 @@
 """Every public function has a comment. It stands on the function's own lines, or ends on the line before them, or
-begins the paragraph (the lines without a blank one between) in which the function stands, and speaks for the group.
+begins the paragraph (the lines without a blank one between) in which the function stands, and is about the group.
 
 comments.py INCLUDE_FOLDER
 """

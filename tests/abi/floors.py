@@ -1,4 +1,4 @@
-"""The floors of the house: a file may include what lies on lower floors, never what lies beside or above.
+"""The layers of the library: a file may include files of lower layers only, never of its neighbours or of higher ones.
 
 floors.py PROJECT_FOLDER
 """

@@ -4,7 +4,7 @@ make_layout.py INCLUDE_FOLDER C_COMPILER          writes layout.c beside this fi
 make_layout.py INCLUDE_FOLDER C_COMPILER --check  only says whether it would be the same
 
 A difference is right only where the contract lets the interface grow: new fields at the end of a growing struct, new
-values, new structs. Whatever stood in layout.c before must stand there still, but the size of a struct that grew.
+values, new structs. Every line that was in layout.c before must remain, except the size of a struct that grew.
 """
 import pathlib
 import re

@@ -1,5 +1,5 @@
-"""The shared library shows the functions of the headers, all of them and nothing else. Nor is it ever unloaded: a
-servo's thread may run in it.
+"""The shared library exports the functions of the headers and nothing else. It is never unloaded, as a servo's thread
+may run in it.
 
 symbols.py INCLUDE_FOLDER LIBRARY NM READELF
 """

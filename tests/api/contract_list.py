@@ -1,4 +1,4 @@
-"""Every function of the public headers stands in a table of test_contract.cpp, and nothing else does."""
+"""Every function of the public headers is in a table of test_contract.cpp, and nothing else is."""
 import pathlib
 import re
 import sys
@@ -10,7 +10,7 @@ for header in sorted(include.glob("*.h")):
     declared |= set(re.findall(r"FS_API[^;(]*?\b(fs_\w+)\s*\(", text))
 text = test.read_text()
 called = set(re.findall(r'\{"(fs_\w+)", \d', text))                      # the table of calls
-others = re.search(r"others\[\]\{(.*?)\};", text, flags=re.S).group(1)  # those that give no status
+others = re.search(r"others\[\]\{(.*?)\};", text, flags=re.S).group(1)  # those that return no status
 called |= set(re.findall(r'"(fs_\w+)"', others))
 called = {name for name in called if re.search(rf"[^\"\w]{name}\(", text)}  # and is called, not only named
 for name in sorted(declared - called):

@@ -13,7 +13,7 @@
 #include <check.h>
 #undef fail  // an old macro of Check's; std::ios has a function of that name
 
-// The call gives this status, or the test fails with both and the library's sentence.
+// Fails the test with both statuses and the library's error sentence unless the call returns this status.
 #define EXPECT(status, call)                                                                                        \
   do {                                                                                                              \
     const fs_status got_ = (call);                                                                                  \
@@ -22,7 +22,7 @@
   } while (0)
 #define OK(call) EXPECT(FS_OK, call)
 
-// The same, and the sentence names what is wrong.
+// The same, and the error sentence must have this part.
 #define EXPECT_SENTENCE(status, call, word)                                                                         \
   do {                                                                                                              \
     EXPECT(status, call);                                                                                           \
@@ -85,7 +85,7 @@ inline fs_servo_stats stats_of(fs_scene* scene) {
   return stats;
 }
 
-// Options of a virtual servo that changes nothing but what a test asks for.
+// Options of a virtual servo with all protections off, except those that a test sets.
 inline fs_servo_options virtual_options() {
   fs_servo_options options = fs_servo_options_init();
   options.mode = FS_SERVO_VIRTUAL;
@@ -105,7 +105,7 @@ struct Rig {
     device = fake.open();
     servo = start_servo(scene.get(), device.get(), options);
   }
-  void step(uint64_t ticks) {  // also where the device is away: all ticks run
+  void step(uint64_t ticks) {  // even if the device is lost: all ticks run
     const fs_status status = fs_servo_step(servo.get(), ticks);
     if (status != FS_ERROR_DISCONNECTED) require(status, "fs_servo_step");
   }
@@ -120,7 +120,7 @@ inline int run_suite(Suite* suite) {
   srunner_free(runner);
   return failed == 0 ? EXIT_SUCCESS : EXIT_FAILURE;
 }
-// One case with the tests given. Its time limit is for a servo that hangs, not for a slow machine.
+// Adds one test case with these tests. Its time limit is for a servo that hangs, not for a slow machine.
 inline void add_case(Suite* suite, const char* name, std::initializer_list<const TTest*> tests) {
   TCase* test_case = tcase_create(name);
   tcase_set_timeout(test_case, 120);

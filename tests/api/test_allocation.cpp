@@ -1,5 +1,5 @@
-// What is marked [rt] neither allocates nor frees, on no thread that evaluates, whatever others do to the scene
-// meanwhile. malloc and its family are taken over by this program; operator new comes here too.
+// Calls marked [rt] neither allocate nor free memory, on no thread that evaluates, whatever other threads do to the
+// scene meanwhile. This program replaces malloc and its family; operator new uses these too.
 #include <atomic>
 #include <cerrno>
 #include <thread>
@@ -45,12 +45,12 @@ static unsigned long count(F f) {
 }
 
 START_TEST(the_counter_counts) {
-  int* volatile number = nullptr;  // or the compiler leaves both out
+  int* volatile number = nullptr;  // without it the compiler removes the allocation and the release
   void* volatile block = nullptr;
   ck_assert_uint_eq(count([&] { number = new int; delete number; }), 2);
   ck_assert_uint_eq(count([&] { block = malloc(8); free(block); }), 2);
   ck_assert_uint_eq(count([] { std::vector<double> v(100); }), 2);
-  // The library's own, from inside of it.
+  // An allocation inside the library is counted.
   ck_assert_uint_gt(count([] { make_scene(); }), 2);
   ck_assert_uint_eq(count([] {}), 0);
 }
@@ -120,7 +120,7 @@ START_TEST(a_tool) {
   fs_response response;
   fs_status worst = FS_OK;
   double time = 0;
-  ck_assert_uint_eq(count([&] {  // from the very first
+  ck_assert_uint_eq(count([&] {  // from the first call on
     for (int k = 0; k < 2000; ++k) {
       const fs_state state = hand_at(random.in_box(0.08));
       worst = std::min(worst, fs_evaluate(tool.get(), &state, &response));
@@ -129,7 +129,7 @@ START_TEST(a_tool) {
     }
   }), 0);
   ck_assert_int_eq(worst, FS_OK);
-  // A refusal does not either.
+  // A call that fails does not allocate either.
   fs_state bad{};
   bad.time = NAN;
   fs_evaluate(tool.get(), &bad, &response);
@@ -173,7 +173,7 @@ static void drive(fs_servo_mode mode) {
   }
   editor.stop();
   ck_assert_uint_eq(total, 0);
-  // Everything dropped at once, and the frame, tool and clutch with it.
+  // All objects are removed at once, and frame, tool and clutch change with them.
   OK(fs_scene_clear(scene.get()));
   const fs_vec3 points[]{{0, 0, 0}, {0.01, 0, 0}};
   OK(fs_scene_set_tool(scene.get(), points, 2));
@@ -193,7 +193,7 @@ END_TEST
 START_TEST(a_callers_servo) { drive(FS_SERVO_CALLER); }
 END_TEST
 
-// Moves through shared memory neither, nor a look at the hand there.
+// Neither moves through shared memory nor reading the hand there allocate.
 START_TEST(a_connected_scene) {
   Rig rig("connected");
   rig.start(virtual_options());
@@ -221,13 +221,13 @@ START_TEST(a_connected_scene) {
     for (int k = 0; k < 1000; ++k) look_and_move();
   }), 0);
   ck_assert_int_eq(worst, FS_OK);
-  Got(scene.get(), content.objects[0].name);  // what has moved comes into the scene of this process
+  Got(scene.get(), content.objects[0].name);  // this brings the moved object into this process's scene
   ck_assert_uint_eq(count(look_and_move), 0);
   ck_assert_int_eq(worst, FS_OK);
 }
 END_TEST
 
-START_TEST(faults) {  // what goes wrong allocates no more than what goes well
+START_TEST(faults) {  // faults do not allocate either
   Rig rig("faults");
   fill(rig.scene.get(), hello());
   rig.start(virtual_options());

@@ -1,5 +1,5 @@
-// Several clients of one server: their forces add, their names are their own, and each sees, and may change, what the
-// others have. What one scene alone does: test_scenario.
+// Several clients of one server: their forces add, each has its own names, and each sees and may change the objects of
+// the others. What one scene alone does: test_scenario.
 #include <algorithm>
 #include <array>
 #include <atomic>
@@ -38,12 +38,12 @@ START_TEST(forces_add) {
   fs_response response;
   fs_wrench sent;
   OK(fs_scene_get_hand(a.get(), nullptr, &response, &sent));
-  EXPECT_VECTOR(response.wrench.force, (fs_vec3{0, 2, 0}), 1e-12);  // of this scene alone
-  EXPECT_VECTOR(sent.force, (fs_vec3{3, 2, -3}), 1e-12);            // of all
+  EXPECT_VECTOR(response.wrench.force, (fs_vec3{0, 2, 0}), 1e-12);  // the force of this scene alone
+  EXPECT_VECTOR(sent.force, (fs_vec3{3, 2, -3}), 1e-12);            // the force of all scenes
   EXPECT_VECTOR(record_of(rig.servo.get()).back().response.wrench.force, (fs_vec3{3, 2, -3}), 1e-12);
   ck_assert_uint_eq(record_of(rig.servo.get()).back().response.felt_count, 4);
 
-  // One that leaves takes its force along, without a step; the name is free.
+  // When a client leaves, its force fades out without a step, and its name is free.
   std::vector<fs_wrench> log{rig.fake.written};
   rig.fake.log = &log;
   b.reset();
@@ -122,7 +122,7 @@ START_TEST(own_names_in_full) {
   two.settle_all();
   EXPECT_VECTOR(two.fake.written.force, (fs_vec3{}), 1e-12);
   for (const fs_event& e : events_now(two.me.get())) ck_assert_int_ne(e.kind, FS_EVENT_EDITED);
-  EXPECT(FS_ERROR_INVALID, fs_object_set(two.me.get(), &o));  // a set is of a new name
+  EXPECT(FS_ERROR_INVALID, fs_object_set(two.me.get(), &o));  // fs_object_set does not take another client's name
 }
 END_TEST
 
@@ -194,7 +194,7 @@ static void change_of_others(Two& two, fs_scene* owner, const std::string& prefi
   ck_assert_double_eq(Got(owner, "a")->lifetime, 3);
   EXPECT_VECTOR(Got(owner, "a")->pose.position, there.position, 0);
   OK(fs_object_change(bob, &change, 0));
-  OK(fs_object_set(owner, &o));  // the owner's word again
+  OK(fs_object_set(owner, &o));  // the owner sets it again
   settle();
   EXPECT_VECTOR(two.fake.written.force, (fs_vec3{20, 0, 0}), 1e-12);
 
@@ -233,7 +233,7 @@ static void change_of_others(Two& two, fs_scene* owner, const std::string& prefi
   OK(fs_evaluate_field(owner, nullptr, FS_NOW, &x, 1, &f));  // its own tools feel it too
   EXPECT_VECTOR(f, (fs_vec3{-4, 0, 0}), 1e-12);
 
-  // Refused, with nothing changed: what makes a bad whole, and what is not there.
+  // These are refused and change nothing: a change that makes an invalid object, and names that do not exist.
   change.front.gain = -1;
   const std::string as_asked = std::string("object '") + full + "': front.gain is -1";
   EXPECT_SENTENCE(FS_ERROR_INVALID, fs_object_change(bob, &change, FS_PART_PROFILES), as_asked.c_str());
@@ -266,7 +266,7 @@ static void change_of_others(Two& two, fs_scene* owner, const std::string& prefi
   settle();
   EXPECT_VECTOR(two.fake.written.force, (fs_vec3{-4, 0, 0}), 1e-12);
 
-  // Removed by the other: the owner has it no more, and can make it again.
+  // Removed by the other client: the owner no longer has it, and can set it again.
   OK(fs_object_remove(bob, full));
   settle();
   EXPECT_VECTOR(two.fake.written.force, (fs_vec3{}), 0);
@@ -277,7 +277,8 @@ static void change_of_others(Two& two, fs_scene* owner, const std::string& prefi
   OK(fs_object_set(owner, &o));
   settle();
   EXPECT_VECTOR(two.fake.written.force, (fs_vec3{20, 0, 0}), 1e-12);
-  for (const fs_event& e : events_now(bob)) ck_assert_int_ne(e.kind, FS_EVENT_EDITED);  // they were not its own
+  // these objects are not this client's
+  for (const fs_event& e : events_now(bob)) ck_assert_int_ne(e.kind, FS_EVENT_EDITED);
 }
 START_TEST(objects_of_others) {
   Two two;
@@ -290,7 +291,7 @@ START_TEST(objects_of_the_server) {
 }
 END_TEST
 
-START_TEST(edits_in_an_open_group) {  // the owner's group and the other's changes both come to pass
+START_TEST(edits_in_an_open_group) {  // the owner's group and the other client's changes both take effect
   Two two;
   for (const char* name : {"a", "b"}) set(two.me, push(name, 1));
   two.settle_all();
@@ -300,7 +301,8 @@ START_TEST(edits_in_an_open_group) {  // the owner's group and the other's chang
   OK(fs_object_change(two.bob.get(), &o, FS_PART_PROFILES));
   OK(fs_object_remove(two.bob.get(), "me/b"));
   o = push("b", 100);
-  OK(fs_object_change(two.me.get(), &o, FS_PART_PROFILES));  // of one that the other has removed meanwhile
+  // a change of an object that the other client has removed meanwhile
+  OK(fs_object_change(two.me.get(), &o, FS_PART_PROFILES));
   OK(fs_scene_commit(two.me.get()));
   two.settle_all();
   EXPECT_VECTOR(two.fake.written.force, (fs_vec3{0, 0, 15}), 1e-12);
@@ -312,7 +314,7 @@ START_TEST(edits_in_an_open_group) {  // the owner's group and the other's chang
 }
 END_TEST
 
-START_TEST(many_edits) {  // each of many objects, some again and again
+START_TEST(many_edits) {  // many objects are edited, some of them repeatedly
   Two two;
   for (int i = 0; i < 100; ++i) set(two.me, push(("o" + std::to_string(i)).c_str(), 0.5));
   two.settle_all();
@@ -344,7 +346,7 @@ START_TEST(many_edits) {  // each of many objects, some again and again
 }
 END_TEST
 
-// A group of changes of all that there are: each client feels its part in one tick, or nothing of it.
+// A group with all kinds of changes: each client feels its part in one tick, or nothing of it.
 START_TEST(groups_of_all) {
   Two two;
   set(two.base, push("s", 1, {0, 0, 1}));
@@ -361,7 +363,7 @@ START_TEST(groups_of_all) {
       got.object.front.gain *= factor;
       got.object.front.limit *= factor;
       OK(fs_object_change(bob, &got.object, FS_PART_PROFILES));
-      ck_assert_double_eq(Got(bob, name)->front.gain, got.object.front.gain);  // as the group has it
+      ck_assert_double_eq(Got(bob, name)->front.gain, got.object.front.gain);  // with the change of the open group
     }
     OK(fs_object_remove(bob, "me/b"));
     ck_assert(!has(bob, "me/b"));
@@ -399,7 +401,8 @@ START_TEST(groups_of_all) {
   }
   ck_assert(told == (std::set<std::string>{"a", "b"}));
 
-  // One part cannot be: the object went before the group came. Nothing of it is done.
+  // One part of the group is impossible, as its object was removed before the group arrived. So nothing of the group is
+  // done.
   OK(fs_scene_begin(bob));
   for (const char* name : {"x", "server/s", "me/a"}) {
     Got got(bob, name);
@@ -415,7 +418,7 @@ START_TEST(groups_of_all) {
   ck_assert_double_eq(Got(bob, "x")->front.gain, 8);  // and bob knows
   ck_assert_double_eq(Got(two.base.get(), "s")->front.gain, 2);
 
-  // The server's own scene has a group of its own open: they do not meet.
+  // The server's own scene has an open group, too: the two groups do not affect each other.
   OK(fs_scene_begin(two.base.get()));
   fs_object s = push("s2", 1, {0, 0, 1});
   OK(fs_object_set(two.base.get(), &s));
@@ -431,7 +434,7 @@ START_TEST(groups_of_all) {
   EXPECT_VECTOR(two.fake.written.force, (fs_vec3{0, 0, 1}), 1e-12);
   ck_assert(!has(two.base.get(), "s") && has(two.base.get(), "s2"));
 
-  // A change by itself does not fall into that group either.
+  // A single change does not join that group either.
   OK(fs_scene_begin(two.base.get()));
   OK(fs_object_remove(two.base.get(), "s2"));
   ck_assert(has(bob, "server/s2"));
@@ -442,7 +445,7 @@ START_TEST(groups_of_all) {
   two.settle_all();
   EXPECT_VECTOR(two.fake.written.force, (fs_vec3{0, 0, 3}), 1e-12);
 
-  // Parts that are good only together with what they are put on are checked at once.
+  // Changed parts are checked at once together with the rest of the object.
   OK(fs_scene_begin(bob));
   fs_object bad = fs_object_init("server/s2", FS_PRIMITIVE_PLANE);
   bad.front = constant(FS_SENSE_REPULSIVE, -1);
@@ -466,7 +469,7 @@ START_TEST(locked) {
     EXPECT_SENTENCE(FS_ERROR_DENIED, fs_object_change(two.bob.get(), &o, FS_PART_PROFILES), name);
     EXPECT(FS_ERROR_DENIED, fs_object_move(two.bob.get(), name, &pose, nullptr, FS_NOW));
     EXPECT(FS_ERROR_DENIED, fs_object_remove(two.bob.get(), name));
-    ck_assert(has(two.bob.get(), name));  // looking is free
+    ck_assert(has(two.bob.get(), name));  // reading is allowed
   }
   const fs_object o = push("me/a", 3);
   OK(fs_object_change(two.me.get(), &o, FS_PART_PROFILES));
@@ -495,7 +498,7 @@ START_TEST(views) {  // each client has a frame, a clutch and a tool of its own
   EXPECT_VECTOR(two.fake.written.torque, (fs_vec3{-3, 0, 0}), 1e-12);
   ck_assert_uint_eq(tool_of(two.me.get()).size(), 1);
   EXPECT_VECTOR(tool_of(two.me.get())[0], (fs_vec3{}), 0);
-  // Anybody's frame.
+  // The frame of any client.
   ck_assert_double_eq(frame_of(two.me.get(), "bob").force_scale, 3);
   ck_assert_double_eq(frame_of(two.bob.get(), "bob").force_scale, 3);
   ck_assert_double_eq(frame_of(two.bob.get(), "me").scale, 2);
@@ -503,7 +506,7 @@ START_TEST(views) {  // each client has a frame, a clutch and a tool of its own
   fs_frame none;
   EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_scene_get_frame(two.me.get(), "nobody", &none), "nobody");
   EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_scene_get_frame(two.base.get(), "me", &none), "me");
-  // A clutch holds its own scene, not the others.
+  // A clutch holds only its own scene.
   OK(fs_scene_set_clutch(two.me.get(), true));
   two.settle_all();
   EXPECT_VECTOR(two.fake.written.force, (fs_vec3{-0.1, 6, 0}), 1e-12);
@@ -577,7 +580,7 @@ START_TEST(reports_of_all) {
       EXPECT_VECTOR(seen.wrench.torque, rotate(inverse(v.pose.orientation), torque), 1e-12);
       EXPECT_NEAR(seen.distance, own.distance / f.scale * v.scale, 1e-12);
     }
-    // All of them are what the device gets.
+    // Their sum is what the device gets.
     fs_vec3 sum{};
     for (const auto& [name, r] : all) {
       const bool is_own = name.find('/') == std::string::npos;
@@ -585,7 +588,7 @@ START_TEST(reports_of_all) {
     }
     EXPECT_VECTOR(sum, two.fake.written.force, 1e-11);
   }
-  // A scene in this process sees its own.
+  // A scene in this process has reports of its own objects.
   ck_assert_uint_eq(reports_of(two.base.get()).size(), 2);
   fs_report one;
   size_t count = 0;
@@ -635,7 +638,7 @@ START_TEST(shapes_of_others) {
     double step = 0;
     const double* f = fs_curve_get_table(wire->front.curve, &n, &step);
     ck_assert(n == 3 && step == 1e-3 && std::memcmp(f, table, sizeof table) == 0);
-    // What was fetched is as good as a shape of one's own.
+    // A fetched shape can be used like one that was created here.
     fs_object copy = mesh.object;
     copy.time = copy.start = 0;
     std::strcpy(copy.name, "torus");
@@ -664,7 +667,7 @@ START_TEST(shapes_of_others) {
   OK(fs_object_remove(two.bob.get(), "server/expression") == FS_OK || !has_expressions() ? FS_OK : FS_ERROR_INTERNAL);
   two.settle_all();
   EXPECT_VECTOR(two.force_at(x), of_torus + 3.0 * of_line, 1e-12);
-  // The copies outlive who made them.
+  // The fetched copies outlive the client that made them.
   two.me.reset();
   ck_assert(eventually([&] {
     two.step(50);
@@ -681,7 +684,7 @@ START_TEST(force_limit) {
   OK(fs_scene_set_tool(two.me.get(), &arm, 1));
   set(two.me, push("a", 3, {0, 0, 1}));
   set(two.bob, push("a", 4, {1, 0, 0}));
-  set(two.base, push("a", 20, {0, 1, 0}));  // the server's own has no limit of that kind
+  set(two.base, push("a", 20, {0, 1, 0}));  // the server's own scene has no such limit
   two.settle_all();
   EXPECT_VECTOR(two.fake.written.force, (fs_vec3{4, 20, 3}), 1e-12);
   set(two.me, push("b", 3, {0, 0, 1}));
@@ -766,7 +769,7 @@ START_TEST(clients) {
   two.settle_all();
   clients = list(two.me);
   ck_assert_uint_eq(clients[1].objects, 0);
-  ck_assert(eventually([&] {  // its shapes go when nobody needs them any more
+  ck_assert(eventually([&] {  // its shapes are freed when they are no longer needed
     two.step(10);
     set(two.me, push("x"));
     return list(two.me)[1].shape_bytes == 0;
@@ -805,7 +808,7 @@ START_TEST(two_servers) {  // of one servo
 }
 END_TEST
 
-// Clients in threads of their own do whatever can be done, to their own and to each other's.
+// Clients in several threads do everything that is possible to their own objects and to those of the others.
 START_TEST(all_at_once) {
   ServerRig rig;
   std::atomic<int> failures{0};

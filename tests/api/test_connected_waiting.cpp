@@ -1,5 +1,5 @@
-// Changes of clients that are on their way, wait for a mesh or are refused; what others do meanwhile; and clients that
-// cost too much.
+// Clients' changes that are under way, wait for a mesh or are refused; what other clients do meanwhile; and clients
+// whose evaluation takes too long.
 #include <atomic>
 #include <cmath>
 #include <memory>
@@ -35,7 +35,7 @@ START_TEST(moves_after_a_refusal) {
   set(me, solid("new", large));
   OK(fs_scene_commit(me.get()));
   EXPECT(FS_ERROR_FULL, rig.sync(me.get()));
-  // What is felt is as it was before; the client knows it, and can move it on.
+  // After a refused change the object is felt as before; the client has that state again and can move the object.
   ck_assert_int_eq(Got(me.get(), "alone")->primitive, FS_PRIMITIVE_POINT);
   ck_assert_double_eq(place_of(me.get(), "of a group"), 0);
   move(me, "alone", 0.02);
@@ -45,7 +45,7 @@ START_TEST(moves_after_a_refusal) {
   ck_assert_double_eq(place_of(bob.get(), "me/of a group"), 0.03);
   rig.step();
   EXPECT_NEAR(rig.fake.written.force.x, 100 * 0.05, 1e-9);
-  // What was refused altogether is sent anew with the next change of it: refused as before, or taken.
+  // A new object that was refused is sent as a whole with the next change of it, and is refused again or taken.
   fs_object late = fs_object_init("new", FS_PRIMITIVE_POINT);
   late.front = attract(1, 1);
   OK(fs_object_change(me.get(), &late, FS_PART_PROFILES));
@@ -56,7 +56,7 @@ START_TEST(moves_after_a_refusal) {
 }
 END_TEST
 
-START_TEST(abandoned_syncs) {  // bring their refusals later, and do not add up
+START_TEST(abandoned_syncs) {  // a later sync returns their refusals, once
   fs_server_options options = fs_server_options_init();
   options.max_megabytes = 1;
   ServerRig rig(options);
@@ -72,7 +72,7 @@ START_TEST(abandoned_syncs) {  // bring their refusals later, and do not add up
     status = rig.sync(me.get());
   }
   ck_assert_int_eq(status, FS_ERROR_FULL);
-  OK(rig.sync(me.get()));  // told once
+  OK(rig.sync(me.get()));  // returned once
 }
 END_TEST
 
@@ -92,7 +92,7 @@ START_TEST(groups_of_moves_wait_together) {
   move(me, "mesh", 0.3);
   move(me, "point", 0.02);
   OK(fs_scene_commit(me.get()));
-  // As long as one of the two stays, so does the other.
+  // Each of the two is kept as long as the other.
   const bool is_done = eventually([&] {
     rig.step();
     const fs_report mesh = [&] {
@@ -108,7 +108,7 @@ START_TEST(groups_of_moves_wait_together) {
 }
 END_TEST
 
-START_TEST(ready_when_it_was_not) {  // what was felt before, and what is not to be felt, is not announced
+START_TEST(ready_when_it_was_not) {  // no FS_EVENT_READY for an object that was felt before or cannot be felt
   ServerRig rig;
   const Scene me = rig.join("me");
   const Shape first = big_mesh(1000), second = big_mesh(20000);
@@ -151,7 +151,7 @@ START_TEST(removed_while_it_is_built) {
 }
 END_TEST
 
-START_TEST(small_beside_large) {  // neither waits for a mesh of somebody else's
+START_TEST(small_beside_large) {  // neither waits for a mesh of another client
   ServerRig rig;
   const Scene me = rig.join("me"), bob = rig.join("bob"), eve = rig.join("eve");
   const Shape small = big_mesh(50), large = big_mesh(1000000);
@@ -168,13 +168,13 @@ START_TEST(small_beside_large) {  // neither waits for a mesh of somebody else's
     OK(fs_shape_get_triangles(got->shape, &count) ? FS_OK : FS_ERROR_INTERNAL);
   }
   ck_assert_uint_gt(count, 0);
-  // Somebody changes the mesh of another one of mine: no reason for a move to wait.
+  // Another client changes the mesh of another object of mine; a move does not wait for that.
   const Shape other = big_mesh(80);
   const fs_object o = solid("me/small", other);
   OK(fs_object_change(bob.get(), &o, FS_PART_SHAPE));
   move(me, "mine", 0.01);
   OK(fs_scene_get_report(eve.get(), "large", &report));
-  ck_assert(!was_building || report.state == FS_OBJECT_PENDING);  // all of it while it is built
+  ck_assert(!was_building || report.state == FS_OBJECT_PENDING);  // both are seen while it is built
   ck_assert(has(me.get(), "small"));
 }
 END_TEST
@@ -195,7 +195,7 @@ END_TEST
 
 // --------------------------------------------------------------------------------------------- when, how often, how dear
 
-START_TEST(who_comes_later) {  // to a virtual servo that has run for a while has its time from the first call on
+START_TEST(who_comes_later) {  // a client of a virtual servo has its time from the first call on
   ServerRig rig;
   rig.step_until(10);
   const Scene me = rig.join("me");
@@ -214,7 +214,7 @@ START_TEST(who_comes_later) {  // to a virtual servo that has run for a while ha
 }
 END_TEST
 
-START_TEST(looking_in_again_and_again) {  // leaves nothing that could fade out
+START_TEST(looking_in_again_and_again) {  // by clients without objects leaves nothing to fade out
   ServerRig rig;
   for (int i = 0; i < 200; ++i) rig.join("me");
 }
@@ -227,7 +227,7 @@ static fs_servo_options thread_options(double rate) {
   return options;
 }
 
-START_TEST(a_stream_of_changes) {  // is felt as it goes on
+START_TEST(a_stream_of_changes) {  // the stream is felt while it goes on
   ServerRig rig(fs_server_options_init(), thread_options(100));
   const Scene me = rig.join("me"), bob = rig.join("bob");
   set(me, push("a", 1));
@@ -251,7 +251,7 @@ START_TEST(a_stream_of_changes) {  // is felt as it goes on
 }
 END_TEST
 
-START_TEST(a_client_that_costs_too_much) {  // is let go of, and the others do not feel it
+START_TEST(a_client_that_costs_too_much) {  // it is disconnected, and the others do not notice
   ServerRig rig(fs_server_options_init(), thread_options(2000));
   const Scene honest = rig.join("honest"), dear = rig.join("dear");
   set(honest, push("a", 1));
@@ -277,7 +277,7 @@ START_TEST(a_client_that_costs_too_much) {  // is let go of, and the others do n
 }
 END_TEST
 
-// While a long group is applied others are answered, but not about its objects.
+// While a long group is applied the server answers other clients, but not requests about its objects.
 START_TEST(half_of_a_group_is_seen_by_nobody) {
   ServerRig rig;
   const Scene me = rig.join("me"), bob = rig.join("bob");

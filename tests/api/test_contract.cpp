@@ -1,4 +1,4 @@
-// Every function of the headers is called: with good arguments, and with null for each pointer in turn, which is
+// Every function of the headers is called with good arguments, and with null for each pointer in turn, which gives
 // INVALID and never a crash. contract_list.py sees that no function of the headers is missing here.
 #include <unistd.h>
 
@@ -83,13 +83,13 @@ struct World {
   }
 };
 
-// p, or null when it is the turn of pointer number i.
+// p, or null if n is i.
 template <class T>
 static T* but(int turn, int i, T* p) {
   return turn == i ? nullptr : p;
 }
 
-// Gives what was made back, so that a call can be tried as it stands.
+// Releases what a call made, so that it can be called again.
 template <class T>
 static fs_status made(T** out, fs_status status) {
   if (out && status == FS_OK) {
@@ -101,8 +101,8 @@ static fs_status made(T** out, fs_status status) {
 
 struct Call {
   const char* function;
-  int pointers;       // that must not be null
-  fs_status good;     // with all of them
+  int pointers;       // number of pointers that must not be null
+  fs_status good;     // the status when none is null
   std::function<fs_status(World&, int n)> call;  // n: which one is null; -1: none
 };
 
@@ -310,7 +310,7 @@ START_TEST(every_pointer_in_turn) {
 }
 END_TEST
 
-// Those that give something other than a status.
+// The functions that do not return a status.
 static const char* const others[]{
     "fs_version", "fs_status_name", "fs_last_error", "fs_object_release", "fs_shape_retain", "fs_shape_destroy",
     "fs_shape_get_points", "fs_shape_get_triangles", "fs_curve_get_expression", "fs_curve_get_table", "fs_curve_retain",
@@ -358,7 +358,7 @@ START_TEST(the_others) {
 }
 END_TEST
 
-// Each value has the name that it has in the header, and any other number has one too.
+// Each value has the name that it has in the header; any other number has a name too.
 START_TEST(names) {
 #define NAMED(call) ck_assert_msg(std::string(#call).ends_with(std::string("(") + call + ")"), "%s: %s", #call, call)
   NAMED(fs_status_name(FS_OK));
@@ -399,7 +399,7 @@ START_TEST(names) {
   NAMED(fs_fault_name(FS_FAULT_NUMBER));
   NAMED(fs_fault_name(FS_FAULT_LATE));
 #undef NAMED
-  // Of several faults the lowest; all of them one after the other.
+  // Of several faults the name is that of the lowest bit; a loop gives all of them.
   std::string all;
   for (uint32_t faults = FS_FAULT_SPEED | FS_FAULT_LATE; faults; faults &= faults - 1) {
     all += std::string(fs_fault_name(faults)) + " ";
@@ -519,7 +519,8 @@ START_TEST(drivers_that_are_refused) {
   OK(fs_driver_register(&w.driver));
   EXPECT_SENTENCE(FS_ERROR_EXISTS, fs_driver_register(&w.driver), "twice");
   fs_device* device = nullptr;
-  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open("twice:", &device), "nothing behind it");  // its own words
+  // the driver's own sentence
+  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open("twice:", &device), "nothing behind it");
 }
 END_TEST
 

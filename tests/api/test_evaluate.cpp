@@ -136,7 +136,7 @@ START_TEST(reference_tools_and_motion) {
   f = Reference(content).evaluate(state, two, false);
   EXPECT_VECTOR(f.wrench.force, (fs_vec3{0, 0, 30}), 1e-13);
   EXPECT_VECTOR(f.wrench.torque, (fs_vec3{-30, 0, 0}), 1e-13);
-  o.tool_points = 4;  // nobody
+  o.tool_points = 4;  // no point of the tool
   ck_assert_uint_eq(Reference(content).evaluate(state, two, false).felt_count, 0);
   o.tool_points = 0;
 
@@ -150,7 +150,7 @@ START_TEST(reference_tools_and_motion) {
   o.damping = 3;
   EXPECT_VECTOR(refer(content, {0, 0, 0.5}, 1).wrench.force, (fs_vec3{0, 0, 7.8}), 1e-13);
   EXPECT_VECTOR(refer(content, {0, 0, 0.5}, 5).wrench.force, (fs_vec3{0, 0, 4}), 1e-13);
-  o.front.limit = 6;  // of both together
+  o.front.limit = 6;  // limit of force and damping together
   EXPECT_VECTOR(refer(content, {0, 0, 0.5}, 1).wrench.force, (fs_vec3{0, 0, 6}), 1e-13);
   // Turning about x with 2 rad/s: after 0.05 s the normal is (0, -sin 0.1, cos 0.1), away from the axis.
   o.front.limit = 100;
@@ -220,7 +220,8 @@ static void compare(const Content& content, const Reference& reference, fs_tool*
   ck_assert_double_eq(response.error_bound, 0);
   ck_assert_uint_eq(response.flags & (FS_RESPONSE_CONTACT | FS_RESPONSE_CAPPED | FS_RESPONSE_FADING), 0);
   const double size = mat_norm(felt.stiffness) + 1;
-  if (!with_stiffness || felt.roughness > 1e-3 * size) return;  // at a switch of features: no slope to speak of
+  // here the nearest feature changes, so there is no slope
+  if (!with_stiffness || felt.roughness > 1e-3 * size) return;
   const double slope_error = mat_norm(difference(response.stiffness, felt.stiffness)) / size;
   worst.stiffness = std::fmax(worst.stiffness, slope_error);
   ++worst.compared_stiffness;
@@ -313,7 +314,7 @@ START_TEST(near_surfaces) {
 }
 END_TEST
 
-// The whole scene and the hand turned and moved together: the force turns along.
+// The scene and the hand are rotated and moved together: the force rotates with them.
 START_TEST(rigid_motion) {
   double worst = 0;
   for (uint64_t seed = 0; seed < 40; ++seed) {
@@ -397,7 +398,7 @@ START_TEST(far_from_the_origin) {
 }
 END_TEST
 
-// Rules at d = 0.
+// What the headers say about d = 0.
 START_TEST(at_distance_zero) {
   const Scene scene = make_scene();
   const Tool tool = make_tool(scene.get());
@@ -438,7 +439,7 @@ START_TEST(at_distance_zero) {
 }
 END_TEST
 
-// Extremes give numbers.
+// Extreme values give finite forces.
 START_TEST(extremes_stay_finite) {
   const Scene scene = make_scene();
   const Tool tool = make_tool(scene.get());
@@ -495,7 +496,7 @@ START_TEST(response_without_contacts) {
   state.pose.orientation = turn({1, 2, 3}, 0.7);
   const fs_response r = evaluate(tool.get(), state);
   ck_assert_uint_eq(r.flags, 0);
-  EXPECT_VECTOR(r.proxy.position, state.pose.position, 1e-15);  // nothing holds the points back
+  EXPECT_VECTOR(r.proxy.position, state.pose.position, 1e-15);  // there is no contact
   EXPECT_NEAR(std::fabs(r.proxy.orientation.x), std::fabs(state.pose.orientation.x), 1e-12);
   OK(fs_tool_reset(tool.get()));
 }
@@ -551,7 +552,7 @@ static std::vector<fs_response> walk(const Content& content, bool backwards) {
   return responses;
 }
 
-START_TEST(same_input_same_bits) {  // whatever was felt before: a warm start changes no bit either
+START_TEST(same_input_same_bits) {  // regardless of what was felt before: caches do not change a bit
   for (uint64_t seed = 0; seed < 10; ++seed) {
     Random random(9000 + seed);
     RandomOptions options;
@@ -562,7 +563,7 @@ START_TEST(same_input_same_bits) {  // whatever was felt before: a warm start ch
     ck_assert_int_eq(std::memcmp(first.data(), again.data(), first.size() * sizeof first[0]), 0);
     ck_assert_int_eq(std::memcmp(first.data(), backwards.data(), first.size() * sizeof first[0]), 0);
   }
-  // Ties between triangles: on the axis of a sphere all are as near.
+  // Ties between triangles: on the axis of a sphere all of them are equally near.
   const Content content = ball(500);
   const Scene scene = make_scene();
   fill(scene.get(), content);
@@ -618,7 +619,7 @@ START_TEST(tool_points) {
   OK(fs_tool_create(scene.get(), points, 2, &raw));
   const Tool own(raw);
   EXPECT_VECTOR(force_at(own.get(), {}), (fs_vec3{-2.5, 0, 0}), 1e-12);  // (2 + 3)/2
-  // null, 0: those of the scene.
+  // With null and 0 the tool has the scene's points.
   OK(fs_scene_set_tool(scene.get(), points, 1));
   OK(fs_tool_create(scene.get(), nullptr, 0, &raw));
   const Tool of_scene(raw);

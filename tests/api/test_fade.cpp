@@ -1,5 +1,5 @@
-// No step in force: whatever comes, goes or is replaced, between two ticks the force changes by no more than the fade
-// allows. Poses and profiles act at once.
+// No step in force: when an object is added, removed or replaced, the force changes between two ticks by no more than
+// the fade allows. Poses and profiles act at once.
 #include <functional>
 #include <vector>
 
@@ -149,7 +149,7 @@ static std::vector<Cause> causes() {
        [](FadeRig& rig) {
          OK(fs_scene_set_clutch(rig.scene.get(), true));
          rig.step(400);
-         rig.fake.state.pose.position.z += 0.05;  // the hand goes elsewhere; nothing is felt of that
+         rig.fake.state.pose.position.z += 0.05;  // the hand moves away, which does not change the force
          rig.step(10);
          OK(fs_scene_set_clutch(rig.scene.get(), false));
        }, {-2, 0, 0}},
@@ -294,7 +294,7 @@ START_TEST(cross_fades_meet_in_the_middle) {
   EXPECT_VECTOR(rig.sent(), (fs_vec3{-1, 0, 1}), 0.02);
   rig.step(102);
   EXPECT_VECTOR(rig.sent(), (fs_vec3{0, 0, 2}), 1e-12);
-  // A further change meanwhile: at most one old version is kept, and in the end only the newest is felt.
+  // A further change during a fade: at most one old version is kept, and in the end only the newest is felt.
   rig.set(line(low_line()));
   rig.step(50);
   rig.set(line(high_line()));
@@ -407,7 +407,7 @@ START_TEST(clutching) {
     EXPECT_VECTOR(hand().pose.position, (held + fs_vec3{0.01, 0, 0}), 1e-12);
     EXPECT_VECTOR(rig.sent(), -20.0 * (held + fs_vec3{0.01, 0, 0}), 1e-9);
   }
-  // Held and let go before a tick saw it, held twice, let go twice: nothing moves.
+  // The clutch is held and released between two ticks, held twice, released twice: nothing moves.
   const fs_vec3 before = hand().pose.position;
   OK(fs_scene_set_clutch(rig.scene.get(), true));
   OK(fs_scene_set_clutch(rig.scene.get(), false));
@@ -424,7 +424,7 @@ START_TEST(clutching) {
 }
 END_TEST
 
-START_TEST(what_fades_under_the_clutch_stays) {  // the force at the place where it was held, whatever the hand does
+START_TEST(what_fades_under_the_clutch_stays) {  // the force where it was held, wherever the hand goes
   FadeRig rig("stays", 0);
   rig.set(spring("a"));
   rig.begin();
@@ -436,7 +436,7 @@ START_TEST(what_fades_under_the_clutch_stays) {  // the force at the place where
     rig.step(1);
     ck_assert_double_lt(-rig.sent().x, before);
     before = -rig.sent().x;
-    EXPECT_VECTOR(rig.sent(), (fs_vec3{-before, 0, 0}), 1e-12);  // along x still
+    EXPECT_VECTOR(rig.sent(), (fs_vec3{-before, 0, 0}), 1e-12);  // still along x
     EXPECT_NEAR(before, 2 * (1 - (k + 1) * period / fade), 0.011);
   }
 }

@@ -1,4 +1,4 @@
-// What is far is passed over, and that makes no difference: a tool that has come a long way, through changes of all kinds,
+// Distant objects are skipped, and that changes nothing: a tool that has come a long way, through changes of all kinds,
 // gives the same bits as one that has just been made; and the plot of the field the same force.
 #include <cstring>
 #include <vector>
@@ -9,7 +9,7 @@ using namespace scenes;
 
 static double range(Random& random) { return std::pow(10.0, random.between(-5, 0)); }  // m
 
-// Walks through a scene, changing it on the way.
+// Moves a hand through a scene and changes the scene meanwhile.
 static void walk(uint64_t seed, double scale, fs_vec3 origin) {
   Random random(seed);
   RandomOptions options;

@@ -1,4 +1,5 @@
-// Scenes as files: what was saved comes back bit for bit; a bad file loads nothing and says what is wrong and where.
+// Scenes as files: a saved scene comes back bit for bit; a bad file loads nothing, and the error sentence says what is
+// wrong and where.
 #include <sys/resource.h>
 #include <sys/stat.h>
 
@@ -42,7 +43,7 @@ static void expect_same_profile(const fs_profile& a, const fs_profile& b) {
   ck_assert_int_eq(std::memcmp(x, y, n * sizeof *x), 0);
 }
 
-// All that a file holds; what belongs to a moment (time, twist) is not in it.
+// Everything that a file holds; time and twist, which belong to a moment, are not saved.
 static void expect_same_objects(fs_scene* a, fs_scene* b) {
   std::vector<fs_report> reports(object_count(a));
   size_t count = 0;
@@ -142,14 +143,14 @@ START_TEST(every_field_comes_back) {
   OK(fs_scene_get_tool(loaded.get(), points, 2, &count));
   ck_assert_uint_eq(count, 2);
   ck_assert_int_eq(std::memcmp(points, tool, sizeof tool), 0);
-  // Saved again it is the same text.
+  // Saving again gives the same text.
   const std::string again = folder / "again.json";
   OK(fs_scene_save(loaded.get(), again.c_str()));
   ck_assert(text_of(again) == text_of(path));
 }
 END_TEST
 
-START_TEST(a_start_goes_on) {  // whatever the clock of the machine that loads it
+START_TEST(a_start_goes_on) {  // whatever time the clock of the loading machine shows
   const Folder folder;
   const std::string path = folder / "s.json", edited = folder / "t.json";
   const Scene scene = make_scene(), loaded = make_scene();
@@ -181,7 +182,7 @@ START_TEST(a_start_goes_on) {  // whatever the clock of the machine that loads i
     OK(fs_scene_save(loaded.get(), edited.c_str()));
     ck_assert(text_of(edited) == text_of(path));
   }
-  // A file of before has the start itself.
+  // A file of an earlier version has the start itself.
   write_text(edited, R"({"forceserver": "scene", "version": 1,
                          "objects": [{"name": "given", "primitive": "point", "start": 4.5}]})");
   OK(fs_scene_load(loaded.get(), edited.c_str()));
@@ -223,7 +224,7 @@ START_TEST(load_adds_and_replaces) {
   OK(fs_scene_load(other.get(), path.c_str()));
   ck_assert_uint_eq(object_count(other.get()), 3);
   ck_assert_int_eq(report_of(other.get(), "spring").primitive, FS_PRIMITIVE_POINT);
-  // As part of a group.
+  // Loading as part of a group.
   const Scene grouped = make_scene();
   const Tool tool = make_tool(grouped.get());
   OK(fs_scene_begin(grouped.get()));
@@ -317,7 +318,7 @@ START_TEST(bad_files_load_nothing) {
       {replaced(text, "50.0", "null"), "second"},
       {replaced(text, "linear_increasing", "linear_whatever"), "spring"},
       {replaced(text, "\"attractive\"", "\"both\""), "spring"},
-      {replaced(text, "\"gain\"", "\"gian\""), "gian"},        // a key that is not known
+      {replaced(text, "\"gain\"", "\"gian\""), "gian"},        // an unknown key
       {replaced(text, "\"second\"", "\"sec/ond\""), "name"},
       {replaced(text, "\"second\"", "\"spring\""), "spring"},  // the name twice
       {replaced(text, "\"second\"", "\"a name of more than thirty-one bytes\""), "name"},
@@ -352,7 +353,7 @@ START_TEST(bad_files_load_nothing) {
 }
 END_TEST
 
-START_TEST(contacts_in_files) {  // not in this version: said, and nothing is loaded
+START_TEST(contacts_in_files) {  // this version has no contacts: the error says so, and nothing is loaded
   const Folder folder;
   const std::string path = folder / "scene.json";
   const Scene scene = make_scene();
@@ -376,7 +377,7 @@ START_TEST(places_that_are_not_there) {
   ck_assert(status == FS_ERROR_IO || status == FS_ERROR_PARSE);
   ck_assert_uint_eq(object_count(scene.get()), 1);
   ck_assert_int_lt(fs_scene_save(scene.get(), ""), 0);
-  // What is no regular file: said at once.
+  // Anything that is not a regular file is refused at once.
   const std::string pipe = folder / "pipe.json";
   ck_assert_int_eq(mkfifo(pipe.c_str(), 0600), 0);
   EXPECT_SENTENCE(FS_ERROR_IO, fs_scene_load(scene.get(), pipe.c_str()), "is a pipe");
@@ -400,7 +401,7 @@ START_TEST(a_full_disk_leaves_the_old_file) {
   rlimit small = old_limit;
   const auto old_handler = std::signal(SIGXFSZ, SIG_IGN);
   for (const rlim_t bytes : {rlim_t{1}, rlim_t{4096}, rlim_t{20000}}) {
-    // Too long as text, as a mesh, or both.
+    // The scene's text, its mesh or both are too long for the disk.
     for (const Content& content : {crowd(500), ball(2000)}) {
       OK(fs_scene_clear(scene.get()));
       fill(scene.get(), content);
@@ -416,7 +417,7 @@ START_TEST(a_full_disk_leaves_the_old_file) {
   }
   std::signal(SIGXFSZ, old_handler);
   for (const auto& entry : files::directory_iterator(folder.path)) files_after += entry.is_regular_file();
-  ck_assert_uint_eq(files_after, files_before);  // and no litter
+  ck_assert_uint_eq(files_after, files_before);  // no temporary file is left
   const Scene loaded = make_scene();
   OK(fs_scene_load(loaded.get(), path.c_str()));
   ck_assert_uint_eq(object_count(loaded.get()), 1);

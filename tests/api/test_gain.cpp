@@ -1,11 +1,12 @@
-// The gain as a slider that is felt while it moves, 0 at its end; of a custom profile the parameter of its curve.
+// The gain changes like a slider while the force is felt, down to 0; for a custom profile it is the parameter of the
+// curve.
 #include <cstring>
 
 #include "api/world.h"
 
 using namespace scenes;
 
-// A plane that the hand is in front of: a force along z. Those of the kinds that have an offset have one of 0.
+// A plane that the hand is in front of, with a force along z. The offset, if the kind has one, is 0.
 static fs_object plane_of(fs_profile_kind kind, double gain, fs_curve* curve) {
   fs_object o = fs_object_init("slider", FS_PRIMITIVE_PLANE);
   o.front = fs_profile_init(kind, FS_SENSE_REPULSIVE, gain, kind == FS_PROFILE_GAUSSIAN ? 0.02 : 0, 100);
@@ -14,7 +15,7 @@ static fs_object plane_of(fs_profile_kind kind, double gain, fs_curve* curve) {
   return o;
 }
 
-// Down to 0 and back, and resting there, the force is at every step what the formula says of the gain.
+// While the gain goes to 0 and back and rests there, the force at every step is that of the formula with this gain.
 START_TEST(through_0_and_back) {
   World w(_i);
   const double forces[] = {3, 3};
@@ -36,7 +37,7 @@ START_TEST(through_0_and_back) {
       if (slider == 0) EXPECT_NEAR(wanted, o.front.offset, 0);
       EXPECT_VECTOR(w.force_at(hand), (fs_vec3{0, 0, wanted}), 1e-12);
     }
-    // Set at 0 it is there, and felt as soon as it is above.
+    // An object set with gain 0 exists, and is felt as soon as the gain is above 0.
     o.front.gain = 0;
     OK(fs_object_remove(w.scene, "slider"));
     w.settle();
@@ -71,7 +72,7 @@ START_TEST(inverse_at_0) {
 }
 END_TEST
 
-// A battery that is felt: the gain changes, the curve is neither made nor sent again, and t runs on.
+// A battery: the gain changes, the curve is neither made nor sent again, and t goes on.
 START_TEST(parameter_of_a_curve) {
   if (!has_expressions()) return;
   World w(_i);
@@ -98,7 +99,7 @@ START_TEST(parameter_of_a_curve) {
   const uint64_t bytes = viewer ? clients().shape_bytes : 0;
   std::unique_ptr<Got> seen = viewer ? std::make_unique<Got>(viewer.get(), "me/slider") : nullptr;
   for (const double charge : {0.9, 0.5, 0.0, 0.0, 0.3}) {
-    fs_object o = plane_of(FS_PROFILE_CUSTOM, charge, raw);  // its start is 0: it stays as it is
+    fs_object o = plane_of(FS_PROFILE_CUSTOM, charge, raw);  // its start is 0, so the start is kept
     if (charge == 0.5) {
       const Got got(w.scene, "slider");
       o = got.object;

@@ -15,7 +15,7 @@ static constexpr int rate = 1000, seconds = 20, every = 50;
 struct Run {
   uint64_t hash = 0xcbf29ce484222325u;       // FNV-1a over state, response and sent of all ticks
   uint32_t faults = 0;
-  std::vector<std::vector<double>> rows;     // of every 50th, as the recording's second line says
+  std::vector<std::vector<double>> rows;     // every 50th tick, with the columns that the recording's second line names
 
   void add(const void* data, size_t size) {
     for (size_t i = 0; i < size; ++i) hash = (hash ^ static_cast<const unsigned char*>(data)[i]) * 0x100000001b3u;
@@ -99,7 +99,7 @@ START_TEST(same_numbers_in_any_build) {
 }
 END_TEST
 
-START_TEST(the_recording_is_worth_something) {  // the hand moves, feels, and not all of the time
+START_TEST(the_recording_is_worth_something) {  // the hand moves, and feels something only part of the time
   const Run now = run(golden_uri, 100);
   ck_assert_uint_eq(now.faults, 0);
   size_t felt = 0, free = 0;

@@ -1,6 +1,6 @@
-// Out of memory: in every call each allocation fails once. Nothing crashes, a call that says FS_ERROR_MEMORY has
-// changed nothing, the same call works afterwards, and the scene goes on. Of files each fails also from some allocation
-// on, as where memory has run out for good.
+// Out of memory: in every call each allocation fails once. Nothing crashes, a call that returns FS_ERROR_MEMORY has
+// changed nothing, the same call works afterwards, and the scene goes on. For files all allocations from some
+// allocation on fail as well, as when memory has run out for good.
 #include <cstddef>
 #include <cstdio>
 #include <filesystem>
@@ -15,10 +15,10 @@
 
 using namespace scenes;
 
-// Every operator new of the program, the library's too, comes by here.
+// Every operator new of the program and of the library calls this.
 static thread_local long countdown = -1;  // the allocation that fails; -1: none
 static thread_local bool has_failed;
-static thread_local bool fails_on;  // and so do all after it
+static thread_local bool fails_on;  // all later allocations fail, too
 
 static void* allocate(size_t size, size_t alignment) {
   if (countdown >= 0 && countdown-- == 0) {
@@ -57,12 +57,13 @@ static fs_servo_options options() {
   return options;
 }
 
-// A scene of some objects, all steady, one about to be let go of and one that has expired; with a tool, maybe a servo.
+// A scene with some objects, none of them fading, one about to be removed and one that has expired; with a tool and
+// perhaps a servo.
 struct World : Rig {
   Tool tool = make_tool(scene.get());
   fs_scene* s = scene.get();
-  Shape shape;                 // of a call that needs one
-  int expired = 0, ready = 0;  // events that came
+  Shape shape;                 // for a call that needs a shape
+  int expired = 0, ready = 0;  // number of such events
 
   explicit World(bool with_servo) : Rig("memory") {
     OK(fs_scene_set_time(s, 1));
@@ -86,7 +87,7 @@ struct World : Rig {
     return status;
   }
 
-  // Of all that getters and evaluation show, as text.
+  // Everything that getters and evaluation return, as text.
   std::string all(bool with_revisions, bool with_motion_revisions = false) {
     std::string out;
     auto add = [&](auto... values) {
@@ -143,7 +144,7 @@ struct Call {
   const char* name;
   std::function<fs_status(World&)> call;
   std::function<void(World&)> before = [](World&) {};
-  bool may_be_partial = false;  // it may have done some of it when memory ran out; but nothing crashes
+  bool may_be_partial = false;  // it may have done a part when memory ran out, but does not crash
 };
 
 static std::vector<Call> calls() {
@@ -156,7 +157,7 @@ static std::vector<Call> calls() {
   off.enabled = false;
   const auto pose = at(0.05, 0, 0);
   const auto in_group = [](World& w) {
-    fs_scene_begin(w.s);  // open already where all is done in a group
+    fs_scene_begin(w.s);  // fails in the runs that do everything in a group
     w.set(pull("new"));
     w.set(mortal(pull("b", 0.2), 50));
     OK(fs_object_remove(w.s, "a"));
@@ -245,7 +246,7 @@ static std::vector<Call> calls() {
   };
 }
 
-// What a call does when nothing fails.
+// What a call does when no allocation fails.
 static std::string wanted(const Call& call, bool with_servo, bool is_grouped) {
   World world(with_servo);
   if (is_grouped) OK(fs_scene_begin(world.s));
@@ -254,14 +255,14 @@ static std::string wanted(const Call& call, bool with_servo, bool is_grouped) {
   return world.scene ? world.all(false) : "";
 }
 
-// How many allocations there are to fail.
+// The number of allocations of a call.
 static int sweep(const Call& call, bool with_servo, bool is_grouped) {
   const std::string after_success = wanted(call, with_servo, is_grouped);
   for (int k = 0;; ++k) {
     World world(with_servo);
     if (is_grouped) OK(fs_scene_begin(world.s));
     call.before(world);
-    const bool may_shift = std::strcmp(call.name, "servo_start") == 0;  // all times, and back
+    const bool may_shift = std::strcmp(call.name, "servo_start") == 0;  // it shifts all times and back
     const std::string before = world.all(true, !may_shift);
     has_failed = false;
     countdown = k;
@@ -287,7 +288,7 @@ static int sweep(const Call& call, bool with_servo, bool is_grouped) {
         OK(call.call(world));
       }
     }
-    if (call.may_be_partial) world.all(false);  // whatever it is, it can be looked at
+    if (call.may_be_partial) world.all(false);  // whatever its state, the getters work
     if (!with_servo && !call.may_be_partial) {
       const std::string after = world.all(false);
       ck_assert_msg(after == after_success, "%s: in the end%s\nnot%s", what.c_str(), after.c_str(),
@@ -298,14 +299,14 @@ static int sweep(const Call& call, bool with_servo, bool is_grouped) {
     fs_scene_commit(world.s);
     world.set(pull("after", 0.1));
     OK(fs_object_remove(world.s, "after"));
-    fs_object_remove(world.s, "b");  // it may be gone
+    fs_object_remove(world.s, "b");  // it may have been removed
     if (world.servo) world.step(300);
     world.set(pull("after", 0.1));
     fs_event event;
     do OK(world.next_event(event));
     while (event.kind != FS_EVENT_NONE);
     ck_assert_msg(world.expired == 1, "%s: %d objects have expired", what.c_str(), world.expired);
-    const bool may_be_lost = std::strcmp(call.name, "servo_stop") == 0;  // it has no way to say so
+    const bool may_be_lost = std::strcmp(call.name, "servo_stop") == 0;  // it returns no status
     if (world.servo || (with_servo && !may_be_lost)) {
       ck_assert_msg(world.ready == 1, "%s: the device was ready %d times", what.c_str(), world.ready);
     }
@@ -332,8 +333,8 @@ END_TEST
 
 // ---- files
 
-// Calls f for k = 0, 1... until nothing fails; f gets a function that runs a call in which allocation k fails: only
-// that one, or all from it on. Returns how many allocations there were.
+// Calls f for k = 0, 1... until no allocation fails; f gets a function that runs a call in which allocation k fails:
+// only that one, or all from it on. Returns how many allocations there were.
 using Failing = std::function<fs_status(const std::function<fs_status()>& call)>;
 static int each_allocation(bool for_good, const std::function<void(const Failing&)>& f) {
   bool is_last = false;
@@ -368,8 +369,8 @@ static size_t count_files(const Folder& folder) {
   return count;
 }
 
-// One of everything that a file can hold. Expressions are for saving only: muParser reads numbers through a stream,
-// which hides that there is no memory, and says that the number is none.
+// One of everything that a file can hold. Expressions are only saved, not loaded: muParser reads numbers through a
+// stream, which hides that memory has run out and reports a bad number.
 static Content contents_of_a_file(bool with_expression) {
   Content content = ball(20);
   const std::vector<fs_vec3> line{{0, 0, 0}, {0.1, 0, 0}, {0.1, 0.2, 0}};
@@ -427,7 +428,7 @@ START_TEST(a_scene_is_loaded) {
       failing([&] { return fs_scene_load(scene.get(), path.c_str()); });
       evaluate(tool.get(), hand_at({0.003, 0, 0}));
       const fs_vec3 x{0.003, 0, 0};
-      for (const char* name : {"ball", "line", "own"}) {  // there or not
+      for (const char* name : {"ball", "line", "own"}) {  // loaded or not
         fs_vec3 force;
         const fs_status status = fs_evaluate_field(scene.get(), name, FS_NOW, &x, 1, &force);
         ck_assert(status == FS_OK || status == FS_ERROR_NOT_FOUND);
@@ -458,7 +459,7 @@ START_TEST(bad_files_and_meshes_are_read) {
     }
     const Scene scene = make_scene();
     const std::string path = folder / "bad.json";
-    for (int k = 0; k < 200; ++k) {  // refused, for one reason or the other
+    for (int k = 0; k < 200; ++k) {  // refused for some reason
       fails_on = for_good;
       countdown = k;
       const fs_status status = fs_scene_load(scene.get(), path.c_str());
@@ -470,7 +471,7 @@ START_TEST(bad_files_and_meshes_are_read) {
 }
 END_TEST
 
-START_TEST(the_first_object) {  // of a scene that never had one: what failed leaves no trace of its name
+START_TEST(the_first_object) {  // of an empty scene: a failed call leaves no trace of its name
   for (bool is_grouped : {false, true}) {
     bool is_last = false;
     for (int k = 0; !is_last; ++k) {
@@ -494,7 +495,7 @@ START_TEST(the_first_object) {  // of a scene that never had one: what failed le
 }
 END_TEST
 
-START_TEST(allocations_are_seen) {  // the library's own
+START_TEST(allocations_are_seen) {  // an allocation inside the library
   for (const Call& call : calls()) {
     if (std::strcmp(call.name, "set, new") == 0) ck_assert_int_gt(sweep(call, true, false), 5);
   }

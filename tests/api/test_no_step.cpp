@@ -47,7 +47,7 @@ fs_servo_options options_with(double fade) {
   return options;
 }
 
-// Compares each force that the device gets with the one before.
+// Compares each force that the device gets with the previous one.
 class Watch {
  public:
   Watch(FakeDevice& fake, double slope = 0) : fake_(fake), slope_(slope) {
@@ -72,7 +72,7 @@ class Watch {
     double size = 0, allowed = 0;  // N
     uint64_t tick = 0;
   };
-  // The step that is most above what is allowed; size 0: none is.
+  // The step that exceeds the allowed one most; size 0: none does.
   Step worst() const {
     const std::lock_guard lock(fake_.mutex);
     return worst_;
@@ -168,7 +168,7 @@ fs_object version_of(const Name& name, size_t version) {
   return o;
 }
 
-// What a run may do, beside setting, disabling and removing.
+// What a run may do besides setting, disabling and removing.
 struct Kinds {
   bool versions, views, groups, lifetimes;
 
@@ -185,7 +185,7 @@ struct Kinds {
   }
 };
 
-// Somebody who changes a scene at random, and knows what that can move.
+// Changes a scene at random, and knows how far that may change the force.
 class Actor {
  public:
   Actor(fs_scene* scene, std::vector<Name> names, const Kinds& kinds, double fade, uint64_t seed)
@@ -194,7 +194,7 @@ class Actor {
     for (Name& name : names_) name.version = random_.below(versions);
   }
 
-  // What ticks may change after this one, the scene itself neither coming nor going, N.
+  // How far the following ticks may change the force, N, while the scene itself neither comes nor goes.
   double allowed(uint64_t tick) const {
     double sum = 0;
     for (size_t i = 0; i < names_.size(); ++i) sum += until_[i] > tick ? rows() * names_[i].force : 0;
@@ -210,7 +210,7 @@ class Actor {
   const std::string& done() const { return done_; }
   void note_ticks(uint64_t ticks) { done_ += "[" + std::to_string(ticks) + "] "; }
 
-  // One call. It may fail where another thread or client has been before.
+  // One call. It may fail because another thread or client came before it.
   void act(uint64_t tick) {
     const uint64_t choice = random_.below(20);
     if (choice < 13) {
@@ -225,7 +225,7 @@ class Actor {
     }
   }
 
-  // Ends what is open, and puts the tool where the hand is.
+  // Closes an open group, and puts the tool where the hand is.
   void come_to_rest(uint64_t tick) {
     if (has_group_) commit(tick);
     if (!kinds_.views) return;
@@ -254,7 +254,7 @@ class Actor {
              fs_object_set(scene_, &o));
         break;
       }
-      case 4: case 5: {  // of parts only where they fit whatever version is there
+      case 4: case 5: {  // only parts that fit every version of the object
         constexpr uint32_t all = FS_PART_POSE | FS_PART_PROFILES | FS_PART_CONTACT | FS_PART_SHAPE | FS_PART_OTHER;
         if (kinds_.versions && random_.coin()) name.version = random_.below(versions);
         const fs_object o = object(name);
@@ -308,7 +308,7 @@ class Actor {
       has_group_ = done("begin", fs_scene_begin(scene_)) == FS_OK;
     } else if (random_.coin(0.7)) {
       commit(tick);
-    } else {  // nothing of it was felt, and nothing is
+    } else {  // nothing of it was or is felt
       done("cancel", fs_scene_cancel(scene_));
       has_group_ = false;
       in_group_.assign(names_.size(), false);
@@ -362,7 +362,7 @@ class Actor {
   std::string done_;
 };
 
-// So many names of about a newton; several of them have distinct forces.
+// This number of names with forces of about a newton; several of them have distinct forces.
 std::vector<Name> names_of(const std::string& prefix, size_t count, bool is_smooth) {
   std::vector<Name> names;
   for (size_t i = 0; i < count; ++i) {
@@ -371,13 +371,13 @@ std::vector<Name> names_of(const std::string& prefix, size_t count, bool is_smoo
   return names;
 }
 
-// What the objects of a scene give a hand at x once nothing fades any more, in the default frame.
+// The force of a scene's objects on a hand at x in the default frame, when nothing is fading.
 fs_vec3 in_full(fs_scene* scene, fs_vec3 x) {
   const Tool tool = make_tool(scene);
   return force_at(tool.get(), x);
 }
 
-// Counts the runs with a step, and keeps the worst: all runs are looked at before the test fails.
+// Counts the runs with a step, and keeps the worst: all runs end before the test fails.
 struct Findings {
   size_t runs = 0, with_step = 0;
   double worst = 0;  // as many times what is allowed
@@ -445,7 +445,7 @@ void one_thread(uint64_t seed, bool moves, Findings& findings) {
 
 constexpr uint64_t runs_a_seed = 30;
 
-// ---- Several threads, which are held up at random places.
+// ---- Several threads, which are delayed at random places.
 
 std::atomic<int> microseconds_held{0};
 void hold_up(int) {
@@ -453,7 +453,7 @@ void hold_up(int) {
   nanosleep(&time, nullptr);
 }
 
-// Holds up threads of this process as long as it lives: wherever they are, for up to 3 ms.
+// Delays threads of this process as long as this object lives: wherever they are, for up to 3 ms.
 class Holder {
  public:
   Holder(std::vector<pthread_t> threads, uint64_t seed) : threads_(std::move(threads)) {
@@ -481,7 +481,7 @@ class Holder {
   std::thread thread_;
 };
 
-// Ticks as long as it lives, some 20,000 a second.
+// Ticks as long as this object lives, some 20,000 times a second.
 class Ticks {
  public:
   explicit Ticks(fs_servo* servo) : thread_([this, servo] {
@@ -534,7 +534,7 @@ void several_threads(uint64_t seed, Findings& findings) {
           actors[i]->act(0);
           if (random.coin(0.3)) wait_a_little(random.between(0, 1e-3));
         }
-        while (!is_done) wait_a_little();  // until nobody holds it up any more
+        while (!is_done) wait_a_little();  // until no one delays it any more
       });
       ids.push_back(threads.back().native_handle());
     }
@@ -581,7 +581,7 @@ void clients(uint64_t seed, Findings& findings) {
   for (size_t i = 0; i < all.size(); ++i) join(i);
   Actor own(rig.base.get(), names_of("own", 1, false), kinds, fade, seed);
   Watch watch(rig.fake);
-  double gone = 0;  // N, of the clients that have left since all was at rest
+  double gone = 0;  // N, of the clients that have left since nothing was fading
   const auto ticks = [&](uint64_t count) {
     double allowed = own.most_allowed() + gone;
     for (const Client& c : all) allowed += c.actor->most_allowed() + (leaves ? c.actor->force() * period / fade : 0);
@@ -668,8 +668,8 @@ START_TEST(with_clients) {
 }
 END_TEST
 
-// The server's thread waits for the processor now and then, as on a machine that is busy, while a client switches an
-// object on and off.
+// The server's thread waits for the processor at times, as on a machine that is busy, while a client switches an object
+// on and off.
 START_TEST(with_a_server_that_is_held_up) {
   constexpr double fade = 1;
   cpu_set_t one;
@@ -749,7 +749,7 @@ START_TEST(three_versions) {  // a point, a plane at half weight, the point agai
 }
 END_TEST
 
-START_TEST(a_version_comes_back_changed) {  // with another sense than it goes out with
+START_TEST(a_version_comes_back_changed) {  // with another sense than the one that it faded out with
   Steps s;
   s.watch.allow(2 * 5 * period);
   s.set(pull("a"));
@@ -823,8 +823,8 @@ START_TEST(two_tools) {
 }
 END_TEST
 
-// Objects come and go one after the other, each still fading when the next comes: the weight of each is known. Those
-// that have faded out are followed by others, which take their place in the scene.
+// Objects come and go one after the other, each still fading when the next comes: the weight of each is known. New
+// objects take the place in the scene of those that have faded out.
 START_TEST(one_after_the_other) {
   constexpr double fade = 0.1;
   constexpr int every = 7, there = 23;  // ticks
@@ -850,7 +850,7 @@ START_TEST(one_after_the_other) {
       OK(fs_object_set(rig.base.get(), &o));
     }
     rig.step();
-    // Whether the tick that first uses a change moves a weight already, or the next, it is so for all.
+    // Either the tick that first uses a change moves a weight already, or the next one does; it is the same for all.
     const double now = expected(tick + 1), late = expected(tick);
     EXPECT_NEAR(rig.fake.written.force.x, (now + late) / 2, std::fabs(now - late) / 2 + 1e-9);
   }
@@ -880,7 +880,7 @@ START_TEST(many_sets_and_removes) {
 }
 END_TEST
 
-// A tool that evaluates once in a while keeps nothing from being used again.
+// A tool that evaluates only now and then does not keep memory from being used again.
 START_TEST(a_lazy_tool) {
   const int rounds = is_sanitized ? 200 : 3000;
   constexpr double fade = 0.005;
@@ -942,14 +942,14 @@ START_TEST(tools_come_and_go) {
 }
 END_TEST
 
-// ---- What is replaced all the time stays felt.
+// ---- An object that is replaced all the time stays felt.
 
 static void expect_felt(const World& world, double force, int tick) {
   const double felt = norm(world.fake.written.force);
   ck_assert_msg(std::fabs(felt - force) <= 0.01 * force, "tick %d: %g N are felt, not %g", tick, felt, force);
 }
 
-START_TEST(a_mesh_replaced_at_1000_hz) {  // by one that is the same, so that its force is
+START_TEST(a_mesh_replaced_at_1000_hz) {  // by an equal one, so that the force stays
   World world(_i);
   world.step();
   const auto put = [&] {

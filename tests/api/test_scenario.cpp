@@ -1,5 +1,5 @@
-// What is felt of a scene, with the same words and the same assertions for one in this process and for one that is
-// connected to a server: objects, motion, time, groups, frame, clutch and tool.
+// What is felt of a scene: the same tests run on a scene in this process and on one that is connected to a server:
+// objects, motion, time, groups, frame, clutch and tool.
 #include <map>
 #include <memory>
 
@@ -14,7 +14,7 @@ static void expect_same_profile(const fs_profile& a, const fs_profile& b) {
   ck_assert(a.kind == b.kind && a.sense == b.sense && a.gain == b.gain && a.offset == b.offset && a.width == b.width);
   ck_assert(a.limit == b.limit && a.reach == b.reach && a.curve == b.curve);
 }
-// Every field, and the very handles.
+// Every field comes back, and the handles are the same.
 static void expect_same_object(const fs_object& a, const fs_object& b) {
   ck_assert_str_eq(a.name, b.name);
   ck_assert(a.struct_size == b.struct_size && a.primitive == b.primitive && a.shape == b.shape);
@@ -32,7 +32,8 @@ static void expect_same_object(const fs_object& a, const fs_object& b) {
   for (const uint8_t byte : b.reserved) ck_assert_uint_eq(byte, 0);
 }
 
-// The hand here and there: what the scene gives there, and the device gets, is what the slow reference works out.
+// With the hand at several places, the force of the scene and the force that the device gets are those of the slow
+// reference.
 static void compare_with_reference(World& w, const Content& content, Random& random, int places, double half) {
   const Reference reference(content);
   const std::vector<fs_vec3> tool = tool_of(w.scene);
@@ -72,7 +73,8 @@ START_TEST(every_primitive_and_profile) {
 }
 END_TEST
 
-// Moving, damped, masked and disabled ones, felt with three points; each scene replaces the one before.
+// Objects that move, have damping, have a mask or are disabled, felt with three points; each scene replaces the one
+// before.
 START_TEST(random_scenes) {
   World w(_i);
   const std::vector<fs_vec3> tool{{0, 0, 0}, {0.02, 0, -0.01}, {-0.015, 0.02, 0}};
@@ -216,7 +218,7 @@ START_TEST(set_change_move_remove_clear) {
 }
 END_TEST
 
-// Names come and go by the hundred: each keeps to its own object.
+// Hundreds of names come and go; each keeps its own object.
 START_TEST(many_names) {
   World w(_i);
   Random random(7);
@@ -272,17 +274,17 @@ START_TEST(shared_shapes) {
   ck_assert_ptr_eq(Got(w.scene, "a")->shape, line.get());
   ck_assert_ptr_eq(Got(w.scene, "b")->shape, line.get());
   fs_object o = of("b", other, FS_PRIMITIVE_POLYLINE, {});
-  OK(fs_object_change(w.scene, &o, FS_PART_SHAPE));  // its own from now on
+  OK(fs_object_change(w.scene, &o, FS_PART_SHAPE));  // the object has its own reference from now on
   OK(fs_object_remove(w.scene, "c"));
   EXPECT_VECTOR(felt({0.03, 0.02, 0.1}), (fs_vec3{-3, -2, -10 - 10}), 1e-12);
   OK(fs_object_remove(w.scene, "a"));  // the last that uses the line
   EXPECT_VECTOR(felt({0.03, 0.02, 0.1}), (fs_vec3{-3, 0, -10}), 1e-12);
-  w.set(of("d", line, FS_PRIMITIVE_POLYLINE, {0, 0, 0}));  // and it comes again
+  w.set(of("d", line, FS_PRIMITIVE_POLYLINE, {0, 0, 0}));  // the same shape is used again
   w.set(of("c", box, FS_PRIMITIVE_MESH, {0, 0, 0.2}));
   line.reset();
-  box.reset();  // the objects have them
+  box.reset();  // the objects keep the shapes
   EXPECT_VECTOR(felt({0.03, 0.02, 0.1}), (fs_vec3{-3 - 2, -2 - 1, -10 - 10 + 9}), 1e-12);
-  // A shape from a getter is as good as any.
+  // A shape from a getter can be used like any other.
   {
     const Got d(w.scene, "d"), c(w.scene, "c");
     o = of("e", line, FS_PRIMITIVE_POLYLINE, {0, 0, 0.1});
@@ -331,7 +333,8 @@ END_TEST
 
 // ----------------------------------------------------------------------------------------------------- motion, time
 
-// Where the object is along x at the ticks of the last step, as its spring of 100 N/m tells a hand at the origin.
+// Where the object was along x at the ticks of the last step; worked out from the force of its spring of 100 N/m on a
+// hand at the origin.
 static std::vector<std::pair<double, double>> places(World& w, size_t ticks) {
   std::vector<fs_tick> record = record_of(w.servo.get());
   ck_assert_uint_ge(record.size(), ticks);
@@ -344,7 +347,7 @@ static std::vector<std::pair<double, double>> places(World& w, size_t ticks) {
 
 START_TEST(twists_that_are_given) {
   World w(_i);
-  const double t = 5;  // what happens is known before its time
+  const double t = 5;  // a move may be given before its time
   fs_object o = spring("a", {0.5, 0, 0});
   o.time = t;
   o.twist = {{2, 0, 0}, {0, 0, 9}};
@@ -378,7 +381,7 @@ START_TEST(twists_that_are_worked_out) {
   const double t = 5;
   const fs_pose before = at(0.1, 0, 0), after = at(0.12, 0, 0);
   OK(fs_object_move(w.scene, "a", &before, nullptr, t));
-  EXPECT_VECTOR(Got(w.scene, "a")->twist.linear, (fs_vec3{}), 0);  // none for so long
+  EXPECT_VECTOR(Got(w.scene, "a")->twist.linear, (fs_vec3{}), 0);  // there was no move for so long
   OK(fs_object_move(w.scene, "a", &after, nullptr, t + 0.02));
   EXPECT_VECTOR(Got(w.scene, "a")->twist.linear, (fs_vec3{1, 0, 0}), 1e-9);
   w.settle();
@@ -400,7 +403,7 @@ START_TEST(twists_that_are_worked_out) {
   w.settle();
   w.step(300);
   for (const auto& [time, x] : places(w, 300)) EXPECT_NEAR(x, 0.1, 1e-12);
-  // Turns too: about the object's own origin.
+  // Rotations, too: about the object's own origin.
   const fs_vec3 ends[]{{0, 0, 0}, {1, 0, 0}};
   const Shape line = make_polyline(ends, 2, false);
   fs_object o = fs_object_init("line", FS_PRIMITIVE_POLYLINE);
@@ -426,14 +429,14 @@ START_TEST(now_and_the_past) {
   const double before = now(w.scene);
   EXPECT_NEAR(before, 0.5, 1e-12);  // the servo's virtual time
   w.set(spring("a"));
-  ck_assert_double_eq(Got(w.scene, "a")->time, before);  // nobody has stepped meanwhile
+  ck_assert_double_eq(Got(w.scene, "a")->time, before);  // there was no step in between
   ck_assert_double_eq(Got(w.scene, "a")->start, before);
   w.step(10);
   const fs_pose pose = at(0.1, 0, 0);
   OK(fs_object_move(w.scene, "a", &pose, nullptr, FS_NOW));
   EXPECT_NEAR(Got(w.scene, "a")->time, before + 0.01, 1e-12);
   EXPECT_VECTOR(Got(w.scene, "a")->twist.linear, (fs_vec3{10, 0, 0}), 1e-9);
-  // Times gone by: as far as it has come since.
+  // Times in the past: the object is where it has moved since then.
   w.settle();
   w.step(200);
   fs_object o = spring("a", {0.2, 0, 0});
@@ -482,7 +485,7 @@ START_TEST(lifetimes) {
     ck_assert_double_eq(report.weight, 0);
     ck_assert_int_eq(report.state, FS_OBJECT_FADING);
     ck_assert(has(w.scene, "short"));
-    for (const fs_vec3 x : {fs_vec3{}, fs_vec3{1, 2, 3}}) {  // a tool of one's own knows it too
+    for (const fs_vec3 x : {fs_vec3{}, fs_vec3{1, 2, 3}}) {  // an application's own tool shows the same
       fs_vec3 f{};
       OK(fs_evaluate_field(w.scene, "short", FS_NOW, &x, 1, &f));
       EXPECT_VECTOR(f, (fs_vec3{}), 0);
@@ -493,7 +496,7 @@ START_TEST(lifetimes) {
   comes_back([&] { w.set(o); });
   comes_back([&] { OK(fs_object_move(w.scene, "short", &pose, nullptr, FS_NOW)); });
   comes_back([&] { OK(fs_object_change(w.scene, &o, FS_PART_CONTACT)); });
-  comes_back([&] {  // in a group of nothing but moves
+  comes_back([&] {  // in a group that has only moves
     OK(fs_scene_begin(w.scene));
     OK(fs_object_move(w.scene, "short", &pose, nullptr, FS_NOW));
     OK(fs_object_move(w.scene, "long", &pose, nullptr, FS_NOW));
@@ -543,7 +546,7 @@ START_TEST(groups) {
   fs_vec3 f{}, x{0, 0.1, 0};
   OK(fs_evaluate_field(w.scene, nullptr, FS_NOW, &x, 1, &f));
   EXPECT_NEAR(f.y, -10, 1e-12);
-  // A call that fails adds nothing.
+  // A call that fails adds nothing to the group.
   fs_object bad = spring("a");
   bad.front.gain = -1;
   EXPECT(FS_ERROR_INVALID, fs_object_set(w.scene, &bad));
@@ -559,7 +562,7 @@ START_TEST(groups) {
   EXPECT(FS_ERROR_STATE, fs_scene_commit(w.scene));
   EXPECT(FS_ERROR_STATE, fs_scene_cancel(w.scene));
 
-  // Taken back: objects, frame, tool, and what was cleared.
+  // A cancelled group changes nothing: objects, frame, tool, and objects that it cleared.
   fs_frame frame = fs_frame_init();
   frame.scale = 7;
   const fs_vec3 point{0, 0, 1};
@@ -599,7 +602,7 @@ START_TEST(groups) {
     o.front.curve = curve.get();
     w.set(o);
     OK(fs_object_remove(w.scene, "line"));
-    o = spring("line");  // came, went, came as another
+    o = spring("line");  // set, removed, set as another object
     w.set(o);
     OK(fs_scene_set_frame(w.scene, &frame));
     OK(fs_scene_commit(w.scene));
@@ -619,13 +622,13 @@ START_TEST(groups) {
   OK(fs_object_remove(w.scene, "x"));
   OK(fs_scene_commit(w.scene));
   EXPECT_NEAR(felt(), -10, 1e-11);
-  OK(fs_scene_begin(w.scene));  // one that nobody commits goes with its scene
+  OK(fs_scene_begin(w.scene));  // a group that is not committed ends with its scene
   w.set(spring("x"));
 }
 END_TEST
 
-// A servo that runs meanwhile has all of a group in one tick, or nothing of it: what the group moves, sets or removes
-// keeps a sum that no half of it has.
+// A running servo uses all of a group in one tick, or nothing of it: the group's changes keep the sum of the forces,
+// and no part of them alone does.
 static void one_tick(int variant, fs_servo_options options, bool moves_only, bool sets) {
   options.fade = -1;
   std::vector<fs_wrench> log;
@@ -656,7 +659,7 @@ static void one_tick(int variant, fs_servo_options options, bool moves_only, boo
       const bool is_moved = moves_only || (!sets && random.coin());
       also(is_moved ? fs_object_move(w.scene, names[i], &pose, &still, FS_NOW) : fs_object_set(w.scene, &o));
     }
-    if (sets) {  // and a pair whose forces cancel, that comes, changes and goes
+    if (sets) {  // and a pair whose forces cancel, which is set, changed and removed
       for (const char* name : {"up", "down"}) {
         fs_object o = push(name, 5, {0, 0, name[0] == 'u' ? 1.0 : -1.0});
         if (k % 3 == 0) {
@@ -691,7 +694,8 @@ static fs_servo_options thread_options() {
   return options;
 }
 
-// So many moves that half of them would be seen: the springs pull against each other, two by two.
+// So many moves that a tick could come in the middle: the springs pull against each other in pairs, so half of the
+// moves would show.
 START_TEST(a_thousand_moves_are_one_tick) {
   const size_t count = 1000;
   fs_servo_options options = world_options();
@@ -764,7 +768,7 @@ START_TEST(frames) {
     const fs_pose hand = random.pose(0.1);
     w.fake.state.pose = hand;
     w.settle();
-    // By hand: the points where they are in the scene, the mean of their forces, turned back.
+    // Worked out by hand: the places of the points in the scene, the mean of their forces, rotated back.
     const fs_quat turned = inverse(frame.pose.orientation) * hand.orientation;
     fs_vec3 force{}, torque{};
     for (const fs_vec3 arm : arms) {
@@ -815,7 +819,7 @@ START_TEST(clutch) {
     OK(fs_scene_set_clutch(w.scene, true));
     w.settle();
     EXPECT_VECTOR(w.fake.written.force, (fs_vec3{}), 0);
-    OK(fs_scene_set_clutch(w.scene, true));  // what it is already
+    OK(fs_scene_set_clutch(w.scene, true));  // it is held already
     fs_state state;
     w.fake.state.pose = at(k ? first : second);  // the hand moves, the tool stays
     w.settle();
@@ -827,7 +831,7 @@ START_TEST(clutch) {
     EXPECT_VECTOR(report.wrench.force, (fs_vec3{}), 0);
     OK(fs_scene_set_clutch(w.scene, false));
     w.settle();
-    EXPECT_VECTOR(w.fake.written.force, felt, 1e-12);  // the tool stands where it was held
+    EXPECT_VECTOR(w.fake.written.force, felt, 1e-12);  // the tool is where it was held
     OK(fs_scene_get_hand(w.scene, &state, nullptr, nullptr));
     EXPECT_VECTOR(state.pose.position, tool, 1e-12);
     ck_assert_uint_eq(state.flags, FS_STATE_READY);
@@ -836,7 +840,7 @@ START_TEST(clutch) {
     EXPECT_NEAR(moved.pose.orientation.w, frame.pose.orientation.w, 1e-15);
     ck_assert(moved.scale == 4 && moved.force_scale == 0.5);
   }
-  // Held, a new frame counts from there; let go, too.
+  // A new frame applies to the held tool, and after the release.
   OK(fs_scene_set_clutch(w.scene, true));
   OK(fs_scene_set_frame(w.scene, &frame));
   w.fake.state.pose = at(second);
@@ -863,7 +867,8 @@ START_TEST(tools) {
   for (size_t i = 0; i < points.size(); ++i) EXPECT_VECTOR(tool_of(w.scene)[i], points[i], 0);
   w.set(push("a", 3.2));
   w.settle();
-  // The mean over the points that feel it: its limit stays, the torque has the mean of their arms.
+  // The mean over the points that feel the object: the limit is the same, and the torque has the mean of their lever
+  // arms.
   EXPECT_VECTOR(w.fake.written.force, (fs_vec3{0, 0, 3.2}), 1e-12);
   EXPECT_VECTOR(w.fake.written.torque, (fs_vec3{0, -3.2 * 0.155, 0}), 1e-12);
   const struct {
@@ -888,7 +893,7 @@ START_TEST(tools) {
   fs_object o = push("a", 3.2);
   o.tool_points = 4;
   w.set(o);
-  OK(fs_scene_set_tool(w.scene, points.data() + 1, 2));  // nobody has point 2 now
+  OK(fs_scene_set_tool(w.scene, points.data() + 1, 2));  // the tool has no point 2 now
   w.settle();
   EXPECT_VECTOR(w.fake.written.force, (fs_vec3{}), 0);
   w.fake.state.pose = {{}, turn({0, 0, 1}, 1)};

@@ -1,5 +1,5 @@
-// The same script on a scene in this process and on one that is connected to a server gives the same: statuses,
-// sentences, what getters tell, the force. Random scripts, bad input, files, tools of one's own.
+// The same script on a scene in this process and on one that is connected to a server gives the same statuses, error
+// sentences, getter results and forces. Random scripts, bad input, files, an application's own tools.
 #include <algorithm>
 #include <limits>
 #include <sstream>
@@ -12,14 +12,14 @@ static constexpr double infinite = std::numeric_limits<double>::infinity();
 
 // ---------------------------------------------------------------------------------------------------------- scripts
 
-// What a script saw, in words that can be compared.
+// What a script saw, as text that can be compared.
 struct Trace {
   struct Number {
     std::string what;
     double value;
   };
   std::vector<std::string> lines;
-  std::vector<Number> numbers;  // those that need not be the same to the last bit
+  std::vector<Number> numbers;  // numbers that may differ in the last bits
 
   void say(const std::string& line) { lines.push_back(line); }
   void say(const std::string& call, fs_status status) {
@@ -60,7 +60,8 @@ static void tell_profile(Trace& trace, const fs_profile& p) {
   trace.bits("  profile", {double(p.kind), double(p.sense), p.gain, p.offset, p.width, p.limit, p.reach, step});
   for (size_t i = 0; i < count; ++i) trace.bits("    entry", {table[i]});
 }
-// Everything that getters tell of the scene's own, by name. times: also those that it has worked out.
+// Everything that getters return about the scene's own objects, by name. times: including the times and twists that the
+// scene worked out.
 static void tell(Trace& trace, fs_scene* scene, bool with_times) {
   std::vector<fs_report> reports = own_reports_of(scene);
   std::sort(reports.begin(), reports.end(),
@@ -96,7 +97,7 @@ static void tell(Trace& trace, fs_scene* scene, bool with_times) {
   for (const fs_vec3 point : tool_of(scene)) trace.bits("tool", {point.x, point.y, point.z});
 }
 
-// Anything that can be done, good or bad, at any time. Times are given and gone by, so that nothing hangs on when.
+// Any call, valid or not, in any order. Times are given and lie in the past, so that nothing depends on when it runs.
 static Trace random_script(int variant, uint64_t seed) {
   Random random(seed);
   RandomOptions options;
@@ -193,7 +194,7 @@ static std::vector<Bad> bad_calls(const Content& content, const std::string& fol
   fs_shape* const mesh = content.shapes[1].get();
   fs_curve* const curve = content.curves[0].get();
 
-  // Objects: each as a new one, as one that is there, and as the parts of it.
+  // Bad objects: each as a new object, as a set of an existing one, and as a change of its parts.
   const std::vector<std::pair<const char*, std::function<void(fs_object&)>>> spoils{
       {"primitive", [](fs_object& o) { std::memset(&o.primitive, 9, 1); }},
       {"reserved", [](fs_object& o) { o.reserved[1] = 1; }},
@@ -239,7 +240,7 @@ static std::vector<Bad> bad_calls(const Content& content, const std::string& fol
     }
     fs_object o = spring("a");
     spoil(o);
-    if (std::string_view(what) == "reserved") continue;  // not looked at
+    if (std::string_view(what) == "reserved") continue;  // it is not read
     add(std::string("change, ") + what, [o](fs_scene* s) { return fs_object_change(s, &o, 31); });
   }
   const std::string names[]{"", std::string(32, 'x'), "x/y", "/", "tab\there", "\x7f", "\xc3\x28", "\xed\xa0\x80",
@@ -261,7 +262,7 @@ static std::vector<Bad> bad_calls(const Content& content, const std::string& fol
   for (const uint32_t parts : {0u, 1u, 31u}) {
     add("change none", [none, parts](fs_scene* s) { return fs_object_change(s, &none, parts); });
   }
-  // A good part may make a bad whole.
+  // A valid part may make the object invalid as a whole.
   fs_object plane = push("line");
   fs_object other = fs_object_init("line", FS_PRIMITIVE_POLYLINE);
   other.shape = mesh;
@@ -269,7 +270,7 @@ static std::vector<Bad> bad_calls(const Content& content, const std::string& fol
   plane.back = plane.front;
   add("change, two sides", [plane](fs_scene* s) { return fs_object_change(s, &plane, FS_PART_PROFILES); });
 
-  // Names that are not there, or are no names.
+  // Names that do not exist or are invalid.
   const fs_pose pose = at(0, 0, 0);
   const auto get = [](fs_scene* s, const char* name, int32_t size_error) {
     fs_object o = fs_object_init("", FS_PRIMITIVE_POINT);
@@ -401,7 +402,7 @@ static std::vector<Bad> bad_calls(const Content& content, const std::string& fol
   add("stats null", [](fs_scene* s) { return fs_scene_get_servo_stats(s, nullptr); });
   add("device null", [](fs_scene* s) { return fs_scene_get_device_info(s, nullptr); });
 
-  // A loop of one's own.
+  // An application's own loop.
   for (const size_t count : {size_t{33}, size_t{2}}) {
     add("tool of one's own", [=](fs_scene* s) {
       fs_tool* tool = nullptr;
@@ -432,7 +433,7 @@ static std::vector<Bad> bad_calls(const Content& content, const std::string& fol
   return out;
 }
 
-START_TEST(bad_input) {  // the same status, the same sentence, and nothing is changed by it
+START_TEST(bad_input) {  // gives the same status and the same sentence, and changes nothing
   const Folder folder;
   const Content content = profiles();
   Content own;
@@ -499,7 +500,7 @@ START_TEST(bad_input) {  // the same status, the same sentence, and nothing is c
     }
   }
   OK(here.sync(here.scene));
-  OK(there.sync(there.scene));  // the server has nothing to complain about
+  OK(there.sync(there.scene));  // the server has refused nothing
   ck_assert_uint_eq(report_of(here.scene, "a").revision, revisions[0]);
   ck_assert_uint_eq(report_of(there.scene, "a").revision, revisions[1]);
 }
@@ -534,7 +535,7 @@ START_TEST(files) {
   const Content content = for_a_file();
   const fs_frame frame{{{0.1, 1.0 / 3, -0.3}, turn({1, 2, 3}, 0.4)}, 1.7, 0.3};
   const fs_vec3 points[]{{0, 0, 0.1}, {1e-17, 2.0 / 3, 0}};
-  // What it writes is what a scene without a servo writes, byte for byte.
+  // It writes the same bytes as a scene without a servo.
   const Scene plain = make_scene();
   World w(_i), other(_i);
   for (fs_scene* scene : {plain.get(), w.scene}) {
@@ -543,12 +544,12 @@ START_TEST(files) {
     OK(fs_scene_set_tool(scene, points, 2));
   }
   w.settle();
-  OK(fs_scene_set_time(plain.get(), now(w.scene)));  // so that its objects are as old
+  OK(fs_scene_set_time(plain.get(), now(w.scene)));  // so that its objects have the same age
   OK(fs_scene_save(plain.get(), (folder / "scene.json").c_str()));
   const std::string wanted = text_of(folder / "scene.json");
   OK(fs_scene_save(w.scene, (folder / "scene.json").c_str()));
   ck_assert(text_of(folder / "scene.json") == wanted);
-  // It comes back bit for bit, beside what is there already, which of the same name is replaced.
+  // It comes back bit for bit. Other objects of the scene stay, and those with the same name are replaced.
   other.set(push("mine", 1));
   other.set(push(content.objects[0].name, 5));
   OK(fs_scene_load(other.scene, (folder / "scene.json").c_str()));
@@ -565,7 +566,7 @@ START_TEST(files) {
   Trace a, b;
   tell(a, w.scene, false);
   tell(b, other.scene, false);
-  for (Trace* trace : {&a, &b}) trace->numbers.clear();  // told of other ticks
+  for (Trace* trace : {&a, &b}) trace->numbers.clear();  // they are of other ticks
   expect_same(a, b);
   for (int i = 0; i < 20; ++i) {
     const fs_pose hand = at(0.01 * i - 0.1, 0.02, 0.005 * i);
@@ -573,7 +574,7 @@ START_TEST(files) {
     EXPECT_VECTOR(first.force, second.force, 1e-12 * (1 + norm(first.force)));
     EXPECT_VECTOR(first.torque, second.torque, 1e-12 * (1 + norm(first.torque)));
   }
-  // In a group: as a part of it.
+  // In a group loading is part of the group.
   OK(fs_scene_begin(other.scene));
   OK(fs_scene_clear(other.scene));
   OK(fs_scene_load(other.scene, (folder / "scene.json").c_str()));

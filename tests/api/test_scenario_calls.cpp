@@ -1,4 +1,4 @@
-// What happens to a scene over time, with the same words for one in this process and for one that is connected to a
+// What happens to a scene over time: the same tests run on a scene in this process and on one that is connected to a
 // server: reports, events, sync, the hand; no step in force; the simulator, and a servo that runs by itself.
 #include <algorithm>
 #include <atomic>
@@ -17,7 +17,7 @@ static constexpr double infinite = std::numeric_limits<double>::infinity();
 START_TEST(reports) {
   World w(_i);
   ck_assert_uint_eq(own_reports_of(w.scene).size(), 0);
-  fs_frame frame = fs_frame_init();  // the hand at (0, 0, 0.01) is at (1, 0, 0.1) in the scene
+  fs_frame frame = fs_frame_init();  // the hand at (0, 0, 0.01) of the device is at (1, 0, 0.1) in the scene
   frame.scale = 10;
   frame.force_scale = 0.5;
   frame.pose = at(-0.1, 0, 0);
@@ -57,7 +57,7 @@ START_TEST(reports) {
   ck_assert_double_eq(report_of(w.scene, "jump").stiffness_wanted, infinite);
   ck_assert_int_eq(report_of(w.scene, "jump").primitive, FS_PRIMITIVE_PLANE);
 
-  // On its way out, and out.
+  // While it fades out, and afterwards.
   jump.enabled = false;
   w.set(jump);
   w.settle();
@@ -69,7 +69,7 @@ START_TEST(reports) {
   EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_scene_get_report(w.scene, "far", &gone), "far");
   ck_assert_str_eq(gone.name, "");
 
-  // The list has the same.
+  // The list has the same reports.
   std::map<std::string, fs_report> all;
   for (const fs_report& report : own_reports_of(w.scene)) all[report.name] = report;
   ck_assert_uint_eq(all.size(), 2);
@@ -177,7 +177,7 @@ START_TEST(device_events) {
 }
 END_TEST
 
-START_TEST(ready_events) {  // of a connected scene alone
+START_TEST(ready_events) {  // only a connected scene has these
   World w(_i);
   OK(fs_scene_begin(w.scene));
   for (const char* name : {"a", "b"}) w.set(spring(name));
@@ -192,7 +192,7 @@ START_TEST(ready_events) {  // of a connected scene alone
     return event.kind != FS_EVENT_NONE;
   };
   if (_i == connected) ck_assert(eventually([&] { return !fetch() && seen.size() == 2; }));
-  w.set(spring("a", {1, 2, 3}));  // known already
+  w.set(spring("a", {1, 2, 3}));  // the name exists already
   w.settle();
   wait_a_little(0.03);
   while (fetch()) {
@@ -246,7 +246,7 @@ START_TEST(overflow) {  // older events are dropped, and counted
   }
   OK(fs_scene_commit(w.scene));
   w.settle();
-  wait_a_little(0.05);  // the server passes on what has come to pass
+  wait_a_little(0.05);  // the server passes the events on
   std::map<std::string, int> ready, expired;
   size_t dropped = 0, fetched = 0;
   const size_t all = _i == connected ? 2 * many : many;
@@ -284,11 +284,11 @@ START_TEST(sync_waits) {
   OK(fs_object_move(w.scene, "a", &pose, nullptr, FS_NOW));
   EXPECT(FS_ERROR_TIMEOUT, fs_scene_sync(w.scene, 0.02));
   OK(w.sync(w.scene));
-  OK(fs_scene_begin(w.scene));  // those of an open group do not count
+  OK(fs_scene_begin(w.scene));  // the changes of an open group do not count
   w.set(push("b"));
   OK(w.sync(w.scene));
   OK(fs_scene_commit(w.scene));
-  // Several at once.
+  // Several syncs at once.
   std::atomic<int> good{0};
   {
     const Stepper stepper(w.servo.get());
@@ -351,7 +351,7 @@ START_TEST(hand_stats_device) {
   ck_assert_str_eq(info.name, "fake device");
   EXPECT(FS_ERROR_STATE, fs_scene_set_time(w.scene, 10));
 
-  w.fake.read_status = FS_ERROR_DISCONNECTED;  // lost: the pose stays the last that is known
+  w.fake.read_status = FS_ERROR_DISCONNECTED;  // lost: the pose stays the last known one
   w.step(3);
   OK(fs_scene_get_hand(w.scene, &state, &response, &sent));
   EXPECT_VECTOR(state.pose.position, (fs_vec3{0.01, 0.02, 0.03}), 0);
@@ -364,7 +364,7 @@ END_TEST
 
 // ------------------------------------------------------------------------------------------------------- no step
 
-// The largest step from tick to tick while f does what it does: objects of `force` N in all come, go, change.
+// The largest step of the force from tick to tick while f adds, removes or changes objects of `force` N in all.
 static void expect_no_step(int variant, const char* what, double force, const std::function<void(World&)>& before,
                            const std::function<void(World&)>& f, fs_vec3 end) {
   std::vector<fs_wrench> log;
@@ -397,7 +397,7 @@ START_TEST(no_step_in_force) {
   const auto nothing = [](World&) {};
   const auto one = [](World& w) { w.set(push("a")); };
   const auto remove = [](World& w) { OK(fs_object_remove(w.scene, "a")); };
-  const auto some = [](World& w) {  // some ticks, the change being taken or not
+  const auto some = [](World& w) {  // some ticks, whether or not the change is used
     OK(w.sync(w.scene));
     w.step(20);
   };
@@ -445,7 +445,7 @@ START_TEST(no_step_in_force) {
 }
 END_TEST
 
-START_TEST(the_simulator) {  // a hand of 300 N/m against a spring of 200 N/m: where they agree
+START_TEST(the_simulator) {  // a hand of 300 N/m and a spring of 200 N/m come to rest
   World w(_i, world_options(), "sim:?hand=firm&hand_stiffness=300&friction=0&encoder=ideal");
   w.step(100);
   w.set(spring("a", {0.02, 0, 0}, 200));
@@ -479,7 +479,7 @@ START_TEST(a_running_servo) {
   w.set(spring("a"));
   OK(w.sync(w.scene));
   const double before = now(w.scene);
-  for (int k = 0; k < 200; ++k) {  // as an application does that follows something
+  for (int k = 0; k < 200; ++k) {  // as an application that tracks something
     const fs_pose pose = at(0.001 * k, 0, 0);
     OK(fs_object_move(w.scene, "a", &pose, nullptr, FS_NOW));
     if (k % 4 == 0) wait_a_little();

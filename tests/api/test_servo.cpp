@@ -12,7 +12,7 @@ using namespace scenes;
 
 static constexpr double infinite = std::numeric_limits<double>::infinity();
 
-// Felt everywhere: 2 N upwards, unless a test says other.
+// The force is the same everywhere: 2 N upwards, unless a test needs another.
 static fs_object lift(double force = 2) {
   fs_object o = fs_object_init("lift", FS_PRIMITIVE_PLANE);
   o.front = o.back = constant(FS_SENSE_REPULSIVE, force);
@@ -20,7 +20,7 @@ static fs_object lift(double force = 2) {
   return o;
 }
 
-// Without fades, so that what is seen is the servo.
+// Without fades, so that only the servo's own behaviour shows.
 static fs_servo_options plain(double ramp = -1) {
   fs_servo_options options = virtual_options();
   options.fade = -1;
@@ -28,7 +28,7 @@ static fs_servo_options plain(double ramp = -1) {
   return options;
 }
 
-// The number of one that this process may run on.
+// The number of a processor that this process may run on.
 static int usable_processor() {
   cpu_set_t set;
   ck_assert_int_eq(sched_getaffinity(0, sizeof set, &set), 0);
@@ -45,7 +45,7 @@ static fs_wrench sent_of(fs_scene* scene) {
   return sent;
 }
 
-// Steps until the ramp of 0.1 s is over, and sees that it was one.
+// Steps until the ramp of 0.1 s is over, and checks that the force rose as a ramp.
 static void expect_ramp(Rig& rig, double force) {
   double before = norm(rig.sent());
   ck_assert_double_lt(before, 0.02 * force);
@@ -97,7 +97,7 @@ START_TEST(zero_until_ready) {
   rig.step(1);
   expect_ramp(rig, 2);
   ck_assert_uint_eq(stats_of(rig.scene.get()).faults, 0);
-  rig.fake.state.flags = 0;  // homed no more
+  rig.fake.state.flags = 0;  // no longer homed
   rig.step(1);
   EXPECT_VECTOR(rig.sent(), (fs_vec3{}), 0);
 }
@@ -119,7 +119,7 @@ START_TEST(a_lost_device_comes_back) {
     (at_write ? rig.fake.write_status : rig.fake.read_status) = FS_OK;
     fs_servo_step(rig.servo.get(), 1);
     if (at_write) rig.step(1);
-    expect_ramp(rig, 2);  // by itself
+    expect_ramp(rig, 2);  // the force comes back by itself
     ck_assert_uint_eq(stats_of(rig.scene.get()).faults, 0);
   }
 }
@@ -173,7 +173,7 @@ START_TEST(an_old_pose_is_no_pose) {  // older than 20 ms and the device's delay
 }
 END_TEST
 
-// An application that enables whenever it is told of a fault, and only then, has its force back when the cause is gone.
+// An application that enables the servo at each fault event, and only then, has its force back when the cause is gone.
 START_TEST(told_again) {
   Rig rig("again");
   fs_scene* const scene = rig.scene.get();
@@ -188,12 +188,12 @@ START_TEST(told_again) {
     rig.step(10);
     expect_no_event(scene);
     OK(fs_servo_set_enabled(rig.servo.get(), true));
-    OK(fs_servo_set_enabled(rig.servo.get(), true));  // twice between two ticks is once
+    OK(fs_servo_set_enabled(rig.servo.get(), true));  // two calls between two ticks count as one
   }
-  rig.fake.state.twist.linear.x = NAN;  // another cause: the first is forgiven by then
+  rig.fake.state.twist.linear.x = NAN;  // another cause: the first is gone by then
   fs_servo_step(rig.servo.get(), 1);
   expect_event(scene, FS_ERROR_STATE, FS_FAULT_NUMBER, "not finite");
-  rig.fake.state.twist.linear.x = 3;  // and again the first, while the other holds
+  rig.fake.state.twist.linear.x = 3;  // and the first cause again, while the other is latched
   rig.step(1);
   expect_event(scene, FS_ERROR_STATE, FS_FAULT_SPEED, "speed_limit");
   OK(fs_servo_set_enabled(rig.servo.get(), true));
@@ -207,7 +207,7 @@ START_TEST(told_again) {
   expect_event(scene, FS_ERROR_STATE, FS_FAULT_DEVICE, "not ready");
   rig.fake.state.flags = FS_STATE_READY;
   rig.step(1);
-  expect_event(scene, FS_OK, 0, "until it is enabled: the hand");  // no force yet, and it says so
+  expect_event(scene, FS_OK, 0, "until it is enabled: the hand");  // no force yet, and the event says so
   OK(fs_servo_set_enabled(rig.servo.get(), false));
   rig.step(1);
   expect_no_event(scene);
@@ -249,13 +249,13 @@ static void expect_latched(Rig& rig, uint32_t fault, const std::function<void()>
 START_TEST(a_jump_while_away_is_no_speed) {
   Rig rig("jump");
   set(rig.scene.get(), lift());
-  rig.fake.state.pose = at(0.05, -0.05, 0.05);  // wherever it is at the start
+  rig.fake.state.pose = at(0.05, -0.05, 0.05);  // the first pose may be anywhere
   rig.start(plain());
   rig.step(5);
   EXPECT_NEAR(norm(rig.sent()), 2, 1e-12);
   rig.fake.state.flags = 0;
   rig.step(5);
-  rig.fake.state.pose = at(0, 0.05, 0);  // homed: it is found elsewhere
+  rig.fake.state.pose = at(0, 0.05, 0);  // homed: the pose is elsewhere
   rig.step(1);
   rig.fake.state.flags = FS_STATE_READY;
   rig.step(5);
@@ -413,7 +413,7 @@ START_TEST(enabled_or_not) {
   rig.fake.state.pose.position.x = NAN;
   fs_servo_step(rig.servo.get(), 1);
   rig.fake.state.pose.position.x = 0;
-  OK(fs_servo_set_enabled(rig.servo.get(), false));  // off is no way out of a fault
+  OK(fs_servo_set_enabled(rig.servo.get(), false));  // disabling does not clear a fault
   rig.step(5);
   EXPECT_VECTOR(rig.sent(), (fs_vec3{}), 0);
   OK(fs_servo_set_enabled(rig.servo.get(), true));
@@ -479,7 +479,7 @@ START_TEST(stats) {
   EXPECT_NEAR(stats.rate, 500, 1e-6);
   ck_assert_double_eq(stats.damping, 0);
   ck_assert_double_eq(stats.max_stiffness, infinite);
-  // Not built yet: said as switched off.
+  // Protections that do not exist yet are reported as switched off.
   ck_assert_uint_eq(stats.protections_off, FS_OFF_SLEW | FS_OFF_STIFFNESS | FS_OFF_DAMPING | FS_OFF_BLEND);
   EXPECT_NEAR(now(rig.scene.get()), 0.5, 1e-12);  // tick k is at k/rate
   EXPECT(FS_ERROR_STATE, fs_scene_set_time(rig.scene.get(), 10));
@@ -551,7 +551,7 @@ START_TEST(bad_options) {
   EXPECT(FS_ERROR_VERSION, fs_servo_start(rig.scene.get(), rig.device.get(), &options, &servo));
   options.struct_size = 8;
   EXPECT(FS_ERROR_INVALID, fs_servo_start(rig.scene.get(), rig.device.get(), &options, &servo));
-  // All at their edges, and the device and the scene are free still.
+  // All options at their bounds; a refused start leaves device and scene free.
   options = virtual_options();
   options.rate = 20000;
   options.force_limit = 10;
@@ -564,7 +564,7 @@ START_TEST(bad_options) {
 }
 END_TEST
 
-START_TEST(missing_protections) {  // who asks for one is told that it is not there
+START_TEST(missing_protections) {  // asking for one is UNSUPPORTED
   Rig rig("missing");
   rig.device = rig.fake.open();
   const struct {
@@ -613,7 +613,7 @@ START_TEST(one_servo_each) {
   OK(fs_device_read(rig.device.get(), &state));
   OK(fs_device_write(rig.device.get(), &wrench));
   EXPECT_VECTOR(rig.sent(), wrench.force, 0);
-  // The refused ones left nothing behind.
+  // The refused starts left nothing behind.
   { const Servo second = start_servo(rig.scene.get(), other_device.get(), options); }
   { const Servo third = start_servo(other_scene.get(), rig.device.get(), options); }
 }
@@ -731,7 +731,7 @@ START_TEST(ages_stay) {  // a virtual servo begins at 0, whatever the scene's cl
   if (has_expressions()) EXPECT_NEAR(rig.sent().x, 5.07, 1e-9);
   rig.servo.reset();
   const Tool tool = make_tool(rig.scene.get());
-  const fs_vec3 f = force_at(tool.get(), {1, 0, 1});  // on whatever clock is the scene's now
+  const fs_vec3 f = force_at(tool.get(), {1, 0, 1});  // on the clock that the scene has now
   EXPECT_NEAR(f.z, -10 * 0.95, 1e-9);
   if (has_expressions()) {
     ck_assert_double_ge(f.x, 5.07 - 1e-6);
@@ -800,7 +800,7 @@ START_TEST(a_stall_ramps) {
   std::this_thread::sleep_for(std::chrono::milliseconds(100));
   rig.step(1);
   ck_assert_double_lt(norm(rig.sent()), 1.999);
-  ck_assert_uint_eq(stats_of(rig.scene.get()).faults, 0);  // one stall is no fault
+  ck_assert_uint_eq(stats_of(rig.scene.get()).faults, 0);  // a single stall is no fault
 }
 END_TEST
 
@@ -844,7 +844,7 @@ START_TEST(the_simulator) {
   fs_wrench sent;
   OK(fs_scene_get_hand(scene.get(), &state, &response, &sent));
   ck_assert(state.flags & FS_STATE_READY);
-  // Between where the hand wants to be and where the spring draws it; the force is the spring's.
+  // The hand is between its target and the spring's origin; the force is that of the spring.
   ck_assert_double_gt(state.pose.position.x, 0.001);
   ck_assert_double_lt(state.pose.position.x, 0.01);
   EXPECT_VECTOR(response.wrench.force, -200.0 * state.pose.position, 1e-6);

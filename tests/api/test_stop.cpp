@@ -1,5 +1,5 @@
-// However a servo ends, the device has force 0 from then on, and has it first: before anything that may wait. Nothing
-// here depends on time: a tick knows that the stop has begun by asking fs_servo_step.
+// However a servo ends, the device has force 0 from then on, before anything that may wait. Nothing here depends on
+// time: a tick learns from fs_servo_step that the stop has begun.
 #include <pthread.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
@@ -18,7 +18,7 @@
 
 using namespace scenes;
 
-// Processes end here with all that they have, and fork while they have threads: the sanitizers are not to complain.
+// Processes here end without releasing anything, and fork while they have threads: the sanitizers must not complain.
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 static constexpr bool is_sanitized = true;
 extern "C" const char* __asan_default_options() { return "detect_leaks=0"; }
@@ -45,14 +45,14 @@ static Arrived& make_arrived() {
 }
 
 static void expect_quiet(const Arrived& arrived) {
-  ck_assert_uint_gt(arrived.forces, 0);  // there was one
+  ck_assert_uint_gt(arrived.forces, 0);  // a force had arrived
   ck_assert(arrived.is_zero);
   ck_assert_uint_eq(arrived.late, 0);
   ck_assert_uint_eq(arrived.again, 0);
   ck_assert_double_eq(arrived.last, 0);
 }
 
-// A device that is pushed with 2 N as soon as a servo ticks.
+// A device that gets 2 N as soon as a servo ticks.
 struct Pushed {
   Arrived& arrived;
   FakeDevice fake;
@@ -101,7 +101,7 @@ struct Pushed {
   bool is_stopping() const {
     return fs_servo_step(servo.get(), 1) == FS_ERROR_STATE && std::strstr(fs_last_error(), "stopped");
   }
-  // Waits for forces. A machine that is too slow for the servo is a fault, and the servo is enabled again.
+  // Waits for forces. If the machine is too slow for the servo, that is a fault, and the servo is enabled again.
   void wait_until(const std::function<bool()>& condition) const {
     while (!condition()) {
       require(fs_servo_set_enabled(servo.get(), true), "fs_servo_set_enabled");
@@ -113,7 +113,7 @@ struct Pushed {
 // Where in a tick the stop begins.
 enum class Amid { read, write };
 
-// Holds the tick up in the driver, once there is a force, until the stop has begun; it begins when `go` is set.
+// Delays a tick with a force in the driver until the stop has begun; the stop begins when `go` is set.
 static void hold_up(Pushed& pushed, Amid amid, std::atomic<bool>& go) {
   const auto hold = [&pushed, &go] {
     if (pushed.arrived.forces < 3 || go.exchange(true)) return;
@@ -124,7 +124,7 @@ static void hold_up(Pushed& pushed, Amid amid, std::atomic<bool>& go) {
   if (amid == Amid::write) pushed.fake.on_write = [&pushed, hold](FakeDevice&) { pushed.note(); hold(); };
 }
 
-// Steps as the mode wants it, until the servo says that it has been stopped.
+// Steps as the mode needs it, until the servo returns that it has been stopped.
 static std::thread step_on(Pushed& pushed, fs_servo_mode mode, std::atomic<bool>& is_told) {
   if (mode == FS_SERVO_THREAD) {
     is_told = true;
@@ -168,7 +168,8 @@ START_TEST(stop_amid_a_tick) {
 }
 END_TEST
 
-// The stop waits for the server's thread to let go of its clients. When the 0 is written they are still there.
+// The stop waits until the server's thread has disconnected its clients. When the 0 is written they are still
+// connected.
 START_TEST(stop_before_the_server_is_told) {
   Arrived& arrived = make_arrived();
   Pushed pushed(arrived, "server");
@@ -207,7 +208,7 @@ START_TEST(two_threads_stop_at_once) {
     const auto stop = [&] {
       both.arrive_and_wait();
       fs_servo_stop(servo);
-      fs_state state;  // whoever comes back finds it stopped
+      fs_state state;  // after the call the servo is stopped
       if (fs_device_read(pushed.device.get(), &state) != FS_OK) ++arrived.again;
     };
     std::thread other(stop);
@@ -219,7 +220,7 @@ START_TEST(two_threads_stop_at_once) {
 }
 END_TEST
 
-// A device that does not take the 0 at once is asked again.
+// If a device does not take the 0 at once, it is tried again.
 START_TEST(a_zero_that_fails) {
   Arrived& arrived = make_arrived();
   Pushed pushed(arrived, "fails");
@@ -238,7 +239,7 @@ END_TEST
 
 // --------------------------------------------------------------------------------------------- the end of the process
 
-// f in a process of its own, in which it ends; gives the status of that.
+// Runs f in a process of its own, which f ends; returns the status of that process.
 static int in_process(const std::function<void()>& f) {
   std::fflush(nullptr);
   const pid_t child = fork();
@@ -269,12 +270,12 @@ START_TEST(exit_amid_a_tick) {
       is_quick ? std::quick_exit(7) : std::exit(7);
     }));
     expect_quiet(arrived);
-    ck_assert_uint_eq(arrived.closed, 1);  // which is sure to send what a driver has not sent yet
+    ck_assert_uint_eq(arrived.closed, 1);  // close makes the driver send what it has not sent yet
   }
 }
 END_TEST
 
-// What the driver needs. Its end takes as long as a servo that goes on needs to come by.
+// An object that the driver needs. Its destructor takes long enough for a running servo to use the driver.
 struct Needed {
   Arrived& arrived;
   ~Needed() {
@@ -297,7 +298,7 @@ START_TEST(exit_before_statics_are_gone) {
 }
 END_TEST
 
-// A driver that hangs keeps no other device under force: it is not waited for first.
+// A driver that hangs does not leave another device with a force: it is not waited for first.
 START_TEST(exit_beside_one_that_hangs) {
   Arrived& well = make_arrived();
   Arrived& hung = make_arrived();
@@ -305,7 +306,7 @@ START_TEST(exit_beside_one_that_hangs) {
     static std::atomic<bool> hangs{false};
     Pushed& first = *new Pushed(well, "well");
     first.start(FS_SERVO_THREAD);
-    Pushed& second = *new Pushed(hung, "hangs");  // the newer one, whose turn at the end comes first
+    Pushed& second = *new Pushed(hung, "hangs");  // the newer one, which is closed first at the end
     second.fake.on_write = [&](FakeDevice&) {
       second.note();
       if (hung.forces < 3 || hangs.exchange(true)) return;
@@ -323,7 +324,7 @@ START_TEST(exit_beside_one_that_hangs) {
   }));
   ck_assert(well.is_zero);
   ck_assert_uint_eq(well.again, 0);
-  ck_assert_uint_lt(hung.again, 500);  // else it was waited for: for 1000 and more
+  ck_assert_uint_lt(hung.again, 500);  // if it had been waited for, there would be 1000 and more
 }
 END_TEST
 
@@ -352,7 +353,7 @@ START_TEST(exit_with_all_that_runs) {  // a server, a client, and handles that a
 }
 END_TEST
 
-START_TEST(exit_without_a_tick) {  // who steps has not come again; and without a servo at all
+START_TEST(exit_without_a_tick) {  // with a servo that was never stepped, and without a servo
   for (const bool has_servo : {true, false}) {
     Arrived& arrived = make_arrived();
     ck_assert_int_eq(7, in_process([&] {
@@ -379,7 +380,7 @@ START_TEST(exit_by_the_driver) {
     pushed.fake.on_read = [&](FakeDevice& fake, double) {
       if (arrived.forces < 3) return;
       arrived.has_begun = true;
-      fake.mutex.unlock();  // which the fake device holds, and no driver should
+      fake.mutex.unlock();  // the fake device holds it, which no driver should do
       std::exit(7);
     };
     pushed.start(FS_SERVO_THREAD);
@@ -418,7 +419,7 @@ START_TEST(a_forked_child_leaves_it_alone) {
   ck_assert_uint_eq(other.arrived.strange, 0);
   ck_assert_double_eq(other.arrived.last, 2);
   const uint32_t before = arrived.forces;
-  pushed.wait_until([&] { return arrived.forces > before + 3; });  // the parent's goes on
+  pushed.wait_until([&] { return arrived.forces > before + 3; });  // the parent's servo goes on
   fs_server_stop(server);
 }
 END_TEST
@@ -439,7 +440,7 @@ static long status_kb(const char* field) {  // of /proc/self/status
 
 // Whatever fails at the start, scene and device are as they were.
 START_TEST(a_start_that_fails) {
-  if (is_sanitized) return;  // they need all addresses
+  if (is_sanitized) return;  // they need the whole address space
   Arrived& arrived = make_arrived();
   Pushed pushed(arrived, "nomemory");
   const rlimit all{RLIM_INFINITY, RLIM_INFINITY};
@@ -471,7 +472,7 @@ START_TEST(a_thread_that_is_refused) {
   ck_assert_int_eq(7, in_process([&] {
     Pushed& pushed = *new Pushed(arrived, "nothread");
     const rlimit none{0, 0};
-    if (geteuid() == 0 && setuid(65534) != 0) _exit(1);  // who may do everything gets it
+    if (geteuid() == 0 && setuid(65534) != 0) _exit(1);  // root may lock as much as it likes
     setrlimit(RLIMIT_NPROC, &none);
     fs_servo* servo = nullptr;
     if (fs_servo_start(pushed.scene.get(), pushed.device.get(), nullptr, &servo) != FS_ERROR_IO || servo) _exit(2);
@@ -485,9 +486,9 @@ START_TEST(a_thread_that_is_refused) {
 }
 END_TEST
 
-// What the system locks for a servo is bounded, whatever else the process has, and is given back.
+// The memory that is locked for a servo is bounded, whatever else the process has, and is unlocked afterwards.
 START_TEST(locked_memory) {
-  if (is_sanitized) return;  // they leave mlock out
+  if (is_sanitized) return;  // they replace mlock by nothing
   Arrived& arrived = make_arrived();
   Pushed first(arrived, "locked"), second(arrived, "lockedtoo");
   const size_t much = 500 << 20;
@@ -514,7 +515,7 @@ START_TEST(locked_memory) {
   ck_assert(start(second));
   const long two = status_kb("VmLck:") - before;
   ck_assert_int_gt(two, one);
-  ck_assert_int_lt(two, 2 * one);  // the code is there once
+  ck_assert_int_lt(two, 2 * one);  // the library's code is locked once
   first.servo.reset();
   ck_assert_int_eq(status_kb("VmLck:") - before, one);
   second.servo.reset();
@@ -527,7 +528,8 @@ END_TEST
 
 int main() {
   Suite* suite = suite_create("stop");
-  // First of all: without forks each servo before it would have guarded the end of this process, and only so many can.
+  // It comes first: without forks each earlier servo would have registered for the end of this process, and their
+  // number is limited.
   add_case(suite, "statics", {exit_before_statics_are_gone});
   TCase* loops = tcase_create("amid a tick");
   tcase_set_timeout(loops, 120);

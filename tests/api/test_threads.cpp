@@ -12,7 +12,7 @@
 using namespace scenes;
 
 static std::atomic<bool> is_over;
-static std::atomic<uint64_t> wrong;  // answers that no one may get
+static std::atomic<uint64_t> wrong;  // results that no thread may get
 
 static void check(bool good, const char* what) {
   if (good) return;
@@ -43,7 +43,7 @@ static void edit(fs_scene* scene, const Shape& mesh, Random& random) {
   o.lifetime = random.coin(0.2) ? 0.05 : 0;
   check(fs_object_set(scene, &o), "set");
   o.front.gain *= 2;
-  // It is gone where it had joined a group that was cancelled.
+  // The object does not exist if it had joined a group that was cancelled.
   const auto check_there = [](fs_status status, const char* what) {
     check(status == FS_OK || status == FS_ERROR_NOT_FOUND, what);
   };
@@ -58,7 +58,7 @@ static void move(fs_scene* scene, Random& random) {
   check(fs_object_move(scene, name.c_str(), &pose, random.coin() ? &twist : nullptr, FS_NOW), "move");
 }
 
-// Of each pair both stand, or none: a group is seen whole.
+// Both objects of a pair exist, or neither: a group is seen as a whole.
 static void group(fs_scene* scene, Random& random) {
   if (fs_scene_begin(scene) != FS_OK) {
     check(false, "begin");
@@ -111,7 +111,7 @@ static void feel(fs_scene* scene, fs_tool* tool, Random& random) {
   const fs_state state = hand_at(random.in_box(0.05));
   fs_response response;
   check(fs_evaluate(tool, &state, &response), "evaluate");
-  // At most 12 edited and 12 moved objects of 2 N; the pair adds nothing, for it is never seen alone.
+  // At most 12 edited and 12 moved objects of 2 N; the pair adds nothing, as neither of the two is ever seen alone.
   check(norm(response.wrench.force) < 24 * 2 + 1e-9, "force");
   fs_state hand;
   fs_response felt;
@@ -167,7 +167,7 @@ START_TEST(all_at_once) {
 }
 END_TEST
 
-// What is read of the hand is of one tick: its force is the spring's at its place.
+// The values of fs_scene_get_hand are of one tick: the force is that of the spring at the hand's position.
 START_TEST(the_hand_is_whole) {
   const Scene scene = make_scene();
   const Device device = open_device("sim:?path=figure8");
@@ -198,7 +198,7 @@ START_TEST(the_hand_is_whole) {
 }
 END_TEST
 
-// Handles come and go in several threads: what one made, another may destroy.
+// Handles are created and destroyed in several threads; one thread may destroy what another created.
 START_TEST(handles_come_and_go) {
   const Scene scene = make_scene();
   const Content content = ball(100);

@@ -1,5 +1,5 @@
-// No step in force, the hard cases: groups that stay open for long, changes one on top of the other, a client that is
-// held up in the middle of a call. And what else must outlive a change of servo, clock or group.
+// No step in force, the hard cases: groups that stay open for long, changes during changes, a client that is delayed in
+// the middle of a call. And what else must survive a change of servo, clock or group.
 #include <chrono>
 #include <cstddef>
 #include <functional>
@@ -11,8 +11,8 @@
 
 using namespace scenes;
 
-// Every operator new of the program, the library's too, comes by here: the one counted down to runs `interrupt` first,
-// which is what a client feels that is held up in the middle of a call.
+// Every operator new of the program and of the library calls this. When the countdown ends, it runs `interrupt` first,
+// as if the client were delayed in the middle of a call.
 static thread_local long countdown = -1;  // -1: none
 static std::function<void()> interrupt;
 
@@ -128,7 +128,7 @@ static std::vector<Course> courses() {
          rig.open();
          rig.remove("x");
          rig.step(2 * whole_fade);
-         rig.expect(10);  // it goes on coming
+         rig.expect(10);  // it goes on fading in
          rig.commit();
        }, {}},
       {"disabled in a group while it fades in", 10, [](FeltRig& rig) {
@@ -308,7 +308,7 @@ static std::vector<Course> courses() {
          const Tool tool = make_tool(rig.s);
          EXPECT_NEAR(norm(force_at(tool.get(), {})), 10, 1e-12);
          ck_assert_uint_eq(object_count(rig.s), 1);
-         rig.begin();  // and under the next one all is there
+         rig.begin();  // and the next servo has everything
          rig.expect(10);
          rig.open();
          rig.remove("y");
@@ -335,7 +335,7 @@ START_TEST(no_step) {
 }
 END_TEST
 
-// A client that is held up for a quarter of a fade in each allocation of a call, while ticks go on.
+// A client that is delayed for a quarter of a fade in each allocation of a call, while ticks go on.
 struct Call {
   const char* name;
   double force;
@@ -345,7 +345,7 @@ struct Call {
 START_TEST(a_client_held_up) {
   const auto set = [](FeltRig& rig) { rig.set(pull("x")); };
   const auto steady = [set](FeltRig& rig) { set(rig); rig.step(2 * whole_fade); };
-  const auto busy = [steady](FeltRig& rig) {  // more changes since the last tick than anyone would make
+  const auto busy = [steady](FeltRig& rig) {  // a great many changes since the last tick
     steady(rig);
     for (int k = 0; k < 17; ++k) rig.set(pull(("f" + std::to_string(k)).c_str(), 1e-6));
   };
@@ -396,7 +396,7 @@ START_TEST(a_client_held_up) {
 }
 END_TEST
 
-// Whatever is done in whatever order, of an object that is felt the same however its fades stand.
+// Any calls in any order on an object whose force is the same whatever its fades.
 START_TEST(any_order) {
   constexpr double short_fade = 0.1;
   const fs_vec3 points[2]{};
@@ -418,7 +418,7 @@ START_TEST(any_order) {
           rig.set(o);
           done += "points ";
           break;
-        case 4: case 5: fs_object_remove(rig.s, "x"); done += "remove "; break;  // it may be gone
+        case 4: case 5: fs_object_remove(rig.s, "x"); done += "remove "; break;  // it may have been removed
         case 6: rig.hold(random.coin(0.3)); done += "clutch "; break;
         case 7: rig.hold(false); done += "let go "; break;
         case 8: {
@@ -449,7 +449,7 @@ START_TEST(any_order) {
       rig.step(ticks);
       done += "[" + std::to_string(ticks) + "] ";
     }
-    // Two versions of the object, seen from two places: at most so much fades at a time.
+    // Two versions of the object, seen from two places: more cannot fade at a time.
     const double allowed = 4 * 10 * period / short_fade * (1 + 1e-6);
     ck_assert_msg(rig.largest_step() <= allowed, "seed %llu: a step of %g N: %s",
                   static_cast<unsigned long long>(seed), rig.largest_step(), done.c_str());
@@ -459,7 +459,7 @@ END_TEST
 
 // Servos.
 
-static fs_servo_options fast_options() {  // what is felt is felt at once
+static fs_servo_options fast_options() {  // without fades
   fs_servo_options options = virtual_options();
   options.ramp = options.fade = -1;
   return options;
@@ -526,7 +526,7 @@ START_TEST(a_bad_twist_and_the_speed_limit) {  // of a driver that gives no twis
 }
 END_TEST
 
-START_TEST(a_hand_that_never_was) {  // is at the identity
+START_TEST(a_hand_that_never_was) {  // it is at the identity
   Rig rig("never");
   rig.fake.read_status = FS_ERROR_DISCONNECTED;
   rig.start(fast_options());
@@ -610,9 +610,9 @@ static std::vector<fs_event> events_of(fs_scene* scene, fs_event_kind kind, doub
   }
 }
 
-START_TEST(expiry_is_told) {  // once, whatever comes between
+START_TEST(expiry_is_told) {  // gives one event, whatever comes between
   {
-    FeltRig rig;  // the servo stops before anyone asks
+    FeltRig rig;  // the servo stops before the event is fetched
     rig.begin();
     rig.set(mortal(pull("x"), 0.5));
     const double due = now(rig.s) + 0.5;
@@ -624,7 +624,7 @@ START_TEST(expiry_is_told) {  // once, whatever comes between
     const std::vector<fs_event> events = events_of(rig.s, FS_EVENT_EXPIRED);
     ck_assert_uint_eq(events.size(), 1);
     ck_assert_str_eq(events[0].name, "x");
-    ck_assert_double_ge(stopped - events[0].time, age - 1e-6);  // on the clock that is now
+    ck_assert_double_ge(stopped - events[0].time, age - 1e-6);  // on the present clock
     ck_assert_double_le(stopped - events[0].time, age + 10);
   }
   {
@@ -686,13 +686,13 @@ START_TEST(events_keep_their_age) {  // when a servo's stop changes the clock
   rig.servo.reset();
   const double stopped = now(rig.scene.get());
   const std::vector<fs_event> events = events_of(rig.scene.get(), FS_EVENT_DEVICE);
-  ck_assert_uint_eq(events.size(), 1);  // ready, at the first tick
+  ck_assert_uint_eq(events.size(), 1);  // the device is ready, at the first tick
   ck_assert_double_ge(stopped - events[0].time, 0.999 - 1e-6);
   ck_assert_double_le(stopped - events[0].time, 0.999 + 10);
 }
 END_TEST
 
-// Groups and those who evaluate.
+// Groups and evaluation.
 
 START_TEST(fields_and_open_groups) {
   const Scene scene = make_scene();
@@ -713,11 +713,12 @@ START_TEST(fields_and_open_groups) {
 }
 END_TEST
 
-START_TEST(expressions_and_open_groups) {  // for whoever comes while the group is open, and stays
+START_TEST(expressions_and_open_groups) {  // for a tool that is created while the group is open, and stays
   if (!has_expressions()) return;
   const Scene other = make_scene();
   std::vector<Tool> others;
-  for (int k = 0; k < 8; ++k) others.push_back(make_tool(other.get()));  // so that newcomers are nobody's heirs
+  // so that new tools do not take over the memory of old ones
+  for (int k = 0; k < 8; ++k) others.push_back(make_tool(other.get()));
   FeltRig rig;
   const Curve five = make_expression("5"), three = make_expression("3");
   fs_object o = pull("x", 1);

@@ -1,5 +1,5 @@
-// Scenes that are felt on a fake device: run by a servo of their own, or connected to a server here. A test that has
-// its variant from Check (a loop test) says the same words to both.
+// Scenes that are felt on a fake device: run by a servo of their own, or connected to a server in this process. A loop
+// test of Check, whose `_i` is the variant, runs the same code for both.
 #pragma once
 
 #include <unistd.h>
@@ -23,13 +23,13 @@ namespace scenes {
 enum Variant { in_process, connected };  // of a World
 inline constexpr double world_fade = 0.05;  // s
 
-// No other test, and no other run of it, has this one.
+// A name that no other test and no other run of it has.
 inline std::string new_endpoint() {
   static int count = 0;
   return "shm:test-" + std::to_string(getpid()) + "-" + std::to_string(++count);
 }
 
-// A virtual servo without a ramp, or a limit to how the hand jumps.
+// A virtual servo without a ramp and without a speed limit.
 inline fs_servo_options world_options() {
   fs_servo_options options = virtual_options();
   options.fade = world_fade;
@@ -41,7 +41,7 @@ inline void wait_a_little(double seconds = 1e-3) {
   std::this_thread::sleep_for(std::chrono::duration<double>(seconds));
 }
 
-// Waits until it is so, 10 s at most; whether it came to that.
+// Waits until the condition holds, 10 s at most; returns whether it does.
 template <class F>
 bool eventually(F&& is_so) {
   const auto start = std::chrono::steady_clock::now();
@@ -52,7 +52,7 @@ bool eventually(F&& is_so) {
   return is_so();
 }
 
-// Steps a virtual servo in a thread of its own as long as it lives, so that what waits for ticks goes on. Slow enough
+// Steps a virtual servo in a thread of its own as long as this object lives, for calls that wait for ticks. Slow enough
 // that little virtual time passes meanwhile.
 class Stepper {
  public:
@@ -98,7 +98,7 @@ struct ServoRig {
     servo = start_servo(base.get(), device.get(), options);
   }
 
-  void step(uint64_t ticks = 1) {  // also where the device is away: all ticks run
+  void step(uint64_t ticks = 1) {  // even if the device is lost: all ticks run
     const fs_status status = fs_servo_step(servo.get(), ticks);
     if (status != FS_ERROR_DISCONNECTED) require(status, "fs_servo_step");
   }
@@ -116,12 +116,12 @@ struct ServoRig {
     const Stepper stepper(servo.get());
     return fs_scene_sync(scene, timeout);
   }
-  // All that was done to the scene is felt, and nothing fades any more.
+  // Steps until all changes of the scene are felt and nothing fades any more.
   void settle(fs_scene* scene) {
     OK(sync(scene));
     step_through_fade();
   }
-  // What the device gets with the hand there, at rest.
+  // The force that the device gets with the hand at rest at this place.
   fs_wrench wrench_at(const fs_pose& hand) {
     fake.state.pose = hand;
     step();
@@ -160,7 +160,7 @@ struct World : ServoRig {
   void settle() { ServoRig::settle(scene); }
 };
 
-// What a scene has of an object, with its handles.
+// An object as fs_object_get returns it, with its handles.
 struct Got {
   fs_object object = fs_object_init("", FS_PRIMITIVE_POINT);
   Got(fs_scene* scene, const char* name) { require(fs_object_get(scene, name, &object), name); }
@@ -196,7 +196,7 @@ inline std::vector<fs_report> reports_of(fs_scene* scene) {
   reports.resize(std::min(count, reports.size()));
   return reports;
 }
-// The scene's own ones: of those of others the name has a '/'.
+// The scene's own objects: the names of other clients' objects have a '/'.
 inline std::vector<fs_report> own_reports_of(fs_scene* scene) {
   std::vector<fs_report> reports = reports_of(scene);
   std::erase_if(reports, [](const fs_report& r) { return std::strchr(r.name, '/'); });
@@ -219,7 +219,7 @@ inline fs_event next_event(fs_scene* scene, fs_event_kind kind) {
     ck_assert_msg(event.kind != FS_EVENT_NONE, "no event of kind %d came", kind);
   }
 }
-// Those that are there now, but READY: of a connected scene alone.
+// The present events except READY, which only a connected scene has.
 inline std::vector<fs_event> events_now(fs_scene* scene) {
   std::vector<fs_event> events;
   for (;;) {
@@ -252,10 +252,10 @@ inline fs_object solid(const char* name, const Shape& shape, double stiffness = 
 }
 inline void set(const Scene& scene, const fs_object& o) { OK(fs_object_set(scene.get(), &o)); }
 
-// A test may leave nothing behind: no endpoint, no thread of the library's.
+// A test may leave nothing behind: no endpoint and no thread of the library.
 inline void nothing_remains() {
   std::string found;
-  const bool is_clean = eventually([&] {  // a thread that was joined may be seen for a moment still
+  const bool is_clean = eventually([&] {  // a joined thread may still be listed for a moment
     found.clear();
     std::ifstream sockets("/proc/net/unix");
     const std::string mine = "test-" + std::to_string(getpid()) + "-";
@@ -275,7 +275,7 @@ inline void nothing_remains() {
 
 inline TCase* new_case(Suite* suite, const char* name) {
   TCase* test_case = tcase_create(name);
-  tcase_set_timeout(test_case, 120);  // for what hangs, not for a slow machine
+  tcase_set_timeout(test_case, 120);  // for a call that hangs, not for a slow machine
   tcase_add_checked_fixture(test_case, nullptr, nothing_remains);
   suite_add_tcase(suite, test_case);
   return test_case;

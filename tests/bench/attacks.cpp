@@ -27,7 +27,7 @@ struct FreeShape {
 using Shape = std::unique_ptr<fs_shape, FreeShape>;
 using Curve = std::unique_ptr<fs_curve, FreeShape>;
 
-// The server may refuse, and may let go of the client: then it comes again.
+// The server may refuse a call, and may disconnect the client: then it connects again.
 class Client {
  public:
   explicit Client(const Page& page) : endpoint_(page.job.endpoint) { join(); }
@@ -165,7 +165,7 @@ void fill(Client& client, int objects) {
   client.look(fs_scene_sync(client.scene(), 5));
 }
 
-// All that a client may hold, all at once.
+// As much as a client may have, all at once.
 void largest_groups(Page& page) {
   Client client(page);
   fill(client, 4000);
@@ -269,7 +269,7 @@ void expressions(Page& page) {
   }
 }
 
-// ---- Those who do not keep to the library's ways.
+// ---- Clients that do not use the library.
 
 using hostile::RawClient;
 
@@ -279,7 +279,7 @@ RawClient join(Page& page) {
   return client;
 }
 
-void requests(Page& page) {  // as many as it can, whose answers it throws away
+void requests(Page& page) {  // as many as it can; it throws the answers away
   RawClient client = join(page);
   fs::wire::Target target{};
   std::strcpy(target.name, victim);
@@ -291,7 +291,7 @@ void requests(Page& page) {  // as many as it can, whose answers it throws away
   }
 }
 
-void deaf(Page& page) {  // asks, and reads nothing
+void deaf(Page& page) {  // sends requests, and reads no answers
   RawClient client = join(page);
   ++page.ready;
   for (int k = 0;; ++k) {
@@ -300,7 +300,7 @@ void deaf(Page& page) {  // asks, and reads nothing
   }
 }
 
-void many_curves(Page& page) {  // holds 10,000, and asks for an object with one of another's
+void many_curves(Page& page) {  // has 10,000 curves, and gets an object with a curve of another client
   RawClient client = join(page);
   const double forces[] = {1, 2};
   for (uint64_t id = 1; id <= 10'000; ++id) {
@@ -352,13 +352,13 @@ void waiting_changes(Page& page) {
   }
 }
 
-void a_process_that_computes(Page& page) {  // no attack: what it costs to share the processors
+void a_process_that_computes(Page& page) {  // no attack: the cost of sharing the processors
   ++page.ready;
   for (;;) {
   }
 }
 
-void two_that_compute(Page& page) {  // as much of the processors as a server that is asked all the time, and who asks it
+void two_that_compute(Page& page) {  // as much load as a server that is asked all the time and its client
   if (fork() == 0) {
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     for (;;) {

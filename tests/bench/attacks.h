@@ -1,4 +1,4 @@
-// What one client may do to a server, within its rights or not: each as a process that does nothing else.
+// What one client can do to a server, permitted or not. Each attack is a process that does nothing else.
 #pragma once
 
 #include <cstddef>

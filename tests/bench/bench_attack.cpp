@@ -17,7 +17,7 @@ using namespace bench;
 
 namespace {
 
-constexpr double most = 1.5;  // what is aimed at: the median beside an attack, by that alone
+constexpr double most = 1.5;  // the goal: the median beside an attack, divided by the median alone
 
 // The honest client: one object turns about the hand; a second connection asks for a report every 2 to 4 ms, a third one
 // sets a mesh of 45,000 points ten times a second at most.
@@ -88,7 +88,7 @@ struct Figures {
   }
 };
 
-// One round. Null: alone.
+// One round. attack null: the honest client alone.
 Figures measure(const Attack* attack, double time) {
   Rig rig(real_time);
   Job work = job(Work::other, rig.endpoint, 0, 0);

@@ -58,7 +58,7 @@ class Walk {
   fs_vec3 step_, place_{};
 };
 
-// A virtual servo on a device that costs next to nothing.
+// A virtual servo on a device that takes hardly any time.
 struct Stepped {
   FakeDevice fake;
   Scene scene = make_scene();
@@ -96,7 +96,7 @@ constexpr double half_cube = 0.1;  // m
 Content points_in_cube() {
   Content content;
   Random random(1);
-  const double share = 10 / static_cast<double>(many);  // of the cube that a point fills
+  const double share = 10 / static_cast<double>(many);  // part of the cube that a point fills
   const double reach = 2 * half_cube * std::cbrt(share * 3 / (4 * 3.14159265358979));
   for (size_t i = 0; i < many; ++i) {
     fs_object& o = content.add("p" + std::to_string(i), FS_PRIMITIVE_POINT, random.in_box(half_cube));
@@ -136,7 +136,7 @@ void part_far() {
   figure(name + ": more, mean", "us", mean(times) - mean(ten_times));
 }
 
-// The ticks after something that leaves nothing as it was.
+// The ticks after a change that affects everything.
 void part_sudden() {
   Stepped crowd(points_in_cube());
   Walk walk(0.5 * half_cube);
@@ -295,7 +295,7 @@ void part_move() {
       const double time = nanoseconds([&] {
         for (const fs_object* o : order) fs_object_move(scene, o->name, &o->pose, &twist, FS_NOW);
       });
-      if (i >= batches / 10) times.add(time / in_a_batch);  // not the first: warm
+      if (i >= batches / 10) times.add(time / in_a_batch);  // not the first ones, so that caches are warm
       between();
     }
     figure(name + ": p50", "ns", times.p50());
@@ -352,7 +352,7 @@ struct Part {
 constexpr Part parts[]{{"far", part_far}, {"sudden", part_sudden}, {"felt", part_felt},
                        {"clients", part_clients}, {"move", part_move}, {"memory", part_memory}};
 
-// The library that runs, for who wants to be sure.
+// Prints the library that runs, as a check.
 void print_library() {
   std::ifstream maps("/proc/self/maps");
   for (std::string line; std::getline(maps, line);) {

@@ -1,5 +1,5 @@
-// What an evaluation, a tick and a change cost, through the C contract. Every run has its floor: one of nothing.
-// p50, p99 and max are of single calls, each between two looks at the clock (whose own cost is the row clock).
+// What an evaluation, a tick and a change cost, through the C interface. Every run includes the minimum: an empty
+// scene. p50, p99 and max are of single calls, each between two looks at the clock (whose own cost is the row clock).
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -120,7 +120,7 @@ static void mesh_jump_latency(State& state) {
 }
 BENCHMARK(mesh_jump_latency)->Name("latency/mesh_jumps")->Arg(70000)->Arg(276000)->UseManualTime();
 
-// The scenes that tests use too.
+// The scenes that the tests use, too.
 static void named(State& state) {
   const Named& scene = all_scenes()[static_cast<size_t>(state.range(0))];
   state.SetLabel(scene.name);
@@ -128,8 +128,8 @@ static void named(State& state) {
 }
 BENCHMARK(named)->Name("evaluate/scene")->DenseRange(0, 9);
 
-// A change beside n objects, alone or with a virtual servo attached, of which a tick follows each 40 changes. Of one
-// object all the time, which is then in the cache, or of any: that shows what memory costs.
+// A change beside n objects, without a servo or with a virtual one that ticks after every 40 changes. The change is
+// always of the same object, which is then in the cache, or of any object, which shows the cost of memory.
 static void change_beside(State& state, bool with_servo, bool moves, bool is_one = false) {
   FakeDevice fake("bench");
   Scene scene = make_scene();
@@ -210,7 +210,7 @@ static void field(State& state) {
 }
 BENCHMARK(field)->Name("field")->Arg(0)->Arg(1)->Arg(3)->Arg(8);
 
-// What a shape costs before it can be felt.
+// The cost of building a shape before it can be felt.
 static void build(State& state) {
   const MeshData mesh = sphere_mesh(0.04, static_cast<size_t>(state.range(0)));
   for (auto _ : state) {

@@ -38,7 +38,7 @@ double seconds(double full, double quick) { return is_quick ? quick : full; }
 size_t count(size_t full) { return is_quick ? full / 4 : full; }
 
 template <class T>
-void keep(const T& value) {  // the compiler must work it out
+void keep(const T& value) {  // so that the compiler cannot leave it out
   asm volatile("" : : "r"(&value) : "memory");
 }
 
@@ -68,7 +68,7 @@ Samples time_batches(size_t batches, size_t calls, F f) {
     const int64_t begin = now_ns();
     for (size_t k = 0; k < calls; ++k) f(number++);
     const auto time = static_cast<double>(now_ns() - begin);
-    if (i >= batches / 10) out.add(time / static_cast<double>(calls));  // not the first: warm
+    if (i >= batches / 10) out.add(time / static_cast<double>(calls));  // not the first, so that caches are warm
   }
   return out;
 }
@@ -145,7 +145,7 @@ void part_write() {
     time_moves("in process", make_scene());
   }
 
-  // One call at a time, the clock's cost in it; and the first after the server has gone to sleep.
+  // One call at a time, including the cost of the clock; and the first call after the server has gone to sleep.
   const Scene scene = connect(rig.endpoint, "single");
   fs_object o = far_point("object", 0);
   check(fs_object_set(scene.get(), &o), "fs_object_set");
@@ -250,7 +250,7 @@ void part_read() {
 
 // ------------------------------------------------------------------------------------------------------------ latency
 
-// As many threads as there are processors that work all the time, at the ordinary priority.
+// One thread per processor that works all the time, at ordinary priority.
 class Load {
  public:
   explicit Load(bool is_there) {
@@ -350,7 +350,7 @@ class Cyclictest {
       if (std::sscanf(line, "%ld %ld", &time, &number) == 2) {
         out.values.insert(out.values.end(), static_cast<size_t>(number), static_cast<double>(time));
       } else if (std::sscanf(line, "# Max Latencies: %lf", &longest) == 1) {
-        // Those above the histogram, of which only the longest is known.
+        // Values above the range of the histogram; only the largest of them is known.
       } else if (std::sscanf(line, "# Histogram Overflows: %ld", &number) == 1) {
         out.values.insert(out.values.end(), static_cast<size_t>(number), longest);
       }
@@ -522,7 +522,7 @@ void part_load() {
 
 // ------------------------------------------------------------------------------------------------------------- memory
 
-// The bytes that there are of the memory shared with clients, whoever has touched them.
+// The size of the memory that is shared with clients, whichever process has touched it.
 int64_t shared_bytes() {
   std::ifstream maps("/proc/self/maps");
   int64_t sum = 0;
@@ -541,7 +541,7 @@ int64_t shared_bytes() {
 void measure_memory(int clients, int objects) {
   const std::string name = std::to_string(objects) + " objects";
   progress("memory: %d clients of %s ...", clients, name.c_str());
-  const Rig rig(ordinary, 100);  // slow: so many objects are too many for 1 kHz
+  const Rig rig(ordinary, 100);  // slow, as these are too many objects for 1 kHz
   sleep_for(0.2);
   const int64_t before = private_bytes(), shared_before = shared_bytes();
   Crew crew(job(Work::idle, rig.endpoint, clients, objects), 1);
@@ -556,14 +556,14 @@ void part_memory() {
   in_process([] { measure_memory(32, 0); });
   in_process([] { measure_memory(32, 100); });
   in_process([] { measure_memory(4, 4000); });
-  // Where a process may lock all its memory, and does, there is at once all that it maps.
+  // If a process may lock all its memory, and does, all that it maps exists at once.
   const size_t all = fs::Inbox::bytes(4096) + sizeof(fs::Outbox);
   table_row("memory: shared by both, all of it", Unit::bytes, static_cast<double>(all));
 }
 
 // -------------------------------------------------------------------------------------------------------------- lists
 
-// What a viewer waits for that wants to know where all objects are.
+// How long a viewer waits for the places of all objects.
 void part_lists() {
   constexpr int n = 200;
   const auto fill = [](fs_scene* scene, int objects, bool enabled = true) {
@@ -613,9 +613,10 @@ void part_lists() {
     table_row("lists: 200 own objects, in process, fs_scene_get_motions", Unit::time,
               time_batches(count(2000), 1, [&](size_t) { motions(here.get(), list); }), peer);
   }
-  // Many, and another client that asks for little meanwhile: it waits for a whole list at most, its moves for none.
+  // Many objects, and another client that asks for little meanwhile: its requests wait for one whole list at most, its
+  // moves for none.
   constexpr int many = 65536;
-  const Rig rig(ordinary, 200);  // slow: so many objects are too many for 1 kHz
+  const Rig rig(ordinary, 200);  // slow, as these are too many objects for 1 kHz
   const Scene viewer = connect(rig.endpoint, "viewer"), other = connect(rig.endpoint, "other");
   fill(rig.scene.get(), many, false);
   std::vector<fs_motion> list(many);

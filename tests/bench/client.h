@@ -19,7 +19,7 @@ enum class Work : int {
   idle,   // connect, set the objects, and no more
   turn,   // one object, turned about the hand at random moments
   crowd,  // moves all objects `rate` times a second, the scenes one after another
-  other,  // what the program itself makes of it: its parameter is `rate`
+  other,  // whatever the program defines; its parameter is `rate`
 };
 
 struct Job {
@@ -44,19 +44,19 @@ struct Page {
   std::atomic<int64_t> bytes;    // private memory that connecting and setting took, of all
   std::atomic<uint64_t> turn_count;
   Turn turns[1 << 15];
-  // Of a client that asks and sends meshes as well, ns each.
+  // Times, ns, of a client that also sends requests and meshes.
   std::atomic<uint64_t> request_count, mesh_count, failures;
   double requests[1 << 15], meshes[1 << 12];
 };
 
-// Client processes, as long as it lives.
+// Client processes that run as long as this object lives.
 class Crew {
  public:
   Crew(const Job& job, int processes);  // returns when all objects are felt
   ~Crew();
-  void kill();                          // at once, whatever they do
+  void kill();                          // at once, whatever they are doing
   void begin() { page_->is_begun = 1; }
-  void end();                           // they have left
+  void end();                           // ends them, and waits until they have left
   Page& page() { return *page_; }
 
  private:

@@ -1,4 +1,4 @@
-// A device that costs next to nothing and notes when another force arrives: "bench:". There is one a process.
+// The device "bench:", which takes hardly any time and notes when another force arrives. There is one per process.
 #pragma once
 
 #include <sys/types.h>
@@ -12,7 +12,7 @@ namespace bench {
 
 struct Arrival {
   int64_t time;       // ns, monotonic: when write was called
-  fs_vec3 force;      // N, another than the one before
+  fs_vec3 force;      // N, other than the force before
 };
 
 fs_device* open_bench_device();     // 1000 Hz, 10 N, the hand at rest in the origin

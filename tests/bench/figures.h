@@ -23,7 +23,7 @@ struct Samples {
 
   void add(double value) { values.push_back(value); }
   void add(const Samples& more) { values.insert(values.end(), more.values.begin(), more.values.end()); }
-  double quantile(double part) const;  // NaN: there is none
+  double quantile(double part) const;  // NaN: there are no samples
   double p50() const { return quantile(0.5); }
   double p99() const { return quantile(0.99); }
   double max() const { return quantile(1); }
@@ -42,12 +42,12 @@ struct Peer {
 void table_row(const std::string& name, Unit unit, const Samples& samples, const Peer& peer = {"", nullptr});
 void table_row(const std::string& name, Unit unit, double value);  // one figure
 void table_begin(const std::string& data_file);                    // heading; the file is made anew
-void table_open(const std::string& data_file);                     // goes on, in another process
+void table_open(const std::string& data_file);                     // continues the file, in another process
 
 // The machine, its system and its load: a line on standard output.
 void print_machine();
 
-// On standard error.
+// Prints to standard error.
 [[gnu::format(printf, 1, 2)]] void progress(const char* format, ...);
 
 }  // namespace bench

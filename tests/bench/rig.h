@@ -8,7 +8,7 @@
 
 namespace bench {
 
-// Ends the program with the library's sentence when it refuses.
+// Ends the program with the library's error sentence if the call fails.
 void check(fs_status status, const char* what);
 
 struct Release {

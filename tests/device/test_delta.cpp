@@ -54,7 +54,7 @@ START_TEST(round_trip_over_the_volume) {
 }
 END_TEST
 
-START_TEST(lengths_of_the_legs_hold) {  // an independent look: the forearms are as long as they are
+START_TEST(lengths_of_the_legs_hold) {  // an independent check: the forearms keep their length
   const Vec3 p{0.08, -0.05, 0.25};
   const Vec3 angles = *delta_inverse(g, p);
   const double angle[3] = {angles.x, angles.y, angles.z};

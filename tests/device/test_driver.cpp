@@ -12,7 +12,7 @@ using namespace fs;
 
 namespace {
 
-// A driver that does what a test says. What it registers stays for the process.
+// A driver that does what a test says. It stays registered until the process ends.
 struct Fake {
   fs_status open_status = FS_OK, info_status = FS_OK, read_status = FS_OK, write_status = FS_OK, advance_status = FS_OK;
   const char* sentence = nullptr;  // with a failing open
@@ -70,7 +70,7 @@ fs_driver fake_table(const char* scheme) {
 }
 
 void setup() {
-  static bool is_registered = false;  // also where all tests run in one process
+  static bool is_registered = false;  // once, even if all tests run in one process
   if (!is_registered) register_driver(fake_table("fake"));
   is_registered = true;
   fake = {};
@@ -118,7 +118,7 @@ START_TEST(uri_values) {
   expect_error(FS_ERROR_INVALID, "k is 'c', must be one of a, b", [] { parse_choice("k", "c", {"a", "b"}); });
   check_keys(parse_address("?a=1"), {"a", "b"});
   const Uri other = parse_address("?c=1");
-  expect_error(FS_ERROR_INVALID, "'c' is not known; there are a, b", [&] { check_keys(other, {"a", "b"}); });
+  expect_error(FS_ERROR_INVALID, "'c' is unknown; the options are a, b", [&] { check_keys(other, {"a", "b"}); });
 }
 END_TEST
 
@@ -149,7 +149,7 @@ END_TEST
 START_TEST(registry_copies_and_sorts) {
   char scheme[] = "b2";
   register_driver(fake_table(scheme));
-  std::strcpy(scheme, "zz");  // the caller's to change
+  std::strcpy(scheme, "zz");  // the caller may change its string
   register_driver(fake_table("a1"));
   std::string schemes;
   for (const fs_driver* driver : all_drivers()) schemes += std::string(driver->scheme) + " ";
@@ -201,7 +201,7 @@ START_TEST(device_that_does_not_open) {
   expect_error(FS_ERROR_DENIED, "the plug is red", [] { open_device("fake:0?x=1"); });
   ck_assert_str_eq(fake.address.c_str(), "0?x=1");
   fake.open_status = FS_ERROR_IO;
-  fake.sentence = nullptr;  // it says nothing, and the sentence of before is not taken for its own
+  fake.sentence = nullptr;  // it gives no sentence, and an earlier sentence is not used instead
   set_last_error(FS_ERROR_FULL, "an older failure");
   expect_error(FS_ERROR_IO, "driver 'fake': open failed with status -8", [] { open_device("fake:0"); });
   ck_assert_str_eq(last_error(), "an older failure");
@@ -269,7 +269,7 @@ START_TEST(device_has_one_owner) {
 }
 END_TEST
 
-START_TEST(device_is_silent) {  // until its owner lets go of it
+START_TEST(device_is_silent) {  // until its owner closes it
   const Ref<Device> device = open_device("fake:");
   device->acquire();
   ck_assert(device->take_turn());
@@ -337,7 +337,7 @@ START_TEST(device_read_failures_are_zeros) {
 }
 END_TEST
 
-// The guard is there for numbers that are not finite; here they come through and do no harm to what follows.
+// The guard catches numbers that are not finite; here they come through, and do no harm afterwards.
 START_TEST(device_read_shows_what_is_not_finite) {
   const Ref<Device> device = open_device("fake:");
   fs_state state;
@@ -376,7 +376,7 @@ START_TEST(device_works_out_the_twist) {
   fake.state.flags = FS_STATE_READY;
   device->read(1.102, state);
   ck_assert_double_eq(state.twist.linear.x, 0);
-  // The driver gives its own: taken as it is, its zeros too.
+  // The driver gives a twist itself: it is used as it is, including zeros.
   fake.state.twist.linear.y = 0.7;
   device->read(1.103, state);
   ck_assert_double_eq(state.twist.linear.y, 0.7);
@@ -420,7 +420,7 @@ START_TEST(device_write_without_all_axes) {
   {
     const Ref<Device> device = open_device("fake:");
     device->write(wrench);
-    ck_assert(fake.written.force == (Vec3{3, 4, 0}));  // what is not there does not count for the maximum
+    ck_assert(fake.written.force == (Vec3{3, 4, 0}));  // an axis that the device lacks does not count for the maximum
     ck_assert(fake.written.torque == Vec3{});
   }
   fake.info.force_axes = 1;

@@ -23,7 +23,7 @@ START_TEST(a_driver_is_loaded) {
   OK(fs_device_read(device.get(), &state));
   EXPECT_VECTOR(state.pose.position, wrench.force, 0);
 
-  // Once more is refused, and what is there goes on.
+  // Loading it again is refused, and the loaded driver goes on.
   EXPECT_SENTENCE(FS_ERROR_EXISTS, fs_driver_load(library("driver_good").c_str()), "library");
   OK(fs_device_write(device.get(), &wrench));
   OK(fs_device_read(device.get(), &state));

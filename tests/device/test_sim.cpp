@@ -75,7 +75,7 @@ END_TEST
 START_TEST(bad_options_each_with_its_sentence) {
   const struct { const char *uri, *part; } cases[] = {
       {"sim:x", "takes no address, is 'x'"},
-      {"sim:?color=red", "'color' is not known; there are hand, hand_mass"},
+      {"sim:?color=red", "'color' is unknown; the options are hand, hand_mass"},
       {"sim:?hand=heavy", "hand is 'heavy', must be one of nominal, firm, light, released"},
       {"sim:?hand_mass=-1", "hand_mass is '-1', must be a number within 0..10"},
       {"sim:?hand_damping=1e9", "hand_damping is '1e9'"},
@@ -176,7 +176,7 @@ START_TEST(time_of_any_clock) {
     ck_assert_double_eq_tol(a.time, start + k * tick, 1e-9);
     ck_assert_mem_eq(&a.pose, &b.pose, sizeof a.pose);
   }
-  // A stall of a minute is 0.1 s of simulation, and the time is the clock's all the same.
+  // After a stall of a minute 0.1 s is simulated, but the time is that of the clock.
   ck_assert_double_eq_tol(read_at(*real, start + 60).time, start + 60, 130e-6);
   fs_state before = read_at(*zero, 0.6);
   ck_assert_double_eq_tol(read_at(*real, start + 60).pose.position.x, before.pose.position.x, 1e-12);
@@ -224,7 +224,8 @@ START_TEST(paths_of_its_own_stay_in_the_workspace) {
     const double h = 1e-6;
     for (double t = 0; t < 20; t += 0.003) {
       const HandPath::Target a = path.at(t), b = path.at(t + h);
-      ck_assert_double_lt(norm((1 / h) * (b.position - a.position) - a.velocity), 1e-5);  // the velocity is its own
+      // the path has its own velocity
+      ck_assert_double_lt(norm((1 / h) * (b.position - a.position) - a.velocity), 1e-5);
       low = std::min(low, a.position.z);
       high = std::max(high, a.position.z);
       radius = std::max(radius, std::hypot(a.position.x, a.position.y));
@@ -258,7 +259,7 @@ START_TEST(path_from_a_file) {
   ck_assert_double_eq_tol(norm(path.at(2).position - Vec3{0.1, -0.02, 0.03}), 0, 1e-15);
   ck_assert(path.at(2.5).velocity == Vec3{});
   ck_assert(path.at(99).position == (Vec3{0.1, -0.02, 0.03}));
-  // The hand goes along: spring and damper pull, so behind the ramp's start it lags by b_device v/k.
+  // The hand follows a ramp by its spring and damper, and lags by b_device v/k.
   const auto device = open_device(plain + "&path=" + name);
   double x = 0;
   for (int k = 0; k <= 1990; ++k) x = read_at(*device, k * tick).pose.position.x;
@@ -292,7 +293,7 @@ START_TEST(bad_path_files) {
   expect_error(FS_ERROR_IO, "has 67108865 bytes, must have at most 67108864",
                [&] { open_device("sim:?path=" + name); });
   unlink(name.c_str());
-  ck_assert_int_eq(mkfifo(name.c_str(), 0600), 0);  // nobody writes into it
+  ck_assert_int_eq(mkfifo(name.c_str(), 0600), 0);  // no process writes into it
   expect_error(FS_ERROR_IO, "is a pipe, must be a file", [&] { open_device("sim:?path=" + name); });
   unlink(name.c_str());
 }

@@ -48,7 +48,8 @@ START_TEST(friction_takes_its_share_and_holds) {
   const fs_wrench push{{0.4, 0, 0}, {}};
   read_at(*device, 0);
   device->write(push);
-  ck_assert_double_eq(read_at(*device, 0.1).pose.position.x, 0);  // below the friction nothing moves, not by a bit
+  // a force below the friction moves nothing, not even in the last bit
+  ck_assert_double_eq(read_at(*device, 0.1).pose.position.x, 0);
   const fs_wrench strong{{8, 0, 0}, {}}, none{};
   device->write(strong);
   for (int k = 1; k <= 5000; ++k) read_at(*device, 0.1 + k * tick);
@@ -91,7 +92,7 @@ START_TEST(stops_hold_the_handle_within_the_kinematics) {
   }
   ck_assert_double_eq_tol(radius, fidel::workspace_radius + fidel::stop_margin, 1e-12);
   ck_assert_double_eq_tol(height, fidel::workspace_height / 2 + fidel::stop_margin, 1e-12);
-  // No rebound: let go at the stop, it stays.
+  // No rebound: released at the stop, it stays there.
   const auto thrown = open_device("sim:?hand=released&encoder=ideal&friction=0");
   const fs_wrench out{{25, 0, 0}, {}}, none{};
   for (int k = 1; k <= 1000; ++k) {
@@ -101,7 +102,7 @@ START_TEST(stops_hold_the_handle_within_the_kinematics) {
   const fs_state at_stop = read_at(*thrown, 1.001);
   ck_assert_double_eq(at_stop.pose.position.x, 0.16);
   ck_assert_double_eq(at_stop.twist.linear.x, 0);
-  // A hand that wants to be beyond begins at the stop.
+  // A hand whose target is beyond the stop begins at the stop.
   ck_assert_double_eq(read_at(*open_device("sim:?hold=1,0,0&encoder=ideal"), 1).pose.position.x, 0.16);
 }
 END_TEST

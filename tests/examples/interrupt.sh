@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # interrupt.sh SOURCE_FOLDER QUICKSTART: Ctrl-C. The quickstart ends its flight early and keeps the summary; tests/run
-# ends at once with its children, whatever it is at, and says so.
+# ends at once with its children, whatever it is doing, and says so.
 set -uo pipefail
 source_folder=$1 quickstart=$2
 folder=$(mktemp -d)
@@ -12,7 +12,7 @@ fail() {
   failures=$((failures + 1))
 }
 
-# wait_for COMMAND...: until it succeeds, for a minute at most.
+# wait_for COMMAND...: repeats the command until it succeeds, for a minute at most.
 wait_for() {
   local i
   for ((i = 0; i < 600; ++i)); do
@@ -37,7 +37,7 @@ for line in '^interrupted' '^who pushed' "^rover's plane " '^every tick of it'; 
 done
 [ $failures = 0 ] || sed 's/^/    /' "$folder/flight"
 
-# tests/run in a folder of its own, with tools that take for ever.
+# tests/run in a folder of its own, with tools that never end.
 mkdir -p "$folder/tests" "$folder/tools"
 cp "$source_folder/tests/run" "$source_folder/tests/setup.sh" "$folder/tests"
 cat > "$folder/tools/stand_in" << 'END'
@@ -67,7 +67,7 @@ for tool in cmake ninja ctest; do
   grep -q FAILED "$folder/account" && fail "tests/run, interrupted in $tool, counts a failure"
   tail -n 1 "$folder/account" | grep -q '^interrupted' || fail "tests/run, interrupted in $tool, does not say so"
   for process in $(cat "$STARTED"); do
-    # Ended, or waiting for its new parent to look.
+    # It has ended, or waits for its new parent to read its status.
     if grep -q '^State:[[:space:]]*[^ZX]' "/proc/$process/status" 2> /dev/null; then
       fail "$process, a child of $tool, is left"
       kill -KILL "$process"

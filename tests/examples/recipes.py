@@ -1,5 +1,5 @@
-"""The recipes: what they print is what physics expects and what their page shows, and the page has their code and the
-figure of object.h.
+"""The recipes: their output is physically correct and is the output that their page shows. The page also has their code
+and the figure of object.h.
 
 recipes.py PROGRAM_FOLDER RECIPES_FOLDER [LEFT_OUT...]
 """
@@ -32,7 +32,7 @@ def near(a, b, tolerance=0.006):
 
 
 def read(text):
-    """Of each line: what it says, the place in mm or the speed in m/s, and the force in N."""
+    """For each line: its label, the place in mm or the speed in m/s, and the force in N."""
     for line in text.splitlines():
         found = re.fullmatch(rf"(.{{26}}) {NUMBERS} mm   {NUMBERS} N", line)
         if found:

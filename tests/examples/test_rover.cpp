@@ -7,7 +7,7 @@ using namespace scenes;
 static const char* const name = "rover";
 static const double period = 0.04;
 
-// A rover on a scene whose clock the test tells, and the directions that it has.
+// A rover on a scene whose clock the test sets, and the rover's directions.
 struct Driven {
   Terrain terrain = load_terrain(TERRAIN_FILE, exaggeration);
   Scene scene = make_scene();
@@ -25,7 +25,7 @@ struct Driven {
     add_rover(scene.get(), name, rover, terrain);
     look();
   }
-  // From the rover and the ground alone: it drives where it heads, and its wheels stand on the ground.
+  // Only from the rover and the ground: it drives where it heads, and its wheels are on the ground.
   void look() {
     const fs_vec3 ground = terrain.normal(rover.position.x, rover.position.y, 800);
     const fs_vec3 level = {std::cos(rover.heading), std::sin(rover.heading), 0};
@@ -85,7 +85,7 @@ START_TEST(the_plane_goes_with_the_rover) {  // between two calls by its twist: 
     ahead.drive(d.terrain, goal, period);
     Driven next(ahead);
     d.look();
-    ck_assert(dot(next.forward, d.left) > 0.01);  // or it did not turn
+    ck_assert(dot(next.forward, d.left) > 0.01);  // otherwise it did not turn
     for (const double side : {-600.0, 600.0}) {
       const fs_vec3 x = next.rover.position + side * next.left + 1000.0 * next.forward;
       EXPECT_VECTOR(d.force(x, time + period), next.force(x), 0.004);

@@ -1,4 +1,4 @@
-// Every call there is on a connected scene, for what becomes of them when it is lost.
+// Every call on a connected scene, to test what it returns when the connection is lost.
 #pragma once
 
 #include <functional>

@@ -23,7 +23,7 @@ extern char** environ;
 namespace life {
 namespace {
 
-[[noreturn]] void stop(const char* what) {  // a test's own set-up is not what it tests
+[[noreturn]] void stop(const char* what) {  // ends the test: its set-up has failed
   std::perror(what);
   std::abort();
 }
@@ -38,7 +38,7 @@ void write_line(int descriptor, const std::string& line) {
   while (done < text.size()) {
     const ssize_t written = write(descriptor, text.data() + done, text.size() - done);
     if (written < 0 && errno == EINTR) continue;
-    if (written <= 0) return;  // nobody listens any more
+    if (written <= 0) return;  // the other process no longer reads
     done += static_cast<size_t>(written);
   }
 }

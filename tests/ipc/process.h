@@ -1,6 +1,6 @@
-// This program again as another process: a client or a server that is killed, stopped, forked, or of another user. What
-// it is to do stands in its arguments. It says what it has done in lines on its standard output, and takes lines on its
-// standard input, which ends when whoever started it is through with it.
+// This program again as another process: a client or a server that is killed, stopped, forked, or of another user. Its
+// arguments say what to do. It reports on standard output, line by line, and reads lines from standard input, which is
+// closed when the process that started it no longer needs it.
 #pragma once
 
 #include <sys/types.h>
@@ -23,7 +23,7 @@ class Process {
   ~Process();  // kills it, if it is still there
 
   pid_t id() const { return id_; }
-  // Its next line, within so long (s); a line that is cut off by its death does not count. False: none came.
+  // Its next line, within this time (s); a line that is cut off by its death does not count. False: no line came.
   bool hear(std::string& line, double timeout = 10);
   // The next line must be this one.
   void expect(const std::string& line);
@@ -45,10 +45,10 @@ class Process {
 
 // ---- In the other process.
 
-// First of all: it does not outlive the one that started it.
+// Call it first: the process then ends with the one that started it.
 void leave_with_parent();
 void tell(const std::string& line);
-bool listen(std::string& line);  // false: nobody speaks any more
+bool listen(std::string& line);  // false: standard input is closed
 
 // ---- What a process holds.
 
@@ -59,7 +59,7 @@ struct Holdings {
 Holdings holdings();                   // of this process
 std::string to_text(const Holdings& holdings);
 size_t resident_bytes();               // of this process
-std::vector<std::string> descriptors();  // what each of this process is, beyond the three standard ones
-bool has_socket(const std::string& endpoint);  // somebody listens there, or is connected
+std::vector<std::string> descriptors();  // what each descriptor of this process is, except the three standard ones
+bool has_socket(const std::string& endpoint);  // a process listens there, or is connected
 
 }  // namespace life

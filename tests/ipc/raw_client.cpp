@@ -20,7 +20,7 @@ constexpr double patience = 10;  // s
 
 void wait_a_little() { std::this_thread::sleep_for(std::chrono::milliseconds(1)); }
 
-[[noreturn]] void stop(const std::string& sentence) {  // a test's own set-up is not what it tests
+[[noreturn]] void stop(const std::string& sentence) {  // ends the test: its set-up has failed
   std::fprintf(stderr, "raw client: %s\n", sentence.c_str());
   std::abort();
 }

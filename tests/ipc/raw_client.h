@@ -1,4 +1,4 @@
-// A client that speaks the wire itself and keeps to no rule: what a test wants to send, it sends. The records are the
+// A client that speaks the protocol itself and keeps to no rule: it sends whatever a test wants. The records are the
 // library's own (transfer/wire.h), so a layout that changes changes here too.
 #pragma once
 
@@ -49,12 +49,12 @@ class RawClient {
   static fs::wire::Hello hello(const std::string& name);
   Greeting greet(const fs::wire::Hello& hello);  // maps what comes with a Welcome
   Greeting greet_with(std::span<const std::byte> bytes);
-  int join(const std::string& name);  // must be taken; how often it had to try
+  int join(const std::string& name);  // must be accepted; returns how often it had to try
 
-  // Sends bytes as they are, with descriptors; waits for room, 10 s at most. False: nobody takes them.
+  // Sends bytes as they are, with descriptors; waits for room, 10 s at most. False: the server does not take them.
   bool send_bytes(std::span<const std::byte> bytes, std::span<const int> descriptors = {});
-  // A message of the next serial, which is given back (whether it arrives or not). more: it waits for the rest of its
-  // group, which then goes as one message of that serial.
+  // Sends a message with the next serial and returns that serial, whether or not the message arrives. more: the message
+  // waits for the rest of its group, which then goes as one message of that serial.
   uint64_t send(uint32_t type, std::span<const std::byte> body, int descriptor = -1, bool more = false);
   template <class Record>
   uint64_t send(uint32_t type, const Record& record, int descriptor = -1, bool more = false) {
@@ -62,9 +62,10 @@ class RawClient {
   }
   uint64_t send(uint32_t type) { return send(type, std::span<const std::byte>()); }
 
-  // The reply of a serial, others being thrown away; none within 10 s, or dropped: nothing.
+  // The reply of a serial; other replies are thrown away. Nothing if none comes within 10 s, or if the server drops the
+  // client.
   std::optional<Reply> reply_of(uint64_t serial, double timeout = 10);
-  // Sends and waits. Dropped meanwhile: DISCONNECTED; no answer: TIMEOUT.
+  // Sends and waits. If the server drops the client meanwhile: DISCONNECTED; no answer: TIMEOUT.
   template <class... Arguments>
   fs_status ask(uint32_t type, const Arguments&... arguments) {
     return status_of(reply_of(send(type, arguments...)));
@@ -90,7 +91,7 @@ class RawClient {
   fs::Descriptor socket;
   uint64_t serial = 0;
 
-  // Once it was taken.
+  // Valid once the client was accepted.
   fs::wire::Welcome welcome{};
   fs::Descriptor inbox_file, outbox_file;
   std::shared_ptr<void> inbox_memory, outbox_memory;
@@ -100,10 +101,10 @@ class RawClient {
  private:
   std::string endpoint_;
   uint64_t events_read_ = 0;
-  std::vector<std::byte> group_;  // that is being put together
+  std::vector<std::byte> group_;  // the group that is being built
 };
 
-// A memory file of so many bytes with these seals; its content is `bytes` and zeros.
+// A memory file of this size with these seals; its content is `bytes`, then zeros.
 fs::Descriptor memory_file(std::span<const std::byte> bytes, size_t size, unsigned seals);
 
 }  // namespace hostile

@@ -1,4 +1,4 @@
-// A servo with a server, an honest client that nobody may disturb, and a look at each tick.
+// A servo with a server, an honest client that must not be disturbed, and checks at each tick.
 #pragma once
 
 #include <memory>
@@ -68,7 +68,7 @@ class Rig {
     is_settled_ = true;
   }
 
-  // A client that was let in, and one that has only connected.
+  // A client that was accepted, and one that has only connected.
   RawClient join(const std::string& name) {
     RawClient out(endpoint);
     out.join(name);
@@ -76,8 +76,8 @@ class Rig {
   }
   RawClient stranger() { return RawClient(endpoint); }
 
-  // Ticks, one at a time, and what must hold at each: the force is finite and within the limits, and what the honest
-  // client gives is what it asked for. A servo with a thread of its own ticks anyway: then all that it has made.
+  // Runs ticks one at a time and checks each: the force is finite and within the limits, and the honest client's force
+  // is the one it set. A servo with a thread of its own ticks by itself: then all its ticks so far are checked.
   void tick(int count = 1) {
     for (int i = 0; i < count; ++i) {
       if (is_virtual_) OK(fs_servo_step(servo_.get(), 1));
@@ -86,7 +86,7 @@ class Rig {
     }
   }
 
-  // Ticks until it is so, 10 s at most; whether it came to that.
+  // Ticks until the condition holds, 10 s at most; returns whether it does.
   template <class F>
   bool until(F&& is_so) {
     return eventually([&] {
@@ -95,7 +95,8 @@ class Rig {
     });
   }
 
-  // The honest client is there as ever: it moves its object, which is felt, and its questions are answered.
+  // Checks that the honest client is served as before: it moves its object, which is felt, and its requests are
+  // answered.
   void check_honest() {
     before_ = wanted_;
     aim();
@@ -111,11 +112,11 @@ class Rig {
     ck_assert(!honest_->is_dropped());
   }
 
-  // Waits until the server has let go of a client.
+  // Waits until the server has disconnected a client.
   void expect_dropped(const RawClient& client, const char* why) {
     ck_assert_msg(until([&] { return client.is_dropped(); }), "not dropped: %s", why);
   }
-  // The client's next refusal, whose sentence has this part.
+  // Checks the client's next refusal, whose sentence must have this part.
   fs_event expect_refusal(RawClient& client, fs_status status, const char* part) {
     fs_event event;
     ck_assert_msg(until([&] { return client.next_refusal(event); }), "not refused: '%s'", part);
@@ -123,14 +124,14 @@ class Rig {
                   fs_status_name(event.status), event.text, fs_status_name(status), part);
     return event;
   }
-  // All that the client has sent is done; the status of the first refusal.
+  // Waits until all that the client has sent is done; returns the status of the first refusal.
   fs_status sync(RawClient& client) {
     const uint64_t serial = client.send(fs::wire::type_sync);
     std::optional<RawClient::Reply> reply;
     until([&] { return bool(reply = client.reply_of(serial, 1e-3)) || client.is_dropped(); });
     return client.status_of(reply);
   }
-  // As the server lists it; all zeros: it does not.
+  // The client as the server lists it; all zeros: it is not listed.
   fs_client listed(const std::string& name) {
     const std::optional<RawClient::Reply> reply = honest_->reply_of(honest_->send(fs::wire::type_clients));
     ck_assert(reply && reply->status == FS_OK);
@@ -147,7 +148,7 @@ class Rig {
     ck_assert(honest_->outbox->servo.hand.read(hand));
     return hand.response.wrench.force;
   }
-  // What all others add at the last tick, before the guard.
+  // The force that all other clients add at the last tick, before the guard.
   fs_vec3 foreign_force() const { return foreign_; }
   fs_vec3 torque() const { return torque_; }
 
@@ -158,7 +159,7 @@ class Rig {
   scenes::FakeDevice& fake() { return fake_; }
 
   std::string endpoint;
-  int others = 1;  // at most, that push at a time
+  int others = 1;  // the most other clients that push at a time
 
  private:
   void aim() {
@@ -179,7 +180,7 @@ class Rig {
       ck_assert_msg(norm(sent) <= device_limit * (1 + 1e-12) && norm(t.sent.torque) <= torque_limit * (1 + 1e-12),
                     "%g N are sent", norm(sent));
       ck_assert_msg(norm(force) <= 1 + others * client_limit + 1e-9, "the clients push with %g N together", norm(force));
-      // A machine that is too slow for the thread stops it, which is no client's doing.
+      // If the machine is too slow for the servo's thread, it stops, which is not a client's fault.
       ck_assert_msg(t.faults == 0 || (!is_virtual_ && t.faults == FS_FAULT_LATE), "fault %u", t.faults);
     }
     if (!is_virtual_) fs_servo_set_enabled(servo_.get(), true);

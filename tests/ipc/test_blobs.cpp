@@ -28,7 +28,7 @@ static std::vector<std::byte> mesh_bytes() {
 }
 static Descriptor good_mesh() { return memory_file(mesh_bytes(), sizeof points + sizeof corners, all_seals); }
 
-// Sends shapes and curves, each with an object that wants it.
+// Sends shapes and curves, each with an object that uses it.
 struct Sender {
   Rig& rig;
   RawClient client;
@@ -156,10 +156,10 @@ START_TEST(wrong_lengths) {
     std::vector<std::byte> bytes = mesh_bytes();
     bytes.resize(std::min(right, size));
     const Descriptor file = memory_file(bytes, size, all_seals);
-    sender.refused(mesh(4, 2), file.get(), FS_ERROR_INVALID, "120");  // what it must be
+    sender.refused(mesh(4, 2), file.get(), FS_ERROR_INVALID, "120");  // the size that it must have
     sender.refused(table(15, 1), file.get(), FS_ERROR_INVALID, "120");
   }
-  // An offset in the descriptor is the sender's affair.
+  // The file offset of the descriptor does not matter.
   const Descriptor file = good_mesh();
   ck_assert_int_eq(lseek(file.get(), 50, SEEK_SET), 50);
   sender.taken(mesh(4, 2), file.get());
@@ -167,7 +167,7 @@ START_TEST(wrong_lengths) {
 }
 END_TEST
 
-// More descriptors than anybody asked for, with every kind of message; and some where none belongs.
+// More descriptors than the message needs, with every kind of message; and descriptors with messages that need none.
 START_TEST(surplus_descriptors) {
   Rig rig;
   RawClient client = rig.join("generous");
@@ -182,7 +182,7 @@ START_TEST(surplus_descriptors) {
     std::memcpy(bytes.data() + sizeof header, &set, sizeof set);
     ck_assert(client.send_bytes(bytes, std::span(files).first(count)));
     ck_assert_int_eq(rig.sync(client), FS_OK);
-    // Of those with a shape the first counts.
+    // Of several descriptors with a shape the first one counts.
     const Descriptor data = good_mesh();
     files[0] = data.get();
     header = {type_shape, 0, ++client.serial};
@@ -197,7 +197,7 @@ START_TEST(surplus_descriptors) {
   }
   ck_assert_msg(rig.until([&] { return open_files() == before; }), "descriptors are left: %zu, there were %zu",
                 open_files(), before);
-  // Nor are they where the client is dropped for what came with them.
+  // Descriptors are not left open either when the client is dropped for the message that came with them.
   for (int i = 0; i < 20; ++i) {
     RawClient bad = rig.join("bad");
     const Header header{777, 0, 1};
@@ -228,7 +228,7 @@ START_TEST(lying_counts) {
   for (const uint64_t count : {largest, (uint64_t{1} << 61) + 15, (uint64_t{1} << 40) + 1}) {
     sender.refused(table(count, 1), file.get(), FS_ERROR_INVALID, "too many");
   }
-  // As many as there may be, but more than a client may have, or than there are.
+  // Counts that are valid, but more than a client may have, or than the file holds.
   sender.refused(polyline(4'000'000'000), file.get(), FS_ERROR_FULL, "megabytes");
   sender.refused(mesh(4, 500'000'000), file.get(), FS_ERROR_FULL, "megabytes");
   sender.refused(table(uint64_t{1} << 40, 1), file.get(), FS_ERROR_FULL, "megabytes");
@@ -275,7 +275,7 @@ START_TEST(bad_points) {
       sender.refused(mesh(4, 2), file.get(), FS_ERROR_INVALID, ("triangles[" + std::to_string(at / 3) + "]").c_str());
     }
   }
-  // All in one place, and at the ends of the world: that is a shape.
+  // All points in one place, or at the largest coordinates: these are valid shapes.
   const fs_vec3 same[8]{};
   const Descriptor heap = memory_file(fs::bytes_of(same, 8), sizeof same, all_seals);
   sender.taken(polyline(8), heap.get());
@@ -341,7 +341,7 @@ START_TEST(max_megabytes) {
   sender.client.remove("o");
   ck_assert(rig.until([&] { return rig.listed("sender").shape_bytes == 0; }));
   sender.taken(polyline(30'000), half.get());
-  // Another client has its own.
+  // Another client has its own limit.
   Sender other(rig, "other");
   other.taken(polyline(30'000), half.get());
   rig.check_honest();
@@ -376,9 +376,9 @@ START_TEST(bad_curves) {
   std::string longest = "d";
   while (longest.size() < 255) longest += "+d";
   sender.taken(expression(longest.substr(0, 255)), -1);
-  sender.refused(expression(longest + "+d"), -1, FS_ERROR_INVALID, "255");  // its field has no end
+  sender.refused(expression(longest + "+d"), -1, FS_ERROR_INVALID, "255");  // the text has no final 0
 
-  // What gives no good number gives no force, and in no case more than may be.
+  // An expression with a bad value gives no force, and never more than the limit.
   for (const char* text : {"1/0", "0/0", "log(-1)", "1e308*1e308", "-1e308*1e308", "exp(1e9)", "sqrt(0-1)", "tan(1e300)",
                            "10^1000*d", "1e300"}) {
     sender.send(expression(text), -1);
@@ -389,7 +389,7 @@ START_TEST(bad_curves) {
 }
 END_TEST
 
-// Nothing of what is being built is in the way when its client goes, or the server.
+// A mesh that is being built does not delay the end of its client or of the server.
 START_TEST(gone_while_building) {
   const size_t before = open_files();
   {

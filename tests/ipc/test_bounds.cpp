@@ -24,8 +24,8 @@ static fs_server_options few_objects() {
   return options;
 }
 
-// A round, again and again, takes no more memory than it did at first. Without bounds each of these floods would come to
-// several times what is allowed here.
+// A repeated round takes no more memory than the first one did. Without bounds each of these floods would take several
+// times what is allowed here.
 static void expect_bounded(const char* what, int rounds, double most, const std::function<void(int)>& round) {
   for (int i = 0; i < rounds / 10; ++i) round(i);
   const double before = megabytes();
@@ -61,7 +61,7 @@ START_TEST(names_without_end) {
 }
 END_TEST
 
-// The same while it ticks: what is felt of it at a time is bounded, too.
+// The same while it ticks: the number of objects felt at a time is bounded, too.
 START_TEST(felt_without_end) {
   Rig rig(few_objects());
   RawClient client = rig.join("names");
@@ -136,7 +136,7 @@ START_TEST(uploads_without_end) {
   rig.sync(client);
   ck_assert(rig.until([&] { return rig.listed("uploads").shape_bytes == 0; }));
   ck_assert_msg(megabytes() < before + 10, "%g MB are left", megabytes() - before);
-  // Kept, they are refused at some number, each of them.
+  // If they are kept, each kind is refused from some number on.
   RawClient keeper = rig.join("keeper");
   for (uint64_t k = 1; k < fs::wire::most_assets(256) + 100 && !keeper.is_dropped(); ++k) keeper.expression(k, "d");
   rig.expect_dropped(keeper, "it sends shapes without end");
@@ -174,7 +174,7 @@ START_TEST(fetches_without_end) {
 }
 END_TEST
 
-// Refusals, questions about nothing, waiting syncs: what there is to be told is bounded.
+// Refusals, requests about objects that do not exist, waiting syncs: the answers that wait are bounded.
 START_TEST(answers_without_end) {
   Rig rig(few_objects());
   RawClient client = rig.join("answers");
@@ -194,7 +194,7 @@ START_TEST(answers_without_end) {
 }
 END_TEST
 
-// Edits that wait for a shape, of one who does not wait for the answer.
+// Edits that wait for a shape, by a client that does not wait for the answer.
 START_TEST(edits_without_end) {
   Rig rig(few_objects());
   RawClient owner = rig.join("owner"), client = rig.join("editor");
@@ -222,7 +222,7 @@ START_TEST(edits_without_end) {
 }
 END_TEST
 
-// One whose shape is forgotten while its edit waits for it is answered all the same.
+// An edit is answered even if the shape that it waits for is forgotten meanwhile.
 START_TEST(edit_of_the_forgotten) {
   Rig rig;
   RawClient owner = rig.join("owner"), client = rig.join("editor");
@@ -244,7 +244,7 @@ START_TEST(edit_of_the_forgotten) {
 }
 END_TEST
 
-// What a client had goes with it.
+// What a client had is freed when it goes.
 START_TEST(clients_without_end) {
   Rig rig(few_objects());
   rig.others = 100;

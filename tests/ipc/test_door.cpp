@@ -1,5 +1,5 @@
-// Who comes to the server's door: strangers, impostors, too many, and others when there are no descriptors left. Whatever
-// they do, a client that is in is not disturbed and one that comes is let in.
+// Who connects to the server: strangers, impostors, too many clients, and clients when no descriptors are left.
+// Whatever they do, a connected client is not disturbed, and a new client is accepted.
 #include <fcntl.h>
 #include <poll.h>
 #include <spawn.h>
@@ -74,7 +74,7 @@ START_TEST(another_layout) {
 }
 END_TEST
 
-// What is no Hello is not answered.
+// A message that is not a Hello is not answered.
 START_TEST(no_hello) {
   Rig rig;
   const fs::wire::Hello good = RawClient::hello("other");
@@ -100,14 +100,14 @@ START_TEST(no_hello) {
   }
   rig.check_honest();
 
-  // A longer Hello is one of a later library, and its beginning is understood.
+  // A longer Hello comes from a later library; its beginning is understood.
   RawClient later = rig.stranger();
   ck_assert_int_eq(later.greet_with(std::span(large).first(sizeof good + 8)).status, FS_OK);
   rig.check_honest();
 }
 END_TEST
 
-// Descriptors that nobody asked for, with the first message.
+// The first message comes with descriptors that it should not have.
 START_TEST(hello_with_descriptors) {
   Rig rig;
   const size_t before = open_files();
@@ -161,7 +161,7 @@ START_TEST(two_of_one_name) {
     ck_assert_msg(greeting.text.find(process) != std::string::npos, "%s is not in: %s", process.c_str(),
                   greeting.text.c_str());
     ck_assert(!first.is_dropped());
-    // Gone, and there again, without a pause.
+    // A client leaves and comes again at once.
     first.socket.reset();
     RawClient third = rig.stranger();
     ck_assert_int_eq(third.greet(RawClient::hello("twin")).status, FS_OK);
@@ -235,7 +235,7 @@ struct Other {
   }
 };
 
-// Free at once after the death of its bearer, also where a child of the dead holds the socket.
+// A name is free at once after the death of its process, even if a child of that process still holds the socket.
 START_TEST(name_of_the_dead) {
   Rig rig;
   for (const bool forks : {false, true}) {
@@ -253,7 +253,7 @@ END_TEST
 
 // --------------------------------------------------------------------------------------------------------------- forks
 
-// A process that was forked from this one, and does nothing but to have all that it had.
+// A process that was forked from this one, and only holds what this one had.
 struct Child {
   pid_t process;
   Descriptor input;  // it lives as long as this
@@ -295,7 +295,7 @@ START_TEST(server_that_forks) {
 }
 END_TEST
 
-// A server that is killed while a process forked from it lives on is lost like any other.
+// A server that is killed is lost, even if a process forked from it lives on.
 START_TEST(forked_server_is_killed) {
   const std::string endpoint = new_endpoint();
   Other server({"--server", endpoint});
@@ -306,7 +306,7 @@ START_TEST(forked_server_is_killed) {
   server.hear();
   server.kill_it();
   ck_assert(eventually([&] { return fs_scene_get_hand(scene.get(), &hand, nullptr, nullptr) == FS_ERROR_DISCONNECTED; }));
-  // Its name is free.
+  // The killed server's name is free.
   Other next({"--server", endpoint});
 }
 END_TEST
@@ -324,7 +324,7 @@ START_TEST(max_clients) {
     ck_assert_int_eq(greeting.status, FS_ERROR_FULL);
     ck_assert_msg(greeting.text.find('3') != std::string::npos, "the maximum is not in: %s", greeting.text.c_str());
   }
-  // A name that is taken is told as such, full or not.
+  // The answer says that a name is taken, whether or not the server is full.
   RawClient other = rig.stranger();
   ck_assert_int_eq(other.greet(RawClient::hello("third")).status, FS_ERROR_EXISTS);
   third.socket.reset();
@@ -336,7 +336,7 @@ START_TEST(max_clients) {
 }
 END_TEST
 
-// One that says nothing is sent away.
+// A process that connects and sends nothing is disconnected.
 START_TEST(silent_stranger) {
   Rig rig;
   const size_t before = open_files();
@@ -351,7 +351,7 @@ START_TEST(silent_stranger) {
 }
 END_TEST
 
-// A crowd that says nothing, and comes back as soon as it is sent away, keeps nobody out.
+// Many processes that send nothing and connect again as soon as they are disconnected do not keep a client out.
 START_TEST(crowd_at_the_door) {
   Rig rig;
   std::atomic<bool> is_over{false};
@@ -379,11 +379,11 @@ START_TEST(crowd_at_the_door) {
 }
 END_TEST
 
-// Clients that come, push and go again and again: what fades out of them is bounded, too.
+// Clients that connect, push and leave again and again: the number of scenes that fade out is bounded, too.
 START_TEST(coming_and_going) {
   fs_server_options options = server_options();
   options.max_clients = 4;
-  options.lease = 1e6;  // they go on pushing, as long as there is room
+  options.lease = 1e6;  // their objects go on pushing, as long as there is room
   Rig rig(options);
   rig.others = 100;
   int came = 0, refused = 0;
@@ -398,11 +398,11 @@ START_TEST(coming_and_going) {
       ck_assert_int_eq(greeting.status, FS_ERROR_FULL);
       ++refused;
     }
-    ck_assert_uint_le(rig.servo()->channel_count(), 4 + 32);  // as many push at a time
+    ck_assert_uint_le(rig.servo()->channel_count(), 4 + 32);  // the maximum that push at the same time
     rig.tick();
   }
   ck_assert_int_ge(came, 4 + 32 - 1);
-  ck_assert_int_ge(refused, 1);  // and then the leases end, so others can come
+  ck_assert_int_ge(refused, 1);  // then the leases end, so other clients can connect
   ck_assert_int_eq(came + refused, 80);
   rig.check_honest();
 }
@@ -426,7 +426,7 @@ static double processor_time(pid_t thread) {
   return static_cast<double>(used.tv_sec) + 1e-9 * static_cast<double>(used.tv_nsec);
 }
 
-// Sockets that are there before the descriptors go, to be connected when there are none.
+// Sockets that are made before all descriptors are taken, to be connected afterwards.
 struct Unconnected {
   std::vector<Descriptor> sockets;
   explicit Unconnected(int count) {
@@ -444,7 +444,7 @@ struct Unconnected {
   }
 };
 
-// Takes what descriptors there are, and goes on taking.
+// Takes all free descriptors, and goes on taking those that become free.
 struct Greedy {
   std::vector<Descriptor> taken;
   rlimit before{};
@@ -490,7 +490,7 @@ static void run_out(bool goes_on) {
     waiting.connect_to(rig.endpoint);
     const double before = processor_time(server), start = fs::steady_now();
     while (fs::steady_now() - start < 1) rig.check_honest();
-    // It serves the honest client all this time; but it does not spin.
+    // The server serves the honest client all this time, and does not spin.
     const double share = (processor_time(server) - before) / (fs::steady_now() - start);
     ck_assert_msg(share < 0.5, "the server's thread takes %.0f %% of a processor", 100 * share);
     if (!goes_on) {
@@ -499,7 +499,7 @@ static void run_out(bool goes_on) {
         ck_assert_msg(poll(&look, 1, 10'000) > 0 && (look.revents & POLLHUP), "one that waits was not turned away");
       }
     }
-    // What needs a descriptor is refused, and told so.
+    // A call that needs a descriptor fails, and the error sentence says why.
     const uint64_t serial = rig.honest().send(fs::wire::type_reports);
     const std::optional<RawClient::Reply> reply = rig.honest().reply_of(serial);
     ck_assert(reply && reply->status == FS_ERROR_FULL);

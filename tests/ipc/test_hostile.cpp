@@ -1,5 +1,6 @@
-// Messages that no good client would send: of wrong size, out of order, about what is not its own, more than can be taken.
-// They harm the one that sends them; an honest client keeps its object, its force and its answers.
+// Messages that no good client would send: of wrong size, out of order, about other clients' objects, more than the
+// server can take. They harm only the client that sends them; an honest client keeps its object, its force and its
+// answers.
 #include <fcntl.h>
 
 #include "ipc/rig.h"
@@ -38,7 +39,7 @@ static fs_vec3 line[]{{0, 0, 0}, {0.01, 0, 0}, {0.02, 0.01, 0}};
 
 START_TEST(wrong_sizes) {
   Rig rig;
-  rig.others = 100;  // those before fade out still
+  rig.others = 100;  // the clients before are still fading out
   for (const Known& known : known_types) {
     for (const size_t size : {size_t{0}, size_t{1}, known.size / 2, known.size - 1, known.size + 1, known.size + 8,
                               size_t{60'000}, size_t{fs::most_message}}) {
@@ -87,7 +88,7 @@ START_TEST(random_bodies) {
     for (const Known& known : known_types) {
       std::vector<std::byte> bytes(known.size);
       for (std::byte& byte : bytes) {
-        // Mostly zeros and small numbers, else all looks like nonsense at the first field.
+        // Mostly zeros and small numbers, or the first field would already be refused.
         byte = static_cast<std::byte>(random.coin(0.8) ? 0 : random.coin() ? random.below(4) : random.bits());
       }
       client.send(known.type, bytes);
@@ -142,12 +143,13 @@ START_TEST(what_belongs_in_no_group) {
     rig.expect_dropped(client, "what belongs in no group");
   }
   rig.tick(50);
-  ck_assert(is_near(rig.foreign_force(), {}));  // nothing of any of them
+  ck_assert(is_near(rig.foreign_force(), {}));  // none of these groups had an effect
   rig.check_honest();
 }
 END_TEST
 
-// A group that is shorter or longer than it says, or whose last change is cut; in the message or in a memory file.
+// A group that is shorter or longer than it declares, or whose last change is cut off; in the message or in a memory
+// file.
 START_TEST(groups_that_lie) {
   Rig rig;
   rig.others = 100;
@@ -199,12 +201,12 @@ START_TEST(group_without_end) {
   RawClient endless = rig.join("endless"), broken = rig.join("broken");
   for (int i = 0; i < 4 * 100 + 65; ++i) endless.set(static_cast<uint32_t>(i) % 100, push("push", 1), i < 4 * 100 + 64);
   rig.expect_dropped(endless, "a group without end");
-  // One that ends before its group does has changed nothing.
+  // A client that leaves before its group is complete has changed nothing.
   broken.set(0, push("push", 1), true);
   broken.socket.reset();
   rig.tick(50);
   ck_assert(is_near(rig.foreign_force(), {}));
-  // One as long as may be is taken.
+  // A group of the largest permitted size is taken.
   RawClient longest = rig.join("longest");
   for (uint32_t i = 0; i < 4 * 100 + 63; ++i) {
     longest.set(i % 100, push(("push" + std::to_string(i % 100)).c_str(), 1e-4), true);
@@ -216,7 +218,7 @@ START_TEST(group_without_end) {
 }
 END_TEST
 
-// All of a group or none of it, also where one name changes its slot.
+// All of a group takes effect or none of it, even if a name gets another slot.
 START_TEST(group_refused) {
   Rig rig;
   RawClient client = rig.join("group");
@@ -232,7 +234,7 @@ START_TEST(group_refused) {
   client.set(7, push("b", 1), true);
   client.set(2, bad);
   ck_assert_int_eq(rig.sync(client), FS_ERROR_INVALID);
-  ck_assert_int_eq(rig.sync(client), FS_OK);  // told once
+  ck_assert_int_eq(rig.sync(client), FS_OK);  // returned once
   for (int i = 0; i < 5; ++i) rig.expect_refusal(client, FS_ERROR_INVALID, "limit");
   ck_assert(is_near(rig.foreign_force(), {0.5, 0.5, 0}));
   ck_assert_uint_eq(rig.listed("group").objects, 2);
@@ -272,7 +274,7 @@ START_TEST(slot_out_of_range) {
 }
 END_TEST
 
-// A slot belongs to the object that was given it last; the one before keeps all but its moves.
+// A slot belongs to the object that got it last; the object before keeps everything but its moves.
 START_TEST(slots_of_others) {
   Rig rig;
   RawClient client = rig.join("mixed");
@@ -294,7 +296,7 @@ START_TEST(slots_of_others) {
   fs_event event;
   ck_assert(!client.next_refusal(event));
   ck_assert(rig.until([&] { return is_near(rig.foreign_force(), {1, 0.5, 0}); }));
-  // Names that belong to another client are a client's own here, not that one's.
+  // A client that uses another client's names for its own objects does not touch that client's objects.
   client.set(4, push("wall", 1, {0, 0, 1}));
   ck_assert_int_eq(rig.sync(client), FS_OK);
   client.remove("wall");
@@ -354,7 +356,7 @@ START_TEST(numbers_of_shapes) {
   client.set(0, record);
   rig.sync(client);
   ck_assert_uint_eq(rig.listed("number").objects, 1);
-  // A shape that is in use may be forgotten: the object has it still.
+  // A shape that is in use may be forgotten: the object keeps it.
   client.forget(1);
   client.forget(2);
   record.front.gain = 0.5;
@@ -398,7 +400,7 @@ START_TEST(bad_requests) {
     ck_assert_int_eq(client.ask(type_fetch, Fetch{id}), FS_ERROR_NOT_FOUND);
   }
 
-  // What would make it a bad object is not taken.
+  // A change that would make the object invalid is refused.
   const Target wall = target_of("honest/wall");
   const double nan = std::nan("");
   fs_object bad = push("wall", 1);
@@ -436,13 +438,13 @@ START_TEST(locked) {
                      FS_ERROR_DENIED);
     ck_assert_int_eq(client.ask(type_remove_other, target_of(name)), FS_ERROR_DENIED);
   }
-  ck_assert_int_eq(client.ask(type_get, target_of("honest/wall")), FS_OK);  // looking is free
+  ck_assert_int_eq(client.ask(type_get, target_of("honest/wall")), FS_OK);  // reading is allowed
   OK(fs_object_remove(rig.scene(), "own"));
   rig.check_honest();
 }
 END_TEST
 
-// Its own objects by way of the messages about others': there is one way only to change them.
+// Messages about other clients' objects cannot be used for own objects: there is only one way to change those.
 START_TEST(own_as_another) {
   Rig rig;
   RawClient client = rig.join("self");
@@ -463,7 +465,7 @@ START_TEST(own_as_another) {
 }
 END_TEST
 
-// What the honest one is told of a hostile one's objects is good: names that can be shown, primitives that there are.
+// What the honest client reads about a hostile client's objects is valid: printable names and known primitives.
 START_TEST(reports_of_nonsense) {
   Rig rig;
   RawClient client = rig.join("nonsense");
@@ -506,7 +508,7 @@ START_TEST(reports_of_nonsense) {
 }
 END_TEST
 
-// A refused object is told as such until it is removed, set anew, or all is cleared.
+// A refused object is reported as refused until it is removed, set again, or all objects are cleared.
 START_TEST(refused_until_removed) {
   Rig rig;
   RawClient client = rig.join("refused");
@@ -542,7 +544,7 @@ END_TEST
 
 // ------------------------------------------------------------------------------------------------------------ too much
 
-// One that asks and asks, and never looks at the answers.
+// A client that sends requests all the time, and never reads the answers.
 START_TEST(never_reads) {
   Rig rig;
   for (const uint32_t type : {type_pull, type_stats, type_reports, type_motions, type_sync, type_get}) {
@@ -552,7 +554,7 @@ START_TEST(never_reads) {
       if (i % 256 == 0) rig.tick();
     }
     rig.expect_dropped(client, "it never reads");
-    // What was on its way is there; not much of it is memory of its own.
+    // The answers that were under way arrive; they take little memory of the server.
     int files = 0;
     for (std::vector<std::byte> buffer(fs::most_message);;) {
       fs::Descriptor data;
@@ -567,7 +569,7 @@ START_TEST(never_reads) {
 }
 END_TEST
 
-// Long lists, which take a while, for one that goes meanwhile, and for one that has too many of them written.
+// Long lists, which take a while: for a client that leaves meanwhile, and for one that requests too many of them.
 START_TEST(lists_for_nobody) {
   Rig rig;
   OK(fs_scene_begin(rig.scene()));
@@ -581,7 +583,7 @@ START_TEST(lists_for_nobody) {
     RawClient client = rig.join("nobody");
     for (int i = 0; i < 1 + round * 4; ++i) client.send(type_motions, target_of(round % 2 ? "" : "server"));
     if (round % 3) rig.tick(round % 3);
-    if (round < 2) {  // who has more of them unread is let go of
+    if (round < 2) {  // a client with more unread lists is disconnected
       const auto reply = client.reply_of(client.serial, 10);
       ck_assert(reply && reply->status == FS_OK && reply->as<Count>().count == (round % 2 ? 1501 : 1500));
     }
@@ -591,7 +593,7 @@ START_TEST(lists_for_nobody) {
 }
 END_TEST
 
-// Changes and moves as fast as they can be sent: another one's are taken all the while.
+// A client sends changes and moves as fast as it can: those of another client are still taken.
 START_TEST(flood) {
   Rig rig;
   rig.others = 3;

@@ -1,5 +1,5 @@
-// The shared memory from the hostile side: what a client may do to it at all, anything at all written into its inbox while
-// the servo runs, and numbers as large as a client can make them. test_inbox --writes N: so many random writes.
+// Hostile use of the shared memory: which operations a client can do on it, arbitrary data in its inbox while the servo
+// runs, and numbers as large as a client can make them. test_inbox --writes N: the number of random writes.
 #include <fcntl.h>
 #include <sys/mman.h>
 #include <unistd.h>
@@ -63,7 +63,7 @@ START_TEST(outbox_is_read_only) {
     const Descriptor again(open(path.c_str(), mode | O_CLOEXEC));
     if (again) expect_read_only(again);
   }
-  // A mapping that is there does not become more than it is.
+  // An existing mapping cannot get more rights.
   ck_assert_int_eq(mprotect(client.outbox_memory.get(), bytes, PROT_READ | PROT_WRITE), -1);
   ck_assert_int_eq(madvise(client.outbox_memory.get(), 4096, MADV_REMOVE), -1);
   madvise(client.outbox_memory.get(), bytes, MADV_DONTNEED);
@@ -84,7 +84,7 @@ START_TEST(inbox_keeps_its_size) {
   expect_no_change_of_size(client.inbox_file, client.welcome.inbox_bytes);
   const uint64_t serial = client.set(0, push("push", 1));
   ck_assert_int_eq(rig.sync(client), FS_OK);
-  // It may tear holes into it: they are zeros, and the server reads on.
+  // The client may punch holes into it: they read as zeros, and the server goes on.
   for (int i = 0; i < 20; ++i) {
     client.move(0, serial, scenes::at(0, 0, 0));
     ck_assert_int_eq(fallocate(client.inbox_file.get(), FALLOC_FL_PUNCH_HOLE | FALLOC_FL_KEEP_SIZE, 0, bytes), 0);
@@ -95,7 +95,7 @@ START_TEST(inbox_keeps_its_size) {
   OK(fs_pose_from_z({0, 0, 100}, {0, 0, -1}, &down));
   client.move(0, serial, down);
   ck_assert(rig.until([&] { return is_near(rig.foreign_force(), {0, 0, -1}); }));
-  client.inbox_memory.reset();  // it may let go of it, too
+  client.inbox_memory.reset();  // it may also unmap it
   client.inbox_file.reset();
   rig.check_honest();
 }
@@ -140,7 +140,7 @@ struct Writer {
   uint64_t moves(Rig& rig) { return rig.listed("writer").moves; }
 };
 
-// Numbers that are often too much for somebody.
+// Numbers that often cause trouble.
 static double odd_number(scenes::Random& random) {
   static const double numbers[] = {0, -0.0, 1, -1, 0.5, 0.7071067811865476, 1e-300, 5e-324, 0.1, 0.10000001, 1e15, -1e15,
                                    1.0000001e15, 1e154, 1e300, -1e308, infinity, -infinity, nan_value, 1000, 0.01};
@@ -160,8 +160,8 @@ static Motion odd_motion(scenes::Random& random) {
   return out;
 }
 
-// Anything, anywhere, from several threads; one writes what may be taken, but for its numbers. In virtual time, and with a
-// servo of its own thread.
+// Arbitrary data at any place, from several threads; one thread writes records that are valid except for their numbers.
+// In virtual time, and with a servo that has its own thread.
 START_TEST(random_writes) {
   Rig rig(server_options(), servo_options(_i ? FS_SERVO_THREAD : FS_SERVO_VIRTUAL));
   Writer writer(rig);
@@ -174,7 +174,7 @@ START_TEST(random_writes) {
       scenes::Random random(100 + k);
       constexpr uint64_t at_once = 1000;
       while (!is_over) {
-        // Half of the time all let the batch alone, for else the server takes nothing.
+        // Half of the time no thread writes to the batch, as otherwise the server takes nothing.
         const size_t first = writes / 200'000 % 2;
         if (first) writer.batch().store(0, std::memory_order_relaxed);
         for (uint64_t i = 0; i < at_once; ++i) {
@@ -209,7 +209,7 @@ START_TEST(random_writes) {
   std::printf("  %lu random writes, %lu moves taken of them, %lu ticks\n", (unsigned long)writes.load(), (unsigned long)moves,
               (unsigned long)(scenes::stats_of(rig.scene()).ticks - before));
 
-  // When it comes to its senses, it is heard again.
+  // When the client behaves again, its moves are taken again.
   for (size_t i = 0; i < sizeof(fs::InboxHead) / 8 + 64; ++i) writer.words[i].store(0);
   for (uint32_t i = 0; i < Writer::count; ++i) writer.sequence(i).fetch_and(~uint64_t{1});
   const uint64_t taken = writer.moves(rig);
@@ -221,7 +221,7 @@ START_TEST(random_writes) {
 }
 END_TEST
 
-// A client that was stopped in the middle of a word, or never began one.
+// A client that was stopped in the middle of a write, or never began one.
 START_TEST(half_written) {
   Rig rig;
   Writer writer(rig);
@@ -246,11 +246,11 @@ START_TEST(half_written) {
   writer.client.inbox.begin_batch();
   mark_all();
   is_silent("a group that is being written");
-  // What does not belong to the present object of its slot is not taken.
+  // A move that does not belong to the present object of its slot is not taken.
   for (uint32_t i = 0; i < Writer::count; ++i) writer.client.inbox.write(i, {writer.after[i] + 1, {scenes::at(0, 0, 0), {}, 1, 0}});
   writer.client.inbox.end_batch();
   is_silent("moves of another time");
-  // Groups without a pause: whether any is taken is luck, but nobody waits.
+  // Groups without a pause: whether any is taken is chance, but no thread waits.
   std::atomic<bool> is_over{false};
   std::thread restless([&] {
     while (!is_over) writer.batch().fetch_add(2);
@@ -304,7 +304,7 @@ START_TEST(bad_numbers) {
     ++refused;
   }
   ck_assert_uint_eq(writer.moves(rig), moves);
-  // At the very bounds, and times of any size, they are good.
+  // Values at the bounds, and times of any size, are valid.
   for (const double time : {1e308, -1e308, 0.0, 5e-324}) {
     for (const double x : {1e15, -1e15, 0.0}) {
       const Motion m{scenes::at(x, x, x), {{x, x, x}, {x, x, x}}, time, 0.1};
@@ -337,7 +337,7 @@ START_TEST(force_limit) {
     ck_assert(is_near(listed.wrench.force, client_limit * direction));
     ck_assert_double_eq(listed.force_limit, client_limit);
   }
-  // Many that push as hard as one may, through a frame that makes it a billion times as much.
+  // Many objects that push with the largest permitted force, through a frame that multiplies it by a billion.
   fs_frame frame = fs_frame_init();
   frame.force_scale = 1e9;
   strong.send(type_frame, Frame{frame});
@@ -345,7 +345,7 @@ START_TEST(force_limit) {
   strong.set(0, push("push", 1e9, {0, 1, 0}));
   ck_assert_int_eq(rig.sync(strong), FS_OK);
   ck_assert(rig.until([&] { return is_near(rig.foreign_force(), {0, client_limit, 0}); }));
-  // Below the limit nothing is done to it.
+  // A force below the limit is not changed.
   strong.send(type_clear);
   strong.set(0, push("push", 1e-9, {0, 0, 1}));
   ck_assert_int_eq(rig.sync(strong), FS_OK);
@@ -357,7 +357,7 @@ START_TEST(force_limit) {
 }
 END_TEST
 
-// Force and torque keep their proportion; a device that makes no torque does not take the force for it.
+// Force and torque keep their proportion; on a device without torque the force is not reduced for it.
 START_TEST(torque_limit_of_a_client) {
   for (const bool has_torque : {true, false}) {
     Rig rig(server_options(), servo_options(), has_torque);
@@ -378,8 +378,8 @@ START_TEST(torque_limit_of_a_client) {
 }
 END_TEST
 
-// No number that a client may send makes a force that is none. Should one do so all the same, its scene alone is lost:
-// here a pose goes in behind the checks.
+// No number that a client can send makes a force that is not finite. If one did so nevertheless, only its own scene
+// would be lost: this test puts in a bad pose without the checks.
 START_TEST(not_a_number) {
   Rig rig;
   const fs::Ref<fs::LocalScene> scene = fs::make_ref<fs::LocalScene>();
@@ -392,10 +392,10 @@ START_TEST(not_a_number) {
   fs::Movement movement;
   movement.motion.pose.orientation = {0, 1e160, 0, 0};
   scene->set_movement("plane", movement);
-  rig.tick(10);  // which look at every force
+  rig.tick(10);  // these check every force
   ck_assert(channel->is_bad());
   ck_assert(is_near(rig.foreign_force(), {}));
-  scene->set(plane);  // it does not come back
+  scene->set(plane);  // the scene does not come back
   rig.tick(50);
   ck_assert(channel->is_bad());
   ck_assert(is_near(rig.foreign_force(), {}));

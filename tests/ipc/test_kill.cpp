@@ -1,5 +1,5 @@
-// Clients are killed at any moment, again and again, and nobody is any the worse for it: what they had fades, what
-// another client feels is not disturbed, their names are free at once, and nothing of them remains.
+// Clients are killed at any moment, again and again: their objects fade, the force of another client is not disturbed,
+// their names are free at once, and nothing of them remains.
 #include <sys/ptrace.h>
 
 #include <deque>
@@ -12,7 +12,7 @@ using namespace life;
 using namespace scenes;
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool is_sanitized = true;  // then a process takes long to begin, and what is freed is kept
+constexpr bool is_sanitized = true;  // then a process takes long to start, and freed memory is kept
 #else
 constexpr bool is_sanitized = false;
 #endif
@@ -28,8 +28,8 @@ static uint64_t seed = 1;
 
 // --------------------------------------------------------------------------------------------------- the honest client
 
-// Pushes with 1 N in a direction that turns: it goes on when the turn is felt. Its thread checks with `is_good` alone,
-// as Check is for the main thread.
+// Pushes with 1 N in a direction that rotates; each rotation waits until the one before is felt. Its thread checks with
+// `is_good` alone, as Check is for the main thread.
 class Honest {
  public:
   explicit Honest(const std::string& endpoint) : scene_(connect(endpoint, "honest")) {
@@ -68,7 +68,7 @@ class Honest {
     wanted_ = {std::cos(angle_), std::sin(angle_), 0};
     push_ = push("push", 1, wanted_);
   }
-  // What the victims may change; it is not felt.
+  // An object that the victims may change; it is not felt.
   void set_prey() {
     fs_object prey = fs_object_init("prey", FS_PRIMITIVE_PLANE);
     expect(fs_object_set(scene_.get(), &prey), "set");
@@ -134,7 +134,8 @@ class Steps {
     });
   }
 
-  // A victim is in, which began at `begin`: the one of its name before it is known to be gone, and fades.
+  // A victim that began at `begin` is connected: so the one before it with the same name is known to be gone, and
+  // fades.
   void add_victim(double begin, double now) {
     if (!victims_.empty()) victims_.back().end = now + lease + fade;
     victims_.push_back({begin, never});
@@ -181,7 +182,7 @@ class Steps {
 
 // ----------------------------------------------------------------------------------------------------------- the place
 
-// A server with an honest client; nothing of all others may remain.
+// A server with an honest client; nothing of any other client may remain.
 struct Place {
   ServerRig rig;
   Honest honest;
@@ -247,11 +248,11 @@ START_TEST(kill_at_any_moment) {
       ck_assert_msg(is_heard && line == "connected", "kill %d: a victim that %s: %s", k, work, line.c_str());
       steps.add_victim(begin, place.now());
       wait_a_little(random.log_between(1e-4, 0.03));
-    } else {  // on its way: it has set nothing yet
+    } else {  // still connecting: it has set nothing yet
       wait_a_little(random.log_between(1e-4, 0.005));
       ++unborn;
     }
-    if (random.coin(0.3)) {  // stands still in the middle of something, and never goes on
+    if (random.coin(0.3)) {  // it stops in the middle of something, and never goes on
       victim.send(SIGSTOP);
       wait_a_little(random.log_between(1e-4, 0.02));
       ++stopped;
@@ -329,7 +330,8 @@ START_TEST(stop_at_each_write) {
       is_over = victim.hear(line, 0);
       return is_over || (waitpid(victim.id(), &status, WUNTRACED | WNOHANG) == victim.id() && WIFSTOPPED(status));
     }));
-    // Standing still: the honest client is felt as ever, and what came of the victim is all of a step or nothing of it.
+    // While the victim is stopped, the honest client is felt as before, and each step of the victim has taken effect as
+    // a whole or not at all.
     const uint64_t turns = place.honest.turns();
     ck_assert(eventually([&] {
       look();
@@ -352,7 +354,8 @@ START_TEST(stop_at_each_write) {
 }
 END_TEST
 
-// Killed as it begins or ends its first system call, the next at the second, and so on: connecting, sending, asking.
+// One victim is killed as it begins or ends its first system call, the next one at its second, and so on: connecting,
+// sending, requesting.
 START_TEST(kill_at_each_system_call) {
   Place place(0.005, 0.01);
   bool is_over = false;

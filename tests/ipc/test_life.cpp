@@ -1,5 +1,5 @@
-// The life of a connection, with both ends in this process: a client goes, or the server does, in the middle of
-// anything. As processes: test_process.cpp.
+// The life of a connection, with both ends in this process: the client or the server goes in the middle of anything.
+// The same with processes: test_process.cpp.
 #include <fstream>
 
 #include "ipc/calls.h"
@@ -82,7 +82,7 @@ START_TEST(it_fades) {
 }
 END_TEST
 
-// What was on its way in goes on, and goes out with its client.
+// An object that is fading in goes on, and fades out with its client.
 START_TEST(it_fades_while_it_comes) {
   constexpr double lease = 0.01, fade = 0.1;
   ServerRig rig(with_lease(lease), with_fade(fade));
@@ -109,7 +109,8 @@ START_TEST(it_fades_while_it_comes) {
 }
 END_TEST
 
-// The name is free at once; who comes by it fades in while the one before fades out, and has nothing of it.
+// The name is free at once; the next client of that name fades in while the one before fades out, and has nothing of
+// it.
 START_TEST(one_of_the_same_name) {
   constexpr double lease = 0.1, fade = 0.5;
   ServerRig rig(with_lease(lease), with_fade(fade));
@@ -140,7 +141,7 @@ START_TEST(one_of_the_same_name) {
 }
 END_TEST
 
-// Over and over, without a pause.
+// Again and again, without a pause.
 START_TEST(names_are_free_at_once) {
   fs_server_options options = with_lease(0.001);
   options.max_clients = 500;
@@ -148,7 +149,7 @@ START_TEST(names_are_free_at_once) {
   servo.mode = FS_SERVO_THREAD;
   ServerRig rig(options, servo);
   const Scene observer = rig.join("observer");
-  OK(fs_scene_sync(observer.get(), 10));  // the server is through with it
+  OK(fs_scene_sync(observer.get(), 10));  // the server has finished it
   const Holdings before = holdings();
   const fs_object o = push("push");
   for (int i = 0; i < 200; ++i) {
@@ -165,7 +166,7 @@ END_TEST
 
 // ----------------------------------------------------------------------------------------------------- the server goes
 
-// The table of calls has all there are.
+// The table has all calls.
 START_TEST(all_calls_are_there) {
   std::string missing;
   int found = 0;
@@ -188,7 +189,7 @@ START_TEST(all_calls_are_there) {
 }
 END_TEST
 
-// A client for each call, so that each finds out by itself.
+// One client per call, so that each call has to notice by itself.
 START_TEST(every_call_says_so) {
   const bool stops_servo = _i;
   const Folder folder;
@@ -211,11 +212,11 @@ START_TEST(every_call_says_so) {
       tools.push_back(make_tool(scenes.back().get()));
     }
     OK(fs_scene_save(scenes[0].get(), path.c_str()));
-    for (size_t i = 0; i < calls.size(); ++i) {  // all are fine as long as there is a server
+    for (size_t i = 0; i < calls.size(); ++i) {  // all calls succeed as long as there is a server
       const std::string name = calls[i].name;
       if (name == "fs_object_remove" || name == "fs_scene_commit" || name == "fs_scene_cancel") continue;
       const fs_status status = calls[i].run(scenes[i].get());
-      if (name == "fs_scene_sync" && status == FS_ERROR_TIMEOUT) continue;  // of no time at all
+      if (name == "fs_scene_sync" && status == FS_ERROR_TIMEOUT) continue;  // with timeout 0
       ck_assert_msg(status == (calls[i].when_lost == FS_ERROR_DISCONNECTED ? FS_OK : calls[i].when_lost), "%s: %s: %s",
                     calls[i].name, fs_status_name(status), fs_last_error());
     }
@@ -230,7 +231,7 @@ START_TEST(every_call_says_so) {
                   "%s: %s: %s", calls[i].name, fs_status_name(status), fs_last_error());
     ck_assert_msg(std::strlen(fs_last_error()) > 10, "%s: '%s'", calls[i].name, fs_last_error());
   }
-  // A new server of the name makes no difference to them.
+  // A new server of the same name changes nothing for them.
   const Scene base = make_scene();
   const Device device = rig.fake.open();
   if (stops_servo) rig.servo = start_servo(rig.base.get(), device.get(), world_options());
@@ -242,7 +243,7 @@ START_TEST(every_call_says_so) {
     }
     for (const Call& call : calls) EXPECT(call.when_lost, call.run(scene.get()));
   }
-  // What a tool feels stays, but for objects that the client itself has changed.
+  // What a tool feels stays, except for objects that the client itself changes.
   for (size_t i = 0; i < tools.size(); ++i) {
     if (std::strcmp(calls[i].name, "fs_scene_get_hand") == 0) ck_assert(felt[i].x < -0.5);
     EXPECT_VECTOR(force_at(tools[i].get(), {0.01, 0, 0}, 1), felt[i], 0);
@@ -254,7 +255,7 @@ START_TEST(every_call_says_so) {
 }
 END_TEST
 
-// What was told before is told still; then the end, once; then the status.
+// Earlier events are still returned; then FS_EVENT_DISCONNECTED, once; then the status.
 START_TEST(events_come_to_an_end) {
   ServerRig rig;
   const Scene client = rig.join("client"), other = rig.join("other");
@@ -281,7 +282,7 @@ START_TEST(events_come_to_an_end) {
 }
 END_TEST
 
-// A group that is open when the server goes: nothing of it counts, and there is no way out but to give the scene back.
+// A group that is open when the server goes has no effect, and the scene can only be destroyed.
 START_TEST(in_the_middle_of_a_group) {
   ServerRig rig;
   const Scene client = rig.join("client");
@@ -335,7 +336,7 @@ START_TEST(names_change_hands_while_a_mesh_is_built) {
 }
 END_TEST
 
-// Another client removes the version that is there still: what was set and waits comes all the same, for both ends.
+// Another client removes the version that is still felt: the set that waits takes effect nevertheless, for both ends.
 START_TEST(removed_while_its_mesh_is_built) {
   ServerRig rig;
   const Scene client = rig.join("client"), editor = rig.join("editor");
@@ -354,7 +355,7 @@ START_TEST(removed_while_its_mesh_is_built) {
   ck_assert(has(client.get(), "a") && has(client.get(), "b"));
   ck_assert(has(editor.get(), "client/a") && has(editor.get(), "client/b"));
 
-  // And what is changed while it waits is known when it has come.
+  // Changes during the wait are known when it has taken effect.
   a.shape = nullptr;
   a.primitive = FS_PRIMITIVE_POINT;
   OK(fs_object_set(client.get(), &a));
@@ -383,7 +384,7 @@ static bool is_one_of(fs_status status, std::initializer_list<fs_status> good) {
   return std::find(good.begin(), good.end(), status) != good.end();
 }
 
-// Comes back whenever the server has gone, and does something all the while. Each call ends soon.
+// Connects again whenever the server has gone, and makes calls all the time. Each call ends soon.
 static void come_back(const std::string& endpoint, int number, std::atomic<uint64_t>& connections) {
   Random random(static_cast<uint64_t>(number));
   const std::string name = "client " + std::to_string(number);
@@ -420,7 +421,7 @@ START_TEST(the_server_comes_and_goes) {
   for (int i = 0; i < 8; ++i) clients.emplace_back([&, i] { come_back(rig.endpoint, i, connections[i]); });
   Random random(1);
   for (int round = 0; round < 50; ++round) {
-    if (round % 10 == 0) {  // all are in
+    if (round % 10 == 0) {  // all are connected
       uint64_t seen[8];
       for (int i = 0; i < 8; ++i) seen[i] = connections[i];
       rig.server.reset();
@@ -461,7 +462,7 @@ START_TEST(given_back_while_calls_wait) {
   for (int round = 0; round < 5; ++round) {
     const fs_object mine = push("mine");
     Scene client = rig.join("client");
-    OK(fs_object_set(client.get(), &mine));  // which nobody steps
+    OK(fs_object_set(client.get(), &mine));  // its servo is not stepped
     fs_scene* scene = client.get();
     std::atomic<pid_t> waiting[3]{};
     fs_status statuses[3]{};
@@ -488,7 +489,7 @@ START_TEST(given_back_while_calls_wait) {
 }
 END_TEST
 
-// Everything at once on a scene that is connected, which another client edits too.
+// All kinds of calls at the same time on a connected scene that another client also edits.
 START_TEST(threads_on_one_scene) {
   fs_servo_options options = world_options();
   options.mode = FS_SERVO_THREAD;
@@ -585,7 +586,7 @@ START_TEST(threads_on_one_scene) {
 }
 END_TEST
 
-// The server stops while they are at it: all of them are told, none hangs.
+// The server stops meanwhile: all threads get the status, none hangs.
 START_TEST(lost_while_threads_are_in_calls) {
   fs_servo_options options = world_options();
   options.mode = FS_SERVO_THREAD;

@@ -25,7 +25,7 @@ constexpr double full = 2;                 // N, of a client
 
 // ========================================================================================= what the other processes do
 
-// All that goes wrong there is told, and then the line that was expected does not come.
+// Such a process reports every failure, and then the expected line does not come.
 static void expect(bool is_good, const std::string& what) {
   if (is_good) return;
   tell("wrong: " + what + ": " + fs_last_error());
@@ -47,7 +47,7 @@ static void set_push(fs_scene* scene, double force, fs_vec3 direction = {1, 0, 0
 
 static fs_scene* kept = nullptr;  // for what ends without giving it back
 
-// client ENDPOINT NAME FORCE x|y: pushes, then does as it is told.
+// client ENDPOINT NAME FORCE x|y: pushes, then follows the lines that it reads.
 static void be_a_client(char** words) {
   kept = join(words[0], words[1]);
   set_push(kept, std::atof(words[2]), words[3][0] == 'x' ? fs_vec3{1, 0, 0} : fs_vec3{0, 1, 0});
@@ -65,7 +65,7 @@ static void be_a_client(char** words) {
   }
 }
 
-// server ENDPOINT [all_users]: until nobody speaks any more.
+// server ENDPOINT [all_users]: runs until its standard input is closed.
 static void be_a_server(char** words) {
   fs_server_options options = fs_server_options_init();
   options.max_clients = 100;
@@ -79,7 +79,7 @@ static void be_a_server(char** words) {
   }
 }
 
-// forks ENDPOINT NAME PATH: the child has nothing of the scene, the parent all.
+// forks ENDPOINT NAME PATH: the child cannot use the scene, the parent can.
 static void fork_while_connected(char** words) {
   fs_scene* scene = join(words[0], words[1]);
   const fs_object mine = spring("mine");
@@ -99,7 +99,7 @@ static void fork_while_connected(char** words) {
       expect(FS_OK, fs_evaluate(tool, &state, &response), "fs_evaluate");
       expect(response.felt_count >= 2, "the tool feels " + std::to_string(response.felt_count));
       fs_tool_destroy(tool);
-      // One of its own, by another name; the parent's is taken.
+      // The child connects a scene of its own by another name; the parent's name is taken.
       fs_scene* own = nullptr;
       expect(FS_ERROR_EXISTS, fs_scene_connect(words[0], words[1], &own), "fs_scene_connect");
       own = join(words[0], "child");
@@ -125,7 +125,7 @@ static void fork_while_connected(char** words) {
   tell("over");
 }
 
-// parent ENDPOINT NAME FORCE: its child holds the socket too, and lives until nobody speaks any more.
+// parent ENDPOINT NAME FORCE: its child holds the socket, too, and lives until standard input is closed.
 static void be_a_parent(char** words) {
   fs_scene* scene = join(words[0], words[1]);
   set_push(scene, std::atof(words[2]));
@@ -138,7 +138,7 @@ static void be_a_parent(char** words) {
   for (;;) pause();
 }
 
-// execs ENDPOINT NAME: a program that a client starts has the same descriptors as one that it started before it
+// execs ENDPOINT NAME: a program that a client starts inherits the same descriptors as one that it started before it
 // connected.
 static void start_a_program(char** words) {
   const auto start = [] {
@@ -161,7 +161,7 @@ static void list_descriptors(char**) {
   tell("descriptors:" + all);
 }
 
-// user ID MODE ...: as that user, the rest.
+// user ID MODE ...: runs the mode as that user.
 static void run(const std::string& mode, char** words);
 static void become(char** words) {
   const auto user = static_cast<uid_t>(std::atoi(words[0]));
@@ -172,7 +172,7 @@ static void become(char** words) {
   run(words[1], words + 2);
 }
 
-// knock ENDPOINT NAME: how it is received.
+// knock ENDPOINT NAME: connects, and reports the answer.
 static void knock(char** words) {
   fs_scene* scene = nullptr;
   const fs_status status = fs_scene_connect(words[0], words[1], &scene);
@@ -184,7 +184,7 @@ static void knock(char** words) {
   fs_scene_destroy(scene);
 }
 
-// squat ADDRESS: listens there, in the abstract name space.
+// squat ADDRESS: listens at this address in the abstract name space.
 static void squat(char** words) {
   const std::string address = words[0];
   sockaddr_un place{};
@@ -198,7 +198,7 @@ static void squat(char** words) {
   }
 }
 
-// poor ENDPOINT NAME: whatever there is no descriptor for is refused, nothing is lost, and later all is well.
+// poor ENDPOINT NAME: calls for which no descriptor is left fail, nothing is lost, and later everything works.
 static void run_out_of_descriptors(char** words) {
   rlimit before;
   getrlimit(RLIMIT_NOFILE, &before);
@@ -369,7 +369,7 @@ struct Flight {
     }
     return largest;
   }
-  // Full until `death` and the lease after it at the least, then down in a straight line.
+  // The force is full at least until `death` plus the lease, then falls linearly.
   void check_fade(double death, double fs_vec3::*axis) const {
     double leave = 0;
     for (const Sample& sample : samples) {
@@ -424,7 +424,7 @@ START_TEST(a_client_dies) {
 }
 END_TEST
 
-// One that says nothing is not dead: it keeps its force, and is there when it goes on.
+// A stopped client is not dead: it keeps its force, and works when it goes on.
 START_TEST(a_silent_client) {
   ServerRig rig(server_options(), thread_options());
   Flight flight(rig.servo.get());
@@ -447,7 +447,7 @@ START_TEST(a_silent_client) {
 }
 END_TEST
 
-// While one that was killed fades out, the next of its name comes in: both are felt.
+// While a killed client fades out, the next one of the same name fades in: both are felt.
 START_TEST(the_next_of_its_name) {
   fs_server_options options = server_options();
   options.lease = 0.5;
@@ -471,7 +471,7 @@ END_TEST
 
 // ----------------------------------------------------------------------------------------------------- the server dies
 
-// Each call finds out by itself that the server's process has been killed, and goes on saying so.
+// Each call notices by itself that the server's process has been killed, and keeps returning that status.
 START_TEST(the_server_is_killed) {
   const Folder folder;
   const std::string path = folder / "scene.json", endpoint = new_endpoint();
@@ -506,7 +506,7 @@ START_TEST(the_server_is_killed) {
   const double last = *std::max_element(found.begin(), found.end()) - death;
   std::printf("  the server is killed: the last of %zu calls says so %.0f ms later\n", calls.size(), 1000 * last);
 
-  // A new one of its name is another.
+  // A new server of the same name is another server.
   Process next = start({"server", endpoint});
   next.expect("serves");
   const Scene fresh = connect(endpoint, "client 0");
@@ -527,7 +527,7 @@ START_TEST(the_server_is_killed) {
 }
 END_TEST
 
-// One that stands still is not gone: what has to wait for it says so in time, and what does not goes on.
+// A stopped server is not gone: calls that need its answer time out, and calls that do not go on.
 START_TEST(the_server_stands_still) {
   const std::string endpoint = new_endpoint();
   Process server = start({"server", endpoint});
@@ -571,7 +571,7 @@ START_TEST(fork_of_a_client) {
 }
 END_TEST
 
-// A client is dead when its process is, also where a child of it lives on and holds its socket.
+// A client is dead when its process is, even if a child of it lives on and holds its socket.
 START_TEST(child_of_the_dead) {
   prctl(PR_SET_CHILD_SUBREAPER, 1);
   ServerRig rig(server_options(), thread_options());
@@ -614,7 +614,7 @@ static bool is_root() {
   return false;
 }
 static std::string bare(const std::string& endpoint) { return endpoint.substr(endpoint.find(':') + 1); }
-// What a process of the user hears when it knocks.
+// The answer to a process of this user that connects.
 static std::string answer_to(const char* user, const std::string& endpoint, Process* stays = nullptr) {
   Process client = start({"user", user, "knock", endpoint, "guest"});
   std::string line = "nothing";
@@ -626,13 +626,14 @@ static void expect_answer(const std::string& answer, const std::string& beginnin
   ck_assert_msg(answer.starts_with(beginning), "the answer is '%s', not '%s'", answer.c_str(), beginning.c_str());
 }
 
-// A server is its user's, unless it says other.
+// A server is for its own user, unless it has all_users.
 START_TEST(a_server_of_one_user) {
   if (!is_root()) return;
   ServerRig rig(server_options(), thread_options());
   expect_answer(answer_to(nobody, rig.endpoint), "FS_ERROR_NOT_FOUND: ");  // of its own
-  expect_answer(answer_to(nobody, rig.endpoint + "?user=root"), "FS_ERROR_DENIED: this server lets in its own user only");
-  // Each user has servers of the same names.
+  expect_answer(answer_to(nobody, rig.endpoint + "?user=root"),
+                "FS_ERROR_DENIED: this server lets in its own user only");
+  // Servers of different users can have the same name.
   Process theirs = start({"user", nobody, "server", rig.endpoint});
   theirs.expect("serves");
   expect_answer(answer_to(nobody, rig.endpoint), "FS_OK");
@@ -669,11 +670,11 @@ START_TEST(a_server_of_all_users) {
     ck_assert_int_eq(next.wait(), 0);
   }
   const Scene own = rig.join("root");
-  // The name is taken for all users, but not the name of a server for one.
+  // The name of an all_users server is taken for all users, but not that of a server for one user.
   Process other = start({"user", nobody, "server", rig.endpoint});
   other.expect("serves");
 
-  // And the other way round: root and others at the server of a user.
+  // And the other way round: root and others connect to the server of a user.
   const std::string endpoint = new_endpoint();
   Process theirs = start({"user", nobody, "server", endpoint, "all_users"});
   theirs.expect("serves");
@@ -688,7 +689,7 @@ START_TEST(a_server_of_all_users) {
 }
 END_TEST
 
-// Somebody else listens where a server of this user is looked for: it is told by who it is, and nothing is said to it.
+// Another user listens where a server of this user is expected: the client notices by the user id, and sends nothing.
 START_TEST(somebody_squats) {
   if (!is_root()) return;
   const std::string endpoint = new_endpoint();
@@ -701,7 +702,7 @@ START_TEST(somebody_squats) {
   shared_thief.expect("squats");
   const std::string elsewhere = endpoint + "?user=" + somebody;
   EXPECT_SENTENCE(FS_ERROR_DENIED, fs_scene_connect(elsewhere.c_str(), "client", &scene), nobody);
-  // A server of this user is kept from the name as long as it is there, and not longer.
+  // The other listener keeps a server of this user from the name, but only as long as it is there.
   ServoRig rig(thread_options());
   fs_server* server = nullptr;
   EXPECT(FS_ERROR_EXISTS, fs_server_start(rig.servo.get(), endpoint.c_str(), nullptr, &server));
@@ -723,7 +724,7 @@ START_TEST(no_descriptors_at_the_client) {
 }
 END_TEST
 
-// Many clients move all they have, and each object ends where it was moved last.
+// Many clients move all their objects, and each object ends where it was moved last.
 START_TEST(a_crowd) {
   const int process_count = is_sanitized ? 3 : 8, scene_count = is_sanitized ? 3 : 8;
   const int object_count = is_sanitized ? 30 : 100;

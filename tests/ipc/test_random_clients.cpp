@@ -77,10 +77,10 @@ class Actor {
     if (random_.coin(0.02)) out.name[random_.below(sizeof out.name)] = static_cast<char>(random_.bits());
     return out;
   }
-  // One of its own, or of the server's.
+  // One of its own objects, or of the server's.
   uint64_t id() { return random_.coin(0.9) ? 1 + random_.below(ids) : of_server | random_.below(100'000); }
 
-  // A few bytes of a record are not what they were.
+  // Changes a few bytes of a record.
   template <class Record>
   Record spoiled(Record record) {
     if (random_.coin(0.1)) {
@@ -230,7 +230,7 @@ class Actor {
     if (random_.coin(0.5)) client_->reply_of(client_->serial, 1e-3);
   }
 
-  // The shape and the curve of an object, as an editor asks for them; then it gives them to an object of its own.
+  // Requests the shape and the curve of an object, as an editor does, and then uses them for an object of its own.
   void fetch() {
     const auto reply = client_->reply_of(client_->send(type_get, target()), 0.1);
     if (!reply || reply->status != FS_OK) return;
@@ -274,7 +274,7 @@ START_TEST(random_clients) {
   Rig rig(options);
   rig.others = 2 * (most_clients + 1);  // those that fade out too
   Random random(seed);
-  // Something of the server's own, that they may change. No client's limit holds there: so it is not felt.
+  // An object of the server's own scene that clients may change. It has no client's force limit, so it is not felt.
   fs_frame unfelt = fs_frame_init();
   unfelt.force_scale = 0;
   OK(fs_scene_set_frame(rig.scene(), &unfelt));

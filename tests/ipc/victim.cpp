@@ -75,7 +75,7 @@ class Victim {
 
   void connect() { scene_ = must_connect(endpoint_.c_str(), name_.c_str()); }
 
-  // The same push from something else: from far away, so that it has the same direction wherever it is moved to.
+  // The same push by another object: from far away, so that it has the same direction wherever it is moved to.
   fs_object push(int i) {
     const auto primitive = static_cast<fs_primitive>(random_.below(3));
     fs_object o = fs_object_init(("push" + std::to_string(i)).c_str(), primitive);
@@ -130,7 +130,7 @@ class Victim {
     }
   }
 
-  // Far from the hand, and no more than 1 mm of reach.
+  // Far from the hand, with a reach of at most 1 mm.
   void set_in_crowd(int i) {
     fs_object o = fs_object_init(("crowd" + std::to_string(i)).c_str(), FS_PRIMITIVE_POINT);
     o.front = attract(100, 0.1);
@@ -259,7 +259,7 @@ class Victim {
 
 #if defined(__x86_64__) && defined(__linux__)
 
-// The memory is kept from being written. Whoever tries is counted, then may go on for a single instruction.
+// The memory is write-protected. Each write is counted, and then let through for a single instruction.
 char *shared_begin, *shared_end;
 int writes, stop_before;
 constexpr greg_t single_step = 0x100;  // of the processor's flags
@@ -345,7 +345,7 @@ int be_a_writer(int count, char** arguments) {
   std::string line;
   listen(line);
   const fs_twist still{};
-  // Twice, so that the server looks for what the second one changes.
+  // Twice, so that the server looks at what the second call changes.
   require(fs_object_move(scene.get(), "a", &up, &still, FS_NOW), "fs_object_move");
   require(fs_object_move(scene.get(), "a", &down, &still, FS_NOW), "fs_object_move");
   fs_response felt{};

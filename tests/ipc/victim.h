@@ -1,11 +1,11 @@
-// A client that is going to be killed: it does one kind of thing, or anything, at random and as fast as it can.
+// A client that is going to be killed: it makes one kind of call, or any calls, at random and as fast as it can.
 #pragma once
 
 #include <forceserver/forceserver.h>
 
 namespace life {
 
-// What it does. In the middle of what each is killed is left to chance, and there are many.
+// What it does. The moment at which each is killed is chance, and there are many of them.
 inline constexpr const char* victim_works[] = {
     "connects",    // and goes, and connects
     "moves",       // its objects, one by one: mostly it is writing one in the shared memory

@@ -1,4 +1,4 @@
-// The flight record of a servo that goes on: each of its ticks, once.
+// Reads the flight record of a running servo: each of its ticks, once.
 #pragma once
 
 #include <vector>
@@ -15,14 +15,14 @@ class Watch {
     ticks_ = late_ = gaps_ = 0;
   }
 
-  // Calls f(tick, before) for the ticks since the last look, which must not be longer ago than the record is, 2 s.
-  // before: null where the record does not tell, at its beginning or when it was too long ago.
+  // Calls f(tick, before) for the ticks since the last look, which must be at most 2 s ago, the length of the record.
+  // before: null if the previous tick is not in the record, at its beginning or after a longer pause.
   template <class F>
   void look(F&& f) {
     size_t count = 0;
     OK(fs_servo_get_record(servo_, record_.data(), record_.size(), &count));
     count = std::min(count, record_.size());
-    // A machine that is too slow for the servo's thread stops it and the record, which is no client's doing.
+    // If the machine is too slow for the servo's thread, servo and record stop, which is not a client's fault.
     if (count && record_[count - 1].faults == FS_FAULT_LATE) OK(fs_servo_set_enabled(servo_, true));
     for (size_t i = 0; i < count; ++i) {
       const fs_tick& tick = record_[i];
@@ -50,8 +50,8 @@ class Watch {
   uint64_t ticks_ = 0, late_ = 0, gaps_ = 0;
 };
 
-// What must hold at every tick, whoever is connected: the force that the device gets is a number, within the limit, and
-// nothing but a machine that is too slow ever stops it.
+// What must hold at every tick, whichever clients are connected: the force that the device gets is finite and within
+// the limit, and only a machine that is too slow ever stops it.
 inline void check_tick(const fs_tick& tick, double force_limit) {
   using namespace scenes;
   const fs_vec3 force = tick.response.wrench.force, torque = tick.response.wrench.torque, sent = tick.sent.force;

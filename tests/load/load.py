@@ -1,11 +1,11 @@
 """The library can be loaded while a program runs, as plug-ins and foreign runtimes do, and a force is felt there.
 
-load.py tls LIBRARY                       its thread-local memory is small, so there is room for it in any process
+load.py tls LIBRARY                       its thread-local memory is small enough for any process
 load.py c LIBRARY INCLUDE C_COMPILER      a C program that only opens it
 load.py python LIBRARY                    Python, through ctypes
 load.py java LIBRARY INCLUDE C_COMPILER   Java, through System.load; 77 (skipped) without a JDK
 
-Python and Java look at the memory that is locked: a servo locks what its ticks touch, and gives it back.
+Python and Java also check the locked memory: a servo locks what its ticks use, and unlocks it afterwards.
 """
 import ctypes
 import os
@@ -92,7 +92,7 @@ def in_python(library):
     end = time.monotonic() + 60
     while not sent[2] > 1 and time.monotonic() < end:
         time.sleep(0.01)
-        fs.fs_servo_set_enabled(servo, ctypes.c_bool(True))  # a machine that is too slow stops the force: once more
+        fs.fs_servo_set_enabled(servo, ctypes.c_bool(True))  # a machine that is too slow stops the force
         fs.fs_scene_get_hand(scene, None, None, ctypes.byref(sent))
     during = locked()
     fs.fs_servo_stop(servo)

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# program.sh PROGRAM SCENE LOSING_DRIVER: the command line of forceserver, as a user has it.
+# program.sh PROGRAM SCENE LOSING_DRIVER: tests the command line of forceserver as a user sees it.
 set -uo pipefail
 program=$1 scene=$2 losing_driver=$3
 folder=$(mktemp -d)
@@ -7,7 +7,8 @@ trap 'rm -rf "$folder"' EXIT
 cd "$folder" || exit 1
 failures=0
 
-# expect STATUS PATTERN COMMAND...: its exit status, and a regular expression in what it prints on both streams.
+# expect STATUS PATTERN COMMAND...: the command must end with this exit status, and its output on both streams must
+# match this regular expression.
 expect() {
   local wanted=$1 pattern=$2 status
   shift 2
@@ -25,7 +26,7 @@ expect 0 '^forceserver [0-9]+\.[0-9]+\.[0-9]+$' "$program" --version
 expect 0 'examples:' "$program" run --help
 expect 0 'Exit status' "$program" --help
 
-# devices: what each is and can; the hands and paths of the simulator in the help.
+# devices: the properties of each device; the hands and paths of the simulator in the help.
 expect 0 '^sim:  simulated FIDEL$' "$program" devices
 expect 0 '^    workspace   a cylinder about z: 150 mm in radius, 200 mm high, .* 20 degrees each way$' "$program" devices
 expect 0 '^    force       along x, y, z, at most 25 N$' "$program" devices
@@ -52,7 +53,7 @@ expect 2 "^forceserver: there is no command 'wacth'; did you mean watch\? There 
 expect 2 "^forceserver: there is no command 'nonsense'; there are: run, " "$program" nonsense
 expect 2 '^forceserver: .*duration' "$program" run --duration -1
 
-# What is not known is named, not the value behind it, and what was meant: of every command alike.
+# For every command the message names the unknown option, not its value, and the option that may have been meant.
 expect 2 '^forceserver: run has no option --nonsense; see: forceserver run --help$' "$program" run --nonsense
 expect 2 '^forceserver: run has no option --duraton; did you mean --duration\?$' "$program" run --duraton 1
 expect 2 '^forceserver: run has no option --duraton; did you mean --duration\?$' "$program" run "$scene" --duraton=1
@@ -95,7 +96,7 @@ if [ $status != 0 ] || ! grep -q '^faults: none' ended; then
   sed 's/^/    /' ended
   failures=$((failures + 1))
 fi
-# Before anything is felt, a signal ends it at once: here it waits for a reader of its record.
+# Before the servo starts, a signal ends the program at once: here it waits for a reader of its record.
 mkfifo pipe
 for signal in INT TERM; do
   timeout --signal=$signal --kill-after=9 1 "$program" run --record pipe
@@ -134,7 +135,7 @@ expect 2 'no-points' "$program" evaluate --scene "$scene" no-points
 [ ! -w /dev/full ] || "$program" evaluate --scene "$scene" many 2> output > /dev/full
 grep -q 'cannot write the forces' output || { echo "FAILED: a full disk is not noticed"; failures=$((failures + 1)); }
 
-# check: what is fine, what is odd, what cannot be read.
+# check: scenes that are fine, scenes that are odd, files that cannot be read.
 expect 0 '^nothing odd$' "$program" check "$scene"
 cat > odd.json << 'END'
 {"forceserver": "scene", "version": 1, "objects": [
@@ -151,15 +152,15 @@ expect 1 'mute: it has no profile' "$program" check odd.json
 expect 1 'off: it is disabled' "$program" check odd.json
 expect 1 'far: the hand cannot get near' "$program" check odd.json
 expect 1 'strong: its limit of 1000 N' "$program" check odd.json
-expect 1 'off: its force reverses across its point: 2 N over nothing$' "$program" check odd.json
-expect 1 'strong: its force reverses across its point: 2 N over nothing$' "$program" check odd.json
+expect 1 'off: its force reverses across its point: a jump of 2 N$' "$program" check odd.json
+expect 1 'strong: its force reverses across its point: a jump of 2 N$' "$program" check odd.json
 cat > honey.json << 'END'
 {"forceserver": "scene", "version": 1, "objects": [{"name": "honey", "primitive": "point", "damping": 20,
   "front": {"kind": "constant", "sense": "attractive", "gain": 1e-6, "limit": 5, "reach": 0.03}}]}
 END
 expect 0 '^nothing odd$' "$program" check honey.json
 printf 'v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n' > solid.obj
-# Each thing that jumps, and where; what does not is fine. What the hand cannot reach does not count.
+# Each kind of jump is reported with its place; a force without a jump is fine. A jump out of reach does not count.
 scene_of() {  # OBJECT: what is in its braces
   echo '{"forceserver": "scene", "version": 1,
     "shapes": {"bent": {"points": [[-0.05, 0, 0], [0, 0.03, 0], [0.05, 0, 0]]},
@@ -177,20 +178,20 @@ fine() {  # OBJECT
   expect 0 '^nothing odd$' "$program" check one.json
 }
 spring='"kind": "linear_increasing", "gain": 150, "limit": 2'
-odd 'its force reverses across its point: 7\.[0-9]+ N over nothing$' \
+odd 'its force reverses across its point: a jump of 7\.[0-9]+ N$' \
   '"primitive": "point", "front": {"kind": "custom", "gain": 1, "limit": 5, "sense": "repulsive", "curve": "pulse"}'
-odd 'its force reverses across its line: 3 N over nothing$' \
+odd 'its force reverses across its line: a jump of 3 N$' \
   '"primitive": "polyline", "shape": "straight", "front": {"kind": "gaussian", "gain": 1.5, "width": 0.01, "limit": 2}'
-odd 'its force changes its direction where two of its parts are equally near: by up to 4 N over nothing$' \
+odd 'its force changes its direction where two of its parts are equally near: a jump of up to 4 N$' \
   '"primitive": "polyline", "shape": "bent", "front": {'"$spring"'}'
-odd 'its force ends at its reach of 10 mm: 1.5 N over nothing$' \
+odd 'its force ends at its reach of 10 mm: a jump of 1.5 N$' \
   '"primitive": "point", "front": {"reach": 0.01, '"$spring"'}'
-odd 'its force behind ends at its reach of 10 mm: 1.5 N over nothing$' \
+odd 'its force behind ends at its reach of 10 mm: a jump of 1.5 N$' \
   '"primitive": "plane", "back": {"reach": 0.01, '"$spring"'}'
-odd 'its force jumps at its surface, where front and back do not agree: 1 N over nothing$' \
+odd 'its force jumps at its surface, where front and back do not agree: a jump of 1 N$' \
   '"primitive": "plane", "front": {"kind": "constant", "gain": 1, "limit": 2, "sense": "repulsive"}'
 scene_of '"primitive": "mesh", "shape": "part", "back": {'"$spring"'}'
-expect 0 '^  note: x: where another of its faces becomes the nearest, .* by up to 4 N' "$program" check one.json
+expect 0 '^  note: x: where another of its faces becomes the nearest, .* a jump of up to 4 N' "$program" check one.json
 fine '"primitive": "mesh", "shape": "part", "back": {'"$spring"'}'
 fine '"primitive": "point", "front": {'"$spring"'}'
 fine '"primitive": "polyline", "shape": "straight", "front": {'"$spring"'}'
@@ -199,7 +200,7 @@ fine '"primitive": "plane", "front": {"kind": "constant", "gain": 1, "limit": 1,
       "back": {"kind": "constant", "gain": 1, "limit": 1}'
 fine '"primitive": "plane", "pose": {"position": [0, 0, -9]},
       "front": {"kind": "constant", "gain": 1, "limit": 1, "sense": "repulsive"}'
-# Of four planes with one profile one is a wall. Two attractive sides hold the hand in the plane.
+# Of the four planes with one profile, one is a wall. Two attractive sides hold the hand in the plane.
 fine '"primitive": "plane", "back": {'"$spring"'}'
 fine '"primitive": "plane", "front": {'"$spring"'}, "back": {'"$spring"'}'
 fine '"primitive": "plane", "front": {"kind": "constant", "gain": 2, "limit": 2},
@@ -208,7 +209,7 @@ fine '"primitive": "mesh", "shape": "part", "front": {'"$spring"'}'  # a room
 fine '"primitive": "plane", "front": {"kind": "constant", "gain": 1, "limit": 1},
       "back": {"kind": "constant", "gain": 1, "limit": 1, "sense": "repulsive"}'  # gravity
 odd 'it pulls the hand towards it from everywhere in front' '"primitive": "plane", "front": {'"$spring"'}'
-odd 'it pushes the hand away in front, the harder' '"primitive": "plane", "front": {"sense": "repulsive", '"$spring"'}'
+odd 'it pushes the hand away in front, harder' '"primitive": "plane", "front": {"sense": "repulsive", '"$spring"'}'
 odd 'its back drives the hand deeper' '"primitive": "plane", "back": {"sense": "repulsive", '"$spring"'}'
 expect 0 'closed mesh of 4 triangles and 4 points' "$program" check solid.obj
 sed '$d' solid.obj > open.obj
@@ -218,7 +219,7 @@ expect 2 '^forceserver: ' "$program" check no-such.stl
 echo '{"forceserver": 1' > broken.json
 expect 2 '^forceserver: .*broken\.json' "$program" check broken.json
 
-# run --listen, clients and watch: a server, who looks on, and how all of them end.
+# run --listen, clients and watch: a server, the programs that show its state, and how all of them end.
 fail() {
   echo "FAILED: $*"
   failures=$((failures + 1))
@@ -304,7 +305,7 @@ ended $watcher 1 "watch whose server has gone"
 grep -q "the server at shm:$name has gone" watched || fail "watch does not say that the server has gone"
 grep -q '^faults: none' served || fail "run with a client ended without a summary"
 
-# A hand that is too fast after a second, and an object that is over by then.
+# A hand that is too fast after a second, and an object whose lifetime is over by then.
 printf '0 0 0 0\n1 0 0 0\n1.01 0.5 0 0\n' > jump
 echo '{"forceserver": "scene", "version": 1, "objects": [{"name": "brief", "primitive": "point", "lifetime": 0.3,
   "front": {"kind": "constant", "sense": "attractive", "gain": 1, "limit": 1}}]}' > brief.json

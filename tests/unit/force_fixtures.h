@@ -57,7 +57,7 @@ inline Mesh turned(Mesh mesh, Quat by) {
   return mesh;
 }
 
-// Every triangle with its own three points, as an STL file has them.
+// A mesh in which every triangle has its own three points, as in an STL file.
 inline Mesh soup(const Mesh& mesh) {
   Mesh out;
   for (const uint32_t i : mesh.triangles) {
@@ -133,7 +133,7 @@ inline Mesh blade(double height) {
   return m;
 }
 
-// The sentence with which `action` is refused; fails when it is not, or with another status.
+// The error sentence of `action`; fails unless `action` is refused with this status.
 template <class Action>
 std::string refusal(fs_status status, Action&& action) {
   try {

@@ -91,7 +91,7 @@ START_TEST(texts_are_cut_between_characters) {
 }
 END_TEST
 
-// Copies stay as they were; and what has changed since one of them is found, no less.
+// Copies do not change; and every change since a copy is found.
 START_TEST(table_copies_do_not_change) {
   Random random;
   {
@@ -146,7 +146,7 @@ END_TEST
 
 namespace {
 
-// A scene of one name, and a servo that ticks when it likes.
+// A scene with one name, and a servo that ticks at any time.
 struct OneName {
   explicit OneName(double the_fade) : fade(the_fade), reader(make_ref<Memory>(the_fade)), rows(output) {
     for (const fs_primitive primitive : {FS_PRIMITIVE_POINT, FS_PRIMITIVE_PLANE}) {
@@ -177,7 +177,7 @@ struct OneName {
     reader.memory->advance(front, now);
     output.used.store(front.sequence);
   }
-  // Of every version that the tick evaluates.
+  // For every version that the tick evaluates.
   std::map<uint64_t, double> weights() {
     std::map<uint64_t, double> out;
     reader.mailbox.front().snapshot->chunks.for_each([&](uint32_t number, const Chunk& chunk) {
@@ -203,8 +203,8 @@ struct OneName {
 
 }  // namespace
 
-// Whatever is called between ticks, and however late they come, no weight moves by more than time/fade; a name has three
-// rows at most; and what is wanted last is what is felt at last.
+// Whatever is called between ticks, and however late they come, no weight changes by more than time/fade; a name has at
+// most three rows; and the version that was set last is felt in the end.
 START_TEST(weights_have_no_step) {
   Random random;
   const double dt = 0.001;
@@ -375,7 +375,7 @@ START_TEST(a_fade_of_no_duration_is_at_once) {
 }
 END_TEST
 
-// What is read was written whole, and never goes back.
+// A value that is read was written as a whole, and never is an older one than before.
 START_TEST(mailbox_and_seqlock_are_never_torn) {
   struct Value {
     uint64_t a = 0, b = ~0ull;
@@ -422,7 +422,7 @@ START_TEST(mailbox_and_seqlock_are_never_torn) {
 }
 END_TEST
 
-// What was taken back is never seen, what was not is; and the reader always has something whole.
+// A value that was taken back is never seen, any other is; and the reader always has a whole value.
 START_TEST(mailbox_takes_back) {
   Mailbox<Ref<const Item>> mailbox;
   mailbox.prime(make_ref<Item>(0));
@@ -478,8 +478,8 @@ START_TEST(track_works_out_twists) {
   ck_assert_double_eq_tol(second.horizon, 0.08, 1e-12);
   ck_assert_double_eq_tol(second.at(1.06).position.x, 0.03, 1e-12);
   ck_assert_double_eq_tol(second.at(9).position.x, 0.06, 1e-12);   // at most twice 0.04 s
-  ck_assert_double_eq_tol(second.at(0.5).position.x, 0.02, 1e-12);  // never back
-  const Motion again = track.take(at(0.03), nullptr, 1.0405);       // replaces the one at 1.04
+  ck_assert_double_eq_tol(second.at(0.5).position.x, 0.02, 1e-12);  // it does not extrapolate backwards
+  const Motion again = track.take(at(0.03), nullptr, 1.0405);       // this replaces the one at 1.04
   ck_assert_double_eq_tol(again.twist.linear.x, 0.03 / 0.0405, 1e-12);
   const Motion older = track.take(at(0.04), nullptr, 1.01);
   ck_assert_double_eq(older.horizon, 0);

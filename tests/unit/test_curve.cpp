@@ -105,7 +105,7 @@ START_TEST(table_refusals) {
 }
 END_TEST
 
-// Against many samples: never too low, and near them; also where a limit cuts it off.
+// Compared with many samples the slope is never too low, and near them; even if a limit cuts the curve off.
 START_TEST(table_knows_its_steepest_slope) {
   Random random(6);
   for (int i = 0; i < 400; ++i) {
@@ -180,7 +180,7 @@ START_TEST(expression_values) {
   ck_assert(curve->table() == nullptr);
   ck_assert_double_eq(curve->evaluate(nullptr, 1, 0).force, 0);  // without a parser
   std::vector<std::unique_ptr<Curve::Parser>> parsers;
-  for (int i = 0; i < 100; ++i) {  // as many as are wanted
+  for (int i = 0; i < 100; ++i) {  // any number of parsers
     parsers.push_back(curve->make_parser());
     ck_assert_double_eq(curve->evaluate(parsers.back().get(), 1, 0).force, 3);
   }
@@ -259,13 +259,13 @@ START_TEST(refusals_say_what_is_meant) {
       {"1+sin", "column 3 of the expression, at 'sin': ", "it is a function: write sin(...)"},
       {"d**2", "column 3 of the expression, at '*': ", "(write a^b)"},
       {"d and t", "column 3 of the expression, at 'and': ", "(write a && b)"},
-      {"d % 2", "column 3 of the expression, at '%': ", "no operator"},
+      {"d % 2", "column 3 of the expression, at '%': ", "not an operator"},
       {"3*(1+sin(12*t)", "column 3 of the expression, at '(': ", "not closed"},
       {"sqrt(d", "column 5 of the expression, at '(': ", "not closed"},
       {"sin(d))", "column 7 of the expression, at ')': ", "one too many"},
       {"2*(3+)", "column 6 of the expression, at ')': ", "a value is missing"},
-      {"3*  ", "column 2 of the expression, at '*': ", "a value is missing behind it"},
-      {"d && ", "column 4 of the expression, at '&': ", "a value is missing behind it"},
+      {"3*  ", "column 2 of the expression, at '*': ", "a value is missing after it"},
+      {"d && ", "column 4 of the expression, at '&': ", "a value is missing after it"},
       {"^d", "column 1 of the expression, at '^': ", "a value is missing before it"},
       {"1+sin(1,2)*3", "column 3 of the expression, at 'sin': ", "too many arguments"},
       {"1+min()+3", "column 3 of the expression, at 'min': ", "too few arguments"},

@@ -1,4 +1,4 @@
-// Rows in lanes, and which row an object gets.
+// Evaluation of several rows at a time, and the choice of the row for an object.
 #include <cmath>
 #include <cstring>
 #include <set>
@@ -50,7 +50,7 @@ struct Points {
 
 }  // namespace
 
-// Both widths give the same bits, and what they give is what one row after the other gives.
+// Both vector widths give the same bits, and these are the forces of the rows one after the other.
 START_TEST(lanes_agree) {
   Random random(1);
   double worst = 0;
@@ -103,11 +103,11 @@ START_TEST(lanes_agree) {
     }
     ck_assert_uint_eq(felt[1], felt_alone);
   }
-  ck_assert_double_gt(worst, 0);  // they are worked out differently
+  ck_assert_double_gt(worst, 0);  // the two are computed in different ways
 }
 END_TEST
 
-// A row is never given twice, chunks are full enough, and what was released is used again.
+// A row is never given to two objects, chunks are full enough, and released rows are used again.
 START_TEST(rows_are_given_among_neighbours) {
   Random random(2);
   for (int way = 0; way < 5; ++way) {

@@ -72,7 +72,7 @@ double reference_distance(const Mesh& m, Vec3 x) {
   return static_cast<double>(std::sqrt(static_cast<long double>(least)));
 }
 
-// All triangles in their order by the library's own test: the tree must give the same bits and index.
+// All triangles in order with the library's own distance function: the tree must give the same bits and index.
 std::pair<double, uint32_t> all_in_order(const Mesh& m, Vec3 x) {
   double least = infinity;
   uint32_t index = 0;
@@ -102,7 +102,7 @@ void check_hit(const Closest& hit, Vec3 x, double scale) {
   ck_assert_double_eq_tol(norm(hit.tangent), hit.feature == Feature::edge ? 1 : 0, 1e-12);
   ck_assert(hit.distance > 0 || hit.side == Side::front);
   if (hit.distance > 1e-3 * scale) {
-    // The point, distance and direction belong together.
+    // Point, distance and direction agree with each other.
     const Vec3 back = hit.point + hit.distance * hit.direction;
     ck_assert_double_le(norm(back - x), 1e-9 * scale + 8 * epsilon * largest_coordinate(x));
   }
@@ -233,7 +233,7 @@ START_TEST(takes_bad_meshes) {
 END_TEST
 
 START_TEST(ties_go_to_the_lowest_index) {
-  // The centre of a sphere, with each triangle again further on; a vertex shared by all; copies of one triangle.
+  // The centre of a sphere whose triangles occur twice; a vertex that all triangles share; copies of one triangle.
   Mesh m = sphere(1, 3);
   const std::vector<uint32_t> once = m.triangles;
   m.repeat(m.count());
@@ -395,7 +395,7 @@ START_TEST(sides_with_degenerate_and_duplicate_triangles) {
 END_TEST
 
 START_TEST(sheet_of_two_faces) {
-  // Its normals cancel: the first triangle decides.
+  // Its normals cancel, so the first triangle decides.
   Mesh m;
   m.points = {{0, 0, 0}, {0, 1, 0}, {0, 0, 1}};
   m.triangles = {0, 1, 2, 0, 2, 1};
@@ -412,7 +412,7 @@ START_TEST(sheet_of_two_faces) {
 }
 END_TEST
 
-// What lets the tree do without a margin for rounding.
+// The property by which the tree needs no margin for rounding.
 START_TEST(closest_point_stays_in_the_box) {
   Random random(81);
   for (int i = 0; i < 100000; ++i) {

@@ -80,7 +80,8 @@ std::string text_of(double value) {
   return std::string(buffer, std::to_chars(buffer, buffer + sizeof buffer, value).ptr);
 }
 
-// A mesh with a vertex of every awkward kind, a degenerate triangle, one twice, and three at an edge.
+// A mesh with vertices of every awkward kind, a degenerate triangle, a repeated triangle, and an edge of three
+// triangles.
 MeshData awkward_mesh() {
   return {{{4100000.98765, -0.0, 5e-324}, {0.1, 1.0 / 3, 1e15}, {1, 0, -2.5e-7}, {-1e-300, 123456789.123456789, 7}},
           {0, 1, 2, 0, 1, 2, 0, 1, 3, 1, 0, 3, 2, 2, 2, 3, 3, 0}};
@@ -368,8 +369,8 @@ std::vector<Hostile> hostile_files() {
       {parse_ply, ply("element vertex 1 2\n", ""), {"line 3", "\"2\""}},
       {parse_ply, ply("element vertex 1\nproperty quaternion x\n", ""), {"line 4", "quaternion"}},
       {parse_ply, ply("element vertex 1\nproperty float\n", ""), {"line 4", "no name"}},
-      {parse_ply, ply("element vertex 1\nproperty float x\nproperty float x\n", ""), {"line 5", "x is there twice"}},
-      {parse_ply, ply("element vertex 1\nelement vertex 1\n", ""), {"line 4", "\"vertex\" is there twice"}},
+      {parse_ply, ply("element vertex 1\nproperty float x\nproperty float x\n", ""), {"line 5", "x is given twice"}},
+      {parse_ply, ply("element vertex 1\nelement vertex 1\n", ""), {"line 4", "\"vertex\" is given twice"}},
       {parse_ply, ply("element vertex 1\nproperty float x\nproperty float y\n", "0 0\n"), {"no x, y or z"}},
       {parse_ply, ply("element face 1\nproperty list float int vertex_indices\n", ""), {"line 4", "integer type"}},
       {parse_ply, ply("element face 1\nproperty list uchar float vertex_indices\n", ""), {"line 4", "integer type"}},
@@ -385,12 +386,12 @@ std::vector<Hostile> hostile_files() {
       {parse_ply, ply_head("ascii", "1", "1") + "0 0 0\n-3 0 0 0\n", {"line 11", "-3"}},
       {parse_ply, ply_head("ascii", "1", "1") + "0 0 0\n4000000000 0 0\n", {"line 11", "4000000000", "do not hold"}},
       {parse_ply, ply_head("ascii", "1", "1") + "0 nan 0\n3 0 0 0\n", {"line 10", "y is \"nan\""}},
-      {parse_ply, ply_head("ascii", "1", "1") + "0 0 0\n3 0 0 0\n7\n", {"line 12", "\"7\"", "behind the last"}},
+      {parse_ply, ply_head("ascii", "1", "1") + "0 0 0\n3 0 0 0\n7\n", {"line 12", "\"7\"", "follows the last"}},
       {parse_ply, ply_head("binary_little_endian", "4000000000", "4000000000") + "1234", {"4000000000", "4 bytes"}},
       {parse_ply, binary.substr(0, binary.size() - 1), {"count of a list is 3", "11 bytes", "byte"}},
       {parse_ply, binary.substr(0, binary.size() - 13), {kept[3].c_str(), "ends before"}},
       {parse_ply, binary.substr(0, binary.size() - 50), {"do not hold"}},
-      {parse_ply, binary + "x", {kept[2].c_str(), "1 bytes stand behind"}},
+      {parse_ply, binary + "x", {kept[2].c_str(), "1 bytes follow"}},
       {parse_ply, infinite, {kept[0].c_str(), "y is inf"}},
       {parse_ply, outside, {kept[1].c_str(), "is 4", "0..3"}},
       {parse_stl, "", {"byte 0", "ends"}},
@@ -433,8 +434,8 @@ START_TEST(hostile_files_are_refused_with_their_reason)
 }
 END_TEST
 
-// Files one change away from good ones: refused or read, never a crash, never an index out of range or a number that is
-// not finite.
+// Files that differ by one change from good ones are refused or read: never a crash, an index out of range or a number
+// that is not finite.
 START_TEST(damaged_files_never_crash)
 {
   const MeshData mesh = awkward_mesh();
@@ -477,7 +478,7 @@ START_TEST(damaged_files_never_crash)
 }
 END_TEST
 
-// Of what a file may have any number: time that grows with its square would not end within the test's 60 s.
+// Large numbers of each thing that a file can repeat: with quadratic time the test would not end within its 60 s.
 START_TEST(large_headers_are_read_in_reasonable_time)
 {
   std::string elements, properties, line;
@@ -549,7 +550,8 @@ START_TEST(files_that_are_none)
   check(directory / "socket.ply", FS_ERROR_IO, "is a socket, must be a file");
   close(end);
   write_text(directory / "large.ply", "");
-  std::filesystem::resize_file(directory / "large.ply", (uint64_t{1} << 36) + 1);  // it takes no room on the disk
+  // a sparse file, which takes no room on the disk
+  std::filesystem::resize_file(directory / "large.ply", (uint64_t{1} << 36) + 1);
   check(directory / "large.ply", FS_ERROR_IO, "has 68719476737 bytes, must have at most 68719476736");
   check(directory.path + "/" + std::string(300, 'a') + ".ply", FS_ERROR_IO, "too long");
   if (geteuid() != 0) {  // root may read everything

@@ -84,8 +84,8 @@ void check_joined(const std::vector<uint32_t>& triangles, size_t n, const char* 
   }
 }
 
-// Of a simple polygon (maybe with corners that are flat or there twice): all triangles face the way it does, and their
-// areas add to its area. tolerance: of the coordinates, m.
+// For a simple polygon, perhaps with flat or repeated corners: all triangles face the way it does, and their areas add
+// to its area. tolerance: of the coordinates, m.
 void check_covers(const Outline& points, const char* what, double tolerance = 0) {
   const std::vector<uint32_t> triangles = cut(points);
   check_joined(triangles, points.size(), what);
@@ -334,7 +334,7 @@ START_TEST(any_outline_ends_well)
       if (round % 3 == 0) p.z = 0;
     }
     check(points, "tangle");
-    // What it is when signs count: the vectors of the areas add whatever the triangles are.
+    // For outlines that cross themselves: the sum of the area vectors is the same for any triangles.
     const std::vector<uint32_t> triangles = cut(points);
     Vec3 sum{};
     for (size_t i = 0; i < triangles.size(); i += 3) sum += doubled_area(points, triangles.data() + i);
@@ -357,7 +357,7 @@ START_TEST(any_outline_ends_well)
 }
 END_TEST
 
-// Fewer where a sanitizer makes each step slow.
+// Fewer with a sanitizer, which makes each step slow.
 #ifdef __SANITIZE_ADDRESS__
 static constexpr size_t many = 3000;
 #else

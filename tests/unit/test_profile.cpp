@@ -158,7 +158,7 @@ START_TEST(nothing_beyond_the_support) {
     for (const double d : {std::fmax(0, std::nextafter(s, infinity)), further}) {
       ck_assert_double_eq(evaluate(p, 0, d, 0).force, 0);
     }
-    // And it is no larger than it must be.
+    // The bound is not larger than necessary, either.
     const bool ends_there = p.kind == FS_PROFILE_CONSTANT || p.kind == FS_PROFILE_LINEAR_DECREASING ||
                             (p.kind == FS_PROFILE_INVERSE && !(p.offset < 0 && p.reach > 0));
     if (s > 0 && ends_there) {
@@ -198,7 +198,7 @@ START_TEST(steepest_slope_is_the_steepest) {
     const bool jumps = p.reach > 0 && evaluate(p, 0, p.reach, 0).force > 0;
     ck_assert((steepest == infinity) == jumps);
     if (jumps) continue;
-    // The largest over many distances is never above it and comes near it.
+    // The largest slope over many distances is never above the bound and comes near it.
     double largest = 0;
     for (int k = 0; k < 4000; ++k) {
       largest = std::fmax(largest, std::fabs(evaluate(p, 0, 1e-6 * std::exp(k * 6e-3), 0).slope));
@@ -230,7 +230,7 @@ START_TEST(steepest_slope_is_the_steepest) {
 }
 END_TEST
 
-// Whoever sets a profile again and again, with another gain each time, makes nobody wait: the curve is not evaluated.
+// Setting a profile again and again, with another gain each time, delays no other thread: the curve is not evaluated.
 class CountingCurve final : public Curve {
  public:
   std::unique_ptr<Parser> make_parser() const override {
@@ -260,7 +260,7 @@ START_TEST(an_object_with_a_curve_does_not_evaluate_it) {
   for (int i = 0; i < 10; ++i) {
     object.front.gain += 0.1;
     before = parse_object(object, before.get()).object;
-    ck_assert_double_eq(before->steepest_slope, infinity);  // a point turns over
+    ck_assert_double_eq(before->steepest_slope, infinity);  // the force reverses across a point
     ck_assert_double_eq(steepest_slope(before->law.front), object.front.gain);
   }
   ck_assert_int_eq(curve->evaluations, 0);
@@ -327,7 +327,7 @@ START_TEST(refusals) {
   p.sense = FS_SENSE_REPULSIVE;
   parse_profile(p, "front");
 
-  // A good one comes back as it was, and holds its curve.
+  // A valid profile comes back unchanged, and keeps its curve.
   p = profile(FS_PROFILE_CUSTOM, 2, 0, 10, 0.5);
   p.curve = const_cast<fs_curve*>(curve.get());
   const Profile parsed = parse_profile(p, "front");

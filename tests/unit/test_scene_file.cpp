@@ -115,7 +115,7 @@ Ref<const Shape> random_shape(Random& random, fs_primitive primitive) {
   return make_mesh(points.data(), points.size(), triangles.data(), triangles.size() / 3);
 }
 
-// Whatever fs_object_set takes, and what the schema says so.
+// Anything that fs_object_set accepts and that the schema allows.
 SceneDescription random_scene(uint64_t seed) {
   Random random(seed);
   SceneDescription scene = empty_scene();
@@ -197,7 +197,7 @@ void check_equal(const SceneDescription& a, const SceneDescription& b) {
       ck_assert_msg(same_bytes(x.shape->points, y.shape->points), "%s", x.name);
       ck_assert_msg(same_bytes(x.shape->triangles, y.shape->triangles), "%s", x.name);
     }
-    for (size_t k = 0; k < i; ++k) {  // what was shared is shared
+    for (size_t k = 0; k < i; ++k) {  // shared handles are shared again
       ck_assert((x.shape == a.objects[k].shape) == (y.shape == b.objects[k].shape));
       ck_assert((x.front.curve == a.objects[k].front.curve) == (y.front.curve == b.objects[k].front.curve));
       ck_assert((x.front.curve == a.objects[k].back.curve) == (y.front.curve == b.objects[k].back.curve));
@@ -287,7 +287,7 @@ START_TEST(defaults_are_left_out)
       "}\n";
   const std::string written = read_whole_file(directory / "a.json");
   ck_assert_str_eq(written.c_str(), expected.c_str());
-  // And what a file leaves out has its default.
+  // A field that the file leaves out has its default.
   const SceneDescription back = parse_scene(R"({"forceserver": "scene", "version": 1,
                                                 "objects": [{"name": "x", "primitive": "plane"}]})", "a.json", 0);
   SceneDescription defaults = empty_scene();
@@ -419,22 +419,22 @@ std::vector<Hostile> hostile_files() {
       {scene_text("\"tool\": [[1e999, 0, 0]]"), {"line 3, column 16", "1e999"}},
       {"{\"version\": 1}", {"\"forceserver\" is missing"}},
       {"{\"forceserver\": 7, \"version\": 1}", {"\"forceserver\" is 7", "a string"}},
-      {"{\"forceserver\": \"rover\", \"version\": 1}", {"\"rover\"", "no scene file"}},
+      {"{\"forceserver\": \"rover\", \"version\": 1}", {"\"rover\"", "not a scene file"}},
       {"{\"forceserver\": \"scene\"}", {"\"version\" is missing"}},
       {"{\"forceserver\": \"scene\", \"version\": 0}", {"\"version\" is 0"}},
       {"{\"forceserver\": \"scene\", \"version\": -1}", {"\"version\" is -1"}},
       {"{\"forceserver\": \"scene\", \"version\": 1.0}", {"\"version\" is 1.0", "integer"}},
       {"{\"forceserver\": \"scene\", \"version\": 2, \"new\": 1}", {"\"version\" is 2", "1..1"}, FS_ERROR_VERSION},
-      {scene_text("\"colour\": 1"), {"the key \"colour\" is not known"}},
-      {scene_text("\"tool\": [],\n\"tool\": []"), {"line 4, column 6", "\"tool\" is there twice"}},
-      {object_text(", \"front\": {\"gain\": 1, \"gain\": 2}"), {"line 3", "\"gain\" is there twice"}},
+      {scene_text("\"colour\": 1"), {"the key \"colour\" is unknown"}},
+      {scene_text("\"tool\": [],\n\"tool\": []"), {"line 4, column 6", "\"tool\" is given twice"}},
+      {object_text(", \"front\": {\"gain\": 1, \"gain\": 2}"), {"line 3", "\"gain\" is given twice"}},
       {scene_text("\"tool\": []"), {"\"tool\" has 0 points", "1..32"}},
       {scene_text("\"tool\": [[0, 0]]"), {"\"tool\" is [0, 0]", "three numbers"}},
       {scene_text("\"tool\": [[0, 0, null]]"), {"\"tool\" is null", "a number"}},
       {scene_text("\"tool\": 7"), {"\"tool\" is 7", "list of points"}},
       {scene_text("\"frame\": []"), {"frame", "must be an object"}},
       {scene_text("\"frame\": {\"scale\": \"big\"}"), {"a.json, frame", "\"scale\" is \"big\"", "a number"}},
-      {scene_text("\"frame\": {\"size\": 1}"), {"a.json, frame", "\"size\" is not known"}},
+      {scene_text("\"frame\": {\"size\": 1}"), {"a.json, frame", "\"size\" is unknown"}},
       {scene_text("\"objects\": {}"), {"\"objects\" is {}", "a list"}},
       {scene_text("\"objects\": [7]"), {"objects[0]", "is 7", "an object"}},
       {scene_text("\"objects\": [{}]"), {"objects[0]", "\"name\" is missing"}},
@@ -448,22 +448,22 @@ std::vector<Hostile> hostile_files() {
        {"object 'a'", "another object"}},
       {scene_text("\"objects\": [{\"name\": \"a\", \"primitive\": \"ball\"}]"),
        {"object 'a'", "\"primitive\" is \"ball\"", "\"mesh\""}},
-      {object_text(", \"colour\": 1"), {"object 'wall'", "\"colour\" is not known"}},
-      {object_text(", \"time\": 1"), {"object 'wall'", "\"time\" is not known"}},
+      {object_text(", \"colour\": 1"), {"object 'wall'", "\"colour\" is unknown"}},
+      {object_text(", \"time\": 1"), {"object 'wall'", "\"time\" is unknown"}},
       {object_text(", \"front\": {\"kind\": \"strong\"}"), {"object 'wall', front", "\"strong\"", "\"gaussian\""}},
       {object_text(", \"front\": {\"kind\": 1}"), {"object 'wall', front", "\"kind\" is 1", "\"gaussian\""}},
       {object_text(", \"front\": {\"sense\": \"pull\"}"), {"object 'wall', front", "\"pull\"", "\"repulsive\""}},
       {object_text(", \"back\": {\"gain\": true}"), {"object 'wall', back", "\"gain\" is true", "a number"}},
-      {object_text(", \"back\": {\"gains\": 1}"), {"object 'wall', back", "\"gains\" is not known"}},
+      {object_text(", \"back\": {\"gains\": 1}"), {"object 'wall', back", "\"gains\" is unknown"}},
       {object_text(", \"front\": {\"curve\": \"d\"}"), {"object 'wall', front", "\"d\"", "a key of \"curves\""}},
       {object_text(", \"front\": {\"curve\": {}}"), {"object 'wall', front", "\"curve\" is {}", "a string"}},
       {object_text(", \"shape\": \"q\""), {"object 'wall'", "\"q\"", "a key of \"shapes\""}},
       {object_text(", \"contact\": {\"keep\": \"both\"}"), {"object 'wall', contact", "\"both\"", "\"either\""}},
-      {object_text(", \"contact\": {\"reserved\": 0}"), {"object 'wall', contact", "\"reserved\" is not known"}},
+      {object_text(", \"contact\": {\"reserved\": 0}"), {"object 'wall', contact", "\"reserved\" is unknown"}},
       {object_text(", \"pose\": {\"position\": [0, 0, \"up\"]}"), {"object 'wall', pose", "\"position\"", "\"up\""}},
       {object_text(", \"pose\": {\"orientation\": [0, 0, 0]}"), {"object 'wall', pose", "four numbers"}},
       {object_text(", \"pose\": null"), {"object 'wall', pose", "null", "an object"}},
-      {object_text(", \"twist\": {\"x\": 0}"), {"object 'wall', twist", "\"x\" is not known"}},
+      {object_text(", \"twist\": {\"x\": 0}"), {"object 'wall', twist", "\"x\" is unknown"}},
       {object_text(", \"age\": 1, \"start\": 1"), {"object 'wall'", "both \"start\" and \"age\""}},
       {object_text(", \"age\": \"inf\""), {"object 'wall'", "\"age\" is \"inf\", must be a number"}},
       {object_text(", \"age\": null"), {"object 'wall'", "\"age\" is null"}},
@@ -476,9 +476,9 @@ std::vector<Hostile> hostile_files() {
       {shape_text("{}"), {"shape \"p\"", "\"points\" is missing"}},
       {shape_text("{\"points\": [[0, 0, 0]]}"), {"shape \"p\"", "2"}},
       {shape_text("{\"points\": [[0, 0, 0], [0, 0, \"nan\"]]}"), {"shape \"p\"", "nan"}},
-      {shape_text("{\"points\": [[0, 0, 0], [1, 0, 0]], \"scale\": 2}"), {"shape \"p\"", "\"scale\" is not known"}},
+      {shape_text("{\"points\": [[0, 0, 0], [1, 0, 0]], \"scale\": 2}"), {"shape \"p\"", "\"scale\" is unknown"}},
       {shape_text("{\"points\": [[0, 0, 0], [1, 0, 0]], \"closed\": 1}"), {"shape \"p\"", "\"closed\" is 1"}},
-      {shape_text("{\"file\": \"x.ply\", \"points\": []}"), {"shape \"p\"", "\"points\" is not known"}},
+      {shape_text("{\"file\": \"x.ply\", \"points\": []}"), {"shape \"p\"", "\"points\" is unknown"}},
       {shape_text("{\"file\": \"/etc/passwd\"}"), {"shape \"p\"", "/etc/passwd", "relative"}},
       {shape_text("{\"file\": \"../x.ply\"}"), {"shape \"p\"", "relative"}},
       {shape_text("{\"file\": \"a/../../x.ply\"}"), {"shape \"p\"", "relative"}},
@@ -495,7 +495,7 @@ std::vector<Hostile> hostile_files() {
       {curve_text("{\"step\": 1, \"table\": [1, \"2\"]}"), {"curve \"c\"", "\"table\" is \"2\""}},
       {curve_text("{\"step\": 1, \"table\": 7}"), {"curve \"c\"", "\"table\" is 7"}},
       {curve_text("{\"expression\": 7}"), {"curve \"c\"", "\"expression\" is 7"}},
-      {curve_text("{\"expression\": \"1\", \"step\": 7}"), {"curve \"c\"", "\"step\" is not known"}},
+      {curve_text("{\"expression\": \"1\", \"step\": 7}"), {"curve \"c\"", "\"step\" is unknown"}},
 #ifdef FORCESERVER_EXPRESSIONS
       {curve_text("{\"expression\": \"3*(d\"}"), {"curve \"c\"", "column"}},
 #endif
@@ -520,7 +520,7 @@ START_TEST(hostile_files_are_refused_with_their_reason)
 }
 END_TEST
 
-// Very many objects or keys: time that grows with their square would not end within the test's 60 s.
+// Very many objects or keys: with quadratic time the test would not end within its 60 s.
 START_TEST(large_files_are_read_in_reasonable_time)
 {
   std::string many = "{}";

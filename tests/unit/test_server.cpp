@@ -1,4 +1,4 @@
-// What bounds the work that one client makes for others: counted, not timed.
+// The bounds of the work that one client causes for others: counted, not timed.
 #include <atomic>
 #include <string>
 #include <thread>
@@ -19,18 +19,18 @@ START_TEST(an_allowance_is_kept_on_average) {
   size_t done = 0;
   for (int turn = 0; turn < 1000; ++turn) {
     if (!allowance.begin_turn()) continue;
-    allowance.spend(1650);  // as one with very many moves
+    allowance.spend(1650);  // as for a client with very many moves
     done += 1650;
   }
   ck_assert_uint_le(done, 100 * 1000 + 1650);
   ck_assert_uint_ge(done, 90 * 1000);
-  // Who stays within it never sits out a turn.
+  // A client that stays within its allowance never misses a turn.
   Allowance modest(100);
   for (int turn = 0; turn < 100; ++turn) {
     ck_assert(modest.begin_turn());
     modest.spend(100);
   }
-  // Nor is what was not used saved up.
+  // An unused allowance is not saved up.
   Allowance idle(100);
   for (int turn = 0; turn < 100; ++turn) ck_assert(idle.begin_turn());
   idle.spend(300);
@@ -40,7 +40,8 @@ START_TEST(an_allowance_is_kept_on_average) {
 }
 END_TEST
 
-// Eight that have very much to do, and one that asks for a piece of 1 every 1000: it waits for one piece of another's.
+// Eight clients with very much work, and one that needs a piece of 1 every 1000: it waits for one piece of another
+// client.
 START_TEST(who_asks_little_goes_first) {
   constexpr size_t quiet = 8;
   constexpr double piece = 10, turn = 1000;
@@ -66,11 +67,12 @@ START_TEST(who_asks_little_goes_first) {
     }
   }
   ck_assert_double_ge(done[quiet], 199);
-  for (size_t i = 0; i < quiet; ++i) ck_assert_double_ge(done[i], 0.99 * clock / quiet - 2 * piece);  // nor is one left out
+  // and no client is left out
+  for (size_t i = 0; i < quiet; ++i) ck_assert_double_ge(done[i], 0.99 * clock / quiet - 2 * piece);
 }
 END_TEST
 
-// Work that never ends by itself: only when it is abandoned.
+// Work that ends only when it is abandoned.
 Worker::Job endless(std::atomic<uint64_t>& steps, std::atomic<bool>& is_abandoned) {
   return {[&](Wanted& wanted) {
             try {
@@ -99,16 +101,16 @@ START_TEST(who_leaves_holds_up_nobody) {
   worker.forget(1);
   wait_for(is_done);
   ck_assert(is_abandoned);
-  // Another one's job is not abandoned with it.
+  // The job of another client is not abandoned with it.
   std::atomic<uint64_t> steps_again{0};
   std::atomic<bool> is_abandoned_again{false};
   worker.add(3, endless(steps_again, is_abandoned_again));
   wait_for(steps_again, 1);
   worker.forget(2);
-  const uint64_t least = steps_again + 5000;  // it would have noticed
+  const uint64_t least = steps_again + 5000;  // by then it would have noticed
   while (steps_again < least && !is_abandoned_again) std::this_thread::yield();
   ck_assert(!is_abandoned_again);
-}  // the end abandons what is under way
+}  // the destructor abandons the work that is under way
 END_TEST
 
 START_TEST(a_group_is_committed_by_steps) {

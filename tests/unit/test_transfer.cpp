@@ -1,4 +1,5 @@
-// Batches and assets between their two ends: what is put together is what is taken apart, and what is malformed is refused.
+// Batches and assets between client and server: what one end encodes is what the other decodes, and malformed data are
+// refused.
 #include <cstring>
 #include <string>
 #include <vector>
@@ -30,7 +31,7 @@ std::shared_ptr<std::vector<std::byte>> copy_of(std::span<const std::byte> body)
   return std::make_shared<std::vector<std::byte>>(body.begin(), body.end());
 }
 
-// Takes a group's message apart; whether it is good.
+// Decodes the message of a group; returns whether it is valid.
 bool take_apart(std::span<const std::byte> body, Descriptor content, size_t most, Batch& out) {
   const auto memory = copy_of(body);
   Batch::Reader reader(*memory, memory, std::move(content), most);
@@ -103,7 +104,7 @@ START_TEST(what_is_malformed_is_refused) {
   const std::vector<std::byte> good = *copy_of(batch.message().body);
   ck_assert(take_apart(good, {}, 2, back));
   ck_assert(!take_apart(good, {}, 1, back));  // more changes than are allowed
-  for (size_t size = sizeof(wire::Group); size < good.size(); ++size) {  // cut; the second time it says so
+  for (size_t size = sizeof(wire::Group); size < good.size(); ++size) {  // cut; then also with that size declared
     std::vector<std::byte> cut(good.begin(), good.begin() + static_cast<ptrdiff_t>(size));
     ck_assert(!take_apart(cut, {}, 2, back));
     const wire::Group group{size - sizeof(wire::Group)};
