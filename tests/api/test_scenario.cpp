@@ -780,7 +780,7 @@ static void one_tick(int variant, fs_servo_options options, bool moves_only, boo
       }
     }
     also(fs_scene_commit(w.scene));
-    if (k % 50 == 49) also(fs_scene_sync(w.scene, 10));
+    if (k % 50 == 49) also(fs_scene_sync(w.scene, long_enough));
     if (k % 3 == 0) wait_a_little();
   }
   stepper.reset();

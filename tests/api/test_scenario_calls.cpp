@@ -316,7 +316,7 @@ START_TEST(sync_waits) {
         const fs_object o = push(("t" + std::to_string(i)).c_str());
         bool is_good = true;
         for (int k = 0; k < 10; ++k) {
-          is_good = is_good && fs_object_set(w.scene, &o) == FS_OK && fs_scene_sync(w.scene, 10) == FS_OK;
+          is_good = is_good && fs_object_set(w.scene, &o) == FS_OK && fs_scene_sync(w.scene, long_enough) == FS_OK;
         }
         good += is_good;
       });

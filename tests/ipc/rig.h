@@ -86,7 +86,7 @@ class Rig {
     }
   }
 
-  // Ticks until it is so, 10 s at most; whether it came to that.
+  // Ticks until it is so; whether it came to that.
   template <class F>
   bool until(F&& is_so) {
     return eventually([&] {
