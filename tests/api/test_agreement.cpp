@@ -333,7 +333,7 @@ END_TEST
 
 // test_agreement [--seeds N]: so many random runs.
 int main(int argc, char** argv) {
-  const int seeds = argc > 2 && std::strcmp(argv[1], "--seeds") == 0 ? std::atoi(argv[2]) : 6;
+  const int seeds = argc > 2 && std::strcmp(argv[1], "--seeds") == 0 ? std::atoi(argv[2]) : times(3, 6);
   Suite* suite = suite_create("agreement");
   TCase* test_case = new_case(suite, "two clients");
   tcase_add_loop_test(test_case, at_random, 0, seeds);

@@ -302,7 +302,7 @@ END_TEST
 START_TEST(a_big_mesh) {
   ServerRig rig;
   const Scene me = rig.join("me");
-  const Shape big = make_mesh(sphere_mesh(0.05, 300000));
+  const Shape big = make_mesh(sphere_mesh(0.05, is_sanitized ? 60000 : 300000));
   set(me, push("other", 1, {1, 0, 0}));
   rig.settle(me.get());
   next_event(me.get(), FS_EVENT_READY);
@@ -356,7 +356,7 @@ END_TEST
 START_TEST(second_thoughts) {  // while a mesh is built
   ServerRig rig;
   const Scene me = rig.join("me");
-  const Shape first = make_mesh(sphere_mesh(0.05, 50000)), second = make_mesh(sphere_mesh(0.04, 50000));
+  const Shape first = make_mesh(sphere_mesh(0.05, 10000)), second = make_mesh(sphere_mesh(0.04, 10000));
   // Removed before it was there.
   set(me, solid("gone", first));
   OK(fs_object_remove(me.get(), "gone"));
@@ -373,7 +373,7 @@ START_TEST(second_thoughts) {  // while a mesh is built
   EXPECT_NEAR(rig.force_at({0, 0, 0.1}).z, 1 - 100 * 0.06, 0.01);
   ck_assert_uint_eq(own_reports_of(me.get()).size(), 2);
   // In a group, all of which waits, and is felt as one.
-  const Shape third = make_mesh(sphere_mesh(0.03, 50000));
+  const Shape third = make_mesh(sphere_mesh(0.03, 10000));
   std::vector<fs_wrench> log;
   rig.fake.log = &log;
   OK(fs_scene_begin(me.get()));
@@ -400,7 +400,7 @@ END_TEST
 START_TEST(views_wait_too) {  // in a group with a mesh; and what comes after it comes after it
   ServerRig rig;
   const Scene me = rig.join("me");
-  const Shape big = make_mesh(sphere_mesh(0.05, 100000));
+  const Shape big = make_mesh(sphere_mesh(0.05, 30000));
   fs_frame first = fs_frame_init(), second = fs_frame_init();
   first.scale = 2;
   second.scale = 3;

@@ -576,7 +576,7 @@ START_TEST(lifetimes) {
   });
   // Moved again and again, it lives on.
   w.set(o);
-  for (int i = 0; i < 8; ++i) {
+  for (int i = 0; i < 4; ++i) {
     OK(fs_object_move(w.scene, "short", &pose, nullptr, FS_NOW));
     OK(w.sync(w.scene));
     w.step(static_cast<uint64_t>(1000 * lifetime / 2));
@@ -585,7 +585,7 @@ START_TEST(lifetimes) {
   o.lifetime = 0;  // for good
   OK(fs_object_change(w.scene, &o, FS_PART_OTHER));
   w.settle();
-  w.step(static_cast<uint64_t>(3000 * lifetime));
+  w.step(static_cast<uint64_t>(1500 * lifetime));
   EXPECT_NEAR(felt(), 2, 1e-12);
   for (const fs_event& e : events_now(w.scene)) ck_assert_int_ne(e.kind, FS_EVENT_EXPIRED);
 }
