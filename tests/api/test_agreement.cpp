@@ -22,16 +22,16 @@ struct Shapes {
     const fs_vec3 points[3]{{0, 0, 0}, {0.01, 0, 0}, {0.02, 0.01, 0}};
     line = make_polyline(points, 3, false);
     small = make_mesh(sphere_mesh(0.01, 50));
-    slow = make_mesh(sphere_mesh(0.02, 10'000));
+    slow = make_mesh(sphere_mesh(0.02, 2'000));
     too_large = make_mesh(sphere_mesh(0.03, 50'000));  // 1.2 MB
   }
 };
 
 std::vector<fs_motion> motions_of(fs_scene* scene, const char* client) {
   size_t count = 0;
-  require(fs_scene_get_motions(scene, client, nullptr, 0, &count), "fs_scene_get_motions");
+  OK(fs_scene_get_motions(scene, client, nullptr, 0, &count));
   std::vector<fs_motion> out(count);
-  require(fs_scene_get_motions(scene, client, out.data(), out.size(), &count), "fs_scene_get_motions");
+  OK(fs_scene_get_motions(scene, client, out.data(), out.size(), &count));
   ck_assert_uint_eq(count, out.size());
   return out;
 }
@@ -75,7 +75,8 @@ class Pair {
     return out;
   }
 
-  // One change, which may fail: then by a status that the headers name.
+  // One change, which may fail: then by a status that the headers name. TIMEOUT where the server has not answered in time,
+  // because it builds a mesh or is held up: it may act on the change still, before the next sync.
   void change(Party& me, const Party& other) {
     fs_scene* const s = me.scene.get();
     const bool is_of_other = random.coin(0.35);
@@ -118,7 +119,8 @@ class Pair {
       }
     }
     const bool is_known = status == FS_OK || status == FS_ERROR_NOT_FOUND || status == FS_ERROR_FULL ||
-                          status == FS_ERROR_INVALID || (is_of_other && status == FS_ERROR_STATE);
+                          status == FS_ERROR_INVALID ||
+                          (is_of_other && (status == FS_ERROR_STATE || status == FS_ERROR_TIMEOUT));
     ck_assert_msg(is_known, "%s of %s: %s: %s", name.c_str(), me.name, fs_status_name(status), fs_last_error());
     me.changes += status == FS_OK;
     me.edits += status == FS_OK && is_of_other;
@@ -331,7 +333,7 @@ END_TEST
 
 // test_agreement [--seeds N]: so many random runs.
 int main(int argc, char** argv) {
-  const int seeds = argc > 2 && std::strcmp(argv[1], "--seeds") == 0 ? std::atoi(argv[2]) : 6;
+  const int seeds = argc > 2 && std::strcmp(argv[1], "--seeds") == 0 ? std::atoi(argv[2]) : times(3, 6);
   Suite* suite = suite_create("agreement");
   TCase* test_case = new_case(suite, "two clients");
   tcase_add_loop_test(test_case, at_random, 0, seeds);

@@ -865,7 +865,7 @@ START_TEST(all_at_once) {
               expect(fs_scene_next_event(scene, 0, &event), {});
               break;
             }
-            case 8: expect(fs_scene_sync(scene, 10), {}); break;
+            case 8: expect(fs_scene_sync(scene, long_enough), {}); break;
             default:
               expect(fs_scene_begin(scene), {FS_ERROR_STATE});
               expect(fs_object_set(scene, &o), {});

@@ -99,7 +99,7 @@ START_TEST(comings_and_goings) {
       guests.push_back(rig.join(("guest" + std::to_string(i)).c_str()));
       set(guests.back(), push("x", 0.1));
     }
-    OK(fs_scene_sync(guests.back().get(), 10));
+    OK(fs_scene_sync(guests.back().get(), long_enough));
     ck_assert_uint_eq(clients_of(stays).size(), 10);
     guests.clear();
     ck_assert(eventually([&] { return clients_of(stays).size() == 2; }));
@@ -112,7 +112,7 @@ START_TEST(a_server_that_comes_later) {
   const std::string endpoint = new_endpoint();
   fs_scene* raw = nullptr;
   fs_status status = FS_ERROR_INTERNAL;
-  std::thread waiter([&] { status = fs_scene_connect((endpoint + "?timeout=10").c_str(), "me", &raw); });
+  std::thread waiter([&] { status = fs_scene_connect((endpoint + "?timeout=30").c_str(), "me", &raw); });
   wait_a_little(0.05);
   const Server server = start_server(rig.servo.get(), endpoint, fs_server_options_init());
   waiter.join();
@@ -302,7 +302,7 @@ END_TEST
 START_TEST(a_big_mesh) {
   ServerRig rig;
   const Scene me = rig.join("me");
-  const Shape big = make_mesh(sphere_mesh(0.05, 300000));
+  const Shape big = make_mesh(sphere_mesh(0.05, is_sanitized ? 60000 : 300000));
   set(me, push("other", 1, {1, 0, 0}));
   rig.settle(me.get());
   next_event(me.get(), FS_EVENT_READY);
@@ -356,7 +356,7 @@ END_TEST
 START_TEST(second_thoughts) {  // while a mesh is built
   ServerRig rig;
   const Scene me = rig.join("me");
-  const Shape first = make_mesh(sphere_mesh(0.05, 50000)), second = make_mesh(sphere_mesh(0.04, 50000));
+  const Shape first = make_mesh(sphere_mesh(0.05, 10000)), second = make_mesh(sphere_mesh(0.04, 10000));
   // Removed before it was there.
   set(me, solid("gone", first));
   OK(fs_object_remove(me.get(), "gone"));
@@ -373,7 +373,7 @@ START_TEST(second_thoughts) {  // while a mesh is built
   EXPECT_NEAR(rig.force_at({0, 0, 0.1}).z, 1 - 100 * 0.06, 0.01);
   ck_assert_uint_eq(own_reports_of(me.get()).size(), 2);
   // In a group, all of which waits, and is felt as one.
-  const Shape third = make_mesh(sphere_mesh(0.03, 50000));
+  const Shape third = make_mesh(sphere_mesh(0.03, 10000));
   std::vector<fs_wrench> log;
   rig.fake.log = &log;
   OK(fs_scene_begin(me.get()));
@@ -400,7 +400,7 @@ END_TEST
 START_TEST(views_wait_too) {  // in a group with a mesh; and what comes after it comes after it
   ServerRig rig;
   const Scene me = rig.join("me");
-  const Shape big = make_mesh(sphere_mesh(0.05, 100000));
+  const Shape big = make_mesh(sphere_mesh(0.05, 30000));
   fs_frame first = fs_frame_init(), second = fs_frame_init();
   first.scale = 2;
   second.scale = 3;
@@ -518,12 +518,12 @@ START_TEST(a_server_that_goes) {
     fs_event last{};
     std::thread waiter([&] {
       do {
-        fs_scene_next_event(me.get(), 10, &last);
+        fs_scene_next_event(me.get(), long_enough, &last);
       } while (last.kind != FS_EVENT_NONE && last.kind != FS_EVENT_DISCONNECTED);
     });
     fs_status of_sync = FS_OK;
     set(bob, push("b"));  // nobody steps: it waits for a tick that never comes
-    std::thread syncing([&] { of_sync = fs_scene_sync(bob.get(), 10); });
+    std::thread syncing([&] { of_sync = fs_scene_sync(bob.get(), long_enough); });
     wait_a_little(0.02);
     std::vector<fs_wrench> log{rig.fake.written};
     if (is_servo) {
@@ -537,7 +537,7 @@ START_TEST(a_server_that_goes) {
     ck_assert_int_eq(last.kind, FS_EVENT_DISCONNECTED);
     ck_assert_int_eq(last.status, FS_ERROR_DISCONNECTED);
     ck_assert_uint_gt(std::strlen(last.text), 3);
-    EXPECT(FS_ERROR_DISCONNECTED, fs_scene_next_event(me.get(), 10, &last));  // that was the last
+    EXPECT(FS_ERROR_DISCONNECTED, fs_scene_next_event(me.get(), long_enough, &last));  // that was the last
     expect_lost(me.get());
     expect_lost(bob.get());
     EXPECT_VECTOR(force_at(tool.get(), {}), (fs_vec3{0, 0, 2}), 1e-12);  // a tool has what it had

@@ -28,11 +28,6 @@ using namespace scenes;
 
 namespace {
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool is_sanitized = true;  // the heap is the sanitizer's, and all is slower
-#else
-constexpr bool is_sanitized = false;
-#endif
 constexpr double period = 1e-3;      // s
 constexpr double lifetime = 0.03;    // s, of the objects that have one
 
@@ -706,7 +701,7 @@ START_TEST(with_a_server_that_is_held_up) {
   {
     const Ticks ticks(rig.servo.get());
     const auto start = std::chrono::steady_clock::now();
-    while (std::chrono::steady_clock::now() - start < std::chrono::seconds(2)) {
+    while (std::chrono::steady_clock::now() - start < std::chrono::seconds(times(1, 2))) {
       o.enabled = !o.enabled;
       const fs_status status = fs_object_change(scene.get(), &o, FS_PART_OTHER);
       ck_assert(status == FS_OK || status == FS_ERROR_TIMEOUT);  // the server may have no time for a second
@@ -858,7 +853,7 @@ START_TEST(one_after_the_other) {
 END_TEST
 
 // Sets and removes of one name leave nothing behind, whether ticks come between them or not.
-static int sets = 200'000;
+static int sets = times(40'000, 200'000);
 START_TEST(many_sets_and_removes) {
   if (is_sanitized) return;
   const int ticks_every = _i;  // sets; 0: none
@@ -882,7 +877,7 @@ END_TEST
 
 // A tool that evaluates only now and then does not keep memory from being used again.
 START_TEST(a_lazy_tool) {
-  const int rounds = is_sanitized ? 200 : 3000;
+  const int rounds = is_sanitized ? 200 : times(1000, 3000);
   constexpr double fade = 0.005;
   ServoRig rig(options_with(fade));
   rig.step();
@@ -913,7 +908,7 @@ END_TEST
 
 // Tools come and go beside a servo and many objects; the servo feels nothing of it.
 START_TEST(tools_come_and_go) {
-  const int count = is_sanitized ? 5'000 : 100'000;
+  const int count = is_sanitized ? 5'000 : times(20'000, 100'000);
   ServoRig rig(options_with(0.01));
   OK(fs_scene_begin(rig.base.get()));
   for (int i = 0; i < count; ++i) {
@@ -962,7 +957,7 @@ START_TEST(a_mesh_replaced_at_1000_hz) {  // by an equal one, so that the force 
   put();
   world.settle();
   expect_felt(world, 2, 0);
-  for (int k = 1; k < 1500; ++k) {
+  for (int k = 1; k < times(300, 1500); ++k) {
     put();
     world.step();
     expect_felt(world, 2, k);

@@ -1,6 +1,10 @@
-// Force-objects: set, get, change, move, remove, clear; what is refused, and that a refusal changes nothing.
+// A scene without a servo: what is refused, and that a refusal changes nothing; handles; reports and the stiffness they tell;
+// the clock. What the same calls do where a servo runs is in test_scenario.
 #include <cstdint>
+#include <ctime>
 #include <limits>
+#include <map>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -48,99 +52,6 @@ struct Seen {
   }
 };
 
-START_TEST(set_adds_and_replaces) {
-  const Scene scene = make_scene();
-  const Tool tool = make_tool(scene.get());
-  fs_object o = spring("a");
-  OK(fs_object_set(scene.get(), &o));
-  EXPECT_VECTOR(force_at(tool.get(), {0.01, 0, 0}), (fs_vec3{-2, 0, 0}), 1e-12);
-  o.front.gain = 100;
-  OK(fs_object_set(scene.get(), &o));
-  ck_assert_uint_eq(object_count(scene.get()), 1);
-  EXPECT_VECTOR(force_at(tool.get(), {0.01, 0, 0}), (fs_vec3{-1, 0, 0}), 1e-12);
-  o = spring("b");  // forces add
-  OK(fs_object_set(scene.get(), &o));
-  EXPECT_VECTOR(force_at(tool.get(), {0.01, 0, 0}), (fs_vec3{-3, 0, 0}), 1e-12);
-  OK(fs_object_remove(scene.get(), "a"));
-  EXPECT_VECTOR(force_at(tool.get(), {0.01, 0, 0}), (fs_vec3{-2, 0, 0}), 1e-12);
-  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_object_remove(scene.get(), "a"), "a");
-  OK(fs_scene_clear(scene.get()));
-  ck_assert_uint_eq(object_count(scene.get()), 0);
-  EXPECT_VECTOR(force_at(tool.get(), {0.01, 0, 0}), (fs_vec3{}), 0);
-  OK(fs_scene_clear(scene.get()));
-}
-END_TEST
-
-START_TEST(get_gives_what_was_set) {
-  const Scene scene = make_scene();
-  OK(fs_scene_set_time(scene.get(), 50));
-  Content content;
-  const std::vector<fs_vec3> line = helix(0.01, 0.02, 1, 9);
-  fs_object& o = content.add_shape("a line", make_polyline(line.data(), line.size(), true));
-  const double table[]{1, 2, 0};
-  o.front = fs_profile_init(FS_PROFILE_CUSTOM, FS_SENSE_REPULSIVE, 0.5, 0, 7);
-  o.front.curve = content.keep(make_table(table, 3, 0.01), {});
-  o.front.reach = 0.3;
-  o.pose = {{1, -2, 3}, {0.5, -0.5, 0.5, 0.5}};
-  o.twist = {{0.1, 0.2, 0.3}, {-1, 2, -3}};
-  o.time = 49.95;
-  o.start = 40;
-  o.lifetime = 12;
-  o.damping = 0.25;
-  o.tool_points = 5;
-  o.enabled = false;
-  OK(fs_object_set(scene.get(), &o));
-
-  fs_object got = fs_object_init("whatever", FS_PRIMITIVE_MESH);
-  OK(fs_object_get(scene.get(), "a line", &got));
-  ck_assert_str_eq(got.name, "a line");
-  ck_assert_uint_eq(got.struct_size, sizeof got);
-  ck_assert_int_eq(got.primitive, FS_PRIMITIVE_POLYLINE);
-  EXPECT_VECTOR(got.pose.position, o.pose.position, 0);
-  EXPECT_NEAR(got.pose.orientation.x, -0.5, 1e-15);
-  EXPECT_NEAR(got.pose.orientation.z, 0.5, 1e-15);
-  EXPECT_VECTOR(got.twist.linear, o.twist.linear, 0);
-  EXPECT_VECTOR(got.twist.angular, o.twist.angular, 0);
-  EXPECT_NEAR(got.time, 49.95, 0);
-  EXPECT_NEAR(got.start, 40, 0);
-  EXPECT_NEAR(got.lifetime, 12, 0);
-  EXPECT_NEAR(got.damping, 0.25, 0);
-  ck_assert_int_eq(got.front.kind, FS_PROFILE_CUSTOM);
-  ck_assert_int_eq(got.front.sense, FS_SENSE_REPULSIVE);
-  EXPECT_NEAR(got.front.gain, 0.5, 0);
-  EXPECT_NEAR(got.front.limit, 7, 0);
-  EXPECT_NEAR(got.front.reach, 0.3, 0);
-  ck_assert_ptr_eq(got.front.curve, o.front.curve);
-  ck_assert_int_eq(got.back.kind, FS_PROFILE_NONE);
-  ck_assert_ptr_eq(got.shape, o.shape);
-  ck_assert_ptr_nonnull(got.owner);
-  ck_assert_uint_eq(got.tool_points, 5);
-  ck_assert(!got.enabled);
-  fs_object_release(&got);
-}
-END_TEST
-
-START_TEST(get_edit_set) {  // the way of an editor
-  const Scene scene = make_scene();
-  OK(fs_scene_set_time(scene.get(), 10));
-  const Tool tool = make_tool(scene.get());
-  fs_object o = wall("w");
-  OK(fs_object_set(scene.get(), &o));
-  const Seen before(scene.get());
-  OK(fs_scene_set_time(scene.get(), 20));
-  fs_object got = fs_object_init("", FS_PRIMITIVE_POINT);
-  OK(fs_object_get(scene.get(), "w", &got));
-  OK(fs_object_set(scene.get(), &got));
-  const fs_vec3 same = force_at(tool.get(), {0.01, -0.02, -0.01});
-  EXPECT_VECTOR(same, before.there, 0);
-  got.back.gain = 250;
-  OK(fs_object_set(scene.get(), &got));
-  fs_object_release(&got);
-  EXPECT_VECTOR(before.there, (fs_vec3{0, 0, 4}), 1e-12);  // at its limit
-  EXPECT_VECTOR(force_at(tool.get(), {0.01, -0.02, -0.01}), (fs_vec3{0, 0, 2.5}), 1e-12);
-}
-END_TEST
-
 START_TEST(got_handles_live_until_released) {
   Scene scene = make_scene();
   Content content;
@@ -178,85 +89,11 @@ START_TEST(got_handles_live_until_released) {
 }
 END_TEST
 
-START_TEST(change_takes_only_its_parts) {
+START_TEST(bad_moves) {
   const Scene scene = make_scene();
-  OK(fs_scene_set_time(scene.get(), 10));
-  fs_object o = wall("w");
-  o.lifetime = 100;
-  OK(fs_object_set(scene.get(), &o));
-  fs_object other = wall("w");
-  other.pose = {{1, 2, 3}, turn({1, 0, 0}, 1)};
-  other.twist.linear = {4, 5, 6};
-  other.front.gain = 2;
-  other.back = fs_profile{};
-  other.damping = 3;
-  other.lifetime = 50;
-  other.tool_points = 2;
-  other.enabled = false;
-  const Content line_content = path();
-  struct {
-    uint32_t parts;
-  } cases[]{{FS_PART_POSE}, {FS_PART_PROFILES}, {FS_PART_CONTACT}, {FS_PART_OTHER}, {FS_PART_SHAPE},
-            {FS_PART_POSE | FS_PART_OTHER}, {31}};
-  for (const auto& c : cases) {
-    OK(fs_object_set(scene.get(), &o));
-    const uint64_t revision = report_of(scene.get(), "w").revision;
-    OK(fs_object_change(scene.get(), &other, c.parts));
-    fs_object got = fs_object_init("", FS_PRIMITIVE_POINT);
-    OK(fs_object_get(scene.get(), "w", &got));
-    const bool pose = c.parts & FS_PART_POSE, profiles = c.parts & FS_PART_PROFILES, rest = c.parts & FS_PART_OTHER;
-    EXPECT_VECTOR(got.pose.position, pose ? other.pose.position : o.pose.position, 0);
-    EXPECT_VECTOR(got.twist.linear, pose ? other.twist.linear : o.twist.linear, 0);
-    ck_assert_double_eq(got.front.gain, profiles ? 2 : 1);
-    ck_assert_int_eq(got.back.kind, profiles ? FS_PROFILE_NONE : FS_PROFILE_LINEAR_INCREASING);
-    ck_assert_double_eq(got.damping, profiles ? 3 : 0);
-    ck_assert_double_eq(got.lifetime, rest ? 50 : 100);
-    ck_assert_uint_eq(got.tool_points, rest ? 2 : 0);
-    ck_assert_int_eq(got.enabled, !rest);
-    fs_object_release(&got);
-    if (profiles || rest) ck_assert_uint_gt(report_of(scene.get(), "w").revision, revision);
-  }
-  const Seen before(scene.get());
-  EXPECT(FS_ERROR_INVALID, fs_object_change(scene.get(), &other, 32));
-  EXPECT(FS_ERROR_INVALID, fs_object_change(scene.get(), &other, 0x80000001u));
-  other.back = attract(-1, 1);
-  EXPECT(FS_ERROR_INVALID, fs_object_change(scene.get(), &other, FS_PART_PROFILES));
-  fs_object absent = spring("absent");
-  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_object_change(scene.get(), &absent, FS_PART_POSE), "absent");
-  before.expect_same(scene.get());
-}
-END_TEST
-
-START_TEST(change_of_shape) {
-  const Scene scene = make_scene();
-  const Tool tool = make_tool(scene.get());
-  const fs_vec3 low[]{{-1, 0, 0}, {1, 0, 0}}, high[]{{-1, 0, 0.01}, {1, 0, 0.01}};
-  const Shape first = make_polyline(low, 2, false), second = make_polyline(high, 2, false);
-  fs_object o = fs_object_init("line", FS_PRIMITIVE_POLYLINE);
-  o.front = attract(100, 5);
-  o.shape = first.get();
-  OK(fs_object_set(scene.get(), &o));
-  EXPECT_VECTOR(force_at(tool.get(), {0, 0, 0.02}), (fs_vec3{0, 0, -2}), 1e-12);
-  o.shape = second.get();
-  OK(fs_object_change(scene.get(), &o, FS_PART_PROFILES));
-  EXPECT_VECTOR(force_at(tool.get(), {0, 0, 0.02}), (fs_vec3{0, 0, -2}), 1e-12);
-  OK(fs_object_change(scene.get(), &o, FS_PART_SHAPE));
-  EXPECT_VECTOR(force_at(tool.get(), {0, 0, 0.02}), (fs_vec3{0, 0, -1}), 1e-12);
-}
-END_TEST
-
-START_TEST(move_moves) {
-  const Scene scene = make_scene();
-  OK(fs_scene_set_time(scene.get(), 10));
-  const Tool tool = make_tool(scene.get());
   const fs_object o = spring("a");
   OK(fs_object_set(scene.get(), &o));
-  const uint64_t revision = report_of(scene.get(), "a").revision;
-  fs_pose pose = at(0.01, 0, 0);
-  OK(fs_object_move(scene.get(), "a", &pose, nullptr, FS_NOW));
-  EXPECT_VECTOR(force_at(tool.get(), {0.02, 0, 0}), (fs_vec3{-2, 0, 0}), 1e-12);
-  ck_assert_uint_eq(report_of(scene.get(), "a").revision, revision);  // grows with every change but moves
-
+  const fs_pose pose = at(0.01, 0, 0);
   const Seen before(scene.get());
   const fs_twist bad_twist{{nan_, 0, 0}, {}};
   fs_pose bad = at(nan_, 0, 0);
@@ -546,19 +383,6 @@ START_TEST(contacts_wait_for_the_proxy) {  // checked in full, then UNSUPPORTED,
 }
 END_TEST
 
-START_TEST(input_is_copied) {
-  const Scene scene = make_scene();
-  const Tool tool = make_tool(scene.get());
-  Content content = path();
-  OK(fs_object_set(scene.get(), &content.objects[0]));
-  const fs_vec3 before = force_at(tool.get(), {0.05, 0.01, 0});
-  ck_assert_double_gt(norm(before), 0.1);
-  std::memset(&content.objects[0], 0xff, sizeof(fs_object));
-  content.shapes.clear();
-  EXPECT_VECTOR(force_at(tool.get(), {0.05, 0.01, 0}), before, 0);
-}
-END_TEST
-
 START_TEST(order_of_destruction_is_free) {
   Scene scene = make_scene();
   Tool tool = make_tool(scene.get());
@@ -685,13 +509,338 @@ START_TEST(tool_and_frame) {
 }
 END_TEST
 
+// Reports and events.
+
+static fs_object point(const char* name, const fs_profile& profile) {
+  fs_object o = fs_object_init(name, FS_PRIMITIVE_POINT);
+  o.front = profile;
+  return o;
+}
+
+START_TEST(without_a_servo) {
+  const Scene scene = make_scene();
+  for (const char* name : {"b", "a", "c"}) {
+    const fs_object o = point(name, attract(200, 3));
+    OK(fs_object_set(scene.get(), &o));
+  }
+  OK(fs_scene_sync(scene.get(), 0));  // at once
+  std::map<std::string, fs_report> all;
+  std::vector<fs_report> reports(3);
+  size_t count = 0;
+  OK(fs_scene_get_reports(scene.get(), reports.data(), 3, &count));
+  for (const fs_report& r : reports) all[r.name] = r;
+  ck_assert_uint_eq(all.size(), 3);
+  for (const auto& [name, r] : all) {
+    ck_assert_int_eq(r.primitive, FS_PRIMITIVE_POINT);
+    ck_assert_int_eq(r.state, FS_OBJECT_FELT);
+    ck_assert_double_eq(r.weight, 1);
+    EXPECT_NEAR(r.stiffness_wanted, 200, 1e-9);
+    EXPECT_NEAR(r.stiffness_applied, r.stiffness_wanted, 0);
+    ck_assert_double_eq(r.distance, infinite);  // nothing is near
+    EXPECT_VECTOR(r.wrench.force, (fs_vec3{}), 0);
+    for (double x : r.reserved) ck_assert_double_eq(x, 0);
+    const fs_report single = report_of(scene.get(), name.c_str());
+    ck_assert_int_eq(std::memcmp(&single, &r, sizeof r), 0);
+  }
+  fs_report two[2], untouched{};
+  OK(fs_scene_get_reports(scene.get(), two, 2, &count));
+  ck_assert_uint_eq(count, 3);
+  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_scene_get_report(scene.get(), "d", &untouched), "d");
+  ck_assert_str_eq(untouched.name, "");
+  EXPECT(FS_ERROR_INVALID, fs_scene_get_reports(scene.get(), nullptr, 1, &count));
+}
+END_TEST
+
+// The steepest slope of the force, at the device. On a plane whose sides push the same way nothing jumps at d = 0.
+START_TEST(stiffness_wanted) {
+  const Scene scene = make_scene();
+  auto wanted = [&](fs_profile profile) {
+    fs_object wall = fs_object_init("a", FS_PRIMITIVE_PLANE);
+    wall.front = wall.back = profile;
+    wall.back.sense = FS_SENSE_ATTRACTIVE;
+    OK(fs_object_set(scene.get(), &wall));
+    const fs_report r = report_of(scene.get(), "a");
+    ck_assert_double_eq(r.stiffness_applied, r.stiffness_wanted);  // no caps yet
+    return r.stiffness_wanted;
+  };
+  const fs_sense sense = FS_SENSE_REPULSIVE;
+  EXPECT_NEAR(wanted(attract(200, 3)), 200, 1e-9);
+  EXPECT_NEAR(wanted(fs_profile_init(FS_PROFILE_LINEAR_DECREASING, sense, -150, 1, 3)), 150, 1e-9);
+  EXPECT_NEAR(wanted(fs_profile_init(FS_PROFILE_GAUSSIAN, sense, 5, 0.005, 5)), 5 / 0.005 * std::exp(-0.5), 1e-6);
+  EXPECT_NEAR(wanted(fs_profile_init(FS_PROFILE_QUADRATIC, sense, 1000, 0, 2.5)), 2 * 1000 * 0.05, 1e-6);
+  EXPECT_NEAR(wanted(fs_profile_init(FS_PROFILE_INVERSE, sense, 0.02, 0, 10)), 5000, 1e-6);
+  EXPECT_NEAR(wanted(constant(sense, 2)), 0, 0);
+  fs_profile cut = attract(100, 9);
+  cut.reach = 0.02;  // 2 N, then none: a jump
+  ck_assert_double_eq(wanted(cut), infinite);
+  fs_object two_sides = fs_object_init("a", FS_PRIMITIVE_PLANE);
+  two_sides.front = attract(100, 3);
+  two_sides.back = attract(700, 3);
+  OK(fs_object_set(scene.get(), &two_sides));
+  EXPECT_NEAR(report_of(scene.get(), "a").stiffness_wanted, 700, 1e-9);
+  fs_frame frame = fs_frame_init();
+  frame.scale = 10;
+  frame.force_scale = 0.5;
+  OK(fs_scene_set_frame(scene.get(), &frame));
+  EXPECT_NEAR(report_of(scene.get(), "a").stiffness_wanted, 3500, 1e-9);  // scale*force_scale*k
+  const fs_object pull = point("a", constant(FS_SENSE_ATTRACTIVE, 1));    // turns over at the point: a jump
+  OK(fs_object_set(scene.get(), &pull));
+  ck_assert_double_eq(report_of(scene.get(), "a").stiffness_wanted, infinite);
+}
+END_TEST
+
+// What jumps asks for an infinite stiffness: at d = 0, at the reach, and where two parts of a polyline are equally near.
+START_TEST(what_jumps) {
+  const Scene scene = make_scene();
+  const auto wanted = [&](const fs_object& o) {
+    OK(fs_object_set(scene.get(), &o));
+    return report_of(scene.get(), o.name).stiffness_wanted;
+  };
+  const auto line = [&](std::initializer_list<fs_vec3> points, const fs_profile& profile, bool closed = false) {
+    const Shape shape = make_polyline(std::data(points), points.size(), closed);
+    fs_object o = fs_object_init("line", FS_PRIMITIVE_POLYLINE);
+    o.shape = shape.get();
+    o.front = profile;
+    return wanted(o);
+  };
+  const fs_profile spring = attract(150, 2), bell = fs_profile_init(FS_PROFILE_GAUSSIAN, FS_SENSE_REPULSIVE, 1, 0.01, 1);
+  fs_profile late = attract(100, 2), quadratic = fs_profile_init(FS_PROFILE_QUADRATIC, FS_SENSE_ATTRACTIVE, 1e3, 0, 2);
+  late.offset = -1;  // none within 10 mm
+
+  // Points.
+  EXPECT_NEAR(wanted(point("p", spring)), 150, 0);
+  EXPECT_NEAR(wanted(point("p", late)), 100, 0);
+  ck_assert_double_eq(wanted(point("p", bell)), infinite);
+  ck_assert_double_eq(wanted(point("p", constant(FS_SENSE_REPULSIVE, 1))), infinite);
+  ck_assert_double_eq(wanted(point("p", fs_profile_init(FS_PROFILE_INVERSE, FS_SENSE_REPULSIVE, 1, -1, 1))), infinite);
+  ck_assert_double_eq(wanted(point("p", fs_profile_init(FS_PROFILE_LINEAR_DECREASING, FS_SENSE_REPULSIVE, -9, 1, 1))),
+                      infinite);
+  late.reach = 0.01;  // f is 0 there: nothing jumps, and nothing is felt at all
+  EXPECT_NEAR(wanted(point("p", late)), 0, 0);
+  late.reach = 0;
+
+  // A straight polyline is as a point; whichever way it runs, and wherever it lies.
+  const fs_vec3 a{1, 2, 3}, b{1.1, 2.2, 2.9};
+  EXPECT_NEAR(line({a, b}, spring), 150, 0);
+  EXPECT_NEAR(line({a, 0.3 * (b - a) + a, 0.7 * (b - a) + a, b}, spring), 150, 0);
+  EXPECT_NEAR(line({a, b, 0.5 * (b - a) + a}, spring, true), 150, 0);
+  EXPECT_NEAR(line({a, a, a}, spring), 150, 0);
+  ck_assert_double_eq(line({a, b}, bell), infinite);
+
+  // One that is bent jumps wherever it is felt, also if f(0) = 0.
+  for (const double bend : {1e-4, 0.01, 0.1}) {
+    for (const bool closed : {false, true}) {
+      const std::initializer_list<fs_vec3> points{{-0.05, 0, 0}, {0, bend, 0}, {0.05, 0, 0}};
+      ck_assert_double_eq(line(points, spring, closed), infinite);
+      ck_assert_double_eq(line(points, quadratic, closed), infinite);
+      ck_assert_double_eq(line(points, late, closed), infinite);
+      EXPECT_NEAR(line(points, attract(0, 2), closed), 0, 0);
+      late.reach = 0.005;  // it is never felt
+      EXPECT_NEAR(line(points, late, closed), 0, 0);
+      late.reach = 0;
+    }
+  }
+
+  // A plane or mesh: where front and back do not agree.
+  const Content content = ball(100);
+  for (const fs_primitive primitive : {FS_PRIMITIVE_PLANE, FS_PRIMITIVE_MESH}) {
+    fs_object o = fs_object_init("surface", primitive);
+    if (primitive == FS_PRIMITIVE_MESH) o.shape = content.shapes[0].get();
+    o.back = attract(400, 3);
+    EXPECT_NEAR(wanted(o), 400, 0);
+    o.front = constant(FS_SENSE_REPULSIVE, 1);
+    ck_assert_double_eq(wanted(o), infinite);
+    o.back = fs_profile_init(FS_PROFILE_LINEAR_INCREASING, FS_SENSE_ATTRACTIVE, 400, 1, 3);  // 1 N too, the same way
+    EXPECT_NEAR(wanted(o), 400, 0);
+    o.back.sense = FS_SENSE_REPULSIVE;  // the other way
+    ck_assert_double_eq(wanted(o), infinite);
+  }
+
+  // A curve is looked at at several times.
+  if (!has_expressions()) return;
+  fs_object pulse = point("p", fs_profile{});
+  pulse.front.kind = FS_PROFILE_CUSTOM;
+  pulse.front.gain = pulse.front.limit = 1;
+  const Curve later = make_expression("t*exp(-d/0.01)"), never = make_expression("30*d*(1+sin(12*t))*exp(-d/0.01)");
+  pulse.front.curve = later.get();
+  ck_assert_double_eq(wanted(pulse), infinite);
+  pulse.front.curve = never.get();
+  ck_assert_double_gt(wanted(pulse), 50);
+  ck_assert_double_lt(wanted(pulse), 60.1);
+}
+END_TEST
+
+static fs_event next(fs_scene* scene, double timeout) {
+  fs_event event;
+  OK(fs_scene_next_event(scene, timeout, &event));
+  return event;
+}
+
+START_TEST(overflow) {  // older events are dropped, and counted
+  const size_t many = 20000;
+  const Scene scene = make_scene();
+  OK(fs_scene_set_time(scene.get(), 10));
+  OK(fs_scene_begin(scene.get()));
+  fs_object o = point("", attract(10, 3));
+  o.lifetime = 1;
+  for (size_t i = 0; i < many; ++i) {
+    std::snprintf(o.name, sizeof o.name, "o%zu", i);
+    OK(fs_object_set(scene.get(), &o));
+  }
+  OK(fs_scene_commit(scene.get()));
+  OK(fs_scene_set_time(scene.get(), 12));
+  size_t fetched = 0, dropped = 0;
+  std::map<std::string, int> seen;
+  for (fs_event e = next(scene.get(), 0); e.kind != FS_EVENT_NONE; e = next(scene.get(), 0)) {
+    if (e.kind == FS_EVENT_EXPIRED) {
+      ++fetched;
+      ck_assert_int_eq(++seen[e.name], 1);
+    }
+    if (e.kind == FS_EVENT_OVERFLOW) dropped += static_cast<size_t>(e.value);
+  }
+  ck_assert_uint_eq(fetched + dropped, many);
+  std::printf("  events: %zu kept, %zu dropped and counted\n", fetched, dropped);
+}
+END_TEST
+
+// Time: the clock, streams of moves, lifetimes.
+
+// A scene on a clock told by the test, with one object whose place can be felt.
+struct Watched {
+  Scene scene = make_scene();
+  Tool tool = make_tool(scene.get());
+
+  explicit Watched(double time) {
+    tell(time);
+    set(0);
+  }
+  void tell(double time) { OK(fs_scene_set_time(scene.get(), time)); }
+  void set(double x) {
+    fs_object o = fs_object_init("a", FS_PRIMITIVE_POINT);
+    o.front = attract(1, 1e9);
+    o.pose = at(x, 0, 0);
+    OK(fs_object_set(scene.get(), &o));
+  }
+  void move(double x, double time) {
+    const fs_pose pose = at(x, 0, 0);
+    OK(fs_object_move(scene.get(), "a", &pose, nullptr, time));
+  }
+  // Where the object is along x at `time`: the hand at (0, 0, 1) is drawn by 1 N for each metre.
+  double where(double time) { return force_at(tool.get(), {0, 0, 1}, time).x; }
+};
+
+START_TEST(a_stream_of_moves) {  // 25 Hz, as applications are
+  Watched w(10);
+  for (int k = 1; k <= 50; ++k) {
+    w.move(0.3 * 0.04 * k, 10 + 0.04 * k);
+    EXPECT_NEAR(w.where(10 + 0.04 * k + 0.039), 0.3 * (0.04 * k + 0.039), 1e-9);
+  }
+}
+END_TEST
+
+START_TEST(a_fast_stream_of_moves) {  // 2 kHz: every one within 1 ms of the one before
+  Watched w(10);
+  for (int k = 1; k <= 1000; ++k) w.move(0.3 * 0.0005 * k, 10 + 0.0005 * k);
+  const double end = 10.5;
+  // Still 0.3 m/s, for twice the time between two of them at least.
+  EXPECT_NEAR(w.where(end + 0.001), 0.3 * 0.501, 1e-5);
+}
+END_TEST
+
+// From one end of the world to the other within a moment: no motion, and no number that is too large.
+START_TEST(jumps_make_no_twist) {
+  const Scene scene = make_scene();
+  OK(fs_scene_set_time(scene.get(), 10));
+  fs_object o = fs_object_init("o", FS_PRIMITIVE_POINT);
+  o.pose = at(-1e15, 0, 0);
+  OK(fs_object_set(scene.get(), &o));
+  const fs_pose far = at(1e15, 0, 0);
+  OK(fs_object_move(scene.get(), "o", &far, nullptr, 10.01));
+  fs_object got = fs_object_init("o", FS_PRIMITIVE_POINT);
+  OK(fs_object_get(scene.get(), "o", &got));
+  EXPECT_VECTOR(got.pose.position, far.position, 0);
+  EXPECT_VECTOR(got.twist.linear, (fs_vec3{}), 0);
+  fs_object_release(&got);
+}
+END_TEST
+
+START_TEST(moves_of_one_instant) {  // within 1 ms the later replaces the earlier
+  for (double gap : {0.0, 1e-6, 0.0005, 0.0009}) {
+    Watched w(10);
+    w.move(77, 10.04);
+    w.move(0.04 + gap, 10.04 + gap);  // from the set at 10: 1 m/s
+    EXPECT_NEAR(w.where(10.06), 0.06, 1e-9);
+    EXPECT_NEAR(w.where(11), 0.04 + gap + 2 * (0.04 + gap), 1e-9);
+  }
+  Watched w(10);
+  w.move(1, 10.0005);  // replaces the set: there is nothing before
+  EXPECT_NEAR(w.where(10.05), 1, 1e-12);
+  w.move(1.05, 10.0505);
+  EXPECT_NEAR(w.where(10.06), 1.0595, 1e-9);
+}
+END_TEST
+
+START_TEST(the_clock) {
+  const Scene scene = make_scene();
+  timespec before{}, after{};
+  clock_gettime(CLOCK_MONOTONIC, &before);
+  const double t = now(scene.get());
+  clock_gettime(CLOCK_MONOTONIC, &after);
+  ck_assert_double_ge(t, before.tv_sec + 1e-9 * before.tv_nsec);
+  ck_assert_double_le(t, after.tv_sec + 1e-9 * after.tv_nsec + 1e-6);
+  ck_assert_double_ge(now(scene.get()), t);
+  for (double bad : {0.0, -1.0, static_cast<double>(NAN), static_cast<double>(INFINITY)}) {
+    EXPECT_SENTENCE(FS_ERROR_INVALID, fs_scene_set_time(scene.get(), bad), "time");
+  }
+  OK(fs_scene_set_time(scene.get(), 123.5));
+  ck_assert_double_eq(now(scene.get()), 123.5);  // what the caller says, until it says more
+  OK(fs_scene_set_time(scene.get(), 124));
+  ck_assert_double_eq(now(scene.get()), 124);
+}
+END_TEST
+
+START_TEST(lifetimes) {  // without a servo it is there or not
+  Watched w(10);
+  fs_object o = fs_object_init("a", FS_PRIMITIVE_POINT);
+  o.front = attract(1, 1e9);
+  o.pose = at(1, 0, 0);
+  o.lifetime = 0.5;
+  OK(fs_object_set(w.scene.get(), &o));
+  w.tell(10.4);
+  EXPECT_NEAR(w.where(FS_NOW), 1, 1e-12);
+  w.move(2, FS_NOW);  // from here it counts anew
+  w.tell(10.8);
+  EXPECT_NEAR(w.where(FS_NOW), 2, 0.9);
+  w.tell(11);
+  EXPECT_NEAR(w.where(FS_NOW), 0, 0);
+  ck_assert_double_eq(report_of(w.scene.get(), "a").weight, 0);  // it stays, at weight 0
+  w.tell(12);
+  w.move(3, FS_NOW);
+  EXPECT_NEAR(w.where(FS_NOW), 3, 1e-12);
+  ck_assert_double_eq(report_of(w.scene.get(), "a").weight, 1);
+  w.tell(12.6);
+  EXPECT_NEAR(w.where(FS_NOW), 0, 0);
+  OK(fs_object_change(w.scene.get(), &o, FS_PART_PROFILES));
+  EXPECT_NEAR(w.where(FS_NOW), 3, 1e-12);
+  w.tell(13.2);
+  EXPECT_NEAR(w.where(FS_NOW), 0, 0);
+  OK(fs_object_set(w.scene.get(), &o));
+  EXPECT_NEAR(w.where(FS_NOW), 1, 1e-12);
+  o.lifetime = 0;
+  OK(fs_object_change(w.scene.get(), &o, FS_PART_OTHER));
+  w.tell(1e6);
+  EXPECT_NEAR(w.where(FS_NOW), 1, 1e-12);
+}
+END_TEST
+
 int main() {
   Suite* suite = suite_create("object");
-  add_case(suite, "objects", {set_adds_and_replaces, get_gives_what_was_set, get_edit_set,
-                              got_handles_live_until_released, change_takes_only_its_parts, change_of_shape,
-                              move_moves, input_is_copied, order_of_destruction_is_free});
+  add_case(suite, "objects", {got_handles_live_until_released, bad_moves, order_of_destruction_is_free});
   add_case(suite, "refusals", {names, bad_fields_are_refused_by_name, edges_of_what_is_good, zeros_are_the_identity,
                                struct_sizes, contacts_wait_for_the_proxy});
   add_case(suite, "base", {base, pose_from_z, tool_and_frame});
+  add_case(suite, "reports", {without_a_servo, stiffness_wanted, what_jumps, overflow});
+  add_case(suite, "time", {a_stream_of_moves, a_fast_stream_of_moves, jumps_make_no_twist, moves_of_one_instant, the_clock,
+                           lifetimes});
   return run_suite(suite);
 }

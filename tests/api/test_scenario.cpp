@@ -2,6 +2,7 @@
 // objects, motion, time, groups, frame, clutch and tool.
 #include <map>
 #include <memory>
+#include <thread>
 
 #include "api/world.h"
 #include "scenes/reference.h"
@@ -30,6 +31,7 @@ static void expect_same_object(const fs_object& a, const fs_object& b) {
   ck_assert_uint_eq(a.tool_points, b.tool_points);
   ck_assert_int_eq(a.enabled, b.enabled);
   for (const uint8_t byte : b.reserved) ck_assert_uint_eq(byte, 0);
+  ck_assert(b.owner || !b.shape);
 }
 
 // With the hand at several places, the force of the scene and the force that the device gets are those of the slow
@@ -129,6 +131,15 @@ START_TEST(curves_of_time) {
   OK(fs_object_change(w.scene, &o, FS_PART_PROFILES | FS_PART_POSE));
   w.settle();
   expect_ramp(began - 7.5);
+  OK(fs_object_move(w.scene, "ramp", &o.pose, nullptr, FS_NOW));
+  w.set(Got(w.scene, "ramp").object);
+  w.settle();
+  expect_ramp(began - 7.5);
+  o.start = now(w.scene) + 5;  // in time to come: 1 + t is below 0, which counts as 0
+  w.set(o);
+  w.settle();
+  EXPECT_VECTOR(w.fake.written.force, (fs_vec3{}), 0);
+  o.start = 0;
   OK(fs_object_remove(w.scene, "ramp"));
   w.settle();
   const double again = now(w.scene);
@@ -201,6 +212,14 @@ START_TEST(set_change_move_remove_clear) {
   EXPECT_VECTOR(felt(), (fs_vec3{0, -3, 1.5}), 1e-12);
   EXPECT_VECTOR(Got(w.scene, "b")->pose.position, stands.position, 0);
 
+  {
+    Got got(w.scene, "a");  // got, set as it is, edited and set
+    w.set(got.object);
+    EXPECT_VECTOR(felt(), (fs_vec3{0, -3, 1.5}), 1e-12);
+    got.object.front.gain = 0.5;
+    w.set(got.object);
+    EXPECT_VECTOR(felt(), (fs_vec3{0, -3, 0.5}), 1e-12);
+  }
   OK(fs_object_remove(w.scene, "a"));
   EXPECT_VECTOR(felt(), (fs_vec3{0, -3, 0}), 1e-12);
   ck_assert(!has(w.scene, "a") && has(w.scene, "b"));
@@ -218,7 +237,41 @@ START_TEST(set_change_move_remove_clear) {
 }
 END_TEST
 
-// Hundreds of names come and go; each keeps its own object.
+START_TEST(change_takes_only_its_parts) {
+  World w(_i);
+  w.step(10);
+  fs_object o = fs_object_init("w", FS_PRIMITIVE_PLANE);
+  o.front = fs_profile_init(FS_PROFILE_GAUSSIAN, FS_SENSE_ATTRACTIVE, 1, 0.01, 1);
+  o.back = attract(500, 4);
+  o.lifetime = 100;
+  fs_object other = o;
+  other.pose = {{1, 2, 3}, turn({1, 0, 0}, 1)};
+  other.twist.linear = {4, 5, 6};
+  other.front.gain = 2;
+  other.back = fs_profile{};
+  other.damping = 3;
+  other.lifetime = 50;
+  other.tool_points = 2;
+  other.enabled = false;
+  for (const uint32_t parts : {+FS_PART_POSE, +FS_PART_PROFILES, +FS_PART_CONTACT, +FS_PART_OTHER, +FS_PART_SHAPE,
+                               FS_PART_POSE | FS_PART_OTHER, 31}) {
+    w.set(o);
+    OK(fs_object_change(w.scene, &other, parts));
+    const Got got(w.scene, "w");
+    const bool pose = parts & FS_PART_POSE, profiles = parts & FS_PART_PROFILES, rest = parts & FS_PART_OTHER;
+    EXPECT_VECTOR(got->pose.position, pose ? other.pose.position : o.pose.position, 0);
+    EXPECT_VECTOR(got->twist.linear, pose ? other.twist.linear : o.twist.linear, 0);
+    ck_assert_double_eq(got->front.gain, profiles ? 2 : 1);
+    ck_assert_int_eq(got->back.kind, profiles ? FS_PROFILE_NONE : FS_PROFILE_LINEAR_INCREASING);
+    ck_assert_double_eq(got->damping, profiles ? 3 : 0);
+    ck_assert_double_eq(got->lifetime, rest ? 50 : 100);
+    ck_assert_uint_eq(got->tool_points, rest ? 2 : 0);
+    ck_assert_int_eq(got->enabled, !rest);
+  }
+}
+END_TEST
+
+// Names come and go by the hundred: each keeps to its own object.
 START_TEST(many_names) {
   World w(_i);
   Random random(7);
@@ -274,7 +327,9 @@ START_TEST(shared_shapes) {
   ck_assert_ptr_eq(Got(w.scene, "a")->shape, line.get());
   ck_assert_ptr_eq(Got(w.scene, "b")->shape, line.get());
   fs_object o = of("b", other, FS_PRIMITIVE_POLYLINE, {});
-  OK(fs_object_change(w.scene, &o, FS_PART_SHAPE));  // the object has its own reference from now on
+  OK(fs_object_change(w.scene, &o, FS_PART_PROFILES));
+  ck_assert_ptr_eq(Got(w.scene, "b")->shape, line.get());
+  OK(fs_object_change(w.scene, &o, FS_PART_SHAPE));  // its own from now on
   OK(fs_object_remove(w.scene, "c"));
   EXPECT_VECTOR(felt({0.03, 0.02, 0.1}), (fs_vec3{-3, -2, -10 - 10}), 1e-12);
   OK(fs_object_remove(w.scene, "a"));  // the last that uses the line
@@ -390,6 +445,21 @@ START_TEST(twists_that_are_worked_out) {
   for (const auto& [time, x] : places(w, 300)) {  // used for twice the time between them
     EXPECT_NEAR(x, 0.12 + std::fmin(std::fmax(time - t - 0.02, 0), 0.04), 1e-9);
   }
+  // It counts for twice the time between them, and for 0.1 s at most. A twist that was given is not looked at.
+  const fs_twist given{{9, 0, 0}, {}};
+  OK(fs_object_move(w.scene, "a", &before, &given, t + 2));
+  OK(fs_object_move(w.scene, "a", &after, nullptr, t + 2.1));
+  EXPECT_VECTOR(Got(w.scene, "a")->twist.linear, (fs_vec3{0.2, 0, 0}), 1e-9);
+  w.settle();
+  w.step_until(t + 2.05);
+  w.step(300);
+  for (const auto& [time, x] : places(w, 300)) {
+    if (time > t + 2.1) EXPECT_NEAR(x, 0.12 + 0.2 * std::fmin(time - t - 2.1, 0.1), 1e-9);
+  }
+  OK(fs_object_move(w.scene, "a", &after, nullptr, t + 2.2));  // the same pose again: it stands
+  EXPECT_VECTOR(Got(w.scene, "a")->twist.linear, (fs_vec3{}), 0);
+  OK(fs_object_move(w.scene, "a", &before, nullptr, t + 2.41));  // nothing in the last 0.2 s
+  EXPECT_VECTOR(Got(w.scene, "a")->twist.linear, (fs_vec3{}), 0);
   // Of two within 1 ms the later replaces the earlier, also for the twist.
   OK(fs_object_move(w.scene, "a", &before, nullptr, t + 5));
   const fs_pose wrong = at(0.9, 0, 0), right = at(0.14, 0, 0);
@@ -414,6 +484,11 @@ START_TEST(twists_that_are_worked_out) {
   w.set(o);
   const fs_pose turned{{}, turn({0, 0, 1}, 0.1)};
   OK(fs_object_move(w.scene, "line", &turned, nullptr, 20.05));
+  EXPECT_VECTOR(Got(w.scene, "line")->twist.angular, (fs_vec3{0, 0, 2}), 1e-9);
+  w.set(o);  // q and -q are the same turn
+  const fs_quat q = turned.orientation;
+  const fs_pose same{{}, {-q.w, -q.x, -q.y, -q.z}};
+  OK(fs_object_move(w.scene, "line", &same, nullptr, 20.05));
   EXPECT_VECTOR(Got(w.scene, "line")->twist.angular, (fs_vec3{0, 0, 2}), 1e-9);
   w.fake.state.pose = at(2, 0, 0);
   w.settle();
@@ -504,7 +579,7 @@ START_TEST(lifetimes) {
   });
   // Moved again and again, it lives on.
   w.set(o);
-  for (int i = 0; i < 8; ++i) {
+  for (int i = 0; i < 4; ++i) {
     OK(fs_object_move(w.scene, "short", &pose, nullptr, FS_NOW));
     OK(w.sync(w.scene));
     w.step(static_cast<uint64_t>(1000 * lifetime / 2));
@@ -513,7 +588,7 @@ START_TEST(lifetimes) {
   o.lifetime = 0;  // for good
   OK(fs_object_change(w.scene, &o, FS_PART_OTHER));
   w.settle();
-  w.step(static_cast<uint64_t>(3000 * lifetime));
+  w.step(static_cast<uint64_t>(1500 * lifetime));
   EXPECT_NEAR(felt(), 2, 1e-12);
   for (const fs_event& e : events_now(w.scene)) ck_assert_int_ne(e.kind, FS_EVENT_EXPIRED);
 }
@@ -531,15 +606,17 @@ START_TEST(groups) {
   w.set(spring("old"));
   EXPECT_NEAR(felt(), -10, 1e-12);
   OK(fs_scene_begin(w.scene));
-  EXPECT(FS_ERROR_STATE, fs_scene_begin(w.scene));
+  EXPECT_SENTENCE(FS_ERROR_STATE, fs_scene_begin(w.scene), "group");
   w.set(spring("a"));
   w.set(spring("b"));
   OK(fs_object_remove(w.scene, "old"));
   const fs_pose pose = at(0, 0.05, 0);
   OK(fs_object_move(w.scene, "a", &pose, nullptr, FS_NOW));
   EXPECT(FS_ERROR_NOT_FOUND, fs_object_move(w.scene, "old", &pose, nullptr, FS_NOW));
+  EXPECT(FS_ERROR_NOT_FOUND, fs_object_remove(w.scene, "old"));
   // Getters see the group, evaluation does not; sync does not wait for it.
   ck_assert(has(w.scene, "a") && has(w.scene, "b") && !has(w.scene, "old"));
+  ck_assert_uint_eq(own_reports_of(w.scene).size(), 2);
   EXPECT_VECTOR(Got(w.scene, "a")->pose.position, pose.position, 0);
   ck_assert_int_eq(report_of(w.scene, "a").state, FS_OBJECT_PENDING);
   EXPECT_NEAR(felt(), -10, 1e-12);
@@ -567,7 +644,10 @@ START_TEST(groups) {
   frame.scale = 7;
   const fs_vec3 point{0, 0, 1};
   OK(fs_scene_begin(w.scene));
+  OK(fs_object_move(w.scene, "b", &pose, nullptr, FS_NOW));
+  OK(fs_object_remove(w.scene, "a"));
   OK(fs_scene_clear(w.scene));
+  ck_assert_uint_eq(own_reports_of(w.scene).size(), 0);
   w.set(spring("c"));
   OK(fs_scene_set_frame(w.scene, &frame));
   OK(fs_scene_set_tool(w.scene, &point, 1));
@@ -618,17 +698,49 @@ START_TEST(groups) {
   OK(fs_scene_begin(w.scene));
   OK(fs_scene_commit(w.scene));  // an empty one
   OK(fs_scene_begin(w.scene));
+  OK(fs_scene_cancel(w.scene));
+  OK(fs_scene_begin(w.scene));
   w.set(spring("x"));
   OK(fs_object_remove(w.scene, "x"));
   OK(fs_scene_commit(w.scene));
   EXPECT_NEAR(felt(), -10, 1e-11);
-  OK(fs_scene_begin(w.scene));  // a group that is not committed ends with its scene
+  OK(fs_scene_begin(w.scene));
+  OK(fs_scene_set_tool(w.scene, &x, 1));  // 0.1 m further than the hand
+  EXPECT_VECTOR(tool_of(w.scene)[0], x, 0);
+  EXPECT_NEAR(felt(), -10, 1e-11);
+  OK(fs_scene_commit(w.scene));
+  EXPECT_NEAR(felt(), -20, 1e-11);
+  fs_tool* own = nullptr;  // a tool of one's own has the scene's points
+  OK(fs_tool_create(w.scene, nullptr, 0, &own));
+  EXPECT_NEAR(force_at(Tool(own).get(), {}).y, -10, 1e-11);
+  OK(fs_scene_begin(w.scene));  // one that nobody commits goes with its scene
   w.set(spring("x"));
 }
 END_TEST
 
-// A running servo uses all of a group in one tick, or nothing of it: the group's changes keep the sum of the forces,
-// and no part of them alone does.
+START_TEST(other_threads_join) {  // the group is the scene's
+  World w(_i);
+  w.fake.state.pose = at(0, 0.1, 0);
+  OK(fs_scene_begin(w.scene));
+  fs_status set = FS_OK, begin = FS_OK, commit = FS_ERROR_INTERNAL;
+  std::thread([&] {
+    const fs_object o = spring("theirs");
+    set = fs_object_set(w.scene, &o);
+    begin = fs_scene_begin(w.scene);
+  }).join();
+  ck_assert(set == FS_OK && begin == FS_ERROR_STATE);
+  ck_assert(has(w.scene, "theirs"));
+  w.settle();
+  EXPECT_VECTOR(w.fake.written.force, (fs_vec3{}), 0);
+  std::thread([&] { commit = fs_scene_commit(w.scene); }).join();
+  ck_assert_int_eq(commit, FS_OK);
+  w.settle();
+  EXPECT_NEAR(w.fake.written.force.y, -10, 1e-12);
+}
+END_TEST
+
+// A servo that runs meanwhile has all of a group in one tick, or nothing of it: what the group moves, sets or removes
+// keeps a sum that no half of it has.
 static void one_tick(int variant, fs_servo_options options, bool moves_only, bool sets) {
   options.fade = -1;
   std::vector<fs_wrench> log;
@@ -671,7 +783,7 @@ static void one_tick(int variant, fs_servo_options options, bool moves_only, boo
       }
     }
     also(fs_scene_commit(w.scene));
-    if (k % 50 == 49) also(fs_scene_sync(w.scene, 10));
+    if (k % 50 == 49) also(fs_scene_sync(w.scene, long_enough));
     if (k % 3 == 0) wait_a_little();
   }
   stepper.reset();
@@ -907,10 +1019,11 @@ END_TEST
 int main() {
   Suite* suite = suite_create("scenario");
   add_on_both(suite, "objects", {every_primitive_and_profile, random_scenes, curves_of_time,
-                                 set_change_move_remove_clear, many_names, shared_shapes, enabled_or_not});
+                                 set_change_move_remove_clear, change_takes_only_its_parts, many_names, shared_shapes,
+                                 enabled_or_not});
   add_on_both(suite, "time", {twists_that_are_given, twists_that_are_worked_out, now_and_the_past, lifetimes});
-  add_on_both(suite, "groups", {groups, a_thousand_moves_are_one_tick, moves_are_one_tick, moves_and_sets_are_one_tick,
-                                all_kinds_are_one_tick, one_tick_of_a_thread});
+  add_on_both(suite, "groups", {groups, other_threads_join, a_thousand_moves_are_one_tick, moves_are_one_tick,
+                                moves_and_sets_are_one_tick, all_kinds_are_one_tick, one_tick_of_a_thread});
   add_on_both(suite, "view", {frames, clutch, tools});
   return run_suite(suite);
 }

@@ -63,8 +63,9 @@ START_TEST(reports) {
   w.settle();
   ck_assert_int_eq(report_of(w.scene, "jump").state, FS_OBJECT_DISABLED);
   ck_assert_double_eq(report_of(w.scene, "jump").weight, 0);
-  OK(fs_object_remove(w.scene, "far"));
-  OK(w.sync(w.scene));
+  EXPECT_VECTOR(report_of(w.scene, "far").wrench.force, (fs_vec3{}), 0);
+  OK(fs_object_remove(w.scene, "far"));  // nameless at once, while it fades
+  ck_assert_uint_eq(own_reports_of(w.scene).size(), 2);
   fs_report gone{};
   EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_scene_get_report(w.scene, "far", &gone), "far");
   ck_assert_str_eq(gone.name, "");
@@ -172,12 +173,29 @@ START_TEST(device_events) {
   event = next_event(w.scene, FS_EVENT_DEVICE);  // stopped by a fault
   ck_assert_int_eq(event.status, FS_ERROR_STATE);
   ck_assert_double_eq(event.value, FS_FAULT_NUMBER);
+  ck_assert_uint_gt(std::strlen(event.text), 3);
   ck_assert_uint_eq(stats_of(w.scene).faults & FS_FAULT_NUMBER, FS_FAULT_NUMBER);
   ck_assert_uint_eq(events_now(w.scene).size(), 0);
 }
 END_TEST
 
-START_TEST(ready_events) {  // only a connected scene has these
+START_TEST(nothing_happens) {
+  World w(_i);
+  w.step();
+  next_event(w.scene, FS_EVENT_DEVICE);
+  for (const double timeout : {0.0, 0.05}) {
+    const auto start = std::chrono::steady_clock::now();
+    fs_event event;
+    OK(fs_scene_next_event(w.scene, timeout, &event));
+    const std::chrono::duration<double> waited = std::chrono::steady_clock::now() - start;
+    ck_assert_int_eq(event.kind, FS_EVENT_NONE);
+    ck_assert_double_ge(waited.count(), 0.98 * timeout);
+    EXPECT_SENTENCE(FS_ERROR_INVALID, fs_scene_next_event(w.scene, -1, &event), "timeout");
+  }
+}
+END_TEST
+
+START_TEST(ready_events) {  // of a connected scene alone
   World w(_i);
   OK(fs_scene_begin(w.scene));
   for (const char* name : {"a", "b"}) w.set(spring(name));
@@ -298,7 +316,7 @@ START_TEST(sync_waits) {
         const fs_object o = push(("t" + std::to_string(i)).c_str());
         bool is_good = true;
         for (int k = 0; k < 10; ++k) {
-          is_good = is_good && fs_object_set(w.scene, &o) == FS_OK && fs_scene_sync(w.scene, 10) == FS_OK;
+          is_good = is_good && fs_object_set(w.scene, &o) == FS_OK && fs_scene_sync(w.scene, long_enough) == FS_OK;
         }
         good += is_good;
       });
@@ -522,7 +540,7 @@ END_TEST
 int main() {
   Suite* suite = suite_create("scenario_calls");
   add_on_both(suite, "reports", {reports, fading_reports, revisions});
-  add_on_both(suite, "events", {device_events, ready_events, waiting_holds_up_nobody, overflow});
+  add_on_both(suite, "events", {device_events, nothing_happens, ready_events, waiting_holds_up_nobody, overflow});
   add_on_both(suite, "sync", {sync_waits, hand_stats_device, a_running_servo});
   add_on_both(suite, "force", {no_step_in_force, the_simulator});
   return run_suite(suite);

@@ -20,11 +20,8 @@ using namespace scenes;
 
 // Processes here end without releasing anything, and fork while they have threads: the sanitizers must not complain.
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-static constexpr bool is_sanitized = true;
 extern "C" const char* __asan_default_options() { return "detect_leaks=0"; }
 extern "C" const char* __tsan_default_options() { return "report_thread_leaks=0:die_after_fork=0"; }
-#else
-static constexpr bool is_sanitized = false;
 #endif
 
 // What has arrived at the device, in memory that outlives a process.

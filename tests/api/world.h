@@ -41,14 +41,13 @@ inline void wait_a_little(double seconds = 1e-3) {
   std::this_thread::sleep_for(std::chrono::duration<double>(seconds));
 }
 
-// Waits until the condition holds, 10 s at most; returns whether it does.
+// Waits until it is so; whether it came to that.
 template <class F>
 bool eventually(F&& is_so) {
-  const auto start = std::chrono::steady_clock::now();
-  while (std::chrono::steady_clock::now() - start < std::chrono::seconds(10)) {
+  Patience patience;
+  do {
     if (is_so()) return true;
-    wait_a_little();
-  }
+  } while (patience.lasts());
   return is_so();
 }
 
@@ -79,7 +78,7 @@ inline Server start_server(fs_servo* servo, const std::string& endpoint, const f
 }
 inline Scene connect(const std::string& endpoint, const char* client) {
   fs_scene* scene = nullptr;
-  require(fs_scene_connect(endpoint.c_str(), client, &scene), "fs_scene_connect");
+  OK(fs_scene_connect(endpoint.c_str(), client, &scene));
   return Scene(scene);
 }
 
@@ -111,7 +110,7 @@ struct ServoRig {
   }
   void step_through_fade() { step(static_cast<uint64_t>(world_fade * 1000) + 3); }
   // fs_scene_sync while somebody steps.
-  fs_status sync(fs_scene* scene, double timeout = 10) {
+  fs_status sync(fs_scene* scene, double timeout = long_enough) {
     if (!is_virtual) return fs_scene_sync(scene, timeout);
     const Stepper stepper(servo.get());
     return fs_scene_sync(scene, timeout);
@@ -163,7 +162,7 @@ struct World : ServoRig {
 // An object as fs_object_get returns it, with its handles.
 struct Got {
   fs_object object = fs_object_init("", FS_PRIMITIVE_POINT);
-  Got(fs_scene* scene, const char* name) { require(fs_object_get(scene, name, &object), name); }
+  Got(fs_scene* scene, const char* name) { OK(fs_object_get(scene, name, &object)); }
   ~Got() { fs_object_release(&object); }
   Got(const Got&) = delete;
   Got& operator=(const Got&) = delete;
@@ -171,7 +170,10 @@ struct Got {
 };
 inline bool has(fs_scene* scene, const char* name) {
   fs_object out = fs_object_init("", FS_PRIMITIVE_POINT);
-  const fs_status status = fs_object_get(scene, name, &out);
+  Patience patience;
+  fs_status status;
+  do status = fs_object_get(scene, name, &out);
+  while (status == FS_ERROR_TIMEOUT && patience.lasts());
   fs_object_release(&out);
   ck_assert(status == FS_OK || status == FS_ERROR_NOT_FOUND);
   return status == FS_OK;
@@ -179,20 +181,20 @@ inline bool has(fs_scene* scene, const char* name) {
 
 inline fs_frame frame_of(fs_scene* scene, const char* client = nullptr) {
   fs_frame frame;
-  require(fs_scene_get_frame(scene, client, &frame), "fs_scene_get_frame");
+  OK(fs_scene_get_frame(scene, client, &frame));
   return frame;
 }
 inline std::vector<fs_vec3> tool_of(fs_scene* scene) {
   std::vector<fs_vec3> points(FS_TOOL_POINTS_MAX);
   size_t count = 0;
-  require(fs_scene_get_tool(scene, points.data(), points.size(), &count), "fs_scene_get_tool");
+  OK(fs_scene_get_tool(scene, points.data(), points.size(), &count));
   points.resize(count);
   return points;
 }
 inline std::vector<fs_report> reports_of(fs_scene* scene) {
   std::vector<fs_report> reports(object_count(scene));
   size_t count = 0;
-  require(fs_scene_get_reports(scene, reports.data(), reports.size(), &count), "fs_scene_get_reports");
+  OK(fs_scene_get_reports(scene, reports.data(), reports.size(), &count));
   reports.resize(std::min(count, reports.size()));
   return reports;
 }
@@ -210,11 +212,11 @@ inline std::vector<fs_tick> record_of(fs_servo* servo) {
   return record;
 }
 
-// The next event of this kind, within 10 s; those of other kinds are passed over.
+// The next event of this kind; those of other kinds are passed over.
 inline fs_event next_event(fs_scene* scene, fs_event_kind kind) {
   for (;;) {
     fs_event event;
-    OK(fs_scene_next_event(scene, 10, &event));
+    OK(fs_scene_next_event(scene, long_enough, &event));
     if (event.kind == kind) return event;
     ck_assert_msg(event.kind != FS_EVENT_NONE, "no event of kind %d came", kind);
   }
@@ -275,7 +277,7 @@ inline void nothing_remains() {
 
 inline TCase* new_case(Suite* suite, const char* name) {
   TCase* test_case = tcase_create(name);
-  tcase_set_timeout(test_case, 120);  // for a call that hangs, not for a slow machine
+  tcase_set_timeout(test_case, 500);  // for what hangs, not for a slow machine
   tcase_add_checked_fixture(test_case, nullptr, nothing_remains);
   suite_add_tcase(suite, test_case);
   return test_case;

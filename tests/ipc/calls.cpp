@@ -42,7 +42,7 @@ std::vector<Call> all_calls(const std::string& path) {
       {"fs_scene_commit", [](fs_scene* s) { return fs_scene_commit(s); }},
       {"fs_scene_cancel", [](fs_scene* s) { return fs_scene_cancel(s); }},
       {"fs_scene_sync", [](fs_scene* s) { return fs_scene_sync(s, 0); }},
-      {"fs_scene_sync", [](fs_scene* s) { return fs_scene_sync(s, 10); }},
+      {"fs_scene_sync", [](fs_scene* s) { return fs_scene_sync(s, 30); }},
       {"fs_scene_save", [=](fs_scene* s) { return fs_scene_save(s, (path + ".saved").c_str()); }},
       {"fs_scene_load", [=](fs_scene* s) { return fs_scene_load(s, path.c_str()); }},
       {"fs_scene_set_frame", [](fs_scene* s) { const fs_frame f = fs_frame_init(); return fs_scene_set_frame(s, &f); }},
@@ -62,7 +62,7 @@ std::vector<Call> all_calls(const std::string& path) {
       {"fs_scene_get_report", [](fs_scene* s) { fs_report r; return fs_scene_get_report(s, "mine", &r); }},
       {"fs_scene_get_report", [](fs_scene* s) { fs_report r; return fs_scene_get_report(s, "other/theirs", &r); }},
       {"fs_scene_next_event", [](fs_scene* s) { fs_event e; return fs_scene_next_event(s, 0, &e); }},
-      {"fs_scene_next_event", [](fs_scene* s) { fs_event e; return fs_scene_next_event(s, 10, &e); }},
+      {"fs_scene_next_event", [](fs_scene* s) { fs_event e; return fs_scene_next_event(s, 30, &e); }},
       {"fs_scene_get_hand", [](fs_scene* s) { fs_state h; return fs_scene_get_hand(s, &h, nullptr, nullptr); }},
       {"fs_scene_get_servo_stats", [](fs_scene* s) {
          fs_servo_stats out = fs_servo_stats_init();

@@ -124,7 +124,7 @@ int Process::wait() {
   int status = 0;
   pid_t ended;
   while ((ended = waitpid(id_, &status, WNOHANG)) == 0 || (ended < 0 && errno == EINTR)) {
-    if (steady() - start > 10) send(SIGKILL);
+    if (steady() - start > 30) send(SIGKILL);
     std::this_thread::sleep_for(std::chrono::microseconds(100));
   }
   if (ended != id_) stop("waitpid");

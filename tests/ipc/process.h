@@ -23,15 +23,15 @@ class Process {
   ~Process();  // kills it, if it is still there
 
   pid_t id() const { return id_; }
-  // Its next line, within this time (s); a line that is cut off by its death does not count. False: no line came.
-  bool hear(std::string& line, double timeout = 10);
+  // Its next line, within so long (s); a line that is cut off by its death does not count. False: none came.
+  bool hear(std::string& line, double timeout = 30);
   // The next line must be this one.
   void expect(const std::string& line);
   void say(const std::string& line);
   void stop_saying();  // its standard input ends
 
   void send(int signal) const { ::kill(id_, signal); }
-  int wait();       // until it has ended; its status as waitpid gives it. 10 s at most, then it is killed
+  int wait();       // until it has ended; its status as waitpid gives it. 30 s at most, then it is killed
   void kill_it();   // and waits
   void forget() { id_ = 0; }  // it has been waited for
 

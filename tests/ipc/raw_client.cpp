@@ -16,7 +16,7 @@
 namespace hostile {
 namespace {
 
-constexpr double patience = 10;  // s
+constexpr double patience = 30;  // s
 
 void wait_a_little() { std::this_thread::sleep_for(std::chrono::milliseconds(1)); }
 

@@ -51,7 +51,7 @@ class RawClient {
   Greeting greet_with(std::span<const std::byte> bytes);
   int join(const std::string& name);  // must be accepted; returns how often it had to try
 
-  // Sends bytes as they are, with descriptors; waits for room, 10 s at most. False: the server does not take them.
+  // Sends bytes as they are, with descriptors; waits for room, 30 s at most. False: nobody takes them.
   bool send_bytes(std::span<const std::byte> bytes, std::span<const int> descriptors = {});
   // Sends a message with the next serial and returns that serial, whether or not the message arrives. more: the message
   // waits for the rest of its group, which then goes as one message of that serial.
@@ -62,10 +62,9 @@ class RawClient {
   }
   uint64_t send(uint32_t type) { return send(type, std::span<const std::byte>()); }
 
-  // The reply of a serial; other replies are thrown away. Nothing if none comes within 10 s, or if the server drops the
-  // client.
-  std::optional<Reply> reply_of(uint64_t serial, double timeout = 10);
-  // Sends and waits. If the server drops the client meanwhile: DISCONNECTED; no answer: TIMEOUT.
+  // The reply of a serial, others being thrown away; none within 30 s, or dropped: nothing.
+  std::optional<Reply> reply_of(uint64_t serial, double timeout = 30);
+  // Sends and waits. Dropped meanwhile: DISCONNECTED; no answer: TIMEOUT.
   template <class... Arguments>
   fs_status ask(uint32_t type, const Arguments&... arguments) {
     return status_of(reply_of(send(type, arguments...)));
@@ -73,7 +72,7 @@ class RawClient {
   fs_status status_of(const std::optional<Reply>& reply) const;
 
   bool is_dropped() const;       // now
-  bool is_soon_dropped() const;  // within 10 s
+  bool is_soon_dropped() const;  // within 30 s
 
   // Own objects. Only `parts` count of a Set.
   uint64_t set(uint32_t slot, const fs_object& object, bool more = false);

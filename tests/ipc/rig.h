@@ -86,7 +86,7 @@ class Rig {
     }
   }
 
-  // Ticks until the condition holds, 10 s at most; returns whether it does.
+  // Ticks until it is so; whether it came to that.
   template <class F>
   bool until(F&& is_so) {
     return eventually([&] {

@@ -81,7 +81,7 @@ START_TEST(a_server_that_comes_later) {
     wait_a_little(0.1);
     server = start_server(rig.servo.get(), endpoint, fs_server_options_init());
   });
-  const fs_status status = try_connect(endpoint + "?timeout=10");
+  const fs_status status = try_connect(endpoint + "?timeout=30");
   starter.join();
   OK(status);
 }
@@ -193,7 +193,7 @@ static std::vector<std::pair<const char*, std::function<fs_status()>>> calls(fs_
       {"begin", [=] { return fs_scene_begin(scene); }},
       {"commit", [=] { return fs_scene_commit(scene); }},
       {"cancel", [=] { return fs_scene_cancel(scene); }},
-      {"sync", [=] { return fs_scene_sync(scene, 10); }},
+      {"sync", [=] { return fs_scene_sync(scene, long_enough); }},
       {"set_frame", [=] { return fs_scene_set_frame(scene, &frame); }},
       {"get_frame", [=] {
          fs_frame out;
@@ -269,7 +269,7 @@ START_TEST(a_server_that_stops) {
   ck_assert_uint_gt(std::strlen(end.text), 10);
   fs_event event;
   EXPECT(FS_ERROR_DISCONNECTED, fs_scene_next_event(me.get(), 0, &event));
-  EXPECT(FS_ERROR_DISCONNECTED, fs_scene_next_event(me.get(), 10, &event));
+  EXPECT(FS_ERROR_DISCONNECTED, fs_scene_next_event(me.get(), long_enough, &event));
   // The next server is another one.
   rig.server = start_server(rig.servo.get(), rig.endpoint, fs_server_options_init());
   expect_lost(me.get(), "gone");
@@ -337,7 +337,7 @@ START_TEST(a_server_that_is_killed) {
   ServerProcess process;
   const Scene me = connect(process.endpoint, "me");
   set(me, spring("a"));
-  OK(fs_scene_sync(me.get(), 10));
+  OK(fs_scene_sync(me.get(), long_enough));
   std::thread waiting([&] { next_event(me.get(), FS_EVENT_DISCONNECTED); });
   process.signal(SIGKILL);
   waiting.join();
@@ -351,7 +351,7 @@ START_TEST(a_server_that_stalls) {
   ServerProcess process;
   const Scene me = connect(process.endpoint, "me");
   set(me, spring("a"));
-  OK(fs_scene_sync(me.get(), 10));
+  OK(fs_scene_sync(me.get(), long_enough));
   process.signal(SIGSTOP);
   wait_a_little(0.15);  // longer than a heartbeat
   fs_frame frame;
@@ -363,7 +363,7 @@ START_TEST(a_server_that_stalls) {
   set(me, spring("b"));  // sent without waiting
   EXPECT_VECTOR(Got(me.get(), "a")->pose.position, pose.position, 0);
   process.signal(SIGCONT);
-  OK(fs_scene_sync(me.get(), 10));
+  OK(fs_scene_sync(me.get(), long_enough));
   OK(fs_scene_get_frame(me.get(), nullptr, &frame));  // and not the answer to an old question
   ck_assert_double_eq(frame.scale, 1);
   const Scene other = connect(process.endpoint, "other");
@@ -378,7 +378,7 @@ START_TEST(who_does_not_wait) {
   const Scene me = connect(process.endpoint, "me"), other = connect(process.endpoint, "other");
   set(me, spring("a"));
   set(other, spring("a"));
-  OK(fs_scene_sync(me.get(), 10));
+  OK(fs_scene_sync(me.get(), long_enough));
   const fs_pose pose = at(0.25, 0, 0);
   const auto expect_no_wait = [&](const char* when) {
     const auto none = [&](const char* what, fs_status wanted, const std::function<fs_status()>& call) {
@@ -399,7 +399,7 @@ START_TEST(who_does_not_wait) {
   process.signal(SIGSTOP);
   expect_no_wait("just stopped");
   process.signal(SIGCONT);
-  OK(fs_scene_sync(me.get(), 10));
+  OK(fs_scene_sync(me.get(), long_enough));
 
   OK(fs_object_move(other.get(), "me/a", &pose, nullptr, FS_NOW));  // me has not asked what became of it
   process.signal(SIGSTOP);
@@ -412,13 +412,14 @@ START_TEST(who_does_not_wait) {
   EXPECT_SENTENCE(FS_ERROR_TIMEOUT, fs_object_move(me.get(), "other/a", &pose, nullptr, FS_NOW), "1 s");
   ck_assert_int_gt(waits, 0);  // so waits are counted
   process.signal(SIGCONT);
-  OK(fs_scene_sync(me.get(), 10));
+  OK(fs_scene_sync(me.get(), long_enough));
 
   // A group of many times what the socket holds is sent as a whole, without waiting.
   process.signal(SIGSTOP);
   OK(fs_scene_begin(me.get()));
   for (int i = 0; i < 3000; ++i) {
-    const fs_object o = spring(("n" + std::to_string(i)).c_str());
+    fs_object o = spring(("n" + std::to_string(i)).c_str());
+    o.enabled = false;  // so many that are felt may cost more than a tick has time for: then the server lets go of the client
     OK(fs_object_set(me.get(), &o));
   }
   waits = 0;
@@ -436,7 +437,7 @@ START_TEST(who_does_not_wait) {
   ck_assert(!has(me.get(), "a"));
   process.signal(SIGCONT);
   OK(fs_scene_cancel(me.get()));
-  OK(fs_scene_sync(me.get(), 10));
+  OK(fs_scene_sync(me.get(), long_enough));
   ck_assert(has(me.get(), "a") && has(other.get(), "me/a") && has(other.get(), "me/n2999"));
 }
 END_TEST
@@ -446,7 +447,7 @@ START_TEST(who_waits_holds_no_lock) {
   ServerProcess process;
   const Scene me = connect(process.endpoint, "me");
   set(me, spring("a"));
-  OK(fs_scene_sync(me.get(), 10));
+  OK(fs_scene_sync(me.get(), long_enough));
   process.signal(SIGSTOP);
   std::atomic<int> began{0}, ended{0};
   std::vector<std::thread> asking;
@@ -481,7 +482,7 @@ START_TEST(signals) {
   for (int i = 0; i < 40; ++i) {
     const Scene me = connect(process.endpoint, ("c" + std::to_string(i)).c_str());
     set(me, spring("a"));
-    OK(fs_scene_sync(me.get(), 10));
+    OK(fs_scene_sync(me.get(), long_enough));
     fs_report report;
     OK(fs_scene_get_report(me.get(), "a", &report));
     Got(me.get(), "a");
@@ -494,7 +495,7 @@ START_TEST(signals) {
     while (status == FS_OK) status = fs_object_set(me.get(), &a);
     ck_assert_int_eq(status, FS_ERROR_TIMEOUT);
     process.signal(SIGCONT);
-    OK(fs_scene_sync(me.get(), 10));
+    OK(fs_scene_sync(me.get(), long_enough));
   }
   setitimer(ITIMER_REAL, &never, nullptr);
   ck_assert_int_gt(came, 0);
@@ -516,12 +517,12 @@ START_TEST(no_room) {
   EXPECT(FS_ERROR_TIMEOUT, status);
   ck_assert_double_eq(Got(me.get(), "a")->front.gain, count - 1);
   process.signal(SIGCONT);
-  OK(fs_scene_sync(me.get(), 10));
+  OK(fs_scene_sync(me.get(), long_enough));
   const Scene other = connect(process.endpoint, "other");
   ck_assert_double_eq(Got(other.get(), "me/a")->front.gain, count - 1);
   o.front.gain = 7;
   OK(fs_object_set(me.get(), &o));
-  OK(fs_scene_sync(me.get(), 10));
+  OK(fs_scene_sync(me.get(), long_enough));
   ck_assert_double_eq(Got(other.get(), "me/a")->front.gain, 7);
 }
 END_TEST
@@ -538,7 +539,7 @@ START_TEST(forks) {
       bad += call() != FS_ERROR_DISCONNECTED || !std::strstr(fs_last_error(), "forked");
     }
     fs_event event;
-    bad += fs_scene_next_event(me.get(), 10, &event) != FS_ERROR_DISCONNECTED;
+    bad += fs_scene_next_event(me.get(), long_enough, &event) != FS_ERROR_DISCONNECTED;
     fs_scene_destroy(me.get());
     _exit(bad);
   }

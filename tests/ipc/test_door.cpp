@@ -480,7 +480,9 @@ struct Greedy {
 
 static void run_out(bool goes_on) {
   Rig rig;
-  rig.honest().set(1, push("other", 0.5, {0, 1, 0}));  // so that the next sync has something to do
+  fs_object other = push("other", 0.5, {0, 1, 0});
+  other.enabled = false;  // a tick may come by before it is removed
+  rig.honest().set(1, other);  // so that the next sync has something to do
   rig.honest().remove("other");
   ck_assert_int_eq(rig.sync(rig.honest()), FS_OK);
   const pid_t server = thread_named("fs-server");

@@ -11,11 +11,6 @@
 using namespace life;
 using namespace scenes;
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool is_sanitized = true;  // then a process takes long to start, and freed memory is kept
-#else
-constexpr bool is_sanitized = false;
-#endif
 constexpr int standard_kills = is_sanitized ? 20 : 60;
 constexpr double fade = 0.1, lease = 0.02;      // s, of those that are killed at any moment
 constexpr double client_limit = 2;              // N
@@ -36,7 +31,7 @@ class Honest {
     set_prey();
     turn();
     expect(fs_object_set(scene_.get(), &push_), "set");
-    expect(fs_scene_sync(scene_.get(), 10), "sync");
+    expect(fs_scene_sync(scene_.get(), long_enough), "sync");
     eventually([this] { return is_felt(); });
     complaint_.clear();
   }
@@ -92,7 +87,7 @@ class Honest {
       expect(eventually([this] { return is_felt(); }), "its move is not felt");
       if (turns_ % 16) continue;
       set_prey();
-      expect(fs_scene_sync(scene_.get(), 10), "sync");
+      expect(fs_scene_sync(scene_.get(), long_enough), "sync");
       size_t count = 0;
       expect(fs_scene_get_clients(scene_.get(), nullptr, 0, &count), "clients");
       expect(fs_scene_get_reports(scene_.get(), nullptr, 0, &count), "reports");
@@ -314,7 +309,7 @@ START_TEST(stop_at_each_write) {
     return last.response.wrench.force.z;
   };
   bool is_over = false;
-  for (int number = 1; !is_over; number += is_sanitized ? 7 : 1) {
+  for (int number = 1; !is_over; number += is_sanitized ? 7 : times(5, 1)) {
     Process victim({"--writes", place.rig.endpoint, "writer", std::to_string(number)});
     std::string line = "nothing";
     victim.hear(line);

@@ -149,13 +149,13 @@ START_TEST(names_are_free_at_once) {
   servo.mode = FS_SERVO_THREAD;
   ServerRig rig(options, servo);
   const Scene observer = rig.join("observer");
-  OK(fs_scene_sync(observer.get(), 10));  // the server has finished it
+  OK(fs_scene_sync(observer.get(), long_enough));  // the server is through with it
   const Holdings before = holdings();
   const fs_object o = push("push");
   for (int i = 0; i < 200; ++i) {
     const Scene scene = rig.join("client");
     if (i % 2) OK(fs_object_set(scene.get(), &o));
-    if (i % 4 == 3) OK(fs_scene_sync(scene.get(), 10));
+    if (i % 4 == 3) OK(fs_scene_sync(scene.get(), long_enough));
   }
   wait_until_gone(observer.get(), "client");
   Holdings after;
@@ -208,7 +208,7 @@ START_TEST(every_call_says_so) {
     for (size_t i = 0; i < calls.size(); ++i) {
       scenes.push_back(rig.join(("client " + std::to_string(i)).c_str()));
       OK(fs_object_set(scenes.back().get(), &mine));
-      OK(fs_scene_sync(scenes.back().get(), 10));
+      OK(fs_scene_sync(scenes.back().get(), long_enough));
       tools.push_back(make_tool(scenes.back().get()));
     }
     OK(fs_scene_save(scenes[0].get(), path.c_str()));
@@ -268,7 +268,7 @@ START_TEST(events_come_to_an_end) {
   std::vector<int> kinds;
   fs_event event;
   fs_status status;
-  while ((status = fs_scene_next_event(client.get(), 10, &event)) == FS_OK && kinds.size() < 100) {
+  while ((status = fs_scene_next_event(client.get(), long_enough, &event)) == FS_OK && kinds.size() < 100) {
     if (event.kind == FS_EVENT_DEVICE) continue;
     kinds.push_back(event.kind);
     if (event.kind != FS_EVENT_DISCONNECTED) continue;
@@ -278,7 +278,7 @@ START_TEST(events_come_to_an_end) {
   }
   ck_assert_int_eq(status, FS_ERROR_DISCONNECTED);
   ck_assert((kinds == std::vector<int>{FS_EVENT_READY, FS_EVENT_EDITED, FS_EVENT_DISCONNECTED}));
-  for (int i = 0; i < 3; ++i) EXPECT(FS_ERROR_DISCONNECTED, fs_scene_next_event(client.get(), 10, &event));
+  for (int i = 0; i < 3; ++i) EXPECT(FS_ERROR_DISCONNECTED, fs_scene_next_event(client.get(), long_enough, &event));
 }
 END_TEST
 
@@ -390,7 +390,7 @@ static void come_back(const std::string& endpoint, int number, std::atomic<uint6
   const std::string name = "client " + std::to_string(number);
   while (!is_over) {
     fs_scene* scene = nullptr;
-    const fs_status status = fs_scene_connect((endpoint + "?timeout=10").c_str(), name.c_str(), &scene);
+    const fs_status status = fs_scene_connect((endpoint + "?timeout=30").c_str(), name.c_str(), &scene);
     check(status == FS_OK, "connect");
     if (status != FS_OK) return;
     const Scene kept(scene);
@@ -579,7 +579,7 @@ START_TEST(threads_on_one_scene) {
   for (std::thread& thread : threads) thread.join();
   ck_assert_int_eq(wrong, 0);
   for (const uint64_t count : rounds) ck_assert_uint_gt(count, 0);
-  OK(fs_scene_sync(s, 10));
+  OK(fs_scene_sync(s, long_enough));
   std::printf("  rounds of moves (2), sets, groups, waits, looks, a tool, another client:");
   for (const uint64_t count : rounds) std::printf(" %lu", static_cast<unsigned long>(count));
   std::printf("\n");

@@ -15,11 +15,6 @@
 using namespace life;
 using namespace scenes;
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool is_sanitized = true;
-#else
-constexpr bool is_sanitized = false;
-#endif
 constexpr double lease = 0.1, fade = 0.2;  // s
 constexpr double full = 2;                 // N, of a client
 
@@ -42,7 +37,7 @@ static fs_scene* join(const char* endpoint, const char* name) {
 static void set_push(fs_scene* scene, double force, fs_vec3 direction = {1, 0, 0}) {
   const fs_object o = push("push", force, direction);
   expect(FS_OK, fs_object_set(scene, &o), "fs_object_set");
-  expect(FS_OK, fs_scene_sync(scene, 10), "fs_scene_sync");
+  expect(FS_OK, fs_scene_sync(scene, long_enough), "fs_scene_sync");
 }
 
 static fs_scene* kept = nullptr;  // for what ends without giving it back
@@ -59,7 +54,7 @@ static void be_a_client(char** words) {
       fs_scene_destroy(kept);
       kept = nullptr;
     } else if (line == "sync") {
-      expect(FS_OK, fs_scene_sync(kept, 10), "fs_scene_sync");
+      expect(FS_OK, fs_scene_sync(kept, long_enough), "fs_scene_sync");
     }
     tell("done: " + line);
   }
@@ -117,7 +112,7 @@ static void fork_while_connected(char** words) {
         if (name == still) expect(FS_OK, call.run(scene), name);
       }
     }
-    expect(FS_OK, fs_scene_sync(scene, 10), "fs_scene_sync");
+    expect(FS_OK, fs_scene_sync(scene, long_enough), "fs_scene_sync");
     tell("goes on");
   }
   fs_tool_destroy(tool);
@@ -245,13 +240,13 @@ static void run_out_of_descriptors(char** words) {
     o.primitive = FS_PRIMITIVE_POINT;  // what needs no descriptor is done
     o.shape = nullptr;
     expect(FS_OK, fs_object_set(scene, &o), "fs_object_set");
-    expect(FS_OK, fs_scene_sync(scene, 10), "fs_scene_sync");
+    expect(FS_OK, fs_scene_sync(scene, long_enough), "fs_scene_sync");
     set_limit(before.rlim_cur);
     expect(used() == connected, "descriptors are lost");
     o.primitive = FS_PRIMITIVE_MESH;
     o.shape = mesh.get();
     expect(FS_OK, fs_object_set(scene, &o), "fs_object_set");
-    expect(FS_OK, fs_scene_sync(scene, 10), "fs_scene_sync");
+    expect(FS_OK, fs_scene_sync(scene, long_enough), "fs_scene_sync");
     expect(FS_OK, fs_scene_get_reports(scene, nullptr, 0, &count), "fs_scene_get_reports");
     expect(used() == connected, "descriptors are lost");
     fs_scene_destroy(scene);
@@ -280,7 +275,7 @@ static void be_a_crowd(char** words) {
       expect(FS_OK, fs_object_set(scenes[s], &o), "fs_object_set");
     }
     expect(FS_OK, fs_scene_commit(scenes[s]), "fs_scene_commit");
-    expect(FS_OK, fs_scene_sync(scenes[s], 10), "fs_scene_sync");
+    expect(FS_OK, fs_scene_sync(scenes[s], long_enough), "fs_scene_sync");
   }
   tell("ready");
   std::string line;
@@ -301,7 +296,7 @@ static void be_a_crowd(char** words) {
   while (listen(line)) {
   }
   for (fs_scene* scene : scenes) {  // nobody was dropped
-    expect(FS_OK, fs_scene_sync(scene, 10), "fs_scene_sync");
+    expect(FS_OK, fs_scene_sync(scene, long_enough), "fs_scene_sync");
     fs_scene_destroy(scene);
   }
   tell("over");
@@ -485,7 +480,7 @@ START_TEST(the_server_is_killed) {
   for (size_t i = 0; i < calls.size(); ++i) {
     scenes.push_back(connect(endpoint, ("client " + std::to_string(i)).c_str()));
     OK(fs_object_set(scenes[i].get(), &mine));
-    OK(fs_scene_sync(scenes[i].get(), 10));
+    OK(fs_scene_sync(scenes[i].get(), long_enough));
   }
   const Tool tool = make_tool(scenes[0].get());
   OK(fs_scene_save(scenes[0].get(), path.c_str()));
@@ -511,7 +506,7 @@ START_TEST(the_server_is_killed) {
   next.expect("serves");
   const Scene fresh = connect(endpoint, "client 0");
   OK(fs_object_set(fresh.get(), &mine));
-  OK(fs_scene_sync(fresh.get(), 10));
+  OK(fs_scene_sync(fresh.get(), long_enough));
   for (const Scene& scene : scenes) {
     fs_event event;
     int ends = 0;
@@ -535,7 +530,7 @@ START_TEST(the_server_stands_still) {
   const Scene client = connect(endpoint, "client");
   const fs_object mine = spring("mine");
   OK(fs_object_set(client.get(), &mine));
-  OK(fs_scene_sync(client.get(), 10));
+  OK(fs_scene_sync(client.get(), long_enough));
   server.send(SIGSTOP);
   wait_a_little(0.3);
   const fs_pose pose = at(0.01, 0, 0);
@@ -548,11 +543,11 @@ START_TEST(the_server_stands_still) {
   fs_scene* other = nullptr;
   EXPECT(FS_ERROR_TIMEOUT, fs_scene_connect((endpoint + "?timeout=0.1").c_str(), "other", &other));
   server.send(SIGCONT);
-  OK(fs_scene_sync(client.get(), 10));
+  OK(fs_scene_sync(client.get(), long_enough));
   OK(fs_scene_get_clients(client.get(), nullptr, 0, &count));
   server.send(SIGSTOP);
   server.kill_it();
-  ck_assert(eventually([&] { return fs_scene_sync(client.get(), 10) == FS_ERROR_DISCONNECTED; }));
+  ck_assert(eventually([&] { return fs_scene_sync(client.get(), long_enough) == FS_ERROR_DISCONNECTED; }));
 }
 END_TEST
 
@@ -683,9 +678,9 @@ START_TEST(a_server_of_all_users) {
   const Scene guest = connect(place, "root");
   const fs_object mine = spring("mine");
   OK(fs_object_set(guest.get(), &mine));
-  OK(fs_scene_sync(guest.get(), 10));
+  OK(fs_scene_sync(guest.get(), long_enough));
   theirs.kill_it();
-  ck_assert(eventually([&] { return fs_scene_sync(guest.get(), 10) == FS_ERROR_DISCONNECTED; }));
+  ck_assert(eventually([&] { return fs_scene_sync(guest.get(), long_enough) == FS_ERROR_DISCONNECTED; }));
 }
 END_TEST
 
@@ -728,7 +723,7 @@ END_TEST
 START_TEST(a_crowd) {
   const int process_count = is_sanitized ? 3 : 8, scene_count = is_sanitized ? 3 : 8;
   const int object_count = is_sanitized ? 30 : 100;
-  const double seconds = is_sanitized ? 1 : 3;
+  const double seconds = is_sanitized ? 1 : times(1, 3);
   ServerRig rig(server_options(), thread_options());
   std::vector<Process> crowd;
   for (int p = 0; p < process_count; ++p) {

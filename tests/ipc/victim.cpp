@@ -336,7 +336,7 @@ int be_a_writer(int count, char** arguments) {
     o.pose = up;
     require(fs_object_set(scene.get(), &o), "fs_object_set");
   }
-  require(fs_scene_sync(scene.get(), 10), "fs_scene_sync");
+  require(fs_scene_sync(scene.get(), 30), "fs_scene_sync");
   if (!stop_before_write(std::atoi(arguments[4]))) {
     tell("unsupported");
     return EXIT_FAILURE;

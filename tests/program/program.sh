@@ -234,6 +234,15 @@ listen() {  # OPTION...: a server in the background: $server
   done
   fail "run --listen does not listen"
 }
+until_says() {  # PATTERN COMMAND...: again and again, until a line of its output matches
+  local pattern=$1
+  shift
+  for _ in $(seq 300); do
+    "$@" 2>&1 | grep -qE "$pattern" && return
+    sleep 0.1
+  done
+  fail "$* does not say $pattern"
+}
 ended() {  # PROCESS STATUS WHAT
   local status
   wait "$1"
@@ -260,7 +269,8 @@ expect 2 "$name" "$program" run --listen "shm:$name" --duration 1
 expect 0 "^server +$server +[^ ]+ +[1-9]" "$program" clients "$name"
 "$program" watch "$name" --interval 0.1 > watched 2>&1 &
 watcher=$!
-sleep 1
+until_says "^watch-$watcher " "$program" clients "$name"
+until_says '^hand  ' cat watched
 expect 0 "^watch-$watcher +$watcher +[^ ]+ +0 " "$program" clients "shm:$name?user=$(id -u)"
 if [ "$(id -u)" = 0 ] && setpriv --reuid=65534 test -x "$program" 2> /dev/null; then
   expect 0 '^server ' setpriv --reuid=65534 "$program" clients "shm:$name?user=0"
@@ -298,7 +308,7 @@ if command -v script > /dev/null; then
 fi
 "$program" watch "$name" --interval 0.1 > watched 2>&1 &
 watcher=$!
-sleep 0.5
+until_says '^hand  ' cat watched
 kill -INT $server
 ended $server 0 "run with a client"
 ended $watcher 1 "watch whose server has gone"
@@ -310,7 +320,7 @@ printf '0 0 0 0\n1 0 0 0\n1.01 0.5 0 0\n' > jump
 echo '{"forceserver": "scene", "version": 1, "objects": [{"name": "brief", "primitive": "point", "lifetime": 0.3,
   "front": {"kind": "constant", "sense": "attractive", "gain": 1, "limit": 1}}]}' > brief.json
 listen --scene brief.json --device 'sim:?path=jump&hand=firm'
-sleep 2
+until_says '^the force stopped' "$program" watch "$name" --count 1
 expect 0 '^the force stopped \(.*\): the hand was above speed_limit$' "$program" watch "$name" --count 1
 expect 0 '^server/brief +point +expired +0\.00 ' "$program" watch "$name" --count 1
 kill -INT $server

@@ -3,10 +3,14 @@
 
 #include <cmath>
 #include <cstdint>
+#include <cstdlib>
 
 #include "scenes/vector.h"
 
 namespace scenes {
+
+// How often a test does what it does at random, or without end: a few times, or as often as `all` says with tests/run --all.
+inline int times(int few, int all) { return std::getenv("FORCESERVER_ALL_TESTS") ? all : few; }
 
 class Random {
  public:

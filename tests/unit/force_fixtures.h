@@ -22,6 +22,7 @@
 namespace fs::test {
 
 using scenes::Random;
+using scenes::times;
 
 struct Mesh {
   std::vector<Vec3> points;

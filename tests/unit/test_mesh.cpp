@@ -162,13 +162,13 @@ Mesh needles(Random& random, size_t count, double width) {
 
 START_TEST(matches_the_reference) {
   Random random(1);
-  double worst = compare(sphere(0.1, 3), 2, 400);
-  worst = std::fmax(worst, compare(torus(0.1, 0.03, 24, 12), 3, 300));
-  worst = std::fmax(worst, compare(box({0.1, 0.2, 0.3}), 4, 2000));
-  worst = std::fmax(worst, compare(random_triangles(random, 300, 1, 0.2), 5, 400));
-  worst = std::fmax(worst, compare(random_triangles(random, 5, 1, 1), 6, 2000));
+  double worst = compare(sphere(0.1, 3), 2, times(100, 400));
+  worst = std::fmax(worst, compare(torus(0.1, 0.03, 24, 12), 3, times(80, 300)));
+  worst = std::fmax(worst, compare(box({0.1, 0.2, 0.3}), 4, times(500, 2000)));
+  worst = std::fmax(worst, compare(random_triangles(random, 300, 1, 0.2), 5, times(100, 400)));
+  worst = std::fmax(worst, compare(random_triangles(random, 5, 1, 1), 6, times(500, 2000)));
   for (const double width : {1e-3, 1e-6, 1e-9, 1e-12, 1e-15}) {
-    worst = std::fmax(worst, compare(needles(random, 60, width), 7, 1000));
+    worst = std::fmax(worst, compare(needles(random, 60, width), 7, times(250, 1000)));
   }
   if (std::getenv("VERBOSE")) std::printf("largest deviation: %.2f rounding units\n", worst);
   ck_assert_double_le(worst, 4);
@@ -179,9 +179,9 @@ START_TEST(matches_the_reference_far_away) {
   Random random(11);
   double worst = 0;
   for (const Vec3 where : {Vec3{1e6, 0, 0}, Vec3{5e5, 4.6e6, 1500}, Vec3{-1e6, 1e6, 1e6}, Vec3{1e9, 0, 1e9}}) {
-    worst = std::fmax(worst, compare(moved(sphere(0.1, 2), where), 12, 300));
-    worst = std::fmax(worst, compare(moved(box({0.1, 0.2, 0.3}), where), 13, 500));
-    worst = std::fmax(worst, compare(moved(random_triangles(random, 100, 1, 0.2), where), 14, 200));
+    worst = std::fmax(worst, compare(moved(sphere(0.1, 2), where), 12, times(100, 300)));
+    worst = std::fmax(worst, compare(moved(box({0.1, 0.2, 0.3}), where), 13, times(150, 500)));
+    worst = std::fmax(worst, compare(moved(random_triangles(random, 100, 1, 0.2), where), 14, times(70, 200)));
   }
   if (std::getenv("VERBOSE")) std::printf("largest deviation: %.2f rounding units\n", worst);
   ck_assert_double_le(worst, 4);
@@ -209,7 +209,7 @@ START_TEST(takes_bad_meshes) {
     m.add(a, a + 1, a + 2);
     m.add(a, a + 2, a + 1);
   }
-  ck_assert_double_le(compare(m, 22, 800), 4);
+  ck_assert_double_le(compare(m, 22, times(250, 800)), 4);
 
   Mesh only_degenerate;
   only_degenerate.points = {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}};

@@ -254,7 +254,7 @@ END_TEST
 START_TEST(simple_polygons_are_covered)
 {
   Random random(2);
-  for (int round = 0; round < 600; ++round) {
+  for (int round = 0; round < times(100, 600); ++round) {
     Outline points;
     const char* what = "";
     switch (round % 5) {
@@ -361,7 +361,7 @@ END_TEST
 #ifdef __SANITIZE_ADDRESS__
 static constexpr size_t many = 3000;
 #else
-static constexpr size_t many = 30000;
+static const size_t many = static_cast<size_t>(times(9000, 30000));
 #endif
 
 // A face of very many corners. The reader refuses one that takes too many steps, so this bounds them.
@@ -387,7 +387,7 @@ START_TEST(large_polygons_are_cut)
       check_covers(placed(points, pose, 1), what, 1e-10);
     }
   }
-  constexpr size_t most = 17 * many / 3;
+  const size_t most = 17 * many / 3;
   // The same three points again and again; three hundred points in any order.
   Outline points(300);
   for (Vec3& p : points) p = random.in_box(1);
