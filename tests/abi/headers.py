@@ -2,10 +2,9 @@
 
 headers.py INCLUDE_FOLDER C_COMPILER CXX_COMPILER
 """
+import pathlib
 import subprocess
 import sys
-
-from public_headers import headers
 
 include, c, cxx = sys.argv[1:4]
 STRICT = ["-Wall", "-Wextra", "-pedantic", "-Wpadded", "-Werror", f"-I{include}", "-c", "-o", "/dev/null", "-"]
@@ -19,7 +18,7 @@ def compiles(language, text):
 
 failed = False
 for language in LANGUAGES:
-    for header in headers(include):
+    for header in sorted(pathlib.Path(include, "forceserver").glob("*.h")):
         for what in ["", " twice"]:
             text = f"#include <forceserver/{header.name}>\n" * (2 if what else 1) + "int forceserver_header_test;\n"
             good, errors = compiles(language, text)

@@ -1,15 +1,17 @@
 """The shared library exports the functions of the headers and nothing else. It is never unloaded, as a servo's thread
 may run in it.
 
-symbols.py INCLUDE_FOLDER LIBRARY NM READELF
+symbols.py LIBRARY NM READELF
 """
+import pathlib
 import subprocess
 import sys
 
-from public_headers import functions
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "bindings/description"))
+import description
 
-include, library, nm, readelf = sys.argv[1:5]
-declared = functions(include)
+library, nm, readelf = sys.argv[1:4]
+declared = {function["name"] for function in description.load()["functions"] if not function["inline"]}
 output = subprocess.run([nm, "-D", "--defined-only", library], check=True, text=True, capture_output=True).stdout
 shown = {line.split()[-1].split("@")[0] for line in output.splitlines()}
 for name in sorted(shown - declared):

@@ -1,16 +1,19 @@
-"""Every function of the public headers is in a table of test_contract.cpp, and nothing else is."""
+"""Every function of the public headers stands in a table of test_contract.cpp, and nothing else does.
+
+contract_list.py TEST
+"""
 import pathlib
 import re
 import sys
 
-include, test = pathlib.Path(sys.argv[1]), pathlib.Path(sys.argv[2])
-declared = set()
-for header in sorted(include.glob("*.h")):
-    text = re.sub(r"/\*.*?\*/", "", header.read_text(), flags=re.S)
-    declared |= set(re.findall(r"FS_API[^;(]*?\b(fs_\w+)\s*\(", text))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "bindings/description"))
+import description
+
+test = pathlib.Path(sys.argv[1])
+declared = {function["name"] for function in description.load()["functions"] if not function["inline"]}
 text = test.read_text()
 called = set(re.findall(r'\{"(fs_\w+)", \d', text))                      # the table of calls
-others = re.search(r"others\[\]\{(.*?)\};", text, flags=re.S).group(1)  # those that return no status
+others = re.search(r"others\[\]\{(.*?)\};", text, flags=re.S).group(1)  # those that give no status
 called |= set(re.findall(r'"(fs_\w+)"', others))
 called = {name for name in called if re.search(rf"[^\"\w]{name}\(", text)}  # and is called, not only named
 for name in sorted(declared - called):
