@@ -81,8 +81,8 @@ bool closest_on_polyline(const Shape& shape, Vec3 x, double max_distance, Closes
     out.feature = Feature::edge;
     out.tangent = tangent;
   }
-  const double largest = std::fmax(largest_coordinate(x), std::fmax(largest_coordinate(start(best_segment)),
-                                                                   largest_coordinate(end(best_segment))));
+  const double largest = std::max(largest_coordinate(x), std::max(largest_coordinate(start(best_segment)),
+                                                                 largest_coordinate(end(best_segment))));
   if (distance > coordinate_rounding(largest)) {
     out.distance = distance;
     out.direction = normalized(-best.offset);
