@@ -83,7 +83,8 @@ uint64_t add_contacts(const Object& object, const Motion& motion, uint32_t row, 
   const Pose& pose = motion.horizon > 0 ? moved : motion.pose;
   uint64_t felt = 0;
   Contacts::Contact contact;
-  contact.weight = weight * (1.0 / std::popcount(mask));
+  const bool is_one_point = (mask & (mask - 1)) == 0;  // as mostly
+  contact.weight = is_one_point ? weight : weight * (1.0 / std::popcount(mask));
   for (uint32_t rest = mask; rest; rest &= rest - 1) {
     const ToolState::Point& point = tool.points[static_cast<size_t>(std::countr_zero(rest))];
     if (!find_contact(object, pose, point.position, contact)) continue;

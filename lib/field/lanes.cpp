@@ -13,8 +13,6 @@ namespace {
 typedef double Four __attribute__((vector_size(32)));
 typedef long long Mask __attribute__((vector_size(32)));
 
-constexpr double least_distance = 1e-150;  // m: nearer than this there is no direction
-
 #define FS_INLINE inline __attribute__((always_inline))
 
 FS_INLINE Four load(const double* from) {
@@ -23,16 +21,20 @@ FS_INLINE Four load(const double* from) {
   return out;
 }
 FS_INLINE Four all(double value) { return Four{value, value, value, value}; }
-FS_INLINE Four load(const Weight* weights, uint32_t i) {
+FS_INLINE Four where(Mask mask, Four value) { return (Four)(mask & (Mask)value); }  // else 0
+FS_INLINE Four root(Four v) { return Four{std::sqrt(v[0]), std::sqrt(v[1]), std::sqrt(v[2]), std::sqrt(v[3])}; }
+FS_INLINE Four least(Four a, Four b) { return a < b ? a : b; }
+FS_INLINE Four size(Four v) { return v < all(0) ? -v : v; }
+
+constexpr double least_distance = 1e-150;  // m: nearer than this there is no direction
+
+FS_INLINE Four weights_at(const Weight* weights, uint32_t i) {
   if (!weights) return all(1);
   return Four{weights[i].value(), weights[i + 1].value(), weights[i + 2].value(), weights[i + 3].value()};
 }
-FS_INLINE Four where(Mask mask, Four value) { return (Four)(mask & (Mask)value); }  // else 0
 FS_INLINE Mask lanes_of(uint64_t bits) {
   return Mask{-(long long)(bits & 1), -(long long)(bits >> 1 & 1), -(long long)(bits >> 2 & 1), -(long long)(bits >> 3 & 1)};
 }
-FS_INLINE Four root(Four v) { return Four{std::sqrt(v[0]), std::sqrt(v[1]), std::sqrt(v[2]), std::sqrt(v[3])}; }
-FS_INLINE Four least(Four a, Four b) { return a < b ? a : b; }
 FS_INLINE void add(double* sum, Four value) {
   const Four out = load(sum) + value;
   std::memcpy(sum, &out, sizeof out);
@@ -86,8 +88,6 @@ FS_INLINE Laws laws_at(Four d, Four inverse_distance, const double* offset_of, c
   return {least(raw, limit), where(raw < limit, steepness), (raw > all(0)) & (d <= load(reach_of))};
 }
 
-FS_INLINE Four size(Four v) { return v < all(0) ? -v : v; }
-
 FS_INLINE void add_forces(Four fx, Four fy, Four fz, Four arm_x, Four arm_y, Four arm_z, LaneSum& sum) {
   add(sum.fx, fx);
   add(sum.fy, fy);
@@ -114,7 +114,7 @@ FS_INLINE uint64_t points_in_lanes(const Chunk& chunk, uint64_t mask, Vec3 posit
                               rows.reach + i, rows.quadratic >> i & 15, rows.inverse >> i & 15, rows.gaussian >> i & 15);
     const Mask is_felt = lanes_of(wanted) & laws.is_felt & (d > all(least_distance));
     const Four sign = signed_limit < zero ? -one : one;
-    const Four weight = where(is_felt, load(weights, i) * all(share) * sign);
+    const Four weight = where(is_felt, weights_at(weights, i) * all(share) * sign);
     const Four slope = laws.slope * weight;
     const Four ux = x * inverse, uy = y * inverse, uz = z * inverse;
     const Four force = laws.force * weight;
@@ -201,6 +201,7 @@ void allow_wide_lanes(bool are_allowed) noexcept { width = are_allowed ? &best_w
 
 void Contacts::add(uint32_t row, const Contact& contact) noexcept {
   const uint32_t k = row % lane_count, bit = 1u << k;
+  if (counts_[k] == layer_count_) layers_[layer_count_++] = {};
   Layer& l = layers_[counts_[k]++];
   const Profile& f = *contact.law;
   const Formula formula(f);
@@ -229,13 +230,9 @@ void Contacts::add(uint32_t row, const Contact& contact) noexcept {
 }
 
 uint64_t Contacts::take(LaneSum& sum) noexcept {
-  const uint32_t count = *std::max_element(counts_, counts_ + lane_count);
-  const uint64_t felt = width->contacts(layers_, count, sum);
-  for (uint32_t i = 0; i < count; ++i) {
-    Layer& l = layers_[i];
-    l.used = l.turning = l.quadratic = l.inverse = l.gaussian = 0;
-  }
+  const uint64_t felt = width->contacts(layers_, layer_count_, sum);
   std::fill_n(counts_, lane_count, 0);
+  layer_count_ = 0;
   return felt;
 }
 

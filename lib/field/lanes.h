@@ -47,16 +47,17 @@ class Contacts {
   // Four contacts, one in each lane.
   struct Layer {
     using Lanes = double[lane_count];
-    uint32_t used = 0, turning = 0, quadratic = 0, inverse = 0, gaussian = 0;  // bit k: lane k is
-    uint8_t rows[lane_count] = {};
-    Lanes ux{}, uy{}, uz{}, tx{}, ty{}, tz{}, distance{}, weight{}, arm_x{}, arm_y{}, arm_z{};
-    Lanes offset{}, gain{}, per_width{}, limit{}, reach{};  // as those of Rows
+    uint32_t used, turning, quadratic, inverse, gaussian;  // bit k: lane k is
+    uint8_t rows[lane_count];
+    Lanes ux, uy, uz, tx, ty, tz, distance, weight, arm_x, arm_y, arm_z;
+    Lanes offset, gain, per_width, limit, reach;  // as those of Rows
   };
 
  private:
   static constexpr uint32_t depth = 16;
-  uint32_t counts_[lane_count] = {};
-  Layer layers_[depth];
+  uint32_t counts_[lane_count] = {};  // that wait in a lane,
+  uint32_t layer_count_ = 0;          // and the most of these
+  Layer layers_[depth];               // all 0 where nothing has been added
 };
 
 // [rt] For each row a lower bound of the distance from `from` to where it may be felt, m; below 0 it may be felt there.

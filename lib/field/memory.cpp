@@ -16,6 +16,15 @@ void for_each_bit(uint64_t mask, F&& f) {
   for (; mask; mask &= mask - 1) f(static_cast<uint32_t>(std::countr_zero(mask)));
 }
 
+// In four strands, of which none waits for the others.
+double least_of(const double (&values)[64]) noexcept {
+  double least[4] = {values[0], values[1], values[2], values[3]};
+  for (int i = 4; i < 64; i += 4) {
+    for (int k = 0; k < 4; ++k) least[k] = std::min(least[k], values[i + k]);
+  }
+  return std::min(std::min(least[0], least[1]), std::min(least[2], least[3]));
+}
+
 // Whether a row that has begun is wanted in from now on. One that is in full, or not felt at all, lets its next begin and
 // is wanted out.
 // next_version, next: of the row that follows; began: it has just begun.
@@ -199,7 +208,7 @@ void Memory::advance(const Snapshot& snapshot, double now) noexcept {
         if (b->event[c] <= now) take_wants(snapshot, number, *b->chunks[c], now);
         set_due(number);
       }
-      b->due_least = *std::min_element(b->due, b->due + block_size);
+      b->due_least = least_of(b->due);
     }
   } while (is_any_woken_);
 }
@@ -299,7 +308,7 @@ void Memory::look(uint32_t i, uint64_t what, Vec3 centre, double radius, double 
         set_due(number);
       }
     }
-    sight.wake_least = *std::min_element(sight.wake_at, sight.wake_at + block_size);
+    sight.wake_least = least_of(sight.wake_at);
   }
 }
 

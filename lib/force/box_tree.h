@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -135,29 +136,46 @@ class BoxTree {
     }
   };
 
-  // The nearest box first, then the others in their order, as far as they may hold something nearer. What is as near as
-  // something that was found before it in the order is not asked for: it would only be equal.
+  // The nearest box first, then the others in their order, as far as they may hold something nearer. What is only as near
+  // as what was found before it in the order is passed over: it could only be equal.
   template <class Test>
   void nearest_in_line(Vec3 x, double bound, Test&& test) const {
     double squared[few + width];
-    for (size_t n = 0; n < nodes_.size(); ++n) nodes_[n].find_squared(x, squared + n * width);
+    double nearest[width];
+    nodes_[0].find_squared(x, nearest);
+    std::copy_n(nearest, width, squared);
+    for (size_t n = 1; n < nodes_.size(); ++n) {
+      double* const here = squared + n * width;
+      nodes_[n].find_squared(x, here);
+      for (int i = 0; i < width; ++i) nearest[i] = std::min(nearest[i], here[i]);
+    }
+    const double least = std::min(std::min(nearest[0], nearest[1]), std::min(nearest[2], nearest[3]));
+    if (!(least <= bound)) return;
     const auto count = static_cast<uint32_t>(order_.size());
-    const auto first = static_cast<uint32_t>(std::min_element(squared, squared + count) - squared);
-    uint32_t found = count;  // where the last that was nearer was found
+    const auto up_to = [&](double most) {  // bit i: box i is not farther
+      uint32_t boxes = 0;
+      for (uint32_t i = 0; i < count; ++i) boxes |= static_cast<uint32_t>(squared[i] <= most) << i;
+      return boxes;
+    };
+    const auto first = static_cast<uint32_t>(std::countr_zero(up_to(least)));
+    uint32_t found = count;  // where the nearest so far was found
     const auto ask = [&](uint32_t i) {
       const double before = bound;
       test(i, 1u, bound);
       if (bound < before) found = i;
     };
-    if (squared[first] <= bound) ask(first);
-    for (uint32_t i = 0; i < count; ++i) {
-      if (i != first && (squared[i] < bound || (squared[i] == bound && i < found))) ask(i);
+    ask(first);
+    for (uint32_t rest = up_to(bound) & ~(1u << first); rest; rest &= rest - 1) {
+      const auto i = static_cast<uint32_t>(std::countr_zero(rest));
+      if (squared[i] < bound || (squared[i] == bound && i < found)) ask(i);
     }
   }
 
   void line_up() {
     nodes_.resize((items_.size() + width - 1) / width);
-    for (size_t i = 0; i < items_.size(); ++i) nodes_[i / width].set_box(static_cast<int>(i % width), items_[i].box);
+    for (size_t i = 0; i < width * nodes_.size(); ++i) {
+      nodes_[i / width].set_box(static_cast<int>(i % width), i < items_.size() ? items_[i].box : Box());
+    }
   }
 
   struct Range {

@@ -35,6 +35,11 @@ inline bool is_in_range(Vec3 v) noexcept {
 
 // The unit vector along a, even when the squares of its components would overflow or underflow; {0, 0, 0} for 0.
 inline Vec3 normalized(Vec3 a) {
+  const double squared = dot(a, a);
+  if (squared > 1e-200 && squared < 1e200) {
+    const double length = std::sqrt(squared);
+    return {a.x / length, a.y / length, a.z / length};
+  }
   const double largest = largest_coordinate(a);
   if (!(largest > 0)) return {0, 0, 0};
   const Vec3 scaled{a.x / largest, a.y / largest, a.z / largest};

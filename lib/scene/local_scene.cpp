@@ -80,7 +80,7 @@ void LocalScene::admit(const ParsedObject& parsed, uint32_t parts) {
 void LocalScene::put(const std::string& name, Known& wanted, bool is_more_than_moved) {
   wanted.motion_revision = next_serial();
   wanted.is_more_than_moved = is_more_than_moved;
-  const bool is_new = !objects_.has_name(name) && !(group_ && group_->find(name));
+  const bool is_new = is_more_than_moved && !objects_.has_name(name) && !(group_ && group_->find(name));
   if (is_new) {
     const size_t others = group_ ? group_->added : 0;
     if (!objects_.has_room(others + 1)) settle(true);

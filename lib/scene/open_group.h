@@ -21,14 +21,13 @@ struct OpenGroup {
     return found == changes.end() ? nullptr : &found->second;
   }
   void put(std::string_view name, const Known& wanted, bool is_new) {
-    const auto found = changes.find(name);
-    if (found != changes.end()) {
-      const bool was_more = found->second.is_more_than_moved;
-      found->second = wanted;
-      found->second.is_more_than_moved |= was_more;
+    const auto [made, is_first] = changes.try_emplace(std::string(name), wanted);
+    if (!is_first) {
+      const bool was_more = made->second.is_more_than_moved;
+      made->second = wanted;
+      made->second.is_more_than_moved |= was_more;
       return;
     }
-    const auto made = changes.try_emplace(std::string(name), wanted).first;
     try {
       order.push_back(&made->first);
     } catch (...) {
