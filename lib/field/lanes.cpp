@@ -147,7 +147,7 @@ FS_INLINE uint64_t contacts_in_lanes(const Contacts::Layer* layers, uint32_t cou
     const Four force = where(is_felt, laws.force * weight), slope = where(is_felt, laws.slope * weight);
     const Four ux = load(l.ux), uy = load(l.uy), uz = load(l.uz);
     add_forces(force * ux, force * uy, force * uz, load(l.arm_x), load(l.arm_y), load(l.arm_z), sum);
-    const Four turning = where(lanes_of(l.turning) & (d > zero), force * inverse), rest = slope - turning;
+    const Four turning = where(is_felt & lanes_of(l.turning) & (d > all(least_distance)), force * inverse), rest = slope - turning;
     const Four tx = load(l.tx), ty = load(l.ty), tz = load(l.tz);
     const Four rx = rest * ux, ry = rest * uy, ex = turning * tx, ey = turning * ty;
     add(sum.xx, rx * ux - ex * tx + turning);
@@ -224,7 +224,7 @@ void Contacts::add(uint32_t row, const Contact& contact) noexcept {
   l.arm_z[k] = contact.arm.z;
   l.offset[k] = formula.offset;
   l.gain[k] = formula.gain;
-  l.per_width[k] = formula.per_width;
+  l.per_width[k] = std::min(formula.per_width, 1e300);  // so that it is 0 widths to a distance of 0
   l.limit[k] = formula.limit;
   l.reach[k] = formula.reach;
 }
