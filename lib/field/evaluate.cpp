@@ -44,7 +44,56 @@ void add_point(const Object& object, const Closest& closest, const Motion& motio
   }
 }
 
+// The closest point of an object with formulas to a tool point. False: out of reach, or there is no direction.
+bool find_contact(const Object& object, const Pose& pose, Vec3 position, Contacts::Contact& out) noexcept {
+  const Vec3 offset = position - pose.position;
+  const double support = object.law.support;
+  if (object.primitive == FS_PRIMITIVE_PLANE) {
+    const Vec3 normal = rotate(pose.orientation, {0, 0, 1});
+    const double s = dot(normal, offset);
+    if (!(std::fabs(s) <= support)) return false;
+    out.direction = s < 0 ? -normal : normal;
+    out.tangent = {};
+    out.distance = std::fabs(s);
+    out.is_turning = false;
+    out.law = s < 0 ? &object.law.back : &object.law.front;
+    return true;
+  }
+  if (norm(offset) - object.radius > support) return false;
+  Closest closest;
+  const Vec3 local = rotate(conjugate(pose.orientation), offset);
+  if (!closest_point(object.primitive, object.shape.get(), local, support, closest)) return false;
+  if (closest.direction == Vec3{}) return false;
+  out.direction = rotate(pose.orientation, closest.direction);
+  out.tangent = closest.feature == Feature::edge ? rotate(pose.orientation, closest.tangent) : Vec3{};
+  out.distance = closest.distance;
+  out.is_turning = closest.feature != Feature::face;
+  out.law = closest.side == Side::back ? &object.law.back : &object.law.front;
+  return true;
+}
+
 uint32_t points_of(const ToolState& tool) noexcept { return tool.count == 32 ? ~0u : (1u << tool.count) - 1; }
+
+// Adds the closest points of a row with formulas to `contacts`; returns the rows felt of those it had to make room for.
+uint64_t add_contacts(const Object& object, const Motion& motion, uint32_t row, double weight, const ToolState& tool,
+                      Contacts& contacts, LaneSum& sum) noexcept {
+  const uint32_t all = points_of(tool), mask = tool.is_any_point ? all : object.point_mask() & all;
+  if (mask == 0 || !(object.law.support >= 0)) return 0;
+  const Pose moved = motion.horizon > 0 ? motion.at(tool.time) : Pose{};
+  const Pose& pose = motion.horizon > 0 ? moved : motion.pose;
+  uint64_t felt = 0;
+  Contacts::Contact contact;
+  const bool is_one_point = (mask & (mask - 1)) == 0;  // as mostly
+  contact.weight = is_one_point ? weight : weight * (1.0 / std::popcount(mask));
+  for (uint32_t rest = mask; rest; rest &= rest - 1) {
+    const ToolState::Point& point = tool.points[static_cast<size_t>(std::countr_zero(rest))];
+    if (!find_contact(object, pose, point.position, contact)) continue;
+    contact.arm = point.arm;
+    if (!contacts.has_room(row)) felt |= contacts.take(sum);
+    contacts.add(row, contact);
+  }
+  return felt;
+}
 
 void add_share(const Share& share, double weight, uint32_t lane, LaneSum& sum) noexcept {
   sum.fx[lane] += weight * share.wrench.force.x;
@@ -109,6 +158,7 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
                           const ToolState& tool) noexcept {
   memory.look(view, what, tool.pose * points.centre, points.radius, tool.time);
   LaneSum sum;
+  Contacts contacts;
   fs_response out{};
   const double share = 1.0 / tool.count;
   memory.for_each_near(view, tool.time, [&](uint32_t number, const Chunk& chunk, uint64_t near,
@@ -118,7 +168,13 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
     for (unsigned k = 0; points_near && k < tool.count; ++k) {
       felt |= add_points(chunk, points_near, tool.points[k].position, tool.points[k].arm, given, share, sum);
     }
-    for (uint64_t rest = near & ~points_near; rest; rest &= rest - 1) {
+    const uint64_t contacts_near = near & ~points_near & (chunk.rows->contacts | chunk.rows->formulas());
+    for (uint64_t rest = contacts_near; rest; rest &= rest - 1) {
+      const auto i = static_cast<uint32_t>(std::countr_zero(rest));
+      felt |= add_contacts(*chunk.row(i).object, chunk.motion(i), i, given ? given[i].value() : 1, tool, contacts, sum);
+    }
+    if (contacts_near) felt |= contacts.take(sum);
+    for (uint64_t rest = near & ~points_near & ~contacts_near; rest; rest &= rest - 1) {
       const auto i = static_cast<uint32_t>(std::countr_zero(rest));
       const Row& row = chunk.row(i);
       const Scratch* const scratch = row.object->law.has_curves() ? scratches.get(number * chunk_size + i) : nullptr;

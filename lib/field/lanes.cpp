@@ -13,8 +13,6 @@ namespace {
 typedef double Four __attribute__((vector_size(32)));
 typedef long long Mask __attribute__((vector_size(32)));
 
-constexpr double least_distance = 1e-150;  // m: nearer than this there is no direction
-
 #define FS_INLINE inline __attribute__((always_inline))
 
 FS_INLINE Four load(const double* from) {
@@ -23,16 +21,20 @@ FS_INLINE Four load(const double* from) {
   return out;
 }
 FS_INLINE Four all(double value) { return Four{value, value, value, value}; }
-FS_INLINE Four load(const Weight* weights, uint32_t i) {
+FS_INLINE Four where(Mask mask, Four value) { return (Four)(mask & (Mask)value); }  // else 0
+FS_INLINE Four root(Four v) { return Four{std::sqrt(v[0]), std::sqrt(v[1]), std::sqrt(v[2]), std::sqrt(v[3])}; }
+FS_INLINE Four least(Four a, Four b) { return a < b ? a : b; }
+FS_INLINE Four size(Four v) { return v < all(0) ? -v : v; }
+
+constexpr double least_distance = 1e-150;  // m: nearer than this there is no direction
+
+FS_INLINE Four weights_at(const Weight* weights, uint32_t i) {
   if (!weights) return all(1);
   return Four{weights[i].value(), weights[i + 1].value(), weights[i + 2].value(), weights[i + 3].value()};
 }
-FS_INLINE Four where(Mask mask, Four value) { return (Four)(mask & (Mask)value); }  // else 0
 FS_INLINE Mask lanes_of(uint64_t bits) {
   return Mask{-(long long)(bits & 1), -(long long)(bits >> 1 & 1), -(long long)(bits >> 2 & 1), -(long long)(bits >> 3 & 1)};
 }
-FS_INLINE Four root(Four v) { return Four{std::sqrt(v[0]), std::sqrt(v[1]), std::sqrt(v[2]), std::sqrt(v[3])}; }
-FS_INLINE Four least(Four a, Four b) { return a < b ? a : b; }
 FS_INLINE void add(double* sum, Four value) {
   const Four out = load(sum) + value;
   std::memcpy(sum, &out, sizeof out);
@@ -56,6 +58,45 @@ FS_INLINE Four exp_minus(Four u) {
   return sum * (Four)(one + ((Mask)half << 52)) * (Four)(one + ((Mask)rest << 52));
 }
 
+// What the formulas of four rows give.
+struct Laws {
+  Four force, slope;  // N, N/m: of f(d), where it is felt
+  Mask is_felt;
+};
+
+// offset to reach: of the four rows. quadratic to gaussian: bit k: lane k has this formula. inverse_distance: 1 / d.
+FS_INLINE Laws laws_at(Four d, Four inverse_distance, const double* offset_of, const double* gain_of, const double* per_width_of,
+                       Four limit, const double* reach_of, uint64_t quadratic, uint64_t inverse, uint64_t gaussian) {
+  const Four gain = load(gain_of), offset = load(offset_of);
+  Four raw = gain * d + offset, steepness = gain;
+  if (quadratic) {
+    const Mask mine = lanes_of(quadratic);
+    raw = mine ? gain * d * d + offset : raw;
+    steepness = mine ? all(2) * (gain * d) : steepness;
+  }
+  if (inverse) {
+    const Mask mine = lanes_of(inverse);
+    raw = mine ? gain * inverse_distance + offset : raw;
+    steepness = mine ? -(gain * inverse_distance) * inverse_distance : steepness;
+  }
+  if (gaussian) {
+    const Mask mine = lanes_of(gaussian);
+    const Four per_width = load(per_width_of), q = d * per_width, force = gain * exp_minus(all(0.5) * q * q);
+    raw = mine ? force : raw;
+    steepness = mine ? -(force * q) * per_width : steepness;
+  }
+  return {least(raw, limit), where(raw < limit, steepness), (raw > all(0)) & (d <= load(reach_of))};
+}
+
+FS_INLINE void add_forces(Four fx, Four fy, Four fz, Four arm_x, Four arm_y, Four arm_z, LaneSum& sum) {
+  add(sum.fx, fx);
+  add(sum.fy, fy);
+  add(sum.fz, fz);
+  add(sum.tx, arm_y * fz - arm_z * fy);
+  add(sum.ty, arm_z * fx - arm_x * fz);
+  add(sum.tz, arm_x * fy - arm_y * fx);
+}
+
 FS_INLINE uint64_t points_in_lanes(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm, const Weight* weights,
                                    double share, LaneSum& sum) {
   const Rows& rows = *chunk.rows;
@@ -64,44 +105,21 @@ FS_INLINE uint64_t points_in_lanes(const Chunk& chunk, uint64_t mask, Vec3 posit
   for (uint32_t i = 0; i < chunk_size; i += lane_count) {
     const uint64_t wanted = mask >> i & 15;
     if (wanted == 0) continue;
-    const Mask is_wanted = lanes_of(wanted);
     const Motions& at = *chunk.motions[i / Motions::size];
     const Four x = all(position.x) - load(at.x), y = all(position.y) - load(at.y), z = all(position.z) - load(at.z);
     const Four d = root(x * x + y * y + z * z);
     const Four signed_limit = load(rows.limit + i);
-    const Four limit = signed_limit < zero ? -signed_limit : signed_limit;
-    const Four gain = load(rows.gain + i), offset = load(rows.offset + i);
     const Four inverse = one / (d > all(least_distance) ? d : one);
-    Four raw = gain * d + offset, steepness = gain;
-    if (const uint64_t some = rows.quadratic >> i & 15) {
-      const Mask mine = lanes_of(some);
-      raw = mine ? gain * d * d + offset : raw;
-      steepness = mine ? all(2) * (gain * d) : steepness;
-    }
-    if (const uint64_t some = rows.inverse >> i & 15) {
-      const Mask mine = lanes_of(some);
-      raw = mine ? gain * inverse + offset : raw;
-      steepness = mine ? -(gain * inverse) * inverse : steepness;
-    }
-    if (const uint64_t some = rows.gaussian >> i & 15) {
-      const Mask mine = lanes_of(some);
-      const Four per_width = load(rows.per_width + i), q = d * per_width, force = gain * exp_minus(all(0.5) * q * q);
-      raw = mine ? force : raw;
-      steepness = mine ? -(force * q) * per_width : steepness;
-    }
-    const Mask is_felt = is_wanted & (raw > zero) & (d <= load(rows.reach + i)) & (d > all(least_distance));
+    const Laws laws = laws_at(d, inverse, rows.offset + i, rows.gain + i, rows.per_width + i, size(signed_limit),
+                              rows.reach + i, rows.quadratic >> i & 15, rows.inverse >> i & 15, rows.gaussian >> i & 15);
+    const Mask is_felt = lanes_of(wanted) & laws.is_felt & (d > all(least_distance));
     const Four sign = signed_limit < zero ? -one : one;
-    const Four weight = where(is_felt, load(weights, i) * all(share) * sign);
-    const Four slope = where(raw < limit, steepness) * weight;
+    const Four weight = where(is_felt, weights_at(weights, i) * all(share) * sign);
+    const Four slope = laws.slope * weight;
     const Four ux = x * inverse, uy = y * inverse, uz = z * inverse;
-    const Four force = least(raw, limit) * weight;
-    const Four fx = where(is_felt, force * ux), fy = where(is_felt, force * uy), fz = where(is_felt, force * uz);
-    add(sum.fx, fx);
-    add(sum.fy, fy);
-    add(sum.fz, fz);
-    add(sum.tx, all(arm.y) * fz - all(arm.z) * fy);
-    add(sum.ty, all(arm.z) * fx - all(arm.x) * fz);
-    add(sum.tz, all(arm.x) * fy - all(arm.y) * fx);
+    const Four force = laws.force * weight;
+    add_forces(where(is_felt, force * ux), where(is_felt, force * uy), where(is_felt, force * uz), all(arm.x), all(arm.y),
+               all(arm.z), sum);
     const Four turning = where(is_felt, force * inverse), rest = where(is_felt, slope - force * inverse);
     const Four rx = rest * ux, ry = rest * uy;
     add(sum.xx, rx * ux + turning);
@@ -115,31 +133,108 @@ FS_INLINE uint64_t points_in_lanes(const Chunk& chunk, uint64_t mask, Vec3 posit
   return felt;
 }
 
-using Points = uint64_t(const Chunk&, uint64_t, Vec3, Vec3, const Weight*, double, LaneSum&);
+FS_INLINE uint64_t contacts_in_lanes(const Contacts::Layer* layers, uint32_t count, LaneSum& sum) {
+  uint64_t felt = 0;
+  const Four zero = all(0), one = all(1);
+  for (const Contacts::Layer* layer = layers; layer != layers + count; ++layer) {
+    const Contacts::Layer& l = *layer;
+    const Four d = load(l.distance), signed_limit = load(l.limit), inverse = one / d;
+    const Laws laws =
+        laws_at(d, inverse, l.offset, l.gain, l.per_width, size(signed_limit), l.reach, l.quadratic, l.inverse, l.gaussian);
+    const Mask is_felt = lanes_of(l.used) & laws.is_felt;
+    const Four sign = signed_limit < zero ? -one : one;
+    const Four weight = load(l.weight) * sign;
+    const Four force = where(is_felt, laws.force * weight), slope = where(is_felt, laws.slope * weight);
+    const Four ux = load(l.ux), uy = load(l.uy), uz = load(l.uz);
+    add_forces(force * ux, force * uy, force * uz, load(l.arm_x), load(l.arm_y), load(l.arm_z), sum);
+    const Four turning = where(is_felt & lanes_of(l.turning) & (d > all(least_distance)), force * inverse), rest = slope - turning;
+    const Four tx = load(l.tx), ty = load(l.ty), tz = load(l.tz);
+    const Four rx = rest * ux, ry = rest * uy, ex = turning * tx, ey = turning * ty;
+    add(sum.xx, rx * ux - ex * tx + turning);
+    add(sum.xy, rx * uy - ex * ty);
+    add(sum.xz, rx * uz - ex * tz);
+    add(sum.yy, ry * uy - ey * ty + turning);
+    add(sum.yz, ry * uz - ey * tz);
+    add(sum.zz, rest * uz * uz - turning * tz * tz + turning);
+    for (uint32_t k = 0; k < lane_count; ++k) felt |= static_cast<uint64_t>(is_felt[k] & 1) << l.rows[k];
+  }
+  return felt;
+}
+
+// Both for one width.
+struct Width {
+  uint64_t (*points)(const Chunk&, uint64_t, Vec3, Vec3, const Weight*, double, LaneSum&);
+  uint64_t (*contacts)(const Contacts::Layer*, uint32_t, LaneSum&);
+};
 
 uint64_t points_usual(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm, const Weight* weights, double share,
                       LaneSum& sum) {
   return points_in_lanes(chunk, mask, position, arm, weights, share, sum);
 }
+uint64_t contacts_usual(const Contacts::Layer* layers, uint32_t count, LaneSum& sum) {
+  return contacts_in_lanes(layers, count, sum);
+}
+constexpr Width usual{points_usual, contacts_usual};
 
 #ifdef __x86_64__
 __attribute__((target("avx2"))) uint64_t points_wide(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm,
                                                      const Weight* weights, double share, LaneSum& sum) {
   return points_in_lanes(chunk, mask, position, arm, weights, share, sum);
 }
-Points* best_points() noexcept {
+__attribute__((target("avx2"))) uint64_t contacts_wide(const Contacts::Layer* layers, uint32_t count, LaneSum& sum) {
+  return contacts_in_lanes(layers, count, sum);
+}
+const Width& best_width() noexcept {
+  static constexpr Width wide{points_wide, contacts_wide};
   __builtin_cpu_init();
-  return __builtin_cpu_supports("avx2") ? points_wide : points_usual;
+  return __builtin_cpu_supports("avx2") ? wide : usual;
 }
 #else
-Points* best_points() noexcept { return points_usual; }
+const Width& best_width() noexcept { return usual; }
 #endif
 
-Points* points_best = best_points();
+const Width* width = &best_width();
 
 }  // namespace
 
-void allow_wide_lanes(bool are_allowed) noexcept { points_best = are_allowed ? best_points() : points_usual; }
+void allow_wide_lanes(bool are_allowed) noexcept { width = are_allowed ? &best_width() : &usual; }
+
+void Contacts::add(uint32_t row, const Contact& contact) noexcept {
+  const uint32_t k = row % lane_count, bit = 1u << k;
+  if (counts_[k] == layer_count_) layers_[layer_count_++] = {};
+  Layer& l = layers_[counts_[k]++];
+  const Profile& f = *contact.law;
+  const Formula formula(f);
+  l.used |= bit;
+  if (contact.is_turning) l.turning |= bit;
+  if (formula.kind == FS_PROFILE_QUADRATIC) l.quadratic |= bit;
+  if (formula.kind == FS_PROFILE_INVERSE) l.inverse |= bit;
+  if (formula.kind == FS_PROFILE_GAUSSIAN) l.gaussian |= bit;
+  l.rows[k] = static_cast<uint8_t>(row);
+  l.ux[k] = contact.direction.x;
+  l.uy[k] = contact.direction.y;
+  l.uz[k] = contact.direction.z;
+  l.tx[k] = contact.tangent.x;
+  l.ty[k] = contact.tangent.y;
+  l.tz[k] = contact.tangent.z;
+  l.distance[k] = contact.distance;
+  l.weight[k] = contact.weight;
+  l.arm_x[k] = contact.arm.x;
+  l.arm_y[k] = contact.arm.y;
+  l.arm_z[k] = contact.arm.z;
+  l.offset[k] = formula.offset;
+  l.gain[k] = formula.gain;
+  l.per_width[k] = std::min(formula.per_width, 1e300);  // so that it is 0 widths to a distance of 0
+  l.limit[k] = formula.limit;
+  l.reach[k] = formula.reach;
+}
+
+uint64_t Contacts::take(LaneSum& sum) noexcept {
+  const uint64_t felt = width->contacts(layers_, layer_count_, sum);
+  std::fill_n(counts_, lane_count, 0);
+  layer_count_ = 0;
+  return felt;
+}
 
 // Four floats are as wide as every processor has them.
 typedef float Floats __attribute__((vector_size(16)));
@@ -195,7 +290,7 @@ void find_gaps(const Outline& outline, Vec3 from, float (&gaps)[chunk_size]) noe
 
 uint64_t add_points(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm, const Weight* weights, double share,
                     LaneSum& sum) noexcept {
-  return points_best(chunk, mask, position, arm, weights, share, sum);
+  return width->points(chunk, mask, position, arm, weights, share, sum);
 }
 
 }  // namespace fs

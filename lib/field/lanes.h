@@ -24,6 +24,42 @@ struct LaneSum {
   }
 };
 
+// Closest points that wait for their forces on a tool point, of rows of one chunk: those of row i wait in lane i % 4, in
+// the order in which they were added. Their laws are formulas (Rows::formulas).
+class Contacts {
+ public:
+  struct Contact {
+    Vec3 direction;       // unit, from the closest point to the tool point, scene frame
+    Vec3 tangent;         // unit, of an edge; else 0
+    double distance;      // m
+    bool is_turning;      // direction changes when the tool point moves sideways: it is not on a face
+    const Profile* law;   // of the side where the tool point is
+    double weight;
+    Vec3 arm;             // m, of the tool point
+  };
+  // [rt] The lane must have room.
+  void add(uint32_t row, const Contact& contact) noexcept;
+  bool has_room(uint32_t row) const noexcept { return counts_[row % lane_count] < depth; }
+
+  // [rt] Adds the forces of all of them, which then wait no longer. Returns the rows felt.
+  uint64_t take(LaneSum& sum) noexcept;
+
+  // Four contacts, one in each lane.
+  struct Layer {
+    using Lanes = double[lane_count];
+    uint32_t used, turning, quadratic, inverse, gaussian;  // bit k: lane k is
+    uint8_t rows[lane_count];
+    Lanes ux, uy, uz, tx, ty, tz, distance, weight, arm_x, arm_y, arm_z;
+    Lanes offset, gain, per_width, limit, reach;  // as those of Rows
+  };
+
+ private:
+  static constexpr uint32_t depth = 16;
+  uint32_t counts_[lane_count] = {};  // that wait in a lane,
+  uint32_t layer_count_ = 0;          // and the most of these
+  Layer layers_[depth];               // all 0 where nothing has been added
+};
+
 // [rt] For each row a lower bound of the distance from `from` to where it may be felt, m; below 0 it may be felt there.
 void find_gaps(const Outline& outline, Vec3 from, float (&gaps)[chunk_size]) noexcept;
 

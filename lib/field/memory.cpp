@@ -16,6 +16,40 @@ void for_each_bit(uint64_t mask, F&& f) {
   for (; mask; mask &= mask - 1) f(static_cast<uint32_t>(std::countr_zero(mask)));
 }
 
+// In four strands, of which none waits for the others.
+double least_of(const double (&values)[64]) noexcept {
+  double least[4] = {values[0], values[1], values[2], values[3]};
+  for (int i = 4; i < 64; i += 4) {
+    for (int k = 0; k < 4; ++k) least[k] = std::min(least[k], values[i + k]);
+  }
+  return std::min(std::min(least[0], least[1]), std::min(least[2], least[3]));
+}
+
+// The rows whose gap is at most `most`, and the least gap of the others. Without a branch, several rows at a time.
+struct Within {
+  uint64_t rows;
+  float least_beyond;
+};
+Within rows_within(const float (&gaps)[64], float most) noexcept {
+  constexpr float infinity = std::numeric_limits<float>::infinity();
+  uint8_t is_within[64];
+  for (int i = 0; i < 64; ++i) is_within[i] = gaps[i] <= most;
+  float beyond[4] = {infinity, infinity, infinity, infinity};
+  for (int i = 0; i < 64; i += 4) {
+    for (int k = 0; k < 4; ++k) {
+      const float gap = gaps[i + k] > most ? gaps[i + k] : infinity;
+      beyond[k] = gap < beyond[k] ? gap : beyond[k];
+    }
+  }
+  uint64_t rows = 0;
+  for (int i = 0; i < 64; i += 8) {
+    uint64_t eight = 0;  // bytes of 0 or 1; the product brings them together as bits of its highest byte
+    for (int k = 0; k < 8; ++k) eight |= uint64_t{is_within[i + k]} << (8 * k);
+    rows |= (eight * 0x0102040810204080u >> 56) << i;
+  }
+  return {rows, std::min(std::min(beyond[0], beyond[1]), std::min(beyond[2], beyond[3]))};
+}
+
 // Whether a row that has begun is wanted in from now on. One that is in full, or not felt at all, lets its next begin and
 // is wanted out.
 // next_version, next: of the row that follows; began: it has just begun.
@@ -199,7 +233,7 @@ void Memory::advance(const Snapshot& snapshot, double now) noexcept {
         if (b->event[c] <= now) take_wants(snapshot, number, *b->chunks[c], now);
         set_due(number);
       }
-      b->due_least = *std::min_element(b->due, b->due + block_size);
+      b->due_least = least_of(b->due);
     }
   } while (is_any_woken_);
 }
@@ -297,7 +331,7 @@ void Memory::look(uint32_t i, uint64_t what, Vec3 centre, double radius, double 
         set_due(number);
       }
     }
-    sight.wake_least = *std::min_element(sight.wake_at, sight.wake_at + block_size);
+    sight.wake_least = least_of(sight.wake_at);
   }
 }
 
@@ -330,15 +364,10 @@ void Memory::look_at(uint32_t number, Sight& sight, const ViewMemory& view, doub
   const auto margin = static_cast<float>(radius * (1 + 2e-7));
   // Rows that the tool reaches within some ticks count as near, too, if they are few: else their chunk hardly sleeps.
   const auto soon = static_cast<float>(margin + 4 * view.step);
-  uint64_t near = 0, near_soon = 0;
-  float least = std::numeric_limits<float>::infinity(), least_later = least;
-  for (uint32_t i = 0; i < chunk_size; ++i) {
-    const float gap = gaps[i];
-    near |= static_cast<uint64_t>(gap <= margin) << i;
-    near_soon |= static_cast<uint64_t>(gap <= soon) << i;
-    if (gap > margin) least = std::min(least, gap);
-    if (gap > soon) least_later = std::min(least_later, gap);
-  }
+  const auto [near_now, least_now] = rows_within(gaps, margin);
+  const auto [near_soon, least_later] = rows_within(gaps, soon);
+  uint64_t near = near_now;
+  float least = least_now;
   if (std::popcount(near_soon ^ near) <= 4) {
     near = near_soon;
     least = least_later;

@@ -44,26 +44,23 @@ void Chunk::set_object(uint32_t i, Ref<const Object> given) noexcept {
   Row& row = edit_row(i);
   row.object = std::move(given);
   const Object& object = *row.object;
-  const Profile& f = object.law.front;
-  for (uint64_t* const formula : {&rows->linear, &rows->quadratic, &rows->inverse, &rows->gaussian}) *formula &= ~bit;
-  const bool is_simple = object.primitive == FS_PRIMITIVE_POINT && object.damping == 0 && object.point_mask() == ~0u &&
-                         std::fabs(f.gain) < 1e100;  // so that nothing overflows
-  if (is_simple) {
-    const bool is_constant = f.kind == FS_PROFILE_CONSTANT || f.gain == 0;
-    if (f.kind == FS_PROFILE_GAUSSIAN && !is_constant) {
-      rows->gaussian |= bit;
-    } else if (f.kind == FS_PROFILE_QUADRATIC && !is_constant) {
-      rows->quadratic |= bit;
-    } else if (f.kind == FS_PROFILE_INVERSE && !is_constant) {
-      rows->inverse |= bit;
-    } else if (f.kind != FS_PROFILE_CUSTOM) {
-      rows->linear |= bit;
+  const Law& law = object.law;
+  rows->forget_formulas(bit);
+  if (object.damping == 0 && Formula::is_possible(law.front) && Formula::is_possible(law.back)) {
+    if (object.primitive != FS_PRIMITIVE_POINT || object.point_mask() != ~0u) {
+      rows->contacts |= bit;
+    } else {
+      const Formula f(law.front);
+      (f.kind == FS_PROFILE_GAUSSIAN    ? rows->gaussian
+       : f.kind == FS_PROFILE_QUADRATIC ? rows->quadratic
+       : f.kind == FS_PROFILE_INVERSE   ? rows->inverse
+                                        : rows->linear) |= bit;
+      rows->offset[i] = f.offset;
+      rows->gain[i] = f.gain;
+      rows->per_width[i] = f.per_width;
+      rows->limit[i] = f.limit;
+      rows->reach[i] = f.reach;
     }
-    rows->offset[i] = f.kind == FS_PROFILE_CONSTANT ? f.gain : f.offset;
-    rows->gain[i] = is_constant ? 0 : f.gain;
-    rows->per_width[i] = f.width > 0 ? 1 / f.width : 1;
-    rows->limit[i] = f.sense == FS_SENSE_REPULSIVE ? f.limit : -f.limit;
-    rows->reach[i] = f.reach > 0 ? f.reach : never;
   }
   place(i);
 }
@@ -141,7 +138,7 @@ void Chunk::drop(uint32_t i) noexcept {
   const uint64_t bit = uint64_t{1} << i;
   const Box before = box_of(i);
   rows->rows[i] = {};
-  for (uint64_t* const formula : {&rows->linear, &rows->quadratic, &rows->inverse, &rows->gaussian}) *formula &= ~bit;
+  rows->forget_formulas(bit);
   used &= ~bit;
   standing &= ~bit;
   planes &= ~bit;

@@ -5,6 +5,7 @@
 // each version (weight.h). Rows stand in chunks of 64: the chunk is what a change copies and what a reader can pass over.
 #pragma once
 
+#include <cmath>
 #include <vector>
 
 #include "base/counted.h"
@@ -27,16 +28,35 @@ struct Row : Want {
   bool is_named = false;        // the newest row of a name that is there
 };
 
+// A profile without a curve, as it is evaluated several at a time: f(d) clamped to 0..|limit| where d <= reach, attractive
+// where limit < 0. A constant is linear with gain 0.
+struct Formula {
+  explicit Formula(const Profile& f) noexcept
+      : kind(f.kind == FS_PROFILE_CONSTANT || f.gain == 0 ? FS_PROFILE_LINEAR_INCREASING : f.kind),
+        offset(f.kind == FS_PROFILE_CONSTANT ? f.gain : f.offset),
+        gain(f.kind == FS_PROFILE_CONSTANT ? 0 : f.gain),
+        per_width(kind == FS_PROFILE_GAUSSIAN ? 1 / f.width : 1),
+        limit(f.sense == FS_SENSE_REPULSIVE ? f.limit : -f.limit),
+        reach(f.reach > 0 ? f.reach : never) {}
+  static bool is_possible(const Profile& f) noexcept {
+    return f.kind != FS_PROFILE_CUSTOM && std::fabs(f.gain) < 1e100;  // so that nothing overflows
+  }
+  fs_profile_kind kind;
+  double offset, gain, per_width, limit, reach;
+};
+
 // What moves do not change.
 struct Rows : LocalCounted<Rows> {
   Row rows[chunk_size];
-  // Points with one of the formulas of fs_profile_kind can be evaluated several at a time: f(d) clamped to 0..|limit| where
-  // d <= reach, attractive where limit < 0. A constant is linear with gain 0. Bit i: row i is one of them.
-  uint64_t linear = 0, quadratic = 0, inverse = 0, gaussian = 0;
+  uint64_t linear = 0, quadratic = 0, inverse = 0, gaussian = 0;  // bit i: row i is a point with this formula
+  uint64_t contacts = 0;  // bit i: row i is felt by formulas, but is no such point
   double offset[chunk_size] = {}, gain[chunk_size] = {}, per_width[chunk_size] = {};
   double limit[chunk_size] = {}, reach[chunk_size] = {};
 
   uint64_t formulas() const noexcept { return linear | quadratic | inverse | gaussian; }
+  void forget_formulas(uint64_t bit) noexcept {
+    for (uint64_t* const rows : {&linear, &quadratic, &inverse, &gaussian, &contacts}) *rows &= ~bit;
+  }
 };
 
 // Four rows as moves change them.

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -40,12 +41,16 @@ struct Box {
 // to a box never exceeds that to anything in it.
 class BoxTree {
  public:
-  // A few boxes are one leaf, without a tree. Throws Abandoned.
+  // A few boxes stand in a line, without a tree. Throws Abandoned.
   BoxTree(std::vector<Box> boxes, Wanted& wanted) {
     items_.reserve(boxes.size());
     for (size_t i = 0; i < boxes.size(); ++i) items_.push_back({boxes[i], static_cast<uint32_t>(i)});
     boxes = {};
-    if (items_.size() > few) build(wanted);
+    if (items_.size() > few) {
+      build(wanted);
+    } else {
+      line_up();
+    }
     order_.reserve(items_.size());
     for (const Item& item : items_) order_.push_back(item.index);
     items_ = {};
@@ -58,10 +63,7 @@ class BoxTree {
   // distance of at most `bound` from x. test lowers bound when it finds something nearer. Near leaves come first.
   template <class Test>
   void nearest(Vec3 x, double bound, Test&& test) const {
-    if (nodes_.empty()) {
-      test(0u, static_cast<uint32_t>(order_.size()), bound);
-      return;
-    }
+    if (order_.size() <= few) return nearest_in_line(x, bound, test);
     struct Entry {
       double squared;
       uint32_t child, count;
@@ -75,12 +77,7 @@ class BoxTree {
       } else {
         const Node& node = nodes_[now.child];
         double squared[width];
-        for (int i = 0; i < width; ++i) {
-          const double dx = std::max(std::max(node.lower_x[i] - x.x, x.x - node.upper_x[i]), 0.0);
-          const double dy = std::max(std::max(node.lower_y[i] - x.y, x.y - node.upper_y[i]), 0.0);
-          const double dz = std::max(std::max(node.lower_z[i] - x.z, x.z - node.upper_z[i]), 0.0);
-          squared[i] = dx * dx + dy * dy + dz * dz;
-        }
+        node.find_squared(x, squared);
         const int first = size;
         for (int i = 0; i < node.size; ++i) {
           if (squared[i] > bound) continue;
@@ -98,7 +95,7 @@ class BoxTree {
 
  private:
   static constexpr int width = 4;
-  static constexpr size_t few = 12;         // up to this many boxes are one leaf
+  static constexpr size_t few = 12;         // up to this many boxes stand in a line
   static constexpr size_t leaf_size = 4;    // items at most
   static constexpr int heuristic_levels = 24;  // deeper nodes are split in halves, which bounds the depth and the stack
   static constexpr int stack_size = (heuristic_levels + 18) * (width - 1) + 1;
@@ -119,7 +116,67 @@ class BoxTree {
     uint32_t child[width];  // the index of a node, or the first position of a leaf
     uint8_t count[width];   // items of a leaf; 0: the child is a node
     int size;               // number of children
+
+    void set_box(int i, const Box& box) {
+      lower_x[i] = box.lower.x;
+      lower_y[i] = box.lower.y;
+      lower_z[i] = box.lower.z;
+      upper_x[i] = box.upper.x;
+      upper_y[i] = box.upper.y;
+      upper_z[i] = box.upper.z;
+    }
+    // The squared distances from x to the boxes.
+    void find_squared(Vec3 x, double* squared) const {
+      for (int i = 0; i < width; ++i) {
+        const double dx = std::max(std::max(lower_x[i] - x.x, x.x - upper_x[i]), 0.0);
+        const double dy = std::max(std::max(lower_y[i] - x.y, x.y - upper_y[i]), 0.0);
+        const double dz = std::max(std::max(lower_z[i] - x.z, x.z - upper_z[i]), 0.0);
+        squared[i] = dx * dx + dy * dy + dz * dz;
+      }
+    }
   };
+
+  // The nearest box first, then the others in their order, as far as they may hold something nearer. What is only as near
+  // as what was found before it in the order is passed over: it could only be equal.
+  template <class Test>
+  void nearest_in_line(Vec3 x, double bound, Test&& test) const {
+    double squared[few + width];
+    double nearest[width];
+    nodes_[0].find_squared(x, nearest);
+    std::copy_n(nearest, width, squared);
+    for (size_t n = 1; n < nodes_.size(); ++n) {
+      double* const here = squared + n * width;
+      nodes_[n].find_squared(x, here);
+      for (int i = 0; i < width; ++i) nearest[i] = std::min(nearest[i], here[i]);
+    }
+    const double least = std::min(std::min(nearest[0], nearest[1]), std::min(nearest[2], nearest[3]));
+    if (!(least <= bound)) return;
+    const auto count = static_cast<uint32_t>(order_.size());
+    const auto up_to = [&](double most) {  // bit i: box i is not farther
+      uint32_t boxes = 0;
+      for (uint32_t i = 0; i < count; ++i) boxes |= static_cast<uint32_t>(squared[i] <= most) << i;
+      return boxes;
+    };
+    const auto first = static_cast<uint32_t>(std::countr_zero(up_to(least)));
+    uint32_t found = count;  // where the nearest so far was found
+    const auto ask = [&](uint32_t i) {
+      const double before = bound;
+      test(i, 1u, bound);
+      if (bound < before) found = i;
+    };
+    ask(first);
+    for (uint32_t rest = up_to(bound) & ~(1u << first); rest; rest &= rest - 1) {
+      const auto i = static_cast<uint32_t>(std::countr_zero(rest));
+      if (squared[i] < bound || (squared[i] == bound && i < found)) ask(i);
+    }
+  }
+
+  void line_up() {
+    nodes_.resize((items_.size() + width - 1) / width);
+    for (size_t i = 0; i < width * nodes_.size(); ++i) {
+      nodes_[i / width].set_box(static_cast<int>(i % width), i < items_.size() ? items_[i].box : Box());
+    }
+  }
 
   struct Range {
     size_t begin, end;
@@ -173,12 +230,7 @@ class BoxTree {
       node.size = size;
       for (int i = 0; i < size; ++i) {
         const Range& range = children[i];
-        node.lower_x[i] = range.box.lower.x;
-        node.lower_y[i] = range.box.lower.y;
-        node.lower_z[i] = range.box.lower.z;
-        node.upper_x[i] = range.box.upper.x;
-        node.upper_y[i] = range.box.upper.y;
-        node.upper_z[i] = range.box.upper.z;
+        node.set_box(i, range.box);
         if (range.size() <= leaf_size) {
           node.child[i] = static_cast<uint32_t>(range.begin);
           node.count[i] = static_cast<uint8_t>(range.size());
@@ -270,7 +322,7 @@ class BoxTree {
   }
 
   std::vector<Item> items_;  // used only while building
-  std::vector<Node> nodes_;  // the first is the root; empty when all items are one leaf
+  std::vector<Node> nodes_;  // the first is the root; or four boxes after the other, in a line
   std::vector<uint32_t> order_;
 };
 

@@ -23,10 +23,12 @@ std::vector<Box> triangle_boxes(std::span<const Vec3> points, std::span<const ui
 MeshTree::MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corners, Wanted& wanted)
     : boxes_(triangle_boxes(points, corners, wanted), wanted), normals_(points, corners, wanted) {
   triangles_.reserve(corners.size() / 3);
+  faces_.reserve(corners.size() / 3);
   for (const uint32_t i : boxes_.order()) {
     wanted.step();
     const uint32_t* v = corners.data() + size_t{3} * i;
-    triangles_.push_back({points[v[0]], points[v[1]], points[v[2]]});
+    const Triangle& t = triangles_.emplace_back(Triangle{points[v[0]], points[v[1]], points[v[2]]});
+    faces_.push_back(triangle_normal(t.a, t.b, t.c));
   }
 }
 
@@ -54,19 +56,22 @@ bool MeshTree::closest(Vec3 x, double max_distance, Closest& out) const noexcept
 
   const Triangle& t = triangles_[best_position];
   const Vec3 corners[3] = {t.a, t.b, t.c};
-  const Vec3 face = triangle_normal(t.a, t.b, t.c);
-  const bool has_face = !(face == Vec3{0, 0, 0});
   const int part = static_cast<int>(best.part);
   const bool on_edge = best.part == Part::edge_ab || best.part == Part::edge_bc || best.part == Part::edge_ca;
-  Pseudonormals::Normal normal{face, true};
-  if (on_edge || best.part == Part::face) {
-    // A point "inside" a triangle without area counts as on its first edge; any edge would do.
-    if (on_edge || !has_face) normal = normals_.side(best_index, on_edge ? part - 1 : 0);
-  } else {
+  Pseudonormals::Normal normal{{}, true};
+  if (on_edge) {
+    normal = normals_.side(best_index, part - 1);
+  } else if (best.part != Part::face) {
     normal = normals_.corner(best_index, part - static_cast<int>(Part::corner_a));
   }
+  if (normal.is_flat) {
+    const Vec3 face = faces_[best_position];
+    const bool has_face = !(face == Vec3{0, 0, 0});
+    // A point "inside" a triangle without area counts as on its first edge; any edge would do.
+    if (!has_face && best.part == Part::face) normal = normals_.side(best_index, 0);
+    if (has_face) normal.vector = face;
+  }
   const bool on_face = normal.is_flat;
-  if (on_face && has_face) normal.vector = face;
 
   Closest hit;
   hit.point = x + best.offset;
@@ -80,7 +85,7 @@ bool MeshTree::closest(Vec3 x, double max_distance, Closest& out) const noexcept
     hit.feature = Feature::vertex;
   }
   double largest = largest_coordinate(x);
-  for (const Vec3& corner : corners) largest = std::fmax(largest, largest_coordinate(corner));
+  for (const Vec3& corner : corners) largest = std::max(largest, largest_coordinate(corner));
   if (distance <= coordinate_rounding(largest)) {
     distance = 0;
     hit.direction = normal.vector;

@@ -28,6 +28,7 @@ class MeshTree {
 
   BoxTree boxes_;
   std::vector<Triangle> triangles_;  // in the order of the tree
+  std::vector<Vec3> faces_;          // their normals; {0, 0, 0} where there is no area
   Pseudonormals normals_;
 };
 

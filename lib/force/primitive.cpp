@@ -1,5 +1,6 @@
 #include "force/primitive.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "force/box_tree.h"
@@ -10,7 +11,6 @@ namespace fs {
 namespace {
 
 constexpr double largest_query = 1e150;  // m: its square is finite
-constexpr double straight_angle = 1e-7;  // rad
 
 bool closest_on_point(Vec3 x, double max_distance, Closest& out) noexcept {
   const double distance = norm(x);
@@ -33,36 +33,32 @@ bool closest_on_plane(Vec3 x, double max_distance, Closest& out) noexcept {
   return true;
 }
 
-// The segment that continues segment i at its start or end; the number of segments when there is none.
-size_t segment_beyond(const Shape& shape, size_t count, size_t i, bool at_start) noexcept {
-  if (at_start) return i > 0 ? i - 1 : shape.closed ? count - 1 : count;
-  return i + 1 < count ? i + 1 : shape.closed ? 0 : count;
-}
-
 bool closest_on_polyline(const Shape& shape, Vec3 x, double max_distance, Closest& out) noexcept {
   const std::vector<Vec3>& points = shape.points;
-  const std::vector<uint32_t>& order = shape.segments().order();
-  const size_t count = order.size();
+  const Segments& segments = shape.segments();
+  const size_t count = segments.count();
   const auto start = [&](size_t i) { return points[i]; };
   const auto end = [&](size_t i) { return points[i + 1 < points.size() ? i + 1 : 0]; };
-
   Nearest best;
   size_t best_segment = count;
   // The bound is squared and slightly enlarged; the exact comparison comes at the end.
-  shape.segments().nearest(x, max_distance * max_distance * (1 + 1e-15) + std::numeric_limits<double>::min(),
-                           [&](uint32_t first, uint32_t size, double& bound) {
-                             for (uint32_t i = first; i < first + size; ++i) {
-                               const size_t segment = order[i];
-                               Nearest here;
-                               nearest_on_segment(start(segment) - x, end(segment) - x, Part::edge_ab, Part::corner_a,
-                                                  Part::corner_b, here);
-                               if (here.squared > bound) continue;
-                               if (here.squared == best.squared && segment > best_segment) continue;
-                               best = here;
-                               best_segment = segment;
-                               bound = here.squared;
-                             }
-                           });
+  double bound = max_distance * max_distance * (1 + 1e-15) + std::numeric_limits<double>::min();
+  const auto ask = [&](size_t segment, double& bound) {
+    Nearest here;
+    nearest_on_segment(start(segment) - x, end(segment) - x, Part::edge_ab, Part::corner_a, Part::corner_b, here);
+    if (here.squared > bound || (here.squared == best.squared && segment > best_segment)) return;
+    best = here;
+    best_segment = segment;
+    bound = here.squared;
+  };
+  if (segments.tree) {
+    const std::vector<uint32_t>& order = segments.tree->order();
+    segments.tree->nearest(x, bound, [&](uint32_t first, uint32_t size, double& bound) {
+      for (uint32_t i = first; i < first + size; ++i) ask(order[i], bound);
+    });
+  } else {
+    for (size_t i = 0; i < count; ++i) ask(i, bound);
+  }
   if (best_segment == count) return false;
   const double distance = std::sqrt(best.squared);
   if (!(distance <= max_distance)) return false;
@@ -70,19 +66,18 @@ bool closest_on_polyline(const Shape& shape, Vec3 x, double max_distance, Closes
   out = Closest{};
   out.point = x + best.offset;
   out.triangle = static_cast<uint32_t>(best_segment);
-  const Vec3 tangent = normalized(end(best_segment) - start(best_segment));
   bool on_edge = best.part == Part::edge_ab;
-  if (!on_edge) {
-    const size_t beyond = segment_beyond(shape, count, best_segment, best.part == Part::corner_a);
-    on_edge = beyond < count && beyond != best_segment && !(tangent == Vec3{0, 0, 0}) &&
-              norm(normalized(end(beyond) - start(beyond)) - tangent) <= straight_angle;
+  if (best.part == Part::corner_a) {
+    on_edge = segments.goes_straight_on[best_segment > 0 ? best_segment - 1 : count - 1];
+  } else if (best.part == Part::corner_b) {
+    on_edge = segments.goes_straight_on[best_segment];
   }
   if (on_edge) {
     out.feature = Feature::edge;
-    out.tangent = tangent;
+    out.tangent = segments.tangents[best_segment];
   }
-  const double largest = std::fmax(largest_coordinate(x), std::fmax(largest_coordinate(start(best_segment)),
-                                                                   largest_coordinate(end(best_segment))));
+  const double largest = std::max(largest_coordinate(x), std::max(largest_coordinate(start(best_segment)),
+                                                                 largest_coordinate(end(best_segment))));
   if (distance > coordinate_rounding(largest)) {
     out.distance = distance;
     out.direction = normalized(-best.offset);

@@ -88,18 +88,31 @@ bool are_on_a_line(const std::vector<Vec3>& points, Wanted& wanted) {
   });
 }
 
-std::unique_ptr<const BoxTree> segment_tree(const fs_shape& shape, Wanted& wanted) {
-  const std::vector<Vec3>& points = shape.points;
-  std::vector<Box> boxes(shape.closed ? points.size() : points.size() - 1);
-  for (size_t i = 0; i < boxes.size(); ++i) {
+}  // namespace
+
+Segments::Segments(const std::vector<Vec3>& points, bool closed, Wanted& wanted) {
+  constexpr double straight_angle = 1e-7;  // rad
+  const size_t count = closed ? points.size() : points.size() - 1;
+  const auto next = [&](size_t i) { return i + 1 < points.size() ? i + 1 : 0; };
+  for (size_t i = 0; i < count; ++i) {
+    wanted.step();
+    tangents.push_back(normalized(points[next(i)] - points[i]));
+  }
+  for (size_t i = 0; i < count; ++i) {
+    wanted.step();
+    const size_t beyond = i + 1 < count ? i + 1 : closed ? 0 : i;
+    goes_straight_on.push_back(beyond != i && !(tangents[i] == Vec3{}) &&
+                               norm(tangents[beyond] - tangents[i]) <= straight_angle);
+  }
+  if (count <= few) return;
+  std::vector<Box> boxes(count);
+  for (size_t i = 0; i < count; ++i) {
     wanted.step();
     boxes[i].add(points[i]);
-    boxes[i].add(points[i + 1 < points.size() ? i + 1 : 0]);
+    boxes[i].add(points[next(i)]);
   }
-  return std::make_unique<const BoxTree>(std::move(boxes), wanted);
+  tree = std::make_unique<const BoxTree>(std::move(boxes), wanted);
 }
-
-}  // namespace
 
 Ref<const Shape> make_polyline(const Vec3* points, size_t count, bool closed, Wanted& wanted) {
   check_points(points, count, 2, wanted);
@@ -142,7 +155,9 @@ fs_shape::fs_shape(const fs_shape_info& info, std::vector<fs::Vec3> the_points, 
       radius(fs::radius_of(points, wanted)),
       is_straight(primitive == FS_PRIMITIVE_POLYLINE && fs::are_on_a_line(points, wanted)),
       info_(info) {
-  if (primitive == FS_PRIMITIVE_POLYLINE) segments_ = fs::segment_tree(*this, wanted);
+  if (primitive == FS_PRIMITIVE_POLYLINE) {
+    segments_ = std::make_unique<const fs::Segments>(points, closed, wanted);
+  }
 }
 
 fs_shape::~fs_shape() { delete tree_.load(std::memory_order_relaxed); }

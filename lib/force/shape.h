@@ -18,6 +18,21 @@ class BoxTree;
 class MeshTree;
 }
 
+namespace fs {
+
+// The segments of a polyline: segment i begins at point i.
+struct Segments {
+  static constexpr size_t few = 12;
+  std::unique_ptr<const BoxTree> tree;    // null: they are few, so all of them are looked at
+  std::vector<Vec3> tangents;             // unit; {0, 0, 0} without length
+  std::vector<uint8_t> goes_straight_on;  // into the next segment
+
+  Segments(const std::vector<Vec3>& points, bool closed, Wanted& wanted);
+  size_t count() const noexcept { return tangents.size(); }
+};
+
+}  // namespace fs
+
 struct fs_shape : fs::Counted<fs_shape> {
   fs_shape(const fs_shape_info& info, std::vector<fs::Vec3> points, std::vector<uint32_t> triangles,
            fs::Wanted& wanted);
@@ -41,7 +56,7 @@ struct fs_shape : fs::Counted<fs_shape> {
   bool is_built() const noexcept;
   const fs::MeshTree* tree() const noexcept { return tree_.load(std::memory_order_acquire); }  // [rt] null until built
 
-  const fs::BoxTree& segments() const noexcept { return *segments_; }  // [rt] of a polyline
+  const fs::Segments& segments() const noexcept { return *segments_; }  // [rt] of a polyline
 
   // Edges join vertices of equal index; a triangle with a repeated index is degenerate and has no edges here.
   void get_info(fs_shape_info& out) const;  // all but struct_size
@@ -52,7 +67,7 @@ struct fs_shape : fs::Counted<fs_shape> {
  private:
   mutable std::shared_ptr<const void> kept_;
   fs_shape_info info_;
-  std::unique_ptr<const fs::BoxTree> segments_;
+  std::unique_ptr<const fs::Segments> segments_;
   mutable std::mutex build_mutex_;
   mutable std::atomic<const fs::MeshTree*> tree_{nullptr};
 };

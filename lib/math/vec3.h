@@ -1,6 +1,7 @@
 // Vectors and 3x3 matrices, right-handed. The vector type is that of the C contract, so it needs no conversion.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 
 #include <forceserver/base.h>
@@ -24,7 +25,7 @@ inline double norm(Vec3 a) { return std::sqrt(dot(a, a)); }
 inline bool is_finite(Vec3 a) { return std::isfinite(a.x) && std::isfinite(a.y) && std::isfinite(a.z); }
 
 inline double largest_coordinate(Vec3 a) noexcept {
-  return std::fmax(std::fmax(std::fabs(a.x), std::fabs(a.y)), std::fabs(a.z));
+  return std::max(std::max(std::fabs(a.x), std::fabs(a.y)), std::fabs(a.z));
 }
 
 inline constexpr double coordinate_limit = 1e15;  // m: its square is still 278 decades below the largest double
@@ -34,7 +35,12 @@ inline bool is_in_range(Vec3 v) noexcept {
 
 // The unit vector along a, even when the squares of its components would overflow or underflow; {0, 0, 0} for 0.
 inline Vec3 normalized(Vec3 a) {
-  const double largest = std::fmax(std::fabs(a.x), std::fmax(std::fabs(a.y), std::fabs(a.z)));
+  const double squared = dot(a, a);
+  if (squared > 1e-200 && squared < 1e200) {
+    const double length = std::sqrt(squared);
+    return {a.x / length, a.y / length, a.z / length};
+  }
+  const double largest = largest_coordinate(a);
   if (!(largest > 0)) return {0, 0, 0};
   const Vec3 scaled{a.x / largest, a.y / largest, a.z / largest};
   return (1 / norm(scaled)) * scaled;

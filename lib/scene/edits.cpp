@@ -12,9 +12,6 @@ namespace {
 
 double expiry_of(const Object& object, double now) { return object.lifetime > 0 ? now + object.lifetime : never; }
 
-// The number of a committed change: that of the group, or a new one where the object has been changed meanwhile.
-uint64_t grown(uint64_t wanted, uint64_t felt) { return wanted >= felt ? wanted : next_serial(); }
-
 std::string_view text_of(const char* name) { return {name, strnlen(name, 2 * FS_NAME_SIZE)}; }
 
 void fail_unknown(std::string_view name) {
@@ -29,20 +26,19 @@ Known* OpenGroup::find(std::string_view name) {
 }
 
 void OpenGroup::put(std::string_view name, const Known& wanted, bool is_new) {
-  const auto found = changes.find(name);
-  if (found != changes.end()) {
-    const bool was_more = found->second.is_more_than_moved;
-    const uint32_t parts = found->second.parts;
-    found->second = wanted;
-    found->second.is_more_than_moved |= was_more;
-    found->second.parts |= parts;
+  const auto [entry, is_first] = changes.try_emplace(std::string(name), wanted);
+  if (!is_first) {
+    const bool was_more = entry->second.is_more_than_moved;
+    const uint32_t parts = entry->second.parts;
+    entry->second = wanted;
+    entry->second.is_more_than_moved |= was_more;
+    entry->second.parts |= parts;
     return;
   }
-  const auto made = changes.try_emplace(std::string(name), wanted).first;
   try {
-    order.push_back(&made->first);
+    order.push_back(&*entry);
   } catch (...) {
-    changes.erase(made);
+    changes.erase(entry);
     throw;
   }
   added += is_new;
@@ -58,13 +54,13 @@ bool Edits::find(std::string_view name, Known& out) const {
   return evaluated_.objects.find(name, out);
 }
 
-Known Edits::require(const char* name, std::string* key) const {
-  const std::string_view text = text_of(name);
+Known Edits::require(std::string_view name) const {
   Known known;
-  if (!find(text, known)) fail_unknown(text);
-  if (key) *key = text;
+  if (!find(name, known)) fail_unknown(name);
   return known;
 }
+
+Known Edits::require(const char* name) const { return require(text_of(name)); }
 
 fs_frame Edits::frame() const { return group_ && group_->view.frame ? *group_->view.frame : evaluated_.views.frame(); }
 
@@ -105,15 +101,15 @@ void Edits::put(const ParsedObject& parsed, uint32_t parts) {
     known.motion = known.track.take(parsed.pose, &parsed.twist, parsed.time != 0 ? parsed.time : time);
   }
   known.parts = parts;
-  put(object.name, known, true);
+  put(object.name, known, true, is_known);
 }
 
 // Puts what an object is to be into the group, or makes it so at once.
-void Edits::put(const std::string& name, Known& wanted, bool is_more_than_moved) {
+void Edits::put(std::string_view name, Known& wanted, bool is_more_than_moved, bool is_known) {
   wanted.motion_revision = next_serial();
   wanted.is_more_than_moved = is_more_than_moved;
   Objects& objects = evaluated_.objects;
-  const bool is_new = !objects.has_name(name) && !(group_ && group_->find(name));
+  const bool is_new = !is_known && !objects.has_name(name) && !(group_ && group_->find(name));
   if (is_new) {
     const size_t others = group_ ? group_->added : 0;
     if (!objects.has_room(others + 1)) evaluated_.settle(true);
@@ -126,25 +122,24 @@ void Edits::put(const std::string& name, Known& wanted, bool is_more_than_moved)
   }
 }
 
-void Edits::move(const char* name, const Pose& pose, const Twist* twist, double time) {
+void Edits::move(const char* given, const Pose& pose, const Twist* twist, double time) {
+  const std::string_view name = text_of(given);
   const double now = evaluated_.clock.now();
   if (!group_) {
-    if (!evaluated_.objects.move(text_of(name), pose, twist, time, now)) fail_unknown(text_of(name));
+    if (!evaluated_.objects.move(name, pose, twist, time, now)) fail_unknown(name);
     return;
   }
   Known known = require(name);
-  const Motion motion = known.track.take(pose, twist, time != 0 ? time : now);
-  move_to(name, motion, known.track);
+  known.motion = known.track.take(pose, twist, time != 0 ? time : now);
+  put_moved(name, known, now);
 }
 
-void Edits::move_to(const char* name, const Motion& motion, const Track& track) {
-  std::string key;
-  Known known = require(name, &key);
+void Edits::set_movement(const char* given, const Motion& motion, const Track& track) {
+  const std::string_view name = text_of(given);
+  Known known = require(name);
   known.motion = motion;
   known.track = track;
-  known.expiry = expiry_of(*known.object, evaluated_.clock.now());
-  known.parts = FS_PART_POSE;
-  put(key, known, false);
+  put_moved(name, known, evaluated_.clock.now());
 }
 
 bool Edits::move_to(const std::string& name, const Motion& motion, double now) {
@@ -152,17 +147,24 @@ bool Edits::move_to(const std::string& name, const Motion& motion, double now) {
   Known known;
   if (!find(name, known)) return false;
   known.track.take(motion.pose, &motion.twist, motion.time);
-  move_to(name.c_str(), motion, known.track);
+  known.motion = motion;
+  put_moved(name, known, now);
   return true;
 }
 
-void Edits::remove(const char* name) {
-  std::string key;
-  Known known = require(name, &key);
+void Edits::put_moved(std::string_view name, Known& known, double now) {
+  known.expiry = expiry_of(*known.object, now);
+  known.parts = FS_PART_POSE;
+  put(name, known, false, true);
+}
+
+void Edits::remove(const char* given) {
+  const std::string_view name = text_of(given);
+  Known known = require(name);
   known.is_removed = true;
   known.parts = 0;
   known.expiry = never;
-  put(key, known, true);
+  put(name, known, true, true);
 }
 
 void Edits::clear() {
@@ -195,10 +197,10 @@ void Edits::cancel() {
 bool Edits::commit(size_t most) {
   if (!group_) fail(FS_ERROR_STATE, "fs_scene_commit: no group is open; fs_scene_begin opens one");
   if (group_->committed == 0) sort();
-  const std::vector<const std::string*>& order = group_->order;
+  const std::vector<OpenGroup::Change*>& order = group_->order;
   for (size_t i = 0; i < most && group_->committed < order.size(); ++i) {
-    const std::string& name = *order[group_->committed++];
-    commit_one(name, *group_->find(name));
+    OpenGroup::Change& change = *order[group_->committed++];
+    evaluated_.objects.take(change.first, change.second);
   }
   if (group_->committed < order.size()) return false;
   evaluated_.views.change(group_->view);
@@ -206,28 +208,18 @@ bool Edits::commit(size_t most) {
   return true;
 }
 
-// Makes one object of a group or draft what is wanted, whatever has been changed there since.
-void Edits::commit_one(const std::string& name, Known& wanted) {
-  Objects& objects = evaluated_.objects;
-  uint32_t number;
-  if (const Row* const felt = objects.find_row(name, &number)) {
-    wanted.motion_revision = grown(wanted.motion_revision, objects.rows.motion_revision(number));
-    if (wanted.is_more_than_moved) wanted.revision = grown(wanted.revision, felt->revision);
-  }
-  objects.take(name, wanted);
-}
-
 // New objects come in an order in which those that lie together in space come together.
 void Edits::sort() {
   if (group_->added < chunk_size) return;
   Objects& objects = evaluated_.objects;
-  std::vector<const std::string*>& order = group_->order;
-  const auto first = std::stable_partition(order.begin(), order.end(), [&](const auto* name) { return objects.has(*name); });
-  std::vector<std::pair<uint64_t, const std::string*>> places;
-  for (auto name = first; name != order.end(); ++name) {
-    Known& wanted = *group_->find(**name);
+  std::vector<OpenGroup::Change*>& order = group_->order;
+  const auto first = std::stable_partition(order.begin(), order.end(),
+                                           [&](const auto* change) { return objects.has(change->first); });
+  std::vector<std::pair<uint64_t, OpenGroup::Change*>> places;
+  for (auto change = first; change != order.end(); ++change) {
+    Known& wanted = (*change)->second;
     wanted.number = objects.last_number() + 1 + static_cast<uint32_t>(places.size());
-    places.emplace_back(objects.rows.place_of(wanted), *name);
+    places.emplace_back(objects.rows.place_of(wanted), *change);
   }
   std::stable_sort(places.begin(), places.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
   std::transform(places.begin(), places.end(), first, [](const auto& place) { return place.second; });
@@ -244,15 +236,15 @@ void Edits::shift(double by) noexcept {
   }
 }
 
-void Edits::take(OpenGroup& draft) {
-  for (const std::string* name : draft.order) {
-    Known wanted = *draft.find(*name), felt;
-    if (!evaluated_.objects.find(*name, felt)) continue;  // it was removed meanwhile
+void Edits::take(const OpenGroup& draft) {
+  for (const OpenGroup::Change* change : draft.order) {
+    Known wanted = change->second, felt;
+    if (!evaluated_.objects.find(change->first, felt)) continue;  // it was removed meanwhile
     if (!(wanted.parts & FS_PART_POSE)) {
       wanted.motion = felt.motion;
       wanted.track = felt.track;
     }
-    commit_one(*name, wanted);
+    evaluated_.objects.take(change->first, wanted);
   }
 }
 

@@ -11,13 +11,14 @@ namespace fs {
 
 // Changes that belong together and are not felt yet.
 struct OpenGroup {
+  using Change = std::pair<const std::string, Known>;
   NameMap<Known> changes;
-  std::vector<const std::string*> order;  // names, in the order in which they came
-  size_t added = 0;                       // names that the scene does not have
-  size_t committed = 0;                   // of order, so far
+  std::vector<Change*> order;  // in which they came
+  size_t added = 0;            // names that the scene does not have
+  size_t committed = 0;        // of order, so far
   ViewChange view;
 
-  Known* find(std::string_view name);     // null: the group does not change it
+  Known* find(std::string_view name);  // null: the group does not change it
   void put(std::string_view name, const Known& wanted, bool is_new);
 };
 
@@ -27,7 +28,7 @@ class Edits {
 
   // The scene as an open group has it.
   bool find(std::string_view name, Known& out) const;
-  Known require(const char* name, std::string* key = nullptr) const;  // NOT_FOUND
+  Known require(const char* name) const;  // NOT_FOUND
   fs_frame frame() const;
   const std::vector<Vec3>& tool() const;
   bool is_held() const;
@@ -39,7 +40,7 @@ class Edits {
   void require_room(const std::vector<ParsedObject>& objects) const;  // FULL
   void put(const ParsedObject& object, uint32_t parts);  // all of it, or the parts that are named
   void move(const char* name, const Pose& pose, const Twist* twist, double time);
-  void move_to(const char* name, const Motion& motion, const Track& track);
+  void set_movement(const char* name, const Motion& motion, const Track& track);
   bool move_to(const std::string& name, const Motion& motion, double now);  // its twist is worked out; false: there is none
   void remove(const char* name);
   void clear();
@@ -64,11 +65,12 @@ class Edits {
     Edits& edits_;
     std::unique_ptr<OpenGroup>& group_;
   };
-  void take(OpenGroup& draft);  // what it has changed of the objects that are still there; the open group stays as it is
+  void take(const OpenGroup& draft);  // what it has changed of the objects that are still there; the open group stays as it is
 
  private:
-  void put(const std::string& name, Known& wanted, bool is_more_than_moved);
-  void commit_one(const std::string& name, Known& wanted);
+  Known require(std::string_view name) const;
+  void put(std::string_view name, Known& wanted, bool is_more_than_moved, bool is_known);
+  void put_moved(std::string_view name, Known& known, double now);
   void sort();
 
   Evaluated& evaluated_;
@@ -82,8 +84,9 @@ void Edits::for_each(F&& f) const {
     if (find(name, known)) f(std::string(name), known);
   }
   if (!group_) return;
-  for (const std::string* name : group_->order) {
-    if (!evaluated_.objects.has(*name) && find(*name, known)) f(*name, known);
+  for (const OpenGroup::Change* change : group_->order) {
+    const auto& [name, wanted] = *change;
+    if (!wanted.is_removed && !evaluated_.objects.has(name)) f(name, wanted);
   }
 }
 

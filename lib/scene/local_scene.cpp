@@ -108,7 +108,7 @@ Movement LocalScene::movement(const char* name) const {
 }
 
 void LocalScene::set_movement(const char* name, const Movement& movement) {
-  mutate([&] { edits_.move_to(name, movement.motion, movement.track); });
+  mutate([&] { edits_.set_movement(name, movement.motion, movement.track); });
 }
 
 size_t LocalScene::set_motions(const std::vector<Move>& moves) {
@@ -303,7 +303,7 @@ void LocalScene::build_shapes() {
     const std::lock_guard lock(mutex_);
     evaluated_.objects.for_each([&](const std::string&, const Known& known) { objects.push_back(known.object); });
     if (OpenGroup* const group = edits_.group()) {
-      for (const std::string* name : group->order) objects.push_back(group->find(*name)->object);
+      for (const OpenGroup::Change* change : group->order) objects.push_back(change->second.object);
     }
   }
   for (const Ref<const Object>& object : objects) {

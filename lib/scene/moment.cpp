@@ -9,15 +9,14 @@ Moment::Moment(Ref<LocalScene> scene, bool with_group, const char* only) : scene
   most_ = evaluated.objects.count();
   OpenGroup* const group = with_group ? scene_->edits_.group() : nullptr;
   if (only) {
-    std::string key;
     is_only_one_ = true;
-    added_.push_back(scene_->edits_.require(only, &key));
-    evaluated.objects.find_row(key, &only_row_);
+    added_.push_back(scene_->edits_.require(only));
+    evaluated.objects.find_row(added_.front().object->name, &only_row_);
   } else if (group) {
-    for (const std::string* name : group->order) {
-      const Known& wanted = *group->find(*name);
-      if (evaluated.objects.has(*name)) {
-        changes_.emplace(*name, wanted);
+    for (const OpenGroup::Change* change : group->order) {
+      const auto& [name, wanted] = *change;
+      if (evaluated.objects.has(name)) {
+        changes_.emplace(name, wanted);
       } else if (!wanted.is_removed) {
         added_.push_back(wanted);
         ++most_;

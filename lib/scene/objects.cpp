@@ -8,6 +8,9 @@
 namespace fs {
 namespace {
 
+// The number of a change: its own, or a new one where the object has been changed since.
+uint64_t grown(uint64_t wanted, uint64_t felt) { return wanted >= felt ? wanted : next_serial(); }
+
 double expiry_of(const Object& object, double now) { return object.lifetime > 0 ? now + object.lifetime : never; }
 
 }  // namespace
@@ -72,7 +75,7 @@ void Objects::set_expiry(const std::string& name, double before, double after) {
   if (before < never) expiries_.erase({before, name});
 }
 
-void Objects::take(std::string_view given, const Known& wanted) {
+void Objects::take(std::string_view given, Known& wanted) {
   auto found = names_.find(given);
   if (found == names_.end()) {
     if (wanted.is_removed) return;
@@ -93,11 +96,14 @@ void Objects::take(std::string_view given, const Known& wanted) {
   }
   const std::string& name = found->first;
   Item& item = found->second;
+  wanted.revision = grown(wanted.revision, rows.row(item.row).revision);
+  wanted.motion_revision = grown(wanted.motion_revision, rows.motion_revision(item.row));
+  const bool is_only_moved = !wanted.is_more_than_moved && !item.is_removed;
   const double before = item.is_removed ? never : rows.row(item.row).expiry;
   const double after = wanted.is_removed ? never : wanted.expiry;
   std::unique_ptr<Track> track;
   if (!wanted.is_removed && wanted.track.before.is_known) track = std::make_unique<Track>(wanted.track);
-  const bool is_newly_listed = list(name, item);  // something may fade out from now on
+  const bool is_newly_listed = !is_only_moved && list(name, item);  // something may fade out from now on
   const auto unlist = [&] {
     if (is_newly_listed) fading_.pop_back();
     if (is_newly_listed) item.is_listed = false;
@@ -106,10 +112,10 @@ void Objects::take(std::string_view given, const Known& wanted) {
   try {
     if (wanted.is_removed) {
       item.row = rows.remove(item.row);
-    } else if (wanted.is_more_than_moved || item.is_removed) {
-      item.row = rows.set(item.row, wanted);
-    } else {
+    } else if (is_only_moved) {
       rows.move(item.row, wanted.motion, wanted.expiry, wanted.motion_revision);
+    } else {
+      item.row = rows.set(item.row, wanted);
     }
   } catch (...) {
     if (before != after && after < never) expiries_.erase({after, name});

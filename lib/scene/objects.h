@@ -36,8 +36,9 @@ class Objects {
   bool has_room(size_t more) const noexcept { return names_.size() + more <= capacity_; }
   const Row* find_row(std::string_view name, uint32_t* number = nullptr) const noexcept;  // the newest
 
-  // Makes an object what is wanted: set, moved or removed. Throws before anything is changed: FULL, no memory.
-  void take(std::string_view name, const Known& wanted);
+  // Makes an object what is wanted: set, moved or removed. Its revisions grow, also where it has been changed since wanted
+  // was made. Throws before anything is changed: no memory.
+  void take(std::string_view name, Known& wanted);
   // For less: an object that is there is only moved. False: there is none.
   bool move(std::string_view name, const Pose& pose, const Twist* twist, double time, double now);
   bool move_to(std::string_view name, const Motion& motion, double now);  // its twist has been worked out

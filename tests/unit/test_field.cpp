@@ -1,4 +1,4 @@
-// Evaluation of several rows at a time, and the choice of the row for an object.
+// Rows in lanes, and which row an object gets.
 #include <cmath>
 #include <cstring>
 #include <set>
@@ -50,7 +50,7 @@ struct Points {
 
 }  // namespace
 
-// Both vector widths give the same bits, and these are the forces of the rows one after the other.
+// Both widths give the same bits, and what they give is what one row after the other gives.
 START_TEST(lanes_agree) {
   Random random(1);
   double worst = 0;
@@ -103,11 +103,73 @@ START_TEST(lanes_agree) {
     }
     ck_assert_uint_eq(felt[1], felt_alone);
   }
-  ck_assert_double_gt(worst, 0);  // the two are computed in different ways
+  ck_assert_double_gt(worst, 0);  // they are worked out differently
 }
 END_TEST
 
-// A row is never given to two objects, chunks are full enough, and released rows are used again.
+// Objects of all kinds together: both widths give the same bits, and what they give is what one object
+// after the other gives.
+START_TEST(contacts_agree) {
+  Random random(3);
+  const Vec3 bend[]{{-0.03, 0, 0}, {0, 0.02, 0}, {0.03, 0, 0.01}, {0.05, 0, 0.03}};
+  const Ref<const Shape> polyline = make_polyline(bend, 4, false), mesh = box({0.01, 0.02, 0.03}).shape();
+  double worst = 0;
+  for (int run = 0; run < 200; ++run) {
+    fs_scene* scene = nullptr;
+    ck_assert_int_eq(fs_scene_create(&scene), FS_OK);
+    fs_tool* tool = nullptr;
+    ck_assert_int_eq(fs_tool_create(scene, nullptr, 0, &tool), FS_OK);
+    fs_state state{};
+    state.pose = {random.in_box(0.05), identity_quat()};
+    if (run % 10 == 0) state.pose.position = {};  // on some of them
+    const ToolState there = ToolState::at(state, ToolPoints(), 0);
+    Wrench wrench{};
+    Mat3 stiffness{};
+    double size = 1e-12, stiffness_size = 1e-9;
+    uint32_t felt = 0;
+    ck_assert_int_eq(fs_scene_begin(scene), FS_OK);
+    for (int i = 0; i < 100; ++i) {
+      fs_object o = fs_object_init(("o" + std::to_string(i)).c_str(), static_cast<fs_primitive>(random.below(4)));
+      o.pose = {i % 10 == 0 ? Vec3{} : random.in_box(0.05), exp_rotation(random.in_box(2))};
+      o.front = to_c(random_profile(random));
+      if (o.primitive == FS_PRIMITIVE_PLANE || o.primitive == FS_PRIMITIVE_MESH) o.back = to_c(random_profile(random));
+      if (o.primitive == FS_PRIMITIVE_POLYLINE) o.shape = const_cast<fs_shape*>(polyline.get());
+      if (o.primitive == FS_PRIMITIVE_MESH) o.shape = const_cast<fs_shape*>(mesh.get());
+      ck_assert_int_eq(fs_object_set(scene, &o), FS_OK);
+      const ParsedObject parsed = parse_object(o);
+      Motion motion;
+      motion.pose = parsed.pose;
+      Share share;
+      if (!evaluate_object(*parsed.object, motion, 0, there, nullptr, share)) continue;
+      wrench.force += share.wrench.force;
+      stiffness += share.stiffness;
+      size += norm(share.wrench.force);
+      stiffness_size += std::fabs(share.stiffness.xx) + std::fabs(share.stiffness.yy) + std::fabs(share.stiffness.zz) + 1;
+      if (!(share.wrench.force == Vec3{})) ++felt;
+    }
+    ck_assert_int_eq(fs_scene_commit(scene), FS_OK);
+    fs_response wide, usual;
+    ck_assert_int_eq(fs_evaluate(tool, &state, &wide), FS_OK);
+    allow_wide_lanes(false);
+    ck_assert_int_eq(fs_evaluate(tool, &state, &usual), FS_OK);
+    allow_wide_lanes(true);
+    ck_assert_int_eq(std::memcmp(&wide, &usual, sizeof wide), 0);
+    ck_assert_uint_eq(wide.felt_count, felt);
+    const double deviation = norm(wide.wrench.force - wrench.force) / size;
+    worst = std::fmax(worst, deviation);
+    ck_assert_double_le(deviation, 1e-12);
+    const Mat3 s = wide.stiffness + -1.0 * stiffness;
+    for (const double part : {s.xx, s.xy, s.xz, s.yx, s.yy, s.yz, s.zx, s.zy, s.zz}) {
+      ck_assert_double_le(std::fabs(part), 1e-9 * stiffness_size);
+    }
+    fs_tool_destroy(tool);
+    fs_scene_destroy(scene);
+  }
+  ck_assert_double_gt(worst, 0);  // they are worked out differently
+}
+END_TEST
+
+// A row is never given twice, chunks are full enough, and what was released is used again.
 START_TEST(rows_are_given_among_neighbours) {
   Random random(2);
   for (int way = 0; way < 5; ++way) {
@@ -145,4 +207,4 @@ START_TEST(rows_are_given_among_neighbours) {
 }
 END_TEST
 
-int main() { return run("field", {lanes_agree, rows_are_given_among_neighbours}); }
+int main() { return run("field", {lanes_agree, contacts_agree, rows_are_given_among_neighbours}); }

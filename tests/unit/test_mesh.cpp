@@ -262,6 +262,14 @@ START_TEST(ties_go_to_the_lowest_index) {
   ck_assert(closest_point(FS_PRIMITIVE_MESH, fan.shape().get(), {0, 0, 1}, infinity, hit));
   ck_assert_uint_eq(hit.triangle, 0);
   ck_assert(hit.feature == Feature::vertex);
+
+  // The box of the second triangle is nearer than that of the first, but the triangles are equally near.
+  Mesh two;
+  two.points = {{0, 0, 5}, {1, 0, 5}, {0, 1, 5}, {3, 0, 4}, {1, 0, 6}, {1, 1, 6}};
+  two.triangles = {0, 1, 2, 3, 4, 5};
+  ck_assert(closest_point(FS_PRIMITIVE_MESH, two.shape().get(), {0, 0, 0}, infinity, hit));
+  ck_assert_double_eq(hit.distance, 5);
+  ck_assert_uint_eq(hit.triangle, 0);
 }
 END_TEST
 
