@@ -3,7 +3,6 @@
 #include <bit>
 #include <cmath>
 
-#include "field/frame.h"
 #include "field/lanes.h"
 
 namespace fs {
@@ -50,20 +49,6 @@ Within rows_within(const float (&gaps)[64], float most) noexcept {
   return {rows, std::min(std::min(beyond[0], beyond[1]), std::min(beyond[2], beyond[3]))};
 }
 
-// Whether a row that has begun is wanted in from now on. One that is in full, or not felt at all, lets its next begin and
-// is wanted out.
-// next_version, next: of the row that follows; began: it has just begun.
-bool goes_in(const Want& row, double value, double now, Weight* next, uint64_t next_version, bool is_at_once,
-             bool& began) noexcept {
-  const bool in = row.is_in && now < row.expiry;
-  if (!next) return in;
-  if (next->has_begun(next_version)) return false;
-  if (!is_at_once && value > 0 && value < 1) return in;
-  if (!next->begin(next_version)) return in;  // it was replaced; another snapshot tells by what
-  began = true;
-  return false;
-}
-
 }  // namespace
 
 // ------------------------------------------------------------------------------------------------------ for the scene
@@ -77,10 +62,6 @@ void Memory::make_room(uint32_t row) {
   }
   if (!blocks_[b]->outlines[c]) blocks_[b]->outlines[c] = std::make_unique<Outline>();
   if (has_weights_ && !blocks_[b]->weights[c]) blocks_[b]->weights[c] = std::make_unique<Weights>();
-}
-
-bool Memory::get_found(uint32_t view, uint64_t version, FoundView& out) const noexcept {
-  return views_[view].published.read(out) && out.version == version;
 }
 
 double Memory::weight_at(uint32_t row, uint64_t version, double now) const noexcept {
@@ -98,11 +79,6 @@ double Memory::weight_at(uint32_t row, uint64_t version, double now) const noexc
   }
 }
 
-double Memory::view_weight_at(uint32_t view, uint64_t version) const noexcept {
-  const Weight& weight = views_[view].weight;
-  return weight.has_begun(version) ? weight.value() : 0;
-}
-
 // ----------------------------------------------------------------------------------------------------- for the reader
 
 // The weights of a chunk that can be felt are moved at every tick, those of others when one of them arrives or expires.
@@ -110,7 +86,7 @@ void Memory::set_due(uint32_t number) noexcept {
   Block& b = block(number);
   const uint32_t c = number % block_size;
   bool is_near = false;
-  for (const auto& sight : b.sights) is_near |= sight->near[c] != 0;
+  for_each_bit(views_used_, [&](uint32_t view) { is_near |= b.sights[view]->near[c] != 0; });
   b.due[c] = is_near && b.weights[c]->moving.load(std::memory_order_relaxed) ? -never : b.event[c];
   b.due_least = std::min(b.due_least, b.due[c]);
 }
@@ -129,12 +105,7 @@ void Memory::forget(uint32_t number) noexcept {
   b.felt[c] = 0;
   b.due[c] = b.event[c] = never;
   if (b.weights[c]) b.weights[c]->moving.store(0, std::memory_order_relaxed);
-  for (const auto& sight : b.sights) {
-    if (!sight) continue;
-    sight->near[c] = 0;
-    sight->any &= ~bit_of(c);
-    sight->wake_at[c] = never;
-  }
+  for_each_bit(views_used_, [&](uint32_t view) { b.sights[view]->forget(c); });
 }
 
 void Memory::move_weights(uint32_t number, double now) noexcept {
@@ -192,6 +163,13 @@ void Memory::take_wants(const Snapshot& snapshot, uint32_t number, const Chunk& 
 }
 
 void Memory::absorb(const Snapshot& snapshot, double now) noexcept {
+  // What is remembered of a view that is not in use may be out of date: look() begins anew when it is used again.
+  if (has_weights_) {
+    views_used_ = 0;
+    for (uint32_t view = 0; view < Views::size; ++view) {
+      if (snapshot.views->rows[view].version != 0) views_used_ |= 1u << view;
+    }
+  }
   snapshot.chunks.for_each_changed(seen_, [&](uint32_t number, const Chunk* chunk) {
     if (!chunk) return forget(number);
     Block& b = block(number);
@@ -212,15 +190,13 @@ void Memory::absorb(const Snapshot& snapshot, double now) noexcept {
       });
     }
     b.is_outlined[c] = false;
-    for (const auto& sight : b.sights) {
-      if (sight) sight->wake_at[c] = sight->wake_least = -never;
-    }
+    for_each_bit(views_used_, [&](uint32_t view) { b.sights[view]->wake_at[c] = b.sights[view]->wake_least = -never; });
   });
   seen_ = snapshot.sequence;
 }
 
 void Memory::advance(const Snapshot& snapshot, double now) noexcept {
-  advance_views(snapshot, now);
+  views.advance(*snapshot.views, now, fade_);
   do {
     is_any_woken_ = false;  // a row that begins may stand in a chunk that was looked at before
     for (uint32_t n = 0; n < blocks_used_; ++n) {
@@ -238,75 +214,15 @@ void Memory::advance(const Snapshot& snapshot, double now) noexcept {
   } while (is_any_woken_);
 }
 
-void Memory::advance_views(const Snapshot& snapshot, double now) noexcept {
-  double by = Weight::part_of_fade(now - views_since_, fade_);
-  views_since_ = now;
-  const Views& views = *snapshot.views;
-  bool is_any_beginning;
-  do {
-    is_any_beginning = false;  // a view that begins may stand in a row that was looked at before
-    for (uint32_t i = 0; i < Views::size; ++i) {
-      const View& view = views.rows[i];
-      ViewMemory& m = views_[i];
-      if (view.version == 0 || !m.weight.has_begun(view.version)) continue;
-      double value = m.weight.value();
-      if (m.wanted == view.version) value = Weight::moved(value, m.going_in, by);  // as it was wanted so far
-      m.wanted = view.version;
-      Weight* const next = view.next == no_row ? nullptr : &views_[view.next].weight;
-      m.going_in = goes_in(view, value, now, next, next ? views.rows[view.next].version : 0, !(fade_ > 0), is_any_beginning);
-      m.weight.set(fade_ > 0 ? value : m.going_in);
-    }
-    by = 0;
-  } while (is_any_beginning);
-}
-
-const FoundView& Memory::find_view(const Snapshot& snapshot, uint32_t i, const Pose& hand) noexcept {
-  const View& view = snapshot.views->rows[i];
-  ViewMemory& m = views_[i];
-  FoundView& found = m.found;
-  bool is_changed = false;
-  if (found.version != view.version) {
-    found = {};
-    found.version = view.version;
-    is_changed = true;
-    if (view.previous != no_row) {
-      const FoundView& before = find_view(snapshot, view.previous, hand);
-      if (!view.has_own_frame) {
-        found.is_moved = before.is_moved;
-        found.frame = before.frame;
-      }
-      if (before.is_held && (view.is_held || !view.has_own_frame)) {
-        found.is_held = 1;
-        found.tool = before.tool;
-      }
-    }
-  }
-  fs_frame frame = view.frame;
-  if (found.is_moved) frame.pose = found.frame;
-  if (view.is_held && !found.is_held) {
-    found.is_held = 1;
-    found.tool = to_scene(frame, hand);
-    is_changed = true;
-  } else if (!view.is_held && found.is_held) {  // let go: the frame moves so that the tool's position does not jump
-    const Quat q = frame.pose.orientation;
-    found.is_held = 0;
-    found.is_moved = 1;
-    found.frame = {hand.position - rotate(q, (1 / frame.scale) * found.tool.position), q};
-    is_changed = true;
-  }
-  if (is_changed) m.published.write(found);
-  return found;
-}
-
 void Memory::look(uint32_t i, uint64_t what, Vec3 centre, double radius, double now) noexcept {
-  ViewMemory& view = views_[i];
-  view.step = norm(centre - view.centre);
-  view.centre = centre;
+  Way& way = ways_[i];
+  way.step = norm(centre - way.centre);
+  way.centre = centre;
   // Rounded up, so that no chunk sleeps too long.
-  view.travelled += view.step * (1 + 1e-14) + 1e-15 * (view.travelled + largest_coordinate(centre));
-  if (view.what != what || !std::isfinite(view.travelled)) {
-    view.what = what;
-    view.travelled = view.step = 0;
+  way.travelled += way.step * (1 + 1e-14) + 1e-15 * (way.travelled + largest_coordinate(centre));
+  if (way.what != what || !std::isfinite(way.travelled)) {
+    way.what = what;
+    way.travelled = way.step = 0;
     for (uint32_t b = 0; b < blocks_used_; ++b) {
       Sight* const sight = blocks_[b] ? blocks_[b]->sights[i].get() : nullptr;
       if (!sight) continue;
@@ -316,16 +232,16 @@ void Memory::look(uint32_t i, uint64_t what, Vec3 centre, double radius, double 
   }
   for (uint32_t n = 0; n < blocks_used_; ++n) {
     Block* const b = blocks_[n].get();
-    if (!b || b->sights[i]->wake_least > view.travelled) continue;
+    if (!b || b->sights[i]->wake_least > way.travelled) continue;
     Sight& sight = *b->sights[i];
     for (uint32_t c = 0; c < block_size; ++c) {
-      if (sight.wake_at[c] > view.travelled) continue;
+      if (sight.wake_at[c] > way.travelled) continue;
       const uint32_t number = n * block_size + c;
       if (!b->chunks[c]) {
-        sight.wake_at[c] = never;
+        sight.forget(c);
         continue;
       }
-      look_at(number, sight, view, radius);
+      look_at(number, sight, way, radius);
       if (has_weights_ && sight.near[c] && b->due[c] > now) {  // it has slept: its weights are those of some time ago
         move_weights(number, now);
         set_due(number);
@@ -335,16 +251,16 @@ void Memory::look(uint32_t i, uint64_t what, Vec3 centre, double radius, double 
   }
 }
 
-void Memory::look_at(uint32_t number, Sight& sight, const ViewMemory& view, double radius) noexcept {
+void Memory::look_at(uint32_t number, Sight& sight, const Way& way, double radius) noexcept {
   Block& b = block(number);
   const uint32_t c = number % block_size;
   if (!b.is_outlined[c]) {  // it has changed: as long as it is far as a whole, that is all there is to know
     const Chunk& chunk = *b.chunks[c];
-    const double gap = chunk.planes ? 0 : chunk.box.distance(view.centre) * (1 - 1e-14) - radius;
-    if (gap > 4 * view.step) {
+    const double gap = chunk.planes ? 0 : chunk.box.distance(way.centre) * (1 - 1e-14) - radius;
+    if (gap > 4 * way.step) {
       sight.near[c] = 0;
       sight.any &= ~bit_of(c);
-      sight.wake_at[c] = view.travelled + gap;
+      sight.wake_at[c] = way.travelled + gap;
       return;
     }
     b.outlines[c]->take(chunk);
@@ -352,18 +268,18 @@ void Memory::look_at(uint32_t number, Sight& sight, const ViewMemory& view, doub
     b.is_outlined[c] = true;
   }
   float gaps[chunk_size];
-  find_gaps(*b.outlines[c], view.centre, gaps);
+  find_gaps(*b.outlines[c], way.centre, gaps);
   for_each_bit(b.planes[c], [&](uint32_t i) {
     const Chunk& chunk = *b.chunks[c];
     const Motion& plane = chunk.motion(i);
-    const Vec3 offset = view.centre - plane.pose.position;
+    const Vec3 offset = way.centre - plane.pose.position;
     const double distance = std::fabs(dot(rotate(plane.pose.orientation, {0, 0, 1}), offset));
     const double gap = distance - chunk.row(i).object->law.support - 1e-14 * norm(offset);
     gaps[i] = static_cast<float>(gap - 1e-7 * std::fabs(gap));
   });
   const auto margin = static_cast<float>(radius * (1 + 2e-7));
   // Rows that the tool reaches within some ticks count as near, too, if they are few: else their chunk hardly sleeps.
-  const auto soon = static_cast<float>(margin + 4 * view.step);
+  const auto soon = static_cast<float>(margin + 4 * way.step);
   const auto [near_now, least_now] = rows_within(gaps, margin);
   const auto [near_soon, least_later] = rows_within(gaps, soon);
   uint64_t near = near_now;
@@ -373,10 +289,10 @@ void Memory::look_at(uint32_t number, Sight& sight, const ViewMemory& view, doub
     least = least_later;
   }
   double sleeps = static_cast<double>(least) - margin;  // m
-  if (near && view.step > 0) sleeps = std::min(sleeps, 64 * view.step);  // so that it learns when they are far again
+  if (near && way.step > 0) sleeps = std::min(sleeps, 64 * way.step);  // so that it learns when they are far again
   sight.near[c] = near;
   sight.any = near ? sight.any | bit_of(c) : sight.any & ~bit_of(c);
-  sight.wake_at[c] = view.travelled + sleeps;
+  sight.wake_at[c] = way.travelled + sleeps;
 }
 
 }  // namespace fs

@@ -10,18 +10,9 @@
 #include <array>
 #include <memory>
 
-#include "base/seqlock.h"
-#include "field/snapshot.h"
+#include "field/view_memory.h"
 
 namespace fs {
-
-// How the servo finds a view: where the clutch holds the tool, and where it has moved the frame.
-struct FoundView {
-  uint64_t version = 0;    // of the view
-  uint64_t is_held = 0;    // `tool` is where the clutch holds it, in the scene
-  uint64_t is_moved = 0;   // `frame` is the pose of the frame, else it is as given
-  Pose tool = identity_pose(), frame = identity_pose();
-};
 
 class Memory : public Counted<Memory> {
  public:
@@ -32,18 +23,16 @@ class Memory : public Counted<Memory> {
   // Of a tool, which feels in full what is there.
   Memory() : fade_(0), has_weights_(false) {}
 
+  ViewMemory views;
+
   // ---- For the scene, under its lock.
 
   // Makes room for the chunk that the row stands in.
   void make_room(uint32_t row);
   // The row must have room.
   Weight& weight(uint32_t row) noexcept { return weights(row / chunk_size).rows[row % chunk_size]; }
-  Weight& view_weight(uint32_t view) noexcept { return views_[view].weight; }
-  // What the tick has found out about a view; false: no tick has used this version of it.
-  bool get_found(uint32_t view, uint64_t version, FoundView& out) const noexcept;
   // The weight of a row at `now`, worked out where the chunk sleeps. Any thread that holds the memory.
   double weight_at(uint32_t row, uint64_t version, double now) const noexcept;
-  double view_weight_at(uint32_t view, uint64_t version) const noexcept;
 
   // ---- [rt] For the reader.
 
@@ -52,8 +41,6 @@ class Memory : public Counted<Memory> {
   // Moves the weights to `now`. Of a servo, once a tick, after absorb.
   void advance(const Snapshot& snapshot, double now) noexcept;
 
-  // Finds out where a view has the tool, with the hand at `hand` (device frame).
-  const FoundView& find_view(const Snapshot& snapshot, uint32_t view, const Pose& hand) noexcept;
   // Looks where the tool is now: in a sphere about `centre` (m, scene frame). what: another number means another tool or
   // frame, so that nothing is known of the way it has come.
   void look(uint32_t view, uint64_t what, Vec3 centre, double radius, double now) noexcept;
@@ -80,6 +67,11 @@ class Memory : public Counted<Memory> {
     uint64_t near[block_size] = {};        // bit i: row i may be felt before the chunk wakes
     uint64_t any = 0;                      // bit c: chunk c has a row that is near
     Sight() { for (double& at : wake_at) at = never; }
+    void forget(uint32_t c) noexcept {     // chunk c is no more
+      near[c] = 0;
+      any &= ~(uint64_t{1} << c);
+      wake_at[c] = never;
+    }
   };
 
   struct Block {
@@ -97,17 +89,12 @@ class Memory : public Counted<Memory> {
     Block() { for (uint32_t c = 0; c < block_size; ++c) due[c] = event[c] = never; }
   };
 
-  struct ViewMemory {
-    Weight weight;
-    uint64_t wanted = 0;                   // the version that was looked at last
-    bool going_in = false;
-    FoundView found;
-    Latest<FoundView> published;
-    // The way of the tool.
-    uint64_t what = 0;
-    Vec3 centre{};                         // m, when it was looked last
-    double travelled = 0;                  // m, rounded up
-    double step = 0;                       // m, the last
+  // The way of the tool in a view.
+  struct Way {
+    uint64_t what = 0;       // which tool and frame it is
+    Vec3 centre{};           // m, when it was looked last
+    double travelled = 0;    // m, rounded up
+    double step = 0;         // m, the last
   };
 
   Block& block(uint32_t chunk) const noexcept { return *blocks_[chunk / block_size]; }
@@ -118,8 +105,7 @@ class Memory : public Counted<Memory> {
   void forget(uint32_t chunk) noexcept;
   void move_weights(uint32_t chunk, double now) noexcept;
   void take_wants(const Snapshot& snapshot, uint32_t number, const Chunk& chunk, double now) noexcept;
-  void advance_views(const Snapshot& snapshot, double now) noexcept;
-  void look_at(uint32_t number, Sight& sight, const ViewMemory& view, double radius) noexcept;
+  void look_at(uint32_t number, Sight& sight, const Way& way, double radius) noexcept;
 
   const double fade_;  // s
   const bool has_weights_;
@@ -127,8 +113,8 @@ class Memory : public Counted<Memory> {
   uint32_t blocks_used_ = 0;  // of the reader: as far as its snapshots go
   uint64_t seen_ = 0;         // sequence of the snapshot absorbed last
   bool is_any_woken_ = false; // by take_wants
-  double views_since_ = 0;    // s
-  std::array<ViewMemory, Views::size> views_;
+  std::array<Way, Views::size> ways_;
+  uint32_t views_used_ = 1;   // bit v: view v is in use; of a tool: the first
 };
 
 template <class F>

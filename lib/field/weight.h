@@ -72,4 +72,17 @@ class Weight {
   std::atomic<double> value_{0};
 };
 
+// [rt] Whether a row that has begun is wanted in from now on. One that is in full, or not felt at all, lets its next begin
+// and is wanted out. next, next_version: of the row that follows; null: none does. began: set when it has just begun.
+inline bool goes_in(const Want& row, double value, double now, Weight* next, uint64_t next_version, bool is_at_once,
+                    bool& began) noexcept {
+  const bool in = row.is_in && now < row.expiry;
+  if (!next) return in;
+  if (next->has_begun(next_version)) return false;
+  if (!is_at_once && value > 0 && value < 1) return in;
+  if (!next->begin(next_version)) return in;  // it was replaced; another snapshot tells by what
+  began = true;
+  return false;
+}
+
 }  // namespace fs

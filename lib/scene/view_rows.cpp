@@ -28,7 +28,7 @@ bool ViewRows::is_gone(uint32_t i) const noexcept {
   if (!servo_) return true;
   // One that waits gives way in the tick in which it begins, if that tick knows its next.
   if (!has_begun(i)) return view.next != no_row && views_->rows[view.next].sequence <= used();
-  if (servo_->memory->view_weight(i).value() > 0) return false;
+  if (servo_->memory->views.weight(i).value() > 0) return false;
   if (view.next != no_row) return has_begun(view.next);
   return !view.is_in && view.sequence <= used();
 }
@@ -105,7 +105,7 @@ void ViewRows::change(const ViewChange& change) {
       if (is_elsewhere) {
         view.version = ++last_version_;
         view.created = sequence_;
-        if (servo_ && !servo_->memory->view_weight(newest).replace_waiting(now().version, view.version)) continue;
+        if (servo_ && !servo_->memory->views.weight(newest).replace_waiting(now().version, view.version)) continue;
       }
       views_->rows[newest] = view;
     } else {
@@ -116,7 +116,7 @@ void ViewRows::change(const ViewChange& change) {
       view.version = ++last_version_;
       view.created = sequence_;
       view.previous = newest;
-      servo_->memory->view_weight(i).set_up(view.version, waits, 0);
+      servo_->memory->views.weight(i).set_up(view.version, waits, 0);
       if (waits) views_->rows[newest].next = i;
       views_->rows[i] = view;
       views_->newest = i;
@@ -130,7 +130,7 @@ void ViewRows::change(const ViewChange& change) {
 bool ViewRows::find(uint32_t i, FoundView& out) const noexcept {
   if (!servo_) return false;
   const View& view = views_->rows[i];
-  if (servo_->memory->get_found(i, view.version, out)) return true;
+  if (servo_->memory->views.get_found(i, view.version, out)) return true;
   if (view.previous == no_row || !find(view.previous, out)) return false;
   if (view.has_own_frame) out.is_moved = 0;
   return true;
@@ -152,7 +152,7 @@ bool ViewRows::get_held(Pose& tool) const noexcept {
 
 void ViewRows::attach_servo(Reader& reader) noexcept {
   servo_ = &reader;
-  reader.memory->view_weight(views_->newest).set_up(now().version, false, now().is_in ? 1 : 0);
+  reader.memory->views.weight(views_->newest).set_up(now().version, false, now().is_in ? 1 : 0);
 }
 
 Ref<Views> ViewRows::settled() const {

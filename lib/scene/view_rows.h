@@ -39,7 +39,7 @@ class ViewRows {
 
  private:
   bool has_begun(uint32_t i) const noexcept {
-    return !servo_ || servo_->memory->view_weight(i).has_begun(views_->rows[i].version);
+    return !servo_ || servo_->memory->views.weight(i).has_begun(views_->rows[i].version);
   }
   bool is_gone(uint32_t i) const noexcept;
   bool find(uint32_t i, FoundView& out) const noexcept;

@@ -56,8 +56,8 @@ fs_response Channel::evaluate_views(const fs_state& hand, double now) noexcept {
     const uint32_t i = k == 0 ? views.newest : k - (k <= views.newest);
     const View& view = views.rows[i];
     if (view.version == 0) continue;
-    const FoundView& found = reader_.memory->find_view(snapshot, i, hand.pose);
-    const double weight = reader_.memory->view_weight_at(i, view.version);
+    const FoundView& found = reader_.memory->views.find(*snapshot.views, i, hand.pose);
+    const double weight = reader_.memory->views.weight_at(i, view.version);
     if (k > 0 && !(weight > 0)) continue;
     fs_frame frame = view.frame;
     if (found.is_moved) frame.pose = found.frame;

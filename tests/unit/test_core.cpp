@@ -282,7 +282,7 @@ struct OneView {
     servo.memory->absorb(*used, time);
     servo.memory->advance(*used, time);
     for (uint32_t i = 0; i < Views::size; ++i) {
-      if (used->views->rows[i].version != 0) servo.memory->find_view(*used, i, identity_pose());
+      if (used->views->rows[i].version != 0) servo.memory->views.find(*used->views, i, identity_pose());
     }
   }
   void end() { output.used.store(used->sequence); }
@@ -290,7 +290,7 @@ struct OneView {
     std::map<uint64_t, double> out;
     for (uint32_t i = 0; i < Views::size; ++i) {
       const uint64_t version = used->views->rows[i].version;
-      if (version != 0) out[version] = servo.memory->view_weight_at(i, version);
+      if (version != 0) out[version] = servo.memory->views.weight_at(i, version);
     }
     return out;
   }
