@@ -12,6 +12,12 @@ namespace fs {
 struct Scratch : LocalCounted<Scratch> {
   uint64_t version = 0;
   Law::Parsers parsers;
+
+  static Ref<Scratch> of(const Law& law) {
+    Ref<Scratch> out = make_ref<Scratch>();
+    out->parsers = law.make_parsers();
+    return out;
+  }
 };
 using Scratches = Table<Scratch, 6>;  // by row
 

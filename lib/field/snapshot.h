@@ -95,7 +95,7 @@ struct Chunk : LocalCounted<Chunk> {
   }
 
   // For whoever posts. i: of the row in the chunk.
-  void own(uint32_t i);         // all that the next three need: may run out of memory, they cannot
+  void own(uint32_t i);         // may run out of memory; after it edit_row, set_object, move and drop cannot
   void own_motion(uint32_t i);  // all that move needs
   Row& edit_row(uint32_t i) noexcept;  // of which the object is not changed
   void set_object(uint32_t i, Ref<const Object> object) noexcept;

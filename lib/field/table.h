@@ -62,6 +62,9 @@ class Table {
     if (place) place->version = version;
   }
 
+  // So that the next set of i in this version cannot fail.
+  void own(uint32_t i, uint64_t version) { find_place<depth - 1>(root_, i, version); }
+
   const T* get(uint32_t i) const noexcept { return root_ ? find<depth - 1>(*root_, i) : nullptr; }
 
   // Calls f(i, const T&) for every element, in order.

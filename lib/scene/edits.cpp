@@ -5,7 +5,6 @@
 
 #include "base/error.h"
 #include "base/serial.h"
-#include "base/text.h"
 
 namespace fs {
 namespace {
@@ -13,10 +12,6 @@ namespace {
 double expiry_of(const Object& object, double now) { return object.lifetime > 0 ? now + object.lifetime : never; }
 
 std::string_view text_of(const char* name) { return {name, strnlen(name, 2 * FS_NAME_SIZE)}; }
-
-void fail_unknown(std::string_view name) {
-  fail(FS_ERROR_NOT_FOUND, "name is '%s': there is no such object in the scene", shortened(name).c_str());
-}
 
 }  // namespace
 
@@ -74,12 +69,13 @@ bool Edits::is_held() const {
 
 // ------------------------------------------------------------------------------------------------------------- changes
 
-void Edits::require_room(const std::vector<ParsedObject>& objects) const {
+void Edits::require_room(const std::vector<ParsedObject>& objects) {
   size_t added = group_ ? group_->added : 0;
   for (const ParsedObject& object : objects) {
     const std::string& name = object.object->name;
     added += !evaluated_.objects.has_name(name) && !(group_ && group_->find(name));
   }
+  if (!evaluated_.objects.has_room(added)) evaluated_.settle_all();
   evaluated_.objects.require_room(added, "would hold more than");
 }
 
@@ -199,8 +195,10 @@ bool Edits::commit(size_t most) {
   if (group_->committed == 0) sort();
   const std::vector<OpenGroup::Change*>& order = group_->order;
   for (size_t i = 0; i < most && group_->committed < order.size(); ++i) {
-    OpenGroup::Change& change = *order[group_->committed++];
+    OpenGroup::Change& change = *order[group_->committed];
+    merge(change.first, change.second);
     evaluated_.objects.take(change.first, change.second);
+    ++group_->committed;
   }
   if (group_->committed < order.size()) return false;
   evaluated_.views.change(group_->view);
@@ -238,13 +236,28 @@ void Edits::shift(double by) noexcept {
 
 void Edits::take(const OpenGroup& draft) {
   for (const OpenGroup::Change* change : draft.order) {
-    Known wanted = change->second, felt;
-    if (!evaluated_.objects.find(change->first, felt)) continue;  // it was removed meanwhile
-    if (!(wanted.parts & FS_PART_POSE)) {
-      wanted.motion = felt.motion;
-      wanted.track = felt.track;
-    }
+    if (!evaluated_.objects.has(change->first)) continue;  // it was removed meanwhile
+    Known wanted = change->second;
+    merge(change->first, wanted);
     evaluated_.objects.take(change->first, wanted);
+  }
+}
+
+// What a group changes of an object that somebody else has changed since: the parts that the group does not change stay
+// as they are now.
+void Edits::merge(std::string_view name, Known& wanted) {
+  Known felt;
+  if (wanted.is_removed || wanted.parts == all_parts || !wanted.is_more_than_moved) return;
+  if (!evaluated_.objects.find(name, felt)) return;
+  if (!(wanted.parts & FS_PART_POSE)) {
+    wanted.motion = felt.motion;
+    wanted.track = felt.track;
+  }
+  if (!(wanted.parts & FS_PART_PROFILES)) wanted.start = felt.start;
+  if (felt.object == wanted.base) return;
+  try {
+    wanted.object = parse_object(merge_parts(to_c(felt), to_c(wanted), wanted.parts), felt.object.get(), false).object;
+  } catch (const Error&) {  // the parts no longer fit together: the object is what the group has made of it
   }
 }
 

@@ -37,7 +37,7 @@ class Edits {
   void for_each(F&& f) const;
 
   // Changes, all checked.
-  void require_room(const std::vector<ParsedObject>& objects) const;  // FULL
+  void require_room(const std::vector<ParsedObject>& objects);  // FULL
   void put(const ParsedObject& object, uint32_t parts);  // all of it, or the parts that are named
   void move(const char* name, const Pose& pose, const Twist* twist, double time);
   void set_movement(const char* name, const Motion& motion, const Track& track);
@@ -70,6 +70,7 @@ class Edits {
  private:
   Known require(std::string_view name) const;
   void put(std::string_view name, Known& wanted, bool is_more_than_moved, bool is_known);
+  void merge(std::string_view name, Known& wanted);
   void put_moved(std::string_view name, Known& known, double now);
   void sort();
 

@@ -1,5 +1,6 @@
 #include "scene/evaluated.h"
 
+#include <algorithm>
 #include <cmath>
 #include <new>
 
@@ -29,7 +30,7 @@ Ref<const Snapshot> Evaluated::newest() {
   made->clock = clock.kind();
   objects.rows.set_next_sequence(sequence_ + 1);
   views.set_next_sequence(sequence_ + 1);
-  for (Reader* const reader : objects.rows.readers()) reader->mailbox.post({made, reader->scratches});
+  for (Reader* const reader : objects.rows.readers()) reader->post(made);
   return posted_ = made;
 }
 
@@ -46,6 +47,12 @@ void Evaluated::settle(bool is_urgent) {
   double expiry;
   while (const std::string* const name = objects.next_expired(time, expiry)) events.push(FS_EVENT_EXPIRED, expiry, *name);
   if (servo_ && objects.tidy()) changed();
+}
+
+void Evaluated::settle_all() {
+  for (size_t rest = objects.fading_count(); servo_ && rest > 0; rest -= std::min(rest, Objects::tidied_at_once)) {
+    if (objects.tidy()) changed();
+  }
 }
 
 void Evaluated::collect_events() {
@@ -115,6 +122,7 @@ double Evaluated::detach_servo(ServoReader& reader) noexcept {
     const double shift = clock.switch_to(ClockKind::caller, before);
     before = {ClockKind::caller, clock.now() - shift};  // should memory run out
     Retimed all = retimed(shift);  // also where the clutch has moved the frame
+    if (!spare_) spare_ = make_ref<Snapshot>();
     objects.rows.detach(reader);
     views.detach_servo();
     take(all, shift);

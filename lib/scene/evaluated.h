@@ -32,6 +32,7 @@ class Evaluated {
 
   // Lets go of what has faded out, and announces what has expired. Not urgent: at most every 5 ms.
   void settle(bool is_urgent);
+  void settle_all();      // all of it, where settle does some at a time
   void collect_events();  // of the device
 
   // The newest snapshot is in the mailbox when attach returns; detach when the reader reads no more.

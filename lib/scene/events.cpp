@@ -9,8 +9,17 @@ namespace {
 constexpr size_t capacity = 1024;
 }
 
+// Events come from several sources; they are kept in the order of their times.
+void Events::sort_newest() {
+  const auto newest = events_.end() - 1;
+  const auto place = std::upper_bound(events_.begin(), newest, newest->time,
+                                      [](double time, const fs_event& event) { return time < event.time; });
+  std::rotate(place, newest, events_.end());
+}
+
 void Events::push(const fs_event& event) {
   events_.push_back(event);
+  sort_newest();
   limit();
 }
 
@@ -57,6 +66,7 @@ void Events::collect(const ServoLink& servo) {
   for (;;) {
     events_.emplace_back();
     if (!servo.take_event(next_of_servo_, events_.back())) break;
+    sort_newest();
     limit();
   }
   events_.pop_back();

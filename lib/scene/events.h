@@ -22,6 +22,7 @@ class Events {
 
  private:
   void limit();
+  void sort_newest();
 
   std::deque<fs_event> events_;
   uint64_t lost_ = 0;

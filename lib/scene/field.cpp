@@ -27,9 +27,7 @@ struct Worker {
       memory->make_room(number * chunk_size);
       for (uint32_t i = 0; i < chunk_size; ++i) {
         if (!(chunk.used >> i & 1) || !chunk.row(i).object->law.has_curves()) continue;
-        const Ref<Scratch> scratch = make_ref<Scratch>();
-        scratch->parsers = chunk.row(i).object->law.make_parsers();
-        scratches.set(number * chunk_size + i, scratch, 1);
+        scratches.set(number * chunk_size + i, Scratch::of(chunk.row(i).object->law), 1);
       }
     });
     memory->absorb(snapshot, 0);

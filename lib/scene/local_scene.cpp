@@ -42,7 +42,8 @@ void LocalScene::change(const fs_object& change, uint32_t parts) {
     // Parsing may build a tree, so it happens without the lock, and again if another thread has changed the object.
     const ParsedObject parsed = parse_object(merge_parts(current, change, parts), object.get(), builds_shapes_);
     mutate([&] {
-      is_done = edits_.require(name.c_str()).object == object;
+      const Known now = edits_.require(name.c_str());
+      is_done = now.object == object && now.start == current.start;
       if (is_done) put(parsed, parts);
     });
   }
@@ -224,8 +225,10 @@ std::vector<fs_report> LocalScene::reports() {
   return out;
 }
 
-fs_report LocalScene::report(const char* name) {
-  const Moment moment(Ref<LocalScene>::share(this), true, name);
+fs_report LocalScene::report(const char* name) { return report(name, true); }
+
+fs_report LocalScene::report(const char* name, bool with_group) {
+  const Moment moment(Ref<LocalScene>::share(this), with_group, name);
   fs_report out;
   moment.for_each_report([&](const fs_report& report) { out = report; });
   return out;

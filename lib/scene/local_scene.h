@@ -87,6 +87,7 @@ struct LocalScene final : Scene {
   // Reports and events.
   std::vector<fs_report> reports() override;
   fs_report report(const char* name) override;
+  fs_report report(const char* name, bool with_group);
   std::vector<fs_motion> motions(const char* client) override;
   fs_event next_event(double timeout) override;
   bool take_event(fs_event& out);  // one that is there; false: none

@@ -5,12 +5,11 @@ namespace fs {
 Moment::Moment(Ref<LocalScene> scene, bool with_group, const char* only) : scene_(std::move(scene)) {
   const std::lock_guard lock(scene_->mutex_);
   const Evaluated& evaluated = scene_->evaluated_;
-  chunks_ = evaluated.objects.rows.chunks();
-  most_ = evaluated.objects.count();
   OpenGroup* const group = with_group ? scene_->edits_.group() : nullptr;
+  most_ = evaluated.objects.count();
   if (only) {
     is_only_one_ = true;
-    added_.push_back(scene_->edits_.require(only));
+    added_.push_back(with_group ? scene_->edits_.require(only) : evaluated.objects.require(only));
     evaluated.objects.find_row(added_.front().object->name, &only_row_);
   } else if (group) {
     for (const OpenGroup::Change* change : group->order) {
@@ -23,8 +22,9 @@ Moment::Moment(Ref<LocalScene> scene, bool with_group, const char* only) : scene
       }
     }
   }
+  chunks_ = evaluated.objects.rows.chunks();  // counted without atomics, so under the lock; from here on nothing can fail
   time_ = scene_->now();
-  frame_ = scene_->edits_.frame();
+  frame_ = with_group ? scene_->edits_.frame() : evaluated.views.frame();
   const ServoReader* const servo = evaluated.servo_reader();
   if (!servo) return;
   memory_ = servo->memory;

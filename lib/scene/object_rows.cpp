@@ -33,19 +33,18 @@ uint32_t ObjectRows::allocate(const Entry& entry) {
   return space_.find(entry.motion.pose.position, entry.object->radius + entry.object->law.support);
 }
 
-void ObjectRows::make_readers_ready(uint32_t row, const Object& object, const Object* before) {
+// Makes room for a row in the memory of each reader, and what the curves of its object need there.
+ObjectRows::New ObjectRows::make_new(uint32_t row, const Object& object, const Object* before) {
   const bool has_same_curves = before && before->law.front.curve == object.law.front.curve &&
                                before->law.back.curve == object.law.back.curve;
+  New out;
   for (Reader* const reader : readers_) {
     reader->memory->make_room(row);
     if (has_same_curves) continue;
-    Ref<Scratch> scratch;
-    if (object.law.has_curves()) {
-      scratch = make_ref<Scratch>();
-      scratch->parsers = object.law.make_parsers();
-    }
-    reader->scratches.set(row, std::move(scratch), sequence_);
+    if (object.law.has_curves() || reader->scratches.get(row)) reader->scratches.own(row, sequence_);
+    out.push_back(object.law.has_curves() ? Scratch::of(object.law) : nullptr);
   }
+  return out;
 }
 
 // ---------------------------------------------------------------------------------------------------- what cannot throw
@@ -65,6 +64,10 @@ void ObjectRows::fill(uint32_t number, const Entry& entry, uint64_t version, uin
   row.revision = entry.revision;
   chunk(number).set_object(number % chunk_size, entry.object);
   chunk(number).move(number % chunk_size, entry.motion, entry.motion_revision);
+}
+
+void ObjectRows::install(uint32_t row, New& made) noexcept {
+  for (size_t i = 0; i < made.size(); ++i) readers_[i]->scratches.set(row, std::move(made[i]), sequence_);
 }
 
 void ObjectRows::want_out(uint32_t number) noexcept {
@@ -106,8 +109,9 @@ bool ObjectRows::is_gone(uint32_t number) const noexcept {
 uint32_t ObjectRows::add(const Entry& entry) {
   const uint32_t number = allocate(entry);
   own(number);
-  make_readers_ready(number, *entry.object, nullptr);
+  New made = make_new(number, *entry.object, nullptr);
   const uint64_t version = ++last_version_;
+  install(number, made);
   if (servo_) servo_->memory->weight(number).set_up(version, false, 0);
   fill(number, entry, version, no_row);
   return number;
@@ -120,17 +124,20 @@ uint32_t ObjectRows::set(uint32_t newest, const Entry& entry) {
     const uint32_t previous = now.previous;
     const bool is_same = now.object->is_same_version(*entry.object);
     // A version that waits may be replaced as long as no tick can know it. One that was posted belongs to a group that is
-    // felt as a whole, so the new one comes after it; a servo that stands still must not make the chain endless.
-    const bool is_replaced = is_waiting(newest) && (now.created == sequence_ || length(newest) >= longest_chain);
+    // felt as a whole, so the new one comes after it. When the chain becomes long, because many come between two ticks,
+    // what was posted is taken back if no tick has it yet.
+    const bool is_replaced = is_waiting(newest) && (now.created == sequence_ || (length(newest) >= longest_chain &&
+                                                                                 servo_->take_back(now.created)));
     if (is_same || !servo_ || is_replaced) {
       for (uint32_t older = newest; is_waiting(older); older = row(older).previous) own(row(older).previous);
       own(newest);
-      make_readers_ready(newest, *entry.object, row(newest).object.get());
+      New made = make_new(newest, *entry.object, row(newest).object.get());
       uint64_t version = row(newest).version;
       if (!is_same) {
         const uint64_t before = std::exchange(version, ++last_version_);
         if (servo_ && !servo_->memory->weight(newest).replace_waiting(before, version)) continue;  // it has begun
       }
+      install(newest, made);
       const bool was_in = row(newest).is_in;
       const uint64_t sequence = row(newest).sequence;
       fill(newest, entry, version, previous);
@@ -147,8 +154,9 @@ uint32_t ObjectRows::set(uint32_t newest, const Entry& entry) {
     const uint32_t number = allocate(entry);
     own(number);
     own(newest);
-    make_readers_ready(number, *entry.object, nullptr);
+    New made = make_new(number, *entry.object, nullptr);
     const uint64_t version = ++last_version_;
+    install(number, made);
     servo_->memory->weight(number).set_up(version, waits, 0);
     fill(number, entry, version, newest);
     edit(newest).is_named = false;
@@ -231,9 +239,7 @@ void ObjectRows::attach(Reader& reader) {
   chunks_.for_each([&](uint32_t number, const Chunk& chunk) {
     for (uint32_t i = 0; i < chunk_size; ++i) {
       if (!(chunk.used >> i & 1) || !chunk.row(i).object->law.has_curves()) continue;
-      Ref<Scratch> scratch = make_ref<Scratch>();
-      scratch->parsers = chunk.row(i).object->law.make_parsers();
-      reader.scratches.set(number * chunk_size + i, std::move(scratch), sequence_);
+      reader.scratches.set(number * chunk_size + i, Scratch::of(chunk.row(i).object->law), sequence_);
     }
   });
   readers_.push_back(&reader);

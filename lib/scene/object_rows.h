@@ -76,11 +76,13 @@ class ObjectRows {
   Chunk& own_motion(uint32_t row);
   uint32_t allocate(const Entry& entry);
   uint32_t tidy_older(uint32_t newest);
-  void make_readers_ready(uint32_t row, const Object& object, const Object* before);
+  using New = std::vector<Ref<Scratch>>;  // of each reader; empty: what is there goes on
+  New make_new(uint32_t row, const Object& object, const Object* before);
 
   Chunk& chunk(uint32_t row) noexcept { return chunks_.edit(row / chunk_size, sequence_); }
   Row& edit(uint32_t row) noexcept { return chunk(row).edit_row(row % chunk_size); }
   void fill(uint32_t row, const Entry& entry, uint64_t version, uint32_t previous) noexcept;
+  void install(uint32_t row, New& made) noexcept;
   void want_out(uint32_t row) noexcept;
   void drop(uint32_t row) noexcept;
   bool has_begun(uint32_t row) const noexcept;

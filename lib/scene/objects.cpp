@@ -4,6 +4,7 @@
 
 #include "base/error.h"
 #include "base/serial.h"
+#include "base/text.h"
 
 namespace fs {
 namespace {
@@ -42,7 +43,18 @@ bool Objects::find(std::string_view name, Known& out) const {
   static_cast<Entry&>(out) = rows.entry(item->row);
   out.track = item->track ? *item->track : Track::of(out.motion);
   out.start_is_given = item->start_is_given;
+  out.base = out.object;
   return true;
+}
+
+void fail_unknown(std::string_view name) {
+  fail(FS_ERROR_NOT_FOUND, "name is '%s': there is no such object in the scene", shortened(name).c_str());
+}
+
+Known Objects::require(std::string_view name) const {
+  Known out;
+  if (!find(name, out)) fail_unknown(name);
+  return out;
 }
 
 std::vector<std::string_view> Objects::in_order() const {
@@ -77,8 +89,11 @@ void Objects::set_expiry(const std::string& name, double before, double after) {
 
 void Objects::take(std::string_view given, Known& wanted) {
   auto found = names_.find(given);
+  const bool is_there = found != names_.end() && !found->second.is_removed;
+  if (!is_there && (wanted.is_removed || wanted.parts != all_parts)) return;  // it is gone, and not set as a whole
+  std::unique_ptr<Track> track;
+  if (!wanted.is_removed && wanted.track.before.is_known) track = std::make_unique<Track>(wanted.track);
   if (found == names_.end()) {
-    if (wanted.is_removed) return;
     found = names_.try_emplace(std::string(given)).first;
     try {
       set_expiry(found->first, never, wanted.expiry);
@@ -91,7 +106,7 @@ void Objects::take(std::string_view given, Known& wanted) {
     found->second.number = wanted.number ? wanted.number : last_number_ + 1;
     last_number_ = std::max(last_number_, found->second.number);
     found->second.start_is_given = wanted.start_is_given;
-    if (wanted.track.before.is_known) found->second.track = std::make_unique<Track>(wanted.track);
+    found->second.track = std::move(track);
     return;
   }
   const std::string& name = found->first;
@@ -101,8 +116,6 @@ void Objects::take(std::string_view given, Known& wanted) {
   const bool is_only_moved = !wanted.is_more_than_moved && !item.is_removed;
   const double before = item.is_removed ? never : rows.row(item.row).expiry;
   const double after = wanted.is_removed ? never : wanted.expiry;
-  std::unique_ptr<Track> track;
-  if (!wanted.is_removed && wanted.track.before.is_known) track = std::make_unique<Track>(wanted.track);
   const bool is_newly_listed = !is_only_moved && list(name, item);  // something may fade out from now on
   const auto unlist = [&] {
     if (is_newly_listed) fading_.pop_back();
@@ -156,15 +169,19 @@ bool Objects::move(std::string_view name, double now, F&& take) {
   const Motion motion = take(track);
   const double before = row.expiry, after = expiry_of(*row.object, now);
   set_expiry(found->first, before, after);
-  rows.move(item.row, motion, after, next_serial());
+  try {
+    rows.move(item.row, motion, after, next_serial());
+  } catch (...) {
+    if (before != after && after < never) expiries_.erase({after, found->first});
+    throw;
+  }
   *item.track = track;
   return true;
 }
 
 bool Objects::tidy() {
-  constexpr int most = 256;
   bool is_changed = false;
-  const size_t count = std::min<size_t>(fading_.size(), most);
+  const size_t count = std::min(fading_.size(), tidied_at_once);
   for (size_t k = 0; k < count; ++k) {
     const auto found = names_.find(fading_.front());
     if (found == names_.end()) {

@@ -19,8 +19,11 @@ struct Known : Entry {
   bool is_removed = false;
   bool is_more_than_moved = false;
   uint32_t parts = 0;   // fs_part bits that are changed
+  Ref<const Object> base;  // the object that they were changed of; null: the name was new
   uint32_t number = 0;  // of a new name, where it is not the next
 };
+
+[[noreturn]] void fail_unknown(std::string_view name);  // NOT_FOUND
 
 fs_object to_c(const Known& known);  // its handles live as long as known.object
 
@@ -31,6 +34,7 @@ class Objects {
   ObjectRows rows;
 
   bool find(std::string_view name, Known& out) const;  // false: there is none of this name
+  Known require(std::string_view name) const;           // NOT_FOUND
   bool has(std::string_view name) const noexcept { return find_item(name) != nullptr; }
   bool has_name(std::string_view name) const noexcept { return names_.contains(name); }  // also one that fades out
   bool has_room(size_t more) const noexcept { return names_.size() + more <= capacity_; }
@@ -67,6 +71,8 @@ class Objects {
 
   // Lets go of what has faded out, some at a time. True when it changed something.
   bool tidy();
+  static constexpr size_t tidied_at_once = 256;
+  size_t fading_count() const noexcept { return fading_.size(); }
   // The next name whose lifetime has ended by `time`, once; null: none.
   const std::string* next_expired(double time, double& expiry);
 

@@ -11,7 +11,23 @@ struct Reader {
 
   const Ref<Memory> memory;
   Mailbox<Posting> mailbox;
-  Scratches scratches;  // the scene's, under its lock: those of the newest posting
+
+  // These two want the scene's lock.
+  void post(const Ref<const Snapshot>& snapshot) {
+    const bool was_fetched = !mailbox.post({snapshot, scratches}) && !is_taken_back_;
+    if (was_fetched) first_unfetched_ = snapshot->sequence;
+    is_taken_back_ = false;
+  }
+  // True: the reader never had a snapshot of this sequence or a later one, nor can it get one before the next post.
+  bool take_back(uint64_t sequence) {
+    is_taken_back_ = mailbox.take_back() || is_taken_back_;
+    return is_taken_back_ && sequence >= first_unfetched_;
+  }
+  Scratches scratches;  // the scene's, under its lock: for the next posting
+
+ private:
+  uint64_t first_unfetched_ = 0;  // sequence: unless the newest was fetched, none from this one on was
+  bool is_taken_back_ = false;    // the newest
 };
 
 }  // namespace fs

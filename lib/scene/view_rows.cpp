@@ -98,8 +98,10 @@ void ViewRows::change(const ViewChange& change) {
     const bool is_waiting = now().previous != no_row && !has_begun(newest);
     const std::vector<uint32_t> free = free_rows();
     // A view that waits may be replaced as long as no tick can know it. One that was posted belongs to a group that is felt
-    // as a whole, so the new one comes after it, unless the servo stands still and rows become few.
-    const bool is_replaced = is_waiting && (now().created == sequence_ || free.size() <= reserve);
+    // as a whole, so the new one comes after it. When rows become few, because many come between two ticks, what was
+    // posted is taken back if no tick has it yet.
+    const bool is_replaced = is_waiting && (now().created == sequence_ ||
+                                            (free.size() <= reserve && servo_->take_back(now().created)));
     if (!is_elsewhere || !servo_ || is_replaced) {
       View view = wanted(now(), false);
       if (is_elsewhere) {

@@ -43,7 +43,7 @@ class ViewRows {
   }
   bool is_gone(uint32_t i) const noexcept;
   bool find(uint32_t i, FoundView& out) const noexcept;
-  // Rows that no tick can use. Those in reserve are for a view that follows one that has begun, which cannot be replaced:
+  // Rows that no tick can use. Those in reserve are for a view that follows one that a tick has, which cannot be replaced:
   // at most two such views come before the rows that were let go of are free again.
   std::vector<uint32_t> free_rows() const;
   static constexpr size_t reserve = 3;

@@ -155,7 +155,7 @@ void answer_reports(Client& client, uint64_t serial) {
     ReportList::Part& part = list->parts.emplace_back(prefix, owner.scene);
     for (const auto& [name, absent] : owner.absent) part.absent.push_back(report_of(name, absent));
   };
-  list->frame = client.scene->get_frame(nullptr);
+  list->frame = client.scene->view(false).frame;
   add("", client);
   list->parts.emplace_back("server/", client.host.servo().scene());
   client.host.clients().for_each([&](const std::shared_ptr<Client>& other) {

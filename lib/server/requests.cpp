@@ -113,9 +113,9 @@ void Requests::get(const Request& request) {
 
 void Requests::report(const Request& request) {
   with_object(find_target(client_, request.as<wire::Target>()), [&](const TargetObject& target) {
-    fs_report report = target.owner ? target.owner->report(target.name) : target.scene->report(target.name.c_str());
+    fs_report report = target.owner ? target.owner->report(target.name) : target.scene->report(target.name.c_str(), false);
     if (target.owner.get() != &client_) {
-      report = seen_from(report, target.scene->get_frame(nullptr), client_.scene->get_frame(nullptr));
+      report = seen_from(report, target.scene->view(false).frame, client_.scene->view(false).frame);
       put_text(report.name, target.full_name());
     }
     client_.answers.send_record(request.serial, report);

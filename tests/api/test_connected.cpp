@@ -314,6 +314,55 @@ START_TEST(edits_in_an_open_group) {  // the owner's group and the other client'
 }
 END_TEST
 
+// A group changes the parts that it names. What somebody else has changed of the same object meanwhile stays, and what is
+// gone stays gone; a set replaces the whole.
+START_TEST(groups_change_only_their_parts) {
+  Two two;
+  for (const char* name : {"a", "b", "c", "d", "e"}) set(two.base, push(name, 1, {0, 0, 1}));
+  two.settle_all();
+  OK(fs_scene_begin(two.base.get()));
+  fs_object o = push("a", 2);
+  OK(fs_object_change(two.base.get(), &o, FS_PART_PROFILES));
+  o.pose.position.x = 5;
+  std::strcpy(o.name, "b");
+  OK(fs_object_change(two.base.get(), &o, FS_PART_POSE));
+  for (const char* name : {"c", "d"}) {
+    std::strcpy(o.name, name);
+    OK(fs_object_change(two.base.get(), &o, FS_PART_PROFILES));
+  }
+  set(two.base, push("e", 7));
+  // Not evaluated yet, so nobody else is told of it.
+  fs_report report;
+  EXPECT(FS_ERROR_NOT_FOUND, fs_scene_get_report(two.bob.get(), "server/new", &report));
+  set(two.base, push("new", 1));
+  EXPECT(FS_ERROR_NOT_FOUND, fs_scene_get_report(two.bob.get(), "server/new", &report));
+  fs_pose pose{};
+  pose.position.y = 3;
+  const fs_twist still{};
+  OK(fs_object_move(two.bob.get(), "server/a", &pose, &still, FS_NOW));
+  o = push("server/b", 4);
+  o.lifetime = 1e6;
+  OK(fs_object_change(two.bob.get(), &o, FS_PART_PROFILES | FS_PART_OTHER));
+  o.enabled = false;
+  std::strcpy(o.name, "server/c");
+  OK(fs_object_change(two.bob.get(), &o, FS_PART_OTHER));
+  OK(fs_object_remove(two.bob.get(), "server/d"));
+  OK(fs_object_remove(two.bob.get(), "server/e"));
+  OK(fs_scene_commit(two.base.get()));
+  two.settle_all();
+  const Got a(two.base.get(), "a"), b(two.base.get(), "b"), c(two.base.get(), "c");
+  ck_assert_double_eq(a->front.gain, 2);
+  ck_assert_double_eq(a->pose.position.y, 3);
+  ck_assert_double_eq(b->front.gain, 4);
+  ck_assert_double_eq(b->lifetime, 1e6);
+  ck_assert_double_eq(b->pose.position.x, 5);
+  ck_assert_double_eq(c->front.gain, 2);
+  ck_assert(!c->enabled);
+  ck_assert(!has(two.base.get(), "d"));
+  ck_assert_double_eq(Got(two.base.get(), "e")->front.gain, 7);
+}
+END_TEST
+
 START_TEST(many_edits) {  // many objects are edited, some of them repeatedly
   Two two;
   for (int i = 0; i < 100; ++i) set(two.me, push(("o" + std::to_string(i)).c_str(), 0.5));
@@ -884,7 +933,7 @@ END_TEST
 int main() {
   Suite* suite = suite_create("connected");
   add_once(suite, "several", {forces_add, names_are_private, own_names_in_full, views, force_limit, two_servers});
-  add_once(suite, "others", {objects_of_others, objects_of_the_server, edits_in_an_open_group, many_edits, groups_of_all, locked,
+  add_once(suite, "others", {objects_of_others, objects_of_the_server, edits_in_an_open_group, groups_change_only_their_parts, many_edits, groups_of_all, locked,
                              shapes_of_others});
   add_once(suite, "seen", {reports_of_all, clients});
   add_once(suite, "threads", {all_at_once});
