@@ -245,7 +245,7 @@ typedef struct fs_report {
   fs_primitive primitive;       /* as set */
   fs_object_state state;        /* how far it has come */
   uint64_t revision;            /* grows with every change except moves */
-  double weight;                /* 0..1; in between it is FADING, in or out */
+  double weight;                /* 0..1, of its newest version; in between it is FADING, in or out */
   double stiffness_wanted;      /* N/m at the device, the steepest slope of profiles and contact; infinite where the
                                    force jumps (above). For a curve it is worked out once, when the curve is made: for
                                    a table it is never too low, for an expression it is an estimate from some hundred
@@ -254,8 +254,9 @@ typedef struct fs_report {
   double distance;              /* m, from the object to the nearest tool point at the last tick; infinite: not near
                                    (beyond its force, weight 0, clutched, no servo); then point and wrench are 0 */
   fs_vec3 point;                /* p, or the proxy; in the frame of the scene that asks */
-  fs_wrench wrench;             /* its part of the force, with its weight, before the guard; along the axes of the scene
-                                   that asks; for another client's object in newtons at the device */
+  fs_wrench wrench;             /* its part of the force, the sum of its versions with their weights, before the guard;
+                                   while another frame or tool fades in, only what it gives there; along the axes of
+                                   the scene that asks; for another client's object in newtons at the device */
   double reserved[4];           /* 0 */
 } fs_report;
 

@@ -12,6 +12,7 @@
 #include "field/mailbox.h"
 #include "field/motion.h"
 #include "field/table.h"
+#include "scene/events.h"
 #include "scene/object_rows.h"
 #include "scene/view_rows.h"
 #include "servo/guard.h"
@@ -418,6 +419,19 @@ START_TEST(a_fade_of_no_duration_is_at_once) {
 END_TEST
 
 // A value that is read was written as a whole, and never is an older one than before.
+// Events of several sources are given in the order of their times, those of one time as they came.
+START_TEST(events_are_in_order) {
+  Events events;
+  for (const double time : {3.0, 1.0, 2.0, 1.0}) {
+    events.push(FS_EVENT_EXPIRED, time, "object " + std::to_string(static_cast<int>(time)));
+  }
+  events.push(FS_EVENT_EDITED, 1.0, "last of three");
+  std::string order;
+  for (fs_event event; events.take(5, event);) order += std::string(event.name) + ", ";
+  ck_assert_str_eq(order.c_str(), "object 1, object 1, last of three, object 2, object 3, ");
+}
+END_TEST
+
 START_TEST(mailbox_and_seqlock_are_never_torn) {
   struct Value {
     uint64_t a = 0, b = ~0ull;
@@ -596,6 +610,7 @@ int main() {
   tcase_add_test(test_case, versions_are_not_overtaken);
   tcase_add_test(test_case, views_have_no_step_and_are_not_overtaken);
   tcase_add_test(test_case, a_fade_of_no_duration_is_at_once);
+  tcase_add_test(test_case, events_are_in_order);
   tcase_add_test(test_case, mailbox_and_seqlock_are_never_torn);
   tcase_add_test(test_case, mailbox_takes_back);
   tcase_add_test(test_case, mailbox_frees_what_was_let_go);
