@@ -85,13 +85,13 @@ uint64_t add_contacts(const Object& object, const Motion& motion, uint32_t row, 
   Contacts::Contact contact;
   const bool is_one_point = (mask & (mask - 1)) == 0;  // as mostly
   contact.weight = is_one_point ? weight : weight * (1.0 / std::popcount(mask));
-  for (uint32_t rest = mask; rest; rest &= rest - 1) {
-    const ToolState::Point& point = tool.points[static_cast<size_t>(std::countr_zero(rest))];
-    if (!find_contact(object, pose, point.position, contact)) continue;
+  for_each_bit(mask, [&](uint32_t k) {
+    const ToolState::Point& point = tool.points[k];
+    if (!find_contact(object, pose, point.position, contact)) return;
     contact.arm = point.arm;
     if (!contacts.has_room(row)) felt |= contacts.take(sum);
     contacts.add(row, contact);
-  }
+  });
   return felt;
 }
 
@@ -134,15 +134,15 @@ bool evaluate_object(const Object& object, const Motion& motion, double start, c
   const Vec3 origin = motion.position_at(tool.time);
   Pose pose;
   bool has_pose = false, is_near = false;
-  for (uint32_t rest = mask; rest; rest &= rest - 1) {
-    const ToolState::Point& point = tool.points[static_cast<size_t>(std::countr_zero(rest))];
+  for_each_bit(mask, [&](uint32_t k) {
+    const ToolState::Point& point = tool.points[k];
     const Vec3 offset = point.position - origin;
-    if (norm(offset) - object.radius > support) continue;
+    if (norm(offset) - object.radius > support) return;
     if (!has_pose) pose = motion.at(tool.time);  // what is far, as most is, needs no orientation
     has_pose = true;
     const Vec3 local = rotate(conjugate(pose.orientation), offset);
     Closest closest;
-    if (!closest_point(object.primitive, object.shape.get(), local, support, closest)) continue;
+    if (!closest_point(object.primitive, object.shape.get(), local, support, closest)) return;
     if (!is_near) out = {};
     is_near = true;
     if (closest.distance < out.distance) {
@@ -150,7 +150,7 @@ bool evaluate_object(const Object& object, const Motion& motion, double start, c
       out.point = pose * closest.point;
     }
     add_point(object, closest, motion, pose, tool.time - start, point, tool, parsers, share, out);
-  }
+  });
   return is_near;
 }
 
@@ -169,26 +169,24 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
       felt |= add_points(chunk, points_near, tool.points[k].position, tool.points[k].arm, given, share, sum);
     }
     const uint64_t contacts_near = near & ~points_near & (chunk.rows->contacts | chunk.rows->formulas());
-    for (uint64_t rest = contacts_near; rest; rest &= rest - 1) {
-      const auto i = static_cast<uint32_t>(std::countr_zero(rest));
+    for_each_bit(contacts_near, [&](uint32_t i) {
       felt |= add_contacts(*chunk.row(i).object, chunk.motion(i), i, given ? given[i].value() : 1, tool, contacts, sum);
-    }
+    });
     if (contacts_near) felt |= contacts.take(sum);
-    for (uint64_t rest = near & ~points_near & ~contacts_near; rest; rest &= rest - 1) {
-      const auto i = static_cast<uint32_t>(std::countr_zero(rest));
+    for_each_bit(near & ~points_near & ~contacts_near, [&](uint32_t i) {
       const Row& row = chunk.row(i);
       const Scratch* const scratch = row.object->law.has_curves() ? scratches.get(number * chunk_size + i) : nullptr;
       Share got;
       if (!evaluate_object(*row.object, chunk.motion(i), row.start, tool, scratch ? &scratch->parsers : nullptr, got)) {
-        continue;
+        return;
       }
       add_share(got, given ? given[i].value() : 1, i % lane_count, sum);
-      if (!(got.wrench.force == Vec3{})) felt |= uint64_t{1} << i;
-    }
+      if (!(got.wrench.force == Vec3{})) felt |= bit_of(i);
+    });
     out.felt_count += static_cast<uint32_t>(std::popcount(felt));
-    for (uint64_t rest = felt; given && rest; rest &= rest - 1) {
-      if (given[std::countr_zero(rest)].value() < 1) out.flags |= FS_RESPONSE_FADING;
-    }
+    for_each_bit(given ? felt : 0, [&](uint32_t i) {
+      if (given[i].value() < 1) out.flags |= FS_RESPONSE_FADING;
+    });
   });
   out.wrench = sum.wrench();
   out.stiffness = sum.stiffness();

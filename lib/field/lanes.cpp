@@ -40,8 +40,8 @@ FS_INLINE void add(double* sum, Four value) {
   std::memcpy(sum, &out, sizeof out);
 }
 
-// e^-u for u >= 0, within 2 units in the last place: 2^n e^r with |r| <= ln(2)/2, the latter by its Taylor series. The
-// library's own, because that of the system is not the same on every width.
+// e^-u for u >= 0, within 2 units in the last place: 2^n e^r with |r| <= ln(2)/2, the latter by its Taylor series. Our
+// own, because the exp of the system gives other bits for another width.
 FS_INLINE Four exp_minus(Four u) {
   const Four magic = all(0x1.8p52);  // a number added to it is rounded to an integer, which stands in its last bits
   const Four limited = u < all(760) ? u : all(760);

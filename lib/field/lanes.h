@@ -1,5 +1,5 @@
 // What is done for many rows of a chunk at once, four lanes wide: with AVX2 where the processor has it, else with SSE2.
-// Both give the same bits. Each row has its lane, its number modulo 4, so sums do not depend on what is passed over.
+// Both give the same bits. Each row has its lane, its number modulo 4, so skipping far rows does not change the rounding of a sum.
 #pragma once
 
 #include "field/snapshot.h"

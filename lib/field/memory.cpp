@@ -1,19 +1,11 @@
 #include "field/memory.h"
 
-#include <bit>
 #include <cmath>
 
 #include "field/lanes.h"
 
 namespace fs {
 namespace {
-
-uint64_t bit_of(uint32_t i) noexcept { return uint64_t{1} << i; }
-
-template <class F>
-void for_each_bit(uint64_t mask, F&& f) {
-  for (; mask; mask &= mask - 1) f(static_cast<uint32_t>(std::countr_zero(mask)));
-}
 
 // In four strands, of which none waits for the others.
 double least_of(const double (&values)[64]) noexcept {
@@ -178,7 +170,7 @@ void Memory::absorb(const Snapshot& snapshot, double now) noexcept {
     blocks_used_ = std::max(blocks_used_, number / block_size + 1);
     const bool is_only_moved = chunk->rows_version <= seen_;
     if (has_weights_ && !is_only_moved) {
-      move_weights(number, now);  // as it was wanted so far
+      move_weights(number, now);  // by the old wants, before the new ones are read
       take_wants(snapshot, number, *chunk, now);
       set_due(number);
     } else if (!is_only_moved) {
@@ -254,7 +246,7 @@ void Memory::look(uint32_t i, uint64_t what, Vec3 centre, double radius, double 
 void Memory::look_at(uint32_t number, Sight& sight, const Way& way, double radius) noexcept {
   Block& b = block(number);
   const uint32_t c = number % block_size;
-  if (!b.is_outlined[c]) {  // it has changed: as long as it is far as a whole, that is all there is to know
+  if (!b.is_outlined[c]) {  // the chunk has changed: while its whole box is far, the outline is not needed
     const Chunk& chunk = *b.chunks[c];
     const double gap = chunk.planes ? 0 : chunk.box.distance(way.centre) * (1 - 1e-14) - radius;
     if (gap > 4 * way.step) {
@@ -278,7 +270,8 @@ void Memory::look_at(uint32_t number, Sight& sight, const Way& way, double radiu
     gaps[i] = static_cast<float>(gap - 1e-7 * std::fabs(gap));
   });
   const auto margin = static_cast<float>(radius * (1 + 2e-7));
-  // Rows that the tool reaches within some ticks count as near, too, if they are few: else their chunk hardly sleeps.
+  // Rows that the tool reaches within 4 ticks count as near if there are at most 4; otherwise the chunk would wake at almost
+  // every tick.
   const auto soon = static_cast<float>(margin + 4 * way.step);
   const auto [near_now, least_now] = rows_within(gaps, margin);
   const auto [near_soon, least_later] = rows_within(gaps, soon);
@@ -289,7 +282,7 @@ void Memory::look_at(uint32_t number, Sight& sight, const Way& way, double radiu
     least = least_later;
   }
   double sleeps = static_cast<double>(least) - margin;  // m
-  if (near && way.step > 0) sleeps = std::min(sleeps, 64 * way.step);  // so that it learns when they are far again
+  if (near && way.step > 0) sleeps = std::min(sleeps, 64 * way.step);  // to notice that near rows have become far
   sight.near[c] = near;
   sight.any = near ? sight.any | bit_of(c) : sight.any & ~bit_of(c);
   sight.wake_at[c] = way.travelled + sleeps;

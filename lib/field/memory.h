@@ -56,7 +56,7 @@ class Memory : public Counted<Memory> {
   struct Weights {
     std::array<Weight, chunk_size> rows;
     // Written by the tick, also read by whoever asks for a weight.
-    std::atomic<uint64_t> moving{0}, going_in{0};  // bit i: the weight of row i is on its way; to 1
+    std::atomic<uint64_t> moving{0}, going_in{0};  // bit i: the weight of row i is moving; it is moving up
     std::atomic<double> since{0};                  // s: the weights are those of this time
   };
 
@@ -69,7 +69,7 @@ class Memory : public Counted<Memory> {
     Sight() { for (double& at : wake_at) at = never; }
     void forget(uint32_t c) noexcept {     // chunk c is no more
       near[c] = 0;
-      any &= ~(uint64_t{1} << c);
+      any &= ~bit_of(c);
       wake_at[c] = never;
     }
   };
@@ -123,20 +123,15 @@ void Memory::for_each_near(uint32_t view, double now, F&& f) const noexcept {
     const Block* const block = blocks_[b].get();
     const Sight* const sight = block ? block->sights[view].get() : nullptr;
     if (!sight) continue;
-    for (uint64_t rest = sight->any; rest; rest &= rest - 1) {
-      const auto c = static_cast<uint32_t>(__builtin_ctzll(rest));
+    for_each_bit(sight->any, [&](uint32_t c) {
       uint64_t rows = sight->near[c] & block->felt[c];
-      if (rows == 0) continue;
-      const uint32_t number = b * block_size + c;
+      if (rows == 0) return;
       const Chunk& chunk = *block->chunks[c];
-      if (const uint64_t expiring = has_weights_ ? 0 : rows & block->expiring[c]) {
-        for (uint64_t some = expiring; some; some &= some - 1) {
-          const auto i = static_cast<uint32_t>(__builtin_ctzll(some));
-          if (!chunk.row(i).is_felt(now)) rows &= ~(uint64_t{1} << i);
-        }
-      }
-      f(number, chunk, rows, has_weights_ ? block->weights[c]->rows.data() : nullptr);
-    }
+      for_each_bit(has_weights_ ? 0 : rows & block->expiring[c], [&](uint32_t i) {
+        if (!chunk.row(i).is_felt(now)) rows &= ~bit_of(i);
+      });
+      f(b * block_size + c, chunk, rows, has_weights_ ? block->weights[c]->rows.data() : nullptr);
+    });
   }
 }
 

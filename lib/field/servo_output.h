@@ -16,7 +16,7 @@ struct HandSample {
   fs_wrench sent;        // of all scenes, after the guard, along this scene's axes
 };
 
-// Written by the tick alone, but for what stands there before the first.
+// Only the tick writes it; attaching a servo writes the first values.
 struct ServoOutput {
   std::atomic<double> time{0};    // s, of the newest tick: the clock of a virtual servo
   std::atomic<uint64_t> tick{0};  // the newest finished

@@ -94,7 +94,7 @@ void Chunk::bound(const Box& before, const Box& after) noexcept {
   const bool was_empty = !(before.low.x <= before.high.x);
   if (was_empty || before.is_inside(box)) return box.add(after);
   box = {};
-  for (uint64_t rest = used; rest; rest &= rest - 1) box.add(box_of(static_cast<uint32_t>(std::countr_zero(rest))));
+  for_each_bit(used, [&](uint32_t i) { box.add(box_of(i)); });
 }
 
 void Chunk::place(uint32_t i) noexcept {

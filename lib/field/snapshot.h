@@ -8,6 +8,7 @@
 #include <cmath>
 #include <vector>
 
+#include "base/bits.h"
 #include "base/counted.h"
 #include "field/motion.h"
 #include "field/object.h"
@@ -97,7 +98,7 @@ struct Chunk : LocalCounted<Chunk> {
   // For whoever posts. i: of the row in the chunk.
   void own(uint32_t i);         // may run out of memory; after it edit_row, set_object, move and drop cannot
   void own_motion(uint32_t i);  // all that move needs
-  Row& edit_row(uint32_t i) noexcept;  // of which the object is not changed
+  Row& edit_row(uint32_t i) noexcept;  // the caller must not change its object: see set_object
   void set_object(uint32_t i, Ref<const Object> object) noexcept;
   void move(uint32_t i, const Motion& motion, uint64_t revision) noexcept;
   void drop(uint32_t i) noexcept;

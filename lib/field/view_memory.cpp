@@ -24,7 +24,7 @@ void ViewMemory::advance(const Views& views, double now, double fade) noexcept {
       One& m = all_[i];
       if (view.version == 0 || !m.weight.has_begun(view.version)) continue;
       double value = m.weight.value();
-      if (m.wanted == view.version) value = Weight::moved(value, m.going_in, by);  // as it was wanted so far
+      if (m.wanted == view.version) value = Weight::moved(value, m.going_in, by);  // by the old wants, before the new ones are read
       m.wanted = view.version;
       Weight* const next = view.next == no_row ? nullptr : &all_[view.next].weight;
       m.going_in = goes_in(view, value, now, next, next ? views.rows[view.next].version : 0, !(fade > 0), is_any_beginning);

@@ -27,7 +27,7 @@ struct Want {
   uint32_t next = no_row; // the row that begins when this one is in full, or not felt
   bool is_in = false;
 
-  // As a tool feels it, which knows no weights: in full, and only the newest version.
+  // Tools have no weights: the newest version counts in full, older ones not at all.
   bool is_felt(double now) const noexcept { return is_in && next == no_row && now < expiry; }
 };
 
@@ -72,8 +72,8 @@ class Weight {
   std::atomic<double> value_{0};
 };
 
-// [rt] Whether a row that has begun is wanted in from now on. One that is in full, or not felt at all, lets its next begin
-// and is wanted out. next, next_version: of the row that follows; null: none does. began: set when it has just begun.
+// [rt] Whether the weight of a row rises; the row has begun. One at 1 or at 0 starts its successor, and falls from then
+// on. next, next_version: of the successor; null: there is none. began: set when it has just started.
 inline bool goes_in(const Want& row, double value, double now, Weight* next, uint64_t next_version, bool is_at_once,
                     bool& began) noexcept {
   const bool in = row.is_in && now < row.expiry;

@@ -24,7 +24,7 @@ class Clock {
   }
   void tell(double time) noexcept { told_.store(time, std::memory_order_release); }  // [rt] of kind `caller`
 
-  // Goes over to another clock, and says how far that one is ahead.
+  // Switches to another clock; returns the new time minus the old, s.
   struct Before {
     ClockKind kind;
     double told;

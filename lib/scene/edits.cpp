@@ -206,7 +206,7 @@ bool Edits::commit(size_t most) {
   return true;
 }
 
-// New objects come in an order in which those that lie together in space come together.
+// Sorts new objects by place, so that neighbours get rows in one chunk.
 void Edits::sort() {
   if (group_->added < chunk_size) return;
   Objects& objects = evaluated_.objects;

@@ -15,7 +15,7 @@ struct OpenGroup {
   NameMap<Known> changes;
   std::vector<Change*> order;  // in which they came
   size_t added = 0;            // names that the scene does not have
-  size_t committed = 0;        // of order, so far
+  size_t committed = 0;        // how many of order are committed already
   ViewChange view;
 
   Known* find(std::string_view name);  // null: the group does not change it
@@ -53,7 +53,7 @@ class Edits {
   void cancel();             // STATE
   void shift(double by) noexcept;  // all times of the group, s
 
-  // As long as it lives, another group stands in for the open one.
+  // Swaps another group in as the open one while it lives.
   class In {
    public:
     In(Edits& edits, std::unique_ptr<OpenGroup>& group) : edits_(edits), group_(group) { std::swap(edits_.group_, group_); }

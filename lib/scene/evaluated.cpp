@@ -18,10 +18,10 @@ void Evaluated::prepare() {
 
 void Evaluated::changed() {
   posted_ = nullptr;
-  if (!is_held_) newest();
+  if (!is_held_) post_newest();
 }
 
-Ref<const Snapshot> Evaluated::newest() {
+Ref<const Snapshot> Evaluated::post_newest() {
   if (posted_) return posted_;
   const Ref<Snapshot> made = spare_ ? std::move(spare_) : make_ref<Snapshot>();
   made->sequence = ++sequence_;
@@ -35,7 +35,7 @@ Ref<const Snapshot> Evaluated::newest() {
 }
 
 void Evaluated::post() {
-  newest();
+  post_newest();
   for (Reader* const reader : objects.rows.readers()) reader->mailbox.tidy();
 }
 
@@ -60,7 +60,7 @@ void Evaluated::collect_events() {
 }
 
 void Evaluated::attach(Reader& reader) {
-  const Ref<const Snapshot> snapshot = newest();
+  const Ref<const Snapshot> snapshot = post_newest();
   objects.rows.attach(reader);
   reader.mailbox.prime({snapshot, reader.scratches});
 }
@@ -109,7 +109,7 @@ double Evaluated::attach_servo(const ServoLink& servo, ServoReader& reader, bool
   events.attach(servo);
   servo_ = &servo;
   servo_reader_ = &reader;
-  reader.mailbox.prime({newest(), reader.scratches});
+  reader.mailbox.prime({post_newest(), reader.scratches});
   return shift;
 }
 
@@ -126,7 +126,7 @@ double Evaluated::detach_servo(ServoReader& reader) noexcept {
     objects.rows.detach(reader);
     views.detach_servo();
     take(all, shift);
-    newest();
+    post_newest();
     return shift;
   } catch (const std::bad_alloc&) {  // then the clock stands where it is, so that ages stay
     objects.rows.detach(reader);

@@ -22,13 +22,13 @@ class Evaluated {
   Events events;
   Clock clock;
 
-  // A change to objects or views is made between prepare and changed: what may fail comes first.
+  // A change to objects or views is made between prepare, which makes room for a snapshot, and changed, which posts one.
   void prepare();
   void changed();
   void hold() noexcept { is_held_ = true; }  // from now on changes reach the readers only with post
   void post();
-  Ref<const Snapshot> newest();              // the readers have it too
-  uint64_t sequence() const noexcept { return sequence_; }  // of the newest change
+  Ref<const Snapshot> post_newest();         // posts what has changed; the newest snapshot
+  uint64_t sequence() const noexcept { return sequence_; }  // of the newest snapshot
 
   // Lets go of what has faded out, and announces what has expired. Not urgent: at most every 5 ms.
   void settle(bool is_urgent);

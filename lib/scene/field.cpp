@@ -25,10 +25,10 @@ struct Worker {
     }
     snapshot.chunks.for_each([&](uint32_t number, const Chunk& chunk) {
       memory->make_room(number * chunk_size);
-      for (uint32_t i = 0; i < chunk_size; ++i) {
-        if (!(chunk.used >> i & 1) || !chunk.row(i).object->law.has_curves()) continue;
-        scratches.set(number * chunk_size + i, Scratch::of(chunk.row(i).object->law), 1);
-      }
+      for_each_bit(chunk.used, [&](uint32_t i) {
+        const Law& law = chunk.row(i).object->law;
+        if (law.has_curves()) scratches.set(number * chunk_size + i, Scratch::of(law), 1);
+      });
     });
     memory->absorb(snapshot, 0);
   }

@@ -88,7 +88,7 @@ void LocalScene::set_contents(const std::vector<fs_object>& objects, const fs_fr
   for (const fs_object& object : objects) {
     try {
       parsed.push_back(parse_object(object, nullptr, builds_shapes_));
-    } catch (Error& error) {  // an object whose name is wrong is told by its place
+    } catch (Error& error) {  // an object with a bad name is identified by its index
       if (!error.text.starts_with("object")) error.text = "object " + std::to_string(parsed.size() + 1) + ": " + error.text;
       throw;
     }
@@ -336,7 +336,7 @@ void LocalScene::with_snapshot(const char* name, const std::function<void(const 
     if (name && !evaluated_.objects.find_row(std::string_view(name), &row)) {
       fail(FS_ERROR_NOT_FOUND, "name is '%s': there is no such object to evaluate", shortened(name).c_str());
     }
-    kept = evaluated_.newest();
+    kept = evaluated_.post_newest();
   }
   struct Release {  // under the lock again, also when f throws
     LocalScene& scene;

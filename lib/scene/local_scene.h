@@ -21,8 +21,8 @@ struct Movement {
 };
 
 struct LocalScene final : Scene {
-  // output: where a servo leaves its word; null: memory of the scene's own. clock: of a scene that has no servo here, but
-  // stands for one whose servo writes output elsewhere.
+  // output: where the servo publishes its results; null: memory of the scene's own. clock: for a replica, whose servo is
+  // in another process.
   explicit LocalScene(std::shared_ptr<ServoOutput> output = nullptr, ClockKind clock = ClockKind::caller);
 
   LocalScene& local() noexcept override { return *this; }
@@ -65,7 +65,7 @@ struct LocalScene final : Scene {
   // After hold() changes reach the readers only with post().
   void hold();
   void post();
-  uint64_t sequence() const;  // of the newest change
+  uint64_t sequence() const;  // of the newest snapshot that was posted
 
   // Frame, clutch, tool, accuracy, slope.
   void set_frame(const fs_frame& frame) override;
@@ -117,7 +117,7 @@ struct LocalScene final : Scene {
   friend class Draft;
   friend class Moment;
 
-  // These want the lock.
+  // Called with the lock held.
   void put(const ParsedObject& object, uint32_t parts);
   Ref<const Object> get_one(const char* name, fs_object& out) const;  // NOT_FOUND
 

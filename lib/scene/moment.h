@@ -38,8 +38,8 @@ class Moment {
   void for_each(F&& f) const {
     if (is_only_one_) return f(added_.front(), only_row_);
     chunks_.for_each([&](uint32_t number, const Chunk& chunk) {
-      for (uint32_t i = 0; i < chunk_size; ++i) {
-        if (!(chunk.used >> i & 1) || !chunk.row(i).is_named) continue;
+      for_each_bit(chunk.used, [&](uint32_t i) {
+        if (!chunk.row(i).is_named) return;
         const uint32_t row = number * chunk_size + i;
         const auto changed = changes_.find(chunk.row(i).object->name);
         if (changed == changes_.end()) {
@@ -47,7 +47,7 @@ class Moment {
         } else if (!changed->second.is_removed) {
           f(changed->second, row);
         }
-      }
+      });
     });
     for (const Entry& entry : added_) f(entry, no_row);
   }

@@ -27,7 +27,7 @@ Chunk& ObjectRows::own_motion(uint32_t row) {
   return chunk;
 }
 
-// A row that no tick can use. It is taken when it is filled; until then it may be given again.
+// Finds a row that no tick can use, but does not reserve it: fill does. Two calls give the same row.
 uint32_t ObjectRows::allocate(const Entry& entry) {
   space_.reclaim(servo_ ? used() : sequence_);
   return space_.find(entry.motion.pose.position, entry.object->radius + entry.object->law.support);
@@ -98,7 +98,7 @@ bool ObjectRows::has_begun(uint32_t number) const noexcept {
 bool ObjectRows::is_gone(uint32_t number) const noexcept {
   const Row& it = row(number);
   if (!servo_) return true;
-  // One that waits gives way in the tick in which it begins, if that tick knows its next.
+  // A row that has not begun never gets a weight if the next tick knows its successor.
   if (!has_begun(number)) return it.next != no_row && row(it.next).sequence <= used();
   if (servo_->memory->weight(number).value() > 0) return false;
   return it.next != no_row ? has_begun(it.next) : !it.is_in && it.sequence <= used();
@@ -142,14 +142,14 @@ uint32_t ObjectRows::set(uint32_t newest, const Entry& entry) {
       const uint64_t sequence = row(newest).sequence;
       fill(newest, entry, version, previous);
       if (is_same && was_in == entry.object->is_enabled) edit(newest).sequence = sequence;
-      for (uint32_t number = newest; is_waiting(number);) {  // what is felt still is the same object
+      for (uint32_t number = newest; is_waiting(number);) {  // the versions before it are the same object
         number = row(number).previous;
         if (!entry.object->is_enabled) want_out(number);
         if (row(number).is_in) edit(number).expiry = entry.expiry;
       }
       return newest;
     }
-    // Another version of what is felt. Where nothing else fades, one that goes out need not be waited for.
+    // Another version of what is felt. A row that is already fading out alone need not be waited for.
     const bool waits = row(newest).is_in || previous != no_row;
     const uint32_t number = allocate(entry);
     own(number);
@@ -237,21 +237,20 @@ void ObjectRows::attach(Reader& reader) {
   readers_.reserve(readers_.size() + 1);
   for (uint32_t chunk = 0; chunk < space_.chunks_end(); ++chunk) reader.memory->make_room(chunk * chunk_size);
   chunks_.for_each([&](uint32_t number, const Chunk& chunk) {
-    for (uint32_t i = 0; i < chunk_size; ++i) {
-      if (!(chunk.used >> i & 1) || !chunk.row(i).object->law.has_curves()) continue;
-      reader.scratches.set(number * chunk_size + i, Scratch::of(chunk.row(i).object->law), sequence_);
-    }
+    for_each_bit(chunk.used, [&](uint32_t i) {
+      const Law& law = chunk.row(i).object->law;
+      if (law.has_curves()) reader.scratches.set(number * chunk_size + i, Scratch::of(law), sequence_);
+    });
   });
   readers_.push_back(&reader);
 }
 
 void ObjectRows::start_servo(Reader& reader, bool starts_in, double now) noexcept {
   chunks_.for_each([&](uint32_t number, const Chunk& chunk) {
-    for (uint32_t i = 0; i < chunk_size; ++i) {
-      if (!(chunk.used >> i & 1)) continue;
+    for_each_bit(chunk.used, [&](uint32_t i) {
       const Row& row = chunk.row(i);
       reader.memory->weight(number * chunk_size + i).set_up(row.version, false, starts_in && row.is_felt(now) ? 1 : 0);
-    }
+    });
   });
   servo_ = &reader;
 }
@@ -266,22 +265,21 @@ void ObjectRows::detach(Reader& reader) noexcept {
 ObjectRows::Shifted ObjectRows::shifted(double shift) const {
   Shifted out{chunks_, {}};
   chunks_.for_each([&](uint32_t number, const Chunk& chunk) {
-    for (uint32_t i = 0; i < chunk_size; ++i) {
-      if (!(chunk.used >> i & 1)) continue;
+    for_each_bit(chunk.used, [&](uint32_t i) {
       const Row& before = chunk.row(i);
       if (!before.is_named) out.dropped.push_back(number * chunk_size + i);
-      if (before.is_named && shift == 0 && before.previous == no_row) continue;
+      if (before.is_named && shift == 0 && before.previous == no_row) return;
       Chunk& copy = out.chunks.edit(number, sequence_);
       copy.own(i);
       Row& row = copy.edit_row(i);
       row.previous = row.next = no_row;
       row.start += shift;
       row.expiry += shift;
-      if (shift == 0) continue;
+      if (shift == 0) return;
       Motion motion = chunk.motion(i);
       motion.time += shift;
       copy.move(i, motion, next_serial());
-    }
+    });
   });
   return out;
 }

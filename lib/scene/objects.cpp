@@ -80,7 +80,7 @@ bool Objects::list(const std::string& name, Item& item) {
   return item.is_listed = true;
 }
 
-// An expiry that has been announced is announced no more.
+// Replaces the expiry that is to be announced; one that was announced is no longer in the set.
 void Objects::set_expiry(const std::string& name, double before, double after) {
   if (before == after) return;
   if (after < never) expiries_.emplace(after, name);

@@ -59,13 +59,13 @@ class Objects {
   template <class F>
   void for_each(F&& f) const {
     rows.chunks().for_each([&](uint32_t, const Chunk& chunk) {
-      for (uint32_t i = 0; i < chunk_size; ++i) {
-        if (!(chunk.used >> i & 1) || !chunk.row(i).is_named) continue;
+      for_each_bit(chunk.used, [&](uint32_t i) {
+        if (!chunk.row(i).is_named) return;
         Known known;
         const std::string& name = chunk.row(i).object->name;
         find(name, known);
         f(name, known);
-      }
+      });
     });
   }
 

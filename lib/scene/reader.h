@@ -12,7 +12,7 @@ struct Reader {
   const Ref<Memory> memory;
   Mailbox<Posting> mailbox;
 
-  // These two want the scene's lock.
+  // Called with the scene's lock held.
   void post(const Ref<const Snapshot>& snapshot) {
     const bool was_fetched = !mailbox.post({snapshot, scratches}) && !is_taken_back_;
     if (was_fetched) first_unfetched_ = snapshot->sequence;

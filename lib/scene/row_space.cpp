@@ -37,7 +37,7 @@ uint32_t RowSpace::row_in(uint32_t chunk) const noexcept {
 }
 
 uint64_t RowSpace::place_of(Vec3 position, double size) noexcept {
-  // The smallest object so far tells how fine the cells must be. Finer cells move no row: later ones find better company.
+  // The smallest object so far tells how fine the cells must be. Finer cells move no row; only later rows are placed better.
   if (size > 1e-9 && size < 1e9 && (cell_ == 0 || size < 2 * cell_)) cell_ = size / 4;
   return cell_ > 0 ? code_of(position) : 0;
 }

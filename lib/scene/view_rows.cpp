@@ -26,7 +26,7 @@ void ViewRows::own() {
 bool ViewRows::is_gone(uint32_t i) const noexcept {
   const View& view = views_->rows[i];
   if (!servo_) return true;
-  // One that waits gives way in the tick in which it begins, if that tick knows its next.
+  // A row that has not begun never gets a weight if the next tick knows its successor.
   if (!has_begun(i)) return view.next != no_row && views_->rows[view.next].sequence <= used();
   if (servo_->memory->views.weight(i).value() > 0) return false;
   if (view.next != no_row) return has_begun(view.next);
@@ -81,7 +81,7 @@ void ViewRows::change(const ViewChange& change) {
     view.next = no_row;
     return view;
   };
-  const auto hold_older = [&] {  // what stands still stands still as a whole
+  const auto hold_older = [&] {  // older views are held too, so that the whole scene stops
     for (uint32_t i = now().previous; i != no_row; i = views_->rows[i].previous) {
       View& view = views_->rows[i];
       if (view.is_in) view.sequence = sequence_;
