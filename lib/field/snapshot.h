@@ -20,12 +20,10 @@ namespace fs {
 inline constexpr uint32_t chunk_size = 64;
 
 // A version of an object, but for its motion.
-struct Row : Want {
+struct Row : Version {
   Ref<const Object> object;
   double start = 0;             // s, t = 0 of f(d, t)
   uint64_t revision = 0;        // of the last change but moves
-  uint64_t created = 0;         // sequence of the first snapshot with this version
-  uint32_t previous = no_row;   // the version before, while it fades out
   bool is_named = false;        // the newest row of a name that is there
 };
 
@@ -133,13 +131,11 @@ struct ToolPoints : Counted<ToolPoints> {
   explicit ToolPoints(std::vector<Vec3> points);
 };
 
-struct View : Want {
+struct View : Version {
   fs_frame frame = fs_frame_init();
   Ref<const ToolPoints> tool;
   bool is_held = false;            // clutched: the tool stays where the tick first finds it so
   bool has_own_frame = true;       // false: the frame is that of `previous`, as a clutch may have moved it
-  uint32_t previous = no_row;
-  uint64_t created = 0;            // sequence of the first snapshot with this version
 };
 
 struct Views : LocalCounted<Views> {

@@ -31,6 +31,12 @@ struct Want {
   bool is_felt(double now) const noexcept { return is_in && next == no_row && now < expiry; }
 };
 
+// A row that is a version of something; `previous` is the version before, while it is there.
+struct Version : Want {
+  uint64_t created = 0;          // sequence of the first snapshot with this version
+  uint32_t previous = no_row;
+};
+
 // How far a row has come. A row that follows another waits, at weight 0, until it has begun. The poster sets a weight up
 // before the row is posted, and sets it up anew only when no tick can use the row any more.
 class Weight {

@@ -15,17 +15,9 @@ Entry ObjectRows::entry(uint32_t number) const {
 
 // ------------------------------------------------------------------------------------------------------- what may throw
 
-Chunk& ObjectRows::own(uint32_t row) {
-  Chunk& chunk = chunks_.edit(row / chunk_size, sequence_);
-  chunk.own(row % chunk_size);
-  return chunk;
-}
+void ObjectRows::own(uint32_t row) { chunks_.edit(row / chunk_size, sequence_).own(row % chunk_size); }
 
-Chunk& ObjectRows::own_motion(uint32_t row) {
-  Chunk& chunk = chunks_.edit(row / chunk_size, sequence_);
-  chunk.own_motion(row % chunk_size);
-  return chunk;
-}
+void ObjectRows::own_motion(uint32_t row) { chunks_.edit(row / chunk_size, sequence_).own_motion(row % chunk_size); }
 
 // Finds a row that no tick can use, but does not reserve it: fill does. Two calls give the same row.
 uint32_t ObjectRows::allocate(const Entry& entry) {
@@ -70,13 +62,6 @@ void ObjectRows::install(uint32_t row, New& made) noexcept {
   for (size_t i = 0; i < made.size(); ++i) readers_[i]->scratches.set(row, std::move(made[i]), sequence_);
 }
 
-void ObjectRows::want_out(uint32_t number) noexcept {
-  Row& row = edit(number);
-  if (row.is_in) row.sequence = sequence_;
-  row.is_in = false;
-  row.expiry = never;
-}
-
 void ObjectRows::drop(uint32_t number) noexcept {
   Chunk& its = chunk(number);
   its.drop(number % chunk_size);
@@ -88,20 +73,6 @@ void ObjectRows::drop(uint32_t number) noexcept {
     } catch (...) {  // no memory: it goes when the row is used again
     }
   }
-}
-
-bool ObjectRows::has_begun(uint32_t number) const noexcept {
-  return !servo_ || servo_->memory->weight(number).has_begun(row(number).version);
-}
-
-// Its weight is 0, and no tick will raise it again.
-bool ObjectRows::is_gone(uint32_t number) const noexcept {
-  const Row& it = row(number);
-  if (!servo_) return true;
-  // A row that has not begun never gets a weight if the next tick knows its successor.
-  if (!has_begun(number)) return it.next != no_row && row(it.next).sequence <= used();
-  if (servo_->memory->weight(number).value() > 0) return false;
-  return it.next != no_row ? has_begun(it.next) : !it.is_in && it.sequence <= used();
 }
 
 // ------------------------------------------------------------------------------------------------------- rows of a name
@@ -119,7 +90,7 @@ uint32_t ObjectRows::add(const Entry& entry) {
 
 uint32_t ObjectRows::set(uint32_t newest, const Entry& entry) {
   for (;;) {
-    if (servo_) newest = tidy_older(newest);
+    if (servo_) tidy_older(newest);
     const Row& now = row(newest);
     const uint32_t previous = now.previous;
     const bool is_same = now.object->is_same_version(*entry.object);
@@ -198,29 +169,6 @@ uint32_t ObjectRows::remove(uint32_t newest) {
   if (servo_) return newest;
   drop(newest);
   return no_row;
-}
-
-uint32_t ObjectRows::tidy_older(uint32_t newest) {
-  for (uint32_t above = newest;;) {
-    const uint32_t number = row(above).previous;
-    if (number == no_row) return newest;
-    if (!is_gone(number)) {
-      above = number;
-      continue;
-    }
-    const uint32_t older = row(number).previous, next = row(number).next;
-    own(above);
-    own(number);
-    if (older != no_row) own(older);
-    if (older != no_row && !has_begun(number)) {
-      edit(older).next = next;
-    } else if (older != no_row) {  // it was wanted out because `number` had begun
-      want_out(older);
-      edit(older).next = no_row;
-    }
-    edit(above).previous = older;
-    drop(number);
-  }
 }
 
 uint32_t ObjectRows::tidy(uint32_t newest) {

@@ -1,16 +1,12 @@
-// The rows of objects that a scene posts: which versions of a name there are, and when a row is free again. This is the
-// poster's side of field/weight.h. Every call needs the scene's lock.
-//
-// The rows of a name form a chain: the newest row has the name, and `previous` leads to the rows that fade out. After a tick
-// a chain has three rows at most: one fades out, one comes in, and the newest waits for the one that comes in. Versions
-// that come between two ticks are appended, and go again with the next tick.
+// The rows of objects that a scene posts: which versions of a name there are (versions.h), and when a row is free again.
+// Every call needs the scene's lock. The newest row of a chain has the name.
 #pragma once
 
 #include <vector>
 
 #include "field/servo_output.h"
-#include "scene/reader.h"
 #include "scene/row_space.h"
+#include "scene/versions.h"
 
 namespace fs {
 
@@ -23,7 +19,7 @@ struct Entry {
   uint64_t revision = 0, motion_revision = 0;  // of the last change but moves; of the last change or move
 };
 
-class ObjectRows {
+class ObjectRows : Versions<ObjectRows> {
  public:
   explicit ObjectRows(const ServoOutput& output) : output_(output) {}
 
@@ -71,11 +67,14 @@ class ObjectRows {
   void take(Shifted& shifted) noexcept;
 
  private:
+  friend Versions<ObjectRows>;
+  uint64_t sequence() const noexcept { return sequence_; }
+  const Weight* weight(uint32_t row) const noexcept { return servo_ ? &servo_->memory->weight(row) : nullptr; }
+
   // What may throw comes first: these make the chunk of a row and what is changed in it the table's own.
-  Chunk& own(uint32_t row);
-  Chunk& own_motion(uint32_t row);
+  void own(uint32_t row);
+  void own_motion(uint32_t row);
   uint32_t allocate(const Entry& entry);
-  uint32_t tidy_older(uint32_t newest);
   using New = std::vector<Ref<Scratch>>;  // of each reader; empty: what is there goes on
   New make_new(uint32_t row, const Object& object, const Object* before);
 
@@ -83,13 +82,7 @@ class ObjectRows {
   Row& edit(uint32_t row) noexcept { return chunk(row).edit_row(row % chunk_size); }
   void fill(uint32_t row, const Entry& entry, uint64_t version, uint32_t previous) noexcept;
   void install(uint32_t row, New& made) noexcept;
-  void want_out(uint32_t row) noexcept;
   void drop(uint32_t row) noexcept;
-  bool has_begun(uint32_t row) const noexcept;
-  bool is_waiting(uint32_t newest) const noexcept {  // for the one before
-    return row(newest).previous != no_row && !has_begun(newest);
-  }
-  bool is_gone(uint32_t row) const noexcept;
   static constexpr uint32_t longest_chain = 16;
   uint32_t length(uint32_t newest) const noexcept;  // of the chain
 

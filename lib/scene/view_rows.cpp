@@ -18,19 +18,13 @@ Ref<Views> ViewRows::first() {
   return views;
 }
 
-void ViewRows::own() {
+void ViewRows::own(uint32_t) {
   if (!views_->is_unique()) views_ = make_ref<Views>(*views_);
 }
 
-// Its weight is 0, and no tick will raise it again.
-bool ViewRows::is_gone(uint32_t i) const noexcept {
-  const View& view = views_->rows[i];
-  if (!servo_) return true;
-  // A row that has not begun never gets a weight if the next tick knows its successor.
-  if (!has_begun(i)) return view.next != no_row && views_->rows[view.next].sequence <= used();
-  if (servo_->memory->views.weight(i).value() > 0) return false;
-  if (view.next != no_row) return has_begun(view.next);
-  return !view.is_in && view.sequence <= used();
+void ViewRows::drop(uint32_t i) noexcept {
+  views_->rows[i] = {};
+  free_at_[i] = sequence_;
 }
 
 std::vector<uint32_t> ViewRows::free_rows() const {
@@ -39,30 +33,6 @@ std::vector<uint32_t> ViewRows::free_rows() const {
     if (views_->rows[i].version == 0 && (!servo_ || free_at_[i] <= used())) out.push_back(i);
   }
   return out;
-}
-
-void ViewRows::tidy() {
-  for (uint32_t above = views_->newest;;) {
-    const uint32_t i = views_->rows[above].previous;
-    if (i == no_row) return;
-    if (!is_gone(i)) {
-      above = i;
-      continue;
-    }
-    own();
-    const uint32_t older = views_->rows[i].previous;
-    if (older != no_row && !has_begun(i)) {
-      views_->rows[older].next = views_->rows[i].next;
-    } else if (older != no_row) {  // it was wanted out because row i had begun
-      View& view = views_->rows[older];
-      if (view.is_in) view.sequence = sequence_;
-      view.is_in = false;
-      view.next = no_row;
-    }
-    views_->rows[above].previous = older;
-    views_->rows[i] = {};
-    free_at_[i] = sequence_;
-  }
 }
 
 void ViewRows::change(const ViewChange& change) {
@@ -92,15 +62,14 @@ void ViewRows::change(const ViewChange& change) {
   const bool is_elsewhere = change.frame || change.points;
   if (!is_elsewhere && change.held.value_or(now().is_held) == now().is_held) return;
   for (;;) {
-    if (servo_) tidy();
-    own();
+    if (servo_) tidy_older(views_->newest);
+    own(views_->newest);
     const uint32_t newest = views_->newest;
-    const bool is_waiting = now().previous != no_row && !has_begun(newest);
     const std::vector<uint32_t> free = free_rows();
     // A view that waits may be replaced as long as no tick can know it. One that was posted belongs to a group that is felt
     // as a whole, so the new one comes after it. When rows become few, because many come between two ticks, what was
     // posted is taken back if no tick has it yet.
-    const bool is_replaced = is_waiting && (now().created == sequence_ ||
+    const bool is_replaced = is_waiting(newest) && (now().created == sequence_ ||
                                             (free.size() <= reserve && servo_->take_back(now().created)));
     if (!is_elsewhere || !servo_ || is_replaced) {
       View view = wanted(now(), false);

@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "field/servo_output.h"
-#include "scene/reader.h"
+#include "scene/versions.h"
 
 namespace fs {
 
@@ -19,7 +19,7 @@ struct ViewChange {
   void add(ViewChange later);  // where both have a value, the later one counts
 };
 
-class ViewRows {
+class ViewRows : Versions<ViewRows> {
  public:
   explicit ViewRows(const ServoOutput& output) : output_(output) {}
 
@@ -30,7 +30,6 @@ class ViewRows {
   void change(const ViewChange& change);  // when it throws, all is as before
   fs_frame frame() const noexcept;        // as a clutch may have moved it
   bool get_held(Pose& tool) const noexcept;  // where the clutch holds the tool, scene frame; false: it does not, or no tick knows
-  void tidy();  // lets go of what has faded out
 
   void attach_servo(Reader& reader) noexcept;
   void detach_servo() noexcept { servo_ = nullptr; }
@@ -38,17 +37,20 @@ class ViewRows {
   void take(Ref<Views>& settled) noexcept { std::swap(views_, settled); }
 
  private:
-  bool has_begun(uint32_t i) const noexcept {
-    return !servo_ || servo_->memory->views.weight(i).has_begun(views_->rows[i].version);
-  }
-  bool is_gone(uint32_t i) const noexcept;
+  friend Versions<ViewRows>;
+  uint64_t sequence() const noexcept { return sequence_; }
+  const View& row(uint32_t i) const noexcept { return views_->rows[i]; }
+  View& edit(uint32_t i) noexcept { return views_->rows[i]; }
+  const Weight* weight(uint32_t i) const noexcept { return servo_ ? &servo_->memory->views.weight(i) : nullptr; }
+  void own(uint32_t i);
+  void drop(uint32_t i) noexcept;
+
   bool find(uint32_t i, FoundView& out) const noexcept;
   // Rows that no tick can use. Those in reserve are for a view that follows one that a tick has, which cannot be replaced:
   // at most two such views come before the rows that were let go of are free again.
   std::vector<uint32_t> free_rows() const;
   static constexpr size_t reserve = 3;
   uint64_t used() const noexcept { return output_.used.load(std::memory_order_acquire); }
-  void own();
 
   const ServoOutput& output_;
   Ref<Views> views_ = first();
