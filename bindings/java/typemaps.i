@@ -26,14 +26,17 @@ bool refuse(JNIEnv *env, const char *type, const std::string &why)
 }
 
 /* The memory of a direct buffer whose elements have `unit` bytes. */
-template<class T> bool open_buffer(JNIEnv *env, const char *name, jobject buffer, size_t unit, T *&memory, size_t &bytes)
+template<class T>
+bool open_buffer(JNIEnv *env, const char *name, jobject buffer, size_t unit, T *&memory, size_t &bytes)
 {
   memory = nullptr;
   bytes = 0;
   if (!buffer) return true;
   void *address = env->GetDirectBufferAddress(buffer);
   const jlong count = env->GetDirectBufferCapacity(buffer);
-  if (count < 0) return refuse(env, "java/lang/IllegalArgumentException", std::string(name) + " is not a direct buffer");
+  if (count < 0) {
+    return refuse(env, "java/lang/IllegalArgumentException", std::string(name) + " is not a direct buffer");
+  }
   memory = static_cast<T *>(address);
   bytes = static_cast<size_t>(count) * unit;
   return true;

@@ -1,8 +1,8 @@
 import org.forceserver.*;
 
 /**
- * A path to follow: a polyline draws the hand towards it. Without the path this hand would go straight, up to 30 mm away
- * from the polyline; with it, the hand stays within 9 mm.
+ * A path to follow: a polyline draws the hand towards it. Without the path this hand would go straight, up to 30 mm
+ * away from the polyline; with it, the hand stays within 9 mm.
  */
 public class FollowPath {
   public static void main(String[] arguments) throws InterruptedException {

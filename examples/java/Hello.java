@@ -6,7 +6,8 @@ import org.forceserver.*;
  */
 public class Hello {
   public static void main(String[] arguments) throws InterruptedException {
-    ForceObject wall = ForceObject.wall("wall", new Vec3(0, 0, 0), new Vec3(0, 0, 1), 500, 10);  // free above z = 0; 500 N/m, 10 N
+    Vec3 point = new Vec3(0, 0, 0), up = new Vec3(0, 0, 1);
+    ForceObject wall = ForceObject.wall("wall", point, up, 500, 10);  // free above z = 0; 500 N/m, 10 N at most
     ServoOptions options = new ServoOptions().mode(ServoMode.VIRTUAL);  // time advances when we step
     try (Scene scene = new Scene(); Device device = new Device("sim:?hold=0,0,-0.02")) {
       scene.set(wall);

@@ -1,8 +1,8 @@
 import org.forceserver.*;
 
 /**
- * A loop of your own: a tool gives the force at a pose. Here the application is responsible for time, device and safety:
- * only the objects' own limits bound the force.
+ * A loop of your own: a tool gives the force at a pose. Here the application is responsible for time, device and
+ * safety: only the objects' own limits bound the force.
  */
 public class OwnLoop {
   public static void main(String[] arguments) {

@@ -432,7 +432,7 @@ public class Laboratory {
     };
     String unit = switch (model.kind) {
       case LINEAR_INCREASING, LINEAR_DECREASING -> "N/m";
-      case QUADRATIC -> "N/m²";
+      case QUADRATIC -> "N/m^2";
       case INVERSE -> "N m";
       case CUSTOM -> "";
       default -> "N";

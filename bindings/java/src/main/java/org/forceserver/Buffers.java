@@ -34,8 +34,8 @@ public final class Buffers {
   /** A direct buffer with the coordinates of these points: x, y, z of the first, then of the second. */
   public static DoubleBuffer points(Vec3... points) {
     DoubleBuffer buffer = doubles(3 * points.length);
-    for (int i = 0; i < points.length; ++i) buffer.put(3 * i, points[i].x()).put(3 * i + 1, points[i].y()).put(3 * i + 2, points[i].z());
-    return buffer;
+    for (Vec3 point : points) buffer.put(point.x()).put(point.y()).put(point.z());
+    return buffer.clear();
   }
 
   static DoubleBuffer in(String name, DoubleBuffer buffer) {
@@ -54,8 +54,12 @@ public final class Buffers {
   }
 
   private static void check(String name, Buffer buffer, ByteOrder order) {
-    if (!buffer.isDirect()) throw new IllegalArgumentException(name + " is not a direct buffer: Buffers.doubles makes one");
-    if (order != ByteOrder.nativeOrder()) throw new IllegalArgumentException(name + " has the order of bytes of another machine: " + order);
+    if (!buffer.isDirect()) {
+      throw new IllegalArgumentException(name + " is not a direct buffer: Buffers.doubles makes one");
+    }
+    if (order != ByteOrder.nativeOrder()) {
+      throw new IllegalArgumentException(name + " has the order of bytes of another machine: " + order);
+    }
   }
 
   /** How many entries of `width` numbers a buffer has. */

@@ -15,7 +15,8 @@ public final class ForceServer {
   /** The pose at position whose z axis points along direction: a plane from point and normal. */
   public static Pose poseFromZ(Vec3 position, Vec3 direction) {
     ByteBuffer out = Memory.scratch(0);
-    ForceServerException.check(Native.fs_pose_from_z(Memory.of(position::write, Vec3.SIZE), Memory.of(direction::write, Vec3.SIZE), out));
+    ForceServerException.check(Native.fs_pose_from_z(Memory.of(position::write, Vec3.SIZE),
+        Memory.of(direction::write, Vec3.SIZE), out));
     return Pose.read(out, 0);
   }
 
@@ -35,7 +36,8 @@ public final class ForceServer {
   public static void evaluate(Profile profile, double maxStiffness, double t, DoubleBuffer distances, DoubleBuffer forces) {
     DoubleBuffer in = Buffers.in("distances", distances), out = Buffers.out("forces", forces);
     try (Memory lent = profile.memory.lend()) {
-      ForceServerException.check(Native.fs_profile_evaluate(profile.bytes(), maxStiffness, t, in, in.capacity(), out));
+      int status = Native.fs_profile_evaluate(profile.bytes(), maxStiffness, t, in, in.capacity(), out);
+      ForceServerException.check(status);
     }
   }
 

@@ -6,6 +6,7 @@ import java.lang.ref.Cleaner;
 import java.lang.ref.Reference;
 import java.util.Set;
 import java.util.concurrent.ConcurrentHashMap;
+import java.util.concurrent.locks.LockSupport;
 import java.util.function.LongConsumer;
 
 /**
@@ -45,6 +46,15 @@ public abstract class Handle implements AutoCloseable {
       return false;
     }
 
+    /** Counts a call in while no other is under way: others wait for it. */
+    boolean enterAlone() {
+      while (!CALLS.compareAndSet(this, 0L, 1L)) {
+        if (calls >= CLOSED) return false;
+        LockSupport.parkNanos(10000);  // as long as a few evaluations
+      }
+      return true;
+    }
+
     void exit() {
       if ((long) CALLS.getAndAdd(this, -1L) == CLOSED + 1) {
         synchronized (this) {
@@ -82,6 +92,12 @@ public abstract class Handle implements AutoCloseable {
   /** Counts a call in, and gives the pointer for it. */
   final long enter() {
     if (!counted.enter()) throw new IllegalStateException("this " + getClass().getSimpleName() + " is closed");
+    return counted.pointer;
+  }
+
+  /** The same for a handle that takes one call at a time. */
+  final long enterAlone() {
+    if (!counted.enterAlone()) throw new IllegalStateException("this " + getClass().getSimpleName() + " is closed");
     return counted.pointer;
   }
 

@@ -29,7 +29,7 @@ final class Library {
     Path folder = null;
     List<Path> files = new ArrayList<>();
     try (InputStream names = Library.class.getResourceAsStream(place + "files")) {
-      if (names == null) throw new UnsatisfiedLinkError("forceserver: this jar has no library for " + platform);
+      if (names == null) throw new IOException("this jar has no library for " + platform);
       folder = Files.createTempDirectory("forceserver-");  // only its user can look into it
       for (String name : new BufferedReader(new InputStreamReader(names, StandardCharsets.UTF_8)).lines().toList()) {
         Path file = folder.resolve(name);
@@ -43,6 +43,9 @@ final class Library {
     } catch (IOException e) {
       throw (UnsatisfiedLinkError) new UnsatisfiedLinkError("forceserver: its library could not be written to "
           + System.getProperty("java.io.tmpdir") + " (-Djava.io.tmpdir names another folder): " + e).initCause(e);
+    } catch (UnsatisfiedLinkError e) {
+      throw new UnsatisfiedLinkError("forceserver: its library could not be loaded; where no program may run in "
+          + System.getProperty("java.io.tmpdir") + ", -Djava.io.tmpdir names another folder: " + e.getMessage());
     } finally {
       // What is loaded stays, and nothing is left behind however the JVM ends.
       for (Path file : files) file.toFile().delete();

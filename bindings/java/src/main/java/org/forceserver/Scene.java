@@ -65,7 +65,7 @@ public final class Scene extends Handle {
 
   /** A copy of an object; of a connected scene also another client's, "client/object". */
   public ForceObject get(String name) {
-    ForceObject object = ForceObject.of(name.length() > 31 ? "" : name, Primitive.POINT);
+    ForceObject object = ForceObject.of("", Primitive.POINT);
     ByteBuffer bytes = object.bytes();
     call(scene -> Native.fs_object_get(scene, name, bytes));
     try {
@@ -133,7 +133,9 @@ public final class Scene extends Handle {
    * A second one of the same thread is an error.
    */
   public Change change() throws InterruptedException {
-    if (editing.isHeldByCurrentThread()) throw new IllegalStateException("this thread has a change of this scene open already");
+    if (editing.isHeldByCurrentThread()) {
+      throw new IllegalStateException("this thread has a change of this scene open already");
+    }
     editing.lockInterruptibly();
     try {
       call(Native::fs_scene_begin);
@@ -260,7 +262,8 @@ public final class Scene extends Handle {
 
   /** The tool's points. */
   public List<Vec3> tool() {
-    return list(Vec3.SIZE, Constants.TOOL_POINTS_MAX, Native::fs_scene_get_tool, (memory, at) -> Vec3.read(memory.bytes, at));
+    return list(Vec3.SIZE, Constants.TOOL_POINTS_MAX, Native::fs_scene_get_tool,
+        (memory, at) -> Vec3.read(memory.bytes, at));
   }
 
   /** Where the tool stands: frame, clutch and tool, all of one instant. */
@@ -320,7 +323,8 @@ public final class Scene extends Handle {
 
   /** How the objects of one client move. */
   public List<Motion> motions(String client) {
-    return list(Motion.SIZE, 64, (scene, out, capacity, count) -> Native.fs_scene_get_motions(scene, client, out, capacity, count), Motion::new);
+    return list(Motion.SIZE, 64,
+        (scene, out, capacity, count) -> Native.fs_scene_get_motions(scene, client, out, capacity, count), Motion::new);
   }
 
   /** The clients of the server of a connected scene; the server's own scene is the first. */

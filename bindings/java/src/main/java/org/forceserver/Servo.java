@@ -35,8 +35,8 @@ public final class Servo extends Handle {
   }
 
   /**
-   * Runs so many ticks at once, in this thread, with a servo of mode CALLER or VIRTUAL; close() by another thread and an
-   * interrupt end it early.
+   * Runs so many ticks at once, in this thread, with a servo of mode CALLER or VIRTUAL. close() by another thread and
+   * an interrupt end it early.
    */
   public void step(long ticks) throws InterruptedException {
     int status = 0;
@@ -59,7 +59,8 @@ public final class Servo extends Handle {
   public List<Tick> record() {
     long pointer = enter();
     try {
-      return Buffers.list(Tick.SIZE, 2048, (out, capacity, count) -> Native.fs_servo_get_record(pointer, out, capacity, count), Tick::new);
+      return Buffers.list(Tick.SIZE, 2048,
+          (out, capacity, count) -> Native.fs_servo_get_record(pointer, out, capacity, count), Tick::new);
     } finally {
       exit();
     }

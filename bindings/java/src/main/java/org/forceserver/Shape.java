@@ -25,7 +25,10 @@ public final class Shape extends Handle {
     return new Shape(out[0]);
   }
 
-  /** A mesh: points of three numbers each (m, object frame), triangles of three indices, counter-clockwise from the front. */
+  /**
+   * A mesh: points of three numbers each (m, object frame), triangles of three indices each, counter-clockwise as seen
+   * from the front.
+   */
   public static Shape mesh(DoubleBuffer points, IntBuffer triangles) {
     long[] out = new long[1];
     DoubleBuffer corners = Buffers.in("points", points);

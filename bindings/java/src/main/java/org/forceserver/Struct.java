@@ -4,8 +4,8 @@ import java.nio.ByteBuffer;
 import java.nio.charset.StandardCharsets;
 
 /**
- * A struct of the contract: a view of memory in the byte order of the machine. A struct within a struct is a view of the
- * same memory, which it keeps. One thread at a time may use the same memory.
+ * A struct of the contract: a view of memory in the byte order of the machine. A struct within a struct is a view of
+ * the same memory, which it keeps. One thread at a time may use the same memory.
  */
 public abstract class Struct {
   final Memory memory;
@@ -43,7 +43,9 @@ public abstract class Struct {
 
   final void text(int place, int count, String value) {
     byte[] text = Text.bytes(value);
-    if (text.length >= count) throw new IllegalArgumentException("a text of " + text.length + " bytes: at most " + (count - 1) + " fit");
+    if (text.length >= count) {
+      throw new IllegalArgumentException("a text of " + text.length + " bytes: at most " + (count - 1) + " fit");
+    }
     memory.bytes.put(place, new byte[count]);
     memory.bytes.put(place, text);
   }

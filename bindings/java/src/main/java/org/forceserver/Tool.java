@@ -19,11 +19,9 @@ public final class Tool extends Handle {
   /** What the tool feels at the state, with all changes made before. The same input gives the same bits. */
   public void evaluate(State state, Response response) {
     int status;
-    long pointer = enter();
+    long pointer = enterAlone();
     try {
-      synchronized (counted()) {
-        status = Native.fs_evaluate(pointer, state.bytes(), response.bytes());
-      }
+      status = Native.fs_evaluate(pointer, state.bytes(), response.bytes());
     } finally {
       exit();
     }
@@ -39,13 +37,13 @@ public final class Tool extends Handle {
 
   /** Forgets the tool's proxies: the hand was put elsewhere. */
   public void reset() {
-    long pointer = enter();
+    int status;
+    long pointer = enterAlone();
     try {
-      synchronized (counted()) {
-        ForceServerException.check(Native.fs_tool_reset(pointer));
-      }
+      status = Native.fs_tool_reset(pointer);
     } finally {
       exit();
     }
+    ForceServerException.check(status);
   }
 }
