@@ -148,7 +148,7 @@ def makers(struct):
             out.append(f"""  /** All as by default. */
   public {me}() {{
     this(new Memory(SIZE), 0);
-    Native.{f["name"]}(memory.bytes);
+    Native.{f["name"]}(this);
   }}
 """)
             continue
@@ -160,13 +160,13 @@ def makers(struct):
                 arguments.append(f"{camel(p['name'])}.value()")
             elif p["kind"] == "value":
                 parameters.append(f"{class_of(p['type'])} {camel(p['name'])}")
-                arguments.append(f"Memory.of({camel(p['name'])}::write, {class_of(p['type'])}.SIZE)")
+                arguments.append(f"Value.of({camel(p['name'])}::write)")
             else:
                 parameters.append(f"{'String' if p['kind'] == 'string' else p['type']} {camel(p['name'])}")
                 arguments.append(camel(p["name"]))
         out.append(f"""{doc(f["comment"], "  ")}  public static {me} {camel(name) or "of"}({", ".join(parameters)}) {{
     {me} made = new {me}(new Memory(SIZE), 0);
-    Native.{f["name"]}({", ".join(arguments + ["made.memory.bytes"])});
+    Native.{f["name"]}({", ".join(arguments + ["made"])});
     return made;
   }}
 """)
@@ -296,7 +296,8 @@ def declaration(function):
 def swig():
     out = ["/* Written by generate.py. */", '%include "typemaps.i"', ""]
     out += [f"NUMBER({name}, jint, int)" for name in ENUMS if name != "fs_status"]
-    out += [f"STRUCT({name})" for name in STRUCTS]
+    out += [f"STRUCT({name}, {s['size']})" for name, s in STRUCTS.items()]
+    out += ["%{", *(f"static_assert(sizeof({name}) == {s['size']});" for name, s in STRUCTS.items()), "%}"]
     out += [f"HANDLE({name})" for name in sorted(HANDLES)]
     returned = sorted({base(f["result"]["type"]) for f in D["functions"] if f["result"].get("kind") == "array"})
     late = []

@@ -3,7 +3,7 @@ import org.forceserver.*;
 
 /** What tests/bench/java measures: the calls of bench_java.c from Java, and how long it takes until the first one. */
 public class BenchJava {
-  static final int CALLS = 2000000, PLACES = 100000, TIMES = 40;
+  static final int CALLS = 1000000, PLACES = 100000, TIMES = 20;
   static double sum;
 
   static void evaluate(Tool tool, State state, Response response) {

@@ -6,7 +6,7 @@
 
 #include <forceserver/forceserver.h>
 
-enum { CALLS = 2000000, PLACES = 100000, TIMES = 40 };
+enum { CALLS = 1000000, PLACES = 100000, TIMES = 20 };
 
 static double now(void)
 {

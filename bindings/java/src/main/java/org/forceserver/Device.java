@@ -1,7 +1,5 @@
 package org.forceserver;
 
-import java.nio.ByteBuffer;
-
 /** A haptic device or the simulator. */
 public final class Device extends Handle {
   /** Opens a device, for example "sim:?path=figure8". May take seconds. */
@@ -18,21 +16,20 @@ public final class Device extends Handle {
   /** What it is and can. */
   public DeviceInfo info() {
     DeviceInfo info = new DeviceInfo();
-    call(device -> Native.fs_device_get_info(device, info.bytes()));
+    call(device -> Native.fs_device_get_info(device, info));
     return info;
   }
 
   /** The newest state, in the device frame; not while a servo has the device. */
   public State read() {
     State state = new State();
-    call(device -> Native.fs_device_read(device, state.bytes()));
+    call(device -> Native.fs_device_read(device, state));
     return state;
   }
 
   /** Sends a force and torque, not guarded; it stays until the next. Not while a servo has the device. */
   public void write(Wrench wrench) {
-    ByteBuffer memory = Memory.scratch(0);
-    wrench.write(memory, 0);
-    call(device -> Native.fs_device_write(device, memory));
+    Value value = Value.scratch(wrench::write, 0);
+    call(device -> Native.fs_device_write(device, value));
   }
 }

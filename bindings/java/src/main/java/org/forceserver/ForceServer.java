@@ -1,6 +1,5 @@
 package org.forceserver;
 
-import java.nio.ByteBuffer;
 import java.nio.DoubleBuffer;
 import java.nio.file.Path;
 import java.util.List;
@@ -14,17 +13,16 @@ public final class ForceServer {
 
   /** The pose at position whose z axis points along direction: a plane from point and normal. */
   public static Pose poseFromZ(Vec3 position, Vec3 direction) {
-    ByteBuffer out = Memory.scratch(0);
-    ForceServerException.check(Native.fs_pose_from_z(Memory.of(position::write, Vec3.SIZE),
-        Memory.of(direction::write, Vec3.SIZE), out));
-    return Pose.read(out, 0);
+    Value out = Value.scratch();
+    ForceServerException.check(Native.fs_pose_from_z(Value.of(position::write), Value.of(direction::write), out));
+    return Pose.read(out.memory.bytes, 0);
   }
 
   /** The frame of a new scene: scene and device are the same. */
   public static Frame defaultFrame() {
-    ByteBuffer out = Memory.scratch(0);
+    Value out = Value.scratch();
     Native.fs_frame_init(out);
-    return Frame.read(out, 0);
+    return Frame.read(out.memory.bytes, 0);
   }
 
   /** forces[i]: what the profile gives at distances[i] (m) and time t (s since the start of its object), in N. */
@@ -36,7 +34,7 @@ public final class ForceServer {
   public static void evaluate(Profile profile, double maxStiffness, double t, DoubleBuffer distances, DoubleBuffer forces) {
     DoubleBuffer in = Buffers.in("distances", distances), out = Buffers.out("forces", forces);
     try (Memory lent = profile.memory.lend()) {
-      int status = Native.fs_profile_evaluate(profile.bytes(), maxStiffness, t, in, in.capacity(), out);
+      int status = Native.fs_profile_evaluate(profile, maxStiffness, t, in, in.capacity(), out);
       ForceServerException.check(status);
     }
   }

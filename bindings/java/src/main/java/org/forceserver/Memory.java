@@ -12,37 +12,13 @@ import java.util.concurrent.locks.ReentrantLock;
  */
 final class Memory implements AutoCloseable {
   final ByteBuffer bytes;
+  final long address;
   private final ReentrantLock lent = new ReentrantLock();
   private final TreeMap<Integer, Handle> held = new TreeMap<>();  // by the place of the pointer
 
   Memory(int size) {
-    this(ByteBuffer.allocateDirect(size));
-  }
-
-  private Memory(ByteBuffer bytes) {
-    this.bytes = bytes.order(ByteOrder.nativeOrder());
-  }
-
-  /** Memory of this thread for a value that is passed in one call; `which` keeps apart those of the same call. */
-  private static final ThreadLocal<ByteBuffer[]> SCRATCH = ThreadLocal.withInitial(() -> {
-    ByteBuffer[] buffers = new ByteBuffer[2];
-    for (int i = 0; i < buffers.length; ++i) buffers[i] = new Memory(128).bytes;
-    return buffers;
-  });
-
-  static ByteBuffer scratch(int which) {
-    return SCRATCH.get()[which];
-  }
-
-  /** A value in memory of its own; for a record's write. */
-  interface Writer {
-    void write(ByteBuffer memory, int at);
-  }
-
-  static ByteBuffer of(Writer value, int size) {
-    ByteBuffer memory = new Memory(size).bytes;
-    value.write(memory, 0);
-    return memory;
+    bytes = ByteBuffer.allocateDirect(size).order(ByteOrder.nativeOrder());
+    address = Native.address_of(bytes);
   }
 
   Handle held(int at) {

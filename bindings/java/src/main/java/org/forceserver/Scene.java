@@ -58,7 +58,7 @@ public final class Scene extends Handle {
   public void set(ForceObject object) {
     edit(scene -> {
       try (Memory lent = object.memory.lend()) {
-        return Native.fs_object_set(scene, object.bytes());
+        return Native.fs_object_set(scene, object);
       }
     });
   }
@@ -66,14 +66,13 @@ public final class Scene extends Handle {
   /** A copy of an object; of a connected scene also another client's, "client/object". */
   public ForceObject get(String name) {
     ForceObject object = ForceObject.of("", Primitive.POINT);
-    ByteBuffer bytes = object.bytes();
-    call(scene -> Native.fs_object_get(scene, name, bytes));
+    call(scene -> Native.fs_object_get(scene, name, object));
     try {
       take(object.memory, ForceObject.SHAPE, pointer -> new Shape(Native.fs_shape_retain(pointer)));
       take(object.memory, ForceObject.FRONT + Profile.CURVE, pointer -> new Curve(Native.fs_curve_retain(pointer)));
       take(object.memory, ForceObject.BACK + Profile.CURVE, pointer -> new Curve(Native.fs_curve_retain(pointer)));
     } finally {
-      Native.fs_object_release(bytes);
+      Native.fs_object_release(object);
     }
     return object;
   }
@@ -93,7 +92,7 @@ public final class Scene extends Handle {
     int all = bits;
     edit(scene -> {
       try (Memory lent = object.memory.lend()) {
-        return Native.fs_object_change(scene, object.bytes(), all);
+        return Native.fs_object_change(scene, object, all);
       }
     });
   }
@@ -110,9 +109,7 @@ public final class Scene extends Handle {
 
   /** Moves an object: where it is at `time` (s, scene's clock), and its motion from then on; null: worked out. */
   public void move(String name, Pose pose, Twist twist, double time) {
-    ByteBuffer first = Memory.scratch(0), second = twist == null ? null : Memory.scratch(1);
-    pose.write(first, 0);
-    if (twist != null) twist.write(second, 0);
+    Value first = Value.scratch(pose::write, 0), second = twist == null ? null : Value.scratch(twist::write, 1);
     edit(scene -> Native.fs_object_move(scene, name, first, second, time));
   }
 
@@ -211,7 +208,7 @@ public final class Scene extends Handle {
     while (true) {
       if (Thread.interrupted()) throw new InterruptedException();
       double left = Math.max(0, left(end));
-      call(scene -> Native.fs_scene_next_event(scene, Math.min(left, SLICE), event.bytes()));
+      call(scene -> Native.fs_scene_next_event(scene, Math.min(left, SLICE), event));
       if (event.kind() != EventKind.NONE || left <= SLICE) return event;
     }
   }
@@ -232,9 +229,8 @@ public final class Scene extends Handle {
 
   /** Sets the frame between the scene and the device. */
   public void setFrame(Frame frame) {
-    ByteBuffer memory = Memory.scratch(0);
-    frame.write(memory, 0);
-    edit(scene -> Native.fs_scene_set_frame(scene, memory));
+    Value value = Value.scratch(frame::write, 0);
+    edit(scene -> Native.fs_scene_set_frame(scene, value));
   }
 
   /** The frame, as the clutch may have moved it. */
@@ -244,9 +240,9 @@ public final class Scene extends Handle {
 
   /** The frame of another client of a connected scene. */
   public Frame frame(String client) {
-    ByteBuffer memory = Memory.scratch(0);
-    call(scene -> Native.fs_scene_get_frame(scene, client, memory));
-    return Frame.read(memory, 0);
+    Value out = Value.scratch();
+    call(scene -> Native.fs_scene_get_frame(scene, client, out));
+    return Frame.read(out.memory.bytes, 0);
   }
 
   /** held: the hand moves, the tool stays and the force of this scene fades out. */
@@ -274,7 +270,7 @@ public final class Scene extends Handle {
   /** The same of another client of a connected scene. */
   public View view(String client) {
     View view = new View();
-    call(scene -> Native.fs_scene_get_view(scene, client, view.bytes()));
+    call(scene -> Native.fs_scene_get_view(scene, client, view));
     return view;
   }
 
@@ -312,7 +308,7 @@ public final class Scene extends Handle {
   /** What became of one object. */
   public Report report(String name) {
     Report report = new Report();
-    call(scene -> Native.fs_scene_get_report(scene, name, report.bytes()));
+    call(scene -> Native.fs_scene_get_report(scene, name, report));
     return report;
   }
 
@@ -336,22 +332,22 @@ public final class Scene extends Handle {
   public Hand hand() {
     State state = new State();
     Response response = new Response();
-    ByteBuffer sent = Memory.scratch(0);
-    call(scene -> Native.fs_scene_get_hand(scene, state.bytes(), response.bytes(), sent));
-    return new Hand(state, response, Wrench.read(sent, 0));
+    Value sent = Value.scratch();
+    call(scene -> Native.fs_scene_get_hand(scene, state, response, sent));
+    return new Hand(state, response, Wrench.read(sent.memory.bytes, 0));
   }
 
   /** How the servo that runs this scene does. */
   public ServoStats servoStats() {
     ServoStats stats = new ServoStats();
-    call(scene -> Native.fs_scene_get_servo_stats(scene, stats.bytes()));
+    call(scene -> Native.fs_scene_get_servo_stats(scene, stats));
     return stats;
   }
 
   /** The device of the servo that runs this scene. */
   public DeviceInfo deviceInfo() {
     DeviceInfo info = new DeviceInfo();
-    call(scene -> Native.fs_scene_get_device_info(scene, info.bytes()));
+    call(scene -> Native.fs_scene_get_device_info(scene, info));
     return info;
   }
 

@@ -30,7 +30,7 @@ public final class Servo extends Handle {
 
   private static long start(Scene scene, Device device, ServoOptions options) {
     long[] out = new long[1];
-    scene.call(first -> device.status(second -> Native.fs_servo_start(first, second, options.bytes(), out)));
+    scene.call(first -> device.status(second -> Native.fs_servo_start(first, second, options, out)));
     return out[0];
   }
 
@@ -74,7 +74,7 @@ public final class Servo extends Handle {
   /** Lets other processes in. */
   public Server serve(String endpoint, ServerOptions options) {
     long[] out = new long[1];
-    call(servo -> Native.fs_server_start(servo, endpoint, options.bytes(), out));
+    call(servo -> Native.fs_server_start(servo, endpoint, options, out));
     return new Server(this, out[0]);
   }
 }

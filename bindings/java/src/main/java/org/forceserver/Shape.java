@@ -53,7 +53,7 @@ public final class Shape extends Handle {
   /** What it is, and what is odd in it. */
   public ShapeInfo info() {
     ShapeInfo info = new ShapeInfo();
-    call(shape -> Native.fs_shape_get_info(shape, info.bytes()));
+    call(shape -> Native.fs_shape_get_info(shape, info));
     return info;
   }
 

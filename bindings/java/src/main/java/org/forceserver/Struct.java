@@ -1,7 +1,7 @@
 package org.forceserver;
 
-import java.nio.ByteBuffer;
 import java.nio.charset.StandardCharsets;
+import java.util.Objects;
 
 /**
  * A struct of the contract: a view of memory in the byte order of the machine. A struct within a struct is a view of
@@ -11,18 +11,22 @@ public abstract class Struct {
   final Memory memory;
   final int at;
   private final int size;
-  private final ByteBuffer mine;
+  private final long address;
 
   Struct(Memory memory, int at, int size) {
     this.memory = memory;
     this.at = at;
     this.size = size;
-    mine = at == 0 && memory.bytes.capacity() == size ? memory.bytes : null;
+    address = memory.address + Objects.checkFromIndexSize(at, size, memory.bytes.capacity());
   }
 
-  /** The bytes of this struct alone, for a call. */
-  final ByteBuffer bytes() {
-    return mine != null ? mine : memory.bytes.slice(at, size);
+  /** Where it stands, for a call that needs so many bytes; of null 0. The struct must live until the call has ended. */
+  static long address(Struct struct, int size) {
+    if (struct == null) return 0;
+    if (struct.size < size) {
+      throw new IllegalArgumentException("a struct of " + struct.size + " bytes: " + size + " are needed");
+    }
+    return struct.address;
   }
 
   /** Takes the values of another struct of the same class, and keeps the shapes and curves that it has. */

@@ -21,7 +21,7 @@ public final class Tool extends Handle {
     int status;
     long pointer = enterAlone();
     try {
-      status = Native.fs_evaluate(pointer, state.bytes(), response.bytes());
+      status = Native.fs_evaluate(pointer, state, response);
     } finally {
       exit();
     }

@@ -6,6 +6,7 @@ import java.nio.ByteBuffer;
 import java.nio.ByteOrder;
 import java.nio.DoubleBuffer;
 import org.junit.jupiter.api.Test;
+import org.junit.jupiter.api.function.Executable;
 
 /** Buffers that cannot be taken are named, and nothing is written. */
 class BuffersTest {
@@ -49,22 +50,29 @@ class BuffersTest {
   }
 
   @Test void the_glue_looks_too() {
-    ByteBuffer small = ByteBuffer.allocateDirect(State.SIZE - 1), heap = ByteBuffer.allocate(1000);
+    DoubleBuffer heap = DoubleBuffer.allocate(6);
+    Profile profile = Profile.of(ProfileKind.CONSTANT, Sense.ATTRACTIVE, 1, 0, 1);
     try (Scene scene = new Scene(); Tool tool = new Tool(scene)) {
       long pointer = tool.enter();
       try {
-        Response response = new Response();
-        assertTrue(assertThrows(IllegalArgumentException.class, () -> Native.fs_evaluate(pointer, small, response.bytes())).getMessage()
-            .contains("state has 151 bytes: it needs 1 times 152"));
-        assertTrue(assertThrows(IllegalArgumentException.class, () -> Native.fs_evaluate(pointer, heap, response.bytes())).getMessage()
-            .contains("state is not a direct buffer"));
-        assertEquals(Status.ERROR_INVALID.value(), Native.fs_evaluate(pointer, null, response.bytes()));
+        refused("a struct of 56 bytes: 152 are needed", () -> Native.fs_evaluate(pointer, profile, new Response()));
+        refused("distances is not a direct buffer", () -> Native.fs_profile_evaluate(profile, 0, 0, heap, 6, six));
+        refused("forces has 48 bytes: it needs 7 times 8", () -> Native.fs_profile_evaluate(profile, 0, 0, null, 7, six));
+        refused("distances has 48 bytes", () -> Native.fs_profile_evaluate(profile, 0, 0, six, -1, six));
+        refused("list has 100 bytes: it needs 1 times 256",
+            () -> Native.fs_device_list(ByteBuffer.allocateDirect(100), 1, new long[1]));
+        assertEquals(Status.ERROR_INVALID.value(), Native.fs_evaluate(pointer, null, new Response()));
+        assertEquals(Status.ERROR_INVALID.value(), Native.fs_evaluate(pointer, new State(), null));
         assertEquals(Status.ERROR_INVALID.value(), Native.fs_scene_create(null));
-        assertThrows(NullPointerException.class, () -> Native.fs_pose_from_z(null, small, small));
-        assertThrows(IllegalArgumentException.class, () -> Native.fs_profile_evaluate(small, 0, 0, six, -1, six));
+        assertThrows(NullPointerException.class, () -> Native.fs_pose_from_z(null, new State(), new State()));
       } finally {
         tool.exit();
       }
     }
+  }
+
+  private static void refused(String sentence, Executable call) {
+    IllegalArgumentException e = assertThrows(IllegalArgumentException.class, call);
+    assertTrue(e.getMessage().contains(sentence), e.getMessage());
   }
 }
