@@ -3,7 +3,7 @@ import org.forceserver.*;
 
 /** What tests/bench/java measures: the calls of bench_java.c from Java, and how long it takes until the first one. */
 public class BenchJava {
-  static final int CALLS = 1000000, PLACES = 100000, TIMES = 20;
+  static final int CALLS = 500000, PLACES = 100000, TIMES = 20;
   static double sum;
 
   static void evaluate(Tool tool, State state, Response response) {
@@ -37,16 +37,16 @@ public class BenchJava {
       Response response = new Response();
       DoubleBuffer positions = Buffers.doubles(3 * PLACES), forces = Buffers.doubles(3 * PLACES);
       for (int i = 0; i < 3 * PLACES; ++i) positions.put(i, 1e-6 * (i / 3));
-      for (int round = 0; round < 2; ++round) {  // the first warms up
+      for (int round = 0; round < 6; ++round) {  // all but the last warm up
         begin = System.nanoTime();
         evaluate(tool, state, response);
-        if (round > 0) System.out.printf("evaluate %.1f%n", (double) (System.nanoTime() - begin) / CALLS);
+        if (round == 5) System.out.printf("evaluate %.1f%n", (double) (System.nanoTime() - begin) / CALLS);
         begin = System.nanoTime();
         move(scene);
-        if (round > 0) System.out.printf("move %.1f%n", (double) (System.nanoTime() - begin) / (CALLS / 4));
+        if (round == 5) System.out.printf("move %.1f%n", (double) (System.nanoTime() - begin) / (CALLS / 4));
         begin = System.nanoTime();
         batch(scene, positions, forces);
-        if (round > 0) System.out.printf("batch %.2f%n", (double) (System.nanoTime() - begin) / TIMES / PLACES);
+        if (round == 5) System.out.printf("batch %.2f%n", (double) (System.nanoTime() - begin) / TIMES / PLACES);
       }
     }
   }

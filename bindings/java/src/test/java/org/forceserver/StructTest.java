@@ -2,6 +2,8 @@ package org.forceserver;
 
 import static org.junit.jupiter.api.Assertions.*;
 
+import java.nio.file.Files;
+import java.nio.file.Path;
 import org.junit.jupiter.api.Test;
 
 /** Records, structs, enums and constants that follow from the description. */
@@ -64,6 +66,19 @@ class StructTest {
     for (Status status : Status.values()) assertEquals("FS_" + status, Native.fs_status_name(status.value()));
     for (Realtime each : Realtime.values()) assertEquals("FS_REALTIME_" + each, Native.fs_realtime_name(each.value()));
     assertEquals(Constants.VERSION_MAJOR + "." + Constants.VERSION_MINOR + "." + Constants.VERSION_PATCH, ForceServer.version());
+  }
+
+  @Test void all_libraries_are_those_of_the_jar() throws Exception {
+    ForceServer.version();
+    java.util.Set<String> found = new java.util.TreeSet<>();
+    for (String line : Files.readAllLines(Path.of("/proc/self/maps"))) {
+      java.util.regex.Matcher library = java.util.regex.Pattern.compile("/(lib(forceserver|muparser|gomp)[^/ ]*)").matcher(line);
+      if (!library.find()) continue;
+      assertTrue(line.contains("/forceserver-"), line);
+      assertTrue(line.endsWith("(deleted)"), line);  // so nothing is left behind however the JVM ends
+      found.add(library.group(1));
+    }
+    assertEquals(4, found.size(), found.toString());
   }
 
   @Test void nulls() {
