@@ -1,12 +1,12 @@
 package org.forceserver;
 
-import java.io.BufferedReader;
 import java.io.IOException;
 import java.io.InputStream;
-import java.io.InputStreamReader;
 import java.nio.charset.StandardCharsets;
+import java.nio.file.FileAlreadyExistsException;
 import java.nio.file.Files;
 import java.nio.file.Path;
+import java.nio.file.attribute.PosixFilePermissions;
 import java.util.ArrayList;
 import java.util.List;
 
@@ -30,8 +30,8 @@ final class Library {
     List<Path> files = new ArrayList<>();
     try (InputStream names = Library.class.getResourceAsStream(place + "files")) {
       if (names == null) throw new IOException("this jar has no library for " + platform);
-      folder = Files.createTempDirectory("forceserver-");  // only its user can look into it
-      for (String name : new BufferedReader(new InputStreamReader(names, StandardCharsets.UTF_8)).lines().toList()) {
+      folder = privateFolder();
+      for (String name : new String(names.readAllBytes(), StandardCharsets.UTF_8).split("\n")) {
         Path file = folder.resolve(name);
         files.add(file);
         try (InputStream content = Library.class.getResourceAsStream(place + name)) {
@@ -50,6 +50,22 @@ final class Library {
       // What is loaded stays, and nothing is left behind however the JVM ends.
       for (Path file : files) file.toFile().delete();
       if (folder != null) folder.toFile().delete();
+    }
+  }
+
+  /**
+   * A folder that only its user can look into. Files.createTempDirectory would do, but first sets up a generator of
+   * secrets, which takes 30 ms. The name need not be secret: a folder that somebody else made is never taken.
+   */
+  private static Path privateFolder() throws IOException {
+    String name = System.getProperty("java.io.tmpdir") + "/forceserver-" + ProcessHandle.current().pid() + "-";
+    while (true) {
+      try {
+        return Files.createDirectory(Path.of(name + System.nanoTime()),
+            PosixFilePermissions.asFileAttribute(PosixFilePermissions.fromString("rwx------")));
+      } catch (FileAlreadyExistsException e) {
+        continue;
+      }
     }
   }
 
