@@ -1,0 +1,35 @@
+package org.forceserver;
+
+/** A haptic device or the simulator. */
+public final class Device extends Handle {
+  /** Opens a device, for example "sim:?path=figure8". May take seconds. */
+  public Device(String uri) {
+    super(open(uri), Native::fs_device_close);
+  }
+
+  private static long open(String uri) {
+    long[] out = new long[1];
+    ForceServerException.check(Native.fs_device_open(uri, out));
+    return out[0];
+  }
+
+  /** What it is and can. */
+  public DeviceInfo info() {
+    DeviceInfo info = new DeviceInfo();
+    call(device -> Native.fs_device_get_info(device, info));
+    return info;
+  }
+
+  /** The newest state, in the device frame; not while a servo has the device. */
+  public State read() {
+    State state = new State();
+    call(device -> Native.fs_device_read(device, state));
+    return state;
+  }
+
+  /** Sends a force and torque, not guarded; it stays until the next. Not while a servo has the device. */
+  public void write(Wrench wrench) {
+    Value value = Value.scratch(wrench::write, 0);
+    call(device -> Native.fs_device_write(device, value));
+  }
+}

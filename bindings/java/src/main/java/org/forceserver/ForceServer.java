@@ -1,0 +1,60 @@
+package org.forceserver;
+
+import java.nio.DoubleBuffer;
+import java.nio.file.Path;
+import java.util.List;
+
+/** What belongs to no handle. Units are SI; times are seconds; a struct's fields have their units in its comments. */
+public final class ForceServer {
+  /** The version of the library that runs: "0.1.0". */
+  public static String version() {
+    return Native.fs_version();
+  }
+
+  /** The pose at position whose z axis points along direction: a plane from point and normal. */
+  public static Pose poseFromZ(Vec3 position, Vec3 direction) {
+    Value out = Value.scratch();
+    ForceServerException.check(Native.fs_pose_from_z(Value.of(position::write), Value.of(direction::write), out));
+    return Pose.read(out.memory.bytes, 0);
+  }
+
+  /** The frame of a new scene: scene and device are the same. */
+  public static Frame defaultFrame() {
+    Value out = Value.scratch();
+    Native.fs_frame_init(out);
+    return Frame.read(out.memory.bytes, 0);
+  }
+
+  /** forces[i]: what the profile gives at distances[i] (m) and time t (s since the start of its object), in N. */
+  public static void evaluate(Profile profile, double t, DoubleBuffer distances, DoubleBuffer forces) {
+    evaluate(profile, 0, t, distances, forces);
+  }
+
+  /** The same with slopes limited to maxStiffness (N/m). */
+  public static void evaluate(Profile profile, double maxStiffness, double t, DoubleBuffer distances, DoubleBuffer forces) {
+    DoubleBuffer in = Buffers.in("distances", distances), out = Buffers.out("forces", forces);
+    try (Memory lent = profile.memory.lend()) {
+      int status = Native.fs_profile_evaluate(profile, maxStiffness, t, in, in.capacity(), out);
+      ForceServerException.check(status);
+    }
+  }
+
+  /** What the profile gives at one distance (m) and time t (s), in N. */
+  public static double evaluate(Profile profile, double t, double distance) {
+    DoubleBuffer force = Buffers.doubles(1);
+    evaluate(profile, t, Buffers.of(distance), force);
+    return force.get(0);
+  }
+
+  /** The devices that all drivers find now. */
+  public static List<DeviceEntry> devices() {
+    return Buffers.list(DeviceEntry.SIZE, 8, Native::fs_device_list, DeviceEntry::new);
+  }
+
+  /** Adds the driver of a shared library that exports fs_driver_entry. A driver itself cannot be written in Java. */
+  public static void loadDriver(Path library) {
+    ForceServerException.check(Native.fs_driver_load(library.toString()));
+  }
+
+  private ForceServer() {}
+}

@@ -1,0 +1,73 @@
+package org.forceserver;
+
+import java.io.IOException;
+import java.io.InputStream;
+import java.nio.charset.StandardCharsets;
+import java.nio.file.FileAlreadyExistsException;
+import java.nio.file.Files;
+import java.nio.file.Path;
+import java.nio.file.attribute.PosixFilePermissions;
+import java.util.ArrayList;
+import java.util.List;
+
+/**
+ * Loads the library. The jar carries it, what it needs and the glue side by side; they find each other by their place.
+ * They are written to a private folder, which is removed as soon as they are loaded. The property `forceserver.library`
+ * names a folder that has them already.
+ */
+final class Library {
+  private static final String GLUE = "libforceserver_java.so";
+
+  static void load() {
+    String given = System.getProperty("forceserver.library");
+    if (given != null) {
+      System.load(Path.of(given).toAbsolutePath().resolve(GLUE).toString());
+      return;
+    }
+    String platform = System.getProperty("os.name").toLowerCase() + "-" + System.getProperty("os.arch");
+    String place = "native/" + platform + "/";
+    Path folder = null;
+    List<Path> files = new ArrayList<>();
+    try (InputStream names = Library.class.getResourceAsStream(place + "files")) {
+      if (names == null) throw new IOException("this jar has no library for " + platform);
+      folder = privateFolder();
+      for (String name : new String(names.readAllBytes(), StandardCharsets.UTF_8).split("\n")) {
+        Path file = folder.resolve(name);
+        files.add(file);
+        try (InputStream content = Library.class.getResourceAsStream(place + name)) {
+          if (content == null) throw new IOException("the jar lacks " + place + name);
+          Files.copy(content, file);
+        }
+      }
+      System.load(folder.resolve(GLUE).toString());
+    } catch (IOException e) {
+      throw (UnsatisfiedLinkError) new UnsatisfiedLinkError("forceserver: its library could not be written to "
+          + System.getProperty("java.io.tmpdir") + " (-Djava.io.tmpdir names another folder): " + e).initCause(e);
+    } catch (UnsatisfiedLinkError e) {
+      throw new UnsatisfiedLinkError("forceserver: its library could not be loaded; where no program may run in "
+          + System.getProperty("java.io.tmpdir") + ", -Djava.io.tmpdir names another folder: " + e.getMessage());
+    } finally {
+      // What is loaded stays, and nothing is left behind however the JVM ends.
+      for (Path file : files) file.toFile().delete();
+      if (folder != null) folder.toFile().delete();
+    }
+  }
+
+  /**
+   * A folder that only its user can look into. Files.createTempDirectory would do, but first sets up a generator of
+   * secrets, which takes 30 ms. The name need not be secret: a folder that somebody else made is never taken.
+   */
+  private static Path privateFolder() throws IOException {
+    String name = System.getProperty("java.io.tmpdir") + "/forceserver-" + ProcessHandle.current().pid() + "-";
+    while (true) {
+      try {
+        return Files.createDirectory(Path.of(name + System.nanoTime()),
+            PosixFilePermissions.asFileAttribute(PosixFilePermissions.fromString("rwx------")));
+      } catch (FileAlreadyExistsException e) {
+        continue;
+      }
+    }
+  }
+
+  private Library() {}
+}

@@ -1,0 +1,56 @@
+package org.forceserver;
+
+import java.nio.charset.StandardCharsets;
+import java.util.Objects;
+
+/**
+ * A struct of the contract: a view of memory in the byte order of the machine. A struct within a struct is a view of
+ * the same memory, which it keeps. One thread at a time may use the same memory.
+ */
+public abstract class Struct {
+  final Memory memory;
+  final int at;
+  private final int size;
+  private final long address;
+
+  Struct(Memory memory, int at, int size) {
+    this.memory = memory;
+    this.at = at;
+    this.size = size;
+    address = memory.address + Objects.checkFromIndexSize(at, size, memory.bytes.capacity());
+  }
+
+  /** Where it stands, for a call that needs so many bytes; of null 0. The struct must live until the call has ended. */
+  static long address(Struct struct, int size) {
+    if (struct == null) return 0;
+    if (struct.size < size) {
+      throw new IllegalArgumentException("a struct of " + struct.size + " bytes: " + size + " are needed");
+    }
+    return struct.address;
+  }
+
+  /** Takes the values of another struct of the same class, and keeps the shapes and curves that it has. */
+  final void copy(Struct other) {
+    if (other.memory != memory || other.at != at) {
+      memory.bytes.put(at, other.memory.bytes, other.at, size);
+      memory.holdAsIn(other.memory, other.at, at, size);
+    }
+  }
+
+  final String text(int place, int count) {
+    byte[] text = new byte[count];
+    memory.bytes.get(place, text);
+    int length = 0;
+    while (length < count && text[length] != 0) ++length;
+    return new String(text, 0, length, StandardCharsets.UTF_8);
+  }
+
+  final void text(int place, int count, String value) {
+    byte[] text = Text.bytes(value);
+    if (text.length >= count) {
+      throw new IllegalArgumentException("a text of " + text.length + " bytes: at most " + (count - 1) + " fit");
+    }
+    memory.bytes.put(place, new byte[count]);
+    memory.bytes.put(place, text);
+  }
+}
