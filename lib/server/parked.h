@@ -1,5 +1,6 @@
 // Batches of a client that cannot be applied yet. One that needs a shape or curve which is being built waits for that, and
-// later ones that are about the same things wait behind it; all others go on. Parked knows what those that wait hold up.
+// later ones that are about the same things wait behind it; all others go on. Parked knows what those that wait hold up. A
+// request that changes another client's object is parked as a batch, too.
 #pragma once
 
 #include <deque>
@@ -26,6 +27,7 @@ struct ReceivedBatch {
   uint64_t serial = 0;
   Batch changes;
   Subjects about;
+  bool is_request = false;  // one change of another client's object, which is answered when it is done
 };
 
 class Parked {
@@ -33,6 +35,7 @@ class Parked {
   bool is_empty() const noexcept { return batches_.empty(); }
   size_t cost() const noexcept { return cost_; }  // in changes; a memory file costs as much as many
   const std::deque<ReceivedBatch>& batches() const noexcept { return batches_; }
+  size_t requests() const noexcept { return requests_; }
 
   // Whether a batch that is about this has to wait behind one that waits already.
   bool holds_up(const Subjects& about) const;
@@ -67,7 +70,7 @@ class Parked {
   // What all of them together are about.
   std::set<std::string, std::less<>> names_;
   std::set<uint64_t> ids_;
-  size_t all_ = 0, view_ = 0, cost_ = 0;
+  size_t all_ = 0, view_ = 0, cost_ = 0, requests_ = 0;
   bool is_retry_due_ = false;
   size_t turns_until_retry_ = 0;
 };
