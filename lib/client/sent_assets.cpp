@@ -9,32 +9,25 @@ Asset SentAssets::find(uint64_t id) const {
 
 bool SentAssets::send(const Asset& asset) {
   const uint64_t id = asset.serial();
-  auto found = sent_.find(id);
-  if (!asset || (found != sent_.end() && !found->second.is_refused)) return true;
-  if (sent_.size() >= most() || !connection_.has_room()) return false;  // else it is packed in vain
+  const auto found = sent_.find(id);
+  if (!asset || (found != sent_.end() && found->second.state == State::there)) return true;
+  const bool is_full = found == sent_.end() && sent_.size() >= most();
+  if (is_full || !connection_.has_room()) return false;  // else it is packed in vain
   const PackedAsset packed = pack(asset);
-  Sent sent{asset};
-  if (found != sent_.end()) {  // it was refused
+  maybe_unused_[id] = connection_.last_serial();
+  Sent& sent = sent_.try_emplace(id, Sent{asset}).first->second;
+  if (sent.state == State::refused) {
     const wire::Forget forget{id};
     if (!connection_.send(wire::type_forget, bytes_of(&forget, 1))) return false;
-    sent.uses = found->second.uses;
-    sent_.erase(found);
+    sent.state = State::missing;
   }
-  found = sent_.emplace(id, std::move(sent)).first;
-  uint64_t serial = 0;
-  try {
-    maybe_unused_[id] = connection_.last_serial();
-    serial = connection_.send(packed.type, packed.record(), packed.content.get());
-  } catch (...) {
-    sent_.erase(found);
-    throw;
-  }
-  if (!serial) sent_.erase(found);
-  return serial != 0;
+  if (!connection_.send(packed.type, packed.record(), packed.content.get())) return false;
+  sent.state = State::there;
+  return true;
 }
 
 void SentAssets::note_refused(uint64_t id) {
-  if (const auto found = sent_.find(id); found != sent_.end()) found->second.is_refused = true;
+  if (const auto found = sent_.find(id); found != sent_.end()) found->second.state = State::refused;
 }
 
 bool SentAssets::use(uint64_t id) {
@@ -62,7 +55,8 @@ void SentAssets::forget_unused(bool is_current) {
     const auto found = sent_.find(id);
     if (found != sent_.end() && found->second.uses == 0) {
       const wire::Forget record{id};
-      if (after > applied || !connection_.send(wire::type_forget, bytes_of(&record, 1))) {
+      const bool is_missing = found->second.state == State::missing;
+      if (!is_missing && (after > applied || !connection_.send(wire::type_forget, bytes_of(&record, 1)))) {
         ++next;
         continue;
       }

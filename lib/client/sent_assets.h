@@ -18,8 +18,8 @@ class SentAssets {
   Asset find(uint64_t id) const;  // nothing: it was not sent, or was forgotten
   bool has(uint64_t id) const { return sent_.contains(id); }
 
-  // Sends the asset if the server lacks it, or refused it and a retry may succeed. False: there is no room for it now. It
-  // counts as unused until an object uses it.
+  // Sends the asset if the server lacks it, or refused it and a retry may succeed. False: there is no room for it now, but the
+  // server may have forgotten the refused one. It counts as unused until an object uses it.
   bool send(const Asset& asset);
   bool send(const Assets& assets) { return send(assets[0]) && send(assets[1]) && send(assets[2]); }
   void note_refused(uint64_t id);  // the server has refused it, and does not have it
@@ -32,10 +32,11 @@ class SentAssets {
   void forget_unused(bool is_current);
 
  private:
+  enum class State { missing, there, refused };  // at the server
   struct Sent {
     Asset asset;
     uint32_t uses = 0;
-    bool is_refused = false;
+    State state = State::missing;
   };
   size_t most() const { return wire::most_assets(connection_.welcome().max_objects); }
 
