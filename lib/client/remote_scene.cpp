@@ -29,17 +29,18 @@ const char* RemoteScene::own_name(const char* name) const noexcept {
 }
 
 // Calls f(group), which changes the replica and adds the change to the group: the open one, or one for this change alone. Where
-// the server has no room, f is called again later.
+// the server has no room, or large assets come first, f is called again later.
 template <class F>
 void RemoteScene::mutate(Call& call, F&& f) {
-  for (pulls_.look(); !group_; line_.pause(call, true)) {
+  SendingAhead ahead(line_, sent_);
+  for (pulls_.look(); !group_; ahead.send_noted_or_wait(call)) {
     replica_.catch_up_with_moves();
     Group group(replica_);
     bool is_sent = false;
     replica_.scene->begin();
     try {
       f(group);
-      is_sent = sender_.deliver(group);
+      is_sent = sender_.deliver(group, ahead);
       if (is_sent) replica_.scene->commit();
       else replica_.scene->cancel();
     } catch (...) {
@@ -209,7 +210,10 @@ void RemoteScene::begin() {
 // Where it fails, nothing of the group was sent, and the group stays open.
 void RemoteScene::commit() {
   Call call = line_.enter();
-  while (group_ && !sender_.deliver(*group_)) line_.pause(call, true);
+  {
+    SendingAhead ahead(line_, sent_);
+    while (group_ && !sender_.deliver(*group_, ahead)) ahead.send_noted_or_wait(call);
+  }
   try {
     replica_.scene->commit();  // STATE
   } catch (const std::bad_alloc&) {

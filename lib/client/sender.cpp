@@ -7,12 +7,15 @@
 
 namespace fs {
 
-bool Sender::deliver(Group& group) {
+bool Sender::deliver(Group& group, SendingAhead& ahead) {
   if (group.batch.empty()) return true;
   if (may_be_written(group.batch)) {
     write_moves(group.batch);
     return true;
   }
+  bool is_any_noted = false;
+  for (size_t i = 0; i < group.batch.size(); ++i) is_any_noted = ahead.note(group.assets(i));
+  if (is_any_noted) return false;
   for (size_t i = 0; i < group.batch.size(); ++i) {
     if (!sent_.send(group.assets(i))) return false;
   }

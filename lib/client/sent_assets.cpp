@@ -1,5 +1,8 @@
 #include "client/sent_assets.h"
 
+#include <new>
+#include <utility>
+
 namespace fs {
 
 Asset SentAssets::find(uint64_t id) const {
@@ -7,13 +10,21 @@ Asset SentAssets::find(uint64_t id) const {
   return found == sent_.end() ? Asset{} : found->second.asset;
 }
 
+bool SentAssets::is_there(const Asset& asset) const {
+  const auto found = sent_.find(asset.serial());
+  return !asset || (found != sent_.end() && found->second.state == State::there);
+}
+
 bool SentAssets::send(const Asset& asset) {
+  if (is_there(asset)) return true;
+  if (!connection_.has_room()) return false;  // else it is packed in vain
+  return send(asset, pack(asset));
+}
+
+bool SentAssets::send(const Asset& asset, const PackedAsset& packed) {
+  if (is_there(asset)) return true;
   const uint64_t id = asset.serial();
-  const auto found = sent_.find(id);
-  if (!asset || (found != sent_.end() && found->second.state == State::there)) return true;
-  const bool is_full = found == sent_.end() && sent_.size() >= most();
-  if (is_full || !connection_.has_room()) return false;  // else it is packed in vain
-  const PackedAsset packed = pack(asset);
+  if (!has(id) && sent_.size() >= most()) return false;
   maybe_unused_[id] = connection_.last_serial();
   Sent& sent = sent_.try_emplace(id, Sent{asset}).first->second;
   if (sent.state == State::refused) {
@@ -64,6 +75,43 @@ void SentAssets::forget_unused(bool is_current) {
     }
     next = maybe_unused_.erase(next);
   }
+}
+
+// ------------------------------------------------------------------------------------------------------- sending ahead
+
+SendingAhead::~SendingAhead() {
+  for (const uint64_t id : in_use_) {
+    try {
+      sent_.stop_using(id);
+    } catch (const std::bad_alloc&) {  // then the server keeps it longer than it must
+    }
+  }
+}
+
+bool SendingAhead::note(const Assets& assets) {
+  constexpr uint64_t large = 65536;  // bytes; to pack as many takes some 20 us
+  for (const Asset& asset : assets) {
+    if (!sent_.is_there(asset) && asset.bytes() > large) noted_.push_back(asset);
+  }
+  return !noted_.empty();
+}
+
+void SendingAhead::send(Call& call, const Asset& asset) {
+  in_use_.reserve(in_use_.size() + 1);
+  if (note({asset, {}, {}})) {
+    noted_.clear();
+    const PackedAsset packed = line_.work(call, [&] { return pack(asset); });
+    while (!sent_.send(asset, packed)) line_.pause(call, true);
+  } else {
+    while (!sent_.send(asset)) line_.pause(call, true);
+  }
+  if (sent_.use(asset.serial())) in_use_.push_back(asset.serial());
+}
+
+void SendingAhead::send_noted_or_wait(Call& call) {
+  if (noted_.empty()) return line_.pause(call, true);
+  const std::vector<Asset> noted = std::exchange(noted_, {});
+  for (const Asset& asset : noted) send(call, asset);
 }
 
 }  // namespace fs

@@ -1,10 +1,15 @@
 // What a client keeps in mind of its objects and of the shapes that it has sent, where a call is cut short.
 #include <dlfcn.h>
+#include <sys/mman.h>
 #include <sys/socket.h>
 
+#include <atomic>
 #include <cerrno>
+#include <functional>
+#include <thread>
 
 #include "client/own_objects.h"
+#include "client/remote_scene.h"
 #include "ipc/rig.h"
 
 using namespace hostile;
@@ -20,6 +25,16 @@ extern "C" ssize_t sendmsg(int socket, const msghdr* message, int flags) {
     return -1;
   }
   return send(socket, message, flags);
+}
+
+// Called where this thread makes a memory file, as it does to pack a shape.
+static thread_local std::function<void()> at_memory_file;
+
+extern "C" int memfd_create(const char* name, unsigned flags) {
+  using Make = int (*)(const char*, unsigned);
+  static const auto make = reinterpret_cast<Make>(dlsym(RTLD_NEXT, "memfd_create"));
+  if (at_memory_file) at_memory_file();
+  return make(name, flags);
 }
 
 static fs::Asset line() {
@@ -74,9 +89,43 @@ START_TEST(an_object_is_dropped_ahead_of_the_replica) {
 }
 END_TEST
 
+START_TEST(a_move_while_a_mesh_is_packed) {  // by another thread: it does not wait
+  Rig rig;
+  const auto scene = fs::make_ref<fs::RemoteScene>(fs::parse_endpoint(rig.endpoint.c_str(), false), "me");
+  std::vector<fs_vec3> points(20000);  // enough that it is packed without the lock
+  for (size_t i = 0; i < points.size(); ++i) points[i].x = 1e-6 * static_cast<double>(i);
+  scene->set(push("moved", 0.1));
+  for (const bool is_group : {false, true}) {
+    const scenes::Shape shape = scenes::make_polyline(points.data(), points.size(), false);
+    fs_object o = scenes::spring("large");
+    o.primitive = FS_PRIMITIVE_POLYLINE;
+    o.shape = shape.get();
+    std::atomic<bool> has_moved{false};
+    std::thread mover;
+    bool was_waited_for = false;
+    at_memory_file = [&] {
+      if (mover.joinable()) return;
+      mover = std::thread([&] {
+        scene->move("moved", {{1, 0, 0}, {0, 0, 0, 1}}, nullptr, 0);
+        has_moved = true;
+      });
+      was_waited_for = eventually([&] { return has_moved.load(); });
+    };
+    if (is_group) scene->begin();
+    scene->set(o);
+    if (is_group) scene->commit();
+    at_memory_file = nullptr;
+    ck_assert(mover.joinable());
+    mover.join();
+    ck_assert(was_waited_for);
+  }
+  scene->close();
+}
+END_TEST
+
 int main() {
   Suite* suite = suite_create("client");
   scenes::add_once(suite, "cut short", {a_refused_shape_is_sent_again_in_two_tries,
-                                        an_object_is_dropped_ahead_of_the_replica});
+                                        an_object_is_dropped_ahead_of_the_replica, a_move_while_a_mesh_is_packed});
   return scenes::run_suite(suite);
 }
