@@ -1,6 +1,7 @@
 #include "client/pulls.h"
 
 #include <algorithm>
+#include <limits>
 
 #include "base/error.h"
 #include "base/text.h"
@@ -149,13 +150,16 @@ void Pulls::adopt(const wire::Pulled& pulled, uint64_t question) {
 }
 
 // Puts an own object into the replica as the server has it; but moves that this client has made since it asked count.
-void Pulls::take_over(const wire::Pulled& pulled, const LinkedObject& received, uint64_t question) {
+void Pulls::take_over(const wire::Pulled& pulled, LinkedObject received, uint64_t question) {
   replica_.catch_up_with_moves();
   const std::string name = text_of(pulled.object.name);
   LocalScene& scene = *replica_.scene;
   const OwnObject* const before = replica_.objects.find(name);
   const bool was_moved = before && before->moved_in >= question;
   const Movement newest = was_moved ? scene.movement(name.c_str()) : Movement{};
+  // The group that sent it wrote the least number for the first instant of a virtual clock. Another start counts as given if it
+  // is not the one that the replica has.
+  if (received.object.start == std::numeric_limits<double>::min()) received.object.start = 0;
   scene.set(received.object);
   if (was_moved) {
     scene.set_movement(name.c_str(), newest);

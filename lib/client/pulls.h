@@ -36,7 +36,7 @@ class Pulls {
   void take_answer();
   void fetch_behind(Call& call, const std::string& name);
   void adopt(const wire::Pulled& pulled, uint64_t question);
-  void take_over(const wire::Pulled& pulled, const LinkedObject& received, uint64_t question);
+  void take_over(const wire::Pulled& pulled, LinkedObject received, uint64_t question);
 
   Line& line_;
   Connection& connection_;
