@@ -12,7 +12,7 @@ namespace fs {
 constexpr int most_tries = 4;  // to get an object that others change again and again
 
 bool Pulls::is_current() const noexcept {
-  return !asked_ && !pulled_ && connection_.outbox()->edits.load(std::memory_order_acquire) == edits_seen_;
+  return !asked_ && !pulled_ && connection_.outbox()->news.load(std::memory_order_acquire) == news_seen_;
 }
 
 // The question of a pull is closed when the replica has taken in the answer, or could not.
@@ -24,7 +24,7 @@ void Pulls::look() {
     }
     if (pulled_) {
       try {
-        edits_seen_ = pulled_->edits;
+        news_seen_ = pulled_->news;
         adopt(*pulled_, question_);
       } catch (const Error&) {  // the replica cannot take it in
         pulled_.reset();
@@ -66,12 +66,12 @@ bool Pulls::start_pull() {
 
 void Pulls::catch_up(Call& call, const char* name) {
   // Bounded, so a client that edits continuously cannot hold this call.
-  const uint64_t wanted = connection_.outbox()->edits.load(std::memory_order_acquire);
+  const uint64_t wanted = connection_.outbox()->news.load(std::memory_order_acquire);
   size_t fetches = 2 * size_t{connection_.welcome().max_objects} + 1;
   for (;;) {
     look();
     if (group_) return;
-    const bool is_known = edits_seen_ >= wanted && !pulled_;
+    const bool is_known = news_seen_ >= wanted && !pulled_;
     if (!is_known) {
       line_.pause(call, !asked_);
       continue;

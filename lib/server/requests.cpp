@@ -147,9 +147,9 @@ void Requests::pull(const Request& request) {
     told.names().erase(told.names().find(*next));
   }
   if (!client_.assets.has_refused() && told.is_all_told(client_.parked)) {
-    told.edits = client_.outbox->edits.load(std::memory_order_relaxed);
+    told.news = client_.outbox->news.load(std::memory_order_relaxed);
   }
-  out.edits = told.edits;
+  out.news = told.news;
   client_.answers.send_record(request.serial, out);
 }
 

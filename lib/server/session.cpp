@@ -225,7 +225,7 @@ void Session::take_asset(PackedAsset&& packed) {
 
 void Session::finish_asset(uint64_t id, ClientAssets::Upload&& upload) {
   const bool is_refused = upload.status != FS_OK;
-  if (client_->assets.finish(id, std::move(upload)) && is_refused) client_->note_edits();
+  if (client_->assets.finish(id, std::move(upload)) && is_refused) client_->note_news();
   if (client_->parked.needs(id) && client_->parked.note_ready()) retry_parked();
   note_applied();
 }
@@ -300,7 +300,7 @@ void Session::retry_parked() {
     }
     client_->let_others();
   }
-  if (!client_->told.is_empty()) client_->note_edits();  // names that parked changes held up can be told now
+  if (!client_->told.is_empty()) client_->note_news();  // names that parked changes held up can be told now
   note_applied();
 }
 
