@@ -214,20 +214,21 @@ void Session::take_asset(PackedAsset&& packed) {
         made->text = "the server has not enough memory for the shape";
       }
     };
-    return client.host.start_job(client, bytes, std::move(work),
-                                 [this, id, made] { finish_asset(id, std::move(*made)); });
+    return client.host.start_job(client, bytes, std::move(work), [this, id, made] {
+      if (finish_asset(id, std::move(*made))) retry_parked();
+      note_applied();
+    });
   } catch (const Error& error) {
     made->status = error.status;
     made->text = error.text;
   }
-  finish_asset(id, std::move(*made));
+  finish_asset(id, std::move(*made));  // another client's work may be under way: parked changes wait for the next turn
 }
 
-void Session::finish_asset(uint64_t id, ClientAssets::Upload&& upload) {
+bool Session::finish_asset(uint64_t id, ClientAssets::Upload&& upload) {
   const bool is_refused = upload.status != FS_OK;
   if (client_->assets.finish(id, std::move(upload)) && is_refused) client_->note_news();
-  if (client_->parked.needs(id) && client_->parked.note_ready()) retry_parked();
-  note_applied();
+  return client_->parked.needs(id) && client_->parked.note_ready();
 }
 
 void Session::finish_job(const std::function<void()>& done) noexcept {
