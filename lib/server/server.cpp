@@ -43,8 +43,8 @@ fs_server::fs_server(Ref<Servo> servo, const Endpoint& endpoint, const ServerSet
       timer_(timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK)),
       wake_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
       door_(user_address(geteuid(), endpoint.name), settings.is_for_all_users ? shared_address(endpoint.name) : ""),
-      worker_([this] { wake(); }),
-      builder_([this] { wake(); }),
+      worker_("fs-worker", [this] { wake(); }),
+      builder_("fs-builder", [this] { wake(); }),
       message_(most_message) {
   if (!timer_ || !wake_) {
     fail(status_without_descriptor(errno), "the server could not be made: %s", std::strerror(errno));
