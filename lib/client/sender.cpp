@@ -24,7 +24,7 @@ bool Sender::deliver(Group& group, SendingAhead& ahead) {
   return serial != 0;
 }
 
-// Moves alone need no message. But while a change before them is not applied, they would be felt before it.
+// Moves alone need no message. If an earlier change of the object is still on its way, the moves would overtake it.
 bool Sender::may_be_written(const Batch& batch) const {
   const uint64_t applied = connection_.outbox()->applied.load(std::memory_order_acquire);
   return std::all_of(batch.begin(), batch.end(), [&](const Change& change) {
