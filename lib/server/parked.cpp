@@ -38,7 +38,7 @@ bool Subjects::add(const Change& change) {
 void Parked::count(const ReceivedBatch& batch) {
   constexpr size_t map_cost = 256;  // in changes: a process can map only so many memory files
   names_.insert(batch.about.names.begin(), batch.about.names.end());
-  ids_.insert(batch.about.ids.begin(), batch.about.ids.end());
+  (batch.is_request ? request_ids_ : ids_).insert(batch.about.ids.begin(), batch.about.ids.end());
   all_ += batch.about.is_about_all;
   view_ += batch.about.is_about_view;
   requests_ += batch.is_request;
@@ -48,6 +48,7 @@ void Parked::count(const ReceivedBatch& batch) {
 void Parked::count_nothing() noexcept {
   names_.clear();
   ids_.clear();
+  request_ids_.clear();
   all_ = view_ = cost_ = requests_ = 0;
 }
 

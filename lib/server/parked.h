@@ -41,7 +41,7 @@ class Parked {
   bool holds_up(const Subjects& about) const;
   bool holds_up(std::string_view name) const { return all_ > 0 || names_.contains(name); }
   bool holds_up_view() const noexcept { return view_ > 0 || all_ > 0; }
-  bool needs(uint64_t id) const { return ids_.contains(id); }
+  bool needs(uint64_t id) const { return ids_.contains(id) || request_ids_.contains(id); }
 
   void add(ReceivedBatch&& batch);
   std::deque<ReceivedBatch> take_all();
@@ -69,7 +69,7 @@ class Parked {
   std::deque<ReceivedBatch> batches_;
   // What all of them together are about.
   std::set<std::string, std::less<>> names_;
-  std::set<uint64_t> ids_;
+  std::set<uint64_t> ids_, request_ids_;  // the latter of requests, which do not hold up a forget
   size_t all_ = 0, view_ = 0, cost_ = 0, requests_ = 0;
   bool is_retry_due_ = false;
   size_t turns_until_retry_ = 0;
