@@ -135,7 +135,7 @@ const char* Connection::loss(double now) const noexcept {
   if (const char* known = loss_.load(std::memory_order_acquire)) return known;
   bool is_gone = outbox_->is_closed.load(std::memory_order_acquire) != 0;
   if (!is_gone && now - outbox_->heartbeat.load(std::memory_order_relaxed) > heartbeat_limit) {
-    // The socket does not tell of it where a process that was forked from the server has the socket, too.
+    // A child forked by the server keeps the socket open, so the server's process is watched too.
     pollfd look[2] = {{socket_.get(), 0, 0}, {process_.get(), POLLIN, 0}};
     is_gone = poll(look, 2, 0) > 0 && ((look[0].revents & (POLLHUP | POLLERR)) || (look[1].revents & POLLIN));
   }

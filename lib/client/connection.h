@@ -101,7 +101,7 @@ class Connection {
   struct Reply {
     bool is_there = false;
     wire::Reply head{};
-    Answer answer;  // with memory for any that may come, so that none is lost for lack of it
+    Answer answer;  // Reserved beforehand, so that no answer is lost when memory runs out.
   };
 
   void connect(const Endpoint& endpoint, double start);

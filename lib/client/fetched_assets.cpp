@@ -50,8 +50,10 @@ Asset FetchedAssets::fetch(Call& call, uint64_t id, wire::Type type) {
     packed.curve = answer.as<wire::Curve>();
   }
   if (!packed.is_expression()) require_data(packed.content);
-  Wanted wanted;
-  const Asset asset = unpack(std::move(packed), wanted);
+  const Asset asset = line_.work(call, [&] {
+    Wanted wanted;
+    return unpack(std::move(packed), wanted);
+  });
   fetched_.emplace_back(id, asset);
   if (fetched_.size() > most_fetched) fetched_.pop_front();
   return asset;

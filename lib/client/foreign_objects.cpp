@@ -1,6 +1,5 @@
 #include "client/foreign_objects.h"
 
-#include <new>
 #include <string>
 #include <vector>
 
@@ -86,43 +85,18 @@ void ForeignObjects::change_in_group(Call& call, const fs_object& object, wire::
   present.kept = parsed;
 }
 
-// Keeps assets in use while the server answers the change that brings them.
-class ForeignObjects::Pins {
- public:
-  explicit Pins(SentAssets& sent) : sent_(sent) { ids_.reserve(3); }
-  ~Pins() {
-    for (const uint64_t id : ids_) {
-      try {
-        sent_.stop_using(id);
-      } catch (const std::bad_alloc&) {  // then the server keeps it longer than it must
-      }
-    }
-  }
-  Pins(const Pins&) = delete;
-  Pins& operator=(const Pins&) = delete;
-
-  void add(uint64_t id) {
-    if (sent_.use(id)) ids_.push_back(id);
-  }
-
- private:
-  SentAssets& sent_;
-  std::vector<uint64_t> ids_;
-};
-
 // may_refer: by the server's numbers. False: the server no longer offers one of these.
 bool ForeignObjects::try_change(Call& call, const Assets& assets, wire::Edit& edit, bool may_refer) {
   bool refers = false;
-  Pins pins(sent_);
+  SendingAhead ahead(line_, sent_);  // also keeps them in use while the server answers
   AssetIds ids{};
   for (size_t i = 0; i < assets.size(); ++i) {
     if (!assets[i]) continue;
     ids[i] = may_refer ? fetched_.number_of(assets[i]) : 0;
     refers = refers || ids[i];
     if (ids[i]) continue;
-    while (!sent_.send(assets[i])) line_.pause(call, true);
+    ahead.send(call, assets[i]);
     ids[i] = assets[i].serial();
-    pins.add(ids[i]);
   }
   put_ids(edit.object, ids);
   try {

@@ -23,7 +23,6 @@ class ForeignObjects {
   void remove(Call& call, const char* name);
 
  private:
-  class Pins;
   Group::Foreign& join_group(Call& call, const char* name);
   void change_in_group(Call& call, const fs_object& object, wire::Edit& edit);
   bool try_change(Call& call, const Assets& assets, wire::Edit& edit, bool may_refer);

@@ -10,7 +10,7 @@ namespace fs {
 namespace {
 
 constexpr double answer_limit = 1;     // s, the longest wait of a call for the server
-constexpr double longest_wait = 2e-3;  // s, at once: another thread may have taken in the answer
+constexpr double longest_wait = 2e-3;  // s, of one poll: another thread may have received the answer already
 
 }  // namespace
 
@@ -42,6 +42,7 @@ bool Line::try_pause(Call& call, bool is_for_room) {
 
 void Line::pause(Call& call, bool is_for_room) {
   if (try_pause(call, is_for_room)) return;
+  if (call.limit == 0) fail(FS_ERROR_TIMEOUT, "the server has no room for this move now; a move never waits");
   fail(FS_ERROR_TIMEOUT, is_for_room ? "the server has not taken earlier changes within %g s"
                                      : "the server has not answered within %g s", call.limit);
 }

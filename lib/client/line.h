@@ -30,6 +30,21 @@ class Line {
   // Waits a little for room to send or for an answer, without the lock. False: the call's end has come.
   bool try_pause(Call& call, bool is_for_room);
   void pause(Call& call, bool is_for_room);  // TIMEOUT
+  // Calls f(), which takes long, without the lock. Returns what f returns. DISCONNECTED.
+  template <class F>
+  auto work(Call& call, F&& f) {
+    call.lock.unlock();
+    struct Relock {
+      ~Relock() { lock.lock(); }
+      std::unique_lock<std::mutex>& lock;
+    };
+    auto out = [&] {
+      const Relock relock{call.lock};
+      return f();
+    }();
+    connection.check();
+    return out;
+  }
   // Sends a request and waits for the answer. TIMEOUT, or what the server refuses.
   Answer request(Call& call, wire::Type type, std::span<const std::byte> body = {});
   template <class Record>

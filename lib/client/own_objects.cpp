@@ -12,6 +12,11 @@ OwnObject& OwnObjects::add(std::string_view name) {
 }
 
 void OwnObjects::release(OwnObject& own) {
+  if (own.is_ahead) {
+    OwnObject** link = &ahead_;
+    while (*link != &own) link = &(*link)->next_ahead;
+    *link = own.next_ahead;
+  }
   note_object(own, nullptr);
   note_refused(own, false);
 }
@@ -24,6 +29,7 @@ void OwnObjects::drop(std::string_view name) {
 }
 
 void OwnObjects::drop_all() {
+  for (; ahead_; ahead_ = ahead_->next_ahead) ahead_->is_ahead = false;
   for (auto next = objects_.begin(); next != objects_.end(); next = objects_.erase(next)) release(next->second);
 }
 

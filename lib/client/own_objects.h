@@ -19,7 +19,7 @@ struct OwnObject {
   bool has_lifetime = false;
   bool is_refused = false;        // the server does not have it: it is in the replica alone
   AssetIds assets{};              // that it uses, of those in SentAssets
-  uint64_t moved_in = 0;          // the newest question at its last move
+  uint64_t moved_in = 0;          // newest question (questions.h) when it was last moved
   // Where it is, while it is ahead of the replica.
   bool is_ahead = false;
   Movement movement;

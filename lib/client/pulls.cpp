@@ -1,6 +1,7 @@
 #include "client/pulls.h"
 
 #include <algorithm>
+#include <limits>
 
 #include "base/error.h"
 #include "base/text.h"
@@ -11,7 +12,7 @@ namespace fs {
 constexpr int most_tries = 4;  // to get an object that others change again and again
 
 bool Pulls::is_current() const noexcept {
-  return !asked_ && !pulled_ && connection_.outbox()->edits.load(std::memory_order_acquire) == edits_seen_;
+  return !asked_ && !pulled_ && connection_.outbox()->news.load(std::memory_order_acquire) == news_seen_;
 }
 
 // The question of a pull is closed when the replica has taken in the answer, or could not.
@@ -23,7 +24,7 @@ void Pulls::look() {
     }
     if (pulled_) {
       try {
-        edits_seen_ = pulled_->edits;
+        news_seen_ = pulled_->news;
         adopt(*pulled_, question_);
       } catch (const Error&) {  // the replica cannot take it in
         pulled_.reset();
@@ -65,12 +66,12 @@ bool Pulls::start_pull() {
 
 void Pulls::catch_up(Call& call, const char* name) {
   // Bounded, so a client that edits continuously cannot hold this call.
-  const uint64_t wanted = connection_.outbox()->edits.load(std::memory_order_acquire);
+  const uint64_t wanted = connection_.outbox()->news.load(std::memory_order_acquire);
   size_t fetches = 2 * size_t{connection_.welcome().max_objects} + 1;
   for (;;) {
     look();
     if (group_) return;
-    const bool is_known = edits_seen_ >= wanted && !pulled_;
+    const bool is_known = news_seen_ >= wanted && !pulled_;
     if (!is_known) {
       line_.pause(call, !asked_);
       continue;
@@ -149,13 +150,16 @@ void Pulls::adopt(const wire::Pulled& pulled, uint64_t question) {
 }
 
 // Puts an own object into the replica as the server has it; but moves that this client has made since it asked count.
-void Pulls::take_over(const wire::Pulled& pulled, const LinkedObject& received, uint64_t question) {
+void Pulls::take_over(const wire::Pulled& pulled, LinkedObject received, uint64_t question) {
   replica_.catch_up_with_moves();
   const std::string name = text_of(pulled.object.name);
   LocalScene& scene = *replica_.scene;
   const OwnObject* const before = replica_.objects.find(name);
   const bool was_moved = before && before->moved_in >= question;
   const Movement newest = was_moved ? scene.movement(name.c_str()) : Movement{};
+  // The group that sent it wrote the least number for the first instant of a virtual clock. Another start counts as given if it
+  // is not the one that the replica has.
+  if (received.object.start == std::numeric_limits<double>::min()) received.object.start = 0;
   scene.set(received.object);
   if (was_moved) {
     scene.set_movement(name.c_str(), newest);

@@ -1,5 +1,5 @@
 // Makes the replica what the server has. Where the server refuses a change, or others change this client's objects, the server
-// counts up Outbox::edits; then the client asks name by name what there is now: a pull. Where the client has changed an object
+// counts up Outbox::news; then the client asks name by name what there is now: a pull. Where the client has changed an object
 // after it asked, it asks again. While a group is open the replica is left alone, because the group began without the news.
 #pragma once
 
@@ -36,7 +36,7 @@ class Pulls {
   void take_answer();
   void fetch_behind(Call& call, const std::string& name);
   void adopt(const wire::Pulled& pulled, uint64_t question);
-  void take_over(const wire::Pulled& pulled, const LinkedObject& received, uint64_t question);
+  void take_over(const wire::Pulled& pulled, LinkedObject received, uint64_t question);
 
   Line& line_;
   Connection& connection_;
@@ -46,8 +46,8 @@ class Pulls {
   Questions& questions_;
   const std::unique_ptr<Group>& group_;
 
-  std::set<std::string, std::less<>> behind_;  // names that the server may have otherwise than the replica
-  uint64_t edits_seen_ = 0;                    // Outbox::edits as far as the server has told
+  std::set<std::string, std::less<>> behind_;  // names whose object may differ between server and replica
+  uint64_t news_seen_ = 0;                     // Outbox::news as far as the server has told
   std::optional<uint64_t> asked_;              // serial of the pull that is not answered yet: its answer comes only once
   std::optional<wire::Pulled> pulled_;         // its answer, until the replica has taken it in
   uint64_t question_ = 0;                      // the question of this pull

@@ -29,17 +29,19 @@ const char* RemoteScene::own_name(const char* name) const noexcept {
 }
 
 // Calls f(group), which changes the replica and adds the change to the group: the open one, or one for this change alone. Where
-// the server has no room, f is called again later.
+// the server has no room, or large assets come first, f is called again later. There is room for one change; f asks for more.
 template <class F>
 void RemoteScene::mutate(Call& call, F&& f) {
-  for (pulls_.look(); !group_; line_.pause(call, true)) {
+  SendingAhead ahead(line_, sent_);
+  for (pulls_.look(); !group_; ahead.send_noted_or_wait(call)) {
     replica_.catch_up_with_moves();
     Group group(replica_);
     bool is_sent = false;
     replica_.scene->begin();
     try {
+      group.require_room(0);
       f(group);
-      is_sent = sender_.deliver(group);
+      is_sent = sender_.deliver(group, ahead);
       if (is_sent) replica_.scene->commit();
       else replica_.scene->cancel();
     } catch (...) {
@@ -51,6 +53,7 @@ void RemoteScene::mutate(Call& call, F&& f) {
     replica_.post();
     return connection_.check();
   }
+  group_->require_room(0);
   try {
     f(*group_);
   } catch (const std::bad_alloc&) {
@@ -98,7 +101,6 @@ void RemoteScene::change_own(Call& call, const fs_object& object, uint32_t parts
   const std::string name = text_of(object.name);
   pulls_.catch_up(call, name.c_str());
   mutate(call, [&](Group& group) {
-    group.require_room(0);
     replica_.scene->change(object, parts);
     if (parts == 0) return;
     const OwnObject* const own = replica_.objects.find(name);
@@ -107,7 +109,8 @@ void RemoteScene::change_own(Call& call, const fs_object& object, uint32_t parts
   });
 }
 
-// The fast one: it makes no system call and does not allocate, while the server is awake.
+// The fast one. It makes no system call and does not allocate, as long as the server is awake and has no news, no group is open
+// and no tool in this process evaluates the scene.
 void RemoteScene::move(const char* given, const fs_pose& pose, const fs_twist* twist, double time) {
   const Pose parsed = parse_move(pose, twist, time);
   double steady;
@@ -121,8 +124,7 @@ void RemoteScene::move(const char* given, const fs_pose& pose, const fs_twist* t
     call.limit = call.end = 0;  // a move never waits
     const bool is_refused = own && own->is_refused;
     return mutate(call, [&](Group& group) {
-      group.require_room(0);
-      replica_.scene->move(name, parsed, twist, at);
+        replica_.scene->move(name, parsed, twist, at);
       if (group_ || !is_refused) group.add_place(name);
     });
   }
@@ -144,7 +146,6 @@ void RemoteScene::remove(const char* given) {
   if (!name) return foreign_.remove(call, given);
   pulls_.catch_up(call, "");
   mutate(call, [&](Group& group) {
-    group.require_room(0);
     replica_.scene->remove(name);
     group.add_remove(name);
   });
@@ -153,7 +154,6 @@ void RemoteScene::remove(const char* given) {
 void RemoteScene::clear() {
   Call call = line_.enter();
   mutate(call, [&](Group& group) {
-    group.require_room(0);
     replica_.scene->clear();
     group.add_clear();
   });
@@ -209,7 +209,10 @@ void RemoteScene::begin() {
 // Where it fails, nothing of the group was sent, and the group stays open.
 void RemoteScene::commit() {
   Call call = line_.enter();
-  while (group_ && !sender_.deliver(*group_)) line_.pause(call, true);
+  {
+    SendingAhead ahead(line_, sent_);
+    while (group_ && !sender_.deliver(*group_, ahead)) ahead.send_noted_or_wait(call);
+  }
   try {
     replica_.scene->commit();  // STATE
   } catch (const std::bad_alloc&) {
@@ -241,7 +244,6 @@ void RemoteScene::sync(double timeout) {
 void RemoteScene::set_frame(const fs_frame& frame) {
   Call call = line_.enter();
   mutate(call, [&](Group& group) {
-    group.require_room(0);
     replica_.scene->set_frame(frame);
     group.add_frame();
   });
@@ -250,7 +252,6 @@ void RemoteScene::set_frame(const fs_frame& frame) {
 void RemoteScene::set_tool(const Vec3* points, size_t count) {
   Call call = line_.enter();
   mutate(call, [&](Group& group) {
-    group.require_room(0);
     replica_.scene->set_tool(points, count);
     group.add_tool();
   });
@@ -259,7 +260,6 @@ void RemoteScene::set_tool(const Vec3* points, size_t count) {
 void RemoteScene::set_clutch(bool held) {
   Call call = line_.enter();
   mutate(call, [&](Group& group) {
-    group.require_room(0);
     group.add_clutch(held);
   });
 }

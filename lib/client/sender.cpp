@@ -7,12 +7,15 @@
 
 namespace fs {
 
-bool Sender::deliver(Group& group) {
+bool Sender::deliver(Group& group, SendingAhead& ahead) {
   if (group.batch.empty()) return true;
   if (may_be_written(group.batch)) {
     write_moves(group.batch);
     return true;
   }
+  bool is_any_noted = false;
+  for (size_t i = 0; i < group.batch.size(); ++i) is_any_noted = ahead.note(group.assets(i));
+  if (is_any_noted) return false;
   for (size_t i = 0; i < group.batch.size(); ++i) {
     if (!sent_.send(group.assets(i))) return false;
   }
@@ -21,7 +24,7 @@ bool Sender::deliver(Group& group) {
   return serial != 0;
 }
 
-// Moves alone need no message. But while a change before them is not applied, they would be felt before it.
+// Moves alone need no message. If an earlier change of the object is still on its way, the moves would overtake it.
 bool Sender::may_be_written(const Batch& batch) const {
   const uint64_t applied = connection_.outbox()->applied.load(std::memory_order_acquire);
   return std::all_of(batch.begin(), batch.end(), [&](const Change& change) {

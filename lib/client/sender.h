@@ -13,8 +13,9 @@ class Sender {
   Sender(Line& line, Replica& replica, SentAssets& sent, Questions& questions)
       : line_(line), connection_(line.connection), replica_(replica), sent_(sent), questions_(questions) {}
 
-  // False: there is no room at the server now. Then nothing has changed, but some of the assets may be there already.
-  bool deliver(Group& group);
+  // False: there is no room at the server now, or large assets have to be sent ahead. Then nothing has changed, but some of the
+  // assets may be there already.
+  bool deliver(Group& group, SendingAhead& ahead);
 
  private:
   bool may_be_written(const Batch& batch) const;

@@ -1,5 +1,4 @@
-// How much work of one client the thread that serves all does in each turn. After more than that the client sits out so many
-// turns: one with very many moves has them taken less often, and nobody else's moves come late.
+// Limits one client's work per turn. One that overspends skips as many turns as it overspent.
 #pragma once
 
 #include <cstddef>

@@ -230,7 +230,7 @@ void Changes::refuse(const ReceivedBatch& received, const Change& failed, const 
     client_.push_event(event);
     client_.let_others();
   }
-  client_.note_edits();
+  client_.note_news();
   client_.syncs.note_refusal(error.status, error.text);
 }
 

@@ -46,7 +46,7 @@ void Client::note_edit_by(const std::string& editor, const std::string& object, 
     forget_object(object);
     told.names()[object] = editor;
   }
-  note_edits();
+  note_news();
 }
 
 void Client::note_untold(const std::string& object) {

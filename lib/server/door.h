@@ -1,5 +1,5 @@
 // The door of a server: the sockets to which clients connect. It lets in only so many at a time, because each costs as much as
-// many requests; then it stays closed until it is reopened. So it does when the process has no descriptor left.
+// many requests; then it stays closed until it is reopened. It also closes when the process has no descriptor left.
 #pragma once
 
 #include <functional>

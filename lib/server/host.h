@@ -1,6 +1,15 @@
 // The server as its sessions see it: what is the same for all sessions, and who else is connected. Long work does not keep
 // other clients waiting: either a worker does it, or the session lets the server look after the others again and again.
 // All calls come from the server's thread.
+//
+// Who may run inside whom: a client's long work (a group, a clear, changes that were parked) marks the client with is_applying
+// and calls let_others() between its steps. In there run only
+//   - turns that are due: they take and post the moves of all clients but those with is_applying;
+//   - one message of one other client, with is_among_others_: its own long work inside lets turns run, and nobody else.
+// That message must not touch what is half done: Session::is_next_apart looks into it, and leaves groups, questions about all
+// clients, and whatever is about the busy client's objects for later. While a group keeps drafts of other clients' scenes
+// (is_amid_drafts), turns alone run. Jobs that are done, parked changes and the door are looked at by the server's loop only,
+// never inside a client's work.
 #pragma once
 
 #include <functional>

@@ -75,33 +75,8 @@ void answer(Client& client, uint64_t serial, const std::shared_ptr<List>& list) 
                         [&client, serial, list] { answer_made(client, serial, *list); });
 }
 
-// A list of how the objects of some scenes move.
-class MotionList final : public List {
- public:
-  struct Part {
-    Part(std::string the_prefix, const Ref<LocalScene>& scene) : prefix(std::move(the_prefix)), moment(scene, false) {}
-    const std::string prefix;
-    const Moment moment;
-  };
-  std::deque<Part> parts;
-
-  size_t most() const override {
-    size_t sum = 0;
-    for (const Part& part : parts) sum += part.moment.most();
-    return sum;
-  }
-
- private:
-  void write() override {
-    for (const Part& part : parts) {
-      part.moment.for_each_motion(part.prefix, [&](const fs_motion& motion) { add_record(motion); });
-    }
-  }
-  void release() override { parts.clear(); }
-};
-
-// A list of what became of all objects.
-class ReportList final : public List {
+// A list about the objects of some scenes.
+class SceneList : public List {
  public:
   struct Part {
     Part(std::string the_prefix, const Ref<LocalScene>& scene) : prefix(std::move(the_prefix)), moment(scene, false) {}
@@ -110,13 +85,30 @@ class ReportList final : public List {
     std::vector<fs_report> absent;  // by bare names
   };
   std::deque<Part> parts;
-  fs_frame frame;  // of the client
 
   size_t most() const override {
     size_t sum = 0;
     for (const Part& part : parts) sum += part.moment.most() + part.absent.size();
     return sum;
   }
+
+ private:
+  void release() override { parts.clear(); }
+};
+
+// A list of how the objects move.
+class MotionList final : public SceneList {
+  void write() override {
+    for (const Part& part : parts) {
+      part.moment.for_each_motion(part.prefix, [&](const fs_motion& motion) { add_record(motion); });
+    }
+  }
+};
+
+// A list of what became of all objects.
+class ReportList final : public SceneList {
+ public:
+  fs_frame frame;  // of the client
 
  private:
   void write() override {
@@ -131,7 +123,6 @@ class ReportList final : public List {
       for (const fs_report& report : part.absent) add(report);
     }
   }
-  void release() override { parts.clear(); }
 };
 
 }  // namespace
@@ -152,7 +143,7 @@ void answer_motions(Client& client, uint64_t serial, const std::string& whose) {
 void answer_reports(Client& client, uint64_t serial) {
   const auto list = std::make_shared<ReportList>();
   const auto add = [&](const std::string& prefix, const Client& owner) {
-    ReportList::Part& part = list->parts.emplace_back(prefix, owner.scene);
+    SceneList::Part& part = list->parts.emplace_back(prefix, owner.scene);
     for (const auto& [name, absent] : owner.absent) part.absent.push_back(report_of(name, absent));
   };
   list->frame = client.scene->view(false).frame;

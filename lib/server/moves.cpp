@@ -22,7 +22,7 @@ void Moves::bind(const std::string& name, uint32_t slot, uint64_t after) {
   if (present != wire::no_slot && present != slot && slots_[present].name == name) slots_[present] = {};
   present = wire::no_slot;
   if (slot == wire::no_slot) return;
-  // The client may have given the slot to another object, before this change or while it waited: its last word counts.
+  // Another object may have got this slot since; the later change wins.
   if (Slot& other = slots_[slot]; !other.name.empty() && other.name != name) {
     if (other.after > after) return;
     objects_[other.name] = wire::no_slot;

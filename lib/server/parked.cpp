@@ -38,21 +38,24 @@ bool Subjects::add(const Change& change) {
 void Parked::count(const ReceivedBatch& batch) {
   constexpr size_t map_cost = 256;  // in changes: a process can map only so many memory files
   names_.insert(batch.about.names.begin(), batch.about.names.end());
-  ids_.insert(batch.about.ids.begin(), batch.about.ids.end());
+  (batch.is_request ? request_ids_ : ids_).insert(batch.about.ids.begin(), batch.about.ids.end());
   all_ += batch.about.is_about_all;
   view_ += batch.about.is_about_view;
+  requests_ += batch.is_request;
   cost_ += std::max(batch.changes.size(), batch.changes.is_mapped() ? map_cost : 1);
 }
 
 void Parked::count_nothing() noexcept {
   names_.clear();
   ids_.clear();
-  all_ = view_ = cost_ = 0;
+  request_ids_.clear();
+  all_ = view_ = cost_ = requests_ = 0;
 }
 
 bool Parked::holds_up(const Subjects& about) const {
   if (cost_ == 0) return false;
-  if (all_ || about.is_about_all || (view_ && about.is_about_view)) return true;
+  if (all_ || (view_ && about.is_about_view)) return true;
+  if (about.is_about_all && requests_ < batches_.size()) return true;  // of the client's own objects: not after requests
   const auto is_in = [](const auto& keys) { return [&keys](const auto& key) { return keys.contains(key); }; };
   return std::any_of(about.names.begin(), about.names.end(), is_in(names_)) ||
          (about.is_forget && std::any_of(about.ids.begin(), about.ids.end(), is_in(ids_)));

@@ -1,5 +1,6 @@
 // Batches of a client that cannot be applied yet. One that needs a shape or curve which is being built waits for that, and
-// later ones that are about the same things wait behind it; all others go on. Parked knows what those that wait hold up.
+// later ones that are about the same things wait behind it; all others go on. Parked knows what those that wait hold up. A
+// request that changes another client's object is parked as a batch, too.
 #pragma once
 
 #include <deque>
@@ -26,6 +27,7 @@ struct ReceivedBatch {
   uint64_t serial = 0;
   Batch changes;
   Subjects about;
+  bool is_request = false;  // one change of another client's object, which is answered when it is done
 };
 
 class Parked {
@@ -33,12 +35,13 @@ class Parked {
   bool is_empty() const noexcept { return batches_.empty(); }
   size_t cost() const noexcept { return cost_; }  // in changes; a memory file costs as much as many
   const std::deque<ReceivedBatch>& batches() const noexcept { return batches_; }
+  size_t requests() const noexcept { return requests_; }
 
   // Whether a batch that is about this has to wait behind one that waits already.
   bool holds_up(const Subjects& about) const;
   bool holds_up(std::string_view name) const { return all_ > 0 || names_.contains(name); }
   bool holds_up_view() const noexcept { return view_ > 0 || all_ > 0; }
-  bool needs(uint64_t id) const { return ids_.contains(id); }
+  bool needs(uint64_t id) const { return ids_.contains(id) || request_ids_.contains(id); }
 
   void add(ReceivedBatch&& batch);
   std::deque<ReceivedBatch> take_all();
@@ -66,8 +69,8 @@ class Parked {
   std::deque<ReceivedBatch> batches_;
   // What all of them together are about.
   std::set<std::string, std::less<>> names_;
-  std::set<uint64_t> ids_;
-  size_t all_ = 0, view_ = 0, cost_ = 0;
+  std::set<uint64_t> ids_, request_ids_;  // the latter of requests, which do not hold up a forget
+  size_t all_ = 0, view_ = 0, cost_ = 0, requests_ = 0;
   bool is_retry_due_ = false;
   size_t turns_until_retry_ = 0;
 };

@@ -13,10 +13,6 @@
 namespace fs {
 namespace {
 
-bool is_edit(wire::Type type) {
-  return type == wire::type_edit || type == wire::type_move_other || type == wire::type_remove_other;
-}
-
 // Calls f(target). Where that finds no such object, the error says the object's whole name.
 template <class F>
 void with_object(const TargetObject& target, F&& f) {
@@ -34,9 +30,13 @@ void Requests::handle(const Request& request) {
   try {
     answer(request);
   } catch (const Error& error) {
-    client_.refused += is_edit(request.content.type);
-    client_.answers.refuse(request.serial, error.status, error.text);
+    refuse(request, error);
   }
+}
+
+void Requests::refuse(const Request& request, const Error& error) {
+  client_.refused += request.content.is_foreign();
+  client_.answers.refuse(request.serial, error.status, error.text);
 }
 
 void Requests::answer(const Request& request) {
@@ -71,25 +71,7 @@ void Requests::answer(const Request& request) {
 
 // ------------------------------------------------------------------------------------------------- objects of others
 
-bool Requests::must_wait(const Change& edit) const {
-  if (client_.parked.holds_up(edit.name())) return true;
-  if (edit.type != wire::type_edit) return false;
-  const AssetIds ids = ids_of(edit.as<wire::Edit>().object);
-  return std::any_of(ids.begin(), ids.end(), [this](uint64_t id) { return client_.assets.is_building(id); });
-}
-
-void Requests::retry() {
-  const std::vector<Request> waiting = std::exchange(waiting_, {});
-  for (const Request& request : waiting) handle(request);
-}
-
 void Requests::edit(const Request& request) {
-  if (must_wait(request.content)) {
-    constexpr size_t most = 64;
-    if (waiting_.size() >= most) fail(FS_ERROR_FULL, "%zu changes of this client wait already", most);
-    waiting_.push_back(request);
-    return;
-  }
   with_object(find_foreign(client_, request.as<wire::Target>()), [&](const TargetObject& target) {
     if (target.owner) target.owner->take_moves();  // moves that the owner made before this change
     ForeignEdit edit(target);
@@ -165,9 +147,9 @@ void Requests::pull(const Request& request) {
     told.names().erase(told.names().find(*next));
   }
   if (!client_.assets.has_refused() && told.is_all_told(client_.parked)) {
-    told.edits = client_.outbox->edits.load(std::memory_order_relaxed);
+    told.news = client_.outbox->news.load(std::memory_order_relaxed);
   }
-  out.edits = told.edits;
+  out.news = told.news;
   client_.answers.send_record(request.serial, out);
 }
 

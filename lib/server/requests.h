@@ -1,10 +1,8 @@
-// Answers the requests of a client. A single change of another client's object is a request, too; it waits while a shape
-// that it brings is being built, or while a parked batch of the client is about the same object.
+// Answers the requests of a client. A single change of another client's object is a request, too. While it has to wait, the
+// session parks it like any other change, so that earlier and later changes of the same object keep their order.
 #pragma once
 
-#include <memory>
-#include <vector>
-
+#include "base/error.h"
 #include "server/client.h"
 
 namespace fs {
@@ -12,8 +10,7 @@ namespace fs {
 // A request as it came.
 struct Request {
   uint64_t serial;
-  Change content;                      // its type and record
-  std::shared_ptr<const void> memory;  // that the record lies in
+  Change content;  // its type and record
   template <class Record>
   const Record& as() const { return content.as<Record>(); }
 };
@@ -23,12 +20,10 @@ class Requests {
   explicit Requests(Client& client) : client_(client) {}
 
   void handle(const Request& request);
-  void retry();  // handles again those that wait
-  bool are_waiting() const noexcept { return !waiting_.empty(); }
+  void refuse(const Request& request, const Error& error);
 
  private:
   void answer(const Request& request);
-  bool must_wait(const Change& edit) const;
   void edit(const Request& request);
   void get(const Request& request);
   void report(const Request& request);
@@ -38,7 +33,6 @@ class Requests {
   void view(const Request& request);
 
   Client& client_;
-  std::vector<Request> waiting_;
 };
 
 }  // namespace fs

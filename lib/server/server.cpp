@@ -43,8 +43,8 @@ fs_server::fs_server(Ref<Servo> servo, const Endpoint& endpoint, const ServerSet
       timer_(timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK)),
       wake_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
       door_(user_address(geteuid(), endpoint.name), settings.is_for_all_users ? shared_address(endpoint.name) : ""),
-      worker_([this] { wake(); }),
-      builder_([this] { wake(); }),
+      worker_("fs-worker", [this] { wake(); }),
+      builder_("fs-builder", [this] { wake(); }),
       message_(most_message) {
   if (!timer_ || !wake_) {
     fail(status_without_descriptor(errno), "the server could not be made: %s", std::strerror(errno));
@@ -60,17 +60,24 @@ fs_server::fs_server(Ref<Servo> servo, const Endpoint& endpoint, const ServerSet
     wake();
     changed_.wait(lock, [this] { return has_let_go_; });
   });
-  try {
-    const SignalsBlocked blocked;
-    thread_ = std::thread([this] { run(); });
-  } catch (const std::system_error& error) {
+  // The servo may be stopping already: then it waits until the server has let go.
+  const auto stop_listening = [this] {
     {
       const std::lock_guard lock(mutex_);
       has_let_go_ = true;
       changed_.notify_all();
     }
     servo_->remove_listener(this);
+  };
+  try {
+    const SignalsBlocked blocked;
+    thread_ = std::thread([this] { run(); });
+  } catch (const std::system_error& error) {
+    stop_listening();
     fail(FS_ERROR_IO, "the server's thread could not be started: %s", error.what());
+  } catch (...) {  // there is no memory
+    stop_listening();
+    throw;
   }
 }
 

@@ -1,6 +1,6 @@
 // The server: lets other processes in to a servo. It is the fs_server of the C contract itself. One thread owns the
 // sessions: at the servo's rate it takes what the clients have written, in turn, and answers what they ask. Each client has
-// a scene and a channel of its own in the servo, so their forces add; a scene gets one snapshot a period at most.
+// a scene and a channel of its own in the servo, so their forces add; a turn makes one snapshot of a scene at most.
 #pragma once
 
 #include <condition_variable>

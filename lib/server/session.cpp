@@ -37,7 +37,7 @@ bool Session::is_alive() const noexcept {
 
 bool Session::is_busy() const noexcept {
   return client_->is_applying || !client_->awaited.is_empty() || !client_->syncs.is_empty() ||
-         !client_->parked.is_empty() || requests_.are_waiting();
+         !client_->parked.is_empty();
 }
 
 void Session::set_asleep(bool is_asleep) noexcept {
@@ -139,13 +139,14 @@ void Session::handle(std::span<const std::byte> bytes, Descriptor&& data) {
     ReceivedBatch batch = take_apart(bytes, memory, std::move(data));
     batch.serial = header.serial;
     if (!client_->is_gone) submit(std::move(batch));
-  } else if (type >= wire::type_sync) {
-    requests_.handle({header.serial, {type, bytes}, memory});
-  } else {
-    ReceivedBatch batch{header.serial, Batch::Reader::read(type, bytes, memory), {}};
-    check(batch.changes[0], batch.about);
-    submit(std::move(batch));
+    return;
   }
+  const Change content{type, bytes};
+  const bool is_request = type >= wire::type_sync;
+  if (is_request && !content.is_foreign()) return requests_.handle({header.serial, content});
+  ReceivedBatch batch{header.serial, Batch::Reader::read(type, bytes, memory), {}, is_request};
+  check(batch.changes[0], batch.about);
+  submit(std::move(batch));
 }
 
 // A group may have many changes: others have their turns meanwhile, and may find that this client is gone.
@@ -213,21 +214,21 @@ void Session::take_asset(PackedAsset&& packed) {
         made->text = "the server has not enough memory for the shape";
       }
     };
-    return client.host.start_job(client, bytes, std::move(work),
-                                 [this, id, made] { finish_asset(id, std::move(*made)); });
+    return client.host.start_job(client, bytes, std::move(work), [this, id, made] {
+      if (finish_asset(id, std::move(*made))) retry_parked();
+      note_applied();
+    });
   } catch (const Error& error) {
     made->status = error.status;
     made->text = error.text;
   }
-  finish_asset(id, std::move(*made));
+  finish_asset(id, std::move(*made));  // another client's work may be under way: parked changes wait for the next turn
 }
 
-void Session::finish_asset(uint64_t id, ClientAssets::Upload&& upload) {
+bool Session::finish_asset(uint64_t id, ClientAssets::Upload&& upload) {
   const bool is_refused = upload.status != FS_OK;
-  if (client_->assets.finish(id, std::move(upload)) && is_refused) client_->note_edits();
-  if (client_->parked.needs(id) && client_->parked.note_ready()) retry_parked();
-  requests_.retry();
-  note_applied();
+  if (client_->assets.finish(id, std::move(upload)) && is_refused) client_->note_news();
+  return client_->parked.needs(id) && client_->parked.note_ready();
 }
 
 void Session::finish_job(const std::function<void()>& done) noexcept {
@@ -261,6 +262,11 @@ bool Session::is_ready(const ReceivedBatch& batch) const {
 
 void Session::submit(ReceivedBatch&& batch) {
   if (is_ready(batch) && !client_->parked.holds_up(batch.about)) return apply(std::move(batch));
+  constexpr size_t most_requests = 64;
+  if (batch.is_request && client_->parked.requests() >= most_requests) {
+    const Error full{FS_ERROR_FULL, "64 changes of this client wait for shapes; try again when these are built"};
+    return requests_.refuse({batch.serial, batch.changes[0]}, full);
+  }
   for (const Change& change : batch.changes) {
     if (change.type == wire::type_set) client_->note_absent(change.as<wire::Set>(), FS_OBJECT_PENDING);
     if (change.type == wire::type_remove) client_->absent.erase(std::string(change.name()));
@@ -270,6 +276,7 @@ void Session::submit(ReceivedBatch&& batch) {
 }
 
 void Session::apply(ReceivedBatch&& batch) {
+  if (batch.is_request) return requests_.handle({batch.serial, batch.changes[0]});
   changes_.apply(batch);
   if (batch.changes.size() > many_changes) client_->host.destroy(std::make_shared<ReceivedBatch>(std::move(batch)));
 }
@@ -294,14 +301,12 @@ void Session::retry_parked() {
     }
     client_->let_others();
   }
-  requests_.retry();
-  if (!client_->told.is_empty()) client_->note_edits();  // names that parked changes held up can be told now
+  if (!client_->told.is_empty()) client_->note_news();  // names that parked changes held up can be told now
   note_applied();
 }
 
 void Session::note_applied() noexcept {
-  const bool is_any_waiting = !client_->parked.is_empty() || requests_.are_waiting();
-  if (client_->outbox && !is_any_waiting) client_->outbox->applied.store(last_serial_, std::memory_order_release);
+  if (client_->outbox && client_->parked.is_empty()) client_->outbox->applied.store(last_serial_, std::memory_order_release);
 }
 
 // -------------------------------------------------------------------------------------------------------- each period
@@ -327,8 +332,7 @@ void Session::end_turn() noexcept {
       client_->awaited.take_used(client_->scene->sequence(), used,
                                  [this](const std::string& name) { client_->push_event(FS_EVENT_READY, name); });
     }
-    const bool is_any_waiting = !client_->parked.is_empty() || requests_.are_waiting();
-    if (!is_any_waiting && !client_->syncs.is_empty()) client_->syncs.answer(*client_, are_moves_taken_);
+    if (client_->parked.is_empty() && !client_->syncs.is_empty()) client_->syncs.answer(*client_, are_moves_taken_);
   } catch (...) {
     drop();
   }

@@ -56,7 +56,7 @@ class Session {
  private:
   void handle(std::span<const std::byte> bytes, Descriptor&& data);
   void take_asset(PackedAsset&& packed);
-  void finish_asset(uint64_t id, ClientAssets::Upload&& upload);
+  bool finish_asset(uint64_t id, ClientAssets::Upload&& upload);  // true: parked changes can be looked through now
   ReceivedBatch take_apart(std::span<const std::byte> body, std::shared_ptr<const void> memory, Descriptor&& data);
   void check(const Change& change, Subjects& about) const;
   bool is_ready(const ReceivedBatch& batch) const;

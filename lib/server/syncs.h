@@ -29,7 +29,7 @@ class Syncs {
   struct Sync {
     uint64_t serial;
     bool has_begun = false;  // its sequences were sampled, after all that came before it was posted
-    uint64_t own = 0;        // the sequence that a tick has to use of the server's own scene; wanted: of the clients' scenes
+    uint64_t own = 0;        // the sequence that a tick has to use, for the server's scene; wanted: for each client's
     std::vector<std::pair<std::weak_ptr<const Client>, uint64_t>> wanted;
   };
   static void begin(Sync& sync, const Client& client);

@@ -1,5 +1,5 @@
 // What a client has to be told: the names of its objects of which it may believe something else than what is there, with who
-// changed them, and its view. The client asks for these one by one (a pull), until it has been told as far as Outbox::edits
+// changed them, and its view. The client asks for these one by one (a pull), until it has been told as far as Outbox::news
 // counts. A name that is held up by a parked change is told only after that change was applied or refused.
 #pragma once
 
@@ -32,7 +32,7 @@ class Told {
     return (!is_view_due_ || parked.holds_up_view()) && !next_name(parked);
   }
 
-  uint64_t edits = 0;  // Outbox::edits as far as it has been told
+  uint64_t news = 0;   // Outbox::news as far as it has been told
 
  private:
   NameMap<std::string> names_;

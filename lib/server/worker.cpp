@@ -10,7 +10,8 @@
 
 namespace fs {
 
-Worker::Worker(std::function<void()> notify) : notify_(std::move(notify)) {
+Worker::Worker(const char* thread_name, std::function<void()> notify)
+    : thread_name_(thread_name), notify_(std::move(notify)) {
   const SignalsBlocked blocked;
   try {
     thread_ = std::thread([this] { run(); });
@@ -53,7 +54,7 @@ std::list<Worker::Job> Worker::take_done() {
 }
 
 void Worker::run() {
-  begin_thread("fs-builder");
+  begin_thread(thread_name_);
   uint64_t last = 0;
   std::unique_lock lock(mutex_);
   for (;;) {

@@ -22,8 +22,8 @@ class Worker {
     std::function<void()> done;  // what the thread that asked does then
   };
 
-  // notify: called by the worker's thread when something was done.
-  explicit Worker(std::function<void()> notify);
+  // thread_name: a literal. notify: called by the worker's thread when something was done.
+  Worker(const char* thread_name, std::function<void()> notify);
   ~Worker();  // drops the jobs that have not begun, and abandons the one that has
 
   void add(uint64_t owner, Job job);
@@ -33,6 +33,7 @@ class Worker {
  private:
   void run();
 
+  const char* const thread_name_;
   const std::function<void()> notify_;
   std::mutex mutex_;
   std::condition_variable changed_;

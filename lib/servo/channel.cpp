@@ -51,7 +51,7 @@ fs_response Channel::evaluate_views(const fs_state& hand, double now) noexcept {
   const Snapshot& snapshot = *reader_.mailbox.front().snapshot;
   const Views& views = *snapshot.views;
   fs_response here{}, device{};
-  // The newest first: the hand is told as it sees it. What others give is turned to its axes.
+  // The newest view first: fs_scene_get_hand reports the hand in its frame; forces of older views are rotated into its axes.
   for (uint32_t k = 0; k < Views::size; ++k) {
     const uint32_t i = k == 0 ? views.newest : k - (k <= views.newest);
     const View& view = views.rows[i];

@@ -7,7 +7,7 @@
 #include <forceserver/servo.h>
 
 #include "base/seqlock.h"
-#include "servo/memory.h"
+#include "servo/locked_memory.h"
 
 namespace fs {
 

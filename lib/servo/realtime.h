@@ -5,7 +5,7 @@
 
 namespace fs {
 
-bool may_use_processor(int cpu) noexcept;
+bool may_use_processor(int cpu) noexcept;  // the calling thread
 
 // For the calling thread, asks for SCHED_FIFO at `priority`; if that is refused, sets a timer slack of 1 ns and asks
 // for a better nice value. A negative priority asks for nothing. cpu: the processor that the thread stays on; negative:

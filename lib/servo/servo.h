@@ -13,7 +13,7 @@
 #include "servo/device_events.h"
 #include "servo/flight_record.h"
 #include "servo/guard.h"
-#include "servo/memory.h"
+#include "servo/locked_memory.h"
 #include "servo/settings.h"
 #include "servo/statistics.h"
 

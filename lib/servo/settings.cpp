@@ -83,7 +83,7 @@ ServoSettings parse_options(const fs_servo_options& options, const fs_device_inf
   }
   out.cpu = options.cpu - 1;
   if (out.cpu >= 0 && !may_use_processor(out.cpu)) {
-    fail(FS_ERROR_INVALID, "cpu is %d, but this process may not run on processor %d", options.cpu, out.cpu);
+    fail(FS_ERROR_INVALID, "cpu is %d, but the calling thread may not run on processor %d", options.cpu, out.cpu);
   }
   return out;
 }

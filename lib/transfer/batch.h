@@ -23,7 +23,9 @@ struct Change {
   template <class Record>
   const Record& as() const noexcept { return *reinterpret_cast<const Record*>(record.data()); }
   // It changes an object of another client.
-  bool is_foreign() const noexcept { return type >= wire::type_sync; }
+  bool is_foreign() const noexcept {
+    return type == wire::type_edit || type == wire::type_move_other || type == wire::type_remove_other;
+  }
   // The name of the object that it is about, "client/object" of a foreign one; empty: it is about none.
   std::string_view name() const noexcept;
 };

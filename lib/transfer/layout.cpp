@@ -120,7 +120,7 @@ std::string make_layout_text() {
   RECORD(Edit, target, parts, object);
   RECORD(MoveOther, target, has_twist, pose, twist, time);
   RECORD(Count, count);
-  RECORD(Pulled, state, slot, edits, object, motion, frame, tool);
+  RECORD(Pulled, state, slot, news, object, motion, frame, tool);
   RECORD(Move, after, motion);
   RECORD(fs_state, pose, twist, time, buttons, flags, reserved);
   RECORD(fs_response, wrench, stiffness, proxy, felt_count, flags, error_bound, reserved);
@@ -138,7 +138,7 @@ std::string make_layout_text() {
          compute_max);
   RECORD(fs_device_info, struct_size, force_axes, torque_axes, reserved, name, serial, workspace_radius,
          workspace_height, workspace_angle, force_max, torque_max, resolution, rate, delay, damping, mass);
-  REGION(Outbox, servo, heartbeat, is_closed, is_asleep, edits, applied, events_written, events);
+  REGION(Outbox, servo, heartbeat, is_closed, is_asleep, news, applied, events_written, events);
   REGION(ServoOutput, time, tick, used, hand);
   REGION(InboxHead, batch, summary);
   table.add("Inbox", {{"slot", 0, sizeof(Seqlock<Move>), 'r'}, {"event", 0, sizeof(Seqlock<EventSlot>), 'r'},

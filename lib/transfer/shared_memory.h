@@ -23,7 +23,7 @@ struct Outbox {
   alignas(64) std::atomic<double> heartbeat{0};  // s, monotonic clock: when the server last came by
   std::atomic<uint32_t> is_closed{0};            // the server has let go of this client
   std::atomic<uint32_t> is_asleep{0};            // the server looks at the inbox only when it is woken
-  std::atomic<uint64_t> edits{0};                // grows when there is something new to tell the client
+  std::atomic<uint64_t> news{0};                 // grows when there is something new to tell the client
   std::atomic<uint64_t> applied{0};              // serial: all of the client's messages up to it have been applied
   std::atomic<uint64_t> events_written{0};
   Seqlock<wire::EventSlot> events[kept_events];  // by number, modulo kept_events

@@ -233,7 +233,7 @@ enum PulledState : uint32_t {
 struct Pulled {
   uint32_t state;                // PulledState
   uint32_t slot;                 // of the object; no_slot: none
-  uint64_t edits;                // Outbox::edits as far as the client has been told
+  uint64_t news;                 // Outbox::news as far as the client has been told
   Object object;
   Motion motion;                 // of the object: unlike an Object it says how long the twist holds
   Frame frame;

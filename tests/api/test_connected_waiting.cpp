@@ -76,6 +76,36 @@ START_TEST(abandoned_syncs) {  // a later sync returns their refusals, once
 }
 END_TEST
 
+START_TEST(nobody_gave_a_start) {  // then a file has none either, after another client has changed the object
+  ServerRig rig;
+  const Scene me = rig.join("me"), bob = rig.join("bob");
+  const scenes::Folder folder;
+  const auto count_ages = [&] {
+    const std::string path = folder / "scene.json";
+    OK(fs_scene_save(me.get(), path.c_str()));
+    std::ifstream file(path);
+    int count = 0;
+    for (std::string line; std::getline(file, line);) count += line.find("\"age\"") != std::string::npos;
+    return count;
+  };
+  for (int round = 0; round < 2; ++round) {  // at the first instant of the clock, and later
+    set(me, spring("changed"));
+    fs_object given = spring("given");
+    given.start = 0.5;
+    set(me, given);
+    rig.settle(me.get());
+    const Got got(bob.get(), "me/changed");
+    fs_object o = got.object;
+    o.front.gain = 30;
+    OK(fs_object_change(bob.get(), &o, FS_PART_PROFILES));
+    ck_assert_double_eq(Got(me.get(), "changed")->front.gain, 30);
+    ck_assert_int_eq(count_ages(), 1);
+    OK(fs_scene_clear(me.get()));
+    rig.settle(me.get());
+  }
+}
+END_TEST
+
 // ------------------------------------------------------------------------------------------------------- while it waits
 
 START_TEST(groups_of_moves_wait_together) {
@@ -313,7 +343,7 @@ END_TEST
 
 int main() {
   Suite* suite = suite_create("connected_waiting");
-  add_once(suite, "refused", {moves_after_a_refusal, abandoned_syncs});
+  add_once(suite, "refused", {moves_after_a_refusal, abandoned_syncs, nobody_gave_a_start});
   add_once(suite, "waits", {groups_of_moves_wait_together, ready_when_it_was_not, removed_while_it_is_built,
                             small_beside_large, the_later_move_counts, half_of_a_group_is_seen_by_nobody});
   add_once(suite, "cost", {who_comes_later, looking_in_again_and_again, a_stream_of_changes,

@@ -10,6 +10,8 @@
 #include <sstream>
 #include <vector>
 
+#include <unistd.h>
+
 #include "api/support.h"
 #include "scenes/folder.h"
 
@@ -495,6 +497,21 @@ START_TEST(the_first_object) {  // of an empty scene: a failed call leaves no tr
 }
 END_TEST
 
+START_TEST(a_server_is_started) {  // a failed start leaves nothing behind at the servo
+  each_allocation(false, [](const Failing& failing) {
+    const Scene scene = make_scene();
+    const Device device = open_device("sim:");
+    Servo servo = start_servo(scene.get(), device.get(), options());
+    const std::string endpoint = "shm:test-memory-" + std::to_string(getpid());
+    fs_server* server = nullptr;
+    const fs_status status = failing([&] { return fs_server_start(servo.get(), endpoint.c_str(), nullptr, &server); });
+    const Server owner(server);
+    ck_assert((status == FS_OK) == (server != nullptr));
+    servo.reset();
+  });
+}
+END_TEST
+
 START_TEST(allocations_are_seen) {  // an allocation inside the library
   for (const Call& call : calls()) {
     if (std::strcmp(call.name, "set, new") == 0) ck_assert_int_gt(sweep(call, true, false), 5);
@@ -506,6 +523,7 @@ int main() {
   Suite* suite = suite_create("memory");
   add_case(suite, "the test", {allocations_are_seen, the_first_object});
   add_case(suite, "files", {a_scene_is_saved, a_scene_is_loaded, bad_files_and_meshes_are_read});
+  add_case(suite, "server", {a_server_is_started});
   for (int k = 0; k < static_cast<int>(calls().size()); ++k) {
     TCase* test_case = tcase_create(calls()[static_cast<size_t>(k)].name);
     tcase_set_timeout(test_case, 120);

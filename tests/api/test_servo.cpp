@@ -28,7 +28,7 @@ static fs_servo_options plain(double ramp = -1) {
   return options;
 }
 
-// The number of a processor that this process may run on.
+// The number of a processor that this thread may run on.
 static int usable_processor() {
   cpu_set_t set;
   ck_assert_int_eq(sched_getaffinity(0, sizeof set, &set), 0);
@@ -551,6 +551,19 @@ START_TEST(bad_options) {
   EXPECT(FS_ERROR_VERSION, fs_servo_start(rig.scene.get(), rig.device.get(), &options, &servo));
   options.struct_size = 8;
   EXPECT(FS_ERROR_INVALID, fs_servo_start(rig.scene.get(), rig.device.get(), &options, &servo));
+  // The servo's thread runs where the calling thread may run.
+  cpu_set_t before, here;
+  ck_assert_int_eq(sched_getaffinity(0, sizeof before, &before), 0);
+  CPU_ZERO(&here);
+  CPU_SET(usable_processor(), &here);
+  ck_assert_int_eq(sched_setaffinity(0, sizeof here, &here), 0);
+  options = virtual_options();
+  options.cpu = usable_processor() > 0 ? 1 : 2;
+  if (options.cpu <= sysconf(_SC_NPROCESSORS_CONF)) {
+    EXPECT_SENTENCE(FS_ERROR_INVALID, fs_servo_start(rig.scene.get(), rig.device.get(), &options, &servo),
+                    "the calling thread may not run on");
+  }
+  ck_assert_int_eq(sched_setaffinity(0, sizeof before, &before), 0);
   // All options at their bounds; a refused start leaves device and scene free.
   options = virtual_options();
   options.rate = 20000;

@@ -426,6 +426,35 @@ START_TEST(bad_requests) {
 }
 END_TEST
 
+// A change of another client's object that waits for its shape is not overtaken by later changes of the same object.
+START_TEST(later_changes_come_later) {
+  for (const bool is_group : {false, true}) {
+    Rig rig;
+    RawClient alice = rig.join("alice"), bob = rig.join("bob");
+    alice.set(0, push("t", 0.1));
+    ck_assert_int_eq(rig.sync(alice), FS_OK);
+    std::vector<fs_vec3> ring(300000);
+    for (size_t i = 0; i < ring.size(); ++i) {
+      const double angle = 2 * M_PI * static_cast<double>(i) / static_cast<double>(ring.size());
+      ring[i] = {std::cos(angle), std::sin(angle), 0};
+    }
+    bob.polyline(77, ring);
+    Edit first{target_of("alice/t"), all_parts, fs::to_record(push("t", 0.1))}, second = first;
+    first.object.primitive = FS_PRIMITIVE_POLYLINE;
+    first.object.shape = 77;
+    const uint64_t first_serial = bob.send(type_edit, first);
+    if (is_group) bob.send(type_move_other, MoveOther{target_of("alice/t"), 0, {}, {}, 0}, -1, true);
+    const uint64_t second_serial = bob.send(type_edit, second);
+    ck_assert_int_eq(bob.status_of(bob.reply_of(first_serial)), FS_OK);
+    if (!is_group) ck_assert_int_eq(bob.status_of(bob.reply_of(second_serial)), FS_OK);
+    ck_assert_int_eq(rig.sync(bob), FS_OK);
+    const auto got = bob.reply_of(bob.send(type_get, target_of("alice/t")));
+    ck_assert_int_eq(bob.status_of(got), FS_OK);
+    ck_assert_int_eq(got->as<Object>().primitive, FS_PRIMITIVE_PLANE);
+  }
+}
+END_TEST
+
 START_TEST(locked) {
   fs_server_options options = server_options();
   options.locked = true;
@@ -626,7 +655,7 @@ int main() {
   scenes::add_once(suite, "sizes", {wrong_sizes, unknown_types, random_bodies});
   scenes::add_once(suite, "order", {serials_that_do_not_rise, what_belongs_in_no_group, groups_that_lie, group_without_end, group_refused});
   scenes::add_once(suite, "numbers", {slot_out_of_range, slots_of_others, numbers_of_shapes});
-  scenes::add_once(suite, "others", {bad_requests, locked, own_as_another, reports_of_nonsense, refused_until_removed});
+  scenes::add_once(suite, "others", {bad_requests, later_changes_come_later, locked, own_as_another, reports_of_nonsense, refused_until_removed});
   scenes::add_once(suite, "too much", {never_reads, lists_for_nobody, flood});
   return scenes::run_suite(suite);
 }

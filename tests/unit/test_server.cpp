@@ -93,7 +93,7 @@ void wait_for(const std::atomic<uint64_t>& count, uint64_t least) {
 START_TEST(who_leaves_holds_up_nobody) {
   std::atomic<uint64_t> steps{0};
   std::atomic<bool> is_abandoned{false}, is_done{false};
-  Worker worker([] {});
+  Worker worker("fs-worker", [] {});
   worker.add(1, endless(steps, is_abandoned));
   worker.add(1, endless(steps, is_abandoned));
   worker.add(2, {[&](Wanted&) { is_done = true; }, [] {}});

@@ -184,7 +184,7 @@ START_TEST(the_layout_has_all_words_of_an_outbox) {
   has("heartbeat", offsetof(Outbox, heartbeat), 8, 'f');
   has("is_closed", offsetof(Outbox, is_closed), 4, 'u');
   has("is_asleep", offsetof(Outbox, is_asleep), 4, 'u');
-  has("edits", offsetof(Outbox, edits), 8, 'u');
+  has("news", offsetof(Outbox, news), 8, 'u');
   has("applied", offsetof(Outbox, applied), 8, 'u');
   has("events_written", offsetof(Outbox, events_written), 8, 'u');
 }

@@ -1,4 +1,4 @@
-#include "servo/memory.h"
+#include "servo/locked_memory.h"
 
 #include <link.h>
 #ifdef __SANITIZE_ADDRESS__
