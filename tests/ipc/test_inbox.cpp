@@ -390,8 +390,13 @@ START_TEST(not_a_number) {
   ck_assert(rig.until([&] { return is_near(rig.foreign_force(), {0, 0, 1}); }));
   ck_assert(!channel->is_bad());
   fs::Movement movement;
-  movement.motion.pose.orientation = {0, 1e160, 0, 0};
+  movement.motion.pose.orientation = {0, 1e150, 0, 0};  // a normal of 2e300, so a force of 2e309 N at the device
+  fs_frame frame = fs_frame_init();
+  frame.force_scale = 1e9;
+  scene->begin();
   scene->set_movement("plane", movement);
+  scene->set_frame(frame);
+  scene->commit();
   rig.tick(10);  // these check every force
   ck_assert(channel->is_bad());
   ck_assert(is_near(rig.foreign_force(), {}));
