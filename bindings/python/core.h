@@ -541,8 +541,10 @@ py::array results(py::handle out, const std::vector<py::ssize_t>& shape, const c
 }
 
 // One vector, quaternion or matrix: a sequence or array of `count` numbers.
-inline void load_doubles(py::handle value, double* out, size_t count, const char* name) {
-  if (PyTuple_CheckExact(value.ptr()) || PyList_CheckExact(value.ptr())) {
+inline void load_doubles(py::handle value, double* out, const std::vector<py::ssize_t>& shape, const char* name) {
+  size_t count = 1;
+  for (const py::ssize_t side : shape) count *= static_cast<size_t>(side);
+  if (shape.size() == 1 && (PyTuple_CheckExact(value.ptr()) || PyList_CheckExact(value.ptr()))) {
     if (static_cast<size_t>(PySequence_Fast_GET_SIZE(value.ptr())) == count) {
       std::vector<double> values(count);
       size_t i = 0;
@@ -560,8 +562,11 @@ inline void load_doubles(py::handle value, double* out, size_t count, const char
   }
   const py::array array = to_array(value, name);
   const char kind = array.dtype().kind();
-  if ((kind != 'f' && kind != 'i' && kind != 'u') || array.size() != static_cast<py::ssize_t>(count)) {
-    type_error(std::string(name) + " must be " + std::to_string(count) + " numbers, not " +
+  if ((kind != 'f' && kind != 'i' && kind != 'u') ||
+      array.ndim() != static_cast<py::ssize_t>(shape.size()) || !std::equal(shape.begin(), shape.end(), array.shape())) {
+    py::tuple wanted(shape.size());
+    for (size_t i = 0; i < shape.size(); ++i) wanted[i] = shape[i];
+    type_error(std::string(name) + " must be numbers of shape " + py::cast<std::string>(py::str(wanted)) + ", not " +
                py::cast<std::string>(py::str(array.dtype())) + " of shape " + shape_text(array));
   }
   const auto doubles = py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(array);
@@ -590,11 +595,11 @@ T value(py::handle object, const char* name) {
   if constexpr (std::is_same_v<T, fs_quat>) {
     if (py::hasattr(object, "as_quat")) {  // scipy's Rotation gives x, y, z, w
       double xyzw[4];
-      load_doubles(object.attr("as_quat")(), xyzw, 4, name);
+      load_doubles(object.attr("as_quat")(), xyzw, {4}, name);
       return {xyzw[3], xyzw[0], xyzw[1], xyzw[2]};
     }
   }
-  load_doubles(object, reinterpret_cast<double*>(&out), sizeof(T) / sizeof(double), name);
+  load_doubles(object, reinterpret_cast<double*>(&out), Doubles<T>::shape(), name);
   return out;
 }
 
@@ -812,7 +817,9 @@ class Class {
         std::memset(member, 0, sizeof member);
         std::memcpy(member, text.get(), text.size());
       } else {
-        load_doubles(object, reinterpret_cast<double*>(&member[0]), std::extent_v<M> * (sizeof(E) / sizeof(double)), field_name);
+        auto shape = Doubles<E>::shape();
+        shape.insert(shape.begin(), std::extent_v<M>);
+        load_doubles(object, reinterpret_cast<double*>(&member[0]), shape, field_name);
       }
     } else {
       Struct<M>{nullptr, &member}.assign(*as_struct<M>(object, field_name).at);

@@ -98,7 +98,7 @@ print("| ns each, median of 15 rounds in turn | C | Python | rate, of C's |\n|--
 figures(1)
 figures(100)
 package, source = pathlib.Path(fs.__file__).parent, ROOT / "bindings" / "python"
-generated = next((ROOT / "build" / "wheel").glob("**/generated/core.cpp"))
+generated = next((ROOT / "build" / "python" / "wheel").glob("**/generated/core.cpp"))
 print(f"\nimport forceserver, beyond NumPy's: {1e3 * import_time():.1f} ms")
 print("sizes, kB: " + ", ".join(f"{path.name.split('.')[0]} {path.stat().st_size / 1e3:.0f}" for path in
                                 [*package.glob("*.so*"), package / "bin" / "forceserver"]))

@@ -129,10 +129,9 @@ class Scene(_core.Scene):
         return SceneObject(self, name) if name in self else default
 
     def update(self, objects: Mapping[str, Object]) -> None:
-        """Sets several objects: all of them, or none."""
-        with self.change():
-            for name, value in objects.items():
-                self[name] = value
+        """Sets several objects, one after the other; in `with scene.change()` all of them or none."""
+        for name, value in objects.items():
+            self[name] = value
 
     # ---- Groups
 

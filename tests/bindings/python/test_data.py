@@ -111,7 +111,7 @@ def test_a_vector_is_any_sequence(value):
     assert pose.position.tolist() == [1, 2, 3]
 
 
-@pytest.mark.parametrize("value", [(1, 2), (1, 2, 3, 4), "abc", ("1", "2", "3"), None, 5, (1, 2, 3j), [[1], [2, 3]], ("a", 1, 2)], ids=str)
+@pytest.mark.parametrize("value", [(1, 2), (1, 2, 3, 4), "abc", ("1", "2", "3"), None, 5, (1, 2, 3j), [[1], [2, 3]], ("a", 1, 2), [[1, 2, 3]], [[1], [2], [3]]], ids=str)
 def test_what_is_no_vector(value):
     pose = fs.Pose(position=(7, 8, 9))
     with pytest.raises(TypeError):

@@ -32,7 +32,7 @@ def test_a_scene_is_a_mapping(scene, spring):
     del scene["a"]
     assert list(scene) == ["b"] and "1 objects" in repr(scene)
     scene.update({"c": spring, "d": spring})
-    with pytest.raises(fs.InvalidError):
+    with pytest.raises(fs.InvalidError), scene.change():
         scene.update({"e": spring, "/": spring})
     assert sorted(scene) == ["b", "c", "d"]
     with pytest.raises(fs.InvalidError):
