@@ -421,7 +421,8 @@ class Generator:
         required = max((i for i, (_, _, default) in enumerate(arguments) if not default), default=-1)
         arguments = [(a, t, default if i > required else None) for i, (a, t, default) in enumerate(arguments)]
         shown = ", ".join(a + (f"={default}" if default else "") for a, _, default in arguments)
-        doc = f"{python}({shown})\n\n{function['comment']}".strip() + f"\n\nIn C: {function['name']}."
+        listed = ", ".join((["$self"] if self_ else []) + ([shown] if shown else []))
+        doc = f"{python}({listed})\n--\n\n" + f"{function['comment']}\n\nIn C: {function['name']}.".strip()  # read by inspect.signature
         parameters = (["const py::object& object_of_self"] if self_ else []) + [f"const py::object& {a}" for a, _, _ in arguments]
         extras = [f', py::arg("{a}")' + (" = py::none()" if default else "") for a, _, default in arguments]
         if self_:

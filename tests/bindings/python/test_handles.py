@@ -307,15 +307,14 @@ def test_fork(run):
         assert os.waitpid(pid, 0)[1] == 0
         stop.set()
         for thread in threads: thread.join()
-        assert servo.stats.ticks > 0 and scene.keys() == ["a"]
+        assert scene.keys() == ["a"]
         pid = os.fork()
         if pid == 0:
             raise SystemExit(0)              # the ordinary end, with all that the child has of the parent
         assert os.waitpid(pid, 0)[1] == 0
-        time.sleep(0.1)
         before = servo.stats.ticks
-        time.sleep(0.1)
-        assert servo.stats.ticks > before
+        while servo.stats.ticks == before:   # the parent's goes on
+            time.sleep(0.01)
         print("parent")
     """)
     assert out == "child\nparent"
