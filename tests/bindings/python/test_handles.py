@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import forceserver as fs
-from forceserver import _core
 
 
 def everything():
@@ -20,6 +19,9 @@ def everything():
     servo = fs.Servo(scene, device)
     return {"scene": scene, "device": device, "tool": fs.Tool(scene), "servo": servo,
             "server": fs.Server(servo, f"shm:order-{os.getpid()}")}
+
+
+USES = {"scene": fs.Scene.get_time, "device": fs.Device.read, "tool": fs.Tool.reset, "servo": fs.Servo.get_record}
 
 
 @pytest.mark.parametrize("close", [True, False], ids=["closed", "collected"])
@@ -33,16 +35,11 @@ def test_every_order_of_destruction(close, request):
                 one.close()
                 assert one.closed
                 one.close()
-                with pytest.raises(fs.StateError, match="closed"):
-                    {"scene": fs.Scene.get_time, "device": fs.Device.read, "tool": fs.Tool.reset,
-                     "servo": fs.Servo.get_record, "server": lambda server: fs.Server(server, "x")}[name](one) \
-                        if name != "server" else raise_closed()
+                if name in USES:  # a server has no calls
+                    with pytest.raises(fs.StateError, match="closed"):
+                        USES[name](one)
             del one
             gc.collect()
-
-
-def raise_closed():
-    raise fs.StateError("closed")
 
 
 def test_what_was_closed_is_refused_as_an_argument(scene):
