@@ -49,9 +49,8 @@ struct Errors {
 inline Errors errors;
 
 [[noreturn]] inline void raise(PyObject* type, const std::string& text) {
-  const py::object message =
-      py::reinterpret_steal<py::object>(PyUnicode_DecodeUTF8(text.data(), static_cast<Py_ssize_t>(text.size()), "replace"));
-  PyErr_SetObject(type, message.ptr());
+  PyObject* message = PyUnicode_DecodeUTF8(text.data(), static_cast<Py_ssize_t>(text.size()), "replace");
+  if (message) PyErr_SetObject(type, py::reinterpret_steal<py::object>(message).ptr());
   throw py::error_already_set();
 }
 
@@ -69,10 +68,13 @@ inline void check_signals() {
   if (PyErr_CheckSignals() != 0) throw py::error_already_set();
 }
 
+// str(object)
+inline std::string text_of(py::handle object) { return py::cast<std::string>(py::str(object)); }
+
 constexpr std::chrono::milliseconds slice{100};  // a wait looks for signals this often
 
-// A daemon thread that comes back while the interpreter ends never gets the GIL: CPython before 3.14 ends such a thread by
-// unwinding its stack, which would run destructors that need the GIL. So it stays here until the process has ended.
+// A daemon thread that comes back while the interpreter ends never gets the GIL: CPython before 3.14 ends such a thread
+// by unwinding its stack, which would run destructors that need the GIL. So it stays here until the process has ended.
 inline void take_gil(PyThreadState* state) {
   try {
     PyEval_RestoreThread(state);
@@ -371,10 +373,12 @@ struct Enum {
     if (PyUnicode_Check(value.ptr())) {
       const py::object upper = value.attr("upper")();
       const py::object all = py::reinterpret_borrow<py::object>(type).attr("__members__");
-      if (!all.contains(upper)) value_error(std::string(name) + ": no such name: '" + py::cast<std::string>(value) + "'");
+      if (!all.contains(upper)) value_error(std::string(name) + ": no such name: '" + text_of(value) + "'");
       return PyLong_AsLong(all[upper].ptr());
     }
-    if (!PyLong_Check(value.ptr()) || PyBool_Check(value.ptr())) type_error(std::string(name) + " must be an enum, an int or a name");
+    if (!PyLong_Check(value.ptr()) || PyBool_Check(value.ptr())) {
+      type_error(std::string(name) + " must be an enum, an int or a name");
+    }
     const long number = PyLong_AsLong(value.ptr());
     if (number == -1 && PyErr_Occurred()) throw py::error_already_set();
     if (flags ? number < 0 || number > UINT32_MAX : !PyDict_GetItem(members, value.ptr())) {
@@ -470,7 +474,11 @@ inline py::object text_to_python(const char* text) {
 // ------------------------------------------------------------------------------------------------------------- arrays
 
 inline std::string shape_text(const py::array& array) {
-  return py::cast<std::string>(py::str(array.attr("shape")));
+  return text_of(array.attr("shape"));
+}
+
+inline bool has_shape(const py::array& array, const std::vector<py::ssize_t>& shape) {
+  return std::equal(shape.begin(), shape.end(), array.shape(), array.shape() + array.ndim());
 }
 
 // Any array of numbers, a sequence too.
@@ -497,8 +505,9 @@ py::array entries(py::handle value, int width, const char* name) {
   py::array array = to_array(value, name);
   const char kind = array.dtype().kind();
   const auto fail = [&] {
-    type_error(std::string(name) + " must be " + (std::is_floating_point_v<T> ? "floats" : "integers") + " of shape (n" +
-               (width > 1 ? ", " + std::to_string(width) : ",") + "), not " + py::cast<std::string>(py::str(array.dtype())) +
+    const std::string wanted = std::is_floating_point_v<T> ? "floats" : "integers";
+    type_error(std::string(name) + " must be " + wanted + " of shape (n" +
+               (width > 1 ? ", " + std::to_string(width) : ",") + "), not " + text_of(array.dtype()) +
                " of shape " + shape_text(array));
   };
   const bool empty = array.size() == 0 && array.ndim() <= 2;
@@ -509,7 +518,7 @@ py::array entries(py::handle value, int width, const char* name) {
       const py::object low = array.attr("min")(), high = array.attr("max")();
       const bool negative = low < py::int_(0);
       if (negative || high > py::int_(std::numeric_limits<T>::max())) {
-        value_error(std::string(name) + ": an entry is out of range: " + py::cast<std::string>(py::str(negative ? low : high)));
+        value_error(std::string(name) + ": out of range: " + text_of(negative ? low : high));
       }
     }
   }
@@ -524,13 +533,13 @@ py::array results(py::handle out, const std::vector<py::ssize_t>& shape, const c
     py::tuple wanted(shape.size());
     for (size_t i = 0; i < shape.size(); ++i) wanted[i] = shape[i];
     type_error(std::string(name) + " must be a writable array in one piece of " +
-               py::cast<std::string>(py::str(py::dtype::of<T>())) + ", shape " + py::cast<std::string>(py::str(wanted)) +
+               text_of(py::dtype::of<T>()) + ", shape " + text_of(wanted) +
                ": " + why);
   };
   if (!py::isinstance<py::array>(out)) fail("it is no numpy array");
   py::array array = py::reinterpret_borrow<py::array>(out);
-  if (!py::isinstance<py::array_t<T>>(out)) fail("it has " + py::cast<std::string>(py::str(array.dtype())));
-  if (array.ndim() != static_cast<py::ssize_t>(shape.size()) || !std::equal(shape.begin(), shape.end(), array.shape())) {
+  if (!py::isinstance<py::array_t<T>>(out)) fail("it has " + text_of(array.dtype()));
+  if (!has_shape(array, shape)) {
     fail("it has shape " + shape_text(array));
   }
   if (!(array.flags() & py::array::c_style) || reinterpret_cast<uintptr_t>(array.data()) % alignof(T) != 0) {
@@ -562,12 +571,11 @@ inline void load_doubles(py::handle value, double* out, const std::vector<py::ss
   }
   const py::array array = to_array(value, name);
   const char kind = array.dtype().kind();
-  if ((kind != 'f' && kind != 'i' && kind != 'u') ||
-      array.ndim() != static_cast<py::ssize_t>(shape.size()) || !std::equal(shape.begin(), shape.end(), array.shape())) {
+  if ((kind != 'f' && kind != 'i' && kind != 'u') || !has_shape(array, shape)) {
     py::tuple wanted(shape.size());
     for (size_t i = 0; i < shape.size(); ++i) wanted[i] = shape[i];
-    type_error(std::string(name) + " must be numbers of shape " + py::cast<std::string>(py::str(wanted)) + ", not " +
-               py::cast<std::string>(py::str(array.dtype())) + " of shape " + shape_text(array));
+    type_error(std::string(name) + " must be numbers of shape " + text_of(wanted) + ", not " +
+               text_of(array.dtype()) + " of shape " + shape_text(array));
   }
   const auto doubles = py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(array);
   std::memcpy(out, doubles.data(), count * sizeof(double));
@@ -624,6 +632,11 @@ T* retained(T* handle) {
   return handle ? Kind<T>::retain(handle) : nullptr;
 }
 
+template <class T>
+void give_back(T* handle) {
+  Kind<T>::give_back(handle);
+}
+
 // A struct of one's own.
 template <class T>
 struct Box {
@@ -635,7 +648,7 @@ struct Box {
   Box(const Box& other) : Box(other.value) {}
   Box& operator=(const Box&) = delete;
   ~Box() {
-    each_handle(value, [](auto& handle) { Kind<std::remove_pointer_t<std::remove_reference_t<decltype(handle)>>>::give_back(handle); });
+    each_handle(value, [](auto& handle) { give_back(handle); });
   }
 };
 
@@ -701,7 +714,7 @@ class Class {
       interface["shape"] = py::tuple(0);
       interface["typestr"] = "|V" + std::to_string(sizeof(T));
       interface["descr"] = py::reinterpret_borrow<py::object>(dtype).attr("descr");
-      interface["data"] = py::make_tuple(reinterpret_cast<uintptr_t>(self.at), has_handles);  // pointers are not written
+      interface["data"] = py::make_tuple(reinterpret_cast<uintptr_t>(self.at), has_handles);  // read-only: has pointers
       return interface;
     });
   }
@@ -714,7 +727,8 @@ class Class {
 
   // Bits in an integer.
   void flags(const char* field_name, uint32_t T::*member, const Enum* bits, const char* doc) {
-    add(field_name, "", doc, [member, bits](const py::object& self) { return bits->to_python(as_self(self).at->*member); },
+    add(field_name, "", doc,
+        [member, bits](const py::object& self) { return bits->to_python(as_self(self).at->*member); },
         [member, bits, field_name](Struct<T>& self, py::handle value) {
           self.at->*member = static_cast<uint32_t>(bits->from_python(value, field_name));
         });
@@ -727,7 +741,8 @@ class Class {
   template <class Get, class Set>
   void add(const char* field_name, const char* unit, const char* doc, Get get, Set set) {
     fields.push_back({field_name, unit, get, set});
-    class_.def_property(field_name, get, [set](const py::object& self, const py::object& value) { set(as_self(self), value); }, doc);
+    const auto put = [set](const py::object& self, const py::object& value) { set(as_self(self), value); };
+    class_.def_property(field_name, get, put, doc);
   }
 
   static void set(Struct<T>& self, const std::string& key, py::handle value) {
@@ -750,12 +765,12 @@ class Class {
       } else if (py::isinstance<py::array>(value)) {
         const py::array array = py::reinterpret_borrow<py::array>(value);
         shown = array.size() > 9 ? "array of shape " + shape_text(array)
-                                 : py::cast<std::string>(py::str(array.attr("tolist")()));
+                                 : text_of(array.attr("tolist")());
       } else if (PyLong_Check(value.ptr()) && !PyLong_CheckExact(value.ptr()) && !PyBool_Check(value.ptr())) {
         shown = py::cast<std::string>(value.attr("name").is_none() ? py::str("0") : py::str(value.attr("name")));
         if (shown.empty()) shown = "0";
       } else {
-        shown = py::cast<std::string>(py::repr(value));
+        shown = text_of(py::repr(value));
       }
       text += std::string(comma) + field.name + "=" + shown + (*field.unit ? std::string(" ") + field.unit : "");
       comma = ", ";
@@ -863,7 +878,8 @@ template <class T>
 py::array structs(py::handle object, const char* name) {
   py::array array = to_array(object, name);
   if (!array.dtype().equal(py::reinterpret_borrow<py::object>(Class<T>::dtype)) || array.ndim() != 1) {
-    type_error(std::string(name) + " must be a " + Class<T>::name + " or an array of shape (n,) of " + Class<T>::name + ".dtype");
+    const std::string type = Class<T>::name;
+    type_error(std::string(name) + " must be a " + type + " or an array of shape (n,) of " + type + ".dtype");
   }
   if (array.flags() & py::array::c_style) return array;
   return py::module_::import("numpy").attr("ascontiguousarray")(array);
@@ -871,7 +887,8 @@ py::array structs(py::handle object, const char* name) {
 
 template <class T>
 py::array new_structs(size_t count) {
-  return py::array(py::reinterpret_borrow<py::dtype>(Class<T>::dtype), std::vector<py::ssize_t>{static_cast<py::ssize_t>(count)});
+  const std::vector<py::ssize_t> shape{static_cast<py::ssize_t>(count)};
+  return py::array(py::reinterpret_borrow<py::dtype>(Class<T>::dtype), shape);
 }
 
 template <class T>
@@ -1035,18 +1052,21 @@ py::class_<Handle<T>> handle_class(py::module_& module, const char* name, const 
   py::class_<H> made(module, name, doc, py::module_local());
   handle_type<T> = reinterpret_cast<PyTypeObject*>(made.ptr());
   const auto as_self = [](const py::object& self) -> H& { return as_handle<T>(self, "self"); };
-  made.def(py::init([](const py::object& other) { return std::make_unique<H>(as_handle<T>(other, "other").take()); }), py::arg("other"))
+  const auto taken = [](const py::object& other) { return std::make_unique<H>(as_handle<T>(other, "other").take()); };
+  const auto closed = [as_self](const py::object& self) { return as_self(self).closed(); };
+  const auto hash = [as_self](const py::object& self) { return reinterpret_cast<intptr_t>(as_self(self).address()); };
+  made.def(py::init(taken), py::arg("other"))
       .def("close", [as_self](const py::object& self) { as_self(self).close(); },
            "Refuses later calls, waits for calls under way in other threads, and gives the handle back. A second close "
            "does nothing.")
-      .def_property_readonly("closed", [as_self](const py::object& self) { return as_self(self).closed(); }, "Whether close() was called.")
+      .def_property_readonly("closed", closed, "Whether close() was called.")
       .def("__enter__", [](py::object self) { return self; })
       .def("__exit__", [as_self](const py::object& self, const py::args&) { as_self(self).close(); })
       .def("__eq__", [as_self](const py::object& self, const py::object& other) {
         const H* with = made_of<H>(other, handle_type<T>);
         return with && with->address() && as_self(self).address() == with->address();
       })
-      .def("__hash__", [as_self](const py::object& self) { return reinterpret_cast<intptr_t>(as_self(self).address()); });
+      .def("__hash__", hash);
   return made;
 }
 

@@ -1,6 +1,7 @@
 """Draws two figures of the paper from the library itself, into the folder that is given (here by default):
 figure_3.png: force fields of each primitive with each profile, attractive and repulsive;
 figure_4.png: the profiles, f(d), with their limits. It needs matplotlib."""
+
 import pathlib
 import sys
 
@@ -39,8 +40,14 @@ triangle = 0.035 * np.array([[np.cos(a), np.sin(a)] for a in np.pi * (0.5 + 2 / 
 primitives = {
     "point": (lambda profile: fs.Point(front=profile), np.zeros((1, 2))),
     "polyline": (lambda profile: fs.Polyline(np.column_stack([path, np.zeros(4)]), front=profile), path),
-    "plane": (lambda profile: fs.Plane(normal=(0, 1, 0), front=profile, back=profile), np.array([[-0.06, 0], [0.06, 0]])),
-    "mesh": (lambda profile: fs.Mesh(*tube(triangle), front=profile, back=profile), np.vstack([triangle, triangle[:1]])),
+    "plane": (
+        lambda profile: fs.Plane(normal=(0, 1, 0), front=profile, back=profile),
+        np.array([[-0.06, 0], [0.06, 0]]),
+    ),
+    "mesh": (
+        lambda profile: fs.Mesh(*tube(triangle), front=profile, back=profile),
+        np.vstack([triangle, triangle[:1]]),
+    ),
 }
 
 rows = [(name, sense) for name in primitives for sense in ("attractive", "repulsive")]
@@ -75,4 +82,7 @@ for panel, (kind, profile) in zip(axes, profiles.items()):
 axes[0].set_ylabel("f(d), N")
 figure.tight_layout()
 figure.savefig(folder / "figure_4.png", dpi=80)
-print(f"{len(rows) * len(profiles)} force fields and {len(profiles)} profiles: {folder / 'figure_3.png'}, {folder / 'figure_4.png'}")
+print(
+    f"{len(rows) * len(profiles)} force fields: {folder / 'figure_3.png'}; "
+    f"{len(profiles)} profiles: {folder / 'figure_4.png'}"
+)

@@ -1,5 +1,6 @@
-"""A path to follow: a polyline draws the hand towards it. Without the path this hand would go straight, up to 30 mm away
-from the polyline; with it, the hand stays within 9 mm."""
+"""A path to follow: a polyline draws the hand towards it. Without the path this hand would go straight, up to 30 mm
+away from the polyline; with it, the hand stays within 9 mm."""
+
 import numpy as np
 
 import forceserver as fs

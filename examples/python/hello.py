@@ -1,5 +1,6 @@
 """Hello: a wall that the hand feels. A simulated hand wants to be 20 mm behind the wall, for two seconds. It comes to
 rest 4.4 mm deep, where the wall pushes back with 500 N/m * 4.4 mm = 2.2 N, as hard as the hand does."""
+
 import forceserver as fs
 
 scene = fs.Scene()

@@ -1,5 +1,6 @@
-"""A loop of your own: a tool gives the force at a pose. Here the application is responsible for time, device and safety:
-only the objects' own limits bound the force."""
+"""A loop of your own: a tool gives the force at a pose. Here the application is responsible for time, device and
+safety: only the objects' own limits bound the force."""
+
 import forceserver as fs
 
 mass, damping, dt = 0.3, 3, 0.001  # kg, N s/m, s: a ball on a damper, let go at 50 mm

@@ -1,4 +1,5 @@
 """python_figures.py PEER ROOT: the rows of the table in README.md; tests/bench/python runs it."""
+
 import ctypes
 import os
 import pathlib
@@ -41,6 +42,7 @@ def repeated(call, count=20000):
     def loop():
         for _ in range(count):
             call()
+
     return lambda: clocked(loop, count)
 
 
@@ -57,10 +59,16 @@ def figures(objects):
     states["pose"]["position"] = random.uniform(-0.1, 0.1, (count, 3))
     positions, forces = np.ascontiguousarray(states["pose"]["position"]), np.zeros((count, 3))
     what = "one object" if objects == 1 else f"{objects} objects"
-    row(f"tool.evaluate, {count} states, {what}", lambda: clocked(lambda: tool.evaluate(states, responses), count),
-        lambda: PEER.peer_batch(at(states), at(responses), ctypes.c_size_t(count)))
-    row(f"scene.evaluate, {count} positions, {what}", lambda: clocked(lambda: scene.evaluate(positions, forces), count),
-        lambda: PEER.peer_field(at(positions), at(forces), ctypes.c_size_t(count)))
+    row(
+        f"tool.evaluate, {count} states, {what}",
+        lambda: clocked(lambda: tool.evaluate(states, responses), count),
+        lambda: PEER.peer_batch(at(states), at(responses), ctypes.c_size_t(count)),
+    )
+    row(
+        f"scene.evaluate, {count} positions, {what}",
+        lambda: clocked(lambda: scene.evaluate(positions, forces), count),
+        lambda: PEER.peer_field(at(positions), at(forces), ctypes.c_size_t(count)),
+    )
     if objects > 1:
         return
     state, response = fs.State(pose=fs.Pose(position=(0.01, 0, 0))), fs.Response()
@@ -80,12 +88,19 @@ def figures(objects):
     one, pose, still = scene["0"], fs.Pose(orientation=(1, 0, 0, 0)), fs.Twist()
     moves = lambda: PEER.peer_move(ctypes.c_size_t(5000))  # noqa: E731
     row('scene.object_move("0", pose, twist, 0)', repeated(lambda: scene.object_move("0", pose, still, 0), 5000), moves)
-    row('scene["0"].move(position, orientation)', repeated(lambda: one.move((0, 0, 0), (1, 0, 0, 0), twist=still), 5000), moves)
+    row(
+        'scene["0"].move(position, orientation)',
+        repeated(lambda: one.move((0, 0, 0), (1, 0, 0, 0), twist=still), 5000),
+        moves,
+    )
 
 
 def import_time():
     code = "import numpy, time; t = time.perf_counter(); import forceserver; print(time.perf_counter() - t)"
-    times = [float(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout) for _ in range(15)]
+    times = [
+        float(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout)
+        for _ in range(15)
+    ]
     return statistics.median(times)
 
 
@@ -93,15 +108,24 @@ def lines(*paths):
     return sum(len(path.read_text().splitlines()) for path in paths)
 
 
-print(f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}, Python {sys.version.split()[0]}, NumPy {np.__version__}\n")
+print(
+    f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}, Python {sys.version.split()[0]}, NumPy {np.__version__}\n"
+)
 print("| ns each, median of 15 rounds in turn | C | Python | rate, of C's |\n|---|---|---|---|")
 figures(1)
 figures(100)
 package, source = pathlib.Path(fs.__file__).parent, ROOT / "bindings" / "python"
 generated = next((ROOT / "build" / "python" / "wheel").glob("**/generated/core.cpp"))
 print(f"\nimport forceserver, beyond NumPy's: {1e3 * import_time():.1f} ms")
-print("sizes, kB: " + ", ".join(f"{path.name.split('.')[0]} {path.stat().st_size / 1e3:.0f}" for path in
-                                [*package.glob("*.so*"), package / "bin" / "forceserver"]))
-print(f"lines by hand: core.h {lines(source / 'core.h')}, generate.py {lines(source / 'generate.py')}, the facade "
-      f"{lines(*(source / 'forceserver').glob('*.py'))}; generated: core.cpp {lines(generated)}, "
-      f"_core.pyi {lines(generated.with_name('_core.pyi'))}")
+print(
+    "sizes, kB: "
+    + ", ".join(
+        f"{path.name.split('.')[0]} {path.stat().st_size / 1e3:.0f}"
+        for path in [*package.glob("*.so*"), package / "bin" / "forceserver"]
+    )
+)
+print(
+    f"lines by hand: core.h {lines(source / 'core.h')}, generate.py {lines(source / 'generate.py')}, the facade "
+    f"{lines(*(source / 'forceserver').glob('*.py'))}; generated: core.cpp {lines(generated)}, "
+    f"_core.pyi {lines(generated.with_name('_core.pyi'))}"
+)

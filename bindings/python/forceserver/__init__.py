@@ -11,8 +11,8 @@
 Units are SI. Quaternions are (w, x, y, z); scipy's order is x, y, z, w, so give its Rotation itself, which is
 converted, not the array of its as_quat().
 
-This layer is written by hand and small. Below it, `forceserver._core` has every function, struct, enum and handle of the
-C headers, whose comments are the docstrings: `scene.get_reports()` is fs_scene_get_reports.
+This layer is written by hand and small. Below it, `forceserver._core` has every function, struct, enum and handle of
+the C headers, whose comments are the docstrings: `scene.get_reports()` is fs_scene_get_reports.
 """
 
 
@@ -36,16 +36,49 @@ from . import _core  # noqa: E402
 from ._core import *  # noqa: E402, F403
 from ._core import Curve, Shape, version  # noqa: E402
 from ._objects import (  # noqa: E402
-    Constant, Custom, Gaussian, Inverse, LinearDecreasing, LinearIncreasing, Mesh, Plane, Point, Polyline, Quadratic,
-    Wall, intensity,
+    Constant,
+    Custom,
+    Gaussian,
+    Inverse,
+    LinearDecreasing,
+    LinearIncreasing,
+    Mesh,
+    Plane,
+    Point,
+    Polyline,
+    Quadratic,
+    Wall,
+    intensity,
 )
 from ._plot import plot  # noqa: E402
 from ._scene import Device, Hand, Scene, SceneObject, Server, Servo, Tool, connect, devices  # noqa: E402
 
 __version__ = version()
 __all__ = [
-    "Constant", "Curve", "Custom", "Device", "Gaussian", "Hand", "Inverse", "LinearDecreasing", "LinearIncreasing", "Mesh",
-    "Plane", "Point", "Polyline", "Quadratic", "Scene", "SceneObject", "Server", "Servo", "Shape", "Tool", "Wall",
-    "connect", "devices", "intensity", "plot",
+    "Constant",
+    "Curve",
+    "Custom",
+    "Device",
+    "Gaussian",
+    "Hand",
+    "Inverse",
+    "LinearDecreasing",
+    "LinearIncreasing",
+    "Mesh",
+    "Plane",
+    "Point",
+    "Polyline",
+    "Quadratic",
+    "Scene",
+    "SceneObject",
+    "Server",
+    "Servo",
+    "Shape",
+    "Tool",
+    "Wall",
+    "connect",
+    "devices",
+    "intensity",
+    "plot",
 ]
 __all__ += _core.__all__

@@ -1,4 +1,5 @@
 """python -m forceserver: the program forceserver, which the package brings."""
+
 import os
 import pathlib
 import sys

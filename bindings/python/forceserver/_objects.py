@@ -1,4 +1,5 @@
 """Force-objects and their profiles, made by one call each."""
+
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     class Common(TypedDict, total=False):
         """What every kind of object has; the fields of Object have the comments."""
 
-        position: ArrayLike                # m, in the scene
+        position: ArrayLike  # m, in the scene
         orientation: ArrayLike | Rotation  # object to scene: (w, x, y, z), or scipy's Rotation
         twist: Twist
         time: float
@@ -49,9 +50,12 @@ class LinearIncreasing(Profile):
 
     __slots__ = ()
 
-    def __init__(self, gain: float, offset: float = 0, *, limit: float, sense: int | str = "attractive",
-                 reach: float = 0) -> None:
-        super().__init__(kind=ProfileKind.LINEAR_INCREASING, gain=gain, offset=offset, limit=limit, sense=sense, reach=reach)
+    def __init__(
+        self, gain: float, offset: float = 0, *, limit: float, sense: int | str = "attractive", reach: float = 0
+    ) -> None:
+        super().__init__(
+            kind=ProfileKind.LINEAR_INCREASING, gain=gain, offset=offset, limit=limit, sense=sense, reach=reach
+        )
 
 
 class LinearDecreasing(Profile):
@@ -59,9 +63,12 @@ class LinearDecreasing(Profile):
 
     __slots__ = ()
 
-    def __init__(self, gain: float, offset: float = 0, *, limit: float, sense: int | str = "attractive",
-                 reach: float = 0) -> None:
-        super().__init__(kind=ProfileKind.LINEAR_DECREASING, gain=gain, offset=offset, limit=limit, sense=sense, reach=reach)
+    def __init__(
+        self, gain: float, offset: float = 0, *, limit: float, sense: int | str = "attractive", reach: float = 0
+    ) -> None:
+        super().__init__(
+            kind=ProfileKind.LINEAR_DECREASING, gain=gain, offset=offset, limit=limit, sense=sense, reach=reach
+        )
 
 
 class Gaussian(Profile):
@@ -69,8 +76,9 @@ class Gaussian(Profile):
 
     __slots__ = ()
 
-    def __init__(self, gain: float, width: float, *, limit: float, sense: int | str = "attractive",
-                 reach: float = 0) -> None:
+    def __init__(
+        self, gain: float, width: float, *, limit: float, sense: int | str = "attractive", reach: float = 0
+    ) -> None:
         super().__init__(kind=ProfileKind.GAUSSIAN, gain=gain, width=width, limit=limit, sense=sense, reach=reach)
 
 
@@ -79,8 +87,9 @@ class Quadratic(Profile):
 
     __slots__ = ()
 
-    def __init__(self, gain: float, offset: float = 0, *, limit: float, sense: int | str = "attractive",
-                 reach: float = 0) -> None:
+    def __init__(
+        self, gain: float, offset: float = 0, *, limit: float, sense: int | str = "attractive", reach: float = 0
+    ) -> None:
         super().__init__(kind=ProfileKind.QUADRATIC, gain=gain, offset=offset, limit=limit, sense=sense, reach=reach)
 
 
@@ -89,8 +98,9 @@ class Inverse(Profile):
 
     __slots__ = ()
 
-    def __init__(self, gain: float, offset: float = 0, *, limit: float, sense: int | str = "attractive",
-                 reach: float = 0) -> None:
+    def __init__(
+        self, gain: float, offset: float = 0, *, limit: float, sense: int | str = "attractive", reach: float = 0
+    ) -> None:
         super().__init__(kind=ProfileKind.INVERSE, gain=gain, offset=offset, limit=limit, sense=sense, reach=reach)
 
 
@@ -108,9 +118,18 @@ class Custom(Profile):
     __slots__ = ("sampled",)
     sampled: str | None
 
-    def __init__(self, function: str | Curve | Callable[[float], float] | ArrayLike, *, limit: float, gain: float = 1,
-                 sense: int | str = "attractive", reach: float = 0, step: float | None = None,
-                 until: float | None = None, samples: int = 1001) -> None:
+    def __init__(
+        self,
+        function: str | Curve | Callable[[float], float] | ArrayLike,
+        *,
+        limit: float,
+        gain: float = 1,
+        sense: int | str = "attractive",
+        reach: float = 0,
+        step: float | None = None,
+        until: float | None = None,
+        samples: int = 1001,
+    ) -> None:
         self.sampled = None
         if isinstance(function, Curve):
             curve = function
@@ -128,8 +147,10 @@ class Custom(Profile):
             between = np.arange(samples - 1) * step + step / 2
             fitted = intensity(Profile(kind=ProfileKind.CUSTOM, gain=1, limit=1e9, curve=curve), between)
             exact = np.maximum([function(d) for d in between], 0)
-            self.sampled = (f"a table of {samples} samples, one each {step:g} m up to {end:g} m; half-way between two "
-                            f"it differs from the function by {np.abs(fitted - exact).max():.2g} N at most")
+            self.sampled = (
+                f"a table of {samples} samples, one each {step:g} m up to {end:g} m; half-way between two "
+                f"it differs from the function by {np.abs(fitted - exact).max():.2g} N at most"
+            )
         else:
             if step is None:
                 raise TypeError("a table wants its step (m)")
@@ -167,7 +188,7 @@ class Point(Object):
 
 
 class Polyline(Object):
-    """Attracts to the segments between points (m, in the frame of the object; shape (n, 3)), or keeps away from them."""
+    """Attracts to the segments between points (m, frame of the object, shape (n, 3)), or keeps away from them."""
 
     __slots__ = ()
 
@@ -200,8 +221,14 @@ class Mesh(Object):
 
     __slots__ = ()
 
-    def __init__(self, points: ArrayLike | str | PathLike[str] | Shape, triangles: ArrayLike | None = None, *,
-                 scale: float = 1, **common: Unpack[Common]) -> None:
+    def __init__(
+        self,
+        points: ArrayLike | str | PathLike[str] | Shape,
+        triangles: ArrayLike | None = None,
+        *,
+        scale: float = 1,
+        **common: Unpack[Common],
+    ) -> None:
         if isinstance(points, Shape):
             shape = points
         elif isinstance(points, (str, PathLike)):
@@ -222,20 +249,37 @@ class Wall(Object):
 
     __slots__ = ()
 
-    def __init__(self, point: ArrayLike, normal: ArrayLike, stiffness: float, limit: float,
-                 **common: Unpack[Common]) -> None:
-        super().__init__(primitive=Primitive.PLANE, pose=_core.pose_from_z(point, normal),
-                         back=LinearIncreasing(stiffness, limit=limit))
+    def __init__(
+        self, point: ArrayLike, normal: ArrayLike, stiffness: float, limit: float, **common: Unpack[Common]
+    ) -> None:
+        super().__init__(
+            primitive=Primitive.PLANE,
+            pose=_core.pose_from_z(point, normal),
+            back=LinearIncreasing(stiffness, limit=limit),
+        )
         _put(self, common)
 
 
 def fields_of(changes: dict[str, Any]) -> int:
     """The fs_part bits of the fields that are to be changed."""
     part = _core.Part
-    parts = {"position": part.POSE, "orientation": part.POSE, "pose": part.POSE, "twist": part.POSE, "time": part.POSE,
-             "front": part.PROFILES, "back": part.PROFILES, "damping": part.PROFILES, "start": part.PROFILES,
-             "contact": part.CONTACT, "primitive": part.SHAPE, "shape": part.SHAPE,
-             "lifetime": part.OTHER, "tool_points": part.OTHER, "enabled": part.OTHER}
+    parts = {
+        "position": part.POSE,
+        "orientation": part.POSE,
+        "pose": part.POSE,
+        "twist": part.POSE,
+        "time": part.POSE,
+        "front": part.PROFILES,
+        "back": part.PROFILES,
+        "damping": part.PROFILES,
+        "start": part.PROFILES,
+        "contact": part.CONTACT,
+        "primitive": part.SHAPE,
+        "shape": part.SHAPE,
+        "lifetime": part.OTHER,
+        "tool_points": part.OTHER,
+        "enabled": part.OTHER,
+    }
     bits = 0
     for name in changes:
         if name not in parts:

@@ -1,4 +1,5 @@
 """Pictures of profiles and of the field of a scene, by matplotlib."""
+
 from __future__ import annotations
 
 from typing import Any
@@ -9,8 +10,16 @@ from ._core import Profile, Scene
 from ._objects import intensity
 
 
-def plot(what: Profile | Scene, axes: Any = None, *, extent: float = 0.1, samples: int = 0, z: float = 0, t: float = 0,
-         **style: Any) -> Any:
+def plot(
+    what: Profile | Scene,
+    axes: Any = None,
+    *,
+    extent: float = 0.1,
+    samples: int = 0,
+    z: float = 0,
+    t: float = 0,
+    **style: Any,
+) -> Any:
     """Draws a profile (force over distance) or the field of a scene (arrows in the plane z); gives the axes.
 
     extent: m; a profile from 0 to it, a field within it on both sides of the origin. samples: along an axis. style: for

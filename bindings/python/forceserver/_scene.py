@@ -1,4 +1,5 @@
 """Scenes as mappings, tools, devices, servos and servers."""
+
 from __future__ import annotations
 
 import contextlib
@@ -13,7 +14,18 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from ._core import (
-        Array, Event, Report, Response, Rotation, ServerOptionsFields, ServoOptionsFields, ServoStats, State, Structs, Twist, Wrench,
+        Array,
+        Event,
+        Report,
+        Response,
+        Rotation,
+        ServerOptionsFields,
+        ServoOptionsFields,
+        ServoStats,
+        State,
+        Structs,
+        Twist,
+        Wrench,
     )
 
 
@@ -42,12 +54,19 @@ class SceneObject:
         """What became of it."""
         return self.scene.get_report(self.name)
 
-    def move(self, position: ArrayLike | None = None, orientation: ArrayLike | Rotation | None = None, *,
-             twist: Twist | None = None, time: float = 0) -> None:
+    def move(
+        self,
+        position: ArrayLike | None = None,
+        orientation: ArrayLike | Rotation | None = None,
+        *,
+        twist: Twist | None = None,
+        time: float = 0,
+    ) -> None:
         """Moves it; what is not given stays.
 
-        position: m. orientation: (w, x, y, z), or scipy's Rotation (scipy's own order is x, y, z, w). twist: how it moves
-        from then on; None, for streams of moves: worked out from this and the last move, if that is at most 0.2 s old.
+        position: m. orientation: (w, x, y, z), or scipy's Rotation (scipy's own order is x, y, z, w). twist: how it
+        moves from then on; None, for streams of moves: worked out from this and the last move, if that is at most 0.2 s
+        old.
         """
         pose = _core.Pose() if position is not None and orientation is not None else self.object.pose
         if position is not None:
@@ -153,8 +172,9 @@ class Scene(_core.Scene):
 
     # ---- What is felt
 
-    def evaluate(self, positions: ArrayLike, out: Array | None = None, *, name: str | None = None,
-                 time: float = 0) -> Array:
+    def evaluate(
+        self, positions: ArrayLike, out: Array | None = None, *, name: str | None = None, time: float = 0
+    ) -> Array:
         """The forces (N, shape (n, 3)) that a resting point feels at positions (m, shape (n, 3)), of all objects or of
         one. out: where they are written; it is returned, else a new array. time: s, on the scene's clock; 0: now."""
         return self.evaluate_field(name, time, positions, out)
@@ -181,7 +201,7 @@ MutableMapping.register(Scene)
 
 
 def connect(endpoint: str, client_name: str) -> Scene:
-    """A scene at a server: connect("shm:lab", "rover"); "shm:lab?timeout=5" waits for a server that is not there yet."""
+    """A scene at a server: connect("shm:lab", "rover"). "shm:lab?timeout=5" waits for one that is not there yet."""
     return Scene(_core.scene_connect(endpoint, client_name))
 
 
@@ -219,7 +239,9 @@ class Servo(_core.Servo):
     A servo that is collected, or alive when the interpreter ends, is stopped; the force is 0 first.
     """
 
-    def __init__(self, scene: _core.Scene, device: _core.Device | str = "sim:", **options: Unpack[ServoOptionsFields]) -> None:
+    def __init__(
+        self, scene: _core.Scene, device: _core.Device | str = "sim:", **options: Unpack[ServoOptionsFields]
+    ) -> None:
         self.scene = scene
         self.device = Device(device) if isinstance(device, str) else device
         super().__init__(scene.servo_start(self.device, _core.ServoOptions(**options)))

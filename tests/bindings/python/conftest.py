@@ -28,9 +28,12 @@ def spring():
 @pytest.fixture
 def run():
     """Runs Python lines in a process of their own and gives what they print; they must end well."""
+
     def lines(code, *, status=0, timeout=60, **options):
-        done = subprocess.run([sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True, timeout=timeout,
-                              **options)
+        done = subprocess.run(
+            [sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True, timeout=timeout, **options
+        )
         assert done.returncode == status, done.stdout + done.stderr
         return done.stdout.strip()
+
     return lines

@@ -1,4 +1,5 @@
 """Structs, enums, arrays and errors of the generated layer."""
+
 import copy
 import json
 
@@ -23,8 +24,11 @@ def test_every_function_is_there(function):
     assert any(f"In C: {function}." in doc for doc in docs)
 
 
-@pytest.mark.parametrize("struct", [s for s in DESCRIPTION["structs"] if s["name"] not in ("fs_vec3", "fs_quat", "fs_mat3", "fs_driver")],
-                         ids=lambda s: s["name"])
+@pytest.mark.parametrize(
+    "struct",
+    [s for s in DESCRIPTION["structs"] if s["name"] not in ("fs_vec3", "fs_quat", "fs_mat3", "fs_driver")],
+    ids=lambda s: s["name"],
+)
 def test_every_struct_has_the_layout_of_c(struct):
     made = getattr(fs, "".join(part.capitalize() for part in struct["name"][3:].split("_")))
     assert made.dtype.itemsize == struct["size"]
@@ -103,15 +107,41 @@ def test_views_keep_their_owner_alive():
     assert fs.Response().stiffness.shape == (3, 3) and fs.View().points.shape == (32, 3)
 
 
-@pytest.mark.parametrize("value", [(1, 2, 3), [1, 2, 3], np.array([1, 2, 3]), np.float32([1, 2, 3]), np.arange(1, 7)[::2] * 1 + [0, -1, -2],
-                                   memoryview(np.array([1.0, 2, 3]))], ids=str)
+@pytest.mark.parametrize(
+    "value",
+    [
+        (1, 2, 3),
+        [1, 2, 3],
+        np.array([1, 2, 3]),
+        np.float32([1, 2, 3]),
+        np.arange(1, 7)[::2] * 1 + [0, -1, -2],
+        memoryview(np.array([1.0, 2, 3])),
+    ],
+    ids=str,
+)
 def test_a_vector_is_any_sequence(value):
     pose = fs.Pose()
     pose.position = value
     assert pose.position.tolist() == [1, 2, 3]
 
 
-@pytest.mark.parametrize("value", [(1, 2), (1, 2, 3, 4), "abc", ("1", "2", "3"), None, 5, (1, 2, 3j), [[1], [2, 3]], ("a", 1, 2), [[1, 2, 3]], [[1], [2], [3]]], ids=str)
+@pytest.mark.parametrize(
+    "value",
+    [
+        (1, 2),
+        (1, 2, 3, 4),
+        "abc",
+        ("1", "2", "3"),
+        None,
+        5,
+        (1, 2, 3j),
+        [[1], [2, 3]],
+        ("a", 1, 2),
+        [[1, 2, 3]],
+        [[1], [2], [3]],
+    ],
+    ids=str,
+)
 def test_what_is_no_vector(value):
     pose = fs.Pose(position=(7, 8, 9))
     with pytest.raises(TypeError):
@@ -136,9 +166,17 @@ def test_repr_has_units():
 def test_errors(scene):
     with pytest.raises(fs.NotFoundError) as caught:
         scene.get_report("nix")
-    assert caught.value.status is fs.Status.NOT_FOUND and str(caught.value) == "name is 'nix': there is no such object in the scene"
+    assert (
+        caught.value.status is fs.Status.NOT_FOUND
+        and str(caught.value) == "name is 'nix': there is no such object in the scene"
+    )
     assert isinstance(caught.value, KeyError) and isinstance(caught.value, fs.Error)
-    for name, base in (("InvalidError", ValueError), ("TimeoutError", TimeoutError), ("MemoryError", MemoryError), ("IoError", OSError)):
+    for name, base in (
+        ("InvalidError", ValueError),
+        ("TimeoutError", TimeoutError),
+        ("MemoryError", MemoryError),
+        ("IoError", OSError),
+    ):
         assert issubclass(getattr(fs, name), base)
     with pytest.raises(fs.InvalidError, match="gain"):
         scene["a"] = fs.Point(front=fs.Gaussian(-1, 0.1, limit=5))
@@ -156,13 +194,37 @@ def test_arrays_in(scene):
 
     kept = np.array(points, float)
     Interface.__array_interface__ = kept.__array_interface__
-    for given in (points, np.array(points), np.float32(points), np.asfortranarray(np.array(points, float)), Interface(),
-                  np.array(points, float)[::-1][::-1], memoryview(kept), np.array(points, ">f8")):
-        for corners in (triangles, np.array(triangles), np.uint8(triangles), np.array(triangles, np.int64), np.array(triangles, ">u4")):
+    for given in (
+        points,
+        np.array(points),
+        np.float32(points),
+        np.asfortranarray(np.array(points, float)),
+        Interface(),
+        np.array(points, float)[::-1][::-1],
+        memoryview(kept),
+        np.array(points, ">f8"),
+    ):
+        for corners in (
+            triangles,
+            np.array(triangles),
+            np.uint8(triangles),
+            np.array(triangles, np.int64),
+            np.array(triangles, ">u4"),
+        ):
             shape = fs.Mesh(given, corners).shape
             assert shape.get_points().tolist() == points and shape.get_triangles().tolist() == triangles
-    for wrong in (np.array(points, complex), np.array(points, str), np.zeros((3, 2)), np.zeros(9), np.zeros((3, 3, 1)), None,
-                  np.zeros((3, 3), bool), np.array(points, object), [[0, 0, 0], [1]], np.zeros(3, fs.Pose.dtype)):
+    for wrong in (
+        np.array(points, complex),
+        np.array(points, str),
+        np.zeros((3, 2)),
+        np.zeros(9),
+        np.zeros((3, 3, 1)),
+        None,
+        np.zeros((3, 3), bool),
+        np.array(points, object),
+        [[0, 0, 0], [1]],
+        np.zeros(3, fs.Pose.dtype),
+    ):
         with pytest.raises(TypeError):
             fs.Mesh(wrong, triangles)
     for wrong in (np.float64(triangles), np.zeros((1, 4), int), np.zeros(3, int)):
@@ -179,17 +241,30 @@ def test_arrays_out(scene, spring):
     scene["spring"] = spring
     positions = np.random.default_rng(1).uniform(-0.1, 0.1, (50, 3))
     forces = scene.evaluate(positions)
-    assert forces.shape == (50, 3) and np.allclose(forces, -positions * np.minimum(200, 5 / np.linalg.norm(positions, axis=1))[:, None])
+    assert forces.shape == (50, 3) and np.allclose(
+        forces, -positions * np.minimum(200, 5 / np.linalg.norm(positions, axis=1))[:, None]
+    )
     out = np.full((50, 3), 7.0)
     assert scene.evaluate(positions, out=out) is out and (out == forces).all()
-    assert (scene.evaluate(positions.tolist()) == forces).all() and (scene.evaluate(np.asfortranarray(positions)) == forces).all()
+    assert (scene.evaluate(positions.tolist()) == forces).all() and (
+        scene.evaluate(np.asfortranarray(positions)) == forces
+    ).all()
     assert np.allclose(scene["spring"].evaluate(positions), forces, rtol=1e-14)
     assert scene.evaluate(np.zeros((0, 3))).shape == (0, 3) and scene.evaluate([]).shape == (0, 3)
     wide = np.full((50, 6), 7.0)
     read_only = np.full((50, 3), 7.0)
     read_only.flags.writeable = False
-    for wrong in (np.full((50, 3), 7, np.float32), np.full((49, 3), 7.0), np.full(150, 7.0), wide[:, ::2], np.asfortranarray(out * 0 + 7),
-                  read_only, np.full((50, 3), 7), [[7.0] * 3] * 50, np.full((50, 3), 7, ">f8")):
+    for wrong in (
+        np.full((50, 3), 7, np.float32),
+        np.full((49, 3), 7.0),
+        np.full(150, 7.0),
+        wide[:, ::2],
+        np.asfortranarray(out * 0 + 7),
+        read_only,
+        np.full((50, 3), 7),
+        [[7.0] * 3] * 50,
+        np.full((50, 3), 7, ">f8"),
+    ):
         with pytest.raises(TypeError):
             scene.evaluate(positions, out=wrong)
         assert np.all(np.asarray(wrong) == 7)
@@ -261,7 +336,13 @@ def test_tool_evaluates_one_and_many(scene, spring):
         assert len(tool.evaluate(states[:0])) == 0
         read_only = np.zeros(1000, fs.Response.dtype)
         read_only.flags.writeable = False
-        for wrong in (np.zeros(1000, fs.State.dtype), np.zeros(999, fs.Response.dtype), np.zeros(2000, fs.Response.dtype)[::2], read_only, 3):
+        for wrong in (
+            np.zeros(1000, fs.State.dtype),
+            np.zeros(999, fs.Response.dtype),
+            np.zeros(2000, fs.Response.dtype)[::2],
+            read_only,
+            3,
+        ):
             with pytest.raises(TypeError):
                 tool.evaluate(states, out=wrong)
         for wrong in (np.zeros(1000), np.zeros((2, 3), fs.State.dtype), None, response):
@@ -279,9 +360,14 @@ def test_tool_evaluates_one_and_many(scene, spring):
 def test_profiles_and_custom():
     d = np.linspace(0, 0.1, 11)
     wide = {"limit": 1e6}
-    for profile, formula in ((fs.Constant(3, **wide), 3 + 0 * d), (fs.LinearIncreasing(20, 1, **wide), 20 * d + 1),
-                             (fs.LinearDecreasing(-20, 3, **wide), 3 - 20 * d), (fs.Gaussian(3, 0.02, **wide), 3 * np.exp(-(d / 0.02)**2 / 2)),
-                             (fs.Quadratic(100, 1, **wide), 100 * d**2 + 1), (fs.Custom("exp(-d)", **wide), np.exp(-d))):
+    for profile, formula in (
+        (fs.Constant(3, **wide), 3 + 0 * d),
+        (fs.LinearIncreasing(20, 1, **wide), 20 * d + 1),
+        (fs.LinearDecreasing(-20, 3, **wide), 3 - 20 * d),
+        (fs.Gaussian(3, 0.02, **wide), 3 * np.exp(-((d / 0.02) ** 2) / 2)),
+        (fs.Quadratic(100, 1, **wide), 100 * d**2 + 1),
+        (fs.Custom("exp(-d)", **wide), np.exp(-d)),
+    ):
         assert np.allclose(fs.intensity(profile, d), formula)
     assert np.allclose(fs.intensity(fs.Inverse(0.1, 1, limit=1e6), d[1:]), 0.1 / d[1:] + 1)
     sampled = fs.Custom(lambda x: 3 * np.exp(-x / 0.02), limit=10, until=0.1)

@@ -1,4 +1,5 @@
 """Destruction and collection in every order, closing, forks, signals, and the end of the interpreter."""
+
 import gc
 import itertools
 import os
@@ -17,8 +18,13 @@ def everything():
     scene["a"] = fs.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], front=fs.Custom("d", limit=1))
     device = fs.Device("sim:?path=figure8")
     servo = fs.Servo(scene, device)
-    return {"scene": scene, "device": device, "tool": fs.Tool(scene), "servo": servo,
-            "server": fs.Server(servo, f"shm:order-{os.getpid()}")}
+    return {
+        "scene": scene,
+        "device": device,
+        "tool": fs.Tool(scene),
+        "servo": servo,
+        "server": fs.Server(servo, f"shm:order-{os.getpid()}"),
+    }
 
 
 USES = {"scene": fs.Scene.get_time, "device": fs.Device.read, "tool": fs.Tool.reset, "servo": fs.Servo.get_record}
@@ -98,10 +104,15 @@ def test_create_and_destroy_keeps_memory_flat(request, spring):
 def test_errors_keep_memory_flat(scene, spring):
     def some(n):
         for _ in range(n):
-            for wrong in (lambda: scene.get_report("nix"), lambda: fs.Profile(gain="x"), lambda: scene.evaluate(np.zeros((3, 3)), np.zeros(3)),
-                          lambda: fs.Custom("3*(", limit=1)):
+            for wrong in (
+                lambda: scene.get_report("nix"),
+                lambda: fs.Profile(gain="x"),
+                lambda: scene.evaluate(np.zeros((3, 3)), np.zeros(3)),
+                lambda: fs.Custom("3*(", limit=1),
+            ):
                 with pytest.raises((fs.Error, TypeError)):
                     wrong()
+
     some(500)
     before = memory()
     some(3000)
@@ -125,9 +136,17 @@ def test_closing_while_others_call():
             except BaseException as error:
                 errors.append(error)
 
-        threads = [threading.Thread(target=until_closed, args=(work,)) for work in (
-            lambda: scene.evaluate(positions), lambda: tool.evaluate(states), lambda: tool.evaluate(fs.State()), lambda: scene.get_reports(),
-            lambda: scene.next_event(100), lambda: scene.object_set(fs.Object(name="b")))]
+        threads = [
+            threading.Thread(target=until_closed, args=(work,))
+            for work in (
+                lambda: scene.evaluate(positions),
+                lambda: tool.evaluate(states),
+                lambda: tool.evaluate(fs.State()),
+                lambda: scene.get_reports(),
+                lambda: scene.next_event(100),
+                lambda: scene.object_set(fs.Object(name="b")),
+            )
+        ]
         for thread in threads:
             thread.start()
         time.sleep(0.03)
@@ -233,9 +252,17 @@ def test_ctrl_c_for_one_who_waits_for_a_group(run):
     """)
 
 
-@pytest.mark.parametrize("end", ["pass", "raise SystemExit(0)", "sys.exit()", "threading.Thread(target=lambda: servo.step(1), daemon=True)",
-                                 "gc.disable(); servo.circle = servo",
-                                 "threading.Thread(target=lambda: scene.next_event(1000), daemon=True).start(); time.sleep(0.1)"])
+@pytest.mark.parametrize(
+    "end",
+    [
+        "pass",
+        "raise SystemExit(0)",
+        "sys.exit()",
+        "threading.Thread(target=lambda: servo.step(1), daemon=True)",
+        "gc.disable(); servo.circle = servo",
+        "threading.Thread(target=lambda: scene.next_event(1000), daemon=True).start(); time.sleep(0.1)",
+    ],
+)
 @pytest.mark.parametrize("mode", ["thread", "virtual"])
 def test_exit_with_a_servo_stops_it(run, end, mode):
     out = run(f"""

@@ -1,4 +1,5 @@
 """The package as it is installed: its program, stubs, docstrings, and where it refuses."""
+
 import inspect
 import os
 import pathlib
@@ -29,7 +30,11 @@ def test_the_program():
 def test_version_and_files():
     assert f'version = "{fs.__version__}"' in (ROOT / "bindings/python/pyproject.toml").read_text()
     assert [path.name for path in FOLDER.glob("libforceserver*")] == ["libforceserver.so.0"]
-    assert (FOLDER / "py.typed").exists() and (FOLDER / "licenses" / "LICENSE").exists() and not any(p.is_symlink() for p in FOLDER.rglob("*"))
+    assert (
+        (FOLDER / "py.typed").exists()
+        and (FOLDER / "licenses" / "LICENSE").exists()
+        and not any(p.is_symlink() for p in FOLDER.rglob("*"))
+    )
 
 
 def test_a_sub_interpreter_is_refused(run):
@@ -100,7 +105,9 @@ def test_docstrings_are_the_comments_of_the_headers():
     assert "several changes" in fs.Scene.change.__doc__ and "Opens a group" in fs.Scene.begin.__doc__
     assert "In C: fs_object_move." in fs.Scene.object_move.__doc__ and "N, > 0" in fs.Profile.limit.__doc__
     assert str(inspect.signature(fs.Scene.object_move)) == "(name, pose, twist, time)"
-    assert str(inspect.signature(fs.pose_from_z)) == "(position, direction)" and "tool_create" not in fs.Tool.reset.__doc__
+    assert (
+        str(inspect.signature(fs.pose_from_z)) == "(position, direction)" and "tool_create" not in fs.Tool.reset.__doc__
+    )
     assert "x, y, z, w" in fs.SceneObject.move.__doc__ and "x, y, z, w" in fs.__doc__
 
 
@@ -129,5 +136,11 @@ def test_the_lines_of_the_readme_work(run):
 def test_examples(example, tmp_path):
     if "import matplotlib" in example.read_text():
         pytest.importorskip("matplotlib")
-    done = subprocess.run([sys.executable, "-B", example], cwd=tmp_path, capture_output=True, text=True, env={**os.environ, "MPLBACKEND": "Agg"})
+    done = subprocess.run(
+        [sys.executable, "-B", example],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "MPLBACKEND": "Agg"},
+    )
     assert done.returncode == 0, done.stdout + done.stderr

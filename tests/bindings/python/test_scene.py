@@ -1,4 +1,5 @@
 """The facade: scenes as mappings, groups, servos, servers and events."""
+
 import os
 import threading
 import time
@@ -26,7 +27,11 @@ def test_a_scene_is_a_mapping(scene, spring):
     assert sorted(scene) == sorted(scene.keys()) == ["a", "b"] and len(scene) == 2 and "a" in scene and 3 not in scene
     assert sorted(name for name, _ in scene.items()) == ["a", "b"] and scene["b"].object.front.gain == 200
     assert scene.get("c") is None and scene.get("a").name == "a" and len(scene.values()) == 2
-    for missing in (lambda: scene["c"], lambda: scene.__delitem__("c"), lambda: scene["a"].scene["d"].move(position=(0, 0, 0))):
+    for missing in (
+        lambda: scene["c"],
+        lambda: scene.__delitem__("c"),
+        lambda: scene["a"].scene["d"].move(position=(0, 0, 0)),
+    ):
         with pytest.raises(KeyError):
             missing()
     del scene["a"]
@@ -82,8 +87,12 @@ def test_every_kind_of_object(scene, tmp_path):
     assert fs.Mesh(next(tmp_path.glob("*.ply"))).shape.get_info().primitive is fs.Primitive.MESH
     with pytest.raises(fs.NotFoundError):
         scene.load(tmp_path / "nix.json")
-    for wrong in (lambda: fs.Mesh([[0, 0, 0]]), lambda: fs.Plane(normal=(0, 0, 1), orientation=(1, 0, 0, 0)), lambda: fs.Point(nix=3),
-                  lambda: fs.Polyline(None)):
+    for wrong in (
+        lambda: fs.Mesh([[0, 0, 0]]),
+        lambda: fs.Plane(normal=(0, 0, 1), orientation=(1, 0, 0, 0)),
+        lambda: fs.Point(nix=3),
+        lambda: fs.Polyline(None),
+    ):
         with pytest.raises((TypeError, AttributeError)):
             wrong()
 
@@ -173,6 +182,7 @@ def test_threads_that_evaluate_and_edit_at_once(scene, spring):
                     work()
             except BaseException as error:
                 errors.append(error)
+
         return threading.Thread(target=loop)
 
     def evaluate():
@@ -189,7 +199,10 @@ def test_threads_that_evaluate_and_edit_at_once(scene, spring):
         scene["more"] = fs.Mesh([[9, 0, 0], [9, 1, 0], [9, 0, 1]], [[0, 1, 2]])
         scene.get_reports(), scene.keys()
 
-    threads = [guarded(work) for work in (evaluate, evaluate, evaluate_one, edit, edit, lambda: scene.evaluate(np.zeros((100, 3))))]
+    threads = [
+        guarded(work)
+        for work in (evaluate, evaluate, evaluate_one, edit, edit, lambda: scene.evaluate(np.zeros((100, 3))))
+    ]
     for thread in threads:
         thread.start()
     time.sleep(1.5)
