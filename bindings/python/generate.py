@@ -1,6 +1,7 @@
 """Writes the layer forceserver._core and its type stub from the description of the public headers.
 
-generate.py DESCRIPTION OUTPUT_FOLDER: writes core.cpp and _core.pyi there. CMake runs it whenever the description changes.
+generate.py DESCRIPTION OUTPUT_FOLDER: writes core.cpp and _core.pyi there. CMake runs it whenever the description
+changes.
 core.h has what the generated code is made of. What no rule gives stands in the tables below.
 """
 
@@ -186,7 +187,8 @@ class Generator:
         for name, struct in self.structs.items():
             if paths := list(self.handle_fields(name)):
                 self.cpp.append(
-                    f"template <>\nstruct HandlesOf<{name}> {{\n  template <class F>\n  static void each({name}& value, F&& call) {{\n"
+                    f"template <>\nstruct HandlesOf<{name}> {{\n  template <class F>\n"
+                    f"  static void each({name}& value, F&& call) {{\n"
                     + "".join(f"    call(value.{path});\n" for path in paths)
                     + "  }\n};"
                 )
@@ -207,7 +209,8 @@ class Generator:
             )
             variable = f"enum_of<{item['name']}>" if item["name"] else f"static Enum {item['python']}"
             self.cpp.append(
-                f'{variable} = make_enum(module, "{item["python"]}", {raw(doc.strip())}, {str(item["is_flags"]).lower()}, {{{values}}});'
+                f'{variable} = make_enum(module, "{item["python"]}", {raw(doc.strip())}, '
+                f"{str(item['is_flags']).lower()}, {{{values}}});"
             )
             base = "IntFlag" if item["is_flags"] else "IntEnum"
             self.stub.append(
@@ -295,7 +298,8 @@ class Generator:
         return function["rt"] and [p["kind"] for p in function["parameters"]] == ["handle", "struct", "out struct"]
 
     def convert(self, p):
-        """Python type, default, and C++ lines that turn an argument into what the call is given; None: not an argument."""
+        """Of an argument: its Python type, its default, C++ lines that convert it, lines that come after all of those,
+        and the expression that the call is given."""
         name, type_, kind, null = p["name"], p["type"], p["kind"], p["null"]
         base = bare(type_)
         none = " | None" if null else ""
@@ -372,7 +376,7 @@ class Generator:
                 [],
                 f"{name}_at",
             )
-        return None
+        sys.exit(f"no rule gives what an argument of kind {kind} ({type_} {name}) is")
 
     def add_function(self, function):
         name, self_ = function["name"], self.self_of(function)
@@ -464,7 +468,9 @@ class Generator:
                 before
                 + uses
                 + [
-                    f"return list<{list_of}>([&]({list_of}* entries, size_t capacity, size_t* count) {{ return {called}; }});"
+                    f"return list<{list_of}>([&]({list_of}* entries, size_t capacity, size_t* count) {{",
+                    f"  return {called};",
+                    "});",
                 ]
             )
         if any(p["name"] == "timeout" for p in function["parameters"]):
@@ -645,7 +651,8 @@ class Generator:
             yield "    py::dict members;"
             yield f'    members["status"] = enum_of<fs_status>.to_python({value});'
             yield '    members["__str__"] = sentence;'
-            yield f'    PyObject* made = PyErr_NewExceptionWithDoc("forceserver.{python}", {raw(" ".join(comment.split()))}, bases.ptr(), members.ptr());'
+            doc = raw(" ".join(comment.split()))
+            yield f'    PyObject* made = PyErr_NewExceptionWithDoc("forceserver.{python}", {doc}, bases.ptr(), members.ptr());'
             yield "    if (!made) throw py::error_already_set();"
             yield f"    errors.classes.push_back({{{value}, made}});"
             yield f'    module.attr("{python}") = py::reinterpret_borrow<py::object>(made);'
@@ -668,7 +675,7 @@ class Generator:
         yield "}"
         yield "\n}  // namespace forceserver_python\n"
         yield "PYBIND11_MODULE(_core, module) {"
-        yield '  module.doc() = "The C functions of forceserver, generated from its headers. The package forceserver has the friendly side.";'
+        yield '  module.doc() = "The C functions of forceserver, generated from its headers.";'
         yield "  pybind11::options options;"
         yield "  options.disable_function_signatures();"
         yield "  pthread_atfork(nullptr, nullptr, [] { ++forceserver_python::forks; });"
