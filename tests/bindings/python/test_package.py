@@ -1,0 +1,146 @@
+"""The package as it is installed: its program, stubs, docstrings, and where it refuses."""
+
+import inspect
+import os
+import pathlib
+import re
+import subprocess
+import sys
+
+import pytest
+
+import forceserver as fs
+from conftest import ROOT
+
+FOLDER = pathlib.Path(fs.__file__).parent
+
+
+def test_import_in_an_empty_environment():
+    code = "import forceserver as fs; s = fs.Scene(); s['a'] = fs.Point(front=fs.Custom('d', limit=1)); print(s)"
+    done = subprocess.run(["env", "-i", sys.executable, "-c", code], cwd="/", capture_output=True, text=True)
+    assert done.stdout == "<forceserver.Scene of 1 objects>\n", done.stderr
+
+
+def test_the_program():
+    for program in ([sys.executable, "-m", "forceserver"], [pathlib.Path(sys.executable).parent / "forceserver"]):
+        done = subprocess.run(["env", "-i", *program, "devices", "--json"], capture_output=True, text=True, cwd="/")
+        assert done.returncode == 0 and "sim:" in done.stdout, done.stderr
+
+
+def test_version_and_files():
+    assert f'version = "{fs.__version__}"' in (ROOT / "bindings/python/pyproject.toml").read_text()
+    assert [path.name for path in FOLDER.glob("libforceserver*")] == ["libforceserver.so.0"]
+    assert (
+        (FOLDER / "py.typed").exists()
+        and (FOLDER / "licenses" / "LICENSE").exists()
+        and not any(p.is_symlink() for p in FOLDER.rglob("*"))
+    )
+
+
+def test_a_sub_interpreter_is_refused(run):
+    if sys.version_info >= (3, 13):
+        create = "import _interpreters as i; sub = i.create('legacy'); error = i.exec(sub, code); i.destroy(sub); print(error)"
+    else:
+        create = """
+import _xxsubinterpreters as i
+sub = i.create(isolated=False)
+try: error = i.run_string(sub, code)
+except i.RunFailedError as e: error = e
+i.destroy(sub); print(error)"""
+    out = run(f"import sys\ncode = 'import forceserver'\n{create}", timeout=30)
+    assert "cannot be imported in a sub-interpreter" in out
+
+
+def test_stubs(tmp_path):
+    mypy = pytest.importorskip("mypy.api")
+    use = tmp_path / "use.py"
+    use.write_text("""
+import numpy as np
+import forceserver as fs
+from scipy.spatial.transform import Rotation  # type: ignore[import-untyped]
+
+scene = fs.Scene()
+scene["rock"] = fs.Mesh(np.eye(3), [[0, 1, 2]], front=fs.Gaussian(5, 0.01, limit=5, sense="repulsive"), orientation=Rotation.identity())
+with scene.change():
+    scene["rock"].move(position=(0, 0, 0.1))
+    del scene["rock"]
+forces = scene.evaluate(np.zeros((5, 3)))
+print(forces.shape)
+state, response = fs.State(), fs.Response()
+state.pose.position = (0, 0, 1)
+tool = fs.Tool(scene)
+print(tool.evaluate(state, out=response).wrench.force.shape, tool.evaluate(np.zeros(3, fs.State.dtype)))
+with fs.Servo(scene, fs.Device("sim:?path=figure8"), mode="virtual", fade=0.1) as servo:
+    servo.step(10)
+    print(servo.stats.ticks, scene.hand().sent.force, servo.record)
+for event in scene.events(timeout=0):
+    print(event.kind is fs.EventKind.READY, event.name.upper())
+try:
+    fs.connect("shm:lab", "rover")
+except fs.NotFoundError as error:
+    print(error.status is fs.Status.NOT_FOUND)
+""")
+    out, err, status = mypy.run(["--strict", "--cache-dir", str(tmp_path / "cache"), str(use)])
+    assert status == 0, out + err
+    out, err, status = mypy.run(["--strict", "--cache-dir", str(tmp_path / "cache"), "-p", "forceserver"])
+    assert status == 0, out + err
+    use.write_text("import forceserver as fs\nfs.Gaussian('5', 3)\nfs.Servo(fs.Scene(), nix=3)\nfs.Scene().nix()\n")
+    assert mypy.run(["--strict", "--cache-dir", str(tmp_path / "cache"), str(use)])[2] == 1
+
+
+def test_the_stub_is_what_the_module_has():
+    stub = (FOLDER / "_core.pyi").read_text()
+    for name in re.findall(r"^(?:class|def) (\w+)", stub, re.M):
+        if not name.endswith("Fields") and name != "Rotation":
+            assert hasattr(fs._core, name), name
+    for name in dir(fs._core):
+        if not name.startswith("_"):
+            assert re.search(rf"^(?:class |def )?{name}\b", stub, re.M), name
+    for name in dir(fs):
+        assert fs.__all__.count(name) < 2
+    assert not [name for name in fs.__all__ if not hasattr(fs, name)]
+
+
+def test_docstrings_are_the_comments_of_the_headers():
+    assert "several changes" in fs.Scene.change.__doc__ and "Opens a group" in fs.Scene.begin.__doc__
+    assert "In C: fs_object_move." in fs.Scene.object_move.__doc__ and "N, > 0" in fs.Profile.limit.__doc__
+    assert str(inspect.signature(fs.Scene.object_move)) == "(name, pose, twist, time)"
+    assert (
+        str(inspect.signature(fs.pose_from_z)) == "(position, direction)" and "tool_create" not in fs.Tool.reset.__doc__
+    )
+    assert "x, y, z, w" in fs.SceneObject.move.__doc__ and "x, y, z, w" in fs.__doc__
+
+
+def test_plot_says_that_matplotlib_is_missing(run):
+    out = run("""
+        import sys
+        sys.modules["matplotlib"] = None
+        import forceserver as fs
+        try: fs.plot(fs.Constant(1, limit=1))
+        except ImportError as error: print(error)
+    """)
+    assert out.startswith("fs.plot needs matplotlib, which is not installed")
+
+
+def python_lines(file):
+    text = file.read_text()
+    return re.findall(r"```python\n(.*?)```", text, re.S)
+
+
+def test_the_lines_of_the_readme_work(run):
+    for lines in python_lines(ROOT / "README.md"):
+        assert "mm" in run(lines)
+
+
+@pytest.mark.parametrize("example", sorted((ROOT / "examples/python").glob("*.py")), ids=lambda path: path.name)
+def test_examples(example, tmp_path):
+    if "import matplotlib" in example.read_text():
+        pytest.importorskip("matplotlib")
+    done = subprocess.run(
+        [sys.executable, "-B", example],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "MPLBACKEND": "Agg"},
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
