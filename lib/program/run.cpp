@@ -118,6 +118,7 @@ void print_line(fs_scene* scene, double time, bool listens, bool terminal) {
                             stats.late_p99 * 1e6, length(sent.force), listens ? " of its own objects" : "") +
                      felt(scene);
   if (stats.faults) line += "; STOPPED: " + fault_names(stats.faults);
+  if (!stats.enabled) line += "; NOT ENABLED";
   winsize window{};
   if (terminal && ioctl(STDOUT_FILENO, TIOCGWINSZ, &window) == 0 && window.ws_col > 1) {
     line = fit(line, window.ws_col - 1u);  // it must not wrap

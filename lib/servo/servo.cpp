@@ -320,6 +320,8 @@ void fs_servo::get_stats(fs_servo_stats& out) const {
   out.compute_p50 = compute.p50;
   out.compute_p99 = compute.p99;
   out.compute_max = compute.max;
+  out.enabled = static_cast<uint32_t>(enable_.load(std::memory_order_relaxed) & 1);
+  out.reserved = 0;
 }
 
 void fs_servo::get_device_info(fs_device_info& out) const {
