@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <stdexcept>
@@ -22,14 +23,24 @@ double quantile(std::vector<double> values, double part) {
 
 bool Flight::watch(double seconds, Beat& beat) {
   const bool terminal = isatty(STDOUT_FILENO);
-  const int line_period = terminal ? 20 : 500, period_ms = 10;
+  const double line_period = terminal ? 0.2 : 5, fetch_period = 0.5;
+  double next_line = line_period, next_fetch = fetch_period;
   bool goes_on = true;
-  for (int i = 1; i * period_ms <= seconds * 1000; ++i) {
-    goes_on = beat.wait(period_ms * 1e-3);
+  const auto start = std::chrono::steady_clock::now();
+  for (double before = 0; before < seconds;) {
+    goes_on = beat.wait(0.01);
     if (!goes_on) break;
-    sample(period_ms * 1e-3);
-    if (i % 50 == 0) fetch_ticks();
-    if (i % line_period == 0) print_line(i * period_ms * 1e-3);
+    const double time = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    sample(time - before);
+    before = time;
+    if (time >= next_fetch) {
+      fetch_ticks();
+      next_fetch += fetch_period;
+    }
+    if (time >= next_line) {
+      print_line(time);
+      next_line += line_period;
+    }
   }
   fetch_ticks();
   check(fs_scene_get_servo_stats(scene_, &stats_));
