@@ -150,9 +150,11 @@ START_TEST(an_old_pose_is_no_pose) {  // older than 20 ms and the device's delay
   const struct {
     double delay, good, bad;  // s
     const char* text;
-  } cases[]{{0, 0.015, 0.025, "20 ms"}, {0.03, 0.045, 0.055, "50 ms"}, {0.5, 0.095, 0.105, "100 ms"}};
+  } cases[]{{0, 0.015, 0.025, "its pose is 25 ms old, must be at most 20 ms; "},
+            {0.03, 0.045, 0.055, "its pose is 55 ms old, must be at most 50 ms; "},
+            {0.5, 0.095, 0.105, "its pose is 105 ms old, must be at most 100 ms; "}};
   for (const auto& c : cases) {
-    Rig rig(c.text);
+    Rig rig("old");
     set(rig.scene.get(), lift());
     rig.fake.info.delay = c.delay;
     double age = c.good;
