@@ -60,8 +60,8 @@ const char* const check_help = R"(examples:
       a mesh whose file is in millimetres
 
 Describes the file and reports what is odd in it: holes, triangles without area, objects that nobody can feel or reach,
-forces that jump, sides that pull for ever or drive the hand deeper. Ends with 0 when nothing is odd, 1 when something
-is, 2 when the file cannot be read.)";
+forces that jump, slopes too steep for a device that nobody holds (an estimate), forces that pull from everywhere or
+drive the hand deeper. Ends with 0 when nothing is odd, 1 when something is, 2 when the file cannot be read.)";
 
 const char* const evaluate_help = R"(examples:
   forceserver evaluate room.json points.csv > forces.csv

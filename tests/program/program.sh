@@ -144,10 +144,11 @@ cat > odd.json << 'END'
    "front": {"kind": "constant", "sense": "attractive", "gain": 1, "limit": 1}},
   {"name": "far", "primitive": "point", "pose": {"position": [9, 0, 0]},
    "front": {"kind": "gaussian", "sense": "repulsive", "gain": 1, "width": 0.01, "limit": 1}},
-  {"name": "strong", "primitive": "point",
+  {"name": "strong", "primitive": "point", "tool_points": 3,
    "front": {"kind": "gaussian", "sense": "repulsive", "gain": 1, "width": 0.01, "limit": 1000}}]}
 END
-expect 1 '^6 odd things$' "$program" check odd.json
+expect 1 '^7 odd things$' "$program" check odd.json
+expect 1 'strong: its tool_points select points that the tool does not have: it has 1$' "$program" check odd.json
 expect 1 'mute: it has no profile' "$program" check odd.json
 expect 1 'off: it is disabled' "$program" check odd.json
 expect 1 'far: the hand cannot get near' "$program" check odd.json
@@ -205,6 +206,21 @@ fine '"primitive": "plane", "back": {'"$spring"'}'
 fine '"primitive": "plane", "front": {'"$spring"'}, "back": {'"$spring"'}'
 fine '"primitive": "plane", "front": {"kind": "constant", "gain": 2, "limit": 2},
       "back": {"kind": "constant", "gain": 2, "limit": 2, "sense": "repulsive"}'  # gravity
+# A back that the hand never comes to is not felt. A point that pulls with half of the device's force is odd.
+odd 'the hand cannot get to the side on which it is felt: it is at least 2\.82 m of the scene away from the device' \
+  '"primitive": "plane", "pose": {"position": [0, 0, -3]}, "back": {'"$spring"'}'
+fine '"primitive": "plane", "pose": {"position": [0, 0, 3]}, "back": {'"$spring"'}'
+odd 'it pulls the hand with 12\.[0-9]+ N or more from everywhere beyond 12\.[0-9]+ mm: give it a smaller limit' \
+  '"primitive": "point", "front": {"kind": "linear_increasing", "gain": 1000, "limit": 25}'
+# The steepest slope, and what the device renders while nobody holds it: 1 N s/m divided by half of 1 ms.
+wall='"primitive": "plane", "back": {"kind": "linear_increasing", "limit": 10, "gain"'
+odd 'its slope of 1e\+06 N/m at the device may shake it when nobody holds it: an estimate of the most is 2000 N/m, ' \
+  "$wall: 1e6}"
+odd 'its slope of 2010 N/m' "$wall: 2010}"
+fine "$wall: 1990}"
+expect 0 '^x: a plane; .*; steepest slope 1990 N/m at the device$' "$program" check one.json
+expect 1 'an estimate of the most is 400 N/m, .* divided by 2.5 ms, ' \
+  "$program" check one.json --device 'sim:?delay_ms=2'
 fine '"primitive": "mesh", "shape": "part", "front": {'"$spring"'}'  # a room
 fine '"primitive": "plane", "front": {"kind": "constant", "gain": 1, "limit": 1},
       "back": {"kind": "constant", "gain": 1, "limit": 1, "sense": "repulsive"}'  # gravity
@@ -214,6 +230,8 @@ odd 'its back drives the hand deeper' '"primitive": "plane", "back": {"sense": "
 expect 0 'closed mesh of 4 triangles and 4 points' "$program" check solid.obj
 sed '$d' solid.obj > open.obj
 expect 1 '3 open edges' "$program" check open.obj
+printf 'v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nf 1 2 3\n' > one.obj
+expect 1 'open mesh of 1 triangle and 3 points' "$program" check one.obj
 expect 1 'millimetres' "$program" check solid.obj --scale 1000
 expect 2 '^forceserver: ' "$program" check no-such.stl
 echo '{"forceserver": 1' > broken.json
@@ -332,7 +350,7 @@ grep "$name" /proc/net/unix && fail "a socket is left"
 # A device that is lost between two looks of the program, and back at once, is not overlooked.
 expect 1 '^faults: the device is not ready$' env LD_PRELOAD="$losing_driver" ASAN_OPTIONS=verify_asan_link_order=0 \
   "$program" run --device losing: --duration 0.5
-grep -q '^the force stopped: lost, ' output || fail "run does not say that the device was lost"
+grep -q "^the force stopped: lost: it failed to read or write; " output || fail "run does not say that the device was lost"
 
 echo "$failures failures"
 [ $failures = 0 ]
