@@ -114,7 +114,7 @@ void Flight::print_table() const {
   for (int bit = 0; bit < 7; ++bit) {
     if (stats_.protections_off >> bit & 1) off += (off.empty() ? "" : ", ") + std::string(protections[bit]);
   }
-  std::printf("protections switched off: %s\n", off.empty() ? "none" : off.c_str());
+  std::printf("protections that version 0.1 does not have: %s\n", off.c_str());  // none of them is switched off here
 }
 
 void Flight::write_csv(const std::string& path) const {
@@ -123,8 +123,8 @@ void Flight::write_csv(const std::string& path) const {
   std::fprintf(file, "time,x,y,z,fx,fy,fz,late,compute\n");
   for (const fs_tick& t : ticks_) {
     const fs_vec3 &x = t.state.pose.position, &f = t.sent.force;
-    std::fprintf(file, "%.6f,%.7f,%.7f,%.7f,%.5f,%.5f,%.5f,%.7f,%.7f\n", t.state.time, x.x, x.y, x.z, f.x, f.y, f.z,
-                 t.late, t.compute);
+    std::fprintf(file, "%.6f,%.7g,%.7g,%.7g,%.5g,%.5g,%.5g,%.7f,%.7f\n", t.state.time, x.x + 0.0, x.y + 0.0,
+                 x.z + 0.0, f.x + 0.0, f.y + 0.0, f.z + 0.0, t.late, t.compute);  // + 0.0: no -0
   }
   const bool failed = std::ferror(file) != 0;
   if (std::fclose(file) != 0 || failed) throw std::runtime_error("cannot write " + path);

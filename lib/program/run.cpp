@@ -46,7 +46,7 @@ class Record {
       const double columns[] = {x.x, x.y, x.z, q.w, q.x, q.y, q.z, f.x, f.y, f.z, s.x, s.y, s.z, tick->late,
                                 tick->compute};
       std::fprintf(file_, "%.9f", tick->state.time);
-      for (const double value : columns) std::fprintf(file_, ",%.9g", value);
+      for (const double value : columns) std::fprintf(file_, ",%.9g", value + 0.0);  // + 0.0: no -0
       std::fprintf(file_, ",%u\n", tick->faults);
     }
     if (!ticks_.empty()) {
@@ -156,11 +156,14 @@ void print_summary(const fs_servo_stats& s, double seconds, std::uint32_t faults
   std::printf("compute p50 %.1f us, p99 %.1f us, max %.1f us\n", s.compute_p50 * 1e6, s.compute_p99 * 1e6,
               s.compute_max * 1e6);
   if (std::isfinite(s.max_stiffness)) std::printf("slopes up to %.0f N/m, ", s.max_stiffness);
-  std::printf("local damping %.1f N s/m; a limit or fault changed the force of %llu ticks\n", s.damping,
-              Count(s.guarded));
+  std::printf("local damping %.1f N s/m; ", s.damping);
+  if (s.guarded == 0) std::printf("no force was changed by a limit or a fault\n");
+  else std::printf("a limit or a fault changed the force of %llu %s\n", Count(s.guarded), s.guarded == 1 ? "tick" : "ticks");
   std::printf("faults: %s\n", fault_names(faults).c_str());
   std::printf("the system granted: %s\n", realtime_name(s.realtime));
-  std::printf("protections switched off: %s\n", protection_names(s.protections_off).c_str());
+  const std::uint32_t missing = FS_OFF_SLEW | FS_OFF_STIFFNESS | FS_OFF_DAMPING | FS_OFF_BLEND;  // 0.1 has none of them
+  std::printf("protections that version 0.1 does not have: %s\n", protection_names(missing).c_str());
+  std::printf("protections switched off: %s\n", protection_names(s.protections_off & ~missing).c_str());
 }
 
 }  // namespace

@@ -52,6 +52,13 @@ expect 2 "^forceserver: there is no command 'wacth'; did you mean watch\? There 
   "$program" wacth x
 expect 2 "^forceserver: there is no command 'nonsense'; there are: run, " "$program" nonsense
 expect 2 '^forceserver: .*duration' "$program" run --duration -1
+expect 2 '^forceserver: --duration needs a number of seconds$' "$program" run --duration
+expect 2 '^forceserver: --device needs the URI of a device$' "$program" run --device
+expect 0 'watch .*OPTIONS\] server$' "$program" watch --help
+expect 0 'clients .*OPTIONS\] server$' "$program" clients --help
+expect 0 'check .*OPTIONS\] file$' "$program" check --help
+expect 0 'evaluate .*OPTIONS\] scene \[positions\]$' "$program" evaluate --help
+expect 0 'run .*OPTIONS\] \[scene\]$' "$program" run --help
 
 # For every command the message names the unknown option, not its value, and the option that may have been meant.
 expect 2 '^forceserver: run has no option --nonsense; see: forceserver run --help$' "$program" run --nonsense
@@ -75,7 +82,12 @@ expect 2 '^forceserver: check needs a file, such as: forceserver check room.json
 expect 2 '^forceserver: evaluate needs a scene, such as: forceserver evaluate room.json points.csv$' "$program" evaluate
 
 # run: a summary, a record without a gap, errors with a sentence.
-expect 0 '^protections switched off: ' "$program" run "$scene" --duration 1 --record ticks.csv
+expect 0 '^protections that version 0.1 does not have: limit of the change in force, limit of the slope, local' \
+  "$program" run "$scene" --duration 1 --record ticks.csv
+for line in '^protections switched off: none$' '; no force was changed by a limit or a fault$'; do
+  grep -q "$line" output || { echo "FAILED: run does not say $line"; failures=$((failures + 1)); }
+done
+grep -qE '(^|,)-0(,|$)' ticks.csv && { echo "FAILED: a record has -0"; failures=$((failures + 1)); }
 expect 2 '^forceserver: .*no-such\.json' "$program" run no-such.json --duration 1
 grep -qE '^time,x,y,z,' ticks.csv || { echo "FAILED: no record"; failures=$((failures + 1)); }
 awk -F, 'NR > 2 && $1 <= last { bad = 1 } { last = $1 } END { exit bad || NR < 100 }' ticks.csv ||
@@ -125,7 +137,9 @@ expect 2 'four, line 2: .*three' "$program" evaluate --scene "$scene" four
 printf '0 0 0\n0 0 nan\n' > number
 expect 2 'line 2: ' "$program" evaluate --scene "$scene" number
 printf '+0 -0 +0.1\n' > number
-expect 0 '^0,-0,0\.1' "$program" evaluate --scene "$scene" number
+expect 0 '^0,0,0\.1' "$program" evaluate --scene "$scene" number  # no -0
+printf '0 0 x\n1 2\n' > number
+input=number expect 2 '^forceserver: standard input, line 1: ' "$program" evaluate --scene "$scene"
 for signs in +- -+ ++ --; do
   printf '0 0 0\n0 0 %s5\n' $signs > number
   expect 2 'line 2: ' "$program" evaluate --scene "$scene" number
