@@ -146,7 +146,7 @@ struct Distances {
 double most(const fs_profile& profile, const Distances& range) {
   if (profile.kind == FS_PROFILE_NONE || range.least > range.most) return 0;
   if (profile.reach > 0 && range.least > profile.reach) return 0;
-  if (profile.kind == FS_PROFILE_CUSTOM) return profile.limit;  // it may depend on time: assume the limit
+  if (profile.kind == FS_PROFILE_CUSTOM) return profile.gain > 0 ? profile.limit : 0;  // it may depend on time
   double distances[256], forces[256];
   for (int i = 0; i < 256; ++i) distances[i] = range.least + (range.most - range.least) * i / 255;
   require(fs_profile_evaluate(&profile, 0, 0, distances, 256, forces));
@@ -341,7 +341,10 @@ void check_object(const fs_object& object, const Surroundings& around, Findings&
   } else if (profiles) {
     const double most_force = std::max(most(object.front, distances.front), most(object.back, distances.back));
     const bool damps = object.damping > 0 && most_force > 0;  // even if the force itself is too faint to feel
-    if (most_force < faint && !damps && !solid) {
+    const bool is_felt = most_force >= faint || damps || solid;
+    if (!is_felt && away == 0) {
+      findings.add(name, "its force is 0 wherever the hand gets");
+    } else if (!is_felt) {
       findings.add(name, "the hand cannot get %s: it is at least %s of the scene away from the device's workspace",
                    has_sides(object) ? "to the side on which it is felt" : "near enough to feel it",
                    metres(away).c_str());

@@ -220,6 +220,8 @@ fine '"primitive": "plane", "back": {'"$spring"'}'
 fine '"primitive": "plane", "front": {'"$spring"'}, "back": {'"$spring"'}'
 fine '"primitive": "plane", "front": {"kind": "constant", "gain": 2, "limit": 2},
       "back": {"kind": "constant", "gain": 2, "limit": 2, "sense": "repulsive"}'  # gravity
+odd 'its force is 0 wherever the hand gets$' \
+  '"primitive": "point", "front": {"kind": "custom", "gain": 0, "limit": 5, "curve": "pulse"}'
 # A back that the hand never comes to is not felt. A point that pulls with half of the device's force is odd.
 odd 'the hand cannot get to the side on which it is felt: it is at least 2\.82 m of the scene away from the device' \
   '"primitive": "plane", "pose": {"position": [0, 0, -3]}, "back": {'"$spring"'}'
