@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <stdexcept>
@@ -22,14 +23,24 @@ double quantile(std::vector<double> values, double part) {
 
 bool Flight::watch(double seconds, Beat& beat) {
   const bool terminal = isatty(STDOUT_FILENO);
-  const int line_period = terminal ? 20 : 500, period_ms = 10;
+  const double line_period = terminal ? 0.2 : 5, fetch_period = 0.5;
+  double next_line = line_period, next_fetch = fetch_period;
   bool goes_on = true;
-  for (int i = 1; i * period_ms <= seconds * 1000; ++i) {
-    goes_on = beat.wait(period_ms * 1e-3);
+  const auto start = std::chrono::steady_clock::now();
+  for (double before = 0; before < seconds;) {
+    goes_on = beat.wait(0.01);
     if (!goes_on) break;
-    sample(period_ms * 1e-3);
-    if (i % 50 == 0) fetch_ticks();
-    if (i % line_period == 0) print_line(i * period_ms * 1e-3);
+    const double time = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    sample(time - before);
+    before = time;
+    if (time >= next_fetch) {
+      fetch_ticks();
+      next_fetch += fetch_period;
+    }
+    if (time >= next_line) {
+      print_line(time);
+      next_line += line_period;
+    }
   }
   fetch_ticks();
   check(fs_scene_get_servo_stats(scene_, &stats_));
@@ -103,7 +114,7 @@ void Flight::print_table() const {
   for (int bit = 0; bit < 7; ++bit) {
     if (stats_.protections_off >> bit & 1) off += (off.empty() ? "" : ", ") + std::string(protections[bit]);
   }
-  std::printf("protections switched off: %s\n", off.empty() ? "none" : off.c_str());
+  std::printf("protections that version 0.1 does not have: %s\n", off.c_str());  // none of them is switched off here
 }
 
 void Flight::write_csv(const std::string& path) const {
@@ -112,8 +123,8 @@ void Flight::write_csv(const std::string& path) const {
   std::fprintf(file, "time,x,y,z,fx,fy,fz,late,compute\n");
   for (const fs_tick& t : ticks_) {
     const fs_vec3 &x = t.state.pose.position, &f = t.sent.force;
-    std::fprintf(file, "%.6f,%.7f,%.7f,%.7f,%.5f,%.5f,%.5f,%.7f,%.7f\n", t.state.time, x.x, x.y, x.z, f.x, f.y, f.z,
-                 t.late, t.compute);
+    std::fprintf(file, "%.6f,%.7g,%.7g,%.7g,%.5g,%.5g,%.5g,%.7f,%.7f\n", t.state.time, x.x + 0.0, x.y + 0.0,
+                 x.z + 0.0, f.x + 0.0, f.y + 0.0, f.z + 0.0, t.late, t.compute);  // + 0.0: no -0
   }
   const bool failed = std::ferror(file) != 0;
   if (std::fclose(file) != 0 || failed) throw std::runtime_error("cannot write " + path);

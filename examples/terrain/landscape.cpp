@@ -58,9 +58,14 @@ void add_hazard(fs_scene* scene, const Terrain& terrain, const char* name, doubl
   }
   fs_object hazard = fs_object_init(name, FS_PRIMITIVE_POLYLINE);
   check(fs_shape_create_polyline(border, 60, true, &hazard.shape));
-  hazard.front = fs_profile_init(FS_PROFILE_GAUSSIAN, FS_SENSE_REPULSIVE, newtons, 800, newtons);
+  // There is no force on the border itself, where it would reverse with a jump, and none in the middle, where no part of
+  // the border is the nearest.
+  const double factors[] = {0, 0.7, 1, 0.8, 0.4, 0.1, 0};
+  hazard.front = fs_profile_init(FS_PROFILE_CUSTOM, FS_SENSE_REPULSIVE, newtons, 0, newtons);
+  check(fs_curve_create_table(factors, 7, 0.16 * radius, &hazard.front.curve));
   check(fs_object_set(scene, &hazard));
   fs_shape_destroy(hazard.shape);
+  fs_curve_destroy(hazard.front.curve);
 }
 
 fs_profile pull(double newtons, double reach) {

@@ -1,5 +1,6 @@
 // Three clients share one landscape and one hand, as in the testbed of Flueckiger & Nguyen: an editor, a rover and the
 // display of hazards. All is simulated: no device is needed.
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
@@ -63,11 +64,16 @@ void run(double seconds) {
     std::jthread rover_client([&](std::stop_token stop) {
       auto next = std::chrono::steady_clock::now();
       try {
-        double time;
+        double time, now;
         check(fs_scene_get_time(scene, &time));
-        for (; !stop.stop_requested(); std::this_thread::sleep_until(next += std::chrono::milliseconds(40))) {
+        while (!stop.stop_requested()) {
           drive(scene, terrain, rover, 0.04, time);
-          time += 0.04;
+          next = std::max(next + std::chrono::milliseconds(40), std::chrono::steady_clock::now());
+          std::this_thread::sleep_until(next);
+          check(fs_scene_get_time(scene, &now));
+          // One period later, unless this thread was delayed for long: then the rover goes on from where it was, so that
+          // its plane does not jump under the hand.
+          time = std::max(time + 0.04, now - 0.04);
         }
       } catch (const std::exception& error) {
         std::fprintf(stderr, "the rover stopped: %s\n", error.what());

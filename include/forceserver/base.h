@@ -38,12 +38,14 @@ typedef enum fs_status {
   FS_ERROR_INVALID = -1,        /* an argument or field out of range */
   FS_ERROR_NOT_FOUND = -2,      /* no such object, file, device, server or driver */
   FS_ERROR_EXISTS = -3,         /* client name, endpoint or scheme taken */
-  FS_ERROR_STATE = -4,          /* not possible now: commit without begin, device owned by a servo, scene without one */
+  FS_ERROR_STATE = -4,          /* not possible now: commit without begin, device owned by a servo, a scene without a
+                                   servo */
   FS_ERROR_VERSION = -5,        /* a struct, file, server or driver newer than this library */
   FS_ERROR_UNSUPPORTED = -6,    /* not built in, or not available for this kind of scene, servo or device */
   FS_ERROR_MEMORY = -7,         /* no memory left */
   FS_ERROR_IO = -8,             /* the system refused; fs_last_error() has its reason */
-  FS_ERROR_PARSE = -9,          /* bad JSON, mesh file or expression; fs_last_error() has the line or column */
+  FS_ERROR_PARSE = -9,          /* bad JSON, mesh file or expression; fs_last_error() says where: the line, column or
+                                   byte, or for a scene file the object and key */
   FS_ERROR_TIMEOUT = -10,       /* it did not happen within the time given */
   FS_ERROR_DISCONNECTED = -11,  /* server gone, for good for this handle; or device gone, which each tick tries again */
   FS_ERROR_DENIED = -12,        /* another user's server, or another client's object at a server that is `locked` */

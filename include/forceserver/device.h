@@ -21,8 +21,8 @@ typedef struct fs_device_info {
   double force_max, torque_max; /* N, N m, in most of the workspace */
   double resolution;            /* m, of the position */
   double rate;                  /* Hz, preferred servo rate, 100..20000 */
-  double delay;                 /* s from pose to force, in addition to the servo period; adds to the age that a pose
-                                   may have (FS_FAULT_DEVICE) */
+  double delay;                 /* s from pose to force, in addition to the servo period; a pose may be 20 ms + delay
+                                   old before it is a fault (100 ms at most) */
   double damping;               /* N s/m, its own, physical */
   double mass;                  /* kg, its own, felt at the handle; 0: not known */
 } fs_device_info;

@@ -77,14 +77,14 @@ FS_API fs_status fs_object_get(fs_scene *scene, const char *name, fs_object *out
  * as a whole. parts 0 changes nothing. NOT_FOUND, DENIED, VERSION. */
 FS_API fs_status fs_object_change(fs_scene *scene, const fs_object *object, uint32_t parts);
 
-/* Moves an object: it has pose at time (s, scene's clock; FS_NOW) and twist from then on. Cheap, for meshes too. The
- * next tick feels it. Connected: a move of one of the scene's own objects never waits and normally makes no system
- * call; the server takes it at its rate. To put an object somewhere once, give a zero twist, with which it stands where
- * it is put; null is for streams of moves. With twist null the twist is worked out from this move and the last move or
- * set (0 if there was none in the last 0.2 s) and used for at most twice the time between them, so after the last move
- * of a stream the object comes to rest up to two steps further on. Of two moves within 1 ms the later pose replaces the
- * earlier. A move whose time is older than that of the last one is taken with twist 0. Evaluation extrapolates from
- * `time`, never back and for 0.1 s at most. NOT_FOUND, DENIED. */
+/* Moves an object: it has pose at time (s, scene's clock; FS_NOW) and twist from then on. To put an object somewhere
+ * once, give a zero twist. Null is only for streams: after a single move with null the object comes to rest up to two
+ * steps too far. Cheap, for meshes too. The next tick feels it. Connected: a move of one of the scene's own objects
+ * never waits and normally makes no system call; the server takes it at its rate. With twist null the twist is worked
+ * out from this move and the last move or set (0 if there was none in the last 0.2 s) and used for at most twice the
+ * time between them. Of two moves within 1 ms the later pose replaces the earlier. A move whose time is older than that
+ * of the last one is taken with twist 0. Evaluation extrapolates from `time`, never back and for 0.1 s at most.
+ * NOT_FOUND, DENIED. */
 FS_API fs_status fs_object_move(fs_scene *scene, const char *name, const fs_pose *pose, const fs_twist *twist,
                                       double time);
 
@@ -126,10 +126,11 @@ FS_API fs_status fs_scene_sync(fs_scene *scene, double timeout);
  *
  * The keys are the names of these headers: fields as they are, enum values in lower case without their prefix. A field
  * that is left out is 0, but `enabled` is true, and frame and tool have their defaults. An unknown or repeated key is
- * an error. A mesh may be OBJ, PLY, STL or OFF; its file is in the folder of the scene file or below. `time` is not
- * saved: an object is loaded as if it were set now. For a `start` that was given the file has the "age" (s), the time
- * since then at the moment of saving; loading sets start = now - age, so f(d, t) goes on where it was, on another
- * machine too. A file may instead have the "start" itself; both together are an error. */
+ * an error; "$schema", which editors look for, is ignored. A mesh may be OBJ, PLY, STL or OFF; its file is in the
+ * folder of the scene file or below. `time` is not saved: an object is loaded as if it were set now. For a `start` that
+ * was given the file has the "age" (s), the time since then at the moment of saving; loading sets start = now - age, so
+ * f(d, t) goes on where it was, on another machine too. A file may instead have the "start" itself; both together are
+ * an error. */
 
 /* Saves the scene's own objects, frame and tool; meshes are written beside the file as PLY, named after the file and
  * their content. Every number comes back bit for bit, except start: its age does, and start is within rounding of the

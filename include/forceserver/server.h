@@ -6,8 +6,8 @@
  * a row, or whose force is not finite, is disconnected, and its force is 0 at once. The server has a thread that takes
  * the clients' changes at the servo's rate, and two threads that build their meshes; all end with the server, and
  * nothing remains in the system. What these threads do for one client is bounded: when a client moves more than 256
- * objects in every tick, its newest moves are taken some ticks later; and while a mesh waits, at most one mesh of each
- * other client is built before it.
+ * objects in every tick, its newest moves are taken some ticks later; and a mesh waits for at most one mesh of each
+ * other client.
  */
 #ifndef FORCESERVER_SERVER_H
 #define FORCESERVER_SERVER_H
@@ -21,7 +21,7 @@ extern "C" {
 /* Growing; made by fs_server_options_init; all zeros are the defaults. */
 typedef struct fs_server_options {
   uint32_t struct_size;         /* sizeof(fs_server_options), by fs_server_options_init */
-  uint32_t max_clients;         /* at most 4096; 0: 32. As many more, at least 32, may be fading out */
+  uint32_t max_clients;         /* at most 4096; 0: 32. max(max_clients, 32) more may still be fading out */
   uint32_t max_objects;         /* per client, at most 65536; 0: 4096. As many more may be fading out */
   uint32_t max_megabytes;       /* of points, triangles and tables, per client, at most 1e6; 0: 1024 */
   double lease;                 /* s from the loss of a client to the start of its fade, at most 1e6; 0: 0.2 */
@@ -35,8 +35,8 @@ FS_DEFINE_INIT(fs_server_options)
 
 /* Starts a server to which other processes can connect at endpoint ("shm:NAME", 1..64 bytes without '/', or
  * "dds:DOMAIN"). The forces of their scenes add to those of the servo's own scene. options null: defaults. EXISTS (a
- * server of this user, or with all_users of any user, has the name), STATE (the servo was stopped), FULL (no file
- * descriptors left), IO, UNSUPPORTED, VERSION. 0.1: dds is UNSUPPORTED. */
+ * server of this user, or with all_users of any user, has the name), STATE (the servo has a server already, or was
+ * stopped), FULL (no file descriptors left), IO, UNSUPPORTED, VERSION. 0.1: dds is UNSUPPORTED. */
 FS_API fs_status fs_server_start(fs_servo *servo, const char *endpoint, const fs_server_options *options,
                                  fs_server **out);
 

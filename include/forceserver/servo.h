@@ -74,8 +74,8 @@ FS_API const char *fs_realtime_name(fs_realtime realtime);
 /* Why there is no force; bits. FS_FAULT_DEVICE ends by itself, then the force ramps up; the others hold the force at 0
  * until fs_servo_set_enabled(servo, true). */
 typedef enum fs_fault {
-  FS_FAULT_DEVICE = 1,          /* the device is not ready, lost, or its pose is older than the sum of 20 ms and
-                                   fs_device_info.delay, or than 100 ms if that is less (a time of 0 means now).
+  FS_FAULT_DEVICE = 1,          /* the device is not ready, lost, or its pose is older than 20 ms +
+                                   fs_device_info.delay (100 ms at most; a time of 0 means now).
                                    VIRTUAL: the pose of a device without `advance` (driver.h) has no age */
   FS_FAULT_SPEED = 2,           /* the hand is faster than speed_limit */
   FS_FAULT_NUMBER = 4,          /* a pose or force is not finite */
@@ -116,10 +116,14 @@ typedef struct fs_servo_stats {
   uint64_t ticks,               /* since the start */
            misses;              /* since the start; a miss is a tick later than a period, which is skipped */
   uint64_t device_errors,       /* ticks with a failed read or write */
-           guarded;             /* ticks whose force was changed by a limit or fault (the ramp does not count) */
+           guarded;             /* ticks whose force was changed by a limit or a fault, or because the servo was not
+                                   enabled (the ramp does not count) */
   uint64_t approximated;        /* ticks with error_bound > 0 */
   double late_p50, late_p99, late_max,            /* s from a tick's due time to its beginning, of the last 10 s */
          compute_p50, compute_p99, compute_max;   /* s that a tick took, of the last 10 s */
+  uint32_t enabled,             /* 1; 0: fs_servo_set_enabled(servo, false) holds the force at 0. No event tells it, and
+                                   it is no fault; a fault leaves it as it is */
+           reserved;            /* 0 */
 } fs_servo_stats;
 FS_DEFINE_INIT(fs_servo_stats)
 
@@ -145,9 +149,9 @@ FS_API fs_status fs_servo_start(fs_scene *scene, fs_device *device, const fs_ser
  * may follow. Mode THREAD: UNSUPPORTED. */
 FS_API fs_status fs_servo_step(fs_servo *servo, uint64_t ticks);
 
-/* [rt] false: no force, from the next tick on. true: clears a latched fault, and the force ramps up again; it changes
- * nothing if the servo is enabled and has no such fault. If the cause of the fault persists, the fault latches again,
- * each time with an FS_EVENT_DEVICE. A servo starts enabled. */
+/* [rt] false: no force, from the next tick on (fs_servo_stats.enabled tells it). true: clears a latched fault, and
+ * the force ramps up again; it changes nothing if the servo is enabled and has no such fault. If the cause of the
+ * fault persists, the fault latches again, each time with an FS_EVENT_DEVICE. A servo starts enabled. */
 FS_API fs_status fs_servo_set_enabled(fs_servo *servo, bool enabled);
 
 /* Stops the servo; null does nothing. First the force is set to 0 and the ticks end (if the device fails to take the

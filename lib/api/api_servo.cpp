@@ -1,5 +1,6 @@
 #include <forceserver/servo.h>
 
+#include <algorithm>
 #include <bit>
 #include <set>
 
@@ -16,6 +17,17 @@ namespace {
 std::set<fs_servo*>& handles() {
   static std::set<fs_servo*>& all = *new std::set<fs_servo*>;  // never destroyed: the process may be ending
   return all;
+}
+
+const char* const parents = "the servo was started by the parent of this process";
+
+// Whether this process is a forked child and its parent's servo runs the scene.
+bool has_servo_of_parent(const fs_scene& scene) {
+  if (this_process() == 0 || scene.is_remote()) return false;  // 0: not a forked child
+  const std::lock_guard lock(process_mutex());
+  return std::any_of(handles().begin(), handles().end(), [&scene](const fs_servo* servo) {
+    return !servo->is_of_this_process() && servo->scene().get() == &scene;
+  });
 }
 
 }  // namespace
@@ -38,7 +50,7 @@ fs_status fs_servo_start(fs_scene* scene, fs_device* device, const fs_servo_opti
     const fs_servo_options given = options ? *options : fs_servo_options_init();
     const ServoSettings settings = parse_options(given, device->info());
     if (scene->is_remote()) {
-      fail(FS_ERROR_UNSUPPORTED, "scene is connected to a server, whose servo runs it: one in this process is needed");
+      fail(FS_ERROR_UNSUPPORTED, "the scene is at a server, whose servo runs it; use a scene made by fs_scene_create");
     }
     Ref<Servo> servo = make_ref<Servo>(Ref<LocalScene>::share(&scene->local()), Ref<Device>::share(device), settings);
     const std::lock_guard lock(process_mutex());
@@ -49,11 +61,13 @@ fs_status fs_servo_start(fs_scene* scene, fs_device* device, const fs_servo_opti
 
 fs_status fs_servo_step(fs_servo* servo, uint64_t ticks) {
   if (!servo) return null_argument("servo is null");
+  if (!servo->is_of_this_process()) return set_last_error_literal(FS_ERROR_STATE, parents);
   return servo->step(ticks);
 }
 
 fs_status fs_servo_set_enabled(fs_servo* servo, bool enabled) {
   if (!servo) return null_argument("servo is null");
+  if (!servo->is_of_this_process()) return set_last_error_literal(FS_ERROR_STATE, parents);
   servo->set_enabled(enabled);
   return FS_OK;
 }
@@ -75,12 +89,14 @@ fs_status fs_servo_get_record(fs_servo* servo, fs_tick* out, size_t capacity, si
     require_pointer(servo, "servo");
     require_pointer(count, "count");
     if (capacity) require_pointer(out, "out");
+    if (!servo->is_of_this_process()) fail(FS_ERROR_STATE, "%s", parents);
     *count = servo->record().read(out, capacity);
   });
 }
 
 fs_status fs_scene_get_hand(const fs_scene* scene, fs_state* state, fs_response* response, fs_wrench* sent) {
   if (!scene) return null_argument("scene is null");
+  if (has_servo_of_parent(*scene)) return set_last_error_literal(FS_ERROR_STATE, parents);
   return scene->get_hand(state, response, sent);
 }
 
@@ -89,6 +105,7 @@ fs_status fs_scene_get_servo_stats(fs_scene* scene, fs_servo_stats* out) {
     require_pointer(scene, "scene");
     require_pointer(out, "out");
     check_struct_size(out->struct_size, sizeof *out, "fs_servo_stats");
+    if (has_servo_of_parent(*scene)) fail(FS_ERROR_STATE, "%s", parents);
     scene->get_servo_stats(*out);
   });
 }
@@ -98,6 +115,7 @@ fs_status fs_scene_get_device_info(fs_scene* scene, fs_device_info* out) {
     require_pointer(scene, "scene");
     require_pointer(out, "out");
     check_struct_size(out->struct_size, sizeof *out, "fs_device_info");
+    if (has_servo_of_parent(*scene)) fail(FS_ERROR_STATE, "%s", parents);
     scene->get_device_info(*out);
   });
 }

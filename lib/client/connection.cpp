@@ -61,7 +61,7 @@ void Connection::connect(const Endpoint& endpoint, double start) {
     if (error == 0) break;
     if (is_nobody(error)) {
       if (waited < endpoint.timeout) continue;
-      fail(FS_ERROR_NOT_FOUND, "there is no server '%s' of user %u", name, endpoint.user);
+      fail(FS_ERROR_NOT_FOUND, "no server of user %s listens at shm:%s", name_of_user(endpoint.user).c_str(), name);
     }
     if (error == EAGAIN) {  // too many wait to be accepted
       if (waited < std::fmax(endpoint.timeout, handshake_limit)) continue;

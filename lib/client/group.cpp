@@ -47,7 +47,7 @@ void Group::require_room(size_t objects, size_t changes) const {
   const size_t names = own.size() + static_cast<size_t>(more_names_) + objects;
   const size_t present = own.size() - own.refused_count() + static_cast<size_t>(more_objects_) + objects;
   if (objects && present > most) {
-    fail(FS_ERROR_FULL, "the scene would hold %zu objects, the server allows a client %zu", present, most);
+    fail(FS_ERROR_FULL, "this would be object %zu; the server allows a client %zu (max_objects)", present, most);
   }
   if (objects && names > 2 * most) {
     fail(FS_ERROR_FULL, "the scene would hold %zu objects, %zu of them refused: remove these", names, own.refused_count());

@@ -129,6 +129,10 @@ MeshData parse_ascii(std::string_view bytes, const std::string& file) {
 }  // namespace
 
 MeshData parse_stl(std::string_view bytes, const std::string& file) {
+  if (bytes.empty()) {
+    fail_at(FS_ERROR_PARSE, file, "the file is empty; an STL file begins with \"solid\" or has at least %zu bytes",
+            header_size);
+  }
   uint32_t triangles = 0;
   if (bytes.size() >= header_size) triangles = load<uint32_t, std::endian::little>(bytes.data() + 80);
   const uint64_t expected = header_size + triangle_size * uint64_t{triangles};

@@ -142,6 +142,7 @@ class SceneReader {
   SceneDescription read(const Json& value) {
     Form form(value, path_, "the file");
     check_version(form);
+    if (form.find("$schema")) form.text("$schema");  // for editors
     scene_.frame = fs_frame_init();
     if (const Json* frame = form.find("frame")) scene_.frame = read_frame(*frame);
     scene_.tool = {{0, 0, 0}};

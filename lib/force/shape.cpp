@@ -16,7 +16,7 @@ constexpr size_t most_points = 4'000'000'000;  // an index is a uint32_t
 constexpr size_t most_triangles = 500'000'000; // so is the number of a half-edge, 3 per triangle
 
 void check_points(const Vec3* points, size_t count, size_t least, Wanted& wanted) {
-  if (count < least) fail(FS_ERROR_INVALID, "the shape has %zu points, must have at least %zu", count, least);
+  if (count < least) fail(FS_ERROR_INVALID, "the shape has %zu %s, must have at least %zu", count, count == 1 ? "point" : "points", least);
   if (count > most_points) fail(FS_ERROR_INVALID, "the shape has %zu points, must be at most %zu", count, most_points);
   for (size_t i = 0; i < count; ++i) {
     wanted.step();

@@ -123,6 +123,13 @@ Endpoint parse_endpoint(const char* given, bool is_server) {
   return out;
 }
 
+std::string name_of_user(uid_t user) {
+  std::vector<char> buffer(16384);
+  passwd entry, *found = nullptr;
+  getpwuid_r(user, &entry, buffer.data(), buffer.size(), &found);
+  return found ? found->pw_name : std::to_string(user);
+}
+
 std::string user_address(uid_t user, const std::string& name) {
   return "forceserver/" + std::to_string(user) + "/" + name;
 }

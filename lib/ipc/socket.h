@@ -25,6 +25,7 @@ Endpoint parse_endpoint(const char* text, bool is_server);
 
 // Where the server of a user listens, and where a server for all users listens as well.
 std::string user_address(uid_t user, const std::string& name);
+std::string name_of_user(uid_t user);  // for sentences; the number where there is no name
 std::string shared_address(const std::string& name);
 
 inline constexpr size_t most_message = 65536;  // bytes

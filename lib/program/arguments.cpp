@@ -59,6 +59,21 @@ std::string extra_word(const CLI::App& command, const std::string& word) {
   return command.get_name() + " takes no '" + word + "'" + (last.empty() ? "" : " after '" + last + "'");
 }
 
+// From CLI11's "--duration: 1 required SECONDS missing": "--duration needs a number of seconds".
+std::string missing_value(const std::string& sentence) {
+  const std::string before = ": 1 required ", after = " missing";
+  const std::size_t at = sentence.find(before), end = sentence.rfind(after);
+  if (at == sentence.npos || end == sentence.npos || end < at + before.size()) return sentence;
+  const std::string type = sentence.substr(at + before.size(), end - at - before.size());
+  const std::pair<const char*, const char*> words[] = {
+      {"SECONDS", "a number of seconds"}, {"HZ", "a number of hertz"}, {"M", "a number of metres"}, {"N", "a number"},
+      {"FILE", "a file"}, {"URI", "the URI of a device"}, {"NAME", "a name"}};
+  for (const auto& [word, meaning] : words) {
+    if (type == word) return sentence.substr(0, at) + " needs " + meaning;
+  }
+  return sentence.substr(0, at) + " needs " + type;
+}
+
 }  // namespace
 
 void require_command(const CLI::App& app, int argc, char** argv) {
@@ -89,5 +104,6 @@ std::string explain(const CLI::App& app, const CLI::ParseError& error) {
     const std::vector<std::string> words = command->remaining();
     if (!words.empty()) return extra_word(*command, words.front());
   }
+  if (error.get_name() == "ArgumentMismatch") return missing_value(error.what());
   return error.what();
 }

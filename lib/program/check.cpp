@@ -63,7 +63,8 @@ fs_shape_info describe(const fs_shape* shape) {
   fs_shape_get_triangles(shape, &triangles);
   const fs_vec3 size = minus(info.upper, info.lower);
   if (info.primitive == FS_PRIMITIVE_MESH) {
-    std::printf("%s mesh of %zu triangles and %zu points", info.closed ? "a closed" : "an open", triangles, points);
+    std::printf("%s mesh of %zu %s and %zu points", info.closed ? "a closed" : "an open", triangles,
+                triangles == 1 ? "triangle" : "triangles", points);
   } else {
     std::printf("%s polyline of %zu points", info.closed ? "a closed" : "an open", points);
   }
@@ -135,12 +136,19 @@ void describe_profile(const char* side, const fs_profile& profile) {
   if (profile.reach > 0) std::printf(" within %s", metres(profile.reach).c_str());
 }
 
-// The largest force of a profile at distances from `nearest` to `farthest`, N.
-double most(const fs_profile& profile, double nearest, double farthest) {
-  if (profile.kind == FS_PROFILE_NONE || (profile.reach > 0 && nearest > profile.reach)) return 0;
-  if (profile.kind == FS_PROFILE_CUSTOM) return profile.limit;  // it may depend on time: assume the limit
+// The range of distances between one side of an object and the hand, m. If the hand never comes to this side, `least`
+// is larger than `most`.
+struct Distances {
+  double least, most;
+};
+
+// The largest force of a profile within a range of distances, N.
+double most(const fs_profile& profile, const Distances& range) {
+  if (profile.kind == FS_PROFILE_NONE || range.least > range.most) return 0;
+  if (profile.reach > 0 && range.least > profile.reach) return 0;
+  if (profile.kind == FS_PROFILE_CUSTOM) return profile.gain > 0 ? profile.limit : 0;  // it may depend on time
   double distances[256], forces[256];
-  for (int i = 0; i < 256; ++i) distances[i] = nearest + (farthest - nearest) * i / 255;
+  for (int i = 0; i < 256; ++i) distances[i] = range.least + (range.most - range.least) * i / 255;
   require(fs_profile_evaluate(&profile, 0, 0, distances, 256, forces));
   return *std::max_element(forces, forces + 256);
 }
@@ -162,9 +170,9 @@ bool has_sides(const fs_object& object) {
   return object.primitive == FS_PRIMITIVE_PLANE || object.primitive == FS_PRIMITIVE_MESH;
 }
 
-// The range of distances between an object and the hand, m.
-struct Distances {
-  double least, most;
+// The distances on both sides; an object without sides has only a front.
+struct Sides {
+  Distances front, back;
 };
 
 bool is_closed(const fs_shape* shape) {
@@ -186,10 +194,10 @@ bool is_bent(fs_shape* shape) {
 }
 
 // Finds the places where the force jumps. A hand that passes there feels a knock; a hand that rests there is shaken.
-void check_jumps(const fs_object& object, const Distances& distances, Findings& findings) {
+void check_jumps(const fs_object& object, const Sides& distances, Findings& findings) {
   const std::string name = object.name;
   const bool sides = has_sides(object);
-  if (distances.least == 0) {
+  if (distances.front.least == 0 || distances.back.least == 0) {
     const auto along_normal = [](const fs_profile& profile, double side) {
       return (profile.sense == FS_SENSE_REPULSIVE ? side : -side) * force_at(profile, 0);
     };
@@ -205,14 +213,14 @@ void check_jumps(const fs_object& object, const Distances& distances, Findings& 
   }
   for (const fs_profile* profile : {&object.front, &object.back}) {
     const double reach = profile->reach;
-    if (!(reach > 0) || reach < distances.least || reach > distances.most) continue;
+    const Distances& range = profile == &object.front ? distances.front : distances.back;
+    if (!(reach > 0) || reach < range.least || reach > range.most) continue;
     const double jump = force_at(*profile, reach);
     const char* const side = !sides ? "" : profile == &object.front ? " in front" : " behind";
     if (jump <= faint) continue;
     findings.add(name, "its force%s ends at its reach of %s: a jump of %.3g N", side, metres(reach).c_str(), jump);
   }
-  const double strongest = std::max(most(object.front, distances.least, distances.most),
-                                    most(object.back, distances.least, distances.most));
+  const double strongest = std::max(most(object.front, distances.front), most(object.back, distances.back));
   if (object.primitive == FS_PRIMITIVE_POLYLINE && strongest > faint && is_bent(object.shape)) {
     findings.add(name, "its force changes its direction where two of its parts are equally near: a jump of up "
                  "to %.3g N", 2 * strongest);
@@ -225,13 +233,12 @@ void check_jumps(const fs_object& object, const Distances& distances, Findings& 
 
 // Finds profiles with a wrong sense or on the wrong side. Profiles on both sides are taken as intended: a plane that
 // holds the hand at it, or a force that is the same everywhere, such as gravity.
-void check_senses(const fs_object& object, const Distances& distances, Findings& findings) {
+void check_senses(const fs_object& object, const Sides& distances, Findings& findings) {
   const std::string name = object.name;
   const bool sides = has_sides(object);
-  const bool front = most(object.front, distances.least, distances.most) > faint;
-  const bool back = most(object.back, distances.least, distances.most) > faint;
+  const bool front = most(object.front, distances.front) > faint, back = most(object.back, distances.back) > faint;
   const auto grows_without_end = [&](const fs_profile& profile) {
-    return force_at(profile, distances.most) > force_at(profile, distances.least) + faint;
+    return force_at(profile, distances.front.most) > force_at(profile, distances.front.least) + faint;
   };
   const bool is_room = object.primitive == FS_PRIMITIVE_MESH && is_closed(object.shape);  // the hand cannot leave it
   const bool pulls = front && object.front.sense == FS_SENSE_ATTRACTIVE && grows_without_end(object.front);
@@ -243,8 +250,8 @@ void check_senses(const fs_object& object, const Distances& distances, Findings&
     findings.add(name, "it pushes the hand away%s, harder with the distance", sides ? " in front" : "");
   }
   // Inside a mesh, a repulsive force that falls with the distance from the surface keeps the hand inside.
-  const bool keeps_within = object.primitive == FS_PRIMITIVE_MESH &&
-                            force_at(object.back, distances.most) < force_at(object.back, distances.least) - faint;
+  const bool falls = force_at(object.back, distances.back.most) < force_at(object.back, distances.back.least) - faint;
+  const bool keeps_within = object.primitive == FS_PRIMITIVE_MESH && falls;
   if (back && !front && object.back.sense == FS_SENSE_REPULSIVE && !keeps_within) {
     findings.add(name, "its back drives the hand deeper; for a wall use sense attractive");
   }
@@ -255,15 +262,19 @@ struct Workspace {  // in scene metres
   double radius;  // of the sphere around the device's cylinder
 };
 
-// A lower bound of the distance between an object and the workspace, m.
-double nearest(const fs_object& object, const Workspace& workspace) {
+// Lower and upper bounds of the distances between an object and the hand in the workspace.
+Sides distances_of(const fs_object& object, const Workspace& workspace) {
   fs_pose inverse = object.pose;
   inverse.orientation = {object.pose.orientation.w, -object.pose.orientation.x, -object.pose.orientation.y,
                          -object.pose.orientation.z};
   const fs_vec3 centre = rotate(inverse.orientation, minus(workspace.centre, object.pose.position));
-  double distance = 0;
-  if (object.primitive == FS_PRIMITIVE_POINT) distance = length(centre);
-  if (object.primitive == FS_PRIMITIVE_PLANE) distance = std::abs(centre.z);
+  const Distances never = {1, 0};
+  if (object.primitive == FS_PRIMITIVE_PLANE) {
+    const double lowest = centre.z - workspace.radius, highest = centre.z + workspace.radius;
+    return {highest > 0 ? Distances{std::max(0.0, lowest), highest} : never,
+            lowest < 0 ? Distances{std::max(0.0, -highest), -lowest} : never};
+  }
+  double distance = length(centre);
   if (object.shape) {
     fs_shape_info info = fs_shape_info_init();
     require(fs_shape_get_info(object.shape, &info));
@@ -271,37 +282,88 @@ double nearest(const fs_object& object, const Workspace& workspace) {
                        std::max({info.lower.y - centre.y, 0.0, centre.y - info.upper.y}),
                        std::max({info.lower.z - centre.z, 0.0, centre.z - info.upper.z})});
   }
-  return std::max(0.0, distance - workspace.radius);
+  const double least = std::max(0.0, distance - workspace.radius);
+  const Distances all = {least, least + 2 * workspace.radius + length(object.pose.position)};
+  if (object.primitive != FS_PRIMITIVE_MESH) return {all, never};
+  return {all, least > 0 && is_closed(object.shape) ? never : all};  // the back of a closed mesh is its inside
 }
 
-void check_object(const fs_object& object, const Workspace& workspace, std::size_t tool_points, double force_max,
-                  Findings& findings) {
+// Finds a point or path that pulls the hand with half of the device's force or more from nearly everywhere: from
+// three quarters of all distances. force_max: of the device, N of the scene.
+void check_pull(const fs_object& object, const Distances& range, double force_max, Findings& findings) {
+  const fs_profile& profile = object.front;
+  if (has_sides(object) || profile.sense != FS_SENSE_ATTRACTIVE || profile.kind == FS_PROFILE_NONE) return;
+  double least = std::numeric_limits<double>::infinity(), from = least;
+  for (int i = 255; i >= 0; --i) {
+    const double distance = range.least + (range.most - range.least) * i / 255;
+    const double force = force_at(profile, distance);
+    if (force < force_max / 2) break;
+    least = std::min(least, force);
+    from = distance;
+  }
+  if (from > range.least + (range.most - range.least) / 4) return;
+  findings.add(object.name, "it pulls the hand with %.3g N or more from everywhere beyond %s: give it a smaller limit, "
+               "or a force that falls with the distance", least, metres(from).c_str());
+}
+
+// What the objects of a scene are checked against.
+struct Surroundings {
+  Workspace workspace;
+  fs_device_info device;
+  double force_scale;
+  std::size_t tool_points;
+};
+
+// An estimate of the steepest slope that does not shake a device that nobody holds, N/m: Colgate and Schenkel's
+// condition for passivity, damping > slope * (period/2 + delay). 0: not known.
+double steepest(const fs_device_info& device) { return device.damping / (0.5 / device.rate + device.delay); }
+
+void check_slope(const fs_object& object, const fs_report& report, const fs_device_info& device, Findings& findings) {
+  const double most = steepest(device);
+  const double slope = report.stiffness_wanted;
+  if (!object.enabled || !(most > 0) || !std::isfinite(slope) || slope <= most) return;  // a jump is told elsewhere
+  findings.add(object.name, "its slope of %.4g N/m at the device may shake it when nobody holds it: an estimate of the "
+               "most is %.4g N/m, the device's damping of %g N s/m divided by %g ms, half a servo period and the delay",
+               slope, most, device.damping, 1e3 * (0.5 / device.rate + device.delay));
+}
+
+void check_object(const fs_object& object, const Surroundings& around, Findings& findings) {
   const std::string name = object.name;
   if (object.shape) check_shape(name, object.shape, findings);
   if (!object.enabled) findings.add(name, "it is disabled, so it is not felt");
   const bool solid = object.contact.keep != FS_KEEP_NONE;
   const bool profiles = object.front.kind != FS_PROFILE_NONE || object.back.kind != FS_PROFILE_NONE;
+  const Sides distances = distances_of(object, around.workspace);
+  const bool front_first = distances.front.least <= distances.front.most;
+  const double away = (front_first ? distances.front : distances.back).least;
   if (!solid && !profiles) {
     findings.add(name, "it has no profile and is not solid, so it is not felt");
   } else if (profiles) {
-    const double from = nearest(object, workspace), to = from + 2 * workspace.radius + length(object.pose.position);
-    const double most_force = std::max(most(object.front, from, to), most(object.back, from, to));
+    const double most_force = std::max(most(object.front, distances.front), most(object.back, distances.back));
     const bool damps = object.damping > 0 && most_force > 0;  // even if the force itself is too faint to feel
-    if (most_force < faint && !damps && !solid) {
-      findings.add(name, "the hand cannot get near enough to feel it: it is at least %s of the scene away from "
-                   "the device's workspace", metres(from).c_str());
+    const bool is_felt = most_force >= faint || damps || solid;
+    if (!is_felt && away == 0) {
+      findings.add(name, "its force is 0 wherever the hand gets");
+    } else if (!is_felt) {
+      findings.add(name, "the hand cannot get %s: it is at least %s of the scene away from the device's workspace",
+                   has_sides(object) ? "to the side on which it is felt" : "near enough to feel it",
+                   metres(away).c_str());
     }
-    check_jumps(object, {from, to}, findings);
-    check_senses(object, {from, to}, findings);
-  } else if (nearest(object, workspace) > 0) {
-    findings.add(name, "it lies %s of the scene outside of the device's workspace",
-                 metres(nearest(object, workspace)).c_str());
+    check_jumps(object, distances, findings);
+    check_senses(object, distances, findings);
+    check_pull(object, distances.front, around.device.force_max / around.force_scale, findings);
+  } else if (away > 0) {
+    findings.add(name, "it lies %s of the scene outside of the device's workspace", metres(away).c_str());
   }
   const double limit = std::max({object.front.limit, object.back.limit, object.contact.limit});
+  const double force_max = around.device.force_max;
   if (limit > force_max) findings.add(name, "its limit of %g N is above the device's %g N", limit, force_max);
-  const std::uint32_t points = tool_points >= 32 ? ~0u : (1u << tool_points) - 1;
+  const std::uint32_t points = around.tool_points >= 32 ? ~0u : (1u << around.tool_points) - 1;
   if (object.tool_points != 0 && (object.tool_points & points) == 0) {
-    findings.add(name, "its tool_points select none of the tool's points, of which there are %zu", tool_points);
+    findings.add(name, "its tool_points select none of the tool's points, of which there are %zu",
+                 around.tool_points);
+  } else if (object.tool_points & ~points) {
+    findings.add(name, "its tool_points select points that the tool does not have: it has %zu", around.tool_points);
   }
 }
 
@@ -313,8 +375,11 @@ int check_scene(const CheckOptions& options) {
   require(fs_device_get_info(device.get(), &info));
   fs_frame frame = fs_frame_init();
   require(fs_scene_get_frame(scene.get(), nullptr, &frame));
+  fs_vec3 tool[FS_TOOL_POINTS_MAX];
   std::size_t tool_points = 0;
-  require(fs_scene_get_tool(scene.get(), nullptr, 0, &tool_points));
+  require(fs_scene_get_tool(scene.get(), tool, std::size(tool), &tool_points));
+  double tool_length = 0;  // from the handle to its farthest point, m
+  for (std::size_t i = 0; i < tool_points; ++i) tool_length = std::max(tool_length, length(tool[i]));
 
   // One tick of a servo shows which slopes it applies.
   fs_servo_options servo_options = fs_servo_options_init();
@@ -336,8 +401,9 @@ int check_scene(const CheckOptions& options) {
   if (frame.force_scale == 0) findings.add("", "its force_scale is 0, so nothing is felt");
   const fs_quat& q = frame.pose.orientation;
   const fs_vec3 centre = rotate({q.w, -q.x, -q.y, -q.z}, frame.pose.position);
-  const Workspace workspace = {{-centre.x * frame.scale, -centre.y * frame.scale, -centre.z * frame.scale},
-                               std::hypot(info.workspace_radius, info.workspace_height / 2) * frame.scale};
+  const double radius = std::hypot(info.workspace_radius, info.workspace_height / 2) * frame.scale + tool_length;
+  const Workspace workspace = {{-centre.x * frame.scale, -centre.y * frame.scale, -centre.z * frame.scale}, radius};
+  const Surroundings around = {workspace, info, frame.force_scale, tool_points};
   for (const fs_report& report : reports) {
     fs_object object = fs_object_init("", FS_PRIMITIVE_POINT);
     require(fs_object_get(scene.get(), report.name, &object));
@@ -348,8 +414,11 @@ int check_scene(const CheckOptions& options) {
     describe_profile(has_sides(object) ? "front " : "", object.front);
     describe_profile("back ", object.back);
     if (object.contact.keep != FS_KEEP_NONE) std::printf("; solid");
+    if (!std::isfinite(report.stiffness_wanted)) std::printf("; infinitely steep where it jumps");
+    else if (report.stiffness_wanted > 0) std::printf("; steepest slope %.4g N/m at the device", report.stiffness_wanted);
     std::printf("\n");
-    check_object(object, workspace, tool_points, info.force_max, findings);
+    check_object(object, around, findings);
+    check_slope(object, report, info, findings);
     if (object.enabled && report.stiffness_applied < 0.99 * report.stiffness_wanted) {
       std::printf("  note: %s: its steepest slope is %.4g N/m at the device; a servo at %g Hz reduces it to %.4g N/m\n",
                   object.name, report.stiffness_wanted, info.rate, report.stiffness_applied);

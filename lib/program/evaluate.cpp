@@ -90,7 +90,10 @@ int evaluate(const EvaluateOptions& options) {
     require(fs_evaluate_field(scene.get(), object, FS_NOW, positions.data(), positions.size(), forces.data()));
     for (std::size_t i = 0; i < positions.size(); ++i) {
       const fs_vec3 &x = positions[i], &f = forces[i];
-      require_written(std::printf("%.17g,%.17g,%.17g,%.17g,%.17g,%.17g\n", x.x, x.y, x.z, f.x, f.y, f.z) > 0);
+      const double row[] = {x.x, x.y, x.z, f.x, f.y, f.z};
+      for (int k = 0; k < 6; ++k) {
+        require_written(std::printf(k < 5 ? "%.17g," : "%.17g\n", row[k] + 0.0) > 0);  // + 0.0: no -0
+      }
     }
     done += positions.size();
     positions.clear();
@@ -111,7 +114,8 @@ int evaluate(const EvaluateOptions& options) {
     header_possible = false;
     if (header) continue;
     if (!position) {
-      throw std::runtime_error(options.input + ", line " + std::to_string(line_number) +
+      const std::string source = options.input == "-" ? "standard input" : options.input;
+      throw std::runtime_error(source + ", line " + std::to_string(line_number) +
                                ": expected three finite numbers \"x y z\" or \"x,y,z\", found \"" + line + "\"");
     }
     positions.push_back(*position);

@@ -55,6 +55,7 @@ Json to_json(const fs_servo_stats& s, const Ticks& ticks) {
           {"compute_p99", s.compute_p99},
           {"compute_max", s.compute_max},
           {"max_stiffness", s.max_stiffness},
+          {"enabled", s.enabled != 0},
           {"faults", fault_words(s.faults)}};
 }
 

@@ -42,11 +42,11 @@ std::vector<std::string> head(const Look& now, const Look& before) {
                          now.hand.flags & FS_STATE_READY ? "" : "; NOT READY"));
   std::string force = format("force  %7.2f %7.2f %7.2f N, %.2f N", f.x, f.y, f.z, length(f));
   if (ticks.guarded > 0) {
-    force += format("; a limit or fault changed it in %llu of %llu ticks%s", Count(ticks.guarded), Count(ticks.all),
+    force += format("; the servo changed it in %llu of %llu ticks%s", Count(ticks.guarded), Count(ticks.all),
                     now.response.flags & FS_RESPONSE_GUARDED ? ", also now" : "");
   }
   lines.push_back(force);
-  lines.push_back("servo  faults: " + fault_names(s.faults) +
+  lines.push_back(std::string("servo  ") + (s.enabled ? "" : "NOT ENABLED; ") + "faults: " + fault_names(s.faults) +
                   format("; %.0f Hz, late p99 %.0f us, max %.0f us; %llu of %llu ticks missed", s.rate,
                          s.late_p99 * 1e6, s.late_max * 1e6, Count(ticks.missed), Count(ticks.all)));
   return lines;

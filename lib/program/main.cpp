@@ -13,8 +13,8 @@ const char* const run_help = R"(examples:
   forceserver run room.json
       the scene with a simulated device and hand, until Ctrl-C
   forceserver run --listen lab
-      a server without a scene of its own: other programs connect to it (fs_scene_connect), each with its scene; see
-      also `forceserver watch lab`
+      a server without a scene of its own: other programs connect to it (fs_scene_connect), each with its scene; it
+      prints who comes and goes; see also `forceserver watch lab`
   forceserver run room.json --device 'sim:?path=figure8' --duration 10 --record ticks.csv
       ten seconds with a hand that draws an eight; every tick goes to a file
   sudo forceserver run room.json --rate 4000
@@ -49,10 +49,12 @@ const char* const watch_help = R"(examples:
 
 Positions and distances are the device's; `distance` is measured from the nearest point of the tool. The rate (Hz)
 and the lateness are those of the last 10 s; the missed ticks, the moves and the changes are those since the previous
-look. A slope "400 of 800" is capped: 800 N/m are wanted, 400 N/m are felt. The force of clients that have gone stays
+look. `refused` and `limited` are totals since the client connected: of its changes that the server refused, and of the
+ticks in which the limit on its force bounded its force. A slope "400 of 800" is capped: 800 N/m are wanted, 400 N/m are felt. The force of clients that have gone stays
 in the force on the hand until it has faded, but no line shows it.
 
-Ends with 1 when the server ends, with 0 on Ctrl-C; while it waits for the server, Ctrl-C ends it at once.)";
+It does not wait for a server to start, unless the name has a timeout, in seconds: 'lab?timeout=5'. Ends with 1 when the
+server ends, with 0 on Ctrl-C; while it waits for the server, Ctrl-C ends it at once.)";
 
 const char* const check_help = R"(examples:
   forceserver check room.json
@@ -60,8 +62,8 @@ const char* const check_help = R"(examples:
       a mesh whose file is in millimetres
 
 Describes the file and reports what is odd in it: holes, triangles without area, objects that nobody can feel or reach,
-forces that jump, sides that pull for ever or drive the hand deeper. Ends with 0 when nothing is odd, 1 when something
-is, 2 when the file cannot be read.)";
+forces that jump, slopes too steep for a device that nobody holds (an estimate), forces that pull from everywhere or
+drive the hand deeper. Ends with 0 when nothing is odd, 1 when something is, 2 when the file cannot be read.)";
 
 const char* const evaluate_help = R"(examples:
   forceserver evaluate room.json points.csv > forces.csv
@@ -89,6 +91,19 @@ The command opens each device for a moment, to ask for its properties. "sim:" ta
   sim:?mass=..&friction=..&encoder=joint|ideal&wrist=passive|active&delay_ms=..&seed=..
       properties of the device: mass in kg, friction in N; device.h explains each)";
 
+// The usage line of the help. To CLI11 every word is optional, since need() asks for it in a better sentence.
+class Usage : public CLI::Formatter {
+ public:
+  std::string make_usage(const CLI::App* app, std::string name) const override {
+    std::string text = CLI::Formatter::make_usage(app, std::move(name));
+    for (std::string word : {"server", "file", app->get_name() == "evaluate" ? "scene" : "file"}) {
+      const std::size_t at = text.find("[" + word + "]");
+      if (at != text.npos) text.replace(at, word.size() + 2, word);
+    }
+    return text;
+  }
+};
+
 void need(const std::string& value, const char* sentence) {
   if (value.empty()) throw std::runtime_error(sentence);
 }
@@ -110,6 +125,7 @@ int main(int argc, char** argv) {
     return CLI::detail::lexical_cast(text, value) && value >= 0 ? "" : text + " is not a number of 0 or more";
   }, "");
   CLI::App app("Describe what should be felt; a servo renders it at 1 kHz and more.", "forceserver");
+  app.formatter(std::make_shared<Usage>());
   app.set_version_flag("--version", std::string("forceserver ") + fs_version());
   app.require_subcommand(1);
   app.footer("Each command has its own help with examples: forceserver run --help\n"
@@ -124,7 +140,7 @@ int main(int argc, char** argv) {
   std::string scene_option;  // the older form: --scene FILE instead of the word alone
   const char* const scene_help = "The scene, a .json file; without it nothing is felt";
   run_option("scene", run_options.scene, "", scene_help);
-  run_option("--scene", scene_option, "FILE", "The same");
+  run_option("--scene", scene_option, "FILE", "The scene file, as an option");
   run_option("--device", run_options.device, "URI", "The device; see `forceserver devices`")->capture_default_str();
   run_option("--duration", run_options.duration, "SECONDS", "How long to run; without it until Ctrl-C")->check(above_zero);
   run_option("--rate", run_options.rate, "HZ", "Ticks a second, 100 to 20000; without it the rate of the device")
@@ -133,7 +149,8 @@ int main(int argc, char** argv) {
       ->check(above_zero);
   run_option("--record", run_options.record, "FILE", "Write every tick to this .csv file");
   CLI::Option* listen =
-      run_option("--listen", run_options.listen, "NAME", "Be a server for other programs: lab for shm:lab")
+      run_option("--listen", run_options.listen, "NAME",
+                 "Let other programs connect; NAME lab is the endpoint shm:lab")
           ->check([](const std::string& name) { return name.empty() ? "its name is empty" : std::string(); });
   run_option("--client-force", run_options.client_force, "N", "The largest force of a client; without it the servo's")
       ->check(above_zero)->needs(listen);

@@ -1,5 +1,6 @@
 // forceserver run: runs a scene on a device, until the time is over or Ctrl-C.
 #include <sys/ioctl.h>
+#include <signal.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -7,6 +8,7 @@
 #include <chrono>
 #include <cstdio>
 #include <cstring>
+#include <optional>
 #include <string_view>
 #include <vector>
 
@@ -46,7 +48,7 @@ class Record {
       const double columns[] = {x.x, x.y, x.z, q.w, q.x, q.y, q.z, f.x, f.y, f.z, s.x, s.y, s.z, tick->late,
                                 tick->compute};
       std::fprintf(file_, "%.9f", tick->state.time);
-      for (const double value : columns) std::fprintf(file_, ",%.9g", value);
+      for (const double value : columns) std::fprintf(file_, ",%.9g", value + 0.0);  // + 0.0: no -0
       std::fprintf(file_, ",%u\n", tick->faults);
     }
     if (!ticks_.empty()) {
@@ -118,6 +120,7 @@ void print_line(fs_scene* scene, double time, bool listens, bool terminal) {
                             stats.late_p99 * 1e6, length(sent.force), listens ? " of its own objects" : "") +
                      felt(scene);
   if (stats.faults) line += "; STOPPED: " + fault_names(stats.faults);
+  if (!stats.enabled) line += "; NOT ENABLED";
   winsize window{};
   if (terminal && ioctl(STDOUT_FILENO, TIOCGWINSZ, &window) == 0 && window.ws_col > 1) {
     line = fit(line, window.ws_col - 1u);  // it must not wrap
@@ -146,6 +149,47 @@ std::uint32_t print_events(fs_scene* scene, bool terminal) {
   }
 }
 
+// Tells which clients of the server have come and gone. It asks the server as a client of its own, which other_clients
+// leaves out. A client that comes and goes between two looks is not noticed.
+class Visitors {
+ public:
+  explicit Visitors(const std::string& server) : scene_(connect(server, "run")), clients_(other_clients(scene_.get())) {
+    clients_.resize(1);  // the server itself, which has not come
+  }
+
+  void print_changes(bool terminal) {
+    std::vector<fs_client> now;
+    try {
+      now = other_clients(scene_.get());
+    } catch (const Failure&) {  // the server had no time to answer: look again later
+      return;
+    }
+    for (const fs_client& client : now) {
+      if (!has(clients_, client)) print(terminal, client, "has come");
+    }
+    for (const fs_client& client : clients_) {
+      if (has(now, client)) continue;
+      const bool is_over = kill(pid_t(client.process), 0) != 0 && errno == ESRCH;
+      print(terminal, client, is_over ? "has gone; its process has ended" : "has gone");
+    }
+    clients_ = std::move(now);
+  }
+
+ private:
+  static bool has(const std::vector<fs_client>& list, const fs_client& client) {
+    return std::any_of(list.begin(), list.end(), [&](const fs_client& other) {
+      return std::string_view(other.name) == client.name && other.connected == client.connected;
+    });
+  }
+  static void print(bool terminal, const fs_client& client, const char* what) {
+    std::printf("%s%s (process %u) %s\n", terminal ? "\r\033[K" : "", client.name, client.process, what);
+    std::fflush(stdout);
+  }
+
+  const Scene scene_;
+  std::vector<fs_client> clients_;
+};
+
 void print_summary(const fs_servo_stats& s, double seconds, std::uint32_t faults) {
   using Count = unsigned long long;
   std::printf("%llu ticks in %.1f s: %.1f Hz; %llu missed, %llu with a device error\n", Count(s.ticks), seconds,
@@ -155,11 +199,14 @@ void print_summary(const fs_servo_stats& s, double seconds, std::uint32_t faults
   std::printf("compute p50 %.1f us, p99 %.1f us, max %.1f us\n", s.compute_p50 * 1e6, s.compute_p99 * 1e6,
               s.compute_max * 1e6);
   if (std::isfinite(s.max_stiffness)) std::printf("slopes up to %.0f N/m, ", s.max_stiffness);
-  std::printf("local damping %.1f N s/m; a limit or fault changed the force of %llu ticks\n", s.damping,
-              Count(s.guarded));
+  std::printf("local damping %.1f N s/m; ", s.damping);
+  if (s.guarded == 0) std::printf("no force was changed by a limit or a fault\n");
+  else std::printf("a limit or a fault changed the force of %llu %s\n", Count(s.guarded), s.guarded == 1 ? "tick" : "ticks");
   std::printf("faults: %s\n", fault_names(faults).c_str());
   std::printf("the system granted: %s\n", realtime_name(s.realtime));
-  std::printf("protections switched off: %s\n", protection_names(s.protections_off).c_str());
+  const std::uint32_t missing = FS_OFF_SLEW | FS_OFF_STIFFNESS | FS_OFF_DAMPING | FS_OFF_BLEND;  // 0.1 has none of them
+  std::printf("protections that version 0.1 does not have: %s\n", protection_names(missing).c_str());
+  std::printf("protections switched off: %s\n", protection_names(s.protections_off & ~missing).c_str());
 }
 
 }  // namespace
@@ -180,8 +227,10 @@ int run(const RunOptions& options) {
   const Ending ending;  // before this line nothing is felt, and a signal ends the program at once
   const Servo servo = open<Servo>(fs_servo_start, scene.get(), device.get(), &servo_options);
   Server server;
+  std::optional<Visitors> visitors;
   if (!options.listen.empty()) {
     fs_server_options server_options = fs_server_options_init();
+    server_options.max_clients = 32 + 1;  // the default, and the one that visitors is
     server_options.locked = options.locked;
     server_options.all_users = options.all_users;
     server_options.force_limit = options.client_force;
@@ -196,12 +245,13 @@ int run(const RunOptions& options) {
   std::printf("%s (%s), at most %g N%s\n", info.name, options.device.c_str(),
               options.force_limit > 0 ? std::min(options.force_limit, info.force_max) : info.force_max,
               options.duration > 0 ? "" : "; Ctrl-C ends");
+  if (server) visitors.emplace(options.listen);
   if (server) std::printf("listens at %s\n", full_endpoint(options.listen).c_str());
   std::fflush(stdout);
 
   const auto start = Clock::now();
-  const double sample = 0.1, line_period = terminal ? 0.2 : 5;
-  double next_line = line_period;
+  const double sample = 0.1, line_period = terminal ? 0.2 : 5, visitors_period = 0.5;
+  double next_line = line_period, next_visitors = 0;
   std::uint32_t faults = 0;
   bool record_failed = false;
   for (bool over = false; !over;) {
@@ -219,6 +269,10 @@ int run(const RunOptions& options) {
         record.reset();
         record_failed = true;
       }
+    }
+    if (visitors && elapsed >= next_visitors) {
+      visitors->print_changes(terminal);
+      next_visitors = elapsed + visitors_period;
     }
     if (elapsed >= next_line) {
       print_line(scene.get(), elapsed, bool(server), terminal);

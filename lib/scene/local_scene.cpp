@@ -383,7 +383,7 @@ fs_status LocalScene::get_hand(fs_state* state, fs_response* response, fs_wrench
 }
 
 std::vector<fs_client> LocalScene::clients() {
-  fail(FS_ERROR_UNSUPPORTED, "the scene is in this process: only one that is connected to a server can tell its clients");
+  fail(FS_ERROR_UNSUPPORTED, "this scene is in this process; only a scene made by fs_scene_connect has clients to list");
 }
 
 void LocalScene::get_servo_stats(fs_servo_stats& out) {

@@ -42,9 +42,9 @@ std::shared_ptr<const void> ClientAssets::charge(const PackedAsset& packed, uint
   const uint64_t bytes = packed.is_expression() ? expression_size : packed.content_bytes();
   const uint64_t used = bytes_->load();
   if (bytes > limit || used > limit - bytes) {
-    fail(FS_ERROR_FULL, "this shape or curve of %llu bytes would make %llu, the server allows a client %llu megabytes",
-         static_cast<unsigned long long>(bytes), static_cast<unsigned long long>(used + bytes),
-         static_cast<unsigned long long>(limit / 1'000'000));
+    const auto megabytes = [](uint64_t size) { return 1e-6 * static_cast<double>(size); };
+    fail(FS_ERROR_FULL, "this shape or curve of %.1f MB would bring the client to %.1f MB; the server allows %g MB "
+         "(max_megabytes)", megabytes(bytes), megabytes(used + bytes), megabytes(limit));
   }
   return std::make_shared<Charge>(bytes_, bytes);
 }

@@ -33,15 +33,16 @@ void DeviceEvents::leave(const Event& event) noexcept {
   written_.store(event.number + 1, std::memory_order_release);
 }
 
-void DeviceEvents::note(double time, fs_status status, uint32_t faults) noexcept {
-  const auto number = [this] { return written_.load(std::memory_order_relaxed); };
-  const bool is_ready = !(faults & device_fault) && status == FS_OK;
-  const uint32_t latched = faults & ~device_fault;
-  if (is_ready && !is_ready_) leave({number(), time, FS_OK, 0, latched});
-  if (!is_ready && is_ready_) {
-    leave({number(), time, status != FS_OK ? status : FS_ERROR_STATE, device_fault, latched});
-  }
-  if (const uint32_t fresh = latched & ~latched_) leave({number(), time, FS_ERROR_STATE, fresh, latched});
+void DeviceEvents::note(const Tick& tick) noexcept {
+  const bool is_ready = !(tick.faults & device_fault) && tick.status == FS_OK;
+  const uint32_t latched = tick.faults & ~device_fault;
+  const Reason reason = tick.status != FS_OK ? lost : !tick.is_ready ? not_ready : too_old;
+  const auto add = [&](fs_status status, uint32_t faults) {
+    leave({written_.load(std::memory_order_relaxed), tick.time, status, faults, latched, reason, tick.age});
+  };
+  if (is_ready && !is_ready_) add(FS_OK, 0);
+  if (!is_ready && is_ready_) add(tick.status != FS_OK ? tick.status : FS_ERROR_STATE, device_fault);
+  if (const uint32_t fresh = latched & ~latched_) add(FS_ERROR_STATE, fresh);
   is_ready_ = is_ready;
   latched_ = latched;
 }
@@ -67,14 +68,16 @@ bool DeviceEvents::take(uint64_t& next, const fs_device_info& device, double pos
   std::memcpy(out.name, device.name, sizeof out.name - 1);
   const size_t size = sizeof out.text;
   if (event.faults & device_fault) {
-    std::snprintf(out.text, size, "lost, not ready, or its pose older than %g ms; the force will ramp up again",
-                  1e3 * pose_age);
+    char old[64];
+    std::snprintf(old, sizeof old, "its pose is %.4g ms old, must be at most %.4g ms", 1e3 * event.age, 1e3 * pose_age);
+    const char* const reasons[] = {"lost: it failed to read or write", "not ready", old};
+    std::snprintf(out.text, size, "%s; the force will ramp up again", reasons[event.reason]);
   } else if (event.faults) {
     std::snprintf(out.text, size, "stopped: ");
     append_faults(event.faults, out.text, size);
   } else if (event.latched) {
     std::snprintf(out.text, size, "ready, but the servo is stopped until it is enabled: ");
-    append_faults(static_cast<uint32_t>(event.latched), out.text, size);
+    append_faults(event.latched, out.text, size);
   } else {
     std::snprintf(out.text, size, "ready");
   }

@@ -13,9 +13,17 @@ namespace fs {
 
 class DeviceEvents {
  public:
-  // [rt] Called once a tick. time: s; status: of the device's read and write; faults: the guard's. Adds an event when
-  // the device becomes ready or is lost, or when a fault begins.
-  void note(double time, fs_status status, uint32_t faults) noexcept;
+  // What a tick knows of the device.
+  struct Tick {
+    double time;       // s
+    fs_status status;  // of read and write: of the first that failed
+    bool is_ready;     // the device says so
+    double age;        // s, of its pose
+    uint32_t faults;   // the guard's
+  };
+
+  // [rt] Called once a tick. Adds an event when the device becomes ready or is lost, or when a fault begins.
+  void note(const Tick& tick) noexcept;
   // [rt] The latched faults were cleared. A fault that comes again makes a new event, even in the same tick.
   void forget_faults() noexcept { latched_ = 0; }
   bool is_ready() const noexcept { return is_ready_; }  // [rt] of the last tick
@@ -27,12 +35,15 @@ class DeviceEvents {
   bool take(uint64_t& next, const fs_device_info& device, double pose_age, fs_event& out) const;
 
  private:
+  enum Reason : uint32_t { lost, not_ready, too_old };
   struct Event {
     uint64_t number;
     double time;
     fs_status status;
     uint32_t faults;   // the faults that began
-    uint64_t latched;  // the faults that keep the force at 0
+    uint32_t latched;  // the faults that keep the force at 0
+    uint32_t reason;   // of FS_FAULT_DEVICE
+    double age;        // s, of the pose
   };
   static constexpr uint64_t capacity = 64;
 

@@ -32,7 +32,7 @@ Wrench Guard::apply(const Hand& hand, const Wrench& wanted) noexcept {
 
   const bool is_wanted = !(wanted.force == Vec3{} && wanted.torque == Vec3{});
   if (faults_ || !enabled_) {
-    guarded_ = faults_ && is_wanted;
+    guarded_ = is_wanted;
     ramp_ = 0;
     return {};
   }

@@ -37,7 +37,8 @@ class Guard {
 
   uint32_t faults() const noexcept { return faults_; }      // fs_fault bits
   bool is_latched() const noexcept { return faults_ & ~static_cast<uint32_t>(FS_FAULT_DEVICE); }
-  bool has_guarded() const noexcept { return guarded_; }    // a limit or a fault changed the last wrench
+  // Whether the last wrench was changed: by a limit, by a fault, or because the servo is not enabled.
+  bool has_guarded() const noexcept { return guarded_; }
 
  private:
   Limits limits_;

@@ -79,9 +79,10 @@ void fs_servo::stop() noexcept {
   if (is_stopping_.exchange(true)) return is_stopped_.wait(false);
   device_->silence();  // before anything that may wait
   {
-    const std::lock_guard lock(listeners_mutex_);
-    for (const auto& [owner, listener] : listeners_) listener();
-    listeners_.clear();
+    const std::lock_guard lock(listener_mutex_);
+    if (listener_owner_) listener_();
+    listener_owner_ = nullptr;
+    listener_ = nullptr;
   }
   if (stack_) pthread_join(thread_, nullptr);
   memory_lock_.unlock();
@@ -141,15 +142,19 @@ void fs_servo::reap_channels() {
   }
 }
 
-void fs_servo::add_listener(const void* owner, std::function<void()> f) {
-  const std::lock_guard lock(listeners_mutex_);
+void fs_servo::set_listener(const void* owner, std::function<void()> f) {
+  const std::lock_guard lock(listener_mutex_);
   if (is_stopping_) fail(FS_ERROR_STATE, "the servo has been stopped");
-  listeners_.emplace_back(owner, std::move(f));
+  if (listener_owner_) fail(FS_ERROR_STATE, "the servo has a server already: a servo has one at most; stop it first");
+  listener_owner_ = owner;
+  listener_ = std::move(f);
 }
 
 void fs_servo::remove_listener(const void* owner) noexcept {
-  const std::lock_guard lock(listeners_mutex_);
-  std::erase_if(listeners_, [owner](const auto& listener) { return listener.first == owner; });
+  const std::lock_guard lock(listener_mutex_);
+  if (listener_owner_ != owner) return;
+  listener_owner_ = nullptr;
+  listener_ = nullptr;
 }
 
 void fs_servo::run() noexcept {
@@ -229,9 +234,9 @@ void fs_servo::tick(double now, double late) noexcept {
   fs_status status = device_->read(now, hand);
   // In virtual time the age of a real device's pose is unknown: its time is that of another clock.
   const bool has_age = clock() != ClockKind::virtual_time || device_->is_simulated();
-  const bool is_fresh = !has_age || now - hand.time <= settings_.pose_age;
-  const bool is_ready =
-      status == FS_OK && write_status_ == FS_OK && (hand.flags & FS_STATE_READY) && is_fresh;
+  const double age = has_age ? now - hand.time : 0;
+  const bool says_ready = hand.flags & FS_STATE_READY;
+  const bool is_ready = status == FS_OK && write_status_ == FS_OK && says_ready && age <= settings_.pose_age;
   const bool has_pose = status == FS_OK && is_finite(hand.pose) && is_finite(hand.twist);
 
   channels_.fetch();
@@ -265,7 +270,7 @@ void fs_servo::tick(double now, double late) noexcept {
     if (!channel->is_gone()) channel->publish(sent, guarded, tick_);
   }
   faults_.store(guard_.faults(), std::memory_order_relaxed);
-  events_.note(now, status, guard_.faults());
+  events_.note({now, status, says_ready, age, guard_.faults()});
 
   const double compute = steady_now() - begin;
   late_.add(late, now);
@@ -320,6 +325,8 @@ void fs_servo::get_stats(fs_servo_stats& out) const {
   out.compute_p50 = compute.p50;
   out.compute_p99 = compute.p99;
   out.compute_max = compute.max;
+  out.enabled = static_cast<uint32_t>(enable_.load(std::memory_order_relaxed) & 1);
+  out.reserved = 0;
 }
 
 void fs_servo::get_device_info(fs_device_info& out) const {

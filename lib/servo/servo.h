@@ -26,7 +26,7 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   static void* operator new(size_t size) { return fs::map_pages(size); }
   static void operator delete(void* servo, size_t size) noexcept { fs::unmap_pages(servo, size); }
 
-  // Sets the force to 0 for good, then calls the listeners, and releases the device and the scenes. A second call waits
+  // Sets the force to 0 for good, then calls the listener, and releases the device and the scenes. A second call waits
   // until the first has finished. In a forked child it does nothing.
   void stop() noexcept;
   bool is_of_this_process() const noexcept { return device_->is_of_this_process(); }
@@ -42,9 +42,9 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   // own, or has not ticked yet.
   double due() const noexcept { return due_.load(std::memory_order_relaxed); }
 
-  // The thread that stops the servo calls f once, when the force is 0. After remove_listener has returned, f is not
-  // called.
-  void add_listener(const void* owner, std::function<void()> f);  // STATE
+  // The listener is the servo's server. The thread that stops the servo calls f once, when the force is 0. After
+  // remove_listener has returned, f is not called. A servo has one listener at most.
+  void set_listener(const void* owner, std::function<void()> f);  // STATE
   void remove_listener(const void* owner) noexcept;
 
   fs_status step(uint64_t ticks) noexcept;            // [rt] STATE, UNSUPPORTED, DISCONNECTED
@@ -76,8 +76,9 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   fs::Ref<const fs::ChannelList> posted_channels_;
   fs::Mailbox<fs::Ref<const fs::ChannelList>> channels_;
 
-  std::mutex listeners_mutex_;
-  std::vector<std::pair<const void*, std::function<void()>>> listeners_;
+  std::mutex listener_mutex_;
+  const void* listener_owner_ = nullptr;
+  std::function<void()> listener_;
 
   // Only the tick uses these.
   fs::Guard guard_;

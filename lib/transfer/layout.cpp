@@ -135,7 +135,7 @@ std::string make_layout_text() {
          limited, shape_bytes, reserved);
   RECORD(fs_servo_stats, struct_size, realtime, faults, protections_off, rate, max_stiffness, damping, energy, ticks,
          misses, device_errors, guarded, approximated, late_p50, late_p99, late_max, compute_p50, compute_p99,
-         compute_max);
+         compute_max, enabled, reserved);
   RECORD(fs_device_info, struct_size, force_axes, torque_axes, reserved, name, serial, workspace_radius,
          workspace_height, workspace_angle, force_max, torque_max, resolution, rate, delay, damping, mass);
   REGION(Outbox, servo, heartbeat, is_closed, is_asleep, news, applied, events_written, events);

@@ -826,37 +826,6 @@ START_TEST(clients) {
 }
 END_TEST
 
-START_TEST(two_servers) {  // of one servo
-  ServerRig rig;
-  const std::string other_endpoint = new_endpoint();
-  fs_server_options options = fs_server_options_init();
-  options.force_limit = 1;
-  Server other = start_server(rig.servo.get(), other_endpoint, options);
-  const Scene a = rig.join("me");
-  const Scene b = connect(other_endpoint, "me");
-  set(a, push("x", 2, {1, 0, 0}));
-  set(b, push("x", 3, {0, 1, 0}));
-  rig.settle(a.get());
-  rig.settle(b.get());
-  EXPECT_VECTOR(rig.fake.written.force, (fs_vec3{2, 1, 0}), 1e-12);
-  size_t count = 0;
-  OK(fs_scene_get_clients(a.get(), nullptr, 0, &count));
-  ck_assert_uint_eq(count, 2);
-  ck_assert_uint_eq(reports_of(a.get()).size(), 1);
-  other.reset();
-  const fs_object o = push("y");
-  EXPECT(FS_ERROR_DISCONNECTED, fs_object_set(b.get(), &o));
-  ck_assert(eventually([&] {
-    rig.step(10);
-    return rig.fake.written.force.y == 0;
-  }));
-  EXPECT_VECTOR(rig.fake.written.force, (fs_vec3{2, 0, 0}), 1e-12);
-  set(a, push("x", 4, {1, 0, 0}));
-  rig.settle(a.get());
-  EXPECT_VECTOR(rig.fake.written.force, (fs_vec3{4, 0, 0}), 1e-12);
-}
-END_TEST
-
 // Clients in several threads do everything that is possible to their own objects and to those of the others.
 START_TEST(all_at_once) {
   ServerRig rig;
@@ -932,7 +901,7 @@ END_TEST
 
 int main() {
   Suite* suite = suite_create("connected");
-  add_once(suite, "several", {forces_add, names_are_private, own_names_in_full, views, force_limit, two_servers});
+  add_once(suite, "several", {forces_add, names_are_private, own_names_in_full, views, force_limit});
   add_once(suite, "others", {objects_of_others, objects_of_the_server, edits_in_an_open_group, groups_change_only_their_parts, many_edits, groups_of_all, locked,
                              shapes_of_others});
   add_once(suite, "seen", {reports_of_all, clients});

@@ -29,12 +29,14 @@ static fs_status try_to_connect(const std::string& endpoint, const std::string& 
 START_TEST(connecting) {
   ServerRig rig;
   const std::string nobody = new_endpoint();
-  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, try_to_connect(nobody, "me"), nobody.c_str() + 4);
+  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, try_to_connect(nobody, "me"), (" listens at " + nobody).c_str());
+  ck_assert_ptr_nonnull(std::strstr(fs_last_error(), "no server of user "));
   EXPECT(FS_ERROR_NOT_FOUND, try_to_connect(nobody + "?timeout=0.05", "me"));
   EXPECT_SENTENCE(FS_ERROR_UNSUPPORTED, try_to_connect("dds:0", "me"), "DDS");
   const std::string user = std::to_string(geteuid());
   const std::string longest = rig.endpoint + std::string(64 - (rig.endpoint.size() - 4), 'x');
-  const Server long_one = start_server(rig.servo.get(), longest, fs_server_options_init());
+  ServoRig other;
+  const Server long_one = start_server(other.servo.get(), longest, fs_server_options_init());
   for (const std::string& endpoint :
        {rig.endpoint, longest, rig.endpoint + "?timeout=1", rig.endpoint + "?timeout=1e1",
         rig.endpoint + "?user=" + user, rig.endpoint + "?user=" + user + "&timeout=0"}) {
@@ -60,11 +62,15 @@ START_TEST(connecting) {
   EXPECT(FS_ERROR_INVALID, fs_scene_connect(nullptr, "me", &scene));
   EXPECT(FS_ERROR_INVALID, fs_scene_connect(rig.endpoint.c_str(), nullptr, &scene));
   EXPECT(FS_ERROR_INVALID, fs_scene_connect(rig.endpoint.c_str(), "me", nullptr));
-  // A servo has one door of a name.
+  // One server of a name, and one of a servo.
   fs_server* server = nullptr;
   EXPECT_SENTENCE(FS_ERROR_EXISTS, fs_server_start(rig.servo.get(), rig.endpoint.c_str(), nullptr, &server),
                   rig.endpoint.c_str() + 4);
   ck_assert_ptr_null(server);
+  EXPECT_SENTENCE(FS_ERROR_STATE, fs_server_start(rig.servo.get(), (rig.endpoint + "-2").c_str(), nullptr, &server),
+                  "the servo has a server already");
+  ck_assert_ptr_null(server);
+  EXPECT(FS_OK, try_to_connect(rig.endpoint, "me"));  // the first goes on
 }
 END_TEST
 
@@ -130,14 +136,16 @@ START_TEST(what_is_not_for_connected_scenes) {
   FakeDevice fake(new_endpoint());
   const Device device = fake.open();
   fs_servo* servo = nullptr;
-  EXPECT_SENTENCE(FS_ERROR_UNSUPPORTED, fs_servo_start(me.get(), device.get(), nullptr, &servo), "connected");
+  EXPECT_SENTENCE(FS_ERROR_UNSUPPORTED, fs_servo_start(me.get(), device.get(), nullptr, &servo),
+                  "the scene is at a server, whose servo runs it; use a scene made by fs_scene_create");
   ck_assert_ptr_null(servo);
   EXPECT(FS_ERROR_STATE, fs_scene_set_time(me.get(), 10));
   EXPECT(FS_ERROR_UNSUPPORTED, fs_scene_set_max_stiffness(me.get(), 10));
   OK(fs_scene_set_max_stiffness(me.get(), 0));
   OK(fs_scene_set_accuracy(me.get(), 0.1));
   size_t count = 0;
-  EXPECT_SENTENCE(FS_ERROR_UNSUPPORTED, fs_scene_get_clients(rig.base.get(), nullptr, 0, &count), "connected");
+  EXPECT_SENTENCE(FS_ERROR_UNSUPPORTED, fs_scene_get_clients(rig.base.get(), nullptr, 0, &count),
+                  "only a scene made by fs_scene_connect has clients to list");
   // The device is free still.
   const Scene own = make_scene();
   const Servo other = start_servo(own.get(), device.get(), virtual_options());
@@ -154,7 +162,8 @@ START_TEST(max_objects) {
   for (const char* name : {"a", "b", "c"}) set(me, push(name, 1));
   for (const char* name : {"a", "b", "c"}) set(bob, push(name, 1));  // each client
   const fs_object one_more = push("d", 100);
-  EXPECT_SENTENCE(FS_ERROR_FULL, fs_object_set(me.get(), &one_more), "3");
+  EXPECT_SENTENCE(FS_ERROR_FULL, fs_object_set(me.get(), &one_more),
+                  "this would be object 4; the server allows a client 3 (max_objects)");
   set(me, push("a", 2));  // one that is there
   const auto felt = [&] {
     rig.settle(me.get());
@@ -222,13 +231,13 @@ START_TEST(max_megabytes) {
   const Shape half = make_mesh(sphere_mesh(0.1, 22000)), other_half = make_mesh(sphere_mesh(0.1, 23000));
   set(me, solid("a", large));  // it is not known here
   ck_assert(has(me.get(), "a"));
-  EXPECT_SENTENCE(FS_ERROR_FULL, rig.sync(me.get()), "1 megabytes");
+  EXPECT_SENTENCE(FS_ERROR_FULL, rig.sync(me.get()), "the server allows 1 MB (max_megabytes)");
   const fs_report report = wait_for_state(rig, me, "a", FS_OBJECT_REFUSED);
   ck_assert(report.weight == 0 && std::isinf(report.distance) && report.primitive == FS_PRIMITIVE_MESH);
   const fs_event event = next_event(me.get(), FS_EVENT_REFUSED);
   ck_assert_int_eq(event.status, FS_ERROR_FULL);
   ck_assert_str_eq(event.name, "a");
-  ck_assert_ptr_nonnull(std::strstr(event.text, "1 megabytes"));
+  ck_assert_ptr_nonnull(std::strstr(event.text, "the server allows 1 MB (max_megabytes)"));
   OK(rig.sync(me.get()));  // told once
   for (const fs_client& c : clients_of(bob)) {
     const bool is_me = std::string_view(c.name) == "me";

@@ -49,7 +49,7 @@ START_TEST(moves_after_a_refusal) {
   fs_object late = fs_object_init("new", FS_PRIMITIVE_POINT);
   late.front = attract(1, 1);
   OK(fs_object_change(me.get(), &late, FS_PART_PROFILES));
-  EXPECT_SENTENCE(FS_ERROR_FULL, rig.sync(me.get()), "megabytes");
+  EXPECT_SENTENCE(FS_ERROR_FULL, rig.sync(me.get()), "max_megabytes");
   OK(fs_object_change(me.get(), &late, FS_PART_SHAPE));
   OK(rig.sync(me.get()));
   ck_assert_int_eq(Got(bob.get(), "me/new")->primitive, FS_PRIMITIVE_POINT);

@@ -13,12 +13,13 @@ using namespace scenes;
 
 // One of everything.
 struct World {
-  FakeDevice fake{"world"}, other_fake{"other"};
-  Scene scene_owner = make_scene(), spare_scene = make_scene();
+  FakeDevice fake{"world"}, other_fake{"other"}, lone_fake{"lone"};
+  Scene scene_owner = make_scene(), spare_scene = make_scene(), lone_scene = make_scene();
   Content content = ball(100);
   Tool tool_owner = make_tool(scene_owner.get());
-  Device device_owner = fake.open(), spare_device = other_fake.open();
+  Device device_owner = fake.open(), spare_device = other_fake.open(), lone_device = lone_fake.open();
   Servo servo_owner = start_servo(scene_owner.get(), device_owner.get(), virtual_options());
+  Servo lone_owner = start_servo(lone_scene.get(), lone_device.get(), virtual_options());
   std::string endpoint = "shm:contract-" + std::to_string(getpid()), other_endpoint = endpoint + "-other";
   Server server_owner;
   Scene connected_owner;
@@ -28,7 +29,7 @@ struct World {
   fs_client client{};
   fs_tool* tool = tool_owner.get();
   fs_device* device = spare_device.get();
-  fs_servo* servo = servo_owner.get();
+  fs_servo *servo = servo_owner.get(), *lone_servo = lone_owner.get();  // the second has no server
   fs_shape* shape = content.shapes[0].get();
   fs_curve* curve;
   fs_object object = content.objects[0];
@@ -282,7 +283,7 @@ static const std::vector<Call> calls{
      }},
     {"fs_server_start", 3, FS_OK, [](World& w, int n) {
        fs_server** out = but(n, 2, &new_server);
-       return made(out, fs_server_start(but(n, 0, w.servo), but(n, 1, w.other_endpoint.c_str()), &w.server_options, out));
+       return made(out, fs_server_start(but(n, 0, w.lone_servo), but(n, 1, w.other_endpoint.c_str()), &w.server_options, out));
      }},
     {"fs_scene_get_clients", 3, FS_OK, [](World& w, int n) {
        return fs_scene_get_clients(but(n, 0, w.connected), but(n, 1, &w.client), 1, but(n, 2, &w.count));
@@ -434,7 +435,7 @@ START_TEST(pointers_that_may_be_null) {
   }();
   EXPECT(FS_ERROR_UNSUPPORTED, fs_servo_step(servo.get(), 1));
   EXPECT(FS_ERROR_UNSUPPORTED, fs_server_start(w.servo, "dds:0", nullptr, &new_server));
-  OK(made(&new_server, fs_server_start(w.servo, w.other_endpoint.c_str(), nullptr, &new_server)));
+  OK(made(&new_server, fs_server_start(w.lone_servo, w.other_endpoint.c_str(), nullptr, &new_server)));
   OK(fs_scene_get_clients(w.connected, nullptr, 0, &w.count));
   OK(fs_scene_get_hand(w.scene, &w.state, nullptr, nullptr));
   OK(fs_scene_get_hand(w.scene, nullptr, &w.response, nullptr));

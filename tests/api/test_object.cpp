@@ -129,6 +129,13 @@ START_TEST(names) {
     const fs_object o = spring(name);
     EXPECT_SENTENCE(FS_ERROR_INVALID, fs_object_set(scene.get(), &o), "name");
   }
+  fs_object other = spring("alice/spring");
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_object_set(scene.get(), &other),
+                  "name has a '/' at byte 5, must be without: fs_object_set sets this scene's own objects; another "
+                  "client's are changed by fs_object_change");
+  const fs_object wall = fs_wall_init("w", {0, 0, 0}, {0, 0, 0}, 500, 10);
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_object_set(scene.get(), &wall),
+                  "object 'w': the normal given to fs_wall_init is (0, 0, 0), must be finite and longer than 0");
   const std::string long_name(1000, 'n');  // to ask for, it is only not there
   fs_object got = fs_object_init("", FS_PRIMITIVE_POINT);
   const fs_pose pose = at(0, 0, 0);

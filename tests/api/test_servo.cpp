@@ -150,9 +150,11 @@ START_TEST(an_old_pose_is_no_pose) {  // older than 20 ms and the device's delay
   const struct {
     double delay, good, bad;  // s
     const char* text;
-  } cases[]{{0, 0.015, 0.025, "20 ms"}, {0.03, 0.045, 0.055, "50 ms"}, {0.5, 0.095, 0.105, "100 ms"}};
+  } cases[]{{0, 0.015, 0.025, "its pose is 25 ms old, must be at most 20 ms; "},
+            {0.03, 0.045, 0.055, "its pose is 55 ms old, must be at most 50 ms; "},
+            {0.5, 0.095, 0.105, "its pose is 105 ms old, must be at most 100 ms; "}};
   for (const auto& c : cases) {
-    Rig rig(c.text);
+    Rig rig("old");
     set(rig.scene.get(), lift());
     rig.fake.info.delay = c.delay;
     double age = c.good;
@@ -401,14 +403,26 @@ START_TEST(enabled_or_not) {
   Rig rig("enabled");
   set(rig.scene.get(), lift());
   rig.start(plain(0.1));
+  ck_assert_uint_eq(stats_of(rig.scene.get()).enabled, 1);
   rig.step(200);
   OK(fs_servo_set_enabled(rig.servo.get(), false));
   for (int k = 0; k < 50; ++k) {
     rig.step(1);
     EXPECT_VECTOR(rig.sent(), (fs_vec3{}), 0);
   }
+  fs_response response;
+  OK(fs_scene_get_hand(rig.scene.get(), nullptr, &response, nullptr));
+  ck_assert(response.flags & FS_RESPONSE_GUARDED);
+  fs_servo_stats stats = stats_of(rig.scene.get());
+  ck_assert_uint_eq(stats.enabled, 0);
+  ck_assert_uint_eq(stats.reserved, 0);
+  ck_assert_uint_eq(stats.guarded, 50);
+  ck_assert_uint_eq(stats.faults, 0);
   OK(fs_servo_set_enabled(rig.servo.get(), true));
   rig.step(1);
+  stats = stats_of(rig.scene.get());
+  ck_assert_uint_eq(stats.enabled, 1);
+  ck_assert_uint_eq(stats.guarded, 50);
   expect_ramp(rig, 2);
   rig.fake.state.pose.position.x = NAN;
   fs_servo_step(rig.servo.get(), 1);

@@ -306,6 +306,10 @@ START_TEST(bad_mesh_files) {
     ck_assert_msg(status == file.status, "%s: %s (%s)", file.name, fs_status_name(status), fs_last_error());
     unlink(path.c_str());
   }
+  const std::string empty = write_file("empty.stl", "");
+  EXPECT_SENTENCE(FS_ERROR_PARSE, fs_shape_load(empty.c_str(), 1, &none),
+                  "the file is empty; an STL file begins with \"solid\" or has at least 84 bytes");
+  unlink(empty.c_str());
   // A binary STL that claims more triangles than it holds.
   std::string stl(84, '\0');
   stl[80] = stl[81] = stl[82] = '\x7f';

@@ -52,6 +52,13 @@ expect 2 "^forceserver: there is no command 'wacth'; did you mean watch\? There 
   "$program" wacth x
 expect 2 "^forceserver: there is no command 'nonsense'; there are: run, " "$program" nonsense
 expect 2 '^forceserver: .*duration' "$program" run --duration -1
+expect 2 '^forceserver: --duration needs a number of seconds$' "$program" run --duration
+expect 2 '^forceserver: --device needs the URI of a device$' "$program" run --device
+expect 0 'watch .*OPTIONS\] server$' "$program" watch --help
+expect 0 'clients .*OPTIONS\] server$' "$program" clients --help
+expect 0 'check .*OPTIONS\] file$' "$program" check --help
+expect 0 'evaluate .*OPTIONS\] scene \[positions\]$' "$program" evaluate --help
+expect 0 'run .*OPTIONS\] \[scene\]$' "$program" run --help
 
 # For every command the message names the unknown option, not its value, and the option that may have been meant.
 expect 2 '^forceserver: run has no option --nonsense; see: forceserver run --help$' "$program" run --nonsense
@@ -75,7 +82,12 @@ expect 2 '^forceserver: check needs a file, such as: forceserver check room.json
 expect 2 '^forceserver: evaluate needs a scene, such as: forceserver evaluate room.json points.csv$' "$program" evaluate
 
 # run: a summary, a record without a gap, errors with a sentence.
-expect 0 '^protections switched off: ' "$program" run "$scene" --duration 1 --record ticks.csv
+expect 0 '^protections that version 0.1 does not have: limit of the change in force, limit of the slope, local' \
+  "$program" run "$scene" --duration 1 --record ticks.csv
+for line in '^protections switched off: none$' '; no force was changed by a limit or a fault$'; do
+  grep -q "$line" output || { echo "FAILED: run does not say $line"; failures=$((failures + 1)); }
+done
+grep -qE '(^|,)-0(,|$)' ticks.csv && { echo "FAILED: a record has -0"; failures=$((failures + 1)); }
 expect 2 '^forceserver: .*no-such\.json' "$program" run no-such.json --duration 1
 grep -qE '^time,x,y,z,' ticks.csv || { echo "FAILED: no record"; failures=$((failures + 1)); }
 awk -F, 'NR > 2 && $1 <= last { bad = 1 } { last = $1 } END { exit bad || NR < 100 }' ticks.csv ||
@@ -125,7 +137,9 @@ expect 2 'four, line 2: .*three' "$program" evaluate --scene "$scene" four
 printf '0 0 0\n0 0 nan\n' > number
 expect 2 'line 2: ' "$program" evaluate --scene "$scene" number
 printf '+0 -0 +0.1\n' > number
-expect 0 '^0,-0,0\.1' "$program" evaluate --scene "$scene" number
+expect 0 '^0,0,0\.1' "$program" evaluate --scene "$scene" number  # no -0
+printf '0 0 x\n1 2\n' > number
+input=number expect 2 '^forceserver: standard input, line 1: ' "$program" evaluate --scene "$scene"
 for signs in +- -+ ++ --; do
   printf '0 0 0\n0 0 %s5\n' $signs > number
   expect 2 'line 2: ' "$program" evaluate --scene "$scene" number
@@ -144,10 +158,11 @@ cat > odd.json << 'END'
    "front": {"kind": "constant", "sense": "attractive", "gain": 1, "limit": 1}},
   {"name": "far", "primitive": "point", "pose": {"position": [9, 0, 0]},
    "front": {"kind": "gaussian", "sense": "repulsive", "gain": 1, "width": 0.01, "limit": 1}},
-  {"name": "strong", "primitive": "point",
+  {"name": "strong", "primitive": "point", "tool_points": 3,
    "front": {"kind": "gaussian", "sense": "repulsive", "gain": 1, "width": 0.01, "limit": 1000}}]}
 END
-expect 1 '^6 odd things$' "$program" check odd.json
+expect 1 '^7 odd things$' "$program" check odd.json
+expect 1 'strong: its tool_points select points that the tool does not have: it has 1$' "$program" check odd.json
 expect 1 'mute: it has no profile' "$program" check odd.json
 expect 1 'off: it is disabled' "$program" check odd.json
 expect 1 'far: the hand cannot get near' "$program" check odd.json
@@ -205,6 +220,23 @@ fine '"primitive": "plane", "back": {'"$spring"'}'
 fine '"primitive": "plane", "front": {'"$spring"'}, "back": {'"$spring"'}'
 fine '"primitive": "plane", "front": {"kind": "constant", "gain": 2, "limit": 2},
       "back": {"kind": "constant", "gain": 2, "limit": 2, "sense": "repulsive"}'  # gravity
+odd 'its force is 0 wherever the hand gets$' \
+  '"primitive": "point", "front": {"kind": "custom", "gain": 0, "limit": 5, "curve": "pulse"}'
+# A back that the hand never comes to is not felt. A point that pulls with half of the device's force is odd.
+odd 'the hand cannot get to the side on which it is felt: it is at least 2\.82 m of the scene away from the device' \
+  '"primitive": "plane", "pose": {"position": [0, 0, -3]}, "back": {'"$spring"'}'
+fine '"primitive": "plane", "pose": {"position": [0, 0, 3]}, "back": {'"$spring"'}'
+odd 'it pulls the hand with 12\.[0-9]+ N or more from everywhere beyond 12\.[0-9]+ mm: give it a smaller limit' \
+  '"primitive": "point", "front": {"kind": "linear_increasing", "gain": 1000, "limit": 25}'
+# The steepest slope, and what the device renders while nobody holds it: 1 N s/m divided by half of 1 ms.
+wall='"primitive": "plane", "back": {"kind": "linear_increasing", "limit": 10, "gain"'
+odd 'its slope of 1e\+06 N/m at the device may shake it when nobody holds it: an estimate of the most is 2000 N/m, ' \
+  "$wall: 1e6}"
+odd 'its slope of 2010 N/m' "$wall: 2010}"
+fine "$wall: 1990}"
+expect 0 '^x: a plane; .*; steepest slope 1990 N/m at the device$' "$program" check one.json
+expect 1 'an estimate of the most is 400 N/m, .* divided by 2.5 ms, ' \
+  "$program" check one.json --device 'sim:?delay_ms=2'
 fine '"primitive": "mesh", "shape": "part", "front": {'"$spring"'}'  # a room
 fine '"primitive": "plane", "front": {"kind": "constant", "gain": 1, "limit": 1},
       "back": {"kind": "constant", "gain": 1, "limit": 1, "sense": "repulsive"}'  # gravity
@@ -214,6 +246,8 @@ odd 'its back drives the hand deeper' '"primitive": "plane", "back": {"sense": "
 expect 0 'closed mesh of 4 triangles and 4 points' "$program" check solid.obj
 sed '$d' solid.obj > open.obj
 expect 1 '3 open edges' "$program" check open.obj
+printf 'v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nf 1 2 3\n' > one.obj
+expect 1 'open mesh of 1 triangle and 3 points' "$program" check one.obj
 expect 1 'millimetres' "$program" check solid.obj --scale 1000
 expect 2 '^forceserver: ' "$program" check no-such.stl
 echo '{"forceserver": 1' > broken.json
@@ -271,6 +305,8 @@ expect 0 "^server +$server +[^ ]+ +[1-9]" "$program" clients "$name"
 watcher=$!
 until_says "^watch-$watcher " "$program" clients "$name"
 until_says '^hand  ' cat watched
+until_says "^watch-$watcher \(process $watcher\) has come$" cat served
+"$program" clients "$name" | grep -q "^run-" && fail "clients shows the client by which run watches its server"
 expect 0 "^watch-$watcher +$watcher +[^ ]+ +0 " "$program" clients "shm:$name?user=$(id -u)"
 if [ "$(id -u)" = 0 ] && setpriv --reuid=65534 test -x "$program" 2> /dev/null; then
   expect 0 '^server ' setpriv --reuid=65534 "$program" clients "shm:$name?user=0"
@@ -299,6 +335,7 @@ fi
 kill -INT $watcher
 ended $watcher 0 "watch, interrupted,"
 grep -q '^hand  ' watched || fail "watch wrote nothing"
+until_says "^watch-$watcher \(process $watcher\) has gone; its process has ended$" cat served
 "$program" watch "$name" --interval 0.1 2> output | sed 2q > watched
 [ "${PIPESTATUS[0]}" = 0 ] || fail "watch whose reader has gone did not end with 0"
 if command -v script > /dev/null; then
@@ -332,7 +369,7 @@ grep "$name" /proc/net/unix && fail "a socket is left"
 # A device that is lost between two looks of the program, and back at once, is not overlooked.
 expect 1 '^faults: the device is not ready$' env LD_PRELOAD="$losing_driver" ASAN_OPTIONS=verify_asan_link_order=0 \
   "$program" run --device losing: --duration 0.5
-grep -q '^the force stopped: lost, ' output || fail "run does not say that the device was lost"
+grep -q "^the force stopped: lost: it failed to read or write; " output || fail "run does not say that the device was lost"
 
 echo "$failures failures"
 [ $failures = 0 ]

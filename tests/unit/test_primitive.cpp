@@ -176,7 +176,7 @@ END_TEST
 
 START_TEST(polyline_refusals_and_info) {
   const Vec3 points[] = {{0, 1, 0}, {1, std::nan(""), 0}, {2, 0, 0}};
-  ck_assert_says(refusal(FS_ERROR_INVALID, [&] { make_polyline(points, 1, false); }), "1 points, must have at least 2");
+  ck_assert_says(refusal(FS_ERROR_INVALID, [&] { make_polyline(points, 1, false); }), "1 point, must have at least 2");
   ck_assert_says(refusal(FS_ERROR_INVALID, [&] { make_polyline(points, 3, false); }), "points[1].y is nan");
   const Vec3 far[] = {{0, 1, 0}, {1, 0, 1.1e15}};
   ck_assert_says(refusal(FS_ERROR_INVALID, [&] { make_polyline(far, 2, false); }), "points[1].z is 1.1e+15");

@@ -294,6 +294,8 @@ START_TEST(defaults_are_left_out)
   defaults.objects = {make_object("x", FS_PRIMITIVE_PLANE)};
   check_equal(defaults, back);
   ck_assert(parse_scene(R"({"forceserver": "scene", "version": 1})", "a.json", 0).objects.empty());
+  // An editor looks for this key; the reader ignores it.
+  ck_assert(parse_scene(R"({"$schema": "a", "forceserver": "scene", "version": 1})", "a.json", 0).objects.empty());
 }
 END_TEST
 

@@ -15,6 +15,7 @@ except ImportError:
     sys.exit(77)
 
 GOOD = {
+    "$schema": "share/forceserver/scene.schema.json",
     "forceserver": "scene",
     "version": 1,
     "frame": {"pose": {"position": [0, 0, 0]}, "scale": 2},
@@ -30,7 +31,7 @@ GOOD = {
 
 # Each: where, and what stands there instead (None: nothing).
 FAULTS = [
-    (["forceserver"], None), (["forceserver"], "rover"), (["version"], None), (["version"], 2), (["colour"], 1),
+    (["$schema"], 1), (["forceserver"], None), (["forceserver"], "rover"), (["version"], None), (["version"], 2), (["colour"], 1),
     (["frame", "scale"], 0), (["frame", "force_scale"], -1), (["frame", "pose", "position"], [0, 0]),
     (["frame", "pose", "colour"], 1), (["tool"], []), (["tool"], [[0, 0, 0]] * 33), (["tool"], [[0, 0, "x"]]),
     (["shapes", "p", "points"], [[0, 0, 0]]), (["shapes", "p", "file"], "a.ply"), (["shapes", "p", "closed"], 1),
