@@ -42,9 +42,7 @@ Scene connect(const std::string& server, const char* kind) {
 
 std::vector<fs_client> other_clients(fs_scene* scene) {
   std::vector<fs_client> list = get_list(fs_scene_get_clients, scene);
-  const std::uint32_t of_server = list.front().process;  // the first is the server's own scene
-  std::erase_if(list, [of_server](const fs_client& client) {
-    if (client.process == of_server && client.name == "run-" + std::to_string(of_server)) return true;
+  std::erase_if(list, [](const fs_client& client) {
     return client.process == std::uint32_t(getpid()) &&
            (client.name == client_name("watch") || client.name == client_name("clients"));
   });

@@ -42,7 +42,6 @@ int at_server(const std::string& server, auto&& look) {
 }
 
 Look take_look(fs_scene* scene, const std::string& endpoint);
-// The clients of the server, without the one that asks and the one by which `run --listen` watches its server.
 std::vector<fs_client> other_clients(fs_scene* scene);
 
 Rates rates_of(const fs_client& client, const Look& now, const Look& before);

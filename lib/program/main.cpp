@@ -13,8 +13,8 @@ const char* const run_help = R"(examples:
   forceserver run room.json
       the scene with a simulated device and hand, until Ctrl-C
   forceserver run --listen lab
-      a server without a scene of its own: other programs connect to it (fs_scene_connect), each with its scene; it
-      prints who comes and goes; see also `forceserver watch lab`
+      a server without a scene of its own: other programs connect to it (fs_scene_connect), each with its scene; see
+      also `forceserver watch lab`
   forceserver run room.json --device 'sim:?path=figure8' --duration 10 --record ticks.csv
       ten seconds with a hand that draws an eight; every tick goes to a file
   sudo forceserver run room.json --rate 4000

@@ -1,6 +1,5 @@
 // forceserver run: runs a scene on a device, until the time is over or Ctrl-C.
 #include <sys/ioctl.h>
-#include <signal.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -8,7 +7,6 @@
 #include <chrono>
 #include <cstdio>
 #include <cstring>
-#include <optional>
 #include <string_view>
 #include <vector>
 
@@ -149,47 +147,6 @@ std::uint32_t print_events(fs_scene* scene, bool terminal) {
   }
 }
 
-// Tells which clients of the server have come and gone. It asks the server as a client of its own, which other_clients
-// leaves out. A client that comes and goes between two looks is not noticed.
-class Visitors {
- public:
-  explicit Visitors(const std::string& server) : scene_(connect(server, "run")), clients_(other_clients(scene_.get())) {
-    clients_.resize(1);  // the server itself, which has not come
-  }
-
-  void print_changes(bool terminal) {
-    std::vector<fs_client> now;
-    try {
-      now = other_clients(scene_.get());
-    } catch (const Failure&) {  // the server had no time to answer: look again later
-      return;
-    }
-    for (const fs_client& client : now) {
-      if (!has(clients_, client)) print(terminal, client, "has come");
-    }
-    for (const fs_client& client : clients_) {
-      if (has(now, client)) continue;
-      const bool is_over = kill(pid_t(client.process), 0) != 0 && errno == ESRCH;
-      print(terminal, client, is_over ? "has gone; its process has ended" : "has gone");
-    }
-    clients_ = std::move(now);
-  }
-
- private:
-  static bool has(const std::vector<fs_client>& list, const fs_client& client) {
-    return std::any_of(list.begin(), list.end(), [&](const fs_client& other) {
-      return std::string_view(other.name) == client.name && other.connected == client.connected;
-    });
-  }
-  static void print(bool terminal, const fs_client& client, const char* what) {
-    std::printf("%s%s (process %u) %s\n", terminal ? "\r\033[K" : "", client.name, client.process, what);
-    std::fflush(stdout);
-  }
-
-  const Scene scene_;
-  std::vector<fs_client> clients_;
-};
-
 void print_summary(const fs_servo_stats& s, double seconds, std::uint32_t faults) {
   using Count = unsigned long long;
   std::printf("%llu ticks in %.1f s: %.1f Hz; %llu missed, %llu with a device error\n", Count(s.ticks), seconds,
@@ -227,10 +184,8 @@ int run(const RunOptions& options) {
   const Ending ending;  // before this line nothing is felt, and a signal ends the program at once
   const Servo servo = open<Servo>(fs_servo_start, scene.get(), device.get(), &servo_options);
   Server server;
-  std::optional<Visitors> visitors;
   if (!options.listen.empty()) {
     fs_server_options server_options = fs_server_options_init();
-    server_options.max_clients = 32 + 1;  // the default, and the one that visitors is
     server_options.locked = options.locked;
     server_options.all_users = options.all_users;
     server_options.force_limit = options.client_force;
@@ -245,13 +200,12 @@ int run(const RunOptions& options) {
   std::printf("%s (%s), at most %g N%s\n", info.name, options.device.c_str(),
               options.force_limit > 0 ? std::min(options.force_limit, info.force_max) : info.force_max,
               options.duration > 0 ? "" : "; Ctrl-C ends");
-  if (server) visitors.emplace(options.listen);
   if (server) std::printf("listens at %s\n", full_endpoint(options.listen).c_str());
   std::fflush(stdout);
 
   const auto start = Clock::now();
-  const double sample = 0.1, line_period = terminal ? 0.2 : 5, visitors_period = 0.5;
-  double next_line = line_period, next_visitors = 0;
+  const double sample = 0.1, line_period = terminal ? 0.2 : 5;
+  double next_line = line_period;
   std::uint32_t faults = 0;
   bool record_failed = false;
   for (bool over = false; !over;) {
@@ -269,10 +223,6 @@ int run(const RunOptions& options) {
         record.reset();
         record_failed = true;
       }
-    }
-    if (visitors && elapsed >= next_visitors) {
-      visitors->print_changes(terminal);
-      next_visitors = elapsed + visitors_period;
     }
     if (elapsed >= next_line) {
       print_line(scene.get(), elapsed, bool(server), terminal);
