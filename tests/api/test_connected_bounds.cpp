@@ -29,7 +29,8 @@ static fs_status try_to_connect(const std::string& endpoint, const std::string& 
 START_TEST(connecting) {
   ServerRig rig;
   const std::string nobody = new_endpoint();
-  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, try_to_connect(nobody, "me"), nobody.c_str() + 4);
+  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, try_to_connect(nobody, "me"), (" listens at " + nobody).c_str());
+  ck_assert_ptr_nonnull(std::strstr(fs_last_error(), "no server of user "));
   EXPECT(FS_ERROR_NOT_FOUND, try_to_connect(nobody + "?timeout=0.05", "me"));
   EXPECT_SENTENCE(FS_ERROR_UNSUPPORTED, try_to_connect("dds:0", "me"), "DDS");
   const std::string user = std::to_string(geteuid());
