@@ -579,13 +579,14 @@ START_TEST(reports_of_all) {
   Two two;
   Random random(31);
   const fs_vec3 arms[]{{0.1, 0, 0}, {0, 0.05, 0}};
-  OK(fs_scene_set_tool(two.me.get(), arms, 2));
-  OK(fs_scene_set_tool(two.bob.get(), arms, 1));
   fs_frame frames[3];  // of me, bob, the server
   fs_scene* const scenes[]{two.me.get(), two.bob.get(), two.base.get()};
   for (int i = 0; i < 3; ++i) {
     frames[i] = {random.pose(0.1), random.between(0.5, 3), random.between(0.2, 2)};
+    OK(fs_scene_begin(scenes[i]));  // tool and frame are one version, which fades in once
+    if (i < 2) OK(fs_scene_set_tool(scenes[i], arms, i == 0 ? 2 : 1));
     OK(fs_scene_set_frame(scenes[i], &frames[i]));
+    OK(fs_scene_commit(scenes[i]));
     const fs_object near = spring("near", random.in_box(0.1), 20);
     fs_object far = spring("far", {50, 0, 0});
     far.front.reach = 0.1;

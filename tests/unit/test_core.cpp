@@ -317,7 +317,7 @@ struct OneView {
 // frame); and a new tool without a frame of its own keeps the frame that a clutch has moved.
 START_TEST(views_have_no_step_and_are_not_overtaken) {
   Random random;
-  for (int run = 0; run < 200; ++run) {
+  for (int run = 0; run < 24; ++run) {
     const double fade = run % 2 ? 0.05 : 0;
     OneView scene(fade);
     std::map<uint64_t, double> before = scene.weights();
@@ -333,7 +333,7 @@ START_TEST(views_have_no_step_and_are_not_overtaken) {
         if (random.next() % 2) scene.post();
       }
     };
-    for (int step = 0; step < 2000; ++step) {
+    for (int step = 0; step < 500; ++step) {
       const double passed = 0.001 * static_cast<double>(1 + random.next() % 3);
       change_some();
       scene.fetch();
@@ -363,7 +363,7 @@ END_TEST
 // The same of an object: without a fade, each tick feels the newest version of its snapshot.
 START_TEST(versions_are_not_overtaken) {
   Random random;
-  for (int run = 0; run < 50; ++run) {
+  for (int run = 0; run < 12; ++run) {
     OneName scene(0);
     Entry entry;
     entry.object = scene.versions[0];
@@ -375,7 +375,7 @@ START_TEST(versions_are_not_overtaken) {
         if (random.next() % 4) scene.post();
       }
     };
-    for (int step = 0; step < 1000; ++step) {
+    for (int step = 0; step < 300; ++step) {
       change_some();
       if (step == 0) scene.post();
       scene.fetch();
