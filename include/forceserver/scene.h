@@ -91,7 +91,7 @@ FS_API fs_status fs_object_move(fs_scene *scene, const char *name, const fs_pose
 /* Removes an object; under a servo it fades out. NOT_FOUND, DENIED. */
 FS_API fs_status fs_object_remove(fs_scene *scene, const char *name);
 
-/* Removes all of the scene's own objects. Frame, clutch and tool stay. */
+/* Removes all of the scene's own objects. Frame, clutch and tool stay. MEMORY: some may be gone already. */
 FS_API fs_status fs_scene_clear(fs_scene *scene);
 
 /* ---- Groups: several changes that are felt from one tick on. A call that fails adds nothing to the group. Getters see
@@ -104,7 +104,9 @@ FS_API fs_status fs_scene_begin(fs_scene *scene);
 
 /* Closes the group: all of it is felt from one tick on, or none of it. STATE: none is open. Connected: it is sent as a
  * whole; if that fails, the group stays open: TIMEOUT. If the server refuses a part (FS_EVENT_REFUSED, fs_scene_sync),
- * it takes nothing, and this process's scene is set back to what the server has. */
+ * it takes nothing, and this process's scene is set back to what the server has. Of an object that somebody else has
+ * changed since, only the parts change that the group has changed; one that somebody else has removed stays removed,
+ * unless the group sets it. MEMORY: a part may be felt already, and the group stays open: commit it again. */
 FS_API fs_status fs_scene_commit(fs_scene *scene);
 
 /* Closes the group and takes back all of it. STATE: none is open. */
