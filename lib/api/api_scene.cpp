@@ -1,7 +1,5 @@
 #include <forceserver/scene.h>
 
-#include <cmath>
-
 #include "api/guarded.h"
 #include "base/names.h"
 #include "client/remote_scene.h"
@@ -62,24 +60,9 @@ void fs_scene_destroy(fs_scene* scene) {
   scene->release();
 }
 
-// What fs_object_set can say better than the checks of an object, which do not know where it comes from.
-static void check_set(const fs_object& object) {
-  check_struct_size(object.struct_size, sizeof object, "fs_object");
-  if (const void* slash = std::memchr(object.name, '/', strnlen(object.name, sizeof object.name))) {
-    fail(FS_ERROR_INVALID, "name has a '/' at byte %td, must be without: fs_object_set sets this scene's own objects; "
-         "another client's are changed by fs_object_change", static_cast<const char*>(slash) - object.name);
-  }
-  const fs_quat& q = object.pose.orientation;
-  if (object.primitive == FS_PRIMITIVE_PLANE && std::isnan(q.w)) {  // fs_wall_init leaves a bad normal like this
-    fail(FS_ERROR_INVALID, "object '%.63s': the normal given to fs_wall_init is (%g, %g, %g), must be finite and longer "
-         "than 0", object.name, q.x, q.y, q.z);
-  }
-}
-
 fs_status fs_object_set(fs_scene* scene, const fs_object* object) {
   return on_scene(scene, [&] {
     require_pointer(object, "object");
-    check_set(*object);
     scene->set(*object);
   });
 }

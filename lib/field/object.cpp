@@ -85,6 +85,11 @@ ParsedObject parse(const fs_object& in, std::string name, const Object* like, bo
     if (byte) fail(FS_ERROR_INVALID, "reserved is %u, must be 0", byte);
   }
   ParsedObject out;
+  const Quat& q = in.pose.orientation;
+  if (primitive == FS_PRIMITIVE_PLANE && std::isnan(q.w) && is_in_range(in.pose.position)) {
+    fail(FS_ERROR_INVALID, "the normal given to fs_wall_init is (%g, %g, %g), must be finite and longer than 0 "
+         "(pose.orientation.w is nan)", q.x, q.y, q.z);
+  }
   out.pose = parse_pose(in.pose, "pose");
   out.twist = parse_twist(in.twist, "twist");
   out.time = parse_finite(in.time, "time");
@@ -166,7 +171,10 @@ std::string parse_name(const char* name, const char* field) {
     const auto* text = reinterpret_cast<const unsigned char*>(name + i);
     const size_t length = utf8_length(text);
     if (length == 0) fail(FS_ERROR_INVALID, "%s is not UTF-8: byte %zu is 0x%02x", field, i, text[0]);
-    if (text[0] == '/') fail(FS_ERROR_INVALID, "%s has a '/' at byte %zu, must be without", field, i);
+    if (text[0] == '/') {
+      fail(FS_ERROR_INVALID, "%s has a '/' at byte %zu, must be without: another client's object is not set, but changed "
+           "(fs_object_change)", field, i);
+    }
     if (text[0] < 0x20 || text[0] == 0x7f || (text[0] == 0xc2 && text[1] < 0xa0)) {
       fail(FS_ERROR_INVALID, "%s has a control character at byte %zu, must be without", field, i);
     }
@@ -217,10 +225,6 @@ Pose parse_pose(const Pose& pose, const char* field) {
   if (make_unit_pose(unit)) return unit;
   parse_position(pose.position, (std::string(field) + ".position").c_str());
   const Quat q = pose.orientation;
-  if (std::isnan(q.w)) {
-    fail(FS_ERROR_INVALID, "%s.orientation.w is nan, must be a number; fs_wall_init makes it so where its normal, here "
-         "(%g, %g, %g), is not finite and longer than 0", field, q.x, q.y, q.z);
-  }
   fail(FS_ERROR_INVALID, "%s.orientation is (%g, %g, %g, %g) of length %.9g, must be within 1e-3 of 1 or all 0", field,
        q.w, q.x, q.y, q.z, norm(q));
 }

@@ -131,8 +131,8 @@ START_TEST(names) {
   }
   fs_object other = spring("alice/spring");
   EXPECT_SENTENCE(FS_ERROR_INVALID, fs_object_set(scene.get(), &other),
-                  "name has a '/' at byte 5, must be without: fs_object_set sets this scene's own objects; another "
-                  "client's are changed by fs_object_change");
+                  "name has a '/' at byte 5, must be without: another client's object is not set, but changed "
+                  "(fs_object_change)");
   const fs_object wall = fs_wall_init("w", {0, 0, 0}, {0, 0, 0}, 500, 10);
   EXPECT_SENTENCE(FS_ERROR_INVALID, fs_object_set(scene.get(), &wall),
                   "object 'w': the normal given to fs_wall_init is (0, 0, 0), must be finite and longer than 0");

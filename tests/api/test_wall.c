@@ -77,9 +77,9 @@ START_TEST(a_bad_argument_is_named)
   fs_scene *scene = NULL;
   fs_object good;
   ck_assert_int_eq(fs_scene_create(&scene), FS_OK);
-  refused(scene, fs_wall_init("wall", zero, zero, 400, 3), "normal, here (0, 0, 0)");
-  refused(scene, fs_wall_init("wall", zero, not_finite, 400, 3), "normal, here (0, nan, 1)");
-  refused(scene, fs_wall_init("wall", zero, endless, 400, 3), "normal, here (inf, 0, 0)");
+  refused(scene, fs_wall_init("wall", zero, zero, 400, 3), "fs_wall_init is (0, 0, 0)");
+  refused(scene, fs_wall_init("wall", zero, not_finite, 400, 3), "fs_wall_init is (0, nan, 1)");
+  refused(scene, fs_wall_init("wall", zero, endless, 400, 3), "fs_wall_init is (inf, 0, 0)");
   refused(scene, fs_wall_init("wall", endless, up, 400, 3), "pose.position.x is inf");
   refused(scene, fs_wall_init("wall", zero, up, -1, 3), "back.gain is -1");
   refused(scene, fs_wall_init("wall", zero, up, NAN, 3), "back.gain");

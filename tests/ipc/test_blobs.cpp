@@ -229,9 +229,9 @@ START_TEST(lying_counts) {
     sender.refused(table(count, 1), file.get(), FS_ERROR_INVALID, "too many");
   }
   // Counts that are valid, but more than a client may have, or than the file holds.
-  sender.refused(polyline(4'000'000'000), file.get(), FS_ERROR_FULL, "megabytes");
-  sender.refused(mesh(4, 500'000'000), file.get(), FS_ERROR_FULL, "megabytes");
-  sender.refused(table(uint64_t{1} << 40, 1), file.get(), FS_ERROR_FULL, "megabytes");
+  sender.refused(polyline(4'000'000'000), file.get(), FS_ERROR_FULL, "max_megabytes");
+  sender.refused(mesh(4, 500'000'000), file.get(), FS_ERROR_FULL, "max_megabytes");
+  sender.refused(table(uint64_t{1} << 40, 1), file.get(), FS_ERROR_FULL, "max_megabytes");
   sender.refused(mesh(3, 2), file.get(), FS_ERROR_INVALID, "must be 96");
   sender.refused(mesh(5, 2), file.get(), FS_ERROR_INVALID, "must be 144");
   Shape triangles_of_a_line = polyline(4);
@@ -301,7 +301,7 @@ START_TEST(sparse_file) {
     Sender sender(rig);
     constexpr uint64_t count = sparse_points;
     const Descriptor file = memory_file({}, count * sizeof(fs_vec3), all_seals);
-    sender.refused(polyline(count), file.get(), FS_ERROR_FULL, "80 megabytes");
+    sender.refused(polyline(count), file.get(), FS_ERROR_FULL, "80 MB");
     rig.check_honest();
   }
   options.max_megabytes = 0;
@@ -325,7 +325,7 @@ START_TEST(max_megabytes) {
   Rig rig(options);
   Sender sender(rig);
   const auto file_of = [](uint64_t count) { return memory_file({}, count * sizeof(fs_vec3), all_seals); };
-  sender.refused(polyline(41'667), file_of(41'667).get(), FS_ERROR_FULL, "1 megabytes");
+  sender.refused(polyline(41'667), file_of(41'667).get(), FS_ERROR_FULL, "1 MB");
   sender.taken(polyline(41'666), file_of(41'666).get());
   ck_assert(rig.until([&] { return rig.listed("sender").shape_bytes == 0; }));
   // Two of half the size; the second is refused as long as the first is there, in use or not.
@@ -333,11 +333,11 @@ START_TEST(max_megabytes) {
   sender.send(polyline(30'000), half.get());
   ck_assert_int_eq(rig.sync(sender.client), FS_OK);
   const uint64_t first = sender.id;
-  const fs_event event = sender.refused(polyline(30'000), half.get(), FS_ERROR_FULL, "1440000");
+  const fs_event event = sender.refused(polyline(30'000), half.get(), FS_ERROR_FULL, "1.4 MB");
   ck_assert_str_eq(event.name, "o");
   ck_assert_uint_eq(rig.listed("sender").shape_bytes, 720'000);
   sender.client.forget(first);
-  sender.refused(polyline(30'000), half.get(), FS_ERROR_FULL, "megabytes");
+  sender.refused(polyline(30'000), half.get(), FS_ERROR_FULL, "max_megabytes");
   sender.client.remove("o");
   ck_assert(rig.until([&] { return rig.listed("sender").shape_bytes == 0; }));
   sender.taken(polyline(30'000), half.get());

@@ -394,7 +394,7 @@ std::vector<Hostile> hostile_files() {
       {parse_ply, binary + "x", {kept[2].c_str(), "1 bytes follow"}},
       {parse_ply, infinite, {kept[0].c_str(), "y is inf"}},
       {parse_ply, outside, {kept[1].c_str(), "is 4", "0..3"}},
-      {parse_stl, "", {"byte 0", "ends"}},
+      {parse_stl, "", {"the file is empty"}},
       {parse_stl, stl.substr(0, 83), {"byte 83"}},
       {parse_stl, stl.substr(0, stl.size() - 1), {"6 triangles take 384 bytes", "has 383"}},
       {parse_stl, stl + "x", {"6 triangles take 384 bytes", "has 385"}},
