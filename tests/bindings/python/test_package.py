@@ -144,3 +144,24 @@ def test_examples(example, tmp_path):
         env={**os.environ, "MPLBACKEND": "Agg"},
     )
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_figures_of_the_readme(tmp_path):
+    pytest.importorskip("matplotlib")
+    folder, readme = ROOT / "examples/python", (ROOT / "README.md").read_text()
+    subprocess.run([sys.executable, "-B", folder / "figures.py", tmp_path], check=True)
+    drawn = {file.name for file in tmp_path.glob("*.png")}
+    assert drawn == {file.name for file in folder.glob("*.png")} == {"figure_3.png", "figure_4.png"}
+    assert all(f"](examples/python/{name})" in readme for name in drawn)
+    assert sum(file.stat().st_size for file in folder.glob("*.png")) <= 150e3
+
+
+def test_the_picture_of_the_quickstart(tmp_path):
+    pytest.importorskip("matplotlib")
+    forces, picture = tmp_path / "forces.csv", tmp_path / "picture.png"
+    forces.write_text("time,x,y,z,ground,rover's plane\n0,0,0,0,0,0\n0.01,100,50,0,1,0\n0.02,200,99,0,1,2\n")
+    folder = ROOT / "examples/terrain"
+    subprocess.run(
+        [sys.executable, "-B", folder / "picture.py", folder / "jacksboro_fault.asc", forces, picture], check=True
+    )
+    assert picture.read_bytes().startswith(b"\x89PNG")
