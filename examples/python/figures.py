@@ -1,7 +1,8 @@
 """Draws two figures of the paper from the library itself, into the folder that is given (here by default):
 figure_3.png: force fields of each primitive with each profile, attractive and repulsive;
-figure_4.png: the profiles, f(d), with their limits. It needs matplotlib."""
+figure_4.png: the profiles, f(d), with their limits. It needs matplotlib, with which Pillow comes."""
 
+import io
 import pathlib
 import sys
 
@@ -12,8 +13,19 @@ import forceserver as fs
 
 matplotlib.use("Agg")
 from matplotlib import pyplot  # noqa: E402
+from PIL import Image  # noqa: E402
 
 folder = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else ".")
+
+
+
+def save(figure, name, dpi):
+    """With few colours, so that the file is small."""
+    figure.tight_layout()
+    drawn = io.BytesIO()
+    figure.savefig(drawn, dpi=dpi)
+    Image.open(drawn).convert("RGB").quantize(16, Image.Quantize.MAXCOVERAGE).save(folder / name, optimize=True)
+
 
 # Distances up to 60 mm, forces up to a limit of 4 N.
 profiles = {
@@ -67,8 +79,7 @@ for row, (primitive, sense) in zip(axes, rows):
         if row[0] is axes[0, 0]:
             panel.set_title(kind)
     row[0].set_ylabel(f"{primitive},\n{sense}")
-figure.tight_layout()
-figure.savefig(folder / "figure_3.png", dpi=80)
+save(figure, "figure_3.png", dpi=65)
 
 d = np.linspace(0, 0.06, 601)
 figure, axes = pyplot.subplots(1, len(profiles), figsize=(2.4 * len(profiles), 2.4), sharey=True)
@@ -80,8 +91,7 @@ for panel, (kind, profile) in zip(axes, profiles.items()):
     panel.axhline(limited.limit, linestyle="--", color="tab:red", linewidth=0.8)
     panel.set(title=kind, xlabel="d, mm", ylim=(0, 6))
 axes[0].set_ylabel("f(d), N")
-figure.tight_layout()
-figure.savefig(folder / "figure_4.png", dpi=80)
+save(figure, "figure_4.png", dpi=60)
 print(
     f"{len(rows) * len(profiles)} force fields: {folder / 'figure_3.png'}; "
     f"{len(profiles)} profiles: {folder / 'figure_4.png'}"

@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <memory>
 #include <stdexcept>
 
 namespace {
@@ -18,6 +19,23 @@ double quantile(std::vector<double> values, double part) {
   std::nth_element(values.begin(), place, values.end());
   return *place;
 }
+
+// A file to write; it throws when something fails.
+class File {
+ public:
+  explicit File(const std::string& path) : path_(path), file_(std::fopen(path.c_str(), "w"), &std::fclose) {
+    if (!file_) throw std::runtime_error("cannot write " + path);
+  }
+  FILE* get() { return file_.get(); }
+  void finish() {
+    const bool failed = std::ferror(file_.get()) != 0;
+    if (std::fclose(file_.release()) != 0 || failed) throw std::runtime_error("cannot write " + path_);
+  }
+
+ private:
+  std::string path_;
+  std::unique_ptr<FILE, int (*)(FILE*)> file_;
+};
 
 }  // namespace
 
@@ -55,7 +73,13 @@ void Flight::sample(double period) {
   check(fs_scene_get_reports(scene_, reports_.data(), count, &count));
   fs_pose rover = {};
   find_rover(scene_, rover_, &rover);
-  for (const fs_report& report : reports_) felt_[report.name].add(report.wrench.force, rover, period);
+  fs_state hand;
+  check(fs_scene_get_hand(scene_, &hand, nullptr, nullptr));
+  Sample& sample = samples_.emplace_back(Sample{double(samples_.size()) * period, hand.pose.position, {}});
+  for (const fs_report& report : reports_) {
+    felt_[report.name].add(report.wrench.force, rover, period);
+    sample.force[report.name] = length(report.wrench.force);
+  }
 }
 
 // The servo keeps the ticks of the last two seconds: adds the new ones.
@@ -117,18 +141,30 @@ void Flight::print_table() const {
   std::printf("protections that version 0.1 does not have: %s\n", off.c_str());  // none of them is switched off here
 }
 
-void Flight::write_csv(const std::string& path) const {
-  FILE* file = std::fopen(path.c_str(), "w");
-  if (!file) throw std::runtime_error("cannot write " + path);
-  std::fprintf(file, "time,x,y,z,fx,fy,fz,late,compute\n");
+void Flight::write_ticks(const std::string& path) const {
+  File file(path);
+  std::fprintf(file.get(), "time,x,y,z,fx,fy,fz,late,compute\n");
   for (const fs_tick& t : ticks_) {
     const fs_vec3 &x = t.state.pose.position, &f = t.sent.force;
-    std::fprintf(file, "%.6f,%.7g,%.7g,%.7g,%.5g,%.5g,%.5g,%.7f,%.7f\n", t.state.time, x.x + 0.0, x.y + 0.0,
+    std::fprintf(file.get(), "%.6f,%.7g,%.7g,%.7g,%.5g,%.5g,%.5g,%.7f,%.7f
+", t.state.time, x.x + 0.0, x.y + 0.0,
                  x.z + 0.0, f.x + 0.0, f.y + 0.0, f.z + 0.0, t.late, t.compute);  // + 0.0: no -0
   }
-  const bool failed = std::ferror(file) != 0;
-  if (std::fclose(file) != 0 || failed) throw std::runtime_error("cannot write " + path);
+  file.finish();
   std::printf("every tick of it: %s\n", path.c_str());
+}
+
+void Flight::write_samples(const std::string& path) const {
+  File file(path);
+  std::fprintf(file.get(), "time,x,y,z");
+  for (const auto& [name, felt] : felt_) std::fprintf(file.get(), ",%s", name.c_str());
+  for (const auto& [time, hand, force] : samples_) {
+    std::fprintf(file.get(), "\n%.3f,%.1f,%.1f,%.1f", time, hand.x, hand.y, hand.z);
+    for (const auto& [name, felt] : felt_) std::fprintf(file.get(), ",%.4f", force.contains(name) ? force.at(name) : 0);
+  }
+  std::fprintf(file.get(), "\n");
+  file.finish();
+  std::printf("the force of each object: %s\n", path.c_str());
 }
 
 void Flight::require_all_felt() const {

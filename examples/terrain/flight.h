@@ -16,7 +16,8 @@ class Flight {
   // Samples for `seconds`, and prints a line now and then. Returns false if Ctrl-C ended it earlier.
   bool watch(double seconds, Beat& beat);
   void print_table() const;
-  void write_csv(const std::string& path) const;
+  void write_ticks(const std::string& path) const;
+  void write_samples(const std::string& path) const;
   void require_all_felt() const;  // throws std::runtime_error
   void require_no_fault() const;  // the same
 
@@ -30,6 +31,12 @@ class Flight {
   const char* rover_;
   std::vector<fs_report> reports_;
   std::map<std::string, Felt> felt_;
+  struct Sample {
+    double time;                          // s since the first
+    fs_vec3 hand;                         // m, in the landscape
+    std::map<std::string, double> force;  // N, of each object
+  };
+  std::vector<Sample> samples_;
   std::vector<fs_tick> ticks_;
   fs_servo_stats stats_ = fs_servo_stats_init();
 };

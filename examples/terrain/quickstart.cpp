@@ -40,7 +40,7 @@ void add_display(fs_scene* scene, const Terrain& terrain) {
 void run(double seconds) {
   Beat beat;
   const Terrain terrain = load_terrain(TERRAIN_FILE, exaggeration);
-  const std::string tour = OUTPUT_FOLDER "/quickstart_tour.txt", record = OUTPUT_FOLDER "/quickstart.csv";
+  const std::string tour = OUTPUT_FOLDER "/quickstart_tour.txt";
   write_tour(tour, terrain, 0, seconds);
 
   fs_scene* scene;
@@ -86,7 +86,8 @@ void run(double seconds) {
   fs_scene_destroy(scene);
   if (!is_whole) std::printf("interrupted: this is what was felt until then\n");
   flight.print_table();
-  flight.write_csv(record);
+  flight.write_ticks(OUTPUT_FOLDER "/quickstart.csv");
+  flight.write_samples(OUTPUT_FOLDER "/quickstart_forces.csv");
   flight.require_no_fault();
   if (is_whole) flight.require_all_felt();
 }

@@ -132,15 +132,54 @@ def test_the_lines_of_the_readme_work(run):
         assert "mm" in run(lines)
 
 
-@pytest.mark.parametrize("example", sorted((ROOT / "examples/python").glob("*.py")), ids=lambda path: path.name)
-def test_examples(example, tmp_path):
-    if "import matplotlib" in example.read_text():
-        pytest.importorskip("matplotlib")
+EXAMPLES = ROOT / "examples/python"
+TWINS = ROOT / "build/release/examples"  # those in C and C++
+HAVE_TWINS = {"hello": "c", "own_loop": "c", "follow_path": "cpp", "custom_profile": "cpp"}
+
+
+def run_example(example, folder):
     done = subprocess.run(
         [sys.executable, "-B", example],
-        cwd=tmp_path,
+        cwd=folder,
         capture_output=True,
         text=True,
         env={**os.environ, "MPLBACKEND": "Agg"},
     )
     assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.mark.parametrize("example", sorted(EXAMPLES.rglob("*.py")), ids=lambda path: path.name)
+def test_examples(example, tmp_path):
+    if "import matplotlib" in example.read_text():
+        pytest.importorskip("matplotlib")
+    said = run_example(example, tmp_path)
+    folder = "recipes" if example.parent.name == "recipes" else HAVE_TWINS.get(example.stem)
+    if folder and (TWINS / folder / example.stem).exists():
+        assert said == subprocess.run([TWINS / folder / example.stem], capture_output=True, text=True, check=True).stdout
+
+
+def test_every_recipe_has_its_twin():
+    twins = {path.stem for path in (EXAMPLES / "recipes").glob("*.py")} - {"recipe"}
+    assert twins == {path.stem for path in (ROOT / "examples/recipes").glob("*.c")}
+
+
+def test_the_figures_of_the_readme(tmp_path):
+    pytest.importorskip("matplotlib")
+    folder, readme = ROOT / "examples/python", (ROOT / "README.md").read_text()
+    subprocess.run([sys.executable, "-B", folder / "figures.py", tmp_path], check=True)
+    drawn = {file.name for file in tmp_path.glob("*.png")}
+    assert drawn == {file.name for file in folder.glob("*.png")} == {"figure_3.png", "figure_4.png"}
+    assert all(f"](examples/python/{name})" in readme for name in drawn)
+    assert sum(file.stat().st_size for file in folder.glob("*.png")) <= 150e3
+
+
+def test_the_picture_of_the_quickstart(tmp_path):
+    pytest.importorskip("matplotlib")
+    forces, picture = tmp_path / "forces.csv", tmp_path / "picture.png"
+    forces.write_text("time,x,y,z,ground,rover's plane\n0,0,0,0,0,0\n0.01,100,50,0,1,0\n0.02,200,99,0,1,2\n")
+    folder = ROOT / "examples/terrain"
+    subprocess.run(
+        [sys.executable, "-B", folder / "picture.py", folder / "jacksboro_fault.asc", forces, picture], check=True
+    )
+    assert picture.read_bytes().startswith(b"\x89PNG")

@@ -1,0 +1,341 @@
+// Plays the scenario through the C functions, and prints what they give: the reference for the other players.
+//     parity_player SCENARIO.json here|connected FOLDER
+// A line for each step: its place in the scenario, the status, then what the step gives: numbers as hexadecimal doubles,
+// texts after a '.
+#include <unistd.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include <forceserver/forceserver.h>
+
+namespace {
+
+using nlohmann::json;
+
+struct Failure {
+  fs_status status;
+};
+void check(fs_status status) {
+  if (status < 0) throw Failure{status};
+}
+
+std::string line;  // what the present step has given so far
+void give(double number) {
+  char text[40];
+  std::snprintf(text, sizeof text, "\t%a", number);
+  line += text;
+}
+void give(const char* text) { line += std::string("\t'") + text; }
+void give(const fs_vec3& v) { give(v.x), give(v.y), give(v.z); }
+void give(const fs_quat& q) { give(q.w), give(q.x), give(q.y), give(q.z); }
+void give(const fs_pose& pose) { give(pose.position), give(pose.orientation); }
+void give(const fs_twist& twist) { give(twist.linear), give(twist.angular); }
+void give(const fs_wrench& wrench) { give(wrench.force), give(wrench.torque); }
+void give(const fs_frame& frame) { give(frame.pose), give(frame.scale), give(frame.force_scale); }
+void give(const fs_profile& p) {
+  give(p.kind), give(p.sense), give(p.gain), give(p.offset), give(p.width), give(p.limit), give(p.reach);
+}
+
+class Player {
+ public:
+  Player(const json& scenario, bool is_connected, std::string folder)
+      : is_connected_(is_connected), folder_(std::move(folder)), places_(vectors(scenario.at("places"))) {
+    check(fs_scene_create(&base_));
+    check(fs_device_open(scenario.at("device").get<std::string>().c_str(), &device_));
+    options_.mode = FS_SERVO_VIRTUAL;
+    options_.fade = scenario.at("fade");
+    scene_ = base_;
+    if (!is_connected) return;
+    const std::string endpoint = "shm:parity-" + std::to_string(getpid());
+    check(fs_servo_start(base_, device_, &options_, &servo_));
+    check(fs_server_start(servo_, endpoint.c_str(), nullptr, &server_));
+    check(fs_scene_connect(endpoint.c_str(), "player", &scene_));
+  }
+  ~Player() {
+    if (is_connected_) fs_scene_destroy(scene_);
+    fs_server_stop(server_);
+    fs_servo_stop(servo_);
+    fs_device_close(device_);
+    fs_scene_destroy(base_);
+    for (const auto& [name, shape] : shapes_) fs_shape_destroy(shape);
+    for (const auto& [name, curve] : curves_) fs_curve_destroy(curve);
+  }
+  Player(const Player&) = delete;
+
+  void play(const json& steps, const std::string& prefix = "") {
+    for (std::size_t i = 0; i < steps.size(); ++i) {
+      const json& step = steps[i];
+      if (step.contains("only") && (step["only"] == "connected") != is_connected_) continue;
+      const std::string place = prefix + std::to_string(i);
+      fs_status status = FS_OK;
+      if (step["do"] == "group") check(fs_scene_begin(scene_)), play(step.at("steps"), place + ".");
+      line.clear();
+      try {
+        run(step, step.at("do"));
+      } catch (const Failure& failure) {
+        status = failure.status;
+        line.clear();
+      }
+      std::printf("%s\t'%s%s\n", place.c_str(), fs_status_name(status) + 3, line.c_str());
+    }
+  }
+
+ private:
+  static fs_vec3 vector(const json& v) { return {v.at(0), v.at(1), v.at(2)}; }
+  static std::vector<fs_vec3> vectors(const json& list) {
+    std::vector<fs_vec3> out;
+    for (const json& v : list) out.push_back(vector(v));
+    return out;
+  }
+  static fs_pose pose(const json& p) {
+    fs_pose out = {p.contains("position") ? vector(p["position"]) : fs_vec3{}, {1, 0, 0, 0}};
+    if (p.contains("z")) check(fs_pose_from_z(out.position, vector(p["z"]), &out));
+    if (p.contains("orientation")) {
+      const json& q = p["orientation"];
+      out.orientation = {q.at(0), q.at(1), q.at(2), q.at(3)};
+    }
+    return out;
+  }
+  static fs_twist twist(const json& t) { return {vector(t.at(0)), vector(t.at(1))}; }
+  // The value of an enum from its name in lower case, without the prefix that all its values have.
+  template <class Enum>
+  static Enum value(const json& name, const char* (*name_of)(Enum), const char* prefix) {
+    std::string full = prefix;
+    for (const char c : name.get<std::string>()) full += char(std::toupper(c));
+    for (int i = 0; i < 16; ++i) {
+      if (full == name_of(Enum(i))) return Enum(i);
+    }
+    std::fprintf(stderr, "the library has no %s\n", full.c_str());
+    std::exit(2);
+  }
+  fs_profile profile(const json& p) const {
+    fs_profile out = {};
+    out.kind = value(p.at("kind"), fs_profile_kind_name, "FS_PROFILE_");
+    out.sense = value(p.value("sense", json("attractive")), fs_sense_name, "FS_SENSE_");
+    out.gain = p.value("gain", 0.0);
+    out.offset = p.value("offset", 0.0);
+    out.width = p.value("width", 0.0);
+    out.limit = p.value("limit", 0.0);
+    out.reach = p.value("reach", 0.0);
+    if (p.contains("curve")) out.curve = curves_.at(p["curve"]);
+    return out;
+  }
+  fs_object object(const json& o) const {
+    fs_object out = fs_object_init(o.at("name").get<std::string>().c_str(), FS_PRIMITIVE_POINT);
+    if (o.contains("primitive")) out.primitive = value(o["primitive"], fs_primitive_name, "FS_PRIMITIVE_");
+    if (o.contains("pose")) out.pose = pose(o["pose"]);
+    if (o.contains("twist")) out.twist = twist(o["twist"]);
+    out.time = o.value("time", 0.0);
+    out.start = o.value("start", 0.0);
+    out.lifetime = o.value("lifetime", 0.0);
+    if (o.contains("front")) out.front = profile(o["front"]);
+    if (o.contains("back")) out.back = profile(o["back"]);
+    out.damping = o.value("damping", 0.0);
+    if (o.contains("solid")) out.contact = {FS_KEEP_FRONT, 0, o["solid"], 10, 0, 0};
+    if (o.contains("shape")) out.shape = shapes_.at(o["shape"]);
+    out.tool_points = o.value("tool_points", 0u);
+    out.enabled = o.value("enabled", true);
+    return out;
+  }
+  fs_shape* make_shape(const json& step) const {
+    fs_shape* shape = nullptr;
+    if (step.contains("file")) {
+      check(fs_shape_load((folder_ + "/" + step["file"].get<std::string>()).c_str(), step.at("scale"), &shape));
+    } else if (step.contains("triangles")) {
+      const auto points = vectors(step.at("points"));
+      std::vector<uint32_t> triangles;
+      for (const json& t : step["triangles"]) triangles.insert(triangles.end(), t.begin(), t.end());
+      check(fs_shape_create_mesh(points.data(), points.size(), triangles.data(), triangles.size() / 3, &shape));
+    } else {
+      const auto points = vectors(step.at("points"));
+      check(fs_shape_create_polyline(points.data(), points.size(), step.value("closed", false), &shape));
+    }
+    return shape;
+  }
+  // Steps until the scene's changes are felt, and then until the hand rests.
+  void settle() {
+    fs_status status;
+    int patience = 10000;
+    do {
+      check(fs_servo_step(servo_, 10));
+      status = fs_scene_sync(scene_, 1e-3);
+    } while (status == FS_ERROR_TIMEOUT && --patience);
+    check(status);
+    check(fs_servo_step(servo_, 5000));
+  }
+
+  void run(const json& step, const std::string& verb) {
+    const std::string name = step.value("name", "");
+    if (verb == "time") {
+      double now;
+      if (is_connected_) {
+        check(fs_scene_get_time(scene_, &now));
+        check(fs_servo_step(servo_, uint64_t((step.at("at").get<double>() - now) * 1000 + 0.5)));
+      } else {
+        check(fs_scene_set_time(scene_, step.at("at")));
+      }
+      check(fs_scene_get_time(scene_, &now));
+      give(now);
+    } else if (verb == "shape") {
+      fs_shape* shape = make_shape(step);
+      fs_shape_info info = fs_shape_info_init();
+      shapes_[name] = shape;
+      check(fs_shape_get_info(shape, &info));
+      give(info.primitive), give(info.closed), give(double(info.open_edges)), give(info.lower), give(info.upper);
+    } else if (verb == "curve") {
+      fs_curve* curve;
+      if (step.contains("table")) {
+        const std::vector<double> table = step["table"];
+        check(fs_curve_create_table(table.data(), table.size(), step.at("step"), &curve));
+      } else {
+        check(fs_curve_create_expression(step.at("expression").get<std::string>().c_str(), &curve));
+      }
+      curves_[name] = curve;
+    } else if (verb == "profile") {
+      const fs_profile p = profile(step.at("profile"));
+      const std::vector<double> distances = step.at("distances");
+      std::vector<double> forces(distances.size());
+      check(fs_profile_evaluate(&p, 0, step.at("t"), distances.data(), distances.size(), forces.data()));
+      for (const double force : forces) give(force);
+    } else if (verb == "set") {
+      const fs_object o = object(step.at("object"));
+      check(fs_object_set(scene_, &o));
+    } else if (verb == "change") {
+      const std::map<std::string, uint32_t> parts = {{"pose", 1}, {"profiles", 2}, {"contact", 4}, {"shape", 8}, {"other", 16}};
+      const fs_object o = object(step.at("object"));
+      uint32_t bits = 0;
+      for (const json& part : step.at("parts")) bits |= parts.at(part);
+      check(fs_object_change(scene_, &o, bits));
+    } else if (verb == "move") {
+      const fs_pose to = pose(step.at("pose"));
+      const fs_twist with = step.contains("twist") ? twist(step["twist"]) : fs_twist{};
+      check(fs_object_move(scene_, name.c_str(), &to, step.contains("twist") ? &with : nullptr, step.value("time", 0.0)));
+    } else if (verb == "remove") {
+      check(fs_object_remove(scene_, name.c_str()));
+    } else if (verb == "group") {
+      check(step.at("commit") ? fs_scene_commit(scene_) : fs_scene_cancel(scene_));
+    } else if (verb == "evaluate") {
+      const auto positions = step.contains("positions") ? vectors(step["positions"]) : places_;
+      std::vector<fs_vec3> forces(positions.size());
+      check(fs_evaluate_field(scene_, step.contains("name") ? name.c_str() : nullptr, step.at("time"), positions.data(),
+                              positions.size(), forces.data()));
+      for (const fs_vec3& force : forces) give(force);
+    } else if (verb == "tool") {
+      const auto points = step.contains("points") ? vectors(step["points"]) : std::vector<fs_vec3>();
+      fs_tool* tool;
+      check(fs_tool_create(scene_, points.empty() ? nullptr : points.data(), points.size(), &tool));
+      for (const fs_vec3& place : places_) {
+        fs_state state = {};
+        fs_response response;
+        state.pose = pose(step.at("pose"));
+        state.pose.position = place;
+        state.twist = twist(step.at("twist"));
+        state.time = step.at("time");
+        check(fs_evaluate(tool, &state, &response));
+        give(response.wrench), give(response.felt_count);
+        for (const double k : {response.stiffness.xx, response.stiffness.xy, response.stiffness.zz}) give(k);
+      }
+      fs_tool_destroy(tool);
+    } else if (verb == "get") {
+      fs_object o = fs_object_init("", FS_PRIMITIVE_POINT);
+      check(fs_object_get(scene_, name.c_str(), &o));
+      give(o.name), give(o.primitive), give(o.pose), give(o.twist), give(o.lifetime), give(o.front), give(o.back);
+      give(o.damping), give(o.tool_points), give(o.enabled);
+      size_t count = 0;
+      double table_step = 0;
+      const fs_vec3* points = o.shape ? fs_shape_get_points(o.shape, &count) : nullptr;
+      for (size_t i = 0; i < count; ++i) give(points[i]);
+      if (o.front.curve) {
+        const char* expression = fs_curve_get_expression(o.front.curve);
+        if (expression) give(expression);
+        const double* table = fs_curve_get_table(o.front.curve, &count, &table_step);
+        for (size_t i = 0; table && i < count; ++i) give(table[i]);
+        give(table_step);
+      }
+      fs_object_release(&o);
+    } else if (verb == "motions") {
+      std::vector<fs_motion> motions(100);
+      size_t count = 0;
+      check(fs_scene_get_motions(scene_, nullptr, motions.data(), motions.size(), &count));
+      for (size_t i = 0; i < count; ++i) {
+        const fs_motion& m = motions[i];
+        give(m.name), give(m.primitive), give(m.pose), give(m.twist), give(m.horizon);
+      }
+    } else if (verb == "reports") {
+      std::vector<fs_report> reports(100);
+      size_t count = 0;
+      check(fs_scene_get_reports(scene_, reports.data(), reports.size(), &count));
+      std::sort(reports.begin(), reports.begin() + std::ptrdiff_t(count),
+                [](const fs_report& a, const fs_report& b) { return std::strcmp(a.name, b.name) < 0; });
+      for (size_t i = 0; i < count; ++i) {
+        const fs_report& r = reports[i];
+        give(r.name), give(r.primitive), give(r.state), give(r.weight), give(r.stiffness_wanted), give(r.distance);
+        give(r.point), give(r.wrench);
+      }
+    } else if (verb == "frame") {
+      const fs_frame frame = {pose(step.at("pose")), step.at("scale"), step.at("force_scale")};
+      check(fs_scene_set_frame(scene_, &frame));
+    } else if (verb == "points") {
+      const auto points = vectors(step.at("points"));
+      check(fs_scene_set_tool(scene_, points.data(), points.size()));
+    } else if (verb == "clutch") {
+      check(fs_scene_set_clutch(scene_, step.at("held")));
+    } else if (verb == "view") {
+      fs_view view;
+      check(fs_scene_get_view(scene_, nullptr, &view));
+      give(view.frame), give(view.tool), give(view.held);
+      for (uint32_t i = 0; i < view.point_count; ++i) give(view.points[i]);
+    } else if (verb == "servo") {
+      if (!is_connected_) check(fs_servo_start(scene_, device_, &options_, &servo_));
+    } else if (verb == "settle") {
+      settle();
+    } else if (verb == "hand") {
+      fs_state state;
+      fs_response response;
+      fs_wrench sent;
+      check(fs_scene_get_hand(scene_, &state, &response, &sent));
+      give(state.pose), give(response.wrench), give(sent);
+    } else if (verb == "save") {
+      check(fs_scene_save(scene_, (folder_ + "/" + step.at("file").get<std::string>()).c_str()));
+    } else if (verb == "load") {
+      check(fs_scene_load(scene_, (folder_ + "/" + step.at("file").get<std::string>()).c_str()));
+    } else {
+      std::fprintf(stderr, "there is no verb %s\n", verb.c_str());
+      std::exit(2);
+    }
+  }
+
+  const bool is_connected_;
+  const std::string folder_;
+  const std::vector<fs_vec3> places_;
+  fs_scene *base_ = nullptr, *scene_ = nullptr;  // of the servo; that the steps are about
+  fs_device* device_ = nullptr;
+  fs_servo_options options_ = fs_servo_options_init();
+  fs_servo* servo_ = nullptr;
+  fs_server* server_ = nullptr;
+  std::map<std::string, fs_shape*> shapes_;
+  std::map<std::string, fs_curve*> curves_;
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc != 4) return 2;
+  std::ifstream file(argv[1]);
+  const json scenario = json::parse(file);
+  try {
+    Player(scenario, std::string(argv[2]) == "connected", argv[3]).play(scenario.at("steps"));
+  } catch (const Failure&) {
+    std::fprintf(stderr, "parity_player: %s\n", fs_last_error());
+    return 1;
+  }
+}

@@ -1,0 +1,221 @@
+"""Plays the scenario through the Python package; player.cpp has the rest of what there is to say."""
+
+import contextlib
+import json
+import os
+import pathlib
+import sys
+
+import numpy as np
+
+import forceserver as fs
+
+
+class Cancelled(Exception):
+    pass
+
+
+class Player:
+    def __init__(self, scenario, connected, folder, stack):
+        self.scenario, self.connected, self.folder, self.stack = scenario, connected, pathlib.Path(folder), stack
+        self.places = scenario["places"]
+        self.shapes, self.curves, self.given = {}, {}, []
+        self.scene, self.servo = stack.enter_context(fs.Scene()), None
+        self.device = stack.enter_context(fs.Device(scenario["device"]))
+        if connected:
+            self.start()
+            endpoint = f"shm:parity-{os.getpid()}"
+            stack.enter_context(fs.Server(self.servo, endpoint))
+            self.scene = stack.enter_context(fs.connect(endpoint, "player"))
+
+    def start(self):
+        servo = fs.Servo(self.scene, self.device, mode="virtual", fade=self.scenario["fade"])
+        self.servo = self.stack.enter_context(servo)
+
+    def play(self, steps, prefix=""):
+        for i, step in enumerate(steps):
+            if "only" in step and (step["only"] == "connected") != self.connected:
+                continue
+            place, status = f"{prefix}{i}", "OK"
+            try:
+                if step["do"] == "group":
+                    with contextlib.suppress(Cancelled), self.scene.change():
+                        self.play(step["steps"], place + ".")
+                        if not step["commit"]:
+                            raise Cancelled
+                    self.given = []
+                else:
+                    self.given = []
+                    self.run(step)
+            except fs.Error as error:
+                status, self.given = "ERROR_" + error.status.name, []
+            print("\t".join([place, "'" + status, *self.given]))
+
+    def give(self, *values):
+        for value in values:
+            if isinstance(value, str):
+                self.given.append("'" + value)
+            else:
+                self.given += [float(number).hex() for number in np.ravel(value)]
+
+    def give_pose(self, pose):
+        self.give(pose.position, pose.orientation)
+
+    def give_two(self, pair):  # a twist or a wrench
+        self.give(*((pair.linear, pair.angular) if isinstance(pair, fs.Twist) else (pair.force, pair.torque)))
+
+    def give_profile(self, p):
+        self.give(int(p.kind), int(p.sense), p.gain, p.offset, p.width, p.limit, p.reach)
+
+    @staticmethod
+    def pose(p):
+        position = p.get("position", [0, 0, 0])
+        if "z" in p:
+            return fs.pose_from_z(position, p["z"])
+        return fs.Pose(position=position, orientation=p.get("orientation", [1, 0, 0, 0]))
+
+    @staticmethod
+    def twist(t):
+        return fs.Twist(linear=t[0], angular=t[1])
+
+    def profile(self, p):
+        return fs.Profile(**{**p, **({"curve": self.curves[p["curve"]]} if "curve" in p else {})})
+
+    def object(self, o):
+        made = fs.Object(primitive=o.get("primitive", "point"))
+        made.name = o["name"]
+        for name, value in o.items():
+            if name in ("front", "back"):
+                value = self.profile(value)
+            elif name in ("pose", "twist"):
+                value = getattr(self, name)(value)
+            elif name == "shape":
+                value = self.shapes[value]
+            elif name == "solid":
+                name, value = "contact", fs.Contact(keep="front", stiffness=value, limit=10)
+            setattr(made, name, value)
+        return made
+
+    def run(self, step):
+        getattr(self, "do_" + step["do"])(**{k: v for k, v in step.items() if k not in ("do", "only", "status", "gives")})
+
+    def do_time(self, at):
+        if self.connected:
+            self.servo.step(round((at - self.scene.time) * 1000))
+        else:
+            self.scene.set_time(at)
+        self.give(self.scene.time)
+
+    def do_shape(self, name, points=None, triangles=None, closed=False, file=None, scale=1):
+        if file:
+            shape = fs.shape_load(self.folder / file, scale)
+        elif triangles:
+            shape = fs.shape_create_mesh(points, np.array(triangles, np.uint32))
+        else:
+            shape = fs.shape_create_polyline(points, closed)
+        self.shapes[name] = shape
+        info = shape.get_info()
+        self.give(int(info.primitive), info.closed, info.open_edges, info.lower, info.upper)
+
+    def do_curve(self, name, expression=None, table=None, step=None):
+        self.curves[name] = fs.curve_create_table(table, step) if table else fs.curve_create_expression(expression)
+
+    def do_profile(self, profile, t, distances):
+        self.give(fs.intensity(self.profile(profile), distances, t))
+
+    def do_set(self, object):
+        made = self.object(object)
+        self.scene[made.name] = made
+
+    def do_change(self, object, parts):
+        self.scene.object_change(self.object(object), sum(fs.Part[part.upper()] for part in parts))
+
+    def do_move(self, name, pose, twist=None, time=0):
+        self.scene.object_move(name, self.pose(pose), twist and self.twist(twist), time)
+
+    def do_remove(self, name):
+        del self.scene[name]
+
+    def do_evaluate(self, time, name=None, positions=None):
+        self.give(self.scene.evaluate(positions or self.places, name=name, time=time))
+
+    def do_tool(self, pose, twist, time, points=None):
+        tool = fs.Tool(self.scene, points)
+        for place in self.places:
+            state = fs.State(pose=self.pose({**pose, "position": place}), twist=self.twist(twist), time=time)
+            response = tool.evaluate(state)
+            self.give_two(response.wrench)
+            stiffness = np.reshape(response.stiffness, (3, 3))
+            self.give(response.felt_count, stiffness[0, 0], stiffness[0, 1], stiffness[2, 2])
+
+    def do_get(self, name):
+        o = self.scene[name].object
+        self.give(o.name, int(o.primitive))
+        self.give_pose(o.pose)
+        self.give_two(o.twist)
+        self.give(o.lifetime)
+        self.give_profile(o.front)
+        self.give_profile(o.back)
+        self.give(o.damping, o.tool_points, o.enabled)
+        if o.shape:
+            self.give(o.shape.get_points())
+        if curve := o.front.curve:
+            expression = curve.get_expression()
+            table, step = curve.get_table()
+            self.give(*([expression] if expression else [table]), step)
+
+    def do_motions(self):
+        for m in self.scene.get_motions():
+            self.give(m["name"].decode(), m["primitive"], m["pose"]["position"], m["pose"]["orientation"])
+            self.give(m["twist"]["linear"], m["twist"]["angular"], m["horizon"])
+
+    def do_reports(self):
+        for r in sorted(self.scene.get_reports(), key=lambda r: bytes(r["name"])):
+            self.give(r["name"].decode(), r["primitive"], r["state"], r["weight"], r["stiffness_wanted"], r["distance"])
+            self.give(r["point"], r["wrench"]["force"], r["wrench"]["torque"])
+
+    def do_frame(self, pose, scale, force_scale):
+        self.scene.set_frame(fs.Frame(pose=self.pose(pose), scale=scale, force_scale=force_scale))
+
+    def do_points(self, points):
+        self.scene.set_tool(np.reshape(points, (-1, 3)))
+
+    def do_clutch(self, held):
+        self.scene.set_clutch(held)
+
+    def do_view(self):
+        view = self.scene.get_view()
+        self.give_pose(view.frame.pose)
+        self.give(view.frame.scale, view.frame.force_scale)
+        self.give_pose(view.tool)
+        self.give(view.held, view.points[: view.point_count])
+
+    def do_servo(self):
+        if not self.connected:
+            self.start()
+
+    def do_settle(self):
+        for patience in range(10000):
+            self.servo.step(10)
+            with contextlib.suppress(fs.TimeoutError):
+                self.scene.sync(1e-3)
+                break
+        self.servo.step(5000)
+
+    def do_hand(self):
+        hand = self.scene.hand()
+        self.give_pose(hand.state.pose)
+        self.give_two(hand.response.wrench)
+        self.give_two(hand.sent)
+
+    def do_save(self, file):
+        self.scene.save(self.folder / file)
+
+    def do_load(self, file):
+        self.scene.load(self.folder / file)
+
+
+with open(sys.argv[1]) as scenario_file:
+    scenario = json.load(scenario_file)
+with contextlib.ExitStack() as stack:
+    Player(scenario, sys.argv[2] == "connected", sys.argv[3], stack).play(scenario["steps"])
