@@ -146,8 +146,7 @@ void Flight::write_ticks(const std::string& path) const {
   std::fprintf(file.get(), "time,x,y,z,fx,fy,fz,late,compute\n");
   for (const fs_tick& t : ticks_) {
     const fs_vec3 &x = t.state.pose.position, &f = t.sent.force;
-    std::fprintf(file.get(), "%.6f,%.7g,%.7g,%.7g,%.5g,%.5g,%.5g,%.7f,%.7f
-", t.state.time, x.x + 0.0, x.y + 0.0,
+    std::fprintf(file.get(), "%.6f,%.7g,%.7g,%.7g,%.5g,%.5g,%.5g,%.7f,%.7f\n", t.state.time, x.x + 0.0, x.y + 0.0,
                  x.z + 0.0, f.x + 0.0, f.y + 0.0, f.z + 0.0, t.late, t.compute);  // + 0.0: no -0
   }
   file.finish();
