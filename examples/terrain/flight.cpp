@@ -49,7 +49,7 @@ bool Flight::watch(double seconds, Beat& beat) {
     goes_on = beat.wait(0.01);
     if (!goes_on) break;
     const double time = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    sample(time - before);
+    sample(time, time - before);
     before = time;
     if (time >= next_fetch) {
       fetch_ticks();
@@ -66,7 +66,7 @@ bool Flight::watch(double seconds, Beat& beat) {
   return goes_on;
 }
 
-void Flight::sample(double period) {
+void Flight::sample(double time, double period) {
   std::size_t count = 0;
   check(fs_scene_get_reports(scene_, nullptr, 0, &count));
   reports_.resize(count);
@@ -75,7 +75,7 @@ void Flight::sample(double period) {
   find_rover(scene_, rover_, &rover);
   fs_state hand;
   check(fs_scene_get_hand(scene_, &hand, nullptr, nullptr));
-  Sample& sample = samples_.emplace_back(Sample{double(samples_.size()) * period, hand.pose.position, {}});
+  Sample& sample = samples_.emplace_back(Sample{time, hand.pose.position, {}});
   for (const fs_report& report : reports_) {
     felt_[report.name].add(report.wrench.force, rover, period);
     sample.force[report.name] = length(report.wrench.force);

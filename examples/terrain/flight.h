@@ -22,7 +22,7 @@ class Flight {
   void require_no_fault() const;  // the same
 
  private:
-  void sample(double period);
+  void sample(double time, double period);
   void fetch_ticks();
   void print_line(double time) const;
 
@@ -32,7 +32,7 @@ class Flight {
   std::vector<fs_report> reports_;
   std::map<std::string, Felt> felt_;
   struct Sample {
-    double time;                          // s since the first
+    double time;                          // s since the flight began
     fs_vec3 hand;                         // m, in the landscape
     std::map<std::string, double> force;  // N, of each object
   };
