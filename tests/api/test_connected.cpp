@@ -21,7 +21,7 @@ struct Two : ServerRig {
     for (fs_scene* scene : {me.get(), bob.get(), base.get()}) {
       if (scene) OK(sync(scene));
     }
-    step_through_fade();
+    for (int i = 0; i < 2; ++i) step_through_fade();
   }
 };
 

@@ -115,10 +115,11 @@ struct ServoRig {
     const Stepper stepper(servo.get());
     return fs_scene_sync(scene, timeout);
   }
-  // Steps until all changes of the scene are felt and nothing fades any more.
+  // Steps until all changes of the scene are felt and nothing fades any more: of two versions in succession the second
+  // may have to wait for the first.
   void settle(fs_scene* scene) {
     OK(sync(scene));
-    step_through_fade();
+    for (int i = 0; i < 2; ++i) step_through_fade();
   }
   // The force that the device gets with the hand at rest at this place.
   fs_wrench wrench_at(const fs_pose& hand) {
