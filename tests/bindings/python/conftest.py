@@ -1,4 +1,5 @@
 import pathlib
+import signal
 import subprocess
 import sys
 import textwrap
@@ -27,11 +28,13 @@ def spring():
 
 @pytest.fixture
 def run():
-    """Runs Python lines in a process of their own and gives what they print; they must end well."""
+    """Runs Python lines in a process of their own and gives what they print; they must end well. Ctrl-C ends it, also where
+    these tests run in the background, which ignores it."""
 
     def lines(code, *, status=0, timeout=60, **options):
         done = subprocess.run(
-            [sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True, timeout=timeout, **options
+            [sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True, timeout=timeout,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler), **options
         )
         assert done.returncode == status, done.stdout + done.stderr
         return done.stdout.strip()
