@@ -1,6 +1,5 @@
 #include <forceserver/servo.h>
 
-#include <algorithm>
 #include <bit>
 #include <set>
 
@@ -20,15 +19,6 @@ std::set<fs_servo*>& handles() {
 }
 
 const char* const parents = "the servo was started by the parent of this process";
-
-// Whether this process is a forked child and its parent's servo runs the scene.
-bool has_servo_of_parent(const fs_scene& scene) {
-  if (this_process() == 0 || scene.is_remote()) return false;  // 0: not a forked child
-  const std::lock_guard lock(process_mutex());
-  return std::any_of(handles().begin(), handles().end(), [&scene](const fs_servo* servo) {
-    return !servo->is_of_this_process() && servo->scene().get() == &scene;
-  });
-}
 
 }  // namespace
 
@@ -96,7 +86,6 @@ fs_status fs_servo_get_record(fs_servo* servo, fs_tick* out, size_t capacity, si
 
 fs_status fs_scene_get_hand(const fs_scene* scene, fs_state* state, fs_response* response, fs_wrench* sent) {
   if (!scene) return null_argument("scene is null");
-  if (has_servo_of_parent(*scene)) return set_last_error_literal(FS_ERROR_STATE, parents);
   return scene->get_hand(state, response, sent);
 }
 
@@ -105,7 +94,6 @@ fs_status fs_scene_get_servo_stats(fs_scene* scene, fs_servo_stats* out) {
     require_pointer(scene, "scene");
     require_pointer(out, "out");
     check_struct_size(out->struct_size, sizeof *out, "fs_servo_stats");
-    if (has_servo_of_parent(*scene)) fail(FS_ERROR_STATE, "%s", parents);
     scene->get_servo_stats(*out);
   });
 }
@@ -115,7 +103,6 @@ fs_status fs_scene_get_device_info(fs_scene* scene, fs_device_info* out) {
     require_pointer(scene, "scene");
     require_pointer(out, "out");
     check_struct_size(out->struct_size, sizeof *out, "fs_device_info");
-    if (has_servo_of_parent(*scene)) fail(FS_ERROR_STATE, "%s", parents);
     scene->get_device_info(*out);
   });
 }

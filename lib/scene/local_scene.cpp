@@ -5,10 +5,13 @@
 #include <thread>
 
 #include "base/error.h"
+#include "base/process.h"
 #include "base/text.h"
 #include "scene/moment.h"
 
 using namespace fs;
+
+static constexpr char servo_of_parent[] = "the servo was started by the parent of this process";
 
 LocalScene::LocalScene(std::shared_ptr<ServoOutput> the_output, ClockKind clock)
     : evaluated_(the_output ? std::move(the_output) : std::make_shared<ServoOutput>(), clock) {}
@@ -368,6 +371,7 @@ fs_status LocalScene::set_time(double time) noexcept {
 void LocalScene::attach_servo(const ServoLink& servo, ServoReader& reader, bool starts_in) {
   const std::lock_guard lock(mutex_);
   edits_.shift(evaluated_.attach_servo(servo, reader, starts_in));
+  servo_process_.store(this_process());
   has_servo_.store(true);
 }
 
@@ -379,6 +383,9 @@ void LocalScene::detach_servo(ServoReader& reader) noexcept {
 
 fs_status LocalScene::get_hand(fs_state* state, fs_response* response, fs_wrench* sent) const noexcept {
   if (!has_servo()) return set_last_error_literal(FS_ERROR_STATE, "the scene has no servo, so no hand");
+  if (servo_process_.load(std::memory_order_relaxed) != this_process()) {
+    return set_last_error_literal(FS_ERROR_STATE, servo_of_parent);
+  }
   return read_hand(*output, state, response, sent);
 }
 
@@ -386,14 +393,18 @@ std::vector<fs_client> LocalScene::clients() {
   fail(FS_ERROR_UNSUPPORTED, "this scene is in this process; only a scene made by fs_scene_connect has clients to list");
 }
 
+const ServoLink& LocalScene::require_servo(const char* sentence) const {
+  if (!evaluated_.servo()) fail(FS_ERROR_STATE, "%s", sentence);
+  if (servo_process_ != this_process()) fail(FS_ERROR_STATE, "%s", servo_of_parent);
+  return *evaluated_.servo();
+}
+
 void LocalScene::get_servo_stats(fs_servo_stats& out) {
   const std::lock_guard lock(mutex_);
-  if (!evaluated_.servo()) fail(FS_ERROR_STATE, "the scene has no servo; fs_servo_start gives it one");
-  evaluated_.servo()->get_stats(out);
+  require_servo("the scene has no servo; fs_servo_start gives it one").get_stats(out);
 }
 
 void LocalScene::get_device_info(fs_device_info& out) {
   const std::lock_guard lock(mutex_);
-  if (!evaluated_.servo()) fail(FS_ERROR_STATE, "the scene has no servo, so no device; fs_servo_start gives it one");
-  evaluated_.servo()->get_device_info(out);
+  require_servo("the scene has no servo, so no device; fs_servo_start gives it one").get_device_info(out);
 }

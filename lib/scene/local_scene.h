@@ -119,6 +119,7 @@ struct LocalScene final : Scene {
 
   // Called with the lock held.
   void put(const ParsedObject& object, uint32_t parts);
+  const ServoLink& require_servo(const char* sentence) const;         // STATE: there is none, or it is a parent process's
   Ref<const Object> get_one(const char* name, fs_object& out) const;  // NOT_FOUND
 
   void build_shapes();
@@ -141,6 +142,7 @@ struct LocalScene final : Scene {
   Evaluated evaluated_;
   Edits edits_{evaluated_};
   std::atomic<bool> has_servo_{false};
+  std::atomic<uint32_t> servo_process_{0};  // this_process() where the servo was started
 
   std::atomic<bool> builds_shapes_{true};
   std::mutex building_mutex_;
