@@ -15,8 +15,9 @@ class Wanted {
 
   // Called at each step of the work; a step is a bounded amount, such as a few comparisons or copies.
   void step() {
-    if (++steps_ % 1024 == 0 && is_abandoned_ && is_abandoned_->load(std::memory_order_relaxed)) throw Abandoned{};
+    if (++steps_ % 1024 == 0 && is_abandoned()) throw Abandoned{};
   }
+  bool is_abandoned() const noexcept { return is_abandoned_ && is_abandoned_->load(std::memory_order_relaxed); }
   uint64_t steps() const noexcept { return steps_; }  // so far
 
  private:

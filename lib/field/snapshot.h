@@ -68,15 +68,6 @@ struct Motions : LocalCounted<Motions> {
   Motions();
 };
 
-// An axis-aligned box, m; empty at first.
-struct Box {
-  Vec3 low{never, never, never}, high{-never, -never, -never};
-
-  void add(const Box& other) noexcept;
-  bool is_inside(const Box& other) const noexcept;      // without touching it
-  double distance(Vec3 from) const noexcept;            // m; infinite of an empty box
-};
-
 struct Chunk : LocalCounted<Chunk> {
   uint64_t version = 0;                        // of the last change,
   uint64_t rows_version = 0;                   // and of the last that was more than a move

@@ -2,18 +2,24 @@
 
 #include <cmath>
 
-#include "force/triangle.h"
-
 namespace fs {
 namespace {
 
-constexpr uint32_t no_triangle = UINT32_MAX;
+LocalFrame frame_of(std::span<const Vec3> points, std::span<const uint32_t> corners, Wanted& wanted) {
+  Box box;
+  for (const uint32_t i : corners) {
+    wanted.step();
+    box.add(points[i]);
+  }
+  return LocalFrame(box);
+}
 
-std::vector<Box> triangle_boxes(std::span<const Vec3> points, std::span<const uint32_t> corners, Wanted& wanted) {
+std::vector<Box> boxes_of(std::span<const Vec3> points, std::span<const uint32_t> corners, const LocalFrame& frame,
+                          Wanted& wanted) {
   std::vector<Box> boxes(corners.size() / 3);
   for (size_t i = 0; i < corners.size(); ++i) {
     wanted.step();
-    boxes[i / 3].add(points[corners[i]]);
+    boxes[i / 3].add(frame.local(points[corners[i]]));
   }
   return boxes;
 }
@@ -21,61 +27,118 @@ std::vector<Box> triangle_boxes(std::span<const Vec3> points, std::span<const ui
 }  // namespace
 
 MeshTree::MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corners, Wanted& wanted)
-    : boxes_(triangle_boxes(points, corners, wanted), wanted), normals_(points, corners, wanted) {
-  triangles_.reserve(corners.size() / 3);
-  faces_.reserve(corners.size() / 3);
-  for (const uint32_t i : boxes_.order()) {
+    : points_(points),
+      corners_(corners),
+      frame_(frame_of(points, corners, wanted)),
+      tree_(boxes_of(points, corners, frame_, wanted), wanted),
+      normals_(points, corners, wanted) {
+  packets_.reserve(tree_.leaves().size());
+  for (const WideTree::Leaf leaf : tree_.leaves()) {
     wanted.step();
-    const uint32_t* v = corners.data() + size_t{3} * i;
-    const Triangle& t = triangles_.emplace_back(Triangle{points[v[0]], points[v[1]], points[v[2]]});
-    faces_.push_back(triangle_normal(t.a, t.b, t.c));
+    Packet::Corners at[Packet::width];
+    for (uint32_t i = leaf.begin; i < leaf.end; ++i) {
+      const uint32_t* v = corners.data() + size_t{3} * tree_.items()[i];
+      at[i - leaf.begin] = {{frame_.local(points[v[0]]), frame_.local(points[v[1]]), frame_.local(points[v[2]])}};
+    }
+    packets_.emplace_back(tree_.items().data() + leaf.begin, at, leaf.end - leaf.begin);
   }
+  tree_.forget_items();
 }
 
-bool MeshTree::closest(Vec3 x, double max_distance, Closest& out) const noexcept {
-  // The bound is squared and slightly enlarged; the exact comparison comes at the end.
-  Nearest best;
-  uint32_t best_index = no_triangle, best_position = 0;
-  boxes_.nearest(x, max_distance * max_distance * (1 + 1e-15) + std::numeric_limits<double>::min(),
-                 [&](uint32_t first, uint32_t count, double& bound) {
-                   for (uint32_t i = first; i < first + count; ++i) {
-                     const Triangle& t = triangles_[i];
-                     const Nearest here = nearest_on_triangle(t.a - x, t.b - x, t.c - x);
-                     if (here.squared > bound) continue;
-                     const uint32_t index = boxes_.order()[i];
-                     if (here.squared == best.squared && index > best_index) continue;
-                     best = here;
-                     best_index = index;
-                     best_position = i;
-                     bound = here.squared;
-                   }
-                 });
-  if (best_index == no_triangle) return false;
-  double distance = std::sqrt(best.squared);
-  if (!(distance <= max_distance)) return false;
+// In the tests of a leaf a packet nominates, and the exact test of a triangle decides. The bound of the search is a square
+// in local units and slightly enlarged; the exact comparison is that of squares in metres.
+template <class From>
+FS_INLINE MeshTree::Found MeshTree::search(const Query& query) const noexcept {
+  const Vec3 x = query.x;
+  Found out;
+  Nearest& best = out.nearest;
+  double most = query.range * query.range * (1 + 1e-15) + std::numeric_limits<double>::min();  // m^2
+  const auto take = [&](uint32_t triangle) __attribute__((always_inline)) {
+    const Nearest here = nearest_on(triangle, x);
+    if (here.squared > most || (here.squared == best.squared && triangle > out.triangle)) return;
+    best = here;
+    out.triangle = triangle;
+    most = here.squared;
+  };
+  const double scale = frame_.scale;
+  const auto local = [&](double squared) __attribute__((always_inline)) { return squared * scale * scale; };
+  if (query.hint < corners_.size() / 3) take(query.hint);
+  const Vec3 at = frame_.local(x);
+  const From from(at);
+  uint32_t visits = query.visits;
+  const auto test = [&](uint32_t leaf, typename From::Real& bound) __attribute__((always_inline)) {
+    const Packet& packet = packets_[leaf];
+    const wide::Estimate estimate = wide::estimate(packet, at);
+    uint32_t rest = estimate.within(local(most));
+    while (rest) {
+      // The one that looks nearest first: then the others mostly fall away.
+      uint32_t first = static_cast<uint32_t>(std::countr_zero(rest));
+      for (uint32_t others = rest & (rest - 1); others; others &= others - 1) {
+        const auto i = static_cast<uint32_t>(std::countr_zero(others));
+        if (estimate.squared[i] < estimate.squared[first]) first = i;
+      }
+      rest &= ~(1u << first);
+      const double before = most;
+      if (packet.triangle[first] != query.hint) take(packet.triangle[first]);
+      if (most < before) {
+        bound = From::rounded_up(local(most));
+        if (rest) rest &= estimate.within(local(most));
+      }
+    }
+  };
+  const auto expect = [&](uint32_t leaf) __attribute__((always_inline)) { wide::prefetch(packets_.data() + leaf); };
+  const double unseen = wide::search(tree_, from, From::rounded_up(local(most)), visits, test, expect);
+  const double distance = std::sqrt(best.squared);
+  out.least = std::min(distance, std::sqrt(unseen) / scale);
+  if (!(distance <= query.range)) {
+    out.triangle = no_triangle;
+    out.least = std::min(query.range, std::sqrt(unseen) / scale);
+  }
+  return out;
+}
 
-  const Triangle& t = triangles_[best_position];
-  const Vec3 corners[3] = {t.a, t.b, t.c};
-  const int part = static_cast<int>(best.part);
-  const bool on_edge = best.part == Part::edge_ab || best.part == Part::edge_bc || best.part == Part::edge_ca;
+MeshTree::Found MeshTree::search_plain(const Query& query) const noexcept {
+  return largest_coordinate(frame_.local(query.x)) < wide::far ? search<wide::Near>(query) : search<wide::Far>(query);
+}
+
+#ifdef __x86_64__
+__attribute__((target("avx2"))) MeshTree::Found MeshTree::search_avx2(const Query& query) const noexcept {
+  return largest_coordinate(frame_.local(query.x)) < wide::far ? search<wide::Near>(query) : search<wide::Far>(query);
+}
+#endif
+
+MeshTree::Found MeshTree::find(const Query& query) const noexcept {
+#ifdef __x86_64__
+  static const bool has_avx2 = __builtin_cpu_supports("avx2");
+  if (has_avx2) return search_avx2(query);
+#endif
+  return search_plain(query);
+}
+
+Closest MeshTree::tell(Vec3 x, const Found& found) const noexcept {
+  const Nearest& nearest = found.nearest;
+  const uint32_t* v = corners_.data() + size_t{3} * found.triangle;
+  const Vec3 corners[3] = {points_[v[0]], points_[v[1]], points_[v[2]]};
+  const int part = static_cast<int>(nearest.part);
+  const bool on_edge = nearest.part == Part::edge_ab || nearest.part == Part::edge_bc || nearest.part == Part::edge_ca;
   Pseudonormals::Normal normal{{}, true};
   if (on_edge) {
-    normal = normals_.side(best_index, part - 1);
-  } else if (best.part != Part::face) {
-    normal = normals_.corner(best_index, part - static_cast<int>(Part::corner_a));
+    normal = normals_.side(found.triangle, part - 1);
+  } else if (nearest.part != Part::face) {
+    normal = normals_.corner(found.triangle, part - static_cast<int>(Part::corner_a));
   }
   if (normal.is_flat) {
-    const Vec3 face = faces_[best_position];
+    const Vec3 face = normals_.face(found.triangle);
     const bool has_face = !(face == Vec3{0, 0, 0});
     // A point "inside" a triangle without area counts as on its first edge; any edge would do.
-    if (!has_face && best.part == Part::face) normal = normals_.side(best_index, 0);
+    if (!has_face && nearest.part == Part::face) normal = normals_.side(found.triangle, 0);
     if (has_face) normal.vector = face;
   }
   const bool on_face = normal.is_flat;
 
   Closest hit;
-  hit.point = x + best.offset;
-  hit.triangle = best_index;
+  hit.point = x + nearest.offset;
+  hit.triangle = found.triangle;
   if (on_face) {
     hit.feature = Feature::face;
   } else if (on_edge) {
@@ -86,21 +149,24 @@ bool MeshTree::closest(Vec3 x, double max_distance, Closest& out) const noexcept
   }
   double largest = largest_coordinate(x);
   for (const Vec3& corner : corners) largest = std::max(largest, largest_coordinate(corner));
-  if (distance <= coordinate_rounding(largest)) {
-    distance = 0;
+  hit.distance = std::sqrt(nearest.squared);
+  if (hit.distance <= coordinate_rounding(largest)) {
+    hit.distance = 0;
     hit.direction = normal.vector;
   } else {
-    hit.side = dot(best.offset, normal.vector) <= 0 ? Side::front : Side::back;
+    hit.side = dot(nearest.offset, normal.vector) <= 0 ? Side::front : Side::back;
     // At a tiny distance the offset is mostly rounding error; on a face the normal is exact.
     if (!on_face) {
-      hit.direction = normalized(-best.offset);
+      hit.direction = normalized(-nearest.offset);
     } else {
       hit.direction = hit.side == Side::front ? normal.vector : -normal.vector;
     }
   }
-  hit.distance = distance;
-  out = hit;
-  return true;
+  return hit;
+}
+
+size_t MeshTree::size() const noexcept {
+  return tree_.size() + packets_.size() * sizeof(Packet) + normals_.size();
 }
 
 }  // namespace fs

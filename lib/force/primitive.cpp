@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "force/box_tree.h"
 #include "force/mesh_tree.h"
 #include "force/triangle.h"
 
@@ -33,6 +32,20 @@ bool closest_on_plane(Vec3 x, double max_distance, Closest& out) noexcept {
   return true;
 }
 
+// Calls ask(segment, bound) for all segments that may be as near as the bound (m^2), which ask lowers.
+template <class From, class Ask>
+void ask_near(const Segments& segments, Vec3 at, double bound, Ask&& ask) noexcept {
+  const WideTree& tree = *segments.tree;
+  const double scale = segments.frame.scale;
+  const auto local = [&] { return From::rounded_up(bound * scale * scale); };
+  uint32_t visits = UINT32_MAX;
+  wide::search(tree, From(at), local(), visits, [&](uint32_t leaf, auto& local_bound) {
+    const auto [begin, end] = tree.leaves()[leaf];
+    for (uint32_t i = begin; i < end; ++i) ask(tree.items()[i], bound);
+    local_bound = local();
+  }, [](uint32_t) {});
+}
+
 bool closest_on_polyline(const Shape& shape, Vec3 x, double max_distance, Closest& out) noexcept {
   const std::vector<Vec3>& points = shape.points;
   const Segments& segments = shape.segments();
@@ -52,10 +65,12 @@ bool closest_on_polyline(const Shape& shape, Vec3 x, double max_distance, Closes
     bound = here.squared;
   };
   if (segments.tree) {
-    const std::vector<uint32_t>& order = segments.tree->order();
-    segments.tree->nearest(x, bound, [&](uint32_t first, uint32_t size, double& bound) {
-      for (uint32_t i = first; i < first + size; ++i) ask(order[i], bound);
-    });
+    const Vec3 at = segments.frame.local(x);
+    if (largest_coordinate(at) < wide::far) {
+      ask_near<wide::Near>(segments, at, bound, ask);
+    } else {
+      ask_near<wide::Far>(segments, at, bound, ask);
+    }
   } else {
     for (size_t i = 0; i < count; ++i) ask(i, bound);
   }
@@ -85,6 +100,13 @@ bool closest_on_polyline(const Shape& shape, Vec3 x, double max_distance, Closes
   return true;
 }
 
+bool closest_on_mesh(const MeshTree& tree, Vec3 x, double max_distance, Closest& out) noexcept {
+  const MeshTree::Found found = tree.find({.x = x, .range = max_distance});
+  if (found.triangle == MeshTree::no_triangle) return false;
+  out = tree.tell(x, found);
+  return true;
+}
+
 }  // namespace
 
 bool closest_point(fs_primitive primitive, const Shape* shape, Vec3 x, double max_distance, Closest& out) noexcept {
@@ -97,7 +119,7 @@ bool closest_point(fs_primitive primitive, const Shape* shape, Vec3 x, double ma
     case FS_PRIMITIVE_PLANE:
       return closest_on_plane(x, max_distance, out);
     case FS_PRIMITIVE_MESH:
-      return shape->tree()->closest(x, max_distance, out);
+      return closest_on_mesh(*shape->tree(), x, max_distance, out);
     default:
       return false;
   }

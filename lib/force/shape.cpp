@@ -4,10 +4,10 @@
 #include <cmath>
 
 #include "base/error.h"
-#include "force/box_tree.h"
 #include "force/mesh_edges.h"
 #include "force/mesh_tree.h"
 #include "force/triangle.h"
+#include "force/wide_tree.h"
 
 namespace fs {
 namespace {
@@ -105,14 +105,19 @@ Segments::Segments(const std::vector<Vec3>& points, bool closed, Wanted& wanted)
                                norm(tangents[beyond] - tangents[i]) <= straight_angle);
   }
   if (count <= few) return;
+  Box all;
+  for (const Vec3& p : points) all.add(p);
+  frame = LocalFrame(all);
   std::vector<Box> boxes(count);
   for (size_t i = 0; i < count; ++i) {
     wanted.step();
-    boxes[i].add(points[i]);
-    boxes[i].add(points[next(i)]);
+    boxes[i].add(frame.local(points[i]));
+    boxes[i].add(frame.local(points[next(i)]));
   }
-  tree = std::make_unique<const BoxTree>(std::move(boxes), wanted);
+  tree = std::make_unique<const WideTree>(boxes, wanted);
 }
+
+Segments::~Segments() = default;
 
 Ref<const Shape> make_polyline(const Vec3* points, size_t count, bool closed, Wanted& wanted) {
   check_points(points, count, 2, wanted);

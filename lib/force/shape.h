@@ -11,11 +11,12 @@
 #include "base/counted.h"
 #include "base/serial.h"
 #include "base/wanted.h"
+#include "force/local_frame.h"
 #include "math/vec3.h"
 
 namespace fs {
-class BoxTree;
 class MeshTree;
+class WideTree;
 }
 
 namespace fs {
@@ -23,11 +24,13 @@ namespace fs {
 // The segments of a polyline: segment i begins at point i.
 struct Segments {
   static constexpr size_t few = 12;
-  std::unique_ptr<const BoxTree> tree;    // null: they are few, so all of them are looked at
+  LocalFrame frame;
+  std::unique_ptr<const WideTree> tree;   // in that frame; null: they are few, so all of them are looked at
   std::vector<Vec3> tangents;             // unit; {0, 0, 0} without length
   std::vector<uint8_t> goes_straight_on;  // into the next segment
 
   Segments(const std::vector<Vec3>& points, bool closed, Wanted& wanted);
+  ~Segments();
   size_t count() const noexcept { return tangents.size(); }
 };
 
