@@ -35,7 +35,7 @@ MeshTree::MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corne
   packets_.reserve(tree_.leaves().size());
   for (const WideTree::Leaf leaf : tree_.leaves()) {
     wanted.step();
-    Packet::Corners at[Packet::width];
+    Packet::Triangle at[Packet::width];
     for (uint32_t i = leaf.begin; i < leaf.end; ++i) {
       const uint32_t* v = corners.data() + size_t{3} * tree_.items()[i];
       at[i - leaf.begin] = {{frame_.local(points[v[0]]), frame_.local(points[v[1]]), frame_.local(points[v[2]])}};
@@ -64,30 +64,33 @@ FS_INLINE MeshTree::Found MeshTree::search(const Query& query) const noexcept {
   const auto local = [&](double squared) __attribute__((always_inline)) { return squared * scale * scale; };
   if (query.hint < corners_.size() / 3) take(query.hint);
   const Vec3 at = frame_.local(x);
-  const From from(at);
+  const From from{at};
   uint32_t visits = query.visits;
   const auto test = [&](uint32_t leaf, typename From::Real& bound) __attribute__((always_inline)) {
     const Packet& packet = packets_[leaf];
+    if (wide::squared_to_disc(packet, at) > local(most)) return;
     const wide::Estimate estimate = wide::estimate(packet, at);
-    uint32_t rest = estimate.within(local(most));
+    float squared[Packet::width];
+    std::memcpy(squared, &estimate.squared, sizeof squared);
+    uint32_t rest = estimate.within(std::sqrt(local(most)));
     while (rest) {
       // The one that looks nearest first: then the others mostly fall away.
       uint32_t first = static_cast<uint32_t>(std::countr_zero(rest));
       for (uint32_t others = rest & (rest - 1); others; others &= others - 1) {
         const auto i = static_cast<uint32_t>(std::countr_zero(others));
-        if (estimate.squared[i] < estimate.squared[first]) first = i;
+        if (squared[i] < squared[first]) first = i;
       }
       rest &= ~(1u << first);
       const double before = most;
       if (packet.triangle[first] != query.hint) take(packet.triangle[first]);
       if (most < before) {
-        bound = From::rounded_up(local(most));
-        if (rest) rest &= estimate.within(local(most));
+        bound = wide::rounded_up<From>(local(most));
+        if (rest) rest &= estimate.within(std::sqrt(local(most)));
       }
     }
   };
   const auto expect = [&](uint32_t leaf) __attribute__((always_inline)) { wide::prefetch(packets_.data() + leaf); };
-  const double unseen = wide::search(tree_, from, From::rounded_up(local(most)), visits, test, expect);
+  const double unseen = wide::search(tree_, from, wide::rounded_up<From>(local(most)), visits, test, expect);
   const double distance = std::sqrt(best.squared);
   out.least = std::min(distance, std::sqrt(unseen) / scale);
   if (!(distance <= query.range)) {

@@ -37,9 +37,9 @@ template <class From, class Ask>
 void ask_near(const Segments& segments, Vec3 at, double bound, Ask&& ask) noexcept {
   const WideTree& tree = *segments.tree;
   const double scale = segments.frame.scale;
-  const auto local = [&] { return From::rounded_up(bound * scale * scale); };
+  const auto local = [&] { return wide::rounded_up<From>(bound * scale * scale); };
   uint32_t visits = UINT32_MAX;
-  wide::search(tree, From(at), local(), visits, [&](uint32_t leaf, auto& local_bound) {
+  wide::search(tree, From{at}, local(), visits, [&](uint32_t leaf, auto& local_bound) {
     const auto [begin, end] = tree.leaves()[leaf];
     for (uint32_t i = begin; i < end; ++i) ask(tree.items()[i], bound);
     local_bound = local();

@@ -80,24 +80,31 @@ struct Device {
   }
 };
 
-// The grid of a node along one axis, and a child's box on it: never smaller than the box.
-void set_grid(WideTree::Node& node, int axis, double lower, double upper) {
-  node.origin[axis] = below(lower);
-  node.step[axis] = above((upper - node.origin[axis]) / 255);
-  const auto at = [&](int q) { return node.origin[axis] + node.step[axis] * static_cast<float>(q); };
-  while (at(255) < upper) node.step[axis] = std::nextafter(node.step[axis], infinity);
-}
-void set_on_grid(WideTree::Node& node, uint32_t child, int axis, double lower, double upper) {
-  const auto at = [&](int q) { return node.origin[axis] + node.step[axis] * static_cast<float>(q); };
-  const double step = node.step[axis];
-  const auto nearest = [&](double v) {
-    return step > 0 ? static_cast<int>(std::clamp((v - node.origin[axis]) / step, 0.0, 255.0)) : 0;
-  };
-  int low = nearest(lower), high = nearest(upper);
-  while (low > 0 && at(low) > lower) --low;
-  while (high < 255 && at(high) < upper) ++high;
-  node.lower[axis][child] = static_cast<uint8_t>(low);
-  node.upper[axis][child] = static_cast<uint8_t>(high);
+// The boxes of a node's children on its grid, never smaller than they are.
+void set_boxes(WideTree::Node& node, const Built& built) {
+  const auto lower = [&](uint32_t i, int axis) { return double{(&built.bounds[i].lower_x)[axis]}; };
+  const auto upper = [&](uint32_t i, int axis) { return double{(&built.bounds[i].upper_x)[axis]}; };
+  double size = std::numeric_limits<float>::min();  // so that a step is never 0
+  for (int axis = 0; axis < 3; ++axis) {
+    double least = infinity, most = -infinity;
+    for (uint32_t i = 0; i < built.count; ++i) {
+      least = std::min(least, lower(i, axis));
+      most = std::max(most, upper(i, axis));
+    }
+    node.origin[axis] = static_cast<float>(least);
+    size = std::max(size, most - least);
+  }
+  node.step = above(size / 255 * (1 + 1e-6));
+  const double step = node.step;
+  for (int axis = 0; axis < 3; ++axis) {
+    for (uint32_t i = 0; i < built.count; ++i) {
+      const double origin = node.origin[axis];
+      const auto low = static_cast<uint32_t>(std::floor((lower(i, axis) - origin) / step * (1 - 1e-12)));
+      const auto high = static_cast<uint32_t>(std::ceil((upper(i, axis) - origin) / step * (1 + 1e-12)));
+      node.lower[i] |= low << 8 * axis;
+      node.upper[i] |= high << 8 * axis;
+    }
+  }
 }
 
 }  // namespace
@@ -160,18 +167,8 @@ WideTree::WideTree(const std::vector<Box>& boxes, Wanted& wanted) {
       if (task.depth >= most_depth) fail(FS_ERROR_INTERNAL, "the tree of a shape is deeper than %u", most_depth);
       number = static_cast<uint32_t>(nodes_.size());
       Node& node = nodes_.emplace_back();
-      node.count = built.count;
-      const auto lower = [&](uint32_t i, int axis) { return (&built.bounds[i].lower_x)[axis]; };
-      const auto upper = [&](uint32_t i, int axis) { return (&built.bounds[i].upper_x)[axis]; };
-      for (int axis = 0; axis < 3; ++axis) {
-        float least = infinity, most = -infinity;
-        for (uint32_t i = 0; i < built.count; ++i) {
-          least = std::min(least, lower(i, axis));
-          most = std::max(most, upper(i, axis));
-        }
-        set_grid(node, axis, least, most);
-        for (uint32_t i = 0; i < built.count; ++i) set_on_grid(node, i, axis, lower(i, axis), upper(i, axis));
-      }
+      node.filled = (1u << built.count) - 1;
+      set_boxes(node, built);
       // The first child is taken next, so it stands beside its parent.
       for (uint32_t i = built.count; i-- > 0;) tasks.push_back({built.children[i], number, i, task.depth + 1});
     }
