@@ -23,36 +23,107 @@ float below(double v) {
 }
 float above(double v) { return -below(-v); }
 
-// What the builder makes, before it is packed. In memory of the builder's.
+constexpr int width = WideTree::width;
+
+// What the builder makes, in memory of the builder's: a tree of two children a node.
 struct Built {
-  uint32_t count;                      // children; of a leaf: items
-  bool is_leaf;
-  uint32_t items[WideTree::width];     // of a leaf
-  Built* children[WideTree::width];
-  RTCBounds bounds[WideTree::width];   // of the children
+  uint32_t count;         // items; 0: it is no leaf
+  uint32_t items[width];
+  Built* children[2];
+  RTCBounds bounds[2];    // of the children
+  float area;             // of its own bounds, once it is known
+  float costs[width];     // see find_costs
+  uint8_t cuts[width];
+};
+
+float half_area(const RTCBounds& b) {
+  const float x = b.upper_x - b.lower_x, y = b.upper_y - b.lower_y, z = b.upper_z - b.lower_z;
+  return x * y + y * z + z * x;
+}
+
+// What a subtree costs to search if it stands under a wide node as at most k + 1 children: costs[k], in areas. cuts[k]: how
+// many of them are for the first child, when the two children share them; 0: the subtree is one child. After Ylitie, Karras
+// & Laine, "Efficient incoherent ray traversal on GPUs through compressed wide BVHs" (HPG 2017).
+void find_costs(Built& node, float area, Wanted& wanted) {
+  wanted.step();
+  node.area = area;
+  if (node.count > 0) {
+    std::fill_n(node.costs, width, area);
+    std::fill_n(node.cuts, width, uint8_t{0});
+    return;
+  }
+  const Built &first = *node.children[0], &second = *node.children[1];
+  for (int k = width - 1; k >= 0; --k) node.costs[k] = infinity;
+  for (int k = 1; k < width; ++k) {
+    for (int i = 1; i <= k; ++i) {
+      const float cost = first.costs[i - 1] + second.costs[k - i];
+      if (cost < node.costs[k]) {
+        node.costs[k] = cost;
+        node.cuts[k] = static_cast<uint8_t>(i);
+      }
+    }
+  }
+  const float alone = area + node.costs[width - 1];
+  node.costs[0] = alone;
+  node.cuts[0] = 0;
+  for (int k = 1; k < width; ++k) {
+    if (alone <= node.costs[k]) {
+      node.costs[k] = alone;
+      node.cuts[k] = 0;
+    }
+  }
+}
+
+// The children of a wide node.
+struct Children {
+  uint32_t count = 0;
+  const Built* nodes[width];
+  RTCBounds bounds[width];
+
+  // Adds a subtree as at most k + 1 children; is_top: it is the wide node itself.
+  void add(const Built& node, const RTCBounds& box, int k, bool is_top = false) {
+    const int cut = is_top ? top_cut(node) : node.cuts[k];
+    if (cut == 0) {
+      nodes[count] = &node;
+      bounds[count++] = box;
+      return;
+    }
+    add(*node.children[0], node.bounds[0], cut - 1);
+    add(*node.children[1], node.bounds[1], k - cut);
+  }
+  // How a wide node shares its eight children out.
+  static int top_cut(const Built& node) {
+    int best = 1;
+    float least = infinity;
+    for (int i = 1; i < width; ++i) {
+      const float cost = node.children[0]->costs[i - 1] + node.children[1]->costs[width - 1 - i];
+      if (cost < least) {
+        least = cost;
+        best = i;
+      }
+    }
+    return best;
+  }
 };
 
 // The builder's memory and what it has met.
 struct Work {
   Wanted& wanted;
-  size_t nodes = 0, leaves = 0;
   bool has_memory = true;
 
-  Built* make(RTCThreadLocalAllocator allocator, size_t count, bool is_leaf) {
+  Built* make(RTCThreadLocalAllocator allocator, size_t count) {
     auto* const out = static_cast<Built*>(rtcThreadLocalAlloc(allocator, sizeof(Built), alignof(Built)));
     if (!out) {
       has_memory = false;
       return nullptr;
     }
     out->count = static_cast<uint32_t>(count);
-    out->is_leaf = is_leaf;
-    ++(is_leaf ? leaves : nodes);
     return out;
   }
 };
 
-void* make_node(RTCThreadLocalAllocator allocator, unsigned count, void* work) {
-  return static_cast<Work*>(work)->make(allocator, count, false);
+void* make_node(RTCThreadLocalAllocator allocator, unsigned, void* work) {
+  return static_cast<Work*>(work)->make(allocator, 0);
 }
 void set_children(void* node, void** children, unsigned count, void*) {
   for (unsigned i = 0; i < count && node; ++i) static_cast<Built*>(node)->children[i] = static_cast<Built*>(children[i]);
@@ -61,7 +132,7 @@ void set_bounds(void* node, const RTCBounds** bounds, unsigned count, void*) {
   for (unsigned i = 0; i < count && node; ++i) static_cast<Built*>(node)->bounds[i] = *bounds[i];
 }
 void* make_leaf(RTCThreadLocalAllocator allocator, const RTCBuildPrimitive* items, size_t count, void* work) {
-  Built* const leaf = static_cast<Work*>(work)->make(allocator, count, true);
+  Built* const leaf = static_cast<Work*>(work)->make(allocator, count);
   for (size_t i = 0; i < count && leaf; ++i) leaf->items[i] = items[i].primID;
   return leaf;
 }
@@ -81,7 +152,7 @@ struct Device {
 };
 
 // The boxes of a node's children on its grid, never smaller than they are.
-void set_boxes(WideTree::Node& node, const Built& built) {
+void set_boxes(WideTree::Node& node, const Children& built) {
   const auto lower = [&](uint32_t i, int axis) { return double{(&built.bounds[i].lower_x)[axis]}; };
   const auto upper = [&](uint32_t i, int axis) { return double{(&built.bounds[i].upper_x)[axis]}; };
   double size = std::numeric_limits<float>::min();  // so that a step is never 0
@@ -126,7 +197,8 @@ WideTree::WideTree(const std::vector<Box>& boxes, Wanted& wanted) {
   const Device device;
   if (!device.bvh) throw std::bad_alloc();
   RTCBuildArguments arguments = rtcDefaultBuildArguments();
-  arguments.maxBranchingFactor = width;
+  arguments.maxBranchingFactor = 2;
+  arguments.maxDepth = 48;
   arguments.minLeafSize = arguments.maxLeafSize = width;  // as full as it gets
   arguments.sahBlockSize = width;                         // a leaf costs the same, however many items it has
   arguments.bvh = device.bvh;
@@ -138,13 +210,20 @@ WideTree::WideTree(const std::vector<Box>& boxes, Wanted& wanted) {
   arguments.createLeaf = make_leaf;
   arguments.buildProgress = is_wanted;
   arguments.userPtr = &work;
-  const auto* const top = static_cast<const Built*>(rtcBuildBVH(&arguments));
+  auto* const top = static_cast<Built*>(rtcBuildBVH(&arguments));
   if (wanted.is_abandoned()) throw Abandoned{};
   if (!top || !work.has_memory) throw std::bad_alloc();
   primitives = {};
 
-  nodes_.reserve(work.nodes);
-  leaves_.reserve(work.leaves);
+  // From the leaves up.
+  std::vector<std::pair<Built*, float>> order{{top, 0.0f}};
+  for (size_t i = 0; i < order.size(); ++i) {
+    Built& node = *order[i].first;
+    for (int c = 0; c < 2 && node.count == 0; ++c) order.emplace_back(node.children[c], half_area(node.bounds[c]));
+  }
+  for (size_t i = order.size(); i-- > 0;) find_costs(*order[i].first, order[i].second, wanted);
+  order = {};
+
   items_.reserve(boxes.size());
   struct Task {
     const Built* built;
@@ -158,7 +237,7 @@ WideTree::WideTree(const std::vector<Box>& boxes, Wanted& wanted) {
     tasks.pop_back();
     const Built& built = *task.built;
     uint32_t number;
-    if (built.is_leaf) {
+    if (built.count > 0) {
       number = leaf_bit | static_cast<uint32_t>(leaves_.size());
       const auto begin = static_cast<uint32_t>(items_.size());
       items_.insert(items_.end(), built.items, built.items + built.count);
@@ -167,13 +246,16 @@ WideTree::WideTree(const std::vector<Box>& boxes, Wanted& wanted) {
       if (task.depth >= most_depth) fail(FS_ERROR_INTERNAL, "the tree of a shape is deeper than %u", most_depth);
       number = static_cast<uint32_t>(nodes_.size());
       Node& node = nodes_.emplace_back();
-      node.filled = (1u << built.count) - 1;
-      set_boxes(node, built);
+      Children children;
+      children.add(built, {}, width - 1, true);
+      node.filled = (1u << children.count) - 1;
+      set_boxes(node, children);
       // The first child is taken next, so it stands beside its parent.
-      for (uint32_t i = built.count; i-- > 0;) tasks.push_back({built.children[i], number, i, task.depth + 1});
+      for (uint32_t i = children.count; i-- > 0;) tasks.push_back({children.nodes[i], number, i, task.depth + 1});
     }
     if (task.depth > 0) nodes_[task.parent].child[task.child] = number;
   }
+  nodes_.shrink_to_fit();
 }
 
 }  // namespace fs
