@@ -44,8 +44,17 @@ void add_point(const Object& object, const Closest& closest, const Motion& motio
   }
 }
 
+// A bound of |force - exact force|, N, on a tool point for which the search was cut: nothing is known of the direction, nor of
+// the distance but for its bound.
+double error_of(const Object& object, const Effort& effort) noexcept {
+  const double most = std::max(most_between(object.law.front, effort.least, object.law.support),
+                               most_between(object.law.back, effort.least, object.law.support));
+  return 2 * (object.damping > 0 && most > 0 ? std::max(object.law.front.limit, object.law.back.limit) : most);
+}
+
 // The closest point of an object with formulas to a tool point. False: out of reach, or there is no direction.
-bool find_contact(const Object& object, const Pose& pose, Vec3 position, Contacts::Contact& out) noexcept {
+bool find_contact(const Object& object, const Pose& pose, Vec3 position, Contacts::Contact& out, Hint* hint,
+                  Effort* effort) noexcept {
   const Vec3 offset = position - pose.position;
   const double support = object.law.support;
   if (object.primitive == FS_PRIMITIVE_PLANE) {
@@ -62,7 +71,7 @@ bool find_contact(const Object& object, const Pose& pose, Vec3 position, Contact
   if (norm(offset) - object.radius > support) return false;
   Closest closest;
   const Vec3 local = rotate(conjugate(pose.orientation), offset);
-  if (!closest_point(object.primitive, object.shape.get(), local, support, closest)) return false;
+  if (!closest_point(object.primitive, object.shape.get(), local, support, closest, hint, effort)) return false;
   if (closest.direction == Vec3{}) return false;
   out.direction = rotate(pose.orientation, closest.direction);
   out.tangent = closest.feature == Feature::edge ? rotate(pose.orientation, closest.tangent) : Vec3{};
@@ -76,7 +85,7 @@ uint32_t points_of(const ToolState& tool) noexcept { return tool.count == 32 ? ~
 
 // Adds the closest points of a row with formulas to `contacts`; returns the rows felt of those it had to make room for.
 uint64_t add_contacts(const Object& object, const Motion& motion, uint32_t row, double weight, const ToolState& tool,
-                      Contacts& contacts, LaneSum& sum) noexcept {
+                      Hint* hints, Effort* effort, double& error, Contacts& contacts, LaneSum& sum) noexcept {
   const uint32_t all = points_of(tool), mask = tool.is_any_point ? all : object.point_mask() & all;
   if (mask == 0 || !(object.law.support >= 0)) return 0;
   const Pose moved = motion.horizon > 0 ? motion.at(tool.time) : Pose{};
@@ -87,7 +96,9 @@ uint64_t add_contacts(const Object& object, const Motion& motion, uint32_t row, 
   contact.weight = is_one_point ? weight : weight * (1.0 / std::popcount(mask));
   for_each_bit(mask, [&](uint32_t k) {
     const ToolState::Point& point = tool.points[k];
-    if (!find_contact(object, pose, point.position, contact)) return;
+    const bool is_found = find_contact(object, pose, point.position, contact, hints ? hints + k : nullptr, effort);
+    if (effort && effort->is_cut) error += contact.weight * error_of(object, *effort);
+    if (!is_found) return;
     contact.arm = point.arm;
     if (!contacts.has_room(row)) felt |= contacts.take(sum);
     contacts.add(row, contact);
@@ -125,7 +136,7 @@ ToolState ToolState::at(const fs_state& state, const ToolPoints& points, double 
 }
 
 bool evaluate_object(const Object& object, const Motion& motion, double start, const ToolState& tool,
-                     const Law::Parsers* parsers, Share& out) noexcept {
+                     const Law::Parsers* parsers, Share& out, Hint* hints, Effort* effort) noexcept {
   const uint32_t all = points_of(tool);
   const uint32_t mask = tool.is_any_point ? all : object.point_mask() & all;
   const double support = object.law.support;
@@ -142,9 +153,14 @@ bool evaluate_object(const Object& object, const Motion& motion, double start, c
     has_pose = true;
     const Vec3 local = rotate(conjugate(pose.orientation), offset);
     Closest closest;
-    if (!closest_point(object.primitive, object.shape.get(), local, support, closest)) return;
+    const bool is_found = closest_point(object.primitive, object.shape.get(), local, support, closest,
+                                        hints ? hints + k : nullptr, effort);
+    const bool is_cut = effort && effort->is_cut;
+    if (!is_found && !is_cut) return;
     if (!is_near) out = {};
     is_near = true;
+    if (is_cut) out.error += share * error_of(object, *effort);
+    if (!is_found) return;
     if (closest.distance < out.distance) {
       out.distance = closest.distance;
       out.point = pose * closest.point;
@@ -155,7 +171,7 @@ bool evaluate_object(const Object& object, const Motion& motion, double start, c
 }
 
 fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t view, uint64_t what, const ToolPoints& points,
-                          const ToolState& tool) noexcept {
+                          const ToolState& tool, Effort* effort) noexcept {
   memory.look(view, what, tool.pose * points.centre, points.radius, tool.time);
   LaneSum sum;
   Contacts contacts;
@@ -170,17 +186,23 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
     }
     const uint64_t contacts_near = near & ~points_near & (chunk.rows->contacts | chunk.rows->formulas());
     for_each_bit(contacts_near, [&](uint32_t i) {
-      felt |= add_contacts(*chunk.row(i).object, chunk.motion(i), i, given ? given[i].value() : 1, tool, contacts, sum);
+      const Object& object = *chunk.row(i).object;
+      const Scratch* const scratch = object.shape ? scratches.get(number * chunk_size + i) : nullptr;
+      felt |= add_contacts(object, chunk.motion(i), i, given ? given[i].value() : 1, tool,
+                           scratch ? scratch->hints.get() : nullptr, effort, out.error_bound, contacts, sum);
     });
     if (contacts_near) felt |= contacts.take(sum);
     for_each_bit(near & ~points_near & ~contacts_near, [&](uint32_t i) {
       const Row& row = chunk.row(i);
-      const Scratch* const scratch = row.object->law.has_curves() ? scratches.get(number * chunk_size + i) : nullptr;
+      const Scratch* const scratch = scratches.get(number * chunk_size + i);
       Share got;
-      if (!evaluate_object(*row.object, chunk.motion(i), row.start, tool, scratch ? &scratch->parsers : nullptr, got)) {
+      if (!evaluate_object(*row.object, chunk.motion(i), row.start, tool, scratch ? &scratch->parsers : nullptr, got,
+                           scratch ? scratch->hints.get() : nullptr, effort)) {
         return;
       }
-      add_share(got, given ? given[i].value() : 1, i % lane_count, sum);
+      const double weight = given ? given[i].value() : 1;
+      add_share(got, weight, i % lane_count, sum);
+      out.error_bound += weight * got.error;
       if (!(got.wrench.force == Vec3{})) felt |= bit_of(i);
     });
     out.felt_count += static_cast<uint32_t>(std::popcount(felt));

@@ -5,6 +5,8 @@
 #include <cstring>
 #include <limits>
 
+#include "base/processor.h"
+
 namespace fs {
 namespace {
 
@@ -161,21 +163,6 @@ FS_INLINE uint64_t contacts_in_lanes(const Contacts::Layer* layers, uint32_t cou
   return felt;
 }
 
-// Both for one width.
-struct Width {
-  uint64_t (*points)(const Chunk&, uint64_t, Vec3, Vec3, const Weight*, double, LaneSum&);
-  uint64_t (*contacts)(const Contacts::Layer*, uint32_t, LaneSum&);
-};
-
-uint64_t points_usual(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm, const Weight* weights, double share,
-                      LaneSum& sum) {
-  return points_in_lanes(chunk, mask, position, arm, weights, share, sum);
-}
-uint64_t contacts_usual(const Contacts::Layer* layers, uint32_t count, LaneSum& sum) {
-  return contacts_in_lanes(layers, count, sum);
-}
-constexpr Width usual{points_usual, contacts_usual};
-
 #ifdef __x86_64__
 __attribute__((target("avx2"))) uint64_t points_wide(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm,
                                                      const Weight* weights, double share, LaneSum& sum) {
@@ -184,20 +171,9 @@ __attribute__((target("avx2"))) uint64_t points_wide(const Chunk& chunk, uint64_
 __attribute__((target("avx2"))) uint64_t contacts_wide(const Contacts::Layer* layers, uint32_t count, LaneSum& sum) {
   return contacts_in_lanes(layers, count, sum);
 }
-const Width& best_width() noexcept {
-  static constexpr Width wide{points_wide, contacts_wide};
-  __builtin_cpu_init();
-  return __builtin_cpu_supports("avx2") ? wide : usual;
-}
-#else
-const Width& best_width() noexcept { return usual; }
 #endif
 
-const Width* width = &best_width();
-
 }  // namespace
-
-void allow_wide_lanes(bool are_allowed) noexcept { width = are_allowed ? &best_width() : &usual; }
 
 void Contacts::add(uint32_t row, const Contact& contact) noexcept {
   const uint32_t k = row % lane_count, bit = 1u << k;
@@ -230,7 +206,11 @@ void Contacts::add(uint32_t row, const Contact& contact) noexcept {
 }
 
 uint64_t Contacts::take(LaneSum& sum) noexcept {
-  const uint64_t felt = width->contacts(layers_, layer_count_, sum);
+#ifdef __x86_64__
+  const uint64_t felt = has_avx2 ? contacts_wide(layers_, layer_count_, sum) : contacts_in_lanes(layers_, layer_count_, sum);
+#else
+  const uint64_t felt = contacts_in_lanes(layers_, layer_count_, sum);
+#endif
   std::fill_n(counts_, lane_count, 0);
   layer_count_ = 0;
   return felt;
@@ -290,7 +270,10 @@ void find_gaps(const Outline& outline, Vec3 from, float (&gaps)[chunk_size]) noe
 
 uint64_t add_points(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm, const Weight* weights, double share,
                     LaneSum& sum) noexcept {
-  return width->points(chunk, mask, position, arm, weights, share, sum);
+#ifdef __x86_64__
+  if (has_avx2) return points_wide(chunk, mask, position, arm, weights, share, sum);
+#endif
+  return points_in_lanes(chunk, mask, position, arm, weights, share, sum);
 }
 
 }  // namespace fs

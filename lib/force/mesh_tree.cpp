@@ -2,8 +2,94 @@
 
 #include <cmath>
 
+#include "base/processor.h"
+#include "force/wide_search.h"
+
 namespace fs {
 namespace {
+
+using namespace wide;
+
+// A lower bound of the squared distance to the disc of a packet (local units).
+FS_INLINE double squared_to_disc(const Packet& packet, Vec3 from) {
+  const double x = from.x - packet.centre[0], y = from.y - packet.centre[1], z = from.z - packet.centre[2];
+  const double along = packet.normal[0] * x + packet.normal[1] * y + packet.normal[2] * z;
+  const double up = std::max(std::fabs(along) - packet.height, 0.0);
+  const double beside = std::max(std::sqrt(std::max(x * x + y * y + z * z - along * along, 0.0)) - packet.radius, 0.0);
+  return (up * up + beside * beside) * (1 - 1e-5);
+}
+
+// What a packet says about its triangles as seen from a point. A triangle may be at a distance d of the point (local units)
+// only if its squared distance is at most (d * per_unit + slack)^2.
+struct Estimate {
+  Floats squared;   // in steps
+  float slack;      // in steps
+  float per_unit;   // 0: nothing is known
+  uint32_t filled;  // bit i: there is a triangle in lane i
+
+  // Bit i: triangle i may be within a distance (local units).
+  FS_INLINE uint32_t within(double distance) const {
+    const double steps = distance * per_unit * (1 + 1e-6) + slack;
+    if (!(steps < 1e15)) return filled;
+    const auto most = static_cast<float>(steps);
+    return bits(squared <= all(most * most)) & filled;
+  }
+};
+
+FS_INLINE Floats squared_to_segment(Floats ex, Floats ey, Floats ez, Floats length, Floats x, Floats y, Floats z) {
+  Floats t = (x * ex + y * ey + z * ez) / most(length, all(1));
+  t = least(most(t, all(0)), all(1));
+  x -= t * ex;
+  y -= t * ey;
+  z -= t * ez;
+  return x * x + y * y + z * z;
+}
+
+FS_INLINE Estimate estimate_of(const Packet& packet, Vec3 from) {
+  Ints id;
+  std::memcpy(&id, packet.triangle, sizeof id);
+  Estimate out{{}, 0, packet.per_unit, bits(id != -1)};
+  const double per_unit = packet.per_unit;
+  const double u = (from.x - packet.lower[0]) * per_unit, v = (from.y - packet.lower[1]) * per_unit,
+               w = (from.z - packet.lower[2]) * per_unit;
+  const double largest = std::max(std::max(std::fabs(u), std::fabs(v)), std::fabs(w));
+  if (!(largest < 1e9)) {  // far away all of them are one point
+    out.per_unit = 0;
+    return out;
+  }
+  const Floats x = all(static_cast<float>(u)), y = all(static_cast<float>(v)), z = all(static_cast<float>(w));
+  const Ints a = load(packet.corners[0]), b = load(packet.corners[1]), c = load(packet.corners[2]);
+  const Floats a_x = field(a, 0, 10), a_y = field(a, 10, 10), a_z = field(a, 20, 10);
+  const Floats b_x = field(b, 0, 10), b_y = field(b, 10, 10), b_z = field(b, 20, 10);
+  const Floats c_x = field(c, 0, 10), c_y = field(c, 10, 10), c_z = field(c, 20, 10);
+  const Floats ab_x = b_x - a_x, ab_y = b_y - a_y, ab_z = b_z - a_z;
+  const Floats bc_x = c_x - b_x, bc_y = c_y - b_y, bc_z = c_z - b_z;
+  const Floats ca_x = a_x - c_x, ca_y = a_y - c_y, ca_z = a_z - c_z;
+  const Floats ax = x - a_x, ay = y - a_y, az = z - a_z;
+  const Floats bx = x - b_x, by = y - b_y, bz = z - b_z;
+  const Floats cx = x - c_x, cy = y - c_y, cz = z - c_z;
+  const Floats ab = ab_x * ab_x + ab_y * ab_y + ab_z * ab_z;
+  const Floats bc = bc_x * bc_x + bc_y * bc_y + bc_z * bc_z;
+  const Floats ca = ca_x * ca_x + ca_y * ca_y + ca_z * ca_z;
+
+  const Floats edges = least(least(squared_to_segment(ab_x, ab_y, ab_z, ab, ax, ay, az),
+                                   squared_to_segment(bc_x, bc_y, bc_z, bc, bx, by, bz)),
+                             squared_to_segment(ca_x, ca_y, ca_z, ca, cx, cy, cz));
+  // The normal, twice the area long and exact, as the corners are small integers; the planes through the edges along it tell
+  // whether the point is over the triangle.
+  const Floats n_x = ab_z * ca_y - ab_y * ca_z, n_y = ab_x * ca_z - ab_z * ca_x, n_z = ab_y * ca_x - ab_x * ca_y;
+  const Floats n = n_x * n_x + n_y * n_y + n_z * n_z;
+  const auto inside = [&](Floats ex, Floats ey, Floats ez, Floats px, Floats py, Floats pz) __attribute__((always_inline)) {
+    return (ey * pz - ez * py) * n_x + (ez * px - ex * pz) * n_y + (ex * py - ey * px) * n_z >= all(0);
+  };
+  const Ints is_over = inside(ab_x, ab_y, ab_z, ax, ay, az) & inside(bc_x, bc_y, bc_z, bx, by, bz) &
+                       inside(ca_x, ca_y, ca_z, cx, cy, cz);
+  const Floats height = ax * n_x + ay * n_y + az * n_z;
+  out.squared = is_over & (n > all(0)) ? height / most(n, all(1)) * height : edges;
+  // A corner stands up to 0.87 steps beside its place, and the distance is rounded.
+  out.slack = static_cast<float>(0.9 + 4e-6 * (largest + Packet::most_steps));
+  return out;
+}
 
 LocalFrame frame_of(std::span<const Vec3> points, std::span<const uint32_t> corners, Wanted& wanted) {
   Box box;
@@ -48,7 +134,7 @@ MeshTree::MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corne
 // In the tests of a leaf a packet nominates, and the exact test of a triangle decides. The bound of the search is a square
 // in local units and slightly enlarged; the exact comparison is that of squares in metres.
 template <class From>
-FS_INLINE MeshTree::Found MeshTree::search(const Query& query) const noexcept {
+FS_INLINE MeshTree::Found MeshTree::find_from(const Query& query) const noexcept {
   const Vec3 x = query.x;
   Found out;
   Nearest& best = out.nearest;
@@ -68,8 +154,8 @@ FS_INLINE MeshTree::Found MeshTree::search(const Query& query) const noexcept {
   uint32_t visits = query.visits;
   const auto test = [&](uint32_t leaf, typename From::Real& bound) __attribute__((always_inline)) {
     const Packet& packet = packets_[leaf];
-    if (wide::squared_to_disc(packet, at) > local(most)) return;
-    const wide::Estimate estimate = wide::estimate(packet, at);
+    if (squared_to_disc(packet, at) > local(most)) return;
+    const Estimate estimate = estimate_of(packet, at);
     float squared[Packet::width];
     std::memcpy(squared, &estimate.squared, sizeof squared);
     uint32_t rest = estimate.within(std::sqrt(local(most)));
@@ -84,38 +170,36 @@ FS_INLINE MeshTree::Found MeshTree::search(const Query& query) const noexcept {
       const double before = most;
       if (packet.triangle[first] != query.hint) take(packet.triangle[first]);
       if (most < before) {
-        bound = wide::rounded_up<From>(local(most));
+        bound = rounded_up<From>(local(most));
         if (rest) rest &= estimate.within(std::sqrt(local(most)));
       }
     }
   };
-  const auto expect = [&](uint32_t leaf) __attribute__((always_inline)) { wide::prefetch(packets_.data() + leaf); };
-  const double unseen = wide::search(tree_, from, wide::rounded_up<From>(local(most)), visits, test, expect);
+  const auto expect = [&](uint32_t leaf) __attribute__((always_inline)) { prefetch(packets_.data() + leaf); };
+  const double unseen = search(tree_, from, rounded_up<From>(local(most)), visits, test, expect);
   const double distance = std::sqrt(best.squared);
-  out.least = std::min(distance, std::sqrt(unseen) / scale);
-  if (!(distance <= query.range)) {
-    out.triangle = no_triangle;
-    out.least = std::min(query.range, std::sqrt(unseen) / scale);
-  }
+  if (!(distance <= query.range)) out.triangle = no_triangle;
+  out.least = std::min(std::min(distance, query.range), std::sqrt(unseen) / scale);
+  out.visits = query.visits - visits;
+  out.is_cut = unseen < std::numeric_limits<double>::infinity();
   return out;
 }
 
-MeshTree::Found MeshTree::search_plain(const Query& query) const noexcept {
-  return largest_coordinate(frame_.local(query.x)) < wide::far ? search<wide::Near>(query) : search<wide::Far>(query);
+MeshTree::Found MeshTree::find_plain(const Query& query) const noexcept {
+  return largest_coordinate(frame_.local(query.x)) < far ? find_from<Near>(query) : find_from<Far>(query);
 }
 
 #ifdef __x86_64__
-__attribute__((target("avx2"))) MeshTree::Found MeshTree::search_avx2(const Query& query) const noexcept {
-  return largest_coordinate(frame_.local(query.x)) < wide::far ? search<wide::Near>(query) : search<wide::Far>(query);
+__attribute__((target("avx2"))) MeshTree::Found MeshTree::find_avx2(const Query& query) const noexcept {
+  return largest_coordinate(frame_.local(query.x)) < far ? find_from<Near>(query) : find_from<Far>(query);
 }
 #endif
 
 MeshTree::Found MeshTree::find(const Query& query) const noexcept {
 #ifdef __x86_64__
-  static const bool has_avx2 = __builtin_cpu_supports("avx2");
-  if (has_avx2) return search_avx2(query);
+  if (has_avx2) return find_avx2(query);
 #endif
-  return search_plain(query);
+  return find_plain(query);
 }
 
 Closest MeshTree::tell(Vec3 x, const Found& found) const noexcept {

@@ -33,7 +33,9 @@ class MeshTree {
   struct Found {
     Nearest nearest;                    // its offset is relative to x
     uint32_t triangle = no_triangle;    // none: nothing is within range
-    double least = 0;                   // m, nothing is nearer; below the distance found only if the visits ran out
+    double least = 0;                   // m, nothing is nearer; out of range: nothing is as near
+    uint32_t visits = 0;                // that it took
+    bool is_cut = false;                // the visits ran out: something nearer may be there, but not nearer than `least`
   };
   // [rt]
   Found find(const Query& query) const noexcept;
@@ -45,9 +47,9 @@ class MeshTree {
 
  private:
   template <class From>
-  Found search(const Query& query) const noexcept;
-  Found search_plain(const Query& query) const noexcept;
-  Found search_avx2(const Query& query) const noexcept;
+  Found find_from(const Query& query) const noexcept;
+  Found find_plain(const Query& query) const noexcept;
+  Found find_avx2(const Query& query) const noexcept;
 
   Nearest nearest_on(uint32_t triangle, Vec3 x) const noexcept {
     const uint32_t* v = corners_.data() + size_t{3} * triangle;

@@ -5,6 +5,7 @@
 
 #include "force/mesh_tree.h"
 #include "force/triangle.h"
+#include "force/wide_search.h"
 
 namespace fs {
 namespace {
@@ -100,16 +101,33 @@ bool closest_on_polyline(const Shape& shape, Vec3 x, double max_distance, Closes
   return true;
 }
 
-bool closest_on_mesh(const MeshTree& tree, Vec3 x, double max_distance, Closest& out) noexcept {
-  const MeshTree::Found found = tree.find({.x = x, .range = max_distance});
-  if (found.triangle == MeshTree::no_triangle) return false;
+bool closest_on_mesh(const MeshTree& tree, Vec3 x, double max_distance, Closest& out, Hint* hint, Effort* effort) noexcept {
+  MeshTree::Query query{.x = x, .range = max_distance};
+  if (hint) {
+    // A distance changes by no more than the way. As long as that tells that the shape is out of range, nothing is searched.
+    const double way = norm(x - hint->from) * (1 + 1e-14) + coordinate_rounding(2 * largest_coordinate(x));
+    if (hint->gap - way > max_distance) return false;
+    query.hint = hint->triangle;
+    if (hint->gap > max_distance) query.range += std::min(32 * way, max_distance);  // to know more for the next times
+  }
+  if (effort) query.visits = effort->visits;
+  const MeshTree::Found found = tree.find(query);
+  if (effort) {
+    effort->visits -= found.visits;
+    effort->is_cut = found.is_cut;
+    effort->least = found.least;
+  }
+  if (hint) *hint = {found.triangle, x, found.least};
+  if (found.triangle == MeshTree::no_triangle || !(std::sqrt(found.nearest.squared) <= max_distance)) return false;
   out = tree.tell(x, found);
   return true;
 }
 
 }  // namespace
 
-bool closest_point(fs_primitive primitive, const Shape* shape, Vec3 x, double max_distance, Closest& out) noexcept {
+bool closest_point(fs_primitive primitive, const Shape* shape, Vec3 x, double max_distance, Closest& out, Hint* hint,
+                   Effort* effort) noexcept {
+  if (effort) effort->is_cut = false;
   if (!(max_distance >= 0) || !is_finite(x) || largest_coordinate(x) > largest_query) return false;
   switch (primitive) {
     case FS_PRIMITIVE_POINT:
@@ -119,7 +137,7 @@ bool closest_point(fs_primitive primitive, const Shape* shape, Vec3 x, double ma
     case FS_PRIMITIVE_PLANE:
       return closest_on_plane(x, max_distance, out);
     case FS_PRIMITIVE_MESH:
-      return closest_on_mesh(*shape->tree(), x, max_distance, out);
+      return closest_on_mesh(*shape->tree(), x, max_distance, out, hint, effort);
     default:
       return false;
   }
