@@ -108,7 +108,7 @@ bool closest_on_mesh(const MeshTree& tree, Vec3 x, double max_distance, Closest&
     const double way = norm(x - hint->from) * (1 + 1e-14) + coordinate_rounding(2 * largest_coordinate(x));
     if (hint->gap - way > max_distance) return false;
     query.hint = hint->triangle;
-    if (hint->gap > max_distance) query.range += std::min(32 * way, max_distance);  // to know more for the next times
+    if (hint->gap >= max_distance) query.range += std::min(32 * way, max_distance);  // to know more for the next times
   }
   if (effort) query.visits = effort->visits;
   const MeshTree::Found found = tree.find(query);
