@@ -110,6 +110,53 @@ std::vector<Box> boxes_of(std::span<const Vec3> points, std::span<const uint32_t
   return boxes;
 }
 
+
+// A box in the local frame, rounded outwards as far as single precision asks for.
+struct Span {
+  double lower[3], upper[3];
+
+  Span(Vec3 a, Vec3 b) {
+    const double p[3] = {a.x, a.y, a.z}, q[3] = {b.x, b.y, b.z};
+    for (int k = 0; k < 3; ++k) {
+      const double margin = 1e-6 * (std::fabs(p[k]) + std::fabs(q[k])) + 1e-12;
+      lower[k] = std::min(p[k], q[k]) - margin;
+      upper[k] = std::max(p[k], q[k]) + margin;
+    }
+  }
+};
+
+// Bit i: the box of child i meets the span.
+FS_INLINE uint32_t children_in(const WideTree::Node& node, const Span& span) {
+  const Ints low = load(node.lower), high = load(node.upper);
+  const float per_step = 1 / node.step;
+  Ints meets = {-1, -1, -1, -1, -1, -1, -1, -1};
+  for (int k = 0; k < 3; ++k) {
+    // Within what a byte can say, so that nothing large is rounded.
+    const double lower = (span.lower[k] - node.origin[k]) * per_step, upper = (span.upper[k] - node.origin[k]) * per_step;
+    meets &= (field(low, 8 * k, 8) <= all(static_cast<float>(std::min(upper, 300.0) + 0.01))) &
+             (field(high, 8 * k, 8) >= all(static_cast<float>(std::max(lower, -300.0) - 0.01)));
+  }
+  return bits(meets) & node.filled;
+}
+
+// Bit i: the box of triangle i may meet the span.
+FS_INLINE uint32_t triangles_in(const Packet& packet, const Span& span) {
+  Ints id;
+  std::memcpy(&id, packet.triangle, sizeof id);
+  Ints meets = id != -1;
+  if (packet.per_unit > 0) {
+    const Ints a = load(packet.corners[0]), b = load(packet.corners[1]), c = load(packet.corners[2]);
+    for (int k = 0; k < 3; ++k) {
+      const Floats x = field(a, 10 * k, 10), y = field(b, 10 * k, 10), z = field(c, 10 * k, 10);
+      const double lower = (span.lower[k] - packet.lower[k]) * packet.per_unit,
+                   upper = (span.upper[k] - packet.lower[k]) * packet.per_unit;
+      meets &= (least(least(x, y), z) <= all(static_cast<float>(std::min(upper, 2000.0) + 1))) &
+               (most(most(x, y), z) >= all(static_cast<float>(std::max(lower, -2000.0) - 1)));
+    }
+  }
+  return bits(meets);
+}
+
 }  // namespace
 
 MeshTree::MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corners, Wanted& wanted)
@@ -200,6 +247,62 @@ MeshTree::Found MeshTree::find(const Query& query) const noexcept {
   if (has_avx2) return find_avx2(query);
 #endif
   return find_plain(query);
+}
+
+// Returns the triangle, or none.
+FS_INLINE uint32_t MeshTree::cross(Side side, Vec3 from, Vec3 to, double& part) const noexcept {
+  const Vec3 start = frame_.local(from), way = frame_.local(to) - start;
+  uint32_t out = no_triangle;
+  part = std::numeric_limits<double>::infinity();
+  Span span(start, start + way);
+  uint32_t stack[WideTree::most_depth * (WideTree::width - 1) + 1];
+  uint32_t size = 0;
+  stack[size++] = tree_.nodes() ? WideTree::root : WideTree::leaf_bit;
+  while (size > 0) {
+    const uint32_t child = stack[--size];
+    if (!(child & WideTree::leaf_bit)) {
+      const WideTree::Node& node = tree_.nodes()[child];
+      for (uint32_t near = children_in(node, span); near; near &= near - 1) {
+        stack[size++] = node.child[std::countr_zero(near)];
+      }
+      continue;
+    }
+    const Packet& packet = packets_[child & ~WideTree::leaf_bit];
+    for (uint32_t near = triangles_in(packet, span); near; near &= near - 1) {
+      const uint32_t triangle = packet.triangle[std::countr_zero(near)];
+      const uint32_t* v = corners_.data() + size_t{3} * triangle;
+      double here;
+      if (!crosses_triangle(points_[v[0]], points_[v[1]], points_[v[2]], side, from, to, here)) continue;
+      if (here > part || (here == part && triangle > out)) continue;
+      part = here;
+      out = triangle;
+      span = Span(start, start + part * way);
+    }
+  }
+  return out;
+}
+
+#ifdef __x86_64__
+__attribute__((target("avx2"))) uint32_t MeshTree::cross_avx2(Side side, Vec3 from, Vec3 to, double& part) const noexcept {
+  return cross(side, from, to, part);
+}
+#endif
+
+bool MeshTree::first_crossing(Side side, Vec3 from, Vec3 to, Crossing& out) const noexcept {
+  double part;
+#ifdef __x86_64__
+  const uint32_t triangle = has_avx2 ? cross_avx2(side, from, to, part) : cross(side, from, to, part);
+#else
+  const uint32_t triangle = cross(side, from, to, part);
+#endif
+  if (triangle == no_triangle) return false;
+  out.part = part;
+  out.point = from + part * (to - from);
+  out.triangle = triangle;
+  out.normal = normals_.face(triangle);
+  if (side == Side::back) out.normal = -out.normal;
+  if (out.normal == Vec3{}) out.normal = normalized(from - to);  // its area is only rounding error
+  return true;
 }
 
 Closest MeshTree::tell(Vec3 x, const Found& found) const noexcept {

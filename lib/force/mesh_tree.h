@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "force/crossing.h"
 #include "force/packet.h"
 #include "force/primitive.h"
 #include "force/pseudonormals.h"
@@ -43,6 +44,9 @@ class MeshTree {
   // [rt] The same as closest_point() in primitive.h tells it.
   Closest tell(Vec3 x, const Found& found) const noexcept;
 
+  // [rt] See crossing.h.
+  bool first_crossing(Side side, Vec3 from, Vec3 to, Crossing& out) const noexcept;
+
   size_t size() const noexcept;  // bytes
 
  private:
@@ -50,6 +54,8 @@ class MeshTree {
   Found find_from(const Query& query) const noexcept;
   Found find_plain(const Query& query) const noexcept;
   Found find_avx2(const Query& query) const noexcept;
+  uint32_t cross(Side side, Vec3 from, Vec3 to, double& part) const noexcept;
+  uint32_t cross_avx2(Side side, Vec3 from, Vec3 to, double& part) const noexcept;
 
   Nearest nearest_on(uint32_t triangle, Vec3 x) const noexcept {
     const uint32_t* v = corners_.data() + size_t{3} * triangle;
