@@ -65,17 +65,21 @@ def from_record(field):
             "uint32_t": f"  out.{name} = static_cast<uint32_t>(from.{name});"}.get(kind(field), f"  out.{name} = from.{name};")
 
 
+def size(field):
+    return {"record": sizes.get(field["type"]), "text": field["size"], "as it is": field["size"]}.get(kind(field), 8)
+
+
 def record(name):
-    struct, record_name = structs[name], TRANSLATED[name]
-    fields = [field for field in struct["fields"] if is_sent(field)]
-    size = {"as it is": lambda f: f["size"], "text": lambda f: f["size"], "record": lambda f: sizes[f["type"]]}
-    sizes[name] = sum(size.get(kind(field), lambda f: 8)(field) for field in fields)
-    lines = [f"struct {record_name} {{", *map(declaration, fields), "};",
-             f"static_assert(sizeof({record_name}) == {sizes[name]});", "",
-             f"inline {record_name} to_record(const {name}& from) {{", f"  {record_name} out{{}};", *map(to_record, fields),
-             "  return out;", "}", "", f"inline {name} from_record(const {record_name}& from) {{", f"  {name} out{{}};",
-             "  out.struct_size = sizeof out;" if struct["growing"] else "", *map(from_record, fields), "  return out;", "}"]
-    return [line for place, line in enumerate(lines) if line or lines[place - 1] in ("}", f"static_assert(sizeof({record_name}) == {sizes[name]});")]
+    fields = [field for field in structs[name]["fields"] if is_sent(field)]
+    sizes[name] = sum(map(size, fields))
+    me = TRANSLATED[name]
+    begin = ["  out.struct_size = sizeof out;"] if structs[name]["growing"] else []
+    return "\n".join([
+        f"struct {me} {{", *map(declaration, fields), "};", f"static_assert(sizeof({me}) == {sizes[name]});", "",
+        f"inline {me} to_record(const {name}& from) {{", f"  {me} out{{}};", *filter(None, map(to_record, fields)),
+        "  return out;", "}", "",
+        f"inline {name} from_record(const {me}& from) {{", f"  {name} out{{}};", *begin, *filter(None, map(from_record, fields)),
+        "  return out;", "}", ""])
 
 
 def with_those_inside(name, seen):
@@ -111,7 +115,7 @@ namespace fs::wire {
 // An enum may come as any number: it is checked where it is used.
 
 """
-text += "\n".join("\n".join(record(name)) + "\n" for name in TRANSLATED)
+text += "\n".join(map(record, TRANSLATED))
 text += """
 // FIELD(record, field) for each field of these records and of the structs that are sent as they are.
 #define FORCESERVER_CONTRACT_FIELDS(FIELD) \\
