@@ -65,22 +65,22 @@ void Chunk::set_object(uint32_t i, Ref<const Object> given) noexcept {
   place(i);
 }
 
-void Box::add(const Box& other) noexcept {
+void FeltBox::add(const FeltBox& other) noexcept {
   low = {std::min(low.x, other.low.x), std::min(low.y, other.low.y), std::min(low.z, other.low.z)};
   high = {std::max(high.x, other.high.x), std::max(high.y, other.high.y), std::max(high.z, other.high.z)};
 }
 
-bool Box::is_inside(const Box& other) const noexcept {
+bool FeltBox::is_inside(const FeltBox& other) const noexcept {
   return low.x > other.low.x && low.y > other.low.y && low.z > other.low.z && high.x < other.high.x &&
          high.y < other.high.y && high.z < other.high.z;
 }
 
-double Box::distance(Vec3 from) const noexcept {
+double FeltBox::distance(Vec3 from) const noexcept {
   const auto beyond = [](double x, double low, double high) { return std::max(0.0, std::max(low - x, x - high)); };
   return norm(Vec3{beyond(from.x, low.x, high.x), beyond(from.y, low.y, high.y), beyond(from.z, low.z, high.z)});
 }
 
-Box Chunk::box_of(uint32_t i) const noexcept {
+FeltBox Chunk::box_of(uint32_t i) const noexcept {
   const Motions& group = *motions[i / Motions::size];
   const uint32_t k = i % Motions::size;
   const double r = group.reach[k];
@@ -90,7 +90,7 @@ Box Chunk::box_of(uint32_t i) const noexcept {
 }
 
 // A row has gone from one box to another.
-void Chunk::bound(const Box& before, const Box& after) noexcept {
+void Chunk::bound(const FeltBox& before, const FeltBox& after) noexcept {
   const bool was_empty = !(before.low.x <= before.high.x);
   if (was_empty || before.is_inside(box)) return box.add(after);
   box = {};
@@ -99,7 +99,7 @@ void Chunk::bound(const Box& before, const Box& after) noexcept {
 
 void Chunk::place(uint32_t i) noexcept {
   if (!row(i).object) return;
-  const Box before = box_of(i);
+  const FeltBox before = box_of(i);
   const uint64_t bit = uint64_t{1} << i;
   const Object& object = *row(i).object;
   Motions& group = *motions[i / Motions::size];
@@ -136,7 +136,7 @@ void Chunk::place(uint32_t i) noexcept {
 
 void Chunk::drop(uint32_t i) noexcept {
   const uint64_t bit = uint64_t{1} << i;
-  const Box before = box_of(i);
+  const FeltBox before = box_of(i);
   rows->rows[i] = {};
   rows->forget_formulas(bit);
   used &= ~bit;

@@ -69,12 +69,12 @@ struct Motions : LocalCounted<Motions> {
 };
 
 // An axis-aligned box, m; empty at first.
-struct Box {
+struct FeltBox {
   Vec3 low{never, never, never}, high{-never, -never, -never};
 
-  void add(const Box& other) noexcept;
-  bool is_inside(const Box& other) const noexcept;      // without touching it
-  double distance(Vec3 from) const noexcept;            // m; infinite of an empty box
+  void add(const FeltBox& other) noexcept;
+  bool is_inside(const FeltBox& other) const noexcept;  // without touching it
+  double distance(Vec3 from) const noexcept;  // m; infinite of an empty box
 };
 
 struct Chunk : LocalCounted<Chunk> {
@@ -83,7 +83,7 @@ struct Chunk : LocalCounted<Chunk> {
   uint64_t used = 0;                           // bit i: row i is in use
   uint64_t standing = 0;                       // its position does not depend on time, and is the centre
   uint64_t planes = 0;                         // it has no centre: its distance decides
-  Box box;                                     // where any of its rows but the planes may be felt
+  FeltBox box;                                 // where any of its rows but the planes may be felt
   Ref<Rows> rows;
   Ref<Motions> motions[chunk_size / Motions::size];  // null where none of the four has been in use
 
@@ -103,8 +103,8 @@ struct Chunk : LocalCounted<Chunk> {
 
  private:
   void place(uint32_t i) noexcept;  // works out centre and reach, as soon as there are object and motion
-  Box box_of(uint32_t i) const noexcept;
-  void bound(const Box& before, const Box& after) noexcept;
+  FeltBox box_of(uint32_t i) const noexcept;
+  void bound(const FeltBox& before, const FeltBox& after) noexcept;
 };
 
 // Where the rows of a chunk may be felt, close together and in half the room: for a reader that looks at many.
