@@ -190,8 +190,10 @@ class Describer:
                 kind = "list"
             elif (name, type_) == ("capacity", "size_t"):
                 kind = "capacity"
-            elif is_count and type_ in ("size_t", "size_t *"):
-                kind = "count" if stars == 0 else "out count"
+            elif is_count and type_ == "size_t":
+                kind = "count"
+            elif is_count and type_ == "size_t *" and (given[place - 1][0] == "capacity" or "*" in function.result_type.spelling):
+                kind = "out count"
             elif stars == 1 and base == "char" and is_const:
                 kind = "string"
                 table = table + ["null"] * (name == "client")

@@ -1024,6 +1024,18 @@ py::object make_in_thread(std::function<fs_status(T**)> call) {
   return new_handle(work->made);
 }
 
+// Builds the search tree in such a thread, which has a reference of its own: so the shape can be closed meanwhile.
+inline py::object build(Handle<fs_shape>& shape) {
+  const Use<fs_shape> use(shape);
+  make_in_thread<fs_shape>([kept = retained(static_cast<fs_shape*>(use))](fs_shape** out) {
+    const fs_status status = fs_shape_build(kept);
+    if (status < 0) fs_shape_destroy(kept);
+    else *out = kept;
+    return status;
+  });
+  return py::none();
+}
+
 // Steps a servo a few ticks at a time, so that it can be closed and Ctrl-C is heard. What the last tick says counts.
 inline void step(Handle<fs_servo>& servo, uint64_t ticks) {
   using clock = std::chrono::steady_clock;

@@ -15,8 +15,12 @@ HERE = pathlib.Path(__file__).resolve().parent
 # What no rule gives.
 ONE_THREAD_AT_A_TIME = {"fs_tool"}  # only the comment of fs_tool_create says so
 END_BEFORE_EXIT = {"fs_servo"}  # stopped before the interpreter ends, so that the force is 0
-IN_THREAD = {"fs_scene_connect"}  # waits, but its timeout is inside a string
-IN_SLICES = {"fs_servo_step": "step(self, ticks_);"}  # core.h has it by hand: it may run for long, but has no timeout
+IN_THREAD = {"fs_scene_connect", "fs_device_open", "fs_shape_load"}  # may take seconds, and take no timeout
+BY_HAND = {  # may take seconds, and make no handle: core.h has them
+    "fs_servo_step": "step(self, ticks_);\nreturn py::none();",
+    "fs_shape_build": "return build(self);",
+}
+LEFT = "Ctrl-C ends the wait; the call then ends in a thread of its own, which gives back what it has made."
 CHANGES = {"set", "change", "move", "remove", "clear", "load"}  # verbs that change a scene: they join an open group
 GROUP = {"fs_scene_begin", "fs_scene_commit", "fs_scene_cancel"}
 BASES = {
@@ -152,6 +156,14 @@ class Generator:
     def shown_fields(self, struct):
         return [f for f in struct["fields"] if not f["name"].startswith(HIDDEN) and f["type"] != "void *"]
 
+    def parts(self):
+        """The fs_part bit of each field of an object, as the comments of the bits list them."""
+        parts = {field: value for _, value, comment in self.enums["fs_part"]["members"] for field in comment.split(", ")}
+        shown = {field["name"] for field in self.shown_fields(self.structs["fs_object"])}
+        if parts.keys() != shown - {"name"}:
+            sys.exit(f"the comments of fs_part and the fields of fs_object differ in {parts.keys() ^ (shown - {'name'})}")
+        return parts
+
     # ------------------------------------------------------------------------------------------------------- structs
 
     def numpy_field(self, field):
@@ -234,6 +246,9 @@ class Generator:
             keywords = []
             for f in self.shown_fields(struct):
                 unit, comment = self.unit(struct, f), f["comment"]
+                if f["type"] == "fs_quat":
+                    comment += "; " if comment else ""
+                    comment += "(w, x, y, z), or scipy's Rotation; the order of its as_quat() is x, y, z, w"
                 bits = self.bits(f)
                 if bits:
                     variable = f"&enum_of<{bits['name']}>" if bits["name"] else f"&{bits['python']}"
@@ -452,8 +467,8 @@ class Generator:
     def body(self, function, self_, keeps_gil, called, list_of, before, uses, after, outputs, types):
         name, result = function["name"], function["result"]
         run = called if keeps_gil else f"without_gil([&] {{ return {called}; }})"
-        if name in IN_SLICES:
-            return before + [IN_SLICES[name], "return py::none();"]
+        if name in BY_HAND:
+            return before + [BY_HAND[name]]
         if name in IN_THREAD:
             (handle,) = (bare(p["type"]) for p in function["parameters"] if p["kind"] == "new handle")
             before = [line for line in before if not line.startswith(handle)]
@@ -576,8 +591,9 @@ class Generator:
         arguments = [(a, t, default if i > required else None) for i, (a, t, default) in enumerate(arguments)]
         shown = ", ".join(a + (f"={default}" if default else "") for a, _, default in arguments)
         listed = ", ".join((["$self"] if self_ else []) + ([shown] if shown else []))
+        left = LEFT + "\n\n" if function["name"] in IN_THREAD | {"fs_shape_build"} else ""
         doc = (
-            f"{python}({listed})\n--\n\n" + f"{function['comment']}\n\nIn C: {function['name']}.".strip()
+            f"{python}({listed})\n--\n\n" + f"{function['comment']}\n\n{left}In C: {function['name']}.".strip()
         )  # read by inspect.signature
         parameters = (["const py::object& object_of_self"] if self_ else []) + [
             f"const py::object& {a}" for a, _, _ in arguments
@@ -622,6 +638,9 @@ class Generator:
             if not self.is_for_binding(function):
                 self.add_function(function)
         self.cpp += [f'module.attr("{c["name"][3:]}") = {c["value"]};' for c in self.d["constants"]]
+        self.cpp.append("py::dict parts;")
+        self.cpp += [f'parts["{field}"] = {bit};' for field, bit in self.parts().items()]
+        self.cpp.append('module.attr("PARTS") = parts;')
         # What the package takes as it is: all but the handles, most of which it has classes of its own for.
         self.public = (
             ["Error"]
@@ -712,6 +731,7 @@ class Generator:
         yield from self.stubs_of[None]
         for c in self.d["constants"]:
             yield f"{c['name'][3:]}: {type(c['value']).__name__}"
+        yield "PARTS: dict[str, int]  # the fs_part bit of each field of Object"
 
 
 def main():

@@ -1,4 +1,4 @@
-// Reads enums of the C contract that a caller has set.
+// Reads and writes enums of the C contract, whatever number a caller has set them to.
 #pragma once
 
 #include <cstdint>
@@ -14,6 +14,14 @@ int32_t raw_value(const Enum& value) {
   int32_t raw;
   std::memcpy(&raw, &value, sizeof raw);
   return raw;
+}
+
+// The enum of any number: it is checked where it is used.
+template <class Enum>
+Enum to_enum(int32_t raw) {
+  Enum value;
+  std::memcpy(&value, &raw, sizeof value);
+  return value;
 }
 
 }  // namespace fs

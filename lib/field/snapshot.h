@@ -74,7 +74,7 @@ struct Chunk : LocalCounted<Chunk> {
   uint64_t used = 0;                           // bit i: row i is in use
   uint64_t standing = 0;                       // its position does not depend on time, and is the centre
   uint64_t planes = 0;                         // it has no centre: its distance decides
-  Box box;                                     // where any of its rows but the planes may be felt
+  Box box;                                 // where any of its rows but the planes may be felt
   Ref<Rows> rows;
   Ref<Motions> motions[chunk_size / Motions::size];  // null where none of the four has been in use
 

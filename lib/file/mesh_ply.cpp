@@ -45,10 +45,10 @@ struct Element {
   }
 };
 
-enum class Format { ascii, little, big };
+enum class PlyFormat { ascii, little, big };
 
 struct Header {
-  Format format = Format::ascii;
+  PlyFormat format = PlyFormat::ascii;
   std::vector<Element> elements;
   size_t size = 0, lines = 0;  // of the header: bytes, lines
 };
@@ -62,13 +62,13 @@ Type parse_type(const Text& text, std::string_view word) {
   fail_at(FS_ERROR_PARSE, text.where(), "the type %s is none of PLY's (char .. double)", in_quotes(word).c_str());
 }
 
-Format parse_format(const Text& text, std::string_view word, std::string_view version) {
+PlyFormat parse_format(const Text& text, std::string_view word, std::string_view version) {
   if (version != "1.0") {
     fail_at(FS_ERROR_UNSUPPORTED, text.where(), "the version is %s, must be 1.0", in_quotes(version).c_str());
   }
-  if (word == "ascii") return Format::ascii;
-  if (word == "binary_little_endian") return Format::little;
-  if (word == "binary_big_endian") return Format::big;
+  if (word == "ascii") return PlyFormat::ascii;
+  if (word == "binary_little_endian") return PlyFormat::little;
+  if (word == "binary_big_endian") return PlyFormat::big;
   fail_at(FS_ERROR_UNSUPPORTED, text.where(),
           "the format is %s, must be ascii, binary_little_endian or binary_big_endian", in_quotes(word).c_str());
 }
@@ -340,9 +340,9 @@ MeshData parse_ply(std::string_view bytes, const std::string& file) {
   const Header header = parse_header(bytes, file);
   const std::string_view data = bytes.substr(header.size);
   switch (header.format) {
-    case Format::ascii: return read_elements(AsciiSource(data, file, header), header, file);
-    case Format::little: return read_elements(BinarySource<std::endian::little>(data, file, header), header, file);
-    case Format::big: break;
+    case PlyFormat::ascii: return read_elements(AsciiSource(data, file, header), header, file);
+    case PlyFormat::little: return read_elements(BinarySource<std::endian::little>(data, file, header), header, file);
+    case PlyFormat::big: break;
   }
   return read_elements(BinarySource<std::endian::big>(data, file, header), header, file);
 }

@@ -144,7 +144,7 @@ void Changes::apply_set(const wire::Set& set, uint64_t serial, bool is_change) {
   } else {
     client_.scene->set(linked.object);
   }
-  if ((is_new || brings_shape) && set.object.is_enabled) client_.awaited.names()[name] = 0;
+  if ((is_new || brings_shape) && set.object.enabled) client_.awaited.names()[name] = 0;
   client_.absent.erase(name);
   client_.moves.add(name);
   if (is_new || (set.parts & FS_PART_POSE)) client_.moves.bind(name, set.slot, serial);

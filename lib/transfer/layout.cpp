@@ -56,26 +56,9 @@ class Table {
 #define EACH_6(m, r, a, ...) m(r, a), EACH_5(m, r, __VA_ARGS__)
 #define EACH_7(m, r, a, ...) m(r, a), EACH_6(m, r, __VA_ARGS__)
 #define EACH_8(m, r, a, ...) m(r, a), EACH_7(m, r, __VA_ARGS__)
-#define EACH_9(m, r, a, ...) m(r, a), EACH_8(m, r, __VA_ARGS__)
-#define EACH_10(m, r, a, ...) m(r, a), EACH_9(m, r, __VA_ARGS__)
-#define EACH_11(m, r, a, ...) m(r, a), EACH_10(m, r, __VA_ARGS__)
-#define EACH_12(m, r, a, ...) m(r, a), EACH_11(m, r, __VA_ARGS__)
-#define EACH_13(m, r, a, ...) m(r, a), EACH_12(m, r, __VA_ARGS__)
-#define EACH_14(m, r, a, ...) m(r, a), EACH_13(m, r, __VA_ARGS__)
-#define EACH_15(m, r, a, ...) m(r, a), EACH_14(m, r, __VA_ARGS__)
-#define EACH_16(m, r, a, ...) m(r, a), EACH_15(m, r, __VA_ARGS__)
-#define EACH_17(m, r, a, ...) m(r, a), EACH_16(m, r, __VA_ARGS__)
-#define EACH_18(m, r, a, ...) m(r, a), EACH_17(m, r, __VA_ARGS__)
-#define EACH_19(m, r, a, ...) m(r, a), EACH_18(m, r, __VA_ARGS__)
-#define EACH_20(m, r, a, ...) m(r, a), EACH_19(m, r, __VA_ARGS__)
-#define EACH_21(m, r, a, ...) m(r, a), EACH_20(m, r, __VA_ARGS__)
-#define EACH_22(m, r, a, ...) m(r, a), EACH_21(m, r, __VA_ARGS__)
-#define PICK(_1, _2, _3, _4, _5, _6, _7, _8, _9, _10, _11, _12, _13, _14, _15, _16, _17, _18, _19, _20, _21, _22, name, ...) \
-  name
-#define EACH(m, r, ...)                                                                                              \
-  PICK(__VA_ARGS__, EACH_22, EACH_21, EACH_20, EACH_19, EACH_18, EACH_17, EACH_16, EACH_15, EACH_14, EACH_13, EACH_12, \
-       EACH_11, EACH_10, EACH_9, EACH_8, EACH_7, EACH_6, EACH_5, EACH_4, EACH_3, EACH_2, EACH_1)                      \
-  (m, r, __VA_ARGS__)
+#define PICK(_1, _2, _3, _4, _5, _6, _7, _8, name, ...) name
+#define EACH(m, r, ...) \
+  PICK(__VA_ARGS__, EACH_8, EACH_7, EACH_6, EACH_5, EACH_4, EACH_3, EACH_2, EACH_1)(m, r, __VA_ARGS__)
 
 #define RECORD(record, ...)                                                                                       \
   static_assert(sum(EACH(SIZE, record, __VA_ARGS__)) == sizeof(record) && std::is_trivially_copyable_v<record> && \
@@ -94,16 +77,8 @@ std::string make_layout_text() {
   RECORD(Group, bytes);
   RECORD(Welcome, inbox_bytes, outbox_bytes, max_objects, is_virtual, is_locked, rate);
   RECORD(Reply, status, reserved, text);
-  RECORD(fs_vec3, x, y, z);
-  RECORD(fs_quat, w, x, y, z);
-  RECORD(fs_pose, position, orientation);
-  RECORD(fs_twist, linear, angular);
-  RECORD(fs_wrench, force, torque);
-  RECORD(fs_mat3, xx, xy, xz, yx, yy, yz, zx, zy, zz);
-  RECORD(fs_frame, pose, scale, force_scale);
-  RECORD(Profile, kind, sense, gain, offset, width, limit, reach, curve);
-  RECORD(Object, name, primitive, tool_points, pose, twist, time, start, lifetime, front, back, damping, keep,
-         is_enabled, contact_stiffness, contact_limit, contact_damping, contact_friction, shape);
+#define ADD(record, field) table.add(#record, {FIELD(record, field)});
+  FORCESERVER_CONTRACT_FIELDS(ADD)
   RECORD(Set, slot, parts, object);
   RECORD(Motion, pose, twist, time, horizon);
   RECORD(Place, name, motion);
@@ -122,22 +97,8 @@ std::string make_layout_text() {
   RECORD(Count, count);
   RECORD(Pulled, state, slot, news, object, motion, frame, tool);
   RECORD(Move, after, motion);
-  RECORD(fs_state, pose, twist, time, buttons, flags, reserved);
-  RECORD(fs_response, wrench, stiffness, proxy, felt_count, flags, error_bound, reserved);
   RECORD(HandSample, state, response, sent);
-  RECORD(fs_event, kind, status, time, value, name, text);
   RECORD(EventSlot, number, event);
-  RECORD(fs_report, name, primitive, state, revision, weight, stiffness_wanted, stiffness_applied, distance, point,
-         wrench, reserved);
-  RECORD(fs_view, frame, tool, points, point_count, held, reserved_8, reserved);
-  RECORD(fs_motion, name, primitive, reserved_32, revision, motion_revision, pose, twist, time, horizon, reserved);
-  RECORD(fs_client, name, process, user, objects, reserved_32, connected, force_limit, wrench, moves, changes, refused,
-         limited, shape_bytes, reserved);
-  RECORD(fs_servo_stats, struct_size, realtime, faults, protections_off, rate, max_stiffness, damping, energy, ticks,
-         misses, device_errors, guarded, approximated, late_p50, late_p99, late_max, compute_p50, compute_p99,
-         compute_max, enabled, reserved);
-  RECORD(fs_device_info, struct_size, force_axes, torque_axes, reserved, name, serial, workspace_radius,
-         workspace_height, workspace_angle, force_max, torque_max, resolution, rate, delay, damping, mass);
   REGION(Outbox, servo, heartbeat, is_closed, is_asleep, news, applied, events_written, events);
   REGION(ServoOutput, time, tick, used, hand);
   REGION(InboxHead, batch, summary);

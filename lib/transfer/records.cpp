@@ -3,80 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/enum.h"
 #include "base/error.h"
 
 namespace fs {
-namespace {
-
-wire::Profile to_record(const fs_profile& p) {
-  return {raw_value(p.kind), raw_value(p.sense), p.gain, p.offset, p.width, p.limit, p.reach, 0};
-}
-
-template <class Enum>
-Enum to_enum(int32_t value) {  // it may be any number: it is checked where it is used
-  Enum out;
-  std::memcpy(&out, &value, sizeof out);
-  return out;
-}
-
-fs_profile from_record(const wire::Profile& p) {
-  fs_profile out{};
-  out.kind = to_enum<fs_profile_kind>(p.kind);
-  out.sense = to_enum<fs_sense>(p.sense);
-  out.gain = p.gain;
-  out.offset = p.offset;
-  out.width = p.width;
-  out.limit = p.limit;
-  out.reach = p.reach;
-  return out;
-}
-
-}  // namespace
-
-wire::Object to_record(const fs_object& o) {
-  wire::Object out{};
-  std::memcpy(out.name, o.name, sizeof out.name);
-  out.primitive = raw_value(o.primitive);
-  out.tool_points = o.tool_points;
-  out.pose = o.pose;
-  out.twist = o.twist;
-  out.time = o.time;
-  out.start = o.start;
-  out.lifetime = o.lifetime;
-  out.front = to_record(o.front);
-  out.back = to_record(o.back);
-  out.damping = o.damping;
-  out.keep = raw_value(o.contact.keep);
-  out.is_enabled = o.enabled;
-  out.contact_stiffness = o.contact.stiffness;
-  out.contact_limit = o.contact.limit;
-  out.contact_damping = o.contact.damping;
-  out.contact_friction = o.contact.friction;
-  return out;
-}
-
-fs_object from_record(const wire::Object& r) {
-  fs_object out = fs_object_init(nullptr, FS_PRIMITIVE_POINT);
-  std::memcpy(out.name, r.name, sizeof out.name);
-  out.primitive = to_enum<fs_primitive>(r.primitive);
-  out.tool_points = r.tool_points;
-  out.pose = r.pose;
-  out.twist = r.twist;
-  out.time = r.time;
-  out.start = r.start;
-  out.lifetime = r.lifetime;
-  out.front = from_record(r.front);
-  out.back = from_record(r.back);
-  out.damping = r.damping;
-  out.contact.keep = to_enum<fs_keep>(r.keep);
-  out.enabled = r.is_enabled != 0;
-  out.contact.stiffness = r.contact_stiffness;
-  out.contact.limit = r.contact_limit;
-  out.contact.damping = r.contact_damping;
-  out.contact.friction = r.contact_friction;
-  return out;
-}
 
 std::optional<size_t> record_size(uint32_t type) noexcept {
   using namespace wire;

@@ -15,11 +15,8 @@ namespace fs {
 // The size of the record of a message or change; nothing: there is no such type, or it is a group.
 std::optional<size_t> record_size(uint32_t type) noexcept;
 
-// All but the numbers of shape and curves.
-wire::Object to_record(const fs_object& object);
-// The handles are null.
-fs_object from_record(const wire::Object& record);
-
+using wire::from_record;  // of objects: contract.h
+using wire::to_record;
 wire::Motion to_record(const Motion& motion);
 Motion from_record(const wire::Motion& record);                         // INVALID
 bool from_record(const wire::Motion& record, Motion& motion) noexcept;  // the same without a sentence

@@ -13,6 +13,8 @@
 
 #include <forceserver/server.h>
 
+#include "transfer/contract.h"
+
 namespace fs::wire {
 
 // ---------------------------------------------------------------------------------------- connecting: never changes
@@ -107,29 +109,9 @@ struct Reply {
 // Shapes and curves are named by numbers that never come twice in a process. In the records of both ends it is the client's
 // number, of one that the client has sent in a Shape or Curve; or, with the bit `of_server`, the server's.
 inline constexpr uint64_t of_server = uint64_t{1} << 63;
+// An Object and its Profiles are in contract.h. In an Object no default is left: of its times only lifetime may be 0.
 // The sentence of a STATE: the client has to send the shape or curve as its own.
 inline constexpr const char* not_offered = "the server no longer offers this shape or curve";
-
-struct Profile {
-  int32_t kind, sense;
-  double gain, offset, width, limit, reach;
-  uint64_t curve;                // 0: none
-};
-
-struct Object {
-  char name[FS_NAME_SIZE];
-  int32_t primitive;
-  uint32_t tool_points;
-  fs_pose pose;
-  fs_twist twist;
-  double time, start, lifetime;  // s; no default is left: only lifetime may be 0
-  Profile front, back;
-  double damping;
-  int32_t keep;
-  uint32_t is_enabled;
-  double contact_stiffness, contact_limit, contact_damping, contact_friction;
-  uint64_t shape;                // 0: none
-};
 
 inline constexpr uint32_t no_slot = ~0u;
 

@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 include, c, cxx = sys.argv[1:4]
-STRICT = ["-Wall", "-Wextra", "-pedantic", "-Wpadded", "-Werror", f"-I{include}", "-c", "-o", "/dev/null", "-"]
+STRICT = ["-Wall", "-Wextra", "-pedantic", "-Wpadded", "-Werror", f"-I{include}", "-fsyntax-only", "-"]
 LANGUAGES = {"C99": [c, "-std=c99", "-xc"], "C11": [c, "-std=c11", "-xc"], "C++20": [cxx, "-std=c++20", "-xc++"]}
 
 
@@ -19,12 +19,11 @@ def compiles(language, text):
 failed = False
 for language in LANGUAGES:
     for header in sorted(pathlib.Path(include, "forceserver").glob("*.h")):
-        for what in ["", " twice"]:
-            text = f"#include <forceserver/{header.name}>\n" * (2 if what else 1) + "int forceserver_header_test;\n"
-            good, errors = compiles(language, text)
-            if not good:
-                failed = True
-                print(f"{header.name}{what} as {language}:\n{errors}")
+        # Twice: the second time nothing of it may be left.
+        good, errors = compiles(language, f"#include <forceserver/{header.name}>\n" * 2 + "int forceserver_header_test;\n")
+        if not good:
+            failed = True
+            print(f"{header.name} as {language}:\n{errors}")
     # What a generator of bindings sees: a driver can be loaded, not written.
     good, errors = compiles(language, "#define SWIG\n#include <forceserver/driver.h>\n"
                             "fs_status (*forceserver_header_test)(const char *) = fs_driver_load;\n")

@@ -17,12 +17,6 @@
 
 namespace scenes {
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-inline constexpr bool is_sanitized = true;  // all is slower, and the heap is the sanitizer's
-#else
-inline constexpr bool is_sanitized = false;
-#endif
-
 inline constexpr double long_enough = 30;  // s, for whatever must come, on a machine that is busy with other things too
 
 // Waits a little each time that it is asked; lasts until it has been asked for so long.

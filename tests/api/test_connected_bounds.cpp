@@ -222,10 +222,14 @@ static fs_report wait_for_state(ServerRig& rig, const Scene& scene, const char* 
   return report;
 }
 
+// Not at the centre of a sphere, where all triangles are equally near and each tick looks at all of them.
+static const fs_pose off_centre = at(0, 0, 0.02);
+
 START_TEST(max_megabytes) {
   fs_server_options options = fs_server_options_init();
   options.max_megabytes = 1;
   ServerRig rig(options);
+  rig.fake.state.pose = off_centre;
   const Scene me = rig.join("me"), bob = rig.join("bob");
   const Shape large = make_mesh(sphere_mesh(0.1, 50000));  // 12 bytes a triangle, 24 a point: 1.2 MB
   const Shape half = make_mesh(sphere_mesh(0.1, 22000)), other_half = make_mesh(sphere_mesh(0.1, 23000));
@@ -290,6 +294,7 @@ START_TEST(refused_and_set_again) {  // when there is room: it need not be remov
   fs_server_options options = fs_server_options_init();
   options.max_megabytes = 1;
   ServerRig rig(options);
+  rig.fake.state.pose = off_centre;
   const Scene me = rig.join("me");
   const Shape half = make_mesh(sphere_mesh(0.1, 22000)), other_half = make_mesh(sphere_mesh(0.1, 23000));
   set(me, solid("first", half));
@@ -365,6 +370,7 @@ END_TEST
 START_TEST(second_thoughts) {  // while a mesh is built
   ServerRig rig;
   const Scene me = rig.join("me");
+  rig.fake.state.pose = off_centre;
   const Shape first = make_mesh(sphere_mesh(0.05, 10000)), second = make_mesh(sphere_mesh(0.04, 10000));
   // Removed before it was there.
   set(me, solid("gone", first));
@@ -409,6 +415,7 @@ END_TEST
 START_TEST(views_wait_too) {  // in a group with a mesh; and what comes after it comes after it
   ServerRig rig;
   const Scene me = rig.join("me");
+  rig.fake.state.pose = off_centre;
   const Shape big = make_mesh(sphere_mesh(0.05, 30000));
   fs_frame first = fs_frame_init(), second = fs_frame_init();
   first.scale = 2;
@@ -438,6 +445,7 @@ END_TEST
 START_TEST(edits_wait_for_shapes) {  // a change of another's object brings a mesh
   ServerRig rig;
   const Scene me = rig.join("me"), bob = rig.join("bob");
+  rig.fake.state.pose = off_centre;
   const Shape big = make_mesh(sphere_mesh(0.05, 20000));
   set(me, push("a", 1));
   rig.settle(me.get());
@@ -576,6 +584,7 @@ START_TEST(a_client_that_goes) {  // while calls wait in other threads, and in t
   ServerRig rig;
   const Scene stays = rig.join("stays");
   Scene me = rig.join("me");
+  rig.fake.state.pose = off_centre;
   const Shape big = make_mesh(sphere_mesh(0.05, 50000));
   set(me, push("a", 2));
   set(me, solid("big", big));

@@ -969,10 +969,10 @@ START_TEST(a_mesh_replaced_at_1000_hz) {  // by an equal one, so that the force 
 }
 END_TEST
 
-START_TEST(a_frame_streamed_at_25_hz) {
+static void stream_a_frame(int variant, double fade) {  // at 25 Hz
   fs_servo_options options = world_options();
-  options.fade = _i / 2 ? 1 : 0.03;  // longer and shorter than the time between two frames
-  World world(_i % 2, options);
+  options.fade = fade;
+  World world(variant, options);
   world.step();
   world.set(push("push"));
   world.settle();
@@ -983,12 +983,15 @@ START_TEST(a_frame_streamed_at_25_hz) {
       fs_frame frame = fs_frame_init();
       frame.pose.position = {1e-5 * k, 0, 0};
       OK(fs_scene_set_frame(world.scene, &frame));
-      if (_i % 2 == connected) wait_a_little();
+      if (variant == connected) wait_a_little();
     }
     world.step();
     expect_felt(world, 2, k);
   }
 }
+START_TEST(a_stream_of_frames) { stream_a_frame(_i, 0.03); }  // a fade is over when the next frame comes
+END_TEST
+START_TEST(a_stream_of_frames_that_fade) { stream_a_frame(_i, 1); }
 END_TEST
 
 // ---- As many objects as a scene may have: with --long.
@@ -1059,15 +1062,16 @@ int main(int argc, char** argv) {
     return run_suite(suite);
   }
   TCase* random = new_case(suite, "at random");
-  for (const TTest* test : {in_one_thread, with_a_moving_hand, in_several_threads, with_clients}) {
-    tcase_add_loop_test(random, test, 0, seeds);
-  }
+  for (const TTest* test : {in_several_threads, with_clients}) tcase_add_loop_test(random, test, 0, seeds);
   tcase_add_test(random, with_a_server_that_is_held_up);
+  add_once(suite, "tools", {tools_come_and_go});
+  add_on_both(suite, "replaced", {a_mesh_replaced_at_1000_hz});
+  add_on_both(suite, "streamed", {a_stream_of_frames, a_stream_of_frames_that_fade});
+  if (seeks_races) return run_suite(suite);
+  for (const TTest* test : {in_one_thread, with_a_moving_hand}) tcase_add_loop_test(random, test, 0, seeds);
   add_once(suite, "second changes", {three_versions, a_version_comes_back_changed, two_shapes, two_frames, two_tools,
-                                     one_after_the_other, a_lazy_tool, tools_come_and_go});
+                                     one_after_the_other, a_lazy_tool});
   TCase* memory = new_case(suite, "memory");
   for (const int every : {0, 10}) tcase_add_loop_test(memory, many_sets_and_removes, every, every + 1);
-  add_on_both(suite, "replaced", {a_mesh_replaced_at_1000_hz});
-  tcase_add_loop_test(new_case(suite, "streamed"), a_frame_streamed_at_25_hz, 0, 4);
   return run_suite(suite);
 }

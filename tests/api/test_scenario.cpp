@@ -1023,7 +1023,8 @@ int main() {
                                  enabled_or_not});
   add_on_both(suite, "time", {twists_that_are_given, twists_that_are_worked_out, now_and_the_past, lifetimes});
   add_on_both(suite, "groups", {groups, other_threads_join, a_thousand_moves_are_one_tick, moves_are_one_tick,
-                                moves_and_sets_are_one_tick, all_kinds_are_one_tick, one_tick_of_a_thread});
+                                moves_and_sets_are_one_tick, all_kinds_are_one_tick, one_tick_of_a_thread},
+              OwnThreads::yes);
   add_on_both(suite, "view", {frames, clutch, tools});
   return run_suite(suite);
 }

@@ -650,6 +650,6 @@ int main() {
   add_on_both(suite, "data", {files, tools_of_ones_own});
   add_once(suite, "both", {bad_input});
   TCase* scripts = new_case(suite, "scripts");
-  tcase_add_loop_test(scripts, random_scripts, 0, 10);
+  tcase_add_loop_test(scripts, random_scripts, 0, is_sanitized ? times(3, 10) : 10);
   return run_suite(suite);
 }

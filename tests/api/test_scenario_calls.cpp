@@ -548,8 +548,9 @@ END_TEST
 int main() {
   Suite* suite = suite_create("scenario_calls");
   add_on_both(suite, "reports", {reports, fading_reports, revisions});
-  add_on_both(suite, "events", {device_events, nothing_happens, ready_events, waiting_holds_up_nobody, overflow});
-  add_on_both(suite, "sync", {sync_waits, hand_stats_device, a_running_servo});
+  add_on_both(suite, "events", {device_events, nothing_happens, ready_events, waiting_holds_up_nobody, overflow},
+              OwnThreads::yes);
+  add_on_both(suite, "sync", {sync_waits, hand_stats_device, a_running_servo}, OwnThreads::yes);
   add_on_both(suite, "force", {no_step_in_force, the_simulator});
   return run_suite(suite);
 }

@@ -881,6 +881,8 @@ END_TEST
 
 int main() {
   Suite* suite = suite_create("servo");
+  add_case(suite, "thread", {its_own_thread});
+  if (seeks_races) return run_suite(suite);
   add_case(suite, "force", {ramps_at_the_start, no_ramp, too_strong, limits_of_ones_own, axes_that_are_not_there,
                             enabled_or_not, frames});
   add_case(suite, "faults", {zero_until_ready, a_lost_device_comes_back, an_old_pose_is_no_pose, told_again,
@@ -888,7 +890,6 @@ int main() {
   add_case(suite, "record", {the_record, stats, rate_of_the_device});
   add_case(suite, "ownership", {bad_options, missing_protections, one_servo_each, device_by_hand,
                                 lives_on_without_its_makers});
-  add_case(suite, "time", {ages_stay, a_hundred_thousand_objects, late_ticks_latch, a_stall_ramps, its_own_thread,
-                           the_simulator});
+  add_case(suite, "time", {ages_stay, a_hundred_thousand_objects, late_ticks_latch, a_stall_ramps, the_simulator});
   return run_suite(suite);
 }

@@ -268,8 +268,24 @@ START_TEST(servos_come_and_go) {
 }
 END_TEST
 
+// Many positions at once are evaluated by several threads, which give what each position gives.
+START_TEST(a_field_of_many_positions) {
+  const Scene scene = make_scene();
+  fill(scene.get(), ball(100));
+  Random random(1);
+  std::vector<fs_vec3> places(4000), at_once(places.size()), some(places.size());
+  for (fs_vec3& x : places) x = random.in_box(0.1);
+  OK(fs_evaluate_field(scene.get(), nullptr, FS_NOW, places.data(), places.size(), at_once.data()));
+  for (size_t i = 0; i < places.size(); i += 500) {
+    OK(fs_evaluate_field(scene.get(), nullptr, FS_NOW, &places[i], 500, &some[i]));
+  }
+  for (size_t i = 0; i < places.size(); ++i) EXPECT_VECTOR(at_once[i], some[i], 0);
+}
+END_TEST
+
 int main() {
   Suite* suite = suite_create("threads");
-  add_case(suite, "threads", {all_at_once, the_hand_is_whole, handles_come_and_go, servos_come_and_go});
+  add_case(suite, "threads", {all_at_once, the_hand_is_whole, handles_come_and_go, servos_come_and_go,
+                              a_field_of_many_positions});
   return run_suite(suite);
 }

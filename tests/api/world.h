@@ -283,10 +283,14 @@ inline TCase* new_case(Suite* suite, const char* name) {
   suite_add_tcase(suite, test_case);
   return test_case;
 }
-// Each test twice: `_i` is its Variant.
-inline void add_on_both(Suite* suite, const char* name, std::initializer_list<const TTest*> tests) {
+// Each test twice: `_i` is its Variant. Races are sought in process only where the tests have threads of their own: otherwise
+// a thread runs there only while the test waits for it.
+enum class OwnThreads { no, yes };
+inline void add_on_both(Suite* suite, const char* name, std::initializer_list<const TTest*> tests,
+                        OwnThreads threads = OwnThreads::no) {
   TCase* test_case = new_case(suite, name);
-  for (const TTest* test : tests) tcase_add_loop_test(test_case, test, in_process, connected + 1);
+  const Variant first = seeks_races && threads == OwnThreads::no ? connected : in_process;
+  for (const TTest* test : tests) tcase_add_loop_test(test_case, test, first, connected + 1);
 }
 inline void add_once(Suite* suite, const char* name, std::initializer_list<const TTest*> tests) {
   TCase* test_case = new_case(suite, name);

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# interrupt.sh SOURCE_FOLDER QUICKSTART: Ctrl-C. The quickstart ends its flight early and keeps the summary; tests/run
-# ends at once with its children, whatever it is doing, and says so.
+# interrupt.sh SOURCE_FOLDER QUICKSTART: Ctrl-C and SIGTERM. The quickstart ends its flight early and keeps the summary;
+# tests/run ends at once with its children, whatever it is doing, and says so.
 set -uo pipefail
 source_folder=$1 quickstart=$2
 folder=$(mktemp -d)
@@ -38,14 +38,15 @@ done
 [ $failures = 0 ] || sed 's/^/    /' "$folder/flight"
 
 # tests/run in a folder of its own, with tools that never end.
-mkdir -p "$folder/tests" "$folder/tools"
+mkdir -p "$folder/tests/bindings" "$folder/tools"
 cp "$source_folder/tests/run" "$source_folder/tests/setup.sh" "$folder/tests"
 cat > "$folder/tools/stand_in" << 'END'
 #!/usr/bin/env bash
 case "$(basename "$0")" in
   dpkg-query) echo 'install ok installed'; exit ;;
   cmake) [ "$STOPS_AT" = cmake ] || exit 0 ;;
-  ninja) [ "$STOPS_AT" = ninja ] || exit 0 ;;
+  ninja) [ "$STOPS_AT" = ninja ] || { echo 'one: phony'; exit 0; } ;;
+  ctest) [ "$STOPS_AT" = ctest ] || { echo 'Test #1: one'; exit 0; } ;;
 esac
 sleep 1000 &
 echo $$ $! > "$STARTED.new" && mv "$STARTED.new" "$STARTED"
@@ -53,12 +54,15 @@ wait
 END
 chmod +x "$folder/tools/stand_in"
 for tool in cmake ninja ctest dpkg-query; do ln -s stand_in "$folder/tools/$tool"; done
-for tool in cmake ninja ctest; do
+cp "$folder/tools/stand_in" "$folder/tests/bindings/run_python"
+for tool in cmake ninja ctest run_python; do
+  signal=INT
+  [ $tool != run_python ] || signal=TERM
   export STOPS_AT=$tool STARTED=$folder/started_$tool
-  PATH=$folder/tools:$PATH "$folder/tests/run" > "$folder/account" 2>&1 &
+  PATH=$folder/tools:$PATH "$folder/tests/run" --all > "$folder/account" 2>&1 &
   run=$!
   wait_for test -s "$STARTED"
-  kill -INT $run
+  kill -$signal $run
   wait_for not kill -0 $run
   kill -KILL $run 2> /dev/null
   wait $run

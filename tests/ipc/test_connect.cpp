@@ -671,7 +671,7 @@ END_TEST
 START_TEST(a_large_mesh) {
   ServerRig rig;
   const Scene me = rig.join("me");
-  const Shape shape = make_mesh(sphere_mesh(0.05, 200'000));
+  const Shape shape = make_mesh(sphere_mesh(0.05, is_sanitized ? 40'000 : 200'000));
   fs_object o = fs_object_init("mesh", FS_PRIMITIVE_MESH);
   o.shape = shape.get();
   o.front = attract(100, 1000);

@@ -124,7 +124,7 @@ class Actor {
     if (random_.coin(0.2)) out.damping = random_.log_between(1e-3, 1e9);
     if (random_.coin(0.2)) out.lifetime = random_.log_between(1e-3, 10);
     out.tool_points = random_.coin(0.9) ? 0 : static_cast<uint32_t>(random_.bits());
-    out.is_enabled = random_.coin(0.9);
+    out.enabled = random_.coin(0.9);
     if (random_.coin(0.2)) out.start = number(random_);
     return spoiled(out);
   }

@@ -5,12 +5,15 @@
 #include <cstdint>
 #include <cstdlib>
 
+#include "scenes/sanitizer.h"
 #include "scenes/vector.h"
 
 namespace scenes {
 
 // How often a test does what it does at random, or without end: a few times, or as often as `all` says with tests/run --all.
 inline int times(int few, int all) { return std::getenv("FORCESERVER_ALL_TESTS") ? all : few; }
+// The same under a sanitizer only, which sees in a few runs what it would see in all of them.
+inline int sanitized_times(int few, int all) { return is_sanitized ? times(few, all) : all; }
 
 class Random {
  public:

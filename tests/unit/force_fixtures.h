@@ -22,6 +22,8 @@
 namespace fs::test {
 
 using scenes::Random;
+using scenes::sanitized_times;
+using scenes::seeks_races;
 using scenes::times;
 
 struct Mesh {

@@ -359,6 +359,7 @@ END_TEST
 }  // namespace
 
 int main() {
+  if (seeks_races) return run("curve", {many_readers_at_once});
   return run("curve", {table_goes_through_its_entries, table_never_overshoots, table_slopes_match_differences,
                        table_refusals, table_knows_its_steepest_slope, expression_knows_its_steepest_slope,
                        expression_values, expression_refusals,

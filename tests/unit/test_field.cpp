@@ -55,7 +55,7 @@ struct Points {
 START_TEST(lanes_agree) {
   Random random(1);
   double worst = 0;
-  for (int run = 0; run < 300; ++run) {
+  for (int run = 0; run < sanitized_times(60, 300); ++run) {
     const Points points(random);
     const Chunk& chunk = points.chunk;
     Weight weights[chunk_size];
@@ -115,7 +115,7 @@ START_TEST(contacts_agree) {
   const Vec3 bend[]{{-0.03, 0, 0}, {0, 0.02, 0}, {0.03, 0, 0.01}, {0.05, 0, 0.03}};
   const Ref<const Shape> polyline = make_polyline(bend, 4, false), mesh = box({0.01, 0.02, 0.03}).shape();
   double worst = 0;
-  for (int run = 0; run < 200; ++run) {
+  for (int run = 0; run < sanitized_times(50, 200); ++run) {
     fs_scene* scene = nullptr;
     ck_assert_int_eq(fs_scene_create(&scene), FS_OK);
     fs_tool* tool = nullptr;

@@ -391,7 +391,7 @@ END_TEST
 void check_sides(const Mesh& m, uint64_t seed, double size, const std::function<double(Vec3)>& outside) {
   const Ref<const Shape> shape = m.shape();
   Random random(seed);
-  for (int i = 0; i < 4000; ++i) {
+  for (int i = 0; i < sanitized_times(1000, 4000); ++i) {
     // About half of the points over an edge or a vertex.
     const auto [a, b, c] = m.corners(random.below(m.count()));
     const double u = random.between(0, 1), v = random.between(0, 1 - u), w = random.between(0, 1);
@@ -517,7 +517,7 @@ END_TEST
 // The property by which the tree needs no margin for rounding.
 START_TEST(closest_point_stays_in_the_box) {
   Random random(81);
-  for (int i = 0; i < 100000; ++i) {
+  for (int i = 0; i < sanitized_times(20000, 100000); ++i) {
     const double size = random.log_between(1e-6, 1);
     const Vec3 a = random.in_box(1), b = a + size * random.direction();
     Vec3 c = a + random.log_between(1e-6, 1) * random.direction();
@@ -746,6 +746,7 @@ END_TEST
 }  // namespace
 
 int main() {
+  if (seeks_races) return run("mesh", {built_by_many_threads});
   return run("mesh", {matches_the_reference, matches_the_reference_far_away, takes_bad_meshes, all_sizes_in_one_mesh,
                       hints_make_no_difference, a_search_can_be_cut,
                       ties_go_to_the_lowest_index, respects_the_largest_distance, sides_of_closed_meshes,

@@ -235,7 +235,7 @@ END_TEST
 START_TEST(convex_polygons_are_fans)
 {
   Random random(1);
-  for (int round = 0; round < 200; ++round) {
+  for (int round = 0; round < sanitized_times(40, 200); ++round) {
     const size_t n = 3 + random.below(30);
     Outline circle;
     for (size_t i = 0; i < n; ++i) {
@@ -292,7 +292,7 @@ START_TEST(holes_that_are_joined_by_a_cut)
   }
   // Many holes, all from one corner.
   Random random(3);
-  for (int round = 0; round < 100; ++round) {
+  for (int round = 0; round < sanitized_times(20, 100); ++round) {
     Outline points{{0, 0, 0}, {100, -1, 0}, {100, 101, 0}, {-1, 100, 0}};
     const int holes = 1 + static_cast<int>(random.below(20));
     for (int i = holes; i-- > 0;) {  // thin ones, as rays
@@ -325,7 +325,7 @@ START_TEST(any_outline_ends_well)
   Outline pentagram;
   for (int i = 0; i < 5; ++i) pentagram.push_back({std::cos(i * 2.513274), std::sin(i * 2.513274), 0});
   check(pentagram, "pentagram");
-  for (int round = 0; round < 1500; ++round) {
+  for (int round = 0; round < sanitized_times(300, 1500); ++round) {
     Outline points(4 + random.below(round % 10 == 0 ? 200 : 12));
     const double step = random.coin() ? 0 : 1 + static_cast<double>(random.below(4));  // on a grid they meet often
     for (Vec3& p : points) {
@@ -341,7 +341,7 @@ START_TEST(any_outline_ends_well)
     ck_assert_double_lt(norm(sum - doubled_area(points)), 1e-10);
   }
   // Folded: a simple polygon in its plane, but not in a plane.
-  for (int round = 0; round < 300; ++round) {
+  for (int round = 0; round < sanitized_times(60, 300); ++round) {
     Outline points = star(random, 4 + random.below(40));
     for (Vec3& p : points) p.z = random.between(-0.02, 0.02);
     const Vec3 normal = normalized(doubled_area(points));

@@ -100,7 +100,7 @@ END_TEST
 
 START_TEST(always_within_limits) {
   Random random(1);
-  for (int i = 0; i < 20000; ++i) {
+  for (int i = 0; i < sanitized_times(2000, 20000); ++i) {
     const Profile p = parse_profile(random_profile(random), "front");
     for (const double d : {0.0, 5e-324, random.log_between(1e-300, 1e300), random.log_between(1e-4, 10),
                            std::numeric_limits<double>::max(), infinity}) {
@@ -111,7 +111,7 @@ START_TEST(always_within_limits) {
   }
   // Components at the ends of the numbers.
   const double extremes[] = {5e-324, 1e-300, 1, 1e300, std::numeric_limits<double>::max()};
-  for (int i = 0; i < 20000; ++i) {
+  for (int i = 0; i < sanitized_times(2000, 20000); ++i) {
     fs_profile in = random_profile(random);
     in.gain = std::copysign(extremes[random.below(5)], in.gain);
     if (in.offset != 0) in.offset = std::copysign(extremes[random.below(5)], in.offset);
@@ -129,8 +129,9 @@ END_TEST
 
 START_TEST(slopes_match_differences) {
   Random random(2);
+  const int count = sanitized_times(2000, 20000);
   int compared = 0;
-  for (int i = 0; i < 20000; ++i) {
+  for (int i = 0; i < count; ++i) {
     const Profile p = parse_profile(random_profile(random), "front");
     const double d = random.log_between(1e-3, 3);
     const double h = 1e-5 * d;
@@ -142,14 +143,15 @@ START_TEST(slopes_match_differences) {
     const double difference = (high - low) / (2 * h);
     ck_assert_double_eq_tol(here.slope, difference, 1e-5 * std::fabs(here.slope) + 1e-10 * p.limit / h);
   }
-  ck_assert_int_gt(compared, 3000);
+  ck_assert_int_gt(compared, count / 7);
 }
 END_TEST
 
 START_TEST(nothing_beyond_the_support) {
   Random random(3);
+  const int count = sanitized_times(2000, 20000);
   int finite = 0;
-  for (int i = 0; i < 20000; ++i) {
+  for (int i = 0; i < count; ++i) {
     const Profile p = parse_profile(random_profile(random), "front");
     const double s = support(p);
     if (s == infinity) continue;
@@ -165,7 +167,7 @@ START_TEST(nothing_beyond_the_support) {
       ck_assert_double_gt(evaluate(p, 0, s * (1 - 1e-9), 0).force, 0);
     }
   }
-  ck_assert_int_gt(finite, 5000);
+  ck_assert_int_gt(finite, count / 4);
   ck_assert_double_eq(support(Profile{}), -1);
   const auto of = [](const fs_profile& p) { return support(parse_profile(p, "front")); };
   ck_assert_double_eq_tol(of(profile(FS_PROFILE_LINEAR_DECREASING, -100, 5, 10)), 0.05, 1e-15);
@@ -191,8 +193,9 @@ END_TEST
 
 START_TEST(steepest_slope_is_the_steepest) {
   Random random(4);
+  const int count = sanitized_times(300, 3000);
   int compared = 0;
-  for (int i = 0; i < 3000; ++i) {
+  for (int i = 0; i < count; ++i) {
     const Profile p = parse_profile(random_profile(random), "front");
     const double steepest = steepest_slope(p);
     const bool jumps = p.reach > 0 && evaluate(p, 0, p.reach, 0).force > 0;
@@ -208,7 +211,7 @@ START_TEST(steepest_slope_is_the_steepest) {
     ++compared;
     ck_assert_double_ge(largest, (p.kind == FS_PROFILE_GAUSSIAN ? 0.85 : 0.98) * steepest);  // its flank falls fast
   }
-  ck_assert_int_gt(compared, 1000);
+  ck_assert_int_gt(compared, count / 3);
   const auto of = [](const fs_profile& p) { return steepest_slope(parse_profile(p, "front")); };
   ck_assert_double_eq(of(profile(FS_PROFILE_CONSTANT, 3, 0, 10)), 0);
   ck_assert_double_eq(of(profile(FS_PROFILE_CONSTANT, 3, 0, 10, 1)), infinity);

@@ -11,6 +11,10 @@
 Units are SI. Quaternions are (w, x, y, z); scipy's order is x, y, z, w, so give its Rotation itself, which is
 converted, not the array of its as_quat().
 
+Ctrl-C ends the calls that wait: for events, sync, a server, a device, a group of another thread, the steps of a servo,
+and a mesh that is loaded or built. Any other call ends first. That takes long only where an object is set, or a scene
+loaded, with a mesh that was not built (1 s for a million triangles), and where a great many places are evaluated.
+
 This layer is written by hand and small. Below it, `forceserver._core` has every function, struct, enum and handle of
 the C headers, whose comments are the docstrings: `scene.get_reports()` is fs_scene_get_reports.
 """

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from os import PathLike
-from typing import TYPE_CHECKING, Any, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
@@ -14,23 +14,13 @@ from ._core import Curve, Object, Primitive, Profile, ProfileKind, Shape
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from ._core import Array, Contact, Rotation, Twist
+    from ._core import Array, ObjectFields, Rotation
 
-    class Common(TypedDict, total=False):
-        """What every kind of object has; the fields of Object have the comments."""
+    class Common(ObjectFields, total=False):
+        """What every kind of object has: the fields of Object, and those of its pose."""
 
         position: ArrayLike  # m, in the scene
-        orientation: ArrayLike | Rotation  # object to scene: (w, x, y, z), or scipy's Rotation
-        twist: Twist
-        time: float
-        start: float
-        lifetime: float
-        front: Profile
-        back: Profile
-        damping: float
-        contact: Contact
-        tool_points: int
-        enabled: bool
+        orientation: ArrayLike | Rotation  # object to scene: (w, x, y, z), or scipy's Rotation (scipy's order: x, y, z, w)
 
 
 # ------------------------------------------------------------------------------------------------------------ profiles
@@ -262,27 +252,10 @@ class Wall(Object):
 
 def fields_of(changes: dict[str, Any]) -> int:
     """The fs_part bits of the fields that are to be changed."""
-    part = _core.Part
-    parts = {
-        "position": part.POSE,
-        "orientation": part.POSE,
-        "pose": part.POSE,
-        "twist": part.POSE,
-        "time": part.POSE,
-        "front": part.PROFILES,
-        "back": part.PROFILES,
-        "damping": part.PROFILES,
-        "start": part.PROFILES,
-        "contact": part.CONTACT,
-        "primitive": part.SHAPE,
-        "shape": part.SHAPE,
-        "lifetime": part.OTHER,
-        "tool_points": part.OTHER,
-        "enabled": part.OTHER,
-    }
     bits = 0
     for name in changes:
-        if name not in parts:
+        field = "pose" if name in ("position", "orientation") else name
+        if field not in _core.PARTS:
             raise TypeError(f"an object has no field {name!r} that can be changed")
-        bits |= parts[name]
+        bits |= _core.PARTS[field]
     return bits

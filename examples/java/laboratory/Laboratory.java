@@ -95,17 +95,16 @@ public class Laboratory {
   static final class Link extends Thread {
     private final Scene scene;
     private final List<AutoCloseable> own = new ArrayList<>();  // the server, where it is ours
-    private final Runnable heard;
+    private Runnable heard;              // set before it starts
     private ForceObject wanted;  // guarded by this
     private boolean whole;       // whether its primitive is new
     volatile String status = "", problem = "";
     volatile double distance = Double.NaN, force, sent;
     volatile boolean felt;
 
-    Link(String endpoint, Runnable heard) {
+    Link(String endpoint) throws InterruptedException {
       super("laboratory link");
       setDaemon(true);
-      this.heard = heard;
       Scene connected;
       try {
         connected = Scene.connect(endpoint, NAME);
@@ -359,7 +358,9 @@ public class Laboratory {
   final JPanel panel = new JPanel(new BorderLayout(8, 8));
   private final JLabel values = new JLabel(" "), status = new JLabel(" ");
 
-  Laboratory(String endpoint) {
+  Laboratory(Link link) {
+    this.link = link;
+    link.heard = this::show;
     Vec3[] points = new Vec3[41];
     for (int i = 0; i < points.length; ++i) points[i] = new Vec3(-0.08 + 0.004 * i, 0.02 * Math.sin(i * 0.157), 0);
     wave = Shape.polyline(false, points);
@@ -367,7 +368,6 @@ public class Laboratory {
     for (int i = 0; i < 24; ++i) corners.put(i, (i / 3 >> i % 3 & 1) != 0 ? 0.02 : -0.02);
     box = Shape.mesh(corners, Buffers.of(0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4, 2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6,
         1, 3, 5, 3, 7, 5));
-    link = new Link(endpoint, this::show);
     plot = new Plot(model, link, () -> edited(false));
 
     JComboBox<Primitive> primitive = new JComboBox<>(Primitive.values());
@@ -486,11 +486,11 @@ public class Laboratory {
       System.err.println("laboratory: there is no display; --screenshot FILE.png needs none");
       System.exit(1);
     }
-    String at = endpoint;
     Laboratory[] made = new Laboratory[1];
     try {
+      Link link = new Link(endpoint);
       SwingUtilities.invokeAndWait(() -> {
-        made[0] = new Laboratory(at);
+        made[0] = new Laboratory(link);
         if (headless) return;
         JFrame frame = new JFrame("forceserver laboratory");
         frame.setDefaultCloseOperation(WindowConstants.EXIT_ON_CLOSE);  // the exit zeroes the force first
@@ -498,8 +498,8 @@ public class Laboratory {
         frame.pack();
         frame.setVisible(true);
       });
-    } catch (java.lang.reflect.InvocationTargetException e) {
-      System.err.println("laboratory: " + e.getCause().getMessage());
+    } catch (ForceServerException e) {
+      System.err.println("laboratory: " + e.getMessage());
       System.exit(1);
     }
     if (picture != null) {

@@ -1,9 +1,11 @@
 import java.nio.DoubleBuffer;
+import java.nio.IntBuffer;
 import java.nio.file.Files;
 import java.nio.file.Path;
 import java.util.ArrayList;
 import java.util.Comparator;
 import java.util.HashMap;
+import java.util.LinkedHashMap;
 import java.util.List;
 import java.util.Locale;
 import java.util.Map;
@@ -17,14 +19,15 @@ public final class Player implements AutoCloseable {
   private final Map<?, ?> scenario;
   private final Scene base = new Scene();
   private final Device device;
-  private final Scene scene;
+  private final Map<String, Scene> others = new LinkedHashMap<>();  // connected: the server's own, and that of another client
+  private Scene scene;
   private Servo servo;
   private Server server;
   private final Map<String, Shape> shapes = new HashMap<>();
   private final Map<String, Curve> curves = new HashMap<>();
   private StringBuilder line = new StringBuilder();
 
-  Player(Map<?, ?> scenario, boolean connected, Path folder) {
+  Player(Map<?, ?> scenario, boolean connected, Path folder) throws InterruptedException {
     this.scenario = scenario;
     this.connected = connected;
     this.folder = folder;
@@ -38,6 +41,8 @@ public final class Player implements AutoCloseable {
     servo = start();
     server = servo.serve(endpoint);
     scene = Scene.connect(endpoint, "player");
+    others.put("server", base);
+    others.put("other", Scene.connect(endpoint, "other"));
   }
 
   private Servo start() {
@@ -46,6 +51,7 @@ public final class Player implements AutoCloseable {
 
   @Override public void close() {
     scene.close();
+    others.values().forEach(Scene::close);
     if (server != null) server.close();
     if (servo != null) servo.close();
     device.close();
@@ -58,6 +64,8 @@ public final class Player implements AutoCloseable {
       if (step.containsKey("only") && step.get("only").equals("connected") != connected) continue;
       String place = prefix + i, status = "OK";
       line = new StringBuilder();
+      Scene own = scene;
+      if (step.containsKey("by")) scene = others.get(step.get("by"));
       try {
         if (step.get("do").equals("group")) {
           try (Change change = scene.change()) {
@@ -72,6 +80,7 @@ public final class Player implements AutoCloseable {
         status = e.status().toString();
         line = new StringBuilder();
       }
+      scene = own;
       System.out.println(place + "\t'" + status + line);
     }
   }
@@ -111,6 +120,20 @@ public final class Player implements AutoCloseable {
 
   private void give(Profile p) {
     give(p.kind().value(), p.sense().value(), p.gain(), p.offset(), p.width(), p.limit(), p.reach());
+  }
+
+  private void give(Report r) {
+    give(r.name());
+    give(r.primitive().value(), r.state().value(), r.weight(), r.stiffnessWanted(), r.stiffnessApplied(), r.distance());
+    give(r.point());
+    give(r.wrench());
+  }
+
+  private void give(DeviceInfo d) {
+    give(d.name());
+    give(d.serial());
+    give(d.forceAxes(), d.torqueAxes(), d.workspaceRadius(), d.workspaceHeight(), d.workspaceAngle(), d.forceMax(),
+        d.torqueMax(), d.resolution(), d.rate(), d.delay(), d.damping(), d.mass());
   }
 
   private void give(DoubleBuffer numbers) {
@@ -176,7 +199,13 @@ public final class Player implements AutoCloseable {
   private ForceObject object(Object given) {
     Map<?, ?> o = (Map<?, ?>) given;
     Primitive primitive = o.containsKey("primitive") ? value(Primitive.class, o.get("primitive")) : Primitive.POINT;
-    ForceObject out = ForceObject.of((String) o.get("name"), primitive).time(number(o, "time")).start(number(o, "start"))
+    String name = (String) o.get("name");
+    ForceObject out = ForceObject.of(name, primitive);
+    if (o.containsKey("wall")) {
+      List<?> wall = (List<?>) o.get("wall");
+      out = ForceObject.wall(name, vector(wall.get(0)), vector(wall.get(1)), number(wall.get(2)), number(wall.get(3)));
+    }
+    out.time(number(o, "time")).start(number(o, "start"))
         .lifetime(number(o, "lifetime")).damping(number(o, "damping")).toolPoints((int) number(o, "tool_points"));
     if (o.containsKey("pose")) out.pose(pose(o.get("pose")));
     if (o.containsKey("twist")) out.twist(twist(o.get("twist")));
@@ -191,19 +220,24 @@ public final class Player implements AutoCloseable {
   // ---- The verbs
 
   private void settle() throws InterruptedException {
-    for (int patience = 0; patience < 10000; ++patience) {
-      servo.step(10);
-      try {
-        scene.sync(1e-3);
-        break;
-      } catch (ForceServerException e) {
-        if (e.status() != Status.ERROR_TIMEOUT) throw e;
+    List<Scene> all = new ArrayList<>(List.of(scene));
+    all.addAll(others.values());
+    for (Scene each : all) {
+      for (int patience = 0; patience < 10000; ++patience) {
+        servo.step(10);
+        try {
+          each.sync(1e-3);
+          break;
+        } catch (ForceServerException e) {
+          if (e.status() != Status.ERROR_TIMEOUT) throw e;
+        }
       }
     }
     servo.step(5000);
   }
 
   private void run(Map<?, ?> step, String verb, String name) throws Exception {
+    String client = (String) step.get("client");
     switch (verb) {
       case "time" -> {
         double at = number(step, "at");
@@ -231,6 +265,10 @@ public final class Player implements AutoCloseable {
         give(info.openEdges());
         give(info.lower());
         give(info.upper());
+      }
+      case "build" -> {
+        shapes.get(name).build();
+        give(shapes.get(name).info().built());
       }
       case "curve" -> curves.put(name, step.containsKey("table")
           ? Curve.table(number(step, "step"), numbers(step.get("table"))) : Curve.expression((String) step.get("expression")));
@@ -260,6 +298,7 @@ public final class Player implements AutoCloseable {
             give(response.wrench());
             give(response.feltCount(), response.stiffness().xx(), response.stiffness().xy(), response.stiffness().zz());
           }
+          tool.reset();
         }
       }
       case "get" -> {
@@ -273,7 +312,11 @@ public final class Player implements AutoCloseable {
         give(o.back());
         give(o.damping(), o.toolPoints());
         give(o.enabled());
-        if (o.shape() != null) give(o.shape().points());
+        if (o.shape() != null) {
+          give(o.shape().points());
+          IntBuffer triangles = o.shape().triangles();
+          for (int i = 0; i < triangles.capacity(); ++i) give(triangles.get(i));
+        }
         Curve curve = o.front().curve();
         if (curve != null) {
           if (curve.expression() != null) give(curve.expression());
@@ -282,7 +325,7 @@ public final class Player implements AutoCloseable {
         }
       }
       case "motions" -> {
-        for (Motion m : scene.motions()) {
+        for (Motion m : scene.motions(client)) {
           give(m.name());
           give(m.primitive().value());
           give(m.pose());
@@ -290,19 +333,42 @@ public final class Player implements AutoCloseable {
           give(m.horizon());
         }
       }
-      case "reports" -> {
-        for (Report r : scene.reports().stream().sorted(Comparator.comparing(Report::name)).toList()) {
-          give(r.name());
-          give(r.primitive().value(), r.state().value(), r.weight(), r.stiffnessWanted(), r.distance());
-          give(r.point());
-          give(r.wrench());
+      case "reports" -> scene.reports().stream().sorted(Comparator.comparing(Report::name)).forEach(this::give);
+      case "report" -> give(scene.report(name));
+      case "clear" -> scene.clear();
+      case "accuracy" -> scene.setAccuracy(number(step, "newtons"));
+      case "max_stiffness" -> scene.setMaxStiffness(number(step, "stiffness"));
+      case "events" -> {
+        List<Event> events = new ArrayList<>();
+        for (Event e = scene.nextEvent(0); e.kind() != EventKind.NONE; e = scene.nextEvent(0)) events.add(e);
+        if (step.containsKey("drain")) events.clear();
+        events.sort(Comparator.comparing((Event e) -> e.kind()).thenComparing(e -> e.name()));
+        for (Event e : events) {
+          give(e.kind().value(), e.status().value(), e.value());
+          give(e.name());
+          give(e.text());
+        }
+      }
+      case "clients" -> {
+        for (Client c : scene.clients()) {
+          give(c.name());
+          give(c.process() == ProcessHandle.current().pid());
+          give(c.objects(), c.forceLimit());
+          give(c.wrench());
+          give(c.refused(), c.limited(), c.shapeBytes());
         }
       }
       case "frame" -> scene.setFrame(new Frame(pose(step.get("pose")), number(step, "scale"), number(step, "force_scale")));
+      case "get_frame" -> {
+        Frame frame = scene.frame(client);
+        give(frame.pose());
+        give(frame.scale(), frame.forceScale());
+      }
+      case "get_points" -> scene.tool().forEach(this::give);
       case "points" -> scene.setTool(array(vectors(step.get("points"))));
       case "clutch" -> scene.setClutch((Boolean) step.get("held"));
       case "view" -> {
-        View view = scene.view();
+        View view = scene.view(client);
         give(view.frame().pose());
         give(view.frame().scale(), view.frame().forceScale());
         give(view.tool());
@@ -313,6 +379,34 @@ public final class Player implements AutoCloseable {
         if (!connected) servo = start();
       }
       case "settle" -> settle();
+      case "enable" -> servo.setEnabled((Boolean) step.get("enabled"));
+      case "record" -> {
+        List<Tick> ticks = servo.record();
+        give(ticks.size());
+        for (Tick tick : ticks.subList(ticks.size() - 3, ticks.size())) {
+          give(tick.state().pose());
+          give(tick.response().wrench());
+          give(tick.sent());
+          give(tick.device().value(), tick.faults());
+        }
+      }
+      case "stats" -> {
+        ServoStats t = scene.servoStats();
+        give(t.realtime().value(), t.faults(), t.protectionsOff(), t.maxStiffness(), t.damping(), t.energy(), t.misses(),
+            t.deviceErrors(), t.approximated(), t.enabled());
+        give(t.ticks() > 5000);
+      }
+      case "device" -> give(step.containsKey("opened") ? device.info() : scene.deviceInfo());
+      case "devices" -> {
+        for (DeviceEntry each : ForceServer.devices()) if (each.uri().equals("sim:")) give(each.label());
+      }
+      case "device_read" -> {
+        State state = device.read();
+        give(state.pose());
+        give(state.flags());
+      }
+      case "device_write" -> device.write(new Wrench(vector(step.get("force")), new Vec3(0, 0, 0)));
+      case "driver" -> ForceServer.loadDriver(Path.of((String) step.get("file")));
       case "hand" -> {
         Hand hand = scene.hand();
         give(hand.state().pose());

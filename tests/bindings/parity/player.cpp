@@ -15,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include <forceserver/driver.h>
 #include <forceserver/forceserver.h>
 
 namespace {
@@ -41,6 +42,10 @@ void give(const fs_pose& pose) { give(pose.position), give(pose.orientation); }
 void give(const fs_twist& twist) { give(twist.linear), give(twist.angular); }
 void give(const fs_wrench& wrench) { give(wrench.force), give(wrench.torque); }
 void give(const fs_frame& frame) { give(frame.pose), give(frame.scale), give(frame.force_scale); }
+void give(const fs_report& r) {
+  give(r.name), give(r.primitive), give(r.state), give(r.weight), give(r.stiffness_wanted), give(r.stiffness_applied);
+  give(r.distance), give(r.point), give(r.wrench);
+}
 void give(const fs_profile& p) {
   give(p.kind), give(p.sense), give(p.gain), give(p.offset), give(p.width), give(p.limit), give(p.reach);
 }
@@ -59,9 +64,10 @@ class Player {
     check(fs_servo_start(base_, device_, &options_, &servo_));
     check(fs_server_start(servo_, endpoint.c_str(), nullptr, &server_));
     check(fs_scene_connect(endpoint.c_str(), "player", &scene_));
+    check(fs_scene_connect(endpoint.c_str(), "other", &other_));
   }
   ~Player() {
-    if (is_connected_) fs_scene_destroy(scene_);
+    if (is_connected_) fs_scene_destroy(scene_), fs_scene_destroy(other_);
     fs_server_stop(server_);
     fs_servo_stop(servo_);
     fs_device_close(device_);
@@ -79,12 +85,16 @@ class Player {
       fs_status status = FS_OK;
       if (step["do"] == "group") check(fs_scene_begin(scene_)), play(step.at("steps"), place + ".");
       line.clear();
+      fs_scene* const own = scene_;
+      const std::string who = step.value("by", "player");
+      scene_ = who == "server" ? base_ : who == "other" ? other_ : own;
       try {
         run(step, step.at("do"));
       } catch (const Failure& failure) {
         status = failure.status;
         line.clear();
       }
+      scene_ = own;
       std::printf("%s\t'%s%s\n", place.c_str(), fs_status_name(status) + 3, line.c_str());
     }
   }
@@ -130,7 +140,12 @@ class Player {
     return out;
   }
   fs_object object(const json& o) const {
-    fs_object out = fs_object_init(o.at("name").get<std::string>().c_str(), FS_PRIMITIVE_POINT);
+    const std::string name = o.at("name");
+    fs_object out = fs_object_init(name.c_str(), FS_PRIMITIVE_POINT);
+    if (o.contains("wall")) {
+      const json& wall = o["wall"];
+      out = fs_wall_init(name.c_str(), vector(wall.at(0)), vector(wall.at(1)), wall.at(2), wall.at(3));
+    }
     if (o.contains("primitive")) out.primitive = value(o["primitive"], fs_primitive_name, "FS_PRIMITIVE_");
     if (o.contains("pose")) out.pose = pose(o["pose"]);
     if (o.contains("twist")) out.twist = twist(o["twist"]);
@@ -161,20 +176,24 @@ class Player {
     }
     return shape;
   }
-  // Steps until the scene's changes are felt, and then until the hand rests.
+  // Steps until the changes of all scenes are felt, and then until the hand rests.
   void settle() {
-    fs_status status;
-    int patience = 10000;
-    do {
-      check(fs_servo_step(servo_, 10));
-      status = fs_scene_sync(scene_, 1e-3);
-    } while (status == FS_ERROR_TIMEOUT && --patience);
-    check(status);
+    for (fs_scene* const scene : {scene_, is_connected_ ? base_ : nullptr, other_}) {
+      fs_status status = FS_OK;
+      int patience = 10000;
+      while (scene) {
+        check(fs_servo_step(servo_, 10));
+        status = fs_scene_sync(scene, 1e-3);
+        if (status != FS_ERROR_TIMEOUT || --patience == 0) break;
+      }
+      check(status);
+    }
     check(fs_servo_step(servo_, 5000));
   }
 
   void run(const json& step, const std::string& verb) {
-    const std::string name = step.value("name", "");
+    const std::string name = step.value("name", ""), client_name = step.value("client", "");
+    const char* const client = step.contains("client") ? client_name.c_str() : nullptr;
     if (verb == "time") {
       double now;
       if (is_connected_) {
@@ -191,6 +210,11 @@ class Player {
       shapes_[name] = shape;
       check(fs_shape_get_info(shape, &info));
       give(info.primitive), give(info.closed), give(double(info.open_edges)), give(info.lower), give(info.upper);
+    } else if (verb == "build") {
+      fs_shape_info info = fs_shape_info_init();
+      check(fs_shape_build(shapes_.at(name)));
+      check(fs_shape_get_info(shapes_.at(name), &info));
+      give(info.built);
     } else if (verb == "curve") {
       fs_curve* curve;
       if (step.contains("table")) {
@@ -244,6 +268,7 @@ class Player {
         give(response.wrench), give(response.felt_count);
         for (const double k : {response.stiffness.xx, response.stiffness.xy, response.stiffness.zz}) give(k);
       }
+      check(fs_tool_reset(tool));
       fs_tool_destroy(tool);
     } else if (verb == "get") {
       fs_object o = fs_object_init("", FS_PRIMITIVE_POINT);
@@ -254,6 +279,8 @@ class Player {
       double table_step = 0;
       const fs_vec3* points = o.shape ? fs_shape_get_points(o.shape, &count) : nullptr;
       for (size_t i = 0; i < count; ++i) give(points[i]);
+      const uint32_t* corners = o.shape ? fs_shape_get_triangles(o.shape, &count) : nullptr;
+      for (size_t i = 0; corners && i < 3 * count; ++i) give(corners[i]);
       if (o.front.curve) {
         const char* expression = fs_curve_get_expression(o.front.curve);
         if (expression) give(expression);
@@ -265,7 +292,7 @@ class Player {
     } else if (verb == "motions") {
       std::vector<fs_motion> motions(100);
       size_t count = 0;
-      check(fs_scene_get_motions(scene_, nullptr, motions.data(), motions.size(), &count));
+      check(fs_scene_get_motions(scene_, client, motions.data(), motions.size(), &count));
       for (size_t i = 0; i < count; ++i) {
         const fs_motion& m = motions[i];
         give(m.name), give(m.primitive), give(m.pose), give(m.twist), give(m.horizon);
@@ -277,27 +304,102 @@ class Player {
       std::sort(reports.begin(), reports.begin() + std::ptrdiff_t(count),
                 [](const fs_report& a, const fs_report& b) { return std::strcmp(a.name, b.name) < 0; });
       for (size_t i = 0; i < count; ++i) {
-        const fs_report& r = reports[i];
-        give(r.name), give(r.primitive), give(r.state), give(r.weight), give(r.stiffness_wanted), give(r.distance);
-        give(r.point), give(r.wrench);
+        give(reports[i]);
+      }
+    } else if (verb == "report") {
+      fs_report report;
+      check(fs_scene_get_report(scene_, name.c_str(), &report));
+      give(report);
+    } else if (verb == "clear") {
+      check(fs_scene_clear(scene_));
+    } else if (verb == "accuracy") {
+      check(fs_scene_set_accuracy(scene_, step.at("newtons")));
+    } else if (verb == "max_stiffness") {
+      check(fs_scene_set_max_stiffness(scene_, step.at("stiffness")));
+    } else if (verb == "events") {
+      std::vector<fs_event> events;
+      fs_event event;
+      while (check(fs_scene_next_event(scene_, 0, &event)), event.kind != FS_EVENT_NONE) events.push_back(event);
+      std::sort(events.begin(), events.end(), [](const fs_event& a, const fs_event& b) {
+        return a.kind != b.kind ? a.kind < b.kind : std::strcmp(a.name, b.name) < 0;
+      });
+      for (const fs_event& e : events) {
+        if (!step.value("drain", false)) give(e.kind), give(e.status), give(e.value), give(e.name), give(e.text);
+      }
+    } else if (verb == "clients") {
+      std::vector<fs_client> clients(100);
+      size_t count = 0;
+      check(fs_scene_get_clients(scene_, clients.data(), clients.size(), &count));
+      for (size_t i = 0; i < count; ++i) {
+        const fs_client& c = clients[i];
+        give(c.name), give(c.process == uint32_t(getpid())), give(c.objects), give(c.force_limit), give(c.wrench);
+        give(double(c.refused)), give(double(c.limited)), give(double(c.shape_bytes));
       }
     } else if (verb == "frame") {
       const fs_frame frame = {pose(step.at("pose")), step.at("scale"), step.at("force_scale")};
       check(fs_scene_set_frame(scene_, &frame));
+    } else if (verb == "get_frame") {
+      fs_frame frame;
+      check(fs_scene_get_frame(scene_, client, &frame));
+      give(frame);
     } else if (verb == "points") {
       const auto points = vectors(step.at("points"));
       check(fs_scene_set_tool(scene_, points.data(), points.size()));
+    } else if (verb == "get_points") {
+      fs_vec3 points[FS_TOOL_POINTS_MAX];
+      size_t count = 0;
+      check(fs_scene_get_tool(scene_, points, FS_TOOL_POINTS_MAX, &count));
+      for (size_t i = 0; i < count; ++i) give(points[i]);
     } else if (verb == "clutch") {
       check(fs_scene_set_clutch(scene_, step.at("held")));
     } else if (verb == "view") {
       fs_view view;
-      check(fs_scene_get_view(scene_, nullptr, &view));
+      check(fs_scene_get_view(scene_, client, &view));
       give(view.frame), give(view.tool), give(view.held);
       for (uint32_t i = 0; i < view.point_count; ++i) give(view.points[i]);
     } else if (verb == "servo") {
       if (!is_connected_) check(fs_servo_start(scene_, device_, &options_, &servo_));
     } else if (verb == "settle") {
       settle();
+    } else if (verb == "enable") {
+      check(fs_servo_set_enabled(servo_, step.at("enabled")));
+    } else if (verb == "record") {
+      std::vector<fs_tick> ticks(10000);
+      size_t count = 0;
+      check(fs_servo_get_record(servo_, ticks.data(), ticks.size(), &count));
+      give(double(count));
+      for (size_t i = count - 3; i < count; ++i) {
+        const fs_tick& t = ticks[i];
+        give(t.state.pose), give(t.response.wrench), give(t.sent), give(t.device), give(t.faults);
+      }
+    } else if (verb == "stats") {
+      fs_servo_stats t = fs_servo_stats_init();
+      check(fs_scene_get_servo_stats(scene_, &t));
+      give(t.realtime), give(t.faults), give(t.protections_off), give(t.max_stiffness), give(t.damping), give(t.energy);
+      give(double(t.misses)), give(double(t.device_errors)), give(double(t.approximated));
+      give(t.enabled), give(t.ticks > 5000);
+    } else if (verb == "device") {
+      fs_device_info d = fs_device_info_init();
+      check(step.contains("opened") ? fs_device_get_info(device_, &d) : fs_scene_get_device_info(scene_, &d));
+      give(d.name), give(d.serial), give(d.force_axes), give(d.torque_axes);
+      give(d.workspace_radius), give(d.workspace_height), give(d.workspace_angle), give(d.force_max), give(d.torque_max);
+      give(d.resolution), give(d.rate), give(d.delay), give(d.damping), give(d.mass);
+    } else if (verb == "devices") {
+      std::vector<fs_device_entry> entries(100);
+      size_t count = 0;
+      check(fs_device_list(entries.data(), entries.size(), &count));
+      for (size_t i = 0; i < count; ++i) {
+        if (std::strcmp(entries[i].uri, "sim:") == 0) give(entries[i].label);
+      }
+    } else if (verb == "device_read") {
+      fs_state state;
+      check(fs_device_read(device_, &state));
+      give(state.pose), give(state.flags);
+    } else if (verb == "device_write") {
+      const fs_wrench wrench = {vector(step.at("force")), {0, 0, 0}};
+      check(fs_device_write(device_, &wrench));
+    } else if (verb == "driver") {
+      check(fs_driver_load(step.at("file").get<std::string>().c_str()));
     } else if (verb == "hand") {
       fs_state state;
       fs_response response;
@@ -318,6 +420,7 @@ class Player {
   const std::string folder_;
   const std::vector<fs_vec3> places_;
   fs_scene *base_ = nullptr, *scene_ = nullptr;  // of the servo; that the steps are about
+  fs_scene* other_ = nullptr;                    // connected: of another client
   fs_device* device_ = nullptr;
   fs_servo_options options_ = fs_servo_options_init();
   fs_servo* servo_ = nullptr;

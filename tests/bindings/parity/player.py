@@ -21,12 +21,15 @@ class Player:
         self.places = scenario["places"]
         self.shapes, self.curves, self.given = {}, {}, []
         self.scene, self.servo = stack.enter_context(fs.Scene()), None
+        self.scenes = {}  # connected: the server's own, and that of another client
         self.device = stack.enter_context(fs.Device(scenario["device"]))
         if connected:
             self.start()
             endpoint = f"shm:parity-{os.getpid()}"
             stack.enter_context(fs.Server(self.servo, endpoint))
+            self.scenes["server"] = self.scene
             self.scene = stack.enter_context(fs.connect(endpoint, "player"))
+            self.scenes["other"] = stack.enter_context(fs.connect(endpoint, "other"))
 
     def start(self):
         servo = fs.Servo(self.scene, self.device, mode="virtual", fade=self.scenario["fade"])
@@ -36,7 +39,8 @@ class Player:
         for i, step in enumerate(steps):
             if "only" in step and (step["only"] == "connected") != self.connected:
                 continue
-            place, status = f"{prefix}{i}", "OK"
+            place, status, own = f"{prefix}{i}", "OK", self.scene
+            self.scene = self.scenes.get(step.get("by"), own)
             try:
                 if step["do"] == "group":
                     with contextlib.suppress(Cancelled), self.scene.change():
@@ -49,6 +53,7 @@ class Player:
                     self.run(step)
             except fs.Error as error:
                 status, self.given = "ERROR_" + error.status.name, []
+            self.scene = own
             print("\t".join([place, "'" + status, *self.given]))
 
     def give(self, *values):
@@ -82,7 +87,7 @@ class Player:
         return fs.Profile(**{**p, **({"curve": self.curves[p["curve"]]} if "curve" in p else {})})
 
     def object(self, o):
-        made = fs.Object(primitive=o.get("primitive", "point"))
+        made = fs.Wall(*o["wall"]) if "wall" in o else fs.Object(primitive=o.get("primitive", "point"))
         made.name = o["name"]
         for name, value in o.items():
             if name in ("front", "back"):
@@ -93,11 +98,12 @@ class Player:
                 value = self.shapes[value]
             elif name == "solid":
                 name, value = "contact", fs.Contact(keep="front", stiffness=value, limit=10)
-            setattr(made, name, value)
+            if name != "wall":
+                setattr(made, name, value)
         return made
 
     def run(self, step):
-        getattr(self, "do_" + step["do"])(**{k: v for k, v in step.items() if k not in ("do", "only", "status", "gives")})
+        getattr(self, "do_" + step["do"])(**{k: v for k, v in step.items() if k not in ("do", "by", "only", "status", "gives")})
 
     def do_time(self, at):
         if self.connected:
@@ -116,6 +122,10 @@ class Player:
         self.shapes[name] = shape
         info = shape.get_info()
         self.give(int(info.primitive), info.closed, info.open_edges, info.lower, info.upper)
+
+    def do_build(self, name):
+        self.shapes[name].build()
+        self.give(self.shapes[name].get_info().built)
 
     def do_curve(self, name, expression=None, table=None, step=None):
         self.curves[name] = fs.curve_create_table(table, step) if table else fs.curve_create_expression(expression)
@@ -147,6 +157,7 @@ class Player:
             self.give_two(response.wrench)
             stiffness = np.reshape(response.stiffness, (3, 3))
             self.give(response.felt_count, stiffness[0, 0], stiffness[0, 1], stiffness[2, 2])
+        tool.reset()
 
     def do_get(self, name):
         o = self.scene[name].object
@@ -159,23 +170,59 @@ class Player:
         self.give(o.damping, o.tool_points, o.enabled)
         if o.shape:
             self.give(o.shape.get_points())
+            triangles = o.shape.get_triangles()
+            if triangles is not None:
+                self.give(triangles)
         if curve := o.front.curve:
             expression = curve.get_expression()
             table, step = curve.get_table()
             self.give(*([expression] if expression else [table]), step)
 
-    def do_motions(self):
-        for m in self.scene.get_motions():
+    def do_motions(self, client=None):
+        for m in self.scene.get_motions(client):
             self.give(m["name"].decode(), m["primitive"], m["pose"]["position"], m["pose"]["orientation"])
             self.give(m["twist"]["linear"], m["twist"]["angular"], m["horizon"])
 
+    def give_report(self, r):
+        self.give(r["name"].item().decode(), r["primitive"], r["state"], r["weight"], r["stiffness_wanted"])
+        self.give(r["stiffness_applied"], r["distance"], r["point"], r["wrench"]["force"], r["wrench"]["torque"])
+
     def do_reports(self):
         for r in sorted(self.scene.get_reports(), key=lambda r: bytes(r["name"])):
-            self.give(r["name"].decode(), r["primitive"], r["state"], r["weight"], r["stiffness_wanted"], r["distance"])
-            self.give(r["point"], r["wrench"]["force"], r["wrench"]["torque"])
+            self.give_report(r)
+
+    def do_report(self, name):
+        self.give_report(np.asarray(self.scene.get_report(name)))
+
+    def do_clear(self):
+        self.scene.clear()
+
+    def do_accuracy(self, newtons):
+        self.scene.set_accuracy(newtons)
+
+    def do_max_stiffness(self, stiffness):
+        self.scene.set_max_stiffness(stiffness)
+
+    def do_events(self, drain=False):
+        events = sorted(self.scene.events(timeout=0), key=lambda e: (e.kind, e.name))
+        for e in events if not drain else []:
+            self.give(int(e.kind), int(e.status), e.value, e.name, e.text)
+
+    def do_clients(self):
+        for c in self.scene.get_clients():
+            self.give(c["name"].decode(), c["process"] == os.getpid(), c["objects"], c["force_limit"])
+            self.give(c["wrench"]["force"], c["wrench"]["torque"], c["refused"], c["limited"], c["shape_bytes"])
 
     def do_frame(self, pose, scale, force_scale):
         self.scene.set_frame(fs.Frame(pose=self.pose(pose), scale=scale, force_scale=force_scale))
+
+    def do_get_frame(self, client=None):
+        frame = self.scene.get_frame(client)
+        self.give_pose(frame.pose)
+        self.give(frame.scale, frame.force_scale)
+
+    def do_get_points(self):
+        self.give(self.scene.get_tool())
 
     def do_points(self, points):
         self.scene.set_tool(np.reshape(points, (-1, 3)))
@@ -183,8 +230,8 @@ class Player:
     def do_clutch(self, held):
         self.scene.set_clutch(held)
 
-    def do_view(self):
-        view = self.scene.get_view()
+    def do_view(self, client=None):
+        view = self.scene.get_view(client)
         self.give_pose(view.frame.pose)
         self.give(view.frame.scale, view.frame.force_scale)
         self.give_pose(view.tool)
@@ -195,12 +242,48 @@ class Player:
             self.start()
 
     def do_settle(self):
-        for patience in range(10000):
-            self.servo.step(10)
-            with contextlib.suppress(fs.TimeoutError):
-                self.scene.sync(1e-3)
-                break
+        for scene in [self.scene, *self.scenes.values()]:
+            for patience in range(10000):
+                self.servo.step(10)
+                with contextlib.suppress(fs.TimeoutError):
+                    scene.sync(1e-3)
+                    break
         self.servo.step(5000)
+
+    def do_enable(self, enabled):
+        self.servo.set_enabled(enabled)
+
+    def do_record(self):
+        record = self.servo.record
+        self.give(len(record))
+        for tick in record[-3:]:
+            for pair in (tick["state"]["pose"], tick["response"]["wrench"], tick["sent"]):
+                self.give(*(pair[name] for name in pair.dtype.names))
+            self.give(tick["device"], tick["faults"])
+
+    def do_stats(self):
+        t = self.scene.get_servo_stats()
+        self.give(int(t.realtime), int(t.faults), int(t.protections_off), t.max_stiffness, t.damping, t.energy)
+        self.give(t.misses, t.device_errors, t.approximated, t.enabled, t.ticks > 5000)
+
+    def do_device(self, opened=False):
+        d = self.device.get_info() if opened else self.scene.get_device_info()
+        self.give(d.name, d.serial, d.force_axes, d.torque_axes, d.workspace_radius, d.workspace_height)
+        self.give(d.workspace_angle, d.force_max, d.torque_max, d.resolution, d.rate, d.delay, d.damping, d.mass)
+
+    def do_devices(self):
+        self.give(*(entry["label"].decode() for entry in fs.devices() if entry["uri"] == b"sim:"))
+
+    def do_device_read(self):
+        state = self.device.read()
+        self.give_pose(state.pose)
+        self.give(int(state.flags))
+
+    def do_device_write(self, force):
+        self.device.write(fs.Wrench(force=force))
+
+    def do_driver(self, file):
+        fs.driver_load(file)
 
     def do_hand(self):
         hand = self.scene.hand()

@@ -27,6 +27,29 @@ def spring():
 
 
 @pytest.fixture
+def slow_driver(tmp_path):
+    """A driver whose device never opens."""
+    source, library = tmp_path / "slow.c", tmp_path / "slow.so"
+    source.write_text("""
+#include <unistd.h>
+#include <forceserver/driver.h>
+static fs_status open_device(const char *address, void **self) { (void)address, (void)self; for (;;) pause(); }
+static void close_device(void *self) { (void)self; }
+static fs_status get_info(void *self, fs_device_info *out) { (void)self, (void)out; return FS_ERROR_IO; }
+static fs_status read_device(void *self, fs_state *out) { (void)self, (void)out; return FS_ERROR_IO; }
+static fs_status write_device(void *self, const fs_wrench *wrench) { (void)self, (void)wrench; return FS_ERROR_IO; }
+const fs_driver *fs_driver_entry(void)
+{
+  static const fs_driver driver = {sizeof driver, 0, "slow", NULL, open_device, close_device, get_info, read_device,
+                                   write_device, NULL, NULL};
+  return &driver;
+}
+""")
+    subprocess.run(["cc", "-shared", "-fPIC", f"-I{ROOT}/include", source, "-o", library], check=True)
+    return library
+
+
+@pytest.fixture
 def run():
     """Runs Python lines in a process of their own and gives what they print; they must end well. Ctrl-C ends it, also where
     these tests run in the background, which ignores it."""

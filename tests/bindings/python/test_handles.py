@@ -81,6 +81,38 @@ def memory():
     return int(open("/proc/self/statm").read().split()[1]) * resource.getpagesize()
 
 
+def test_the_pages_of_the_host_are_not_locked(run):
+    """A servo locks what its ticks use, about 5 MB, and not the pages of its host: neither those in use, nor those that it
+    has reserved, nor those that it maps later."""
+    told = run("""
+        import mmap, pathlib, time
+        import numpy as np
+        import forceserver as fs
+        def tell():
+            lines = pathlib.Path("/proc/self/status").read_text().splitlines()
+            fields = dict(line.split(":") for line in lines)
+            print(*(int(fields[key].split()[0]) for key in ("VmRSS", "VmLck")), end=" ")
+        size = 64 << 20
+        used, reserved = np.ones(size, np.uint8), mmap.mmap(-1, size)
+        scene = fs.Scene()
+        scene["wall"] = fs.Wall(point=(0, 0, 0), normal=(0, 0, 1), stiffness=500, limit=10)
+        device = fs.Device("sim:?hold=0,0,-0.02")
+        tell()
+        with fs.Servo(scene, device) as servo:
+            later = mmap.mmap(-1, size)
+            while not scene.hand().sent.force[2] > 1:
+                time.sleep(0.01)
+                servo.set_enabled(True)  # a machine that is too slow stops the force
+            tell()
+        tell()
+    """)
+    kb = [int(number) for number in told.split()]
+    print(f"memory before, during and after a servo: {kb[0::2]} kB, of which are locked: {kb[1::2]} kB")
+    assert kb[0] > 80_000
+    assert kb[2] - kb[0] < 24_000 and kb[4] - kb[0] < 24_000
+    assert kb[3] - kb[1] < 16_000 and kb[5] == kb[1]
+
+
 def test_create_and_destroy_keeps_memory_flat(request, spring):
     count = 1_000_000 if request.config.getoption("--all") else 100_000
     points, triangles = np.eye(3), np.array([[0, 1, 2]])
@@ -221,6 +253,47 @@ def test_ctrl_c_ends_a_wait(run, wait):
             assert time.monotonic() - start < 20
             if "{wait}" == "group": scene.cancel()
             scene["c"] = fs.Point()  # the scene is as good as before
+        else:
+            raise SystemExit("nothing was raised")
+    """)
+
+
+def test_ctrl_c_ends_the_wait_for_a_mesh(run):
+    out = run("""
+        import os, signal, threading, time
+        import numpy as np
+        import forceserver as fs
+        side = 1000
+        x, y = (grid.ravel() for grid in np.meshgrid(np.arange(side), np.arange(side)))
+        points = np.column_stack([x, y, np.sin(x * y)]).astype(float)
+        corners = np.arange(side * (side - 1)).reshape(side - 1, side)[:, :-1].ravel()
+        triangles = np.concatenate([corners[:, None] + [0, 1, side], corners[:, None] + [1, side + 1, side]])
+        shape = fs.shape_create_mesh(points, triangles.astype(np.uint32))
+        signal.setitimer(signal.ITIMER_REAL, 0.05)
+        signal.signal(signal.SIGALRM, signal.default_int_handler)
+        try:
+            shape.build()
+        except KeyboardInterrupt:
+            assert not shape.get_info().built
+            while not shape.get_info().built:  # what was begun goes on
+                time.sleep(0.01)
+            shape.build()
+            print("built")
+    """)
+    assert out == "built"
+
+
+def test_ctrl_c_ends_the_wait_for_a_device(run, slow_driver):
+    run(f"""
+        import signal
+        import forceserver as fs
+        fs.driver_load("{slow_driver}")
+        signal.signal(signal.SIGALRM, signal.default_int_handler)
+        signal.setitimer(signal.ITIMER_REAL, 0.2)
+        try:
+            fs.Device("slow:")
+        except KeyboardInterrupt:
+            fs.Device("sim:").close()
         else:
             raise SystemExit("nothing was raised")
     """)

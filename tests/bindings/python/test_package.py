@@ -108,7 +108,10 @@ def test_docstrings_are_the_comments_of_the_headers():
     assert (
         str(inspect.signature(fs.pose_from_z)) == "(position, direction)" and "tool_create" not in fs.Tool.reset.__doc__
     )
+    assert "Ctrl-C" in fs.shape_load.__doc__ and "Ctrl-C" in fs.Shape.build.__doc__
+    assert "Ctrl-C" not in fs.Scene.object_set.__doc__
     assert "x, y, z, w" in fs.SceneObject.move.__doc__ and "x, y, z, w" in fs.__doc__
+    assert "x, y, z, w" in fs.Pose.orientation.__doc__ and "sampled now" in fs.Custom.__doc__
 
 
 def test_plot_says_that_matplotlib_is_missing(run):

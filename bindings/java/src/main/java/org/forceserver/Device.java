@@ -2,7 +2,7 @@ package org.forceserver;
 
 /** A haptic device or the simulator. */
 public final class Device extends Handle {
-  /** Opens a device, for example "sim:?path=figure8". May take seconds. */
+  /** Opens a device, for example "sim:?path=figure8". May take seconds, which an interrupt does not end. */
   public Device(String uri) {
     super(open(uri), Native::fs_device_close);
   }

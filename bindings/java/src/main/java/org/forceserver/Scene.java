@@ -4,6 +4,8 @@ import java.nio.ByteBuffer;
 import java.nio.DoubleBuffer;
 import java.nio.file.Path;
 import java.util.List;
+import java.util.concurrent.CompletableFuture;
+import java.util.concurrent.ExecutionException;
 import java.util.concurrent.locks.ReentrantLock;
 import java.util.function.BiFunction;
 import java.util.function.LongFunction;
@@ -31,14 +33,37 @@ public final class Scene extends Handle {
     return out[0];
   }
 
-  /** A scene at a server: "shm:NAME"; NOT_FOUND at once where there is none. */
-  public static Scene connect(String endpoint, String clientName) {
-    long[] out = new long[1];
-    ForceServerException.check(Native.fs_scene_connect(endpoint, clientName, out));
-    return new Scene(out[0]);
+  /**
+   * A scene at a server: "shm:NAME"; NOT_FOUND at once where there is none. An interrupt ends the wait for the server's
+   * answer: a thread of its own waits on, and gives back what comes. It ends after 2 s at most, or when the "timeout" in
+   * the endpoint is over; until then it may get the name for a moment.
+   */
+  public static Scene connect(String endpoint, String clientName) throws InterruptedException {
+    CompletableFuture<Scene> answer = new CompletableFuture<>();
+    Thread thread = new Thread(() -> {
+      try {
+        long[] out = new long[1];
+        ForceServerException.check(Native.fs_scene_connect(endpoint, clientName, out));
+        Scene scene = new Scene(out[0]);
+        if (!answer.complete(scene)) scene.close();  // nobody waits for it any more
+      } catch (RuntimeException | Error e) {
+        answer.completeExceptionally(e);
+      }
+    }, "forceserver connect");
+    thread.setDaemon(true);
+    thread.start();
+    try {
+      return answer.get();
+    } catch (InterruptedException e) {
+      if (!answer.cancel(false) && !answer.isCompletedExceptionally()) answer.join().close();
+      throw e;
+    } catch (ExecutionException e) {
+      if (e.getCause() instanceof Error error) throw error;
+      throw (RuntimeException) e.getCause();
+    }
   }
 
-  /** The same; waits for a server that is not there yet, timeout s at most. */
+  /** The same; waits for a server that is not there yet, timeout s at most. After an interrupt it asks no more. */
   public static Scene connect(String endpoint, String clientName, double timeout) throws InterruptedException {
     long end = end(timeout);
     while (true) {

@@ -38,14 +38,14 @@ public final class Shape extends Handle {
     return new Shape(out[0]);
   }
 
-  /** A mesh from an .obj, .ply, .stl or .off file; scale: m per unit of the file. */
+  /** A mesh from an .obj, .ply, .stl or .off file; scale: m per unit of the file. An interrupt does not end it. */
   public static Shape load(Path file, double scale) {
     long[] out = new long[1];
     ForceServerException.check(Native.fs_shape_load(file.toString(), scale, out));
     return new Shape(out[0]);
   }
 
-  /** Builds the search tree now rather than at the first use. */
+  /** Builds the search tree now rather than at the first use; an interrupt does not end it. */
   public void build() {
     call(Native::fs_shape_build);
   }

@@ -12,6 +12,7 @@
  * throws a {@link org.forceserver.ForceServerException} with its status and a sentence, and has changed nothing.
  *
  * <p>Handles are closed in any order, best by try-with-resources. Any thread may call anything; a struct serves one
- * thread at a time. Waits end by an interrupt. Arrays are direct buffers ({@link org.forceserver.Buffers}).
+ * thread at a time. An interrupt ends the waits: connect, sync, nextEvent, change and step; not the opening of a device,
+ * nor the loading or building of a mesh, which may take seconds. Arrays are direct buffers ({@link org.forceserver.Buffers}).
  */
 package org.forceserver;

@@ -3,7 +3,6 @@ package org.forceserver;
 import static org.junit.jupiter.api.Assertions.*;
 
 import java.lang.ref.WeakReference;
-import java.nio.DoubleBuffer;
 import java.util.ArrayList;
 import java.util.Collections;
 import java.util.List;
@@ -201,46 +200,5 @@ class ClosingTest {
       other.join();
       scene.close();
     }
-  }
-
-  /**
-   * What a JVM of its own does, whose heap does not grow: 40,000 of each, five times, and a servo now and then. It prints
-   * by how many kB its memory grew in the round in which it grew least: what leaks grows in each, a JVM grows by fits.
-   */
-  public static void main(String[] arguments) throws Exception {
-    ForceObject spring = Support.spring("a");
-    DoubleBuffer points = Buffers.of(0.0, 0, 0, 0, 0, 1);
-    long last = 0, least = Long.MAX_VALUE;
-    for (int i = 0; i <= 200000; ++i) {
-      Scene scene = new Scene();
-      Tool tool = new Tool(scene);
-      try (Shape shape = Shape.polyline(false, points); Curve curve = Curve.table(0.01, 1, 2)) {
-        scene.set(spring);
-        scene.set(ForceObject.of("b", Primitive.POLYLINE).shape(shape)
-            .front(Profile.of(ProfileKind.CUSTOM, Sense.ATTRACTIVE, 1, 0, 3).curve(curve)));
-        ForceObject got = scene.get("b");  // its shape and curve are left to the collector
-        if (i % 2 == 0) got.shape().close();
-      }
-      if (i % 100 == 0) Support.servo(scene, ServoMode.VIRTUAL).close();
-      if (i % 3 != 0) scene.close();  // so is a third of all scenes
-      tool.close();
-      if (i % 40000 != 0) continue;
-      for (int k = 0; k < 3; ++k) {
-        System.gc();
-        Thread.sleep(100);
-      }
-      long now = Support.kilobytes("VmRSS");
-      if (i > 0) least = Math.min(least, now - last);
-      last = now;
-    }
-    System.out.println(least);
-  }
-
-  @Test void two_hundred_thousand_of_each_and_flat_memory() throws Exception {
-    Process jvm = Support.jvm(List.of("-Xms32m", "-Xmx32m", "-XX:+AlwaysPreTouch"), ClosingTest.class).start();
-    String told = new String(jvm.getInputStream().readAllBytes()).trim();
-    assertEquals(0, jvm.waitFor(), told);
-    System.out.println("memory grown by 40,000 more of each: " + told + " kB");
-    assertTrue(Long.parseLong(told) < 3000, told);
   }
 }

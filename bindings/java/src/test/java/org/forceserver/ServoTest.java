@@ -56,24 +56,6 @@ class ServoTest {
     }
   }
 
-  @Test void a_servo_in_its_own_thread_and_locked_memory() throws Exception {
-    long before = Support.kilobytes("VmLck"), during;
-    try (Scene scene = new Scene()) {
-      scene.set(Support.wall());
-      try (Servo servo = Support.servo(scene, ServoMode.THREAD)) {
-        Support.await(() -> {
-          servo.setEnabled(true);  // a machine that is too slow stops the force: once more
-          byte[][] garbage = new byte[64][4096];
-          return scene.hand().sent().force().z() > 1 && garbage.length > 0;
-        });
-        during = Support.kilobytes("VmLck");
-      }
-    }
-    System.out.println("locked memory: " + before + " kB before, " + during + " kB while the servo runs, "
-        + Support.kilobytes("VmLck") + " kB after");
-    assertEquals(before, Support.kilobytes("VmLck"));
-  }
-
   @SuppressWarnings("try")  // the server goes before its block ends
   @Test void connected() throws Exception {
     Support.refused(Status.ERROR_NOT_FOUND, "", () -> Scene.connect(endpoint, "a"));
@@ -178,6 +160,7 @@ class ServoTest {
         assertEquals(EventKind.NONE, scene.nextEvent(0).kind());
         assertEquals(EventKind.NONE, scene.nextEvent(0.15).kind());
         ends(false, scene, () -> Scene.connect("shm:java-nobody", "me", 1000));
+        ends(false, scene, () -> Scene.connect("shm:java-nobody?timeout=5", "me"));
       }
       scene.close();
       other.close();
@@ -186,6 +169,26 @@ class ServoTest {
     try (Scene scene = new Scene()) {
       assertThrows(IllegalArgumentException.class, () -> scene.sync(Double.NaN));
       assertThrows(IllegalArgumentException.class, () -> scene.nextEvent(-1));
+    }
+  }
+
+  /** Nobody waits any more for what an interrupted connect gets: it is given back, and its name is free. */
+  @Test void an_interrupted_connect_is_given_back() throws Exception {
+    try (Scene scene = new Scene()) {
+      ends(false, scene, () -> Scene.connect(endpoint + "?timeout=20", "late"));
+      try (Servo servo = Support.servo(scene, ServoMode.THREAD); Server server = servo.serve(endpoint)) {
+        Support.await(() -> {
+          try (Scene late = Scene.connect(endpoint, "late")) {
+            return late.clients().size() == 2;
+          } catch (ForceServerException e) {
+            assertEquals(Status.ERROR_EXISTS, e.status());
+            return false;
+          } catch (InterruptedException e) {
+            throw new AssertionError(e);
+          }
+        });
+        assertNotNull(server);
+      }
     }
   }
 

@@ -60,6 +60,7 @@ final class Support {
   /** A JVM of its own that runs main() of a test. */
   static ProcessBuilder jvm(List<String> options, Class<?> test, String... arguments) {
     List<String> command = new ArrayList<>(List.of(ProcessHandle.current().info().command().orElseThrow()));
+    command.add("--enable-native-access=ALL-UNNAMED");  // JDK 24 and later warn without it
     command.addAll(options);
     command.addAll(List.of("-cp", System.getProperty("java.class.path"), test.getName()));
     command.addAll(List.of(arguments));

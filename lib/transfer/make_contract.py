@@ -1,0 +1,128 @@
+"""Writes contract.h beside this file from the description of the public headers: how their structs are sent.
+
+make_contract.py          writes contract.h
+make_contract.py --check  only says whether it would be the same
+"""
+import pathlib
+import sys
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "bindings/description"))
+import description
+
+# What no rule gives: the structs that have a record of another form, as they have handles and enums that the other end
+# may have set to anything; and those that are sent as they are.
+TRANSLATED = {"fs_profile": "Profile", "fs_contact": "Contact", "fs_object": "Object"}
+AS_THEY_ARE = ["fs_frame", "fs_state", "fs_response", "fs_event", "fs_report", "fs_view", "fs_motion", "fs_client",
+               "fs_servo_stats", "fs_device_info"]
+
+target = pathlib.Path(__file__).with_name("contract.h")
+described = description.load()
+structs = {struct["name"]: struct for struct in described["structs"]}
+handles = {handle["name"] + " *" for handle in described["handles"]}
+enums = {enum["name"] for enum in described["enums"]}
+
+
+def is_sent(field):
+    return field["type"] != "void *" and not field["name"].startswith(("struct_size", "reserved"))
+
+
+def kind(field):
+    type_ = field["type"]
+    if type_ in TRANSLATED:
+        return "record"
+    if type_ in handles:
+        return "handle"
+    if type_ in enums:
+        return "enum"
+    if type_ == "char" and field["count"] % 8 == 0:
+        return "text"
+    if type_ in ("bool", "uint32_t") and field["count"] == 1:
+        return type_
+    if type_ == "double" or type_ in structs:
+        return "as it is"
+    sys.exit(f"{field['name']}: no rule tells how a {type_} is sent")
+
+
+def declaration(field):
+    types = {"record": TRANSLATED.get(field["type"]), "enum": "int64_t", "text": "char", "as it is": field["type"]}
+    array = f"[{field['count']}]" if field["count"] > 1 else ""
+    return f"  {types.get(kind(field), 'uint64_t')} {field['name']}{array};"
+
+
+def to_record(field):
+    name = field["name"]
+    return {"record": f"  out.{name} = to_record(from.{name});", "enum": f"  out.{name} = raw_value(from.{name});",
+            "text": f"  std::memcpy(out.{name}, from.{name}, sizeof out.{name});", "handle": ""}.get(
+                kind(field), f"  out.{name} = from.{name};")
+
+
+def from_record(field):
+    name = field["name"]
+    return {"record": f"  out.{name} = from_record(from.{name});", "handle": "",
+            "enum": f"  out.{name} = to_enum<{field['type']}>(static_cast<int32_t>(from.{name}));",
+            "text": f"  std::memcpy(out.{name}, from.{name}, sizeof out.{name});",
+            "bool": f"  out.{name} = from.{name} != 0;",
+            "uint32_t": f"  out.{name} = static_cast<uint32_t>(from.{name});"}.get(kind(field), f"  out.{name} = from.{name};")
+
+
+def size(field):
+    return {"record": sizes.get(field["type"]), "text": field["size"], "as it is": field["size"]}.get(kind(field), 8)
+
+
+def record(name):
+    fields = [field for field in structs[name]["fields"] if is_sent(field)]
+    sizes[name] = sum(map(size, fields))
+    me = TRANSLATED[name]
+    begin = ["  out.struct_size = sizeof out;"] if structs[name]["growing"] else []
+    return "\n".join([
+        f"struct {me} {{", *map(declaration, fields), "};", f"static_assert(sizeof({me}) == {sizes[name]});", "",
+        f"inline {me} to_record(const {name}& from) {{", f"  {me} out{{}};", *filter(None, map(to_record, fields)),
+        "  return out;", "}", "",
+        f"inline {name} from_record(const {me}& from) {{", f"  {name} out{{}};", *begin, *filter(None, map(from_record, fields)),
+        "  return out;", "}", ""])
+
+
+def with_those_inside(name, seen):
+    for field in structs[name]["fields"]:
+        if field["type"] in structs and field["type"] not in seen:
+            with_those_inside(field["type"], seen)
+    if name not in seen:
+        seen.append(name)
+    return seen
+
+
+sizes, all_of_them, lists = {}, [], []
+for name in TRANSLATED:
+    lists += [f"  FIELD({TRANSLATED[name]}, {field['name']})" for field in structs[name]["fields"] if is_sent(field)]
+for name in [field["type"] for name in TRANSLATED for field in structs[name]["fields"]] + AS_THEY_ARE:
+    if name in structs and name not in TRANSLATED:
+        with_those_inside(name, all_of_them)
+lists += [f"  FIELD({name}, {field['name']})" for name in all_of_them for field in structs[name]["fields"]]
+
+text = """// Written by make_contract.py from the description of the public headers: how their structs are sent.
+#pragma once
+
+#include <cstring>
+
+#include <forceserver/server.h>
+
+#include "base/enum.h"
+
+namespace fs::wire {
+
+// The record of a struct has its fields without those that mean something in one process only. A handle is a number (wire.h);
+// it is 0 in what to_record gives, and null in what from_record gives. Whole numbers have 64 bits, so no record has padding.
+// An enum may come as any number: it is checked where it is used.
+
+"""
+text += "\n".join(map(record, TRANSLATED))
+text += """
+// FIELD(record, field) for each field of these records and of the structs that are sent as they are.
+#define FORCESERVER_CONTRACT_FIELDS(FIELD) \\
+""" + " \\\n".join(lists) + "\n\n}  // namespace fs::wire\n"
+
+if sys.argv[1:] == ["--check"]:
+    if not target.exists() or target.read_text() != text:
+        sys.exit("lib/transfer/contract.h is not what the headers say: run bindings/description/make")
+else:
+    target.write_text(text)
