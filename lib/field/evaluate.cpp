@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "base/error.h"
+#include "field/proxies.h"
 #include "force/primitive.h"
 
 namespace fs {
@@ -16,10 +17,11 @@ Mat3 turning(const Closest& closest, Vec3 direction, Vec3 tangent) {
   return m;
 }
 
-// The force of an object on one tool point, times `share`.
-void add_point(const Object& object, const Closest& closest, const Motion& motion, const Pose& pose, double t,
-               const ToolState::Point& point, const ToolState& tool, const Law::Parsers* parsers, double share,
-               Share& out) noexcept {
+}  // namespace
+
+void add_profile_force(const Object& object, const Closest& closest, const Motion& motion, const Pose& pose, double t,
+                       const ToolState::Point& point, const ToolState& tool, const Law::Parsers* parsers, double share,
+                       Share& out) noexcept {
   if (closest.direction == Vec3{}) return;  // on a point or polyline there is none
   const double s = closest.side == Side::back ? -closest.distance : closest.distance;
   const Intensity g = object.law.at(s, t, parsers);
@@ -43,6 +45,8 @@ void add_point(const Object& object, const Closest& closest, const Motion& motio
     out.stiffness += (share * outward / closest.distance) * turning(closest, direction, tangent);
   }
 }
+
+namespace {
 
 // A bound of |force - exact force|, N, on a tool point for which the search was cut: nothing is known of the direction, nor of
 // the distance but for its bound.
@@ -106,6 +110,21 @@ uint64_t add_contacts(const Object& object, const Motion& motion, uint32_t row, 
   return felt;
 }
 
+// The contact of a point without memory: a closed mesh or a plane pushes it to the nearest place of its surface. False: the
+// point is on the side that is kept; what its profiles give is not included.
+bool add_resting_contact(const Object& object, const Closest& closest, const Pose& pose, const ToolState::Point& point,
+                         Share& out) noexcept {
+  const fs_keep keep = object.contact.keep;
+  if (keep == FS_KEEP_EITHER || closest.side == (keep == FS_KEEP_BACK ? Side::back : Side::front)) return false;
+  if (object.primitive == FS_PRIMITIVE_MESH && !object.shape->closed) return false;
+  const Vec3 direction = rotate(pose.orientation, closest.direction);  // away from the surface
+  const double stiffness = object.contact.stiffness > 0 ? object.contact.stiffness : 1000;
+  const Vec3 force = -std::min(stiffness * closest.distance, object.contact.limit) * direction;
+  out.wrench.force += force;
+  out.wrench.torque += cross(point.arm, force);
+  return true;
+}
+
 void add_share(const Share& share, double weight, uint32_t lane, LaneSum& sum) noexcept {
   sum.fx[lane] += weight * share.wrench.force.x;
   sum.fy[lane] += weight * share.wrench.force.y;
@@ -139,7 +158,7 @@ bool evaluate_object(const Object& object, const Motion& motion, double start, c
                      const Law::Parsers* parsers, Share& out, Hint* hints, Effort* effort) noexcept {
   const uint32_t all = points_of(tool);
   const uint32_t mask = tool.is_any_point ? all : object.point_mask() & all;
-  const double support = object.law.support;
+  const double support = object.support();
   if (mask == 0 || !(support >= 0)) return false;
   const double share = 1.0 / std::popcount(mask);
   const Vec3 origin = motion.position_at(tool.time);
@@ -165,14 +184,17 @@ bool evaluate_object(const Object& object, const Motion& motion, double start, c
       out.distance = closest.distance;
       out.point = pose * closest.point;
     }
-    add_point(object, closest, motion, pose, tool.time - start, point, tool, parsers, share, out);
+    if (object.is_solid() && add_resting_contact(object, closest, pose, point, out)) return;
+    add_profile_force(object, closest, motion, pose, tool.time - start, point, tool, parsers, share, out);
   });
   return is_near;
 }
 
 fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t view, uint64_t what, const ToolPoints& points,
                           const ToolState& tool, Effort* effort) noexcept {
-  memory.look(view, what, tool.pose * points.centre, points.radius, tool.time);
+  Proxies* const proxies = memory.proxies();
+  const double reach = proxies ? proxies->reach(view, what) : 0;  // a proxy may be that far from its point
+  memory.look(view, what, tool.pose * points.centre, points.radius + reach, tool.time);
   LaneSum sum;
   Contacts contacts;
   fs_response out{};
@@ -184,6 +206,15 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
     for (unsigned k = 0; points_near && k < tool.count; ++k) {
       felt |= add_points(chunk, points_near, tool.points[k].position, tool.points[k].arm, given, share, sum);
     }
+    const uint64_t solids_near = proxies ? near & chunk.rows->solids : 0;
+    for_each_bit(solids_near, [&](uint32_t i) {
+      const Row& row = chunk.row(i);
+      const Scratch* const scratch = scratches.get(number * chunk_size + i);
+      proxies->collect({.row = number * chunk_size + i, .version = row.version, .object = row.object.get(),
+                        .motion = &chunk.motion(i), .weight = given ? given[i].value() : 1,
+                        .parsers = scratch ? &scratch->parsers : nullptr, .start = row.start});
+    });
+    near &= ~solids_near;
     const uint64_t contacts_near = near & ~points_near & (chunk.rows->contacts | chunk.rows->formulas());
     for_each_bit(contacts_near, [&](uint32_t i) {
       const Object& object = *chunk.row(i).object;
@@ -213,6 +244,7 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
   out.wrench = sum.wrench();
   out.stiffness = sum.stiffness();
   out.proxy = tool.pose;
+  if (proxies) proxies->feel(view, what, tool, out);
   return out;
 }
 

@@ -65,6 +65,12 @@ struct Share {
   double error = 0;         // N, a bound of |force - exact force|
 };
 
+// [rt] Adds the force that an object's profiles give one tool point, times `share`. closest: of the object, in its own frame;
+// pose: of the object; t: s, of the profiles.
+void add_profile_force(const Object& object, const Closest& closest, const Motion& motion, const Pose& pose, double t,
+                       const ToolState::Point& point, const ToolState& tool, const Law::Parsers* parsers, double share,
+                       Share& out) noexcept;
+
 // [rt] False when the object is out of reach of every point that feels it; out is as it was. parsers: may be null without
 // curves. hints: of each point; may be null. effort: null: without end.
 bool evaluate_object(const Object& object, const Motion& motion, double start, const ToolState& tool,

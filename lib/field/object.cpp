@@ -122,10 +122,6 @@ ParsedObject parse(const fs_object& in, std::string name, const Object* like, bo
     fail(FS_ERROR_INVALID, "shape is given, must be null for a %s", primitive_name(in.primitive));
   }
   check_contact(in.contact, in.primitive);
-  if (in.contact.keep != FS_KEEP_NONE) {
-    fail(FS_ERROR_UNSUPPORTED, "contact.keep is %d: solid contacts are not in version %d.%d of this library",
-         static_cast<int>(in.contact.keep), FS_VERSION_MAJOR, FS_VERSION_MINOR);
-  }
   object.contact = in.contact;
 
   if (object.shape) {

@@ -46,7 +46,9 @@ void Chunk::set_object(uint32_t i, Ref<const Object> given) noexcept {
   const Object& object = *row.object;
   const Law& law = object.law;
   rows->forget_formulas(bit);
-  if (object.damping == 0 && Formula::is_possible(law.front) && Formula::is_possible(law.back)) {
+  if (object.is_solid()) {
+    rows->solids |= bit;
+  } else if (object.damping == 0 && Formula::is_possible(law.front) && Formula::is_possible(law.back)) {
     if (object.primitive != FS_PRIMITIVE_POINT || object.point_mask() != ~0u) {
       rows->contacts |= bit;
     } else {
@@ -89,7 +91,7 @@ void Chunk::place(uint32_t i) noexcept {
   Motions& group = *motions[i / Motions::size];
   const uint32_t k = i % Motions::size;
   const Motion& m = group.motions[k];
-  const double support = object.law.support;
+  const double support = object.support();
   constexpr float infinity = std::numeric_limits<float>::infinity();
   const bool is_standing = !(m.horizon > 0);
   standing = is_standing ? standing | bit : standing & ~bit;

@@ -49,12 +49,13 @@ struct Rows : LocalCounted<Rows> {
   Row rows[chunk_size];
   uint64_t linear = 0, quadratic = 0, inverse = 0, gaussian = 0;  // bit i: row i is a point with this formula
   uint64_t contacts = 0;  // bit i: row i is felt by formulas, but is no such point
+  uint64_t solids = 0;    // bit i: row i is solid
   double offset[chunk_size] = {}, gain[chunk_size] = {}, per_width[chunk_size] = {};
   double limit[chunk_size] = {}, reach[chunk_size] = {};
 
   uint64_t formulas() const noexcept { return linear | quadratic | inverse | gaussian; }
   void forget_formulas(uint64_t bit) noexcept {
-    for (uint64_t* const rows : {&linear, &quadratic, &inverse, &gaussian, &contacts}) *rows &= ~bit;
+    for (uint64_t* const rows : {&linear, &quadratic, &inverse, &gaussian, &contacts, &solids}) *rows &= ~bit;
   }
 };
 

@@ -22,7 +22,7 @@ void ObjectRows::own_motion(uint32_t row) { chunks_.edit(row / chunk_size, seque
 // Finds a row that no tick can use, but does not reserve it: fill does. Two calls give the same row.
 uint32_t ObjectRows::allocate(const Entry& entry) {
   space_.reclaim(servo_ ? used() : sequence_);
-  return space_.find(entry.motion.pose.position, entry.object->radius + entry.object->law.support);
+  return space_.find(entry.motion.pose.position, entry.object->radius + entry.object->support());
 }
 
 // Makes room for a row in the memory of each reader, and what its object needs there.
@@ -32,6 +32,7 @@ ObjectRows::New ObjectRows::make_new(uint32_t row, const Object& object, const O
   New out;
   for (Reader* const reader : readers_) {
     reader->memory->make_room(row);
+    if (object.is_solid()) reader->memory->make_proxies();
     if (has_same_curves) continue;
     Ref<Scratch> scratch = Scratch::of(object);
     if (scratch || reader->scratches.get(row)) reader->scratches.own(row, sequence_);
@@ -188,6 +189,7 @@ void ObjectRows::attach(Reader& reader) {
   chunks_.for_each([&](uint32_t number, const Chunk& chunk) {
     for_each_bit(chunk.used, [&](uint32_t i) {
       const Object& object = *chunk.row(i).object;
+      if (object.is_solid()) reader.memory->make_proxies();
       if (Scratch::is_needed(object)) reader.scratches.set(number * chunk_size + i, Scratch::of(object), sequence_);
     });
   });
