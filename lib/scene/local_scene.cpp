@@ -336,7 +336,8 @@ void LocalScene::with_snapshot(const char* name, const std::function<void(const 
   {
     const std::lock_guard lock(mutex_);
     // As it is evaluated, whatever an open group has done to it.
-    if (name && !evaluated_.objects.find_row(std::string_view(name), &row)) {
+    if (name) row = evaluated_.objects.row_of(name);
+    if (name && row == no_row) {
       fail(FS_ERROR_NOT_FOUND, "name is '%s': there is no such object to evaluate", shortened(name).c_str());
     }
     kept = evaluated_.post_newest();

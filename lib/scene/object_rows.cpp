@@ -10,7 +10,9 @@ namespace fs {
 
 Entry ObjectRows::entry(uint32_t number) const {
   const Row& from = row(number);
-  return {from.object, motion(number), from.start, from.expiry, from.revision, motion_revision(number)};
+  Entry out{nullptr, motion(number), from.start, from.expiry, from.revision, motion_revision(number)};
+  out.object = from.object;  // last: to count a reference waits for all that is read before
+  return out;
 }
 
 // ------------------------------------------------------------------------------------------------------- what may throw
