@@ -62,8 +62,25 @@ const std::vector<Vec3>& Edits::tool() const {
   return group_ && group_->view.points ? *group_->view.points : evaluated_.views.now().tool->points;
 }
 
-bool Edits::is_held() const {
-  return group_ && group_->view.held ? *group_->view.held : evaluated_.views.now().is_held;
+size_t Edits::count() const {
+  if (!group_) return evaluated_.objects.count();
+  size_t count = 0;
+  for_each([&](const std::string&, const Known&) { ++count; });
+  return count;
+}
+
+fs_view Edits::view(bool with_group) const {
+  const ViewRows& views = evaluated_.views;
+  fs_view out{};
+  out.frame = with_group ? frame() : views.frame();
+  const std::vector<Vec3>& points = with_group ? tool() : views.now().tool->points;
+  std::copy(points.begin(), points.end(), out.points);
+  out.point_count = static_cast<uint32_t>(points.size());
+  out.held = with_group && group_ && group_->view.held ? *group_->view.held : views.now().is_held;
+  HandSample hand;
+  out.tool = evaluated_.servo() && evaluated_.output->hand.read(hand) ? hand.state.pose : identity_pose();
+  views.get_held(out.tool);
+  return out;
 }
 
 // ------------------------------------------------------------------------------------------------------------- changes

@@ -34,7 +34,10 @@ class Edits {
   Known require(const char* name) const;  // NOT_FOUND
   fs_frame frame() const;
   const std::vector<Vec3>& tool() const;
-  bool is_held() const;
+  size_t count() const;  // of objects
+  // With the open group, or as the scene is evaluated. The tool stands where the last tick had it, or where the clutch holds
+  // it.
+  fs_view view(bool with_group) const;
   // Calls f(name, Known) for each object, in the order in which the names first came.
   template <class F>
   void for_each(F&& f) const;

@@ -45,7 +45,8 @@ ObjectRows::New ObjectRows::make_new(uint32_t row, const Object& object, const O
 
 void ObjectRows::fill(uint32_t number, const Entry& entry, uint64_t version, uint32_t previous) noexcept {
   space_.take(number);
-  Row& row = edit(number);
+  Chunk& its = chunk(number);
+  Row& row = its.edit_row(number % chunk_size);
   if (row.version != version) row.created = sequence_;
   row.version = version;
   row.sequence = sequence_;
@@ -56,8 +57,7 @@ void ObjectRows::fill(uint32_t number, const Entry& entry, uint64_t version, uin
   row.is_named = true;
   row.start = entry.start;
   row.revision = entry.revision;
-  chunk(number).set_object(number % chunk_size, entry.object);
-  chunk(number).move(number % chunk_size, entry.motion, entry.motion_revision);
+  its.set(number % chunk_size, entry.object, entry.motion, entry.motion_revision);
 }
 
 void ObjectRows::install(uint32_t row, New& made) noexcept {

@@ -42,8 +42,7 @@ struct Points {
       motion.pose.position = {random.between(-0.1, 0.1), random.between(-0.1, 0.1), random.between(-0.1, 0.1)};
       chunk.own(i);
       chunk.edit_row(i).version = 1;
-      chunk.set_object(i, parse_object(o).object);
-      chunk.move(i, motion, 1);
+      chunk.set(i, parse_object(o).object, motion, 1);
     }
   }
 };
