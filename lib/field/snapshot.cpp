@@ -34,7 +34,7 @@ void Chunk::move(uint32_t i, const Motion& motion, uint64_t revision) noexcept {
   place(i);
 }
 
-void Chunk::set(uint32_t i, Ref<const Object> given, const Motion& motion, uint64_t revision) noexcept {
+Row& Chunk::set(uint32_t i, Ref<const Object> given, const Motion& motion, uint64_t revision) noexcept {
   const uint64_t bit = uint64_t{1} << i;
   const Object& object = *given;
   rows->rows[i].object = std::move(given);
@@ -58,6 +58,7 @@ void Chunk::set(uint32_t i, Ref<const Object> given, const Motion& motion, uint6
     }
   }
   move(i, motion, revision);
+  return rows->rows[i];
 }
 
 void Box::add(const Box& other) noexcept {

@@ -97,7 +97,7 @@ struct Chunk : LocalCounted<Chunk> {
   void own(uint32_t i);         // may run out of memory; after it edit_row, set, move and drop cannot
   void own_motion(uint32_t i);  // all that move needs
   Row& edit_row(uint32_t i) noexcept { return rows->rows[i]; }  // the caller must not change its object: see set
-  void set(uint32_t i, Ref<const Object> object, const Motion& motion, uint64_t revision) noexcept;
+  Row& set(uint32_t i, Ref<const Object> object, const Motion& motion, uint64_t revision) noexcept;  // the rest is for the caller
   void move(uint32_t i, const Motion& motion, uint64_t revision) noexcept;
   void drop(uint32_t i) noexcept;
 

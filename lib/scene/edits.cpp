@@ -91,7 +91,8 @@ void Edits::require_room(const std::vector<ParsedObject>& objects) {
     const std::string& name = object.object->name;
     added += !evaluated_.objects.has_name(name) && !(group_ && group_->find(name));
   }
-  if (!evaluated_.objects.has_room(added)) evaluated_.settle_all();
+  if (evaluated_.objects.has_room(added)) return;
+  evaluated_.settle_all();
   evaluated_.objects.require_room(added, "would hold more than");
 }
 
@@ -123,10 +124,9 @@ void Edits::put(std::string_view name, Known wanted, bool is_more_than_moved, bo
   wanted.is_more_than_moved = is_more_than_moved;
   Objects& objects = evaluated_.objects;
   const bool is_new = !is_known && !objects.has_name(name) && !(group_ && group_->find(name));
-  if (is_new) {
-    const size_t others = group_ ? group_->added : 0;
-    if (!objects.has_room(others + 1)) evaluated_.settle(true);
-    objects.require_room(others + 1, "holds");
+  if (const size_t more = group_ ? group_->added + 1 : 1; is_new && !objects.has_room(more)) {
+    evaluated_.settle(true);
+    objects.require_room(more, "holds");
   }
   if (group_) {
     group_->put(name, std::move(wanted), is_new);

@@ -1,6 +1,6 @@
-// A scene whose objects are evaluated in this process: a lock around what is evaluated (Evaluated) and what is wanted of it
-// (Edits). Every change takes the same way: check, edit, rows, snapshot, mailbox. Functions that are not marked [rt] may
-// allocate and take the lock; none waits for a reader.
+// A scene whose objects are evaluated in this process: a lock around what is evaluated (Evaluated), what is wanted of it
+// (Edits) and who evaluates it (Readers). Every change takes the same way: check, edit, rows, snapshot, mailbox. Functions
+// that are not marked [rt] may allocate and take the lock; none waits for a reader.
 #pragma once
 
 #include <memory>
