@@ -247,13 +247,13 @@ void Memory::look_at(uint32_t number, Sight& sight, const Way& way, double radiu
   // Rows that the tool reaches within 4 ticks count as near if there are at most 4; otherwise the chunk would wake at almost
   // every tick.
   const auto soon = static_cast<float>(margin + 4 * way.step);
-  const auto [near_now, least_now] = rows_within(gaps, margin);
-  const auto [near_soon, least_later] = rows_within(gaps, soon);
-  uint64_t near = near_now;
-  float least = least_now;
-  if (std::popcount(near_soon ^ near) <= 4) {
-    near = near_soon;
-    least = least_later;
+  auto [near, least] = rows_within(gaps, margin);
+  if (least <= soon) {
+    const auto [near_soon, least_later] = rows_within(gaps, soon);
+    if (std::popcount(near_soon ^ near) <= 4) {
+      near = near_soon;
+      least = least_later;
+    }
   }
   double sleeps = static_cast<double>(least) - margin;  // m
   if (near && way.step > 0) sleeps = std::min(sleeps, 64 * way.step);  // to notice that near rows have become far
