@@ -33,8 +33,8 @@ struct Known : Entry {
   uint32_t parts = 0;   // fs_part bits that are changed
   Ref<const Object> base;  // the object that they were changed of; null: the name was new
   uint32_t number = 0;  // of a new name, where it is not the next
-  Named* named = nullptr;  // where the name stands, which saves to look for it again,
-  uint64_t gone = 0;       // unless more names than these have gone since
+  Named* named = nullptr;  // the name where it was found, so that it need not be looked for again; null: not found.
+  uint64_t gone = 0;       // How many names had gone by then: as long as no other has, named is valid.
 };
 
 [[noreturn]] void fail_unknown(std::string_view name);  // NOT_FOUND
@@ -114,7 +114,7 @@ class Objects {
   void set_expiry(const std::string& name, double before, double after);
 
   NameMap<Item> names_;
-  uint64_t gone_ = 0;  // names that were erased so far
+  uint64_t gone_ = 0;  // names that have been erased so far
   uint32_t last_number_ = 0;
   size_t removed_ = 0;
   uint32_t capacity_ = 1u << 20;
