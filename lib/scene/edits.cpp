@@ -253,6 +253,7 @@ void Edits::sort() {
       group_->new_names[next++] = std::move(sorted.name);
     }
   }
+  for (const Sorted& sorted : known) objects.rows.own_chunk(static_cast<uint32_t>(sorted.place));
 }
 
 void Edits::shift(double by) noexcept {

@@ -45,6 +45,10 @@ class ObjectRows : Versions<ObjectRows> {
   // Whether something fades out behind the newest row, or the newest row itself.
   bool is_fading(uint32_t newest) const noexcept { return row(newest).previous != no_row || !row(newest).is_named; }
 
+  // Called for one row after the other before all of them change, so that their chunks lie together in memory: a reader
+  // that looks at all of them is faster then.
+  void own_chunk(uint32_t row) { chunks_.edit(row / chunk_size, sequence_); }
+
   // Objects that are added in the order of this number lie together best.
   uint64_t place_of(const Entry& entry) noexcept {
     return space_.place_of(entry.motion.pose.position, entry.object->radius + entry.object->law.support);
