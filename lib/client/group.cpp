@@ -15,7 +15,7 @@ Replica::Replica(SentAssets& sent, const Connection& connection)
                                  connection.welcome().is_virtual ? ClockKind::virtual_time : ClockKind::steady)),
       max_objects(connection.welcome().max_objects),
       objects(sent, max_objects) {
-  scene->leave_unbuilt();
+  scene->readers.leave_unbuilt();
   scene->hold();
 }
 

@@ -1,6 +1,8 @@
 #include "field/lanes.h"
 
 #include <algorithm>
+#include <array>
+#include <climits>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -26,7 +28,9 @@ FS_INLINE Four all(double value) { return Four{value, value, value, value}; }
 FS_INLINE Four where(Mask mask, Four value) { return (Four)(mask & (Mask)value); }  // else 0
 FS_INLINE Four root(Four v) { return Four{std::sqrt(v[0]), std::sqrt(v[1]), std::sqrt(v[2]), std::sqrt(v[3])}; }
 FS_INLINE Four least(Four a, Four b) { return a < b ? a : b; }
-FS_INLINE Four size(Four v) { return v < all(0) ? -v : v; }
+constexpr Mask signs{LLONG_MIN, LLONG_MIN, LLONG_MIN, LLONG_MIN};
+FS_INLINE Four size(Four v) { return (Four)((Mask)v & ~signs); }
+FS_INLINE Four signed_as(Four v, Four sign) { return (Four)((Mask)v ^ ((Mask)sign & signs)); }
 
 constexpr double least_distance = 1e-150;  // m: nearer than this there is no direction
 
@@ -34,9 +38,20 @@ FS_INLINE Four weights_at(const Weight* weights, uint32_t i) {
   if (!weights) return all(1);
   return Four{weights[i].value(), weights[i + 1].value(), weights[i + 2].value(), weights[i + 3].value()};
 }
+// The lanes whose bit is set, of four bits.
 FS_INLINE Mask lanes_of(uint64_t bits) {
-  return Mask{-(long long)(bits & 1), -(long long)(bits >> 1 & 1), -(long long)(bits >> 2 & 1), -(long long)(bits >> 3 & 1)};
+  static constexpr auto masks = [] {
+    std::array<std::array<long long, lane_count>, 16> out{};
+    for (unsigned b = 0; b < 16; ++b) {
+      for (unsigned k = 0; k < lane_count; ++k) out[b][k] = b >> k & 1 ? -1 : 0;
+    }
+    return out;
+  }();
+  Mask out;
+  std::memcpy(&out, &masks[bits], sizeof out);
+  return out;
 }
+FS_INLINE uint64_t any_of(Mask lanes) { return static_cast<uint64_t>(lanes[0] | lanes[1] | lanes[2] | lanes[3]); }
 FS_INLINE void add(double* sum, Four value) {
   const Four out = load(sum) + value;
   std::memcpy(sum, &out, sizeof out);
@@ -102,27 +117,34 @@ FS_INLINE void add_forces(Four fx, Four fy, Four fz, Four arm_x, Four arm_y, Fou
 FS_INLINE uint64_t points_in_lanes(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm, const Weight* weights,
                                    double share, LaneSum& sum) {
   const Rows& rows = *chunk.rows;
-  uint64_t felt = 0;
-  const Four zero = all(0), one = all(1);
-  for (uint32_t i = 0; i < chunk_size; i += lane_count) {
+  const uint64_t others = mask & ~rows.linear;
+  const Four one = all(1), px = all(position.x), py = all(position.y), pz = all(position.z), shares = all(share);
+  Four fx{}, fy{}, fz{};
+  Mask felt{};
+  Mask bits{1, 2, 4, 8};  // of the four rows
+  for (uint32_t i = 0; i < chunk_size; i += lane_count, bits <<= lane_count) {
     const uint64_t wanted = mask >> i & 15;
     if (wanted == 0) continue;
     const Motions& at = *chunk.motions[i / Motions::size];
-    const Four x = all(position.x) - load(at.x), y = all(position.y) - load(at.y), z = all(position.z) - load(at.z);
+    const Four x = px - load(at.x), y = py - load(at.y), z = pz - load(at.z);
     const Four d = root(x * x + y * y + z * z);
     const Four signed_limit = load(rows.limit + i);
-    const Four inverse = one / (d > all(least_distance) ? d : one);
+    const Mask has_direction = d > all(least_distance);
+    const Four inverse = one / (has_direction ? d : one);
+    const uint64_t other = others >> i & 15;
     const Laws laws = laws_at(d, inverse, rows.offset + i, rows.gain + i, rows.per_width + i, size(signed_limit),
-                              rows.reach + i, rows.quadratic >> i & 15, rows.inverse >> i & 15, rows.gaussian >> i & 15);
-    const Mask is_felt = lanes_of(wanted) & laws.is_felt & (d > all(least_distance));
-    const Four sign = signed_limit < zero ? -one : one;
-    const Four weight = where(is_felt, weights_at(weights, i) * all(share) * sign);
-    const Four slope = laws.slope * weight;
+                              rows.reach + i, other ? rows.quadratic >> i & 15 : 0, other ? rows.inverse >> i & 15 : 0,
+                              other ? rows.gaussian >> i & 15 : 0);
+    const Mask is_felt = lanes_of(wanted) & laws.is_felt & has_direction;
+    felt |= is_felt & bits;
+    // All numbers but the slopes are finite, so they are 0 where the weight is.
+    const Four weight = where(is_felt, signed_as(weights_at(weights, i) * shares, signed_limit));
     const Four ux = x * inverse, uy = y * inverse, uz = z * inverse;
     const Four force = laws.force * weight;
-    add_forces(where(is_felt, force * ux), where(is_felt, force * uy), where(is_felt, force * uz), all(arm.x), all(arm.y),
-               all(arm.z), sum);
-    const Four turning = where(is_felt, force * inverse), rest = where(is_felt, slope - force * inverse);
+    fx += force * ux;
+    fy += force * uy;
+    fz += force * uz;
+    const Four turning = force * inverse, rest = where(is_felt, laws.slope * weight) - turning;
     const Four rx = rest * ux, ry = rest * uy;
     add(sum.xx, rx * ux + turning);
     add(sum.xy, rx * uy);
@@ -130,9 +152,9 @@ FS_INLINE uint64_t points_in_lanes(const Chunk& chunk, uint64_t mask, Vec3 posit
     add(sum.yy, ry * uy + turning);
     add(sum.yz, ry * uz);
     add(sum.zz, rest * uz * uz + turning);
-    for (uint32_t k = 0; k < lane_count; ++k) felt |= static_cast<uint64_t>(is_felt[k] & 1) << (i + k);
   }
-  return felt;
+  add_forces(fx, fy, fz, all(arm.x), all(arm.y), all(arm.z), sum);
+  return any_of(felt);
 }
 
 FS_INLINE uint64_t contacts_in_lanes(const Contacts::Layer* layers, uint32_t count, LaneSum& sum) {
@@ -163,14 +185,90 @@ FS_INLINE uint64_t contacts_in_lanes(const Contacts::Layer* layers, uint32_t cou
   return felt;
 }
 
+typedef float Eight __attribute__((vector_size(32)));
+typedef uint32_t Bits __attribute__((vector_size(32)));
+
+FS_INLINE Eight load_eight(const float* from) {
+  Eight out;
+  std::memcpy(&out, from, sizeof out);
+  return out;
+}
+
+FS_INLINE void gaps_in_lanes(const Outline& outline, Vec3 from, Gaps& gaps) {
+  const Vec3 local = from - outline.origin;
+  const float fx = static_cast<float>(local.x), fy = static_cast<float>(local.y), fz = static_cast<float>(local.z);
+  // What rounding can make of a distance, of the place `from` itself too.
+  const float part = 1 - 4e-7f;
+  const float rounding = static_cast<float>(2e-7 * norm(local) + 1e-15 * largest_coordinate(from));
+  for (uint32_t i = 0; i < chunk_size; i += 8) {
+    const Eight x = fx - load_eight(outline.x + i), y = fy - load_eight(outline.y + i), z = fz - load_eight(outline.z + i);
+    const Eight squared = x * x + y * y + z * z;
+    Eight distance;
+    for (int k = 0; k < 8; ++k) distance[k] = std::sqrt(squared[k]);
+    const Eight gap = distance * part - rounding - load_eight(outline.reach + i);
+    std::memcpy(gaps + i, &gap, sizeof gap);
+  }
+}
+
+FS_INLINE Within within_in_lanes(const Gaps& gaps, float most) {
+  constexpr float infinity = std::numeric_limits<float>::infinity();
+  const Eight none = infinity - Eight{};
+  Eight beyond = none;
+  Within out{0, infinity};
+  for (uint32_t half = 0; half < 2; ++half) {
+    Bits bits{1, 2, 4, 8, 16, 32, 64, 128}, found{};
+    for (uint32_t i = 32 * half; i < 32 * half + 32; i += 8, bits <<= 8) {
+      const Eight gap = load_eight(gaps + i), farther = gap > most ? gap : none;
+      found |= (Bits)(gap <= most) & bits;
+      beyond = farther < beyond ? farther : beyond;
+    }
+    for (int k = 0; k < 8; ++k) out.rows |= static_cast<uint64_t>(found[k]) << (32 * half);
+  }
+  for (int k = 0; k < 8; ++k) out.least_beyond = std::min(out.least_beyond, beyond[k]);
+  return out;
+}
+
+FS_INLINE Awake awake_in_lanes(const double* wake_at, double travelled) {
+  Four beyond = all(never);
+  Mask bits{1, 2, 4, 8}, found{};
+  for (uint32_t i = 0; i < 64; i += lane_count, bits <<= lane_count) {
+    const Four at = load(wake_at + i);
+    const Mask sleeps = at > all(travelled);
+    found |= ~sleeps & bits;
+    beyond = least(sleeps ? at : beyond, beyond);
+  }
+  return {any_of(found), std::min(std::min(beyond[0], beyond[1]), std::min(beyond[2], beyond[3]))};
+}
+
+// All of them for one width.
+struct Width {
+  uint64_t (*points)(const Chunk&, uint64_t, Vec3, Vec3, const Weight*, double, LaneSum&);
+  uint64_t (*contacts)(const Contacts::Layer*, uint32_t, LaneSum&);
+  void (*gaps)(const Outline&, Vec3, Gaps&);
+  Within (*within)(const Gaps&, float);
+  Awake (*awake)(const double*, double);
+};
+
+// The same functions for the processor at hand (TARGET: nothing) and for one with AVX2.
+#define FS_WIDTH(NAME, TARGET)                                                                                              \
+  TARGET uint64_t NAME##_points(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm, const Weight* weights,          \
+                                double share, LaneSum& sum) {                                                               \
+    return points_in_lanes(chunk, mask, position, arm, weights, share, sum);                                                \
+  }                                                                                                                         \
+  TARGET uint64_t NAME##_contacts(const Contacts::Layer* layers, uint32_t count, LaneSum& sum) {                            \
+    return contacts_in_lanes(layers, count, sum);                                                                           \
+  }                                                                                                                         \
+  TARGET void NAME##_gaps(const Outline& outline, Vec3 from, Gaps& gaps) { gaps_in_lanes(outline, from, gaps); }            \
+  TARGET Within NAME##_within(const Gaps& gaps, float most) { return within_in_lanes(gaps, most); }                         \
+  TARGET Awake NAME##_awake(const double* wake_at, double travelled) { return awake_in_lanes(wake_at, travelled); }         \
+  constexpr Width NAME{NAME##_points, NAME##_contacts, NAME##_gaps, NAME##_within, NAME##_awake};
+
+FS_WIDTH(usual, )
 #ifdef __x86_64__
-__attribute__((target("avx2"))) uint64_t points_wide(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm,
-                                                     const Weight* weights, double share, LaneSum& sum) {
-  return points_in_lanes(chunk, mask, position, arm, weights, share, sum);
-}
-__attribute__((target("avx2"))) uint64_t contacts_wide(const Contacts::Layer* layers, uint32_t count, LaneSum& sum) {
-  return contacts_in_lanes(layers, count, sum);
-}
+FS_WIDTH(wide, __attribute__((target("avx2"))))
+const Width& width() noexcept { return has_avx2 ? wide : usual; }
+#else
+const Width& width() noexcept { return usual; }
 #endif
 
 }  // namespace
@@ -206,11 +304,7 @@ void Contacts::add(uint32_t row, const Contact& contact) noexcept {
 }
 
 uint64_t Contacts::take(LaneSum& sum) noexcept {
-#ifdef __x86_64__
-  const uint64_t felt = has_avx2 ? contacts_wide(layers_, layer_count_, sum) : contacts_in_lanes(layers_, layer_count_, sum);
-#else
-  const uint64_t felt = contacts_in_lanes(layers_, layer_count_, sum);
-#endif
+  const uint64_t felt = width().contacts(layers_, layer_count_, sum);
   std::fill_n(counts_, lane_count, 0);
   layer_count_ = 0;
   return felt;
@@ -248,32 +342,15 @@ void Outline::take(const Chunk& chunk) noexcept {
   }
 }
 
-void find_gaps(const Outline& outline, Vec3 from, float (&gaps)[chunk_size]) noexcept {
-  const auto load = [](const float* from) {
-    Floats out;
-    std::memcpy(&out, from, sizeof out);
-    return out;
-  };
-  const Vec3 local = from - outline.origin;
-  const float fx = static_cast<float>(local.x), fy = static_cast<float>(local.y), fz = static_cast<float>(local.z);
-  // What rounding can make of a distance, of the place `from` itself too.
-  const float part = 1 - 4e-7f;
-  const float rounding = static_cast<float>(2e-7 * norm(local) + 1e-15 * largest_coordinate(from));
-  for (uint32_t i = 0; i < chunk_size; i += 4) {
-    const Floats x = fx - load(outline.x + i), y = fy - load(outline.y + i), z = fz - load(outline.z + i);
-    const Floats squared = x * x + y * y + z * z;
-    const Floats distance{std::sqrt(squared[0]), std::sqrt(squared[1]), std::sqrt(squared[2]), std::sqrt(squared[3])};
-    const Floats gap = distance * part - rounding - load(outline.reach + i);
-    std::memcpy(gaps + i, &gap, sizeof gap);
-  }
-}
+void find_gaps(const Outline& outline, Vec3 from, Gaps& gaps) noexcept { width().gaps(outline, from, gaps); }
+
+Within rows_within(const Gaps& gaps, float most) noexcept { return width().within(gaps, most); }
+
+Awake find_awake(const double (&wake_at)[64], double travelled) noexcept { return width().awake(wake_at, travelled); }
 
 uint64_t add_points(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm, const Weight* weights, double share,
                     LaneSum& sum) noexcept {
-#ifdef __x86_64__
-  if (has_avx2) return points_wide(chunk, mask, position, arm, weights, share, sum);
-#endif
-  return points_in_lanes(chunk, mask, position, arm, weights, share, sum);
+  return width().points(chunk, mask, position, arm, weights, share, sum);
 }
 
 }  // namespace fs

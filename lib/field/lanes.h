@@ -61,7 +61,22 @@ class Contacts {
 };
 
 // [rt] For each row a lower bound of the distance from `from` to where it may be felt, m; below 0 it may be felt there.
-void find_gaps(const Outline& outline, Vec3 from, float (&gaps)[chunk_size]) noexcept;
+using Gaps = float[chunk_size];
+void find_gaps(const Outline& outline, Vec3 from, Gaps& gaps) noexcept;
+
+// [rt] The rows whose gap is at most `most`, and the least gap of the others.
+struct Within {
+  uint64_t rows;
+  float least_beyond;
+};
+Within rows_within(const Gaps& gaps, float most) noexcept;
+
+// [rt] Which of 64 sleepers do not sleep beyond `travelled`, and where the first of the others wakes.
+struct Awake {
+  uint64_t mask;
+  double wakes_next;
+};
+Awake find_awake(const double (&wake_at)[64], double travelled) noexcept;
 
 // [rt] Adds the forces of the rows in `mask`, all of them standing points with a formula, on a tool point at `position` with `arm`
 // from the tool's origin; each times its weight (of all 64 rows; null: 1) times `share`. Returns the rows felt there.

@@ -17,31 +17,6 @@ double least_of(const double (&values)[64]) noexcept {
   return std::min(std::min(least[0], least[1]), std::min(least[2], least[3]));
 }
 
-// The rows whose gap is at most `most`, and the least gap of the others. Without a branch, several rows at a time.
-struct Within {
-  uint64_t rows;
-  float least_beyond;
-};
-Within rows_within(const float (&gaps)[64], float most) noexcept {
-  constexpr float infinity = std::numeric_limits<float>::infinity();
-  uint8_t is_within[64];
-  for (int i = 0; i < 64; ++i) is_within[i] = gaps[i] <= most;
-  float beyond[4] = {infinity, infinity, infinity, infinity};
-  for (int i = 0; i < 64; i += 4) {
-    for (int k = 0; k < 4; ++k) {
-      const float gap = gaps[i + k] > most ? gaps[i + k] : infinity;
-      beyond[k] = gap < beyond[k] ? gap : beyond[k];
-    }
-  }
-  uint64_t rows = 0;
-  for (int i = 0; i < 64; i += 8) {
-    uint64_t eight = 0;  // bytes of 0 or 1; the product brings them together as bits of its highest byte
-    for (int k = 0; k < 8; ++k) eight |= uint64_t{is_within[i + k]} << (8 * k);
-    rows |= (eight * 0x0102040810204080u >> 56) << i;
-  }
-  return {rows, std::min(std::min(beyond[0], beyond[1]), std::min(beyond[2], beyond[3]))};
-}
-
 }  // namespace
 
 // ------------------------------------------------------------------------------------------------------ for the scene
@@ -236,20 +211,19 @@ void Memory::look(uint32_t i, uint64_t what, Vec3 centre, double radius, double 
     Block* const b = blocks_[n].get();
     if (!b || b->sights[i]->wake_least > way.travelled) continue;
     Sight& sight = *b->sights[i];
-    for (uint32_t c = 0; c < block_size; ++c) {
-      if (sight.wake_at[c] > way.travelled) continue;
+    const auto [awake, wakes_next] = find_awake(sight.wake_at, way.travelled);
+    sight.wake_least = wakes_next;
+    for_each_bit(awake, [&](uint32_t c) {
+      if (!b->chunks[c]) return sight.forget(c);
       const uint32_t number = n * block_size + c;
-      if (!b->chunks[c]) {
-        sight.forget(c);
-        continue;
-      }
       look_at(number, sight, way, radius);
-      if (has_weights_ && sight.near[c] && b->due[c] > now) {  // it has slept: its weights are those of some time ago
+      sight.wake_least = std::min(sight.wake_least, sight.wake_at[c]);
+      const bool is_moving = has_weights_ && b->weights[c]->moving.load(std::memory_order_relaxed) != 0;
+      if (is_moving && sight.near[c] && b->due[c] > now) {  // it has slept: its weights are those of some time ago
         move_weights(number, now);
         set_due(number);
       }
-    }
-    sight.wake_least = least_of(sight.wake_at);
+    });
   }
 }
 
@@ -269,7 +243,7 @@ void Memory::look_at(uint32_t number, Sight& sight, const Way& way, double radiu
     b.planes[c] = chunk.planes;
     b.is_outlined[c] = true;
   }
-  float gaps[chunk_size];
+  Gaps gaps;
   find_gaps(*b.outlines[c], way.centre, gaps);
   for_each_bit(b.planes[c], [&](uint32_t i) {
     const Chunk& chunk = *b.chunks[c];
@@ -283,13 +257,13 @@ void Memory::look_at(uint32_t number, Sight& sight, const Way& way, double radiu
   // Rows that the tool reaches within 4 ticks count as near if there are at most 4; otherwise the chunk would wake at almost
   // every tick.
   const auto soon = static_cast<float>(margin + 4 * way.step);
-  const auto [near_now, least_now] = rows_within(gaps, margin);
-  const auto [near_soon, least_later] = rows_within(gaps, soon);
-  uint64_t near = near_now;
-  float least = least_now;
-  if (std::popcount(near_soon ^ near) <= 4) {
-    near = near_soon;
-    least = least_later;
+  auto [near, least] = rows_within(gaps, margin);
+  if (least <= soon) {
+    const auto [near_soon, least_later] = rows_within(gaps, soon);
+    if (std::popcount(near_soon ^ near) <= 4) {
+      near = near_soon;
+      least = least_later;
+    }
   }
   double sleeps = static_cast<double>(least) - margin;  // m
   if (near && way.step > 0) sleeps = std::min(sleeps, 64 * way.step);  // to notice that near rows have become far

@@ -27,11 +27,6 @@ void Chunk::own(uint32_t i) {
 
 void Chunk::own_motion(uint32_t i) { make_unique(motions[i / Motions::size]); }
 
-Row& Chunk::edit_row(uint32_t i) noexcept {
-  used |= uint64_t{1} << i;
-  return rows->rows[i];
-}
-
 void Chunk::move(uint32_t i, const Motion& motion, uint64_t revision) noexcept {
   Motions& group = *motions[i / Motions::size];
   group.motions[i % Motions::size] = motion;
@@ -39,11 +34,11 @@ void Chunk::move(uint32_t i, const Motion& motion, uint64_t revision) noexcept {
   place(i);
 }
 
-void Chunk::set_object(uint32_t i, Ref<const Object> given) noexcept {
+Row& Chunk::set(uint32_t i, Ref<const Object> given, const Motion& motion, uint64_t revision) noexcept {
   const uint64_t bit = uint64_t{1} << i;
-  Row& row = edit_row(i);
-  row.object = std::move(given);
-  const Object& object = *row.object;
+  const Object& object = *given;
+  rows->rows[i].object = std::move(given);
+  used |= bit;
   const Law& law = object.law;
   rows->forget_formulas(bit);
   if (object.is_solid()) {
@@ -64,7 +59,8 @@ void Chunk::set_object(uint32_t i, Ref<const Object> given) noexcept {
       rows->reach[i] = f.reach;
     }
   }
-  place(i);
+  move(i, motion, revision);
+  return rows->rows[i];
 }
 
 Box Chunk::box_of(uint32_t i) const noexcept {
@@ -84,7 +80,6 @@ void Chunk::bound(const Box& before, const Box& after) noexcept {
 }
 
 void Chunk::place(uint32_t i) noexcept {
-  if (!row(i).object) return;
   const Box before = box_of(i);
   const uint64_t bit = uint64_t{1} << i;
   const Object& object = *row(i).object;

@@ -86,15 +86,15 @@ struct Chunk : LocalCounted<Chunk> {
   }
 
   // For whoever posts. i: of the row in the chunk.
-  void own(uint32_t i);         // may run out of memory; after it edit_row, set_object, move and drop cannot
+  void own(uint32_t i);         // may run out of memory; after it edit_row, set, move and drop cannot
   void own_motion(uint32_t i);  // all that move needs
-  Row& edit_row(uint32_t i) noexcept;  // the caller must not change its object: see set_object
-  void set_object(uint32_t i, Ref<const Object> object) noexcept;
+  Row& edit_row(uint32_t i) noexcept { return rows->rows[i]; }  // the caller must not change its object: see set
+  Row& set(uint32_t i, Ref<const Object> object, const Motion& motion, uint64_t revision) noexcept;  // the rest is for the caller
   void move(uint32_t i, const Motion& motion, uint64_t revision) noexcept;
   void drop(uint32_t i) noexcept;
 
  private:
-  void place(uint32_t i) noexcept;  // works out centre and reach, as soon as there are object and motion
+  void place(uint32_t i) noexcept;  // works out centre and reach
   Box box_of(uint32_t i) const noexcept;
   void bound(const Box& before, const Box& after) noexcept;
 };

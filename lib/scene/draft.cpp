@@ -15,7 +15,7 @@ void Draft::change(const fs_object& change, uint32_t parts) {
   const Edits::In inside(scene_->edits_, group_);
   fs_object present;
   const Ref<const Object> object = scene_->get_one(name.c_str(), present);
-  scene_->put(parse_object(merge_parts(present, change, parts), object.get(), scene_->builds_shapes_), parts);
+  scene_->put(parse_object(merge_parts(present, change, parts), object.get(), scene_->readers.builds_shapes()), parts);
 }
 
 void Draft::move(const char* name, const fs_pose& pose, const fs_twist* twist, double time) {

@@ -20,16 +20,15 @@ Known* OpenGroup::find(std::string_view name) {
   return found == changes.end() ? nullptr : &found->second;
 }
 
-void OpenGroup::put(std::string_view name, const Known& wanted, bool is_new) {
-  const auto [entry, is_first] = changes.try_emplace(std::string(name), wanted);
-  if (!is_first) {
-    const bool was_more = entry->second.is_more_than_moved;
-    const uint32_t parts = entry->second.parts;
-    entry->second = wanted;
-    entry->second.is_more_than_moved |= was_more;
-    entry->second.parts |= parts;
+void OpenGroup::put(std::string_view name, Known wanted, bool is_new) {
+  auto entry = changes.lower_bound(name);
+  if (entry != changes.end() && entry->first == name) {
+    wanted.is_more_than_moved |= entry->second.is_more_than_moved;
+    wanted.parts |= entry->second.parts;
+    entry->second = std::move(wanted);
     return;
   }
+  entry = changes.emplace_hint(entry, name, std::move(wanted));
   try {
     order.push_back(&*entry);
   } catch (...) {
@@ -63,8 +62,25 @@ const std::vector<Vec3>& Edits::tool() const {
   return group_ && group_->view.points ? *group_->view.points : evaluated_.views.now().tool->points;
 }
 
-bool Edits::is_held() const {
-  return group_ && group_->view.held ? *group_->view.held : evaluated_.views.now().is_held;
+size_t Edits::count() const {
+  if (!group_) return evaluated_.objects.count();
+  size_t count = 0;
+  for_each([&](const std::string&, const Known&) { ++count; });
+  return count;
+}
+
+fs_view Edits::view(bool with_group) const {
+  const ViewRows& views = evaluated_.views;
+  fs_view out{};
+  out.frame = with_group ? frame() : views.frame();
+  const std::vector<Vec3>& points = with_group ? tool() : views.now().tool->points;
+  std::copy(points.begin(), points.end(), out.points);
+  out.point_count = static_cast<uint32_t>(points.size());
+  out.held = with_group && group_ && group_->view.held ? *group_->view.held : views.now().is_held;
+  HandSample hand;
+  out.tool = evaluated_.servo() && evaluated_.output->hand.read(hand) ? hand.state.pose : identity_pose();
+  views.get_held(out.tool);
+  return out;
 }
 
 // ------------------------------------------------------------------------------------------------------------- changes
@@ -75,7 +91,8 @@ void Edits::require_room(const std::vector<ParsedObject>& objects) {
     const std::string& name = object.object->name;
     added += !evaluated_.objects.has_name(name) && !(group_ && group_->find(name));
   }
-  if (!evaluated_.objects.has_room(added)) evaluated_.settle_all();
+  if (evaluated_.objects.has_room(added)) return;
+  evaluated_.settle_all();
   evaluated_.objects.require_room(added, "would hold more than");
 }
 
@@ -89,6 +106,7 @@ void Edits::put(const ParsedObject& parsed, uint32_t parts) {
     known.start_is_given = parsed.start != 0;
     known.start = parsed.start != 0 ? parsed.start : time;
   }
+  if (!known.base) known.base = known.object;
   known.object = parsed.object;
   known.revision = next_serial();
   known.expiry = expiry_of(object, time);
@@ -97,22 +115,21 @@ void Edits::put(const ParsedObject& parsed, uint32_t parts) {
     known.motion = known.track.take(parsed.pose, &parsed.twist, parsed.time != 0 ? parsed.time : time);
   }
   known.parts = parts;
-  put(object.name, known, true, is_known);
+  put(object.name, std::move(known), true, is_known);
 }
 
 // Puts what an object is to be into the group, or makes it so at once.
-void Edits::put(std::string_view name, Known& wanted, bool is_more_than_moved, bool is_known) {
+void Edits::put(std::string_view name, Known wanted, bool is_more_than_moved, bool is_known) {
   wanted.motion_revision = next_serial();
   wanted.is_more_than_moved = is_more_than_moved;
   Objects& objects = evaluated_.objects;
   const bool is_new = !is_known && !objects.has_name(name) && !(group_ && group_->find(name));
-  if (is_new) {
-    const size_t others = group_ ? group_->added : 0;
-    if (!objects.has_room(others + 1)) evaluated_.settle(true);
-    objects.require_room(others + 1, "holds");
+  if (const size_t more = group_ ? group_->added + 1 : 1; is_new && !objects.has_room(more)) {
+    evaluated_.settle(true);
+    objects.require_room(more, "holds");
   }
   if (group_) {
-    group_->put(name, wanted, is_new);
+    group_->put(name, std::move(wanted), is_new);
   } else {
     objects.take(name, wanted);
   }
@@ -127,7 +144,7 @@ void Edits::move(const char* given, const Pose& pose, const Twist* twist, double
   }
   Known known = require(name);
   known.motion = known.track.take(pose, twist, time != 0 ? time : now);
-  put_moved(name, known, now);
+  put_moved(name, std::move(known), now);
 }
 
 void Edits::set_movement(const char* given, const Motion& motion, const Track& track) {
@@ -135,7 +152,7 @@ void Edits::set_movement(const char* given, const Motion& motion, const Track& t
   Known known = require(name);
   known.motion = motion;
   known.track = track;
-  put_moved(name, known, evaluated_.clock.now());
+  put_moved(name, std::move(known), evaluated_.clock.now());
 }
 
 bool Edits::move_to(const std::string& name, const Motion& motion, double now) {
@@ -144,14 +161,14 @@ bool Edits::move_to(const std::string& name, const Motion& motion, double now) {
   if (!find(name, known)) return false;
   known.track.take(motion.pose, &motion.twist, motion.time);
   known.motion = motion;
-  put_moved(name, known, now);
+  put_moved(name, std::move(known), now);
   return true;
 }
 
-void Edits::put_moved(std::string_view name, Known& known, double now) {
+void Edits::put_moved(std::string_view name, Known known, double now) {
   known.expiry = expiry_of(*known.object, now);
   known.parts = FS_PART_POSE;
-  put(name, known, false, true);
+  put(name, std::move(known), false, true);
 }
 
 void Edits::remove(const char* given) {
@@ -160,7 +177,7 @@ void Edits::remove(const char* given) {
   known.is_removed = true;
   known.parts = 0;
   known.expiry = never;
-  put(name, known, true, true);
+  put(name, std::move(known), true, true);
 }
 
 void Edits::clear() {
@@ -195,9 +212,9 @@ bool Edits::commit(size_t most) {
   if (group_->committed == 0) sort();
   const std::vector<OpenGroup::Change*>& order = group_->order;
   for (size_t i = 0; i < most && group_->committed < order.size(); ++i) {
-    OpenGroup::Change& change = *order[group_->committed];
-    merge(change.first, change.second);
-    evaluated_.objects.take(change.first, change.second);
+    auto& [name, wanted] = *order[group_->committed];
+    merge(name, wanted);
+    evaluated_.objects.take(name, wanted, std::move(group_->new_names[group_->committed]));
     ++group_->committed;
   }
   if (group_->committed < order.size()) return false;
@@ -206,21 +223,37 @@ bool Edits::commit(size_t most) {
   return true;
 }
 
-// Sorts new objects by place, so that neighbours get rows in one chunk.
+// Sorts a large group: changes of what is there in the order of the rows, so that each chunk is looked up in memory once;
+// then new objects by place, so that neighbours get rows in one chunk.
 void Edits::sort() {
-  if (group_->added < chunk_size) return;
-  Objects& objects = evaluated_.objects;
   std::vector<OpenGroup::Change*>& order = group_->order;
-  const auto first = std::stable_partition(order.begin(), order.end(),
-                                           [&](const auto* change) { return objects.has(change->first); });
-  std::vector<std::pair<uint64_t, OpenGroup::Change*>> places;
-  for (auto change = first; change != order.end(); ++change) {
-    Known& wanted = (*change)->second;
-    wanted.number = objects.last_number() + 1 + static_cast<uint32_t>(places.size());
-    places.emplace_back(objects.rows.place_of(wanted), *change);
+  group_->new_names.resize(order.size());
+  if (order.size() < chunk_size) return;
+  struct Sorted {
+    uint64_t place;
+    OpenGroup::Change* change;
+    NewName name;
+  };
+  std::vector<Sorted> known, added;
+  Objects& objects = evaluated_.objects;
+  for (OpenGroup::Change* const change : order) {
+    auto& [name, wanted] = *change;
+    if (const uint32_t row = objects.row_of(name, wanted); row != no_row) {
+      known.push_back({row, change, {}});
+    } else {
+      wanted.number = objects.last_number() + 1 + static_cast<uint32_t>(added.size());
+      added.push_back({objects.rows.place_of(wanted), change, Objects::make_name(name)});
+    }
   }
-  std::stable_sort(places.begin(), places.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
-  std::transform(places.begin(), places.end(), first, [](const auto& place) { return place.second; });
+  size_t next = 0;
+  for (auto* const part : {&known, &added}) {
+    std::stable_sort(part->begin(), part->end(), [](const Sorted& a, const Sorted& b) { return a.place < b.place; });
+    for (Sorted& sorted : *part) {
+      order[next] = sorted.change;
+      group_->new_names[next++] = std::move(sorted.name);
+    }
+  }
+  for (const Sorted& sorted : known) objects.rows.own_chunk(static_cast<uint32_t>(sorted.place));
 }
 
 void Edits::shift(double by) noexcept {

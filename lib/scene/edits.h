@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <memory_resource>
 #include <vector>
 
 #include "scene/evaluated.h"
@@ -11,15 +12,17 @@ namespace fs {
 
 // Changes that belong together and are not felt yet.
 struct OpenGroup {
-  using Change = std::pair<const std::string, Known>;
-  NameMap<Known> changes;
+  std::pmr::monotonic_buffer_resource memory;  // of the changes, which lie in the order in which they came
+  std::pmr::map<std::string, Known, std::less<>> changes{&memory};
+  using Change = decltype(changes)::value_type;
   std::vector<Change*> order;  // in which they came
   size_t added = 0;            // names that the scene does not have
   size_t committed = 0;        // how many of order are committed already
+  std::vector<NewName> new_names;  // beside order, once the commit has begun; empty: not made, or not new
   ViewChange view;
 
   Known* find(std::string_view name);  // null: the group does not change it
-  void put(std::string_view name, const Known& wanted, bool is_new);
+  void put(std::string_view name, Known wanted, bool is_new);
 };
 
 class Edits {
@@ -31,7 +34,10 @@ class Edits {
   Known require(const char* name) const;  // NOT_FOUND
   fs_frame frame() const;
   const std::vector<Vec3>& tool() const;
-  bool is_held() const;
+  size_t count() const;  // of objects
+  // With the open group, or as the scene is evaluated. The tool stands where the last tick had it, or where the clutch holds
+  // it.
+  fs_view view(bool with_group) const;
   // Calls f(name, Known) for each object, in the order in which the names first came.
   template <class F>
   void for_each(F&& f) const;
@@ -69,9 +75,9 @@ class Edits {
 
  private:
   Known require(std::string_view name) const;
-  void put(std::string_view name, Known& wanted, bool is_more_than_moved, bool is_known);
+  void put(std::string_view name, Known wanted, bool is_more_than_moved, bool is_known);
   void merge(std::string_view name, Known& wanted);
-  void put_moved(std::string_view name, Known& known, double now);
+  void put_moved(std::string_view name, Known known, double now);
   void sort();
 
   Evaluated& evaluated_;

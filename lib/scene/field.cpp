@@ -65,7 +65,7 @@ void fs::evaluate_field(LocalScene& scene, const char* name, double time, const 
            positions[i].y, positions[i].z, coordinate_limit);
     }
   }
-  scene.with_snapshot(name, [&](const Snapshot& snapshot, uint32_t row) {
+  scene.readers.with_snapshot(name, [&](const Snapshot& snapshot, uint32_t row) {
     const double now = time != 0 ? time : scene.now(snapshot.clock);
     constexpr size_t least = 1024;  // positions that are worth a thread
     const size_t thread_count =

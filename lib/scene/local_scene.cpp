@@ -5,13 +5,9 @@
 #include <thread>
 
 #include "base/error.h"
-#include "base/process.h"
-#include "base/text.h"
 #include "scene/moment.h"
 
 using namespace fs;
-
-static constexpr char servo_of_parent[] = "the servo was started by the parent of this process";
 
 LocalScene::LocalScene(std::shared_ptr<ServoOutput> the_output, ClockKind clock)
     : evaluated_(the_output ? std::move(the_output) : std::make_shared<ServoOutput>(), clock) {}
@@ -19,7 +15,7 @@ LocalScene::LocalScene(std::shared_ptr<ServoOutput> the_output, ClockKind clock)
 // -------------------------------------------------------------------------------------------------------------- objects
 
 void LocalScene::put(const ParsedObject& object, uint32_t parts) {
-  if (builds_shapes_ && object.object->shape) object.object->shape->build();  // in most cases parse_object has built it
+  if (readers.builds_shapes() && object.object->shape) object.object->shape->build();  // in most cases parse_object has built it
   edits_.put(object, parts);
 }
 
@@ -30,7 +26,7 @@ Ref<const Object> LocalScene::get_one(const char* name, fs_object& out) const {
 }
 
 void LocalScene::set(const fs_object& object) {
-  const ParsedObject parsed = parse_object(object, nullptr, builds_shapes_);
+  const ParsedObject parsed = parse_object(object, nullptr, readers.builds_shapes());
   mutate([&] { put(parsed, all_parts); });
 }
 
@@ -43,7 +39,7 @@ void LocalScene::change(const fs_object& change, uint32_t parts) {
     const Ref<const Object> object = get(name.c_str(), current);
     if (parts == 0) return;
     // Parsing may build a tree, so it happens without the lock, and again if another thread has changed the object.
-    const ParsedObject parsed = parse_object(merge_parts(current, change, parts), object.get(), builds_shapes_);
+    const ParsedObject parsed = parse_object(merge_parts(current, change, parts), object.get(), readers.builds_shapes());
     mutate([&] {
       const Known now = edits_.require(name.c_str());
       is_done = now.object == object && now.start == current.start;
@@ -90,7 +86,7 @@ void LocalScene::set_contents(const std::vector<fs_object>& objects, const fs_fr
   std::vector<ParsedObject> parsed;
   for (const fs_object& object : objects) {
     try {
-      parsed.push_back(parse_object(object, nullptr, builds_shapes_));
+      parsed.push_back(parse_object(object, nullptr, readers.builds_shapes()));
     } catch (Error& error) {  // an object with a bad name is identified by its index
       if (!error.text.starts_with("object")) error.text = "object " + std::to_string(parsed.size() + 1) + ": " + error.text;
       throw;
@@ -135,10 +131,7 @@ void LocalScene::set_capacity(uint32_t capacity) {
 
 size_t LocalScene::object_count() const {
   const std::lock_guard lock(mutex_);
-  if (!edits_.group()) return evaluated_.objects.count();
-  size_t count = 0;
-  edits_.for_each([&](const std::string&, const Known&) { ++count; });
-  return count;
+  return edits_.count();
 }
 
 bool LocalScene::is_empty() const {
@@ -198,20 +191,9 @@ fs_view LocalScene::view(const char* client) {
   return view(true);
 }
 
-// The tool stands where the last tick had it, or where the clutch holds it.
 fs_view LocalScene::view(bool with_group) const {
   const std::lock_guard lock(mutex_);
-  const ViewRows& views = evaluated_.views;
-  fs_view out{};
-  out.frame = with_group ? edits_.frame() : views.frame();
-  const std::vector<Vec3>& points = with_group ? edits_.tool() : views.now().tool->points;
-  std::copy(points.begin(), points.end(), out.points);
-  out.point_count = static_cast<uint32_t>(points.size());
-  out.held = with_group ? edits_.is_held() : views.now().is_held;
-  HandSample hand;
-  out.tool = has_servo() && output->hand.read(hand) ? hand.state.pose : identity_pose();
-  views.get_held(out.tool);
-  return out;
+  return edits_.view(with_group);
 }
 
 // Evaluation is exact, which is within any error that is allowed.
@@ -270,7 +252,7 @@ void LocalScene::note_edit(const char* name, const char* editor) {
   evaluated_.events.push(FS_EVENT_EDITED, now(), name, editor);
 }
 
-// -------------------------------------------------------------------------------------------------------------- readers
+// -------------------------------------------------------------------------------------------------------------- posting
 
 void LocalScene::hold() {
   const std::lock_guard lock(mutex_);
@@ -291,65 +273,12 @@ void LocalScene::sync(double timeout) {
   check_timeout(timeout);
   const uint64_t wanted = sequence();
   const double start = steady_now();
-  while (has_servo() && output->used.load(std::memory_order_acquire) < wanted) {
+  while (readers.has_servo() && output->used.load(std::memory_order_acquire) < wanted) {
     if (steady_now() - start >= timeout) {
       fail(FS_ERROR_TIMEOUT, "no tick has used the changes within timeout %g s", timeout);
     }
     std::this_thread::sleep_for(std::chrono::microseconds(200));
   }
-}
-
-// Builds what leave_unbuilt has left out. Whoever comes meanwhile waits until all is built.
-void LocalScene::build_shapes() {
-  const std::lock_guard building(building_mutex_);
-  if (is_built_) return;
-  builds_shapes_ = true;  // first: what is set from now on is built where it is set
-  std::vector<Ref<const Object>> objects;
-  {
-    const std::lock_guard lock(mutex_);
-    evaluated_.objects.for_each([&](const std::string&, const Known& known) { objects.push_back(known.object); });
-    if (OpenGroup* const group = edits_.group()) {
-      for (const OpenGroup::Change* change : group->order) objects.push_back(change->second.object);
-    }
-  }
-  for (const Ref<const Object>& object : objects) {
-    if (object->shape) object->shape->build();
-  }
-  is_built_ = true;
-}
-
-void LocalScene::attach(Reader& reader) {
-  build_shapes();
-  const std::lock_guard lock(mutex_);
-  evaluated_.attach(reader);
-}
-
-void LocalScene::detach(Reader& reader) noexcept {
-  const std::lock_guard lock(mutex_);
-  evaluated_.detach(reader);
-}
-
-void LocalScene::with_snapshot(const char* name, const std::function<void(const Snapshot&, uint32_t)>& f) {
-  build_shapes();
-  Ref<const Snapshot> kept;
-  uint32_t row = no_row;
-  {
-    const std::lock_guard lock(mutex_);
-    // As it is evaluated, whatever an open group has done to it.
-    if (name && !evaluated_.objects.find_row(std::string_view(name), &row)) {
-      fail(FS_ERROR_NOT_FOUND, "name is '%s': there is no such object to evaluate", shortened(name).c_str());
-    }
-    kept = evaluated_.post_newest();
-  }
-  struct Release {  // under the lock again, also when f throws
-    LocalScene& scene;
-    Ref<const Snapshot>& kept;
-    ~Release() {
-      const std::lock_guard lock(scene.mutex_);
-      kept = nullptr;
-    }
-  } const release{*this, kept};
-  f(*kept, row);
 }
 
 // ----------------------------------------------------------------------------------------------------- servo and clock
@@ -363,48 +292,19 @@ fs_status LocalScene::set_time(double time) noexcept {
   if (!(time > 0) || !(time <= 1e15)) {
     return set_last_error_literal(FS_ERROR_INVALID, "time must be > 0 s and at most 1e15 s");
   }
-  if (has_servo()) return set_last_error_literal(FS_ERROR_STATE, "fs_scene_set_time: the scene's servo has the clock");
+  if (readers.has_servo()) return set_last_error_literal(FS_ERROR_STATE, "fs_scene_set_time: the scene's servo has the clock");
   evaluated_.clock.tell(time);
   return FS_OK;
 }
 
-void LocalScene::attach_servo(const ServoLink& servo, ServoReader& reader, bool starts_in) {
-  const std::lock_guard lock(mutex_);
-  edits_.shift(evaluated_.attach_servo(servo, reader, starts_in));
-  servo_process_.store(this_process());
-  has_servo_.store(true);
-}
-
-void LocalScene::detach_servo(ServoReader& reader) noexcept {
-  const std::lock_guard lock(mutex_);
-  has_servo_.store(false);
-  edits_.shift(evaluated_.detach_servo(reader));
-}
-
 fs_status LocalScene::get_hand(fs_state* state, fs_response* response, fs_wrench* sent) const noexcept {
-  if (!has_servo()) return set_last_error_literal(FS_ERROR_STATE, "the scene has no servo, so no hand");
-  if (servo_process_.load(std::memory_order_relaxed) != this_process()) {
-    return set_last_error_literal(FS_ERROR_STATE, servo_of_parent);
-  }
-  return read_hand(*output, state, response, sent);
+  return readers.get_hand(state, response, sent);
 }
 
 std::vector<fs_client> LocalScene::clients() {
   fail(FS_ERROR_UNSUPPORTED, "this scene is in this process; only a scene made by fs_scene_connect has clients to list");
 }
 
-const ServoLink& LocalScene::require_servo(const char* sentence) const {
-  if (!evaluated_.servo()) fail(FS_ERROR_STATE, "%s", sentence);
-  if (servo_process_ != this_process()) fail(FS_ERROR_STATE, "%s", servo_of_parent);
-  return *evaluated_.servo();
-}
+void LocalScene::get_servo_stats(fs_servo_stats& out) { readers.get_servo_stats(out); }
 
-void LocalScene::get_servo_stats(fs_servo_stats& out) {
-  const std::lock_guard lock(mutex_);
-  require_servo("the scene has no servo; fs_servo_start gives it one").get_stats(out);
-}
-
-void LocalScene::get_device_info(fs_device_info& out) {
-  const std::lock_guard lock(mutex_);
-  require_servo("the scene has no servo, so no device; fs_servo_start gives it one").get_device_info(out);
-}
+void LocalScene::get_device_info(fs_device_info& out) { readers.get_device_info(out); }

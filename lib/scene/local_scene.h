@@ -1,15 +1,14 @@
-// A scene whose objects are evaluated in this process: a lock around what is evaluated (Evaluated) and what is wanted of it
-// (Edits). Every change takes the same way: check, edit, rows, snapshot, mailbox. Functions that are not marked [rt] may
-// allocate and take the lock; none waits for a reader.
+// A scene whose objects are evaluated in this process: a lock around what is evaluated (Evaluated), what is wanted of it
+// (Edits) and who evaluates it (Readers). Every change takes the same way: check, edit, rows, snapshot, mailbox. Functions
+// that are not marked [rt] may allocate and take the lock; none waits for a reader.
 #pragma once
 
-#include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
 #include <vector>
 
-#include "scene/edits.h"
+#include "scene/readers.h"
 #include "scene/scene.h"
 
 namespace fs {
@@ -95,19 +94,7 @@ struct LocalScene final : Scene {
   size_t object_count() const;
   bool is_empty() const;  // nothing is there, nor fading out
 
-  // Readers. The newest snapshot is in the mailbox when attach returns; detach when the reader reads no more.
-  void attach(Reader& reader);
-  void detach(Reader& reader) noexcept;
-  // Calls f(snapshot, row of name; no_row: name is null) outside of the lock.
-  void with_snapshot(const char* name, const std::function<void(const Snapshot&, uint32_t)>& f);
-  // A scene that nobody evaluates leaves meshes unbuilt, until it has a reader.
-  void leave_unbuilt() noexcept { builds_shapes_ = is_built_ = false; }
-
-  // The servo. Attaching and detaching change the clock: stored times shift along, so ages stay; fades end.
-  // starts_in: what is there is felt in full from the first tick on; else it fades in.
-  void attach_servo(const ServoLink& servo, ServoReader& reader, bool starts_in);  // STATE
-  void detach_servo(ServoReader& reader) noexcept;
-  bool has_servo() const noexcept { return has_servo_.load(std::memory_order_acquire); }  // [rt]
+  // The servo.
   fs_status get_hand(fs_state* state, fs_response* response, fs_wrench* sent) const noexcept override;  // [rt]
   void get_servo_stats(fs_servo_stats& out) override;                                     // STATE
   void get_device_info(fs_device_info& out) override;                                     // STATE
@@ -119,10 +106,7 @@ struct LocalScene final : Scene {
 
   // Called with the lock held.
   void put(const ParsedObject& object, uint32_t parts);
-  const ServoLink& require_servo(const char* sentence) const;         // STATE: there is none, or it is a parent process's
   Ref<const Object> get_one(const char* name, fs_object& out) const;  // NOT_FOUND
-
-  void build_shapes();
 
   // Runs f, which changes the scene, and makes the change known.
   template <class F>
@@ -141,14 +125,9 @@ struct LocalScene final : Scene {
   mutable std::mutex mutex_;
   Evaluated evaluated_;
   Edits edits_{evaluated_};
-  std::atomic<bool> has_servo_{false};
-  std::atomic<uint32_t> servo_process_{0};  // this_process() where the servo was started
-
-  std::atomic<bool> builds_shapes_{true};
-  std::mutex building_mutex_;
-  bool is_built_ = true;  // what was left unbuilt; under building_mutex_
 
  public:
+  Readers readers{mutex_, evaluated_, edits_};
   const std::shared_ptr<ServoOutput>& output = evaluated_.output;
 };
 

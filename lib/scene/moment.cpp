@@ -4,13 +4,13 @@ namespace fs {
 
 Moment::Moment(Ref<LocalScene> scene, bool with_group, const char* only) : scene_(std::move(scene)) {
   const std::lock_guard lock(scene_->mutex_);
-  const Evaluated& evaluated = scene_->evaluated_;
+  Evaluated& evaluated = scene_->evaluated_;
   OpenGroup* const group = with_group ? scene_->edits_.group() : nullptr;
   most_ = evaluated.objects.count();
   if (only) {
     is_only_one_ = true;
     added_.push_back(with_group ? scene_->edits_.require(only) : evaluated.objects.require(only));
-    evaluated.objects.find_row(added_.front().object->name, &only_row_);
+    only_row_ = evaluated.objects.row_of(added_.front().object->name);
   } else if (group) {
     for (const OpenGroup::Change* change : group->order) {
       const auto& [name, wanted] = *change;

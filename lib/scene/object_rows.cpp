@@ -10,19 +10,25 @@ namespace fs {
 
 Entry ObjectRows::entry(uint32_t number) const {
   const Row& from = row(number);
-  return {from.object, motion(number), from.start, from.expiry, from.revision, motion_revision(number)};
+  Entry out{nullptr, motion(number), from.start, from.expiry, from.revision, motion_revision(number)};
+  out.object = from.object;  // last: to count a reference waits for all that is read before
+  return out;
 }
 
 // ------------------------------------------------------------------------------------------------------- what may throw
 
-void ObjectRows::own(uint32_t row) { chunks_.edit(row / chunk_size, sequence_).own(row % chunk_size); }
+Chunk& ObjectRows::own(uint32_t row) {
+  Chunk& its = chunks_.edit(row / chunk_size, sequence_);
+  its.own(row % chunk_size);
+  return its;
+}
 
 void ObjectRows::own_motion(uint32_t row) { chunks_.edit(row / chunk_size, sequence_).own_motion(row % chunk_size); }
 
 // Finds a row that no tick can use, but does not reserve it: fill does. Two calls give the same row.
 uint32_t ObjectRows::allocate(const Entry& entry) {
-  space_.reclaim(servo_ ? used() : sequence_);
-  return space_.find(entry.motion.pose.position, entry.object->radius + entry.object->support());
+  return space_.find(entry.motion.pose.position, entry.object->radius + entry.object->support(),
+                     servo_ ? used() : sequence_);
 }
 
 // Makes room for a row in the memory of each reader, and what its object needs there.
@@ -43,9 +49,9 @@ ObjectRows::New ObjectRows::make_new(uint32_t row, const Object& object, const O
 
 // ---------------------------------------------------------------------------------------------------- what cannot throw
 
-void ObjectRows::fill(uint32_t number, const Entry& entry, uint64_t version, uint32_t previous) noexcept {
+void ObjectRows::fill(Chunk& its, uint32_t number, const Entry& entry, uint64_t version, uint32_t previous) noexcept {
   space_.take(number);
-  Row& row = edit(number);
+  Row& row = its.set(number % chunk_size, entry.object, entry.motion, entry.motion_revision);
   if (row.version != version) row.created = sequence_;
   row.version = version;
   row.sequence = sequence_;
@@ -56,8 +62,6 @@ void ObjectRows::fill(uint32_t number, const Entry& entry, uint64_t version, uin
   row.is_named = true;
   row.start = entry.start;
   row.revision = entry.revision;
-  chunk(number).set_object(number % chunk_size, entry.object);
-  chunk(number).move(number % chunk_size, entry.motion, entry.motion_revision);
 }
 
 void ObjectRows::install(uint32_t row, New& made) noexcept {
@@ -81,12 +85,12 @@ void ObjectRows::drop(uint32_t number) noexcept {
 
 uint32_t ObjectRows::add(const Entry& entry) {
   const uint32_t number = allocate(entry);
-  own(number);
+  Chunk& its = own(number);
   New made = make_new(number, *entry.object, nullptr);
   const uint64_t version = ++last_version_;
   install(number, made);
   if (servo_) servo_->memory->weight(number).set_up(version, false, 0);
-  fill(number, entry, version, no_row);
+  fill(its, number, entry, version, no_row);
   return number;
 }
 
@@ -103,7 +107,7 @@ uint32_t ObjectRows::set(uint32_t newest, const Entry& entry) {
                                                                                  servo_->take_back(now.created)));
     if (is_same || !servo_ || is_replaced) {
       for (uint32_t older = newest; is_waiting(older); older = row(older).previous) own(row(older).previous);
-      own(newest);
+      Chunk& its = own(newest);
       New made = make_new(newest, *entry.object, row(newest).object.get());
       uint64_t version = row(newest).version;
       if (!is_same) {
@@ -113,7 +117,7 @@ uint32_t ObjectRows::set(uint32_t newest, const Entry& entry) {
       install(newest, made);
       const bool was_in = row(newest).is_in;
       const uint64_t sequence = row(newest).sequence;
-      fill(newest, entry, version, previous);
+      fill(its, newest, entry, version, previous);
       if (is_same && was_in == entry.object->is_enabled) edit(newest).sequence = sequence;
       for (uint32_t number = newest; is_waiting(number);) {  // the versions before it are the same object
         number = row(number).previous;
@@ -125,13 +129,13 @@ uint32_t ObjectRows::set(uint32_t newest, const Entry& entry) {
     // Another version of what is felt. A row that is already fading out alone need not be waited for.
     const bool waits = row(newest).is_in || previous != no_row;
     const uint32_t number = allocate(entry);
-    own(number);
+    Chunk& its = own(number);
     own(newest);
     New made = make_new(number, *entry.object, nullptr);
     const uint64_t version = ++last_version_;
     install(number, made);
     servo_->memory->weight(number).set_up(version, waits, 0);
-    fill(number, entry, version, newest);
+    fill(its, number, entry, version, newest);
     edit(newest).is_named = false;
     if (waits) edit(newest).next = number;
     if (!entry.object->is_enabled) want_out(newest);

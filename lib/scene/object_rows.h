@@ -45,6 +45,10 @@ class ObjectRows : Versions<ObjectRows> {
   // Whether something fades out behind the newest row, or the newest row itself.
   bool is_fading(uint32_t newest) const noexcept { return row(newest).previous != no_row || !row(newest).is_named; }
 
+  // Called for one row after the other before all of them change, so that their chunks lie together in memory: a reader
+  // that looks at all of them is faster then.
+  void own_chunk(uint32_t row) { chunks_.edit(row / chunk_size, sequence_); }
+
   // Objects that are added in the order of this number lie together best.
   uint64_t place_of(const Entry& entry) noexcept {
     return space_.place_of(entry.motion.pose.position, entry.object->radius + entry.object->support());
@@ -72,7 +76,7 @@ class ObjectRows : Versions<ObjectRows> {
   const Weight* weight(uint32_t row) const noexcept { return servo_ ? &servo_->memory->weight(row) : nullptr; }
 
   // What may throw comes first: these make the chunk of a row and what is changed in it the table's own.
-  void own(uint32_t row);
+  Chunk& own(uint32_t row);
   void own_motion(uint32_t row);
   uint32_t allocate(const Entry& entry);
   using New = std::vector<Ref<Scratch>>;  // of each reader; empty: what is there goes on
@@ -80,7 +84,7 @@ class ObjectRows : Versions<ObjectRows> {
 
   Chunk& chunk(uint32_t row) noexcept { return chunks_.edit(row / chunk_size, sequence_); }
   Row& edit(uint32_t row) noexcept { return chunk(row).edit_row(row % chunk_size); }
-  void fill(uint32_t row, const Entry& entry, uint64_t version, uint32_t previous) noexcept;
+  void fill(Chunk& its, uint32_t row, const Entry& entry, uint64_t version, uint32_t previous) noexcept;
   void install(uint32_t row, New& made) noexcept;
   void drop(uint32_t row) noexcept;
   static constexpr uint32_t longest_chain = 16;

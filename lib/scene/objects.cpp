@@ -25,25 +25,31 @@ fs_object to_c(const Known& known) {
   return out;
 }
 
-const Objects::Item* Objects::find_item(std::string_view name) const noexcept {
+const Item* Objects::find_item(std::string_view name) const noexcept {
   const auto found = names_.find(name);
   return found == names_.end() || found->second.is_removed ? nullptr : &found->second;
 }
 
-const Row* Objects::find_row(std::string_view name, uint32_t* number) const noexcept {
-  const Item* const item = find_item(name);
-  if (!item) return nullptr;
-  if (number) *number = item->row;
-  return &rows.row(item->row);
+Named* Objects::find_named(std::string_view name, const Known& known) noexcept {
+  if (known.named && known.gone == gone_) return known.named;
+  const auto found = names_.find(name);
+  return found == names_.end() ? nullptr : &*found;
 }
 
-bool Objects::find(std::string_view name, Known& out) const {
-  const Item* const item = find_item(name);
-  if (!item) return false;
-  static_cast<Entry&>(out) = rows.entry(item->row);
-  out.track = item->track ? *item->track : Track::of(out.motion);
-  out.start_is_given = item->start_is_given;
-  out.base = out.object;
+uint32_t Objects::row_of(std::string_view name, const Known& known) noexcept {
+  const Named* const named = find_named(name, known);
+  return named && !named->second.is_removed ? named->second.row : no_row;
+}
+
+bool Objects::find(std::string_view name, Known& out) {
+  const auto found = names_.find(name);
+  if (found == names_.end() || found->second.is_removed) return false;
+  const Item& item = found->second;
+  static_cast<Entry&>(out) = rows.entry(item.row);
+  out.track = item.track ? *item.track : Track::of(out.motion);
+  out.start_is_given = item.start_is_given;
+  out.named = &*found;
+  out.gone = gone_;
   return true;
 }
 
@@ -51,7 +57,7 @@ void fail_unknown(std::string_view name) {
   fail(FS_ERROR_NOT_FOUND, "name is '%s': there is no such object in the scene", shortened(name).c_str());
 }
 
-Known Objects::require(std::string_view name) const {
+Known Objects::require(std::string_view name) {
   Known out;
   if (!find(name, out)) fail_unknown(name);
   return out;
@@ -73,11 +79,16 @@ void Objects::require_room(size_t more, const char* verb) const {
   fail(FS_ERROR_FULL, "the scene %s its maximum of %u objects, including those that fade out", verb, capacity_);
 }
 
+void Objects::erase(const Named& named) noexcept {
+  names_.erase(names_.find(named.first));
+  ++gone_;
+}
+
 // False when it was listed already.
-bool Objects::list(const std::string& name, Item& item) {
-  if (item.is_listed) return false;
-  fading_.push_back(name);
-  return item.is_listed = true;
+bool Objects::list(Named& named) {
+  if (named.second.is_listed) return false;
+  fading_.push_back(named.first);
+  return named.second.is_listed = true;
 }
 
 // Replaces the expiry that is to be announced; one that was announced is no longer in the set.
@@ -87,51 +98,34 @@ void Objects::set_expiry(const std::string& name, double before, double after) {
   if (before < never) expiries_.erase({before, name});
 }
 
-void Objects::take(std::string_view given, Known& wanted) {
-  auto found = names_.find(given);
-  const bool is_there = found != names_.end() && !found->second.is_removed;
+NewName Objects::make_name(std::string_view name) {
+  NameMap<Item> made;
+  made.try_emplace(std::string(name));
+  return made.extract(made.begin());
+}
+
+void Objects::take(std::string_view name, Known& wanted, NewName new_name) {
+  Named* const named = find_named(name, wanted);
+  const bool is_there = named && !named->second.is_removed;
   if (!is_there && (wanted.is_removed || wanted.parts != all_parts)) return;  // it is gone, and not set as a whole
-  std::unique_ptr<Track> track;
-  if (!wanted.is_removed && wanted.track.before.is_known) track = std::make_unique<Track>(wanted.track);
-  if (found == names_.end()) {
-    found = names_.try_emplace(std::string(given)).first;
-    try {
-      set_expiry(found->first, never, wanted.expiry);
-      found->second.row = rows.add(wanted);
-    } catch (...) {
-      if (wanted.expiry < never) expiries_.erase({wanted.expiry, found->first});
-      names_.erase(found);
-      throw;
-    }
-    found->second.number = wanted.number ? wanted.number : last_number_ + 1;
-    last_number_ = std::max(last_number_, found->second.number);
-    found->second.start_is_given = wanted.start_is_given;
-    found->second.track = std::move(track);
-    return;
-  }
-  const std::string& name = found->first;
-  Item& item = found->second;
+  if (!named) return add(new_name ? std::move(new_name) : make_name(name), wanted);
+  Item& item = named->second;
   wanted.revision = grown(wanted.revision, rows.row(item.row).revision);
   wanted.motion_revision = grown(wanted.motion_revision, rows.motion_revision(item.row));
-  const bool is_only_moved = !wanted.is_more_than_moved && !item.is_removed;
+  if (!wanted.is_more_than_moved) return move(*named, wanted.track, wanted.motion, wanted.expiry, wanted.motion_revision);
+  auto track = !wanted.is_removed && wanted.track.before.is_known ? std::make_unique<Track>(wanted.track) : nullptr;
   const double before = item.is_removed ? never : rows.row(item.row).expiry;
   const double after = wanted.is_removed ? never : wanted.expiry;
-  const bool is_newly_listed = !is_only_moved && list(name, item);  // something may fade out from now on
+  const bool is_newly_listed = list(*named);  // something may fade out from now on
   const auto unlist = [&] {
     if (is_newly_listed) fading_.pop_back();
     if (is_newly_listed) item.is_listed = false;
   };
-  set_expiry(name, before, after);
   try {
-    if (wanted.is_removed) {
-      item.row = rows.remove(item.row);
-    } else if (is_only_moved) {
-      rows.move(item.row, wanted.motion, wanted.expiry, wanted.motion_revision);
-    } else {
-      item.row = rows.set(item.row, wanted);
-    }
+    set_expiry(named->first, before, after);
+    item.row = wanted.is_removed ? rows.remove(item.row) : rows.set(item.row, wanted);
   } catch (...) {
-    if (before != after && after < never) expiries_.erase({after, name});
+    if (before != after && after < never) expiries_.erase({after, named->first});
     unlist();
     throw;
   }
@@ -139,11 +133,42 @@ void Objects::take(std::string_view given, Known& wanted) {
   removed_ += wanted.is_removed;
   removed_ -= item.is_removed;
   item.is_removed = wanted.is_removed;
-  if (wanted.is_more_than_moved) item.start_is_given = wanted.start_is_given;
+  item.start_is_given = wanted.start_is_given;
   item.track = std::move(track);
   if (item.row != no_row) return;
   removed_ -= item.is_removed;
-  names_.erase(found);
+  erase(*named);
+}
+
+void Objects::add(NewName name, const Known& wanted) {
+  Item& item = name.mapped();
+  item.number = wanted.number ? wanted.number : last_number_ + 1;
+  item.start_is_given = wanted.start_is_given;
+  if (wanted.track.before.is_known) item.track = std::make_unique<Track>(wanted.track);
+  Named& named = *names_.insert(std::move(name)).position;
+  try {
+    set_expiry(named.first, never, wanted.expiry);
+    named.second.row = rows.add(wanted);
+  } catch (...) {
+    if (wanted.expiry < never) expiries_.erase({wanted.expiry, named.first});
+    erase(named);
+    throw;
+  }
+  last_number_ = std::max(last_number_, named.second.number);
+}
+
+void Objects::move(Named& named, const Track& track, const Motion& motion, double expiry, uint64_t motion_revision) {
+  auto& [name, item] = named;
+  if (!item.track) item.track = std::make_unique<Track>(Track::of(rows.motion(item.row)));
+  const double before = rows.row(item.row).expiry;
+  set_expiry(name, before, expiry);
+  try {
+    rows.move(item.row, motion, expiry, motion_revision);
+  } catch (...) {
+    if (before != expiry && expiry < never) expiries_.erase({expiry, name});
+    throw;
+  }
+  *item.track = track;
 }
 
 bool Objects::move(std::string_view name, const Pose& pose, const Twist* twist, double time, double now) {
@@ -162,20 +187,10 @@ template <class F>
 bool Objects::move(std::string_view name, double now, F&& take) {
   const auto found = names_.find(name);
   if (found == names_.end() || found->second.is_removed) return false;
-  Item& item = found->second;
-  const Row& row = rows.row(item.row);
-  if (!item.track) item.track = std::make_unique<Track>(Track::of(rows.motion(item.row)));
-  Track track = *item.track;
+  const Item& item = found->second;
+  Track track = item.track ? *item.track : Track::of(rows.motion(item.row));
   const Motion motion = take(track);
-  const double before = row.expiry, after = expiry_of(*row.object, now);
-  set_expiry(found->first, before, after);
-  try {
-    rows.move(item.row, motion, after, next_serial());
-  } catch (...) {
-    if (before != after && after < never) expiries_.erase({after, found->first});
-    throw;
-  }
-  *item.track = track;
+  move(*found, track, motion, expiry_of(*rows.row(item.row).object, now), next_serial());
   return true;
 }
 
@@ -193,7 +208,7 @@ bool Objects::tidy() {
     const uint32_t rest = was_fading ? rows.tidy(item.row) : item.row;
     if (rest == no_row) {
       removed_ -= item.is_removed;
-      names_.erase(found);
+      erase(*found);
       fading_.pop_front();
     } else if (!rows.is_fading(rest)) {
       item.is_listed = false;
@@ -231,6 +246,7 @@ void Objects::take(Shifted& shifted, double shift) noexcept {
     item->second.is_listed = false;
     item = item->second.is_removed ? names_.erase(item) : std::next(item);
   }
+  ++gone_;
   removed_ = 0;
   fading_.clear();
 }

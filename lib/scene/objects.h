@@ -10,6 +10,18 @@
 
 namespace fs {
 
+// What a name has beside its rows.
+struct Item {
+  uint32_t row;                  // the newest
+  uint32_t number;               // of the name: they are saved in this order
+  std::unique_ptr<Track> track;  // null: not moved since it was set
+  bool start_is_given = false;
+  bool is_removed = false;       // it fades out
+  bool is_listed = false;        // in Objects::fading_
+};
+using Named = NameMap<Item>::value_type;
+using NewName = NameMap<Item>::node_type;
+
 // An object with all that its scene knows of it, or what a group wants to make of it.
 struct Known : Entry {
   Track track;                  // for the next worked-out twist
@@ -21,6 +33,8 @@ struct Known : Entry {
   uint32_t parts = 0;   // fs_part bits that are changed
   Ref<const Object> base;  // the object that they were changed of; null: the name was new
   uint32_t number = 0;  // of a new name, where it is not the next
+  Named* named = nullptr;  // the name where it was found, so that it need not be looked for again; null: not found.
+  uint64_t gone = 0;       // How many names had gone by then: as long as no other has, named is valid.
 };
 
 [[noreturn]] void fail_unknown(std::string_view name);  // NOT_FOUND
@@ -33,16 +47,20 @@ class Objects {
 
   ObjectRows rows;
 
-  bool find(std::string_view name, Known& out) const;  // false: there is none of this name
-  Known require(std::string_view name) const;           // NOT_FOUND
+  bool find(std::string_view name, Known& out);  // false: there is none of this name
+  Known require(std::string_view name);           // NOT_FOUND
   bool has(std::string_view name) const noexcept { return find_item(name) != nullptr; }
   bool has_name(std::string_view name) const noexcept { return names_.contains(name); }  // also one that fades out
   bool has_room(size_t more) const noexcept { return names_.size() + more <= capacity_; }
-  const Row* find_row(std::string_view name, uint32_t* number = nullptr) const noexcept;  // the newest
+  // The newest row of a name; no_row: it is not there. known: what was found of it before, if anything was.
+  uint32_t row_of(std::string_view name, const Known& known = {}) noexcept;
 
   // Makes an object what is wanted: set, moved or removed. Its revisions grow, also where it has been changed since wanted
   // was made. Throws before anything is changed: no memory.
-  void take(std::string_view name, Known& wanted);
+  // new_name: what make_name has made of the name, or empty. Names that are made in a row lie together in memory, so that
+  // they are found fast in that order.
+  void take(std::string_view name, Known& wanted, NewName new_name = {});
+  static NewName make_name(std::string_view name);
   // For less: an object that is there is only moved. False: there is none.
   bool move(std::string_view name, const Pose& pose, const Twist* twist, double time, double now);
   bool move_to(std::string_view name, const Motion& motion, double now);  // its twist has been worked out
@@ -57,7 +75,7 @@ class Objects {
   std::vector<std::string_view> in_order() const;
   // Calls f(name, Known) for each, in the order of their rows.
   template <class F>
-  void for_each(F&& f) const {
+  void for_each(F&& f) {
     rows.chunks().for_each([&](uint32_t, const Chunk& chunk) {
       for_each_bit(chunk.used, [&](uint32_t i) {
         if (!chunk.row(i).is_named) return;
@@ -85,22 +103,18 @@ class Objects {
   void take(Shifted& shifted, double shift) noexcept;
 
  private:
-  struct Item {
-    uint32_t row;
-    uint32_t number;               // of the name: they are saved in this order
-    std::unique_ptr<Track> track;  // null: not moved since it was set
-    bool start_is_given = false;
-    bool is_removed = false;       // it fades out
-    bool is_listed = false;        // in fading_
-  };
-
   const Item* find_item(std::string_view name) const noexcept;  // null also for one that fades out
-  bool list(const std::string& name, Item& item);
+  Named* find_named(std::string_view name, const Known& known) noexcept;
+  void erase(const Named& named) noexcept;
+  bool list(Named& named);
+  void add(NewName name, const Known& wanted);
+  void move(Named& named, const Track& track, const Motion& motion, double expiry, uint64_t motion_revision);
   template <class F>
   bool move(std::string_view name, double now, F&& take);
   void set_expiry(const std::string& name, double before, double after);
 
   NameMap<Item> names_;
+  uint64_t gone_ = 0;  // names that have been erased so far
   uint32_t last_number_ = 0;
   size_t removed_ = 0;
   uint32_t capacity_ = 1u << 20;

@@ -42,7 +42,8 @@ uint64_t RowSpace::place_of(Vec3 position, double size) noexcept {
   return cell_ > 0 ? code_of(position) : 0;
 }
 
-uint32_t RowSpace::find(Vec3 position, double size) {
+uint32_t RowSpace::find(Vec3 position, double size, uint64_t used) {
+  reclaim(used);
   const uint64_t code = place_of(position, size);
   // The chunk where the place is, or one of its neighbours in this order.
   constexpr int neighbours = 3;

@@ -15,12 +15,11 @@ class RowSpace {
   static constexpr uint32_t chunk_count = 1u << 16;  // most
 
   // A free row for an object there, of this size (m, may be infinite). It stays free until it is taken; a call that throws
-  // (FULL, no memory) changes nothing that matters.
-  uint32_t find(Vec3 position, double size);
+  // (FULL, no memory) changes nothing that matters. used: sequence of the newest snapshot that has been used.
+  uint32_t find(Vec3 position, double size, uint64_t used);
   void take(uint32_t row) noexcept { spaces_[row / chunk_size].taken |= uint64_t{1} << row % chunk_size; }
-  // The row is free again when the snapshot `sequence` has been used, the first without it: see reclaim.
+  // The row is free again when the snapshot `sequence` has been used, the first without it.
   void release(uint32_t row, uint64_t sequence) noexcept;
-  void reclaim(uint64_t used) noexcept;  // frees what was released up to there
   // Objects that are added in the order of this number lie together best.
   uint64_t place_of(Vec3 position, double size) noexcept;
   uint32_t chunks_end() const noexcept { return static_cast<uint32_t>(spaces_.size()); }  // all numbers are below it
@@ -32,6 +31,7 @@ class RowSpace {
     uint64_t leaves_at = 0;   // sequence of the last release
     std::multimap<uint64_t, uint32_t>::iterator place;  // in order_, while it has rows
   };
+  void reclaim(uint64_t used) noexcept;  // frees what was released up to there
   uint64_t code_of(Vec3 position) const noexcept;
   uint32_t row_in(uint32_t chunk) const noexcept;
 

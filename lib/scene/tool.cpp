@@ -6,10 +6,10 @@ using namespace fs;
 
 fs_tool::fs_tool(Ref<LocalScene> scene, std::vector<Vec3> points)
     : scene_(std::move(scene)), points_(points.empty() ? nullptr : make_ref<ToolPoints>(std::move(points))) {
-  scene_->attach(reader_);
+  scene_->readers.attach(reader_);
 }
 
-fs_tool::~fs_tool() { scene_->detach(reader_); }
+fs_tool::~fs_tool() { scene_->readers.detach(reader_); }
 
 fs_status fs_tool::evaluate(const fs_state& state, fs_response& out) noexcept {
   out = {};

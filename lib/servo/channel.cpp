@@ -14,11 +14,11 @@ constexpr uint32_t most_visits = 1024;
 Channel::Channel(fs_servo& servo, Ref<LocalScene> scene, const Limits& limits, bool starts_in)
     : scene_(std::move(scene)), limits_(limits), fade_(servo.fade()), reader_(make_ref<Memory>(servo.fade())) {
   hand_.state.pose = hand_.response.proxy = identity_pose();
-  scene_->attach_servo(servo, reader_, starts_in);
+  scene_->readers.attach_servo(servo, reader_, starts_in);
 }
 
 void Channel::detach() noexcept {
-  if (std::exchange(is_attached_, false)) scene_->detach_servo(reader_);
+  if (std::exchange(is_attached_, false)) scene_->readers.detach_servo(reader_);
 }
 
 Wrench Channel::wrench() const noexcept {

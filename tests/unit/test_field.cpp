@@ -43,8 +43,7 @@ struct Points {
       motion.pose.position = {random.between(-0.1, 0.1), random.between(-0.1, 0.1), random.between(-0.1, 0.1)};
       chunk.own(i);
       chunk.edit_row(i).version = 1;
-      chunk.set_object(i, parse_object(o).object);
-      chunk.move(i, motion, 1);
+      chunk.set(i, parse_object(o).object, motion, 1);
     }
   }
 };
@@ -184,26 +183,25 @@ START_TEST(rows_are_given_among_neighbours) {
     };
     const double size = way == 3 ? never : 0.005;
     for (int i = 0; i < count; ++i) {
-      const uint32_t row = space.find(position(i), size);
+      const uint32_t row = space.find(position(i), size, 0);
       ck_assert(taken.insert(row).second);
       space.take(row);
     }
     ck_assert_uint_le(space.chunks_end(), count / 64 * 5 / 4 + 1);
     const uint32_t before = space.chunks_end();
-    uint64_t sequence = 0;
+    uint64_t sequence = 0, used = 0;
     for (int i = 0; i < 3 * count; ++i) {  // some go, others come
       const auto gone = std::next(taken.begin(), random.below(20));
       space.release(*gone, ++sequence);
       taken.erase(gone);
-      if (random.coin(0.1)) space.reclaim(sequence);
-      const uint32_t row = space.find(position(i), size);
+      if (random.coin(0.1)) used = sequence;
+      const uint32_t row = space.find(position(i), size, used);
       ck_assert(taken.insert(row).second);
       space.take(row);
     }
     ck_assert_uint_le(space.chunks_end(), 2 * before);
     for (const uint32_t row : taken) space.release(row, ++sequence);
-    space.reclaim(sequence);
-    ck_assert_uint_lt(space.find({}, size), chunk_size);  // in the first chunk
+    ck_assert_uint_lt(space.find({}, size, sequence), chunk_size);  // in the first chunk
   }
 }
 END_TEST

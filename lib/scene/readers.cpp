@@ -1,0 +1,105 @@
+#include "scene/readers.h"
+
+#include "base/error.h"
+#include "base/process.h"
+#include "base/text.h"
+#include "scene/scene.h"
+
+namespace fs {
+
+static constexpr char servo_of_parent[] = "the servo was started by the parent of this process";
+
+// Builds what leave_unbuilt has left out. Whoever comes meanwhile waits until all is built.
+void Readers::build_shapes() {
+  const std::lock_guard building(building_mutex_);
+  if (is_built_) return;
+  builds_shapes_ = true;  // first: what is set from now on is built where it is set
+  std::vector<Ref<const Object>> objects;
+  {
+    const std::lock_guard lock(mutex_);
+    evaluated_.objects.for_each([&](const std::string&, const Known& known) { objects.push_back(known.object); });
+    if (OpenGroup* const group = edits_.group()) {
+      for (const OpenGroup::Change* change : group->order) objects.push_back(change->second.object);
+    }
+  }
+  for (const Ref<const Object>& object : objects) {
+    if (object->shape) object->shape->build();
+  }
+  is_built_ = true;
+}
+
+void Readers::attach(Reader& reader) {
+  build_shapes();
+  const std::lock_guard lock(mutex_);
+  evaluated_.attach(reader);
+}
+
+void Readers::detach(Reader& reader) noexcept {
+  const std::lock_guard lock(mutex_);
+  evaluated_.detach(reader);
+}
+
+void Readers::with_snapshot(const char* name, const std::function<void(const Snapshot&, uint32_t)>& f) {
+  build_shapes();
+  Ref<const Snapshot> kept;
+  uint32_t row = no_row;
+  {
+    const std::lock_guard lock(mutex_);
+    // As it is evaluated, whatever an open group has done to it.
+    if (name) row = evaluated_.objects.row_of(name);
+    if (name && row == no_row) {
+      fail(FS_ERROR_NOT_FOUND, "name is '%s': there is no such object to evaluate", shortened(name).c_str());
+    }
+    kept = evaluated_.post_newest();
+  }
+  struct Release {  // under the lock again, also when f throws
+    std::mutex& mutex;
+    Ref<const Snapshot>& kept;
+    ~Release() {
+      const std::lock_guard lock(mutex);
+      kept = nullptr;
+    }
+  } const release{mutex_, kept};
+  f(*kept, row);
+}
+
+// -------------------------------------------------------------------------------------------------------------- servo
+
+void Readers::attach_servo(const ServoLink& servo, ServoReader& reader, bool starts_in) {
+  const std::lock_guard lock(mutex_);
+  edits_.shift(evaluated_.attach_servo(servo, reader, starts_in));
+  servo_process_.store(this_process());
+  has_servo_.store(true);
+}
+
+void Readers::detach_servo(ServoReader& reader) noexcept {
+  const std::lock_guard lock(mutex_);
+  has_servo_.store(false);
+  edits_.shift(evaluated_.detach_servo(reader));
+}
+
+fs_status Readers::get_hand(fs_state* state, fs_response* response, fs_wrench* sent) const noexcept {
+  if (!has_servo()) return set_last_error_literal(FS_ERROR_STATE, "the scene has no servo, so no hand");
+  if (servo_process_.load(std::memory_order_relaxed) != this_process()) {
+    return set_last_error_literal(FS_ERROR_STATE, servo_of_parent);
+  }
+  return read_hand(*evaluated_.output, state, response, sent);
+}
+
+const ServoLink& Readers::require_servo(const char* sentence) const {
+  if (!evaluated_.servo()) fail(FS_ERROR_STATE, "%s", sentence);
+  if (servo_process_ != this_process()) fail(FS_ERROR_STATE, "%s", servo_of_parent);
+  return *evaluated_.servo();
+}
+
+void Readers::get_servo_stats(fs_servo_stats& out) {
+  const std::lock_guard lock(mutex_);
+  require_servo("the scene has no servo; fs_servo_start gives it one").get_stats(out);
+}
+
+void Readers::get_device_info(fs_device_info& out) {
+  const std::lock_guard lock(mutex_);
+  require_servo("the scene has no servo, so no device; fs_servo_start gives it one").get_device_info(out);
+}
+
+}  // namespace fs
