@@ -118,8 +118,7 @@ bool add_resting_contact(const Object& object, const Closest& closest, const Pos
   if (keep == FS_KEEP_EITHER || closest.side == (keep == FS_KEEP_BACK ? Side::back : Side::front)) return false;
   if (object.primitive == FS_PRIMITIVE_MESH && !object.shape->closed) return false;
   const Vec3 direction = rotate(pose.orientation, closest.direction);  // away from the surface
-  const double stiffness = object.contact.stiffness > 0 ? object.contact.stiffness : 1000;
-  const Vec3 force = -std::min(stiffness * closest.distance, object.contact.limit) * direction;
+  const Vec3 force = -std::min(stiffness_of(object.contact) * closest.distance, object.contact.limit) * direction;
   out.wrench.force += force;
   out.wrench.torque += cross(point.arm, force);
   return true;

@@ -16,6 +16,12 @@
 
 namespace fs {
 
+// N/m, of the spring of a contact.
+inline double stiffness_of(const fs_contact& contact) noexcept {
+  constexpr double unasked = 1000;
+  return contact.stiffness > 0 ? contact.stiffness : unasked;
+}
+
 struct Object : Counted<Object> {
   std::string name;
   fs_primitive primitive = FS_PRIMITIVE_POINT;

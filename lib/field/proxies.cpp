@@ -9,16 +9,11 @@ namespace {
 
 constexpr double epsilon = std::numeric_limits<double>::epsilon();
 constexpr double spread = 0.02;        // s, over which a jump of the proxy is spread
-constexpr double default_stiffness = 1000;  // N/m
 
 // A proxy lies above the surface by this much, m: more than rounding makes of coordinates as large as these of the object's
 // frame.
 double margin_at(const Pose& pose, Vec3 from, Vec3 to) noexcept {
   return 64 * epsilon * (largest_coordinate(from) + largest_coordinate(to) + largest_coordinate(pose.position));
-}
-
-double stiffness_of(const fs_contact& contact) noexcept {
-  return contact.stiffness > 0 ? contact.stiffness : default_stiffness;
 }
 
 bool are_equal(const Pose& a, const Pose& b) noexcept {
@@ -344,6 +339,10 @@ void Proxies::push(const ViewTouches* last, Group& group, uint32_t point, const 
     Solid& solid = *group.members[i].solid;
     const Vec3 force = touch.spring + damping[i] + touch.rest;
     if (touch.is_touching) solid.is_touched = true;
+    if (const double distance = norm(pull); distance < solid.distance) {
+      solid.distance = distance;
+      solid.proxy = group.proxy;
+    }
     solid.wrench.force += force;
     solid.wrench.torque += cross(at.arm, force);
   }
@@ -422,6 +421,7 @@ void Proxies::feel(uint32_t view, uint64_t what, const ToolState& tool, fs_respo
     solid.wrench = solid.felt = {};
     solid.stiffness = {};
     solid.is_touched = false;
+    solid.distance = never;
   }
   for (uint32_t k = 0; k < tool.count; ++k) {
     const Vec3 hand = tool.points[k].position;
@@ -456,6 +456,10 @@ void Proxies::feel(uint32_t view, uint64_t what, const ToolState& tool, fs_respo
     if (last) here.reach = std::max(here.reach, 2 * norm(hand - last->hand[k]));
   }
   here.end = tick.count;
+  if (what >= felt_.what) {
+    felt_.what = what;
+    felt_.count = 0;
+  }
   for (uint32_t i = 0; i < solid_count_; ++i) {
     Solid& solid = solids_[i];
     const double force = norm(solid.wrench.force), limit = solid.object->contact.limit;
@@ -468,9 +472,13 @@ void Proxies::feel(uint32_t view, uint64_t what, const ToolState& tool, fs_respo
     if (!(wrench.force == Vec3{})) {
       ++out.felt_count;
       if (solid.weight < 1) out.flags |= FS_RESPONSE_FADING;
+      if (what >= felt_.what && felt_.count < FeltSolids::size) {
+        felt_.felt[felt_.count++] = {solid.version, wrench, solid.proxy, solid.distance};
+      }
     }
   }
   out.proxy = fitted(tool, proxies.data());
+  if (what >= felt_.what) newest_.write(felt_);
   solid_count_ = 0;
 }
 

@@ -14,6 +14,7 @@
 #include <array>
 #include <memory>
 
+#include "base/seqlock.h"
 #include "field/evaluate.h"
 #include "force/crossing.h"
 
@@ -33,6 +34,29 @@ struct Solid {
   Wrench wrench{}, felt{};      // N, N m: of the contact and of the profiles, in full
   Mat3 stiffness{};
   bool is_touched = false;
+  Vec3 proxy{};                 // m, of the nearest point,
+  double distance = never;      // and how far that is
+};
+
+// What solids gave at a tick, for whoever asks.
+struct FeltSolids {
+  static constexpr uint32_t size = 24;  // most
+  struct Felt {
+    uint64_t version = 0;  // of the row
+    Wrench wrench;         // N, N m, in full
+    Vec3 point;            // m, scene frame: the proxy that is nearest to its point
+    double distance;       // m, between the two
+  };
+  uint64_t what = 0;       // the view
+  uint64_t count = 0;
+  std::array<Felt, size> felt;
+
+  const Felt* find(uint64_t version) const noexcept {
+    for (uint64_t i = 0; i < count; ++i) {
+      if (felt[i].version == version) return &felt[i];
+    }
+    return nullptr;
+  }
 };
 
 class Proxies {
@@ -51,6 +75,9 @@ class Proxies {
   // [rt] Adds what the collected solids give to the tool: contacts, and their profiles at the proxies. view, what: as
   // Memory::look has them; another `what`, and all touches of the view begin anew.
   void feel(uint32_t view, uint64_t what, const ToolState& tool, fs_response& out) noexcept;
+
+  // Of the newest view. False: nothing has been felt yet. Any thread.
+  bool read(FeltSolids& out) const noexcept { return newest_.read(out); }
 
   // m: how far a proxy was from its point at most in the last tick of the view.
   double reach(uint32_t view, uint64_t what) const noexcept {
@@ -126,6 +153,8 @@ class Proxies {
   Group group_;           // the one that is worked on
   std::array<Vec3, most_solids> damping_;  // N, of its members
   uint32_t cursor_ = 0;   // of find_before
+  FeltSolids felt_;       // that is put together
+  Latest<FeltSolids> newest_;
   uint32_t current_ = 0;  // which of them is this one, the other is the last
 };
 
