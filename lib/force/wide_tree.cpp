@@ -117,6 +117,7 @@ struct Work {
       has_memory = false;
       return nullptr;
     }
+    *out = {};
     out->count = static_cast<uint32_t>(count);
     return out;
   }
@@ -193,6 +194,10 @@ WideTree::WideTree(const std::vector<Box>& boxes, Wanted& wanted) {
     primitives.push_back({below(b.lower.x), below(b.lower.y), below(b.lower.z), 0, above(b.upper.x), above(b.upper.y),
                           above(b.upper.z), static_cast<unsigned>(primitives.size())});
   }
+  // Embree does not get over an allocation that fails within it (tried: parts of the tree are missing, then and from then
+  // on). So what it needs is asked for here, where that is an error like any other, and given back.
+  constexpr size_t each = 400, fixed = size_t{1} << 20;  // bytes, more than it was seen to take
+  ::operator delete(::operator new(fixed + each * primitives.size()));
   Work work{wanted};
   const Device device;
   if (!device.bvh) throw std::bad_alloc();
@@ -217,10 +222,16 @@ WideTree::WideTree(const std::vector<Box>& boxes, Wanted& wanted) {
 
   // From the leaves up.
   std::vector<std::pair<Built*, float>> order{{top, 0.0f}};
+  size_t found = 0;
   for (size_t i = 0; i < order.size(); ++i) {
     Built& node = *order[i].first;
-    for (int c = 0; c < 2 && node.count == 0; ++c) order.emplace_back(node.children[c], half_area(node.bounds[c]));
+    found += node.count;
+    for (int c = 0; c < 2 && node.count == 0; ++c) {
+      if (!node.children[c]) throw std::bad_alloc();
+      order.emplace_back(node.children[c], half_area(node.bounds[c]));
+    }
   }
+  if (found != boxes.size()) throw std::bad_alloc();
   for (size_t i = order.size(); i-- > 0;) find_costs(*order[i].first, order[i].second, wanted);
   order = {};
 
