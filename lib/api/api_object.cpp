@@ -80,8 +80,9 @@ fs_status fs_shape_load(const char* path, double scale, fs_shape** out) {
   return guarded([&] {
     require_pointer(path, "path");
     require_pointer(out, "out");
-    const MeshData mesh = read_mesh_file(path, scale);
-    give(make_mesh(mesh.points.data(), mesh.points.size(), mesh.triangles.data(), mesh.triangles.size() / 3), out);
+    MeshData mesh = read_mesh_file(path, scale);
+    Wanted wanted;
+    give(make_mesh(std::move(mesh.points), std::move(mesh.triangles), wanted), out);
   });
 }
 

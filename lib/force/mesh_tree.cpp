@@ -112,12 +112,13 @@ std::vector<Box> boxes_of(std::span<const Vec3> points, std::span<const uint32_t
 
 }  // namespace
 
-MeshTree::MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corners, Wanted& wanted)
+MeshTree::MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corners, std::unique_ptr<MeshEdges> edges,
+                   Wanted& wanted)
     : points_(points),
       corners_(corners),
       frame_(frame_of(points, corners, wanted)),
       tree_(boxes_of(points, corners, frame_, wanted), wanted),
-      normals_(points, corners, wanted) {
+      normals_(points, corners, std::move(edges), wanted) {
   packets_.reserve(tree_.leaves().size());
   for (const WideTree::Leaf leaf : tree_.leaves()) {
     wanted.step();

@@ -3,11 +3,13 @@
 #include <memory>
 #include <new>
 
-#if __has_include(<embree4/rtcore.h>)
+#if FORCESERVER_EMBREE >= 4  // what CMake found
 #include <embree4/rtcore.h>
 #else
 #include <embree3/rtcore.h>
 #endif
+
+#include <tbb/task_arena.h>
 
 #include "base/error.h"
 
@@ -136,14 +138,14 @@ void* make_leaf(RTCThreadLocalAllocator allocator, const RTCBuildPrimitive* item
   for (size_t i = 0; i < count && leaf; ++i) leaf->items[i] = items[i].primID;
   return leaf;
 }
-bool is_wanted(void* work, double) {
-  const Work& w = *static_cast<Work*>(work);
+bool is_wanted(void* work, double done) {
+  Work& w = *static_cast<Work*>(work);
+  w.wanted.show_part(done);
   return w.has_memory && !w.wanted.is_abandoned();
 }
 
 struct Device {
-  // One thread, the caller's: a library must not start threads in a host that did not ask for any.
-  RTCDevice device = rtcNewDevice("threads=1");
+  RTCDevice device = rtcNewDevice("ignore_config_files=1");
   RTCBVH bvh = device ? rtcNewBVH(device) : nullptr;
   ~Device() {
     if (bvh) rtcReleaseBVH(bvh);
@@ -210,7 +212,10 @@ WideTree::WideTree(const std::vector<Box>& boxes, Wanted& wanted) {
   arguments.createLeaf = make_leaf;
   arguments.buildProgress = is_wanted;
   arguments.userPtr = &work;
-  auto* const top = static_cast<Built*>(rtcBuildBVH(&arguments));
+  // A library must not start threads in a host that did not ask for any: an arena with room for the caller alone needs none.
+  // (Embree's own option "threads=1" slows all of the host's TBB meanwhile, and TBB starts a thread when that ends.)
+  tbb::task_arena caller(1);
+  auto* const top = static_cast<Built*>(caller.execute([&] { return rtcBuildBVH(&arguments); }));
   if (wanted.is_abandoned()) throw Abandoned{};
   if (!top || !work.has_memory) throw std::bad_alloc();
   primitives = {};
