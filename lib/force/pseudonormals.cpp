@@ -105,6 +105,8 @@ size_t Pseudonormals::size() const noexcept {
 Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint32_t> corners,
                              std::unique_ptr<MeshEdges> known, Wanted& wanted)
     : points_(points), corners_(corners) {
+  const auto point_count = static_cast<double>(points.size()), corner_count = static_cast<double>(corners.size());
+  wanted.begin_part(0.65, corner_count + 1.4 * point_count * std::log2(point_count));
   Welded welded = weld(points, corners, wanted);
   vertices_ = std::move(welded.vertices);
   const std::span<const uint32_t> vertices = welded.corners.empty() ? corners : std::span<const uint32_t>(welded.corners);
@@ -112,7 +114,9 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
   const uint32_t triangle_count = static_cast<uint32_t>(corners.size() / 3);
   const auto corner = [&](uint32_t t, int k) { return points[corners[size_t{3} * t + k]]; };
 
+  wanted.begin_part(0.68, 4.2 * corner_count);
   if (!known || !welded.corners.empty()) known = std::make_unique<MeshEdges>(vertices, vertex_count, wanted);
+  wanted.begin_part(0.97, 6.4 * corner_count);
   MeshEdges& edges = *known;
   // A mesh can be flat only at regular edges.
   std::vector<uint8_t> edge_is_flat(edges.kinds.size());

@@ -99,7 +99,7 @@ Segments::Segments(const std::vector<Vec3>& points, bool closed, Wanted& wanted)
     boxes[i].add(frame.local(points[i]));
     boxes[i].add(frame.local(points[next(i)]));
   }
-  tree = std::make_unique<const WideTree>(boxes, wanted);
+  tree = std::make_unique<const WideTree>(std::move(boxes), wanted);
 }
 
 Segments::~Segments() = default;

@@ -153,6 +153,12 @@ struct Device {
   }
 };
 
+// An assignment of {} would keep the memory.
+template <class T>
+void discard(std::vector<T>& list) {
+  std::vector<T>().swap(list);
+}
+
 // The boxes of a node's children on its grid, never smaller than they are.
 void set_boxes(WideTree::Node& node, const Children& built) {
   const auto lower = [&](uint32_t i, int axis) { return double{(&built.bounds[i].lower_x)[axis]}; };
@@ -182,19 +188,22 @@ void set_boxes(WideTree::Node& node, const Children& built) {
 
 }  // namespace
 
-WideTree::WideTree(const std::vector<Box>& boxes, Wanted& wanted) {
-  if (boxes.size() <= width) {
-    for (uint32_t i = 0; i < boxes.size(); ++i) items_.push_back(i);
-    leaves_.push_back({0, static_cast<uint32_t>(boxes.size())});
+WideTree::WideTree(std::vector<Box> boxes, Wanted& wanted) {
+  const size_t count = boxes.size();
+  if (count <= width) {
+    for (uint32_t i = 0; i < count; ++i) items_.push_back(i);
+    leaves_.push_back({0, static_cast<uint32_t>(count)});
     return;
   }
   std::vector<RTCBuildPrimitive> primitives;
-  primitives.reserve(boxes.size());
+  primitives.reserve(count);
   for (const Box& b : boxes) {
     wanted.step();
     primitives.push_back({below(b.lower.x), below(b.lower.y), below(b.lower.z), 0, above(b.upper.x), above(b.upper.y),
                           above(b.upper.z), static_cast<unsigned>(primitives.size())});
   }
+  discard(boxes);
+  wanted.begin_part(0.45, infinity);  // Embree says how far it is
   Work work{wanted};
   const Device device;
   if (!device.bvh) throw std::bad_alloc();
@@ -218,8 +227,9 @@ WideTree::WideTree(const std::vector<Box>& boxes, Wanted& wanted) {
   auto* const top = static_cast<Built*>(caller.execute([&] { return rtcBuildBVH(&arguments); }));
   if (wanted.is_abandoned()) throw Abandoned{};
   if (!top || !work.has_memory) throw std::bad_alloc();
-  primitives = {};
+  discard(primitives);
 
+  wanted.begin_part(0.55, 0.5 * static_cast<double>(count));
   // From the leaves up.
   std::vector<std::pair<Built*, float>> order{{top, 0.0f}};
   for (size_t i = 0; i < order.size(); ++i) {
@@ -227,9 +237,9 @@ WideTree::WideTree(const std::vector<Box>& boxes, Wanted& wanted) {
     for (int c = 0; c < 2 && node.count == 0; ++c) order.emplace_back(node.children[c], half_area(node.bounds[c]));
   }
   for (size_t i = order.size(); i-- > 0;) find_costs(*order[i].first, order[i].second, wanted);
-  order = {};
+  discard(order);
 
-  items_.reserve(boxes.size());
+  items_.reserve(count);
   struct Task {
     const Built* built;
     uint32_t parent, child;  // where its number goes
@@ -261,6 +271,11 @@ WideTree::WideTree(const std::vector<Box>& boxes, Wanted& wanted) {
     if (task.depth > 0) nodes_[task.parent].child[task.child] = number;
   }
   nodes_.shrink_to_fit();
+}
+
+void WideTree::forget_items() {
+  discard(leaves_);
+  discard(items_);
 }
 
 }  // namespace fs
