@@ -93,6 +93,13 @@ fs_status fs_shape_build(fs_shape* shape) {
   });
 }
 
+fs_status fs_shape_get_progress(const fs_shape* shape, double* out) {
+  if (!shape) return null_argument("shape is null");
+  if (!out) return null_argument("out is null");
+  *out = shape->progress();
+  return FS_OK;
+}
+
 fs_shape* fs_shape_retain(fs_shape* shape) {
   if (shape) shape->retain();
   return shape;
