@@ -16,12 +16,12 @@
 namespace fs {
 namespace {
 
-constexpr float infinity = std::numeric_limits<float>::infinity();
+constexpr float infinite = std::numeric_limits<float>::infinity();
 
 // Rounded outwards.
 float below(double v) {
   const float f = static_cast<float>(v);
-  return f <= v ? f : std::nextafter(f, -infinity);
+  return f <= v ? f : std::nextafter(f, -infinite);
 }
 float above(double v) { return -below(-v); }
 
@@ -55,7 +55,7 @@ void find_costs(Built& node, float area, Wanted& wanted) {
     return;
   }
   const Built &first = *node.children[0], &second = *node.children[1];
-  for (int k = width - 1; k >= 0; --k) node.costs[k] = infinity;
+  for (int k = width - 1; k >= 0; --k) node.costs[k] = infinite;
   for (int k = 1; k < width; ++k) {
     for (int i = 1; i <= k; ++i) {
       const float cost = first.costs[i - 1] + second.costs[k - i];
@@ -96,7 +96,7 @@ struct Children {
   // How a wide node shares its eight children out.
   static int top_cut(const Built& node) {
     int best = 1;
-    float least = infinity;
+    float least = infinite;
     for (int i = 1; i < width; ++i) {
       const float cost = node.children[0]->costs[i - 1] + node.children[1]->costs[width - 1 - i];
       if (cost < least) {
@@ -165,7 +165,7 @@ void set_boxes(WideTree::Node& node, const Children& built) {
   const auto upper = [&](uint32_t i, int axis) { return double{(&built.bounds[i].upper_x)[axis]}; };
   double size = std::numeric_limits<float>::min();  // so that a step is never 0
   for (int axis = 0; axis < 3; ++axis) {
-    double least = infinity, most = -infinity;
+    double least = infinite, most = -infinite;
     for (uint32_t i = 0; i < built.count; ++i) {
       least = std::min(least, lower(i, axis));
       most = std::max(most, upper(i, axis));
@@ -203,7 +203,7 @@ WideTree::WideTree(std::vector<Box> boxes, Wanted& wanted) {
                           above(b.upper.z), static_cast<unsigned>(primitives.size())});
   }
   discard(boxes);
-  wanted.begin_part(0.45, infinity);  // Embree says how far it is
+  wanted.begin_part(0.45, infinite);  // Embree says how far it is
   Work work{wanted};
   const Device device;
   if (!device.bvh) throw std::bad_alloc();
