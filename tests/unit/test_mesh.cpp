@@ -728,6 +728,38 @@ START_TEST(a_build_can_be_abandoned) {
 }
 END_TEST
 
+// At any point, also in Embree: then the next build begins again. A build that was quicker than that is as good.
+START_TEST(a_build_can_be_abandoned_anywhere) {
+  const Mesh mesh = sphere(1, 6);
+  int count = 0;
+  for (const double share : {0.02, 0.12, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9}) {
+    const Ref<const Shape> shape = mesh.shape(false);
+    std::atomic<bool> is_abandoned{false}, is_over{false};
+    std::thread watcher([&] {
+      while (shape->progress() < share && !is_over) {}
+      is_abandoned = true;
+    });
+    bool is_thrown = false;
+    Wanted wanted(is_abandoned);
+    try {
+      shape->build(wanted);
+    } catch (const Abandoned&) {
+      is_thrown = true;
+    }
+    is_over = true;
+    watcher.join();
+    count += is_thrown;
+    ck_assert(shape->is_built() != is_thrown);
+    ck_assert_double_eq(shape->progress(), is_thrown ? 0 : 1);
+    shape->build();
+    Closest hit;
+    ck_assert(closest_point(FS_PRIMITIVE_MESH, shape.get(), {2, 0, 0}, infinity, hit));
+    ck_assert_double_eq_tol(hit.distance, 1, 1e-3);
+  }
+  std::printf("  %d of 10 builds were abandoned\n", count);
+}
+END_TEST
+
 // The parts of work move on by their steps, never beyond their ends.
 START_TEST(parts_of_work_are_shown) {
   std::atomic<double> progress{0};
@@ -799,6 +831,6 @@ int main() {
                       ties_go_to_the_lowest_index, respects_the_largest_distance, sides_of_closed_meshes,
                       sides_with_degenerate_and_duplicate_triangles, sheet_of_two_faces,
                       closest_point_stays_in_the_box, features, info_and_refusals, no_mesh_takes_many_steps,
-                      a_build_can_be_abandoned, parts_of_work_are_shown, a_tree_is_small,
+                      a_build_can_be_abandoned, a_build_can_be_abandoned_anywhere, parts_of_work_are_shown, a_tree_is_small,
                       built_by_many_threads, a_query_does_not_allocate});
 }
