@@ -804,10 +804,15 @@ START_TEST(built_by_many_threads) {
       shape->build();
       Closest hit;
       if (shape->is_built() && closest_point(FS_PRIMITIVE_MESH, shape.get(), {2, 0, 0}, infinity, hit)) ++good;
+      // And each its own.
+      for (int k = 0; k < 5; ++k) {
+        const Ref<const Shape> mine = sphere(1, 4).shape();
+        good += closest_point(FS_PRIMITIVE_MESH, mine.get(), {2, 0, 0}, infinity, hit);
+      }
     });
   }
   for (std::thread& thread : threads) thread.join();
-  ck_assert_int_eq(good, 8);
+  ck_assert_int_eq(good, 8 * 6);
 }
 END_TEST
 
