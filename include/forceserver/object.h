@@ -207,9 +207,10 @@ FS_API fs_status fs_profile_evaluate(const fs_profile *profile, double max_stiff
                                      const double *distances, size_t count, double *forces);
 
 /* ---- Shapes are cheap to make: they are copied and checked. The search tree is built by fs_shape_build, or by the
- * first scene of this process that uses the shape (a million triangles: about 1 s); a server builds its own. A mesh may
- * be open, non-manifold or degenerate. To find its front and back, corners at the same coordinates count as one,
- * whatever their indices. A shape lives as long as the caller's reference or an object needs it. */
+ * first scene of this process that uses the shape, in the calling thread; a server builds its own. A million triangles
+ * take 1 s, or 2 s where neighbours are far apart in the list. A mesh may be open, non-manifold or degenerate. To find
+ * its front and back, corners at the same coordinates count as one, whatever their indices. A shape lives as long as
+ * the caller's reference or an object needs it. */
 
 /* A polyline through count (>= 2) points, m, object frame. closed: the last point is joined to the first. */
 FS_API fs_status fs_shape_create_polyline(const fs_vec3 *points, size_t count, bool closed, fs_shape **out);
@@ -228,6 +229,10 @@ FS_API fs_status fs_shape_load(const char *path, double scale, fs_shape **out);
 /* Builds the search tree now, in this thread, rather than at the first use. Does nothing if the tree is built already,
  * as that of a polyline always is. */
 FS_API fs_status fs_shape_build(fs_shape *shape);
+
+/* [rt] How much of the search tree is built, 0..1, also while another thread builds it; it only grows, unless a build
+ * fails. 1: the tree is built. */
+FS_API fs_status fs_shape_get_progress(const fs_shape *shape, double *out);
 
 /* One more reference; returns shape; null gives null. */
 FS_API fs_shape *fs_shape_retain(fs_shape *shape);

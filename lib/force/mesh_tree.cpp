@@ -92,6 +92,7 @@ FS_INLINE Estimate estimate_of(const Packet& packet, Vec3 from) {
 }
 
 LocalFrame frame_of(std::span<const Vec3> points, std::span<const uint32_t> corners, Wanted& wanted) {
+  wanted.begin_part(0.01, static_cast<double>(corners.size()));
   Box box;
   for (const uint32_t i : corners) {
     wanted.step();
@@ -102,6 +103,7 @@ LocalFrame frame_of(std::span<const Vec3> points, std::span<const uint32_t> corn
 
 std::vector<Box> boxes_of(std::span<const Vec3> points, std::span<const uint32_t> corners, const LocalFrame& frame,
                           Wanted& wanted) {
+  wanted.begin_part(0.11, 1.35 * static_cast<double>(corners.size()));  // with the start of the tree
   std::vector<Box> boxes(corners.size() / 3);
   for (size_t i = 0; i < corners.size(); ++i) {
     wanted.step();
@@ -159,12 +161,14 @@ FS_INLINE uint32_t triangles_in(const Packet& packet, const Span& span) {
 
 }  // namespace
 
-MeshTree::MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corners, Wanted& wanted)
+MeshTree::MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corners, std::unique_ptr<MeshEdges> edges,
+                   Wanted& wanted)
     : points_(points),
       corners_(corners),
       frame_(frame_of(points, corners, wanted)),
       tree_(boxes_of(points, corners, frame_, wanted), wanted),
-      normals_(points, corners, wanted) {
+      normals_(points, corners, std::move(edges), wanted) {
+  wanted.begin_part(1, static_cast<double>(tree_.leaves().size()));
   packets_.reserve(tree_.leaves().size());
   for (const WideTree::Leaf leaf : tree_.leaves()) {
     wanted.step();

@@ -15,8 +15,9 @@ namespace fs {
 
 class MeshTree {
  public:
-  // corners: three indices of points for each triangle. Both live as long as the tree. Throws Abandoned.
-  MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corners, Wanted& wanted);
+  // corners: three indices of points for each triangle. Both live as long as the tree. edges: of the corners; null: not
+  // known. Throws Abandoned.
+  MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corners, std::unique_ptr<MeshEdges> edges, Wanted& wanted);
 
   static constexpr uint32_t no_triangle = UINT32_MAX;
   static constexpr uint32_t no_limit = UINT32_MAX;

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "force/mesh_edges.h"
 #include "force/triangle.h"
 
 namespace fs {
@@ -103,8 +102,11 @@ size_t Pseudonormals::size() const noexcept {
          vertex_normals_.size() * sizeof(Vec3) + vertex_is_flat_.size() / 8;
 }
 
-Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint32_t> corners, Wanted& wanted)
+Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint32_t> corners,
+                             std::unique_ptr<MeshEdges> known, Wanted& wanted)
     : points_(points), corners_(corners) {
+  const auto point_count = static_cast<double>(points.size()), corner_count = static_cast<double>(corners.size());
+  wanted.begin_part(0.65, corner_count + 1.4 * point_count * std::log2(point_count));
   Welded welded = weld(points, corners, wanted);
   vertices_ = std::move(welded.vertices);
   const std::span<const uint32_t> vertices = welded.corners.empty() ? corners : std::span<const uint32_t>(welded.corners);
@@ -112,45 +114,20 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
   const uint32_t triangle_count = static_cast<uint32_t>(corners.size() / 3);
   const auto corner = [&](uint32_t t, int k) { return points[corners[size_t{3} * t + k]]; };
 
-  // A regular edge joins two triangles that run along it in opposite directions; a mesh can be flat only at such edges.
-  std::vector<uint32_t> edges(corners.size());  // of each side
-  std::vector<uint8_t> is_twin(triangle_count, 0), edge_is_flat;
+  wanted.begin_part(0.68, 4.2 * corner_count);
+  if (!known || !welded.corners.empty()) known = std::make_unique<MeshEdges>(vertices, vertex_count, wanted);
+  wanted.begin_part(0.97, 6.4 * corner_count);
+  MeshEdges& edges = *known;
+  // A mesh can be flat only at regular edges.
+  std::vector<uint8_t> edge_is_flat(edges.kinds.size());
   vertex_is_flat_.assign(vertex_count, true);
-  struct Candidate {
-    uint64_t key;  // equal for triangles on this edge with the same vertices and orientation
-    uint32_t triangle;
-  };
-  std::vector<Candidate> candidates;
-  for_each_edge(vertices, vertex_count, wanted, [&](std::span<const HalfEdge> edge) {
-    candidates.clear();
-    for (const HalfEdge h : edge) {
-      wanted.step();
-      edges[h.id] = static_cast<uint32_t>(edge_is_flat.size());
-      if (is_collapsed(vertices, h.triangle())) continue;
-      const uint64_t opposite = vertices[size_t{3} * h.triangle() + (h.side() + 2) % 3];
-      candidates.push_back({opposite << 1 | runs_up(vertices, h), h.triangle()});
-    }
-    size_t count = candidates.size();
-    if (count > 2) {
-      std::sort(candidates.begin(), candidates.end(), [&](const Candidate& a, const Candidate& b) {
-        wanted.step();
-        return a.key != b.key ? a.key < b.key : a.triangle < b.triangle;
-      });
-    }
-    for (size_t i = 1; i < candidates.size(); ++i) {
-      if (candidates[i].key != candidates[i - 1].key) continue;
-      is_twin[candidates[i].triangle] = 1;
-      --count;
-    }
-    const bool is_regular = count == 2 && (candidates.front().key & 1) != (candidates.back().key & 1);
-    edge_is_flat.push_back(is_regular);
-    if (!is_regular && count > 0) {
-      const HalfEdge h = edge.front();
-      const int lower = (h.side() + (runs_up(vertices, h) ? 0 : 1)) % 3;
-      vertex_is_flat_[h.other] = false;
-      vertex_is_flat_[vertices[size_t{3} * h.triangle() + lower]] = false;
-    }
-  });
+  for (size_t e = 0; e < edges.kinds.size(); ++e) edge_is_flat[e] = edges.kinds[e] == MeshEdges::Kind::regular;
+  for (uint32_t i = 0; i < corners.size(); ++i) {
+    wanted.step();
+    if (edges.kinds[edges.of_side[i]] != MeshEdges::Kind::irregular) continue;
+    vertex_is_flat_[vertices[i]] = false;
+    vertex_is_flat_[vertices[i % 3 < 2 ? i + 1 : i - 2]] = false;
+  }
 
   // Sum the normals. A face has the weight pi at its edges (here 1) and its angle at its vertices.
   std::vector<Vec3> faces(triangle_count);
@@ -160,7 +137,7 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
   std::vector<uint32_t> without_area;
   for (uint32_t t = 0; t < triangle_count; ++t) {
     wanted.step();
-    if (is_twin[t]) continue;
+    if (edges.is_twin[t]) continue;
     const Vec3 p[3] = {corner(t, 0), corner(t, 1), corner(t, 2)};
     faces[t] = triangle_normal(p[0], p[1], p[2]);
     if (faces[t] == no_normal) {
@@ -169,7 +146,7 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
     }
     for (int k = 0; k < 3; ++k) {
       const double angle = angle_between(p[(k + 1) % 3] - p[k], p[(k + 2) % 3] - p[k]);
-      edge_normals[edges[size_t{3} * t + k]] += faces[t];
+      edge_normals[edges.of_side[size_t{3} * t + k]] += faces[t];
       vertex_normals_[vertices[size_t{3} * t + k]] += angle * faces[t];
       vertex_weights[vertices[size_t{3} * t + k]] += angle;
     }
@@ -193,13 +170,13 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
         k = i;
       }
     }
-    const auto sum = [&](int side) { return edge_normals[edges[size_t{3} * t + side % 3]]; };
+    const auto sum = [&](int side) { return edge_normals[edges.of_side[size_t{3} * t + side % 3]]; };
     stand_ins.push_back({t, k, normalized(sum(k)), normalized(sum(k + 1) + sum(k + 2))});
   }
   for (const StandIn& s : stand_ins) {
     const size_t first = size_t{3} * s.triangle;
-    edge_normals[edges[first + s.long_side]] += s.across_short;
-    for (int i = 1; i < 3; ++i) edge_normals[edges[first + (s.long_side + i) % 3]] += s.across_long;
+    edge_normals[edges.of_side[first + s.long_side]] += s.across_short;
+    for (int i = 1; i < 3; ++i) edge_normals[edges.of_side[first + (s.long_side + i) % 3]] += s.across_long;
     const uint32_t vertex = vertices[first + (s.long_side + 2) % 3];
     vertex_normals_[vertex] += std::numbers::pi * s.across_long;
     vertex_weights[vertex] += std::numbers::pi;
@@ -227,7 +204,7 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
       }
     }
   };
-  finish(edge_normals, edges, [](size_t) { return 2.0; }, edge_is_flat);
+  finish(edge_normals, edges.of_side, [](size_t) { return 2.0; }, edge_is_flat);
   finish(vertex_normals_, vertices, [&](size_t i) { return vertex_weights[i]; }, vertex_is_flat_);
 
   // Keep the normals of those edges only whose two triangles do not tell them.
@@ -235,14 +212,14 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
   std::vector<uint32_t> first(edge_is_flat.size(), none), second(edge_is_flat.size(), none), place(edge_is_flat.size(), none);
   for (uint32_t t = 0; t < triangle_count; ++t) {
     for (int k = 0; k < 3; ++k) {
-      uint32_t& one = first[edges[size_t{3} * t + k]];
-      (one == none ? one : second[edges[size_t{3} * t + k]]) = t;
+      uint32_t& one = first[edges.of_side[size_t{3} * t + k]];
+      (one == none ? one : second[edges.of_side[size_t{3} * t + k]]) = t;
     }
   }
-  across_.resize(corners.size());
+  across_ = std::move(edges.of_side);  // and is replaced side by side
   for (uint32_t i = 0; i < corners.size(); ++i) {
     wanted.step();
-    const uint32_t edge = edges[i], t = i / 3, low = first[edge], high = second[edge] == none ? low : second[edge];
+    const uint32_t edge = across_[i], t = i / 3, low = first[edge], high = second[edge] == none ? low : second[edge];
     const Normal normal{edge_normals[edge], edge_is_flat[edge] != 0};
     if ((t == low || t == high) && !(faces[low] == no_normal) && !(faces[high] == no_normal)) {
       const Normal told = low == high ? alone(faces[low]) : between(faces[low], faces[high]);

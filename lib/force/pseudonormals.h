@@ -3,10 +3,11 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
-#include "base/wanted.h"
+#include "force/mesh_edges.h"
 #include "math/vec3.h"
 
 namespace fs {
@@ -29,8 +30,10 @@ class Pseudonormals {
     bool is_flat;  // inside a part of the mesh that is flat to 1e-7 rad: no edge or vertex can be felt there
   };
 
-  // points, corners: three indices of points for each triangle; they live as long as the normals. Throws Abandoned.
-  Pseudonormals(std::span<const Vec3> points, std::span<const uint32_t> corners, Wanted& wanted);
+  // points, corners: three indices of points for each triangle; they live as long as the normals. edges: those of the
+  // corners, which serve where no two points coincide; null: not known. Throws Abandoned.
+  Pseudonormals(std::span<const Vec3> points, std::span<const uint32_t> corners, std::unique_ptr<MeshEdges> edges,
+                Wanted& wanted);
 
   // [rt] The normals of side k (from corner k to the next) and of corner k of a triangle.
   Normal side(uint32_t triangle, int k) const noexcept;

@@ -3,23 +3,25 @@
 #include <memory>
 #include <new>
 
-#if __has_include(<embree4/rtcore.h>)
+#if FORCESERVER_EMBREE >= 4  // what CMake found
 #include <embree4/rtcore.h>
 #else
 #include <embree3/rtcore.h>
 #endif
+
+#include <tbb/task_arena.h>
 
 #include "base/error.h"
 
 namespace fs {
 namespace {
 
-constexpr float infinity = std::numeric_limits<float>::infinity();
+constexpr float infinite = std::numeric_limits<float>::infinity();
 
 // Rounded outwards.
 float below(double v) {
   const float f = static_cast<float>(v);
-  return f <= v ? f : std::nextafter(f, -infinity);
+  return f <= v ? f : std::nextafter(f, -infinite);
 }
 float above(double v) { return -below(-v); }
 
@@ -53,7 +55,7 @@ void find_costs(Built& node, float area, Wanted& wanted) {
     return;
   }
   const Built &first = *node.children[0], &second = *node.children[1];
-  for (int k = width - 1; k >= 0; --k) node.costs[k] = infinity;
+  for (int k = width - 1; k >= 0; --k) node.costs[k] = infinite;
   for (int k = 1; k < width; ++k) {
     for (int i = 1; i <= k; ++i) {
       const float cost = first.costs[i - 1] + second.costs[k - i];
@@ -94,7 +96,7 @@ struct Children {
   // How a wide node shares its eight children out.
   static int top_cut(const Built& node) {
     int best = 1;
-    float least = infinity;
+    float least = infinite;
     for (int i = 1; i < width; ++i) {
       const float cost = node.children[0]->costs[i - 1] + node.children[1]->costs[width - 1 - i];
       if (cost < least) {
@@ -137,14 +139,14 @@ void* make_leaf(RTCThreadLocalAllocator allocator, const RTCBuildPrimitive* item
   for (size_t i = 0; i < count && leaf; ++i) leaf->items[i] = items[i].primID;
   return leaf;
 }
-bool is_wanted(void* work, double) {
-  const Work& w = *static_cast<Work*>(work);
+bool is_wanted(void* work, double done) {
+  Work& w = *static_cast<Work*>(work);
+  w.wanted.show_part(done);
   return w.has_memory && !w.wanted.is_abandoned();
 }
 
 struct Device {
-  // One thread, the caller's: a library must not start threads in a host that did not ask for any.
-  RTCDevice device = rtcNewDevice("threads=1");
+  RTCDevice device = rtcNewDevice("ignore_config_files=1");
   RTCBVH bvh = device ? rtcNewBVH(device) : nullptr;
   ~Device() {
     if (bvh) rtcReleaseBVH(bvh);
@@ -152,13 +154,19 @@ struct Device {
   }
 };
 
+// An assignment of {} would keep the memory.
+template <class T>
+void discard(std::vector<T>& list) {
+  std::vector<T>().swap(list);
+}
+
 // The boxes of a node's children on its grid, never smaller than they are.
 void set_boxes(WideTree::Node& node, const Children& built) {
   const auto lower = [&](uint32_t i, int axis) { return double{(&built.bounds[i].lower_x)[axis]}; };
   const auto upper = [&](uint32_t i, int axis) { return double{(&built.bounds[i].upper_x)[axis]}; };
   double size = std::numeric_limits<float>::min();  // so that a step is never 0
   for (int axis = 0; axis < 3; ++axis) {
-    double least = infinity, most = -infinity;
+    double least = infinite, most = -infinite;
     for (uint32_t i = 0; i < built.count; ++i) {
       least = std::min(least, lower(i, axis));
       most = std::max(most, upper(i, axis));
@@ -181,19 +189,22 @@ void set_boxes(WideTree::Node& node, const Children& built) {
 
 }  // namespace
 
-WideTree::WideTree(const std::vector<Box>& boxes, Wanted& wanted) {
-  if (boxes.size() <= width) {
-    for (uint32_t i = 0; i < boxes.size(); ++i) items_.push_back(i);
-    leaves_.push_back({0, static_cast<uint32_t>(boxes.size())});
+WideTree::WideTree(std::vector<Box> boxes, Wanted& wanted) {
+  const size_t count = boxes.size();
+  if (count <= width) {
+    for (uint32_t i = 0; i < count; ++i) items_.push_back(i);
+    leaves_.push_back({0, static_cast<uint32_t>(count)});
     return;
   }
   std::vector<RTCBuildPrimitive> primitives;
-  primitives.reserve(boxes.size());
+  primitives.reserve(count);
   for (const Box& b : boxes) {
     wanted.step();
     primitives.push_back({below(b.lower.x), below(b.lower.y), below(b.lower.z), 0, above(b.upper.x), above(b.upper.y),
                           above(b.upper.z), static_cast<unsigned>(primitives.size())});
   }
+  discard(boxes);
+  wanted.begin_part(0.45, infinite);  // Embree says how far it is
   // Embree does not get over an allocation that fails within it (tried: parts of the tree are missing, then and from then
   // on). So what it needs is asked for here, where that is an error like any other, and given back.
   constexpr size_t each = 400, fixed = size_t{1} << 20;  // bytes, more than it was seen to take
@@ -215,11 +226,15 @@ WideTree::WideTree(const std::vector<Box>& boxes, Wanted& wanted) {
   arguments.createLeaf = make_leaf;
   arguments.buildProgress = is_wanted;
   arguments.userPtr = &work;
-  auto* const top = static_cast<Built*>(rtcBuildBVH(&arguments));
+  // A library must not start threads in a host that did not ask for any: an arena with room for the caller alone needs none.
+  // (Embree's own option "threads=1" slows all of the host's TBB meanwhile, and TBB starts a thread when that ends.)
+  tbb::task_arena caller(1);
+  auto* const top = static_cast<Built*>(caller.execute([&] { return rtcBuildBVH(&arguments); }));
   if (wanted.is_abandoned()) throw Abandoned{};
   if (!top || !work.has_memory) throw std::bad_alloc();
-  primitives = {};
+  discard(primitives);
 
+  wanted.begin_part(0.55, 0.5 * static_cast<double>(count));
   // From the leaves up.
   std::vector<std::pair<Built*, float>> order{{top, 0.0f}};
   size_t found = 0;
@@ -231,11 +246,11 @@ WideTree::WideTree(const std::vector<Box>& boxes, Wanted& wanted) {
       order.emplace_back(node.children[c], half_area(node.bounds[c]));
     }
   }
-  if (found != boxes.size()) throw std::bad_alloc();
+  if (found != count) throw std::bad_alloc();
   for (size_t i = order.size(); i-- > 0;) find_costs(*order[i].first, order[i].second, wanted);
-  order = {};
+  discard(order);
 
-  items_.reserve(boxes.size());
+  items_.reserve(count);
   struct Task {
     const Built* built;
     uint32_t parent, child;  // where its number goes
@@ -267,6 +282,11 @@ WideTree::WideTree(const std::vector<Box>& boxes, Wanted& wanted) {
     if (task.depth > 0) nodes_[task.parent].child[task.child] = number;
   }
   nodes_.shrink_to_fit();
+}
+
+void WideTree::forget_items() {
+  discard(leaves_);
+  discard(items_);
 }
 
 }  // namespace fs

@@ -27,11 +27,11 @@ class WideTree {
   WideTree() = default;
   // boxes: of the items, in coordinates of `frame`. Built by Embree's builder; up to `width` items are one leaf. Throws
   // Abandoned, bad_alloc.
-  WideTree(const std::vector<Box>& boxes, Wanted& wanted);
+  WideTree(std::vector<Box> boxes, Wanted& wanted);
 
   const std::vector<Leaf>& leaves() const { return leaves_; }
   const std::vector<uint32_t>& items() const { return items_; }  // leaf by leaf
-  void forget_items() { leaves_ = {}, items_ = {}; }             // for a caller that has taken them over
+  void forget_items();                                           // for a caller that has taken them over
   size_t size() const { return nodes_.size() * sizeof(Node); }   // bytes
 
   struct alignas(64) Node {

@@ -710,8 +710,88 @@ START_TEST(a_build_can_be_abandoned) {
     is_thrown = true;
   }
   ck_assert(is_thrown && !shape->is_built() && wanted.steps() <= 1024);
+  ck_assert_double_eq(shape->progress(), 0);
   shape->build();
   ck_assert(shape->is_built());
+  ck_assert_double_eq(shape->progress(), 1);
+  // The abandoned build took the edges that were known, so this one sorted them again: that makes no difference.
+  const Ref<const Shape> other = mesh.shape();
+  Random random(72);
+  for (int i = 0; i < 300; ++i) {
+    const Vec3 x = i % 2 ? random.in_box(2) : mesh.points[random.below(mesh.points.size())];
+    Closest first, second;
+    ck_assert(closest_point(FS_PRIMITIVE_MESH, shape.get(), x, infinity, first));
+    ck_assert(closest_point(FS_PRIMITIVE_MESH, other.get(), x, infinity, second));
+    ck_assert(first.point == second.point && first.direction == second.direction && first.side == second.side);
+    ck_assert(first.feature == second.feature && first.triangle == second.triangle);
+  }
+}
+END_TEST
+
+// At any point, also in Embree: then the next build begins again. A build that was quicker than that is as good.
+START_TEST(a_build_can_be_abandoned_anywhere) {
+  const Mesh mesh = sphere(1, 6);
+  int count = 0;
+  for (const double share : {0.02, 0.12, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9}) {
+    const Ref<const Shape> shape = mesh.shape(false);
+    std::atomic<bool> is_abandoned{false}, is_over{false};
+    std::thread watcher([&] {
+      while (shape->progress() < share && !is_over) {}
+      is_abandoned = true;
+    });
+    bool is_thrown = false;
+    Wanted wanted(is_abandoned);
+    try {
+      shape->build(wanted);
+    } catch (const Abandoned&) {
+      is_thrown = true;
+    }
+    is_over = true;
+    watcher.join();
+    count += is_thrown;
+    ck_assert(shape->is_built() != is_thrown);
+    ck_assert_double_eq(shape->progress(), is_thrown ? 0 : 1);
+    shape->build();
+    Closest hit;
+    ck_assert(closest_point(FS_PRIMITIVE_MESH, shape.get(), {2, 0, 0}, infinity, hit));
+    ck_assert_double_eq_tol(hit.distance, 1, 1e-3);
+  }
+  std::printf("  %d of 10 builds were abandoned\n", count);
+}
+END_TEST
+
+// The parts of work move on by their steps, never beyond their ends.
+START_TEST(parts_of_work_are_shown) {
+  std::atomic<double> progress{0};
+  Wanted wanted;
+  const auto step = [&](int count) {
+    for (int i = 0; i < count; ++i) wanted.step();
+    return progress.load();
+  };
+  wanted.begin_part(0.9, 10);  // shown to nobody
+  step(2048);
+  wanted.show(&progress);
+  wanted.begin_part(0.5, 4096);
+  ck_assert_double_eq(step(2048), 0.25);
+  ck_assert_double_eq(step(8192), 0.5);
+  wanted.begin_part(0.75, infinity);
+  ck_assert_double_eq(step(8192), 0.5);
+  wanted.show_part(0.5);
+  ck_assert_double_eq(progress, 0.625);
+  wanted.begin_part(1, 0);
+  ck_assert_double_eq(progress, 0.75);
+  ck_assert_double_eq(step(1024), 1);
+  wanted.show(nullptr);
+  wanted.begin_part(0.1, 1);
+  ck_assert_double_eq(step(4096), 1);
+}
+END_TEST
+
+START_TEST(a_tree_is_small) {
+  const Ref<const Shape> shape = sphere(1, 6).shape();
+  const double bytes = static_cast<double>(shape->tree()->size()) / static_cast<double>(shape->triangles.size() / 3);
+  std::printf("  %.1f bytes a triangle\n", bytes);
+  ck_assert(bytes <= 64);
 }
 END_TEST
 
@@ -724,10 +804,15 @@ START_TEST(built_by_many_threads) {
       shape->build();
       Closest hit;
       if (shape->is_built() && closest_point(FS_PRIMITIVE_MESH, shape.get(), {2, 0, 0}, infinity, hit)) ++good;
+      // And each its own.
+      for (int k = 0; k < 5; ++k) {
+        const Ref<const Shape> mine = sphere(1, 4).shape();
+        good += closest_point(FS_PRIMITIVE_MESH, mine.get(), {2, 0, 0}, infinity, hit);
+      }
     });
   }
   for (std::thread& thread : threads) thread.join();
-  ck_assert_int_eq(good, 8);
+  ck_assert_int_eq(good, 8 * 6);
 }
 END_TEST
 
@@ -752,6 +837,6 @@ int main() {
                       ties_go_to_the_lowest_index, respects_the_largest_distance, sides_of_closed_meshes,
                       sides_with_degenerate_and_duplicate_triangles, sheet_of_two_faces,
                       closest_point_stays_in_the_box, features, info_and_refusals, no_mesh_takes_many_steps,
-                      a_build_can_be_abandoned, built_by_many_threads,
-                      a_query_does_not_allocate});
+                      a_build_can_be_abandoned, a_build_can_be_abandoned_anywhere, parts_of_work_are_shown, a_tree_is_small,
+                      built_by_many_threads, a_query_does_not_allocate});
 }
