@@ -1,7 +1,10 @@
 #include "force/wide_tree.h"
 
+#include <algorithm>
+#include <deque>
 #include <memory>
 #include <new>
+#include <span>
 
 #if FORCESERVER_EMBREE >= 4  // what CMake found
 #include <embree4/rtcore.h>
@@ -69,7 +72,7 @@ void find_costs(Built& node, float area, Wanted& wanted) {
   node.costs[0] = alone;
   node.cuts[0] = 0;
   for (int k = 1; k < width; ++k) {
-    if (alone <= node.costs[k]) {
+    if (alone < node.costs[k]) {
       node.costs[k] = alone;
       node.cuts[k] = 0;
     }
@@ -154,6 +157,48 @@ struct Device {
   }
 };
 
+// A tree without any heuristic, for items of which Embree makes none: the builder gives up where its heuristic tells nothing
+// apart, so that a branch would become too long. Each range is cut in halves along its longest side.
+struct Halves {
+  Wanted& wanted;
+  std::deque<Built> nodes{};
+
+  Built* make(std::span<RTCBuildPrimitive> items) {
+    Built& out = nodes.emplace_back();
+    if (items.size() <= width) {
+      out.count = static_cast<uint32_t>(items.size());
+      for (size_t i = 0; i < items.size(); ++i) out.items[i] = items[i].primID;
+      return &out;
+    }
+    const RTCBounds box = bounds_of(items);
+    const float size[3] = {box.upper_x - box.lower_x, box.upper_y - box.lower_y, box.upper_z - box.lower_z};
+    const auto axis = std::max_element(size, size + 3) - size;
+    const auto middle = items.begin() + static_cast<ptrdiff_t>(items.size() / 2);
+    const auto centre = [&](const RTCBuildPrimitive& p) { return (&p.lower_x)[axis] + (&p.upper_x)[axis]; };
+    std::nth_element(items.begin(), middle, items.end(), [&](const RTCBuildPrimitive& a, const RTCBuildPrimitive& b) {
+      wanted.step();
+      return centre(a) < centre(b);
+    });
+    const std::span<RTCBuildPrimitive> parts[2] = {{items.begin(), middle}, {middle, items.end()}};
+    for (int i = 0; i < 2; ++i) {
+      out.bounds[i] = bounds_of(parts[i]);
+      out.children[i] = make(parts[i]);
+    }
+    return &out;
+  }
+  RTCBounds bounds_of(std::span<const RTCBuildPrimitive> items) {
+    RTCBounds box{infinite, infinite, infinite, 0, -infinite, -infinite, -infinite, 0};
+    for (const RTCBuildPrimitive& p : items) {
+      wanted.step();
+      for (int k = 0; k < 3; ++k) {
+        (&box.lower_x)[k] = std::min((&box.lower_x)[k], (&p.lower_x)[k]);
+        (&box.upper_x)[k] = std::max((&box.upper_x)[k], (&p.upper_x)[k]);
+      }
+    }
+    return box;
+  }
+};
+
 // An assignment of {} would keep the memory.
 template <class T>
 void discard(std::vector<T>& list) {
@@ -214,7 +259,7 @@ WideTree::WideTree(std::vector<Box> boxes, Wanted& wanted) {
   if (!device.bvh) throw std::bad_alloc();
   RTCBuildArguments arguments = rtcDefaultBuildArguments();
   arguments.maxBranchingFactor = 2;
-  arguments.maxDepth = 48;
+  arguments.maxDepth = 32;  // beyond it ranges are split in halves, so that most_depth is never reached
   arguments.minLeafSize = arguments.maxLeafSize = width;  // as full as it gets
   arguments.sahBlockSize = width;                         // a leaf costs the same, however many items it has
   arguments.bvh = device.bvh;
@@ -229,9 +274,11 @@ WideTree::WideTree(std::vector<Box> boxes, Wanted& wanted) {
   // A library must not start threads in a host that did not ask for any: an arena with room for the caller alone needs none.
   // (Embree's own option "threads=1" slows all of the host's TBB meanwhile, and TBB starts a thread when that ends.)
   tbb::task_arena caller(1);
-  auto* const top = static_cast<Built*>(caller.execute([&] { return rtcBuildBVH(&arguments); }));
+  auto* top = static_cast<Built*>(caller.execute([&] { return rtcBuildBVH(&arguments); }));
   if (wanted.is_abandoned()) throw Abandoned{};
-  if (!top || !work.has_memory) throw std::bad_alloc();
+  if (!work.has_memory || (!top && rtcGetDeviceError(device.device) == RTC_ERROR_OUT_OF_MEMORY)) throw std::bad_alloc();
+  Halves halves{wanted};
+  if (!top) top = halves.make(primitives);
   discard(primitives);
 
   wanted.begin_part(0.55, 0.5 * static_cast<double>(count));
