@@ -27,7 +27,7 @@ float above(double v) { return -below(-v); }
 
 constexpr int width = WideTree::width;
 
-// What the builder makes, in memory of the builder's: a tree of two children a node.
+// What the builder makes: a tree of two children a node.
 struct Built {
   uint32_t count;         // items; 0: it is no leaf
   uint32_t items[width];
@@ -108,24 +108,33 @@ struct Children {
   }
 };
 
-// The builder's memory and what it has met.
+// The memory of what the builder makes, and what it has met. (Embree offers memory of its own; but when that runs out, a later
+// build uses what has been freed.)
 struct Work {
   Wanted& wanted;
   bool has_memory = true;
+  static constexpr size_t block_size = 1000;
+  std::vector<std::unique_ptr<Built[]>> blocks{};
+  size_t left = 0;  // in the last block
 
-  Built* make(RTCThreadLocalAllocator allocator, size_t count) {
-    auto* const out = static_cast<Built*>(rtcThreadLocalAlloc(allocator, sizeof(Built), alignof(Built)));
-    if (!out) {
-      has_memory = false;
-      return nullptr;
+  Built* make(size_t count) noexcept {
+    if (left == 0) {
+      try {
+        blocks.push_back(std::make_unique_for_overwrite<Built[]>(block_size));
+      } catch (const std::bad_alloc&) {
+        has_memory = false;
+        return nullptr;
+      }
+      left = block_size;
     }
+    Built* const out = &blocks.back()[block_size - left--];
     out->count = static_cast<uint32_t>(count);
     return out;
   }
 };
 
-void* make_node(RTCThreadLocalAllocator allocator, unsigned, void* work) {
-  return static_cast<Work*>(work)->make(allocator, 0);
+void* make_node(RTCThreadLocalAllocator, unsigned, void* work) {
+  return static_cast<Work*>(work)->make(0);
 }
 void set_children(void* node, void** children, unsigned count, void*) {
   for (unsigned i = 0; i < count && node; ++i) static_cast<Built*>(node)->children[i] = static_cast<Built*>(children[i]);
@@ -133,8 +142,8 @@ void set_children(void* node, void** children, unsigned count, void*) {
 void set_bounds(void* node, const RTCBounds** bounds, unsigned count, void*) {
   for (unsigned i = 0; i < count && node; ++i) static_cast<Built*>(node)->bounds[i] = *bounds[i];
 }
-void* make_leaf(RTCThreadLocalAllocator allocator, const RTCBuildPrimitive* items, size_t count, void* work) {
-  Built* const leaf = static_cast<Work*>(work)->make(allocator, count);
+void* make_leaf(RTCThreadLocalAllocator, const RTCBuildPrimitive* items, size_t count, void* work) {
+  Built* const leaf = static_cast<Work*>(work)->make(count);
   for (size_t i = 0; i < count && leaf; ++i) leaf->items[i] = items[i].primID;
   return leaf;
 }
