@@ -116,6 +116,7 @@ struct Work {
   static constexpr size_t block_size = 1000;
   std::vector<std::unique_ptr<Built[]>> blocks{};
   size_t left = 0;  // in the last block
+  double done = 0;  // of the build, 0..1
 
   Built* make(size_t count) noexcept {
     if (left == 0) {
@@ -149,7 +150,8 @@ void* make_leaf(RTCThreadLocalAllocator, const RTCBuildPrimitive* items, size_t 
 }
 bool is_wanted(void* work, double done) {
   Work& w = *static_cast<Work*>(work);
-  w.wanted.show_part(done);
+  w.done = std::max(w.done, done);
+  w.wanted.show_part(w.done);
   return w.has_memory && !w.wanted.is_abandoned();
 }
 
@@ -233,7 +235,16 @@ WideTree::WideTree(std::vector<Box> boxes, Wanted& wanted) {
   // A library must not start threads in a host that did not ask for any: an arena with room for the caller alone needs none.
   // (Embree's own option "threads=1" slows all of the host's TBB meanwhile, and TBB starts a thread when that ends.)
   tbb::task_arena caller(1);
-  auto* const top = static_cast<Built*>(caller.execute([&] { return rtcBuildBVH(&arguments); }));
+  const auto build = [&] { return static_cast<Built*>(caller.execute([&] { return rtcBuildBVH(&arguments); })); };
+  Built* top = build();
+  if (!top && work.has_memory && !wanted.is_abandoned() && rtcGetDeviceError(device.device) == RTC_ERROR_UNKNOWN) {
+    // The tree is too deep. Where boxes have no area, as those of a line along an axis, all splits seem to cost the same.
+    // Sorted along a curve the items give a tree that is less good to search, but never deep.
+    work.blocks.clear();
+    work.left = 0;
+    arguments.buildQuality = RTC_BUILD_QUALITY_LOW;
+    top = build();
+  }
   if (wanted.is_abandoned()) throw Abandoned{};
   if (!top || !work.has_memory) throw std::bad_alloc();
   discard(primitives);
