@@ -1,10 +1,8 @@
 #include "force/wide_tree.h"
 
 #include <algorithm>
-#include <deque>
 #include <memory>
 #include <new>
-#include <span>
 
 #if FORCESERVER_EMBREE >= 4  // what CMake found
 #include <embree4/rtcore.h>
@@ -30,7 +28,7 @@ float above(double v) { return -below(-v); }
 
 constexpr int width = WideTree::width;
 
-// What the builder makes, in memory of the builder's: a tree of two children a node.
+// What the builder makes: a tree of two children a node.
 struct Built {
   uint32_t count;         // items; 0: it is no leaf
   uint32_t items[width];
@@ -111,25 +109,35 @@ struct Children {
   }
 };
 
-// The builder's memory and what it has met.
+// The memory of what the builder makes, and what it has met. (Embree offers memory of its own; but when that runs out, a later
+// build uses what has been freed.)
 struct Work {
   Wanted& wanted;
   bool has_memory = true;
+  static constexpr size_t block_size = 1000;
+  std::vector<std::unique_ptr<Built[]>> blocks{};
+  size_t left = 0;  // in the last block
+  double done = 0;  // of the build, 0..1
 
-  Built* make(RTCThreadLocalAllocator allocator, size_t count) {
-    auto* const out = static_cast<Built*>(rtcThreadLocalAlloc(allocator, sizeof(Built), alignof(Built)));
-    if (!out) {
-      has_memory = false;
-      return nullptr;
+  Built* make(size_t count) noexcept {
+    if (left == 0) {
+      try {
+        blocks.push_back(std::make_unique_for_overwrite<Built[]>(block_size));
+      } catch (const std::bad_alloc&) {
+        has_memory = false;
+        return nullptr;
+      }
+      left = block_size;
     }
+    Built* const out = &blocks.back()[block_size - left--];
     *out = {};
     out->count = static_cast<uint32_t>(count);
     return out;
   }
 };
 
-void* make_node(RTCThreadLocalAllocator allocator, unsigned, void* work) {
-  return static_cast<Work*>(work)->make(allocator, 0);
+void* make_node(RTCThreadLocalAllocator, unsigned, void* work) {
+  return static_cast<Work*>(work)->make(0);
 }
 void set_children(void* node, void** children, unsigned count, void*) {
   for (unsigned i = 0; i < count && node; ++i) static_cast<Built*>(node)->children[i] = static_cast<Built*>(children[i]);
@@ -137,14 +145,15 @@ void set_children(void* node, void** children, unsigned count, void*) {
 void set_bounds(void* node, const RTCBounds** bounds, unsigned count, void*) {
   for (unsigned i = 0; i < count && node; ++i) static_cast<Built*>(node)->bounds[i] = *bounds[i];
 }
-void* make_leaf(RTCThreadLocalAllocator allocator, const RTCBuildPrimitive* items, size_t count, void* work) {
-  Built* const leaf = static_cast<Work*>(work)->make(allocator, count);
+void* make_leaf(RTCThreadLocalAllocator, const RTCBuildPrimitive* items, size_t count, void* work) {
+  Built* const leaf = static_cast<Work*>(work)->make(count);
   for (size_t i = 0; i < count && leaf; ++i) leaf->items[i] = items[i].primID;
   return leaf;
 }
 bool is_wanted(void* work, double done) {
   Work& w = *static_cast<Work*>(work);
-  w.wanted.show_part(done);
+  w.done = std::max(w.done, done);
+  w.wanted.show_part(w.done);
   return w.has_memory && !w.wanted.is_abandoned();
 }
 
@@ -154,48 +163,6 @@ struct Device {
   ~Device() {
     if (bvh) rtcReleaseBVH(bvh);
     if (device) rtcReleaseDevice(device);
-  }
-};
-
-// A tree without any heuristic, for items of which Embree makes none: the builder gives up where its heuristic tells nothing
-// apart, so that a branch would become too long. Each range is cut in halves along its longest side.
-struct Halves {
-  Wanted& wanted;
-  std::deque<Built> nodes{};
-
-  Built* make(std::span<RTCBuildPrimitive> items) {
-    Built& out = nodes.emplace_back();
-    if (items.size() <= width) {
-      out.count = static_cast<uint32_t>(items.size());
-      for (size_t i = 0; i < items.size(); ++i) out.items[i] = items[i].primID;
-      return &out;
-    }
-    const RTCBounds box = bounds_of(items);
-    const float size[3] = {box.upper_x - box.lower_x, box.upper_y - box.lower_y, box.upper_z - box.lower_z};
-    const auto axis = std::max_element(size, size + 3) - size;
-    const auto middle = items.begin() + static_cast<ptrdiff_t>(items.size() / 2);
-    const auto centre = [&](const RTCBuildPrimitive& p) { return (&p.lower_x)[axis] + (&p.upper_x)[axis]; };
-    std::nth_element(items.begin(), middle, items.end(), [&](const RTCBuildPrimitive& a, const RTCBuildPrimitive& b) {
-      wanted.step();
-      return centre(a) < centre(b);
-    });
-    const std::span<RTCBuildPrimitive> parts[2] = {{items.begin(), middle}, {middle, items.end()}};
-    for (int i = 0; i < 2; ++i) {
-      out.bounds[i] = bounds_of(parts[i]);
-      out.children[i] = make(parts[i]);
-    }
-    return &out;
-  }
-  RTCBounds bounds_of(std::span<const RTCBuildPrimitive> items) {
-    RTCBounds box{infinite, infinite, infinite, 0, -infinite, -infinite, -infinite, 0};
-    for (const RTCBuildPrimitive& p : items) {
-      wanted.step();
-      for (int k = 0; k < 3; ++k) {
-        (&box.lower_x)[k] = std::min((&box.lower_x)[k], (&p.lower_x)[k]);
-        (&box.upper_x)[k] = std::max((&box.upper_x)[k], (&p.upper_x)[k]);
-      }
-    }
-    return box;
   }
 };
 
@@ -250,10 +217,6 @@ WideTree::WideTree(std::vector<Box> boxes, Wanted& wanted) {
   }
   discard(boxes);
   wanted.begin_part(0.45, infinite);  // Embree says how far it is
-  // Embree does not get over an allocation that fails within it (tried: parts of the tree are missing, then and from then
-  // on). So what it needs is asked for here, where that is an error like any other, and given back.
-  constexpr size_t each = 400, fixed = size_t{1} << 20;  // bytes, more than it was seen to take
-  ::operator delete(::operator new(fixed + each * primitives.size()));
   Work work{wanted};
   const Device device;
   if (!device.bvh) throw std::bad_alloc();
@@ -274,11 +237,18 @@ WideTree::WideTree(std::vector<Box> boxes, Wanted& wanted) {
   // A library must not start threads in a host that did not ask for any: an arena with room for the caller alone needs none.
   // (Embree's own option "threads=1" slows all of the host's TBB meanwhile, and TBB starts a thread when that ends.)
   tbb::task_arena caller(1);
-  auto* top = static_cast<Built*>(caller.execute([&] { return rtcBuildBVH(&arguments); }));
+  const auto build = [&] { return static_cast<Built*>(caller.execute([&] { return rtcBuildBVH(&arguments); })); };
+  Built* top = build();
+  if (!top && work.has_memory && !wanted.is_abandoned() && rtcGetDeviceError(device.device) == RTC_ERROR_UNKNOWN) {
+    // The tree is too deep. Where boxes have no area, as those of a line along an axis, all splits seem to cost the same.
+    // Sorted along a curve the items give a tree that is less good to search, but never deep.
+    work.blocks.clear();
+    work.left = 0;
+    arguments.buildQuality = RTC_BUILD_QUALITY_LOW;
+    top = build();
+  }
   if (wanted.is_abandoned()) throw Abandoned{};
-  if (!work.has_memory || (!top && rtcGetDeviceError(device.device) == RTC_ERROR_OUT_OF_MEMORY)) throw std::bad_alloc();
-  Halves halves{wanted};
-  if (!top) top = halves.make(primitives);
+  if (!top || !work.has_memory) throw std::bad_alloc();
   discard(primitives);
 
   wanted.begin_part(0.55, 0.5 * static_cast<double>(count));

@@ -41,6 +41,19 @@ START_TEST(polylines) {
   ck_assert(!info_of(make_polyline(points, 2, false).get()).closed);
   const fs_vec3 same[]{{1, 1, 1}, {1, 1, 1}};  // of no length, but a line
   make_polyline(same, 2, false);
+  for (const size_t n : {20'000, 300'000}) {  // the boxes of its segments have no area
+    std::vector<fs_vec3> line(n);
+    for (size_t i = 0; i < n; ++i) line[i].x = 1e-6 * static_cast<double>(i);
+    make_polyline(line.data(), n, false);
+    std::vector<uint32_t> flat;
+    for (uint32_t i = 2; i < n; ++i) flat.insert(flat.end(), {i - 2, i - 1, i});
+    fs_shape* mesh = nullptr;
+    OK(fs_shape_create_mesh(line.data(), n, flat.data(), n - 2, &mesh));
+    OK(fs_shape_build(mesh));
+    fs_shape_destroy(mesh);
+    std::fill(line.begin(), line.end(), fs_vec3{1, 2, 3});
+    make_polyline(line.data(), n, false);
+  }
 
   fs_shape* none = nullptr;
   EXPECT(FS_ERROR_INVALID, fs_shape_create_polyline(points, 1, false, &none));
