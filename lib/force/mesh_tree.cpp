@@ -10,15 +10,6 @@ namespace {
 
 using namespace wide;
 
-// A lower bound of the squared distance to the disc of a packet (local units).
-FS_INLINE double squared_to_disc(const Packet& packet, Vec3 from) {
-  const double x = from.x - packet.centre[0], y = from.y - packet.centre[1], z = from.z - packet.centre[2];
-  const double along = packet.normal[0] * x + packet.normal[1] * y + packet.normal[2] * z;
-  const double up = std::max(std::fabs(along) - packet.height, 0.0);
-  const double beside = std::max(std::sqrt(std::max(x * x + y * y + z * z - along * along, 0.0)) - packet.radius, 0.0);
-  return (up * up + beside * beside) * (1 - 1e-5);
-}
-
 // What a packet says about its triangles as seen from a point. A triangle may be at a distance d of the point (local units)
 // only if its squared distance is at most (d * per_unit + slack)^2.
 struct Estimate {
@@ -118,15 +109,17 @@ MeshTree::MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corne
       frame_(frame_of(points, corners, wanted)),
       tree_(boxes_of(points, corners, frame_, wanted), wanted),
       normals_(points, corners, wanted) {
+  std::vector<Vec3> places;  // of the corners, in the order of the leaves
+  places.reserve(corners.size());
+  for (const uint32_t triangle : tree_.items()) {
+    wanted.step();
+    for (int k = 0; k < 3; ++k) places.push_back(frame_.local(points[corners[size_t{3} * triangle + k]]));
+  }
+  tree_.add_discs(places, wanted);
   packets_.reserve(tree_.leaves().size());
   for (const WideTree::Leaf leaf : tree_.leaves()) {
     wanted.step();
-    Packet::Triangle at[Packet::width];
-    for (uint32_t i = leaf.begin; i < leaf.end; ++i) {
-      const uint32_t* v = corners.data() + size_t{3} * tree_.items()[i];
-      at[i - leaf.begin] = {{frame_.local(points[v[0]]), frame_.local(points[v[1]]), frame_.local(points[v[2]])}};
-    }
-    packets_.emplace_back(tree_.items().data() + leaf.begin, at, leaf.end - leaf.begin);
+    packets_.emplace_back(tree_.items().data() + leaf.begin, places.data() + size_t{3} * leaf.begin, leaf.end - leaf.begin);
   }
   tree_.forget_items();
 }
@@ -154,7 +147,6 @@ FS_INLINE MeshTree::Found MeshTree::find_from(const Query& query) const noexcept
   uint32_t visits = query.visits;
   const auto test = [&](uint32_t leaf, typename From::Real& bound) __attribute__((always_inline)) {
     const Packet& packet = packets_[leaf];
-    if (squared_to_disc(packet, at) > local(most)) return;
     const Estimate estimate = estimate_of(packet, at);
     float squared[Packet::width];
     std::memcpy(squared, &estimate.squared, sizeof squared);
