@@ -1,5 +1,7 @@
 #include "force/mesh_tree.h"
 
+#include <sys/mman.h>
+
 #include <cmath>
 
 #include "base/processor.h"
@@ -82,6 +84,24 @@ FS_INLINE Estimate estimate_of(const Packet& packet, Vec3 from) {
   return out;
 }
 
+// Asks the system to keep memory that is in use already in large pages, as far as it likes: a search that meets empty caches
+// then waits less for addresses.
+void use_large_pages(const void* memory, size_t bytes) {
+#ifdef MADV_COLLAPSE
+  constexpr int collapse = MADV_COLLAPSE;
+#else
+  constexpr int collapse = 25;  // Linux 6.1; an older one refuses it
+#endif
+  constexpr uintptr_t large = 1 << 21;
+  const uintptr_t at = reinterpret_cast<uintptr_t>(memory);
+  const uintptr_t begin = (at + large - 1) / large * large, end = (at + bytes) / large * large;
+  if (begin < end) madvise(reinterpret_cast<void*>(begin), end - begin, collapse);
+}
+template <class T>
+void use_large_pages(std::span<const T> items) {
+  use_large_pages(items.data(), items.size_bytes());
+}
+
 LocalFrame frame_of(std::span<const Vec3> points, std::span<const uint32_t> corners, Wanted& wanted) {
   Box box;
   for (const uint32_t i : corners) {
@@ -122,6 +142,10 @@ MeshTree::MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corne
     packets_.emplace_back(tree_.items().data() + leaf.begin, places.data() + size_t{3} * leaf.begin, leaf.end - leaf.begin);
   }
   tree_.forget_items();
+  use_large_pages(points_);
+  use_large_pages(corners_);
+  use_large_pages(std::span<const Packet>(packets_));
+  tree_.for_each_array([](const void* memory, size_t bytes) { use_large_pages(memory, bytes); });
 }
 
 // In the tests of a leaf a packet nominates, and the exact test of a triangle decides. The bound of the search is a square
@@ -149,7 +173,7 @@ FS_INLINE MeshTree::Found MeshTree::find_from(const Query& query) const noexcept
     const Packet& packet = packets_[leaf];
     const Estimate estimate = estimate_of(packet, at);
     float squared[Packet::width];
-    std::memcpy(squared, &estimate.squared, sizeof squared);
+    store(squared, estimate.squared);
     uint32_t rest = estimate.within(std::sqrt(local(most)));
     while (rest) {
       // The one that looks nearest first: then the others mostly fall away.

@@ -2,6 +2,7 @@
 // processor.
 #pragma once
 
+#include <array>
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -43,6 +44,13 @@ FS_INLINE Floats field(Ints words, int first, int size) {
   if (beyond > 0) w &= (1u << size) - 1;
   return __builtin_convertvector((Ints)w, Floats);
 }
+// As one store: gcc 12 makes several of a memcpy, and waits for them when the vector is read again.
+template <class Real, class Lanes>
+FS_INLINE void store(Real* to, Lanes lanes) {
+  typedef Lanes Unaligned __attribute__((aligned(4), may_alias));
+  *reinterpret_cast<Unaligned*>(to) = lanes;
+}
+FS_INLINE Floats magnitude(Floats a) { return (Floats)((Ints)a & 0x7fffffff); }
 FS_INLINE Floats most(Floats a, Floats b) { return a > b ? a : b; }
 FS_INLINE Floats least(Floats a, Floats b) { return a < b ? a : b; }
 // Bit i: lane i of a comparison is true.
@@ -68,6 +76,7 @@ struct Near {
   Vec3 at;
 };
 typedef double Doubles __attribute__((vector_size(64)));
+FS_INLINE Doubles magnitude(Doubles a) { return (Doubles)((Longs)a & 0x7fffffffffffffff); }
 struct Far {
   using Real = double;
   using Lanes = Doubles;
@@ -121,7 +130,7 @@ FS_INLINE typename From::Lanes squared_to_children(const WideTree::Node& node, c
     const auto lanes = [](Floats f) __attribute__((always_inline)) { return __builtin_convertvector(f, Lanes); };
     constexpr Real unit = Discs::unit;
     const Lanes x = lanes(field(x_y, 0, 16)) - unit, y = lanes(field(x_y, 16, 16)) - unit;
-    const Lanes z = unit - (x > zero ? x : -x) - (y > zero ? y : -y);
+    const Lanes z = unit - magnitude(x) - magnitude(y);
     const Lanes per_length = 1 / roots(x * x + y * y + z * z);
     const Lanes offset = (lanes(field(sizes, 0, 16)) - Real{Discs::zero_offset}) * (Real{1} / Discs::offsets_a_step);
     const Lanes radius = lanes(field(sizes, 16, 8));
@@ -130,11 +139,11 @@ FS_INLINE typename From::Lanes squared_to_children(const WideTree::Node& node, c
     const Lanes along = (x * from_middle[0] + y * from_middle[1] + z * from_middle[2]) * per_length;
     const Lanes squared = from_middle[0] * from_middle[0] + from_middle[1] * from_middle[1] + from_middle[2] * from_middle[2];
     const Lanes beyond = along - offset;
-    constexpr auto less = static_cast<Real>(1 - 2 * From::rounding), more = static_cast<Real>(1 + 2 * From::rounding);
+    constexpr auto less = static_cast<Real>(1 - 4 * From::rounding);
     margins = 2 * margins + static_cast<Real>(2 * From::rounding * WideTree::grid);  // more than rounding makes
-    Lanes up = (beyond > zero ? beyond : -beyond) - height - margins;
-    const Lanes across = squared * less - along * along * more;
-    Lanes beside = roots(across > zero ? across : zero) - radius - margins;
+    Lanes up = magnitude(beyond) - (height + margins);
+    const Lanes across = squared * less - along * along;
+    Lanes beside = roots(across > zero ? across : zero) - (radius + margins);
     up = up > zero ? up : zero;
     beside = beside > zero ? beside : zero;
     const Lanes to_disc = (up * up + beside * beside) * less;
@@ -187,7 +196,7 @@ FS_INLINE double search(const WideTree& tree, const From& from, typename From::R
       const WideTree::Node& node = nodes[now.child];
       const auto distances = squared_to_children(node, node.has_discs ? discs + now.child : nullptr, from);
       Real squared[WideTree::width];
-      std::memcpy(squared, &distances, sizeof squared);
+      store(squared, distances);
       uint32_t near = bits(distances <= bound) & node.filled;
       if (near) {
         // The nearest child is taken next, the others wait.

@@ -208,13 +208,13 @@ void WideTree::add_discs(const std::vector<Vec3>& corners, Wanted& wanted) {
   for (size_t i = nodes_.size(); i-- > 0;) {
     Node& node = nodes_[i];
     Discs& discs = discs_[i];
-    for (int c = 0; node.filled >> c & 1 && c < width; ++c) {
+    for (int c = 0; node.filled >> c & 1; ++c) {
       const Leaf range = range_of(node.child[c]);
       if (c == 0) ranges[i].begin = range.begin;
       ranges[i].end = range.end;
     }
     node.has_discs = ranges[i].end - ranges[i].begin <= most_items;
-    for (int c = 0; node.has_discs && node.filled >> c & 1 && c < width; ++c) {
+    for (int c = 0; node.has_discs && node.filled >> c & 1; ++c) {
       const Leaf range = range_of(node.child[c]);
       Vec3 areas{};
       for (uint32_t k = range.begin; k < range.end; ++k) {

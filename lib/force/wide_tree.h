@@ -38,6 +38,13 @@ class WideTree {
   void forget_items() { leaves_ = {}, items_ = {}; }             // for a caller that has taken them over
   size_t size() const { return nodes_.size() * sizeof(Node) + discs_.size() * sizeof(Discs); }  // bytes
 
+  // use(memory, bytes): of each array that is searched.
+  template <class Use>
+  void for_each_array(Use&& use) const {
+    use(nodes_.data(), nodes_.size() * sizeof(Node));
+    use(discs_.data(), discs_.size() * sizeof(Discs));
+  }
+
   struct alignas(64) Node {
     float origin[3], step, steps;         // of the grid on which the children's boxes stand; steps a local unit
     uint32_t lower[width], upper[width];  // of a box: x, y and z in steps, in a byte each, from the lowest
