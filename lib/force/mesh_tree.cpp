@@ -184,7 +184,10 @@ FS_INLINE MeshTree::Found MeshTree::find_from(const Query& query) const noexcept
       }
       rest &= ~(1u << first);
       const double before = most;
-      if (packet.triangle[first] != query.hint) take(packet.triangle[first]);
+      if (packet.triangle[first] != query.hint) {
+        take(packet.triangle[first]);
+        if (visits > 0) --visits;
+      }
       if (most < before) {
         bound = rounded_up<From>(local(most));
         if (rest) rest &= estimate.within(std::sqrt(local(most)));
