@@ -29,7 +29,7 @@ LEAST = 1e-9  # N: what errs less is drawn here
 def short(row):
     """The label of a point: what its kind does not say."""
     name = row["method"]
-    for word in ("ours, ", "decimated to ", "distances ", "forces ", ", warm radius"):
+    for word in ("decimated to ", "distances ", "forces ", ", warm radius"):
         name = name.replace(word, "")
     return name
 
@@ -39,22 +39,29 @@ def error(row):
     return max(float(row["gaussian_p99_N"]), float(row["wall_p99_N"]), LEAST)
 
 
+def place(panel, row, cost, offset, colour):
+    panel.annotate(short(row), (float(row[cost]), error(row)), offset, textcoords="offset points", fontsize=6, color=colour)
+
+
 def draw(panel, shown, cost):
     """Methods as points, and a line through those that no other beats in both cost and error."""
-    points = sorted((float(row[cost]), error(row)) for row in shown if float(row[cost]) > 0)
+    points = sorted((float(r[cost]), error(r)) for r in shown if float(r[cost]) > 0 and r["kind"] != "at UTM")
     front, least = [], float("inf")
     for x, y in points:
         if y < least:
             front.append((x, y))
             least = y
-    panel.step(*zip(*front), where="post", color="tab:gray", linewidth=1, zorder=1)
+    panel.step(*zip(*front), where="post", color="black", linewidth=1, zorder=1)
     for kind, (colour, marker) in styles.items():
         of_kind = [row for row in shown if row["kind"] == kind and float(row[cost]) > 0]
         panel.scatter([float(r[cost]) for r in of_kind], [error(r) for r in of_kind], c=colour, marker=marker, s=26, label=kind)
-        for k, row in enumerate(of_kind):
-            exact = error(row) <= 10 * LEAST
-            offset = (0, 7 + 8 * k) if exact and kind != "at UTM" else (4, 3)
-            panel.annotate(short(row), (float(row[cost]), error(row)), offset, textcoords="offset points", fontsize=5.5, color=colour)
+        for row in of_kind:
+            if error(row) > 10 * LEAST or kind == "all triangles":
+                place(panel, row, cost, (4, 3), colour)
+    # The labels of the exact ones stand above each other, in the order of the cost.
+    exact = [row for row in shown if error(row) <= 10 * LEAST and row["kind"] != "all triangles" and float(row[cost]) > 0]
+    for k, row in enumerate(sorted(exact, key=lambda row: float(row[cost]))):
+        place(panel, row, cost, (6, 8 + 9 * k), styles[row["kind"]][0])
     panel.set(xscale="log", yscale="log", ylim=(LEAST / 4, 60))
     panel.grid(True, which="major", linewidth=0.3)
 
