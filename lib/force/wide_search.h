@@ -140,7 +140,7 @@ FS_INLINE typename From::Lanes squared_to_children(const WideTree::Node& node, c
     const Lanes squared = from_middle[0] * from_middle[0] + from_middle[1] * from_middle[1] + from_middle[2] * from_middle[2];
     const Lanes beyond = along - offset;
     constexpr auto less = static_cast<Real>(1 - 4 * From::rounding);
-    margins = 2 * margins + static_cast<Real>(2 * From::rounding * WideTree::grid);  // more than rounding makes
+    margins = 4 * margins + static_cast<Real>(4 * From::rounding * WideTree::grid);  // more than rounding makes
     Lanes up = magnitude(beyond) - (height + margins);
     const Lanes across = squared * less - along * along;
     Lanes beside = roots(across > zero ? across : zero) - (radius + margins);

@@ -156,7 +156,7 @@ struct Device {
 void set_boxes(WideTree::Node& node, const Children& built) {
   const auto lower = [&](uint32_t i, int axis) { return double{(&built.bounds[i].lower_x)[axis]}; };
   const auto upper = [&](uint32_t i, int axis) { return double{(&built.bounds[i].upper_x)[axis]}; };
-  double size = std::numeric_limits<float>::min();  // so that a step is never 0
+  double size = 1e-12;  // at least, so that the square of a distance in steps is a float
   for (int axis = 0; axis < 3; ++axis) {
     double least = infinity, most = -infinity;
     for (uint32_t i = 0; i < built.count; ++i) {
@@ -222,7 +222,7 @@ void WideTree::add_discs(const std::vector<Vec3>& corners, Wanted& wanted) {
         const Vec3* const p = corners.data() + size_t{3} * k;
         areas += cross(p[1] - p[0], p[2] - p[0]);
       }
-      const GridNormal grid_normal(areas);
+      const GridNormal grid_normal(normalized(areas));
       const Vec3 normal = grid_normal.unit();
       double middle[3];
       for (int k = 0; k < 3; ++k) {
@@ -237,7 +237,8 @@ void WideTree::add_discs(const std::vector<Vec3>& corners, Wanted& wanted) {
         most = std::max(most, along);
         most_beside = std::max(most_beside, dot(from, from) - along * along);
       }
-      // Never smaller than it is: rounding is some 1e-16 of a coordinate.
+      // Never smaller than it is: rounding is some 1e-16 of a coordinate. The largest sizes that can be stored are more than
+      // any child has.
       constexpr double rounding = 1e-12;
       const double radius = std::ceil((std::sqrt(most_beside) + rounding) / node.step * (1 + 1e-6));
       const double offset = std::clamp(std::round((least + most) / 2 / node.step * Discs::offsets_a_step), -32768.0, 32767.0);
