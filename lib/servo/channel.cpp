@@ -7,7 +7,7 @@ namespace {
 
 // Of nodes and leaves of trees and of triangles, in one view at a tick. More than a hand that slides over a mesh of millions of triangles takes;
 // some tens of microseconds.
-constexpr uint32_t most_visits = 1536;
+constexpr uint32_t most_visits = 1024;
 
 }  // namespace
 
