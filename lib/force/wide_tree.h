@@ -3,8 +3,8 @@
 //
 // A node takes 128 bytes, two lines of the cache: the boxes of its children stand in it with 8 bits a coordinate, rounded
 // outwards. Another line of the cache can tell of a flat disc about each child: where a surface is sloped, that is much
-// smaller than the box. All distances that are compared with a bound are rounded down by more than their error, so nothing is missed. On a
-// processor with other vectors the same comparisons give the same bits.
+// smaller than the box. All distances that are compared with a bound are rounded down by more than their error, so nothing
+// is missed. On a processor with other vectors the same comparisons give the same bits.
 #pragma once
 
 #include <cstdint>
