@@ -28,7 +28,7 @@ class MeshTree {
     double range;                  // m, may be infinite
     uint32_t hint = no_triangle;   // a triangle that may be near, such as that of the last query: any makes no difference
                                    // but in time
-    uint32_t visits = no_limit;    // of nodes and leaves of the tree, at most
+    uint32_t visits = no_limit;    // of nodes and leaves of the tree and of triangles; the last leaf is finished
   };
   // What was found. Of the triangles at the least distance it is the one with the lowest index, as a test of all triangles in
   // order would find it.

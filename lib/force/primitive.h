@@ -31,7 +31,7 @@ struct Hint {
 
 // The work that searches may do, and whether it sufficed.
 struct Effort {
-  uint32_t visits = UINT32_MAX;  // that are left, of nodes and leaves of trees
+  uint32_t visits = UINT32_MAX;  // that are left, of nodes and leaves of trees and of triangles
   bool is_cut = false;           // the last search ended because there were none left: what it found may not be the closest,
   double least = 0;              // but nothing is nearer than this, m
 };

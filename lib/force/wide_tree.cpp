@@ -1,6 +1,7 @@
 #include "force/wide_tree.h"
 
 #include <algorithm>
+#include <bit>
 #include <memory>
 #include <new>
 
@@ -176,7 +177,7 @@ void discard(std::vector<T>& list) {
 void set_boxes(WideTree::Node& node, const Children& built) {
   const auto lower = [&](uint32_t i, int axis) { return double{(&built.bounds[i].lower_x)[axis]}; };
   const auto upper = [&](uint32_t i, int axis) { return double{(&built.bounds[i].upper_x)[axis]}; };
-  double size = std::numeric_limits<float>::min();  // so that a step is never 0
+  double size = 1e-12;  // at least, so that the square of a distance in steps is a float
   for (int axis = 0; axis < 3; ++axis) {
     double least = infinite, most = -infinite;
     for (uint32_t i = 0; i < built.count; ++i) {
@@ -186,7 +187,8 @@ void set_boxes(WideTree::Node& node, const Children& built) {
     node.origin[axis] = static_cast<float>(least);
     size = std::max(size, most - least);
   }
-  node.step = above(size / 255 * (1 + 1e-6));
+  node.step = above(size / WideTree::grid * (1 + 1e-6));
+  node.steps = 1 / node.step;
   const double step = node.step;
   for (int axis = 0; axis < 3; ++axis) {
     for (uint32_t i = 0; i < built.count; ++i) {
@@ -199,7 +201,79 @@ void set_boxes(WideTree::Node& node, const Children& built) {
   }
 }
 
+// Moves a direction to the grid of Discs.
+struct GridNormal {
+  int x, y;
+  explicit GridNormal(Vec3 direction) {
+    const double sum = std::fabs(direction.x) + std::fabs(direction.y) + std::fabs(direction.z);
+    const double scale = sum > 0 ? std::copysign(WideTree::Discs::unit / sum, direction.z) : 0;
+    x = static_cast<int>(std::lround(scale * direction.x));
+    y = static_cast<int>(std::lround(scale * direction.y));
+  }
+  Vec3 unit() const {
+    return normalized({double(x), double(y), double(WideTree::Discs::unit - std::abs(x) - std::abs(y))});
+  }
+};
+
+float height_of(uint32_t bits) {
+  return std::bit_cast<float>((bits << WideTree::Discs::height_shift) + WideTree::Discs::smallest_height);
+}
+
 }  // namespace
+
+void WideTree::add_discs(const std::vector<Vec3>& corners, Wanted& wanted) {
+  constexpr uint32_t most_items = 1 << 14;  // what is larger is hardly flat
+  discs_.resize(nodes_.size());
+  std::vector<Leaf> ranges(nodes_.size());  // the items below a node
+  const auto range_of = [&](uint32_t child) { return child & leaf_bit ? leaves_[child & ~leaf_bit] : ranges[child]; };
+  for (size_t i = nodes_.size(); i-- > 0;) {
+    Node& node = nodes_[i];
+    Discs& discs = discs_[i];
+    for (int c = 0; node.filled >> c & 1; ++c) {
+      const Leaf range = range_of(node.child[c]);
+      if (c == 0) ranges[i].begin = range.begin;
+      ranges[i].end = range.end;
+    }
+    node.has_discs = ranges[i].end - ranges[i].begin <= most_items;
+    for (int c = 0; node.has_discs && node.filled >> c & 1; ++c) {
+      const Leaf range = range_of(node.child[c]);
+      Vec3 areas{};
+      for (uint32_t k = range.begin; k < range.end; ++k) {
+        wanted.step();
+        const Vec3* const p = corners.data() + size_t{3} * k;
+        areas += cross(p[1] - p[0], p[2] - p[0]);
+      }
+      const GridNormal grid_normal(normalized(areas));
+      const Vec3 normal = grid_normal.unit();
+      double middle[3];
+      for (int k = 0; k < 3; ++k) {
+        const auto step = [&](uint32_t box) { return box >> 8 * k & 255; };
+        middle[k] = node.origin[k] + double{node.step} * (step(node.lower[c]) + step(node.upper[c])) / 2;
+      }
+      double least = infinite, most = -infinite, most_beside = 0;
+      for (size_t k = size_t{3} * range.begin; k < size_t{3} * range.end; ++k) {
+        const Vec3 from = corners[k] - Vec3{middle[0], middle[1], middle[2]};
+        const double along = dot(normal, from);
+        least = std::min(least, along);
+        most = std::max(most, along);
+        most_beside = std::max(most_beside, dot(from, from) - along * along);
+      }
+      // Never smaller than it is: rounding is some 1e-16 of a coordinate. The largest sizes that can be stored are more than
+      // any child has.
+      constexpr double rounding = 1e-12;
+      const double radius = std::ceil((std::sqrt(most_beside) + rounding) / node.step * (1 + 1e-6));
+      const double offset = std::clamp(std::round((least + most) / 2 / node.step * Discs::offsets_a_step), -32768.0, 32767.0);
+      const double plane = offset / Discs::offsets_a_step * node.step;
+      const double height = (std::max(most - plane, plane - least) + rounding) / node.step * (1 + 1e-6);
+      uint32_t height_bits = 0;
+      while (height_bits < 255 && height_of(height_bits) < height) ++height_bits;
+      discs.x_y[c] = static_cast<uint32_t>(grid_normal.x + Discs::unit) |
+                     static_cast<uint32_t>(grid_normal.y + Discs::unit) << 16;
+      discs.sizes[c] = static_cast<uint32_t>(static_cast<int>(offset) + Discs::zero_offset) |
+                       static_cast<uint32_t>(std::min(radius, 255.0)) << 16 | height_bits << 24;
+    }
+  }
+}
 
 WideTree::WideTree(std::vector<Box> boxes, Wanted& wanted) {
   const size_t count = boxes.size();

@@ -5,7 +5,7 @@
 namespace fs {
 namespace {
 
-// Of nodes and leaves of trees, in one view at a tick. More than a hand that slides over a mesh of millions of triangles takes;
+// Of nodes and leaves of trees and of triangles, in one view at a tick. More than a hand that slides over a mesh of millions of triangles takes;
 // some tens of microseconds.
 constexpr uint32_t most_visits = 1024;
 
