@@ -31,7 +31,7 @@ typedef struct fs_state {
 
 /* Bits of fs_response.flags. */
 enum {
-  FS_RESPONSE_CONTACT = 1,      /* a point of the tool touches a solid object. 0.1: never */
+  FS_RESPONSE_CONTACT = 1,      /* a point of the tool touches a solid object */
   FS_RESPONSE_CAPPED = 2,       /* a slope was bounded. 0.1: never */
   FS_RESPONSE_FADING = 4,       /* an object with a force is fading in or out */
   FS_RESPONSE_GUARDED = 8       /* the servo changed the force that was sent: a limit, a fault, or it is not enabled */
@@ -41,12 +41,13 @@ enum {
 typedef struct fs_response {
   fs_wrench wrench;             /* N; N m about the origin of the handle */
   fs_mat3 stiffness;            /* dF/dx, N/m, as capped, without the damping */
-  fs_pose proxy;                /* of the tool: the rigid pose that best fits the proxies of its points. 0.1: the
-                                   tool's own pose */
+  fs_pose proxy;                /* of the tool: the rigid pose that best fits the proxies of its points; where it
+                                   touches nothing, the tool's own */
   uint32_t felt_count,          /* number of objects with a force */
            flags;               /* FS_RESPONSE_ bits */
   double error_bound;           /* N, a certified bound of |force - exact force| (vectors); 0: exact. Above 0 only when
-                                   fs_scene_set_accuracy allows it, or when a servo's tick ran out of time. 0.1: 0 */
+                                   fs_scene_set_accuracy allows it, or when the search of a mesh takes more than a
+                                   servo's tick allows (a hand equally near to all of a large mesh) */
   double reserved[3];           /* 0 */
 } fs_response;
 

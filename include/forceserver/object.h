@@ -89,15 +89,24 @@ typedef enum fs_keep {
 /* Makes a plane or mesh solid: a proxy of each tool point stays on the kept side (Zilles & Salisbury 1995) and draws
  * the point with min(stiffness*|hand - proxy|, limit). This object's profiles are then evaluated at the proxy; where
  * the proxy lies on the surface they act along the kept side's normal. Frozen. With keep NONE the other fields are
- * checked and stored, but have no effect. 0.1: a keep other than NONE is checked, then UNSUPPORTED. */
+ * checked and stored, but have no effect.
+ *
+ * - Objects of equal stiffness share a proxy: where several meet, the spring to it acts once. Each other stiffness has a
+ *   proxy of its own, and their forces add.
+ * - A hand that is on the wrong side of a plane or closed mesh when both meet for the first time is led to the nearest
+ *   place of the right side; on the wrong side of an open mesh it is free until it has come round it.
+ * - A moving object carries the proxies that touch it or that it meets. When a proxy jumps although neither hand nor
+ *   object does, as over the edge of a shelf, the jump of the force is spread over 20 ms.
+ * - limit bounds the force of the object on all points of a tool together; its direction stays.
+ * - Near a tool at most 256 solid objects are felt, and at most 2048 pairs of a solid object and a tool point. */
 typedef struct fs_contact {
   fs_keep keep;                 /* POINT, POLYLINE: NONE */
   uint32_t reserved;            /* 0 */
-  double stiffness;             /* N/m, 0..1e9; 0: the contacts with stiffness 0 divide the servo's max_stiffness
-                                   equally among themselves; with neither servo nor bound: 1000 */
+  double stiffness;             /* N/m, 0..1e9; 0: 1000 where nothing bounds the stiffness; otherwise an equal share of
+                                   the bound among the overlapping contacts that ask for 0. 0.1: 1000 */
   double limit;                 /* N, > 0 and at most 1e9, unless keep is NONE */
   double damping;               /* N s/m, 0..1e9, along the normal, only while the hand approaches */
-  double friction;              /* Coulomb coefficient, 0..2 */
+  double friction;              /* Coulomb coefficient, 0..2: within the cone of friction the proxy does not move at all */
 } fs_contact;
 
 /* A force-object. Growing; made by fs_object_init. */
@@ -198,9 +207,10 @@ FS_API fs_status fs_profile_evaluate(const fs_profile *profile, double max_stiff
                                      const double *distances, size_t count, double *forces);
 
 /* ---- Shapes are cheap to make: they are copied and checked. The search tree is built by fs_shape_build, or by the
- * first scene of this process that uses the shape (a million triangles: about 1 s); a server builds its own. A mesh may
- * be open, non-manifold or degenerate. To find its front and back, corners at the same coordinates count as one,
- * whatever their indices. A shape lives as long as the caller's reference or an object needs it. */
+ * first scene of this process that uses the shape, in the calling thread; a server builds its own. A million triangles
+ * take 1 s, or 2 s where neighbours are far apart in the list. A mesh may be open, non-manifold or degenerate. To find
+ * its front and back, corners at the same coordinates count as one, whatever their indices. A shape lives as long as
+ * the caller's reference or an object needs it. */
 
 /* A polyline through count (>= 2) points, m, object frame. closed: the last point is joined to the first. */
 FS_API fs_status fs_shape_create_polyline(const fs_vec3 *points, size_t count, bool closed, fs_shape **out);
@@ -219,6 +229,10 @@ FS_API fs_status fs_shape_load(const char *path, double scale, fs_shape **out);
 /* Builds the search tree now, in this thread, rather than at the first use. Does nothing if the tree is built already,
  * as that of a polyline always is. */
 FS_API fs_status fs_shape_build(fs_shape *shape);
+
+/* [rt] How much of the search tree is built, 0..1, also while another thread builds it; it only grows, unless a build
+ * fails. 1: the tree is built. */
+FS_API fs_status fs_shape_get_progress(const fs_shape *shape, double *out);
 
 /* One more reference; returns shape; null gives null. */
 FS_API fs_shape *fs_shape_retain(fs_shape *shape);

@@ -200,7 +200,7 @@ FS_API fs_status fs_scene_get_view(fs_scene *scene, const char *client, fs_view 
 /* ---- Accuracy, slope, clock */
 
 /* The error in the force that evaluation may make in order to be faster, N, >= 0; 0 (default): exact.
- * fs_response.error_bound is the bound of the error it made. 0.1: always exact. */
+ * fs_response.error_bound is the bound of the error it made. 0.1: stored, but evaluation stays exact. */
 FS_API fs_status fs_scene_set_accuracy(fs_scene *scene, double newtons);
 
 /* Bound of the summed slope of overlapping objects, N/m at the device, >= 0. Above it the slopes are scaled together,

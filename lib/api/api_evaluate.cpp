@@ -30,7 +30,8 @@ fs_status fs_evaluate(fs_tool* tool, const fs_state* state, fs_response* out) {
 
 fs_status fs_tool_reset(fs_tool* tool) {
   if (!tool) return null_argument("tool is null");
-  return FS_OK;  // a tool has nothing to forget until contacts, and with them proxies, exist
+  tool->reset();
+  return FS_OK;
 }
 
 void fs_tool_destroy(fs_tool* tool) {

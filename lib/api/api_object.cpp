@@ -80,8 +80,9 @@ fs_status fs_shape_load(const char* path, double scale, fs_shape** out) {
   return guarded([&] {
     require_pointer(path, "path");
     require_pointer(out, "out");
-    const MeshData mesh = read_mesh_file(path, scale);
-    give(make_mesh(mesh.points.data(), mesh.points.size(), mesh.triangles.data(), mesh.triangles.size() / 3), out);
+    MeshData mesh = read_mesh_file(path, scale);
+    Wanted wanted;
+    give(make_mesh(std::move(mesh.points), std::move(mesh.triangles), wanted), out);
   });
 }
 
@@ -90,6 +91,13 @@ fs_status fs_shape_build(fs_shape* shape) {
     require_pointer(shape, "shape");
     shape->build();
   });
+}
+
+fs_status fs_shape_get_progress(const fs_shape* shape, double* out) {
+  if (!shape) return null_argument("shape is null");
+  if (!out) return null_argument("out is null");
+  *out = shape->progress();
+  return FS_OK;
 }
 
 fs_shape* fs_shape_retain(fs_shape* shape) {

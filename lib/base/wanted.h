@@ -1,6 +1,8 @@
-// Long work checks at every step whether it is still wanted, so that it can be abandoned within about a millisecond.
+// Long work checks at every step whether it is still wanted, so that it can be abandoned within about a millisecond. By the
+// way another thread can see how far it is.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <cstdint>
 
@@ -15,13 +17,36 @@ class Wanted {
 
   // Called at each step of the work; a step is a bounded amount, such as a few comparisons or copies.
   void step() {
-    if (++steps_ % 1024 == 0 && is_abandoned_ && is_abandoned_->load(std::memory_order_relaxed)) throw Abandoned{};
+    if (++steps_ % 1024 != 0) return;
+    if (is_abandoned()) throw Abandoned{};
+    show_part(static_cast<double>(steps_ - part_first_) / part_steps_);
   }
+  bool is_abandoned() const noexcept { return is_abandoned_ && is_abandoned_->load(std::memory_order_relaxed); }
   uint64_t steps() const noexcept { return steps_; }  // so far
+
+  // From here on `progress` goes from 0 to 1 while the work is done part by part; null: nobody is shown it.
+  void show(std::atomic<double>* progress) noexcept {
+    progress_ = progress;
+    part_end_ = 0;
+  }
+  // The next part begins, which takes about this many steps; after it the share `end` of the work is done.
+  void begin_part(double end, double steps) noexcept {
+    part_begin_ = part_end_;
+    part_end_ = end;
+    part_first_ = steps_;
+    part_steps_ = std::max(steps, 1.0);
+    show_part(0);
+  }
+  // How much of the part is done, 0..1, where that is known better than by its steps. It never falls.
+  void show_part(double done) noexcept {
+    if (progress_) progress_->store(part_begin_ + (part_end_ - part_begin_) * std::min(done, 1.0), std::memory_order_relaxed);
+  }
 
  private:
   const std::atomic<bool>* is_abandoned_ = nullptr;
-  uint64_t steps_ = 0;
+  std::atomic<double>* progress_ = nullptr;
+  uint64_t steps_ = 0, part_first_ = 0;
+  double part_begin_ = 0, part_end_ = 0, part_steps_ = 1;
 };
 
 }  // namespace fs

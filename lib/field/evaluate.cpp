@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "base/error.h"
+#include "field/proxies.h"
 #include "force/primitive.h"
 
 namespace fs {
@@ -16,10 +17,11 @@ Mat3 turning(const Closest& closest, Vec3 direction, Vec3 tangent) {
   return m;
 }
 
-// The force of an object on one tool point, times `share`.
-void add_point(const Object& object, const Closest& closest, const Motion& motion, const Pose& pose, double t,
-               const ToolState::Point& point, const ToolState& tool, const Law::Parsers* parsers, double share,
-               Share& out) noexcept {
+}  // namespace
+
+void add_profile_force(const Object& object, const Closest& closest, const Motion& motion, const Pose& pose, double t,
+                       const ToolState::Point& point, const ToolState& tool, const Law::Parsers* parsers, double share,
+                       Share& out) noexcept {
   if (closest.direction == Vec3{}) return;  // on a point or polyline there is none
   const double s = closest.side == Side::back ? -closest.distance : closest.distance;
   const Intensity g = object.law.at(s, t, parsers);
@@ -44,8 +46,19 @@ void add_point(const Object& object, const Closest& closest, const Motion& motio
   }
 }
 
+namespace {
+
+// A bound of |force - exact force|, N, on a tool point for which the search was cut: nothing is known of the direction, nor of
+// the distance but for its bound.
+double error_of(const Object& object, const Effort& effort) noexcept {
+  const double most = std::max(most_between(object.law.front, effort.least, object.law.support),
+                               most_between(object.law.back, effort.least, object.law.support));
+  return 2 * (object.damping > 0 && most > 0 ? std::max(object.law.front.limit, object.law.back.limit) : most);
+}
+
 // The closest point of an object with formulas to a tool point. False: out of reach, or there is no direction.
-bool find_contact(const Object& object, const Pose& pose, Vec3 position, Contacts::Contact& out) noexcept {
+bool find_contact(const Object& object, const Pose& pose, Vec3 position, Contacts::Contact& out, Hint* hint,
+                  Effort* effort) noexcept {
   const Vec3 offset = position - pose.position;
   const double support = object.law.support;
   if (object.primitive == FS_PRIMITIVE_PLANE) {
@@ -62,7 +75,7 @@ bool find_contact(const Object& object, const Pose& pose, Vec3 position, Contact
   if (norm(offset) - object.radius > support) return false;
   Closest closest;
   const Vec3 local = rotate(conjugate(pose.orientation), offset);
-  if (!closest_point(object.primitive, object.shape.get(), local, support, closest)) return false;
+  if (!closest_point(object.primitive, object.shape.get(), local, support, closest, hint, effort)) return false;
   if (closest.direction == Vec3{}) return false;
   out.direction = rotate(pose.orientation, closest.direction);
   out.tangent = closest.feature == Feature::edge ? rotate(pose.orientation, closest.tangent) : Vec3{};
@@ -76,7 +89,7 @@ uint32_t points_of(const ToolState& tool) noexcept { return tool.count == 32 ? ~
 
 // Adds the closest points of a row with formulas to `contacts`; returns the rows felt of those it had to make room for.
 uint64_t add_contacts(const Object& object, const Motion& motion, uint32_t row, double weight, const ToolState& tool,
-                      Contacts& contacts, LaneSum& sum) noexcept {
+                      Hint* hints, Effort* effort, double& error, Contacts& contacts, LaneSum& sum) noexcept {
   const uint32_t all = points_of(tool), mask = tool.is_any_point ? all : object.point_mask() & all;
   if (mask == 0 || !(object.law.support >= 0)) return 0;
   const Pose moved = motion.horizon > 0 ? motion.at(tool.time) : Pose{};
@@ -87,12 +100,28 @@ uint64_t add_contacts(const Object& object, const Motion& motion, uint32_t row, 
   contact.weight = is_one_point ? weight : weight * (1.0 / std::popcount(mask));
   for_each_bit(mask, [&](uint32_t k) {
     const ToolState::Point& point = tool.points[k];
-    if (!find_contact(object, pose, point.position, contact)) return;
+    const bool is_found = find_contact(object, pose, point.position, contact, hints ? hints + k : nullptr, effort);
+    if (effort && effort->is_cut) error += contact.weight * error_of(object, *effort);
+    if (!is_found) return;
     contact.arm = point.arm;
     if (!contacts.has_room(row)) felt |= contacts.take(sum);
     contacts.add(row, contact);
   });
   return felt;
+}
+
+// The contact of a point without memory: a closed mesh or a plane pushes it to the nearest place of its surface. False: the
+// point is on the side that is kept; what its profiles give is not included.
+bool add_resting_contact(const Object& object, const Closest& closest, const Pose& pose, const ToolState::Point& point,
+                         Share& out) noexcept {
+  const fs_keep keep = object.contact.keep;
+  if (keep == FS_KEEP_EITHER || closest.side == (keep == FS_KEEP_BACK ? Side::back : Side::front)) return false;
+  if (object.primitive == FS_PRIMITIVE_MESH && !object.shape->closed) return false;
+  const Vec3 direction = rotate(pose.orientation, closest.direction);  // away from the surface
+  const Vec3 force = -std::min(stiffness_of(object.contact) * closest.distance, object.contact.limit) * direction;
+  out.wrench.force += force;
+  out.wrench.torque += cross(point.arm, force);
+  return true;
 }
 
 void add_share(const Share& share, double weight, uint32_t lane, LaneSum& sum) noexcept {
@@ -125,10 +154,10 @@ ToolState ToolState::at(const fs_state& state, const ToolPoints& points, double 
 }
 
 bool evaluate_object(const Object& object, const Motion& motion, double start, const ToolState& tool,
-                     const Law::Parsers* parsers, Share& out) noexcept {
+                     const Law::Parsers* parsers, Share& out, Hint* hints, Effort* effort) noexcept {
   const uint32_t all = points_of(tool);
   const uint32_t mask = tool.is_any_point ? all : object.point_mask() & all;
-  const double support = object.law.support;
+  const double support = object.support();
   if (mask == 0 || !(support >= 0)) return false;
   const double share = 1.0 / std::popcount(mask);
   const Vec3 origin = motion.position_at(tool.time);
@@ -142,21 +171,29 @@ bool evaluate_object(const Object& object, const Motion& motion, double start, c
     has_pose = true;
     const Vec3 local = rotate(conjugate(pose.orientation), offset);
     Closest closest;
-    if (!closest_point(object.primitive, object.shape.get(), local, support, closest)) return;
+    const bool is_found = closest_point(object.primitive, object.shape.get(), local, support, closest,
+                                        hints ? hints + k : nullptr, effort);
+    const bool is_cut = effort && effort->is_cut;
+    if (!is_found && !is_cut) return;
     if (!is_near) out = {};
     is_near = true;
+    if (is_cut) out.error += share * error_of(object, *effort);
+    if (!is_found) return;
     if (closest.distance < out.distance) {
       out.distance = closest.distance;
       out.point = pose * closest.point;
     }
-    add_point(object, closest, motion, pose, tool.time - start, point, tool, parsers, share, out);
+    if (object.is_solid() && add_resting_contact(object, closest, pose, point, out)) return;
+    add_profile_force(object, closest, motion, pose, tool.time - start, point, tool, parsers, share, out);
   });
   return is_near;
 }
 
 fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t view, uint64_t what, const ToolPoints& points,
-                          const ToolState& tool) noexcept {
-  memory.look(view, what, tool.pose * points.centre, points.radius, tool.time);
+                          const ToolState& tool, Effort* effort) noexcept {
+  Proxies* const proxies = memory.proxies();
+  const double reach = proxies ? proxies->reach(view, what) : 0;  // a proxy may be that far from its point
+  memory.look(view, what, tool.pose * points.centre, points.radius + reach, tool.time);
   LaneSum sum;
   Contacts contacts;
   fs_response out{};
@@ -168,19 +205,34 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
     for (unsigned k = 0; points_near && k < tool.count; ++k) {
       felt |= add_points(chunk, points_near, tool.points[k].position, tool.points[k].arm, given, share, sum);
     }
+    const uint64_t solids_near = proxies ? near & chunk.rows->solids : 0;
+    for_each_bit(solids_near, [&](uint32_t i) {
+      const Row& row = chunk.row(i);
+      const Scratch* const scratch = scratches.get(number * chunk_size + i);
+      proxies->collect({.row = number * chunk_size + i, .version = row.version, .object = row.object.get(),
+                        .motion = &chunk.motion(i), .weight = given ? given[i].value() : 1,
+                        .parsers = scratch ? &scratch->parsers : nullptr, .start = row.start});
+    });
+    near &= ~solids_near;
     const uint64_t contacts_near = near & ~points_near & (chunk.rows->contacts | chunk.rows->formulas());
     for_each_bit(contacts_near, [&](uint32_t i) {
-      felt |= add_contacts(*chunk.row(i).object, chunk.motion(i), i, given ? given[i].value() : 1, tool, contacts, sum);
+      const Object& object = *chunk.row(i).object;
+      const Scratch* const scratch = object.shape ? scratches.get(number * chunk_size + i) : nullptr;
+      felt |= add_contacts(object, chunk.motion(i), i, given ? given[i].value() : 1, tool,
+                           scratch ? scratch->hints.get() : nullptr, effort, out.error_bound, contacts, sum);
     });
     if (contacts_near) felt |= contacts.take(sum);
     for_each_bit(near & ~points_near & ~contacts_near, [&](uint32_t i) {
       const Row& row = chunk.row(i);
-      const Scratch* const scratch = row.object->law.has_curves() ? scratches.get(number * chunk_size + i) : nullptr;
+      const Scratch* const scratch = scratches.get(number * chunk_size + i);
       Share got;
-      if (!evaluate_object(*row.object, chunk.motion(i), row.start, tool, scratch ? &scratch->parsers : nullptr, got)) {
+      if (!evaluate_object(*row.object, chunk.motion(i), row.start, tool, scratch ? &scratch->parsers : nullptr, got,
+                           scratch ? scratch->hints.get() : nullptr, effort)) {
         return;
       }
-      add_share(got, given ? given[i].value() : 1, i % lane_count, sum);
+      const double weight = given ? given[i].value() : 1;
+      add_share(got, weight, i % lane_count, sum);
+      out.error_bound += weight * got.error;
       if (!(got.wrench.force == Vec3{})) felt |= bit_of(i);
     });
     out.felt_count += static_cast<uint32_t>(std::popcount(felt));
@@ -191,6 +243,7 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
   out.wrench = sum.wrench();
   out.stiffness = sum.stiffness();
   out.proxy = tool.pose;
+  if (proxies) proxies->feel(view, what, tool, out);
   return out;
 }
 

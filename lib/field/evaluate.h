@@ -5,18 +5,31 @@
 
 #include "field/lanes.h"
 #include "field/memory.h"
+#include "force/primitive.h"
 
 namespace fs {
 
-// The parsers of a row's custom profiles, of one reader. Made by whoever posts the row; only the reader uses them.
+// What a reader needs to evaluate a row: the parsers of its custom profiles, and hints for each point of a tool. Made by
+// whoever posts the row; only the reader uses it.
 struct Scratch : LocalCounted<Scratch> {
   uint64_t version = 0;
   Law::Parsers parsers;
+  std::unique_ptr<Hint[]> hints;  // of a mesh that is not small; else null
 
-  static Ref<Scratch> of(const Law& law) {
+  static bool is_needed(const Object& object) { return object.law.has_curves() || has_hints(object); }
+  // Null where none is needed.
+  static Ref<Scratch> of(const Object& object) {
+    if (!is_needed(object)) return nullptr;
     Ref<Scratch> out = make_ref<Scratch>();
-    out->parsers = law.make_parsers();
+    out->parsers = object.law.make_parsers();
+    if (has_hints(object)) out->hints = std::make_unique<Hint[]>(FS_TOOL_POINTS_MAX);
     return out;
+  }
+
+ private:
+  static bool has_hints(const Object& object) {
+    constexpr size_t small = 64;  // triangles
+    return object.primitive == FS_PRIMITIVE_MESH && object.shape->triangles.size() > 3 * small;
   }
 };
 using Scratches = Table<Scratch, 6>;  // by row
@@ -49,16 +62,24 @@ struct Share {
   Mat3 stiffness{};         // dF/dx, N/m, symmetric
   Vec3 point{};             // the closest point to the nearest tool point, scene frame
   double distance = never;  // m, of that; infinite: out of reach
+  double error = 0;         // N, a bound of |force - exact force|
 };
 
-// [rt] False when the object is out of reach of every point that feels it; out is as it was.
+// [rt] Adds the force that an object's profiles give one tool point, times `share`. closest: of the object, in its own frame;
+// pose: of the object; t: s, of the profiles.
+void add_profile_force(const Object& object, const Closest& closest, const Motion& motion, const Pose& pose, double t,
+                       const ToolState::Point& point, const ToolState& tool, const Law::Parsers* parsers, double share,
+                       Share& out) noexcept;
+
+// [rt] False when the object is out of reach of every point that feels it; out is as it was. parsers: may be null without
+// curves. hints: of each point; may be null. effort: null: without end.
 bool evaluate_object(const Object& object, const Motion& motion, double start, const ToolState& tool,
-                     const Law::Parsers* parsers, Share& out) noexcept;
+                     const Law::Parsers* parsers, Share& out, Hint* hints = nullptr, Effort* effort = nullptr) noexcept;
 
 // [rt] The sum of what can be felt of the snapshot that `memory` has absorbed, each object with its weight, seen through a
-// view. `what`: see Memory::look.
+// view. `what`: see Memory::look. effort: null: without end, so that the sum is exact.
 fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t view, uint64_t what, const ToolPoints& points,
-                          const ToolState& tool) noexcept;
+                          const ToolState& tool, Effort* effort = nullptr) noexcept;
 
 // [rt] A state that can be evaluated: finite, within bounds, a unit orientation (made so in place).
 fs_status check_state(fs_state& state) noexcept;

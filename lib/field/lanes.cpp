@@ -7,6 +7,8 @@
 #include <cstring>
 #include <limits>
 
+#include "base/processor.h"
+
 namespace fs {
 namespace {
 
@@ -264,19 +266,12 @@ struct Width {
 FS_WIDTH(usual, )
 #ifdef __x86_64__
 FS_WIDTH(wide, __attribute__((target("avx2"))))
-const Width& best_width() noexcept {
-  __builtin_cpu_init();
-  return __builtin_cpu_supports("avx2") ? wide : usual;
-}
+const Width& width() noexcept { return has_avx2 ? wide : usual; }
 #else
-const Width& best_width() noexcept { return usual; }
+const Width& width() noexcept { return usual; }
 #endif
 
-const Width* width = &best_width();
-
 }  // namespace
-
-void allow_wide_lanes(bool are_allowed) noexcept { width = are_allowed ? &best_width() : &usual; }
 
 void Contacts::add(uint32_t row, const Contact& contact) noexcept {
   const uint32_t k = row % lane_count, bit = 1u << k;
@@ -309,7 +304,7 @@ void Contacts::add(uint32_t row, const Contact& contact) noexcept {
 }
 
 uint64_t Contacts::take(LaneSum& sum) noexcept {
-  const uint64_t felt = width->contacts(layers_, layer_count_, sum);
+  const uint64_t felt = width().contacts(layers_, layer_count_, sum);
   std::fill_n(counts_, lane_count, 0);
   layer_count_ = 0;
   return felt;
@@ -347,15 +342,15 @@ void Outline::take(const Chunk& chunk) noexcept {
   }
 }
 
-void find_gaps(const Outline& outline, Vec3 from, Gaps& gaps) noexcept { width->gaps(outline, from, gaps); }
+void find_gaps(const Outline& outline, Vec3 from, Gaps& gaps) noexcept { width().gaps(outline, from, gaps); }
 
-Within rows_within(const Gaps& gaps, float most) noexcept { return width->within(gaps, most); }
+Within rows_within(const Gaps& gaps, float most) noexcept { return width().within(gaps, most); }
 
-Awake find_awake(const double (&wake_at)[64], double travelled) noexcept { return width->awake(wake_at, travelled); }
+Awake find_awake(const double (&wake_at)[64], double travelled) noexcept { return width().awake(wake_at, travelled); }
 
 uint64_t add_points(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm, const Weight* weights, double share,
                     LaneSum& sum) noexcept {
-  return width->points(chunk, mask, position, arm, weights, share, sum);
+  return width().points(chunk, mask, position, arm, weights, share, sum);
 }
 
 }  // namespace fs

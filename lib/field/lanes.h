@@ -83,7 +83,4 @@ Awake find_awake(const double (&wake_at)[64], double travelled) noexcept;
 uint64_t add_points(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm, const Weight* weights, double share,
                     LaneSum& sum) noexcept;
 
-// For tests, which show that it makes no difference: whether AVX2 is used where the processor has it.
-void allow_wide_lanes(bool are_allowed) noexcept;
-
 }  // namespace fs

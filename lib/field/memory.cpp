@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "field/lanes.h"
+#include "field/proxies.h"
 
 namespace fs {
 namespace {
@@ -19,6 +20,12 @@ double least_of(const double (&values)[64]) noexcept {
 }  // namespace
 
 // ------------------------------------------------------------------------------------------------------ for the scene
+
+Memory::~Memory() { delete proxies(); }
+
+void Memory::make_proxies() {
+  if (!proxies()) proxies_.store(new Proxies, std::memory_order_release);
+}
 
 void Memory::make_room(uint32_t row) {
   const uint32_t chunk = row / chunk_size, b = chunk / block_size, c = chunk % block_size;
@@ -130,6 +137,7 @@ void Memory::take_wants(const Snapshot& snapshot, uint32_t number, const Chunk& 
 }
 
 void Memory::absorb(const Snapshot& snapshot, double now) noexcept {
+  if (Proxies* const all = proxies()) all->begin(now);
   // What is remembered of a view that is not in use may be out of date: look() begins anew when it is used again.
   if (has_weights_) {
     views_used_ = 0;
@@ -187,6 +195,8 @@ void Memory::look(uint32_t i, uint64_t what, Vec3 centre, double radius, double 
   way.centre = centre;
   // Rounded up, so that no chunk sleeps too long.
   way.travelled += way.step * (1 + 1e-14) + 1e-15 * (way.travelled + largest_coordinate(centre));
+  way.travelled += std::max(radius - way.radius, 0.0) * (1 + 1e-14);  // it reaches farther: as if it had come nearer
+  way.radius = radius;
   if (way.what != what || !std::isfinite(way.travelled)) {
     way.what = what;
     way.travelled = way.step = 0;
@@ -240,7 +250,7 @@ void Memory::look_at(uint32_t number, Sight& sight, const Way& way, double radiu
     const Motion& plane = chunk.motion(i);
     const Vec3 offset = way.centre - plane.pose.position;
     const double distance = std::fabs(dot(rotate(plane.pose.orientation, {0, 0, 1}), offset));
-    const double gap = distance - chunk.row(i).object->law.support - 1e-14 * norm(offset);
+    const double gap = distance - chunk.row(i).object->support() - 1e-14 * norm(offset);
     gaps[i] = static_cast<float>(gap - 1e-7 * std::fabs(gap));
   });
   const auto margin = static_cast<float>(radius * (1 + 2e-7));

@@ -14,6 +14,8 @@
 
 namespace fs {
 
+class Proxies;
+
 class Memory : public Counted<Memory> {
  public:
   static constexpr uint32_t row_count = 1u << 22;  // most
@@ -27,14 +29,21 @@ class Memory : public Counted<Memory> {
 
   // ---- For the scene, under its lock.
 
+  ~Memory();
+
   // Makes room for the chunk that the row stands in.
   void make_room(uint32_t row);
+  // Makes room for the proxies of solid objects.
+  void make_proxies();
   // The row must have room.
   Weight& weight(uint32_t row) noexcept { return weights(row / chunk_size).rows[row % chunk_size]; }
   // The weight of a row at `now`, worked out where the chunk sleeps. Any thread that holds the memory.
   double weight_at(uint32_t row, uint64_t version, double now) const noexcept;
 
   // ---- [rt] For the reader.
+
+  // Null as long as there has been no solid object.
+  Proxies* proxies() const noexcept { return proxies_.load(std::memory_order_acquire); }
 
   // Takes a snapshot that was just fetched.
   void absorb(const Snapshot& snapshot, double now) noexcept;
@@ -95,6 +104,7 @@ class Memory : public Counted<Memory> {
     Vec3 centre{};           // m, when it was looked last
     double travelled = 0;    // m, rounded up
     double step = 0;         // m, the last
+    double radius = 0;       // m
   };
 
   Block& block(uint32_t chunk) const noexcept { return *blocks_[chunk / block_size]; }
@@ -111,6 +121,7 @@ class Memory : public Counted<Memory> {
   const bool has_weights_;
   std::array<std::unique_ptr<Block>, block_count> blocks_;
   uint32_t blocks_used_ = 0;  // of the reader: as far as its snapshots go
+  std::atomic<Proxies*> proxies_{nullptr};
   uint64_t seen_ = 0;         // sequence of the snapshot absorbed last
   bool is_any_woken_ = false; // by take_wants
   std::array<Way, Views::size> ways_;

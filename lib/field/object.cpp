@@ -73,7 +73,8 @@ double object_slope(const Object& object) {
   // places hang together, from its bends to any distance: if it is felt at all, then at some of them.
   const bool is_bent = object.primitive == FS_PRIMITIVE_POLYLINE && !object.shape->is_straight;
   if (is_bent && is_ever_felt(object.law.front)) return jump;
-  return std::fmax(steepest_slope(object.law.front), steepest_slope(object.law.back));
+  const double contact = object.is_solid() ? stiffness_of(object.contact) : 0;
+  return std::fmax(contact, std::fmax(steepest_slope(object.law.front), steepest_slope(object.law.back)));
 }
 
 ParsedObject parse(const fs_object& in, std::string name, const Object* like, bool builds_shape) {
@@ -122,10 +123,6 @@ ParsedObject parse(const fs_object& in, std::string name, const Object* like, bo
     fail(FS_ERROR_INVALID, "shape is given, must be null for a %s", primitive_name(in.primitive));
   }
   check_contact(in.contact, in.primitive);
-  if (in.contact.keep != FS_KEEP_NONE) {
-    fail(FS_ERROR_UNSUPPORTED, "contact.keep is %d: solid contacts are not in version %d.%d of this library",
-         static_cast<int>(in.contact.keep), FS_VERSION_MAJOR, FS_VERSION_MINOR);
-  }
   object.contact = in.contact;
 
   if (object.shape) {
@@ -136,7 +133,9 @@ ParsedObject parse(const fs_object& in, std::string name, const Object* like, bo
   }
   object.law.support = std::fmax(support(object.law.front), support(object.law.back));
   const bool has_same_force = like && like->primitive == object.primitive && like->shape == object.shape &&
-                              like->law.front == object.law.front && like->law.back == object.law.back;
+                              like->law.front == object.law.front && like->law.back == object.law.back &&
+                              like->contact.keep == object.contact.keep &&
+                              like->contact.stiffness == object.contact.stiffness;
   object.steepest_slope = has_same_force ? like->steepest_slope : object_slope(object);  // the place for a slope cap
   out.object = made;
   return out;

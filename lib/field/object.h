@@ -2,7 +2,9 @@
 // validator; deeper code does not check again.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
 
 #include <forceserver/scene.h>
@@ -14,12 +16,18 @@
 
 namespace fs {
 
+// N/m, of the spring of a contact.
+inline double stiffness_of(const fs_contact& contact) noexcept {
+  constexpr double unasked = 1000;
+  return contact.stiffness > 0 ? contact.stiffness : unasked;
+}
+
 struct Object : Counted<Object> {
   std::string name;
   fs_primitive primitive = FS_PRIMITIVE_POINT;
   Law law;
   double damping = 0;       // N s/m
-  fs_contact contact{};     // keep is NONE: contacts come with the proxy
+  fs_contact contact{};
   Ref<const Shape> shape;   // its tree is built if anybody evaluates the object
   uint32_t tool_points = 0;  // as the contract has it: 0 is all
   double lifetime = 0;      // s, 0: without end
@@ -28,6 +36,13 @@ struct Object : Counted<Object> {
   // Worked out by parse_object.
   double radius = 0;           // m, of the primitive about its origin; a plane: infinite
   double steepest_slope = 0;   // N/m, of the force in the distance; infinite where it jumps
+  bool is_solid() const noexcept { return contact.keep != FS_KEEP_NONE; }
+  // m: it cannot be felt farther away; below 0: nowhere. On the wrong side of a solid plane or envelope it is felt everywhere.
+  double support() const noexcept {
+    if (!is_solid()) return law.support;
+    const bool is_endless = primitive == FS_PRIMITIVE_PLANE || contact.keep == FS_KEEP_BACK;
+    return is_endless ? std::numeric_limits<double>::infinity() : std::max(law.support, radius);
+  }
   uint32_t point_mask() const noexcept { return tool_points ? tool_points : ~0u; }
 
   // False: the object cannot be adjusted to the other one while it is felt; the two must cross-fade (weight.h).

@@ -41,7 +41,9 @@ Row& Chunk::set(uint32_t i, Ref<const Object> given, const Motion& motion, uint6
   used |= bit;
   const Law& law = object.law;
   rows->forget_formulas(bit);
-  if (object.damping == 0 && Formula::is_possible(law.front) && Formula::is_possible(law.back)) {
+  if (object.is_solid()) {
+    rows->solids |= bit;
+  } else if (object.damping == 0 && Formula::is_possible(law.front) && Formula::is_possible(law.back)) {
     if (object.primitive != FS_PRIMITIVE_POINT || object.point_mask() != ~0u) {
       rows->contacts |= bit;
     } else {
@@ -61,22 +63,7 @@ Row& Chunk::set(uint32_t i, Ref<const Object> given, const Motion& motion, uint6
   return rows->rows[i];
 }
 
-void FeltBox::add(const FeltBox& other) noexcept {
-  low = {std::min(low.x, other.low.x), std::min(low.y, other.low.y), std::min(low.z, other.low.z)};
-  high = {std::max(high.x, other.high.x), std::max(high.y, other.high.y), std::max(high.z, other.high.z)};
-}
-
-bool FeltBox::is_inside(const FeltBox& other) const noexcept {
-  return low.x > other.low.x && low.y > other.low.y && low.z > other.low.z && high.x < other.high.x &&
-         high.y < other.high.y && high.z < other.high.z;
-}
-
-double FeltBox::distance(Vec3 from) const noexcept {
-  const auto beyond = [](double x, double low, double high) { return std::max(0.0, std::max(low - x, x - high)); };
-  return norm(Vec3{beyond(from.x, low.x, high.x), beyond(from.y, low.y, high.y), beyond(from.z, low.z, high.z)});
-}
-
-FeltBox Chunk::box_of(uint32_t i) const noexcept {
+Box Chunk::box_of(uint32_t i) const noexcept {
   const Motions& group = *motions[i / Motions::size];
   const uint32_t k = i % Motions::size;
   const double r = group.reach[k];
@@ -86,21 +73,20 @@ FeltBox Chunk::box_of(uint32_t i) const noexcept {
 }
 
 // A row has gone from one box to another.
-void Chunk::bound(const FeltBox& before, const FeltBox& after) noexcept {
-  const bool was_empty = !(before.low.x <= before.high.x);
-  if (was_empty || before.is_inside(box)) return box.add(after);
+void Chunk::bound(const Box& before, const Box& after) noexcept {
+  if (before.is_empty() || before.is_inside(box)) return box.add(after);
   box = {};
   for_each_bit(used, [&](uint32_t i) { box.add(box_of(i)); });
 }
 
 void Chunk::place(uint32_t i) noexcept {
-  const FeltBox before = box_of(i);
+  const Box before = box_of(i);
   const uint64_t bit = uint64_t{1} << i;
   const Object& object = *row(i).object;
   Motions& group = *motions[i / Motions::size];
   const uint32_t k = i % Motions::size;
   const Motion& m = group.motions[k];
-  const double support = object.law.support;
+  const double support = object.support();
   constexpr float infinity = std::numeric_limits<float>::infinity();
   const bool is_standing = !(m.horizon > 0);
   standing = is_standing ? standing | bit : standing & ~bit;
@@ -131,7 +117,7 @@ void Chunk::place(uint32_t i) noexcept {
 
 void Chunk::drop(uint32_t i) noexcept {
   const uint64_t bit = uint64_t{1} << i;
-  const FeltBox before = box_of(i);
+  const Box before = box_of(i);
   rows->rows[i] = {};
   rows->forget_formulas(bit);
   used &= ~bit;

@@ -49,12 +49,13 @@ struct Rows : LocalCounted<Rows> {
   Row rows[chunk_size];
   uint64_t linear = 0, quadratic = 0, inverse = 0, gaussian = 0;  // bit i: row i is a point with this formula
   uint64_t contacts = 0;  // bit i: row i is felt by formulas, but is no such point
+  uint64_t solids = 0;    // bit i: row i is solid
   double offset[chunk_size] = {}, gain[chunk_size] = {}, per_width[chunk_size] = {};
   double limit[chunk_size] = {}, reach[chunk_size] = {};
 
   uint64_t formulas() const noexcept { return linear | quadratic | inverse | gaussian; }
   void forget_formulas(uint64_t bit) noexcept {
-    for (uint64_t* const rows : {&linear, &quadratic, &inverse, &gaussian, &contacts}) *rows &= ~bit;
+    for (uint64_t* const rows : {&linear, &quadratic, &inverse, &gaussian, &contacts, &solids}) *rows &= ~bit;
   }
 };
 
@@ -68,22 +69,13 @@ struct Motions : LocalCounted<Motions> {
   Motions();
 };
 
-// An axis-aligned box, m; empty at first.
-struct FeltBox {
-  Vec3 low{never, never, never}, high{-never, -never, -never};
-
-  void add(const FeltBox& other) noexcept;
-  bool is_inside(const FeltBox& other) const noexcept;  // without touching it
-  double distance(Vec3 from) const noexcept;  // m; infinite of an empty box
-};
-
 struct Chunk : LocalCounted<Chunk> {
   uint64_t version = 0;                        // of the last change,
   uint64_t rows_version = 0;                   // and of the last that was more than a move
   uint64_t used = 0;                           // bit i: row i is in use
   uint64_t standing = 0;                       // its position does not depend on time, and is the centre
   uint64_t planes = 0;                         // it has no centre: its distance decides
-  FeltBox box;                                 // where any of its rows but the planes may be felt
+  Box box;                                 // where any of its rows but the planes may be felt
   Ref<Rows> rows;
   Ref<Motions> motions[chunk_size / Motions::size];  // null where none of the four has been in use
 
@@ -103,8 +95,8 @@ struct Chunk : LocalCounted<Chunk> {
 
  private:
   void place(uint32_t i) noexcept;  // works out centre and reach
-  FeltBox box_of(uint32_t i) const noexcept;
-  void bound(const FeltBox& before, const FeltBox& after) noexcept;
+  Box box_of(uint32_t i) const noexcept;
+  void bound(const Box& before, const Box& after) noexcept;
 };
 
 // Where the rows of a chunk may be felt, close together and in half the room: for a reader that looks at many.

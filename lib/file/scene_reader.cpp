@@ -226,8 +226,9 @@ class SceneReader {
       double scale = 1;
       form.read("scale", scale);
       form.finish();
-      const MeshData mesh = read_mesh_file(path_.substr(0, path_.rfind('/') + 1) + name, scale);
-      return make_mesh(mesh.points.data(), mesh.points.size(), mesh.triangles.data(), mesh.triangles.size() / 3);
+      MeshData mesh = read_mesh_file(path_.substr(0, path_.rfind('/') + 1) + name, scale);
+      Wanted wanted;
+      return make_mesh(std::move(mesh.points), std::move(mesh.triangles), wanted);
     }
     bool closed = false;
     form.read("closed", closed);

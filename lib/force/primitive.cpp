@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "force/box_tree.h"
 #include "force/mesh_tree.h"
 #include "force/triangle.h"
+#include "force/wide_search.h"
 
 namespace fs {
 namespace {
@@ -33,6 +33,20 @@ bool closest_on_plane(Vec3 x, double max_distance, Closest& out) noexcept {
   return true;
 }
 
+// Calls ask(segment, bound) for all segments that may be as near as the bound (m^2), which ask lowers.
+template <class From, class Ask>
+void ask_near(const Segments& segments, Vec3 at, double bound, Ask&& ask) noexcept {
+  const WideTree& tree = *segments.tree;
+  const double scale = segments.frame.scale;
+  const auto local = [&] { return wide::rounded_up<From>(bound * scale * scale); };
+  uint32_t visits = UINT32_MAX;
+  wide::search(tree, From{at}, local(), visits, [&](uint32_t leaf, auto& local_bound) {
+    const auto [begin, end] = tree.leaves()[leaf];
+    for (uint32_t i = begin; i < end; ++i) ask(tree.items()[i], bound);
+    local_bound = local();
+  }, [](uint32_t) {});
+}
+
 bool closest_on_polyline(const Shape& shape, Vec3 x, double max_distance, Closest& out) noexcept {
   const std::vector<Vec3>& points = shape.points;
   const Segments& segments = shape.segments();
@@ -52,10 +66,12 @@ bool closest_on_polyline(const Shape& shape, Vec3 x, double max_distance, Closes
     bound = here.squared;
   };
   if (segments.tree) {
-    const std::vector<uint32_t>& order = segments.tree->order();
-    segments.tree->nearest(x, bound, [&](uint32_t first, uint32_t size, double& bound) {
-      for (uint32_t i = first; i < first + size; ++i) ask(order[i], bound);
-    });
+    const Vec3 at = segments.frame.local(x);
+    if (largest_coordinate(at) < wide::far) {
+      ask_near<wide::Near>(segments, at, bound, ask);
+    } else {
+      ask_near<wide::Far>(segments, at, bound, ask);
+    }
   } else {
     for (size_t i = 0; i < count; ++i) ask(i, bound);
   }
@@ -85,9 +101,33 @@ bool closest_on_polyline(const Shape& shape, Vec3 x, double max_distance, Closes
   return true;
 }
 
+bool closest_on_mesh(const MeshTree& tree, Vec3 x, double max_distance, Closest& out, Hint* hint, Effort* effort) noexcept {
+  MeshTree::Query query{.x = x, .range = max_distance};
+  if (hint) {
+    // A distance changes by no more than the way. As long as that tells that the shape is out of range, nothing is searched.
+    const double way = norm(x - hint->from) * (1 + 1e-14) + coordinate_rounding(2 * largest_coordinate(x));
+    if (hint->gap - way > max_distance) return false;
+    query.hint = hint->triangle;
+    if (hint->gap >= max_distance) query.range += std::min(32 * way, max_distance);  // to know more for the next times
+  }
+  if (effort) query.visits = effort->visits;
+  const MeshTree::Found found = tree.find(query);
+  if (effort) {
+    effort->visits -= found.visits;
+    effort->is_cut = found.is_cut;
+    effort->least = found.least;
+  }
+  if (hint) *hint = {found.triangle, x, found.least};
+  if (found.triangle == MeshTree::no_triangle || !(std::sqrt(found.nearest.squared) <= max_distance)) return false;
+  out = tree.tell(x, found);
+  return true;
+}
+
 }  // namespace
 
-bool closest_point(fs_primitive primitive, const Shape* shape, Vec3 x, double max_distance, Closest& out) noexcept {
+bool closest_point(fs_primitive primitive, const Shape* shape, Vec3 x, double max_distance, Closest& out, Hint* hint,
+                   Effort* effort) noexcept {
+  if (effort) effort->is_cut = false;
   if (!(max_distance >= 0) || !is_finite(x) || largest_coordinate(x) > largest_query) return false;
   switch (primitive) {
     case FS_PRIMITIVE_POINT:
@@ -97,7 +137,7 @@ bool closest_point(fs_primitive primitive, const Shape* shape, Vec3 x, double ma
     case FS_PRIMITIVE_PLANE:
       return closest_on_plane(x, max_distance, out);
     case FS_PRIMITIVE_MESH:
-      return shape->tree()->closest(x, max_distance, out);
+      return closest_on_mesh(*shape->tree(), x, max_distance, out, hint, effort);
     default:
       return false;
   }

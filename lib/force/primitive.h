@@ -22,10 +22,26 @@ struct Closest {
   uint32_t triangle = 0;  // index of the triangle or segment; the lowest of those at equal distance
 };
 
+// What is remembered from one search of a shape to the next, to make it faster. It makes no difference to what is found.
+struct Hint {
+  uint32_t triangle = UINT32_MAX;  // that was nearest
+  Vec3 from{};                     // m: when the search was made from here,
+  double gap = 0;                  // nothing was nearer than this, m
+};
+
+// The work that searches may do, and whether it sufficed.
+struct Effort {
+  uint32_t visits = UINT32_MAX;  // that are left, of nodes and leaves of trees and of triangles
+  bool is_cut = false;           // the last search ended because there were none left: what it found may not be the closest,
+  double least = 0;              // but nothing is nearer than this, m
+};
+
 // [rt] The closest point to x (object frame, m). False when it is farther than max_distance (m, may be infinite), or
 // when x is not finite or beyond 1e150 m; then out is unchanged. shape: of a polyline or mesh, already built.
 // Exact to double precision: coordinates are taken relative to x, so rounding depends on the size of a triangle or
 // segment and its distance, not on how far both are from the origin. A distance within 2 ulps of the coordinates is 0.
-bool closest_point(fs_primitive primitive, const Shape* shape, Vec3 x, double max_distance, Closest& out) noexcept;
+// hint: of this shape; null: none. effort: null: without end.
+bool closest_point(fs_primitive primitive, const Shape* shape, Vec3 x, double max_distance, Closest& out,
+                   Hint* hint = nullptr, Effort* effort = nullptr) noexcept;
 
 }  // namespace fs

@@ -204,6 +204,15 @@ Intensity evaluate(const Profile& p, Curve::Parser* parser, double d, double t) 
   return {raw.force, std::clamp(raw.slope, -largest, largest)};
 }
 
+double most_between(const Profile& profile, double least, double most) noexcept {
+  if (profile.kind == FS_PROFILE_NONE) return 0;
+  if (profile.curve) return profile.limit;
+  // All formulas are monotone.
+  const double end = profile.reach > 0 ? std::min(most, profile.reach) : most;
+  if (!(least <= end)) return 0;
+  return std::max(evaluate(profile, nullptr, least, 0).force, evaluate(profile, nullptr, end, 0).force);
+}
+
 double support(const Profile& p) noexcept {
   const double bound = formula_support(p);
   return p.reach > 0 ? std::fmin(bound, p.reach) : bound;

@@ -33,6 +33,9 @@ double support(const Profile& profile) noexcept;
 // Whether the profile gives a force at any distance d > 0. For a curve only its support is asked.
 bool is_ever_felt(const Profile& profile) noexcept;
 
+// A bound of the force between two distances (m), N; for a curve its limit.
+double most_between(const Profile& profile, double least, double most) noexcept;
+
 // The steepest |df/dd| over all d >= 0 where 0 < f < limit, N/m; infinite when f jumps at the reach. A curve is not
 // evaluated: the slopes computed when it was made are scaled by the gain and cut off by limit and reach (curve.h).
 double steepest_slope(const Profile& profile);

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "force/mesh_edges.h"
 #include "force/triangle.h"
 
 namespace fs {
@@ -15,11 +14,11 @@ constexpr double cancelled = 1e-12;        // relative to the weights of a sum o
 constexpr Vec3 no_normal{0, 0, 0};
 constexpr Vec3 last_resort{0, 0, 1};
 
-// The number of the vertex of each corner. Points at equal coordinates are one vertex; vertices are numbered in the
-// order in which corners first use them.
+// The points that corners use, where those at equal coordinates are one vertex.
 struct Welded {
-  std::vector<uint32_t> corners;
-  size_t count = 0;
+  std::vector<uint32_t> vertices;  // of each point; empty: each point is a vertex of its own
+  std::vector<uint32_t> corners;   // the vertex of each corner; empty: its point
+  uint32_t count = 0;              // of the vertices
 };
 
 // Sorts, because n points then never take more than n log n steps, however they were chosen.
@@ -29,106 +28,127 @@ Welded weld(std::span<const Vec3> points, std::span<const uint32_t> corners, Wan
     Vec3 position;
     uint32_t point;
   };
-  std::vector<uint32_t> first_of(points.size(), none);  // the first point at the same place; none: no corner uses it
+  std::vector<uint32_t> vertices(points.size(), none);
   std::vector<Place> places;
   places.reserve(std::min(points.size(), corners.size()));
   for (const uint32_t point : corners) {
     wanted.step();
-    if (first_of[point] != none) continue;
-    first_of[point] = point;
+    if (vertices[point] != none) continue;
+    vertices[point] = point;
     places.push_back({points[point], point});
   }
   std::sort(places.begin(), places.end(), [&](const Place& a, const Place& b) {
     wanted.step();
     if (a.position.x != b.position.x) return a.position.x < b.position.x;
     if (a.position.y != b.position.y) return a.position.y < b.position.y;
-    return a.position.z < b.position.z;
+    if (a.position.z != b.position.z) return a.position.z < b.position.z;
+    return a.point < b.point;
   });
+  bool are_different = true;
   for (size_t i = 1; i < places.size(); ++i) {
-    if (places[i].position == places[i - 1].position) first_of[places[i].point] = first_of[places[i - 1].point];
+    if (!(places[i].position == places[i - 1].position)) continue;
+    vertices[places[i].point] = vertices[places[i - 1].point];
+    are_different = false;
   }
-  places = {};
-  std::vector<uint32_t> vertex_of(points.size(), none);
+  if (are_different) return {};
+  // Vertices are numbered in the order in which corners first use them.
   Welded welded;
+  std::vector<uint32_t> number_of(points.size(), none);
   welded.corners.reserve(corners.size());
   for (const uint32_t point : corners) {
     wanted.step();
-    uint32_t& vertex = vertex_of[first_of[point]];
-    if (vertex == none) vertex = static_cast<uint32_t>(welded.count++);
-    welded.corners.push_back(vertex);
+    uint32_t& number = number_of[vertices[point]];
+    if (number == none) number = welded.count++;
+    welded.corners.push_back(number);
   }
+  for (uint32_t& vertex : vertices) vertex = vertex == none ? none : number_of[vertex];
+  welded.vertices = std::move(vertices);
   return welded;
 }
 
 double angle_between(Vec3 u, Vec3 v) { return std::atan2(norm(cross(u, v)), dot(u, v)); }
 
+// The normal of the edge between two triangles with these normals.
+Pseudonormals::Normal between(Vec3 lower, Vec3 higher) {
+  const Vec3 normal = normalized(lower + higher);
+  return {normal, norm(lower - normal) <= flat_angle && norm(higher - normal) <= flat_angle};
+}
+
+// That of an edge with one triangle.
+Pseudonormals::Normal alone(Vec3 face) { return {normalized(face), false}; }
+
 }  // namespace
 
-Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint32_t> corners, Wanted& wanted) {
-  const Welded welded = weld(points, corners, wanted);
-  vertices_ = welded.corners;
-  edges_.resize(corners.size());
+Vec3 Pseudonormals::face(uint32_t triangle) const noexcept {
+  const uint32_t* v = corners_.data() + size_t{3} * triangle;
+  return triangle_normal(points_[v[0]], points_[v[1]], points_[v[2]]);
+}
+
+Pseudonormals::Normal Pseudonormals::side(uint32_t triangle, int k) const noexcept {
+  const uint32_t across = across_[size_t{3} * triangle + k];
+  if (across & kept) return kept_[across & ~kept];
+  if (across == triangle) return alone(face(triangle));
+  return between(face(std::min(triangle, across)), face(std::max(triangle, across)));
+}
+
+Pseudonormals::Normal Pseudonormals::corner(uint32_t triangle, int k) const noexcept {
+  const uint32_t point = corners_[size_t{3} * triangle + k];
+  const uint32_t vertex = vertices_.empty() ? point : vertices_[point];
+  return {vertex_normals_[vertex], vertex_is_flat_[vertex]};
+}
+
+size_t Pseudonormals::size() const noexcept {
+  return across_.size() * sizeof(uint32_t) + kept_.size() * sizeof(Normal) + vertices_.size() * sizeof(uint32_t) +
+         vertex_normals_.size() * sizeof(Vec3) + vertex_is_flat_.size() / 8;
+}
+
+Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint32_t> corners,
+                             std::unique_ptr<MeshEdges> known, Wanted& wanted)
+    : points_(points), corners_(corners) {
+  const auto point_count = static_cast<double>(points.size()), corner_count = static_cast<double>(corners.size());
+  wanted.begin_part(0.65, corner_count + 1.4 * point_count * std::log2(point_count));
+  Welded welded = weld(points, corners, wanted);
+  vertices_ = std::move(welded.vertices);
+  const std::span<const uint32_t> vertices = welded.corners.empty() ? corners : std::span<const uint32_t>(welded.corners);
+  const size_t vertex_count = welded.corners.empty() ? points.size() : welded.count;
   const uint32_t triangle_count = static_cast<uint32_t>(corners.size() / 3);
   const auto corner = [&](uint32_t t, int k) { return points[corners[size_t{3} * t + k]]; };
 
-  // A regular edge joins two triangles that run along it in opposite directions; a mesh can be flat only at such edges.
-  std::vector<uint8_t> is_twin(triangle_count, 0), edge_is_flat, vertex_is_flat(welded.count, 1);
-  struct Candidate {
-    uint64_t key;  // equal for triangles on this edge with the same vertices and orientation
-    uint32_t triangle;
-  };
-  std::vector<Candidate> candidates;
-  for_each_edge(welded.corners, welded.count, wanted, [&](std::span<const HalfEdge> edge) {
-    candidates.clear();
-    for (const HalfEdge h : edge) {
-      wanted.step();
-      edges_[h.id] = static_cast<uint32_t>(edge_is_flat.size());
-      if (is_collapsed(welded.corners, h.triangle())) continue;
-      const uint64_t opposite = welded.corners[size_t{3} * h.triangle() + (h.side() + 2) % 3];
-      candidates.push_back({opposite << 1 | runs_up(welded.corners, h), h.triangle()});
-    }
-    size_t count = candidates.size();
-    if (count > 2) {
-      std::sort(candidates.begin(), candidates.end(), [&](const Candidate& a, const Candidate& b) {
-        wanted.step();
-        return a.key != b.key ? a.key < b.key : a.triangle < b.triangle;
-      });
-    }
-    for (size_t i = 1; i < candidates.size(); ++i) {
-      if (candidates[i].key != candidates[i - 1].key) continue;
-      is_twin[candidates[i].triangle] = 1;
-      --count;
-    }
-    const bool is_regular = count == 2 && (candidates.front().key & 1) != (candidates.back().key & 1);
-    edge_is_flat.push_back(is_regular);
-    if (!is_regular && count > 0) {
-      const HalfEdge h = edge.front();
-      const int lower = (h.side() + (runs_up(welded.corners, h) ? 0 : 1)) % 3;
-      vertex_is_flat[h.other] = 0;
-      vertex_is_flat[welded.corners[size_t{3} * h.triangle() + lower]] = 0;
-    }
-  });
+  wanted.begin_part(0.68, 4.2 * corner_count);
+  if (!known || !welded.corners.empty()) known = std::make_unique<MeshEdges>(vertices, vertex_count, wanted);
+  wanted.begin_part(0.97, 6.4 * corner_count);
+  MeshEdges& edges = *known;
+  // A mesh can be flat only at regular edges.
+  std::vector<uint8_t> edge_is_flat(edges.kinds.size());
+  vertex_is_flat_.assign(vertex_count, true);
+  for (size_t e = 0; e < edges.kinds.size(); ++e) edge_is_flat[e] = edges.kinds[e] == MeshEdges::Kind::regular;
+  for (uint32_t i = 0; i < corners.size(); ++i) {
+    wanted.step();
+    if (edges.kinds[edges.of_side[i]] != MeshEdges::Kind::irregular) continue;
+    vertex_is_flat_[vertices[i]] = false;
+    vertex_is_flat_[vertices[i % 3 < 2 ? i + 1 : i - 2]] = false;
+  }
 
   // Sum the normals. A face has the weight pi at its edges (here 1) and its angle at its vertices.
   std::vector<Vec3> faces(triangle_count);
-  std::vector<double> vertex_weights(welded.count, 0);
-  edge_normals_.assign(edge_is_flat.size(), no_normal);
-  vertex_normals_.assign(welded.count, no_normal);
+  std::vector<double> vertex_weights(vertex_count, 0);
+  std::vector<Vec3> edge_normals(edge_is_flat.size(), no_normal);
+  vertex_normals_.assign(vertex_count, no_normal);
   std::vector<uint32_t> without_area;
   for (uint32_t t = 0; t < triangle_count; ++t) {
     wanted.step();
-    if (is_twin[t]) continue;
+    if (edges.is_twin[t]) continue;
     const Vec3 p[3] = {corner(t, 0), corner(t, 1), corner(t, 2)};
     faces[t] = triangle_normal(p[0], p[1], p[2]);
     if (faces[t] == no_normal) {
-      if (!is_collapsed(welded.corners, t)) without_area.push_back(t);
+      if (!is_collapsed(vertices, t)) without_area.push_back(t);
       continue;
     }
     for (int k = 0; k < 3; ++k) {
       const double angle = angle_between(p[(k + 1) % 3] - p[k], p[(k + 2) % 3] - p[k]);
-      edge_normals_[edges_[size_t{3} * t + k]] += faces[t];
-      vertex_normals_[vertices_[size_t{3} * t + k]] += angle * faces[t];
-      vertex_weights[vertices_[size_t{3} * t + k]] += angle;
+      edge_normals[edges.of_side[size_t{3} * t + k]] += faces[t];
+      vertex_normals_[vertices[size_t{3} * t + k]] += angle * faces[t];
+      vertex_weights[vertices[size_t{3} * t + k]] += angle;
     }
   }
 
@@ -150,20 +170,21 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
         k = i;
       }
     }
-    const auto sum = [&](int side) { return edge_normals_[edges_[size_t{3} * t + side % 3]]; };
+    const auto sum = [&](int side) { return edge_normals[edges.of_side[size_t{3} * t + side % 3]]; };
     stand_ins.push_back({t, k, normalized(sum(k)), normalized(sum(k + 1) + sum(k + 2))});
   }
   for (const StandIn& s : stand_ins) {
     const size_t first = size_t{3} * s.triangle;
-    edge_normals_[edges_[first + s.long_side]] += s.across_short;
-    for (int i = 1; i < 3; ++i) edge_normals_[edges_[first + (s.long_side + i) % 3]] += s.across_long;
-    const uint32_t vertex = vertices_[first + (s.long_side + 2) % 3];
+    edge_normals[edges.of_side[first + s.long_side]] += s.across_short;
+    for (int i = 1; i < 3; ++i) edge_normals[edges.of_side[first + (s.long_side + i) % 3]] += s.across_long;
+    const uint32_t vertex = vertices[first + (s.long_side + 2) % 3];
     vertex_normals_[vertex] += std::numbers::pi * s.across_long;
     vertex_weights[vertex] += std::numbers::pi;
   }
 
-  // Scale to unit length; where normals cancel, take the first triangle's.
-  const auto finish = [&](std::vector<Vec3>& normals, const std::vector<uint32_t>& ids, auto weight) {
+  // Scale to unit length; where normals cancel, take the first triangle's. Then mark what deviates from it: a normal is flat
+  // when no triangle there does.
+  const auto finish = [&](std::vector<Vec3>& normals, std::span<const uint32_t> ids, auto weight, auto& is_flat) {
     for (size_t i = 0; i < normals.size(); ++i) {
       normals[i] = norm(normals[i]) > cancelled * weight(i) ? normalized(normals[i]) : no_normal;
     }
@@ -171,29 +192,48 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
       wanted.step();
       if (normals[ids[i]] == no_normal) normals[ids[i]] = faces[i / 3];
     }
-  };
-  finish(edge_normals_, edges_, [](size_t) { return 2.0; });
-  finish(vertex_normals_, vertices_, [&](size_t i) { return vertex_weights[i]; });
-
-  // A normal is flat when no triangle there deviates from it.
-  const auto mark = [&](std::vector<Vec3>& normals, std::vector<uint32_t>& ids, std::vector<uint8_t>& is_flat) {
     for (size_t i = 0; i < ids.size(); ++i) {
       wanted.step();
       const Vec3 face = faces[i / 3];
-      if (!(face == no_normal) && norm(face - normals[ids[i]]) > flat_angle) is_flat[ids[i]] = 0;
+      if (!(face == no_normal) && norm(face - normals[ids[i]]) > flat_angle) is_flat[ids[i]] = false;
     }
     for (size_t i = 0; i < normals.size(); ++i) {
       if (normals[i] == no_normal) {
         normals[i] = last_resort;
-        is_flat[i] = 0;
+        is_flat[i] = false;
       }
     }
-    for (uint32_t& id : ids) {
-      if (is_flat[id]) id |= flat_bit;
-    }
   };
-  mark(edge_normals_, edges_, edge_is_flat);
-  mark(vertex_normals_, vertices_, vertex_is_flat);
+  finish(edge_normals, edges.of_side, [](size_t) { return 2.0; }, edge_is_flat);
+  finish(vertex_normals_, vertices, [&](size_t i) { return vertex_weights[i]; }, vertex_is_flat_);
+
+  // Keep the normals of those edges only whose two triangles do not tell them.
+  constexpr uint32_t none = UINT32_MAX;
+  std::vector<uint32_t> first(edge_is_flat.size(), none), second(edge_is_flat.size(), none), place(edge_is_flat.size(), none);
+  for (uint32_t t = 0; t < triangle_count; ++t) {
+    for (int k = 0; k < 3; ++k) {
+      uint32_t& one = first[edges.of_side[size_t{3} * t + k]];
+      (one == none ? one : second[edges.of_side[size_t{3} * t + k]]) = t;
+    }
+  }
+  across_ = std::move(edges.of_side);  // and is replaced side by side
+  for (uint32_t i = 0; i < corners.size(); ++i) {
+    wanted.step();
+    const uint32_t edge = across_[i], t = i / 3, low = first[edge], high = second[edge] == none ? low : second[edge];
+    const Normal normal{edge_normals[edge], edge_is_flat[edge] != 0};
+    if ((t == low || t == high) && !(faces[low] == no_normal) && !(faces[high] == no_normal)) {
+      const Normal told = low == high ? alone(faces[low]) : between(faces[low], faces[high]);
+      if (told.vector == normal.vector && told.is_flat == normal.is_flat) {
+        across_[i] = t == low ? high : low;
+        continue;
+      }
+    }
+    if (place[edge] == none) {
+      place[edge] = static_cast<uint32_t>(kept_.size());
+      kept_.push_back(normal);
+    }
+    across_[i] = kept | place[edge];
+  }
 }
 
 }  // namespace fs

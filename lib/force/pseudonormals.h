@@ -3,10 +3,11 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
-#include "base/wanted.h"
+#include "force/mesh_edges.h"
 #include "math/vec3.h"
 
 namespace fs {
@@ -19,6 +20,9 @@ namespace fs {
 // - a triangle without area passes on to each neighbour the normal of the neighbour across it, so it changes nothing;
 // - where normals cancel (a sheet with two faces), the triangle with the lowest index gives the normal;
 // - where no triangle has an area, the normal is {0, 0, 1}.
+//
+// For most edges only the triangle on the other side is kept, and the normal is worked out when it is asked for. The normals
+// of the vertices and of irregular edges are kept.
 class Pseudonormals {
  public:
   struct Normal {
@@ -26,23 +30,29 @@ class Pseudonormals {
     bool is_flat;  // inside a part of the mesh that is flat to 1e-7 rad: no edge or vertex can be felt there
   };
 
-  // Throws Abandoned.
-  Pseudonormals(std::span<const Vec3> points, std::span<const uint32_t> corners, Wanted& wanted);
+  // points, corners: three indices of points for each triangle; they live as long as the normals. edges: those of the
+  // corners, which serve where no two points coincide; null: not known. Throws Abandoned.
+  Pseudonormals(std::span<const Vec3> points, std::span<const uint32_t> corners, std::unique_ptr<MeshEdges> edges,
+                Wanted& wanted);
 
   // [rt] The normals of side k (from corner k to the next) and of corner k of a triangle.
-  Normal side(uint32_t triangle, int k) const noexcept { return get(edge_normals_, edges_[size_t{3} * triangle + k]); }
-  Normal corner(uint32_t triangle, int k) const noexcept {
-    return get(vertex_normals_, vertices_[size_t{3} * triangle + k]);
-  }
+  Normal side(uint32_t triangle, int k) const noexcept;
+  Normal corner(uint32_t triangle, int k) const noexcept;
+  // [rt] The unit normal of a triangle; {0, 0, 0} without area.
+  Vec3 face(uint32_t triangle) const noexcept;
+
+  size_t size() const noexcept;  // bytes
 
  private:
-  static constexpr uint32_t flat_bit = 0x80000000u;
-  static Normal get(const std::vector<Vec3>& normals, uint32_t id) noexcept {
-    return {normals[id & ~flat_bit], (id & flat_bit) != 0};
-  }
+  static constexpr uint32_t kept = 0x80000000u;  // the edge's normal is one of kept_
 
-  std::vector<Vec3> edge_normals_, vertex_normals_;
-  std::vector<uint32_t> edges_, vertices_;  // three for each triangle, with flat_bit
+  std::span<const Vec3> points_;
+  std::span<const uint32_t> corners_;
+  std::vector<uint32_t> across_;        // of each side of each triangle: the other triangle; itself where there is none; or `kept`
+  std::vector<Normal> kept_;
+  std::vector<uint32_t> vertices_;      // of each point; empty: each point is a vertex of its own
+  std::vector<Vec3> vertex_normals_;
+  std::vector<bool> vertex_is_flat_;
 };
 
 }  // namespace fs

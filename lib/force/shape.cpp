@@ -4,10 +4,10 @@
 #include <cmath>
 
 #include "base/error.h"
-#include "force/box_tree.h"
 #include "force/mesh_edges.h"
 #include "force/mesh_tree.h"
 #include "force/triangle.h"
+#include "force/wide_tree.h"
 
 namespace fs {
 namespace {
@@ -41,29 +41,14 @@ fs_shape_info bounds_of(const std::vector<Vec3>& points, Wanted& wanted) {
   return info;
 }
 
-void count_edges(const std::vector<Vec3>& points, const std::vector<uint32_t>& triangles, fs_shape_info& info,
-                 Wanted& wanted) {
-  bool has_edges = false;
-  for_each_edge(triangles, points.size(), wanted, [&](std::span<const HalfEdge> edge) {
-    size_t count = 0, up = 0;
-    for (const HalfEdge h : edge) {
-      if (is_collapsed(triangles, h.triangle())) continue;
-      ++count;
-      up += runs_up(triangles, h);
-    }
-    has_edges |= count > 0;
-    if (count == 1) {
-      ++info.open_edges;
-    } else if (count > 2 || (count == 2 && up != 1)) {
-      ++info.odd_edges;
-    }
-  });
+uint64_t count_degenerate(const std::vector<Vec3>& points, const std::vector<uint32_t>& triangles, Wanted& wanted) {
+  uint64_t count = 0;
   for (size_t i = 0; i < triangles.size(); i += 3) {
     wanted.step();
     const Vec3 n = triangle_normal(points[triangles[i]], points[triangles[i + 1]], points[triangles[i + 2]]);
-    if (n == Vec3{0, 0, 0}) ++info.degenerate;
+    if (n == Vec3{0, 0, 0}) ++count;
   }
-  info.closed = has_edges && info.open_edges == 0 && info.odd_edges == 0;
+  return count;
 }
 
 double radius_of(const std::vector<Vec3>& points, Wanted& wanted) {
@@ -105,14 +90,19 @@ Segments::Segments(const std::vector<Vec3>& points, bool closed, Wanted& wanted)
                                norm(tangents[beyond] - tangents[i]) <= straight_angle);
   }
   if (count <= few) return;
+  Box all;
+  for (const Vec3& p : points) all.add(p);
+  frame = LocalFrame(all);
   std::vector<Box> boxes(count);
   for (size_t i = 0; i < count; ++i) {
     wanted.step();
-    boxes[i].add(points[i]);
-    boxes[i].add(points[next(i)]);
+    boxes[i].add(frame.local(points[i]));
+    boxes[i].add(frame.local(points[next(i)]));
   }
-  tree = std::make_unique<const BoxTree>(std::move(boxes), wanted);
+  tree = std::make_unique<const WideTree>(std::move(boxes), wanted);
 }
+
+Segments::~Segments() = default;
 
 Ref<const Shape> make_polyline(const Vec3* points, size_t count, bool closed, Wanted& wanted) {
   check_points(points, count, 2, wanted);
@@ -120,41 +110,56 @@ Ref<const Shape> make_polyline(const Vec3* points, size_t count, bool closed, Wa
   fs_shape_info info = bounds_of(copy, wanted);
   info.primitive = FS_PRIMITIVE_POLYLINE;
   info.closed = closed;
-  return make_ref<const Shape>(info, std::move(copy), std::vector<uint32_t>(), wanted);
+  return make_ref<const Shape>(info, std::move(copy), std::vector<uint32_t>(), nullptr, wanted);
 }
+
+namespace {
+void check_triangle_count(size_t count) {
+  if (count < 1) fail(FS_ERROR_INVALID, "the mesh has no triangle, must have at least one");
+  if (count > most_triangles) fail(FS_ERROR_INVALID, "the mesh has %zu triangles, must be at most %zu", count, most_triangles);
+}
+}  // namespace
 
 Ref<const Shape> make_mesh(const Vec3* points, size_t point_count, const uint32_t* triangles, size_t triangle_count,
                            Wanted& wanted) {
-  if (triangle_count < 1) fail(FS_ERROR_INVALID, "the mesh has no triangle, must have at least one");
-  if (triangle_count > most_triangles) {
-    fail(FS_ERROR_INVALID, "the mesh has %zu triangles, must be at most %zu", triangle_count, most_triangles);
-  }
+  check_triangle_count(triangle_count);
   check_points(points, point_count, 1, wanted);
-  for (size_t i = 0; i < 3 * triangle_count; ++i) {
+  return make_mesh({points, points + point_count}, {triangles, triangles + 3 * triangle_count}, wanted);
+}
+
+Ref<const Shape> make_mesh(std::vector<Vec3> points, std::vector<uint32_t> triangles, Wanted& wanted) {
+  check_triangle_count(triangles.size() / 3);
+  check_points(points.data(), points.size(), 1, wanted);
+  for (size_t i = 0; i < triangles.size(); ++i) {
     wanted.step();
-    if (triangles[i] < point_count) continue;
+    if (triangles[i] < points.size()) continue;
     fail(FS_ERROR_INVALID, "triangles[%zu] has point %u as corner %zu, must be below the %zu points there are", i / 3,
-         triangles[i], i % 3, point_count);
+         triangles[i], i % 3, points.size());
   }
-  std::vector<Vec3> copy(points, points + point_count);
-  std::vector<uint32_t> corners(triangles, triangles + 3 * triangle_count);
-  fs_shape_info info = bounds_of(copy, wanted);
+  points.shrink_to_fit();
+  triangles.shrink_to_fit();
+  fs_shape_info info = bounds_of(points, wanted);
   info.primitive = FS_PRIMITIVE_MESH;
-  count_edges(copy, corners, info, wanted);
-  return make_ref<const Shape>(info, std::move(copy), std::move(corners), wanted);
+  info.degenerate = count_degenerate(points, triangles, wanted);
+  auto edges = std::make_unique<MeshEdges>(triangles, points.size(), wanted);
+  info.open_edges = edges->open;
+  info.odd_edges = edges->odd;
+  info.closed = edges->open == 0 && edges->odd == 0 && edges->has_any();
+  return make_ref<const Shape>(info, std::move(points), std::move(triangles), std::move(edges), wanted);
 }
 
 }  // namespace fs
 
 fs_shape::fs_shape(const fs_shape_info& info, std::vector<fs::Vec3> the_points, std::vector<uint32_t> the_triangles,
-                   fs::Wanted& wanted)
+                   std::unique_ptr<fs::MeshEdges> edges, fs::Wanted& wanted)
     : primitive(info.primitive),
       points(std::move(the_points)),
       triangles(std::move(the_triangles)),
       closed(info.closed),
       radius(fs::radius_of(points, wanted)),
       is_straight(primitive == FS_PRIMITIVE_POLYLINE && fs::are_on_a_line(points, wanted)),
-      info_(info) {
+      info_(info),
+      edges_(std::move(edges)) {
   if (primitive == FS_PRIMITIVE_POLYLINE) {
     segments_ = std::make_unique<const fs::Segments>(points, closed, wanted);
   }
@@ -166,7 +171,15 @@ void fs_shape::build(fs::Wanted& wanted) const {
   if (is_built()) return;
   const std::lock_guard lock(build_mutex_);
   if (is_built()) return;
-  tree_.store(new fs::MeshTree(points, triangles, wanted), std::memory_order_release);
+  wanted.show(&progress_);
+  try {
+    tree_.store(new fs::MeshTree(points, triangles, std::move(edges_), wanted), std::memory_order_release);
+  } catch (...) {
+    wanted.show(nullptr);
+    progress_ = 0;
+    throw;
+  }
+  wanted.show(nullptr);
 }
 
 bool fs_shape::is_built() const noexcept { return primitive == FS_PRIMITIVE_POLYLINE || tree() != nullptr; }

@@ -11,11 +11,13 @@
 #include "base/counted.h"
 #include "base/serial.h"
 #include "base/wanted.h"
+#include "force/local_frame.h"
 #include "math/vec3.h"
 
 namespace fs {
-class BoxTree;
 class MeshTree;
+struct MeshEdges;
+class WideTree;
 }
 
 namespace fs {
@@ -23,19 +25,22 @@ namespace fs {
 // The segments of a polyline: segment i begins at point i.
 struct Segments {
   static constexpr size_t few = 12;
-  std::unique_ptr<const BoxTree> tree;    // null: they are few, so all of them are looked at
+  LocalFrame frame;
+  std::unique_ptr<const WideTree> tree;   // in that frame; null: they are few, so all of them are looked at
   std::vector<Vec3> tangents;             // unit; {0, 0, 0} without length
   std::vector<uint8_t> goes_straight_on;  // into the next segment
 
   Segments(const std::vector<Vec3>& points, bool closed, Wanted& wanted);
+  ~Segments();
   size_t count() const noexcept { return tangents.size(); }
 };
 
 }  // namespace fs
 
 struct fs_shape : fs::Counted<fs_shape> {
+  // edges: those of a mesh.
   fs_shape(const fs_shape_info& info, std::vector<fs::Vec3> points, std::vector<uint32_t> triangles,
-           fs::Wanted& wanted);
+           std::unique_ptr<fs::MeshEdges> edges, fs::Wanted& wanted);
   ~fs_shape();
 
   const uint64_t serial = fs::next_serial();
@@ -54,6 +59,8 @@ struct fs_shape : fs::Counted<fs_shape> {
     build(wanted);
   }
   bool is_built() const noexcept;
+  // [rt] 0..1, of the build; 1 only when it is built.
+  double progress() const noexcept { return is_built() ? 1 : 0.999 * progress_.load(std::memory_order_relaxed); }
   const fs::MeshTree* tree() const noexcept { return tree_.load(std::memory_order_acquire); }  // [rt] null until built
 
   const fs::Segments& segments() const noexcept { return *segments_; }  // [rt] of a polyline
@@ -69,6 +76,8 @@ struct fs_shape : fs::Counted<fs_shape> {
   fs_shape_info info_;
   std::unique_ptr<const fs::Segments> segments_;
   mutable std::mutex build_mutex_;
+  mutable std::unique_ptr<fs::MeshEdges> edges_;  // of a mesh until a build takes them, which need not sort them again
+  mutable std::atomic<double> progress_{0};
   mutable std::atomic<const fs::MeshTree*> tree_{nullptr};
 };
 
@@ -76,12 +85,13 @@ namespace fs {
 
 using Shape = fs_shape;
 
-// These check and copy their arguments. INVALID: fewer than 2 points, no triangle, an index out of range, a coordinate
+// These check their arguments, and copy them unless they are vectors. INVALID: fewer than 2 points, no triangle, an index out of range, a coordinate
 // not finite or beyond 1e15 m, more than 4e9 points or 5e8 triangles; the sentence names the first bad point or
 // triangle. Throws Abandoned.
 Ref<const Shape> make_polyline(const Vec3* points, size_t count, bool closed, Wanted& wanted);
 Ref<const Shape> make_mesh(const Vec3* points, size_t point_count, const uint32_t* triangles, size_t triangle_count,
                            Wanted& wanted);
+Ref<const Shape> make_mesh(std::vector<Vec3> points, std::vector<uint32_t> triangles, Wanted& wanted);
 inline Ref<const Shape> make_polyline(const Vec3* points, size_t count, bool closed) {
   Wanted wanted;
   return make_polyline(points, count, closed, wanted);

@@ -20,7 +20,7 @@ struct Nearest {
   Part part = Part::face;
 };
 
-// Clamps p to the range of the other arguments, so that rounding cannot carry it out of their box (see box_tree.h).
+// Clamps p to the range of the other arguments, so that rounding cannot carry it out of their box.
 // Never NaN.
 inline double clamped(double p, double a, double b) noexcept {
   return std::max(std::min(a, b), std::min(std::max(a, b), p));

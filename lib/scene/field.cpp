@@ -26,8 +26,8 @@ struct Worker {
     snapshot.chunks.for_each([&](uint32_t number, const Chunk& chunk) {
       memory->make_room(number * chunk_size);
       for_each_bit(chunk.used, [&](uint32_t i) {
-        const Law& law = chunk.row(i).object->law;
-        if (law.has_curves()) scratches.set(number * chunk_size + i, Scratch::of(law), 1);
+        const Object& object = *chunk.row(i).object;
+        if (Scratch::is_needed(object)) scratches.set(number * chunk_size + i, Scratch::of(object), 1);
       });
     });
     memory->absorb(snapshot, 0);

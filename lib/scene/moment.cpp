@@ -31,6 +31,9 @@ Moment::Moment(Ref<LocalScene> scene, bool with_group, const char* only) : scene
   used_ = evaluated.objects.rows.used();
   if (!servo->newest.read(tick_)) return;
   time_ = tick_.time;
+  FeltSolids solids;
+  const Proxies* const proxies = memory_->proxies();
+  if (proxies && proxies->read(solids)) solids_ = solids;
   const Views& views = *evaluated.views.views();
   const View* view = &views.now();
   for (const View& other : views.rows) {
@@ -72,6 +75,12 @@ fs_motion Moment::to_motion(const Entry& entry, const std::string& prefix) noexc
 bool Moment::feel(uint32_t number, Share& out) const {
   const Row& it = row(number);
   const Motion& motion = find_chunk(chunks_, number)->motion(number % chunk_size);
+  if (const FeltSolids::Felt* const felt = it.object->is_solid() ? solids_.find(it.version) : nullptr) {
+    out.wrench = felt->wrench;
+    out.point = felt->point;
+    out.distance = felt->distance;
+    return true;
+  }
   if (!evaluate_object(*it.object, motion, it.start, tool_, nullptr, out)) return false;
   if (!it.object->law.has_curves()) return true;
   const Law::Parsers parsers = it.object->law.make_parsers();

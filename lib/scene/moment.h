@@ -5,6 +5,7 @@
 
 #include <string>
 
+#include "field/proxies.h"
 #include "scene/local_scene.h"
 
 namespace fs {
@@ -70,6 +71,7 @@ class Moment {
   fs_frame frame_;
   uint64_t used_ = 0;              // sequence that the servo has used
   Ref<const Memory> memory_;       // of the servo; null: there is none
+  FeltSolids solids_;              // at the last tick
   TickSample tick_;
   ToolState tool_;                 // where the last tick had it
 };

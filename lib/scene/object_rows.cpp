@@ -27,20 +27,22 @@ void ObjectRows::own_motion(uint32_t row) { chunks_.edit(row / chunk_size, seque
 
 // Finds a row that no tick can use, but does not reserve it: fill does. Two calls give the same row.
 uint32_t ObjectRows::allocate(const Entry& entry) {
-  return space_.find(entry.motion.pose.position, entry.object->radius + entry.object->law.support,
+  return space_.find(entry.motion.pose.position, entry.object->radius + entry.object->support(),
                      servo_ ? used() : sequence_);
 }
 
-// Makes room for a row in the memory of each reader, and what the curves of its object need there.
+// Makes room for a row in the memory of each reader, and what its object needs there.
 ObjectRows::New ObjectRows::make_new(uint32_t row, const Object& object, const Object* before) {
   const bool has_same_curves = before && before->law.front.curve == object.law.front.curve &&
                                before->law.back.curve == object.law.back.curve;
   New out;
   for (Reader* const reader : readers_) {
     reader->memory->make_room(row);
+    if (object.is_solid()) reader->memory->make_proxies();
     if (has_same_curves) continue;
-    if (object.law.has_curves() || reader->scratches.get(row)) reader->scratches.own(row, sequence_);
-    out.push_back(object.law.has_curves() ? Scratch::of(object.law) : nullptr);
+    Ref<Scratch> scratch = Scratch::of(object);
+    if (scratch || reader->scratches.get(row)) reader->scratches.own(row, sequence_);
+    out.push_back(std::move(scratch));
   }
   return out;
 }
@@ -190,8 +192,9 @@ void ObjectRows::attach(Reader& reader) {
   for (uint32_t chunk = 0; chunk < space_.chunks_end(); ++chunk) reader.memory->make_room(chunk * chunk_size);
   chunks_.for_each([&](uint32_t number, const Chunk& chunk) {
     for_each_bit(chunk.used, [&](uint32_t i) {
-      const Law& law = chunk.row(i).object->law;
-      if (law.has_curves()) reader.scratches.set(number * chunk_size + i, Scratch::of(law), sequence_);
+      const Object& object = *chunk.row(i).object;
+      if (object.is_solid()) reader.memory->make_proxies();
+      if (Scratch::is_needed(object)) reader.scratches.set(number * chunk_size + i, Scratch::of(object), sequence_);
     });
   });
   readers_.push_back(&reader);

@@ -51,7 +51,7 @@ class ObjectRows : Versions<ObjectRows> {
 
   // Objects that are added in the order of this number lie together best.
   uint64_t place_of(const Entry& entry) noexcept {
-    return space_.place_of(entry.motion.pose.position, entry.object->radius + entry.object->law.support);
+    return space_.place_of(entry.motion.pose.position, entry.object->radius + entry.object->support());
   }
 
   // Readers. starts_in: a servo's first snapshot is felt in full at once.

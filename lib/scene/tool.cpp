@@ -1,5 +1,7 @@
 #include "scene/tool.h"
 
+#include "field/proxies.h"
+
 using namespace fs;
 
 fs_tool::fs_tool(Ref<LocalScene> scene, std::vector<Vec3> points)
@@ -23,4 +25,8 @@ fs_status fs_tool::evaluate(const fs_state& state, fs_response& out) noexcept {
   out = evaluate_near(posting.scratches, *reader_.memory, 0, points_ ? 1 : view.version, points,
                       ToolState::at(checked, points, time));
   return FS_OK;
+}
+
+void fs_tool::reset() noexcept {
+  if (fs::Proxies* const proxies = reader_.memory->proxies()) proxies->forget();
 }

@@ -9,6 +9,7 @@ struct fs_tool : fs::Counted<fs_tool> {
   ~fs_tool();
 
   fs_status evaluate(const fs_state& state, fs_response& out) noexcept;  // [rt]
+  void reset() noexcept;                                                  // [rt]
 
  private:
   const fs::Ref<fs::LocalScene> scene_;

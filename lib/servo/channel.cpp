@@ -3,6 +3,13 @@
 #include "servo/servo.h"
 
 namespace fs {
+namespace {
+
+// Of nodes and leaves of trees and of triangles, in one view at a tick. More than a hand that slides over a mesh of millions of triangles takes;
+// some tens of microseconds.
+constexpr uint32_t most_visits = 1024;
+
+}  // namespace
 
 Channel::Channel(fs_servo& servo, Ref<LocalScene> scene, const Limits& limits, bool starts_in)
     : scene_(std::move(scene)), limits_(limits), fade_(servo.fade()), reader_(make_ref<Memory>(servo.fade())) {
@@ -40,8 +47,9 @@ fs_response Channel::evaluate_view(const Snapshot& snapshot, uint32_t view, fs_s
   sum.proxy = state.pose;
   if (!(weight > 0) || !make_unit_pose(state.pose)) return sum;
   const View& seen = snapshot.views->rows[view];
+  Effort effort{.visits = most_visits};
   sum = evaluate_near(reader_.mailbox.front().scratches, *reader_.memory, view, seen.version, *seen.tool,
-                      ToolState::at(state, *seen.tool, now));
+                      ToolState::at(state, *seen.tool, now), &effort);
   scale(sum, weight);
   if (weight < 1 && sum.felt_count > 0) sum.flags |= FS_RESPONSE_FADING;
   return sum;

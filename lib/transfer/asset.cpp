@@ -85,7 +85,7 @@ Asset unpack(PackedAsset&& packed, Wanted& wanted) {
   if (record.primitive == FS_PRIMITIVE_POLYLINE) {
     return {make_polyline(points.data(), points.size(), record.is_closed != 0, wanted), nullptr};
   }
-  return {make_mesh(points.data(), points.size(), triangles.data(), record.triangle_count, wanted), nullptr};
+  return {make_mesh(std::move(points), std::move(triangles), wanted), nullptr};
 }
 
 // ---------------------------------------------------------------------------------------------------------- of objects

@@ -134,6 +134,9 @@ static const std::vector<Call> calls{
        return made(out, fs_shape_load(but(n, 0, w.mesh_path.c_str()), 1, out));
      }},
     {"fs_shape_build", 1, FS_OK, [](World& w, int n) { return fs_shape_build(but(n, 0, w.shape)); }},
+    {"fs_shape_get_progress", 2, FS_OK, [](World& w, int n) {
+       return fs_shape_get_progress(but(n, 0, w.shape), but(n, 1, &w.number));
+     }},
     {"fs_shape_get_info", 2, FS_OK, [](World& w, int n) {
        return fs_shape_get_info(but(n, 0, w.shape), but(n, 1, &w.shape_info));
      }},

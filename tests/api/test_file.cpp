@@ -353,16 +353,23 @@ START_TEST(bad_files_load_nothing) {
 }
 END_TEST
 
-START_TEST(contacts_in_files) {  // this version has no contacts: the error says so, and nothing is loaded
+START_TEST(contacts_in_files) {
   const Folder folder;
   const std::string path = folder / "scene.json";
   const Scene scene = make_scene();
   write_text(path, R"({"forceserver": "scene", "version": 1, "objects": [
     {"name": "good", "primitive": "point"},
-    {"name": "solid", "primitive": "plane", "contact": {"keep": "front", "limit": 5.0}}]})");
-  EXPECT(FS_ERROR_UNSUPPORTED, fs_scene_load(scene.get(), path.c_str()));
-  ck_assert_ptr_nonnull(std::strstr(fs_last_error(), "solid"));
-  ck_assert_uint_eq(object_count(scene.get()), 0);
+    {"name": "solid", "primitive": "plane",
+     "contact": {"keep": "front", "stiffness": 700, "limit": 5.0, "damping": 2, "friction": 0.25}}]})");
+  OK(fs_scene_load(scene.get(), path.c_str()));
+  OK(fs_scene_save(scene.get(), path.c_str()));
+  const Scene again = make_scene();
+  OK(fs_scene_load(again.get(), path.c_str()));
+  fs_object got = fs_object_init(nullptr, FS_PRIMITIVE_POINT);
+  OK(fs_object_get(again.get(), "solid", &got));
+  const fs_contact wanted{FS_KEEP_FRONT, 0, 700, 5, 2, 0.25};
+  ck_assert(std::memcmp(&got.contact, &wanted, sizeof wanted) == 0);
+  fs_object_release(&got);
 }
 END_TEST
 

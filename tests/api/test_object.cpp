@@ -374,19 +374,18 @@ START_TEST(struct_sizes) {
 }
 END_TEST
 
-START_TEST(contacts_wait_for_the_proxy) {  // checked in full, then UNSUPPORTED, in this version
+START_TEST(contacts_are_kept) {
   const Scene scene = make_scene();
   fs_object o = wall("w");
   OK(fs_object_set(scene.get(), &o));
-  const Seen before(scene.get());
-  for (fs_keep keep : {FS_KEEP_FRONT, FS_KEEP_BACK, FS_KEEP_EITHER}) {
-    o.contact = {keep, 0, 0, 5, 1, 0.5};
-    EXPECT(FS_ERROR_UNSUPPORTED, fs_object_set(scene.get(), &o));
-    ck_assert_uint_gt(std::strlen(fs_last_error()), 10);
-    EXPECT(FS_ERROR_UNSUPPORTED, fs_object_change(scene.get(), &o, FS_PART_CONTACT));
+  for (fs_keep keep : {FS_KEEP_FRONT, FS_KEEP_BACK, FS_KEEP_EITHER, FS_KEEP_NONE}) {
+    o.contact = {keep, 0, 100, 5, 1, 0.5};
+    OK(fs_object_change(scene.get(), &o, FS_PART_CONTACT));
+    fs_object got = fs_object_init(nullptr, FS_PRIMITIVE_POINT);
+    OK(fs_object_get(scene.get(), "w", &got));
+    ck_assert(std::memcmp(&got.contact, &o.contact, sizeof o.contact) == 0);
+    fs_object_release(&got);
   }
-  before.expect_same(scene.get());
-  OK(fs_object_change(scene.get(), &o, FS_PART_POSE));  // other parts are not touched by it
 }
 END_TEST
 
@@ -844,7 +843,7 @@ int main() {
   Suite* suite = suite_create("object");
   add_case(suite, "objects", {got_handles_live_until_released, bad_moves, order_of_destruction_is_free});
   add_case(suite, "refusals", {names, bad_fields_are_refused_by_name, edges_of_what_is_good, zeros_are_the_identity,
-                               struct_sizes, contacts_wait_for_the_proxy});
+                               struct_sizes, contacts_are_kept});
   add_case(suite, "base", {base, pose_from_z, tool_and_frame});
   add_case(suite, "reports", {without_a_servo, stiffness_wanted, what_jumps, overflow});
   add_case(suite, "time", {a_stream_of_moves, a_fast_stream_of_moves, jumps_make_no_twist, moves_of_one_instant, the_clock,

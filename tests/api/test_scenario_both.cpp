@@ -222,10 +222,10 @@ static std::vector<Bad> bad_calls(const Content& content, const std::string& fol
       {"another shape", [line](fs_object& o) { o.primitive = FS_PRIMITIVE_MESH; o.shape = line; }},
       {"keep", [](fs_object& o) { std::memset(&o.contact.keep, 9, 1); }},
       {"keep of a point", [](fs_object& o) { o.contact.keep = FS_KEEP_FRONT; o.contact.limit = 1; }},
-      {"solid", [](fs_object& o) {
+      {"solid without a limit", [](fs_object& o) {
          o.primitive = FS_PRIMITIVE_PLANE;
          o.contact.keep = FS_KEEP_FRONT;
-         o.contact.limit = 1;
+         o.contact.limit = 0;
        }},
       {"contact.stiffness", [](fs_object& o) { o.contact.stiffness = -1; }},
       {"contact.friction", [](fs_object& o) { o.contact.friction = 3; }},

@@ -1,10 +1,14 @@
 // Shapes, curves and mesh files: what is made of them, what is refused, and how long they live.
+#include <sys/wait.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <limits>
 #include <numbers>
+#include <thread>
 
 #include "api/support.h"
 
@@ -37,6 +41,19 @@ START_TEST(polylines) {
   ck_assert(!info_of(make_polyline(points, 2, false).get()).closed);
   const fs_vec3 same[]{{1, 1, 1}, {1, 1, 1}};  // of no length, but a line
   make_polyline(same, 2, false);
+  for (const size_t n : {20'000, 300'000}) {  // the boxes of its segments have no area
+    std::vector<fs_vec3> line(n);
+    for (size_t i = 0; i < n; ++i) line[i].x = 1e-6 * static_cast<double>(i);
+    make_polyline(line.data(), n, false);
+    std::vector<uint32_t> flat;
+    for (uint32_t i = 2; i < n; ++i) flat.insert(flat.end(), {i - 2, i - 1, i});
+    fs_shape* mesh = nullptr;
+    OK(fs_shape_create_mesh(line.data(), n, flat.data(), n - 2, &mesh));
+    OK(fs_shape_build(mesh));
+    fs_shape_destroy(mesh);
+    std::fill(line.begin(), line.end(), fs_vec3{1, 2, 3});
+    make_polyline(line.data(), n, false);
+  }
 
   fs_shape* none = nullptr;
   EXPECT(FS_ERROR_INVALID, fs_shape_create_polyline(points, 1, false, &none));
@@ -126,6 +143,72 @@ START_TEST(shape_references) {
   fs_shape_destroy(shape);
   ck_assert_ptr_null(fs_shape_retain(nullptr));
   ck_assert_ptr_null(fs_curve_retain(nullptr));
+}
+END_TEST
+
+static double progress_of(const fs_shape* shape) {
+  double out = nan_;
+  OK(fs_shape_get_progress(shape, &out));
+  return out;
+}
+
+// Seen by other threads, of which one builds too: it only grows, and is 1 exactly when the tree is there.
+START_TEST(progress_of_a_build) {
+  const fs_vec3 ends[]{{0, 0, 0}, {1, 0, 0}};
+  ck_assert_double_eq(progress_of(make_polyline(ends, 2, false).get()), 1);
+  const Shape mesh = make_mesh(torus_mesh(0.05, 0.02, is_sanitized ? 20'000 : 200'000));
+  ck_assert_double_eq(progress_of(mesh.get()), 0);
+  std::atomic<int> wrong{0}, ready{0};
+  size_t seen = 0;
+  const auto watch = [&](size_t* different) {
+    double last = 0;
+    ++ready;
+    while (last < 1) {
+      const bool was_built = info_of(mesh.get()).built;
+      const double now = progress_of(mesh.get());
+      wrong += !(now >= last && now <= 1) || (was_built && now < 1) || (now == 1 && !info_of(mesh.get()).built);
+      if (different) *different += now != last;
+      last = now;
+    }
+  };
+  std::thread first(watch, &seen), second(watch, nullptr);
+  while (ready < 2) std::this_thread::yield();
+  std::thread other([&] { wrong += fs_shape_build(mesh.get()) != FS_OK; });
+  OK(fs_shape_build(mesh.get()));
+  ck_assert_double_eq(progress_of(mesh.get()), 1);
+  other.join();
+  first.join();
+  second.join();
+  ck_assert_int_eq(wrong, 0);
+  std::printf("  steps of the progress that were seen: %zu\n", seen);
+}
+END_TEST
+
+static size_t threads_of_this_process() {
+  const std::filesystem::directory_iterator tasks("/proc/self/task");
+  return static_cast<size_t>(std::distance(begin(tasks), end(tasks)));
+}
+
+// Also in processes that were forked before the first build and after it, where a thread would be missing.
+START_TEST(a_build_needs_no_other_thread) {
+  const auto build = [] {
+    const size_t before = threads_of_this_process();
+    const Shape mesh = make_mesh(torus_mesh(0.05, 0.02, 20'000));
+    return fs_shape_build(mesh.get()) == FS_OK && info_of(mesh.get()).built && threads_of_this_process() == before;
+  };
+  const auto build_in_fork = [&] {
+    const pid_t child = fork();
+    if (child == 0) {
+      alarm(100);
+      _exit(build() ? 0 : 1);
+    }
+    int status = -1;
+    return waitpid(child, &status, 0) == child && WIFEXITED(status) && WEXITSTATUS(status) == 0;
+  };
+  ck_assert(build_in_fork());
+  ck_assert(build());
+  ck_assert(build_in_fork());
+  ck_assert(build());
 }
 END_TEST
 
@@ -359,7 +442,8 @@ END_TEST
 
 int main() {
   Suite* suite = suite_create("shape");
-  add_case(suite, "shapes", {polylines, meshes, edges_of_meshes, shape_references, scenes_of_the_tests});
+  add_case(suite, "shapes", {polylines, meshes, edges_of_meshes, shape_references, progress_of_a_build,
+                            a_build_needs_no_other_thread, scenes_of_the_tests});
   add_case(suite, "curves", {tables, expressions});
   add_case(suite, "files", {mesh_files, faces_that_are_not_convex, bad_mesh_files});
   return run_suite(suite);

@@ -3,6 +3,7 @@
 #include <cstring>
 #include <set>
 
+#include "base/processor.h"
 #include "field/evaluate.h"
 #include "force_fixtures.h"
 #include "scene/row_space.h"
@@ -68,12 +69,12 @@ START_TEST(lanes_agree) {
     LaneSum wide, usual;
     uint64_t felt[2] = {};
     for (const bool is_wide : {true, false}) {
-      allow_wide_lanes(is_wide);
+      allow_avx2(is_wide);
       for (unsigned k = 0; k < 2; ++k) {
         felt[is_wide] |= add_points(chunk, mask, tool.points[k].position, tool.points[k].arm, weights, 0.5, is_wide ? wide : usual);
       }
     }
-    allow_wide_lanes(true);
+    allow_avx2(true);
     ck_assert_int_eq(std::memcmp(&wide, &usual, sizeof wide), 0);
     ck_assert_uint_eq(felt[0], felt[1]);
 
@@ -149,9 +150,9 @@ START_TEST(contacts_agree) {
     ck_assert_int_eq(fs_scene_commit(scene), FS_OK);
     fs_response wide, usual;
     ck_assert_int_eq(fs_evaluate(tool, &state, &wide), FS_OK);
-    allow_wide_lanes(false);
+    allow_avx2(false);
     ck_assert_int_eq(fs_evaluate(tool, &state, &usual), FS_OK);
-    allow_wide_lanes(true);
+    allow_avx2(true);
     ck_assert_int_eq(std::memcmp(&wide, &usual, sizeof wide), 0);
     ck_assert_uint_eq(wide.felt_count, felt);
     const double deviation = norm(wide.wrench.force - wrench.force) / size;

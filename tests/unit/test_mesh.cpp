@@ -8,6 +8,7 @@
 #include <limits>
 #include <thread>
 
+#include "base/processor.h"
 #include "force/mesh_tree.h"
 #include "force/primitive.h"
 #include "force/triangle.h"
@@ -108,6 +109,28 @@ void check_hit(const Closest& hit, Vec3 x, double scale) {
   }
 }
 
+void ck_assert_same(const Closest& a, const Closest& b) {
+  ck_assert(a.point == b.point && a.distance == b.distance && a.direction == b.direction && a.tangent == b.tangent);
+  ck_assert(a.side == b.side && a.feature == b.feature && a.triangle == b.triangle);
+}
+
+// The closest point does not depend on the width of the vectors, on a hint or on the range within which it is searched.
+void check_ways(const Shape& shape, Vec3 x, const Closest& hit, Random& random) {
+  Closest other;
+  allow_avx2(false);
+  ck_assert(closest_point(FS_PRIMITIVE_MESH, &shape, x, infinity, other));
+  allow_avx2(true);
+  ck_assert_same(hit, other);
+  Hint hint;
+  hint.triangle = static_cast<uint32_t>(random.below(shape.triangles.size() / 3));
+  const double range = std::fmax(hit.distance, 1e-15 * largest_coordinate(x)) * random.between(1, 1.5);
+  if (hit.distance > 0) {  // else the distance that is compared with the range is what was rounded to 0
+    ck_assert(closest_point(FS_PRIMITIVE_MESH, &shape, x, range, other, &hint));
+    ck_assert_same(hit, other);
+    ck_assert_uint_eq(hint.triangle, hit.triangle);
+  }
+}
+
 // Compares the tree with the reference for points near and far from the mesh; returns the largest deviation in units of
 // the rounding of the sizes involved.
 double compare(const Mesh& m, uint64_t seed, int count) {
@@ -131,6 +154,7 @@ double compare(const Mesh& m, uint64_t seed, int count) {
                   hit.distance, distance);
     ck_assert_uint_eq(hit.triangle, index);
     check_hit(hit, x, size);
+    check_ways(*shape, x, hit, random);
     const double exact = reference_distance(m, x);
     worst = std::fmax(worst, std::fabs(distance - exact) / (epsilon * (size + exact)));
   }
@@ -229,6 +253,76 @@ START_TEST(takes_bad_meshes) {
     ck_assert(closest_point(FS_PRIMITIVE_MESH, shape.get(), x, infinity, hit));
     check_hit(hit, x, infinity);
   }
+}
+END_TEST
+
+START_TEST(all_sizes_in_one_mesh) {
+  Random random(25);
+  for (const Vec3 where : {Vec3{0, 0, 0}, Vec3{5e5, 4.6e6, 1500}}) {
+    Mesh m;
+    for (uint32_t i = 0; i < 300; ++i) {
+      const Vec3 a = where + random.log_between(1e-6, 1) * random.direction();
+      const double size = random.log_between(1e-9, 3);
+      m.points.insert(m.points.end(), {a, a + size * random.direction(), a + random.log_between(1e-3, 1) * size * random.direction()});
+      m.add(3 * i, 3 * i + 1, 3 * i + 2);
+    }
+    ck_assert_double_le(compare(m, 26, times(300, 1000)), 4);
+  }
+}
+END_TEST
+
+// A hint tells for how long nothing has to be searched; that changes nothing either.
+START_TEST(hints_make_no_difference) {
+  Random random(27);
+  const Ref<const Shape> shape = moved(sphere(0.1, 5), {0.3, 0.2, 0.1}).shape();
+  int near = 0, searched = 0;
+  const int count = times(20000, 200000);
+  Hint hint;
+  Vec3 x{0.3, 0.2, 0.35}, velocity{};
+  for (int i = 0; i < count; ++i) {
+    velocity = 0.99 * velocity + 1e-5 * random.direction();
+    x += velocity + 1e-3 * (Vec3{0.3, 0.2, 0.1} - x);
+    if (i % 1000 == 0) x = Vec3{0.3, 0.2, 0.1} + random.in_box(0.3);  // it jumps
+    const double range = i / 5000 % 2 ? 0.01 : 0.03;
+    Closest cold, warm;
+    const Vec3 before = hint.from;
+    const bool is_near = closest_point(FS_PRIMITIVE_MESH, shape.get(), x, range, cold);
+    ck_assert(is_near == closest_point(FS_PRIMITIVE_MESH, shape.get(), x, range, warm, &hint));
+    if (is_near) ck_assert_same(cold, warm);
+    near += is_near;
+    searched += !is_near && !(hint.from == before);
+  }
+  if (std::getenv("VERBOSE")) std::printf("near %d, searched %d of the others, of %d\n", near, searched, count);
+  ck_assert_int_gt(near, count / 20);
+  ck_assert_int_lt(near, count * 19 / 20);
+  ck_assert_int_lt(searched, (count - near) / 5);
+}
+END_TEST
+
+START_TEST(a_search_can_be_cut) {
+  const Ref<const Shape> shape = sphere(1, 6).shape();
+  Random random(28);
+  int cut = 0;
+  for (int i = 0; i < 2000; ++i) {
+    const Vec3 x = i % 4 == 0 ? 1e-6 * random.direction() : random.in_box(1.5);
+    Closest exact, hit;
+    ck_assert(closest_point(FS_PRIMITIVE_MESH, shape.get(), x, infinity, exact));
+    const auto visits = static_cast<uint32_t>(random.below(60));
+    Effort effort{.visits = visits};
+    const bool is_found = closest_point(FS_PRIMITIVE_MESH, shape.get(), x, infinity, hit, nullptr, &effort);
+    ck_assert_double_le(effort.least, exact.distance * (1 + 1e-12));
+    if (effort.is_cut) {
+      ck_assert_uint_eq(effort.visits, 0);
+      if (is_found) ck_assert_double_ge(hit.distance, exact.distance);
+      ++cut;
+    } else {
+      ck_assert(is_found);
+      ck_assert_same(hit, exact);
+      ck_assert_double_eq(effort.least, exact.distance);
+    }
+  }
+  ck_assert_int_gt(cut, 500);
+  ck_assert_int_lt(cut, 2000);
 }
 END_TEST
 
@@ -616,8 +710,88 @@ START_TEST(a_build_can_be_abandoned) {
     is_thrown = true;
   }
   ck_assert(is_thrown && !shape->is_built() && wanted.steps() <= 1024);
+  ck_assert_double_eq(shape->progress(), 0);
   shape->build();
   ck_assert(shape->is_built());
+  ck_assert_double_eq(shape->progress(), 1);
+  // The abandoned build took the edges that were known, so this one sorted them again: that makes no difference.
+  const Ref<const Shape> other = mesh.shape();
+  Random random(72);
+  for (int i = 0; i < 300; ++i) {
+    const Vec3 x = i % 2 ? random.in_box(2) : mesh.points[random.below(mesh.points.size())];
+    Closest first, second;
+    ck_assert(closest_point(FS_PRIMITIVE_MESH, shape.get(), x, infinity, first));
+    ck_assert(closest_point(FS_PRIMITIVE_MESH, other.get(), x, infinity, second));
+    ck_assert(first.point == second.point && first.direction == second.direction && first.side == second.side);
+    ck_assert(first.feature == second.feature && first.triangle == second.triangle);
+  }
+}
+END_TEST
+
+// At any point, also in Embree: then the next build begins again. A build that was quicker than that is as good.
+START_TEST(a_build_can_be_abandoned_anywhere) {
+  const Mesh mesh = sphere(1, 6);
+  int count = 0;
+  for (const double share : {0.02, 0.12, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9}) {
+    const Ref<const Shape> shape = mesh.shape(false);
+    std::atomic<bool> is_abandoned{false}, is_over{false};
+    std::thread watcher([&] {
+      while (shape->progress() < share && !is_over) {}
+      is_abandoned = true;
+    });
+    bool is_thrown = false;
+    Wanted wanted(is_abandoned);
+    try {
+      shape->build(wanted);
+    } catch (const Abandoned&) {
+      is_thrown = true;
+    }
+    is_over = true;
+    watcher.join();
+    count += is_thrown;
+    ck_assert(shape->is_built() != is_thrown);
+    ck_assert_double_eq(shape->progress(), is_thrown ? 0 : 1);
+    shape->build();
+    Closest hit;
+    ck_assert(closest_point(FS_PRIMITIVE_MESH, shape.get(), {2, 0, 0}, infinity, hit));
+    ck_assert_double_eq_tol(hit.distance, 1, 1e-3);
+  }
+  std::printf("  %d of 10 builds were abandoned\n", count);
+}
+END_TEST
+
+// The parts of work move on by their steps, never beyond their ends.
+START_TEST(parts_of_work_are_shown) {
+  std::atomic<double> progress{0};
+  Wanted wanted;
+  const auto step = [&](int count) {
+    for (int i = 0; i < count; ++i) wanted.step();
+    return progress.load();
+  };
+  wanted.begin_part(0.9, 10);  // shown to nobody
+  step(2048);
+  wanted.show(&progress);
+  wanted.begin_part(0.5, 4096);
+  ck_assert_double_eq(step(2048), 0.25);
+  ck_assert_double_eq(step(8192), 0.5);
+  wanted.begin_part(0.75, infinity);
+  ck_assert_double_eq(step(8192), 0.5);
+  wanted.show_part(0.5);
+  ck_assert_double_eq(progress, 0.625);
+  wanted.begin_part(1, 0);
+  ck_assert_double_eq(progress, 0.75);
+  ck_assert_double_eq(step(1024), 1);
+  wanted.show(nullptr);
+  wanted.begin_part(0.1, 1);
+  ck_assert_double_eq(step(4096), 1);
+}
+END_TEST
+
+START_TEST(a_tree_is_small) {
+  const Ref<const Shape> shape = sphere(1, 6).shape();
+  const double bytes = static_cast<double>(shape->tree()->size()) / static_cast<double>(shape->triangles.size() / 3);
+  std::printf("  %.1f bytes a triangle\n", bytes);
+  ck_assert(bytes <= 64);
 }
 END_TEST
 
@@ -630,10 +804,15 @@ START_TEST(built_by_many_threads) {
       shape->build();
       Closest hit;
       if (shape->is_built() && closest_point(FS_PRIMITIVE_MESH, shape.get(), {2, 0, 0}, infinity, hit)) ++good;
+      // And each its own.
+      for (int k = 0; k < 5; ++k) {
+        const Ref<const Shape> mine = sphere(1, 4).shape();
+        good += closest_point(FS_PRIMITIVE_MESH, mine.get(), {2, 0, 0}, infinity, hit);
+      }
     });
   }
   for (std::thread& thread : threads) thread.join();
-  ck_assert_int_eq(good, 8);
+  ck_assert_int_eq(good, 8 * 6);
 }
 END_TEST
 
@@ -653,10 +832,11 @@ END_TEST
 
 int main() {
   if (seeks_races) return run("mesh", {built_by_many_threads});
-  return run("mesh", {matches_the_reference, matches_the_reference_far_away, takes_bad_meshes,
+  return run("mesh", {matches_the_reference, matches_the_reference_far_away, takes_bad_meshes, all_sizes_in_one_mesh,
+                      hints_make_no_difference, a_search_can_be_cut,
                       ties_go_to_the_lowest_index, respects_the_largest_distance, sides_of_closed_meshes,
                       sides_with_degenerate_and_duplicate_triangles, sheet_of_two_faces,
                       closest_point_stays_in_the_box, features, info_and_refusals, no_mesh_takes_many_steps,
-                      a_build_can_be_abandoned, built_by_many_threads,
-                      a_query_does_not_allocate});
+                      a_build_can_be_abandoned, a_build_can_be_abandoned_anywhere, parts_of_work_are_shown, a_tree_is_small,
+                      built_by_many_threads, a_query_does_not_allocate});
 }

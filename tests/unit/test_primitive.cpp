@@ -174,6 +174,21 @@ START_TEST(polyline_features) {
 }
 END_TEST
 
+// Where all boxes lie on one line, no tree is better than another by any heuristic.
+START_TEST(many_points_on_a_line) {
+  std::vector<Vec3> points(20000);
+  for (size_t i = 0; i < points.size(); ++i) points[i].x = 1e-6 * static_cast<double>(i);
+  const Ref<const Shape> shape = make_polyline(points.data(), points.size(), false);
+  Random random(7);
+  for (int i = 0; i < 1000; ++i) {
+    const Vec3 x{random.between(-0.01, 0.03), random.between(-0.001, 0.001), 0};
+    Closest hit;
+    ck_assert(closest_point(FS_PRIMITIVE_POLYLINE, shape.get(), x, std::numeric_limits<double>::infinity(), hit));
+    ck_assert_double_eq_tol(hit.point.x, std::clamp(x.x, 0.0, points.back().x), 1e-15);
+  }
+}
+END_TEST
+
 START_TEST(polyline_refusals_and_info) {
   const Vec3 points[] = {{0, 1, 0}, {1, std::nan(""), 0}, {2, 0, 0}};
   ck_assert_says(refusal(FS_ERROR_INVALID, [&] { make_polyline(points, 1, false); }), "1 point, must have at least 2");
@@ -197,5 +212,5 @@ END_TEST
 
 int main() {
   return run("primitive", {point, plane, segment_is_the_same_both_ways, polyline_matches_the_reference,
-                           polyline_features, polyline_refusals_and_info});
+                           polyline_features, polyline_refusals_and_info, many_points_on_a_line});
 }

@@ -68,6 +68,22 @@ def test_move_and_change(scene, spring):
     assert not scene.keys()
 
 
+def test_progress_of_a_build():
+    side = np.linspace(0, 1, 200)
+    x, y = np.meshgrid(side, side)
+    points = np.stack([x, y, 0.1 * np.sin(9 * x)], -1).reshape(-1, 3)
+    corner = np.arange(200 * 199).reshape(199, 200)[:, :-1].reshape(-1, 1)
+    shape = fs.Mesh(points, np.concatenate([corner + [0, 1, 200], corner + [1, 201, 200]])).shape
+    assert shape.get_progress() == 0
+    builder = threading.Thread(target=shape.build)
+    builder.start()
+    seen = [0]
+    while seen[-1] < 1:
+        seen.append(shape.get_progress())
+    builder.join()
+    assert seen == sorted(seen) and shape.get_info().built
+
+
 def test_every_kind_of_object(scene, tmp_path):
     front = fs.LinearIncreasing(100, limit=3)
     scene["point"] = fs.Point(position=(1, 0, 0), front=front, lifetime=3, tool_points=1, enabled=True)

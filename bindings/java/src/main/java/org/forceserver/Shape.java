@@ -50,6 +50,13 @@ public final class Shape extends Handle {
     call(Native::fs_shape_build);
   }
 
+  /** How much of the search tree is built, 0..1, also while another thread builds it; 1: it is built. */
+  public double progress() {
+    double[] out = new double[1];
+    call(shape -> Native.fs_shape_get_progress(shape, out));
+    return out[0];
+  }
+
   /** What it is, and what is odd in it. */
   public ShapeInfo info() {
     ShapeInfo info = new ShapeInfo();

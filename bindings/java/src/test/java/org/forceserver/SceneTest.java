@@ -53,7 +53,9 @@ class SceneTest {
       assertEquals(0.1, line.points().get(3));
       assertEquals(0, line.triangles().capacity());
       assertFalse(line.info().closed());
+      assertEquals(0, mesh.progress());
       mesh.build();
+      assertEquals(1, mesh.progress());
       assertTrue(mesh.info().built());
       assertEquals(3, mesh.info().openEdges());
       assertEquals(2, mesh.triangles().get(2));

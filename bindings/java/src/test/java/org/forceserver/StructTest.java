@@ -72,13 +72,13 @@ class StructTest {
     ForceServer.version();
     java.util.Set<String> found = new java.util.TreeSet<>();
     for (String line : Files.readAllLines(Path.of("/proc/self/maps"))) {
-      java.util.regex.Matcher library = java.util.regex.Pattern.compile("/(lib(forceserver|muparser|gomp)[^/ ]*)").matcher(line);
+      java.util.regex.Matcher library = java.util.regex.Pattern.compile("/(lib(forceserver|embree|tbb|muparser|gomp)[^/ ]*)").matcher(line);
       if (!library.find()) continue;
       assertTrue(line.contains("/forceserver-"), line);
       assertTrue(line.endsWith("(deleted)"), line);  // so nothing is left behind however the JVM ends
       found.add(library.group(1));
     }
-    assertEquals(4, found.size(), found.toString());
+    assertEquals(6, found.size(), found.toString());
   }
 
   @Test void nulls() {

@@ -1,0 +1,37 @@
+// An axis-aligned box, m; empty at first.
+#pragma once
+
+#include <algorithm>
+#include <limits>
+
+#include "math/vec3.h"
+
+namespace fs {
+
+struct Box {
+  Vec3 lower{std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity(),
+             std::numeric_limits<double>::infinity()};
+  Vec3 upper = -lower;
+
+  void add(Vec3 p) noexcept {
+    lower = {std::min(lower.x, p.x), std::min(lower.y, p.y), std::min(lower.z, p.z)};
+    upper = {std::max(upper.x, p.x), std::max(upper.y, p.y), std::max(upper.z, p.z)};
+  }
+  void add(const Box& b) noexcept {
+    lower = {std::min(lower.x, b.lower.x), std::min(lower.y, b.lower.y), std::min(lower.z, b.lower.z)};
+    upper = {std::max(upper.x, b.upper.x), std::max(upper.y, b.upper.y), std::max(upper.z, b.upper.z)};
+  }
+  bool is_empty() const noexcept { return !(lower.x <= upper.x); }
+  // Without touching it.
+  bool is_inside(const Box& b) const noexcept {
+    return lower.x > b.lower.x && lower.y > b.lower.y && lower.z > b.lower.z && upper.x < b.upper.x &&
+           upper.y < b.upper.y && upper.z < b.upper.z;
+  }
+  // m; infinite of an empty box.
+  double distance(Vec3 from) const noexcept {
+    const auto beyond = [](double x, double low, double high) { return std::max(0.0, std::max(low - x, x - high)); };
+    return norm(Vec3{beyond(from.x, lower.x, upper.x), beyond(from.y, lower.y, upper.y), beyond(from.z, lower.z, upper.z)});
+  }
+};
+
+}  // namespace fs

@@ -1,0 +1,23 @@
+// Where a straight way of a point first passes through a surface, without a gap anywhere: at shared edges and vertices too.
+#pragma once
+
+#include "force/primitive.h"
+
+namespace fs {
+
+struct Crossing {
+  double part = 0;    // of the way, 0..1
+  Vec3 point{};       // object frame
+  Vec3 normal{};      // unit, object frame: towards the side from which it came
+  uint32_t triangle = 0;
+};
+
+// [rt] The first place at which the way from `from` to `to` (object frame) passes from one side (`side`) of a plane or mesh to
+// the other. A point on the surface counts as on the side from which it came. False: it does not; out is as it was.
+// The signs that decide are those of exact numbers, to 113 bits.
+bool first_crossing(fs_primitive primitive, const Shape* shape, Side side, Vec3 from, Vec3 to, Crossing& out) noexcept;
+
+// The same for one triangle. normal is not set.
+bool crosses_triangle(Vec3 a, Vec3 b, Vec3 c, Side side, Vec3 from, Vec3 to, double& part) noexcept;
+
+}  // namespace fs

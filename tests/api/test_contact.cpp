@@ -1,0 +1,512 @@
+// Solid objects: the proxy of each tool point stays on the kept side, whatever the hand and the objects do, and the force is
+// that of a spring to it.
+#include <cmath>
+#include <numbers>
+
+#include "api/support.h"
+
+using namespace scenes;
+
+namespace {
+
+constexpr double pi = std::numbers::pi;
+constexpr double dt = 0.001;  // s
+
+fs_contact solid(fs_keep keep, double stiffness = 1000, double limit = 1000) {
+  fs_contact contact{};
+  contact.keep = keep;
+  contact.stiffness = stiffness;
+  contact.limit = limit;
+  return contact;
+}
+
+// A tool of one point that moves in a scene at 1 kHz.
+struct Hand {
+  Scene scene = make_scene();
+  std::vector<Shape> shapes;
+  Tool tool;
+  double time = 1;
+  fs_response felt{};
+  fs_vec3 x{};
+  bool is_placed = false;
+
+  fs_object& put(fs_object& object, fs_contact contact) {
+    object.contact = contact;
+    OK(fs_object_set(scene.get(), &object));
+    return object;
+  }
+  fs_object plane(const char* name, fs_vec3 point, fs_vec3 normal, fs_contact contact) {
+    fs_object o = fs_object_init(name, FS_PRIMITIVE_PLANE);
+    OK(fs_pose_from_z(point, normal, &o.pose));
+    return put(o, contact);
+  }
+  fs_object mesh(const char* name, const MeshData& data, fs_contact contact, fs_vec3 position = {}) {
+    shapes.push_back(make_mesh(data));
+    fs_object o = fs_object_init(name, FS_PRIMITIVE_MESH);
+    o.pose = at(position);
+    o.shape = shapes.back().get();
+    return put(o, contact);
+  }
+  // One tick.
+  fs_vec3 go(fs_vec3 to) {
+    if (!tool) tool = make_tool(scene.get());
+    time += dt;
+    fs_state state = hand_at(to, time);
+    if (is_placed) state.twist.linear = (1 / dt) * (to - x);
+    x = to;
+    is_placed = true;
+    felt = evaluate(tool.get(), state);
+    return felt.wrench.force;
+  }
+  // In a straight line, at most 0.5 mm a tick.
+  fs_vec3 slide(fs_vec3 to, double step = 0.0005) {
+    const fs_vec3 from = is_placed ? x : to;
+    const int count = std::max(1, static_cast<int>(std::ceil(norm(to - from) / step)));
+    for (int i = 1; i <= count; ++i) go(from + (static_cast<double>(i) / count) * (to - from));
+    return felt.wrench.force;
+  }
+  fs_vec3 proxy() const { return felt.proxy.position; }
+  bool touches() const { return felt.flags & FS_RESPONSE_CONTACT; }
+};
+
+// How often the triangles of a closed mesh go round x: 1 inside, 0 outside (Van Oosterom & Strackee 1983).
+double winding(const MeshData& m, fs_vec3 x) {
+  double angle = 0;
+  for (size_t t = 0; t < m.triangles.size(); t += 3) {
+    const fs_vec3 a = m.points[m.triangles[t]] - x, b = m.points[m.triangles[t + 1]] - x, c = m.points[m.triangles[t + 2]] - x;
+    const double la = norm(a), lb = norm(b), lc = norm(c);
+    angle += 2 * std::atan2(dot(a, cross(b, c)), la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb);
+  }
+  return angle / (4 * pi);
+}
+
+START_TEST(a_plane_holds_the_hand) {
+  Hand hand;
+  hand.plane("wall", {0, 0, 0}, {0, 0, 1}, solid(FS_KEEP_FRONT, 2000, 5));
+  EXPECT_VECTOR(hand.go({0, 0, 0.01}), (fs_vec3{}), 0);
+  ck_assert(!hand.touches());
+  EXPECT_VECTOR(hand.proxy(), (fs_vec3{0, 0, 0.01}), 0);
+  EXPECT_VECTOR(hand.slide({0.003, 0, -0.002}), (fs_vec3{0, 0, 4}), 1e-9);
+  ck_assert(hand.touches());
+  ck_assert_uint_eq(hand.felt.felt_count, 1);
+  EXPECT_VECTOR(hand.proxy(), (fs_vec3{0.003, 0, 0}), 1e-12);
+  ck_assert(hand.proxy().z > 0);
+  EXPECT_NEAR(hand.felt.stiffness.zz, -2000, 1e-6);
+  EXPECT_NEAR(hand.felt.stiffness.xx, 0, 1e-6);
+  EXPECT_VECTOR(hand.slide({0.003, 0, -0.2}), (fs_vec3{0, 0, 5}), 1e-12);  // the limit
+  EXPECT_VECTOR(hand.slide({0.003, 0.01, 0.001}), (fs_vec3{}), 0);
+  ck_assert(!hand.touches());
+}
+END_TEST
+
+START_TEST(each_side_can_be_kept) {
+  Hand back;
+  back.plane("roof", {0, 0, 0}, {0, 0, 1}, solid(FS_KEEP_BACK));
+  back.go({0, 0, -0.01});
+  EXPECT_VECTOR(back.slide({0, 0, 0.002}), (fs_vec3{0, 0, -2}), 1e-9);
+  for (const double side : {1.0, -1.0}) {
+    Hand either;
+    either.plane("sheet", {0, 0, 0}, {0, 0, 1}, solid(FS_KEEP_EITHER));
+    either.go({0, 0, 0.01 * side});
+    EXPECT_VECTOR(either.slide({0, 0, -0.002 * side}), (fs_vec3{0, 0, 2 * side}), 1e-9);
+    EXPECT_VECTOR(either.slide({0, 0, 0.01 * side}), (fs_vec3{}), 0);
+    EXPECT_VECTOR(either.slide({0, 0, -0.003 * side}), (fs_vec3{0, 0, 3 * side}), 1e-9);
+    OK(fs_tool_reset(either.tool.get()));  // the hand was put there
+    EXPECT_VECTOR(either.go({0, 0, -0.003 * side}), (fs_vec3{}), 0);
+    EXPECT_VECTOR(either.slide({0, 0, 0.002 * side}), (fs_vec3{0, 0, -2 * side}), 1e-9);
+  }
+}
+END_TEST
+
+// It comes from far away, goes round the box and over its edges, and is never let in.
+START_TEST(a_box_is_solid) {
+  const fs_vec3 half{0.02, 0.03, 0.01};
+  for (const fs_vec3 where : {fs_vec3{0, 0, 0}, fs_vec3{5e5, 4.6e6, 1500}}) {
+    Hand hand;
+    hand.mesh("box", box_mesh(half), solid(FS_KEEP_FRONT), where);
+    const double rounding = 1e-9 + 1e-12 * norm(where);
+    const auto outside = [&] {
+      const fs_vec3 p = hand.proxy() - where;
+      return std::max({std::fabs(p.x) - half.x, std::fabs(p.y) - half.y, std::fabs(p.z) - half.z});
+    };
+    hand.go(where + fs_vec3{0, 0, 0.1});
+    EXPECT_VECTOR(hand.slide(where + fs_vec3{0.005, 0.002, 0.007}), (fs_vec3{0, 0, 3}), 1e6 * rounding);
+    EXPECT_VECTOR(hand.proxy() - where, (fs_vec3{0.005, 0.002, 0.01}), rounding);
+    Random random(3);
+    for (int i = 0; i < times(200, 2000); ++i) {
+      hand.slide(where + random.in_box(0.04), 0.0005 * random.between(0.2, 4));
+      ck_assert_double_ge(outside(), -rounding);
+    }
+  }
+}
+END_TEST
+
+MeshData wedge(double degrees) {  // a roof along y with its edge at the origin
+  const double a = 0.05 * std::tan(0.5 * degrees * pi / 180);
+  MeshData m;
+  m.points = {{-a, -0.05, -0.05}, {a, -0.05, -0.05}, {0, -0.05, 0}, {-a, 0.05, -0.05}, {a, 0.05, -0.05}, {0, 0.05, 0}};
+  m.triangles = {0, 1, 2, 3, 5, 4, 0, 3, 4, 0, 4, 1, 1, 4, 5, 1, 5, 2, 2, 5, 3, 2, 3, 0};
+  return m;
+}
+
+// Hands that rush through closed meshes at up to 0.5 m/s.
+START_TEST(nothing_lets_through) {
+  Random random(5);
+  const MeshData meshes[] = {box_mesh({0.03, 0.03, 0.0005}), wedge(20), wedge(90), wedge(170), sphere_mesh(0.03, 500),
+                             torus_mesh(0.03, 0.01, 600)};
+  int touches = 0;
+  for (const MeshData& mesh : meshes) {
+    ck_assert_double_lt(std::fabs(winding(mesh, {0.5, 0.4, 0.3})), 1e-9);
+    Hand hand;
+    hand.mesh("it", mesh, solid(FS_KEEP_FRONT));
+    hand.go({0, 0, 0.1});
+    for (int i = 0; i < times(60, 1000); ++i) {
+      const fs_vec3 from = hand.x, to = random.in_box(0.05);
+      const double step = 0.0005 * random.between(0.1, 1);
+      const int count = static_cast<int>(std::ceil(norm(to - from) / step));
+      for (int k = 1; k <= count; ++k) {
+        hand.go(from + (static_cast<double>(k) / count) * (to - from));
+        touches += hand.touches();
+        if (k % 20 == 0 || k == count) ck_assert_double_lt(std::fabs(winding(mesh, hand.proxy())), 0.6);
+        // The proxy is free of force where it is not at the surface.
+        if (!hand.touches()) EXPECT_VECTOR(hand.proxy(), hand.x, 1e-12);
+      }
+    }
+  }
+  ck_assert_int_gt(touches, 10000);
+}
+END_TEST
+
+START_TEST(a_hand_that_begins_inside_is_led_out) {
+  Hand hand;
+  hand.mesh("box", box_mesh({0.02, 0.02, 0.02}), solid(FS_KEEP_FRONT));
+  EXPECT_VECTOR(hand.go({0.001, 0.002, 0.015}), (fs_vec3{0, 0, 5}), 1e-9);
+  EXPECT_VECTOR(hand.slide({0.001, 0.002, 0.03}), (fs_vec3{}), 1e-9);
+  Hand envelope;
+  envelope.mesh("reach", box_mesh({0.02, 0.02, 0.02}), solid(FS_KEEP_BACK));
+  EXPECT_VECTOR(envelope.go({0.022, 0, 0}), (fs_vec3{-2, 0, 0}), 1e-9);
+  EXPECT_VECTOR(envelope.slide({0, 0, 0}), (fs_vec3{}), 1e-9);
+  EXPECT_VECTOR(envelope.slide({0, 0, 0.025}), (fs_vec3{0, 0, -5}), 1e-9);
+}
+END_TEST
+
+START_TEST(corners_hold_with_every_wall) {
+  Hand hand;
+  hand.plane("x", {0, 0, 0}, {1, 0, 0}, solid(FS_KEEP_FRONT));
+  hand.plane("y", {0, 0, 0}, {0, 1, 0}, solid(FS_KEEP_FRONT));
+  hand.plane("z", {0, 0, 0}, {0, 0, 1}, solid(FS_KEEP_FRONT));
+  hand.go({0.01, 0.01, 0.01});
+  EXPECT_VECTOR(hand.slide({-0.001, -0.002, -0.003}), (fs_vec3{1, 2, 3}), 1e-9);
+  EXPECT_VECTOR(hand.proxy(), (fs_vec3{}), 1e-12);
+  EXPECT_VECTOR(hand.slide({-0.001, 0.004, -0.003}), (fs_vec3{1, 0, 3}), 1e-9);
+  // Walls at an angle of 20 degrees: in the valley between them the spring acts once.
+  for (const double degrees : {20.0, 90.0, 160.0}) {
+    Hand valley;
+    const double a = 0.5 * degrees * pi / 180;
+    valley.plane("left", {0, 0, 0}, {std::cos(a), 0, std::sin(a)}, solid(FS_KEEP_FRONT));
+    valley.plane("right", {0, 0, 0}, {-std::cos(a), 0, std::sin(a)}, solid(FS_KEEP_FRONT));
+    valley.go({0, 0, 0.02});
+    EXPECT_VECTOR(valley.slide({0, 0, -0.004}), (fs_vec3{0, 0, 4}), 1e-9);
+    EXPECT_VECTOR(valley.proxy(), (fs_vec3{}), 1e-11);
+  }
+}
+END_TEST
+
+// Equal walls in one place act once, others add; neither makes energy.
+START_TEST(shared_proxies) {
+  for (const double other : {1000.0, 300.0}) {
+    Hand hand;
+    hand.plane("a", {0, 0, 0}, {0, 0, 1}, solid(FS_KEEP_FRONT));
+    hand.plane("b", {0, 0, 0}, {0, 0, 1}, solid(FS_KEEP_FRONT, other));
+    hand.go({0, 0, 0.01});
+    EXPECT_VECTOR(hand.slide({0, 0, -0.002}), (fs_vec3{0, 0, other == 1000 ? 2 : 2.6}), 1e-9);
+  }
+  for (const double other : {1000.0, 300.0}) {
+    Hand hand;
+    hand.plane("a", {0, 0, 0}, {0.8, 0, 0.6}, solid(FS_KEEP_FRONT));
+    hand.plane("b", {0, 0, 0}, {-0.6, 0, 0.8}, solid(FS_KEEP_FRONT, other));
+    hand.plane("c", {0, 0, 0}, {0.1, 0.2, 1}, solid(FS_KEEP_FRONT, other));
+    hand.go({0, 0, 0.01});
+    // Round and round, with the trapezium rule; halving the step takes a quarter of the error.
+    double errors[2];
+    for (const int i : {0, 1}) {
+      const int count = 2000 << i;
+      double work = 0, size = 0;
+      fs_vec3 before{}, from{};
+      for (int k = -count / 4; k <= count; ++k) {
+        const double a = 2 * pi * k / count;
+        const fs_vec3 to{0.004 * std::cos(a), 0.003 * std::sin(2 * a), -0.001 + 0.004 * std::sin(a)};
+        const fs_vec3 force = hand.go(to);
+        if (k > 0) {
+          const double part = 0.5 * dot(force + before, to - from);
+          work += part;
+          size += std::fabs(part);
+        }
+        before = force;
+        from = to;
+      }
+      errors[i] = std::fabs(work);
+      ck_assert_double_gt(size, 1e-3);
+    }
+    ck_assert_double_lt(errors[1], 1e-8);
+    ck_assert_double_lt(errors[1], 0.5 * errors[0] + 1e-12);
+  }
+}
+END_TEST
+
+// Over the edges of a convex mesh a proxy falls from one facet to the next, which takes some energy from the hand; the finer
+// the mesh the less. It never gives any.
+START_TEST(sliding_over_a_mesh_makes_no_energy) {
+  double lost[3];
+  for (const int i : {0, 1, 2}) {
+    Hand hand;
+    hand.mesh("ball", sphere_mesh(0.03, 500 << (4 * i)), solid(FS_KEEP_FRONT));
+    hand.go({0.1, 0, 0});
+    hand.slide({0.026, 0, 0});
+    double work = 0, size = 0;
+    fs_vec3 before{}, from{};
+    constexpr int count = 8000;
+    for (int k = 0; k <= 2 * count; ++k) {  // once round to get there, and once round again
+      const double a = 2 * pi * k / count, r = 0.026 + 0.003 * std::sin(3 * a);
+      const fs_vec3 to{r * std::cos(a), r * std::sin(a) * 0.8, r * std::sin(a) * 0.6};
+      const fs_vec3 force = hand.go(to);
+      if (k > count) {
+        work += 0.5 * dot(force + before, to - from);
+        size += std::fabs(0.5 * dot(force + before, to - from));
+      }
+      before = force;
+      from = to;
+    }
+    lost[i] = -work / size;
+    if (std::getenv("VERBOSE")) std::printf("  %d triangles: %.3g of the work is lost\n", 500 << (4 * i), lost[i]);
+    ck_assert_double_gt(lost[i], -1e-4);  // the rounding of the steps
+  }
+  ck_assert_double_lt(lost[1], 0.5 * lost[0]);
+  ck_assert_double_lt(lost[2], 0.5 * lost[1]);
+}
+END_TEST
+
+START_TEST(friction_sticks_and_slips) {
+  for (const double friction : {0.3, 1.0}) {
+    Hand hand;
+    fs_contact contact = solid(FS_KEEP_FRONT);
+    contact.friction = friction;
+    hand.plane("table", {0, 0, 0}, {0, 0, 1}, contact);
+    hand.go({0, 0, 0.01});
+    EXPECT_VECTOR(hand.slide({0, 0, -0.002}), (fs_vec3{0, 0, 2}), 1e-9);
+    const fs_vec3 stuck = hand.proxy();
+    const double cone = 0.002 * friction;
+    for (int i = 0; i < 3000; ++i) {  // within the cone nothing moves
+      const double a = 0.01 * i;
+      hand.go({0.99 * cone * std::cos(a), 0.99 * cone * std::sin(a), -0.002});
+    }
+    ck_assert(hand.proxy() == stuck);
+    EXPECT_VECTOR(hand.slide({0.5 * cone, 0, -0.002}), (fs_vec3{-500 * cone, 0, 2}), 1e-9);
+    EXPECT_NEAR(hand.felt.stiffness.xx, -1000, 1e-6);
+    // Beyond it: the force is on the cone, and what it does is lost.
+    const fs_vec3 force = hand.slide({0.02, 0, -0.002});
+    EXPECT_NEAR(force.z, 2, 1e-9);
+    EXPECT_NEAR(force.x, -2 * friction, 1e-6);
+    EXPECT_NEAR(force.y, 0, 1e-9);
+    EXPECT_NEAR(hand.felt.stiffness.xx, 0, 1e-6);
+  }
+  // An inclined plane: a weight that hangs on the hand's place slides where tan(angle) exceeds the coefficient.
+  for (const double degrees : {25.0, 35.0}) {
+    Hand hand;
+    const double a = degrees * pi / 180;
+    const fs_vec3 normal{std::sin(a), 0, std::cos(a)}, down{std::cos(a), 0, -std::sin(a)};
+    fs_contact contact = solid(FS_KEEP_FRONT);
+    contact.friction = std::tan(30 * pi / 180);
+    hand.plane("slope", {0, 0, 0}, normal, contact);
+    hand.go(0.01 * normal);
+    hand.slide(-0.0001 * normal);
+    const fs_vec3 begin = hand.proxy();
+    for (int i = 0; i < 500; ++i) hand.go(hand.proxy() + fs_vec3{0, 0, -0.002});  // 2 N, straight down
+    const double way = dot(hand.proxy() - begin, down);
+    if (degrees < 30) {
+      EXPECT_NEAR(way, 0, 1e-12);
+    } else {
+      ck_assert_double_gt(way, 0.01);
+    }
+  }
+}
+END_TEST
+
+START_TEST(damping_acts_on_approach_only) {
+  Hand hand;
+  fs_contact contact = solid(FS_KEEP_FRONT, 1000, 100);
+  contact.damping = 10;
+  hand.plane("wall", {0, 0, 0}, {0, 0, 1}, contact);
+  hand.go({0, 0, 0.001});
+  hand.slide({0, 0, -0.001});
+  EXPECT_VECTOR(hand.go({0, 0, -0.0012}), (fs_vec3{0, 0, 1.2 + 2}), 1e-9);  // at 0.2 m/s
+  EXPECT_VECTOR(hand.go({0, 0, -0.001}), (fs_vec3{0, 0, 1}), 1e-9);
+  EXPECT_VECTOR(hand.go({0.0005, 0, -0.001}), (fs_vec3{0, 0, 1}), 1e-9);
+}
+END_TEST
+
+// Whatever moves, the proxy stays on its side.
+START_TEST(moving_objects_push) {
+  for (const bool has_twist : {true, false}) {
+    Hand hand;  // a slab of 1 mm that sweeps through the hand at 0.5 m/s
+    fs_object slab = hand.mesh("slab", box_mesh({0.05, 0.05, 0.0005}), solid(FS_KEEP_FRONT, 1000, 20), {0, 0, 0.02});
+    for (int i = 0; i < 80; ++i) {
+      const double z = 0.02 - 0.0005 * i;
+      if (i % 40 == 0 || !has_twist) {  // at 25 Hz, or at every tick
+        const fs_pose pose = at({0, 0, z});
+        const fs_twist twist{{0, 0, has_twist ? -0.5 : 0.0}, {}};
+        OK(fs_object_move(hand.scene.get(), "slab", &pose, &twist, hand.time + dt));
+      }
+      const fs_vec3 force = hand.go({0.003, 0.001, 0});
+      if (z < -0.0006) {
+        EXPECT_VECTOR(hand.proxy(), (fs_vec3{0.003, 0.001, z - 0.0005}), 1e-9);
+        EXPECT_VECTOR(force, (fs_vec3{0, 0, 1000 * (z - 0.0005)}), 1e-6);
+      }
+    }
+    (void)slab;
+  }
+  // A table with friction carries the hand's proxy with it, also when it turns.
+  Hand hand;
+  fs_contact contact = solid(FS_KEEP_FRONT);
+  contact.friction = 2;
+  hand.plane("table", {0, 0, 0}, {0, 0, 1}, contact);
+  hand.go({0.01, 0, 0.01});
+  hand.slide({0.01, 0, -0.01});
+  for (int i = 1; i <= 100; ++i) {
+    const double a = 0.002 * i;
+    const fs_pose pose{{0.00001 * i, 0, 0}, {std::cos(a / 2), 0, 0, std::sin(a / 2)}};
+    OK(fs_object_move(hand.scene.get(), "table", &pose, nullptr, hand.time + dt));
+    hand.go({0.01, 0, -0.01});
+    EXPECT_VECTOR(hand.proxy(), (fs_vec3{0.00001 * i + 0.01 * std::cos(a), 0.01 * std::sin(a), 0}), 1e-9);
+  }
+}
+END_TEST
+
+START_TEST(open_meshes_have_rims) {
+  MeshData fin;  // one triangle, in the plane z = 0, its front up
+  fin.points = {{0, 0, 0}, {0.02, 0, 0}, {0, 0.02, 0}};
+  fin.triangles = {0, 1, 2};
+  Hand hand;
+  hand.mesh("fin", fin, solid(FS_KEEP_FRONT));
+  hand.go({0.004, 0.004, 0.01});
+  EXPECT_VECTOR(hand.slide({0.004, 0.004, -0.003}), (fs_vec3{0, 0, 3}), 1e-9);
+  // Over the rim it falls off, round it comes from below, and through its back nothing holds it.
+  hand.slide({-0.01, 0.004, -0.003});
+  for (int i = 0; i < 40; ++i) hand.go(hand.x);
+  EXPECT_VECTOR(hand.felt.wrench.force, (fs_vec3{}), 1e-9);
+  EXPECT_VECTOR(hand.slide({0.004, 0.004, -0.003}), (fs_vec3{}), 0);
+  EXPECT_VECTOR(hand.slide({0.004, 0.004, 0.003}), (fs_vec3{}), 0);
+  EXPECT_VECTOR(hand.slide({0.004, 0.004, -0.001}), (fs_vec3{0, 0, 1}), 1e-9);
+  // As a sheet it holds from either side.
+  Hand sheet;
+  sheet.mesh("sheet", fin, solid(FS_KEEP_EITHER));
+  sheet.go({0.004, 0.004, -0.01});
+  EXPECT_VECTOR(sheet.slide({0.004, 0.004, 0.003}), (fs_vec3{0, 0, -3}), 1e-9);
+  // Triangles of any size count: one of 1e-12 m^2.
+  for (fs_vec3& p : fin.points) p = 7e-5 * p;
+  Hand tiny;
+  tiny.mesh("tiny", fin, solid(FS_KEEP_FRONT));
+  tiny.go({3e-7, 3e-7, 0.01});
+  EXPECT_VECTOR(tiny.slide({3e-7, 3e-7, -0.001}), (fs_vec3{0, 0, 1}), 1e-9);
+}
+END_TEST
+
+// A jump that neither the hand nor an object explains is spread over 20 ms.
+START_TEST(letting_go_is_no_step) {
+  Hand hand;  // deep below a shelf's edge the proxy is far from the hand until it slides off
+  hand.mesh("shelf", box_mesh({0.02, 0.02, 0.001}), solid(FS_KEEP_FRONT));
+  hand.go({0, 0, 0.01});
+  hand.slide({0, 0, -0.008});
+  double before = norm(hand.felt.wrench.force), most = 0;
+  EXPECT_NEAR(before, 9, 1e-6);
+  for (int i = 0; i < 400; ++i) {
+    const double now = norm(hand.go({0.0001 * i, 0, -0.008}));
+    most = std::max(most, std::fabs(now - before));
+    before = now;
+  }
+  for (int i = 0; i < 25; ++i) {
+    const double now = norm(hand.go(hand.x));
+    most = std::max(most, std::fabs(now - before));
+    before = now;
+  }
+  EXPECT_NEAR(before, 0, 1e-12);
+  ck_assert_double_lt(most, 9 * dt / 0.02 + 0.3);
+  ck_assert_double_gt(most, 0.1);
+}
+END_TEST
+
+START_TEST(tools_of_several_points) {
+  Hand hand;
+  hand.plane("table", {0, 0, 0}, {0, 0, 1}, solid(FS_KEEP_FRONT, 1000, 3));
+  const fs_vec3 points[] = {{0.01, 0, 0}, {-0.01, 0, 0}, {0, 0.01, 0}, {0, -0.01, 0}};
+  fs_tool* tool = nullptr;
+  OK(fs_tool_create(hand.scene.get(), points, 4, &tool));
+  hand.tool = Tool(tool);
+  hand.go({0, 0, 0.01});
+  hand.slide({0, 0, -0.0005});
+  EXPECT_VECTOR(hand.felt.wrench.force, (fs_vec3{0, 0, 2}), 1e-9);  // the sum
+  EXPECT_VECTOR(hand.felt.wrench.torque, (fs_vec3{}), 1e-12);
+  EXPECT_VECTOR(hand.slide({0, 0, -0.002}), (fs_vec3{0, 0, 3}), 1e-9);  // the limit is that of the sum
+  // Tilted about y only one point touches; the proxy turns with it.
+  fs_state state = hand_at({0, 0, 0.0009}, hand.time + dt);
+  const double a = 0.1;
+  state.pose.orientation = {std::cos(a / 2), 0, std::sin(a / 2), 0};
+  const fs_response felt = evaluate(hand.tool.get(), state);
+  const double depth = 0.01 * std::sin(a) - 0.0009;
+  EXPECT_VECTOR(felt.wrench.force, (fs_vec3{0, 0, 1000 * depth}), 1e-9);
+  EXPECT_NEAR(felt.wrench.torque.y, -0.01 * std::cos(a) * 1000 * depth, 1e-9);
+  EXPECT_NEAR(felt.proxy.position.z, 0.0009 + depth / 4, 1e-9);
+  ck_assert_double_lt(felt.proxy.orientation.y, state.pose.orientation.y);
+}
+END_TEST
+
+START_TEST(profiles_act_at_the_proxy) {
+  Hand hand;
+  fs_object o = fs_object_init("magnet", FS_PRIMITIVE_PLANE);
+  o.front = constant(FS_SENSE_ATTRACTIVE, 0.7);
+  o.front.reach = 0.005;
+  o.back = constant(FS_SENSE_REPULSIVE, 50);  // where the hand is, but not the proxy
+  hand.put(o, solid(FS_KEEP_FRONT));
+  EXPECT_VECTOR(hand.go({0, 0, 0.01}), (fs_vec3{}), 0);
+  EXPECT_VECTOR(hand.slide({0, 0, 0.004}), (fs_vec3{0, 0, -0.7}), 1e-12);
+  EXPECT_VECTOR(hand.slide({0, 0, -0.002}), (fs_vec3{0, 0, 2 - 0.7}), 1e-9);
+  Hand back;
+  fs_object b = fs_object_init("roof", FS_PRIMITIVE_PLANE);
+  b.back = constant(FS_SENSE_REPULSIVE, 0.5);
+  back.put(b, solid(FS_KEEP_BACK));
+  back.go({0, 0, -0.01});
+  EXPECT_VECTOR(back.slide({0, 0, 0.002}), (fs_vec3{0, 0, -2 - 0.5}), 1e-9);
+}
+END_TEST
+
+// A field has no memory: a plane or closed mesh leads to its nearest place.
+START_TEST(fields_of_solids) {
+  Hand hand;
+  hand.plane("wall", {0, 0, 0}, {0, 0, 1}, solid(FS_KEEP_FRONT, 1000, 5));
+  hand.mesh("box", box_mesh({0.01, 0.01, 0.01}), solid(FS_KEEP_FRONT), {0, 0, 0.1});
+  hand.plane("sheet", {0, 0, 0.2}, {0, 0, 1}, solid(FS_KEEP_EITHER));
+  const fs_vec3 positions[] = {{0, 0, 0.05}, {0, 0, -0.002}, {0, 0, -1}, {0, 0.002, 0.108}, {0, 0, 0.3}};
+  fs_vec3 forces[5];
+  OK(fs_evaluate_field(hand.scene.get(), nullptr, FS_NOW, positions, 5, forces));
+  EXPECT_VECTOR(forces[0], (fs_vec3{}), 0);
+  EXPECT_VECTOR(forces[1], (fs_vec3{0, 0, 2}), 1e-9);
+  EXPECT_VECTOR(forces[2], (fs_vec3{0, 0, 5}), 1e-9);
+  EXPECT_VECTOR(forces[3], (fs_vec3{0, 0, 2}), 1e-9);
+  EXPECT_VECTOR(forces[4], (fs_vec3{}), 0);
+  OK(fs_evaluate_field(hand.scene.get(), "wall", FS_NOW, positions, 5, forces));
+  EXPECT_VECTOR(forces[1], (fs_vec3{0, 0, 2}), 1e-9);
+}
+END_TEST
+
+}  // namespace
+
+int main() {
+  Suite* const suite = suite_create("contact");
+  add_case(suite, "planes", {a_plane_holds_the_hand, each_side_can_be_kept, corners_hold_with_every_wall, shared_proxies});
+  add_case(suite, "meshes", {a_box_is_solid, nothing_lets_through, a_hand_that_begins_inside_is_led_out,
+                             sliding_over_a_mesh_makes_no_energy, open_meshes_have_rims, letting_go_is_no_step});
+  add_case(suite, "forces", {friction_sticks_and_slips, damping_acts_on_approach_only, tools_of_several_points,
+                             profiles_act_at_the_proxy, fields_of_solids});
+  add_case(suite, "motion", {moving_objects_push});
+  return run_suite(suite);
+}
