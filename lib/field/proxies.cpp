@@ -203,6 +203,11 @@ void Proxies::slide(Group& group, Vec3 hand, bool was_touching) noexcept {
     if (!is_free) return;
     const double moved = norm(goal - group.proxy);
     go(group, goal);
+    if (group.plane_count == 0 && !(target == hand)) {  // where friction would have it, nothing holds it
+      target = hand;
+      group.held = {};
+      continue;
+    }
     if (group.plane_count == 0 || moved <= 1e-9 * norm(goal - target)) return;
   }
 }
@@ -247,16 +252,26 @@ void Proxies::begin_touch(const ViewTouches* last, Group& group, Member& member)
   touch.fading = 0;
   touch.is_touching = touch.is_fading = false;
   const bool keeps_either = object.contact.keep == FS_KEEP_EITHER;
-  if (!keeps_either && object.primitive == FS_PRIMITIVE_MESH && !object.shape->closed) return;
+  const bool is_closed = object.primitive != FS_PRIMITIVE_MESH || object.shape->closed;
   Closest closest;
   Effort effort{.visits = 4096};
-  if (!closest_point(object.primitive, object.shape.get(), touch.at, never, closest, nullptr, &effort)) return;
-  if (keeps_either) {
-    touch.side = closest.side;
-  } else if (closest.side != touch.side && closest.distance > 0) {
-    touch.at = closest.point - margin_at(solid.pose, closest.point, touch.at) * closest.direction;
-    group.proxy = solid.pose * touch.at;
+  const auto find = [&](Vec3 x, double range) {
+    return closest_point(object.primitive, object.shape.get(), x, range, closest, nullptr, &effort);
+  };
+  const double margin = margin_at(solid.pose, touch.at, to_local(before, group.proxy));
+  if (!find(touch.at, keeps_either || is_closed ? never : margin)) return;
+  if (keeps_either) touch.side = closest.side;
+  const bool is_at_surface = closest.distance <= margin;
+  if (!is_at_surface && (keeps_either || !is_closed || closest.side == touch.side)) return;
+  // Above the surface, along its normal there: in a narrow groove farther above it than elsewhere.
+  const Vec3 place = closest.point, away = closest.side == Side::back ? -closest.direction : closest.direction;
+  const Vec3 normal = find(place, 2 * margin) && closest.distance == 0 ? closest.direction : away;
+  const double sign = touch.side == Side::back ? -1 : 1;
+  for (const double factor : {1.0, 16.0, 256.0}) {
+    touch.at = place + (sign * factor * margin) * normal;
+    if (find(touch.at, 2 * factor * margin) && closest.side == touch.side && closest.distance > margin / 64) break;
   }
+  group.proxy = solid.pose * touch.at;
 }
 
 const Proxies::Touch* Proxies::find_before(const ViewTouches& last, const Solid& solid, uint32_t point) noexcept {
