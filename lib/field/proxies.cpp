@@ -16,6 +16,11 @@ double margin_at(const Pose& pose, Vec3 from, Vec3 to) noexcept {
   return 64 * epsilon * (largest_coordinate(from) + largest_coordinate(to) + largest_coordinate(pose.position));
 }
 
+Vec3 limited(Vec3 force, double limit) noexcept {
+  const double size = norm(force);
+  return size > limit ? (limit / size) * force : force;
+}
+
 bool are_equal(const Pose& a, const Pose& b) noexcept {
   const Quat &p = a.orientation, &q = b.orientation;
   return a.position == b.position && p.w == q.w && p.x == q.x && p.y == q.y && p.z == q.z;
@@ -412,7 +417,8 @@ void Proxies::push(const ViewTouches* last, Group& group, uint32_t point, const 
     if (!member.before) continue;
     touch.rest = member.before->fading > 0 ? (touch.fading / member.before->fading) * member.before->rest : Vec3{};
     was_fading |= member.before->is_fading;
-    const Vec3 change = member.before->spring - touch.spring;
+    const double limit = solid.object->contact.limit;  // what is beyond it has not been felt
+    const Vec3 change = limited(member.before->spring, limit) - limited(touch.spring, limit);
     jump += change;
     if (norm(change) > most_change) {
       most_change = norm(change);

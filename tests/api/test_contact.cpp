@@ -432,6 +432,19 @@ START_TEST(letting_go_is_no_step) {
   EXPECT_NEAR(before, 0, 1e-12);
   ck_assert_double_lt(most, 9 * dt / 0.02 + 0.3);
   ck_assert_double_gt(most, 0.1);
+
+  Hand limited;  // the spread is of what was felt
+  limited.mesh("shelf", box_mesh({0.02, 0.02, 0.001}), solid(FS_KEEP_FRONT, 1000, 5));
+  limited.go({0, 0, 0.01});
+  limited.slide({0, 0, -0.05});
+  EXPECT_NEAR(norm(limited.felt.wrench.force), 5, 1e-6);
+  before = 5;
+  for (int i = 0; i < 600; ++i) {
+    const double now = norm(limited.go({0.0001 * std::min(i, 300), 0, -0.05}));
+    ck_assert_double_lt(std::fabs(now - before), 5 * dt / 0.02 + 0.3);
+    before = now;
+  }
+  EXPECT_NEAR(before, 0, 1e-12);
 }
 END_TEST
 
