@@ -16,6 +16,11 @@ double margin_at(const Pose& pose, Vec3 from, Vec3 to) noexcept {
   return 64 * epsilon * (largest_coordinate(from) + largest_coordinate(to) + largest_coordinate(pose.position));
 }
 
+Vec3 limited(Vec3 force, double limit) noexcept {
+  const double size = norm(force);
+  return size > limit ? (limit / size) * force : force;
+}
+
 bool are_equal(const Pose& a, const Pose& b) noexcept {
   const Quat &p = a.orientation, &q = b.orientation;
   return a.position == b.position && p.w == q.w && p.x == q.x && p.y == q.y && p.z == q.z;
@@ -41,26 +46,35 @@ void Proxies::forget() noexcept {
 
 // ------------------------------------------------------------------------------------------------------- where it goes
 
-// The first plane that stops the group's proxy on its way; at: where, scene frame.
+// The plane of one member that stops the proxy on its way; at: where, scene frame; part: of the way.
+bool Proxies::find_plane(const Member& member, Vec3 to, Plane& out, Vec3& at, double& part) const noexcept {
+  const Solid& solid = *member.solid;
+  const Vec3 local = to_local(solid.pose, to);
+  Crossing crossing;
+  if (!first_crossing(solid.object->primitive, solid.object->shape.get(), member.touch->side, member.touch->at, local,
+                      crossing)) {
+    return false;
+  }
+  part = crossing.part;
+  out.margin = margin_at(solid.pose, member.touch->at, local);
+  out.normal = rotate(solid.pose.orientation, crossing.normal);
+  at = solid.pose * crossing.point + out.margin * out.normal;
+  out.offset = dot(out.normal, at);
+  return true;
+}
+
+// The first of them.
 bool Proxies::find_hit(const Group& group, Vec3 to, Plane& out, Vec3& at) const noexcept {
   double least = std::numeric_limits<double>::infinity();
   for (uint32_t i = 0; i < group.count; ++i) {
-    const Member& member = group.members[i];
-    const Solid& solid = *member.solid;
-    const Vec3 local = to_local(solid.pose, to);
-    Crossing crossing;
-    if (!first_crossing(solid.object->primitive, solid.object->shape.get(), member.touch->side, member.touch->at, local,
-                        crossing) ||
-        !(crossing.part < least)) {
-      continue;
-    }
-    least = crossing.part;
-    const double margin = margin_at(solid.pose, member.touch->at, local);
-    out.normal = rotate(solid.pose.orientation, crossing.normal);
-    at = solid.pose * crossing.point + margin * out.normal;
-    out.offset = dot(out.normal, at);
-    out.margin = margin;
+    Plane plane;
+    Vec3 here;
+    double part;
+    if (!find_plane(group.members[i], to, plane, here, part) || !(part < least)) continue;
+    least = part;
+    out = plane;
     out.member = i;
+    at = here;
   }
   return least < std::numeric_limits<double>::infinity();
 }
@@ -76,7 +90,7 @@ void Proxies::go(Group& group, Vec3 to) const noexcept {
 
 // The point nearest to `hand` that all planes of the group allow. shares: how far each of them pushes it. Planes that do not
 // push are dropped. False: there is no such point.
-bool Proxies::hold(Group& group, Vec3 hand, Vec3& goal) noexcept {
+bool Proxies::hold(Planes& group, Vec3 hand, Vec3& goal) noexcept {
   const uint32_t count = group.plane_count;
   double most = std::numeric_limits<double>::infinity();
   uint32_t best = 0;
@@ -194,6 +208,11 @@ void Proxies::slide(Group& group, Vec3 hand, bool was_touching) noexcept {
     if (!is_free) return;
     const double moved = norm(goal - group.proxy);
     go(group, goal);
+    if (group.plane_count == 0 && !(target == hand)) {  // where friction would have it, nothing holds it
+      target = hand;
+      group.held = {};
+      continue;
+    }
     if (group.plane_count == 0 || moved <= 1e-9 * norm(goal - target)) return;
   }
 }
@@ -236,18 +255,28 @@ void Proxies::begin_touch(const ViewTouches* last, Group& group, Member& member)
   touch.side = object.contact.keep == FS_KEEP_BACK ? Side::back : Side::front;
   touch.spring = touch.rest = {};
   touch.fading = 0;
-  touch.is_touching = false;
+  touch.is_touching = touch.is_fading = false;
   const bool keeps_either = object.contact.keep == FS_KEEP_EITHER;
-  if (!keeps_either && object.primitive == FS_PRIMITIVE_MESH && !object.shape->closed) return;
+  const bool is_closed = object.primitive != FS_PRIMITIVE_MESH || object.shape->closed;
   Closest closest;
   Effort effort{.visits = 4096};
-  if (!closest_point(object.primitive, object.shape.get(), touch.at, never, closest, nullptr, &effort)) return;
-  if (keeps_either) {
-    touch.side = closest.side;
-  } else if (closest.side != touch.side && closest.distance > 0) {
-    touch.at = closest.point - margin_at(solid.pose, closest.point, touch.at) * closest.direction;
-    group.proxy = solid.pose * touch.at;
+  const auto find = [&](Vec3 x, double range) {
+    return closest_point(object.primitive, object.shape.get(), x, range, closest, nullptr, &effort);
+  };
+  const double margin = margin_at(solid.pose, touch.at, to_local(before, group.proxy));
+  if (!find(touch.at, keeps_either || is_closed ? never : margin)) return;
+  if (keeps_either) touch.side = closest.side;
+  const bool is_at_surface = closest.distance <= margin;
+  if (!is_at_surface && (keeps_either || !is_closed || closest.side == touch.side)) return;
+  // Above the surface, along its normal there: in a narrow groove farther above it than elsewhere.
+  const Vec3 place = closest.point, away = closest.side == Side::back ? -closest.direction : closest.direction;
+  const Vec3 normal = find(place, 2 * margin) && closest.distance == 0 ? closest.direction : away;
+  const double sign = touch.side == Side::back ? -1 : 1;
+  for (const double factor : {1.0, 16.0, 256.0}) {
+    touch.at = place + (sign * factor * margin) * normal;
+    if (find(touch.at, 2 * factor * margin) && closest.side == touch.side && closest.distance > margin / 64) break;
   }
+  group.proxy = solid.pose * touch.at;
 }
 
 const Proxies::Touch* Proxies::find_before(const ViewTouches& last, const Solid& solid, uint32_t point) noexcept {
@@ -288,6 +317,65 @@ void Proxies::feel_group(const ViewTouches* last, Group& group, uint32_t point, 
   push(last, group, point, tool);
 }
 
+// The springs of a group in which solids fade. Each solid is there for a part of the unit interval, as long as its weight: the
+// versions of one name one after the other, all others from 0 on. At each place of the interval only those that are there
+// hold the proxy; the spring is the mean. So a solid that goes leaves to the others what they hold without it.
+void Proxies::fade(Group& group, Vec3 hand, double k) noexcept {
+  std::array<double, 2 * most_solids>& levels = levels_;
+  uint32_t level_count = 0;
+  bool is_held[most_solids];
+  for (uint32_t i = 0; i < group.count; ++i) {
+    const Solid& solid = *group.members[i].solid;
+    Vec3 at;
+    double part;
+    own_[i].member = i;
+    is_held[i] = find_plane(group.members[i], hand, own_[i], at, part);
+    double begin = 0;
+    for (uint32_t other = 0; other < group.count; ++other) {
+      const Solid& newer = *group.members[other].solid;
+      if (newer.version > solid.version && newer.object->name == solid.object->name) begin += newer.weight;
+    }
+    Touch& touch = *group.members[i].touch;
+    touch.spring = {};
+    touch.is_touching = false;
+    levels[2 * i] = std::min(begin, 1.0);
+    levels[2 * i + 1] = std::min(begin + solid.weight, 1.0);
+    level_count += 2;
+  }
+  std::array<double, 2 * most_solids> sorted = levels;
+  std::sort(sorted.begin(), sorted.begin() + level_count);
+  for (uint32_t n = 1; n < level_count; ++n) {
+    const double length = sorted[n] - sorted[n - 1], middle = 0.5 * (sorted[n] + sorted[n - 1]);
+    if (!(length > 0)) continue;
+    // The plane that is violated most is added until none is.
+    Planes here;
+    Vec3 goal = hand;
+    for (int tries = 0; tries < 8 && here.plane_count < 3; ++tries) {
+      const Plane* worst = nullptr;
+      double depth = 0;
+      for (uint32_t i = 0; i < group.count; ++i) {
+        if (!is_held[i] || !(levels[2 * i] < middle && middle < levels[2 * i + 1])) continue;
+        const double by = own_[i].offset - dot(own_[i].normal, goal) - own_[i].margin / 4;
+        if (by > depth) {
+          depth = by;
+          worst = &own_[i];
+        }
+      }
+      if (!worst) break;
+      here.planes[here.plane_count++] = *worst;
+      if (!hold(here, hand, goal)) break;
+    }
+    double sum = 0;
+    for (uint32_t p = 0; p < here.plane_count; ++p) sum += here.shares[p];
+    for (uint32_t p = 0; p < here.plane_count && sum > 0; ++p) {
+      Touch& touch = *group.members[here.planes[p].member].touch;
+      const double weight = group.members[here.planes[p].member].solid->weight;
+      touch.is_touching = true;
+      touch.spring += (k * length / weight) * (here.shares[p] * here.planes[p].normal + (here.shares[p] / sum) * group.held);
+    }
+  }
+}
+
 // The forces of the group's contacts.
 void Proxies::push(const ViewTouches* last, Group& group, uint32_t point, const ToolState& tool) noexcept {
   const ToolState::Point& at = tool.points[point];
@@ -296,6 +384,11 @@ void Proxies::push(const ViewTouches* last, Group& group, uint32_t point, const 
   double sum = 0;
   for (uint32_t p = 0; p < group.plane_count; ++p) sum += group.shares[p];
   std::array<Vec3, most_solids>& damping = damping_;
+  bool is_fading = false;
+  for (uint32_t i = 0; i < group.count; ++i) is_fading |= group.members[i].solid->weight < 1;
+  is_fading &= group.plane_count > 0 && group.count > 1;
+  if (is_fading) fade(group, at.position, k);
+  bool was_fading = false;
   Vec3 jump{};               // N, of the sum of the springs,
   uint32_t most_changed = 0;  // which goes to this member
   double way = last ? norm(at.position - last->hand[point]) : never, most_change = -1;
@@ -303,23 +396,29 @@ void Proxies::push(const ViewTouches* last, Group& group, uint32_t point, const 
     Member& member = group.members[i];
     Touch& touch = *member.touch;
     const Solid& solid = *member.solid;
-    touch.spring = damping[i] = {};
-    touch.is_touching = false;
+    damping[i] = {};
+    if (!is_fading) {
+      touch.spring = {};
+      touch.is_touching = false;
+    }
     for (uint32_t p = 0; p < group.plane_count; ++p) {
       const Plane& plane = group.planes[p];
       if (plane.member != i) continue;
       touch.is_touching = true;
-      touch.spring += k * (sum > 0 ? group.shares[p] * plane.normal + (group.shares[p] / sum) * group.held
+      if (!is_fading) touch.spring += k * (sum > 0 ? group.shares[p] * plane.normal + (group.shares[p] / sum) * group.held
                                    : (1.0 / group.plane_count) * pull);
       const Vec3 velocity = at.velocity - solid.motion->velocity(group.proxy, solid.pose, tool.time);
       const double approach = -dot(plane.normal, velocity);
       if (approach > 0) damping[i] += solid.object->contact.damping * approach * plane.normal;
     }
     touch.proxy = group.proxy;
+    touch.is_fading = is_fading;
     touch.fading = std::max(0.0, touch.fading - step_);
     if (!member.before) continue;
     touch.rest = member.before->fading > 0 ? (touch.fading / member.before->fading) * member.before->rest : Vec3{};
-    const Vec3 change = member.before->spring - touch.spring;
+    was_fading |= member.before->is_fading;
+    const double limit = solid.object->contact.limit;  // what is beyond it has not been felt
+    const Vec3 change = limited(member.before->spring, limit) - limited(touch.spring, limit);
     jump += change;
     if (norm(change) > most_change) {
       most_change = norm(change);
@@ -327,9 +426,9 @@ void Proxies::push(const ViewTouches* last, Group& group, uint32_t point, const 
     }
     way = std::max(way, norm(at.position - last->hand[point]) + norm(solid.pose * member.before->at - member.before->proxy));
   }
-  // A jump that the motions of hand and objects do not explain is spread.
+  // A jump that the motions of hand and objects do not explain is spread. (While solids fade, weights do that.)
   const double size = norm(jump), allowed = 2 * k * way;
-  if (most_change > 0 && size > allowed) {
+  if (most_change > 0 && size > allowed && !is_fading && !was_fading) {
     Touch& touch = *group.members[most_changed].touch;
     touch.rest += (1 - allowed / size) * jump;
     touch.fading = spread;

@@ -97,7 +97,7 @@ class Proxies {
     Vec3 rest;            // N, what is left of a jump
     double fading;        // s, for which it is left
     Side side;            // that is kept
-    bool is_touching;
+    bool is_touching, is_fading;
   };
   struct ViewTouches {
     uint64_t what = 0;
@@ -118,14 +118,17 @@ class Proxies {
     double margin;       // m, by which it lies above the surface
     uint32_t member;
   };
+  // Planes that hold a point.
+  struct Planes {
+    std::array<Plane, 3> planes;
+    std::array<double, 3> shares;  // how far each pushes it along its normal, m
+    uint32_t plane_count = 0;
+  };
   // Solids of the same stiffness that a point feels, and where their proxy has got to.
-  struct Group {
+  struct Group : Planes {
     std::array<Member, most_solids> members;
     uint32_t count = 0;
     Vec3 proxy{};
-    std::array<Plane, 3> planes;   // that hold it,
-    std::array<double, 3> shares;  // and how far it was pushed along the normal of each, m
-    uint32_t plane_count = 0;
     Vec3 held{};                   // m, how far friction holds it back
     bool is_stuck = false;         // by friction
   };
@@ -135,7 +138,9 @@ class Proxies {
   void begin_touch(const ViewTouches* last, Group& group, Member& member) noexcept;
   void carry(Group& group) noexcept;
   void slide(Group& group, Vec3 hand, bool was_touching) noexcept;
-  bool hold(Group& group, Vec3 hand, Vec3& goal) noexcept;
+  static bool hold(Planes& group, Vec3 hand, Vec3& goal) noexcept;
+  bool find_plane(const Member& member, Vec3 to, Plane& out, Vec3& at, double& part) const noexcept;
+  void fade(Group& group, Vec3 hand, double k) noexcept;
   bool find_hit(const Group& group, Vec3 to, Plane& out, Vec3& at) const noexcept;
   void go(Group& group, Vec3 to) const noexcept;
   void push(const ViewTouches* last, Group& group, uint32_t point, const ToolState& tool) noexcept;
@@ -152,6 +157,8 @@ class Proxies {
   std::array<Tick, 2> ticks_;
   Group group_;           // the one that is worked on
   std::array<Vec3, most_solids> damping_;  // N, of its members
+  std::array<Plane, most_solids> own_;     // planes of its members, of each alone
+  std::array<double, 2 * most_solids> levels_;
   uint32_t cursor_ = 0;   // of find_before
   FeltSolids felt_;       // that is put together
   Latest<FeltSolids> newest_;

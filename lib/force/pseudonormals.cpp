@@ -177,6 +177,13 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
     const size_t first = size_t{3} * s.triangle;
     edge_normals[edges.of_side[first + s.long_side]] += s.across_short;
     for (int i = 1; i < 3; ++i) edge_normals[edges.of_side[first + (s.long_side + i) % 3]] += s.across_long;
+    // Where it has no neighbour to pass on, the surface ends.
+    const auto end_at = [&](int side) {
+      edge_is_flat[edges.of_side[first + side % 3]] = 0;
+      vertex_is_flat_[vertices[first + side % 3]] = vertex_is_flat_[vertices[first + (side + 1) % 3]] = false;
+    };
+    if (s.across_short == no_normal) end_at(s.long_side);
+    if (s.across_long == no_normal) end_at(s.long_side + 1), end_at(s.long_side + 2);
     const uint32_t vertex = vertices[first + (s.long_side + 2) % 3];
     vertex_normals_[vertex] += std::numbers::pi * s.across_long;
     vertex_weights[vertex] += std::numbers::pi;

@@ -432,6 +432,19 @@ START_TEST(letting_go_is_no_step) {
   EXPECT_NEAR(before, 0, 1e-12);
   ck_assert_double_lt(most, 9 * dt / 0.02 + 0.3);
   ck_assert_double_gt(most, 0.1);
+
+  Hand limited;  // the spread is of what was felt
+  limited.mesh("shelf", box_mesh({0.02, 0.02, 0.001}), solid(FS_KEEP_FRONT, 1000, 5));
+  limited.go({0, 0, 0.01});
+  limited.slide({0, 0, -0.05});
+  EXPECT_NEAR(norm(limited.felt.wrench.force), 5, 1e-6);
+  before = 5;
+  for (int i = 0; i < 600; ++i) {
+    const double now = norm(limited.go({0.0001 * std::min(i, 300), 0, -0.05}));
+    ck_assert_double_lt(std::fabs(now - before), 5 * dt / 0.02 + 0.3);
+    before = now;
+  }
+  EXPECT_NEAR(before, 0, 1e-12);
 }
 END_TEST
 
@@ -498,6 +511,139 @@ START_TEST(fields_of_solids) {
 }
 END_TEST
 
+// --- Under a servo.
+
+// A virtual servo at 1 kHz with a fade of 50 ms; the hand stands where the test puts it.
+struct Held : Rig {
+  std::vector<Shape> shapes;
+  explicit Held(const char* name) : Rig(name) {
+    fake.state.pose = at({0, 0, 0.01});
+    fs_servo_options options = virtual_options();
+    options.fade = 0.05;
+    options.ramp = -1;
+    start(options);
+    step(1);
+  }
+  void put(fs_object o, fs_contact contact) {
+    o.contact = contact;
+    OK(fs_object_set(scene.get(), &o));
+  }
+  fs_object solid_mesh(const char* name, const MeshData& data) {
+    shapes.push_back(make_mesh(data));
+    fs_object o = fs_object_init(name, FS_PRIMITIVE_MESH);
+    o.shape = shapes.back().get();
+    return o;
+  }
+  void place(fs_vec3 to, int ticks = 20) {  // in a straight line
+    const fs_vec3 from = fake.state.pose.position;
+    for (int i = 1; i <= ticks; ++i) {
+      fake.state.pose.position = from + (static_cast<double>(i) / ticks) * (to - from);
+      step(1);
+    }
+  }
+  // Runs these ticks; the greatest change of the force from one to the next, N.
+  double most_change(int ticks, const std::function<void(int)>& each = nullptr) {
+    double most = 0;
+    for (int i = 0; i < ticks; ++i) {
+      if (each) each(i);
+      const fs_vec3 before = sent();
+      step(1);
+      most = std::max(most, norm(sent() - before));
+    }
+    return most;
+  }
+};
+
+START_TEST(solids_come_and_go_without_a_step) {
+  Held held("contact_fade");
+  held.place({0, 0, -0.004});
+  const fs_object wall = [] {
+    fs_object o = fs_object_init("wall", FS_PRIMITIVE_PLANE);
+    return o;
+  }();
+  held.put(wall, solid(FS_KEEP_FRONT));  // it appears on the hand
+  ck_assert_double_le(held.most_change(80), 4 * dt / 0.05 + 1e-9);
+  EXPECT_VECTOR(held.sent(), (fs_vec3{0, 0, 4}), 1e-9);
+  const fs_report report = report_of(held.scene.get(), "wall");
+  EXPECT_VECTOR(report.wrench.force, (fs_vec3{0, 0, 4}), 1e-9);
+  EXPECT_VECTOR(report.point, (fs_vec3{}), 1e-12);
+  EXPECT_NEAR(report.distance, 0.004, 1e-12);
+  EXPECT_NEAR(report.stiffness_wanted, 1000, 1e-9);
+  fs_frame frame = fs_frame_init();
+  frame.pose.position = {0, 0, 0.001};  // another frame cross-fades: 1 mm less
+  OK(fs_scene_set_frame(held.scene.get(), &frame));
+  ck_assert_double_le(held.most_change(120), 6 * dt / 0.05 + 1e-9);
+  EXPECT_NEAR(std::fabs(held.sent().z - 4), 1, 1e-9);
+  OK(fs_object_remove(held.scene.get(), "wall"));
+  ck_assert_double_le(held.most_change(80), 5 * dt / 0.05 + 1e-9);
+  EXPECT_VECTOR(held.sent(), (fs_vec3{}), 0);
+}
+END_TEST
+
+// What one leaves, the others hold.
+START_TEST(solids_that_share_a_proxy_fade) {
+  Held held("contact_shared");
+  for (const char* name : {"a", "b", "c"}) held.put(fs_object_init(name, FS_PRIMITIVE_PLANE), solid(FS_KEEP_FRONT));
+  held.step(80);
+  held.place({0, 0, -0.003});
+  EXPECT_VECTOR(held.sent(), (fs_vec3{0, 0, 3}), 1e-9);
+  for (const char* name : {"a", "c"}) {
+    OK(fs_object_remove(held.scene.get(), name));
+    ck_assert_double_lt(held.most_change(80), 1e-9);
+    EXPECT_VECTOR(held.sent(), (fs_vec3{0, 0, 3}), 1e-9);
+  }
+  held.put(fs_object_init("d", FS_PRIMITIVE_PLANE), solid(FS_KEEP_FRONT));
+  ck_assert_double_lt(held.most_change(80), 1e-9);
+  fs_object tilted = fs_object_init("e", FS_PRIMITIVE_PLANE);
+  OK(fs_pose_from_z({0, 0, 0}, {0.6, 0, 0.8}, &tilted.pose));
+  held.put(tilted, solid(FS_KEEP_FRONT));
+  ck_assert_double_le(held.most_change(80), 5 * dt / 0.05);
+  OK(fs_object_remove(held.scene.get(), "e"));
+  ck_assert_double_le(held.most_change(80), 5 * dt / 0.05);
+  EXPECT_VECTOR(held.sent(), (fs_vec3{0, 0, 3}), 1e-9);
+}
+END_TEST
+
+// A mesh that is replaced again and again stays felt, and does not let the hand in.
+START_TEST(a_mesh_is_replaced_while_it_is_touched) {
+  Held held("contact_mesh");
+  held.place({0, 0, 0.03});
+  held.put(held.solid_mesh("box", box_mesh({0.02, 0.02, 0.01})), solid(FS_KEEP_FRONT));
+  held.step(80);
+  held.place({0.003, 0.001, 0.005}, 60);
+  EXPECT_VECTOR(held.sent(), (fs_vec3{0, 0, 5}), 1e-9);
+  const double most = held.most_change(400, [&](int i) {
+    if (i < 300) held.put(held.solid_mesh("box", box_mesh({0.02, 0.02 + 1e-4 * (i % 3), 0.01})), solid(FS_KEEP_FRONT));
+  });
+  ck_assert_double_lt(most, 1e-6);
+  EXPECT_VECTOR(held.sent(), (fs_vec3{0, 0, 5}), 1e-9);
+}
+END_TEST
+
+// The search of a mesh that has no end comes to one, and tells how wrong the force may be.
+START_TEST(a_tick_has_an_end) {
+  Held held("contact_centre");
+  fs_object o = held.solid_mesh("ball", sphere_mesh(0.03, 300000));
+  o.back = constant(FS_SENSE_ATTRACTIVE, 3);
+  held.put(o, fs_contact{});
+  held.place({0, 0, 0});
+  held.step(60);
+  fs_response felt{};
+  OK(fs_scene_get_hand(held.scene.get(), nullptr, &felt, nullptr));
+  ck_assert_double_gt(felt.error_bound, 0);
+  ck_assert_double_ge(felt.error_bound, 3);
+  ck_assert_uint_gt(stats_of(held.scene.get()).approximated, 0);
+  const uint64_t before = stats_of(held.scene.get()).approximated;
+  held.place({0, 0, 0.028});
+  OK(fs_scene_get_hand(held.scene.get(), nullptr, &felt, nullptr));
+  ck_assert_double_eq(felt.error_bound, 0);
+  held.step(100);
+  ck_assert_uint_le(stats_of(held.scene.get()).approximated, before + 20);
+  const Tool tool = make_tool(held.scene.get());  // a tool of one's own is exact
+  ck_assert_double_eq(evaluate(tool.get(), hand_at({0, 0, 0})).error_bound, 0);
+}
+END_TEST
+
 }  // namespace
 
 int main() {
@@ -508,5 +654,7 @@ int main() {
   add_case(suite, "forces", {friction_sticks_and_slips, damping_acts_on_approach_only, tools_of_several_points,
                              profiles_act_at_the_proxy, fields_of_solids});
   add_case(suite, "motion", {moving_objects_push});
+  add_case(suite, "servo", {solids_come_and_go_without_a_step, solids_that_share_a_proxy_fade,
+                            a_mesh_is_replaced_while_it_is_touched, a_tick_has_an_end});
   return run_suite(suite);
 }

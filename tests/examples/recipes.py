@@ -57,6 +57,10 @@ def box(x):
     return [math.copysign(min(10, 0.5 * depth[i]), x[i]) if i == axis else 0 for i in range(3)]
 
 
+def solid(x):  # the hand has come from above
+    return [0, 0, min(5, max(0, -0.2 * x[2]))]
+
+
 def sphere(x):
     size = norm(x)
     return [0, 0, 0] if size == 0 else [min(10, max(0, 0.5 * (30 - size))) * value / size for value in x]
@@ -109,7 +113,7 @@ def by_formula(name, formula):
     return check
 
 
-CHECKS = {"wall": by_formula("wall", wall), "box": by_formula("box", box), "sphere": by_formula("sphere", sphere),
+CHECKS = {"wall": by_formula("wall", wall), "box": by_formula("box", box), "solid": by_formula("solid", solid), "sphere": by_formula("sphere", sphere),
           "path": check_path, "gravity": by_formula("gravity", gravity), "viscous_zone": check_viscous_zone,
           "hazard": check_hazard, "magnet": by_formula("magnet", magnet)}
 

@@ -496,6 +496,20 @@ START_TEST(sides_with_degenerate_and_duplicate_triangles) {
 }
 END_TEST
 
+// A triangle without area on the rim of a surface does not continue it.
+START_TEST(a_rim_with_a_degenerate_triangle) {
+  for (const Vec3 third : {Vec3{0.04, 0, 0}, Vec3{0.15, 0, 0}, Vec3{0.1, 0, 0}}) {
+    Mesh m;
+    m.points = {{0, 0, 0}, {0.1, 0, 0}, {0, 0.1, 0}, third};
+    m.triangles = {0, 1, 2, 1, 0, 3};
+    Closest hit;
+    ck_assert(closest_point(FS_PRIMITIVE_MESH, m.shape().get(), {0.05, -0.01, 0.01}, infinity, hit));
+    ck_assert(hit.feature == Feature::edge);
+    ck_assert_double_eq_tol(norm(hit.direction - normalized(Vec3{0, -1, 1})), 0, 1e-12);
+  }
+}
+END_TEST
+
 START_TEST(sheet_of_two_faces) {
   // Its normals cancel, so the first triangle decides.
   Mesh m;
@@ -835,7 +849,7 @@ int main() {
   return run("mesh", {matches_the_reference, matches_the_reference_far_away, takes_bad_meshes, all_sizes_in_one_mesh,
                       hints_make_no_difference, a_search_can_be_cut,
                       ties_go_to_the_lowest_index, respects_the_largest_distance, sides_of_closed_meshes,
-                      sides_with_degenerate_and_duplicate_triangles, sheet_of_two_faces,
+                      sides_with_degenerate_and_duplicate_triangles, sheet_of_two_faces, a_rim_with_a_degenerate_triangle,
                       closest_point_stays_in_the_box, features, info_and_refusals, no_mesh_takes_many_steps,
                       a_build_can_be_abandoned, a_build_can_be_abandoned_anywhere, parts_of_work_are_shown, a_tree_is_small,
                       built_by_many_threads, a_query_does_not_allocate});
