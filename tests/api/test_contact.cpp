@@ -94,6 +94,7 @@ START_TEST(a_plane_holds_the_hand) {
   EXPECT_NEAR(hand.felt.stiffness.zz, -2000, 1e-6);
   EXPECT_NEAR(hand.felt.stiffness.xx, 0, 1e-6);
   EXPECT_VECTOR(hand.slide({0.003, 0, -0.2}), (fs_vec3{0, 0, 5}), 1e-12);  // the limit
+  EXPECT_NEAR(hand.felt.stiffness.zz, 0, 1e-9);
   EXPECT_VECTOR(hand.slide({0.003, 0.01, 0.001}), (fs_vec3{}), 0);
   ck_assert(!hand.touches());
 }
@@ -187,6 +188,39 @@ START_TEST(a_hand_that_begins_inside_is_led_out) {
   EXPECT_VECTOR(envelope.go({0.022, 0, 0}), (fs_vec3{-2, 0, 0}), 1e-9);
   EXPECT_VECTOR(envelope.slide({0, 0, 0}), (fs_vec3{}), 1e-9);
   EXPECT_VECTOR(envelope.slide({0, 0, 0.025}), (fs_vec3{0, 0, -5}), 1e-9);
+}
+END_TEST
+
+// From exactly a vertex, edge or face it goes in, and is held; also where the nearest place is the bottom of a groove.
+START_TEST(a_hand_that_begins_on_the_surface_is_held) {
+  const MeshData meshes[] = {box_mesh({0.02, 0.02, 0.02}), sphere_mesh(0.03, 300), torus_mesh(0.03, 0.01, 300)};
+  Random random(11);
+  for (const MeshData& mesh : meshes) {
+    for (const double friction : {0.0, 0.7}) {
+      Hand hand;
+      fs_contact contact = solid(FS_KEEP_FRONT);
+      contact.friction = friction;
+      hand.mesh("it", mesh, contact);
+      hand.go({0.1, 0, 0});
+      for (int i = 0; i < 300; ++i) {
+        const size_t t = 3 * random.below(mesh.triangles.size() / 3);
+        const fs_vec3 a = mesh.points[mesh.triangles[t]], b = mesh.points[mesh.triangles[t + 1]],
+                      c = mesh.points[mesh.triangles[t + 2]];
+        const double u = i % 3 == 0 ? 0 : random.between(0, 0.9), v = i % 3 == 2 ? random.between(0, 1 - u) : 0;
+        const fs_vec3 on = a + u * (b - a) + v * (c - a), n = cross(b - a, c - a), inward = (-1 / norm(n)) * n;
+        OK(fs_tool_reset(hand.tool.get()));
+        hand.is_placed = false;
+        hand.go(on);
+        for (int k = 1; k <= 5; ++k) {
+          hand.go(on + (0.0005 * k) * inward);
+          ck_assert(hand.touches());
+          ck_assert_double_gt(norm(hand.felt.wrench.force), 0.1);
+          const fs_vec3 out = (1e-9 / norm(hand.felt.wrench.force)) * hand.felt.wrench.force;  // rounding tells nothing of a surface
+          ck_assert_double_lt(std::fabs(winding(mesh, hand.proxy() + out)), 0.1);
+        }
+      }
+    }
+  }
 }
 END_TEST
 
@@ -650,6 +684,7 @@ int main() {
   Suite* const suite = suite_create("contact");
   add_case(suite, "planes", {a_plane_holds_the_hand, each_side_can_be_kept, corners_hold_with_every_wall, shared_proxies});
   add_case(suite, "meshes", {a_box_is_solid, nothing_lets_through, a_hand_that_begins_inside_is_led_out,
+                             a_hand_that_begins_on_the_surface_is_held,
                              sliding_over_a_mesh_makes_no_energy, open_meshes_have_rims, letting_go_is_no_step});
   add_case(suite, "forces", {friction_sticks_and_slips, damping_acts_on_approach_only, tools_of_several_points,
                              profiles_act_at_the_proxy, fields_of_solids});

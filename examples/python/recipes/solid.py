@@ -10,7 +10,7 @@ faces = [  # counter-clockwise as seen from outside, so the front is outside
 ]
 corners = [[x, y, z] for z in (-0.001, 0) for y in (-0.03, 0.03) for x in (-0.03, 0.03)]
 scene = fs.Scene()
-scene["plate"] = fs.Mesh(corners, faces, contact={"keep": "front", "stiffness": 200, "limit": 5})
+scene["plate"] = fs.Mesh(corners, faces, contact=fs.Contact(keep="front", stiffness=200, limit=5))
 tool = fs.Tool(scene)  # it remembers where it has been
 state, felt = fs.State(), fs.Response()
 for i in range(10, -31, -1):

@@ -269,6 +269,7 @@ public final class Player implements AutoCloseable {
       case "build" -> {
         shapes.get(name).build();
         give(shapes.get(name).info().built());
+        give(shapes.get(name).progress());
       }
       case "curve" -> curves.put(name, step.containsKey("table")
           ? Curve.table(number(step, "step"), numbers(step.get("table"))) : Curve.expression((String) step.get("expression")));

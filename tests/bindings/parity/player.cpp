@@ -214,7 +214,9 @@ class Player {
       fs_shape_info info = fs_shape_info_init();
       check(fs_shape_build(shapes_.at(name)));
       check(fs_shape_get_info(shapes_.at(name), &info));
-      give(info.built);
+      double progress;
+      check(fs_shape_get_progress(shapes_.at(name), &progress));
+      give(info.built), give(progress);
     } else if (verb == "curve") {
       fs_curve* curve;
       if (step.contains("table")) {

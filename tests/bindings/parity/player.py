@@ -125,7 +125,7 @@ class Player:
 
     def do_build(self, name):
         self.shapes[name].build()
-        self.give(self.shapes[name].get_info().built)
+        self.give(self.shapes[name].get_info().built, self.shapes[name].get_progress())
 
     def do_curve(self, name, expression=None, table=None, step=None):
         self.curves[name] = fs.curve_create_table(table, step) if table else fs.curve_create_expression(expression)

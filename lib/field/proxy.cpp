@@ -1,0 +1,212 @@
+#include "field/proxy.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace fs {
+namespace {
+
+constexpr double epsilon = std::numeric_limits<double>::epsilon();
+
+bool are_equal(const Pose& a, const Pose& b) noexcept {
+  const Quat &p = a.orientation, &q = b.orientation;
+  return a.position == b.position && p.w == q.w && p.x == q.x && p.y == q.y && p.z == q.z;
+}
+
+}  // namespace
+
+double margin_at(const Pose& pose, Vec3 from, Vec3 to) noexcept {
+  return 64 * epsilon * (largest_coordinate(from) + largest_coordinate(to) + largest_coordinate(pose.position));
+}
+
+bool find_plane(const Member& member, Vec3 to, Plane& out, Vec3& place, double& part) noexcept {
+  const Solid& solid = *member.solid;
+  const Vec3 local = to_local(solid.pose, to);
+  Crossing crossing;
+  if (!first_crossing(solid.object->primitive, solid.object->shape.get(), member.touch->side, member.touch->at, local,
+                      crossing)) {
+    return false;
+  }
+  part = crossing.part;
+  out.margin = margin_at(solid.pose, member.touch->at, local);
+  out.normal = rotate(solid.pose.orientation, crossing.normal);
+  place = solid.pose * crossing.point + out.margin * out.normal;
+  out.offset = dot(out.normal, place);
+  return true;
+}
+
+// The first plane that stops it; place: where.
+bool Proxy::find_hit(Vec3 to, Plane& out, Vec3& place) const noexcept {
+  double least = std::numeric_limits<double>::infinity();
+  for (uint32_t i = 0; i < count; ++i) {
+    Plane plane;
+    Vec3 here;
+    double part;
+    if (!find_plane(members[i], to, plane, here, part) || !(part < least)) continue;
+    least = part;
+    out = plane;
+    out.member = i;
+    place = here;
+  }
+  return least < std::numeric_limits<double>::infinity();
+}
+
+// Moves the proxy along a way that has been found free.
+void Proxy::go(Vec3 to) noexcept {
+  at = to;
+  for (uint32_t i = 0; i < count; ++i) {
+    Member& member = members[i];
+    member.touch->at = to_local(member.solid->pose, to);
+  }
+}
+
+bool Planes::hold(Vec3 hand, Vec3& goal) noexcept {
+  const uint32_t count = plane_count;
+  double most = std::numeric_limits<double>::infinity();
+  uint32_t best = 0;
+  std::array<double, 3> best_shares{};
+  double depth[3], gram[3][3], margin = 0;
+  for (uint32_t i = 0; i < count; ++i) {
+    depth[i] = planes[i].offset - dot(planes[i].normal, hand);
+    margin = std::max(margin, planes[i].margin / 8);
+    for (uint32_t k = 0; k < count; ++k) gram[i][k] = dot(planes[i].normal, planes[k].normal);
+  }
+  // Each set of planes: the point that lies on all of them.
+  for (uint32_t set = 1; set < 1u << count; ++set) {
+    uint32_t index[3] = {}, size = 0;
+    for (uint32_t i = 0; i < count; ++i) {
+      if (set >> i & 1) index[size++] = i;
+    }
+    double share[3] = {};
+    if (size == 1) {
+      share[0] = depth[index[0]];
+    } else {
+      // Cramer's rule; the matrix is symmetric with ones on its diagonal.
+      const double ab = gram[index[0]][index[1]];
+      const double a = depth[index[0]], b = depth[index[1]];
+      if (size == 2) {
+        const double det = 1 - ab * ab;
+        if (!(det > 1e-9)) continue;
+        share[0] = (a - ab * b) / det;
+        share[1] = (b - ab * a) / det;
+      } else {
+        const double ac = gram[index[0]][index[2]], bc = gram[index[1]][index[2]], c = depth[index[2]];
+        const double det = 1 + 2 * ab * bc * ac - ab * ab - bc * bc - ac * ac;
+        if (!(det > 1e-9)) continue;
+        share[0] = (a * (1 - bc * bc) + b * (ac * bc - ab) + c * (ab * bc - ac)) / det;
+        share[1] = (a * (bc * ac - ab) + b * (1 - ac * ac) + c * (ab * ac - bc)) / det;
+        share[2] = (a * (ab * bc - ac) + b * (ab * ac - bc) + c * (1 - ab * ab)) / det;
+      }
+    }
+    bool is_good = true;
+    Vec3 push{};
+    for (uint32_t i = 0; i < size; ++i) {
+      is_good &= share[i] >= 0;
+      push += share[i] * planes[index[i]].normal;
+    }
+    for (uint32_t i = 0; i < count; ++i) is_good &= dot(planes[i].normal, push) >= depth[i] - margin;
+    if (!is_good || !(norm(push) < most)) continue;
+    most = norm(push);
+    best = set;
+    best_shares = {};
+    for (uint32_t i = 0; i < size; ++i) best_shares[index[i]] = share[i];
+    goal = hand + push;
+  }
+  if (best == 0) return false;
+  uint32_t kept = 0;
+  for (uint32_t i = 0; i < count; ++i) {
+    if (!(best >> i & 1)) continue;
+    planes[kept] = planes[i];
+    shares[kept++] = best_shares[i];
+  }
+  plane_count = kept;
+  return true;
+}
+
+void Proxy::slide(Vec3 hand, bool was_touching) noexcept {
+  constexpr int most_ways = 24, most_planes = 12;
+  Vec3 target = hand;
+  held = {};
+  is_stuck = false;
+  for (int way = 0; way < most_ways; ++way) {
+    plane_count = 0;
+    Vec3 goal = target;
+    bool is_free = false;
+    for (int i = 0; i < most_planes; ++i) {
+      Plane plane;
+      Vec3 place;
+      if (!find_hit(goal, plane, place)) {
+        is_free = true;
+        break;
+      }
+      if (way == 0 && i == 0 && !was_touching && members[plane.member].solid->object->contact.friction > 0) {
+        // It comes to the surface here; from here on friction holds it.
+        Plane other;
+        Vec3 there;
+        if (!find_hit(place, other, there)) go(place);
+      }
+      const bool has_room = plane_count < planes.size();
+      if (has_room) planes[plane_count++] = plane;
+      if (!has_room || !hold(target, goal)) {  // wedged in: it stays where it is
+        shares.fill(0);
+        break;
+      }
+      const double rounding = std::max(plane.margin, 1e-9 * norm(goal - target));
+      if (norm(goal - at) <= rounding) break;  // it is there already
+    }
+    if (way == 0 && plane_count > 0) {
+      // Friction: the proxy stays within a cone about the place where the surface alone would have it (Harwin & Melder 2002).
+      double friction = 0, depth = 0;
+      for (uint32_t i = 0; i < plane_count; ++i) {
+        friction += shares[i] * members[planes[i].member].solid->object->contact.friction;
+        depth += shares[i];
+      }
+      if (friction > 0 && depth > 0) {
+        const Vec3 back = at - goal;
+        const double most = friction / depth * norm(goal - hand), length = norm(back);
+        if (length <= most) {
+          held = back;
+          is_stuck = true;
+          return;
+        }
+        held = (most / length) * back;
+        target = hand + held;
+        continue;
+      }
+    }
+    if (!is_free) return;
+    const double moved = norm(goal - at);
+    go(goal);
+    if (plane_count == 0 && !(target == hand)) {  // where friction would have it, nothing holds it
+      target = hand;
+      held = {};
+      continue;
+    }
+    if (plane_count == 0 || moved <= 1e-9 * norm(goal - target)) return;
+  }
+}
+
+void Proxy::carry() noexcept {
+  for (int round = 0; round < 2; ++round) {
+    bool is_carried = false;
+    for (uint32_t i = 0; i < count; ++i) {
+      const Member& member = members[i];
+      const Solid& solid = *member.solid;
+      Touch& touch = *member.touch;
+      const Vec3 local = to_local(solid.pose, at);
+      if (local == touch.at) continue;
+      const bool has_moved = member.before && !are_equal(member.before->pose, solid.pose);
+      const bool sticks = round == 0 && has_moved && member.before->is_touching && solid.object->contact.friction > 0;
+      Crossing crossing;
+      if (sticks || first_crossing(solid.object->primitive, solid.object->shape.get(), touch.side, touch.at, local, crossing)) {
+        at = solid.pose * touch.at;
+        is_carried = true;
+      } else {
+        touch.at = local;
+      }
+    }
+    if (!is_carried) return;
+  }
+}
+
+}  // namespace fs
