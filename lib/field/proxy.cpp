@@ -35,9 +35,9 @@ bool find_plane(const Member& member, Vec3 to, Plane& out, Vec3& place, double& 
   return true;
 }
 
-// The first plane that stops it; place: where.
-bool Proxy::find_hit(Vec3 to, Plane& out, Vec3& place) const noexcept {
-  double least = std::numeric_limits<double>::infinity();
+// The first plane that stops it; place: where; least: the part of the way.
+bool Proxy::find_hit(Vec3 to, Plane& out, Vec3& place, double& least) const noexcept {
+  least = std::numeric_limits<double>::infinity();
   for (uint32_t i = 0; i < count; ++i) {
     Plane plane;
     Vec3 here;
@@ -58,6 +58,13 @@ void Proxy::go(Vec3 to) noexcept {
     Member& member = members[i];
     member.touch->at = to_local(member.solid->pose, to);
   }
+}
+
+bool Proxy::is_free_to(Vec3 place) const noexcept {
+  Plane plane;
+  Vec3 there;
+  double part;
+  return !find_hit(place, plane, there, part);
 }
 
 bool Planes::hold(Vec3 hand, Vec3& goal) noexcept {
@@ -135,15 +142,19 @@ void Proxy::slide(Vec3 hand, bool was_touching) noexcept {
     for (int i = 0; i < most_planes; ++i) {
       Plane plane;
       Vec3 place;
-      if (!find_hit(goal, plane, place)) {
+      double part;
+      if (!find_hit(goal, plane, place, part)) {
         is_free = true;
         break;
       }
+      // From exactly the surface, where a hand may have stood, it first goes above it: a vertex belongs to all its faces.
+      if (part == 0 && i < 3 && is_free_to(place)) {
+        go(place);
+        continue;
+      }
       if (way == 0 && i == 0 && !was_touching && members[plane.member].solid->object->contact.friction > 0) {
         // It comes to the surface here; from here on friction holds it.
-        Plane other;
-        Vec3 there;
-        if (!find_hit(place, other, there)) go(place);
+        if (is_free_to(place)) go(place);
       }
       const bool has_room = plane_count < planes.size();
       if (has_room) planes[plane_count++] = plane;

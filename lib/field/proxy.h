@@ -83,7 +83,8 @@ struct Proxy : Planes {
   void slide(Vec3 hand, bool was_touching) noexcept;
 
  private:
-  bool find_hit(Vec3 to, Plane& out, Vec3& place) const noexcept;
+  bool find_hit(Vec3 to, Plane& out, Vec3& place, double& part) const noexcept;
+  bool is_free_to(Vec3 place) const noexcept;
   void go(Vec3 to) noexcept;
 };
 

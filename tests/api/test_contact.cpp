@@ -224,6 +224,17 @@ START_TEST(a_hand_that_begins_on_the_surface_is_held) {
 }
 END_TEST
 
+// A vertex belongs to all its faces; a proxy that stands exactly on it can still go along any of them.
+START_TEST(a_vertex_does_not_hold) {
+  Hand hand;
+  hand.mesh("box", box_mesh({0.02, 0.02, 0.02}), solid(FS_KEEP_FRONT));
+  hand.go({0.02, 0.02, 0.02});
+  hand.slide({0.015, 0.015, 0.015});
+  EXPECT_NEAR(norm(hand.felt.wrench.force), 5, 1e-9);  // to the nearest face
+  EXPECT_NEAR(norm(hand.proxy() - hand.x), 0.005, 1e-12);
+}
+END_TEST
+
 START_TEST(corners_hold_with_every_wall) {
   Hand hand;
   hand.plane("x", {0, 0, 0}, {1, 0, 0}, solid(FS_KEEP_FRONT));
@@ -684,7 +695,7 @@ int main() {
   Suite* const suite = suite_create("contact");
   add_case(suite, "planes", {a_plane_holds_the_hand, each_side_can_be_kept, corners_hold_with_every_wall, shared_proxies});
   add_case(suite, "meshes", {a_box_is_solid, nothing_lets_through, a_hand_that_begins_inside_is_led_out,
-                             a_hand_that_begins_on_the_surface_is_held,
+                             a_hand_that_begins_on_the_surface_is_held, a_vertex_does_not_hold,
                              sliding_over_a_mesh_makes_no_energy, open_meshes_have_rims, letting_go_is_no_step});
   add_case(suite, "forces", {friction_sticks_and_slips, damping_acts_on_approach_only, tools_of_several_points,
                              profiles_act_at_the_proxy, fields_of_solids});
