@@ -19,7 +19,7 @@ struct Motion {
   double time = 0;     // s, when pose held
   double horizon = 0;  // s, how long the twist is used; 0: the object stands
 
-  bool is_moving(double t) const noexcept { return t > time && t < time + horizon; }
+  bool is_moving(double t) const noexcept { return t >= time && t < time + horizon; }
 
   Pose at(double t) const noexcept {  // [rt]
     const double dt = used(t);

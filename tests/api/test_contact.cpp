@@ -387,6 +387,11 @@ START_TEST(damping_acts_on_approach_only) {
   EXPECT_VECTOR(hand.go({0, 0, -0.0012}), (fs_vec3{0, 0, 1.2 + 2}), 1e-9);  // at 0.2 m/s
   EXPECT_VECTOR(hand.go({0, 0, -0.001}), (fs_vec3{0, 0, 1}), 1e-9);
   EXPECT_VECTOR(hand.go({0.0005, 0, -0.001}), (fs_vec3{0, 0, 1}), 1e-9);
+  const fs_pose pose = at({0, 0, 0});  // the wall itself comes up, from this very moment on
+  const fs_twist up{{0, 0, 0.1}, {}};
+  OK(fs_object_move(hand.scene.get(), "wall", &pose, nullptr, hand.time));  // it was set at another time
+  OK(fs_object_move(hand.scene.get(), "wall", &pose, &up, hand.time + dt));
+  EXPECT_VECTOR(hand.go({0.0005, 0, -0.001}), (fs_vec3{0, 0, 1 + 1}), 1e-9);
 }
 END_TEST
 
