@@ -24,7 +24,8 @@ double least_of(const double (&values)[64]) noexcept {
 Memory::~Memory() { delete proxies(); }
 
 void Memory::make_proxies() {
-  if (!proxies()) proxies_.store(new Proxies, std::memory_order_release);
+  // All zeros first, so that its pages are there before a tick needs them.
+  if (!proxies()) proxies_.store(new Proxies(), std::memory_order_release);
 }
 
 void Memory::make_room(uint32_t row) {

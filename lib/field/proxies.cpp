@@ -53,7 +53,7 @@ void Proxies::begin_touch(const ViewTouches* last, Member& member) noexcept {
   const auto find = [&](Vec3 x, double range) {
     return closest_point(object.primitive, object.shape.get(), x, range, closest, nullptr, &effort);
   };
-  const double margin = margin_at(solid.pose, touch.at, to_local(before, proxy_.at));
+  const double margin = margin_at(solid.pose, touch.at, touch.at);
   if (!find(touch.at, keeps_either || is_closed ? never : margin)) return;
   if (keeps_either) touch.side = closest.side;
   const bool is_at_surface = closest.distance <= margin;
@@ -107,12 +107,26 @@ void Proxies::feel_proxy(const ViewTouches* last, uint32_t point, const ToolStat
   push(last, point, tool);
 }
 
+// Once a tick and view, because it compares names. Only solids that fade have other versions.
+void Proxies::stack_versions() noexcept {
+  for (uint32_t i = 0; i < solid_count_; ++i) {
+    Solid& solid = solids_[i];
+    solid.begin = 0;
+    for (uint32_t other = 0; solid.weight < 1 && other < solid_count_; ++other) {
+      const Solid& newer = solids_[other];
+      if (newer.version > solid.version && newer.weight < 1 && newer.object->name == solid.object->name) {
+        solid.begin += newer.weight;
+      }
+    }
+  }
+}
+
 // The springs of a group in which solids fade. Each solid is there for a part of the unit interval, as long as its weight: the
 // versions of one name one after the other, all others from 0 on. At each place of the interval only those that are there
 // hold the proxy; the spring is the mean. So a solid that goes leaves to the others what they hold without it.
 void Proxies::fade(Vec3 hand, double k) noexcept {
   std::array<double, 2 * most_solids>& levels = levels_;
-  uint32_t level_count = 0;
+  const uint32_t level_count = 2 * proxy_.count;
   bool is_held[most_solids];
   for (uint32_t i = 0; i < proxy_.count; ++i) {
     const Solid& solid = *proxy_.members[i].solid;
@@ -120,17 +134,11 @@ void Proxies::fade(Vec3 hand, double k) noexcept {
     double part;
     own_[i].member = i;
     is_held[i] = find_plane(proxy_.members[i], hand, own_[i], at, part);
-    double begin = 0;
-    for (uint32_t other = 0; other < proxy_.count; ++other) {
-      const Solid& newer = *proxy_.members[other].solid;
-      if (newer.version > solid.version && newer.object->name == solid.object->name) begin += newer.weight;
-    }
     Touch& touch = *proxy_.members[i].touch;
     touch.spring = {};
     touch.is_touching = false;
-    levels[2 * i] = std::min(begin, 1.0);
-    levels[2 * i + 1] = std::min(begin + solid.weight, 1.0);
-    level_count += 2;
+    levels[2 * i] = std::min(solid.begin, 1.0);
+    levels[2 * i + 1] = std::min(solid.begin + solid.weight, 1.0);
   }
   std::array<double, 2 * most_solids> sorted = levels;
   std::sort(sorted.begin(), sorted.begin() + level_count);
@@ -313,6 +321,7 @@ void Proxies::feel(uint32_t view, uint64_t what, const ToolState& tool, fs_respo
     solid.is_touched = false;
     solid.distance = never;
   }
+  stack_versions();
   for (uint32_t k = 0; k < tool.count; ++k) {
     const Vec3 hand = tool.points[k].position;
     here.hand[k] = hand;

@@ -65,12 +65,12 @@ class Proxies {
     uint64_t what = 0;
     uint32_t begin = 0, end = 0;      // of its touches
     double reach = 0;
-    bool has_hand = false;
     std::array<Vec3, FS_TOOL_POINTS_MAX> hand;  // m, the points at the last tick
   };
   void feel_proxy(const ViewTouches* last, uint32_t point, const ToolState& tool) noexcept;
   const Touch* find_before(const ViewTouches& last, const Solid& solid, uint32_t point) noexcept;
   void begin_touch(const ViewTouches* last, Member& member) noexcept;
+  void stack_versions() noexcept;
   void fade(Vec3 hand, double k) noexcept;
   void push(const ViewTouches* last, uint32_t point, const ToolState& tool) noexcept;
   void add_profiles(uint32_t point, const ToolState& tool) noexcept;

@@ -24,6 +24,7 @@ struct Solid {
   double start = 0;             // s, of the profiles
   // Worked out by feel().
   Pose pose{};                  // now
+  double begin = 0;             // 0..1, where its part of the unit interval begins: see Proxies::fade
   Wrench wrench{}, felt{};      // N, N m: of the contact and of the profiles, in full
   Mat3 stiffness{}, felt_stiffness{};  // N/m, of the same
   bool is_touched = false;
