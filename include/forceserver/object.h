@@ -94,7 +94,8 @@ typedef enum fs_keep {
  * - Objects of equal stiffness share a proxy: where several meet, the spring to it acts once. Each other stiffness has a
  *   proxy of its own, and their forces add.
  * - A hand that is on the wrong side of a plane or closed mesh when both meet for the first time is led to the nearest
- *   place of the right side; on the wrong side of an open mesh it is free until it has come round it.
+ *   place of the right side; on the wrong side of an open mesh it is free until it has come round it. An open mesh
+ *   that replaces one which the hand touches takes the hand over, on the side that is kept.
  * - A moving object carries the proxies that touch it or that it meets. When a proxy jumps although neither hand nor
  *   object does, as over the edge of a shelf, the jump of the force is spread over 20 ms.
  * - limit bounds the force of the object on all points of a tool together; its direction stays.

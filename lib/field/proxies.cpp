@@ -47,7 +47,8 @@ void Proxies::begin_touch(const ViewTouches* last, Member& member) noexcept {
   touch.fading = 0;
   touch.is_touching = touch.is_fading = false;
   const bool keeps_either = object.contact.keep == FS_KEEP_EITHER;
-  const bool is_closed = object.primitive != FS_PRIMITIVE_MESH || object.shape->closed;
+  // Which side of an open mesh is inside is not known; but where it replaces one that is touched, it takes over the hand.
+  const bool is_closed = object.primitive != FS_PRIMITIVE_MESH || object.shape->closed || replaces_touched(solid);
   Closest closest;
   Effort effort{.visits = 4096};
   const auto find = [&](Vec3 x, double range) {
@@ -67,6 +68,18 @@ void Proxies::begin_touch(const ViewTouches* last, Member& member) noexcept {
     if (find(touch.at, 2 * factor * margin) && closest.side == touch.side && closest.distance > margin / 64) break;
   }
   proxy_.at = solid.pose * touch.at;
+}
+
+// Whether the proxy touches an older version of the same object.
+bool Proxies::replaces_touched(const Solid& solid) const noexcept {
+  for (uint32_t i = 0; solid.weight < 1 && i < proxy_.count; ++i) {
+    const Member& other = proxy_.members[i];
+    if (other.before && other.before->is_touching && other.solid->version < solid.version &&
+        other.solid->object->name == solid.object->name) {
+      return true;
+    }
+  }
+  return false;
 }
 
 const Touch* Proxies::find_before(const ViewTouches& last, const Solid& solid, uint32_t point) noexcept {
@@ -165,11 +178,12 @@ void Proxies::fade(Vec3 hand, double k) noexcept {
     }
     double sum = 0;
     for (uint32_t p = 0; p < here.plane_count; ++p) sum += here.shares[p];
+    const Vec3 held = limited(proxy_.held, proxy_.friction_reach(here, hand, goal));
     for (uint32_t p = 0; p < here.plane_count && sum > 0; ++p) {
       Touch& touch = *proxy_.members[here.planes[p].member].touch;
       const double weight = proxy_.members[here.planes[p].member].solid->weight;
       touch.is_touching = true;
-      touch.spring += (k * length / weight) * (here.shares[p] * here.planes[p].normal + (here.shares[p] / sum) * proxy_.held);
+      touch.spring += (k * length / weight) * (here.shares[p] * here.planes[p].normal + (here.shares[p] / sum) * held);
     }
   }
 }
@@ -250,14 +264,8 @@ void Proxies::push(const ViewTouches* last, uint32_t point, const ToolState& too
     held = identity();
   } else {
     Vec3 basis[3];
-    uint32_t size = 0;
-    for (uint32_t p = 0; p < proxy_.plane_count; ++p) {
-      Vec3 rest = proxy_.planes[p].normal;
-      for (uint32_t i = 0; i < size; ++i) rest += -dot(basis[i], rest) * basis[i];
-      if (!(norm(rest) > 1e-6)) continue;
-      basis[size++] = normalized(rest);
-      held += outer(basis[size - 1], basis[size - 1]);
-    }
+    const uint32_t size = proxy_.span(basis);
+    for (uint32_t i = 0; i < size; ++i) held += outer(basis[i], basis[i]);
   }
   proxy_.members[proxy_.planes[0].member].solid->stiffness += -k * held;
 }

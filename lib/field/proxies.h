@@ -69,6 +69,7 @@ class Proxies {
   };
   void feel_proxy(const ViewTouches* last, uint32_t point, const ToolState& tool) noexcept;
   const Touch* find_before(const ViewTouches& last, const Solid& solid, uint32_t point) noexcept;
+  bool replaces_touched(const Solid& solid) const noexcept;
   void begin_touch(const ViewTouches* last, Member& member) noexcept;
   void stack_versions() noexcept;
   void fade(Vec3 hand, double k) noexcept;

@@ -130,6 +130,40 @@ bool Planes::hold(Vec3 hand, Vec3& goal) noexcept {
   return true;
 }
 
+uint32_t Planes::span(Vec3 (&basis)[3]) const noexcept {
+  uint32_t size = 0;
+  for (uint32_t p = 0; p < plane_count; ++p) {
+    Vec3 rest = planes[p].normal;
+    for (uint32_t i = 0; i < size; ++i) rest += -dot(basis[i], rest) * basis[i];
+    if (norm(rest) > 1e-6) basis[size++] = normalized(rest);
+  }
+  return size;
+}
+
+Vec3 Planes::along(Vec3 way) const noexcept {
+  Vec3 basis[3];
+  const uint32_t size = span(basis);
+  for (uint32_t i = 0; i < size; ++i) way += -dot(basis[i], way) * basis[i];
+  return way;
+}
+
+bool Planes::is_on_one(Vec3 place, double way) const noexcept {
+  for (uint32_t p = 0; p < plane_count; ++p) {
+    if (dot(planes[p].normal, place) - planes[p].offset <= 4 * planes[p].margin + 1e-9 * way) return true;
+  }
+  return false;
+}
+
+// A cone (Harwin & Melder 2002). The coefficient is the mean of those of the planes, by how far each pushes.
+double Proxy::friction_reach(const Planes& by, Vec3 hand, Vec3 goal) const noexcept {
+  double friction = 0, depth = 0;
+  for (uint32_t p = 0; p < by.plane_count; ++p) {
+    friction += by.shares[p] * members[by.planes[p].member].solid->object->contact.friction;
+    depth += by.shares[p];
+  }
+  return friction > 0 ? friction / depth * norm(goal - hand) : 0;
+}
+
 void Proxy::slide(Vec3 hand, bool was_touching) noexcept {
   constexpr int most_ways = 24, most_planes = 12;
   Vec3 target = hand;
@@ -166,21 +200,18 @@ void Proxy::slide(Vec3 hand, bool was_touching) noexcept {
       if (norm(goal - at) <= rounding) break;  // it is there already
     }
     if (way == 0 && plane_count > 0) {
-      // Friction: the proxy stays within a cone about the place where the surface alone would have it (Harwin & Melder 2002).
-      double friction = 0, depth = 0;
-      for (uint32_t i = 0; i < plane_count; ++i) {
-        friction += shares[i] * members[planes[i].member].solid->object->contact.friction;
-        depth += shares[i];
-      }
-      if (friction > 0 && depth > 0) {
-        const Vec3 back = at - goal;
-        const double most = friction / depth * norm(goal - hand), length = norm(back);
-        if (length <= most) {
-          held = back;
+      // Friction: the proxy stays within a distance of the place where the surface alone would have it.
+      const double most = friction_reach(*this, hand, goal);
+      if (most > 0) {
+        // When the surface has gone from under the proxy, nothing holds it up: it keeps its place along the surface only.
+        const bool is_on_surface = is_on_one(at, norm(goal - hand));
+        held = is_on_surface ? at - goal : along(at - goal);
+        const double length = norm(held);
+        if (length <= most && is_on_surface) {
           is_stuck = true;
           return;
         }
-        held = (most / length) * back;
+        if (length > most) held = (most / length) * held;
         target = hand + held;
         continue;
       }

@@ -65,6 +65,12 @@ struct Planes {
 
   // [rt] The place nearest to `hand` that all of them allow. Planes that do not push are dropped. False: there is none.
   bool hold(Vec3 hand, Vec3& goal) noexcept;
+  // [rt] Unit vectors that span the normals; returns how many.
+  uint32_t span(Vec3 (&basis)[3]) const noexcept;
+  // [rt] The part of a way that leads along all of the planes.
+  Vec3 along(Vec3 way) const noexcept;
+  // [rt] Whether a place lies on one of them, but for rounding, which grows with the way of the push, m.
+  bool is_on_one(Vec3 place, double way) const noexcept;
 };
 
 inline constexpr uint32_t most_solids = 256;  // near a tool
@@ -82,6 +88,8 @@ struct Proxy : Planes {
   void carry() noexcept;
   // [rt] Moves it as near to the hand as it gets.
   void slide(Vec3 hand, bool was_touching) noexcept;
+  // [rt] How far friction can hold the proxy back, m, if some planes hold it at `goal` against the hand.
+  double friction_reach(const Planes& by, Vec3 hand, Vec3 goal) const noexcept;
 
  private:
   bool find_hit(Vec3 to, Plane& out, Vec3& place, double& part) const noexcept;

@@ -110,7 +110,7 @@ bool closest_on_mesh(const MeshTree& tree, Vec3 x, double max_distance, Closest&
     query.hint = hint->triangle;
     if (hint->gap >= max_distance) query.range += std::min(32 * way, max_distance);  // to know more for the next times
   }
-  if (effort) query.visits = effort->visits;
+  if (effort) query.visits = std::min(effort->visits, effort->most);
   const MeshTree::Found found = tree.find(query);
   if (effort) {
     effort->visits -= found.visits;

@@ -29,9 +29,10 @@ struct Hint {
   double gap = 0;                  // nothing was nearer than this, m
 };
 
-// The work that searches may do, and whether it sufficed.
+// The work that searches may do, in visits of nodes and leaves of trees and of triangles, and whether it sufficed.
 struct Effort {
-  uint32_t visits = UINT32_MAX;  // that are left, of nodes and leaves of trees and of triangles
+  uint32_t visits = UINT32_MAX;  // that are left
+  uint32_t most = UINT32_MAX;    // of one search
   bool is_cut = false;           // the last search ended because there were none left: what it found may not be the closest,
   double least = 0;              // but nothing is nearer than this, m
 };

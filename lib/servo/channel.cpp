@@ -5,14 +5,16 @@
 namespace fs {
 namespace {
 
-// Of nodes and leaves of trees and of triangles, in one view at a tick. More than a hand that slides over a mesh of millions of triangles takes;
-// some tens of microseconds.
-constexpr uint32_t most_visits = 1024;
+// Visits of one search: more than for a hand that slides over a mesh of millions of triangles; about 25 us.
+constexpr uint32_t most_visits = 640;
+// A visit takes about 40 ns, so the searches of a tick take a quarter of its period at most.
+constexpr double visits_a_second = 0.25 / 40e-9;
 
 }  // namespace
 
 Channel::Channel(fs_servo& servo, Ref<LocalScene> scene, const Limits& limits, bool starts_in)
-    : scene_(std::move(scene)), limits_(limits), fade_(servo.fade()), reader_(make_ref<Memory>(servo.fade())) {
+    : scene_(std::move(scene)), limits_(limits), fade_(servo.fade()),
+      visits_(static_cast<uint32_t>(visits_a_second * servo.period())), reader_(make_ref<Memory>(servo.fade())) {
   hand_.state.pose = hand_.response.proxy = identity_pose();
   scene_->readers.attach_servo(servo, reader_, starts_in);
 }
@@ -42,12 +44,11 @@ void Channel::fetch(double now) noexcept {
 
 // state: of the hand, or where the clutch holds the tool; scene frame.
 fs_response Channel::evaluate_view(const Snapshot& snapshot, uint32_t view, fs_state state, double weight,
-                                   double now) noexcept {
+                                   double now, Effort& effort) noexcept {
   fs_response sum{};
   sum.proxy = state.pose;
   if (!(weight > 0) || !make_unit_pose(state.pose)) return sum;
   const View& seen = snapshot.views->rows[view];
-  Effort effort{.visits = most_visits};
   sum = evaluate_near(reader_.mailbox.front().scratches, *reader_.memory, view, seen.version, *seen.tool,
                       ToolState::at(state, *seen.tool, now), &effort);
   scale(sum, weight);
@@ -59,6 +60,7 @@ fs_response Channel::evaluate_views(const fs_state& hand, double now) noexcept {
   const Snapshot& snapshot = *reader_.mailbox.front().snapshot;
   const Views& views = *snapshot.views;
   fs_response here{}, device{};
+  Effort effort{.visits = visits_, .most = most_visits};
   // The newest view first: fs_scene_get_hand reports the hand in its frame; forces of older views are rotated into its axes.
   for (uint32_t k = 0; k < Views::size; ++k) {
     const uint32_t i = k == 0 ? views.newest : k - (k <= views.newest);
@@ -79,7 +81,7 @@ fs_response Channel::evaluate_views(const fs_state& hand, double now) noexcept {
       state.pose = found.tool;
       state.twist = {};
     }
-    fs_response response = evaluate_view(snapshot, i, state, weight, now);
+    fs_response response = evaluate_view(snapshot, i, state, weight, now, effort);
     if (k == 0) {
       here = response;
       device = to_device(frame, here);

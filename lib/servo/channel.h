@@ -57,12 +57,14 @@ class Channel final : public Counted<Channel> {
 
  private:
   fs_response evaluate_views(const fs_state& hand, double now) noexcept;
-  fs_response evaluate_view(const Snapshot& snapshot, uint32_t view, fs_state state, double weight, double now) noexcept;
+  fs_response evaluate_view(const Snapshot& snapshot, uint32_t view, fs_state state, double weight, double now,
+                            Effort& effort) noexcept;
   void limit(fs_response& device) noexcept;
 
   const Ref<LocalScene> scene_;
   const Limits limits_;
-  const double fade_;  // s
+  const double fade_;     // s
+  const uint32_t visits_; // that the searches of a tick may take
   bool is_attached_ = true;
   std::atomic<double> leaves_at_{never};
   std::atomic<bool> is_gone_{false};

@@ -53,6 +53,7 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
 
   const fs::ServoSettings& settings() const noexcept { return settings_; }
   double fade() const noexcept override { return settings_.fade; }  // s; 0: none
+  double period() const noexcept { return period_; }                // s
   fs::ClockKind clock() const noexcept override;
 
   void get_stats(fs_servo_stats& out) const override;        // all but struct_size

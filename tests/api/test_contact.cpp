@@ -670,6 +670,48 @@ START_TEST(a_mesh_is_replaced_while_it_is_touched) {
 }
 END_TEST
 
+// A surface that sinks under a proxy that friction holds does not leave it in the air, nor makes it a step.
+START_TEST(a_mesh_that_sinks_takes_the_proxy_along) {
+  for (const double friction : {0.0, 0.4, 1.0}) {
+    for (const int gap : {30, 100}) {
+      Held held("contact_sink");
+      fs_contact contact = solid(FS_KEEP_FRONT);
+      contact.friction = friction;
+      const auto put = [&](double top) { held.put(held.solid_mesh("box", box_mesh({0.05, 0.05, 0.02 + top})), contact); };
+      held.place({0, 0, 0.03});
+      put(0);
+      held.step(80);
+      held.place({0, 0, 0.018});
+      held.place({0.0005, 0, 0.017});  // friction holds the proxy back
+      const double most = held.most_change(5 * gap, [&](int i) {
+        if (i % gap == 0) put(-0.0003 * (1 + i / gap));
+      });
+      ck_assert_double_le(std::max(most, held.most_change(100)), 4 * dt / 0.05);
+      EXPECT_NEAR(held.sent().z, 1.5, 1e-6);
+      EXPECT_NEAR(report_of(held.scene.get(), "box").point.z, 0.0185, 1e-9);
+    }
+  }
+}
+END_TEST
+
+// A sheet that rises under the hand takes it along.
+START_TEST(a_sheet_that_rises_keeps_the_hand) {
+  Held held("contact_rise");
+  const auto put = [&](double z, size_t triangles) {
+    MeshData sheet = terrain_mesh(0.05, 0, triangles);
+    for (fs_vec3& p : sheet.points) p.z = z;
+    held.put(held.solid_mesh("sheet", sheet), solid(FS_KEEP_FRONT));
+  };
+  put(0, 200);
+  held.step(80);
+  held.place({0.001, 0.002, -0.002});
+  EXPECT_NEAR(held.sent().z, 2, 1e-9);
+  put(0.001, 300);
+  ck_assert_double_le(held.most_change(80), 2 * dt / 0.05);
+  EXPECT_NEAR(held.sent().z, 3, 1e-9);
+}
+END_TEST
+
 // The search of a mesh that has no end comes to one, and tells how wrong the force may be.
 START_TEST(a_tick_has_an_end) {
   Held held("contact_centre");
@@ -684,7 +726,7 @@ START_TEST(a_tick_has_an_end) {
   ck_assert_double_ge(felt.error_bound, 3);
   ck_assert_uint_gt(stats_of(held.scene.get()).approximated, 0);
   const uint64_t before = stats_of(held.scene.get()).approximated;
-  held.place({0, 0, 0.028});
+  held.place({0.028, 0, 0});
   OK(fs_scene_get_hand(held.scene.get(), nullptr, &felt, nullptr));
   ck_assert_double_eq(felt.error_bound, 0);
   held.step(100);
@@ -706,6 +748,7 @@ int main() {
                              profiles_act_at_the_proxy, fields_of_solids});
   add_case(suite, "motion", {moving_objects_push});
   add_case(suite, "servo", {solids_come_and_go_without_a_step, solids_that_share_a_proxy_fade,
-                            a_mesh_is_replaced_while_it_is_touched, a_tick_has_an_end});
+                            a_mesh_is_replaced_while_it_is_touched, a_mesh_that_sinks_takes_the_proxy_along,
+                            a_sheet_that_rises_keeps_the_hand, a_tick_has_an_end});
   return run_suite(suite);
 }
