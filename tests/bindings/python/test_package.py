@@ -137,7 +137,7 @@ def test_the_lines_of_the_readme_work(run):
 
 EXAMPLES = ROOT / "examples/python"
 TWINS = ROOT / "build/release/examples"  # those in C and C++
-HAVE_TWINS = {"hello": "c", "own_loop": "c", "follow_path": "cpp", "custom_profile": "cpp"}
+HAVE_TWINS = {"hello": "c", "own_loop": "c", "peg_in_hole": "c", "follow_path": "cpp", "custom_profile": "cpp"}
 
 
 def run_example(example, folder):
