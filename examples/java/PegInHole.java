@@ -44,7 +44,8 @@ public class PegInHole {
     Outcome out = new Outcome();
     Vec3[] points = new Vec3[6];  // three around the tip; three 30 mm higher, between them
     for (int i = 0; i < 6; ++i) {
-      points[i] = new Vec3(0.008 * Math.cos(i * Math.PI / 3), 0.008 * Math.sin(i * Math.PI / 3), i % 2 != 0 ? TIP + 0.03 : TIP);
+      double angle = i * Math.PI / 3, z = i % 2 != 0 ? TIP + 0.03 : TIP;
+      points[i] = new Vec3(0.008 * Math.cos(angle), 0.008 * Math.sin(angle), z);
     }
     double half = Math.toRadians(ASKEW / 2);
     ServoOptions options = new ServoOptions().mode(ServoMode.VIRTUAL)  // time advances only when we step the servo

@@ -186,3 +186,13 @@ def test_the_picture_of_the_quickstart(tmp_path):
         [sys.executable, "-B", folder / "picture.py", folder / "jacksboro_fault.asc", forces, picture], check=True
     )
     assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_picture_of_the_slide(tmp_path):
+    pytest.importorskip("matplotlib")
+    table, picture = tmp_path / "slide.csv", tmp_path / "slide.png"
+    names = "time,clutch,slide x,slide y,slide z,tip x,tip y,tip z,ground,too high,ground's force,envelope's force\n"
+    rows = ["0,0,0,0,0,.8,0,-.3,-.3,0,2,0", "0.01,1,.1,0,-.1,.7,0,-.1,-.3,nan,0,0", "0.02,0,.2,0,-.2,.6,0,-.1,-.3,.2,1,0"]
+    table.write_text(names + "\n".join(rows))
+    subprocess.run([sys.executable, "-B", ROOT / "examples/slide/picture.py", table, picture], check=True)
+    assert picture.read_bytes().startswith(b"\x89PNG")
