@@ -1,4 +1,5 @@
-# Sourced by tests/run and examples/quickstart (bash): installs the packages that are needed, configures and builds.
+# Sourced by tests/run, examples/quickstart, examples/testbed/run and examples/slide/run (bash): installs the packages that are
+# needed, configures and builds, and makes a place to draw pictures.
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
@@ -81,4 +82,20 @@ build() {
   else
     ninja -C "$folder" --quiet "$@"
   fi
+}
+
+# Makes an environment of Python with matplotlib, in which pictures are drawn. The last line that it prints says why there
+# is none.
+environment=$root/build/picture
+make_environment() {
+  [ ! -e "$environment/is_complete" ] || return 0
+  command -v python3 > /dev/null || { echo "python3 is missing (Debian: python3)"; return 1; }
+  python3 -c 'import venv, ensurepip' || { echo "Python has no venv (Debian: python3-venv)"; return 1; }
+  if ! { rm -rf "$environment" && python3 -m venv "$environment" &&
+    "$environment/bin/pip" install -q --retries 1 --timeout 20 matplotlib &&
+    "$environment/bin/python" -c 'import matplotlib.pyplot'; }; then
+    echo "pip cannot install matplotlib"
+    return 1
+  fi
+  touch "$environment/is_complete"
 }

@@ -137,7 +137,7 @@ def test_the_lines_of_the_readme_work(run):
 
 EXAMPLES = ROOT / "examples/python"
 TWINS = ROOT / "build/release/examples"  # those in C and C++
-HAVE_TWINS = {"hello": "c", "own_loop": "c", "follow_path": "cpp", "custom_profile": "cpp"}
+HAVE_TWINS = {"hello": "c", "own_loop": "c", "peg_in_hole": "c", "follow_path": "cpp", "custom_profile": "cpp"}
 
 
 def run_example(example, folder):
@@ -185,4 +185,14 @@ def test_the_picture_of_the_quickstart(tmp_path):
     subprocess.run(
         [sys.executable, "-B", folder / "picture.py", folder / "jacksboro_fault.asc", forces, picture], check=True
     )
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_picture_of_the_slide(tmp_path):
+    pytest.importorskip("matplotlib")
+    table, picture = tmp_path / "slide.csv", tmp_path / "slide.png"
+    names = "time,clutch,slide x,slide y,slide z,tip x,tip y,tip z,ground,too high,ground's force,envelope's force\n"
+    rows = ["0,0,0,0,0,.8,0,-.3,-.3,0,2,0", "0.01,1,.1,0,-.1,.7,0,-.1,-.3,nan,0,0", "0.02,0,.2,0,-.2,.6,0,-.1,-.3,.2,1,0"]
+    table.write_text(names + "\n".join(rows))
+    subprocess.run([sys.executable, "-B", ROOT / "examples/slide/picture.py", table, picture], check=True)
     assert picture.read_bytes().startswith(b"\x89PNG")
