@@ -69,8 +69,9 @@ FS_API void fs_tool_destroy(fs_tool *tool);
 
 /* The force field, for plots: forces[i] (N) is the force on a point that rests at positions[i] (m) and has no memory
  * (so FS_KEEP_EITHER gives no contact). It is that of the scene's own object `name` or, with name null, of all its own
- * objects; disabled objects give 0. tool_points are ignored: the point feels every object. time: s, scene's clock;
- * FS_NOW. With count 0 the arrays may be null. Runs on all processors when there are many positions. NOT_FOUND. */
+ * objects, within the accuracy of the scene; disabled objects give 0. tool_points are ignored: the point feels every
+ * object. time: s, scene's clock; FS_NOW. With count 0 the arrays may be null. Runs on all processors when there are
+ * many positions. NOT_FOUND. */
 FS_API fs_status fs_evaluate_field(fs_scene *scene, const char *name, double time, const fs_vec3 *positions,
                                    size_t count, fs_vec3 *forces);
 

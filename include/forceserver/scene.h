@@ -199,8 +199,11 @@ FS_API fs_status fs_scene_get_view(fs_scene *scene, const char *client, fs_view 
 
 /* ---- Accuracy, slope, clock */
 
-/* The error in the force that evaluation may make in order to be faster, N, >= 0; 0 (default): exact.
- * fs_response.error_bound is the bound of the error it made. 0.1: stored, but evaluation stays exact. */
+/* The error in the force that evaluation may make in order to be faster, N of the scene, >= 0; 0 (default): exact.
+ * fs_response.error_bound is the bound of the error it made. What is left out are the far ends of GAUSSIAN and INVERSE
+ * profiles, which otherwise never end: the error is shared out among these objects, and one that gives less than its
+ * share is not evaluated. Of meshes nothing is left out: a coarser one would be hardly faster, and a small error in the
+ * closest point can turn the force around. */
 FS_API fs_status fs_scene_set_accuracy(fs_scene *scene, double newtons);
 
 /* Bound of the summed slope of overlapping objects, N/m at the device, >= 0. Above it the slopes are scaled together,

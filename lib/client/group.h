@@ -28,6 +28,7 @@ class Group {
   void add_frame();  // the one that the replica has
   void add_tool();
   void add_clutch(bool held) { batch.add(wire::type_clutch, wire::Clutch{held}); }
+  void add_accuracy(double newtons) { batch.add(wire::type_accuracy, wire::Accuracy{newtons}); }
   void add_foreign(wire::Type type, std::span<const std::byte> record, Assets assets = {});
 
   // An object of another client, as the group has changed it.

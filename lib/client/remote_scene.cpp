@@ -285,8 +285,12 @@ fs_view RemoteScene::view(const char* client) {
 }
 
 void RemoteScene::set_accuracy(double newtons) {
-  connection_.check();
   check_accuracy(newtons);
+  Call call = line_.enter();
+  mutate(call, [&](Group& group) {
+    replica_.scene->set_accuracy(newtons);
+    group.add_accuracy(newtons);
+  });
 }
 
 void RemoteScene::set_max_stiffness(double stiffness) {

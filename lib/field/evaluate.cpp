@@ -197,6 +197,7 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
   LaneSum sum;
   Contacts contacts;
   fs_response out{};
+  out.error_bound = memory.omitted();
   const double share = 1.0 / tool.count;
   memory.for_each_near(view, tool.time, [&](uint32_t number, const Chunk& chunk, uint64_t near,
                                                       const Weight* given) {

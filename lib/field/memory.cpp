@@ -169,6 +169,7 @@ void Memory::absorb(const Snapshot& snapshot, double now) noexcept {
     for_each_bit(views_used_, [&](uint32_t view) { b.sights[view]->wake_at[c] = b.sights[view]->wake_least = -never; });
   });
   seen_ = snapshot.sequence;
+  omitted_ = snapshot.omitted;
 }
 
 void Memory::advance(const Snapshot& snapshot, double now) noexcept {
@@ -251,7 +252,7 @@ void Memory::look_at(uint32_t number, Sight& sight, const Way& way, double radiu
     const Motion& plane = chunk.motion(i);
     const Vec3 offset = way.centre - plane.pose.position;
     const double distance = std::fabs(dot(rotate(plane.pose.orientation, {0, 0, 1}), offset));
-    const double gap = distance - chunk.row(i).object->support() - 1e-14 * norm(offset);
+    const double gap = distance - chunk.row(i).object->support(chunk.rows->omitted) - 1e-14 * norm(offset);
     gaps[i] = static_cast<float>(gap - 1e-7 * std::fabs(gap));
   });
   const auto margin = static_cast<float>(radius * (1 + 2e-7));

@@ -50,6 +50,9 @@ class Memory : public Counted<Memory> {
   // Moves the weights to `now`. Of a servo, once a tick, after absorb.
   void advance(const Snapshot& snapshot, double now) noexcept;
 
+  // N, what objects that do not count as near may give together at most.
+  double omitted() const noexcept { return omitted_; }
+
   // Looks where the tool is now: in a sphere about `centre` (m, scene frame). what: another number means another tool or
   // frame, so that nothing is known of the way it has come.
   void look(uint32_t view, uint64_t what, Vec3 centre, double radius, double now) noexcept;
@@ -122,6 +125,7 @@ class Memory : public Counted<Memory> {
   std::array<std::unique_ptr<Block>, block_count> blocks_;
   uint32_t blocks_used_ = 0;  // of the reader: as far as its snapshots go
   std::atomic<Proxies*> proxies_{nullptr};
+  double omitted_ = 0;        // N
   uint64_t seen_ = 0;         // sequence of the snapshot absorbed last
   bool is_any_woken_ = false; // by take_wants
   std::array<Way, Views::size> ways_;

@@ -63,6 +63,11 @@ Row& Chunk::set(uint32_t i, Ref<const Object> given, const Motion& motion, uint6
   return rows->rows[i];
 }
 
+void Chunk::omit(double force) noexcept {
+  rows->omitted = force;
+  for_each_bit(used, [&](uint32_t i) { place(i); });
+}
+
 Box Chunk::box_of(uint32_t i) const noexcept {
   const Motions& group = *motions[i / Motions::size];
   const uint32_t k = i % Motions::size;
@@ -86,7 +91,7 @@ void Chunk::place(uint32_t i) noexcept {
   Motions& group = *motions[i / Motions::size];
   const uint32_t k = i % Motions::size;
   const Motion& m = group.motions[k];
-  const double support = object.support();
+  const double support = object.support(rows->omitted);
   constexpr float infinity = std::numeric_limits<float>::infinity();
   const bool is_standing = !(m.horizon > 0);
   standing = is_standing ? standing | bit : standing & ~bit;

@@ -50,6 +50,7 @@ struct Rows : LocalCounted<Rows> {
   uint64_t linear = 0, quadratic = 0, inverse = 0, gaussian = 0;  // bit i: row i is a point with this formula
   uint64_t contacts = 0;  // bit i: row i is felt by formulas, but is no such point
   uint64_t solids = 0;    // bit i: row i is solid
+  double omitted = 0;     // N: a row counts as far where its force is at most this; 0: where it has none
   double offset[chunk_size] = {}, gain[chunk_size] = {}, per_width[chunk_size] = {};
   double limit[chunk_size] = {}, reach[chunk_size] = {};
 
@@ -92,6 +93,7 @@ struct Chunk : LocalCounted<Chunk> {
   Row& set(uint32_t i, Ref<const Object> object, const Motion& motion, uint64_t revision) noexcept;  // the rest is for the caller
   void move(uint32_t i, const Motion& motion, uint64_t revision) noexcept;
   void drop(uint32_t i) noexcept;
+  void omit(double force) noexcept;  // of all its rows, each of which must be owned
 
  private:
   void place(uint32_t i) noexcept;  // works out centre and reach
@@ -144,6 +146,7 @@ struct Snapshot : LocalCounted<Snapshot> {
   Chunks chunks;
   Ref<const Views> views;
   ClockKind clock = ClockKind::caller;
+  double omitted = 0;  // N, what far objects may give together at most
 };
 
 }  // namespace fs

@@ -218,6 +218,22 @@ double support(const Profile& p) noexcept {
   return p.reach > 0 ? std::fmin(bound, p.reach) : bound;
 }
 
+bool has_tail(const Profile& p) noexcept {
+  return (p.kind == FS_PROFILE_GAUSSIAN || p.kind == FS_PROFILE_INVERSE) && support(p) > 0;
+}
+
+double support_above(const Profile& p, double force) noexcept {
+  const double all = support(p);
+  if (!has_tail(p)) return all;
+  double end = all;
+  if (p.kind == FS_PROFILE_GAUSSIAN) {
+    end = p.gain > force ? outward(p.width * std::sqrt(2 * std::log(p.gain / force)) * (1 + 1e-12)) : -1;
+  } else if (p.offset < force) {
+    end = outward(p.gain / (force - p.offset) * (1 + 1e-12));
+  }
+  return std::fmin(end, all);
+}
+
 bool is_ever_felt(const Profile& p) noexcept {
   if (p.kind == FS_PROFILE_CUSTOM) return support(p) > 0;
   // The formulas are monotone, so the two ends decide.

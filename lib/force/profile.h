@@ -30,6 +30,12 @@ Intensity evaluate(const Profile& profile, Curve::Parser* parser, double d, doub
 // -1 when the profile never gives a force. For an expression it is the reach.
 double support(const Profile& profile) noexcept;
 
+// The distance beyond which it gives `force` (N, > 0) at most, m: less than the support only for those that fade out without
+// end, GAUSSIAN and INVERSE.
+double support_above(const Profile& profile, double force) noexcept;
+// Whether that is ever less than the support.
+bool has_tail(const Profile& profile) noexcept;
+
 // Whether the profile gives a force at any distance d > 0. For a curve only its support is asked.
 bool is_ever_felt(const Profile& profile) noexcept;
 

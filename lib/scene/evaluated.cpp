@@ -28,6 +28,7 @@ Ref<const Snapshot> Evaluated::post_newest() {
   made->chunks = objects.rows.chunks();
   made->views = views.views();
   made->clock = clock.kind();
+  made->omitted = objects.rows.omitted();
   objects.rows.set_next_sequence(sequence_ + 1);
   views.set_next_sequence(sequence_ + 1);
   for (Reader* const reader : objects.rows.readers()) reader->post(made);

@@ -196,8 +196,10 @@ fs_view LocalScene::view(bool with_group) const {
   return edits_.view(with_group);
 }
 
-// Evaluation is exact, which is within any error that is allowed.
-void LocalScene::set_accuracy(double newtons) { check_accuracy(newtons); }
+void LocalScene::set_accuracy(double newtons) {
+  check_accuracy(newtons);
+  mutate([&] { evaluated_.objects.rows.set_accuracy(newtons); });
+}
 
 void LocalScene::set_max_stiffness(double stiffness) { check_max_stiffness(stiffness); }
 

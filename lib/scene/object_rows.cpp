@@ -47,10 +47,41 @@ ObjectRows::New ObjectRows::make_new(uint32_t row, const Object& object, const O
   return out;
 }
 
+void ObjectRows::set_accuracy(double newtons) {
+  const double before = std::exchange(accuracy_, newtons);
+  try {
+    share_out(std::max(tails_, 8u));
+  } catch (...) {
+    accuracy_ = before;
+    throw;
+  }
+}
+
+void ObjectRows::make_room_for_tail(const Object& object) {
+  if (object.has_tail() && (tails_ + 1) * tail_ > accuracy_) share_out(2 * (tails_ + 1));
+}
+
+// Shares the accuracy out among so many objects.
+void ObjectRows::share_out(uint32_t tails) {
+  const double tail = accuracy_ / tails;
+  if (tail == tail_) return;
+  Chunks all = chunks_;
+  chunks_.for_each([&](uint32_t number, const Chunk& chunk) {
+    Chunk& copy = all.edit(number, sequence_);
+    for_each_bit(chunk.used, [&](uint32_t i) { copy.own(i); });
+    copy.omit(tail);
+  });
+  chunks_ = std::move(all);
+  tail_ = tail;
+}
+
 // ---------------------------------------------------------------------------------------------------- what cannot throw
 
 void ObjectRows::fill(Chunk& its, uint32_t number, const Entry& entry, uint64_t version, uint32_t previous) noexcept {
   space_.take(number);
+  if (const Object* const before = its.row(number % chunk_size).object.get()) tails_ -= before->has_tail();
+  tails_ += entry.object->has_tail();
+  if (its.rows->omitted != tail_) its.omit(tail_);
   Row& row = its.set(number % chunk_size, entry.object, entry.motion, entry.motion_revision);
   if (row.version != version) row.created = sequence_;
   row.version = version;
@@ -70,6 +101,7 @@ void ObjectRows::install(uint32_t row, New& made) noexcept {
 
 void ObjectRows::drop(uint32_t number) noexcept {
   Chunk& its = chunk(number);
+  tails_ -= its.row(number % chunk_size).object->has_tail();
   its.drop(number % chunk_size);
   if (its.used == 0) chunks_.set(number / chunk_size, nullptr, sequence_);
   space_.release(number, sequence_);
@@ -84,6 +116,7 @@ void ObjectRows::drop(uint32_t number) noexcept {
 // ------------------------------------------------------------------------------------------------------- rows of a name
 
 uint32_t ObjectRows::add(const Entry& entry) {
+  make_room_for_tail(*entry.object);
   const uint32_t number = allocate(entry);
   Chunk& its = own(number);
   New made = make_new(number, *entry.object, nullptr);
@@ -95,6 +128,7 @@ uint32_t ObjectRows::add(const Entry& entry) {
 }
 
 uint32_t ObjectRows::set(uint32_t newest, const Entry& entry) {
+  make_room_for_tail(*entry.object);
   for (;;) {
     if (servo_) tidy_older(newest);
     const Row& now = row(newest);

@@ -2,6 +2,7 @@
 // Every call needs the scene's lock. The newest row of a chain has the name.
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "field/servo_output.h"
@@ -45,6 +46,11 @@ class ObjectRows : Versions<ObjectRows> {
   // Whether something fades out behind the newest row, or the newest row itself.
   bool is_fading(uint32_t newest) const noexcept { return row(newest).previous != no_row || !row(newest).is_named; }
 
+  // The error that evaluation may make, N. It is shared out among the objects whose force fades out without end: where one
+  // of them gives less than its share, it counts as far.
+  void set_accuracy(double newtons);
+  double omitted() const noexcept { return std::min(accuracy_, tails_ * tail_); }  // N, by all of them at most
+
   // Called for one row after the other before all of them change, so that their chunks lie together in memory: a reader
   // that looks at all of them is faster then.
   void own_chunk(uint32_t row) { chunks_.edit(row / chunk_size, sequence_); }
@@ -87,6 +93,8 @@ class ObjectRows : Versions<ObjectRows> {
   void fill(Chunk& its, uint32_t row, const Entry& entry, uint64_t version, uint32_t previous) noexcept;
   void install(uint32_t row, New& made) noexcept;
   void drop(uint32_t row) noexcept;
+  void make_room_for_tail(const Object& object);
+  void share_out(uint32_t tails);
   static constexpr uint32_t longest_chain = 16;
   uint32_t length(uint32_t newest) const noexcept;  // of the chain
 
@@ -94,6 +102,9 @@ class ObjectRows : Versions<ObjectRows> {
   Chunks chunks_;
   uint64_t sequence_ = 1, last_version_ = 0;
   RowSpace space_;
+  double accuracy_ = 0;  // N
+  double tail_ = 0;      // N, the share of one object,
+  uint32_t tails_ = 0;   // and how many there are
   std::vector<Reader*> readers_;
   Reader* servo_ = nullptr;
 };

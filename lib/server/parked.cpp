@@ -23,6 +23,7 @@ bool Subjects::add(const Change& change) {
     case type_remove_other: break;
     case type_clear: is_about_all = true; return true;
     case type_frame:
+    case type_accuracy:
     case type_clutch:
     case type_tool: is_about_view = true; return true;
     case type_forget:

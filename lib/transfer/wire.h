@@ -70,6 +70,7 @@ enum Type : uint32_t {
   type_group,        // Group, then a Header and a record for each change; where these are too long for a message, they
                      // are in a descriptor that comes with it. Also changes of others' objects: edit, move, remove
   type_bind,         // Bind
+  type_accuracy,     // Accuracy
 
   // Requests.
   type_sync = 100,   // nothing. Reply when a tick has used all before it; or the status of the first refused change
@@ -151,6 +152,10 @@ struct Frame {
 
 struct Clutch {
   uint64_t is_held;
+};
+
+struct Accuracy {
+  double newtons;
 };
 
 struct Tool {

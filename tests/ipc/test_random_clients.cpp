@@ -146,7 +146,8 @@ class Actor {
     is_in_group_ = more;
     const auto slot = static_cast<uint32_t>(random_.below(slots));
     fs_frame frame = fs_frame_init();
-    switch (random_.below(16)) {
+    switch (random_.below(17)) {
+      case 16: client_->send(type_accuracy, spoiled(Accuracy{random_.log_between(1e-9, 1)}), -1, more); break;
       case 0: client_->send(type_clear, {}, -1, more); break;
       case 1:
         frame.pose = pose(random_);
