@@ -70,7 +70,7 @@ START_TEST(what_is_alone_gets_all_of_it) {
   for (size_t i = 0; i < claims.size(); ++i) {
     claims[i].centre = {-0.19 + 0.04 * static_cast<double>(i % 10), -0.19 + 0.04 * static_cast<double>(i / 10 % 10),
                         -0.19 + 0.04 * static_cast<double>(i / 100)};
-    claims[i].radius = 0.019;
+    claims[i].radius = 0.0199;
     claims[i].slope = 3000;
   }
   for (const double sum : greatest_sums(claims, workspace, 3000)) ck_assert_double_eq(sum, 3000);
