@@ -201,11 +201,22 @@ static inline fs_object fs_wall_init(const char *name, fs_vec3 point, fs_vec3 no
  * nothing. */
 FS_API void fs_object_release(fs_object *object);
 
-/* Sets forces[i] to the force (N) of the profile at distances[i] (m, >= 0) and time t (s since the start), with slopes
- * limited to max_stiffness (N/m, >= 0; 0: no limit). Both arrays have count entries; with count 0 they may be null.
- * 0.1: max_stiffness above 0 is UNSUPPORTED. */
+/* Sets forces[i] to the force (N) of the profile at distances[i] (m, >= 0) and time t (s since the start), as a point or
+ * polyline has it, with slopes limited to max_stiffness (N/m, >= 0; 0: no limit): the largest function that is
+ * nowhere above f and nowhere steeper, and at most max_stiffness*d, as the force turns over at d = 0. It falls to 0
+ * before the reach as steeply. Exact but for an expression, which is sampled: what is steep only between two samples
+ * stays. Both arrays have count entries; with count 0 they may be null. */
 FS_API fs_status fs_profile_evaluate(const fs_profile *profile, double max_stiffness, double t,
                                      const double *distances, size_t count, double *forces);
+
+/* The same for both sides of an object: sets forces[i] to the force along its normal (N, > 0 towards the front) of its
+ * profiles at the signed distance distances[i] (m, > 0 in front) and time t (s since the start). For a point or
+ * polyline, to the force on a straight line through it, which turns over at 0 and is 0 there. Where both sides push
+ * the same way, the limit max_stiffness lets each differ from the other only by max_stiffness times the distance; where
+ * they do not, both begin at 0. Contact and damping are not regarded, nor is the frame: a slope k of the scene is
+ * scale*force_scale*k at the device. The object must be one that fs_object_set takes. INVALID, VERSION. */
+FS_API fs_status fs_object_evaluate_law(const fs_object *object, double max_stiffness, double t,
+                                        const double *distances, size_t count, double *forces);
 
 /* ---- Shapes are cheap to make: they are copied and checked. The search tree is built by fs_shape_build, or by the
  * first scene of this process that uses the shape, in the calling thread; a server builds its own. A million triangles

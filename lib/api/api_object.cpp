@@ -24,6 +24,25 @@ void fs_object_release(fs_object* object) {
   object->owner = nullptr;
 }
 
+namespace {
+
+// What fs_profile_evaluate and fs_object_evaluate_law have in common: checks all but the profile or object.
+void check_places(double max_stiffness, double t, const double* distances, size_t count, bool may_be_negative) {
+  if (!(max_stiffness >= 0) || !std::isfinite(max_stiffness)) {
+    fail(FS_ERROR_INVALID, "max_stiffness is %g, must be finite and >= 0 N/m", max_stiffness);
+  }
+  parse_finite(t, "t");
+  for (size_t i = 0; i < count; ++i) {
+    if (!std::isfinite(distances[i]) || !(distances[i] >= 0 || may_be_negative)) {
+      fail(FS_ERROR_INVALID, "distances[%zu] is %g, must be finite%s", i, distances[i], may_be_negative ? "" : " and >= 0 m");
+    }
+  }
+}
+
+Law with_slope(const Law& law, double max_stiffness) { return max_stiffness > 0 ? capped(law, max_stiffness) : law; }
+
+}  // namespace
+
 fs_status fs_profile_evaluate(const fs_profile* profile, double max_stiffness, double t, const double* distances,
                               size_t count, double* forces) {
   return guarded([&] {
@@ -32,22 +51,36 @@ fs_status fs_profile_evaluate(const fs_profile* profile, double max_stiffness, d
       require_pointer(distances, "distances");
       require_pointer(forces, "forces");
     }
-    const Profile parsed = parse_profile(*profile, "profile");
-    if (!(max_stiffness >= 0) || !std::isfinite(max_stiffness)) {
-      fail(FS_ERROR_INVALID, "max_stiffness is %g, must be finite and >= 0 N/m", max_stiffness);
+    Law law;
+    law.front = parse_profile(*profile, "profile");
+    check_places(max_stiffness, t, distances, count, false);
+    law = with_slope(law, max_stiffness);
+    const Law::Parsers parsers = law.make_parsers();
+    for (size_t i = 0; i < count; ++i) forces[i] = evaluate(law.front, parsers.front.get(), std::fabs(distances[i]), t).force;
+  });
+}
+
+fs_status fs_object_evaluate_law(const fs_object* object, double max_stiffness, double t, const double* distances,
+                                 size_t count, double* forces) {
+  return guarded([&] {
+    require_pointer(object, "object");
+    if (count) {
+      require_pointer(distances, "distances");
+      require_pointer(forces, "forces");
     }
-    parse_finite(t, "t");
+    const Ref<const Object> parsed = parse_object(*object, nullptr, false).object;
+    check_places(max_stiffness, t, distances, count, true);
+    const Law law = with_slope(parsed->law, max_stiffness);
+    const Law::Parsers parsers = law.make_parsers();
+    const bool has_sides = parsed->primitive == FS_PRIMITIVE_PLANE || parsed->primitive == FS_PRIMITIVE_MESH;
     for (size_t i = 0; i < count; ++i) {
-      if (!(distances[i] >= 0 && std::isfinite(distances[i]))) {
-        fail(FS_ERROR_INVALID, "distances[%zu] is %g, must be finite and >= 0 m", i, distances[i]);
+      const double s = distances[i];
+      if (has_sides) {
+        forces[i] = law.at(s, t, &parsers).force;
+      } else {
+        forces[i] = s == 0 ? 0 : std::copysign(1.0, s) * law.at(std::fabs(s), t, &parsers).force;
       }
     }
-    if (max_stiffness > 0) {
-      fail(FS_ERROR_UNSUPPORTED, "max_stiffness is %g: version %s of this library has no slope caps, must be 0",
-           max_stiffness, fs_version());
-    }
-    const auto parser = parsed.curve ? parsed.curve->make_parser() : nullptr;
-    for (size_t i = 0; i < count; ++i) forces[i] = evaluate(parsed, parser.get(), distances[i], t).force;
   });
 }
 

@@ -105,6 +105,27 @@ FS_INLINE Laws laws_at(Four d, Four inverse_distance, const double* offset_of, c
   return {least(raw, limit), where(raw < limit, steepness), (raw > all(0)) & (d <= load(reach_of))};
 }
 
+FS_INLINE void cut(Laws& laws, Mask mine, Four force, Four slope) {
+  mine &= force < laws.force;
+  laws.force = mine ? force : laws.force;
+  laws.slope = mine ? slope : laws.slope;
+}
+// As Cap::lower, for the lanes in `capped`. is_falling, is_bent: any of them has a `fall`, a bend.
+template <uint32_t count>
+FS_INLINE void lower(Laws& laws, Four d, const CapLanes<count>& caps, uint32_t i, uint64_t capped, bool is_falling,
+                     bool is_bent) {
+  const Mask mine = lanes_of(capped);
+  const Four slope = load(caps.slope + i);
+  if (is_bent) {
+    const Four bend_slope = load(caps.bend_slope + i);
+    const Mask is_beyond = (d - load(caps.bend + i)) * bend_slope > all(0);
+    cut(laws, mine & is_beyond, load(caps.bend_force + i) + bend_slope * d, bend_slope);
+  }
+  cut(laws, mine, load(caps.rise + i) + slope * d, slope);
+  if (is_falling) cut(laws, mine, load(caps.fall + i) - slope * d, -slope);
+  laws.is_felt &= laws.force > all(0);
+}
+
 FS_INLINE void add_forces(Four fx, Four fy, Four fz, Four arm_x, Four arm_y, Four arm_z, LaneSum& sum) {
   add(sum.fx, fx);
   add(sum.fy, fy);
@@ -117,7 +138,7 @@ FS_INLINE void add_forces(Four fx, Four fy, Four fz, Four arm_x, Four arm_y, Fou
 FS_INLINE uint64_t points_in_lanes(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm, const Weight* weights,
                                    double share, LaneSum& sum) {
   const Rows& rows = *chunk.rows;
-  const uint64_t others = mask & ~rows.linear;
+  const uint64_t others = mask & ~rows.linear, capped = mask & rows.capped;
   const Four one = all(1), px = all(position.x), py = all(position.y), pz = all(position.z), shares = all(share);
   Four fx{}, fy{}, fz{};
   Mask felt{};
@@ -132,9 +153,10 @@ FS_INLINE uint64_t points_in_lanes(const Chunk& chunk, uint64_t mask, Vec3 posit
     const Mask has_direction = d > all(least_distance);
     const Four inverse = one / (has_direction ? d : one);
     const uint64_t other = others >> i & 15;
-    const Laws laws = laws_at(d, inverse, rows.offset + i, rows.gain + i, rows.per_width + i, size(signed_limit),
-                              rows.reach + i, other ? rows.quadratic >> i & 15 : 0, other ? rows.inverse >> i & 15 : 0,
-                              other ? rows.gaussian >> i & 15 : 0);
+    Laws laws = laws_at(d, inverse, rows.offset + i, rows.gain + i, rows.per_width + i, size(signed_limit),
+                        rows.reach + i, other ? rows.quadratic >> i & 15 : 0, other ? rows.inverse >> i & 15 : 0,
+                        other ? rows.gaussian >> i & 15 : 0);
+    if (const uint64_t some = capped >> i & 15) lower(laws, d, *rows.caps, i, some, rows.falling >> i & 15, rows.bent >> i & 15);
     const Mask is_felt = lanes_of(wanted) & laws.is_felt & has_direction;
     felt |= is_felt & bits;
     // All numbers but the slopes are finite, so they are 0 where the weight is.
@@ -157,14 +179,16 @@ FS_INLINE uint64_t points_in_lanes(const Chunk& chunk, uint64_t mask, Vec3 posit
   return any_of(felt);
 }
 
-FS_INLINE uint64_t contacts_in_lanes(const Contacts::Layer* layers, uint32_t count, LaneSum& sum) {
+FS_INLINE uint64_t contacts_in_lanes(const Contacts::Layer* layers, const Contacts::Caps* caps, uint32_t count,
+                                     LaneSum& sum) {
   uint64_t felt = 0;
   const Four zero = all(0), one = all(1);
   for (const Contacts::Layer* layer = layers; layer != layers + count; ++layer) {
     const Contacts::Layer& l = *layer;
     const Four d = load(l.distance), signed_limit = load(l.limit), inverse = one / d;
-    const Laws laws =
+    Laws laws =
         laws_at(d, inverse, l.offset, l.gain, l.per_width, size(signed_limit), l.reach, l.quadratic, l.inverse, l.gaussian);
+    if (l.capped) lower(laws, d, caps[layer - layers], 0, l.capped, true, true);
     const Mask is_felt = lanes_of(l.used) & laws.is_felt;
     const Four sign = signed_limit < zero ? -one : one;
     const Four weight = load(l.weight) * sign;
@@ -243,7 +267,7 @@ FS_INLINE Awake awake_in_lanes(const double* wake_at, double travelled) {
 // All of them for one width.
 struct Width {
   uint64_t (*points)(const Chunk&, uint64_t, Vec3, Vec3, const Weight*, double, LaneSum&);
-  uint64_t (*contacts)(const Contacts::Layer*, uint32_t, LaneSum&);
+  uint64_t (*contacts)(const Contacts::Layer*, const Contacts::Caps*, uint32_t, LaneSum&);
   void (*gaps)(const Outline&, Vec3, Gaps&);
   Within (*within)(const Gaps&, float);
   Awake (*awake)(const double*, double);
@@ -255,8 +279,9 @@ struct Width {
                                 double share, LaneSum& sum) {                                                               \
     return points_in_lanes(chunk, mask, position, arm, weights, share, sum);                                                \
   }                                                                                                                         \
-  TARGET uint64_t NAME##_contacts(const Contacts::Layer* layers, uint32_t count, LaneSum& sum) {                            \
-    return contacts_in_lanes(layers, count, sum);                                                                           \
+  TARGET uint64_t NAME##_contacts(const Contacts::Layer* layers, const Contacts::Caps* caps, uint32_t count,                \
+                                  LaneSum& sum) {                                                                           \
+    return contacts_in_lanes(layers, caps, count, sum);                                                                     \
   }                                                                                                                         \
   TARGET void NAME##_gaps(const Outline& outline, Vec3 from, Gaps& gaps) { gaps_in_lanes(outline, from, gaps); }            \
   TARGET Within NAME##_within(const Gaps& gaps, float most) { return within_in_lanes(gaps, most); }                         \
@@ -301,10 +326,15 @@ void Contacts::add(uint32_t row, const Contact& contact) noexcept {
   l.per_width[k] = std::min(formula.per_width, 1e300);  // so that it is 0 widths to a distance of 0
   l.limit[k] = formula.limit;
   l.reach[k] = formula.reach;
+  if (f.cap) {
+    if (!l.capped) caps_[&l - layers_] = {};
+    l.capped |= bit;
+    caps_[&l - layers_].set(k, *f.cap);
+  }
 }
 
 uint64_t Contacts::take(LaneSum& sum) noexcept {
-  const uint64_t felt = width().contacts(layers_, layer_count_, sum);
+  const uint64_t felt = width().contacts(layers_, caps_, layer_count_, sum);
   std::fill_n(counts_, lane_count, 0);
   layer_count_ = 0;
   return felt;

@@ -51,13 +51,16 @@ class Contacts {
     uint8_t rows[lane_count];
     Lanes ux, uy, uz, tx, ty, tz, distance, weight, arm_x, arm_y, arm_z;
     Lanes offset, gain, per_width, limit, reach;  // as those of Rows
+    uint32_t capped;                              // bit k: lane k has a cap, in `caps`
   };
+  using Caps = CapLanes<lane_count>;
 
  private:
   static constexpr uint32_t depth = 16;
   uint32_t counts_[lane_count] = {};  // that wait in a lane,
   uint32_t layer_count_ = 0;          // and the most of these
   Layer layers_[depth];               // all 0 where nothing has been added
+  Caps caps_[depth];                  // by layer, only where a lane has one
 };
 
 // [rt] For each row a lower bound of the distance from `from` to where it may be felt, m; below 0 it may be felt there.

@@ -63,18 +63,12 @@ void check_contact(const fs_contact& contact, fs_primitive primitive) {
 
 // The steepest slope of the force, infinite where it jumps: fs_report has the list.
 double object_slope(const Object& object) {
-  constexpr double jump = std::numeric_limits<double>::infinity();
-  // At d = 0 from one direction to the opposite one, or from the front's value to the back's.
-  const auto outward = [](const Profile& profile) { return profile.sense == FS_SENSE_REPULSIVE ? 1.0 : -1.0; };
-  const double front = outward(object.law.front) * first_force(object.law.front);
-  const double back = has_surface(object.primitive) ? -outward(object.law.back) * first_force(object.law.back) : -front;
-  if (front != back) return jump;
   // A polyline that is not straight is no convex set, so some places have two closest points (Motzkin 1935). These
   // places hang together, from its bends to any distance: if it is felt at all, then at some of them.
   const bool is_bent = object.primitive == FS_PRIMITIVE_POLYLINE && !object.shape->is_straight;
-  if (is_bent && is_ever_felt(object.law.front)) return jump;
+  if (is_bent && is_ever_felt(object.law.front)) return std::numeric_limits<double>::infinity();
   const double contact = object.is_solid() ? stiffness_of(object.contact) : 0;
-  return std::fmax(contact, std::fmax(steepest_slope(object.law.front), steepest_slope(object.law.back)));
+  return std::fmax(contact, slope_of(object.law));
 }
 
 ParsedObject parse(const fs_object& in, std::string name, const Object* like, bool builds_shape) {

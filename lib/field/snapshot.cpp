@@ -25,6 +25,8 @@ void Chunk::own(uint32_t i) {
   own_motion(i);
 }
 
+void Chunk::own_caps() { make_unique(rows->caps); }
+
 void Chunk::own_motion(uint32_t i) { make_unique(motions[i / Motions::size]); }
 
 void Chunk::move(uint32_t i, const Motion& motion, uint64_t revision) noexcept {
@@ -44,9 +46,10 @@ Row& Chunk::set(uint32_t i, Ref<const Object> given, const Motion& motion, uint6
   if (object.is_solid()) {
     rows->solids |= bit;
   } else if (object.damping == 0 && Formula::is_possible(law.front) && Formula::is_possible(law.back)) {
+    const bool has_room = !law.front.cap || (rows->caps && rows->caps->is_unique());
     if (object.primitive != FS_PRIMITIVE_POINT || object.point_mask() != ~0u) {
       rows->contacts |= bit;
-    } else {
+    } else if (has_room) {
       const Formula f(law.front);
       (f.kind == FS_PROFILE_GAUSSIAN    ? rows->gaussian
        : f.kind == FS_PROFILE_QUADRATIC ? rows->quadratic
@@ -57,6 +60,13 @@ Row& Chunk::set(uint32_t i, Ref<const Object> given, const Motion& motion, uint6
       rows->per_width[i] = f.per_width;
       rows->limit[i] = f.limit;
       rows->reach[i] = f.reach;
+      if (law.front.cap) {
+        const Cap& cap = *law.front.cap;
+        rows->capped |= bit;
+        if (cap.fall < never) rows->falling |= bit;
+        if (cap.bend_slope != 0) rows->bent |= bit;
+        rows->caps->set(i, cap);
+      }
     }
   }
   move(i, motion, revision);

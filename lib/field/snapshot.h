@@ -37,11 +37,29 @@ struct Formula {
         per_width(kind == FS_PROFILE_GAUSSIAN ? 1 / f.width : 1),
         limit(f.sense == FS_SENSE_REPULSIVE ? f.limit : -f.limit),
         reach(f.reach > 0 ? f.reach : never) {}
-  static bool is_possible(const Profile& f) noexcept {
-    return f.kind != FS_PROFILE_CUSTOM && std::fabs(f.gain) < 1e100;  // so that nothing overflows
+  static bool is_possible(const Profile& f) noexcept {  // the bounds: so that nothing overflows
+    return f.kind != FS_PROFILE_CUSTOM && std::fabs(f.gain) < 1e100 && !(f.cap && f.cap->slope >= 1e100);
   }
   fs_profile_kind kind;
   double offset, gain, per_width, limit, reach;
+};
+
+// The caps of formulas that are evaluated several at a time: see struct Cap.
+template <uint32_t count>
+struct CapLanes {
+  double slope[count], rise[count], fall[count], bend[count], bend_force[count], bend_slope[count];
+
+  void set(uint32_t i, const Cap& cap) noexcept {
+    slope[i] = cap.slope;
+    rise[i] = cap.rise;
+    fall[i] = cap.fall;
+    bend[i] = cap.bend;
+    bend_force[i] = cap.bend_force;
+    bend_slope[i] = cap.bend_slope;
+  }
+};
+struct RowCaps : LocalCounted<RowCaps>, CapLanes<chunk_size> {
+  RowCaps() : CapLanes<chunk_size>{} {}
 };
 
 // What moves do not change.
@@ -53,10 +71,13 @@ struct Rows : LocalCounted<Rows> {
   double omitted = 0;     // N: a row counts as far where its force is at most this; 0: where it has none
   double offset[chunk_size] = {}, gain[chunk_size] = {}, per_width[chunk_size] = {};
   double limit[chunk_size] = {}, reach[chunk_size] = {};
+  uint64_t capped = 0, falling = 0, bent = 0;  // bit i: row i is a point with a formula and a cap; it has `fall`; a bend
+  Ref<RowCaps> caps;                           // null where no row has one
 
   uint64_t formulas() const noexcept { return linear | quadratic | inverse | gaussian; }
   void forget_formulas(uint64_t bit) noexcept {
-    for (uint64_t* const rows : {&linear, &quadratic, &inverse, &gaussian, &contacts, &solids}) *rows &= ~bit;
+    for (uint64_t* const rows : {&linear, &quadratic, &inverse, &gaussian, &contacts, &solids, &capped, &falling,
+                                 &bent}) *rows &= ~bit;
   }
 };
 
@@ -89,6 +110,7 @@ struct Chunk : LocalCounted<Chunk> {
   // For whoever posts. i: of the row in the chunk.
   void own(uint32_t i);         // may run out of memory; after it edit_row, set, move and drop cannot
   void own_motion(uint32_t i);  // all that move needs
+  void own_caps();              // after own, before set of a law with a cap; without it that row is evaluated by itself
   Row& edit_row(uint32_t i) noexcept { return rows->rows[i]; }  // the caller must not change its object: see set
   Row& set(uint32_t i, Ref<const Object> object, const Motion& motion, uint64_t revision) noexcept;  // the rest is for the caller
   void move(uint32_t i, const Motion& motion, uint64_t revision) noexcept;

@@ -47,6 +47,13 @@ struct Cubic {
     const double turn = std::clamp(c3 != 0 ? -c2 / (3 * c3) : a, a, b);
     return std::fmax(std::fmax(std::fabs(slope(a)), std::fabs(slope(b))), std::fabs(slope(turn)));
   }
+  // Where the slope has the given value, in order; NaN or infinite where it has it nowhere else.
+  std::array<double, 2> places_with_slope(double wanted) const {
+    const double a = 3 * c3, b = 2 * c2, c = c1 - wanted;
+    const double q = -(b + std::copysign(std::sqrt(b * b - 4 * a * c), b)) / 2;
+    const double one = q / a, other = c / q;
+    return {std::fmin(one, other), std::fmax(one, other)};
+  }
 };
 
 class TableCurve final : public Curve {
@@ -84,6 +91,32 @@ class TableCurve final : public Curve {
     return steepest;
   }
   double greatest_force(double d) const noexcept override { return evaluate(0, d, 0).force; }
+
+  // Where f is no steeper than slope on both sides of s, and where it bends the wrong way, f(s) + slope*|d - s| is not the
+  // least. The ends of the steep intervals and their tangents remain.
+  std::vector<Knot> knots(double slope, double reach) const override {
+    std::vector<Knot> out;
+    const auto add = [&](double position) {
+      const double d = position * step_;
+      if (out.empty() || d > out.back().distance) out.push_back({d, evaluate(nullptr, d, 0).force});
+    };
+    for (size_t k = 0; k < pieces_.size() && pieces_[k].begin < reach; ++k) {
+      if (!(pieces_[k].steepest > slope)) continue;
+      const size_t begin = k * intervals_in_piece_, end = std::min(begin + intervals_in_piece_, values_.size() - 1);
+      for (size_t i = begin; i < end; ++i) {
+        const Cubic cubic = interval(i);
+        if (!(cubic.steepest(0, 1) / step_ > slope)) continue;
+        const double start = static_cast<double>(i);
+        add(start);
+        const double rise = values_[i + 1] > values_[i] ? slope * step_ : -slope * step_;
+        for (const double u : cubic.places_with_slope(rise)) {
+          if (u > 0 && u < 1) add(start + u);
+        }
+        add(start + 1);
+      }
+    }
+    return out;
+  }
 
   const std::vector<double>* table() const noexcept override { return &table_; }
   double step() const noexcept override { return step_; }
@@ -224,6 +257,11 @@ class ExpressionCurve final : public Curve {
     return {force, std::clamp(slope, -largest, largest)};
   }
 
+  double force(Parser* given, double d, double t) const noexcept override {
+    auto* const parser = static_cast<ExpressionParser*>(given);
+    return parser ? parser->force(d, t) : 0;
+  }
+
   double steepest_slope(double limit, double reach) const noexcept override {
     double steepest = 0;
     for (const Piece& piece : pieces_) {
@@ -239,7 +277,68 @@ class ExpressionCurve final : public Curve {
 
   const std::string* expression() const noexcept override { return &text_; }
 
+  bool is_timed() const noexcept override { return mentions_time(text_); }
+  std::vector<Knot> knots(double slope, double reach) const override {
+    ExpressionParser parser(text_);
+    const int times = is_timed() ? 6 : 1;
+    for (int j = 0; j < times; ++j) {
+      const std::vector<Knot> found = steep_parts(parser, sampled_time(j), slope, reach, is_timed() ? 1024 : 4096);
+      if (!found.empty()) return found;
+    }
+    return {};
+  }
+
  private:
+  static double sampled_time(size_t j) { return 1.6180339 * static_cast<double>(j); }
+
+  // Of the intervals between `count` samples those that are steeper than slope, and those next to them. They are halved
+  // where steep and flat or rising and falling meet, the nearest ones first, until they are as short as the step of
+  // the slope or too many.
+  static std::vector<Knot> steep_parts(ExpressionParser& parser, double t, double slope, double reach, int count) {
+    constexpr double dense = 1e-3, last = 100;  // m: below `dense` the samples are equally far apart, beyond it geometric
+    const double densest = std::asinh(last / dense) / (count - 1);
+    const auto at = [&](double d) { return Knot{d, parser.force(d, t), false}; };
+    const auto mark = [&](Knot& from, const Knot& to) {
+      from.is_steep = std::fabs(to.force - from.force) > slope * (to.distance - from.distance);
+    };
+    std::vector<Knot> samples{at(0)};
+    for (int i = 1; i < count && samples.back().distance < reach; ++i) {
+      samples.push_back(at(std::fmin(dense * std::sinh(densest * i), reach)));
+      mark(samples[samples.size() - 2], samples.back());
+    }
+    // The direction of interval i of a list: 0 where it is flat.
+    const auto way = [](const std::vector<Knot>& list, size_t i) {
+      if (i + 1 >= list.size() || !list[i].is_steep) return 0;
+      return list[i + 1].force > list[i].force ? 1 : -1;
+    };
+    std::vector<Knot> out;
+    for (size_t i = 0; i < samples.size(); ++i) {
+      const size_t first = i < 2 ? 0 : i - 2;
+      if (way(samples, first) || way(samples, i < 1 ? 0 : i - 1) || way(samples, i) || way(samples, i + 1)) {
+        out.push_back(samples[i]);
+      }
+    }
+
+    constexpr size_t most_knots = 16384;
+    for (bool is_halved = true; is_halved && out.size() < most_knots;) {
+      is_halved = false;
+      std::vector<Knot> finer;
+      for (size_t i = 0; i < out.size(); ++i) {
+        finer.push_back(out[i]);
+        if (i + 1 == out.size() || out[i + 1].distance - out[i].distance <= expression_step) continue;
+        const int here = way(out, i), before = i > 0 ? way(out, i - 1) : 0, after = way(out, i + 1);
+        if ((here == before && here == after) || finer.size() + (out.size() - i) >= most_knots) continue;
+        Knot middle = at((out[i].distance + out[i + 1].distance) / 2);
+        mark(finer.back(), middle);
+        mark(middle, out[i + 1]);
+        finer.push_back(middle);
+        is_halved = true;
+      }
+      out = std::move(finer);
+    }
+    return out;
+  }
+
   // Samples at distances in a geometric series from 1 um to 100 m, and at times that do not fall into step with a usual
   // frequency. A file may have thousands of expressions, so these few hundred evaluations take only some
   // tenths of a millisecond.
@@ -254,7 +353,7 @@ class ExpressionCurve final : public Curve {
     pieces_.resize(distances - 1);
     Secant steepest;
     for (size_t j = 0; j < times; ++j) {
-      const double t = 1.6180339 * static_cast<double>(j);
+      const double t = sampled_time(j);
       double before = 0;
       for (size_t i = 0; i < distances; ++i) {
         auto& [d, greatest] = forces_[i];

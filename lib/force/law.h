@@ -3,6 +3,8 @@
 // has a front only.
 #pragma once
 
+#include <cmath>
+
 #include "force/profile.h"
 
 namespace fs {
@@ -27,7 +29,7 @@ struct Law {
   // [rt] g (N) and its slope (N/m) at s (m) and the profiles' time t (s); parsers: may be null without curves.
   Intensity at(double s, double t, const Parsers* parsers) const noexcept {
     if (!(s < 0)) {
-      const Intensity f = evaluate(front, parsers ? parsers->front.get() : nullptr, s, t);
+      const Intensity f = evaluate(front, parsers ? parsers->front.get() : nullptr, std::fabs(s), t);
       return front.sense == FS_SENSE_REPULSIVE ? f : Intensity{-f.force, -f.slope};
     }
     const Intensity f = evaluate(back, parsers ? parsers->back.get() : nullptr, -s, t);
@@ -35,5 +37,17 @@ struct Law {
   }
   double limit(double s) const noexcept { return s < 0 ? back.limit : front.limit; }  // N
 };
+
+// The law with a bound on its slope: the largest function that has the sign of g, is nowhere above |g| in magnitude and is
+// nowhere steeper than `slope` (N/m, > 0), across s = 0 and the reach too. So a force that begins at s = 0, or turns
+// over there, is at most slope*|s|, and one that goes on there may differ from that of the other side by that much. An
+// infinite slope, and one that g exceeds nowhere, leave the law as it is. A cap that `law` has already is replaced.
+//
+// For a table all of this is exact. An expression is sampled, so what is steep between two samples remains. One that depends
+// on time is sampled whenever it is evaluated, if it is steep; and its force on either side is then at most slope*|s|.
+Law capped(const Law& law, double slope);
+
+// The steepest |slope| of g at any s, N/m; infinite where g jumps. For an expression it is an estimate.
+double slope_of(const Law& law);
 
 }  // namespace fs

@@ -126,11 +126,20 @@ double formula_slope(const Profile& p, double end) noexcept {
   }
 }
 
+// f(d, t) without regard to a cap.
+Intensity uncapped(const Profile& p, Curve::Parser* parser, double d, double t) noexcept {
+  if (p.reach > 0 && !(d <= p.reach)) return {};
+  const Intensity raw = formula(p, parser, d, t);
+  if (!(raw.force > 0)) return {};  // NaN too
+  if (raw.force >= p.limit) return {p.limit, 0};
+  return {raw.force, std::clamp(raw.slope, -largest, largest)};
+}
+
 // True where f jumps to 0 at the reach.
 bool jumps_at_reach(const Profile& p) {
   if (!(p.reach > 0)) return false;
   if (p.kind == FS_PROFILE_CUSTOM) return p.gain * p.curve->greatest_force(p.reach) > 0;
-  return evaluate(p, nullptr, p.reach, 0).force > 0;
+  return uncapped(p, nullptr, p.reach, 0).force > 0;
 }
 
 }  // namespace
@@ -184,7 +193,7 @@ Profile parse_profile(const fs_profile& in, const char* field) {
     fail(FS_ERROR_INVALID, "%s.curve is given, must be null for %s %s profile", field,
          in.kind == FS_PROFILE_INVERSE ? "an" : "a", without_prefix(profile_kind_names[in.kind]));
   }
-  return {in.kind, in.sense, in.gain, in.offset, in.width, in.limit, in.reach, Ref<const Curve>::share(in.curve)};
+  return {in.kind, in.sense, in.gain, in.offset, in.width, in.limit, in.reach, Ref<const Curve>::share(in.curve), nullptr};
 }
 
 fs_profile to_c(const Profile& p) {
@@ -197,11 +206,8 @@ bool operator==(const Profile& a, const Profile& b) {
 }
 
 Intensity evaluate(const Profile& p, Curve::Parser* parser, double d, double t) noexcept {
-  if (p.reach > 0 && !(d <= p.reach)) return {};
-  const Intensity raw = formula(p, parser, d, t);
-  if (!(raw.force > 0)) return {};  // NaN too
-  if (raw.force >= p.limit) return {p.limit, 0};
-  return {raw.force, std::clamp(raw.slope, -largest, largest)};
+  const Intensity raw = uncapped(p, parser, d, t);
+  return p.cap ? p.cap->lower(p, parser, d, t, raw) : raw;
 }
 
 double most_between(const Profile& profile, double least, double most) noexcept {
@@ -210,7 +216,7 @@ double most_between(const Profile& profile, double least, double most) noexcept 
   // All formulas are monotone.
   const double end = profile.reach > 0 ? std::min(most, profile.reach) : most;
   if (!(least <= end)) return 0;
-  return std::max(evaluate(profile, nullptr, least, 0).force, evaluate(profile, nullptr, end, 0).force);
+  return std::max(uncapped(profile, nullptr, least, 0).force, uncapped(profile, nullptr, end, 0).force);
 }
 
 double support(const Profile& p) noexcept {
@@ -237,7 +243,7 @@ double support_above(const Profile& p, double force) noexcept {
 bool is_ever_felt(const Profile& p) noexcept {
   if (p.kind == FS_PROFILE_CUSTOM) return support(p) > 0;
   // The formulas are monotone, so the two ends decide.
-  return evaluate(p, nullptr, 0, 0).force > 0 || evaluate(p, nullptr, p.reach > 0 ? p.reach : infinity, 0).force > 0;
+  return uncapped(p, nullptr, 0, 0).force > 0 || uncapped(p, nullptr, p.reach > 0 ? p.reach : infinity, 0).force > 0;
 }
 
 double steepest_slope(const Profile& p) {
@@ -250,7 +256,7 @@ double steepest_slope(const Profile& p) {
 
 double first_force(const Profile& p) {
   if (p.kind == FS_PROFILE_CUSTOM) return std::fmin(p.gain * p.curve->greatest_force(0), p.limit);
-  return evaluate(p, nullptr, 0, 0).force;
+  return uncapped(p, nullptr, 0, 0).force;
 }
 
 }  // namespace fs

@@ -121,6 +121,10 @@ static const std::vector<Call> calls{
        return fs_profile_evaluate(but(n, 0, &w.profile), 0, 0, but(n, 1, w.doubles.data()), 3,
                                   but(n, 2, w.doubles.data()));
      }},
+    {"fs_object_evaluate_law", 3, FS_OK, [](World& w, int n) {
+       return fs_object_evaluate_law(but(n, 0, &w.object), 0, 0, but(n, 1, w.doubles.data()), 3,
+                                     but(n, 2, w.doubles.data()));
+     }},
     {"fs_shape_create_polyline", 2, FS_OK, [](World& w, int n) {
        fs_shape** out = but(n, 1, &new_shape);
        return made(out, fs_shape_create_polyline(but(n, 0, w.points.data()), 3, false, out));

@@ -690,8 +690,9 @@ START_TEST(profile_evaluate) {
   const double one = 0.01, negative = -0.01;
   double out = 7;
   OK(fs_profile_evaluate(&p, 0, 0, nullptr, 0, nullptr));
-  EXPECT(FS_ERROR_UNSUPPORTED, fs_profile_evaluate(&p, 100, 0, &one, 1, &out));
-  EXPECT(FS_ERROR_INVALID, fs_profile_evaluate(&p, -1, 0, &one, 1, &out));
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_profile_evaluate(&p, -1, 0, &one, 1, &out), "max_stiffness is -1");
+  EXPECT(FS_ERROR_INVALID, fs_profile_evaluate(&p, NAN, 0, &one, 1, &out));
+  EXPECT(FS_ERROR_INVALID, fs_profile_evaluate(&p, INFINITY, 0, &one, 1, &out));
   EXPECT(FS_ERROR_INVALID, fs_profile_evaluate(&p, 0, NAN, &one, 1, &out));
   EXPECT(FS_ERROR_INVALID, fs_profile_evaluate(&p, 0, 0, &negative, 1, &out));
   const fs_profile bad = attract(-100, 2);
@@ -700,6 +701,65 @@ START_TEST(profile_evaluate) {
   const fs_profile none{};
   OK(fs_profile_evaluate(&none, 0, 0, &one, 1, &out));
   EXPECT_NEAR(out, 0, 0);
+  // With a limit the force begins as a spring, as it turns over at d = 0. A high one changes nothing but that.
+  OK(fs_profile_evaluate(&p, 50, 0, &one, 1, &out));
+  EXPECT_NEAR(out, 0.5, 1e-12);
+  OK(fs_profile_evaluate(&p, 100, 0, &one, 1, &out));
+  EXPECT_NEAR(out, 1, 0);
+}
+END_TEST
+
+// Both sides of an object over signed distances, without a limit of the slope and with one.
+START_TEST(object_evaluate_law) {
+  const std::vector<double> places{-0.05, -0.011, -0.01, -1e-3, -0.0, 0, 1e-3, 0.01, 0.011, 0.05};
+  const size_t count = places.size();
+  std::vector<double> raw(count), slow(count);
+  Random random(11001);
+  for (int i = 0; i < 300; ++i) {
+    // What fs_evaluate gives above and below a plane.
+    Content content;
+    fs_object& o = content.add("plane", FS_PRIMITIVE_PLANE, {});
+    o.front = random_profile(random, content);
+    o.back = random_profile(random, content);
+    const Scene scene = make_scene();
+    fill(scene.get(), content);
+    o.start = 0.25;
+    OK(fs_scene_set_time(scene.get(), 1.5));
+    OK(fs_object_set(scene.get(), &o));
+    OK(fs_object_evaluate_law(&o, 0, 1.25, places.data(), count, raw.data()));
+    OK(fs_object_evaluate_law(&o, 70, 1.25, places.data(), count, slow.data()));
+    for (size_t k = 0; k < count; ++k) {
+      const fs_vec3 x{0, 0, places[k]};
+      fs_vec3 force;
+      OK(fs_evaluate_field(scene.get(), "plane", 1.5, &x, 1, &force));
+      EXPECT_NEAR(raw[k], force.z, 1e-12 + 1e-12 * std::fabs(force.z));
+      ck_assert(std::fabs(slow[k]) <= std::fabs(raw[k]) && slow[k] * raw[k] >= 0);
+      if (k > 0) ck_assert_double_le(std::fabs(slow[k] - slow[k - 1]), 70 * (places[k] - places[k - 1]) + 1e-9);
+    }
+  }
+  // Through a point: the force turns over.
+  fs_object point = fs_object_init("point", FS_PRIMITIVE_POINT);
+  point.front = fs_profile_init(FS_PROFILE_CONSTANT, FS_SENSE_ATTRACTIVE, 3, 0, 5);
+  point.front.reach = 0.0105;
+  OK(fs_object_evaluate_law(&point, 0, 0, places.data(), count, raw.data()));
+  OK(fs_object_evaluate_law(&point, 1000, 0, places.data(), count, slow.data()));
+  const double raw_wanted[]{0, 0, 3, 3, 0, 0, -3, -3, 0, 0}, slow_wanted[]{0, 0, 0.5, 1, 0, 0, -1, -0.5, 0, 0};
+  for (size_t k = 0; k < count; ++k) {
+    EXPECT_NEAR(raw[k], raw_wanted[k], 0);
+    EXPECT_NEAR(slow[k], slow_wanted[k], 1e-12);
+  }
+
+  double out = 7;
+  const double one = 1, bad = INFINITY;
+  OK(fs_object_evaluate_law(&point, 0, 0, nullptr, 0, nullptr));
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_object_evaluate_law(&point, -1, 0, &one, 1, &out), "max_stiffness is -1");
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_object_evaluate_law(&point, 0, NAN, &one, 1, &out), "t is nan");
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_object_evaluate_law(&point, 0, 0, &bad, 1, &out), "distances[0] is inf");
+  point.front.gain = -1;
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_object_evaluate_law(&point, 0, 0, &one, 1, &out), "'point': front.gain is -1");
+  point.struct_size += 8;
+  EXPECT(FS_ERROR_VERSION, fs_object_evaluate_law(&point, 0, 0, &one, 1, &out));
+  EXPECT_NEAR(out, 7, 0);
 }
 END_TEST
 
@@ -709,6 +769,7 @@ int main() {
   add_case(suite, "random", {random_still, random_tools, random_moving, random_damped, near_surfaces, rigid_motion,
                              far_from_the_origin, forces_add});
   add_case(suite, "rules", {at_distance_zero, extremes_stay_finite, response_without_contacts, same_input_same_bits,
-                            a_field_is_a_tool_at_each_point, tool_points, profile_evaluate});
+                            a_field_is_a_tool_at_each_point, tool_points, profile_evaluate,
+                            object_evaluate_law});
   return run_suite(suite);
 }

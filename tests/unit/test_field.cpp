@@ -32,10 +32,11 @@ Profile random_profile(Random& random) {
   return p;
 }
 
-// A chunk of points with random profiles.
+// A chunk of points with random profiles, some of them capped.
 struct Points {
   Chunk chunk;
   explicit Points(Random& random) {
+    const bool has_caps = random.coin();
     for (uint32_t i = 0; i < chunk_size; ++i) {
       fs_object o = fs_object_init(("p" + std::to_string(i)).c_str(), FS_PRIMITIVE_POINT);
       o.front = to_c(random_profile(random));
@@ -43,9 +44,17 @@ struct Points {
       motion.pose.position = {random.between(-0.1, 0.1), random.between(-0.1, 0.1), random.between(-0.1, 0.1)};
       chunk.own(i);
       chunk.edit_row(i).version = 1;
-      chunk.set(i, parse_object(o).object, motion, 1);
+      const ParsedObject parsed = parse_object(o);
+      if (has_caps && random.coin()) {
+        Law& law = const_cast<Object&>(*parsed.object).law;
+        law = capped(law, random.log_between(5, 500));
+        if (random.coin(0.9)) chunk.own_caps();
+      }
+      chunk.set(i, parsed.object, motion, 1);
+      if (parsed.object->law.front.cap && chunk.rows->formulas() >> i & 1) ++capped_count;
     }
   }
+  int capped_count = 0;  // of those that are evaluated in lanes
 };
 
 }  // namespace
@@ -54,8 +63,10 @@ struct Points {
 START_TEST(lanes_agree) {
   Random random(1);
   double worst = 0;
+  int capped_count = 0;
   for (int run = 0; run < sanitized_times(60, 300); ++run) {
     const Points points(random);
+    capped_count += points.capped_count;
     const Chunk& chunk = points.chunk;
     Weight weights[chunk_size];
     for (Weight& w : weights) w.set(random.coin(0.3) ? 1 : random.between(0, 1));
@@ -104,6 +115,7 @@ START_TEST(lanes_agree) {
     ck_assert_uint_eq(felt[1], felt_alone);
   }
   ck_assert_double_gt(worst, 0);  // they are worked out differently
+  ck_assert_int_gt(capped_count, 300);
 }
 END_TEST
 
@@ -169,6 +181,46 @@ START_TEST(contacts_agree) {
 }
 END_TEST
 
+// Contacts with capped profiles and others, in lanes and one by one.
+START_TEST(capped_contacts_agree) {
+  Random random(4);
+  for (int run = 0; run < sanitized_times(100, 1000); ++run) {
+    Profile profiles[chunk_size];
+    double distances[chunk_size], wanted = 0, size = 1e-12, stiffness = 0, stiffness_size = 1e-9;
+    LaneSum sums[2];
+    uint64_t felt[2], felt_alone = 0;
+    for (uint32_t i = 0; i < chunk_size; ++i) {
+      Law law;
+      law.front = random_profile(random);
+      if (random.coin()) law = capped(law, random.log_between(5, 500));
+      profiles[i] = law.front;
+      distances[i] = random.log_between(1e-4, 0.2);
+      const Intensity f = evaluate(profiles[i], nullptr, distances[i], 0);
+      const double sign = profiles[i].sense == FS_SENSE_REPULSIVE ? 1 : -1;
+      wanted += sign * f.force;
+      size += f.force;
+      stiffness += sign * f.slope;
+      stiffness_size += std::fabs(f.slope);
+      if (f.force > 0) felt_alone |= uint64_t{1} << i;
+    }
+    for (const bool is_wide : {false, true}) {
+      allow_avx2(is_wide);
+      Contacts contacts;
+      for (uint32_t i = 0; i < chunk_size; ++i) {
+        contacts.add(i, {.direction = {1, 0, 0}, .tangent = {}, .distance = distances[i], .is_turning = false,
+                         .law = &profiles[i], .weight = 1, .arm = {}});
+      }
+      felt[is_wide] = contacts.take(sums[is_wide]);
+    }
+    allow_avx2(true);
+    ck_assert_int_eq(std::memcmp(&sums[0], &sums[1], sizeof sums[0]), 0);
+    ck_assert_double_le(std::fabs(sums[0].wrench().force.x - wanted), 1e-12 * size);
+    ck_assert_double_le(std::fabs(sums[0].stiffness().xx - stiffness), 1e-9 * stiffness_size);
+    ck_assert_uint_eq(felt[0], felt_alone);
+  }
+}
+END_TEST
+
 // A row is never given twice, chunks are full enough, and what was released is used again.
 START_TEST(rows_are_given_among_neighbours) {
   Random random(2);
@@ -206,4 +258,4 @@ START_TEST(rows_are_given_among_neighbours) {
 }
 END_TEST
 
-int main() { return run("field", {lanes_agree, contacts_agree, rows_are_given_among_neighbours}); }
+int main() { return run("field", {lanes_agree, contacts_agree, capped_contacts_agree, rows_are_given_among_neighbours}); }

@@ -53,6 +53,7 @@ from ._objects import (  # noqa: E402
     Quadratic,
     Wall,
     intensity,
+    law,
 )
 from ._plot import plot  # noqa: E402
 from ._scene import Device, Hand, Scene, SceneObject, Server, Servo, Tool, connect, devices  # noqa: E402
@@ -83,6 +84,7 @@ __all__ = [
     "connect",
     "devices",
     "intensity",
+    "law",
     "plot",
 ]
 __all__ += _core.__all__

@@ -151,9 +151,25 @@ class Custom(Profile):
         return super().__repr__()[:-1] + (f", sampled={self.sampled!r})" if self.sampled else ")")
 
 
-def intensity(profile: Profile, distances: ArrayLike, t: float = 0, out: Array | None = None) -> Array:
-    """What a profile gives at distances (m, >= 0; shape (n,)) and t s after the object's start, in N."""
-    return _core.profile_evaluate(profile, 0, t, distances, out)
+def intensity(
+    profile: Profile, distances: ArrayLike, t: float = 0, out: Array | None = None, *, max_stiffness: float = 0
+) -> Array:
+    """What a profile gives at distances (m, >= 0; shape (n,)) and t s after the object's start, in N.
+
+    max_stiffness: N/m, what its slopes are limited to; 0: no limit. See fs_profile_evaluate.
+    """
+    return _core.profile_evaluate(profile, max_stiffness, t, distances, out)
+
+
+def law(
+    object: Object, distances: ArrayLike, t: float = 0, out: Array | None = None, *, max_stiffness: float = 0
+) -> Array:
+    """What both sides of an object give at signed distances (m, > 0 in front; shape (n,)), in N towards the front.
+
+    t: s after the object's start; max_stiffness: N/m, what the slopes are limited to; 0: no limit. See
+    fs_object_evaluate_law.
+    """
+    return _core.object_evaluate_law(object, max_stiffness, t, distances, out)
 
 
 # ---------------------------------------------------------------------------------------------------------- primitives

@@ -275,7 +275,13 @@ public final class Player implements AutoCloseable {
           ? Curve.table(number(step, "step"), numbers(step.get("table"))) : Curve.expression((String) step.get("expression")));
       case "profile" -> {
         DoubleBuffer distances = Buffers.of(numbers(step.get("distances"))), forces = Buffers.doubles(distances.capacity());
-        ForceServer.evaluate(profile(step.get("profile")), number(step, "t"), distances, forces);
+        double maxStiffness = step.containsKey("max_stiffness") ? number(step, "max_stiffness") : 0;
+        ForceServer.evaluate(profile(step.get("profile")), maxStiffness, number(step, "t"), distances, forces);
+        give(forces);
+      }
+      case "law" -> {
+        DoubleBuffer distances = Buffers.of(numbers(step.get("distances"))), forces = Buffers.doubles(distances.capacity());
+        ForceServer.evaluateLaw(object(step.get("object")), number(step, "max_stiffness"), number(step, "t"), distances, forces);
         give(forces);
       }
       case "set" -> scene.set(object(step.get("object")));

@@ -3,7 +3,7 @@
 compare.py SCENARIO.json REFERENCE NAME=FILE...: each file is what a player printed; the name is "LANGUAGE here" or
 "LANGUAGE connected". The reference is that of C++ in process. It is compared with what the scenario states; all others
 are compared with it:
-- what an evaluation gives (verbs profile, evaluate, tool) is the same bit for bit, also across shm: a tool evaluates the
+- what an evaluation gives (verbs profile, law, evaluate, tool) is the same bit for bit, also across shm: a tool evaluates the
   scene's own objects in this process;
 - in process everything else is within 1e-12, and so is all of a connected scene until a servo runs;
 - what a servo gives across shm is within 1e-9: until it has taken a change, a server runs a few ticks more or less.
@@ -14,7 +14,7 @@ import math
 import struct
 import sys
 
-EXACT = ("profile", "evaluate", "tool")
+EXACT = ("profile", "law", "evaluate", "tool")
 
 
 def read(path):

@@ -230,7 +230,15 @@ class Player {
       const fs_profile p = profile(step.at("profile"));
       const std::vector<double> distances = step.at("distances");
       std::vector<double> forces(distances.size());
-      check(fs_profile_evaluate(&p, 0, step.at("t"), distances.data(), distances.size(), forces.data()));
+      check(fs_profile_evaluate(&p, step.value("max_stiffness", 0.0), step.at("t"), distances.data(), distances.size(),
+                                forces.data()));
+      for (const double force : forces) give(force);
+    } else if (verb == "law") {
+      const fs_object o = object(step.at("object"));
+      const std::vector<double> distances = step.at("distances");
+      std::vector<double> forces(distances.size());
+      check(fs_object_evaluate_law(&o, step.at("max_stiffness"), step.at("t"), distances.data(), distances.size(),
+                                   forces.data()));
       for (const double force : forces) give(force);
     } else if (verb == "set") {
       const fs_object o = object(step.at("object"));

@@ -130,8 +130,11 @@ class Player:
     def do_curve(self, name, expression=None, table=None, step=None):
         self.curves[name] = fs.curve_create_table(table, step) if table else fs.curve_create_expression(expression)
 
-    def do_profile(self, profile, t, distances):
-        self.give(fs.intensity(self.profile(profile), distances, t))
+    def do_profile(self, profile, t, distances, max_stiffness=0):
+        self.give(fs.intensity(self.profile(profile), distances, t, max_stiffness=max_stiffness))
+
+    def do_law(self, object, max_stiffness, t, distances):
+        self.give(fs.law(self.object(object), distances, t, max_stiffness=max_stiffness))
 
     def do_set(self, object):
         made = self.object(object)

@@ -39,6 +39,18 @@ public final class ForceServer {
     }
   }
 
+  /**
+   * forces[i]: what both sides of the object give at the signed distance distances[i] (m, > 0 in front) and time t (s since its
+   * start), in N towards the front, with slopes limited to maxStiffness (N/m; 0: no limit).
+   */
+  public static void evaluateLaw(ForceObject object, double maxStiffness, double t, DoubleBuffer distances, DoubleBuffer forces) {
+    DoubleBuffer in = Buffers.in("distances", distances), out = Buffers.out("forces", forces);
+    try (Memory lent = object.memory.lend()) {
+      int status = Native.fs_object_evaluate_law(object, maxStiffness, t, in, in.capacity(), out);
+      ForceServerException.check(status);
+    }
+  }
+
   /** What the profile gives at one distance (m) and time t (s), in N. */
   public static double evaluate(Profile profile, double t, double distance) {
     DoubleBuffer force = Buffers.doubles(1);
