@@ -90,12 +90,14 @@ START_TEST(bad_options_each_with_its_sentence) {
       {"sim:?delay_ms=-1", "delay_ms is '-1'"},
       {"sim:?seed=-1", "seed is '-1'"},
       {"sim:?seed=1.5", "seed is 1.5, must be a whole number"},
+      {"sim:?link=radio", "link is 'radio', must be one of force, model"},
+      {"sim:?link_ms=2", "option 'link_ms' needs the option 'link'"},
+      {"sim:?link_hz=100", "option 'link_hz' needs the option 'link'"},
+      {"sim:?link=force&link_ms=1001", "link_ms is '1001', must be a number within 0..1000"},
+      {"sim:?link=force&link_hz=9", "link_hz is '9', must be a number within 10..10000"},
       {"sim:?hold=0,0,0&path=touch", "hold and path cannot be given together"},
   };
   for (const auto& c : cases) expect_error(FS_ERROR_INVALID, c.part, [&] { open_device(c.uri); });
-  for (const char* uri : {"sim:?link=force", "sim:?link_ms=2", "sim:?link_hz=100"}) {
-    expect_error(FS_ERROR_UNSUPPORTED, "not simulated yet", [&] { open_device(uri); });
-  }
 }
 END_TEST
 
