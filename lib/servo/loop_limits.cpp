@@ -108,7 +108,11 @@ LoopLimits limits_of(const Loop& loop, double wanted_damping) noexcept {
   out.damping = std::min(wanted_damping, renderable);
   out.object_damping = renderable - out.damping;
   const double passive = (loop.damping + out.damping) / 2 / lag;
-  out.max_stiffness = std::min(passive, critical_stiffness(loop, out.damping, 2 * passive) / 2);
+  out.max_stiffness = passive;
+  for (const double damping : {out.damping, renderable}) {  // in between the loop stands more
+    const double critical = critical_stiffness(loop, damping, 2 * out.max_stiffness);
+    out.max_stiffness = std::min(out.max_stiffness, critical / 2);
+  }
   return out;
 }
 
