@@ -26,16 +26,14 @@ bool limit_vector(Vec3& v, double limit) noexcept {
   return true;
 }
 
-// The stiffness of a force that is shortened from `whole` to `limit`: of a small change, the part along the force is
-// lost, and the part across it turns the shortened force less.
+}  // namespace
+
 Mat3 shortened(const Mat3& stiffness, Vec3 whole, double limit) noexcept {
   const double magnitude = norm(whole);
   if (!std::isfinite(magnitude)) return {};
   const Vec3 along = normalized(whole);
   return (limit / magnitude) * ((identity() + -1.0 * outer(along, along)) * stiffness);
 }
-
-}  // namespace
 
 void Guard::note_faults(const Hand& hand, const Wrench& wanted) noexcept {
   faults_ = hand.is_ready ? faults_ & ~static_cast<uint32_t>(FS_FAULT_DEVICE) : faults_ | FS_FAULT_DEVICE;

@@ -12,6 +12,10 @@
 
 namespace fs {
 
+// The stiffness of a force that is shortened from `whole` to `limit`: of a small change, the part along the force is lost,
+// and the part across it turns the shortened force less.
+Mat3 shortened(const Mat3& stiffness, Vec3 whole, double limit) noexcept;  // [rt]
+
 class Guard {
  public:
   struct Limits {

@@ -378,6 +378,7 @@ grep "$name" /proc/net/unix && fail "a socket is left"
 # A device that is lost between two looks of the program, and back at once, is not overlooked.
 expect 1 '^faults: the device is not ready$' env LD_PRELOAD="$losing_driver" ASAN_OPTIONS=verify_asan_link_order=0 \
   "$program" run --device losing: --duration 0.5
+grep -q '^the device does not tell its mass: 0.05 kg is assumed' output || fail "run does not say that it assumes a mass"
 grep -q "^the force stopped: lost: it failed to read or write; " output || fail "run does not say that the device was lost"
 
 echo "$failures failures"
