@@ -1,5 +1,5 @@
-// A link between the servo and a controller at the simulated device. Poses travel one way, commands the other, each for
-// half of the link's delay.
+// A link between the servo and a controller at the simulated device. Poses travel one way, commands the other, each
+// for half of the link's delay.
 //
 // The controller sends its pose at the link's rate. The command that answers a pose leaves at once: it is the first that
 // is written after the pose was read. Later commands replace it only where no newer pose comes.

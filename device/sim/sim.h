@@ -33,7 +33,7 @@ class Simulator {
   // [rt] Simulates up to `time` (s, any clock). A step forward of more than 0.1 s counts as 0.1 s, a step back as none.
   void advance(double time) noexcept;
   // [rt] Gives the pose, the time of the last advance (on its clock) and READY. The twist is exact with ideal encoders,
-  // and 0 otherwise. Behind a link they are those of the newest pose that has come, and there is no READY before the first.
+  // and 0 otherwise. Behind a link all is that of the newest pose that has come, and not READY before the first.
   void read(fs_state& out) noexcept;
   // [rt] Any finite wrench.
   void write(const Wrench& wrench) noexcept { write_model({identity_pose(), wrench, {}}); }

@@ -47,9 +47,9 @@ bool Chatter::Axis::goes_on() const {
 std::optional<Chatter::Swing> Chatter::add(std::span<const fs_tick> ticks) {
   for (const fs_tick& tick : ticks) {
     const fs_vec3& x = tick.state.pose.position;
-    const bool goes_on = newest_ >= 0 && tick.device == FS_OK && tick.state.time - newest_ < 0.1;
+    const bool follows = newest_ >= 0 && tick.device == FS_OK && tick.state.time - newest_ < 0.1;
     for (int i = 0; i < 3; ++i) {
-      if (!goes_on) axes_[i] = {coordinate(x, i), coordinate(x, i), coordinate(x, i), true, {}};  // it jumps when a device comes back
+      if (!follows) axes_[i] = {coordinate(x, i), coordinate(x, i), coordinate(x, i), true, {}};  // it jumps when a device comes back
       else axes_[i].add(tick.state.time, coordinate(x, i));
     }
     newest_ = tick.device == FS_OK ? tick.state.time : -1;

@@ -148,8 +148,8 @@ class ChatterReport {
     next_ = time + 5;
     any_ = true;
     const fs_vec3& x = swing->place;
-    std::printf("%s%.1f s  the hand chatters: %.0f times a second, %.2g mm from end to end, about (%.0f, %.0f, %.0f) mm of "
-                "the device; %s\n", terminal ? "\r\033[K" : "", time, swing->frequency, swing->size * 1e3, std::round(x.x * 1e3) + 0.0,
+    std::printf("%s%.1f s  the hand chatters: %.0f times a second, %.2g mm from end to end, about (%.0f, %.0f, %.0f) "
+                "mm of the device; %s\n", terminal ? "\r\033[K" : "", time, swing->frequency, swing->size * 1e3, std::round(x.x * 1e3) + 0.0,
                 std::round(x.y * 1e3) + 0.0, std::round(x.z * 1e3) + 0.0, culprit(scene).c_str());
     std::fflush(stdout);
   }

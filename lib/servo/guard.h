@@ -1,6 +1,6 @@
-// The last stage before the device, which no force bypasses. It adds the local damping, lets only finite forces through,
-// limits their size but not their direction, ramps the force up after a stop, limits how fast it changes, and makes it
-// zero on a fault.
+// The last stage before the device, which no force bypasses. It adds the local damping, lets only finite forces
+// through, limits their size but not their direction, ramps the force up after a stop, limits how fast it changes, and
+// makes it zero on a fault.
 #pragma once
 
 #include <cstdint>
@@ -12,8 +12,8 @@
 
 namespace fs {
 
-// The stiffness of a force that is shortened from `whole` to `limit`: of a small change, the part along the force is lost,
-// and the part across it turns the shortened force less.
+// The stiffness of a force that is shortened from `whole` to `limit`: of a small change, the part along the force is
+// lost, and the part across it turns the shortened force less.
 Mat3 shortened(const Mat3& stiffness, Vec3 whole, double limit) noexcept;  // [rt]
 
 class Guard {

@@ -69,8 +69,8 @@ class Response {
 
 }  // namespace
 
-// At the boundary of stability z lies on the unit circle, where the loop's equation gives the stiffness as a function of
-// the frequency. The boundary is where that is real and positive.
+// At the boundary of stability z lies on the unit circle, where the loop's equation gives the stiffness as a function
+// of the frequency. The boundary is where that is real and positive.
 double critical_stiffness(const Loop& loop, double local_damping, double most) noexcept {
   const Response response(loop);
   const auto stiffness = [&](double theta) {

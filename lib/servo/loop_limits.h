@@ -15,8 +15,8 @@ struct Loop {
   double delay;    // s
 };
 
-// The smallest stiffness at which this loop begins to shake, N/m: exact for the linear loop, whose local damping is that
-// of the guard. Infinite if there is none below `most`.
+// The smallest stiffness at which this loop begins to shake, N/m: exact for the linear loop, whose local damping is
+// that of the guard. Infinite if there is none below `most`.
 double critical_stiffness(const Loop& loop, double local_damping,
                           double most = std::numeric_limits<double>::infinity()) noexcept;
 
@@ -27,8 +27,8 @@ struct LoopLimits {
 };
 LoopLimits limits_of(const Loop& loop, double wanted_damping) noexcept;
 
-// The largest stiffness of a local model (driver.h), N/m, for a link with this delay (s) and this time from one model to
-// the next (s).
+// The largest stiffness of a local model (driver.h), N/m, for a link with this delay (s) and this time from one model
+// to the next (s). damping: N s/m, of the device and of its controller.
 double model_stiffness(double delay, double period, double damping) noexcept;
 
 }  // namespace fs

@@ -83,8 +83,8 @@ void parse_loop(const fs_servo_options& options, const fs_device_info& device, S
   out.limits.slew = parse_switch(options.slew_limit, usual_slew, never, 1e12, FS_OFF_SLEW, off, "slew_limit");
   if (std::isinf(out.limits.slew)) off |= FS_OFF_SLEW;
   if (std::isfinite(least_slew) && out.limits.slew < least_slew) {
-    fail(FS_ERROR_INVALID, "slew_limit is %g, must be at least %g N/s, which is 3 m/s times the max_stiffness of %g N/m: "
-         "a lower limit shakes the hand", options.slew_limit, least_slew, out.loop.max_stiffness);
+    fail(FS_ERROR_INVALID, "slew_limit is %g, must be at least %g N/s, which is 3 m/s times the max_stiffness of %g "
+         "N/m: a lower limit shakes the hand", options.slew_limit, least_slew, out.loop.max_stiffness);
   }
 }
 

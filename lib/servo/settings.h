@@ -8,7 +8,7 @@
 
 namespace fs {
 
-constexpr double assumed_mass = 0.05;  // kg, of a device that does not tell its own: a light one, so that the limits hold
+constexpr double assumed_mass = 0.05;  // kg, of a device that does not tell its own: as light as any
 
 struct ServoSettings {
   fs_servo_mode mode;
