@@ -56,6 +56,14 @@ constexpr Hand firm_hand{0.8, 5.5, 568, 0.03, 2};                 // N. Hogan
 constexpr Hand light_hand{0.15, 3, 100, 0.03, 2};                 // assumed
 constexpr Hand released_hand{0, 0, 0, 0, 0};                      // nobody holds the handle
 
+constexpr double worst_delay_ms = 1;                              // of hand=worst: assumed
+
+// A controller at the device, behind a link: assumed. It runs at the rate above, damps by itself, and lets its force go
+// when no command comes: after fade_after, within fade_length.
+constexpr int controller_steps = 40;                              // of the simulation, 1 ms
+constexpr double controller_damping = 5;                          // N s/m, filtered at 100 Hz
+constexpr double fade_after = 0.1, fade_length = 0.1;             // s
+
 // The simulation: its step (1/8 of the period of a controller at 5 kHz, 1/40 of that at 1 kHz), and the most time that
 // it catches up at once after a stall.
 constexpr double substep = 25e-6;                                 // s

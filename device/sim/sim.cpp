@@ -99,6 +99,7 @@ Simulator::Simulator(const SimOptions& options)
   position_[1].x = start.y;
   position_[2].x = start.z;
   stop_handle(position_);
+  if (options.link != SimLink::NONE) link_.emplace(options.link_delay_steps, options.link_period_steps);
 }
 
 void Simulator::get_info(fs_device_info& out) const noexcept {
@@ -113,9 +114,14 @@ void Simulator::get_info(fs_device_info& out) const noexcept {
   out.torque_max = options_.active_wrist ? wrist_torque_max : 0;
   out.resolution = options_.ideal_encoder ? 0 : resolution;
   out.rate = rate;
-  out.delay = options_.delay_steps * substep;
+  out.delay = (options_.delay_steps + options_.link_delay_steps) * substep;
   out.damping = damping;
   out.mass = options_.mass;
+  if (link_) out.link_rate = 1 / (options_.link_period_steps * substep);
+  if (options_.link != SimLink::MODEL) return;
+  out.controller_rate = 1 / (controller_steps * substep);
+  out.controller_delay = options_.delay_steps * substep;
+  out.controller_damping = controller_damping;
 }
 
 void Simulator::advance(double time) noexcept {
@@ -135,12 +141,36 @@ void Simulator::advance(double time) noexcept {
 }
 
 void Simulator::step() noexcept {
+  if (link_) {
+    link_->step(steps_, [this] { return measured(); });
+    if (steps_ % controller_steps == 0) command_ = control();
+  }
   const size_t size = line_.size(), now = static_cast<size_t>(steps_) % size;
   line_[now] = command_;
   const Wrench& acting = line_[(now + 1) % size];  // the oldest command; without a delay the newest
   step_handle(motor_force(acting.force, position_of(position_)));
   step_wrist(options_.active_wrist ? wrist_motor_torque(acting.torque) : Vec3{});
   ++steps_;
+}
+
+// What the controller behind the link commands.
+Wrench Simulator::control() noexcept {
+  const double silence = static_cast<double>(steps_ - link_->last_arrival()) * substep;
+  const double weight = std::clamp(1 - (silence - fade_after) / fade_length, 0.0, 1.0);
+  const Link::Command& command = link_->command();
+  Wrench out{weight * command.f0.force, weight * command.f0.torque};
+  if (options_.link != SimLink::MODEL) return out;
+  const fs_state state = measured();
+  const Vec3 away = state.pose.position - command.x0.position;
+  const Vec3 speed = velocity_.update({state.pose.position, identity_quat()}, state.time).linear;
+  out.force += weight * (command.dfdx * away) - controller_damping * speed;
+  if (norm(out.force) > force_max) out.force = force_max * normalized(out.force);
+  return out;
+}
+
+void Simulator::write_model(const Link::Command& command) noexcept {
+  if (link_) link_->write(command, steps_);
+  else command_ = command.f0;
 }
 
 void Simulator::step_handle(Vec3 force) noexcept {
@@ -177,7 +207,8 @@ Vec3 Simulator::encoded_rotation() const noexcept {
           encoded(rotation_[2].x, wrist_counts, wrist_phase_[2])};
 }
 
-void Simulator::read(fs_state& out) const noexcept {
+fs_state Simulator::measured() const noexcept {
+  fs_state out{};
   if (options_.ideal_encoder) {
     const Vec3 rotation = position_of(rotation_);
     out.pose = {position_of(position_), exp_rotation(rotation)};
@@ -187,6 +218,12 @@ void Simulator::read(fs_state& out) const noexcept {
   }
   out.time = origin_ + static_cast<double>(steps_) * substep;
   out.flags = FS_STATE_READY;
+  return out;
+}
+
+void Simulator::read(fs_state& out) noexcept {
+  if (link_) out = link_->read(steps_);  // until the first pose has come, it is not READY
+  else out = measured();
 }
 
 // ------------------------------------------------------------------------------------------------ the driver's table
@@ -234,6 +271,11 @@ fs_status sim_write(void* self, const fs_wrench* wrench) {
   return FS_OK;
 }
 
+fs_status sim_write_model(void* self, const fs_pose* x0, const fs_wrench* f0, const fs_mat3* dfdx) {
+  simulator(self).write_model({*x0, *f0, *dfdx});
+  return FS_OK;
+}
+
 fs_status sim_advance(void* self, double time) {
   if (!std::isfinite(time)) return FS_ERROR_INVALID;
   simulator(self).advance(time);
@@ -244,7 +286,7 @@ fs_status sim_advance(void* self, double time) {
 
 const fs_driver& sim_driver() {
   static constexpr fs_driver driver{sizeof(fs_driver), 0, "sim", sim_list, sim_open, sim_close, sim_get_info, sim_read,
-                                    sim_write, nullptr, sim_advance};
+                                    sim_write, sim_write_model, sim_advance};
   return driver;
 }
 

@@ -13,8 +13,10 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
+#include "device/sim/link.h"
 #include "device/sim/options.h"
 #include "device/sim/plant.h"
 #include "math/pose.h"
@@ -31,13 +33,17 @@ class Simulator {
   // [rt] Simulates up to `time` (s, any clock). A step forward of more than 0.1 s counts as 0.1 s, a step back as none.
   void advance(double time) noexcept;
   // [rt] Gives the pose, the time of the last advance (on its clock) and READY. The twist is exact with ideal encoders,
-  // and 0 otherwise.
-  void read(fs_state& out) const noexcept;
+  // and 0 otherwise. Behind a link all is that of the newest pose that has come, and not READY before the first.
+  void read(fs_state& out) noexcept;
   // [rt] Any finite wrench.
-  void write(const Wrench& wrench) noexcept { command_ = wrench; }
+  void write(const Wrench& wrench) noexcept { write_model({identity_pose(), wrench, {}}); }
+  // [rt] f0 + dfdx (x - x0), for the controller behind a link.
+  void write_model(const Link::Command& command) noexcept;
 
  private:
   void step() noexcept;
+  fs_state measured() const noexcept;
+  Wrench control() noexcept;
   void step_handle(Vec3 force) noexcept;
   void step_wrist(Vec3 torque) noexcept;
   Vec3 encoded_position() const noexcept;
@@ -49,7 +55,9 @@ class Simulator {
   double joint_phase_[3], wrist_phase_[3];  // counts
   AxisState position_[3];                   // m, device frame
   AxisState rotation_[3];                   // rad: the rotation vector of the handle
-  Wrench command_{};
+  std::optional<Link> link_;
+  VelocityEstimator velocity_;              // of the controller behind the link
+  Wrench command_{};                        // what the motors are to give, without the delay
   std::vector<Wrench> line_;                // delay line: the commands of the last steps, at the step modulo its size
   int64_t steps_ = 0;                       // number of steps done
   bool started_ = false;

@@ -21,10 +21,16 @@ typedef struct fs_device_info {
   double force_max, torque_max; /* N, N m, in most of the workspace */
   double resolution;            /* m, of the position */
   double rate;                  /* Hz, preferred servo rate, 100..20000 */
-  double delay;                 /* s from pose to force, in addition to the servo period; a pose may be 20 ms + delay
-                                   old before it is a fault (100 ms at most) */
-  double damping;               /* N s/m, its own, physical */
-  double mass;                  /* kg, its own, felt at the handle; 0: not known */
+  double delay;                 /* s from pose to force, in addition to the servo period, with the way through a link; a
+                                   pose may be 20 ms + delay + 1/link_rate old before it is a fault (100 ms at most) */
+  double damping;               /* N s/m, its own, physical; 0 also if it is not known */
+  double mass;                  /* kg, its own, felt at the handle; 0: not known, and a servo assumes 0.05 kg */
+  double link_rate;             /* Hz, how often pose and force cross a link to a remote controller; 0: at each tick */
+  double controller_rate;       /* Hz, 100..1e6, of a remote controller that renders local models (write_model in
+                                   driver.h); 0: none, the servo alone makes the force */
+  double controller_delay;      /* s from pose to force within that controller, in addition to its period */
+  double controller_damping;    /* N s/m, the local damping of that controller, filtered at 100 Hz; the servo adds
+                                   none */
 } fs_device_info;
 FS_DEFINE_INIT(fs_device_info)
 
@@ -51,6 +57,7 @@ FS_API fs_status fs_device_list(fs_device_entry *out, size_t capacity, size_t *c
  *     firm        0.8      5.5      568      measured: N. Hogan
  *     light       0.15     3        100      assumed
  *     released    0        0        0        nobody holds it
+ *     worst       as light, with friction=0 and delay_ms=1 unless those are given: what shakes, shakes here first
  *
  *     path        target, m, t s after the first reading                       period     top speed
  *     figure8     x = 0.06 sin(wt), y = 0.03 sin(2wt), z = 0                   4 s        0.133 m/s
@@ -58,7 +65,7 @@ FS_API fs_status fs_device_list(fs_device_entry *out, size_t capacity, size_t *c
  *     touch       x = y = 0, z = 0.02 + 0.04 cos(wt): from 0.06 to -0.02       2 s        0.126 m/s
  *
  * Forces push the hand off its target. The keys of "sim:", with their defaults in parentheses:
- *     hand=nominal|firm|light|released             the hand (nominal); its values one by one:
+ *     hand=nominal|firm|light|released|worst       the hand (nominal); its values one by one:
  *     hand_mass, hand_damping, hand_stiffness      kg 0..10, N s/m 0..1000, N/m 0..1e5
  *     hold=X,Y,Z                                   m, within 1: a target that stands still (0,0,0); or
  *     path=figure8|sweep|touch|FILE                a target that moves, from the first reading on; FILE: lines of
@@ -68,7 +75,12 @@ FS_API fs_status fs_device_list(fs_device_entry *out, size_t capacity, size_t *c
  *     wrist=passive|active                         passive (default): no torque
  *     delay_ms                                     0..1000 (0), from force sent to force felt
  *     seed                                         of the encoders' starting offsets, 0..4294967295 (0)
- *     link=force|model, link_ms, link_hz           a controller behind a link. 0.1: UNSUPPORTED */
+ *     link=force|model                             a controller of 1 kHz at the device, behind a link: it passes on the
+ *                                                  force sent, or renders local models (driver.h) with a damping of
+ *                                                  5 N s/m of its own. When no command has come for 0.1 s, its force
+ *                                                  fades within 0.1 s. Default: no link
+ *     link_ms                                      0..1000 (10), from a pose to the force that answers it
+ *     link_hz                                      10..10000 (100), how often a pose comes and its answer goes */
 FS_API fs_status fs_device_open(const char *uri, fs_device **out);
 
 /* Gives the device back after setting its force to 0; null does nothing. A servo that uses the device goes on. */

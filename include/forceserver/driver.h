@@ -45,8 +45,12 @@ typedef struct fs_driver {
    * after the last write: nothing else ends the force of a process that was killed. */
   fs_status (*write)(void *self, const fs_wrench *wrench);
 
-  /* Called instead of write, for a remote controller that renders f0 + dfdx (x - x0) at its own rate, saturates, damps,
-   * and fades when nothing comes. A null pointer: the device has write only. 0.1: never called; write is. */
+  /* Called instead of write where fs_device_info.controller_rate is above 0: for a remote controller that renders the
+   * local model f0 + dfdx (x - x0) at that rate, limits its force, damps with controller_damping, and lets the force
+   * fade when nothing comes. x0 is the pose that read gave. dfdx (N/m) is symmetric, without the damping of objects,
+   * and its largest eigenvalue is at most 2.5 (damping + controller_damping)/(delay + 1/link_rate), all of
+   * fs_device_info: half of what was measured to shake. Without a force it is called with zeros; write is still called
+   * with 0 when the force must end. A null pointer: the device has write only, and the three controller_ fields count as 0. */
   fs_status (*write_model)(void *self, const fs_pose *x0, const fs_wrench *f0, const fs_mat3 *dfdx);
 
   /* Called before each read to bring a simulated device to time (s, on the servo's clock, without a servo on the

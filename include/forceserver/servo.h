@@ -1,8 +1,14 @@
 /* forceserver/servo.h - the loop read, evaluate, guard, write. Conventions: forceserver.h.
  *
  * A servo renders a scene on a device. Each tick reads the hand, evaluates the scene there, guards the force and writes
- * it. The guard is the last stage and never bypassed: the force is finite, at most force_limit (direction kept), ramped
- * after a stop, and 0 on a fault or for a device that is not ready.
+ * it. The guard is the last stage and never bypassed: the force is damped, finite, at most force_limit (direction
+ * kept), ramped after a stop, and 0 on a fault or for a device that is not ready.
+ *
+ * A sampled loop can render only so much stiffness and damping before it shakes a handle that nobody holds. Both bounds
+ * are worked out once, when the servo starts, from the device's mass, damping and delay and the rate. With
+ * lag = period/2 + delay: stiffness up to (damping of the device + local damping)/(2 lag), but at most half of what
+ * shakes the released device; and damping, local and of objects together, up to 0.7 mass/lag. fs_servo_stats tells what
+ * is applied. A device that does not tell its mass counts as one of 0.05 kg.
  *
  * When a servo ends, the device has force 0 within two ticks, before anything is waited for. This holds for
  * fs_servo_stop, also while the server or another thread is busy, and when the process ends by exit or by a return from
@@ -36,21 +42,24 @@ typedef struct fs_servo_options {
   double rate;                  /* Hz, 100..20000; 0: the device's */
   double force_limit,           /* N, at most the device's; 0: the device's */
          torque_limit;          /* N m, at most the device's; 0: the device's */
-  double slew_limit;            /* N/s of the whole force, a protection against faults only: a limit below what a hard
-                                   wall needs makes the loop unstable; 0: 3 m/s times max_stiffness; negative: none.
-                                   0.1: always none, above 0 UNSUPPORTED */
+  double slew_limit;            /* N/s of the whole force, a protection against faults only; 0: 3 m/s times the
+                                   stiffness that the loop can render; negative: none. A limit below what a hard wall
+                                   needs would make the loop unstable: below 3 m/s times max_stiffness as applied it is
+                                   INVALID. Where max_stiffness is none, 0 means none too, and any limit is taken */
   double speed_limit;           /* m/s of the hand; a higher speed is a fault; 0: 2; negative: none */
   double ramp;                  /* s to full force at the start and after a fault; 0: 0.5; negative: none */
   double fade;                  /* s in which an object fades in or out; 0: 1.0; negative: none */
   double blend;                 /* s over which the change of a moved or changed object is spread; 0: 0.02; negative:
                                    none. 0.1: always none, above 0 UNSUPPORTED */
-  double delay;                 /* s of delay in the loop, in addition to its period, 0..10; 0: the device's. 0.1: above
-                                   0 UNSUPPORTED */
-  double damping;               /* N s/m, local, filtered at 100 Hz; 0: 5, or less where the loop cannot render that;
-                                   negative: none. 0.1: always none, above 0 UNSUPPORTED */
-  double max_stiffness;         /* N/m, the total of all objects; 0: what the loop can render; negative: none.
-                                   fs_servo_stats has this value and damping as applied. 0.1: always none, above 0
-                                   UNSUPPORTED */
+  double delay;                 /* s of delay in the loop, in addition to its period, 0..10; 0: the device's. With a
+                                   remote controller (fs_device_info.controller_rate): that of the link to it */
+  double damping;               /* N s/m, local, filtered at 100 Hz; 0: 5; more than the loop can render is lowered to
+                                   that; negative: none. A remote controller damps by itself, whatever this says */
+  double max_stiffness;         /* N/m, the total of all objects; 0: what the loop can render, and more than that is
+                                   lowered to it; negative: none. fs_servo_stats has this value and damping as applied.
+                                   0.1: it is worked out and told, but objects are not bounded by it yet. INVALID: 0 or
+                                   more where there is no damping, neither the device's own nor local, as nothing can
+                                   be rendered then */
   int32_t priority;             /* THREAD: of SCHED_FIFO, 1..99; 0: 80; negative: an ordinary thread */
   int32_t cpu;                  /* THREAD: n > 0: processor n-1; 0: any */
 } fs_servo_options;
@@ -75,7 +84,7 @@ FS_API const char *fs_realtime_name(fs_realtime realtime);
  * until fs_servo_set_enabled(servo, true). */
 typedef enum fs_fault {
   FS_FAULT_DEVICE = 1,          /* the device is not ready, lost, or its pose is older than 20 ms +
-                                   fs_device_info.delay (100 ms at most; a time of 0 means now).
+                                   fs_device_info.delay + 1/link_rate (100 ms at most; a time of 0 means now).
                                    VIRTUAL: the pose of a device without `advance` (driver.h) has no age */
   FS_FAULT_SPEED = 2,           /* the hand is faster than speed_limit */
   FS_FAULT_NUMBER = 4,          /* a pose or force is not finite */
@@ -89,8 +98,8 @@ typedef enum fs_fault {
  *     for (; faults; faults &= faults - 1) puts(fs_fault_name(faults)); */
 FS_API const char *fs_fault_name(uint32_t faults);
 
-/* The protections that negative options switched off; bits. 0.1: SLEW, STIFFNESS, DAMPING and BLEND are always set, as
- * these protections do not exist yet. */
+/* The protections that negative options switched off; bits. SLEW is also set where no slew_limit follows from a
+ * max_stiffness of none. 0.1: BLEND is always set, as this protection does not exist yet. */
 enum {
   FS_OFF_SLEW = 1,              /* slew_limit */
   FS_OFF_SPEED = 2,             /* speed_limit */
@@ -109,10 +118,10 @@ typedef struct fs_servo_stats {
   uint32_t faults,              /* present fs_fault bits */
            protections_off;     /* FS_OFF_ bits */
   double rate;                  /* Hz, achieved in the last 10 s */
-  double max_stiffness;         /* N/m at the device, the bound that is applied; infinite: none. 0.1: infinite */
-  double damping;               /* N s/m, local, as applied. 0.1: 0 */
-  double energy;                /* J given to the hand minus J taken from it since the start; for information only.
-                                   0.1: 0 */
+  double max_stiffness;         /* N/m at the device, the bound that is applied; infinite: none */
+  double damping;               /* N s/m, local, as applied: by the servo, or by the device's remote controller */
+  double energy;                /* J given to the hand minus J taken from it since the start: each tick's wrench times
+                                   the way until the next; for information only */
   uint64_t ticks,               /* since the start */
            misses;              /* since the start; a miss is a tick later than a period, which is skipped */
   uint64_t device_errors,       /* ticks with a failed read or write */
@@ -131,7 +140,7 @@ FS_DEFINE_INIT(fs_servo_stats)
 typedef struct fs_tick {
   fs_state state;               /* device frame; all zeros if the read failed */
   fs_response response;         /* of all scenes, device frame, before the guard */
-  fs_wrench sent;               /* device frame, after the guard */
+  fs_wrench sent;               /* device frame, after the guard; of a local model f0 */
   double late, compute;         /* s from its due time to its beginning; s it took */
   fs_status device;             /* the status of read or write: of the first that failed */
   uint32_t faults;              /* fs_fault bits */

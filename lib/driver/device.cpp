@@ -74,6 +74,10 @@ void check_info(const fs_device_info& info, const char* scheme) {
   check(info.delay, 0, 10, "delay");
   check(info.damping, 0, 1e6, "damping");
   check(info.mass, 0, 1e6, "mass");
+  check(info.link_rate, 0, 1e6, "link_rate");
+  check(info.controller_rate, info.controller_rate == 0 ? 0 : 100, 1e6, "controller_rate");
+  check(info.controller_delay, 0, 10, "controller_delay");
+  check(info.controller_damping, 0, 1e6, "controller_damping");
 }
 
 Vec3 limited(Vec3 v, uint32_t axes, double max) {
@@ -84,6 +88,7 @@ Vec3 limited(Vec3 v, uint32_t axes, double max) {
 }
 
 bool is_zero(const Twist& t) { return t.linear == Vec3{} && t.angular == Vec3{}; }
+bool is_zero(const Mat3& m) { return m == Mat3{}; }
 bool is_zero(const Wrench& w) { return w.force == Vec3{} && w.torque == Vec3{}; }
 
 // Sleeps, so that threads of any priority can run meanwhile.
@@ -118,6 +123,7 @@ fs_device::fs_device(const char* uri)
     info_.struct_size = sizeof info_;
     info_.reserved = 0;
     fs::check_info(info_, driver_.scheme);
+    if (!driver_.write_model) info_.controller_rate = info_.controller_delay = info_.controller_damping = 0;
     fs::add_open_device(*this);
   } catch (...) {
     driver_.close(self_);
@@ -238,15 +244,37 @@ fs_status fs_device::read(double time, fs_state& out) noexcept {
   return FS_OK;
 }
 
-fs_status fs_device::write(const fs_wrench& wrench) noexcept {
-  fs_wrench limited{};
-  const bool finite = fs::is_finite(wrench);
-  if (finite) {
-    limited.force = fs::limited(wrench.force, info_.force_axes, info_.force_max);
-    limited.torque = fs::limited(wrench.torque, info_.torque_axes, info_.torque_max);
+// Scaled to the device's maxima; 0 if it is not finite.
+fs_wrench fs_device::limited(const fs_wrench& wrench) noexcept {
+  fs_wrench out{};
+  if (fs::is_finite(wrench)) {
+    out.force = fs::limited(wrench.force, info_.force_axes, info_.force_max);
+    out.torque = fs::limited(wrench.torque, info_.torque_axes, info_.torque_max);
   }
-  was_pushing_ = was_pushing_ || !fs::is_zero(limited);
-  const fs_status status = fs::known_status(driver_.write(self_, &limited));
-  if (finite) return status;
+  was_pushing_ = was_pushing_ || !fs::is_zero(out);
+  return out;
+}
+
+namespace {
+
+fs_status checked(fs_status status, const fs_wrench& wrench) noexcept {
+  if (fs::is_finite(wrench)) return fs::known_status(status);
   return fs::set_last_error_literal(FS_ERROR_INVALID, "the force or torque is not finite; the device got 0");
+}
+
+}  // namespace
+
+fs_status fs_device::write(const fs_wrench& wrench) noexcept {
+  const fs_wrench out = limited(wrench);
+  return checked(driver_.write(self_, &out), wrench);
+}
+
+fs_status fs_device::write_model(const fs_pose& pose, const fs_wrench& force, const fs_mat3& stiffness) noexcept {
+  const fs_wrench f0 = limited(force);
+  const bool is_pose = fs::is_finite(pose) && fs::norm(pose.orientation) > 0;  // 0: the read failed
+  const bool has_model = is_pose && fs::is_finite(stiffness) && fs::is_finite(force);
+  const fs_pose x0 = has_model ? pose : fs::identity_pose();
+  const fs_mat3 dfdx = has_model ? stiffness : fs_mat3{};
+  if (!fs::is_zero(dfdx)) was_pushing_ = true;
+  return checked(driver_.write_model(self_, &x0, &f0, &dfdx), force);
 }

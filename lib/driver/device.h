@@ -48,6 +48,9 @@ struct fs_device : fs::Counted<fs_device> {
   // the first n of x, y, z; the other components are set to 0. The same holds for torque axes. A wrench that is not
   // finite is INVALID, and the device gets 0.
   fs_status write(const fs_wrench& wrench) noexcept;
+  // [rt] The same for a device that renders models (info().controller_rate is above 0): force + stiffness * (x - pose).
+  // Where one of them is not finite, the stiffness is 0.
+  fs_status write_model(const fs_pose& pose, const fs_wrench& force, const fs_mat3& stiffness) noexcept;
 
   std::mutex mutex;  // held by the C calls fs_device_read and fs_device_write
 
@@ -66,6 +69,7 @@ struct fs_device : fs::Counted<fs_device> {
   bool gives_twist_ = false;  // the driver gave a twist before, so a twist of 0 means rest
 
   class Turn;
+  fs_wrench limited(const fs_wrench& wrench) noexcept;
   void write_zero() noexcept;
 };
 

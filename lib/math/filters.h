@@ -12,7 +12,8 @@ namespace fs {
 // of 100 Hz lowers the force noise of a 20 um encoder at 20 N s/m from .172 to .066 N rms.
 class VelocityEstimator {
  public:
-  explicit VelocityEstimator(double cutoff = 100) : cutoff_(cutoff) {}  // Hz
+  static constexpr double usual_cutoff = 100;                                     // Hz
+  explicit VelocityEstimator(double cutoff = usual_cutoff) : cutoff_(cutoff) {}  // Hz
 
   Twist update(const Pose& pose, double time) noexcept {
     const double dt = time - time_;

@@ -46,6 +46,13 @@ inline Vec3 normalized(Vec3 a) {
   return (1 / norm(scaled)) * scaled;
 }
 
+constexpr bool operator==(const Mat3& a, const Mat3& b) {
+  return a.xx == b.xx && a.xy == b.xy && a.xz == b.xz && a.yx == b.yx && a.yy == b.yy && a.yz == b.yz &&
+         a.zx == b.zx && a.zy == b.zy && a.zz == b.zz;
+}
+inline bool is_finite(const Mat3& m) {
+  return is_finite(Vec3{m.xx, m.xy, m.xz}) && is_finite(Vec3{m.yx, m.yy, m.yz}) && is_finite(Vec3{m.zx, m.zy, m.zz});
+}
 constexpr Mat3 operator+(const Mat3& a, const Mat3& b) {
   return {a.xx + b.xx, a.xy + b.xy, a.xz + b.xz, a.yx + b.yx, a.yy + b.yy,
           a.yz + b.yz, a.zx + b.zx, a.zy + b.zy, a.zz + b.zz};

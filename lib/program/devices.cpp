@@ -43,6 +43,11 @@ std::vector<std::string> to_text(const fs_device_info& info) {
   lines.push_back("resolution  " + (info.resolution > 0 ? format("%g um", info.resolution * 1e6) : "not quantised"));
   lines.push_back("moving      " + (info.mass > 0 ? format("%g kg", info.mass) : "mass unknown") +
                   format(", %g N s/m of damping", info.damping));
+  if (info.link_rate > 0) lines.push_back(format("link        %g times a second", info.link_rate));
+  if (info.controller_rate > 0) {
+    lines.push_back(format("controller  its own, %g Hz, %g ms of delay, %g N s/m of local damping", info.controller_rate,
+                           info.controller_delay * 1e3, info.controller_damping));
+  }
   return lines;
 }
 
@@ -60,7 +65,11 @@ Json to_json(const fs_device_info& info) {
           {"rate", info.rate},
           {"delay", info.delay},
           {"damping", info.damping},
-          {"mass", info.mass}};
+          {"mass", info.mass},
+          {"link_rate", info.link_rate},
+          {"controller_rate", info.controller_rate},
+          {"controller_delay", info.controller_delay},
+          {"controller_damping", info.controller_damping}};
 }
 
 // Opens the device to ask for its properties. If another program has it, or it has gone, lists it with the reason.

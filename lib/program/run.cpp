@@ -7,9 +7,12 @@
 #include <chrono>
 #include <cstdio>
 #include <cstring>
+#include <optional>
+#include <span>
 #include <string_view>
 #include <vector>
 
+#include "chatter.h"
 #include "ending.h"
 #include "look.h"
 #include "program.h"
@@ -20,7 +23,34 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using Seconds = std::chrono::duration<double>;
 
-// Writes every tick as a line of a file. The servo keeps two seconds of ticks, so fetch() must be called more often.
+// Brings the ticks of a servo. The servo keeps those of two seconds, so fetch() must be called more often.
+class NewTicks {
+ public:
+  std::span<const fs_tick> fetch(fs_servo* servo) {  // those since the last call
+    std::size_t count = 0;
+    require(fs_servo_get_record(servo, nullptr, 0, &count));
+    ticks_.resize(count + 1000);  // room for the ticks that come meanwhile
+    require(fs_servo_get_record(servo, ticks_.data(), ticks_.size(), &count));
+    ticks_.resize(std::min(count, ticks_.size()));
+    auto is_last = [&](const fs_tick& tick) { return any_ && std::memcmp(&tick, &last_, sizeof tick) == 0; };
+    const auto seen = std::find_if(ticks_.rbegin(), ticks_.rend(), is_last);
+    if (seen == ticks_.rend() && any_) ++gaps_;
+    if (!ticks_.empty()) {
+      last_ = ticks_.back();
+      any_ = true;
+    }
+    return {seen.base(), ticks_.end()};
+  }
+  int gaps() const { return gaps_; }
+
+ private:
+  std::vector<fs_tick> ticks_;
+  fs_tick last_;
+  bool any_ = false;
+  int gaps_ = 0;
+};
+
+// Writes every tick as a line of a file.
 class Record {
  public:
   explicit Record(const std::string& path) : path_(path), file_(std::fopen(path.c_str(), "w")) {
@@ -31,41 +61,23 @@ class Record {
   Record& operator=(const Record&) = delete;
   ~Record() { std::fclose(file_); }
 
-  void fetch(fs_servo* servo) {
-    std::size_t count = 0;
-    require(fs_servo_get_record(servo, nullptr, 0, &count));
-    ticks_.resize(count + 1000);  // room for the ticks that come meanwhile
-    require(fs_servo_get_record(servo, ticks_.data(), ticks_.size(), &count));
-    ticks_.resize(std::min(count, ticks_.size()));
-    auto is_last = [&](const fs_tick& tick) { return any_ && std::memcmp(&tick, &last_, sizeof tick) == 0; };
-    const auto seen = std::find_if(ticks_.rbegin(), ticks_.rend(), is_last);
-    if (seen == ticks_.rend() && any_) ++gaps_;
-    for (auto tick = seen.base(); tick != ticks_.end(); ++tick) {
-      const fs_vec3 &x = tick->state.pose.position, &f = tick->response.wrench.force, &s = tick->sent.force;
-      const fs_quat& q = tick->state.pose.orientation;
-      const double columns[] = {x.x, x.y, x.z, q.w, q.x, q.y, q.z, f.x, f.y, f.z, s.x, s.y, s.z, tick->late,
-                                tick->compute};
-      std::fprintf(file_, "%.9f", tick->state.time);
+  void write(std::span<const fs_tick> ticks) {
+    for (const fs_tick& tick : ticks) {
+      const fs_vec3 &x = tick.state.pose.position, &f = tick.response.wrench.force, &s = tick.sent.force;
+      const fs_quat& q = tick.state.pose.orientation;
+      const double columns[] = {x.x, x.y, x.z, q.w, q.x, q.y, q.z, f.x, f.y, f.z, s.x, s.y, s.z, tick.late,
+                                tick.compute};
+      std::fprintf(file_, "%.9f", tick.state.time);
       for (const double value : columns) std::fprintf(file_, ",%.9g", value + 0.0);  // + 0.0: no -0
-      std::fprintf(file_, ",%u\n", tick->faults);
-    }
-    if (!ticks_.empty()) {
-      last_ = ticks_.back();
-      any_ = true;
+      std::fprintf(file_, ",%u\n", tick.faults);
     }
     if (std::fflush(file_) != 0 || std::ferror(file_)) fail();
   }
-  int gaps() const { return gaps_; }
-
  private:
   [[noreturn]] void fail() const { throw std::runtime_error("cannot write " + path_ + ": " + std::strerror(errno)); }
 
   std::string path_;
   FILE* file_;
-  std::vector<fs_tick> ticks_;
-  fs_tick last_;
-  bool any_ = false;
-  int gaps_ = 0;
 };
 
 std::string protection_names(std::uint32_t off) {
@@ -109,6 +121,45 @@ std::string felt(fs_scene* scene) {
   }
   return join(names, "nothing");
 }
+
+// The object that is felt most; where none is felt at this moment, the nearest.
+std::string culprit(fs_scene* scene) {
+  const std::vector<fs_report> reports = get_list(fs_scene_get_reports, scene);
+  const fs_report *strongest = nullptr, *nearest = nullptr;
+  for (const fs_report& report : reports) {
+    if (!strongest || length(report.wrench.force) > length(strongest->wrench.force)) strongest = &report;
+    if (!nearest || report.distance < nearest->distance) nearest = &report;
+  }
+  if (strongest && length(strongest->wrench.force) > 0.01) {
+    return format("felt most: %s, %.2f N", strongest->name, length(strongest->wrench.force));
+  }
+  if (nearest && std::isfinite(nearest->distance)) {
+    return format("nearest: %s, %.1f mm away", nearest->name, nearest->distance * 1e3);
+  }
+  return "no object of this scene is near";
+}
+
+// Says that the hand chatters when it begins to, and again every 5 s as long as it goes on.
+class ChatterReport {
+ public:
+  void add(fs_scene* scene, std::span<const fs_tick> ticks, double time, bool terminal) {  // time: s
+    const std::optional<Chatter::Swing> swing = chatter_.add(ticks);
+    if (!swing || time < next_) return;
+    next_ = time + 5;
+    any_ = true;
+    const fs_vec3& x = swing->place;
+    std::printf("%s%.1f s  the hand chatters: %.0f times a second, %.2g mm from end to end, about (%.0f, %.0f, %.0f) "
+                "mm of the device; %s\n", terminal ? "\r\033[K" : "", time, swing->frequency, swing->size * 1e3, std::round(x.x * 1e3) + 0.0,
+                std::round(x.y * 1e3) + 0.0, std::round(x.z * 1e3) + 0.0, culprit(scene).c_str());
+    std::fflush(stdout);
+  }
+  bool any() const { return any_; }
+
+ private:
+  Chatter chatter_;
+  double next_ = 0;  // s
+  bool any_ = false;
+};
 
 void print_line(fs_scene* scene, double time, bool listens, bool terminal) {
   const fs_servo_stats stats = get_stats(scene);
@@ -156,12 +207,12 @@ void print_summary(const fs_servo_stats& s, double seconds, std::uint32_t faults
   std::printf("compute p50 %.1f us, p99 %.1f us, max %.1f us\n", s.compute_p50 * 1e6, s.compute_p99 * 1e6,
               s.compute_max * 1e6);
   if (std::isfinite(s.max_stiffness)) std::printf("slopes up to %.0f N/m, ", s.max_stiffness);
-  std::printf("local damping %.1f N s/m; ", s.damping);
+  std::printf("local damping %.1f N s/m, energy given to the hand %.3g J; ", s.damping, s.energy);
   if (s.guarded == 0) std::printf("no force was changed by a limit or a fault\n");
   else std::printf("a limit or a fault changed the force of %llu %s\n", Count(s.guarded), s.guarded == 1 ? "tick" : "ticks");
   std::printf("faults: %s\n", fault_names(faults).c_str());
   std::printf("the system granted: %s\n", realtime_name(s.realtime));
-  const std::uint32_t missing = FS_OFF_SLEW | FS_OFF_STIFFNESS | FS_OFF_DAMPING | FS_OFF_BLEND;  // 0.1 has none of them
+  const std::uint32_t missing = FS_OFF_BLEND;  // 0.1 does not have it
   std::printf("protections that version 0.1 does not have: %s\n", protection_names(missing).c_str());
   std::printf("protections switched off: %s\n", protection_names(s.protections_off & ~missing).c_str());
 }
@@ -200,6 +251,9 @@ int run(const RunOptions& options) {
   std::printf("%s (%s), at most %g N%s\n", info.name, options.device.c_str(),
               options.force_limit > 0 ? std::min(options.force_limit, info.force_max) : info.force_max,
               options.duration > 0 ? "" : "; Ctrl-C ends");
+  if (!(info.mass > 0)) {
+    std::printf("the device does not tell its mass: 0.05 kg is assumed, which bounds slopes and damping\n");
+  }
   if (server) std::printf("listens at %s\n", full_endpoint(options.listen).c_str());
   std::fflush(stdout);
 
@@ -208,6 +262,8 @@ int run(const RunOptions& options) {
   double next_line = line_period;
   std::uint32_t faults = 0;
   bool record_failed = false;
+  NewTicks ticks;
+  ChatterReport chatter;
   for (bool over = false; !over;) {
     double elapsed = Seconds(Clock::now() - start).count();
     const double left = options.duration > 0 ? options.duration - elapsed : sample;
@@ -215,9 +271,11 @@ int run(const RunOptions& options) {
     elapsed = Seconds(Clock::now() - start).count();
     // No event tells of a device that was not ready from the start, and the statistics do not tell of a fault that is over.
     faults |= get_stats(scene.get()).faults | print_events(scene.get(), terminal);
+    const std::span<const fs_tick> fresh = ticks.fetch(servo.get());
+    chatter.add(scene.get(), fresh, elapsed, terminal);
     if (record) {
       try {
-        record->fetch(servo.get());
+        record->write(fresh);
       } catch (const std::exception& error) {  // a full disk must not end the force
         std::fprintf(stderr, "forceserver: %s; the run goes on without the record\n", error.what());
         record.reset();
@@ -233,14 +291,14 @@ int run(const RunOptions& options) {
   faults |= stats.faults | print_events(scene.get(), terminal);
   fs_servo_set_enabled(servo.get(), false);
   try {
-    if (record) record->fetch(servo.get());  // the last ticks that the summary counts
+    if (record) record->write(ticks.fetch(servo.get()));  // the last ticks that the summary counts
   } catch (const std::exception& error) {
     std::fprintf(stderr, "forceserver: %s; the record is not complete\n", error.what());
     record_failed = true;
   }
   if (terminal) std::printf("\r\033[K");
   print_summary(stats, Seconds(Clock::now() - start).count(), faults);
-  if (record && record->gaps() > 0) std::printf("the record has %d gaps: this machine was too slow\n", record->gaps());
+  if (record && ticks.gaps() > 0) std::printf("the record has %d gaps: this machine was too slow\n", ticks.gaps());
   if (record_failed) return exit_failed;
-  return faults ? exit_odd : exit_fine;
+  return faults || chatter.any() ? exit_odd : exit_fine;
 }

@@ -107,7 +107,10 @@ void Channel::limit(fs_response& device) noexcept {
   const double share = std::fmin(force > limits_.force ? limits_.force / force : 1,
                                  torque > limits_.torque ? limits_.torque / torque : 1);
   if (!(share < 1)) return;
+  const Mat3 stiffness = device.stiffness;
+  const Vec3 whole = w.force;
   scale(device, share);
+  if (force > limits_.force) device.stiffness = shortened(stiffness, whole, share * force);
   limited_.store(limited_.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
 }
 

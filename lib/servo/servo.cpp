@@ -10,6 +10,7 @@
 #include "base/error.h"
 #include "base/signals.h"
 #include "driver/open_devices.h"
+#include "servo/local_model.h"
 #include "servo/realtime.h"
 
 using namespace fs;
@@ -259,17 +260,22 @@ void fs_servo::tick(double now, double late) noexcept {
     }
   }
 
-  Wrench sent = guard_.apply({hand, is_ready, late}, response.wrench);
-  if (device_->is_silent()) sent = {};  // the servo is being stopped
+  Guard::Guarded guarded_response = guard_.apply({hand, is_ready, late}, response);
+  if (device_->is_silent()) guarded_response = {};  // the servo is being stopped
+  const Wrench& sent = guarded_response.wrench;
   const uint32_t guarded = guard_.has_guarded() ? FS_RESPONSE_GUARDED : 0;
   response.flags |= guarded;
-  write_status_ = device_->write(sent);
+  write_status_ = settings_.model_stiffness > 0
+                      ? device_->write_model(hand.pose, sent, local_model(guarded_response.stiffness,
+                                                                          settings_.model_stiffness))
+                      : device_->write(sent);
   if (status == FS_OK) status = write_status_;
 
   for (const Ref<Channel>& channel : channels) {
     if (!channel->is_gone()) channel->publish(sent, guarded, tick_);
   }
   faults_.store(guard_.faults(), std::memory_order_relaxed);
+  energy_.store(guard_.energy(), std::memory_order_relaxed);
   events_.note({now, status, says_ready, age, guard_.faults()});
 
   const double compute = steady_now() - begin;
@@ -312,9 +318,9 @@ void fs_servo::get_stats(fs_servo_stats& out) const {
   out.protections_off = settings_.protections_off;
   out.ticks = ticks_.load();
   out.rate = span > 0 ? static_cast<double>(late.count - (since > late.since)) / span : 0;
-  out.max_stiffness = never;
-  out.damping = 0;
-  out.energy = 0;
+  out.max_stiffness = settings_.loop.max_stiffness;
+  out.damping = settings_.loop.damping;
+  out.energy = energy_.load();
   out.misses = misses_.load();
   out.device_errors = device_errors_.load();
   out.guarded = guarded_.load();

@@ -54,6 +54,9 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   const fs::ServoSettings& settings() const noexcept { return settings_; }
   double fade() const noexcept override { return settings_.fade; }  // s; 0: none
   double period() const noexcept { return period_; }                // s
+  // What all scenes together may ask of the loop, at the device; infinite: not bounded.
+  double max_stiffness() const noexcept { return settings_.loop.max_stiffness; }            // N/m
+  double object_damping_max() const noexcept { return settings_.loop.object_damping; }      // N s/m, objects and contacts
   fs::ClockKind clock() const noexcept override;
 
   void get_stats(fs_servo_stats& out) const override;        // all but struct_size
@@ -95,6 +98,7 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   std::atomic<double> due_{0};
   std::atomic<uint64_t> ticks_{0}, misses_{0}, device_errors_{0}, guarded_{0}, approximated_{0};
   std::atomic<uint32_t> faults_{0};
+  std::atomic<double> energy_{0};
   std::atomic<int> realtime_{FS_REALTIME_NONE};
   std::atomic<double> first_time_{0}, newest_time_{0};
   fs::RollingHistogram late_, compute_;

@@ -13,6 +13,8 @@
 namespace fs {
 namespace {
 
+constexpr double never = std::numeric_limits<double>::infinity();
+
 double parse_limit(double given, double device, const char* field) {
   if (!(given >= 0 && given <= device)) {
     fail(FS_ERROR_INVALID, "%s is %g, must be within 0..%g, the device's limit", field, given, device);
@@ -43,6 +45,49 @@ void parse_missing_switch(double given, double high, uint32_t bit, uint32_t& off
   off |= bit;
 }
 
+double link_period(const fs_device_info& device) { return device.link_rate > 0 ? 1 / device.link_rate : 0; }
+
+// What the loop can render, and what the options ask for within that.
+void parse_loop(const fs_servo_options& options, const fs_device_info& device, ServoSettings& out) {
+  uint32_t& off = out.protections_off;
+  if (!(options.delay >= 0 && options.delay <= 10)) {
+    fail(FS_ERROR_INVALID, "delay is %g, must be within 0..10 s", options.delay);
+  }
+  const double mass = device.mass > 0 ? device.mass : assumed_mass;
+  const double delay = options.delay > 0 ? options.delay : device.delay;
+  const double period = std::fmax(1 / out.rate, link_period(device));
+  const bool has_model = device.controller_rate > 0;  // then a controller at the device closes the loop and damps it
+  const double asked = parse_switch(options.damping, 5, 0, 1e9, FS_OFF_DAMPING, off, "damping");
+  if (has_model) {
+    out.loop = limits_of({mass, device.damping, 1 / device.controller_rate, device.controller_delay},
+                         device.controller_damping);
+    out.model_stiffness = model_stiffness(delay, period, device.damping + out.loop.damping);
+    out.loop.max_stiffness = std::fmin(out.loop.max_stiffness, out.model_stiffness);
+    const LoopLimits link = limits_of({mass, device.damping, period, delay}, 0);  // objects' damping comes through it
+    out.loop.object_damping = std::fmin(out.loop.object_damping, link.object_damping);
+  } else {
+    out.loop = limits_of({mass, device.damping, period, delay}, asked);
+    out.limits.damping = out.loop.damping;
+  }
+  const double renderable = out.loop.max_stiffness;
+  out.loop.max_stiffness = std::fmin(renderable, parse_switch(options.max_stiffness, never, never, 1e12,
+                                                              FS_OFF_STIFFNESS, off, "max_stiffness"));
+  if (off & FS_OFF_STIFFNESS) {
+    out.loop.max_stiffness = out.loop.object_damping = never;
+  } else if (!(renderable > 0)) {
+    fail(FS_ERROR_INVALID, "damping is %g (none), and the device has no damping of its own: no stiffness can be "
+         "rendered; damping must be 0 or more, or max_stiffness negative (none)", options.damping);
+  }
+  // 3 m/s: a hand that enters the stiffest wall as fast as that is not slowed down by the limit.
+  const double least_slew = 3 * out.loop.max_stiffness, usual_slew = off & FS_OFF_STIFFNESS ? never : 3 * renderable;
+  out.limits.slew = parse_switch(options.slew_limit, usual_slew, never, 1e12, FS_OFF_SLEW, off, "slew_limit");
+  if (std::isinf(out.limits.slew)) off |= FS_OFF_SLEW;
+  if (std::isfinite(least_slew) && out.limits.slew < least_slew) {
+    fail(FS_ERROR_INVALID, "slew_limit is %g, must be at least %g N/s, which is 3 m/s times the max_stiffness of %g "
+         "N/m: a lower limit shakes the hand", options.slew_limit, least_slew, out.loop.max_stiffness);
+  }
+}
+
 }  // namespace
 
 ServoSettings parse_options(const fs_servo_options& options, const fs_device_info& device) {
@@ -56,25 +101,18 @@ ServoSettings parse_options(const fs_servo_options& options, const fs_device_inf
     fail(FS_ERROR_INVALID, "rate is %g, must be within 100..20000 Hz, or 0 for the device's", options.rate);
   }
   out.rate = options.rate != 0 ? options.rate : device.rate;
-  out.pose_age = std::fmin(0.1, 0.02 + device.delay);
+  out.pose_age = std::fmin(0.1, 0.02 + device.delay + link_period(device));
   out.limits.period = 1 / out.rate;
   out.limits.force_axes = device.force_axes;
   out.limits.torque_axes = device.torque_axes;
   out.limits.force = parse_limit(options.force_limit, device.force_max, "force_limit");
   out.limits.torque = parse_limit(options.torque_limit, device.torque_max, "torque_limit");
   uint32_t& off = out.protections_off;
-  constexpr double never = std::numeric_limits<double>::infinity();
   out.limits.speed = parse_switch(options.speed_limit, 2, never, 1e6, FS_OFF_SPEED, off, "speed_limit");
   out.limits.ramp = parse_switch(options.ramp, 0.5, 0, 1e6, FS_OFF_RAMP, off, "ramp");
   out.fade = parse_switch(options.fade, 1, 0, 1e6, FS_OFF_FADE, off, "fade");
-  parse_missing_switch(options.slew_limit, 1e12, FS_OFF_SLEW, off, "slew_limit");
   parse_missing_switch(options.blend, 1e6, FS_OFF_BLEND, off, "blend");
-  parse_missing_switch(options.damping, 1e9, FS_OFF_DAMPING, off, "damping");
-  parse_missing_switch(options.max_stiffness, 1e12, FS_OFF_STIFFNESS, off, "max_stiffness");
-  if (!(options.delay >= 0 && options.delay <= 10)) {
-    fail(FS_ERROR_INVALID, "delay is %g, must be within 0..10 s", options.delay);
-  }
-  if (options.delay > 0) refuse(options.delay, "delay", "0 (the device's)");
+  parse_loop(options, device, out);
   if (options.priority > 99) fail(FS_ERROR_INVALID, "priority is %d, must be at most 99", options.priority);
   out.priority = options.priority == 0 ? 80 : options.priority;
   const long processors = sysconf(_SC_NPROCESSORS_CONF);

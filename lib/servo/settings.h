@@ -4,8 +4,11 @@
 #include <forceserver/servo.h>
 
 #include "servo/guard.h"
+#include "servo/loop_limits.h"
 
 namespace fs {
+
+constexpr double assumed_mass = 0.05;  // kg, of a device that does not tell its own: as light as any
 
 struct ServoSettings {
   fs_servo_mode mode;
@@ -13,6 +16,9 @@ struct ServoSettings {
   Guard::Limits limits;
   double pose_age;           // s: if the pose is older, the device counts as lost
   double fade;               // s; 0: none
+  LoopLimits loop;           // max_stiffness and object_damping infinite: none; damping: also where a remote
+                             // controller applies it
+  double model_stiffness;    // N/m, the most in a local model; 0: the device renders none
   int priority, cpu;         // negative: ordinary priority; negative: any processor
   uint32_t protections_off;  // FS_OFF_ bits
 };

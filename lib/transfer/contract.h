@@ -284,6 +284,10 @@ inline fs_object from_record(const Object& from) {
   FIELD(fs_device_info, rate) \
   FIELD(fs_device_info, delay) \
   FIELD(fs_device_info, damping) \
-  FIELD(fs_device_info, mass)
+  FIELD(fs_device_info, mass) \
+  FIELD(fs_device_info, link_rate) \
+  FIELD(fs_device_info, controller_rate) \
+  FIELD(fs_device_info, controller_delay) \
+  FIELD(fs_device_info, controller_damping)
 
 }  // namespace fs::wire

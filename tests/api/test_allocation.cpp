@@ -148,9 +148,9 @@ START_TEST(a_tool) {
 }
 END_TEST
 
-static void drive(fs_servo_mode mode) {
+static void drive(fs_servo_mode mode, const char* uri = "sim:?path=figure8") {
   const Scene scene = make_scene();
-  const Device device = open_device("sim:?path=figure8");
+  const Device device = open_device(uri);
   const Content content = everything();
   fill(scene.get(), content);
   fs_servo_options options = fs_servo_options_init();
@@ -192,6 +192,8 @@ static void drive(fs_servo_mode mode) {
 }
 
 START_TEST(a_virtual_servo) { drive(FS_SERVO_VIRTUAL); }
+END_TEST
+START_TEST(a_servo_with_local_models) { drive(FS_SERVO_VIRTUAL, "sim:?path=figure8&link=model"); }
 END_TEST
 START_TEST(a_callers_servo) { drive(FS_SERVO_CALLER); }
 END_TEST
@@ -252,7 +254,7 @@ END_TEST
 
 int main() {
   Suite* suite = suite_create("allocation");
-  add_case(suite, "allocation", {the_counter_counts, a_tool, a_virtual_servo, a_callers_servo, a_connected_scene,
-                                faults});
+  add_case(suite, "allocation", {the_counter_counts, a_tool, a_virtual_servo, a_servo_with_local_models, a_callers_servo,
+                                a_connected_scene, faults});
   return run_suite(suite);
 }

@@ -480,7 +480,7 @@ START_TEST(devices_and_their_names) {
           {"sim:?hold=1,2", FS_ERROR_INVALID, "hold"},
           {"sim:?seed=x", FS_ERROR_INVALID, "seed"},
           {"sim:?path=/no/such/file", FS_ERROR_NOT_FOUND, "/no/such/file"},
-          {"sim:?link=force", FS_ERROR_UNSUPPORTED, "link"},
+          {"sim:?link=radio", FS_ERROR_INVALID, "link"},
           {"fake:nobody", FS_ERROR_NOT_FOUND, "no test has made"}};
   const FakeDevice fake("somebody");  // the drivers are registered now
   for (const auto& b : bad) EXPECT_SENTENCE(b.status, fs_device_open(b.uri, &device), b.names);

@@ -42,6 +42,7 @@ static Run run(const char* uri, uint64_t portion) {
   const Content content = testbed();
   fill(scene.get(), content);
   fs_servo_options options = fs_servo_options_init();
+  options.damping = options.max_stiffness = options.slew_limit = -1;  // recorded before they existed: not a bit differs
   options.mode = FS_SERVO_VIRTUAL;
   options.rate = rate;
   const Servo servo = start_servo(scene.get(), device.get(), options);

@@ -90,12 +90,14 @@ START_TEST(bad_options_each_with_its_sentence) {
       {"sim:?delay_ms=-1", "delay_ms is '-1'"},
       {"sim:?seed=-1", "seed is '-1'"},
       {"sim:?seed=1.5", "seed is 1.5, must be a whole number"},
+      {"sim:?link=radio", "link is 'radio', must be one of force, model"},
+      {"sim:?link_ms=2", "option 'link_ms' needs the option 'link'"},
+      {"sim:?link_hz=100", "option 'link_hz' needs the option 'link'"},
+      {"sim:?link=force&link_ms=1001", "link_ms is '1001', must be a number within 0..1000"},
+      {"sim:?link=force&link_hz=9", "link_hz is '9', must be a number within 10..10000"},
       {"sim:?hold=0,0,0&path=touch", "hold and path cannot be given together"},
   };
   for (const auto& c : cases) expect_error(FS_ERROR_INVALID, c.part, [&] { open_device(c.uri); });
-  for (const char* uri : {"sim:?link=force", "sim:?link_ms=2", "sim:?link_hz=100"}) {
-    expect_error(FS_ERROR_UNSUPPORTED, "not simulated yet", [&] { open_device(uri); });
-  }
 }
 END_TEST
 
@@ -131,7 +133,8 @@ START_TEST(delayed_writes_come_in_order) {
 END_TEST
 
 START_TEST(same_input_same_bits) {
-  for (const char* uri : {"sim:?path=figure8&seed=7", "sim:?path=touch&wrist=active&delay_ms=3", "sim:?hand=firm"}) {
+  for (const char* uri : {"sim:?path=figure8&seed=7", "sim:?path=touch&wrist=active&delay_ms=3", "sim:?hand=firm",
+                          "sim:?path=figure8&link=force&link_ms=7&link_hz=300"}) {
     const auto a = open_device(uri), b = open_device(uri);
     for (int k = 1; k <= 2000; ++k) {
       const fs_wrench force{{0.3 * std::sin(0.1 * k), -0.2, 0.5 * std::cos(0.01 * k)}, {0.1, 0, 0.02}};
@@ -140,6 +143,23 @@ START_TEST(same_input_same_bits) {
       b->write(force);
     }
   }
+}
+END_TEST
+
+START_TEST(worst_is_a_light_hand) {  // without friction and with a delay, unless they are given
+  const std::pair<const char*, const char*> same[]{
+      {"sim:?hand=worst", "sim:?hand=light&friction=0&delay_ms=1"},
+      {"sim:?hand=worst&friction=0.2&delay_ms=3", "sim:?hand=light&friction=0.2&delay_ms=3"}};
+  for (const auto& [worst, light] : same) {
+    const auto a = open_device(std::string(worst) + "&hold=0.01,0,0"), b = open_device(std::string(light) + "&hold=0.01,0,0");
+    ck_assert_double_eq(a->info().delay, b->info().delay);
+    for (int k = 1; k < 500; ++k) {
+      ck_assert(same_bits(read_at(*a, k * tick), read_at(*b, k * tick)));
+      a->write({{1, 2, -1}, {}});
+      b->write({{1, 2, -1}, {}});
+    }
+  }
+  ck_assert_double_eq_tol(open_device("sim:?hand=worst")->info().delay, 1e-3, 1e-12);
 }
 END_TEST
 
@@ -194,7 +214,8 @@ START_TEST(time_of_any_clock) {
 END_TEST
 
 START_TEST(no_allocation_at_the_servo_rate) {
-  for (const char* uri : {"sim:", "sim:?path=figure8&wrist=active&delay_ms=10&encoder=ideal"}) {
+  for (const char* uri : {"sim:", "sim:?path=figure8&wrist=active&delay_ms=10&encoder=ideal", "sim:?link=model",
+                          "sim:?link=force&link_ms=1&link_hz=10000"}) {
     const auto device = open_device(uri);
     const fs_wrench force{{100, 2, 3}, {1, 0, 0}};
     fs_state state;
@@ -311,6 +332,7 @@ int main() {
   tcase_add_test(all, delay_is_exact);
   tcase_add_test(all, delayed_writes_come_in_order);
   tcase_add_test(all, same_input_same_bits);
+  tcase_add_test(all, worst_is_a_light_hand);
   tcase_add_test(all, bits_do_not_depend_on_how_often_it_is_read);
   tcase_add_test(all, seed_moves_the_counts_alone);
   tcase_add_test(all, time_of_any_clock);

@@ -82,11 +82,23 @@ expect 2 '^forceserver: check needs a file, such as: forceserver check room.json
 expect 2 '^forceserver: evaluate needs a scene, such as: forceserver evaluate room.json points.csv$' "$program" evaluate
 
 # run: a summary, a record without a gap, errors with a sentence.
-expect 0 '^protections that version 0.1 does not have: limit of the change in force, limit of the slope, local' \
+expect 0 '^protections that version 0.1 does not have: blending of moves$' \
   "$program" run "$scene" --duration 1 --record ticks.csv
-for line in '^protections switched off: none$' '; no force was changed by a limit or a fault$'; do
+for line in '^protections switched off: none$' '; no force was changed by a limit or a fault$' \
+  '^slopes up to 5407 N/m, local damping 5.0 N s/m, energy given to the hand '; do
   grep -q "$line" output || { echo "FAILED: run does not say $line"; failures=$((failures + 1)); }
 done
+grep -q chatters output && { echo "FAILED: run says of a quiet hand that it chatters"; failures=$((failures + 1)); }
+# A force that swings 12 times a second shakes the hand, whatever the loop does.
+cat > drum.json << 'END'
+{"forceserver": "scene", "version": 1, "curves": {"beat": {"expression": "1+sin(75*t)"}},
+ "objects": [{"name": "far", "primitive": "point", "pose": {"position": [0, 0, 0.5]},
+              "front": {"kind": "constant", "gain": 0.2, "limit": 1}},
+             {"name": "drum", "primitive": "plane", "pose": {"position": [0, 0, -1]},
+              "front": {"kind": "custom", "sense": "repulsive", "gain": 3, "limit": 6, "curve": "beat"}}]}
+END
+expect 1 ' the hand chatters: 1[0-3] times a second, [0-9.]* mm from end to end, about .0, 0, [0-9]*. mm of the device; felt most: drum, ' \
+  "$program" run drum.json --device 'sim:?hand=worst' --duration 2
 grep -qE '(^|,)-0(,|$)' ticks.csv && { echo "FAILED: a record has -0"; failures=$((failures + 1)); }
 expect 2 '^forceserver: .*no-such\.json' "$program" run no-such.json --duration 1
 grep -qE '^time,x,y,z,' ticks.csv || { echo "FAILED: no record"; failures=$((failures + 1)); }
@@ -366,6 +378,7 @@ grep "$name" /proc/net/unix && fail "a socket is left"
 # A device that is lost between two looks of the program, and back at once, is not overlooked.
 expect 1 '^faults: the device is not ready$' env LD_PRELOAD="$losing_driver" ASAN_OPTIONS=verify_asan_link_order=0 \
   "$program" run --device losing: --duration 0.5
+grep -q '^the device does not tell its mass: 0.05 kg is assumed' output || fail "run does not say that it assumes a mass"
 grep -q "^the force stopped: lost: it failed to read or write; " output || fail "run does not say that the device was lost"
 
 echo "$failures failures"

@@ -1,4 +1,4 @@
-// The parts that the core stands on: texts, table, weights, mailbox, seqlock, track, guard, histogram.
+// The parts that the core stands on: texts, table, weights, mailbox, seqlock, track, histogram.
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -15,7 +15,6 @@
 #include "scene/events.h"
 #include "scene/object_rows.h"
 #include "scene/view_rows.h"
-#include "servo/guard.h"
 #include "servo/statistics.h"
 
 #include "scenes/random.h"
@@ -547,43 +546,6 @@ START_TEST(track_works_out_twists) {
 }
 END_TEST
 
-START_TEST(guard_limits_ramps_and_latches) {
-  Guard guard({10, 1, 2, 0.5, 1e-3, 3, 0});
-  fs_state state{};
-  state.pose = identity_pose();
-  const Wrench wanted{{30, 0, 40}, {1, 0, 0}};
-  Wrench sent = guard.apply({state, false, 0}, wanted);
-  ck_assert(sent.force == Vec3{});
-  ck_assert_uint_eq(guard.faults(), FS_FAULT_DEVICE);
-  for (int i = 1; i <= 600; ++i) {
-    sent = guard.apply({state, true, 0}, wanted);
-    ck_assert_double_eq_tol(norm(sent.force), 10 * std::fmin(1, i / 500.0), 1e-9);
-    ck_assert_double_eq_tol(sent.force.z / sent.force.x, 40.0 / 30, 1e-12);
-    ck_assert(guard.has_guarded());
-    ck_assert(sent.torque == Vec3{});  // it has none
-  }
-  guard.apply({state, true, 0.025}, wanted);  // one stall: only the ramp
-  ck_assert_uint_eq(guard.faults(), 0);
-  for (int i = 0; i < 600; ++i) sent = guard.apply({state, true, 0}, {{1, 0, 0}, {}});
-  ck_assert_double_eq(sent.force.x, 1);
-  ck_assert(!guard.has_guarded());
-  for (int i = 0; i < 19; ++i) guard.apply({state, true, 0.002}, wanted);
-  ck_assert_uint_eq(guard.faults(), 0);
-  guard.apply({state, true, 0.002}, wanted);
-  ck_assert_uint_eq(guard.faults(), FS_FAULT_LATE);
-  ck_assert(guard.apply({state, true, 0}, wanted).force == Vec3{});
-  guard.set_enabled(true);
-  ck_assert_double_gt(norm(guard.apply({state, true, 0}, wanted).force), 0);
-  const double nan = std::numeric_limits<double>::quiet_NaN();
-  ck_assert(guard.apply({state, true, 0}, {{nan, 0, 0}, {}}).force == Vec3{});
-  ck_assert_uint_eq(guard.faults(), FS_FAULT_NUMBER);
-  guard.set_enabled(true);
-  state.twist.linear = {0, 2.5, 0};
-  guard.apply({state, true, 0}, wanted);
-  ck_assert_uint_eq(guard.faults(), FS_FAULT_SPEED);
-}
-END_TEST
-
 START_TEST(histogram_agrees_with_sorting) {
   static RollingHistogram histogram;
   Random random;
@@ -609,7 +571,7 @@ int main() {
   for (const TTest* test :
        {sentences_are_whole, texts_are_cut_between_characters, table_copies_do_not_change, weights_have_no_step,
         versions_are_not_overtaken, views_have_no_step_and_are_not_overtaken, a_fade_of_no_duration_is_at_once,
-        events_are_in_order, mailbox_frees_what_was_let_go, track_works_out_twists, guard_limits_ramps_and_latches,
+        events_are_in_order, mailbox_frees_what_was_let_go, track_works_out_twists,
         histogram_agrees_with_sorting}) {
     if (!scenes::seeks_races) tcase_add_test(test_case, test);
   }

@@ -133,7 +133,8 @@ public final class Player implements AutoCloseable {
     give(d.name());
     give(d.serial());
     give(d.forceAxes(), d.torqueAxes(), d.workspaceRadius(), d.workspaceHeight(), d.workspaceAngle(), d.forceMax(),
-        d.torqueMax(), d.resolution(), d.rate(), d.delay(), d.damping(), d.mass());
+        d.torqueMax(), d.resolution(), d.rate(), d.delay(), d.damping(), d.mass(),
+        d.linkRate(), d.controllerRate(), d.controllerDelay(), d.controllerDamping());
   }
 
   private void give(DoubleBuffer numbers) {

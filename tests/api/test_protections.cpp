@@ -1,0 +1,409 @@
+// What keeps the loop stable: the stiffness and damping that it can render, local damping, the slew limit, the energy,
+// and the local models that a servo sends to a controller behind a link.
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include <forceserver/driver.h>
+
+#include "api/support.h"
+
+using namespace scenes;
+
+static constexpr double infinite = std::numeric_limits<double>::infinity();
+
+// Default protections, in virtual time.
+static fs_servo_options protected_options() {
+  fs_servo_options options = fs_servo_options_init();
+  options.mode = FS_SERVO_VIRTUAL;
+  options.ramp = options.fade = -1;
+  return options;
+}
+
+// The force is the same everywhere.
+static fs_object lift(double force) {
+  fs_object o = fs_object_init("lift", FS_PRIMITIVE_PLANE);
+  o.front = constant(FS_SENSE_REPULSIVE, force);
+  o.back = constant(FS_SENSE_ATTRACTIVE, force);
+  return o;
+}
+static fs_object spring(double stiffness, double limit = 100) {
+  fs_object o = fs_object_init("spring", FS_PRIMITIVE_POINT);
+  o.front = attract(stiffness, limit);
+  return o;
+}
+static void set(fs_scene* scene, const fs_object& o) { OK(fs_object_set(scene, &o)); }
+
+// What a servo with these options says about a device of this mass (kg), damping (N s/m) and delay (s).
+static fs_servo_stats stats_with(double mass, double damping, double delay, const fs_servo_options& options) {
+  Rig rig("limits");
+  rig.fake.info.mass = mass;
+  rig.fake.info.damping = damping;
+  rig.fake.info.delay = delay;
+  rig.start(options);
+  return stats_of(rig.scene.get());
+}
+
+START_TEST(the_loop_is_told) {
+  fs_servo_options options = protected_options();
+  fs_servo_stats stats = stats_with(0.3, 1, 0, options);
+  EXPECT_NEAR(stats.max_stiffness, 10814 / 2.0, 1);  // half of what shakes it; the formula gives 6000
+  ck_assert_double_eq(stats.damping, 5);
+  ck_assert_uint_eq(stats.protections_off, FS_OFF_RAMP | FS_OFF_FADE | FS_OFF_BLEND);
+  EXPECT_NEAR(stats_with(1e6, 1, 0, options).max_stiffness, 6000, 1);
+  EXPECT_NEAR(stats_with(1e6, 1, 0.002, options).max_stiffness, 1200, 1);
+  EXPECT_NEAR(stats_with(1e6, 1, 0.010, options).max_stiffness, 285.7, 0.1);
+  options.rate = 500;
+  EXPECT_NEAR(stats_with(1e6, 1, 0, options).max_stiffness, 3000, 1);
+  // delay replaces the device's.
+  options = protected_options();
+  options.delay = 0.005;
+  EXPECT_NEAR(stats_with(1e6, 1, 0.050, options).max_stiffness, 545.5, 0.1);
+  options.delay = 10;
+  const fs_servo_stats slow = stats_with(0.3, 1, 0, options);
+  ck_assert_double_gt(slow.max_stiffness, 0);
+  ck_assert_double_lt(slow.max_stiffness, 0.06);
+  // A mass that is not known counts as 0.05 kg.
+  options = protected_options();
+  ck_assert_double_eq(stats_with(0, 1, 0.01, options).max_stiffness, stats_with(0.05, 1, 0.01, options).max_stiffness);
+  ck_assert_double_ne(stats_with(0, 1, 0.01, options).max_stiffness, stats_with(0.3, 1, 0.01, options).max_stiffness);
+}
+END_TEST
+
+START_TEST(what_is_asked_is_bounded) {
+  fs_servo_options options = protected_options();
+  options.max_stiffness = 2000;
+  ck_assert_double_eq(stats_with(0.3, 1, 0, options).max_stiffness, 2000);
+  options.max_stiffness = 50000;
+  EXPECT_NEAR(stats_with(0.3, 1, 0, options).max_stiffness, 5407, 1);
+  options.max_stiffness = -1;
+  fs_servo_stats stats = stats_with(0.3, 1, 0, options);
+  ck_assert_double_eq(stats.max_stiffness, infinite);
+  const uint32_t rest = FS_OFF_RAMP | FS_OFF_FADE | FS_OFF_BLEND;
+  ck_assert_uint_eq(stats.protections_off, rest | FS_OFF_STIFFNESS | FS_OFF_SLEW);  // no slew limit follows from none
+  options.slew_limit = 500;
+  ck_assert_uint_eq(stats_with(0.3, 1, 0, options).protections_off, rest | FS_OFF_STIFFNESS);
+
+  options = protected_options();
+  options.damping = 20;
+  ck_assert_double_eq(stats_with(0.3, 1, 0, options).damping, 20);
+  options.damping = 1000;
+  EXPECT_NEAR(stats_with(0.3, 1, 0, options).damping, 0.7 * 0.3 / 0.0005, 1e-9);
+  options.damping = 0;
+  EXPECT_NEAR(stats_with(0.05, 1, 0.01, options).damping, 0.7 * 0.05 / 0.0105, 1e-9);  // below 5
+  options.damping = -1;
+  stats = stats_with(0.3, 1, 0, options);
+  ck_assert_double_eq(stats.damping, 0);
+  EXPECT_NEAR(stats.max_stiffness, 1000, 1);
+  ck_assert_uint_eq(stats.protections_off, rest | FS_OFF_DAMPING);
+
+  // What cannot be rendered, and what would shake, is refused with the reason.
+  Rig rig("refused");
+  rig.fake.info.mass = 0.3;
+  rig.device = rig.fake.open();
+  fs_servo* servo = nullptr;
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_servo_start(rig.scene.get(), rig.device.get(), &options, &servo),
+                  "damping is -1 (none), and the device has no damping of its own");
+  options = protected_options();
+  options.slew_limit = 1000;
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_servo_start(rig.scene.get(), rig.device.get(), &options, &servo),
+                  "slew_limit is 1000, must be at least ");
+  ck_assert_ptr_null(servo);
+  options.max_stiffness = 300;  // needs 900 N/s only
+  rig.start(options);
+}
+END_TEST
+
+START_TEST(damping_takes_energy) {
+  for (const double damping : {-1.0, 0.0, 20.0}) {
+    Rig rig("damping");
+    rig.fake.info.mass = 0.3;
+    rig.fake.info.damping = 1;
+    rig.fake.on_read = [](FakeDevice& fake, double time) { fake.state.pose.position.y = 0.05 * std::sin(6 * time); };
+    fs_servo_options options = protected_options();
+    options.damping = damping;
+    rig.start(options);
+    rig.step(5000);
+    const double applied = damping < 0 ? 0 : damping > 0 ? damping : 5;
+    // The filter's lag takes a little: the mean of v^2 is (0.05*6)^2/2.
+    EXPECT_NEAR(stats_of(rig.scene.get()).energy, -applied * 0.045 * 5, 0.03 * applied * 0.045 * 5);
+    ck_assert_uint_eq(stats_of(rig.scene.get()).guarded, 0);
+    EXPECT_NEAR(rig.sent().y, -applied * 0.3 * std::cos(30), 0.02 * applied);
+  }
+}
+END_TEST
+
+// A released device without friction is drawn by a spring: whether it swings up.
+static bool grows(double stiffness, const fs_servo_options& options) {
+  const Scene scene = make_scene();
+  const Device device = open_device("sim:?hand=released&friction=0&encoder=ideal&hold=1e-4,0,0");
+  set(scene.get(), spring(stiffness));
+  const Servo servo = start_servo(scene.get(), device.get(), options);
+  const auto largest = [&] {  // m, in the next second
+    double most = 0;
+    for (int k = 0; k < 1000; ++k) {
+      OK(fs_servo_step(servo.get(), 1));
+      fs_state state;
+      OK(fs_scene_get_hand(scene.get(), &state, nullptr, nullptr));
+      most = std::fmax(most, std::fabs(state.pose.position.x));
+    }
+    return most;
+  };
+  const double early = largest();
+  OK(fs_servo_step(servo.get(), 3000));
+  return largest() > early;
+}
+
+// The figures from which the limits are worked out are those of the whole loop.
+START_TEST(damping_stabilises) {
+  fs_servo_options options = protected_options();
+  options.max_stiffness = -1;
+  options.damping = -1;
+  ck_assert(!grows(0.98 * 2001, options));
+  ck_assert(grows(1.02 * 2001, options));
+  options.damping = 0;
+  ck_assert(!grows(0.98 * 10814, options));
+  ck_assert(grows(1.02 * 10814, options));
+}
+END_TEST
+
+START_TEST(slew_spreads_a_step) {
+  Rig rig("slew");
+  fs_servo_options options = protected_options();
+  options.max_stiffness = options.damping = -1;
+  options.slew_limit = 100;  // 0.1 N in a tick
+  rig.start(options);
+  rig.step(5);
+  set(rig.scene.get(), lift(2));
+  for (int k = 1; k <= 25; ++k) {
+    rig.step(1);
+    EXPECT_NEAR(rig.sent().z, std::fmin(2, 0.1 * k), 1e-9);
+  }
+  const uint64_t guarded = stats_of(rig.scene.get()).guarded;
+  ck_assert_uint_ge(guarded, 19);
+  ck_assert_uint_le(guarded, 20);
+  rig.fake.state.flags = 0;  // a fault does not wait for the limit
+  rig.step(1);
+  EXPECT_VECTOR(rig.sent(), (fs_vec3{}), 0);
+  rig.fake.state.flags = FS_STATE_READY;
+  rig.step(1);
+  EXPECT_NEAR(rig.sent().z, 0.1, 1e-9);
+  OK(fs_servo_set_enabled(rig.servo.get(), false));
+  rig.step(1);
+  EXPECT_VECTOR(rig.sent(), (fs_vec3{}), 0);
+}
+END_TEST
+
+// With all protections off, what the scene gives is what is sent.
+START_TEST(off_is_off) {
+  Rig rig("off");
+  fill(rig.scene.get(), profiles());
+  rig.fake.info.force_max = 1e6;
+  rig.fake.info.torque_max = 1e6;
+  Random random(9);
+  rig.fake.on_read = [&](FakeDevice& fake, double) { fake.state.pose = random.pose(0.05); };
+  fs_servo_options options = protected_options();
+  options.slew_limit = options.damping = options.max_stiffness = options.speed_limit = options.blend = -1;
+  rig.start(options);
+  ck_assert_uint_eq(stats_of(rig.scene.get()).protections_off, 127);
+  for (int k = 0; k < 2000; ++k) {
+    rig.step(1);
+    fs_tick tick;
+    size_t count = 0;
+    OK(fs_servo_get_record(rig.servo.get(), &tick, 1, &count));
+    ck_assert_int_eq(std::memcmp(&tick.response.wrench, &tick.sent, sizeof tick.sent), 0);
+  }
+  ck_assert_uint_eq(stats_of(rig.scene.get()).guarded, 0);
+}
+END_TEST
+
+// ---------------------------------------------------------------------------------------------------- local models
+
+namespace {
+
+// A device with a controller behind a link, which only keeps what it gets.
+struct Remote {
+  fs_device_info info;
+  fs_state state{};
+  fs_status read_status = FS_OK;
+  fs_pose x0{};
+  fs_wrench f0{}, written{};
+  fs_mat3 dfdx{};
+  uint64_t models = 0, writes = 0;
+} remote;
+
+fs_status remote_open(const char*, void** self) {
+  *self = &remote;
+  return FS_OK;
+}
+void remote_close(void*) {}
+fs_status remote_info(void*, fs_device_info* out) {
+  *out = remote.info;
+  return FS_OK;
+}
+fs_status remote_read(void*, fs_state* out) {
+  *out = remote.state;
+  return remote.read_status;
+}
+fs_status remote_write(void*, const fs_wrench* wrench) {
+  remote.written = *wrench;
+  ++remote.writes;
+  return FS_OK;
+}
+fs_status remote_model(void*, const fs_pose* x0, const fs_wrench* f0, const fs_mat3* dfdx) {
+  remote.x0 = *x0;
+  remote.f0 = *f0;
+  remote.dfdx = *dfdx;
+  ++remote.models;
+  return FS_OK;
+}
+fs_status remote_advance(void*, double) { return FS_OK; }
+
+// Registers the driver: "remote:", and "plain:" without write_model.
+void begin_remote() {
+  remote = {};
+  remote.info = fs_device_info_init();
+  remote.info.force_axes = 3;
+  remote.info.force_max = 10;
+  remote.info.rate = 1000;
+  remote.info.mass = 0.3;
+  remote.info.damping = 1;
+  remote.info.delay = 0.010;
+  remote.info.link_rate = 100;
+  remote.info.controller_rate = 2000;
+  remote.info.controller_damping = 5;
+  remote.state.flags = FS_STATE_READY;
+  remote.state.pose.orientation.w = 1;
+  fs_driver driver{};
+  driver.struct_size = sizeof driver;
+  driver.open = remote_open;
+  driver.close = remote_close;
+  driver.get_info = remote_info;
+  driver.read = remote_read;
+  driver.write = remote_write;
+  driver.advance = remote_advance;
+  driver.scheme = "plain";
+  OK(fs_driver_register(&driver));
+  driver.write_model = remote_model;
+  driver.scheme = "remote";
+  OK(fs_driver_register(&driver));
+}
+
+double entry(const fs_mat3& m, int i, int k) {
+  const double all[]{m.xx, m.xy, m.xz, m.yx, m.yy, m.yz, m.zx, m.zy, m.zz};
+  return all[3 * i + k];
+}
+void expect_matrix(const fs_mat3& m, const fs_mat3& expected, double tolerance) {
+  for (int i = 0; i < 3; ++i) {
+    for (int k = 0; k < 3; ++k) EXPECT_NEAR(entry(m, i, k), entry(expected, i, k), tolerance);
+  }
+}
+
+}  // namespace
+
+START_TEST(models_are_written) {
+  begin_remote();
+  const Scene scene = make_scene();
+  const Device device = open_device("remote:");
+  set(scene.get(), spring(300));
+  fs_servo_options options = protected_options();
+  options.speed_limit = -1;  // this hand jumps
+  options.slew_limit = 1e9;
+  Servo servo = start_servo(scene.get(), device.get(), options);
+  remote.state.pose.position = {0.01, 0, -0.005};
+  OK(fs_servo_step(servo.get(), 3));
+  ck_assert_uint_eq(remote.models, 3);
+  ck_assert_uint_eq(remote.writes, 0);
+  EXPECT_VECTOR(remote.x0.position, remote.state.pose.position, 0);
+  EXPECT_VECTOR(remote.f0.force, (fs_vec3{-3, 0, 1.5}), 1e-9);  // the controller damps, not the servo
+  expect_matrix(remote.dfdx, {-300, 0, 0, 0, -300, 0, 0, 0, -300}, 1e-6);
+  const fs_servo_stats stats = stats_of(scene.get());
+  ck_assert_double_eq(stats.damping, 5);
+  const double bound = 2.5 * 6 / 0.02;
+  EXPECT_NEAR(stats.max_stiffness, bound, 1e-9);
+  // The norm of the model is bounded.
+  set(scene.get(), spring(2000));
+  remote.state.pose.position = {0.001, 0, 0};
+  OK(fs_servo_step(servo.get(), 1));
+  for (int i = 0; i < 3; ++i) ck_assert_double_le(std::fabs(entry(remote.dfdx, i, i)), bound * (1 + 1e-12));
+  // Where the force is limited, the model only turns it: 20 N along x become 10.
+  remote.state.pose.position = {0.01, 0, 0};
+  set(scene.get(), spring(700));
+  fs_object more = lift(13);
+  OK(fs_pose_from_z({0, 0, 0}, {-1, 0, 0}, &more.pose));
+  set(scene.get(), more);
+  OK(fs_servo_step(servo.get(), 1));
+  EXPECT_VECTOR(remote.f0.force, (fs_vec3{-10, 0, 0}), 1e-9);
+  expect_matrix(remote.dfdx, {0, 0, 0, 0, -350, 0, 0, 0, -350}, 1e-6);
+  // Lost and back.
+  remote.read_status = FS_ERROR_DISCONNECTED;
+  fs_servo_step(servo.get(), 1);
+  EXPECT_VECTOR(remote.f0.force, (fs_vec3{}), 0);
+  expect_matrix(remote.dfdx, {}, 0);
+  EXPECT_NEAR(remote.x0.orientation.w, 1, 0);
+  remote.read_status = FS_OK;
+  OK(fs_servo_step(servo.get(), 1));
+  EXPECT_VECTOR(remote.f0.force, (fs_vec3{-10, 0, 0}), 1e-9);
+  remote.state.pose.position.x = NAN;
+  fs_servo_step(servo.get(), 1);
+  EXPECT_VECTOR(remote.f0.force, (fs_vec3{}), 0);
+  expect_matrix(remote.dfdx, {}, 0);
+  ck_assert(stats_of(scene.get()).faults & FS_FAULT_NUMBER);
+  OK(fs_servo_set_enabled(servo.get(), false));
+  OK(fs_servo_step(servo.get(), 1));
+  servo.reset();  // ends with a plain 0
+  ck_assert_uint_gt(remote.writes, 0);
+  EXPECT_VECTOR(remote.written.force, (fs_vec3{}), 0);
+}
+END_TEST
+
+START_TEST(without_a_controller_forces_are_written) {
+  begin_remote();
+  for (const char* uri : {"plain:", "remote:"}) {
+    if (uri[0] == 'r') remote.info.controller_rate = 0;
+    const Scene scene = make_scene();
+    const Device device = open_device(uri);
+    set(scene.get(), spring(300));
+    remote.state.pose.position = {0.01, 0, 0};
+    const Servo servo = start_servo(scene.get(), device.get(), protected_options());
+    OK(fs_servo_step(servo.get(), 20));  // the slew limit of such a poor loop is low
+    ck_assert_uint_eq(remote.models, 0);
+    EXPECT_VECTOR(remote.written.force, (fs_vec3{-3, 0, 0}), 1e-9);
+    fs_device_info info = fs_device_info_init();
+    OK(fs_device_get_info(device.get(), &info));
+    ck_assert_double_eq(info.controller_rate, 0);
+    // The pose comes only 100 times a second: that is the period of the loop.
+    EXPECT_NEAR(stats_of(scene.get()).max_stiffness, 165, 0.1);  // half of what shakes it; the formula gives 200
+  }
+}
+END_TEST
+
+START_TEST(bad_infos) {
+  begin_remote();
+  const struct {
+    const char* field;
+    double fs_device_info::*member;
+    double value;
+  } cases[]{{"link_rate", &fs_device_info::link_rate, -1},
+            {"link_rate", &fs_device_info::link_rate, NAN},
+            {"controller_rate", &fs_device_info::controller_rate, 99},
+            {"controller_rate", &fs_device_info::controller_rate, infinite},
+            {"controller_delay", &fs_device_info::controller_delay, 11},
+            {"controller_damping", &fs_device_info::controller_damping, -5}};
+  for (const auto& c : cases) {
+    const fs_device_info good = remote.info;
+    remote.info.*c.member = c.value;
+    fs_device* device = nullptr;
+    EXPECT_SENTENCE(FS_ERROR_INVALID, fs_device_open("remote:", &device), c.field);
+    remote.info = good;
+  }
+}
+END_TEST
+
+int main() {
+  Suite* suite = suite_create("protections");
+  add_case(suite, "loop", {the_loop_is_told, what_is_asked_is_bounded});
+  add_case(suite, "guard", {damping_takes_energy, damping_stabilises, slew_spreads_a_step, off_is_off});
+  add_case(suite, "model", {models_are_written, without_a_controller_forces_are_written, bad_infos});
+  return run_suite(suite);
+}
