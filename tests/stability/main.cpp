@@ -1,0 +1,6 @@
+#include "stability.h"
+int main() {
+  stability::Report report;
+  stability::run_facts(report);
+  return report.end() ? 0 : 1;
+}
