@@ -9,5 +9,7 @@
 namespace stability {
 
 void run_facts(Report& report);
+void run_ways(Report& report, const std::string& folder);
+void run_failures(Report& report, const std::string& folder);
 
 }  // namespace stability
