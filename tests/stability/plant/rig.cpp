@@ -14,30 +14,32 @@ using namespace scenes;
 
 namespace {
 
-// The plants that can be opened, by number.
+// The rigs whose plants can be opened, by number.
 std::mutex mutex;
-std::map<int, Plant*> plants;
+std::map<int, Rig*> rigs;
 int last_number = 0;
 
 // What the driver keeps of an open device.
 struct Handle {
   Plant* plant;
+  bool tells_no_mass;
   fs_vec3 last{};
   double time = 0, last_time = -1;
 };
 
 fs_status open_plant(const char* address, void** self) {
   const std::lock_guard lock(mutex);
-  const auto found = plants.find(std::atoi(address));
-  if (found == plants.end()) return fs_fail(FS_ERROR_NOT_FOUND, "there is no such plant");
-  *self = new Handle{found->second};
+  const auto found = rigs.find(std::atoi(address));
+  if (found == rigs.end()) return fs_fail(FS_ERROR_NOT_FOUND, "there is no such plant");
+  *self = new Handle{&found->second->plant, found->second->tells_no_mass};
   return FS_OK;
 }
 
 void close_plant(void* self) { delete static_cast<Handle*>(self); }
 
 fs_status get_info(void* self, fs_device_info* out) {
-  const DeviceModel& model = static_cast<Handle*>(self)->plant->device();
+  const Handle& handle = *static_cast<Handle*>(self);
+  const DeviceModel& model = handle.plant->device();
   std::strcpy(out->name, "plant");
   out->force_axes = 3;
   out->torque_axes = model.torque_max > 0 ? 3 : 0;
@@ -49,7 +51,7 @@ fs_status get_info(void* self, fs_device_info* out) {
   out->rate = model.rate;
   out->delay = model.delay;
   out->damping = model.damping;
-  out->mass = model.mass;
+  out->mass = handle.tells_no_mass ? 0 : model.mass;
   return FS_OK;
 }
 
@@ -99,10 +101,10 @@ void register_once() {
   require(status, "fs_driver_register");
 }
 
-int add(Plant* plant) {
+int add(Rig* rig) {
   register_once();
   const std::lock_guard lock(mutex);
-  plants[++last_number] = plant;
+  rigs[++last_number] = rig;
   return last_number;
 }
 
@@ -123,13 +125,13 @@ fs_servo_options default_options() {
 }
 
 Rig::Rig(const DeviceModel& device, const HandModel& hand)
-    : scene(make_scene()), plant(device, hand, device.rate), period_(1 / device.rate), number_(add(&plant)) {}
+    : scene(make_scene()), plant(device, hand, device.rate), period_(1 / device.rate), number_(add(this)) {}
 
 Rig::~Rig() {
   servo_.reset();
   device_.reset();
   const std::lock_guard lock(mutex);
-  plants.erase(number_);
+  rigs.erase(number_);
 }
 
 bool Rig::start(const fs_servo_options& options) {

@@ -45,6 +45,7 @@ class Rig {
 
   scenes::Scene scene;
   Plant plant;
+  bool tells_no_mass = false;  // the driver says that the device's mass is not known; before start
 
  private:
   void step();
