@@ -8,6 +8,7 @@
 #include "measure.h"
 #include "plant/rig.h"
 #include "stability.h"
+#include "wall.h"
 
 namespace stability {
 
@@ -221,27 +222,6 @@ double relay_amplitude(double delay, double friction, const fs_servo_options& op
   Oscillation motion;
   rig.run(motion.end(), [&](double t) { motion.add(t, rig.plant.position()); });
   return motion.late() / 2;
-}
-
-// The longest delay (s) at which a wall is stable against a push of about 4 N: the hand's target is 32 mm behind the wall.
-double critical_delay(double k, double friction) {
-  double low = 0, high = 0.05;
-  for (int i = 0; i < 12; ++i) {
-    DeviceModel device;
-    device.friction = friction;
-    device.delay = (low + high) / 2;
-    Plant plant(device, nominal, device.rate);
-    plant.target = {0, 0, -0.032};
-    Oscillation motion;
-    for (int n = 1; n <= 8000; ++n) {
-      const double t = n * 1e-3;
-      plant.advance(t);
-      plant.command({0, 0, -k * std::min(0.0, plant.measured().z)});
-      motion.add(t, plant.position());
-    }
-    (motion.lasts() ? high : low) = device.delay;
-  }
-  return low;
 }
 
 void check_friction(Report& report) {

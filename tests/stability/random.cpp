@@ -49,6 +49,13 @@ void run_sweep(Report& report, size_t count, uint64_t seed) {
                       count));
   std::vector<Outcome> outcomes(count);
   in_parallel(count, [&](size_t i) { outcomes[i] = run(any_situation(seed + i), default_options()); });
+  for (size_t i = 0; count <= 8 && i < count; ++i) {
+    const Situation s = any_situation(seed + i);
+    const DeviceModel& d = s.device;
+    report.note(format("%zu: %.2f kg, %.2f N s/m, friction %.1f N, encoder %g um, %.0f Hz, delay %.2f ms, %s hand, torque %g N m: %.3f mm",
+                       static_cast<size_t>(s.seed), d.mass, d.damping, d.friction, 1e6 * d.encoder, d.rate, 1e3 * d.delay,
+                       s.hand.name, d.torque_max, 1e3 * outcomes[i].swing));
+  }
   size_t bad;
   const std::string list = first_bad(outcomes, seed, bad);
   report.check("sweep", bad == 0, format("none oscillates: %zu of %zu%s%s", bad, count, bad ? "; numbers" : "", list.c_str()));
