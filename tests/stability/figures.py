@@ -50,7 +50,7 @@ def draw_wall():
         place.plot(times, [way["position mm"][i] for i in shown], colour, linewidth=1, label=label)
         force.plot(times, [way["force N"][i] for i in shown], colour, linewidth=1)
     place.axhspan(-70, 0, color="0.9")
-    place.set_ylim(-70, 70)
+    place.set_ylim(-70, 100)
     place.set_ylabel("hand, mm; grey: the wall")
     place.legend(loc="upper right", fontsize=8)
     force.set_ylabel("force, N")
@@ -114,31 +114,29 @@ def draw_failures():
         ("6_moving_wall", "6: wall that moves, poses at 25 Hz", (3, 4.5)),
         ("7_dead_client", "7: the client dies at 3 s", (2.5, 6)),
         ("8_velocity", "8: damping of 20 N s/m from a 20 um encoder", (2, 2.3)),
+        ("9", "9: 40 N wanted at the edge of a DELTA, each motor clipped", None),
         ("10_overlapping_4", "10: four attractors of 2000 N/m, delay 2 ms", None),
     ]
-    figure, panels = pyplot.subplots(len(rows) + 1, 2, figsize=(9, 21), constrained_layout=True)
+    figure, panels = pyplot.subplots(len(rows), 2, figsize=(9, 21), constrained_layout=True)
     for (raw, cured), (name, title, window) in zip(panels, rows):
+        raw.set_title(title + (": raw" if name != "9" else ""), fontsize=8)
+        cured.set_title("with the default options", fontsize=8)
+        if name == "9":
+            clipping = read("failure_9_clipping")
+            for panel, key, colour in ((raw, "raw deg", RAW), (cured, "cured deg", CURED)):
+                panel.hist(clipping[key], bins=range(0, 51, 2), color=colour)
+                panel.set_xlabel("error of the direction, degrees", fontsize=8)
+                panel.set_ylabel("cases", fontsize=8)
+            continue
         data = read(f"failure_{name}")
         keys = list(data)
         shown = [i for i, t in enumerate(data[keys[0]]) if window is None or window[0] <= t <= window[1]]
-        for panel, key, colour in ((raw, keys[1], RAW), (cured, keys[2], CURED)):
-            panel.plot([data[keys[0]][i] for i in shown], [data[key][i] for i in shown], colour, linewidth=0.8)
-            panel.set_ylabel(key.split(" ", 1)[1].replace(" ", ", "), fontsize=8)
         values = [data[key][i] for key in keys[1:] for i in shown]
         spread = max(values) - min(values) or 1
-        for panel in (raw, cured):
+        for panel, key, colour in ((raw, keys[1], RAW), (cured, keys[2], CURED)):
+            panel.plot([data[keys[0]][i] for i in shown], [data[key][i] for i in shown], colour, linewidth=0.8)
             panel.set_ylim(min(values) - 0.05 * spread, max(values) + 0.05 * spread)
-        raw.set_title(title + ": raw", fontsize=8)
-        cured.set_title("with the default options", fontsize=8)
-    clipping = read("failure_9_clipping")
-    for panel, key, colour in zip(panels[-1], ("raw deg", "cured deg"), (RAW, CURED)):
-        panel.hist(clipping[key], bins=range(0, 51, 2), color=colour)
-        panel.set_xlabel("error of the direction, degrees")
-        panel.set_ylabel("cases")
-    panels[-1][0].set_title("9: 40 N wanted at the edge: each motor clipped", fontsize=8)
-    panels[-1][1].set_title("the library", fontsize=8)
-    for row in panels[:-1]:
-        for panel in row:
+            panel.set_ylabel(key.split(" ", 1)[1].replace(" ", ", "), fontsize=8)
             panel.set_xlabel("time, s", fontsize=8)
     save(figure, "failures")
 
@@ -161,12 +159,12 @@ def draw_map():
     ):
         label = {"bound": "bound of the slopes (the servo's default)"}.get(key, f"exact boundary, {key}")
         panel.plot(boundary["delay ms"], boundary[key], style, linewidth=2 if key == "bound" else 1.1, label=label)
-    for delay, stiffness, text in (
-        (0, 1000, "servo at 1 kHz"), (5, 1000, "force over a link, 5 ms"), (10, 1000, "10 ms"),
-        (20, 1000, "20 ms"), (21.5, 1000, "   application at 25 Hz"),
+    for delay, text, up in (
+        (0, "servo at 1 kHz", -12), (5, "force over\na link, 5 ms", -22), (10, "10 ms", 7), (20, "20 ms", 7),
+        (21.5, "application at 25 Hz", -12),
     ):
-        panel.plot(delay, stiffness, "o", color="black", markersize=5, clip_on=False)
-        panel.annotate(text, (delay, stiffness), (4, 6), textcoords="offset points", fontsize=8)
+        panel.plot(delay, 1000, "o", color="black", markersize=5, clip_on=False)
+        panel.annotate(text, (delay, 1000), (5, up), textcoords="offset points", fontsize=8)
     panel.set_yscale("log")
     panel.set_xlim(0, 50)
     panel.set_ylim(50, 20000)

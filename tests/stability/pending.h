@@ -1,5 +1,5 @@
-// Checks that wait for a protection that the library does not have yet. When it comes, the suite fails and asks for the line to be
-// deleted.
+// Checks that wait for a protection that the library does not have yet. When it comes, the suite fails and asks for the
+// line to be deleted.
 #pragma once
 
 namespace stability {

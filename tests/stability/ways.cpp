@@ -361,6 +361,30 @@ void run_ways(Report& report, const std::string& folder) {
   report.check("ways/interpolated_is_worse", result("application_interpolated").error > result("application_held").error,
                "interpolated forces are worse than held ones");
 
+  const auto stiffest = [&](const std::string& id) {
+    for (size_t i = 0; i < ways.size(); ++i) {
+      if (id == ways[i].id) return most[i];
+    }
+    std::abort();
+  };
+  report.check("ways/stiffest_wall", stiffest("servo_500") > 10 * stiffest("application_held") &&
+                                         stiffest("servo_1000") > 20 * stiffest("application_held"),
+               format("the servo renders walls more than 10 times as stiff at 500 Hz, 20 times at 1 kHz, as the application: "
+                      "%.0f, %.0f", stiffest("servo_500") / stiffest("application_held"),
+                      stiffest("servo_1000") / stiffest("application_held")));
+
+  // With the bound of the slopes on both sides.
+  const double cap = budget(with(0)).stiffness;
+  const Result bounded = run_controller(with(2e-3), nominal, 1, cap, application(Between::held));
+  report.check("ways/bounded/application_held", bounded.oscillation > still,
+               format("with all slopes below the servo's bound of %.0f N/m, 25 Hz still oscillates: %.2f mm", cap,
+                      1e3 * bounded.oscillation));
+  for (const HandModel& hand : hands) {
+    const Result r = run_servo(with(0), hand, 1, default_options());
+    report.check(std::string("ways/bounded/servo/") + hand.name, r.oscillation < still,
+                 format("the servo with its default options and the %s hand does not: %.3f mm", hand.name, 1e3 * r.oscillation));
+  }
+
   // In the servo, for each hand.
   for (const HandModel& hand : hands) {
     const Result r = run_servo(with(0), hand, 1, raw_options());
