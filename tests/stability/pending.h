@@ -22,7 +22,7 @@ inline constexpr Pending pending_checks[] = {
     {"limits/0.05_kg_4000_Hz_5_ms", "budget computed at the start"},
     {"limits/1_kg_20000_Hz_0_ms", "budget computed at the start"},
     {"limits/0_kg_1000_Hz_1_ms", "budget computed at the start"},
-    {"1/cured/5_ms", "slope cap"},
+    {"1/cured/5_ms", "slope cap, or local damping"},
     {"1/cured/10_ms", "slope cap"},
     {"2/cured/0_ms", "slope cap"},
     {"2/cured/2_ms", "slope cap"},
@@ -39,10 +39,10 @@ inline constexpr Pending pending_checks[] = {
     {"10/cured/4", "slope cap, shared by what overlaps"},
     {"10/cured/8", "slope cap, shared by what overlaps"},
     {"10/cured/16", "slope cap, shared by what overlaps"},
-    {"random/default/nominal", "all of the above"},
-    {"random/default/firm", "all of the above"},
-    {"random/default/light", "all of the above"},
-    {"sweep", "all of the above"},
+    {"random/default/nominal", "slope cap, shared; local damping; blended direction at corners"},
+    {"random/default/firm", "slope cap, shared; local damping; blended direction at corners"},
+    {"random/default/light", "slope cap, shared; local damping; blended direction at corners"},
+    {"sweep", "slope cap, shared; local damping; blended direction at corners"},
 };
 
 }  // namespace stability
