@@ -23,7 +23,9 @@ inline py::array to_array(py::handle value, const char* name) {
   if (py::isinstance<py::array>(value)) {
     array = py::reinterpret_borrow<py::object>(value);
   } else {
-    if (PyUnicode_Check(value.ptr()) || value.is_none()) type_error(std::string(name) + " must be numbers");
+    if (PyUnicode_Check(value.ptr()) || value.is_none()) {
+      type_error(std::string(name) + " must be numbers, not " + Py_TYPE(value.ptr())->tp_name);
+    }
     try {
       array = py::module_::import("numpy").attr("asarray")(value);
     } catch (py::error_already_set& error) {
@@ -47,7 +49,7 @@ py::array entries(py::handle value, int width, const char* name) {
                " of shape " + shape_text(array));
   };
   const bool empty = array.size() == 0 && array.ndim() <= 2;
-  if (kind != 'i' && kind != 'u' && !(std::is_floating_point_v<T> && kind == 'f') && !empty) fail();
+  if (kind != 'i' && kind != 'u' && !(kind == 'f' && (std::is_floating_point_v<T> || empty))) fail();
   if (!empty && (width == 1 ? array.ndim() != 1 : array.ndim() != 2 || array.shape(1) != width)) fail();
   if constexpr (std::is_integral_v<T>) {
     if (!empty && !py::isinstance<py::array_t<T>>(array)) {
@@ -58,7 +60,7 @@ py::array entries(py::handle value, int width, const char* name) {
       }
     }
   }
-  return py::array_t<T, py::array::c_style | py::array::forcecast>::ensure(array);
+  return py::array_t<T, py::array::c_style | py::array::forcecast>(array);  // MemoryError
 }
 
 // Where results go: the caller's array, which must be right as it is, or a new one.
@@ -68,7 +70,7 @@ py::array results(py::handle out, const std::vector<py::ssize_t>& shape, const c
   const auto fail = [&](const std::string& why) {
     py::tuple wanted(shape.size());
     for (size_t i = 0; i < shape.size(); ++i) wanted[i] = shape[i];
-    type_error(std::string(name) + " must be a writable array in one piece of " +
+    type_error(std::string(name) + " must be a C-contiguous, writable array of " +
                text_of(py::dtype::of<T>()) + ", shape " + text_of(wanted) +
                ": " + why);
   };
@@ -79,10 +81,19 @@ py::array results(py::handle out, const std::vector<py::ssize_t>& shape, const c
     fail("it has shape " + shape_text(array));
   }
   if (!(array.flags() & py::array::c_style) || reinterpret_cast<uintptr_t>(array.data()) % alignof(T) != 0) {
-    fail("it has gaps between its entries");
+    fail("it is not C-contiguous");
   }
   if (!array.writeable()) fail("it is read-only");
   return array;
+}
+
+// What is read must not be what is written: but for the very same array, each entry of which is read before it is written.
+inline void keep_apart(const py::array& in, const char* in_name, const py::array& out, const char* out_name) {
+  const auto* a = static_cast<const char*>(in.data());
+  const auto* b = static_cast<const char*>(out.data());
+  if (a + in.nbytes() <= b || b + out.nbytes() <= a) return;
+  if (a == b && in.nbytes() == out.nbytes()) return;
+  value_error(std::string(in_name) + " and " + out_name + " overlap: give two separate arrays, or the same one twice");
 }
 
 // One vector, quaternion or matrix: a sequence or array of `count` numbers.
@@ -113,7 +124,7 @@ inline void load_doubles(py::handle value, double* out, const std::vector<py::ss
     type_error(std::string(name) + " must be numbers of shape " + text_of(wanted) + ", not " +
                text_of(array.dtype()) + " of shape " + shape_text(array));
   }
-  const auto doubles = py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(array);
+  const py::array_t<double, py::array::c_style | py::array::forcecast> doubles(array);
   std::memcpy(out, doubles.data(), count * sizeof(double));
 }
 

@@ -3,7 +3,9 @@
 
 #include <cxxabi.h>
 #include <unistd.h>
+#include <algorithm>
 #include <chrono>
+#include <map>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -19,9 +21,26 @@ namespace py = pybind11;
 // The exception class of each status, filled by the module's initialisation; never freed.
 struct Errors {
   PyObject* base = nullptr;
+  PyObject* no_file = nullptr;  // of NOT_FOUND, where a call is given a path
   std::vector<std::pair<int, PyObject*>> classes;
+  std::map<std::string, std::string> names;  // of the functions, in Python
 
-  PyObject* of(int status) const {
+  // A sentence of the library in the words of Python.
+  std::string in_python(const std::string& sentence) const {
+    std::string out;
+    for (size_t i = 0; i < sentence.size();) {
+      size_t end = i;
+      while (end < sentence.size() && (isalnum(static_cast<unsigned char>(sentence[end])) || sentence[end] == '_')) ++end;
+      const auto found = names.find(sentence.substr(i, end - i));
+      end = std::max(end, i + 1);
+      out += found == names.end() ? sentence.substr(i, end - i) : found->second;
+      i = end;
+    }
+    return out;
+  }
+
+  PyObject* of(int status, bool of_path = false) const {
+    if (of_path && status == FS_ERROR_NOT_FOUND) return no_file;
     for (const auto& [value, type] : classes) {
       if (value == status) return type;
     }
@@ -36,13 +55,15 @@ inline Errors errors;
   throw py::error_already_set();
 }
 
-[[noreturn]] inline void raise(fs_status status, const std::string& text) { raise(errors.of(status), text); }
+[[noreturn]] inline void raise(fs_status status, const std::string& text, bool of_path = false) {
+  raise(errors.of(status, of_path), errors.in_python(text));
+}
 [[noreturn]] inline void type_error(const std::string& text) { raise(PyExc_TypeError, text); }
 [[noreturn]] inline void value_error(const std::string& text) { raise(PyExc_ValueError, text); }
 
 // fs_last_error belongs to this thread, so it is still the sentence of the call that has just returned.
-inline void check(fs_status status) {
-  if (status < 0) raise(status, fs_last_error());
+inline void check(fs_status status, bool of_path = false) {
+  if (status < 0) raise(status, fs_last_error(), of_path);
 }
 
 // Ctrl-C and other signals run their Python handlers here.
@@ -50,8 +71,13 @@ inline void check_signals() {
   if (PyErr_CheckSignals() != 0) throw py::error_already_set();
 }
 
-// str(object)
-inline std::string text_of(py::handle object) { return py::cast<std::string>(py::str(object)); }
+// str(object); what UTF-8 cannot have is escaped.
+inline std::string text_of(py::handle object) {
+  const py::str text(object);
+  PyObject* bytes = PyUnicode_AsEncodedString(text.ptr(), "utf-8", "backslashreplace");
+  if (!bytes) throw py::error_already_set();
+  return static_cast<std::string>(py::reinterpret_steal<py::bytes>(bytes));
+}
 
 constexpr std::chrono::milliseconds slice{100};  // a wait looks for signals this often
 

@@ -46,12 +46,19 @@ class Bell {
 template <class T>
 struct Kind;
 
-// A handle of the library. Each call with it is counted; close() refuses later calls, waits for those under way, and
-// gives the handle back.
+// The handles with which this thread is in a call, the innermost first.
+struct CallOfThread {
+  const void* handle;
+  CallOfThread* outer;
+};
+inline thread_local CallOfThread* calls_of_thread = nullptr;
+
+// A handle of the library. Each call with it is counted; close() refuses later calls and waits for those under way. The
+// last of them gives the handle back.
 template <class T>
 class Handle {
  public:
-  explicit Handle(T* pointer) : pointer_(pointer) {
+  explicit Handle(T* pointer) : pointer_(pointer), address_(pointer) {
     if constexpr (Kind<T>::ends_at_exit) alive.insert(this);
   }
   Handle(const Handle&) = delete;
@@ -66,7 +73,10 @@ class Handle {
   // Takes the pointer of a handle that nobody else uses.
   T* take() {
     enter();
-    leave();
+    --calls_;
+    if (calls_ > 0 || group_ != 0) {
+      raise(FS_ERROR_STATE, std::string("this ") + Kind<T>::name + " is in use: it cannot become another's");
+    }
     closing_ = true;
     return std::exchange(pointer_, nullptr);
   }
@@ -77,53 +87,68 @@ class Handle {
     ++calls_;
     return pointer_;
   }
+  // The call that gives a closed handle back is counted until that is done: so whoever closes it as well waits for it.
   void leave() {
+    if (closing_ && calls_ == 1) give_back();
     --calls_;
     if (closing_ && calls_ == 0) sync_->bell.ring();
   }
 
   void close() {
     closing_ = true;
-    if (born_ != forks && calls_ > 0) pointer_ = nullptr;  // see the destructor
-    while (pointer_ && calls_ > 0) {
-      const unsigned rings = sync_->bell.rings();
-      if (calls_ > 0) sync_->bell.wait(rings);
+    if (born_ != forks && calls_ > 0) {  // see the destructor
+      pointer_ = nullptr;
+    } else if (calls_ == 0) {
+      ++calls_;
+      leave();
+    } else if (!is_in_call_of_this_thread()) {  // as a signal's handler or a finalizer may be
+      while (calls_ > 0) {
+        const unsigned rings = sync_->bell.rings();
+        if (calls_ > 0) sync_->bell.wait(rings);
+      }
     }
-    give_back();
   }
   bool closed() const { return closing_ || !pointer_; }
-  const void* address() const { return pointer_; }
+  bool belongs_here() const { return born_ == forks || calls_ == 0; }  // false: see after_fork
+
+  // Equal are those of the same thing: while both are open, else only one and itself.
+  bool equals(const Handle& other) const {
+    return this == &other || (!closed() && !other.closed() && pointer_ == other.pointer_);
+  }
+  const void* address() const { return address_; }  // also after close()
+
   // Read without the GIL, between the ticks of a long step.
   bool closing() const { return closing_; }
 
   // One thread at a time, for tools.
   std::mutex& serial() { return sync_->serial; }
 
-  // A group of changes belongs to the thread that began it. Changes by other threads wait until it is closed.
+  // A group belongs to the thread that began it. Changes by other threads wait until it is closed.
   void begin_change() {
-    wait_until([&] { return holder_ == 0 || holder_ == PyThread_get_thread_ident(); });
+    wait_until([&] { return group_ == 0 || holder_ == PyThread_get_thread_ident(); });
     ++changing_;
   }
   void end_change() {
     --changing_;
     sync_->bell.ring();
   }
-  // False: this thread has it already.
-  bool hold() {
-    const unsigned long self = PyThread_get_thread_ident();
-    if (holder_ == self) return false;
-    wait_until([&] { return holder_ == 0; });
-    holder_ = self;
+  // The group that this thread has open, as a number; 0: none.
+  uint64_t group() const { return group_ != 0 && holder_ == PyThread_get_thread_ident() ? group_ : 0; }
+  bool is_open(uint64_t group) const { return group != 0 && group_ == group; }
+  uint64_t begin_group() {
+    wait_until([&] { return group_ == 0; });
+    const uint64_t begun = group_ = ++last_group_;
+    holder_ = PyThread_get_thread_ident();
     try {
       wait_until([&] { return changing_ == 0; });
     } catch (...) {
-      let_go();
+      end_group(begun);
       throw;
     }
-    return true;
+    return begun;
   }
-  void let_go() {
-    holder_ = 0;
+  void end_group(uint64_t group) {
+    if (group_ == group) group_ = 0;
     sync_->bell.ring();
   }
 
@@ -140,7 +165,7 @@ class Handle {
         continue;
       }
       alive.erase(&handle);
-      if (handle.calls_ == 0) handle.give_back();
+      if (handle.calls_ == 0) handle.close();
     }
   }
 
@@ -170,6 +195,13 @@ class Handle {
     if (closing_) raise(FS_ERROR_STATE, std::string("this ") + Kind<T>::name + " is closed");
   }
 
+  bool is_in_call_of_this_thread() const {
+    for (const CallOfThread* call = calls_of_thread; call; call = call->outer) {
+      if (call->handle == this) return true;
+    }
+    return false;
+  }
+
   void give_back() {
     closing_ = true;
     T* pointer = std::exchange(pointer_, nullptr);
@@ -185,18 +217,21 @@ class Handle {
     (void)sync_.release();  // a mutex that a thread of the parent may have is not destroyed
     sync_ = std::make_unique<Sync>();
     if constexpr (std::is_same_v<T, fs_scene>) {
-      if (holder_ != 0 && holder_ != PyThread_get_thread_ident()) {
-        holder_ = 0;
+      if (group_ != 0 && group() == 0) {
+        group_ = 0;
         fs_scene_cancel(pointer_);
       }
     }
   }
 
   T* pointer_;
+  const void* address_;
   int calls_ = 0;
   std::atomic<bool> closing_ = false;
   unsigned born_ = forks;
-  unsigned long holder_ = 0;  // the thread whose group is open; 0: none
+  uint64_t group_ = 0;        // the open group; 0: none
+  uint64_t last_group_ = 0;
+  unsigned long holder_ = 0;  // the thread that began it
   int changing_ = 0;          // changes under way
   std::unique_ptr<Sync> sync_ = std::make_unique<Sync>();
 };
@@ -205,15 +240,21 @@ class Handle {
 template <class T>
 class Use {
  public:
-  explicit Use(Handle<T>& handle) : handle_(handle), pointer_(handle.enter()) {}
+  explicit Use(Handle<T>& handle) : handle_(handle), pointer_(handle.enter()), call_{&handle, calls_of_thread} {
+    calls_of_thread = &call_;
+  }
   Use(const Use&) = delete;
   Use& operator=(const Use&) = delete;
-  ~Use() { handle_.leave(); }
+  ~Use() {
+    calls_of_thread = call_.outer;
+    handle_.leave();
+  }
   operator T*() const { return pointer_; }
 
  private:
   Handle<T>& handle_;
   T* pointer_;
+  CallOfThread call_;
 };
 
 // A change of a scene: waits while another thread has a group open.
@@ -270,27 +311,59 @@ py::object new_handle(T* pointer) {
   }
 }
 
+// What there is to say in the repr of an open handle.
+template <class T>
+std::string described(T*) {
+  return "";
+}
+inline std::string described(fs_shape* shape) {
+  size_t points = 0, triangles = 0;
+  fs_shape_get_points(shape, &points);
+  const bool is_mesh = fs_shape_get_triangles(shape, &triangles) != nullptr;
+  return " of " + std::to_string(points) + " points" + (is_mesh ? ", " + std::to_string(triangles) + " triangles" : "");
+}
+inline std::string described(fs_curve* curve) {
+  if (const char* text = fs_curve_get_expression(curve)) return std::string(" '") + text + "'";
+  size_t count = 0;
+  double step = 0;
+  fs_curve_get_table(curve, &count, &step);
+  char said[64];
+  snprintf(said, sizeof said, ", a table of %zu forces, one each %g m", count, step);
+  return said;
+}
+
 template <class T>
 py::class_<Handle<T>> handle_class(py::module_& module, const char* name, const char* doc) {
   using H = Handle<T>;
   py::class_<H> made(module, name, doc, py::module_local());
   handle_type<T> = reinterpret_cast<PyTypeObject*>(made.ptr());
   const auto as_self = [](const py::object& self) -> H& { return as_handle<T>(self, "self"); };
-  const auto taken = [](const py::object& other) { return std::make_unique<H>(as_handle<T>(other, "other").take()); };
-  const auto closed = [as_self](const py::object& self) { return as_self(self).closed(); };
-  const auto hash = [as_self](const py::object& self) { return reinterpret_cast<intptr_t>(as_self(self).address()); };
-  made.def(py::init(taken), py::arg("other"))
+  made.def(py::init([](const py::object& other) { return std::make_unique<H>(as_handle<T>(other, "other").take()); }),
+           py::arg("other"), "__init__(self, other)\n--\n\nTakes over what another one has, which is then closed.")
       .def("close", [as_self](const py::object& self) { as_self(self).close(); },
-           "Refuses later calls, waits for calls under way in other threads, and gives the handle back. A second close "
-           "does nothing.")
-      .def_property_readonly("closed", closed, "Whether close() was called.")
-      .def("__enter__", [](py::object self) { return self; })
-      .def("__exit__", [as_self](const py::object& self, const py::args&) { as_self(self).close(); })
-      .def("__eq__", [as_self](const py::object& self, const py::object& other) {
-        const H* with = made_of<H>(other, handle_type<T>);
-        return with && with->address() && as_self(self).address() == with->address();
+           "close($self)\n--\n\nRefuses later calls, waits for calls under way in other threads, and gives the handle "
+           "back. Where this thread itself is in a call, as in a signal's handler, the end of that call gives it back. A "
+           "second close does nothing.")
+      .def_property_readonly("closed", [as_self](const py::object& self) { return as_self(self).closed(); },
+                             "Whether close() was called.")
+      .def("__enter__", [as_self](py::object self) {
+        if (as_self(self).closed()) raise(FS_ERROR_STATE, std::string("this ") + Kind<T>::name + " is closed");
+        return self;
       })
-      .def("__hash__", hash);
+      .def("__exit__", [as_self](const py::object& self, const py::args&) { as_self(self).close(); })
+      .def("__eq__", [as_self](const py::object& self, const py::object& other) -> py::object {
+        const H* with = made_of<H>(other, handle_type<T>);
+        if (!with) return py::reinterpret_borrow<py::object>(Py_NotImplemented);
+        return py::bool_(as_self(self).equals(*with));
+      })
+      .def("__hash__", [as_self](const py::object& self) { return reinterpret_cast<intptr_t>(as_self(self).address()); })
+      .def("__repr__", [as_self](const py::object& self) -> std::string {
+        H& handle = as_self(self);
+        const std::string type = text_of(py::type::of(self).attr("__name__"));
+        if (handle.closed() || !handle.belongs_here()) return "<closed forceserver." + type + ">";
+        const Use<T> use(handle);
+        return "<forceserver." + type + described(static_cast<T*>(use)) + ">";
+      });
   return made;
 }
 

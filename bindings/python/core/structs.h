@@ -1,6 +1,7 @@
 // Structs, alone and in arrays.
 #pragma once
 
+#include <algorithm>
 #include <functional>
 
 #include <pybind11/eval.h>
@@ -49,16 +50,18 @@ struct Box {
   }
 };
 
-// A struct as Python sees it: the whole of a box, or a part of it that keeps the box alive.
+// A struct as Python sees it: the whole of a box, or a part of it that keeps the box alive. One that is constant cannot be
+// changed, nor can a part of it.
 template <class T>
 struct Struct {
   std::shared_ptr<void> box;
   T* at;
+  bool constant = false;
 
   static Struct make(const T& from) {
     auto box = std::make_shared<Box<T>>(from);
     T* at = &box->value;
-    return {std::move(box), at};
+    return {std::move(box), at, false};
   }
   void assign(const T& from) {
     Box<T> old(*at), fresh(from);
@@ -68,6 +71,18 @@ struct Struct {
 
 template <class T>
 Struct<T>& as_struct(py::handle value, const char* name);
+template <class T>
+Struct<T>* if_struct(py::handle object);
+
+// What a subclass in Python adds to its instances.
+inline py::dict attributes_of(const py::object& self) {
+  py::dict found;
+  if (py::hasattr(self, "__dict__")) found.attr("update")(self.attr("__dict__"));
+  for (const py::handle name : py::module_::import("copyreg").attr("_slotnames")(py::type::of(self))) {
+    if (py::hasattr(self, name)) found[name] = self.attr(name);
+  }
+  return found;
+}
 
 // The fields of a class, by name, for __init__ and repr.
 template <class T>
@@ -76,6 +91,7 @@ struct Field {
   const char* unit;
   std::function<py::object(py::object)> get;
   std::function<void(Struct<T>&, py::handle)> set;
+  std::function<bool(const T&, const T&)> same;
 };
 
 template <class T>
@@ -85,23 +101,37 @@ class Class {
   static inline PyObject* dtype = nullptr;
   static inline const char* name = "";
 
-  Class(py::module_& module, const char* class_name, const char* doc, py::dtype type_of_arrays)
+  // signature: the docstring of __init__, which inspect.signature reads
+  Class(py::module_& module, const char* class_name, const char* doc, const char* signature, py::dtype type_of_arrays)
       : class_(module, class_name, doc, py::module_local()) {
     name = class_name;
     type = reinterpret_cast<PyTypeObject*>(class_.ptr());
     if (type_of_arrays.itemsize() != sizeof(T)) value_error(std::string(class_name) + ": its dtype has another size");
     class_.attr("dtype") = type_of_arrays;
     dtype = type_of_arrays.release().ptr();
-    class_.def(py::init([](const py::kwargs& fields) {
+    const auto init = [](const py::args& more, const py::kwargs& given) {
+      if (!more.empty()) type_error(std::string(name) + " takes its fields by name: " + field_names());
       auto made = Struct<T>::make(default_of<T>());
-      for (const auto& [key, value] : fields) set(made, py::cast<std::string>(key), value);
+      for (const auto& [key, value] : given) set(made, text_of(key), value);
       return made;
-    }));
-    const auto copy = [](const py::object& self) { return Struct<T>::make(*as_self(self).at); };
-    class_.def("copy", copy, "A copy that shares nothing with this one.");
+    };
+    class_.def(py::init(init), signature);
+    const auto copy = [](const py::object& self) { return copied(self, py::none()); };
+    class_.def("copy", copy, "copy($self)\n--\n\nA copy that shares nothing with this one but shapes and curves.");
     class_.def("__copy__", copy);
-    class_.def("__deepcopy__", [copy](const py::object& self, py::handle) { return copy(self); });
+    class_.def("__deepcopy__", &Class::copied);
+    class_.def("__reduce_ex__", [](const py::object& self, const py::object&) { return reduced(self); });
     class_.def("__repr__", [](py::object self) { return repr(self); });
+    class_.def("__eq__", [](const py::object& self, const py::object& other) -> py::object {
+      const Struct<T>* with = if_struct<T>(other);
+      if (!with) return py::reinterpret_borrow<py::object>(Py_NotImplemented);
+      return py::bool_(same(*as_self(self).at, *with->at));
+    });
+    class_.attr("__hash__") = py::none();
+    class_.def("_constant", [](const py::object& self) {
+      const Struct<T>& one = as_self(self);
+      return Struct<T>{one.box, one.at, true};
+    });
     class_.def_property_readonly("__array_interface__", [](const py::object& object) {
       const Struct<T>& self = as_self(object);
       bool has_handles = false;
@@ -111,7 +141,7 @@ class Class {
       interface["shape"] = py::tuple(0);
       interface["typestr"] = "|V" + std::to_string(sizeof(T));
       interface["descr"] = py::reinterpret_borrow<py::object>(dtype).attr("descr");
-      interface["data"] = py::make_tuple(reinterpret_cast<uintptr_t>(self.at), has_handles);  // read-only: has pointers
+      interface["data"] = py::make_tuple(reinterpret_cast<uintptr_t>(self.at), has_handles || self.constant);  // pointers are not written
       return interface;
     });
   }
@@ -119,7 +149,12 @@ class Class {
   template <class M>
   void field(const char* field_name, M T::*member, const char* unit, const char* doc) {
     add(field_name, unit, doc, [member](const py::object& self) { return get(self, as_self(self).at->*member); },
-        [member, field_name](Struct<T>& self, py::handle value) { put(self.at->*member, value, field_name); });
+        [member, field_name](Struct<T>& self, py::handle value) { put(self.at->*member, value, field_name); },
+        [member](const T& a, const T& b) { return same_value(a.*member, b.*member); });
+  }
+
+  static bool same(const T& a, const T& b) {
+    return std::all_of(fields.begin(), fields.end(), [&](const auto& field) { return field.same(a, b); });
   }
 
   // Bits in an integer.
@@ -128,17 +163,22 @@ class Class {
         [member, bits](const py::object& self) { return bits->to_python(as_self(self).at->*member); },
         [member, bits, field_name](Struct<T>& self, py::handle value) {
           self.at->*member = static_cast<uint32_t>(bits->from_python(value, field_name));
-        });
+        },
+        [member](const T& a, const T& b) { return a.*member == b.*member; });
   }
 
  private:
   static Struct<T>& as_self(const py::object& self) { return as_struct<T>(self, "self"); }
   static inline std::vector<Field<T>> fields;
 
-  template <class Get, class Set>
-  void add(const char* field_name, const char* unit, const char* doc, Get get, Set set) {
-    fields.push_back({field_name, unit, get, set});
-    const auto put = [set](const py::object& self, const py::object& value) { set(as_self(self), value); };
+  template <class Get, class Set, class Same>
+  void add(const char* field_name, const char* unit, const char* doc, Get get, Set set, Same same) {
+    fields.push_back({field_name, unit, get, set, same});
+    const auto put = [set](const py::object& self, const py::object& value) {
+      Struct<T>& one = as_self(self);
+      if (one.constant) raise(PyExc_AttributeError, std::string("this ") + name + " is a copy: set it as a whole, or use change(..)");
+      set(one, value);
+    };
     class_.def_property(field_name, get, put, doc);
   }
 
@@ -146,7 +186,60 @@ class Class {
     for (const auto& field : fields) {
       if (field.name == key) return field.set(self, value);
     }
-    type_error(std::string(name) + " has no field '" + key + "'");
+    type_error(std::string(name) + " has no field '" + key + "'; it has " + field_names());
+  }
+
+  static std::string field_names() {
+    std::string text;
+    for (const auto& field : fields) text += (text.empty() ? "" : ", ") + std::string(field.name);
+    return text;
+  }
+
+  // Of the same class, with what a subclass has added. memo: of deepcopy, else None.
+  static py::object copied(const py::object& self, const py::object& memo) {
+    const py::object its_class = py::type::of(self);
+    if (its_class.ptr() == reinterpret_cast<PyObject*>(type)) return py::cast(Struct<T>::make(*as_self(self).at));
+    const py::object made = its_class.attr("__new__")(its_class);
+    py::handle(reinterpret_cast<PyObject*>(type)).attr("__init__")(made);
+    as_self(made).assign(*as_self(self).at);
+    const py::object deep = py::module_::import("copy").attr("deepcopy");
+    for (const auto& [key, value] : attributes_of(self)) {
+      py::setattr(made, key, memo.is_none() ? py::reinterpret_borrow<py::object>(value) : deep(value, memo));
+    }
+    return made;
+  }
+
+  // For pickle.
+  static py::object reduced(const py::object& self) {
+    py::dict values;
+    for (const auto& field : fields) values[field.name] = field.get(self);
+    const py::dict more = attributes_of(self);
+    const py::object state = more.empty() ? py::object(py::none()) : py::object(py::make_tuple(py::none(), more));
+    return py::make_tuple(py::module_::import("forceserver._objects").attr("remake"),
+                          py::make_tuple(py::type::of(self), py::handle(reinterpret_cast<PyObject*>(type)), values), state);
+  }
+
+  template <class M>
+  static bool same_value(const M& a, const M& b) {
+    if constexpr (std::is_scalar_v<M>) {
+      return a == b;
+    } else if constexpr (Doubles<M>::value) {
+      const auto* x = reinterpret_cast<const double*>(&a);
+      return std::equal(x, x + sizeof(M) / sizeof(double), reinterpret_cast<const double*>(&b));
+    } else if constexpr (std::is_array_v<M>) {
+      using E = std::remove_extent_t<M>;
+      if constexpr (std::is_same_v<E, char>) return strncmp(a, b, sizeof(M)) == 0;
+      else return std::equal(std::begin(a), std::end(a), std::begin(b), same_value<E>);
+    } else {
+      return Class<M>::same(a, b);
+    }
+  }
+
+  // A view of numbers within a struct.
+  static py::object view(const py::object& self, std::vector<py::ssize_t> shape, double* numbers) {
+    py::array_t<double> array(std::move(shape), numbers, self);
+    if (as_self(self).constant) array.attr("flags").attr("writeable") = false;
+    return array;
   }
 
   static std::string repr(const py::object& self) {
@@ -184,7 +277,7 @@ class Class {
     } else if constexpr (std::is_enum_v<M>) {
       return enum_of<M>.to_python(static_cast<int>(member));
     } else if constexpr (Doubles<M>::value) {
-      return py::array_t<double>(Doubles<M>::shape(), reinterpret_cast<double*>(&member), self);
+      return view(self, Doubles<M>::shape(), reinterpret_cast<double*>(&member));
     } else if constexpr (std::is_pointer_v<M>) {
       return new_handle(retained(member));
     } else if constexpr (std::is_array_v<M>) {
@@ -195,10 +288,10 @@ class Class {
         static_assert(Doubles<E>::value);
         auto shape = Doubles<E>::shape();
         shape.insert(shape.begin(), std::extent_v<M>);
-        return py::array_t<double>(shape, reinterpret_cast<double*>(&member[0]), self);
+        return view(self, shape, reinterpret_cast<double*>(&member[0]));
       }
     } else {
-      return py::cast(Struct<M>{as_self(self).box, &member});
+      return py::cast(Struct<M>{as_self(self).box, &member, as_self(self).constant});
     }
   }
 
@@ -234,7 +327,7 @@ class Class {
         load_doubles(object, reinterpret_cast<double*>(&member[0]), shape, field_name);
       }
     } else {
-      Struct<M>{nullptr, &member}.assign(*as_struct<M>(object, field_name).at);
+      Struct<M>{nullptr, &member, false}.assign(*as_struct<M>(object, field_name).at);
     }
   }
 
@@ -248,7 +341,7 @@ Struct<T>* if_struct(py::handle object) {
 template <class T>
 Struct<T>& as_struct(py::handle object, const char* name) {
   if (Struct<T>* made = if_struct<T>(object)) return *made;
-  type_error(std::string(name) + " must be a " + Class<T>::name);
+  type_error(std::string(name) + " must be a " + Class<T>::name + ", not " + Py_TYPE(object.ptr())->tp_name);
 }
 
 // A struct that goes into a call without the GIL: a copy, with references of its own; null for None where allowed.
@@ -273,13 +366,61 @@ py::object new_struct(const T& filled) {
 // An array of structs that comes in: in one piece, of the class's dtype.
 template <class T>
 py::array structs(py::handle object, const char* name) {
-  py::array array = to_array(object, name);
-  if (!array.dtype().equal(py::reinterpret_borrow<py::object>(Class<T>::dtype)) || array.ndim() != 1) {
-    const std::string type = Class<T>::name;
-    type_error(std::string(name) + " must be a " + type + " or an array of shape (n,) of " + type + ".dtype");
+  const std::string type = Class<T>::name;
+  const py::object dtype = py::reinterpret_borrow<py::object>(Class<T>::dtype);
+  const auto fail = [&] {
+    const bool is_array = py::isinstance<py::array>(object);
+    type_error(std::string(name) + " must be a " + type + " or an array of shape (n,) of " + type + ".dtype, not " +
+               (is_array ? text_of(object.attr("dtype")) + " of shape " + text_of(object.attr("shape"))
+                         : Py_TYPE(object.ptr())->tp_name));
+  };
+  if (PyUnicode_Check(object.ptr()) || object.is_none()) fail();
+  py::object found = py::reinterpret_borrow<py::object>(object);
+  if (PyList_Check(object.ptr()) || PyTuple_Check(object.ptr())) {
+    found = py::module_::import("numpy").attr("empty")(py::len(object), dtype);
+    for (size_t i = 0; i < py::len(object); ++i) {
+      as_struct<T>(object[py::int_(i)], name);
+      found[py::int_(i)] = py::module_::import("numpy").attr("asarray")(object[py::int_(i)]);
+    }
+  }
+  py::array array = to_array(found, name);
+  if (array.ndim() != 1) fail();
+  if (!array.dtype().equal(dtype)) {  // in the byte order of another machine, or with gaps
+    if (!array.dtype().attr("names").equal(dtype.attr("names"))) fail();
+    array = array.attr("astype")(dtype);
   }
   if (array.flags() & py::array::c_style) return array;
   return py::module_::import("numpy").attr("ascontiguousarray")(array);
+}
+
+// What is listed, for users: where the structs have text it is str, and a field is also an attribute of a row or of all.
+template <class T>
+py::object rows(const py::array& array) {
+  static PyObject* const shown = [] {  // never freed
+    py::list fields;
+    bool has_text = false;
+    const py::object dtype = py::reinterpret_borrow<py::object>(Class<T>::dtype);
+    for (const py::handle name : dtype.attr("names")) {
+      py::object type = dtype[name];
+      if (text_of(type.attr("kind")) == "S") {
+        has_text = true;
+        type = py::str("U" + text_of(type.attr("itemsize")));
+      }
+      fields.append(py::make_tuple(name, type));
+    }
+    if (!has_text) return static_cast<PyObject*>(nullptr);
+    const py::object numpy = py::module_::import("numpy");
+    return numpy.attr("dtype")(py::make_tuple(numpy.attr("record"), fields)).release().ptr();
+  }();
+  if (!shown) return array;
+  const py::object numpy = py::module_::import("numpy"), dtype = py::reinterpret_borrow<py::object>(shown);
+  const py::object out = numpy.attr("empty")(array.size(), dtype);
+  for (const py::handle name : dtype.attr("names")) {
+    const py::object column = array[name];
+    const bool is_text = text_of(column.attr("dtype").attr("kind")) == "S";
+    out[name] = is_text ? numpy.attr("char").attr("decode")(column, "utf-8", "surrogateescape") : column;
+  }
+  return out.attr("view")(numpy.attr("recarray"));
 }
 
 template <class T>
@@ -298,7 +439,7 @@ py::array struct_results(py::handle out, size_t count, const char* name) {
       return array;
     }
   }
-  type_error(std::string(name) + " must be a writable array in one piece of " + Class<T>::name + ".dtype, shape (" +
+  type_error(std::string(name) + " must be a C-contiguous, writable array of " + Class<T>::name + ".dtype, shape (" +
              std::to_string(count) + ",)");
 }
 
@@ -319,7 +460,7 @@ py::object list(Call&& call) {
   } else {
     py::array array = new_structs<T>(count);
     std::memcpy(array.mutable_data(), entries.data(), count * sizeof(T));
-    return array;
+    return rows<T>(array);
   }
 }
 

@@ -1,6 +1,7 @@
 // Enums, numbers and strings.
 #pragma once
 
+#include <algorithm>
 #include <limits>
 #include <tuple>
 
@@ -22,10 +23,10 @@ struct Enum {
   }
   long from_python(py::handle value, const char* name) const {
     if (PyUnicode_Check(value.ptr())) {
-      const py::object upper = value.attr("upper")();
-      const py::object all = py::reinterpret_borrow<py::object>(type).attr("__members__");
-      if (!all.contains(upper)) value_error(std::string(name) + ": no such name: '" + text_of(value) + "'");
-      return PyLong_AsLong(all[upper].ptr());
+      if (!flags) return named(value, name);
+      long bits = 0;
+      for (const py::handle one : value.attr("split")("|")) bits |= named(one.attr("strip")(), name);
+      return bits;
     }
     if (!PyLong_Check(value.ptr()) || PyBool_Check(value.ptr())) {
       type_error(std::string(name) + " must be an enum, an int or a name");
@@ -33,9 +34,29 @@ struct Enum {
     const long number = PyLong_AsLong(value.ptr());
     if (number == -1 && PyErr_Occurred()) throw py::error_already_set();
     if (flags ? number < 0 || number > UINT32_MAX : !PyDict_GetItem(members, value.ptr())) {
-      value_error(std::string(name) + ": no such value: " + std::to_string(number));
+      value_error(std::string(name) + " is " + std::to_string(number) + "; use " + names());
     }
     return number;
+  }
+
+ private:
+  long named(py::handle value, const char* name) const {
+    const py::object upper = value.attr("upper")();
+    const py::object all = py::reinterpret_borrow<py::object>(type).attr("__members__");
+    if (!all.contains(upper)) {
+      value_error(std::string(name) + " '" + text_of(value) + "' is unknown; use " + names());
+    }
+    return PyLong_AsLong(py::object(all[upper]).ptr());
+  }
+  // 'a', 'b' or 'c'
+  std::string names() const {
+    std::vector<std::string> all;
+    for (const py::handle one : py::reinterpret_borrow<py::object>(type).attr("__members__")) {
+      all.push_back("'" + text_of(one.attr("lower")()) + "'");
+    }
+    std::string text = all[0];
+    for (size_t i = 1; i < all.size(); ++i) text += (i + 1 < all.size() ? ", " : " or ") + all[i];
+    return text;
   }
 };
 template <class T>
@@ -66,22 +87,43 @@ T number(py::handle value, const char* name) {
     if (PyFloat_CheckExact(value.ptr())) return PyFloat_AS_DOUBLE(value.ptr());
     const double number = PyFloat_AsDouble(value.ptr());
     if (number == -1 && PyErr_Occurred()) {
+      if (!PyErr_ExceptionMatches(PyExc_TypeError)) throw py::error_already_set();  // of the value's own __float__
       PyErr_Clear();
-      type_error(std::string(name) + " must be a number");
+      type_error(std::string(name) + " must be a number, not " + Py_TYPE(value.ptr())->tp_name);
     }
     return number;
   } else {
+    if (!PyIndex_Check(value.ptr()) || PyBool_Check(value.ptr())) {
+      type_error(std::string(name) + " must be an int, not " + Py_TYPE(value.ptr())->tp_name);
+    }
+    const py::object index = py::reinterpret_steal<py::object>(PyNumber_Index(value.ptr()));
+    if (!index) throw py::error_already_set();
     py::detail::make_caster<T> caster;
-    if (!caster.load(value, false)) {
-      if (!PyIndex_Check(value.ptr())) type_error(std::string(name) + " must be an int");
-      const py::object index = py::reinterpret_steal<py::object>(PyNumber_Index(value.ptr()));
-      if (!index || !caster.load(index, false)) {
-        PyErr_Clear();
-        value_error(std::string(name) + " is out of range");
-      }
+    if (!caster.load(index, false)) {
+      PyErr_Clear();
+      value_error(std::string(name) + " is " + text_of(index) + ": out of range");
     }
     return py::detail::cast_op<T>(caster);
   }
+}
+
+// What is said of a call whose arguments do not fit. `names`: of those it has, the first `required` without a default.
+[[noreturn]] inline void wrong_call(const char* call, const std::vector<std::string>& names, size_t required,
+                                    py::args args, const py::kwargs& given, bool has_self) {
+  const std::string name = std::string(call) + "()";
+  const size_t count = args.size() - (has_self && !args.empty() ? 1 : 0);
+  if (count > names.size()) {
+    type_error(name + " takes " + std::to_string(names.size()) + " arguments, not " + std::to_string(count));
+  }
+  for (const auto& [key, value] : given) {
+    const auto found = std::find(names.begin(), names.end(), text_of(key));
+    if (found == names.end()) type_error(name + " has no argument '" + text_of(key) + "'");
+    if (static_cast<size_t>(found - names.begin()) < count) type_error(name + " was given '" + text_of(key) + "' twice");
+  }
+  for (size_t i = count; i < required; ++i) {
+    if (!given.contains(names[i].c_str())) type_error(name + " needs '" + names[i] + "'");
+  }
+  type_error(name + " cannot be called so");
 }
 
 // A string for the library: str, bytes, or for a path anything with __fspath__; null for None where that is allowed.
@@ -100,7 +142,7 @@ class Text {
     }
     if (!PyBytes_Check(object.ptr())) type_error(std::string(name) + " must be a str");
     text_ = static_cast<std::string>(py::reinterpret_borrow<py::bytes>(object));
-    if (text_.find('\0') != std::string::npos) value_error(std::string(name) + " has a null character");
+    if (text_.find('\0') != std::string::npos) value_error(std::string(name) + " holds a NUL character");
     null_ = false;
   }
   const char* get() const { return null_ ? nullptr : text_.c_str(); }

@@ -3,17 +3,20 @@
 
 #include <functional>
 
+#include "group.h"
 #include "structs.h"
 
 namespace forceserver_python {
 
 // The sentence about a slice, with the timeout of the whole wait.
-inline std::string with_timeout(std::string text, double part, double whole) {
-  char of_part[32], of_whole[32];
-  snprintf(of_part, sizeof of_part, "%g s", part);
-  snprintf(of_whole, sizeof of_whole, "%g s", whole);
-  const size_t at = text.find(of_part);
-  return at == std::string::npos ? text : text.replace(at, strlen(of_part), of_whole);
+inline std::string with_timeout(std::string text, double whole) {
+  static const std::string word = "timeout ";
+  char said[32];
+  snprintf(said, sizeof said, "%g", whole);
+  const size_t at = text.find(word);
+  if (at == std::string::npos) return text;
+  const size_t begin = at + word.size();
+  return text.replace(begin, std::min(text.find(' ', begin), text.size()) - begin, said);
 }
 
 // A wait in slices: `call` waits for so long and gives its status; `done` says whether there is nothing to wait for any
@@ -33,7 +36,7 @@ void wait_in_slices(Handle<T>& handle, double timeout, Call&& call, Done&& done)
     rest = timeout - std::chrono::duration<double>(clock::now() - start).count();
     if (done(status)) return;
     if (!(rest > 0)) {
-      if (status < 0) raise(status, with_timeout(fs_last_error(), now, timeout));
+      if (status < 0) raise(status, with_timeout(fs_last_error(), timeout));
       return;
     }
     check_signals();
@@ -43,7 +46,7 @@ void wait_in_slices(Handle<T>& handle, double timeout, Call&& call, Done&& done)
 // A call that makes a handle and cannot be cut into slices runs in a thread of its own. After Ctrl-C that thread gives
 // back what it has made.
 template <class T>
-py::object make_in_thread(std::function<fs_status(T**)> call) {
+py::object make_in_thread(std::function<fs_status(T**)> call, bool of_path = false) {
   struct Work {
     std::mutex mutex;
     std::condition_variable changed;
@@ -85,38 +88,39 @@ py::object make_in_thread(std::function<fs_status(T**)> call) {
       throw;
     }
   }
-  if (work->status < 0) raise(work->status, work->text);
+  if (work->status < 0) raise(work->status, work->text, of_path);
   return new_handle(work->made);
 }
 
 // Builds the search tree in such a thread, which has a reference of its own: so the shape can be closed meanwhile.
 inline py::object build(Handle<fs_shape>& shape) {
-  const Use<fs_shape> use(shape);
-  make_in_thread<fs_shape>([kept = retained(static_cast<fs_shape*>(use))](fs_shape** out) {
-    const fs_status status = fs_shape_build(kept);
-    if (status < 0) fs_shape_destroy(kept);
-    else *out = kept;
-    return status;
-  });
-  return py::none();
+  std::shared_ptr<fs_shape> kept;
+  {
+    const Use<fs_shape> use(shape);
+    kept.reset(retained(static_cast<fs_shape*>(use)), fs_shape_destroy);
+  }
+  return make_in_thread<fs_shape>([kept](fs_shape**) { return fs_shape_build(kept.get()); });
 }
 
-// Steps a servo a few ticks at a time, so that it can be closed and Ctrl-C is heard. What the last tick says counts.
+// Steps a servo a few ticks at a time, so that Ctrl-C is heard and the servo can be closed, also by a signal's handler in
+// this thread. What the last tick says counts.
 inline void step(Handle<fs_servo>& servo, uint64_t ticks) {
   using clock = std::chrono::steady_clock;
   do {
-    const Use<fs_servo> use(servo);
-    const fs_status status = without_gil([&] {
-      const auto end = clock::now() + slice;
-      fs_status last;
-      do {
-        const uint64_t some = std::min<uint64_t>(ticks, 64);
-        last = fs_servo_step(use, some);
-        ticks -= some;
-      } while (ticks > 0 && (last >= 0 || last == FS_ERROR_DISCONNECTED) && !servo.closing() && clock::now() < end);
-      return last;
-    });
-    if (status < 0 && (ticks == 0 || status != FS_ERROR_DISCONNECTED)) check(status);
+    {
+      const Use<fs_servo> use(servo);
+      const fs_status status = without_gil([&] {
+        const auto end = clock::now() + slice;
+        fs_status last;
+        do {
+          const uint64_t some = std::min<uint64_t>(ticks, 64);
+          last = fs_servo_step(use, some);
+          ticks -= some;
+        } while (ticks > 0 && (last >= 0 || last == FS_ERROR_DISCONNECTED) && !servo.closing() && clock::now() < end);
+        return last;
+      });
+      if (status < 0 && (ticks == 0 || status != FS_ERROR_DISCONNECTED)) check(status);
+    }
     check_signals();
   } while (ticks > 0);
 }
