@@ -2,7 +2,7 @@
 
 generate.py DESCRIPTION OUTPUT_FOLDER: writes core.cpp and _core.pyi there. CMake runs it whenever the description
 changes.
-core.h has what the generated code is made of. What no rule gives stands in the tables below.
+The headers in core/ have what the generated code is made of. What no rule gives stands in the tables below.
 """
 
 import json
@@ -16,20 +16,29 @@ HERE = pathlib.Path(__file__).resolve().parent
 ONE_THREAD_AT_A_TIME = {"fs_tool"}  # only the comment of fs_tool_create says so
 END_BEFORE_EXIT = {"fs_servo"}  # stopped before the interpreter ends, so that the force is 0
 IN_THREAD = {"fs_scene_connect", "fs_device_open", "fs_shape_load"}  # may take seconds, and take no timeout
-BY_HAND = {  # may take seconds, and make no handle: core.h has them
+BY_HAND = {  # those that may take seconds and make no handle, and those of groups: core/waits.h and core/group.h have them
     "fs_servo_step": "step(self, ticks_);\nreturn py::none();",
     "fs_shape_build": "return build(self);",
+    "fs_scene_begin": "return begin_group(self);",
+    "fs_scene_commit": "return end_group(self, fs_scene_commit);",
+    "fs_scene_cancel": "return end_group(self, fs_scene_cancel);",
 }
 LEFT = "Ctrl-C ends the wait; the call then ends in a thread of its own, which gives back what it has made."
-CHANGES = {"set", "change", "move", "remove", "clear", "load"}  # verbs that change a scene: they join an open group
-GROUP = {"fs_scene_begin", "fs_scene_commit", "fs_scene_cancel"}
+CHANGES = {"set", "change", "move", "remove", "clear", "load"}  # verbs of what joins an open group
+NO_CHANGES = {"get", "begin", "commit", "cancel", "sync", "save", "stop", "next", "create", "start", "field"}  # of what does not
 BASES = {
     "INVALID": "ValueError",
+    "PARSE": "ValueError",
     "NOT_FOUND": "KeyError",
+    "UNSUPPORTED": "NotImplementedError",
     "MEMORY": "MemoryError",
     "TIMEOUT": "TimeoutError",
     "IO": "OSError",
+    "DISCONNECTED": "ConnectionError",
+    "DENIED": "PermissionError",
 }
+IN_PACKAGE = {"fs_scene_connect": "fs.connect", "fs_evaluate": "Tool.evaluate", "fs_evaluate_field": "Scene.evaluate"}
+FOR_C = re.compile(r"struct_size|_init made|_release\b|until they are destroyed")  # sentences that say nothing in Python
 
 DOUBLES = {"fs_vec3": (3,), "fs_quat": (4,), "fs_mat3": (3, 3)}
 NUMPY = {"double": "<f8", "uint8_t": "|u1", "int32_t": "<i4", "uint32_t": "<u4", "uint64_t": "<u8", "bool": "|b1"}
@@ -68,6 +77,11 @@ class Generator:
             self.name_enum(item)
         self.enums = {item["name"]: item for item in self.d["enums"] if item["name"]}
         self.flags = {item["prefix"]: item for item in self.d["enums"]} | self.enums
+        self.values = {
+            value["name"]: f"{item['python']}.{member}"
+            for item in self.d["enums"]
+            for value, (member, _, _) in zip(item["values"], item["members"])
+        } | {c["name"]: c["name"][3:] for c in self.d["constants"]}
         self.cpp, self.stub = [], []
 
     # -------------------------------------------------------------------------------------------------------- names
@@ -85,6 +99,29 @@ class Generator:
             (re.sub("^ERROR_", "", value["name"][len(prefix) :]), value["value"], value["comment"])
             for value in item["values"]
         ]
+
+    def in_python(self, comment):
+        """A comment of the headers in Python's words."""
+
+        def named(match):
+            name = match[0]
+            if handle := next((h for h in self.handles if name == self.given_back_by(h)), None):
+                return f"{camel(handle)}.close"
+            if function := self.by_name.get(name):
+                owner = self.self_of(function)
+                return (f"{camel(owner)}." if owner else "") + self.python_name(function)
+            if name in self.values:
+                return self.values[name]
+            if name in self.flags:
+                return self.flags[name]["python"]
+            return camel(name) if name in self.structs or name in self.handles else name
+
+        comment = re.sub(r"\bGrowing; made by \w+[;.] ?|\bFrozen\.", "", comment)
+        sentences = re.split(r"((?<=[.])\s(?=[A-Z]))", comment) + [""]
+        kept = [s + gap for s, gap in zip(sentences[::2], sentences[1::2]) if not FOR_C.search(s)]
+        words = re.sub(r"\b(?:fs|FS)_\w+", named, "".join(kept))
+        words = re.sub(r"\bnull\b", "None", words)
+        return re.sub(r"\bNull\b", "None", words).strip()
 
     def exceptions(self):
         return [
@@ -237,15 +274,16 @@ class Generator:
                 continue
             python = camel(name)
             fields = ", ".join(f"('{f['name']}', {self.numpy_field(f)})" for f in struct["fields"])
-            fields = fields.replace("(<", "('<")
             self.cpp.append(
                 f'{{\n  dtypes["{python}"] = py::eval("dtype([{fields}])", dtypes);\n'
-                f'  Class<{name}> made(module, "{python}", {raw(struct["comment"])}, dtypes["{python}"]);'
+                f'  Class<{name}> made(module, "{python}", {raw(self.in_python(struct["comment"]))}, '
+                f'"__init__(self, *, {", ".join(f["name"] + "=..." for f in self.shown_fields(struct))})\\n--\\n\\n", '
+                f'dtypes["{python}"]);'
             )
             stub = [f"class {python}:", "    dtype: ClassVar[np.dtype[np.void]]"]
             keywords = []
             for f in self.shown_fields(struct):
-                unit, comment = self.unit(struct, f), f["comment"]
+                unit, comment = self.unit(struct, f), self.in_python(f["comment"])
                 if f["type"] == "fs_quat":
                     comment += "; " if comment else ""
                     comment += "(w, x, y, z), or scipy's Rotation; the order of its as_quat() is x, y, z, w"
@@ -269,16 +307,24 @@ class Generator:
             )
             stub += [
                 f"    def __init__(self, **fields: Unpack[{python}Fields]) -> None: ...",
-                f"    def copy(self) -> {python}: ...",
+                "    def copy(self) -> Self: ...",
+                "    def _constant(self) -> Self: ...",
                 "    @property",
                 "    def __array_interface__(self) -> dict[str, Any]: ...",
             ]
             self.stub.append("\n".join(stub) + "\n")
 
+    @staticmethod
+    def enum_type(item):
+        """What an enum is given as; bits may be several names in one string."""
+        if item["is_flags"] or not item["name"]:
+            return "int | str"
+        return "int | Literal[" + ", ".join(f'"{name.lower()}"' for name, _, _ in item["members"]) + "]"
+
     def field_types(self, field, bits):
         type_ = field["type"]
         if bits:
-            return bits["python"], "int"
+            return bits["python"], self.enum_type(bits)
         if type_ == "char":
             return "str", "str"
         if type_ in DOUBLES:
@@ -286,7 +332,7 @@ class Generator:
         if type_ in self.structs:
             return camel(type_), camel(type_)
         if type_ in self.enums:
-            return self.enums[type_]["python"], "int | str"
+            return self.enums[type_]["python"], self.enum_type(self.enums[type_])
         if type_.endswith("*"):
             return f"{camel(bare(type_))} | None", f"{camel(bare(type_))} | None"
         python = PYTHON.get(type_, "int")
@@ -305,14 +351,18 @@ class Generator:
         return bare(first[0]["type"]) if first and first[0]["kind"] == "handle" else None
 
     def is_change(self, function):
-        words = function["name"].split("_")
-        return self.self_of(function) == "fs_scene" and not function["rt"] and bool(CHANGES & set(words[2:3]))
+        if self.self_of(function) != "fs_scene" or function["rt"]:
+            return False
+        verb = (function["name"].split("_") + [""])[2]
+        if verb not in CHANGES | NO_CHANGES:
+            sys.exit(f"{function['name']}: the tables do not say whether '{verb}' changes a scene, so that it joins a group")
+        return verb in CHANGES
 
     def takes_many(self, function):
         """[rt], from a struct to a struct: arrays of structs as well."""
         return function["rt"] and [p["kind"] for p in function["parameters"]] == ["handle", "struct", "out struct"]
 
-    def convert(self, p):
+    def convert(self, p, function):
         """Of an argument: its Python type, its default, C++ lines that convert it, lines that come after all of those,
         and the expression that the call is given."""
         name, type_, kind, null = p["name"], p["type"], p["kind"], p["null"]
@@ -337,6 +387,15 @@ class Generator:
                 [],
                 f"{name}_.get()",
             )
+        bits = re.search(rf"\b{name} \((fs_\w+) bits\)", function["comment"])
+        if kind == "number" and bits:
+            return (
+                self.enum_type(self.enums[bits[1]]),
+                None,
+                [f'const auto {name}_ = static_cast<{type_}>(enum_of<{bits[1]}>.from_python({name}, "{name}"));'],
+                [],
+                f"{name}_",
+            )
         if kind == "number":
             return (
                 PYTHON.get(type_, "int"),
@@ -347,7 +406,7 @@ class Generator:
             )
         if kind == "enum":
             return (
-                "int | str",
+                self.enum_type(self.enums[type_]),
                 None,
                 [f'const auto {name}_ = static_cast<{type_}>(enum_of<{type_}>.from_python({name}, "{name}"));'],
                 [],
@@ -381,11 +440,13 @@ class Generator:
         if kind == "out array":
             entry, width = ENTRY[base]
             shape = f"{{static_cast<py::ssize_t>({p['count']})" + (f", {width}" if width > 1 else "") + "}"
+            (read,) = (q["name"] for q in function["parameters"] if q["kind"] == "array" and q["count"] == p["count"])
             return (
                 "Array | None",
                 "None",
                 [
                     f'py::array {name}_ = results<{entry}>({name}, {shape}, "{name}");',
+                    f'keep_apart({read}_, "{read}", {name}_, "{name}");',
                     f"auto* const {name}_at = static_cast<{base}*>({name}_.mutable_data());",
                 ],
                 [],
@@ -443,7 +504,7 @@ class Generator:
                 outputs.append(f"new_handle({p['name']})")
                 types.append(camel(base))
             else:
-                type_, default, lines, late, expression = self.convert(p)
+                type_, default, lines, late, expression = self.convert(p, function)
                 if kind == "struct" and keeps_gil and not p["null"]:
                     lines, expression = (
                         [f'const {base}* const {p["name"]}_ = as_struct<{base}>({p["name"]}, "{p["name"]}").at;'],
@@ -466,6 +527,7 @@ class Generator:
 
     def body(self, function, self_, keeps_gil, called, list_of, before, uses, after, outputs, types):
         name, result = function["name"], function["result"]
+        of_path = ", true" if any(p["name"] == "path" for p in function["parameters"]) else ""
         run = called if keeps_gil else f"without_gil([&] {{ return {called}; }})"
         if name in BY_HAND:
             return before + [BY_HAND[name]]
@@ -473,12 +535,13 @@ class Generator:
             (handle,) = (bare(p["type"]) for p in function["parameters"] if p["kind"] == "new handle")
             before = [line for line in before if not line.startswith(handle)]
             return before + [
-                f"return make_in_thread<{handle}>([=]({handle}** made) {{ return {called.replace('&out', 'made')}; }});"
+                f"return make_in_thread<{handle}>([=]({handle}** made) {{ return {called.replace('&out', 'made')}; }}{of_path});"
             ]
         if self.takes_many(function):
             return self.many(function, self_, uses)
         if list_of:
-            types.append("Array" if list_of in DOUBLES else "Structs")
+            has_text = any(f["type"] == "char" for f in self.structs[list_of]["fields"])
+            types.append("Array" if list_of in DOUBLES else "Rows" if has_text else "Structs")
             return (
                 before
                 + uses
@@ -504,28 +567,9 @@ class Generator:
                 ]
                 + self.returned(outputs)
             )
-        if name in GROUP:
-            if name.endswith("begin"):
-                return uses + [
-                    "const bool held = self.hold();",
-                    f"const fs_status status = {run};",
-                    "if (status < 0 && held) self.let_go();",
-                    "check(status);",
-                    "return py::none();",
-                ]
-            # A commit that times out leaves the group open.
-            ends = "true" if name.endswith("cancel") else "status >= 0 || status == FS_ERROR_STATE"
-            return uses + [
-                "self.begin_change();",
-                f"const fs_status status = {run};",
-                f"if ({ends}) self.let_go();",
-                "self.end_change();",
-                "check(status);",
-                "return py::none();",
-            ]
         kind = result["kind"]
         if kind == "status":
-            return before + uses + [f"check({run});"] + after + self.returned(outputs)
+            return before + uses + [f"check({run}{of_path});"] + after + self.returned(outputs)
         if kind == "string":
             types.insert(0, "str | None" if result["lives"] == "with the handle" else "str")
             return before + uses + [f"return text_to_python({called});"]
@@ -569,6 +613,7 @@ class Generator:
             f'const py::array many = structs<{a}>({name}, "{name}");',
             "const size_t count = static_cast<size_t>(many.size());",
             f'py::array made = struct_results<{b}>({result}, count, "{result}");',
+            f'keep_apart(many, "{name}", made, "{result}");',
             f"const auto* const from = static_cast<const {a}*>(many.data());",
             f"auto* const to = static_cast<{b}*>(made.mutable_data());",
             *uses,
@@ -593,7 +638,7 @@ class Generator:
         listed = ", ".join((["$self"] if self_ else []) + ([shown] if shown else []))
         left = LEFT + "\n\n" if function["name"] in IN_THREAD | {"fs_shape_build"} else ""
         doc = (
-            f"{python}({listed})\n--\n\n" + f"{function['comment']}\n\n{left}In C: {function['name']}.".strip()
+            f"{python}({listed})\n--\n\n" + f"{self.in_python(function['comment'])}\n\n{left}In C: {function['name']}.".strip()
         )  # read by inspect.signature
         parameters = (["const py::object& object_of_self"] if self_ else []) + [
             f"const py::object& {a}" for a, _, _ in arguments
@@ -606,6 +651,11 @@ class Generator:
             f'{target}.def("{python}", []({", ".join(parameters)}) -> py::object {{\n'
             + indented("\n".join(body), "  ")
             + f"\n}}{''.join(extras)}, {raw(doc)});"
+        )
+        names = ", ".join(f'"{a}"' for a, _, _ in arguments)
+        self.cpp.append(
+            f'{target}.def("{python}", [](const py::args& args, const py::kwargs& given) -> py::object {{\n'
+            f'  wrong_call("{python}", {{{names}}}, {required + 1}, args, given, {str(bool(self_)).lower()});\n}});'
         )
         returned = "None" if not types else types[0] if len(types) == 1 else f"tuple[{', '.join(types)}]"
         listed = ", ".join(
@@ -632,8 +682,13 @@ class Generator:
         self.add_structs()
         for handle, item in self.handles.items():
             self.cpp.append(
-                f'auto class_{handle} = handle_class<{handle}>(module, "{camel(handle)}", {raw(item["comment"])});'
+                f'auto class_{handle} = handle_class<{handle}>(module, "{camel(handle)}", {raw(self.in_python(item["comment"]))});'
             )
+        self.cpp.append("add_groups(class_fs_scene);")
+        self.stubs_of["fs_scene"] += [
+            "    def _group(self) -> int: ...",
+            "    def _end_group(self, group: int, commit: bool) -> None: ...",
+        ]
         for function in self.functions:
             if not self.is_for_binding(function):
                 self.add_function(function)
@@ -643,7 +698,7 @@ class Generator:
         self.cpp.append('module.attr("PARTS") = parts;')
         # What the package takes as it is: all but the handles, most of which it has classes of its own for.
         self.public = (
-            ["Error"]
+            ["Error", "NoFileError"]
             + [name for name, _, _ in self.exceptions()]
             + [item["python"] for item in self.d["enums"]]
             + [camel(name) for name in self.structs if name not in DOUBLES]
@@ -656,7 +711,19 @@ class Generator:
         )
         return "\n".join(self.source(traits)) + "\n", "\n".join(self.stub_text()) + "\n"
 
+    def names_in_errors(self):
+        """What the sentences of errors call a function."""
+        for function in self.functions:
+            name, owner = function["name"], self.self_of(function)
+            if not self.is_for_binding(function):
+                shown = (camel(owner) if owner else "fs") + "." + self.python_name(function)
+                yield name, IN_PACKAGE.get(name, shown)
+
     def error_lines(self):
+        yield "static void add_names() {"
+        names = ", ".join(f'{{"{name}", "{shown}"}}' for name, shown in self.names_in_errors())
+        yield f"  errors.names = {{{names}}};"
+        yield "}"
         yield "static void add_errors(py::module_& module) {"
         yield '  errors.base = PyErr_NewExceptionWithDoc("forceserver.Error",'
         yield '      "A call of the library failed: the sentence says why, and status is its Status.", nullptr, nullptr);'
@@ -676,6 +743,10 @@ class Generator:
             yield f"    errors.classes.push_back({{{value}, made}});"
             yield f'    module.attr("{python}") = py::reinterpret_borrow<py::object>(made);'
             yield "  }"
+        yield "  const py::tuple bases = py::make_tuple(module.attr(\"NotFoundError\"), py::handle(PyExc_FileNotFoundError));"
+        yield '  errors.no_file = PyErr_NewExceptionWithDoc("forceserver.NoFileError", "There is no such file.", bases.ptr(), nullptr);'
+        yield "  if (!errors.no_file) throw py::error_already_set();"
+        yield '  module.attr("NoFileError") = py::reinterpret_borrow<py::object>(errors.no_file);'
         yield "}"
 
     def source(self, traits):
@@ -687,6 +758,7 @@ class Generator:
         yield from self.error_lines()
         yield "\nstatic void add_all(py::module_& module) {"
         yield indented(self.cpp[0], "  ")
+        yield "  add_names();"
         yield "  add_errors(module);"
         yield from (indented(line, "  ") if 'R"doc(' not in line else line for line in self.cpp[1:])
         ends = "".join(f" Handle<{handle}>::close_all();" for handle in sorted(END_BEFORE_EXIT))
@@ -706,17 +778,19 @@ class Generator:
         yield "import builtins"
         yield "from enum import IntEnum, IntFlag"
         yield "from os import PathLike"
-        yield "from typing import Any, ClassVar, Protocol, Self, TypedDict, Unpack, overload\n"
+        yield "from typing import Any, ClassVar, Literal, Protocol, Self, TypedDict, Unpack, overload\n"
         yield "import numpy as np"
         yield "from numpy.typing import ArrayLike, NDArray\n"
         yield f"__all__ = {json.dumps(self.public)}\n"
         yield "Array = NDArray[np.float64]"
         yield "Indices = NDArray[np.uint32]"
-        yield "Structs = NDArray[np.void]\n"
+        yield "Structs = NDArray[np.void]"
+        yield "Rows = np.recarray[Any, np.dtype[np.record]]  # structs with names: a field is also an attribute\n"
         yield "class Rotation(Protocol):\n    def as_quat(self) -> Any: ...\n"
         yield "class Error(Exception):\n    status: ClassVar[Status]\n"
         for python, name, _ in self.exceptions():
             yield f"class {python}(Error{', builtins.' + BASES[name] if name in BASES else ''}): ...\n"
+        yield "class NoFileError(NotFoundError, builtins.FileNotFoundError): ...\n"
         yield from self.stub
         for handle in self.handles:
             name = camel(handle)

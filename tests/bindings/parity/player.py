@@ -183,19 +183,19 @@ class Player:
 
     def do_motions(self, client=None):
         for m in self.scene.get_motions(client):
-            self.give(m["name"].decode(), m["primitive"], m["pose"]["position"], m["pose"]["orientation"])
+            self.give(m["name"], m["primitive"], m["pose"]["position"], m["pose"]["orientation"])
             self.give(m["twist"]["linear"], m["twist"]["angular"], m["horizon"])
 
     def give_report(self, r):
-        self.give(r["name"].item().decode(), r["primitive"], r["state"], r["weight"], r["stiffness_wanted"])
-        self.give(r["stiffness_applied"], r["distance"], r["point"], r["wrench"]["force"], r["wrench"]["torque"])
+        self.give(r.name, r.primitive, r.state, r.weight, r.stiffness_wanted)
+        self.give(r.stiffness_applied, r.distance, r.point, r.wrench.force, r.wrench.torque)
 
     def do_reports(self):
-        for r in sorted(self.scene.get_reports(), key=lambda r: bytes(r["name"])):
+        for r in sorted(self.scene.get_reports(), key=lambda r: r.name):
             self.give_report(r)
 
     def do_report(self, name):
-        self.give_report(np.asarray(self.scene.get_report(name)))
+        self.give_report(self.scene.get_report(name))
 
     def do_clear(self):
         self.scene.clear()
@@ -213,7 +213,7 @@ class Player:
 
     def do_clients(self):
         for c in self.scene.get_clients():
-            self.give(c["name"].decode(), c["process"] == os.getpid(), c["objects"], c["force_limit"])
+            self.give(c["name"], c["process"] == os.getpid(), c["objects"], c["force_limit"])
             self.give(c["wrench"]["force"], c["wrench"]["torque"], c["refused"], c["limited"], c["shape_bytes"])
 
     def do_frame(self, pose, scale, force_scale):
@@ -276,7 +276,7 @@ class Player:
         self.give(d.link_rate, d.controller_rate, d.controller_delay, d.controller_damping)
 
     def do_devices(self):
-        self.give(*(entry["label"].decode() for entry in fs.devices() if entry["uri"] == b"sim:"))
+        self.give(*(entry.label for entry in fs.devices() if entry.uri == "sim:"))
 
     def do_device_read(self):
         state = self.device.read()

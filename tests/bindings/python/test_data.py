@@ -278,9 +278,13 @@ def test_lists_and_kept_arrays(scene, spring):
     for i in range(100):
         scene[f"s{i}"] = spring
     reports = scene.get_reports()
-    assert reports.dtype == fs.Report.dtype and len(reports) == 100 and reports["name"][0] == b"s0"
-    assert len(scene.get_motions()) == 100 and scene.get_tool().tolist() == [[0, 0, 0]]
-    assert b"sim:" in fs.devices()["uri"]
+    assert reports.dtype.names == fs.Report.dtype.names and len(reports) == 100 and reports["name"][0] == "s0"
+    assert "s7" in scene.get_motions()["name"] and reports[3].name == "s3" and reports.weight.shape == (100,)
+    assert (reports[0].wrench.force == 0).all() and reports[0].state == fs.ObjectState.FELT
+    scene["Übung"] = spring
+    assert scene.get_motions()[-1].name == "Übung" and np.allclose(scene.get_motions()["pose"]["position"], 0)
+    assert len(scene.get_motions()) == 101 and scene.get_tool().tolist() == [[0, 0, 0]]
+    assert "sim:" in fs.devices()["uri"]
     shape = fs.Polyline([[0, 0, 0], [1, 0, 0]]).shape
     points = shape.get_points()
     assert shape.get_triangles() is None
@@ -345,7 +349,7 @@ def test_tool_evaluates_one_and_many(scene, spring):
         ):
             with pytest.raises(TypeError):
                 tool.evaluate(states, out=wrong)
-        for wrong in (np.zeros(1000), np.zeros((2, 3), fs.State.dtype), None, response):
+        for wrong in (np.zeros(1000), np.zeros((2, 3), fs.State.dtype), None, response, [3], "state"):
             with pytest.raises(TypeError):
                 tool.evaluate(wrong)
         states["pose"]["position"][7] = np.inf

@@ -75,6 +75,9 @@ with fs.Servo(scene, fs.Device("sim:?path=figure8"), mode="virtual", fade=0.1) a
     print(servo.stats.ticks, scene.hand().sent.force, servo.record)
 for event in scene.events(timeout=0):
     print(event.kind is fs.EventKind.READY, event.name.upper())
+scene["rock"].enabled = False
+scene["rock"].change(position=(0, 0, 1), enabled=True)
+print(scene["rock"].pose.position, scene.get_reports()[0].name, scene.frame.scale)
 try:
     fs.connect("shm:lab", "rover")
 except fs.NotFoundError as error:
@@ -84,8 +87,20 @@ except fs.NotFoundError as error:
     assert status == 0, out + err
     out, err, status = mypy.run(["--strict", "--cache-dir", str(tmp_path / "cache"), "-p", "forceserver"])
     assert status == 0, out + err
-    use.write_text("import forceserver as fs\nfs.Gaussian('5', 3)\nfs.Servo(fs.Scene(), nix=3)\nfs.Scene().nix()\n")
-    assert mypy.run(["--strict", "--cache-dir", str(tmp_path / "cache"), str(use)])[2] == 1
+    wrong = (
+        "fs.Gaussian('5', 3)",
+        "fs.Servo(scene, nix=3)",
+        "scene.nix()",
+        "scene['a'].change(enabeld=False)",
+        "scene['a'].change(front=3)",
+        "scene['a'].enabled = 'no'",
+        "fs.Contact(keep='frnt')",
+        "fs.Servo(scene, mode='virtal')",
+        "fs.Constant(1, limit=1, sense='atractive')",
+    )
+    use.write_text("import forceserver as fs\nscene = fs.Scene()\n" + "\n".join(wrong) + "\n")
+    out, err, status = mypy.run(["--strict", "--cache-dir", str(tmp_path / "cache"), str(use)])
+    assert {int(line.split(":")[1]) for line in out.splitlines() if ": error:" in line} == set(range(3, 3 + len(wrong))), out
 
 
 def test_the_stub_is_what_the_module_has():
