@@ -188,6 +188,7 @@ int run(const RunOptions& options) {
     fs_server_options server_options = fs_server_options_init();
     server_options.locked = options.locked;
     server_options.all_users = options.all_users;
+    server_options.no_stop = options.no_stop;
     server_options.force_limit = options.client_force;
     try {
       server = open<Server>(fs_server_start, servo.get(), full_endpoint(options.listen).c_str(), &server_options);
