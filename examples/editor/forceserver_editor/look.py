@@ -78,7 +78,8 @@ class Look:
 
     def close(self) -> None:
         self._ends.set()
-        self._thread.join()
+        if self._thread.is_alive():
+            self._thread.join()
         if self.scene is not None:
             self.scene.close()
 

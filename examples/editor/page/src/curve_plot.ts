@@ -13,7 +13,7 @@ interface Handle { side: Side; name: "limit" | "reach" | "gain" | "width"; d: nu
 interface Answer { distances: number[]; t: number; front: number[]; back: number[]; front_capped: number[] | null; back_capped: number[] | null }
 
 export class CurvePlot {
-  private readonly plot: uPlot;
+  private readonly plot: uPlot; // not there yet while it draws itself for the first time
   private readonly dots = make("div", { className: "dots" });
   private readonly marker = make("div", { className: "marker", title: "the hand" });
   private readonly note: HTMLElement;
@@ -35,6 +35,7 @@ export class CurvePlot {
       scales: { x: { time: false, range: () => [0, this.until] }, y: { range: () => this.yRange() } },
       axes: [axis("d, m", 18), axis("f, N", 40)],
       series: [{}, line("front", colours.front), line("back", colours.back), line("front, capped", colours.front, [3, 3]), line("back, capped", colours.back, [3, 3])],
+      hooks: { draw: [() => { this.place(); this.mark(); }] },
     }, [[0], [null], [null], [null], [null]], box);
     this.plot.over.append(this.marker, this.dots);
     box.append(this.note);
@@ -42,7 +43,7 @@ export class CurvePlot {
     model.on(["selection", "objects"], () => this.ask());
     model.on(["rows"], () => this.mark());
     setInterval(() => { if (this.item && this.movesInTime(this.item)) this.ask(); }, 250);
-    new ResizeObserver(() => { this.plot.setSize(this.size()); this.place(); }).observe(box);
+    new ResizeObserver(() => this.plot.setSize(this.size())).observe(box);
     this.ask();
   }
 
@@ -93,12 +94,11 @@ export class CurvePlot {
     const curve = (side: Side, values: number[] | null | undefined) =>
       a && item && values && this.sides(item).includes(side) && item.told[side].kind !== "none" ? values : a ? a.distances.map(() => null) : [null];
     this.plot.setData([a?.distances ?? [0], curve("front", a?.front), curve("back", a?.back), curve("front", a?.front_capped), curve("back", a?.back_capped)]);
-    this.place();
-    this.mark();
     this.box.dataset.curve = item?.told.name ?? "";
   }
 
   private mark(): void {
+    if (!this.plot) return;
     const d = this.item?.distance ?? Infinity;
     this.marker.hidden = !(d <= this.until);
     if (d <= this.until) this.marker.style.left = `${this.plot.valToPos(d, "x")}px`;
@@ -130,7 +130,7 @@ export class CurvePlot {
 
   private place(): void {
     const { item } = this;
-    if (this.dragged) return;
+    if (this.dragged || !this.plot) return;
     this.dots.replaceChildren();
     if (!item || item.isLocked || this.model.selected.size !== 1) return;
     for (const handle of this.handles(item)) {

@@ -179,7 +179,7 @@ function updateBar(): void {
   document.body.classList.toggle("view-only", model.viewOnly);
   const offer = told.recovery;
   at("recovery").hidden = !offer || model.viewOnly || Boolean(model.error);
-  if (offer) at("recovery-when").textContent = new Date(offer.written * 1000).toLocaleString();
+  if (offer) at("recovery-when").textContent = new Date(offer.written * 1000).toLocaleString("en-GB", { dateStyle: "medium", timeStyle: "short" });
 }
 model.on(["state", "selection"], updateBar);
 wire.onLine = (isConnected) => {

@@ -156,6 +156,11 @@ export class Model {
   }
   get selection(): Item[] { return [...this.selected].map((id) => this.items.get(id)).filter((item) => item !== undefined); }
   byName(name: string): Item | undefined { return [...this.items.values()].find((item) => item.told.name === name); }
+  /** m of the item's client instead of metres at the device. */
+  inClientMetres = false;
+  distance(item: Item): string {
+    return metres(this.inClientMetres ? item.deviceDistance * item.frame.scale : item.deviceDistance);
+  }
   setHidden(id: number, isHidden: boolean): void {
     if (isHidden) this.hidden.add(id);
     else this.hidden.delete(id);

@@ -2,12 +2,12 @@
 
 import { type Quat, fromDegrees, toDegrees } from "./frames";
 import { type AnyField, AreaField, CheckField, ChoiceField, Field, type Send, TextField, make, numberField, parse, shown } from "./fields";
-import { type Item, type Model, type Profile, mark, metres, newtons, sizeOf } from "./model";
+import { type Item, type Model, type Profile, mark, newtons, sizeOf } from "./model";
 import type { Orders } from "./orders";
 import { ofKind, uses } from "./profiles";
 import type { Refusal } from "./wire";
 
-const senses: [string, string][] = [["attractive", "attractive: towards it"], ["repulsive", "repulsive: away from it"]];
+const senses: [string, string][] = [["attractive", "attractive (to it)"], ["repulsive", "repulsive (away)"]];
 const keeps: [string, string][] = [
   ["none", "not solid"], ["front", "front: an obstacle"], ["back", "back: an envelope"], ["either", "either: a sheet"],
 ];
@@ -74,26 +74,27 @@ export class Panel {
   private makePose(): void {
     const box = this.section("Pose", "pose");
     const place = make("div", { className: "triple" }), turns = make("div", { className: "triple" }), quat = make("div", { className: "quad" });
-    box.append(place, turns, quat);
+    const over = (text: string) => make("div", { className: "over", textContent: text });
+    box.append(over("position in its client's scene, m"), place, over("turned about x, then y, then z, degrees"), turns, over("the same as a quaternion w, x, y, z"), quat);
     (["x", "y", "z"] as const).forEach((axis, i) => {
       const field = numberField(`pose.position.${axis}`, axis, "m", (_path, value) => {
         const position = [...this.first()!.pose.position];
         position[i] = value as number;
         return this.sendAll({ "pose.position": position }, `pose.position.${axis}`);
-      }, `Position along ${axis} in the scene of its client`);
-      this.add(place, field, (item) => field.show(shown(item.pose.position[i])));
+      }, `m along ${axis} in the scene of its client`);
+      this.add(place, field, (item) => field.show(shown(Number(item.pose.position[i]!.toPrecision(10)))));
     });
-    (["rx", "ry", "rz"] as const).forEach((name, i) => {
-      const field = numberField(`pose.turn.${name}`, name, "°", (_path, value) => {
+    (["x", "y", "z"] as const).forEach((name, i) => {
+      const field = numberField(`pose.turn.r${name}`, name, "°", (_path, value) => {
         const degrees = toDegrees(this.first()!.pose.orientation);
         degrees[i] = value as number;
-        return this.sendAll({ "pose.orientation": fromDegrees(degrees) }, `pose.turn.${name}`);
-      }, `Turned about x, then y, then z: here about ${name[1]}`);
+        return this.sendAll({ "pose.orientation": fromDegrees(degrees) }, `pose.turn.r${name}`);
+      }, `degrees about ${name}`);
       this.add(turns, field, (item) => field.show(shown(Number(toDegrees(item.pose.orientation)[i]!.toFixed(6)))));
     });
     (["w", "x", "y", "z"] as const).forEach((name, i) => {
       const path = `pose.orientation.${name}`;
-      const field = numberField(path, `q${name}`, "", (_path, value) => {
+      const field = numberField(path, name, "", (_path, value) => {
         const orientation = [...this.first()!.pose.orientation] as Quat;
         orientation[i] = value as number;
         return this.sendAll({ "pose.orientation": orientation }, path);
@@ -244,7 +245,7 @@ export class Panel {
       make("span", { className: `state ${condition}`, textContent: `${mark[condition]} ${condition}` }),
       `${item.told.primitive}${what} of ${item.told.client}`);
     const live = make("p", { className: "facts live" },
-      `d ${metres(item.distance)} · F ${newtons(sizeOf(item.push))} · slope ${slope(item.applied)}${capped}`);
+      `d ${this.model.distance(item)} · F ${newtons(sizeOf(item.push))} · slope ${slope(item.applied)}${capped}`);
     this.head.replaceChildren(title, facts, live);
     if (!item.told.own && many === 1 && !this.model.viewOnly) {
       this.head.append(make("button", { textContent: "Copy into my scene", id: "adopt", onclick: () => void this.orders.adopt(item.told.name) }));

@@ -1,7 +1,7 @@
 // The table of all objects, by client. Only the lines that are in sight exist, so thousands of objects cost nothing.
 
 import { make } from "./fields";
-import { type Item, type Model, colourOf, mark, metres, newtons, sizeOf } from "./model";
+import { type Item, type Model, colourOf, mark, newtons, sizeOf } from "./model";
 import type { Orders } from "./orders";
 
 const lineHeight = 24;
@@ -26,7 +26,14 @@ export class Table {
       head.append(make("span", { textContent: text, title }));
     }
     this.scroll.append(this.space);
-    box.append(this.filter, head, this.scroll);
+    const metres = make("button", { textContent: "client m", id: "metres", title: "Distances in metres of each object's client, not of the device" });
+    metres.setAttribute("aria-pressed", "false");
+    metres.onclick = () => {
+      model.inClientMetres = !model.inClientMetres;
+      metres.setAttribute("aria-pressed", String(model.inClientMetres));
+      model.tell("rows");
+    };
+    box.append(make("div", { className: "above" }, this.filter, metres), head, this.scroll);
     this.filter.oninput = () => this.sort();
     this.scroll.onscroll = () => this.draw();
     this.scroll.onkeydown = (event) => this.key(event);
@@ -103,7 +110,7 @@ export class Table {
       `<input type="checkbox" class="on" title="Enabled" ${told.enabled ? "checked" : ""} ${line.isLocked ? "disabled" : ""}>` +
       `<span class="name" title="${html(told.name)}"><i>${letters[told.primitive]}</i> <bdi>${html(told.short)}</bdi></span>` +
       `<span class="state ${condition}">${mark[condition]} ${condition}</span>` +
-      `<span class="number">${near ? metres(line.distance) : "–"}</span><span class="number">${near ? newtons(sizeOf(line.push)) : "–"}</span>`);
+      `<span class="number">${near ? this.model.distance(line) : "–"}</span><span class="number">${near ? newtons(sizeOf(line.push)) : "–"}</span>`);
   }
 
   private click(event: MouseEvent): void {

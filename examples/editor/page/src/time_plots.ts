@@ -116,7 +116,7 @@ export class TimePlots {
     const series: Record<Shown, uPlot.Series[]> = {
       force: [line("|F|", "#1d232b", 2), line("x", "#b04a3f"), line("y", "#4b8b4f"), line("z", "#4667a8")],
       clients: this.names.map((name) => line(name, `#${colourOf(name, this.model.me).toString(16).padStart(6, "0")}`, 2)),
-      servo: [line("late p50", "#8aa0b8"), line("late p99", "#2f6fb0"), line("late max", "#c0392b"), line("compute p99", "#4b8b4f"), line("rate, Hz", "#a8532c", 1.5, "hz")],
+      servo: [line("late p50", "#8aa0b8"), line("p99", "#2f6fb0"), line("max", "#c0392b"), line("compute p99", "#4b8b4f"), line("Hz", "#a8532c", 1.5, "hz")],
     };
     const isServo = this.shown === "servo";
     const axes: uPlot.Axis[] = [axis("s", 18), axis(isServo ? "µs" : "N", 42)];
