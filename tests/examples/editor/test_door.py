@@ -91,7 +91,7 @@ class Socket:
 def with_socket(editor: Editor, journey: Callable[[Socket], Any], **options: Any) -> Any:
     async def run() -> Any:
         origin = f"http://127.0.0.1:{editor.port}"
-        async with connect(f"ws://127.0.0.1:{editor.port}/{editor.token}/socket", origin=origin, max_size=None, **options) as socket:  # type: ignore[arg-type]
+        async with connect(f"ws://127.0.0.1:{editor.port}/{editor.token}/socket", origin=origin, max_size=None, close_timeout=1, **options) as socket:  # type: ignore[arg-type]
             return await journey(Socket(socket))
 
     return asyncio.run(run())

@@ -20,6 +20,7 @@ export class Gizmo {
   private start: { place: Vec; turn: Quat } = { place: [0, 0, 0], turn: [1, 0, 0, 0] };
   private snaps = false;
   private item: Item | null = null;
+  turned = 0; // degrees, since the drag began
 
   constructor(private readonly view: View, private readonly model: Model, orders: Orders) {
     this.controls = new TransformControls(view.camera, view.canvas);
@@ -43,6 +44,15 @@ export class Gizmo {
   private changed(): void { this.onChange(); this.view.request(); }
   /** Over one of its arrows: then a click is no click at an object. */
   get isUnderPointer(): boolean { return this.controls.axis !== null && this.item !== null; }
+
+  /** Where the arrow along an axis of the view, or the ring about it, can be gripped: a place of the device. */
+  grip(axis: "x" | "y" | "z"): Vec {
+    const { camera } = this.view, at = this.handle.position;
+    const size = (at.distanceTo(camera.position) * 1.9 * Math.tan((camera.fov * Math.PI) / 360) * this.controls.size) / 4;
+    const along = this.mode === "translate" ? 0.35 * size : (0.5 * size) / Math.SQRT2;
+    const way = { x: [1, 0, 0], y: [0, 1, 0], z: [0, 0, 1] }[axis].map((x) => (this.mode === "translate" ? x : 1 - x) * along);
+    return add(add(at.toArray() as Vec, way as Vec), this.view.origin);
+  }
 
   /** Follows the selection, but not while it is dragged. */
   private attach(): void {
@@ -88,7 +98,9 @@ export class Gizmo {
     } else {
       const q = this.handle.quaternion;
       const by = multiply([q.w, q.x, q.y, q.z], conjugate(start.turn)); // about the axes of the device
-      turn = multiply(this.snaps ? snapped(by) : by, start.turn);
+      const taken = this.snaps ? snapped(by) : by;
+      this.turned = (2 * Math.atan2(Math.hypot(taken[1], taken[2], taken[3]), Math.abs(taken[0])) * 180) / Math.PI;
+      turn = multiply(taken, start.turn);
     }
     this.handle.position.set(...minus(place, this.view.origin));
     this.handle.quaternion.set(turn[1], turn[2], turn[3], turn[0]);

@@ -98,8 +98,8 @@ export class Things {
     this.forms.set("felt", new Batch(this.root, ball, lit()));
     this.forms.set("fading", new Batch(this.root, ball, faint));
     this.forms.set("pending", new Batch(this.root, new THREE.OctahedronGeometry(1), faint));
-    this.forms.set("disabled", new Batch(this.root, new THREE.IcosahedronGeometry(1, 0), wire()));
-    this.forms.set("expired", new Batch(this.root, new THREE.OctahedronGeometry(1), wire()));
+    this.forms.set("disabled", new Batch(this.root, new THREE.OctahedronGeometry(1.1), wire()));
+    this.forms.set("expired", new Batch(this.root, new THREE.TetrahedronGeometry(1.3), wire()));
     this.forms.set("refused", new Batch(this.root, cross, new THREE.MeshBasicMaterial({ side: THREE.DoubleSide, wireframe: true })));
     const quad = new THREE.PlaneGeometry(1, 1), grid = new THREE.PlaneGeometry(1, 1, 4, 4);
     const frame = new THREE.RingGeometry(0.985 * Math.SQRT1_2, Math.SQRT1_2, 4, 1).rotateZ(Math.PI / 4);
@@ -141,7 +141,7 @@ export class Things {
       const condition = item.condition;
       this.setColour(item, condition);
       if (item.told.primitive === "point") {
-        size.setScalar(this.unit * 0.5);
+        size.setScalar(this.unit * 0.65);
         this.forms.get(condition)!.add(item, matrix.compose(place, turn, size), colour);
       } else if (item.told.primitive === "plane") {
         size.setScalar(this.planeSize);
