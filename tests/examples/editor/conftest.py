@@ -20,7 +20,7 @@ import pytest
 
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parents[2]
-PATIENCE = 60  # s: nothing here is a measure of time, this only ends what would never come
+PATIENCE = 20  # s: nothing here is a measure of time, this only ends what would never come
 
 _numbers = itertools.count(1)
 
@@ -178,6 +178,7 @@ class Page:
         self.fill("#filter", name.rpartition("/")[2])
         self.locator(f'#table .item[data-name="{name}"] .name').click()
         self.fill("#filter", "")
+        self.evaluate("document.activeElement.blur()")
         self.wait_for_selector(f'#panel[data-selected="{name}"]')
 
     def field(self, path: str) -> Any:

@@ -88,6 +88,7 @@ export class TextField extends Field {
   set isReadOnly(is: boolean) { this.text.readOnly = is; }
 
   private async commit(send: Send): Promise<void> {
+    if (this.isSending) return; // Enter is told twice, as a key and as a change
     if (this.text.value === this.value) { this.refuse(""); return; }
     const read = this.read(this.text.value);
     if (typeof read === "string") { this.back(read); return; }
@@ -172,8 +173,10 @@ export class AreaField extends Field {
     super(path, label, "", area);
     this.area = area;
     this.row.classList.add("tall");
+    let isSending = false;
     const commit = async () => {
-      if (area.value === this.value) return;
+      if (isSending || area.value === this.value) return;
+      isSending = true;
       const what = read(area.value);
       try {
         if (typeof what === "string") throw { text: what };
@@ -184,6 +187,7 @@ export class AreaField extends Field {
         area.value = this.value;
         this.refuse((refused as Refusal).text);
       }
+      isSending = false;
     };
     area.onchange = () => void commit();
     area.onkeydown = (event) => { if (event.key === "Enter" && (rows === 2 || event.ctrlKey)) { event.preventDefault(); void commit(); } };

@@ -168,14 +168,15 @@ export class Model {
   }
 }
 
+const order = new Map<string, number>(); // in which the clients came
+
 /** The colour of a client: the editor's own is blue, and the others are told apart as well as may be (Okabe & Ito). */
 export function colourOf(client: string, me: string): number {
   if (client === me) return 0x2f6fb0;
   if (client === "server") return 0x7a7f87;
   const colours = [0xd57a00, 0x008f6b, 0xb25a94, 0x3aa0d0, 0xc04a00, 0x9b8a00];
-  let sum = 0;
-  for (const letter of client) sum = (sum * 31 + letter.codePointAt(0)!) >>> 0;
-  return colours[sum % colours.length]!;
+  if (!order.has(client)) order.set(client, order.size);
+  return colours[order.get(client)! % colours.length]!;
 }
 
 export function newtons(force: number): string {

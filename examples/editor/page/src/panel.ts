@@ -264,7 +264,7 @@ function named(field: string, path: string): boolean {
 /** Lines "d, f" with equal steps, as a spreadsheet gives them. */
 function readTable(text: string): { value: unknown } | string {
   const lines = text.split("\n").map((line) => line.trim()).filter((line) => line !== "");
-  const rows = lines.map((line) => line.split(/[\t;]|,\s*|\s+/).map(parse));
+  const rows = lines.map((line) => line.split(/[\t;]/.test(line) ? /[\t;]\s*/ : /,\s*|\s+/).map(parse)); // a comma may be decimal
   if (rows.length && rows[0]!.some((x) => x === null)) rows.shift(); // names of the columns
   const odd = rows.findIndex((row) => row.length !== 2 || row.some((x) => x === null));
   if (odd >= 0) return `line ${odd + 1}: two numbers are wanted, the distance (m) and the force (N)`;

@@ -137,7 +137,7 @@ export class Dialogs {
         degrees[i] = value as number;
         return send({ orientation: fromDegrees(degrees) });
       };
-      add(numberField(`frame.turn.${name}`, `r${name}`, "°", sendTurn), () => shown(Number(toDegrees(frame().pose.orientation)[i]!.toFixed(6))), turns);
+      add(numberField(`frame.turn.r${name}`, `r${name}`, "°", sendTurn), () => shown(Number(toDegrees(frame().pose.orientation)[i]!.toFixed(6))), turns);
     });
     body.append(places, turns);
     add(numberField("frame.scale", "scale", "m/m", (_path, value) => send({ scale: value }), "Metres of the scene for each metre of the device"), () => shown(frame().scale), body);

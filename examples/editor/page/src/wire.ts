@@ -28,6 +28,7 @@ export class Wire {
         each.refused({ text: "the connection to the editor was lost", field: "", status: "DISCONNECTED" });
       }
       this.waiting.clear();
+      this.count();
       this.onLine(false);
       setTimeout(() => this.connect(), 500);
     };
@@ -39,9 +40,13 @@ export class Wire {
       if (!this.socket) return refused({ text: "there is no connection to the editor", field: "", status: "DISCONNECTED" });
       const n = ++this.number;
       this.waiting.set(n, { done, refused });
+      this.count();
       this.socket.send(JSON.stringify({ n, do: name, ...fields }));
     });
   }
+
+  /** How many commands are not answered yet. */
+  private count(): void { document.body.dataset.busy = String(this.waiting.size); }
 
   /** Sends a file; a command with `upload: true` then uses it. */
   async upload(file: Blob, name: string): Promise<void> {
@@ -68,6 +73,7 @@ export class Wire {
   private answer(message: { n: number; ok?: unknown; refused?: Refusal }): void {
     const waits = this.waiting.get(message.n);
     this.waiting.delete(message.n);
+    this.count();
     if (message.refused) waits?.refused(message.refused);
     else waits?.done(message.ok);
   }
