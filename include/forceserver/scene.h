@@ -189,7 +189,8 @@ typedef struct fs_view {
   fs_vec3 points[FS_TOOL_POINTS_MAX]; /* of the tool, m, frame of the handle: the first point_count; the rest are 0 */
   uint32_t point_count;         /* 1..32 */
   bool held;                    /* the clutch is held */
-  uint8_t reserved_8[3];        /* 0 */
+  bool locked;                  /* connected: the server is `locked`, so other clients' objects cannot be changed */
+  uint8_t reserved_8[2];        /* 0 */
   double reserved[4];           /* 0 */
 } fs_view;
 

@@ -29,7 +29,8 @@ typedef struct fs_server_options {
                                    servo's */
   bool locked;                  /* a client can change its own objects only */
   bool all_users;               /* other users of this machine may connect */
-  uint8_t reserved[6];          /* 0 */
+  bool no_stop;                 /* a client cannot end the force: fs_scene_stop_force is DENIED */
+  uint8_t reserved[5];          /* 0 */
 } fs_server_options;
 FS_DEFINE_INIT(fs_server_options)
 

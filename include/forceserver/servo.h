@@ -163,6 +163,12 @@ FS_API fs_status fs_servo_step(fs_servo *servo, uint64_t ticks);
  * fault persists, the fault latches again, each time with an FS_EVENT_DEVICE. A servo starts enabled. */
 FS_API fs_status fs_servo_set_enabled(fs_servo *servo, bool enabled);
 
+/* Ends the force at once, as fs_servo_set_enabled(servo, false) of the servo that runs this scene, in this process or at
+ * the server: what the stop button of an editor calls. Only the owner of the servo lets the force return. When it
+ * returns, the server has done it; the next tick sends force 0. No servo: STATE. Connected: DENIED (the server's
+ * no_stop), TIMEOUT (1 s); it overtakes the changes of a group that is open. */
+FS_API fs_status fs_scene_stop_force(fs_scene *scene);
+
 /* Stops the servo; null does nothing. First the force is set to 0 and the ticks end (if the device fails to take the
  * force, it is tried again for 20 ms), then the clients of its server are disconnected. Unlike with other handles,
  * another thread may be in fs_servo_step, which then ends early, or in another fs_servo_stop: both return when the

@@ -89,6 +89,14 @@ fs_status fs_scene_get_hand(const fs_scene* scene, fs_state* state, fs_response*
   return scene->get_hand(state, response, sent);
 }
 
+fs_status fs_scene_stop_force(fs_scene* scene) {
+  return guarded([&] {
+    require_pointer(scene, "scene");
+    const Ref<fs_scene> kept = Ref<fs_scene>::share(scene);
+    kept->stop_force();
+  });
+}
+
 fs_status fs_scene_get_servo_stats(fs_scene* scene, fs_servo_stats* out) {
   return guarded([&] {
     require_pointer(scene, "scene");

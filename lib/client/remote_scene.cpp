@@ -280,8 +280,10 @@ fs_view RemoteScene::own_view(Call& call) {
 
 fs_view RemoteScene::view(const char* client) {
   Call call = line_.enter();
-  if (!client || client_ == client) return own_view(call);
-  return line_.request(call, wire::type_view, to_target(client, "client")).as<fs_view>();
+  const bool is_own = !client || client_ == client;
+  fs_view out = is_own ? own_view(call) : line_.request(call, wire::type_view, to_target(client, "client")).as<fs_view>();
+  out.locked = connection_.welcome().is_locked;
+  return out;
 }
 
 void RemoteScene::set_accuracy(double newtons) {
@@ -327,6 +329,11 @@ void RemoteScene::ask(wire::Type type, Info& out) {
 
 void RemoteScene::get_servo_stats(fs_servo_stats& out) { ask(wire::type_stats, out); }
 void RemoteScene::get_device_info(fs_device_info& out) { ask(wire::type_device, out); }
+
+void RemoteScene::stop_force() {
+  Call call = line_.enter();
+  line_.request(call, wire::type_stop_force);
+}
 
 // -------------------------------------------------------------------------------------------------- reports and motions
 

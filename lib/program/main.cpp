@@ -155,6 +155,7 @@ int main(int argc, char** argv) {
   run_option("--client-force", run_options.client_force, "N", "The largest force of a client; without it the servo's")
       ->check(above_zero)->needs(listen);
   run_command->add_flag("--locked", run_options.locked, "Each client may change its own objects only")->needs(listen);
+  run_command->add_flag("--no-stop", run_options.no_stop, "No client may end the force")->needs(listen);
   run_command->add_flag("--all-users", run_options.all_users, "Also let in programs of other users of this machine")
       ->needs(listen);
   run_command->footer(run_help);

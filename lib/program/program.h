@@ -56,7 +56,7 @@ struct RunOptions {
   std::string scene, device = "sim:", record, listen;
   double duration = 0, rate = 0, force_limit = 0;  // s, Hz, N; 0: without end, the device's rate, the device's limit
   double client_force = 0;                         // N; 0: the servo's limit
-  bool locked = false, all_users = false;
+  bool locked = false, all_users = false, no_stop = false;
 };
 int run(const RunOptions& options);
 

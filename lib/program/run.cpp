@@ -1,4 +1,5 @@
 // forceserver run: runs a scene on a device, until the time is over or Ctrl-C.
+#include <poll.h>
 #include <sys/ioctl.h>
 #include <unistd.h>
 
@@ -169,13 +170,22 @@ void print_line(fs_scene* scene, double time, bool listens, bool terminal) {
                             stats.late_p99 * 1e6, length(sent.force), listens ? " of its own objects" : "") +
                      felt(scene);
   if (stats.faults) line += "; STOPPED: " + fault_names(stats.faults);
-  if (!stats.enabled) line += "; NOT ENABLED";
+  if (!stats.enabled) line += "; a client ended the force: Enter lets it return";
   winsize window{};
   if (terminal && ioctl(STDOUT_FILENO, TIOCGWINSZ, &window) == 0 && window.ws_col > 1) {
     line = fit(line, window.ws_col - 1u);  // it must not wrap
   }
   std::printf(terminal ? "\r\033[K%s" : "%s\n", line.c_str());
   std::fflush(stdout);
+}
+
+// Lets the force return when a person presses Enter, after a client has ended it.
+void enable_on_enter(fs_servo* servo, const fs_servo_stats& stats) {
+  if (tcgetpgrp(STDIN_FILENO) != getpgrp()) return;  // in the background reading would stop the process
+  pollfd input{STDIN_FILENO, POLLIN, 0};
+  if (poll(&input, 1, 0) <= 0 || !(input.revents & POLLIN)) return;
+  char line[256];
+  if (read(STDIN_FILENO, line, sizeof line) > 0 && !stats.enabled) fs_servo_set_enabled(servo, true);
 }
 
 // Prints the events since the last call, one per line. Returns the faults that they tell of.
@@ -239,6 +249,7 @@ int run(const RunOptions& options) {
     fs_server_options server_options = fs_server_options_init();
     server_options.locked = options.locked;
     server_options.all_users = options.all_users;
+    server_options.no_stop = options.no_stop;
     server_options.force_limit = options.client_force;
     try {
       server = open<Server>(fs_server_start, servo.get(), full_endpoint(options.listen).c_str(), &server_options);
@@ -257,6 +268,7 @@ int run(const RunOptions& options) {
   if (server) std::printf("listens at %s\n", full_endpoint(options.listen).c_str());
   std::fflush(stdout);
 
+  const bool asks = terminal && isatty(STDIN_FILENO);  // a person is there
   const auto start = Clock::now();
   const double sample = 0.1, line_period = terminal ? 0.2 : 5;
   double next_line = line_period;
@@ -270,7 +282,9 @@ int run(const RunOptions& options) {
     over = left <= 0 || ending.wait(std::min(left, sample));
     elapsed = Seconds(Clock::now() - start).count();
     // No event tells of a device that was not ready from the start, and the statistics do not tell of a fault that is over.
-    faults |= get_stats(scene.get()).faults | print_events(scene.get(), terminal);
+    const fs_servo_stats now = get_stats(scene.get());
+    faults |= now.faults | print_events(scene.get(), terminal);
+    if (asks) enable_on_enter(servo.get(), now);
     const std::span<const fs_tick> fresh = ticks.fetch(servo.get());
     chatter.add(scene.get(), fresh, elapsed, terminal);
     if (record) {

@@ -84,7 +84,7 @@ void Evaluated::take(Retimed& retimed, double shift) noexcept {
   posted_ = nullptr;
 }
 
-double Evaluated::attach_servo(const ServoLink& servo, ServoReader& reader, bool starts_in) {
+double Evaluated::attach_servo(ServoLink& servo, ServoReader& reader, bool starts_in) {
   if (servo_) fail(FS_ERROR_STATE, "scene has a servo already; stop it first");
   settle(true);
   output->time.store(servo.time());

@@ -41,9 +41,9 @@ class Evaluated {
 
   // A servo brings a clock of its own: stored times are shifted, so ages stay, and fades end. Both return the shift, s.
   // starts_in: what is there is felt in full from the first tick on; else it fades in.
-  double attach_servo(const ServoLink& servo, ServoReader& reader, bool starts_in);  // STATE: it has one
+  double attach_servo(ServoLink& servo, ServoReader& reader, bool starts_in);  // STATE: it has one
   double detach_servo(ServoReader& reader) noexcept;
-  const ServoLink* servo() const noexcept { return servo_; }                // null: there is none
+  ServoLink* servo() const noexcept { return servo_; }                // null: there is none
   const ServoReader* servo_reader() const noexcept { return servo_reader_; }  // null: there is none
 
  private:
@@ -57,7 +57,7 @@ class Evaluated {
   bool is_held_ = false;
   double settled_at_ = -never;  // s
 
-  const ServoLink* servo_ = nullptr;
+  ServoLink* servo_ = nullptr;
   ServoReader* servo_reader_ = nullptr;
 };
 

@@ -310,3 +310,5 @@ std::vector<fs_client> LocalScene::clients() {
 void LocalScene::get_servo_stats(fs_servo_stats& out) { readers.get_servo_stats(out); }
 
 void LocalScene::get_device_info(fs_device_info& out) { readers.get_device_info(out); }
+
+void LocalScene::stop_force() { readers.stop_force(); }

@@ -65,7 +65,7 @@ void Readers::with_snapshot(const char* name, const std::function<void(const Sna
 
 // -------------------------------------------------------------------------------------------------------------- servo
 
-void Readers::attach_servo(const ServoLink& servo, ServoReader& reader, bool starts_in) {
+void Readers::attach_servo(ServoLink& servo, ServoReader& reader, bool starts_in) {
   const std::lock_guard lock(mutex_);
   edits_.shift(evaluated_.attach_servo(servo, reader, starts_in));
   servo_process_.store(this_process());
@@ -86,7 +86,7 @@ fs_status Readers::get_hand(fs_state* state, fs_response* response, fs_wrench* s
   return read_hand(*evaluated_.output, state, response, sent);
 }
 
-const ServoLink& Readers::require_servo(const char* sentence) const {
+ServoLink& Readers::require_servo(const char* sentence) const {
   if (!evaluated_.servo()) fail(FS_ERROR_STATE, "%s", sentence);
   if (servo_process_ != this_process()) fail(FS_ERROR_STATE, "%s", servo_of_parent);
   return *evaluated_.servo();
@@ -100,6 +100,11 @@ void Readers::get_servo_stats(fs_servo_stats& out) {
 void Readers::get_device_info(fs_device_info& out) {
   const std::lock_guard lock(mutex_);
   require_servo("the scene has no servo, so no device; fs_servo_start gives it one").get_device_info(out);
+}
+
+void Readers::stop_force() {
+  const std::lock_guard lock(mutex_);
+  require_servo("the scene has no servo, so no force to stop").set_enabled(false);
 }
 
 }  // namespace fs

@@ -26,16 +26,17 @@ class Readers {
 
   // The servo. Attaching and detaching change the clock: stored times shift along, so ages stay; fades end.
   // starts_in: what is there is felt in full from the first tick on; else it fades in.
-  void attach_servo(const ServoLink& servo, ServoReader& reader, bool starts_in);  // STATE
+  void attach_servo(ServoLink& servo, ServoReader& reader, bool starts_in);  // STATE
   void detach_servo(ServoReader& reader) noexcept;
   bool has_servo() const noexcept { return has_servo_.load(std::memory_order_acquire); }                // [rt]
   fs_status get_hand(fs_state* state, fs_response* response, fs_wrench* sent) const noexcept;  // [rt]
   void get_servo_stats(fs_servo_stats& out);                                                   // STATE
   void get_device_info(fs_device_info& out);                                                   // STATE
+  void stop_force();                                                                           // STATE
 
  private:
   void build_shapes();
-  const ServoLink& require_servo(const char* sentence) const;  // STATE: there is none, or it is a parent process's
+  ServoLink& require_servo(const char* sentence) const;  // STATE: there is none, or it is a parent process's
 
   std::mutex& mutex_;  // the scene's
   Evaluated& evaluated_;

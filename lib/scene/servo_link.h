@@ -13,6 +13,7 @@ class ServoLink {
   virtual double time() const noexcept = 0;      // s, of its newest tick
   virtual void get_stats(fs_servo_stats& out) const = 0;        // all but struct_size
   virtual void get_device_info(fs_device_info& out) const = 0;  // all but struct_size
+  virtual void set_enabled(bool enabled) noexcept = 0;          // [rt]
   virtual uint64_t event_count() const noexcept = 0;            // of the device
   virtual bool take_event(uint64_t& next, fs_event& out) const = 0;  // number `next`, which goes on; false: none yet
 

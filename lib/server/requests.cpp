@@ -65,8 +65,16 @@ void Requests::answer(const Request& request) {
       host.servo().get_device_info(info);
       return client_.answers.send_record(request.serial, info);
     }
+    case type_stop_force: return stop_force(request);
     default: return;
   }
+}
+
+void Requests::stop_force(const Request& request) {
+  const Host& host = client_.host;
+  if (host.settings().is_force_kept) fail(FS_ERROR_DENIED, "this server does not let a client end the force");
+  host.servo().set_enabled(false);
+  client_.answers.send(request.serial);
 }
 
 // ------------------------------------------------------------------------------------------------- objects of others

@@ -31,6 +31,7 @@ class Requests {
   void tell_object(const std::string& name, wire::Pulled& out);
   void fetch(const Request& request);
   void view(const Request& request);
+  void stop_force(const Request& request);
 
   Client& client_;
 };

@@ -35,6 +35,7 @@ ServerSettings parse_options(const fs_server_options& options, const ServoSettin
   }
   out.is_locked = options.locked;
   out.is_for_all_users = options.all_users;
+  out.is_force_kept = options.no_stop;
   return out;
 }
 

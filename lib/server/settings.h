@@ -14,6 +14,7 @@ struct ServerSettings {
   double lease;        // s
   Channel::Limits limits;
   bool is_locked, is_for_all_users;
+  bool is_force_kept;  // a client cannot end the force
 };
 ServerSettings parse_options(const fs_server_options& options, const ServoSettings& servo);  // INVALID
 

@@ -48,7 +48,7 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   void remove_listener(const void* owner) noexcept;
 
   fs_status step(uint64_t ticks) noexcept;            // [rt] STATE, UNSUPPORTED, DISCONNECTED
-  void set_enabled(bool enabled) noexcept;            // [rt]
+  void set_enabled(bool enabled) noexcept override;   // [rt]
   const fs::FlightRecord& record() const noexcept { return record_; }
 
   const fs::ServoSettings& settings() const noexcept { return settings_; }

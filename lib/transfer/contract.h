@@ -222,6 +222,7 @@ inline fs_object from_record(const Object& from) {
   FIELD(fs_view, points) \
   FIELD(fs_view, point_count) \
   FIELD(fs_view, held) \
+  FIELD(fs_view, locked) \
   FIELD(fs_view, reserved_8) \
   FIELD(fs_view, reserved) \
   FIELD(fs_motion, name) \

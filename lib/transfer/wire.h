@@ -86,6 +86,7 @@ enum Type : uint32_t {
   type_view,         // Target: a client. Reply, fs_view
   type_stats,        // nothing. Reply, fs_servo_stats
   type_device,       // nothing. Reply, fs_device_info
+  type_stop_force,   // nothing. Reply
   type_motions,      // Target: a client; empty: all but the asking one. Reply, Count, and a descriptor: fs_motion, as many
 
   type_reply = 200   // Reply and what it says above

@@ -505,6 +505,45 @@ START_TEST(groups_of_all) {
 }
 END_TEST
 
+// A client may end the force of all, unless the server keeps it; only the servo's owner lets it return.
+START_TEST(a_client_stops_the_force) {
+  Two two;
+  set(two.me, push("a", 2));
+  two.settle_all();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{0, 0, 2}), 1e-12);
+  OK(fs_scene_stop_force(two.bob.get()));
+  two.step();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{}), 0);
+  ck_assert_uint_eq(stats_of(two.bob.get()).enabled, 0);
+  OK(fs_scene_stop_force(two.me.get()));  // once more
+  two.step(2);
+  OK(fs_servo_set_enabled(two.servo.get(), true));
+  two.step(2);
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{0, 0, 2}), 1e-12);
+  OK(fs_scene_begin(two.me.get()));
+  set(two.me, push("b", 5));
+  OK(fs_scene_stop_force(two.me.get()));  // it does not wait for the group
+  two.step();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{}), 0);
+  OK(fs_scene_commit(two.me.get()));
+}
+END_TEST
+
+START_TEST(a_server_keeps_the_force) {
+  fs_server_options options = fs_server_options_init();
+  options.no_stop = true;
+  Two two(options);
+  set(two.me, push("a", 2));
+  two.settle_all();
+  EXPECT_SENTENCE(FS_ERROR_DENIED, fs_scene_stop_force(two.bob.get()), "does not let a client end the force");
+  two.step();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{0, 0, 2}), 1e-12);
+  OK(fs_scene_stop_force(two.base.get()));  // the owner's own scene is no client
+  two.step();
+  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{}), 0);
+}
+END_TEST
+
 START_TEST(locked) {
   fs_server_options options = fs_server_options_init();
   options.locked = true;
@@ -519,6 +558,9 @@ START_TEST(locked) {
     EXPECT(FS_ERROR_DENIED, fs_object_move(two.bob.get(), name, &pose, nullptr, FS_NOW));
     EXPECT(FS_ERROR_DENIED, fs_object_remove(two.bob.get(), name));
     ck_assert(has(two.bob.get(), name));  // reading is allowed
+    fs_view view;
+    OK(fs_scene_get_view(two.bob.get(), name[0] == 'm' ? "me" : "server", &view));
+    ck_assert(view.locked);
   }
   const fs_object o = push("me/a", 3);
   OK(fs_object_change(two.me.get(), &o, FS_PART_PROFILES));
@@ -903,7 +945,7 @@ END_TEST
 int main() {
   Suite* suite = suite_create("connected");
   add_once(suite, "several", {forces_add, names_are_private, own_names_in_full, views, force_limit});
-  add_once(suite, "others", {objects_of_others, objects_of_the_server, edits_in_an_open_group, groups_change_only_their_parts, many_edits, groups_of_all, locked,
+  add_once(suite, "others", {objects_of_others, objects_of_the_server, edits_in_an_open_group, groups_change_only_their_parts, many_edits, groups_of_all, a_client_stops_the_force, a_server_keeps_the_force, locked,
                              shapes_of_others});
   add_once(suite, "seen", {reports_of_all, clients});
   add_once(suite, "threads", {all_at_once});

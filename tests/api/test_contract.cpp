@@ -285,6 +285,7 @@ static const std::vector<Call> calls{
     {"fs_scene_get_device_info", 2, FS_OK, [](World& w, int n) {
        return fs_scene_get_device_info(but(n, 0, w.scene), but(n, 1, &w.device_info));
      }},
+    {"fs_scene_stop_force", 1, FS_OK, [](World& w, int n) { return fs_scene_stop_force(but(n, 0, w.scene)); }},
     {"fs_servo_get_record", 3, FS_OK, [](World& w, int n) {
        return fs_servo_get_record(but(n, 0, w.servo), but(n, 1, &w.tick), 1, but(n, 2, &w.count));
      }},

@@ -72,6 +72,7 @@ std::vector<Call> all_calls(const std::string& path) {
          fs_device_info out = fs_device_info_init();
          return fs_scene_get_device_info(s, &out);
        }},
+      {"fs_scene_stop_force", [](fs_scene* s) { return fs_scene_stop_force(s); }},
       {"fs_scene_get_clients", [](fs_scene* s) { size_t n; return fs_scene_get_clients(s, nullptr, 0, &n); }},
       {"fs_tool_create", [](fs_scene* s) {
          fs_tool* tool = nullptr;

@@ -21,7 +21,8 @@ static const std::vector<Known> known_types = {
     {type_fetch, sizeof(Fetch)},   {type_edit, sizeof(Edit)},     {type_move_other, sizeof(MoveOther)},
     {type_remove_other, sizeof(Target)}, {type_report, sizeof(Target)}, {type_reports, 0},
     {type_clients, 0},             {type_view, sizeof(Target)},   {type_stats, 0},
-    {type_device, 0},              {type_motions, sizeof(Target)}, {type_accuracy, sizeof(Accuracy)}};
+    {type_stop_force, 0},          {type_device, 0},              {type_motions, sizeof(Target)},
+    {type_accuracy, sizeof(Accuracy)}};
 
 static const std::vector<std::byte> zeros(fs::most_message);
 

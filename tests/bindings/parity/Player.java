@@ -404,6 +404,7 @@ public final class Player implements AutoCloseable {
             t.deviceErrors(), t.approximated(), t.enabled());
         give(t.ticks() > 5000);
       }
+      case "stop_force" -> scene.stopForce();
       case "device" -> give(step.containsKey("opened") ? device.info() : scene.deviceInfo());
       case "devices" -> {
         for (DeviceEntry each : ForceServer.devices()) if (each.uri().equals("sim:")) give(each.label());

@@ -388,6 +388,8 @@ class Player {
       give(t.realtime), give(t.faults), give(t.protections_off), give(t.max_stiffness), give(t.damping), give(t.energy);
       give(double(t.misses)), give(double(t.device_errors)), give(double(t.approximated));
       give(t.enabled), give(t.ticks > 5000);
+    } else if (verb == "stop_force") {
+      check(fs_scene_stop_force(scene_));
     } else if (verb == "device") {
       fs_device_info d = fs_device_info_init();
       check(step.contains("opened") ? fs_device_get_info(device_, &d) : fs_scene_get_device_info(scene_, &d));

@@ -269,6 +269,9 @@ class Player:
         self.give(int(t.realtime), int(t.faults), int(t.protections_off), t.max_stiffness, t.damping, t.energy)
         self.give(t.misses, t.device_errors, t.approximated, t.enabled, t.ticks > 5000)
 
+    def do_stop_force(self):
+        self.scene.stop_force()
+
     def do_device(self, opened=False):
         d = self.device.get_info() if opened else self.scene.get_device_info()
         self.give(d.name, d.serial, d.force_axes, d.torque_axes, d.workspace_radius, d.workspace_height)

@@ -376,6 +376,11 @@ public final class Scene extends Handle {
     return info;
   }
 
+  /** Ends the force of the servo that runs this scene, at once; only the servo's owner lets it return. */
+  public void stopForce() {
+    call(Native::fs_scene_stop_force);
+  }
+
   /** A call that fills a list of this scene. */
   private interface Fill {
     int run(long scene, ByteBuffer out, long capacity, long[] count);

@@ -1,0 +1,92 @@
+"""forceserver-editor: serves the page that shows and edits what can be felt at a force-server."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import secrets
+import signal
+import sys
+import webbrowser
+from pathlib import Path
+
+import forceserver as fs
+
+from .door import PAGE, Door
+from .edit import Edit
+from .keep import Keep, recovery_folder
+from .look import Look
+
+EPILOG = """The address that it prints has a random token in it: who has the address can push the hand. It listens at
+127.0.0.1 alone unless --host says otherwise. The editor's own objects fade out when it ends; a recovery file keeps
+them, and the next editor offers it."""
+
+
+def options(arguments: list[str] | None = None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser("forceserver-editor", description=__doc__.partition(": ")[2], epilog=EPILOG)
+    parser.add_argument("server", help="the force-server, such as shm:lab; lab alone means the same")
+    parser.add_argument("--name", help="of the editor as a client of the server (editor)")
+    parser.add_argument("--port", type=int, default=0, help="of the page; 0: any that is free")
+    parser.add_argument("--host", default="127.0.0.1", help="address to listen at; others than 127.0.0.1 are reachable "
+                        "from other machines")  # fmt: skip
+    parser.add_argument("--folder", type=Path, default=Path(), help="where scenes are saved and loaded (here)")
+    parser.add_argument("--view", action="store_true", help="only show: no change is possible")
+    parser.add_argument("--no-browser", action="store_true", help="do not open a browser")
+    return parser.parse_args(arguments)
+
+
+async def serve(given: argparse.Namespace) -> None:
+    loop = asyncio.get_running_loop()
+    endpoint = given.server if ":" in given.server else f"shm:{given.server}"
+    name = given.name or "editor"
+    door: Door | None = None
+
+    def told() -> None:
+        if door is not None:
+            with contextlib.suppress(RuntimeError):  # the loop has ended
+                loop.call_soon_threadsafe(door.tell)
+
+    look = Look(endpoint, name, given.name is not None, told)
+    look.connect()
+    keep = Keep(given.folder, recovery_folder(), endpoint, look.me)
+    edit = Edit(look, keep, given.view)
+    door = Door(look, edit, given.host, given.port, secrets.token_urlsafe(16))
+    ready: asyncio.Future[str] = loop.create_future()
+    serving = asyncio.create_task(door.run(ready))
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, serving.cancel)
+    serving.add_done_callback(lambda done: ready.done() or ready.cancel())
+    try:
+        address = await ready
+    except asyncio.CancelledError:  # it could not listen
+        look.close()
+        return await serving
+    look.start()
+    if given.host not in ("127.0.0.1", "localhost", "::1"):
+        print(f"WARNING: other machines can reach this editor at {given.host}. The connection is not encrypted: whoever "
+              "reads the address on its way can push the hand.", file=sys.stderr)  # fmt: skip
+    print(address, flush=True)
+    if not given.no_browser:
+        webbrowser.open(address)
+    with contextlib.suppress(asyncio.CancelledError):
+        await serving
+    look.close()
+
+
+def main() -> None:
+    given = options()
+    if not (PAGE / "index.html").exists():
+        sys.exit("forceserver-editor: the page was not built; pip install ./examples/editor builds it")
+    if not given.folder.is_dir():
+        sys.exit(f"forceserver-editor: there is no folder {given.folder}")
+    try:
+        asyncio.run(serve(given))
+    except fs.Error as error:
+        sys.exit(f"forceserver-editor: {error.args[0] if error.args else error}")
+    except OSError as error:
+        sys.exit(f"forceserver-editor: cannot listen at {given.host}:{given.port}: {error.strerror or error}")
+
+
+if __name__ == "__main__":
+    main()

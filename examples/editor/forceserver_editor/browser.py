@@ -1,0 +1,162 @@
+"""One browser: sends it the newest state whenever it has taken the last one, and carries out its commands.
+
+A message to the browser is: the length of its JSON (uint32), the JSON, zeros up to a multiple of 8 bytes; then the rows of
+the objects that moved or are felt differently, and the forces read since the last message (float64). Only what is new to
+this browser is in it, and never more than one message is under way: nothing queues for a slow browser.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import concurrent.futures
+import contextlib
+import json
+import struct
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from websockets.asyncio.server import ServerConnection
+from websockets.exceptions import ConnectionClosed
+
+from .edit import Edit
+from .look import COLUMNS, Look, Seen
+from .plain import Plain, Refused
+
+COMMANDS_A_SECOND = 500
+MOST_UPLOAD = 512 << 20  # bytes
+
+
+class Browser:
+    def __init__(self, socket: ServerConnection, who: str, look: Look, edit: Edit, worker: concurrent.futures.Executor):
+        self.who = who
+        self._socket, self._look, self._edit, self._worker = socket, look, edit, worker
+        self.new = asyncio.Event()  # there is something newer than the last message
+        self._taken = asyncio.Event()
+        self._taken.set()
+        self._forget()
+        self._upload: Any = None
+        self._upload_left = 0
+
+    def _forget(self) -> None:
+        self._connection, self._version, self._event, self._sample_count = -1, -1, 0, -1
+        self._sent_ids: set[int] = set()
+        self._sent_rows: dict[int, Any] = {}
+        self._ids: Any = None
+        self._rows: Any = None
+
+    async def run(self) -> None:
+        stream = asyncio.create_task(self._stream())
+        try:
+            await self._listen()
+        finally:
+            stream.cancel()
+            self._drop_upload()
+
+    # ---- States
+
+    async def _stream(self) -> None:
+        with contextlib.suppress(ConnectionClosed):
+            while True:
+                await self._taken.wait()
+                await self.new.wait()
+                self.new.clear()
+                self._taken.clear()
+                await self._socket.send(self._message(self._look.seen))
+
+    def _message(self, seen: Seen) -> bytes:
+        told: Plain = {"serial": seen.serial, "error": seen.error, "connection": seen.connection} | seen.plain
+        told |= {"who": self.who, "view_only": self._edit.view_only, "endpoint": self._look.endpoint}
+        told |= {"history": self._edit.history.tell(), "recovery": self._edit.keep.offer()}
+        if seen.connection != self._connection:
+            self._forget()
+            self._connection, told["fresh"] = seen.connection, True
+        if seen.version != self._version:
+            changed = [known.told for known in seen.objects.values() if known.version > self._version]
+            told["objects"] = changed
+            told["gone"] = list(self._sent_ids - seen.objects.keys())
+            self._sent_ids = set(seen.objects)
+            self._version = seen.version
+        told["events"] = [event for event in seen.events if event["serial"] > self._event]
+        self._event = max([self._event, *(event["serial"] for event in told["events"])])
+        rows = self._new_rows(seen.rows)
+        new = len(seen.samples) if self._sample_count < 0 else min(seen.sample_count - self._sample_count, len(seen.samples))
+        samples = seen.samples[len(seen.samples) - max(new, 0) :]
+        self._sample_count = seen.sample_count
+        told |= {"rows": len(rows), "samples": len(samples)}
+        text = json.dumps(told, allow_nan=False, separators=(",", ":")).encode("utf-8", "surrogateescape")
+        head = struct.pack("<I", len(text)) + text
+        return head + bytes(-len(head) % 8) + bytes(rows) + bytes(samples)
+
+    def _new_rows(self, rows: Any) -> Any:
+        """Those that differ from what the browser has."""
+        last, self._rows = self._rows, rows
+        if last is None or len(last) != len(rows) or not np.array_equal(last[:, 0], rows[:, 0]):
+            return rows
+        differs = np.any(rows.view(np.uint64) != last.view(np.uint64), axis=1) if rows.size else np.zeros(0, bool)
+        return rows[differs] if rows.size else rows.reshape(0, COLUMNS)
+
+    # ---- Commands
+
+    async def _listen(self) -> None:
+        loop = asyncio.get_running_loop()
+        next_time = 0.0
+        with contextlib.suppress(ConnectionClosed):
+            async for message in self._socket:
+                if isinstance(message, bytes):
+                    self._take_piece(message)
+                    continue
+                try:
+                    command = json.loads(message)
+                    assert isinstance(command, dict)
+                except (ValueError, AssertionError, RecursionError):
+                    await self._socket.close(1003, "a command is a JSON object")
+                    return
+                if "took" in command:
+                    self._taken.set()
+                    continue
+                next_time = max(next_time + 1 / COMMANDS_A_SECOND, loop.time() - 0.1)
+                if next_time > loop.time():  # too many: the browser has to wait
+                    await asyncio.sleep(next_time - loop.time())
+                await self._socket.send(json.dumps(await self._answer(command), allow_nan=False))
+
+    async def _answer(self, command: Plain) -> Plain:
+        number = command.get("n")
+        try:
+            if command.get("do") == "upload":
+                self._begin_upload(command)
+                return {"n": number, "ok": {}}
+            upload = self._finished_upload() if command.get("upload") else None
+            command.pop("upload", None)
+            loop = asyncio.get_running_loop()
+            return {"n": number, "ok": await loop.run_in_executor(self._worker, self._edit.do, self.who, command, upload)}
+        except Refused as refused:
+            return {"n": number, "refused": {"text": refused.text, "field": refused.field, "status": refused.status}}
+
+    def _begin_upload(self, command: Plain) -> None:
+        self._drop_upload()
+        size, name = int(command.get("size", 0)), str(command.get("file", ""))
+        if not 0 < size <= MOST_UPLOAD:
+            raise Refused(f"the file has {size} bytes, may have {MOST_UPLOAD}", "file", "FULL")
+        ending = Path(name).suffix.lower()
+        if ending not in (".obj", ".ply", ".stl", ".off", ".zip", ".json"):
+            raise Refused(f"{name!r} is none of .obj .ply .stl .off .zip .json", "file", "UNSUPPORTED")
+        self._upload = tempfile.NamedTemporaryFile(suffix=ending)  # noqa: SIM115  # it lives until the next one
+        self._upload_left = size
+
+    def _take_piece(self, piece: bytes) -> None:
+        if self._upload is not None and len(piece) <= self._upload_left:
+            self._upload.write(piece)
+            self._upload_left -= len(piece)
+
+    def _finished_upload(self) -> Path:
+        if self._upload is None or self._upload_left:
+            raise Refused("the file did not arrive as a whole", "file", "IO")
+        self._upload.flush()
+        return Path(self._upload.name)
+
+    def _drop_upload(self) -> None:
+        if self._upload is not None:
+            self._upload.close()
+        self._upload = None

@@ -1,0 +1,114 @@
+"""What was edited, step by step, for all browsers together: each gesture is one step that can be undone and done again.
+
+Own objects are remembered whole, with their shapes and curves; of another client's object only the parts that were
+touched. A step is not undone if somebody else has changed the same parts since.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import forceserver as fs
+
+from .plain import ALL_PARTS, Plain, Refused, Shapes, parts_of
+
+MOST_STEPS = 200
+
+
+@dataclass
+class Change:
+    before: fs.Object | None  # None: it was not there
+    after: fs.Object | None
+    parts: int
+
+
+@dataclass
+class Step:
+    who: str
+    gesture: str
+    text: str
+    changes: dict[str, Change] = field(default_factory=dict)
+
+    def plain(self) -> Plain:
+        return {"who": self.who, "text": self.text}
+
+
+class History:
+    def __init__(self, shapes: Shapes) -> None:
+        self._shapes = shapes
+        self._steps: list[Step] = []
+        self._done = 0  # the steps before this one are done, the rest are undone
+        self.editors: dict[str, str] = {}  # who was last told to have changed an own object
+
+    def clear(self) -> None:
+        self._steps, self._done = [], 0
+
+    def tell(self) -> Plain:
+        return {
+            "undo": self._steps[self._done - 1].plain() if self._done else None,
+            "redo": self._steps[self._done].plain() if self._done < len(self._steps) else None,
+        }
+
+    def note(
+        self, who: str, gesture: str, text: str, name: str, before: fs.Object | None, after: fs.Object | None, parts: int
+    ) -> None:
+        """Notes that an object was changed. Changes of one gesture are one step."""
+        step = self._steps[self._done - 1] if self._done else None
+        if step is None or not gesture or step.gesture != gesture or step.who != who or self._done < len(self._steps):
+            step = Step(who, gesture, text)
+            self._steps = [*self._steps[: self._done], step][-MOST_STEPS:]
+            self._done = len(self._steps)
+        known = step.changes.get(name)
+        if known is None:
+            step.changes[name] = Change(before, after, parts)
+        else:
+            known.after = after
+            known.parts |= parts
+
+    def undo(self, scene: fs.Scene) -> Step:
+        if not self._done:
+            raise Refused("there is nothing to undo")
+        step = self._steps[self._done - 1]
+        self._apply(scene, {name: Change(c.after, c.before, c.parts) for name, c in step.changes.items()})
+        self._done -= 1
+        return step
+
+    def redo(self, scene: fs.Scene) -> Step:
+        if self._done == len(self._steps):
+            raise Refused("there is nothing to do again")
+        step = self._steps[self._done]
+        self._apply(scene, step.changes)
+        self._done += 1
+        return step
+
+    def _apply(self, scene: fs.Scene, changes: dict[str, Change]) -> None:
+        """All of it, felt from one tick on, or none."""
+        for name, change in changes.items():
+            self._require_untouched(scene, name, change)
+        with scene.change():
+            for name, change in reversed(changes.items()):
+                if change.after is None:
+                    scene.object_remove(name)
+                    continue
+                wanted = change.after.copy()
+                wanted.name, wanted.time, wanted.twist = name, 0, fs.Twist()
+                if "/" in name:
+                    scene.object_change(wanted, change.parts)
+                else:
+                    scene.object_set(wanted)
+
+    def _require_untouched(self, scene: fs.Scene, name: str, change: Change) -> None:
+        owner = name.rpartition("/")[0]
+        who = self.editors.get(name, "another client") if not owner else f"{owner} or another client"
+        try:
+            present = scene.object_get(name)
+        except fs.NotFoundError:
+            if change.before is None:
+                return
+            raise Refused(f"{name} is gone: {who} has removed it") from None
+        if change.before is None:
+            raise Refused(f"there is another {name} by now")
+        parts = change.parts if owner else ALL_PARTS
+        is_same = parts_of(present, parts, self._shapes) == parts_of(change.before, parts, self._shapes)
+        if not is_same:
+            raise Refused(f"{name} is not as this step left it: {who} has changed it since")

@@ -1,0 +1,316 @@
+"""Looks at the server for all browsers: a thread of its own reads the force 250 times a second, and the rest 30 times.
+
+What it saw last is a Seen, which never changes. A browser gets of it what is new to it.
+"""
+
+from __future__ import annotations
+
+import collections
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import forceserver as fs
+import numpy as np
+
+from .plain import Plain, Shapes, frame, number, plain, pose
+
+RATE = 30  # states a second
+SAMPLES_PER_STATE = 8  # forces read for each of them: 240 a second
+KEPT_SAMPLES = 10 * RATE * SAMPLES_PER_STATE  # 10 s: a browser that is slower than this misses some
+GETS_PER_STATE = 400  # objects that are fetched for one state, so that a scene of thousands does not hold it up
+
+# The columns of Seen.rows. The pose is in the frame of the object's client and extrapolated to the time of the state;
+# distance, point and force are those of fs_report, and so in the frame of the editor's scene.
+COLUMNS = 19  # id, position 3, orientation 4, state, weight, distance, point 3, force 3, slope wanted, slope applied
+
+Rows = np.ndarray[Any, np.dtype[np.float64]]
+
+
+@dataclass(frozen=True)
+class Known:
+    """An object as the page is told of it."""
+
+    id: int
+    name: str
+    revision: int
+    version: int  # of the look at which it last changed
+    told: Plain
+
+
+@dataclass(frozen=True)
+class Seen:
+    serial: int = 0
+    error: str = "not connected yet"  # "": connected
+    connection: int = 0  # grows with every new connection
+    version: int = 0
+    objects: dict[int, Known] = field(default_factory=dict)
+    rows: Rows = field(default_factory=lambda: np.zeros((0, COLUMNS)))
+    samples: Rows = field(default_factory=lambda: np.zeros((0, 4)))  # time, and the force on the hand, device frame
+    sample_count: int = 0  # of all samples ever read: samples holds the last of them
+    plain: Plain = field(default_factory=dict)  # time, hand, clients, stats ..
+    events: tuple[Plain, ...] = ()
+
+
+class Look:
+    def __init__(self, endpoint: str, name: str, alone: bool, told: Callable[[], None]) -> None:
+        """name: of the editor as a client. alone: no other name will do. told: is called after each look."""
+        self.endpoint, self.name, self.alone = endpoint, name, alone
+        self.scene: fs.Scene | None = None
+        self.me = name
+        self.shapes = Shapes()
+        self.seen = Seen()
+        self._told = told
+        self._ends = threading.Event()
+        self._again: set[str] = set()  # names that are fetched again whatever their revision
+        self._ids = 0
+        self._event_count = 0
+        self._lock = threading.Lock()
+        self._thread = threading.Thread(target=self._run, name="look", daemon=True)
+        self._forget()
+
+    # ---- For the thread of the event loop and that of the edits.
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def close(self) -> None:
+        self._ends.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        if self.scene is not None:
+            self.scene.close()
+
+    def fetch_again(self, name: str) -> None:
+        with self._lock:
+            self._again.add(name)
+
+    def connect(self) -> None:
+        """Raises fs.Error. Two editors cannot have one name: the second is "NAME 2", unless it was told its name."""
+        for number_ in range(1, 10):
+            self.me = self.name if number_ == 1 else f"{self.name} {number_}"
+            try:
+                self.scene = fs.connect(self.endpoint, self.me)
+                break
+            except fs.ExistsError:
+                if self.alone or number_ == 9:
+                    raise
+        self._forget()
+
+    # ---- The thread.
+
+    def _forget(self) -> None:
+        self._by_name: dict[bytes, Known] = {}
+        self._revisions: Any = None
+        self._names: Any = None  # the names of the last motions and reports, while they stay the same
+        self._report_names: Any = None
+        self._order: Any = None
+        self._ids_in_order: Any = None
+        self._samples: collections.deque[tuple[float, float, float, float]] = collections.deque(maxlen=KEPT_SAMPLES)
+        self._sample_count = 0
+        self._events: collections.deque[Plain] = collections.deque(maxlen=200)
+        self._stats: Plain = {}
+        self._device: Plain = {}
+
+    def _run(self) -> None:
+        connection, version = 1, 0
+        next_time = time.monotonic()
+        while not self._ends.is_set():
+            try:
+                if self.scene is None:
+                    self.connect()
+                    connection += 1
+                scene = self.scene
+                assert scene is not None
+                for _ in range(SAMPLES_PER_STATE):
+                    next_time += 1 / (RATE * SAMPLES_PER_STATE)
+                    time.sleep(max(0.0, next_time - time.monotonic()))
+                    self._read_force(scene)
+                if time.monotonic() > next_time + 0.5:
+                    next_time = time.monotonic()  # the machine was busy: do not make up for it
+                self.seen = self._look(scene, connection, version)
+                version = self.seen.version
+            except fs.Error as error:
+                if isinstance(error, fs.TimeoutError) and self.scene is not None:
+                    continue
+                if self.scene is not None:
+                    self.scene.close()
+                    self.scene = None
+                self.seen = Seen(self.seen.serial + 1, str(error), connection, version)
+                self._told()
+                self._ends.wait(0.3)
+                next_time = time.monotonic()
+                continue
+            self._told()
+
+    def _read_force(self, scene: fs.Scene) -> None:
+        state, _, sent = scene.get_hand()
+        self._samples.append((state.time, *sent.force.tolist()))
+        self._sample_count += 1
+
+    def _look(self, scene: fs.Scene, connection: int, version: int) -> Seen:
+        last = self.seen
+        motions, reports = scene.get_motions(), scene.get_reports()
+        version, objects = self._find_objects(scene, motions, version, last.objects)
+        if version != last.version:
+            self.shapes.keep({known.told["shape"]["hash"] for known in objects.values() if known.told["shape"]})
+        self._take_events(scene)
+        if last.serial % 15 == 0 or not self._stats:
+            self._stats = _stats(scene.get_servo_stats())
+        if not self._device:
+            self._device = _device(scene.get_device_info())
+        return Seen(
+            last.serial + 1,
+            "",
+            connection,
+            version,
+            objects,
+            self._rows(scene.get_time(), motions, reports),
+            np.array(self._samples, dtype=float).reshape(-1, 4),
+            self._sample_count,
+            {"time": scene.get_time(), "me": self.me, "device": self._device, "stats": self._stats}
+            | {"hand": _hand(scene.hand()), "clients": self._clients(scene)},
+            tuple(self._events),
+        )
+
+    def _find_objects(
+        self, scene: fs.Scene, motions: Any, version: int, before: dict[int, Known]
+    ) -> tuple[int, dict[int, Known]]:
+        """Fetches the objects that are new or have changed."""
+        names, revisions = motions["name"], motions["revision"]
+        with self._lock:
+            again, self._again = self._again, set()
+        same = self._names is not None and np.array_equal(names, self._names)
+        if same and not again and np.array_equal(revisions, self._revisions):
+            return version, before
+        version += 1
+        fetched, missed, by_name = 0, False, {}
+        for name, revision in zip(names.tolist(), revisions.tolist(), strict=True):
+            known = self._by_name.get(name)
+            text = name.decode(errors="surrogateescape")
+            if known is None or known.revision != revision or text in again:
+                if fetched == GETS_PER_STATE:
+                    missed = True
+                    if text in again:
+                        self.fetch_again(text)
+                    if known is None:
+                        continue
+                else:
+                    fetched += 1
+                    known = self._fetch(scene, text, revision, version, known)
+                    if known is None:
+                        continue
+            by_name[name] = known
+        self._by_name = by_name
+        self._names = names.copy()
+        self._revisions = revisions.copy()
+        if missed:
+            self._revisions[:] = 0
+        self._report_names = None
+        self._ids_in_order = np.array([by_name[n].id if n in by_name else 0 for n in names.tolist()], dtype=float)
+        return version, {known.id: known for known in by_name.values()}
+
+    def _fetch(self, scene: fs.Scene, name: str, revision: int, version: int, before: Known | None) -> Known | None:
+        try:
+            found = scene.object_get(name)
+        except fs.NotFoundError:
+            return None  # it has gone since the list was made
+        if before is None:
+            self._ids += 1
+        id_ = self._ids if before is None else before.id
+        client, _, rest = name.rpartition("/")
+        told = {"id": id_, "name": name, "client": client or self.me, "own": not client, "short": rest}
+        return Known(id_, name, revision, version, told | plain(found, self.shapes))
+
+    def _rows(self, now: float, motions: Any, reports: Any) -> Rows:
+        if self._report_names is None or not np.array_equal(self._report_names, reports["name"]):
+            self._report_names = reports["name"].copy()
+            places = {name: i for i, name in enumerate(self._report_names.tolist())}
+            self._order = np.array([places.get(name, -1) for name in motions["name"].tolist()], dtype=int)
+        rows = np.empty((len(motions), COLUMNS))
+        rows[:, 0] = self._ids_in_order
+        since = np.clip(now - motions["time"], 0, motions["horizon"])
+        rows[:, 1:4] = motions["pose"]["position"] + since[:, None] * motions["twist"]["linear"]
+        rows[:, 4:8] = motions["pose"]["orientation"]
+        turning = np.flatnonzero((since > 0) & np.any(motions["twist"]["angular"] != 0, axis=1))
+        if len(turning):
+            rows[turning, 4:8] = _turned(rows[turning, 4:8], since[turning, None] * motions["twist"]["angular"][turning])
+        if len(reports):
+            told = reports[self._order]
+            rows[:, 8], rows[:, 9], rows[:, 10] = told["state"], told["weight"], told["distance"]
+            rows[:, 11:14], rows[:, 14:17] = told["point"], told["wrench"]["force"]
+            rows[:, 17], rows[:, 18] = told["stiffness_wanted"], told["stiffness_applied"]
+            rows[self._order < 0, 8:] = 0
+        else:
+            rows[:, 8:] = 0
+        return rows[rows[:, 0] > 0]
+
+    def _clients(self, scene: fs.Scene) -> list[Plain]:
+        found = []
+        for client in scene.get_clients():
+            name = client["name"].decode(errors="surrogateescape")
+            try:
+                view = scene.get_view(name)
+            except fs.NotFoundError:
+                continue  # it has left since the list was made
+            found.append(
+                {
+                    "name": name,
+                    "force": client["wrench"]["force"].tolist(),
+                    "objects": int(client["objects"]),
+                    "force_limit": number(float(client["force_limit"])),
+                    "moves": int(client["moves"]),
+                    "changes": int(client["changes"]),
+                    "refused": int(client["refused"]),
+                    "frame": frame(view.frame),
+                    "tool": pose(view.tool),
+                    "points": np.asarray(view.points)[: view.point_count].tolist(),
+                    "held": bool(view.held),
+                    "locked": bool(view.locked),
+                }
+            )
+        return found
+
+    def _take_events(self, scene: fs.Scene) -> None:
+        for event in scene.events(0):
+            if event.kind == fs.EventKind.DISCONNECTED:
+                raise fs.DisconnectedError(event.text or "the server is gone")
+            if event.name and event.kind in (fs.EventKind.EDITED, fs.EventKind.REFUSED):
+                self.fetch_again(event.name)
+            self._event_count += 1
+            told = {"serial": self._event_count, "kind": event.kind.name.lower(), "name": event.name}
+            self._events.append(told | {"text": event.text, "value": number(event.value), "time": event.time})
+
+
+def _turned(orientation: Any, angle: Any) -> Any:
+    """Quaternions, each turned by an angle vector (rad) along the axes of the parent."""
+    half = np.linalg.norm(angle, axis=1) / 2
+    w = np.cos(half)[:, None]
+    v = angle / 2 * np.sinc(half / np.pi)[:, None]
+    ow, ov = orientation[:, :1], orientation[:, 1:]
+    return np.hstack([w * ow - np.sum(v * ov, axis=1, keepdims=True), w * ov + ow * v + np.cross(v, ov)])
+
+
+def _hand(hand: fs.Hand) -> Plain:
+    return {
+        "pose": pose(hand.state.pose),
+        "proxy": pose(hand.response.proxy),
+        "flags": int(hand.state.flags),
+        "feels": int(hand.response.flags),
+        "sent": hand.sent.force.tolist(),
+        "torque": hand.sent.torque.tolist(),
+    }
+
+
+def _stats(stats: fs.ServoStats) -> Plain:
+    names = ("rate", "late_p50", "late_p99", "late_max", "compute_p50", "compute_p99", "compute_max", "max_stiffness")
+    faults = [fs.fault_name(int(fault)) for fault in fs.Fault if stats.faults & fault]
+    counts = {name: int(getattr(stats, name)) for name in ("ticks", "misses", "device_errors", "guarded", "enabled")}
+    return {name: number(getattr(stats, name)) for name in names} | counts | {"faults": faults}
+
+
+def _device(info: fs.DeviceInfo) -> Plain:
+    names = ("name", "workspace_radius", "workspace_height", "force_max", "rate")
+    return {name: getattr(info, name) for name in names}

@@ -1,0 +1,248 @@
+"""Force-objects as plain data: what the page shows of them, and the fields that it sends back.
+
+The names are those of the headers. A number that is not finite is null, as JSON has no other word for it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import forceserver as fs
+import numpy as np
+
+Plain = dict[str, Any]
+
+# The fs_part bits of the fields as the page names them. A twist belongs to the pose: an edit makes it zero.
+PART_FIELDS = {
+    int(fs.Part.POSE): ("pose",),
+    int(fs.Part.PROFILES): ("front", "back", "damping", "start"),
+    int(fs.Part.CONTACT): ("contact",),
+    int(fs.Part.SHAPE): ("primitive", "shape"),
+    int(fs.Part.OTHER): ("lifetime", "tool_points", "enabled"),
+}
+PART_OF = {field: bit for bit, fields in PART_FIELDS.items() for field in fields}
+ALL_PARTS = sum(PART_FIELDS)
+
+
+class Refused(Exception):
+    """What the editor or the library refuses: a sentence, and the field it is about ("" if it is about none)."""
+
+    def __init__(self, text: str, field: str = "", status: str = "INVALID") -> None:
+        super().__init__(text)
+        self.text, self.field, self.status = text, field, status
+
+
+def number(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def curve(value: fs.Curve | None) -> Plain | None:
+    if value is None:
+        return None
+    expression = value.get_expression()
+    if expression is not None:
+        return {"expression": expression}
+    table, step = value.get_table()
+    return {"table": [] if table is None else table.tolist(), "step": step}
+
+
+def profile(value: fs.Profile) -> Plain:
+    return {
+        "kind": value.kind.name.lower(),
+        "sense": value.sense.name.lower(),
+        "gain": number(value.gain),
+        "offset": number(value.offset),
+        "width": number(value.width),
+        "limit": number(value.limit),
+        "reach": number(value.reach),
+        "curve": curve(value.curve),
+    }
+
+
+def contact(value: fs.Contact) -> Plain:
+    names = ("stiffness", "limit", "damping", "friction")
+    return {"keep": value.keep.name.lower()} | {name: number(getattr(value, name)) for name in names}
+
+
+def pose(value: fs.Pose) -> Plain:
+    return {"position": value.position.tolist(), "orientation": value.orientation.tolist()}
+
+
+def frame(value: fs.Frame) -> Plain:
+    return {"pose": pose(value.pose), "scale": value.scale, "force_scale": value.force_scale}
+
+
+class Shapes:
+    """The shapes of the objects that the page can see, by a hash of their content: the page fetches each of them once."""
+
+    def __init__(self) -> None:
+        self._by_address: dict[int, tuple[fs.Shape, str]] = {}
+        self._by_hash: dict[str, tuple[fs.Shape, Plain]] = {}
+
+    def describe(self, value: fs.Object) -> Plain | None:
+        """What the page is told of the shape of an object."""
+        if value.shape is None:
+            return None
+        address = int(np.asarray(value)["shape"])
+        known = self._by_address.get(address)
+        if known is None:
+            known = value.shape, _hash(value.shape)
+            self._by_address[address] = known
+            if known[1] not in self._by_hash:
+                self._by_hash[known[1]] = value.shape, _outline(value.shape, known[1])
+        return self._by_hash[known[1]][1]
+
+    def content(self, name: str) -> bytes | None:
+        """A polyline: its points as float64. A mesh: points as float32 from its centre, then indices as uint32."""
+        known = self._by_hash.get(name)
+        if known is None:
+            return None
+        shape, outline = known
+        points, triangles = shape.get_points(), shape.get_triangles()
+        assert points is not None
+        if outline["triangles"] == 0 or triangles is None:
+            return bytes(points)
+        return bytes((points - outline["centre"]).astype("<f4")) + bytes(triangles.astype("<u4"))
+
+    def keep(self, used: set[str]) -> None:
+        """Forgets the others, once they are many."""
+        if len(self._by_hash) <= 2 * len(used) + 16 and len(self._by_address) <= 4 * len(used) + 64:
+            return
+        self._by_hash = {name: kept for name, kept in self._by_hash.items() if name in used}
+        self._by_address = {a: kept for a, kept in self._by_address.items() if kept[1] in used}
+
+
+def _hash(shape: fs.Shape) -> str:
+    text = hashlib.sha256(b"closed" if shape.get_info().closed else b"open")
+    for part in (shape.get_points(), shape.get_triangles()):
+        if part is not None:
+            text.update(np.ascontiguousarray(part).tobytes())
+    return text.hexdigest()[:32]
+
+
+def _outline(shape: fs.Shape, name: str) -> Plain:
+    info, points, triangles = shape.get_info(), shape.get_points(), shape.get_triangles()
+    centre = (np.asarray(info.lower) + info.upper) / 2
+    return {
+        "hash": name,
+        "points": 0 if points is None else len(points),
+        "triangles": 0 if triangles is None else len(triangles),
+        "closed": bool(info.closed),
+        "centre": centre.tolist(),
+        "radius": float(np.linalg.norm(np.asarray(info.upper) - info.lower) / 2),
+    }
+
+
+def plain(value: fs.Object, shapes: Shapes) -> Plain:
+    """An object without what changes as it moves: that comes with every state."""
+    return {
+        "primitive": value.primitive.name.lower(),
+        "start": value.start,
+        "lifetime": value.lifetime,
+        "front": profile(value.front),
+        "back": profile(value.back),
+        "damping": number(value.damping),
+        "contact": contact(value.contact),
+        "shape": shapes.describe(value),
+        "tool_points": value.tool_points,
+        "enabled": value.enabled,
+    }
+
+
+def parts_of(value: fs.Object, parts: int, shapes: Shapes) -> Plain:
+    """These parts alone, to find out whether two objects agree in them."""
+    everything = plain(value, shapes) | {"pose": pose(value.pose)}
+    return {field: everything[field] for bit, fields in PART_FIELDS.items() if parts & bit for field in fields}
+
+
+def make_curve(value: Any) -> fs.Curve | None:
+    if value is None:
+        return None
+    if not isinstance(value, dict):
+        raise Refused("a curve is an expression or a table", "curve")
+    try:
+        if "expression" in value:
+            return fs.curve_create_expression(str(value["expression"]))
+        return fs.curve_create_table([float(force) for force in value["table"]], float(value["step"]))
+    except fs.Error as error:
+        raise refusal(error, "curve") from None
+    except (TypeError, ValueError, KeyError):
+        raise Refused("a table has forces (N) and the step between them (m)", "curve") from None
+
+
+def make_shape(value: Any) -> fs.Shape:
+    try:
+        points = np.array(value["points"], dtype=float).reshape(-1, 3)
+        return fs.shape_create_polyline(points, bool(value.get("closed")))
+    except fs.Error as error:
+        raise refusal(error, "shape") from None
+    except (TypeError, ValueError, KeyError, AttributeError):
+        raise Refused("a polyline is a list of points", "shape") from None
+
+
+def put(target: fs.Object, fields: Mapping[str, Any]) -> int:
+    """Puts fields such as "front.gain" or "pose.position" into the object. Returns the fs_part bits of what they change."""
+    parts = 0
+    for path, value in fields.items():
+        first, _, rest = path.partition(".")
+        if first not in PART_OF or first == "primitive":
+            raise Refused(f"{path} is no field that can be changed", path)
+        parts |= PART_OF[first]
+        try:
+            _put_one(target, first, rest, value)
+        except Refused as error:
+            error.field = path
+            raise
+        except (TypeError, ValueError, KeyError, AttributeError, OverflowError) as error:
+            raise Refused(str(error) or f"{path} is not valid", path) from None
+    if parts & fs.Part.POSE:
+        target.twist = fs.Twist()
+        target.time = 0
+    return parts
+
+
+def _put_one(target: fs.Object, first: str, rest: str, value: Any) -> None:
+    if first == "shape":
+        target.shape = value if isinstance(value, fs.Shape) else make_shape(value)
+    elif first == "enabled":
+        target.enabled = bool(value)
+    elif first == "tool_points":
+        target.tool_points = int(value)
+    elif not rest:
+        setattr(target, first, float(value))
+    else:
+        section = getattr(target, first).copy()
+        if rest == "curve":
+            section.curve = make_curve(value)
+        elif rest in ("kind", "sense", "keep"):
+            setattr(section, rest, str(value))
+        elif rest in ("position", "orientation"):
+            setattr(section, rest, unit(value) if rest == "orientation" else [float(x) for x in value])
+        elif isinstance(getattr(section, rest), float):
+            setattr(section, rest, float(value))
+        else:
+            raise Refused(f"{first} has no field {rest}")
+        setattr(target, first, section)
+
+
+def unit(value: Any) -> list[float]:
+    """The quaternion of unit length along this one."""
+    numbers = [float(x) for x in value]
+    length = math.hypot(*numbers)
+    if len(numbers) != 4 or not 0 < length < math.inf:
+        raise Refused("an orientation is a quaternion w, x, y, z that is not zero")
+    return [x / length for x in numbers]
+
+
+def refusal(error: fs.Error, field: str = "") -> Refused:
+    """What the library says, at the field that it names: "object 'a': front.gain is -1, must be .."."""
+    text = str(error.args[0]) if error.args else str(error)
+    text = re.sub(r"^object '.*': ", "", text)
+    named = re.match(r"([a-z_.]+) is ", text)
+    if not field and named:
+        field = named[1]
+    return Refused(text, field, type(error).__name__.removesuffix("Error").upper())

@@ -1,0 +1,203 @@
+// Fields of the panel: a label, an input, a unit, and the place for what is refused.
+
+import type { Refusal } from "./wire";
+
+export function make<K extends keyof HTMLElementTagNameMap>(
+  tag: K, properties: Partial<HTMLElementTagNameMap[K]> = {}, ...children: (Node | string)[]
+): HTMLElementTagNameMap[K] {
+  const element = Object.assign(document.createElement(tag), properties);
+  element.append(...children);
+  return element;
+}
+
+/** As short as it can be without losing a digit that a person typed. */
+export function shown(value: number | null | undefined): string {
+  if (value === null || value === undefined) return "";
+  return String(Number(value.toPrecision(12)));
+}
+
+/** "1e-3", "0,5" and "-2" are numbers; all else is null. */
+export function parse(text: string): number | null {
+  const plain = text.trim().replace("−", "-").replace(/^([+-]?\d*),(\d+)$/, "$1.$2");
+  if (plain === "" || !/^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i.test(plain)) return null;
+  const value = Number(plain);
+  return Number.isFinite(value) ? value : null;
+}
+
+let ids = 0;
+
+/** One line of the panel. It shows what the server has, unless the person is typing. */
+export class Field {
+  readonly row: HTMLElement;
+  private readonly error = make("div", { className: "error", role: "alert" } as Partial<HTMLDivElement>);
+  protected readonly unit = make("span", { className: "unit" });
+  private readonly label: HTMLLabelElement;
+
+  constructor(readonly path: string, label: string, unit: string, readonly input: HTMLElement, title = "") {
+    input.id = `field-${++ids}`;
+    input.dataset.path = path;
+    this.error.id = `${input.id}-error`;
+    this.label = make("label", { htmlFor: input.id, textContent: label, title });
+    this.unit.textContent = unit;
+    const line = make("div", { className: "line" }, this.label, input, this.unit);
+    this.row = make("div", { className: "field" }, line, this.error);
+    this.row.dataset.path = path;
+  }
+  set unitText(text: string) { if (this.unit.textContent !== text) this.unit.textContent = text; }
+  set labelText(text: string) { if (this.label.textContent !== text) this.label.textContent = text; }
+  set isShown(is: boolean) { this.row.hidden = !is; }
+  get isShown(): boolean { return !this.row.hidden; }
+
+  refuse(text: string): void {
+    this.error.textContent = text;
+    this.row.classList.toggle("bad", text !== "");
+    this.input.setAttribute("aria-invalid", String(text !== ""));
+    if (text) this.input.setAttribute("aria-describedby", this.error.id);
+    else this.input.removeAttribute("aria-describedby");
+  }
+}
+
+/** Sends a value; the promise rejects with a Refusal. */
+export type Send = (path: string, value: unknown) => Promise<unknown>;
+
+export class TextField extends Field {
+  private readonly text: HTMLInputElement;
+  private value = "";
+  private isSending = false;
+
+  /** read: what is typed as the value to send, or the sentence why it is none. */
+  constructor(path: string, label: string, unit: string, send: Send, private readonly read: (text: string) => { value: unknown } | string,
+    title = "") {
+    const text = make("input", { type: "text", spellcheck: false, autocomplete: "off", title });
+    super(path, label, unit, text, title);
+    this.text = text;
+    const commit = () => void this.commit(send);
+    text.onchange = commit;
+    text.onkeydown = (event) => {
+      if (event.key === "Enter") { commit(); text.select(); }
+      if (event.key === "ArrowUp" || event.key === "ArrowDown") this.nudge(event, commit);
+    };
+    text.onfocus = () => text.select();
+    text.onblur = () => { if (!this.isSending) text.value = this.value; };
+  }
+  show(value: string): void {
+    this.value = value;
+    if (document.activeElement !== this.text || !this.isTyping) this.text.value = value;
+  }
+  private get isTyping(): boolean { return this.text.value !== this.value; }
+  set isReadOnly(is: boolean) { this.text.readOnly = is; }
+
+  private async commit(send: Send): Promise<void> {
+    if (this.isSending) return; // Enter is told twice, as a key and as a change
+    if (this.text.value === this.value) { this.refuse(""); return; }
+    const read = this.read(this.text.value);
+    if (typeof read === "string") { this.back(read); return; }
+    this.isSending = true;
+    try {
+      await send(this.path, read.value);
+      this.value = this.text.value;
+      this.refuse("");
+    } catch (refused) {
+      this.back((refused as Refusal).text);
+    }
+    this.isSending = false;
+  }
+  private back(why: string): void { this.text.value = this.value; this.refuse(why); }
+
+  /** The arrow keys change a number by a tenth of its size, with Shift by a hundredth. */
+  private nudge(event: KeyboardEvent, commit: () => void): void {
+    const value = parse(this.text.value);
+    if (value === null) return;
+    event.preventDefault();
+    const size = value === 0 ? 0.01 : 10 ** Math.floor(Math.log10(Math.abs(value)));
+    const by = (size / (event.shiftKey ? 100 : 10)) * (event.key === "ArrowUp" ? 1 : -1);
+    this.text.value = shown(value + by);
+    commit();
+  }
+}
+
+export function numberField(path: string, label: string, unit: string, send: Send, title = ""): TextField {
+  return new TextField(path, label, unit, send, (text) => {
+    const value = parse(text);
+    return value === null ? `“${text}” is not a number` : { value };
+  }, title);
+}
+
+export class ChoiceField extends Field {
+  private readonly select: HTMLSelectElement;
+  private value = "";
+  constructor(path: string, label: string, choices: [string, string][], send: Send) {
+    const select = make("select", {}, ...choices.map(([value, text]) => make("option", { value, textContent: text })));
+    super(path, label, "", select);
+    this.select = select;
+    select.onchange = async () => {
+      try {
+        await send(path, select.value);
+        this.refuse("");
+      } catch (refused) {
+        select.value = this.value;
+        this.refuse((refused as Refusal).text);
+      }
+    };
+  }
+  show(value: string): void { this.value = value; this.select.value = value; }
+  set isReadOnly(is: boolean) { this.select.disabled = is; }
+}
+
+export class CheckField extends Field {
+  private readonly check: HTMLInputElement;
+  constructor(path: string, label: string, send: Send) {
+    const check = make("input", { type: "checkbox" });
+    super(path, label, "", check);
+    this.check = check;
+    check.onchange = async () => {
+      try {
+        await send(path, check.checked);
+        this.refuse("");
+      } catch (refused) {
+        check.checked = !check.checked;
+        this.refuse((refused as Refusal).text);
+      }
+    };
+  }
+  show(value: boolean): void { this.check.checked = value; }
+  set isReadOnly(is: boolean) { this.check.disabled = is; }
+}
+
+/** Many lines: an expression, or a table that may be pasted from a spreadsheet. */
+export class AreaField extends Field {
+  private readonly area: HTMLTextAreaElement;
+  private value = "";
+  constructor(path: string, label: string, send: Send, read: (text: string) => { value: unknown } | string, rows: number) {
+    const area = make("textarea", { rows, spellcheck: false });
+    super(path, label, "", area);
+    this.area = area;
+    this.row.classList.add("tall");
+    let isSending = false;
+    const commit = async () => {
+      if (isSending || area.value === this.value) return;
+      isSending = true;
+      const what = read(area.value);
+      try {
+        if (typeof what === "string") throw { text: what };
+        await send(path, what.value);
+        this.value = area.value;
+        this.refuse("");
+      } catch (refused) {
+        area.value = this.value;
+        this.refuse((refused as Refusal).text);
+      }
+      isSending = false;
+    };
+    area.onchange = () => void commit();
+    area.onkeydown = (event) => { if (event.key === "Enter" && (rows === 2 || event.ctrlKey)) { event.preventDefault(); void commit(); } };
+  }
+  show(value: string): void {
+    const isTyping = document.activeElement === this.area && this.area.value !== this.value;
+    this.value = value;
+    if (!isTyping) this.area.value = value;
+  }
+  set isReadOnly(is: boolean) { this.area.readOnly = is; }
+}
+
+export type AnyField = TextField | ChoiceField | CheckField | AreaField;

@@ -1,0 +1,191 @@
+// What the page knows: the objects of all clients, the hand, and what is selected here. Everything else listens to it.
+
+import { type Frame, type Pose, type Quat, type Vec, add, fromDevice, identity, length, minus, multiply, rotate, toDevice } from "./frames";
+import type { State } from "./wire";
+
+export type Primitive = "point" | "polyline" | "plane" | "mesh";
+export interface Curve { expression?: string; table?: number[]; step?: number }
+export interface Profile {
+  kind: string; sense: string; gain: number; offset: number; width: number; limit: number; reach: number; curve: Curve | null;
+}
+export interface Contact { keep: string; stiffness: number; limit: number; damping: number; friction: number }
+export interface ShapeInfo { hash: string; points: number; triangles: number; closed: boolean; centre: Vec; radius: number }
+export interface Told {
+  id: number; name: string; short: string; client: string; own: boolean; primitive: Primitive;
+  start: number; lifetime: number; front: Profile; back: Profile; damping: number; contact: Contact;
+  shape: ShapeInfo | null; tool_points: number; enabled: boolean;
+}
+export interface Client {
+  name: string; force: Vec; objects: number; force_limit: number; moves: number; changes: number; refused: number;
+  frame: Frame; tool: Pose; points: Vec[]; held: boolean; locked: boolean;
+}
+export interface Hand { pose: Pose; proxy: Pose; flags: number; feels: number; sent: Vec; torque: Vec }
+export interface Happened { serial: number; kind: string; name: string; text: string; value: number | null }
+export interface Step { who: string; text: string }
+
+/** How an object is felt; the last two are told apart by the editor. */
+export type Condition = "pending" | "felt" | "fading" | "disabled" | "refused" | "expired" | "stopped";
+const conditions: Condition[] = ["pending", "felt", "fading", "disabled", "refused"];
+export const mark: Record<Condition, string> =
+  { pending: "…", felt: "●", fading: "◐", disabled: "○", refused: "✕", expired: "◌", stopped: "■" };
+
+const defaultFrame: Frame = { pose: identity, scale: 1, force_scale: 1 };
+
+/** An object of some client. Poses are in its client's scene; what says so is at the device. */
+export class Item {
+  pose: Pose = identity;
+  weight = 0;
+  state = 0;
+  distance = Infinity; // m of the editor's scene, as point and force
+  point: Vec = [0, 0, 0];
+  force: Vec = [0, 0, 0];
+  wanted = 0;
+  applied = 0;
+  constructor(public told: Told, private readonly model: Model) {}
+
+  get condition(): Condition {
+    const found = conditions[this.state] ?? "pending";
+    return found === "fading" && this.weight === 0 && this.told.lifetime > 0 && this.told.enabled ? "expired" : found;
+  }
+  get client(): Client | undefined { return this.model.clients.get(this.told.client); }
+  get frame(): Frame { return this.client?.frame ?? defaultFrame; }
+  get isLocked(): boolean { return this.model.viewOnly || (!this.told.own && (this.client?.locked ?? false)); }
+  /** The place of the shape's centre, or of the origin, at the device. */
+  get place(): Vec { return toDevice(this.frame, this.centre); }
+  get centre(): Vec {
+    return this.told.shape ? add(this.pose.position, rotate(this.pose.orientation, this.told.shape.centre)) : this.pose.position;
+  }
+  get turn(): Quat { return multiply(this.frame.pose.orientation, this.pose.orientation); }
+  get size(): number { return 1 / this.frame.scale; } // device metres per scene metre
+  get nearest(): Vec { return toDevice(this.model.ownFrame, this.point); }
+  get push(): Vec { // N at the device
+    const f = rotate(this.model.ownFrame.pose.orientation, this.force);
+    const s = this.told.own ? this.model.ownFrame.force_scale : 1;
+    return [f[0] * s, f[1] * s, f[2] * s];
+  }
+  get deviceDistance(): number { return this.distance / this.model.ownFrame.scale; }
+  /** The pose that puts the shape's centre to this place of the device, turned like this. */
+  poseAt(place: Vec, turn: Quat): Pose {
+    const f = this.frame, c = f.pose.orientation;
+    const orientation = multiply([c[0], -c[1], -c[2], -c[3]], turn);
+    const centre = fromDevice(f, place);
+    return { orientation, position: this.told.shape ? minus(centre, rotate(orientation, this.told.shape.centre)) : centre };
+  }
+}
+
+export type Topic = "objects" | "rows" | "selection" | "state" | "samples" | "happened";
+
+export class Model {
+  items = new Map<number, Item>();
+  clients = new Map<string, Client>();
+  selected = new Set<number>();
+  hidden = new Set<number>();
+  hand: Hand | null = null;
+  told: any = {};
+  events: Happened[] = [];
+  newSamples: Float64Array = new Float64Array();
+  isConnected = false;
+  private listeners = new Map<Topic, (() => void)[]>();
+
+  get me(): string { return this.told.me ?? ""; }
+  get viewOnly(): boolean { return Boolean(this.told.view_only); }
+  get error(): string { return this.isConnected ? (this.told.error ?? "not connected yet") : "the editor does not answer"; }
+  get ownFrame(): Frame { return this.clients.get(this.me)?.frame ?? defaultFrame; }
+  get handPlace(): Vec { return this.hand ? toDevice(this.ownFrame, this.hand.pose.position) : [0, 0, 0]; }
+  /** What the device gets, N. */
+  get sent(): Vec { return this.hand ? this.turnToDevice(this.hand.sent) : [0, 0, 0]; }
+  turnToDevice(v: Vec): Vec { return rotate(this.ownFrame.pose.orientation, v); }
+
+  on(topics: Topic[], f: () => void): void {
+    for (const topic of topics) this.listeners.set(topic, [...(this.listeners.get(topic) ?? []), f]);
+  }
+  tell(topic: Topic): void { for (const f of this.listeners.get(topic) ?? []) f(); }
+
+  take(state: State): void {
+    const told: any = state.told;
+    this.told = { ...this.told, ...told };
+    if (told.fresh) {
+      this.items.clear();
+      this.events = [];
+    }
+    if (told.error) { this.items.clear(); this.clients.clear(); this.hand = null; this.tell("objects"); }
+    if (told.clients) this.clients = new Map((told.clients as Client[]).map((client) => [client.name, client]));
+    if (told.hand) this.hand = told.hand as Hand;
+    for (const one of (told.objects ?? []) as Told[]) {
+      const known = this.items.get(one.id);
+      if (known) known.told = one;
+      else this.items.set(one.id, new Item(one, this));
+    }
+    for (const id of (told.gone ?? []) as number[]) this.items.delete(id);
+    this.readRows(state.rows);
+    for (const id of this.selected) if (!this.items.has(id)) this.selected.delete(id);
+    this.newSamples = state.samples;
+    const selectionBefore = [...this.selected].length;
+    if (told.objects || told.gone || told.fresh) this.tell("objects");
+    if (state.rows.length) this.tell("rows");
+    this.tell("state");
+    if (state.samples.length) this.tell("samples");
+    if (told.gone?.length || told.objects?.length || told.fresh || selectionBefore !== this.selected.size) this.tell("selection");
+    if (told.events?.length) {
+      this.events = [...this.events, ...(told.events as Happened[])].slice(-100);
+      this.tell("happened");
+    }
+  }
+
+  private readRows(rows: Float64Array): void {
+    for (let i = 0; i < rows.length; i += 19) {
+      const item = this.items.get(rows[i]!);
+      if (!item) continue;
+      item.pose = {
+        position: [rows[i + 1]!, rows[i + 2]!, rows[i + 3]!],
+        orientation: [rows[i + 4]!, rows[i + 5]!, rows[i + 6]!, rows[i + 7]!],
+      };
+      item.state = rows[i + 8]!;
+      item.weight = rows[i + 9]!;
+      item.distance = rows[i + 10]!;
+      item.point = [rows[i + 11]!, rows[i + 12]!, rows[i + 13]!];
+      item.force = [rows[i + 14]!, rows[i + 15]!, rows[i + 16]!];
+      item.wanted = rows[i + 17]!;
+      item.applied = rows[i + 18]!;
+    }
+  }
+
+  select(ids: Iterable<number>): void {
+    this.selected = new Set(ids);
+    this.tell("selection");
+  }
+  get selection(): Item[] { return [...this.selected].map((id) => this.items.get(id)).filter((item) => item !== undefined); }
+  byName(name: string): Item | undefined { return [...this.items.values()].find((item) => item.told.name === name); }
+  /** m of the item's client instead of metres at the device. */
+  inClientMetres = false;
+  distance(item: Item): string {
+    return metres(this.inClientMetres ? item.deviceDistance * item.frame.scale : item.deviceDistance);
+  }
+  setHidden(id: number, isHidden: boolean): void {
+    if (isHidden) this.hidden.add(id);
+    else this.hidden.delete(id);
+    this.tell("objects");
+  }
+}
+
+const order = new Map<string, number>(); // in which the clients came
+
+/** The colour of a client: the editor's own is blue, and the others are told apart as well as may be (Okabe & Ito). */
+export function colourOf(client: string, me: string): number {
+  if (client === me) return 0x2f6fb0;
+  if (client === "server") return 0x7a7f87;
+  const colours = [0xd57a00, 0x008f6b, 0xb25a94, 0x3aa0d0, 0xc04a00, 0x9b8a00];
+  if (!order.has(client)) order.set(client, order.size);
+  return colours[order.get(client)! % colours.length]!;
+}
+
+export function newtons(force: number): string {
+  return force < 0.005 ? "0 N" : force < 10 ? `${force.toFixed(2)} N` : `${force.toPrecision(3)} N`;
+}
+export function metres(value: number): string {
+  if (!Number.isFinite(value)) return "–";
+  const size = Math.abs(value);
+  if (size >= 1000) return `${value.toPrecision(6)} m`;
+  return size >= 1 ? `${value.toFixed(2)} m` : `${(value * 1000).toFixed(1)} mm`;
+}
+export const sizeOf = length;

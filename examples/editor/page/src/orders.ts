@@ -1,0 +1,83 @@
+// What the page asks the server to do, and what it says when it is refused.
+
+import type { Model } from "./model";
+import type { Refusal, Wire } from "./wire";
+
+let gestures = 0;
+/** Changes with the same gesture are undone in one step. */
+export const newGesture = (): string => `${Date.now().toString(36)}-${++gestures}`;
+
+export class Orders {
+  /** What concerns no field is told here. */
+  onNotice: (text: string, isBad: boolean) => void = () => {};
+
+  constructor(readonly wire: Wire, readonly model: Model) {}
+
+  /** Sends a command; a refusal becomes a notice. Returns null if it was refused. */
+  async ask(name: string, fields: Record<string, unknown> = {}): Promise<any> {
+    try {
+      return await this.wire.send(name, fields);
+    } catch (refused) {
+      this.onNotice((refused as Refusal).text, true);
+      return null;
+    }
+  }
+
+  change(names: string[], fields: Record<string, unknown>, gesture = newGesture()): Promise<any> {
+    return this.wire.send("change", { names, fields, gesture });
+  }
+
+  async stopForce(): Promise<void> {
+    if (await this.ask("stop")) this.onNotice("All force is stopped. The owner of the server lets it return.", true);
+  }
+
+  /** Undo or redo, with a word about what it was. */
+  async step(name: "undo" | "redo"): Promise<void> {
+    const step = await this.ask(name);
+    if (step) this.onNotice(`${name === "undo" ? "Undone" : "Done again"}: ${step.text} (${step.who})`, false);
+  }
+
+  /** Adds an object, and selects it when it is there. */
+  async add(name: string, primitive: string, fields: Record<string, unknown>, more: Record<string, unknown> = {}): Promise<void> {
+    const made = await this.ask("add", { name, primitive, fields, gesture: newGesture(), ...more });
+    if (made) this.selectWhenThere(made.name);
+  }
+
+  async remove(names: string[]): Promise<void> {
+    await this.ask("remove", { names, gesture: newGesture() });
+  }
+
+  async adopt(name: string): Promise<void> {
+    const made = await this.ask("adopt", { name, gesture: newGesture() });
+    if (made) this.selectWhenThere(made.name);
+  }
+
+  selectWhenThere(name: string): void {
+    let looks = 0;
+    const look = () => {
+      const item = this.model.byName(name);
+      if (item) this.model.select([item.told.id]);
+      else if (++looks < 100) setTimeout(look, 30);
+    };
+    look();
+  }
+}
+
+/** Sends the newest of many values: the next one when the last was answered. */
+export class Latest<T> {
+  private next: T | null = null;
+  private isBusy = false;
+  constructor(private readonly send: (value: T) => Promise<unknown>) {}
+
+  async put(value: T): Promise<void> {
+    this.next = value;
+    if (this.isBusy) return;
+    this.isBusy = true;
+    while (this.next !== null) {
+      const now: T = this.next;
+      this.next = null;
+      await this.send(now).catch(() => {});
+    }
+    this.isBusy = false;
+  }
+}

@@ -1,0 +1,294 @@
+// The fields of what is selected. All of fs_object can be changed here; what a kind does not use is not there.
+
+import { type Quat, fromDegrees, toDegrees } from "./frames";
+import { type AnyField, AreaField, CheckField, ChoiceField, Field, type Send, TextField, make, numberField, parse, shown } from "./fields";
+import { type Item, type Model, type Profile, mark, newtons, sizeOf } from "./model";
+import type { Orders } from "./orders";
+import { ofKind, uses } from "./profiles";
+import type { Refusal } from "./wire";
+
+const senses: [string, string][] = [["attractive", "attractive (to it)"], ["repulsive", "repulsive (away)"]];
+const keeps: [string, string][] = [
+  ["none", "not solid"], ["front", "front: an obstacle"], ["back", "back: an envelope"], ["either", "either: a sheet"],
+];
+
+export class Panel {
+  private readonly head = make("header");
+  private readonly body = make("div", { className: "sections" });
+  private readonly fields: { field: AnyField; update: (item: Item) => void }[] = [];
+  private readonly points = make("div", { className: "tool-points" });
+  private readonly formulas = new Map<string, HTMLElement>();
+  private readonly sections = new Map<string, HTMLElement>();
+  private readonly general = make("div", { className: "error", role: "alert" } as Partial<HTMLDivElement>);
+
+  constructor(private readonly box: HTMLElement, private readonly model: Model, private readonly orders: Orders) {
+    box.append(this.head, this.general, this.body);
+    this.makePose();
+    this.makeProfile("front");
+    this.makeProfile("back");
+    this.makeContact();
+    this.makeOther();
+    model.on(["selection"], () => { this.refuseGeneral(""); this.update(); });
+    model.on(["objects", "rows"], () => this.update());
+    this.update();
+  }
+
+  // ---- Sending
+
+  private readonly send: Send = (path, value) => this.sendAll({ [path]: value }, path);
+
+  private async sendAll(fields: Record<string, unknown>, path: string): Promise<void> {
+    const names = this.model.selection.filter((item) => !item.isLocked).map((item) => item.told.name);
+    try {
+      await this.orders.change(names, fields);
+      this.refuseGeneral("");
+    } catch (refused) {
+      const why = refused as Refusal;
+      // The library may refuse the object for another field than the one that was changed: the sentence goes there.
+      const other = this.fields.find(({ field }) => field.isShown && field.path !== path && named(why.field, field.path));
+      if (other && !named(why.field, path)) {
+        other.field.refuse(why.text);
+        throw { ...why, text: `not taken: see ${why.field}` };
+      }
+      throw why;
+    }
+  }
+  private refuseGeneral(text: string): void { this.general.textContent = text; }
+
+  // ---- Sections
+
+  private section(title: string, key: string): HTMLElement {
+    const inside = make("div");
+    const section = make("details", { open: true }, make("summary", { textContent: title }), inside);
+    section.dataset.section = key;
+    this.body.append(section);
+    this.sections.set(key, section);
+    return inside;
+  }
+  private add<F extends AnyField>(to: HTMLElement, field: F, update: (item: Item, field: F) => void): F {
+    to.append(field.row);
+    this.fields.push({ field, update: (item) => update(item, field) });
+    return field;
+  }
+
+  private makePose(): void {
+    const box = this.section("Pose", "pose");
+    const place = make("div", { className: "triple" }), turns = make("div", { className: "triple" }), quat = make("div", { className: "quad" });
+    const over = (text: string) => make("div", { className: "over", textContent: text });
+    box.append(over("position in its client's scene, m"), place, over("turned about x, then y, then z, degrees"), turns, over("the same as a quaternion w, x, y, z"), quat);
+    (["x", "y", "z"] as const).forEach((axis, i) => {
+      const field = numberField(`pose.position.${axis}`, axis, "m", (_path, value) => {
+        const position = [...this.first()!.pose.position];
+        position[i] = value as number;
+        return this.sendAll({ "pose.position": position }, `pose.position.${axis}`);
+      }, `m along ${axis} in the scene of its client`);
+      this.add(place, field, (item) => field.show(shown(Number(item.pose.position[i]!.toPrecision(10)))));
+    });
+    (["x", "y", "z"] as const).forEach((name, i) => {
+      const field = numberField(`pose.turn.r${name}`, name, "°", (_path, value) => {
+        const degrees = toDegrees(this.first()!.pose.orientation);
+        degrees[i] = value as number;
+        return this.sendAll({ "pose.orientation": fromDegrees(degrees) }, `pose.turn.r${name}`);
+      }, `degrees about ${name}`);
+      this.add(turns, field, (item) => field.show(shown(Number(toDegrees(item.pose.orientation)[i]!.toFixed(6)))));
+    });
+    (["w", "x", "y", "z"] as const).forEach((name, i) => {
+      const path = `pose.orientation.${name}`;
+      const field = numberField(path, name, "", (_path, value) => {
+        const orientation = [...this.first()!.pose.orientation] as Quat;
+        orientation[i] = value as number;
+        return this.sendAll({ "pose.orientation": orientation }, path);
+      }, "Quaternion, object to scene; it is made of unit length");
+      this.add(quat, field, (item) => field.show(shown(Number(item.pose.orientation[i]!.toPrecision(9)))));
+    });
+  }
+
+  private makeProfile(side: "front" | "back"): void {
+    const box = this.section(side === "front" ? "Force profile, front" : "Force profile, back", side);
+    const of = (item: Item): Profile => item.told[side];
+    const path = (name: string) => `${side}.${name}`;
+    const kind = new ChoiceField(path("kind"), "kind", Object.entries(uses).map(([value, use]) => [value, use.word]), (_path, value) => {
+      const changed = ofKind(of(this.first()!), value as string);
+      return this.sendAll(Object.fromEntries(Object.entries(changed).map(([k, v]) => [path(k), v])), path("kind"));
+    });
+    this.add(box, kind, (item) => kind.show(of(item).kind));
+    const formula = make("div", { className: "formula" });
+    this.formulas.set(side, formula);
+    box.append(formula);
+    const sense = this.add(box, new ChoiceField(path("sense"), "sense", senses, this.send), (item) => {
+      sense.isShown = of(item).kind !== "none";
+      sense.show(of(item).sense);
+    });
+    for (const name of ["gain", "offset", "width"] as const) {
+      const field = numberField(path(name), name, "", this.send);
+      this.add(box, field, (item) => {
+        const unit = uses[of(item).kind]?.[name];
+        field.isShown = unit !== undefined;
+        field.unitText = unit ?? "";
+        field.show(shown(of(item)[name]));
+      });
+    }
+    const limit = numberField(path("limit"), "limit", "N", this.send, "The force never exceeds it");
+    this.add(box, limit, (item) => { limit.isShown = of(item).kind !== "none"; limit.show(shown(of(item).limit)); });
+    const reach = numberField(path("reach"), "reach", "m", this.send, "No force beyond this distance; 0: unlimited");
+    this.add(box, reach, (item) => { reach.isShown = of(item).kind !== "none"; reach.show(shown(of(item).reach)); });
+    this.makeCurve(box, side, of);
+  }
+
+  private makeCurve(box: HTMLElement, side: string, of: (item: Item) => Profile): void {
+    const path = `${side}.curve`;
+    const isTable = (item: Item) => Boolean(of(item).curve?.table);
+    const way = new ChoiceField(`${path}.way`, "curve", [["expression", "expression in d, t"], ["table", "table"]], (_path, value) => {
+      const curve = value === "table" ? { table: [0, 1, 2, 1, 0], step: 0.01 } : { expression: "2*exp(-d/0.01)" };
+      return this.sendAll({ [path]: curve }, `${path}.way`);
+    });
+    this.add(box, way, (item) => { way.isShown = of(item).kind === "custom"; way.show(isTable(item) ? "table" : "expression"); });
+    const expression = new AreaField(path, "f(d, t) =", this.send, (text) => ({ value: { expression: text.trim() } }), 2);
+    this.add(box, expression, (item) => {
+      expression.isShown = of(item).kind === "custom" && !isTable(item);
+      expression.show(of(item).curve?.expression ?? "");
+    });
+    const table = new AreaField(`${path}.table`, "d (m), f (N)", (_path, value) => this.sendAll({ [path]: value }, `${path}.table`), readTable, 6);
+    this.add(box, table, (item) => {
+      table.isShown = of(item).kind === "custom" && isTable(item);
+      const curve = of(item).curve;
+      table.show((curve?.table ?? []).map((force, i) => `${shown(i * (curve?.step ?? 0))}, ${shown(force)}`).join("\n"));
+    });
+  }
+
+  private makeContact(): void {
+    const box = this.section("Contact", "contact");
+    const keep = new ChoiceField("contact.keep", "solid", keeps, (path, value) => {
+      const limit = this.first()!.told.contact.limit;
+      return this.sendAll(value !== "none" && !(limit > 0) ? { [path]: value, "contact.limit": 10 } : { [path]: value }, path);
+    });
+    this.add(box, keep, (item) => keep.show(item.told.contact.keep));
+    const numbers: [keyof Item["told"]["contact"], string, string][] = [
+      ["stiffness", "N/m", "0: 1000 N/m, or a share of what the loop can render"], ["limit", "N", "Of all points of a tool together"],
+      ["damping", "N s/m", "Only while the hand approaches"], ["friction", "", "Coulomb coefficient, 0 to 2"],
+    ];
+    for (const [name, unit, title] of numbers) {
+      const field = numberField(`contact.${name}`, name, unit, this.send, title);
+      this.add(box, field, (item) => {
+        field.isShown = item.told.contact.keep !== "none";
+        field.show(shown(item.told.contact[name] as number));
+      });
+    }
+  }
+
+  private makeOther(): void {
+    const box = this.section("Object", "other");
+    const name = new TextField("name", "name", "", (_path, value) => {
+      const item = this.first()!;
+      return this.orders.wire.send("rename", { name: item.told.name, to: value }).then((made) => this.orders.selectWhenThere(made.name));
+    }, (text) => ({ value: text }));
+    this.add(box, name, (item) => { name.show(item.told.short); name.isReadOnly = item.isLocked || !item.told.own; });
+    const enabled = this.add(box, new CheckField("enabled", "enabled", this.send), (item) => enabled.show(item.told.enabled));
+    const closed = new CheckField("closed", "closed line", (_path, value) => this.closeLine(Boolean(value)));
+    this.add(box, closed, (item) => {
+      closed.isShown = item.told.primitive === "polyline" && this.model.selected.size === 1;
+      closed.show(item.told.shape?.closed ?? false);
+    });
+    const damping = this.add(box, numberField("damping", "damping", "N s/m", this.send, "Where the profile gives a force"),
+      (item) => damping.show(shown(item.told.damping)));
+    const lifetime = this.add(box, numberField("lifetime", "lifetime", "s", this.send, "It fades unless changed or moved within this time; 0: for ever"),
+      (item) => lifetime.show(shown(item.told.lifetime)));
+    const start = this.add(box, numberField("start", "start", "s", this.send, "t = 0 of f(d, t), on the clock of the scene"),
+      (item) => start.show(shown(Number(item.told.start.toFixed(6)))));
+    const points = new TextField("tool_points", "tool points", "", this.send, readPoints, "Numbers of the points that feel it, such as 1, 3; all");
+    this.add(box, points, (item) => points.show(showPoints(item.told.tool_points)));
+    box.append(this.points);
+  }
+
+  private async closeLine(isClosed: boolean): Promise<void> {
+    const shape = this.first()!.told.shape!;
+    const points = new Float64Array(await (await fetch(`shapes/${shape.hash}`)).arrayBuffer());
+    const triples = Array.from({ length: points.length / 3 }, (_, i) => [...points.slice(3 * i, 3 * i + 3)]);
+    await this.sendAll({ shape: { points: triples, closed: isClosed } }, "closed");
+  }
+
+  // ---- Showing
+
+  private first(): Item | undefined { return this.model.selection[0]; }
+
+  private update(): void {
+    const item = this.first();
+    this.box.classList.toggle("empty", !item);
+    if (!item) {
+      this.head.replaceChildren(make("p", { className: "hint",
+        textContent: "Nothing is selected. Click an object in the view or in the table; with Add you make one." }));
+      this.box.dataset.selected = "";
+      return;
+    }
+    this.box.dataset.selected = this.model.selection.map((each) => each.told.name).join("|");
+    this.updateHead(item);
+    const isSurface = item.told.primitive === "plane" || item.told.primitive === "mesh";
+    this.sections.get("back")!.hidden = this.sections.get("contact")!.hidden = !isSurface;
+    this.sections.get("front")!.querySelector("summary")!.textContent = isSurface ? "Force profile, front" : "Force profile";
+    const isReadOnly = this.model.selection.every((each) => each.isLocked);
+    for (const { field, update } of this.fields) {
+      field.isReadOnly = isReadOnly;
+      update(item);
+    }
+    for (const side of ["front", "back"] as const) this.formulas.get(side)!.textContent = "f = " + uses[item.told[side].kind]!.formula;
+  }
+
+  private updateHead(item: Item): void {
+    const many = this.model.selected.size;
+    const title = make("h2", {}, make("span", { className: "name", textContent: many > 1 ? `${many} objects` : item.told.short, dir: "auto" }));
+    if (item.isLocked) title.append(make("span", { className: "padlock", textContent: "🔒", title: "It can be looked at, not changed" }));
+    const shape = item.told.shape;
+    const what = shape ? `, ${shape.triangles ? `${shape.triangles.toLocaleString("en")} triangles` : `${shape.points} points`}` : "";
+    const condition = item.condition;
+    const capped = item.applied < item.wanted ? ` of ${slope(item.wanted)}` : "";
+    const facts = make("p", { className: "facts" },
+      make("span", { className: `state ${condition}`, textContent: `${mark[condition]} ${condition}` }),
+      `${item.told.primitive}${what} of ${item.told.client}`);
+    const live = make("p", { className: "facts live" },
+      `d ${this.model.distance(item)} · F ${newtons(sizeOf(item.push))} · slope ${slope(item.applied)}${capped}`);
+    this.head.replaceChildren(title, facts, live);
+    if (!item.told.own && many === 1 && !this.model.viewOnly) {
+      this.head.append(make("button", { textContent: "Copy into my scene", id: "adopt", onclick: () => void this.orders.adopt(item.told.name) }));
+    }
+  }
+}
+
+const slope = (value: number | null): string =>
+  value === null || !Number.isFinite(value) ? "∞ (the force jumps)" : `${value.toPrecision(3).replace(/\.?0+$/, "")} N/m`;
+
+/** Whether the library's sentence is about this field: "pose.position.x" is also about "pose.position". */
+function named(field: string, path: string): boolean {
+  return field !== "" && (field === path || path.startsWith(`${field}.`) || field.startsWith(`${path}.`));
+}
+
+/** Lines "d, f" with equal steps, as a spreadsheet gives them. */
+function readTable(text: string): { value: unknown } | string {
+  const lines = text.split("\n").map((line) => line.trim()).filter((line) => line !== "");
+  const rows = lines.map((line) => line.split(/[\t;]/.test(line) ? /[\t;]\s*/ : /,\s*|\s+/).map(parse)); // a comma may be decimal
+  if (rows.length && rows[0]!.some((x) => x === null)) rows.shift(); // names of the columns
+  const odd = rows.findIndex((row) => row.length !== 2 || row.some((x) => x === null));
+  if (odd >= 0) return `line ${odd + 1}: two numbers are wanted, the distance (m) and the force (N)`;
+  if (rows.length < 2) return "a table has two lines at least";
+  const distances = rows.map((row) => row[0]!), step = distances[1]! - distances[0]!;
+  if (distances[0] !== 0) return "line 1: the first distance is 0";
+  const uneven = distances.findIndex((d, i) => Math.abs(d - i * step) > 1e-6 * Math.abs(step) * rows.length);
+  if (!(step > 0) || uneven >= 0) return `line ${Math.max(uneven, 1) + 1}: the distances rise in equal steps`;
+  return { value: { table: rows.map((row) => row[1]!), step: Number(step.toPrecision(12)) } };
+}
+
+function readPoints(text: string): { value: unknown } | string {
+  if (text.trim() === "" || text.trim() === "all") return { value: 0 };
+  let bits = 0;
+  for (const word of text.split(/[,\s]+/)) {
+    const n = Number(word);
+    if (!Number.isInteger(n) || n < 1 || n > 32) return `“${word}” is no point: they have the numbers 1 to 32, or all`;
+    bits += bits & (2 ** (n - 1)) ? 0 : 2 ** (n - 1);
+  }
+  return { value: bits };
+}
+function showPoints(bits: number): string {
+  if (bits === 0) return "all";
+  return Array.from({ length: 32 }, (_, i) => i).filter((i) => Math.floor(bits / 2 ** i) % 2).map((i) => i + 1).join(", ");
+}
+
+export { Field };

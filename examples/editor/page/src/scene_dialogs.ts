@@ -1,0 +1,178 @@
+// The windows for files and for the editor's own scene: save, load, a mesh to add, frame, clutch, tool.
+
+import { type Vec, fromDegrees, toDegrees } from "./frames";
+import { CheckField, type Send, TextField, make, numberField, parse, shown } from "./fields";
+import type { Model } from "./model";
+import type { Orders } from "./orders";
+import { flat } from "./gizmo";
+import type { Refusal } from "./wire";
+
+function dialog(title: string, ...content: (Node | string)[]): HTMLDialogElement {
+  const box = make("dialog", {}, make("h2", { textContent: title }), ...content);
+  const close = make("button", { textContent: "Close", type: "button", onclick: () => box.close() });
+  box.append(make("div", { className: "buttons" }, close));
+  box.onclose = () => box.remove();
+  document.body.append(box);
+  box.showModal();
+  return box;
+}
+
+/** A file that the person chooses. */
+export function chooseFile(accept: string): Promise<File | null> {
+  return new Promise((done) => {
+    const input = make("input", { type: "file", accept });
+    input.onchange = () => done(input.files?.[0] ?? null);
+    input.oncancel = () => done(null);
+    input.dataset.upload = accept;
+    input.hidden = true;
+    document.body.append(input);
+    input.click();
+    setTimeout(() => input.remove(), 60000);
+  });
+}
+
+export class Dialogs {
+  constructor(private readonly model: Model, private readonly orders: Orders) {}
+
+  async save(): Promise<void> {
+    const found = await this.orders.ask("files");
+    if (!found) return;
+    const name = make("input", { type: "text", id: "save-name", value: "scene.json", spellcheck: false });
+    const error = make("div", { className: "error", role: "alert" } as Partial<HTMLDivElement>);
+    const save = make("button", { textContent: "Save", className: "primary", id: "save-now" });
+    const box = dialog("Save the editor's scene",
+      make("p", { className: "hint", textContent: `On the server's disk, in ${found.folder}, with its meshes beside it.` }), name, error,
+      make("div", { className: "buttons" }, save, make("a", { href: "scene.zip", download: "scene.zip", textContent: "Download as .zip", id: "save-zip", className: "button" })));
+    name.select();
+    save.onclick = async () => {
+      try {
+        const done = await this.orders.wire.send("save", { file: name.value });
+        this.orders.onNotice(`Saved as ${done.file}.`, false);
+        box.close();
+      } catch (refused) {
+        error.textContent = (refused as Refusal).text;
+      }
+    };
+    name.onkeydown = (event) => { if (event.key === "Enter") save.click(); };
+  }
+
+  async load(): Promise<void> {
+    const found = await this.orders.ask("files");
+    if (!found) return;
+    const error = make("div", { className: "error", role: "alert" } as Partial<HTMLDivElement>);
+    const list = make("div", { className: "files" });
+    const upload = make("button", { textContent: "Upload .zip or .json …", id: "load-upload" });
+    const box = dialog("Load a scene", make("p", { className: "hint",
+      textContent: `Objects of the same name are replaced; others stay. Files in ${found.folder}:` }), list, error, make("div", { className: "buttons" }, upload));
+    const load = async (fields: Record<string, unknown>, name: string) => {
+      try {
+        await this.orders.wire.send("load", fields);
+        this.orders.onNotice(`Loaded ${name}.`, false);
+        box.close();
+      } catch (refused) {
+        error.textContent = (refused as Refusal).text;
+      }
+    };
+    for (const file of found.files as string[]) {
+      list.append(make("button", { textContent: file, onclick: () => void load({ file }, file) }));
+    }
+    if (!found.files.length) list.append(make("p", { className: "hint", textContent: "There is no scene yet." }));
+    upload.onclick = async () => {
+      const file = await chooseFile(".zip,.json");
+      if (!file) return;
+      try {
+        await this.orders.wire.upload(file, file.name);
+        await load({ upload: true }, file.name);
+      } catch (refused) {
+        error.textContent = (refused as Refusal).text;
+      }
+    };
+  }
+
+  async addMesh(place: Vec): Promise<void> {
+    const file = await chooseFile(".obj,.ply,.stl,.off");
+    if (!file) return;
+    const scale = make("input", { type: "text", value: "1", id: "mesh-scale" });
+    const error = make("div", { className: "error", role: "alert" } as Partial<HTMLDivElement>);
+    const add = make("button", { textContent: "Add", className: "primary", id: "mesh-add" });
+    const box = dialog(`Add ${file.name}`, make("label", { className: "inline" }, "Metres a unit of the file ", scale),
+      make("p", { className: "hint", textContent: "1 for metres, 0.001 for millimetres" }), error, make("div", { className: "buttons" }, add));
+    add.onclick = async () => {
+      const metres = parse(scale.value);
+      if (metres === null || metres <= 0) { error.textContent = "a number above 0 is wanted"; return; }
+      add.disabled = true;
+      try {
+        await this.orders.wire.upload(file, file.name);
+        const name = file.name.replace(/\.\w+$/, "").replace(/[/\x00-\x1f]/g, "_").slice(0, 24) || "mesh";
+        const back = { kind: "linear_increasing", sense: "attractive", gain: 300, limit: 5 };
+        const made = await this.orders.wire.send("add", { name, primitive: "mesh", upload: true, scale: metres, fields: { "pose.position": place, ...flat("back", back) } });
+        this.orders.selectWhenThere(made.name);
+        box.close();
+      } catch (refused) {
+        error.textContent = (refused as Refusal).text;
+        add.disabled = false;
+      }
+    };
+  }
+
+  /** Frame, clutch and tool of the editor's own scene. */
+  scene(): void {
+    const own = this.model.clients.get(this.model.me);
+    if (!own) return;
+    const send = (fields: Record<string, unknown>) => this.orders.wire.send("frame", { fields });
+    const frame = () => this.model.ownFrame;
+    const body = make("div", { className: "scene-fields" });
+    const updates: (() => void)[] = [];
+    const add = (field: TextField, show: () => string, to: HTMLElement) => { to.append(field.row); updates.push(() => field.show(show())); };
+    const places = make("div", { className: "triple" }), turns = make("div", { className: "triple" });
+    (["x", "y", "z"] as const).forEach((name, i) => {
+      const sendPlace: Send = (_path, value) => {
+        const position = [...frame().pose.position];
+        position[i] = value as number;
+        return send({ position });
+      };
+      add(numberField(`frame.pose.position.${name}`, name, "m", sendPlace), () => shown(frame().pose.position[i]), places);
+      const sendTurn: Send = (_path, value) => {
+        const degrees = toDegrees(frame().pose.orientation);
+        degrees[i] = value as number;
+        return send({ orientation: fromDegrees(degrees) });
+      };
+      add(numberField(`frame.turn.r${name}`, `r${name}`, "°", sendTurn), () => shown(Number(toDegrees(frame().pose.orientation)[i]!.toFixed(6))), turns);
+    });
+    body.append(places, turns);
+    add(numberField("frame.scale", "scale", "m/m", (_path, value) => send({ scale: value }), "Metres of the scene for each metre of the device"), () => shown(frame().scale), body);
+    add(numberField("frame.force_scale", "force scale", "×", (_path, value) => send({ force_scale: value })), () => shown(frame().force_scale), body);
+    const clutch = new CheckField("clutch", "clutch held: the hand moves, the tool stays", (_path, value) => this.orders.wire.send("clutch", { held: value }));
+    body.append(clutch.row);
+    updates.push(() => clutch.show(this.model.clients.get(this.model.me)?.held ?? false));
+    const tool = make("textarea", { rows: 4, id: "tool-points", spellcheck: false });
+    tool.value = own.points.map((p) => p.map(shown).join(", ")).join("\n");
+    const error = make("div", { className: "error", role: "alert" } as Partial<HTMLDivElement>);
+    const apply = make("button", { textContent: "Set the tool's points", id: "tool-apply" });
+    apply.onclick = async () => {
+      const points = tool.value.split("\n").filter((line) => line.trim()).map((line) => line.split(/[,;\s]+/).filter(Boolean).map(parse));
+      try {
+        if (points.some((p) => p.length !== 3 || p.includes(null))) throw { text: "each line has three numbers: x, y, z in metres" };
+        await this.orders.wire.send("tool", { points });
+        error.textContent = "";
+      } catch (refused) {
+        error.textContent = (refused as Refusal).text;
+      }
+    };
+    const box = dialog("The editor's own scene", make("p", { className: "hint", textContent: "From the scene to the device: its place, its turn and its scale." }), body,
+      make("p", { className: "hint", textContent: "Points of the tool, one a line: x, y, z (m, frame of the handle), 1 to 32" }), tool, error, make("div", { className: "buttons" }, apply));
+    const update = () => { if (box.open) for (const f of updates) f(); };
+    update();
+    const timer = setInterval(() => { if (box.open) update(); else clearInterval(timer); }, 200);
+  }
+
+  help(): void {
+    const keys: [string, string][] = [
+      ["Escape", "stops all force, at once"], ["Ctrl+Z, Ctrl+Shift+Z", "undo, redo"], ["Delete", "removes the selection, or a corner that is active"],
+      ["W, E", "move, turn"], ["Q", "axes of the world, or of the object"], ["Ctrl while dragging", "snaps to 10 mm and 5°"], ["F", "fits the view to the selection"],
+      ["1, 2, 3, 4", "view from the top, front, side, and slantwise"], ["Space", "enables or disables (in the table)"], ["↑ ↓", "next object (in the table); a tenth more or less (in a field)"],
+      ["left, right, wheel", "orbit, pan, zoom"],
+    ];
+    dialog("Keys", make("dl", {}, ...keys.flatMap(([key, text]) => [make("dt", { textContent: key }), make("dd", { textContent: text })])));
+  }
+}

@@ -1,0 +1,216 @@
+// What happens over time: the force on the hand, that of each client, and how well the servo keeps its time.
+
+import uPlot from "uplot";
+import { axis } from "./curve_plot";
+import { make } from "./fields";
+import { type Model, colourOf, sizeOf } from "./model";
+
+/** The last `most` rows of numbers, oldest first. */
+class Ring {
+  private data: Float64Array;
+  private start = 0;
+  count = 0;
+  constructor(readonly width: number, private readonly most: number) { this.data = new Float64Array(width * 256); }
+  push(row: ArrayLike<number>): void {
+    const room = this.data.length / this.width;
+    if (this.start + this.count === room) { // to the front, into more room if it is needed
+      const next = this.count * 2 > room ? new Float64Array(Math.min(room * 2, this.most * 2 + 256) * this.width) : this.data;
+      next.set(this.data.subarray(this.start * this.width, (this.start + this.count) * this.width));
+      this.data = next;
+      this.start = 0;
+    }
+    this.data.set(row, (this.start + this.count) * this.width);
+    if (this.count === this.most) ++this.start;
+    else ++this.count;
+  }
+  at(i: number, column: number): number { return this.data[(this.start + i) * this.width + column]!; }
+  clear(): void { this.count = this.start = 0; }
+  /** The first row that is not before this time. */
+  find(time: number): number {
+    let low = 0, high = this.count;
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (this.at(middle, 0) < time) low = middle + 1;
+      else high = middle;
+    }
+    return low;
+  }
+}
+
+const spans = [10, 30, 60, 300, 600]; // s
+const perSecond = 240;
+export type Shown = "force" | "clients" | "servo";
+
+export class TimePlots {
+  private plot: uPlot | null = null;
+  private shown: Shown = "force";
+  private span = 10;
+  private pausedAt: number | null = null;
+  private isDue = false;
+  private names: string[] = [];
+  private readonly force = new Ring(4, 600 * perSecond + 1000); // time, x, y, z
+  private readonly servo = new Ring(6, 1200); // time, rate, late p50, p99, max, compute p99
+  private readonly clients = new Map<string, Ring>(); // time, x, y, z
+
+  constructor(private readonly box: HTMLElement, bar: HTMLElement, private readonly model: Model) {
+    const choice = make("select", { title: "What is plotted", id: "plot-what" },
+      ...[["force", "Force on the hand"], ["clients", "Force of each client"], ["servo", "Servo"]].map(([value, textContent]) => make("option", { value, textContent })));
+    choice.onchange = () => { this.shown = choice.value as Shown; this.build(); };
+    const span = make("select", { title: "How long", id: "plot-span" }, ...spans.map((s) => make("option", { value: String(s), textContent: s < 60 ? `${s} s` : `${s / 60} min` })));
+    span.onchange = () => { this.span = Number(span.value); this.draw(); };
+    const pause = make("button", { textContent: "Pause", id: "plot-pause" });
+    pause.onclick = () => {
+      this.pausedAt = this.pausedAt === null ? this.now : null;
+      pause.textContent = this.pausedAt === null ? "Pause" : "Go on";
+      pause.setAttribute("aria-pressed", String(this.pausedAt !== null));
+      this.draw();
+    };
+    const save = make("button", { textContent: "CSV", title: "Download what is plotted", id: "plot-csv", onclick: () => this.download() });
+    bar.append(choice, span, pause, save);
+    model.on(["samples"], () => this.take());
+    new ResizeObserver(() => this.plot?.setSize(this.size())).observe(box);
+    this.build();
+  }
+
+  private get now(): number { return this.force.count ? this.force.at(this.force.count - 1, 0) : 0; }
+  private size(): { width: number; height: number } {
+    return { width: Math.max(200, this.box.clientWidth), height: Math.max(90, this.box.clientHeight) };
+  }
+
+  private connection = -1;
+  private take(): void {
+    const { model } = this, samples = model.newSamples, told = model.told;
+    if (told.connection !== this.connection) {
+      this.connection = told.connection;
+      this.force.clear();
+      this.servo.clear();
+      this.clients.clear();
+    }
+    const f = model.ownFrame.pose.orientation;
+    const isTurned = f[1] !== 0 || f[2] !== 0 || f[3] !== 0;
+    for (let i = 0; i < samples.length; i += 4) {
+      const row = samples.subarray(i, i + 4);
+      this.force.push(isTurned ? [row[0]!, ...model.turnToDevice([row[1]!, row[2]!, row[3]!])] : row);
+    }
+    const time = told.time as number;
+    for (const client of model.clients.values()) {
+      if (!this.clients.has(client.name)) this.clients.set(client.name, new Ring(4, 600 * 30));
+      this.clients.get(client.name)!.push([time, ...client.force]);
+    }
+    const s = told.stats as Record<string, number | null>;
+    if (s && (!this.servo.count || time - this.servo.at(this.servo.count - 1, 0) > 0.45)) {
+      this.servo.push([time, s.rate ?? NaN, ...["late_p50", "late_p99", "late_max", "compute_p99"].map((name) => (s[name] ?? NaN) * 1e6)]);
+    }
+    if (this.pausedAt === null) this.later();
+  }
+  private later(): void {
+    if (this.isDue || document.hidden) return;
+    this.isDue = true;
+    setTimeout(() => requestAnimationFrame(() => { this.isDue = false; this.draw(); }), 60);
+  }
+
+  private build(): void {
+    this.plot?.destroy();
+    const line = (label: string, stroke: string, width = 1.5, scale = "y"): uPlot.Series => ({ label, stroke, width, scale, points: { show: false } });
+    this.names = [...this.model.clients.keys()];
+    const series: Record<Shown, uPlot.Series[]> = {
+      force: [line("|F|", "#1d232b", 2), line("x", "#b04a3f"), line("y", "#4b8b4f"), line("z", "#4667a8")],
+      clients: this.names.map((name) => line(name, `#${colourOf(name, this.model.me).toString(16).padStart(6, "0")}`, 2)),
+      servo: [line("late p50", "#8aa0b8"), line("p99", "#2f6fb0"), line("max", "#c0392b"), line("compute p99", "#4b8b4f"), line("Hz", "#a8532c", 1.5, "hz")],
+    };
+    const isServo = this.shown === "servo";
+    const axes: uPlot.Axis[] = [axis("s", 18), axis(isServo ? "µs" : "N", 42)];
+    if (isServo) axes.push({ ...axis("Hz", 42), scale: "hz", side: 1, grid: { show: false } });
+    this.plot = new uPlot({
+      ...this.size(), axes, series: [{ label: "t" }, ...series[this.shown]],
+      scales: { x: { time: false, range: () => [-this.span, 0] }, y: { range: (_u, low, high) => padded(low, high, isServo) }, hz: { range: (_u, low, high) => padded(low, high, true) } },
+      legend: { show: true, live: false }, cursor: { drag: { x: false, y: false }, points: { show: false } },
+    }, [[0]] as unknown as uPlot.AlignedData, this.box);
+    this.draw();
+  }
+
+  private draw(): void {
+    if (!this.plot) return;
+    if (this.shown === "clients" && this.names.join("|") !== [...this.model.clients.keys()].join("|")) return this.build();
+    const data = this.data(Math.max(400, this.box.clientWidth));
+    this.plot.setData(data as unknown as uPlot.AlignedData);
+    this.box.dataset.points = String(data[0]!.length);
+    this.box.dataset.span = String(this.span);
+  }
+
+  /** Columns to plot, against the time before the last sample. Of many samples the highest and lowest of each pixel. */
+  private data(pixels: number): (number | null)[][] {
+    const end = this.pausedAt ?? this.now;
+    if (this.shown === "force") {
+      const rows = thinned(this.force, end - this.span, end, pixels);
+      const at = (column: number) => rows.map((i) => this.force.at(i, column));
+      const [x, y, z] = [at(1), at(2), at(3)];
+      return [at(0).map((t) => t - end), x.map((_, i) => Math.hypot(x[i]!, y[i]!, z[i]!)), x, y, z];
+    }
+    if (this.shown === "servo") {
+      const rows = thinned(this.servo, end - this.span, end, pixels);
+      const at = (column: number) => rows.map((i) => this.servo.at(i, column));
+      return [at(0).map((t) => t - end), at(2), at(3), at(4), at(5), at(1)];
+    }
+    const rings = this.names.map((name) => this.clients.get(name)).filter((ring) => ring !== undefined);
+    const longest = rings.reduce<Ring | null>((a, b) => (a && a.count >= b.count ? a : b), null);
+    if (!longest) return [[], ...this.names.map(() => [])];
+    const rows = thinned(longest, end - this.span, end, pixels);
+    const times = rows.map((i) => longest.at(i, 0));
+    const columns = this.names.map((name) => {
+      const ring = this.clients.get(name);
+      return times.map((t) => {
+        const i = ring ? ring.find(t) : 0;
+        return ring && i < ring.count && ring.at(i, 0) === t ? sizeOf([ring.at(i, 1), ring.at(i, 2), ring.at(i, 3)]) : null;
+      });
+    });
+    return [times.map((t) => t - end), ...columns];
+  }
+
+  /** The samples themselves, not thinned. */
+  csv(): string {
+    const end = this.pausedAt ?? this.now, start = end - this.span;
+    const lines: string[] = [];
+    const add = (ring: Ring, prefix: string) => {
+      for (let i = ring.find(start); i < ring.count && ring.at(i, 0) <= end; ++i) {
+        lines.push(prefix + Array.from({ length: ring.width }, (_, c) => String(ring.at(i, c))).join(","));
+      }
+    };
+    if (this.shown === "force") { lines.push("time_s,x_N,y_N,z_N"); add(this.force, ""); }
+    else if (this.shown === "servo") { lines.push("time_s,rate_Hz,late_p50_us,late_p99_us,late_max_us,compute_p99_us"); add(this.servo, ""); }
+    else {
+      lines.push("client,time_s,x_N,y_N,z_N");
+      for (const [name, ring] of this.clients) add(ring, `"${name.replace(/"/g, '""')}",`);
+    }
+    return lines.join("\n") + "\n";
+  }
+  private download(): void {
+    const link = make("a", { href: URL.createObjectURL(new Blob([this.csv()], { type: "text/csv" })), download: `${this.shown}.csv` });
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+  }
+}
+
+/** The rows between two times; of more than a few for each pixel those with the smallest and the largest force. */
+function thinned(ring: Ring, start: number, end: number, pixels: number): number[] {
+  const first = ring.find(start), last = ring.find(end + 1e-9);
+  const every = Math.ceil((last - first) / (pixels * 2));
+  const rows: number[] = [];
+  for (let i = first; i < last; i += every * (every > 2 ? 2 : 1)) {
+    if (every <= 2) { rows.push(i); continue; }
+    let low = i, high = i;
+    const size = (j: number) => Math.hypot(ring.at(j, 1), ring.at(j, 2), ring.at(j, 3));
+    for (let j = i; j < Math.min(i + 2 * every, last); ++j) {
+      if (size(j) < size(low)) low = j;
+      if (size(j) > size(high)) high = j;
+    }
+    rows.push(...(low === high ? [low] : low < high ? [low, high] : [high, low]));
+  }
+  return rows;
+}
+
+function padded(low: number | null, high: number | null, fromZero: boolean): [number, number] {
+  if (low === null || high === null || !Number.isFinite(low) || !Number.isFinite(high)) return [0, 1];
+  const least = fromZero ? 0 : Math.min(low, 0), room = Math.max(high - least, 0.1) * 0.08;
+  return [least < 0 ? least - room : least, Math.max(high, least + 0.1) + room];
+}

@@ -1,0 +1,400 @@
+"""The editor's server without a browser: who gets in, what a socket gets, and what it may ask for."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+import json
+import math
+import struct
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+import zipfile
+from collections.abc import Callable
+from typing import Any
+
+import forceserver as fs
+import numpy as np
+import pytest
+from conftest import Editor, Lab, Second, eventually
+from websockets.asyncio.client import connect
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+
+def fetch(address: str, **headers: str) -> tuple[int, bytes]:
+    try:
+        with urllib.request.urlopen(urllib.request.Request(address, headers=headers)) as answer:
+            return answer.status, answer.read()
+    except urllib.error.HTTPError as error:
+        return error.code, error.read()
+
+
+class Socket:
+    """A browser's connection, by hand."""
+
+    def __init__(self, socket: Any) -> None:
+        self.socket = socket
+        self.told: dict[str, Any] = {}
+        self.objects: dict[str, Any] = {}
+        self.rows: dict[int, Any] = {}
+        self.samples: list[Any] = []
+        self.states = 0
+        self._n = 0
+
+    def _take(self, message: bytes) -> None:
+        (size,) = struct.unpack_from("<I", message)
+        told = json.loads(message[4 : 4 + size])
+        numbers = np.frombuffer(message, float, offset=-(-(4 + size) // 8) * 8)
+        rows = numbers[: told["rows"] * 19].reshape(-1, 19)
+        self.samples += numbers[told["rows"] * 19 :].reshape(-1, 4).tolist()
+        self.told |= told
+        if told.get("fresh"):
+            self.objects, self.rows = {}, {}
+        for one in told.get("objects", []):
+            self.objects[one["name"]] = one
+        gone = set(told.get("gone", []))
+        self.objects = {name: one for name, one in self.objects.items() if one["id"] not in gone}
+        self.rows |= {int(row[0]): row for row in rows}
+        self.states += 1
+
+    async def state(self) -> None:
+        """The next state."""
+        while not isinstance(message := await self.socket.recv(), bytes):
+            pass
+        self._take(message)
+        await self.socket.send(json.dumps({"took": self.told["serial"]}))
+
+    async def until(self, is_so: Callable[[Socket], Any]) -> None:
+        for _ in range(600):
+            await self.state()
+            if is_so(self):
+                return
+        raise AssertionError("it never came")
+
+    async def ask(self, what: str, /, **fields: Any) -> Any:
+        """The answer, or the refusal with its "status"."""
+        self._n += 1
+        await self.socket.send(json.dumps({"n": self._n, "do": what, **fields}))
+        while True:
+            message = await self.socket.recv()
+            if isinstance(message, bytes):
+                self._take(message)
+                await self.socket.send(json.dumps({"took": self.told["serial"]}))
+                continue
+            answer = json.loads(message)
+            assert answer["n"] == self._n
+            return answer["ok"] if "ok" in answer else answer["refused"]
+
+
+def with_socket(editor: Editor, journey: Callable[[Socket], Any], **options: Any) -> Any:
+    async def run() -> Any:
+        origin = f"http://127.0.0.1:{editor.port}"
+        async with connect(f"ws://127.0.0.1:{editor.port}/{editor.token}/socket", origin=origin, max_size=None, close_timeout=1, **options) as socket:  # type: ignore[arg-type]
+            return await journey(Socket(socket))
+
+    return asyncio.run(run())
+
+
+POINT = {"front.kind": "gaussian", "front.gain": 1, "front.width": 0.01, "front.limit": 2}
+
+
+def test_token_host_and_origin(started: Any) -> None:
+    lab = started(Lab)
+    editor = started(Editor, lab.endpoint)
+    base = f"http://127.0.0.1:{editor.port}"
+    status, page = fetch(editor.address)
+    assert status == 200 and b"Force editor" in page
+    for path in ("", "/", f"/{editor.token[:-1]}/", "/wrong/", "/shapes/x", "/editor.js"):
+        assert fetch(base + path)[0] == 403, path
+    assert fetch(editor.address + "editor.js")[0] == 200
+    assert fetch(editor.address + "shapes/none")[0] == 404
+    assert fetch(editor.address + "../../etc/passwd")[0] in (403, 404)
+    for host in ("evil.example", f"evil.example:{editor.port}", "127.0.0.1:1"):
+        assert fetch(editor.address, Host=host)[0] == 403, host
+    assert fetch(editor.address, Host=f"localhost:{editor.port}")[0] == 200
+    assert fetch(editor.address, Origin="http://evil.example")[0] == 403
+
+    async def knock(origin: str | None, token: str) -> int:
+        try:
+            async with connect(f"ws://127.0.0.1:{editor.port}/{token}/socket", origin=origin):  # type: ignore[arg-type]
+                return 101
+        except InvalidStatus as refused:
+            return refused.response.status_code
+
+    assert asyncio.run(knock(base, editor.token)) == 101
+    assert asyncio.run(knock("http://evil.example", editor.token)) == 403
+    assert asyncio.run(knock("null", editor.token)) == 403
+    assert asyncio.run(knock(base, "wrong")) == 403
+    assert asyncio.run(knock(None, editor.token)) == 400  # what is no browser must still say where it comes from
+
+
+def test_states_and_shapes(started: Any) -> None:
+    lab = started(Lab)
+    rover = lab.join("rover")
+    points = np.array([[4.1e6, 0, 0], [4.1e6 + 1, 0, 0], [4.1e6, 1, 0]], dtype=float)
+    rover["land"] = fs.Mesh(points, [[0, 1, 2]])
+    rover["line"] = fs.Polyline([(0, 0, 0), (0.1, 0.2, 0.30000000000000004)])
+    rover.set_frame(fs.Frame(scale=150_000))
+    editor = started(Editor, lab.endpoint)
+
+    async def journey(s: Socket) -> None:
+        await s.until(lambda s: len(s.objects) == 2 and len(s.rows) == 2)
+        shape = s.objects["rover/land"]["shape"]
+        assert shape["centre"] == [4.1e6 + 0.5, 0.5, 0] and shape["triangles"] == 1
+        data = fetch(editor.address + "shapes/" + shape["hash"])[1]
+        assert np.allclose(np.frombuffer(data, "<f4", 9).reshape(3, 3), points - shape["centre"], atol=0)
+        assert np.frombuffer(data, "<u4", 3, 36).tolist() == [0, 1, 2]
+        line = fetch(editor.address + "shapes/" + s.objects["rover/line"]["shape"]["hash"])[1]
+        assert np.frombuffer(line).tolist() == [0, 0, 0, 0.1, 0.2, 0.30000000000000004]  # bit for bit
+        client = next(c for c in s.told["clients"] if c["name"] == "rover")
+        assert client["frame"]["scale"] == 150_000 and not client["locked"]
+        rover["line"].move(position=(0.25, 0, 0))
+        await s.until(lambda s: s.rows[s.objects["rover/line"]["id"]][1] == 0.25)
+        del rover["land"]
+        await s.until(lambda s: list(s.objects) == ["rover/line"])
+        await s.until(lambda s: len(s.samples) > 50)
+        assert math.hypot(*s.samples[-1][1:]) < 1e-6
+
+    with_socket(editor, journey)
+
+
+def test_commands_history_and_refusals(started: Any) -> None:
+    lab = started(Lab)
+    rover = lab.join("rover")
+    rover["hazard"] = fs.Point(position=(0.05, 0, 0), front=fs.Gaussian(1, 0.01, limit=2))
+    editor = started(Editor, lab.endpoint)
+    second = started(Second, lab.endpoint)
+
+    async def journey(s: Socket) -> None:
+        assert (await s.ask("add", name="a", primitive="point", fields=POINT)) == {"name": "a"}
+        assert (await s.ask("add", name="a", primitive="point", fields=POINT)) == {"name": "a 2"}
+        assert second.get("editor/a")["front"]["gain"] == 1
+        bad = await s.ask("change", names=["a"], fields={"front.gain": -1})
+        assert bad["status"] == "INVALID" and bad["field"] == "front.gain" and "must be >= 0" in bad["text"]
+        bad = await s.ask("change", names=["a"], fields={"front.kind": "custom", "front.width": 0, "front.curve": {"expression": "3*("}})
+        assert bad["field"] == "front.curve" and "column 3" in bad["text"]
+        for odd in ({"front.gain": "x"}, {"front.gain": None}, {"front.nothing": 1}, {"nothing": 1}, {"shape": 3}, {"pose.position": [1]},
+                    {"tool_points": -1}, {"pose.orientation": [0, 0, 0, 0]}, {"primitive": "mesh"}, {"front.kind": "odd"}):  # fmt: skip
+            assert "text" in await s.ask("change", names=["a"], fields=odd), odd
+        assert "text" in await s.ask("nothing")
+        assert "text" in await s.ask("change", names=["a"])
+        assert (await s.ask("change", names=["nobody"], fields={"damping": 1}))["status"] == "NOTFOUND"
+        # Many changes with one gesture are one step.
+        for gain in (1.5, 1.6, 1.7):
+            assert await s.ask("change", names=["a", "rover/hazard"], fields={"front.gain": gain}, gesture="g1") == {}
+        assert second.get("rover/hazard")["front"]["gain"] == 1.7
+        rover["hazard"].move(position=(0.06, 0, 0))
+        assert (await s.ask("undo"))["text"].startswith("change")
+        assert second.get("rover/hazard")["front"]["gain"] == second.get("editor/a")["front"]["gain"] == 1
+        assert second.get("rover/hazard")["position"] == [0.06, 0, 0]  # the owner's moves stay
+        assert "text" in await s.ask("redo")
+        assert second.get("rover/hazard")["front"]["gain"] == 1.7
+        # Somebody else changed the same part since.
+        assert second.ask("gain rover/hazard 3") == "FS_OK"
+        refused = await s.ask("undo")
+        assert refused["status"] == "INVALID" and "rover" in refused["text"] and second.get("rover/hazard")["front"]["gain"] == 3
+        assert second.get("editor/a")["front"]["gain"] == 1.7  # all of the step, or none
+        assert "cannot be removed" in (await s.ask("remove", names=["rover/hazard"]))["text"]
+        assert (await s.ask("adopt", name="rover/hazard")) == {"name": "hazard"}
+        assert second.get("editor/hazard")["position"] == [0.06, 0, 0]
+        assert await s.ask("remove", names=["a", "hazard"], gesture="g2") == {}
+        assert second.get("editor/a")["status"] == "FS_ERROR_NOT_FOUND"
+        assert (await s.ask("undo"))["who"] == "browser 1"
+        assert second.get("editor/a")["front"]["gain"] == 1.7
+        assert (await s.ask("rename", name="a", to='<b>"x"<b>')) == {"name": '<b>"x"<b>'}
+        await s.until(lambda s: '<b>"x"<b>' in s.objects)
+        assert "bytes long" in (await s.ask("rename", name='<b>"x"<b>', to="x" * 40))["text"]
+
+    with_socket(editor, journey)
+
+
+def test_files_stay_in_the_folder(started: Any) -> None:
+    lab = started(Lab)
+    editor = started(Editor, lab.endpoint)
+    (editor.folder.parent / "outside.json").write_text('{"forceserver": "scene", "version": 1, "objects": []}')
+
+    async def journey(s: Socket) -> None:
+        await s.ask("add", name="a", primitive="point", fields=POINT | {"pose.position": [0.1, 0.2, 0.30000000000000004]})
+        for file in ("../outside.json", "/tmp/x.json", "", ".hidden", "a/b/c"):
+            for name in ("save", "load"):
+                assert "text" in await s.ask(name, file=file), (name, file)
+        assert await s.ask("save", file="room") == {"file": "room.json"}
+        assert (await s.ask("files"))["files"] == ["room.json"]
+        zipped = zipfile.ZipFile(io.BytesIO(fetch(editor.address + "scene.zip")[1]))
+        assert zipped.namelist() == ["scene.json"]
+        assert json.loads(zipped.read("scene.json"))["objects"] == json.loads((editor.folder / "room.json").read_text())["objects"]
+        await s.ask("remove", names=["a"])
+        assert await s.ask("load", file="room.json") == {}
+        await s.until(lambda s: "a" in s.objects and s.rows[s.objects["a"]["id"]][3] == 0.30000000000000004)
+        bad = io.BytesIO()
+        with zipfile.ZipFile(bad, "w") as archive:
+            archive.writestr("../evil.json", "{}")
+        assert await s.ask("upload", size=len(bad.getvalue()), file="x.zip") == {}
+        await s.socket.send(bad.getvalue())
+        assert "outside" in (await s.ask("load", upload=True))["text"]
+        assert "none of" in (await s.ask("upload", size=3, file="x.exe"))["text"]
+        assert "bytes" in (await s.ask("upload", size=10**12, file="x.zip"))["text"]
+        assert "as a whole" in (await s.ask("load", upload=True))["text"]
+
+    with_socket(editor, journey)
+
+
+def test_locked_server_and_view_only(started: Any) -> None:
+    lab = started(Lab, locked=True, no_stop=True)
+    lab.base["floor"] = fs.Wall((0, 0, -0.05), (0, 0, 1), 100, 5)
+    editor = started(Editor, lab.endpoint)
+    viewer = started(Editor, lab.endpoint, "--view", "--name", "viewer")
+
+    async def journey(s: Socket) -> None:
+        await s.until(lambda s: "server/floor" in s.objects)
+        assert all(client["locked"] for client in s.told["clients"])
+        refused = await s.ask("change", names=["server/floor"], fields={"enabled": False})
+        assert refused["status"] == "DENIED"
+        assert (await s.ask("stop"))["status"] == "DENIED"
+        assert lab.servo.stats.enabled == 1
+
+    with_socket(editor, journey)
+
+    async def look(s: Socket) -> None:
+        await s.until(lambda s: "server/floor" in s.objects)
+        assert s.told["view_only"]
+        for name in ("add", "change", "move", "remove", "stop", "undo", "save", "load", "clutch", "frame", "recover"):
+            assert (await s.ask(name))["status"] == "DENIED", name
+
+    with_socket(viewer, look)
+
+
+def test_stop(started: Any) -> None:
+    lab = started(Lab)
+    editor = started(Editor, lab.endpoint)
+
+    async def journey(s: Socket) -> None:
+        assert await s.ask("stop") == {}
+        eventually(lambda: lab.servo.stats.enabled == 0)
+        await s.until(lambda s: s.told["stats"]["enabled"] == 0)
+        lab.servo.set_enabled(True)
+        await s.until(lambda s: s.told["stats"]["enabled"] == 1)
+
+    with_socket(editor, journey)
+
+
+def test_too_large_and_too_many(started: Any) -> None:
+    lab = started(Lab)
+    editor = started(Editor, lab.endpoint)
+
+    async def large(s: Socket) -> None:
+        with pytest.raises(ConnectionClosed):
+            await s.socket.send(["x" * 1_000_000] * 100)  # one message, in pieces
+            while True:
+                await s.socket.recv()
+
+    with_socket(editor, large)
+
+    async def nonsense(s: Socket) -> None:
+        with pytest.raises(ConnectionClosed):
+            await s.socket.send("[1, 2")
+            while True:
+                await s.socket.recv()
+
+    with_socket(editor, nonsense)
+
+    async def two(s: Socket) -> None:
+        """While one asks as fast as it can, the other gets its states."""
+        origin = f"http://127.0.0.1:{editor.port}"
+        async with connect(f"ws://127.0.0.1:{editor.port}/{editor.token}/socket", origin=origin, max_size=None) as other:  # type: ignore[arg-type]
+
+            async def flood() -> None:
+                for n in range(5_000):
+                    await other.send(json.dumps({"n": n, "do": "change", "names": ["nobody"], "fields": {"damping": 1}}))
+
+            async def drop() -> None:
+                while True:
+                    await other.recv()
+
+            tasks = [asyncio.create_task(flood()), asyncio.create_task(drop())]
+            before = s.states
+            for _ in range(60):
+                await s.state()
+            assert s.states == before + 60
+            for task in tasks:
+                task.cancel()
+
+    with_socket(editor, two)
+
+
+def test_a_socket_that_is_not_read(started: Any) -> None:
+    """Nothing queues for it: when it reads again, it gets one old state and then the newest."""
+    lab = started(Lab)
+    editor = started(Editor, lab.endpoint)
+
+    async def journey(s: Socket) -> None:
+        await s.state()
+        last = s.told["serial"]
+        await s.socket.recv()  # one is under way, and is not answered: no other follows
+        with pytest.raises(TimeoutError):
+            await asyncio.wait_for(s.socket.recv(), 1)
+        await s.socket.send(json.dumps({"took": 0}))
+        await s.state()
+        assert s.told["serial"] > last + 10
+
+    with_socket(editor, journey)
+
+
+def test_server_that_ends_and_comes_again(started: Any) -> None:
+    lab = started(Lab)
+    editor = started(Editor, lab.endpoint)
+
+    async def journey(s: Socket) -> None:
+        await s.ask("add", name="a", primitive="point", fields=POINT)
+        await s.until(lambda s: "a" in s.objects)
+        eventually(lambda: list((editor.folder / ".state").rglob("scene.json")), "the recovery file")
+        first = s.told["connection"]
+        lab.close()
+        await s.until(lambda s: s.told["error"])
+        assert (await s.ask("add", name="b", primitive="point", fields=POINT))["status"] == "DISCONNECTED"
+        new = started(Lab, endpoint=lab.endpoint)
+        await s.until(lambda s: not s.told["error"])
+        assert s.told["connection"] > first and not s.objects  # nothing pushes by itself
+        await s.until(lambda s: s.told["recovery"])
+        assert (await s.ask("undo"))["text"] == "there is nothing to undo"
+        assert await s.ask("recover") == {}
+        await s.until(lambda s: "a" in s.objects and not s.told["recovery"])
+        assert len(new.base) == 0
+
+    with_socket(editor, journey)
+
+
+def test_names(started: Any) -> None:
+    lab = started(Lab)
+    rover = lab.join('<i>"r&b"<i>')
+    names = ["<script>alert(1)<script>", 'a"b\'c', "ü" * 15, "שלום", "a\\b"]
+    for name in names:
+        rover[name] = fs.Point()
+    editor = started(Editor, lab.endpoint)
+
+    async def journey(s: Socket) -> None:
+        await s.until(lambda s: len(s.objects) == len(names))
+        assert {one["short"] for one in s.objects.values()} == set(names)
+        for name in names:
+            assert await s.ask("change", names=[f'<i>"r&b"<i>/{name}'], fields={"enabled": False}) == {}
+
+    with_socket(editor, journey)
+
+
+def test_command_line(started: Any) -> None:
+    def run(*arguments: str) -> str:
+        done = subprocess.run([sys.executable, "-m", "forceserver_editor", *arguments], capture_output=True, text=True, timeout=60)
+        assert done.returncode == 1
+        return done.stderr
+
+    assert "listens at shm:nobody-here" in run("nobody-here", "--no-browser")
+    lab = started(Lab)
+    editor = started(Editor, lab.endpoint)
+    assert "cannot listen" in run(lab.endpoint, "--no-browser", "--port", str(editor.port))
+    other = started(Editor, lab.endpoint)  # two editors with one name
+    assert {client["name"] for client in lab.join("x").get_clients()} >= {b"editor", b"editor 2"}
+    assert other.port != editor.port
+    assert "'editor'" in run(lab.endpoint, "--no-browser", "--name", "editor")
+    assert "WARNING" in started(Editor, lab.endpoint, "--host", "0.0.0.0", "--name", "wide").said
