@@ -31,7 +31,7 @@ template <class Derived>
 class Counted {
  public:
   Counted() = default;
-  Counted(const Counted&) = delete;
+  Counted(const Counted&) {}  // a copy has its own count
   Counted& operator=(const Counted&) = delete;
 
   void retain() const noexcept { references_.fetch_add(1, std::memory_order_relaxed); }

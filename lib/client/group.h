@@ -29,6 +29,7 @@ class Group {
   void add_tool();
   void add_clutch(bool held) { batch.add(wire::type_clutch, wire::Clutch{held}); }
   void add_accuracy(double newtons) { batch.add(wire::type_accuracy, wire::Accuracy{newtons}); }
+  void add_max_stiffness(double stiffness) { batch.add(wire::type_max_stiffness, wire::MaxStiffness{stiffness}); }
   void add_foreign(wire::Type type, std::span<const std::byte> record, Assets assets = {});
 
   // An object of another client, as the group has changed it.

@@ -296,8 +296,9 @@ void RemoteScene::set_accuracy(double newtons) {
 }
 
 void RemoteScene::set_max_stiffness(double stiffness) {
-  connection_.check();
   check_max_stiffness(stiffness);
+  Call call = line_.enter();
+  mutate(call, [&](Group& group) { group.add_max_stiffness(stiffness); });
 }
 
 // --------------------------------------------------------------------------------------------------- clock and servo

@@ -210,14 +210,14 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
     for_each_bit(solids_near, [&](uint32_t i) {
       const Row& row = chunk.row(i);
       const Scratch* const scratch = scratches.get(number * chunk_size + i);
-      proxies->collect({.row = number * chunk_size + i, .version = row.version, .object = row.object.get(),
+      proxies->collect({.row = number * chunk_size + i, .version = row.version, .object = &row.as_felt(given),
                         .motion = &chunk.motion(i), .weight = given ? given[i].value() : 1,
                         .parsers = scratch ? &scratch->parsers : nullptr, .start = row.start});
     });
     near &= ~solids_near;
     const uint64_t contacts_near = near & ~points_near & (chunk.rows->contacts | chunk.rows->formulas());
     for_each_bit(contacts_near, [&](uint32_t i) {
-      const Object& object = *chunk.row(i).object;
+      const Object& object = chunk.row(i).as_felt(given);
       const Scratch* const scratch = object.shape ? scratches.get(number * chunk_size + i) : nullptr;
       felt |= add_contacts(object, chunk.motion(i), i, given ? given[i].value() : 1, tool,
                            scratch ? scratch->hints.get() : nullptr, effort, out.error_bound, contacts, sum);
@@ -227,7 +227,7 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
       const Row& row = chunk.row(i);
       const Scratch* const scratch = scratches.get(number * chunk_size + i);
       Share got;
-      if (!evaluate_object(*row.object, chunk.motion(i), row.start, tool, scratch ? &scratch->parsers : nullptr, got,
+      if (!evaluate_object(row.as_felt(given), chunk.motion(i), row.start, tool, scratch ? &scratch->parsers : nullptr, got,
                            scratch ? scratch->hints.get() : nullptr, effort)) {
         return;
       }
@@ -237,6 +237,7 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
       if (!(got.wrench.force == Vec3{})) felt |= bit_of(i);
     });
     out.felt_count += static_cast<uint32_t>(std::popcount(felt));
+    if (given && (felt & chunk.rows->bounded)) out.flags |= FS_RESPONSE_CAPPED;
     for_each_bit(given ? felt : 0, [&](uint32_t i) {
       if (given[i].value() < 1) out.flags |= FS_RESPONSE_FADING;
     });

@@ -138,7 +138,7 @@ FS_INLINE void add_forces(Four fx, Four fy, Four fz, Four arm_x, Four arm_y, Fou
 FS_INLINE uint64_t points_in_lanes(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm, const Weight* weights,
                                    double share, LaneSum& sum) {
   const Rows& rows = *chunk.rows;
-  const uint64_t others = mask & ~rows.linear, capped = mask & rows.capped;
+  const uint64_t others = mask & ~rows.linear, capped = weights ? mask & rows.capped : 0;
   const Four one = all(1), px = all(position.x), py = all(position.y), pz = all(position.z), shares = all(share);
   Four fx{}, fy{}, fz{};
   Mask felt{};

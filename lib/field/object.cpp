@@ -11,6 +11,8 @@
 namespace fs {
 namespace {
 
+constexpr double never = std::numeric_limits<double>::infinity();
+
 double parse_range(double value, double low, double high, const char* field) {
   if (!(value >= low && value <= high)) {
     fail(FS_ERROR_INVALID, "%s is %.9g, must be within %.9g..%.9g", field, value, low, high);
@@ -68,7 +70,7 @@ double object_slope(const Object& object) {
   const bool is_bent = object.primitive == FS_PRIMITIVE_POLYLINE && !object.shape->is_straight;
   if (is_bent && is_ever_felt(object.law.front)) return std::numeric_limits<double>::infinity();
   const double contact = object.is_solid() ? stiffness_of(object.contact) : 0;
-  return std::fmax(contact, slope_of(object.law));
+  return std::fmax(contact, object.law_slope);
 }
 
 ParsedObject parse(const fs_object& in, std::string name, const Object* like, bool builds_shape) {
@@ -130,7 +132,8 @@ ParsedObject parse(const fs_object& in, std::string name, const Object* like, bo
                               like->law.front == object.law.front && like->law.back == object.law.back &&
                               like->contact.keep == object.contact.keep &&
                               like->contact.stiffness == object.contact.stiffness;
-  object.steepest_slope = has_same_force ? like->steepest_slope : object_slope(object);  // the place for a slope cap
+  object.law_slope = has_same_force ? like->law_slope : slope_of(object.law);
+  object.steepest_slope = has_same_force ? like->steepest_slope : object_slope(object);
   out.object = made;
   return out;
 }
@@ -245,6 +248,26 @@ ParsedObject parse_object(const fs_object& in, const Object* like, bool builds_s
     error.text = "object '" + name + "': " + error.text;
     throw;
   }
+}
+
+Ref<const Object> bounded(const Object& object, const Bounds& bounds) {
+  const bool is_solid = object.is_solid();
+  // Where only the shape makes it jump, as the bend of a polyline, the law's bound is that of the bend.
+  const bool is_law_bounded = bounds.slope < object.law_slope || (bounds.slope < never && !(object.steepest_slope < never));
+  const bool is_contact_bounded = is_solid && (object.contact.stiffness == 0 || bounds.stiffness < object.contact.stiffness) &&
+                                  bounds.stiffness < never;
+  const bool is_damping_bounded = bounds.damping < object.damping || (is_solid && bounds.contact_damping < object.contact.damping);
+  if (!is_law_bounded && !is_contact_bounded && !is_damping_bounded) return nullptr;
+  const Ref<Object> out = make_ref<Object>(object);
+  if (is_law_bounded) out->law = capped(object.law, bounds.slope);
+  if (is_contact_bounded) out->contact.stiffness = bounds.stiffness;
+  out->damping = std::fmin(object.damping, bounds.damping);
+  out->contact.damping = std::fmin(object.contact.damping, bounds.contact_damping);
+  out->bounds = bounds;
+  out->law_slope = std::fmin(object.law_slope, bounds.slope);
+  const double contact = is_solid ? stiffness_of(out->contact) : 0;
+  out->steepest_slope = std::fmax(contact, is_law_bounded ? bounds.slope : object.law_slope);
+  return out;
 }
 
 fs_object merge_parts(const fs_object& object, const fs_object& change, uint32_t parts) {

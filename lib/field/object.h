@@ -22,6 +22,14 @@ inline double stiffness_of(const fs_contact& contact) noexcept {
   return contact.stiffness > 0 ? contact.stiffness : unasked;
 }
 
+// What a servo lets an object have; infinite: no bound.
+struct Bounds {
+  double slope = std::numeric_limits<double>::infinity();            // N/m, of its law
+  double stiffness = std::numeric_limits<double>::infinity();        // N/m, of its contact on each point of a tool
+  double damping = std::numeric_limits<double>::infinity();          // N s/m
+  double contact_damping = std::numeric_limits<double>::infinity();  // N s/m
+};
+
 struct Object : Counted<Object> {
   std::string name;
   fs_primitive primitive = FS_PRIMITIVE_POINT;
@@ -35,7 +43,9 @@ struct Object : Counted<Object> {
 
   // Worked out by parse_object.
   double radius = 0;           // m, of the primitive about its origin; a plane: infinite
-  double steepest_slope = 0;   // N/m, of the force in the distance; infinite where it jumps
+  double law_slope = 0;        // N/m, of the law; infinite where it jumps
+  double steepest_slope = 0;   // N/m, of law, contact and shape together; infinite where the force jumps
+  Bounds bounds;               // within which it was put: see bounded()
   bool is_solid() const noexcept { return contact.keep != FS_KEEP_NONE; }
   // m: it cannot be felt farther away; below 0: nowhere. On the wrong side of a solid plane or envelope it is felt everywhere.
   double support() const noexcept {
@@ -76,6 +86,9 @@ ParsedObject parse_object(const fs_object& object, const Object* like = nullptr,
 
 // The object with the given parts (fs_part bits) of `change`.
 fs_object merge_parts(const fs_object& object, const fs_object& change, uint32_t parts);
+
+// The object as a servo evaluates it, within these bounds. Null: they change nothing.
+Ref<const Object> bounded(const Object& object, const Bounds& bounds);
 
 // The contract's form of an object, without pose, twist, time and start. Its handles are borrowed.
 fs_object to_c(const Object& object);

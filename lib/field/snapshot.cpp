@@ -36,17 +36,21 @@ void Chunk::move(uint32_t i, const Motion& motion, uint64_t revision) noexcept {
   place(i);
 }
 
-Row& Chunk::set(uint32_t i, Ref<const Object> given, const Motion& motion, uint64_t revision) noexcept {
+Row& Chunk::set(uint32_t i, Ref<const Object> given, Ref<const Object> bounded, const Motion& motion,
+                uint64_t revision) noexcept {
   const uint64_t bit = uint64_t{1} << i;
   const Object& object = *given;
+  const Ref<const Cap> the_cap = bounded ? bounded->law.front.cap : nullptr;
+  rows->bounded = bounded ? rows->bounded | bit : rows->bounded & ~bit;
   rows->rows[i].object = std::move(given);
+  rows->rows[i].bounded = std::move(bounded);
   used |= bit;
   const Law& law = object.law;
   rows->forget_formulas(bit);
   if (object.is_solid()) {
     rows->solids |= bit;
   } else if (object.damping == 0 && Formula::is_possible(law.front) && Formula::is_possible(law.back)) {
-    const bool has_room = !law.front.cap || (rows->caps && rows->caps->is_unique());
+    const bool has_room = !the_cap || (rows->caps && rows->caps->is_unique() && the_cap->slope < 1e100);
     if (object.primitive != FS_PRIMITIVE_POINT || object.point_mask() != ~0u) {
       rows->contacts |= bit;
     } else if (has_room) {
@@ -60,8 +64,8 @@ Row& Chunk::set(uint32_t i, Ref<const Object> given, const Motion& motion, uint6
       rows->per_width[i] = f.per_width;
       rows->limit[i] = f.limit;
       rows->reach[i] = f.reach;
-      if (law.front.cap) {
-        const Cap& cap = *law.front.cap;
+      if (the_cap) {
+        const Cap& cap = *the_cap;
         rows->capped |= bit;
         if (cap.fall < never) rows->falling |= bit;
         if (cap.bend_slope != 0) rows->bent |= bit;
@@ -134,6 +138,7 @@ void Chunk::drop(uint32_t i) noexcept {
   const uint64_t bit = uint64_t{1} << i;
   const Box before = box_of(i);
   rows->rows[i] = {};
+  rows->bounded &= ~bit;
   rows->forget_formulas(bit);
   used &= ~bit;
   standing &= ~bit;

@@ -22,9 +22,11 @@ inline constexpr uint32_t chunk_size = 64;
 // A version of an object, but for its motion.
 struct Row : Version {
   Ref<const Object> object;
+  Ref<const Object> bounded;    // as a servo evaluates it; null: as it is
   double start = 0;             // s, t = 0 of f(d, t)
   uint64_t revision = 0;        // of the last change but moves
   bool is_named = false;        // the newest row of a name that is there
+  const Object& as_felt(bool by_servo) const noexcept { return by_servo && bounded ? *bounded : *object; }
 };
 
 // A profile without a curve, as it is evaluated several at a time: f(d) clamped to 0..|limit| where d <= reach, attractive
@@ -68,6 +70,7 @@ struct Rows : LocalCounted<Rows> {
   uint64_t linear = 0, quadratic = 0, inverse = 0, gaussian = 0;  // bit i: row i is a point with this formula
   uint64_t contacts = 0;  // bit i: row i is felt by formulas, but is no such point
   uint64_t solids = 0;    // bit i: row i is solid
+  uint64_t bounded = 0;   // bit i: row i is bounded
   double omitted = 0;     // N: a row counts as far where its force is at most this; 0: where it has none
   double offset[chunk_size] = {}, gain[chunk_size] = {}, per_width[chunk_size] = {};
   double limit[chunk_size] = {}, reach[chunk_size] = {};
@@ -112,7 +115,8 @@ struct Chunk : LocalCounted<Chunk> {
   void own_motion(uint32_t i);  // all that move needs
   void own_caps();              // after own, before set of a law with a cap; without it that row is evaluated by itself
   Row& edit_row(uint32_t i) noexcept { return rows->rows[i]; }  // the caller must not change its object: see set
-  Row& set(uint32_t i, Ref<const Object> object, const Motion& motion, uint64_t revision) noexcept;  // the rest is for the caller
+  // The rest of the row is for the caller. bounded: may be null.
+  Row& set(uint32_t i, Ref<const Object> object, Ref<const Object> bounded, const Motion& motion, uint64_t revision) noexcept;
   void move(uint32_t i, const Motion& motion, uint64_t revision) noexcept;
   void drop(uint32_t i) noexcept;
   void omit(double force) noexcept;  // of all its rows, each of which must be owned

@@ -29,6 +29,8 @@ class Evaluated {
   void post();
   Ref<const Snapshot> post_newest();         // posts what has changed; the newest snapshot
   uint64_t sequence() const noexcept { return sequence_; }  // of the newest snapshot
+  bool is_held() const noexcept { return is_held_; }
+  const Ref<const Snapshot>& newest() const noexcept { return posted_; }  // null: something has changed since
 
   // Lets go of what has faded out, and announces what has expired. Not urgent: at most every 5 ms.
   void settle(bool is_urgent);

@@ -201,7 +201,10 @@ void LocalScene::set_accuracy(double newtons) {
   mutate([&] { evaluated_.objects.rows.set_accuracy(newtons); });
 }
 
-void LocalScene::set_max_stiffness(double stiffness) { check_max_stiffness(stiffness); }
+void LocalScene::set_max_stiffness(double stiffness) {
+  check_max_stiffness(stiffness);
+  readers.set_max_stiffness(stiffness);
+}
 
 // --------------------------------------------------------------------------------------------------- reports and events
 

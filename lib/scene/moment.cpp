@@ -81,10 +81,11 @@ bool Moment::feel(uint32_t number, Share& out) const {
     out.distance = felt->distance;
     return true;
   }
-  if (!evaluate_object(*it.object, motion, it.start, tool_, nullptr, out)) return false;
-  if (!it.object->law.has_curves()) return true;
+  const Object& object = it.as_felt(true);
+  if (!evaluate_object(object, motion, it.start, tool_, nullptr, out)) return false;
+  if (!object.law.has_curves()) return true;
   const Law::Parsers parsers = it.object->law.make_parsers();
-  return evaluate_object(*it.object, motion, it.start, tool_, &parsers, out);
+  return evaluate_object(object, motion, it.start, tool_, &parsers, out);
 }
 
 fs_report Moment::report(const Entry& entry, uint32_t number) const {
@@ -108,6 +109,9 @@ fs_report Moment::report(const Entry& entry, uint32_t number) const {
   const double slope_scale = frame_.scale * frame_.force_scale;
   out.stiffness_wanted = slope_scale > 0 ? slope_scale * object.steepest_slope : 0;
   out.stiffness_applied = out.stiffness_wanted;
+  if (is_evaluated && memory_ && slope_scale > 0) {
+    out.stiffness_applied = std::fmin(out.stiffness_wanted, slope_scale * row(number).as_felt(true).steepest_slope);
+  }
   out.distance = never;
   if (!is_evaluated || !memory_ || !(tick_.weight > 0)) return out;
   // The versions that fade out have their part of it.

@@ -17,10 +17,36 @@ Entry ObjectRows::entry(uint32_t number) const {
 
 // ------------------------------------------------------------------------------------------------------- what may throw
 
-Chunk& ObjectRows::own(uint32_t row) {
+Chunk& ObjectRows::own(uint32_t row, const Object* bounded) {
   Chunk& its = chunks_.edit(row / chunk_size, sequence_);
   its.own(row % chunk_size);
+  if (bounded) its.own_caps();
   return its;
+}
+
+Ref<const Object> ObjectRows::bounded_for(const Entry& entry, const Row* before) const {
+  if (!servo_) return nullptr;
+  return fs::bounded(*entry.object, before && before->bounded ? before->bounded->bounds : bounds_);
+}
+
+// Whether bounds need not be changed to others: they are at most slightly more, and not much less.
+static bool serve_as(const Bounds& present, const Bounds& wanted) noexcept {
+  const auto serves = [](double has, double wants) { return has == wants || (has <= 1.02 * wants && has >= 0.8 * wants); };
+  return serves(present.slope, wanted.slope) && serves(present.stiffness, wanted.stiffness) &&
+         serves(present.damping, wanted.damping) && serves(present.contact_damping, wanted.contact_damping);
+}
+
+bool ObjectRows::bound(uint32_t number, uint64_t version, const Object& object, const Bounds& bounds) {
+  const Row& now = row(number);
+  if (now.version != version || now.object.get() != &object) return false;
+  if (now.bounded && serve_as(now.bounded->bounds, bounds)) return false;
+  Ref<const Object> bounded = fs::bounded(object, bounds);
+  if (!bounded && !now.bounded) return false;
+  const Ref<const Object> same = now.object;
+  Chunk& its = own(number, bounded.get());
+  its.set(number % chunk_size, same, std::move(bounded), its.motion(number % chunk_size),
+          its.motion_revision(number % chunk_size));
+  return true;
 }
 
 void ObjectRows::own_motion(uint32_t row) { chunks_.edit(row / chunk_size, sequence_).own_motion(row % chunk_size); }
@@ -77,12 +103,13 @@ void ObjectRows::share_out(uint32_t tails) {
 
 // ---------------------------------------------------------------------------------------------------- what cannot throw
 
-void ObjectRows::fill(Chunk& its, uint32_t number, const Entry& entry, uint64_t version, uint32_t previous) noexcept {
+void ObjectRows::fill(Chunk& its, uint32_t number, const Entry& entry, Ref<const Object> bounded, uint64_t version,
+                      uint32_t previous) noexcept {
   space_.take(number);
   if (const Object* const before = its.row(number % chunk_size).object.get()) tails_ -= before->has_tail();
   tails_ += entry.object->has_tail();
   if (its.rows->omitted != tail_) its.omit(tail_);
-  Row& row = its.set(number % chunk_size, entry.object, entry.motion, entry.motion_revision);
+  Row& row = its.set(number % chunk_size, entry.object, std::move(bounded), entry.motion, entry.motion_revision);
   if (row.version != version) row.created = sequence_;
   row.version = version;
   row.sequence = sequence_;
@@ -118,12 +145,13 @@ void ObjectRows::drop(uint32_t number) noexcept {
 uint32_t ObjectRows::add(const Entry& entry) {
   make_room_for_tail(*entry.object);
   const uint32_t number = allocate(entry);
-  Chunk& its = own(number);
+  Ref<const Object> bounded = bounded_for(entry, nullptr);
+  Chunk& its = own(number, bounded.get());
   New made = make_new(number, *entry.object, nullptr);
   const uint64_t version = ++last_version_;
   install(number, made);
   if (servo_) servo_->memory->weight(number).set_up(version, false, 0);
-  fill(its, number, entry, version, no_row);
+  fill(its, number, entry, std::move(bounded), version, no_row);
   return number;
 }
 
@@ -141,7 +169,8 @@ uint32_t ObjectRows::set(uint32_t newest, const Entry& entry) {
                                                                                  servo_->take_back(now.created)));
     if (is_same || !servo_ || is_replaced) {
       for (uint32_t older = newest; is_waiting(older); older = row(older).previous) own(row(older).previous);
-      Chunk& its = own(newest);
+      Ref<const Object> bounded = bounded_for(entry, &row(newest));
+      Chunk& its = own(newest, bounded.get());
       New made = make_new(newest, *entry.object, row(newest).object.get());
       uint64_t version = row(newest).version;
       if (!is_same) {
@@ -151,7 +180,7 @@ uint32_t ObjectRows::set(uint32_t newest, const Entry& entry) {
       install(newest, made);
       const bool was_in = row(newest).is_in;
       const uint64_t sequence = row(newest).sequence;
-      fill(its, newest, entry, version, previous);
+      fill(its, newest, entry, std::move(bounded), version, previous);
       if (is_same && was_in == entry.object->is_enabled) edit(newest).sequence = sequence;
       for (uint32_t number = newest; is_waiting(number);) {  // the versions before it are the same object
         number = row(number).previous;
@@ -163,13 +192,14 @@ uint32_t ObjectRows::set(uint32_t newest, const Entry& entry) {
     // Another version of what is felt. A row that is already fading out alone need not be waited for.
     const bool waits = row(newest).is_in || previous != no_row;
     const uint32_t number = allocate(entry);
-    Chunk& its = own(number);
+    Ref<const Object> bounded = bounded_for(entry, &row(newest));
+    Chunk& its = own(number, bounded.get());
     own(newest);
     New made = make_new(number, *entry.object, nullptr);
     const uint64_t version = ++last_version_;
     install(number, made);
     servo_->memory->weight(number).set_up(version, waits, 0);
-    fill(its, number, entry, version, newest);
+    fill(its, number, entry, std::move(bounded), version, newest);
     edit(newest).is_named = false;
     if (waits) edit(newest).next = number;
     if (!entry.object->is_enabled) want_out(newest);

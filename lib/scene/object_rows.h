@@ -46,6 +46,12 @@ class ObjectRows : Versions<ObjectRows> {
   // Whether something fades out behind the newest row, or the newest row itself.
   bool is_fading(uint32_t newest) const noexcept { return row(newest).previous != no_row || !row(newest).is_named; }
 
+  // What a servo lets objects have that nothing is known of yet; those that it knows get their own bounds, with bound().
+  void set_bounds(const Bounds& bounds) noexcept { bounds_ = bounds; }
+  // False: nothing has changed, as when another version of the object has come meanwhile, or where the bounds that it has
+  // are hardly less.
+  bool bound(uint32_t row, uint64_t version, const Object& object, const Bounds& bounds);
+
   // The error that evaluation may make, N. It is shared out among the objects whose force fades out without end: where one
   // of them gives less than its share, it counts as far.
   void set_accuracy(double newtons);
@@ -82,7 +88,7 @@ class ObjectRows : Versions<ObjectRows> {
   const Weight* weight(uint32_t row) const noexcept { return servo_ ? &servo_->memory->weight(row) : nullptr; }
 
   // What may throw comes first: these make the chunk of a row and what is changed in it the table's own.
-  Chunk& own(uint32_t row);
+  Chunk& own(uint32_t row, const Object* bounded = nullptr);  // bounded: what it will be set with
   void own_motion(uint32_t row);
   uint32_t allocate(const Entry& entry);
   using New = std::vector<Ref<Scratch>>;  // of each reader; empty: what is there goes on
@@ -90,7 +96,10 @@ class ObjectRows : Versions<ObjectRows> {
 
   Chunk& chunk(uint32_t row) noexcept { return chunks_.edit(row / chunk_size, sequence_); }
   Row& edit(uint32_t row) noexcept { return chunk(row).edit_row(row % chunk_size); }
-  void fill(Chunk& its, uint32_t row, const Entry& entry, uint64_t version, uint32_t previous) noexcept;
+  // As the servo is to evaluate the object; null: as it is. before: the row that it replaces; null: none.
+  Ref<const Object> bounded_for(const Entry& entry, const Row* before) const;
+  void fill(Chunk& its, uint32_t row, const Entry& entry, Ref<const Object> bounded, uint64_t version,
+            uint32_t previous) noexcept;
   void install(uint32_t row, New& made) noexcept;
   void drop(uint32_t row) noexcept;
   void make_room_for_tail(const Object& object);
@@ -107,6 +116,7 @@ class ObjectRows : Versions<ObjectRows> {
   uint32_t tails_ = 0;   // and how many there are
   std::vector<Reader*> readers_;
   Reader* servo_ = nullptr;
+  Bounds bounds_;
 };
 
 }  // namespace fs

@@ -44,10 +44,6 @@ void check_max_stiffness(double stiffness) {
   if (!(stiffness >= 0 && std::isfinite(stiffness))) {
     fail(FS_ERROR_INVALID, "stiffness is %g, must be finite and >= 0 N/m", stiffness);
   }
-  if (stiffness > 0) {
-    fail(FS_ERROR_UNSUPPORTED, "stiffness is %g: version %s of this library has no slope caps, must be 0", stiffness,
-         fs_version());
-  }
 }
 
 void require_no_client(const char* client) {

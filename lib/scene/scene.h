@@ -86,7 +86,7 @@ fs_frame parse_frame(const fs_frame& frame);
 void check_tool(const Vec3* points, size_t count);  // 1..32 points
 void check_timeout(double timeout);
 void check_accuracy(double newtons);
-void check_max_stiffness(double stiffness);  // UNSUPPORTED: above 0
+void check_max_stiffness(double stiffness);
 void require_no_client(const char* client);  // NOT_FOUND: it is not null
 
 // [rt] What fs_scene_get_hand gives. Null: not asked.

@@ -93,6 +93,7 @@ void Changes::apply(const Change& change, uint64_t serial) {
       break;
     case type_clear: apply_clear(); break;
     case type_frame: scene.set_frame(change.as<Frame>().frame); break;
+    case type_max_stiffness: scene.set_max_stiffness(change.as<MaxStiffness>().stiffness); break;
     case type_accuracy: scene.set_accuracy(change.as<Accuracy>().newtons); break;
     case type_clutch: scene.set_clutch(change.as<Clutch>().is_held != 0); break;
     case type_tool: {

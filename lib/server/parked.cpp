@@ -24,6 +24,7 @@ bool Subjects::add(const Change& change) {
     case type_clear: is_about_all = true; return true;
     case type_frame:
     case type_accuracy:
+    case type_max_stiffness:
     case type_clutch:
     case type_tool: is_about_view = true; return true;
     case type_forget:

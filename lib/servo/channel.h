@@ -23,6 +23,8 @@ class Channel final : public Counted<Channel> {
   // Detaches the scene, once the servo evaluates it no longer. A second call does nothing.
   void detach() noexcept;
 
+  LocalScene& scene() const noexcept { return *scene_; }
+
   // leave: from time `when` (s, scene's clock) on the whole scene fades out, for good. leave_at_once is for a scene
   // without objects. Any thread.
   void leave(double when) noexcept { leaves_at_.store(when, std::memory_order_release); }

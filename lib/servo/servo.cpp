@@ -37,11 +37,29 @@ fs_servo::fs_servo(Ref<LocalScene> scene, Ref<Device> device, const ServoSetting
     posted_channels_ = list;
     channels_.prime(posted_channels_);
     guard_process_end();
+    start_keeper();
     if (settings.mode == FS_SERVO_THREAD) start_thread();
   } catch (...) {
+    keeper_.reset();
     drop_channels();
     device_->release_ownership();
     throw;
+  }
+}
+
+void fs_servo::start_keeper() {
+  if (!std::isfinite(settings_.loop.max_stiffness) && !std::isfinite(settings_.loop.object_damping)) return;
+  const fs_device_info& device = device_->info();
+  LoopShare loop{settings_.loop.max_stiffness, settings_.loop.object_damping, never, device.workspace_radius,
+                 device.workspace_height};
+  // Of a wrist's own damping nothing is known: a torque is taken to be as hard to render as a force on the arm at which the
+  // largest of both are equal.
+  if (device.torque_axes > 0 && device.force_max > 0) loop.lever = device.torque_max / device.force_max;
+  keeper_.emplace(*this, loop);
+  if (settings_.mode == FS_SERVO_VIRTUAL) {
+    keeper_->run_once();
+  } else {
+    keeper_->start();
   }
 }
 
@@ -86,6 +104,7 @@ void fs_servo::stop() noexcept {
     listener_ = nullptr;
   }
   if (stack_) pthread_join(thread_, nullptr);
+  if (keeper_) keeper_->stop();
   memory_lock_.unlock();
   drop_channels();
   device_->release_ownership();
@@ -116,6 +135,11 @@ Ref<Channel> fs_servo::add_channel(Ref<LocalScene> scene, const Channel::Limits&
   posted_channels_ = list;
   channels_.post(posted_channels_);
   return channel;
+}
+
+std::vector<Ref<Channel>> fs_servo::present_channels() {
+  const std::lock_guard lock(channels_mutex_);
+  return posted_channels_ ? posted_channels_->channels : std::vector<Ref<Channel>>{};
 }
 
 Wrench fs_servo::own_wrench() {
@@ -197,6 +221,11 @@ fs_status fs_servo::step(uint64_t ticks) noexcept {
   }
   for (uint64_t i = 0; i < ticks && !device_->is_silent(); ++i) {
     if (settings_.mode == FS_SERVO_VIRTUAL) {
+      // The keeper's turn, 25 times a second.
+      if (keeper_ && static_cast<double>(tick_ - kept_tick_) >= 0.04 * settings_.rate) {
+        kept_tick_ = tick_;
+        keeper_->run_once();
+      }
       tick(static_cast<double>(tick_ + 1) / settings_.rate, 0);
     } else {
       const double now = steady_now();

@@ -13,6 +13,7 @@
 #include "servo/device_events.h"
 #include "servo/flight_record.h"
 #include "servo/guard.h"
+#include "servo/keeper.h"
 #include "servo/locked_memory.h"
 #include "servo/settings.h"
 #include "servo/statistics.h"
@@ -33,6 +34,7 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
 
   // Adds a scene beside the servo's own; its forces are felt from the next tick on. Any thread; not [rt].
   fs::Ref<fs::Channel> add_channel(fs::Ref<fs::LocalScene> scene, const fs::Channel::Limits& limits);  // STATE
+  std::vector<fs::Ref<fs::Channel>> present_channels();
   fs::Wrench own_wrench();  // what the servo's own scene added at the last tick, device frame
   void reap_channels();  // removes the channels that have faded out
   size_t channel_count();  // without the servo's own; channels that are fading out count
@@ -54,9 +56,6 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   const fs::ServoSettings& settings() const noexcept { return settings_; }
   double fade() const noexcept override { return settings_.fade; }  // s; 0: none
   double period() const noexcept { return period_; }                // s
-  // What all scenes together may ask of the loop, at the device; infinite: not bounded.
-  double max_stiffness() const noexcept { return settings_.loop.max_stiffness; }            // N/m
-  double object_damping_max() const noexcept { return settings_.loop.object_damping; }      // N s/m, objects and contacts
   fs::ClockKind clock() const noexcept override;
 
   void get_stats(fs_servo_stats& out) const override;        // all but struct_size
@@ -69,6 +68,7 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   void run() noexcept;
   void tick(double now, double late) noexcept;
   void drop_channels() noexcept;
+  void start_keeper();  // IO
 
   const fs::Ref<fs::LocalScene> scene_;
   const fs::Ref<fs::Device> device_;
@@ -105,6 +105,8 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   fs::FlightRecord record_;
   fs::DeviceEvents events_;
 
+  std::optional<fs::Keeper> keeper_;  // none: nothing is bounded
+  uint64_t kept_tick_ = 0;            // VIRTUAL: before which it ran last
   std::optional<fs::Stack> stack_;  // of the servo's thread; none: the application calls step
   pthread_t thread_{};
   fs::MemoryLock memory_lock_;

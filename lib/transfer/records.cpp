@@ -21,6 +21,7 @@ std::optional<size_t> record_size(uint32_t type) noexcept {
     case type_clutch: return sizeof(Clutch);
     case type_tool: return sizeof(wire::Tool);
     case type_accuracy: return sizeof(Accuracy);
+    case type_max_stiffness: return sizeof(MaxStiffness);
     case type_bind: return sizeof(Bind);
     case type_clear:
     case type_wake:

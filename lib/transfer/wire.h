@@ -71,6 +71,7 @@ enum Type : uint32_t {
                      // are in a descriptor that comes with it. Also changes of others' objects: edit, move, remove
   type_bind,         // Bind
   type_accuracy,     // Accuracy
+  type_max_stiffness, // MaxStiffness
 
   // Requests.
   type_sync = 100,   // nothing. Reply when a tick has used all before it; or the status of the first refused change
@@ -157,6 +158,10 @@ struct Clutch {
 
 struct Accuracy {
   double newtons;
+};
+
+struct MaxStiffness {
+  double stiffness;              // N/m, at the device
 };
 
 struct Tool {

@@ -216,7 +216,7 @@ static const std::vector<Call> calls{
        return fs_scene_get_view(but(n, 0, w.scene), nullptr, but(n, 1, &w.view));
      }},
     {"fs_scene_set_accuracy", 1, FS_OK, [](World& w, int n) { return fs_scene_set_accuracy(but(n, 0, w.scene), 0); }},
-    {"fs_scene_set_max_stiffness", 1, FS_ERROR_UNSUPPORTED, [](World& w, int n) {
+    {"fs_scene_set_max_stiffness", 1, FS_OK, [](World& w, int n) {
        return fs_scene_set_max_stiffness(but(n, 0, w.scene), 1000);
      }},
     {"fs_scene_get_time", 2, FS_OK, [](World& w, int n) {

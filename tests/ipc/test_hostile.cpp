@@ -22,7 +22,7 @@ static const std::vector<Known> known_types = {
     {type_remove_other, sizeof(Target)}, {type_report, sizeof(Target)}, {type_reports, 0},
     {type_clients, 0},             {type_view, sizeof(Target)},   {type_stats, 0},
     {type_stop_force, 0},          {type_device, 0},              {type_motions, sizeof(Target)},
-    {type_accuracy, sizeof(Accuracy)}};
+    {type_accuracy, sizeof(Accuracy)}, {type_max_stiffness, sizeof(MaxStiffness)}};
 
 static const std::vector<std::byte> zeros(fs::most_message);
 
@@ -134,7 +134,8 @@ START_TEST(what_belongs_in_no_group) {
   for (const Known& known : known_types) {
     const bool is_of_others = known.type == type_edit || known.type == type_move_other || known.type == type_remove_other;
     const bool is_change = known.type >= type_set && known.type <= type_tool;
-    if (!is_change && !is_of_others && known.type != type_bind && known.type != type_accuracy) strangers.push_back(known);
+    if (!is_change && !is_of_others && known.type != type_bind && known.type != type_accuracy &&
+        known.type != type_max_stiffness) strangers.push_back(known);
   }
   for (const Known& stranger : strangers) {
     RawClient client = rig.join("group");

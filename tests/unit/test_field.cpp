@@ -50,7 +50,7 @@ struct Points {
         law = capped(law, random.log_between(5, 500));
         if (random.coin(0.9)) chunk.own_caps();
       }
-      chunk.set(i, parsed.object, motion, 1);
+      chunk.set(i, parsed.object, nullptr, motion, 1);
       if (parsed.object->law.front.cap && chunk.rows->formulas() >> i & 1) ++capped_count;
     }
   }

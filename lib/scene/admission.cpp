@@ -1,0 +1,174 @@
+#include "scene/admission.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include "field/budget.h"
+#include "field/frame.h"
+
+namespace fs {
+namespace {
+
+constexpr double seconds_ahead = 0.1;  // for which a region is widened where the object moves
+
+// The distance, m, beyond which a profile is hardly sloped any more when its slope is at most k: below 0.2 % of that.
+double slope_end(const Profile& p, double k) {
+  const double all = support(p);
+  if (!(all >= 0) || !(k > 0)) return -1;
+  if (p.reach > 0) return all;  // it may jump there
+  switch (p.kind) {
+    case FS_PROFILE_CONSTANT: return std::fmin(all, p.gain / k);
+    case FS_PROFILE_LINEAR_INCREASING:
+      return p.gain > 0 ? (p.limit + std::fabs(p.offset)) / std::fmin(p.gain, k) : std::fmin(p.offset, p.limit) / k;
+    case FS_PROFILE_GAUSSIAN: return std::fmin(all, 4.5 * p.width + std::fmin(p.gain, p.limit) / k);
+    case FS_PROFILE_QUADRATIC:
+      return p.gain > 0 ? std::sqrt((p.limit + std::fabs(p.offset)) / p.gain) + p.limit / k : all;
+    case FS_PROFILE_INVERSE: return std::fmin(all, 23 * std::sqrt(p.gain / k) + p.limit / k);
+    default: return all;
+  }
+}
+
+// What one row wants, in scene units.
+struct Wish {
+  Admitted row;
+  double law = 0, contact = 0;  // N/m
+  double damping = 0;           // N s/m
+  const Motion* motion;
+};
+
+Claim claim_of(const Wish& wish, double share, double now, double slope, bool is_of_damping) {
+  const Object& object = *wish.row.object;
+  Claim out;
+  out.slope = slope;
+  const double k = wish.law * share;
+  double reach = is_of_damping ? object.law.support
+                               : std::max(slope_end(object.law.front, k), slope_end(object.law.back, k));
+  if (object.is_solid()) reach = std::max(reach, object.contact.limit / (wish.contact * share));
+  const Motion& motion = *wish.motion;
+  reach += seconds_ahead * (norm(motion.twist.linear) + norm(motion.twist.angular) * std::fmin(object.radius, 1e3));
+  const Pose pose = motion.at(now);
+  out.centre = pose.position;
+  if (object.primitive == FS_PRIMITIVE_PLANE) {
+    out.region = norm(motion.twist.angular) > 0 ? Claim::Region::everywhere : Claim::Region::slab;
+    out.normal = rotate(pose.orientation, {0, 0, 1});
+    out.radius = reach;
+  } else {
+    out.radius = object.radius + reach;
+  }
+  if (!(out.radius < 1e9)) out.region = Claim::Region::everywhere;
+  return out;
+}
+
+// Where no workspace is known: a box about all that is somewhere.
+Box box_of(const std::vector<Claim>& claims) {
+  Box out;
+  for (const Claim& c : claims) {
+    if (c.region == Claim::Region::everywhere) continue;
+    const double r = c.region == Claim::Region::ball ? c.radius : c.radius + 1;
+    out.add(c.centre - Vec3{r, r, r});
+    out.add(c.centre + Vec3{r, r, r});
+  }
+  if (out.is_empty()) out.add(Vec3{});
+  return out;
+}
+
+std::vector<double> shares_of(const std::vector<Claim>& claims, const Box& within, double total) {
+  std::vector<double> out = greatest_sums(claims, within.is_empty() ? box_of(claims) : within, total);
+  for (double& sum : out) sum = sum > total ? total / sum : 1;
+  return out;
+}
+
+}  // namespace
+
+SceneShare share_of(const Views& views, const LoopShare& share, double most) {
+  SceneShare out{never, never, 0, 1, {}};
+  bool is_anywhere = !(share.radius > 0 && share.height > 0);
+  double lever_part = 1;
+  for (const View& view : views.rows) {
+    if (view.version == 0) continue;
+    const fs_frame& frame = view.frame;
+    out.to_device = std::max(out.to_device, frame.scale * frame.force_scale);
+    out.points = std::max(out.points, static_cast<unsigned>(view.tool->points.size()));
+    double arm = 0;
+    for (const Vec3& point : view.tool->points) arm = std::max(arm, norm(point));
+    if (arm / frame.scale > share.lever) lever_part = std::min(lever_part, std::pow(share.lever * frame.scale / arm, 2));
+    if (view.is_held || !view.has_own_frame) is_anywhere = true;  // where the clutch has put it only the tick knows
+    const double margin = 1.2;
+    for (int corner = 0; corner < 8; ++corner) {
+      const Vec3 device{margin * (corner & 1 ? 1 : -1) * share.radius, margin * (corner & 2 ? 1 : -1) * share.radius,
+                        margin * (corner & 4 ? 0.5 : -0.5) * share.height};
+      const Vec3 place = frame.scale * to_local(frame.pose, device);
+      out.within.add(place - Vec3{arm, arm, arm});
+      out.within.add(place + Vec3{arm, arm, arm});
+    }
+  }
+  if (is_anywhere) out.within = {};
+  if (!(out.to_device > 0)) return out;
+  out.stiffness = std::min(lever_part * share.stiffness, most > 0 ? most : never) / out.to_device;
+  out.damping = share.damping / out.to_device;
+  return out;
+}
+
+Bounds bounds_alone(const SceneShare& share) noexcept {
+  return {share.stiffness, share.stiffness / share.points, share.damping, share.damping / share.points};
+}
+
+std::vector<Admitted> admit(const Snapshot& snapshot, const SceneShare& share, double now) {
+  std::vector<Wish> wishes;
+  snapshot.chunks.for_each([&](uint32_t number, const Chunk& chunk) {
+    for_each_bit(chunk.used, [&](uint32_t i) {
+      const Row& row = chunk.row(i);
+      const Object& object = *row.object;
+      Wish wish{{number * chunk_size + i, row.version, &object, {}}, 0, 0, 0, &chunk.motion(i)};
+      const unsigned points =
+          std::min(share.points, static_cast<unsigned>(std::popcount(object.point_mask())));
+      // Where the shape makes it jump, as a bend does, it gets a part as if it were steep.
+      const double law = object.steepest_slope < never ? object.law_slope : std::max(object.law_slope, share.stiffness / 4);
+      wish.law = std::min(law, share.stiffness);
+      if (object.is_solid()) {
+        wish.contact = object.contact.stiffness > 0 ? std::min(object.contact.stiffness, share.stiffness) : share.stiffness;
+        wish.damping = points * object.contact.damping;
+      }
+      wish.damping += object.damping;
+      wishes.push_back(wish);
+    });
+  });
+
+  // A smaller share of a bounded force is sloped farther away, so the regions grow until nothing changes any more.
+  std::vector<double> parts(wishes.size(), 1.0);
+  for (int round = 0; round < 6 && share.stiffness < never; ++round) {
+    std::vector<Claim> claims;
+    for (size_t i = 0; i < wishes.size(); ++i) {
+      const double slope = wishes[i].law + share.points * wishes[i].contact;
+      claims.push_back(claim_of(wishes[i], round < 5 ? parts[i] : parts[i] / 4, now, slope, false));
+    }
+    const std::vector<double> found = shares_of(claims, share.within, share.stiffness);
+    bool is_same = true;
+    for (size_t i = 0; i < wishes.size(); ++i) {
+      is_same &= found[i] >= 0.99 * parts[i];
+      parts[i] = std::min(parts[i], found[i]);
+    }
+    if (is_same) break;
+  }
+  std::vector<double> damping(wishes.size(), 1.0);
+  if (share.damping < never) {
+    std::vector<Claim> claims;
+    for (const Wish& wish : wishes) claims.push_back(claim_of(wish, 1, now, wish.damping, true));
+    damping = shares_of(claims, share.within, share.damping);
+  }
+
+  std::vector<Admitted> out;
+  out.reserve(wishes.size());
+  for (size_t i = 0; i < wishes.size(); ++i) {
+    Admitted row = wishes[i].row;
+    if (share.stiffness < never) row.bounds.slope = parts[i] * wishes[i].law;
+    if (share.stiffness < never && row.object->is_solid()) row.bounds.stiffness = parts[i] * wishes[i].contact;
+    if (share.damping < never) row.bounds.damping = damping[i] * row.object->damping;
+    if (share.damping < never) row.bounds.contact_damping = damping[i] * row.object->contact.damping;
+    out.push_back(row);
+  }
+  return out;
+}
+
+}  // namespace fs

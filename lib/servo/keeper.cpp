@@ -1,0 +1,62 @@
+#include "servo/keeper.h"
+
+#include <algorithm>
+#include <chrono>
+#include <system_error>
+
+#include "base/error.h"
+#include "base/signals.h"
+#include "servo/servo.h"
+
+namespace fs {
+
+// Scenes that want something get equal parts.
+void Keeper::run_once() noexcept {
+  try {
+    const std::vector<Ref<Channel>> channels = servo_.present_channels();
+    const auto wants = [](const Ref<Channel>& channel) { return channel->scene().readers.wants_stiffness(); };
+    const auto count = static_cast<double>(std::max<ptrdiff_t>(1, std::count_if(channels.begin(), channels.end(), wants)));
+    LoopShare part = loop_;
+    part.stiffness /= count;
+    part.damping /= count;
+    for (const Ref<Channel>& channel : channels) channel->scene().readers.admit(part);
+  } catch (...) {  // no memory: the bounds stay as they are until the next time
+  }
+}
+
+void Keeper::start() {
+  run_once();
+  try {
+    const SignalsBlocked blocked;
+    thread_ = std::thread([this] {
+      using Clock = std::chrono::steady_clock;
+      std::chrono::duration<double> pause(0.04);
+      std::unique_lock lock(mutex_);
+      while (!stopping_.wait_for(lock, pause, [this] { return is_stopping_; })) {
+        lock.unlock();
+        const auto begin = Clock::now();
+        run_once();
+        // A tenth of a processor at most.
+        pause = std::max(std::chrono::duration<double>(0.04), 9 * std::chrono::duration<double>(Clock::now() - begin));
+        lock.lock();
+      }
+    });
+  } catch (const std::system_error& error) {
+    fail(FS_ERROR_IO, "the thread that shares out the stiffness could not be started: %s", error.what());
+  }
+}
+
+void Keeper::stop() noexcept {
+  if (!servo_.is_of_this_process()) {  // the thread stays with the parent
+    if (thread_.joinable()) thread_.detach();
+    return;
+  }
+  {
+    const std::lock_guard lock(mutex_);
+    is_stopping_ = true;
+  }
+  stopping_.notify_all();
+  if (thread_.joinable()) thread_.join();
+}
+
+}  // namespace fs
