@@ -400,9 +400,10 @@ public final class Player implements AutoCloseable {
       }
       case "stats" -> {
         ServoStats t = scene.servoStats();
-        give(t.realtime().value(), t.faults(), t.protectionsOff(), t.maxStiffness(), t.damping(), t.energy(), t.misses(),
+        give(t.realtime().value(), t.faults(), t.protectionsOff(), t.maxStiffness(), t.damping(), t.misses(),
             t.deviceErrors(), t.approximated(), t.enabled());
         give(t.ticks() > 5000);
+        give(t.energy() > 0);
       }
       case "stop_force" -> scene.stopForce();
       case "device" -> give(step.containsKey("opened") ? device.info() : scene.deviceInfo());
