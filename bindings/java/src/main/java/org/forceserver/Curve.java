@@ -10,6 +10,11 @@ public final class Curve extends Handle {
 
   /** A table: forces (N) at 0, step, 2 step.. (m), smooth between them; the last value holds beyond. */
   public static Curve table(double step, double... forces) {
+    for (int i = 0; i < forces.length; ++i) {
+      if (!Double.isFinite(forces[i])) {
+        throw new IllegalArgumentException("entry " + i + " of the table is " + forces[i] + ", must be finite");
+      }
+    }
     long[] out = new long[1];
     ForceServerException.check(Native.fs_curve_create_table(Buffers.of(forces), forces.length, step, out));
     return new Curve(out[0]);

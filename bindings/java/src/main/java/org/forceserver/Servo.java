@@ -1,6 +1,7 @@
 package org.forceserver;
 
 import java.util.List;
+import java.util.Objects;
 
 /**
  * The loop between a scene and a device. However it ends, the force is 0 first: by close(), when it is collected, and
@@ -29,6 +30,9 @@ public final class Servo extends Handle {
   }
 
   private static long start(Scene scene, Device device, ServoOptions options) {
+    Objects.requireNonNull(scene, "scene");
+    Objects.requireNonNull(device, "device");
+    Handle.AtExit.prepare();
     long[] out = new long[1];
     scene.call(first -> device.status(second -> Native.fs_servo_start(first, second, options, out)));
     return out[0];
@@ -40,7 +44,7 @@ public final class Servo extends Handle {
    */
   public void step(long ticks) throws InterruptedException {
     int status = 0;
-    if (ticks < 0) throw new IllegalArgumentException(ticks + " ticks");
+    if (ticks < 0) throw new IllegalArgumentException("ticks is " + ticks + ", must be >= 0");
     for (long left = ticks; left > 0; left -= SLICE) {
       if (Thread.interrupted()) throw new InterruptedException();
       long now = Math.min(left, SLICE);

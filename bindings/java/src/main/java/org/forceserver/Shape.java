@@ -41,7 +41,7 @@ public final class Shape extends Handle {
   /** A mesh from an .obj, .ply, .stl or .off file; scale: m per unit of the file. An interrupt does not end it. */
   public static Shape load(Path file, double scale) {
     long[] out = new long[1];
-    ForceServerException.check(Native.fs_shape_load(file.toString(), scale, out));
+    ForceServerException.check(Native.fs_shape_load(java.util.Objects.requireNonNull(file, "file").toString(), scale, out));
     return new Shape(out[0]);
   }
 
