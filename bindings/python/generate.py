@@ -15,7 +15,7 @@ HERE = pathlib.Path(__file__).resolve().parent
 # What no rule gives.
 ONE_THREAD_AT_A_TIME = {"fs_tool"}  # only the comment of fs_tool_create says so
 END_BEFORE_EXIT = {"fs_servo"}  # stopped before the interpreter ends, so that the force is 0
-IN_THREAD = {"fs_scene_connect", "fs_device_open", "fs_shape_load"}  # may take seconds, and take no timeout
+IN_THREAD = {"fs_scene_connect", "fs_device_open", "fs_shape_load"}  # may take seconds that cannot be cut into slices
 BY_HAND = {  # those that may take seconds and make no handle, and those of groups: core/waits.h and core/group.h have them
     "fs_servo_step": "step(self, ticks_);\nreturn py::none();",
     "fs_shape_build": "return build(self);",

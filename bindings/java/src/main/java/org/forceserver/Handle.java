@@ -171,6 +171,18 @@ public abstract class Handle implements AutoCloseable {
     int run(long pointer);
   }
 
+  /** A call that makes a handle. */
+  interface Maker {
+    int run(long[] out);
+  }
+
+  /** The pointer of what a call makes. */
+  static long made(Maker maker) {
+    long[] out = new long[1];
+    ForceServerException.check(maker.run(out));
+    return out[0];
+  }
+
   /** Makes a call, and throws where it fails. */
   final void call(Call call) {
     ForceServerException.check(status(call));

@@ -22,17 +22,11 @@ public final class Scene extends Handle {
 
   /** An empty scene in this process. */
   public Scene() {
-    this(create());
+    this(made(Native::fs_scene_create));
   }
 
   private Scene(long pointer) {
     super(pointer, Native::fs_scene_destroy);
-  }
-
-  private static long create() {
-    long[] out = new long[1];
-    ForceServerException.check(Native.fs_scene_create(out));
-    return out[0];
   }
 
   /**
@@ -44,9 +38,7 @@ public final class Scene extends Handle {
     CompletableFuture<Scene> answer = new CompletableFuture<>();
     Thread thread = new Thread(() -> {
       try {
-        long[] out = new long[1];
-        ForceServerException.check(Native.fs_scene_connect(endpoint, clientName, out));
-        Scene scene = new Scene(out[0]);
+        Scene scene = new Scene(made(out -> Native.fs_scene_connect(endpoint, clientName, out)));
         if (!answer.complete(scene)) scene.close();  // nobody waits for it any more
       } catch (RuntimeException | Error e) {
         answer.completeExceptionally(e);

@@ -33,9 +33,7 @@ public final class Servo extends Handle {
     Objects.requireNonNull(scene, "scene");
     Objects.requireNonNull(device, "device");
     Handle.AtExit.prepare();
-    long[] out = new long[1];
-    scene.call(first -> device.status(second -> Native.fs_servo_start(first, second, options, out)));
-    return out[0];
+    return made(out -> scene.status(first -> device.status(second -> Native.fs_servo_start(first, second, options, out))));
   }
 
   /**
@@ -77,8 +75,6 @@ public final class Servo extends Handle {
 
   /** Lets other processes in. */
   public Server serve(String endpoint, ServerOptions options) {
-    long[] out = new long[1];
-    call(servo -> Native.fs_server_start(servo, endpoint, options, out));
-    return new Server(this, out[0]);
+    return new Server(this, made(out -> status(servo -> Native.fs_server_start(servo, endpoint, options, out))));
   }
 }

@@ -5,7 +5,8 @@ import java.util.Objects;
 
 /**
  * A struct of the contract: a view of memory in the byte order of the machine. A struct within a struct is a view of
- * the same memory, which it keeps. One thread at a time may use the same memory.
+ * the same memory, which it keeps, and the entries of a list share one. While one thread changes such memory, or a call
+ * fills it, no other thread may use it.
  */
 public abstract class Struct {
   final Memory memory;

@@ -15,10 +15,8 @@ public final class Tool extends Handle {
 
   private static long create(Scene scene, Vec3[] points) {
     Objects.requireNonNull(scene, "scene");
-    long[] out = new long[1];
     DoubleBuffer buffer = points.length == 0 ? null : Buffers.points(points);
-    scene.call(pointer -> Native.fs_tool_create(pointer, buffer, points.length, out));
-    return out[0];
+    return made(out -> scene.status(pointer -> Native.fs_tool_create(pointer, buffer, points.length, out)));
   }
 
   /** What the tool feels at the state, with all changes made before. The same input gives the same bits. */
