@@ -97,8 +97,10 @@ class Generator(Functions):
             yield f"    errors.classes.push_back({{{value}, made}});"
             yield f'    module.attr("{python}") = py::reinterpret_borrow<py::object>(made);'
             yield "  }"
-        yield "  const py::tuple bases = py::make_tuple(module.attr(\"NotFoundError\"), py::handle(PyExc_FileNotFoundError));"
-        yield '  errors.no_file = PyErr_NewExceptionWithDoc("forceserver.NoFileError", "There is no such file.", bases.ptr(), nullptr);'
+        yield '  const py::object not_found = module.attr("NotFoundError");'
+        yield "  const py::tuple bases = py::make_tuple(not_found, py::handle(PyExc_FileNotFoundError));"
+        yield '  errors.no_file ='
+        yield '      PyErr_NewExceptionWithDoc("forceserver.NoFileError", "There is no such file.", bases.ptr(), nullptr);'
         yield "  if (!errors.no_file) throw py::error_already_set();"
         yield '  module.attr("NoFileError") = py::reinterpret_borrow<py::object>(errors.no_file);'
         yield "}"

@@ -17,8 +17,10 @@ BY_HAND = {  # those that may take seconds and make no handle, and those of grou
     "fs_scene_cancel": "return end_group(self, fs_scene_cancel);",
 }
 LEFT = "Ctrl-C ends the wait; the call then ends in a thread of its own, which gives back what it has made."
-CHANGES = {"set", "change", "move", "remove", "clear", "load"}  # verbs of what joins an open group
-NO_CHANGES = {"get", "begin", "commit", "cancel", "sync", "save", "stop", "next", "create", "start", "field", "evaluate"}  # of what does not
+EDITS = {"set", "change", "move", "remove", "clear", "load"}  # verbs of what joins an open group
+NO_EDITS = {  # verbs of what does not
+    *("get", "begin", "commit", "cancel", "sync", "save", "stop", "next", "create", "start", "field", "evaluate"),
+}
 ENTRY = {"fs_vec3": ("double", 3), "double": ("double", 1), "uint32_t": ("uint32_t", 1)}
 
 
@@ -33,13 +35,13 @@ class Functions(Structs):
         first = function["parameters"][:1]
         return bare(first[0]["type"]) if first and first[0]["kind"] == "handle" else None
 
-    def is_change(self, function):
+    def is_edit(self, function):
         if self.self_of(function) != "fs_scene" or function["rt"]:
             return False
         verb = (function["name"].split("_") + [""])[2]
-        if verb not in CHANGES | NO_CHANGES:
+        if verb not in EDITS | NO_EDITS:
             sys.exit(f"{function['name']}: the tables do not say whether '{verb}' changes a scene, so that it joins a group")
-        return verb in CHANGES
+        return verb in EDITS
 
     def takes_many(self, function):
         """[rt], from a struct to a struct: arrays of structs as well."""
@@ -202,8 +204,8 @@ class Functions(Structs):
                     types.append("Array")
         if self_ in ONE_THREAD_AT_A_TIME:
             uses.append("const Serial serial(self.serial());")
-        if self.is_change(function):
-            uses.append("const Change change(self);")
+        if self.is_edit(function):
+            uses.append("const Edit edit(self);")
         called = f"{name}({', '.join(call)})"
         body = self.body(function, self_, keeps_gil, called, list_of, before, uses, after, outputs, types)
         self.emit(function, self_, arguments, body, types)

@@ -66,6 +66,8 @@ def test_a_change_of_place_and_more_is_one_group(scene, a):
     with scene.change():
         a.change(position=(1, 0, 0), front=fs.Constant(1, limit=1))
     assert a.front.kind is fs.ProfileKind.CONSTANT and a.pose.position[0] == 1
+    scene.object_change(fs.Object(name="a", damping=3, primitive="point", front=fs.Constant(2, limit=2)), "profiles | contact")
+    assert a.damping == 3 and a.pose.position[0] == 1
     for wrong in ({"pose": fs.Pose(), "position": (0, 0, 0)}, {"name": "b"}, {"enabeld": False}):
         with pytest.raises(TypeError):
             a.change(**wrong)
