@@ -81,10 +81,10 @@ export class TextField extends Field {
     text.onblur = () => { if (!this.isSending) text.value = this.value; };
   }
   show(value: string): void {
+    const isTyping = this.text.value !== this.value;
     this.value = value;
-    if (document.activeElement !== this.text || !this.isTyping) this.text.value = value;
+    if (this.text.value !== value && (document.activeElement !== this.text || !isTyping)) this.text.value = value;
   }
-  private get isTyping(): boolean { return this.text.value !== this.value; }
   set isReadOnly(is: boolean) { this.text.readOnly = is; }
 
   private async commit(send: Send): Promise<void> {

@@ -34,7 +34,7 @@ export class Gizmo {
     this.controls.addEventListener("objectChange", () => this.follow());
     const readKey = (event: KeyboardEvent | PointerEvent) => { this.snaps = event.ctrlKey; };
     for (const kind of ["keydown", "keyup", "pointermove", "pointerdown"] as const) window.addEventListener(kind, readKey, true);
-    model.on(["selection", "rows", "objects", "state"], () => this.attach());
+    model.on(["selection", "picture", "objects"], () => this.attach());
   }
 
   get mode(): string { return this.controls.mode; }

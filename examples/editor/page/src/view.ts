@@ -44,7 +44,7 @@ export class View {
     this.controls.zoomSpeed = 1.4;
     this.controls.addEventListener("change", () => this.request());
     this.shapes.onLoad = () => this.change();
-    model.on(["objects", "rows", "selection", "state"], () => this.change());
+    model.on(["objects", "picture", "selection"], () => this.change());
     model.on(["objects"], () => {
       this.shapes.keep(new Set([...model.items.values()].map((item) => item.told.shape?.hash ?? "")));
     });
