@@ -15,7 +15,7 @@ from typing import Any
 import forceserver as fs
 import numpy as np
 
-from .plain import Plain, Shapes, frame, number, plain, pose
+from .plain import Plain, Shapes, frame, number, numbers, plain, pose
 
 RATE = 30  # states a second
 SAMPLES_PER_STATE = 8  # forces read for each of them: 240 a second
@@ -258,7 +258,7 @@ class Look:
             found.append(
                 {
                     "name": name,
-                    "force": client["wrench"]["force"].tolist(),
+                    "force": numbers(client["wrench"]["force"]),
                     "objects": int(client["objects"]),
                     "force_limit": number(float(client["force_limit"])),
                     "moves": int(client["moves"]),
@@ -299,8 +299,8 @@ def _hand(hand: fs.Hand) -> Plain:
         "proxy": pose(hand.response.proxy),
         "flags": int(hand.state.flags),
         "feels": int(hand.response.flags),
-        "sent": hand.sent.force.tolist(),
-        "torque": hand.sent.torque.tolist(),
+        "sent": numbers(hand.sent.force),
+        "torque": numbers(hand.sent.torque),
     }
 
 

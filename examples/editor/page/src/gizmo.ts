@@ -251,7 +251,8 @@ export class Pencil {
   private changed(): void {
     this.view.box.dataset.drawing = this.isOn ? String(this.places.length) : "";
     this.onChange();
-    this.line.geometry.setFromPoints(this.places.map((p) => new THREE.Vector3(...minus(p, this.view.origin))));
+    this.line.geometry.dispose();
+    this.line.geometry = new THREE.BufferGeometry().setFromPoints(this.places.map((p) => new THREE.Vector3(...minus(p, this.view.origin))));
     this.box.replaceChildren(...this.places.map(() => document.createElement("i")));
     this.view.request();
   }

@@ -23,11 +23,11 @@ export interface Hand { pose: Pose; proxy: Pose; flags: number; feels: number; s
 export interface Happened { serial: number; kind: string; name: string; text: string; value: number | null }
 export interface Step { who: string; text: string }
 
-/** How an object is felt; the last two are told apart by the editor. */
-export type Condition = "pending" | "felt" | "fading" | "disabled" | "refused" | "expired" | "stopped";
+/** How an object is felt; that a lifetime is over is found out here. */
+export type Condition = "pending" | "felt" | "fading" | "disabled" | "refused" | "expired";
 const conditions: Condition[] = ["pending", "felt", "fading", "disabled", "refused"];
 export const mark: Record<Condition, string> =
-  { pending: "…", felt: "●", fading: "◐", disabled: "○", refused: "✕", expired: "◌", stopped: "■" };
+  { pending: "…", felt: "●", fading: "◐", disabled: "○", refused: "✕", expired: "◌" };
 
 const defaultFrame: Frame = { pose: identity, scale: 1, force_scale: 1 };
 

@@ -55,7 +55,7 @@ export class TimePlots {
 
   constructor(private readonly box: HTMLElement, bar: HTMLElement, private readonly model: Model) {
     const choice = make("select", { title: "What is plotted", id: "plot-what" },
-      ...[["force", "Force on the hand"], ["clients", "Force of each client"], ["servo", "Servo"]].map(([value, textContent]) => make("option", { value, textContent })));
+      ...[["force", "Force, all"], ["clients", "By client"], ["servo", "Servo"]].map(([value, textContent]) => make("option", { value, textContent })));
     choice.onchange = () => { this.shown = choice.value as Shown; this.build(); };
     const span = make("select", { title: "How long", id: "plot-span" }, ...spans.map((s) => make("option", { value: String(s), textContent: s < 60 ? `${s} s` : `${s / 60} min` })));
     span.onchange = () => { this.span = Number(span.value); this.draw(); };
