@@ -18,9 +18,10 @@ from typing import Any
 import forceserver as fs
 import numpy as np
 import pytest
-from conftest import Editor, Lab, Second, eventually
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+from conftest import Editor, Lab, Second, eventually
 
 
 def fetch(address: str, **headers: str) -> tuple[int, bytes]:
