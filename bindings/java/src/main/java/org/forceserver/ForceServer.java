@@ -46,8 +46,9 @@ public final class ForceServer {
    * start), in N towards the front, with slopes limited to maxStiffness (N/m; 0: no limit).
    */
   public static void evaluateLaw(ForceObject object, double maxStiffness, double t, DoubleBuffer distances, DoubleBuffer forces) {
-    DoubleBuffer in = Buffers.in("distances", distances), out = Buffers.out("forces", forces);
-    try (Memory lent = object.memory.lend()) {
+    DoubleBuffer in = Buffers.in("distances", distances);
+    DoubleBuffer out = Buffers.out("forces", forces, "distances", in, in.capacity(), 1);
+    try (Memory.Lent lent = Objects.requireNonNull(object, "object").memory.lend(object)) {
       int status = Native.fs_object_evaluate_law(object, maxStiffness, t, in, in.capacity(), out);
       ForceServerException.check(status);
     }
