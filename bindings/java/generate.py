@@ -105,11 +105,13 @@ def accessors(struct, field):
     comment = doc(field["comment"] or "See the struct.", "  ")
 
     def both(java, get, put):
+        if java[0].isupper() and base(type_) not in HANDLES:
+            put = f'java.util.Objects.requireNonNull(value, "{name}");\n    {put}'
         return (f"{comment}  public {java} {name}() {{\n    {get}\n  }}\n\n"
                 f"{comment}  public {me} {name}({java} value) {{\n    {put}\n    return this;\n  }}\n")
 
     if type_ == "char":
-        return both("String", f"return text({at}, {field['count']});", f"text({at}, {field['count']}, value);")
+        return both("String", f"return text({at}, {field['count']});", f'text("{name}", {at}, {field["count"]}, value);')
     if field["count"] > 1:
         inner = class_of(type_)
         return f"""{comment}  public {inner} {name}(int index) {{
@@ -162,8 +164,9 @@ def makers(struct):
                 parameters.append(f"{class_of(p['type'])} {camel(p['name'])}")
                 arguments.append(f"Value.of({camel(p['name'])}::write)")
             else:
-                parameters.append(f"{'String' if p['kind'] == 'string' else p['type']} {camel(p['name'])}")
-                arguments.append(camel(p["name"]))
+                given = camel(p["name"])
+                parameters.append(f"{'String' if p['kind'] == 'string' else p['type']} {given}")
+                arguments.append(f'java.util.Objects.requireNonNull({given}, "{given}")' if p["kind"] == "string" else given)
         out.append(f"""{doc(f["comment"], "  ")}  public static {me} {camel(name) or "of"}({", ".join(parameters)}) {{
     {me} made = new {me}(new Memory(SIZE), 0);
     Native.{f["name"]}({", ".join(arguments + ["made"])});
@@ -179,11 +182,43 @@ def makers(struct):
     return out
 
 
+def handle_places(struct_, at=0):
+    """Where pointers to handles stand, and to which."""
+    for f in struct_["fields"]:
+        if base(f["type"]) in HANDLES:
+            yield at + f["offset"], base(f["type"])
+        elif f["type"] in STRUCTS:
+            yield from handle_places(STRUCTS[f["type"]], at + f["offset"])
+
+
+def take_handles(struct_):
+    """For a struct that the library fills, and whose handles it wants back."""
+    if not any(f["name"] == struct_["name"] + "_release" for f in D["functions"]):
+        return ""
+    lines = "".join(f"    memory.take(at + {at}, pointer -> new {class_of(h)}(Native.{h}_retain(pointer)));\n"
+                    for at, h in handle_places(struct_))
+    return f"""  /** The shapes and curves that the library gave become this object's own. */
+  void takeHandles() {{
+{lines}  }}
+
+"""
+
+
+def as_text(struct_):
+    me = class_of(struct_["name"])
+    fields = [camel(f["name"]) for f in struct_["fields"] if not hidden(f) and (f["count"] == 1 or f["type"] == "char")]
+    parts = ' + ", '.join(f'{name}=" + {name}()' for name in fields)
+    return f"""  /** Its fields. */
+  @Override public String toString() {{
+    return "{me}[{parts} + "]";
+  }}
+"""
+
+
 def struct(struct_):
     me = class_of(struct_["name"])
-    parts = makers(struct_) + [accessors(struct_, f) for f in struct_["fields"] if not hidden(f)]
-    handles = "".join(f"  static final int {f['name'].upper()} = {f['offset']};  // where it stands\n" for f in struct_["fields"]
-                      if base(f["type"]) in HANDLES or any(base(g["type"]) in HANDLES for g in STRUCTS.get(f["type"], {"fields": []})["fields"]))
+    parts = makers(struct_) + [accessors(struct_, f) for f in struct_["fields"] if not hidden(f)] + [as_text(struct_)]
+    handles = take_handles(struct_)
     return f"""{doc(struct_["comment"])}public final class {me} extends Struct {{
   /** The bytes of one. */
   static final int SIZE = {struct_["size"]};
@@ -236,10 +271,17 @@ def enum(enum_):
   }}
 
   static {name} of(int value) {{
+    {name} found = find(value);
+    if (found != null) return found;
+    throw new IllegalArgumentException("{name} has no value " + value);
+  }}
+
+  /** The same; of a number that this version does not know null. */
+  static {name} find(int value) {{
     for ({name} each : VALUES) {{
       if (each.value == value) return each;
     }}
-    throw new IllegalArgumentException("{name} has no value " + value);
+    return null;
   }}
 {from_bits}}}
 """
@@ -260,6 +302,37 @@ public final class Constants {{
   private Constants() {{}}
 }}
 """
+
+
+# ------------------------------------------------------------------------------------------------------------ exceptions
+
+def exceptions(folder):
+    """A class for each status that is an error, so that it can be caught."""
+    cases = ""
+    for value in ENUMS["fs_status"]["values"]:
+        if value["value"] >= 0:
+            continue
+        name = class_of(value["name"].removeprefix("FS_ERROR_").lower()) + "Exception"
+        cases += f"      case {value['value']} -> new {name}(message);\n"
+        write(folder, name, f"""{doc("A call ended with " + value["name"][3:] + ": " + value["comment"])}public final class {name} extends ForceServerException {{
+  private static final long serialVersionUID = 1;
+
+  {name}(String message) {{
+    super(Status.{value["name"].removeprefix("FS_")}, message);
+  }}
+}}
+""")
+    write(folder, "Failures", f"""/** The exception of each status. */
+final class Failures {{
+  static ForceServerException of(int status, String message) {{
+    return switch (status) {{
+{cases}      default -> new ForceServerException(null, message);  // of a newer library
+    }};
+  }}
+
+  private Failures() {{}}
+}}
+""")
 
 
 # ------------------------------------------------------------------------------------------------------------------ SWIG
@@ -326,6 +399,7 @@ def main():
     for e in ENUMS.values():
         write(folder, class_of(e["name"]), enum(e))
     write(folder, "Constants", constants())
+    exceptions(folder)
     (folder / "forceserver.i").write_text(swig())
 
 

@@ -155,6 +155,10 @@ NUMBER(uint64_t, jlong, long)
 NUMBER(size_t, jlong, long)
 GIVEN(size_t, jlong, long, SetLongArrayRegion)
 GIVEN(double, jdouble, double, SetDoubleArrayRegion)
+GIVEN(int32_t, jint, int, SetIntArrayRegion)
+GIVEN(uint32_t, jint, int, SetIntArrayRegion)
+GIVEN(uint64_t, jlong, long, SetLongArrayRegion)
+GIVEN(bool, jboolean, boolean, SetBooleanArrayRegion)
 
 /* UTF-8; that of the JNI's own functions is another. */
 %typemap(jni) const char * "jbyteArray"
@@ -176,5 +180,5 @@ GIVEN(double, jdouble, double, SetDoubleArrayRegion)
 %enddef
 ARRAY(void *, to, ByteBuffer, 1, arg3, 1)
 void copy_memory(size_t address, void *to, size_t bytes);
-ARRAY(void *, of, ByteBuffer, 1, 0, 1)
+ARRAY(void *, of, Buffer, 1, 0, 1)
 size_t address_of(void *of);

@@ -36,8 +36,8 @@ inline py::array to_array(py::handle value, const char* name) {
   return py::reinterpret_borrow<py::array>(array);
 }
 
-// The entries of an array that comes in, as T in one piece: shape (n,) for width 1, else (n, width). Rounding and
-// complex numbers are refused; integers are looked at one by one where they could be out of range.
+// The entries of an array that comes in, as T in one piece: shape (n,) for width 1, else (n, width). What is no
+// real number is refused, floats are where integers are wanted, and integers must be in the range of T.
 template <class T>
 py::array entries(py::handle value, int width, const char* name) {
   py::array array = to_array(value, name);
@@ -96,7 +96,7 @@ inline void keep_apart(const py::array& in, const char* in_name, const py::array
   value_error(std::string(in_name) + " and " + out_name + " overlap: give two separate arrays, or the same one twice");
 }
 
-// One vector, quaternion or matrix: a sequence or array of `count` numbers.
+// One vector, quaternion or matrix: a sequence or array of real numbers.
 inline void load_doubles(py::handle value, double* out, const std::vector<py::ssize_t>& shape, const char* name) {
   size_t count = 1;
   for (const py::ssize_t side : shape) count *= static_cast<size_t>(side);

@@ -25,7 +25,7 @@ inline void end_group(Handle<fs_scene>& scene, const Use<fs_scene>& use, uint64_
 // commit() and cancel(): the group of this thread; where it has none it waits for that of another one, and fails.
 inline py::object end_group(Handle<fs_scene>& scene, fs_status (*end)(fs_scene*)) {
   const Use<fs_scene> use(scene);
-  const Change change(scene);
+  const Edit edit(scene);
   end_group(scene, use, scene.group(), end);
   return py::none();
 }

@@ -124,12 +124,12 @@ class Handle {
   std::mutex& serial() { return sync_->serial; }
 
   // A group belongs to the thread that began it. Changes by other threads wait until it is closed.
-  void begin_change() {
+  void begin_edit() {
     wait_until([&] { return group_ == 0 || holder_ == PyThread_get_thread_ident(); });
-    ++changing_;
+    ++edits_;
   }
-  void end_change() {
-    --changing_;
+  void end_edit() {
+    --edits_;
     sync_->bell.ring();
   }
   // The group that this thread has open, as a number; 0: none.
@@ -140,7 +140,7 @@ class Handle {
     const uint64_t begun = group_ = ++last_group_;
     holder_ = PyThread_get_thread_ident();
     try {
-      wait_until([&] { return changing_ == 0; });
+      wait_until([&] { return edits_ == 0; });
     } catch (...) {
       end_group(begun);
       throw;
@@ -232,7 +232,7 @@ class Handle {
   uint64_t group_ = 0;        // the open group; 0: none
   uint64_t last_group_ = 0;
   unsigned long holder_ = 0;  // the thread that began it
-  int changing_ = 0;          // changes under way
+  int edits_ = 0;             // edits under way
   std::unique_ptr<Sync> sync_ = std::make_unique<Sync>();
 };
 
@@ -257,13 +257,13 @@ class Use {
   CallOfThread call_;
 };
 
-// A change of a scene: waits while another thread has a group open.
-class Change {
+// An edit of a scene: waits while another thread has a group open.
+class Edit {
  public:
-  explicit Change(Handle<fs_scene>& scene) : scene_(scene) { scene.begin_change(); }
-  Change(const Change&) = delete;
-  Change& operator=(const Change&) = delete;
-  ~Change() { scene_.end_change(); }
+  explicit Edit(Handle<fs_scene>& scene) : scene_(scene) { scene.begin_edit(); }
+  Edit(const Edit&) = delete;
+  Edit& operator=(const Edit&) = delete;
+  ~Edit() { scene_.end_edit(); }
 
  private:
   Handle<fs_scene>& scene_;

@@ -141,7 +141,8 @@ class Class {
       interface["shape"] = py::tuple(0);
       interface["typestr"] = "|V" + std::to_string(sizeof(T));
       interface["descr"] = py::reinterpret_borrow<py::object>(dtype).attr("descr");
-      interface["data"] = py::make_tuple(reinterpret_cast<uintptr_t>(self.at), has_handles || self.constant);  // pointers are not written
+      const bool read_only = has_handles || self.constant;  // pointers are not written
+      interface["data"] = py::make_tuple(reinterpret_cast<uintptr_t>(self.at), read_only);
       return interface;
     });
   }
@@ -176,7 +177,9 @@ class Class {
     fields.push_back({field_name, unit, get, set, same});
     const auto put = [set](const py::object& self, const py::object& value) {
       Struct<T>& one = as_self(self);
-      if (one.constant) raise(PyExc_AttributeError, std::string("this ") + name + " is a copy: set it as a whole, or use change(..)");
+      if (one.constant) {
+        raise(PyExc_AttributeError, std::string("this ") + name + " is a copy: set it as a whole, or use change(..)");
+      }
       set(one, value);
     };
     class_.def_property(field_name, get, put, doc);
@@ -215,8 +218,9 @@ class Class {
     for (const auto& field : fields) values[field.name] = field.get(self);
     const py::dict more = attributes_of(self);
     const py::object state = more.empty() ? py::object(py::none()) : py::object(py::make_tuple(py::none(), more));
+    const py::handle base(reinterpret_cast<PyObject*>(type));
     return py::make_tuple(py::module_::import("forceserver._objects").attr("remake"),
-                          py::make_tuple(py::type::of(self), py::handle(reinterpret_cast<PyObject*>(type)), values), state);
+                          py::make_tuple(py::type::of(self), base, values), state);
   }
 
   template <class M>

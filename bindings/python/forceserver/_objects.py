@@ -12,6 +12,23 @@ import numpy as np
 from . import _core
 from ._core import Curve, Object, Primitive, Profile, ProfileKind, Shape
 
+__all__ = [
+    "Constant",
+    "Custom",
+    "Gaussian",
+    "Inverse",
+    "LinearDecreasing",
+    "LinearIncreasing",
+    "Mesh",
+    "Plane",
+    "Point",
+    "Polyline",
+    "Quadratic",
+    "Wall",
+    "intensity",
+    "law",
+]
+
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 

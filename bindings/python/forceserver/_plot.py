@@ -9,6 +9,8 @@ import numpy as np
 from ._core import Profile, Scene
 from ._objects import intensity
 
+__all__ = ["plot"]
+
 
 def plot(
     what: Profile | Scene,

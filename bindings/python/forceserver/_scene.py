@@ -12,6 +12,8 @@ from . import _core
 from ._core import Error, EventKind, Object, StateError, Twist
 from ._objects import _put, fields_of
 
+__all__ = ["Device", "Hand", "Scene", "SceneObject", "Server", "Servo", "Tool", "connect", "devices"]
+
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 

@@ -13,6 +13,7 @@ import contextlib
 import json
 import struct
 import tempfile
+import traceback
 from pathlib import Path
 from typing import Any
 
@@ -57,13 +58,18 @@ class Browser:
     # ---- States
 
     async def _stream(self) -> None:
-        with contextlib.suppress(ConnectionClosed):
+        try:
             while True:
                 await self._taken.wait()
                 await self.new.wait()
                 self.new.clear()
                 self._taken.clear()
                 await self._socket.send(self._message(self._look.seen))
+        except ConnectionClosed:
+            pass
+        except Exception:  # a bug of the editor: a page that stands still would not tell
+            traceback.print_exc()
+            await self._socket.close(1011, "the editor failed")
 
     def _message(self, seen: Seen) -> bytes:
         told: Plain = {"serial": seen.serial, "error": seen.error, "connection": seen.connection} | seen.plain

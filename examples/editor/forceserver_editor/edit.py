@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -50,10 +51,10 @@ class Edit:
             answer = call(scene, **arguments) or {}
         except fs.Error as error:
             raise plain_.refusal(error) from None
-        except TypeError as error:
-            raise Refused(f"the command {name} is not complete: {error}") from None
         except OSError as error:
             raise Refused(str(error), status="IO") from None
+        except (TypeError, ValueError, LookupError, AttributeError, OverflowError, zipfile.BadZipFile) as error:
+            raise Refused(f"the command {name} is not as it should be: {error}") from None
         if name not in HARMLESS:
             self.keep.note_change()
         return answer

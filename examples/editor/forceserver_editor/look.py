@@ -8,6 +8,7 @@ from __future__ import annotations
 import collections
 import threading
 import time
+import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -15,7 +16,7 @@ from typing import Any
 import forceserver as fs
 import numpy as np
 
-from .plain import Plain, Shapes, frame, number, plain, pose
+from .plain import Plain, Shapes, frame, number, numbers, plain, pose
 
 RATE = 30  # states a second
 SAMPLES_PER_STATE = 8  # forces read for each of them: 240 a second
@@ -108,8 +109,8 @@ class Look:
         self._report_names: Any = None
         self._order: Any = None
         self._ids_in_order: Any = None
-        self._samples: collections.deque[tuple[float, float, float, float]] = collections.deque(maxlen=KEPT_SAMPLES)
-        self._sample_count = 0
+        self._samples = np.zeros((2 * KEPT_SAMPLES, 4))  # only ever added to: what a Seen has of it stays as it is
+        self._filled = self._sample_count = 0
         self._events: collections.deque[Plain] = collections.deque(maxlen=200)
         self._stats: Plain = {}
         self._device: Plain = {}
@@ -132,9 +133,11 @@ class Look:
                     next_time = time.monotonic()  # the machine was busy: do not make up for it
                 self.seen = self._look(scene, connection, version)
                 version = self.seen.version
-            except fs.Error as error:
-                if isinstance(error, fs.TimeoutError) and self.scene is not None:
-                    continue
+            except fs.TimeoutError:
+                continue  # the server is busy: the page keeps what it has
+            except Exception as error:
+                if not isinstance(error, fs.Error):
+                    traceback.print_exc()  # a bug of the editor: the page says so, and it begins anew
                 if self.scene is not None:
                     self.scene.close()
                     self.scene = None
@@ -147,7 +150,12 @@ class Look:
 
     def _read_force(self, scene: fs.Scene) -> None:
         state, _, sent = scene.get_hand()
-        self._samples.append((state.time, *sent.force.tolist()))
+        if self._filled == len(self._samples):
+            kept, self._filled = self._samples[-KEPT_SAMPLES:], KEPT_SAMPLES
+            self._samples = np.concatenate([kept, np.zeros((KEPT_SAMPLES, 4))])
+        self._samples[self._filled, 0] = state.time
+        self._samples[self._filled, 1:] = sent.force
+        self._filled += 1
         self._sample_count += 1
 
     def _look(self, scene: fs.Scene, connection: int, version: int) -> Seen:
@@ -168,7 +176,7 @@ class Look:
             version,
             objects,
             self._rows(scene.get_time(), motions, reports),
-            np.array(self._samples, dtype=float).reshape(-1, 4),
+            self._samples[max(0, self._filled - KEPT_SAMPLES) : self._filled],
             self._sample_count,
             {"time": scene.get_time(), "me": self.me, "device": self._device, "stats": self._stats}
             | {"hand": _hand(scene.hand()), "clients": self._clients(scene)},
@@ -258,7 +266,7 @@ class Look:
             found.append(
                 {
                     "name": name,
-                    "force": client["wrench"]["force"].tolist(),
+                    "force": numbers(client["wrench"]["force"]),
                     "objects": int(client["objects"]),
                     "force_limit": number(float(client["force_limit"])),
                     "moves": int(client["moves"]),
@@ -299,8 +307,8 @@ def _hand(hand: fs.Hand) -> Plain:
         "proxy": pose(hand.response.proxy),
         "flags": int(hand.state.flags),
         "feels": int(hand.response.flags),
-        "sent": hand.sent.force.tolist(),
-        "torque": hand.sent.torque.tolist(),
+        "sent": numbers(hand.sent.force),
+        "torque": numbers(hand.sent.torque),
     }
 
 

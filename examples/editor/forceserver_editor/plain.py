@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import forceserver as fs
@@ -38,6 +38,10 @@ class Refused(Exception):
 
 def number(value: float) -> float | None:
     return value if math.isfinite(value) else None
+
+
+def numbers(values: Iterable[float]) -> list[float | None]:
+    return [number(float(value)) for value in values]
 
 
 def curve(value: fs.Curve | None) -> Plain | None:

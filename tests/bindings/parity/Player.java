@@ -288,8 +288,10 @@ public final class Player implements AutoCloseable {
       case "set" -> scene.set(object(step.get("object")));
       case "change" -> scene.change(object(step.get("object")),
           ((List<?>) step.get("parts")).stream().map(part -> value(Part.class, part)).toArray(Part[]::new));
-      case "move" -> scene.move(name, pose(step.get("pose")), step.containsKey("twist") ? twist(step.get("twist")) : null,
-          number(step, "time"));
+      case "move" -> {
+        if (step.containsKey("twist")) scene.move(name, pose(step.get("pose")), twist(step.get("twist")), number(step, "time"));
+        else scene.stream(name, pose(step.get("pose")), number(step, "time"));
+      }
       case "remove" -> scene.remove(name);
       case "evaluate" -> {
         List<Vec3> positions = step.containsKey("positions") ? vectors(step.get("positions")) : places;
@@ -400,9 +402,10 @@ public final class Player implements AutoCloseable {
       }
       case "stats" -> {
         ServoStats t = scene.servoStats();
-        give(t.realtime().value(), t.faults(), t.protectionsOff(), t.maxStiffness(), t.damping(), t.energy(), t.misses(),
+        give(t.realtime().value(), t.faults(), t.protectionsOff(), t.maxStiffness(), t.damping(), t.misses(),
             t.deviceErrors(), t.approximated(), t.enabled());
         give(t.ticks() > 5000);
+        give(t.energy() > 0);
       }
       case "stop_force" -> scene.stopForce();
       case "device" -> give(step.containsKey("opened") ? device.info() : scene.deviceInfo());

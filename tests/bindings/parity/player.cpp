@@ -385,9 +385,9 @@ class Player {
     } else if (verb == "stats") {
       fs_servo_stats t = fs_servo_stats_init();
       check(fs_scene_get_servo_stats(scene_, &t));
-      give(t.realtime), give(t.faults), give(t.protections_off), give(t.max_stiffness), give(t.damping), give(t.energy);
+      give(t.realtime), give(t.faults), give(t.protections_off), give(t.max_stiffness), give(t.damping);
       give(double(t.misses)), give(double(t.device_errors)), give(double(t.approximated));
-      give(t.enabled), give(t.ticks > 5000);
+      give(t.enabled), give(t.ticks > 5000), give(t.energy > 0);  // these two depend on when a server took a change
     } else if (verb == "stop_force") {
       check(fs_scene_stop_force(scene_));
     } else if (verb == "device") {

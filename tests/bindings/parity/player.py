@@ -266,8 +266,8 @@ class Player:
 
     def do_stats(self):
         t = self.scene.get_servo_stats()
-        self.give(int(t.realtime), int(t.faults), int(t.protections_off), t.max_stiffness, t.damping, t.energy)
-        self.give(t.misses, t.device_errors, t.approximated, t.enabled, t.ticks > 5000)
+        self.give(int(t.realtime), int(t.faults), int(t.protections_off), t.max_stiffness, t.damping)
+        self.give(t.misses, t.device_errors, t.approximated, t.enabled, t.ticks > 5000, t.energy > 0)
 
     def do_stop_force(self):
         self.scene.stop_force()

@@ -41,7 +41,12 @@ def test_ctrl_c_while_closing_gives_back_what_another_thread_uses(run):
         import signal, threading, time
         import numpy as np
         import forceserver as fs
-        big = fs.Scene()
+        import os
+        endpoint = f"shm:interrupted-{os.getpid()}"
+        servo = fs.Servo(fs.Scene(), mode="virtual", fade=0.001)
+        server = fs.Server(servo, endpoint)
+        threading.Thread(target=lambda: servo.step(10**15), daemon=True).start()
+        big, viewer = fs.connect(endpoint, "big"), fs.connect(endpoint, "viewer")
         for i in range(50): big[f"{i}"] = fs.Point(front=fs.Custom("sin(d)*exp(-d*t)", limit=1))
         begun, positions = threading.Event(), np.random.default_rng(0).uniform(-1, 1, (200000, 3))
         def work():
@@ -60,9 +65,13 @@ def test_ctrl_c_while_closing_gives_back_what_another_thread_uses(run):
         else:
             raise SystemExit("nothing was raised")
         assert big.closed
+        assert len(viewer.get_clients()) == 3
         thread.join()
-        assert repr(big) == "<closed forceserver.Scene>"
-        big.close()
+        for patience in range(1000):  # the call's end has given it back
+            if len(viewer.get_clients()) == 2: break
+            time.sleep(0.01)
+        else:
+            raise SystemExit("it is still connected")
     """)
 
 

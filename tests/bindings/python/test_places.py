@@ -14,17 +14,17 @@ def at(pose):
 
 @pytest.fixture
 def a(scene, spring):
-    scene.time = 10
+    scene.set_time(10)
     scene["a"] = spring
     return scene["a"]
 
 
 def test_what_is_moved_stands_still(scene, a):
     for step in range(3):
-        scene.time = 10 + 0.05 * (step + 1)
+        scene.set_time(10 + 0.05 * (step + 1))
         a.move((0.01 * step, 0, 0))
         assert not a.twist.linear.any() and scene.get_motions()["horizon"][0] == 0
-    scene.time = 10.2
+    scene.set_time(10.2)
     assert np.allclose(scene.evaluate([[0.02, 0, 0]]), 0)  # it is where it was put
     a.move(twist=fs.Twist(linear=(1, 0, 0)))
     assert a.twist.linear.tolist() == [1, 0, 0]
@@ -32,26 +32,26 @@ def test_what_is_moved_stands_still(scene, a):
 
 def test_a_stream_of_moves_goes_on(scene, a):
     for step in range(3):
-        scene.time = 10 + 0.05 * (step + 1)
+        scene.set_time(10 + 0.05 * (step + 1))
         a.stream((0.01 * step, 0, 0), (1, 0, 0, 0))
     assert np.allclose(a.twist.linear, [0.2, 0, 0])
-    scene.time = 10.2
+    scene.set_time(10.2)
     assert np.allclose(scene.evaluate([[0.03, 0, 0]]), 0)
 
 
 def test_a_change_of_place_is_where_it_says(scene, a):
     a.move((0, 0, 0), (1, 0, 0, 0), twist=fs.Twist(linear=(1, 0, 0), angular=(0, 0, np.pi)))
-    scene.time = 10.05
+    scene.set_time(10.05)
     a.change(position=(0.5, 0, 0), lifetime=0)  # the time of the old motion does not count
     assert np.allclose(scene.evaluate([[0.5, 0, 0]]), 0) and not a.twist.linear.any()
     turn = np.pi * 0.05 / 2
     assert np.allclose(a.pose.orientation, [np.cos(turn), 0, 0, np.sin(turn)])  # as it was felt then
     a.move((0, 0, 0), (1, 0, 0, 0), twist=fs.Twist(linear=(1, 0, 0), angular=(0, 0, np.pi)))
-    scene.time = 10.1
+    scene.set_time(10.1)
     a.move(orientation=(0, 1, 0, 0))
     assert np.allclose(at(a.pose), [0.05, 0, 0, 0, 1, 0, 0])
     a.move((0, 0, 0), (1, 0, 0, 0), twist=fs.Twist(linear=(1, 0, 0), angular=(0, 0, np.pi)))
-    scene.time = 13  # a twist counts for 0.1 s
+    scene.set_time(13)  # a twist counts for 0.1 s
     a.move(position=(7, 0, 0))
     turn = np.pi * 0.1 / 2
     assert np.allclose(at(a.pose), [7, 0, 0, np.cos(turn), 0, 0, np.sin(turn)])
@@ -66,6 +66,8 @@ def test_a_change_of_place_and_more_is_one_group(scene, a):
     with scene.change():
         a.change(position=(1, 0, 0), front=fs.Constant(1, limit=1))
     assert a.front.kind is fs.ProfileKind.CONSTANT and a.pose.position[0] == 1
+    scene.object_change(fs.Object(name="a", damping=3, primitive="point", front=fs.Constant(2, limit=2)), "profiles | contact")
+    assert a.damping == 3 and a.pose.position[0] == 1
     for wrong in ({"pose": fs.Pose(), "position": (0, 0, 0)}, {"name": "b"}, {"enabeld": False}):
         with pytest.raises(TypeError):
             a.change(**wrong)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import itertools
 import json
 import os
@@ -16,6 +17,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import forceserver as fs
+import numpy as np
 import pytest
 
 HERE = pathlib.Path(__file__).resolve().parent
@@ -238,3 +240,83 @@ def opened(chromium: Any) -> Iterator[Callable[[str], Page]]:
             return page
 
         yield open_page
+
+
+# ---- What journeys share
+
+PICTURES = ROOT / "build/editor-pictures"
+
+
+def picture(page: Page, name: str) -> None:
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    page.wait_drawn()
+    page.screenshot(path=PICTURES / f"{name}.png")
+
+
+def pixels(page: Page, selector: str = "#view canvas") -> Any:
+    """What is seen, as an array of (height, width, 3)."""
+    image = pytest.importorskip("PIL.Image")
+    page.wait_drawn()
+    shot = page.locator(selector).screenshot()
+    return np.asarray(image.open(io.BytesIO(shot)).convert("RGB")).astype(int)
+
+
+def share(image: Any, colour: int, near: int = 40) -> float:
+    """The share of pixels near a colour."""
+    wanted = np.array([colour >> 16, colour >> 8 & 255, colour & 255])
+    return float(np.mean(np.abs(image - wanted).max(axis=2) < near))
+
+
+def project(page: Page, place: Any) -> tuple[float, float]:
+    found = page.evaluate(
+        """at => { const {view} = editor, p = view.project(at), box = view.canvas.getBoundingClientRect();
+           return [p.x + box.left, p.y + box.top] }""", [float(x) for x in place])  # fmt: skip
+    return found[0], found[1]
+
+
+def terrain(count: int = 40, size: float = 0.12, height: float = 0.01) -> fs.Mesh:
+    x = np.linspace(-size, size, count)
+    across, along = np.meshgrid(x, x)
+    points = np.stack([across, along, -0.06 + height * np.sin(40 * across) * np.cos(30 * along)], -1).reshape(-1, 3)
+    i = np.arange(count * count).reshape(count, count)
+    lower = np.stack([i[:-1, :-1], i[:-1, 1:], i[1:, 1:]], -1).reshape(-1, 3)
+    upper = np.stack([i[:-1, :-1], i[1:, 1:], i[1:, :-1]], -1).reshape(-1, 3)
+    return fs.Mesh(points, np.concatenate([lower, upper]), contact=fs.Contact(keep="front", stiffness=400, limit=6))
+
+
+@pytest.fixture
+def lab(started: Any) -> Lab:
+    made: Lab = started(Lab)
+    return made
+
+
+@pytest.fixture
+def second(started: Any, lab: Lab) -> Second:
+    made: Second = started(Second, lab.endpoint)
+    return made
+
+
+@pytest.fixture
+def page(started: Any, lab: Lab, opened: Callable[[str], Page]) -> Page:
+    return opened(started(Editor, lab.endpoint).address)
+
+
+# ---- Adding and looking
+
+
+# ---- The gizmo
+
+
+# ---- Fields
+
+
+# ---- Others
+
+
+# ---- Stop, files, two browsers, and what ends
+
+
+# ---- Plots
+
+
+# ---- Much

@@ -144,10 +144,11 @@ int main(int argc, char **argv)
       printf("\"%s\"\n", fs_status_name(fs_object_set(scene, &o)));
     } else if (sscanf(line, "move %255s %lf %lf %lf", name, &at.x, &at.y, &at.z) == 4) {
       fs_pose pose;
+      const fs_twist rest = {{0, 0, 0}, {0, 0, 0}};
       memset(&pose, 0, sizeof pose);
       pose.position = at;
       pose.orientation.w = 1;
-      printf("\"%s\"\n", fs_status_name(fs_object_move(scene, name, &pose, NULL, FS_NOW)));
+      printf("\"%s\"\n", fs_status_name(fs_object_move(scene, name, &pose, &rest, FS_NOW)));
     } else if (sscanf(line, "gain %255s %lf", name, &at.x) == 2) {
       fs_object o = fs_object_init("any", FS_PRIMITIVE_POINT);
       fs_status status = fs_object_get(scene, name, &o);

@@ -18,9 +18,10 @@ from typing import Any
 import forceserver as fs
 import numpy as np
 import pytest
-from conftest import Editor, Lab, Second, eventually
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+from conftest import Editor, Lab, Second, eventually
 
 
 def fetch(address: str, **headers: str) -> tuple[int, bytes]:
@@ -180,6 +181,11 @@ def test_commands_history_and_refusals(started: Any) -> None:
             assert "text" in await s.ask("change", names=["a"], fields=odd), odd
         assert "text" in await s.ask("nothing")
         assert "text" in await s.ask("change", names=["a"])
+        for name, fields in [("change", {"names": 3, "fields": {}}), ("change", {"names": ["a"], "fields": [1]}), ("move", {"name": "a"}),
+                             ("frame", {"fields": 3}), ("frame", {"fields": {"scale": "x"}}), ("tool", {"points": [[1]]}), ("curve", {"name": 5}),
+                             ("curve", {"name": "a", "until": "x"}), ("adopt", {"name": {}}), ("load", {"file": 7}), ("add", {"name": "x"}),
+                             ("tool", {"points": [[1, 2, 3]] * 40}), ("add", {"name": "b", "primitive": "mesh", "fields": {}}), ("__init__", {})]:  # fmt: skip
+            assert "text" in await s.ask(name, **fields), (name, fields)
         assert (await s.ask("change", names=["nobody"], fields={"damping": 1}))["status"] == "NOTFOUND"
         # Many changes with one gesture are one step.
         for gain in (1.5, 1.6, 1.7):

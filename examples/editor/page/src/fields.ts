@@ -48,7 +48,17 @@ export class Field {
   set isShown(is: boolean) { this.row.hidden = !is; }
   get isShown(): boolean { return !this.row.hidden; }
 
+  private awaited: { value: unknown; until: number } | null = null;
+  /** The person has given this value: for a moment the states that are on their way still have the old one. */
+  protected await(value: unknown): void { this.awaited = { value, until: performance.now() + 1000 }; }
+  protected isOld(value: unknown): boolean {
+    if (this.awaited && value !== this.awaited.value && performance.now() < this.awaited.until) return true;
+    this.awaited = null;
+    return false;
+  }
+
   refuse(text: string): void {
+    if (text) this.awaited = null;
     this.error.textContent = text;
     this.row.classList.toggle("bad", text !== "");
     this.input.setAttribute("aria-invalid", String(text !== ""));
@@ -81,10 +91,11 @@ export class TextField extends Field {
     text.onblur = () => { if (!this.isSending) text.value = this.value; };
   }
   show(value: string): void {
+    if (this.isOld(value)) return;
+    const isTyping = this.text.value !== this.value;
     this.value = value;
-    if (document.activeElement !== this.text || !this.isTyping) this.text.value = value;
+    if (this.text.value !== value && (document.activeElement !== this.text || !isTyping)) this.text.value = value;
   }
-  private get isTyping(): boolean { return this.text.value !== this.value; }
   set isReadOnly(is: boolean) { this.text.readOnly = is; }
 
   private async commit(send: Send): Promise<void> {
@@ -93,6 +104,7 @@ export class TextField extends Field {
     const read = this.read(this.text.value);
     if (typeof read === "string") { this.back(read); return; }
     this.isSending = true;
+    this.await(this.text.value);
     try {
       await send(this.path, read.value);
       this.value = this.text.value;
@@ -131,6 +143,7 @@ export class ChoiceField extends Field {
     super(path, label, "", select);
     this.select = select;
     select.onchange = async () => {
+      this.await(select.value);
       try {
         await send(path, select.value);
         this.refuse("");
@@ -140,7 +153,11 @@ export class ChoiceField extends Field {
       }
     };
   }
-  show(value: string): void { this.value = value; this.select.value = value; }
+  show(value: string): void {
+    if (this.isOld(value)) return;
+    this.value = value;
+    this.select.value = value;
+  }
   set isReadOnly(is: boolean) { this.select.disabled = is; }
 }
 
@@ -151,6 +168,7 @@ export class CheckField extends Field {
     super(path, label, "", check);
     this.check = check;
     check.onchange = async () => {
+      this.await(check.checked);
       try {
         await send(path, check.checked);
         this.refuse("");
@@ -160,7 +178,7 @@ export class CheckField extends Field {
       }
     };
   }
-  show(value: boolean): void { this.check.checked = value; }
+  show(value: boolean): void { if (!this.isOld(value)) this.check.checked = value; }
   set isReadOnly(is: boolean) { this.check.disabled = is; }
 }
 
@@ -178,6 +196,7 @@ export class AreaField extends Field {
       if (isSending || area.value === this.value) return;
       isSending = true;
       const what = read(area.value);
+      this.await(area.value);
       try {
         if (typeof what === "string") throw { text: what };
         await send(path, what.value);
@@ -193,6 +212,7 @@ export class AreaField extends Field {
     area.onkeydown = (event) => { if (event.key === "Enter" && (rows === 2 || event.ctrlKey)) { event.preventDefault(); void commit(); } };
   }
   show(value: string): void {
+    if (this.isOld(value)) return;
     const isTyping = document.activeElement === this.area && this.area.value !== this.value;
     this.value = value;
     if (!isTyping) this.area.value = value;

@@ -34,7 +34,7 @@ export class Gizmo {
     this.controls.addEventListener("objectChange", () => this.follow());
     const readKey = (event: KeyboardEvent | PointerEvent) => { this.snaps = event.ctrlKey; };
     for (const kind of ["keydown", "keyup", "pointermove", "pointerdown"] as const) window.addEventListener(kind, readKey, true);
-    model.on(["selection", "rows", "objects", "state"], () => this.attach());
+    model.on(["selection", "picture", "objects"], () => this.attach());
   }
 
   get mode(): string { return this.controls.mode; }
@@ -251,7 +251,8 @@ export class Pencil {
   private changed(): void {
     this.view.box.dataset.drawing = this.isOn ? String(this.places.length) : "";
     this.onChange();
-    this.line.geometry.setFromPoints(this.places.map((p) => new THREE.Vector3(...minus(p, this.view.origin))));
+    this.line.geometry.dispose();
+    this.line.geometry = new THREE.BufferGeometry().setFromPoints(this.places.map((p) => new THREE.Vector3(...minus(p, this.view.origin))));
     this.box.replaceChildren(...this.places.map(() => document.createElement("i")));
     this.view.request();
   }

@@ -1,6 +1,6 @@
 // What the page knows: the objects of all clients, the hand, and what is selected here. Everything else listens to it.
 
-import { type Frame, type Pose, type Quat, type Vec, add, fromDevice, identity, length, minus, multiply, rotate, toDevice } from "./frames";
+import { type Frame, type Pose, type Quat, type Vec, add, fromDevice, identity, length, minus, multiply, rotate, times, toDevice } from "./frames";
 import type { State } from "./wire";
 
 export type Primitive = "point" | "polyline" | "plane" | "mesh";
@@ -23,11 +23,11 @@ export interface Hand { pose: Pose; proxy: Pose; flags: number; feels: number; s
 export interface Happened { serial: number; kind: string; name: string; text: string; value: number | null }
 export interface Step { who: string; text: string }
 
-/** How an object is felt; the last two are told apart by the editor. */
-export type Condition = "pending" | "felt" | "fading" | "disabled" | "refused" | "expired" | "stopped";
+/** How an object is felt; that a lifetime is over is found out here. */
+export type Condition = "pending" | "felt" | "fading" | "disabled" | "refused" | "expired";
 const conditions: Condition[] = ["pending", "felt", "fading", "disabled", "refused"];
 export const mark: Record<Condition, string> =
-  { pending: "…", felt: "●", fading: "◐", disabled: "○", refused: "✕", expired: "◌", stopped: "■" };
+  { pending: "…", felt: "●", fading: "◐", disabled: "○", refused: "✕", expired: "◌" };
 
 const defaultFrame: Frame = { pose: identity, scale: 1, force_scale: 1 };
 
@@ -64,6 +64,14 @@ export class Item {
     return [f[0] * s, f[1] * s, f[2] * s];
   }
   get deviceDistance(): number { return this.distance / this.model.ownFrame.scale; }
+  /** Whether the new row at `i` is drawn in another way than what this item has now. */
+  looksDifferent(rows: Float64Array, i: number): boolean {
+    const was = [...this.pose.position, ...this.pose.orientation, this.state, this.weight];
+    if (was.some((x, k) => x !== rows[i + 1 + k])) return true;
+    if (Number.isFinite(this.distance) !== Number.isFinite(rows[i + 10])) return true;
+    const way = smallestWay * this.model.ownFrame.scale;
+    return this.point.some((x, k) => differs(x, rows[i + 11 + k]!, way)) || this.force.some((x, k) => differs(x, rows[i + 14 + k]!, smallestForce));
+  }
   /** The pose that puts the shape's centre to this place of the device, turned like this. */
   poseAt(place: Vec, turn: Quat): Pose {
     const f = this.frame, c = f.pose.orientation;
@@ -73,7 +81,12 @@ export class Item {
   }
 }
 
-export type Topic = "objects" | "rows" | "selection" | "state" | "samples" | "happened";
+/** objects: what they are; rows: how they are felt; picture: what is drawn of that; state: any state at all. */
+export type Topic = "objects" | "rows" | "picture" | "selection" | "state" | "samples" | "happened";
+
+// What is smaller cannot be seen: m at the device, N.
+const smallestWay = 1e-5, smallestForce = 0.004;
+const differs = (a: number, b: number, least: number) => !(Math.abs(a - b) <= least) && !(a === b);
 
 export class Model {
   items = new Map<number, Item>();
@@ -111,6 +124,7 @@ export class Model {
     if (told.error) { this.items.clear(); this.clients.clear(); this.hand = null; this.tell("objects"); }
     if (told.clients) this.clients = new Map((told.clients as Client[]).map((client) => [client.name, client]));
     if (told.hand) this.hand = told.hand as Hand;
+    this.compare();
     for (const one of (told.objects ?? []) as Told[]) {
       const known = this.items.get(one.id);
       if (known) known.told = one;
@@ -123,6 +137,8 @@ export class Model {
     const selectionBefore = [...this.selected].length;
     if (told.objects || told.gone || told.fresh) this.tell("objects");
     if (state.rows.length) this.tell("rows");
+    if (this.looksDifferent) this.tell("picture");
+    this.looksDifferent = false;
     this.tell("state");
     if (state.samples.length) this.tell("samples");
     if (told.gone?.length || told.objects?.length || told.fresh || selectionBefore !== this.selected.size) this.tell("selection");
@@ -132,10 +148,27 @@ export class Model {
     }
   }
 
+  private looksDifferent = false;
+  private drawn: { places: number[]; forces: number[]; rest: string } = { places: [], forces: [], rest: "" };
+
+  /** Whether the hand, the tools or the forces of the clients look different from when they were drawn last. */
+  private compare(): void {
+    const clients = [...this.clients.values()];
+    const places = [...this.handPlace, ...clients.flatMap((c) => times(1 / c.frame.scale, c.tool.position))];
+    const forces = [...this.sent, ...clients.flatMap((c) => c.force)];
+    const rest = JSON.stringify(clients.map((c) => [c.name, c.frame, c.points, c.held, c.tool.orientation.map((x) => x.toFixed(3))]));
+    const last = this.drawn;
+    if (rest === last.rest && places.length === last.places.length
+      && !places.some((x, i) => differs(x, last.places[i]!, smallestWay)) && !forces.some((x, i) => differs(x, last.forces[i]!, smallestForce))) return;
+    this.drawn = { places, forces, rest };
+    this.looksDifferent = true;
+  }
+
   private readRows(rows: Float64Array): void {
     for (let i = 0; i < rows.length; i += 19) {
       const item = this.items.get(rows[i]!);
       if (!item) continue;
+      if (!this.looksDifferent) this.looksDifferent = item.looksDifferent(rows, i);
       item.pose = {
         position: [rows[i + 1]!, rows[i + 2]!, rows[i + 3]!],
         orientation: [rows[i + 4]!, rows[i + 5]!, rows[i + 6]!, rows[i + 7]!],

@@ -13,6 +13,16 @@ const keeps: [string, string][] = [
 ];
 
 export class Panel {
+  private isDue = false;
+  private readonly title = make("span", { className: "name", dir: "auto" });
+  private readonly padlock = make("span", { className: "padlock", title: "It can be looked at, not changed" });
+  private readonly condition = make("span");
+  private readonly what = make("span");
+  private readonly facts = make("p", { className: "facts" }, this.condition, this.what);
+  private readonly live = make("p", { className: "facts live" });
+  private readonly adopt = make("button", { textContent: "Copy into my scene", id: "adopt" });
+  private readonly hint = make("p", { className: "hint",
+    textContent: "Nothing is selected. Click an object in the view or in the table; with Add you make one." });
   private readonly head = make("header");
   private readonly body = make("div", { className: "sections" });
   private readonly fields: { field: AnyField; update: (item: Item) => void }[] = [];
@@ -29,8 +39,19 @@ export class Panel {
     this.makeContact();
     this.makeOther();
     model.on(["selection"], () => { this.refuseGeneral(""); this.update(); });
-    model.on(["objects", "rows"], () => this.update());
+    model.on(["objects"], () => this.update());
+    model.on(["rows"], () => this.later());
+    this.adopt.onclick = () => { const item = this.first(); if (item) void orders.adopt(item.told.name); };
+    this.padlock.textContent = "🔒";
+    this.head.append(make("h2", {}, this.title, this.padlock), this.facts, this.live, this.adopt, this.hint);
     this.update();
+  }
+
+  /** What moves is shown ten times a second. */
+  private later(): void {
+    if (this.isDue) return;
+    this.isDue = true;
+    setTimeout(() => { this.isDue = false; this.update(); }, 100);
   }
 
   // ---- Sending
@@ -214,9 +235,10 @@ export class Panel {
   private update(): void {
     const item = this.first();
     this.box.classList.toggle("empty", !item);
+    this.hint.hidden = item !== undefined;
     if (!item) {
-      this.head.replaceChildren(make("p", { className: "hint",
-        textContent: "Nothing is selected. Click an object in the view or in the table; with Add you make one." }));
+      for (const part of [this.title, this.condition, this.what, this.live]) part.textContent = "";
+      this.padlock.hidden = this.adopt.hidden = true;
       this.box.dataset.selected = "";
       return;
     }
@@ -234,24 +256,21 @@ export class Panel {
   }
 
   private updateHead(item: Item): void {
-    const many = this.model.selected.size;
-    const title = make("h2", {}, make("span", { className: "name", textContent: many > 1 ? `${many} objects` : item.told.short, dir: "auto" }));
-    if (item.isLocked) title.append(make("span", { className: "padlock", textContent: "🔒", title: "It can be looked at, not changed" }));
-    const shape = item.told.shape;
-    const what = shape ? `, ${shape.triangles ? `${shape.triangles.toLocaleString("en")} triangles` : `${shape.points} points`}` : "";
-    const condition = item.condition;
+    const many = this.model.selected.size, shape = item.told.shape, condition = item.condition;
+    put(this.title, many > 1 ? `${many} objects` : item.told.short);
+    this.padlock.hidden = !item.isLocked;
+    put(this.condition, `${mark[condition]} ${condition}`);
+    this.condition.className = `state ${condition}`;
+    const size = shape ? `, ${shape.triangles ? `${shape.triangles.toLocaleString("en")} triangles` : `${shape.points} points`}` : "";
+    put(this.what, `${item.told.primitive}${size} of ${item.told.client}`);
     const capped = item.applied < item.wanted ? ` of ${slope(item.wanted)}` : "";
-    const facts = make("p", { className: "facts" },
-      make("span", { className: `state ${condition}`, textContent: `${mark[condition]} ${condition}` }),
-      `${item.told.primitive}${what} of ${item.told.client}`);
-    const live = make("p", { className: "facts live" },
-      `d ${this.model.distance(item)} · F ${newtons(sizeOf(item.push))} · slope ${slope(item.applied)}${capped}`);
-    this.head.replaceChildren(title, facts, live);
-    if (!item.told.own && many === 1 && !this.model.viewOnly) {
-      this.head.append(make("button", { textContent: "Copy into my scene", id: "adopt", onclick: () => void this.orders.adopt(item.told.name) }));
-    }
+    put(this.live, `d ${this.model.distance(item)} · F ${newtons(sizeOf(item.push))} · slope ${slope(item.applied)}${capped}`);
+    this.adopt.hidden = item.told.own || many > 1 || this.model.viewOnly;
   }
 }
+
+/** Only where it differs: what is the same is left alone. */
+function put(element: HTMLElement, text: string): void { if (element.textContent !== text) element.textContent = text; }
 
 const slope = (value: number | null): string =>
   value === null || !Number.isFinite(value) ? "∞ (the force jumps)" : `${value.toPrecision(3).replace(/\.?0+$/, "")} N/m`;

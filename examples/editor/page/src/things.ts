@@ -158,9 +158,9 @@ export class Things {
     const sum = this.model.handPlace;
     for (const client of this.model.clients.values()) {
       colour.set(colourOf(client.name, this.model.me)).multiplyScalar(0.8);
-      this.arrow(minus(sum, origin), client.force, this.unit * 0.085, colour);
+      this.arrow(minus(sum, origin), client.force, this.unit * 0.1, colour);
     }
-    this.arrow(minus(sum, origin), this.model.sent, this.unit * 0.17, colour.set(0x1d232b));
+    this.arrow(minus(sum, origin), this.model.sent, this.unit * 0.2, colour.set(0x1d232b));
     for (const batch of batches) batch.end();
   }
 
@@ -180,18 +180,18 @@ export class Things {
     if (!Number.isFinite(item.distance) || length(force) < 0.02) return;
     const at = minus(item.nearest, origin);
     colour.set(colourOf(item.told.client, this.model.me));
-    this.arrow(at, force, this.unit * 0.07, colour);
+    this.arrow(at, force, this.unit * 0.09, colour);
     if (item.told.contact.keep !== "none") {
       size.setScalar(this.unit * 0.35);
       this.contacts.add(item, matrix.compose(place.set(...at), turn, size), colour);
     }
   }
 
-  /** 1 N is as long as a point is wide; beyond 12 N arrows grow slowly. */
+  /** 1 N is 15 mm in a workspace of 150 mm; beyond 8 N arrows grow slowly. */
   private arrow(from: Vec, force: Vec, radius: number, c: THREE.Color): void {
     const newtons = length(force);
     if (newtons < 0.02) return;
-    const long = this.unit * (newtons < 12 ? newtons : 12 * (1 + Math.log(newtons / 12)));
+    const long = 1.5 * this.unit * (newtons < 8 ? newtons : 8 * (1 + Math.log(newtons / 8)));
     along.set(force[0], force[1], force[2]).normalize();
     turn.setFromUnitVectors(up, along);
     const head = Math.min(long * 0.4, radius * 6);

@@ -47,6 +47,7 @@ export class TimePlots {
   private span = 10;
   private pausedAt: number | null = null;
   private isDue = false;
+  private still = "";
   private names: string[] = [];
   private readonly force = new Ring(4, 600 * perSecond + 1000); // time, x, y, z
   private readonly servo = new Ring(6, 1200); // time, rate, late p50, p99, max, compute p99
@@ -54,7 +55,7 @@ export class TimePlots {
 
   constructor(private readonly box: HTMLElement, bar: HTMLElement, private readonly model: Model) {
     const choice = make("select", { title: "What is plotted", id: "plot-what" },
-      ...[["force", "Force on the hand"], ["clients", "Force of each client"], ["servo", "Servo"]].map(([value, textContent]) => make("option", { value, textContent })));
+      ...[["force", "Force, all"], ["clients", "By client"], ["servo", "Servo"]].map(([value, textContent]) => make("option", { value, textContent })));
     choice.onchange = () => { this.shown = choice.value as Shown; this.build(); };
     const span = make("select", { title: "How long", id: "plot-span" }, ...spans.map((s) => make("option", { value: String(s), textContent: s < 60 ? `${s} s` : `${s / 60} min` })));
     span.onchange = () => { this.span = Number(span.value); this.draw(); };
@@ -106,11 +107,12 @@ export class TimePlots {
   private later(): void {
     if (this.isDue || document.hidden) return;
     this.isDue = true;
-    setTimeout(() => requestAnimationFrame(() => { this.isDue = false; this.draw(); }), 60);
+    setTimeout(() => requestAnimationFrame(() => { this.isDue = false; this.draw(); }), 80);
   }
 
   private build(): void {
     this.plot?.destroy();
+    this.still = "";
     const line = (label: string, stroke: string, width = 1.5, scale = "y"): uPlot.Series => ({ label, stroke, width, scale, points: { show: false } });
     this.names = [...this.model.clients.keys()];
     const series: Record<Shown, uPlot.Series[]> = {
@@ -133,6 +135,11 @@ export class TimePlots {
     if (!this.plot) return;
     if (this.shown === "clients" && this.names.join("|") !== [...this.model.clients.keys()].join("|")) return this.build();
     const data = this.data(Math.max(400, this.box.clientWidth));
+    // Where nothing changes, the picture stays.
+    const still = data.slice(1).map((column) => (column.every((x) => x === column[0]) ? String(column[0]) : null));
+    const same = still.includes(null) ? "" : `${this.shown} ${this.span} ${still.join()} ${Math.min(1, -(data[0]![0] ?? 0) / this.span).toFixed(2)}`;
+    if (same && same === this.still) return;
+    this.still = same;
     this.plot.setData(data as unknown as uPlot.AlignedData);
     this.box.dataset.points = String(data[0]!.length);
     this.box.dataset.span = String(this.span);

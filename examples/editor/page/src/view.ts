@@ -33,9 +33,9 @@ export class View {
     this.makeRenderer(antialias);
     this.scene.background = new THREE.Color(0xf3f5f7);
     this.scene.add(this.things.root, this.hand, this.halo, this.workspace);
-    this.scene.add(new THREE.HemisphereLight(0xffffff, 0x8a93a0, 2.2));
-    const sun = new THREE.DirectionalLight(0xffffff, 1.4);
-    sun.position.set(1, -2, 4);
+    this.scene.add(new THREE.HemisphereLight(0xffffff, 0x737c88, 1.5));
+    const sun = new THREE.DirectionalLight(0xffffff, 2.1);
+    sun.position.set(-3, 2.5, 1.5); // over the left shoulder, so that slopes are seen from the top too
     this.camera.add(sun);
     this.scene.add(this.camera);
     this.camera.up.set(0, 0, 1);
@@ -44,7 +44,7 @@ export class View {
     this.controls.zoomSpeed = 1.4;
     this.controls.addEventListener("change", () => this.request());
     this.shapes.onLoad = () => this.change();
-    model.on(["objects", "rows", "selection", "state"], () => this.change());
+    model.on(["objects", "picture", "selection"], () => this.change());
     model.on(["objects"], () => {
       this.shapes.keep(new Set([...model.items.values()].map((item) => item.told.shape?.hash ?? "")));
     });

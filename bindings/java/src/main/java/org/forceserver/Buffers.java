@@ -7,9 +7,13 @@ import java.nio.DoubleBuffer;
 import java.nio.IntBuffer;
 import java.util.ArrayList;
 import java.util.List;
+import java.util.Objects;
 import java.util.function.BiFunction;
 
-/** Direct buffers for arrays: those of the caller are checked and used in place, from position to limit. */
+/**
+ * Direct buffers for arrays: those of the caller are checked and used in place, from
+ * position to limit, which stay as they are.
+ */
 public final class Buffers {
   /** A direct buffer of so many numbers, in the byte order of the machine: as all calls with arrays want it. */
   public static DoubleBuffer doubles(int count) {
@@ -39,18 +43,31 @@ public final class Buffers {
   }
 
   static DoubleBuffer in(String name, DoubleBuffer buffer) {
-    check(name, buffer, buffer.order());
+    check(name, buffer, Objects.requireNonNull(buffer, name).order());
     return buffer.position() == 0 && buffer.limit() == buffer.capacity() ? buffer : buffer.slice();
   }
 
   static IntBuffer in(String name, IntBuffer buffer) {
-    check(name, buffer, buffer.order());
+    check(name, buffer, Objects.requireNonNull(buffer, name).order());
     return buffer.position() == 0 && buffer.limit() == buffer.capacity() ? buffer : buffer.slice();
   }
 
-  static DoubleBuffer out(String name, DoubleBuffer buffer) {
-    if (buffer.isReadOnly()) throw new IllegalArgumentException(name + " is a buffer for reading only");
-    return in(name, buffer);
+  /** Where results go: `width` numbers for each of the `count` entries of what is read. */
+  static DoubleBuffer out(String name, DoubleBuffer buffer, String inName, DoubleBuffer in, int count, int width) {
+    if (Objects.requireNonNull(buffer, name).isReadOnly()) {
+      throw new IllegalArgumentException(name + " is a buffer for reading only");
+    }
+    DoubleBuffer out = in(name, buffer);
+    if (out.capacity() / width < count) {
+      throw new IllegalArgumentException(name + " holds " + out.capacity() + " numbers; " + count + " " + inName + " need "
+          + (long) count * width);
+    }
+    // Each entry of the very same memory is read before it is written.
+    long from = Native.address_of(in), to = Native.address_of(out), bytes = 8L * count * width;
+    if (from != to && from < to + bytes && to < from + bytes) {
+      throw new IllegalArgumentException(inName + " and " + name + " overlap: give two separate buffers, or the same twice");
+    }
+    return out;
   }
 
   private static void check(String name, Buffer buffer, ByteOrder order) {
@@ -65,7 +82,7 @@ public final class Buffers {
   /** How many entries of `width` numbers a buffer has. */
   static int count(String name, Buffer buffer, int width) {
     if (buffer.remaining() % width != 0) {
-      throw new IllegalArgumentException(name + " has " + buffer.remaining() + " numbers: not a multiple of " + width);
+      throw new IllegalArgumentException(name + " holds " + buffer.remaining() + " numbers, must be a multiple of " + width);
     }
     return buffer.remaining() / width;
   }

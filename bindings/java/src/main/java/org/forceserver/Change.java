@@ -1,7 +1,7 @@
 package org.forceserver;
 
 /**
- * Several changes of a scene that are felt from one tick on. It holds the scene for its thread: changes by others wait.
+ * A group: several edits of a scene that are felt from one tick on. The edits of other threads wait for its end.
  * <pre>{@code
  * try (Change change = scene.change()) {
  *   scene.set(rock);
@@ -20,7 +20,7 @@ public final class Change implements AutoCloseable {
 
   /** All of it is felt from one tick on. Where that fails nothing is, and close() takes it back. */
   public void commit() {
-    if (!open) throw new IllegalStateException("this change is closed");
+    if (!open) throw new IllegalStateException("this group is closed");
     scene.checkOwner();
     scene.call(Native::fs_scene_commit);
     open = false;

@@ -10,16 +10,17 @@ public final class Curve extends Handle {
 
   /** A table: forces (N) at 0, step, 2 step.. (m), smooth between them; the last value holds beyond. */
   public static Curve table(double step, double... forces) {
-    long[] out = new long[1];
-    ForceServerException.check(Native.fs_curve_create_table(Buffers.of(forces), forces.length, step, out));
-    return new Curve(out[0]);
+    for (int i = 0; i < forces.length; ++i) {
+      if (!Double.isFinite(forces[i])) {
+        throw new IllegalArgumentException("entry " + i + " of the table is " + forces[i] + ", must be finite");
+      }
+    }
+    return new Curve(made(out -> Native.fs_curve_create_table(Buffers.of(forces), forces.length, step, out)));
   }
 
   /** An expression in d (m) and t (s), such as "3*(1+sin(12*t))*exp(-d/0.01)". */
   public static Curve expression(String text) {
-    long[] out = new long[1];
-    ForceServerException.check(Native.fs_curve_create_expression(text, out));
-    return new Curve(out[0]);
+    return new Curve(made(out -> Native.fs_curve_create_expression(text, out)));
   }
 
   /** The text of an expression; of a table null. */

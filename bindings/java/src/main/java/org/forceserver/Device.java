@@ -4,13 +4,7 @@ package org.forceserver;
 public final class Device extends Handle {
   /** Opens a device, for example "sim:?path=figure8". May take seconds, which an interrupt does not end. */
   public Device(String uri) {
-    super(open(uri), Native::fs_device_close);
-  }
-
-  private static long open(String uri) {
-    long[] out = new long[1];
-    ForceServerException.check(Native.fs_device_open(uri, out));
-    return out[0];
+    super(made(out -> Native.fs_device_open(uri, out)), Native::fs_device_close);
   }
 
   /** What it is and can. */

@@ -3,6 +3,7 @@ package org.forceserver;
 import java.nio.DoubleBuffer;
 import java.nio.file.Path;
 import java.util.List;
+import java.util.Objects;
 
 /** What belongs to no handle. Units are SI; times are seconds; a struct's fields have their units in its comments. */
 public final class ForceServer {
@@ -32,8 +33,9 @@ public final class ForceServer {
 
   /** The same with slopes limited to maxStiffness (N/m). */
   public static void evaluate(Profile profile, double maxStiffness, double t, DoubleBuffer distances, DoubleBuffer forces) {
-    DoubleBuffer in = Buffers.in("distances", distances), out = Buffers.out("forces", forces);
-    try (Memory lent = profile.memory.lend()) {
+    DoubleBuffer in = Buffers.in("distances", distances);
+    DoubleBuffer out = Buffers.out("forces", forces, "distances", in, in.capacity(), 1);
+    try (Memory.Lent lent = Objects.requireNonNull(profile, "profile").memory.lend(profile)) {
       int status = Native.fs_profile_evaluate(profile, maxStiffness, t, in, in.capacity(), out);
       ForceServerException.check(status);
     }
@@ -44,8 +46,9 @@ public final class ForceServer {
    * start), in N towards the front, with slopes limited to maxStiffness (N/m; 0: no limit).
    */
   public static void evaluateLaw(ForceObject object, double maxStiffness, double t, DoubleBuffer distances, DoubleBuffer forces) {
-    DoubleBuffer in = Buffers.in("distances", distances), out = Buffers.out("forces", forces);
-    try (Memory lent = object.memory.lend()) {
+    DoubleBuffer in = Buffers.in("distances", distances);
+    DoubleBuffer out = Buffers.out("forces", forces, "distances", in, in.capacity(), 1);
+    try (Memory.Lent lent = Objects.requireNonNull(object, "object").memory.lend(object)) {
       int status = Native.fs_object_evaluate_law(object, maxStiffness, t, in, in.capacity(), out);
       ForceServerException.check(status);
     }

@@ -40,6 +40,14 @@ public abstract class Handle implements AutoCloseable {
       this.giveBack = giveBack;
     }
 
+    long pointer() {
+      return pointer;
+    }
+
+    boolean isClosed() {
+      return calls >= CLOSED;
+    }
+
     boolean enter() {
       if ((long) CALLS.getAndAdd(this, 1L) < CLOSED) return true;
       exit();
@@ -48,11 +56,13 @@ public abstract class Handle implements AutoCloseable {
 
     /** Counts a call in while no other is under way: others wait for it. */
     boolean enterAlone() {
-      while (!CALLS.compareAndSet(this, 0L, 1L)) {
-        if (calls >= CLOSED) return false;
-        LockSupport.parkNanos(10000);  // as long as a few evaluations
+      boolean interrupted = false, entered;
+      while (!(entered = CALLS.compareAndSet(this, 0L, 1L)) && calls < CLOSED) {
+        interrupted |= Thread.interrupted();  // an interrupted thread would not park
+        LockSupport.parkNanos(10000);         // as long as a few evaluations
       }
-      return true;
+      if (interrupted) Thread.currentThread().interrupt();
+      return entered;
     }
 
     void exit() {
@@ -107,6 +117,11 @@ public abstract class Handle implements AutoCloseable {
     Reference.reachabilityFence(this);
   }
 
+  /** Its class, and whether it is closed. */
+  @Override public String toString() {
+    return (counted.isClosed() ? "closed " : "") + getClass().getSimpleName();
+  }
+
   final Counted counted() {
     return counted;
   }
@@ -120,12 +135,28 @@ public abstract class Handle implements AutoCloseable {
   /** Gives all of them back when the JVM exits: for what must not go on then. */
   static final class AtExit {
     private static final Set<Counted> ALL = ConcurrentHashMap.newKeySet();
+    private static volatile boolean ending;
     static {
-      Runtime.getRuntime().addShutdownHook(new Thread(() -> ALL.forEach(Counted::run), "forceserver exit"));
+      try {
+        Runtime.getRuntime().addShutdownHook(new Thread(() -> {
+          ending = true;
+          ALL.forEach(Counted::run);
+        }, "forceserver exit"));
+      } catch (IllegalStateException e) {
+        ending = true;
+      }
+    }
+
+    /** Before there is anything to give back: once the JVM ends nobody would. */
+    static void prepare() {
+      if (ending) throw new IllegalStateException("the JVM is ending");
     }
 
     static void add(Counted counted) {
       ALL.add(counted);
+      if (!ending) return;
+      counted.run();
+      prepare();
     }
 
     static void remove(Counted counted) {
@@ -138,6 +169,18 @@ public abstract class Handle implements AutoCloseable {
   /** One call with a pointer. */
   interface Call {
     int run(long pointer);
+  }
+
+  /** A call that makes a handle. */
+  interface Maker {
+    int run(long[] out);
+  }
+
+  /** The pointer of what a call makes. */
+  static long made(Maker maker) {
+    long[] out = new long[1];
+    ForceServerException.check(maker.run(out));
+    return out[0];
   }
 
   /** Makes a call, and throws where it fails. */

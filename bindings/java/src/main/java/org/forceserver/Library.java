@@ -47,7 +47,7 @@ final class Library {
       throw new UnsatisfiedLinkError("forceserver: its library could not be loaded; where no program may run in "
           + System.getProperty("java.io.tmpdir") + ", -Djava.io.tmpdir names another folder: " + e.getMessage());
     } finally {
-      // What is loaded stays, and nothing is left behind however the JVM ends.
+      // What is loaded stays without its file. Only a JVM that is killed before this line leaves files behind.
       for (Path file : files) file.toFile().delete();
       if (folder != null) folder.toFile().delete();
     }

@@ -5,12 +5,13 @@ import java.nio.ByteOrder;
 import java.util.Map;
 import java.util.TreeMap;
 import java.util.concurrent.locks.ReentrantLock;
+import java.util.function.LongFunction;
 
 /**
  * The bytes of one or several structs, and the shapes and curves that they hold. A pointer stands in the bytes only
- * while a call is under way that was lent them: between lend() and close(). So no pointer outlives what it points to.
+ * while a call is under way that was lent a struct: between lend() and close(). So no pointer outlives what it points to.
  */
-final class Memory implements AutoCloseable {
+final class Memory {
   final ByteBuffer bytes;
   final long address;
   private final ReentrantLock lent = new ReentrantLock();
@@ -58,32 +59,62 @@ final class Memory implements AutoCloseable {
     }
   }
 
-  /** Writes the pointers of all that is held, which nobody can give back until close(). */
-  Memory lend() {
+  /** Lends a struct in this memory: writes the pointers of what it holds, which nobody can give back until close(). */
+  Lent lend(Struct struct) {
     lent.lock();
-    int done = 0;
+    Lent made = new Lent(held.subMap(struct.at, struct.at + struct.size));
     try {
-      for (Map.Entry<Integer, Handle> entry : held.entrySet()) {
-        bytes.putLong(entry.getKey(), entry.getValue().enter());
-        ++done;
-      }
-      return this;
+      made.enter();
+      return made;
     } catch (RuntimeException e) {
-      takeBack(done);
+      made.close();
       throw e;
     }
   }
 
-  @Override public void close() {
-    takeBack(held.size());
+  /** A struct that is lent to a call. */
+  final class Lent implements AutoCloseable {
+    private final Map<Integer, Handle> handles;
+    private int entered;
+
+    private Lent(Map<Integer, Handle> handles) {
+      this.handles = handles;
+    }
+
+    private void enter() {
+      for (Map.Entry<Integer, Handle> entry : handles.entrySet()) {
+        bytes.putLong(entry.getKey(), entry.getValue().enter());
+        ++entered;
+      }
+    }
+
+    @Override public void close() {
+      for (Map.Entry<Integer, Handle> entry : handles.entrySet()) {
+        if (entered-- == 0) break;
+        bytes.putLong(entry.getKey(), 0);
+        entry.getValue().exit();
+      }
+      lent.unlock();
+    }
   }
 
-  private void takeBack(int count) {
-    for (Map.Entry<Integer, Handle> entry : held.entrySet()) {
-      if (count-- == 0) break;
-      bytes.putLong(entry.getKey(), 0);
-      entry.getValue().exit();
+  /** A handle that the library gave in a struct becomes one of its own. */
+  void take(int place, LongFunction<Handle> retain) {
+    long pointer = bytes.getLong(place);
+    if (pointer == 0) return;
+    hold(place, retain.apply(pointer));
+    bytes.putLong(place, 0);
+  }
+
+  /** The pointers of what a struct holds, by their places within it. */
+  Map<Integer, Long> pointers(int at, int size) {
+    Map<Integer, Long> found = new TreeMap<>();
+    lent.lock();
+    try {
+      held.subMap(at, at + size).forEach((place, handle) -> found.put(place - at, handle.counted().pointer()));
+    } finally {
+      lent.unlock();
     }
-    lent.unlock();
+    return found;
   }
 }

@@ -4,33 +4,29 @@ import java.nio.ByteBuffer;
 import java.nio.DoubleBuffer;
 import java.nio.file.Path;
 import java.util.List;
+import java.util.Objects;
 import java.util.concurrent.CompletableFuture;
 import java.util.concurrent.ExecutionException;
-import java.util.concurrent.locks.ReentrantLock;
+import java.util.concurrent.locks.ReentrantReadWriteLock;
 import java.util.function.BiFunction;
-import java.util.function.LongFunction;
 
 /**
- * The force-objects of one application, in this process or at a server. Any thread may call anything; while a
- * {@link Change} is open, the changes of other threads wait for its end.
+ * The force-objects of one application, in this process or at a server. Any thread may call anything; while a group
+ * ({@link Change}) is open, the edits of other threads wait for its end.
  */
 public final class Scene extends Handle {
+  private static final Twist STILL = new Twist(new Vec3(0, 0, 0), new Vec3(0, 0, 0));
   private static final double SLICE = 0.1;  // s, after which a wait looks at close() and at an interrupt
-  private final ReentrantLock editing = new ReentrantLock();
+  // Edits share it; a group has it alone.
+  private final ReentrantReadWriteLock group = new ReentrantReadWriteLock();
 
   /** An empty scene in this process. */
   public Scene() {
-    this(create());
+    this(made(Native::fs_scene_create));
   }
 
   private Scene(long pointer) {
     super(pointer, Native::fs_scene_destroy);
-  }
-
-  private static long create() {
-    long[] out = new long[1];
-    ForceServerException.check(Native.fs_scene_create(out));
-    return out[0];
   }
 
   /**
@@ -42,9 +38,7 @@ public final class Scene extends Handle {
     CompletableFuture<Scene> answer = new CompletableFuture<>();
     Thread thread = new Thread(() -> {
       try {
-        long[] out = new long[1];
-        ForceServerException.check(Native.fs_scene_connect(endpoint, clientName, out));
-        Scene scene = new Scene(out[0]);
+        Scene scene = new Scene(made(out -> Native.fs_scene_connect(endpoint, clientName, out)));
         if (!answer.complete(scene)) scene.close();  // nobody waits for it any more
       } catch (RuntimeException | Error e) {
         answer.completeExceptionally(e);
@@ -81,8 +75,9 @@ public final class Scene extends Handle {
 
   /** Adds an object, or changes the parts that differ of the one with its name. */
   public void set(ForceObject object) {
+    Objects.requireNonNull(object, "object");
     edit(scene -> {
-      try (Memory lent = object.memory.lend()) {
+      try (Memory.Lent lent = object.memory.lend(object)) {
         return Native.fs_object_set(scene, object);
       }
     });
@@ -93,21 +88,11 @@ public final class Scene extends Handle {
     ForceObject object = ForceObject.of("", Primitive.POINT);
     call(scene -> Native.fs_object_get(scene, name, object));
     try {
-      take(object.memory, ForceObject.SHAPE, pointer -> new Shape(Native.fs_shape_retain(pointer)));
-      take(object.memory, ForceObject.FRONT + Profile.CURVE, pointer -> new Curve(Native.fs_curve_retain(pointer)));
-      take(object.memory, ForceObject.BACK + Profile.CURVE, pointer -> new Curve(Native.fs_curve_retain(pointer)));
+      object.takeHandles();
     } finally {
       Native.fs_object_release(object);
     }
     return object;
-  }
-
-  /** A shape or curve that the library gave with an object becomes one of the object's own. */
-  private static void take(Memory memory, int place, LongFunction<Handle> retain) {
-    long pointer = memory.bytes.getLong(place);
-    if (pointer == 0) return;
-    memory.hold(place, retain.apply(pointer));
-    memory.bytes.putLong(place, 0);
   }
 
   /** Takes only these parts of the object, for the one of its name: an editor does not undo the owner's moves. */
@@ -115,27 +100,43 @@ public final class Scene extends Handle {
     int bits = 0;
     for (Part part : parts) bits |= part.value();
     int all = bits;
+    Objects.requireNonNull(object, "object");
     edit(scene -> {
-      try (Memory lent = object.memory.lend()) {
+      try (Memory.Lent lent = object.memory.lend(object)) {
         return Native.fs_object_change(scene, object, all);
       }
     });
   }
 
-  /** Moves an object, one of a stream of moves: its motion is worked out from this and the last. */
+  /** Puts an object somewhere, where it stands still. */
   public void move(String name, Pose pose) {
-    move(name, pose, null, Constants.NOW);
+    move(name, pose, STILL, Constants.NOW);
   }
 
-  /** Moves an object; it has this motion from now on. With one of zeros it stands where it is put. */
+  /** Moves an object; it has this motion from now on, for 0.1 s at most. */
   public void move(String name, Pose pose, Twist twist) {
     move(name, pose, twist, Constants.NOW);
   }
 
-  /** Moves an object: where it is at `time` (s, scene's clock), and its motion from then on; null: worked out. */
+  /** Moves an object: where it is at `time` (s, scene's clock), and its motion from then on. */
   public void move(String name, Pose pose, Twist twist, double time) {
-    Value first = Value.scratch(pose::write, 0), second = twist == null ? null : Value.scratch(twist::write, 1);
+    Objects.requireNonNull(twist, "twist");
+    Value first = Value.scratch(Objects.requireNonNull(pose, "pose")::write, 0), second = Value.scratch(twist::write, 1);
     edit(scene -> Native.fs_object_move(scene, name, first, second, time));
+  }
+
+  /**
+   * One of a stream of moves, as of what a tracker or a simulation follows: how the object moves is worked out from this
+   * and the last move, if that is at most 0.2 s old. After the last one it comes to rest up to two steps too far.
+   */
+  public void stream(String name, Pose pose) {
+    stream(name, pose, Constants.NOW);
+  }
+
+  /** The same: where it is at `time` (s, scene's clock). */
+  public void stream(String name, Pose pose, double time) {
+    Value value = Value.scratch(Objects.requireNonNull(pose, "pose")::write, 0);
+    edit(scene -> Native.fs_object_move(scene, name, value, null, time));
   }
 
   /** Removes an object; under a servo it fades out. */
@@ -151,25 +152,23 @@ public final class Scene extends Handle {
   // ---- Groups
 
   /**
-   * Opens a group of changes and holds the scene for this thread until it is closed; waits for that of another thread.
-   * A second one of the same thread is an error.
+   * Opens a group; waits for that of another thread. It cannot be nested. Until it is closed, the edits of other threads
+   * wait.
    */
   public Change change() throws InterruptedException {
-    if (editing.isHeldByCurrentThread()) {
-      throw new IllegalStateException("this thread has a change of this scene open already");
-    }
-    editing.lockInterruptibly();
+    if (group.isWriteLockedByCurrentThread()) throw new IllegalStateException("Scene.change() cannot be nested");
+    group.writeLock().lockInterruptibly();
     try {
       call(Native::fs_scene_begin);
     } catch (RuntimeException e) {
-      editing.unlock();
+      group.writeLock().unlock();
       throw e;
     }
     return new Change(this);
   }
 
   void checkOwner() {
-    if (!editing.isHeldByCurrentThread()) throw new IllegalStateException("another thread opened this change");
+    if (!group.isWriteLockedByCurrentThread()) throw new IllegalStateException("another thread opened this group");
   }
 
   /** Takes the open group back. A scene that is closed, or whose server is gone, has none any more. */
@@ -184,28 +183,30 @@ public final class Scene extends Handle {
   }
 
   void release() {
-    editing.unlock();
+    group.writeLock().unlock();
   }
 
-  /** A change: it waits for the end of a group of another thread. */
+  /** An edit is part of this thread's group, or waits for the end of another thread's; only that wait can be interrupted. */
   private void edit(Call call) {
     try {
-      editing.lockInterruptibly();
+      group.readLock().lockInterruptibly();
     } catch (InterruptedException e) {
       Thread.currentThread().interrupt();
-      throw new IllegalStateException("interrupted while another thread had a change of this scene open", e);
+      if (!group.readLock().tryLock()) {
+        throw new IllegalStateException("interrupted while another thread had a group of this scene open", e);
+      }
     }
     try {
       call(call);
     } finally {
-      editing.unlock();
+      group.readLock().unlock();
     }
   }
 
   // ---- Waiting, in slices: an interrupt and close() end it
 
   private static long end(double timeout) {
-    if (!(timeout >= 0)) throw new IllegalArgumentException("a timeout of " + timeout + " s");
+    if (!(timeout >= 0)) throw new IllegalArgumentException("timeout is " + timeout + " s, must be >= 0");
     return System.nanoTime() + (long) (1e9 * Math.min(timeout, 1e9));
   }
 
@@ -221,7 +222,7 @@ public final class Scene extends Handle {
       double left = Math.max(0, left(end));
       int status = status(scene -> Native.fs_scene_sync(scene, Math.min(left, SLICE)));
       if (status == Status.ERROR_TIMEOUT.value() && left > SLICE) continue;
-      ForceServerException.check(status);
+      ForceServerException.check(status, timeout);
       return;
     }
   }
@@ -242,19 +243,21 @@ public final class Scene extends Handle {
 
   /** Writes the scene's own objects, frame and tool as JSON; meshes beside it. */
   public void save(Path file) {
-    call(scene -> Native.fs_scene_save(scene, file.toString()));
+    String path = Objects.requireNonNull(file, "file").toString();
+    call(scene -> Native.fs_scene_save(scene, path));
   }
 
   /** Adds or replaces the objects of a file, and sets frame and tool; all or nothing. */
   public void load(Path file) {
-    edit(scene -> Native.fs_scene_load(scene, file.toString()));
+    String path = Objects.requireNonNull(file, "file").toString();
+    edit(scene -> Native.fs_scene_load(scene, path));
   }
 
   // ---- Frame, clutch, tool
 
   /** Sets the frame between the scene and the device. */
   public void setFrame(Frame frame) {
-    Value value = Value.scratch(frame::write, 0);
+    Value value = Value.scratch(Objects.requireNonNull(frame, "frame")::write, 0);
     edit(scene -> Native.fs_scene_set_frame(scene, value));
   }
 
@@ -407,8 +410,9 @@ public final class Scene extends Handle {
 
   /** The same of one own object, or of all (name null), at a time of the scene's clock. */
   public void evaluate(String name, double time, DoubleBuffer positions, DoubleBuffer forces) {
-    DoubleBuffer in = Buffers.in("positions", positions), out = Buffers.out("forces", forces);
+    DoubleBuffer in = Buffers.in("positions", positions);
     int count = Buffers.count("positions", in, 3);
+    DoubleBuffer out = Buffers.out("forces", forces, "positions", in, count, 3);
     call(scene -> Native.fs_evaluate_field(scene, name, time, in, count, out));
   }
 

@@ -1,6 +1,7 @@
 package org.forceserver;
 
 import java.util.List;
+import java.util.Objects;
 
 /**
  * The loop between a scene and a device. However it ends, the force is 0 first: by close(), when it is collected, and
@@ -29,9 +30,10 @@ public final class Servo extends Handle {
   }
 
   private static long start(Scene scene, Device device, ServoOptions options) {
-    long[] out = new long[1];
-    scene.call(first -> device.status(second -> Native.fs_servo_start(first, second, options, out)));
-    return out[0];
+    Objects.requireNonNull(scene, "scene");
+    Objects.requireNonNull(device, "device");
+    Handle.AtExit.prepare();
+    return made(out -> scene.status(first -> device.status(second -> Native.fs_servo_start(first, second, options, out))));
   }
 
   /**
@@ -40,7 +42,7 @@ public final class Servo extends Handle {
    */
   public void step(long ticks) throws InterruptedException {
     int status = 0;
-    if (ticks < 0) throw new IllegalArgumentException(ticks + " ticks");
+    if (ticks < 0) throw new IllegalArgumentException("ticks is " + ticks + ", must be >= 0");
     for (long left = ticks; left > 0; left -= SLICE) {
       if (Thread.interrupted()) throw new InterruptedException();
       long now = Math.min(left, SLICE);
@@ -73,8 +75,6 @@ public final class Servo extends Handle {
 
   /** Lets other processes in. */
   public Server serve(String endpoint, ServerOptions options) {
-    long[] out = new long[1];
-    call(servo -> Native.fs_server_start(servo, endpoint, options, out));
-    return new Server(this, out[0]);
+    return new Server(this, made(out -> status(servo -> Native.fs_server_start(servo, endpoint, options, out))));
   }
 }

@@ -5,6 +5,7 @@ import java.nio.ByteOrder;
 import java.nio.DoubleBuffer;
 import java.nio.IntBuffer;
 import java.nio.file.Path;
+import java.util.Objects;
 
 /** The points of a polyline or the triangles of a mesh; never changes, and serves any number of objects. */
 public final class Shape extends Handle {
@@ -19,10 +20,9 @@ public final class Shape extends Handle {
 
   /** A polyline through points of three numbers each. */
   public static Shape polyline(boolean closed, DoubleBuffer points) {
-    long[] out = new long[1];
     DoubleBuffer in = Buffers.in("points", points);
-    ForceServerException.check(Native.fs_shape_create_polyline(in, Buffers.count("points", in, 3), closed, out));
-    return new Shape(out[0]);
+    int count = Buffers.count("points", in, 3);
+    return new Shape(made(out -> Native.fs_shape_create_polyline(in, count, closed, out)));
   }
 
   /**
@@ -30,19 +30,16 @@ public final class Shape extends Handle {
    * from the front.
    */
   public static Shape mesh(DoubleBuffer points, IntBuffer triangles) {
-    long[] out = new long[1];
     DoubleBuffer corners = Buffers.in("points", points);
     IntBuffer indices = Buffers.in("triangles", triangles);
-    ForceServerException.check(Native.fs_shape_create_mesh(corners, Buffers.count("points", corners, 3), indices,
-        Buffers.count("triangles", indices, 3), out));
-    return new Shape(out[0]);
+    int cornerCount = Buffers.count("points", corners, 3), count = Buffers.count("triangles", indices, 3);
+    return new Shape(made(out -> Native.fs_shape_create_mesh(corners, cornerCount, indices, count, out)));
   }
 
   /** A mesh from an .obj, .ply, .stl or .off file; scale: m per unit of the file. An interrupt does not end it. */
   public static Shape load(Path file, double scale) {
-    long[] out = new long[1];
-    ForceServerException.check(Native.fs_shape_load(file.toString(), scale, out));
-    return new Shape(out[0]);
+    String path = Objects.requireNonNull(file, "file").toString();
+    return new Shape(made(out -> Native.fs_shape_load(path, scale, out)));
   }
 
   /** Builds the search tree now rather than at the first use; an interrupt does not end it. */

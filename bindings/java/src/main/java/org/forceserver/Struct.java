@@ -5,12 +5,13 @@ import java.util.Objects;
 
 /**
  * A struct of the contract: a view of memory in the byte order of the machine. A struct within a struct is a view of
- * the same memory, which it keeps. One thread at a time may use the same memory.
+ * the same memory, which it keeps, and the entries of a list share one. While one thread changes such memory, or a call
+ * fills it, no other thread may use it.
  */
 public abstract class Struct {
   final Memory memory;
   final int at;
-  private final int size;
+  final int size;
   private final long address;
 
   Struct(Memory memory, int at, int size) {
@@ -37,6 +38,18 @@ public abstract class Struct {
     }
   }
 
+  /** Whether it is of the same class, has the same values, and the same shapes and curves. */
+  @Override public final boolean equals(Object other) {
+    return other instanceof Struct that && getClass() == that.getClass()
+        && memory.bytes.slice(at, size).equals(that.memory.bytes.slice(that.at, size))
+        && memory.pointers(at, size).equals(that.memory.pointers(that.at, size));
+  }
+
+  /** Of its values: it changes with them. */
+  @Override public final int hashCode() {
+    return memory.bytes.slice(at, size).hashCode();
+  }
+
   final String text(int place, int count) {
     byte[] text = new byte[count];
     memory.bytes.get(place, text);
@@ -45,10 +58,10 @@ public abstract class Struct {
     return new String(text, 0, length, StandardCharsets.UTF_8);
   }
 
-  final void text(int place, int count, String value) {
-    byte[] text = Text.bytes(value);
+  final void text(String name, int place, int count, String value) {
+    byte[] text = Text.bytes(name, value);
     if (text.length >= count) {
-      throw new IllegalArgumentException("a text of " + text.length + " bytes: at most " + (count - 1) + " fit");
+      throw new IllegalArgumentException(name + " has " + text.length + " bytes, at most " + (count - 1) + " fit");
     }
     memory.bytes.put(place, new byte[count]);
     memory.bytes.put(place, text);

@@ -5,8 +5,15 @@ import java.nio.charset.StandardCharsets;
 /** Strings as C has them: UTF-8 that ends with a 0. */
 final class Text {
   static byte[] bytes(String text) {
-    if (text == null) return null;
-    if (text.indexOf(0) >= 0) throw new IllegalArgumentException("a text holds the character 0");
+    return text == null ? null : bytes("'" + text.replace('\0', '?') + "'", text);
+  }
+
+  /** what: how a sentence names it. */
+  static byte[] bytes(String what, String text) {
+    if (text.indexOf(0) >= 0) throw new IllegalArgumentException(what + " holds a NUL character");
+    if (!StandardCharsets.UTF_8.newEncoder().canEncode(text)) {
+      throw new IllegalArgumentException(what + " holds half of a surrogate pair");
+    }
     return text.getBytes(StandardCharsets.UTF_8);
   }
 

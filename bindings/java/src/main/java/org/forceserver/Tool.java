@@ -1,8 +1,12 @@
 package org.forceserver;
 
 import java.nio.DoubleBuffer;
+import java.util.Objects;
 
-/** What touches a scene in a loop of one's own: no servo, no guard. Calls with one tool wait for each other. */
+/**
+ * What touches a scene in a loop of one's own: no servo, no guard. Calls with one tool wait for each
+ * other. Close a tool: one that is left to be collected keeps its memory until then.
+ */
 public final class Tool extends Handle {
   /** A tool with these points (m, frame of the handle); without any, with those of the scene's tool. */
   public Tool(Scene scene, Vec3... points) {
@@ -10,10 +14,9 @@ public final class Tool extends Handle {
   }
 
   private static long create(Scene scene, Vec3[] points) {
-    long[] out = new long[1];
+    Objects.requireNonNull(scene, "scene");
     DoubleBuffer buffer = points.length == 0 ? null : Buffers.points(points);
-    scene.call(pointer -> Native.fs_tool_create(pointer, buffer, points.length, out));
-    return out[0];
+    return made(out -> scene.status(pointer -> Native.fs_tool_create(pointer, buffer, points.length, out)));
   }
 
   /** What the tool feels at the state, with all changes made before. The same input gives the same bits. */

@@ -5,7 +5,7 @@
  * {@link org.forceserver.Servo} makes them felt on a {@link org.forceserver.Device}; a {@link org.forceserver.Server}
  * lets other processes in, which {@link org.forceserver.Scene#connect connect}; a {@link org.forceserver.Tool} is for a
  * loop of one's own. The manual is that of the C headers: structs, enums and constants are generated from them, with
- * their comments, and a method has the name of its function.
+ * their comments, and a method has the name of its function without its prefix and without "get".
  *
  * <p>Units are SI: m, N, N m, s, rad, kg. Frames are right-handed; for the user who faces the device x is right, y is
  * forward and z is up. A time of 0 ({@link org.forceserver.Constants#NOW}) is when the call is made. A call that fails

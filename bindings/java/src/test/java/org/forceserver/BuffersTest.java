@@ -28,8 +28,8 @@ class BuffersTest {
     wrong("for reading only", six, six.asReadOnlyBuffer());
     wrong("positions has the order of bytes of another machine", foreign, six);
     wrong("forces has the order of bytes of another machine", six, foreign);
-    wrong("forces has 24 bytes: it needs 2 times 24", six, Buffers.doubles(3));
-    wrong("positions has 5 numbers: not a multiple of 3", Buffers.doubles(5), six);
+    wrong("forces holds 3 numbers; 2 positions need 6", six, Buffers.doubles(3));
+    wrong("positions holds 5 numbers, must be a multiple of 3", Buffers.doubles(5), six);
     try (Scene scene = new Scene()) {
       assertThrows(NullPointerException.class, () -> scene.evaluate(null, six));
     }
@@ -47,6 +47,20 @@ class BuffersTest {
       assertEquals(0, forces.get(0));
       scene.evaluate(Buffers.doubles(0), Buffers.doubles(0));
     }
+  }
+
+  @Test void results_do_not_overlap_what_is_read() {
+    DoubleBuffer room = Buffers.of(9.0, 0.01, 0, 0, 0, 0.02, 0, 9, 9);
+    wrong("positions and forces overlap", room.slice(1, 6), room.slice(2, 6));
+    try (Scene scene = new Scene()) {
+      scene.set(Support.spring("a"));
+      DoubleBuffer same = room.slice(1, 6);
+      scene.evaluate(same, room.slice(1, 6));
+      assertEquals(-2, same.get(0), 1e-12);
+      assertEquals(-4, same.get(4), 1e-12);
+    }
+    Profile profile = Support.spring("a").front();
+    assertThrows(IllegalArgumentException.class, () -> ForceServer.evaluate(profile, 0, six.slice(0, 3), six.slice(1, 3)));
   }
 
   @Test void the_glue_looks_too() {

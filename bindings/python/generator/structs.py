@@ -1,0 +1,143 @@
+"""Handles, structs and enums."""
+
+from .names import DOUBLES, PYTHON, Names, bare, camel, raw
+
+END_BEFORE_EXIT = {"fs_servo"}  # stopped before the interpreter ends, so that the force is 0
+NUMPY = {"double": "<f8", "uint8_t": "|u1", "int32_t": "<i4", "uint32_t": "<u4", "uint64_t": "<u8", "bool": "|b1"}
+
+
+class Structs(Names):
+    def numpy_field(self, field):
+        type_, count = field["type"], field["count"]
+        if type_ == "char":
+            return f"'S{count}'"
+        if type_ in DOUBLES:
+            shape = ((count,) if count > 1 else ()) + DOUBLES[type_]
+            return f"'<f8', {shape}"
+        form = (
+            camel(type_)
+            if type_ in self.structs
+            else "'<i4'"
+            if type_ in self.enums
+            else "'<u8'"
+            if type_.endswith("*")
+            else f"'{NUMPY[type_]}'"
+        )
+        return form + (f", ({count},)" if count > 1 else "")
+
+    def add_traits(self):
+        """What core.h wants to know of each handle and struct."""
+        for handle in self.handles:
+            retain = self.retained_by(handle)
+            self.cpp.append(
+                f"template <>\nstruct Kind<{handle}> {{\n"
+                f'  static constexpr const char* name = "{camel(handle)}";\n'
+                f"  static constexpr bool ends_at_exit = {str(handle in END_BEFORE_EXIT).lower()};\n"
+                f"  static void give_back({handle}* handle) {{ {self.given_back_by(handle)}(handle); }}\n"
+                + (f"  static {handle}* retain({handle}* handle) {{ return {retain}(handle); }}\n" if retain else "")
+                + "};"
+            )
+        for name, struct in self.structs.items():
+            if paths := list(self.handle_fields(name)):
+                self.cpp.append(
+                    f"template <>\nstruct HandlesOf<{name}> {{\n  template <class F>\n"
+                    f"  static void each({name}& value, F&& call) {{\n"
+                    + "".join(f"    call(value.{path});\n" for path in paths)
+                    + "  }\n};"
+                )
+            init = self.by_name.get(name + "_init")
+            value = f"{name} value{{}};" + (" value.struct_size = sizeof value;" if struct["growing"] else "")
+            if init:
+                zeros = ["nullptr" if p["kind"] == "string" else f"{p['type']}{{}}" for p in init["parameters"]]
+                value = f"{name} value = {name}_init({', '.join(zeros)});"
+            self.cpp.append(f"template <>\n{name} default_of<{name}>() {{\n  {value}\n  return value;\n}}")
+
+    def add_enums(self):
+        for item in self.d["enums"]:
+            values = ", ".join(f'{{"{name}", {value}}}' for name, value, _ in item["members"])
+            doc = (
+                item["comment"]
+                + "\n\n"
+                + "\n".join(f"{name}: {' '.join(comment.split())}" for name, _, comment in item["members"])
+            )
+            variable = f"enum_of<{item['name']}>" if item["name"] else f"static Enum {item['python']}"
+            self.cpp.append(
+                f'{variable} = make_enum(module, "{item["python"]}", {raw(doc.strip())}, '
+                f"{str(item['is_flags']).lower()}, {{{values}}});"
+            )
+            base = "IntFlag" if item["is_flags"] else "IntEnum"
+            self.stub.append(
+                f"class {item['python']}({base}):\n"
+                + "".join(f"    {name} = {value}\n" for name, value, _ in item["members"])
+            )
+
+    def add_structs(self):
+        self.cpp.append('py::dict dtypes = py::dict(py::module_::import("numpy").attr("__dict__"));')
+        for name, struct in self.structs.items():
+            if name in DOUBLES:
+                continue
+            python = camel(name)
+            fields = ", ".join(f"('{f['name']}', {self.numpy_field(f)})" for f in struct["fields"])
+            self.cpp.append(
+                f'{{\n  dtypes["{python}"] = py::eval("dtype([{fields}])", dtypes);\n'
+                f'  Class<{name}> made(module, "{python}", {raw(self.in_python(struct["comment"]))}, '
+                f'"__init__(self, *, {", ".join(f["name"] + "=..." for f in self.shown_fields(struct))})\\n--\\n\\n", '
+                f'dtypes["{python}"]);'
+            )
+            stub = [f"class {python}:", "    dtype: ClassVar[np.dtype[np.void]]"]
+            keywords = []
+            for f in self.shown_fields(struct):
+                unit, comment = self.unit(struct, f), self.in_python(f["comment"])
+                if f["type"] == "fs_quat":
+                    comment += "; " if comment else ""
+                    comment += "(w, x, y, z), or scipy's Rotation; the order of its as_quat() is x, y, z, w"
+                bits = self.bits(f)
+                if bits:
+                    variable = f"&enum_of<{bits['name']}>" if bits["name"] else f"&{bits['python']}"
+                    self.cpp.append(f'  made.flags("{f["name"]}", &{name}::{f["name"]}, {variable}, {raw(comment)});')
+                else:
+                    self.cpp.append(f'  made.field("{f["name"]}", &{name}::{f["name"]}, "{unit}", {raw(comment)});')
+                get, set_ = self.field_types(f, bits)
+                stub += [
+                    "    @property",
+                    f"    def {f['name']}(self) -> {get}: ...",
+                    f"    @{f['name']}.setter",
+                    f"    def {f['name']}(self, value: {set_}) -> None: ...",
+                ]
+                keywords.append(f"{f['name']}: {set_}")
+            self.cpp.append("}")
+            self.stub.append(
+                f"class {python}Fields(TypedDict, total=False):\n" + "".join(f"    {k}\n" for k in keywords)
+            )
+            stub += [
+                f"    def __init__(self, **fields: Unpack[{python}Fields]) -> None: ...",
+                "    def copy(self) -> Self: ...",
+                "    def _constant(self) -> Self: ...",
+                "    @property",
+                "    def __array_interface__(self) -> dict[str, Any]: ...",
+            ]
+            self.stub.append("\n".join(stub) + "\n")
+
+    @staticmethod
+    def enum_type(item):
+        """What an enum is given as; bits may be several names in one string."""
+        if item["is_flags"] or not item["name"]:
+            return "int | str"
+        return "int | Literal[" + ", ".join(f'"{name.lower()}"' for name, _, _ in item["members"]) + "]"
+
+    def field_types(self, field, bits):
+        type_ = field["type"]
+        if bits:
+            return bits["python"], self.enum_type(bits)
+        if type_ == "char":
+            return "str", "str"
+        if type_ in DOUBLES:
+            return "Array", "ArrayLike" if type_ != "fs_quat" else "ArrayLike | Rotation"
+        if type_ in self.structs:
+            return camel(type_), camel(type_)
+        if type_ in self.enums:
+            return self.enums[type_]["python"], self.enum_type(self.enums[type_])
+        if type_.endswith("*"):
+            return f"{camel(bare(type_))} | None", f"{camel(bare(type_))} | None"
+        python = PYTHON.get(type_, "int")
+        return python, python

@@ -1,0 +1,270 @@
+"""Editing in a real browser, with a real mouse and keys. What became of it is asked of a second client, in C."""
+
+from __future__ import annotations
+
+import math
+import pathlib
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from conftest import (
+    Lab,
+    Page,
+    Second,
+    eventually,
+    picture,
+    pixels,
+    project,
+    share,
+    terrain,
+)
+
+
+def test_add_each_primitive(lab: Lab, page: Page, second: Second, tmp_path: pathlib.Path) -> None:
+    empty = pixels(page)
+    page.click("#add-point")
+    page.wait_for_selector('#panel[data-selected="point"]')
+    assert second.get("editor/point")["primitive"] == 0 and second.get("editor/point")["front"]["gain"] == 2
+    page.click("#add-plane")
+    page.wait_for_selector('#panel[data-selected="plane"]')
+    plane = second.get("editor/plane")
+    assert plane["primitive"] == 2 and plane["position"][2] == -0.02 and plane["back"]["gain"] == 300
+    page.wait_for_selector('#table .item[data-name="plane"][data-state="felt"]')
+    assert share(pixels(page), 0xBFD0E2) > share(empty, 0xBFD0E2) + 0.05  # the plane is seen
+    # A mesh from a file in millimetres.
+    (tmp_path / "part.obj").write_text("v 0 0 0\nv 50 0 0\nv 0 50 0\nv 0 0 50\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n")
+    with page.expect_file_chooser() as chooser:
+        page.click("#add-mesh")
+    chooser.value.set_files(tmp_path / "part.obj")
+    page.fill("#mesh-scale", "0")
+    page.click("#mesh-add")
+    page.get_by_text("a number above 0 is wanted").wait_for()
+    page.fill("#mesh-scale", "0.001")
+    page.click("#mesh-add")
+    page.wait_for_selector('#panel[data-selected="part"]')
+    mesh = second.get("editor/part")
+    assert mesh["primitive"] == 3 and mesh["triangles"] == 4 and mesh["points"][3:6] == [0.05, 0, 0]
+    # A polyline by clicks on the plane, closed by a click on its first point.
+    page.click('#table .item[data-name="part"] .eye')
+    page.click("#look-top")
+    page.click("#add-polyline")
+    corners = [(-0.05, -0.05), (0.05, -0.05), (0.05, 0.05), (-0.05, 0.05)]
+    for i, (x, y) in enumerate(corners):
+        page.mouse.click(*project(page, (x, y, -0.02)))
+        page.wait_for_selector(f'#view[data-drawing="{i + 1}"]')
+    page.mouse.click(*project(page, (-0.05, -0.05, -0.02)))
+    page.wait_for_selector('#panel[data-selected="line"]')
+    line = second.get("editor/line")
+    assert line["primitive"] == 1 and line["closed"] and line["point_count"] == 4
+    at = np.reshape(line["points"], (4, 3)) + line["position"]
+    assert np.abs(at[:, 2] + 0.02).max() < 1e-6 and np.abs(at[:, :2] - corners).max() < 0.001
+    # Its corners can be dragged, and removed.
+    dot = page.locator('[data-corner="1"]').bounding_box()
+    start = (dot["x"] + dot["width"] / 2, dot["y"] + dot["height"] / 2)
+    page.drag(start, project(page, (0.08, -0.05, -0.02)))
+    page.wait_for_selector('body[data-busy="0"]')
+    moved = eventually(lambda: (found := second.get("editor/line"))["points"][3] != line["points"][3] and found)
+    moved_at = np.reshape(moved["points"], (4, 3)) + moved["position"]
+    assert abs(moved_at[1][0] - 0.08) < 0.002 and moved["points"][6:] == line["points"][6:]  # the others bit for bit
+    page.locator('[data-corner="2"]').focus()
+    page.keyboard.press("Delete")
+    eventually(lambda: second.get("editor/line")["point_count"] == 3)
+    for left in (4, 4):
+        page.keyboard.press("Control+z")
+        eventually(lambda left=left: second.get("editor/line")["point_count"] == left)
+    eventually(lambda: second.get("editor/line")["points"] == line["points"])
+    assert len(lab.base) == 0
+
+
+def test_draw_on_the_terrain(lab: Lab, page: Page, second: Second) -> None:
+    rover = lab.join("rover")
+    rover["land"] = terrain()
+    page.wait_for_selector('#table .item[data-name="rover/land"]')
+    page.click("#look-top")
+    page.wait_for_function("() => editor.view.things.targets.some(t => t.userData.item !== undefined)")
+    page.click("#tool-draw")
+    for i, (x, y) in enumerate([(-0.06, 0), (0, 0.03), (0.06, 0)]):
+        page.mouse.click(*project(page, (x, y, -0.06)))
+        page.wait_for_selector(f'#view[data-drawing="{i + 1}"]')
+    picture(page, "drawing")
+    page.keyboard.press("Enter")
+    page.wait_for_selector('#panel[data-selected="line"]')
+    line = second.get("editor/line")
+    at = np.reshape(line["points"], (3, 3)) + line["position"]
+    assert not line["closed"]
+    for x, y, z in at:
+        assert abs(z - (-0.06 + 0.01 * math.sin(40 * x) * math.cos(30 * y))) < 0.0005
+
+
+def test_drag_the_gizmo(lab: Lab, page: Page, second: Second) -> None:
+    page.click("#add-point")
+    page.wait_for_selector('#panel[data-selected="point"]')
+    page.click("#look-front")
+    page.wait_drawn()
+
+    def drag_along_x(by: float, key: str = "") -> None:
+        page.wait_drawn()
+        grip = page.evaluate("editor.tools.gizmo.grip('x')")
+        start = project(page, grip)
+        page.mouse.move(start[0] - 3, start[1])
+        page.drag(start, project(page, [grip[0] + by, grip[1], grip[2]]), key=key)
+        page.wait_for_selector('#view[data-dragging="false"]')
+
+    assert second.get("editor/point")["position"] == [0, 0, 0]
+    drag_along_x(0.1, "Control")
+    eventually(lambda: second.get("editor/point")["position"] == [0.1, 0, 0])  # exactly
+    page.wait_for_function("() => editor.model.byName('point').pose.position[0] === 0.1")
+    drag_along_x(-0.1)
+    pixel = 0.1 / abs(project(page, (0.1, 0, 0))[0] - project(page, (0, 0, 0))[0])
+    eventually(lambda: abs(second.get("editor/point")["position"][0]) <= 1.5 * pixel)
+    assert second.get("editor/point")["position"][1:] == [0, 0]
+    page.keyboard.press("Control+z")  # one step per gesture
+    eventually(lambda: second.get("editor/point")["position"] == [0.1, 0, 0])
+    page.keyboard.press("Control+z")
+    eventually(lambda: second.get("editor/point")["position"] == [0, 0, 0])
+    page.keyboard.press("Control+Shift+Z")
+    eventually(lambda: second.get("editor/point")["position"] == [0.1, 0, 0])
+
+
+def test_turn_by_30_degrees(lab: Lab, page: Page, second: Second) -> None:
+    page.click("#add-plane")
+    page.wait_for_selector('#panel[data-selected="plane"]')
+    page.click("#look-top")
+    page.keyboard.press("e")
+    page.wait_drawn()
+    start = project(page, page.evaluate("editor.tools.gizmo.grip('z')"))
+    page.mouse.move(*start)
+    page.wait_for_function("() => editor.tools.gizmo.isUnderPointer")
+    page.mouse.down()
+    page.keyboard.down("Control")
+    wanted = [math.cos(math.pi / 12), 0, 0, math.sin(math.pi / 12)]
+    for i in range(1, 200):
+        page.mouse.move(start[0] - i, start[1] + i)
+        turned = page.evaluate("editor.tools.gizmo.turned")
+        if abs(turned - 30) < 1e-6:
+            break
+    page.mouse.up()
+    page.keyboard.up("Control")
+    found = eventually(lambda: (o := second.get("editor/plane")["orientation"])[3] != 0 and abs(abs(o[3]) - wanted[3]) < 1e-12 and o)
+    assert abs(found[0] - wanted[0]) < 1e-12 and found[1:3] == [0, 0]
+
+
+def test_every_field(lab: Lab, page: Page, second: Second) -> None:
+    page.click("#add-plane")
+    page.wait_for_selector('#panel[data-selected="plane"]')
+    get: Callable[[], Any] = lambda: second.get("editor/plane")  # noqa: E731
+    for i, axis in enumerate("xyz"):
+        page.set(f"pose.position.{axis}", f"0.0{i + 1}")
+        eventually(lambda i=i: get()["position"][i] == [0.01, 0.02, 0.03][i])
+    page.set("pose.turn.rx", "90")
+    eventually(lambda: np.allclose(get()["orientation"], [math.sqrt(0.5), math.sqrt(0.5), 0, 0], atol=1e-15))
+    page.set("pose.orientation.x", "0")
+    eventually(lambda: get()["orientation"] == [1, 0, 0, 0])
+    page.set("pose.position.x", "far")
+    assert "not a number" in page.error("pose.position.x") and page.field("pose.position.x").input_value() == "0.01"
+    page.set("pose.position.x", "1e20")
+    assert "within 1e+15" in page.error("pose.position.x") and get()["position"][0] == 0.01
+    # What a kind does not use is absent, and 0.
+    kinds = {"constant": ("gain",), "linear_increasing": ("gain", "offset"), "linear_decreasing": ("gain", "offset"),
+             "gaussian": ("gain", "width"), "quadratic": ("gain", "offset"), "inverse": ("gain", "offset"), "custom": ("gain", "curve")}  # fmt: skip
+    for number, (kind, used) in enumerate(kinds.items(), 1):
+        page.choose("front.kind", kind)
+        front = eventually(lambda number=number: (f := get()["front"])["kind"] == number and f)
+        for name in ("gain", "offset", "width"):
+            page.wait_for_function("""([path, shown]) => document.querySelector(`#panel .field[data-path="${path}"]`).hidden !== shown""",
+                                   arg=[f"front.{name}", name in used])  # fmt: skip
+            assert name in used or front[name] == 0
+        assert front["limit"] > 0
+    page.choose("front.kind", "gaussian")
+    eventually(lambda: get()["front"]["kind"] == 4)
+    for path, value in (("front.gain", 3.5), ("front.width", 0.025), ("front.limit", 4.5), ("front.reach", 0.09)):
+        page.set(path, str(value))
+        eventually(lambda path=path, value=value: get()["front"][path.split(".")[1]] == value)
+    page.choose("front.sense", "repulsive")
+    eventually(lambda: get()["front"]["sense"] == 1)
+    for path, bad, word in (("front.gain", "-1", ">= 0"), ("front.width", "0", "> 0"), ("front.limit", "0", "> 0"), ("front.reach", "-1", ">= 0")):
+        before = page.field(path).input_value()
+        page.set(path, bad)
+        assert word in page.error(path) and page.field(path).input_value() == before
+    # Contact.
+    assert page.field("contact.friction").is_hidden()
+    page.choose("contact.keep", "either")
+    eventually(lambda: get()["keep"] == 3 and get()["contact_limit"] == 10)
+    for path, value, told in (("stiffness", 450, "stiffness"), ("limit", 7, "contact_limit"), ("damping", 2, "contact_damping"), ("friction", 0.4, "friction")):
+        page.set(f"contact.{path}", str(value))
+        eventually(lambda told=told, value=value: get()[told] == value)
+    page.set("contact.friction", "3")
+    assert "0..2" in page.error("contact.friction")
+    # The rest.
+    for path, value in (("damping", 1.5), ("lifetime", 1000), ("start", 12.5)):
+        page.set(path, str(value))
+        eventually(lambda path=path, value=value: get()[path] == value)
+    page.set("tool_points", "1, 3")
+    eventually(lambda: get()["tool_points"] == 5)
+    page.set("tool_points", "33")
+    assert "1 to 32" in page.error("tool_points")
+    page.field("enabled").uncheck()
+    eventually(lambda: get()["enabled"] is False)
+    page.set("name", "wall <b>&")
+    page.wait_for_selector('#panel[data-selected="wall <b>&"]')
+    assert second.get("editor/wall <b>&")["tool_points"] == 5
+    assert second.get("editor/plane")["status"] == "FS_ERROR_NOT_FOUND"
+
+
+def test_curves(lab: Lab, page: Page, second: Second) -> None:
+    page.click("#add-point")
+    page.wait_for_selector('#panel[data-selected="point"]')
+    page.choose("front.kind", "custom")
+    page.set("front.curve", "2*exp(-d/0.02)*(1+sin(5*t))")
+    eventually(lambda: second.get("editor/point")["front"].get("expression") == "2*exp(-d/0.02)*(1+sin(5*t))")
+    page.set("front.curve", "3*(")
+    assert "column 3" in page.error("front.curve")
+    assert page.field("front.curve").input_value() == "2*exp(-d/0.02)*(1+sin(5*t))"
+    page.choose("front.curve.way", "table")
+    eventually(lambda: "table" in second.get("editor/point")["front"])
+    page.set("front.curve.table", "d\tf\n0\t0\n0.002\t1,5\n0.004\t2\n0.006\t0.5")
+    eventually(lambda: second.get("editor/point")["front"]["table"] == [0, 1.5, 2, 0.5])
+    assert second.get("editor/point")["front"]["step"] == 0.002
+    page.set("front.curve.table", "0, 0\n0.002, 1\n0.005, 2")
+    assert "line 3" in page.error("front.curve.table")
+    # The handles of the plot.
+    page.choose("front.kind", "gaussian")
+    page.wait_for_selector('[data-handle="front.limit"]')
+    handle = page.locator('[data-handle="front.limit"]')
+    eventually(lambda: handle.bounding_box() is not None)
+    page.wait_for_selector('#curve[data-curve="point"]')
+    box = handle.bounding_box()
+    start = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.drag(start, (start[0], start[1] + 30))
+    lower = eventually(lambda: (limit := second.get("editor/point")["front"]["limit"]) < 2 and limit)
+    page.wait_for_selector('body[data-busy="0"]')
+    assert lower > 0.2
+    page.keyboard.press("Control+z")
+    eventually(lambda: second.get("editor/point")["front"]["limit"] == 2)
+
+
+def test_change_a_hazard_while_it_moves(lab: Lab, page: Page, second: Second) -> None:
+    assert second.ask("point hazard 0.05 0 0") == "FS_OK"
+    page.wait_for_selector('#table .item[data-name="second/hazard"]')
+    page.select("second/hazard")
+    for i in range(20):
+        assert second.ask(f"move hazard {0.05 - 0.001 * i} 0 0") == "FS_OK"
+        if i == 5:
+            page.set("front.gain", "1.75")
+    eventually(lambda: second.get("hazard")["front"]["gain"] == 1.75)
+    assert second.get("hazard")["position"] == [0.05 - 0.001 * 19, 0, 0]  # its moves stay
+    page.wait_for_function("() => Math.abs(editor.model.byName('second/hazard').pose.position[0] - 0.031) < 1e-12")
+    page.keyboard.press("Control+z")
+    eventually(lambda: second.get("hazard")["front"]["gain"] == 1)
+    assert second.get("hazard")["position"] == [0.05 - 0.001 * 19, 0, 0]
+    page.keyboard.press("Control+Shift+z")
+    eventually(lambda: second.get("hazard")["front"]["gain"] == 1.75)
+    assert second.ask("gain hazard 0.5") == "FS_OK"  # its owner changes it: the step cannot be undone
+    page.keyboard.press("Control+z")
+    page.locator(".notice.bad", has_text="second").wait_for()
+    assert second.get("hazard")["front"]["gain"] == 0.5
+    page.click("#adopt")
+    page.wait_for_selector('#panel[data-selected="hazard"]')
+    assert second.get("editor/hazard")["front"]["gain"] == 0.5

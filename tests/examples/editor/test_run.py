@@ -1,0 +1,174 @@
+"""Stopping, files, several browsers, and what is lost: servers, browsers, things that vanish."""
+
+from __future__ import annotations
+
+import math
+import pathlib
+from collections.abc import Callable
+from typing import Any
+
+import forceserver as fs
+import numpy as np
+
+from conftest import Editor, Lab, Page, Second, eventually, picture, project
+
+
+def test_locked_server(started: Any, opened: Callable[[str], Page]) -> None:
+    lab = started(Lab, locked=True)
+    lab.base["floor"] = fs.Wall((0, 0, -0.05), (0, 0, 1), 100, 5)
+    page = opened(started(Editor, lab.endpoint).address)
+    page.wait_for_selector('#table .item[data-name="server/floor"]')
+    page.select("server/floor")
+    page.wait_for_selector("#panel .padlock")
+    assert page.field("back.gain").get_attribute("readonly") is not None
+    assert page.field("enabled").is_disabled()
+    assert page.locator('#table .item[data-name="server/floor"] .on').is_disabled()
+    assert "🔒" in page.locator("#table .group", has_text="server").inner_text()
+
+
+def test_a_thing_that_vanishes_while_it_is_dragged(lab: Lab, page: Page, started: Any) -> None:
+    other = started(Second, lab.endpoint, "other")
+    other.ask("point a 0 0 0")
+    page.wait_for_selector('#table .item[data-name="other/a"]')
+    page.select("other/a")
+    page.click("#look-front")
+    page.wait_drawn()
+    grip = page.evaluate("editor.tools.gizmo.grip('x')")
+    start = project(page, grip)
+    page.mouse.move(*start)
+    page.mouse.down()
+    page.mouse.move(start[0] + 30, start[1], steps=3)
+    other.close()  # its client dies
+    page.wait_for_selector("#panel.empty")
+    page.mouse.move(start[0] + 60, start[1], steps=3)
+    page.mouse.up()
+    page.click("#add-point")
+    page.wait_for_selector('#panel[data-selected="point"]')
+
+
+def test_escape_stops_all_force(lab: Lab, page: Page, second: Second) -> None:
+    lab.base["pull"] = fs.Point(position=(0.05, 0, 0), front=fs.Constant(3, limit=5))
+    eventually(lambda: np.linalg.norm(second.ask("hand")["sent"]) > 2.9)
+    page.focus("#filter")
+    page.keyboard.press("Escape")
+    eventually(lambda: second.ask("stats")["enabled"] == 0 and np.linalg.norm(second.ask("hand")["sent"]) == 0)
+    page.wait_for_selector('body[data-server="stopped"]')
+    picture(page, "stopped")
+    lab.servo.set_enabled(True)
+    page.wait_for_selector('body[data-server="there"]')
+    page.click("#stop")
+    eventually(lambda: second.ask("stats")["enabled"] == 0)
+
+
+def test_own_scene(lab: Lab, page: Page, second: Second) -> None:
+    page.click("#scene")
+    box = page.locator("dialog")
+    for path, value in (("frame.pose.position.x", "0.02"), ("frame.scale", "2"), ("frame.force_scale", "0.5"), ("frame.turn.rz", "90")):
+        field = box.locator(f'[data-path="{path}"] input')
+        field.fill(value)
+        field.press("Enter")
+    frame = eventually(lambda: (f := second.ask("frame editor"))["scale"] == 2 and f["force_scale"] == 0.5 and f["orientation"][3] != 0 and f)
+    assert frame["position"] == [0.02, 0, 0] and np.allclose(frame["orientation"], [math.sqrt(0.5), 0, 0, math.sqrt(0.5)])
+    field = box.locator('[data-path="frame.scale"] input')
+    field.fill("-1")
+    field.press("Enter")
+    box.get_by_text("1e-9..1e9").wait_for()
+    box.locator("#tool-points").fill("0, 0, 0\n0.01, 0, 0")
+    box.locator("#tool-apply").click()
+    eventually(lambda: second.ask("frame editor")["points"] == [0, 0, 0, 0.01, 0, 0])
+    box.locator('[data-path="clutch"] input').check()
+    eventually(lambda: second.ask("frame editor")["held"])
+
+
+def test_save_and_load_in_a_fresh_server(started: Any, lab: Lab, page: Page, second: Second, opened: Callable[[str], Page], tmp_path: pathlib.Path) -> None:
+    (tmp_path / "part.obj").write_text("v 0 0 0\nv 0.05 0 0\nv 0 0.05 0\nv 0 0 0.05\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n")
+    with page.expect_file_chooser() as chooser:
+        page.click("#add-mesh")
+    chooser.value.set_files(tmp_path / "part.obj")
+    page.click("#mesh-add")
+    page.wait_for_selector('#panel[data-selected="part"]')
+    page.set("pose.turn.rz", "33.3")
+    page.set("pose.position.x", "0.1000000000000001")
+    page.click("#add-point")
+    page.wait_for_selector('#panel[data-selected="point"]')
+    page.choose("front.kind", "custom")
+    eventually(lambda: second.get("editor/point")["front"]["kind"] == 7)
+    page.click("#save")
+    page.fill("#save-name", "../evil")
+    page.click("#save-now")
+    page.get_by_text("is not within the folder").wait_for()
+    page.fill("#save-name", "mine")
+    page.click("#save-now")
+    page.locator(".notice", has_text="mine.json").wait_for()
+    page.click("#save")
+    with page.expect_download() as download:
+        page.click("#save-zip")
+    download.value.save_as(tmp_path / "scene.zip")
+    page.locator("dialog button", has_text="Close").click()
+    before = {name: second.get(f"editor/{name}") for name in ("part", "point")}
+    for way in ("folder", "zip"):
+        new = started(Lab)
+        other = started(Second, new.endpoint)
+        fresh = opened(started(Editor, new.endpoint).address)
+        fresh.click("#load")
+        if way == "folder":
+            fresh.locator(".files button", has_text="mine.json").click()
+        else:
+            with fresh.expect_file_chooser() as chooser:
+                fresh.click("#load-upload")
+            chooser.value.set_files(tmp_path / "scene.zip")
+        fresh.wait_for_selector('#table .item[data-name="part"]')
+        for name, old in before.items():
+            loaded = other.get(f"editor/{name}")
+            assert abs(old.pop("start") - loaded.pop("start")) < 1e3 if "start" in old else loaded.pop("start")
+            assert loaded == old, name  # bit for bit
+
+
+def test_two_browsers(lab: Lab, started: Any, opened: Callable[[str], Page], second: Second) -> None:
+    editor = started(Editor, lab.endpoint)
+    one, two = opened(editor.address), opened(editor.address)
+    one.click("#add-point")
+    one.wait_for_selector('#panel[data-selected="point"]')
+    two.wait_for_selector('#table .item[data-name="point"]')
+    assert two.locator("#panel.empty").count() == 1  # each selects for itself
+    two.wait_for_function("() => document.querySelector('#undo').title.includes('browser 1')")
+    two.click("#undo")
+    one.wait_for_selector('#table[data-count="0"]')
+    assert second.get("editor/point")["status"] == "FS_ERROR_NOT_FOUND"
+    one.click("#redo")
+    eventually(lambda: second.get("editor/point")["status"] == "FS_OK")
+
+
+def test_server_killed(started: Any, opened: Callable[[str], Page]) -> None:
+    lab = started(Lab)
+    editor = started(Editor, lab.endpoint)
+    page = opened(editor.address)
+    page.click("#add-point")
+    page.wait_for_selector('#panel[data-selected="point"]')
+    eventually(lambda: list((editor.folder / ".state").rglob("scene.json")))
+    lab.close()
+    page.wait_for_selector('body[data-server="gone"]')
+    assert "Waiting for a server" in page.locator("#banner").inner_text()
+    new = started(Lab, endpoint=lab.endpoint)
+    page.wait_for_selector('body[data-server="there"]')
+    other = started(Second, new.endpoint)
+    assert other.ask("list") == []  # nothing pushes by itself
+    page.click("#recover")
+    eventually(lambda: other.ask("list") == ["editor/point"])
+
+
+def test_browser_killed_in_mid_drag(lab: Lab, page: Page, second: Second) -> None:
+    page.click("#add-point")
+    page.wait_for_selector('#panel[data-selected="point"]')
+    page.click("#look-front")
+    page.wait_drawn()
+    start = project(page, page.evaluate("editor.tools.gizmo.grip('x')"))
+    page.mouse.move(*start)
+    page.mouse.down()
+    page.mouse.move(start[0] + 40, start[1], steps=4)
+    eventually(lambda: second.get("editor/point")["position"][0] > 0.005)
+    page.page.close()
+    eventually(lambda: second.get("editor/point")["twist"] == [0] * 6)
+    place = second.get("editor/point")["position"]
+    for _ in range(5):
+        assert second.get("editor/point")["position"] == place  # it stands
