@@ -10,6 +10,9 @@ export function make<K extends keyof HTMLElementTagNameMap>(
   return element;
 }
 
+/** Only where it differs: the same text set again would be laid out and painted again. */
+export function put(element: HTMLElement, text: string): void { if (element.textContent !== text) element.textContent = text; }
+
 /** As short as it can be without losing a digit that a person typed. */
 export function shown(value: number | null | undefined): string {
   if (value === null || value === undefined) return "";

@@ -1,7 +1,7 @@
 // Puts the page together: the bar at the top, keys, notices, and what is said when something is not there.
 
 import { CurvePlot } from "./curve_plot";
-import { make } from "./fields";
+import { make, put } from "./fields";
 import { fromDevice } from "./frames";
 import { Corners, Gizmo, Pencil, flat } from "./gizmo";
 import { type Happened, Model, newtons, sizeOf } from "./model";
@@ -159,21 +159,21 @@ window.addEventListener("keydown", (event) => {
 
 function updateBar(): void {
   const { told } = model, history = told.history ?? {}, stats = told.stats;
-  at("where").textContent = `${told.endpoint ?? ""}${model.me ? ` as ${model.me}` : ""}`;
+  put(at("where"), `${told.endpoint ?? ""}${model.me ? ` as ${model.me}` : ""}`);
   const undo = at("undo") as HTMLButtonElement, redo = at("redo") as HTMLButtonElement;
   undo.disabled = !history.undo || model.viewOnly;
   redo.disabled = !history.redo || model.viewOnly;
   undo.title = history.undo ? `Undo: ${history.undo.text} (${history.undo.who})` : "There is nothing to undo";
   redo.title = history.redo ? `Do again: ${history.redo.text} (${history.redo.who})` : "There is nothing to do again";
   (at("remove") as HTMLButtonElement).disabled = !model.selection.some((item) => item.told.own);
-  at("force").textContent = model.hand ? newtons(sizeOf(model.sent)) : "–";
+  put(at("force"), model.hand ? newtons(sizeOf(model.sent)) : "–");
   const isOff = stats && stats.enabled === 0, faults = (stats?.faults ?? []) as string[];
-  at("servo").textContent = stats ? `${stats.rate?.toFixed(0) ?? "–"} Hz` : "";
+  put(at("servo"), stats ? `${stats.rate?.toFixed(0) ?? "–"} Hz` : "");
   at("servo").title = stats ? `late p99 ${(stats.late_p99 * 1e6).toFixed(0)} µs, ${stats.misses} ticks missed` : "";
   const banner = at("banner"), sentence = model.error ? `${model.error}. Waiting for a server …`
     : isOff ? "All force is stopped: the owner of the server lets it return." : faults.length ? `The servo stopped the force: ${faults.join(", ")}` : "";
-  if (banner.textContent !== sentence) banner.textContent = sentence;
-  banner.hidden = sentence === "";
+  put(banner, sentence);
+  if (banner.hidden !== (sentence === "")) banner.hidden = sentence === "";
   document.body.dataset.server = model.error ? "gone" : isOff ? "stopped" : "there";
   document.body.dataset.serial = String(told.serial ?? 0);
   document.body.classList.toggle("view-only", model.viewOnly);

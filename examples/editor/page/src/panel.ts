@@ -1,7 +1,7 @@
 // The fields of what is selected. All of fs_object can be changed here; what a kind does not use is not there.
 
 import { type Quat, fromDegrees, toDegrees } from "./frames";
-import { type AnyField, AreaField, CheckField, ChoiceField, Field, type Send, TextField, make, numberField, parse, shown } from "./fields";
+import { type AnyField, AreaField, CheckField, ChoiceField, Field, type Send, TextField, make, numberField, parse, put, shown } from "./fields";
 import { type Item, type Model, type Profile, mark, newtons, sizeOf } from "./model";
 import type { Orders } from "./orders";
 import { ofKind, uses } from "./profiles";
@@ -268,9 +268,6 @@ export class Panel {
     this.adopt.hidden = item.told.own || many > 1 || this.model.viewOnly;
   }
 }
-
-/** Only where it differs: what is the same is left alone. */
-function put(element: HTMLElement, text: string): void { if (element.textContent !== text) element.textContent = text; }
 
 const slope = (value: number | null): string =>
   value === null || !Number.isFinite(value) ? "∞ (the force jumps)" : `${value.toPrecision(3).replace(/\.?0+$/, "")} N/m`;

@@ -107,7 +107,7 @@ export class TimePlots {
   private later(): void {
     if (this.isDue || document.hidden) return;
     this.isDue = true;
-    setTimeout(() => requestAnimationFrame(() => { this.isDue = false; this.draw(); }), 80);
+    setTimeout(() => requestAnimationFrame(() => { this.isDue = false; this.draw(); }), this.span > 10 ? 200 : 80);
   }
 
   private build(): void {
@@ -135,8 +135,8 @@ export class TimePlots {
     if (!this.plot) return;
     if (this.shown === "clients" && this.names.join("|") !== [...this.model.clients.keys()].join("|")) return this.build();
     const data = this.data(Math.max(400, this.box.clientWidth));
-    // Where nothing changes, the picture stays.
-    const still = data.slice(1).map((column) => (column.every((x) => x === column[0]) ? String(column[0]) : null));
+    // Where nothing changes that could be seen, the picture stays.
+    const still = data.slice(1).map(level);
     const same = still.includes(null) ? "" : `${this.shown} ${this.span} ${still.join()} ${Math.min(1, -(data[0]![0] ?? 0) / this.span).toFixed(2)}`;
     if (same && same === this.still) return;
     this.still = same;
@@ -196,6 +196,13 @@ export class TimePlots {
     link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 10000);
   }
+}
+
+/** What a column is all along, to a hundredth; null: it changes. */
+function level(column: (number | null)[]): string | null {
+  let low = Infinity, high = -Infinity;
+  for (const x of column) if (x !== null) { low = Math.min(low, x); high = Math.max(high, x); }
+  return high - low > 0.006 ? null : (Math.round(((low + high) / 2) * 100) / 100 || 0).toFixed(2);
 }
 
 /** The rows between two times; of more than a few for each pixel those with the smallest and the largest force. */
