@@ -6,6 +6,7 @@
 #include "base/error.h"
 #include "field/proxies.h"
 #include "force/primitive.h"
+#include "force/ridge.h"
 
 namespace fs {
 namespace {
@@ -17,19 +18,38 @@ Mat3 turning(const Closest& closest, Vec3 direction, Vec3 tangent) {
   return m;
 }
 
+Mat3 rotated(const Quat& by, const Mat3& m) {
+  const Mat3 r = to_matrix(by);
+  return r * m * transposed(r);
+}
+
+bool find_closest(const Object& object, Vec3 x, double range, double slope, Closest& out, Hint* hint, Effort* effort) noexcept {
+  const auto find = slope < no_slope_limit ? closest_point_ahead : closest_point;
+  return find(object.primitive, object.shape.get(), x, range, out, hint, effort);
+}
+
+// Whether the force of an object is blended at x, in its frame. outward: N, away from the closest point.
+bool blends(const Object& object, const Closest& closest, double outward, Vec3 x, double slope, Ridge& out,
+            Hint* hint, Effort* effort) noexcept {
+  return outward > 0 && slope < no_slope_limit &&
+         find_ridge(object.primitive, object.shape.get(), x, closest, outward / slope, out, hint, effort);
+}
+
 }  // namespace
 
 void add_profile_force(const Object& object, const Closest& closest, const Motion& motion, const Pose& pose, double t,
                        const ToolState::Point& point, const ToolState& tool, const Law::Parsers* parsers, double share,
-                       Share& out) noexcept {
+                       Share& out, Vec3 x, double slope, Hint* hint, Effort* effort) noexcept {
   if (closest.direction == Vec3{}) return;  // on a point or polyline there is none
   const double s = closest.side == Side::back ? -closest.distance : closest.distance;
   const Intensity g = object.law.at(s, t, parsers);
   if (g.force == 0 && g.slope == 0) return;
 
-  // Away from the closest point.
-  const Vec3 direction = rotate(pose.orientation, closest.direction);
   const double outward = closest.side == Side::back ? -g.force : g.force;
+  Ridge ridge;
+  const bool is_ridge = blends(object, closest, outward, x, slope, ridge, hint, effort);
+  // Away from the closest point.
+  const Vec3 direction = rotate(pose.orientation, is_ridge ? ridge.direction : closest.direction);
   Vec3 force = outward * direction;
   if (object.damping > 0 && g.force != 0) {
     const Vec3 velocity = point.velocity - motion.velocity(point.position, pose, tool.time);
@@ -40,7 +60,9 @@ void add_profile_force(const Object& object, const Closest& closest, const Motio
   out.wrench.force += share * force;
   out.wrench.torque += share * cross(point.arm, force);
   out.stiffness += (share * g.slope) * outer(direction, direction);
-  if (closest.feature != Feature::face && closest.distance > 0) {
+  if (is_ridge) {
+    out.stiffness += (-share * slope) * rotated(pose.orientation, ridge.across);
+  } else if (closest.feature != Feature::face && closest.distance > 0) {
     const Vec3 tangent = rotate(pose.orientation, closest.tangent);
     out.stiffness += (share * outward / closest.distance) * turning(closest, direction, tangent);
   }
@@ -56,9 +78,11 @@ double error_of(const Object& object, const Effort& effort) noexcept {
   return 2 * (object.damping > 0 && most > 0 ? std::max(object.law.front.limit, object.law.back.limit) : most);
 }
 
-// The closest point of an object with formulas to a tool point. False: out of reach, or there is no direction.
-bool find_contact(const Object& object, const Pose& pose, Vec3 position, Contacts::Contact& out, Hint* hint,
-                  Effort* effort) noexcept {
+// The closest point of an object with formulas to a tool point. False: out of reach, or there is no direction. stiffness: N/m,
+// that is not told by the contact.
+bool find_contact(const Object& object, const Pose& pose, Vec3 position, double weight, double slope, Contacts::Contact& out,
+                  Mat3& stiffness, Hint* hint, Effort* effort, double& error) noexcept {
+  out.weight = weight;
   const Vec3 offset = position - pose.position;
   const double support = object.law.support;
   if (object.primitive == FS_PRIMITIVE_PLANE) {
@@ -75,21 +99,42 @@ bool find_contact(const Object& object, const Pose& pose, Vec3 position, Contact
   if (norm(offset) - object.radius > support) return false;
   Closest closest;
   const Vec3 local = rotate(conjugate(pose.orientation), offset);
-  if (!closest_point(object.primitive, object.shape.get(), local, support, closest, hint, effort)) return false;
-  if (closest.direction == Vec3{}) return false;
-  out.direction = rotate(pose.orientation, closest.direction);
+  const bool is_found = find_closest(object, local, support, slope, closest, hint, effort);
+  if (effort && effort->is_cut) error += weight * error_of(object, *effort);
+  if (!is_found || closest.direction == Vec3{}) return false;
   out.tangent = closest.feature == Feature::edge ? rotate(pose.orientation, closest.tangent) : Vec3{};
   out.distance = closest.distance;
   out.is_turning = closest.feature != Feature::face;
   out.law = closest.side == Side::back ? &object.law.back : &object.law.front;
+  const double force = slope < no_slope_limit && out.law->sense == FS_SENSE_REPULSIVE
+                           ? evaluate(*out.law, nullptr, closest.distance, 0).force : 0;
+  Ridge ridge;
+  if (!blends(object, closest, force, local, slope, ridge, hint, effort)) {
+    out.direction = rotate(pose.orientation, closest.direction);
+    return true;
+  }
+  const double size = norm(ridge.direction);
+  stiffness += (-weight * slope) * rotated(pose.orientation, ridge.across);
+  out.direction = rotate(pose.orientation, normalized(ridge.direction));
+  out.weight = weight * size;
+  out.is_turning = false;
   return true;
+}
+
+void add_stiffness(const Mat3& stiffness, double weight, uint32_t lane, LaneSum& sum) noexcept {
+  sum.xx[lane] += weight * stiffness.xx;
+  sum.xy[lane] += weight * stiffness.xy;
+  sum.xz[lane] += weight * stiffness.xz;
+  sum.yy[lane] += weight * stiffness.yy;
+  sum.yz[lane] += weight * stiffness.yz;
+  sum.zz[lane] += weight * stiffness.zz;
 }
 
 uint32_t points_of(const ToolState& tool) noexcept { return tool.count == 32 ? ~0u : (1u << tool.count) - 1; }
 
 // Adds the closest points of a row with formulas to `contacts`; returns the rows felt of those it had to make room for.
 uint64_t add_contacts(const Object& object, const Motion& motion, uint32_t row, double weight, const ToolState& tool,
-                      Hint* hints, Effort* effort, double& error, Contacts& contacts, LaneSum& sum) noexcept {
+                      Hint* hints, Effort* effort, double slope, double& error, Contacts& contacts, LaneSum& sum) noexcept {
   const uint32_t all = points_of(tool), mask = tool.is_any_point ? all : object.point_mask() & all;
   if (mask == 0 || !(object.law.support >= 0)) return 0;
   const Pose moved = motion.horizon > 0 ? motion.at(tool.time) : Pose{};
@@ -97,16 +142,19 @@ uint64_t add_contacts(const Object& object, const Motion& motion, uint32_t row, 
   uint64_t felt = 0;
   Contacts::Contact contact;
   const bool is_one_point = (mask & (mask - 1)) == 0;  // as mostly
-  contact.weight = is_one_point ? weight : weight * (1.0 / std::popcount(mask));
+  const double each = is_one_point ? weight : weight * (1.0 / std::popcount(mask));
+  Mat3 stiffness{};
   for_each_bit(mask, [&](uint32_t k) {
     const ToolState::Point& point = tool.points[k];
-    const bool is_found = find_contact(object, pose, point.position, contact, hints ? hints + k : nullptr, effort);
-    if (effort && effort->is_cut) error += contact.weight * error_of(object, *effort);
-    if (!is_found) return;
+    if (!find_contact(object, pose, point.position, each, slope, contact, stiffness, hints ? hints + k : nullptr, effort,
+                      error)) {
+      return;
+    }
     contact.arm = point.arm;
     if (!contacts.has_room(row)) felt |= contacts.take(sum);
     contacts.add(row, contact);
   });
+  add_stiffness(stiffness, 1, row % lane_count, sum);
   return felt;
 }
 
@@ -131,12 +179,7 @@ void add_share(const Share& share, double weight, uint32_t lane, LaneSum& sum) n
   sum.tx[lane] += weight * share.wrench.torque.x;
   sum.ty[lane] += weight * share.wrench.torque.y;
   sum.tz[lane] += weight * share.wrench.torque.z;
-  sum.xx[lane] += weight * share.stiffness.xx;
-  sum.xy[lane] += weight * share.stiffness.xy;
-  sum.xz[lane] += weight * share.stiffness.xz;
-  sum.yy[lane] += weight * share.stiffness.yy;
-  sum.yz[lane] += weight * share.stiffness.yz;
-  sum.zz[lane] += weight * share.stiffness.zz;
+  add_stiffness(share.stiffness, weight, lane, sum);
 }
 
 }  // namespace
@@ -154,7 +197,7 @@ ToolState ToolState::at(const fs_state& state, const ToolPoints& points, double 
 }
 
 bool evaluate_object(const Object& object, const Motion& motion, double start, const ToolState& tool,
-                     const Law::Parsers* parsers, Share& out, Hint* hints, Effort* effort) noexcept {
+                     const Law::Parsers* parsers, Share& out, Hint* hints, Effort* effort, double slope) noexcept {
   const uint32_t all = points_of(tool);
   const uint32_t mask = tool.is_any_point ? all : object.point_mask() & all;
   const double support = object.support();
@@ -171,8 +214,7 @@ bool evaluate_object(const Object& object, const Motion& motion, double start, c
     has_pose = true;
     const Vec3 local = rotate(conjugate(pose.orientation), offset);
     Closest closest;
-    const bool is_found = closest_point(object.primitive, object.shape.get(), local, support, closest,
-                                        hints ? hints + k : nullptr, effort);
+    const bool is_found = find_closest(object, local, support, slope, closest, hints ? hints + k : nullptr, effort);
     const bool is_cut = effort && effort->is_cut;
     if (!is_found && !is_cut) return;
     if (!is_near) out = {};
@@ -184,7 +226,8 @@ bool evaluate_object(const Object& object, const Motion& motion, double start, c
       out.point = pose * closest.point;
     }
     if (object.is_solid() && add_resting_contact(object, closest, pose, point, out)) return;
-    add_profile_force(object, closest, motion, pose, tool.time - start, point, tool, parsers, share, out);
+    add_profile_force(object, closest, motion, pose, tool.time - start, point, tool, parsers, share, out, local, slope,
+                      hints ? hints + k : nullptr, effort);
   });
   return is_near;
 }
@@ -220,15 +263,16 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
       const Object& object = chunk.row(i).as_felt(given);
       const Scratch* const scratch = object.shape ? scratches.get(number * chunk_size + i) : nullptr;
       felt |= add_contacts(object, chunk.motion(i), i, given ? given[i].value() : 1, tool,
-                           scratch ? scratch->hints.get() : nullptr, effort, out.error_bound, contacts, sum);
+                           scratch ? scratch->hints.get() : nullptr, effort, object.bounds.slope, out.error_bound, contacts, sum);
     });
     if (contacts_near) felt |= contacts.take(sum);
     for_each_bit(near & ~points_near & ~contacts_near, [&](uint32_t i) {
       const Row& row = chunk.row(i);
       const Scratch* const scratch = scratches.get(number * chunk_size + i);
       Share got;
-      if (!evaluate_object(row.as_felt(given), chunk.motion(i), row.start, tool, scratch ? &scratch->parsers : nullptr, got,
-                           scratch ? scratch->hints.get() : nullptr, effort)) {
+      const Object& object = row.as_felt(given);
+      if (!evaluate_object(object, chunk.motion(i), row.start, tool, scratch ? &scratch->parsers : nullptr, got,
+                           scratch ? scratch->hints.get() : nullptr, effort, object.bounds.slope)) {
         return;
       }
       const double weight = given ? given[i].value() : 1;

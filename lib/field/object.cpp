@@ -253,7 +253,8 @@ ParsedObject parse_object(const fs_object& in, const Object* like, bool builds_s
 Ref<const Object> bounded(const Object& object, const Bounds& bounds) {
   const bool is_solid = object.is_solid();
   // Where only the shape makes it jump, as the bend of a polyline, the law's bound is that of the bend.
-  const bool is_law_bounded = bounds.slope < object.law_slope || (bounds.slope < never && !(object.steepest_slope < never));
+  const bool is_law_bounded =
+      bounds.slope < object.law_slope || (bounds.slope < never && (!(object.steepest_slope < never) || object.has_ridges()));
   const bool is_contact_bounded = is_solid && (object.contact.stiffness == 0 || bounds.stiffness < object.contact.stiffness) &&
                                   bounds.stiffness < never;
   const bool is_damping_bounded = bounds.damping < object.damping || (is_solid && bounds.contact_damping < object.contact.damping);

@@ -47,6 +47,12 @@ struct Object : Counted<Object> {
   double steepest_slope = 0;   // N/m, of law, contact and shape together; infinite where the force jumps
   Bounds bounds;               // within which it was put: see bounded()
   bool is_solid() const noexcept { return contact.keep != FS_KEEP_NONE; }
+  // Places that are equally near to two of its parts, where a repulsive force turns at once (ridge.h).
+  bool has_ridges() const noexcept {
+    const bool has_parts = primitive == FS_PRIMITIVE_MESH || (primitive == FS_PRIMITIVE_POLYLINE && !shape->is_straight);
+    const auto repels = [](const Profile& p) { return p.kind != FS_PROFILE_NONE && p.sense == FS_SENSE_REPULSIVE; };
+    return has_parts && (repels(law.front) || repels(law.back));
+  }
   // m: it cannot be felt farther away; below 0: nowhere. On the wrong side of a solid plane or envelope it is felt everywhere.
   double support() const noexcept {
     if (!is_solid()) return law.support;

@@ -117,7 +117,11 @@ bool closest_on_mesh(const MeshTree& tree, Vec3 x, double max_distance, Closest&
     effort->is_cut = found.is_cut;
     effort->least = found.least;
   }
-  if (hint) *hint = {found.triangle, x, found.least};
+  if (hint) {
+    hint->triangle = found.triangle;
+    hint->from = x;
+    hint->gap = found.least;
+  }
   if (found.triangle == MeshTree::no_triangle || !(std::sqrt(found.nearest.squared) <= max_distance)) return false;
   out = tree.tell(x, found);
   return true;

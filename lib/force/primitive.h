@@ -27,6 +27,12 @@ struct Hint {
   uint32_t triangle = UINT32_MAX;  // that was nearest
   Vec3 from{};                     // m: when the search was made from here,
   double gap = 0;                  // nothing was nearer than this, m
+
+  // Of the last find_ridge() (ridge.h), and of the closest_point_ahead() since then.
+  Vec3 ahead{};          // m, from x to the place y where its direction was that of x; 0: do not search from there
+  double free = 0;       // m, so far ahead of x nothing is nearer than its closest point
+  uint32_t items[4];     // triangles or segments that were nearest to y
+  uint32_t item_count = 0;  // 0: there was no ridge
 };
 
 // The work that searches may do, in visits of nodes and leaves of trees and of triangles, and whether it sufficed.

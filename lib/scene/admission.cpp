@@ -124,7 +124,8 @@ std::vector<Admitted> admit(const Snapshot& snapshot, const SceneShare& share, d
       const unsigned points =
           std::min(share.points, static_cast<unsigned>(std::popcount(object.point_mask())));
       // Where the shape makes it jump, as a bend does, it gets a part as if it were steep.
-      const double law = object.steepest_slope < never ? object.law_slope : std::max(object.law_slope, share.stiffness / 4);
+      const bool jumps = object.has_ridges() || !(object.steepest_slope < never);
+      const double law = jumps ? std::max(object.law_slope, share.stiffness / 4) : object.law_slope;
       wish.law = std::min(law, share.stiffness);
       if (object.is_solid()) {
         wish.contact = object.contact.stiffness > 0 ? std::min(object.contact.stiffness, share.stiffness) : share.stiffness;
