@@ -297,12 +297,13 @@ END_TEST
 
 namespace {
 
-// A snapshot of one object: two walls of some triangles with a constant force of 3 N.
+// A snapshot of one object: two walls of some triangles with a constant force of 3 N. A servo bounds its slope.
 struct Scene {
   Ref<const Object> object;
   Snapshot snapshot;
   Scratches scratches;
-  Ref<Memory> memory = make_ref<Memory>();
+  static constexpr double bound = 1000;  // N/m
+  Ref<Memory> tools = make_ref<Memory>(), servos = make_ref<Memory>(0.0);
 
   explicit Scene(fs_sense sense, int n = 4) {
     const Ref<const Shape> shape = corner(n).shape();
@@ -313,14 +314,19 @@ struct Scene {
     Ref<Chunk> chunk = make_ref<Chunk>();
     chunk->version = chunk->rows_version = 1;
     chunk->own(0);
-    chunk->edit_row(0).version = 1;
-    chunk->set(0, object, Motion{}, 1);
+    chunk->own_caps();
+    Row& row = chunk->set(0, object, bounded(*object, {.slope = bound}), Motion{}, 1);
+    row.version = 1;
+    row.is_in = true;
     snapshot.sequence = 1;
-    snapshot.views = make_ref<Views>();
+    Ref<Views> views = make_ref<Views>();
+    views->rows[0].version = 1;
+    snapshot.views = std::move(views);
     snapshot.chunks.set(0, std::move(chunk), 1);
     scratches.set(0, Scratch::of(*object), 1);
-    memory->make_room(0);
-    memory->absorb(snapshot, 0);
+    for (const Ref<Memory>& memory : {tools, servos}) memory->make_room(0);
+    servos->weight(0).set_up(1, false, 1);
+    for (const Ref<Memory>& memory : {tools, servos}) memory->absorb(snapshot, 0);
   }
   static ToolState tool(Vec3 x) {
     fs_state state{};
@@ -328,7 +334,8 @@ struct Scene {
     return ToolState::at(state, ToolPoints{}, 0);
   }
   fs_response near(Vec3 x, double slope) {
-    return evaluate_near(scratches, *memory, 0, 1, ToolPoints{}, tool(x), nullptr, slope);
+    Memory& memory = slope < no_slope_limit ? *servos : *tools;
+    return evaluate_near(scratches, memory, 0, 1, ToolPoints{}, tool(x));
   }
   Share alone(Vec3 x, double slope) const {
     Share out;
@@ -342,7 +349,7 @@ struct Scene {
 // The sum of a scene and the object alone; only with a slope, and only what is repulsive.
 START_TEST(objects) {
   Scene repulsive(FS_SENSE_REPULSIVE), attractive(FS_SENSE_ATTRACTIVE);
-  const double slope = 1000;
+  const double slope = Scene::bound;
   for (double away = -0.005; away < 0.005; away += 0.00037) {
     const Vec3 x{0.02 + away, 0.02, 0.001};
     const fs_response out = repulsive.near(x, slope);
