@@ -250,6 +250,7 @@ START_TEST(examples) {
   Law law = capped(law_of(profile(FS_PROFILE_CONSTANT, pull, 3, 0, 10)), 1000);
   ck_assert_double_eq_tol(at(law, 0.001), -1, 1e-12);
   ck_assert_double_eq_tol(at(law, 0.01), -3, 1e-12);
+  ck_assert_double_eq(at(law, infinity), -3);
   ck_assert_double_eq(slope_of(law), 1000);
   law = capped(law_of(profile(FS_PROFILE_CONSTANT, push, 3, 0, 10, 0.01)), 1000);
   ck_assert_double_eq_tol(at(law, 0.001), 1, 1e-12);
