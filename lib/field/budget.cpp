@@ -55,7 +55,7 @@ std::array<Box, 2> halves(const Box& box) {
 class Search {
  public:
   Search(std::span<const Claim> claims, double enough, std::vector<double>& sums)
-      : claims_(claims), enough_(enough), sums_(sums), visits_left_(100'000 + 60 * claims.size()) {}
+      : claims_(claims), enough_(enough), sums_(sums), visits_left_(20'000 + 30 * claims.size()) {}
 
   void run(const Box& box, std::vector<uint32_t> claims) {
     parts_.push_back({box, std::move(claims), 0});

@@ -28,10 +28,10 @@ struct Ridge {
 };
 
 // [rt] Whether x feels a ridge of the shape: y above is another place than without it. closest: what closest_point() gives for
-// x; l: m, above. A point, a plane and a straight polyline have none. The ridges of both sides count. hint: what helped to find
-// `closest`, may be null; it makes no difference but in time and for a millionth of l. It takes one search from y, as a rule;
-// without the hint of a place nearby some more at a ridge. Where the effort ends first, it says that there is none. After 12
-// searches it takes what it knows: such a ridge is curved, and m is known but for about the size of a triangle divided by l.
+// x; l: m, above. A point, a plane and a straight polyline have none. The ridges of both sides count.
+// hint: what helped to find `closest`, may be null: what it remembers of a place nearby saves searches and changes m by a
+// thousandth at most. As a rule it takes one search from y, without a hint some more at a ridge. Where the effort ends first, it
+// says that there is none. After 12 searches it takes what it knows: about the middle of a finely cut sphere, for example.
 bool find_ridge(fs_primitive primitive, const Shape* shape, Vec3 x, const Closest& closest, double l, Ridge& out,
                 Hint* hint = nullptr, Effort* effort = nullptr) noexcept;
 

@@ -52,9 +52,10 @@ void fs_servo::start_keeper() {
   const fs_device_info& device = device_->info();
   LoopShare loop{settings_.loop.max_stiffness, settings_.loop.object_damping, never, device.workspace_radius,
                  device.workspace_height};
-  // Of a wrist's own damping nothing is known: a torque is taken to be as hard to render as a force on the arm at which the
-  // largest of both are equal.
-  if (device.torque_axes > 0 && device.force_max > 0) loop.lever = device.torque_max / device.force_max;
+  // Of a wrist's own damping and inertia nothing is known: a torque is taken to be as hard to render as a force at an arm that
+  // a hand has, or at that of the largest force and torque.
+  constexpr double arm = 0.05;  // m
+  if (device.torque_axes > 0 && device.force_max > 0) loop.lever = std::max(arm, device.torque_max / device.force_max);
   keeper_.emplace(*this, loop);
   if (settings_.mode == FS_SERVO_VIRTUAL) {
     keeper_->run_once();

@@ -369,7 +369,6 @@ static std::vector<Bad> bad_calls(const Content& content, const std::string& fol
     add("accuracy", [=](fs_scene* s) { return fs_scene_set_accuracy(s, x); });
     add("stiffness", [=](fs_scene* s) { return fs_scene_set_max_stiffness(s, x); });
   }
-  add("a slope", [](fs_scene* s) { return fs_scene_set_max_stiffness(s, 5); });
   add("time null", [](fs_scene* s) { return fs_scene_get_time(s, nullptr); });
   add("reports, no count", [](fs_scene* s) { return fs_scene_get_reports(s, nullptr, 0, nullptr); });
   add("reports null", [](fs_scene* s) {

@@ -3,6 +3,7 @@
 #include "force/mesh_tree.h"
 #include "force/mixture.h"
 #include "force/ridge.h"
+#include "unit/count_allocations.h"
 #include "unit/force_fixtures.h"
 
 using namespace fs;
@@ -151,7 +152,9 @@ START_TEST(a_corner_as_a_formula) {
     const double away = side * l;
     const Vec3 x{h + std::fmax(0, away), h + std::fmax(0, -away), 0.001};
     bool is_ridge;
+    const long before = allocations;
     const Vec3 found = wall.blended(x, &is_ridge);
+    ck_assert_int_eq(allocations - before, 0);
     const double part = std::fmax(0, (1 - std::fabs(side)) / 2);  // of the farther wall
     ck_assert(is_ridge == (part > 0));
     const Vec3 expected = side > 0 ? Vec3{part, 1 - part, 0} : Vec3{1 - part, part, 0};
@@ -239,16 +242,21 @@ END_TEST
 
 // With too few visits the force is the plain one; what the effort tells is the search before.
 START_TEST(the_effort_ends) {
-  const Ref<const Shape> shape = corner(40).shape();
-  const Vec3 x{0.01, 0.0101, 0};
+  const Ref<const Shape> shape = box({0.04, 0.03, 0.02}).shape();
+  const Vec3 x{0.034, 0.0241, 0.0142};  // near a corner of three walls
   Closest closest;
   ck_assert(closest_point(FS_PRIMITIVE_MESH, shape.get(), x, infinity, closest));
+  Ridge whole;
+  ck_assert(find_ridge(FS_PRIMITIVE_MESH, shape.get(), x, closest, 0.001, whole));
   uint32_t needed = 0;
   bool was_plain = false;
   for (uint32_t visits = 0; needed == 0; ++visits) {
     Effort effort{.visits = visits, .most = 1000, .is_cut = false, .least = 0.25};
     Ridge ridge;
-    if (find_ridge(FS_PRIMITIVE_MESH, shape.get(), x, closest, 0.001, ridge, nullptr, &effort)) needed = visits;
+    if (find_ridge(FS_PRIMITIVE_MESH, shape.get(), x, closest, 0.001, ridge, nullptr, &effort)) {
+      needed = visits;
+      ck_assert(ridge.direction == whole.direction);
+    }
     was_plain |= needed == 0;
     ck_assert(!effort.is_cut && effort.least == 0.25);
     ck_assert_uint_le(effort.visits, visits);
@@ -305,10 +313,11 @@ struct Scene {
   static constexpr double bound = 1000;  // N/m
   Ref<Memory> tools = make_ref<Memory>(), servos = make_ref<Memory>(0.0);
 
-  explicit Scene(fs_sense sense, int n = 4) {
-    const Ref<const Shape> shape = corner(n).shape();
+  explicit Scene(fs_sense sense, double damping = 0) {
+    const Ref<const Shape> shape = corner(8).shape();
     fs_object o = fs_object_init("wall", FS_PRIMITIVE_MESH);
     o.shape = const_cast<fs_shape*>(shape.get());
+    o.damping = damping;
     o.front = {FS_PROFILE_CONSTANT, sense, 3, 0, 0, 3, 0, nullptr};
     object = parse_object(o).object;
     Ref<Chunk> chunk = make_ref<Chunk>();
@@ -348,7 +357,7 @@ struct Scene {
 
 // The sum of a scene and the object alone; only with a slope, and only what is repulsive.
 START_TEST(objects) {
-  Scene repulsive(FS_SENSE_REPULSIVE), attractive(FS_SENSE_ATTRACTIVE);
+  Scene repulsive(FS_SENSE_REPULSIVE), attractive(FS_SENSE_ATTRACTIVE), damped(FS_SENSE_REPULSIVE, 1);
   const double slope = Scene::bound;
   for (double away = -0.005; away < 0.005; away += 0.00037) {
     const Vec3 x{0.02 + away, 0.02, 0.001};
@@ -371,6 +380,7 @@ START_TEST(objects) {
       ck_assert_double_le(norm(force - plain), 1e-12);
     }
     ck_assert(attractive.near(x, slope).wrench.force == attractive.near(x, no_slope_limit).wrench.force);
+    ck_assert_double_le(norm(damped.near(x, slope).wrench.force - share.wrench.force), 1e-6);  // the tool stands
     ck_assert(attractive.alone(x, slope).wrench.force == attractive.alone(x, no_slope_limit).wrench.force);
   }
 }
