@@ -80,6 +80,7 @@ static struct outcome push(const char *device_uri)
   fs_shape_destroy(plate.shape);  /* the scene keeps what it needs */
   options.mode = FS_SERVO_VIRTUAL;   /* time advances only when we step the servo */
   options.fade = options.ramp = -1;  /* felt in full from the first tick on: no person holds this handle */
+  options.max_stiffness = -1;        /* nor is what the plate pushes back with bounded, to show the jam */
   check(fs_device_open(device_uri, &device));
   check(fs_servo_start(scene, device, &options, &servo));
   printf("   time      depth      tilt   force: sideways, up     torque\n");

@@ -49,7 +49,8 @@ public class PegInHole {
     }
     double half = Math.toRadians(ASKEW / 2);
     ServoOptions options = new ServoOptions().mode(ServoMode.VIRTUAL)  // time advances only when we step the servo
-        .fade(-1).ramp(-1);  // felt in full from the first tick on: no person holds this handle
+        .fade(-1).ramp(-1)    // felt in full from the first tick on: no person holds this handle;
+        .maxStiffness(-1);    // nor is what the plate pushes back with bounded, to show the jam
     try (Scene scene = new Scene(); Shape shape = plate(); Device device = new Device(uri)) {
       scene.setTool(points);
       scene.set(ForceObject.of("plate", Primitive.MESH).shape(shape)

@@ -53,7 +53,7 @@ def push(device):
     forces, torques = [], []
     print("   time      depth      tilt   force: sideways, up     torque")
     # Time advances only when we step. Felt in full from the first tick on: no person holds this handle.
-    with fs.Servo(scene, device, mode="virtual", fade=-1, ramp=-1) as servo:
+    with fs.Servo(scene, device, mode="virtual", fade=-1, ramp=-1, max_stiffness=-1) as servo:
         for i in range(1, 1001):
             servo.step(1)
             hand = scene.hand()

@@ -73,9 +73,10 @@ struct Pushed {
     device = fake.open(false);
   }
 
-  void start(fs_servo_mode mode) {
+  void start(fs_servo_mode mode, double max_stiffness = 0) {
     fs_servo_options options = fs_servo_options_init();
     options.mode = mode;
+    options.max_stiffness = max_stiffness;
     options.ramp = options.fade = -1;
     options.priority = -1;
     servo = start_servo(scene.get(), device.get(), options);
@@ -485,7 +486,7 @@ START_TEST(a_thread_that_is_refused) {
     setrlimit(RLIMIT_NPROC, &none);
     fs_servo* servo = nullptr;
     if (fs_servo_start(pushed.scene.get(), pushed.device.get(), nullptr, &servo) != FS_ERROR_IO || servo) _exit(2);
-    pushed.start(FS_SERVO_CALLER);
+    pushed.start(FS_SERVO_CALLER, -1);  // sharing the stiffness out would take a thread
     if (fs_servo_step(pushed.servo.get(), 3) != FS_OK) _exit(3);
     arrived.has_begun = true;
     pushed.servo.reset();

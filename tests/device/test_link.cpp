@@ -164,13 +164,14 @@ struct Outcome {
   fs_servo_stats stats = fs_servo_stats_init();
 };
 
-// stiffness: N/m, of the scene; 0: what the servo says that it can render.
+// stiffness: N/m, of the scene, whatever the servo can render; 0: what the servo says that it can render.
 Outcome run(const std::string& uri, Fill fill, double stiffness) {
   Handles h;
   ok(fs_scene_create(&h.scene));
   ok(fs_device_open(uri.c_str(), &h.device));
   fs_servo_options options = fs_servo_options_init();
   options.mode = FS_SERVO_VIRTUAL;
+  if (stiffness > 0 && uri.find("link=force") != std::string::npos) options.max_stiffness = -1;  // to see it swing
   ok(fs_servo_start(h.scene, h.device, &options, &h.servo));
   Outcome out;
   ok(fs_scene_get_servo_stats(h.scene, &out.stats));

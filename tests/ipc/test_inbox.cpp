@@ -381,7 +381,9 @@ END_TEST
 // No number that a client can send makes a force that is not finite. If one did so nevertheless, only its own scene
 // would be lost: this test puts in a bad pose without the checks.
 START_TEST(not_a_number) {
-  Rig rig;
+  fs_servo_options options = servo_options();
+  options.max_stiffness = -1;  // else there would be no force at the surface itself
+  Rig rig(server_options(), options);
   const fs::Ref<fs::LocalScene> scene = fs::make_ref<fs::LocalScene>();
   fs_object plane = push("plane", 1, {0, 0, 1});
   plane.pose = scenes::at(0, 0, 0);

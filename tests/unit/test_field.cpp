@@ -45,13 +45,14 @@ struct Points {
       chunk.own(i);
       chunk.edit_row(i).version = 1;
       const ParsedObject parsed = parse_object(o);
+      Ref<const Object> felt;
       if (has_caps && random.coin()) {
-        Law& law = const_cast<Object&>(*parsed.object).law;
-        law = capped(law, random.log_between(5, 500));
+        felt = bounded(*parsed.object, {.slope = random.log_between(5, 500)});
         if (random.coin(0.9)) chunk.own_caps();
       }
-      chunk.set(i, parsed.object, nullptr, motion, 1);
-      if (parsed.object->law.front.cap && chunk.rows->formulas() >> i & 1) ++capped_count;
+      const bool is_capped = felt && felt->law.front.cap;
+      chunk.set(i, parsed.object, std::move(felt), motion, 1);
+      if (is_capped && chunk.rows->formulas() >> i & 1) ++capped_count;
     }
   }
   int capped_count = 0;  // of those that are evaluated in lanes
@@ -95,7 +96,7 @@ START_TEST(lanes_agree) {
     uint64_t felt_alone = 0;
     for (uint32_t i = 0; i < chunk_size; ++i) {
       Share share;
-      if (!(mask >> i & 1) || !evaluate_object(*chunk.row(i).object, chunk.motion(i), 0, tool, nullptr, share)) continue;
+      if (!(mask >> i & 1) || !evaluate_object(chunk.row(i).as_felt(true), chunk.motion(i), 0, tool, nullptr, share)) continue;
       const double w = weights[i].value();
       wrench.force += w * share.wrench.force;
       wrench.torque += w * share.wrench.torque;
