@@ -209,8 +209,10 @@ FS_API fs_status fs_scene_set_accuracy(fs_scene *scene, double newtons);
 
 /* Bound of the summed slope of overlapping objects, N/m at the device, >= 0. Above it the slopes are scaled together,
  * which never raises the force. 0 (default): what the servo can render; without a servo no bound. Connected: the bound
- * holds for the scene's own objects and can only lower what the server gives them. 0.1: above 0 is UNSUPPORTED, and 0
- * is no bound under a servo either. */
+ * holds for the scene's own objects and can only lower what the server gives them: an equal part of what the servo can
+ * render for each client that has objects. An object is bounded within 0.1 s after it is set or has moved beside others;
+ * a new one begins within the bound of one alone. Tools of one's own and fields are not bounded. 0.1: a bound that
+ * changes is felt at once. */
 FS_API fs_status fs_scene_set_max_stiffness(fs_scene *scene, double stiffness);
 
 /* [rt] The scene's clock, s: the monotonic clock of the machine that evaluates (the same in every process of that
@@ -257,7 +259,7 @@ typedef struct fs_report {
                                    force jumps (above). For a curve it is worked out once, when the curve is made: for
                                    a table it is never too low, for an expression it is an estimate from some hundred
                                    samples */
-  double stiffness_applied;     /* N/m at the device; less than stiffness_wanted when capped. 0.1: always equal to it */
+  double stiffness_applied;     /* N/m at the device; less than stiffness_wanted when capped */
   double distance;              /* m, from the object to the nearest tool point at the last tick; infinite: not near
                                    (beyond its force, weight 0, clutched, no servo); then point and wrench are 0 */
   fs_vec3 point;                /* p, or the proxy; in the frame of the scene that asks */
@@ -306,8 +308,7 @@ typedef enum fs_event_kind {
   FS_EVENT_NONE = 0,            /* no event within the timeout */
   FS_EVENT_READY = 1,           /* connected: a pending object is now felt */
   FS_EVENT_REFUSED = 2,         /* the server refused an object: status, text */
-  FS_EVENT_CAPPED = 3,          /* stiffness_applied changed by over 10 %: value, N/m; at most one event per second.
-                                   0.1: never */
+  FS_EVENT_CAPPED = 3,          /* stiffness_applied changed by over 10 %: value, N/m; at most one event per second */
   FS_EVENT_EDITED = 4,          /* another client (text) changed, moved or removed an object of this scene; several
                                    edits by one client before the object is looked at give one event */
   FS_EVENT_EXPIRED = 5,         /* an object's lifetime is over: it stays, at weight 0, until set, changed or moved */

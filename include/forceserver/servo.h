@@ -57,9 +57,8 @@ typedef struct fs_servo_options {
                                    that; negative: none. A remote controller damps by itself, whatever this says */
   double max_stiffness;         /* N/m, the total of all objects; 0: what the loop can render, and more than that is
                                    lowered to it; negative: none. fs_servo_stats has this value and damping as applied.
-                                   0.1: it is worked out and told, but objects are not bounded by it yet. INVALID: 0 or
-                                   more where there is no damping, neither the device's own nor local, as nothing can
-                                   be rendered then */
+                                   INVALID: 0 or more where there is no damping, neither the device's own nor local, as
+                                   nothing can be rendered then */
   int32_t priority;             /* THREAD: of SCHED_FIFO, 1..99; 0: 80; negative: an ordinary thread */
   int32_t cpu;                  /* THREAD: n > 0: processor n-1; 0: any */
 } fs_servo_options;
