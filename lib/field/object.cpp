@@ -11,8 +11,6 @@
 namespace fs {
 namespace {
 
-constexpr double never = std::numeric_limits<double>::infinity();
-
 double parse_range(double value, double low, double high, const char* field) {
   if (!(value >= low && value <= high)) {
     fail(FS_ERROR_INVALID, "%s is %.9g, must be within %.9g..%.9g", field, value, low, high);
@@ -254,9 +252,9 @@ Ref<const Object> bounded(const Object& object, const Bounds& bounds) {
   const bool is_solid = object.is_solid();
   // Where only the shape makes it jump, as the bend of a polyline, the law's bound is that of the bend.
   const bool is_law_bounded =
-      bounds.slope < object.law_slope || (bounds.slope < never && (!(object.steepest_slope < never) || object.has_ridges()));
+      bounds.slope < object.law_slope || (bounds.slope < no_bound && (!(object.steepest_slope < no_bound) || object.has_ridges()));
   const bool is_contact_bounded = is_solid && (object.contact.stiffness == 0 || bounds.stiffness < object.contact.stiffness) &&
-                                  bounds.stiffness < never;
+                                  bounds.stiffness < no_bound;
   const bool is_damping_bounded = bounds.damping < object.damping || (is_solid && bounds.contact_damping < object.contact.damping);
   if (!is_law_bounded && !is_contact_bounded && !is_damping_bounded) return nullptr;
   const Ref<Object> out = make_ref<Object>(object);

@@ -22,12 +22,14 @@ inline double stiffness_of(const fs_contact& contact) noexcept {
   return contact.stiffness > 0 ? contact.stiffness : unasked;
 }
 
-// What a servo lets an object have; infinite: no bound.
+inline constexpr double no_bound = std::numeric_limits<double>::infinity();
+
+// What a servo lets an object have.
 struct Bounds {
-  double slope = std::numeric_limits<double>::infinity();            // N/m, of its law
-  double stiffness = std::numeric_limits<double>::infinity();        // N/m, of its contact on each point of a tool
-  double damping = std::numeric_limits<double>::infinity();          // N s/m
-  double contact_damping = std::numeric_limits<double>::infinity();  // N s/m
+  double slope = no_bound;            // N/m, of its law
+  double stiffness = no_bound;        // N/m, of its contact on each point of a tool
+  double damping = no_bound;          // N s/m
+  double contact_damping = no_bound;  // N s/m
 };
 
 struct Object : Counted<Object> {

@@ -6,14 +6,14 @@
 namespace fs {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr double unbounded = std::numeric_limits<double>::infinity();
 
 double slope_without_cap(const Law& law) {
   // At s = 0, g goes from the back's value to the front's. A point or polyline has no back; there the direction turns over.
   const auto outward = [](const Profile& profile) { return profile.sense == FS_SENSE_REPULSIVE ? 1.0 : -1.0; };
   const double front = outward(law.front) * first_force(law.front);
   const double back = -outward(law.back) * first_force(law.back);
-  if (front != back) return infinity;
+  if (front != back) return unbounded;
   return std::fmax(steepest_slope(law.front), steepest_slope(law.back));
 }
 
@@ -31,7 +31,7 @@ Law capped(const Law& law, double slope) {
   Law out = law;
   out.front.cap = out.back.cap = nullptr;
   const bool is_exact = !is_expression(law.front) && !is_expression(law.back);
-  if (!(slope < infinity) || (is_exact && slope_without_cap(out) <= slope)) return out;
+  if (!(slope < unbounded) || (is_exact && slope_without_cap(out) <= slope)) return out;
   const Ref<Cap> front = cap_of(out.front, slope), back = cap_of(out.back, slope);
 
   // The force from which each side may rise at s = 0: the other side's, if it has the same direction.
@@ -53,7 +53,7 @@ Law capped(const Law& law, double slope) {
 }
 
 double slope_of(const Law& law) {
-  double most = infinity;
+  double most = unbounded;
   for (const Profile* const side : {&law.front, &law.back}) {
     if (side->cap) most = std::fmin(most, side->cap->slope);
   }

@@ -8,12 +8,11 @@
 
 #include "base/enum.h"
 #include "base/error.h"
+#include "field/weight.h"
 #include "servo/realtime.h"
 
 namespace fs {
 namespace {
-
-constexpr double never = std::numeric_limits<double>::infinity();
 
 double parse_limit(double given, double device, const char* field) {
   if (!(given >= 0 && given <= device)) {
