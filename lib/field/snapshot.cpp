@@ -41,7 +41,8 @@ Row& Chunk::set(uint32_t i, Ref<const Object> given, Ref<const Object> bounded, 
   const uint64_t bit = uint64_t{1} << i;
   const Object& object = *given;
   const Ref<const Cap> the_cap = bounded ? bounded->law.front.cap : nullptr;
-  rows->bounded = bounded ? rows->bounded | bit : rows->bounded & ~bit;
+  const bool is_softer = bounded && bounded->steepest_slope < object.steepest_slope;
+  rows->bounded = is_softer ? rows->bounded | bit : rows->bounded & ~bit;
   rows->rows[i].object = std::move(given);
   rows->rows[i].bounded = std::move(bounded);
   used |= bit;

@@ -70,7 +70,7 @@ struct Rows : LocalCounted<Rows> {
   uint64_t linear = 0, quadratic = 0, inverse = 0, gaussian = 0;  // bit i: row i is a point with this formula
   uint64_t contacts = 0;  // bit i: row i is felt by formulas, but is no such point
   uint64_t solids = 0;    // bit i: row i is solid
-  uint64_t bounded = 0;   // bit i: row i is bounded
+  uint64_t bounded = 0;   // bit i: the slope of row i is bounded
   double omitted = 0;     // N: a row counts as far where its force is at most this; 0: where it has none
   double offset[chunk_size] = {}, gain[chunk_size] = {}, per_width[chunk_size] = {};
   double limit[chunk_size] = {}, reach[chunk_size] = {};

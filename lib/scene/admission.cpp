@@ -45,12 +45,16 @@ Claim claim_of(const Wish& wish, double share, double now, double slope, bool is
   double reach = is_of_damping ? object.law.support
                                : std::max(slope_end(object.law.front, k), slope_end(object.law.back, k));
   if (object.is_solid()) reach = std::max(reach, object.contact.limit / (wish.contact * share));
+  if (object.has_ridges()) reach = std::max(reach, object.law.support);  // a ridge may be at any distance
   const Motion& motion = *wish.motion;
-  reach += seconds_ahead * (norm(motion.twist.linear) + norm(motion.twist.angular) * std::fmin(object.radius, 1e3));
+  const bool is_moving = is_under_way(motion, now);
+  if (is_moving) {
+    reach += seconds_ahead * (norm(motion.twist.linear) + norm(motion.twist.angular) * std::fmin(object.radius, 1e3));
+  }
   const Pose pose = motion.at(now);
   out.centre = pose.position;
   if (object.primitive == FS_PRIMITIVE_PLANE) {
-    out.region = norm(motion.twist.angular) > 0 ? Claim::Region::everywhere : Claim::Region::slab;
+    out.region = is_moving && norm(motion.twist.angular) > 0 ? Claim::Region::everywhere : Claim::Region::slab;
     out.normal = rotate(pose.orientation, {0, 0, 1});
     out.radius = reach;
   } else {
@@ -60,26 +64,30 @@ Claim claim_of(const Wish& wish, double share, double now, double slope, bool is
   return out;
 }
 
-// Where no workspace is known: a box about all that is somewhere.
+// Where no workspace is known: a box about all that is somewhere; slabs are everywhere then.
 Box box_of(const std::vector<Claim>& claims) {
   Box out;
   for (const Claim& c : claims) {
     if (c.region == Claim::Region::everywhere) continue;
-    const double r = c.region == Claim::Region::ball ? c.radius : c.radius + 1;
-    out.add(c.centre - Vec3{r, r, r});
-    out.add(c.centre + Vec3{r, r, r});
+    out.add(c.centre - Vec3{c.radius, c.radius, c.radius});
+    out.add(c.centre + Vec3{c.radius, c.radius, c.radius});
   }
   if (out.is_empty()) out.add(Vec3{});
   return out;
 }
 
-std::vector<double> shares_of(const std::vector<Claim>& claims, const Box& within, double total) {
+std::vector<double> shares_of(std::vector<Claim> claims, const Box& within, double total) {
+  for (Claim& claim : claims) {  // slabs that are not parallel meet somewhere
+    if (within.is_empty() && claim.region == Claim::Region::slab) claim.region = Claim::Region::everywhere;
+  }
   std::vector<double> out = greatest_sums(claims, within.is_empty() ? box_of(claims) : within, total);
   for (double& sum : out) sum = sum > total ? total / sum : 1;
   return out;
 }
 
 }  // namespace
+
+bool is_under_way(const Motion& motion, double now) noexcept { return motion.horizon > 0 && now < motion.time + motion.horizon; }
 
 SceneShare share_of(const Views& views, const LoopShare& share, double most) {
   SceneShare out{never, never, 0, 1, {}};
@@ -119,6 +127,7 @@ std::vector<Admitted> admit(const Snapshot& snapshot, const SceneShare& share, d
   snapshot.chunks.for_each([&](uint32_t number, const Chunk& chunk) {
     for_each_bit(chunk.used, [&](uint32_t i) {
       const Row& row = chunk.row(i);
+      if (row.next != no_row || (row.is_named && !row.is_in)) return;  // another version claims for it; it is disabled
       const Object& object = *row.object;
       Wish wish{{number * chunk_size + i, row.version, &object, {}}, 0, 0, 0, &chunk.motion(i)};
       const unsigned points =
@@ -155,7 +164,9 @@ std::vector<Admitted> admit(const Snapshot& snapshot, const SceneShare& share, d
   std::vector<double> damping(wishes.size(), 1.0);
   if (share.damping < never) {
     std::vector<Claim> claims;
-    for (const Wish& wish : wishes) claims.push_back(claim_of(wish, 1, now, wish.damping, true));
+    for (const Wish& wish : wishes) {
+      claims.push_back(claim_of(wish, parts[claims.size()], now, wish.damping, true));
+    }
     damping = shares_of(claims, share.within, share.damping);
   }
 
@@ -163,9 +174,9 @@ std::vector<Admitted> admit(const Snapshot& snapshot, const SceneShare& share, d
   out.reserve(wishes.size());
   for (size_t i = 0; i < wishes.size(); ++i) {
     Admitted row = wishes[i].row;
-    if (share.stiffness < never) row.bounds.slope = parts[i] * wishes[i].law;
+    if (share.stiffness < never && wishes[i].law > 0) row.bounds.slope = parts[i] * wishes[i].law;
     if (share.stiffness < never && row.object->is_solid()) row.bounds.stiffness = parts[i] * wishes[i].contact;
-    if (share.damping < never) row.bounds.damping = damping[i] * row.object->damping;
+    if (share.damping < never && row.object->damping > 0) row.bounds.damping = damping[i] * row.object->damping;
     if (share.damping < never) row.bounds.contact_damping = damping[i] * row.object->contact.damping;
     out.push_back(row);
   }

@@ -36,7 +36,10 @@ SceneShare share_of(const Views& views, const LoopShare& share, double most);
 // What an object gets of which the rest of the scene is not known yet.
 Bounds bounds_alone(const SceneShare& share) noexcept;
 
-// The bounds of all rows that may be felt, at time `now` (s).
+// Whether the object is somewhere else a little later.
+bool is_under_way(const Motion& motion, double now) noexcept;
+
+// The bounds of the rows that may be felt, at time `now` (s). A row that another version follows keeps its own.
 std::vector<Admitted> admit(const Snapshot& snapshot, const SceneShare& share, double now);
 
 }  // namespace fs

@@ -26,7 +26,16 @@ Chunk& ObjectRows::own(uint32_t row, const Object* bounded) {
 
 Ref<const Object> ObjectRows::bounded_for(const Entry& entry, const Row* before) const {
   if (!servo_) return nullptr;
-  return fs::bounded(*entry.object, before && before->bounded ? before->bounded->bounds : bounds_);
+  Bounds bounds = bounds_;
+  if (before && before->bounded) {  // for what it had already
+    const Object& object = *before->object;
+    const Bounds& had = before->bounded->bounds;
+    if (had.slope < no_bound) bounds.slope = had.slope;
+    if (object.is_solid()) bounds.stiffness = had.stiffness;
+    if (object.damping > 0) bounds.damping = had.damping;
+    if (object.is_solid() && object.contact.damping > 0) bounds.contact_damping = had.contact_damping;
+  }
+  return fs::bounded(*entry.object, bounds);
 }
 
 // Whether bounds need not be changed to others: they are at most slightly more, and not much less.
@@ -276,7 +285,10 @@ void ObjectRows::start_servo(Reader& reader, bool starts_in, double now) noexcep
 
 void ObjectRows::detach(Reader& reader) noexcept {
   std::erase(readers_, &reader);
-  if (servo_ == &reader) servo_ = nullptr;
+  if (servo_ == &reader) {
+    servo_ = nullptr;
+    bounds_ = {};
+  }
   reader.mailbox.clear();
   reader.scratches = {};
 }
@@ -287,13 +299,17 @@ ObjectRows::Shifted ObjectRows::shifted(double shift) const {
     for_each_bit(chunk.used, [&](uint32_t i) {
       const Row& before = chunk.row(i);
       if (!before.is_named) out.dropped.push_back(number * chunk_size + i);
-      if (before.is_named && shift == 0 && before.previous == no_row) return;
+      if (before.is_named && shift == 0 && before.previous == no_row && !before.bounded) return;
       Chunk& copy = out.chunks.edit(number, sequence_);
       copy.own(i);
       Row& row = copy.edit_row(i);
       row.previous = row.next = no_row;
       row.start += shift;
       row.expiry += shift;
+      if (row.bounded) {  // by a servo that is no more
+        const Ref<const Object> object = row.object;
+        copy.set(i, object, nullptr, chunk.motion(i), chunk.motion_revision(i));
+      }
       if (shift == 0) return;
       Motion motion = chunk.motion(i);
       motion.time += shift;

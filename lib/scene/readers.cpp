@@ -87,7 +87,8 @@ static bool operator==(const LoopShare& a, const LoopShare& b) noexcept {
 void Readers::note_capped(const Admitted& row, double before, const SceneShare& share) {
   const Row& now = evaluated_.objects.rows.row(row.row);
   const double after = now.as_felt(true).steepest_slope, time = evaluated_.clock.now();
-  if (!now.is_named || std::fabs(after - before) <= 0.1 * before || std::fabs(time - last_capped_) < 1) return;
+  const bool has_changed = after < 0.9 * before || after > 1.1 * before;  // before may be infinite
+  if (!now.is_named || !has_changed || std::fabs(time - last_capped_) < 1) return;
   last_capped_ = time;
   fs_event event{};
   event.kind = FS_EVENT_CAPPED;
@@ -129,15 +130,16 @@ void Readers::admit(const LoopShare& loop) {
 
   const std::lock_guard lock(mutex_);
   if (!evaluated_.servo()) return;
+  const bool is_newest = evaluated_.newest() && evaluated_.sequence() == snapshot->sequence;  // else it is done again
   evaluated_.prepare();
   ObjectRows& rows = evaluated_.objects.rows;
   rows.set_bounds(bounds_alone(share));
   bool has_changed = false, wants = false, is_moving = false;
   for (const Admitted& row : all) {
-    wants |= row.object->steepest_slope > 0;
+    wants |= row.object->steepest_slope > 0 || row.object->damping > 0;
     const Chunk* const chunk = find_chunk(rows.chunks(), row.row);
     if (!chunk || !(chunk->used >> row.row % chunk_size & 1)) continue;
-    is_moving |= chunk->motion(row.row % chunk_size).horizon > 0;
+    is_moving |= is_under_way(chunk->motion(row.row % chunk_size), time);
     const double before = rows.row(row.row).as_felt(true).steepest_slope;
     if (!rows.bound(row.row, row.version, *row.object, row.bounds)) continue;
     has_changed = true;
@@ -145,7 +147,7 @@ void Readers::admit(const LoopShare& loop) {
   }
   if (has_changed) evaluated_.changed();
   wants_stiffness_.store(wants, std::memory_order_relaxed);
-  admitted_ = evaluated_.sequence();
+  admitted_ = is_newest ? evaluated_.sequence() : 0;
   admitted_share_ = loop;
   admitted_most_ = most;
   is_any_moving_ = is_moving;

@@ -4,6 +4,8 @@
 #include <chrono>
 #include <system_error>
 
+#include <pthread.h>
+
 #include "base/error.h"
 #include "base/signals.h"
 #include "servo/servo.h"
@@ -29,6 +31,9 @@ void Keeper::start() {
   try {
     const SignalsBlocked blocked;
     thread_ = std::thread([this] {
+      begin_thread("fs-keeper");
+      const sched_param ordinary{};
+      pthread_setschedparam(pthread_self(), SCHED_OTHER, &ordinary);  // the starter may have been a real-time thread
       using Clock = std::chrono::steady_clock;
       std::chrono::duration<double> pause(0.04);
       std::unique_lock lock(mutex_);
