@@ -1,5 +1,5 @@
-// Checks that wait for a protection that the library does not have yet. When it comes, the suite fails and asks for the
-// line to be deleted.
+// Checks that wait for a protection that the library does not have yet, or for a cure that is not found yet. When it comes,
+// the suite fails and asks for the line to be deleted.
 #pragma once
 
 namespace stability {
@@ -11,7 +11,10 @@ struct Pending {
 
 inline constexpr Pending pending_checks[] = {
     {"6/cured", "blend of moves"},
-    {"random/default/light", "still open: one scene of 60"},
+    {"random/default/light", "still open: number 51"},
+    {"random/default/light/many", "still open: number 51"},
+    {"random/default/firm/many", "still open: number 404"},
+    {"sweep/many", "still open: some of 600, of all kinds"},
 };
 
 }  // namespace stability
