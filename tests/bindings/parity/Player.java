@@ -46,7 +46,8 @@ public final class Player implements AutoCloseable {
   }
 
   private Servo start() {
-    return new Servo(base, device, new ServoOptions().mode(ServoMode.VIRTUAL).fade(number(scenario.get("fade"))));
+    return new Servo(base, device, new ServoOptions().mode(ServoMode.VIRTUAL).fade(number(scenario.get("fade")))
+        .maxStiffness(-1));
   }
 
   @Override public void close() {

@@ -58,6 +58,7 @@ class Player {
     check(fs_device_open(scenario.at("device").get<std::string>().c_str(), &device_));
     options_.mode = FS_SERVO_VIRTUAL;
     options_.fade = scenario.at("fade");
+    options_.max_stiffness = -1;  // else a force would depend on when the servo has looked at what else is there
     scene_ = base_;
     if (!is_connected) return;
     const std::string endpoint = "shm:parity-" + std::to_string(getpid());

@@ -32,7 +32,7 @@ class Player:
             self.scenes["other"] = stack.enter_context(fs.connect(endpoint, "other"))
 
     def start(self):
-        servo = fs.Servo(self.scene, self.device, mode="virtual", fade=self.scenario["fade"])
+        servo = fs.Servo(self.scene, self.device, mode="virtual", fade=self.scenario["fade"], max_stiffness=-1)
         self.servo = self.stack.enter_context(servo)
 
     def play(self, steps, prefix=""):
