@@ -66,7 +66,7 @@ class Edit:
         self.look.fetch_again(name)
 
     def _add(self, scene: fs.Scene, name: str, primitive: str, fields: Plain, scale: float = 1.0) -> Plain:
-        made = fs.Object(primitive=primitive)
+        made = fs.Object(primitive=fs.Primitive[primitive.upper()])
         made.name = self._free_name(scene, name)
         if primitive == "mesh":
             if self._upload is None:

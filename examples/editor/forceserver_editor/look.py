@@ -197,7 +197,7 @@ class Look:
         fetched, missed, by_name = 0, False, {}
         for name, revision in zip(names.tolist(), revisions.tolist(), strict=True):
             known = self._by_name.get(name)
-            text = name.decode(errors="surrogateescape")
+            text = str(name)
             if known is None or known.revision != revision or text in again:
                 if fetched == GETS_PER_STATE:
                     missed = True
@@ -258,7 +258,7 @@ class Look:
     def _clients(self, scene: fs.Scene) -> list[Plain]:
         found = []
         for client in scene.get_clients():
-            name = client["name"].decode(errors="surrogateescape")
+            name = str(client["name"])
             try:
                 view = scene.get_view(name)
             except fs.NotFoundError:
