@@ -400,7 +400,7 @@ def test_command_line(started: Any) -> None:
     editor = started(Editor, lab.endpoint)
     assert "cannot listen" in run(lab.endpoint, "--no-browser", "--port", str(editor.port))
     other = started(Editor, lab.endpoint)  # two editors with one name
-    assert {client["name"] for client in lab.join("x").get_clients()} >= {b"editor", b"editor 2"}
+    assert {str(client["name"]) for client in lab.join("x").get_clients()} >= {"editor", "editor 2"}
     assert other.port != editor.port
     assert "'editor'" in run(lab.endpoint, "--no-browser", "--name", "editor")
     assert "WARNING" in started(Editor, lab.endpoint, "--host", "0.0.0.0", "--name", "wide").said
