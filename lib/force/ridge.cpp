@@ -185,7 +185,7 @@ bool search_ridge(fs_primitive primitive, const Shape& shape, Vec3 x, const Clos
   for (int searches = 0; searches < most_searches; ++searches) {
     const double known = pieces.distance(y);
     Closest found;
-    const bool is_found = closest_point(primitive, &shape, y, known + tolerance, found, nullptr, effort);
+    const bool is_found = closest_point(primitive, &shape, y, known - tolerance, found, nullptr, effort);
     if (effort && effort->is_cut) return false;
     const double least = is_found ? found.distance : known;
     if (const Vec3 way = y - seen; norm(way) > free + least) {  // y may lie beyond another wall
@@ -194,7 +194,7 @@ bool search_ridge(fs_primitive primitive, const Shape& shape, Vec3 x, const Clos
     }
     seen = y;
     free = least;
-    if (is_found && least < known - tolerance) {
+    if (is_found) {
       pieces.add(Piece(found));
       pieces.solve();
     } else if (y == pieces.goal() && !(pieces.is_ridge() && pieces.correct(primitive, shape, tolerance, effort))) {

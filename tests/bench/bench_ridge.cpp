@@ -11,7 +11,7 @@
 #include "meshes.h"
 
 using namespace bench;
-using fs::Vec3;
+using namespace fs;
 
 namespace {
 
@@ -44,33 +44,33 @@ Mesh corner(uint32_t n) {
 void row(const char* name, const Mesh& mesh, Vec3 from, Vec3 to, double l) {
   constexpr int places = 3000, rounds = 9;
   enum { alone, without_hint, with_hint, ways };
-  const fs::Ref<const fs::Shape> shape = fs::make_mesh(mesh.points.data(), mesh.points.size(), mesh.corners.data(), mesh.count());
+  const Ref<const Shape> shape = make_mesh(mesh.points.data(), mesh.points.size(), mesh.corners.data(), mesh.count());
   shape->build();
   double least[ways], visits[ways];
   int ridges = 0;
   for (double& time : least) time = std::numeric_limits<double>::infinity();
   for (int round = 0; round < rounds; ++round) {
     for (int way = 0; way < ways; ++way) {
-      fs::Hint hint;
-      fs::Effort effort;
+      Hint hint;
+      Effort effort;
       ridges = 0;
-      double sum = 0;
+      double taken = 0;
       const double begin = cpu_ns();
       for (int i = 0; i < places; ++i) {
         const Vec3 x = from + (double(i) / places) * (to - from);
-        fs::Closest closest;
-        const auto find = way == with_hint ? fs::closest_point_ahead : fs::closest_point;
+        Closest closest;
+        const auto find = way == with_hint ? closest_point_ahead : closest_point;
         find(FS_PRIMITIVE_MESH, shape.get(), x, 1, closest, &hint, &effort);
-        fs::Ridge ridge;
+        Ridge ridge;
         if (way != alone && find_ridge(FS_PRIMITIVE_MESH, shape.get(), x, closest, l, ridge,
                                        way == with_hint ? &hint : nullptr, &effort)) {
           ++ridges;
         }
-        sum += std::numeric_limits<uint32_t>::max() - effort.visits;
+        taken += std::numeric_limits<uint32_t>::max() - effort.visits;
         effort.visits = std::numeric_limits<uint32_t>::max();
       }
       least[way] = std::min(least[way], (cpu_ns() - begin) / places);
-      visits[way] = sum / places;
+      visits[way] = taken / places;
     }
   }
   std::printf("| %-28s | %4.1f | %3d %% | %5.0f | %5.2f | %5.2f | %5.2f | %5.2f |\n", name, 1e3 * l, 100 * ridges / places,

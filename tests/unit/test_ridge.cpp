@@ -77,7 +77,7 @@ void check_ways(const Wall& wall, Vec3 middle, Vec3 half, Side side, double most
   Random random(5);
   double steepest = 0, raw_steepest = 0;
   int ridges = 0, places = 0;
-  for (int run = 0; run < sanitized_times(40, 150); ++run) {
+  for (int run = 0; run < 150; ++run) {
     Vec3 x = middle + random_place(random, half);
     constexpr double step = 1e-5;
     const Vec3 way = step * random_direction(random);
@@ -276,7 +276,7 @@ START_TEST(hints_change_nothing) {
     int ridges = 0, searches_saved = 0;
     const bool is_corner = wall.shape->triangles.size() == size_t{3} * 2 * 2 * 30 * 30;
     Vec3 x, way{};
-    for (int i = 0; i < sanitized_times(3000, 20000); ++i) {
+    for (int i = 0; i < sanitized_times(10000, 20000); ++i) {
       if (i % 500 == 0) {  // elsewhere
         x = is_corner ? Vec3{random.between(0.001, 0.01), random.between(0.001, 0.01), 0} : random_place(random, {0.06, 0.06, 0.02});
         way = 2e-5 * random_direction(random);
