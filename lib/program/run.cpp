@@ -8,6 +8,7 @@
 #include <chrono>
 #include <cstdio>
 #include <cstring>
+#include <map>
 #include <optional>
 #include <span>
 #include <string_view>
@@ -123,27 +124,45 @@ std::string felt(fs_scene* scene) {
   return join(names, "nothing");
 }
 
-// The object that is felt most; where none is felt at this moment, the nearest.
-std::string culprit(fs_scene* scene) {
-  const std::vector<fs_report> reports = get_list(fs_scene_get_reports, scene);
-  const fs_report *strongest = nullptr, *nearest = nullptr;
-  for (const fs_report& report : reports) {
-    if (!strongest || length(report.wrench.force) > length(strongest->wrench.force)) strongest = &report;
-    if (!nearest || report.distance < nearest->distance) nearest = &report;
+// Which object shakes the hand: the one that was felt most in the last swings; where none was felt, the nearest.
+class Culprit {
+ public:
+  // To be called every few hundredths of a second: a swing has moments where nothing is felt.
+  void add(const std::vector<fs_report>& reports) {
+    std::map<std::string, double> felt;
+    for (const fs_report& report : reports) {
+      const auto before = felt_.find(report.name);
+      felt[report.name] = std::max(length(report.wrench.force), before == felt_.end() ? 0 : fading * before->second);
+    }
+    felt_ = std::move(felt);
   }
-  if (strongest && length(strongest->wrench.force) > 0.01) {
-    return format("felt most: %s, %.2f N", strongest->name, length(strongest->wrench.force));
+
+  std::string describe(const std::vector<fs_report>& reports) const {
+    const auto strongest = std::max_element(felt_.begin(), felt_.end(),
+                                            [](const auto& a, const auto& b) { return a.second < b.second; });
+    if (strongest != felt_.end() && strongest->second > 0.01) {
+      return format("felt most: %s, %.2f N", strongest->first.c_str(), strongest->second);
+    }
+    const auto nearest = std::min_element(reports.begin(), reports.end(), [](const fs_report& a, const fs_report& b) {
+      return a.distance < b.distance;
+    });
+    if (nearest != reports.end() && std::isfinite(nearest->distance)) {
+      return format("nearest: %s, %.1f mm away", nearest->name, nearest->distance * 1e3);
+    }
+    return "no object of this scene is near";
   }
-  if (nearest && std::isfinite(nearest->distance)) {
-    return format("nearest: %s, %.1f mm away", nearest->name, nearest->distance * 1e3);
-  }
-  return "no object of this scene is near";
-}
+
+ private:
+  static constexpr double fading = 0.9;  // of a remembered force, from one call to the next
+  std::map<std::string, double> felt_;   // N, the greatest force of each object, older ones for less
+};
 
 // Says that the hand chatters when it begins to, and again every 5 s as long as it goes on.
 class ChatterReport {
  public:
   void add(fs_scene* scene, std::span<const fs_tick> ticks, double time, bool terminal) {  // time: s
+    const std::vector<fs_report> reports = get_list(fs_scene_get_reports, scene);
+    culprit_.add(reports);
     const std::optional<Chatter::Swing> swing = chatter_.add(ticks);
     if (!swing || time < next_) return;
     next_ = time + 5;
@@ -151,13 +170,14 @@ class ChatterReport {
     const fs_vec3& x = swing->place;
     std::printf("%s%.1f s  the hand chatters: %.0f times a second, %.2g mm from end to end, about (%.0f, %.0f, %.0f) "
                 "mm of the device; %s\n", terminal ? "\r\033[K" : "", time, swing->frequency, swing->size * 1e3, std::round(x.x * 1e3) + 0.0,
-                std::round(x.y * 1e3) + 0.0, std::round(x.z * 1e3) + 0.0, culprit(scene).c_str());
+                std::round(x.y * 1e3) + 0.0, std::round(x.z * 1e3) + 0.0, culprit_.describe(reports).c_str());
     std::fflush(stdout);
   }
   bool any() const { return any_; }
 
  private:
   Chatter chatter_;
+  Culprit culprit_;
   double next_ = 0;  // s
   bool any_ = false;
 };
