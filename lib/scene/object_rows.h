@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "field/servo_output.h"
+#include "scene/clock.h"
 #include "scene/row_space.h"
 #include "scene/versions.h"
 
@@ -21,7 +21,7 @@ struct Entry {
 
 class ObjectRows : Versions<ObjectRows> {
  public:
-  explicit ObjectRows(const ServoOutput& output) : output_(output) {}
+  ObjectRows(const ServoOutput& output, const Clock& clock) : output_(output), clock_(clock) {}
 
   const Chunks& chunks() const noexcept { return chunks_; }
   const Row& row(uint32_t row) const noexcept { return find_chunk(chunks_, row)->row(row % chunk_size); }
@@ -38,12 +38,18 @@ class ObjectRows : Versions<ObjectRows> {
   // (no memory), what is felt is as before.
   uint32_t add(const Entry& entry);                    // a name that has no row
   uint32_t set(uint32_t newest, const Entry& entry);   // to another version if need be
-  void move(uint32_t newest, const Motion& motion, double expiry, uint64_t motion_revision);
+  void move(uint32_t newest, const Motion& motion, double expiry, uint64_t motion_revision);  // no jump
   uint32_t remove(uint32_t newest);                    // no_row: nothing is left of it
   // Lets go of what has faded out: no_row: of all of it.
   uint32_t tidy(uint32_t newest);
   // Whether something fades out behind the newest row, or the newest row itself.
   bool is_fading(uint32_t newest) const noexcept { return row(newest).previous != no_row || !row(newest).is_named; }
+
+  // Whether a servo feels the row so far from where it is to be that it must be set, as another version: it cannot be moved
+  // through the hand.
+  bool is_jump(uint32_t row, const Motion& to) const noexcept { return is_jump(row, to, clock_.now()); }
+  // To be called before the rows are posted: what has been moved since the last time is blended from now on.
+  void begin_offsets() noexcept;
 
   // Called for one row after the other before all of them change, so that their chunks lie together in memory: a reader
   // that looks at all of them is faster then.
@@ -78,24 +84,35 @@ class ObjectRows : Versions<ObjectRows> {
   // What may throw comes first: these make the chunk of a row and what is changed in it the table's own.
   Chunk& own(uint32_t row);
   void own_motion(uint32_t row);
+  void own_offsets(size_t count);  // of rows that are going to be moved
   uint32_t allocate(const Entry& entry);
   using New = std::vector<Ref<Scratch>>;  // of each reader; empty: what is there goes on
   New make_new(uint32_t row, const Object& object, const Object* before);
 
   Chunk& chunk(uint32_t row) noexcept { return chunks_.edit(row / chunk_size, sequence_); }
   Row& edit(uint32_t row) noexcept { return chunk(row).edit_row(row % chunk_size); }
-  void fill(Chunk& its, uint32_t row, const Entry& entry, uint64_t version, uint32_t previous) noexcept;
+  void fill(Chunk& its, uint32_t row, const Entry& entry, const Motion& motion, uint64_t version, uint32_t previous) noexcept;
   void install(uint32_t row, New& made) noexcept;
   void drop(uint32_t row) noexcept;
+  // What a row needs to be as wanted.
+  enum class Change { adjusted, taken_over, replaced };  // the same version; another, by Want::takes_over; another, by a fade
+  Change change_of(uint32_t row, const Entry& to, double now) const noexcept;
+  bool is_jump(uint32_t row, const Motion& to, double now) const noexcept;
+  Spread spread() const noexcept { return servo_ ? servo_->memory->spread : Spread{}; }
+  // A motion that goes on from where a row is felt.
+  Motion going_on(uint32_t row, const Motion& to, double now) const noexcept;
+  void note_offset(uint32_t row) noexcept;  // after own_offsets
   static constexpr uint32_t longest_chain = 16;
   uint32_t length(uint32_t newest) const noexcept;  // of the chain
 
   const ServoOutput& output_;
+  const Clock& clock_;
   Chunks chunks_;
   uint64_t sequence_ = 1, last_version_ = 0;
   RowSpace space_;
   std::vector<Reader*> readers_;
   Reader* servo_ = nullptr;
+  std::vector<uint32_t> moved_;  // rows whose offsets are to begin
 };
 
 }  // namespace fs

@@ -63,12 +63,14 @@ ServoSettings parse_options(const fs_servo_options& options, const fs_device_inf
   out.limits.force = parse_limit(options.force_limit, device.force_max, "force_limit");
   out.limits.torque = parse_limit(options.torque_limit, device.torque_max, "torque_limit");
   uint32_t& off = out.protections_off;
-  constexpr double never = std::numeric_limits<double>::infinity();
-  out.limits.speed = parse_switch(options.speed_limit, 2, never, 1e6, FS_OFF_SPEED, off, "speed_limit");
+  constexpr double standard_speed_limit = 2;  // m/s
+  out.limits.speed = parse_switch(options.speed_limit, standard_speed_limit, never, 1e6, FS_OFF_SPEED, off, "speed_limit");
   out.limits.ramp = parse_switch(options.ramp, 0.5, 0, 1e6, FS_OFF_RAMP, off, "ramp");
-  out.fade = parse_switch(options.fade, 1, 0, 1e6, FS_OFF_FADE, off, "fade");
+  out.spread.fade = parse_switch(options.fade, 1, 0, 1e6, FS_OFF_FADE, off, "fade");
+  out.spread.blend = parse_switch(options.blend, 0.02, 0, 1e6, FS_OFF_BLEND, off, "blend");
+  const double speed = out.limits.speed < never ? out.limits.speed : standard_speed_limit;
+  out.spread.jump = out.spread.blend > 0 ? out.spread.blend * speed : never;
   parse_missing_switch(options.slew_limit, 1e12, FS_OFF_SLEW, off, "slew_limit");
-  parse_missing_switch(options.blend, 1e6, FS_OFF_BLEND, off, "blend");
   parse_missing_switch(options.damping, 1e9, FS_OFF_DAMPING, off, "damping");
   parse_missing_switch(options.max_stiffness, 1e12, FS_OFF_STIFFNESS, off, "max_stiffness");
   if (!(options.delay >= 0 && options.delay <= 10)) {

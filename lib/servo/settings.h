@@ -3,6 +3,7 @@
 
 #include <forceserver/servo.h>
 
+#include "field/weight.h"
 #include "servo/guard.h"
 
 namespace fs {
@@ -12,7 +13,7 @@ struct ServoSettings {
   double rate;               // Hz
   Guard::Limits limits;
   double pose_age;           // s: if the pose is older, the device counts as lost
-  double fade;               // s; 0: none
+  Spread spread;             // of changes
   int priority, cpu;         // negative: ordinary priority; negative: any processor
   uint32_t protections_off;  // FS_OFF_ bits
 };

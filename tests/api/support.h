@@ -112,11 +112,13 @@ inline fs_servo_stats stats_of(fs_scene* scene) {
   return stats;
 }
 
-// Options of a virtual servo with all protections off, except those that a test sets.
+// Options of a virtual servo that blends nothing, so that it feels moves and changes at once, as a tool does. The other
+// protections are those that a test sets.
 inline fs_servo_options virtual_options() {
   fs_servo_options options = fs_servo_options_init();
   options.mode = FS_SERVO_VIRTUAL;
   options.rate = 1000;
+  options.blend = -1;
   return options;
 }
 

@@ -599,7 +599,6 @@ START_TEST(missing_protections) {  // asking for one is UNSUPPORTED
     double fs_servo_options::*member;
     double values[2];
   } cases[]{{"slew_limit", &fs_servo_options::slew_limit, {1e-3, 1e6}},
-            {"blend", &fs_servo_options::blend, {1e-3, 0.1}},
             {"delay", &fs_servo_options::delay, {1e-6, 10}},
             {"damping", &fs_servo_options::damping, {1e-3, 5}},
             {"max_stiffness", &fs_servo_options::max_stiffness, {1e-3, 5000}}};

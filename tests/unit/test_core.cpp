@@ -151,7 +151,8 @@ namespace {
 
 // A scene with one name, and a servo that ticks at any time.
 struct OneName {
-  explicit OneName(double the_fade) : fade(the_fade), reader(make_ref<Memory>(the_fade)), rows(output) {
+  explicit OneName(double the_fade)
+      : fade(the_fade), reader(make_ref<Memory>(Spread{.fade = the_fade})), rows(output, clock) {
     for (const fs_primitive primitive : {FS_PRIMITIVE_POINT, FS_PRIMITIVE_PLANE}) {
       fs_object object = fs_object_init("name", primitive);
       for (uint32_t points : {0u, 1u, 2u}) {
@@ -202,6 +203,7 @@ struct OneName {
   double now = 0;
   uint64_t sequence = 0;
   ServoOutput output;
+  const Clock clock{output, ClockKind::virtual_time};
   Reader reader;
   ObjectRows rows;
   Ref<Views> views = make_ref<Views>();
@@ -274,7 +276,7 @@ END_TEST
 
 // The views of a scene under a servo of which a tick can be held up between its parts.
 struct OneView {
-  explicit OneView(double fade) : servo(make_ref<Memory>(fade)) {
+  explicit OneView(double fade) : servo(make_ref<Memory>(Spread{.fade = fade})) {
     views.attach_servo(servo);
     post();
     fetch();
@@ -534,16 +536,16 @@ START_TEST(track_works_out_twists) {
   const Motion second = track.take(at(0.02), nullptr, 1.04);
   ck_assert_double_eq_tol(second.twist.linear.x, 0.5, 1e-12);
   ck_assert_double_eq_tol(second.horizon, 0.08, 1e-12);
-  ck_assert_double_eq_tol(second.at(1.06).position.x, 0.03, 1e-12);
-  ck_assert_double_eq_tol(second.at(9).position.x, 0.06, 1e-12);   // at most twice 0.04 s
-  ck_assert_double_eq_tol(second.at(0.5).position.x, 0.02, 1e-12);  // it does not extrapolate backwards
+  ck_assert_double_eq_tol(second.at(1.06, 0).position.x, 0.03, 1e-12);
+  ck_assert_double_eq_tol(second.at(9, 0).position.x, 0.06, 1e-12);   // at most twice 0.04 s
+  ck_assert_double_eq_tol(second.at(0.5, 0).position.x, 0.02, 1e-12);  // it does not extrapolate backwards
   const Motion again = track.take(at(0.03), nullptr, 1.0405);       // this replaces the one at 1.04
   ck_assert_double_eq_tol(again.twist.linear.x, 0.03 / 0.0405, 1e-12);
   const Motion older = track.take(at(0.04), nullptr, 1.01);
   ck_assert_double_eq(older.horizon, 0);
   ck_assert_double_eq(track.take(at(0.05), nullptr, 1.5).horizon, 0);  // more than 0.2 s since the last
   const Twist given{{1, 0, 0}, {0, 0, 0}};
-  ck_assert_double_eq_tol(track.take(at(0.05), &given, 1.6).at(9).position.x, 0.15, 1e-12);
+  ck_assert_double_eq_tol(track.take(at(0.05), &given, 1.6).at(9, 0).position.x, 0.15, 1e-12);
 }
 END_TEST
 
