@@ -42,8 +42,8 @@ typedef struct fs_servo_options {
   double speed_limit;           /* m/s of the hand; a higher speed is a fault; 0: 2; negative: none */
   double ramp;                  /* s to full force at the start and after a fault; 0: 0.5; negative: none */
   double fade;                  /* s in which an object fades in or out; 0: 1.0; negative: none */
-  double blend;                 /* s over which the change of a moved or changed object is spread; 0: 0.02; negative:
-                                   none. 0.1: always none, above 0 UNSUPPORTED */
+  double blend;                 /* s over which the change of a moved or changed object is spread (scene.h); 0: 0.02;
+                                   negative: none. An object that is moved farther than speed_limit * blend fades */
   double delay;                 /* s of delay in the loop, in addition to its period, 0..10; 0: the device's. 0.1: above
                                    0 UNSUPPORTED */
   double damping;               /* N s/m, local, filtered at 100 Hz; 0: 5, or less where the loop cannot render that;
@@ -89,8 +89,8 @@ typedef enum fs_fault {
  *     for (; faults; faults &= faults - 1) puts(fs_fault_name(faults)); */
 FS_API const char *fs_fault_name(uint32_t faults);
 
-/* The protections that negative options switched off; bits. 0.1: SLEW, STIFFNESS, DAMPING and BLEND are always set, as
- * these protections do not exist yet. */
+/* The protections that negative options switched off; bits. 0.1: SLEW, STIFFNESS and DAMPING are always set, as these
+ * protections do not exist yet. */
 enum {
   FS_OFF_SLEW = 1,              /* slew_limit */
   FS_OFF_SPEED = 2,             /* speed_limit */

@@ -1,6 +1,7 @@
 // What is felt when objects are moved and changed under a servo that blends: no step of the force, and after the blend what
 // a tool feels. test_no_step has everything that fades.
 #include <functional>
+#include <utility>
 
 #include "api/hand.h"
 #include "api/world.h"
@@ -147,7 +148,7 @@ START_TEST(a_move_takes_the_blend) {  // and ends exactly where it was told to
   s.move("wall", at(0, 0, 0.02));
   const double before = s.force().z;
   s.run(period);
-  EXPECT_NEAR(s.force().z - before, before - speed, 0.1);
+  EXPECT_NEAR(s.force().z - before, before - speed, 0.2);  // 150 m/s2 at most
   s.run(0.03);
   EXPECT_NEAR(s.force().z, 20, 1e-9);
   // As fast as a hand can send: it follows, and comes to rest where the last one puts it.
@@ -189,7 +190,7 @@ START_TEST(turns_are_blended) {
   box.run(2 * fade);
   const double to = norm(force_at(make_tool(box.scene).get(), {0.01, 0.1, 0}));
   ck_assert_double_gt(std::fabs(to - from), 5);
-  ck_assert_double_le(box.largest, (from + to) * period / fade);
+  ck_assert_double_le(box.largest, (from + to) * period / fade * (1 + 1e-6));
 }
 END_TEST
 
@@ -328,7 +329,8 @@ START_TEST(a_blend_goes_on_from_the_weight) {  // of what is fading
   s.run(period);
   const double begun = s.force().z / 10;
   s.run(blend);
-  EXPECT_NEAR(s.force().z, 20 * begun, 20 * 0.03 * fade);  // it does not come in at once
+  ck_assert_double_ge(s.force().z, 20 * begun);
+  ck_assert_double_le(s.force().z, 20 * (begun + blend / fade));  // it does not come in at once
   ck_assert_double_le(s.largest, 20 * (period / blend + period / fade));
   s.run(fade);
   EXPECT_NEAR(s.force().z, 20, 1e-9);
@@ -352,7 +354,7 @@ START_TEST(a_blend_goes_on_from_the_weight) {  // of what is fading
   o.back.gain = 3000;
   s.set(o);
   s.run(blend + 2 * period);
-  EXPECT_NEAR(s.force().z, 15, 1);
+  EXPECT_NEAR(s.force().z, 30 * (0.5 + 0.012 / fade), 1);  // 10 ms to take over the half, and 12 to go on
   s.run(fade);
   EXPECT_NEAR(s.force().z, 30, 1e-9);
   ck_assert_double_le(s.largest, 30 * (period / blend + period / fade));
@@ -362,7 +364,7 @@ START_TEST(a_blend_goes_on_from_the_weight) {  // of what is fading
   line.front = constant(FS_SENSE_ATTRACTIVE, 10);
   s.set(line);
   s.run(0.5 * fade);
-  line.front.gain = 20;
+  line.front = constant(FS_SENSE_ATTRACTIVE, 20);
   s.set(line);
   s.run(blend + 2 * period);
   const double part = 0.5 + (blend + 2 * period) / fade;
@@ -378,7 +380,7 @@ START_TEST(curves_and_their_time_are_blended) {
   fs_object o = fs_object_init("a", FS_PRIMITIVE_POINT);
   o.pose = at(0, 0, 0.01);
   fs_curve* made = nullptr;
-  OK(fs_curve_create_expression("2+sin(3*t)", 1, 10, &made));
+  OK(fs_curve_create_expression("2+sin(3*t)", &made));
   const Curve curve(made);
   o.front = fs_profile_init(FS_PROFILE_CUSTOM, FS_SENSE_ATTRACTIVE, 1, 0, 10);
   o.front.curve = curve.get();

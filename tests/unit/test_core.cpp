@@ -151,8 +151,8 @@ namespace {
 
 // A scene with one name, and a servo that ticks at any time.
 struct OneName {
-  explicit OneName(double the_fade)
-      : fade(the_fade), reader(make_ref<Memory>(Spread{.fade = the_fade})), rows(output, clock) {
+  explicit OneName(double the_fade, double blend = 0)
+      : fade(the_fade), reader(make_ref<Memory>(Spread{.fade = the_fade, .blend = blend})), rows(output, clock) {
     for (const fs_primitive primitive : {FS_PRIMITIVE_POINT, FS_PRIMITIVE_PLANE}) {
       fs_object object = fs_object_init("name", primitive);
       for (uint32_t points : {0u, 1u, 2u}) {
@@ -270,6 +270,70 @@ START_TEST(weights_have_no_step) {
     }
     if (newest != no_row) newest = scene.rows.tidy(newest);
     ck_assert_int_eq(newest != no_row, is_there);
+  }
+}
+END_TEST
+
+// Another profile takes over the weight of the one before: each of them changes fast, but what is felt of the name as slowly
+// as it fades, whatever comes between.
+START_TEST(weights_are_taken_over) {
+  Random random;
+  const double dt = 0.001, fade = 0.05, blend = 0.01;
+  std::vector<Ref<const Object>> profiles;
+  for (const double gain : {1.0, 2.0, 3.0}) {
+    fs_object object = fs_object_init("name", FS_PRIMITIVE_POINT);
+    object.front = fs_profile_init(FS_PROFILE_CONSTANT, FS_SENSE_ATTRACTIVE, gain, 0, 10);
+    profiles.push_back(parse_object(object).object);
+  }
+  for (int run = 0; run < scenes::sanitized_times(24, 100); ++run) {
+    OneName scene(run % 5 ? fade : 0, blend);
+    uint32_t newest = no_row;
+    std::map<uint64_t, double> before;
+    double felt = 0, most_parts = 0;
+    bool is_there = false;
+    for (int step = 0; step < 3000; ++step) {
+      const bool is_over = step >= 2800;
+      if (!is_over) {
+        for (uint64_t k = random.next() % 3; k; --k) {
+          if (newest != no_row && is_there && random.next() % 60 == 0) {
+            newest = scene.rows.remove(newest);
+            is_there = false;
+          } else if (random.next() % (run % 4 ? 10 : 2) == 0) {
+            Entry entry;
+            entry.object = profiles[random.next() % 3];
+            if (random.next() % 20 == 0) entry.expiry = scene.now + 0.1 * random.uniform();
+            newest = newest == no_row ? scene.rows.add(entry) : scene.rows.set(newest, entry);
+            is_there = true;
+          }
+        }
+      }
+      if (step == 2800) {
+        Entry entry;
+        entry.object = profiles[random.next() % 3];
+        newest = newest == no_row ? scene.rows.add(entry) : scene.rows.set(newest, entry);
+      }
+      if (newest != no_row) newest = scene.rows.tidy(newest);
+      scene.post();
+      if (random.next() % 3 == 0) continue;
+      const double passed = dt * static_cast<double>(1 + random.next() % 3);
+      scene.tick(scene.now + passed);
+      const std::map<uint64_t, double> after = scene.weights();
+      double sum = 0, parts = 0;
+      for (const auto& [version, weight] : after) {
+        const double last = before.count(version) ? before[version] : 0;
+        if (run % 5) ck_assert_double_le(std::fabs(weight - last), passed * (1 / blend + 1 / fade) * (1 + 1e-9));
+        sum += weight;
+        parts += weight > 0;
+      }
+      if (run % 5) ck_assert_double_le(std::fabs(sum - felt), passed / fade * (1 + 1e-9) + 1e-12);
+      ck_assert_double_le(sum, 1 + 1e-9);
+      felt = sum;
+      most_parts = std::fmax(most_parts, parts);
+      before = after;
+    }
+    ck_assert_double_eq(before[scene.rows.row(newest).version], 1);
+    ck_assert_double_eq(felt, 1);
+    ck_assert_double_eq(most_parts, 2);
   }
 }
 END_TEST
@@ -610,7 +674,7 @@ int main() {
   for (const TTest* test : {mailbox_and_seqlock_are_never_torn, mailbox_takes_back}) tcase_add_test(test_case, test);
   for (const TTest* test :
        {sentences_are_whole, texts_are_cut_between_characters, table_copies_do_not_change, weights_have_no_step,
-        versions_are_not_overtaken, views_have_no_step_and_are_not_overtaken, a_fade_of_no_duration_is_at_once,
+        weights_are_taken_over,        versions_are_not_overtaken, views_have_no_step_and_are_not_overtaken, a_fade_of_no_duration_is_at_once,
         events_are_in_order, mailbox_frees_what_was_let_go, track_works_out_twists, guard_limits_ramps_and_latches,
         histogram_agrees_with_sorting}) {
     if (!scenes::seeks_races) tcase_add_test(test_case, test);
