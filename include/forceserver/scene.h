@@ -15,9 +15,10 @@
  * it says, but where the object is felt and as fast as that moves; the difference decays within the blend, so neither
  * the place nor the velocity jumps, however fast moves come. New profiles, damping, start or contact are another version
  * that takes over the weight of the one before, however far that has come, and the proxies that touch it. An object that
- * is put farther away than fs_servo_options.speed_limit * blend (40 mm; without a speed limit that of 2 m/s) is another
- * version too, which fades as one of another shape: it does not sweep through the hand. (A turn counts as the way of the
- * object's farthest point, or of a point as far from its origin as the hand, if that is less.)
+ * is put farther away than fs_servo_options.speed_limit * blend is another version too, which fades as one of another
+ * shape: it does not sweep through the hand. By default that is 40 mm, counted at the device; without a speed limit it is
+ * 2 m/s * blend. A turn counts as the way of the object's farthest point, or of a point as far from its origin as the
+ * hand, if that is less.
  * Without a servo, and for an application's own tool (evaluate.h), every change is felt in full at once.
  */
 #ifndef FORCESERVER_SCENE_H

@@ -27,7 +27,7 @@ inline constexpr uint32_t no_row = ~0u;
 struct Spread {
   double fade = 0;      // s, in which a weight goes from 0 to 1; 0: at once
   double blend = 0;     // s, for poses and profiles of what is felt; 0: at once
-  double jump = never;  // m: an object that is put farther away than this fades there
+  double jump = never;  // m of the device: an object that is put farther away than this fades there
 };
 
 // What a snapshot wants of a row.
@@ -127,7 +127,8 @@ inline Course course_of(const Want& row, const Weight& weight, double now, Weigh
   if (!next) return {in, false};
   if (next->has_begun(its->version)) return {false, next->coming() > 0};
   const bool takes_over = its->takes_over == row.version && its->is_in && now < its->expiry;
-  if (takes_over ? weight.coming() > 0 : !is_at_once && value > 0 && value < 1) return {in, false};
+  const bool has_taken_over = !(weight.coming() > 0), has_faded = is_at_once || !(value > 0 && value < 1);
+  if (!has_taken_over || !(takes_over || has_faded)) return {in, false};
   if (!next->begin(its->version)) return {in, false};  // it was replaced; another snapshot tells by what
   if (takes_over) next->set_coming(value);
   began = true;

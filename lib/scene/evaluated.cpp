@@ -13,6 +13,7 @@ Evaluated::Evaluated(std::shared_ptr<ServoOutput> the_output, ClockKind kind)
 
 void Evaluated::prepare() {
   settle(false);
+  objects.rows.set_scale(views.now().frame.scale);
   if (!spare_) spare_ = make_ref<Snapshot>();
 }
 

@@ -104,7 +104,7 @@ bool ObjectRows::is_jump(uint32_t number, const Motion& to, double now) const no
   if (lever > 0 && output_.hand.read(hand)) {
     lever = std::min(lever, norm(hand.state.pose.position - felt.position_at(now, by.blend)));
   }
-  return to.jump_from(felt, now, by.blend, lever) > by.jump;
+  return to.jump_from(felt, now, by.blend, lever) > scale_ * by.jump;
 }
 
 ObjectRows::Change ObjectRows::change_of(uint32_t number, const Entry& to, double now) const noexcept {
@@ -130,7 +130,7 @@ void ObjectRows::begin_offsets() noexcept {
   const double now = clock_.now(), blend = spread().blend;
   for (const uint32_t number : moved_) {
     const Chunk* const its = find_chunk(chunks_, number);
-    const bool is_there = its && its->version == sequence_ && its->blended & bit_of(number % chunk_size);
+    const bool is_there = its && its->version == sequence_ && its->used & bit_of(number % chunk_size);
     if (is_there && blend > 0) chunk(number).begin_offset(number % chunk_size, now, blend);
   }
   moved_.clear();
@@ -176,9 +176,9 @@ uint32_t ObjectRows::set(uint32_t newest, const Entry& entry) {
       install(newest, made);
       const bool was_in = row(newest).is_in;
       const uint64_t sequence = row(newest).sequence;
-      const bool is_elsewhere = change == Change::replaced;
+      const bool is_elsewhere = change == Change::replaced, is_moved = !entry.motion.says_the_same(motion(newest));
       fill(its, newest, entry, is_elsewhere ? unblended(entry.motion) : going_on(newest, entry.motion, now), version, previous);
-      note_offset(newest);
+      if (is_moved) note_offset(newest);
       if (is_elsewhere) edit(newest).takes_over = 0;
       if (is_same && was_in == entry.object->is_enabled) edit(newest).sequence = sequence;
       for (uint32_t number = newest; is_waiting(number);) {  // the versions before it are the same object
@@ -200,7 +200,7 @@ uint32_t ObjectRows::set(uint32_t newest, const Entry& entry) {
     install(number, made);
     servo_->memory->weight(number).set_up(version, waits, 0);
     fill(its, number, entry, takes_over ? going_on(newest, entry.motion, now) : unblended(entry.motion), version, newest);
-    note_offset(number);
+    if (!entry.motion.says_the_same(motion(newest))) note_offset(number);
     if (takes_over) edit(number).takes_over = row(newest).version;
     edit(newest).is_named = false;
     if (waits) edit(newest).next = number;
@@ -227,8 +227,9 @@ void ObjectRows::move(uint32_t newest, const Motion& to, double expiry, uint64_t
   const auto move_one = [&](uint32_t number) {
     // A version before the newest may be elsewhere: it fades where it is.
     if (number == newest || !is_jump(number, to, now)) {
+      const bool is_moved = !to.says_the_same(motion(number));
       chunk(number).move(number % chunk_size, going_on(number, to, now), motion_revision);
-      note_offset(number);
+      if (is_moved) note_offset(number);
     }
     if (row(number).expiry != expiry && (number == newest || row(number).is_in)) edit(number).expiry = expiry;
   };

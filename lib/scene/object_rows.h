@@ -48,6 +48,8 @@ class ObjectRows : Versions<ObjectRows> {
   // Whether a servo feels the row so far from where it is to be that it must be set, as another version: it cannot be moved
   // through the hand.
   bool is_jump(uint32_t row, const Motion& to) const noexcept { return is_jump(row, to, clock_.now()); }
+  // m of the scene for each of the device, for which spread.jump is.
+  void set_scale(double scale) noexcept { scale_ = scale; }
   // To be called before the rows are posted: what has been moved since the last time is blended from now on.
   void begin_offsets() noexcept;
 
@@ -101,7 +103,7 @@ class ObjectRows : Versions<ObjectRows> {
   Spread spread() const noexcept { return servo_ ? servo_->memory->spread : Spread{}; }
   // A motion that goes on from where a row is felt.
   Motion going_on(uint32_t row, const Motion& to, double now) const noexcept;
-  void note_offset(uint32_t row) noexcept;  // after own_offsets
+  void note_offset(uint32_t row) noexcept;  // of a row that has just been moved; after own_offsets
   static constexpr uint32_t longest_chain = 16;
   uint32_t length(uint32_t newest) const noexcept;  // of the chain
 
@@ -112,7 +114,8 @@ class ObjectRows : Versions<ObjectRows> {
   RowSpace space_;
   std::vector<Reader*> readers_;
   Reader* servo_ = nullptr;
-  std::vector<uint32_t> moved_;  // rows whose offsets are to begin
+  double scale_ = 1;
+  std::vector<uint32_t> moved_;  // rows whose offsets are to begin when they are posted
 };
 
 }  // namespace fs

@@ -257,6 +257,19 @@ START_TEST(jumps_fade) {  // what is put elsewhere does not sweep through the ha
     slow.step(22);
     EXPECT_NEAR(slow.fake.written.force.x, x > 0 ? 3 : 3 - 6 * 21 * period / fade, 0.2);
   }
+  // It is counted at the device: 40 mm there are 4 m in a scene of 100 times the size.
+  Felt large;
+  fs_frame frame = fs_frame_init();
+  frame.scale = 100;
+  OK(fs_scene_set_frame(large.scene, &frame));
+  large.set(spring("b", {1, 0, 0}, 1));
+  large.settle();
+  large.move("b", at(3, 0, 0));
+  large.run(blend + 2 * period);
+  EXPECT_VECTOR(large.force(), (fs_vec3{3, 0, 0}), 1e-9);
+  large.move("b", at(-3, 0, 0));
+  large.run(blend + 2 * period);
+  ck_assert_double_gt(large.force().x, 1);
   // A stream of jumps is a chain of cross-fades, and leaves nothing behind.
   Felt chain;
   chain.set(o);
@@ -271,6 +284,38 @@ START_TEST(jumps_fade) {  // what is put elsewhere does not sweep through the ha
   EXPECT_VECTOR(chain.force(), (fs_vec3{0, 3, 0}), 1e-9);
   ck_assert_double_le(chain.largest, 2 * 3 * period / fade * (1 + 1e-6));
   ck_assert_uint_eq(object_count(chain.scene), 1);
+}
+END_TEST
+
+START_TEST(moves_and_then_changes) {  // the server takes them when it comes to it
+  World world(_i, blending());
+  fs_object o = wall(0.01);
+  world.set(o);
+  world.settle();
+  world.step(300);
+  double largest = 0;
+  fs_vec3 last = world.fake.written.force;
+  EXPECT_NEAR(last.z, 10, 1e-9);
+  world.fake.on_write = [&](FakeDevice& f) {
+    largest = std::fmax(largest, norm(f.written.force - last));
+    last = f.written.force;
+  };
+  for (int k = 0; k < 10; ++k) {
+    const fs_pose to = at(0, 0, k % 2 ? 0.01 : 0.02);
+    OK(fs_object_move(world.scene, "wall", &to, &still, FS_NOW));
+    OK(world.sync(world.scene));
+    world.step(40);
+    EXPECT_NEAR(last.z, 1000 * to.position.z, 1e-9);
+  }
+  ck_assert_double_le(largest, 1.6 * 10 * period / blend);
+  largest = 0;
+  o.back.gain = 3000;
+  OK(fs_object_change(world.scene, &o, FS_PART_PROFILES));
+  OK(world.sync(world.scene));
+  world.step(40);
+  EXPECT_NEAR(last.z, 30, 1e-9);
+  ck_assert_double_le(largest, 20 * period / blend * (1 + 1e-6));
+  world.fake.on_write = nullptr;
 }
 END_TEST
 
@@ -621,6 +666,7 @@ int main() {
   Suite* suite = suite_create("blend");
   add_case(suite, "poses", {streams_make_no_step, a_move_takes_the_blend, turns_are_blended, streams_that_end_carry_on,
                             jumps_fade});
+  add_on_both(suite, "both", {moves_and_then_changes});
   add_case(suite, "profiles", {profiles_are_blended, a_blend_goes_on_from_the_weight, curves_and_their_time_are_blended});
   add_case(suite, "contacts", {contacts_are_blended, friction_is_blended, a_floor_that_moves_carries_the_hand});
   add_case(suite, "all", {tools_feel_changes_at_once, large_groups_are_blended});

@@ -287,6 +287,7 @@ START_TEST(weights_are_taken_over) {
   }
   for (int run = 0; run < scenes::sanitized_times(24, 100); ++run) {
     OneName scene(run % 5 ? fade : 0, blend);
+    const bool expires = run % 2;  // a version that expires before it begins cross-fades as one of another shape
     uint32_t newest = no_row;
     std::map<uint64_t, double> before;
     double felt = 0, most_parts = 0;
@@ -301,7 +302,7 @@ START_TEST(weights_are_taken_over) {
           } else if (random.next() % (run % 4 ? 10 : 2) == 0) {
             Entry entry;
             entry.object = profiles[random.next() % 3];
-            if (random.next() % 20 == 0) entry.expiry = scene.now + 0.1 * random.uniform();
+            if (expires && random.next() % 20 == 0) entry.expiry = scene.now + 0.1 * random.uniform();
             newest = newest == no_row ? scene.rows.add(entry) : scene.rows.set(newest, entry);
             is_there = true;
           }
@@ -325,7 +326,7 @@ START_TEST(weights_are_taken_over) {
         sum += weight;
         parts += weight > 0;
       }
-      if (run % 5) ck_assert_double_le(std::fabs(sum - felt), passed / fade * (1 + 1e-9) + 1e-12);
+      if (run % 5) ck_assert_double_le(std::fabs(sum - felt), (expires ? 2 : 1) * passed / fade * (1 + 1e-9) + 1e-12);
       ck_assert_double_le(sum, 1 + 1e-9);
       felt = sum;
       most_parts = std::fmax(most_parts, parts);
@@ -333,7 +334,8 @@ START_TEST(weights_are_taken_over) {
     }
     ck_assert_double_eq(before[scene.rows.row(newest).version], 1);
     ck_assert_double_eq(felt, 1);
-    ck_assert_double_eq(most_parts, 2);
+    ck_assert_double_le(most_parts, expires ? 3 : 2);
+    ck_assert_double_ge(most_parts, 2);
   }
 }
 END_TEST
@@ -674,8 +676,8 @@ int main() {
   for (const TTest* test : {mailbox_and_seqlock_are_never_torn, mailbox_takes_back}) tcase_add_test(test_case, test);
   for (const TTest* test :
        {sentences_are_whole, texts_are_cut_between_characters, table_copies_do_not_change, weights_have_no_step,
-        weights_are_taken_over,        versions_are_not_overtaken, views_have_no_step_and_are_not_overtaken, a_fade_of_no_duration_is_at_once,
-        events_are_in_order, mailbox_frees_what_was_let_go, track_works_out_twists, guard_limits_ramps_and_latches,
+        weights_are_taken_over, versions_are_not_overtaken, views_have_no_step_and_are_not_overtaken,
+        a_fade_of_no_duration_is_at_once, events_are_in_order, mailbox_frees_what_was_let_go, track_works_out_twists, guard_limits_ramps_and_latches,
         histogram_agrees_with_sorting}) {
     if (!scenes::seeks_races) tcase_add_test(test_case, test);
   }
