@@ -509,11 +509,16 @@ START_TEST(contacts_are_blended) {  // and keep the hand on its side
 END_TEST
 
 START_TEST(friction_is_blended) {  // the hand, dragged aside, is held by more or less of it
-  for (const double from : {0.8, 0.1}) {
+  for (const double from : {0.8, 0.1, 0.8, 0.8, 0.8, 0.8}) {
+    static int changes = 0;  // before, so that the versions stand in any order
     Pressed s("plane");
     s.floor.contact.friction = from;
-    s.change(s.floor, FS_PART_CONTACT);
-    s.run(3 * blend);
+    for (int k = 0; k <= changes; ++k) {
+      s.floor.contact.damping = k;
+      s.change(s.floor, FS_PART_CONTACT);
+      s.run(3 * blend);
+    }
+    ++changes;
     const double begin = now(s.scene);
     s.hand = [begin](double t) { return fs_vec3{std::fmin(0.003, 0.05 * (t - begin)), 0, -0.005}; };
     s.run(0.2);
