@@ -126,8 +126,11 @@ inline Course course_of(const Want& row, const Weight& weight, double now, Weigh
   const double value = weight.value();
   if (!next) return {in, false};
   if (next->has_begun(its->version)) return {false, next->coming() > 0};
-  const bool takes_over = its->takes_over == row.version && its->is_in && now < its->expiry;
-  const bool has_taken_over = !(weight.coming() > 0), has_faded = is_at_once || !(value > 0 && value < 1);
+  const bool can_take_over = its->takes_over == row.version;
+  const bool takes_over = can_take_over && its->is_in && now < its->expiry;
+  // One that goes out, as its successor does, waits with it: if that is wanted in again, it takes over what is left.
+  const bool is_full = !(value < 1) && (in || !can_take_over), has_faded = is_at_once || is_full || !(value > 0);
+  const bool has_taken_over = !(weight.coming() > 0);
   if (!has_taken_over || !(takes_over || has_faded)) return {in, false};
   if (!next->begin(its->version)) return {in, false};  // it was replaced; another snapshot tells by what
   if (takes_over) next->set_coming(value);
