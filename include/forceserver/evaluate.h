@@ -33,7 +33,7 @@ typedef struct fs_state {
 enum {
   FS_RESPONSE_CONTACT = 1,      /* a point of the tool touches a solid object */
   FS_RESPONSE_CAPPED = 2,       /* an object with a force has a bounded slope; only under a servo */
-  FS_RESPONSE_FADING = 4,       /* an object with a force is fading in or out */
+  FS_RESPONSE_FADING = 4,       /* an object with a force fades, or its profile is blended */
   FS_RESPONSE_GUARDED = 8       /* the servo changed the force that was sent: a limit, a fault, or it is not enabled */
 };
 

@@ -11,6 +11,14 @@
  * the old one fades out. A version that comes while another is still fading in waits until that one is felt in full; of
  * several that wait only the newest is kept. So versions that come faster than the fade are felt as a chain of full
  * cross-fades.
+ * What can be adjusted is blended over the much shorter fs_servo_options.blend. A new pose or twist does not begin where
+ * it says, but where the object is felt and as fast as that moves; the difference decays within the blend, so neither
+ * the place nor the velocity jumps, however fast moves come. New profiles, damping, start or contact are another version
+ * that takes over the weight of the one before, however far that has come, and the proxies that touch it. An object that
+ * is put farther away than fs_servo_options.speed_limit * blend is another version too, which fades as one of another
+ * shape: it does not sweep through the hand. By default that is 40 mm, counted at the device; without a speed limit it is
+ * 2 m/s * blend. A turn counts as the way of the object's farthest point, or of a point as far from its origin as the
+ * hand, if that is less.
  * Without a servo, and for an application's own tool (evaluate.h), every change is felt in full at once.
  */
 #ifndef FORCESERVER_SCENE_H
@@ -41,7 +49,7 @@ FS_API void fs_scene_destroy(fs_scene *scene);
 /* ---- Objects */
 
 /* Adds an object, which fades in under a servo. If the name exists already, it changes the parts that differ:
- * - pose, profiles and contact change as by fs_object_change (0.1: at once);
+ * - pose, profiles and contact are blended (top of this file);
  * - `enabled` fades the same object out or in;
  * - a new primitive, shape or tool_points is another version, which cross-fades with the one before (top of this file).
  * A mesh whose search tree is not built yet is built in this call, without holding up the servo. Connected: the object
@@ -79,7 +87,8 @@ FS_API fs_status fs_object_change(fs_scene *scene, const fs_object *object, uint
 
 /* Moves an object: it has pose at time (s, scene's clock; FS_NOW) and twist from then on. To put an object somewhere
  * once, give a zero twist. Null is only for streams: after a single move with null the object comes to rest up to two
- * steps too far. Cheap, for meshes too. The next tick feels it. Connected: a move of one of the scene's own objects
+ * steps too far. Cheap, for meshes too. The next tick feels it; a servo blends it, and fades it if it is a jump (top of
+ * this file). Connected: a move of one of the scene's own objects
  * never waits and normally makes no system call; the server takes it at its rate. With twist null the twist is worked
  * out from this move and the last move or set (0 if there was none in the last 0.2 s) and used for at most twice the
  * time between them. Of two moves within 1 ms the later pose replaces the earlier. A move whose time is older than that
@@ -254,7 +263,8 @@ typedef struct fs_report {
   fs_primitive primitive;       /* as set */
   fs_object_state state;        /* how far it has come */
   uint64_t revision;            /* grows with every change except moves */
-  double weight;                /* 0..1, of its newest version; in between it is FADING, in or out */
+  double weight;                /* 0..1, of its newest version; in between it is FADING, in or out. What a version takes
+                                   over from the one before (top of this file) counts as its own */
   double stiffness_wanted;      /* N/m at the device, the steepest slope of profiles and contact; infinite where the
                                    force jumps (above). For a curve it is worked out once, when the curve is made: for
                                    a table it is never too low, for an expression it is an estimate from some hundred
@@ -278,7 +288,7 @@ FS_API fs_status fs_scene_get_report(fs_scene *scene, const char *name, fs_repor
 
 /* How an object moves, in its owner's scene frame. At time t it is felt at position + dt*linear, with its orientation
  * rotated further by the angle |dt*angular| about the axis `angular`; dt is t - time, but at least 0 and at most
- * horizon. Frozen. */
+ * horizon. A servo spreads changes of these over fs_servo_options.blend. Frozen. */
 typedef struct fs_motion {
   char name[FS_NAME_SIZE];      /* another client's: "client/object" */
   fs_primitive primitive;       /* as set */

@@ -49,8 +49,8 @@ typedef struct fs_servo_options {
   double speed_limit;           /* m/s of the hand; a higher speed is a fault; 0: 2; negative: none */
   double ramp;                  /* s to full force at the start and after a fault; 0: 0.5; negative: none */
   double fade;                  /* s in which an object fades in or out; 0: 1.0; negative: none */
-  double blend;                 /* s over which the change of a moved or changed object is spread; 0: 0.02; negative:
-                                   none. 0.1: always none, above 0 UNSUPPORTED */
+  double blend;                 /* s over which the change of a moved or changed object is spread (scene.h); 0: 0.02;
+                                   negative: none. An object that is moved farther than speed_limit * blend fades */
   double delay;                 /* s of delay in the loop, in addition to its period, 0..10; 0: the device's. With a
                                    remote controller (fs_device_info.controller_rate): that of the link to it */
   double damping;               /* N s/m, local, filtered at 100 Hz; 0: 5; more than the loop can render is lowered to
@@ -98,7 +98,7 @@ typedef enum fs_fault {
 FS_API const char *fs_fault_name(uint32_t faults);
 
 /* The protections that negative options switched off; bits. SLEW is also set where no slew_limit follows from a
- * max_stiffness of none. 0.1: BLEND is always set, as this protection does not exist yet. */
+ * max_stiffness of none. */
 enum {
   FS_OFF_SLEW = 1,              /* slew_limit */
   FS_OFF_SPEED = 2,             /* speed_limit */

@@ -52,7 +52,7 @@ void add_profile_force(const Object& object, const Closest& closest, const Motio
   const Vec3 direction = rotate(pose.orientation, is_ridge ? ridge.direction : closest.direction);
   Vec3 force = outward * direction;
   if (object.damping > 0 && g.force != 0) {
-    const Vec3 velocity = point.velocity - motion.velocity(point.position, pose, tool.time);
+    const Vec3 velocity = point.velocity - motion.velocity(point.position, pose, tool.time, tool.blend);
     force += -object.damping * velocity;
     const double magnitude = norm(force), limit = object.law.limit(s);
     if (magnitude > limit) force = (limit / magnitude) * force;
@@ -137,8 +137,9 @@ uint64_t add_contacts(const Object& object, const Motion& motion, uint32_t row, 
                       Hint* hints, Effort* effort, double slope, double& error, Contacts& contacts, LaneSum& sum) noexcept {
   const uint32_t all = points_of(tool), mask = tool.is_any_point ? all : object.point_mask() & all;
   if (mask == 0 || !(object.law.support >= 0)) return 0;
-  const Pose moved = motion.horizon > 0 ? motion.at(tool.time) : Pose{};
-  const Pose& pose = motion.horizon > 0 ? moved : motion.pose;
+  const bool is_moved = motion.horizon > 0 || motion.has_offset(tool.time, tool.blend);
+  const Pose moved = is_moved ? motion.at(tool.time, tool.blend) : Pose{};
+  const Pose& pose = is_moved ? moved : motion.pose;
   uint64_t felt = 0;
   Contacts::Contact contact;
   const bool is_one_point = (mask & (mask - 1)) == 0;  // as mostly
@@ -184,11 +185,12 @@ void add_share(const Share& share, double weight, uint32_t lane, LaneSum& sum) n
 
 }  // namespace
 
-ToolState ToolState::at(const fs_state& state, const ToolPoints& points, double time) noexcept {
+ToolState ToolState::at(const fs_state& state, const ToolPoints& points, double time, double blend) noexcept {
   ToolState tool;
   tool.pose = state.pose;
   tool.count = static_cast<unsigned>(points.points.size());
   tool.time = time;
+  tool.blend = blend;
   for (size_t i = 0; i < tool.count; ++i) {
     const Vec3 arm = rotate(state.pose.orientation, points.points[i]);
     tool.points[i] = {state.pose.position + arm, state.twist.linear + cross(state.twist.angular, arm), arm};
@@ -203,14 +205,14 @@ bool evaluate_object(const Object& object, const Motion& motion, double start, c
   const double support = object.support();
   if (mask == 0 || !(support >= 0)) return false;
   const double share = 1.0 / std::popcount(mask);
-  const Vec3 origin = motion.position_at(tool.time);
+  const Vec3 origin = motion.position_at(tool.time, tool.blend);
   Pose pose;
   bool has_pose = false, is_near = false;
   for_each_bit(mask, [&](uint32_t k) {
     const ToolState::Point& point = tool.points[k];
     const Vec3 offset = point.position - origin;
     if (norm(offset) - object.radius > support) return;
-    if (!has_pose) pose = motion.at(tool.time);  // what is far, as most is, needs no orientation
+    if (!has_pose) pose = motion.at(tool.time, tool.blend);  // what is far, as most is, needs no orientation
     has_pose = true;
     const Vec3 local = rotate(conjugate(pose.orientation), offset);
     Closest closest;
@@ -244,7 +246,7 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
   const double share = 1.0 / tool.count;
   memory.for_each_near(view, tool.time, [&](uint32_t number, const Chunk& chunk, uint64_t near,
                                                       const Weight* given) {
-    const uint64_t points_near = near & chunk.rows->formulas() & chunk.standing;
+    const uint64_t points_near = chunk.standing_at(near & chunk.rows->formulas(), tool.time, tool.blend);
     uint64_t felt = 0;
     for (unsigned k = 0; points_near && k < tool.count; ++k) {
       felt |= add_points(chunk, points_near, tool.points[k].position, tool.points[k].arm, given, share, sum);
@@ -253,7 +255,8 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
     for_each_bit(solids_near, [&](uint32_t i) {
       const Row& row = chunk.row(i);
       const Scratch* const scratch = scratches.get(number * chunk_size + i);
-      proxies->collect({.row = number * chunk_size + i, .version = row.version, .object = &row.as_felt(given),
+      proxies->collect({.row = number * chunk_size + i, .version = row.version, .takes_over = row.takes_over,
+                        .object = &row.as_felt(given),
                         .motion = &chunk.motion(i), .weight = given ? given[i].value() : 1,
                         .parsers = scratch ? &scratch->parsers : nullptr, .start = row.start});
     });

@@ -51,9 +51,10 @@ struct ToolState {
   unsigned count;
   double time;                 // s, scene time
   bool is_any_point = false;   // its point feels every object, whatever the object's tool_points
+  double blend = 0;            // s, over which a servo spreads moves; 0: they are felt at once
 
   // state's pose must be one.
-  static ToolState at(const fs_state& state, const ToolPoints& points, double time) noexcept;
+  static ToolState at(const fs_state& state, const ToolPoints& points, double time, double blend = 0) noexcept;
 };
 
 // What one object gives.

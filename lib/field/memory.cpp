@@ -45,12 +45,14 @@ double Memory::weight_at(uint32_t row, uint64_t version, double now) const noexc
   for (int tries = 0;; ++tries) {
     const double since = all.since.load(std::memory_order_acquire);
     const bool is_moving = all.moving.load(std::memory_order_acquire) & bit_of(i);
-    const bool in = all.going_in.load(std::memory_order_acquire) & bit_of(i);
+    const Course course{(all.going_in.load(std::memory_order_acquire) & bit_of(i)) != 0,
+                        (all.handing_over.load(std::memory_order_acquire) & bit_of(i)) != 0};
     const bool has_begun = all.rows[i].has_begun(version);
     const double value = all.rows[i].value();
+    double coming = all.rows[i].coming();
     if (tries < 100 && all.since.load(std::memory_order_acquire) != since) continue;  // the tick came by
     if (!has_begun) return 0;
-    return is_moving && now > since ? Weight::moved(value, in, Weight::part_of_fade(now - since, fade_)) : value;
+    return is_moving && now > since ? course.after(now - since, value, coming, spread) : value;
   }
 }
 
@@ -89,12 +91,15 @@ void Memory::move_weights(uint32_t number, double now) noexcept {
   if (moving == 0) return all.since.store(now, std::memory_order_release);
   uint64_t& felt = block(number).felt[number % block_size];
   const uint64_t going_in = all.going_in.load(std::memory_order_relaxed);
-  const double by = Weight::part_of_fade(now - all.since.load(std::memory_order_relaxed), fade_);
+  const uint64_t handing_over = all.handing_over.load(std::memory_order_relaxed);
+  const double elapsed = now - all.since.load(std::memory_order_relaxed);
   for_each_bit(moving, [&](uint32_t i) {
-    const bool in = going_in & bit_of(i);
-    const double value = Weight::moved(all.rows[i].value(), in, by);
+    const Course course{(going_in & bit_of(i)) != 0, (handing_over & bit_of(i)) != 0};
+    double coming = all.rows[i].coming();
+    const double value = course.after(elapsed, all.rows[i].value(), coming, spread);
     all.rows[i].set(value);
-    if (value == (in ? 1.0 : 0.0)) moving &= ~bit_of(i);
+    all.rows[i].set_coming(coming);
+    if (value == (course.in ? 1.0 : 0.0) && !(coming > 0)) moving &= ~bit_of(i);
     felt = value > 0 ? felt | bit_of(i) : felt & ~bit_of(i);
   });
   all.since.store(now, std::memory_order_release);
@@ -104,36 +109,39 @@ void Memory::move_weights(uint32_t number, double now) noexcept {
 void Memory::take_wants(const Snapshot& snapshot, uint32_t number, const Chunk& chunk, double now) noexcept {
   Weights& all = weights(number);
   Block& b = block(number);
-  uint64_t moving = 0, going_in = 0, felt = 0;
+  uint64_t moving = 0, going_in = 0, handing_over = 0, felt = 0;
   double event = never;
   bool is_own_row_beginning = false;
   for_each_bit(chunk.used, [&](uint32_t i) {
     const Row& row = chunk.row(i);
     Weight& weight = all.rows[i];
     if (!weight.has_begun(row.version)) return;
-    double value = weight.value();
     Weight* next = nullptr;
-    uint64_t next_version = 0;
+    const Want* its = nullptr;
     if (row.next != no_row) {
       next = &this->weight(row.next);
-      next_version = find_chunk(snapshot.chunks, row.next)->row(row.next % chunk_size).version;
+      its = &find_chunk(snapshot.chunks, row.next)->row(row.next % chunk_size);
     }
     bool began = false;
-    const bool in = goes_in(row, value, now, next, next_version, !(fade_ > 0), began);
+    const Course course = course_of(row, weight, now, next, its, !(spread.fade > 0), began);
     if (began && row.next / chunk_size == number) is_own_row_beginning = true;
     if (began) wake(row.next / chunk_size);
-    if (!(fade_ > 0)) weight.set(value = in);
-    if (in) going_in |= bit_of(i);
+    const double coming = weight.coming();
+    if (!(spread.fade > 0) && !course.hands_over && !(coming > 0)) weight.set(course.in);
+    const double value = weight.value();
+    if (course.in) going_in |= bit_of(i);
+    if (course.hands_over) handing_over |= bit_of(i);
     if (value > 0) felt |= bit_of(i);
-    if (value != (in ? 1.0 : 0.0)) {
+    if (value != (course.in ? 1.0 : 0.0) || coming > 0) {
       moving |= bit_of(i);
-      event = std::min(event, now + (in ? 1 - value : value) * fade_);
+      event = std::min(event, now + course.rest(value, coming, spread));
     }
-    if (in) event = std::min(event, row.expiry);
+    if (course.in) event = std::min(event, row.expiry);
   });
   b.felt[number % block_size] = felt;
   b.event[number % block_size] = is_own_row_beginning ? -never : event;
   all.going_in.store(going_in, std::memory_order_release);
+  all.handing_over.store(handing_over, std::memory_order_release);
   all.moving.store(moving, std::memory_order_release);
 }
 
@@ -173,7 +181,7 @@ void Memory::absorb(const Snapshot& snapshot, double now) noexcept {
 }
 
 void Memory::advance(const Snapshot& snapshot, double now) noexcept {
-  views.advance(*snapshot.views, now, fade_);
+  views.advance(*snapshot.views, now, spread.fade);
   do {
     is_any_woken_ = false;  // a row that begins may stand in a chunk that was looked at before
     for (uint32_t n = 0; n < blocks_used_; ++n) {
@@ -251,8 +259,10 @@ void Memory::look_at(uint32_t number, Sight& sight, const Way& way, double radiu
     const Chunk& chunk = *b.chunks[c];
     const Motion& plane = chunk.motion(i);
     const Vec3 offset = way.centre - plane.pose.position;
-    const double distance = std::fabs(dot(rotate(plane.pose.orientation, {0, 0, 1}), offset));
-    const double gap = distance - chunk.row(i).object->support(chunk.rows->omitted) - 1e-14 * norm(offset);
+    const double distance = std::fabs(dot(rotate(plane.pose.orientation, {0, 0, 1}), offset)), turn = plane.most_turn();
+    const double nearest = distance - turn * norm(offset) - plane.most_offset();  // while it is blended
+    const double support = chunk.row(i).object->support(chunk.rows->omitted);
+    const double gap = (nearest - support - 1e-14 * norm(offset)) / (1 + turn);
     gaps[i] = static_cast<float>(gap - 1e-7 * std::fabs(gap));
   });
   const auto margin = static_cast<float>(radius * (1 + 2e-7));

@@ -20,10 +20,12 @@ class Memory : public Counted<Memory> {
  public:
   static constexpr uint32_t row_count = 1u << 22;  // most
 
-  // Of a servo: it fades over `fade` seconds (0: at once). Rows that are posted later come in from weight 0.
-  explicit Memory(double fade) : fade_(fade), has_weights_(true) {}
+  // Of a servo. Rows that are posted later come in from weight 0.
+  explicit Memory(const Spread& the_spread) : spread(the_spread), has_weights_(true) {}
   // Of a tool, which feels in full what is there.
-  Memory() : fade_(0), has_weights_(false) {}
+  Memory() : has_weights_(false) {}
+
+  const Spread spread;
 
   ViewMemory views;
 
@@ -68,7 +70,8 @@ class Memory : public Counted<Memory> {
   struct Weights {
     std::array<Weight, chunk_size> rows;
     // Written by the tick, also read by whoever asks for a weight.
-    std::atomic<uint64_t> moving{0}, going_in{0};  // bit i: the weight of row i is moving; it is moving up
+    // Bit i: the weight of row i is moving; it rises; it is handed over to the successor.
+    std::atomic<uint64_t> moving{0}, going_in{0}, handing_over{0};
     std::atomic<double> since{0};                  // s: the weights are those of this time
   };
 
@@ -120,7 +123,6 @@ class Memory : public Counted<Memory> {
   void take_wants(const Snapshot& snapshot, uint32_t number, const Chunk& chunk, double now) noexcept;
   void look_at(uint32_t number, Sight& sight, const Way& way, double radius) noexcept;
 
-  const double fade_;  // s
   const bool has_weights_;
   std::array<std::unique_ptr<Block>, block_count> blocks_;
   uint32_t blocks_used_ = 0;  // of the reader: as far as its snapshots go

@@ -1,9 +1,15 @@
 // Where an object is: its pose at a time, and its twist from then on. The application gives both at 25 Hz or so; in
 // between the servo extrapolates, never backwards and for a limited time.
+//
+// A new motion says something else than the one before, of the place and of the velocity. A tool feels the difference at
+// once. A servo spreads it over `blend` seconds: whoever posts the new motion stores with it how far, and how fast, the
+// object was felt from where it says. This offset decays as a cubic in time, so that neither the place nor the velocity (of
+// which damping makes a force) jumps, however fast motions come; and no older motion needs to be kept.
 #pragma once
 
 #include <algorithm>
 #include <initializer_list>
+#include <limits>
 
 #include "math/pose.h"
 
@@ -19,24 +25,62 @@ struct Motion {
   double time = 0;     // s, when pose held
   double horizon = 0;  // s, how long the twist is used; 0: the object stands
 
-  bool is_moving(double t) const noexcept { return t >= time && t < time + horizon; }
+  // What is left of the motion before.
+  struct Offset {
+    Vec3 way{}, drift{};  // m, at the beginning; and by how much it would grow within a blend at the velocity it has there
+    Vec3 turn{}, spin{};  // rad, the same of the rotation: vectors along the parent's axes
+    double begun = -std::numeric_limits<double>::infinity();  // s
+  };
+  Offset offset{};
 
-  Pose at(double t) const noexcept {  // [rt]
-    const double dt = used(t);
-    return dt > 0 ? advanced(pose, twist, dt) : pose;
-  }
-  Vec3 position_at(double t) const noexcept {  // [rt] the position of at(t), which costs less
-    return pose.position + used(t) * twist.linear;
-  }
+  // blend: s, of who asks; 0: nothing is blended.
+  bool has_offset(double t, double blend) const noexcept { return t < offset.begun + blend; }  // [rt]
 
+  Pose at(double t, double blend) const noexcept {  // [rt]
+    const double dt = used(t, blend);
+    Pose out = dt > 0 ? advanced(pose, twist, dt) : pose;
+    if (has_offset(t, blend)) add_offset(t, blend, out);
+    return out;
+  }
+  Vec3 position_at(double t, double blend) const noexcept {  // [rt] the position of at(), which costs less
+    const Vec3 out = pose.position + used(t, blend) * twist.linear;
+    return has_offset(t, blend) ? out + way_at(t, blend) : out;
+  }
+  // [rt] m: how far an offset can take the object from where its motion says.
+  double most_offset() const noexcept { return norm(offset.way) + most_drift * norm(offset.drift); }
+  double most_turn() const noexcept { return norm(offset.turn) + most_drift * norm(offset.spin); }  // [rt] rad
+
+  Twist twist_at(double t, double blend) const noexcept;  // [rt]
   // [rt] Velocity at time t of the point of the object that is at x, both in the parent's frame.
-  Vec3 velocity(Vec3 x, const Pose& pose_now, double t) const noexcept {
-    if (!is_moving(t)) return {};
-    return twist.linear + cross(twist.angular, x - pose_now.position);
+  Vec3 velocity(Vec3 x, const Pose& pose_now, double t, double blend) const noexcept {
+    if (!is_moving(t, blend)) return {};
+    const Twist now = twist_at(t, blend);
+    return now.linear + cross(now.angular, x - pose_now.position);
   }
+
+  // For whoever posts. The offset from here to where `before` is felt at time t.
+  void go_on_from(const Motion& before, double t, double blend) noexcept;
+  // It begins at t, later than was thought when it was worked out.
+  void begin_offset(double t, double blend) noexcept;
+  // m: how far a place of the object, `lever` m from its origin, jumps at time t, where nothing is blended from now on.
+  double jump_from(const Motion& before, double t, double blend, double lever) const noexcept;
+  bool says_the_same(const Motion& other) const noexcept;  // but for offsets
 
  private:
-  double used(double t) const noexcept { return std::clamp(t - time, 0.0, horizon); }  // s, of the twist
+  static constexpr double most_drift = 4.0 / 27;  // of a drift, within a blend
+
+  bool is_moving(double t, double blend) const noexcept {
+    return has_offset(t, blend) || (t >= time && t < time + horizon + rounding(blend));
+  }
+  // The end of the twist is rounded off from so long before the horizon until so long after it, s.
+  double rounding(double blend) const noexcept { return 0.5 * std::min(blend, horizon); }
+  double used(double t, double blend) const noexcept {  // s, of the twist
+    const double dt = t - time, round = rounding(blend), over = dt - horizon + round;
+    if (!(over > 0 && over < 2 * round)) return std::clamp(dt, 0.0, horizon);
+    return std::clamp(dt - over * over / (4 * round), 0.0, horizon);
+  }
+  Vec3 way_at(double t, double blend) const noexcept;
+  void add_offset(double t, double blend, Pose& out) const noexcept;
 };
 
 // The last poses that the application gave; twists are worked out from them.

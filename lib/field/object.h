@@ -76,6 +76,12 @@ struct Object : Counted<Object> {
   bool is_same_version(const Object& other) const noexcept {
     return primitive == other.primitive && shape == other.shape && point_mask() == other.point_mask();
   }
+  // Whether the other one, of the same version, gives the same force.
+  bool feels_like(const Object& other) const noexcept {
+    const fs_contact &a = contact, &b = other.contact;
+    return law.front == other.law.front && law.back == other.law.back && damping == other.damping && a.keep == b.keep &&
+           a.stiffness == b.stiffness && a.limit == b.limit && a.damping == b.damping && a.friction == b.friction;
+  }
 };
 
 // The checked argument of fs_object_set. A time of 0 stays 0: the scene, which knows its clock, replaces it.

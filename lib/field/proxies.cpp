@@ -40,7 +40,7 @@ void Proxies::begin_touch(const ViewTouches* last, Member& member) noexcept {
   const Solid& solid = *member.solid;
   const Object& object = *solid.object;
   Touch& touch = *member.touch;
-  const Pose before = solid.motion->at(last ? now_ - step_ : now_);
+  const Pose before = solid.motion->at(last ? now_ - step_ : now_, blend_);
   touch.at = to_local(before, proxy_.at);
   touch.side = object.contact.keep == FS_KEEP_BACK ? Side::back : Side::front;
   touch.spring = touch.rest = {};
@@ -82,13 +82,13 @@ bool Proxies::replaces_touched(const Solid& solid) const noexcept {
   return false;
 }
 
-const Touch* Proxies::find_before(const ViewTouches& last, const Solid& solid, uint32_t point) noexcept {
+const Touch* Proxies::find_before(const ViewTouches& last, const Solid& solid, uint64_t version, uint32_t point) noexcept {
   // They mostly come in the same order as last time.
   const uint32_t count = last.end - last.begin;
   for (uint32_t k = 0; k < count; ++k) {
     if (++cursor_ >= last.end || cursor_ < last.begin) cursor_ = last.begin;
     const Touch& touch = ticks_[1 - current_].touches[cursor_];
-    if (touch.version == solid.version && touch.row == solid.row && touch.point == point) return &touch;
+    if (touch.version == version && touch.point == point && (touch.row == solid.row || version != solid.version)) return &touch;
   }
   return nullptr;
 }
@@ -100,9 +100,16 @@ void Proxies::feel_proxy(const ViewTouches* last, uint32_t point, const ToolStat
   for (uint32_t i = 0; i < proxy_.count; ++i) {
     Member& member = proxy_.members[i];
     member.before = nullptr;
-    if (last) member.before = find_before(*last, *member.solid, point);
+    if (last) member.before = find_before(*last, *member.solid, member.solid->version, point);
+    // Another profile or contact of the same object goes on from where the one before has the proxy.
+    member.is_taken_over = last && !member.before && member.solid->takes_over;
+    if (member.is_taken_over) member.before = find_before(*last, *member.solid, member.solid->takes_over, point);
     if (!member.before) continue;
     *member.touch = *member.before;
+    if (member.is_taken_over) {  // what is left of a jump stays with that one
+      member.touch->rest = {};
+      member.touch->fading = 0;
+    }
     was_touching |= member.before->is_touching;
     if (!is_known) proxy_.at = member.before->proxy;
     is_known = true;
@@ -178,7 +185,7 @@ void Proxies::fade(Vec3 hand, double k) noexcept {
     }
     double sum = 0;
     for (uint32_t p = 0; p < here.plane_count; ++p) sum += here.shares[p];
-    const Vec3 held = limited(proxy_.held, proxy_.friction_reach(here, hand, goal));
+    const Vec3 held = limited(proxy_.held, proxy_.friction_reach(here, hand, goal, false));
     for (uint32_t p = 0; p < here.plane_count && sum > 0; ++p) {
       Touch& touch = *proxy_.members[here.planes[p].member].touch;
       const double weight = proxy_.members[here.planes[p].member].solid->weight;
@@ -219,14 +226,14 @@ void Proxies::push(const ViewTouches* last, uint32_t point, const ToolState& too
       touch.is_touching = true;
       if (!is_fading) touch.spring += k * (sum > 0 ? proxy_.shares[p] * plane.normal + (proxy_.shares[p] / sum) * proxy_.held
                                    : (1.0 / proxy_.plane_count) * pull);
-      const Vec3 velocity = at.velocity - solid.motion->velocity(proxy_.at, solid.pose, tool.time);
+      const Vec3 velocity = at.velocity - solid.motion->velocity(proxy_.at, solid.pose, tool.time, tool.blend);
       const double approach = -dot(plane.normal, velocity);
       if (approach > 0) damping[i] += solid.object->contact.damping * approach * plane.normal;
     }
     touch.proxy = proxy_.at;
     touch.is_fading = is_fading;
     touch.fading = std::max(0.0, touch.fading - step_);
-    if (!member.before) continue;
+    if (!member.before || member.is_taken_over) continue;
     touch.rest = member.before->fading > 0 ? (touch.fading / member.before->fading) * member.before->rest : Vec3{};
     was_fading |= member.before->is_fading;
     const double limit = solid.object->contact.limit;  // what is beyond it has not been felt
@@ -316,6 +323,7 @@ void Proxies::feel(uint32_t view, uint64_t what, const ToolState& tool, fs_respo
   ViewTouches& here = tick.views[view];
   const ViewTouches& before = ticks_[1 - current_].views[view];
   const ViewTouches* const last = before.what == what ? &before : nullptr;
+  blend_ = tool.blend;
   here.what = what;
   here.begin = tick.count;
   here.reach = 0;
@@ -323,7 +331,7 @@ void Proxies::feel(uint32_t view, uint64_t what, const ToolState& tool, fs_respo
   bool is_spreading = false;
   for (uint32_t i = 0; i < solid_count_; ++i) {
     Solid& solid = solids_[i];
-    solid.pose = solid.motion->at(tool.time);
+    solid.pose = solid.motion->at(tool.time, tool.blend);
     solid.wrench = solid.felt = {};
     solid.stiffness = solid.felt_stiffness = {};
     solid.is_touched = false;
@@ -347,7 +355,7 @@ void Proxies::feel(uint32_t view, uint64_t what, const ToolState& tool, fs_respo
         done[i / 64] |= uint64_t{1} << i % 64;
         if (!tool.is_any_point && !(solid.object->point_mask() >> k & 1)) continue;
         if (tick.count == most_touches) break;
-        proxy_.members[proxy_.count++] = {&solid, &tick.touches[tick.count++], nullptr};
+        proxy_.members[proxy_.count++] = {&solid, &tick.touches[tick.count++], nullptr, false};
       }
       if (proxy_.count == 0) continue;
       feel_proxy(last, k, tool);

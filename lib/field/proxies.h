@@ -68,7 +68,7 @@ class Proxies {
     std::array<Vec3, FS_TOOL_POINTS_MAX> hand;  // m, the points at the last tick
   };
   void feel_proxy(const ViewTouches* last, uint32_t point, const ToolState& tool) noexcept;
-  const Touch* find_before(const ViewTouches& last, const Solid& solid, uint32_t point) noexcept;
+  const Touch* find_before(const ViewTouches& last, const Solid& solid, uint64_t version, uint32_t point) noexcept;
   bool replaces_touched(const Solid& solid) const noexcept;
   void begin_touch(const ViewTouches* last, Member& member) noexcept;
   void stack_versions() noexcept;
@@ -76,7 +76,7 @@ class Proxies {
   void push(const ViewTouches* last, uint32_t point, const ToolState& tool) noexcept;
   void add_profiles(uint32_t point, const ToolState& tool) noexcept;
 
-  double now_ = 0, step_ = 0;  // s
+  double now_ = 0, step_ = 0, blend_ = 0;  // s
   std::array<Solid, most_solids> solids_;
   uint32_t solid_count_ = 0;
   struct Tick {

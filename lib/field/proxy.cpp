@@ -155,10 +155,19 @@ bool Planes::is_on_one(Vec3 place, double way) const noexcept {
 }
 
 // A cone (Harwin & Melder 2002). The coefficient is the mean of those of the planes, by how far each pushes.
-double Proxy::friction_reach(const Planes& by, Vec3 hand, Vec3 goal) const noexcept {
+double Proxy::friction_reach(const Planes& by, Vec3 hand, Vec3 goal, bool of_all) const noexcept {
+  const auto friction_of = [&](const Solid& solid) {
+    double friction = solid.object->contact.friction;
+    for (uint32_t i = 0; of_all && solid.weight < 1 && i < count; ++i) {
+      const Solid& other = *members[i].solid;
+      const bool is_version = other.version == solid.takes_over || other.takes_over == solid.version;
+      if (is_version) friction = std::max(friction, other.object->contact.friction);
+    }
+    return friction;
+  };
   double friction = 0, depth = 0;
   for (uint32_t p = 0; p < by.plane_count; ++p) {
-    friction += by.shares[p] * members[by.planes[p].member].solid->object->contact.friction;
+    friction += by.shares[p] * friction_of(*members[by.planes[p].member].solid);
     depth += by.shares[p];
   }
   return friction > 0 ? friction / depth * norm(goal - hand) : 0;
@@ -201,7 +210,7 @@ void Proxy::slide(Vec3 hand, bool was_touching) noexcept {
     }
     if (way == 0 && plane_count > 0) {
       // Friction: the proxy stays within a distance of the place where the surface alone would have it.
-      const double most = friction_reach(*this, hand, goal);
+      const double most = friction_reach(*this, hand, goal, true);
       if (most > 0) {
         // When the surface has gone from under the proxy, nothing holds it up: it keeps its place along the surface only.
         const bool is_on_surface = is_on_one(at, norm(goal - hand));

@@ -17,6 +17,7 @@ namespace fs {
 struct Solid {
   uint32_t row = 0;
   uint64_t version = 0;         // of the row
+  uint64_t takes_over = 0;      // version of the row whose weight it takes over, and its proxies; 0: of none
   const Object* object = nullptr;
   const Motion* motion = nullptr;
   double weight = 1;
@@ -50,6 +51,7 @@ struct Member {
   Solid* solid;
   Touch* touch;
   const Touch* before;  // null: there was none
+  bool is_taken_over;   // before is that of another version
 };
 struct Plane {
   Vec3 normal;
@@ -89,7 +91,8 @@ struct Proxy : Planes {
   // [rt] Moves it as near to the hand as it gets.
   void slide(Vec3 hand, bool was_touching) noexcept;
   // [rt] How far friction can hold the proxy back, m, if some planes hold it at `goal` against the hand.
-  double friction_reach(const Planes& by, Vec3 hand, Vec3 goal) const noexcept;
+  // of_all: where another version of an object is there too, the larger coefficient of the two counts.
+  double friction_reach(const Planes& by, Vec3 hand, Vec3 goal, bool of_all) const noexcept;
 
  private:
   bool find_hit(Vec3 to, Plane& out, Vec3& place, double& part) const noexcept;

@@ -36,6 +36,11 @@ void Chunk::move(uint32_t i, const Motion& motion, uint64_t revision) noexcept {
   place(i);
 }
 
+void Chunk::begin_offset(uint32_t i, double t, double blend) noexcept {
+  motions[i / Motions::size]->motions[i % Motions::size].begin_offset(t, blend);
+  place(i);
+}
+
 Row& Chunk::set(uint32_t i, Ref<const Object> given, Ref<const Object> bounded, const Motion& motion,
                 uint64_t revision) noexcept {
   const uint64_t bit = uint64_t{1} << i;
@@ -109,7 +114,10 @@ void Chunk::place(uint32_t i) noexcept {
   const double support = object.support(rows->omitted);
   constexpr float infinity = std::numeric_limits<float>::infinity();
   const bool is_standing = !(m.horizon > 0);
+  const double offset = m.most_offset();
+  const bool is_blended = offset > 0 || m.most_turn() > 0;
   standing = is_standing ? standing | bit : standing & ~bit;
+  blended = is_blended ? blended | bit : blended & ~bit;
   planes &= ~bit;
   group.x[k] = m.pose.position.x;
   group.y[k] = m.pose.position.y;
@@ -121,7 +129,7 @@ void Chunk::place(uint32_t i) noexcept {
     if (has_distance) planes |= bit;
     group.reach[k] = has_distance ? -infinity : infinity;
   } else {
-    // The sphere around all places between the pose and the end of its twist.
+    // The sphere around all places between the pose and the end of its twist, and as far about them as an offset takes it.
     const Vec3 half = 0.5 * m.horizon * m.twist.linear;
     if (!is_standing) {
       group.x[k] += half.x;
@@ -129,7 +137,7 @@ void Chunk::place(uint32_t i) noexcept {
       group.z[k] += half.z;
     }
     const double rounding = 1e-15 * largest_coordinate({group.x[k], group.y[k], group.z[k]});
-    const double reach = (object.radius + support + norm(half) + rounding) * (1 + 2e-7) + 1e-30;
+    const double reach = (object.radius + support + norm(half) + offset + rounding) * (1 + 2e-7) + 1e-30;
     group.reach[k] = reach < 1e37 ? static_cast<float>(reach) : infinity;
   }
   bound(before, box_of(i));
@@ -143,6 +151,7 @@ void Chunk::drop(uint32_t i) noexcept {
   rows->forget_formulas(bit);
   used &= ~bit;
   standing &= ~bit;
+  blended &= ~bit;
   planes &= ~bit;
   motions[i / Motions::size]->reach[i % Motions::size] = -std::numeric_limits<float>::infinity();
   bound(before, {});

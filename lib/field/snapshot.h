@@ -98,7 +98,8 @@ struct Chunk : LocalCounted<Chunk> {
   uint64_t version = 0;                        // of the last change,
   uint64_t rows_version = 0;                   // and of the last that was more than a move
   uint64_t used = 0;                           // bit i: row i is in use
-  uint64_t standing = 0;                       // its position does not depend on time, and is the centre
+  uint64_t standing = 0;                       // its position does not depend on time but for an offset, and is the centre
+  uint64_t blended = 0;                        // its motion has an offset, which may be over (Motion::Offset)
   uint64_t planes = 0;                         // it has no centre: its distance decides
   Box box;                                 // where any of its rows but the planes may be felt
   Ref<Rows> rows;
@@ -110,6 +111,15 @@ struct Chunk : LocalCounted<Chunk> {
     return motions[i / Motions::size]->revision[i % Motions::size];
   }
 
+  // [rt] Those of `rows` that stand at their centre.
+  uint64_t standing_at(uint64_t rows, double t, double blend) const noexcept {
+    rows &= standing;
+    for_each_bit(blend > 0 ? rows & blended : 0, [&](uint32_t i) {
+      if (motion(i).has_offset(t, blend)) rows &= ~bit_of(i);
+    });
+    return rows;
+  }
+
   // For whoever posts. i: of the row in the chunk.
   void own(uint32_t i);         // may run out of memory; after it edit_row, set, move and drop cannot
   void own_motion(uint32_t i);  // all that move needs
@@ -118,6 +128,7 @@ struct Chunk : LocalCounted<Chunk> {
   // The rest of the row is for the caller. bounded: may be null.
   Row& set(uint32_t i, Ref<const Object> object, Ref<const Object> bounded, const Motion& motion, uint64_t revision) noexcept;
   void move(uint32_t i, const Motion& motion, uint64_t revision) noexcept;
+  void begin_offset(uint32_t i, double t, double blend) noexcept;  // see Motion
   void drop(uint32_t i) noexcept;
   void omit(double force) noexcept;  // of all its rows, each of which must be owned
 

@@ -27,8 +27,9 @@ void ViewMemory::advance(const Views& views, double now, double fade) noexcept {
       if (m.wanted == view.version) value = Weight::moved(value, m.going_in, by);  // by the old wants, before the new ones are read
       m.wanted = view.version;
       Weight* const next = view.next == no_row ? nullptr : &all_[view.next].weight;
-      m.going_in = goes_in(view, value, now, next, next ? views.rows[view.next].version : 0, !(fade > 0), is_any_beginning);
-      m.weight.set(fade > 0 ? value : m.going_in);
+      m.weight.set(value);
+      m.going_in = course_of(view, m.weight, now, next, next ? &views.rows[view.next] : nullptr, !(fade > 0), is_any_beginning).in;
+      if (!(fade > 0)) m.weight.set(m.going_in);
     }
     by = 0;
   } while (is_any_beginning);

@@ -7,6 +7,10 @@
 // new one as its `next`: as soon as the old row is in full, or not felt at all, the tick lets the next begin, and from then
 // on the old row is wanted out. So the two cross-fade, and a stream of versions that is faster than the fade is felt as a
 // chain of full cross-fades.
+//
+// Another profile of the same shape *takes over*: within the much shorter time `blend` the new row gets just the weight that
+// the old one has, however far that has come, and goes on from it. So it need not wait for the old row to be in full, only
+// until that one has itself taken over from the one before.
 #pragma once
 
 #include <algorithm>
@@ -19,6 +23,13 @@ namespace fs {
 inline constexpr double never = std::numeric_limits<double>::infinity();
 inline constexpr uint32_t no_row = ~0u;
 
+// How a servo spreads what changes. A tool does not: all 0.
+struct Spread {
+  double fade = 0;      // s, in which a weight goes from 0 to 1; 0: at once
+  double blend = 0;     // s, for poses and profiles of what is felt; 0: at once
+  double jump = never;  // m of the device: an object that is put farther away than this fades there
+};
+
 // What a snapshot wants of a row.
 struct Want {
   uint64_t version = 0;   // of this use of the row; 0: the row is not in use
@@ -26,6 +37,7 @@ struct Want {
   double expiry = never;  // s, scene time: from then on the row is wanted out
   uint32_t next = no_row; // the row that begins when this one is in full, or not felt
   bool is_in = false;
+  uint64_t takes_over = 0;  // version of the row from which it takes over the weight; 0: it fades in by itself
 
   // Tools have no weights: the newest version counts in full, older ones not at all.
   bool is_felt(double now) const noexcept { return is_in && next == no_row && now < expiry; }
@@ -44,6 +56,7 @@ class Weight {
   // The poster's.
   void set_up(uint64_t version, bool waits, double value) noexcept {
     value_.store(value, std::memory_order_relaxed);
+    coming_.store(0, std::memory_order_relaxed);
     state_.store(2 * version + !waits, std::memory_order_release);
   }
   // The poster's: makes the row wait as another version. False: it has begun meanwhile, and goes on.
@@ -60,11 +73,14 @@ class Weight {
   }
   // [rt] The tick's.
   void set(double value) noexcept { value_.store(value, std::memory_order_release); }
+  void set_coming(double value) noexcept { coming_.store(value, std::memory_order_release); }
 
   bool has_begun(uint64_t version) const noexcept {  // [rt]
     return state_.load(std::memory_order_acquire) == 2 * version + 1;
   }
   double value() const noexcept { return value_.load(std::memory_order_acquire); }  // [rt]
+  // [rt] What the row has still to take over.
+  double coming() const noexcept { return coming_.load(std::memory_order_acquire); }
 
   // [rt] A weight after `by` of a fade.
   static double moved(double weight, bool in, double by) noexcept {
@@ -75,20 +91,51 @@ class Weight {
 
  private:
   std::atomic<uint64_t> state_{0};  // 2 * version, + 1 when it has begun
-  std::atomic<double> value_{0};
+  std::atomic<double> value_{0}, coming_{0};
 };
 
-// [rt] Whether the weight of a row rises; the row has begun. One at 1 or at 0 starts its successor, and falls from then
-// on. next, next_version: of the successor; null: there is none. began: set when it has just started.
-inline bool goes_in(const Want& row, double value, double now, Weight* next, uint64_t next_version, bool is_at_once,
-                    bool& began) noexcept {
+// Where a weight goes.
+struct Course {
+  bool in;       // it rises
+  bool hands_over;  // to its successor, within a blend
+
+  // [rt] The value after `elapsed` seconds. coming: what the row has still to take over, before it fades.
+  double after(double elapsed, double value, double& coming, const Spread& spread) const noexcept {
+    if (coming > 0) {
+      const double taken = std::min(coming, Weight::part_of_fade(elapsed, spread.blend));
+      coming -= taken;
+      value = std::min(1.0, value + taken);
+      elapsed -= taken * spread.blend;
+      if (coming > 0 || !(elapsed > 0)) return value;
+    }
+    return Weight::moved(value, in, Weight::part_of_fade(elapsed, hands_over ? spread.blend : spread.fade));
+  }
+  // [rt] s, until `after` arrives at something new; 0: it is there.
+  double rest(double value, double coming, const Spread& spread) const noexcept {
+    if (coming > 0) return coming * spread.blend;
+    return (in ? 1 - value : value) * (hands_over ? spread.blend : spread.fade);
+  }
+};
+
+// [rt] Where the weight of a row goes; the row has begun. One at 1 or at 0 starts its successor, and falls from then on; one
+// with a successor that takes over does so at once. next, its: the successor; null: there is none. began: set when it has
+// just started.
+inline Course course_of(const Want& row, const Weight& weight, double now, Weight* next, const Want* its, bool is_at_once,
+                        bool& began) noexcept {
   const bool in = row.is_in && now < row.expiry;
-  if (!next) return in;
-  if (next->has_begun(next_version)) return false;
-  if (!is_at_once && value > 0 && value < 1) return in;
-  if (!next->begin(next_version)) return in;  // it was replaced; another snapshot tells by what
+  const double value = weight.value();
+  if (!next) return {in, false};
+  if (next->has_begun(its->version)) return {false, next->coming() > 0};
+  const bool can_take_over = its->takes_over == row.version;
+  const bool takes_over = can_take_over && its->is_in && now < its->expiry;
+  // One that goes out, as its successor does, waits with it: if that is wanted in again, it takes over what is left.
+  const bool is_full = !(value < 1) && (in || !can_take_over), has_faded = is_at_once || is_full || !(value > 0);
+  const bool has_taken_over = !(weight.coming() > 0);
+  if (!has_taken_over || !(takes_over || has_faded)) return {in, false};
+  if (!next->begin(its->version)) return {in, false};  // it was replaced; another snapshot tells by what
+  if (takes_over) next->set_coming(value);
   began = true;
-  return false;
+  return {false, takes_over};
 }
 
 }  // namespace fs

@@ -242,9 +242,7 @@ void print_summary(const fs_servo_stats& s, double seconds, std::uint32_t faults
   else std::printf("a limit or a fault changed the force of %llu %s\n", Count(s.guarded), s.guarded == 1 ? "tick" : "ticks");
   std::printf("faults: %s\n", fault_names(faults).c_str());
   std::printf("the system granted: %s\n", realtime_name(s.realtime));
-  const std::uint32_t missing = FS_OFF_BLEND;  // 0.1 does not have it
-  std::printf("protections that version 0.1 does not have: %s\n", protection_names(missing).c_str());
-  std::printf("protections switched off: %s\n", protection_names(s.protections_off & ~missing).c_str());
+  std::printf("protections switched off: %s\n", protection_names(s.protections_off).c_str());
 }
 
 }  // namespace

@@ -51,7 +51,8 @@ Claim claim_of(const Wish& wish, double share, double now, double slope, bool is
   if (is_moving) {
     reach += seconds_ahead * (norm(motion.twist.linear) + norm(motion.twist.angular) * std::fmin(object.radius, 1e3));
   }
-  const Pose pose = motion.at(now);
+  reach += motion.most_offset();  // while it is blended
+  const Pose pose = motion.at(now, 0);
   out.centre = pose.position;
   if (object.primitive == FS_PRIMITIVE_PLANE) {
     out.region = is_moving && norm(motion.twist.angular) > 0 ? Claim::Region::everywhere : Claim::Region::slab;

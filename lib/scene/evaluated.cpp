@@ -9,10 +9,11 @@
 namespace fs {
 
 Evaluated::Evaluated(std::shared_ptr<ServoOutput> the_output, ClockKind kind)
-    : output(std::move(the_output)), objects(*output), views(*output), clock(*output, kind) {}
+    : output(std::move(the_output)), clock(*output, kind), objects(*output, clock), views(*output) {}
 
 void Evaluated::prepare() {
   settle(false);
+  objects.rows.set_scale(views.now().frame.scale);
   if (!spare_) spare_ = make_ref<Snapshot>();
 }
 
@@ -25,6 +26,7 @@ Ref<const Snapshot> Evaluated::post_newest() {
   if (posted_) return posted_;
   const Ref<Snapshot> made = spare_ ? std::move(spare_) : make_ref<Snapshot>();
   made->sequence = ++sequence_;
+  objects.rows.begin_offsets();
   made->chunks = objects.rows.chunks();
   made->views = views.views();
   made->clock = clock.kind();

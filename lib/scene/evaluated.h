@@ -17,10 +17,10 @@ class Evaluated {
   Evaluated(std::shared_ptr<ServoOutput> output, ClockKind clock);
 
   const std::shared_ptr<ServoOutput> output;
+  Clock clock;
   Objects objects;
   ViewRows views;
   Events events;
-  Clock clock;
 
   // A change to objects or views is made between prepare, which makes room for a snapshot, and changed, which posts one.
   void prepare();

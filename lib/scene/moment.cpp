@@ -42,7 +42,7 @@ Moment::Moment(Ref<LocalScene> scene, bool with_group, const char* only) : scene
   fs_state state{};
   state.pose = tick_.tool;
   state.twist = tick_.twist;
-  tool_ = ToolState::at(state, *view->tool, tick_.time);
+  tool_ = ToolState::at(state, *view->tool, tick_.time, memory_->spread.blend);
 }
 
 Moment::~Moment() {
@@ -88,6 +88,18 @@ bool Moment::feel(uint32_t number, Share& out) const {
   return evaluate_object(object, motion, it.start, tool_, &parsers, out);
 }
 
+// With what a version has still to take over from those before it: to change a profile is not to fade.
+double Moment::weight_of(uint32_t newest) const {
+  double weight = 0;
+  for (uint32_t number = newest; number != no_row; number = row(number).previous) {
+    weight += memory_->weight_at(number, row(number).version, time_);
+    const bool takes_over = row(number).takes_over && memory_->weight_at(number, row(number).version, time_) < 1;
+    if (!takes_over) break;
+  }
+  constexpr double rounding = 1e-9;
+  return weight > 1 - rounding ? 1 : weight;
+}
+
 fs_report Moment::report(const Entry& entry, uint32_t number) const {
   const Object& object = *entry.object;
   fs_report out{};
@@ -96,7 +108,7 @@ fs_report Moment::report(const Entry& entry, uint32_t number) const {
   out.revision = entry.revision;
   const bool is_evaluated = number != no_row;
   if (is_evaluated) {
-    out.weight = memory_ ? memory_->weight_at(number, row(number).version, time_) : row(number).is_felt(time_);
+    out.weight = memory_ ? weight_of(number) : row(number).is_felt(time_);
   }
   const bool is_pending = !is_evaluated || (memory_ && row(number).sequence > used_);
   if (is_pending && out.weight == 0 && object.is_enabled) {

@@ -56,6 +56,7 @@ class Moment {
   const Row& row(uint32_t number) const noexcept { return find_chunk(chunks_, number)->row(number % chunk_size); }
   Entry entry(uint32_t number) const;
   fs_report report(const Entry& entry, uint32_t row) const;
+  double weight_of(uint32_t newest) const;
   bool feel(uint32_t number, Share& out) const;
   static fs_motion to_motion(const Entry& entry, const std::string& prefix) noexcept;
 

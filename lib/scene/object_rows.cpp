@@ -1,12 +1,18 @@
 #include "scene/object_rows.h"
 
 #include <algorithm>
+#include <cmath>
 #include <functional>
 
 #include "base/error.h"
 #include "base/serial.h"
 
 namespace fs {
+
+static Motion unblended(Motion motion) noexcept {
+  motion.offset = {};
+  return motion;
+}
 
 Entry ObjectRows::entry(uint32_t number) const {
   const Row& from = row(number);
@@ -60,6 +66,10 @@ bool ObjectRows::bound(uint32_t number, uint64_t version, const Object& object, 
 
 void ObjectRows::own_motion(uint32_t row) { chunks_.edit(row / chunk_size, sequence_).own_motion(row % chunk_size); }
 
+void ObjectRows::own_offsets(size_t count) {
+  if (moved_.capacity() < moved_.size() + count) moved_.reserve(2 * moved_.size() + count);
+}
+
 // Finds a row that no tick can use, but does not reserve it: fill does. Two calls give the same row.
 uint32_t ObjectRows::allocate(const Entry& entry) {
   return space_.find(entry.motion.pose.position, entry.object->radius + entry.object->support(),
@@ -112,13 +122,13 @@ void ObjectRows::share_out(uint32_t tails) {
 
 // ---------------------------------------------------------------------------------------------------- what cannot throw
 
-void ObjectRows::fill(Chunk& its, uint32_t number, const Entry& entry, Ref<const Object> bounded, uint64_t version,
-                      uint32_t previous) noexcept {
+void ObjectRows::fill(Chunk& its, uint32_t number, const Entry& entry, Ref<const Object> bounded, const Motion& motion,
+                      uint64_t version, uint32_t previous) noexcept {
   space_.take(number);
   if (const Object* const before = its.row(number % chunk_size).object.get()) tails_ -= before->has_tail();
   tails_ += entry.object->has_tail();
   if (its.rows->omitted != tail_) its.omit(tail_);
-  Row& row = its.set(number % chunk_size, entry.object, std::move(bounded), entry.motion, entry.motion_revision);
+  Row& row = its.set(number % chunk_size, entry.object, std::move(bounded), motion, entry.motion_revision);
   if (row.version != version) row.created = sequence_;
   row.version = version;
   row.sequence = sequence_;
@@ -149,6 +159,50 @@ void ObjectRows::drop(uint32_t number) noexcept {
   }
 }
 
+// ------------------------------------------------------------------------------------------------- what is felt of a change
+
+bool ObjectRows::is_jump(uint32_t number, const Motion& to, double now) const noexcept {
+  const Spread by = spread();
+  const Motion& felt = motion(number);
+  if (!(by.blend > 0) || to.says_the_same(felt)) return false;
+  // A turn moves what is far from the origin: as far as the object, or the hand if that is nearer.
+  double lever = row(number).object->radius;
+  HandSample hand;
+  if (lever > 0 && output_.hand.read(hand)) {
+    lever = std::min(lever, norm(hand.state.pose.position - felt.position_at(now, by.blend)));
+  }
+  return to.jump_from(felt, now, by.blend, lever) > scale_ * by.jump;
+}
+
+ObjectRows::Change ObjectRows::change_of(uint32_t number, const Entry& to, double now) const noexcept {
+  const Row& felt = row(number);
+  if (!felt.object->is_same_version(*to.object) || is_jump(number, to.motion, now)) return Change::replaced;
+  const bool is_alike = !(spread().blend > 0) || felt.object->feels_like(*to.object);
+  const bool has_same_time = felt.start == to.start || !to.object->law.has_curves() || !(spread().blend > 0);
+  return is_alike && has_same_time ? Change::adjusted : Change::taken_over;
+}
+
+Motion ObjectRows::going_on(uint32_t number, const Motion& to, double now) const noexcept {
+  Motion out = to;
+  out.offset = {};
+  if (const double blend = spread().blend; blend > 0) out.go_on_from(motion(number), now, blend);
+  return out;
+}
+
+void ObjectRows::note_offset(uint32_t number) noexcept {
+  if (find_chunk(chunks_, number)->blended & bit_of(number % chunk_size)) moved_.push_back(number);
+}
+
+void ObjectRows::begin_offsets() noexcept {
+  const double now = clock_.now(), blend = spread().blend;
+  for (const uint32_t number : moved_) {
+    const Chunk* const its = find_chunk(chunks_, number);
+    const bool is_there = its && its->version == sequence_ && its->used & bit_of(number % chunk_size);
+    if (is_there && blend > 0) chunk(number).begin_offset(number % chunk_size, now, blend);
+  }
+  moved_.clear();
+}
+
 // ------------------------------------------------------------------------------------------------------- rows of a name
 
 uint32_t ObjectRows::add(const Entry& entry) {
@@ -160,7 +214,7 @@ uint32_t ObjectRows::add(const Entry& entry) {
   const uint64_t version = ++last_version_;
   install(number, made);
   if (servo_) servo_->memory->weight(number).set_up(version, false, 0);
-  fill(its, number, entry, std::move(bounded), version, no_row);
+  fill(its, number, entry, std::move(bounded), unblended(entry.motion), version, no_row);
   return number;
 }
 
@@ -168,14 +222,18 @@ uint32_t ObjectRows::set(uint32_t newest, const Entry& entry) {
   make_room_for_tail(*entry.object);
   for (;;) {
     if (servo_) tidy_older(newest);
-    const Row& now = row(newest);
-    const uint32_t previous = now.previous;
-    const bool is_same = now.object->is_same_version(*entry.object);
+    const double now = clock_.now();
+    const Row& felt = row(newest);
+    const uint32_t previous = felt.previous;
+    const Change change = change_of(newest, entry, now);
+    const bool is_same = change == Change::adjusted;
     // A version that waits may be replaced as long as no tick can know it. One that was posted belongs to a group that is
-    // felt as a whole, so the new one comes after it. When the chain becomes long, because many come between two ticks,
-    // what was posted is taken back if no tick has it yet.
-    const bool is_replaced = is_waiting(newest) && (now.created == sequence_ || (length(newest) >= longest_chain &&
-                                                                                 servo_->take_back(now.created)));
+    // felt as a whole, so the new one comes after it, unless they differ only in how hard the object is. When the chain
+    // becomes long, because many come between two ticks, what was posted is taken back if no tick has it yet.
+    const bool is_replaced =
+        is_waiting(newest) && (change == Change::taken_over || felt.created == sequence_ ||
+                               (length(newest) >= longest_chain && servo_->take_back(felt.created)));
+    own_offsets(1);
     if (is_same || !servo_ || is_replaced) {
       for (uint32_t older = newest; is_waiting(older); older = row(older).previous) own(row(older).previous);
       Ref<const Object> bounded = bounded_for(entry, &row(newest));
@@ -189,7 +247,11 @@ uint32_t ObjectRows::set(uint32_t newest, const Entry& entry) {
       install(newest, made);
       const bool was_in = row(newest).is_in;
       const uint64_t sequence = row(newest).sequence;
-      fill(its, newest, entry, std::move(bounded), version, previous);
+      const bool is_elsewhere = change == Change::replaced, is_moved = !entry.motion.says_the_same(motion(newest));
+      fill(its, newest, entry, std::move(bounded), is_elsewhere ? unblended(entry.motion) : going_on(newest, entry.motion, now),
+           version, previous);
+      if (is_moved) note_offset(newest);
+      if (is_elsewhere) edit(newest).takes_over = 0;
       if (is_same && was_in == entry.object->is_enabled) edit(newest).sequence = sequence;
       for (uint32_t number = newest; is_waiting(number);) {  // the versions before it are the same object
         number = row(number).previous;
@@ -198,8 +260,10 @@ uint32_t ObjectRows::set(uint32_t newest, const Entry& entry) {
       }
       return newest;
     }
-    // Another version of what is felt. A row that is already fading out alone need not be waited for.
-    const bool waits = row(newest).is_in || previous != no_row;
+    // Another version of what is felt. A row that is already fading out alone need not be waited for, unless its weight is
+    // taken over.
+    const bool takes_over = change == Change::taken_over;
+    const bool waits = takes_over || row(newest).is_in || previous != no_row;
     const uint32_t number = allocate(entry);
     Ref<const Object> bounded = bounded_for(entry, &row(newest));
     Chunk& its = own(number, bounded.get());
@@ -208,7 +272,10 @@ uint32_t ObjectRows::set(uint32_t newest, const Entry& entry) {
     const uint64_t version = ++last_version_;
     install(number, made);
     servo_->memory->weight(number).set_up(version, waits, 0);
-    fill(its, number, entry, std::move(bounded), version, newest);
+    fill(its, number, entry, std::move(bounded),
+         takes_over ? going_on(newest, entry.motion, now) : unblended(entry.motion), version, newest);
+    if (!entry.motion.says_the_same(motion(newest))) note_offset(number);
+    if (takes_over) edit(number).takes_over = row(newest).version;
     edit(newest).is_named = false;
     if (waits) edit(newest).next = number;
     if (!entry.object->is_enabled) want_out(newest);
@@ -222,7 +289,8 @@ uint32_t ObjectRows::length(uint32_t newest) const noexcept {
   return count;
 }
 
-void ObjectRows::move(uint32_t newest, const Motion& motion, double expiry, uint64_t motion_revision) {
+void ObjectRows::move(uint32_t newest, const Motion& to, double expiry, uint64_t motion_revision) {
+  const double now = clock_.now();
   const auto own_moved = [&](uint32_t number) {
     if (row(number).expiry == expiry) {
       own_motion(number);
@@ -231,10 +299,16 @@ void ObjectRows::move(uint32_t newest, const Motion& motion, double expiry, uint
     }
   };
   const auto move_one = [&](uint32_t number) {
-    chunk(number).move(number % chunk_size, motion, motion_revision);
+    // A version before the newest may be elsewhere: it fades where it is.
+    if (number == newest || !is_jump(number, to, now)) {
+      const bool is_moved = !to.says_the_same(motion(number));
+      chunk(number).move(number % chunk_size, going_on(number, to, now), motion_revision);
+      if (is_moved) note_offset(number);
+    }
     if (row(number).expiry != expiry && (number == newest || row(number).is_in)) edit(number).expiry = expiry;
   };
   // Where the newest waits, the versions before it, back to the one that has begun, are the object still.
+  own_offsets(length(newest));
   own_moved(newest);
   for (uint32_t number = newest; is_waiting(number); number = row(number).previous) own_moved(row(number).previous);
   move_one(newest);
@@ -299,21 +373,23 @@ ObjectRows::Shifted ObjectRows::shifted(double shift) const {
     for_each_bit(chunk.used, [&](uint32_t i) {
       const Row& before = chunk.row(i);
       if (!before.is_named) out.dropped.push_back(number * chunk_size + i);
-      if (before.is_named && shift == 0 && before.previous == no_row && !before.bounded) return;
+      const bool is_blended = chunk.blended & bit_of(i);
+      if (before.is_named && shift == 0 && before.previous == no_row && !before.bounded && !is_blended) return;
       Chunk& copy = out.chunks.edit(number, sequence_);
       copy.own(i);
       Row& row = copy.edit_row(i);
       row.previous = row.next = no_row;
+      row.takes_over = 0;
       row.start += shift;
       row.expiry += shift;
       if (row.bounded) {  // by a servo that is no more
         const Ref<const Object> object = row.object;
         copy.set(i, object, nullptr, chunk.motion(i), chunk.motion_revision(i));
       }
-      if (shift == 0) return;
-      Motion motion = chunk.motion(i);
+      if (shift == 0 && !is_blended) return;
+      Motion motion = unblended(chunk.motion(i));
       motion.time += shift;
-      copy.move(i, motion, next_serial());
+      copy.move(i, motion, shift == 0 ? chunk.motion_revision(i) : next_serial());
     });
   });
   return out;

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "field/servo_output.h"
+#include "scene/clock.h"
 #include "scene/row_space.h"
 #include "scene/versions.h"
 
@@ -22,7 +22,7 @@ struct Entry {
 
 class ObjectRows : Versions<ObjectRows> {
  public:
-  explicit ObjectRows(const ServoOutput& output) : output_(output) {}
+  ObjectRows(const ServoOutput& output, const Clock& clock) : output_(output), clock_(clock) {}
 
   const Chunks& chunks() const noexcept { return chunks_; }
   const Row& row(uint32_t row) const noexcept { return find_chunk(chunks_, row)->row(row % chunk_size); }
@@ -39,7 +39,7 @@ class ObjectRows : Versions<ObjectRows> {
   // (no memory), what is felt is as before.
   uint32_t add(const Entry& entry);                    // a name that has no row
   uint32_t set(uint32_t newest, const Entry& entry);   // to another version if need be
-  void move(uint32_t newest, const Motion& motion, double expiry, uint64_t motion_revision);
+  void move(uint32_t newest, const Motion& motion, double expiry, uint64_t motion_revision);  // no jump
   uint32_t remove(uint32_t newest);                    // no_row: nothing is left of it
   // Lets go of what has faded out: no_row: of all of it.
   uint32_t tidy(uint32_t newest);
@@ -56,6 +56,14 @@ class ObjectRows : Versions<ObjectRows> {
   // of them gives less than its share, it counts as far.
   void set_accuracy(double newtons);
   double omitted() const noexcept { return std::min(accuracy_, tails_ * tail_); }  // N, by all of them at most
+
+  // Whether a servo feels the row so far from where it is to be that it must be set, as another version: it cannot be moved
+  // through the hand.
+  bool is_jump(uint32_t row, const Motion& to) const noexcept { return is_jump(row, to, clock_.now()); }
+  // m of the scene for each of the device, for which spread.jump is.
+  void set_scale(double scale) noexcept { scale_ = scale; }
+  // To be called before the rows are posted: what has been moved since the last time is blended from now on.
+  void begin_offsets() noexcept;
 
   // Called for one row after the other before all of them change, so that their chunks lie together in memory: a reader
   // that looks at all of them is faster then.
@@ -90,6 +98,7 @@ class ObjectRows : Versions<ObjectRows> {
   // What may throw comes first: these make the chunk of a row and what is changed in it the table's own.
   Chunk& own(uint32_t row, const Object* bounded = nullptr);  // bounded: what it will be set with
   void own_motion(uint32_t row);
+  void own_offsets(size_t count);  // of rows that are going to be moved
   uint32_t allocate(const Entry& entry);
   using New = std::vector<Ref<Scratch>>;  // of each reader; empty: what is there goes on
   New make_new(uint32_t row, const Object& object, const Object* before);
@@ -98,16 +107,25 @@ class ObjectRows : Versions<ObjectRows> {
   Row& edit(uint32_t row) noexcept { return chunk(row).edit_row(row % chunk_size); }
   // As the servo is to evaluate the object; null: as it is. before: the row that it replaces; null: none.
   Ref<const Object> bounded_for(const Entry& entry, const Row* before) const;
-  void fill(Chunk& its, uint32_t row, const Entry& entry, Ref<const Object> bounded, uint64_t version,
-            uint32_t previous) noexcept;
+  void fill(Chunk& its, uint32_t row, const Entry& entry, Ref<const Object> bounded, const Motion& motion,
+            uint64_t version, uint32_t previous) noexcept;
   void install(uint32_t row, New& made) noexcept;
   void drop(uint32_t row) noexcept;
   void make_room_for_tail(const Object& object);
   void share_out(uint32_t tails);
+  // What a row needs to be as wanted.
+  enum class Change { adjusted, taken_over, replaced };  // the same version; another, by Want::takes_over; another, by a fade
+  Change change_of(uint32_t row, const Entry& to, double now) const noexcept;
+  bool is_jump(uint32_t row, const Motion& to, double now) const noexcept;
+  Spread spread() const noexcept { return servo_ ? servo_->memory->spread : Spread{}; }
+  // A motion that goes on from where a row is felt.
+  Motion going_on(uint32_t row, const Motion& to, double now) const noexcept;
+  void note_offset(uint32_t row) noexcept;  // of a row that has just been moved; after own_offsets
   static constexpr uint32_t longest_chain = 16;
   uint32_t length(uint32_t newest) const noexcept;  // of the chain
 
   const ServoOutput& output_;
+  const Clock& clock_;
   Chunks chunks_;
   uint64_t sequence_ = 1, last_version_ = 0;
   RowSpace space_;
@@ -117,6 +135,8 @@ class ObjectRows : Versions<ObjectRows> {
   std::vector<Reader*> readers_;
   Reader* servo_ = nullptr;
   Bounds bounds_;
+  double scale_ = 1;
+  std::vector<uint32_t> moved_;  // rows whose offsets are to begin when they are posted
 };
 
 }  // namespace fs

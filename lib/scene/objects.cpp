@@ -161,13 +161,29 @@ void Objects::move(Named& named, const Track& track, const Motion& motion, doubl
   auto& [name, item] = named;
   if (!item.track) item.track = std::make_unique<Track>(Track::of(rows.motion(item.row)));
   const double before = rows.row(item.row).expiry;
-  set_expiry(name, before, expiry);
+  const bool jumps = rows.is_jump(item.row, motion);
+  const bool is_newly_listed = jumps && list(named);
+  const auto unlist = [&] {
+    if (is_newly_listed) fading_.pop_back();
+    if (is_newly_listed) item.is_listed = false;
+  };
   try {
-    rows.move(item.row, motion, expiry, motion_revision);
+    set_expiry(name, before, expiry);
+    if (jumps) {
+      Entry entry = rows.entry(item.row);
+      entry.motion = motion;
+      entry.expiry = expiry;
+      entry.motion_revision = motion_revision;
+      item.row = rows.set(item.row, entry);
+    } else {
+      rows.move(item.row, motion, expiry, motion_revision);
+    }
   } catch (...) {
     if (before != expiry && expiry < never) expiries_.erase({expiry, name});
+    unlist();
     throw;
   }
+  if (!rows.is_fading(item.row)) unlist();
   *item.track = track;
 }
 

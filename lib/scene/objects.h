@@ -43,7 +43,7 @@ fs_object to_c(const Known& known);  // its handles live as long as known.object
 
 class Objects {
  public:
-  explicit Objects(const ServoOutput& output) : rows(output) {}
+  Objects(const ServoOutput& output, const Clock& clock) : rows(output, clock) {}
 
   ObjectRows rows;
 

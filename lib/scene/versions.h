@@ -29,7 +29,7 @@ class Versions {
     if (!weight) return true;
     // A row that has not begun never gets a weight if the next tick knows its successor.
     if (!has_begun(i)) return it.next != no_row && rows().row(it.next).sequence <= rows().used();
-    if (weight->value() > 0) return false;
+    if (weight->value() > 0 || weight->coming() > 0) return false;
     return it.next != no_row ? has_begun(it.next) : !it.is_in && it.sequence <= rows().used();
   }
 

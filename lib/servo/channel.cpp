@@ -14,7 +14,7 @@ constexpr double visits_a_second = 0.25 / 40e-9;
 
 Channel::Channel(fs_servo& servo, Ref<LocalScene> scene, const Limits& limits, bool starts_in)
     : scene_(std::move(scene)), limits_(limits), fade_(servo.fade()),
-      visits_(static_cast<uint32_t>(visits_a_second * servo.period())), reader_(make_ref<Memory>(servo.fade())) {
+      visits_(static_cast<uint32_t>(visits_a_second * servo.period())), reader_(make_ref<Memory>(servo.settings().spread)) {
   hand_.state.pose = hand_.response.proxy = identity_pose();
   scene_->readers.attach_servo(servo, reader_, starts_in);
 }
@@ -50,7 +50,7 @@ fs_response Channel::evaluate_view(const Snapshot& snapshot, uint32_t view, fs_s
   if (!(weight > 0) || !make_unit_pose(state.pose)) return sum;
   const View& seen = snapshot.views->rows[view];
   sum = evaluate_near(reader_.mailbox.front().scratches, *reader_.memory, view, seen.version, *seen.tool,
-                      ToolState::at(state, *seen.tool, now), &effort);
+                      ToolState::at(state, *seen.tool, now, reader_.memory->spread.blend), &effort);
   scale(sum, weight);
   if (weight < 1 && sum.felt_count > 0) sum.flags |= FS_RESPONSE_FADING;
   return sum;

@@ -54,7 +54,7 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   const fs::FlightRecord& record() const noexcept { return record_; }
 
   const fs::ServoSettings& settings() const noexcept { return settings_; }
-  double fade() const noexcept override { return settings_.fade; }  // s; 0: none
+  double fade() const noexcept override { return settings_.spread.fade; }  // s; 0: none
   double period() const noexcept { return period_; }                // s
   fs::ClockKind clock() const noexcept override;
 

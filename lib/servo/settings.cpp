@@ -32,18 +32,6 @@ double parse_switch(double given, double standard, double none, double high, uin
   return given < 0 ? none : given == 0 ? standard : given;
 }
 
-// Refuses an option that this version lacks, rather than ignore it: the application might rely on it.
-[[noreturn]] void refuse(double given, const char* field, const char* allowed) {
-  fail(FS_ERROR_UNSUPPORTED, "%s is %g: version %s of this library does not have it, must be %s", field, given,
-       fs_version(), allowed);
-}
-
-// An option for a protection that does not exist yet: it is always off, and asking for it is an error.
-void parse_missing_switch(double given, double high, uint32_t bit, uint32_t& off, const char* field) {
-  if (parse_switch(given, 0, 0, high, bit, off, field) > 0) refuse(given, field, "0 or a negative number (none)");
-  off |= bit;
-}
-
 double link_period(const fs_device_info& device) { return device.link_rate > 0 ? 1 / device.link_rate : 0; }
 
 // What the loop can render, and what the options ask for within that.
@@ -107,10 +95,13 @@ ServoSettings parse_options(const fs_servo_options& options, const fs_device_inf
   out.limits.force = parse_limit(options.force_limit, device.force_max, "force_limit");
   out.limits.torque = parse_limit(options.torque_limit, device.torque_max, "torque_limit");
   uint32_t& off = out.protections_off;
-  out.limits.speed = parse_switch(options.speed_limit, 2, never, 1e6, FS_OFF_SPEED, off, "speed_limit");
+  constexpr double standard_speed_limit = 2;  // m/s
+  out.limits.speed = parse_switch(options.speed_limit, standard_speed_limit, never, 1e6, FS_OFF_SPEED, off, "speed_limit");
   out.limits.ramp = parse_switch(options.ramp, 0.5, 0, 1e6, FS_OFF_RAMP, off, "ramp");
-  out.fade = parse_switch(options.fade, 1, 0, 1e6, FS_OFF_FADE, off, "fade");
-  parse_missing_switch(options.blend, 1e6, FS_OFF_BLEND, off, "blend");
+  out.spread.fade = parse_switch(options.fade, 1, 0, 1e6, FS_OFF_FADE, off, "fade");
+  out.spread.blend = parse_switch(options.blend, 0.02, 0, 1e6, FS_OFF_BLEND, off, "blend");
+  const double speed = out.limits.speed < never ? out.limits.speed : standard_speed_limit;
+  out.spread.jump = out.spread.blend > 0 ? out.spread.blend * speed : never;
   parse_loop(options, device, out);
   if (options.priority > 99) fail(FS_ERROR_INVALID, "priority is %d, must be at most 99", options.priority);
   out.priority = options.priority == 0 ? 80 : options.priority;

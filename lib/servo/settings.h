@@ -3,6 +3,7 @@
 
 #include <forceserver/servo.h>
 
+#include "field/weight.h"
 #include "servo/guard.h"
 #include "servo/loop_limits.h"
 
@@ -15,7 +16,7 @@ struct ServoSettings {
   double rate;               // Hz
   Guard::Limits limits;
   double pose_age;           // s: if the pose is older, the device counts as lost
-  double fade;               // s; 0: none
+  Spread spread;             // of changes
   LoopLimits loop;           // max_stiffness and object_damping infinite: none; damping: also where a remote
                              // controller applies it
   double model_stiffness;    // N/m, the most in a local model; 0: the device renders none

@@ -112,12 +112,13 @@ inline fs_servo_stats stats_of(fs_scene* scene) {
   return stats;
 }
 
-// Options of a virtual servo without the protections that change what a moving hand feels: a test sets those it needs.
+// Options of a virtual servo without the protections that change what a moving hand or a change is felt like: a test sets
+// those it needs.
 inline fs_servo_options virtual_options() {
   fs_servo_options options = fs_servo_options_init();
   options.mode = FS_SERVO_VIRTUAL;
   options.rate = 1000;
-  options.damping = options.max_stiffness = options.slew_limit = -1;
+  options.damping = options.max_stiffness = options.slew_limit = options.blend = -1;
   return options;
 }
 

@@ -352,7 +352,7 @@ START_TEST(no_fade_is_at_once) {
 }
 END_TEST
 
-START_TEST(poses_and_profiles_act_at_once) {
+START_TEST(without_a_blend_poses_and_profiles_act_at_once) {
   FadeRig rig("atonce", 0);
   rig.set(spring("a"));
   rig.begin();
@@ -470,7 +470,7 @@ int main() {
   Suite* suite = suite_create("fade");
   add_case(suite, "no step", {no_step_for_a_still_hand, no_step_for_a_moving_hand});
   add_case(suite, "fades", {takes_as_long_as_it_should, cross_fades_meet_in_the_middle, fading_is_told,
-                            the_standard_is_a_second, no_fade_is_at_once, poses_and_profiles_act_at_once});
+                            the_standard_is_a_second, no_fade_is_at_once, without_a_blend_poses_and_profiles_act_at_once});
   add_case(suite, "clutch", {clutching, what_fades_under_the_clutch_stays, clutching_in_a_scaled_frame});
   return run_suite(suite);
 }

@@ -11,8 +11,8 @@
 // A weight changes only for a while after a call (memory_of_a_call); when nothing changes, the force is the same. A
 // hand that moves adds the sum of all slopes times its way.
 //
-// Moves, profiles, contacts and damping act at once, and so does the end of a client that takes too long; nothing here
-// does that: a version of a name has one pose and one profile for good.
+// The end of a client that takes too long acts at once; nothing here does that. Nothing is blended here either: a version
+// of a name has one pose and one profile for good. test_blend changes these.
 #include <malloc.h>
 #include <sched.h>
 #include <sys/resource.h>

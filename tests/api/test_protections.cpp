@@ -49,7 +49,7 @@ START_TEST(the_loop_is_told) {
   fs_servo_stats stats = stats_with(0.3, 1, 0, options);
   EXPECT_NEAR(stats.max_stiffness, 10814 / 2.0, 1);  // half of what shakes it; the formula gives 6000
   ck_assert_double_eq(stats.damping, 5);
-  ck_assert_uint_eq(stats.protections_off, FS_OFF_RAMP | FS_OFF_FADE | FS_OFF_BLEND);
+  ck_assert_uint_eq(stats.protections_off, FS_OFF_RAMP | FS_OFF_FADE);
   EXPECT_NEAR(stats_with(1e6, 1, 0, options).max_stiffness, 6000, 1);
   EXPECT_NEAR(stats_with(1e6, 1, 0.002, options).max_stiffness, 1200, 1);
   EXPECT_NEAR(stats_with(1e6, 1, 0.010, options).max_stiffness, 285.7, 0.1);
@@ -79,7 +79,7 @@ START_TEST(what_is_asked_is_bounded) {
   options.max_stiffness = -1;
   fs_servo_stats stats = stats_with(0.3, 1, 0, options);
   ck_assert_double_eq(stats.max_stiffness, infinite);
-  const uint32_t rest = FS_OFF_RAMP | FS_OFF_FADE | FS_OFF_BLEND;
+  const uint32_t rest = FS_OFF_RAMP | FS_OFF_FADE;
   ck_assert_uint_eq(stats.protections_off, rest | FS_OFF_STIFFNESS | FS_OFF_SLEW);  // no slew limit follows from none
   options.slew_limit = 500;
   ck_assert_uint_eq(stats_with(0.3, 1, 0, options).protections_off, rest | FS_OFF_STIFFNESS);
@@ -324,7 +324,7 @@ START_TEST(models_are_written) {
   // The norm of the model is bounded.
   set(scene.get(), spring(2000));
   remote.state.pose.position = {0.001, 0, 0};
-  OK(fs_servo_step(servo.get(), 1));
+  OK(fs_servo_step(servo.get(), 100));  // what changes is blended
   for (int i = 0; i < 3; ++i) ck_assert_double_le(std::fabs(entry(remote.dfdx, i, i)), bound * (1 + 1e-12));
   // Where the force is limited, the model only turns it: 20 N along x become 10.
   remote.state.pose.position = {0.01, 0, 0};
@@ -332,7 +332,7 @@ START_TEST(models_are_written) {
   fs_object more = lift(13);
   OK(fs_pose_from_z({0, 0, 0}, {-1, 0, 0}, &more.pose));
   set(scene.get(), more);
-  OK(fs_servo_step(servo.get(), 1));
+  OK(fs_servo_step(servo.get(), 100));
   EXPECT_VECTOR(remote.f0.force, (fs_vec3{-10, 0, 0}), 1e-9);
   expect_matrix(remote.dfdx, {0, 0, 0, 0, -350, 0, 0, 0, -350}, 1e-6);
   // Lost and back.

@@ -591,28 +591,6 @@ START_TEST(bad_options) {
 }
 END_TEST
 
-START_TEST(missing_protections) {  // asking for one is UNSUPPORTED
-  Rig rig("missing");
-  rig.device = rig.fake.open();
-  const struct {
-    const char* field;
-    double fs_servo_options::*member;
-    double values[2];
-  } cases[]{{"blend", &fs_servo_options::blend, {1e-3, 0.1}}};
-  for (const auto& c : cases) {
-    for (const double value : c.values) {
-      fs_servo_options options = virtual_options();
-      options.*c.member = value;
-      fs_servo* servo = nullptr;
-      const fs_status status = fs_servo_start(rig.scene.get(), rig.device.get(), &options, &servo);
-      EXPECT_SENTENCE(FS_ERROR_UNSUPPORTED, status, c.field);
-      ck_assert_ptr_null(servo);
-    }
-  }
-  rig.start(virtual_options());
-}
-END_TEST
-
 START_TEST(one_servo_each) {
   Rig rig("one");
   const FakeDevice other_fake("two");
@@ -884,7 +862,7 @@ int main() {
   add_case(suite, "faults", {zero_until_ready, a_lost_device_comes_back, an_old_pose_is_no_pose, told_again,
                              too_fast, not_a_number, a_jump_while_away_is_no_speed, speeds_are_worked_out});
   add_case(suite, "record", {the_record, stats, rate_of_the_device});
-  add_case(suite, "ownership", {bad_options, missing_protections, one_servo_each, device_by_hand,
+  add_case(suite, "ownership", {bad_options, one_servo_each, device_by_hand,
                                 lives_on_without_its_makers});
   add_case(suite, "time", {ages_stay, a_hundred_thousand_objects, late_ticks_latch, a_stall_ramps, the_simulator});
   return run_suite(suite);

@@ -20,7 +20,7 @@ inline fs_servo_options servo_options(fs_servo_mode mode = FS_SERVO_VIRTUAL) {
   fs_servo_options options = fs_servo_options_init();
   options.mode = mode;
   options.rate = 1000;
-  options.ramp = options.speed_limit = -1;
+  options.ramp = options.speed_limit = options.blend = -1;
   options.fade = rig_fade;
   return options;
 }

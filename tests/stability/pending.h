@@ -10,7 +10,6 @@ struct Pending {
 };
 
 inline constexpr Pending pending_checks[] = {
-    {"6/cured", "blend of moves"},
     {"random/default/light", "still open: number 51"},
     {"random/default/light/many", "still open: number 51"},
     {"random/default/firm/many", "still open: number 404"},

@@ -150,7 +150,8 @@ namespace {
 
 // A scene with one name, and a servo that ticks at any time.
 struct OneName {
-  explicit OneName(double the_fade) : fade(the_fade), reader(make_ref<Memory>(the_fade)), rows(output) {
+  explicit OneName(double the_fade, double blend = 0)
+      : fade(the_fade), reader(make_ref<Memory>(Spread{.fade = the_fade, .blend = blend})), rows(output, clock) {
     for (const fs_primitive primitive : {FS_PRIMITIVE_POINT, FS_PRIMITIVE_PLANE}) {
       fs_object object = fs_object_init("name", primitive);
       for (uint32_t points : {0u, 1u, 2u}) {
@@ -201,6 +202,7 @@ struct OneName {
   double now = 0;
   uint64_t sequence = 0;
   ServoOutput output;
+  const Clock clock{output, ClockKind::virtual_time};
   Reader reader;
   ObjectRows rows;
   Ref<Views> views = make_ref<Views>();
@@ -271,9 +273,75 @@ START_TEST(weights_have_no_step) {
 }
 END_TEST
 
+// Another profile takes over the weight of the one before: each of them changes fast, but what is felt of the name as slowly
+// as it fades, whatever comes between.
+START_TEST(weights_are_taken_over) {
+  Random random;
+  const double dt = 0.001, fade = 0.05, blend = 0.01;
+  std::vector<Ref<const Object>> profiles;
+  for (const double gain : {1.0, 2.0, 3.0}) {
+    fs_object object = fs_object_init("name", FS_PRIMITIVE_POINT);
+    object.front = fs_profile_init(FS_PROFILE_CONSTANT, FS_SENSE_ATTRACTIVE, gain, 0, 10);
+    profiles.push_back(parse_object(object).object);
+  }
+  for (int run = 0; run < scenes::sanitized_times(24, 100); ++run) {
+    OneName scene(run % 5 ? fade : 0, blend);
+    const bool expires = run % 2;  // a version that expires before it begins cross-fades as one of another shape
+    uint32_t newest = no_row;
+    std::map<uint64_t, double> before;
+    double felt = 0, most_parts = 0;
+    bool is_there = false;
+    for (int step = 0; step < 3000; ++step) {
+      const bool is_over = step >= 2800;
+      if (!is_over) {
+        for (uint64_t k = random.next() % 3; k; --k) {
+          if (newest != no_row && is_there && random.next() % 60 == 0) {
+            newest = scene.rows.remove(newest);
+            is_there = false;
+          } else if (random.next() % (run % 4 ? 10 : 2) == 0) {
+            Entry entry;
+            entry.object = profiles[random.next() % 3];
+            if (expires && random.next() % 20 == 0) entry.expiry = scene.now + 0.1 * random.uniform();
+            newest = newest == no_row ? scene.rows.add(entry) : scene.rows.set(newest, entry);
+            is_there = true;
+          }
+        }
+      }
+      if (step == 2800) {
+        Entry entry;
+        entry.object = profiles[random.next() % 3];
+        newest = newest == no_row ? scene.rows.add(entry) : scene.rows.set(newest, entry);
+      }
+      if (newest != no_row) newest = scene.rows.tidy(newest);
+      scene.post();
+      if (random.next() % 3 == 0) continue;
+      const double passed = dt * static_cast<double>(1 + random.next() % 3);
+      scene.tick(scene.now + passed);
+      const std::map<uint64_t, double> after = scene.weights();
+      double sum = 0, parts = 0;
+      for (const auto& [version, weight] : after) {
+        const double last = before.count(version) ? before[version] : 0;
+        if (run % 5) ck_assert_double_le(std::fabs(weight - last), passed * (1 / blend + 1 / fade) * (1 + 1e-9));
+        sum += weight;
+        parts += weight > 0;
+      }
+      if (run % 5) ck_assert_double_le(std::fabs(sum - felt), (expires ? 2 : 1) * passed / fade * (1 + 1e-9) + 1e-12);
+      ck_assert_double_le(sum, 1 + 1e-9);
+      felt = sum;
+      most_parts = std::fmax(most_parts, parts);
+      before = after;
+    }
+    ck_assert_double_eq(before[scene.rows.row(newest).version], 1);
+    ck_assert_double_eq(felt, 1);
+    ck_assert_double_le(most_parts, expires ? 3 : 2);
+    ck_assert_double_ge(most_parts, 2);
+  }
+}
+END_TEST
+
 // The views of a scene under a servo of which a tick can be held up between its parts.
 struct OneView {
-  explicit OneView(double fade) : servo(make_ref<Memory>(fade)) {
+  explicit OneView(double fade) : servo(make_ref<Memory>(Spread{.fade = fade})) {
     views.attach_servo(servo);
     post();
     fetch();
@@ -533,16 +601,16 @@ START_TEST(track_works_out_twists) {
   const Motion second = track.take(at(0.02), nullptr, 1.04);
   ck_assert_double_eq_tol(second.twist.linear.x, 0.5, 1e-12);
   ck_assert_double_eq_tol(second.horizon, 0.08, 1e-12);
-  ck_assert_double_eq_tol(second.at(1.06).position.x, 0.03, 1e-12);
-  ck_assert_double_eq_tol(second.at(9).position.x, 0.06, 1e-12);   // at most twice 0.04 s
-  ck_assert_double_eq_tol(second.at(0.5).position.x, 0.02, 1e-12);  // it does not extrapolate backwards
+  ck_assert_double_eq_tol(second.at(1.06, 0).position.x, 0.03, 1e-12);
+  ck_assert_double_eq_tol(second.at(9, 0).position.x, 0.06, 1e-12);   // at most twice 0.04 s
+  ck_assert_double_eq_tol(second.at(0.5, 0).position.x, 0.02, 1e-12);  // it does not extrapolate backwards
   const Motion again = track.take(at(0.03), nullptr, 1.0405);       // this replaces the one at 1.04
   ck_assert_double_eq_tol(again.twist.linear.x, 0.03 / 0.0405, 1e-12);
   const Motion older = track.take(at(0.04), nullptr, 1.01);
   ck_assert_double_eq(older.horizon, 0);
   ck_assert_double_eq(track.take(at(0.05), nullptr, 1.5).horizon, 0);  // more than 0.2 s since the last
   const Twist given{{1, 0, 0}, {0, 0, 0}};
-  ck_assert_double_eq_tol(track.take(at(0.05), &given, 1.6).at(9).position.x, 0.15, 1e-12);
+  ck_assert_double_eq_tol(track.take(at(0.05), &given, 1.6).at(9, 0).position.x, 0.15, 1e-12);
 }
 END_TEST
 
@@ -570,8 +638,8 @@ int main() {
   for (const TTest* test : {mailbox_and_seqlock_are_never_torn, mailbox_takes_back}) tcase_add_test(test_case, test);
   for (const TTest* test :
        {sentences_are_whole, texts_are_cut_between_characters, table_copies_do_not_change, weights_have_no_step,
-        versions_are_not_overtaken, views_have_no_step_and_are_not_overtaken, a_fade_of_no_duration_is_at_once,
-        events_are_in_order, mailbox_frees_what_was_let_go, track_works_out_twists,
+        weights_are_taken_over, versions_are_not_overtaken, views_have_no_step_and_are_not_overtaken,
+        a_fade_of_no_duration_is_at_once, events_are_in_order, mailbox_frees_what_was_let_go, track_works_out_twists,
         histogram_agrees_with_sorting}) {
     if (!scenes::seeks_races) tcase_add_test(test_case, test);
   }

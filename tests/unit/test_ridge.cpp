@@ -311,7 +311,7 @@ struct Scene {
   Snapshot snapshot;
   Scratches scratches;
   static constexpr double bound = 1000;  // N/m
-  Ref<Memory> tools = make_ref<Memory>(), servos = make_ref<Memory>(0.0);
+  Ref<Memory> tools = make_ref<Memory>(), servos = make_ref<Memory>(Spread{});
 
   explicit Scene(fs_sense sense, double damping = 0) {
     const Ref<const Shape> shape = corner(8).shape();
