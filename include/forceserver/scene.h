@@ -220,8 +220,8 @@ FS_API fs_status fs_scene_set_accuracy(fs_scene *scene, double newtons);
  * which never raises the force. 0 (default): what the servo can render; without a servo no bound. Connected: the bound
  * holds for the scene's own objects and can only lower what the server gives them: an equal part of what the servo can
  * render for each client that has objects. An object is bounded within 0.1 s after it is set or has moved beside others;
- * a new one begins within the bound of one alone. Tools of one's own and fields are not bounded. 0.1: a bound that
- * changes is felt at once. */
+ * a new one begins within the bound of one alone. A bound that changes is blended as a profile that changes is. Tools of
+ * one's own and fields are not bounded. */
 FS_API fs_status fs_scene_set_max_stiffness(fs_scene *scene, double stiffness);
 
 /* [rt] The scene's clock, s: the monotonic clock of the machine that evaluates (the same in every process of that

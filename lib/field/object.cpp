@@ -248,7 +248,18 @@ ParsedObject parse_object(const fs_object& in, const Object* like, bool builds_s
   }
 }
 
-Ref<const Object> bounded(const Object& object, const Bounds& bounds) {
+Bounds of_use(const Bounds& bounds, const Object& object) noexcept {
+  const bool has_slope = object.law_slope > 0 || !(object.steepest_slope < no_bound) || object.has_ridges();
+  Bounds out;
+  if (has_slope) out.slope = bounds.slope;
+  if (object.is_solid()) out.stiffness = bounds.stiffness;
+  if (object.damping > 0) out.damping = bounds.damping;
+  if (object.is_solid() && object.contact.damping > 0) out.contact_damping = bounds.contact_damping;
+  return out;
+}
+
+Ref<const Object> bounded(const Object& object, const Bounds& given) {
+  const Bounds bounds = of_use(given, object);
   const bool is_solid = object.is_solid();
   // Where only the shape makes it jump, as the bend of a polyline, the law's bound is that of the bend.
   const bool is_law_bounded =

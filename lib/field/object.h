@@ -103,6 +103,7 @@ fs_object merge_parts(const fs_object& object, const fs_object& change, uint32_t
 
 // The object as a servo evaluates it, within these bounds. Null: they change nothing.
 Ref<const Object> bounded(const Object& object, const Bounds& bounds);
+Bounds of_use(const Bounds& bounds, const Object& object) noexcept;  // without those that the object needs not
 
 // The contract's form of an object, without pose, twist, time and start. Its handles are borrowed.
 fs_object to_c(const Object& object);

@@ -29,9 +29,12 @@ double slope_end(const Profile& p, double k) {
   }
 }
 
+bool is_under_way(const Motion& motion, double now) { return motion.horizon > 0 && now < motion.time + motion.horizon; }
+
 // What one row wants, in scene units.
 struct Wish {
   Admitted row;
+  bool is_named;
   double law = 0, contact = 0;  // N/m
   double damping = 0;           // N s/m
   const Motion* motion;
@@ -47,15 +50,14 @@ Claim claim_of(const Wish& wish, double share, double now, double slope, bool is
   if (object.is_solid()) reach = std::max(reach, object.contact.limit / (wish.contact * share));
   if (object.has_ridges()) reach = std::max(reach, object.law.support);  // a ridge may be at any distance
   const Motion& motion = *wish.motion;
-  const bool is_moving = is_under_way(motion, now);
-  if (is_moving) {
+  if (wish.row.is_moving) {
     reach += seconds_ahead * (norm(motion.twist.linear) + norm(motion.twist.angular) * std::fmin(object.radius, 1e3));
   }
   reach += motion.most_offset();  // while it is blended
   const Pose pose = motion.at(now, 0);
   out.centre = pose.position;
   if (object.primitive == FS_PRIMITIVE_PLANE) {
-    out.region = is_moving && norm(motion.twist.angular) > 0 ? Claim::Region::everywhere : Claim::Region::slab;
+    out.region = wish.row.is_moving && norm(motion.twist.angular) > 0 ? Claim::Region::everywhere : Claim::Region::slab;
     out.normal = rotate(pose.orientation, {0, 0, 1});
     out.radius = reach;
   } else {
@@ -87,8 +89,6 @@ std::vector<double> shares_of(std::vector<Claim> claims, const Box& within, doub
 }
 
 }  // namespace
-
-bool is_under_way(const Motion& motion, double now) noexcept { return motion.horizon > 0 && now < motion.time + motion.horizon; }
 
 SceneShare share_of(const Views& views, const LoopShare& share, double most) {
   SceneShare out{never, never, 0, 1, {}};
@@ -130,7 +130,8 @@ std::vector<Admitted> admit(const Snapshot& snapshot, const SceneShare& share, d
       const Row& row = chunk.row(i);
       if (row.next != no_row || (row.is_named && !row.is_in)) return;  // another version claims for it; it is disabled
       const Object& object = *row.object;
-      Wish wish{{number * chunk_size + i, row.version, &object, {}}, 0, 0, 0, &chunk.motion(i)};
+      const Motion& motion = chunk.motion(i);
+      Wish wish{{number * chunk_size + i, &object, is_under_way(motion, now), {}}, row.is_named, 0, 0, 0, &motion};
       const unsigned points =
           std::min(share.points, static_cast<unsigned>(std::popcount(object.point_mask())));
       // Where the shape makes it jump, as a bend does, it gets a part as if it were steep.
@@ -174,11 +175,13 @@ std::vector<Admitted> admit(const Snapshot& snapshot, const SceneShare& share, d
   std::vector<Admitted> out;
   out.reserve(wishes.size());
   for (size_t i = 0; i < wishes.size(); ++i) {
+    if (!wishes[i].is_named) continue;
     Admitted row = wishes[i].row;
-    if (share.stiffness < never && wishes[i].law > 0) row.bounds.slope = parts[i] * wishes[i].law;
-    if (share.stiffness < never && row.object->is_solid()) row.bounds.stiffness = parts[i] * wishes[i].contact;
-    if (share.damping < never && row.object->damping > 0) row.bounds.damping = damping[i] * row.object->damping;
-    if (share.damping < never) row.bounds.contact_damping = damping[i] * row.object->contact.damping;
+    const Object& object = *row.object;
+    if (share.stiffness < never) row.bounds = {parts[i] * wishes[i].law, parts[i] * wishes[i].contact, never, never};
+    if (share.damping < never) row.bounds.damping = damping[i] * object.damping;
+    if (share.damping < never) row.bounds.contact_damping = damping[i] * object.contact.damping;
+    row.bounds = of_use(row.bounds, object);
     out.push_back(row);
   }
   return out;

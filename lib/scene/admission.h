@@ -14,13 +14,14 @@ struct LoopShare {
   double damping = never;    // N s/m
   double lever = never;      // m: a torque about the handle counts as a force on a point so far from it
   double radius = 0, height = 0;  // m, of the device's workspace, a cylinder about z; 0: not known
+  bool operator==(const LoopShare&) const = default;
 };
 
 struct Admitted {
   uint32_t row;
-  uint64_t version;
   const Object* object;
-  Bounds bounds;
+  bool is_moving;  // it is somewhere else a little later
+  Bounds bounds;   // those that it has no use for are none
 };
 
 // The share in scene units, for the frames and tools through which the scene may be felt. most: N/m at the device, what the
@@ -36,10 +37,7 @@ SceneShare share_of(const Views& views, const LoopShare& share, double most);
 // What an object gets of which the rest of the scene is not known yet.
 Bounds bounds_alone(const SceneShare& share) noexcept;
 
-// Whether the object is somewhere else a little later.
-bool is_under_way(const Motion& motion, double now) noexcept;
-
-// The bounds of the rows that may be felt, at time `now` (s). A row that another version follows keeps its own.
+// The bounds of the objects that may be felt, at time `now` (s). A version that fades out keeps its own, but has a share.
 std::vector<Admitted> admit(const Snapshot& snapshot, const SceneShare& share, double now);
 
 }  // namespace fs

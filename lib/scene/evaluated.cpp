@@ -13,7 +13,9 @@ Evaluated::Evaluated(std::shared_ptr<ServoOutput> the_output, ClockKind kind)
 
 void Evaluated::prepare() {
   settle(false);
-  objects.rows.set_scale(views.now().frame.scale);
+  const View& view = views.now();
+  const bool is_elsewhere = view.is_held || view.previous != no_row;
+  objects.rows.set_hand(view.frame.scale, is_elsewhere ? never : norm(view.tool->centre) + view.tool->radius);
   if (!spare_) spare_ = make_ref<Snapshot>();
 }
 

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <memory>
+#include <mutex>
 
 #include "scene/clock.h"
 #include "scene/events.h"
@@ -11,6 +12,20 @@
 #include "scene/view_rows.h"
 
 namespace fs {
+
+// A snapshot that somebody looks at without the lock, and lets go of with it, as all do who post.
+struct KeptSnapshot {
+  std::mutex& mutex;  // the scene's
+  Ref<const Snapshot> snapshot;
+
+  explicit KeptSnapshot(std::mutex& the_mutex) : mutex(the_mutex) {}
+  KeptSnapshot(const KeptSnapshot&) = delete;
+  KeptSnapshot& operator=(const KeptSnapshot&) = delete;
+  ~KeptSnapshot() {
+    const std::lock_guard lock(mutex);
+    snapshot = nullptr;
+  }
+};
 
 class Evaluated {
  public:

@@ -203,7 +203,7 @@ void LocalScene::set_accuracy(double newtons) {
 
 void LocalScene::set_max_stiffness(double stiffness) {
   check_max_stiffness(stiffness);
-  readers.set_max_stiffness(stiffness);
+  bounding.set_max_stiffness(stiffness);
 }
 
 // --------------------------------------------------------------------------------------------------- reports and events

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "scene/bounding.h"
 #include "scene/readers.h"
 #include "scene/scene.h"
 
@@ -129,6 +130,7 @@ struct LocalScene final : Scene {
 
  public:
   Readers readers{mutex_, evaluated_, edits_};
+  Bounding bounding{mutex_, evaluated_};
   const std::shared_ptr<ServoOutput>& output = evaluated_.output;
 };
 

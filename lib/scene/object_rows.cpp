@@ -30,18 +30,16 @@ Chunk& ObjectRows::own(uint32_t row, const Object* bounded) {
   return its;
 }
 
+// known: of an object that was worked with before. What is not known of it is as if it were alone.
+static Bounds joined(const Bounds& known, const Bounds& alone) noexcept {
+  const auto one = [](double has, double else_has) { return has < no_bound ? has : else_has; };
+  return {one(known.slope, alone.slope), one(known.stiffness, alone.stiffness), one(known.damping, alone.damping),
+          one(known.contact_damping, alone.contact_damping)};
+}
+
 Ref<const Object> ObjectRows::bounded_for(const Entry& entry, const Row* before) const {
   if (!servo_) return nullptr;
-  Bounds bounds = bounds_;
-  if (before && before->bounded) {  // for what it had already
-    const Object& object = *before->object;
-    const Bounds& had = before->bounded->bounds;
-    if (had.slope < no_bound) bounds.slope = had.slope;
-    if (object.is_solid()) bounds.stiffness = had.stiffness;
-    if (object.damping > 0) bounds.damping = had.damping;
-    if (object.is_solid() && object.contact.damping > 0) bounds.contact_damping = had.contact_damping;
-  }
-  return fs::bounded(*entry.object, bounds);
+  return fs::bounded(*entry.object, before && before->bounded ? joined(before->bounded->bounds, bounds_) : bounds_);
 }
 
 // Whether bounds need not be changed to others: they are at most slightly more, and not much less.
@@ -51,17 +49,20 @@ static bool serve_as(const Bounds& present, const Bounds& wanted) noexcept {
          serves(present.damping, wanted.damping) && serves(present.contact_damping, wanted.contact_damping);
 }
 
-bool ObjectRows::bound(uint32_t number, uint64_t version, const Object& object, const Bounds& bounds) {
-  const Row& now = row(number);
-  if (now.version != version || now.object.get() != &object) return false;
-  if (now.bounded && serve_as(now.bounded->bounds, bounds)) return false;
-  Ref<const Object> bounded = fs::bounded(object, bounds);
-  if (!bounded && !now.bounded) return false;
-  const Ref<const Object> same = now.object;
-  Chunk& its = own(number, bounded.get());
-  its.set(number % chunk_size, same, std::move(bounded), its.motion(number % chunk_size),
-          its.motion_revision(number % chunk_size));
-  return true;
+bool ObjectRows::is_bound(uint32_t number, const Object& object, const Bounds& bounds) const {
+  const Chunk* const its = find_chunk(chunks_, number);
+  if (!its || !(its->used & bit_of(number % chunk_size))) return false;
+  const Row& now = its->row(number % chunk_size);
+  if (now.object.get() != &object || !now.is_named) return false;
+  return now.bounded ? serve_as(now.bounded->bounds, bounds) : !fs::bounded(object, bounds);
+}
+
+uint32_t ObjectRows::bound(uint32_t newest, const Bounds& bounds) {
+  const Object& object = *row(newest).object;
+  const Bounds wanted = of_use(joined(bounds, bounds_), object);
+  if (is_bound(newest, object, wanted)) return newest;
+  const Change change = spread().blend > 0 && may_be_felt(newest) ? Change::taken_over : Change::adjusted;
+  return put(newest, entry(newest), change, fs::bounded(object, wanted));
 }
 
 void ObjectRows::own_motion(uint32_t row) { chunks_.edit(row / chunk_size, sequence_).own_motion(row % chunk_size); }
@@ -122,13 +123,13 @@ void ObjectRows::share_out(uint32_t tails) {
 
 // ---------------------------------------------------------------------------------------------------- what cannot throw
 
-void ObjectRows::fill(Chunk& its, uint32_t number, const Entry& entry, Ref<const Object> bounded, const Motion& motion,
+void ObjectRows::fill(Chunk& its, uint32_t number, const Entry& entry, const Ref<const Object>& bounded, const Motion& motion,
                       uint64_t version, uint32_t previous) noexcept {
   space_.take(number);
   if (const Object* const before = its.row(number % chunk_size).object.get()) tails_ -= before->has_tail();
   tails_ += entry.object->has_tail();
   if (its.rows->omitted != tail_) its.omit(tail_);
-  Row& row = its.set(number % chunk_size, entry.object, std::move(bounded), motion, entry.motion_revision);
+  Row& row = its.set(number % chunk_size, entry.object, bounded, motion, entry.motion_revision);
   if (row.version != version) row.created = sequence_;
   row.version = version;
   row.sequence = sequence_;
@@ -174,6 +175,15 @@ bool ObjectRows::is_jump(uint32_t number, const Motion& to, double now) const no
   return to.jump_from(felt, now, by.blend, lever) > scale_ * by.jump;
 }
 
+bool ObjectRows::may_be_felt(uint32_t number) const noexcept {
+  HandSample hand;
+  if (output_.tick.load(std::memory_order_acquire) == 0) return false;  // the servo has not ticked yet
+  if (!output_.hand.read(hand)) return true;
+  const Object& object = *row(number).object;
+  const double far = object.radius + object.support() + arm_ + scale_ * 0.1;  // m; the hand does not come farther meanwhile
+  return !(norm(hand.state.pose.position - motion(number).position_at(clock_.now(), spread().blend)) > far);
+}
+
 ObjectRows::Change ObjectRows::change_of(uint32_t number, const Entry& to, double now) const noexcept {
   const Row& felt = row(number);
   if (!felt.object->is_same_version(*to.object) || is_jump(number, to.motion, now)) return Change::replaced;
@@ -214,18 +224,21 @@ uint32_t ObjectRows::add(const Entry& entry) {
   const uint64_t version = ++last_version_;
   install(number, made);
   if (servo_) servo_->memory->weight(number).set_up(version, false, 0);
-  fill(its, number, entry, std::move(bounded), unblended(entry.motion), version, no_row);
+  fill(its, number, entry, bounded, unblended(entry.motion), version, no_row);
   return number;
 }
 
 uint32_t ObjectRows::set(uint32_t newest, const Entry& entry) {
   make_room_for_tail(*entry.object);
+  return put(newest, entry, change_of(newest, entry, clock_.now()), bounded_for(entry, &row(newest)));
+}
+
+uint32_t ObjectRows::put(uint32_t newest, const Entry& entry, Change change, const Ref<const Object>& bounded) {
   for (;;) {
     if (servo_) tidy_older(newest);
     const double now = clock_.now();
     const Row& felt = row(newest);
     const uint32_t previous = felt.previous;
-    const Change change = change_of(newest, entry, now);
     const bool is_same = change == Change::adjusted;
     // A version that waits may be replaced as long as no tick can know it. One that was posted belongs to a group that is
     // felt as a whole, so the new one comes after it, unless they differ only in how hard the object is. When the chain
@@ -236,7 +249,6 @@ uint32_t ObjectRows::set(uint32_t newest, const Entry& entry) {
     own_offsets(1);
     if (is_same || !servo_ || is_replaced) {
       for (uint32_t older = newest; is_waiting(older); older = row(older).previous) own(row(older).previous);
-      Ref<const Object> bounded = bounded_for(entry, &row(newest));
       Chunk& its = own(newest, bounded.get());
       New made = make_new(newest, *entry.object, row(newest).object.get());
       uint64_t version = row(newest).version;
@@ -248,7 +260,7 @@ uint32_t ObjectRows::set(uint32_t newest, const Entry& entry) {
       const bool was_in = row(newest).is_in;
       const uint64_t sequence = row(newest).sequence;
       const bool is_elsewhere = change == Change::replaced, is_moved = !entry.motion.says_the_same(motion(newest));
-      fill(its, newest, entry, std::move(bounded), is_elsewhere ? unblended(entry.motion) : going_on(newest, entry.motion, now),
+      fill(its, newest, entry, bounded, is_elsewhere ? unblended(entry.motion) : going_on(newest, entry.motion, now),
            version, previous);
       if (is_moved) note_offset(newest);
       if (is_elsewhere) edit(newest).takes_over = 0;
@@ -265,14 +277,13 @@ uint32_t ObjectRows::set(uint32_t newest, const Entry& entry) {
     const bool takes_over = change == Change::taken_over;
     const bool waits = takes_over || row(newest).is_in || previous != no_row;
     const uint32_t number = allocate(entry);
-    Ref<const Object> bounded = bounded_for(entry, &row(newest));
     Chunk& its = own(number, bounded.get());
     own(newest);
     New made = make_new(number, *entry.object, nullptr);
     const uint64_t version = ++last_version_;
     install(number, made);
     servo_->memory->weight(number).set_up(version, waits, 0);
-    fill(its, number, entry, std::move(bounded),
+    fill(its, number, entry, bounded,
          takes_over ? going_on(newest, entry.motion, now) : unblended(entry.motion), version, newest);
     if (!entry.motion.says_the_same(motion(newest))) note_offset(number);
     if (takes_over) edit(number).takes_over = row(newest).version;

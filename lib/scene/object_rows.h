@@ -48,9 +48,11 @@ class ObjectRows : Versions<ObjectRows> {
 
   // What a servo lets objects have that nothing is known of yet; those that it knows get their own bounds, with bound().
   void set_bounds(const Bounds& bounds) noexcept { bounds_ = bounds; }
-  // False: nothing has changed, as when another version of the object has come meanwhile, or where the bounds that it has
-  // are hardly less.
-  bool bound(uint32_t row, uint64_t version, const Object& object, const Bounds& bounds);
+  // Whether the row is of this object and has these bounds, or hardly others.
+  bool is_bound(uint32_t row, const Object& object, const Bounds& bounds) const;
+  // Evaluates the object within these bounds, also where it is no longer the one that they were worked out for; where the
+  // hand is near, the force goes over to the new within a blend. Returns the newest row from then on.
+  uint32_t bound(uint32_t newest, const Bounds& bounds);
 
   // The error that evaluation may make, N. It is shared out among the objects whose force fades out without end: where one
   // of them gives less than its share, it counts as far.
@@ -60,8 +62,12 @@ class ObjectRows : Versions<ObjectRows> {
   // Whether a servo feels the row so far from where it is to be that it must be set, as another version: it cannot be moved
   // through the hand.
   bool is_jump(uint32_t row, const Motion& to) const noexcept { return is_jump(row, to, clock_.now()); }
-  // m of the scene for each of the device, for which spread.jump is.
-  void set_scale(double scale) noexcept { scale_ = scale; }
+  // Where the hand is in the scene. scale: m of the scene for each of the device. arm: m of the scene, how far the tool
+  // reaches from it; infinite: it may be anywhere.
+  void set_hand(double scale, double arm) noexcept {
+    scale_ = scale;
+    arm_ = arm;
+  }
   // To be called before the rows are posted: what has been moved since the last time is blended from now on.
   void begin_offsets() noexcept;
 
@@ -107,7 +113,7 @@ class ObjectRows : Versions<ObjectRows> {
   Row& edit(uint32_t row) noexcept { return chunk(row).edit_row(row % chunk_size); }
   // As the servo is to evaluate the object; null: as it is. before: the row that it replaces; null: none.
   Ref<const Object> bounded_for(const Entry& entry, const Row* before) const;
-  void fill(Chunk& its, uint32_t row, const Entry& entry, Ref<const Object> bounded, const Motion& motion,
+  void fill(Chunk& its, uint32_t row, const Entry& entry, const Ref<const Object>& bounded, const Motion& motion,
             uint64_t version, uint32_t previous) noexcept;
   void install(uint32_t row, New& made) noexcept;
   void drop(uint32_t row) noexcept;
@@ -117,6 +123,9 @@ class ObjectRows : Versions<ObjectRows> {
   enum class Change { adjusted, taken_over, replaced };  // the same version; another, by Want::takes_over; another, by a fade
   Change change_of(uint32_t row, const Entry& to, double now) const noexcept;
   bool is_jump(uint32_t row, const Motion& to, double now) const noexcept;
+  bool may_be_felt(uint32_t row) const noexcept;  // before the next snapshot is in use
+  // The newest row from then on. bounded: null: as it is.
+  uint32_t put(uint32_t newest, const Entry& entry, Change change, const Ref<const Object>& bounded);
   Spread spread() const noexcept { return servo_ ? servo_->memory->spread : Spread{}; }
   // A motion that goes on from where a row is felt.
   Motion going_on(uint32_t row, const Motion& to, double now) const noexcept;
@@ -135,7 +144,7 @@ class ObjectRows : Versions<ObjectRows> {
   std::vector<Reader*> readers_;
   Reader* servo_ = nullptr;
   Bounds bounds_;
-  double scale_ = 1;
+  double scale_ = 1, arm_ = never;
   std::vector<uint32_t> moved_;  // rows whose offsets are to begin when they are posted
 };
 

@@ -210,6 +210,29 @@ bool Objects::move(std::string_view name, double now, F&& take) {
   return true;
 }
 
+Objects::Bound Objects::bound(uint32_t row, const Object& object, const Bounds& bounds) {
+  if (rows.is_bound(row, object, bounds)) return {};  // the usual case, for which no name need be found
+  const auto found = names_.find(object.name);
+  if (found == names_.end() || found->second.is_removed) return {};
+  Item& item = found->second;
+  const Object* const before = &rows.row(item.row).as_felt(true);
+  const double slope = before->steepest_slope;
+  const bool is_newly_listed = list(*found);
+  const auto unlist = [&] {
+    if (is_newly_listed) fading_.pop_back();
+    if (is_newly_listed) item.is_listed = false;
+  };
+  try {
+    item.row = rows.bound(item.row, bounds);
+  } catch (...) {
+    unlist();
+    throw;
+  }
+  if (!rows.is_fading(item.row)) unlist();
+  const Object& after = rows.row(item.row).as_felt(true);
+  return {&after != before, slope, after.steepest_slope};
+}
+
 bool Objects::tidy() {
   bool is_changed = false;
   const size_t count = std::min(fading_.size(), tidied_at_once);

@@ -65,6 +65,13 @@ class Objects {
   bool move(std::string_view name, const Pose& pose, const Twist* twist, double time, double now);
   bool move_to(std::string_view name, const Motion& motion, double now);  // its twist has been worked out
 
+  // Bounds an object as it was worked out for this one, in this row; by now it may be another.
+  struct Bound {
+    bool has_changed = false;
+    double before = 0, after = 0;  // N/m, the steepest slope
+  };
+  Bound bound(uint32_t row, const Object& object, const Bounds& bounds);
+
   void set_capacity(uint32_t capacity) noexcept { capacity_ = capacity; }
   void require_room(size_t more, const char* verb) const;  // FULL
   size_t count() const noexcept { return names_.size() - removed_; }

@@ -41,7 +41,7 @@ void Readers::detach(Reader& reader) noexcept {
 
 void Readers::with_snapshot(const char* name, const std::function<void(const Snapshot&, uint32_t)>& f) {
   build_shapes();
-  Ref<const Snapshot> kept;
+  KeptSnapshot kept(mutex_);
   uint32_t row = no_row;
   {
     const std::lock_guard lock(mutex_);
@@ -50,17 +50,9 @@ void Readers::with_snapshot(const char* name, const std::function<void(const Sna
     if (name && row == no_row) {
       fail(FS_ERROR_NOT_FOUND, "name is '%s': there is no such object to evaluate", shortened(name).c_str());
     }
-    kept = evaluated_.post_newest();
+    kept.snapshot = evaluated_.post_newest();
   }
-  struct Release {  // under the lock again, also when f throws
-    std::mutex& mutex;
-    Ref<const Snapshot>& kept;
-    ~Release() {
-      const std::lock_guard lock(mutex);
-      kept = nullptr;
-    }
-  } const release{mutex_, kept};
-  f(*kept, row);
+  f(*kept.snapshot, row);
 }
 
 // -------------------------------------------------------------------------------------------------------------- servo
@@ -69,7 +61,6 @@ void Readers::attach_servo(ServoLink& servo, ServoReader& reader, bool starts_in
   const std::lock_guard lock(mutex_);
   edits_.shift(evaluated_.attach_servo(servo, reader, starts_in));
   servo_process_.store(this_process());
-  admitted_ = 0;
   has_servo_.store(true);
 }
 
@@ -77,80 +68,6 @@ void Readers::detach_servo(ServoReader& reader) noexcept {
   const std::lock_guard lock(mutex_);
   has_servo_.store(false);
   edits_.shift(evaluated_.detach_servo(reader));
-}
-
-static bool operator==(const LoopShare& a, const LoopShare& b) noexcept {
-  return a.stiffness == b.stiffness && a.damping == b.damping && a.lever == b.lever && a.radius == b.radius && a.height == b.height;
-}
-
-// At most one event a second, about a bound that has changed by more than a tenth.
-void Readers::note_capped(const Admitted& row, double before, const SceneShare& share) {
-  const Row& now = evaluated_.objects.rows.row(row.row);
-  const double after = now.as_felt(true).steepest_slope, time = evaluated_.clock.now();
-  const bool has_changed = after < 0.9 * before || after > 1.1 * before;  // before may be infinite
-  if (!now.is_named || !has_changed || std::fabs(time - last_capped_) < 1) return;
-  last_capped_ = time;
-  fs_event event{};
-  event.kind = FS_EVENT_CAPPED;
-  event.time = time;
-  event.value = share.to_device * after;
-  now.object->name.copy(event.name, sizeof event.name - 1);
-  std::snprintf(event.text, sizeof event.text, "its slope is bounded to %.4g N/m at the device, of %.4g", event.value,
-                share.to_device * now.object->steepest_slope);
-  evaluated_.events.push(event);
-}
-
-void Readers::admit(const LoopShare& loop) {
-  const double most = max_stiffness_.load();
-  Ref<const Snapshot> snapshot;
-  double time;
-  {
-    const std::lock_guard lock(mutex_);
-    if (!evaluated_.servo()) return;
-    const bool is_same = loop == admitted_share_ && most == admitted_most_ && !is_any_moving_;
-    if (admitted_ != 0 && is_same && evaluated_.sequence() == admitted_) return;
-    if (evaluated_.is_held()) {  // what its holder has not posted yet comes the next time
-      snapshot = evaluated_.newest();
-      if (!snapshot) return;
-    } else {
-      snapshot = evaluated_.post_newest();
-    }
-    time = evaluated_.clock.now();
-  }
-  struct Release {  // under the lock again, also when something throws
-    std::mutex& mutex;
-    Ref<const Snapshot>& kept;
-    ~Release() {
-      const std::lock_guard lock(mutex);
-      kept = nullptr;
-    }
-  } const release{mutex_, snapshot};
-  const SceneShare share = share_of(*snapshot->views, loop, most);
-  const std::vector<Admitted> all = fs::admit(*snapshot, share, time);
-
-  const std::lock_guard lock(mutex_);
-  if (!evaluated_.servo()) return;
-  const bool is_newest = evaluated_.newest() && evaluated_.sequence() == snapshot->sequence;  // else it is done again
-  evaluated_.prepare();
-  ObjectRows& rows = evaluated_.objects.rows;
-  rows.set_bounds(bounds_alone(share));
-  bool has_changed = false, wants = false, is_moving = false;
-  for (const Admitted& row : all) {
-    wants |= row.object->steepest_slope > 0 || row.object->damping > 0;
-    const Chunk* const chunk = find_chunk(rows.chunks(), row.row);
-    if (!chunk || !(chunk->used >> row.row % chunk_size & 1)) continue;
-    is_moving |= is_under_way(chunk->motion(row.row % chunk_size), time);
-    const double before = rows.row(row.row).as_felt(true).steepest_slope;
-    if (!rows.bound(row.row, row.version, *row.object, row.bounds)) continue;
-    has_changed = true;
-    note_capped(row, before, share);
-  }
-  if (has_changed) evaluated_.changed();
-  wants_stiffness_.store(wants, std::memory_order_relaxed);
-  admitted_ = is_newest ? evaluated_.sequence() : 0;
-  admitted_share_ = loop;
-  admitted_most_ = most;
-  is_any_moving_ = is_moving;
 }
 
 fs_status Readers::get_hand(fs_state* state, fs_response* response, fs_wrench* sent) const noexcept {

@@ -6,7 +6,6 @@
 #include <functional>
 #include <mutex>
 
-#include "scene/admission.h"
 #include "scene/edits.h"
 
 namespace fs {
@@ -35,16 +34,7 @@ class Readers {
   void get_device_info(fs_device_info& out);                                                   // STATE
   void stop_force();                                                                           // STATE
 
-  // Bounds the slopes of the objects to what the servo leaves to this scene. What is set later begins within the same bounds,
-  // until the next call. Not [rt]; one thread at a time.
-  void admit(const LoopShare& share);
-  // Whether any object would make use of a share.
-  bool wants_stiffness() const noexcept { return wants_stiffness_.load(std::memory_order_relaxed); }
-  // N/m at the device, what the scene allows itself; 0: no such bound.
-  void set_max_stiffness(double stiffness) noexcept { max_stiffness_.store(stiffness); }
-
  private:
-  void note_capped(const Admitted& row, double before, const SceneShare& share);
   void build_shapes();
   ServoLink& require_servo(const char* sentence) const;  // STATE: there is none, or it is a parent process's
 
@@ -54,15 +44,6 @@ class Readers {
 
   std::atomic<bool> has_servo_{false};
   std::atomic<uint32_t> servo_process_{0};  // this_process() where the servo was started
-
-  std::atomic<double> max_stiffness_{0};
-  std::atomic<bool> wants_stiffness_{true};
-  // Of the last admit:
-  uint64_t admitted_ = 0;            // the sequence it looked at; 0: there was none
-  LoopShare admitted_share_;
-  double admitted_most_ = 0;
-  bool is_any_moving_ = false;
-  double last_capped_ = -never;      // s, of the last event that told of a bound
 
   std::atomic<bool> builds_shapes_{true};
   std::mutex building_mutex_;

@@ -13,17 +13,34 @@
 namespace fs {
 
 // Scenes that want something get equal parts.
+LoopShare Keeper::part_of(size_t scenes) const noexcept {
+  const auto count = static_cast<double>(std::max<size_t>(1, scenes));
+  LoopShare part = loop_;
+  part.stiffness /= count;
+  part.damping /= count;
+  return part;
+}
+
+static size_t count_wanting(const std::vector<Ref<Channel>>& channels) {
+  return static_cast<size_t>(std::count_if(channels.begin(), channels.end(), [](const Ref<Channel>& channel) {
+    return channel->scene().bounding.wants_stiffness();
+  }));
+}
+
 void Keeper::run_once() noexcept {
   try {
     const std::vector<Ref<Channel>> channels = servo_.present_channels();
-    const auto wants = [](const Ref<Channel>& channel) { return channel->scene().readers.wants_stiffness(); };
-    const auto count = static_cast<double>(std::max<ptrdiff_t>(1, std::count_if(channels.begin(), channels.end(), wants)));
-    LoopShare part = loop_;
-    part.stiffness /= count;
-    part.damping /= count;
-    for (const Ref<Channel>& channel : channels) channel->scene().readers.admit(part);
+    const std::lock_guard lock(sharing_);
+    const LoopShare part = part_of(count_wanting(channels));
+    for (const Ref<Channel>& channel : channels) channel->scene().bounding.update(part);
   } catch (...) {  // no memory: the bounds stay as they are until the next time
   }
+}
+
+void Keeper::admit(LocalScene& scene) {
+  const std::vector<Ref<Channel>> channels = servo_.present_channels();
+  const std::lock_guard lock(sharing_);
+  scene.bounding.update(part_of(count_wanting(channels) + 1));
 }
 
 void Keeper::start() {

@@ -5,7 +5,7 @@
 #include <mutex>
 #include <thread>
 
-#include "scene/admission.h"
+#include "scene/local_scene.h"
 
 struct fs_servo;
 
@@ -20,10 +20,14 @@ class Keeper {
   void start();            // IO: no thread; also runs once
   void stop() noexcept;    // when it returns, the thread has ended
   void run_once() noexcept;
+  void admit(LocalScene& scene);  // before the servo feels it: it is bounded from its first tick on
 
  private:
+  LoopShare part_of(size_t scenes) const noexcept;
+
   fs_servo& servo_;
   const LoopShare loop_;
+  std::mutex sharing_;
   std::mutex mutex_;
   std::condition_variable stopping_;
   bool is_stopping_ = false;

@@ -126,12 +126,12 @@ ClockKind fs_servo::clock() const noexcept {
 }
 
 Ref<Channel> fs_servo::add_channel(Ref<LocalScene> scene, const Channel::Limits& limits) {
+  const Ref<Channel> channel = make_ref<Channel>(*this, std::move(scene), limits, false);
+  if (keeper_) keeper_->admit(channel->scene());
   const std::lock_guard lock(channels_mutex_);
   if (!posted_channels_) fail(FS_ERROR_STATE, "the servo has been stopped");
   const Ref<ChannelList> list = make_ref<ChannelList>();
   list->channels = posted_channels_->channels;
-  list->channels.reserve(list->channels.size() + 1);
-  const Ref<Channel> channel = make_ref<Channel>(*this, std::move(scene), limits, false);
   list->channels.push_back(channel);
   posted_channels_ = list;
   channels_.post(posted_channels_);

@@ -28,7 +28,8 @@ struct Felt : ServoRig {
   double largest = 0;  // N
   fs_vec3 last{};
 
-  explicit Felt(double the_blend = blend) : ServoRig(blending(the_blend)) {
+  explicit Felt(double the_blend = blend) : Felt(blending(the_blend)) {}
+  explicit Felt(const fs_servo_options& options) : ServoRig(options) {
     fake.on_read = [this](FakeDevice& f, double time) {
       const fs_vec3 x = hand(time);
       f.state.twist.linear = (1 / period) * (x - f.state.pose.position);
@@ -667,6 +668,60 @@ START_TEST(any_order) {
 }
 END_TEST
 
+// ---- Bounds
+
+// A wall of 2000 N/m has the whole bound while it is alone, and half of it beside another.
+fs_servo_options bounding() {
+  fs_servo_options options = blending();
+  options.max_stiffness = 2000;
+  options.damping = 0;  // the default
+  return options;
+}
+struct Bounded : Felt {
+  double slope_of(const char* name) {  // N/m, as it is applied
+    fs_report report{};
+    OK(fs_scene_get_report(scene, name, &report));
+    return report.stiffness_applied;
+  }
+  Bounded() : Felt(bounding()) {}
+};
+
+START_TEST(shares_are_blended) {
+  Bounded s;
+  s.hand = [](double) { return fs_vec3{0, 0, 0}; };
+  s.set(wall(0.002, 2000));
+  s.settle();
+  EXPECT_NEAR(s.force().z, 4, 1e-6);
+  fs_object other = wall(-0.5, 2000);  // not felt here, but its slope is where the hand can be
+  std::snprintf(other.name, sizeof other.name, "other");
+  s.set(other);
+  s.run(0.1);
+  EXPECT_NEAR(s.slope_of("wall"), 1000, 40);
+  EXPECT_NEAR(s.force().z, 2, 0.1);
+  ck_assert_double_le(s.take_largest(), 1.5 * 2 * period / blend);
+  OK(fs_object_remove(s.scene, "other"));
+  s.run(3 * fade);
+  EXPECT_NEAR(s.force().z, 4, 1e-6);
+  ck_assert_double_le(s.take_largest(), 1.5 * 2 * period / blend);
+}
+END_TEST
+
+START_TEST(what_changes_all_the_time_gets_its_share) {
+  Bounded s;
+  s.hand = [](double) { return fs_vec3{0, 0, 0}; };
+  fs_object other = wall(0.002, 2000);
+  std::snprintf(other.name, sizeof other.name, "other");
+  s.set(other);
+  s.settle();
+  for (int k = 0; k < 300; ++k) {
+    s.set(wall(0.002, 1800 + k % 2));
+    s.run(period);
+  }
+  ck_assert_double_le(s.slope_of("wall") + s.slope_of("other"), 1.03 * 2000);
+  ck_assert_double_ge(s.slope_of("wall"), 0.3 * 2000);
+}
+END_TEST
+
 int main() {
   Suite* suite = suite_create("blend");
   add_case(suite, "poses", {streams_make_no_step, a_move_takes_the_blend, turns_are_blended, streams_that_end_carry_on,
@@ -675,6 +730,7 @@ int main() {
   add_case(suite, "profiles", {profiles_are_blended, a_blend_goes_on_from_the_weight, curves_and_their_time_are_blended});
   add_case(suite, "contacts", {contacts_are_blended, friction_is_blended, a_floor_that_moves_carries_the_hand});
   add_case(suite, "all", {tools_feel_changes_at_once, large_groups_are_blended});
+  add_case(suite, "bounds", {shares_are_blended, what_changes_all_the_time_gets_its_share});
   TCase* test_case = new_case(suite, "any order");
   tcase_add_loop_test(test_case, any_order, 0, is_sanitized ? 1 : 5);
   return run_suite(suite);

@@ -1,0 +1,46 @@
+// Keeps what a scene's objects want within what the loop of its servo can render: works out everyone's share (admission.h)
+// and has the servo evaluate the objects with it.
+#pragma once
+
+#include <atomic>
+#include <mutex>
+
+#include "scene/admission.h"
+#include "scene/evaluated.h"
+
+namespace fs {
+
+class Bounding {
+ public:
+  // mutex: the scene's.
+  Bounding(std::mutex& mutex, Evaluated& evaluated) : mutex_(mutex), evaluated_(evaluated) {}
+
+  // loop: what the servo leaves to this scene. What is set later begins within the same bounds, until the next call. Does
+  // nothing where nothing has changed since the last call. Takes the lock for moments; one thread at a time; not [rt].
+  void update(const LoopShare& loop);
+
+  // Whether any object would make use of a share. Any thread.
+  bool wants_stiffness() const noexcept { return wants_stiffness_.load(std::memory_order_relaxed); }
+  // N/m at the device, what the scene allows itself; 0: no such bound. Any thread.
+  void set_max_stiffness(double stiffness) noexcept { max_stiffness_.store(stiffness); }
+
+ private:
+  void note_capped(const Object& object, double before, double after, double to_device);
+
+  std::mutex& mutex_;
+  Evaluated& evaluated_;
+  std::atomic<double> max_stiffness_{0};
+  std::atomic<bool> wants_stiffness_{true};
+
+  // What the last update went by.
+  struct Seen {
+    uint64_t sequence = 0;  // of the snapshot; 0: there was none
+    LoopShare loop;
+    double most = 0;            // N/m
+    bool is_any_moving = false;
+  };
+  Seen seen_;
+  double last_capped_ = -never;  // s, of the last event that told of a bound
+};
+
+}  // namespace fs
