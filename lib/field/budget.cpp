@@ -81,6 +81,7 @@ class Search {
     if (!can_raise(part.claims, [&](uint32_t) { return sum; })) return;
     visits_left_ -= std::min(visits_left_, part.claims.size());
     if (part.claims.size() <= few) {
+      visits_left_ -= std::min(visits_left_, part.claims.size() * part.claims.size());
       // Without the ones that a claim does not meet.
       const auto own_sum = [&](uint32_t i) {
         double out = 0;

@@ -23,19 +23,29 @@ Mat3 rotated(const Quat& by, const Mat3& m) {
   return r * m * transposed(r);
 }
 
+// Whether the force of an object is blended at x, in its frame. outward: N, away from the closest point. error: N, added to
+// where the search was cut: then the direction is that at x.
+bool blends(const Object& object, const Closest& closest, double outward, Vec3 x, double slope, Ridge& out,
+            Hint* hint, Effort* effort, double& error) noexcept {
+  if (!(outward > 0) || !(slope < no_slope_limit)) return false;
+  if (effort) effort->is_ridge_cut = false;
+  const bool is_ridge = find_ridge(object.primitive, object.shape.get(), x, closest, outward / slope, out, hint, effort);
+  if (effort && effort->is_ridge_cut) error += 2 * outward;
+  return is_ridge;
+}
+
+}  // namespace
+
 bool find_closest(const Object& object, Vec3 x, double range, double slope, Closest& out, Hint* hint, Effort* effort) noexcept {
   const auto find = slope < no_slope_limit ? closest_point_ahead : closest_point;
   return find(object.primitive, object.shape.get(), x, range, out, hint, effort);
 }
 
-// Whether the force of an object is blended at x, in its frame. outward: N, away from the closest point.
-bool blends(const Object& object, const Closest& closest, double outward, Vec3 x, double slope, Ridge& out,
-            Hint* hint, Effort* effort) noexcept {
-  return outward > 0 && slope < no_slope_limit &&
-         find_ridge(object.primitive, object.shape.get(), x, closest, outward / slope, out, hint, effort);
+double error_of(const Object& object, const Effort& effort) noexcept {
+  const double most = std::max(most_between(object.law.front, effort.least, object.law.support),
+                               most_between(object.law.back, effort.least, object.law.support));
+  return 2 * (object.damping > 0 && most > 0 ? std::max(object.law.front.limit, object.law.back.limit) : most);
 }
-
-}  // namespace
 
 void add_profile_force(const Object& object, const Closest& closest, const Motion& motion, const Pose& pose, double t,
                        const ToolState::Point& point, const ToolState& tool, const Law::Parsers* parsers, double share,
@@ -47,7 +57,9 @@ void add_profile_force(const Object& object, const Closest& closest, const Motio
 
   const double outward = closest.side == Side::back ? -g.force : g.force;
   Ridge ridge;
-  const bool is_ridge = blends(object, closest, outward, x, slope, ridge, hint, effort);
+  double error = 0;
+  const bool is_ridge = blends(object, closest, outward, x, slope, ridge, hint, effort, error);
+  out.error += share * error;
   // Away from the closest point.
   const Vec3 direction = rotate(pose.orientation, is_ridge ? ridge.direction : closest.direction);
   Vec3 force = outward * direction;
@@ -69,14 +81,6 @@ void add_profile_force(const Object& object, const Closest& closest, const Motio
 }
 
 namespace {
-
-// A bound of |force - exact force|, N, on a tool point for which the search was cut: nothing is known of the direction, nor of
-// the distance but for its bound.
-double error_of(const Object& object, const Effort& effort) noexcept {
-  const double most = std::max(most_between(object.law.front, effort.least, object.law.support),
-                               most_between(object.law.back, effort.least, object.law.support));
-  return 2 * (object.damping > 0 && most > 0 ? std::max(object.law.front.limit, object.law.back.limit) : most);
-}
 
 // The closest point of an object with formulas to a tool point. False: out of reach, or there is no direction. stiffness: N/m,
 // that is not told by the contact.
@@ -109,7 +113,10 @@ bool find_contact(const Object& object, const Pose& pose, Vec3 position, double 
   const double force = slope < no_slope_limit && out.law->sense == FS_SENSE_REPULSIVE
                            ? evaluate(*out.law, nullptr, closest.distance, 0).force : 0;
   Ridge ridge;
-  if (!blends(object, closest, force, local, slope, ridge, hint, effort)) {
+  double ridge_error = 0;
+  const bool is_ridge = blends(object, closest, force, local, slope, ridge, hint, effort, ridge_error);
+  error += weight * ridge_error;
+  if (!is_ridge) {
     out.direction = rotate(pose.orientation, closest.direction);
     return true;
   }
@@ -258,7 +265,8 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
       proxies->collect({.row = number * chunk_size + i, .version = row.version, .takes_over = row.takes_over,
                         .object = &row.as_felt(given),
                         .motion = &chunk.motion(i), .weight = given ? given[i].value() : 1,
-                        .parsers = scratch ? &scratch->parsers : nullptr, .start = row.start});
+                        .parsers = scratch ? &scratch->parsers : nullptr, .hints = scratch ? scratch->hints.get() : nullptr,
+                        .start = row.start, .is_bounded = given && (chunk.rows->bounded & bit_of(i))});
     });
     near &= ~solids_near;
     const uint64_t contacts_near = near & ~points_near & (chunk.rows->contacts | chunk.rows->formulas());
@@ -292,7 +300,7 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
   out.wrench = sum.wrench();
   out.stiffness = sum.stiffness();
   out.proxy = tool.pose;
-  if (proxies) proxies->feel(view, what, tool, out);
+  if (proxies) proxies->feel(view, what, tool, effort, out);
   return out;
 }
 

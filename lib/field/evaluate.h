@@ -68,6 +68,12 @@ struct Share {
 
 inline constexpr double no_slope_limit = std::numeric_limits<double>::infinity();
 
+// [rt] The closest point of an object as find_ridge() wants it where the slope is limited; x: in the object's frame.
+bool find_closest(const Object& object, Vec3 x, double range, double slope, Closest& out, Hint* hint, Effort* effort) noexcept;
+// [rt] A bound of |force - exact force|, N, on a tool point for which the search was cut: nothing is known of the direction, nor
+// of the distance but for its bound.
+double error_of(const Object& object, const Effort& effort) noexcept;
+
 // [rt] Adds the force that an object's profiles give one tool point, times `share`. closest: of the object, in its own frame;
 // pose: of the object; t: s, of the profiles; x: the tool point in the object's frame. slope, hint, effort: see evaluate_object.
 void add_profile_force(const Object& object, const Closest& closest, const Motion& motion, const Pose& pose, double t,

@@ -318,7 +318,7 @@ Pose fitted(const ToolState& tool, const Vec3* proxies) noexcept {
 
 }  // namespace
 
-void Proxies::feel(uint32_t view, uint64_t what, const ToolState& tool, fs_response& out) noexcept {
+void Proxies::feel(uint32_t view, uint64_t what, const ToolState& tool, Effort* effort, fs_response& out) noexcept {
   Tick& tick = ticks_[current_];
   ViewTouches& here = tick.views[view];
   const ViewTouches& before = ticks_[1 - current_].views[view];
@@ -359,7 +359,7 @@ void Proxies::feel(uint32_t view, uint64_t what, const ToolState& tool, fs_respo
       }
       if (proxy_.count == 0) continue;
       feel_proxy(last, k, tool);
-      add_profiles(k, tool);
+      add_profiles(k, tool, effort, out.error_bound);
       here.reach = std::max(here.reach, norm(proxy_.at - hand));
       for (uint32_t i = 0; i < proxy_.count; ++i) is_spreading |= proxy_.members[i].touch->fading > 0;
       if (proxy_.plane_count > 0) {
@@ -393,6 +393,7 @@ void Proxies::feel(uint32_t view, uint64_t what, const ToolState& tool, fs_respo
     if (!(wrench.force == Vec3{})) {
       ++out.felt_count;
       if (solid.weight < 1) out.flags |= FS_RESPONSE_FADING;
+      if (solid.is_bounded) out.flags |= FS_RESPONSE_CAPPED;
       if (what >= felt_.what && felt_.count < FeltSolids::size) {
         felt_.felt[felt_.count++] = {solid.version, wrench, solid.proxy, solid.distance};
       }
@@ -404,33 +405,40 @@ void Proxies::feel(uint32_t view, uint64_t what, const ToolState& tool, fs_respo
 }
 
 // The profiles of the group's objects act where the proxy is; on the surface along its normal.
-void Proxies::add_profiles(uint32_t point, const ToolState& tool) noexcept {
+void Proxies::add_profiles(uint32_t point, const ToolState& tool, Effort* effort, double& error) noexcept {
   for (uint32_t i = 0; i < proxy_.count; ++i) {
     Solid& solid = *proxy_.members[i].solid;
     const Object& object = *solid.object;
-    const double support = object.law.support;
+    const double support = object.law.support, slope = object.bounds.slope;
     if (!(support >= 0)) continue;
     const uint32_t all = tool.count == 32 ? ~0u : (1u << tool.count) - 1;
     const double share = 1.0 / std::popcount(tool.is_any_point ? all : object.point_mask() & all);
-    Closest closest;
     const Plane* plane = nullptr;
     for (uint32_t p = 0; p < proxy_.plane_count && !plane; ++p) {
       if (proxy_.planes[p].member == i) plane = &proxy_.planes[p];
     }
-    if (plane) {
-      closest.side = proxy_.members[i].touch->side;
-      closest.distance = closest.side == Side::back ? std::numeric_limits<double>::min() : 0;  // the sign tells the side
+    const Side side = proxy_.members[i].touch->side;
+    const Vec3 place = to_local(solid.pose, proxy_.at);
+    Hint* const hint = solid.hints ? solid.hints + point : nullptr;
+    Closest closest;
+    Share got;
+    if (plane && !(slope < no_slope_limit && object.has_ridges())) {
+      closest.side = side;
+      closest.distance = side == Side::back ? std::numeric_limits<double>::min() : 0;  // the sign tells the side
       closest.direction = rotate(conjugate(solid.pose.orientation), plane->normal);
       closest.feature = Feature::face;
-    } else if (!closest_point(object.primitive, object.shape.get(), to_local(solid.pose, proxy_.at), support, closest)) {
-      continue;
+    } else {
+      const bool is_found = find_closest(object, place, support, slope, closest, hint, effort);
+      if (effort && effort->is_cut) got.error += share * error_of(object, *effort);
+      if (is_found && plane) closest.side = side;  // so close to the surface rounding decides
+      if (!is_found) closest.direction = {};
     }
-    Share got;
     add_profile_force(object, closest, *solid.motion, solid.pose, tool.time - solid.start, tool.points[point], tool,
-                      solid.parsers, share, got);
+                      solid.parsers, share, got, place, slope, hint, effort);
     solid.felt.force += got.wrench.force;
     solid.felt.torque += got.wrench.torque;
     solid.felt_stiffness += got.stiffness;
+    error += solid.weight * got.error;
   }
 }
 

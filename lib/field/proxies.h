@@ -48,8 +48,8 @@ class Proxies {
     if (solid_count_ < most_solids) solids_[solid_count_++] = solid;
   }
   // [rt] Adds what the collected solids give to the tool: contacts, and their profiles at the proxies. view, what: as
-  // Memory::look has them; another `what`, and all touches of the view begin anew.
-  void feel(uint32_t view, uint64_t what, const ToolState& tool, fs_response& out) noexcept;
+  // Memory::look has them; another `what`, and all touches of the view begin anew. effort: of the profiles; null: without end.
+  void feel(uint32_t view, uint64_t what, const ToolState& tool, Effort* effort, fs_response& out) noexcept;
 
   // Of the newest view. False: nothing has been felt yet. Any thread.
   bool read(FeltSolids& out) const noexcept { return newest_.read(out); }
@@ -74,7 +74,7 @@ class Proxies {
   void stack_versions() noexcept;
   void fade(Vec3 hand, double k) noexcept;
   void push(const ViewTouches* last, uint32_t point, const ToolState& tool) noexcept;
-  void add_profiles(uint32_t point, const ToolState& tool) noexcept;
+  void add_profiles(uint32_t point, const ToolState& tool, Effort* effort, double& error) noexcept;
 
   double now_ = 0, step_ = 0, blend_ = 0;  // s
   std::array<Solid, most_solids> solids_;

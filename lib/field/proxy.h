@@ -22,7 +22,9 @@ struct Solid {
   const Motion* motion = nullptr;
   double weight = 1;
   const Law::Parsers* parsers = nullptr;
+  Hint* hints = nullptr;        // of each point; null: none
   double start = 0;             // s, of the profiles
+  bool is_bounded = false;      // its slope is less than was asked for
   // Worked out by feel().
   Pose pose{};                  // now
   double begin = 0;             // 0..1, where its part of the unit interval begins: see Proxies::fade

@@ -41,6 +41,7 @@ struct Effort {
   uint32_t most = UINT32_MAX;    // of one search
   bool is_cut = false;           // the last search ended because there were none left: what it found may not be the closest,
   double least = 0;              // but nothing is nearer than this, m
+  bool is_ridge_cut = false;     // the last find_ridge() found none because there were none left
 };
 
 // [rt] The closest point to x (object frame, m). False when it is farther than max_distance (m, may be infinite), or

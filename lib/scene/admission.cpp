@@ -40,15 +40,29 @@ struct Wish {
   const Motion* motion;
 };
 
-Claim claim_of(const Wish& wish, double share, double now, double slope, bool is_of_damping) {
+// m from the object, how deep a contact with this share of what it wants can be; infinite for a share of 0.
+double contact_reach(const Wish& wish, double share) {
+  const Object& object = *wish.row.object;
+  return object.is_solid() ? object.contact.limit / (wish.contact * share) : -1;
+}
+
+// m from the object, how far its force is sloped with this share of what it wants.
+double sloped_reach(const Wish& wish, double share) {
+  const Object& object = *wish.row.object;
+  const double k = wish.law * share;
+  const double law = std::max(slope_end(object.law.front, k), slope_end(object.law.back, k));
+  const double ridges = object.has_ridges() ? object.law.support : -1;  // a ridge may be at any distance
+  return std::max({law, ridges, contact_reach(wish, share)});
+}
+
+double felt_reach(const Wish& wish, double share) {  // m, how far it is felt at all
+  return std::max(wish.row.object->law.support, contact_reach(wish, share));
+}
+
+Claim claim_of(const Wish& wish, double reach, double now, double slope) {
   const Object& object = *wish.row.object;
   Claim out;
   out.slope = slope;
-  const double k = wish.law * share;
-  double reach = is_of_damping ? object.law.support
-                               : std::max(slope_end(object.law.front, k), slope_end(object.law.back, k));
-  if (object.is_solid()) reach = std::max(reach, object.contact.limit / (wish.contact * share));
-  if (object.has_ridges()) reach = std::max(reach, object.law.support);  // a ridge may be at any distance
   const Motion& motion = *wish.motion;
   if (wish.row.is_moving) {
     reach += seconds_ahead * (norm(motion.twist.linear) + norm(motion.twist.angular) * std::fmin(object.radius, 1e3));
@@ -147,13 +161,16 @@ std::vector<Admitted> admit(const Snapshot& snapshot, const SceneShare& share, d
     });
   });
 
-  // A smaller share of a bounded force is sloped farther away, so the regions grow until nothing changes any more.
+  // A smaller share of a bounded force is sloped farther away, so the regions grow until nothing changes any more; should
+  // that take long, they are as large as they can be.
   std::vector<double> parts(wishes.size(), 1.0);
-  for (int round = 0; round < 6 && share.stiffness < never; ++round) {
+  constexpr int last_round = 8;
+  for (int round = 0; round <= last_round && share.stiffness < never; ++round) {
     std::vector<Claim> claims;
     for (size_t i = 0; i < wishes.size(); ++i) {
       const double slope = wishes[i].law + share.points * wishes[i].contact;
-      claims.push_back(claim_of(wishes[i], round < 5 ? parts[i] : parts[i] / 4, now, slope, false));
+      const double reach = round < last_round ? sloped_reach(wishes[i], parts[i]) : felt_reach(wishes[i], 0);
+      claims.push_back(claim_of(wishes[i], reach, now, slope));
     }
     const std::vector<double> found = shares_of(claims, share.within, share.stiffness);
     bool is_same = true;
@@ -167,7 +184,7 @@ std::vector<Admitted> admit(const Snapshot& snapshot, const SceneShare& share, d
   if (share.damping < never) {
     std::vector<Claim> claims;
     for (const Wish& wish : wishes) {
-      claims.push_back(claim_of(wish, parts[claims.size()], now, wish.damping, true));
+      claims.push_back(claim_of(wish, felt_reach(wish, parts[claims.size()]), now, wish.damping));
     }
     damping = shares_of(claims, share.within, share.damping);
   }

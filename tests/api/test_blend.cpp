@@ -722,6 +722,45 @@ START_TEST(what_changes_all_the_time_gets_its_share) {
 }
 END_TEST
 
+// A groove of two walls at 90 degrees along y, which holds the hand and also repels it from afar. Where both walls are equally
+// near the direction of that force turns: under a bound over some way, not at once.
+START_TEST(ridges_of_solids_are_blended) {
+  const fs_vec3 corners[6]{{-0.1, -0.1, 0.1}, {-0.1, 0.1, 0.1}, {0, -0.1, 0}, {0, 0.1, 0}, {0.1, -0.1, 0.1}, {0.1, 0.1, 0.1}};
+  const uint32_t triangles[12]{0, 2, 1, 1, 2, 3, 2, 4, 3, 3, 4, 5};
+  Shape groove;
+  {
+    fs_shape* made;
+    OK(fs_shape_create_mesh(corners, 6, triangles, 4, &made));
+    groove.reset(made);
+  }
+  for (const bool is_solid : {false, true}) {
+    Bounded s;
+    fs_object o = fs_object_init("groove", FS_PRIMITIVE_MESH);
+    o.shape = groove.get();
+    o.front.kind = FS_PROFILE_CONSTANT;
+    o.front.sense = FS_SENSE_REPULSIVE;
+    o.front.gain = o.front.limit = 4;
+    o.front.reach = 0.05;
+    o.back = o.front;
+    if (is_solid) o.contact.keep = FS_KEEP_EITHER, o.contact.limit = 20;
+    s.set(o);
+    const double speed = 0.01;
+    double begin = 0;
+    s.hand = [&](double t) { return fs_vec3{-0.005 + speed * (t - begin), 0, 0.02}; };
+    begin = now(s.scene);
+    s.run(0.2);
+    s.take_largest();
+    const fs_vec3 before = s.force();
+    s.run(0.7);
+    ck_assert_double_gt(norm(s.force() - before), 4);  // it has turned
+    ck_assert_double_le(s.take_largest(), 1.1 * 2000 * speed * period);
+    fs_response response;
+    OK(fs_scene_get_hand(s.scene, nullptr, &response, nullptr));
+    ck_assert_uint_ne(response.flags & FS_RESPONSE_CAPPED, 0);
+  }
+}
+END_TEST
+
 int main() {
   Suite* suite = suite_create("blend");
   add_case(suite, "poses", {streams_make_no_step, a_move_takes_the_blend, turns_are_blended, streams_that_end_carry_on,
@@ -730,7 +769,8 @@ int main() {
   add_case(suite, "profiles", {profiles_are_blended, a_blend_goes_on_from_the_weight, curves_and_their_time_are_blended});
   add_case(suite, "contacts", {contacts_are_blended, friction_is_blended, a_floor_that_moves_carries_the_hand});
   add_case(suite, "all", {tools_feel_changes_at_once, large_groups_are_blended});
-  add_case(suite, "bounds", {shares_are_blended, what_changes_all_the_time_gets_its_share});
+  add_case(suite, "bounds", {shares_are_blended, what_changes_all_the_time_gets_its_share,
+                             ridges_of_solids_are_blended});
   TCase* test_case = new_case(suite, "any order");
   tcase_add_loop_test(test_case, any_order, 0, is_sanitized ? 1 : 5);
   return run_suite(suite);
