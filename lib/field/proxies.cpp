@@ -4,6 +4,8 @@
 #include <bit>
 #include <cmath>
 
+#include "field/fit.h"
+
 namespace fs {
 namespace {
 
@@ -19,24 +21,14 @@ Vec3 limited(Vec3 force, double limit) noexcept {
 void Proxies::begin(double now) noexcept {
   step_ = std::clamp(now - now_, 0.0, 0.1);
   now_ = now;
-  current_ = 1 - current_;
-  Tick& tick = ticks_[current_];
-  tick.count = 0;
-  for (ViewTouches& view : tick.views) view.what = 0;
-}
-
-void Proxies::forget() noexcept {
-  for (Tick& tick : ticks_) {
-    tick.count = 0;
-    for (ViewTouches& view : tick.views) view.what = 0;
-  }
+  touches_.begin();
 }
 
 // ------------------------------------------------------------------------------------------------------------ touches
 
 // A solid that has come near. It keeps the proxy on the side where it is; one that is on the wrong side of a closed surface
 // begins at the nearest place on the right side.
-void Proxies::begin_touch(const ViewTouches* last, Member& member) noexcept {
+void Proxies::begin_touch(const Touches::View* last, Member& member) noexcept {
   const Solid& solid = *member.solid;
   const Object& object = *solid.object;
   Touch& touch = *member.touch;
@@ -82,28 +74,17 @@ bool Proxies::replaces_touched(const Solid& solid) const noexcept {
   return false;
 }
 
-const Touch* Proxies::find_before(const ViewTouches& last, const Solid& solid, uint64_t version, uint32_t point) noexcept {
-  // They mostly come in the same order as last time.
-  const uint32_t count = last.end - last.begin;
-  for (uint32_t k = 0; k < count; ++k) {
-    if (++cursor_ >= last.end || cursor_ < last.begin) cursor_ = last.begin;
-    const Touch& touch = ticks_[1 - current_].touches[cursor_];
-    if (touch.version == version && touch.point == point && (touch.row == solid.row || version != solid.version)) return &touch;
-  }
-  return nullptr;
-}
-
-void Proxies::feel_proxy(const ViewTouches* last, uint32_t point, const ToolState& tool) noexcept {
+void Proxies::feel_proxy(const Touches::View* last, uint32_t point, const ToolState& tool) noexcept {
   const Vec3 hand = tool.points[point].position;
   proxy_.at = last ? last->hand[point] : hand;
   bool was_touching = false, is_known = false;
   for (uint32_t i = 0; i < proxy_.count; ++i) {
     Member& member = proxy_.members[i];
     member.before = nullptr;
-    if (last) member.before = find_before(*last, *member.solid, member.solid->version, point);
+    if (last) member.before = touches_.find(*last, *member.solid, member.solid->version, point);
     // Another profile or contact of the same object goes on from where the one before has the proxy.
     member.is_taken_over = last && !member.before && member.solid->takes_over;
-    if (member.is_taken_over) member.before = find_before(*last, *member.solid, member.solid->takes_over, point);
+    if (member.is_taken_over) member.before = touches_.find(*last, *member.solid, member.solid->takes_over, point);
     if (!member.before) continue;
     *member.touch = *member.before;
     if (member.is_taken_over) {  // what is left of a jump stays with that one
@@ -196,7 +177,7 @@ void Proxies::fade(Vec3 hand, double k) noexcept {
 }
 
 // The forces of the group's contacts.
-void Proxies::push(const ViewTouches* last, uint32_t point, const ToolState& tool) noexcept {
+void Proxies::push(const Touches::View* last, uint32_t point, const ToolState& tool) noexcept {
   const ToolState::Point& at = tool.points[point];
   const double k = stiffness_of(proxy_.members[0].solid->object->contact);
   const Vec3 pull = proxy_.at - at.position;
@@ -279,54 +260,10 @@ void Proxies::push(const ViewTouches* last, uint32_t point, const ToolState& too
 
 // ---------------------------------------------------------------------------------------------------------- the whole
 
-namespace {
-
-// The rigid pose that best fits the proxies of the points (least squares; a few steps of Gauss and Newton about the pose of the
-// tool, because proxies are near it).
-Pose fitted(const ToolState& tool, const Vec3* proxies) noexcept {
-  Pose pose = tool.pose;
-  const double share = 1.0 / tool.count;
-  Vec3 middle{}, target{};
-  for (uint32_t k = 0; k < tool.count; ++k) {
-    middle += share * tool.points[k].arm;
-    target += share * proxies[k];
-  }
-  Quat turn = identity_quat();
-  for (int step = 0; tool.count > 1 && step < 4; ++step) {
-    Mat3 inertia{};
-    Vec3 torque{};
-    double size = 0;
-    for (uint32_t k = 0; k < tool.count; ++k) {
-      const Vec3 arm = rotate(turn, tool.points[k].arm - middle), error = proxies[k] - target - arm;
-      inertia += dot(arm, arm) * identity() + -1.0 * outer(arm, arm);
-      torque += cross(arm, error);
-      size += dot(arm, arm);
-    }
-    if (!(size > 0)) break;
-    inertia += 1e-9 * size * identity();  // points on a line say nothing of a turn about it
-    const Mat3& m = inertia;
-    const Vec3 x{m.xx, m.yx, m.zx}, y{m.xy, m.yy, m.zy}, z{m.xz, m.yz, m.zz};
-    const double det = dot(x, cross(y, z));
-    if (!(std::fabs(det) > 0)) break;
-    const Vec3 by{dot(torque, cross(y, z)) / det, dot(x, cross(torque, z)) / det, dot(x, cross(y, torque)) / det};
-    turn = normalized(exp_rotation(by) * turn);
-  }
-  pose.orientation = tool.count > 1 ? normalized(turn * pose.orientation) : pose.orientation;
-  pose.position = target - rotate(turn, middle);
-  return pose;
-}
-
-}  // namespace
-
 void Proxies::feel(uint32_t view, uint64_t what, const ToolState& tool, Effort* effort, fs_response& out) noexcept {
-  Tick& tick = ticks_[current_];
-  ViewTouches& here = tick.views[view];
-  const ViewTouches& before = ticks_[1 - current_].views[view];
-  const ViewTouches* const last = before.what == what ? &before : nullptr;
+  Touches::View& here = touches_.begin_view(view, what);
+  const Touches::View* const last = touches_.last(view, what);
   blend_ = tool.blend;
-  here.what = what;
-  here.begin = tick.count;
-  here.reach = 0;
   std::array<Vec3, FS_TOOL_POINTS_MAX> proxies;
   bool is_spreading = false;
   for (uint32_t i = 0; i < solid_count_; ++i) {
@@ -354,8 +291,9 @@ void Proxies::feel(uint32_t view, uint64_t what, const ToolState& tool, Effort* 
         if (stiffness_of(solid.object->contact) != wanted) continue;
         done[i / 64] |= uint64_t{1} << i % 64;
         if (!tool.is_any_point && !(solid.object->point_mask() >> k & 1)) continue;
-        if (tick.count == most_touches) break;
-        proxy_.members[proxy_.count++] = {&solid, &tick.touches[tick.count++], nullptr, false};
+        Touch* const touch = touches_.add(here);
+        if (!touch) break;
+        proxy_.members[proxy_.count++] = {&solid, touch, nullptr, false};
       }
       if (proxy_.count == 0) continue;
       feel_proxy(last, k, tool);
@@ -371,7 +309,6 @@ void Proxies::feel(uint32_t view, uint64_t what, const ToolState& tool, Effort* 
     if (last) here.reach = std::max(here.reach, 2 * norm(hand - last->hand[k]));
     if (last && is_spreading) here.reach = std::max(here.reach, last->reach + norm(hand - last->hand[k]));  // until it is over
   }
-  here.end = tick.count;
   if (what >= felt_.what) {
     felt_.what = what;
     felt_.count = 0;

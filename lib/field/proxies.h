@@ -9,7 +9,7 @@
 #include <memory>
 
 #include "base/seqlock.h"
-#include "field/proxy.h"
+#include "field/touches.h"
 
 namespace fs {
 
@@ -36,12 +36,10 @@ struct FeltSolids {
 
 class Proxies {
  public:
-  static constexpr uint32_t most_touches = 2048;
-
   // [rt] Begins a tick: what was kept in the last one is what was before.
   void begin(double now) noexcept;
   // [rt] Forgets everything.
-  void forget() noexcept;
+  void forget() noexcept { touches_.forget(); }
 
   // [rt] Collects the solids of a view, in the order of their rows. What is too much is not felt.
   void collect(const Solid& solid) noexcept {
@@ -56,43 +54,29 @@ class Proxies {
 
   // m: how far a proxy was from its point at most in the last tick of the view.
   double reach(uint32_t view, uint64_t what) const noexcept {
-    const ViewTouches& last = ticks_[1 - current_].views[view];
-    return last.what == what ? last.reach : 0;
+    const Touches::View* const last = touches_.last(view, what);
+    return last ? last->reach : 0;
   }
 
  private:
-  struct ViewTouches {
-    uint64_t what = 0;
-    uint32_t begin = 0, end = 0;      // of its touches
-    double reach = 0;
-    std::array<Vec3, FS_TOOL_POINTS_MAX> hand;  // m, the points at the last tick
-  };
-  void feel_proxy(const ViewTouches* last, uint32_t point, const ToolState& tool) noexcept;
-  const Touch* find_before(const ViewTouches& last, const Solid& solid, uint64_t version, uint32_t point) noexcept;
+  void feel_proxy(const Touches::View* last, uint32_t point, const ToolState& tool) noexcept;
   bool replaces_touched(const Solid& solid) const noexcept;
-  void begin_touch(const ViewTouches* last, Member& member) noexcept;
+  void begin_touch(const Touches::View* last, Member& member) noexcept;
   void stack_versions() noexcept;
   void fade(Vec3 hand, double k) noexcept;
-  void push(const ViewTouches* last, uint32_t point, const ToolState& tool) noexcept;
+  void push(const Touches::View* last, uint32_t point, const ToolState& tool) noexcept;
   void add_profiles(uint32_t point, const ToolState& tool, Effort* effort, double& error) noexcept;
 
   double now_ = 0, step_ = 0, blend_ = 0;  // s
   std::array<Solid, most_solids> solids_;
   uint32_t solid_count_ = 0;
-  struct Tick {
-    std::array<ViewTouches, Views::size> views;
-    std::array<Touch, most_touches> touches;  // view by view, in the order of rows and points
-    uint32_t count = 0;
-  };
-  std::array<Tick, 2> ticks_;
+  Touches touches_;
   Proxy proxy_;           // the one that is worked on
   std::array<Vec3, most_solids> damping_;  // N, of its members
   std::array<Plane, most_solids> own_;     // planes of its members, of each alone
   std::array<double, 2 * most_solids> levels_;
-  uint32_t cursor_ = 0;   // of find_before
   FeltSolids felt_;       // that is put together
   Latest<FeltSolids> newest_;
-  uint32_t current_ = 0;  // which of them is this one, the other is the last
 };
 
 }  // namespace fs

@@ -106,7 +106,7 @@ void Clients::note_leaving(const Client& client) noexcept {
 }
 
 void Clients::reap_leaving() {
-  servo_.reap_channels();
+  servo_.channels().reap();
   std::erase_if(leaving_, [](const Ref<Channel>& channel) { return channel->is_gone(); });
 }
 

@@ -164,7 +164,7 @@ void answer_clients(Client& client, uint64_t serial) {
   own.user = geteuid();
   own.objects = static_cast<uint32_t>(servo.scene()->object_count());
   own.force_limit = servo.settings().limits.force;
-  own.wrench = servo.own_wrench();
+  own.wrench = servo.channels().own_wrench();
   std::vector<fs_client> list = client.host.clients().describe();
   list.insert(list.begin(), own);
   const Descriptor blob = make_blob({bytes_of(list.data(), list.size())});

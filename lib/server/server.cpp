@@ -53,7 +53,7 @@ fs_server::fs_server(Ref<Servo> servo, const Endpoint& endpoint, const ServerSet
   watcher_.add(timer_, source_timer);
   watcher_.add(door_.own_socket(), source_listener);
   if (door_.shared_socket()) watcher_.add(door_.shared_socket(), source_shared_listener);
-  servo_->reap_channels();  // those of an earlier server
+  servo_->channels().reap();  // those of an earlier server
   servo_->set_listener(this, [this] {
     std::unique_lock lock(mutex_);
     is_servo_stopping_ = true;

@@ -84,9 +84,4 @@ class Channel final : public Counted<Channel> {
   Latest<Wrench> wrench_;
 };
 
-// The channels of a servo, immutable.
-struct ChannelList : Counted<ChannelList> {
-  std::vector<Ref<Channel>> channels;
-};
-
 }  // namespace fs

@@ -29,7 +29,7 @@ static size_t count_wanting(const std::vector<Ref<Channel>>& channels) {
 
 void Keeper::run_once() noexcept {
   try {
-    const std::vector<Ref<Channel>> channels = servo_.present_channels();
+    const std::vector<Ref<Channel>> channels = servo_.channels().present();
     const std::lock_guard lock(sharing_);
     const LoopShare part = part_of(count_wanting(channels));
     for (const Ref<Channel>& channel : channels) channel->scene().bounding.update(part);
@@ -38,7 +38,7 @@ void Keeper::run_once() noexcept {
 }
 
 void Keeper::admit(LocalScene& scene) {
-  const std::vector<Ref<Channel>> channels = servo_.present_channels();
+  const std::vector<Ref<Channel>> channels = servo_.channels().present();
   const std::lock_guard lock(sharing_);
   scene.bounding.update(part_of(count_wanting(channels) + 1));
 }

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstring>
 #include <ctime>
-#include <iterator>
 
 #include "base/error.h"
 #include "base/signals.h"
@@ -32,16 +31,13 @@ fs_servo::fs_servo(Ref<LocalScene> scene, Ref<Device> device, const ServoSetting
       record_(static_cast<size_t>(std::ceil(record_length * settings.rate))) {
   device_->acquire();
   try {
-    const Ref<ChannelList> list = make_ref<ChannelList>();
-    list->channels.push_back(make_ref<Channel>(*this, scene_, Channel::Limits{}, true));
-    posted_channels_ = list;
-    channels_.prime(posted_channels_);
+    channels_.start(make_ref<Channel>(*this, scene_, Channel::Limits{}, true));
     guard_process_end();
     start_keeper();
     if (settings.mode == FS_SERVO_THREAD) start_thread();
   } catch (...) {
     keeper_.reset();
-    drop_channels();
+    channels_.stop();
     device_->release_ownership();
     throw;
   }
@@ -107,18 +103,10 @@ void fs_servo::stop() noexcept {
   if (stack_) pthread_join(thread_, nullptr);
   if (keeper_) keeper_->stop();
   memory_lock_.unlock();
-  drop_channels();
+  channels_.stop();
   device_->release_ownership();
   is_stopped_.store(true);
   is_stopped_.notify_all();
-}
-
-void fs_servo::drop_channels() noexcept {
-  const std::lock_guard lock(channels_mutex_);
-  if (!posted_channels_) return;
-  for (const Ref<Channel>& channel : posted_channels_->channels) channel->detach();
-  posted_channels_ = nullptr;
-  channels_.clear();  // also frees older lists, which may still refer to removed channels
 }
 
 ClockKind fs_servo::clock() const noexcept {
@@ -128,44 +116,8 @@ ClockKind fs_servo::clock() const noexcept {
 Ref<Channel> fs_servo::add_channel(Ref<LocalScene> scene, const Channel::Limits& limits) {
   const Ref<Channel> channel = make_ref<Channel>(*this, std::move(scene), limits, false);
   if (keeper_) keeper_->admit(channel->scene());
-  const std::lock_guard lock(channels_mutex_);
-  if (!posted_channels_) fail(FS_ERROR_STATE, "the servo has been stopped");
-  const Ref<ChannelList> list = make_ref<ChannelList>();
-  list->channels = posted_channels_->channels;
-  list->channels.push_back(channel);
-  posted_channels_ = list;
-  channels_.post(posted_channels_);
+  channels_.add(channel);
   return channel;
-}
-
-std::vector<Ref<Channel>> fs_servo::present_channels() {
-  const std::lock_guard lock(channels_mutex_);
-  return posted_channels_ ? posted_channels_->channels : std::vector<Ref<Channel>>{};
-}
-
-Wrench fs_servo::own_wrench() {
-  const std::lock_guard lock(channels_mutex_);
-  return posted_channels_ ? posted_channels_->channels.front()->wrench() : Wrench{};
-}
-
-size_t fs_servo::channel_count() {
-  const std::lock_guard lock(channels_mutex_);
-  return posted_channels_ ? posted_channels_->channels.size() - 1 : 0;
-}
-
-void fs_servo::reap_channels() {
-  const std::lock_guard lock(channels_mutex_);
-  if (!posted_channels_) return;
-  const std::vector<Ref<Channel>>& present = posted_channels_->channels;
-  const auto is_gone = [](const Ref<Channel>& channel) { return channel->is_gone(); };
-  if (std::any_of(present.begin(), present.end(), is_gone)) {
-    const Ref<ChannelList> list = make_ref<ChannelList>();
-    std::remove_copy_if(present.begin(), present.end(), std::back_inserter(list->channels), is_gone);
-    posted_channels_ = list;
-    channels_.post(posted_channels_);
-  } else if (channels_.take_back()) {  // also frees the list that the tick no longer uses
-    channels_.post(posted_channels_);
-  }
 }
 
 void fs_servo::set_listener(const void* owner, std::function<void()> f) {
@@ -270,8 +222,7 @@ void fs_servo::tick(double now, double late) noexcept {
   const bool is_ready = status == FS_OK && write_status_ == FS_OK && says_ready && age <= settings_.pose_age;
   const bool has_pose = status == FS_OK && is_finite(hand.pose) && is_finite(hand.twist);
 
-  channels_.fetch();
-  const std::vector<Ref<Channel>>& channels = channels_.front()->channels;
+  const std::vector<Ref<Channel>>& channels = channels_.fetch();
   const bool has_thread = settings_.mode == FS_SERVO_THREAD;
   fs_response response{};
   response.proxy = identity_pose();

@@ -9,7 +9,7 @@
 #include <optional>
 
 #include "driver/device.h"
-#include "servo/channel.h"
+#include "servo/channels.h"
 #include "servo/device_events.h"
 #include "servo/flight_record.h"
 #include "servo/guard.h"
@@ -34,10 +34,7 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
 
   // Adds a scene beside the servo's own; its forces are felt from the next tick on. Any thread; not [rt].
   fs::Ref<fs::Channel> add_channel(fs::Ref<fs::LocalScene> scene, const fs::Channel::Limits& limits);  // STATE
-  std::vector<fs::Ref<fs::Channel>> present_channels();
-  fs::Wrench own_wrench();  // what the servo's own scene added at the last tick, device frame
-  void reap_channels();  // removes the channels that have faded out
-  size_t channel_count();  // without the servo's own; channels that are fading out count
+  fs::Channels& channels() noexcept { return channels_; }
   const fs::Ref<fs::LocalScene>& scene() const noexcept { return scene_; }
   double time() const noexcept override { return newest_time_.load(std::memory_order_relaxed); }  // s, of the newest tick
   // s, monotonic clock: when the last tick was due; ticks are due one period apart. 0: the servo has no thread of its
@@ -67,7 +64,6 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   void start_thread();  // IO; nothing after it can fail
   void run() noexcept;
   void tick(double now, double late) noexcept;
-  void drop_channels() noexcept;
   void start_keeper();  // IO
 
   const fs::Ref<fs::LocalScene> scene_;
@@ -75,10 +71,7 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   const fs::ServoSettings settings_;
   const double period_;
 
-  // The list of channels reaches the tick through a mailbox, as snapshots do.
-  std::mutex channels_mutex_;
-  fs::Ref<const fs::ChannelList> posted_channels_;
-  fs::Mailbox<fs::Ref<const fs::ChannelList>> channels_;
+  fs::Channels channels_;
 
   std::mutex listener_mutex_;
   const void* listener_owner_ = nullptr;

@@ -398,7 +398,7 @@ START_TEST(coming_and_going) {
       ck_assert_int_eq(greeting.status, FS_ERROR_FULL);
       ++refused;
     }
-    ck_assert_uint_le(rig.servo()->channel_count(), 4 + 32);  // the maximum that push at the same time
+    ck_assert_uint_le(rig.servo()->channels().count(), 4 + 32);  // the maximum that push at the same time
     rig.tick();
   }
   ck_assert_int_ge(came, 4 + 32 - 1);

@@ -298,7 +298,7 @@ START_TEST(random_clients) {
     }
   }
   std::printf("  seed %lu: %lu acts\n", (unsigned long)seed, (unsigned long)acts);
-  ck_assert(rig.until([&] { return rig.servo()->channel_count() == 1; }));
+  ck_assert(rig.until([&] { return rig.servo()->channels().count() == 1; }));
   ck_assert(is_near(rig.foreign_force(), {}));
   ck_assert(rig.until([&] { return open_files() == files; }));
   rig.check_honest();

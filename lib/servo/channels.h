@@ -1,0 +1,39 @@
+// The channels of a servo, its own scene's first. A list of them is immutable and reaches the tick through a mailbox, as
+// snapshots do.
+#pragma once
+
+#include <mutex>
+#include <vector>
+
+#include "servo/channel.h"
+
+namespace fs {
+
+class Channels {
+ public:
+  void start(Ref<Channel> own);  // before the first tick
+  void stop() noexcept;          // detaches all scenes; nothing ticks any more
+
+  // Any thread; not [rt].
+  void add(const Ref<Channel>& channel);  // STATE: the servo has been stopped
+  std::vector<Ref<Channel>> present();    // empty: it has been stopped
+  Wrench own_wrench();                    // what the servo's own scene added at the last tick, device frame
+  size_t count();                         // without the servo's own; channels that are fading out count
+  void reap();                            // removes the channels that have faded out
+
+  // [rt] The tick's: the newest list.
+  const std::vector<Ref<Channel>>& fetch() noexcept {
+    mailbox_.fetch();
+    return mailbox_.front()->channels;
+  }
+
+ private:
+  struct List : Counted<List> {
+    std::vector<Ref<Channel>> channels;
+  };
+  std::mutex mutex_;
+  Ref<const List> posted_;  // null: the servo has been stopped
+  Mailbox<Ref<const List>> mailbox_;
+};
+
+}  // namespace fs
