@@ -61,7 +61,7 @@ Welded weld(std::span<const Vec3> points, std::span<const uint32_t> corners, Wan
     if (number == none) number = welded.count++;
     welded.corners.push_back(number);
   }
-  for (uint32_t& vertex : vertices) vertex = vertex == none ? none : number_of[vertex];
+  for (uint32_t& vertex : vertices) vertex = vertex == none ? 0 : number_of[vertex];  // nobody asks for that of an unused point
   welded.vertices = std::move(vertices);
   return welded;
 }
@@ -86,7 +86,7 @@ Vec3 Pseudonormals::face(uint32_t triangle) const noexcept {
 
 Pseudonormals::Normal Pseudonormals::side(uint32_t triangle, int k) const noexcept {
   const uint32_t across = across_[size_t{3} * triangle + k];
-  if (across & kept) return kept_[across & ~kept];
+  if (across >= triangle_count()) return edge_normals_[across - triangle_count()];
   if (across == triangle) return alone(face(triangle));
   return between(face(std::min(triangle, across)), face(std::max(triangle, across)));
 }
@@ -98,8 +98,8 @@ Pseudonormals::Normal Pseudonormals::corner(uint32_t triangle, int k) const noex
 }
 
 size_t Pseudonormals::size() const noexcept {
-  return across_.size() * sizeof(uint32_t) + kept_.size() * sizeof(Normal) + vertices_.size() * sizeof(uint32_t) +
-         vertex_normals_.size() * sizeof(Vec3) + vertex_is_flat_.size() / 8;
+  return across_.size() + edge_normals_.size() * sizeof(Normal) + vertices_.size() + vertex_normals_.size() * sizeof(Vec3) +
+         vertex_is_flat_.size() / 8;
 }
 
 Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint32_t> corners,
@@ -108,10 +108,8 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
   const auto point_count = static_cast<double>(points.size()), corner_count = static_cast<double>(corners.size());
   wanted.begin_part(0.65, corner_count + 1.4 * point_count * std::log2(point_count));
   Welded welded = weld(points, corners, wanted);
-  vertices_ = std::move(welded.vertices);
   const std::span<const uint32_t> vertices = welded.corners.empty() ? corners : std::span<const uint32_t>(welded.corners);
   const size_t vertex_count = welded.corners.empty() ? points.size() : welded.count;
-  const uint32_t triangle_count = static_cast<uint32_t>(corners.size() / 3);
   const auto corner = [&](uint32_t t, int k) { return points[corners[size_t{3} * t + k]]; };
 
   wanted.begin_part(0.68, 4.2 * corner_count);
@@ -130,12 +128,12 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
   }
 
   // Sum the normals. A face has the weight pi at its edges (here 1) and its angle at its vertices.
-  std::vector<Vec3> faces(triangle_count);
+  std::vector<Vec3> faces(triangle_count());
   std::vector<double> vertex_weights(vertex_count, 0);
   std::vector<Vec3> edge_normals(edge_is_flat.size(), no_normal);
   vertex_normals_.assign(vertex_count, no_normal);
   std::vector<uint32_t> without_area;
-  for (uint32_t t = 0; t < triangle_count; ++t) {
+  for (uint32_t t = 0; t < triangle_count(); ++t) {
     wanted.step();
     if (edges.is_twin[t]) continue;
     const Vec3 p[3] = {corner(t, 0), corner(t, 1), corner(t, 2)};
@@ -217,30 +215,33 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
   // Keep the normals of those edges only whose two triangles do not tell them.
   constexpr uint32_t none = UINT32_MAX;
   std::vector<uint32_t> first(edge_is_flat.size(), none), second(edge_is_flat.size(), none), place(edge_is_flat.size(), none);
-  for (uint32_t t = 0; t < triangle_count; ++t) {
+  for (uint32_t t = 0; t < triangle_count(); ++t) {
     for (int k = 0; k < 3; ++k) {
       uint32_t& one = first[edges.of_side[size_t{3} * t + k]];
       (one == none ? one : second[edges.of_side[size_t{3} * t + k]]) = t;
     }
   }
-  across_ = std::move(edges.of_side);  // and is replaced side by side
+  std::vector<uint32_t> across = std::move(edges.of_side);  // and is replaced side by side
   for (uint32_t i = 0; i < corners.size(); ++i) {
     wanted.step();
-    const uint32_t edge = across_[i], t = i / 3, low = first[edge], high = second[edge] == none ? low : second[edge];
+    const uint32_t edge = across[i], t = i / 3, low = first[edge], high = second[edge] == none ? low : second[edge];
     const Normal normal{edge_normals[edge], edge_is_flat[edge] != 0};
     if ((t == low || t == high) && !(faces[low] == no_normal) && !(faces[high] == no_normal)) {
       const Normal told = low == high ? alone(faces[low]) : between(faces[low], faces[high]);
       if (told.vector == normal.vector && told.is_flat == normal.is_flat) {
-        across_[i] = t == low ? high : low;
+        across[i] = t == low ? high : low;
         continue;
       }
     }
     if (place[edge] == none) {
-      place[edge] = static_cast<uint32_t>(kept_.size());
-      kept_.push_back(normal);
+      place[edge] = static_cast<uint32_t>(edge_normals_.size());
+      edge_normals_.push_back(normal);
     }
-    across_[i] = kept | place[edge];
+    across[i] = triangle_count() + place[edge];
   }
+  edge_normals_.shrink_to_fit();
+  across_ = PackedNumbers(across, triangle_count() + static_cast<uint32_t>(edge_normals_.size()));
+  if (!welded.vertices.empty()) vertices_ = PackedNumbers(welded.vertices, static_cast<uint32_t>(vertex_count));
 }
 
 }  // namespace fs

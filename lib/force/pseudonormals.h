@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "force/mesh_edges.h"
+#include "force/packed_numbers.h"
 #include "math/vec3.h"
 
 namespace fs {
@@ -44,13 +45,14 @@ class Pseudonormals {
   size_t size() const noexcept;  // bytes
 
  private:
-  static constexpr uint32_t kept = 0x80000000u;  // the edge's normal is one of kept_
+  uint32_t triangle_count() const noexcept { return static_cast<uint32_t>(corners_.size() / 3); }
 
   std::span<const Vec3> points_;
   std::span<const uint32_t> corners_;
-  std::vector<uint32_t> across_;        // of each side of each triangle: the other triangle; itself where there is none; or `kept`
-  std::vector<Normal> kept_;
-  std::vector<uint32_t> vertices_;      // of each point; empty: each point is a vertex of its own
+  PackedNumbers across_;                // of each side of each triangle: the other triangle; itself where there is none; or,
+                                        // from triangle_count() on, the place of the edge's normal in edge_normals_
+  std::vector<Normal> edge_normals_;
+  PackedNumbers vertices_;              // of each point; empty: each point is a vertex of its own
   std::vector<Vec3> vertex_normals_;
   std::vector<bool> vertex_is_flat_;
 };
