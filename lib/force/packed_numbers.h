@@ -6,15 +6,18 @@
 #include <span>
 #include <vector>
 
+#include "base/wanted.h"
+
 namespace fs {
 
 class PackedNumbers {
  public:
   PackedNumbers() = default;
-  // largest: no number is larger.
-  PackedNumbers(std::span<const uint32_t> numbers, uint32_t largest)
+  // largest: no number is larger. Throws Abandoned.
+  PackedNumbers(std::span<const uint32_t> numbers, uint32_t largest, Wanted& wanted)
       : bits_(static_cast<uint32_t>(std::bit_width(largest | 1u))), words_(numbers.size() * bits_ / 64 + 2) {
     for (size_t i = 0; i < numbers.size(); ++i) {
+      wanted.step();
       const size_t bit = i * bits_;
       words_[bit / 64] |= uint64_t{numbers[i]} << bit % 64;
       words_[bit / 64 + 1] |= uint64_t{numbers[i]} >> 1 >> (63 - bit % 64);

@@ -61,7 +61,8 @@ Welded weld(std::span<const Vec3> points, std::span<const uint32_t> corners, Wan
     if (number == none) number = welded.count++;
     welded.corners.push_back(number);
   }
-  for (uint32_t& vertex : vertices) vertex = vertex == none ? 0 : number_of[vertex];  // nobody asks for that of an unused point
+  // Nobody asks for that of an unused point.
+  for (uint32_t& vertex : vertices) vertex = vertex == none ? 0 : number_of[vertex];
   welded.vertices = std::move(vertices);
   return welded;
 }
@@ -86,7 +87,7 @@ Vec3 Pseudonormals::face(uint32_t triangle) const noexcept {
 
 Pseudonormals::Normal Pseudonormals::side(uint32_t triangle, int k) const noexcept {
   const uint32_t across = across_[size_t{3} * triangle + k];
-  if (across >= triangle_count()) return edge_normals_[across - triangle_count()];
+  if (across >= triangle_count()) return kept_[across - triangle_count()];
   if (across == triangle) return alone(face(triangle));
   return between(face(std::min(triangle, across)), face(std::max(triangle, across)));
 }
@@ -94,11 +95,22 @@ Pseudonormals::Normal Pseudonormals::side(uint32_t triangle, int k) const noexce
 Pseudonormals::Normal Pseudonormals::corner(uint32_t triangle, int k) const noexcept {
   const uint32_t point = corners_[size_t{3} * triangle + k];
   const uint32_t vertex = vertices_.empty() ? point : vertices_[point];
+  if (vertex == vertex_normals_.size()) return alone_at(triangle, k);
   return {vertex_normals_[vertex], vertex_is_flat_[vertex]};
 }
 
+// The same sum as that of a vertex with more triangles, so that it has the same bits.
+Pseudonormals::Normal Pseudonormals::alone_at(uint32_t triangle, int k) const noexcept {
+  const uint32_t* v = corners_.data() + size_t{3} * triangle;
+  const Vec3 p = points_[v[k]];
+  const double angle = angle_between(points_[v[(k + 1) % 3]] - p, points_[v[(k + 2) % 3]] - p);
+  Vec3 sum{};
+  sum += angle * face(triangle);
+  return {normalized(sum), false};
+}
+
 size_t Pseudonormals::size() const noexcept {
-  return across_.size() + edge_normals_.size() * sizeof(Normal) + vertices_.size() + vertex_normals_.size() * sizeof(Vec3) +
+  return across_.size() + kept_.size() * sizeof(Normal) + vertices_.size() + vertex_normals_.size() * sizeof(Vec3) +
          vertex_is_flat_.size() / 8;
 }
 
@@ -114,7 +126,7 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
 
   wanted.begin_part(0.68, 4.2 * corner_count);
   if (!known || !welded.corners.empty()) known = std::make_unique<MeshEdges>(vertices, vertex_count, wanted);
-  wanted.begin_part(0.97, 6.4 * corner_count);
+  wanted.begin_part(0.97, 8.6 * corner_count);
   MeshEdges& edges = *known;
   // A mesh can be flat only at regular edges.
   std::vector<uint8_t> edge_is_flat(edges.kinds.size());
@@ -234,14 +246,60 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
       }
     }
     if (place[edge] == none) {
-      place[edge] = static_cast<uint32_t>(edge_normals_.size());
-      edge_normals_.push_back(normal);
+      place[edge] = static_cast<uint32_t>(kept_.size());
+      kept_.push_back(normal);
     }
     across[i] = triangle_count() + place[edge];
   }
-  edge_normals_.shrink_to_fit();
-  across_ = PackedNumbers(across, triangle_count() + static_cast<uint32_t>(edge_normals_.size()));
-  if (!welded.vertices.empty()) vertices_ = PackedNumbers(welded.vertices, static_cast<uint32_t>(vertex_count));
+  kept_.shrink_to_fit();
+  across_ = PackedNumbers(across, triangle_count() + static_cast<uint32_t>(kept_.size()), wanted);
+  keep_vertices(std::move(welded.vertices), vertices, wanted);
+}
+
+void Pseudonormals::keep_vertices(std::vector<uint32_t> of_points, std::span<const uint32_t> of_corners, Wanted& wanted) {
+  constexpr uint32_t unused = UINT32_MAX, shared = UINT32_MAX - 1;
+  std::vector<uint32_t> users(vertex_normals_.size(), unused);  // the only corner at each vertex, or one of these
+  for (uint32_t i = 0; i < of_corners.size(); ++i) {
+    wanted.step();
+    uint32_t& user = users[of_corners[i]];
+    user = user == unused ? i : shared;
+  }
+  size_t told = 0;
+  for (size_t vertex = 0; vertex < users.size(); ++vertex) {
+    wanted.step();
+    uint32_t& user = users[vertex];
+    if (user != unused && user != shared) {
+      const Normal normal = alone_at(user / 3, static_cast<int>(user % 3));
+      if (!(normal.vector == vertex_normals_[vertex]) || vertex_is_flat_[vertex]) user = shared;
+    }
+    told += user != shared;
+  }
+  // Where each point is a vertex of its own, numbers for them all take more memory than a few normals do.
+  if (of_points.empty()) {
+    if (told * sizeof(Vec3) <= points_.size() * sizeof(uint32_t)) return;
+    of_points.resize(points_.size());
+    for (uint32_t i = 0; i < of_points.size(); ++i) of_points[i] = i;
+  }
+  const auto kept = static_cast<uint32_t>(users.size() - told);
+  uint32_t count = 0;
+  for (size_t vertex = 0; vertex < users.size(); ++vertex) {
+    wanted.step();
+    if (users[vertex] != shared) {
+      users[vertex] = kept;  // from here on: their new numbers
+      continue;
+    }
+    vertex_normals_[count] = vertex_normals_[vertex];
+    vertex_is_flat_[count] = vertex_is_flat_[vertex];
+    users[vertex] = count++;
+  }
+  vertex_normals_.resize(kept);
+  vertex_normals_.shrink_to_fit();
+  vertex_is_flat_.resize(kept);
+  for (uint32_t& vertex : of_points) {
+    wanted.step();
+    vertex = users[vertex];
+  }
+  vertices_ = PackedNumbers(of_points, kept, wanted);
 }
 
 }  // namespace fs
