@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cstring>
 
 #include "base/error.h"
 
@@ -73,6 +74,34 @@ size_t lonely_bracket(const std::string& text) {
 
 }  // namespace
 
+void check_expression(const std::string& text) {
+  if (text.find_first_not_of(' ') == std::string::npos) fail(FS_ERROR_PARSE, "the expression is empty");
+  if (text.size() > longest_expression) {
+    fail(FS_ERROR_INVALID, "the expression has more than %zu bytes", longest_expression);
+  }
+  std::string open;  // one for each open '(': 'f' when it begins the arguments of a function, otherwise '('
+  for (size_t i = 0; i < text.size(); ++i) {
+    const auto c = static_cast<unsigned char>(text[i]);
+    if (c < 0x20 || c > 0x7e) {
+      fail(FS_ERROR_PARSE, "column %zu of the expression is byte 0x%02x, must be printable ASCII", i + 1, c);
+    }
+    if (c == '"') fail(FS_ERROR_PARSE, "column %zu of the expression is '\"': strings are not numbers", i + 1);
+    if (std::strchr("<>!=", c) && text[i + 1] == '=') {
+      ++i;
+    } else if (c == '=') {
+      fail(FS_ERROR_PARSE, "column %zu of the expression is '=': assignment is not allowed", i + 1);
+    } else if (c == '(') {
+      const size_t before = i == 0 ? std::string::npos : text.find_last_not_of(' ', i - 1);
+      const bool is_call = before != std::string::npos && is_letter(text[before]);
+      open.push_back(is_call ? 'f' : '(');
+    } else if (c == ')' && !open.empty()) {
+      open.pop_back();
+    } else if (c == ',' && (open.empty() || open.back() != 'f')) {
+      fail(FS_ERROR_PARSE, "column %zu of the expression is ',' outside of a call: it must give one number", i + 1);
+    }
+  }
+}
+
 void fail_expression(const std::string& text, const mu::ParserError& error) {
   const std::string token = error.GetToken();
   size_t place = std::min(static_cast<size_t>(std::max(0, static_cast<int>(error.GetPos()))), text.size() - 1);
@@ -128,6 +157,13 @@ void fail_expression(const std::string& text, const mu::ParserError& error) {
   while (is_letter(text[place]) && end < text.size() && is_letter(text[end])) ++end;
   fail(FS_ERROR_PARSE, "column %zu of the expression, at '%s': %s", place + 1, text.substr(place, end - place).c_str(),
        sentence.c_str());
+}
+
+bool mentions_time(const std::string& text) {
+  for (size_t i = 0; i < text.size(); ++i) {
+    if (text[i] == 't' && !(i > 0 && is_letter(text[i - 1])) && !is_letter(text[i + 1])) return true;
+  }
+  return false;
 }
 
 }  // namespace fs

@@ -2,13 +2,13 @@
 #pragma once
 
 #include "force/triangle.h"
-#include "force/wide_tree.h"
+#include "force/wide_node.h"
 
 namespace fs {
 
 // 144 bytes, which always lie in three lines of the cache.
 struct alignas(16) Packet {
-  static constexpr uint32_t width = WideTree::width;
+  static constexpr uint32_t width = WideNode::width;
   static constexpr uint32_t none = UINT32_MAX;
 
   float lower[3];             // the corner of the grid, local frame

@@ -61,7 +61,8 @@ Welded weld(std::span<const Vec3> points, std::span<const uint32_t> corners, Wan
     if (number == none) number = welded.count++;
     welded.corners.push_back(number);
   }
-  for (uint32_t& vertex : vertices) vertex = vertex == none ? none : number_of[vertex];
+  // Nobody asks for that of an unused point.
+  for (uint32_t& vertex : vertices) vertex = vertex == none ? 0 : number_of[vertex];
   welded.vertices = std::move(vertices);
   return welded;
 }
@@ -86,7 +87,7 @@ Vec3 Pseudonormals::face(uint32_t triangle) const noexcept {
 
 Pseudonormals::Normal Pseudonormals::side(uint32_t triangle, int k) const noexcept {
   const uint32_t across = across_[size_t{3} * triangle + k];
-  if (across & kept) return kept_[across & ~kept];
+  if (across >= triangle_count()) return kept_[across - triangle_count()];
   if (across == triangle) return alone(face(triangle));
   return between(face(std::min(triangle, across)), face(std::max(triangle, across)));
 }
@@ -94,12 +95,23 @@ Pseudonormals::Normal Pseudonormals::side(uint32_t triangle, int k) const noexce
 Pseudonormals::Normal Pseudonormals::corner(uint32_t triangle, int k) const noexcept {
   const uint32_t point = corners_[size_t{3} * triangle + k];
   const uint32_t vertex = vertices_.empty() ? point : vertices_[point];
+  if (vertex == vertex_normals_.size()) return alone_at(triangle, k);
   return {vertex_normals_[vertex], vertex_is_flat_[vertex]};
 }
 
+// The same sum as that of a vertex with more triangles, so that it has the same bits.
+Pseudonormals::Normal Pseudonormals::alone_at(uint32_t triangle, int k) const noexcept {
+  const uint32_t* v = corners_.data() + size_t{3} * triangle;
+  const Vec3 p = points_[v[k]];
+  const double angle = angle_between(points_[v[(k + 1) % 3]] - p, points_[v[(k + 2) % 3]] - p);
+  Vec3 sum{};
+  sum += angle * face(triangle);
+  return {normalized(sum), false};
+}
+
 size_t Pseudonormals::size() const noexcept {
-  return across_.size() * sizeof(uint32_t) + kept_.size() * sizeof(Normal) + vertices_.size() * sizeof(uint32_t) +
-         vertex_normals_.size() * sizeof(Vec3) + vertex_is_flat_.size() / 8;
+  return across_.size() + kept_.size() * sizeof(Normal) + vertices_.size() + vertex_normals_.size() * sizeof(Vec3) +
+         vertex_is_flat_.size() / 8;
 }
 
 Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint32_t> corners,
@@ -108,15 +120,13 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
   const auto point_count = static_cast<double>(points.size()), corner_count = static_cast<double>(corners.size());
   wanted.begin_part(0.65, corner_count + 1.4 * point_count * std::log2(point_count));
   Welded welded = weld(points, corners, wanted);
-  vertices_ = std::move(welded.vertices);
   const std::span<const uint32_t> vertices = welded.corners.empty() ? corners : std::span<const uint32_t>(welded.corners);
   const size_t vertex_count = welded.corners.empty() ? points.size() : welded.count;
-  const uint32_t triangle_count = static_cast<uint32_t>(corners.size() / 3);
   const auto corner = [&](uint32_t t, int k) { return points[corners[size_t{3} * t + k]]; };
 
   wanted.begin_part(0.68, 4.2 * corner_count);
   if (!known || !welded.corners.empty()) known = std::make_unique<MeshEdges>(vertices, vertex_count, wanted);
-  wanted.begin_part(0.97, 6.4 * corner_count);
+  wanted.begin_part(0.97, 8.6 * corner_count);
   MeshEdges& edges = *known;
   // A mesh can be flat only at regular edges.
   std::vector<uint8_t> edge_is_flat(edges.kinds.size());
@@ -130,12 +140,12 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
   }
 
   // Sum the normals. A face has the weight pi at its edges (here 1) and its angle at its vertices.
-  std::vector<Vec3> faces(triangle_count);
+  std::vector<Vec3> faces(triangle_count());
   std::vector<double> vertex_weights(vertex_count, 0);
   std::vector<Vec3> edge_normals(edge_is_flat.size(), no_normal);
   vertex_normals_.assign(vertex_count, no_normal);
   std::vector<uint32_t> without_area;
-  for (uint32_t t = 0; t < triangle_count; ++t) {
+  for (uint32_t t = 0; t < triangle_count(); ++t) {
     wanted.step();
     if (edges.is_twin[t]) continue;
     const Vec3 p[3] = {corner(t, 0), corner(t, 1), corner(t, 2)};
@@ -217,21 +227,21 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
   // Keep the normals of those edges only whose two triangles do not tell them.
   constexpr uint32_t none = UINT32_MAX;
   std::vector<uint32_t> first(edge_is_flat.size(), none), second(edge_is_flat.size(), none), place(edge_is_flat.size(), none);
-  for (uint32_t t = 0; t < triangle_count; ++t) {
+  for (uint32_t t = 0; t < triangle_count(); ++t) {
     for (int k = 0; k < 3; ++k) {
       uint32_t& one = first[edges.of_side[size_t{3} * t + k]];
       (one == none ? one : second[edges.of_side[size_t{3} * t + k]]) = t;
     }
   }
-  across_ = std::move(edges.of_side);  // and is replaced side by side
+  std::vector<uint32_t> across = std::move(edges.of_side);  // and is replaced side by side
   for (uint32_t i = 0; i < corners.size(); ++i) {
     wanted.step();
-    const uint32_t edge = across_[i], t = i / 3, low = first[edge], high = second[edge] == none ? low : second[edge];
+    const uint32_t edge = across[i], t = i / 3, low = first[edge], high = second[edge] == none ? low : second[edge];
     const Normal normal{edge_normals[edge], edge_is_flat[edge] != 0};
     if ((t == low || t == high) && !(faces[low] == no_normal) && !(faces[high] == no_normal)) {
       const Normal told = low == high ? alone(faces[low]) : between(faces[low], faces[high]);
       if (told.vector == normal.vector && told.is_flat == normal.is_flat) {
-        across_[i] = t == low ? high : low;
+        across[i] = t == low ? high : low;
         continue;
       }
     }
@@ -239,8 +249,57 @@ Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint3
       place[edge] = static_cast<uint32_t>(kept_.size());
       kept_.push_back(normal);
     }
-    across_[i] = kept | place[edge];
+    across[i] = triangle_count() + place[edge];
   }
+  kept_.shrink_to_fit();
+  across_ = PackedNumbers(across, triangle_count() + static_cast<uint32_t>(kept_.size()), wanted);
+  keep_vertices(std::move(welded.vertices), vertices, wanted);
+}
+
+void Pseudonormals::keep_vertices(std::vector<uint32_t> of_points, std::span<const uint32_t> of_corners, Wanted& wanted) {
+  constexpr uint32_t unused = UINT32_MAX, shared = UINT32_MAX - 1;
+  std::vector<uint32_t> users(vertex_normals_.size(), unused);  // the only corner at each vertex, or one of these
+  for (uint32_t i = 0; i < of_corners.size(); ++i) {
+    wanted.step();
+    uint32_t& user = users[of_corners[i]];
+    user = user == unused ? i : shared;
+  }
+  size_t told = 0;
+  for (size_t vertex = 0; vertex < users.size(); ++vertex) {
+    wanted.step();
+    uint32_t& user = users[vertex];
+    if (user != unused && user != shared) {
+      const Normal normal = alone_at(user / 3, static_cast<int>(user % 3));
+      if (!(normal.vector == vertex_normals_[vertex]) || vertex_is_flat_[vertex]) user = shared;
+    }
+    told += user != shared;
+  }
+  // Where each point is a vertex of its own, numbers for them all take more memory than a few normals do.
+  if (of_points.empty()) {
+    if (told * sizeof(Vec3) <= points_.size() * sizeof(uint32_t)) return;
+    of_points.resize(points_.size());
+    for (uint32_t i = 0; i < of_points.size(); ++i) of_points[i] = i;
+  }
+  const auto kept = static_cast<uint32_t>(users.size() - told);
+  uint32_t count = 0;
+  for (size_t vertex = 0; vertex < users.size(); ++vertex) {
+    wanted.step();
+    if (users[vertex] != shared) {
+      users[vertex] = kept;  // from here on: their new numbers
+      continue;
+    }
+    vertex_normals_[count] = vertex_normals_[vertex];
+    vertex_is_flat_[count] = vertex_is_flat_[vertex];
+    users[vertex] = count++;
+  }
+  vertex_normals_.resize(kept);
+  vertex_normals_.shrink_to_fit();
+  vertex_is_flat_.resize(kept);
+  for (uint32_t& vertex : of_points) {
+    wanted.step();
+    vertex = users[vertex];
+  }
+  vertices_ = PackedNumbers(of_points, kept, wanted);
 }
 
 }  // namespace fs

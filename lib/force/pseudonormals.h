@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "force/mesh_edges.h"
+#include "force/packed_numbers.h"
 #include "math/vec3.h"
 
 namespace fs {
@@ -22,7 +23,7 @@ namespace fs {
 // - where no triangle has an area, the normal is {0, 0, 1}.
 //
 // For most edges only the triangle on the other side is kept, and the normal is worked out when it is asked for. The normals
-// of the vertices and of irregular edges are kept.
+// of the vertices and of irregular edges are kept; but a triangle that is alone at a vertex tells the normal there.
 class Pseudonormals {
  public:
   struct Normal {
@@ -44,13 +45,19 @@ class Pseudonormals {
   size_t size() const noexcept;  // bytes
 
  private:
-  static constexpr uint32_t kept = 0x80000000u;  // the edge's normal is one of kept_
+  Normal alone_at(uint32_t triangle, int k) const noexcept;  // at corner k, where no other triangle is
+  // Keeps the normals of those vertices only that no triangle tells. of_points, of_corners: their vertices; of_points empty:
+  // each point is a vertex of its own.
+  void keep_vertices(std::vector<uint32_t> of_points, std::span<const uint32_t> of_corners, Wanted& wanted);
+  uint32_t triangle_count() const noexcept { return static_cast<uint32_t>(corners_.size() / 3); }
 
   std::span<const Vec3> points_;
   std::span<const uint32_t> corners_;
-  std::vector<uint32_t> across_;        // of each side of each triangle: the other triangle; itself where there is none; or `kept`
+  PackedNumbers across_;                // of each side of each triangle: the other triangle; itself where there is none; or,
+                                        // from triangle_count() on, the place of the edge's normal in kept_
   std::vector<Normal> kept_;
-  std::vector<uint32_t> vertices_;      // of each point; empty: each point is a vertex of its own
+  PackedNumbers vertices_;              // of each point; the number of vertex_normals_: its triangle is alone there; empty:
+                                        // each point is a vertex of its own
   std::vector<Vec3> vertex_normals_;
   std::vector<bool> vertex_is_flat_;
 };

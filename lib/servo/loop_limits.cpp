@@ -15,11 +15,11 @@ constexpr double infinite = std::numeric_limits<double>::infinity();
 
 // What a time h does to a mass with viscous damping: x += speed_to_x * v + force_to_x * f,
 // v += force_to_v * f - lost * v.
-struct Motion {
+struct MassMotion {
   double speed_to_x, lost, force_to_x, force_to_v;
 };
 
-Motion motion(const Loop& loop, double h) noexcept {
+MassMotion motion_of_mass(const Loop& loop, double h) noexcept {
   const double a = loop.damping * h / loop.mass, lost = -std::expm1(-a);
   const bool is_small = a < 1e-3;  // the series avoid cancellation; they are exact to 1e-11
   const double first = is_small ? 1 - a / 2 + a * a / 6 - a * a * a / 24 : lost / a;
@@ -31,13 +31,13 @@ Motion motion(const Loop& loop, double h) noexcept {
 class Response {
  public:
   explicit Response(const Loop& loop)
-      : period_(loop.period), whole_(motion(loop, loop.period)),
+      : period_(loop.period), whole_(motion_of_mass(loop, loop.period)),
         gain_(-std::expm1(-2 * std::numbers::pi * VelocityEstimator::usual_cutoff * loop.period)) {
     const double periods = loop.delay / loop.period;
     delay_ = std::floor(periods + 1e-9);
     // Of each period, the older force acts during the first part, the newer one during the rest.
     const double part = std::max(0.0, periods - delay_) * loop.period;
-    const Motion first = motion(loop, part), rest = motion(loop, loop.period - part);
+    const MassMotion first = motion_of_mass(loop, part), rest = motion_of_mass(loop, loop.period - part);
     newer_[0] = rest.force_to_x;
     newer_[1] = rest.force_to_v;
     older_[0] = first.force_to_x + rest.speed_to_x * first.force_to_v;
@@ -63,7 +63,7 @@ class Response {
   }
 
   double period_, delay_;
-  Motion whole_;
+  MassMotion whole_;
   double gain_, newer_[2], older_[2];
 };
 

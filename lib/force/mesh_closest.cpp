@@ -1,0 +1,136 @@
+// The search of a MeshTree for the closest point, and what that point tells.
+#include <cmath>
+
+#include "base/processor.h"
+#include "force/mesh_tree.h"
+#include "force/packet_triangles.h"
+#include "force/wide_search.h"
+
+namespace fs {
+
+using namespace wide;
+
+// In the tests of a leaf a packet nominates, and the exact test of a triangle decides. The bound of the search is a square
+// in local units and slightly enlarged; the exact comparison is that of squares in metres.
+template <class From>
+FS_INLINE MeshTree::Found MeshTree::find_from(const Query& query) const noexcept {
+  const Vec3 x = query.x;
+  Found out;
+  Nearest& best = out.nearest;
+  double most = query.range * query.range * (1 + 1e-15) + std::numeric_limits<double>::min();  // m^2
+  const auto take = [&](uint32_t triangle) __attribute__((always_inline)) {
+    const Nearest here = nearest_on(triangle, x);
+    if (here.squared > most || (here.squared == best.squared && triangle > out.triangle)) return;
+    best = here;
+    out.triangle = triangle;
+    most = here.squared;
+  };
+  const double scale = frame_.scale;
+  const auto local = [&](double squared) __attribute__((always_inline)) { return squared * scale * scale; };
+  if (query.hint < corners_.size() / 3) take(query.hint);
+  const Vec3 at = frame_.local(x);
+  const From from{at};
+  uint32_t visits = query.visits;
+  const auto test = [&](uint32_t leaf, typename From::Real& bound) __attribute__((always_inline)) {
+    const Packet& packet = packets_[leaf];
+    const Estimate estimate = estimate_of(packet, at);
+    float squared[Packet::width];
+    store(squared, estimate.squared);
+    uint32_t rest = estimate.within(std::sqrt(local(most)));
+    while (rest) {
+      // The one that looks nearest first: then the others mostly fall away.
+      uint32_t first = static_cast<uint32_t>(std::countr_zero(rest));
+      for (uint32_t others = rest & (rest - 1); others; others &= others - 1) {
+        const auto i = static_cast<uint32_t>(std::countr_zero(others));
+        if (squared[i] < squared[first]) first = i;
+      }
+      rest &= ~(1u << first);
+      const double before = most;
+      if (packet.triangle[first] != query.hint) {
+        take(packet.triangle[first]);
+        if (visits > 0) --visits;
+      }
+      if (most < before) {
+        bound = rounded_up<From>(local(most));
+        if (rest) rest &= estimate.within(std::sqrt(local(most)));
+      }
+    }
+  };
+  const auto expect = [&](uint32_t leaf) __attribute__((always_inline)) { prefetch(packets_.data() + leaf); };
+  const double unseen = search(tree_, from, rounded_up<From>(local(most)), visits, test, expect);
+  const double distance = std::sqrt(best.squared);
+  if (!(distance <= query.range)) out.triangle = no_triangle;
+  out.least = std::min(std::min(distance, query.range), std::sqrt(unseen) / scale);
+  out.visits = query.visits - visits;
+  out.is_cut = unseen < std::numeric_limits<double>::infinity();
+  return out;
+}
+
+MeshTree::Found MeshTree::find_plain(const Query& query) const noexcept {
+  return largest_coordinate(frame_.local(query.x)) < far ? find_from<Near>(query) : find_from<Far>(query);
+}
+
+#ifdef __x86_64__
+__attribute__((target("avx2"))) MeshTree::Found MeshTree::find_avx2(const Query& query) const noexcept {
+  return largest_coordinate(frame_.local(query.x)) < far ? find_from<Near>(query) : find_from<Far>(query);
+}
+#endif
+
+MeshTree::Found MeshTree::find(const Query& query) const noexcept {
+#ifdef __x86_64__
+  if (has_avx2) return find_avx2(query);
+#endif
+  return find_plain(query);
+}
+
+Closest MeshTree::tell(Vec3 x, const Found& found) const noexcept {
+  const Nearest& nearest = found.nearest;
+  const uint32_t* v = corners_.data() + size_t{3} * found.triangle;
+  const Vec3 corners[3] = {points_[v[0]], points_[v[1]], points_[v[2]]};
+  const int part = static_cast<int>(nearest.part);
+  const bool on_edge = nearest.part == Part::edge_ab || nearest.part == Part::edge_bc || nearest.part == Part::edge_ca;
+  Pseudonormals::Normal normal{{}, true};
+  if (on_edge) {
+    normal = normals_.side(found.triangle, part - 1);
+  } else if (nearest.part != Part::face) {
+    normal = normals_.corner(found.triangle, part - static_cast<int>(Part::corner_a));
+  }
+  if (normal.is_flat) {
+    const Vec3 face = normals_.face(found.triangle);
+    const bool has_face = !(face == Vec3{0, 0, 0});
+    // A point "inside" a triangle without area counts as on its first edge; any edge would do.
+    if (!has_face && nearest.part == Part::face) normal = normals_.side(found.triangle, 0);
+    if (has_face) normal.vector = face;
+  }
+  const bool on_face = normal.is_flat;
+
+  Closest hit;
+  hit.point = x + nearest.offset;
+  hit.triangle = found.triangle;
+  if (on_face) {
+    hit.feature = Feature::face;
+  } else if (on_edge) {
+    hit.feature = Feature::edge;
+    hit.tangent = normalized(corners[part % 3] - corners[part - 1]);
+  } else {
+    hit.feature = Feature::vertex;
+  }
+  double largest = largest_coordinate(x);
+  for (const Vec3& corner : corners) largest = std::max(largest, largest_coordinate(corner));
+  hit.distance = std::sqrt(nearest.squared);
+  if (hit.distance <= coordinate_rounding(largest)) {
+    hit.distance = 0;
+    hit.direction = normal.vector;
+  } else {
+    hit.side = dot(nearest.offset, normal.vector) <= 0 ? Side::front : Side::back;
+    // At a tiny distance the offset is mostly rounding error; on a face the normal is exact.
+    if (!on_face) {
+      hit.direction = normalized(-nearest.offset);
+    } else {
+      hit.direction = hit.side == Side::front ? normal.vector : -normal.vector;
+    }
+  }
+  return hit;
+}
+
+}  // namespace fs
