@@ -16,6 +16,7 @@ from typing import Any
 import forceserver as fs
 import numpy as np
 
+from .frames import turned
 from .plain import Plain, Shapes, frame, number, numbers, plain, pose
 
 RATE = 30  # states a second
@@ -45,7 +46,7 @@ class Known:
 class Seen:
     serial: int = 0
     error: str = "not connected yet"  # "": connected
-    connection: int = 0  # grows with every new connection
+    connection: int = 0
     version: int = 0
     objects: dict[int, Known] = field(default_factory=dict)
     rows: Rows = field(default_factory=lambda: np.zeros((0, COLUMNS)))
@@ -61,6 +62,7 @@ class Look:
         self.endpoint, self.name, self.alone = endpoint, name, alone
         self.scene: fs.Scene | None = None
         self.me = name
+        self.connection = 0  # grows with every new connection
         self.shapes = Shapes()
         self.seen = Seen()
         self._told = told
@@ -98,6 +100,7 @@ class Look:
             except fs.ExistsError:
                 if self.alone or number_ == 9:
                     raise
+        self.connection += 1
         self._forget()
 
     # ---- The thread.
@@ -116,13 +119,12 @@ class Look:
         self._device: Plain = {}
 
     def _run(self) -> None:
-        connection, version = 1, 0
+        version = 0
         next_time = time.monotonic()
         while not self._ends.is_set():
             try:
                 if self.scene is None:
                     self.connect()
-                    connection += 1
                 scene = self.scene
                 assert scene is not None
                 for _ in range(SAMPLES_PER_STATE):
@@ -131,7 +133,7 @@ class Look:
                     self._read_force(scene)
                 if time.monotonic() > next_time + 0.5:
                     next_time = time.monotonic()  # the machine was busy: do not make up for it
-                self.seen = self._look(scene, connection, version)
+                self.seen = self._look(scene, version)
                 version = self.seen.version
             except fs.TimeoutError:
                 continue  # the server is busy: the page keeps what it has
@@ -141,7 +143,7 @@ class Look:
                 if self.scene is not None:
                     self.scene.close()
                     self.scene = None
-                self.seen = Seen(self.seen.serial + 1, str(error), connection, version)
+                self.seen = Seen(self.seen.serial + 1, str(error), self.connection, version)
                 self._told()
                 self._ends.wait(0.3)
                 next_time = time.monotonic()
@@ -158,7 +160,7 @@ class Look:
         self._filled += 1
         self._sample_count += 1
 
-    def _look(self, scene: fs.Scene, connection: int, version: int) -> Seen:
+    def _look(self, scene: fs.Scene, version: int) -> Seen:
         last = self.seen
         motions, reports = scene.get_motions(), scene.get_reports()
         version, objects = self._find_objects(scene, motions, version, last.objects)
@@ -172,7 +174,7 @@ class Look:
         return Seen(
             last.serial + 1,
             "",
-            connection,
+            self.connection,
             version,
             objects,
             self._rows(scene.get_time(), motions, reports),
@@ -244,7 +246,7 @@ class Look:
         rows[:, 4:8] = motions["pose"]["orientation"]
         turning = np.flatnonzero((since > 0) & np.any(motions["twist"]["angular"] != 0, axis=1))
         if len(turning):
-            rows[turning, 4:8] = _turned(rows[turning, 4:8], since[turning, None] * motions["twist"]["angular"][turning])
+            rows[turning, 4:8] = turned(rows[turning, 4:8], since[turning, None] * motions["twist"]["angular"][turning])
         if len(reports):
             told = reports[self._order]
             rows[:, 8], rows[:, 9], rows[:, 10] = told["state"], told["weight"], told["distance"]
@@ -290,15 +292,6 @@ class Look:
             self._event_count += 1
             told = {"serial": self._event_count, "kind": event.kind.name.lower(), "name": event.name}
             self._events.append(told | {"text": event.text, "value": number(event.value), "time": event.time})
-
-
-def _turned(orientation: Any, angle: Any) -> Any:
-    """Quaternions, each turned by an angle vector (rad) along the axes of the parent."""
-    half = np.linalg.norm(angle, axis=1) / 2
-    w = np.cos(half)[:, None]
-    v = angle / 2 * np.sinc(half / np.pi)[:, None]
-    ow, ov = orientation[:, :1], orientation[:, 1:]
-    return np.hstack([w * ow - np.sum(v * ov, axis=1, keepdims=True), w * ov + ow * v + np.cross(v, ov)])
 
 
 def _hand(hand: fs.Hand) -> Plain:

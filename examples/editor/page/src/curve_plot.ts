@@ -2,7 +2,7 @@
 
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
-import { make, shown } from "./fields";
+import { make, put, shown } from "./fields";
 import { type Item, type Model, type Profile } from "./model";
 import { Latest, type Orders, newGesture } from "./orders";
 import { range, raw, uses } from "./profiles";
@@ -10,13 +10,14 @@ import { range, raw, uses } from "./profiles";
 type Side = "front" | "back";
 const colours: Record<Side, string> = { front: "#2f6fb0", back: "#a8532c" };
 interface Handle { side: Side; name: "limit" | "reach" | "gain" | "width"; d: number; f: number }
-interface Answer { distances: number[]; t: number; front: number[]; back: number[]; front_capped: number[] | null; back_capped: number[] | null }
+interface Answer { distances: number[]; t: number; steepest: number | null; front: number[]; back: number[]; front_capped: number[] | null; back_capped: number[] | null }
 
 export class CurvePlot {
   private readonly plot: uPlot; // not there yet while it draws itself for the first time
   private readonly dots = make("div", { className: "dots" });
   private readonly marker = make("div", { className: "marker", title: "the hand" });
   private readonly note: HTMLElement;
+  private readonly capped = document.querySelector<HTMLElement>("#capped")!;
   private answer: Answer | null = null;
   private item: Item | null = null;
   private until = 0.1;
@@ -24,6 +25,7 @@ export class CurvePlot {
   private gesture = "";
   private isAsking = false;
   private isStale = false;
+  private applied = 0; // N/m, with which the curve was asked for
   private readonly changes: Latest<Record<string, unknown>>;
 
   constructor(private readonly box: HTMLElement, private readonly model: Model, private readonly orders: Orders) {
@@ -41,7 +43,11 @@ export class CurvePlot {
     box.append(this.note);
     this.changes = new Latest((fields) => orders.change([this.item!.told.name], fields, this.gesture));
     model.on(["selection", "objects"], () => this.ask());
-    model.on(["rows"], () => this.mark());
+    model.on(["rows"], () => {
+      this.mark();
+      const now = this.item?.applied ?? 0;
+      if (Math.abs(now - this.applied) > 0.01 * this.applied) void this.ask();
+    });
     setInterval(() => { if (this.item && this.movesInTime(this.item)) this.ask(); }, 250);
     new ResizeObserver(() => this.plot.setSize(this.size())).observe(box);
     this.ask();
@@ -53,6 +59,8 @@ export class CurvePlot {
   private sides(item: Item): Side[] {
     return item.told.primitive === "plane" || item.told.primitive === "mesh" ? ["front", "back"] : ["front"];
   }
+  /** What is drawn, for the tests. */
+  get drawn(): Answer | null { return this.answer; }
   private movesInTime(item: Item): boolean {
     return this.sides(item).some((side) => /\bt\b/.test(item.told[side].curve?.expression ?? ""));
   }
@@ -78,6 +86,7 @@ export class CurvePlot {
     if (!item) { this.answer = null; this.show(); return; }
     if (this.isAsking) { this.isStale = true; return; }
     this.isAsking = true;
+    this.applied = item.applied;
     if (!this.dragged) this.until = Math.max(...this.sides(item).map((side) => range(item.told[side])), 1e-4) || 0.1;
     try {
       this.answer = await this.orders.wire.send("curve", { name: item.told.name, until: this.until });
@@ -94,7 +103,10 @@ export class CurvePlot {
     const curve = (side: Side, values: number[] | null | undefined) =>
       a && item && values && this.sides(item).includes(side) && item.told[side].kind !== "none" ? values : a ? a.distances.map(() => null) : [null];
     this.plot.setData([a?.distances ?? [0], curve("front", a?.front), curve("back", a?.back), curve("front", a?.front_capped), curve("back", a?.back_capped)]);
+    this.capped.hidden = !a?.steepest;
+    if (a?.steepest) put(this.capped, `felt, to ${Number(a.steepest.toPrecision(3))} N/m`);
     this.box.dataset.curve = item?.told.name ?? "";
+    this.box.dataset.capped = String(a?.steepest ?? "");
   }
 
   private mark(): void {

@@ -5,12 +5,16 @@ import { type AnyField, AreaField, CheckField, ChoiceField, Field, type Send, Te
 import { type Item, type Model, type Profile, mark, newtons, sizeOf } from "./model";
 import type { Orders } from "./orders";
 import { ofKind, uses } from "./profiles";
+import { askForMesh } from "./scene_dialogs";
 import type { Refusal } from "./wire";
 
+const primitives: [string, string][] = [["point", "point"], ["polyline", "polyline"], ["plane", "plane"], ["mesh", "mesh"]];
 const senses: [string, string][] = [["attractive", "attractive (to it)"], ["repulsive", "repulsive (away)"]];
 const keeps: [string, string][] = [
   ["none", "not solid"], ["front", "front: an obstacle"], ["back", "back: an envelope"], ["either", "either: a sheet"],
 ];
+
+interface Twist { linear: number[]; angular: number[] }
 
 export class Panel {
   private isDue = false;
@@ -25,6 +29,9 @@ export class Panel {
     textContent: "Nothing is selected. Click an object in the view or in the table; with Add you make one." });
   private readonly head = make("header");
   private readonly body = make("div", { className: "sections" });
+  private readonly replace = make("button", { textContent: "Another mesh from a file …", id: "replace-mesh" });
+  private twist: Twist = { linear: [0, 0, 0], angular: [0, 0, 0] };
+  private isAsking = false;
   private readonly fields: { field: AnyField; update: (item: Item) => void }[] = [];
   private readonly points = make("div", { className: "tool-points" });
   private readonly formulas = new Map<string, HTMLElement>();
@@ -38,8 +45,8 @@ export class Panel {
     this.makeProfile("back");
     this.makeContact();
     this.makeOther();
-    model.on(["selection"], () => { this.refuseGeneral(""); this.update(); });
-    model.on(["objects"], () => this.update());
+    model.on(["selection"], () => { this.refuseGeneral(""); this.update(); void this.askTwist(); });
+    model.on(["objects"], () => { this.update(); void this.askTwist(); });
     model.on(["rows"], () => this.later());
     this.adopt.onclick = () => { const item = this.first(); if (item) void orders.adopt(item.told.name); };
     this.padlock.textContent = "🔒";
@@ -51,7 +58,20 @@ export class Panel {
   private later(): void {
     if (this.isDue) return;
     this.isDue = true;
-    setTimeout(() => { this.isDue = false; this.update(); }, 100);
+    setTimeout(() => { this.isDue = false; this.update(); void this.askTwist(); }, 100);
+  }
+
+  /** How the selection moves: that is not in the states, as nothing but this panel needs it. */
+  private async askTwist(): Promise<void> {
+    const item = this.first();
+    if (!item || this.isAsking) return;
+    this.isAsking = true;
+    try {
+      const twist = await this.orders.wire.send("twist", { name: item.told.name }) as Twist;
+      if (item === this.first() && JSON.stringify(twist) !== JSON.stringify(this.twist)) { this.twist = twist; this.update(); }
+    } catch { /* it has gone */ }
+    this.isAsking = false;
+    if (item !== this.first()) void this.askTwist();
   }
 
   // ---- Sending
@@ -122,6 +142,19 @@ export class Panel {
       }, "Quaternion, object to scene; it is made of unit length");
       this.add(quat, field, (item) => field.show(shown(Number(item.pose.orientation[i]!.toPrecision(9)))));
     });
+    for (const [part, unit, text] of [["linear", "m/s", "velocity, from the moment it is given for 0.1 s"], ["angular", "rad/s", "angular velocity, likewise"]] as const) {
+      const triple = make("div", { className: "triple" });
+      box.append(over(text), triple);
+      (["x", "y", "z"] as const).forEach((name, i) => {
+        const path = `twist.${part}.${name}`;
+        const field = numberField(path, name, unit, (_path, value) => {
+          const velocity = [...this.twist[part]];
+          velocity[i] = value as number;
+          return this.sendAll({ [`twist.${part}`]: velocity }, path);
+        }, `${unit} along ${name} of the scene of its client`);
+        this.add(triple, field, () => field.show(shown(Number(this.twist[part][i]!.toPrecision(9)))));
+      });
+    }
   }
 
   private makeProfile(side: "front" | "back"): void {
@@ -204,6 +237,14 @@ export class Panel {
       return this.orders.wire.send("rename", { name: item.told.name, to: value }).then((made) => this.orders.selectWhenThere(made.name));
     }, (text) => ({ value: text }));
     this.add(box, name, (item) => { name.show(item.told.short); name.isReadOnly = item.isLocked || !item.told.own; });
+    const primitive = new ChoiceField("primitive", "primitive", primitives, (path, value) => {
+      if (value !== "mesh") return this.sendAll({ [path]: value }, path);
+      this.askForMesh();
+      return Promise.reject({ text: "" }); // it stays what it is until there is a file
+    });
+    this.add(box, primitive, (item) => primitive.show(item.told.primitive));
+    this.replace.onclick = () => this.askForMesh();
+    box.append(this.replace);
     const enabled = this.add(box, new CheckField("enabled", "enabled", this.send), (item) => enabled.show(item.told.enabled));
     const closed = new CheckField("closed", "closed line", (_path, value) => this.closeLine(Boolean(value)));
     this.add(box, closed, (item) => {
@@ -219,6 +260,12 @@ export class Panel {
     const points = new TextField("tool_points", "tool points", "", this.send, readPoints, "Numbers of the points that feel it, such as 1, 3; all");
     this.add(box, points, (item) => points.show(showPoints(item.told.tool_points)));
     box.append(this.points);
+  }
+
+  /** The selection becomes a mesh from a file, or another mesh. */
+  private askForMesh(): void {
+    const names = this.model.selection.filter((item) => !item.isLocked).map((item) => item.told.name);
+    void askForMesh(this.orders, (file) => `${file}, for ${names.join(", ")}`, "Take it", (scale) => this.orders.change(names, {}, undefined, { upload: true, scale }));
   }
 
   private async closeLine(isClosed: boolean): Promise<void> {
@@ -237,6 +284,7 @@ export class Panel {
     this.box.classList.toggle("empty", !item);
     this.hint.hidden = item !== undefined;
     if (!item) {
+      this.replace.hidden = true;
       for (const part of [this.title, this.condition, this.what, this.live]) part.textContent = "";
       this.padlock.hidden = this.adopt.hidden = true;
       this.box.dataset.selected = "";
@@ -248,6 +296,7 @@ export class Panel {
     this.sections.get("back")!.hidden = this.sections.get("contact")!.hidden = !isSurface;
     this.sections.get("front")!.querySelector("summary")!.textContent = isSurface ? "Force profile, front" : "Force profile";
     const isReadOnly = this.model.selection.every((each) => each.isLocked);
+    this.replace.hidden = isReadOnly || item.told.primitive !== "mesh";
     for (const { field, update } of this.fields) {
       field.isReadOnly = isReadOnly;
       update(item);
