@@ -11,7 +11,7 @@ from typing import Any
 import forceserver as fs
 import numpy as np
 
-from .fields import put
+from .fields import put, vector
 from .frames import in_frame, standing, unit
 from .history import History, get_setting
 from .keep import Keep
@@ -171,13 +171,15 @@ class Edit:
     def _frame(self, scene: fs.Scene, fields: Plain) -> None:
         made = scene.get_frame(None)
         pose = made.pose.copy()
-        if "position" in fields:
-            pose.position = [float(x) for x in fields["position"]]
-        if "orientation" in fields:
-            pose.orientation = unit(fields["orientation"])
+        for path, value in fields.items():
+            first, _, axis = path.partition(".")
+            if first in ("position", "orientation"):
+                setattr(pose, first, vector(getattr(pose, first), axis, value))
+            elif first in ("scale", "force_scale"):
+                setattr(made, first, float(value))
+            else:
+                raise Refused(f"{path} is no field of a frame", path)
         made.pose = pose
-        made.scale = float(fields.get("scale", made.scale))
-        made.force_scale = float(fields.get("force_scale", made.force_scale))
         self._set(scene, "frame", lambda: scene.set_frame(made))
 
     def _tool(self, scene: fs.Scene, points: list[list[float]]) -> None:

@@ -98,10 +98,19 @@ def _put_one(target: fs.Object, first: str, rest: str, value: Any) -> None:
             section.curve = make_curve(value)
         elif rest in ("kind", "sense", "keep"):
             setattr(section, rest, str(value))
-        elif rest in ("position", "orientation", "linear", "angular"):
-            setattr(section, rest, unit(value) if rest == "orientation" else [float(x) for x in value])
+        elif rest.split(".")[0] in ("position", "orientation", "linear", "angular"):
+            name, _, axis = rest.partition(".")
+            setattr(section, name, vector(getattr(section, name), axis, value))
         elif isinstance(getattr(section, rest), float):
             setattr(section, rest, float(value))
         else:
             raise Refused(f"{first} has no field {rest}")
         setattr(target, first, section)
+
+
+def vector(before: Any, axis: str, value: Any) -> list[float]:
+    """A vector or quaternion of which one component has changed, or all ("")."""
+    made = [float(x) for x in (before if axis else value)]
+    if axis:
+        made["wxyz"[4 - len(made) :].index(axis)] = float(value)
+    return unit(made) if len(before) == 4 else made

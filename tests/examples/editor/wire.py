@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import json
+import pathlib
+import resource
+import socket
 import struct
 import urllib.error
 import urllib.request
@@ -91,3 +94,60 @@ def with_socket(editor: Editor, journey: Callable[[Socket], Any], **options: Any
 
 
 POINT = {"front.kind": "gaussian", "front.gain": 1, "front.width": 0.01, "front.limit": 2}
+
+
+class RawSocket:
+    """A connection that is read only when it is told to, so that it can be as bad as it likes."""
+
+    def __init__(self, editor: Editor) -> None:
+        self.socket = socket.create_connection(("127.0.0.1", editor.port))
+        host = f"127.0.0.1:{editor.port}"
+        request = [f"GET /{editor.token}/socket HTTP/1.1", f"Host: {host}", f"Origin: http://{host}", "Upgrade: websocket", "Connection: Upgrade",
+                   "Sec-WebSocket-Version: 13", "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==", "", ""]  # fmt: skip
+        self.socket.sendall("\r\n".join(request).encode())
+        answer = b""
+        while not answer.endswith(b"\r\n\r\n"):
+            answer += self.socket.recv(1)
+        assert answer.startswith(b"HTTP/1.1 101 "), answer
+
+    def send(self, data: bytes) -> bool:
+        """Whether it is still connected."""
+        try:
+            self.socket.sendall(data)
+        except OSError:
+            return False
+        return True
+
+    def receive(self) -> bytes:
+        """The next message, whatever it is."""
+        head = self._exactly(2)
+        size = head[1]
+        if size == 126:
+            (size,) = struct.unpack(">H", self._exactly(2))
+        elif size == 127:
+            (size,) = struct.unpack(">Q", self._exactly(8))
+        return self._exactly(size)
+
+    def _exactly(self, count: int) -> bytes:
+        data = bytearray()
+        while len(data) < count:
+            piece = self.socket.recv(count - len(data))
+            assert piece, "the server has closed the connection"
+            data += piece
+        return bytes(data)
+
+    def close(self) -> None:
+        self.socket.close()
+
+
+def framed(text: str) -> bytes:
+    """A message of less than 64 kB as the protocol has it; the mask is zeros."""
+    data = text.encode()
+    head = bytes([0x81, 0x80 | len(data)]) if len(data) < 126 else bytes([0x81, 0xFE]) + struct.pack(">H", len(data))
+    return head + bytes(4) + data
+
+
+def resident(editor: Editor) -> float:
+    """MB of memory that the editor's server has."""
+    pages = int(pathlib.Path(f"/proc/{editor.process.pid}/statm").read_text().split()[1])
+    return pages * resource.getpagesize() / 1e6

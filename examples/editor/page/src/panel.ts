@@ -1,6 +1,6 @@
 // The fields of what is selected. All of fs_object can be changed here; what a kind does not use is not there.
 
-import { type Quat, fromDegrees, toDegrees } from "./frames";
+import { fromDegrees, toDegrees } from "./frames";
 import { type AnyField, AreaField, CheckField, ChoiceField, Field, type Send, TextField, make, numberField, parse, put, shown } from "./fields";
 import { type Item, type Model, type Profile, mark, newtons, sizeOf } from "./model";
 import type { Orders } from "./orders";
@@ -118,11 +118,7 @@ export class Panel {
     const over = (text: string) => make("div", { className: "over", textContent: text });
     box.append(over("position in its client's scene, m"), place, over("turned about x, then y, then z, degrees"), turns, over("the same as a quaternion w, x, y, z"), quat);
     (["x", "y", "z"] as const).forEach((axis, i) => {
-      const field = numberField(`pose.position.${axis}`, axis, "m", (_path, value) => {
-        const position = [...this.first()!.pose.position];
-        position[i] = value as number;
-        return this.sendAll({ "pose.position": position }, `pose.position.${axis}`);
-      }, `m along ${axis} in the scene of its client`);
+      const field = numberField(`pose.position.${axis}`, axis, "m", this.send, `m along ${axis} in the scene of its client`);
       this.add(place, field, (item) => field.show(shown(Number(item.pose.position[i]!.toPrecision(10)))));
     });
     (["x", "y", "z"] as const).forEach((name, i) => {
@@ -134,24 +130,14 @@ export class Panel {
       this.add(turns, field, (item) => field.show(shown(Number(toDegrees(item.pose.orientation)[i]!.toFixed(6)))));
     });
     (["w", "x", "y", "z"] as const).forEach((name, i) => {
-      const path = `pose.orientation.${name}`;
-      const field = numberField(path, name, "", (_path, value) => {
-        const orientation = [...this.first()!.pose.orientation] as Quat;
-        orientation[i] = value as number;
-        return this.sendAll({ "pose.orientation": orientation }, path);
-      }, "Quaternion, object to scene; it is made of unit length");
+      const field = numberField(`pose.orientation.${name}`, name, "", this.send, "Quaternion, object to scene; it is made of unit length");
       this.add(quat, field, (item) => field.show(shown(Number(item.pose.orientation[i]!.toPrecision(9)))));
     });
     for (const [part, unit, text] of [["linear", "m/s", "velocity, from the moment it is given for 0.1 s"], ["angular", "rad/s", "angular velocity, likewise"]] as const) {
       const triple = make("div", { className: "triple" });
       box.append(over(text), triple);
       (["x", "y", "z"] as const).forEach((name, i) => {
-        const path = `twist.${part}.${name}`;
-        const field = numberField(path, name, unit, (_path, value) => {
-          const velocity = [...this.twist[part]];
-          velocity[i] = value as number;
-          return this.sendAll({ [`twist.${part}`]: velocity }, path);
-        }, `${unit} along ${name} of the scene of its client`);
+        const field = numberField(`twist.${part}.${name}`, name, unit, this.send, `${unit} along ${name} of the scene of its client`);
         this.add(triple, field, () => field.show(shown(Number(this.twist[part][i]!.toPrecision(9)))));
       });
     }

@@ -133,11 +133,7 @@ export class Dialogs {
     const add = (field: TextField, show: () => string, to: HTMLElement) => { to.append(field.row); updates.push(() => field.show(show())); };
     const places = make("div", { className: "triple" }), turns = make("div", { className: "triple" });
     (["x", "y", "z"] as const).forEach((name, i) => {
-      const sendPlace: Send = (_path, value) => {
-        const position = [...frame().pose.position];
-        position[i] = value as number;
-        return send({ position });
-      };
+      const sendPlace: Send = (_path, value) => send({ [`position.${name}`]: value });
       add(numberField(`frame.pose.position.${name}`, name, "m", sendPlace), () => shown(frame().pose.position[i]), places);
       const sendTurn: Send = (_path, value) => {
         const degrees = toDegrees(frame().pose.orientation);
