@@ -1,4 +1,5 @@
-"""Looks at the server for all browsers: a thread of its own reads the force 250 times a second, and the rest 30 times.
+"""Looks at the server for all browsers: a thread of its own reads the force 240 times a second, and the rest when a browser
+waits for it, 30 times a second at most.
 
 What it saw last is a Seen, which never changes. A browser gets of it what is new to it.
 """
@@ -19,9 +20,10 @@ import numpy as np
 from .frames import turned
 from .plain import Plain, Shapes, frame, number, numbers, plain, pose
 
-RATE = 30  # states a second
-SAMPLES_PER_STATE = 8  # forces read for each of them: 240 a second
-KEPT_SAMPLES = 10 * RATE * SAMPLES_PER_STATE  # 10 s: a browser that is slower than this misses some
+RATE = 30  # states a second, at most
+CALM_RATE = 3  # states a second while nobody waits for one: what the server says is not missed
+SAMPLE_RATE = 240  # forces a second
+KEPT_SAMPLES = 10 * SAMPLE_RATE  # 10 s: a browser that is slower than this misses some
 GETS_PER_STATE = 400  # objects that are fetched for one state, so that a scene of thousands does not hold it up
 
 # The columns of Seen.rows. The pose is in the frame of the object's client and extrapolated to the time of the state;
@@ -65,6 +67,7 @@ class Look:
         self.connection = 0  # grows with every new connection
         self.shapes = Shapes()
         self.seen = Seen()
+        self.is_awaited = False  # a browser waits for a state
         self._told = told
         self._ends = threading.Event()
         self._again: set[str] = set()  # names that are fetched again whatever their revision
@@ -116,23 +119,29 @@ class Look:
         self._filled = self._sample_count = 0
         self._events: collections.deque[Plain] = collections.deque(maxlen=200)
         self._stats: Plain = {}
+        self._stats_time = 0.0
         self._device: Plain = {}
 
     def _run(self) -> None:
         version = 0
-        next_time = time.monotonic()
+        next_time, last_look = time.monotonic(), 0.0
         while not self._ends.is_set():
             try:
                 if self.scene is None:
                     self.connect()
                 scene = self.scene
                 assert scene is not None
-                for _ in range(SAMPLES_PER_STATE):
-                    next_time += 1 / (RATE * SAMPLES_PER_STATE)
-                    time.sleep(max(0.0, next_time - time.monotonic()))
-                    self._read_force(scene)
-                if time.monotonic() > next_time + 0.5:
-                    next_time = time.monotonic()  # the machine was busy: do not make up for it
+                next_time += 1 / SAMPLE_RATE
+                time.sleep(max(0.0, next_time - time.monotonic()))
+                self._read_force(scene)
+                now = time.monotonic()
+                if now > next_time + 0.5:
+                    next_time = now  # the machine was busy: do not make up for it
+                due = last_look + 1 / (RATE if self.is_awaited else CALM_RATE)
+                if now + 0.5 / SAMPLE_RATE < due:
+                    continue
+                last_look = max(due, now - 1 / SAMPLE_RATE)
+                self.is_awaited = False
                 self.seen = self._look(scene, version)
                 version = self.seen.version
             except fs.TimeoutError:
@@ -162,13 +171,13 @@ class Look:
 
     def _look(self, scene: fs.Scene, version: int) -> Seen:
         last = self.seen
-        motions, reports = scene.get_motions(), scene.get_reports()
+        motions, reports = np.asarray(scene.get_motions()), np.asarray(scene.get_reports())
         version, objects = self._find_objects(scene, motions, version, last.objects)
         if version != last.version:
             self.shapes.keep({known.told["shape"]["hash"] for known in objects.values() if known.told["shape"]})
         self._take_events(scene)
-        if last.serial % 15 == 0 or not self._stats:
-            self._stats = _stats(scene.get_servo_stats())
+        if time.monotonic() > self._stats_time + 0.5:
+            self._stats, self._stats_time = _stats(scene.get_servo_stats()), time.monotonic()
         if not self._device:
             self._device = _device(scene.get_device_info())
         return Seen(

@@ -18,7 +18,7 @@ from typing import Any
 import forceserver as fs
 import numpy as np
 
-from conftest import Editor, Lab, Page, Second, eventually, pixels, project, share, terrain
+from conftest import Editor, Lab, Second, eventually, terrain
 from wire import RawSocket, Socket, fetch, framed, resident, with_socket
 
 SECONDS = float(os.environ.get("FORCESERVER_EDITOR_SECONDS", "3"))
@@ -207,15 +207,3 @@ def test_meshes_of_one_and_of_a_million_triangles_uploaded(started: Any) -> None
         eventually(lambda: second.get("editor/large").get("triangles") == 1_002_528)
 
     with_socket(editor, journey)
-
-
-def test_a_million_triangles_are_seen_and_picked(lab: Lab, page: Page, second: Second) -> None:
-    rover = lab.join("rover")
-    rover["land"] = terrain(709)
-    page.wait_for_selector('#table .item[data-name="rover/land"][data-state="felt"]')
-    page.wait_for_function("() => editor.view.things.targets.some(t => t.userData.item !== undefined)")
-    assert share(pixels(page), 0xC9AE8E, 60) > 0.1
-    page.mouse.click(*project(page, (0.03, -0.03, -0.055)))
-    page.wait_for_selector('#panel[data-selected="rover/land"]')
-    page.field("enabled").uncheck()
-    eventually(lambda: second.get("rover/land")["enabled"] is False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import concurrent.futures
 import json
 import pathlib
 import resource
@@ -90,7 +91,8 @@ def with_socket(editor: Editor, journey: Callable[[Socket], Any], **options: Any
         async with connect(f"ws://127.0.0.1:{editor.port}/{editor.token}/socket", origin=origin, max_size=None, close_timeout=1, **options) as socket:  # type: ignore[arg-type]
             return await journey(Socket(socket))
 
-    return asyncio.run(run())
+    with concurrent.futures.ThreadPoolExecutor(1) as thread:  # playwright has a loop in this one
+        return thread.submit(lambda: asyncio.run(run())).result()
 
 
 POINT = {"front.kind": "gaussian", "front.gain": 1, "front.width": 0.01, "front.limit": 2}

@@ -30,13 +30,12 @@ export class CurvePlot {
 
   constructor(private readonly box: HTMLElement, private readonly model: Model, private readonly orders: Orders) {
     this.note = make("p", { className: "hint", textContent: "The curve f(d) of the object that is selected." });
-    const line = (label: string, stroke: string, dash?: number[]): uPlot.Series =>
-      ({ label, stroke, width: dash ? 1.5 : 2, dash, points: { show: false } });
+    const line = (label: string, stroke: string): uPlot.Series => ({ label, stroke, width: 2, points: { show: false } });
     this.plot = new uPlot({
       ...this.size(), legend: { show: false }, cursor: { show: false },
       scales: { x: { time: false, range: () => [0, this.until] }, y: { range: () => this.yRange() } },
       axes: [axis("d, m", 18), axis("f, N", 40)],
-      series: [{}, line("front", colours.front), line("back", colours.back), line("front, capped", colours.front, [3, 3]), line("back, capped", colours.back, [3, 3])],
+      series: [{}, line("front", colours.front), line("back", colours.back), line("front, capped", colours.front), line("back, capped", colours.back)],
       hooks: { draw: [() => { this.place(); this.mark(); }] },
     }, [[0], [null], [null], [null], [null]], box);
     this.plot.over.append(this.marker, this.dots);
@@ -102,9 +101,10 @@ export class CurvePlot {
     const a = this.answer, { item } = this;
     const curve = (side: Side, values: number[] | null | undefined) =>
       a && item && values && this.sides(item).includes(side) && item.told[side].kind !== "none" ? values : a ? a.distances.map(() => null) : [null];
+    for (const i of [1, 2]) this.plot.series[i]!.alpha = a?.steepest ? 0.35 : 1; // what is wanted is paler than what is felt
     this.plot.setData([a?.distances ?? [0], curve("front", a?.front), curve("back", a?.back), curve("front", a?.front_capped), curve("back", a?.back_capped)]);
     this.capped.hidden = !a?.steepest;
-    if (a?.steepest) put(this.capped, `felt, to ${Number(a.steepest.toPrecision(3))} N/m`);
+    if (a?.steepest) put(this.capped, `≤ ${Number(a.steepest.toPrecision(3))} N/m`);
     this.box.dataset.curve = item?.told.name ?? "";
     this.box.dataset.capped = String(a?.steepest ?? "");
   }

@@ -305,7 +305,7 @@ export class Panel {
 }
 
 const slope = (value: number | null): string =>
-  value === null || !Number.isFinite(value) ? "∞ (the force jumps)" : `${value.toPrecision(3).replace(/\.?0+$/, "")} N/m`;
+  value === null || !Number.isFinite(value) ? "∞ (the force jumps)" : `${shown(Number(value.toPrecision(3)))} N/m`;
 
 /** Whether the library's sentence is about this field: "pose.position.x" is also about "pose.position". */
 function named(field: string, path: string): boolean {
