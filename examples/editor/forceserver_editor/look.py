@@ -250,12 +250,13 @@ class Look:
             self._order = np.array([places.get(name, -1) for name in motions["name"].tolist()], dtype=int)
         rows = np.empty((len(motions), COLUMNS))
         rows[:, 0] = self._ids_in_order
-        since = np.clip(now - motions["time"], 0, motions["horizon"])
-        rows[:, 1:4] = motions["pose"]["position"] + since[:, None] * motions["twist"]["linear"]
-        rows[:, 4:8] = motions["pose"]["orientation"]
-        turning = np.flatnonzero((since > 0) & np.any(motions["twist"]["angular"] != 0, axis=1))
-        if len(turning):
-            rows[turning, 4:8] = turned(rows[turning, 4:8], since[turning, None] * motions["twist"]["angular"][turning])
+        rows[:, 1:4], rows[:, 4:8] = motions["pose"]["position"], motions["pose"]["orientation"]
+        moving = np.flatnonzero(motions["horizon"] > 0)
+        if len(moving):
+            one = motions[moving]
+            since = np.clip(now - one["time"], 0, one["horizon"])[:, None]
+            rows[moving, 1:4] += since * one["twist"]["linear"]
+            rows[moving, 4:8] = turned(rows[moving, 4:8], since * one["twist"]["angular"])
         if len(reports):
             told = reports[self._order]
             rows[:, 8], rows[:, 9], rows[:, 10] = told["state"], told["weight"], told["distance"]

@@ -158,7 +158,7 @@ def test_every_field(lab: Lab, page: Page, second: Second) -> None:
     get: Callable[[], Any] = lambda: second.get("editor/plane")  # noqa: E731
     for i, axis in enumerate("xyz"):
         page.set(f"pose.position.{axis}", f"0.0{i + 1}")
-        eventually(lambda i=i: get()["position"][i] == [0.01, 0.02, 0.03][i])
+    eventually(lambda: get()["position"] == [0.01, 0.02, 0.03])
     page.set("pose.turn.rx", "90")
     eventually(lambda: np.allclose(get()["orientation"], [math.sqrt(0.5), math.sqrt(0.5), 0, 0], atol=1e-15))
     page.set("pose.orientation.x", "0")
@@ -167,6 +167,10 @@ def test_every_field(lab: Lab, page: Page, second: Second) -> None:
     assert "not a number" in page.error("pose.position.x") and page.field("pose.position.x").input_value() == "0.01"
     page.set("pose.position.x", "1e20")
     assert "within 1e+15" in page.error("pose.position.x") and get()["position"][0] == 0.01
+    # What is typed while the last value is on its way is sent too.
+    page.field("damping").evaluate("""field => { for (const text of ["1", "2.5"]) {
+        field.value = text; field.dispatchEvent(new KeyboardEvent("keydown", {key: "Enter"})) } }""")
+    eventually(lambda: get()["damping"] == 2.5)
     # What a kind does not use is absent, and 0.
     kinds = {"constant": ("gain",), "linear_increasing": ("gain", "offset"), "linear_decreasing": ("gain", "offset"),
              "gaussian": ("gain", "width"), "quadratic": ("gain", "offset"), "inverse": ("gain", "offset"), "custom": ("gain", "curve")}  # fmt: skip
