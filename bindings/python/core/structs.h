@@ -2,7 +2,10 @@
 #pragma once
 
 #include <algorithm>
+#include <atomic>
 #include <functional>
+#include <string>
+#include <vector>
 
 #include <pybind11/eval.h>
 
@@ -398,31 +401,59 @@ py::array structs(py::handle object, const char* name) {
 }
 
 // What is listed, for users: where the structs have text it is str, and a field is also an attribute of a row or of all.
+// NumPy itself would need five times as long to copy the columns.
 template <class T>
 py::object rows(const py::array& array) {
-  static PyObject* const shown = [] {  // never freed
+  struct Column {
+    std::string name;
+    py::ssize_t from, to, size;  // bytes
+    bool is_text;
+  };
+  struct Shown {
+    PyObject* dtype;  // null: there is no text. Never freed
+    std::vector<Column> columns;
+  };
+  static const Shown shown = [] {
     py::list fields;
-    bool has_text = false;
+    Shown made{};
+    py::ssize_t to = 0;
     const py::object dtype = py::reinterpret_borrow<py::object>(Class<T>::dtype);
     for (const py::handle name : dtype.attr("names")) {
       py::object type = dtype[name];
-      if (text_of(type.attr("kind")) == "S") {
-        has_text = true;
-        type = py::str("U" + text_of(type.attr("itemsize")));
-      }
+      const bool is_text = text_of(type.attr("kind")) == "S";
+      const auto size = type.attr("itemsize").cast<py::ssize_t>();
+      const py::object offset = dtype.attr("fields")[name][py::int_(1)];
+      made.columns.push_back({text_of(name), offset.cast<py::ssize_t>(), to, size, is_text});
+      if (is_text) type = py::str("U" + std::to_string(size));
       fields.append(py::make_tuple(name, type));
+      to += is_text ? size * static_cast<py::ssize_t>(sizeof(uint32_t)) : size;
     }
-    if (!has_text) return static_cast<PyObject*>(nullptr);
+    const bool has_text = std::any_of(made.columns.begin(), made.columns.end(), [](const Column& c) { return c.is_text; });
+    if (!has_text) return made;
     const py::object numpy = py::module_::import("numpy");
-    return numpy.attr("dtype")(py::make_tuple(numpy.attr("record"), fields)).release().ptr();
+    made.dtype = numpy.attr("dtype")(py::make_tuple(numpy.attr("record"), fields)).release().ptr();
+    return made;
   }();
-  if (!shown) return array;
-  const py::object numpy = py::module_::import("numpy"), dtype = py::reinterpret_borrow<py::object>(shown);
-  const py::object out = numpy.attr("empty")(array.size(), dtype);
-  for (const py::handle name : dtype.attr("names")) {
-    const py::object column = array[name];
-    const bool is_text = text_of(column.attr("dtype").attr("kind")) == "S";
-    out[name] = is_text ? numpy.attr("char").attr("decode")(column, "utf-8", "surrogateescape") : column;
+  if (!shown.dtype) return array;
+  const py::object numpy = py::module_::import("numpy");
+  py::array out = numpy.attr("empty")(array.size(), py::reinterpret_borrow<py::object>(shown.dtype));
+  for (const Column& column : shown.columns) {
+    bool is_ascii = true;
+    for (py::ssize_t row = 0; row < array.size(); ++row) {
+      const auto* from = static_cast<const unsigned char*>(array.data(row)) + column.from;
+      auto* to = static_cast<char*>(out.mutable_data(row)) + column.to;
+      if (!column.is_text) {
+        std::memcpy(to, from, static_cast<size_t>(column.size));
+        continue;
+      }
+      for (py::ssize_t i = 0; i < column.size; ++i) {
+        const uint32_t character = from[i];
+        std::memcpy(to + i * static_cast<py::ssize_t>(sizeof character), &character, sizeof character);
+        is_ascii = is_ascii && character < 128;
+      }
+    }
+    if (is_ascii) continue;
+    out[column.name.c_str()] = numpy.attr("char").attr("decode")(array[column.name.c_str()], "utf-8", "surrogateescape");
   }
   return out.attr("view")(numpy.attr("recarray"));
 }
@@ -447,16 +478,18 @@ py::array struct_results(py::handle out, size_t count, const char* name) {
              std::to_string(count) + ",)");
 }
 
-// A list of the library. It may grow between two calls.
+// A list of the library. It may grow between two calls. Room for as many as last time saves the second call.
 template <class T, class Call>
 py::object list(Call&& call) {
-  size_t count = 0, capacity = 16;
+  static std::atomic<size_t> usual = 16;
+  size_t count = 0, capacity = usual;
   std::vector<T> entries;
   do {
     capacity = std::max(capacity, count + count / 8);
     entries.resize(capacity);
     check(without_gil([&] { return call(entries.data(), capacity, &count); }));
   } while (count > capacity);
+  usual = std::max<size_t>(16, count + count / 8);
   if constexpr (Doubles<T>::value) {
     auto shape = Doubles<T>::shape();
     shape.insert(shape.begin(), static_cast<py::ssize_t>(count));

@@ -43,8 +43,7 @@ class Browser:
     def _forget(self) -> None:
         self._connection, self._version, self._event, self._sample_count = -1, -1, 0, -1
         self._sent_ids: set[int] = set()
-        self._sent_rows: dict[int, Any] = {}
-        self._ids: Any = None
+        self._told: Plain = {}
         self._rows: Any = None
 
     async def run(self) -> None:
@@ -61,6 +60,8 @@ class Browser:
         try:
             while True:
                 await self._taken.wait()
+                if not self.new.is_set():
+                    self._look.is_awaited = True
                 await self.new.wait()
                 self.new.clear()
                 self._taken.clear()
@@ -78,14 +79,17 @@ class Browser:
         if seen.connection != self._connection:
             self._forget()
             self._connection, told["fresh"] = seen.connection, True
+        told = {name: value for name, value in told.items() if name not in self._told or self._told[name] != value}
+        self._told |= told
         if seen.version != self._version:
             changed = [known.told for known in seen.objects.values() if known.version > self._version]
             told["objects"] = changed
             told["gone"] = list(self._sent_ids - seen.objects.keys())
             self._sent_ids = set(seen.objects)
             self._version = seen.version
-        told["events"] = [event for event in seen.events if event["serial"] > self._event]
-        self._event = max([self._event, *(event["serial"] for event in told["events"])])
+        if seen.events and seen.events[-1]["serial"] > self._event:
+            told["events"] = [event for event in seen.events if event["serial"] > self._event]
+            self._event = seen.events[-1]["serial"]
         rows = self._new_rows(seen.rows)
         new = len(seen.samples) if self._sample_count < 0 else min(seen.sample_count - self._sample_count, len(seen.samples))
         samples = seen.samples[len(seen.samples) - max(new, 0) :]

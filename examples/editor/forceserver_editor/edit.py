@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -10,14 +11,17 @@ from typing import Any
 import forceserver as fs
 import numpy as np
 
-from . import plain as plain_
-from .history import History
+from .fields import put, vector
+from .frames import in_frame, standing, unit
+from .history import History, get_setting
 from .keep import Keep
 from .look import Look
-from .plain import ALL_PARTS, Plain, Refused
+from .plain import ALL_PARTS, Plain, Refused, parts_of, refusal, twist
 
 # What a browser with `--view` may ask for.
-HARMLESS = {"curve", "files", "evaluate"}
+HARMLESS = {"curve", "files", "twist"}
+
+MOST_WAIT = 0.5  # s, until the server has taken a change: then whoever asks it gets the new state
 
 
 class Edit:
@@ -38,8 +42,8 @@ class Edit:
         scene = self.look.scene
         if scene is None:
             raise Refused(self.look.seen.error, status="DISCONNECTED")
-        if self._connection != self.look.seen.connection:  # the scene that the steps were about is gone
-            self._connection = self.look.seen.connection
+        if self._connection != self.look.connection:  # the scene that the steps were about is gone
+            self._connection = self.look.connection
             self.history.clear()
         for event in self.look.seen.events:
             if event["serial"] > self._event and event["kind"] == "edited":
@@ -50,13 +54,15 @@ class Edit:
         try:
             answer = call(scene, **arguments) or {}
         except fs.Error as error:
-            raise plain_.refusal(error) from None
+            raise refusal(error) from None
         except OSError as error:
             raise Refused(str(error), status="IO") from None
         except (TypeError, ValueError, LookupError, AttributeError, OverflowError, zipfile.BadZipFile) as error:
             raise Refused(f"the command {name} is not as it should be: {error}") from None
         if name not in HARMLESS:
             self.keep.note_change()
+            with contextlib.suppress(fs.Error):  # what the server refuses or does not do in time is told by its events
+                scene.sync(MOST_WAIT)
         return answer
 
     # ---- Objects
@@ -72,7 +78,7 @@ class Edit:
             if self._upload is None:
                 raise Refused("a mesh needs a file", "shape")
             made.shape = fs.shape_load(self._upload, float(scale))
-        plain_.put(made, fields)
+        put(made, fields, 0)
         scene.object_set(made)
         self._note(f"add {made.name}", made.name, None, scene.object_get(made.name), ALL_PARTS)
         return {"name": made.name}
@@ -82,25 +88,35 @@ class Edit:
             return name
         return next(free for i in range(2, 100000) if (free := f"{name} {i}") not in scene)
 
-    def _change(self, scene: fs.Scene, names: list[str], fields: Plain) -> None:
-        """Changes these fields of the objects: of all, or of none."""
-        made = []
+    def _change(self, scene: fs.Scene, names: list[str], fields: Plain, scale: float = 1.0) -> None:
+        """Changes these fields of the objects: of all, or of none. With a file they become meshes of that shape."""
+        if self._upload is not None:
+            fields = {"shape": fs.shape_load(self._upload, float(scale)), "primitive": "mesh"} | fields
+        made, now = [], scene.get_time()
         for name in names:
             before = scene.object_get(name)
             changed = before.copy()
-            parts = plain_.put(changed, fields)
-            made.append((name, before, changed, parts))
+            made.append((name, before, changed, put(changed, fields, now)))
         with scene.change():
             for name, _, changed, parts in made:
                 changed.name = name
                 scene.object_change(changed, parts)
+        self._wait_for_others(scene, names)
         for name, before, _, parts in made:
             self._note(f"change {name}", name, before, scene.object_get(name), parts)
 
+    @staticmethod
+    def _wait_for_others(scene: fs.Scene, names: list[str]) -> None:
+        """Until then the server still gives other clients' objects as they were."""
+        if any("/" in name for name in names):
+            with contextlib.suppress(fs.TimeoutError):
+                scene.sync(MOST_WAIT)
+
     def _move(self, scene: fs.Scene, name: str, position: list[float], orientation: list[float]) -> None:
         before = scene.object_get(name)
-        pose = fs.Pose(position=[float(x) for x in position], orientation=plain_.unit(orientation))
+        pose = fs.Pose(position=[float(x) for x in position], orientation=unit(orientation))
         scene.object_move(name, pose, fs.Twist(), 0)
+        self._wait_for_others(scene, [name])
         self._note(f"move {name}", name, before, scene.object_get(name), int(fs.Part.POSE))
 
     def _remove(self, scene: fs.Scene, names: list[str]) -> None:
@@ -132,17 +148,13 @@ class Edit:
         return {"name": to}
 
     def _adopt(self, scene: fs.Scene, name: str) -> Plain:
-        """A copy of another client's object in the own scene, where it is felt in the same place."""
+        """A copy of another client's object in the own scene, where it feels the same in the same place."""
         client, _, short = name.rpartition("/")
-        copied = scene.object_get(name)
-        theirs, own = scene.get_frame(client or None), scene.get_frame(None)
-        if theirs.scale != own.scale:
-            raise Refused(
-                f"the scene of {client} has {theirs.scale:g} m per device metre, that of the editor {own.scale:g}: "
-                "give the editor's scene the same scale first"
-            )
+        before = scene.object_get(name)
+        copied = before.copy()
+        copied.pose = standing(before, scene.get_time())
         if client:
-            copied.pose = _through(copied.pose, theirs, own)
+            copied = in_frame(copied, scene.get_frame(client), scene.get_frame(None))
         copied.name = self._free_name(scene, short)
         copied.twist, copied.time = fs.Twist(), 0
         scene.object_set(copied)
@@ -151,23 +163,31 @@ class Edit:
 
     # ---- The editor's own scene
 
+    def _set(self, scene: fs.Scene, what: str, change: Callable[[], None]) -> None:
+        before = get_setting(scene, what)
+        change()
+        self.history.note_setting(self._who, self._gesture, what, before, get_setting(scene, what))
+
     def _frame(self, scene: fs.Scene, fields: Plain) -> None:
         made = scene.get_frame(None)
         pose = made.pose.copy()
-        if "position" in fields:
-            pose.position = [float(x) for x in fields["position"]]
-        if "orientation" in fields:
-            pose.orientation = plain_.unit(fields["orientation"])
+        for path, value in fields.items():
+            first, _, axis = path.partition(".")
+            if first in ("position", "orientation"):
+                setattr(pose, first, vector(getattr(pose, first), axis, value))
+            elif first in ("scale", "force_scale"):
+                setattr(made, first, float(value))
+            else:
+                raise Refused(f"{path} is no field of a frame", path)
         made.pose = pose
-        made.scale = float(fields.get("scale", made.scale))
-        made.force_scale = float(fields.get("force_scale", made.force_scale))
-        scene.set_frame(made)
+        self._set(scene, "frame", lambda: scene.set_frame(made))
 
     def _tool(self, scene: fs.Scene, points: list[list[float]]) -> None:
-        scene.set_tool(np.array(points, dtype=float).reshape(-1, 3))
+        made = np.array(points, dtype=float).reshape(-1, 3)
+        self._set(scene, "tool", lambda: scene.set_tool(made))
 
     def _clutch(self, scene: fs.Scene, held: bool) -> None:
-        scene.set_clutch(bool(held))
+        self._set(scene, "clutch", lambda: scene.set_clutch(bool(held)))
 
     def _stop(self, scene: fs.Scene) -> None:
         scene.stop_force()
@@ -203,60 +223,42 @@ class Edit:
 
     def _replace(self, scene: fs.Scene, load: Callable[[], None]) -> None:
         before = {name: scene.object_get(name) for name in scene}
+        settings = {what: get_setting(scene, what) for what in ("frame", "tool")}  # a file has them too
         load()
         self._gesture = self._gesture or f"load {self.look.seen.serial}"
+        for what, was in settings.items():
+            if not np.array_equal(np.asarray(is_now := get_setting(scene, what)), np.asarray(was)):
+                self.history.note_setting(self._who, self._gesture, what, was, is_now)
         for name in scene:
             after = scene.object_get(name)
             old = before.get(name)
-            if old is None or plain_.parts_of(old, ALL_PARTS, self.look.shapes) != plain_.parts_of(
+            if old is None or parts_of(old, ALL_PARTS, self.look.shapes) != parts_of(
                 after, ALL_PARTS, self.look.shapes
             ):
                 self._note("load", name, old, after, ALL_PARTS)
 
-    # ---- Curves
+    # ---- What the states do not have
+
+    def _twist(self, scene: fs.Scene, name: str) -> Plain:
+        return twist(scene.object_get(name).twist)
 
     def _curve(self, scene: fs.Scene, name: str, until: float, count: int = 400) -> Plain:
-        """f(d) of both sides, raw and capped, for the plot."""
-        found = scene.object_get(name)
+        """f(d) of both sides, for the plot: raw, and with its slopes limited to what the servo lets the object have."""
+        found, report = scene.object_get(name), scene.get_report(name)
+        found.name = "any"  # a law has only an object that could be set
+        frame = scene.get_frame(name.rpartition("/")[0] or None)
         distances = np.linspace(0, float(until), max(2, min(int(count), 4000)))
         t = max(0.0, scene.get_time() - found.start) if found.start else 0.0
-        report = scene.get_report(name)
-        out: Plain = {"t": t, "distances": distances.tolist()}
-        for side in ("front", "back"):
-            profile = getattr(found, side)
-            out[side] = fs.intensity(profile, distances, t).tolist()
-            out[side + "_capped"] = None
-            if report.stiffness_applied < report.stiffness_wanted and np.isfinite(report.stiffness_applied):
-                try:
-                    capped = fs.profile_evaluate(profile, report.stiffness_applied, t, distances)
-                    out[side + "_capped"] = capped.tolist()
-                except fs.UnsupportedError:
-                    pass
+        steepest = report.stiffness_applied / (frame.scale * frame.force_scale) if frame.force_scale else 0.0
+        is_capped = report.stiffness_applied < report.stiffness_wanted and 0 < steepest < np.inf
+        out: Plain = {"t": t, "distances": distances.tolist(), "steepest": steepest if is_capped else None}
+        for side, at in (("front", distances), ("back", -distances)):
+            out[side] = fs.intensity(getattr(found, side), distances, t).tolist()
+            out[side + "_capped"] = np.abs(fs.law(found, at, t, max_stiffness=steepest)).tolist() if is_capped else None
         return out
 
 
 COMMANDS = {
     "add", "change", "move", "remove", "rename", "adopt", "frame", "tool", "clutch", "stop", "undo", "redo", "files",
-    "save", "load", "recover", "discard", "curve",
+    "save", "load", "recover", "discard", "curve", "twist",
 }  # fmt: skip
-
-
-def _rotate(q: Any, v: Any) -> Any:
-    u = np.asarray(q[1:])
-    return v + 2 * np.cross(u, np.cross(u, v) + q[0] * np.asarray(v))
-
-
-def _times(a: Any, b: Any) -> Any:
-    return np.concatenate(
-        [[a[0] * b[0] - np.dot(a[1:], b[1:])], a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:])]
-    )
-
-
-def _through(pose: fs.Pose, theirs: fs.Frame, own: fs.Frame) -> fs.Pose:
-    """The same place in the own scene as `pose` in another client's: from there to the device, and back."""
-    if bytes(np.asarray(theirs.pose).tobytes()) == bytes(np.asarray(own.pose).tobytes()):
-        return pose.copy()
-    out, back = theirs.pose, own.pose.orientation * np.array([1, -1, -1, -1])
-    at_device = out.position + _rotate(out.orientation, pose.position / theirs.scale)
-    turned = _times(back, _times(out.orientation, pose.orientation))
-    return fs.Pose(position=own.scale * _rotate(back, at_device - own.pose.position), orientation=plain_.unit(turned))

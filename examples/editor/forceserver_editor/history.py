@@ -1,14 +1,17 @@
 """What was edited, step by step, for all browsers together: each gesture is one step that can be undone and done again.
 
 Own objects are remembered whole, with their shapes and curves; of another client's object only the parts that were
-touched. A step is not undone if somebody else has changed the same parts since.
+touched. A step is not undone if somebody else has changed the same parts since. Frame, tool and clutch of the editor's
+own scene are settings, which nobody else can change.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import forceserver as fs
+import numpy as np
 
 from .plain import ALL_PARTS, Plain, Refused, Shapes, parts_of
 
@@ -28,9 +31,29 @@ class Step:
     gesture: str
     text: str
     changes: dict[str, Change] = field(default_factory=dict)
+    settings: dict[str, tuple[Any, Any]] = field(default_factory=dict)  # "frame", "tool", "clutch": before and after
 
     def plain(self) -> Plain:
         return {"who": self.who, "text": self.text}
+
+
+def get_setting(scene: fs.Scene, what: str) -> Any:
+    view = scene.get_view(None)
+    frame: Any = view.frame.copy()
+    if what == "tool":
+        return np.array(view.points)[: view.point_count]
+    return frame if what == "frame" else (bool(view.held), frame)  # a clutch that is released moves the frame
+
+
+def set_setting(scene: fs.Scene, what: str, value: Any) -> None:
+    if what == "tool":
+        scene.set_tool(value)
+    elif what == "frame":
+        scene.set_frame(value)
+    else:
+        held, frame = value
+        scene.set_clutch(held)
+        scene.set_frame(frame)
 
 
 class History:
@@ -53,23 +76,33 @@ class History:
         self, who: str, gesture: str, text: str, name: str, before: fs.Object | None, after: fs.Object | None, parts: int
     ) -> None:
         """Notes that an object was changed. Changes of one gesture are one step."""
+        changes = self._step(who, gesture, text).changes
+        if name in changes:
+            changes[name].after = after
+            changes[name].parts |= parts
+        else:
+            changes[name] = Change(before, after, parts)
+
+    def note_setting(self, who: str, gesture: str, what: str, before: Any, after: Any) -> None:
+        settings = self._step(who, gesture, f"change the {what} of the scene").settings
+        settings[what] = settings[what][0] if what in settings else before, after
+
+    def _step(self, who: str, gesture: str, text: str) -> Step:
+        """The step that a change belongs to: the last one if it is of the same gesture."""
         step = self._steps[self._done - 1] if self._done else None
         if step is None or not gesture or step.gesture != gesture or step.who != who or self._done < len(self._steps):
             step = Step(who, gesture, text)
             self._steps = [*self._steps[: self._done], step][-MOST_STEPS:]
             self._done = len(self._steps)
-        known = step.changes.get(name)
-        if known is None:
-            step.changes[name] = Change(before, after, parts)
-        else:
-            known.after = after
-            known.parts |= parts
+        return step
 
     def undo(self, scene: fs.Scene) -> Step:
         if not self._done:
             raise Refused("there is nothing to undo")
         step = self._steps[self._done - 1]
         self._apply(scene, {name: Change(c.after, c.before, c.parts) for name, c in step.changes.items()})
+        for what, (before, _) in step.settings.items():
+            set_setting(scene, what, before)
         self._done -= 1
         return step
 
@@ -78,6 +111,8 @@ class History:
             raise Refused("there is nothing to do again")
         step = self._steps[self._done]
         self._apply(scene, step.changes)
+        for what, (_, after) in step.settings.items():
+            set_setting(scene, what, after)
         self._done += 1
         return step
 
@@ -91,11 +126,11 @@ class History:
                     scene.object_remove(name)
                     continue
                 wanted = change.after.copy()
-                wanted.name, wanted.time, wanted.twist = name, 0, fs.Twist()
-                if "/" in name:
-                    scene.object_change(wanted, change.parts)
-                else:
+                wanted.name, wanted.time = name, 0  # a motion begins again
+                if change.before is None:
                     scene.object_set(wanted)
+                else:
+                    scene.object_change(wanted, change.parts)  # the rest is as this step left it
 
     def _require_untouched(self, scene: fs.Scene, name: str, change: Change) -> None:
         owner = name.rpartition("/")[0]

@@ -1,4 +1,5 @@
-"""Looks at the server for all browsers: a thread of its own reads the force 250 times a second, and the rest 30 times.
+"""Looks at the server for all browsers: a thread of its own reads the force 240 times a second, and the rest when a browser
+waits for it, 30 times a second at most.
 
 What it saw last is a Seen, which never changes. A browser gets of it what is new to it.
 """
@@ -16,11 +17,13 @@ from typing import Any
 import forceserver as fs
 import numpy as np
 
+from .frames import turned
 from .plain import Plain, Shapes, frame, number, numbers, plain, pose
 
-RATE = 30  # states a second
-SAMPLES_PER_STATE = 8  # forces read for each of them: 240 a second
-KEPT_SAMPLES = 10 * RATE * SAMPLES_PER_STATE  # 10 s: a browser that is slower than this misses some
+RATE = 30  # states a second, at most
+CALM_RATE = 3  # states a second while nobody waits for one: what the server says is not missed
+SAMPLE_RATE = 240  # forces a second
+KEPT_SAMPLES = 10 * SAMPLE_RATE  # 10 s: a browser that is slower than this misses some
 GETS_PER_STATE = 400  # objects that are fetched for one state, so that a scene of thousands does not hold it up
 
 # The columns of Seen.rows. The pose is in the frame of the object's client and extrapolated to the time of the state;
@@ -45,7 +48,7 @@ class Known:
 class Seen:
     serial: int = 0
     error: str = "not connected yet"  # "": connected
-    connection: int = 0  # grows with every new connection
+    connection: int = 0
     version: int = 0
     objects: dict[int, Known] = field(default_factory=dict)
     rows: Rows = field(default_factory=lambda: np.zeros((0, COLUMNS)))
@@ -61,8 +64,10 @@ class Look:
         self.endpoint, self.name, self.alone = endpoint, name, alone
         self.scene: fs.Scene | None = None
         self.me = name
+        self.connection = 0  # grows with every new connection
         self.shapes = Shapes()
         self.seen = Seen()
+        self.is_awaited = False  # a browser waits for a state
         self._told = told
         self._ends = threading.Event()
         self._again: set[str] = set()  # names that are fetched again whatever their revision
@@ -98,6 +103,7 @@ class Look:
             except fs.ExistsError:
                 if self.alone or number_ == 9:
                     raise
+        self.connection += 1
         self._forget()
 
     # ---- The thread.
@@ -113,25 +119,30 @@ class Look:
         self._filled = self._sample_count = 0
         self._events: collections.deque[Plain] = collections.deque(maxlen=200)
         self._stats: Plain = {}
+        self._stats_time = 0.0
         self._device: Plain = {}
 
     def _run(self) -> None:
-        connection, version = 1, 0
-        next_time = time.monotonic()
+        version = 0
+        next_time, last_look = time.monotonic(), 0.0
         while not self._ends.is_set():
             try:
                 if self.scene is None:
                     self.connect()
-                    connection += 1
                 scene = self.scene
                 assert scene is not None
-                for _ in range(SAMPLES_PER_STATE):
-                    next_time += 1 / (RATE * SAMPLES_PER_STATE)
-                    time.sleep(max(0.0, next_time - time.monotonic()))
-                    self._read_force(scene)
-                if time.monotonic() > next_time + 0.5:
-                    next_time = time.monotonic()  # the machine was busy: do not make up for it
-                self.seen = self._look(scene, connection, version)
+                next_time += 1 / SAMPLE_RATE
+                time.sleep(max(0.0, next_time - time.monotonic()))
+                self._read_force(scene)
+                now = time.monotonic()
+                if now > next_time + 0.5:
+                    next_time = now  # the machine was busy: do not make up for it
+                due = last_look + 1 / (RATE if self.is_awaited else CALM_RATE)
+                if now + 0.5 / SAMPLE_RATE < due:
+                    continue
+                last_look = max(due, now - 1 / SAMPLE_RATE)
+                self.is_awaited = False
+                self.seen = self._look(scene, version)
                 version = self.seen.version
             except fs.TimeoutError:
                 continue  # the server is busy: the page keeps what it has
@@ -141,7 +152,7 @@ class Look:
                 if self.scene is not None:
                     self.scene.close()
                     self.scene = None
-                self.seen = Seen(self.seen.serial + 1, str(error), connection, version)
+                self.seen = Seen(self.seen.serial + 1, str(error), self.connection, version)
                 self._told()
                 self._ends.wait(0.3)
                 next_time = time.monotonic()
@@ -158,21 +169,21 @@ class Look:
         self._filled += 1
         self._sample_count += 1
 
-    def _look(self, scene: fs.Scene, connection: int, version: int) -> Seen:
+    def _look(self, scene: fs.Scene, version: int) -> Seen:
         last = self.seen
-        motions, reports = scene.get_motions(), scene.get_reports()
+        motions, reports = np.asarray(scene.get_motions()), np.asarray(scene.get_reports())
         version, objects = self._find_objects(scene, motions, version, last.objects)
         if version != last.version:
             self.shapes.keep({known.told["shape"]["hash"] for known in objects.values() if known.told["shape"]})
         self._take_events(scene)
-        if last.serial % 15 == 0 or not self._stats:
-            self._stats = _stats(scene.get_servo_stats())
+        if time.monotonic() > self._stats_time + 0.5:
+            self._stats, self._stats_time = _stats(scene.get_servo_stats()), time.monotonic()
         if not self._device:
             self._device = _device(scene.get_device_info())
         return Seen(
             last.serial + 1,
             "",
-            connection,
+            self.connection,
             version,
             objects,
             self._rows(scene.get_time(), motions, reports),
@@ -239,12 +250,13 @@ class Look:
             self._order = np.array([places.get(name, -1) for name in motions["name"].tolist()], dtype=int)
         rows = np.empty((len(motions), COLUMNS))
         rows[:, 0] = self._ids_in_order
-        since = np.clip(now - motions["time"], 0, motions["horizon"])
-        rows[:, 1:4] = motions["pose"]["position"] + since[:, None] * motions["twist"]["linear"]
-        rows[:, 4:8] = motions["pose"]["orientation"]
-        turning = np.flatnonzero((since > 0) & np.any(motions["twist"]["angular"] != 0, axis=1))
-        if len(turning):
-            rows[turning, 4:8] = _turned(rows[turning, 4:8], since[turning, None] * motions["twist"]["angular"][turning])
+        rows[:, 1:4], rows[:, 4:8] = motions["pose"]["position"], motions["pose"]["orientation"]
+        moving = np.flatnonzero(motions["horizon"] > 0)
+        if len(moving):
+            one = motions[moving]
+            since = np.clip(now - one["time"], 0, one["horizon"])[:, None]
+            rows[moving, 1:4] += since * one["twist"]["linear"]
+            rows[moving, 4:8] = turned(rows[moving, 4:8], since * one["twist"]["angular"])
         if len(reports):
             told = reports[self._order]
             rows[:, 8], rows[:, 9], rows[:, 10] = told["state"], told["weight"], told["distance"]
@@ -290,15 +302,6 @@ class Look:
             self._event_count += 1
             told = {"serial": self._event_count, "kind": event.kind.name.lower(), "name": event.name}
             self._events.append(told | {"text": event.text, "value": number(event.value), "time": event.time})
-
-
-def _turned(orientation: Any, angle: Any) -> Any:
-    """Quaternions, each turned by an angle vector (rad) along the axes of the parent."""
-    half = np.linalg.norm(angle, axis=1) / 2
-    w = np.cos(half)[:, None]
-    v = angle / 2 * np.sinc(half / np.pi)[:, None]
-    ow, ov = orientation[:, :1], orientation[:, 1:]
-    return np.hstack([w * ow - np.sum(v * ov, axis=1, keepdims=True), w * ov + ow * v + np.cross(v, ov)])
 
 
 def _hand(hand: fs.Hand) -> Plain:

@@ -1,4 +1,4 @@
-"""Force-objects as plain data: what the page shows of them, and the fields that it sends back.
+"""Force-objects as plain data: what the page shows of them.
 
 The names are those of the headers. A number that is not finite is null, as JSON has no other word for it.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any
 
 import forceserver as fs
@@ -16,9 +16,9 @@ import numpy as np
 
 Plain = dict[str, Any]
 
-# The fs_part bits of the fields as the page names them. A twist belongs to the pose: an edit makes it zero.
+# The fs_part bits of the fields as the page names them.
 PART_FIELDS = {
-    int(fs.Part.POSE): ("pose",),
+    int(fs.Part.POSE): ("pose", "twist"),
     int(fs.Part.PROFILES): ("front", "back", "damping", "start"),
     int(fs.Part.CONTACT): ("contact",),
     int(fs.Part.SHAPE): ("primitive", "shape"),
@@ -74,6 +74,10 @@ def contact(value: fs.Contact) -> Plain:
 
 def pose(value: fs.Pose) -> Plain:
     return {"position": value.position.tolist(), "orientation": value.orientation.tolist()}
+
+
+def twist(value: fs.Twist) -> Plain:
+    return {"linear": value.linear.tolist(), "angular": value.angular.tolist()}
 
 
 def frame(value: fs.Frame) -> Plain:
@@ -159,87 +163,8 @@ def plain(value: fs.Object, shapes: Shapes) -> Plain:
 
 def parts_of(value: fs.Object, parts: int, shapes: Shapes) -> Plain:
     """These parts alone, to find out whether two objects agree in them."""
-    everything = plain(value, shapes) | {"pose": pose(value.pose)}
+    everything = plain(value, shapes) | {"pose": pose(value.pose), "twist": twist(value.twist)}
     return {field: everything[field] for bit, fields in PART_FIELDS.items() if parts & bit for field in fields}
-
-
-def make_curve(value: Any) -> fs.Curve | None:
-    if value is None:
-        return None
-    if not isinstance(value, dict):
-        raise Refused("a curve is an expression or a table", "curve")
-    try:
-        if "expression" in value:
-            return fs.curve_create_expression(str(value["expression"]))
-        return fs.curve_create_table([float(force) for force in value["table"]], float(value["step"]))
-    except fs.Error as error:
-        raise refusal(error, "curve") from None
-    except (TypeError, ValueError, KeyError):
-        raise Refused("a table has forces (N) and the step between them (m)", "curve") from None
-
-
-def make_shape(value: Any) -> fs.Shape:
-    try:
-        points = np.array(value["points"], dtype=float).reshape(-1, 3)
-        return fs.shape_create_polyline(points, bool(value.get("closed")))
-    except fs.Error as error:
-        raise refusal(error, "shape") from None
-    except (TypeError, ValueError, KeyError, AttributeError):
-        raise Refused("a polyline is a list of points", "shape") from None
-
-
-def put(target: fs.Object, fields: Mapping[str, Any]) -> int:
-    """Puts fields such as "front.gain" or "pose.position" into the object. Returns the fs_part bits of what they change."""
-    parts = 0
-    for path, value in fields.items():
-        first, _, rest = path.partition(".")
-        if first not in PART_OF or first == "primitive":
-            raise Refused(f"{path} is no field that can be changed", path)
-        parts |= PART_OF[first]
-        try:
-            _put_one(target, first, rest, value)
-        except Refused as error:
-            error.field = path
-            raise
-        except (TypeError, ValueError, KeyError, AttributeError, OverflowError) as error:
-            raise Refused(str(error) or f"{path} is not valid", path) from None
-    if parts & fs.Part.POSE:
-        target.twist = fs.Twist()
-        target.time = 0
-    return parts
-
-
-def _put_one(target: fs.Object, first: str, rest: str, value: Any) -> None:
-    if first == "shape":
-        target.shape = value if isinstance(value, fs.Shape) else make_shape(value)
-    elif first == "enabled":
-        target.enabled = bool(value)
-    elif first == "tool_points":
-        target.tool_points = int(value)
-    elif not rest:
-        setattr(target, first, float(value))
-    else:
-        section = getattr(target, first).copy()
-        if rest == "curve":
-            section.curve = make_curve(value)
-        elif rest in ("kind", "sense", "keep"):
-            setattr(section, rest, str(value))
-        elif rest in ("position", "orientation"):
-            setattr(section, rest, unit(value) if rest == "orientation" else [float(x) for x in value])
-        elif isinstance(getattr(section, rest), float):
-            setattr(section, rest, float(value))
-        else:
-            raise Refused(f"{first} has no field {rest}")
-        setattr(target, first, section)
-
-
-def unit(value: Any) -> list[float]:
-    """The quaternion of unit length along this one."""
-    numbers = [float(x) for x in value]
-    length = math.hypot(*numbers)
-    if len(numbers) != 4 or not 0 < length < math.inf:
-        raise Refused("an orientation is a quaternion w, x, y, z that is not zero")
-    return [x / length for x in numbers]
 
 
 def refusal(error: fs.Error, field: str = "") -> Refused:

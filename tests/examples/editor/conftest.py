@@ -22,7 +22,7 @@ import pytest
 
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parents[2]
-PATIENCE = 20  # s: nothing here is a measure of time, this only ends what would never come
+PATIENCE = 180  # s: nothing here is a measure of time, this only ends what would never come
 
 _numbers = itertools.count(1)
 
@@ -299,24 +299,3 @@ def second(started: Any, lab: Lab) -> Second:
 @pytest.fixture
 def page(started: Any, lab: Lab, opened: Callable[[str], Page]) -> Page:
     return opened(started(Editor, lab.endpoint).address)
-
-
-# ---- Adding and looking
-
-
-# ---- The gizmo
-
-
-# ---- Fields
-
-
-# ---- Others
-
-
-# ---- Stop, files, two browsers, and what ends
-
-
-# ---- Plots
-
-
-# ---- Much

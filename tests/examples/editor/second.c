@@ -7,6 +7,7 @@
  *     list               the names of all objects
  *     hand               the hand, and the force that was sent
  *     frame CLIENT       the frame, clutch and tool of a client
+ *     law STIFFNESS D NAME  the force of an object at the signed distance D, m, with slopes up to STIFFNESS (0: any)
  *     stats              whether the servo is enabled
  *     point NAME X Y Z   adds a point of its own there, with a force
  *     move NAME X Y Z    moves one
@@ -133,6 +134,15 @@ int main(int argc, char **argv)
       numbers("points", &view.points[0].x, 3 * view.point_count);
       printf("\"scale\": %.17g, \"force_scale\": %.17g, \"held\": %s}\n", view.frame.scale, view.frame.force_scale,
              view.held ? "true" : "false");
+    } else if (sscanf(line, "law %lf %lf %255[^\n]", &at.x, &at.y, name) == 3) {
+      fs_object o = fs_object_init("any", FS_PRIMITIVE_POINT);
+      double force = 0;
+      fs_status status = fs_object_get(scene, name, &o);
+      strcpy(o.name, "any");
+      if (status == FS_OK) status = fs_object_evaluate_law(&o, at.x, 0, &at.y, 1, &force);
+      fs_object_release(&o);
+      if (status == FS_OK) printf("%.17g\n", force);
+      else printf("\"%s\"\n", fs_status_name(status));
     } else if (strcmp(verb, "stats") == 0) {
       fs_servo_stats stats = fs_servo_stats_init();
       fs_scene_get_servo_stats(scene, &stats);

@@ -7,6 +7,7 @@ import pathlib
 from collections.abc import Callable
 from typing import Any
 
+import forceserver as fs
 import numpy as np
 
 from conftest import (
@@ -157,7 +158,7 @@ def test_every_field(lab: Lab, page: Page, second: Second) -> None:
     get: Callable[[], Any] = lambda: second.get("editor/plane")  # noqa: E731
     for i, axis in enumerate("xyz"):
         page.set(f"pose.position.{axis}", f"0.0{i + 1}")
-        eventually(lambda i=i: get()["position"][i] == [0.01, 0.02, 0.03][i])
+    eventually(lambda: get()["position"] == [0.01, 0.02, 0.03])
     page.set("pose.turn.rx", "90")
     eventually(lambda: np.allclose(get()["orientation"], [math.sqrt(0.5), math.sqrt(0.5), 0, 0], atol=1e-15))
     page.set("pose.orientation.x", "0")
@@ -166,6 +167,10 @@ def test_every_field(lab: Lab, page: Page, second: Second) -> None:
     assert "not a number" in page.error("pose.position.x") and page.field("pose.position.x").input_value() == "0.01"
     page.set("pose.position.x", "1e20")
     assert "within 1e+15" in page.error("pose.position.x") and get()["position"][0] == 0.01
+    # What is typed while the last value is on its way is sent too.
+    page.field("damping").evaluate("""field => { for (const text of ["1", "2.5"]) {
+        field.value = text; field.dispatchEvent(new KeyboardEvent("keydown", {key: "Enter"})) } }""")
+    eventually(lambda: get()["damping"] == 2.5)
     # What a kind does not use is absent, and 0.
     kinds = {"constant": ("gain",), "linear_increasing": ("gain", "offset"), "linear_decreasing": ("gain", "offset"),
              "gaussian": ("gain", "width"), "quadratic": ("gain", "offset"), "inverse": ("gain", "offset"), "custom": ("gain", "curve")}  # fmt: skip
@@ -211,6 +216,106 @@ def test_every_field(lab: Lab, page: Page, second: Second) -> None:
     page.wait_for_selector('#panel[data-selected="wall <b>&"]')
     assert second.get("editor/wall <b>&")["tool_points"] == 5
     assert second.get("editor/plane")["status"] == "FS_ERROR_NOT_FOUND"
+
+
+OBJ = {"four": "v 0 0 0\nv 50 0 0\nv 0 50 0\nv 0 0 50\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n", "one": "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"}
+
+
+def test_another_primitive(lab: Lab, page: Page, second: Second, tmp_path: pathlib.Path) -> None:
+    for name, text in OBJ.items():
+        (tmp_path / f"{name}.obj").write_text(text)
+    page.click("#add-point")
+    page.wait_for_selector('#panel[data-selected="point"]')
+    first = second.get("editor/point")
+    page.choose("primitive", "plane")
+    eventually(lambda: second.get("editor/point")["primitive"] == 2)
+    page.wait_for_function("() => editor.model.byName('point').told.primitive === 'plane'")
+    page.choose("contact.keep", "front")
+    eventually(lambda: second.get("editor/point")["keep"] == 1)
+    page.choose("primitive", "polyline")
+    line = eventually(lambda: (o := second.get("editor/point"))["primitive"] == 1 and o)
+    assert line["keep"] == 0 and line["points"] == [0, 0, 0, 0.05, 0, 0] and line["front"] == first["front"]
+    page.wait_for_selector('[data-corner="1"]')
+    # A mesh comes from a file, and so does another mesh in its place.
+    with page.expect_file_chooser() as chooser:
+        page.choose("primitive", "mesh")
+    chooser.value.set_files(tmp_path / "four.obj")
+    assert page.field("primitive").input_value() == "polyline"  # until there is a file
+    page.fill("#mesh-scale", "0.001")
+    page.click("#mesh-add")
+    mesh = eventually(lambda: (o := second.get("editor/point"))["primitive"] == 3 and o)
+    assert mesh["triangles"] == 4 and mesh["points"][3:6] == [0.05, 0, 0] and mesh["front"] == first["front"]
+    page.wait_for_selector("#replace-mesh:visible")
+    with page.expect_file_chooser() as chooser:
+        page.click("#replace-mesh")
+    chooser.value.set_files(tmp_path / "one.obj")
+    page.fill("#mesh-scale", "0.1")
+    page.click("#mesh-add")
+    eventually(lambda: second.get("editor/point").get("triangles") == 1)
+    page.wait_for_selector("dialog", state="detached")
+    for primitive, triangles in ((3, 4), (1, 0), (2, None), (2, None), (0, None)):
+        page.keyboard.press("Control+z")
+        eventually(lambda primitive=primitive, triangles=triangles: (o := second.get("editor/point"))["primitive"] == primitive
+                   and o.get("triangles") == triangles)  # fmt: skip
+    eventually(lambda: second.get("editor/point") == first)
+
+
+def test_velocity(lab: Lab, page: Page, second: Second) -> None:
+    page.click("#add-point")
+    page.wait_for_selector('#panel[data-selected="point"]')
+    page.set("twist.linear.x", "0.2")
+    eventually(lambda: second.get("editor/point")["twist"] == [0.2, 0, 0, 0, 0, 0])
+    page.wait_for_function("() => Math.abs(editor.model.byName('point').pose.position[0] - 0.02) < 1e-12")  # it moves for 0.1 s
+    page.wait_for_function("""() => document.querySelector('[data-path="twist.linear.x"] input').value === '0.2'""")
+    page.set("twist.angular.z", "-3")
+    eventually(lambda: second.get("editor/point")["twist"] == [0.2, 0, 0, 0, 0, -3])
+    page.set("twist.linear.y", "fast")
+    assert "not a number" in page.error("twist.linear.y")
+    page.set("twist.linear.y", "1e30")
+    assert "twist.linear.y" in page.error("twist.linear.y")
+    page.keyboard.press("Control+z")
+    eventually(lambda: second.get("editor/point")["twist"] == [0.2, 0, 0, 0, 0, 0])
+    page.keyboard.press("Control+z")
+    eventually(lambda: second.get("editor/point")["twist"] == [0] * 6 and second.get("editor/point")["position"] == [0, 0, 0])
+    page.wait_for_function("""() => document.querySelector('[data-path="twist.linear.x"] input').value === '0'""")
+
+
+def test_copy_from_another_scale(lab: Lab, page: Page, second: Second) -> None:
+    rover = lab.join("rover")
+    rover.set_frame(fs.Frame(scale=4, force_scale=0.5))
+    rover["hill"] = fs.Plane(position=(0.2, 0, -0.1), front=fs.Gaussian(1.5, 0.08, limit=2, sense="repulsive"))
+    page.wait_for_selector('#table .item[data-name="rover/hill"]')
+    page.select("rover/hill")
+    page.click("#adopt")
+    page.wait_for_selector('#panel[data-selected="hill"]')
+    copied = second.get("editor/hill")
+    assert np.allclose(copied["position"], [0.05, 0, -0.025], atol=1e-15)
+    for at in (0.004, 0.02, 0.05):  # m at the device
+        assert second.ask(f"law 0 {at} editor/hill") > 0
+        assert abs(second.ask(f"law 0 {at} editor/hill") - 0.5 * second.ask(f"law 0 {4 * at} rover/hill")) < 1e-12
+
+
+def test_capped_curve(lab: Lab, page: Page, second: Second) -> None:
+    page.click("#add-plane")
+    page.wait_for_selector('#panel[data-selected="plane"]')
+    page.wait_for_selector('#curve[data-curve="plane"][data-capped=""]')
+    assert page.locator("#capped").is_hidden()
+    page.choose("front.kind", "gaussian")
+    eventually(lambda: second.get("editor/plane")["front"]["kind"] == 4)
+    page.set("back.gain", "90000")
+    page.wait_for_selector('#curve[data-curve="plane"]:not([data-capped=""])')
+    page.locator("#capped", has_text="N/m").wait_for()
+    picture(page, "capped curve")
+
+    def agrees() -> bool:
+        drawn = page.evaluate("editor.curve.drawn")
+        at = [i for i in range(1, 400, 40) if drawn["steepest"]]
+        return bool(at) and all(
+            abs(drawn[side + "_capped"][i] - abs(second.ask(f"law {drawn['steepest']!r} {sign * drawn['distances'][i]!r} editor/plane"))) < 1e-9
+            and drawn[side + "_capped"][i] <= drawn[side][i] + 1e-9
+            for side, sign in (("front", 1), ("back", -1)) for i in at)  # fmt: skip
+
+    eventually(agrees)
 
 
 def test_curves(lab: Lab, page: Page, second: Second) -> None:

@@ -93,6 +93,18 @@ def test_276k_triangles(lab: Lab, page: Page, second: Second) -> None:
     eventually(lambda: second.get("rover/land")["enabled"] is False)
 
 
+def test_a_million_triangles_are_seen_and_picked(lab: Lab, page: Page, second: Second) -> None:
+    rover = lab.join("rover")
+    rover["land"] = terrain(709)
+    page.wait_for_selector('#table .item[data-name="rover/land"][data-state="felt"]')
+    page.wait_for_function("() => editor.view.things.targets.some(t => t.userData.item !== undefined)")
+    assert share(pixels(page), 0xC9AE8E, 60) > 0.1
+    page.mouse.click(*project(page, (0.03, -0.03, -0.055)))
+    page.wait_for_selector('#panel[data-selected="rover/land"]')
+    page.field("enabled").uncheck()
+    eventually(lambda: second.get("rover/land")["enabled"] is False)
+
+
 def test_utm_does_not_jitter(lab: Lab, page: Page, second: Second) -> None:
     rover = lab.join("rover")
     rover["site"] = fs.Point(position=(500_000.125, 4_100_000.5, 310.25), front=fs.Gaussian(1, 0.01, limit=2))

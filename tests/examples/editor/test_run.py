@@ -78,6 +78,19 @@ def test_own_scene(lab: Lab, page: Page, second: Second) -> None:
     eventually(lambda: second.ask("frame editor")["points"] == [0, 0, 0, 0.01, 0, 0])
     box.locator('[data-path="clutch"] input').check()
     eventually(lambda: second.ask("frame editor")["held"])
+    # All of it is undone and done again, also while the window is open.
+    page.keyboard.press("Control+z")
+    eventually(lambda: not second.ask("frame editor")["held"])
+    page.wait_for_function("""() => !document.querySelector('dialog [data-path="clutch"] input').checked""")
+    page.keyboard.press("Control+z")
+    eventually(lambda: second.ask("frame editor")["points"] == [0, 0, 0])
+    page.wait_for_function("() => document.querySelector('#tool-points').value === '0, 0, 0'")
+    for _ in range(4):
+        page.keyboard.press("Control+z")
+    eventually(lambda: (f := second.ask("frame editor"))["scale"] == 1 and f["force_scale"] == 1 and f["orientation"] == [1, 0, 0, 0] and f["position"] == [0, 0, 0])
+    for _ in range(6):
+        page.keyboard.press("Control+Shift+z")
+    eventually(lambda: (f := second.ask("frame editor"))["held"] and len(f["points"]) == 6 and f["scale"] == 2)
 
 
 def test_save_and_load_in_a_fresh_server(started: Any, lab: Lab, page: Page, second: Second, opened: Callable[[str], Page], tmp_path: pathlib.Path) -> None:

@@ -2,7 +2,7 @@
 
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
-import { make, shown } from "./fields";
+import { make, put, shown } from "./fields";
 import { type Item, type Model, type Profile } from "./model";
 import { Latest, type Orders, newGesture } from "./orders";
 import { range, raw, uses } from "./profiles";
@@ -10,13 +10,14 @@ import { range, raw, uses } from "./profiles";
 type Side = "front" | "back";
 const colours: Record<Side, string> = { front: "#2f6fb0", back: "#a8532c" };
 interface Handle { side: Side; name: "limit" | "reach" | "gain" | "width"; d: number; f: number }
-interface Answer { distances: number[]; t: number; front: number[]; back: number[]; front_capped: number[] | null; back_capped: number[] | null }
+interface Answer { distances: number[]; t: number; steepest: number | null; front: number[]; back: number[]; front_capped: number[] | null; back_capped: number[] | null }
 
 export class CurvePlot {
   private readonly plot: uPlot; // not there yet while it draws itself for the first time
   private readonly dots = make("div", { className: "dots" });
   private readonly marker = make("div", { className: "marker", title: "the hand" });
   private readonly note: HTMLElement;
+  private readonly capped = document.querySelector<HTMLElement>("#capped")!;
   private answer: Answer | null = null;
   private item: Item | null = null;
   private until = 0.1;
@@ -24,24 +25,28 @@ export class CurvePlot {
   private gesture = "";
   private isAsking = false;
   private isStale = false;
+  private applied = 0; // N/m, with which the curve was asked for
   private readonly changes: Latest<Record<string, unknown>>;
 
   constructor(private readonly box: HTMLElement, private readonly model: Model, private readonly orders: Orders) {
     this.note = make("p", { className: "hint", textContent: "The curve f(d) of the object that is selected." });
-    const line = (label: string, stroke: string, dash?: number[]): uPlot.Series =>
-      ({ label, stroke, width: dash ? 1.5 : 2, dash, points: { show: false } });
+    const line = (label: string, stroke: string): uPlot.Series => ({ label, stroke, width: 2, points: { show: false } });
     this.plot = new uPlot({
       ...this.size(), legend: { show: false }, cursor: { show: false },
       scales: { x: { time: false, range: () => [0, this.until] }, y: { range: () => this.yRange() } },
       axes: [axis("d, m", 18), axis("f, N", 40)],
-      series: [{}, line("front", colours.front), line("back", colours.back), line("front, capped", colours.front, [3, 3]), line("back, capped", colours.back, [3, 3])],
+      series: [{}, line("front", colours.front), line("back", colours.back), line("front, capped", colours.front), line("back, capped", colours.back)],
       hooks: { draw: [() => { this.place(); this.mark(); }] },
     }, [[0], [null], [null], [null], [null]], box);
     this.plot.over.append(this.marker, this.dots);
     box.append(this.note);
     this.changes = new Latest((fields) => orders.change([this.item!.told.name], fields, this.gesture));
     model.on(["selection", "objects"], () => this.ask());
-    model.on(["rows"], () => this.mark());
+    model.on(["rows"], () => {
+      this.mark();
+      const now = this.item?.applied ?? 0;
+      if (Math.abs(now - this.applied) > 0.01 * this.applied) void this.ask();
+    });
     setInterval(() => { if (this.item && this.movesInTime(this.item)) this.ask(); }, 250);
     new ResizeObserver(() => this.plot.setSize(this.size())).observe(box);
     this.ask();
@@ -53,6 +58,8 @@ export class CurvePlot {
   private sides(item: Item): Side[] {
     return item.told.primitive === "plane" || item.told.primitive === "mesh" ? ["front", "back"] : ["front"];
   }
+  /** What is drawn, for the tests. */
+  get drawn(): Answer | null { return this.answer; }
   private movesInTime(item: Item): boolean {
     return this.sides(item).some((side) => /\bt\b/.test(item.told[side].curve?.expression ?? ""));
   }
@@ -78,6 +85,7 @@ export class CurvePlot {
     if (!item) { this.answer = null; this.show(); return; }
     if (this.isAsking) { this.isStale = true; return; }
     this.isAsking = true;
+    this.applied = item.applied;
     if (!this.dragged) this.until = Math.max(...this.sides(item).map((side) => range(item.told[side])), 1e-4) || 0.1;
     try {
       this.answer = await this.orders.wire.send("curve", { name: item.told.name, until: this.until });
@@ -93,8 +101,12 @@ export class CurvePlot {
     const a = this.answer, { item } = this;
     const curve = (side: Side, values: number[] | null | undefined) =>
       a && item && values && this.sides(item).includes(side) && item.told[side].kind !== "none" ? values : a ? a.distances.map(() => null) : [null];
+    for (const i of [1, 2]) this.plot.series[i]!.alpha = a?.steepest ? 0.35 : 1; // what is wanted is paler than what is felt
     this.plot.setData([a?.distances ?? [0], curve("front", a?.front), curve("back", a?.back), curve("front", a?.front_capped), curve("back", a?.back_capped)]);
+    this.capped.hidden = !a?.steepest;
+    if (a?.steepest) put(this.capped, `≤ ${Number(a.steepest.toPrecision(3))} N/m`);
     this.box.dataset.curve = item?.told.name ?? "";
+    this.box.dataset.capped = String(a?.steepest ?? "");
   }
 
   private mark(): void {

@@ -76,7 +76,7 @@ export type Send = (path: string, value: unknown) => Promise<unknown>;
 export class TextField extends Field {
   private readonly text: HTMLInputElement;
   private value = "";
-  private isSending = false;
+  private sending: string | null = null; // what is on its way
 
   /** read: what is typed as the value to send, or the sentence why it is none. */
   constructor(path: string, label: string, unit: string, send: Send, private readonly read: (text: string) => { value: unknown } | string,
@@ -91,7 +91,7 @@ export class TextField extends Field {
       if (event.key === "ArrowUp" || event.key === "ArrowDown") this.nudge(event, commit);
     };
     text.onfocus = () => text.select();
-    text.onblur = () => { if (!this.isSending) text.value = this.value; };
+    text.onblur = () => { if (this.sending === null) text.value = this.value; };
   }
   show(value: string): void {
     if (this.isOld(value)) return;
@@ -102,20 +102,24 @@ export class TextField extends Field {
   set isReadOnly(is: boolean) { this.text.readOnly = is; }
 
   private async commit(send: Send): Promise<void> {
-    if (this.isSending) return; // Enter is told twice, as a key and as a change
-    if (this.text.value === this.value) { this.refuse(""); return; }
-    const read = this.read(this.text.value);
+    const text = this.text.value;
+    if (this.sending !== null) return; // Enter is told twice, as a key and as a change; and what is newer comes next
+    if (text === this.value) { this.refuse(""); return; }
+    const read = this.read(text);
     if (typeof read === "string") { this.back(read); return; }
-    this.isSending = true;
-    this.await(this.text.value);
+    this.sending = text;
+    this.await(text);
+    this.refuse("");
+    let why = "";
     try {
       await send(this.path, read.value);
-      this.value = this.text.value;
-      this.refuse("");
+      this.value = text;
     } catch (refused) {
-      this.back((refused as Refusal).text);
+      why = (refused as Refusal).text;
     }
-    this.isSending = false;
+    this.sending = null;
+    if (this.text.value !== text) void this.commit(send); // typed meanwhile
+    else if (why) this.back(why);
   }
   private back(why: string): void { this.text.value = this.value; this.refuse(why); }
 
@@ -147,9 +151,9 @@ export class ChoiceField extends Field {
     this.select = select;
     select.onchange = async () => {
       this.await(select.value);
+      this.refuse("");
       try {
         await send(path, select.value);
-        this.refuse("");
       } catch (refused) {
         select.value = this.value;
         this.refuse((refused as Refusal).text);
@@ -172,9 +176,9 @@ export class CheckField extends Field {
     this.check = check;
     check.onchange = async () => {
       this.await(check.checked);
+      this.refuse("");
       try {
         await send(path, check.checked);
-        this.refuse("");
       } catch (refused) {
         check.checked = !check.checked;
         this.refuse((refused as Refusal).text);
@@ -194,22 +198,24 @@ export class AreaField extends Field {
     super(path, label, "", area);
     this.area = area;
     this.row.classList.add("tall");
-    let isSending = false;
+    let sending: string | null = null;
     const commit = async () => {
-      if (isSending || area.value === this.value) return;
-      isSending = true;
-      const what = read(area.value);
-      this.await(area.value);
+      if (sending !== null || area.value === this.value) return;
+      const text = sending = area.value, what = read(text);
+      this.await(text);
+      this.refuse("");
       try {
         if (typeof what === "string") throw { text: what };
         await send(path, what.value);
-        this.value = area.value;
-        this.refuse("");
+        this.value = text;
       } catch (refused) {
-        area.value = this.value;
-        this.refuse((refused as Refusal).text);
+        if (area.value === text) {
+          area.value = this.value;
+          this.refuse((refused as Refusal).text);
+        }
       }
-      isSending = false;
+      sending = null;
+      if (area.value !== text) void commit(); // typed meanwhile
     };
     area.onchange = () => void commit();
     area.onkeydown = (event) => { if (event.key === "Enter" && (rows === 2 || event.ctrlKey)) { event.preventDefault(); void commit(); } };

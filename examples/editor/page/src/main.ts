@@ -48,7 +48,7 @@ function startView(): View | null {
 const view = startView();
 new Table(at("table"), model, orders);
 new Panel(at("panel"), model, orders);
-new CurvePlot(at("curve"), model, orders);
+const curve = new CurvePlot(at("curve"), model, orders);
 const plots = new TimePlots(at("time"), at("time-bar"), model);
 
 /** Where something new goes: the hand, in the editor's scene, to the millimetre. */
@@ -192,4 +192,4 @@ model.on(["state"], () => { if (!hasFit && model.told.device) { hasFit = true; v
 wire.connect();
 
 // For the tests, which drive the page with mouse and keys and look at places in the picture.
-Object.assign(window, { editor: { model, view, tools, plots } });
+Object.assign(window, { editor: { model, view, tools, plots, curve } });

@@ -23,8 +23,8 @@ export class Orders {
     }
   }
 
-  change(names: string[], fields: Record<string, unknown>, gesture = newGesture()): Promise<any> {
-    return this.wire.send("change", { names, fields, gesture });
+  change(names: string[], fields: Record<string, unknown>, gesture = newGesture(), more: Record<string, unknown> = {}): Promise<any> {
+    return this.wire.send("change", { names, fields, gesture, ...more });
   }
 
   async stopForce(): Promise<void> {

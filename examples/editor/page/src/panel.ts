@@ -1,16 +1,20 @@
 // The fields of what is selected. All of fs_object can be changed here; what a kind does not use is not there.
 
-import { type Quat, fromDegrees, toDegrees } from "./frames";
+import { fromDegrees, toDegrees } from "./frames";
 import { type AnyField, AreaField, CheckField, ChoiceField, Field, type Send, TextField, make, numberField, parse, put, shown } from "./fields";
 import { type Item, type Model, type Profile, mark, newtons, sizeOf } from "./model";
 import type { Orders } from "./orders";
 import { ofKind, uses } from "./profiles";
+import { askForMesh } from "./scene_dialogs";
 import type { Refusal } from "./wire";
 
+const primitives: [string, string][] = [["point", "point"], ["polyline", "polyline"], ["plane", "plane"], ["mesh", "mesh"]];
 const senses: [string, string][] = [["attractive", "attractive (to it)"], ["repulsive", "repulsive (away)"]];
 const keeps: [string, string][] = [
   ["none", "not solid"], ["front", "front: an obstacle"], ["back", "back: an envelope"], ["either", "either: a sheet"],
 ];
+
+interface Twist { linear: number[]; angular: number[] }
 
 export class Panel {
   private isDue = false;
@@ -25,6 +29,9 @@ export class Panel {
     textContent: "Nothing is selected. Click an object in the view or in the table; with Add you make one." });
   private readonly head = make("header");
   private readonly body = make("div", { className: "sections" });
+  private readonly replace = make("button", { textContent: "Another mesh from a file …", id: "replace-mesh" });
+  private twist: Twist = { linear: [0, 0, 0], angular: [0, 0, 0] };
+  private isAsking = false;
   private readonly fields: { field: AnyField; update: (item: Item) => void }[] = [];
   private readonly points = make("div", { className: "tool-points" });
   private readonly formulas = new Map<string, HTMLElement>();
@@ -38,8 +45,8 @@ export class Panel {
     this.makeProfile("back");
     this.makeContact();
     this.makeOther();
-    model.on(["selection"], () => { this.refuseGeneral(""); this.update(); });
-    model.on(["objects"], () => this.update());
+    model.on(["selection"], () => { this.refuseGeneral(""); this.update(); void this.askTwist(); });
+    model.on(["objects"], () => { this.update(); void this.askTwist(); });
     model.on(["rows"], () => this.later());
     this.adopt.onclick = () => { const item = this.first(); if (item) void orders.adopt(item.told.name); };
     this.padlock.textContent = "🔒";
@@ -51,7 +58,20 @@ export class Panel {
   private later(): void {
     if (this.isDue) return;
     this.isDue = true;
-    setTimeout(() => { this.isDue = false; this.update(); }, 100);
+    setTimeout(() => { this.isDue = false; this.update(); void this.askTwist(); }, 100);
+  }
+
+  /** How the selection moves: that is not in the states, as nothing but this panel needs it. */
+  private async askTwist(): Promise<void> {
+    const item = this.first();
+    if (!item || this.isAsking) return;
+    this.isAsking = true;
+    try {
+      const twist = await this.orders.wire.send("twist", { name: item.told.name }) as Twist;
+      if (item === this.first() && JSON.stringify(twist) !== JSON.stringify(this.twist)) { this.twist = twist; this.update(); }
+    } catch { /* it has gone */ }
+    this.isAsking = false;
+    if (item !== this.first()) void this.askTwist();
   }
 
   // ---- Sending
@@ -98,11 +118,7 @@ export class Panel {
     const over = (text: string) => make("div", { className: "over", textContent: text });
     box.append(over("position in its client's scene, m"), place, over("turned about x, then y, then z, degrees"), turns, over("the same as a quaternion w, x, y, z"), quat);
     (["x", "y", "z"] as const).forEach((axis, i) => {
-      const field = numberField(`pose.position.${axis}`, axis, "m", (_path, value) => {
-        const position = [...this.first()!.pose.position];
-        position[i] = value as number;
-        return this.sendAll({ "pose.position": position }, `pose.position.${axis}`);
-      }, `m along ${axis} in the scene of its client`);
+      const field = numberField(`pose.position.${axis}`, axis, "m", this.send, `m along ${axis} in the scene of its client`);
       this.add(place, field, (item) => field.show(shown(Number(item.pose.position[i]!.toPrecision(10)))));
     });
     (["x", "y", "z"] as const).forEach((name, i) => {
@@ -114,14 +130,17 @@ export class Panel {
       this.add(turns, field, (item) => field.show(shown(Number(toDegrees(item.pose.orientation)[i]!.toFixed(6)))));
     });
     (["w", "x", "y", "z"] as const).forEach((name, i) => {
-      const path = `pose.orientation.${name}`;
-      const field = numberField(path, name, "", (_path, value) => {
-        const orientation = [...this.first()!.pose.orientation] as Quat;
-        orientation[i] = value as number;
-        return this.sendAll({ "pose.orientation": orientation }, path);
-      }, "Quaternion, object to scene; it is made of unit length");
+      const field = numberField(`pose.orientation.${name}`, name, "", this.send, "Quaternion, object to scene; it is made of unit length");
       this.add(quat, field, (item) => field.show(shown(Number(item.pose.orientation[i]!.toPrecision(9)))));
     });
+    for (const [part, unit, text] of [["linear", "m/s", "velocity, from the moment it is given for 0.1 s"], ["angular", "rad/s", "angular velocity, likewise"]] as const) {
+      const triple = make("div", { className: "triple" });
+      box.append(over(text), triple);
+      (["x", "y", "z"] as const).forEach((name, i) => {
+        const field = numberField(`twist.${part}.${name}`, name, unit, this.send, `${unit} along ${name} of the scene of its client`);
+        this.add(triple, field, () => field.show(shown(Number(this.twist[part][i]!.toPrecision(9)))));
+      });
+    }
   }
 
   private makeProfile(side: "front" | "back"): void {
@@ -204,6 +223,14 @@ export class Panel {
       return this.orders.wire.send("rename", { name: item.told.name, to: value }).then((made) => this.orders.selectWhenThere(made.name));
     }, (text) => ({ value: text }));
     this.add(box, name, (item) => { name.show(item.told.short); name.isReadOnly = item.isLocked || !item.told.own; });
+    const primitive = new ChoiceField("primitive", "primitive", primitives, (path, value) => {
+      if (value !== "mesh") return this.sendAll({ [path]: value }, path);
+      this.askForMesh();
+      return Promise.reject({ text: "" }); // it stays what it is until there is a file
+    });
+    this.add(box, primitive, (item) => primitive.show(item.told.primitive));
+    this.replace.onclick = () => this.askForMesh();
+    box.append(this.replace);
     const enabled = this.add(box, new CheckField("enabled", "enabled", this.send), (item) => enabled.show(item.told.enabled));
     const closed = new CheckField("closed", "closed line", (_path, value) => this.closeLine(Boolean(value)));
     this.add(box, closed, (item) => {
@@ -219,6 +246,12 @@ export class Panel {
     const points = new TextField("tool_points", "tool points", "", this.send, readPoints, "Numbers of the points that feel it, such as 1, 3; all");
     this.add(box, points, (item) => points.show(showPoints(item.told.tool_points)));
     box.append(this.points);
+  }
+
+  /** The selection becomes a mesh from a file, or another mesh. */
+  private askForMesh(): void {
+    const names = this.model.selection.filter((item) => !item.isLocked).map((item) => item.told.name);
+    void askForMesh(this.orders, (file) => `${file}, for ${names.join(", ")}`, "Take it", (scale) => this.orders.change(names, {}, undefined, { upload: true, scale }));
   }
 
   private async closeLine(isClosed: boolean): Promise<void> {
@@ -237,6 +270,7 @@ export class Panel {
     this.box.classList.toggle("empty", !item);
     this.hint.hidden = item !== undefined;
     if (!item) {
+      this.replace.hidden = true;
       for (const part of [this.title, this.condition, this.what, this.live]) part.textContent = "";
       this.padlock.hidden = this.adopt.hidden = true;
       this.box.dataset.selected = "";
@@ -248,6 +282,7 @@ export class Panel {
     this.sections.get("back")!.hidden = this.sections.get("contact")!.hidden = !isSurface;
     this.sections.get("front")!.querySelector("summary")!.textContent = isSurface ? "Force profile, front" : "Force profile";
     const isReadOnly = this.model.selection.every((each) => each.isLocked);
+    this.replace.hidden = isReadOnly || item.told.primitive !== "mesh";
     for (const { field, update } of this.fields) {
       field.isReadOnly = isReadOnly;
       update(item);
@@ -270,7 +305,7 @@ export class Panel {
 }
 
 const slope = (value: number | null): string =>
-  value === null || !Number.isFinite(value) ? "∞ (the force jumps)" : `${value.toPrecision(3).replace(/\.?0+$/, "")} N/m`;
+  value === null || !Number.isFinite(value) ? "∞ (the force jumps)" : `${shown(Number(value.toPrecision(3)))} N/m`;
 
 /** Whether the library's sentence is about this field: "pose.position.x" is also about "pose.position". */
 function named(field: string, path: string): boolean {

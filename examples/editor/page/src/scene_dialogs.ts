@@ -31,6 +31,30 @@ export function chooseFile(accept: string): Promise<File | null> {
   });
 }
 
+/** A mesh from a file that the person chooses; it is uploaded, and then `use` has the server take it. */
+export async function askForMesh(orders: Orders, title: (file: string) => string, word: string, use: (scale: number, file: string) => Promise<unknown>): Promise<void> {
+  const file = await chooseFile(".obj,.ply,.stl,.off");
+  if (!file) return;
+  const scale = make("input", { type: "text", value: "1", id: "mesh-scale" });
+  const error = make("div", { className: "error", role: "alert" } as Partial<HTMLDivElement>);
+  const go = make("button", { textContent: word, className: "primary", id: "mesh-add" });
+  const box = dialog(title(file.name), make("label", { className: "inline" }, "Metres a unit of the file ", scale),
+    make("p", { className: "hint", textContent: "1 for metres, 0.001 for millimetres" }), error, make("div", { className: "buttons" }, go));
+  go.onclick = async () => {
+    const metres = parse(scale.value);
+    if (metres === null || metres <= 0) { error.textContent = "a number above 0 is wanted"; return; }
+    go.disabled = true;
+    try {
+      await orders.wire.upload(file, file.name);
+      await use(metres, file.name);
+      box.close();
+    } catch (refused) {
+      error.textContent = (refused as Refusal).text;
+      go.disabled = false;
+    }
+  };
+}
+
 export class Dialogs {
   constructor(private readonly model: Model, private readonly orders: Orders) {}
 
@@ -89,30 +113,13 @@ export class Dialogs {
     };
   }
 
-  async addMesh(place: Vec): Promise<void> {
-    const file = await chooseFile(".obj,.ply,.stl,.off");
-    if (!file) return;
-    const scale = make("input", { type: "text", value: "1", id: "mesh-scale" });
-    const error = make("div", { className: "error", role: "alert" } as Partial<HTMLDivElement>);
-    const add = make("button", { textContent: "Add", className: "primary", id: "mesh-add" });
-    const box = dialog(`Add ${file.name}`, make("label", { className: "inline" }, "Metres a unit of the file ", scale),
-      make("p", { className: "hint", textContent: "1 for metres, 0.001 for millimetres" }), error, make("div", { className: "buttons" }, add));
-    add.onclick = async () => {
-      const metres = parse(scale.value);
-      if (metres === null || metres <= 0) { error.textContent = "a number above 0 is wanted"; return; }
-      add.disabled = true;
-      try {
-        await this.orders.wire.upload(file, file.name);
-        const name = file.name.replace(/\.\w+$/, "").replace(/[/\x00-\x1f]/g, "_").slice(0, 24) || "mesh";
-        const back = { kind: "linear_increasing", sense: "attractive", gain: 300, limit: 5 };
-        const made = await this.orders.wire.send("add", { name, primitive: "mesh", upload: true, scale: metres, fields: { "pose.position": place, ...flat("back", back) } });
-        this.orders.selectWhenThere(made.name);
-        box.close();
-      } catch (refused) {
-        error.textContent = (refused as Refusal).text;
-        add.disabled = false;
-      }
-    };
+  addMesh(place: Vec): Promise<void> {
+    return askForMesh(this.orders, (file) => `Add ${file}`, "Add", async (scale, file) => {
+      const name = file.replace(/\.\w+$/, "").replace(/[/\x00-\x1f]/g, "_").slice(0, 24) || "mesh";
+      const back = { kind: "linear_increasing", sense: "attractive", gain: 300, limit: 5 };
+      const made = await this.orders.wire.send("add", { name, primitive: "mesh", upload: true, scale, fields: { "pose.position": place, ...flat("back", back) } });
+      this.orders.selectWhenThere(made.name);
+    });
   }
 
   /** Frame, clutch and tool of the editor's own scene. */
@@ -126,11 +133,7 @@ export class Dialogs {
     const add = (field: TextField, show: () => string, to: HTMLElement) => { to.append(field.row); updates.push(() => field.show(show())); };
     const places = make("div", { className: "triple" }), turns = make("div", { className: "triple" });
     (["x", "y", "z"] as const).forEach((name, i) => {
-      const sendPlace: Send = (_path, value) => {
-        const position = [...frame().pose.position];
-        position[i] = value as number;
-        return send({ position });
-      };
+      const sendPlace: Send = (_path, value) => send({ [`position.${name}`]: value });
       add(numberField(`frame.pose.position.${name}`, name, "m", sendPlace), () => shown(frame().pose.position[i]), places);
       const sendTurn: Send = (_path, value) => {
         const degrees = toDegrees(frame().pose.orientation);
@@ -146,7 +149,12 @@ export class Dialogs {
     body.append(clutch.row);
     updates.push(() => clutch.show(this.model.clients.get(this.model.me)?.held ?? false));
     const tool = make("textarea", { rows: 4, id: "tool-points", spellcheck: false });
-    tool.value = own.points.map((p) => p.map(shown).join(", ")).join("\n");
+    let told = "";
+    updates.push(() => { // an undo may change it, but not what is being typed
+      const now = this.model.clients.get(this.model.me)?.points.map((p) => p.map(shown).join(", ")).join("\n") ?? told;
+      if (now !== told && tool.value === told) tool.value = now;
+      told = now;
+    });
     const error = make("div", { className: "error", role: "alert" } as Partial<HTMLDivElement>);
     const apply = make("button", { textContent: "Set the tool's points", id: "tool-apply" });
     apply.onclick = async () => {

@@ -1,0 +1,209 @@
+"""What may go wrong at the editor's server: floods, sockets that are not read, huge and tiny meshes.
+
+FORCESERVER_EDITOR_SECONDS: how long a flood and a socket that is not read last (3; 60 is what a person may do).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import struct
+import threading
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import forceserver as fs
+import numpy as np
+
+from conftest import Editor, Lab, Second, eventually, terrain
+from wire import RawSocket, Socket, fetch, framed, resident, with_socket
+
+SECONDS = float(os.environ.get("FORCESERVER_EDITOR_SECONDS", "3"))
+
+
+@contextlib.contextmanager
+def running(work: Any) -> Iterator[threading.Event]:
+    """Does something in a thread meanwhile; it stops when the event is set."""
+    ends = threading.Event()
+    thread = threading.Thread(target=work, args=(ends,))
+    thread.start()
+    try:
+        yield ends
+    finally:
+        ends.set()
+        thread.join()
+
+
+def crowd(client: fs.Scene, count: int) -> None:
+    with client.change():
+        for i in range(count):
+            client[f"p{i}"] = fs.Point(position=(0.001 * (i % 64), 0.001 * (i // 64), -0.03))
+
+
+def moving(client: fs.Scene, count: int) -> Any:
+    """Moves all of them, so that each state has all rows."""
+
+    def work(ends: threading.Event) -> None:
+        step = 0
+        while not ends.wait(1 / 30):
+            step += 1
+            with client.change():
+                for i in range(count):
+                    pose = fs.Pose(position=(0.001 * (i % 64), 0.001 * (i // 64), -0.03 - 1e-5 * (step % 2)))
+                    client.object_move(f"p{i}", pose, fs.Twist(), 0)
+
+    return work
+
+
+def test_a_socket_that_says_it_takes_all_and_reads_nothing(started: Any) -> None:
+    """Its states and answers do not queue: neither in the memory of the server, nor when it reads again."""
+    lab = started(Lab)
+    editor = started(Editor, lab.endpoint)
+    rover = lab.join("rover")
+    count = 2000  # a state has 300 kB
+    crowd(rover, count)
+
+    async def wait(s: Socket) -> None:
+        await s.until(lambda s: len(s.objects) == count and len(s.rows) == count)
+
+    with_socket(editor, wait)
+    bad, worse = RawSocket(editor), RawSocket(editor)  # the second also asks and does not read the answers
+    with running(moving(rover, count)), contextlib.closing(bad), contextlib.closing(worse):
+        time.sleep(1)  # what a state needs is there
+        before, ends = resident(editor), time.monotonic() + SECONDS
+        took, asks = framed('{"took": 0}'), framed('{"n": 1, "do": "files"}')
+        worse.socket.settimeout(0.01)
+        while time.monotonic() < ends:
+            assert bad.send(took)
+            worse.send(took + 20 * asks)
+            time.sleep(0.005)
+        grown = resident(editor) - before
+        print(f"memory grew by {grown:.1f} MB in {SECONDS:.0f} s; a state of 300 kB was due {30 * SECONDS:.0f} times")
+        assert grown < 25
+        # Another browser beside it gets its states. When it reads again it first gets what the system's buffers held.
+        newest = 0
+
+        async def look(s: Socket) -> None:
+            nonlocal newest
+            for _ in range(10):
+                await s.state()
+            newest = s.told["serial"]
+
+        with_socket(editor, look)
+        old = -1
+        told = 0
+        while told < newest:
+            message = bad.receive()
+            if message[4:13] == b'{"serial"':
+                old, told = old + 1, json.loads(message[4 : 4 + struct.unpack_from("<I", message)[0]])["serial"]
+        print(f"{old} old states came first")
+        assert old < 30
+
+
+def test_floods(started: Any) -> None:
+    """10,000 commands a second and messages of 100 MB: a browser beside them gets its states, and the servo is not disturbed."""
+    lab = started(Lab)
+    editor = started(Editor, lab.endpoint)
+    second = started(Second, lab.endpoint)
+    crowd(lab.join("rover"), 200)
+    sent = {"commands": 0, "messages": 0}
+
+    def commands(ends: threading.Event) -> None:
+        socket = RawSocket(editor)
+        text = json.dumps({"n": 1, "do": "change", "names": ["nobody"], "fields": {"damping": 1}})
+        hundred = 100 * framed(text)
+        drain = threading.Thread(target=lambda: [None for _ in iter(lambda: received(socket), b"")])
+        drain.start()
+        at = time.monotonic()
+        while not ends.is_set() and socket.send(hundred):
+            sent["commands"] += 100
+            at += 0.01
+            time.sleep(max(0.0, at - time.monotonic()))
+        socket.socket.shutdown(2)
+        drain.join()
+        socket.close()
+
+    def messages(ends: threading.Event) -> None:
+        piece = bytes(1 << 20)
+        while not ends.is_set():
+            socket = RawSocket(editor)
+            if socket.send(bytes([0x81, 0xFF]) + struct.pack(">Q", 100_000_000) + bytes(4)):
+                for _ in range(100):
+                    if not socket.send(piece):
+                        break
+            sent["messages"] += 1
+            socket.close()
+            ends.wait(0.2)
+
+    def received(socket: RawSocket) -> bytes:
+        try:
+            return socket.socket.recv(1 << 16)
+        except OSError:
+            return b""
+
+    async def beside(s: Socket) -> float:
+        await s.until(lambda s: len(s.rows) == 200)
+        before, serial, at = s.states, s.told["serial"], time.monotonic()
+        while time.monotonic() < at + SECONDS or s.states < before + 30:
+            await s.state()
+        assert s.told["serial"] > serial
+        return (s.states - before) / (time.monotonic() - at)
+
+    calm = with_socket(editor, beside)
+    late = second.ask("stats")["late_p99"]
+    before = resident(editor)
+    with running(commands), running(messages):
+        flooded = with_socket(editor, beside)
+        late_then, grown = second.ask("stats")["late_p99"], resident(editor) - before
+    print(f"states a second beside the flood: {flooded:.1f}, calm {calm:.1f}; servo late p99 {late_then * 1e6:.0f} us, calm {late * 1e6:.0f} us; "
+          f"{sent['commands']} commands and {sent['messages']} messages of 100 MB were sent; memory grew by {grown:.1f} MB")  # fmt: skip
+    assert sent["commands"] > 0 and sent["messages"] > 0 and grown < 60
+
+    async def answers(s: Socket) -> None:
+        assert await s.ask("add", name="a", primitive="point", fields={}) == {"name": "a"}
+
+    with_socket(editor, answers)
+    assert second.get("editor/a")["status"] == "FS_OK"
+
+
+def ply(mesh: fs.Mesh) -> bytes:
+    points, triangles = mesh.shape.get_points(), mesh.shape.get_triangles()
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n" + "".join(f"property double {axis}\n" for axis in "xyz")
+    head += f"element face {len(triangles)}\nproperty list uchar uint vertex_indices\nend_header\n"
+    faces = np.zeros(len(triangles), [("count", "u1"), ("corners", "<u4", 3)])
+    faces["count"], faces["corners"] = 3, triangles
+    return head.encode() + points.astype("<f8").tobytes() + faces.tobytes()
+
+
+def test_meshes_of_one_and_of_a_million_triangles_uploaded(started: Any) -> None:
+    lab = started(Lab)
+    editor, second = started(Editor, lab.endpoint), started(Second, lab.endpoint)
+    large = terrain(709)
+
+    async def journey(s: Socket) -> None:
+        for name, data, count in (("large", ply(large), 1_002_528), ("one", b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+                                  b"property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", 1)):  # fmt: skip
+            assert await s.ask("upload", size=len(data), file="part.ply") == {}
+            for at in range(0, len(data), 1 << 18):
+                await s.socket.send(data[at : at + (1 << 18)])
+            asked = asyncio.get_running_loop().time()
+            assert await s.ask("add", name=name, primitive="mesh", upload=True, fields={"contact.keep": "front", "contact.limit": 5}) == {"name": name}
+            print(f"{count} triangles were taken after {asyncio.get_running_loop().time() - asked:.1f} s")
+            await s.until(lambda s, name=name: name in s.objects and s.rows[s.objects[name]["id"]][8] == 1)  # felt
+            told = s.objects[name]["shape"]
+            assert told["triangles"] == count
+            content = await asyncio.to_thread(fetch, editor.address + "shapes/" + told["hash"])
+            assert content[0] == 200 and len(content[1]) == 12 * told["points"] + 12 * count
+            found = second.get(f"editor/{name}")
+            assert found["triangles"] == count and found["keep"] == 1
+        await s.ask("undo")
+        await s.ask("undo")
+        await s.until(lambda s: not s.objects)
+        await s.ask("redo")
+        await s.until(lambda s: "large" in s.objects)
+        eventually(lambda: second.get("editor/large").get("triangles") == 1_002_528)
+
+    with_socket(editor, journey)
