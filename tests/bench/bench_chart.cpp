@@ -22,6 +22,8 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 // N, along the surface's outward direction; the distance is negative inside.
 using Law = double (*)(double distance);
 double gaussian(double d) { return 5 * std::exp(-0.5 * (d / 0.005) * (d / 0.005)); }  // 5 N, 5 mm wide
+// m, beyond which that is at most so much: where fs_scene_set_accuracy allows this error, the mesh is not asked.
+double gaussian_range(double force) { return 0.005 * std::sqrt(2 * std::log(5 / force)); }
 double wall(double d) { return std::clamp(2000 * (0.005 - d), 0.0, 10.0); }           // 2000 N/m from 5 mm on
 constexpr Law laws[] = {gaussian, wall};
 
@@ -254,6 +256,11 @@ void chart(const std::string& name, size_t triangles, double clock) {
   measure_all(ours(ours_cold(*shape), "", "ours", tree_time));
   measure_all(ours(ours_warm(*shape), "", "ours", tree_time));
   measure_all(ours(ours_felt(*shape), "", "ours", tree_time));
+  for (const double allowed : {0.01, 0.1, 1.0}) {
+    char label[32];
+    std::snprintf(label, sizeof label, "%g N allowed", allowed);
+    measure_all(ours(ours_felt(*shape, gaussian_range(allowed)), label, "accuracy", tree_time));
+  }
   measure_all(of(embree_exact(mesh), "", "other searches"));
   measure_all(of(embree_single(mesh), "", "other searches"));
   if (auto method = cgal(mesh)) measure_all(of(std::move(method), "", "other searches"));

@@ -16,6 +16,7 @@ folder = pathlib.Path(sys.argv[2])
 meshes = list(dict.fromkeys(row["mesh"] for row in rows))
 styles = {
     "ours": ("tab:red", "o"),
+    "accuracy": ("tab:pink", "*"),
     "other searches": ("tab:blue", "s"),
     "all triangles": ("black", "X"),
     "decimated": ("tab:orange", "v"),

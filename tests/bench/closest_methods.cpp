@@ -76,13 +76,14 @@ struct Warm : Method {
 struct Felt : Method {
   const Shape& shape;
   Hint hint;
-  explicit Felt(const Shape& s) : shape(s) {
+  double range;  // m
+  Felt(const Shape& s, double the_range) : shape(s), range(the_range) {
     name = "ours, warm, range and skip";
     bytes = static_cast<double>(s.tree()->size());
   }
   Answer closest(Vec3 x) override {
     Closest out;
-    if (!closest_point(FS_PRIMITIVE_MESH, &shape, x, felt_range, out, &hint)) return {};
+    if (!closest_point(FS_PRIMITIVE_MESH, &shape, x, range, out, &hint)) return {};
     return {out.distance, out.point - x};
   }
   void forget() override { hint = {}; }
@@ -284,7 +285,9 @@ fs::Ref<const fs::Shape> shape_of(const Mesh& mesh, double* tree_time) {
 std::unique_ptr<Method> brute_force(const Mesh& mesh) { return std::make_unique<BruteForce>(mesh); }
 std::unique_ptr<Method> ours_cold(const fs::Shape& shape) { return std::make_unique<Cold>(shape); }
 std::unique_ptr<Method> ours_warm(const fs::Shape& shape) { return std::make_unique<Warm>(shape); }
-std::unique_ptr<Method> ours_felt(const fs::Shape& shape) { return std::make_unique<Felt>(shape); }
+std::unique_ptr<Method> ours_felt(const fs::Shape& shape, double range) {
+  return std::make_unique<Felt>(shape, range);
+}
 std::unique_ptr<Method> embree_exact(const Mesh& mesh) {
   auto out = built<EmbreeScene>(mesh, EmbreeScene::test_exactly);
   out->name = "Embree, warm radius, exact";

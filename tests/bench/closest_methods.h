@@ -38,7 +38,8 @@ fs::Ref<const fs::Shape> shape_of(const Mesh& mesh, double* tree_time = nullptr)
 std::unique_ptr<Method> brute_force(const Mesh& mesh);
 std::unique_ptr<Method> ours_cold(const fs::Shape& shape);
 std::unique_ptr<Method> ours_warm(const fs::Shape& shape);   // told the last triangle
-std::unique_ptr<Method> ours_felt(const fs::Shape& shape);   // warm, with a range and the skip: what a servo asks
+std::unique_ptr<Method> ours_felt(const fs::Shape& shape, double range = felt_range);  // warm, with a range and the skip: what
+                                                                                        // a servo asks
 std::unique_ptr<Method> embree_exact(const Mesh& mesh);      // warm radius; the triangles are tested in doubles
 std::unique_ptr<Method> embree_single(const Mesh& mesh);     // warm radius; all in single precision
 std::unique_ptr<Method> cgal(const Mesh& mesh);              // told the last point; null: built without CGAL
