@@ -23,6 +23,13 @@ Mat3 rotated(const Quat& by, const Mat3& m) {
   return r * m * transposed(r);
 }
 
+// How a blended force of the size f(d) changes with the place, object frame: across the ridge it falls by `slope`; along it the
+// profile changes it, by `change` (N/m) along `away`, in which d grows. Symmetric, so of a turning half.
+Mat3 change_at(const Ridge& ridge, Vec3 away, double change, double slope) {
+  const Vec3 along = ridge.direction - ridge.across * ridge.direction;
+  return (0.5 * change) * (outer(along, away) + outer(away, along)) + -slope * ridge.across;
+}
+
 bool find_closest(const Object& object, Vec3 x, double range, double slope, Closest& out, Hint* hint, Effort* effort) noexcept {
   const auto find = slope < no_slope_limit ? closest_point_ahead : closest_point;
   return find(object.primitive, object.shape.get(), x, range, out, hint, effort);
@@ -59,10 +66,12 @@ void add_profile_force(const Object& object, const Closest& closest, const Motio
   }
   out.wrench.force += share * force;
   out.wrench.torque += share * cross(point.arm, force);
-  out.stiffness += (share * g.slope) * outer(direction, direction);
   if (is_ridge) {
-    out.stiffness += (-share * slope) * rotated(pose.orientation, ridge.across);
-  } else if (closest.feature != Feature::face && closest.distance > 0) {
+    out.stiffness += share * rotated(pose.orientation, change_at(ridge, closest.direction, g.slope, slope));
+    return;
+  }
+  out.stiffness += (share * g.slope) * outer(direction, direction);
+  if (closest.feature != Feature::face && closest.distance > 0) {
     const Vec3 tangent = rotate(pose.orientation, closest.tangent);
     out.stiffness += (share * outward / closest.distance) * turning(closest, direction, tangent);
   }
@@ -106,16 +115,19 @@ bool find_contact(const Object& object, const Pose& pose, Vec3 position, double 
   out.distance = closest.distance;
   out.is_turning = closest.feature != Feature::face;
   out.law = closest.side == Side::back ? &object.law.back : &object.law.front;
-  const double force = slope < no_slope_limit && out.law->sense == FS_SENSE_REPULSIVE
-                           ? evaluate(*out.law, nullptr, closest.distance, 0).force : 0;
+  const Intensity f = slope < no_slope_limit && out.law->sense == FS_SENSE_REPULSIVE
+                          ? evaluate(*out.law, nullptr, closest.distance, 0) : Intensity{};
   Ridge ridge;
-  if (!blends(object, closest, force, local, slope, ridge, hint, effort)) {
+  if (!blends(object, closest, f.force, local, slope, ridge, hint, effort)) {
     out.direction = rotate(pose.orientation, closest.direction);
     return true;
   }
   const double size = norm(ridge.direction);
-  stiffness += (-weight * slope) * rotated(pose.orientation, ridge.across);
-  out.direction = rotate(pose.orientation, normalized(ridge.direction));
+  const Vec3 mean = normalized(ridge.direction);
+  // The lanes add what the profile changes along the mean direction.
+  stiffness += weight * rotated(pose.orientation, change_at(ridge, closest.direction, f.slope, slope) +
+                                                      (-size * f.slope) * outer(mean, mean));
+  out.direction = rotate(pose.orientation, mean);
   out.weight = weight * size;
   out.is_turning = false;
   return true;
@@ -258,7 +270,8 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
       proxies->collect({.row = number * chunk_size + i, .version = row.version, .takes_over = row.takes_over,
                         .object = &row.as_felt(given),
                         .motion = &chunk.motion(i), .weight = given ? given[i].value() : 1,
-                        .parsers = scratch ? &scratch->parsers : nullptr, .start = row.start});
+                        .parsers = scratch ? &scratch->parsers : nullptr,
+                        .hints = scratch ? scratch->hints.get() : nullptr, .start = row.start});
     });
     near &= ~solids_near;
     const uint64_t contacts_near = near & ~points_near & (chunk.rows->contacts | chunk.rows->formulas());

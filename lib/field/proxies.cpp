@@ -4,6 +4,8 @@
 #include <bit>
 #include <cmath>
 
+#include "force/ridge.h"
+
 namespace fs {
 namespace {
 
@@ -412,22 +414,41 @@ void Proxies::add_profiles(uint32_t point, const ToolState& tool) noexcept {
     if (!(support >= 0)) continue;
     const uint32_t all = tool.count == 32 ? ~0u : (1u << tool.count) - 1;
     const double share = 1.0 / std::popcount(tool.is_any_point ? all : object.point_mask() & all);
-    Closest closest;
+    const double slope = object.bounds.slope;
+    Vec3 place = to_local(solid.pose, proxy_.at), normals{};
     const Plane* plane = nullptr;
-    for (uint32_t p = 0; p < proxy_.plane_count && !plane; ++p) {
-      if (proxy_.planes[p].member == i) plane = &proxy_.planes[p];
+    for (uint32_t p = proxy_.plane_count; p-- > 0;) {
+      if (proxy_.planes[p].member != i) continue;
+      plane = &proxy_.planes[p];
+      normals += rotate(conjugate(solid.pose.orientation), plane->normal);
     }
-    if (plane) {
+    Hint* const hint = solid.hints ? solid.hints + point : nullptr;
+    const auto find = [&](Vec3 x, double range, Closest& out) {
+      const auto search = slope < no_slope_limit ? closest_point_ahead : closest_point;
+      return search(object.primitive, object.shape.get(), x, range, out, slope < no_slope_limit ? hint : nullptr, nullptr);
+    };
+    // On the surface a force that is blended is that of a place just above it, so that it does not change when the proxy leaves.
+    Closest closest, above;
+    bool is_above = false;
+    if (plane && slope < no_slope_limit && object.has_ridges()) {
+      const double height = 1e-7 * object.radius + 16 * plane->margin;
+      const Vec3 x = place + height * normals;
+      is_above = find(x, 4 * height, above) && above.side == proxy_.members[i].touch->side && above.distance > 0;
+      if (is_above) place = x;
+    }
+    if (is_above) {
+      closest = above;
+    } else if (plane) {
       closest.side = proxy_.members[i].touch->side;
       closest.distance = closest.side == Side::back ? std::numeric_limits<double>::min() : 0;  // the sign tells the side
       closest.direction = rotate(conjugate(solid.pose.orientation), plane->normal);
       closest.feature = Feature::face;
-    } else if (!closest_point(object.primitive, object.shape.get(), to_local(solid.pose, proxy_.at), support, closest)) {
+    } else if (!find(place, support, closest)) {
       continue;
     }
     Share got;
     add_profile_force(object, closest, *solid.motion, solid.pose, tool.time - solid.start, tool.points[point], tool,
-                      solid.parsers, share, got);
+                      solid.parsers, share, got, place, plane && !is_above ? no_slope_limit : slope, hint);
     solid.felt.force += got.wrench.force;
     solid.felt.torque += got.wrench.torque;
     solid.felt_stiffness += got.stiffness;

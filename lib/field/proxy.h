@@ -22,6 +22,7 @@ struct Solid {
   const Motion* motion = nullptr;
   double weight = 1;
   const Law::Parsers* parsers = nullptr;
+  Hint* hints = nullptr;        // of each point; may be null
   double start = 0;             // s, of the profiles
   // Worked out by feel().
   Pose pose{};                  // now
