@@ -252,7 +252,8 @@ FS_API const char *fs_object_state_name(fs_object_state state);
  *
  * Where a force jumps, its slope is infinite, and so is the stiffness_wanted of the object. A force jumps
  * - at d = 0 of a point or polyline unless f(0) = 0: it reverses from one side to the other;
- * - at the surface of a plane or mesh unless front and back agree there in size and direction;
+ * - at the surface of a plane unless front and back agree there in size and direction;
+ * - at the surface of a mesh unless both are 0 there: a force that goes on through it turns at once at an edge;
  * - at `reach` unless f(reach) = 0;
  * - wherever a polyline that is not straight is felt: at every distance there are places that are equally near to two
  *   of its parts, and there the direction changes from one part to the other.

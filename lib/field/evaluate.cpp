@@ -23,6 +23,13 @@ Mat3 rotated(const Quat& by, const Mat3& m) {
   return r * m * transposed(r);
 }
 
+// How a blended force of the size f(d) changes with the place, object frame: across the ridge it falls by `slope`; along it the
+// profile changes it, by `change` (N/m) along `away`, in which d grows. Symmetric, so of a turning half.
+Mat3 change_at(const Ridge& ridge, Vec3 away, double change, double slope) {
+  const Vec3 along = ridge.direction - ridge.across * ridge.direction;
+  return (0.5 * change) * (outer(along, away) + outer(away, along)) + -slope * ridge.across;
+}
+
 // Whether the force of an object is blended at x, in its frame. outward: N, away from the closest point. error: N, added to
 // where the search was cut: then the direction is that at x.
 bool blends(const Object& object, const Closest& closest, double outward, Vec3 x, double slope, Ridge& out,
@@ -71,10 +78,12 @@ void add_profile_force(const Object& object, const Closest& closest, const Motio
   }
   out.wrench.force += share * force;
   out.wrench.torque += share * cross(point.arm, force);
-  out.stiffness += (share * g.slope) * outer(direction, direction);
   if (is_ridge) {
-    out.stiffness += (-share * slope) * rotated(pose.orientation, ridge.across);
-  } else if (closest.feature != Feature::face && closest.distance > 0) {
+    out.stiffness += share * rotated(pose.orientation, change_at(ridge, closest.direction, g.slope, slope));
+    return;
+  }
+  out.stiffness += (share * g.slope) * outer(direction, direction);
+  if (closest.feature != Feature::face && closest.distance > 0) {
     const Vec3 tangent = rotate(pose.orientation, closest.tangent);
     out.stiffness += (share * outward / closest.distance) * turning(closest, direction, tangent);
   }
@@ -110,19 +119,22 @@ bool find_contact(const Object& object, const Pose& pose, Vec3 position, double 
   out.distance = closest.distance;
   out.is_turning = closest.feature != Feature::face;
   out.law = closest.side == Side::back ? &object.law.back : &object.law.front;
-  const double force = slope < no_slope_limit && out.law->sense == FS_SENSE_REPULSIVE
-                           ? evaluate(*out.law, nullptr, closest.distance, 0).force : 0;
+  const Intensity f = slope < no_slope_limit && out.law->sense == FS_SENSE_REPULSIVE
+                          ? evaluate(*out.law, nullptr, closest.distance, 0) : Intensity{};
   Ridge ridge;
   double ridge_error = 0;
-  const bool is_ridge = blends(object, closest, force, local, slope, ridge, hint, effort, ridge_error);
+  const bool is_ridge = blends(object, closest, f.force, local, slope, ridge, hint, effort, ridge_error);
   error += weight * ridge_error;
   if (!is_ridge) {
     out.direction = rotate(pose.orientation, closest.direction);
     return true;
   }
   const double size = norm(ridge.direction);
-  stiffness += (-weight * slope) * rotated(pose.orientation, ridge.across);
-  out.direction = rotate(pose.orientation, normalized(ridge.direction));
+  const Vec3 mean = normalized(ridge.direction);
+  // The lanes add what the profile changes along the mean direction.
+  stiffness += weight * rotated(pose.orientation, change_at(ridge, closest.direction, f.slope, slope) +
+                                                      (-size * f.slope) * outer(mean, mean));
+  out.direction = rotate(pose.orientation, mean);
   out.weight = weight * size;
   out.is_turning = false;
   return true;

@@ -125,6 +125,7 @@ ParsedObject parse(const fs_object& in, std::string name, const Object* like, bo
   } else if (in.primitive == FS_PRIMITIVE_PLANE) {
     object.radius = std::numeric_limits<double>::infinity();
   }
+  object.law.has_edges = in.primitive == FS_PRIMITIVE_MESH;
   object.law.support = std::fmax(support(object.law.front), support(object.law.back));
   const bool has_same_force = like && like->primitive == object.primitive && like->shape == object.shape &&
                               like->law.front == object.law.front && like->law.back == object.law.back &&

@@ -350,28 +350,45 @@ void Proxies::add_profiles(uint32_t point, const ToolState& tool, Effort* effort
     if (!(support >= 0)) continue;
     const uint32_t all = tool.count == 32 ? ~0u : (1u << tool.count) - 1;
     const double share = 1.0 / std::popcount(tool.is_any_point ? all : object.point_mask() & all);
-    const Plane* plane = nullptr;
-    for (uint32_t p = 0; p < proxy_.plane_count && !plane; ++p) {
-      if (proxy_.planes[p].member == i) plane = &proxy_.planes[p];
-    }
     const Side side = proxy_.members[i].touch->side;
-    const Vec3 place = to_local(solid.pose, proxy_.at);
+    Vec3 place = to_local(solid.pose, proxy_.at), normals{};
+    const Plane* plane = nullptr;
+    for (uint32_t p = proxy_.plane_count; p-- > 0;) {
+      if (proxy_.planes[p].member != i) continue;
+      plane = &proxy_.planes[p];
+      normals += rotate(conjugate(solid.pose.orientation), plane->normal);
+    }
     Hint* const hint = solid.hints ? solid.hints + point : nullptr;
-    Closest closest;
     Share got;
-    if (plane && !(slope < no_slope_limit && object.has_ridges())) {
+    const auto find = [&](Vec3 x, double range, Closest& out) {
+      const bool is_found = find_closest(object, x, range, slope, out, hint, effort);
+      if (effort && effort->is_cut) got.error += share * error_of(object, *effort);
+      return is_found;
+    };
+    // On the surface a force that is blended is that of a place just above it, so that it does not change when the proxy leaves.
+    Closest closest, above;
+    bool is_above = false;
+    if (plane && slope < no_slope_limit && object.has_ridges()) {
+      const double height = 1e-7 * object.radius + 16 * plane->margin;
+      const Vec3 x = place + height * normals;
+      is_above = find(x, 4 * height, above) && above.side == side && above.distance > 0;
+      if (is_above) place = x;
+    }
+    bool is_felt = true;
+    if (is_above) {
+      closest = above;
+    } else if (plane) {
       closest.side = side;
       closest.distance = side == Side::back ? std::numeric_limits<double>::min() : 0;  // the sign tells the side
       closest.direction = rotate(conjugate(solid.pose.orientation), plane->normal);
       closest.feature = Feature::face;
     } else {
-      const bool is_found = find_closest(object, place, support, slope, closest, hint, effort);
-      if (effort && effort->is_cut) got.error += share * error_of(object, *effort);
-      if (is_found && plane) closest.side = side;  // so close to the surface rounding decides
-      if (!is_found) closest.direction = {};
+      is_felt = find(place, support, closest);
     }
-    add_profile_force(object, closest, *solid.motion, solid.pose, tool.time - solid.start, tool.points[point], tool,
-                      solid.parsers, share, got, place, slope, hint, effort);
+    if (is_felt) {
+      add_profile_force(object, closest, *solid.motion, solid.pose, tool.time - solid.start, tool.points[point], tool,
+                        solid.parsers, share, got, place, plane && !is_above ? no_slope_limit : slope, hint, effort);
+    }
     solid.felt.force += got.wrench.force;
     solid.felt.torque += got.wrench.torque;
     solid.felt_stiffness += got.stiffness;

@@ -13,7 +13,7 @@ double slope_without_cap(const Law& law) {
   const auto outward = [](const Profile& profile) { return profile.sense == FS_SENSE_REPULSIVE ? 1.0 : -1.0; };
   const double front = outward(law.front) * first_force(law.front);
   const double back = -outward(law.back) * first_force(law.back);
-  if (front != back) return unbounded;
+  if (front != back || (law.has_edges && front != 0)) return unbounded;
   return std::fmax(steepest_slope(law.front), steepest_slope(law.back));
 }
 
@@ -36,8 +36,8 @@ Law capped(const Law& law, double slope) {
 
   // The force from which each side may rise at s = 0: the other side's, if it has the same direction.
   double across_front = 0, across_back = 0;
-  const bool has_one_direction = front && back && out.front.sense != out.back.sense;
-  if (has_one_direction && !is_timed(out.front) && !is_timed(out.back)) {
+  const bool goes_on = front && back && out.front.sense != out.back.sense && !law.has_edges;
+  if (goes_on && !is_timed(out.front) && !is_timed(out.back)) {
     const Law::Parsers parsers = out.make_parsers();
     const auto force_at_0 = [](const Profile& profile, const Cap& cap, Curve::Parser* parser) {
       return cap.lower(profile, parser, 0, 0, evaluate(profile, parser, 0, 0)).force;

@@ -11,6 +11,8 @@ namespace fs {
 
 struct Law {
   Profile front, back;
+  // The surface has edges. A force that goes on through it, as a weight does, would turn at once where it passes one.
+  bool has_edges = false;
   double support = -1;  // m, no force beyond this distance on either side; may be infinite; negative: never a force
 
   // The parsers of the custom profiles; each thread has its own.
@@ -40,14 +42,14 @@ struct Law {
 
 // The law with a bound on its slope: the largest function that has the sign of g, is nowhere above |g| in magnitude and is
 // nowhere steeper than `slope` (N/m, > 0), across s = 0 and the reach too. So a force that begins at s = 0, or turns
-// over there, is at most slope*|s|, and one that goes on there may differ from that of the other side by that much. An
-// infinite slope, and one that g exceeds nowhere, leave the law as it is. A cap that `law` has already is replaced.
+// over there, is at most slope*|s|, and one that goes on there may differ from that of the other side by that much; but at a
+// surface with edges every force begins. An infinite slope, and one that g exceeds nowhere, leave the law as it is. A cap that `law` has already is replaced.
 //
 // For a table all of this is exact. An expression is sampled, so what is steep between two samples remains. One that depends
 // on time is sampled whenever it is evaluated, if it is steep; and its force on either side is then at most slope*|s|.
 Law capped(const Law& law, double slope);
 
-// The steepest |slope| of g at any s, N/m; infinite where g jumps. For an expression it is an estimate.
+// The steepest |slope| of g at any s, N/m; infinite where g jumps, and where it is not 0 at a surface with edges. For an expression it is an estimate.
 double slope_of(const Law& law);
 
 }  // namespace fs

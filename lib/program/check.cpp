@@ -203,7 +203,11 @@ void check_jumps(const fs_object& object, const Sides& distances, Findings& find
     };
     const double front = along_normal(object.front, 1), back = sides ? along_normal(object.back, -1) : -front;
     const double jump = std::abs(front - back);
-    if (jump > faint && sides) {
+    const bool goes_on = object.primitive == FS_PRIMITIVE_MESH && jump <= faint && std::abs(front) > faint;
+    if (goes_on) {
+      findings.add(name, "its force goes on through its surface, so it turns at once at an edge: a jump of up to %.3g N",
+                   2 * std::abs(front));
+    } else if (jump > faint && sides) {
       findings.add(name, "its force jumps at its surface, where front and back do not agree: a jump of %.3g N",
                    jump);
     } else if (jump > faint) {
@@ -314,17 +318,19 @@ struct Surroundings {
   std::size_t tool_points;
 };
 
-// An estimate of the steepest slope that does not shake a device that nobody holds, N/m: Colgate and Schenkel's
-// condition for passivity, damping > slope * (period/2 + delay). 0: not known.
-double steepest(const fs_device_info& device) { return device.damping / (0.5 / device.rate + device.delay); }
-
-void check_slope(const fs_object& object, const fs_report& report, const fs_device_info& device, Findings& findings) {
-  const double most = steepest(device);
-  const double slope = report.stiffness_wanted;
-  if (!object.enabled || !(most > 0) || !std::isfinite(slope) || slope <= most) return;  // a jump is told elsewhere
-  findings.add(object.name, "its slope of %.4g N/m at the device may shake it when nobody holds it: an estimate of the "
-               "most is %.4g N/m, the device's damping of %g N s/m divided by %g ms, half a servo period and the delay",
-               slope, most, device.damping, 1e3 * (0.5 / device.rate + device.delay));
+// rendered: what the servo can render of all objects together (fs_servo_stats).
+void check_slope(const fs_object& object, const fs_report& report, const fs_servo_stats& rendered, double rate,
+                 Findings& findings) {
+  const double slope = report.stiffness_wanted, most = rendered.max_stiffness;
+  if (!object.enabled || !std::isfinite(slope)) return;  // a jump is told elsewhere
+  if (slope > most) {
+    findings.add(object.name, "its slope of %.4g N/m at the device would shake it when nobody holds it: a servo at %g Hz with "
+                 "a local damping of %.3g N s/m renders %.4g N/m, and reduces it to %.4g N/m", slope, rate, rendered.damping,
+                 most, report.stiffness_applied);
+  } else if (report.stiffness_applied < 0.99 * slope) {
+    std::printf("  note: %s: its steepest slope is %.4g N/m at the device; a servo reduces it to %.4g N/m, because what is "
+                "felt at one place shares %.4g N/m\n", object.name, slope, report.stiffness_applied, most);
+  }
 }
 
 void check_object(const fs_object& object, const Surroundings& around, Findings& findings) {
@@ -381,7 +387,7 @@ int check_scene(const CheckOptions& options) {
   double tool_length = 0;  // from the handle to its farthest point, m
   for (std::size_t i = 0; i < tool_points; ++i) tool_length = std::max(tool_length, length(tool[i]));
 
-  // One tick of a servo shows which slopes it applies.
+  // One tick of a servo shows which slopes it renders.
   fs_servo_options servo_options = fs_servo_options_init();
   servo_options.mode = FS_SERVO_VIRTUAL;
   Servo servo = open<Servo>(fs_servo_start, scene.get(), device.get(), &servo_options);
@@ -390,6 +396,8 @@ int check_scene(const CheckOptions& options) {
   require(fs_scene_get_reports(scene.get(), nullptr, 0, &count));
   std::vector<fs_report> reports(count);
   require(fs_scene_get_reports(scene.get(), reports.data(), count, &count));
+  fs_servo_stats rendered = fs_servo_stats_init();
+  require(fs_scene_get_servo_stats(scene.get(), &rendered));
   servo.reset();  // each reader of an expression has to parse it, which takes longer than anything else here
 
   std::printf("%s: a scene of %zu %s for a tool of %zu %s; ", options.file.c_str(), count,
@@ -418,11 +426,7 @@ int check_scene(const CheckOptions& options) {
     else if (report.stiffness_wanted > 0) std::printf("; steepest slope %.4g N/m at the device", report.stiffness_wanted);
     std::printf("\n");
     check_object(object, around, findings);
-    check_slope(object, report, info, findings);
-    if (object.enabled && report.stiffness_applied < 0.99 * report.stiffness_wanted) {
-      std::printf("  note: %s: its steepest slope is %.4g N/m at the device; a servo at %g Hz reduces it to %.4g N/m\n",
-                  object.name, report.stiffness_wanted, info.rate, report.stiffness_applied);
-    }
+    check_slope(object, report, rendered, info.rate, findings);
   }
   return findings.finish();
 }

@@ -62,7 +62,7 @@ const char* const check_help = R"(examples:
       a mesh whose file is in millimetres
 
 Describes the file and reports what is odd in it: holes, triangles without area, objects that nobody can feel or reach,
-forces that jump, slopes too steep for a device that nobody holds (an estimate), forces that pull from everywhere or
+forces that jump, slopes steeper than a servo renders on the device (--device), forces that pull from everywhere or
 drive the hand deeper. Ends with 0 when nothing is odd, 1 when something is, 2 when the file cannot be read.)";
 
 const char* const evaluate_help = R"(examples:

@@ -193,6 +193,37 @@ BENCHMARK(tick_testbed)->Name("tick/testbed")->UseManualTime();
 BENCHMARK(tick_simulated)->Name("tick/testbed_on_simulator")->UseManualTime();
 BENCHMARK(tick_crowd)->Name("tick/100000_points")->UseManualTime();
 
+// What the protections of a servo cost: all that an option can switch off is off, or the default options. The hand goes to and
+// fro through the scene, 0.1 mm a tick.
+static void protections(State& state, bool is_protected) {
+  const Named& named = all_scenes()[static_cast<size_t>(state.range(0))];
+  state.SetLabel(named.name);
+  FakeDevice fake("bench");
+  const Scene scene = make_scene();
+  const Content content = named.build();
+  fill(scene.get(), content);
+  const Device device = fake.open();
+  fs_servo_options options = fs_servo_options_init();
+  options.mode = FS_SERVO_VIRTUAL;
+  options.rate = 1000;
+  if (!is_protected) {
+    options.slew_limit = options.speed_limit = options.ramp = options.fade = options.blend = options.damping =
+        options.max_stiffness = -1;
+  }
+  const Servo servo = start_servo(scene.get(), device.get(), options);
+  require(fs_servo_step(servo.get(), 2000), "fs_servo_step");
+  int place = 0;
+  each_call(state, [&] { fs_servo_step(servo.get(), 1); }, [&] {
+    place = (place + 1) % 2000;
+    const double way = 1e-4 * (place < 1000 ? place : 2000 - place) - 0.05;  // m
+    fake.state.pose = at(way, 0.4 * way, -0.3 * way);
+  });
+}
+static void tick_raw(State& state) { protections(state, false); }
+static void tick_protected(State& state) { protections(state, true); }
+BENCHMARK(tick_raw)->Name("tick/protections_off")->DenseRange(0, 9)->UseManualTime();
+BENCHMARK(tick_protected)->Name("tick/protections_on")->DenseRange(0, 9)->UseManualTime();
+
 // Points a second of a plot.
 static void field(State& state) {
   const Named& named = all_scenes()[static_cast<size_t>(state.range(0))];

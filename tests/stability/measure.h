@@ -24,7 +24,32 @@ class Span {
   fs_vec3 low_{1e300, 1e300, 1e300}, high_{-1e300, -1e300, -1e300};
 };
 
-// Whether a hand whose target stands still goes on moving: peak to peak more than 0.1 mm in the late second, and more than
+// How far something goes to and fro along any axis: the smaller of its longest way up and its longest way down, so that a slow
+// slide to a place of rest counts as nothing.
+class Swing {
+ public:
+  void add(fs_vec3 x) {
+    const double coordinates[] = {x.x, x.y, x.z};
+    for (int i = 0; i < 3; ++i) axes_[i].add(coordinates[i]);
+  }
+  double length() const {
+    double out = 0;
+    for (const Axis& axis : axes_) out = std::max(out, std::min(axis.up, axis.down));
+    return out;
+  }
+
+ private:
+  struct Axis {
+    double low = 1e300, high = -1e300, up = 0, down = 0;
+    void add(double x) {
+      low = std::min(low, x), high = std::max(high, x);
+      up = std::max(up, x - low), down = std::max(down, high - x);
+    }
+  };
+  Axis axes_[3];
+};
+
+// Whether a hand whose target stands still goes on moving to and fro: by more than 0.1 mm in the late second, and by more than
 // 0.7 of that in the early one.
 class Oscillation {
  public:
@@ -32,19 +57,26 @@ class Oscillation {
 
   void add(double time, fs_vec3 x, fs_vec3 rotation = {}) {
     if (time >= early_ && time < early_ + width_) at_early_.add(x), turn_early_.add(rotation);
-    if (time >= late_ && time < late_ + width_) at_late_.add(x), turn_late_.add(rotation);
+    if (time >= late_ && time < late_ + width_) add_late(x, rotation);
   }
   double end() const { return late_ + width_; }
   double late() const { return at_late_.length(); }            // m
   double late_turn() const { return turn_late_.length(); }     // rad
+  bool moves() const { return span_late_.length() > 1e-4 || span_turn_late_.length() > 2e-3; }  // to and fro, or slowly on its way
   bool lasts() const {
     return (late() > 1e-4 && late() > 0.7 * at_early_.length()) ||
            (late_turn() > 2e-3 && late_turn() > 0.7 * turn_early_.length());
   }
 
  private:
+  void add_late(fs_vec3 x, fs_vec3 rotation) {
+    at_late_.add(x), turn_late_.add(rotation);
+    span_late_.add(x), span_turn_late_.add(rotation);
+  }
+
   double early_, late_, width_;
-  Span at_early_, at_late_, turn_early_, turn_late_;
+  Swing at_early_, at_late_, turn_early_, turn_late_;
+  Span span_late_, span_turn_late_;
 };
 
 // The root of the mean square.

@@ -275,7 +275,18 @@ START_TEST(examples) {
   ck_assert_double_eq_tol(at(law, 0.0005), -2.5, 1e-12);
   // A force that is constant across the plane has nothing to be capped.
   const fs_profile same = profile(FS_PROFILE_CONSTANT, pull, 5, 0, 100);
-  ck_assert(!capped(law_of(profile(FS_PROFILE_CONSTANT, push, 5, 0, 100), &same), 1).front.cap);
+  Law through = law_of(profile(FS_PROFILE_CONSTANT, push, 5, 0, 100), &same);
+  ck_assert(!capped(through, 1).front.cap);
+  ck_assert_double_eq(slope_of(through), 0);
+  // At a surface with edges it would turn at once, so it begins there.
+  through.has_edges = true;
+  ck_assert_double_eq(slope_of(through), infinity);
+  law = capped(through, 1000);
+  ck_assert_double_eq_tol(at(law, 0.001), 1, 1e-12);
+  ck_assert_double_eq(at(law, 0), 0);
+  ck_assert_double_eq_tol(at(law, -0.001), 1, 1e-12);
+  ck_assert_double_eq_tol(at(law, -0.01), 5, 1e-12);
+  ck_assert_double_eq(slope_of(law), 1000);
 }
 END_TEST
 

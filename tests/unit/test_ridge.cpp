@@ -305,7 +305,8 @@ END_TEST
 
 namespace {
 
-// A snapshot of one object: two walls of some triangles with a constant force of 3 N. A servo bounds its slope.
+// A snapshot of one object: two walls of some triangles with a force of 3 N, constant unless it falls by `fall` N/m from 3 N at
+// 20 mm. A servo bounds its slope.
 struct Scene {
   Ref<const Object> object;
   Snapshot snapshot;
@@ -313,12 +314,13 @@ struct Scene {
   static constexpr double bound = 1000;  // N/m
   Ref<Memory> tools = make_ref<Memory>(), servos = make_ref<Memory>(Spread{});
 
-  explicit Scene(fs_sense sense, double damping = 0) {
+  explicit Scene(fs_sense sense, double damping = 0, double fall = 0) {
     const Ref<const Shape> shape = corner(8).shape();
     fs_object o = fs_object_init("wall", FS_PRIMITIVE_MESH);
     o.shape = const_cast<fs_shape*>(shape.get());
     o.damping = damping;
     o.front = {FS_PROFILE_CONSTANT, sense, 3, 0, 0, 3, 0, nullptr};
+    if (fall > 0) o.front = {FS_PROFILE_LINEAR_DECREASING, sense, -fall, 3 + 0.02 * fall, 0, 100, 0, nullptr};
     object = parse_object(o).object;
     Ref<Chunk> chunk = make_ref<Chunk>();
     chunk->version = chunk->rows_version = 1;
@@ -386,7 +388,29 @@ START_TEST(objects) {
 }
 END_TEST
 
+// The stiffness that is told at a ridge is the symmetric half of the derivative, also where the profile is sloped: for an object
+// in lanes and for one that is evaluated alone.
+START_TEST(stiffness_at_a_ridge) {
+  Scene in_lanes(FS_SENSE_REPULSIVE, 0, 100), alone(FS_SENSE_REPULSIVE, 1e-12, 100);
+  const double h = 1e-6;
+  const Vec3 axes[] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+  for (Scene* scene : {&in_lanes, &alone}) {
+    for (double away = -0.0015; away < 0.0015; away += 0.00037) {
+      const Vec3 x{0.02 + away, 0.02, 0.001};
+      const Mat3 told = scene->near(x, Scene::bound).stiffness;
+      Mat3 change{};
+      for (const Vec3& axis : axes) {
+        const Vec3 by = scene->near(x + h * axis, Scene::bound).wrench.force - scene->near(x - h * axis, Scene::bound).wrench.force;
+        change += outer((0.5 / h) * by, axis);
+      }
+      const Mat3 difference = 0.5 * (change + transposed(change)) + -1.0 * told;
+      for (const Vec3& axis : axes) ck_assert_double_le(norm(difference * axis), 1e-3 * Scene::bound);
+    }
+  }
+}
+END_TEST
+
 int main() {
   return run("ridge", {a_mixture_is_least, a_corner_as_a_formula, no_step_on_any_way, the_centre_of_a_sphere, polylines,
-                       triangles_do_not_count, a_short_wall, the_effort_ends, hints_change_nothing, objects});
+                       triangles_do_not_count, a_short_wall, the_effort_ends, hints_change_nothing, objects, stiffness_at_a_ridge});
 }
