@@ -248,7 +248,7 @@ odd 'its slope of 1e\+06 N/m at the device would shake it when nobody holds it: 
 odd 'its slope of 5500 N/m' "$wall: 5500}"
 fine "$wall: 5300}"
 expect 0 '^x: a plane; .*; steepest slope 5300 N/m at the device$' "$program" check one.json
-expect 1 'its slope of 5300 N/m .* renders 1200 N/m, and reduces it to 1200 N/m' \
+expect 1 'its slope of 5300 N/m .* renders 1133 N/m, and reduces it to 1133 N/m' \
   "$program" check one.json --device 'sim:?delay_ms=2'
 # Two at one place share it.
 wall_of() { echo '{"name": "'"$1"'", '"$wall"': 4000}}'; }

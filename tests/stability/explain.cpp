@@ -44,17 +44,77 @@ struct Seen {
   fs_vec3 last{};
 };
 
-std::vector<fs_report> reports_of(Rig& rig) {
-  std::vector<fs_report> out(16);
-  size_t count = 0;
-  require(fs_scene_get_reports(rig.scene.get(), out.data(), out.size(), &count), "fs_scene_get_reports");
-  out.resize(count);
-  return out;
+// Looks at each object of a scene, at each tick of the late window.
+class Watch {
+ public:
+  Watch(Report& report, double from) : report_(report), from_(from) {}
+
+  void look(fs_scene* scene, double t) {
+    if (t < from_ || t > from_ + 1) return;
+    fs_frame frame = fs_frame_init();
+    require(fs_scene_get_frame(scene, nullptr, &frame), "fs_scene_get_frame");
+    fs_state hand;
+    require(fs_scene_get_hand(scene, &hand, nullptr, nullptr), "fs_scene_get_hand");
+    const fs_vec3 x = (1 / frame.scale) * hand.pose.position;
+    fs_report reports[16];
+    size_t count = 0;
+    require(fs_scene_get_reports(scene, reports, 16, &count), "fs_scene_get_reports");
+    for (size_t i = 0; i < count; ++i) {
+      const fs_report& r = reports[i];
+      const bool is_new = !seen_.count(r.name);
+      if (is_new) tell(scene, r.name);
+      Seen& o = seen_[r.name];
+      const fs_vec3 force = frame.force_scale * r.wrench.force;
+      const double distance = r.distance / frame.scale;
+      o.wanted = r.stiffness_wanted, o.applied = r.stiffness_applied;
+      o.nearest = std::min(o.nearest, distance), o.farthest = std::max(o.farthest, distance);
+      if (!is_new && norm(force - o.last) > o.greatest_step) {
+        o.greatest_step = norm(force - o.last), o.way_of_step = norm(x - last_);
+      }
+      o.force.add(force);
+      o.last = force;
+    }
+    last_ = x;
+  }
+  void tell() const {
+    for (const auto& [name, o] : seen_) {
+      report_.note(format("%s: %.0f of %.0f N/m; %.3f to %.3f mm away; its force changes by %.2f N, in a tick by %.3f N while the "
+                          "hand moves %.4f mm", name.c_str(), o.applied, o.wanted, 1e3 * o.nearest, 1e3 * o.farthest,
+                          o.force.length(), o.greatest_step, 1e3 * o.way_of_step));
+    }
+  }
+
+ private:
+  void tell(fs_scene* scene, const char* name) {
+    fs_object object = fs_object_init("", FS_PRIMITIVE_POINT);
+    require(fs_object_get(scene, name, &object), "fs_object_get");
+    report_.note(described(object));
+    fs_object_release(&object);
+  }
+
+  Report& report_;
+  double from_;
+  std::map<std::string, Seen> seen_;
+  fs_vec3 last_{};
+};
+
+void explain_link(Report& report, uint64_t seed) {
+  report.title(format("link %zu: %s", static_cast<size_t>(seed), link_of(seed).c_str()));
+  const Outcome o = run_link(seed);
+  report.note(format("%s, %.2f mm", o.is_bad() ? "oscillates" : "rests", 1e3 * o.swing));
+  uint32_t left_out = 0;
+  for (uint32_t object = 0; object < 6; ++object) {
+    if (run_link(seed, left_out | 1u << object).is_bad()) left_out |= 1u << object;
+  }
+  Watch watch(report, 4.5);
+  run_link(seed, left_out, [&](fs_scene* scene, double t) { watch.look(scene, t); });
+  watch.tell();
 }
 
 }  // namespace
 
 void explain(Report& report, uint64_t seed, const std::string& hand) {
+  if (hand == "link") return explain_link(report, seed);
   Situation s = any_situation(seed);
   for (const HandModel& model : hands) {
     if (hand == model.name) s = simple_situation(seed, model);
@@ -83,41 +143,9 @@ void explain(Report& report, uint64_t seed, const std::string& hand) {
     other.left_out |= 1u << object;
     if (run(other, default_options()).is_bad()) s = other;
   }
-  std::map<std::string, Seen> seen;
-  fs_vec3 last{};
-  double next = 0;
-  std::string way = "the hand, each half second, mm:";
-  run(s, default_options(), [&](Rig& rig, double t) {
-    if (t < s.late) return;
-    fs_frame frame = fs_frame_init();
-    require(fs_scene_get_frame(rig.scene.get(), nullptr, &frame), "fs_scene_get_frame");
-    const fs_vec3 x = rig.plant.position();
-    for (const fs_report& r : reports_of(rig)) {
-      const bool is_new = !seen.count(r.name);
-      Seen& o = seen[r.name];
-      const fs_vec3 force = frame.force_scale * r.wrench.force;
-      o.wanted = r.stiffness_wanted, o.applied = r.stiffness_applied;
-      o.nearest = std::min(o.nearest, r.distance / frame.scale), o.farthest = std::max(o.farthest, r.distance / frame.scale);
-      if (!is_new && norm(force - o.last) > o.greatest_step) o.greatest_step = norm(force - o.last), o.way_of_step = norm(x - last);
-      o.force.add(force);
-      o.last = force;
-      if (!is_new) continue;
-      fs_object object = fs_object_init("", FS_PRIMITIVE_POINT);
-      require(fs_object_get(rig.scene.get(), r.name, &object), "fs_object_get");
-      report.note(described(object));
-      fs_object_release(&object);
-    }
-    last = x;
-    if (t < next) return;
-    next = t + 0.5;
-    way += format(" (%.2f %.2f %.2f)", 1e3 * x.x, 1e3 * x.y, 1e3 * x.z);
-  });
-  report.note(way);
-  for (const auto& [name, o] : seen) {
-    report.note(format("%s: %.0f of %.0f N/m; %.3f to %.3f mm away; its force changes by %.2f N, in a tick by %.3f N while the hand moves %.4f mm",
-                       name.c_str(), o.applied, o.wanted, 1e3 * o.nearest, 1e3 * o.farthest, o.force.length(), o.greatest_step,
-                       1e3 * o.way_of_step));
-  }
+  Watch watch(report, s.late);
+  run(s, default_options(), [&](Rig& rig, double t) { watch.look(rig.scene.get(), t); });
+  watch.tell();
 }
 
 }  // namespace stability

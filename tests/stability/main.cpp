@@ -17,8 +17,8 @@ int usage() {
                "  PART: facts, limits, ways, failures, random, sweep, links; all if none is given; caps (a table), maps (CSV only), explain\n"
                "  --all: 500 random scenes and a longer sweep, instead of some\n"
                "  --count N, --seed N: so many random scenes, steps of the sweep or links, from this number on\n"
-               "  explain --seed N [--hand light]: what number N of the sweep, or of random with this hand, consists of, and why\n"
-               "    it oscillates\n"
+               "  explain --seed N [--hand light|..|link]: what number N of the sweep, of random with this hand, or of links\n"
+               "    consists of, and which objects make it oscillate\n"
                "  --csv FOLDER: writes the figures of ways, failures and maps there\n");
   return 2;
 }

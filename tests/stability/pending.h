@@ -11,6 +11,9 @@ struct Pending {
   const char* waits_for;  // the protection
 };
 
-inline constexpr std::array<Pending, 0> pending_checks{};
+inline constexpr std::array pending_checks{
+    Pending{"links/many", "still open: number 313, a released handle of 50 g behind 10 ms at 50 Hz, driven far off against the end "
+                          "stop, where two solid objects hold it with as much as their limits allow, now the one and now the other"},
+};
 
 }  // namespace stability

@@ -263,13 +263,14 @@ std::string link_of(uint64_t seed) {
                 hands_of_sim[random.below(4)], mass, friction, hold.x, hold.y, hold.z);
 }
 
-Outcome run_link(uint64_t seed) {
+Outcome run_link(uint64_t seed, uint32_t left_out, const std::function<void(fs_scene*, double)>& each) {
   const std::string uri = link_of(seed);
   const Scene scene = make_scene();
   const Device device = open_device(uri.c_str());
   Situation situation;
   situation.seed = seed;
   situation.is_rich = true;
+  situation.left_out = left_out;
   Maker maker(scene.get(), situation);
   if (uri.find("hand=released") != std::string::npos) maker.expect_released();
   maker.make();
@@ -289,6 +290,7 @@ Outcome run_link(uint64_t seed) {
       fs_frame frame = fs_frame_init();
       require(fs_scene_get_frame(scene.get(), nullptr, &frame), "fs_scene_get_frame");
       until.add(t, (1 / frame.scale) * state.pose.position);
+      if (each) each(scene.get(), t);
     }
   };
   run_until(motion);

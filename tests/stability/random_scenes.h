@@ -42,6 +42,6 @@ Outcome run(const Situation& situation, const fs_servo_options& options,
 // A simulated controller behind a link that takes local models (driver.h): delays to 50 ms, 25 to 500 models a second, devices of
 // 0.05 to 1 kg, any hand or none; any scene, without a push.
 std::string link_of(uint64_t seed);  // its URI
-Outcome run_link(uint64_t seed);
+Outcome run_link(uint64_t seed, uint32_t left_out = 0, const std::function<void(fs_scene*, double)>& each = {});
 
 }  // namespace stability

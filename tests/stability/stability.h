@@ -19,7 +19,7 @@ void run_links(Report& report, size_t count, uint64_t seed);
 void run_sweep(Report& report, size_t count, uint64_t seed);
 void print_caps(Report& report);  // what the bound of the slope takes away from each kind of profile
 // Prints what a random scene has, which of its objects are needed for it to oscillate, and what each of these does then.
-// hand: of a simple scene; empty: a scene of the sweep.
+// hand: of a simple scene; "link": a scene behind a link; empty: one of the sweep.
 void explain(Report& report, uint64_t seed, const std::string& hand);
 void write_maps(const std::string& folder);  // what no check needs: the map of stability, and the sensitivity
 
