@@ -60,25 +60,25 @@ FS_INLINE typename From::Lanes squared_to_children(const WideNode& node, const W
   if (discs) {
     const Ints x_y = load(discs->x_y), sizes = load(discs->sizes);
     const auto lanes = [](Floats f) __attribute__((always_inline)) { return __builtin_convertvector(f, Lanes); };
-    constexpr Real unit = WideDiscs::unit;
-    const Lanes x = lanes(field(x_y, 0, 16)) - unit, y = lanes(field(x_y, 16, 16)) - unit;
+    constexpr Real scale = Real{1} / WideDiscs::scale, unit = WideDiscs::unit * scale;
+    const Lanes x = lanes(field(x_y, 0, 16)) * scale - unit, y = lanes(field(x_y, 16, 16)) * scale - unit;
     const Lanes z = unit - magnitude(x) - magnitude(y);
-    const Lanes per_length = 1 / roots(x * x + y * y + z * z);
+    const Lanes per_squared = 1 / (x * x + y * y + z * z);
     const Lanes offset = (lanes(field(sizes, 0, 16)) - Real{WideDiscs::zero_offset}) * (Real{1} / WideDiscs::offsets_a_step);
     const Lanes radius = lanes(field(sizes, 16, 8));
     const Lanes height = lanes((Floats)(((sizes >> 24 & 255) << WideDiscs::height_shift) +
                                         static_cast<int32_t>(WideDiscs::smallest_height)));
-    const Lanes along = (x * from_middle[0] + y * from_middle[1] + z * from_middle[2]) * per_length;
+    const Lanes along = x * from_middle[0] + y * from_middle[1] + z * from_middle[2];
     const Lanes squared = from_middle[0] * from_middle[0] + from_middle[1] * from_middle[1] + from_middle[2] * from_middle[2];
     const Lanes beyond = along - offset;
     constexpr auto less = static_cast<Real>(1 - 4 * From::rounding);
     margins = 4 * margins + static_cast<Real>(4 * From::rounding * WideNode::grid);  // more than rounding makes
     Lanes up = magnitude(beyond) - (height + margins);
-    const Lanes across = squared * less - along * along;
+    const Lanes across = squared * less - along * along * per_squared;
     Lanes beside = roots(across > zero ? across : zero) - (radius + margins);
     up = up > zero ? up : zero;
     beside = beside > zero ? beside : zero;
-    const Lanes to_disc = (up * up + beside * beside) * less;
+    const Lanes to_disc = (up * up * per_squared + beside * beside) * less;
     sum = to_disc > sum ? to_disc : sum;
   }
   return sum * (Real{node.step} * Real{node.step});

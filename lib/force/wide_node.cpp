@@ -17,8 +17,8 @@ struct GridNormal {
     x = static_cast<int>(std::lround(scale * direction.x));
     y = static_cast<int>(std::lround(scale * direction.y));
   }
-  Vec3 unit() const {
-    return normalized({double(x), double(y), double(WideDiscs::unit - std::abs(x) - std::abs(y))});
+  Vec3 vector() const {
+    return (1.0 / WideDiscs::scale) * Vec3{double(x), double(y), double(WideDiscs::unit - std::abs(x) - std::abs(y))};
   }
 };
 
@@ -64,14 +64,14 @@ Vec3 WideNode::middle(uint32_t i) const {
 
 void WideDiscs::set(uint32_t i, const WideNode& node, Vec3 areas, std::span<const Vec3> corners) {
   const GridNormal grid_normal(normalized(areas));
-  const Vec3 normal = grid_normal.unit(), middle = node.middle(i);
+  const Vec3 normal = grid_normal.vector(), middle = node.middle(i);
   double least = unlimited, most = -unlimited, most_beside = 0;
   for (const Vec3& corner : corners) {
     const Vec3 from = corner - middle;
     const double along = dot(normal, from);
     least = std::min(least, along);
     most = std::max(most, along);
-    most_beside = std::max(most_beside, dot(from, from) - along * along);
+    most_beside = std::max(most_beside, dot(from, from) - along * along / dot(normal, normal));
   }
   // Rounding is some 1e-16 of a coordinate. The largest sizes that can be stored are more than any child has.
   constexpr double rounding = 1e-12;

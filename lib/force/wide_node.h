@@ -29,12 +29,13 @@ struct alignas(64) WideNode {
   Vec3 middle(uint32_t i) const;  // of the box of child i
 };
 
-// A child lies within a radius of the line through the middle of its box along a normal, and within `height` of the plane
-// across this line at `offset` from the middle.
+// A child lies within a radius of the line through the middle of its box along a normal n, and where n * p is within `height` of
+// `offset`; p is a place relative to the middle. n is as long as makes |x| + |y| + |z| = unit / scale, so that its coordinates
+// are exact and no root is needed to read them.
 struct alignas(64) WideDiscs {
-  uint32_t x_y[WideNode::width];    // x and y of the normal, 16 bits each, when it is as long as makes |x| + |y| + |z| = 1, z >= 0
+  uint32_t x_y[WideNode::width];    // x and y of the normal, 16 bits each; its z >= 0
   uint32_t sizes[WideNode::width];  // from the lowest: the offset in 16 bits, the radius in 8, the height in 8
-  static constexpr int unit = 32767;         // of a coordinate of the normal; 0 stands as this, too
+  static constexpr int unit = 32767, scale = 32768;  // of a coordinate of the normal; 0 stands as `unit`
   static constexpr int offsets_a_step = 1024, zero_offset = 32768;
   // The bits of a height are the upper ones of a float, from a smallest one on, in steps.
   static constexpr int height_shift = 20;

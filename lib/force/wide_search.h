@@ -2,6 +2,7 @@
 #pragma once
 
 #include <bit>
+#include <utility>
 
 #include "force/wide_children.h"
 #include "force/wide_tree.h"
@@ -18,15 +19,22 @@ FS_INLINE void prefetch(const T* what) noexcept {
 // the point; test lowers the bound when it has found something nearer. Near leaves come first. Each node and leaf takes one
 // of `visits`; when there are none left the search ends. Returns a lower bound of the squared distance to what was not
 // visited; infinite: there is nothing within the bound. expect_leaf(leaf): it will probably be tested soon.
+//
+// A node is a long chain of operations each of which waits for the one before. So, once something is found, a node that waits on
+// top of the stack is worked out beside the one whose turn it is: the processor does both at once. A hint mostly is near
+// enough that both have to be looked at anyway.
 template <class From, class Test, class Expect>
 FS_INLINE double search(const WideTree& tree, const From& from, typename From::Real bound, uint32_t& visits, Test&& test,
                         Expect&& expect_leaf) {
   using Real = typename From::Real;
+  using Lanes = typename From::Lanes;
   struct Entry {
     Real squared;
     uint32_t child;
   };
-  Entry stack[WideTree::most_depth * (WideNode::width - 1) + 1];
+  // No entry on the stack is deeper than one above it. So entries of one level come from one turn, in which one node leaves all but
+  // one of its children and the node beside it all of them.
+  Entry stack[WideTree::most_depth * (2 * WideNode::width - 1)];
   uint32_t size = 0;
   const WideNode* const nodes = tree.nodes();
   const WideDiscs* const discs = tree.discs();
@@ -37,6 +45,10 @@ FS_INLINE double search(const WideTree& tree, const From& from, typename From::R
       prefetch(nodes + child);
       if (discs) prefetch(discs + child);
     }
+  };
+  const auto distances_of = [&](uint32_t child) __attribute__((always_inline)) {
+    const WideNode& node = nodes[child];
+    return squared_to_children(node, node.has_discs ? discs + child : nullptr, from);
   };
   Entry now{0, nodes ? WideTree::root : WideNode::leaf_bit};
   for (;;) {
@@ -50,10 +62,26 @@ FS_INLINE double search(const WideTree& tree, const From& from, typename From::R
       test(now.child & ~WideNode::leaf_bit, bound);
     } else {
       const WideNode& node = nodes[now.child];
-      const auto distances = squared_to_children(node, node.has_discs ? discs + now.child : nullptr, from);
+      const Lanes distances = distances_of(now.child);
       Real squared[WideNode::width];
       store(squared, distances);
       uint32_t near = bits(distances <= bound) & node.filled;
+      if (size > 0 && !(stack[size - 1].child & WideNode::leaf_bit) && visits > 0 &&
+          bound < std::numeric_limits<Real>::infinity()) {
+        const Entry other = stack[--size];
+        if (other.squared <= bound) {
+          --visits;
+          const WideNode& node_beside = nodes[other.child];
+          const Lanes distances_beside = distances_of(other.child);
+          Real squared_beside[WideNode::width];
+          store(squared_beside, distances_beside);
+          for (uint32_t rest = bits(distances_beside <= bound) & node_beside.filled; rest; rest &= rest - 1) {
+            const auto i = static_cast<uint32_t>(std::countr_zero(rest));
+            expect(node_beside.child[i]);
+            stack[size++] = {squared_beside[i], node_beside.child[i]};
+          }
+        }
+      }
       if (near) {
         // The nearest child is taken next, the others wait.
         auto next = static_cast<uint32_t>(std::countr_zero(near));
