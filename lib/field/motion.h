@@ -60,7 +60,7 @@ struct Motion {
 
   // For whoever posts. The offset from here to where `before` is felt at time t.
   void go_on_from(const Motion& before, double t, double blend) noexcept;
-  // It begins at t, later than was thought when it was worked out.
+  // Begins at t, when the motion is posted; it was worked out for the time of the call.
   void begin_offset(double t, double blend) noexcept;
   // m: how far a place of the object, `lever` m from its origin, jumps at time t, where nothing is blended from now on.
   double jump_from(const Motion& before, double t, double blend, double lever) const noexcept;

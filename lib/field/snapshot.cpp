@@ -84,6 +84,7 @@ Row& Chunk::set(uint32_t i, Ref<const Object> given, Ref<const Object> bounded, 
 }
 
 void Chunk::omit(double force) noexcept {
+  if (!rows) return;
   rows->omitted = force;
   for_each_bit(used, [&](uint32_t i) { place(i); });
 }

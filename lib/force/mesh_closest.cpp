@@ -87,8 +87,8 @@ Closest MeshTree::tell(Vec3 x, const Found& found) const noexcept {
   const Nearest& nearest = found.nearest;
   const uint32_t* v = corners_.data() + size_t{3} * found.triangle;
   const Vec3 corners[3] = {points_[v[0]], points_[v[1]], points_[v[2]]};
-  const int part = static_cast<int>(nearest.part);
-  const bool on_edge = nearest.part == Part::edge_ab || nearest.part == Part::edge_bc || nearest.part == Part::edge_ca;
+  int part = static_cast<int>(nearest.part);
+  bool on_edge = nearest.part == Part::edge_ab || nearest.part == Part::edge_bc || nearest.part == Part::edge_ca;
   Pseudonormals::Normal normal{{}, true};
   if (on_edge) {
     normal = normals_.side(found.triangle, part - 1);
@@ -99,7 +99,11 @@ Closest MeshTree::tell(Vec3 x, const Found& found) const noexcept {
     const Vec3 face = normals_.face(found.triangle);
     const bool has_face = !(face == Vec3{0, 0, 0});
     // A point "inside" a triangle without area counts as on its first edge; any edge would do.
-    if (!has_face && nearest.part == Part::face) normal = normals_.side(found.triangle, 0);
+    if (!has_face && nearest.part == Part::face) {
+      normal = normals_.side(found.triangle, 0);
+      on_edge = true;
+      part = static_cast<int>(Part::edge_ab);
+    }
     if (has_face) normal.vector = face;
   }
   const bool on_face = normal.is_flat;

@@ -10,8 +10,6 @@
 namespace fs {
 namespace {
 
-constexpr double seconds_ahead = 0.1;  // for which a region is widened where the object moves
-
 // The distance, m, beyond which a profile is hardly sloped any more when its slope is at most k: below 0.2 % of that.
 double slope_end(const Profile& p, double k) {
   const double all = support(p);
@@ -35,6 +33,7 @@ bool is_under_way(const Motion& motion, double now) { return motion.horizon > 0 
 struct Wish {
   Admitted row;
   bool is_named;
+  unsigned points;  // of the tool, that feel it
   double law = 0, contact = 0;  // N/m
   double damping = 0;           // N s/m
   const Motion* motion;
@@ -59,19 +58,20 @@ double felt_reach(const Wish& wish, double share) {  // m, how far it is felt at
   return std::max(wish.row.object->law.support, contact_reach(wish, share));
 }
 
-Claim claim_of(const Wish& wish, double reach, double now, double slope) {
+Claim claim_of(const Wish& wish, double reach, double now, const SceneShare& share, double slope) {
   const Object& object = *wish.row.object;
   Claim out;
   out.slope = slope;
   const Motion& motion = *wish.motion;
-  if (wish.row.is_moving) {
-    reach += seconds_ahead * (norm(motion.twist.linear) + norm(motion.twist.angular) * std::fmin(object.radius, 1e3));
+  const bool is_on_its_way = is_under_way(motion, now);
+  if (is_on_its_way) {
+    reach += share.ahead * (norm(motion.twist.linear) + norm(motion.twist.angular) * std::fmin(object.radius, 1e3));
   }
-  reach += motion.most_offset();  // while it is blended
+  if (motion.has_offset(now, share.blend)) reach += motion.most_offset();
   const Pose pose = motion.at(now, 0);
   out.centre = pose.position;
   if (object.primitive == FS_PRIMITIVE_PLANE) {
-    out.region = wish.row.is_moving && norm(motion.twist.angular) > 0 ? Claim::Region::everywhere : Claim::Region::slab;
+    out.region = is_on_its_way && norm(motion.twist.angular) > 0 ? Claim::Region::everywhere : Claim::Region::slab;
     out.normal = rotate(pose.orientation, {0, 0, 1});
     out.radius = reach;
   } else {
@@ -104,8 +104,8 @@ std::vector<double> shares_of(std::vector<Claim> claims, const Box& within, doub
 
 }  // namespace
 
-SceneShare share_of(const Views& views, const LoopShare& share, double most) {
-  SceneShare out{never, never, 0, 1, {}};
+SceneShare share_of(const Views& views, const LoopShare& share, double most, double blend) {
+  SceneShare out{never, never, blend, share.ahead, 0, 1, {}};
   bool is_anywhere = !(share.radius > 0 && share.height > 0);
   double lever_part = 1;
   for (const View& view : views.rows) {
@@ -142,12 +142,15 @@ std::vector<Admitted> admit(const Snapshot& snapshot, const SceneShare& share, d
   snapshot.chunks.for_each([&](uint32_t number, const Chunk& chunk) {
     for_each_bit(chunk.used, [&](uint32_t i) {
       const Row& row = chunk.row(i);
-      if (row.next != no_row || (row.is_named && !row.is_in)) return;  // another version claims for it; it is disabled
+      if (row.is_named && !row.is_in) return;  // it is disabled
       const Object& object = *row.object;
       const Motion& motion = chunk.motion(i);
-      Wish wish{{number * chunk_size + i, &object, is_under_way(motion, now), {}}, row.is_named, 0, 0, 0, &motion};
+      const Chunk* const next = row.next == no_row ? nullptr : find_chunk(snapshot.chunks, row.next);
+      if (next && next->motion(row.next % chunk_size).says_the_same(motion)) return;  // that one claims for both
       const unsigned points =
           std::min(share.points, static_cast<unsigned>(std::popcount(object.point_mask())));
+      const bool is_moving = is_under_way(motion, now) || motion.has_offset(now, share.blend);
+      Wish wish{{number * chunk_size + i, &object, is_moving, {}}, row.is_named, std::max(points, 1u), 0, 0, 0, &motion};
       // Where the shape makes it jump, as a bend does, it gets a part as if it were steep.
       const bool jumps = object.has_ridges() || !(object.steepest_slope < never);
       const double law = jumps ? std::max(object.law_slope, share.stiffness / 4) : object.law_slope;
@@ -168,9 +171,9 @@ std::vector<Admitted> admit(const Snapshot& snapshot, const SceneShare& share, d
   for (int round = 0; round <= last_round && share.stiffness < never; ++round) {
     std::vector<Claim> claims;
     for (size_t i = 0; i < wishes.size(); ++i) {
-      const double slope = wishes[i].law + share.points * wishes[i].contact;
+      const double slope = wishes[i].law + wishes[i].points * wishes[i].contact;
       const double reach = round < last_round ? sloped_reach(wishes[i], parts[i]) : felt_reach(wishes[i], 0);
-      claims.push_back(claim_of(wishes[i], reach, now, slope));
+      claims.push_back(claim_of(wishes[i], reach, now, share, slope));
     }
     const std::vector<double> found = shares_of(claims, share.within, share.stiffness);
     bool is_same = true;
@@ -184,7 +187,7 @@ std::vector<Admitted> admit(const Snapshot& snapshot, const SceneShare& share, d
   if (share.damping < never) {
     std::vector<Claim> claims;
     for (const Wish& wish : wishes) {
-      claims.push_back(claim_of(wish, felt_reach(wish, parts[claims.size()]), now, wish.damping));
+      claims.push_back(claim_of(wish, felt_reach(wish, parts[claims.size()]), now, share, wish.damping));
     }
     damping = shares_of(claims, share.within, share.damping);
   }
@@ -195,9 +198,12 @@ std::vector<Admitted> admit(const Snapshot& snapshot, const SceneShare& share, d
     if (!wishes[i].is_named) continue;
     Admitted row = wishes[i].row;
     const Object& object = *row.object;
-    if (share.stiffness < never) row.bounds = {parts[i] * wishes[i].law, parts[i] * wishes[i].contact, never, never};
-    if (share.damping < never) row.bounds.damping = damping[i] * object.damping;
-    if (share.damping < never) row.bounds.contact_damping = damping[i] * object.contact.damping;
+    const unsigned points = wishes[i].points;
+    row.bounds = {share.stiffness, share.stiffness / points, share.damping, share.damping / points};
+    if (parts[i] < 1) row.bounds.slope = parts[i] * wishes[i].law;
+    if (parts[i] < 1) row.bounds.stiffness = parts[i] * wishes[i].contact;
+    if (damping[i] < 1) row.bounds.damping = damping[i] * object.damping;
+    if (damping[i] < 1) row.bounds.contact_damping = damping[i] * object.contact.damping;
     row.bounds = of_use(row.bounds, object);
     out.push_back(row);
   }

@@ -1,5 +1,5 @@
-// Keeps what a scene's objects want within what the loop of its servo can render: works out everyone's share (admission.h)
-// and has the servo evaluate the objects with it.
+// Bounds the slopes and the damping of a scene's objects, so that the loop of its servo can render their sum: works out the
+// share of each object (admission.h), and has the servo evaluate the objects within it. The servo's keeper.h calls this.
 #pragma once
 
 #include <atomic>
@@ -15,8 +15,9 @@ class Bounding {
   // mutex: the scene's.
   Bounding(std::mutex& mutex, Evaluated& evaluated) : mutex_(mutex), evaluated_(evaluated) {}
 
-  // loop: what the servo leaves to this scene. What is set later begins within the same bounds, until the next call. Does
-  // nothing where nothing has changed since the last call. Takes the lock for moments; one thread at a time; not [rt].
+  // loop: what the servo leaves to this scene. An object that is set between two calls gets the bounds of an object alone.
+  // Does nothing if nothing has changed since the last call. The shares are worked out without the lock, and entered with
+  // it. One thread at a time; not [rt].
   void update(const LoopShare& loop);
 
   // Whether any object would make use of a share. Any thread.

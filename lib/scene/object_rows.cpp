@@ -79,13 +79,14 @@ uint32_t ObjectRows::allocate(const Entry& entry) {
 
 // Makes room for a row in the memory of each reader, and what its object needs there.
 ObjectRows::New ObjectRows::make_new(uint32_t row, const Object& object, const Object* before) {
-  const bool has_same_curves = before && before->law.front.curve == object.law.front.curve &&
-                               before->law.back.curve == object.law.back.curve;
+  const bool keeps_scratch = before && before->law.front.curve == object.law.front.curve &&
+                             before->law.back.curve == object.law.back.curve && before->shape == object.shape &&
+                             before->primitive == object.primitive;
   New out;
   for (Reader* const reader : readers_) {
     reader->memory->make_room(row);
     if (object.is_solid()) reader->memory->make_proxies();
-    if (has_same_curves) continue;
+    if (keeps_scratch) continue;
     Ref<Scratch> scratch = Scratch::of(object);
     if (scratch || reader->scratches.get(row)) reader->scratches.own(row, sequence_);
     out.push_back(std::move(scratch));
@@ -219,8 +220,8 @@ uint32_t ObjectRows::add(const Entry& entry) {
   make_room_for_tail(*entry.object);
   const uint32_t number = allocate(entry);
   Ref<const Object> bounded = bounded_for(entry, nullptr);
+  New made = make_new(number, *entry.object, nullptr);  // first: a reader must have room for what is in the table
   Chunk& its = own(number, bounded.get());
-  New made = make_new(number, *entry.object, nullptr);
   const uint64_t version = ++last_version_;
   install(number, made);
   if (servo_) servo_->memory->weight(number).set_up(version, false, 0);
@@ -277,9 +278,9 @@ uint32_t ObjectRows::put(uint32_t newest, const Entry& entry, Change change, con
     const bool takes_over = change == Change::taken_over;
     const bool waits = takes_over || row(newest).is_in || previous != no_row;
     const uint32_t number = allocate(entry);
+    New made = make_new(number, *entry.object, nullptr);
     Chunk& its = own(number, bounded.get());
     own(newest);
-    New made = make_new(number, *entry.object, nullptr);
     const uint64_t version = ++last_version_;
     install(number, made);
     servo_->memory->weight(number).set_up(version, waits, 0);

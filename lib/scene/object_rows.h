@@ -99,7 +99,7 @@ class ObjectRows : Versions<ObjectRows> {
  private:
   friend Versions<ObjectRows>;
   uint64_t sequence() const noexcept { return sequence_; }
-  const Weight* weight(uint32_t row) const noexcept { return servo_ ? &servo_->memory->weight(row) : nullptr; }
+  Weight* weight(uint32_t row) const noexcept { return servo_ ? &servo_->memory->weight(row) : nullptr; }
 
   // What may throw comes first: these make the chunk of a row and what is changed in it the table's own.
   Chunk& own(uint32_t row, const Object* bounded = nullptr);  // bounded: what it will be set with

@@ -10,7 +10,7 @@
 
 namespace fs {
 
-// Rows has: row(i), a const Version&; weight(i), the servo's Weight, null without a servo; used(), the sequence that the
+// Rows has: row(i), a const Version&; weight(i), the servo's Weight&, by a pointer that is null without a servo; used(), the sequence that the
 // servo has used; own(i), after which edit(i), a Version&, and drop(i) cannot fail; and sequence(), of the next snapshot.
 template <class Rows>
 class Versions {
@@ -27,7 +27,7 @@ class Versions {
     const auto& it = rows().row(i);
     const Weight* const weight = rows().weight(i);
     if (!weight) return true;
-    // A row that has not begun never gets a weight if the next tick knows its successor.
+    // A row that has not begun is needed no more if the next tick knows its successor.
     if (!has_begun(i)) return it.next != no_row && rows().row(it.next).sequence <= rows().used();
     if (weight->value() > 0 || weight->coming() > 0) return false;
     return it.next != no_row ? has_begun(it.next) : !it.is_in && it.sequence <= rows().used();
@@ -52,6 +52,10 @@ class Versions {
       const uint32_t older = rows().row(i).previous, next = rows().row(i).next;
       for (const uint32_t changed : {above, i, older}) {
         if (changed != no_row) rows().own(changed);
+      }
+      if (!has_begun(i) && !rows().weight(i)->replace_waiting(rows().row(i).version, 0)) {  // a tick has just begun it
+        above = i;
+        continue;
       }
       if (older != no_row && !has_begun(i)) {
         rows().edit(older).next = next;

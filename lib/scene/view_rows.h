@@ -41,7 +41,7 @@ class ViewRows : Versions<ViewRows> {
   uint64_t sequence() const noexcept { return sequence_; }
   const View& row(uint32_t i) const noexcept { return views_->rows[i]; }
   View& edit(uint32_t i) noexcept { return views_->rows[i]; }
-  const Weight* weight(uint32_t i) const noexcept { return servo_ ? &servo_->memory->views.weight(i) : nullptr; }
+  Weight* weight(uint32_t i) const noexcept { return servo_ ? &servo_->memory->views.weight(i) : nullptr; }
   void own(uint32_t i);
   void drop(uint32_t i) noexcept;
 

@@ -12,12 +12,13 @@
 
 namespace fs {
 
-// Scenes that want something get equal parts.
+// Divides what the loop can render equally among so many scenes.
 LoopShare Keeper::part_of(size_t scenes) const noexcept {
   const auto count = static_cast<double>(std::max<size_t>(1, scenes));
   LoopShare part = loop_;
   part.stiffness /= count;
   part.damping /= count;
+  part.ahead = ahead_;
   return part;
 }
 
@@ -31,8 +32,11 @@ void Keeper::run_once() noexcept {
   try {
     const std::vector<Ref<Channel>> channels = servo_.channels().present();
     const std::lock_guard lock(sharing_);
-    const LoopShare part = part_of(count_wanting(channels));
-    for (const Ref<Channel>& channel : channels) channel->scene().bounding.update(part);
+    const size_t count = count_wanting(channels);
+    for (const Ref<Channel>& channel : channels) {
+      Bounding& bounding = channel->scene().bounding;
+      bounding.update(part_of(bounding.wants_stiffness() ? count : count + 1));  // one that wants none yet may at any time
+    }
   } catch (...) {  // no memory: the bounds stay as they are until the next time
   }
 }
@@ -58,8 +62,10 @@ void Keeper::start() {
         lock.unlock();
         const auto begin = Clock::now();
         run_once();
-        // A tenth of a processor at most.
-        pause = std::max(std::chrono::duration<double>(0.04), 9 * std::chrono::duration<double>(Clock::now() - begin));
+        // A tenth of a processor at most. In steps of 2, as another time ahead is other work.
+        const double took = std::chrono::duration<double>(Clock::now() - begin).count();
+        pause = std::chrono::duration<double>(std::max(0.04, 9 * took));
+        while (ahead_ < 1.5 * pause.count()) ahead_ = 2 * ahead_;
         lock.lock();
       }
     });

@@ -1,6 +1,7 @@
 // Shares out what the loop can render among the scenes of a servo, in a thread of its own, so that no tick waits for it.
 #pragma once
 
+#include <atomic>
 #include <condition_variable>
 #include <mutex>
 #include <thread>
@@ -28,6 +29,7 @@ class Keeper {
   fs_servo& servo_;
   const LoopShare loop_;
   std::mutex sharing_;
+  std::atomic<double> ahead_{0.1};  // s, see LoopShare
   std::mutex mutex_;
   std::condition_variable stopping_;
   bool is_stopping_ = false;
