@@ -269,7 +269,7 @@ typedef struct fs_report {
   double stiffness_wanted;      /* N/m at the device, the steepest slope of profiles and contact; infinite where the
                                    force jumps (above). For a curve it is worked out once, when the curve is made: for
                                    a table it is never too low, for an expression it is an estimate from some hundred
-                                   samples */
+                                   samples. A contact with stiffness 0 wants what it gets */
   double stiffness_applied;     /* N/m at the device; less than stiffness_wanted when capped */
   double distance;              /* m, from the object to the nearest tool point at the last tick; infinite: not near
                                    (beyond its force, weight 0, clutched, no servo); then point and wrench are 0 */

@@ -29,6 +29,15 @@ double slope_end(const Profile& p, double k) {
 
 bool is_under_way(const Motion& motion, double now) { return motion.horizon > 0 && now < motion.time + motion.horizon; }
 
+// Whether a version fades out where the next one is not felt.
+bool is_elsewhere(const Object& object, const Motion& motion, const Snapshot& snapshot, uint32_t next) {
+  const Chunk* const its = find_chunk(snapshot.chunks, next);
+  if (!its) return true;
+  const double size = object.primitive == FS_PRIMITIVE_PLANE ? 0 : object.radius;
+  const double way = norm(its->motion(next % chunk_size).pose.position - motion.pose.position);
+  return way > size + std::fmax(0, object.law.support);
+}
+
 // What one row wants, in scene units.
 struct Wish {
   Admitted row;
@@ -145,8 +154,7 @@ std::vector<Admitted> admit(const Snapshot& snapshot, const SceneShare& share, d
       if (row.is_named && !row.is_in) return;  // it is disabled
       const Object& object = *row.object;
       const Motion& motion = chunk.motion(i);
-      const Chunk* const next = row.next == no_row ? nullptr : find_chunk(snapshot.chunks, row.next);
-      if (next && next->motion(row.next % chunk_size).says_the_same(motion)) return;  // that one claims for both
+      if (row.next != no_row && !is_elsewhere(object, motion, snapshot, row.next)) return;  // that one claims for both
       const unsigned points =
           std::min(share.points, static_cast<unsigned>(std::popcount(object.point_mask())));
       const bool is_moving = is_under_way(motion, now) || motion.has_offset(now, share.blend);

@@ -122,7 +122,11 @@ fs_report Moment::report(const Entry& entry, uint32_t number) const {
   out.stiffness_wanted = slope_scale > 0 ? slope_scale * object.steepest_slope : 0;
   out.stiffness_applied = out.stiffness_wanted;
   if (is_evaluated && memory_ && slope_scale > 0) {
-    out.stiffness_applied = std::fmin(out.stiffness_wanted, slope_scale * row(number).as_felt(true).steepest_slope);
+    const Object& felt = row(number).as_felt(true);
+    if (object.is_solid() && object.contact.stiffness == 0) {  // it wants what it gets
+      out.stiffness_wanted = slope_scale * std::fmax(object.law_slope, stiffness_of(felt.contact));
+    }
+    out.stiffness_applied = std::fmin(out.stiffness_wanted, slope_scale * felt.steepest_slope);
   }
   out.distance = never;
   if (!is_evaluated || !memory_ || !(tick_.weight > 0)) return out;

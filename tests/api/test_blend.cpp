@@ -722,6 +722,38 @@ START_TEST(what_changes_all_the_time_gets_its_share) {
 }
 END_TEST
 
+// The bound of an object that shares with none is that of one alone, whatever it wanted before: a change is felt at once.
+START_TEST(who_shares_with_none_is_not_held_back) {
+  Bounded s;
+  s.hand = [](double) { return fs_vec3{0, 0, 0}; };
+  s.set(wall(0.002, 10, 1000));
+  s.settle();
+  s.set(wall(0.002, 1000, 1000));
+  s.run(1.5 * blend);
+  EXPECT_NEAR(s.force().z, 2, 1e-6);
+}
+END_TEST
+
+// A wall that one point of eight feels has the whole bound.
+START_TEST(points_that_do_not_feel_have_no_share) {
+  for (const uint32_t mask : {0u, 1u}) {
+    Bounded s;
+    fs_vec3 points[8]{};
+    for (int i = 0; i < 8; ++i) points[i].x = 0.001 * i;
+    OK(fs_scene_set_tool(s.scene, points, 8));
+    fs_object o = fs_object_init("wall", FS_PRIMITIVE_PLANE);
+    o.pose.position.z = -1;
+    o.contact.keep = FS_KEEP_FRONT;
+    o.contact.stiffness = 1e6;
+    o.contact.limit = 20;
+    o.tool_points = mask;
+    s.set(o);
+    s.run(0.1);
+    EXPECT_NEAR(s.slope_of("wall"), mask ? 2000 : 2000.0 / 8, 1);
+  }
+}
+END_TEST
+
 // A groove of two walls at 90 degrees along y, which holds the hand and also repels it from afar. Where both walls are equally
 // near the direction of that force turns: under a bound over some way, not at once.
 START_TEST(ridges_of_solids_are_blended) {
@@ -770,6 +802,7 @@ int main() {
   add_case(suite, "contacts", {contacts_are_blended, friction_is_blended, a_floor_that_moves_carries_the_hand});
   add_case(suite, "all", {tools_feel_changes_at_once, large_groups_are_blended});
   add_case(suite, "bounds", {shares_are_blended, what_changes_all_the_time_gets_its_share,
+                             who_shares_with_none_is_not_held_back, points_that_do_not_feel_have_no_share,
                              ridges_of_solids_are_blended});
   TCase* test_case = new_case(suite, "any order");
   tcase_add_loop_test(test_case, any_order, 0, is_sanitized ? 1 : 5);

@@ -153,6 +153,25 @@ static double progress_of(const fs_shape* shape) {
 }
 
 // Seen by other threads, of which one builds too: it only grows, and is 1 exactly when the tree is there.
+// What a tool remembers of a mesh goes with it: another mesh of the same object is felt as by a new tool.
+START_TEST(another_mesh_is_felt_at_once) {
+  const Scene scene = make_scene();
+  const Tool old_tool = make_tool(scene.get());
+  const Shape large = make_mesh(sphere_mesh(0.5, 800)), small = make_mesh(moved(sphere_mesh(0.4, 800), at(0.35, 0, 0)));
+  fs_object o = fs_object_init("ball", FS_PRIMITIVE_MESH);
+  o.shape = large.get();
+  o.front = o.back = fs_profile_init(FS_PROFILE_LINEAR_DECREASING, FS_SENSE_ATTRACTIVE, -10, 1, 1);
+  OK(fs_object_set(scene.get(), &o));
+  for (const double x : {0.001, 0.003, 0.00301, 0.003011}) force_at(old_tool.get(), {x, 0, 0});
+  o.shape = small.get();
+  OK(fs_object_set(scene.get(), &o));
+  const Tool new_tool = make_tool(scene.get());
+  const fs_vec3 expected = force_at(new_tool.get(), {0.003011, 0, 0});
+  ck_assert_double_gt(norm(expected), 0.1);
+  EXPECT_VECTOR(force_at(old_tool.get(), (fs_vec3{0.003011, 0, 0})), expected, 0);
+}
+END_TEST
+
 START_TEST(progress_of_a_build) {
   const fs_vec3 ends[]{{0, 0, 0}, {1, 0, 0}};
   ck_assert_double_eq(progress_of(make_polyline(ends, 2, false).get()), 1);
@@ -442,7 +461,8 @@ END_TEST
 
 int main() {
   Suite* suite = suite_create("shape");
-  add_case(suite, "shapes", {polylines, meshes, edges_of_meshes, shape_references, progress_of_a_build,
+  add_case(suite, "shapes", {polylines, meshes, another_mesh_is_felt_at_once, edges_of_meshes, shape_references,
+                             progress_of_a_build,
                             a_build_needs_no_other_thread, scenes_of_the_tests});
   add_case(suite, "curves", {tables, expressions});
   add_case(suite, "files", {mesh_files, faces_that_are_not_convex, bad_mesh_files});
