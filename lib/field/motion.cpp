@@ -18,8 +18,8 @@ Decay decay_at(const Motion::Offset& offset, double t, double blend) noexcept {
 
 constexpr double small_angle = 1e-6;  // rad: below it the series below are cut
 
-// The angular velocity of a rotation whose vector v changes at `rate`, and the other way round (the left Jacobian of the
-// rotations, and its inverse; the angle is within pi).
+// spin_of: the angular velocity of a rotation whose rotation vector v changes at `rate` (the left Jacobian of the rotations);
+// rate_of: its inverse. The angle is within pi.
 Vec3 spin_of(Vec3 v, Vec3 rate) noexcept {
   const double angle = norm(v);
   if (angle < small_angle) return rate + 0.5 * cross(v, rate);

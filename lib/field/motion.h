@@ -27,7 +27,7 @@ struct Motion {
 
   // What is left of the motion before.
   struct Offset {
-    Vec3 way{}, drift{};  // m, at the beginning; and by how much it would grow within a blend at the velocity it has there
+    Vec3 way{}, drift{};  // m, at the beginning; and its velocity there times the blend
     Vec3 turn{}, spin{};  // rad, the same of the rotation: vectors along the parent's axes
     double begun = -std::numeric_limits<double>::infinity();  // s
   };

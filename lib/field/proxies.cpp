@@ -217,7 +217,7 @@ void Proxies::push(const Touches::View* last, uint32_t point, const ToolState& t
     if (!member.before || member.is_taken_over) continue;
     touch.rest = member.before->fading > 0 ? (touch.fading / member.before->fading) * member.before->rest : Vec3{};
     was_fading |= member.before->is_fading;
-    const double limit = solid.object->contact.limit;  // what is beyond it has not been felt
+    const double limit = solid.object->contact.limit;  // the hand has not felt what is beyond it
     const Vec3 change = limited(member.before->spring, limit) - limited(touch.spring, limit);
     jump += change;
     if (norm(change) > most_change) {

@@ -1,7 +1,7 @@
 // The immutable form of a scene that a reader (the servo, a tool) evaluates. Everything in it is data; a reader only looks
 // at it. What a reader finds out goes into its own memory (memory.h).
 //
-// Each object is a row. A name whose primitive, shape or tool points change while it is felt has several rows: one for
+// Each object is a row. A name that changes while it is felt, by more than a move, has several rows for a while: one for
 // each version (weight.h). Rows stand in chunks of 64: the chunk is what a change copies and what a reader can pass over.
 #pragma once
 

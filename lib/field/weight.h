@@ -37,7 +37,7 @@ struct Want {
   double expiry = never;  // s, scene time: from then on the row is wanted out
   uint32_t next = no_row; // the row that begins when this one is in full, or not felt
   bool is_in = false;
-  uint64_t takes_over = 0;  // version of the row from which it takes over the weight; 0: it fades in by itself
+  uint64_t takes_over = 0;  // version of the row from which it takes over the weight, and the proxies; 0: it fades in by itself
 
   // Tools have no weights: the newest version counts in full, older ones not at all.
   bool is_felt(double now) const noexcept { return is_in && next == no_row && now < expiry; }
@@ -117,9 +117,9 @@ struct Course {
   }
 };
 
-// [rt] Where the weight of a row goes; the row has begun. One at 1 or at 0 starts its successor, and falls from then on; one
-// with a successor that takes over does so at once. next, its: the successor; null: there is none. began: set when it has
-// just started.
+// [rt] Where the weight of a row goes; the row has begun. When its weight is 1 or 0, it starts its successor and fades out from
+// then on; a successor that takes over starts at once. next, its: the successor; null: there is none. began: set when it
+// has just started.
 inline Course course_of(const Want& row, const Weight& weight, double now, Weight* next, const Want* its, bool is_at_once,
                         bool& began) noexcept {
   const bool in = row.is_in && now < row.expiry;
@@ -128,7 +128,7 @@ inline Course course_of(const Want& row, const Weight& weight, double now, Weigh
   if (next->has_begun(its->version)) return {false, next->coming() > 0};
   const bool can_take_over = its->takes_over == row.version;
   const bool takes_over = can_take_over && its->is_in && now < its->expiry;
-  // One that goes out, as its successor does, waits with it: if that is wanted in again, it takes over what is left.
+  // If both are wanted out, the successor does not start: should it be wanted in again, it takes over what is left.
   const bool is_full = !(value < 1) && (in || !can_take_over), has_faded = is_at_once || is_full || !(value > 0);
   const bool has_taken_over = !(weight.coming() > 0);
   if (!has_taken_over || !(takes_over || has_faded)) return {in, false};

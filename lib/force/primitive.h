@@ -22,7 +22,8 @@ struct Closest {
   uint32_t triangle = 0;  // index of the triangle or segment; the lowest of those at equal distance
 };
 
-// What is remembered from one search of a shape to the next, to make it faster. It makes no difference to what is found.
+// What is remembered from one search of a shape to the next, to make it faster. It makes no difference to what is found in
+// this shape; with another one, begin with a new hint.
 struct Hint {
   uint32_t triangle = UINT32_MAX;  // that was nearest
   Vec3 from{};                     // m: when the search was made from here,

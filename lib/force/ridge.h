@@ -30,8 +30,8 @@ struct Ridge {
 // [rt] Whether x feels a ridge of the shape: y above is another place than without it. closest: what closest_point() gives for
 // x; l: m, above. A point, a plane and a straight polyline have none. The ridges of both sides count.
 // hint: what helped to find `closest`, may be null: what it remembers of a place nearby saves searches and changes m by a
-// thousandth at most. As a rule it takes one search from y, without a hint some more at a ridge. Where the effort ends first, it
-// says that there is none. After 12 searches it takes what it knows: about the middle of a finely cut sphere, for example.
+// thousandth at most. As a rule it takes one search from y, without a hint some more at a ridge. It returns
+// false where the effort runs out. After 12 searches it takes what it knows: about the middle of a finely cut sphere, for example.
 bool find_ridge(fs_primitive primitive, const Shape* shape, Vec3 x, const Closest& closest, double l, Ridge& out,
                 Hint* hint = nullptr, Effort* effort = nullptr) noexcept;
 

@@ -13,7 +13,7 @@ constexpr float infinite_cost = std::numeric_limits<float>::infinity();
 static_assert(BinaryTree::leaf_size == WideNode::width);  // a node has room for the costs
 
 // What a subtree costs to search if it stands under a wide node as at most k + 1 children: costs[k], in areas. cuts[k]: how
-// many of them are for the first child, when the two children share them; 0: the subtree is one child.
+// many of those k + 1 the first child gets, the second the others; 0: the subtree is not split.
 void find_costs_of(BinaryTree::Node& node, float area, Wanted& wanted) {
   wanted.step();
   if (node.count > 0) {

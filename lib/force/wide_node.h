@@ -30,8 +30,8 @@ struct alignas(64) WideNode {
 };
 
 // A child lies within a radius of the line through the middle of its box along a normal n, and where n * p is within `height` of
-// `offset`; p is a place relative to the middle. n is as long as makes |x| + |y| + |z| = unit / scale, so that its coordinates
-// are exact and no root is needed to read them.
+// `offset`; p is a place relative to the middle. n is scaled to |x| + |y| + |z| = unit / scale, so that its coordinates are
+// exact and no root is needed to read them.
 struct alignas(64) WideDiscs {
   uint32_t x_y[WideNode::width];    // x and y of the normal, 16 bits each; its z >= 0
   uint32_t sizes[WideNode::width];  // from the lowest: the offset in 16 bits, the radius in 8, the height in 8

@@ -30,7 +30,7 @@ Chunk& ObjectRows::own(uint32_t row, const Object* bounded) {
   return its;
 }
 
-// known: of an object that was worked with before. What is not known of it is as if it were alone.
+// known: the bounds that an object has; where it has none, those of an object alone.
 static Bounds joined(const Bounds& known, const Bounds& alone) noexcept {
   const auto one = [](double has, double else_has) { return has < no_bound ? has : else_has; };
   return {one(known.slope, alone.slope), one(known.stiffness, alone.stiffness), one(known.damping, alone.damping),
@@ -42,7 +42,7 @@ Ref<const Object> ObjectRows::bounded_for(const Entry& entry, const Row* before)
   return fs::bounded(*entry.object, before && before->bounded ? joined(before->bounded->bounds, bounds_) : bounds_);
 }
 
-// Whether bounds need not be changed to others: they are at most slightly more, and not much less.
+// Whether bounds can stay: within 0.8 and 1.02 times what is wanted, so that small changes make no new version.
 static bool serve_as(const Bounds& present, const Bounds& wanted) noexcept {
   const auto serves = [](double has, double wants) { return has == wants || (has <= 1.02 * wants && has >= 0.8 * wants); };
   return serves(present.slope, wanted.slope) && serves(present.stiffness, wanted.stiffness) &&
@@ -181,7 +181,7 @@ bool ObjectRows::may_be_felt(uint32_t number) const noexcept {
   if (output_.tick.load(std::memory_order_acquire) == 0) return false;  // the servo has not ticked yet
   if (!output_.hand.read(hand)) return true;
   const Object& object = *row(number).object;
-  const double far = object.radius + object.support() + arm_ + scale_ * 0.1;  // m; the hand does not come farther meanwhile
+  const double far = object.radius + object.support() + arm_ + scale_ * 0.1;  // m; the hand takes 50 ms for 0.1 m at 2 m/s
   return !(norm(hand.state.pose.position - motion(number).position_at(clock_.now(), spread().blend)) > far);
 }
 
@@ -237,62 +237,74 @@ uint32_t ObjectRows::set(uint32_t newest, const Entry& entry) {
 uint32_t ObjectRows::put(uint32_t newest, const Entry& entry, Change change, const Ref<const Object>& bounded) {
   for (;;) {
     if (servo_) tidy_older(newest);
-    const double now = clock_.now();
-    const Row& felt = row(newest);
-    const uint32_t previous = felt.previous;
-    const bool is_same = change == Change::adjusted;
-    // A version that waits may be replaced as long as no tick can know it. One that was posted belongs to a group that is
-    // felt as a whole, so the new one comes after it, unless they differ only in how hard the object is. When the chain
-    // becomes long, because many come between two ticks, what was posted is taken back if no tick has it yet.
-    const bool is_replaced =
-        is_waiting(newest) && (change == Change::taken_over || felt.created == sequence_ ||
-                               (length(newest) >= longest_chain && servo_->take_back(felt.created)));
     own_offsets(1);
-    if (is_same || !servo_ || is_replaced) {
-      for (uint32_t older = newest; is_waiting(older); older = row(older).previous) own(row(older).previous);
-      Chunk& its = own(newest, bounded.get());
-      New made = make_new(newest, *entry.object, row(newest).object.get());
-      uint64_t version = row(newest).version;
-      if (!is_same) {
-        const uint64_t before = std::exchange(version, ++last_version_);
-        if (servo_ && !servo_->memory->weight(newest).replace_waiting(before, version)) continue;  // it has begun
-      }
-      install(newest, made);
-      const bool was_in = row(newest).is_in;
-      const uint64_t sequence = row(newest).sequence;
-      const bool is_elsewhere = change == Change::replaced, is_moved = !entry.motion.says_the_same(motion(newest));
-      fill(its, newest, entry, bounded, is_elsewhere ? unblended(entry.motion) : going_on(newest, entry.motion, now),
-           version, previous);
-      if (is_moved) note_offset(newest);
-      if (is_elsewhere) edit(newest).takes_over = 0;
-      if (is_same && was_in == entry.object->is_enabled) edit(newest).sequence = sequence;
-      for (uint32_t number = newest; is_waiting(number);) {  // the versions before it are the same object
-        number = row(number).previous;
-        if (!entry.object->is_enabled) want_out(number);
-        if (row(number).is_in) edit(number).expiry = entry.expiry;
-      }
-      return newest;
-    }
-    // Another version of what is felt. A row that is already fading out alone need not be waited for, unless its weight is
-    // taken over.
-    const bool takes_over = change == Change::taken_over;
-    const bool waits = takes_over || row(newest).is_in || previous != no_row;
-    const uint32_t number = allocate(entry);
-    New made = make_new(number, *entry.object, nullptr);
-    Chunk& its = own(number, bounded.get());
-    own(newest);
-    const uint64_t version = ++last_version_;
-    install(number, made);
-    servo_->memory->weight(number).set_up(version, waits, 0);
-    fill(its, number, entry, bounded,
-         takes_over ? going_on(newest, entry.motion, now) : unblended(entry.motion), version, newest);
-    if (!entry.motion.says_the_same(motion(newest))) note_offset(number);
-    if (takes_over) edit(number).takes_over = row(newest).version;
-    edit(newest).is_named = false;
-    if (waits) edit(newest).next = number;
-    if (!entry.object->is_enabled) want_out(newest);
-    return number;
+    if (!is_replaceable(newest, change)) return append(newest, entry, change, bounded);
+    if (replace(newest, entry, change, bounded)) return newest;
   }
+}
+
+// Whether the newest row can be changed itself. One that waits can, as long as no tick can know it. One that was posted belongs
+// to a group that is felt as a whole, so a new one comes after it, unless they differ only in how hard the object is. When the
+// chain becomes long, because many come between two ticks, what was posted is taken back if no tick has it yet.
+bool ObjectRows::is_replaceable(uint32_t newest, Change change) noexcept {
+  if (change == Change::adjusted || !servo_) return true;
+  if (!is_waiting(newest)) return false;
+  const uint64_t created = row(newest).created;
+  return change == Change::taken_over || created == sequence_ ||
+         (length(newest) >= longest_chain && servo_->take_back(created));
+}
+
+// False: it was waiting, and has begun meanwhile.
+bool ObjectRows::replace(uint32_t newest, const Entry& entry, Change change, const Ref<const Object>& bounded) {
+  const double now = clock_.now();
+  const uint32_t previous = row(newest).previous;
+  New made = make_new(newest, *entry.object, row(newest).object.get());
+  for (uint32_t older = newest; is_waiting(older); older = row(older).previous) own(row(older).previous);
+  Chunk& its = own(newest, bounded.get());
+  uint64_t version = row(newest).version;
+  const bool is_same = change == Change::adjusted, is_elsewhere = change == Change::replaced;
+  if (!is_same) {
+    const uint64_t before = std::exchange(version, ++last_version_);
+    if (servo_ && !servo_->memory->weight(newest).replace_waiting(before, version)) return false;
+  }
+  install(newest, made);
+  const bool was_in = row(newest).is_in;
+  const uint64_t sequence = row(newest).sequence;
+  const bool is_moved = !entry.motion.says_the_same(motion(newest));
+  fill(its, newest, entry, bounded, is_elsewhere ? unblended(entry.motion) : going_on(newest, entry.motion, now), version,
+       previous);
+  if (is_moved) note_offset(newest);
+  if (is_elsewhere) edit(newest).takes_over = 0;
+  if (is_same && was_in == entry.object->is_enabled) edit(newest).sequence = sequence;
+  for (uint32_t number = newest; is_waiting(number);) {  // the versions before it are the same object
+    number = row(number).previous;
+    if (!entry.object->is_enabled) want_out(number);
+    if (row(number).is_in) edit(number).expiry = entry.expiry;
+  }
+  return true;
+}
+
+// Another version of what is felt. A row that is already fading out alone need not be waited for, unless its weight is taken
+// over.
+uint32_t ObjectRows::append(uint32_t newest, const Entry& entry, Change change, const Ref<const Object>& bounded) {
+  const double now = clock_.now();
+  const bool takes_over = change == Change::taken_over;
+  const bool waits = takes_over || row(newest).is_in || row(newest).previous != no_row;
+  const uint32_t number = allocate(entry);
+  New made = make_new(number, *entry.object, nullptr);
+  Chunk& its = own(number, bounded.get());
+  own(newest);
+  const uint64_t version = ++last_version_;
+  install(number, made);
+  servo_->memory->weight(number).set_up(version, waits, 0);
+  fill(its, number, entry, bounded, takes_over ? going_on(newest, entry.motion, now) : unblended(entry.motion), version,
+       newest);
+  if (!entry.motion.says_the_same(motion(newest))) note_offset(number);
+  if (takes_over) edit(number).takes_over = row(newest).version;
+  edit(newest).is_named = false;
+  if (waits) edit(newest).next = number;
+  if (!entry.object->is_enabled) want_out(newest);
+  return number;
 }
 
 uint32_t ObjectRows::length(uint32_t newest) const noexcept {
@@ -336,11 +348,12 @@ uint32_t ObjectRows::remove(uint32_t newest) {
   return no_row;
 }
 
-uint32_t ObjectRows::tidy(uint32_t newest) {
-  tidy_older(newest);
+uint32_t ObjectRows::tidy(uint32_t newest, bool& has_changed) {
+  has_changed |= tidy_older(newest);
   if (row(newest).is_named || row(newest).previous != no_row || !is_gone(newest)) return newest;
   own(newest);
   drop(newest);
+  has_changed = true;
   return no_row;
 }
 

@@ -35,23 +35,23 @@ class ObjectRows : Versions<ObjectRows> {
   // What is posted next has this number; versions in the table are those numbers.
   void set_next_sequence(uint64_t sequence) noexcept { sequence_ = sequence; }
 
-  // The rows of a name, of which the newest is given. Each returns the newest from then on. When one of them throws
-  // (no memory), what is felt is as before.
+  // The rows of a name, of which the newest is given; it may be another from then on, which is returned. When one of them
+  // throws (no memory), what is felt is as before.
   uint32_t add(const Entry& entry);                    // a name that has no row
   uint32_t set(uint32_t newest, const Entry& entry);   // to another version if need be
   void move(uint32_t newest, const Motion& motion, double expiry, uint64_t motion_revision);  // no jump
   uint32_t remove(uint32_t newest);                    // no_row: nothing is left of it
-  // Lets go of what has faded out: no_row: of all of it.
-  uint32_t tidy(uint32_t newest);
+  // Lets go of what has faded out; no_row: of all of it. has_changed: set if something is to be posted.
+  uint32_t tidy(uint32_t newest, bool& has_changed);
   // Whether something fades out behind the newest row, or the newest row itself.
   bool is_fading(uint32_t newest) const noexcept { return row(newest).previous != no_row || !row(newest).is_named; }
 
-  // What a servo lets objects have that nothing is known of yet; those that it knows get their own bounds, with bound().
+  // The bounds of objects whose share has not been worked out yet; bound() sets those of the others.
   void set_bounds(const Bounds& bounds) noexcept { bounds_ = bounds; }
   // Whether the row is of this object and has these bounds, or hardly others.
   bool is_bound(uint32_t row, const Object& object, const Bounds& bounds) const;
-  // Evaluates the object within these bounds, also where it is no longer the one that they were worked out for; where the
-  // hand is near, the force goes over to the new within a blend. Returns the newest row from then on.
+  // Evaluates the object within these bounds. (It may have changed since they were worked out.) Where the hand may be near,
+  // the force goes over to the new one within a blend. Returns the newest row from then on.
   uint32_t bound(uint32_t newest, const Bounds& bounds);
 
   // The error that evaluation may make, N. It is shared out among the objects whose force fades out without end: where one
@@ -126,6 +126,9 @@ class ObjectRows : Versions<ObjectRows> {
   bool may_be_felt(uint32_t row) const noexcept;  // before the next snapshot is in use
   // The newest row from then on. bounded: null: as it is.
   uint32_t put(uint32_t newest, const Entry& entry, Change change, const Ref<const Object>& bounded);
+  bool is_replaceable(uint32_t newest, Change change) noexcept;
+  bool replace(uint32_t newest, const Entry& entry, Change change, const Ref<const Object>& bounded);
+  uint32_t append(uint32_t newest, const Entry& entry, Change change, const Ref<const Object>& bounded);
   Spread spread() const noexcept { return servo_ ? servo_->memory->spread : Spread{}; }
   // A motion that goes on from where a row is felt.
   Motion going_on(uint32_t row, const Motion& to, double now) const noexcept;

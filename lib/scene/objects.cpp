@@ -91,6 +91,13 @@ bool Objects::list(Named& named) {
   return named.second.is_listed = true;
 }
 
+// Takes back what list() has just done.
+void Objects::unlist(Item& item, bool is_newly_listed) noexcept {
+  if (!is_newly_listed) return;
+  fading_.pop_back();
+  item.is_listed = false;
+}
+
 // Replaces the expiry that is to be announced; one that was announced is no longer in the set.
 void Objects::set_expiry(const std::string& name, double before, double after) {
   if (before == after) return;
@@ -117,19 +124,15 @@ void Objects::take(std::string_view name, Known& wanted, NewName new_name) {
   const double before = item.is_removed ? never : rows.row(item.row).expiry;
   const double after = wanted.is_removed ? never : wanted.expiry;
   const bool is_newly_listed = list(*named);  // something may fade out from now on
-  const auto unlist = [&] {
-    if (is_newly_listed) fading_.pop_back();
-    if (is_newly_listed) item.is_listed = false;
-  };
   try {
     set_expiry(named->first, before, after);
     item.row = wanted.is_removed ? rows.remove(item.row) : rows.set(item.row, wanted);
   } catch (...) {
     if (before != after && after < never) expiries_.erase({after, named->first});
-    unlist();
+    unlist(item, is_newly_listed);
     throw;
   }
-  if (item.row == no_row || !rows.is_fading(item.row)) unlist();
+  if (item.row == no_row || !rows.is_fading(item.row)) unlist(item, is_newly_listed);
   removed_ += wanted.is_removed;
   removed_ -= item.is_removed;
   item.is_removed = wanted.is_removed;
@@ -163,10 +166,6 @@ void Objects::move(Named& named, const Track& track, const Motion& motion, doubl
   const double before = rows.row(item.row).expiry;
   const bool jumps = rows.is_jump(item.row, motion);
   const bool is_newly_listed = jumps && list(named);
-  const auto unlist = [&] {
-    if (is_newly_listed) fading_.pop_back();
-    if (is_newly_listed) item.is_listed = false;
-  };
   try {
     set_expiry(name, before, expiry);
     if (jumps) {
@@ -180,10 +179,10 @@ void Objects::move(Named& named, const Track& track, const Motion& motion, doubl
     }
   } catch (...) {
     if (before != expiry && expiry < never) expiries_.erase({expiry, name});
-    unlist();
+    unlist(item, is_newly_listed);
     throw;
   }
-  if (!rows.is_fading(item.row)) unlist();
+  if (!rows.is_fading(item.row)) unlist(item, is_newly_listed);
   *item.track = track;
 }
 
@@ -218,17 +217,13 @@ Objects::Bound Objects::bound(uint32_t row, const Object& object, const Bounds& 
   const Object* const before = &rows.row(item.row).as_felt(true);
   const double slope = before->steepest_slope;
   const bool is_newly_listed = list(*found);
-  const auto unlist = [&] {
-    if (is_newly_listed) fading_.pop_back();
-    if (is_newly_listed) item.is_listed = false;
-  };
   try {
     item.row = rows.bound(item.row, bounds);
   } catch (...) {
-    unlist();
+    unlist(item, is_newly_listed);
     throw;
   }
-  if (!rows.is_fading(item.row)) unlist();
+  if (!rows.is_fading(item.row)) unlist(item, is_newly_listed);
   const Object& after = rows.row(item.row).as_felt(true);
   return {&after != before, slope, after.steepest_slope};
 }
@@ -243,8 +238,7 @@ bool Objects::tidy() {
       continue;
     }
     Item& item = found->second;
-    const bool was_fading = rows.is_fading(item.row);
-    const uint32_t rest = was_fading ? rows.tidy(item.row) : item.row;
+    const uint32_t rest = rows.is_fading(item.row) ? rows.tidy(item.row, is_changed) : item.row;
     if (rest == no_row) {
       removed_ -= item.is_removed;
       erase(*found);
@@ -255,9 +249,7 @@ bool Objects::tidy() {
     } else {
       fading_.push_back(std::move(fading_.front()));
       fading_.pop_front();
-      continue;
     }
-    is_changed |= was_fading;
   }
   return is_changed;
 }

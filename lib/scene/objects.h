@@ -114,6 +114,7 @@ class Objects {
   Named* find_named(std::string_view name, const Known& known) noexcept;
   void erase(const Named& named) noexcept;
   bool list(Named& named);
+  void unlist(Item& item, bool is_newly_listed) noexcept;
   void add(NewName name, const Known& wanted);
   void move(Named& named, const Track& track, const Motion& motion, double expiry, uint64_t motion_revision);
   template <class F>

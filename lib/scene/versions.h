@@ -40,11 +40,13 @@ class Versions {
     it.expiry = never;
   }
 
-  // Lets go of what is gone behind the newest.
-  void tidy_older(uint32_t newest) {
+  // Lets go of what is gone behind the newest. True: something is to be posted; until then a version that waited for what has
+  // gone goes on waiting.
+  bool tidy_older(uint32_t newest) {
+    bool has_changed = false;
     for (uint32_t above = newest;;) {
       const uint32_t i = rows().row(above).previous;
-      if (i == no_row) return;
+      if (i == no_row) return has_changed;
       if (!is_gone(i)) {
         above = i;
         continue;
@@ -65,6 +67,7 @@ class Versions {
       }
       rows().edit(above).previous = older;
       rows().drop(i);
+      has_changed = true;
     }
   }
 

@@ -109,7 +109,7 @@ LoopLimits limits_of(const Loop& loop, double wanted_damping) noexcept {
   out.object_damping = renderable - out.damping;
   const double passive = (loop.damping + out.damping) / 2 / lag;
   out.max_stiffness = passive;
-  for (const double damping : {out.damping, renderable}) {  // in between the loop stands more
+  for (const double damping : {out.damping, renderable}) {  // in between the critical stiffness is higher
     const double critical = critical_stiffness(loop, damping, 2 * out.max_stiffness);
     out.max_stiffness = std::min(out.max_stiffness, critical / 2);
   }

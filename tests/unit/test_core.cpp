@@ -172,6 +172,12 @@ struct OneName {
     rows.set_next_sequence(sequence + 1);
     reader.post(snapshot);
   }
+  uint32_t tidy(uint32_t newest) {
+    bool has_changed = false;
+    const uint32_t rest = rows.tidy(newest, has_changed);
+    if (has_changed) post();
+    return rest;
+  }
   void fetch() { reader.mailbox.fetch(); }
   void advance(double to) {
     now = to;
@@ -237,7 +243,7 @@ START_TEST(weights_have_no_step) {
             is_there = true;
             wanted = entry.expiry < never ? 0 : scene.rows.row(newest).version;
           }
-          if (newest != no_row && random.next() % 2) newest = scene.rows.tidy(newest);
+          if (newest != no_row && random.next() % 2) newest = scene.tidy(newest);
           int count = 0;
           for (uint32_t row = newest; row != no_row; row = scene.rows.row(row).previous) ++count;
           ck_assert_int_le(count, 17);
@@ -267,7 +273,7 @@ START_TEST(weights_have_no_step) {
     } else {
       ck_assert_double_eq(felt, 0);
     }
-    if (newest != no_row) newest = scene.rows.tidy(newest);
+    if (newest != no_row) newest = scene.tidy(newest);
     ck_assert_int_eq(newest != no_row, is_there);
   }
 }
@@ -312,7 +318,7 @@ START_TEST(weights_are_taken_over) {
         entry.object = profiles[random.next() % 3];
         newest = newest == no_row ? scene.rows.add(entry) : scene.rows.set(newest, entry);
       }
-      if (newest != no_row) newest = scene.rows.tidy(newest);
+      if (newest != no_row) newest = scene.tidy(newest);
       scene.post();
       if (random.next() % 3 == 0) continue;
       const double passed = dt * static_cast<double>(1 + random.next() % 3);
