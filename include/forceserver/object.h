@@ -227,7 +227,7 @@ FS_API fs_status fs_object_evaluate_law(const fs_object *object, double max_stif
 /* A polyline through count (>= 2) points, m, object frame. closed: the last point is joined to the first. */
 FS_API fs_status fs_shape_create_polyline(const fs_vec3 *points, size_t count, bool closed, fs_shape **out);
 
-/* A mesh of 1 to 5e8 triangles. points: m, object frame, at most 4e9; triangles: three indices of points per triangle,
+/* A mesh of 1 to 5e8 triangles. points: m, object frame, at most 4e9 of them; triangles: three indices of points per triangle,
  * counter-clockwise as seen from the front. */
 FS_API fs_status fs_shape_create_mesh(const fs_vec3 *points, size_t point_count, const uint32_t *triangles,
                                       size_t triangle_count, fs_shape **out);

@@ -216,12 +216,13 @@ FS_API fs_status fs_scene_get_view(fs_scene *scene, const char *client, fs_view 
  * closest point can turn the force around. */
 FS_API fs_status fs_scene_set_accuracy(fs_scene *scene, double newtons);
 
-/* Bound of the summed slope of overlapping objects, N/m at the device, >= 0. Above it the slopes are scaled together,
- * which never raises the force. 0 (default): what the servo can render; without a servo no bound. Connected: the bound
- * holds for the scene's own objects and can only lower what the server gives them: an equal part of what the servo can
- * render for each client that has objects. An object is bounded within 0.1 s after it is set or has moved beside others;
- * a new one begins within the bound of one alone. A bound that changes is blended as a profile that changes is. Tools of
- * one's own and fields are not bounded. */
+/* Bound of the summed slope of objects that are felt at the same place, N/m at the device, >= 0. Each slope is first cut to
+ * the bound; then those that reach the same places are scaled by one factor, which never raises the force. 0 (default):
+ * what the servo can render; without a servo no bound. Connected: the bound holds for the scene's own objects and can only
+ * lower what the server gives them: an equal part of what the servo can render for each client that has objects. A new
+ * object has at first the bound of one alone; within 0.1 s it shares with those that it overlaps, and so does one that has
+ * moved. A bound that changes is blended as a profile that changes is. Not bounded are tools of one's own, fields, and the
+ * turn of an attractive force where two parts of a polyline or mesh are equally near: it leads the hand away from there. */
 FS_API fs_status fs_scene_set_max_stiffness(fs_scene *scene, double stiffness);
 
 /* [rt] The scene's clock, s: the monotonic clock of the machine that evaluates (the same in every process of that
@@ -319,7 +320,8 @@ typedef enum fs_event_kind {
   FS_EVENT_NONE = 0,            /* no event within the timeout */
   FS_EVENT_READY = 1,           /* connected: a pending object is now felt */
   FS_EVENT_REFUSED = 2,         /* the server refused an object: status, text */
-  FS_EVENT_CAPPED = 3,          /* stiffness_applied changed by over 10 %: value, N/m; at most one event per second */
+  FS_EVENT_CAPPED = 3,          /* stiffness_applied changed by over 10 %: value, N/m at the device, text; at most once a
+                                   second of an object and 20 times of a scene, what has changed meanwhile later */
   FS_EVENT_EDITED = 4,          /* another client (text) changed, moved or removed an object of this scene; several
                                    edits by one client before the object is looked at give one event */
   FS_EVENT_EXPIRED = 5,         /* an object's lifetime is over: it stays, at weight 0, until set, changed or moved */

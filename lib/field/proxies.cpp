@@ -11,6 +11,15 @@ namespace {
 
 constexpr double spread = 0.02;        // s, over which a jump of the proxy is spread
 
+// Projects on the directions in which planes hold a proxy.
+Mat3 held_by(const Planes& planes) noexcept {
+  Mat3 out{};
+  Vec3 basis[3];
+  const uint32_t size = planes.span(basis);
+  for (uint32_t i = 0; i < size; ++i) out += outer(basis[i], basis[i]);
+  return out;
+}
+
 Vec3 limited(Vec3 force, double limit) noexcept {
   const double size = norm(force);
   return size > limit ? (limit / size) * force : force;
@@ -80,11 +89,6 @@ void Proxies::feel_proxy(const Touches::View* last, uint32_t point, const ToolSt
   bool was_touching = false, is_known = false;
   for (uint32_t i = 0; i < proxy_.count; ++i) {
     Member& member = proxy_.members[i];
-    member.before = nullptr;
-    if (last) member.before = touches_.find(*last, *member.solid, member.solid->version, point);
-    // Another profile or contact of the same object goes on from where the one before has the proxy.
-    member.is_taken_over = last && !member.before && member.solid->takes_over;
-    if (member.is_taken_over) member.before = touches_.find(*last, *member.solid, member.solid->takes_over, point);
     if (!member.before) continue;
     *member.touch = *member.before;
     if (member.is_taken_over) {  // what is left of a jump stays with that one
@@ -166,6 +170,10 @@ void Proxies::fade(Vec3 hand, double k) noexcept {
     }
     double sum = 0;
     for (uint32_t p = 0; p < here.plane_count; ++p) sum += here.shares[p];
+    if (here.plane_count > 0) {
+      Solid& first = *proxy_.members[here.planes[0].member].solid;
+      first.stiffness += (-k * length / first.weight) * (proxy_.is_stuck ? identity() : held_by(here));
+    }
     const Vec3 held = limited(proxy_.held, proxy_.friction_reach(here, hand, goal, false));
     for (uint32_t p = 0; p < here.plane_count && sum > 0; ++p) {
       Touch& touch = *proxy_.members[here.planes[p].member].touch;
@@ -246,16 +254,8 @@ void Proxies::push(const Touches::View* last, uint32_t point, const ToolState& t
     solid.wrench.torque += cross(at.arm, force);
   }
   // How the force changes with the hand: along the normals it is held.
-  if (proxy_.plane_count == 0) return;
-  Mat3 held{};
-  if (proxy_.is_stuck) {
-    held = identity();
-  } else {
-    Vec3 basis[3];
-    const uint32_t size = proxy_.span(basis);
-    for (uint32_t i = 0; i < size; ++i) held += outer(basis[i], basis[i]);
-  }
-  proxy_.members[proxy_.planes[0].member].solid->stiffness += -k * held;
+  if (proxy_.plane_count == 0 || is_fading) return;  // fade() has told it
+  proxy_.members[proxy_.planes[0].member].solid->stiffness += -k * (proxy_.is_stuck ? identity() : held_by(proxy_));
 }
 
 // ---------------------------------------------------------------------------------------------------------- the whole
@@ -281,19 +281,32 @@ void Proxies::feel(uint32_t view, uint64_t what, const ToolState& tool, Effort* 
     Vec3 pull{};
     double stiffness = 0;
     uint64_t done[most_solids / 64] = {};
+    for (uint32_t i = 0; i < solid_count_; ++i) {
+      // Another profile or contact of the same object goes on from where the one before has the proxy.
+      const Solid& solid = solids_[i];
+      Before& before = before_[i];
+      before.touch = last ? touches_.find(*last, solid, solid.version, k) : nullptr;
+      before.is_of_older = last && !before.touch && solid.takes_over;
+      if (before.is_of_older) before.touch = touches_.find(*last, solid, solid.takes_over, k);
+    }
     for (uint32_t first = 0; first < solid_count_; ++first) {
       if (done[first / 64] >> first % 64 & 1) continue;
       const double wanted = stiffness_of(solids_[first].object->contact);
       proxy_.count = 0;
       proxy_.plane_count = 0;
+      const Touch* known = nullptr;
       for (uint32_t i = first; i < solid_count_; ++i) {
         Solid& solid = solids_[i];
-        if (stiffness_of(solid.object->contact) != wanted) continue;
+        if (done[i / 64] >> i % 64 & 1 || stiffness_of(solid.object->contact) != wanted) continue;
+        // Those that have got the same stiffness by a change keep their own proxies until these meet, in free space at the latest.
+        const Touch* const before = before_[i].touch;
+        if (before && known && !(before->proxy == known->proxy)) continue;
+        if (before) known = before;
         done[i / 64] |= uint64_t{1} << i % 64;
         if (!tool.is_any_point && !(solid.object->point_mask() >> k & 1)) continue;
         Touch* const touch = touches_.add(here);
         if (!touch) break;
-        proxy_.members[proxy_.count++] = {&solid, touch, nullptr, false};
+        proxy_.members[proxy_.count++] = {&solid, touch, before, before_[i].is_of_older};
       }
       if (proxy_.count == 0) continue;
       feel_proxy(last, k, tool);

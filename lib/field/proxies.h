@@ -1,7 +1,7 @@
 // The proxies of a reader, one tick after the other, and the forces of solid objects: each draws the hand to its proxy.
 //
 // Objects of the same stiffness share a proxy, which none of them lets through: where several meet, the spring to it acts
-// once. Objects of another stiffness have another proxy. Each spring is the gradient of its own energy then, so that it
+// once. (If one comes to have the stiffness of another by a change, they share it from where both let the hand go.) Objects of another stiffness have another proxy. Each spring is the gradient of its own energy then, so that it
 // makes none, whatever the stiffnesses.
 #pragma once
 
@@ -71,6 +71,11 @@ class Proxies {
   std::array<Solid, most_solids> solids_;
   uint32_t solid_count_ = 0;
   Touches touches_;
+  struct Before {
+    const Touch* touch;  // of the last tick; null: there was none
+    bool is_of_older;    // of the version whose weight this one takes over
+  };
+  std::array<Before, most_solids> before_;  // of the solids, for the point that is worked on
   Proxy proxy_;           // the one that is worked on
   std::array<Vec3, most_solids> damping_;  // N, of its members
   std::array<Plane, most_solids> own_;     // planes of its members, of each alone

@@ -25,7 +25,7 @@ protections (N), how late the tick began and how long it took (s), and the fault
 device's frame.
 
 A fault ends the force. If the device was lost, the force returns when the device does; after any other fault, start
-again. Ends with 1 after any fault.)";
+again. Ends with 1 after any fault, and if the hand chattered.)";
 
 const char* const clients_help = R"(examples:
   forceserver clients lab

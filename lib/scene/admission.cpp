@@ -10,19 +10,30 @@
 namespace fs {
 namespace {
 
-// The distance, m, beyond which a profile is hardly sloped any more when its slope is at most k: below 0.2 % of that.
-double slope_end(const Profile& p, double k) {
-  const double all = support(p);
+// The distance, m, beyond which the slope of a profile is less than `part` of k, the steepest that it may have (N/m). turns: the
+// direction of the force changes from place to place, as about a point: at a distance d that is a slope of f(d) / d.
+double slope_end(const Profile& p, double k, double part, bool turns) {
+  const double all = support(p), least = part * k;
   if (!(all >= 0) || !(k > 0)) return -1;
   if (p.reach > 0) return all;  // it may jump there
+  const double late = p.limit / k;  // m, by which a capped profile is behind at most
+  const auto turn_end = [&](double force) { return turns ? force / least : 0; };
   switch (p.kind) {
-    case FS_PROFILE_CONSTANT: return std::fmin(all, p.gain / k);
-    case FS_PROFILE_LINEAR_INCREASING:
-      return p.gain > 0 ? (p.limit + std::fabs(p.offset)) / std::fmin(p.gain, k) : std::fmin(p.offset, p.limit) / k;
-    case FS_PROFILE_GAUSSIAN: return std::fmin(all, 4.5 * p.width + std::fmin(p.gain, p.limit) / k);
+    case FS_PROFILE_CONSTANT: return std::fmin(all, std::fmax(p.gain / k, turn_end(p.gain)));
+    case FS_PROFILE_LINEAR_INCREASING: {
+      if (!(p.gain > 0)) return std::fmax(std::fmin(p.offset, p.limit) / k, turn_end(std::fmin(p.offset, p.limit)));
+      return std::fmax((p.limit + std::fabs(p.offset)) / std::fmin(p.gain, k), turn_end(p.limit));
+    }
+    case FS_PROFILE_GAUSSIAN: {  // from one width on its slope falls, and is more than that of the turn
+      double end = 1;  // widths
+      while (end < 5 && p.gain / p.width * end * std::exp(-0.5 * end * end) > least) end += 0.25;
+      return std::fmin(all, end * p.width + late);
+    }
     case FS_PROFILE_QUADRATIC:
-      return p.gain > 0 ? std::sqrt((p.limit + std::fabs(p.offset)) / p.gain) + p.limit / k : all;
-    case FS_PROFILE_INVERSE: return std::fmin(all, 23 * std::sqrt(p.gain / k) + p.limit / k);
+      if (!(p.gain > 0)) return all;
+      return std::fmax(std::sqrt((p.limit + std::fabs(p.offset)) / p.gain) + late, turn_end(p.limit));
+    case FS_PROFILE_INVERSE:
+      return std::fmin(all, std::fmax(std::sqrt(p.gain / least), turn_end(std::fmax(p.offset, 0))) + late);
     default: return all;
   }
 }
@@ -54,15 +65,6 @@ double contact_reach(const Wish& wish, double share) {
   return object.is_solid() ? object.contact.limit / (wish.contact * share) : -1;
 }
 
-// m from the object, how far its force is sloped with this share of what it wants.
-double sloped_reach(const Wish& wish, double share) {
-  const Object& object = *wish.row.object;
-  const double k = wish.law * share;
-  const double law = std::max(slope_end(object.law.front, k), slope_end(object.law.back, k));
-  const double ridges = object.has_ridges() ? object.law.support : -1;  // a ridge may be at any distance
-  return std::max({law, ridges, contact_reach(wish, share)});
-}
-
 double felt_reach(const Wish& wish, double share) {  // m, how far it is felt at all
   return std::max(wish.row.object->law.support, contact_reach(wish, share));
 }
@@ -90,6 +92,37 @@ Claim claim_of(const Wish& wish, double reach, double now, const SceneShare& sha
   return out;
 }
 
+// Claims for the steep part of a force and for what is left of its slope farther away, with the wish to which each belongs.
+struct Claims {
+  std::vector<Claim> all;
+  std::vector<size_t> owners;
+
+  void add(const Wish& wish, size_t owner, double reach, double slope, double now, const SceneShare& share) {
+    if (!(slope > 0)) return;
+    all.push_back(claim_of(wish, reach, now, share, slope));
+    owners.push_back(owner);
+  }
+  // part: of what it wants.
+  void add_slopes(const Wish& wish, size_t owner, double part, double now, const SceneShare& share) {
+    const Object& object = *wish.row.object;
+    add(wish, owner, contact_reach(wish, part), wish.points * wish.contact, now, share);
+    if (object.has_ridges()) return add(wish, owner, object.law.support, wish.law, now, share);  // one may be at any distance
+    const bool turns = object.primitive != FS_PRIMITIVE_PLANE;
+    double slope = wish.law, reach = -1;
+    for (const double level : {1.0 / 4, 1.0 / 16, 1.0 / 64, 1.0 / 256}) {
+      const double k = part * wish.law;
+      reach = std::max(slope_end(object.law.front, k, level, turns), slope_end(object.law.back, k, level, turns));
+      if (reach >= object.law.support) break;
+      add(wish, owner, reach, slope - level * wish.law, now, share);
+      slope = level * wish.law;
+    }
+    add(wish, owner, turns ? object.law.support : reach, slope, now, share);
+  }
+
+  // For each wish the part that all of its claims can have of `total`.
+  std::vector<double> parts(size_t wishes, const Box& within, double total) const;
+};
+
 // Where no workspace is known: a box about all that is somewhere; slabs are everywhere then.
 Box box_of(const std::vector<Claim>& claims) {
   Box out;
@@ -102,12 +135,16 @@ Box box_of(const std::vector<Claim>& claims) {
   return out;
 }
 
-std::vector<double> shares_of(std::vector<Claim> claims, const Box& within, double total) {
+std::vector<double> Claims::parts(size_t wishes, const Box& within, double total) const {
+  std::vector<Claim> claims = all;
   for (Claim& claim : claims) {  // slabs that are not parallel meet somewhere
     if (within.is_empty() && claim.region == Claim::Region::slab) claim.region = Claim::Region::everywhere;
   }
-  std::vector<double> out = greatest_sums(claims, within.is_empty() ? box_of(claims) : within, total);
-  for (double& sum : out) sum = sum > total ? total / sum : 1;
+  const std::vector<double> sums = greatest_sums(claims, within.is_empty() ? box_of(claims) : within, total);
+  std::vector<double> out(wishes, 1.0);
+  for (size_t i = 0; i < sums.size(); ++i) {
+    if (sums[i] > total) out[owners[i]] = std::min(out[owners[i]], total / sums[i]);
+  }
   return out;
 }
 
@@ -177,13 +214,13 @@ std::vector<Admitted> admit(const Snapshot& snapshot, const SceneShare& share, d
   std::vector<double> parts(wishes.size(), 1.0);
   constexpr int last_round = 8;
   for (int round = 0; round <= last_round && share.stiffness < never; ++round) {
-    std::vector<Claim> claims;
+    Claims claims;
     for (size_t i = 0; i < wishes.size(); ++i) {
-      const double slope = wishes[i].law + wishes[i].points * wishes[i].contact;
-      const double reach = round < last_round ? sloped_reach(wishes[i], parts[i]) : felt_reach(wishes[i], 0);
-      claims.push_back(claim_of(wishes[i], reach, now, share, slope));
+      const Wish& wish = wishes[i];
+      if (round < last_round) claims.add_slopes(wish, i, parts[i], now, share);
+      if (round == last_round) claims.add(wish, i, felt_reach(wish, 0), wish.law + wish.points * wish.contact, now, share);
     }
-    const std::vector<double> found = shares_of(claims, share.within, share.stiffness);
+    const std::vector<double> found = claims.parts(wishes.size(), share.within, share.stiffness);
     bool is_same = true;
     for (size_t i = 0; i < wishes.size(); ++i) {
       is_same &= found[i] >= 0.99 * parts[i];
@@ -193,11 +230,11 @@ std::vector<Admitted> admit(const Snapshot& snapshot, const SceneShare& share, d
   }
   std::vector<double> damping(wishes.size(), 1.0);
   if (share.damping < never) {
-    std::vector<Claim> claims;
-    for (const Wish& wish : wishes) {
-      claims.push_back(claim_of(wish, felt_reach(wish, parts[claims.size()]), now, share, wish.damping));
+    Claims claims;
+    for (size_t i = 0; i < wishes.size(); ++i) {
+      claims.add(wishes[i], i, felt_reach(wishes[i], parts[i]), wishes[i].damping, now, share);
     }
-    damping = shares_of(claims, share.within, share.damping);
+    damping = claims.parts(wishes.size(), share.within, share.damping);
   }
 
   std::vector<Admitted> out;

@@ -4,6 +4,8 @@
 
 #include <atomic>
 #include <mutex>
+#include <string>
+#include <unordered_map>
 
 #include "scene/admission.h"
 #include "scene/evaluated.h"
@@ -23,10 +25,11 @@ class Bounding {
   // Whether any object would make use of a share. Any thread.
   bool wants_stiffness() const noexcept { return wants_stiffness_.load(std::memory_order_relaxed); }
   // N/m at the device, what the scene allows itself; 0: no such bound. Any thread.
-  void set_max_stiffness(double stiffness) noexcept { max_stiffness_.store(stiffness); }
+  void set_max_stiffness(double stiffness);
 
  private:
-  void note_capped(const Object& object, double before, double after, double to_device);
+  // slope: N/m of the scene, as it is felt.
+  void note_slope(const Object& object, double slope, double to_device, double time);
 
   std::mutex& mutex_;
   Evaluated& evaluated_;
@@ -38,10 +41,22 @@ class Bounding {
     uint64_t sequence = 0;  // of the snapshot; 0: there was none
     LoopShare loop;
     double most = 0;            // N/m
-    bool is_any_moving = false;
+    bool is_to_be_repeated = false;  // something moves, or is to be told later
   };
   Seen seen_;
-  double last_capped_ = -never;  // s, of the last event that told of a bound
+
+  // What has been told of an object.
+  struct Told {
+    double slope;     // N/m at the device; of one that was not bounded before, what it wanted
+    double time;      // s
+    uint64_t update;  // the last that saw it
+  };
+  std::unordered_map<std::string, Told> told_;
+  uint64_t updates_ = 0;
+  bool has_untold_ = false;
+  static constexpr int most_events = 20;  // a second
+  int events_left_ = most_events;
+  double events_since_ = -never;  // s
 };
 
 }  // namespace fs

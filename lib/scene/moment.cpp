@@ -82,10 +82,10 @@ bool Moment::feel(uint32_t number, Share& out) const {
     return true;
   }
   const Object& object = it.as_felt(true);
-  if (!evaluate_object(object, motion, it.start, tool_, nullptr, out)) return false;
+  if (!evaluate_object(object, motion, it.start, tool_, nullptr, out, nullptr, nullptr, object.bounds.slope)) return false;
   if (!object.law.has_curves()) return true;
   const Law::Parsers parsers = it.object->law.make_parsers();
-  return evaluate_object(object, motion, it.start, tool_, &parsers, out);
+  return evaluate_object(object, motion, it.start, tool_, &parsers, out, nullptr, nullptr, object.bounds.slope);
 }
 
 // With what a version has still to take over from those before it: to change a profile is not to fade.

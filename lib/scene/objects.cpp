@@ -210,12 +210,13 @@ bool Objects::move(std::string_view name, double now, F&& take) {
 }
 
 Objects::Bound Objects::bound(uint32_t row, const Object& object, const Bounds& bounds) {
-  if (rows.is_bound(row, object, bounds)) return {};  // the usual case, for which no name need be found
+  if (rows.is_bound(row, object, bounds)) {  // the usual case, for which no name need be found
+    return {false, &object, rows.row(row).as_felt(true).steepest_slope};
+  }
   const auto found = names_.find(object.name);
   if (found == names_.end() || found->second.is_removed) return {};
   Item& item = found->second;
   const Object* const before = &rows.row(item.row).as_felt(true);
-  const double slope = before->steepest_slope;
   const bool is_newly_listed = list(*found);
   try {
     item.row = rows.bound(item.row, bounds);
@@ -224,8 +225,8 @@ Objects::Bound Objects::bound(uint32_t row, const Object& object, const Bounds& 
     throw;
   }
   if (!rows.is_fading(item.row)) unlist(item, is_newly_listed);
-  const Object& after = rows.row(item.row).as_felt(true);
-  return {&after != before, slope, after.steepest_slope};
+  const Row& now = rows.row(item.row);
+  return {&now.as_felt(true) != before, now.object.get(), now.as_felt(true).steepest_slope};
 }
 
 bool Objects::tidy() {

@@ -68,7 +68,8 @@ class Objects {
   // Bounds an object as it was worked out for this one, in this row; by now it may be another.
   struct Bound {
     bool has_changed = false;
-    double before = 0, after = 0;  // N/m, the steepest slope
+    const Object* object = nullptr;  // as it is now; null: there is none
+    double slope = 0;                // N/m, the steepest, as it is felt
   };
   Bound bound(uint32_t row, const Object& object, const Bounds& bounds);
 

@@ -220,7 +220,9 @@ void fs_servo::tick(double now, double late) noexcept {
   const double age = has_age ? now - hand.time : 0;
   const bool says_ready = hand.flags & FS_STATE_READY;
   const bool is_ready = status == FS_OK && write_status_ == FS_OK && says_ready && age <= settings_.pose_age;
-  const bool has_pose = status == FS_OK && is_finite(hand.pose) && is_finite(hand.twist);
+  // Until the device is ready for the first time nobody knows where the hand is: it may say 0.
+  was_ready_ |= status == FS_OK && says_ready;
+  const bool has_pose = was_ready_ && status == FS_OK && is_finite(hand.pose) && is_finite(hand.twist);
 
   const std::vector<Ref<Channel>>& channels = channels_.fetch();
   const bool has_thread = settings_.mode == FS_SERVO_THREAD;

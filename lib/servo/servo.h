@@ -83,6 +83,7 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   double last_time_ = -1;
   fs_status write_status_ = FS_OK;
   bool is_recording_ = true;
+  bool was_ready_ = false;
   uint64_t enable_seen_ = 1;
 
   // Shared. The servo's thread writes these; other threads write only enable_, is_stopping_ and is_stopped_.

@@ -455,7 +455,8 @@ struct Pressed : Felt {
       const uint32_t triangles[6]{0, 1, 2, 0, 2, 3};
       fs_shape* sheet = nullptr;
       OK(fs_shape_create_mesh(corners, 4, triangles, 2, &sheet));
-      kept.push_back(std::strcmp(what, "sheet") ? make_mesh(box_mesh({0.5, 0.5, 0.05})) : Shape(sheet));
+      kept.push_back(Shape(sheet));
+      if (std::strcmp(what, "sheet")) kept.push_back(make_mesh(box_mesh({0.5, 0.5, 0.05})));
       floor.primitive = FS_PRIMITIVE_MESH;
       floor.shape = kept.back().get();
       if (std::strcmp(what, "sheet")) floor.pose = at(0, 0, -0.05);

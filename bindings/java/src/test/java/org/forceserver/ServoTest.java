@@ -52,7 +52,7 @@ class ServoTest {
       assertThrows(IllegalArgumentException.class, () -> servo.step(-1));
     }
     try (Scene scene = new Scene()) {
-      Support.refused(Status.ERROR_UNSUPPORTED, "", () -> new Servo(scene, new Device("sim:"), new ServoOptions().blend(1)));
+      Support.refused(Status.ERROR_INVALID, "blend", () -> new Servo(scene, new Device("sim:"), new ServoOptions().blend(1e7)));
     }
   }
 
