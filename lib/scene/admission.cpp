@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <string_view>
+#include <unordered_map>
 
 #include "field/budget.h"
 #include "field/frame.h"
@@ -40,13 +42,32 @@ double slope_end(const Profile& p, double k, double part, bool turns) {
 
 bool is_under_way(const Motion& motion, double now) { return motion.horizon > 0 && now < motion.time + motion.horizon; }
 
-// Whether a version fades out where the next one is not felt.
-bool is_elsewhere(const Object& object, const Motion& motion, const Snapshot& snapshot, uint32_t next) {
-  const Chunk* const its = find_chunk(snapshot.chunks, next);
-  if (!its) return true;
+// Where the newest versions are of the names that have older ones, which fade out.
+using Newest = std::unordered_map<std::string_view, Vec3>;
+Newest newest_of(const Snapshot& snapshot) {
+  Newest out;
+  const auto for_each = [&](auto&& f) {
+    snapshot.chunks.for_each([&](uint32_t, const Chunk& chunk) {
+      for_each_bit(chunk.used, [&](uint32_t i) { f(chunk.row(i), chunk.motion(i)); });
+    });
+  };
+  for_each([&](const Row& row, const Motion&) {
+    if (!row.is_named) out[row.object->name] = {};
+  });
+  if (out.empty()) return out;
+  Newest found;
+  for_each([&](const Row& row, const Motion& motion) {
+    if (row.is_named && out.contains(row.object->name)) found[row.object->name] = motion.pose.position;
+  });
+  return found;
+}
+
+// Whether an older version fades out where the newest one is felt: as their weights add up to 1, that one claims for both.
+bool is_covered(const Object& object, const Motion& motion, const Newest& newest) {
+  const auto found = newest.find(object.name);
+  if (found == newest.end()) return false;
   const double size = object.primitive == FS_PRIMITIVE_PLANE ? 0 : object.radius;
-  const double way = norm(its->motion(next % chunk_size).pose.position - motion.pose.position);
-  return way > size + std::fmax(0, object.law.support);
+  return norm(found->second - motion.pose.position) <= size + std::fmax(0, object.law.support);
 }
 
 // What one row wants, in scene units.
@@ -184,6 +205,7 @@ Bounds bounds_alone(const SceneShare& share) noexcept {
 }
 
 std::vector<Admitted> admit(const Snapshot& snapshot, const SceneShare& share, double now) {
+  const Newest newest = newest_of(snapshot);
   std::vector<Wish> wishes;
   snapshot.chunks.for_each([&](uint32_t number, const Chunk& chunk) {
     for_each_bit(chunk.used, [&](uint32_t i) {
@@ -191,7 +213,7 @@ std::vector<Admitted> admit(const Snapshot& snapshot, const SceneShare& share, d
       if (row.is_named && !row.is_in) return;  // it is disabled
       const Object& object = *row.object;
       const Motion& motion = chunk.motion(i);
-      if (row.next != no_row && !is_elsewhere(object, motion, snapshot, row.next)) return;  // that one claims for both
+      if (!row.is_named && is_covered(object, motion, newest)) return;
       const unsigned points =
           std::min(share.points, static_cast<unsigned>(std::popcount(object.point_mask())));
       const bool is_moving = is_under_way(motion, now) || motion.has_offset(now, share.blend);

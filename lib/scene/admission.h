@@ -40,7 +40,7 @@ SceneShare share_of(const Views& views, const LoopShare& share, double most, dou
 Bounds bounds_alone(const SceneShare& share) noexcept;
 
 // The bounds of the objects that may be felt, at time `now` (s); those of an object that shares with none are as if it were
-// alone. A version that fades out keeps its own bounds. It has a share, unless it is where the version after it is.
+// alone. A version that fades out keeps its own bounds. It has a share of its own only where the newest is not felt.
 std::vector<Admitted> admit(const Snapshot& snapshot, const SceneShare& share, double now);
 
 }  // namespace fs

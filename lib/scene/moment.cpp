@@ -37,7 +37,7 @@ Moment::Moment(Ref<LocalScene> scene, bool with_group, const char* only) : scene
   const Views& views = *evaluated.views.views();
   const View* view = &views.now();
   for (const View& other : views.rows) {
-    if (other.version == tick_.view) view = &other;
+    if (other.version != 0 && other.version == tick_.view) view = &other;  // 0: no tick has known where the hand is
   }
   fs_state state{};
   state.pose = tick_.tool;

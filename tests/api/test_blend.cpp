@@ -755,6 +755,105 @@ START_TEST(points_that_do_not_feel_have_no_share) {
 }
 END_TEST
 
+// Points whose steep parts lie apart: about each the saturated pull of the others turns, which is a slope too.
+START_TEST(the_turn_of_a_force_counts) {
+  Bounded s;
+  for (int i = 0; i < 8; ++i) {
+    fs_object o = fs_object_init(("p" + std::to_string(i)).c_str(), FS_PRIMITIVE_POINT);
+    o.front = attract(2000, 10);
+    o.pose.position = {0.0105 * (i & 1), 0.0105 * (i >> 1 & 1), 0.0105 * (i >> 2 & 1)};
+    s.set(o);
+  }
+  double begin = 0;
+  const double speed = 0.02;
+  s.hand = [&](double t) { return fs_vec3{speed * (t - begin) - 0.002, 0.00525, 0.00525}; };
+  begin = now(s.scene) + 3 * fade;
+  s.settle();
+  s.run(0.7);
+  ck_assert_double_le(s.take_largest(), 1.001 * 2000 * speed * period);
+}
+END_TEST
+
+// Versions of one object that cross-fade do not share with each other.
+START_TEST(versions_share_nothing) {
+  Bounded s;
+  s.hand = [](double) { return fs_vec3{0, 0, 0.049}; };
+  const Shape shapes[]{make_mesh(box_mesh({0.05, 0.05, 0.05})), make_mesh(box_mesh({0.06, 0.06, 0.05}))};
+  for (int k = 0; k < 20; ++k) {
+    fs_object o = fs_object_init("box", FS_PRIMITIVE_MESH);
+    o.shape = shapes[k % 2].get();
+    o.contact = scenes::solid(FS_KEEP_FRONT, 1800, 20);
+    s.set(o);
+    s.run(0.06);
+    EXPECT_NEAR(s.slope_of("box"), 1800, 1e-6);
+  }
+}
+END_TEST
+
+// Every object that is bounded is told, each by itself.
+START_TEST(bounds_are_told) {
+  Bounded s;
+  s.hand = [](double) { return fs_vec3{0, 0, 0}; };
+  for (const char* const name : {"a", "b", "c"}) {
+    fs_object o = wall(-0.5, 20000);
+    std::snprintf(o.name, sizeof o.name, "%s", name);
+    s.set(o);
+  }
+  s.run(2);
+  std::string told;
+  for (fs_event event; fs_scene_next_event(s.scene, 0, &event) == FS_OK && event.kind != FS_EVENT_NONE;) {
+    if (event.kind == FS_EVENT_CAPPED) told += event.name;
+    if (event.kind == FS_EVENT_CAPPED) EXPECT_NEAR(event.value, 2000.0 / 3, 1);
+  }
+  std::sort(told.begin(), told.end());
+  ck_assert_str_eq(told.c_str(), "abc");
+}
+END_TEST
+
+// A device that is not ready yet tells nothing about the hand: the sheet keeps the side on which it is first known to be.
+START_TEST(a_hand_is_where_a_ready_device_says) {
+  Bounded s;
+  double z = 0;
+  s.hand = [&z](double) { return fs_vec3{0, 0, z}; };
+  s.fake.state.flags = 0;
+  fs_object sheet = fs_object_init("sheet", FS_PRIMITIVE_PLANE);
+  sheet.pose = at(0, 0, 0.02);
+  sheet.contact = scenes::solid(FS_KEEP_EITHER, 500, 10);
+  s.set(sheet);
+  s.run(0.01);
+  fs_report report;
+  OK(fs_scene_get_report(s.scene, "sheet", &report));
+  s.fake.state.flags = FS_STATE_READY;
+  z = 0.03;
+  s.run(1);
+  EXPECT_VECTOR(s.force(), (fs_vec3{}), 0);
+}
+END_TEST
+
+// Two solids that get the same stiffness while the hand is held by both go on pushing as they did.
+START_TEST(solids_that_become_alike_keep_their_hold) {
+  Felt s;
+  s.hand = [](double) { return fs_vec3{-0.00714, -0.0241, 0.00203}; };
+  fs_object a = fs_object_init("a", FS_PRIMITIVE_PLANE), b = fs_object_init("b", FS_PRIMITIVE_PLANE);
+  OK(fs_pose_from_z({0.0131493, 0.0281621, -0.0137495}, {-0.948766, 0.217839, 0.228886}, &a.pose));
+  OK(fs_pose_from_z({-0.0229314, 0.00406967, -0.00665026}, {-0.300705, 0.878083, 0.372218}, &b.pose));
+  a.contact = scenes::solid(FS_KEEP_BACK, 2080, 5);
+  b.contact = scenes::solid(FS_KEEP_FRONT, 853, 5);
+  s.set(a);
+  s.set(b);
+  s.settle();
+  const fs_vec3 before = s.force();
+  a.contact.stiffness = b.contact.stiffness = 700;
+  OK(fs_scene_begin(s.scene));
+  s.change(a, FS_PART_CONTACT);
+  s.change(b, FS_PART_CONTACT);
+  OK(fs_scene_commit(s.scene));
+  s.run(1);
+  EXPECT_VECTOR(s.force(), before, 1e-9);
+  ck_assert_double_le(s.take_largest(), 1e-9);
+}
+END_TEST
+
 // A groove of two walls at 90 degrees along y, which holds the hand and also repels it from afar. Where both walls are equally
 // near the direction of that force turns: under a bound over some way, not at once.
 START_TEST(ridges_of_solids_are_blended) {
@@ -804,6 +903,8 @@ int main() {
   add_case(suite, "all", {tools_feel_changes_at_once, large_groups_are_blended});
   add_case(suite, "bounds", {shares_are_blended, what_changes_all_the_time_gets_its_share,
                              who_shares_with_none_is_not_held_back, points_that_do_not_feel_have_no_share,
+                             the_turn_of_a_force_counts, versions_share_nothing, bounds_are_told,
+                             a_hand_is_where_a_ready_device_says, solids_that_become_alike_keep_their_hold,
                              ridges_of_solids_are_blended});
   TCase* test_case = new_case(suite, "any order");
   tcase_add_loop_test(test_case, any_order, 0, is_sanitized ? 1 : 5);
