@@ -103,8 +103,9 @@ typedef enum fs_keep {
 typedef struct fs_contact {
   fs_keep keep;                 /* POINT, POLYLINE: NONE */
   uint32_t reserved;            /* 0 */
-  double stiffness;             /* N/m, 0..1e9; 0: 1000 where nothing bounds the stiffness; otherwise an equal share of
-                                   the bound among the overlapping contacts that ask for 0 */
+  double stiffness;             /* N/m, 0..1e9, of each tool point: n points that rest on it are n times as stiff. 0: 1000
+                                   where nothing bounds the stiffness; otherwise as stiff as the bound allows beside all
+                                   that it overlaps */
   double limit;                 /* N, > 0 and at most 1e9, unless keep is NONE */
   double damping;               /* N s/m, 0..1e9, along the normal, only while the hand approaches */
   double friction;              /* Coulomb coefficient, 0..2: within the cone of friction the proxy does not move at all */

@@ -10,12 +10,12 @@
  * and a scene's frame or tool cannot be adjusted while they are felt. They have versions: the new one fades in while
  * the old one fades out. A version that comes while another is still fading in waits until that one is felt in full; of
  * several that wait only the newest is kept. So versions that come faster than the fade are felt as a chain of full
- * cross-fades.
+ * cross-fades, and some are never felt.
  * What can be adjusted is blended over the much shorter fs_servo_options.blend. A new pose or twist does not begin where
  * it says, but where the object is felt and as fast as that moves; the difference decays within the blend, so neither
- * the place nor the velocity jumps, however fast moves come. New profiles, damping, start or contact are another version
- * that takes over the weight of the one before, however far that has come, and the proxies that touch it. An object that
- * is put farther away than fs_servo_options.speed_limit * blend is another version too, which fades as one of another
+ * the place nor the velocity jumps, however fast moves come. New profiles, damping, start or contact make another
+ * version, which takes over the weight of the one before at once, however far that has come, and its proxies; the force
+ * goes over within the blend. An object that is put farther away than fs_servo_options.speed_limit * blend is another version too, which fades as one of another
  * shape: it does not sweep through the hand. By default that is 40 mm, counted at the device; without a speed limit it is
  * 2 m/s * blend. A turn counts as the way of the object's farthest point, or of a point as far from its origin as the
  * hand, if that is less.
@@ -86,8 +86,8 @@ FS_API fs_status fs_object_get(fs_scene *scene, const char *name, fs_object *out
 FS_API fs_status fs_object_change(fs_scene *scene, const fs_object *object, uint32_t parts);
 
 /* Moves an object: it has pose at time (s, scene's clock; FS_NOW) and twist from then on. To put an object somewhere
- * once, give a zero twist. Null is only for streams: after a single move with null the object comes to rest up to two
- * steps too far. Cheap, for meshes too. The next tick feels it; a servo blends it, and fades it if it is a jump (top of
+ * once, give a zero twist. Pass null only in a stream of moves: after the last one the object goes on for up to twice the
+ * step between the last two. Cheap, for meshes too. The next tick feels it; a servo blends it, and fades it if it is a jump (top of
  * this file). Connected: a move of one of the scene's own objects
  * never waits and normally makes no system call; the server takes it at its rate. With twist null the twist is worked
  * out from this move and the last move or set (0 if there was none in the last 0.2 s) and used for at most twice the
@@ -270,7 +270,7 @@ typedef struct fs_report {
   double stiffness_wanted;      /* N/m at the device, the steepest slope of profiles and contact; infinite where the
                                    force jumps (above). For a curve it is worked out once, when the curve is made: for
                                    a table it is never too low, for an expression it is an estimate from some hundred
-                                   samples. A contact with stiffness 0 wants what it gets */
+                                   samples. A contact with stiffness 0 wants what it gets, so it never shows as capped */
   double stiffness_applied;     /* N/m at the device; less than stiffness_wanted when capped */
   double distance;              /* m, from the object to the nearest tool point at the last tick; infinite: not near
                                    (beyond its force, weight 0, clutched, no servo); then point and wrench are 0 */

@@ -325,7 +325,8 @@ void check_slope(const fs_object& object, const fs_report& report, const fs_serv
   if (!object.enabled || !std::isfinite(slope)) return;  // a jump is told elsewhere
   if (slope > most) {
     findings.add(object.name, "its slope of %.4g N/m at the device would shake it when nobody holds it: a servo at %g Hz with "
-                 "a local damping of %.3g N s/m renders %.4g N/m, and reduces it to %.4g N/m", slope, rate, rendered.damping,
+                 "a local damping of %.3g N s/m renders %.4g N/m, shared by all that overlap, and reduces it to %.4g N/m", slope,
+                 rate, rendered.damping,
                  most, report.stiffness_applied);
   } else if (report.stiffness_applied < 0.99 * slope) {
     std::printf("  note: %s: its steepest slope is %.4g N/m at the device; a servo reduces it to %.4g N/m, because what is "

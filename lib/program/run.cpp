@@ -124,24 +124,30 @@ std::string felt(fs_scene* scene) {
   return join(names, "nothing");
 }
 
-// Which object shakes the hand: the one that was felt most in the last swings; where none was felt, the nearest.
+// Which object shakes the hand: the one whose force changed most in the last swings; where none did, the nearest.
 class Culprit {
  public:
-  // To be called every few hundredths of a second: a swing has moments where nothing is felt.
+  // To be called every few hundredths of a second.
   void add(const std::vector<fs_report>& reports) {
-    std::map<std::string, double> felt;
+    std::map<std::string, Felt> felt;
     for (const fs_report& report : reports) {
+      const fs_vec3& f = report.wrench.force;
       const auto before = felt_.find(report.name);
-      felt[report.name] = std::max(length(report.wrench.force), before == felt_.end() ? 0 : fading * before->second);
+      double change = 0;
+      if (before != felt_.end()) {
+        const fs_vec3& was = before->second.force;
+        change = std::max(length({f.x - was.x, f.y - was.y, f.z - was.z}), fading * before->second.change);
+      }
+      felt[report.name] = {f, change};
     }
     felt_ = std::move(felt);
   }
 
   std::string describe(const std::vector<fs_report>& reports) const {
     const auto strongest = std::max_element(felt_.begin(), felt_.end(),
-                                            [](const auto& a, const auto& b) { return a.second < b.second; });
-    if (strongest != felt_.end() && strongest->second > 0.01) {
-      return format("felt most: %s, %.2f N", strongest->first.c_str(), strongest->second);
+                                            [](const auto& a, const auto& b) { return a.second.change < b.second.change; });
+    if (strongest != felt_.end() && strongest->second.change > 0.01) {
+      return format("changes most: %s, by %.2f N", strongest->first.c_str(), strongest->second.change);
     }
     const auto nearest = std::min_element(reports.begin(), reports.end(), [](const fs_report& a, const fs_report& b) {
       return a.distance < b.distance;
@@ -153,8 +159,12 @@ class Culprit {
   }
 
  private:
-  static constexpr double fading = 0.9;  // of a remembered force, from one call to the next
-  std::map<std::string, double> felt_;   // N, the greatest force of each object, older ones for less
+  struct Felt {
+    fs_vec3 force;  // N, at the last call
+    double change;  // N, the largest between two calls; one that is long ago counts for less
+  };
+  static constexpr double fading = 0.9;  // of a remembered change, from one call to the next
+  std::map<std::string, Felt> felt_;
 };
 
 // Says that the hand chatters when it begins to, and again every 5 s as long as it goes on.

@@ -97,7 +97,7 @@ cat > drum.json << 'END'
              {"name": "drum", "primitive": "plane", "pose": {"position": [0, 0, -1]},
               "front": {"kind": "custom", "sense": "repulsive", "gain": 3, "limit": 6, "curve": "beat"}}]}
 END
-expect 1 ' the hand chatters: [0-9]* times a second, [0-9.]* mm from end to end, .*; felt most: drum, ' \
+expect 1 ' the hand chatters: [0-9]* times a second, [0-9.]* mm from end to end, .*; changes most: drum, ' \
   "$program" run drum.json --device 'sim:?hand=worst' --duration 2
 grep -qE '(^|,)-0(,|$)' ticks.csv && { echo "FAILED: a record has -0"; failures=$((failures + 1)); }
 expect 2 '^forceserver: .*no-such\.json' "$program" run no-such.json --duration 1
@@ -248,7 +248,7 @@ odd 'its slope of 1e\+06 N/m at the device would shake it when nobody holds it: 
 odd 'its slope of 5500 N/m' "$wall: 5500}"
 fine "$wall: 5300}"
 expect 0 '^x: a plane; .*; steepest slope 5300 N/m at the device$' "$program" check one.json
-expect 1 'its slope of 5300 N/m .* renders 1133 N/m, and reduces it to 1133 N/m' \
+expect 1 'its slope of 5300 N/m .* renders 1133 N/m, shared by all that overlap, and reduces it to 1133 N/m' \
   "$program" check one.json --device 'sim:?delay_ms=2'
 # Two at one place share it.
 wall_of() { echo '{"name": "'"$1"'", '"$wall"': 4000}}'; }
