@@ -5,6 +5,7 @@
 #include <cmath>
 #include <string_view>
 #include <unordered_map>
+#include <unordered_set>
 
 #include "field/budget.h"
 #include "field/frame.h"
@@ -45,21 +46,21 @@ bool is_under_way(const Motion& motion, double now) { return motion.horizon > 0 
 // Where the newest versions are of the names that have older ones, which fade out.
 using Newest = std::unordered_map<std::string_view, Vec3>;
 Newest newest_of(const Snapshot& snapshot) {
-  Newest out;
   const auto for_each = [&](auto&& f) {
     snapshot.chunks.for_each([&](uint32_t, const Chunk& chunk) {
       for_each_bit(chunk.used, [&](uint32_t i) { f(chunk.row(i), chunk.motion(i)); });
     });
   };
+  std::unordered_set<std::string_view> fading;
   for_each([&](const Row& row, const Motion&) {
-    if (!row.is_named) out[row.object->name] = {};
+    if (!row.is_named) fading.insert(row.object->name);
   });
-  if (out.empty()) return out;
-  Newest found;
+  Newest out;
+  if (fading.empty()) return out;
   for_each([&](const Row& row, const Motion& motion) {
-    if (row.is_named && out.contains(row.object->name)) found[row.object->name] = motion.pose.position;
+    if (row.is_named && fading.contains(row.object->name)) out[row.object->name] = motion.pose.position;
   });
-  return found;
+  return out;
 }
 
 // Whether an older version fades out where the newest one is felt: as their weights add up to 1, that one claims for both.

@@ -5,6 +5,7 @@
 #include <system_error>
 
 #include <pthread.h>
+#include <time.h>
 
 #include "base/error.h"
 #include "base/signals.h"
@@ -47,6 +48,12 @@ void Keeper::admit(LocalScene& scene) {
   scene.bounding.update(part_of(count_wanting(channels) + 1));
 }
 
+static double processor_time() noexcept {  // s, of the calling thread
+  timespec time{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
 void Keeper::start() {
   run_once();
   try {
@@ -55,17 +62,17 @@ void Keeper::start() {
       begin_thread("fs-keeper");
       const sched_param ordinary{};
       pthread_setschedparam(pthread_self(), SCHED_OTHER, &ordinary);  // the starter may have been a real-time thread
-      using Clock = std::chrono::steady_clock;
       std::chrono::duration<double> pause(0.04);
       std::unique_lock lock(mutex_);
       while (!stopping_.wait_for(lock, pause, [this] { return is_stopping_; })) {
         lock.unlock();
-        const auto begin = Clock::now();
+        const double begin = processor_time();
         run_once();
-        // A tenth of a processor at most. In steps of 2, as another time ahead is other work.
-        const double took = std::chrono::duration<double>(Clock::now() - begin).count();
-        pause = std::chrono::duration<double>(std::max(0.04, 9 * took));
-        while (ahead_ < 1.5 * pause.count()) ahead_ = 2 * ahead_;
+        // A tenth of a processor at most; that the thread had to wait does not count.
+        pause = std::chrono::duration<double>(std::max(0.04, 9 * (processor_time() - begin)));
+        double ahead = shortest_ahead;  // doubled: where it changes, all is worked out anew
+        while (ahead < 1.5 * pause.count()) ahead *= 2;
+        ahead_ = ahead;
         lock.lock();
       }
     });

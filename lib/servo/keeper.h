@@ -29,7 +29,8 @@ class Keeper {
   fs_servo& servo_;
   const LoopShare loop_;
   std::mutex sharing_;
-  std::atomic<double> ahead_{0.1};  // s, see LoopShare
+  static constexpr double shortest_ahead = 0.1;    // s
+  std::atomic<double> ahead_{shortest_ahead};      // s, see LoopShare
   std::mutex mutex_;
   std::condition_variable stopping_;
   bool is_stopping_ = false;

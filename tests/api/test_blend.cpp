@@ -786,6 +786,11 @@ START_TEST(versions_share_nothing) {
     s.set(o);
     s.run(0.06);
     EXPECT_NEAR(s.slope_of("box"), 1800, 1e-6);
+    // Both versions hold the hand, and what they are together is told.
+    fs_response response;
+    OK(fs_scene_get_hand(s.scene, nullptr, &response, nullptr));
+    EXPECT_NEAR(response.wrench.force.z, 1.8 * (k > 1), 1.8 * (k <= 1) + 1e-3);  // the first fades in
+    if (k > 1) EXPECT_NEAR(response.stiffness.zz, -1800, 1e-3);
   }
 }
 END_TEST

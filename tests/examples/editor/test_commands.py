@@ -15,6 +15,14 @@ from wire import POINT, Socket, with_socket
 TETRAHEDRON = b"v 0 0 0\nv 50 0 0\nv 0 50 0\nv 0 0 50\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
 
 
+def with_hazard(started: Any) -> tuple[Editor, Second]:
+    """A rover with a hazard, an editor beside it, and a second client that looks at both."""
+    lab = started(Lab)
+    rover = lab.join("rover")
+    rover["hazard"] = fs.Point(position=(0.05, 0, 0), front=fs.Gaussian(1, 0.01, limit=2))
+    return started(Editor, lab.endpoint), started(Second, lab.endpoint)
+
+
 def test_frame_tool_and_clutch_are_undone(started: Any) -> None:
     lab = started(Lab)
     editor, second = started(Editor, lab.endpoint), started(Second, lab.endpoint)
@@ -68,10 +76,7 @@ def test_a_file_sets_the_frame_and_is_undone_as_one_step(started: Any) -> None:
 
 
 def test_another_primitive(started: Any) -> None:
-    lab = started(Lab)
-    rover = lab.join("rover")
-    rover["hazard"] = fs.Point(position=(0.05, 0, 0), front=fs.Gaussian(1, 0.01, limit=2))
-    editor, second = started(Editor, lab.endpoint), started(Second, lab.endpoint)
+    editor, second = with_hazard(started)
     names = ["point", "polyline", "plane", "mesh"]
 
     async def journey(s: Socket) -> None:
@@ -111,10 +116,7 @@ def test_another_primitive(started: Any) -> None:
 
 
 def test_twist(started: Any) -> None:
-    lab = started(Lab)
-    rover = lab.join("rover")
-    rover["hazard"] = fs.Point(position=(0.05, 0, 0), front=fs.Gaussian(1, 0.01, limit=2))
-    editor, second = started(Editor, lab.endpoint), started(Second, lab.endpoint)
+    editor, second = with_hazard(started)
 
     async def journey(s: Socket) -> None:
         await s.ask("add", name="a", primitive="point", fields=POINT | {"pose.position": [0.05, 0, 0]})
