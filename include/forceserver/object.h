@@ -215,7 +215,8 @@ FS_API fs_status fs_profile_evaluate(const fs_profile *profile, double max_stiff
  * polyline, to the force on a straight line through it, which turns over at 0 and is 0 there. Where both sides push
  * the same way, the limit max_stiffness lets each differ from the other only by max_stiffness times the distance; where
  * they do not, both begin at 0. Contact and damping are not regarded, nor is the frame: a slope k of the scene is
- * scale*force_scale*k at the device. The object must be one that fs_object_set takes. INVALID, VERSION. */
+ * scale*force_scale*k at the device. The object must be one that fs_object_set takes, or another client's as
+ * fs_object_get gives it. INVALID, VERSION. */
 FS_API fs_status fs_object_evaluate_law(const fs_object *object, double max_stiffness, double t,
                                         const double *distances, size_t count, double *forces);
 

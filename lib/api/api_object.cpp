@@ -2,6 +2,7 @@
 
 #include "api/guarded.h"
 #include "base/names.h"
+#include "base/text.h"
 #include "file/mesh_file.h"
 #include "force/profile.h"
 #include "field/object.h"
@@ -25,6 +26,17 @@ void fs_object_release(fs_object* object) {
 }
 
 namespace {
+
+// Another client's object, whose name is "CLIENT/NAME", with the name that its client gave it; any other as it is.
+fs_object without_client(const fs_object& object) {
+  fs_object out = object;
+  const std::string name = text_of(object.name);
+  const size_t slash = name.find('/');
+  if (slash == std::string::npos) return out;
+  std::memset(out.name, 0, sizeof out.name);
+  std::memcpy(out.name, name.data() + slash + 1, name.size() - slash - 1);
+  return out;
+}
 
 // What fs_profile_evaluate and fs_object_evaluate_law have in common: checks all but the profile or object.
 void check_places(double max_stiffness, double t, const double* distances, size_t count, bool may_be_negative) {
@@ -68,7 +80,7 @@ fs_status fs_object_evaluate_law(const fs_object* object, double max_stiffness, 
       require_pointer(distances, "distances");
       require_pointer(forces, "forces");
     }
-    const Ref<const Object> parsed = parse_object(*object, nullptr, false).object;
+    const Ref<const Object> parsed = parse_object(without_client(*object), nullptr, false).object;
     check_places(max_stiffness, t, distances, count, true);
     const Law law = with_slope(parsed->law, max_stiffness);
     const Law::Parsers parsers = law.make_parsers();

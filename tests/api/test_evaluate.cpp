@@ -748,6 +748,12 @@ START_TEST(object_evaluate_law) {
     EXPECT_NEAR(raw[k], raw_wanted[k], 0);
     EXPECT_NEAR(slow[k], slow_wanted[k], 1e-12);
   }
+  fs_object theirs = point;  // as fs_object_get gives another client's object
+  std::snprintf(theirs.name, sizeof theirs.name, "alice/point");
+  OK(fs_object_evaluate_law(&theirs, 0, 0, places.data(), count, slow.data()));
+  ck_assert_mem_eq(slow.data(), raw.data(), count * sizeof(double));
+  std::snprintf(theirs.name, sizeof theirs.name, "alice/");
+  EXPECT(FS_ERROR_INVALID, fs_object_evaluate_law(&theirs, 0, 0, places.data(), count, slow.data()));
 
   double out = 7;
   const double one = 1, bad = INFINITY;

@@ -245,7 +245,6 @@ class Edit:
     def _curve(self, scene: fs.Scene, name: str, until: float, count: int = 400) -> Plain:
         """f(d) of both sides, for the plot: raw, and with its slopes limited to what the servo lets the object have."""
         found, report = scene.object_get(name), scene.get_report(name)
-        found.name = "any"  # a law has only an object that could be set
         frame = scene.get_frame(name.rpartition("/")[0] or None)
         distances = np.linspace(0, float(until), max(2, min(int(count), 4000)))
         t = max(0.0, scene.get_time() - found.start) if found.start else 0.0
