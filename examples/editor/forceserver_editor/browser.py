@@ -1,8 +1,9 @@
 """One browser: sends it the newest state whenever it has taken the last one, and carries out its commands.
 
-A message to the browser is: the length of its JSON (uint32), the JSON, zeros up to a multiple of 8 bytes; then the rows of
-the objects that moved or are felt differently, and the forces read since the last message (float64). Only what is new to
-this browser is in it, and never more than one message is under way: nothing queues for a slow browser.
+A message to the browser is: the length of its JSON (uint32), the JSON, zeros up to a multiple of 8 bytes; then, of the
+objects that moved or are felt differently, the poses (float64), the forces read since the last message (float64), and how
+those objects are felt (float32). Only what is new to this browser is in it, and never more than one message is under way:
+nothing queues for a slow browser.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import contextlib
 import json
 import struct
 import tempfile
+import time
 import traceback
 from pathlib import Path
 from typing import Any
@@ -22,10 +24,11 @@ from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 
 from .edit import Edit
-from .look import COLUMNS, Look, Seen
+from .look import Look, Rows, Seen
 from .plain import Plain, Refused
 
 COMMANDS_A_SECOND = 500
+CALM_RATE = 4  # states a second while nothing changes but the time
 MOST_UPLOAD = 512 << 20  # bytes
 
 
@@ -44,7 +47,8 @@ class Browser:
         self._connection, self._version, self._event, self._sample_count = -1, -1, 0, -1
         self._sent_ids: set[int] = set()
         self._told: Plain = {}
-        self._rows: Any = None
+        self._sent, self._force = 0.0, np.zeros(3)  # when a message was sent, and the last force in it
+        self._rows: Rows | None = None
 
     async def run(self) -> None:
         stream = asyncio.create_task(self._stream())
@@ -64,15 +68,18 @@ class Browser:
                     self._look.is_awaited = True
                 await self.new.wait()
                 self.new.clear()
-                self._taken.clear()
-                await self._socket.send(self._message(self._look.seen))
+                message = self._message(self._look.seen)
+                if message is not None:
+                    self._taken.clear()
+                    await self._socket.send(message)
         except ConnectionClosed:
             pass
         except Exception:  # a bug of the editor: a page that stands still would not tell
             traceback.print_exc()
             await self._socket.close(1011, "the editor failed")
 
-    def _message(self, seen: Seen) -> bytes:
+    def _message(self, seen: Seen) -> bytes | None:
+        """What is new to the browser. None: nothing but the time, and it has just been told that."""
         told: Plain = {"serial": seen.serial, "error": seen.error, "connection": seen.connection} | seen.plain
         told |= {"who": self.who, "view_only": self._edit.view_only, "endpoint": self._look.endpoint}
         told |= {"history": self._edit.history.tell(), "recovery": self._edit.keep.offer()}
@@ -90,22 +97,21 @@ class Browser:
         if seen.events and seen.events[-1]["serial"] > self._event:
             told["events"] = [event for event in seen.events if event["serial"] > self._event]
             self._event = seen.events[-1]["serial"]
-        rows = self._new_rows(seen.rows)
+        rows, self._rows = seen.rows.new_since(self._rows), seen.rows
         new = len(seen.samples) if self._sample_count < 0 else min(seen.sample_count - self._sample_count, len(seen.samples))
         samples = seen.samples[len(seen.samples) - max(new, 0) :]
+        now = time.monotonic()
+        is_calm = not (told.keys() - {"serial", "time"} or len(rows.felt) or np.any(samples[:, 1:] != self._force))
+        if is_calm and now < self._sent + 1 / CALM_RATE:
+            return None
+        self._sent = now
+        if len(samples):
+            self._force = samples[-1, 1:]
         self._sample_count = seen.sample_count
-        told |= {"rows": len(rows), "samples": len(samples)}
+        told |= {"rows": len(rows.felt), "samples": len(samples)}
         text = json.dumps(told, allow_nan=False, separators=(",", ":")).encode("utf-8", "surrogateescape")
         head = struct.pack("<I", len(text)) + text
-        return head + bytes(-len(head) % 8) + bytes(rows) + bytes(samples)
-
-    def _new_rows(self, rows: Any) -> Any:
-        """Those that differ from what the browser has."""
-        last, self._rows = self._rows, rows
-        if last is None or len(last) != len(rows) or not np.array_equal(last[:, 0], rows[:, 0]):
-            return rows
-        differs = np.any(rows.view(np.uint64) != last.view(np.uint64), axis=1) if rows.size else np.zeros(0, bool)
-        return rows[differs] if rows.size else rows.reshape(0, COLUMNS)
+        return b"".join((head, bytes(-len(head) % 8), bytes(rows.poses), bytes(samples), bytes(rows.felt)))
 
     # ---- Commands
 

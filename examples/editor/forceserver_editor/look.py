@@ -26,11 +26,33 @@ SAMPLE_RATE = 240  # forces a second
 KEPT_SAMPLES = 10 * SAMPLE_RATE  # 10 s: a browser that is slower than this misses some
 GETS_PER_STATE = 400  # objects that are fetched for one state, so that a scene of thousands does not hold it up
 
-# The columns of Seen.rows. The pose is in the frame of the object's client and extrapolated to the time of the state;
-# distance, point and force are those of fs_report, and so in the frame of the editor's scene.
-COLUMNS = 19  # id, position 3, orientation 4, state, weight, distance, point 3, force 3, slope wanted, slope applied
+FELT_COLUMNS = 12  # id, state, weight, distance, point 3, force 3, slope wanted, slope applied
 
-Rows = np.ndarray[Any, np.dtype[np.float64]]
+Doubles = np.ndarray[Any, np.dtype[np.float64]]
+Floats = np.ndarray[Any, np.dtype[np.float32]]
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Where all objects are and how they are felt, a row for each."""
+
+    # Position (3) and orientation (4), in the frame of the object's client, at the time of the state. In full, because
+    # an edit begins with them.
+    poses: Doubles = field(default_factory=lambda: np.zeros((0, 7)))
+    # What is only looked at. The id is a uint32; the others are those of fs_report, in the frame of the editor's scene,
+    # the point as its offset from the hand.
+    felt: Floats = field(default_factory=lambda: np.zeros((0, FELT_COLUMNS), np.float32))
+
+    def new_since(self, last: Rows | None) -> Rows:
+        """The rows that differ from the last ones, bit for bit; all of them if there are others than before."""
+        bits, poses = self.felt.view(np.uint32), self.poses.view(np.uint64)
+        if last is None or len(last.felt) != len(bits):
+            return self
+        last_bits = last.felt.view(np.uint32)
+        if not np.array_equal(bits[:, 0], last_bits[:, 0]):
+            return self
+        differs = (bits != last_bits).any(axis=1) | (poses != last.poses.view(np.uint64)).any(axis=1)
+        return Rows(self.poses[differs], self.felt[differs])
 
 
 @dataclass(frozen=True)
@@ -51,8 +73,8 @@ class Seen:
     connection: int = 0
     version: int = 0
     objects: dict[int, Known] = field(default_factory=dict)
-    rows: Rows = field(default_factory=lambda: np.zeros((0, COLUMNS)))
-    samples: Rows = field(default_factory=lambda: np.zeros((0, 4)))  # time, and the force on the hand, device frame
+    rows: Rows = field(default_factory=Rows)
+    samples: Doubles = field(default_factory=lambda: np.zeros((0, 4)))  # time, and the force on the hand, device frame
     sample_count: int = 0  # of all samples ever read: samples holds the last of them
     plain: Plain = field(default_factory=dict)  # time, hand, clients, stats ..
     events: tuple[Plain, ...] = ()
@@ -180,17 +202,18 @@ class Look:
             self._stats, self._stats_time = _stats(scene.get_servo_stats()), time.monotonic()
         if not self._device:
             self._device = _device(scene.get_device_info())
+        hand = scene.hand()
         return Seen(
             last.serial + 1,
             "",
             self.connection,
             version,
             objects,
-            self._rows(scene.get_time(), motions, reports),
+            self._rows(scene.get_time(), hand.state.pose.position, motions, reports),
             self._samples[max(0, self._filled - KEPT_SAMPLES) : self._filled],
             self._sample_count,
             {"time": scene.get_time(), "me": self.me, "device": self._device, "stats": self._stats}
-            | {"hand": _hand(scene.hand()), "clients": self._clients(scene)},
+            | {"hand": _hand(hand), "clients": self._clients(scene)},
             tuple(self._events),
         )
 
@@ -228,7 +251,7 @@ class Look:
         if missed:
             self._revisions[:] = 0
         self._report_names = None
-        self._ids_in_order = np.array([by_name[n].id if n in by_name else 0 for n in names.tolist()], dtype=float)
+        self._ids_in_order = np.array([by_name[n].id if n in by_name else 0 for n in names.tolist()], np.uint32)
         return version, {known.id: known for known in by_name.values()}
 
     def _fetch(self, scene: fs.Scene, name: str, revision: int, version: int, before: Known | None) -> Known | None:
@@ -243,29 +266,28 @@ class Look:
         told = {"id": id_, "name": name, "client": client or self.me, "own": not client, "short": rest}
         return Known(id_, name, revision, version, told | plain(found, self.shapes))
 
-    def _rows(self, now: float, motions: Any, reports: Any) -> Rows:
+    def _rows(self, now: float, hand: Doubles, motions: Any, reports: Any) -> Rows:
         if self._report_names is None or not np.array_equal(self._report_names, reports["name"]):
             self._report_names = reports["name"].copy()
             places = {name: i for i, name in enumerate(self._report_names.tolist())}
             self._order = np.array([places.get(name, -1) for name in motions["name"].tolist()], dtype=int)
-        rows = np.empty((len(motions), COLUMNS))
-        rows[:, 0] = self._ids_in_order
-        rows[:, 1:4], rows[:, 4:8] = motions["pose"]["position"], motions["pose"]["orientation"]
+        poses, felt = np.empty((len(motions), 7)), np.zeros((len(motions), FELT_COLUMNS), np.float32)
+        felt.view(np.uint32)[:, 0] = self._ids_in_order
+        poses[:, :3], poses[:, 3:] = motions["pose"]["position"], motions["pose"]["orientation"]
         moving = np.flatnonzero(motions["horizon"] > 0)
         if len(moving):
             one = motions[moving]
             since = np.clip(now - one["time"], 0, one["horizon"])[:, None]
-            rows[moving, 1:4] += since * one["twist"]["linear"]
-            rows[moving, 4:8] = turned(rows[moving, 4:8], since * one["twist"]["angular"])
+            poses[moving, :3] += since * one["twist"]["linear"]
+            poses[moving, 3:] = turned(poses[moving, 3:], since * one["twist"]["angular"])
         if len(reports):
             told = reports[self._order]
-            rows[:, 8], rows[:, 9], rows[:, 10] = told["state"], told["weight"], told["distance"]
-            rows[:, 11:14], rows[:, 14:17] = told["point"], told["wrench"]["force"]
-            rows[:, 17], rows[:, 18] = told["stiffness_wanted"], told["stiffness_applied"]
-            rows[self._order < 0, 8:] = 0
-        else:
-            rows[:, 8:] = 0
-        return rows[rows[:, 0] > 0]
+            felt[:, 1], felt[:, 2], felt[:, 3] = told["state"], told["weight"], told["distance"]
+            felt[:, 4:7], felt[:, 7:10] = told["point"] - hand, told["wrench"]["force"]
+            felt[:, 10], felt[:, 11] = told["stiffness_wanted"], told["stiffness_applied"]
+            felt[self._order < 0, 1:] = 0
+        is_known = self._ids_in_order > 0
+        return Rows(poses, felt) if is_known.all() else Rows(poses[is_known], felt[is_known])
 
     def _clients(self, scene: fs.Scene) -> list[Plain]:
         found = []

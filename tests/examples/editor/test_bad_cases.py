@@ -67,7 +67,7 @@ def test_a_socket_that_says_it_takes_all_and_reads_nothing(started: Any) -> None
     crowd(rover, count)
 
     async def wait(s: Socket) -> None:
-        await s.until(lambda s: len(s.objects) == count and len(s.rows) == count)
+        await s.until(lambda s: len(s.objects) == count and len(s.poses) == count)
 
     with_socket(editor, wait)
     bad, worse = RawSocket(editor), RawSocket(editor)  # the second also asks and does not read the answers
@@ -145,7 +145,7 @@ def test_floods(started: Any) -> None:
             return b""
 
     async def beside(s: Socket) -> float:
-        await s.until(lambda s: len(s.rows) == 200)
+        await s.until(lambda s: len(s.poses) == 200)
         before, serial, at = s.states, s.told["serial"], time.monotonic()
         while time.monotonic() < at + SECONDS or s.states < before + 30:
             await s.state()
@@ -192,7 +192,7 @@ def test_meshes_of_one_and_of_a_million_triangles_uploaded(started: Any) -> None
             asked = asyncio.get_running_loop().time()
             assert await s.ask("add", name=name, primitive="mesh", upload=True, fields={"contact.keep": "front", "contact.limit": 5}) == {"name": name}
             print(f"{count} triangles were taken after {asyncio.get_running_loop().time() - asked:.1f} s")
-            await s.until(lambda s, name=name: name in s.objects and s.rows[s.objects[name]["id"]][8] == 1)  # felt
+            await s.until(lambda s, name=name: name in s.objects and s.felt[s.objects[name]["id"]][1] == 1)  # felt
             told = s.objects[name]["shape"]
             assert told["triangles"] == count
             content = await asyncio.to_thread(fetch, editor.address + "shapes/" + told["hash"])

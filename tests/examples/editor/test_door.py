@@ -61,7 +61,7 @@ def test_states_and_shapes(started: Any) -> None:
     editor = started(Editor, lab.endpoint)
 
     async def journey(s: Socket) -> None:
-        await s.until(lambda s: len(s.objects) == 2 and len(s.rows) == 2)
+        await s.until(lambda s: len(s.objects) == 2 and len(s.poses) == 2)
         shape = s.objects["rover/land"]["shape"]
         assert shape["centre"] == [4.1e6 + 0.5, 0.5, 0] and shape["triangles"] == 1
         data = fetch(editor.address + "shapes/" + shape["hash"])[1]
@@ -72,7 +72,7 @@ def test_states_and_shapes(started: Any) -> None:
         client = next(c for c in s.told["clients"] if c["name"] == "rover")
         assert client["frame"]["scale"] == 150_000 and not client["locked"]
         rover["line"].move(position=(0.25, 0, 0))
-        await s.until(lambda s: s.rows[s.objects["rover/line"]["id"]][1] == 0.25)
+        await s.until(lambda s: s.poses[s.objects["rover/line"]["id"]][0] == 0.25)
         del rover["land"]
         await s.until(lambda s: list(s.objects) == ["rover/line"])
         await s.until(lambda s: len(s.samples) > 50)
@@ -153,7 +153,7 @@ def test_files_stay_in_the_folder(started: Any) -> None:
         assert json.loads(zipped.read("scene.json"))["objects"] == json.loads((editor.folder / "room.json").read_text())["objects"]
         await s.ask("remove", names=["a"])
         assert await s.ask("load", file="room.json") == {}
-        await s.until(lambda s: "a" in s.objects and s.rows[s.objects["a"]["id"]][3] == 0.30000000000000004)
+        await s.until(lambda s: "a" in s.objects and s.poses[s.objects["a"]["id"]][2] == 0.30000000000000004)
         bad = io.BytesIO()
         with zipfile.ZipFile(bad, "w") as archive:
             archive.writestr("../evil.json", "{}")

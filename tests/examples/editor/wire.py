@@ -35,7 +35,8 @@ class Socket:
         self.socket = socket
         self.told: dict[str, Any] = {}
         self.objects: dict[str, Any] = {}
-        self.rows: dict[int, Any] = {}
+        self.poses: dict[int, Any] = {}
+        self.felt: dict[int, Any] = {}
         self.samples: list[Any] = []
         self.states = 0
         self._n = 0
@@ -43,17 +44,20 @@ class Socket:
     def _take(self, message: bytes) -> None:
         (size,) = struct.unpack_from("<I", message)
         told = json.loads(message[4 : 4 + size])
-        numbers = np.frombuffer(message, float, offset=-(-(4 + size) // 8) * 8)
-        rows = numbers[: told["rows"] * 19].reshape(-1, 19)
-        self.samples += numbers[told["rows"] * 19 :].reshape(-1, 4).tolist()
+        count, start = told["rows"], -(-(4 + size) // 8) * 8
+        poses = np.frombuffer(message, float, 7 * count, start).reshape(-1, 7)
+        self.samples += np.frombuffer(message, float, 4 * told["samples"], start + poses.nbytes).reshape(-1, 4).tolist()
+        felt = np.frombuffer(message, np.float32, offset=start + poses.nbytes + 32 * told["samples"]).reshape(-1, 12)
         self.told |= told
         if told.get("fresh"):
-            self.objects, self.rows = {}, {}
+            self.objects, self.poses, self.felt = {}, {}, {}
         for one in told.get("objects", []):
             self.objects[one["name"]] = one
         gone = set(told.get("gone", []))
         self.objects = {name: one for name, one in self.objects.items() if one["id"] not in gone}
-        self.rows |= {int(row[0]): row for row in rows}
+        ids = felt.view(np.uint32)[:, 0].tolist()
+        self.poses |= dict(zip(ids, poses, strict=True))
+        self.felt |= dict(zip(ids, felt, strict=True))
         self.states += 1
 
     async def state(self) -> None:

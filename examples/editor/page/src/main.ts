@@ -16,6 +16,7 @@ import { Wire } from "./wire";
 const at = (id: string): HTMLElement => document.getElementById(id)!;
 const wire = new Wire(), model = new Model(), orders = new Orders(wire, model), dialogs = new Dialogs(model, orders);
 wire.onState = (state) => model.take(state);
+wire.connect(); // the first state comes while the page is put together
 
 // ---- Notices: the newest three, for a while
 
@@ -189,7 +190,6 @@ wire.onLine = (isConnected) => {
 };
 let hasFit = false;
 model.on(["state"], () => { if (!hasFit && model.told.device) { hasFit = true; view?.fit(); } });
-wire.connect();
 
 // For the tests, which drive the page with mouse and keys and look at places in the picture.
 Object.assign(window, { editor: { model, view, tools, plots, curve } });

@@ -36,8 +36,8 @@ export class Item {
   pose: Pose = identity;
   weight = 0;
   state = 0;
-  distance = Infinity; // m of the editor's scene, as point and force
-  point: Vec = [0, 0, 0];
+  distance = Infinity; // m of the editor's scene, as offset and force
+  offset: Vec = [0, 0, 0]; // of the closest point from the hand
   force: Vec = [0, 0, 0];
   wanted = 0;
   applied = 0;
@@ -57,20 +57,30 @@ export class Item {
   }
   get turn(): Quat { return multiply(this.frame.pose.orientation, this.pose.orientation); }
   get size(): number { return 1 / this.frame.scale; } // device metres per scene metre
-  get nearest(): Vec { return toDevice(this.model.ownFrame, this.point); }
+  /** Its closest point, at the device. */
+  get nearest(): Vec { return toDevice(this.model.ownFrame, add(this.model.hand?.pose.position ?? [0, 0, 0], this.offset)); }
   get push(): Vec { // N at the device
     const f = rotate(this.model.ownFrame.pose.orientation, this.force);
     const s = this.told.own ? this.model.ownFrame.force_scale : 1;
     return [f[0] * s, f[1] * s, f[2] * s];
   }
   get deviceDistance(): number { return this.distance / this.model.ownFrame.scale; }
-  /** Whether the new row at `i` is drawn in another way than what this item has now. */
-  looksDifferent(rows: Float64Array, i: number): boolean {
-    const was = [...this.pose.position, ...this.pose.orientation, this.state, this.weight];
-    if (was.some((x, k) => x !== rows[i + 1 + k])) return true;
-    if (Number.isFinite(this.distance) !== Number.isFinite(rows[i + 10])) return true;
+  /** Takes its pose from 7 numbers and the rest from 12. Returns whether it is now drawn in another way. */
+  read(pose: Float64Array, felt: Float32Array): boolean {
+    const was = this.pose, state = this.state, weight = this.weight, wasFinite = Number.isFinite(this.distance);
+    const { offset, force } = this;
+    this.pose = { position: [pose[0]!, pose[1]!, pose[2]!], orientation: [pose[3]!, pose[4]!, pose[5]!, pose[6]!] };
+    this.state = felt[1]!;
+    this.weight = felt[2]!;
+    this.distance = felt[3]!;
+    this.offset = [felt[4]!, felt[5]!, felt[6]!];
+    this.force = [felt[7]!, felt[8]!, felt[9]!];
+    this.wanted = felt[10]!;
+    this.applied = felt[11]!;
     const way = smallestWay * this.model.ownFrame.scale;
-    return this.point.some((x, k) => differs(x, rows[i + 11 + k]!, way)) || this.force.some((x, k) => differs(x, rows[i + 14 + k]!, smallestForce));
+    return state !== this.state || weight !== this.weight || wasFinite !== Number.isFinite(this.distance)
+      || was.position.some((x, i) => x !== this.pose.position[i]) || was.orientation.some((x, i) => x !== this.pose.orientation[i])
+      || offset.some((x, i) => differs(x, this.offset[i]!, way)) || force.some((x, i) => differs(x, this.force[i]!, smallestForce));
   }
   /** The pose that puts the shape's centre to this place of the device, turned like this. */
   poseAt(place: Vec, turn: Quat): Pose {
@@ -114,7 +124,8 @@ export class Model {
   }
   tell(topic: Topic): void { for (const f of this.listeners.get(topic) ?? []) f(); }
 
-  take(state: State): void {
+  /** Returns whether the picture is drawn anew for it. */
+  take(state: State): boolean {
     const told: any = state.told;
     this.told = { ...this.told, ...told };
     if (told.fresh) {
@@ -124,19 +135,20 @@ export class Model {
     if (told.error) { this.items.clear(); this.clients.clear(); this.hand = null; this.tell("objects"); }
     if (told.clients) this.clients = new Map((told.clients as Client[]).map((client) => [client.name, client]));
     if (told.hand) this.hand = told.hand as Hand;
-    this.compare();
+    if (told.clients || told.hand) this.compare();
     for (const one of (told.objects ?? []) as Told[]) {
       const known = this.items.get(one.id);
       if (known) known.told = one;
       else this.items.set(one.id, new Item(one, this));
     }
     for (const id of (told.gone ?? []) as number[]) this.items.delete(id);
-    this.readRows(state.rows);
+    this.readRows(state);
     for (const id of this.selected) if (!this.items.has(id)) this.selected.delete(id);
     this.newSamples = state.samples;
     const selectionBefore = [...this.selected].length;
     if (told.objects || told.gone || told.fresh) this.tell("objects");
-    if (state.rows.length) this.tell("rows");
+    if (state.felt.length) this.tell("rows");
+    const isDrawn = this.looksDifferent || Boolean(told.objects || told.gone || told.fresh || told.error);
     if (this.looksDifferent) this.tell("picture");
     this.looksDifferent = false;
     this.tell("state");
@@ -146,6 +158,7 @@ export class Model {
       this.events = [...this.events, ...(told.events as Happened[])].slice(-100);
       this.tell("happened");
     }
+    return isDrawn;
   }
 
   private looksDifferent = false;
@@ -164,22 +177,11 @@ export class Model {
     this.looksDifferent = true;
   }
 
-  private readRows(rows: Float64Array): void {
-    for (let i = 0; i < rows.length; i += 19) {
-      const item = this.items.get(rows[i]!);
-      if (!item) continue;
-      if (!this.looksDifferent) this.looksDifferent = item.looksDifferent(rows, i);
-      item.pose = {
-        position: [rows[i + 1]!, rows[i + 2]!, rows[i + 3]!],
-        orientation: [rows[i + 4]!, rows[i + 5]!, rows[i + 6]!, rows[i + 7]!],
-      };
-      item.state = rows[i + 8]!;
-      item.weight = rows[i + 9]!;
-      item.distance = rows[i + 10]!;
-      item.point = [rows[i + 11]!, rows[i + 12]!, rows[i + 13]!];
-      item.force = [rows[i + 14]!, rows[i + 15]!, rows[i + 16]!];
-      item.wanted = rows[i + 17]!;
-      item.applied = rows[i + 18]!;
+  private readRows({ poses, felt }: State): void {
+    const ids = new Uint32Array(felt.buffer, felt.byteOffset, felt.length);
+    for (let i = 0; 12 * i < felt.length; ++i) {
+      const item = this.items.get(ids[12 * i]!);
+      if (item?.read(poses.subarray(7 * i, 7 * i + 7), felt.subarray(12 * i, 12 * i + 12))) this.looksDifferent = true;
     }
   }
 

@@ -46,7 +46,9 @@ export class View {
     this.shapes.onLoad = () => this.change();
     model.on(["objects", "picture", "selection"], () => this.change());
     model.on(["objects"], () => {
-      this.shapes.keep(new Set([...model.items.values()].map((item) => item.told.shape?.hash ?? "")));
+      const shapes = [...model.items.values()].flatMap((item) => item.told.shape ?? []);
+      this.shapes.keep(new Set(shapes.map((shape) => shape.hash)));
+      for (const shape of shapes) this.shapes.get(shape); // it is fetched while the picture is drawn
     });
     new ResizeObserver(() => this.resize()).observe(box);
     this.makeHand();
@@ -58,6 +60,7 @@ export class View {
   /** WebGL may be missing, or be lost for a while: then a sentence stands in its place. */
   private makeRenderer(antialias: boolean): void {
     this.renderer = new THREE.WebGLRenderer({ antialias, powerPreference: "low-power" });
+    this.renderer.debug.checkShaderErrors = false; // to ask for errors is to wait for the compiler
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     const canvas = this.renderer.domElement;
     canvas.tabIndex = 0;
@@ -77,7 +80,7 @@ export class View {
   }
 
   private draw(): void {
-    if (this.box.dataset.webgl === "lost") return;
+    if (this.box.dataset.webgl === "lost" || this.model.told.serial === undefined) return; // nothing is known yet
     if (this.rowsAreNew) {
       this.rowsAreNew = false;
       this.updateWorkspace();

@@ -1,12 +1,14 @@
 // The connection to the editor's server: states come in, commands go out and are answered.
 
 export interface Refusal { text: string; field: string; status: string }
-export interface State { told: Record<string, unknown>; rows: Float64Array; samples: Float64Array }
+/** poses: 7 numbers for each object that is new in some way; felt: 12; samples: 4 for each (look.py says which). */
+export interface State { told: Record<string, unknown>; poses: Float64Array; felt: Float32Array; samples: Float64Array }
 
 const pieceSize = 256 * 1024;
 
 export class Wire {
-  onState: (state: State) => void = () => {};
+  /** Takes a state, and says whether the picture is drawn anew for it. */
+  onState: (state: State) => boolean = () => false;
   /** Whether there is a connection to the editor's server. */
   onLine: (isConnected: boolean) => void = () => {};
 
@@ -61,13 +63,15 @@ export class Wire {
     const size = new DataView(data).getUint32(0, true);
     const told = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, size)));
     const start = Math.ceil((4 + size) / 8) * 8;
-    const numbers = new Float64Array(data, start);
-    const split = told.rows * 19;
-    this.onState({ told, rows: numbers.subarray(0, split), samples: numbers.subarray(split) });
-    // The next state is made when this one has been drawn, or at once where nothing is drawn (a hidden page).
+    const poses = new Float64Array(data, start, told.rows * 7);
+    const samples = new Float64Array(data, start + poses.byteLength, told.samples * 4);
+    const felt = new Float32Array(data, start + poses.byteLength + samples.byteLength, told.rows * 12);
+    const isDrawn = this.onState({ told, poses, felt, samples });
+    // The next state is made when this one has been drawn, or at once where nothing is drawn.
     const took = () => { if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ took: told.serial })); };
     if (document.hidden) setTimeout(took, 200);
-    else requestAnimationFrame(() => setTimeout(took));
+    else if (isDrawn) requestAnimationFrame(() => setTimeout(took));
+    else took();
   }
 
   private answer(message: { n: number; ok?: unknown; refused?: Refusal }): void {
