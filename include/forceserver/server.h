@@ -63,6 +63,18 @@ typedef struct fs_client {
  * this process: UNSUPPORTED. TIMEOUT. */
 FS_API fs_status fs_scene_get_clients(fs_scene *scene, fs_client *out, size_t capacity, size_t *count);
 
+/* The view of a client. Frozen. */
+typedef struct fs_client_view {
+  char name[FS_NAME_SIZE];      /* of the client, as in fs_client */
+  fs_view view;                 /* as fs_scene_get_view gives it */
+} fs_client_view;
+
+/* The views of the clients of the server that this scene is connected to, a list in the order of fs_scene_get_clients:
+ * one request for viewers and editors. Each is what fs_scene_get_view gives for that client: this scene's own with all
+ * changes made before the call and those of its open group, the others' as the server has them, without the changes of
+ * a group that is not committed. A scene in this process: UNSUPPORTED. TIMEOUT, FULL. */
+FS_API fs_status fs_scene_get_views(fs_scene *scene, fs_client_view *out, size_t capacity, size_t *count);
+
 /* Stops the server: the objects of its clients fade, and their calls return DISCONNECTED. A mesh that is being built is
  * abandoned. The memory that the clients used is freed with the servo, or by its next server. Null does nothing. */
 FS_API void fs_server_stop(fs_server *server);

@@ -32,3 +32,11 @@ fs_status fs_scene_get_clients(fs_scene* scene, fs_client* out, size_t capacity,
     copy_list(scene->clients(), out, capacity, count);
   });
 }
+
+fs_status fs_scene_get_views(fs_scene* scene, fs_client_view* out, size_t capacity, size_t* count) {
+  return guarded([&] {
+    require_pointer(scene, "scene");
+    const Ref<fs_scene> kept = Ref<fs_scene>::share(scene);
+    copy_list(scene->views(), out, capacity, count);
+  });
+}

@@ -273,9 +273,14 @@ std::vector<Vec3> RemoteScene::get_tool() {
 // As the server has it, because a clutch may have moved the frame there; with the changes of an open group.
 fs_view RemoteScene::own_view(Call& call) {
   auto out = line_.request(call, wire::type_view, to_target(client_.c_str(), "client")).as<fs_view>();
-  if (!group_) return out;
-  for (const Change& change : group_->batch) foresee(out, change);
+  foresee_group(out);
   return out;
+}
+
+// Applies the changes of an open group.
+void RemoteScene::foresee_group(fs_view& own) const {
+  if (!group_) return;
+  for (const Change& change : group_->batch) foresee(own, change);
 }
 
 fs_view RemoteScene::view(const char* client) {
@@ -283,6 +288,16 @@ fs_view RemoteScene::view(const char* client) {
   const bool is_own = !client || client_ == client;
   fs_view out = is_own ? own_view(call) : line_.request(call, wire::type_view, to_target(client, "client")).as<fs_view>();
   out.locked = connection_.welcome().is_locked;
+  return out;
+}
+
+std::vector<fs_client_view> RemoteScene::views() {
+  Call call = line_.enter();
+  auto out = line_.request(call, wire::type_views).list<fs_client_view>();
+  for (fs_client_view& each : out) {
+    if (text_of(each.name) == client_) foresee_group(each.view);
+    each.view.locked = connection_.welcome().is_locked;
+  }
   return out;
 }
 

@@ -62,6 +62,7 @@ struct RemoteScene final : Scene {
   void get_device_info(fs_device_info& out) override;
   void stop_force() override;
   std::vector<fs_client> clients() override;
+  std::vector<fs_client_view> views() override;
 
  private:
   double now() const noexcept { return replica_.scene->now(); }
@@ -74,6 +75,7 @@ struct RemoteScene final : Scene {
   void mutate(Call& call, F&& f);
   void change_own(Call& call, const fs_object& object, uint32_t parts);
   fs_view own_view(Call& call);
+  void foresee_group(fs_view& own) const;
 
   const std::string client_;
   Line line_;

@@ -310,6 +310,10 @@ std::vector<fs_client> LocalScene::clients() {
   fail(FS_ERROR_UNSUPPORTED, "this scene is in this process; only a scene made by fs_scene_connect has clients to list");
 }
 
+std::vector<fs_client_view> LocalScene::views() {
+  fail(FS_ERROR_UNSUPPORTED, "this scene is in this process; only a scene made by fs_scene_connect lists the views of clients");
+}
+
 void LocalScene::get_servo_stats(fs_servo_stats& out) { readers.get_servo_stats(out); }
 
 void LocalScene::get_device_info(fs_device_info& out) { readers.get_device_info(out); }

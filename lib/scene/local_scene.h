@@ -101,6 +101,7 @@ struct LocalScene final : Scene {
   void get_device_info(fs_device_info& out) override;                                     // STATE
   void stop_force() override;                                                             // STATE
   std::vector<fs_client> clients() override;                                              // UNSUPPORTED
+  std::vector<fs_client_view> views() override;                                           // UNSUPPORTED
 
  private:
   friend class Draft;

@@ -9,6 +9,7 @@
 #include "base/text.h"
 #include "scene/moment.h"
 #include "server/clients.h"
+#include "transfer/records.h"
 
 namespace fs {
 
@@ -167,6 +168,27 @@ void answer_clients(Client& client, uint64_t serial) {
   own.wrench = servo.channels().own_wrench();
   std::vector<fs_client> list = client.host.clients().describe();
   list.insert(list.begin(), own);
+  const Descriptor blob = make_blob({bytes_of(list.data(), list.size())});
+  client.answers.send_record(serial, wire::Count{list.size()}, blob.get());
+}
+
+fs_view view_seen_by(const Client& asking, const Client* owner) {
+  fs_view out = (owner ? *owner->scene : *asking.host.servo().scene()).view(false);
+  if (owner != &asking) return out;
+  for (const ReceivedBatch& parked : asking.parked.batches()) {
+    for (const Change& change : parked.changes) foresee(out, change);
+  }
+  return out;
+}
+
+void answer_views(Client& client, uint64_t serial) {
+  std::vector<fs_client_view> list;
+  const auto add = [&](const std::string& name, const Client* owner) {
+    put_text(list.emplace_back().name, name);
+    list.back().view = view_seen_by(client, owner);
+  };
+  add("server", nullptr);
+  client.host.clients().for_each([&](const std::shared_ptr<Client>& other) { add(other->name, other.get()); });
   const Descriptor blob = make_blob({bytes_of(list.data(), list.size())});
   client.answers.send_record(serial, wire::Count{list.size()}, blob.get());
 }

@@ -46,6 +46,10 @@ class List {
 void answer_reports(Client& client, uint64_t serial);                            // its own objects first
 void answer_motions(Client& client, uint64_t serial, const std::string& whose);  // of a client; "": of all others. NOT_FOUND
 void answer_clients(Client& client, uint64_t serial);                            // IO, FULL
+void answer_views(Client& client, uint64_t serial);                              // of all clients, in that order. IO, FULL
+
+// The view of a client, null: of the server. Of the asking client's own, changes that are parked count as done.
+fs_view view_seen_by(const Client& asking, const Client* owner);
 
 // A report as another scene sees it: the place in that scene's frame; the force in newtons at the device, along its axes.
 fs_report seen_from(const fs_report& report, const fs_frame& owner, const fs_frame& viewer);

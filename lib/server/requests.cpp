@@ -53,6 +53,7 @@ void Requests::answer(const Request& request) {
     case type_report: return report(request);
     case type_reports: return answer_reports(client_, request.serial);
     case type_clients: return answer_clients(client_, request.serial);
+    case type_views: return answer_views(client_, request.serial);
     case type_view: return view(request);
     case type_motions: return answer_motions(client_, request.serial, text_of(request.as<Target>().name));
     case type_stats: {
@@ -112,16 +113,9 @@ void Requests::report(const Request& request) {
   });
 }
 
-// Of the client's own view, changes that are parked count as done.
 void Requests::view(const Request& request) {
   const std::shared_ptr<Client> owner = find_client(client_, text_of(request.as<wire::Target>().name));
-  fs_view out = (owner ? *owner->scene : *client_.host.servo().scene()).view(false);
-  if (owner.get() == &client_) {
-    for (const ReceivedBatch& parked : client_.parked.batches()) {
-      for (const Change& change : parked.changes) foresee(out, change);
-    }
-  }
-  client_.answers.send_record(request.serial, out);
+  client_.answers.send_record(request.serial, view_seen_by(client_, owner.get()));
 }
 
 // -------------------------------------------------------------------------------------------- what the client must know

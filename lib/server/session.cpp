@@ -75,7 +75,8 @@ bool Session::is_next_apart(const Client* busy, uint64_t round) noexcept {
     case type_clear:
     case type_reports:  // and these are about all
     case type_motions:
-    case type_clients: is_apart = false; break;
+    case type_clients:
+    case type_views: is_apart = false; break;
     case type_get:
     case type_report:
     case type_view:

@@ -249,6 +249,8 @@ inline fs_object from_record(const Object& from) {
   FIELD(fs_client, limited) \
   FIELD(fs_client, shape_bytes) \
   FIELD(fs_client, reserved) \
+  FIELD(fs_client_view, name) \
+  FIELD(fs_client_view, view) \
   FIELD(fs_servo_stats, struct_size) \
   FIELD(fs_servo_stats, realtime) \
   FIELD(fs_servo_stats, faults) \

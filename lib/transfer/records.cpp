@@ -28,6 +28,7 @@ std::optional<size_t> record_size(uint32_t type) noexcept {
     case type_sync:
     case type_reports:
     case type_clients:
+    case type_views:
     case type_stats:
     case type_stop_force:
     case type_device: return 0;

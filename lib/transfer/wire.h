@@ -89,6 +89,7 @@ enum Type : uint32_t {
   type_device,       // nothing. Reply, fs_device_info
   type_stop_force,   // nothing. Reply
   type_motions,      // Target: a client; empty: all but the asking one. Reply, Count, and a descriptor: fs_motion, as many
+  type_views,        // nothing. Reply, Count, and a descriptor: fs_client_view, as many
 
   type_reply = 200   // Reply and what it says above
 };

@@ -27,6 +27,7 @@ struct World {
   fs_scene* scene = scene_owner.get();
   fs_scene* connected = nullptr;
   fs_client client{};
+  fs_client_view client_view{};
   fs_tool* tool = tool_owner.get();
   fs_device* device = spare_device.get();
   fs_servo *servo = servo_owner.get(), *lone_servo = lone_owner.get();  // the second has no server
@@ -296,6 +297,9 @@ static const std::vector<Call> calls{
     {"fs_scene_get_clients", 3, FS_OK, [](World& w, int n) {
        return fs_scene_get_clients(but(n, 0, w.connected), but(n, 1, &w.client), 1, but(n, 2, &w.count));
      }},
+    {"fs_scene_get_views", 3, FS_OK, [](World& w, int n) {
+       return fs_scene_get_views(but(n, 0, w.connected), but(n, 1, &w.client_view), 1, but(n, 2, &w.count));
+     }},
 
     {"fs_driver_register", 1, FS_OK, [](World& w, int n) { return fs_driver_register(but(n, 0, &w.driver)); }},
     {"fs_driver_load", 1, FS_ERROR_IO, [](World&, int n) {
@@ -445,6 +449,7 @@ START_TEST(pointers_that_may_be_null) {
   EXPECT(FS_ERROR_UNSUPPORTED, fs_server_start(w.servo, "dds:0", nullptr, &new_server));
   OK(made(&new_server, fs_server_start(w.lone_servo, w.other_endpoint.c_str(), nullptr, &new_server)));
   OK(fs_scene_get_clients(w.connected, nullptr, 0, &w.count));
+  OK(fs_scene_get_views(w.connected, nullptr, 0, &w.count));
   OK(fs_scene_get_hand(w.scene, &w.state, nullptr, nullptr));
   OK(fs_scene_get_hand(w.scene, nullptr, &w.response, nullptr));
   OK(fs_scene_get_hand(w.scene, nullptr, nullptr, &w.wrench));

@@ -600,6 +600,112 @@ START_TEST(views_of_all) {
 }
 END_TEST
 
+static std::vector<fs_client_view> views_of(fs_scene* scene) {
+  size_t count = 0;
+  OK(fs_scene_get_views(scene, nullptr, 0, &count));
+  std::vector<fs_client_view> out(count + 3);
+  OK(fs_scene_get_views(scene, out.data(), out.size(), &count));
+  out.resize(count);
+  return out;
+}
+// The list is what single calls give, in the order of the clients.
+static void expect_as_single_views(fs_scene* viewer) {
+  const std::vector<fs_client_view> list = views_of(viewer);
+  std::vector<fs_client> clients(list.size());
+  size_t count = 0;
+  OK(fs_scene_get_clients(viewer, clients.data(), clients.size(), &count));
+  ck_assert_uint_eq(count, list.size());
+  for (size_t i = 0; i < count; ++i) {
+    ck_assert_str_eq(list[i].name, clients[i].name);
+    const fs_view alone = view_of(viewer, list[i].name);
+    ck_assert_msg(std::memcmp(&list[i].view, &alone, sizeof alone) == 0, "the view of %s differs", list[i].name);
+  }
+}
+
+START_TEST(views_in_one_request) {
+  fs_server_options options = fs_server_options_init();
+  options.locked = _i == 1;
+  Two two(options);
+  const Scene third = two.join("third");
+  Random random(9);
+  fs_scene* const scenes[]{two.base.get(), two.me.get(), two.bob.get(), third.get()};
+  const char* const names[]{"server", "me", "bob", "third"};
+  for (int i = 0; i < 4; ++i) {
+    const fs_frame frame{random.pose(0.1), 1.0 + i, 2.0 + i};
+    std::vector<fs_vec3> points(1 + static_cast<size_t>(i) * 3);
+    for (fs_vec3& point : points) point = random.in_box(0.1);
+    OK(fs_scene_set_frame(scenes[i], &frame));
+    OK(fs_scene_set_tool(scenes[i], points.data(), points.size()));
+    OK(fs_scene_set_clutch(scenes[i], i == 2));
+  }
+  two.fake.state.pose = random.pose(0.05);
+  for (fs_scene* scene : scenes) two.settle(scene);
+  two.fake.state.pose = random.pose(0.05);
+  two.step(5);
+  for (int viewer = 1; viewer < 4; ++viewer) {
+    expect_as_single_views(scenes[viewer]);
+    const std::vector<fs_client_view> list = views_of(scenes[viewer]);
+    ck_assert_uint_eq(list.size(), 4);
+    for (int i = 0; i < 4; ++i) {
+      const fs_view& view = list[i].view;
+      ck_assert_str_eq(list[i].name, names[i]);
+      ck_assert_uint_eq(view.point_count, 1 + 3 * i);
+      ck_assert_int_eq(view.held, i == 2);
+      ck_assert_int_eq(view.locked, _i == 1);
+      if (i == 2) continue;  // the clutch moves the frame
+      ck_assert_double_eq(view.frame.scale, 1 + i);
+      ck_assert_double_eq(view.frame.force_scale, 2 + i);
+    }
+    ck_assert_double_gt(norm(list[1].view.tool.position - list[2].view.tool.position), 1e-3);
+  }
+
+  // A group that is not committed is in the view of the scene that has it, and in no other's.
+  const fs_frame frame{random.pose(0.1), 7, 8};
+  for (const int i : {0, 1, 2}) {
+    OK(fs_scene_begin(scenes[i]));
+    OK(fs_scene_set_frame(scenes[i], &frame));
+    OK(fs_scene_set_clutch(scenes[i], i != 2));
+  }
+  for (int viewer = 1; viewer < 4; ++viewer) {
+    expect_as_single_views(scenes[viewer]);
+    const std::vector<fs_client_view> list = views_of(scenes[viewer]);
+    for (int i = 0; i < 4; ++i) {
+      const bool has_group = i == viewer && i != 3;
+      ck_assert_int_eq(list[i].view.frame.scale == 7, has_group);
+      ck_assert_int_eq(list[i].view.held, has_group ? i != 2 : i == 2);
+    }
+  }
+  OK(fs_scene_cancel(scenes[0]));
+  OK(fs_scene_cancel(scenes[2]));
+  OK(fs_scene_commit(scenes[1]));
+  OK(two.sync(scenes[1]));
+  ck_assert_double_eq(views_of(scenes[3])[1].view.frame.scale, 7);
+
+  // What waits at the server behind a mesh is in the own view at once.
+  const Shape mesh = make_mesh(sphere_mesh(0.1, 20000));
+  const fs_frame next{random.pose(0.1), 9, 9};
+  OK(fs_scene_begin(scenes[3]));
+  set(third, solid("mesh", mesh));
+  OK(fs_scene_set_frame(scenes[3], &next));
+  OK(fs_scene_commit(scenes[3]));
+  ck_assert_double_eq(views_of(scenes[3])[3].view.frame.scale, 9);
+
+  // As every list: what fits, and the number of all.
+  fs_client_view two_of_them[3]{};
+  size_t count = 0;
+  OK(fs_scene_get_views(scenes[1], two_of_them, 2, &count));
+  ck_assert_uint_eq(count, 4);
+  ck_assert_str_eq(two_of_them[1].name, "me");
+  ck_assert_str_eq(two_of_them[2].name, "");
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_scene_get_views(scenes[1], nullptr, 1, &count), "out");
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_scene_get_views(scenes[1], nullptr, 0, nullptr), "count");
+  EXPECT_SENTENCE(FS_ERROR_UNSUPPORTED, fs_scene_get_views(scenes[0], nullptr, 0, &count),
+                  "only a scene made by fs_scene_connect lists the views of clients");
+  two.bob.reset();
+  ck_assert(eventually([&] { return views_of(scenes[1]).size() == 3; }));
+}
+END_TEST
+
 int main() {
   Suite* suite = suite_create("lists");
   add_on_both(suite, "motions", {the_list, what_is_felt, the_two_revisions});
@@ -607,5 +713,6 @@ int main() {
   add_once(suite, "in this process", {a_new_clock, without_a_servo});
   add_once(suite, "several", {of_all_clients, revisions_of_others, groups_are_whole, a_long_list,
                               an_open_group_of_the_servers, what_is_on_its_way, views_of_all});
+  tcase_add_loop_test(new_case(suite, "one request"), views_in_one_request, 0, 2);  // 1: the server is locked
   return run_suite(suite);
 }

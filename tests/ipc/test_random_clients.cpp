@@ -222,7 +222,7 @@ class Actor {
       case 7: client_->send(type_remove_other, target()); break;
       case 8: client_->send(type_report, target()); break;
       case 9: client_->send(type_reports); break;
-      case 10: client_->send(type_clients); break;
+      case 10: client_->send(random_.coin() ? type_clients : type_views); break;
       case 11: client_->send(type_view, target()); break;
       case 12: client_->send(type_stats); break;
       case 13: client_->send(type_motions, random_.coin() ? Target{} : target()); break;

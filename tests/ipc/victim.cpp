@@ -231,7 +231,9 @@ class Victim {
       case 19: return random_.coin(0.2) ? check(fs_object_remove(s, other), "fs_object_remove") : void();
       case 20: {
         fs_client clients[8];
+        fs_client_view views[8];
         size_t count;
+        if (random_.coin()) return check(fs_scene_get_views(s, views, 8, &count), "fs_scene_get_views");
         return check(fs_scene_get_clients(s, clients, 8, &count), "fs_scene_get_clients");
       }
       case 21: {

@@ -123,6 +123,14 @@ public final class Player implements AutoCloseable {
     give(p.kind().value(), p.sense().value(), p.gain(), p.offset(), p.width(), p.limit(), p.reach());
   }
 
+  private void give(View view) {
+    give(view.frame().pose());
+    give(view.frame().scale(), view.frame().forceScale());
+    give(view.tool());
+    give(view.held());
+    for (int i = 0; i < view.pointCount(); ++i) give(view.points(i));
+  }
+
   private void give(Report r) {
     give(r.name());
     give(r.primitive().value(), r.state().value(), r.weight(), r.stiffnessWanted(), r.stiffnessApplied(), r.distance());
@@ -379,12 +387,13 @@ public final class Player implements AutoCloseable {
       case "points" -> scene.setTool(array(vectors(step.get("points"))));
       case "clutch" -> scene.setClutch((Boolean) step.get("held"));
       case "view" -> {
-        View view = scene.view(client);
-        give(view.frame().pose());
-        give(view.frame().scale(), view.frame().forceScale());
-        give(view.tool());
-        give(view.held());
-        for (int i = 0; i < view.pointCount(); ++i) give(view.points(i));
+        give(scene.view(client));
+      }
+      case "views" -> {
+        for (ClientView each : scene.views()) {
+          give(each.name());
+          give(each.view());
+        }
       }
       case "servo" -> {
         if (!connected) servo = start();

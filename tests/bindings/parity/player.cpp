@@ -42,6 +42,10 @@ void give(const fs_pose& pose) { give(pose.position), give(pose.orientation); }
 void give(const fs_twist& twist) { give(twist.linear), give(twist.angular); }
 void give(const fs_wrench& wrench) { give(wrench.force), give(wrench.torque); }
 void give(const fs_frame& frame) { give(frame.pose), give(frame.scale), give(frame.force_scale); }
+void give(const fs_view& view) {
+  give(view.frame), give(view.tool), give(view.held);
+  for (uint32_t i = 0; i < view.point_count; ++i) give(view.points[i]);
+}
 void give(const fs_report& r) {
   give(r.name), give(r.primitive), give(r.state), give(r.weight), give(r.stiffness_wanted), give(r.stiffness_applied);
   give(r.distance), give(r.point), give(r.wrench);
@@ -366,8 +370,12 @@ class Player {
     } else if (verb == "view") {
       fs_view view;
       check(fs_scene_get_view(scene_, client, &view));
-      give(view.frame), give(view.tool), give(view.held);
-      for (uint32_t i = 0; i < view.point_count; ++i) give(view.points[i]);
+      give(view);
+    } else if (verb == "views") {
+      std::vector<fs_client_view> views(100);
+      size_t count = 0;
+      check(fs_scene_get_views(scene_, views.data(), views.size(), &count));
+      for (size_t i = 0; i < count; ++i) give(views[i].name), give(views[i].view);
     } else if (verb == "servo") {
       if (!is_connected_) check(fs_servo_start(scene_, device_, &options_, &servo_));
     } else if (verb == "settle") {

@@ -240,6 +240,15 @@ class Player:
         self.give_pose(view.tool)
         self.give(view.held, view.points[: view.point_count])
 
+    def do_views(self):
+        for each in self.scene.get_views():
+            view = each["view"]
+            self.give(each["name"])
+            self.give(view["frame"]["pose"]["position"], view["frame"]["pose"]["orientation"])
+            self.give(view["frame"]["scale"], view["frame"]["force_scale"])
+            self.give(view["tool"]["position"], view["tool"]["orientation"])
+            self.give(view["held"], view["points"][: view["point_count"]])
+
     def do_servo(self):
         if not self.connected:
             self.start()

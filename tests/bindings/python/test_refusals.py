@@ -46,6 +46,7 @@ REFUSED = [
     (lambda s: fs.Object(tool_points=True), TypeError, "tool_points must be an int, not bool"),
     (lambda s: fs.Object(name="a\0b"), ValueError, "name holds a NUL character"),
     (lambda s: s.get_clients(), NotImplementedError, "fs.connect"),
+    (lambda s: s.get_views(), NotImplementedError, "fs.connect"),
     (lambda s: s.load("nowhere.json"), FileNotFoundError, "nowhere.json"),
     (lambda s: fs.Mesh("nowhere.obj"), FileNotFoundError, "nowhere.obj"),
     (lambda s: fs.driver_load("nowhere.so"), OSError, "nowhere.so"),

@@ -279,6 +279,13 @@ def test_clients(server, spring):
         rover.sync(5)
         assert sorted(rover) == ["path", "rock"] and list(editor) == [] and "rover/rock" in editor
         assert editor.get_clients()["name"].tolist() == ["server", "rover", "editor"]
+        rover.frame = fs.Frame(scale=3, force_scale=0.5)
+        rover.sync(5)
+        views = editor.get_views()
+        assert views.name.tolist() == ["server", "rover", "editor"]
+        assert views["view"].frame.scale.tolist() == [1, 3, 1]  # views.view is NumPy's method
+        assert views[1]["view"].frame.force_scale == editor.get_view("rover").frame.force_scale == 0.5
+        assert views["view"].points.shape == (3, 32, 3) and views["view"].point_count.tolist() == [1, 1, 1]
         editor["rover/rock"].change(front=fs.LinearIncreasing(77, limit=5))
         assert next(event for event in rover.events(timeout=5) if event.kind == fs.EventKind.EDITED).text
         rover.sync(5)

@@ -356,6 +356,11 @@ public final class Scene extends Handle {
     return list(Client.SIZE, 32, Native::fs_scene_get_clients, Client::new);
   }
 
+  /** The views of these clients, in the same order, with one request. */
+  public List<ClientView> views() {
+    return list(ClientView.SIZE, 32, Native::fs_scene_get_views, ClientView::new);
+  }
+
   /** Where the hand is and what it feels; without a servo an error. */
   public Hand hand() {
     State state = new State();

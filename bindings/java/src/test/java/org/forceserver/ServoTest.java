@@ -70,6 +70,8 @@ class ServoTest {
       first.sync(20);
       second.sync(20);
       assertEquals(List.of("server", "first", "second"), first.clients().stream().map(Client::name).toList());
+      assertEquals(List.of("server", "first", "second"), first.views().stream().map(ClientView::name).toList());
+      assertEquals(second.view().frame(), first.views().get(2).view().frame());
       ForceObject theirs = first.get("second/path");
       assertEquals("second/path", theirs.name());
       assertEquals(6, theirs.shape().points().capacity());
