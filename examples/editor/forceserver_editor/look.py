@@ -18,7 +18,7 @@ import forceserver as fs
 import numpy as np
 
 from .frames import turned
-from .plain import Plain, Shapes, frame, number, numbers, plain, pose
+from .plain import Plain, Shapes, number, numbers, plain, pose
 
 RATE = 30  # states a second, at most
 CALM_RATE = 3  # states a second while nobody waits for one: what the server says is not missed
@@ -132,14 +132,14 @@ class Look:
 
     def _forget(self) -> None:
         self._by_name: dict[bytes, Known] = {}
-        self._revisions: Any = None
-        self._names: Any = None  # the names of the last motions and reports, while they stay the same
-        self._report_names: Any = None
+        self._listed: Any = np.zeros(0)  # the last motions and reports without what changes all the time
+        self._report_names: Any = np.zeros(0)
         self._order: Any = None
         self._ids_in_order: Any = None
         self._samples = np.zeros((2 * KEPT_SAMPLES, 4))  # only ever added to: what a Seen has of it stays as it is
         self._filled = self._sample_count = 0
         self._events: collections.deque[Plain] = collections.deque(maxlen=200)
+        self._view_content, self._views = b"", dict[str, Plain]()
         self._stats: Plain = {}
         self._stats_time = 0.0
         self._device: Plain = {}
@@ -202,17 +202,17 @@ class Look:
             self._stats, self._stats_time = _stats(scene.get_servo_stats()), time.monotonic()
         if not self._device:
             self._device = _device(scene.get_device_info())
-        hand = scene.hand()
+        hand, now = scene.hand(), scene.get_time()
         return Seen(
             last.serial + 1,
             "",
             self.connection,
             version,
             objects,
-            self._rows(scene.get_time(), hand.state.pose.position, motions, reports),
+            self._rows(now, hand.state.pose.position, motions, reports),
             self._samples[max(0, self._filled - KEPT_SAMPLES) : self._filled],
             self._sample_count,
-            {"time": scene.get_time(), "me": self.me, "device": self._device, "stats": self._stats}
+            {"time": now, "me": self.me, "device": self._device, "stats": self._stats}
             | {"hand": _hand(hand), "clients": self._clients(scene)},
             tuple(self._events),
         )
@@ -221,12 +221,12 @@ class Look:
         self, scene: fs.Scene, motions: Any, version: int, before: dict[int, Known]
     ) -> tuple[int, dict[int, Known]]:
         """Fetches the objects that are new or have changed."""
-        names, revisions = motions["name"], motions["revision"]
         with self._lock:
             again, self._again = self._again, set()
-        same = self._names is not None and np.array_equal(names, self._names)
-        if same and not again and np.array_equal(revisions, self._revisions):
+        listed = _words(motions, "name", "motion_revision")  # and so the revisions too
+        if not again and np.array_equal(listed, self._listed):
             return version, before
+        names, revisions = motions["name"], motions["revision"]
         version += 1
         fetched, missed, by_name = 0, False, {}
         for name, revision in zip(names.tolist(), revisions.tolist(), strict=True):
@@ -246,11 +246,8 @@ class Look:
                         continue
             by_name[name] = known
         self._by_name = by_name
-        self._names = names.copy()
-        self._revisions = revisions.copy()
-        if missed:
-            self._revisions[:] = 0
-        self._report_names = None
+        self._listed = np.zeros(0) if missed else listed.copy()
+        self._report_names = np.zeros(0)
         self._ids_in_order = np.array([by_name[n].id if n in by_name else 0 for n in names.tolist()], np.uint32)
         return version, {known.id: known for known in by_name.values()}
 
@@ -267,52 +264,46 @@ class Look:
         return Known(id_, name, revision, version, told | plain(found, self.shapes))
 
     def _rows(self, now: float, hand: Doubles, motions: Any, reports: Any) -> Rows:
-        if self._report_names is None or not np.array_equal(self._report_names, reports["name"]):
-            self._report_names = reports["name"].copy()
-            places = {name: i for i, name in enumerate(self._report_names.tolist())}
+        names = _words(reports, "name", "primitive")
+        if not np.array_equal(names, self._report_names):
+            self._report_names = names.copy()
+            places = {name: i for i, name in enumerate(reports["name"].tolist())}
             self._order = np.array([places.get(name, -1) for name in motions["name"].tolist()], dtype=int)
-        poses, felt = np.empty((len(motions), 7)), np.zeros((len(motions), FELT_COLUMNS), np.float32)
-        felt.view(np.uint32)[:, 0] = self._ids_in_order
-        poses[:, :3], poses[:, 3:] = motions["pose"]["position"], motions["pose"]["orientation"]
+        poses = _words(motions, "pose", "twist").view(float).copy()
         moving = np.flatnonzero(motions["horizon"] > 0)
         if len(moving):
             one = motions[moving]
             since = np.clip(now - one["time"], 0, one["horizon"])[:, None]
             poses[moving, :3] += since * one["twist"]["linear"]
             poses[moving, 3:] = turned(poses[moving, 3:], since * one["twist"]["angular"])
+        felt = np.zeros((len(motions), FELT_COLUMNS), np.float32)
+        felt.view(np.uint32)[:, 0] = self._ids_in_order
         if len(reports):
-            told = reports[self._order]
-            felt[:, 1], felt[:, 2], felt[:, 3] = told["state"], told["weight"], told["distance"]
-            felt[:, 4:7], felt[:, 7:10] = told["point"] - hand, told["wrench"]["force"]
-            felt[:, 10], felt[:, 11] = told["stiffness_wanted"], told["stiffness_applied"]
+            felt[:, 1] = reports["state"][self._order]
+            numbers = _words(reports, "weight", "reserved").view(float)[self._order]
+            felt[:, 2] = numbers[:, 0]  # the weight
+            felt[:, 3] = numbers[:, 3]  # the distance
+            felt[:, 4:7] = numbers[:, 4:7] - hand  # the point
+            felt[:, 7:10] = numbers[:, 7:10]  # the force
+            felt[:, 10:] = numbers[:, 1:3]  # the slopes
             felt[self._order < 0, 1:] = 0
         is_known = self._ids_in_order > 0
         return Rows(poses, felt) if is_known.all() else Rows(poses[is_known], felt[is_known])
 
     def _clients(self, scene: fs.Scene) -> list[Plain]:
+        views = np.asarray(scene.get_views())
+        if (content := views.tobytes()) != self._view_content:
+            self._view_content = content
+            self._views = {str(each["name"]): _view(each["view"]) for each in views}
         found = []
-        for client in scene.get_clients():
+        for client in np.asarray(scene.get_clients()):
             name = str(client["name"])
-            try:
-                view = scene.get_view(name)
-            except fs.NotFoundError:
-                continue  # it has left since the list was made
-            found.append(
-                {
-                    "name": name,
-                    "force": numbers(client["wrench"]["force"]),
-                    "objects": int(client["objects"]),
-                    "force_limit": number(float(client["force_limit"])),
-                    "moves": int(client["moves"]),
-                    "changes": int(client["changes"]),
-                    "refused": int(client["refused"]),
-                    "frame": frame(view.frame),
-                    "tool": pose(view.tool),
-                    "points": np.asarray(view.points)[: view.point_count].tolist(),
-                    "held": bool(view.held),
-                    "locked": bool(view.locked),
-                }
-            )
+            if name not in self._views:
+                continue  # it has just come
+            told: Plain = {"name": name, "force": numbers(client["wrench"]["force"].tolist())}
+            told |= {"force_limit": number(float(client["force_limit"]))}
+            told |= {count: int(client[count]) for count in ("objects", "moves", "changes", "refused")}
+            found.append(told | self._views[name])
         return found
 
     def _take_events(self, scene: fs.Scene) -> None:
@@ -324,6 +315,28 @@ class Look:
             self._event_count += 1
             told = {"serial": self._event_count, "kind": event.kind.name.lower(), "name": event.name}
             self._events.append(told | {"text": event.text, "value": number(event.value), "time": event.time})
+
+
+def _words(listed: Any, first: str, last: str) -> Any:
+    """The fields of a list of structs from `first` until `last`, as a matrix of numbers of 64 bits: quick to compare."""
+    fields = listed.dtype.fields
+    words = listed.view(np.uint64).reshape(len(listed), listed.dtype.itemsize // 8)
+    return words[:, fields[first][1] // 8 : fields[last][1] // 8]
+
+
+def _pose(value: Any) -> Plain:
+    return {"position": value["position"].tolist(), "orientation": value["orientation"].tolist()}
+
+
+def _view(view: Any) -> Plain:
+    frame = view["frame"]
+    return {
+        "frame": {"pose": _pose(frame["pose"]), "scale": float(frame["scale"]), "force_scale": float(frame["force_scale"])},
+        "tool": _pose(view["tool"]),
+        "points": view["points"][: view["point_count"]].tolist(),
+        "held": bool(view["held"]),
+        "locked": bool(view["locked"]),
+    }
 
 
 def _hand(hand: fs.Hand) -> Plain:

@@ -176,7 +176,6 @@ function updateBar(): void {
   put(banner, sentence);
   if (banner.hidden !== (sentence === "")) banner.hidden = sentence === "";
   document.body.dataset.server = model.error ? "gone" : isOff ? "stopped" : "there";
-  document.body.dataset.serial = String(told.serial ?? 0);
   document.body.classList.toggle("view-only", model.viewOnly);
   const offer = told.recovery;
   at("recovery").hidden = !offer || model.viewOnly || Boolean(model.error);

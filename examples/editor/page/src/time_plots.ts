@@ -107,7 +107,7 @@ export class TimePlots {
   private later(): void {
     if (this.isDue || document.hidden) return;
     this.isDue = true;
-    setTimeout(() => requestAnimationFrame(() => { this.isDue = false; this.draw(); }), this.span > 10 ? 200 : 80);
+    setTimeout(() => { this.isDue = false; this.draw(); }, this.span > 10 ? 200 : 80);
   }
 
   private build(): void {
