@@ -63,7 +63,7 @@ def test_a_socket_that_says_it_takes_all_and_reads_nothing(started: Any) -> None
     lab = started(Lab)
     editor = started(Editor, lab.endpoint)
     rover = lab.join("rover")
-    count = 2000  # a state has 300 kB
+    count = 2000  # a state has 200 kB
     crowd(rover, count)
 
     async def wait(s: Socket) -> None:
@@ -108,7 +108,8 @@ def test_floods(started: Any) -> None:
     lab = started(Lab)
     editor = started(Editor, lab.endpoint)
     second = started(Second, lab.endpoint)
-    crowd(lab.join("rover"), 200)
+    rover = lab.join("rover")
+    crowd(rover, 200)
     sent = {"commands": 0, "messages": 0}
 
     def commands(ends: threading.Event) -> None:
@@ -152,10 +153,11 @@ def test_floods(started: Any) -> None:
         assert s.told["serial"] > serial
         return (s.states - before) / (time.monotonic() - at)
 
-    calm = with_socket(editor, beside)
-    late = second.ask("stats")["late_p99"]
+    with running(moving(rover, 200)):
+        calm = with_socket(editor, beside)
+        late = second.ask("stats")["late_p99"]
     before = resident(editor)
-    with running(commands), running(messages):
+    with running(moving(rover, 200)), running(commands), running(messages):
         flooded = with_socket(editor, beside)
         late_then, grown = second.ask("stats")["late_p99"], resident(editor) - before
     print(f"states a second beside the flood: {flooded:.1f}, calm {calm:.1f}; servo late p99 {late_then * 1e6:.0f} us, calm {late * 1e6:.0f} us; "

@@ -268,6 +268,29 @@ def test_a_socket_that_is_not_read(started: Any) -> None:
     with_socket(editor, journey)
 
 
+def test_a_calm_scene_is_told_of_seldom(started: Any) -> None:
+    """Where nothing changes but the time, there are a few states a second; what changes is told at once."""
+    lab = started(Lab)
+    editor = started(Editor, lab.endpoint)
+    rover = lab.join("rover")
+    rover["a"] = fs.Point(position=(0.3, 0, 0))
+
+    async def journey(s: Socket) -> None:
+        await s.until(lambda s: "rover/a" in s.objects and s.felt[s.objects["rover/a"]["id"]][1] == 1)  # felt
+        before, samples, at = s.states, len(s.samples), time.monotonic()
+        while time.monotonic() < at + 2:
+            await s.state()
+        assert s.states - before < 30  # 4 a second, and the statistics of the servo
+        assert len(s.samples) > samples + 50  # no force is left out
+        for x in (0.4, 0.5, 0.6):
+            rover["a"].position = (x, 0, 0)
+            before = s.states
+            await s.until(lambda s, x=x: s.poses[s.objects["rover/a"]["id"]][0] == x)  # type: ignore[misc]
+            assert s.states - before < 30
+
+    with_socket(editor, journey)
+
+
 def test_server_that_ends_and_comes_again(started: Any) -> None:
     lab = started(Lab)
     editor = started(Editor, lab.endpoint)

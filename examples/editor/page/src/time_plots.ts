@@ -39,7 +39,8 @@ class Ring {
 
 const spans = [10, 30, 60, 300, 600]; // s
 const perSecond = 240;
-export type Shown = "force" | "clients" | "servo";
+/** "of NAME": the force of one client, with its parts. */
+export type Shown = "force" | "clients" | "servo" | `of ${string}`;
 
 export class TimePlots {
   private plot: uPlot | null = null;
@@ -49,14 +50,14 @@ export class TimePlots {
   private isDue = false;
   private still = "";
   private names: string[] = [];
+  private readonly choice = make("select", { title: "What is plotted", id: "plot-what" });
   private readonly force = new Ring(4, 600 * perSecond + 1000); // time, x, y, z
   private readonly servo = new Ring(6, 1200); // time, rate, late p50, p99, max, compute p99
   private readonly clients = new Map<string, Ring>(); // time, x, y, z
 
   constructor(private readonly box: HTMLElement, bar: HTMLElement, private readonly model: Model) {
-    const choice = make("select", { title: "What is plotted", id: "plot-what" },
-      ...[["force", "Force, all"], ["clients", "By client"], ["servo", "Servo"]].map(([value, textContent]) => make("option", { value, textContent })));
-    choice.onchange = () => { this.shown = choice.value as Shown; this.build(); };
+    this.offer();
+    this.choice.onchange = () => { this.shown = this.choice.value as Shown; this.build(); };
     const span = make("select", { title: "How long", id: "plot-span" }, ...spans.map((s) => make("option", { value: String(s), textContent: s < 60 ? `${s} s` : `${s / 60} min` })));
     span.onchange = () => { this.span = Number(span.value); this.draw(); };
     const pause = make("button", { textContent: "Pause", id: "plot-pause" });
@@ -67,7 +68,7 @@ export class TimePlots {
       this.draw();
     };
     const save = make("button", { textContent: "CSV", title: "Download what is plotted", id: "plot-csv", onclick: () => this.download() });
-    bar.append(choice, span, pause, save);
+    bar.append(this.choice, span, pause, save);
     model.on(["samples"], () => this.take());
     new ResizeObserver(() => this.plot?.setSize(this.size())).observe(box);
     this.build();
@@ -76,6 +77,15 @@ export class TimePlots {
   private get now(): number { return this.force.count ? this.force.at(this.force.count - 1, 0) : 0; }
   private size(): { width: number; height: number } {
     return { width: Math.max(200, this.box.clientWidth), height: Math.max(90, this.box.clientHeight) };
+  }
+
+  /** What can be chosen: the clients come and go. */
+  private offer(): void {
+    const names = new Set([...this.model.clients.keys(), ...(this.shown.startsWith("of ") ? [this.shown.slice(3)] : [])]);
+    const all = [["force", "Force, all"], ["clients", "By client"], ...[...names].map((name) => [`of ${name}`, `Force, ${name}`]), ["servo", "Servo"]];
+    if (all.length === this.choice.options.length && all.every(([value], i) => this.choice.options[i]!.value === value)) return;
+    this.choice.replaceChildren(...all.map(([value, textContent]) => make("option", { value, textContent })));
+    this.choice.value = this.shown;
   }
 
   private connection = -1;
@@ -94,6 +104,7 @@ export class TimePlots {
       this.force.push(isTurned ? [row[0]!, ...model.turnToDevice([row[1]!, row[2]!, row[3]!])] : row);
     }
     const time = told.time as number;
+    this.offer();
     for (const client of model.clients.values()) {
       if (!this.clients.has(client.name)) this.clients.set(client.name, new Ring(4, 600 * 30));
       this.clients.get(client.name)!.push([time, ...client.force]);
@@ -115,7 +126,7 @@ export class TimePlots {
     this.still = "";
     const line = (label: string, stroke: string, width = 1.5, scale = "y"): uPlot.Series => ({ label, stroke, width, scale, points: { show: false } });
     this.names = [...this.model.clients.keys()];
-    const series: Record<Shown, uPlot.Series[]> = {
+    const series = {
       force: [line("|F|", "#1d232b", 2), line("x", "#b04a3f"), line("y", "#4b8b4f"), line("z", "#4667a8")],
       clients: this.names.map((name) => line(name, `#${colourOf(name, this.model.me).toString(16).padStart(6, "0")}`, 2)),
       servo: [line("late p50", "#8aa0b8"), line("p99", "#2f6fb0"), line("max", "#c0392b"), line("compute p99", "#4b8b4f"), line("Hz", "#a8532c", 1.5, "hz")],
@@ -124,7 +135,7 @@ export class TimePlots {
     const axes: uPlot.Axis[] = [axis("s", 18), axis(isServo ? "µs" : "N", 42)];
     if (isServo) axes.push({ ...axis("Hz", 42), scale: "hz", side: 1, grid: { show: false } });
     this.plot = new uPlot({
-      ...this.size(), axes, series: [{ label: "t" }, ...series[this.shown]],
+      ...this.size(), axes, series: [{ label: "t" }, ...series[this.ring ? "force" : (this.shown as "clients" | "servo")]],
       scales: { x: { time: false, range: () => [-this.span, 0] }, y: { range: (_u, low, high) => padded(low, high, isServo) }, hz: { range: (_u, low, high) => padded(low, high, true) } },
       legend: { show: true, live: false }, cursor: { drag: { x: false, y: false }, points: { show: false } },
     }, [[0]] as unknown as uPlot.AlignedData, this.box);
@@ -145,12 +156,19 @@ export class TimePlots {
     this.box.dataset.span = String(this.span);
   }
 
+  /** What is plotted with its parts: the force of all, or of one client. */
+  private get ring(): Ring | null {
+    if (this.shown.startsWith("of ")) return this.clients.get(this.shown.slice(3)) ?? new Ring(4, 1);
+    return this.shown === "force" ? this.force : null;
+  }
+
   /** Columns to plot, against the time before the last sample. Of many samples the highest and lowest of each pixel. */
   private data(pixels: number): (number | null)[][] {
     const end = this.pausedAt ?? this.now;
-    if (this.shown === "force") {
-      const rows = thinned(this.force, end - this.span, end, pixels);
-      const at = (column: number) => rows.map((i) => this.force.at(i, column));
+    const { ring } = this;
+    if (ring) {
+      const rows = thinned(ring, end - this.span, end, pixels);
+      const at = (column: number) => rows.map((i) => ring.at(i, column));
       const [x, y, z] = [at(1), at(2), at(3)];
       return [at(0).map((t) => t - end), x.map((_, i) => Math.hypot(x[i]!, y[i]!, z[i]!)), x, y, z];
     }
@@ -183,7 +201,7 @@ export class TimePlots {
         lines.push(prefix + Array.from({ length: ring.width }, (_, c) => String(ring.at(i, c))).join(","));
       }
     };
-    if (this.shown === "force") { lines.push("time_s,x_N,y_N,z_N"); add(this.force, ""); }
+    if (this.ring) { lines.push("time_s,x_N,y_N,z_N"); add(this.ring, ""); }
     else if (this.shown === "servo") { lines.push("time_s,rate_Hz,late_p50_us,late_p99_us,late_max_us,compute_p99_us"); add(this.servo, ""); }
     else {
       lines.push("client,time_s,x_N,y_N,z_N");
@@ -192,7 +210,7 @@ export class TimePlots {
     return lines.join("\n") + "\n";
   }
   private download(): void {
-    const link = make("a", { href: URL.createObjectURL(new Blob([this.csv()], { type: "text/csv" })), download: `${this.shown}.csv` });
+    const link = make("a", { href: URL.createObjectURL(new Blob([this.csv()], { type: "text/csv" })), download: `${this.shown.replace(/[^\w -]/g, "_")}.csv` });
     link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 10000);
   }
