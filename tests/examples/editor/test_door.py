@@ -8,6 +8,7 @@ import json
 import math
 import subprocess
 import sys
+import time
 import zipfile
 from typing import Any
 
@@ -283,7 +284,7 @@ def test_a_calm_scene_is_told_of_seldom(started: Any) -> None:
         assert s.states - before < 30  # 4 a second, and the statistics of the servo
         assert len(s.samples) > samples + 50  # no force is left out
         for x in (0.4, 0.5, 0.6):
-            rover["a"].position = (x, 0, 0)
+            rover.object_move("a", fs.Pose(position=(x, 0, 0)), fs.Twist(), 0)
             before = s.states
             await s.until(lambda s, x=x: s.poses[s.objects["rover/a"]["id"]][0] == x)  # type: ignore[misc]
             assert s.states - before < 30
