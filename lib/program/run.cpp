@@ -296,7 +296,7 @@ int run(const RunOptions& options) {
   if (server) std::printf("listens at %s\n", full_endpoint(options.listen).c_str());
   std::fflush(stdout);
 
-  const bool asks = terminal && isatty(STDIN_FILENO);  // a person is there
+  const bool asks = isatty(STDIN_FILENO);  // a person is there
   const auto start = Clock::now();
   const double sample = 0.1, line_period = terminal ? 0.2 : 5;
   double next_line = line_period;

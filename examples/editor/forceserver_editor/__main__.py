@@ -71,6 +71,7 @@ async def serve(given: argparse.Namespace) -> None:
         webbrowser.open(address)
     with contextlib.suppress(asyncio.CancelledError):
         await serving
+    door.write_recovery_at_once()
     look.close()
 
 

@@ -27,7 +27,8 @@ from .edit import Edit
 from .look import Look, Rows, Seen
 from .plain import Plain, Refused
 
-COMMANDS_A_SECOND = 500
+COMMANDS_A_SECOND = 200
+MOST_WAITING = 16  # commands and pieces of a file that were read and are not done yet
 CALM_RATE = 4  # states a second while nothing changes but the time
 MOST_UPLOAD = 512 << 20  # bytes
 
@@ -40,22 +41,24 @@ class Browser:
         self._taken = asyncio.Event()
         self._taken.set()
         self._forget()
+        self._waiting: asyncio.Queue[Plain | bytes] = asyncio.Queue(MOST_WAITING)
         self._upload: Any = None
         self._upload_left = 0
 
     def _forget(self) -> None:
-        self._connection, self._version, self._event, self._sample_count = -1, -1, 0, -1
+        self._connection, self._version, self._event, self._sample_count = -1, -1, -1, -1
         self._sent_ids: set[int] = set()
         self._told: Plain = {}
         self._sent, self._force = 0.0, np.zeros(3)  # when a message was sent, and the last force in it
         self._rows: Rows | None = None
 
     async def run(self) -> None:
-        stream = asyncio.create_task(self._stream())
+        tasks = [asyncio.create_task(part) for part in (self._listen(), self._stream(), self._work())]
         try:
-            await self._listen()
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)  # each ends with the connection
         finally:
-            stream.cancel()
+            for task in tasks:
+                task.cancel()
             self._drop_upload()
 
     # ---- States
@@ -79,10 +82,10 @@ class Browser:
             await self._socket.close(1011, "the editor failed")
 
     def _message(self, seen: Seen) -> bytes | None:
-        """What is new to the browser. None: nothing but the time, and it has just been told that."""
+        """What is new to the browser. None: only the time is new, and a message went out less than 1/CALM_RATE s ago."""
         told: Plain = {"serial": seen.serial, "error": seen.error, "connection": seen.connection} | seen.plain
         told |= {"who": self.who, "view_only": self._edit.view_only, "endpoint": self._look.endpoint}
-        told |= {"history": self._edit.history.tell(), "recovery": self._edit.keep.offer()}
+        told |= {"history": self._edit.history.told, "recovery": self._edit.keep.offer()}
         if seen.connection != self._connection:
             self._forget()
             self._connection, told["fresh"] = seen.connection, True
@@ -94,9 +97,10 @@ class Browser:
             told["gone"] = list(self._sent_ids - seen.objects.keys())
             self._sent_ids = set(seen.objects)
             self._version = seen.version
-        if seen.events and seen.events[-1]["serial"] > self._event:
+        newest = seen.events[-1]["serial"] if seen.events else 0
+        if 0 <= self._event < newest:  # not those from before it came
             told["events"] = [event for event in seen.events if event["serial"] > self._event]
-            self._event = seen.events[-1]["serial"]
+        self._event = newest
         rows, self._rows = seen.rows.new_since(self._rows), seen.rows
         new = len(seen.samples) if self._sample_count < 0 else min(seen.sample_count - self._sample_count, len(seen.samples))
         samples = seen.samples[len(seen.samples) - max(new, 0) :]
@@ -109,38 +113,73 @@ class Browser:
             self._force = samples[-1, 1:]
         self._sample_count = seen.sample_count
         told |= {"rows": len(rows.felt), "samples": len(samples)}
-        text = json.dumps(told, allow_nan=False, separators=(",", ":")).encode("utf-8", "surrogateescape")
+        text = json.dumps(told, allow_nan=False, separators=(",", ":")).encode()
         head = struct.pack("<I", len(text)) + text
+        if seen.error:  # the page forgets all
+            self._forget()
         return b"".join((head, bytes(-len(head) % 8), bytes(rows.poses), bytes(samples), bytes(rows.felt)))
 
     # ---- Commands
 
     async def _listen(self) -> None:
-        loop = asyncio.get_running_loop()
-        next_time = 0.0
+        """Commands and pieces of files wait for each other; that a state was taken, and the stop of all force, do not."""
+        stops: set[asyncio.Task[None]] = set()
         with contextlib.suppress(ConnectionClosed):
             async for message in self._socket:
                 if isinstance(message, bytes):
-                    self._take_piece(message)
+                    await self._waiting.put(message)
                     continue
                 try:
                     command = json.loads(message)
-                    assert isinstance(command, dict)
-                except (ValueError, AssertionError, RecursionError):
+                except (ValueError, RecursionError):
+                    command = None
+                if not isinstance(command, dict):
                     await self._socket.close(1003, "a command is a JSON object")
                     return
                 if "took" in command:
                     self._taken.set()
+                elif command.get("do") == "stop":
+                    if len(stops) >= 8:
+                        await asyncio.wait(stops, return_when=asyncio.FIRST_COMPLETED)
+                    stops.add(task := asyncio.create_task(self._stop(_number(command))))
+                    task.add_done_callback(stops.discard)
+                else:
+                    await self._waiting.put(command)
+
+    async def _stop(self, number: Any) -> None:
+        try:
+            await asyncio.to_thread(self._edit.stop_force)
+            answer: Plain = {"n": number, "ok": {}}
+        except Refused as refused:
+            answer = {"n": number} | _refusal(refused)
+        with contextlib.suppress(ConnectionClosed):
+            await self._socket.send(json.dumps(answer))
+
+    async def _work(self) -> None:
+        loop = asyncio.get_running_loop()
+        next_time = 0.0
+        try:
+            while True:
+                waiting = await self._waiting.get()
+                if isinstance(waiting, bytes):
+                    self._take_piece(waiting)
                     continue
                 next_time = max(next_time + 1 / COMMANDS_A_SECOND, loop.time() - 0.1)
                 if next_time > loop.time():  # too many: the browser has to wait
                     await asyncio.sleep(next_time - loop.time())
-                await self._socket.send(json.dumps(await self._answer(command), allow_nan=False))
+                await self._socket.send(json.dumps(await self._answer(waiting), allow_nan=False))
+        except ConnectionClosed:
+            pass
+        except Exception:  # a bug of the editor
+            traceback.print_exc()
+            await self._socket.close(1011, "the editor failed")
 
     async def _answer(self, command: Plain) -> Plain:
-        number = command.get("n")
+        number = _number(command)
         try:
             if command.get("do") == "upload":
+                if self._edit.view_only:
+                    raise Refused("this editor only shows: it was started with --view", status="DENIED")
                 self._begin_upload(command)
                 return {"n": number, "ok": {}}
             upload = self._finished_upload() if command.get("upload") else None
@@ -148,11 +187,13 @@ class Browser:
             loop = asyncio.get_running_loop()
             return {"n": number, "ok": await loop.run_in_executor(self._worker, self._edit.do, self.who, command, upload)}
         except Refused as refused:
-            return {"n": number, "refused": {"text": refused.text, "field": refused.field, "status": refused.status}}
+            return {"n": number} | _refusal(refused)
 
     def _begin_upload(self, command: Plain) -> None:
         self._drop_upload()
-        size, name = int(command.get("size", 0)), str(command.get("file", ""))
+        size, name = command.get("size"), str(command.get("file", ""))
+        if not isinstance(size, int):
+            raise Refused("the command upload has no size", "file")
         if not 0 < size <= MOST_UPLOAD:
             raise Refused(f"the file has {size} bytes, may have {MOST_UPLOAD}", "file", "FULL")
         ending = Path(name).suffix.lower()
@@ -176,3 +217,12 @@ class Browser:
         if self._upload is not None:
             self._upload.close()
         self._upload = None
+
+
+def _number(command: Plain) -> int | None:
+    number = command.get("n")
+    return number if isinstance(number, int) else None
+
+
+def _refusal(refused: Refused) -> Plain:
+    return {"refused": {"text": refused.text, "field": refused.field, "status": refused.status}}

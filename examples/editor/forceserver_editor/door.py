@@ -1,4 +1,4 @@
-"""Who may come in, and what is given by HTTP: the page, the shapes, the scene as a file.
+"""Who may come in, and what HTTP serves: the page, the shapes, the scene as a file.
 
 Every address begins with a random token. Another web page in the same browser could still guess ports, but not the token;
 and as a second line no request passes whose Host or Origin is not this server's.
@@ -70,11 +70,21 @@ class Door:
                 self._edit.keep.offer_again()
             self._connection = seen.connection
         if scene is not None and not self._edit.view_only:
-            loop = asyncio.get_running_loop()
-            try:
-                await loop.run_in_executor(self._worker, self._edit.keep.write_recovery, scene)
-            except Exception as error:  # a full disk, or the server has just gone: editing goes on
-                print(f"the recovery file was not written: {error}", flush=True)
+            await asyncio.get_running_loop().run_in_executor(self._worker, self._write_recovery, False)
+
+    def write_recovery_at_once(self) -> None:
+        """The editor ends."""
+        self._worker.shutdown(wait=True)
+        self._write_recovery(True)
+
+    def _write_recovery(self, at_once: bool) -> None:
+        scene = self._look.scene
+        if scene is None:
+            return
+        try:
+            self._edit.keep.write_recovery(scene, at_once)
+        except Exception as error:  # a full disk, or the server has just gone: editing goes on
+            print(f"the recovery file was not written: {error}", flush=True)
 
     def tell(self) -> None:
         """There is a new state. From the event loop's thread."""

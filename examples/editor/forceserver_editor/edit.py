@@ -21,7 +21,7 @@ from .plain import ALL_PARTS, Plain, Refused, parts_of, refusal, twist
 # What a browser with `--view` may ask for.
 HARMLESS = {"curve", "files", "twist"}
 
-MOST_WAIT = 0.5  # s, until the server has taken a change: then whoever asks it gets the new state
+MOST_WAIT = 0.5  # s, until the server has taken a change, so that a later question to it sees the change
 
 
 class Edit:
@@ -45,10 +45,11 @@ class Edit:
         if self._connection != self.look.connection:  # the scene that the steps were about is gone
             self._connection = self.look.connection
             self.history.clear()
-        for event in self.look.seen.events:
+        events = self.look.seen.events
+        for event in events:
             if event["serial"] > self._event and event["kind"] == "edited":
                 self.history.editors[event["name"]] = event["text"]
-        self._event = max([self._event, *(event["serial"] for event in self.look.seen.events)])
+        self._event = max([self._event, *(event["serial"] for event in events)])
         self._who, self._gesture, self._upload = who, str(command.get("gesture", "")), upload
         arguments = {key: value for key, value in command.items() if key not in ("do", "n", "gesture")}
         try:
@@ -80,6 +81,7 @@ class Edit:
             made.shape = fs.shape_load(self._upload, float(scale))
         put(made, fields, 0)
         scene.object_set(made)
+        self._settle(scene)
         self._note(f"add {made.name}", made.name, None, scene.object_get(made.name), ALL_PARTS)
         return {"name": made.name}
 
@@ -101,22 +103,22 @@ class Edit:
             for name, _, changed, parts in made:
                 changed.name = name
                 scene.object_change(changed, parts)
-        self._wait_for_others(scene, names)
+        self._settle(scene)
         for name, before, _, parts in made:
             self._note(f"change {name}", name, before, scene.object_get(name), parts)
 
     @staticmethod
-    def _wait_for_others(scene: fs.Scene, names: list[str]) -> None:
-        """Until then the server still gives other clients' objects as they were."""
-        if any("/" in name for name in names):
-            with contextlib.suppress(fs.TimeoutError):
-                scene.sync(MOST_WAIT)
+    def _settle(scene: fs.Scene) -> None:
+        """Waits until the server has taken the change; before, object_get gives other clients' objects as they were.
+        Raises what the server refuses: then there is nothing to undo."""
+        with contextlib.suppress(fs.TimeoutError):
+            scene.sync(MOST_WAIT)
 
     def _move(self, scene: fs.Scene, name: str, position: list[float], orientation: list[float]) -> None:
         before = scene.object_get(name)
         pose = fs.Pose(position=[float(x) for x in position], orientation=unit(orientation))
         scene.object_move(name, pose, fs.Twist(), 0)
-        self._wait_for_others(scene, [name])
+        self._settle(scene)
         self._note(f"move {name}", name, before, scene.object_get(name), int(fs.Part.POSE))
 
     def _remove(self, scene: fs.Scene, names: list[str]) -> None:
@@ -126,6 +128,7 @@ class Edit:
         with scene.change():
             for name in names:
                 scene.object_remove(name)
+        self._settle(scene)
         for name in names:
             self._note(f"remove {name}", name, before[name], None, ALL_PARTS)
 
@@ -142,6 +145,7 @@ class Edit:
         with scene.change():
             scene.object_set(renamed)
             scene.object_remove(name)
+        self._settle(scene)
         self._gesture = self._gesture or f"rename {name}"
         self._note(f"rename {name}", name, before, None, ALL_PARTS)
         self._note(f"rename {name}", to, None, scene.object_get(to), ALL_PARTS)
@@ -158,6 +162,7 @@ class Edit:
         copied.name = self._free_name(scene, short)
         copied.twist, copied.time = fs.Twist(), 0
         scene.object_set(copied)
+        self._settle(scene)
         self._note(f"copy {name}", copied.name, None, scene.object_get(copied.name), ALL_PARTS)
         return {"name": copied.name}
 
@@ -166,6 +171,7 @@ class Edit:
     def _set(self, scene: fs.Scene, what: str, change: Callable[[], None]) -> None:
         before = get_setting(scene, what)
         change()
+        self._settle(scene)  # to release the clutch moves the frame
         self.history.note_setting(self._who, self._gesture, what, before, get_setting(scene, what))
 
     def _frame(self, scene: fs.Scene, fields: Plain) -> None:
@@ -189,8 +195,17 @@ class Edit:
     def _clutch(self, scene: fs.Scene, held: bool) -> None:
         self._set(scene, "clutch", lambda: scene.set_clutch(bool(held)))
 
-    def _stop(self, scene: fs.Scene) -> None:
-        scene.stop_force()
+    def stop_force(self) -> None:
+        """At once, whatever else is being done: this alone may be called from any thread. Raises Refused."""
+        scene = self.look.scene
+        if self.view_only:
+            raise Refused("this editor only shows: it was started with --view", status="DENIED")
+        if scene is None:
+            raise Refused(self.look.seen.error, status="DISCONNECTED")
+        try:
+            scene.stop_force()
+        except fs.Error as error:
+            raise refusal(error) from None
 
     # ---- History and files
 
@@ -258,6 +273,6 @@ class Edit:
 
 
 COMMANDS = {
-    "add", "change", "move", "remove", "rename", "adopt", "frame", "tool", "clutch", "stop", "undo", "redo", "files",
+    "add", "change", "move", "remove", "rename", "adopt", "frame", "tool", "clutch", "undo", "redo", "files",
     "save", "load", "recover", "discard", "curve", "twist",
 }  # fmt: skip

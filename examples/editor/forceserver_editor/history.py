@@ -1,12 +1,15 @@
 """What was edited, step by step, for all browsers together: each gesture is one step that can be undone and done again.
 
 Own objects are remembered whole, with their shapes and curves; of another client's object only the parts that were
-touched. A step is not undone if somebody else has changed the same parts since. Frame, tool and clutch of the editor's
+touched. A step is not undone if somebody else has changed the same parts since: it is
+left out then. Frame, tool and clutch of the editor's
 own scene are settings, which nobody else can change.
 """
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -25,7 +28,7 @@ class Change:
     parts: int
 
 
-@dataclass
+@dataclass(eq=False)
 class Step:
     who: str
     gesture: str
@@ -61,15 +64,19 @@ class History:
         self._shapes = shapes
         self._steps: list[Step] = []
         self._done = 0  # the steps before this one are done, the rest are undone
-        self.editors: dict[str, str] = {}  # who was last told to have changed an own object
+        self.editors: dict[str, str] = {}  # the other client that is known to have changed an own object last
+        self.told: Plain = {"undo": None, "redo": None}  # for the page; other threads may read it
 
     def clear(self) -> None:
-        self._steps, self._done = [], 0
+        self._steps = []
+        self.editors.clear()
+        self._reach(0)
 
-    def tell(self) -> Plain:
-        return {
-            "undo": self._steps[self._done - 1].plain() if self._done else None,
-            "redo": self._steps[self._done].plain() if self._done < len(self._steps) else None,
+    def _reach(self, done: int) -> None:
+        self._done = done
+        self.told = {
+            "undo": self._steps[done - 1].plain() if done else None,
+            "redo": self._steps[done].plain() if done < len(self._steps) else None,
         }
 
     def note(
@@ -93,34 +100,46 @@ class History:
         if step is None or not gesture or step.gesture != gesture or step.who != who or self._done < len(self._steps):
             step = Step(who, gesture, text)
             self._steps = [*self._steps[: self._done], step][-MOST_STEPS:]
-            self._done = len(self._steps)
+            self._reach(len(self._steps))
         return step
 
     def undo(self, scene: fs.Scene) -> Step:
         if not self._done:
             raise Refused("there is nothing to undo")
         step = self._steps[self._done - 1]
-        self._apply(scene, {name: Change(c.after, c.before, c.parts) for name, c in step.changes.items()})
-        for what, (before, _) in step.settings.items():
-            set_setting(scene, what, before)
-        self._done -= 1
+        changes = {name: Change(c.after, c.before, c.parts) for name, c in step.changes.items()}
+        with self._dropping(step, self._done - 1):
+            self._apply(scene, changes, {what: before for what, (before, _) in step.settings.items()})
+        self._reach(self._done - 1)
         return step
 
     def redo(self, scene: fs.Scene) -> Step:
         if self._done == len(self._steps):
             raise Refused("there is nothing to do again")
         step = self._steps[self._done]
-        self._apply(scene, step.changes)
-        for what, (_, after) in step.settings.items():
-            set_setting(scene, what, after)
-        self._done += 1
+        with self._dropping(step, self._done):
+            self._apply(scene, step.changes, {what: after for what, (_, after) in step.settings.items()})
+        self._reach(self._done + 1)
         return step
 
-    def _apply(self, scene: fs.Scene, changes: dict[str, Change]) -> None:
+    @contextlib.contextmanager
+    def _dropping(self, step: Step, done: int) -> Iterator[None]:
+        """A step that somebody else's change has made impossible is dropped, so that it does not bar those before it."""
+        try:
+            yield
+        except Refused as refused:
+            self._steps.remove(step)
+            self._reach(done)
+            refused.text += f". The step “{step.text}” is left out from now on"
+            raise
+
+    def _apply(self, scene: fs.Scene, changes: dict[str, Change], settings: dict[str, Any]) -> None:
         """All of it, felt from one tick on, or none."""
         for name, change in changes.items():
             self._require_untouched(scene, name, change)
         with scene.change():
+            for what, value in settings.items():
+                set_setting(scene, what, value)
             for name, change in reversed(changes.items()):
                 if change.after is None:
                     scene.object_remove(name)

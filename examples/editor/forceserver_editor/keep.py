@@ -23,18 +23,22 @@ class Keep:
         self.folder = folder.resolve()
         key = hashlib.sha256(f"{endpoint}\n{name}".encode()).hexdigest()[:12]
         self._recovery = recovery / key / "scene.json"
-        self._found = self._recovery.exists()  # from before; it is offered, never applied unasked
+        self._old = self._recovery.parent / "before" / "scene.json"  # from before; it is offered, never applied unasked
         self._changed = 0.0
+        self.offer_again()
 
     # ---- The folder
 
     def files(self) -> list[str]:
-        return sorted(str(path.relative_to(self.folder)) for path in self.folder.glob("*.json"))[:1000]
+        found = [path for path in self.folder.glob("*.json") if path.is_file() and not path.is_symlink()]
+        return sorted(path.name for path in found)[:1000]
 
     def _path(self, file: str) -> Path:
         """Within the folder, also by links and dots."""
         name = file if file.endswith(".json") else file + ".json"
         path = (self.folder / name).resolve()
+        if not file.isprintable():
+            raise Refused(f"{file!r} has a character that cannot be shown", "file")
         if not file or not path.is_relative_to(self.folder) or path.name.startswith("."):
             raise Refused(f"{file!r} is not within the folder {self.folder}", "file")
         return path
@@ -68,38 +72,40 @@ class Keep:
     def note_change(self) -> None:
         self._changed = self._changed or time.monotonic()
 
-    def write_recovery(self, scene: fs.Scene) -> None:
-        """After a gesture, but not more often than once a second. While an older one is on offer, it stays."""
-        if not self._changed or time.monotonic() < self._changed + 1 or self._found:
+    def write_recovery(self, scene: fs.Scene, at_once: bool = False) -> None:
+        """After a gesture, but not more often than once a second."""
+        if not self._changed or (time.monotonic() < self._changed + 1 and not at_once):
             return
-        self._changed = 0.0
         self._recovery.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         scene.save(self._recovery)
+        self._changed = 0.0
         text = self._recovery.read_text(errors="replace")
         for path in self._recovery.parent.glob("*.ply"):  # of meshes that are gone
             if path.name not in text:
                 path.unlink()
 
     def offer(self) -> Plain | None:
-        if not self._found:
-            return None
         try:
-            return {"written": self._recovery.stat().st_mtime}
+            return {"written": self._old.stat().st_mtime}
         except OSError:
-            self._found = False
             return None
 
     def offer_again(self) -> None:
-        """The server is gone and with it the scene: what was written last is on offer for the next one."""
-        self._found = self._recovery.exists()
+        """The scene is gone, with its server or its editor: what was written last is on offer from now on. It is put
+        aside, so that what is edited meanwhile is written too."""
+        if not self._recovery.exists():
+            return
+        shutil.rmtree(self._old.parent, ignore_errors=True)
+        self._old.parent.mkdir(mode=0o700)
+        for path in [self._recovery, *self._recovery.parent.glob("*.ply")]:
+            path.rename(self._old.parent / path.name)
 
     def recover(self, scene: fs.Scene) -> None:
-        scene.load(self._recovery)
-        self._found = False
+        scene.load(self._old)
+        self.discard()
 
     def discard(self) -> None:
-        self._found = False
-        shutil.rmtree(self._recovery.parent, ignore_errors=True)
+        shutil.rmtree(self._old.parent, ignore_errors=True)
 
 
 def _unpacked(file: Path, folder: Path) -> Path:

@@ -21,7 +21,7 @@ from .frames import turned
 from .plain import Plain, Shapes, number, numbers, plain, pose
 
 RATE = 30  # states a second, at most
-CALM_RATE = 3  # states a second while nobody waits for one: what the server says is not missed
+UNSEEN_RATE = 3  # looks a second while no browser waits for one, so that events are fetched before they are dropped
 SAMPLE_RATE = 240  # forces a second
 KEPT_SAMPLES = 10 * SAMPLE_RATE  # 10 s: a browser that is slower than this misses some
 GETS_PER_STATE = 400  # objects that are fetched for one state, so that a scene of thousands does not hold it up
@@ -62,7 +62,7 @@ class Known:
     id: int
     name: str
     revision: int
-    version: int  # of the look at which it last changed
+    version: int  # the Seen.version in which it last changed
     told: Plain
 
 
@@ -82,7 +82,7 @@ class Seen:
 
 class Look:
     def __init__(self, endpoint: str, name: str, alone: bool, told: Callable[[], None]) -> None:
-        """name: of the editor as a client. alone: no other name will do. told: is called after each look."""
+        """name: of the editor as a client. alone: fail if the name is taken. told: is called after each look."""
         self.endpoint, self.name, self.alone = endpoint, name, alone
         self.scene: fs.Scene | None = None
         self.me = name
@@ -92,7 +92,8 @@ class Look:
         self.is_awaited = False  # a browser waits for a state
         self._told = told
         self._ends = threading.Event()
-        self._again: set[str] = set()  # names that are fetched again whatever their revision
+        self._fetching: set[str] = set()
+        self._again: set[str] = set()  # objects to fetch even if their revision is the same
         self._ids = 0
         self._event_count = 0
         self._lock = threading.Lock()
@@ -120,13 +121,14 @@ class Look:
         for number_ in range(1, 10):
             self.me = self.name if number_ == 1 else f"{self.name} {number_}"
             try:
-                self.scene = fs.connect(self.endpoint, self.me)
+                scene = fs.connect(self.endpoint, self.me)
                 break
             except fs.ExistsError:
                 if self.alone or number_ == 9:
                     raise
-        self.connection += 1
         self._forget()
+        self.connection += 1  # before the scene is there, so that nobody takes it for the one before
+        self.scene = scene
 
     # ---- The thread.
 
@@ -159,7 +161,7 @@ class Look:
                 now = time.monotonic()
                 if now > next_time + 0.5:
                     next_time = now  # the machine was busy: do not make up for it
-                due = last_look + 1 / (RATE if self.is_awaited else CALM_RATE)
+                due = last_look + 1 / (RATE if self.is_awaited else UNSEEN_RATE)
                 if now + 0.5 / SAMPLE_RATE < due:
                     continue
                 last_look = max(due, now - 1 / SAMPLE_RATE)
@@ -167,11 +169,13 @@ class Look:
                 self.seen = self._look(scene, version)
                 version = self.seen.version
             except fs.TimeoutError:
+                self._look_again()
                 continue  # the server is busy: the page keeps what it has
             except Exception as error:
+                self._look_again()
                 if not isinstance(error, fs.Error):
-                    traceback.print_exc()  # a bug of the editor: the page says so, and it begins anew
-                if self.scene is not None:
+                    traceback.print_exc()  # a bug of the editor: the page says so; the scene stays, as it may be felt
+                elif self.scene is not None:
                     self.scene.close()
                     self.scene = None
                 self.seen = Seen(self.seen.serial + 1, str(error), self.connection, version)
@@ -180,6 +184,12 @@ class Look:
                 next_time = time.monotonic()
                 continue
             self._told()
+
+    def _look_again(self) -> None:
+        """The last look came to nothing: the next one is to find all that it had found."""
+        self._listed = np.zeros(0)
+        for name in self._fetching:
+            self.fetch_again(name)
 
     def _read_force(self, scene: fs.Scene) -> None:
         state, _, sent = scene.get_hand()
@@ -223,6 +233,7 @@ class Look:
         """Fetches the objects that are new or have changed."""
         with self._lock:
             again, self._again = self._again, set()
+        self._fetching = again
         listed = _words(motions, "name", "motion_revision")  # and so the revisions too
         if not again and np.array_equal(listed, self._listed):
             return version, before
@@ -283,7 +294,8 @@ class Look:
             numbers = _words(reports, "weight", "reserved").view(float)[self._order]
             felt[:, 2] = numbers[:, 0]  # the weight
             felt[:, 3] = numbers[:, 3]  # the distance
-            felt[:, 4:7] = numbers[:, 4:7] - hand  # the point
+            is_near = np.isfinite(numbers[:, 3])  # what is too far to be felt has no point
+            felt[is_near, 4:7] = numbers[is_near, 4:7] - hand
             felt[:, 7:10] = numbers[:, 7:10]  # the force
             felt[:, 10:] = numbers[:, 1:3]  # the slopes
             felt[self._order < 0, 1:] = 0

@@ -1,6 +1,6 @@
 """Force-objects as plain data: what the page shows of them.
 
-The names are those of the headers. A number that is not finite is null, as JSON has no other word for it.
+The names are those of the headers. A number that is not finite is null, as JSON cannot express it.
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import math
 import re
+import threading
 from collections.abc import Iterable
 from typing import Any
 
@@ -80,14 +81,12 @@ def twist(value: fs.Twist) -> Plain:
     return {"linear": value.linear.tolist(), "angular": value.angular.tolist()}
 
 
-def frame(value: fs.Frame) -> Plain:
-    return {"pose": pose(value.pose), "scale": value.scale, "force_scale": value.force_scale}
-
-
 class Shapes:
-    """The shapes of the objects that the page can see, by a hash of their content: the page fetches each of them once."""
+    """The shapes of the objects that the page can see, by a hash of their content: the page fetches each of them once.
+    Any thread may use them."""
 
     def __init__(self) -> None:
+        self._lock = threading.Lock()
         self._by_address: dict[int, tuple[fs.Shape, str]] = {}
         self._by_hash: dict[str, tuple[fs.Shape, Plain]] = {}
 
@@ -96,13 +95,15 @@ class Shapes:
         if value.shape is None:
             return None
         address = int(np.asarray(value)["shape"])
-        known = self._by_address.get(address)
-        if known is None:
-            known = value.shape, _hash(value.shape)
-            self._by_address[address] = known
-            if known[1] not in self._by_hash:
-                self._by_hash[known[1]] = value.shape, _outline(value.shape, known[1])
-        return self._by_hash[known[1]][1]
+        with self._lock:
+            known = self._by_address.get(address)
+            if known is not None:
+                return self._by_hash[known[1]][1]
+        shape, name = value.shape, _hash(value.shape)
+        outline = _outline(shape, name)
+        with self._lock:
+            self._by_address[address] = shape, name
+            return self._by_hash.setdefault(name, (shape, outline))[1]
 
     def content(self, name: str) -> bytes | None:
         """A polyline: its points as float64. A mesh: points as float32 from its centre, then indices as uint32."""
@@ -118,10 +119,11 @@ class Shapes:
 
     def keep(self, used: set[str]) -> None:
         """Forgets the others, once they are many."""
-        if len(self._by_hash) <= 2 * len(used) + 16 and len(self._by_address) <= 4 * len(used) + 64:
-            return
-        self._by_hash = {name: kept for name, kept in self._by_hash.items() if name in used}
-        self._by_address = {a: kept for a, kept in self._by_address.items() if kept[1] in used}
+        with self._lock:
+            if len(self._by_hash) <= 2 * len(used) + 16 and len(self._by_address) <= 4 * len(used) + 64:
+                return
+            self._by_hash = {name: kept for name, kept in self._by_hash.items() if name in used}
+            self._by_address = {a: kept for a, kept in self._by_address.items() if kept[1] in used}
 
 
 def _hash(shape: fs.Shape) -> str:

@@ -209,3 +209,29 @@ def test_meshes_of_one_and_of_a_million_triangles_uploaded(started: Any) -> None
         eventually(lambda: second.get("editor/large").get("triangles") == 1_002_528)
 
     with_socket(editor, journey)
+
+
+def test_the_stop_does_not_wait(started: Any) -> None:
+    """All force ends at once, also while a browser has a large mesh loaded and others' commands wait for it."""
+    lab = started(Lab)
+    editor = started(Editor, lab.endpoint)
+    second = started(Second, lab.endpoint)
+    mesh = ply(terrain(709))
+
+    async def journey(s: Socket) -> None:
+        assert await s.ask("upload", size=len(mesh), file="terrain.ply") == {}
+        for at in range(0, len(mesh), 1 << 18):
+            await s.socket.send(mesh[at : at + (1 << 18)])
+        await s.socket.send(json.dumps({"n": 1000, "do": "add", "name": "terrain", "primitive": "mesh", "upload": True, "fields": {}}))
+        await s.socket.send(json.dumps({"n": 1001, "do": "stop"}))
+        answers: list[int] = []
+        while len(answers) < 2:
+            message = await s.socket.recv()
+            if isinstance(message, bytes):
+                await s.socket.send(json.dumps({"took": 0}))
+            else:
+                answers.append(json.loads(message)["n"])
+        assert answers == [1001, 1000]
+        assert second.ask("stats")["enabled"] == 0
+
+    with_socket(editor, journey)

@@ -309,9 +309,34 @@ def test_server_that_ends_and_comes_again(started: Any) -> None:
         assert s.told["connection"] > first and not s.objects  # nothing pushes by itself
         await s.until(lambda s: s.told["recovery"])
         assert (await s.ask("undo"))["text"] == "there is nothing to undo"
+        assert await s.ask("add", name="c", primitive="point", fields=POINT) == {"name": "c"}  # is kept beside what is on offer
+        kept = lambda: [path for path in (editor.folder / ".state").rglob("scene.json") if '"c"' in path.read_text()]  # noqa: E731
+        eventually(kept, "the second recovery file")
         assert await s.ask("recover") == {}
         await s.until(lambda s: "a" in s.objects and not s.told["recovery"])
         assert len(new.base) == 0
+
+    with_socket(editor, journey)
+
+
+def test_a_step_that_cannot_be_undone_bars_no_other(started: Any) -> None:
+    lab = started(Lab)
+    rover = lab.join("rover")
+    rover["hazard"] = fs.Point()
+    editor = started(Editor, lab.endpoint)
+
+    async def journey(s: Socket) -> None:
+        assert await s.ask("add", name="a", primitive="point", fields=POINT) == {"name": "a"}
+        await s.until(lambda s: "rover/hazard" in s.objects)
+        assert await s.ask("move", name="rover/hazard", position=[0.1, 0, 0], orientation=[1, 0, 0, 0]) == {}
+        rover.object_move("hazard", fs.Pose(position=(0.2, 0, 0)), fs.Twist(), 0)
+        rover.sync(5)
+        refused = await s.ask("undo")
+        assert "is left out" in refused["text"] and "rover" in refused["text"]
+        assert (await s.ask("undo"))["text"] == "add a"
+        assert (await s.ask("undo"))["text"] == "there is nothing to undo"
+        assert (await s.ask("redo"))["text"] == "add a"
+        assert (await s.ask("redo"))["text"] == "there is nothing to do again"
 
     with_socket(editor, journey)
 

@@ -26,7 +26,7 @@ export class CurvePlot {
   private isAsking = false;
   private isStale = false;
   private applied = 0; // N/m, with which the curve was asked for
-  private readonly changes: Latest<Record<string, unknown>>;
+  private readonly changes: Latest<{ name: string; fields: Record<string, unknown>; gesture: string }>;
 
   constructor(private readonly box: HTMLElement, private readonly model: Model, private readonly orders: Orders) {
     this.note = make("p", { className: "hint", textContent: "The curve f(d) of the object that is selected." });
@@ -40,7 +40,7 @@ export class CurvePlot {
     }, [[0], [null], [null], [null], [null]], box);
     this.plot.over.append(this.marker, this.dots);
     box.append(this.note);
-    this.changes = new Latest((fields) => orders.change([this.item!.told.name], fields, this.gesture));
+    this.changes = new Latest(({ name, fields, gesture }) => orders.change([name], fields, gesture), (why) => orders.onNotice(why.text, true));
     model.on(["selection", "objects"], () => this.ask());
     model.on(["rows"], () => {
       this.mark();
@@ -111,7 +111,7 @@ export class CurvePlot {
 
   private mark(): void {
     if (!this.plot) return;
-    const d = this.item?.distance ?? Infinity;
+    const d = this.item ? this.item.deviceDistance * this.item.frame.scale : Infinity; // m of its client's scene, as the curve
     this.marker.hidden = !(d <= this.until);
     if (d <= this.until) this.marker.style.left = `${this.plot.valToPos(d, "x")}px`;
   }
@@ -185,7 +185,8 @@ export class CurvePlot {
     this.put(dot, ...at);
     const field = handle.name === "gain" || handle.name === "limit" || handle.name === "width" ? handle.name : "reach";
     dot.title = `${handle.side}: ${field} ${shown(Number(value.toPrecision(4)))} ${field === "limit" ? "N" : field === "gain" ? uses[p.kind]!.gain : "m"}`;
-    void this.changes.put({ [`${handle.side}.${field}`]: Number(value.toPrecision(4)) });
+    const fields = { [`${handle.side}.${field}`]: Number(value.toPrecision(4)) };
+    void this.changes.put({ name: item.told.name, fields, gesture: this.gesture });
   }
 }
 

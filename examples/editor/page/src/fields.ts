@@ -13,7 +13,7 @@ export function make<K extends keyof HTMLElementTagNameMap>(
 /** Only where it differs: the same text set again would be laid out and painted again. */
 export function put(element: HTMLElement, text: string): void { if (element.textContent !== text) element.textContent = text; }
 
-/** As short as it can be without losing a digit that a person typed. */
+/** With 12 digits at most, and as short as that can be. */
 export function shown(value: number | null | undefined): string {
   if (value === null || value === undefined) return "";
   return String(Number(value.toPrecision(12)));
@@ -47,7 +47,6 @@ export class Field {
     this.row.dataset.path = path;
   }
   set unitText(text: string) { if (this.unit.textContent !== text) this.unit.textContent = text; }
-  set labelText(text: string) { if (this.label.textContent !== text) this.label.textContent = text; }
   set isShown(is: boolean) { this.row.hidden = !is; }
   get isShown(): boolean { return !this.row.hidden; }
 
@@ -58,6 +57,12 @@ export class Field {
     if (this.awaited && value !== this.awaited.value && performance.now() < this.awaited.until) return true;
     this.awaited = null;
     return false;
+  }
+
+  /** It is about another object from now on. */
+  forget(): void {
+    this.awaited = null;
+    this.refuse("");
   }
 
   refuse(text: string): void {
@@ -80,7 +85,7 @@ export class TextField extends Field {
 
   /** read: what is typed as the value to send, or the sentence why it is none. */
   constructor(path: string, label: string, unit: string, send: Send, private readonly read: (text: string) => { value: unknown } | string,
-    title = "") {
+    title = "", isNumber = false) {
     const text = make("input", { type: "text", spellcheck: false, autocomplete: "off", title });
     super(path, label, unit, text, title);
     this.text = text;
@@ -88,7 +93,7 @@ export class TextField extends Field {
     text.onchange = commit;
     text.onkeydown = (event) => {
       if (event.key === "Enter") { commit(); text.select(); }
-      if (event.key === "ArrowUp" || event.key === "ArrowDown") this.nudge(event, commit);
+      if (isNumber && (event.key === "ArrowUp" || event.key === "ArrowDown")) this.nudge(event, commit);
     };
     text.onfocus = () => text.select();
     text.onblur = () => { if (this.sending === null) text.value = this.value; };
@@ -103,7 +108,7 @@ export class TextField extends Field {
 
   private async commit(send: Send): Promise<void> {
     const text = this.text.value;
-    if (this.sending !== null) return; // Enter is told twice, as a key and as a change; and what is newer comes next
+    if (this.sending !== null) return; // Enter is told twice, as a key and as a change; newer text is sent when this answer arrives
     if (text === this.value) { this.refuse(""); return; }
     const read = this.read(text);
     if (typeof read === "string") { this.back(read); return; }
@@ -123,13 +128,14 @@ export class TextField extends Field {
   }
   private back(why: string): void { this.text.value = this.value; this.refuse(why); }
 
-  /** The arrow keys change a number by a tenth of its size, with Shift by a hundredth. */
+  /** What the arrow keys change it by; null: by its second digit. With Shift by a tenth of that. */
+  step: (() => number) | null = null;
   private nudge(event: KeyboardEvent, commit: () => void): void {
     const value = parse(this.text.value);
     if (value === null) return;
     event.preventDefault();
-    const size = value === 0 ? 0.01 : 10 ** Math.floor(Math.log10(Math.abs(value)));
-    const by = (size / (event.shiftKey ? 100 : 10)) * (event.key === "ArrowUp" ? 1 : -1);
+    const step = this.step?.() ?? (value === 0 ? 0.01 : 10 ** Math.floor(Math.log10(Math.abs(value)))) / 10;
+    const by = (event.shiftKey ? step / 10 : step) * (event.key === "ArrowUp" ? 1 : -1);
     this.text.value = shown(value + by);
     commit();
   }
@@ -139,7 +145,7 @@ export function numberField(path: string, label: string, unit: string, send: Sen
   return new TextField(path, label, unit, send, (text) => {
     const value = parse(text);
     return value === null ? `“${text}” is not a number` : { value };
-  }, title);
+  }, title, true);
 }
 
 export class ChoiceField extends Field {

@@ -128,26 +128,22 @@ export class Corners {
   private dragged = -1;
   active = -1;
   private gesture = "";
-  private readonly changes: Latest<{ name: string; points: Vec[]; gesture: string }>;
+  private readonly changes: Latest<{ name: string; points: Vec[]; closed: boolean; gesture: string }>;
 
-  constructor(private readonly view: View, private readonly model: Model, private readonly orders: Orders) {
+  constructor(private readonly view: View, private readonly model: Model, orders: Orders) {
     this.box = document.createElement("div");
     this.box.className = "corners";
     view.box.append(this.box);
-    this.changes = new Latest(({ name, points, gesture }) => this.sendPoints(name, points, gesture));
+    this.changes = new Latest(({ name, points, closed, gesture }) => orders.change([name], { shape: { points, closed } }, gesture),
+      (why) => { orders.onNotice(why.text, true); this.attach(); });
     model.on(["selection", "objects"], () => this.attach());
     view.onDraw.push(() => this.place());
   }
 
-  private sendPoints(name: string, points: Vec[], gesture: string): Promise<unknown> {
-    const closed = this.item?.told.shape?.closed ?? false;
-    return this.orders.change([name], { shape: { points, closed } }, gesture)
-      .catch((refused) => this.orders.onNotice(refused.text, true));
-  }
-
   private attach(): void {
-    if (this.dragged >= 0) return;
     const chosen = this.model.selection[0];
+    if (this.dragged >= 0 && chosen && chosen === this.item) return;
+    this.dragged = -1; // it may have vanished under the hand
     const shape = chosen?.told.shape;
     const isFit = chosen && shape && chosen.told.primitive === "polyline" && shape.points <= 300 && !chosen.isLocked;
     if (this.item !== chosen) this.active = -1;
@@ -174,7 +170,9 @@ export class Corners {
     dot.onfocus = () => { this.active = index; };
     dot.onblur = () => { if (this.active === index) this.active = -1; };
     dot.onpointermove = (event) => { if (this.dragged === index) this.drag(event); };
-    dot.onpointerup = () => { this.dragged = -1; };
+    dot.onpointerup = dot.onlostpointercapture = () => {
+      if (this.dragged === index) this.dragged = -1;
+    };
     return dot;
   }
 
@@ -186,17 +184,21 @@ export class Corners {
     const at = surface && surface.item !== item ? surface.at : inPicture(view, event, this.atDevice(this.points[this.dragged]!));
     const inScene = fromDevice(item.frame, at);
     this.points[this.dragged] = rotate(conjugate(item.pose.orientation), minus(inScene, item.pose.position));
-    void this.changes.put({ name: item.told.name, points: this.points.map((p) => [...p] as Vec), gesture: this.gesture });
+    void this.changes.put({ ...this.line(item), points: this.points.map((p) => [...p] as Vec), gesture: this.gesture });
     this.place();
   }
 
   removeActive(): boolean {
     if (!this.item || this.active < 0) return false;
     const points = this.points.filter((_, i) => i !== this.active);
-    void this.changes.put({ name: this.item.told.name, points, gesture: newGesture() });
+    void this.changes.put({ ...this.line(this.item), points, gesture: newGesture() });
     this.active = -1;
     (document.activeElement as HTMLElement | null)?.blur();
     return true;
+  }
+
+  private line(item: Item): { name: string; closed: boolean } {
+    return { name: item.told.name, closed: item.told.shape?.closed ?? false };
   }
 
   private atDevice(point: Vec): Vec {
@@ -244,6 +246,7 @@ export class Pencil {
     this.box.className = "corners drawing";
     view.box.append(this.box);
     view.onDraw.push(() => this.update());
+    model.on(["picture"], () => this.lay());
   }
 
   start(): void { this.places = []; this.isOn = true; this.changed(); }
@@ -252,10 +255,13 @@ export class Pencil {
     this.view.box.dataset.drawing = this.isOn ? String(this.places.length) : "";
     this.onChange();
     this.line.geometry.dispose();
-    this.line.geometry = new THREE.BufferGeometry().setFromPoints(this.places.map((p) => new THREE.Vector3(...minus(p, this.view.origin))));
+    const first = this.places[0] ?? [0, 0, 0];
+    this.line.geometry = new THREE.BufferGeometry().setFromPoints(this.places.map((p) => new THREE.Vector3(...minus(p, first))));
+    this.lay();
     this.box.replaceChildren(...this.places.map(() => document.createElement("i")));
     this.view.request();
   }
+  private lay(): void { if (this.places[0]) this.line.position.set(...minus(this.places[0], this.view.origin)); }
 
   click(x: number, y: number): void {
     const first = this.places[0];

@@ -91,7 +91,7 @@ function startTools(view: View) {
   at("draw-finish").onclick = () => pencil.finish(false);
   at("draw-back").onclick = () => pencil.back();
   at("draw-cancel").onclick = () => pencil.cancel();
-  at("fit").onclick = () => view.fit();
+  at("fit").onclick = () => { if (!gizmo.isDragging) view.fit(); };
   for (const from of ["top", "front", "side", "free"] as const) at(`look-${from}`).onclick = () => view.look(from);
   gizmo.onChange();
   pencil.cancel();
@@ -147,7 +147,7 @@ window.addEventListener("keydown", (event) => {
   }
   if (isTyping || event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
   const keys: Record<string, () => void> = {
-    Delete: () => { if (!tools?.corners.removeActive()) remove(); },
+    Delete: () => { if (!event.repeat && !tools?.corners.removeActive()) remove(); },
     w: () => at("tool-move").click(), e: () => at("tool-turn").click(), q: () => at("tool-space").click(), f: () => at("fit").click(),
     1: () => at("look-top").click(), 2: () => at("look-front").click(), 3: () => at("look-side").click(), 4: () => at("look-free").click(),
     Enter: () => { if (tools?.pencil.isOn) tools.pencil.finish(false); },

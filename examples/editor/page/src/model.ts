@@ -143,9 +143,9 @@ export class Model {
     }
     for (const id of (told.gone ?? []) as number[]) this.items.delete(id);
     this.readRows(state);
+    const selectedBefore = this.selected.size;
     for (const id of this.selected) if (!this.items.has(id)) this.selected.delete(id);
     this.newSamples = state.samples;
-    const selectionBefore = [...this.selected].length;
     if (told.objects || told.gone || told.fresh) this.tell("objects");
     if (state.felt.length) this.tell("rows");
     const isDrawn = this.looksDifferent || Boolean(told.objects || told.gone || told.fresh || told.error);
@@ -153,7 +153,7 @@ export class Model {
     this.looksDifferent = false;
     this.tell("state");
     if (state.samples.length) this.tell("samples");
-    if (told.gone?.length || told.objects?.length || told.fresh || selectionBefore !== this.selected.size) this.tell("selection");
+    if (selectedBefore !== this.selected.size) this.tell("selection");
     if (told.events?.length) {
       this.events = [...this.events, ...(told.events as Happened[])].slice(-100);
       this.tell("happened");

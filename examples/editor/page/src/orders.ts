@@ -67,17 +67,21 @@ export class Orders {
 export class Latest<T> {
   private next: T | null = null;
   private isBusy = false;
-  constructor(private readonly send: (value: T) => Promise<unknown>) {}
+  /** refused: hears why a value was not taken. */
+  constructor(private readonly send: (value: T) => Promise<unknown>, private readonly refused: (why: Refusal) => void = () => {}) {}
 
   async put(value: T): Promise<void> {
     this.next = value;
     if (this.isBusy) return;
     this.isBusy = true;
-    while (this.next !== null) {
-      const now: T = this.next;
-      this.next = null;
-      await this.send(now).catch(() => {});
+    try {
+      while (this.next !== null) {
+        const now: T = this.next;
+        this.next = null;
+        await this.send(now).catch((refused) => this.refused(refused as Refusal));
+      }
+    } finally {
+      this.isBusy = false;
     }
-    this.isBusy = false;
   }
 }

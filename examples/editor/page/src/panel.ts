@@ -3,7 +3,7 @@
 import { fromDegrees, toDegrees } from "./frames";
 import { type AnyField, AreaField, CheckField, ChoiceField, Field, type Send, TextField, make, numberField, parse, put, shown } from "./fields";
 import { type Item, type Model, type Profile, mark, newtons, sizeOf } from "./model";
-import type { Orders } from "./orders";
+import { type Orders, newGesture } from "./orders";
 import { ofKind, uses } from "./profiles";
 import { askForMesh } from "./scene_dialogs";
 import type { Refusal } from "./wire";
@@ -32,20 +32,26 @@ export class Panel {
   private readonly replace = make("button", { textContent: "Another mesh from a file …", id: "replace-mesh" });
   private twist: Twist = { linear: [0, 0, 0], angular: [0, 0, 0] };
   private isAsking = false;
+  private chosen = "";
   private readonly fields: { field: AnyField; update: (item: Item) => void }[] = [];
   private readonly points = make("div", { className: "tool-points" });
   private readonly formulas = new Map<string, HTMLElement>();
   private readonly sections = new Map<string, HTMLElement>();
-  private readonly general = make("div", { className: "error", role: "alert" } as Partial<HTMLDivElement>);
 
   constructor(private readonly box: HTMLElement, private readonly model: Model, private readonly orders: Orders) {
-    box.append(this.head, this.general, this.body);
+    box.append(this.head, this.body);
     this.makePose();
     this.makeProfile("front");
     this.makeProfile("back");
     this.makeContact();
     this.makeOther();
-    model.on(["selection"], () => { this.refuseGeneral(""); this.update(); void this.askTwist(); });
+    model.on(["selection"], () => {
+      const chosen = [...model.selected].join();
+      if (chosen !== this.chosen) for (const { field } of this.fields) field.forget();
+      this.chosen = chosen;
+      this.update();
+      void this.askTwist();
+    });
     model.on(["objects"], () => { this.update(); void this.askTwist(); });
     model.on(["rows"], () => this.later());
     this.adopt.onclick = () => { const item = this.first(); if (item) void orders.adopt(item.told.name); };
@@ -78,11 +84,21 @@ export class Panel {
 
   private readonly send: Send = (path, value) => this.sendAll({ [path]: value }, path);
 
-  private async sendAll(fields: Record<string, unknown>, path: string): Promise<void> {
-    const names = this.model.selection.filter((item) => !item.isLocked).map((item) => item.told.name);
+  /** What each of the selected objects is to get, by what it has: one step for undo. */
+  private async sendEach(of: (item: Item) => Record<string, unknown>, path: string): Promise<void> {
+    const groups = new Map<string, Item[]>(), gesture = newGesture();
+    for (const item of this.open) {
+      const key = JSON.stringify(of(item));
+      groups.set(key, [...(groups.get(key) ?? []), item]);
+    }
+    for (const items of groups.values()) await this.sendAll(of(items[0]!), path, items, gesture);
+  }
+  /** Those of the selection that can be changed. */
+  private get open(): Item[] { return this.model.selection.filter((item) => !item.isLocked); }
+
+  private async sendAll(fields: Record<string, unknown>, path: string, items = this.open, gesture = newGesture()): Promise<void> {
     try {
-      await this.orders.change(names, fields);
-      this.refuseGeneral("");
+      await this.orders.change(items.map((item) => item.told.name), fields, gesture);
     } catch (refused) {
       const why = refused as Refusal;
       // The library may refuse the object for another field than the one that was changed: the sentence goes there.
@@ -94,7 +110,6 @@ export class Panel {
       throw why;
     }
   }
-  private refuseGeneral(text: string): void { this.general.textContent = text; }
 
   // ---- Sections
 
@@ -119,13 +134,16 @@ export class Panel {
     box.append(over("position in its client's scene, m"), place, over("turned about x, then y, then z, degrees"), turns, over("the same as a quaternion w, x, y, z"), quat);
     (["x", "y", "z"] as const).forEach((axis, i) => {
       const field = numberField(`pose.position.${axis}`, axis, "m", this.send, `m along ${axis} in the scene of its client`);
-      this.add(place, field, (item) => field.show(shown(Number(item.pose.position[i]!.toPrecision(10)))));
+      field.step = () => 0.001 * (this.first()?.frame.scale ?? 1);
+      this.add(place, field, (item) => field.show(shown(item.pose.position[i]!)));
     });
     (["x", "y", "z"] as const).forEach((name, i) => {
       const field = numberField(`pose.turn.r${name}`, name, "°", (_path, value) => {
-        const degrees = toDegrees(this.first()!.pose.orientation);
-        degrees[i] = value as number;
-        return this.sendAll({ "pose.orientation": fromDegrees(degrees) }, `pose.turn.r${name}`);
+        return this.sendEach((item) => {
+          const degrees = toDegrees(item.pose.orientation);
+          degrees[i] = value as number;
+          return { "pose.orientation": fromDegrees(degrees) };
+        }, `pose.turn.r${name}`);
       }, `degrees about ${name}`);
       this.add(turns, field, (item) => field.show(shown(Number(toDegrees(item.pose.orientation)[i]!.toFixed(6)))));
     });
@@ -148,8 +166,8 @@ export class Panel {
     const of = (item: Item): Profile => item.told[side];
     const path = (name: string) => `${side}.${name}`;
     const kind = new ChoiceField(path("kind"), "kind", Object.entries(uses).map(([value, use]) => [value, use.word]), (_path, value) => {
-      const changed = ofKind(of(this.first()!), value as string);
-      return this.sendAll(Object.fromEntries(Object.entries(changed).map(([k, v]) => [path(k), v])), path("kind"));
+      const changed = (item: Item) => Object.entries(ofKind(of(item), value as string)).map(([k, v]) => [path(k), v]);
+      return this.sendEach((item) => Object.fromEntries(changed(item)), path("kind"));
     });
     this.add(box, kind, (item) => kind.show(of(item).kind));
     const formula = make("div", { className: "formula" });
@@ -192,15 +210,15 @@ export class Panel {
     this.add(box, table, (item) => {
       table.isShown = of(item).kind === "custom" && isTable(item);
       const curve = of(item).curve;
-      table.show((curve?.table ?? []).map((force, i) => `${shown(i * (curve?.step ?? 0))}, ${shown(force)}`).join("\n"));
+      table.show((curve?.table ?? []).map((force, i) => `${shown(i * (curve?.step ?? 0))}, ${force}`).join("\n"));
     });
   }
 
   private makeContact(): void {
     const box = this.section("Contact", "contact");
     const keep = new ChoiceField("contact.keep", "solid", keeps, (path, value) => {
-      const limit = this.first()!.told.contact.limit;
-      return this.sendAll(value !== "none" && !(limit > 0) ? { [path]: value, "contact.limit": 10 } : { [path]: value }, path);
+      const needsLimit = (item: Item) => value !== "none" && !(item.told.contact.limit > 0);
+      return this.sendEach((item) => ({ [path]: value, ...(needsLimit(item) ? { "contact.limit": 10 } : {}) }), path);
     });
     this.add(box, keep, (item) => keep.show(item.told.contact.keep));
     const numbers: [keyof Item["told"]["contact"], string, string][] = [

@@ -1,6 +1,6 @@
 // The table of all objects, by client. Only the lines that are in sight exist, so thousands of objects cost nothing.
 
-import { make } from "./fields";
+import { make, put } from "./fields";
 import { type Item, type Model, colourOf, mark, newtons, sizeOf } from "./model";
 import type { Orders } from "./orders";
 
@@ -109,8 +109,13 @@ export class Table {
     set(element, `<button class="eye" title="${isHidden ? "Show" : "Hide"}">${isHidden ? "◌" : "◉"}</button>` +
       `<input type="checkbox" class="on" title="Enabled" ${told.enabled ? "checked" : ""} ${line.isLocked ? "disabled" : ""}>` +
       `<span class="name" title="${html(told.name)}"><i>${letters[told.primitive]}</i> <bdi>${html(told.short)}</bdi></span>` +
-      `<span class="state ${condition}">${mark[condition]} ${condition}</span>` +
-      `<span class="number">${near ? this.model.distance(line) : "–"}</span><span class="number">${near ? newtons(sizeOf(line.push)) : "–"}</span>`);
+      '<span class="state"></span><span class="number"></span><span class="number"></span>');
+    // What changes all the time, without making the rest anew: a click on the rest may be half done.
+    const [state, distance, force] = [...element.children].slice(3) as HTMLElement[];
+    state!.className = `state ${condition}`;
+    put(state!, `${mark[condition]} ${condition}`);
+    put(distance!, near ? this.model.distance(line) : "–");
+    put(force!, near ? newtons(sizeOf(line.push)) : "–");
   }
 
   private click(event: MouseEvent): void {
@@ -143,6 +148,7 @@ export class Table {
   private key(event: KeyboardEvent): void {
     const step = { ArrowDown: 1, ArrowUp: -1, PageDown: 10, PageUp: -10 }[event.key];
     const now = this.lines.findIndex((line) => !("count" in line) && this.model.selected.has(line.told.id));
+    if (event.target !== this.scroll && event.key === " ") return; // on a button or checkbox of a line
     if (event.key === " " && now >= 0) {
       const item = this.lines[now] as Item;
       this.orders.change([item.told.name], { enabled: !item.told.enabled }).catch((refused) => this.orders.onNotice(refused.text, true));
@@ -164,7 +170,7 @@ export class Table {
   }
 }
 
-/** Only where it differs: else a click between two states would be lost. */
+/** Only where it differs: else a click that is half done would be lost. */
 function set(element: HTMLElement & { told?: string }, text: string): void {
   if (element.told === text) return;
   element.told = text;

@@ -122,6 +122,8 @@ export class Things {
     const batches = [...this.forms.values(), ...this.planes.values()].map((batch) => batch.mesh);
     return [...batches.filter((mesh) => mesh.visible), ...[...this.solos.values()].map((solo) => solo.object)];
   }
+  /** Of the meshes and polylines as they are drawn now: until a new shape has come, the old one stays. */
+  get drawnShapes(): string[] { return [...this.solos.values()].map((solo) => solo.hash); }
   itemOf(hit: THREE.Intersection): Item | undefined {
     if (hit.object.userData.item !== undefined) return this.model.items.get(hit.object.userData.item as number);
     for (const batch of [...this.forms.values(), ...this.planes.values()]) {

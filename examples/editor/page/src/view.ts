@@ -47,7 +47,7 @@ export class View {
     model.on(["objects", "picture", "selection"], () => this.change());
     model.on(["objects"], () => {
       const shapes = [...model.items.values()].flatMap((item) => item.told.shape ?? []);
-      this.shapes.keep(new Set(shapes.map((shape) => shape.hash)));
+      this.shapes.keep(new Set([...shapes.map((shape) => shape.hash), ...this.things.drawnShapes]));
       for (const shape of shapes) this.shapes.get(shape); // it is fetched while the picture is drawn
     });
     new ResizeObserver(() => this.resize()).observe(box);
@@ -235,6 +235,7 @@ export class View {
     this.camera.position.copy(towards.multiplyScalar((radius * 1.15) / Math.sin((this.camera.fov * Math.PI) / 360) / aspect));
     this.controls.update();
     this.change();
+    this.model.tell("picture"); // all has another place in it
   }
 
   // ---- Places in the picture

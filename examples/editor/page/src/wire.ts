@@ -66,12 +66,23 @@ export class Wire {
     const poses = new Float64Array(data, start, told.rows * 7);
     const samples = new Float64Array(data, start + poses.byteLength, told.samples * 4);
     const felt = new Float32Array(data, start + poses.byteLength + samples.byteLength, told.rows * 12);
-    const isDrawn = this.onState({ told, poses, felt, samples });
+    let isDrawn = false;
+    try {
+      isDrawn = this.onState({ told, poses, felt, samples });
+    } catch (error) { // a bug of the page: what comes next may still be shown
+      reportError(error);
+    }
     // The next state is made when this one has been drawn, or at once where nothing is drawn.
-    const took = () => { if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ took: told.serial })); };
+    let isTaken = false;
+    const took = () => {
+      if (!isTaken && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ took: told.serial }));
+      isTaken = true;
+    };
     if (document.hidden) setTimeout(took, 200);
-    else if (isDrawn) requestAnimationFrame(() => setTimeout(took));
-    else took();
+    else if (isDrawn) {
+      requestAnimationFrame(() => setTimeout(took));
+      setTimeout(took, 1000); // a page that is hidden now draws no frame
+    } else took();
   }
 
   private answer(message: { n: number; ok?: unknown; refused?: Refusal }): void {
