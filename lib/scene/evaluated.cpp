@@ -51,7 +51,8 @@ void Evaluated::settle(bool is_urgent) {
   settled_at_ = time;
   double expiry;
   while (const std::string* const name = objects.next_expired(time, expiry)) events.push(FS_EVENT_EXPIRED, expiry, *name);
-  if (servo_ && objects.tidy()) changed();
+  const bool has_gone = views.tidy();
+  if (servo_ && (objects.tidy() || has_gone)) changed();
 }
 
 void Evaluated::settle_all() {

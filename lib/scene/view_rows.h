@@ -28,6 +28,8 @@ class ViewRows : Versions<ViewRows> {
   void set_next_sequence(uint64_t sequence) noexcept { sequence_ = sequence; }
 
   void change(const ViewChange& change);  // when it throws, all is as before
+  // Lets go of what has faded out, which would go on to count as where the tool may be. True: something is to be posted.
+  bool tidy() { return servo_ && tidy_older(views_->newest); }
   fs_frame frame() const noexcept;        // as a clutch may have moved it
   bool get_held(Pose& tool) const noexcept;  // where the clutch holds the tool, scene frame; false: it does not, or no tick knows
 

@@ -735,6 +735,25 @@ START_TEST(who_shares_with_none_is_not_held_back) {
 }
 END_TEST
 
+// A frame that was another for a while, and has faded out, bounds nothing any more.
+START_TEST(a_frame_that_is_gone_does_not_count) {
+  Bounded s;
+  s.hand = [](double) { return fs_vec3{0, 0, 0}; };
+  s.set(wall(0.002, 1000));
+  s.settle();
+  fs_frame frame, far;
+  OK(fs_scene_get_frame(s.scene, nullptr, &frame));
+  far = frame;
+  far.scale = 150000;
+  OK(fs_scene_set_frame(s.scene, &far));
+  s.run(1);
+  OK(fs_scene_set_frame(s.scene, &frame));
+  s.run(1);
+  EXPECT_NEAR(s.slope_of("wall"), 1000, 1);
+  EXPECT_NEAR(s.force().z, 2, 1e-6);
+}
+END_TEST
+
 // A wall that one point of eight feels has the whole bound.
 START_TEST(points_that_do_not_feel_have_no_share) {
   for (const uint32_t mask : {0u, 1u}) {
@@ -907,7 +926,7 @@ int main() {
   add_case(suite, "contacts", {contacts_are_blended, friction_is_blended, a_floor_that_moves_carries_the_hand});
   add_case(suite, "all", {tools_feel_changes_at_once, large_groups_are_blended});
   add_case(suite, "bounds", {shares_are_blended, what_changes_all_the_time_gets_its_share,
-                             who_shares_with_none_is_not_held_back, points_that_do_not_feel_have_no_share,
+                             who_shares_with_none_is_not_held_back, a_frame_that_is_gone_does_not_count, points_that_do_not_feel_have_no_share,
                              the_turn_of_a_force_counts, versions_share_nothing, bounds_are_told,
                              a_hand_is_where_a_ready_device_says, solids_that_become_alike_keep_their_hold,
                              ridges_of_solids_are_blended});
