@@ -160,7 +160,8 @@ window.addEventListener("keydown", (event) => {
 
 function updateBar(): void {
   const { told } = model, history = told.history ?? {}, stats = told.stats;
-  put(at("where"), `${told.endpoint ?? ""}${model.me ? ` as ${model.me}` : ""}`);
+  const held = model.clients.get(model.me)?.held ? ", its clutch held" : "";
+  put(at("where"), `${told.endpoint ?? ""}${model.me ? ` as ${model.me}${held}` : ""}`);
   const undo = at("undo") as HTMLButtonElement, redo = at("redo") as HTMLButtonElement;
   undo.disabled = !history.undo || model.viewOnly;
   redo.disabled = !history.redo || model.viewOnly;
@@ -172,7 +173,7 @@ function updateBar(): void {
   put(at("servo"), stats ? `${stats.rate?.toFixed(0) ?? "–"} Hz` : "");
   at("servo").title = stats ? `late p99 ${(stats.late_p99 * 1e6).toFixed(0)} µs, ${stats.misses} ticks missed` : "";
   const banner = at("banner"), sentence = model.error ? `${model.error}. Waiting for a server …`
-    : isOff ? "All force is stopped: the owner of the server lets it return." : faults.length ? `The servo stopped the force: ${faults.join(", ")}` : "";
+    : isOff ? "All force is stopped. The owner of the server lets it return: for forceserver run, by Enter in its terminal." : faults.length ? `The servo stopped the force: ${faults.join(", ")}` : "";
   put(banner, sentence);
   if (banner.hidden !== (sentence === "")) banner.hidden = sentence === "";
   document.body.dataset.server = model.error ? "gone" : isOff ? "stopped" : "there";

@@ -26,7 +26,7 @@ export class Panel {
   private readonly live = make("p", { className: "facts live" });
   private readonly adopt = make("button", { textContent: "Copy into my scene", id: "adopt" });
   private readonly hint = make("p", { className: "hint",
-    textContent: "Nothing is selected. Click an object in the view or in the table; with Add you make one." });
+    textContent: "Nothing is selected. Click an object in the view or in the table; Point, Polyline, Plane or Mesh makes one." });
   private readonly head = make("header");
   private readonly body = make("div", { className: "sections" });
   private readonly replace = make("button", { textContent: "Another mesh from a file …", id: "replace-mesh" });
@@ -151,7 +151,7 @@ export class Panel {
       const field = numberField(`pose.orientation.${name}`, name, "", this.send, "Quaternion, object to scene; it is made of unit length");
       this.add(quat, field, (item) => field.show(shown(Number(item.pose.orientation[i]!.toPrecision(9)))));
     });
-    for (const [part, unit, text] of [["linear", "m/s", "velocity, from the moment it is given for 0.1 s"], ["angular", "rad/s", "angular velocity, likewise"]] as const) {
+    for (const [part, unit, text] of [["linear", "m/s", "velocity, m/s; it lasts 0.1 s"], ["angular", "rad/s", "angular velocity, rad/s; it lasts 0.1 s"]] as const) {
       const triple = make("div", { className: "triple" });
       box.append(over(text), triple);
       (["x", "y", "z"] as const).forEach((name, i) => {

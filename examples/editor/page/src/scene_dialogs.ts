@@ -38,7 +38,7 @@ export async function askForMesh(orders: Orders, title: (file: string) => string
   const scale = make("input", { type: "text", value: "1", id: "mesh-scale" });
   const error = make("div", { className: "error", role: "alert" } as Partial<HTMLDivElement>);
   const go = make("button", { textContent: word, className: "primary", id: "mesh-add" });
-  const box = dialog(title(file.name), make("label", { className: "inline" }, "Metres a unit of the file ", scale),
+  const box = dialog(title(file.name), make("label", { className: "inline" }, "One unit of the file, in m ", scale),
     make("p", { className: "hint", textContent: "1 for metres, 0.001 for millimetres" }), error, make("div", { className: "buttons" }, go));
   go.onclick = async () => {
     const metres = parse(scale.value);
