@@ -124,12 +124,15 @@ export class TimePlots {
   private build(): void {
     this.plot?.destroy();
     this.still = "";
-    const line = (label: string, stroke: string, width = 1.5, scale = "y"): uPlot.Series => ({ label, stroke, width, scale, points: { show: false } });
+    // The lines are told apart by their dashes too.
+    const dashes = [[], [8, 4], [2, 3], [10, 3, 2, 3], [5, 5], [1, 2], [14, 4]];
+    const line = (label: string, stroke: string, dash = 0, width = 1.5, scale = "y"): uPlot.Series =>
+      ({ label, stroke, width, scale, points: { show: false }, dash: dashes[dash % dashes.length]! });
     this.names = [...this.model.clients.keys()];
     const series = {
-      force: [line("|F|", "#1d232b", 2), line("x", "#b04a3f"), line("y", "#4b8b4f"), line("z", "#4667a8")],
-      clients: this.names.map((name) => line(name, `#${colourOf(name, this.model.me).toString(16).padStart(6, "0")}`, 2)),
-      servo: [line("late p50", "#8aa0b8"), line("p99", "#2f6fb0"), line("max", "#c0392b"), line("compute p99", "#4b8b4f"), line("Hz", "#a8532c", 1.5, "hz")],
+      force: [line("|F|", "#1d232b", 0, 2), line("x", "#b04a3f", 1), line("y", "#4b8b4f", 2), line("z", "#4667a8", 3)],
+      clients: this.names.map((name, i) => line(name, `#${colourOf(name, this.model.me).toString(16).padStart(6, "0")}`, i, 2)),
+      servo: [line("late p50", "#8aa0b8", 2), line("p99", "#2f6fb0"), line("max", "#c0392b", 1), line("compute p99", "#4b8b4f", 3), line("Hz", "#a8532c", 4, 1.5, "hz")],
     };
     const isServo = this.shown === "servo";
     const axes: uPlot.Axis[] = [axis("s", 18), axis(isServo ? "µs" : "N", 42)];
