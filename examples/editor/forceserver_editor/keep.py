@@ -96,9 +96,12 @@ class Keep:
         if not self._recovery.exists():
             return
         shutil.rmtree(self._old.parent, ignore_errors=True)
-        self._old.parent.mkdir(mode=0o700)
-        for path in [self._recovery, *self._recovery.parent.glob("*.ply")]:
-            path.rename(self._old.parent / path.name)
+        try:
+            self._old.parent.mkdir(mode=0o700)
+            for path in [self._recovery, *self._recovery.parent.glob("*.ply")]:
+                path.rename(self._old.parent / path.name)
+        except OSError as error:  # a folder that cannot be written: the editor works without
+            print(f"the recovery file cannot be offered: {error}", flush=True)
 
     def recover(self, scene: fs.Scene) -> None:
         scene.load(self._old)

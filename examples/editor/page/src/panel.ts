@@ -87,16 +87,16 @@ export class Panel {
   /** What each of the selected objects is to get, by what it has: one step for undo. */
   private async sendEach(of: (item: Item) => Record<string, unknown>, path: string): Promise<void> {
     const groups = new Map<string, Item[]>(), gesture = newGesture();
-    for (const item of this.open) {
+    for (const item of this.unlocked) {
       const key = JSON.stringify(of(item));
       groups.set(key, [...(groups.get(key) ?? []), item]);
     }
     for (const items of groups.values()) await this.sendAll(of(items[0]!), path, items, gesture);
   }
   /** Those of the selection that can be changed. */
-  private get open(): Item[] { return this.model.selection.filter((item) => !item.isLocked); }
+  private get unlocked(): Item[] { return this.model.selection.filter((item) => !item.isLocked); }
 
-  private async sendAll(fields: Record<string, unknown>, path: string, items = this.open, gesture = newGesture()): Promise<void> {
+  private async sendAll(fields: Record<string, unknown>, path: string, items = this.unlocked, gesture = newGesture()): Promise<void> {
     try {
       await this.orders.change(items.map((item) => item.told.name), fields, gesture);
     } catch (refused) {
