@@ -84,6 +84,14 @@ fs_status fs_servo_get_record(fs_servo* servo, fs_tick* out, size_t capacity, si
   });
 }
 
+fs_status fs_scene_get_record(fs_scene* scene, uint64_t after, fs_recorded_tick* out, size_t capacity, size_t* count) {
+  return guarded([&] {
+    require_pointer(scene, "scene");
+    const Ref<fs_scene> kept = Ref<fs_scene>::share(scene);
+    copy_list(kept->record(after), out, capacity, count);
+  });
+}
+
 fs_status fs_scene_get_hand(const fs_scene* scene, fs_state* state, fs_response* response, fs_wrench* sent) {
   if (!scene) return null_argument("scene is null");
   return scene->get_hand(state, response, sent);

@@ -346,6 +346,11 @@ void RemoteScene::ask(wire::Type type, Info& out) {
 void RemoteScene::get_servo_stats(fs_servo_stats& out) { ask(wire::type_stats, out); }
 void RemoteScene::get_device_info(fs_device_info& out) { ask(wire::type_device, out); }
 
+std::vector<fs_recorded_tick> RemoteScene::record(uint64_t after) {
+  Call call = line_.enter();
+  return line_.request(call, wire::type_record, wire::After{after}).list<fs_recorded_tick>();
+}
+
 void RemoteScene::stop_force() {
   Call call = line_.enter();
   line_.request(call, wire::type_stop_force);

@@ -60,6 +60,7 @@ struct RemoteScene final : Scene {
   fs_status get_hand(fs_state* state, fs_response* response, fs_wrench* sent) const noexcept override;
   void get_servo_stats(fs_servo_stats& out) override;
   void get_device_info(fs_device_info& out) override;
+  std::vector<fs_recorded_tick> record(uint64_t after) override;
   void stop_force() override;
   std::vector<fs_client> clients() override;
   std::vector<fs_client_view> views() override;

@@ -318,4 +318,6 @@ void LocalScene::get_servo_stats(fs_servo_stats& out) { readers.get_servo_stats(
 
 void LocalScene::get_device_info(fs_device_info& out) { readers.get_device_info(out); }
 
+std::vector<fs_recorded_tick> LocalScene::record(uint64_t after) { return readers.record(after); }
+
 void LocalScene::stop_force() { readers.stop_force(); }

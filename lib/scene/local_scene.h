@@ -99,6 +99,7 @@ struct LocalScene final : Scene {
   fs_status get_hand(fs_state* state, fs_response* response, fs_wrench* sent) const noexcept override;  // [rt]
   void get_servo_stats(fs_servo_stats& out) override;                                     // STATE
   void get_device_info(fs_device_info& out) override;                                     // STATE
+  std::vector<fs_recorded_tick> record(uint64_t after) override;                          // STATE
   void stop_force() override;                                                             // STATE
   std::vector<fs_client> clients() override;                                              // UNSUPPORTED
   std::vector<fs_client_view> views() override;                                           // UNSUPPORTED

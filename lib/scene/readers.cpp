@@ -94,6 +94,11 @@ void Readers::get_device_info(fs_device_info& out) {
   require_servo("the scene has no servo, so no device; fs_servo_start gives it one").get_device_info(out);
 }
 
+std::vector<fs_recorded_tick> Readers::record(uint64_t after) {
+  const std::lock_guard lock(mutex_);
+  return require_servo("the scene has no servo, so no record of ticks").record(after);
+}
+
 void Readers::stop_force() {
   const std::lock_guard lock(mutex_);
   require_servo("the scene has no servo, so no force to stop").set_enabled(false);

@@ -32,6 +32,7 @@ class Readers {
   fs_status get_hand(fs_state* state, fs_response* response, fs_wrench* sent) const noexcept;  // [rt]
   void get_servo_stats(fs_servo_stats& out);                                                   // STATE
   void get_device_info(fs_device_info& out);                                                   // STATE
+  std::vector<fs_recorded_tick> record(uint64_t after);                                        // STATE
   void stop_force();                                                                           // STATE
 
  private:

@@ -1,6 +1,10 @@
 // The servo of a scene, as far as the scene needs it.
 #pragma once
 
+#include <vector>
+
+#include <forceserver/servo.h>
+
 #include "field/servo_output.h"
 #include "scene/reader.h"
 
@@ -13,6 +17,7 @@ class ServoLink {
   virtual double time() const noexcept = 0;      // s, of its newest tick
   virtual void get_stats(fs_servo_stats& out) const = 0;        // all but struct_size
   virtual void get_device_info(fs_device_info& out) const = 0;  // all but struct_size
+  virtual std::vector<fs_recorded_tick> record(uint64_t after) const = 0;
   virtual void set_enabled(bool enabled) noexcept = 0;          // [rt]
   virtual uint64_t event_count() const noexcept = 0;            // of the device
   virtual bool take_event(uint64_t& next, fs_event& out) const = 0;  // number `next`, which goes on; false: none yet

@@ -126,6 +126,20 @@ class ReportList final : public SceneList {
   }
 };
 
+// A list of what the servo has recorded.
+class RecordList final : public List {
+ public:
+  RecordList(Servo& servo, uint64_t after) : servo_(Ref<Servo>::share(&servo)), after_(after) {}
+  size_t most() const override { return servo_->record().count(after_); }
+
+ private:
+  void write() override {
+    servo_->record().for_each(after_, [&](const fs_recorded_tick& each) { add_record(each); });
+  }
+  const Ref<Servo> servo_;
+  const uint64_t after_;
+};
+
 }  // namespace
 
 void answer_motions(Client& client, uint64_t serial, const std::string& whose) {
@@ -170,6 +184,10 @@ void answer_clients(Client& client, uint64_t serial) {
   list.insert(list.begin(), own);
   const Descriptor blob = make_blob({bytes_of(list.data(), list.size())});
   client.answers.send_record(serial, wire::Count{list.size()}, blob.get());
+}
+
+void answer_record(Client& client, uint64_t serial, uint64_t after) {
+  answer(client, serial, std::make_shared<RecordList>(client.host.servo(), after));
 }
 
 fs_view view_seen_by(const Client& asking, const Client* owner) {

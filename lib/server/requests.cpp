@@ -66,6 +66,7 @@ void Requests::answer(const Request& request) {
       host.servo().get_device_info(info);
       return client_.answers.send_record(request.serial, info);
     }
+    case type_record: return answer_record(client_, request.serial, request.as<After>().number);
     case type_stop_force: return stop_force(request);
     default: return;
   }

@@ -5,22 +5,30 @@
 namespace fs {
 
 void FlightRecord::add(const fs_tick& tick) noexcept {
-  const uint64_t number = count_.load(std::memory_order_relaxed);
-  slots_[number % slots_.size()].write({number, tick});
-  count_.store(number + 1, std::memory_order_release);
+  const uint64_t before = count_.load(std::memory_order_relaxed);
+  slots_[before % slots_.size()].write({before, tick});
+  count_.store(before + 1, std::memory_order_release);
+}
+
+size_t FlightRecord::count(uint64_t after, uint64_t end) const noexcept {
+  return after < end ? static_cast<size_t>(std::min<uint64_t>(end - after, size_)) : 0;
+}
+
+size_t FlightRecord::count(uint64_t after) const noexcept { return count(after, count_.load(std::memory_order_acquire)); }
+
+bool FlightRecord::read(uint64_t before, Slot& out) const noexcept {
+  return slots_[before % slots_.size()].read(out) && out.before == before;
 }
 
 size_t FlightRecord::read(fs_tick* out, size_t capacity) const {
   const uint64_t end = count_.load(std::memory_order_acquire);
-  const uint64_t kept = std::min<uint64_t>(end, size_);
-  const uint64_t wanted = std::min<uint64_t>(kept, capacity);
+  const size_t kept = count(0, end), wanted = std::min(kept, capacity);
   size_t written = 0;
-  for (uint64_t number = end - wanted; number < end; ++number) {
+  for (uint64_t before = end - wanted; before < end; ++before) {
     Slot slot;
-    if (!slots_[number % slots_.size()].read(slot) || slot.number != number) continue;  // overwritten meanwhile
-    out[written++] = slot.tick;
+    if (read(before, slot)) out[written++] = slot.tick;
   }
-  return written < wanted ? written : static_cast<size_t>(kept);
+  return written < wanted ? written : kept;
 }
 
 }  // namespace fs

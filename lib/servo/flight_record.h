@@ -15,16 +15,32 @@ class FlightRecord {
  public:
   explicit FlightRecord(size_t size) : size_(size), slots_(size + spare) {}
 
-  void add(const fs_tick& tick) noexcept;                         // [rt]
-  size_t read(fs_tick* out, size_t capacity) const;               // oldest first; returns how many there are
+  void add(const fs_tick& tick) noexcept;            // [rt]
+  size_t read(fs_tick* out, size_t capacity) const;  // oldest first; returns how many there are
+
+  // How many ticks are kept that have a number above `after`; the first tick has number 1.
+  size_t count(uint64_t after) const noexcept;
+  // Calls f(const fs_recorded_tick&) for each of them, oldest first.
+  template <class F>
+  void for_each(uint64_t after, F&& f) const {
+    const uint64_t end = count_.load(std::memory_order_acquire);
+    for (uint64_t before = end - count(after, end); before < end; ++before) {
+      Slot slot;
+      if (read(before, slot)) f(fs_recorded_tick{before + 1, slot.tick});
+    }
+  }
+
   MemoryLock::Range pages() const noexcept { return {slots_.data(), slots_.size() * sizeof(Seqlock<Slot>)}; }
 
  private:
   struct Slot {
-    uint64_t number;
+    uint64_t before;  // how many ticks were added before
     fs_tick tick;
   };
   static constexpr size_t spare = 64;  // ticks that may be added during a read
+
+  size_t count(uint64_t after, uint64_t end) const noexcept;
+  bool read(uint64_t before, Slot& out) const noexcept;  // the tick before which there were so many; false: overwritten
 
   const size_t size_;
   std::vector<Seqlock<Slot>, PageAllocator<Seqlock<Slot>>> slots_;

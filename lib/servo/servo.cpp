@@ -277,6 +277,13 @@ void fs_servo::tick(double now, double late) noexcept {
   }
 }
 
+std::vector<fs_recorded_tick> fs_servo::record(uint64_t after) const {
+  std::vector<fs_recorded_tick> out;
+  out.reserve(record_.count(after));
+  record_.for_each(after, [&](const fs_recorded_tick& each) { out.push_back(each); });
+  return out;
+}
+
 bool fs_servo::take_event(uint64_t& next, fs_event& out) const {
   if (!events_.take(next, device_->info(), settings_.pose_age, out)) return false;
   if (out.kind == FS_EVENT_OVERFLOW) out.time = time();

@@ -291,6 +291,15 @@ inline fs_object from_record(const Object& from) {
   FIELD(fs_device_info, link_rate) \
   FIELD(fs_device_info, controller_rate) \
   FIELD(fs_device_info, controller_delay) \
-  FIELD(fs_device_info, controller_damping)
+  FIELD(fs_device_info, controller_damping) \
+  FIELD(fs_tick, state) \
+  FIELD(fs_tick, response) \
+  FIELD(fs_tick, sent) \
+  FIELD(fs_tick, late) \
+  FIELD(fs_tick, compute) \
+  FIELD(fs_tick, device) \
+  FIELD(fs_tick, faults) \
+  FIELD(fs_recorded_tick, number) \
+  FIELD(fs_recorded_tick, tick)
 
 }  // namespace fs::wire

@@ -92,6 +92,7 @@ std::string make_layout_text() {
   RECORD(Forget, id);
   RECORD(Target, name);
   RECORD(Fetch, id);
+  RECORD(After, number);
   RECORD(Edit, target, parts, object);
   RECORD(MoveOther, target, has_twist, pose, twist, time);
   RECORD(Count, count);

@@ -39,6 +39,7 @@ std::optional<size_t> record_size(uint32_t type) noexcept {
     case type_motions:
     case type_remove_other: return sizeof(Target);
     case type_fetch: return sizeof(Fetch);
+    case type_record: return sizeof(After);
     case type_edit: return sizeof(Edit);
     case type_move_other: return sizeof(MoveOther);
     default: return {};

@@ -28,6 +28,7 @@ struct World {
   fs_scene* connected = nullptr;
   fs_client client{};
   fs_client_view client_view{};
+  fs_recorded_tick recorded_tick{};
   fs_tool* tool = tool_owner.get();
   fs_device* device = spare_device.get();
   fs_servo *servo = servo_owner.get(), *lone_servo = lone_owner.get();  // the second has no server
@@ -283,6 +284,9 @@ static const std::vector<Call> calls{
     {"fs_scene_get_servo_stats", 2, FS_OK, [](World& w, int n) {
        return fs_scene_get_servo_stats(but(n, 0, w.scene), but(n, 1, &w.stats));
      }},
+    {"fs_scene_get_record", 3, FS_OK, [](World& w, int n) {
+       return fs_scene_get_record(but(n, 0, w.scene), 0, but(n, 1, &w.recorded_tick), 1, but(n, 2, &w.count));
+     }},
     {"fs_scene_get_device_info", 2, FS_OK, [](World& w, int n) {
        return fs_scene_get_device_info(but(n, 0, w.scene), but(n, 1, &w.device_info));
      }},
@@ -450,6 +454,7 @@ START_TEST(pointers_that_may_be_null) {
   OK(made(&new_server, fs_server_start(w.lone_servo, w.other_endpoint.c_str(), nullptr, &new_server)));
   OK(fs_scene_get_clients(w.connected, nullptr, 0, &w.count));
   OK(fs_scene_get_views(w.connected, nullptr, 0, &w.count));
+  OK(fs_scene_get_record(w.connected, 0, nullptr, 0, &w.count));
   OK(fs_scene_get_hand(w.scene, &w.state, nullptr, nullptr));
   OK(fs_scene_get_hand(w.scene, nullptr, &w.response, nullptr));
   OK(fs_scene_get_hand(w.scene, nullptr, nullptr, &w.wrench));

@@ -600,6 +600,38 @@ START_TEST(views_of_all) {
 }
 END_TEST
 
+// A client gets the server's record, in short and in long lists, with the ticks since it last asked.
+START_TEST(the_record) {
+  Two two;
+  const fs_frame frame{at(0.1, 0, 0), 2, 2};
+  OK(fs_scene_set_frame(two.me.get(), &frame));
+  two.settle(two.me.get());
+  const auto record_of = [](fs_scene* scene, uint64_t after) {
+    std::vector<fs_recorded_tick> out(3000);
+    size_t count = 0;
+    OK(fs_scene_get_record(scene, after, out.data(), out.size(), &count));
+    out.resize(count);
+    return out;
+  };
+  uint64_t last = record_of(two.base.get(), 0).back().number;
+  for (const uint64_t steps : {0, 1, 64, 65, 2000, 2600}) {
+    two.step(steps);
+    const std::vector<fs_recorded_tick> found = record_of(two.me.get(), last), same = record_of(two.base.get(), last);
+    ck_assert_uint_eq(found.size(), std::min<uint64_t>(steps, 2000));
+    ck_assert_uint_eq(found.size(), same.size());
+    for (size_t i = 0; i < found.size(); ++i) {
+      ck_assert_int_eq(std::memcmp(&found[i], &same[i], sizeof found[i]), 0);
+      ck_assert_uint_eq(found[i].number, last + steps - found.size() + i + 1);
+    }
+    last += steps;
+  }
+  ck_assert_uint_eq(record_of(two.me.get(), ~uint64_t{0}).size(), 0);
+  two.servo.reset();
+  size_t count = 0;
+  EXPECT(FS_ERROR_DISCONNECTED, fs_scene_get_record(two.me.get(), 0, nullptr, 0, &count));
+}
+END_TEST
+
 static std::vector<fs_client_view> views_of(fs_scene* scene) {
   size_t count = 0;
   OK(fs_scene_get_views(scene, nullptr, 0, &count));
@@ -712,7 +744,7 @@ int main() {
   add_on_both(suite, "view", {the_view});
   add_once(suite, "in this process", {a_new_clock, without_a_servo});
   add_once(suite, "several", {of_all_clients, revisions_of_others, groups_are_whole, a_long_list,
-                              an_open_group_of_the_servers, what_is_on_its_way, views_of_all});
+                              an_open_group_of_the_servers, what_is_on_its_way, views_of_all, the_record});
   tcase_add_loop_test(new_case(suite, "one request"), views_in_one_request, 0, 2);  // 1: the server is locked
   return run_suite(suite);
 }

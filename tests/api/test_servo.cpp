@@ -473,6 +473,48 @@ START_TEST(the_record) {
 }
 END_TEST
 
+// By its scene: each tick once, however often and with however much room it is asked for.
+START_TEST(the_record_of_a_scene) {
+  Rig rig("scene_record");
+  const fs_frame frame{at(0.5, 0, 0), 2, 3};
+  OK(fs_scene_set_frame(rig.scene.get(), &frame));
+  std::vector<fs_recorded_tick> record(3000);
+  size_t count = 9;
+  EXPECT_SENTENCE(FS_ERROR_STATE, fs_scene_get_record(rig.scene.get(), 0, record.data(), 3000, &count), "no servo");
+  rig.fake.state.pose = at(0.01, 0.02, 0.03);
+  rig.start(plain());
+  OK(fs_scene_get_record(rig.scene.get(), 0, record.data(), 3000, &count));
+  ck_assert_uint_eq(count, 0);
+  uint64_t last = 0;
+  for (const uint64_t steps : {1, 2, 700, 0, 1999}) {
+    rig.step(steps);
+    std::vector<fs_tick> all(3000);
+    size_t all_count = 0;
+    OK(fs_servo_get_record(rig.servo.get(), all.data(), all.size(), &all_count));
+    uint64_t seen = 0;
+    do {
+      OK(fs_scene_get_record(rig.scene.get(), last, record.data(), 600, &count));
+      for (size_t i = 0; i < std::min<size_t>(count, 600); ++i) {
+        ck_assert_uint_eq(record[i].number, ++last);
+        EXPECT_NEAR(record[i].tick.state.time, 0.001 * last, 1e-9);
+        const fs_tick& same = all[all_count - steps + seen++];
+        ck_assert_int_eq(std::memcmp(&record[i].tick, &same, sizeof same), 0);  // in the device frame
+      }
+    } while (count > 600);
+    ck_assert_uint_eq(seen, steps);
+  }
+  rig.step(2500);  // more than it keeps: the numbers tell what is missing
+  OK(fs_scene_get_record(rig.scene.get(), last, record.data(), 3000, &count));
+  ck_assert_uint_eq(count, 2000);
+  ck_assert_uint_eq(record[0].number, last + 501);
+  ck_assert_uint_eq(record[1999].number, last + 2500);
+  for (const uint64_t after : {last + 2500, last + 2501, ~uint64_t{0}}) {
+    OK(fs_scene_get_record(rig.scene.get(), after, record.data(), 3000, &count));
+    ck_assert_uint_eq(count, 0);
+  }
+}
+END_TEST
+
 START_TEST(stats) {
   Rig rig("stats");
   fs_servo_stats stats = fs_servo_stats_init();
@@ -823,6 +865,17 @@ START_TEST(its_own_thread) {
   for (size_t k = 0; k < count; ++k) {  // a machine that is too slow is a fault, too
     EXPECT_VECTOR(record[k].sent.force, (record[k].faults ? fs_vec3{} : fs_vec3{0, 0, 2}), 1e-9);
   }
+  uint64_t last = 0;
+  for (int looks = 0; looks < 30; ++looks) {  // every tick once, while they are written
+    std::vector<fs_recorded_tick> more(2000);
+    OK(fs_scene_get_record(rig.scene.get(), last, more.data(), more.size(), &count));
+    for (size_t k = 0; k < count; ++k) {
+      ck_assert(k == 0 && looks == 0 ? more[k].number >= 1 : more[k].number == last + 1);
+      ck_assert(last == 0 || more[k].tick.state.time > 0);
+      last = more[k].number;
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
   const char* const granted[]{"none", "nice", "FIFO", "FIFO and locked memory"};
   std::printf("  thread: %lu ticks in 0.3 s, %lu missed, real time: %s; late p50 %.0f us, p99 %.0f us, max %.0f us\n",
               (unsigned long)stats.ticks, (unsigned long)stats.misses, granted[stats.realtime],
@@ -861,7 +914,7 @@ int main() {
                             enabled_or_not, frames});
   add_case(suite, "faults", {zero_until_ready, a_lost_device_comes_back, an_old_pose_is_no_pose, told_again,
                              too_fast, not_a_number, a_jump_while_away_is_no_speed, speeds_are_worked_out});
-  add_case(suite, "record", {the_record, stats, rate_of_the_device});
+  add_case(suite, "record", {the_record, the_record_of_a_scene, stats, rate_of_the_device});
   add_case(suite, "ownership", {bad_options, one_servo_each, device_by_hand,
                                 lives_on_without_its_makers});
   add_case(suite, "time", {ages_stay, a_hundred_thousand_objects, late_ticks_latch, a_stall_ramps, the_simulator});

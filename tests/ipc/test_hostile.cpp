@@ -4,6 +4,7 @@
 #include <fcntl.h>
 
 #include "ipc/rig.h"
+#include "transfer/records.h"
 
 using namespace hostile;
 using namespace fs::wire;
@@ -20,7 +21,7 @@ static const std::vector<Known> known_types = {
     {type_bind, sizeof(Bind)},     {type_sync, 0},                {type_pull, sizeof(Target)},   {type_get, sizeof(Target)},
     {type_fetch, sizeof(Fetch)},   {type_edit, sizeof(Edit)},     {type_move_other, sizeof(MoveOther)},
     {type_remove_other, sizeof(Target)}, {type_report, sizeof(Target)}, {type_reports, 0},
-    {type_clients, 0},             {type_views, 0},
+    {type_clients, 0},             {type_views, 0},               {type_record, sizeof(After)},
     {type_view, sizeof(Target)},   {type_stats, 0},
     {type_stop_force, 0},          {type_device, 0},              {type_motions, sizeof(Target)},
     {type_accuracy, sizeof(Accuracy)}, {type_max_stiffness, sizeof(MaxStiffness)}};
@@ -579,10 +580,10 @@ END_TEST
 // A client that sends requests all the time, and never reads the answers.
 START_TEST(never_reads) {
   Rig rig;
-  for (const uint32_t type : {type_pull, type_stats, type_reports, type_views, type_motions, type_sync, type_get}) {
+  for (const uint32_t type : {type_pull, type_stats, type_reports, type_views, type_motions, type_record, type_sync, type_get}) {
     RawClient client = rig.join("deaf");
     for (int i = 0; i < 100'000 && !client.is_dropped(); ++i) {
-      client.send(type, body(type == type_get || type == type_motions ? sizeof(Target) : 0));
+      client.send(type, body(*fs::record_size(type)));
       if (i % 256 == 0) rig.tick();
     }
     rig.expect_dropped(client, "it never reads");

@@ -212,7 +212,7 @@ class Actor {
   void ask() {
     if (is_in_group_) return;
     const auto slot = static_cast<uint32_t>(random_.below(slots));
-    switch (random_.below(15)) {
+    switch (random_.below(16)) {
       case 0: client_->send(type_sync); break;
       case 1: client_->send(type_pull, random_.coin() ? Target{} : target()); break;
       case 2: client_->send(type_get, target()); break;
@@ -226,6 +226,7 @@ class Actor {
       case 11: client_->send(type_view, target()); break;
       case 12: client_->send(type_stats); break;
       case 13: client_->send(type_motions, random_.coin() ? Target{} : target()); break;
+      case 14: client_->send(type_record, After{random_.coin() ? 0 : random_.bits()}); break;
       default: client_->send(type_device);
     }
     if (random_.coin(0.5)) client_->reply_of(client_->serial, 1e-3);

@@ -410,6 +410,19 @@ public final class Player implements AutoCloseable {
           give(tick.device().value(), tick.faults());
         }
       }
+      case "scene_record" -> {
+        List<RecordedTick> ticks = scene.record(0);
+        give(ticks.size());
+        List<RecordedTick> newest = scene.record(ticks.get(ticks.size() - 1).number() - 3);
+        give(newest.size());
+        for (RecordedTick each : newest) {
+          Tick tick = each.tick();
+          give(tick.state().pose());
+          give(tick.response().wrench());
+          give(tick.sent());
+          give(each.number() - newest.get(0).number());
+        }
+      }
       case "stats" -> {
         ServoStats t = scene.servoStats();
         give(t.realtime().value(), t.faults(), t.protectionsOff(), t.maxStiffness(), t.damping(), t.misses(),

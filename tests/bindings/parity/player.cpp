@@ -391,6 +391,17 @@ class Player {
         const fs_tick& t = ticks[i];
         give(t.state.pose), give(t.response.wrench), give(t.sent), give(t.device), give(t.faults);
       }
+    } else if (verb == "scene_record") {
+      std::vector<fs_recorded_tick> ticks(10000);
+      size_t count = 0;
+      check(fs_scene_get_record(scene_, 0, ticks.data(), ticks.size(), &count));
+      give(double(count));
+      check(fs_scene_get_record(scene_, ticks[count - 1].number - 3, ticks.data(), ticks.size(), &count));
+      give(double(count));
+      for (size_t i = 0; i < count; ++i) {
+        const fs_tick& t = ticks[i].tick;
+        give(t.state.pose), give(t.response.wrench), give(t.sent), give(double(ticks[i].number - ticks[0].number));
+      }
     } else if (verb == "stats") {
       fs_servo_stats t = fs_servo_stats_init();
       check(fs_scene_get_servo_stats(scene_, &t));

@@ -273,6 +273,17 @@ class Player:
                 self.give(*(pair[name] for name in pair.dtype.names))
             self.give(tick["device"], tick["faults"])
 
+    def do_scene_record(self):
+        record = self.scene.get_record(0)
+        self.give(len(record))
+        newest = self.scene.get_record(record[-1]["number"] - 3)
+        self.give(len(newest))
+        for each in newest:
+            tick = each["tick"]
+            for pair in (tick["state"]["pose"], tick["response"]["wrench"], tick["sent"]):
+                self.give(*(pair[name] for name in pair.dtype.names))
+            self.give(each["number"] - newest[0]["number"])
+
     def do_stats(self):
         t = self.scene.get_servo_stats()
         self.give(int(t.realtime), int(t.faults), int(t.protections_off), t.max_stiffness, t.damping)

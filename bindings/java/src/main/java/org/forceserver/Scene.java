@@ -361,6 +361,12 @@ public final class Scene extends Handle {
     return list(ClientView.SIZE, 32, Native::fs_scene_get_views, ClientView::new);
   }
 
+  /** The flight record of the servo that runs this scene: its ticks with numbers above after, oldest first; 0: all. */
+  public List<RecordedTick> record(long after) {
+    return list(RecordedTick.SIZE, 64,
+        (scene, out, capacity, count) -> Native.fs_scene_get_record(scene, after, out, capacity, count), RecordedTick::new);
+  }
+
   /** Where the hand is and what it feels; without a servo an error. */
   public Hand hand() {
     State state = new State();
