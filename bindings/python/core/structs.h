@@ -400,68 +400,78 @@ py::array structs(py::handle object, const char* name) {
   return py::module_::import("numpy").attr("ascontiguousarray")(array);
 }
 
-// What is listed, for users: where the structs have text it is str, and a field is also an attribute of a row or of all.
-// NumPy itself would need five times as long to copy the columns.
-template <class T>
-py::object rows(const py::array& array) {
-  struct Column {
-    std::string name;
-    py::ssize_t from, to, size;  // bytes
-    bool is_text;
-  };
-  struct Shown {
-    PyObject* dtype;  // null: there is no text. Never freed
-    std::vector<Column> columns;
-  };
-  static const Shown shown = [] {
-    py::list fields;
-    Shown made{};
-    py::ssize_t to = 0;
-    const py::object dtype = py::reinterpret_borrow<py::object>(Class<T>::dtype);
-    for (const py::handle name : dtype.attr("names")) {
-      py::object type = dtype[name];
-      const bool is_text = text_of(type.attr("kind")) == "S";
-      const auto size = type.attr("itemsize").cast<py::ssize_t>();
-      const py::object offset = dtype.attr("fields")[name][py::int_(1)];
-      made.columns.push_back({text_of(name), offset.cast<py::ssize_t>(), to, size, is_text});
-      if (is_text) type = py::str("U" + std::to_string(size));
-      fields.append(py::make_tuple(name, type));
-      to += is_text ? size * static_cast<py::ssize_t>(sizeof(uint32_t)) : size;
-    }
-    const bool has_text = std::any_of(made.columns.begin(), made.columns.end(), [](const Column& c) { return c.is_text; });
-    if (!has_text) return made;
-    const py::object numpy = py::module_::import("numpy");
-    made.dtype = numpy.attr("dtype")(py::make_tuple(numpy.attr("record"), fields)).release().ptr();
-    return made;
-  }();
-  if (!shown.dtype) return array;
-  const py::object numpy = py::module_::import("numpy");
-  py::array out = numpy.attr("empty")(array.size(), py::reinterpret_borrow<py::object>(shown.dtype));
-  for (const Column& column : shown.columns) {
-    bool is_ascii = true;
-    for (py::ssize_t row = 0; row < array.size(); ++row) {
-      const auto* from = static_cast<const unsigned char*>(array.data(row)) + column.from;
-      auto* to = static_cast<char*>(out.mutable_data(row)) + column.to;
-      if (!column.is_text) {
-        std::memcpy(to, from, static_cast<size_t>(column.size));
-        continue;
-      }
-      for (py::ssize_t i = 0; i < column.size; ++i) {
-        const uint32_t character = from[i];
-        std::memcpy(to + i * static_cast<py::ssize_t>(sizeof character), &character, sizeof character);
-        is_ascii = is_ascii && character < 128;
-      }
-    }
-    if (is_ascii) continue;
-    out[column.name.c_str()] = numpy.attr("char").attr("decode")(array[column.name.c_str()], "utf-8", "surrogateescape");
-  }
-  return out.attr("view")(numpy.attr("recarray"));
-}
-
 template <class T>
 py::array new_structs(size_t count) {
   const std::vector<py::ssize_t> shape{static_cast<py::ssize_t>(count)};
   return py::array(py::reinterpret_borrow<py::dtype>(Class<T>::dtype), shape);
+}
+
+// What is listed, for users: where the structs have text it is str, and a field is also an attribute of a row or of all.
+// NumPy itself would need five times as long to copy the columns.
+template <class T>
+py::object rows(const T* entries, size_t count) {
+  struct Part {  // a field of text, or fields without text that follow each other
+    std::string name;
+    size_t from, to, size;  // bytes
+    bool is_text;
+  };
+  struct Shown {
+    PyObject* dtype;  // null: there is no text. Never freed
+    std::vector<Part> parts;
+  };
+  static const Shown shown = [] {
+    py::list fields;
+    Shown made{};
+    size_t to = 0;
+    const py::object dtype = py::reinterpret_borrow<py::object>(Class<T>::dtype);
+    for (const py::handle name : dtype.attr("names")) {
+      py::object type = dtype[name];
+      const bool is_text = text_of(type.attr("kind")) == "S";
+      const auto size = type.attr("itemsize").cast<size_t>();
+      const auto from = py::object(dtype.attr("fields")[name][py::int_(1)]).cast<size_t>();
+      Part* const last = made.parts.empty() ? nullptr : &made.parts.back();
+      if (last && !last->is_text && !is_text && last->from + last->size == from) {
+        last->size += size;
+      } else {
+        made.parts.push_back({text_of(name), from, to, size, is_text});
+      }
+      if (is_text) type = py::str("U" + std::to_string(size));
+      fields.append(py::make_tuple(name, type));
+      to += is_text ? size * sizeof(uint32_t) : size;
+    }
+    if (std::none_of(made.parts.begin(), made.parts.end(), [](const Part& p) { return p.is_text; })) return made;
+    const py::object numpy = py::module_::import("numpy");
+    made.dtype = numpy.attr("dtype")(py::make_tuple(numpy.attr("record"), fields)).release().ptr();
+    return made;
+  }();
+  const auto plain = [&] {
+    py::array array = new_structs<T>(count);
+    std::memcpy(array.mutable_data(), entries, count * sizeof(T));
+    return array;
+  };
+  if (!shown.dtype) return plain();
+  const py::object numpy = py::module_::import("numpy");
+  py::array out = numpy.attr("zeros")(count, py::reinterpret_borrow<py::object>(shown.dtype));
+  const auto width = static_cast<size_t>(out.itemsize());
+  for (const Part& part : shown.parts) {
+    const auto* from = reinterpret_cast<const unsigned char*>(entries) + part.from;
+    auto* to = static_cast<char*>(out.mutable_data()) + part.to;
+    bool is_ascii = true;
+    for (size_t row = 0; row < count; ++row, from += sizeof(T), to += width) {
+      if (!part.is_text) {
+        std::memcpy(to, from, part.size);
+        continue;
+      }
+      for (size_t i = 0; i < part.size && from[i]; ++i) {
+        const uint32_t character = from[i];
+        std::memcpy(to + i * sizeof character, &character, sizeof character);
+        is_ascii = is_ascii && character < 128;
+      }
+    }
+    if (is_ascii) continue;
+    out[part.name.c_str()] = numpy.attr("char").attr("decode")(plain()[part.name.c_str()], "utf-8", "surrogateescape");
+  }
+  return out.attr("view")(numpy.attr("recarray"));
 }
 
 template <class T>
@@ -495,9 +505,7 @@ py::object list(Call&& call) {
     shape.insert(shape.begin(), static_cast<py::ssize_t>(count));
     return py::array_t<double>(shape, reinterpret_cast<const double*>(entries.data()));
   } else {
-    py::array array = new_structs<T>(count);
-    std::memcpy(array.mutable_data(), entries.data(), count * sizeof(T));
-    return rows<T>(array);
+    return rows(entries.data(), count);
   }
 }
 
