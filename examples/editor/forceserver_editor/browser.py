@@ -32,6 +32,8 @@ MOST_WAITING = 16  # commands and pieces of a file that were read and are not do
 CALM_RATE = 4  # states a second while nothing changes but the time
 MOST_UPLOAD = 512 << 20  # bytes
 
+JSON = json.JSONEncoder(allow_nan=False, separators=(",", ":")).encode
+
 
 class Browser:
     def __init__(self, socket: ServerConnection, who: str, look: Look, edit: Edit, worker: concurrent.futures.Executor):
@@ -113,7 +115,7 @@ class Browser:
             self._force = samples[-1, 1:]
         self._sample_count = seen.sample_count
         told |= {"rows": len(rows.felt), "samples": len(samples)}
-        text = json.dumps(told, allow_nan=False, separators=(",", ":")).encode()
+        text = JSON(told).encode()
         head = struct.pack("<I", len(text)) + text
         if seen.error:  # the page forgets all
             self._forget()
@@ -167,7 +169,7 @@ class Browser:
                 next_time = max(next_time + 1 / COMMANDS_A_SECOND, loop.time() - 0.1)
                 if next_time > loop.time():  # too many: the browser has to wait
                     await asyncio.sleep(next_time - loop.time())
-                await self._socket.send(json.dumps(await self._answer(waiting), allow_nan=False))
+                await self._socket.send(JSON(await self._answer(waiting)))
         except ConnectionClosed:
             pass
         except Exception:  # a bug of the editor

@@ -1,5 +1,5 @@
-"""Looks at the server for all browsers: a thread of its own reads the force 240 times a second, and the rest when a browser
-waits for it, 30 times a second at most.
+"""Looks at the server for all browsers: a thread of its own looks when a browser waits for it, 30 times a second at most. The
+force of the ticks in between is in the flight record.
 
 What it saw last is a Seen, which never changes. A browser gets of it what is new to it.
 """
@@ -7,6 +7,7 @@ What it saw last is a Seen, which never changes. A browser gets of it what is ne
 from __future__ import annotations
 
 import collections
+import functools
 import threading
 import time
 import traceback
@@ -22,7 +23,7 @@ from .plain import Plain, Shapes, number, numbers, plain, pose
 
 RATE = 30  # states a second, at most
 UNSEEN_RATE = 3  # looks a second while no browser waits for one, so that events are fetched before they are dropped
-SAMPLE_RATE = 240  # forces a second
+SAMPLE_RATE = 1000  # forces a second; of a faster servo the largest ones
 KEPT_SAMPLES = 10 * SAMPLE_RATE  # 10 s: a browser that is slower than this misses some
 GETS_PER_STATE = 400  # objects that are fetched for one state, so that a scene of thousands does not hold it up
 
@@ -52,7 +53,7 @@ class Rows:
         if not np.array_equal(bits[:, 0], last_bits[:, 0]):
             return self
         differs = (bits != last_bits).any(axis=1) | (poses != last.poses.view(np.uint64)).any(axis=1)
-        return Rows(self.poses[differs], self.felt[differs])
+        return self if differs.all() else Rows(self.poses[differs], self.felt[differs])
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ class Seen:
     version: int = 0
     objects: dict[int, Known] = field(default_factory=dict)
     rows: Rows = field(default_factory=Rows)
-    samples: Doubles = field(default_factory=lambda: np.zeros((0, 4)))  # time, and the force on the hand, device frame
+    samples: Doubles = field(default_factory=lambda: np.zeros((0, 4)))  # time, and the force sent to the device
     sample_count: int = 0  # of all samples ever read: samples holds the last of them
     plain: Plain = field(default_factory=dict)  # time, hand, clients, stats ..
     events: tuple[Plain, ...] = ()
@@ -139,32 +140,27 @@ class Look:
         self._order: Any = None
         self._ids_in_order: Any = None
         self._samples = np.zeros((2 * KEPT_SAMPLES, 4))  # only ever added to: what a Seen has of it stays as it is
-        self._filled = self._sample_count = 0
+        self._filled = self._sample_count = self._tick = 0
         self._events: collections.deque[Plain] = collections.deque(maxlen=200)
         self._view_content, self._views = b"", dict[str, Plain]()
+        self._client_content, self._clients = b"", list[Plain]()
         self._stats: Plain = {}
         self._stats_time = 0.0
         self._device: Plain = {}
 
     def _run(self) -> None:
         version = 0
-        next_time, last_look = time.monotonic(), 0.0
+        last_look = 0.0
         while not self._ends.is_set():
             try:
                 if self.scene is None:
                     self.connect()
                 scene = self.scene
                 assert scene is not None
-                next_time += 1 / SAMPLE_RATE
-                time.sleep(max(0.0, next_time - time.monotonic()))
-                self._read_force(scene)
-                now = time.monotonic()
-                if now > next_time + 0.5:
-                    next_time = now  # the machine was busy: do not make up for it
-                due = last_look + 1 / (RATE if self.is_awaited else UNSEEN_RATE)
-                if now + 0.5 / SAMPLE_RATE < due:
-                    continue
-                last_look = max(due, now - 1 / SAMPLE_RATE)
+                time.sleep(max(0.0, last_look + 1 / RATE - time.monotonic()))
+                while not self.is_awaited and time.monotonic() < last_look + 1 / UNSEEN_RATE:
+                    time.sleep(0.25 / RATE)
+                last_look = max(last_look + 1 / RATE, time.monotonic() - 0.25 / RATE)
                 self.is_awaited = False
                 self.seen = self._look(scene, version)
                 version = self.seen.version
@@ -181,7 +177,6 @@ class Look:
                 self.seen = Seen(self.seen.serial + 1, str(error), self.connection, version)
                 self._told()
                 self._ends.wait(0.3)
-                next_time = time.monotonic()
                 continue
             self._told()
 
@@ -191,15 +186,31 @@ class Look:
         for name in self._fetching:
             self.fetch_again(name)
 
-    def _read_force(self, scene: fs.Scene) -> None:
-        state, _, sent = scene.get_hand()
-        if self._filled == len(self._samples):
-            kept, self._filled = self._samples[-KEPT_SAMPLES:], KEPT_SAMPLES
-            self._samples = np.concatenate([kept, np.zeros((KEPT_SAMPLES, 4))])
-        self._samples[self._filled, 0] = state.time
-        self._samples[self._filled, 1:] = sent.force
-        self._filled += 1
-        self._sample_count += 1
+    def _read_forces(self, scene: fs.Scene, now: float) -> None:
+        """Takes the forces of the ticks since the last look, so that no peak is missed."""
+        record = np.asarray(scene.get_record(self._tick))
+        if len(record):
+            self._tick = int(record["number"][-1])
+            struct, ticks = record.dtype, _matrix(record).view(float)
+            time_at, force_at = _word(struct, "tick", "state", "time"), _word(struct, "tick", "sent", "force")
+            each = round((self._stats["rate"] or 0) / SAMPLE_RATE)
+            if each > 1:
+                ticks = ticks[_peaks(ticks[:, force_at : force_at + 3], each)]
+            times, forces = ticks[:, time_at], ticks[:, force_at : force_at + 3]
+            if times.min() <= 0:  # ticks of a device that was not there
+                times, forces = times[times > 0], forces[times > 0]
+        else:  # a fault has stopped the record: there is no force
+            last = self._samples[self._filled - 1, 0] if self._filled else 0
+            times, forces = np.array([now] if now > last else []), np.zeros((int(now > last), 3))
+        new = len(times)
+        if self._filled + new > len(self._samples):
+            kept = self._samples[self._filled - min(KEPT_SAMPLES, self._filled) : self._filled]
+            self._samples = np.concatenate([kept, np.zeros((KEPT_SAMPLES + new, 4))])
+            self._filled = len(kept)
+        added = self._samples[self._filled : self._filled + new]
+        added[:, 0], added[:, 1:] = times, forces
+        self._filled += new
+        self._sample_count += new
 
     def _look(self, scene: fs.Scene, version: int) -> Seen:
         last = self.seen
@@ -213,6 +224,7 @@ class Look:
         if not self._device:
             self._device = _device(scene.get_device_info())
         hand, now = scene.hand(), scene.get_time()
+        self._read_forces(scene, now)
         return Seen(
             last.serial + 1,
             "",
@@ -223,7 +235,7 @@ class Look:
             self._samples[max(0, self._filled - KEPT_SAMPLES) : self._filled],
             self._sample_count,
             {"time": now, "me": self.me, "device": self._device, "stats": self._stats}
-            | {"hand": _hand(hand), "clients": self._clients(scene)},
+            | {"hand": _hand(hand), "clients": self._find_clients(scene)},
             tuple(self._events),
         )
 
@@ -279,7 +291,9 @@ class Look:
         if not np.array_equal(names, self._report_names):
             self._report_names = names.copy()
             places = {name: i for i, name in enumerate(reports["name"].tolist())}
-            self._order = np.array([places.get(name, -1) for name in motions["name"].tolist()], dtype=int)
+            order = [places.get(name, -1) for name in motions["name"].tolist()]
+            self._order = slice(None) if order == list(range(len(places))) else np.array(order, int)
+            self._is_reported = np.array(order, int) >= 0
         poses = _words(motions, "pose", "twist").view(float).copy()
         moving = np.flatnonzero(motions["horizon"] > 0)
         if len(moving):
@@ -292,31 +306,26 @@ class Look:
         if len(reports):
             felt[:, 1] = reports["state"][self._order]
             numbers = _words(reports, "weight", "reserved").view(float)[self._order]
-            felt[:, 2] = numbers[:, 0]  # the weight
-            felt[:, 3] = numbers[:, 3]  # the distance
-            is_near = np.isfinite(numbers[:, 3])  # what is too far to be felt has no point
-            felt[is_near, 4:7] = numbers[is_near, 4:7] - hand
-            felt[:, 7:10] = numbers[:, 7:10]  # the force
+            felt[:, 2:10] = numbers[:, [0, 3, 4, 5, 6, 7, 8, 9]]  # weight, distance, point, force
+            felt[:, 4:7] = numbers[:, 4:7] - hand
             felt[:, 10:] = numbers[:, 1:3]  # the slopes
-            felt[self._order < 0, 1:] = 0
+            felt[~np.isfinite(numbers[:, 3]), 4:7] = 0  # what is too far to be felt has no point
+            if not self._is_reported.all():
+                felt[~self._is_reported, 1:] = 0
         is_known = self._ids_in_order > 0
         return Rows(poses, felt) if is_known.all() else Rows(poses[is_known], felt[is_known])
 
-    def _clients(self, scene: fs.Scene) -> list[Plain]:
-        views = np.asarray(scene.get_views())
+    def _find_clients(self, scene: fs.Scene) -> list[Plain]:
+        views, clients = np.asarray(scene.get_views()), np.asarray(scene.get_clients())
         if (content := views.tobytes()) != self._view_content:
-            self._view_content = content
-            self._views = {str(each["name"]): _view(each["view"]) for each in views}
-        found = []
-        for client in np.asarray(scene.get_clients()):
-            name = str(client["name"])
-            if name not in self._views:
-                continue  # it has just come
-            told: Plain = {"name": name, "force": numbers(client["wrench"]["force"].tolist())}
-            told |= {"force_limit": number(float(client["force_limit"]))}
-            told |= {count: int(client[count]) for count in ("objects", "moves", "changes", "refused")}
-            found.append(told | self._views[name])
-        return found
+            self._view_content, self._client_content = content, b""
+            self._views = {name: _view(view) for name, view in views.tolist()}
+        if (content := clients.tobytes()) != self._client_content:
+            self._client_content = content
+            found = [_client(dict(zip(clients.dtype.names or (), each, strict=True))) for each in clients.tolist()]
+            # One that has just come has no view yet.
+            self._clients = [told | self._views[told["name"]] for told in found if told["name"] in self._views]
+        return self._clients
 
     def _take_events(self, scene: fs.Scene) -> None:
         for event in scene.events(0):
@@ -329,26 +338,54 @@ class Look:
             self._events.append(told | {"text": event.text, "value": number(event.value), "time": event.time})
 
 
+def _peaks(forces: Doubles, each: int) -> Any:
+    """Of each so many forces, the number of the largest."""
+    starts = np.arange(0, len(forces), each)
+    sizes = np.full(len(starts) * each, -1.0)
+    sizes[: len(forces)] = (forces * forces).sum(axis=1)
+    return starts + sizes.reshape(-1, each).argmax(axis=1)
+
+
 def _words(listed: Any, first: str, last: str) -> Any:
     """The fields of a list of structs from `first` until `last`, as a matrix of numbers of 64 bits: quick to compare."""
-    fields = listed.dtype.fields
-    words = listed.view(np.uint64).reshape(len(listed), listed.dtype.itemsize // 8)
-    return words[:, fields[first][1] // 8 : fields[last][1] // 8]
+    return _matrix(listed)[:, _word(listed.dtype, first) : _word(listed.dtype, last)]
 
 
-def _pose(value: Any) -> Plain:
-    return {"position": value["position"].tolist(), "orientation": value["orientation"].tolist()}
+def _matrix(listed: Any) -> Any:
+    """A list of structs as numbers of 64 bits, a row for each struct."""
+    return listed.view(np.uint64).reshape(len(listed), listed.dtype.itemsize // 8)
+
+
+@functools.cache
+def _word(struct: Any, *path: str) -> int:
+    """The column of that matrix at which a field begins, by its name and, before it, those of the structs it is in."""
+    at = 0
+    for name in path:
+        struct, offset = struct.fields[name][:2]
+        at += offset
+    return at // 8
+
+
+def _client(client: Plain) -> Plain:
+    told: Plain = {"name": client["name"], "force": numbers(client["wrench"][0]), "force_limit": number(client["force_limit"])}
+    return told | {count: client[count] for count in ("objects", "moves", "changes", "refused")}
 
 
 def _view(view: Any) -> Plain:
-    frame = view["frame"]
+    """view: the fields of fs_view, in their order."""
+    (pose, scale, force_scale), tool, points, count, held, locked = view[:6]
     return {
-        "frame": {"pose": _pose(frame["pose"]), "scale": float(frame["scale"]), "force_scale": float(frame["force_scale"])},
-        "tool": _pose(view["tool"]),
-        "points": view["points"][: view["point_count"]].tolist(),
-        "held": bool(view["held"]),
-        "locked": bool(view["locked"]),
+        "frame": {"pose": _pose(pose), "scale": scale, "force_scale": force_scale},
+        "tool": _pose(tool),
+        "points": points[:count].tolist(),
+        "held": held,
+        "locked": locked,
     }
+
+
+def _pose(value: Any) -> Plain:
+    position, orientation = value
+    return {"position": position.tolist(), "orientation": orientation.tolist()}
 
 
 def _hand(hand: fs.Hand) -> Plain:

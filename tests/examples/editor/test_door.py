@@ -290,6 +290,27 @@ def test_a_calm_scene_is_told_of_seldom(started: Any) -> None:
     with_socket(editor, journey)
 
 
+def test_no_force_is_missed(started: Any) -> None:
+    """The force of each tick is told once, as the servo recorded it; also one that lasts two or three ticks."""
+    lab = started(Lab)
+    editor = started(Editor, lab.endpoint)
+    lab.base["pulse"] = fs.Point(position=(0.1, 0, 0), front=fs.Custom("abs(t - 0.1*rint(t/0.1)) < 0.00125 ? 3 : 0", limit=10))
+    eventually(lambda: lab.base["pulse"].report.weight == 1)
+
+    async def journey(s: Socket) -> None:
+        await s.until(lambda s: len(s.samples) > 4000)
+        record = np.asarray(lab.servo.record)
+        wanted = np.column_stack([record["state"]["time"], record["sent"]["force"]])
+        await s.until(lambda s: s.samples[-1][0] >= wanted[-1, 0])
+        told = np.array(s.samples)
+        assert (np.diff(told[:, 0]) > 0).all()
+        inside = (told[:, 0] >= wanted[0, 0]) & (told[:, 0] <= wanted[-1, 0])
+        assert np.array_equal(told[inside], wanted)
+        assert np.linalg.norm(wanted[:, 1:], axis=1).max() > 2.5
+
+    with_socket(editor, journey)
+
+
 def test_server_that_ends_and_comes_again(started: Any) -> None:
     lab = started(Lab)
     editor = started(Editor, lab.endpoint)

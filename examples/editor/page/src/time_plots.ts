@@ -38,7 +38,7 @@ class Ring {
 }
 
 const spans = [10, 30, 60, 300, 600]; // s
-const perSecond = 240;
+const perSecond = 1000; // forces, at most about
 /** "of NAME": the force of one client, with its parts. */
 export type Shown = "force" | "clients" | "servo" | `of ${string}`;
 
@@ -97,12 +97,7 @@ export class TimePlots {
       this.servo.clear();
       this.clients.clear();
     }
-    const f = model.ownFrame.pose.orientation;
-    const isTurned = f[1] !== 0 || f[2] !== 0 || f[3] !== 0;
-    for (let i = 0; i < samples.length; i += 4) {
-      const row = samples.subarray(i, i + 4);
-      this.force.push(isTurned ? [row[0]!, ...model.turnToDevice([row[1]!, row[2]!, row[3]!])] : row);
-    }
+    for (let i = 0; i < samples.length; i += 4) this.force.push(samples.subarray(i, i + 4));
     const time = told.time as number;
     this.offer();
     for (const client of model.clients.values()) {
@@ -118,7 +113,8 @@ export class TimePlots {
   private later(): void {
     if (this.isDue || document.hidden) return;
     this.isDue = true;
-    setTimeout(() => { this.isDue = false; this.draw(); }, this.span > 10 ? 200 : 80);
+    const step = (this.span * 1000) / 600; // ms, about that of a pixel
+    setTimeout(() => { this.isDue = false; this.draw(); }, Math.min(Math.max(step, 80), 500));
   }
 
   private build(): void {
@@ -233,11 +229,11 @@ function thinned(ring: Ring, start: number, end: number, pixels: number): number
   const rows: number[] = [];
   for (let i = first; i < last; i += every * (every > 2 ? 2 : 1)) {
     if (every <= 2) { rows.push(i); continue; }
-    let low = i, high = i;
-    const size = (j: number) => Math.hypot(ring.at(j, 1), ring.at(j, 2), ring.at(j, 3));
+    let low = i, high = i, least = Infinity, most = -Infinity;
     for (let j = i; j < Math.min(i + 2 * every, last); ++j) {
-      if (size(j) < size(low)) low = j;
-      if (size(j) > size(high)) high = j;
+      const x = ring.at(j, 1), y = ring.at(j, 2), z = ring.at(j, 3), size = x * x + y * y + z * z;
+      if (size < least) { least = size; low = j; }
+      if (size > most) { most = size; high = j; }
     }
     rows.push(...(low === high ? [low] : low < high ? [low, high] : [high, low]));
   }
