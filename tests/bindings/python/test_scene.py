@@ -229,6 +229,16 @@ def test_threads_that_evaluate_and_edit_at_once(scene, spring):
     assert errors == []
 
 
+def test_lists_with_names_of_all_kinds(scene, spring):
+    names = ["a", "ü" * 15, "x" * 31, "力", "b c", "🙂"]
+    for name in names:
+        scene[name] = spring
+    assert scene.get_motions().name.tolist() == names
+    reports = scene.get_reports()
+    assert reports.name.tolist() == names and (reports.primitive == fs.Primitive.POINT).all()
+    assert reports[3].name == "力" and reports.wrench.force.shape == (6, 3)
+
+
 def test_servo_in_virtual_time(scene, spring):
     scene["spring"] = spring
     with fs.Servo(scene, fs.Device("sim:?path=figure8"), mode="virtual", force_limit=3) as servo:
@@ -237,6 +247,9 @@ def test_servo_in_virtual_time(scene, spring):
         record = servo.record
         assert record.dtype == fs.Tick.dtype and len(record) == 1000
         assert (np.linalg.norm(record["sent"]["force"], axis=1) <= 3 + 1e-9).all() and record["sent"]["force"].any()
+        same = scene.get_record(0)
+        assert same.dtype == fs.RecordedTick.dtype and (same["tick"] == record).all()
+        assert scene.get_record(997)["number"].tolist() == [998, 999, 1000] and len(scene.get_record(1000)) == 0
         hand = scene.hand()
         assert (hand.sent.force == record["sent"]["force"][-1]).all() and hand.state.time > 0
         with pytest.raises(fs.StateError):
