@@ -95,6 +95,7 @@ class Look:
         self._fetching: set[str] = set()
         self._again: set[str] = set()  # objects to fetch even if their revision is the same
         self._ids = 0
+        self._numbers: dict[str, int] = {}  # of the other clients, in the order in which they were first seen
         self._event_count = 0
         self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._run, name="look", daemon=True)
@@ -313,6 +314,8 @@ class Look:
             if name not in self._views:
                 continue  # it has just come
             told: Plain = {"name": name, "force": numbers(client["wrench"]["force"].tolist())}
+            if name not in (self.me, "server"):
+                told["number"] = self._numbers.setdefault(name, len(self._numbers))
             told |= {"force_limit": number(float(client["force_limit"]))}
             told |= {count: int(client[count]) for count in ("objects", "moves", "changes", "refused")}
             found.append(told | self._views[name])
