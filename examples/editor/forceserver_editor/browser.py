@@ -39,9 +39,9 @@ class Browser:
     def __init__(self, socket: ServerConnection, who: str, look: Look, edit: Edit, worker: concurrent.futures.Executor):
         self.who = who
         self._socket, self._look, self._edit, self._worker = socket, look, edit, worker
-        self.new = asyncio.Event()  # there is something newer than the last message
-        self._taken = asyncio.Event()
-        self._taken.set()
+        self._is_taken = True  # the last message
+        self._serial = -1  # of the state that was looked at last
+        self._may_send = asyncio.Event()
         self._forget()
         self._waiting: asyncio.Queue[Plain | bytes] = asyncio.Queue(MOST_WAITING)
         self._upload: Any = None
@@ -65,17 +65,21 @@ class Browser:
 
     # ---- States
 
+    def tell(self) -> None:
+        """There is a new state, or there may be one."""
+        if self._is_taken and self._look.seen.serial != self._serial:
+            self._may_send.set()
+
     async def _stream(self) -> None:
         try:
             while True:
-                await self._taken.wait()
-                if not self.new.is_set():
-                    self._look.is_awaited = True
-                await self.new.wait()
-                self.new.clear()
+                await self._may_send.wait()
+                self._may_send.clear()
                 message = self._message(self._look.seen)
-                if message is not None:
-                    self._taken.clear()
+                if message is None:
+                    self._look.is_awaited = True
+                else:
+                    self._is_taken = False
                     await self._socket.send(message)
         except ConnectionClosed:
             pass
@@ -85,9 +89,10 @@ class Browser:
 
     def _message(self, seen: Seen) -> bytes | None:
         """What is new to the browser. None: only the time is new, and a message went out less than 1/CALM_RATE s ago."""
+        self._serial = seen.serial
         told: Plain = {"serial": seen.serial, "error": seen.error, "connection": seen.connection} | seen.plain
         told |= {"who": self.who, "view_only": self._edit.view_only, "endpoint": self._look.endpoint}
-        told |= {"history": self._edit.history.told, "recovery": self._edit.keep.offer()}
+        told |= {"history": self._edit.history.told, "recovery": self._edit.keep.on_offer}
         if seen.connection != self._connection:
             self._forget()
             self._connection, told["fresh"] = seen.connection, True
@@ -139,7 +144,8 @@ class Browser:
                     await self._socket.close(1003, "a command is a JSON object")
                     return
                 if "took" in command:
-                    self._taken.set()
+                    self._is_taken = self._look.is_awaited = True
+                    self.tell()
                 elif command.get("do") == "stop":
                     if len(stops) >= 8:
                         await asyncio.wait(stops, return_when=asyncio.FIRST_COMPLETED)

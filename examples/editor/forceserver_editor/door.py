@@ -89,7 +89,7 @@ class Door:
     def tell(self) -> None:
         """There is a new state. From the event loop's thread."""
         for browser in self._browsers:
-            browser.new.set()
+            browser.tell()
 
     # ---- Requests
 
@@ -129,7 +129,8 @@ class Door:
     async def _meet(self, socket: ServerConnection) -> None:
         browser = Browser(socket, f"browser {next(self._numbers)}", self._look, self._edit, self._worker)
         self._browsers.add(browser)
-        browser.new.set()
+        self._look.is_awaited = True
+        browser.tell()
         try:
             await browser.run()
         finally:

@@ -96,6 +96,7 @@ class Look:
         self._fetching: set[str] = set()
         self._again: set[str] = set()  # objects to fetch even if their revision is the same
         self._ids = 0
+        self._numbers: dict[str, int] = {}  # of the other clients, in the order in which they were first seen
         self._event_count = 0
         self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._run, name="look", daemon=True)
@@ -135,8 +136,7 @@ class Look:
 
     def _forget(self) -> None:
         self._by_name: dict[bytes, Known] = {}
-        self._listed: Any = np.zeros(0)  # the last motions and reports without what changes all the time
-        self._report_names: Any = np.zeros(0)
+        self._listed = self._report_names = b""  # the names of the last motions, with their revisions, and reports
         self._order: Any = None
         self._ids_in_order: Any = None
         self._samples = np.zeros((2 * KEPT_SAMPLES, 4))  # only ever added to: what a Seen has of it stays as it is
@@ -182,7 +182,7 @@ class Look:
 
     def _look_again(self) -> None:
         """The last look came to nothing: the next one is to find all that it had found."""
-        self._listed = np.zeros(0)
+        self._listed = b""
         for name in self._fetching:
             self.fetch_again(name)
 
@@ -246,10 +246,10 @@ class Look:
         with self._lock:
             again, self._again = self._again, set()
         self._fetching = again
-        listed = _words(motions, "name", "motion_revision")  # and so the revisions too
-        if not again and np.array_equal(listed, self._listed):
-            return version, before
         names, revisions = motions["name"], motions["revision"]
+        listed = names.tobytes() + revisions.tobytes()
+        if not again and listed == self._listed:
+            return version, before
         version += 1
         fetched, missed, by_name = 0, False, {}
         for name, revision in zip(names.tolist(), revisions.tolist(), strict=True):
@@ -269,8 +269,8 @@ class Look:
                         continue
             by_name[name] = known
         self._by_name = by_name
-        self._listed = np.zeros(0) if missed else listed.copy()
-        self._report_names = np.zeros(0)
+        self._listed = b"" if missed else listed
+        self._report_names = b""
         self._ids_in_order = np.array([by_name[n].id if n in by_name else 0 for n in names.tolist()], np.uint32)
         return version, {known.id: known for known in by_name.values()}
 
@@ -287,16 +287,15 @@ class Look:
         return Known(id_, name, revision, version, told | plain(found, self.shapes))
 
     def _rows(self, now: float, hand: Doubles, motions: Any, reports: Any) -> Rows:
-        names = _words(reports, "name", "primitive")
-        if not np.array_equal(names, self._report_names):
-            self._report_names = names.copy()
+        if (names := reports["name"].tobytes()) != self._report_names:
+            self._report_names = names
             places = {name: i for i, name in enumerate(reports["name"].tolist())}
             order = [places.get(name, -1) for name in motions["name"].tolist()]
             self._order = slice(None) if order == list(range(len(places))) else np.array(order, int)
             self._is_reported = np.array(order, int) >= 0
         poses = _words(motions, "pose", "twist").view(float).copy()
-        moving = np.flatnonzero(motions["horizon"] > 0)
-        if len(moving):
+        if motions["horizon"].any():
+            moving = np.flatnonzero(motions["horizon"])
             one = motions[moving]
             since = np.clip(now - one["time"], 0, one["horizon"])[:, None]
             poses[moving, :3] += since * one["twist"]["linear"]
@@ -325,6 +324,9 @@ class Look:
             found = [_client(dict(zip(clients.dtype.names or (), each, strict=True))) for each in clients.tolist()]
             # One that has just come has no view yet.
             self._clients = [told | self._views[told["name"]] for told in found if told["name"] in self._views]
+            for told in self._clients:
+                if told["name"] not in (self.me, "server"):
+                    told["number"] = self._numbers.setdefault(told["name"], len(self._numbers))
         return self._clients
 
     def _take_events(self, scene: fs.Scene) -> None:
@@ -389,14 +391,7 @@ def _pose(value: Any) -> Plain:
 
 
 def _hand(hand: fs.Hand) -> Plain:
-    return {
-        "pose": pose(hand.state.pose),
-        "proxy": pose(hand.response.proxy),
-        "flags": int(hand.state.flags),
-        "feels": int(hand.response.flags),
-        "sent": numbers(hand.sent.force),
-        "torque": numbers(hand.sent.torque),
-    }
+    return {"pose": pose(hand.state.pose), "sent": numbers(hand.sent.force)}
 
 
 def _stats(stats: fs.ServoStats) -> Plain:

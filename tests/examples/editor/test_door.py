@@ -6,9 +6,12 @@ import asyncio
 import io
 import json
 import math
+import pathlib
+import struct
 import subprocess
 import sys
 import time
+import urllib.parse
 import zipfile
 from typing import Any
 
@@ -18,8 +21,11 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from forceserver_editor.keep import copy_at_most
+from forceserver_editor.plain import Refused
+
 from conftest import Editor, Lab, Second, eventually
-from wire import POINT, Socket, fetch, with_socket
+from wire import POINT, Socket, fetch, peak, with_socket
 
 
 def test_token_host_and_origin(started: Any) -> None:
@@ -50,6 +56,30 @@ def test_token_host_and_origin(started: Any) -> None:
     assert asyncio.run(knock("null", editor.token)) == 403
     assert asyncio.run(knock(base, "wrong")) == 403
     assert asyncio.run(knock(None, editor.token)) == 400  # what is no browser must still say where it comes from
+
+
+def test_the_browser_is_opened_without_the_token(started: Any, tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All users of a machine can read the arguments of its programs."""
+    arguments = tmp_path / "arguments"
+    browser = tmp_path / "browser"
+    browser.write_text(f'#!/bin/sh\necho "$@" > {arguments}.new\nmv {arguments}.new {arguments}\n')
+    browser.chmod(0o700)
+    monkeypatch.setenv("BROWSER", str(browser))
+    for runtime in (tmp_path / "runtime", None):  # a session without XDG_RUNTIME_DIR has the state folder
+        monkeypatch.setenv("XDG_RUNTIME_DIR", str(runtime or ""))
+        lab = started(Lab)
+        editor = started(Editor, lab.endpoint, opens=True)
+        eventually(arguments.exists, "the browser")
+        told = arguments.read_text().strip()
+        assert editor.token not in told and told.startswith("file://")
+        file = pathlib.Path(urllib.parse.unquote(urllib.parse.urlsplit(told).path))
+        assert file.is_relative_to(runtime or editor.folder / ".state")
+        assert file.stat().st_mode & 0o777 == 0o600 and file.parent.stat().st_mode & 0o777 == 0o700
+        text = file.read_text()
+        assert f"url={editor.address}" in text and f'href="{editor.address}"' in text
+        editor.close()
+        assert not file.parent.exists()
+        arguments.unlink()
 
 
 def test_states_and_shapes(started: Any) -> None:
@@ -103,6 +133,7 @@ def test_commands_history_and_refusals(started: Any) -> None:
         assert "text" in await s.ask("nothing")
         assert "text" in await s.ask("change", names=["a"])
         for name, fields in [("change", {"names": 3, "fields": {}}), ("change", {"names": ["a"], "fields": [1]}), ("move", {"name": "a"}),
+                             ("move", {"moves": [{"name": "a"}]}), ("move", {"moves": 3}),
                              ("frame", {"fields": 3}), ("frame", {"fields": {"scale": "x"}}), ("tool", {"points": [[1]]}), ("curve", {"name": 5}),
                              ("curve", {"name": "a", "until": "x"}), ("adopt", {"name": {}}), ("load", {"file": 7}), ("add", {"name": "x"}),
                              ("tool", {"points": [[1, 2, 3]] * 40}), ("add", {"name": "b", "primitive": "mesh", "fields": {}}), ("__init__", {})]:  # fmt: skip
@@ -164,6 +195,91 @@ def test_files_stay_in_the_folder(started: Any) -> None:
         assert "none of" in (await s.ask("upload", size=3, file="x.exe"))["text"]
         assert "bytes" in (await s.ask("upload", size=10**12, file="x.zip"))["text"]
         assert "as a whole" in (await s.ask("load", upload=True))["text"]
+
+    with_socket(editor, journey)
+
+
+async def upload(s: Socket, data: bytes, file: str, do: str, **fields: Any) -> Any:
+    """What the command says that uses this file."""
+    assert await s.ask("upload", size=len(data), file=file) == {}
+    for at in range(0, len(data), 1 << 18):
+        await s.socket.send(data[at : at + (1 << 18)])
+    return await s.ask(do, upload=True, file=file, **fields)
+
+
+def zipped(files: dict[str, bytes], claims: int | None = None, compression: int = zipfile.ZIP_DEFLATED) -> bytes:
+    """claims: how large the directory says that each of them is."""
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", compression, compresslevel=1) as archive:
+        for name, data in files.items():
+            archive.writestr(name, data)
+    made = bytearray(out.getvalue())
+    at = made.find(b"PK\1\2")
+    while claims is not None and at >= 0:
+        struct.pack_into("<I", made, at + 24, claims)
+        at = made.find(b"PK\1\2", at + 1)
+    return bytes(made)
+
+
+SCENE = b'{"forceserver": "scene", "version": 1, "objects": [{"name": "a", "primitive": "point"}]}'
+
+
+def test_a_zip_file_that_is_too_large(started: Any) -> None:
+    """It is refused before it is read: the library would need several times its size."""
+    lab = started(Lab)
+    editor = started(Editor, lab.endpoint)
+    spaces = bytes(b" " * (129 << 20))
+
+    async def journey(s: Socket) -> None:
+        before = peak(editor)
+        refused = await upload(s, zipped({"scene.json": spaces}), "room.zip", "load")
+        assert refused["status"] == "FULL" and "'scene.json'" in refused["text"] and "128 MiB" in refused["text"], refused
+        assert peak(editor) < before + 60, "MB"
+        # What the directory claims is enough to refuse it, for one and for all together.
+        refused = await upload(s, zipped({"scene.json": SCENE, "a.ply": b"x"}, 513 << 20), "room.zip", "load")
+        assert refused["status"] == "FULL", refused
+        refused = await upload(s, zipped({f"{i}.ply": b"x" for i in range(3)}, 400 << 20), "room.zip", "load")
+        assert refused["status"] == "FULL" and "1024 MiB" in refused["text"], refused
+        # More comes out than it claims; a password; a compression that can grow without bound.
+        refused = await upload(s, zipped({"scene.json": SCENE}, 10), "room.zip", "load")
+        assert "cannot be read" in refused["text"], refused
+        locked = bytearray(zipped({"scene.json": SCENE}))
+        locked[locked.find(b"PK\1\2") + 8] |= 1
+        assert "password" in (await upload(s, bytes(locked), "room.zip", "load"))["text"]
+        refused = await upload(s, zipped({"scene.json": SCENE}, compression=zipfile.ZIP_LZMA), "room.zip", "load")
+        assert refused["status"] == "UNSUPPORTED", refused
+        # A bare scene.
+        assert "128 MiB" in (await upload(s, spaces, "room.json", "load"))["text"]
+        assert await upload(s, zipped({"scene.json": SCENE}), "room.zip", "load") == {}
+        await s.until(lambda s: "a" in s.objects)
+
+    with_socket(editor, journey)
+    with pytest.raises(Refused, match="too large"):
+        copy_at_most(io.BytesIO(bytes(5 << 20)), io.BytesIO(), 4 << 20, "what really comes out")
+
+
+def test_what_is_wrong_with_an_upload_names_its_file(started: Any) -> None:
+    lab = started(Lab)
+    editor = started(Editor, lab.endpoint)
+    meshed = (
+        b'{"forceserver": "scene", "version": 1, "shapes": {"p": {"file": "%s"}}, '
+        b'"objects": [{"name": "m", "primitive": "mesh", "shape": "p"}]}'
+    )
+
+    async def journey(s: Socket) -> None:
+        await s.ask("add", name="a", primitive="plane", fields=POINT)
+        for do, fields in (("add", {"name": "m", "primitive": "mesh", "fields": {}}), ("change", {"names": ["a"], "fields": {}})):
+            refused = await upload(s, b"v 0 0\nf 1 2 3\n", "my part.obj", do, **fields)
+            assert refused["text"].startswith("my part.obj, line 1: "), refused
+        refused = await upload(s, b"{", "my room.json", "load")
+        assert refused["text"].startswith("my room.json, line 1"), refused
+        refused = await upload(s, zipped({"in/scene.json": meshed % b"part.obj", "in/part.obj": b"v 0\n"}), "my room.zip", "load")
+        assert refused["text"].startswith("in/scene.json, ") and "in/part.obj, line 1" in refused["text"], refused
+        refused = await upload(s, zipped({"scene.json": meshed % b"none.obj"}), "my room.zip", "load")
+        assert "none.obj" in refused["text"], refused
+        clash = await upload(s, zipped({"scene.json": SCENE, "scene.json/a.ply": b""}), "my room.zip", "load")
+        for each in (refused, clash):
+            assert "/tmp" not in each["text"], each
 
     with_socket(editor, journey)
 
@@ -347,7 +463,7 @@ def test_a_step_that_cannot_be_undone_bars_no_other(started: Any) -> None:
     async def journey(s: Socket) -> None:
         assert await s.ask("add", name="a", primitive="point", fields=POINT) == {"name": "a"}
         await s.until(lambda s: "rover/hazard" in s.objects)
-        assert await s.ask("move", name="rover/hazard", position=[0.1, 0, 0], orientation=[1, 0, 0, 0]) == {}
+        assert await s.ask("move", moves=[{"name": "rover/hazard", "position": [0.1, 0, 0], "orientation": [1, 0, 0, 0]}]) == {}
         rover.object_move("hazard", fs.Pose(position=(0.2, 0, 0)), fs.Twist(), 0)
         rover.sync(5)
         refused = await s.ask("undo")

@@ -23,6 +23,16 @@ from conftest import (
 )
 
 
+def drag_along_x(page: Page, by: float, key: str = "") -> None:
+    """By the arrow of the gizmo, m at the device."""
+    page.wait_drawn()
+    grip = page.evaluate("editor.tools.gizmo.grip('x')")
+    start = project(page, grip)
+    page.mouse.move(start[0] - 3, start[1])
+    page.drag(start, project(page, [grip[0] + by, grip[1], grip[2]]), key=key)
+    page.wait_for_selector('#view[data-dragging="false"]')
+
+
 def test_add_each_primitive(lab: Lab, page: Page, second: Second, tmp_path: pathlib.Path) -> None:
     empty = pixels(page)
     page.click("#add-point")
@@ -103,21 +113,11 @@ def test_drag_the_gizmo(lab: Lab, page: Page, second: Second) -> None:
     page.click("#add-point")
     page.wait_for_selector('#panel[data-selected="point"]')
     page.click("#look-front")
-    page.wait_drawn()
-
-    def drag_along_x(by: float, key: str = "") -> None:
-        page.wait_drawn()
-        grip = page.evaluate("editor.tools.gizmo.grip('x')")
-        start = project(page, grip)
-        page.mouse.move(start[0] - 3, start[1])
-        page.drag(start, project(page, [grip[0] + by, grip[1], grip[2]]), key=key)
-        page.wait_for_selector('#view[data-dragging="false"]')
-
     assert second.get("editor/point")["position"] == [0, 0, 0]
-    drag_along_x(0.1, "Control")
+    drag_along_x(page, 0.1, "Control")
     eventually(lambda: second.get("editor/point")["position"] == [0.1, 0, 0])  # exactly
     page.wait_for_function("() => editor.model.byName('point').pose.position[0] === 0.1")
-    drag_along_x(-0.1)
+    drag_along_x(page, -0.1)
     pixel = 0.1 / abs(project(page, (0.1, 0, 0))[0] - project(page, (0, 0, 0))[0])
     eventually(lambda: abs(second.get("editor/point")["position"][0]) <= 1.5 * pixel)
     assert second.get("editor/point")["position"][1:] == [0, 0]
@@ -127,6 +127,151 @@ def test_drag_the_gizmo(lab: Lab, page: Page, second: Second) -> None:
     eventually(lambda: second.get("editor/point")["position"] == [0, 0, 0])
     page.keyboard.press("Control+Shift+Z")
     eventually(lambda: second.get("editor/point")["position"] == [0.1, 0, 0])
+
+
+def test_by_keys_alone(lab: Lab, page: Page, second: Second) -> None:
+    rover = lab.join("rover")
+    for i in range(1, 6):
+        rover[f"p{i}"] = fs.Point(position=(0.02 * i, 0, 0.03), front=fs.Gaussian(1, 0.01, limit=2))
+    rover["way"] = fs.Polyline([(0, 0, 0), (0.02, 0, 0), (0.02, 0.03, 0)], front=fs.Gaussian(1, 0.01, limit=2))
+    for i in range(1, 6):
+        page.wait_for_selector(f'#table .item[data-name="rover/p{i}"][data-state="felt"]')
+    page.wait_for_selector('#table[data-count="6"]')
+    press: Callable[[str], None] = page.keyboard.press
+
+    def go_to(selector: str, key: str = "Tab") -> None:
+        while not page.evaluate("selector => document.activeElement.matches(selector)", selector):
+            press(key)
+
+    def enabled() -> list[int]:
+        return [i for i in range(1, 6) if second.get(f"rover/p{i}")["enabled"]]
+
+    def chosen() -> list[str]:
+        return page.evaluate("""() => [...document.querySelectorAll('#table [role=row][aria-selected=true]')]
+            .map(row => row.dataset.name.slice(6))""")
+
+    def active() -> str:
+        return page.evaluate("""() => document.getElementById(document.activeElement.getAttribute('aria-activedescendant'))
+            ?.dataset.name.slice(6)""")
+
+    go_to("#table [role=grid]")
+    press("ArrowDown")
+    press("Shift+ArrowDown")
+    press("Shift+ArrowDown")
+    press("Shift+ArrowUp")
+    assert chosen() == ["p1", "p2"] and active() == "p2"
+    press("Control+ArrowDown")
+    press("Control+ArrowDown")
+    assert chosen() == ["p1", "p2"] and active() == "p4"
+    press("Control+Space")
+    assert chosen() == ["p1", "p2", "p4"]
+    press("Space")
+    eventually(lambda: enabled() == [3, 5])
+    for i in (1, 2, 4):
+        page.wait_for_selector(f'#table .item[data-name="rover/p{i}"][data-state="disabled"]')
+    press("Control+Space")
+    assert chosen() == ["p1", "p2"] and active() == "p4"
+    picture(page, "chosen by keys")
+    press("End")
+    assert chosen() == ["way"] == [active()]
+    for is_hidden in (True, False):
+        press("h")
+        assert page.locator('#table .item.hidden[data-name="rover/way"]').count() == is_hidden
+    press("Home")
+    press("Shift+End")
+    assert len(chosen()) == 6 and active() == "way"
+    # All that the filter shows.
+    go_to("#filter", "Shift+Tab")
+    page.keyboard.type("point p felt")
+    go_to("#table [role=grid]")
+    press("Control+a")
+    assert chosen() == ["p3", "p5"]
+    press("Space")
+    eventually(lambda: enabled() == [])
+    press("Control+z")
+    eventually(lambda: enabled() == [3, 5])
+    # The corners of a line: from one to the next, moved by a millimetre and by a tenth of that, and removed.
+    go_to("#filter", "Shift+Tab")
+    press("Control+a")
+    page.keyboard.type("way")
+    go_to("#table [role=grid]")
+    press("ArrowDown")
+    page.wait_for_selector('#panel[data-selected="rover/way"]')
+    page.wait_for_selector('[data-corner="2"]')
+    press("c")
+    press("c")
+    assert page.evaluate("document.activeElement.dataset.corner") == "1"
+    for key, wanted in (("ArrowRight", [0.021, 0, 0]), ("Shift+ArrowDown", [0.021, -0.0001, 0]), ("PageUp", [0.021, -0.0001, 0.001])):
+        press(key)
+        eventually(lambda wanted=wanted: np.allclose(second.get("rover/way")["points"], [0, 0, 0, *wanted, 0.02, 0.03, 0], atol=1e-12))
+        page.wait_for_function("at => Math.abs(editor.tools.corners.points[1].reduce((sum, x) => sum + x) - at) < 1e-12", arg=sum(wanted))
+    picture(page, "a corner by keys")
+    assert page.evaluate("document.activeElement.dataset.corner") == "1"  # it keeps the focus
+    press("Delete")
+    eventually(lambda: second.get("rover/way")["points"] == [0, 0, 0, 0.02, 0.03, 0])
+    press("?")
+    page.wait_for_selector("dialog[open]")
+    picture(page, "help")
+
+
+def test_own_and_others_objects_in_one_gesture(lab: Lab, page: Page, second: Second) -> None:
+    rover = lab.join("rover")
+    rover.set_frame(fs.Frame(scale=2, pose=fs.Pose(orientation=(math.sqrt(0.5), 0, 0, math.sqrt(0.5)))))
+    rover["hazard"] = fs.Point(position=(0.04, 0.02, 0), front=fs.Gaussian(1, 0.01, limit=2))
+    lab.base["floor"] = fs.Plane(position=(0, 0, -0.05), front=fs.Gaussian(1, 0.01, limit=2))
+    page.click("#add-point")
+    page.wait_for_selector('#panel[data-selected="point"]')
+    names = ["editor/point", "rover/hazard", "server/floor"]
+    for name in ("point", *names[1:]):
+        line = page.locator(f'#table .item[data-name="{name}"] .name')
+        line.click(modifiers=["Control"] if "/" in name else [])
+    page.wait_for_selector('#panel[data-selected="point|rover/hazard|server/floor"]')
+    first = [second.get(name) for name in names]
+
+    def each(of: str, values: list[Any]) -> None:
+        pairs = list(zip(names, values, strict=True))
+        eventually(lambda: all(np.allclose(second.get(name)[of], value, atol=1e-12) for name, value in pairs), of)
+
+    # By 0.1 m at the device: in the scene of the rover that is twice as far, and along another axis.
+    drag_along_x(page, 0.1, "Control")
+    moved = [np.add(one["position"], by) for one, by in zip(first, ([0.1, 0, 0], [0, -0.2, 0], [0.1, 0, 0]), strict=True)]
+    each("position", moved)
+    page.focus("#table .scroll")
+    page.keyboard.press("Space")
+    each("enabled", [False] * 3)
+    page.set("damping", "1.5")
+    each("damping", [1.5] * 3)
+    for of, values in (("damping", [0] * 3), ("enabled", [True] * 3), ("position", [one["position"] for one in first])):
+        page.keyboard.press("Control+z")  # each was one step
+        each(of, values)
+    assert [second.get(name) for name in names] == first
+    for _ in range(3):
+        page.keyboard.press("Control+Shift+z")
+    each("damping", [1.5] * 3)
+    each("position", moved)
+    # A turn about the first of them carries the others around it.
+    page.click("#look-top")
+    page.keyboard.press("e")
+    page.wait_drawn()
+    start = project(page, page.evaluate("editor.tools.gizmo.grip('z')"))
+    page.mouse.move(*start)
+    page.wait_for_function("() => editor.tools.gizmo.isUnderPointer")
+    apart = page.evaluate(APART)
+    page.drag(start, (start[0] - 40, start[1] + 40), steps=8)
+    page.wait_for_selector('#view[data-dragging="false"]')
+    page.wait_for_selector('body[data-busy="0"]')
+    turned = page.evaluate("editor.tools.gizmo.turned")
+    assert turned > 5
+    cosine = math.cos(math.radians(turned) / 2)
+    eventually(lambda: abs(abs(second.get("editor/point")["orientation"][0]) - cosine) < 1e-9)
+    page.wait_for_function("() => Math.abs(editor.model.byName('server/floor').turn[3]) > 0.01")
+    assert np.allclose(page.evaluate(APART), apart, atol=1e-9)
+    assert np.allclose(second.get("editor/point")["position"], moved[0], atol=1e-12)
+
+
+# How far the others are from the first that is selected, m at the device.
+APART = """() => { const { selection } = editor.model;
+    return selection.map(item => Math.hypot(...item.place.map((x, i) => x - selection[0].place[i]))) }"""
 
 
 def test_turn_by_30_degrees(lab: Lab, page: Page, second: Second) -> None:
@@ -324,9 +469,20 @@ def test_curves(lab: Lab, page: Page, second: Second) -> None:
     page.choose("front.kind", "custom")
     page.set("front.curve", "2*exp(-d/0.02)*(1+sin(5*t))")
     eventually(lambda: second.get("editor/point")["front"].get("expression") == "2*exp(-d/0.02)*(1+sin(5*t))")
+    page.set("front.curve", "1+" * 600_000 + "1")
+    assert "too much for one command" in page.error("front.curve")
     page.set("front.curve", "3*(")
+    page.locator(".error", has_text="too much").wait_for(state="hidden")
     assert "column 3" in page.error("front.curve")
     assert page.field("front.curve").input_value() == "2*exp(-d/0.02)*(1+sin(5*t))"
+    # What was typed is not lost.
+    page.get_by_role("button", name="Edit again").click()
+    assert page.field("front.curve").input_value() == "3*("
+    page.keyboard.press("End")
+    page.keyboard.type("1-d)")
+    page.keyboard.press("Enter")
+    eventually(lambda: second.get("editor/point")["front"].get("expression") == "3*(1-d)")
+    page.get_by_role("button", name="Edit again").wait_for(state="hidden")
     page.choose("front.curve.way", "table")
     eventually(lambda: "table" in second.get("editor/point")["front"])
     page.set("front.curve.table", "d\tf\n0\t0\n0.002\t1,5\n0.004\t2\n0.006\t0.5")
@@ -334,13 +490,16 @@ def test_curves(lab: Lab, page: Page, second: Second) -> None:
     assert second.get("editor/point")["front"]["step"] == 0.002
     page.set("front.curve.table", "0, 0\n0.002, 1\n0.005, 2")
     assert "line 3" in page.error("front.curve.table")
+    page.get_by_role("button", name="Edit again").click()
+    assert page.field("front.curve.table").input_value() == "0, 0\n0.002, 1\n0.005, 2"
+    page.set("front.curve.table", "0, 0\n0.002, 1\n0.004, 2")
+    eventually(lambda: second.get("editor/point")["front"]["table"] == [0, 1, 2])
     # The handles of the plot.
     page.choose("front.kind", "gaussian")
     page.wait_for_selector('[data-handle="front.limit"]')
     handle = page.locator('[data-handle="front.limit"]')
-    eventually(lambda: handle.bounding_box() is not None)
     page.wait_for_selector('#curve[data-curve="point"]')
-    box = handle.bounding_box()
+    box = eventually(handle.bounding_box)  # the handles are made anew with each curve
     start = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     page.drag(start, (start[0], start[1] + 30))
     lower = eventually(lambda: (limit := second.get("editor/point")["front"]["limit"]) < 2 and limit)

@@ -30,7 +30,7 @@ export function parse(text: string): number | null {
 let ids = 0;
 
 /** One line of the panel. It shows what the server has, unless the person is typing. */
-export class Field {
+class Field {
   readonly row: HTMLElement;
   private readonly error = make("div", { className: "error", role: "alert" } as Partial<HTMLDivElement>);
   protected readonly unit = make("span", { className: "unit" });
@@ -65,9 +65,12 @@ export class Field {
     this.refuse("");
   }
 
-  refuse(text: string): void {
+  /** again: puts what was typed back into the field. */
+  refuse(text: string, again?: () => void): void {
     if (text) this.awaited = null;
     this.error.textContent = text;
+    const title = "Puts what you typed back into the field";
+    if (again) this.error.append(" ", make("button", { textContent: "Edit again", title, onclick: again }));
     this.row.classList.toggle("bad", text !== "");
     this.input.setAttribute("aria-invalid", String(text !== ""));
     if (text) this.input.setAttribute("aria-describedby", this.error.id);
@@ -217,7 +220,7 @@ export class AreaField extends Field {
       } catch (refused) {
         if (area.value === text) {
           area.value = this.value;
-          this.refuse((refused as Refusal).text);
+          this.refuse((refused as Refusal).text, () => { area.value = text; area.focus(); });
         }
       }
       sending = null;

@@ -1,12 +1,14 @@
 // Puts the page together: the bar at the top, keys, notices, and what is said when something is not there.
 
+import { Corners } from "./corners";
 import { CurvePlot } from "./curve_plot";
 import { make, put } from "./fields";
 import { fromDevice } from "./frames";
-import { Corners, Gizmo, Pencil, flat } from "./gizmo";
+import { Gizmo } from "./gizmo";
 import { type Happened, Model, newtons, sizeOf } from "./model";
-import { Orders } from "./orders";
+import { Orders, flat } from "./orders";
 import { Panel } from "./panel";
+import { Pencil } from "./pencil";
 import { Dialogs } from "./scene_dialogs";
 import { Table } from "./table";
 import { TimePlots } from "./time_plots";
@@ -150,6 +152,7 @@ window.addEventListener("keydown", (event) => {
     Delete: () => { if (!event.repeat && !tools?.corners.removeActive()) remove(); },
     w: () => at("tool-move").click(), e: () => at("tool-turn").click(), q: () => at("tool-space").click(), f: () => at("fit").click(),
     1: () => at("look-top").click(), 2: () => at("look-front").click(), 3: () => at("look-side").click(), 4: () => at("look-free").click(),
+    c: () => tools?.corners.step(),
     Enter: () => { if (tools?.pencil.isOn) tools.pencil.finish(false); },
     "?": () => dialogs.help(),
   };
