@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import json
 import math
 import pathlib
@@ -25,6 +26,11 @@ from conftest import (
 )
 
 
+def ink_of(image: Any) -> Any:
+    """How much darker than the ground each pixel is, without its colour: 0 to 1."""
+    return np.clip(0xF5 - image @ [0.299, 0.587, 0.114], 0, None) / 0xF5
+
+
 def test_states_are_told_apart(lab: Lab, page: Page) -> None:
     rover = lab.join("rover")
     rover["felt"] = fs.Point(position=(-0.06, 0, 0), front=fs.Gaussian(1, 0.05, limit=2))
@@ -32,15 +38,65 @@ def test_states_are_told_apart(lab: Lab, page: Page) -> None:
     rover["old"] = fs.Point(position=(0.06, 0, 0), lifetime=0.1, front=fs.Gaussian(1, 0.05, limit=2))
     for name, state in (("felt", "felt"), ("off", "disabled"), ("old", "expired")):
         page.wait_for_selector(f'#table .item[data-name="rover/{name}"][data-state="{state}"]')
-    page.wait_drawn()
-    filled = {}
-    image = pixels(page)
+    image = ink_of(pixels(page))
     box = page.locator("#view canvas").bounding_box()
+    forms = {}
     for name in ("felt", "off", "old"):
         x, y = page.place(f"rover/{name}")
-        part = image[int(y - box["y"]) - 6 : int(y - box["y"]) + 7, int(x - box["x"]) - 6 : int(x - box["x"]) + 7]
-        filled[name] = float(np.mean(np.abs(part - [0xF3, 0xF5, 0xF7]).max(axis=2) > 25))
-    assert filled["felt"] > 1.25 * max(filled["off"], filled["old"]), filled
+        forms[name] = image[int(y - box["y"]) - 8 : int(y - box["y"]) + 9, int(x - box["x"]) - 8 : int(x - box["x"]) + 9] > 0.1
+    for one, other in itertools.combinations(forms.values(), 2):
+        assert np.count_nonzero(one ^ other) > 0.3 * np.count_nonzero(one | other)
+
+
+LOOKS = {"felt": (1, 1), "fading": (2, 0.5), "disabled": (3, 0), "expired": (2, 0), "refused": (4, 0)}  # state, weight
+
+
+def test_looks_differ_without_colour(lab: Lab, page: Page) -> None:
+    """Of each primitive: felt, fading, disabled, expired and refused are drawn in other forms, not in other colours alone."""
+    rover = lab.join("rover")
+    profile = fs.Gaussian(0.01, 0.01, limit=1)
+    corners = [(-0.05, -0.03, 0), (-0.02, 0.04, 0), (0.02, -0.04, 0), (0.05, 0.03, 0)]
+    made = {
+        "point": fs.Point(front=profile),
+        "polyline": fs.Polyline(corners, front=profile),
+        "plane": fs.Plane(normal=(0, -0.5, 1), front=profile),
+        "mesh": fs.Mesh([(-0.05, -0.05, -0.03), (0.05, -0.05, -0.03), (0, 0.06, -0.03), (0, 0, 0.06)],
+                        [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]], front=profile),
+        "fine mesh": terrain(120),
+    }  # fmt: skip
+    for name, one in made.items():
+        one.lifetime = 1000
+        rover[name] = one
+    for name in made:
+        page.wait_for_selector(f'#table .item[data-name="rover/{name}"][data-state="felt"]')
+    page.wait_for_function("() => editor.view.things.targets.filter(t => t.userData.item !== undefined).length === 3")
+    page.evaluate("editor.model.take = () => false")  # the states that are drawn here are made up
+    page.evaluate("""() => { const { model, view } = editor;
+        model.hand = null;
+        model.clients.forEach(client => { client.force = [0, 0, 0] });
+        view.workspace.visible = false;
+        document.querySelector("#view-bar").style.display = "none" }""")
+    for name in made:
+        seen = {}
+        for look, (state, weight) in LOOKS.items():
+            page.evaluate(
+                """([name, state, weight]) => { const { model } = editor;
+                   for (const item of model.items.values()) {
+                     item.told.short === name ? model.hidden.delete(item.told.id) : model.hidden.add(item.told.id);
+                     Object.assign(item, { state, weight, force: [0, 0, 0] });
+                   } }""", [name, state, weight])  # fmt: skip
+            picture(page, f"look of a {name}, {look}")
+            seen[look] = ink_of(pixels(page)[8:-8, 8:-8])  # without what is beside the picture
+        for one, other in itertools.combinations(LOOKS, 2):
+            forms = [seen[look] > 0.04 for look in (one, other)]
+            union = np.count_nonzero(forms[0] | forms[1])
+            assert union > 60, (name, one, other)
+            differs = np.count_nonzero(forms[0] ^ forms[1]) / union
+            if {one, other} == {"felt", "fading"}:  # of the same form: it is seen through
+                tones = [float(seen[look][forms[0] & forms[1]].mean()) for look in (one, other)]
+                assert tones[0] > 1.25 * tones[1], (name, tones)
+            else:
+                assert differs > 0.1, (name, one, other, differs)
 
 
 def test_plot_of_a_known_force(lab: Lab, page: Page) -> None:

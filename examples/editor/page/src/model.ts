@@ -27,7 +27,7 @@ export interface Step { who: string; text: string }
 export type Condition = "pending" | "felt" | "fading" | "disabled" | "refused" | "expired";
 const conditions: Condition[] = ["pending", "felt", "fading", "disabled", "refused"];
 export const mark: Record<Condition, string> =
-  { pending: "…", felt: "●", fading: "◐", disabled: "○", refused: "✕", expired: "◌" };
+  { pending: "…", felt: "●", fading: "◐", disabled: "○", refused: "⚠\uFE0E", expired: "✕" };
 
 const defaultFrame: Frame = { pose: identity, scale: 1, force_scale: 1 };
 

@@ -2,7 +2,7 @@
 
 import { type Vec, fromDegrees, toDegrees } from "./frames";
 import { CheckField, type Send, TextField, make, numberField, parse, shown } from "./fields";
-import type { Model } from "./model";
+import { type Condition, type Model, mark } from "./model";
 import type { Orders } from "./orders";
 import { flat } from "./gizmo";
 import type { Refusal } from "./wire";
@@ -181,6 +181,11 @@ export class Dialogs {
       ["1, 2, 3, 4", "view from the top, front, side, and slantwise"], ["Space", "enables or disables (in the table)"], ["↑ ↓", "next object (in the table); a tenth more or less (in a field)"],
       ["left, right, wheel", "orbit, pan, zoom"],
     ];
-    dialog("Keys", make("dl", {}, ...keys.flatMap(([key, text]) => [make("dt", { textContent: key }), make("dd", { textContent: text })])));
+    const looks: [Condition, string][] = [
+      ["felt", "full"], ["fading", "translucent"], ["disabled", "grey wires, dashed lines"],
+      ["expired", "grey dots, with a cross: the lifetime is over"], ["refused", "red wires or a thin red line, with a warning sign"],
+    ];
+    const list = (pairs: string[][]) => make("dl", {}, ...pairs.flatMap(([term, text]) => [make("dt", { textContent: term! }), make("dd", { textContent: text! })]));
+    dialog("Keys", list(keys), make("h2", { textContent: "How objects look" }), list(looks.map(([condition, text]) => [`${mark[condition]} ${condition}`, text])));
   }
 }

@@ -1,32 +1,15 @@
-// Draws the force-objects: points, planes and arrows in batches, polylines and meshes one by one.
-//
-// How an object is felt is told by its form, not by its colour alone: full and opaque when it is felt, as transparent as it
-// is faded, a grey wire when disabled, crossed out when refused, a dotted wire when expired.
+// Draws the force-objects: points, planes and arrows in batches, polylines and meshes one by one. What they look like: looks.ts.
 
 import * as THREE from "three";
-import { LineMaterial } from "three/addons/lines/LineMaterial.js";
-import { LineSegments2 } from "three/addons/lines/LineSegments2.js";
-import { LineSegmentsGeometry } from "three/addons/lines/LineSegmentsGeometry.js";
+import type { LineMaterial } from "three/addons/lines/LineMaterial.js";
 import { type Vec, length, minus } from "./frames";
+import { type Drawn, Signs, drawLine, drawMesh, paintCross, paintWarning, planeLooks, pointLooks } from "./looks";
 import { type Condition, type Item, type Model, colourOf } from "./model";
 import type { ShapeStore } from "./shapes";
 
 const white = new THREE.Color(0xffffff), grey = new THREE.Color(0x9097a1), red = new THREE.Color(0xc0392b);
 const matrix = new THREE.Matrix4(), colour = new THREE.Color(), up = new THREE.Vector3(0, 1, 0);
 const place = new THREE.Vector3(), turn = new THREE.Quaternion(), size = new THREE.Vector3(), along = new THREE.Vector3();
-
-/** The back of a surface is darker, with stripes, so that front and back are told apart without colour. */
-export function markBack(material: THREE.Material): void {
-  material.onBeforeCompile = (shader) => {
-    shader.fragmentShader = shader.fragmentShader.replace(
-      "#include <color_fragment>",
-      `#include <color_fragment>
-       if (!gl_FrontFacing) {
-         diffuseColor.rgb = mix(diffuseColor.rgb, vec3(0.25, 0.16, 0.10), mod(gl_FragCoord.x + gl_FragCoord.y, 8.0) < 4.0 ? 0.62 : 0.48);
-       }`,
-    );
-  };
-}
 
 /** Things of one form, drawn in one call. */
 class Batch {
@@ -70,16 +53,17 @@ class Batch {
   }
 }
 
-interface Solo { object: THREE.Object3D; hash: string; condition: Condition; material: THREE.Material; isWide: boolean }
+interface Solo extends Drawn { hash: string; condition: Condition }
 
 export class Things {
   readonly root = new THREE.Group();
   /** m at the device: how large points, arrows and the drawn part of a plane are. */
   unit = 0.01;
   planeSize = 0.3;
-  private readonly forms = new Map<Condition, Batch>();
-  private readonly planes = new Map<string, Batch>();
-  private readonly borders = new Map<string, Batch>();
+  private readonly points = new Map<Condition, Batch>();
+  private readonly planes = new Map<Condition, Batch>();
+  private readonly borders: Batch;
+  private readonly signs: Partial<Record<Condition, Signs>>;
   private readonly shafts: Batch;
   private readonly heads: Batch;
   private readonly contacts: Batch;
@@ -87,30 +71,16 @@ export class Things {
   private readonly arrows: THREE.Group = new THREE.Group();
 
   constructor(private readonly model: Model, private readonly shapes: ShapeStore) {
-    const lit = () => new THREE.MeshLambertMaterial();
-    const through = () => new THREE.MeshLambertMaterial({ depthTest: false });
-    const wire = () => new THREE.MeshBasicMaterial({ wireframe: true });
-    const faint = new THREE.MeshLambertMaterial({ transparent: true, opacity: 0.45 });
-    const cross = new THREE.BufferGeometry().setFromPoints([-1, 1].flatMap((s) => [
-      [1, s, 0], [-1, -s, 0], [1.25, s, 0], [1, s, 0], [1.25, s, 0], [-1, -s, 0.2],
-    ].map(([x, y, z]) => new THREE.Vector3(x!, y!, z!))));
-    const ball = new THREE.SphereGeometry(1, 16, 10);
-    this.forms.set("felt", new Batch(this.root, ball, lit()));
-    this.forms.set("fading", new Batch(this.root, ball, faint));
-    this.forms.set("pending", new Batch(this.root, new THREE.OctahedronGeometry(1), faint));
-    this.forms.set("disabled", new Batch(this.root, new THREE.OctahedronGeometry(1.1), wire()));
-    this.forms.set("expired", new Batch(this.root, new THREE.TetrahedronGeometry(1.3), wire()));
-    this.forms.set("refused", new Batch(this.root, cross, new THREE.MeshBasicMaterial({ side: THREE.DoubleSide, wireframe: true })));
-    const quad = new THREE.PlaneGeometry(1, 1), grid = new THREE.PlaneGeometry(1, 1, 4, 4);
-    const frame = new THREE.RingGeometry(0.985 * Math.SQRT1_2, Math.SQRT1_2, 4, 1).rotateZ(Math.PI / 4);
-    for (const [form, opacity] of [["felt", 0.42], ["fading", 0.2]] as const) {
-      const material = new THREE.MeshLambertMaterial({ transparent: true, opacity, side: THREE.DoubleSide, depthWrite: false });
-      markBack(material);
-      this.planes.set(form, new Batch(this.root, quad, material));
+    for (const [looks, batches] of [[pointLooks(), this.points], [planeLooks(), this.planes]] as const) {
+      for (const [condition, { geometry, material }] of Object.entries(looks)) {
+        batches.set(condition as Condition, new Batch(this.root, geometry, material));
+      }
     }
-    this.planes.set("wire", new Batch(this.root, grid, wire()));
-    this.borders.set("all", new Batch(this.root, frame, new THREE.MeshBasicMaterial({ side: THREE.DoubleSide })));
+    const frame = new THREE.RingGeometry(0.985 * Math.SQRT1_2, Math.SQRT1_2, 4, 1).rotateZ(Math.PI / 4);
+    this.borders = new Batch(this.root, frame, new THREE.MeshBasicMaterial({ side: THREE.DoubleSide }));
+    this.signs = { expired: new Signs(this.root, paintCross), refused: new Signs(this.root, paintWarning) };
     this.root.add(this.arrows);
+    const through = () => new THREE.MeshLambertMaterial({ depthTest: false });
     this.shafts = new Batch(this.arrows, new THREE.CylinderGeometry(1, 1, 1, 8).translate(0, 0.5, 0), through());
     this.heads = new Batch(this.arrows, new THREE.ConeGeometry(1, 1, 12).translate(0, 0.5, 0), through());
     this.shafts.mesh.renderOrder = this.heads.mesh.renderOrder = 6; // seen through what is in front of them
@@ -119,14 +89,14 @@ export class Things {
 
   /** What a ray may hit. */
   get targets(): THREE.Object3D[] {
-    const batches = [...this.forms.values(), ...this.planes.values()].map((batch) => batch.mesh);
+    const batches = [...this.points.values(), ...this.planes.values()].map((batch) => batch.mesh);
     return [...batches.filter((mesh) => mesh.visible), ...[...this.solos.values()].map((solo) => solo.object)];
   }
   /** Of the meshes and polylines as they are drawn now: until a new shape has come, the old one stays. */
   get drawnShapes(): string[] { return [...this.solos.values()].map((solo) => solo.hash); }
   itemOf(hit: THREE.Intersection): Item | undefined {
     if (hit.object.userData.item !== undefined) return this.model.items.get(hit.object.userData.item as number);
-    for (const batch of [...this.forms.values(), ...this.planes.values()]) {
+    for (const batch of [...this.points.values(), ...this.planes.values()]) {
       if (batch.mesh === hit.object) return batch.items[hit.instanceId ?? -1];
     }
     return undefined;
@@ -134,7 +104,8 @@ export class Things {
 
   /** Draws all anew. origin: the place of the device that is at 0 of the picture. */
   update(origin: Vec, resolution: THREE.Vector2): void {
-    const batches = [...this.forms.values(), ...this.planes.values(), ...this.borders.values(), this.shafts, this.heads, this.contacts];
+    const objects = [...this.points.values(), ...this.planes.values(), this.borders, ...Object.values(this.signs)];
+    const batches = [...objects, this.shafts, this.heads, this.contacts];
     for (const batch of batches) batch.begin();
     const drawn = new Set<number>();
     for (const item of this.model.items.values()) {
@@ -144,16 +115,16 @@ export class Things {
       this.setColour(item, condition);
       if (item.told.primitive === "point") {
         size.setScalar(this.unit * 0.65);
-        this.forms.get(condition)!.add(item, matrix.compose(place, turn, size), colour);
+        this.points.get(condition)!.add(item, matrix.compose(place, turn, size), colour);
       } else if (item.told.primitive === "plane") {
         size.setScalar(this.planeSize);
-        const form = condition === "felt" ? "felt" : condition === "fading" || condition === "pending" ? "fading" : "wire";
-        this.planes.get(form)!.add(item, matrix.compose(place, turn, size), colour);
-        this.borders.get("all")!.add(item, matrix, colour);
+        this.planes.get(condition)!.add(item, matrix.compose(place, turn, size), colour);
+        if (condition !== "expired") this.borders.add(item, matrix, colour);
       } else {
         this.drawSolo(item, condition, resolution);
         drawn.add(item.told.id);
       }
+      this.signs[condition]?.add(place);
       this.drawForce(item, origin);
     }
     for (const [id, solo] of this.solos) if (!drawn.has(id)) this.dropSolo(id, solo);
@@ -218,7 +189,8 @@ export class Things {
     }
     if (!solo) {
       if (!shape || !loaded) return;
-      solo = loaded.triangles ? this.makeMesh(loaded.mesh!, shape.hash, condition) : this.makeLine(loaded.points, shape.closed, shape.hash, condition);
+      const made = loaded.triangles ? drawMesh(loaded.mesh!, condition) : drawLine(loaded.points, shape.closed, condition);
+      solo = { ...made, hash: shape.hash, condition };
       solo.object.userData.item = id;
       this.solos.set(id, solo);
       this.root.add(solo.object);
@@ -226,45 +198,15 @@ export class Things {
     solo.object.position.copy(place);
     solo.object.quaternion.copy(turn);
     solo.object.scale.setScalar(item.size);
-    const material = solo.material as THREE.MeshLambertMaterial;
-    material.color.copy(colour);
-    if (!solo.isWide) material.color.lerp(white, 0.5); // a large surface is calm
-    if (condition === "fading") material.opacity = 0.25 + 0.6 * item.weight;
+    solo.material.color.copy(colour);
+    if (solo.isSurface) solo.material.color.lerp(white, 0.5); // a large surface is calm
+    if (condition === "fading" || condition === "pending") solo.material.opacity = 0.15 + 0.5 * item.weight;
     if (solo.isWide) (solo.material as LineMaterial).resolution.copy(resolution);
-  }
-
-  private makeMesh(geometry: THREE.BufferGeometry, hash: string, condition: Condition): Solo {
-    const isWire = condition === "disabled" || condition === "refused" || condition === "expired";
-    const material = isWire
-      ? new THREE.MeshBasicMaterial({ wireframe: true, transparent: true, opacity: condition === "expired" ? 0.3 : 0.6 })
-      : new THREE.MeshLambertMaterial({ side: THREE.DoubleSide, flatShading: true, transparent: condition !== "felt" });
-    if (!isWire) markBack(material);
-    return { object: new THREE.Mesh(geometry, material), hash, condition, material, isWide: false };
-  }
-
-  private makeLine(points: Float64Array, isClosed: boolean, hash: string, condition: Condition): Solo {
-    const pairs: number[] = [], count = points.length / 3;
-    for (let i = 0; i + 1 < count + (isClosed ? 1 : 0); ++i) {
-      const j = (i + 1) % count;
-      pairs.push(points[3 * i]!, points[3 * i + 1]!, points[3 * i + 2]!, points[3 * j]!, points[3 * j + 1]!, points[3 * j + 2]!);
-    }
-    const dashed = condition === "expired" || condition === "refused" || condition === "disabled";
-    const width = condition === "felt" ? 4 : 2.5;
-    const material = new LineMaterial({ linewidth: width, transparent: condition === "fading", dashed, dashSize: 6, gapSize: 5 });
-    const geometry = new LineSegmentsGeometry().setPositions(new Float32Array(pairs));
-    const object = new LineSegments2(geometry, material);
-    if (dashed) {
-      geometry.computeBoundingSphere();
-      material.dashScale = 200 / (geometry.boundingSphere?.radius || 1);
-      object.computeLineDistances();
-    }
-    return { object, hash, condition, material, isWide: true };
   }
 
   private dropSolo(id: number, solo: Solo): void {
     this.root.remove(solo.object);
-    solo.material.dispose();
-    if (solo.isWide) (solo.object as LineSegments2).geometry.dispose();
+    solo.free();
     this.solos.delete(id);
   }
 }
