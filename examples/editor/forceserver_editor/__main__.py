@@ -5,10 +5,14 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
+import html
+import os
 import secrets
 import signal
 import sys
+import tempfile
 import webbrowser
+from collections.abc import Iterator
 from pathlib import Path
 
 import forceserver as fs
@@ -34,6 +38,27 @@ def options(arguments: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--view", action="store_true", help="only show: no change is possible")
     parser.add_argument("--no-browser", action="store_true", help="do not open a browser")
     return parser.parse_args(arguments)
+
+
+@contextlib.contextmanager
+def leading_to(address: str) -> Iterator[Path]:
+    """A file that leads a browser to the page, and that nobody else can read. All users of a machine see the arguments of
+    its programs, so the address with the token must not be among those of the browser."""
+    folder = Path(os.environ.get("XDG_RUNTIME_DIR") or recovery_folder())
+    try:
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        private = tempfile.TemporaryDirectory(prefix="forceserver-editor-", dir=folder)  # noqa: SIM115  # mode 0700
+    except OSError:
+        private = tempfile.TemporaryDirectory(prefix="forceserver-editor-")  # noqa: SIM115
+    with private as name:
+        file = Path(name) / "open.html"
+        file.touch(mode=0o600)
+        shown = html.escape(address)
+        file.write_text(
+            f'<!doctype html>\n<meta charset="utf-8">\n<meta http-equiv="refresh" content="0; url={shown}">\n'
+            f'<title>Force editor</title>\n<p><a href="{shown}">The force editor is here.</a></p>\n'
+        )
+        yield file.absolute()
 
 
 async def serve(given: argparse.Namespace) -> None:
@@ -67,10 +92,11 @@ async def serve(given: argparse.Namespace) -> None:
         print(f"WARNING: other machines can reach this editor at {given.host}. The connection is not encrypted: whoever "
               "reads the address on its way can push the hand.", file=sys.stderr)  # fmt: skip
     print(address, flush=True)
-    if not given.no_browser:
-        webbrowser.open(address)
-    with contextlib.suppress(asyncio.CancelledError):
-        await serving
+    with contextlib.ExitStack() as until_the_end:
+        if not given.no_browser:
+            webbrowser.open(until_the_end.enter_context(leading_to(address)).as_uri())
+        with contextlib.suppress(asyncio.CancelledError):
+            await serving
     door.write_recovery_at_once()
     look.close()
 

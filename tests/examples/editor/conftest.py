@@ -82,11 +82,13 @@ class Second:
 class Editor:
     """The program forceserver-editor, in a process of its own."""
 
-    def __init__(self, endpoint: str, folder: pathlib.Path, *options: str) -> None:
+    def __init__(self, endpoint: str, folder: pathlib.Path, *options: str, opens: bool = False) -> None:
+        """opens: the browser that BROWSER names."""
         folder.mkdir(exist_ok=True)
         self.folder = folder
         environment = os.environ | {"XDG_STATE_HOME": str(folder / ".state"), "PYTHONUNBUFFERED": "1"}
-        command = [sys.executable, "-m", "forceserver_editor", endpoint, "--no-browser", "--folder", str(folder), *options]
+        quiet = [] if opens else ["--no-browser"]
+        command = [sys.executable, "-m", "forceserver_editor", endpoint, *quiet, "--folder", str(folder), *options]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment)
         assert self.process.stdout
         self.said = ""

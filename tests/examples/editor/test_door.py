@@ -6,9 +6,11 @@ import asyncio
 import io
 import json
 import math
+import pathlib
 import subprocess
 import sys
 import time
+import urllib.parse
 import zipfile
 from typing import Any
 
@@ -50,6 +52,30 @@ def test_token_host_and_origin(started: Any) -> None:
     assert asyncio.run(knock("null", editor.token)) == 403
     assert asyncio.run(knock(base, "wrong")) == 403
     assert asyncio.run(knock(None, editor.token)) == 400  # what is no browser must still say where it comes from
+
+
+def test_the_browser_is_opened_without_the_token(started: Any, tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All users of a machine can read the arguments of its programs."""
+    arguments = tmp_path / "arguments"
+    browser = tmp_path / "browser"
+    browser.write_text(f'#!/bin/sh\necho "$@" > {arguments}.new\nmv {arguments}.new {arguments}\n')
+    browser.chmod(0o700)
+    monkeypatch.setenv("BROWSER", str(browser))
+    for runtime in (tmp_path / "runtime", None):  # a session without XDG_RUNTIME_DIR has the state folder
+        monkeypatch.setenv("XDG_RUNTIME_DIR", str(runtime or ""))
+        lab = started(Lab)
+        editor = started(Editor, lab.endpoint, opens=True)
+        eventually(arguments.exists, "the browser")
+        told = arguments.read_text().strip()
+        assert editor.token not in told and told.startswith("file://")
+        file = pathlib.Path(urllib.parse.unquote(urllib.parse.urlsplit(told).path))
+        assert file.is_relative_to(runtime or editor.folder / ".state")
+        assert file.stat().st_mode & 0o777 == 0o600 and file.parent.stat().st_mode & 0o777 == 0o700
+        text = file.read_text()
+        assert f"url={editor.address}" in text and f'href="{editor.address}"' in text
+        editor.close()
+        assert not file.parent.exists()
+        arguments.unlink()
 
 
 def test_states_and_shapes(started: Any) -> None:
