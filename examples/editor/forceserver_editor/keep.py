@@ -9,13 +9,19 @@ import shutil
 import tempfile
 import time
 import zipfile
+import zlib
 from pathlib import Path
+from typing import IO
 
 import forceserver as fs
 
 from .plain import Plain, Refused
 
-MOST_BYTES = 1 << 30  # of a zip file's content
+# Of an upload, as it is on the disk: what is larger is refused before it is read. The library needs four times the size of
+# a scene's JSON to read it.
+MOST_SCENE = 128 << 20  # bytes
+MOST_FILE = 512 << 20  # bytes of any other file
+MOST_UNPACKED = 1 << 30  # bytes, of all files together
 
 
 class Keep:
@@ -114,22 +120,54 @@ class Keep:
 def _unpacked(file: Path, folder: Path) -> Path:
     """Unpacks a zip file, or takes a bare .json. Returns the scene file."""
     if not zipfile.is_zipfile(file):
-        return Path(shutil.copy(file, folder / "scene.json"))
-    with zipfile.ZipFile(file) as archive:
-        infos = [info for info in archive.infolist() if not info.is_dir()]
-        if sum(info.file_size for info in infos) > MOST_BYTES:
-            raise Refused("the zip file has more than 1 GiB in it", "file", "FULL")
-        for info in infos:
-            target = (folder / info.filename).resolve()
-            if not target.is_relative_to(folder.resolve()):
-                raise Refused(f"the zip file names a place outside of it: {info.filename!r}", "file")
-            target.parent.mkdir(parents=True, exist_ok=True)
-            with archive.open(info) as source, open(target, "wb") as out:
-                shutil.copyfileobj(source, out)
+        _require_size(file.stat().st_size, MOST_SCENE, "the scene")
+        return Path(shutil.copy(file, folder))
+    try:
+        with zipfile.ZipFile(file) as archive:
+            _unpack(archive, folder)
+    except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError) as error:  # RuntimeError: it needs a password
+        raise Refused(f"the zip file cannot be read: {error}", "file", "PARSE") from None
     scenes = sorted(folder.rglob("*.json"), key=lambda path: (len(path.parts), path.name != "scene.json"))
     if not scenes:
         raise Refused("the zip file has no scene (.json) in it", "file")
     return scenes[0]
+
+
+def _unpack(archive: zipfile.ZipFile, folder: Path) -> None:
+    """What the directory of the archive claims is checked first, and then what really comes out of it."""
+    infos = [info for info in archive.infolist() if not info.is_dir()]
+    _require_size(sum(info.file_size for info in infos), MOST_UNPACKED, "the content of the zip file")
+    for info in infos:
+        _require_size(info.file_size, _most(info), repr(info.filename))
+        if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            raise Refused(f"{info.filename!r} is compressed in another way than zip files usually are", "file", "UNSUPPORTED")
+        if not (folder / info.filename).resolve().is_relative_to(folder.resolve()):
+            raise Refused(f"the zip file names a place outside of it: {info.filename!r}", "file")
+    left = MOST_UNPACKED
+    for info in infos:
+        target = (folder / info.filename).resolve()
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with archive.open(info) as source, open(target, "wb") as out:
+            left -= copy_at_most(source, out, min(left, _most(info)), repr(info.filename))
+
+
+def _most(info: zipfile.ZipInfo) -> int:
+    return MOST_SCENE if info.filename.endswith(".json") else MOST_FILE
+
+
+def copy_at_most(source: IO[bytes], out: IO[bytes], most: int, what: str) -> int:
+    """Returns how many bytes there were."""
+    count = 0
+    while piece := source.read(1 << 20):
+        count += len(piece)
+        _require_size(count, most, what)
+        out.write(piece)
+    return count
+
+
+def _require_size(size: int, most: int, what: str) -> None:
+    if size > most:
+        raise Refused(f"{what} is too large: unpacked it may have {most >> 20} MiB", "file", "FULL")
 
 
 def recovery_folder() -> Path:

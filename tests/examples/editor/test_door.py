@@ -7,6 +7,7 @@ import io
 import json
 import math
 import pathlib
+import struct
 import subprocess
 import sys
 import time
@@ -20,8 +21,11 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from forceserver_editor.keep import copy_at_most
+from forceserver_editor.plain import Refused
+
 from conftest import Editor, Lab, Second, eventually
-from wire import POINT, Socket, fetch, with_socket
+from wire import POINT, Socket, fetch, peak, with_socket
 
 
 def test_token_host_and_origin(started: Any) -> None:
@@ -192,6 +196,65 @@ def test_files_stay_in_the_folder(started: Any) -> None:
         assert "as a whole" in (await s.ask("load", upload=True))["text"]
 
     with_socket(editor, journey)
+
+
+async def upload(s: Socket, data: bytes, file: str, do: str, **fields: Any) -> Any:
+    """What the command says that uses this file."""
+    assert await s.ask("upload", size=len(data), file=file) == {}
+    for at in range(0, len(data), 1 << 18):
+        await s.socket.send(data[at : at + (1 << 18)])
+    return await s.ask(do, upload=True, file=file, **fields)
+
+
+def zipped(files: dict[str, bytes], claims: int | None = None, compression: int = zipfile.ZIP_DEFLATED) -> bytes:
+    """claims: how large the directory says that each of them is."""
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", compression, compresslevel=1) as archive:
+        for name, data in files.items():
+            archive.writestr(name, data)
+    made = bytearray(out.getvalue())
+    at = made.find(b"PK\1\2")
+    while claims is not None and at >= 0:
+        struct.pack_into("<I", made, at + 24, claims)
+        at = made.find(b"PK\1\2", at + 1)
+    return bytes(made)
+
+
+SCENE = b'{"forceserver": "scene", "version": 1, "objects": [{"name": "a", "primitive": "point"}]}'
+
+
+def test_a_zip_file_that_is_too_large(started: Any) -> None:
+    """It is refused before it is read: the library would need several times its size."""
+    lab = started(Lab)
+    editor = started(Editor, lab.endpoint)
+    spaces = bytes(b" " * (129 << 20))
+
+    async def journey(s: Socket) -> None:
+        before = peak(editor)
+        refused = await upload(s, zipped({"scene.json": spaces}), "room.zip", "load")
+        assert refused["status"] == "FULL" and "'scene.json'" in refused["text"] and "128 MiB" in refused["text"], refused
+        assert peak(editor) < before + 60, "MB"
+        # What the directory claims is enough to refuse it, for one and for all together.
+        refused = await upload(s, zipped({"scene.json": SCENE, "a.ply": b"x"}, 513 << 20), "room.zip", "load")
+        assert refused["status"] == "FULL", refused
+        refused = await upload(s, zipped({f"{i}.ply": b"x" for i in range(3)}, 400 << 20), "room.zip", "load")
+        assert refused["status"] == "FULL" and "1024 MiB" in refused["text"], refused
+        # More comes out than it claims; a password; a compression that can grow without bound.
+        refused = await upload(s, zipped({"scene.json": SCENE}, 10), "room.zip", "load")
+        assert "cannot be read" in refused["text"], refused
+        locked = bytearray(zipped({"scene.json": SCENE}))
+        locked[locked.find(b"PK\1\2") + 8] |= 1
+        assert "password" in (await upload(s, bytes(locked), "room.zip", "load"))["text"]
+        refused = await upload(s, zipped({"scene.json": SCENE}, compression=zipfile.ZIP_LZMA), "room.zip", "load")
+        assert refused["status"] == "UNSUPPORTED", refused
+        # A bare scene.
+        assert "128 MiB" in (await upload(s, spaces, "room.json", "load"))["text"]
+        assert await upload(s, zipped({"scene.json": SCENE}), "room.zip", "load") == {}
+        await s.until(lambda s: "a" in s.objects)
+
+    with_socket(editor, journey)
+    with pytest.raises(Refused, match="too large"):
+        copy_at_most(io.BytesIO(bytes(5 << 20)), io.BytesIO(), 4 << 20, "what really comes out")
 
 
 def test_locked_server_and_view_only(started: Any) -> None:

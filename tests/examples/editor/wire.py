@@ -6,6 +6,7 @@ import asyncio
 import concurrent.futures
 import json
 import pathlib
+import re
 import resource
 import socket
 import struct
@@ -157,3 +158,10 @@ def resident(editor: Editor) -> float:
     """MB of memory that the editor's server has."""
     pages = int(pathlib.Path(f"/proc/{editor.process.pid}/statm").read_text().split()[1])
     return pages * resource.getpagesize() / 1e6
+
+
+def peak(editor: Editor) -> float:
+    """MB of memory that the editor's server has had, at most."""
+    found = re.search(r"VmHWM:\s+(\d+) kB", pathlib.Path(f"/proc/{editor.process.pid}/status").read_text())
+    assert found
+    return int(found[1]) / 1e3
