@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -51,20 +50,32 @@ class Edit:
                 self.history.editors[event["name"]] = event["text"]
         self._event = max([self._event, *(event["serial"] for event in events)])
         self._who, self._gesture, self._upload = who, str(command.get("gesture", "")), upload
-        arguments = {key: value for key, value in command.items() if key not in ("do", "n", "gesture")}
+        taken = ("do", "n", "gesture", "file") if upload else ("do", "n", "gesture")
+        arguments = {key: value for key, value in command.items() if key not in taken}
         try:
-            answer = call(scene, **arguments) or {}
-        except fs.Error as error:
-            raise refusal(error) from None
-        except OSError as error:
-            raise Refused(str(error), status="IO") from None
-        except (TypeError, ValueError, LookupError, AttributeError, OverflowError, zipfile.BadZipFile) as error:
-            raise Refused(f"the command {name} is not as it should be: {error}") from None
+            answer = self._call(call, scene, arguments) or {}
+        except Refused as refused:
+            if upload is not None:  # it has a name of its own here, which the person does not know
+                named = str(command.get("file") or "the uploaded file")
+                refused.text = refused.text.replace(str(upload), named).replace(upload.name, named)
+            raise
         if name not in HARMLESS:
             self.keep.note_change()
             with contextlib.suppress(fs.Error):  # what the server refuses or does not do in time is told by its events
                 scene.sync(MOST_WAIT)
         return answer
+
+    @staticmethod
+    def _call(call: Callable[..., Plain | None], scene: fs.Scene, arguments: Plain) -> Plain | None:
+        """All that can go wrong becomes a sentence."""
+        try:
+            return call(scene, **arguments)
+        except fs.Error as error:
+            raise refusal(error) from None
+        except OSError as error:
+            raise Refused(str(error), status="IO") from None
+        except (TypeError, ValueError, LookupError, AttributeError, OverflowError) as error:
+            raise Refused(f"the command is not as it should be: {error}") from None
 
     # ---- Objects
 

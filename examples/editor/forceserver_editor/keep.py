@@ -15,7 +15,7 @@ from typing import IO
 
 import forceserver as fs
 
-from .plain import Plain, Refused
+from .plain import Plain, Refused, refusal
 
 # Of an upload, as it is on the disk: what is larger is refused before it is read. The library needs four times the size of
 # a scene's JSON to read it.
@@ -61,7 +61,15 @@ class Keep:
             scene.load(self._path(file))
             return
         with tempfile.TemporaryDirectory() as folder:
-            scene.load(_unpacked(upload, Path(folder)))
+            try:
+                scene.load(_unpacked(upload, Path(folder)))
+                return
+            except fs.Error as error:
+                refused = refusal(error)
+            except OSError as error:
+                refused = Refused(str(error), "file", "IO")
+            refused.text = refused.text.replace(f"{folder}/", "")  # the person knows the files by their names alone
+            raise refused
 
     def packed(self, scene: fs.Scene) -> bytes:
         """The scene with its meshes as a zip file."""

@@ -257,6 +257,29 @@ def test_a_zip_file_that_is_too_large(started: Any) -> None:
         copy_at_most(io.BytesIO(bytes(5 << 20)), io.BytesIO(), 4 << 20, "what really comes out")
 
 
+def test_what_is_wrong_with_an_upload_names_its_file(started: Any) -> None:
+    lab = started(Lab)
+    editor = started(Editor, lab.endpoint)
+    meshed = b'{"forceserver": "scene", "version": 1, "shapes": {"p": {"file": "%s"}}, "objects": [{"name": "m", "primitive": "mesh", "shape": "p"}]}'
+
+    async def journey(s: Socket) -> None:
+        await s.ask("add", name="a", primitive="plane", fields=POINT)
+        for do, fields in (("add", {"name": "m", "primitive": "mesh", "fields": {}}), ("change", {"names": ["a"], "fields": {}})):
+            refused = await upload(s, b"v 0 0\nf 1 2 3\n", "my part.obj", do, **fields)
+            assert refused["text"].startswith("my part.obj, line 1: "), refused
+        refused = await upload(s, b"{", "my room.json", "load")
+        assert refused["text"].startswith("my room.json, line 1"), refused
+        refused = await upload(s, zipped({"in/scene.json": meshed % b"part.obj", "in/part.obj": b"v 0\n"}), "my room.zip", "load")
+        assert refused["text"].startswith("in/scene.json, ") and "in/part.obj, line 1" in refused["text"], refused
+        refused = await upload(s, zipped({"scene.json": meshed % b"none.obj"}), "my room.zip", "load")
+        assert "none.obj" in refused["text"], refused
+        clash = await upload(s, zipped({"scene.json": SCENE, "scene.json/a.ply": b""}), "my room.zip", "load")
+        for each in (refused, clash):
+            assert "/tmp" not in each["text"], each
+
+    with_socket(editor, journey)
+
+
 def test_locked_server_and_view_only(started: Any) -> None:
     lab = started(Lab, locked=True, no_stop=True)
     lab.base["floor"] = fs.Wall((0, 0, -0.05), (0, 0, 1), 100, 5)

@@ -269,7 +269,8 @@ export class Panel {
   /** The selection becomes a mesh from a file, or another mesh. */
   private askForMesh(): void {
     const names = this.model.selection.filter((item) => !item.isLocked).map((item) => item.told.name);
-    void askForMesh(this.orders, (file) => `${file}, for ${names.join(", ")}`, "Take it", (scale) => this.orders.change(names, {}, undefined, { upload: true, scale }));
+    void askForMesh(this.orders, (file) => `${file}, for ${names.join(", ")}`, "Take it",
+      (scale, file) => this.orders.change(names, {}, undefined, { upload: true, file, scale }));
   }
 
   private async closeLine(isClosed: boolean): Promise<void> {

@@ -106,7 +106,7 @@ export class Dialogs {
       if (!file) return;
       try {
         await this.orders.wire.upload(file, file.name);
-        await load({ upload: true }, file.name);
+        await load({ upload: true, file: file.name }, file.name);
       } catch (refused) {
         error.textContent = (refused as Refusal).text;
       }
@@ -117,7 +117,7 @@ export class Dialogs {
     return askForMesh(this.orders, (file) => `Add ${file}`, "Add", async (scale, file) => {
       const name = file.replace(/\.\w+$/, "").replace(/[/\x00-\x1f]/g, "_").slice(0, 24) || "mesh";
       const back = { kind: "linear_increasing", sense: "attractive", gain: 300, limit: 5 };
-      const made = await this.orders.wire.send("add", { name, primitive: "mesh", upload: true, scale, fields: { "pose.position": place, ...flat("back", back) } });
+      const made = await this.orders.wire.send("add", { name, primitive: "mesh", upload: true, file, scale, fields: { "pose.position": place, ...flat("back", back) } });
       this.orders.selectWhenThere(made.name);
     });
   }
