@@ -1,12 +1,14 @@
 // Puts the page together: the bar at the top, keys, notices, and what is said when something is not there.
 
+import { Corners } from "./corners";
 import { CurvePlot } from "./curve_plot";
 import { make, put } from "./fields";
 import { fromDevice } from "./frames";
-import { Corners, Gizmo, Pencil, flat } from "./gizmo";
+import { Gizmo } from "./gizmo";
 import { type Happened, Model, newtons, sizeOf } from "./model";
-import { Orders } from "./orders";
+import { Orders, flat } from "./orders";
 import { Panel } from "./panel";
+import { Pencil } from "./pencil";
 import { Dialogs } from "./scene_dialogs";
 import { Table } from "./table";
 import { TimePlots } from "./time_plots";

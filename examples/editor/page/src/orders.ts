@@ -3,6 +3,11 @@
 import type { Model } from "./model";
 import type { Refusal, Wire } from "./wire";
 
+/** Fields of a section as the server names them: "front.gain". */
+export function flat(section: string, fields: Record<string, unknown>): Record<string, unknown> {
+  return Object.fromEntries(Object.entries(fields).map(([key, value]) => [`${section}.${key}`, value]));
+}
+
 let gestures = 0;
 /** Changes with the same gesture are undone in one step. */
 export const newGesture = (): string => `${Date.now().toString(36)}-${++gestures}`;

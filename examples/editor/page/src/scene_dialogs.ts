@@ -3,8 +3,7 @@
 import { type Vec, fromDegrees, toDegrees } from "./frames";
 import { CheckField, type Send, TextField, make, numberField, parse, shown } from "./fields";
 import { type Condition, type Model, mark } from "./model";
-import type { Orders } from "./orders";
-import { flat } from "./gizmo";
+import { type Orders, flat } from "./orders";
 import type { Refusal } from "./wire";
 
 function dialog(title: string, ...content: (Node | string)[]): HTMLDialogElement {

@@ -1,0 +1,113 @@
+// The corners of the polyline that is selected: they can be dragged, and removed.
+
+import * as THREE from "three";
+import { type Vec, add, conjugate, fromDevice, minus, rotate, toDevice } from "./frames";
+import type { Item, Model } from "./model";
+import { Latest, type Orders, newGesture } from "./orders";
+import type { View } from "./view";
+
+export class Corners {
+  private readonly box: HTMLElement;
+  private item: Item | null = null;
+  private points: Vec[] = [];
+  private dragged = -1;
+  active = -1;
+  private gesture = "";
+  private readonly changes: Latest<{ name: string; points: Vec[]; closed: boolean; gesture: string }>;
+
+  constructor(private readonly view: View, private readonly model: Model, orders: Orders) {
+    this.box = document.createElement("div");
+    this.box.className = "corners";
+    view.box.append(this.box);
+    this.changes = new Latest(({ name, points, closed, gesture }) => orders.change([name], { shape: { points, closed } }, gesture),
+      (why) => { orders.onNotice(why.text, true); this.attach(); });
+    model.on(["selection", "objects"], () => this.attach());
+    view.onDraw.push(() => this.place());
+  }
+
+  private attach(): void {
+    const chosen = this.model.selection[0];
+    if (this.dragged >= 0 && chosen && chosen === this.item) return;
+    this.dragged = -1; // it may have vanished under the hand
+    const shape = chosen?.told.shape;
+    const isFit = chosen && shape && chosen.told.primitive === "polyline" && shape.points <= 300 && !chosen.isLocked;
+    if (this.item !== chosen) this.active = -1;
+    this.item = isFit && this.model.selected.size === 1 ? chosen : null;
+    const loaded = this.item && shape && this.view.shapes.get(shape);
+    this.points = [];
+    if (loaded) for (let i = 0; i < loaded.exact.length; i += 3) this.points.push([...loaded.exact.slice(i, i + 3)] as Vec);
+    while (this.box.children.length > this.points.length) this.box.lastChild!.remove();
+    while (this.box.children.length < this.points.length) this.box.append(this.dot(this.box.children.length));
+    this.view.request();
+  }
+
+  private dot(index: number): HTMLElement {
+    const dot = document.createElement("button");
+    dot.dataset.corner = String(index);
+    dot.title = `Corner ${index + 1}: drag it; Delete removes it`;
+    dot.onpointerdown = (event) => {
+      event.preventDefault();
+      dot.setPointerCapture(event.pointerId);
+      dot.focus();
+      this.dragged = this.active = index;
+      this.gesture = newGesture();
+    };
+    dot.onfocus = () => { this.active = index; };
+    dot.onblur = () => { if (this.active === index) this.active = -1; };
+    dot.onpointermove = (event) => { if (this.dragged === index) this.drag(event); };
+    dot.onpointerup = dot.onlostpointercapture = () => {
+      if (this.dragged === index) this.dragged = -1;
+    };
+    return dot;
+  }
+
+  /** Along the surface under the pointer, or else in the plane of the picture. */
+  private drag(event: PointerEvent): void {
+    const { item, view } = this;
+    if (!item) return;
+    const surface = view.surface(event.clientX, event.clientY);
+    const at = surface && surface.item !== item ? surface.at : inPicture(view, event, this.atDevice(this.points[this.dragged]!));
+    const inScene = fromDevice(item.frame, at);
+    this.points[this.dragged] = rotate(conjugate(item.pose.orientation), minus(inScene, item.pose.position));
+    void this.changes.put({ ...this.line(item), points: this.points.map((p) => [...p] as Vec), gesture: this.gesture });
+    this.place();
+  }
+
+  removeActive(): boolean {
+    if (!this.item || this.active < 0) return false;
+    const points = this.points.filter((_, i) => i !== this.active);
+    void this.changes.put({ ...this.line(this.item), points, gesture: newGesture() });
+    this.active = -1;
+    (document.activeElement as HTMLElement | null)?.blur();
+    return true;
+  }
+
+  private line(item: Item): { name: string; closed: boolean } {
+    return { name: item.told.name, closed: item.told.shape?.closed ?? false };
+  }
+
+  private atDevice(point: Vec): Vec {
+    const item = this.item!;
+    return toDevice(item.frame, add(item.pose.position, rotate(item.pose.orientation, point)));
+  }
+
+  private place(): void {
+    if (this.item && this.points.length === 0) this.attach();
+    this.points.forEach((point, i) => {
+      const dot = this.box.children[i] as HTMLElement | undefined;
+      if (!dot) return;
+      const at = this.view.project(this.atDevice(point));
+      dot.style.transform = `translate(${at.x}px, ${at.y}px)`;
+      dot.hidden = !at.isInFront;
+    });
+  }
+}
+
+/** The place under the pointer that is as far away as `near`. */
+function inPicture(view: View, event: PointerEvent, near: Vec): Vec {
+  const box = view.canvas.getBoundingClientRect();
+  const at = new THREE.Vector3(...minus(near, view.origin)).project(view.camera);
+  at.x = ((event.clientX - box.left) / box.width) * 2 - 1;
+  at.y = 1 - ((event.clientY - box.top) / box.height) * 2;
+  return add(at.unproject(view.camera).toArray() as Vec, view.origin);
+}

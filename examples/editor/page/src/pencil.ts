@@ -1,0 +1,72 @@
+// Draws a polyline by clicks on planes and meshes; a click at its first point closes it.
+
+import * as THREE from "three";
+import { type Vec, fromDevice, minus } from "./frames";
+import type { Model } from "./model";
+import { type Orders, flat } from "./orders";
+import type { View } from "./view";
+
+export class Pencil {
+  private places: Vec[] = [];
+  private readonly line: THREE.Line;
+  private readonly box: HTMLElement;
+  isOn = false;
+  onChange: () => void = () => {};
+
+  constructor(private readonly view: View, private readonly model: Model, private readonly orders: Orders) {
+    this.line = new THREE.Line(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ color: 0xe08a00, depthTest: false }));
+    this.line.renderOrder = 10;
+    this.line.frustumCulled = false;
+    view.scene.add(this.line);
+    this.box = document.createElement("div");
+    this.box.className = "corners drawing";
+    view.box.append(this.box);
+    view.onDraw.push(() => this.update());
+    model.on(["picture"], () => this.lay());
+  }
+
+  start(): void { this.places = []; this.isOn = true; this.changed(); }
+  cancel(): void { this.places = []; this.isOn = false; this.changed(); }
+  private changed(): void {
+    this.view.box.dataset.drawing = this.isOn ? String(this.places.length) : "";
+    this.onChange();
+    this.line.geometry.dispose();
+    const first = this.places[0] ?? [0, 0, 0];
+    this.line.geometry = new THREE.BufferGeometry().setFromPoints(this.places.map((p) => new THREE.Vector3(...minus(p, first))));
+    this.lay();
+    this.box.replaceChildren(...this.places.map(() => document.createElement("i")));
+    this.view.request();
+  }
+  private lay(): void { if (this.places[0]) this.line.position.set(...minus(this.places[0], this.view.origin)); }
+
+  click(x: number, y: number): void {
+    const first = this.places[0];
+    const box = this.view.canvas.getBoundingClientRect();
+    if (first && this.places.length > 2) {
+      const at = this.view.project(first);
+      if (Math.hypot(at.x + box.left - x, at.y + box.top - y) < 9) return this.finish(true);
+    }
+    const hit = this.view.surface(x, y);
+    if (!hit) return this.orders.onNotice("Click on a plane or a mesh: a polyline is drawn on a surface.", false);
+    this.places.push(hit.at);
+    this.changed();
+  }
+  back(): void { this.places.pop(); this.changed(); }
+
+  finish(isClosed: boolean): void {
+    const inScene = this.places.map((place) => fromDevice(this.model.ownFrame, place));
+    this.cancel();
+    if (inScene.length < 2) return;
+    const first = inScene[0]!;
+    const points = inScene.map((p) => minus(p, first));
+    const front = { kind: "gaussian", sense: "attractive", gain: 2, width: 0.01, limit: 2 };
+    void this.orders.add("line", "polyline", { "pose.position": first, shape: { points, closed: isClosed }, ...flat("front", front) });
+  }
+
+  private update(): void {
+    this.places.forEach((place, i) => {
+      const at = this.view.project(place);
+      (this.box.children[i] as HTMLElement).style.transform = `translate(${at.x}px, ${at.y}px)`;
+    });
+  }
+}
