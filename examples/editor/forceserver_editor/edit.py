@@ -125,12 +125,16 @@ class Edit:
         with contextlib.suppress(fs.TimeoutError):
             scene.sync(MOST_WAIT)
 
-    def _move(self, scene: fs.Scene, name: str, position: list[float], orientation: list[float]) -> None:
-        before = scene.object_get(name)
-        pose = fs.Pose(position=[float(x) for x in position], orientation=unit(orientation))
-        scene.object_move(name, pose, fs.Twist(), 0)
+    def _move(self, scene: fs.Scene, moves: list[Plain]) -> None:
+        """All of them are felt from one tick on, or none."""
+        before = {one["name"]: scene.object_get(one["name"]) for one in moves}
+        with scene.change():
+            for one in moves:
+                pose = fs.Pose(position=[float(x) for x in one["position"]], orientation=unit(one["orientation"]))
+                scene.object_move(one["name"], pose, fs.Twist(), 0)
         self._settle(scene)
-        self._note(f"move {name}", name, before, scene.object_get(name), int(fs.Part.POSE))
+        for name, was in before.items():
+            self._note(f"move {name}", name, was, scene.object_get(name), int(fs.Part.POSE))
 
     def _remove(self, scene: fs.Scene, names: list[str]) -> None:
         if any("/" in name for name in names):

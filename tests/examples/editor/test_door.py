@@ -132,7 +132,7 @@ def test_commands_history_and_refusals(started: Any) -> None:
             assert "text" in await s.ask("change", names=["a"], fields=odd), odd
         assert "text" in await s.ask("nothing")
         assert "text" in await s.ask("change", names=["a"])
-        for name, fields in [("change", {"names": 3, "fields": {}}), ("change", {"names": ["a"], "fields": [1]}), ("move", {"name": "a"}),
+        for name, fields in [("change", {"names": 3, "fields": {}}), ("change", {"names": ["a"], "fields": [1]}), ("move", {"name": "a"}), ("move", {"moves": [{"name": "a"}]}), ("move", {"moves": 3}),
                              ("frame", {"fields": 3}), ("frame", {"fields": {"scale": "x"}}), ("tool", {"points": [[1]]}), ("curve", {"name": 5}),
                              ("curve", {"name": "a", "until": "x"}), ("adopt", {"name": {}}), ("load", {"file": 7}), ("add", {"name": "x"}),
                              ("tool", {"points": [[1, 2, 3]] * 40}), ("add", {"name": "b", "primitive": "mesh", "fields": {}}), ("__init__", {})]:  # fmt: skip
@@ -459,7 +459,7 @@ def test_a_step_that_cannot_be_undone_bars_no_other(started: Any) -> None:
     async def journey(s: Socket) -> None:
         assert await s.ask("add", name="a", primitive="point", fields=POINT) == {"name": "a"}
         await s.until(lambda s: "rover/hazard" in s.objects)
-        assert await s.ask("move", name="rover/hazard", position=[0.1, 0, 0], orientation=[1, 0, 0, 0]) == {}
+        assert await s.ask("move", moves=[{"name": "rover/hazard", "position": [0.1, 0, 0], "orientation": [1, 0, 0, 0]}]) == {}
         rover.object_move("hazard", fs.Pose(position=(0.2, 0, 0)), fs.Twist(), 0)
         rover.sync(5)
         refused = await s.ask("undo")

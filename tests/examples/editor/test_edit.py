@@ -23,6 +23,16 @@ from conftest import (
 )
 
 
+def drag_along_x(page: Page, by: float, key: str = "") -> None:
+    """By the arrow of the gizmo, m at the device."""
+    page.wait_drawn()
+    grip = page.evaluate("editor.tools.gizmo.grip('x')")
+    start = project(page, grip)
+    page.mouse.move(start[0] - 3, start[1])
+    page.drag(start, project(page, [grip[0] + by, grip[1], grip[2]]), key=key)
+    page.wait_for_selector('#view[data-dragging="false"]')
+
+
 def test_add_each_primitive(lab: Lab, page: Page, second: Second, tmp_path: pathlib.Path) -> None:
     empty = pixels(page)
     page.click("#add-point")
@@ -103,21 +113,11 @@ def test_drag_the_gizmo(lab: Lab, page: Page, second: Second) -> None:
     page.click("#add-point")
     page.wait_for_selector('#panel[data-selected="point"]')
     page.click("#look-front")
-    page.wait_drawn()
-
-    def drag_along_x(by: float, key: str = "") -> None:
-        page.wait_drawn()
-        grip = page.evaluate("editor.tools.gizmo.grip('x')")
-        start = project(page, grip)
-        page.mouse.move(start[0] - 3, start[1])
-        page.drag(start, project(page, [grip[0] + by, grip[1], grip[2]]), key=key)
-        page.wait_for_selector('#view[data-dragging="false"]')
-
     assert second.get("editor/point")["position"] == [0, 0, 0]
-    drag_along_x(0.1, "Control")
+    drag_along_x(page, 0.1, "Control")
     eventually(lambda: second.get("editor/point")["position"] == [0.1, 0, 0])  # exactly
     page.wait_for_function("() => editor.model.byName('point').pose.position[0] === 0.1")
-    drag_along_x(-0.1)
+    drag_along_x(page, -0.1)
     pixel = 0.1 / abs(project(page, (0.1, 0, 0))[0] - project(page, (0, 0, 0))[0])
     eventually(lambda: abs(second.get("editor/point")["position"][0]) <= 1.5 * pixel)
     assert second.get("editor/point")["position"][1:] == [0, 0]
@@ -127,6 +127,63 @@ def test_drag_the_gizmo(lab: Lab, page: Page, second: Second) -> None:
     eventually(lambda: second.get("editor/point")["position"] == [0, 0, 0])
     page.keyboard.press("Control+Shift+Z")
     eventually(lambda: second.get("editor/point")["position"] == [0.1, 0, 0])
+
+
+def test_own_and_others_objects_in_one_gesture(lab: Lab, page: Page, second: Second) -> None:
+    rover = lab.join("rover")
+    rover.set_frame(fs.Frame(scale=2, pose=fs.Pose(orientation=(math.sqrt(0.5), 0, 0, math.sqrt(0.5)))))
+    rover["hazard"] = fs.Point(position=(0.04, 0.02, 0), front=fs.Gaussian(1, 0.01, limit=2))
+    lab.base["floor"] = fs.Plane(position=(0, 0, -0.05), front=fs.Gaussian(1, 0.01, limit=2))
+    page.click("#add-point")
+    page.wait_for_selector('#panel[data-selected="point"]')
+    names = ["editor/point", "rover/hazard", "server/floor"]
+    for name in ("point", *names[1:]):
+        line = page.locator(f'#table .item[data-name="{name}"] .name')
+        line.click(modifiers=["Control"] if "/" in name else [])
+    page.wait_for_selector('#panel[data-selected="point|rover/hazard|server/floor"]')
+    first = [second.get(name) for name in names]
+
+    def each(of: str, values: list[Any]) -> None:
+        eventually(lambda: all(np.allclose(second.get(name)[of], value, atol=1e-12) for name, value in zip(names, values, strict=True)), of)
+
+    # By 0.1 m at the device: in the scene of the rover that is twice as far, and along another axis.
+    drag_along_x(page, 0.1, "Control")
+    moved = [np.add(one["position"], by) for one, by in zip(first, ([0.1, 0, 0], [0, -0.2, 0], [0.1, 0, 0]), strict=True)]
+    each("position", moved)
+    page.focus("#table .scroll")
+    page.keyboard.press("Space")
+    each("enabled", [False] * 3)
+    page.set("damping", "1.5")
+    each("damping", [1.5] * 3)
+    for of, values in (("damping", [0] * 3), ("enabled", [True] * 3), ("position", [one["position"] for one in first])):
+        page.keyboard.press("Control+z")  # each was one step
+        each(of, values)
+    assert [second.get(name) for name in names] == first
+    for _ in range(3):
+        page.keyboard.press("Control+Shift+z")
+    each("damping", [1.5] * 3)
+    each("position", moved)
+    # A turn about the first of them carries the others around it.
+    page.click("#look-top")
+    page.keyboard.press("e")
+    page.wait_drawn()
+    start = project(page, page.evaluate("editor.tools.gizmo.grip('z')"))
+    page.mouse.move(*start)
+    page.wait_for_function("() => editor.tools.gizmo.isUnderPointer")
+    apart = page.evaluate(APART)
+    page.drag(start, (start[0] - 40, start[1] + 40), steps=8)
+    page.wait_for_selector('#view[data-dragging="false"]')
+    page.wait_for_selector('body[data-busy="0"]')
+    turned = page.evaluate("editor.tools.gizmo.turned")
+    assert turned > 5
+    eventually(lambda: abs(2 * math.degrees(math.acos(min(1, abs(second.get("editor/point")["orientation"][0])))) - turned) < 1e-6)
+    page.wait_for_function("() => Math.abs(editor.model.byName('server/floor').turn[3]) > 0.01")
+    assert np.allclose(page.evaluate(APART), apart, atol=1e-9)
+    assert np.allclose(second.get("editor/point")["position"], moved[0], atol=1e-12)
+
+
+# How far the others are from the first that is selected, m at the device.
+APART = """() => editor.model.selection.map(item => Math.hypot(...item.place.map((x, i) => x - editor.model.selection[0].place[i])))"""
 
 
 def test_turn_by_30_degrees(lab: Lab, page: Page, second: Second) -> None:

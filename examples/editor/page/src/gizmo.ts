@@ -1,4 +1,4 @@
-// The arrows and rings that move and turn what is selected.
+// The arrows and rings that move and turn what is selected: all of it together, about the first of it.
 
 import * as THREE from "three";
 import { TransformControls } from "three/addons/controls/TransformControls.js";
@@ -15,11 +15,11 @@ export class Gizmo {
   onChange: () => void = () => {};
   private readonly controls: TransformControls;
   private readonly handle = new THREE.Object3D();
-  private readonly moves: Latest<{ name: string; pose: Pose; gesture: string }>;
+  private readonly moves: Latest<{ moves: Move[]; gesture: string }>;
   private gesture = "";
-  private start: { place: Vec; turn: Quat } = { place: [0, 0, 0], turn: [1, 0, 0, 0] };
+  private starts: { place: Vec; turn: Quat }[] = []; // of the items, when the drag began
   private snaps = false;
-  private item: Item | null = null;
+  private items: Item[] = [];
   turned = 0; // degrees, since the drag began
 
   constructor(private readonly view: View, private readonly model: Model, orders: Orders) {
@@ -28,7 +28,7 @@ export class Gizmo {
     this.controls.setColors(0xb04a3f, 0x4b8b4f, 0x4667a8, 0xe08a00);
     this.controls.setSpace("world");
     view.scene.add(this.handle, this.controls.getHelper());
-    this.moves = new Latest(({ name, pose, gesture }) => orders.ask("move", { name, ...pose, gesture }));
+    this.moves = new Latest((moves) => orders.ask("move", moves));
     this.controls.addEventListener("change", () => view.request());
     this.controls.addEventListener("dragging-changed", (event) => this.drag(Boolean(event.value)));
     this.controls.addEventListener("objectChange", () => this.follow());
@@ -43,7 +43,7 @@ export class Gizmo {
   set space(space: "world" | "local") { this.controls.setSpace(space); this.changed(); }
   private changed(): void { this.onChange(); this.view.request(); }
   /** Over one of its arrows: then a click is no click at an object. */
-  get isUnderPointer(): boolean { return this.controls.axis !== null && this.item !== null; }
+  get isUnderPointer(): boolean { return this.controls.axis !== null && this.items.length > 0; }
 
   /** Where the arrow along an axis of the view, or the ring about it, can be gripped: a place of the device. */
   grip(axis: "x" | "y" | "z"): Vec {
@@ -56,15 +56,15 @@ export class Gizmo {
 
   /** Follows the selection, but not while it is dragged. */
   private attach(): void {
-    const chosen = this.model.selection;
-    const item = chosen.length === 1 && !chosen[0]!.isLocked && !this.model.hidden.has(chosen[0]!.told.id) ? chosen[0]! : null;
-    if (this.isDragging && item === this.item) return;
-    if (this.isDragging) { // it vanished under the hand
+    const items = this.model.selection.filter((item) => !item.isLocked && !this.model.hidden.has(item.told.id));
+    if (this.isDragging && items.length === this.items.length && items.every((item, i) => item === this.items[i])) return;
+    if (this.isDragging) { // one of them vanished under the hand
       this.isDragging = false;
       this.view.controls.enabled = true;
       this.controls.reset();
     }
-    this.item = item;
+    this.items = items;
+    const item = items[0];
     if (!item) { this.controls.detach(); return; }
     this.handle.position.set(...minus(item.place, this.view.origin));
     const q = item.turn;
@@ -74,8 +74,8 @@ export class Gizmo {
 
   private drag(isDragging: boolean): void {
     this.view.controls.enabled = !isDragging;
-    if (isDragging && this.item) {
-      this.start = { place: this.item.place, turn: this.item.turn };
+    if (isDragging) {
+      this.starts = this.items.map(({ place, turn }) => ({ place, turn }));
       this.gesture = newGesture();
     }
     this.isDragging = isDragging;
@@ -85,30 +85,38 @@ export class Gizmo {
 
   /** Where the handle is now, from where it began: snapped, and in double precision. */
   private follow(): void {
-    const { item, start } = this;
-    if (!item || !this.isDragging) return;
-    let place = start.place, turn = start.turn;
-    const axes: Quat = this.controls.space === "local" ? start.turn : [1, 0, 0, 0];
+    const start = this.starts[0];
+    if (!start || !this.isDragging) return;
+    let way: Vec = [0, 0, 0], by: Quat = [1, 0, 0, 0]; // along and about the axes of the device
     if (this.controls.mode === "translate") {
+      const axes: Quat = this.controls.space === "local" ? start.turn : [1, 0, 0, 0];
       const from = minus(start.place, this.view.origin);
-      let way = rotate(conjugate(axes), minus(this.handle.position.toArray() as Vec, from));
+      way = rotate(conjugate(axes), minus(this.handle.position.toArray() as Vec, from));
       if (this.snaps) way = way.map((x) => Math.round(x / step) * step) as Vec;
       else way = way.map((x) => (Math.abs(x) < 1e-9 ? 0 : x)) as Vec;
-      place = add(start.place, rotate(axes, way));
+      way = rotate(axes, way);
     } else {
       const q = this.handle.quaternion;
-      const by = multiply([q.w, q.x, q.y, q.z], conjugate(start.turn)); // about the axes of the device
-      const taken = this.snaps ? snapped(by) : by;
-      this.turned = (2 * Math.atan2(Math.hypot(taken[1], taken[2], taken[3]), Math.abs(taken[0])) * 180) / Math.PI;
-      turn = multiply(taken, start.turn);
+      by = multiply([q.w, q.x, q.y, q.z], conjugate(start.turn));
+      if (this.snaps) by = snapped(by);
+      this.turned = (2 * Math.atan2(Math.hypot(by[1], by[2], by[3]), Math.abs(by[0])) * 180) / Math.PI;
     }
-    this.handle.position.set(...minus(place, this.view.origin));
+    const turn = multiply(by, start.turn);
+    this.handle.position.set(...minus(add(start.place, way), this.view.origin));
     this.handle.quaternion.set(turn[1], turn[2], turn[3], turn[0]);
-    const pose = item.poseAt(place, turn);
-    if (this.controls.mode === "translate") pose.orientation = item.pose.orientation; // bit for bit
-    void this.moves.put({ name: item.told.name, pose, gesture: this.gesture });
+    const moves = this.items.map((item, i): Move => {
+      const one = this.starts[i]!, name = item.told.name;
+      if (this.controls.mode === "translate") {
+        return { name, ...item.poseAt(add(one.place, way), one.turn), orientation: item.pose.orientation }; // bit for bit
+      }
+      const place = i === 0 ? start.place : add(start.place, rotate(by, minus(one.place, start.place)));
+      return { name, ...item.poseAt(place, multiply(by, one.turn)) };
+    });
+    void this.moves.put({ moves, gesture: this.gesture });
   }
 }
+
+type Move = Pose & { name: string };
 
 /** The same turn, by a whole number of steps. */
 function snapped(q: Quat): Quat {

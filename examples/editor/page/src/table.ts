@@ -127,8 +127,7 @@ export class Table {
     if (target.classList.contains("on")) {
       const enabled = (target as HTMLInputElement).checked;
       (line as HTMLElement & { told?: string }).told = undefined;
-      this.orders.change([item.told.name], { enabled }).catch((refused) => this.orders.onNotice(refused.text, true));
-      return;
+      return this.setEnabled([item], enabled);
     }
     const id = item.told.id;
     if (event.shiftKey && this.anchor >= 0) {
@@ -150,8 +149,7 @@ export class Table {
     const now = this.lines.findIndex((line) => !("count" in line) && this.model.selected.has(line.told.id));
     if (event.target !== this.scroll && event.key === " ") return; // on a button or checkbox of a line
     if (event.key === " " && now >= 0) {
-      const item = this.lines[now] as Item;
-      this.orders.change([item.told.name], { enabled: !item.told.enabled }).catch((refused) => this.orders.onNotice(refused.text, true));
+      this.setEnabled(this.model.selection, !(this.lines[now] as Item).told.enabled);
     } else if (step) {
       let next = Math.max(0, Math.min(this.lines.length - 1, now + step));
       while (this.lines[next] && "count" in this.lines[next]!) next += Math.sign(step);
@@ -159,6 +157,12 @@ export class Table {
       if (item && !("count" in item)) this.model.select([item.told.id]);
     } else return;
     event.preventDefault();
+  }
+
+  /** All of them in one go. */
+  private setEnabled(items: Item[], enabled: boolean): void {
+    const names = items.filter((item) => !item.isLocked).map((item) => item.told.name);
+    this.orders.change(names, { enabled }).catch((refused) => this.orders.onNotice(refused.text, true));
   }
 
   private reveal(): void {
