@@ -96,6 +96,7 @@ class Look:
         self._fetching: set[str] = set()
         self._again: set[str] = set()  # objects to fetch even if their revision is the same
         self._ids = 0
+        self._numbers: dict[str, int] = {}  # of the other clients, in the order in which they were first seen
         self._event_count = 0
         self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._run, name="look", daemon=True)
@@ -323,6 +324,9 @@ class Look:
         if (content := clients.tobytes()) != self._client_content:
             self._client_content = content
             found = [_client(dict(zip(clients.dtype.names or (), each, strict=True))) for each in clients.tolist()]
+            for each in found:
+                if each["name"] not in (self.me, "server"):
+                    each["number"] = self._numbers.setdefault(each["name"], len(self._numbers))
             # One that has just come has no view yet.
             self._clients = [told | self._views[told["name"]] for told in found if told["name"] in self._views]
         return self._clients

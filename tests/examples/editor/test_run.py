@@ -152,6 +152,22 @@ def test_two_browsers(lab: Lab, started: Any, opened: Callable[[str], Page], sec
     eventually(lambda: second.get("editor/point")["status"] == "FS_OK")
 
 
+def test_all_browsers_show_the_same_colours(lab: Lab, started: Any, opened: Callable[[str], Page]) -> None:
+    editor = started(Editor, lab.endpoint)
+    one, names = opened(editor.address), [f"client {i}" for i in range(6)]
+    for i, name in enumerate(names):
+        lab.join(name)["a"] = fs.Point(position=(0.01 * i, 0, 0.05))
+        one.wait_for_selector(f'#table .item[data-name="{name}/a"]')
+    lab.clients[0].close()
+    lab.clients[2].close()
+    one.wait_for_selector('#table[data-count="4"]')
+    two = opened(editor.address)  # it has never seen those that are gone
+    two.wait_for_selector('#table[data-count="4"]')
+    colours = "() => [...document.querySelectorAll('#table .group b')].map(b => [b.textContent, b.style.getPropertyValue('--c')])"
+    seen = [{name: colour for name, colour in page.evaluate(colours) if name in (names[1], *names[3:])} for page in (one, two)]
+    assert len(set(seen[0].values())) == len(seen[0]) == 4 and seen[0] == seen[1], seen
+
+
 def test_server_killed(started: Any, opened: Callable[[str], Page]) -> None:
     lab = started(Lab)
     editor = started(Editor, lab.endpoint)

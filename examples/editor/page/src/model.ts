@@ -18,6 +18,7 @@ export interface Told {
 export interface Client {
   name: string; force: Vec; objects: number; force_limit: number; moves: number; changes: number; refused: number;
   frame: Frame; tool: Pose; points: Vec[]; held: boolean; locked: boolean;
+  number?: number; // of the other clients alone
 }
 export interface Hand { pose: Pose; proxy: Pose; flags: number; feels: number; sent: Vec; torque: Vec }
 export interface Happened { serial: number; kind: string; name: string; text: string; value: number | null }
@@ -29,6 +30,7 @@ const conditions: Condition[] = ["pending", "felt", "fading", "disabled", "refus
 export const mark: Record<Condition, string> =
   { pending: "…", felt: "●", fading: "◐", disabled: "○", refused: "⚠\uFE0E", expired: "✕" };
 
+const colours = [0xd57a00, 0x008f6b, 0xb25a94, 0x3aa0d0, 0xc04a00, 0x9b8a00];
 const defaultFrame: Frame = { pose: identity, scale: 1, force_scale: 1 };
 
 /** An object of some client. Poses are in its client's scene; what says so is at the device. */
@@ -191,6 +193,13 @@ export class Model {
   }
   get selection(): Item[] { return [...this.selected].map((id) => this.items.get(id)).filter((item) => item !== undefined); }
   byName(name: string): Item | undefined { return [...this.items.values()].find((item) => item.told.name === name); }
+  /** The colour of a client: the editor's own is blue, and the others are told apart as well as may be (Okabe & Ito). The
+   * editor's server numbers the clients, so that all its browsers show the same colours. */
+  colourOf(client: string): number {
+    if (client === this.me) return 0x2f6fb0;
+    if (client === "server") return 0x7a7f87;
+    return colours[(this.clients.get(client)?.number ?? 0) % colours.length]!;
+  }
   /** m of the item's client instead of metres at the device. */
   inClientMetres = false;
   distance(item: Item): string {
@@ -201,17 +210,6 @@ export class Model {
     else this.hidden.delete(id);
     this.tell("objects");
   }
-}
-
-const order = new Map<string, number>(); // in which the clients came
-
-/** The colour of a client: the editor's own is blue, and the others are told apart as well as may be (Okabe & Ito). */
-export function colourOf(client: string, me: string): number {
-  if (client === me) return 0x2f6fb0;
-  if (client === "server") return 0x7a7f87;
-  const colours = [0xd57a00, 0x008f6b, 0xb25a94, 0x3aa0d0, 0xc04a00, 0x9b8a00];
-  if (!order.has(client)) order.set(client, order.size);
-  return colours[order.get(client)! % colours.length]!;
 }
 
 export function newtons(force: number): string {

@@ -1,7 +1,7 @@
 // The table of all objects, by client. Only the lines that are in sight exist, so thousands of objects cost nothing.
 
 import { make, put } from "./fields";
-import { type Item, type Model, colourOf, mark, newtons, sizeOf } from "./model";
+import { type Item, type Model, mark, newtons, sizeOf } from "./model";
 import type { Orders } from "./orders";
 
 const lineHeight = 24;
@@ -87,7 +87,7 @@ export class Table {
     element.dataset.index = String(index);
     const html = (text: string) => text.replace(/[&<>"]/g, (c) => `&#${c.charCodeAt(0)};`);
     if ("count" in line) {
-      const colour = `#${colourOf(line.client, this.model.me).toString(16).padStart(6, "0")}`;
+      const colour = `#${this.model.colourOf(line.client).toString(16).padStart(6, "0")}`;
       const client = this.model.clients.get(line.client);
       const locked = client?.locked && line.client !== this.model.me ? " 🔒" : "";
       const own = line.client === this.model.me ? " (this editor)" : "";

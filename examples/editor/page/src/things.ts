@@ -4,7 +4,7 @@ import * as THREE from "three";
 import type { LineMaterial } from "three/addons/lines/LineMaterial.js";
 import { type Vec, length, minus } from "./frames";
 import { type Drawn, Signs, drawLine, drawMesh, paintCross, paintWarning, planeLooks, pointLooks } from "./looks";
-import { type Condition, type Item, type Model, colourOf } from "./model";
+import { type Condition, type Item, type Model } from "./model";
 import type { ShapeStore } from "./shapes";
 
 const white = new THREE.Color(0xffffff), grey = new THREE.Color(0x9097a1), red = new THREE.Color(0xc0392b);
@@ -130,7 +130,7 @@ export class Things {
     for (const [id, solo] of this.solos) if (!drawn.has(id)) this.dropSolo(id, solo);
     const sum = this.model.handPlace;
     for (const client of this.model.clients.values()) {
-      colour.set(colourOf(client.name, this.model.me)).multiplyScalar(0.8);
+      colour.set(this.model.colourOf(client.name)).multiplyScalar(0.8);
       this.arrow(minus(sum, origin), client.force, this.unit * 0.1, colour);
     }
     this.arrow(minus(sum, origin), this.model.sent, this.unit * 0.2, colour.set(0x1d232b));
@@ -145,14 +145,14 @@ export class Things {
   private setColour(item: Item, condition: Condition): void {
     if (condition === "refused") colour.copy(red);
     else if (condition === "disabled" || condition === "expired") colour.copy(grey);
-    else colour.set(colourOf(item.told.client, this.model.me));
+    else colour.set(this.model.colourOf(item.told.client));
   }
 
   private drawForce(item: Item, origin: Vec): void {
     const force = item.push;
     if (!Number.isFinite(item.distance) || length(force) < 0.02) return;
     const at = minus(item.nearest, origin);
-    colour.set(colourOf(item.told.client, this.model.me));
+    colour.set(this.model.colourOf(item.told.client));
     this.arrow(at, force, this.unit * 0.09, colour);
     if (item.told.contact.keep !== "none") {
       size.setScalar(this.unit * 0.35);

@@ -3,7 +3,7 @@
 import uPlot from "uplot";
 import { axis } from "./curve_plot";
 import { make } from "./fields";
-import { type Model, colourOf, sizeOf } from "./model";
+import { type Model, sizeOf } from "./model";
 
 /** The last `most` rows of numbers, oldest first. */
 class Ring {
@@ -127,7 +127,7 @@ export class TimePlots {
     this.names = [...this.model.clients.keys()];
     const series = {
       force: [line("|F|", "#1d232b", 0, 2), line("x", "#b04a3f", 1), line("y", "#4b8b4f", 2), line("z", "#4667a8", 3)],
-      clients: this.names.map((name, i) => line(name, `#${colourOf(name, this.model.me).toString(16).padStart(6, "0")}`, i, 2)),
+      clients: this.names.map((name, i) => line(name, `#${this.model.colourOf(name).toString(16).padStart(6, "0")}`, i, 2)),
       servo: [line("late p50", "#8aa0b8", 2), line("p99", "#2f6fb0"), line("max", "#c0392b", 1), line("compute p99", "#4b8b4f", 3), line("Hz", "#a8532c", 4, 1.5, "hz")],
     };
     const isServo = this.shown === "servo";

@@ -3,7 +3,7 @@
 import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { type Vec, add, length, minus, rotate, toDevice } from "./frames";
-import { type Item, type Model, colourOf } from "./model";
+import { type Item, type Model } from "./model";
 import { ShapeStore } from "./shapes";
 import { Things } from "./things";
 
@@ -126,7 +126,7 @@ export class View {
       if (isPlain && !client.held) continue; // it is at the hand
       for (const point of client.points) {
         const at = toDevice(client.frame, add(client.tool.position, rotate(client.tool.orientation, point)));
-        points.push({ at, colour: colourOf(client.name, model.me) });
+        points.push({ at, colour: model.colourOf(client.name) });
       }
     }
     while (this.hand.children.length < points.length) this.hand.add((this.hand.children[0] as THREE.Mesh).clone());
