@@ -384,6 +384,14 @@ def test_curves(lab: Lab, page: Page, second: Second) -> None:
     page.set("front.curve", "3*(")
     assert "column 3" in page.error("front.curve")
     assert page.field("front.curve").input_value() == "2*exp(-d/0.02)*(1+sin(5*t))"
+    # What was typed is not lost.
+    page.get_by_role("button", name="Edit again").click()
+    assert page.field("front.curve").input_value() == "3*("
+    page.keyboard.press("End")
+    page.keyboard.type("1-d)")
+    page.keyboard.press("Enter")
+    eventually(lambda: second.get("editor/point")["front"].get("expression") == "3*(1-d)")
+    page.get_by_role("button", name="Edit again").wait_for(state="hidden")
     page.choose("front.curve.way", "table")
     eventually(lambda: "table" in second.get("editor/point")["front"])
     page.set("front.curve.table", "d\tf\n0\t0\n0.002\t1,5\n0.004\t2\n0.006\t0.5")
@@ -391,6 +399,10 @@ def test_curves(lab: Lab, page: Page, second: Second) -> None:
     assert second.get("editor/point")["front"]["step"] == 0.002
     page.set("front.curve.table", "0, 0\n0.002, 1\n0.005, 2")
     assert "line 3" in page.error("front.curve.table")
+    page.get_by_role("button", name="Edit again").click()
+    assert page.field("front.curve.table").input_value() == "0, 0\n0.002, 1\n0.005, 2"
+    page.set("front.curve.table", "0, 0\n0.002, 1\n0.004, 2")
+    eventually(lambda: second.get("editor/point")["front"]["table"] == [0, 1, 2])
     # The handles of the plot.
     page.choose("front.kind", "gaussian")
     page.wait_for_selector('[data-handle="front.limit"]')

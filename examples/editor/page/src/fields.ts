@@ -65,9 +65,11 @@ export class Field {
     this.refuse("");
   }
 
-  refuse(text: string): void {
+  /** again: puts what was typed back into the field. */
+  refuse(text: string, again?: () => void): void {
     if (text) this.awaited = null;
     this.error.textContent = text;
+    if (again) this.error.append(" ", make("button", { textContent: "Edit again", title: "Puts what you typed back into the field", onclick: again }));
     this.row.classList.toggle("bad", text !== "");
     this.input.setAttribute("aria-invalid", String(text !== ""));
     if (text) this.input.setAttribute("aria-describedby", this.error.id);
@@ -217,7 +219,7 @@ export class AreaField extends Field {
       } catch (refused) {
         if (area.value === text) {
           area.value = this.value;
-          this.refuse((refused as Refusal).text);
+          this.refuse((refused as Refusal).text, () => { area.value = text; area.focus(); });
         }
       }
       sending = null;
