@@ -393,14 +393,7 @@ def _pose(value: Any) -> Plain:
 
 
 def _hand(hand: fs.Hand) -> Plain:
-    return {
-        "pose": pose(hand.state.pose),
-        "proxy": pose(hand.response.proxy),
-        "flags": int(hand.state.flags),
-        "feels": int(hand.response.flags),
-        "sent": numbers(hand.sent.force),
-        "torque": numbers(hand.sent.torque),
-    }
+    return {"pose": pose(hand.state.pose), "sent": numbers(hand.sent.force)}
 
 
 def _stats(stats: fs.ServoStats) -> Plain:

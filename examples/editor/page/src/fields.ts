@@ -30,7 +30,7 @@ export function parse(text: string): number | null {
 let ids = 0;
 
 /** One line of the panel. It shows what the server has, unless the person is typing. */
-export class Field {
+class Field {
   readonly row: HTMLElement;
   private readonly error = make("div", { className: "error", role: "alert" } as Partial<HTMLDivElement>);
   protected readonly unit = make("span", { className: "unit" });

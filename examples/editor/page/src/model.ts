@@ -16,13 +16,11 @@ export interface Told {
   shape: ShapeInfo | null; tool_points: number; enabled: boolean;
 }
 export interface Client {
-  name: string; force: Vec; objects: number; force_limit: number; moves: number; changes: number; refused: number;
-  frame: Frame; tool: Pose; points: Vec[]; held: boolean; locked: boolean;
+  name: string; force: Vec; frame: Frame; tool: Pose; points: Vec[]; held: boolean; locked: boolean;
   number?: number; // of the other clients alone
 }
-export interface Hand { pose: Pose; proxy: Pose; flags: number; feels: number; sent: Vec; torque: Vec }
+export interface Hand { pose: Pose; sent: Vec }
 export interface Happened { serial: number; kind: string; name: string; text: string; value: number | null }
-export interface Step { who: string; text: string }
 
 /** How an object is felt; that a lifetime is over is found out here. */
 export type Condition = "pending" | "felt" | "fading" | "disabled" | "refused" | "expired";
@@ -107,7 +105,6 @@ export class Model {
   hidden = new Set<number>();
   hand: Hand | null = null;
   told: any = {};
-  events: Happened[] = [];
   newSamples: Float64Array = new Float64Array();
   isConnected = false;
   private listeners = new Map<Topic, (() => void)[]>();
@@ -130,10 +127,7 @@ export class Model {
   take(state: State): boolean {
     const told: any = state.told;
     this.told = { ...this.told, ...told };
-    if (told.fresh) {
-      this.items.clear();
-      this.events = [];
-    }
+    if (told.fresh) this.items.clear();
     if (told.error) { this.items.clear(); this.clients.clear(); this.hand = null; this.tell("objects"); }
     if (told.clients) this.clients = new Map((told.clients as Client[]).map((client) => [client.name, client]));
     if (told.hand) this.hand = told.hand as Hand;
@@ -156,10 +150,7 @@ export class Model {
     this.tell("state");
     if (state.samples.length) this.tell("samples");
     if (selectedBefore !== this.selected.size) this.tell("selection");
-    if (told.events?.length) {
-      this.events = [...this.events, ...(told.events as Happened[])].slice(-100);
-      this.tell("happened");
-    }
+    if (told.events?.length) this.tell("happened");
     return isDrawn;
   }
 

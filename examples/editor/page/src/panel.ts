@@ -1,7 +1,7 @@
 // The fields of what is selected. All of fs_object can be changed here; what a kind does not use is not there.
 
 import { fromDegrees, toDegrees } from "./frames";
-import { type AnyField, AreaField, CheckField, ChoiceField, Field, type Send, TextField, make, numberField, parse, put, shown } from "./fields";
+import { type AnyField, AreaField, CheckField, ChoiceField, type Send, TextField, make, numberField, parse, put, shown } from "./fields";
 import { type Item, type Model, type Profile, mark, newtons, sizeOf } from "./model";
 import { type Orders, newGesture } from "./orders";
 import { ofKind, uses } from "./profiles";
@@ -360,5 +360,3 @@ function showPoints(bits: number): string {
   if (bits === 0) return "all";
   return Array.from({ length: 32 }, (_, i) => i).filter((i) => Math.floor(bits / 2 ** i) % 2).map((i) => i + 1).join(", ");
 }
-
-export { Field };

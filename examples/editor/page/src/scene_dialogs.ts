@@ -17,7 +17,7 @@ function dialog(title: string, ...content: (Node | string)[]): HTMLDialogElement
 }
 
 /** A file that the person chooses. */
-export function chooseFile(accept: string): Promise<File | null> {
+function chooseFile(accept: string): Promise<File | null> {
   return new Promise((done) => {
     const input = make("input", { type: "file", accept });
     input.onchange = () => done(input.files?.[0] ?? null);
