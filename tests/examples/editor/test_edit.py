@@ -129,6 +129,86 @@ def test_drag_the_gizmo(lab: Lab, page: Page, second: Second) -> None:
     eventually(lambda: second.get("editor/point")["position"] == [0.1, 0, 0])
 
 
+def test_by_keys_alone(lab: Lab, page: Page, second: Second) -> None:
+    rover = lab.join("rover")
+    for i in range(1, 6):
+        rover[f"p{i}"] = fs.Point(position=(0.02 * i, 0, 0.03), front=fs.Gaussian(1, 0.01, limit=2))
+    rover["way"] = fs.Polyline([(0, 0, 0), (0.02, 0, 0), (0.02, 0.03, 0)], front=fs.Gaussian(1, 0.01, limit=2))
+    for i in range(1, 6):
+        page.wait_for_selector(f'#table .item[data-name="rover/p{i}"][data-state="felt"]')
+    page.wait_for_selector('#table[data-count="6"]')
+    press: Callable[[str], None] = page.keyboard.press
+
+    def go_to(selector: str, key: str = "Tab") -> None:
+        while not page.evaluate("selector => document.activeElement.matches(selector)", selector):
+            press(key)
+
+    def enabled() -> list[int]:
+        return [i for i in range(1, 6) if second.get(f"rover/p{i}")["enabled"]]
+
+    def chosen() -> list[str]:
+        return page.evaluate("() => [...document.querySelectorAll('#table [role=row][aria-selected=true]')].map(row => row.dataset.name.slice(6))")
+
+    def active() -> str:
+        return page.evaluate("() => document.getElementById(document.activeElement.getAttribute('aria-activedescendant'))?.dataset.name.slice(6)")
+
+    go_to("#table [role=grid]")
+    press("ArrowDown")
+    press("Shift+ArrowDown")
+    press("Shift+ArrowDown")
+    press("Shift+ArrowUp")
+    assert chosen() == ["p1", "p2"] and active() == "p2"
+    press("Control+ArrowDown")
+    press("Control+ArrowDown")
+    assert chosen() == ["p1", "p2"] and active() == "p4"
+    press("Control+Space")
+    assert chosen() == ["p1", "p2", "p4"]
+    press("Space")
+    eventually(lambda: enabled() == [3, 5])
+    for i in (1, 2, 4):
+        page.wait_for_selector(f'#table .item[data-name="rover/p{i}"][data-state="disabled"]')
+    press("Control+Space")
+    assert chosen() == ["p1", "p2"] and active() == "p4"
+    picture(page, "chosen by keys")
+    press("End")
+    assert chosen() == ["way"] == [active()]
+    press("Home")
+    press("Shift+End")
+    assert len(chosen()) == 6 and active() == "way"
+    # All that the filter shows.
+    go_to("#filter", "Shift+Tab")
+    page.keyboard.type("point p felt")
+    go_to("#table [role=grid]")
+    press("Control+a")
+    assert chosen() == ["p3", "p5"]
+    press("Space")
+    eventually(lambda: enabled() == [])
+    press("Control+z")
+    eventually(lambda: enabled() == [3, 5])
+    # The corners of a line: from one to the next, moved by a millimetre and by a tenth of that, and removed.
+    go_to("#filter", "Shift+Tab")
+    press("Control+a")
+    page.keyboard.type("way")
+    go_to("#table [role=grid]")
+    press("ArrowDown")
+    page.wait_for_selector('#panel[data-selected="rover/way"]')
+    page.wait_for_selector('[data-corner="2"]')
+    press("c")
+    press("c")
+    assert page.evaluate("document.activeElement.dataset.corner") == "1"
+    for key, wanted in (("ArrowRight", [0.021, 0, 0]), ("Shift+ArrowDown", [0.021, -0.0001, 0]), ("PageUp", [0.021, -0.0001, 0.001])):
+        press(key)
+        eventually(lambda wanted=wanted: np.allclose(second.get("rover/way")["points"], [0, 0, 0, *wanted, 0.02, 0.03, 0], atol=1e-12))
+        page.wait_for_function("at => Math.abs(editor.tools.corners.points[1].reduce((sum, x) => sum + x) - at) < 1e-12", arg=sum(wanted))
+    picture(page, "a corner by keys")
+    assert page.evaluate("document.activeElement.dataset.corner") == "1"  # it keeps the focus
+    press("Delete")
+    eventually(lambda: second.get("rover/way")["points"] == [0, 0, 0, 0.02, 0.03, 0])
+    press("?")
+    page.wait_for_selector("dialog[open]")
+    picture(page, "help")
+
+
 def test_own_and_others_objects_in_one_gesture(lab: Lab, page: Page, second: Second) -> None:
     rover = lab.join("rover")
     rover.set_frame(fs.Frame(scale=2, pose=fs.Pose(orientation=(math.sqrt(0.5), 0, 0, math.sqrt(0.5)))))

@@ -1,15 +1,18 @@
-// The corners of the polyline that is selected: they can be dragged, and removed.
+// The corners of the polyline that is selected: they can be moved, by the pointer or by keys, and removed.
 
 import * as THREE from "three";
-import { type Vec, add, conjugate, fromDevice, minus, rotate, toDevice } from "./frames";
+import { type Vec, add, conjugate, fromDevice, minus, rotate, times, toDevice } from "./frames";
 import type { Item, Model } from "./model";
 import { Latest, type Orders, newGesture } from "./orders";
 import type { View } from "./view";
+
+const keyStep = 0.001; // m at the device
 
 export class Corners {
   private readonly box: HTMLElement;
   private item: Item | null = null;
   private points: Vec[] = [];
+  private hash = ""; // of the shape that the points are of
   private dragged = -1;
   active = -1;
   private gesture = "";
@@ -31,10 +34,13 @@ export class Corners {
     this.dragged = -1; // it may have vanished under the hand
     const shape = chosen?.told.shape;
     const isFit = chosen && shape && chosen.told.primitive === "polyline" && shape.points <= 300 && !chosen.isLocked;
-    if (this.item !== chosen) this.active = -1;
+    const isSame = this.item === chosen;
+    if (!isSame) this.active = -1;
     this.item = isFit && this.model.selected.size === 1 ? chosen : null;
     const loaded = this.item && shape && this.view.shapes.get(shape);
+    if (this.item && isSame && !loaded && this.points.length) return; // the old ones stay until the new ones are here
     this.points = [];
+    this.hash = loaded ? shape.hash : "";
     if (loaded) for (let i = 0; i < loaded.exact.length; i += 3) this.points.push([...loaded.exact.slice(i, i + 3)] as Vec);
     while (this.box.children.length > this.points.length) this.box.lastChild!.remove();
     while (this.box.children.length < this.points.length) this.box.append(this.dot(this.box.children.length));
@@ -44,7 +50,7 @@ export class Corners {
   private dot(index: number): HTMLElement {
     const dot = document.createElement("button");
     dot.dataset.corner = String(index);
-    dot.title = `Corner ${index + 1}: drag it; Delete removes it`;
+    dot.title = `Corner ${index + 1}: drag it, or arrow keys (x, y) and Page Up and Down (z); Delete removes it`;
     dot.onpointerdown = (event) => {
       event.preventDefault();
       dot.setPointerCapture(event.pointerId);
@@ -53,10 +59,13 @@ export class Corners {
       this.gesture = newGesture();
     };
     dot.onfocus = () => { this.active = index; };
-    dot.onblur = () => { if (this.active === index) this.active = -1; };
+    dot.onkeydown = (event) => this.key(event, index);
     dot.onpointermove = (event) => { if (this.dragged === index) this.drag(event); };
-    dot.onpointerup = dot.onlostpointercapture = () => {
-      if (this.dragged === index) this.dragged = -1;
+    const release = () => { if (this.dragged === index) this.dragged = -1; };
+    dot.onpointerup = dot.onlostpointercapture = dot.onkeyup = release;
+    dot.onblur = () => {
+      release();
+      if (this.active === index) this.active = -1;
     };
     return dot;
   }
@@ -67,10 +76,28 @@ export class Corners {
     if (!item) return;
     const surface = view.surface(event.clientX, event.clientY);
     const at = surface && surface.item !== item ? surface.at : inPicture(view, event, this.atDevice(this.points[this.dragged]!));
-    const inScene = fromDevice(item.frame, at);
+    this.put(at);
+  }
+
+  /** The corner that is dragged goes to this place of the device. */
+  private put(at: Vec): void {
+    const item = this.item!, inScene = fromDevice(item.frame, at);
     this.points[this.dragged] = rotate(conjugate(item.pose.orientation), minus(inScene, item.pose.position));
     void this.changes.put({ ...this.line(item), points: this.points.map((p) => [...p] as Vec), gesture: this.gesture });
     this.place();
+  }
+
+  /** To the next corner, or back to the first. */
+  step(): void { (this.box.children[(this.active + 1) % this.points.length] as HTMLElement | undefined)?.focus(); }
+
+  private key(event: KeyboardEvent, index: number): void {
+    const way: Vec | undefined = { ArrowRight: [1, 0, 0], ArrowLeft: [-1, 0, 0], ArrowUp: [0, 1, 0], ArrowDown: [0, -1, 0],
+      PageUp: [0, 0, 1], PageDown: [0, 0, -1] }[event.key] as Vec | undefined;
+    if (!way || !this.item) return;
+    event.preventDefault();
+    this.dragged = index; // until the key is let go of
+    if (!event.repeat) this.gesture = newGesture();
+    this.put(add(this.atDevice(this.points[index]!), times(event.shiftKey ? keyStep / 10 : keyStep, way)));
   }
 
   removeActive(): boolean {
@@ -92,7 +119,7 @@ export class Corners {
   }
 
   private place(): void {
-    if (this.item && this.points.length === 0) this.attach();
+    if (this.item && this.dragged < 0 && this.item.told.shape?.hash !== this.hash) this.attach(); // it has come meanwhile
     this.points.forEach((point, i) => {
       const dot = this.box.children[i] as HTMLElement | undefined;
       if (!dot) return;

@@ -152,6 +152,7 @@ window.addEventListener("keydown", (event) => {
     Delete: () => { if (!event.repeat && !tools?.corners.removeActive()) remove(); },
     w: () => at("tool-move").click(), e: () => at("tool-turn").click(), q: () => at("tool-space").click(), f: () => at("fit").click(),
     1: () => at("look-top").click(), 2: () => at("look-front").click(), 3: () => at("look-side").click(), 4: () => at("look-free").click(),
+    c: () => tools?.corners.step(),
     Enter: () => { if (tools?.pencil.isOn) tools.pencil.finish(false); },
     "?": () => dialogs.help(),
   };

@@ -177,7 +177,9 @@ export class Dialogs {
     const keys: [string, string][] = [
       ["Escape", "stops all force, at once"], ["Ctrl+Z, Ctrl+Shift+Z", "undo, redo"], ["Delete", "removes the selection, or a corner that is active"],
       ["W, E", "move, turn"], ["Q", "axes of the world, or of the object"], ["Ctrl while dragging", "snaps to 10 mm and 5°"], ["F", "fits the view to the selection"],
-      ["1, 2, 3, 4", "view from the top, front, side, and slantwise"], ["Space", "enables or disables (in the table)"], ["↑ ↓", "next object (in the table); a tenth more or less (in a field)"],
+      ["1, 2, 3, 4", "view from the top, front, side, and slantwise"], ["↑ ↓", "in the table: the next object; with Shift as well, with Ctrl without selecting it"],
+      ["Ctrl+Space, Ctrl+A", "in the table: selects one more or one less; all that are shown"], ["Space, H", "in the table: enables or disables; hides or shows"],
+      ["C", "the next corner of a polyline; arrow keys and Page Up and Down move it by 1 mm"], ["↑ ↓ in a field", "a tenth more or less"],
       ["left, right, wheel", "orbit, pan, zoom"],
     ];
     const looks: [Condition, string][] = [
@@ -185,6 +187,8 @@ export class Dialogs {
       ["expired", "grey dots, with a cross: the lifetime is over"], ["refused", "red wires or a thin red line, with a warning sign"],
     ];
     const list = (pairs: string[][]) => make("dl", {}, ...pairs.flatMap(([term, text]) => [make("dt", { textContent: term! }), make("dd", { textContent: text! })]));
-    dialog("Keys", list(keys), make("h2", { textContent: "How objects look" }), list(looks.map(([condition, text]) => [`${mark[condition]} ${condition}`, text])));
+    const box = dialog("Keys", list(keys), make("h2", { textContent: "How objects look" }), list(looks.map(([condition, text]) => [`${mark[condition]} ${condition}`, text])));
+    box.className = "wide";
+    box.scrollTop = 0; // the button below has the focus
   }
 }

@@ -1,4 +1,6 @@
 // The table of all objects, by client. Only the lines that are in sight exist, so thousands of objects cost nothing.
+//
+// For the keyboard and for screen-readers it is a grid that has the focus as a whole: one of its lines is the active one.
 
 import { make, put } from "./fields";
 import { type Item, type Model, mark, newtons, sizeOf } from "./model";
@@ -13,7 +15,9 @@ export class Table {
   private readonly scroll = make("div", { className: "scroll", tabIndex: 0 });
   private readonly space = make("div", { className: "space" });
   private lines: Line[] = [];
+  private active = -1; // the id of an object, as is the anchor, from which Shift extends the selection
   private anchor = -1;
+  private isChoosing = false;
   private isDue = false;
 
   constructor(private readonly box: HTMLElement, private readonly model: Model, private readonly orders: Orders) {
@@ -25,6 +29,7 @@ export class Table {
     for (const [text, title] of [["", "shown"], ["", "enabled"], ["object", ""], ["state", ""], ["distance", ""], ["force", ""]] as const) {
       head.append(make("span", { textContent: text, title }));
     }
+    this.space.setAttribute("role", "rowgroup");
     this.scroll.append(this.space);
     const metres = make("button", { textContent: "client m", id: "metres", title: "Distances in metres of each object's client, not of the device" });
     metres.setAttribute("aria-pressed", "false");
@@ -39,7 +44,12 @@ export class Table {
     this.scroll.onkeydown = (event) => this.key(event);
     this.space.onclick = (event) => this.click(event);
     model.on(["objects"], () => this.sort());
-    model.on(["selection"], () => { this.draw(); this.reveal(); });
+    model.on(["selection"], () => {
+      const [first] = model.selected;
+      if (model.selected.size === 1 && !this.isChoosing) this.active = this.anchor = first!; // it was selected elsewhere
+      this.draw();
+      this.reveal();
+    });
     model.on(["rows", "state"], () => this.later());
     new ResizeObserver(() => this.draw()).observe(this.scroll);
   }
@@ -74,6 +84,8 @@ export class Table {
 
   private draw(): void {
     this.space.style.height = `${this.lines.length * lineHeight}px`;
+    this.scroll.setAttribute("aria-rowcount", String(this.lines.length));
+    this.scroll.removeAttribute("aria-activedescendant"); // unless it is among those that are drawn
     const first = Math.max(0, Math.floor(this.scroll.scrollTop / lineHeight) - 2);
     const last = Math.min(this.lines.length, first + Math.ceil(this.scroll.clientHeight / lineHeight) + 5);
     const wanted = last - first;
@@ -85,6 +97,8 @@ export class Table {
   private drawLine(element: HTMLElement, line: Line, index: number): void {
     element.style.transform = `translateY(${index * lineHeight}px)`;
     element.dataset.index = String(index);
+    element.setAttribute("role", "row");
+    element.setAttribute("aria-rowindex", String(index + 1));
     const html = (text: string) => text.replace(/[&<>"]/g, (c) => `&#${c.charCodeAt(0)};`);
     if ("count" in line) {
       const colour = `#${this.model.colourOf(line.client).toString(16).padStart(6, "0")}`;
@@ -92,24 +106,27 @@ export class Table {
       const locked = client?.locked && line.client !== this.model.me ? " 🔒" : "";
       const own = line.client === this.model.me ? " (this editor)" : "";
       element.className = "line group";
-      set(element, `<b style="--c:${colour}">${html(line.client)}</b><i>${own}${locked}</i><span class="sum">${line.count} · ${
-        newtons(client ? sizeOf(client.force) : 0)}</span>`);
+      set(element, `<b role="rowheader" style="--c:${colour}">${html(line.client)}</b><i>${own}${locked}</i><span role="gridcell" class="sum">${
+        line.count} · ${newtons(client ? sizeOf(client.force) : 0)}</span>`);
       element.removeAttribute("aria-selected");
+      element.removeAttribute("id");
       delete element.dataset.name;
       return;
     }
     const { told } = line, condition = line.condition, isHidden = this.model.hidden.has(told.id);
-    const isSelected = this.model.selected.has(told.id);
-    element.className = `line item${isSelected ? " selected" : ""}${isHidden ? " hidden" : ""}`;
-    element.setAttribute("role", "row");
+    const isSelected = this.model.selected.has(told.id), isActive = this.active === told.id;
+    element.className = `line item${isSelected ? " selected" : ""}${isActive ? " active" : ""}${isHidden ? " hidden" : ""}`;
     element.setAttribute("aria-selected", String(isSelected));
+    element.id = `object-${told.id}`;
+    if (isActive) this.scroll.setAttribute("aria-activedescendant", element.id);
     element.dataset.name = told.name;
     element.dataset.state = condition;
     const near = Number.isFinite(line.distance);
-    set(element, `<button class="eye" title="${isHidden ? "Show" : "Hide"}">${isHidden ? "◌" : "◉"}</button>` +
-      `<input type="checkbox" class="on" title="Enabled" ${told.enabled ? "checked" : ""} ${line.isLocked ? "disabled" : ""}>` +
-      `<span class="name" title="${html(told.name)}"><i>${letters[told.primitive]}</i> <bdi>${html(told.short)}</bdi></span>` +
-      '<span class="state"></span><span class="number"></span><span class="number"></span>');
+    // The keys of the table do what the button and the checkbox do.
+    set(element, `<span role="gridcell"><button class="eye" tabindex="-1" title="${isHidden ? "Show (H)" : "Hide (H)"}">${isHidden ? "◌" : "◉"}</button></span>` +
+      `<span role="gridcell"><input type="checkbox" class="on" tabindex="-1" title="Enabled (Space)" ${told.enabled ? "checked" : ""} ${line.isLocked ? "disabled" : ""}></span>` +
+      `<span role="rowheader" class="name" title="${html(told.name)}"><i>${letters[told.primitive]}</i> <bdi>${html(told.short)}</bdi></span>` +
+      '<span role="gridcell" class="state"></span><span role="gridcell" class="number"></span><span role="gridcell" class="number"></span>');
     // What changes all the time, without making the rest anew: a click on the rest may be half done.
     const [state, distance, force] = [...element.children].slice(3) as HTMLElement[];
     state!.className = `state ${condition}`;
@@ -129,34 +146,62 @@ export class Table {
       (line as HTMLElement & { told?: string }).told = undefined;
       return this.setEnabled([item], enabled);
     }
-    const id = item.told.id;
-    if (event.shiftKey && this.anchor >= 0) {
-      const [from, to] = [Math.min(index, this.anchor), Math.max(index, this.anchor)];
-      this.model.select(this.lines.slice(from, to + 1).flatMap((each) => ("count" in each ? [] : [each.told.id])));
-    } else if (event.ctrlKey || event.metaKey) {
-      const next = new Set(this.model.selected);
-      if (!next.delete(id)) next.add(id);
-      this.model.select(next);
-      this.anchor = index;
-    } else {
-      this.model.select([id]);
-      this.anchor = index;
-    }
+    this.choose(item, event.shiftKey ? "range" : event.ctrlKey || event.metaKey ? "toggle" : "one");
   }
 
+  /** Makes the object the active one, and selects it alone, with all from the anchor on, or besides what is selected. */
+  private choose({ told: { id } }: Item, how: "one" | "range" | "toggle"): void {
+    this.active = id;
+    const anchor = this.indexOf(this.anchor), index = this.indexOf(id);
+    let next = new Set(how === "toggle" ? this.model.selected : []);
+    if (how === "range" && anchor >= 0) next = new Set(this.idsFrom(Math.min(anchor, index), Math.max(anchor, index) + 1));
+    else {
+      this.anchor = id;
+      if (how !== "toggle" || !next.delete(id)) next.add(id);
+    }
+    this.isChoosing = true;
+    this.model.select(next);
+    this.isChoosing = false;
+  }
+  private idsFrom(first: number, end: number): number[] {
+    return this.lines.slice(first, end).flatMap((line) => ("count" in line ? [] : [line.told.id]));
+  }
+  private indexOf(id: number): number { return this.lines.findIndex((line) => !("count" in line) && line.told.id === id); }
+
   private key(event: KeyboardEvent): void {
-    const step = { ArrowDown: 1, ArrowUp: -1, PageDown: 10, PageUp: -10 }[event.key];
-    const now = this.lines.findIndex((line) => !("count" in line) && this.model.selected.has(line.told.id));
-    if (event.target !== this.scroll && event.key === " ") return; // on a button or checkbox of a line
-    if (event.key === " " && now >= 0) {
-      this.setEnabled(this.model.selection, !(this.lines[now] as Item).told.enabled);
-    } else if (step) {
-      let next = Math.max(0, Math.min(this.lines.length - 1, now + step));
-      while (this.lines[next] && "count" in this.lines[next]!) next += Math.sign(step);
-      const item = this.lines[next];
-      if (item && !("count" in item)) this.model.select([item.told.id]);
+    const isControl = event.ctrlKey || event.metaKey, { selection } = this.model;
+    const item = this.lines[this.indexOf(this.active)] as Item | undefined;
+    const target = this.target(event.key);
+    if (target) {
+      if (isControl && !event.shiftKey) { // Ctrl+Space is to choose it
+        this.active = target.told.id;
+        this.draw();
+        this.reveal();
+      } else this.choose(target, event.shiftKey ? "range" : "one");
+    } else if (event.key === " " && isControl) {
+      if (item) this.choose(item, "toggle");
+    } else if (event.key === " ") {
+      if (event.target !== this.scroll) return; // on the button or the checkbox of a line
+      if (selection.length) this.setEnabled(selection, !selection[0]!.told.enabled);
+    } else if (event.key.toLowerCase() === "a" && isControl) {
+      this.model.select(this.idsFrom(0, this.lines.length));
+    } else if (event.key.toLowerCase() === "h" && !isControl) {
+      const isHidden = !this.model.hidden.has(selection[0]?.told.id ?? -1);
+      for (const each of selection) this.model.setHidden(each.told.id, isHidden);
     } else return;
     event.preventDefault();
+  }
+
+  /** The object that a key leads to from the active one. */
+  private target(key: string): Item | undefined {
+    const end = this.lines.length;
+    const by = { ArrowDown: 1, ArrowUp: -1, PageDown: 10, PageUp: -10, End: end, Home: -end }[key];
+    if (!by) return undefined;
+    const start = Math.max(0, Math.min(end - 1, this.indexOf(this.active) + by));
+    for (const step of [Math.sign(by), -Math.sign(by)]) { // past the lines of clients; beyond the last object back to it
+      for (let i = start; i >= 0 && i < end; i += step) if (!("count" in this.lines[i]!)) return this.lines[i] as Item;
+    }
+    return undefined;
   }
 
   /** All of them in one go. */
@@ -165,9 +210,10 @@ export class Table {
     this.orders.change(names, { enabled }).catch((refused) => this.orders.onNotice(refused.text, true));
   }
 
+  /** Scrolls to the active line. */
   private reveal(): void {
-    const index = this.lines.findIndex((line) => !("count" in line) && this.model.selected.has(line.told.id));
-    if (index < 0 || this.model.selected.size !== 1) return;
+    const index = this.indexOf(this.active);
+    if (index < 0) return;
     const top = index * lineHeight, { scrollTop, clientHeight } = this.scroll;
     if (top < scrollTop) this.scroll.scrollTop = top;
     else if (top + lineHeight > scrollTop + clientHeight) this.scroll.scrollTop = top + lineHeight - clientHeight;
