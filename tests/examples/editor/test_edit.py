@@ -487,9 +487,8 @@ def test_curves(lab: Lab, page: Page, second: Second) -> None:
     page.choose("front.kind", "gaussian")
     page.wait_for_selector('[data-handle="front.limit"]')
     handle = page.locator('[data-handle="front.limit"]')
-    eventually(lambda: handle.bounding_box() is not None)
     page.wait_for_selector('#curve[data-curve="point"]')
-    box = handle.bounding_box()
+    box = eventually(handle.bounding_box)  # the handles are made anew with each curve
     start = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     page.drag(start, (start[0], start[1] + 30))
     lower = eventually(lambda: (limit := second.get("editor/point")["front"]["limit"]) < 2 and limit)
