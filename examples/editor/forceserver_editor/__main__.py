@@ -45,12 +45,8 @@ def leading_to(address: str) -> Iterator[Path]:
     """A file that leads a browser to the page, and that nobody else can read. All users of a machine see the arguments of
     its programs, so the address with the token must not be among those of the browser."""
     folder = Path(os.environ.get("XDG_RUNTIME_DIR") or recovery_folder())
-    try:
-        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        private = tempfile.TemporaryDirectory(prefix="forceserver-editor-", dir=folder)  # noqa: SIM115  # mode 0700
-    except OSError:
-        private = tempfile.TemporaryDirectory(prefix="forceserver-editor-")  # noqa: SIM115
-    with private as name:
+    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    with tempfile.TemporaryDirectory(prefix="forceserver-editor-", dir=folder) as name:  # of mode 0700
         file = Path(name) / "open.html"
         file.touch(mode=0o600)
         shown = html.escape(address)
@@ -94,7 +90,10 @@ async def serve(given: argparse.Namespace) -> None:
     print(address, flush=True)
     with contextlib.ExitStack() as until_the_end:
         if not given.no_browser:
-            webbrowser.open(until_the_end.enter_context(leading_to(address)).as_uri())
+            try:
+                webbrowser.open(until_the_end.enter_context(leading_to(address)).as_uri())
+            except OSError as error:  # a folder that cannot be written
+                print(f"no browser was opened: {error}", file=sys.stderr)
         with contextlib.suppress(asyncio.CancelledError):
             await serving
     door.write_recovery_at_once()

@@ -132,7 +132,8 @@ def test_commands_history_and_refusals(started: Any) -> None:
             assert "text" in await s.ask("change", names=["a"], fields=odd), odd
         assert "text" in await s.ask("nothing")
         assert "text" in await s.ask("change", names=["a"])
-        for name, fields in [("change", {"names": 3, "fields": {}}), ("change", {"names": ["a"], "fields": [1]}), ("move", {"name": "a"}), ("move", {"moves": [{"name": "a"}]}), ("move", {"moves": 3}),
+        for name, fields in [("change", {"names": 3, "fields": {}}), ("change", {"names": ["a"], "fields": [1]}), ("move", {"name": "a"}),
+                             ("move", {"moves": [{"name": "a"}]}), ("move", {"moves": 3}),
                              ("frame", {"fields": 3}), ("frame", {"fields": {"scale": "x"}}), ("tool", {"points": [[1]]}), ("curve", {"name": 5}),
                              ("curve", {"name": "a", "until": "x"}), ("adopt", {"name": {}}), ("load", {"file": 7}), ("add", {"name": "x"}),
                              ("tool", {"points": [[1, 2, 3]] * 40}), ("add", {"name": "b", "primitive": "mesh", "fields": {}}), ("__init__", {})]:  # fmt: skip
@@ -260,7 +261,10 @@ def test_a_zip_file_that_is_too_large(started: Any) -> None:
 def test_what_is_wrong_with_an_upload_names_its_file(started: Any) -> None:
     lab = started(Lab)
     editor = started(Editor, lab.endpoint)
-    meshed = b'{"forceserver": "scene", "version": 1, "shapes": {"p": {"file": "%s"}}, "objects": [{"name": "m", "primitive": "mesh", "shape": "p"}]}'
+    meshed = (
+        b'{"forceserver": "scene", "version": 1, "shapes": {"p": {"file": "%s"}}, '
+        b'"objects": [{"name": "m", "primitive": "mesh", "shape": "p"}]}'
+    )
 
     async def journey(s: Socket) -> None:
         await s.ask("add", name="a", primitive="plane", fields=POINT)

@@ -69,7 +69,8 @@ class Field {
   refuse(text: string, again?: () => void): void {
     if (text) this.awaited = null;
     this.error.textContent = text;
-    if (again) this.error.append(" ", make("button", { textContent: "Edit again", title: "Puts what you typed back into the field", onclick: again }));
+    const title = "Puts what you typed back into the field";
+    if (again) this.error.append(" ", make("button", { textContent: "Edit again", title, onclick: again }));
     this.row.classList.toggle("bad", text !== "");
     this.input.setAttribute("aria-invalid", String(text !== ""));
     if (text) this.input.setAttribute("aria-describedby", this.error.id);

@@ -66,7 +66,8 @@ export function pointLooks(): Record<Condition, Look> {
 /** All but the expired ones have a border as well. */
 export function planeLooks(): Record<Condition, Look> {
   const quad = new THREE.PlaneGeometry(1, 1), lattice = new THREE.PlaneGeometry(1, 1, 4, 4);
-  const full = (opacity: number) => markBack(new THREE.MeshLambertMaterial({ transparent: true, opacity, side: THREE.DoubleSide, depthWrite: false }));
+  const full = (opacity: number) =>
+    markBack(new THREE.MeshLambertMaterial({ transparent: true, opacity, side: THREE.DoubleSide, depthWrite: false }));
   return {
     felt: { geometry: quad, material: full(0.42) },
     fading: { geometry: quad, material: full(0.2) },
@@ -90,7 +91,8 @@ const unseen = new THREE.MeshBasicMaterial({ visible: false, side: THREE.DoubleS
 
 export function drawMesh(geometry: THREE.BufferGeometry, condition: Condition): Drawn {
   if (condition === "felt" || condition === "fading" || condition === "pending") {
-    const material = markBack(new THREE.MeshLambertMaterial({ side: THREE.DoubleSide, flatShading: true, transparent: condition !== "felt" }));
+    const transparent = condition !== "felt";
+    const material = markBack(new THREE.MeshLambertMaterial({ side: THREE.DoubleSide, flatShading: true, transparent }));
     return { object: new THREE.Mesh(geometry, material), material, isWide: false, isSurface: true, free: () => material.dispose() };
   }
   const radius = geometry.boundingSphere?.radius || 1, edges = edgesOf(geometry, mostWired[condition]!);
@@ -126,9 +128,8 @@ export function drawLine(points: Float64Array, isClosed: boolean, condition: Con
     pairs.push(points[3 * i]!, points[3 * i + 1]!, points[3 * i + 2]!, points[3 * j]!, points[3 * j + 1]!, points[3 * j + 2]!);
   }
   const dash = dashes[condition];
-  const material = new LineMaterial({
-    linewidth: condition === "felt" ? 4 : 2.5, transparent: condition === "fading" || condition === "pending", dashed: dash !== undefined, ...dash,
-  });
+  const transparent = condition === "fading" || condition === "pending";
+  const material = new LineMaterial({ linewidth: condition === "felt" ? 4 : 2.5, transparent, dashed: dash !== undefined, ...dash });
   const geometry = new LineSegmentsGeometry().setPositions(new Float32Array(pairs));
   const object = new LineSegments2(geometry, material);
   if (dash) {

@@ -116,7 +116,8 @@ export class Dialogs {
     return askForMesh(this.orders, (file) => `Add ${file}`, "Add", async (scale, file) => {
       const name = file.replace(/\.\w+$/, "").replace(/[/\x00-\x1f]/g, "_").slice(0, 24) || "mesh";
       const back = { kind: "linear_increasing", sense: "attractive", gain: 300, limit: 5 };
-      const made = await this.orders.wire.send("add", { name, primitive: "mesh", upload: true, file, scale, fields: { "pose.position": place, ...flat("back", back) } });
+      const fields = { "pose.position": place, ...flat("back", back) };
+      const made = await this.orders.wire.send("add", { name, primitive: "mesh", upload: true, file, scale, fields });
       this.orders.selectWhenThere(made.name);
     });
   }
@@ -177,8 +178,10 @@ export class Dialogs {
     const keys: [string, string][] = [
       ["Escape", "stops all force, at once"], ["Ctrl+Z, Ctrl+Shift+Z", "undo, redo"], ["Delete", "removes the selection, or a corner that is active"],
       ["W, E", "move, turn"], ["Q", "axes of the world, or of the object"], ["Ctrl while dragging", "snaps to 10 mm and 5°"], ["F", "fits the view to the selection"],
-      ["1, 2, 3, 4", "view from the top, front, side, and slantwise"], ["↑ ↓", "in the table: the next object; with Shift as well, with Ctrl without selecting it"],
-      ["Ctrl+Space, Ctrl+A", "in the table: selects one more or one less; all that are shown"], ["Space, H", "in the table: enables or disables; hides or shows"],
+      ["1, 2, 3, 4", "view from the top, front, side, and slantwise"],
+      ["↑ ↓", "in the table: the next object; with Shift as well, with Ctrl without selecting it"],
+      ["Ctrl+Space, Ctrl+A", "in the table: selects one more or one less; all that are shown"],
+      ["Space, H", "in the table: enables or disables; hides or shows"],
       ["C", "the next corner of a polyline; arrow keys and Page Up and Down move it by 1 mm"], ["↑ ↓ in a field", "a tenth more or less"],
       ["left, right, wheel", "orbit, pan, zoom"],
     ];
@@ -186,8 +189,10 @@ export class Dialogs {
       ["felt", "full"], ["fading", "translucent"], ["disabled", "grey wires, dashed lines"],
       ["expired", "grey dots, with a cross: the lifetime is over"], ["refused", "red wires or a thin red line, with a warning sign"],
     ];
-    const list = (pairs: string[][]) => make("dl", {}, ...pairs.flatMap(([term, text]) => [make("dt", { textContent: term! }), make("dd", { textContent: text! })]));
-    const box = dialog("Keys", list(keys), make("h2", { textContent: "How objects look" }), list(looks.map(([condition, text]) => [`${mark[condition]} ${condition}`, text])));
+    const list = (pairs: [string, string][]) =>
+      make("dl", {}, ...pairs.flatMap(([term, text]) => [make("dt", { textContent: term }), make("dd", { textContent: text })]));
+    const legend = list(looks.map(([condition, text]) => [`${mark[condition]} ${condition}`, text]));
+    const box = dialog("Keys", list(keys), make("h2", { textContent: "How objects look" }), legend);
     box.className = "wide";
     box.scrollTop = 0; // the button below has the focus
   }

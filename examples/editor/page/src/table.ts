@@ -106,8 +106,8 @@ export class Table {
       const locked = client?.locked && line.client !== this.model.me ? " 🔒" : "";
       const own = line.client === this.model.me ? " (this editor)" : "";
       element.className = "line group";
-      set(element, `<b role="rowheader" style="--c:${colour}">${html(line.client)}</b><i>${own}${locked}</i><span role="gridcell" class="sum">${
-        line.count} · ${newtons(client ? sizeOf(client.force) : 0)}</span>`);
+      set(element, `<b role="rowheader" style="--c:${colour}">${html(line.client)}</b><i>${own}${locked}</i>` +
+        `<span role="gridcell" class="sum">${line.count} · ${newtons(client ? sizeOf(client.force) : 0)}</span>`);
       element.removeAttribute("aria-selected");
       element.removeAttribute("id");
       delete element.dataset.name;
@@ -123,8 +123,9 @@ export class Table {
     element.dataset.state = condition;
     const near = Number.isFinite(line.distance);
     // The keys of the table do what the button and the checkbox do.
-    set(element, `<span role="gridcell"><button class="eye" tabindex="-1" title="${isHidden ? "Show (H)" : "Hide (H)"}">${isHidden ? "◌" : "◉"}</button></span>` +
-      `<span role="gridcell"><input type="checkbox" class="on" tabindex="-1" title="Enabled (Space)" ${told.enabled ? "checked" : ""} ${line.isLocked ? "disabled" : ""}></span>` +
+    const eye = isHidden ? 'title="Show (H)">◌' : 'title="Hide (H)">◉', on = `${told.enabled ? "checked" : ""} ${line.isLocked ? "disabled" : ""}`;
+    set(element, `<span role="gridcell"><button class="eye" tabindex="-1" ${eye}</button></span>` +
+      `<span role="gridcell"><input type="checkbox" class="on" tabindex="-1" title="Enabled (Space)" ${on}></span>` +
       `<span role="rowheader" class="name" title="${html(told.name)}"><i>${letters[told.primitive]}</i> <bdi>${html(told.short)}</bdi></span>` +
       '<span role="gridcell" class="state"></span><span role="gridcell" class="number"></span><span role="gridcell" class="number"></span>');
     // What changes all the time, without making the rest anew: a click on the rest may be half done.
