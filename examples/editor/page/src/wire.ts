@@ -5,6 +5,7 @@ export interface Refusal { text: string; field: string; status: string }
 export interface State { told: Record<string, unknown>; poses: Float64Array; felt: Float32Array; samples: Float64Array }
 
 const pieceSize = 256 * 1024;
+const mostMessage = 1024 * 1024; // bytes: the server ends a connection that sends more
 
 export class Wire {
   /** Takes a state, and says whether the picture is drawn anew for it. */
@@ -40,10 +41,13 @@ export class Wire {
   send(name: string, fields: Record<string, unknown> = {}): Promise<any> {
     return new Promise((done, refused) => {
       if (!this.socket) return refused({ text: "there is no connection to the editor", field: "", status: "DISCONNECTED" });
-      const n = ++this.number;
+      const n = ++this.number, text = JSON.stringify({ n, do: name, ...fields });
+      if (new Blob([text]).size > mostMessage) {
+        return refused({ text: "this is too much for one command, which may have 1 MiB", field: "", status: "FULL" });
+      }
       this.waiting.set(n, { done, refused });
       this.count();
-      this.socket.send(JSON.stringify({ n, do: name, ...fields }));
+      this.socket.send(text);
     });
   }
 
