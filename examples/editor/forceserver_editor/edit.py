@@ -101,15 +101,18 @@ class Edit:
             return name
         return next(free for i in range(2, 100000) if (free := f"{name} {i}") not in scene)
 
-    def _change(self, scene: fs.Scene, names: list[str], fields: Plain, scale: float = 1.0) -> None:
-        """Changes these fields of the objects: of all, or of none. With a file they become meshes of that shape."""
+    def _change(self, scene: fs.Scene, names: list[str], fields: Plain | list[Plain], scale: float = 1.0) -> None:
+        """Changes these fields of the objects, or of each the ones that are listed for it: of all, or of none. With a file
+        they become meshes of that shape."""
+        each = fields if isinstance(fields, list) else [fields] * len(names)
         if self._upload is not None:
-            fields = {"shape": fs.shape_load(self._upload, float(scale)), "primitive": "mesh"} | fields
+            mesh = {"shape": fs.shape_load(self._upload, float(scale)), "primitive": "mesh"}
+            each = [mesh | one for one in each]
         made, now = [], scene.get_time()
-        for name in names:
+        for name, one in zip(names, each, strict=True):
             before = scene.object_get(name)
             changed = before.copy()
-            made.append((name, before, changed, put(changed, fields, now)))
+            made.append((name, before, changed, put(changed, one, now)))
         with scene.change():
             for name, _, changed, parts in made:
                 changed.name = name

@@ -136,7 +136,9 @@ class Look:
 
     def _forget(self) -> None:
         self._by_name: dict[bytes, Known] = {}
-        self._listed = self._report_names = b""  # the names of the last motions, with their revisions, and reports
+        # The names of the last motions, with their revisions, and reports. None: not known.
+        self._listed: bytes | None = None
+        self._report_names: bytes | None = None
         self._order: Any = None
         self._ids_in_order: Any = None
         self._samples = np.zeros((2 * KEPT_SAMPLES, 4))  # only ever added to: what a Seen has of it stays as it is
@@ -182,7 +184,7 @@ class Look:
 
     def _look_again(self) -> None:
         """The last look came to nothing: the next one is to find all that it had found."""
-        self._listed = b""
+        self._listed = None
         for name in self._fetching:
             self.fetch_again(name)
 
@@ -269,8 +271,8 @@ class Look:
                         continue
             by_name[name] = known
         self._by_name = by_name
-        self._listed = b"" if missed else listed
-        self._report_names = b""
+        self._listed = None if missed else listed
+        self._report_names = None
         self._ids_in_order = np.array([by_name[n].id if n in by_name else 0 for n in names.tolist()], np.uint32)
         return version, {known.id: known for known in by_name.values()}
 
@@ -322,6 +324,9 @@ class Look:
         if (content := clients.tobytes()) != self._client_content:
             self._client_content = content
             found = [_client(dict(zip(clients.dtype.names or (), each, strict=True))) for each in clients.tolist()]
+            for each in found:
+                if each["name"] not in (self.me, "server"):
+                    each["number"] = self._numbers.setdefault(each["name"], len(self._numbers))
             # One that has just come has no view yet.
             self._clients = [told | self._views[told["name"]] for told in found if told["name"] in self._views]
             for told in self._clients:

@@ -269,6 +269,26 @@ def test_own_and_others_objects_in_one_gesture(lab: Lab, page: Page, second: Sec
     assert np.allclose(second.get("editor/point")["position"], moved[0], atol=1e-12)
 
 
+def test_objects_that_get_different_values_get_them_together(lab: Lab, page: Page, second: Second) -> None:
+    rover = lab.join("rover")
+    rover["line"] = fs.Polyline([(0, 0, 0), (0.02, 0, 0)], front=fs.Gaussian(1, 0.01, limit=2))
+    rover["wall"] = fs.Plane(contact=fs.Contact(keep="back", stiffness=100, limit=3))
+    page.click("#add-plane")
+    page.wait_for_selector('#panel[data-selected="plane"]')
+    page.locator('#table .item[data-name="rover/wall"] .name').click(modifiers=["Control"])
+    page.wait_for_selector('#panel[data-selected="plane|rover/wall"]')
+    page.choose("contact.keep", "front")  # the own one needs a limit as well
+    eventually(lambda: [second.get(name)["contact_limit"] for name in ("editor/plane", "rover/wall")] == [10, 3])
+    eventually(lambda: [second.get(name)["keep"] for name in ("editor/plane", "rover/wall")] == [1, 1])
+    page.locator('#table .item[data-name="rover/line"] .name').click(modifiers=["Control"])
+    page.wait_for_selector('#panel[data-selected="plane|rover/wall|rover/line"]')
+    page.choose("contact.keep", "either")
+    assert "POLYLINE" in page.error("contact.keep")
+    assert [second.get(name)["keep"] for name in ("editor/plane", "rover/wall", "rover/line")] == [1, 1, 0]  # none is changed
+    page.keyboard.press("Control+z")  # and that was no step
+    eventually(lambda: [second.get(name)["keep"] for name in ("editor/plane", "rover/wall")] == [0, 2])
+
+
 # How far the others are from the first that is selected, m at the device.
 APART = """() => { const { selection } = editor.model;
     return selection.map(item => Math.hypot(...item.place.map((x, i) => x - selection[0].place[i]))) }"""

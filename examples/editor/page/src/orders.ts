@@ -3,6 +3,9 @@
 import type { Model } from "./model";
 import type { Refusal, Wire } from "./wire";
 
+/** By their names, such as "front.gain". */
+export type Fields = Record<string, unknown>;
+
 /** Fields of a section as the server names them: "front.gain". */
 export function flat(section: string, fields: Record<string, unknown>): Record<string, unknown> {
   return Object.fromEntries(Object.entries(fields).map(([key, value]) => [`${section}.${key}`, value]));
@@ -28,7 +31,8 @@ export class Orders {
     }
   }
 
-  change(names: string[], fields: Record<string, unknown>, gesture = newGesture(), more: Record<string, unknown> = {}): Promise<any> {
+  /** All of them or none. fields: the same for all, or a list with those of each. */
+  change(names: string[], fields: Fields | Fields[], gesture = newGesture(), more: Record<string, unknown> = {}): Promise<any> {
     return this.wire.send("change", { names, fields, gesture, ...more });
   }
 

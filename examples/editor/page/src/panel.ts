@@ -3,7 +3,7 @@
 import { fromDegrees, toDegrees } from "./frames";
 import { type AnyField, AreaField, CheckField, ChoiceField, type Send, TextField, make, numberField, parse, put, shown } from "./fields";
 import { type Item, type Model, type Profile, mark, newtons, sizeOf } from "./model";
-import { type Orders, newGesture } from "./orders";
+import type { Fields, Orders } from "./orders";
 import { ofKind, uses } from "./profiles";
 import { askForMesh } from "./scene_dialogs";
 import type { Refusal } from "./wire";
@@ -84,21 +84,17 @@ export class Panel {
 
   private readonly send: Send = (path, value) => this.sendAll({ [path]: value }, path);
 
-  /** What each of the selected objects is to get, by what it has: one step for undo. */
-  private async sendEach(of: (item: Item) => Record<string, unknown>, path: string): Promise<void> {
-    const groups = new Map<string, Item[]>(), gesture = newGesture();
-    for (const item of this.unlocked) {
-      const key = JSON.stringify(of(item));
-      groups.set(key, [...(groups.get(key) ?? []), item]);
-    }
-    for (const items of groups.values()) await this.sendAll(of(items[0]!), path, items, gesture);
+  /** What each of the selected objects is to get, by what it has. */
+  private sendEach(of: (item: Item) => Fields, path: string): Promise<void> {
+    return this.sendAll(this.unlocked.map(of), path);
   }
   /** Those of the selection that can be changed. */
   private get unlocked(): Item[] { return this.model.selection.filter((item) => !item.isLocked); }
 
-  private async sendAll(fields: Record<string, unknown>, path: string, items = this.unlocked, gesture = newGesture()): Promise<void> {
+  /** fields: the same for all, or a list with those of each. */
+  private async sendAll(fields: Fields | Fields[], path: string): Promise<void> {
     try {
-      await this.orders.change(items.map((item) => item.told.name), fields, gesture);
+      await this.orders.change(this.unlocked.map((item) => item.told.name), fields);
     } catch (refused) {
       const why = refused as Refusal;
       // The library may refuse the object for another field than the one that was changed: the sentence goes there.
