@@ -77,7 +77,7 @@ class Browser:
                 self._may_send.clear()
                 message = self._message(self._look.seen)
                 if message is None:
-                    self._look.is_awaited = True
+                    self._look.is_awaited.set()
                 else:
                     self._is_taken = False
                     await self._socket.send(message)
@@ -144,7 +144,8 @@ class Browser:
                     await self._socket.close(1003, "a command is a JSON object")
                     return
                 if "took" in command:
-                    self._is_taken = self._look.is_awaited = True
+                    self._is_taken = True
+                    self._look.is_awaited.set()
                     self.tell()
                 elif command.get("do") == "stop":
                     if len(stops) >= 8:

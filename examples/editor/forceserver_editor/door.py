@@ -129,7 +129,7 @@ class Door:
     async def _meet(self, socket: ServerConnection) -> None:
         browser = Browser(socket, f"browser {next(self._numbers)}", self._look, self._edit, self._worker)
         self._browsers.add(browser)
-        self._look.is_awaited = True
+        self._look.is_awaited.set()
         browser.tell()
         try:
             await browser.run()

@@ -90,7 +90,7 @@ class Look:
         self.connection = 0  # grows with every new connection
         self.shapes = Shapes()
         self.seen = Seen()
-        self.is_awaited = False  # a browser waits for a state
+        self.is_awaited = threading.Event()  # a browser waits for a state
         self._told = told
         self._ends = threading.Event()
         self._fetching: set[str] = set()
@@ -160,10 +160,9 @@ class Look:
                 scene = self.scene
                 assert scene is not None
                 time.sleep(max(0.0, last_look + 1 / RATE - time.monotonic()))
-                while not self.is_awaited and time.monotonic() < last_look + 1 / UNSEEN_RATE:
-                    time.sleep(0.25 / RATE)
+                self.is_awaited.wait(max(0.0, last_look + 1 / UNSEEN_RATE - time.monotonic()))
+                self.is_awaited.clear()
                 last_look = max(last_look + 1 / RATE, time.monotonic() - 0.25 / RATE)
-                self.is_awaited = False
                 self.seen = self._look(scene, version)
                 version = self.seen.version
             except fs.TimeoutError:
