@@ -51,6 +51,7 @@ class Door:
             self._port,
             process_request=self._request,
             max_size=MOST_MESSAGE,
+            close_timeout=0.1,  # s; the rest of a message that is too large is read for so long
             compression=None,
             ping_interval=20,
             ping_timeout=60,

@@ -106,7 +106,7 @@ POINT = {"front.kind": "gaussian", "front.gain": 1, "front.width": 0.01, "front.
 class RawSocket:
     """A connection that is read only when it is told to, so that it can be as bad as it likes."""
 
-    def __init__(self, editor: Editor) -> None:
+    def __init__(self, editor: Any) -> None:
         self.socket = socket.create_connection(("127.0.0.1", editor.port))
         host = f"127.0.0.1:{editor.port}"
         request = [f"GET /{editor.token}/socket HTTP/1.1", f"Host: {host}", f"Origin: http://{host}", "Upgrade: websocket", "Connection: Upgrade",
