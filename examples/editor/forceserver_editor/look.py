@@ -322,15 +322,14 @@ class Look:
             self._views = {name: _view(view) for name, view in views.tolist()}
         if (content := clients.tobytes()) != self._client_content:
             self._client_content = content
-            found = [_client(dict(zip(clients.dtype.names or (), each, strict=True))) for each in clients.tolist()]
-            for each in found:
-                if each["name"] not in (self.me, "server"):
-                    each["number"] = self._numbers.setdefault(each["name"], len(self._numbers))
-            # One that has just come has no view yet.
-            self._clients = [told | self._views[told["name"]] for told in found if told["name"] in self._views]
-            for told in self._clients:
-                if told["name"] not in (self.me, "server"):
-                    told["number"] = self._numbers.setdefault(told["name"], len(self._numbers))
+            self._clients = []
+            for name, force in zip(clients["name"].tolist(), clients["wrench"]["force"].tolist(), strict=True):
+                if name not in self._views:
+                    continue  # it has just come
+                told: Plain = {"name": name, "force": numbers(force)} | self._views[name]
+                if name not in (self.me, "server"):
+                    told["number"] = self._numbers.setdefault(name, len(self._numbers))
+                self._clients.append(told)
         return self._clients
 
     def _take_events(self, scene: fs.Scene) -> None:
@@ -372,11 +371,6 @@ def _word(struct: Any, *path: str) -> int:
     return at // 8
 
 
-def _client(client: Plain) -> Plain:
-    told: Plain = {"name": client["name"], "force": numbers(client["wrench"][0]), "force_limit": number(client["force_limit"])}
-    return told | {count: client[count] for count in ("objects", "moves", "changes", "refused")}
-
-
 def _view(view: Any) -> Plain:
     """view: the fields of fs_view, in their order."""
     (pose, scale, force_scale), tool, points, count, held, locked = view[:6]
@@ -399,10 +393,10 @@ def _hand(hand: fs.Hand) -> Plain:
 
 
 def _stats(stats: fs.ServoStats) -> Plain:
-    names = ("rate", "late_p50", "late_p99", "late_max", "compute_p50", "compute_p99", "compute_max", "max_stiffness")
+    names = ("rate", "late_p50", "late_p99", "late_max", "compute_p99")
     faults = [fs.fault_name(int(fault)) for fault in fs.Fault if stats.faults & fault]
-    counts = {name: int(getattr(stats, name)) for name in ("ticks", "misses", "device_errors", "guarded", "enabled")}
-    return {name: number(getattr(stats, name)) for name in names} | counts | {"faults": faults}
+    told: Plain = {name: number(getattr(stats, name)) for name in names}
+    return told | {"misses": int(stats.misses), "enabled": int(stats.enabled), "faults": faults}
 
 
 def _device(info: fs.DeviceInfo) -> Plain:
