@@ -186,20 +186,22 @@ FS_API fs_status fs_scene_get_servo_stats(fs_scene *scene, fs_servo_stats *out);
  * VERSION. */
 FS_API fs_status fs_scene_get_device_info(fs_scene *scene, fs_device_info *out);
 
-/* The flight record, a list: the newest ticks, oldest first, 2 s at most. A latched fault stops the record, with the
- * tick of the fault as the last, until the servo is enabled again; FS_FAULT_DEVICE does not stop it. */
+/* The flight record, a list: the newest ticks, oldest first, 2 s at most; a buffer that is too small gets the newest. A
+ * latched fault stops the record, with the tick of the fault as the last, until the servo is enabled again;
+ * FS_FAULT_DEVICE does not stop it. */
 FS_API fs_status fs_servo_get_record(fs_servo *servo, fs_tick *out, size_t capacity, size_t *count);
 
 /* A tick of the flight record, with its number. Frozen. */
 typedef struct fs_recorded_tick {
-  uint64_t number;              /* of the recorded ticks, from 1 on; a new servo begins again */
+  uint64_t number;              /* of the recorded ticks, from 1 on; those that come while a fault stops the record
+                                   have none. A new servo begins at 1: ask it with after = 0 */
   fs_tick tick;                 /* in the device frame, whatever the frame of the scene */
 } fs_recorded_tick;
 
 /* The flight record of the servo that runs this scene, in this process or at the server: a list of its ticks with numbers
  * above `after`, oldest first; 0: all. To log or draw every tick, call it some times a second with the last number that
- * you have. Of a small buffer you get the rest by the next call; a number that is left out was of a tick too old to be
- * kept. No servo: STATE. TIMEOUT, FULL. */
+ * you have. A buffer that is too small gets the oldest ones, and the next call gives the rest. A gap in the numbers:
+ * those ticks were too old to be kept. No servo: STATE. TIMEOUT, FULL, IO. */
 FS_API fs_status fs_scene_get_record(fs_scene *scene, uint64_t after, fs_recorded_tick *out, size_t capacity,
                                      size_t *count);
 

@@ -1,6 +1,6 @@
 // Who evaluates a scene: tools of the application, and the servo, which also has the scene's clock and device. They come
-// and go here, and here the shapes are built that nobody needed before. Any thread; each call takes the scene's lock for as
-// long as it needs it.
+// and go here, and here the shapes are built that nobody needed before. Any thread; each call that is
+// not [rt] takes the scene's lock for as long as it needs it.
 #pragma once
 
 #include <functional>

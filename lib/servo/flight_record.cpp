@@ -5,9 +5,9 @@
 namespace fs {
 
 void FlightRecord::add(const fs_tick& tick) noexcept {
-  const uint64_t before = count_.load(std::memory_order_relaxed);
-  slots_[before % slots_.size()].write({before, tick});
-  count_.store(before + 1, std::memory_order_release);
+  const uint64_t index = count_.load(std::memory_order_relaxed);
+  slots_[index % slots_.size()].write({index, tick});
+  count_.store(index + 1, std::memory_order_release);
 }
 
 size_t FlightRecord::count(uint64_t after, uint64_t end) const noexcept {
@@ -16,17 +16,17 @@ size_t FlightRecord::count(uint64_t after, uint64_t end) const noexcept {
 
 size_t FlightRecord::count(uint64_t after) const noexcept { return count(after, count_.load(std::memory_order_acquire)); }
 
-bool FlightRecord::read(uint64_t before, Slot& out) const noexcept {
-  return slots_[before % slots_.size()].read(out) && out.before == before;
+bool FlightRecord::read(uint64_t index, Slot& out) const noexcept {
+  return slots_[index % slots_.size()].read(out) && out.index == index;
 }
 
 size_t FlightRecord::read(fs_tick* out, size_t capacity) const {
   const uint64_t end = count_.load(std::memory_order_acquire);
   const size_t kept = count(0, end), wanted = std::min(kept, capacity);
   size_t written = 0;
-  for (uint64_t before = end - wanted; before < end; ++before) {
+  for (uint64_t index = end - wanted; index < end; ++index) {
     Slot slot;
-    if (read(before, slot)) out[written++] = slot.tick;
+    if (read(index, slot)) out[written++] = slot.tick;
   }
   return written < wanted ? written : kept;
 }

@@ -24,9 +24,9 @@ class FlightRecord {
   template <class F>
   void for_each(uint64_t after, F&& f) const {
     const uint64_t end = count_.load(std::memory_order_acquire);
-    for (uint64_t before = end - count(after, end); before < end; ++before) {
+    for (uint64_t index = end - count(after, end); index < end; ++index) {
       Slot slot;
-      if (read(before, slot)) f(fs_recorded_tick{before + 1, slot.tick});
+      if (read(index, slot)) f(fs_recorded_tick{index + 1, slot.tick});
     }
   }
 
@@ -34,13 +34,13 @@ class FlightRecord {
 
  private:
   struct Slot {
-    uint64_t before;  // how many ticks were added before
+    uint64_t index;  // 0: of the first tick ever added
     fs_tick tick;
   };
   static constexpr size_t spare = 64;  // ticks that may be added during a read
 
   size_t count(uint64_t after, uint64_t end) const noexcept;
-  bool read(uint64_t before, Slot& out) const noexcept;  // the tick before which there were so many; false: overwritten
+  bool read(uint64_t index, Slot& out) const noexcept;  // false: it was overwritten
 
   const size_t size_;
   std::vector<Seqlock<Slot>, PageAllocator<Seqlock<Slot>>> slots_;

@@ -406,8 +406,8 @@ py::array new_structs(size_t count) {
   return py::array(py::reinterpret_borrow<py::dtype>(Class<T>::dtype), shape);
 }
 
-// What is listed, for users: where the structs have text it is str, and a field is also an attribute of a row or of all.
-// NumPy itself would need five times as long to copy the columns.
+// What is listed, for users. Structs with text become a recarray: text is str, and fields are attributes too. Others stay a
+// plain array. NumPy itself would need five times as long to copy the columns.
 template <class T>
 py::object rows(const T* entries, size_t count) {
   struct Part {  // a field of text, or fields without text that follow each other

@@ -11,6 +11,7 @@ import secrets
 import signal
 import sys
 import tempfile
+import threading
 import webbrowser
 from collections.abc import Iterator
 from pathlib import Path
@@ -91,7 +92,9 @@ async def serve(given: argparse.Namespace) -> None:
     with contextlib.ExitStack() as until_the_end:
         if not given.no_browser:
             try:
-                webbrowser.open(until_the_end.enter_context(leading_to(address)).as_uri())
+                file = until_the_end.enter_context(leading_to(address)).as_uri()
+                # In a thread, as some browsers are waited for.
+                threading.Thread(target=webbrowser.open, args=(file,), daemon=True).start()
             except OSError as error:  # a folder that cannot be written
                 print(f"no browser was opened: {error}", file=sys.stderr)
         with contextlib.suppress(asyncio.CancelledError):

@@ -95,8 +95,8 @@ class Door:
     # ---- Requests
 
     def _is_welcome(self, request: Request, path: list[str]) -> bool:
-        names = {"127.0.0.1", "localhost", "[::1]", self._host, f"[{self._host}]"}
-        allowed = {f"{name}:{self._port}" for name in names}
+        names = {"127.0.0.1", "localhost", "[::1]", self._host.lower(), f"[{self._host.lower()}]"}
+        allowed = {f"{name}:{self._port}" for name in names} | (names if self._port == 80 else set())
         if self._host in ("0.0.0.0", "::"):  # noqa: S104  # every address of this machine: the token alone decides
             allowed = set(request.headers.get_all("Host"))
         hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,15 +11,13 @@ import numpy as np
 
 from .fields import put, vector
 from .frames import in_frame, standing, unit
-from .history import History, get_setting
+from .history import History, get_setting, settle
 from .keep import Keep
 from .look import Look
 from .plain import ALL_PARTS, Plain, Refused, parts_of, refusal, twist
 
-# What a browser with `--view` may ask for.
-HARMLESS = {"curve", "files", "twist"}
-
-MOST_WAIT = 0.5  # s, until the server has taken a change, so that a later question to it sees the change
+QUESTIONS = {"curve", "files", "twist"}  # what a browser with `--view` may ask for
+NO_EDITS = QUESTIONS | {"save", "discard"}  # what leaves the scene as it is
 
 
 class Edit:
@@ -36,7 +33,7 @@ class Edit:
         call: Callable[..., Plain | None] | None = getattr(self, "_" + name, None) if name in COMMANDS else None
         if call is None:
             raise Refused(f"there is no command {name!r}")
-        if self.view_only and name not in HARMLESS:
+        if self.view_only and name not in QUESTIONS:
             raise Refused("this editor only shows: it was started with --view", status="DENIED")
         scene = self.look.scene
         if scene is None:
@@ -59,10 +56,8 @@ class Edit:
                 named = str(command.get("file") or "the uploaded file")
                 refused.text = refused.text.replace(str(upload), named).replace(upload.name, named)
             raise
-        if name not in HARMLESS:
+        if name not in NO_EDITS:
             self.keep.note_change()
-            with contextlib.suppress(fs.Error):  # what the server refuses or does not do in time is told by its events
-                scene.sync(MOST_WAIT)
         return answer
 
     @staticmethod
@@ -92,7 +87,7 @@ class Edit:
             made.shape = fs.shape_load(self._upload, float(scale))
         put(made, fields, 0)
         scene.object_set(made)
-        self._settle(scene)
+        settle(scene)
         self._note(f"add {made.name}", made.name, None, scene.object_get(made.name), ALL_PARTS)
         return {"name": made.name}
 
@@ -117,16 +112,9 @@ class Edit:
             for name, _, changed, parts in made:
                 changed.name = name
                 scene.object_change(changed, parts)
-        self._settle(scene)
+        settle(scene)
         for name, before, _, parts in made:
             self._note(f"change {name}", name, before, scene.object_get(name), parts)
-
-    @staticmethod
-    def _settle(scene: fs.Scene) -> None:
-        """Waits until the server has taken the change; before, object_get gives other clients' objects as they were.
-        Raises what the server refuses: then there is nothing to undo."""
-        with contextlib.suppress(fs.TimeoutError):
-            scene.sync(MOST_WAIT)
 
     def _move(self, scene: fs.Scene, moves: list[Plain]) -> None:
         """All of them are felt from one tick on, or none."""
@@ -135,7 +123,7 @@ class Edit:
             for one in moves:
                 pose = fs.Pose(position=[float(x) for x in one["position"]], orientation=unit(one["orientation"]))
                 scene.object_move(one["name"], pose, fs.Twist(), 0)
-        self._settle(scene)
+        settle(scene)
         for name, was in before.items():
             self._note(f"move {name}", name, was, scene.object_get(name), int(fs.Part.POSE))
 
@@ -146,7 +134,7 @@ class Edit:
         with scene.change():
             for name in names:
                 scene.object_remove(name)
-        self._settle(scene)
+        settle(scene)
         for name in names:
             self._note(f"remove {name}", name, before[name], None, ALL_PARTS)
 
@@ -163,7 +151,7 @@ class Edit:
         with scene.change():
             scene.object_set(renamed)
             scene.object_remove(name)
-        self._settle(scene)
+        settle(scene)
         self._gesture = self._gesture or f"rename {name}"
         self._note(f"rename {name}", name, before, None, ALL_PARTS)
         self._note(f"rename {name}", to, None, scene.object_get(to), ALL_PARTS)
@@ -180,7 +168,7 @@ class Edit:
         copied.name = self._free_name(scene, short)
         copied.twist, copied.time = fs.Twist(), 0
         scene.object_set(copied)
-        self._settle(scene)
+        settle(scene)
         self._note(f"copy {name}", copied.name, None, scene.object_get(copied.name), ALL_PARTS)
         return {"name": copied.name}
 
@@ -189,7 +177,7 @@ class Edit:
     def _set(self, scene: fs.Scene, what: str, change: Callable[[], None]) -> None:
         before = get_setting(scene, what)
         change()
-        self._settle(scene)  # to release the clutch moves the frame
+        settle(scene)  # to release the clutch moves the frame
         self.history.note_setting(self._who, self._gesture, what, before, get_setting(scene, what))
 
     def _frame(self, scene: fs.Scene, fields: Plain) -> None:
@@ -258,6 +246,7 @@ class Edit:
         before = {name: scene.object_get(name) for name in scene}
         settings = {what: get_setting(scene, what) for what in ("frame", "tool")}  # a file has them too
         load()
+        settle(scene)
         self._gesture = self._gesture or f"load {self.look.seen.serial}"
         for what, was in settings.items():
             if not np.array_equal(np.asarray(is_now := get_setting(scene, what)), np.asarray(was)):

@@ -18,6 +18,7 @@ import numpy as np
 
 from .plain import ALL_PARTS, Plain, Refused, Shapes, parts_of
 
+MOST_WAIT = 0.5  # s, until the server has taken a change
 MOST_STEPS = 200
 
 
@@ -57,6 +58,13 @@ def set_setting(scene: fs.Scene, what: str, value: Any) -> None:
         held, frame = value
         scene.set_clutch(held)
         scene.set_frame(frame)
+
+
+def settle(scene: fs.Scene) -> None:
+    """Waits until the server has taken the change; before, object_get gives other clients' objects as they were. Raises what
+    the server refuses: then there is nothing to undo."""
+    with contextlib.suppress(fs.TimeoutError):
+        scene.sync(MOST_WAIT)
 
 
 class History:
@@ -150,6 +158,7 @@ class History:
                     scene.object_set(wanted)
                 else:
                     scene.object_change(wanted, change.parts)  # the rest is as this step left it
+        settle(scene)
 
     def _require_untouched(self, scene: fs.Scene, name: str, change: Change) -> None:
         owner = name.rpartition("/")[0]

@@ -110,6 +110,7 @@ class Keep:
                     path.rename(self._old.parent / path.name)
             except OSError as error:  # a folder that cannot be written: the editor works without
                 print(f"the recovery file cannot be offered: {error}", flush=True)
+        self._changed = 0.0  # what was edited last is gone with the scene
         self.on_offer = {"written": self._old.stat().st_mtime} if self._old.exists() else None
 
     def recover(self, scene: fs.Scene) -> None:

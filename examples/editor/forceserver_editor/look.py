@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import collections
 import functools
+import math
 import threading
 import time
 import traceback
@@ -23,7 +24,7 @@ from .plain import Plain, Shapes, number, numbers, plain, pose
 
 RATE = 30  # states a second, at most
 UNSEEN_RATE = 3  # looks a second while no browser waits for one, so that events are fetched before they are dropped
-SAMPLE_RATE = 1000  # forces a second; of a faster servo the largest ones
+SAMPLE_RATE = 1000  # forces a second, at most about; of a faster servo the largest ones
 KEPT_SAMPLES = 10 * SAMPLE_RATE  # 10 s: a browser that is slower than this misses some
 GETS_PER_STATE = 400  # objects that are fetched for one state, so that a scene of thousands does not hold it up
 
@@ -162,6 +163,7 @@ class Look:
                 time.sleep(max(0.0, last_look + 1 / RATE - time.monotonic()))
                 self.is_awaited.wait(max(0.0, last_look + 1 / UNSEEN_RATE - time.monotonic()))
                 self.is_awaited.clear()
+                # After one that came late the next may come a little early.
                 last_look = max(last_look + 1 / RATE, time.monotonic() - 0.25 / RATE)
                 self.seen = self._look(scene, version)
                 version = self.seen.version
@@ -194,15 +196,17 @@ class Look:
             self._tick = int(record["number"][-1])
             struct, ticks = record.dtype, _matrix(record).view(float)
             time_at, force_at = _word(struct, "tick", "state", "time"), _word(struct, "tick", "sent", "force")
-            each = round((self._stats["rate"] or 0) / SAMPLE_RATE)
+            each = math.ceil((self._stats["rate"] or 0) / (1.05 * SAMPLE_RATE))
             if each > 1:
                 ticks = ticks[_peaks(ticks[:, force_at : force_at + 3], each)]
             times, forces = ticks[:, time_at], ticks[:, force_at : force_at + 3]
             if times.min() <= 0:  # ticks of a device that was not there
                 times, forces = times[times > 0], forces[times > 0]
-        else:  # a fault has stopped the record: there is no force
-            last = self._samples[self._filled - 1, 0] if self._filled else 0
-            times, forces = np.array([now] if now > last else []), np.zeros((int(now > last), 3))
+        else:
+            times, forces = np.zeros(0), np.zeros((0, 3))
+        last = self._samples[self._filled - 1, 0] if self._filled else 0
+        if not len(times) and self._stats["faults"] and now > last:  # no record: there is no force
+            times, forces = np.array([now]), np.zeros((1, 3))
         new = len(times)
         if self._filled + new > len(self._samples):
             kept = self._samples[self._filled - min(KEPT_SAMPLES, self._filled) : self._filled]
@@ -305,11 +309,11 @@ class Look:
         felt.view(np.uint32)[:, 0] = self._ids_in_order
         if len(reports):
             felt[:, 1] = reports["state"][self._order]
-            numbers = _words(reports, "weight", "reserved").view(float)[self._order]
-            felt[:, 2:10] = numbers[:, [0, 3, 4, 5, 6, 7, 8, 9]]  # weight, distance, point, force
-            felt[:, 4:7] = numbers[:, 4:7] - hand
-            felt[:, 10:] = numbers[:, 1:3]  # the slopes
-            felt[~np.isfinite(numbers[:, 3]), 4:7] = 0  # what is too far to be felt has no point
+            columns = _words(reports, "weight", "reserved").view(float)[self._order]
+            felt[:, 2:10] = columns[:, [0, 3, 4, 5, 6, 7, 8, 9]]  # weight, distance, point, force
+            felt[:, 4:7] = columns[:, 4:7] - hand
+            felt[:, 10:] = columns[:, 1:3]  # the slopes
+            felt[~np.isfinite(columns[:, 3]), 4:7] = 0  # what is too far to be felt has no point
             if not self._is_reported.all():
                 felt[~self._is_reported, 1:] = 0
         is_known = self._ids_in_order > 0

@@ -183,7 +183,7 @@ export class CurvePlot {
     else value = gainFor(p, handle.d, f);
     if (!Number.isFinite(value)) return;
     this.put(dot, ...at);
-    const field = handle.name === "gain" || handle.name === "limit" || handle.name === "width" ? handle.name : "reach";
+    const field = handle.name;
     dot.title = `${handle.side}: ${field} ${shown(Number(value.toPrecision(4)))} ${field === "limit" ? "N" : field === "gain" ? uses[p.kind]!.gain : "m"}`;
     const fields = { [`${handle.side}.${field}`]: Number(value.toPrecision(4)) };
     void this.changes.put({ name: item.told.name, fields, gesture: this.gesture });

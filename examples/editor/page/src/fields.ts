@@ -59,8 +59,11 @@ class Field {
     return false;
   }
 
+  /** Which objects it is about: an answer that comes for those before is of no interest any more. */
+  protected subject = 0;
   /** It is about another object from now on. */
   forget(): void {
+    ++this.subject;
     this.awaited = null;
     this.refuse("");
   }
@@ -101,8 +104,13 @@ export class TextField extends Field {
     text.onfocus = () => text.select();
     text.onblur = () => { if (this.sending === null) text.value = this.value; };
   }
+  forget(): void {
+    super.forget();
+    this.sending = null;
+    this.text.value = this.value;
+  }
   show(value: string): void {
-    if (this.isOld(value)) return;
+    if (this.sending !== null || this.isOld(value)) return;
     const isTyping = this.text.value !== this.value;
     this.value = value;
     if (this.text.value !== value && (document.activeElement !== this.text || !isTyping)) this.text.value = value;
@@ -115,17 +123,21 @@ export class TextField extends Field {
     if (text === this.value) { this.refuse(""); return; }
     const read = this.read(text);
     if (typeof read === "string") { this.back(read); return; }
+    const { subject } = this;
     this.sending = text;
-    this.await(text);
     this.refuse("");
     let why = "";
     try {
       await send(this.path, read.value);
-      this.value = text;
     } catch (refused) {
       why = (refused as Refusal).text;
     }
+    if (subject !== this.subject) return;
     this.sending = null;
+    if (!why) {
+      this.value = text;
+      this.await(text);
+    }
     if (this.text.value !== text) void this.commit(send); // typed meanwhile
     else if (why) this.back(why);
   }
@@ -159,11 +171,13 @@ export class ChoiceField extends Field {
     super(path, label, "", select);
     this.select = select;
     select.onchange = async () => {
+      const { subject } = this;
       this.await(select.value);
       this.refuse("");
       try {
         await send(path, select.value);
       } catch (refused) {
+        if (subject !== this.subject) return;
         select.value = this.value;
         this.refuse((refused as Refusal).text);
       }
@@ -184,11 +198,13 @@ export class CheckField extends Field {
     super(path, label, "", check);
     this.check = check;
     check.onchange = async () => {
+      const { subject } = this;
       this.await(check.checked);
       this.refuse("");
       try {
         await send(path, check.checked);
       } catch (refused) {
+        if (subject !== this.subject) return;
         check.checked = !check.checked;
         this.refuse((refused as Refusal).text);
       }
@@ -202,35 +218,45 @@ export class CheckField extends Field {
 export class AreaField extends Field {
   private readonly area: HTMLTextAreaElement;
   private value = "";
+  private sending: string | null = null; // what is on its way
   constructor(path: string, label: string, send: Send, read: (text: string) => { value: unknown } | string, rows: number) {
     const area = make("textarea", { rows, spellcheck: false });
     super(path, label, "", area);
     this.area = area;
     this.row.classList.add("tall");
-    let sending: string | null = null;
     const commit = async () => {
-      if (sending !== null || area.value === this.value) return;
-      const text = sending = area.value, what = read(text);
-      this.await(text);
+      if (this.sending !== null || area.value === this.value) return;
+      const { subject } = this, text = this.sending = area.value, what = read(text);
       this.refuse("");
+      let why = "";
       try {
         if (typeof what === "string") throw { text: what };
         await send(path, what.value);
-        this.value = text;
       } catch (refused) {
-        if (area.value === text) {
-          area.value = this.value;
-          this.refuse((refused as Refusal).text, () => { area.value = text; area.focus(); });
-        }
+        why = (refused as Refusal).text;
       }
-      sending = null;
+      if (subject !== this.subject) return;
+      this.sending = null;
+      if (!why) {
+        this.value = text;
+        this.await(text);
+      }
       if (area.value !== text) void commit(); // typed meanwhile
+      else if (why) {
+        area.value = this.value;
+        this.refuse(why, () => { area.value = text; area.focus(); });
+      }
     };
     area.onchange = () => void commit();
     area.onkeydown = (event) => { if (event.key === "Enter" && (rows === 2 || event.ctrlKey)) { event.preventDefault(); void commit(); } };
   }
+  forget(): void {
+    super.forget();
+    this.sending = null;
+    this.area.value = this.value;
+  }
   show(value: string): void {
-    if (this.isOld(value)) return;
+    if (this.sending !== null || this.isOld(value)) return;
     const isTyping = document.activeElement === this.area && this.area.value !== this.value;
     this.value = value;
     if (!isTyping) this.area.value = value;

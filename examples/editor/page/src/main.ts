@@ -67,7 +67,7 @@ function startTools(view: View) {
     if (pencil.isOn) return pencil.click(event.clientX, event.clientY);
     const hit = view.pick(event.clientX, event.clientY);
     const id = hit?.item.told.id;
-    if (event.ctrlKey || event.shiftKey) {
+    if (event.ctrlKey || event.metaKey || event.shiftKey) {
       if (id === undefined) return;
       const next = new Set(model.selected);
       if (!next.delete(id)) next.add(id);
@@ -153,7 +153,7 @@ window.addEventListener("keydown", (event) => {
     w: () => at("tool-move").click(), e: () => at("tool-turn").click(), q: () => at("tool-space").click(), f: () => at("fit").click(),
     1: () => at("look-top").click(), 2: () => at("look-front").click(), 3: () => at("look-side").click(), 4: () => at("look-free").click(),
     c: () => tools?.corners.step(),
-    Enter: () => { if (tools?.pencil.isOn) tools.pencil.finish(false); },
+    Enter: () => { if (tools?.pencil.isOn && !target.matches("button")) tools.pencil.finish(false); },
     "?": () => dialogs.help(),
   };
   keys[event.key.length === 1 ? event.key.toLowerCase() : event.key]?.();
@@ -188,7 +188,6 @@ function updateBar(): void {
 model.on(["state", "selection"], updateBar);
 wire.onLine = (isConnected) => {
   model.isConnected = isConnected;
-  document.body.dataset.line = String(isConnected);
   updateBar();
 };
 let hasFit = false;

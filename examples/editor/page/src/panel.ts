@@ -270,9 +270,10 @@ export class Panel {
   }
 
   private async closeLine(isClosed: boolean): Promise<void> {
-    const shape = this.first()!.told.shape!;
+    const shape = this.first()!.told.shape!, selected = this.model.selection.map((item) => item.told.id).join();
     const points = new Float64Array(await (await fetch(`shapes/${shape.hash}`)).arrayBuffer());
     const triples = Array.from({ length: points.length / 3 }, (_, i) => [...points.slice(3 * i, 3 * i + 3)]);
+    if (this.model.selection.map((item) => item.told.id).join() !== selected) return; // another line was selected meanwhile
     await this.sendAll({ shape: { points: triples, closed: isClosed } }, "closed");
   }
 

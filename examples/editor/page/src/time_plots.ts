@@ -97,8 +97,10 @@ export class TimePlots {
       this.servo.clear();
       this.clients.clear();
     }
-    for (let i = 0; i < samples.length; i += 4) this.force.push(samples.subarray(i, i + 4));
-    const time = told.time as number;
+    const time = told.time as number, last = this.now;
+    for (let i = 0; i < samples.length; i += 4) { // after a line that was lost for a while some come again
+      if (!this.force.count || samples[i]! > last) this.force.push(samples.subarray(i, i + 4));
+    }
     this.offer();
     for (const client of model.clients.values()) {
       if (!this.clients.has(client.name)) this.clients.set(client.name, new Ring(4, 600 * 30));

@@ -15,7 +15,6 @@ export class View {
   readonly things: Things;
   /** The place of the device that is at 0 of the picture: what is drawn is near it, so that no digit is lost. */
   origin: Vec = [0, 0, 0];
-  frames = 0;
   onDraw: (() => void)[] = [];
   private renderer!: THREE.WebGLRenderer;
   private readonly ray = new THREE.Raycaster();
@@ -94,7 +93,6 @@ export class View {
     this.camera.updateProjectionMatrix();
     this.renderer.render(this.scene, this.camera);
     for (const f of this.onDraw) f();
-    this.box.dataset.frames = String(++this.frames);
   }
 
   private resize(): void {
