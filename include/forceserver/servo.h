@@ -201,7 +201,8 @@ typedef struct fs_recorded_tick {
 /* The flight record of the servo that runs this scene, in this process or at the server: a list of its ticks with numbers
  * above `after`, oldest first; 0: all. To log or draw every tick, call it some times a second with the last number that
  * you have. A buffer that is too small gets the oldest ones, and the next call gives the rest. A gap in the numbers:
- * those ticks were too old to be kept. No servo: STATE. TIMEOUT, FULL, IO. */
+ * those ticks were too old to be kept; a tick that the servo missed (fs_servo_stats.misses) has no number, and shows in
+ * the times. No servo: STATE. TIMEOUT: the next call gives them. FULL, IO. */
 FS_API fs_status fs_scene_get_record(fs_scene *scene, uint64_t after, fs_recorded_tick *out, size_t capacity,
                                      size_t *count);
 

@@ -78,30 +78,37 @@ fs_status Readers::get_hand(fs_state* state, fs_response* response, fs_wrench* s
   return read_hand(*evaluated_.output, state, response, sent);
 }
 
-ServoLink& Readers::require_servo(const char* sentence) const {
+template <class F>
+void Readers::with_servo(const char* sentence, F&& f) {
+  // A parent process may have held the lock when it was forked, and then nobody gives it back here.
+  if (has_servo() && servo_process_ != this_process()) fail(FS_ERROR_STATE, "%s", servo_of_parent);
+  const std::lock_guard lock(mutex_);
   if (!evaluated_.servo()) fail(FS_ERROR_STATE, "%s", sentence);
-  if (servo_process_ != this_process()) fail(FS_ERROR_STATE, "%s", servo_of_parent);
-  return *evaluated_.servo();
+  f(*evaluated_.servo());
 }
 
 void Readers::get_servo_stats(fs_servo_stats& out) {
-  const std::lock_guard lock(mutex_);
-  require_servo("the scene has no servo; fs_servo_start gives it one").get_stats(out);
+  with_servo("the scene has no servo; fs_servo_start gives it one", [&](const ServoLink& servo) { servo.get_stats(out); });
 }
 
 void Readers::get_device_info(fs_device_info& out) {
-  const std::lock_guard lock(mutex_);
-  require_servo("the scene has no servo, so no device; fs_servo_start gives it one").get_device_info(out);
+  with_servo("the scene has no servo, so no device; fs_servo_start gives it one",
+             [&](const ServoLink& servo) { servo.get_device_info(out); });
 }
 
+// In pieces, between which other calls can go on.
 std::vector<fs_recorded_tick> Readers::record(uint64_t after) {
-  const std::lock_guard lock(mutex_);
-  return require_servo("the scene has no servo, so no record of ticks").record(after);
+  constexpr size_t piece = 256;
+  std::vector<fs_recorded_tick> out;
+  for (size_t before = 0;; before = out.size()) {
+    with_servo("the scene has no servo, so no record of ticks",
+               [&](const ServoLink& servo) { servo.add_record(out.empty() ? after : out.back().number, piece, out); });
+    if (out.size() < before + piece) return out;
+  }
 }
 
 void Readers::stop_force() {
-  const std::lock_guard lock(mutex_);
-  require_servo("the scene has no servo, so no force to stop").set_enabled(false);
+  with_servo("the scene has no servo, so no force to stop", [](ServoLink& servo) { servo.set_enabled(false); });
 }
 
 }  // namespace fs

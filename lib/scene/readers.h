@@ -37,7 +37,9 @@ class Readers {
 
  private:
   void build_shapes();
-  ServoLink& require_servo(const char* sentence) const;  // STATE: there is none, or it is a parent process's
+  // Calls f(servo) under the lock. STATE, with the sentence if there is none; or it is a parent process's.
+  template <class F>
+  void with_servo(const char* sentence, F&& f);
 
   std::mutex& mutex_;  // the scene's
   Evaluated& evaluated_;

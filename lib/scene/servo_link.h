@@ -17,7 +17,8 @@ class ServoLink {
   virtual double time() const noexcept = 0;      // s, of its newest tick
   virtual void get_stats(fs_servo_stats& out) const = 0;        // all but struct_size
   virtual void get_device_info(fs_device_info& out) const = 0;  // all but struct_size
-  virtual std::vector<fs_recorded_tick> record(uint64_t after) const = 0;
+  // Adds the recorded ticks with numbers above `after` to out: so many of the oldest at most.
+  virtual void add_record(uint64_t after, size_t most, std::vector<fs_recorded_tick>& out) const = 0;
   virtual void set_enabled(bool enabled) noexcept = 0;          // [rt]
   virtual uint64_t event_count() const noexcept = 0;            // of the device
   virtual bool take_event(uint64_t& next, fs_event& out) const = 0;  // number `next`, which goes on; false: none yet

@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <deque>
 
@@ -130,11 +131,11 @@ class ReportList final : public SceneList {
 class RecordList final : public List {
  public:
   RecordList(Servo& servo, uint64_t after) : servo_(Ref<Servo>::share(&servo)), after_(after) {}
-  size_t most() const override { return servo_->record().count(after_); }
+  size_t most() const override { return std::min<size_t>(servo_->record().count(after_), wire::most_ticks); }
 
  private:
   void write() override {
-    servo_->record().for_each(after_, [&](const fs_recorded_tick& each) { add_record(each); });
+    servo_->record().for_each(after_, wire::most_ticks, [&](const fs_recorded_tick& each) { add_record(each); });
   }
   const Ref<Servo> servo_;
   const uint64_t after_;

@@ -20,13 +20,15 @@ class FlightRecord {
 
   // How many ticks are kept that have a number above `after`; the first tick has number 1.
   size_t count(uint64_t after) const noexcept;
-  // Calls f(const fs_recorded_tick&) for each of them, oldest first.
+  // Calls f(const fs_recorded_tick&) for each of them, oldest first, for so many at most.
   template <class F>
-  void for_each(uint64_t after, F&& f) const {
+  void for_each(uint64_t after, size_t most, F&& f) const {
     const uint64_t end = count_.load(std::memory_order_acquire);
-    for (uint64_t index = end - count(after, end); index < end; ++index) {
+    for (uint64_t index = end - count(after, end); index < end && most > 0; ++index) {
       Slot slot;
-      if (read(index, slot)) f(fs_recorded_tick{index + 1, slot.tick});
+      if (!read(index, slot)) continue;
+      f(fs_recorded_tick{index + 1, slot.tick});
+      --most;
     }
   }
 

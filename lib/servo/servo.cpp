@@ -277,11 +277,8 @@ void fs_servo::tick(double now, double late) noexcept {
   }
 }
 
-std::vector<fs_recorded_tick> fs_servo::record(uint64_t after) const {
-  std::vector<fs_recorded_tick> out;
-  out.reserve(record_.count(after));
-  record_.for_each(after, [&](const fs_recorded_tick& each) { out.push_back(each); });
-  return out;
+void fs_servo::add_record(uint64_t after, size_t most, std::vector<fs_recorded_tick>& out) const {
+  record_.for_each(after, most, [&](const fs_recorded_tick& each) { out.push_back(each); });
 }
 
 bool fs_servo::take_event(uint64_t& next, fs_event& out) const {

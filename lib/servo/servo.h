@@ -57,7 +57,7 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
 
   void get_stats(fs_servo_stats& out) const override;        // all but struct_size
   void get_device_info(fs_device_info& out) const override;  // all but struct_size
-  std::vector<fs_recorded_tick> record(uint64_t after) const override;
+  void add_record(uint64_t after, size_t most, std::vector<fs_recorded_tick>& out) const override;
   bool take_event(uint64_t& next, fs_event& out) const override;  // of the device: see DeviceEvents
   uint64_t event_count() const noexcept override { return events_.count(); }
 

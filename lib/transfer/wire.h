@@ -90,7 +90,7 @@ enum Type : uint32_t {
   type_stop_force,   // nothing. Reply
   type_motions,      // Target: a client; empty: all but the asking one. Reply, Count, and a descriptor: fs_motion, as many
   type_views,        // nothing. Reply, Count, and a descriptor: fs_client_view, as many
-  type_record,       // After. Reply, Count, and a descriptor: fs_recorded_tick, as many
+  type_record,       // After. Reply, Count, and a descriptor: fs_recorded_tick, as many, at most most_ticks of the oldest
 
   type_reply = 200   // Reply and what it says above
 };
@@ -195,6 +195,8 @@ struct Target {
 struct Fetch {
   uint64_t id;                   // the server's number, of the last Object or Pulled that it sent
 };
+
+inline constexpr size_t most_ticks = 2048;  // in one answer: where there are more, it is asked for again
 
 struct After {
   uint64_t number;               // of the last tick that the client has

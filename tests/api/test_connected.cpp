@@ -923,6 +923,7 @@ START_TEST(all_at_once) {
               fs_view view;
               expect(fs_scene_get_view(scene, "c0", &view), {});
               expect(fs_scene_get_views(scene, nullptr, 0, &count), {});
+              expect(fs_scene_get_record(scene, 0, nullptr, 0, &count), {});
               fs_event event;
               expect(fs_scene_next_event(scene, 0, &event), {});
               break;

@@ -516,7 +516,8 @@ static void expect_lost(fs_scene* scene) {
       [&] { return fs_scene_get_device_info(scene, &info); },
       [&] { return fs_scene_stop_force(scene); },
       [&] { return fs_scene_get_clients(scene, nullptr, 0, &count); },
-      [&] { return fs_scene_get_views(scene, nullptr, 0, &count); }};
+      [&] { return fs_scene_get_views(scene, nullptr, 0, &count); },
+      [&] { return fs_scene_get_record(scene, 0, nullptr, 0, &count); }};
   for (size_t i = 0; i < calls.size(); ++i) {
     const fs_status status = calls[i]();
     ck_assert_msg(status == FS_ERROR_DISCONNECTED, "call %zu gives %s", i, fs_status_name(status));

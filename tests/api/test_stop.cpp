@@ -252,6 +252,36 @@ static int in_process(const std::function<void()>& f) {
   return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
 }
 
+// A child of a process whose threads are asking: what they ask for is the parent's, and no lock of theirs holds it up.
+START_TEST(a_child_asks) {
+  Arrived& arrived = make_arrived();
+  Pushed pushed(arrived, "child");
+  pushed.start(FS_SERVO_VIRTUAL);
+  OK(fs_servo_step(pushed.servo.get(), 2000));
+  fs_scene* const scene = pushed.scene.get();
+  std::atomic<bool> ends{false};
+  std::thread asks([&] {
+    size_t count;
+    while (!ends) fs_scene_get_record(scene, 0, nullptr, 0, &count);
+  });
+  for (int i = 0; i < 20; ++i) {
+    ck_assert_int_eq(7, in_process([&] {
+      alarm(20);
+      fs_servo_stats stats = fs_servo_stats_init();
+      fs_device_info info = fs_device_info_init();
+      size_t count;
+      const bool is_right = fs_scene_get_record(scene, 0, nullptr, 0, &count) == FS_ERROR_STATE &&
+                            fs_scene_get_servo_stats(scene, &stats) == FS_ERROR_STATE &&
+                            fs_scene_get_device_info(scene, &info) == FS_ERROR_STATE &&
+                            fs_scene_stop_force(scene) == FS_ERROR_STATE;
+      _exit(is_right ? 7 : 8);
+    }));
+  }
+  ends = true;
+  asks.join();
+}
+END_TEST
+
 START_TEST(exit_amid_a_tick) {
   for (const bool is_quick : {false, true}) {
     Arrived& arrived = make_arrived();
@@ -546,7 +576,7 @@ int main() {
   tcase_add_loop_test(loops, stop_amid_a_tick, 0, std::size(ticks));
   tcase_add_loop_test(loops, exit_amid_a_tick, 0, std::size(ticks));
   suite_add_tcase(suite, loops);
-  add_case(suite, "stop", {stop_before_the_server_is_told, two_threads_stop_at_once, a_zero_that_fails});
+  add_case(suite, "stop", {stop_before_the_server_is_told, two_threads_stop_at_once, a_zero_that_fails, a_child_asks});
   add_case(suite, "exit", {exit_beside_one_that_hangs, exit_with_all_that_runs, exit_without_a_tick, exit_by_the_driver,
                            a_forked_child_leaves_it_alone});
   add_case(suite, "memory", {a_start_that_fails, a_thread_that_is_refused, locked_memory});

@@ -229,6 +229,7 @@ static std::vector<std::pair<const char*, std::function<fs_status()>>> calls(fs_
        }},
       {"clients", [=] { return fs_scene_get_clients(scene, nullptr, 0, &count); }},
       {"views", [=] { return fs_scene_get_views(scene, nullptr, 0, &count); }},
+      {"record", [=] { return fs_scene_get_record(scene, 0, nullptr, 0, &count); }},
       {"tool", [=] {
          fs_tool* out = nullptr;
          return fs_tool_create(scene, nullptr, 0, &out);

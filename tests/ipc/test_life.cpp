@@ -554,6 +554,7 @@ START_TEST(threads_on_one_scene) {
         fine(fs_scene_get_motions(s, nullptr, nullptr, 0, &count), "motions");
         fine(fs_scene_get_clients(s, nullptr, 0, &count), "clients");
         fine(fs_scene_get_views(s, nullptr, 0, &count), "views");
+        fine(fs_scene_get_record(s, 0, nullptr, 0, &count), "record");
         fine(fs_scene_get_hand(s, nullptr, nullptr, nullptr), "hand");
       },
       [&](Random& random) {

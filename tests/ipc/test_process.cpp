@@ -236,6 +236,7 @@ static void run_out_of_descriptors(char** words) {
     expect(FS_ERROR_FULL, fs_scene_get_motions(scene, nullptr, nullptr, 0, &count), "fs_scene_get_motions");
     expect(FS_ERROR_FULL, fs_scene_get_clients(scene, nullptr, 0, &count), "fs_scene_get_clients");
     expect(FS_ERROR_FULL, fs_scene_get_views(scene, nullptr, 0, &count), "fs_scene_get_views");
+    expect(FS_ERROR_FULL, fs_scene_get_record(scene, 0, nullptr, 0, &count), "fs_scene_get_record");
     fs_object got = fs_object_init("", FS_PRIMITIVE_POINT);
     expect(FS_ERROR_NOT_FOUND, fs_object_get(scene, "mesh", &got), "fs_object_get");
     o.primitive = FS_PRIMITIVE_POINT;  // what needs no descriptor is done

@@ -28,7 +28,7 @@ from .look import Look, Rows, Seen
 from .plain import Plain, Refused
 
 COMMANDS_A_SECOND = 200
-MOST_WAITING = 16  # commands and pieces of a file that were read and are not done yet
+MOST_WAITING = 64  # commands that were read and are not done yet
 CALM_RATE = 4  # states a second while nothing changes but the time
 MOST_UPLOAD = 512 << 20  # bytes
 
@@ -43,7 +43,7 @@ class Browser:
         self._serial = -1  # of the state that was looked at last
         self._may_send = asyncio.Event()
         self._forget()
-        self._waiting: asyncio.Queue[Plain | bytes] = asyncio.Queue(MOST_WAITING)
+        self._waiting: asyncio.Queue[Plain] = asyncio.Queue(MOST_WAITING)
         self._upload: Any = None
         self._upload_left = 0
 
@@ -129,12 +129,12 @@ class Browser:
     # ---- Commands
 
     async def _listen(self) -> None:
-        """Commands and pieces of files wait for each other; that a state was taken, and the stop of all force, do not."""
+        """Commands wait for each other; that a state was taken, pieces of files, and the stop of all force do not."""
         stops: set[asyncio.Task[None]] = set()
         with contextlib.suppress(ConnectionClosed):
             async for message in self._socket:
                 if isinstance(message, bytes):
-                    await self._waiting.put(message)
+                    self._take_piece(message)
                     continue
                 try:
                     command = json.loads(message)
@@ -152,8 +152,12 @@ class Browser:
                         await asyncio.wait(stops, return_when=asyncio.FIRST_COMPLETED)
                     stops.add(task := asyncio.create_task(self._stop(_number(command))))
                     task.add_done_callback(stops.discard)
+                elif self._waiting.full():
+                    many = Refused("too many commands wait for their turn", status="FULL")
+                    await self._socket.send(JSON({"n": _number(command)} | _refusal(many)))
+                    await asyncio.sleep(1 / COMMANDS_A_SECOND)
                 else:
-                    await self._waiting.put(command)
+                    self._waiting.put_nowait(command)
 
     async def _stop(self, number: Any) -> None:
         try:
@@ -169,14 +173,11 @@ class Browser:
         next_time = 0.0
         try:
             while True:
-                waiting = await self._waiting.get()
-                if isinstance(waiting, bytes):
-                    self._take_piece(waiting)
-                    continue
+                command = await self._waiting.get()
                 next_time = max(next_time + 1 / COMMANDS_A_SECOND, loop.time() - 0.1)
                 if next_time > loop.time():  # too many: the browser has to wait
                     await asyncio.sleep(next_time - loop.time())
-                await self._socket.send(JSON(await self._answer(waiting)))
+                await self._socket.send(JSON(await self._answer(command)))
         except ConnectionClosed:
             pass
         except Exception:  # a bug of the editor

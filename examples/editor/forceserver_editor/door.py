@@ -110,7 +110,7 @@ class Door:
             return _answer(HTTPStatus.FORBIDDEN, b"Use the address that forceserver-editor printed.\n", "text/plain")
         if len(path) == 1:
             return _answer(HTTPStatus.FOUND, b"", "text/plain", {"Location": f"/{self._token}/"})
-        wants_socket = "websocket" in request.headers.get("Upgrade", "").lower()
+        wants_socket = "websocket" in " ".join(request.headers.get_all("Upgrade")).lower()
         if path[1:] == ["socket"]:
             return None if wants_socket and request.headers.get_all("Origin") else _answer(HTTPStatus.BAD_REQUEST, b"")
         loop = asyncio.get_running_loop()

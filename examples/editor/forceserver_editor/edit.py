@@ -266,6 +266,8 @@ class Edit:
 
     def _curve(self, scene: fs.Scene, name: str, until: float, count: int = 400) -> Plain:
         """f(d) of both sides, for the plot: raw, and with its slopes limited to what the servo lets the object have."""
+        if not np.isfinite(until := float(until)):
+            raise Refused(f"until is {until}, must be finite")
         found, report = scene.object_get(name), scene.get_report(name)
         frame = scene.get_frame(name.rpartition("/")[0] or None)
         distances = np.linspace(0, float(until), max(2, min(int(count), 4000)))

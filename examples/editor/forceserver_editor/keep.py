@@ -17,11 +17,12 @@ import forceserver as fs
 
 from .plain import Plain, Refused, refusal
 
-# Of an upload, as it is on the disk: what is larger is refused before it is read. The library needs four times the size of
-# a scene's JSON to read it.
-MOST_SCENE = 128 << 20  # bytes
+# Of an upload, as it is on the disk: what is larger is refused before it is read. Of a scene's JSON the library may need 24
+# times the size to read it.
+MOST_SCENE = 32 << 20  # bytes
 MOST_FILE = 512 << 20  # bytes of any other file
 MOST_UNPACKED = 1 << 30  # bytes, of all files together
+MOST_FILES = 5000  # a scene has 4096 objects at most, unless the server allows more
 
 
 class Keep:
@@ -141,12 +142,14 @@ def _unpacked(file: Path, folder: Path) -> Path:
 def _unpack(archive: zipfile.ZipFile, folder: Path) -> None:
     """What the directory of the archive claims is checked first, and then what really comes out of it."""
     infos = [info for info in archive.infolist() if not info.is_dir()]
+    if len(infos) > MOST_FILES:
+        raise Refused(f"the zip file has {len(infos)} files in it, may have {MOST_FILES}", "file", "FULL")
     _require_size(sum(info.file_size for info in infos), MOST_UNPACKED, "the content of the zip file")
     for info in infos:
         _require_size(info.file_size, _most(info), repr(info.filename))
         if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise Refused(f"{info.filename!r} is compressed in another way than zip files usually are", "file", "UNSUPPORTED")
-        if not (folder / info.filename).resolve().is_relative_to(folder.resolve()):
+        if not info.filename or folder.resolve() not in (folder / info.filename).resolve().parents:
             raise Refused(f"the zip file names a place outside of it: {info.filename!r}", "file")
     left = MOST_UNPACKED
     for info in infos:
@@ -157,7 +160,7 @@ def _unpack(archive: zipfile.ZipFile, folder: Path) -> None:
 
 
 def _most(info: zipfile.ZipInfo) -> int:
-    return MOST_SCENE if info.filename.endswith(".json") else MOST_FILE
+    return MOST_SCENE if Path(info.filename).suffix.lower() == ".json" else MOST_FILE
 
 
 def copy_at_most(source: IO[bytes], out: IO[bytes], most: int, what: str) -> int:

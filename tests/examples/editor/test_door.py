@@ -233,7 +233,7 @@ def test_a_zip_file_that_is_too_large(started: Any) -> None:
     async def journey(s: Socket) -> None:
         before = peak(editor)
         refused = await upload(s, zipped({"scene.json": spaces}), "room.zip", "load")
-        assert refused["status"] == "FULL" and "'scene.json'" in refused["text"] and "128 MiB" in refused["text"], refused
+        assert refused["status"] == "FULL" and "'scene.json'" in refused["text"] and "32 MiB" in refused["text"], refused
         assert peak(editor) < before + 60, "MB"
         # What the directory claims is enough to refuse it, for one and for all together.
         refused = await upload(s, zipped({"scene.json": SCENE, "a.ply": b"x"}, 513 << 20), "room.zip", "load")
@@ -248,8 +248,13 @@ def test_a_zip_file_that_is_too_large(started: Any) -> None:
         assert "password" in (await upload(s, bytes(locked), "room.zip", "load"))["text"]
         refused = await upload(s, zipped({"scene.json": SCENE}, compression=zipfile.ZIP_LZMA), "room.zip", "load")
         assert refused["status"] == "UNSUPPORTED", refused
+        # A name that stands for a scene all the same; too many files.
+        refused = await upload(s, zipped({"scene.json/.": spaces}), "room.zip", "load")
+        assert refused["status"] == "FULL" and "32 MiB" in refused["text"], refused
+        refused = await upload(s, zipped({"scene.json": SCENE} | {f"{i}.ply": b"" for i in range(5000)}), "room.zip", "load")
+        assert refused["status"] == "FULL" and "5001 files" in refused["text"], refused
         # A bare scene.
-        assert "128 MiB" in (await upload(s, spaces, "room.json", "load"))["text"]
+        assert "32 MiB" in (await upload(s, spaces, "room.json", "load"))["text"]
         assert await upload(s, zipped({"scene.json": SCENE}), "room.zip", "load") == {}
         await s.until(lambda s: "a" in s.objects)
 
@@ -379,6 +384,29 @@ def test_a_socket_that_is_not_read(started: Any) -> None:
         await s.socket.send(json.dumps({"took": 0}))
         await s.state()
         assert s.told["serial"] > last + 1
+
+    with_socket(editor, journey)
+
+
+def test_a_stop_overtakes_what_waits(started: Any) -> None:
+    lab = started(Lab)
+    editor = started(Editor, lab.endpoint)
+
+    async def journey(s: Socket) -> None:
+        for n in range(100):
+            await s.socket.send(json.dumps({"n": n, "do": "files"}))
+        await s.socket.send(json.dumps({"n": 100, "do": "stop"}))
+        order: list[int] = []
+        refused = 0
+        while len(order) < 101:
+            message = await s.socket.recv()
+            if isinstance(message, str):
+                answer = json.loads(message)
+                order.append(answer["n"])
+                refused += answer.get("refused", {}).get("status") == "FULL"
+        assert sorted(order) == list(range(101))  # each is answered, also those that are too many
+        assert refused > 0 and order.index(100) < 90, (refused, order)
+        assert lab.servo.stats.enabled == 0
 
     with_socket(editor, journey)
 

@@ -175,7 +175,7 @@ function updateBar(): void {
   const isOff = stats && stats.enabled === 0, faults = (stats?.faults ?? []) as string[];
   put(at("servo"), stats ? `${stats.rate?.toFixed(0) ?? "–"} Hz` : "");
   at("servo").title = stats ? `late p99 ${(stats.late_p99 * 1e6).toFixed(0)} µs, ${stats.misses} ticks missed` : "";
-  const banner = at("banner"), sentence = model.error ? `${model.error}. Waiting for a server …`
+  const banner = at("banner"), sentence = model.error ? model.error + (model.isConnected ? ". Waiting for a server …" : "")
     : isOff ? "All force is stopped. The owner of the server lets it return: for forceserver run, by Enter in its terminal." : faults.length ? `The servo stopped the force: ${faults.join(", ")}` : "";
   put(banner, sentence);
   if (banner.hidden !== (sentence === "")) banner.hidden = sentence === "";
@@ -188,6 +188,7 @@ function updateBar(): void {
 model.on(["state", "selection"], updateBar);
 wire.onLine = (isConnected) => {
   model.isConnected = isConnected;
+  if (!isConnected) model.loseAll();
   updateBar();
 };
 let hasFit = false;

@@ -111,7 +111,7 @@ export class Model {
 
   get me(): string { return this.told.me ?? ""; }
   get viewOnly(): boolean { return Boolean(this.told.view_only); }
-  get error(): string { return this.isConnected ? (this.told.error ?? "not connected yet") : "the editor does not answer"; }
+  get error(): string { return this.isConnected ? (this.told.error ?? "not connected yet") : "the editor does not answer: if it has ended, start it again and open the address that it prints"; }
   get ownFrame(): Frame { return this.clients.get(this.me)?.frame ?? defaultFrame; }
   get handPlace(): Vec { return this.hand ? toDevice(this.ownFrame, this.hand.pose.position) : [0, 0, 0]; }
   /** What the device gets, N. */
@@ -123,12 +123,22 @@ export class Model {
   }
   tell(topic: Topic): void { for (const f of this.listeners.get(topic) ?? []) f(); }
 
+  /** There is no server, or no editor: what was felt is not to be taken for what is felt now. */
+  loseAll(): void {
+    this.items.clear();
+    this.clients.clear();
+    this.hand = null;
+    this.told = { ...this.told, stats: undefined };
+    this.tell("objects");
+    this.tell("picture");
+  }
+
   /** Returns whether the picture is drawn anew for it. */
   take(state: State): boolean {
     const told: any = state.told;
     this.told = { ...this.told, ...told };
     if (told.fresh) this.items.clear();
-    if (told.error) { this.items.clear(); this.clients.clear(); this.hand = null; this.tell("objects"); }
+    if (told.error) this.loseAll();
     if (told.clients) this.clients = new Map((told.clients as Client[]).map((client) => [client.name, client]));
     if (told.hand) this.hand = told.hand as Hand;
     if (told.clients || told.hand) this.compare();

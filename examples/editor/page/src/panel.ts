@@ -184,7 +184,7 @@ export class Panel {
     }
     const limit = numberField(path("limit"), "limit", "N", this.send, "The force never exceeds it");
     this.add(box, limit, (item) => { limit.isShown = of(item).kind !== "none"; limit.show(shown(of(item).limit)); });
-    const reach = numberField(path("reach"), "reach", "m", this.send, "No force beyond this distance; 0: unlimited");
+    const reach = numberField(path("reach"), "reach (0: all)", "m", this.send, "No force beyond this distance; 0: unlimited");
     this.add(box, reach, (item) => { reach.isShown = of(item).kind !== "none"; reach.show(shown(of(item).reach)); });
     this.makeCurve(box, side, of);
   }
@@ -315,7 +315,7 @@ export class Panel {
     const size = shape ? `, ${shape.triangles ? `${shape.triangles.toLocaleString("en")} triangles` : `${shape.points} points`}` : "";
     put(this.what, `${item.told.primitive}${size} of ${item.told.client}`);
     const capped = item.applied < item.wanted ? ` of ${slope(item.wanted)}` : "";
-    put(this.live, `d ${this.model.distance(item)} · F ${newtons(sizeOf(item.push))} · slope ${slope(item.applied)}${capped}`);
+    put(this.live, `d ${this.model.distance(item)} · F ${newtons(sizeOf(item.push))} · stiffness ${slope(item.applied)}${capped}`);
     this.adopt.hidden = item.told.own || many > 1 || this.model.viewOnly;
   }
 }

@@ -167,7 +167,7 @@ export class Dialogs {
         error.textContent = (refused as Refusal).text;
       }
     };
-    const box = dialog("The editor's own scene", make("p", { className: "hint", textContent: "From the scene to the device: its place, its turn and its scale." }), body,
+    const box = dialog("The editor's own scene", make("p", { className: "hint", textContent: "Where this scene lies at the device, how it is turned, and its scale." }), body,
       make("p", { className: "hint", textContent: "Points of the tool, one a line: x, y, z (m, frame of the handle), 1 to 32" }), tool, error, make("div", { className: "buttons" }, apply));
     const update = () => { if (box.open) for (const f of updates) f(); };
     update();
@@ -182,7 +182,7 @@ export class Dialogs {
       ["↑ ↓", "in the table: the next object; with Shift as well, with Ctrl without selecting it"],
       ["Ctrl+Space, Ctrl+A", "in the table: selects one more or one less; all that are shown"],
       ["Space, H", "in the table: enables or disables; hides or shows"],
-      ["C", "the next corner of a polyline; arrow keys and Page Up and Down move it by 1 mm"], ["↑ ↓ in a field", "a tenth more or less"],
+      ["C", "the next corner of a polyline; arrow keys and Page Up and Down move it by 1 mm"], ["↑ ↓ in a field", "the second digit more or less"],
       ["left, right, wheel", "orbit, pan, zoom"],
     ];
     const looks: [Condition, string][] = [
