@@ -347,9 +347,9 @@ void RemoteScene::get_servo_stats(fs_servo_stats& out) { ask(wire::type_stats, o
 void RemoteScene::get_device_info(fs_device_info& out) { ask(wire::type_device, out); }
 
 std::vector<fs_recorded_tick> RemoteScene::record(uint64_t after) {
+  Call call = line_.enter();
   std::vector<fs_recorded_tick> out;
   for (;;) {
-    Call call = line_.enter();
     const wire::After last{out.empty() ? after : out.back().number};
     const auto piece = line_.request(call, wire::type_record, last).list<fs_recorded_tick>();
     out.insert(out.end(), piece.begin(), piece.end());
