@@ -184,7 +184,7 @@ export class Panel {
     }
     const limit = numberField(path("limit"), "limit", "N", this.send, "The force never exceeds it");
     this.add(box, limit, (item) => { limit.isShown = of(item).kind !== "none"; limit.show(shown(of(item).limit)); });
-    const reach = numberField(path("reach"), "reach (0: all)", "m", this.send, "No force beyond this distance; 0: unlimited");
+    const reach = numberField(path("reach"), "reach (0: ∞)", "m", this.send, "No force beyond this distance; 0: unlimited");
     this.add(box, reach, (item) => { reach.isShown = of(item).kind !== "none"; reach.show(shown(of(item).reach)); });
     this.makeCurve(box, side, of);
   }

@@ -82,7 +82,7 @@ export class TimePlots {
   /** What can be chosen: the clients come and go. */
   private offer(): void {
     const names = new Set([...this.model.clients.keys(), ...(this.shown.startsWith("of ") ? [this.shown.slice(3)] : [])]);
-    const all = [["force", "Force on the hand"], ["clients", "Clients"], ...[...names].map((name) => [`of ${name}`, name]), ["servo", "Servo"]];
+    const all = [["force", "Hand"], ["clients", "Clients"], ...[...names].map((name) => [`of ${name}`, name]), ["servo", "Servo"]];
     if (all.length === this.choice.options.length && all.every(([value], i) => this.choice.options[i]!.value === value)) return;
     this.choice.replaceChildren(...all.map(([value, textContent]) => make("option", { value, textContent })));
     this.choice.value = this.shown;
