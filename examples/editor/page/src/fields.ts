@@ -111,8 +111,6 @@ export class TextField extends Field {
   }
   show(value: string): void {
     if (this.sending !== null || this.isOld(value)) return;
-    // What was refused is about another value. But a pose may change all the time.
-    if (value !== this.value && !this.path.startsWith("pose")) this.refuse("");
     const isTyping = this.text.value !== this.value;
     this.value = value;
     if (this.text.value !== value && (document.activeElement !== this.text || !isTyping)) this.text.value = value;
@@ -259,8 +257,6 @@ export class AreaField extends Field {
   }
   show(value: string): void {
     if (this.sending !== null || this.isOld(value)) return;
-    // What was refused is about another value. But a pose may change all the time.
-    if (value !== this.value && !this.path.startsWith("pose")) this.refuse("");
     const isTyping = document.activeElement === this.area && this.area.value !== this.value;
     this.value = value;
     if (!isTyping) this.area.value = value;
