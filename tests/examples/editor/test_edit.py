@@ -202,8 +202,12 @@ def test_by_keys_alone(lab: Lab, page: Page, second: Second) -> None:
     press("c")
     assert page.evaluate("document.activeElement.dataset.corner") == "1"
     for key, wanted in (("ArrowRight", [0.021, 0, 0]), ("Shift+ArrowDown", [0.021, -0.0001, 0]), ("PageUp", [0.021, -0.0001, 0.001])):
+        shape = page.evaluate('editor.model.byName("rover/way").told.shape.hash')
         press(key)
         eventually(lambda wanted=wanted: np.allclose(second.get("rover/way")["points"], [0, 0, 0, *wanted, 0.02, 0.03, 0], atol=1e-12))
+        page.wait_for_function('shape => editor.model.byName("rover/way").told.shape.hash !== shape', arg=shape)  # the page knows
+        page.wait_for_load_state("networkidle")
+        page.wait_drawn()
         page.wait_for_function("at => Math.abs(editor.tools.corners.points[1].reduce((sum, x) => sum + x) - at) < 1e-12", arg=sum(wanted))
     picture(page, "a corner by keys")
     assert page.evaluate("document.activeElement.dataset.corner") == "1"  # it keeps the focus

@@ -58,17 +58,8 @@ export class Table {
   private later(): void {
     if (this.isDue) return;
     this.isDue = true;
-    setTimeout(() => { this.isDue = false; this.sortIfNeeded(); }, 200);
+    setTimeout(() => { this.isDue = false; this.draw(); }, 200);
   }
-
-  /** Clients come and go without objects too, and what the filter is about may be the state of an object. */
-  private sortIfNeeded(): void {
-    const clients = [...this.model.clients.keys()].join("/");
-    if (!this.filter.value && clients === this.sorted) return this.draw();
-    this.sorted = clients;
-    this.sort();
-  }
-  private sorted = "";
 
   private sort(): void {
     const words = this.filter.value.toLowerCase().split(/\s+/).filter(Boolean);
