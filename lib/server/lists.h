@@ -48,7 +48,6 @@ void answer_motions(Client& client, uint64_t serial, const std::string& whose); 
 void answer_clients(Client& client, uint64_t serial);                            // IO, FULL
 void answer_views(Client& client, uint64_t serial);                              // of all clients, in that order. IO, FULL
 
-
 // Answers with the servo's recorded ticks that have a number above `after`. IO, FULL.
 void answer_record(Client& client, uint64_t serial, uint64_t after);
 

@@ -13,8 +13,7 @@ import description
 # may have set to anything; and those that are sent as they are.
 TRANSLATED = {"fs_profile": "Profile", "fs_contact": "Contact", "fs_object": "Object"}
 AS_THEY_ARE = ["fs_frame", "fs_state", "fs_response", "fs_event", "fs_report", "fs_view", "fs_motion", "fs_client",
-               "fs_client_view", "fs_servo_stats", "fs_device_info", "fs_tick",
-               "fs_recorded_tick"]
+               "fs_client_view", "fs_servo_stats", "fs_device_info", "fs_tick", "fs_recorded_tick"]
 
 target = pathlib.Path(__file__).with_name("contract.h")
 described = description.load()

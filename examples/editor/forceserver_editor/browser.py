@@ -2,8 +2,8 @@
 
 A message to the browser is: the length of its JSON (uint32), the JSON, zeros up to a multiple of 8 bytes; then, of the
 objects that moved or are felt differently, the poses (float64), the forces of the ticks since the last message (float64),
-and how those objects are felt (float32). Only what is new to this browser is in it, and never more than one message is under way:
-nothing queues for a slow browser.
+and how those objects are felt (float32). Only what is new to this browser is in it, and never more than one message is
+under way: nothing queues for a slow browser.
 """
 
 from __future__ import annotations
