@@ -79,11 +79,11 @@ class Door:
         self._write_recovery(True)
 
     def _write_recovery(self, at_once: bool) -> None:
-        scene = self._look.scene
+        scene, connection = self._look.scene, self._look.connection
         if scene is None:
             return
         try:
-            self._edit.keep.write_recovery(scene, at_once)
+            self._edit.keep.write_recovery(scene, connection, at_once)
         except Exception as error:  # a full disk, or the server has just gone: editing goes on
             print(f"the recovery file was not written: {error}", flush=True)
 

@@ -57,7 +57,7 @@ class Edit:
                 refused.text = refused.text.replace(str(upload), named).replace(upload.name, named)
             raise
         if name not in NO_EDITS:
-            self.keep.note_change()
+            self.keep.note_change(self._connection)
         return answer
 
     @staticmethod

@@ -32,7 +32,8 @@ class Keep:
         self._recovery = recovery / key / "scene.json"
         self._old = self._recovery.parent / "before" / "scene.json"  # from before; it is offered, never applied unasked
         self.on_offer: Plain | None = None  # for the page; other threads may read it
-        self._changed = 0.0
+        self._changed = 0.0  # when the scene was first edited since it was written; 0: it was not
+        self._changed_in = 0  # the connection that scene is of
         self.offer_again()
 
     # ---- The folder
@@ -85,12 +86,14 @@ class Keep:
 
     # ---- Recovery
 
-    def note_change(self) -> None:
-        self._changed = self._changed or time.monotonic()
+    def note_change(self, connection: int) -> None:
+        is_first = not self._changed or connection != self._changed_in
+        self._changed, self._changed_in = time.monotonic() if is_first else self._changed, connection
 
-    def write_recovery(self, scene: fs.Scene, at_once: bool = False) -> None:
-        """After a gesture, but not more often than once a second."""
-        if not self._changed or (time.monotonic() < self._changed + 1 and not at_once):
+    def write_recovery(self, scene: fs.Scene, connection: int, at_once: bool = False) -> None:
+        """After a gesture, but not more often than once a second. What was edited in a scene that has gone is not to be
+        found in the next one."""
+        if not self._changed or connection != self._changed_in or (time.monotonic() < self._changed + 1 and not at_once):
             return
         self._recovery.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         scene.save(self._recovery)
@@ -111,7 +114,6 @@ class Keep:
                     path.rename(self._old.parent / path.name)
             except OSError as error:  # a folder that cannot be written: the editor works without
                 print(f"the recovery file cannot be offered: {error}", flush=True)
-        self._changed = 0.0  # what was edited last is gone with the scene
         self.on_offer = {"written": self._old.stat().st_mtime} if self._old.exists() else None
 
     def recover(self, scene: fs.Scene) -> None:
