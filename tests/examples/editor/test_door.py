@@ -21,8 +21,9 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from forceserver_editor.keep import copy_at_most
+from forceserver_editor.keep import Keep, copy_at_most
 from forceserver_editor.plain import Refused
+
 
 from conftest import Editor, Lab, Second, eventually
 from wire import POINT, Socket, fetch, peak, with_socket
@@ -386,6 +387,20 @@ def test_a_socket_that_is_not_read(started: Any) -> None:
         assert s.told["serial"] > last + 1
 
     with_socket(editor, journey)
+
+
+def test_an_edit_just_before_the_server_ends(tmp_path: Any) -> None:
+    """The scene of the next server, which is empty, is not written in its name."""
+    keep = Keep(tmp_path, tmp_path / "state", "shm:lab", "editor")
+    with fs.Scene() as scene, fs.Scene() as empty:
+        scene["a"] = fs.Point()
+        keep.note_change(1)
+        keep.write_recovery(scene, 1, True)
+        keep.note_change(1)
+        keep.offer_again()
+        keep.write_recovery(empty, 2, True)
+    (only,) = (tmp_path / "state").rglob("scene.json")
+    assert '"a"' in only.read_text() and keep.on_offer
 
 
 def test_a_stop_overtakes_what_waits(started: Any) -> None:
