@@ -113,8 +113,9 @@ class Edit:
                 changed.name = name
                 scene.object_change(changed, parts)
         settle(scene)
+        text = f"change {_fields(each)} of {_listed(names)}"
         for name, before, _, parts in made:
-            self._note(f"change {name}", name, before, scene.object_get(name), parts)
+            self._note(text, name, before, scene.object_get(name), parts)
 
     def _move(self, scene: fs.Scene, moves: list[Plain]) -> None:
         """All of them are felt from one tick on, or none."""
@@ -125,7 +126,7 @@ class Edit:
                 scene.object_move(one["name"], pose, fs.Twist(), 0)
         settle(scene)
         for name, was in before.items():
-            self._note(f"move {name}", name, was, scene.object_get(name), int(fs.Part.POSE))
+            self._note(f"move {_listed(list(before))}", name, was, scene.object_get(name), int(fs.Part.POSE))
 
     def _remove(self, scene: fs.Scene, names: list[str]) -> None:
         if any("/" in name for name in names):
@@ -136,7 +137,7 @@ class Edit:
                 scene.object_remove(name)
         settle(scene)
         for name in names:
-            self._note(f"remove {name}", name, before[name], None, ALL_PARTS)
+            self._note(f"remove {_listed(names)}", name, before[name], None, ALL_PARTS)
 
     def _rename(self, scene: fs.Scene, name: str, to: str) -> Plain:
         before = scene.object_get(name)
@@ -279,6 +280,16 @@ class Edit:
             out[side] = fs.intensity(getattr(found, side), distances, t).tolist()
             out[side + "_capped"] = np.abs(fs.law(found, at, t, max_stiffness=steepest)).tolist() if is_capped else None
         return out
+
+
+def _listed(names: list[str]) -> str:
+    return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
+
+
+def _fields(each: list[Plain]) -> str:
+    """What is changed, in few words: the field, or of several fields the parts of the object that they are in."""
+    paths = sorted({path for one in each for path in one})
+    return paths[0] if len(paths) == 1 else ", ".join(sorted({path.partition(".")[0] for path in paths}))
 
 
 COMMANDS = {

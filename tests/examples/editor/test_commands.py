@@ -75,6 +75,19 @@ def test_a_file_sets_the_frame_and_is_undone_as_one_step(started: Any) -> None:
     with_socket(editor, journey)
 
 
+def test_a_change_of_several_is_taken_whole_or_not_at_all(started: Any) -> None:
+    editor, second = with_hazard(started)
+
+    async def journey(s: Socket) -> None:
+        await s.ask("add", name="wall", primitive="plane", fields={"contact.keep": "front", "contact.limit": 3})
+        bad = await s.ask("change", names=["wall", "rover/hazard"], fields={"contact.keep": "back"})  # the hazard is a point
+        assert bad["field"] == "contact.keep" and "POINT" in bad["text"]
+        assert second.get("editor/wall")["keep"] == 1 and second.get("rover/hazard")["keep"] == 0
+        assert (await s.ask("undo"))["text"] == "add wall"  # it was no step
+
+    with_socket(editor, journey)
+
+
 def test_another_primitive(started: Any) -> None:
     editor, second = with_hazard(started)
     names = ["point", "polyline", "plane", "mesh"]

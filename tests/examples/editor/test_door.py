@@ -26,7 +26,7 @@ from forceserver_editor.plain import Refused
 
 
 from conftest import Editor, Lab, Second, eventually
-from wire import POINT, Socket, fetch, peak, with_socket
+from wire import POINT, Socket, fetch, peak, run, with_socket
 
 
 def test_token_host_and_origin(started: Any) -> None:
@@ -52,11 +52,11 @@ def test_token_host_and_origin(started: Any) -> None:
         except InvalidStatus as refused:
             return refused.response.status_code
 
-    assert asyncio.run(knock(base, editor.token)) == 101
-    assert asyncio.run(knock("http://evil.example", editor.token)) == 403
-    assert asyncio.run(knock("null", editor.token)) == 403
-    assert asyncio.run(knock(base, "wrong")) == 403
-    assert asyncio.run(knock(None, editor.token)) == 400  # what is no browser must still say where it comes from
+    assert run(knock(base, editor.token)) == 101
+    assert run(knock("http://evil.example", editor.token)) == 403
+    assert run(knock("null", editor.token)) == 403
+    assert run(knock(base, "wrong")) == 403
+    assert run(knock(None, editor.token)) == 400  # what is no browser must still say where it comes from
 
 
 def test_the_browser_is_opened_without_the_token(started: Any, tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pathlib
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -49,10 +50,15 @@ def test_a_thing_that_vanishes_while_it_is_dragged(lab: Lab, page: Page, started
 def test_escape_stops_all_force(lab: Lab, page: Page, second: Second) -> None:
     lab.base["pull"] = fs.Point(position=(0.05, 0, 0), front=fs.Constant(3, limit=5))
     eventually(lambda: np.linalg.norm(second.ask("hand")["sent"]) > 2.9)
+    force = page.locator('#table .item[data-name="server/pull"] .number').last
+    force.filter(has_text="3.00 N").wait_for()
+    page.wait_for_function("() => editor.view.things.arrowCount > 0")
     page.focus("#filter")
     page.keyboard.press("Escape")
     eventually(lambda: second.ask("stats")["enabled"] == 0 and np.linalg.norm(second.ask("hand")["sent"]) == 0)
     page.wait_for_selector('body[data-server="stopped"]')
+    force.filter(has_text=re.compile("^0 N$")).wait_for()  # nothing is felt
+    page.wait_for_function("() => editor.view.things.arrowCount === 0")
     picture(page, "stopped")
     lab.servo.set_enabled(True)
     page.wait_for_selector('body[data-server="there"]')

@@ -12,13 +12,13 @@ import socket
 import struct
 import urllib.error
 import urllib.request
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from typing import Any
 
 import numpy as np
 from websockets.asyncio.client import connect
 
-from conftest import Editor
+from conftest import PATIENCE, Editor
 
 
 def fetch(address: str, **headers: str) -> tuple[int, bytes]:
@@ -90,14 +90,19 @@ class Socket:
             return answer["ok"] if "ok" in answer else answer["refused"]
 
 
+def run(work: Coroutine[Any, Any, Any]) -> Any:
+    """In a thread of its own, as playwright has a loop in this one."""
+    with concurrent.futures.ThreadPoolExecutor(1) as thread:
+        return thread.submit(asyncio.run, asyncio.wait_for(work, PATIENCE)).result()
+
+
 def with_socket(editor: Editor, journey: Callable[[Socket], Any], **options: Any) -> Any:
-    async def run() -> Any:
+    async def meet() -> Any:
         origin = f"http://127.0.0.1:{editor.port}"
         async with connect(f"ws://127.0.0.1:{editor.port}/{editor.token}/socket", origin=origin, max_size=None, close_timeout=1, **options) as socket:  # type: ignore[arg-type]
             return await journey(Socket(socket))
 
-    with concurrent.futures.ThreadPoolExecutor(1) as thread:  # playwright has a loop in this one
-        return thread.submit(lambda: asyncio.run(run())).result()
+    return run(meet())
 
 
 POINT = {"front.kind": "gaussian", "front.gain": 1, "front.width": 0.01, "front.limit": 2}

@@ -83,52 +83,49 @@ class Field {
 
 /** Sends a value; the promise rejects with a Refusal. */
 export type Send = (path: string, value: unknown) => Promise<unknown>;
+/** What is typed as the value to send, or the sentence why it is none. */
+export type Read = (text: string) => { value: unknown } | string;
 
-export class TextField extends Field {
-  private readonly text: HTMLInputElement;
+/** A field in which the person types. What is refused goes back to what it was. */
+abstract class TypedField extends Field {
   private value = "";
   private sending: string | null = null; // what is on its way
 
-  /** read: what is typed as the value to send, or the sentence why it is none. */
-  constructor(path: string, label: string, unit: string, send: Send, private readonly read: (text: string) => { value: unknown } | string,
-    title = "", isNumber = false) {
-    const text = make("input", { type: "text", spellcheck: false, autocomplete: "off", title });
+  constructor(path: string, label: string, unit: string, private readonly text: HTMLInputElement | HTMLTextAreaElement,
+    private readonly send: Send, private readonly read: Read, title = "") {
     super(path, label, unit, text, title);
-    this.text = text;
-    const commit = () => void this.commit(send);
-    text.onchange = commit;
-    text.onkeydown = (event) => {
-      if (event.key === "Enter") { commit(); text.select(); }
-      if (isNumber && (event.key === "ArrowUp" || event.key === "ArrowDown")) this.nudge(event, commit);
-    };
-    text.onfocus = () => text.select();
-    text.onblur = () => { if (this.sending === null) text.value = this.value; };
+    text.onchange = () => void this.commit();
+    text.oninput = () => this.refuse("");
   }
   forget(): void {
     super.forget();
     this.sending = null;
-    this.text.value = this.value;
+    this.goBack();
   }
-  show(value: string): void {
+  /** null: the selected objects differ. */
+  show(shows: string | number | null): void {
+    const value = typeof shows === "number" ? shown(shows) : shows ?? "";
     if (this.sending !== null || this.isOld(value)) return;
-    const isTyping = this.text.value !== this.value;
+    const isTyping = document.activeElement === this.text && this.text.value !== this.value;
     this.value = value;
-    if (this.text.value !== value && (document.activeElement !== this.text || !isTyping)) this.text.value = value;
+    this.text.placeholder = shows === null ? "several" : "";
+    if (!isTyping && this.text.value !== value) this.text.value = value;
   }
   set isReadOnly(is: boolean) { this.text.readOnly = is; }
 
-  private async commit(send: Send): Promise<void> {
+  protected goBack(): void { if (this.sending === null) this.text.value = this.value; }
+
+  protected async commit(): Promise<void> {
     const text = this.text.value;
     if (this.sending !== null) return; // Enter is told twice, as a key and as a change; newer text is sent when this answer arrives
-    if (text === this.value) { this.refuse(""); return; }
-    const read = this.read(text);
-    if (typeof read === "string") { this.back(read); return; }
-    const { subject } = this;
-    this.sending = text;
+    if (text === this.value) return;
     this.refuse("");
+    const { subject } = this, read = this.read(text);
     let why = "";
+    this.sending = text;
     try {
-      await send(this.path, read.value);
+      if (typeof read === "string") why = read;
+      else await this.send(this.path, read.value);
     } catch (refused) {
       why = (refused as Refusal).text;
     }
@@ -138,21 +135,43 @@ export class TextField extends Field {
       this.value = text;
       this.await(text);
     }
-    if (this.text.value !== text) void this.commit(send); // typed meanwhile
-    else if (why) this.back(why);
+    if (this.text.value !== text) void this.commit(); // typed meanwhile
+    else if (why) {
+      this.goBack();
+      this.refuse(why, () => {
+        this.refuse("");
+        this.text.value = text;
+        this.text.focus();
+      });
+    }
   }
-  private back(why: string): void { this.text.value = this.value; this.refuse(why); }
+}
+
+/** One line. */
+export class TextField extends TypedField {
+  private readonly line: HTMLInputElement;
+
+  constructor(path: string, label: string, unit: string, send: Send, read: Read, title = "", isNumber = false) {
+    const line = make("input", { type: "text", spellcheck: false, autocomplete: "off", title });
+    super(path, label, unit, line, send, read, title);
+    this.line = line;
+    line.onkeydown = (event) => {
+      if (event.key === "Enter") { void this.commit(); line.select(); }
+      if (isNumber && (event.key === "ArrowUp" || event.key === "ArrowDown")) this.nudge(event);
+    };
+    line.onblur = () => this.goBack();
+  }
 
   /** What the arrow keys change it by; null: by its second digit. With Shift by a tenth of that. */
   step: (() => number) | null = null;
-  private nudge(event: KeyboardEvent, commit: () => void): void {
-    const value = parse(this.text.value);
+  private nudge(event: KeyboardEvent): void {
+    const value = parse(this.line.value);
     if (value === null) return;
     event.preventDefault();
     const step = this.step?.() ?? (value === 0 ? 0.01 : 10 ** Math.floor(Math.log10(Math.abs(value)))) / 10;
     const by = (event.shiftKey ? step / 10 : step) * (event.key === "ArrowUp" ? 1 : -1);
-    this.text.value = shown(value + by);
-    commit();
+    this.line.value = shown(value + by);
+    void this.commit();
   }
 }
 
@@ -163,105 +182,60 @@ export function numberField(path: string, label: string, unit: string, send: Sen
   }, title, true);
 }
 
-export class ChoiceField extends Field {
-  private readonly select: HTMLSelectElement;
-  private value = "";
-  constructor(path: string, label: string, choices: [string, string][], send: Send) {
-    const select = make("select", {}, ...choices.map(([value, text]) => make("option", { value, textContent: text })));
-    super(path, label, "", select);
-    this.select = select;
-    select.onchange = async () => {
-      const { subject } = this;
-      this.await(select.value);
+/** Many lines: an expression, or a table that may be pasted from a spreadsheet. */
+export class AreaField extends TypedField {
+  constructor(path: string, label: string, send: Send, read: Read, rows: number) {
+    const area = make("textarea", { rows, spellcheck: false });
+    super(path, label, "", area, send, read);
+    this.row.classList.add("tall");
+    area.onkeydown = (event) => { if (event.key === "Enter" && (rows === 2 || event.ctrlKey)) { event.preventDefault(); void this.commit(); } };
+  }
+}
+
+/** A field in which the person picks one of some values. What is refused goes back to what it was. */
+abstract class PickedField<V> extends Field {
+  private value: V | null = null;
+
+  constructor(path: string, label: string, private readonly control: HTMLInputElement | HTMLSelectElement, send: Send,
+    picked: () => V, private readonly put: (value: V | null) => void) {
+    super(path, label, "", control);
+    control.onchange = async () => {
+      const { subject } = this, value = picked();
+      this.await(value);
       this.refuse("");
       try {
-        await send(path, select.value);
+        await send(path, value);
       } catch (refused) {
         if (subject !== this.subject) return;
-        select.value = this.value;
+        put(this.value);
         this.refuse((refused as Refusal).text);
       }
     };
   }
-  show(value: string): void {
+  /** null: the selected objects differ. */
+  show(value: V | null): void {
     if (this.isOld(value)) return;
     this.value = value;
-    this.select.value = value;
+    this.put(value);
   }
-  set isReadOnly(is: boolean) { this.select.disabled = is; }
+  set isReadOnly(is: boolean) { this.control.disabled = is; }
 }
 
-export class CheckField extends Field {
-  private readonly check: HTMLInputElement;
+export class ChoiceField extends PickedField<string> {
+  constructor(path: string, label: string, choices: [string, string][], send: Send) {
+    const select = make("select", {}, ...choices.map(([value, text]) => make("option", { value, textContent: text })));
+    super(path, label, select, send, () => select.value, (value) => { select.value = value ?? ""; });
+  }
+}
+
+export class CheckField extends PickedField<boolean> {
   constructor(path: string, label: string, send: Send) {
     const check = make("input", { type: "checkbox" });
-    super(path, label, "", check);
-    this.check = check;
-    check.onchange = async () => {
-      const { subject } = this;
-      this.await(check.checked);
-      this.refuse("");
-      try {
-        await send(path, check.checked);
-      } catch (refused) {
-        if (subject !== this.subject) return;
-        check.checked = !check.checked;
-        this.refuse((refused as Refusal).text);
-      }
-    };
+    super(path, label, check, send, () => check.checked, (value) => {
+      check.checked = value ?? false;
+      check.indeterminate = value === null;
+    });
   }
-  show(value: boolean): void { if (!this.isOld(value)) this.check.checked = value; }
-  set isReadOnly(is: boolean) { this.check.disabled = is; }
-}
-
-/** Many lines: an expression, or a table that may be pasted from a spreadsheet. */
-export class AreaField extends Field {
-  private readonly area: HTMLTextAreaElement;
-  private value = "";
-  private sending: string | null = null; // what is on its way
-  constructor(path: string, label: string, send: Send, read: (text: string) => { value: unknown } | string, rows: number) {
-    const area = make("textarea", { rows, spellcheck: false });
-    super(path, label, "", area);
-    this.area = area;
-    this.row.classList.add("tall");
-    const commit = async () => {
-      if (this.sending !== null || area.value === this.value) return;
-      const { subject } = this, text = this.sending = area.value, what = read(text);
-      this.refuse("");
-      let why = "";
-      try {
-        if (typeof what === "string") throw { text: what };
-        await send(path, what.value);
-      } catch (refused) {
-        why = (refused as Refusal).text;
-      }
-      if (subject !== this.subject) return;
-      this.sending = null;
-      if (!why) {
-        this.value = text;
-        this.await(text);
-      }
-      if (area.value !== text) void commit(); // typed meanwhile
-      else if (why) {
-        area.value = this.value;
-        this.refuse(why, () => { area.value = text; area.focus(); });
-      }
-    };
-    area.onchange = () => void commit();
-    area.onkeydown = (event) => { if (event.key === "Enter" && (rows === 2 || event.ctrlKey)) { event.preventDefault(); void commit(); } };
-  }
-  forget(): void {
-    super.forget();
-    this.sending = null;
-    this.area.value = this.value;
-  }
-  show(value: string): void {
-    if (this.sending !== null || this.isOld(value)) return;
-    const isTyping = document.activeElement === this.area && this.area.value !== this.value;
-    this.value = value;
-    if (!isTyping) this.area.value = value;
-  }
-  set isReadOnly(is: boolean) { this.area.readOnly = is; }
 }
 
 export type AnyField = TextField | ChoiceField | CheckField | AreaField;

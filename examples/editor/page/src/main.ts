@@ -3,13 +3,13 @@
 import { Corners } from "./corners";
 import { CurvePlot } from "./curve_plot";
 import { make, put } from "./fields";
-import { fromDevice } from "./frames";
+import { fromDevice, length } from "./frames";
 import { Gizmo } from "./gizmo";
-import { type Happened, Model, newtons, sizeOf } from "./model";
+import { type Happened, Model, newtons } from "./model";
 import { Orders, flat } from "./orders";
 import { Panel } from "./panel";
 import { Pencil } from "./pencil";
-import { Dialogs } from "./scene_dialogs";
+import { Dialogs } from "./dialogs";
 import { Table } from "./table";
 import { TimePlots } from "./time_plots";
 import { View } from "./view";
@@ -171,15 +171,15 @@ function updateBar(): void {
   undo.title = history.undo ? `Undo: ${history.undo.text} (${history.undo.who})` : "There is nothing to undo";
   redo.title = history.redo ? `Do again: ${history.redo.text} (${history.redo.who})` : "There is nothing to do again";
   (at("remove") as HTMLButtonElement).disabled = !model.selection.some((item) => item.told.own);
-  put(at("force"), model.hand ? newtons(sizeOf(model.sent)) : "–");
-  const isOff = stats && stats.enabled === 0, faults = (stats?.faults ?? []) as string[];
+  put(at("force"), model.hand ? newtons(length(model.sent)) : "–");
+  const { isStopped } = model, faults = (stats?.faults ?? []) as string[];
   put(at("servo"), stats ? `${stats.rate?.toFixed(0) ?? "–"} Hz` : "");
   at("servo").title = stats ? `late p99 ${(stats.late_p99 * 1e6).toFixed(0)} µs, ${stats.misses} ticks missed` : "";
   const banner = at("banner"), sentence = model.error ? model.error + (model.isConnected ? ". Waiting for a server …" : "")
-    : isOff ? "All force is stopped. The owner of the server lets it return: for forceserver run, by Enter in its terminal." : faults.length ? `The servo stopped the force: ${faults.join(", ")}` : "";
+    : isStopped ? "All force is stopped. The owner of the server lets it return: for forceserver run, by Enter in its terminal." : faults.length ? `The servo stopped the force: ${faults.join(", ")}` : "";
   put(banner, sentence);
   if (banner.hidden !== (sentence === "")) banner.hidden = sentence === "";
-  document.body.dataset.server = model.error ? "gone" : isOff ? "stopped" : "there";
+  document.body.dataset.server = model.error ? "gone" : isStopped ? "stopped" : "there";
   document.body.classList.toggle("view-only", model.viewOnly);
   const offer = told.recovery;
   at("recovery").hidden = !offer || model.viewOnly || Boolean(model.error);

@@ -1,6 +1,6 @@
 // What the page knows: the objects of all clients, the hand, and what is selected here. Everything else listens to it.
 
-import { type Frame, type Pose, type Quat, type Vec, add, fromDevice, identity, length, minus, multiply, rotate, times, toDevice } from "./frames";
+import { type Frame, type Pose, type Quat, type Vec, add, fromDevice, identity, minus, multiply, rotate, times, toDevice } from "./frames";
 import type { State } from "./wire";
 
 export type Primitive = "point" | "polyline" | "plane" | "mesh";
@@ -59,7 +59,8 @@ export class Item {
   get size(): number { return 1 / this.frame.scale; } // device metres per scene metre
   /** Its closest point, at the device. */
   get nearest(): Vec { return toDevice(this.model.ownFrame, add(this.model.hand?.pose.position ?? [0, 0, 0], this.offset)); }
-  get push(): Vec { // N at the device
+  get push(): Vec { // N at the device; the report has it also while nothing of it is sent
+    if (!this.model.isForceSent) return [0, 0, 0];
     const f = rotate(this.model.ownFrame.pose.orientation, this.force);
     const s = this.told.own ? this.model.ownFrame.force_scale : 1;
     return [f[0] * s, f[1] * s, f[2] * s];
@@ -116,6 +117,10 @@ export class Model {
   get handPlace(): Vec { return this.hand ? toDevice(this.ownFrame, this.hand.pose.position) : [0, 0, 0]; }
   /** What the device gets, N. */
   get sent(): Vec { return this.hand ? this.turnToDevice(this.hand.sent) : [0, 0, 0]; }
+  /** By the owner of the server, or by somebody's Escape. */
+  get isStopped(): boolean { return this.told.stats?.enabled === 0; }
+  get isForceSent(): boolean { return !this.isStopped && !this.told.stats?.faults?.length; }
+  forceOf(client: Client): Vec { return this.isForceSent ? client.force : [0, 0, 0]; }
   turnToDevice(v: Vec): Vec { return rotate(this.ownFrame.pose.orientation, v); }
 
   on(topics: Topic[], f: () => void): void {
@@ -141,7 +146,7 @@ export class Model {
     if (told.error) this.loseAll();
     if (told.clients) this.clients = new Map((told.clients as Client[]).map((client) => [client.name, client]));
     if (told.hand) this.hand = told.hand as Hand;
-    if (told.clients || told.hand) this.compare();
+    if (told.clients || told.hand || told.stats) this.compare();
     for (const one of (told.objects ?? []) as Told[]) {
       const known = this.items.get(one.id);
       if (known) known.told = one;
@@ -171,8 +176,8 @@ export class Model {
   private compare(): void {
     const clients = [...this.clients.values()];
     const places = [...this.handPlace, ...clients.flatMap((c) => times(1 / c.frame.scale, c.tool.position))];
-    const forces = [...this.sent, ...clients.flatMap((c) => c.force)];
-    const rest = JSON.stringify(clients.map((c) => [c.name, c.frame, c.points, c.held, c.tool.orientation.map((x) => x.toFixed(3))]));
+    const forces = [...this.sent, ...clients.flatMap((c) => this.forceOf(c))];
+    const rest = this.isForceSent + JSON.stringify(clients.map((c) => [c.name, c.frame, c.points, c.held, c.tool.orientation.map((x) => x.toFixed(3))]));
     const last = this.drawn;
     if (rest === last.rest && places.length === last.places.length
       && !places.some((x, i) => differs(x, last.places[i]!, smallestWay)) && !forces.some((x, i) => differs(x, last.forces[i]!, smallestForce))) return;
@@ -222,4 +227,3 @@ export function metres(value: number): string {
   if (size >= 1000) return `${value.toPrecision(6)} m`;
   return size >= 1 ? `${value.toFixed(2)} m` : `${(value * 1000).toFixed(1)} mm`;
 }
-export const sizeOf = length;

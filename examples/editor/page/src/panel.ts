@@ -1,11 +1,11 @@
 // The fields of what is selected. All of fs_object can be changed here; what a kind does not use is not there.
 
-import { fromDegrees, toDegrees } from "./frames";
+import { fromDegrees, length, toDegrees } from "./frames";
 import { type AnyField, AreaField, CheckField, ChoiceField, type Send, TextField, make, numberField, parse, put, shown } from "./fields";
-import { type Item, type Model, type Profile, mark, newtons, sizeOf } from "./model";
+import { type Item, type Model, type Profile, mark, newtons } from "./model";
 import type { Fields, Orders } from "./orders";
 import { ofKind, uses } from "./profiles";
-import { askForMesh } from "./scene_dialogs";
+import { askForMesh } from "./dialogs";
 import type { Refusal } from "./wire";
 
 const primitives: [string, string][] = [["point", "point"], ["polyline", "polyline"], ["plane", "plane"], ["mesh", "mesh"]];
@@ -33,8 +33,9 @@ export class Panel {
   private twist: Twist = { linear: [0, 0, 0], angular: [0, 0, 0] };
   private isAsking = false;
   private chosen = "";
-  private readonly fields: { field: AnyField; update: (item: Item) => void }[] = [];
+  private readonly fields: { field: AnyField; update: (items: Item[]) => void }[] = [];
   private readonly points = make("div", { className: "tool-points" });
+  private readonly units: (() => void)[] = [];
   private readonly formulas = new Map<string, HTMLElement>();
   private readonly sections = new Map<string, HTMLElement>();
 
@@ -117,10 +118,17 @@ export class Panel {
     this.sections.set(key, section);
     return inside;
   }
-  private add<F extends AnyField>(to: HTMLElement, field: F, update: (item: Item, field: F) => void): F {
+  /** of: what it shows of an object; it is there if all of the selected objects use it. Where they differ it is empty. */
+  private add<V>(to: HTMLElement, field: AnyField & { show: (value: V | null) => void }, of: (item: Item) => V | null,
+    isUsed: (item: Item) => boolean = () => true): void {
     to.append(field.row);
-    this.fields.push({ field, update: (item) => update(item, field) });
-    return field;
+    const update = (items: Item[]) => {
+      field.isShown = items.every(isUsed);
+      if (!field.isShown) return;
+      const value = of(items[0]!);
+      field.show(items.every((item) => of(item) === value) ? value : null);
+    };
+    this.fields.push({ field, update });
   }
 
   private makePose(): void {
@@ -131,7 +139,7 @@ export class Panel {
     (["x", "y", "z"] as const).forEach((axis, i) => {
       const field = numberField(`pose.position.${axis}`, axis, "m", this.send, `m along ${axis} in the scene of its client`);
       field.step = () => 0.001 * (this.first()?.frame.scale ?? 1);
-      this.add(place, field, (item) => field.show(shown(item.pose.position[i]!)));
+      this.add(place, field, (item) => item.pose.position[i]!);
     });
     (["x", "y", "z"] as const).forEach((name, i) => {
       const field = numberField(`pose.turn.r${name}`, name, "°", (_path, value) => {
@@ -141,18 +149,18 @@ export class Panel {
           return { "pose.orientation": fromDegrees(degrees) };
         }, `pose.turn.r${name}`);
       }, `degrees about ${name}`);
-      this.add(turns, field, (item) => field.show(shown(Number(toDegrees(item.pose.orientation)[i]!.toFixed(6)))));
+      this.add(turns, field, (item) => rounded(toDegrees(item.pose.orientation)[i]!, 6));
     });
     (["w", "x", "y", "z"] as const).forEach((name, i) => {
       const field = numberField(`pose.orientation.${name}`, name, "", this.send, "Quaternion, object to scene; it is made of unit length");
-      this.add(quat, field, (item) => field.show(shown(Number(item.pose.orientation[i]!.toPrecision(9)))));
+      this.add(quat, field, (item) => Number(item.pose.orientation[i]!.toPrecision(9)));
     });
     for (const [part, unit, text] of [["linear", "m/s", "velocity, m/s; it lasts 0.1 s"], ["angular", "rad/s", "angular velocity, rad/s; it lasts 0.1 s"]] as const) {
       const triple = make("div", { className: "triple" });
       box.append(over(text), triple);
       (["x", "y", "z"] as const).forEach((name, i) => {
         const field = numberField(`twist.${part}.${name}`, name, unit, this.send, `${unit} along ${name} of the scene of its client`);
-        this.add(triple, field, () => field.show(shown(Number(this.twist[part][i]!.toPrecision(9)))));
+        this.add(triple, field, () => (this.model.selected.size > 1 ? null : Number(this.twist[part][i]!.toPrecision(9))));
       });
     }
   }
@@ -165,27 +173,19 @@ export class Panel {
       const changed = (item: Item) => Object.entries(ofKind(of(item), value as string)).map(([k, v]) => [path(k), v]);
       return this.sendEach((item) => Object.fromEntries(changed(item)), path("kind"));
     });
-    this.add(box, kind, (item) => kind.show(of(item).kind));
+    this.add(box, kind, (item) => of(item).kind);
     const formula = make("div", { className: "formula" });
     this.formulas.set(side, formula);
     box.append(formula);
-    const sense = this.add(box, new ChoiceField(path("sense"), "sense", senses, this.send), (item) => {
-      sense.isShown = of(item).kind !== "none";
-      sense.show(of(item).sense);
-    });
+    const isOn = (item: Item) => of(item).kind !== "none";
+    this.add(box, new ChoiceField(path("sense"), "sense", senses, this.send), (item) => of(item).sense, isOn);
     for (const name of ["gain", "offset", "width"] as const) {
       const field = numberField(path(name), name, "", this.send);
-      this.add(box, field, (item) => {
-        const unit = uses[of(item).kind]?.[name];
-        field.isShown = unit !== undefined;
-        field.unitText = unit ?? "";
-        field.show(shown(of(item)[name]));
-      });
+      this.add(box, field, (item) => of(item)[name], (item) => uses[of(item).kind]?.[name] !== undefined);
+      this.units.push(() => { field.unitText = this.same((item) => uses[of(item).kind]?.[name] ?? "") ?? ""; });
     }
-    const limit = numberField(path("limit"), "limit", "N", this.send, "The force never exceeds it");
-    this.add(box, limit, (item) => { limit.isShown = of(item).kind !== "none"; limit.show(shown(of(item).limit)); });
-    const reach = numberField(path("reach"), "reach (0: ∞)", "m", this.send, "No force beyond this distance; 0: unlimited");
-    this.add(box, reach, (item) => { reach.isShown = of(item).kind !== "none"; reach.show(shown(of(item).reach)); });
+    this.add(box, numberField(path("limit"), "limit", "N", this.send, "The force never exceeds it"), (item) => of(item).limit, isOn);
+    this.add(box, numberField(path("reach"), "reach (0: ∞)", "m", this.send, "No force beyond this distance; 0: unlimited"), (item) => of(item).reach, isOn);
     this.makeCurve(box, side, of);
   }
 
@@ -196,18 +196,15 @@ export class Panel {
       const curve = value === "table" ? { table: [0, 1, 2, 1, 0], step: 0.01 } : { expression: "2*exp(-d/0.01)" };
       return this.sendAll({ [path]: curve }, `${path}.way`);
     });
-    this.add(box, way, (item) => { way.isShown = of(item).kind === "custom"; way.show(isTable(item) ? "table" : "expression"); });
+    const isCustom = (item: Item) => of(item).kind === "custom";
+    this.add(box, way, (item) => (isTable(item) ? "table" : "expression"), isCustom);
     const expression = new AreaField(path, "f(d, t) =", this.send, (text) => ({ value: { expression: text.trim() } }), 2);
-    this.add(box, expression, (item) => {
-      expression.isShown = of(item).kind === "custom" && !isTable(item);
-      expression.show(of(item).curve?.expression ?? "");
-    });
+    this.add(box, expression, (item) => of(item).curve?.expression ?? "", (item) => isCustom(item) && !isTable(item));
     const table = new AreaField(`${path}.table`, "d (m), f (N)", (_path, value) => this.sendAll({ [path]: value }, `${path}.table`), readTable, 6);
     this.add(box, table, (item) => {
-      table.isShown = of(item).kind === "custom" && isTable(item);
       const curve = of(item).curve;
-      table.show((curve?.table ?? []).map((force, i) => `${shown(i * (curve?.step ?? 0))}, ${force}`).join("\n"));
-    });
+      return (curve?.table ?? []).map((force, i) => `${shown(i * (curve?.step ?? 0))}, ${force}`).join("\n");
+    }, (item) => isCustom(item) && isTable(item));
   }
 
   private makeContact(): void {
@@ -216,17 +213,14 @@ export class Panel {
       const needsLimit = (item: Item) => value !== "none" && !(item.told.contact.limit > 0);
       return this.sendEach((item) => ({ [path]: value, ...(needsLimit(item) ? { "contact.limit": 10 } : {}) }), path);
     });
-    this.add(box, keep, (item) => keep.show(item.told.contact.keep));
+    this.add(box, keep, (item) => item.told.contact.keep);
     const numbers: [keyof Item["told"]["contact"], string, string][] = [
       ["stiffness", "N/m", "0: 1000 N/m, or a share of what the loop can render"], ["limit", "N", "Of all points of a tool together"],
       ["damping", "N s/m", "Only while the hand approaches"], ["friction", "", "Coulomb coefficient, 0 to 2"],
     ];
     for (const [name, unit, title] of numbers) {
       const field = numberField(`contact.${name}`, name, unit, this.send, title);
-      this.add(box, field, (item) => {
-        field.isShown = item.told.contact.keep !== "none";
-        field.show(shown(item.told.contact[name] as number));
-      });
+      this.add(box, field, (item) => item.told.contact[name] as number, (item) => item.told.contact.keep !== "none");
     }
   }
 
@@ -236,29 +230,24 @@ export class Panel {
       const item = this.first()!;
       return this.orders.wire.send("rename", { name: item.told.name, to: value }).then((made) => this.orders.selectWhenThere(made.name));
     }, (text) => ({ value: text }));
-    this.add(box, name, (item) => { name.show(item.told.short); name.isReadOnly = item.isLocked || !item.told.own; });
+    this.add(box, name, (item) => item.told.short, (item) => this.model.selected.size === 1 && item.told.own);
     const primitive = new ChoiceField("primitive", "primitive", primitives, (path, value) => {
       if (value !== "mesh") return this.sendAll({ [path]: value }, path);
       this.askForMesh();
       return Promise.reject({ text: "" }); // it stays what it is until there is a file
     });
-    this.add(box, primitive, (item) => primitive.show(item.told.primitive));
+    this.add(box, primitive, (item) => item.told.primitive);
     this.replace.onclick = () => this.askForMesh();
     box.append(this.replace);
-    const enabled = this.add(box, new CheckField("enabled", "enabled", this.send), (item) => enabled.show(item.told.enabled));
+    this.add(box, new CheckField("enabled", "enabled", this.send), (item) => item.told.enabled);
     const closed = new CheckField("closed", "closed line", (_path, value) => this.closeLine(Boolean(value)));
-    this.add(box, closed, (item) => {
-      closed.isShown = item.told.primitive === "polyline" && this.model.selected.size === 1;
-      closed.show(item.told.shape?.closed ?? false);
-    });
-    const damping = this.add(box, numberField("damping", "damping", "N s/m", this.send, "Where the profile gives a force"),
-      (item) => damping.show(shown(item.told.damping)));
-    const lifetime = this.add(box, numberField("lifetime", "lifetime", "s", this.send, "It fades unless changed or moved within this time; 0: for ever"),
-      (item) => lifetime.show(shown(item.told.lifetime)));
-    const start = this.add(box, numberField("start", "start", "s", this.send, "t = 0 of f(d, t), on the clock of the scene"),
-      (item) => start.show(shown(Number(item.told.start.toFixed(6)))));
+    this.add(box, closed, (item) => item.told.shape?.closed ?? false, (item) => item.told.primitive === "polyline" && this.model.selected.size === 1);
+    this.add(box, numberField("damping", "damping", "N s/m", this.send, "Where the profile gives a force"), (item) => item.told.damping);
+    const lifetime = numberField("lifetime", "lifetime", "s", this.send, "It fades unless changed or moved within this time; 0: for ever");
+    this.add(box, lifetime, (item) => item.told.lifetime);
+    this.add(box, numberField("start", "start", "s", this.send, "t = 0 of f(d, t), on the clock of the scene"), (item) => rounded(item.told.start, 6));
     const points = new TextField("tool_points", "tool points", "", this.send, readPoints, "Numbers of the points that feel it, such as 1, 3; all");
-    this.add(box, points, (item) => points.show(showPoints(item.told.tool_points)));
+    this.add(box, points, (item) => showPoints(item.told.tool_points));
     box.append(this.points);
   }
 
@@ -280,6 +269,11 @@ export class Panel {
   // ---- Showing
 
   private first(): Item | undefined { return this.model.selection[0]; }
+  /** What all of the selected objects have; null: they differ. */
+  private same<V>(of: (item: Item) => V): V | null {
+    const [first, ...rest] = this.model.selection.map(of);
+    return first !== undefined && rest.every((each) => each === first) ? first : null;
+  }
 
   private update(): void {
     const item = this.first();
@@ -294,32 +288,45 @@ export class Panel {
     }
     this.box.dataset.selected = this.model.selection.map((each) => each.told.name).join("|");
     this.updateHead(item);
-    const isSurface = item.told.primitive === "plane" || item.told.primitive === "mesh";
+    const { selection } = this.model;
+    const isSurface = selection.every(({ told: { primitive } }) => primitive === "plane" || primitive === "mesh");
     this.sections.get("back")!.hidden = this.sections.get("contact")!.hidden = !isSurface;
     this.sections.get("front")!.querySelector("summary")!.textContent = isSurface ? "Force profile, front" : "Force profile";
-    const isReadOnly = this.model.selection.every((each) => each.isLocked);
-    this.replace.hidden = isReadOnly || item.told.primitive !== "mesh";
+    const isReadOnly = selection.every((each) => each.isLocked);
+    this.replace.hidden = isReadOnly || this.same((each) => each.told.primitive) !== "mesh";
     for (const { field, update } of this.fields) {
       field.isReadOnly = isReadOnly;
-      update(item);
+      update(selection);
     }
-    for (const side of ["front", "back"] as const) this.formulas.get(side)!.textContent = "f = " + uses[item.told[side].kind]!.formula;
+    for (const update of this.units) update();
+    for (const side of ["front", "back"] as const) {
+      const kind = this.same((each) => each.told[side].kind);
+      put(this.formulas.get(side)!, kind ? "f = " + uses[kind]!.formula : "several kinds");
+    }
   }
 
   private updateHead(item: Item): void {
-    const many = this.model.selected.size, shape = item.told.shape, condition = item.condition;
-    put(this.title, many > 1 ? `${many} objects` : item.told.short);
-    this.padlock.hidden = !item.isLocked;
+    const { selection } = this.model, many = selection.length, shape = item.told.shape, condition = item.condition;
+    this.padlock.hidden = !selection.every((each) => each.isLocked);
+    this.adopt.hidden = item.told.own || many > 1 || this.model.viewOnly;
+    if (many > 1) {
+      put(this.title, `${many} objects`);
+      put(this.what, selection.slice(0, 5).map((each) => each.told.short).join(", ") + (many > 5 ? ` and ${many - 5} more` : ""));
+      put(this.condition, "");
+      put(this.live, "");
+      return;
+    }
+    put(this.title, item.told.short);
     put(this.condition, `${mark[condition]} ${condition}`);
     this.condition.className = `state ${condition}`;
     const size = shape ? `, ${shape.triangles ? `${shape.triangles.toLocaleString("en")} triangles` : `${shape.points} points`}` : "";
     put(this.what, `${item.told.primitive}${size} of ${item.told.client}`);
     const capped = item.applied < item.wanted ? ` of ${slope(item.wanted)}` : "";
-    put(this.live, `d ${this.model.distance(item)} · F ${newtons(sizeOf(item.push))} · stiffness ${slope(item.applied)}${capped}`);
-    this.adopt.hidden = item.told.own || many > 1 || this.model.viewOnly;
+    put(this.live, `d ${this.model.distance(item)} · F ${newtons(length(item.push))} · stiffness ${slope(item.applied)}${capped}`);
   }
 }
 
+const rounded = (value: number, digits: number) => Number(value.toFixed(digits));
 const slope = (value: number | null): string =>
   value === null || !Number.isFinite(value) ? "∞ (the force jumps)" : `${shown(Number(value.toPrecision(3)))} N/m`;
 

@@ -13,7 +13,7 @@ export const uses: Record<string, Use> = {
   gaussian: { word: "Gaussian", formula: "gain·exp(−(d/width)²/2)", gain: "N", width: "m" },
   quadratic: { word: "quadratic", formula: "gain·d² + offset", gain: "N/m²", offset: "N" },
   inverse: { word: "inverse", formula: "gain/d + offset", gain: "N m", offset: "N" },
-  custom: { word: "custom curve", formula: "gain·curve(d, t)", gain: "×", curve: true },
+  custom: { word: "custom curve", formula: "gain·f(d, t), 0 where that is below 0 or no number", gain: "×", curve: true },
 };
 
 /** What a profile becomes when its kind is changed: what the new kind does not use is 0, and what it needs is there. */

@@ -3,7 +3,8 @@
 // For the keyboard and for screen-readers it is a grid that has the focus as a whole: one of its lines is the active one.
 
 import { make, put } from "./fields";
-import { type Item, type Model, mark, newtons, sizeOf } from "./model";
+import { length } from "./frames";
+import { type Item, type Model, mark, newtons } from "./model";
 import type { Orders } from "./orders";
 
 const lineHeight = 24;
@@ -107,7 +108,7 @@ export class Table {
       const own = line.client === this.model.me ? " (this editor)" : "";
       element.className = "line group";
       set(element, `<b role="rowheader" style="--c:${colour}">${html(line.client)}</b><i>${own}${locked}</i>` +
-        `<span role="gridcell" class="sum">${line.count} · ${newtons(client ? sizeOf(client.force) : 0)}</span>`);
+        `<span role="gridcell" class="sum">${line.count} · ${newtons(client ? length(this.model.forceOf(client)) : 0)}</span>`);
       element.removeAttribute("aria-selected");
       element.removeAttribute("id");
       delete element.dataset.name;
@@ -133,7 +134,7 @@ export class Table {
     state!.className = `state ${condition}`;
     put(state!, `${mark[condition]} ${condition}`);
     put(distance!, near ? this.model.distance(line) : "–");
-    put(force!, near ? newtons(sizeOf(line.push)) : "–");
+    put(force!, near ? newtons(length(line.push)) : "–");
   }
 
   private click(event: MouseEvent): void {

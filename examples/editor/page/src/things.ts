@@ -94,6 +94,7 @@ export class Things {
   }
   /** Of the meshes and polylines as they are drawn now: until a new shape has come, the old one stays. */
   get drawnShapes(): string[] { return [...this.solos.values()].map((solo) => solo.hash); }
+  get arrowCount(): number { return this.shafts.mesh.count; }
   itemOf(hit: THREE.Intersection): Item | undefined {
     if (hit.object.userData.item !== undefined) return this.model.items.get(hit.object.userData.item as number);
     for (const batch of [...this.points.values(), ...this.planes.values()]) {
@@ -131,7 +132,7 @@ export class Things {
     const sum = this.model.handPlace;
     for (const client of this.model.clients.values()) {
       colour.set(this.model.colourOf(client.name)).multiplyScalar(0.8);
-      this.arrow(minus(sum, origin), client.force, this.unit * 0.1, colour);
+      this.arrow(minus(sum, origin), this.model.forceOf(client), this.unit * 0.1, colour);
     }
     this.arrow(minus(sum, origin), this.model.sent, this.unit * 0.2, colour.set(0x1d232b));
     for (const batch of batches) batch.end();

@@ -3,7 +3,8 @@
 import uPlot from "uplot";
 import { axis } from "./curve_plot";
 import { make } from "./fields";
-import { type Model, sizeOf } from "./model";
+import { length } from "./frames";
+import { type Model } from "./model";
 
 /** The last `most` rows of numbers, oldest first. */
 class Ring {
@@ -104,7 +105,7 @@ export class TimePlots {
     this.offer();
     for (const client of model.clients.values()) {
       if (!this.clients.has(client.name)) this.clients.set(client.name, new Ring(4, 600 * 30));
-      this.clients.get(client.name)!.push([time, ...client.force]);
+      this.clients.get(client.name)!.push([time, ...this.model.forceOf(client)]);
     }
     const s = told.stats as Record<string, number | null>;
     if (s && (!this.servo.count || time - this.servo.at(this.servo.count - 1, 0) > 0.45)) {
@@ -187,7 +188,7 @@ export class TimePlots {
       const ring = this.clients.get(name);
       return times.map((t) => {
         const i = ring ? ring.find(t) : 0;
-        return ring && i < ring.count && ring.at(i, 0) === t ? sizeOf([ring.at(i, 1), ring.at(i, 2), ring.at(i, 3)]) : null;
+        return ring && i < ring.count && ring.at(i, 0) === t ? length([ring.at(i, 1), ring.at(i, 2), ring.at(i, 3)]) : null;
       });
     });
     return [times.map((t) => t - end), ...columns];

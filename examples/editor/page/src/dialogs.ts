@@ -39,6 +39,8 @@ export async function askForMesh(orders: Orders, title: (file: string) => string
   const go = make("button", { textContent: word, className: "primary", id: "mesh-add" });
   const box = dialog(title(file.name), make("label", { className: "inline" }, "One unit of the file, in m ", scale),
     make("p", { className: "hint", textContent: "1 for metres, 0.001 for millimetres" }), error, make("div", { className: "buttons" }, go));
+  scale.onkeydown = (event) => { if (event.key === "Enter") go.click(); };
+  scale.select();
   go.onclick = async () => {
     const metres = parse(scale.value);
     if (metres === null || metres <= 0) { error.textContent = "a number above 0 is wanted"; return; }
