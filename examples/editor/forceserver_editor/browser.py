@@ -129,7 +129,8 @@ class Browser:
     # ---- Commands
 
     async def _listen(self) -> None:
-        """Commands wait for each other; that a state was taken, pieces of files, and the stop of all force do not."""
+        """Takes the messages of the browser. Commands wait for their turn. What needs no turn: word that the browser has
+        taken a state, the pieces of a file, and the stop of all force."""
         stops: set[asyncio.Task[None]] = set()
         with contextlib.suppress(ConnectionClosed):
             async for message in self._socket:
@@ -202,9 +203,11 @@ class Browser:
     def _begin_upload(self, command: Plain) -> None:
         self._drop_upload()
         size, name = command.get("size"), str(command.get("file", ""))
-        if not isinstance(size, int):
+        if not isinstance(size, int) or size < 0:
             raise Refused("the command upload has no size", "file")
-        if not 0 < size <= MOST_UPLOAD:
+        if size == 0:
+            raise Refused("the file is empty", "file")
+        if size > MOST_UPLOAD:
             raise Refused(f"the file has {size} bytes, may have {MOST_UPLOAD}", "file", "FULL")
         ending = Path(name).suffix.lower()
         if ending not in (".obj", ".ply", ".stl", ".off", ".zip", ".json"):

@@ -47,14 +47,14 @@ class Edit:
                 self.history.editors[event["name"]] = event["text"]
         self._event = max([self._event, *(event["serial"] for event in events)])
         self._who, self._gesture, self._upload = who, str(command.get("gesture", "")), upload
+        self._upload_name = str(command.get("file") or "the uploaded file") if upload else ""
         taken = ("do", "n", "gesture", "file") if upload else ("do", "n", "gesture")
         arguments = {key: value for key, value in command.items() if key not in taken}
         try:
             answer = self._call(call, scene, arguments) or {}
         except Refused as refused:
             if upload is not None:  # it has a name of its own here, which the person does not know
-                named = str(command.get("file") or "the uploaded file")
-                refused.text = refused.text.replace(str(upload), named).replace(upload.name, named)
+                refused.text = refused.text.replace(str(upload), self._upload_name).replace(upload.name, self._upload_name)
             raise
         if name not in NO_EDITS:
             self.keep.note_change(self._connection)
@@ -179,7 +179,8 @@ class Edit:
         before = get_setting(scene, what)
         change()
         settle(scene)  # to release the clutch moves the frame
-        self.history.note_setting(self._who, self._gesture, what, before, get_setting(scene, what))
+        text = f"change the {what} of the scene"
+        self.history.note_setting(self._who, self._gesture, text, what, before, get_setting(scene, what))
 
     def _frame(self, scene: fs.Scene, fields: Plain) -> None:
         made = scene.get_frame(None)
@@ -235,15 +236,16 @@ class Edit:
         return {"file": self.keep.save(scene, file)}
 
     def _load(self, scene: fs.Scene, file: str = "") -> None:
-        self._replace(scene, lambda: self.keep.load(scene, file, self._upload))
+        self._replace(scene, f"load {self._upload_name or file}", lambda: self.keep.load(scene, file, self._upload))
 
     def _recover(self, scene: fs.Scene) -> None:
-        self._replace(scene, lambda: self.keep.recover(scene))
+        self._replace(scene, "restore the scene", lambda: self.keep.recover(scene))
+        self.keep.discard()  # only now: the server may have refused it
 
     def _discard(self, scene: fs.Scene) -> None:
         self.keep.discard()
 
-    def _replace(self, scene: fs.Scene, load: Callable[[], None]) -> None:
+    def _replace(self, scene: fs.Scene, text: str, load: Callable[[], None]) -> None:
         before = {name: scene.object_get(name) for name in scene}
         settings = {what: get_setting(scene, what) for what in ("frame", "tool")}  # a file has them too
         load()
@@ -251,14 +253,14 @@ class Edit:
         self._gesture = self._gesture or f"load {self.look.seen.serial}"
         for what, was in settings.items():
             if not np.array_equal(np.asarray(is_now := get_setting(scene, what)), np.asarray(was)):
-                self.history.note_setting(self._who, self._gesture, what, was, is_now)
+                self.history.note_setting(self._who, self._gesture, text, what, was, is_now)
         for name in scene:
             after = scene.object_get(name)
             old = before.get(name)
             if old is None or parts_of(old, ALL_PARTS, self.look.shapes) != parts_of(
                 after, ALL_PARTS, self.look.shapes
             ):
-                self._note("load", name, old, after, ALL_PARTS)
+                self._note(text, name, old, after, ALL_PARTS)
 
     # ---- What the states do not have
 
@@ -267,11 +269,12 @@ class Edit:
 
     def _curve(self, scene: fs.Scene, name: str, until: float, count: int = 400) -> Plain:
         """f(d) of both sides, for the plot: raw, and with its slopes limited to what the servo lets the object have."""
-        if not np.isfinite(until := float(until)):
+        until = float(until)
+        if not np.isfinite(until):
             raise Refused(f"until is {until}, must be finite")
         found, report = scene.object_get(name), scene.get_report(name)
         frame = scene.get_frame(name.rpartition("/")[0] or None)
-        distances = np.linspace(0, float(until), max(2, min(int(count), 4000)))
+        distances = np.linspace(0, until, max(2, min(int(count), 4000)))
         t = max(0.0, scene.get_time() - found.start) if found.start else 0.0
         steepest = report.stiffness_applied / (frame.scale * frame.force_scale) if frame.force_scale else 0.0
         is_capped = report.stiffness_applied < report.stiffness_wanted and 0 < steepest < np.inf

@@ -1,9 +1,8 @@
 """What was edited, step by step, for all browsers together: each gesture is one step that can be undone and done again.
 
 Own objects are remembered whole, with their shapes and curves; of another client's object only the parts that were
-touched. A step is not undone if somebody else has changed the same parts since: it is
-left out then. Frame, tool and clutch of the editor's
-own scene are settings, which nobody else can change.
+touched. A step is not undone if somebody else has changed the same parts since: it is left out then. Frame, tool and
+clutch of the editor's own scene are settings, which nobody else can change.
 """
 
 from __future__ import annotations
@@ -98,8 +97,8 @@ class History:
         else:
             changes[name] = Change(before, after, parts)
 
-    def note_setting(self, who: str, gesture: str, what: str, before: Any, after: Any) -> None:
-        settings = self._step(who, gesture, f"change the {what} of the scene").settings
+    def note_setting(self, who: str, gesture: str, text: str, what: str, before: Any, after: Any) -> None:
+        settings = self._step(who, gesture, text).settings
         settings[what] = settings[what][0] if what in settings else before, after
 
     def _step(self, who: str, gesture: str, text: str) -> Step:

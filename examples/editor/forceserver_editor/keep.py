@@ -118,7 +118,6 @@ class Keep:
 
     def recover(self, scene: fs.Scene) -> None:
         scene.load(self._old)
-        self.discard()
 
     def discard(self) -> None:
         shutil.rmtree(self._old.parent, ignore_errors=True)

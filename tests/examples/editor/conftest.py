@@ -22,7 +22,7 @@ import pytest
 
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parents[2]
-PATIENCE = 180  # s: nothing here is a measure of time, this only ends what would never come
+PATIENCE = 90  # s: nothing here is a measure of time, this only ends what would never come
 
 _numbers = itertools.count(1)
 

@@ -134,7 +134,7 @@ def test_a_socket_that_says_it_takes_all_and_reads_nothing(started: Any) -> None
 
 
 def test_floods(started: Any) -> None:
-    """10,000 commands a second and messages of 100 MB: a browser beside them gets its states, and the servo is not disturbed."""
+    """10,000 commands a second and messages of 100 MB: a browser beside them gets its states. How late the servo is is printed."""
     lab = started(Lab)
     editor = started(Editor, lab.endpoint)
     second = started(Second, lab.endpoint)

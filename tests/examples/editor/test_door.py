@@ -148,7 +148,7 @@ def test_commands_history_and_refusals(started: Any) -> None:
         assert (await s.ask("undo"))["text"].startswith("change")
         assert second.get("rover/hazard")["front"]["gain"] == second.get("editor/a")["front"]["gain"] == 1
         assert second.get("rover/hazard")["position"] == [0.06, 0, 0]  # the owner's moves stay
-        assert "text" in await s.ask("redo")
+        assert (await s.ask("redo"))["text"] == "change front.gain of a and 1 more"
         assert second.get("rover/hazard")["front"]["gain"] == 1.7
         # Somebody else changed the same part since.
         assert second.ask("gain rover/hazard 3") == "FS_OK"

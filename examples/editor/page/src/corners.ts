@@ -7,6 +7,7 @@ import { Latest, type Orders, newGesture } from "./orders";
 import type { View } from "./view";
 
 const keyStep = 0.001; // m at the device
+const settling = 500; // ms after a corner was moved, in which states that are on their way still have it where it was
 
 export class Corners {
   private readonly box: HTMLElement;
@@ -16,6 +17,7 @@ export class Corners {
   private dragged = -1;
   active = -1;
   private gesture = "";
+  private movedAt = -Infinity; // ms
   private readonly changes: Latest<{ name: string; points: Vec[]; closed: boolean; gesture: string }>;
 
   constructor(private readonly view: View, private readonly model: Model, orders: Orders) {
@@ -23,14 +25,14 @@ export class Corners {
     this.box.className = "corners";
     view.box.append(this.box);
     this.changes = new Latest(({ name, points, closed, gesture }) => orders.change([name], { shape: { points, closed } }, gesture),
-      (why) => { orders.onNotice(why.text, true); this.attach(); });
+      (why) => { orders.onNotice(why.text, true); this.movedAt = -Infinity; this.attach(); });
     model.on(["selection", "objects"], () => this.attach());
     view.onDraw.push(() => this.place());
   }
 
   private attach(): void {
     const chosen = this.model.selection[0];
-    if (this.dragged >= 0 && chosen && chosen === this.item) return;
+    if (chosen && chosen === this.item && (this.dragged >= 0 || performance.now() < this.movedAt + settling)) return;
     this.dragged = -1; // it may have vanished under the hand
     const shape = chosen?.told.shape;
     const isFit = chosen && shape && chosen.told.primitive === "polyline" && shape.points <= 300 && !chosen.isLocked;
@@ -84,6 +86,8 @@ export class Corners {
     const item = this.item!, inScene = fromDevice(item.frame, at);
     this.points[this.dragged] = rotate(conjugate(item.pose.orientation), minus(inScene, item.pose.position));
     void this.changes.put({ ...this.line(item), points: this.points.map((p) => [...p] as Vec), gesture: this.gesture });
+    this.movedAt = performance.now();
+    setTimeout(() => this.view.request(), 1.1 * settling);
     this.place();
   }
 

@@ -76,10 +76,11 @@ export class CurvePlot {
     return [0, this.top];
   }
 
-  /** Asks for the curve; while an answer is on its way, only once more. */
+  /** Asks for the curve. While an answer is on its way nothing is asked; one question follows it. */
   private async ask(): Promise<void> {
-    this.item = this.model.selection[0] ?? null;
-    const { item } = this;
+    const item = this.model.selection[0] ?? null;
+    if (item !== this.item) this.answer = null;
+    this.item = item;
     this.note.hidden = item !== null;
     this.box.classList.toggle("idle", !item);
     if (!item) { this.answer = null; this.show(); return; }
@@ -87,13 +88,15 @@ export class CurvePlot {
     this.isAsking = true;
     this.applied = item.applied;
     if (!this.dragged) this.until = Math.max(...this.sides(item).map((side) => range(item.told[side])), 1e-4) || 0.1;
+    let answer: Answer | null = null;
     try {
-      this.answer = await this.orders.wire.send("curve", { name: item.told.name, until: this.until });
-    } catch {
-      this.answer = null; // it has gone
-    }
+      answer = await this.orders.wire.send("curve", { name: item.told.name, until: this.until });
+    } catch { /* it has gone */ }
     this.isAsking = false;
-    this.show();
+    if (item === this.item) { // else something else was selected meanwhile
+      this.answer = answer;
+      this.show();
+    }
     if (this.isStale) { this.isStale = false; void this.ask(); }
   }
 

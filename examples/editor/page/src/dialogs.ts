@@ -1,10 +1,10 @@
 // The windows for files and for the editor's own scene: save, load, a mesh to add, frame, clutch, tool.
 
 import { type Vec, fromDegrees, toDegrees } from "./frames";
-import { CheckField, type Send, TextField, make, numberField, parse, shown } from "./fields";
+import { CheckField, type Send, TextField, errorLine, make, numberField, parse, put, shown } from "./fields";
 import { type Condition, type Model, mark } from "./model";
 import { type Orders, flat } from "./orders";
-import type { Refusal } from "./wire";
+import { reason } from "./wire";
 
 function dialog(title: string, ...content: (Node | string)[]): HTMLDialogElement {
   const box = make("dialog", {}, make("h2", { textContent: title }), ...content);
@@ -35,7 +35,7 @@ export async function askForMesh(orders: Orders, title: (file: string) => string
   const file = await chooseFile(".obj,.ply,.stl,.off");
   if (!file) return;
   const scale = make("input", { type: "text", value: "1", id: "mesh-scale" });
-  const error = make("div", { className: "error", role: "alert" } as Partial<HTMLDivElement>);
+  const error = errorLine();
   const go = make("button", { textContent: word, className: "primary", id: "mesh-add" });
   const box = dialog(title(file.name), make("label", { className: "inline" }, "One unit of the file, in m ", scale),
     make("p", { className: "hint", textContent: "1 for metres, 0.001 for millimetres" }), error, make("div", { className: "buttons" }, go));
@@ -46,11 +46,11 @@ export async function askForMesh(orders: Orders, title: (file: string) => string
     if (metres === null || metres <= 0) { error.textContent = "a number above 0 is wanted"; return; }
     go.disabled = true;
     try {
-      await orders.wire.upload(file, file.name);
+      if (!await orders.wire.upload(file, file.name, () => box.open)) return; // the window was closed
       await use(metres, file.name);
       box.close();
     } catch (refused) {
-      error.textContent = (refused as Refusal).text;
+      error.textContent = reason(refused);
       go.disabled = false;
     }
   };
@@ -63,7 +63,7 @@ export class Dialogs {
     const found = await this.orders.ask("files");
     if (!found) return;
     const name = make("input", { type: "text", id: "save-name", value: "scene.json", spellcheck: false });
-    const error = make("div", { className: "error", role: "alert" } as Partial<HTMLDivElement>);
+    const error = errorLine();
     const save = make("button", { textContent: "Save", className: "primary", id: "save-now" });
     const box = dialog("Save the editor's scene",
       make("p", { className: "hint", textContent: `On the server's disk, in ${found.folder}, with its meshes beside it.` }), name, error,
@@ -75,16 +75,21 @@ export class Dialogs {
         this.orders.onNotice(`Saved as ${done.file}.`, false);
         box.close();
       } catch (refused) {
-        error.textContent = (refused as Refusal).text;
+        error.textContent = reason(refused);
       }
     };
     name.onkeydown = (event) => { if (event.key === "Enter") save.click(); };
+    name.oninput = () => {
+      const file = name.value.endsWith(".json") ? name.value : `${name.value}.json`;
+      put(save, (found.files as string[]).includes(file) ? "Replace" : "Save");
+    };
+    name.oninput(new Event("input"));
   }
 
   async load(): Promise<void> {
     const found = await this.orders.ask("files");
     if (!found) return;
-    const error = make("div", { className: "error", role: "alert" } as Partial<HTMLDivElement>);
+    const error = errorLine();
     const list = make("div", { className: "files" });
     const upload = make("button", { textContent: "Upload .zip or .json …", id: "load-upload" });
     const box = dialog("Load a scene", make("p", { className: "hint",
@@ -95,7 +100,7 @@ export class Dialogs {
         this.orders.onNotice(`Loaded ${name}.`, false);
         box.close();
       } catch (refused) {
-        error.textContent = (refused as Refusal).text;
+        error.textContent = reason(refused);
       }
     };
     for (const file of found.files as string[]) {
@@ -106,10 +111,9 @@ export class Dialogs {
       const file = await chooseFile(".zip,.json");
       if (!file) return;
       try {
-        await this.orders.wire.upload(file, file.name);
-        await load({ upload: true, file: file.name }, file.name);
+        if (await this.orders.wire.upload(file, file.name, () => box.open)) await load({ upload: true, file: file.name }, file.name);
       } catch (refused) {
-        error.textContent = (refused as Refusal).text;
+        error.textContent = reason(refused);
       }
     };
   }
@@ -157,7 +161,7 @@ export class Dialogs {
       if (now !== told && tool.value === told) tool.value = now;
       told = now;
     });
-    const error = make("div", { className: "error", role: "alert" } as Partial<HTMLDivElement>);
+    const error = errorLine();
     const apply = make("button", { textContent: "Set the tool's points", id: "tool-apply" });
     apply.onclick = async () => {
       const points = tool.value.split("\n").filter((line) => line.trim()).map((line) => line.split(/[,;\s]+/).filter(Boolean).map(parse));
@@ -166,7 +170,7 @@ export class Dialogs {
         await this.orders.wire.send("tool", { points });
         error.textContent = "";
       } catch (refused) {
-        error.textContent = (refused as Refusal).text;
+        error.textContent = reason(refused);
       }
     };
     const box = dialog("The editor's own scene", make("p", { className: "hint", textContent: "Where this scene lies at the device, how it is turned, and its scale." }), body,

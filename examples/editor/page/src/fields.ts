@@ -1,6 +1,7 @@
 // Fields of the panel: a label, an input, a unit, and the place for what is refused.
 
-import type { Refusal } from "./wire";
+import { newGesture } from "./orders";
+import { reason } from "./wire";
 
 export function make<K extends keyof HTMLElementTagNameMap>(
   tag: K, properties: Partial<HTMLElementTagNameMap[K]> = {}, ...children: (Node | string)[]
@@ -9,6 +10,9 @@ export function make<K extends keyof HTMLElementTagNameMap>(
   element.append(...children);
   return element;
 }
+
+/** Where it is said why something was refused. */
+export const errorLine = (): HTMLElement => make("div", { className: "error", role: "alert" } as Partial<HTMLDivElement>);
 
 /** Only where it differs: the same text set again would be laid out and painted again. */
 export function put(element: HTMLElement, text: string): void { if (element.textContent !== text) element.textContent = text; }
@@ -30,9 +34,11 @@ export function parse(text: string): number | null {
 let ids = 0;
 
 /** One line of the panel. It shows what the server has, unless the person is typing. */
-class Field {
+export abstract class Field {
+  /** Hears what cannot be said at a field, as it shows other objects by now. */
+  static onLate: (text: string) => void = () => {};
   readonly row: HTMLElement;
-  private readonly error = make("div", { className: "error", role: "alert" } as Partial<HTMLDivElement>);
+  private readonly error = errorLine();
   protected readonly unit = make("span", { className: "unit" });
   private readonly label: HTMLLabelElement;
 
@@ -46,6 +52,7 @@ class Field {
     this.row = make("div", { className: "field" }, line, this.error);
     this.row.dataset.path = path;
   }
+  get name(): string { return this.label.textContent!; }
   set unitText(text: string) { if (this.unit.textContent !== text) this.unit.textContent = text; }
   set isShown(is: boolean) { this.row.hidden = !is; }
   get isShown(): boolean { return !this.row.hidden; }
@@ -61,15 +68,21 @@ class Field {
 
   /** Which objects it is about: an answer that comes for those before is of no interest any more. */
   protected subject = 0;
-  /** It is about another object from now on. */
+  /** It is about other objects from now on. */
   forget(): void {
+    if (this.why && performance.now() < this.refusedAt + 1000) this.tellLate(this.why); // nobody can have read it
     ++this.subject;
     this.awaited = null;
     this.refuse("");
   }
+  protected tellLate(text: string): void { Field.onLate(`${this.name}: ${text}`); }
 
+  private why = "";
+  private refusedAt = 0; // ms
   /** again: puts what was typed back into the field. */
   refuse(text: string, again?: () => void): void {
+    this.why = text;
+    this.refusedAt = performance.now();
     if (text) this.awaited = null;
     this.error.textContent = text;
     const title = "Puts what you typed back into the field";
@@ -81,15 +94,17 @@ class Field {
   }
 }
 
-/** Sends a value; the promise rejects with a Refusal. */
-export type Send = (path: string, value: unknown) => Promise<unknown>;
+/** Sends a value; the promise rejects with a Refusal. What has the same gesture is undone in one step. */
+export type Send = (path: string, value: unknown, gesture?: string) => Promise<unknown>;
 /** What is typed as the value to send, or the sentence why it is none. */
 export type Read = (text: string) => { value: unknown } | string;
 
-/** A field in which the person types. What is refused goes back to what it was. */
+/** A field in which the person types. What is refused goes back to what it was. The value that the objects have is the
+ * control's own default value. */
 abstract class TypedField extends Field {
-  private value = "";
   private sending: string | null = null; // what is on its way
+  private isMore = false; // and that something else is to be sent after it
+  protected gesture: string | undefined;
 
   constructor(path: string, label: string, unit: string, private readonly text: HTMLInputElement | HTMLTextAreaElement,
     private readonly send: Send, private readonly read: Read, title = "") {
@@ -98,54 +113,65 @@ abstract class TypedField extends Field {
     text.oninput = () => this.refuse("");
   }
   forget(): void {
+    const { text } = this, isLost = document.activeElement === text && isUnsent(text), typed = text.value;
     super.forget();
     this.sending = null;
     this.goBack();
+    if (!isLost) return;
+    text.blur(); // what is typed next must not go to the other objects
+    this.tellLate(`“${typed}” was not sent, as the selection has changed`);
   }
   /** null: the selected objects differ. */
   show(shows: string | number | null): void {
-    const value = typeof shows === "number" ? shown(shows) : shows ?? "";
+    const value = typeof shows === "number" ? shown(shows) : shows ?? "", { text } = this;
     if (this.sending !== null || this.isOld(value)) return;
-    const isTyping = document.activeElement === this.text && this.text.value !== this.value;
-    this.value = value;
-    this.text.placeholder = shows === null ? "several" : "";
-    if (!isTyping && this.text.value !== value) this.text.value = value;
+    const isTyping = document.activeElement === text && isUnsent(text);
+    if (text.defaultValue !== value) text.defaultValue = value;
+    text.placeholder = shows === null ? "several" : "";
+    if (!isTyping && text.value !== value) text.value = value;
   }
   set isReadOnly(is: boolean) { this.text.readOnly = is; }
 
-  protected goBack(): void { if (this.sending === null) this.text.value = this.value; }
+  protected goBack(): void { if (this.sending === null) this.text.value = this.text.defaultValue; }
 
   protected async commit(): Promise<void> {
-    const text = this.text.value;
-    if (this.sending !== null) return; // Enter is told twice, as a key and as a change; newer text is sent when this answer arrives
-    if (text === this.value) return;
+    const { subject, text } = this, typed = text.value;
+    if (this.sending !== null) { // sent when this answer is there; a key and the change that it makes are told one by one
+      this.isMore = typed !== this.sending;
+      return;
+    }
+    if (!isUnsent(text)) return;
     this.refuse("");
-    const { subject } = this, read = this.read(text);
+    const read = this.read(typed), old = text.defaultValue;
     let why = "";
-    this.sending = text;
+    this.sending = text.defaultValue = typed;
+    this.isMore = false;
     try {
       if (typeof read === "string") why = read;
-      else await this.send(this.path, read.value);
+      else await this.send(this.path, read.value, this.gesture);
     } catch (refused) {
-      why = (refused as Refusal).text;
+      why = reason(refused);
     }
-    if (subject !== this.subject) return;
+    if (subject !== this.subject) {
+      if (why) this.tellLate(why);
+      return;
+    }
     this.sending = null;
-    if (!why) {
-      this.value = text;
-      this.await(text);
-    }
-    if (this.text.value !== text) void this.commit(); // typed meanwhile
-    else if (why) {
-      this.goBack();
-      this.refuse(why, () => {
-        this.refuse("");
-        this.text.value = text;
-        this.text.focus();
-      });
-    }
+    if (why) text.defaultValue = old;
+    else this.await(typed);
+    if (this.isMore) return this.commit();
+    if (!why) return;
+    if (text.value === typed) this.goBack(); // else the person is typing again
+    this.refuse(why, () => {
+      this.refuse("");
+      text.value = typed;
+      text.focus();
+    });
   }
 }
+
+/** Whether something is typed that has not been sent. */
+export const isUnsent = (text: HTMLInputElement | HTMLTextAreaElement): boolean => text.value !== text.defaultValue;
 
 /** One line. */
 export class TextField extends TypedField {
@@ -157,6 +183,7 @@ export class TextField extends TypedField {
     this.line = line;
     line.onkeydown = (event) => {
       if (event.key === "Enter") { void this.commit(); line.select(); }
+      else if (!event.key.startsWith("Arrow")) this.gesture = undefined;
       if (isNumber && (event.key === "ArrowUp" || event.key === "ArrowDown")) this.nudge(event);
     };
     line.onblur = () => this.goBack();
@@ -166,8 +193,9 @@ export class TextField extends TypedField {
   step: (() => number) | null = null;
   private nudge(event: KeyboardEvent): void {
     const value = parse(this.line.value);
-    if (value === null) return;
+    if (value === null || this.line.readOnly) return;
     event.preventDefault();
+    if (!event.repeat) this.gesture = newGesture(); // a key that is held is one step
     const step = this.step?.() ?? (value === 0 ? 0.01 : 10 ** Math.floor(Math.log10(Math.abs(value)))) / 10;
     const by = (event.shiftKey ? step / 10 : step) * (event.key === "ArrowUp" ? 1 : -1);
     this.line.value = shown(value + by);
@@ -206,9 +234,12 @@ abstract class PickedField<V> extends Field {
       try {
         await send(path, value);
       } catch (refused) {
-        if (subject !== this.subject) return;
+        if (subject !== this.subject) {
+          if (reason(refused)) this.tellLate(reason(refused));
+          return;
+        }
         put(this.value);
-        this.refuse((refused as Refusal).text);
+        this.refuse(reason(refused));
       }
     };
   }

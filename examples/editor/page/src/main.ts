@@ -2,7 +2,7 @@
 
 import { Corners } from "./corners";
 import { CurvePlot } from "./curve_plot";
-import { make, put } from "./fields";
+import { Field, isUnsent, make, put } from "./fields";
 import { fromDevice, length } from "./frames";
 import { Gizmo } from "./gizmo";
 import { type Happened, Model, newtons } from "./model";
@@ -29,6 +29,7 @@ orders.onNotice = (text, isBad) => {
   while (box.children.length > 3) box.firstChild!.remove();
   setTimeout(() => notice.remove(), isBad ? 12000 : 5000);
 };
+Field.onLate = (text) => orders.onNotice(text, true);
 model.on(["happened"], () => {
   for (const event of (model.told.events ?? []) as Happened[]) {
     if (event.kind === "edited") orders.onNotice(`${event.name} was changed by ${event.text}`, false);
@@ -90,7 +91,7 @@ function startTools(view: View) {
   buttons.turn.onclick = () => { gizmo.mode = "rotate"; };
   buttons.space.onclick = () => { gizmo.space = gizmo.space === "world" ? "local" : "world"; };
   buttons.draw.onclick = () => (pencil.isOn ? pencil.cancel() : pencil.start());
-  at("draw-finish").onclick = () => pencil.finish(false);
+  at("draw-finish").onclick = () => void pencil.finish(false);
   at("draw-back").onclick = () => pencil.back();
   at("draw-cancel").onclick = () => pencil.cancel();
   at("fit").onclick = () => { if (!gizmo.isDragging) view.fit(); };
@@ -143,8 +144,8 @@ window.addEventListener("keydown", (event) => {
     return;
   }
   if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z") {
+    if (isTyping && "defaultValue" in target && isUnsent(target as HTMLInputElement)) return; // the browser undoes what is typed
     event.preventDefault();
-    if (isTyping) target.blur();
     return void orders.step(event.shiftKey ? "redo" : "undo");
   }
   if (isTyping || event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
@@ -153,7 +154,7 @@ window.addEventListener("keydown", (event) => {
     w: () => at("tool-move").click(), e: () => at("tool-turn").click(), q: () => at("tool-space").click(), f: () => at("fit").click(),
     1: () => at("look-top").click(), 2: () => at("look-front").click(), 3: () => at("look-side").click(), 4: () => at("look-free").click(),
     c: () => tools?.corners.step(),
-    Enter: () => { if (tools?.pencil.isOn && !target.matches("button")) tools.pencil.finish(false); },
+    Enter: () => { if (tools?.pencil.isOn && !target.matches("button")) void tools.pencil.finish(false); },
     "?": () => dialogs.help(),
   };
   keys[event.key.length === 1 ? event.key.toLowerCase() : event.key]?.();

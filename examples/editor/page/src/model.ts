@@ -31,7 +31,7 @@ export const mark: Record<Condition, string> =
 const colours = [0xd57a00, 0x008f6b, 0xb25a94, 0x3aa0d0, 0xc04a00, 0x9b8a00];
 const defaultFrame: Frame = { pose: identity, scale: 1, force_scale: 1 };
 
-/** An object of some client. Poses are in its client's scene; what says so is at the device. */
+/** An object of some client. Its pose is in the scene of its client; place, turn, size, nearest and push are at the device. */
 export class Item {
   pose: Pose = identity;
   weight = 0;
@@ -144,6 +144,7 @@ export class Model {
     this.told = { ...this.told, ...told };
     if (told.fresh) this.items.clear();
     if (told.error) this.loseAll();
+    const clientsBefore = [...this.clients.keys()].join();
     if (told.clients) this.clients = new Map((told.clients as Client[]).map((client) => [client.name, client]));
     if (told.hand) this.hand = told.hand as Hand;
     if (told.clients || told.hand || told.stats) this.compare();
@@ -157,7 +158,7 @@ export class Model {
     const selectedBefore = this.selected.size;
     for (const id of this.selected) if (!this.items.has(id)) this.selected.delete(id);
     this.newSamples = state.samples;
-    if (told.objects || told.gone || told.fresh) this.tell("objects");
+    if (told.objects || told.gone || told.fresh || clientsBefore !== [...this.clients.keys()].join()) this.tell("objects");
     if (state.felt.length) this.tell("rows");
     const isDrawn = this.looksDifferent || Boolean(told.objects || told.gone || told.fresh || told.error);
     if (this.looksDifferent) this.tell("picture");
@@ -211,9 +212,11 @@ export class Model {
   distance(item: Item): string {
     return metres(this.inClientMetres ? item.deviceDistance * item.frame.scale : item.deviceDistance);
   }
-  setHidden(id: number, isHidden: boolean): void {
-    if (isHidden) this.hidden.add(id);
-    else this.hidden.delete(id);
+  setHidden(items: Item[], isHidden: boolean): void {
+    for (const { told: { id } } of items) {
+      if (isHidden) this.hidden.add(id);
+      else this.hidden.delete(id);
+    }
     this.tell("objects");
   }
 }

@@ -1,7 +1,7 @@
 // What the page asks the server to do, and what it says when it is refused.
 
 import type { Model } from "./model";
-import type { Refusal, Wire } from "./wire";
+import { type Refusal, type Wire, reason } from "./wire";
 
 /** By their names, such as "front.gain". */
 export type Fields = Record<string, unknown>;
@@ -26,13 +26,14 @@ export class Orders {
     try {
       return await this.wire.send(name, fields);
     } catch (refused) {
-      this.onNotice((refused as Refusal).text, true);
+      this.onNotice(reason(refused), true);
       return null;
     }
   }
 
   /** All of them or none. fields: the same for all, or a list with those of each. */
   change(names: string[], fields: Fields | Fields[], gesture = newGesture(), more: Record<string, unknown> = {}): Promise<any> {
+    if (!names.length) return Promise.reject({ text: "what is selected is locked", field: "", status: "DENIED" });
     return this.wire.send("change", { names, fields, gesture, ...more });
   }
 
@@ -46,10 +47,11 @@ export class Orders {
     if (step) this.onNotice(`${name === "undo" ? "Undone" : "Done again"}: ${step.text} (${step.who})`, false);
   }
 
-  /** Adds an object, and selects it when it is there. */
-  async add(name: string, primitive: string, fields: Record<string, unknown>, more: Record<string, unknown> = {}): Promise<void> {
-    const made = await this.ask("add", { name, primitive, fields, gesture: newGesture(), ...more });
+  /** Adds an object, and selects it when it is there. Returns whether it was added. */
+  async add(name: string, primitive: string, fields: Record<string, unknown>): Promise<boolean> {
+    const made = await this.ask("add", { name, primitive, fields, gesture: newGesture() });
     if (made) this.selectWhenThere(made.name);
+    return Boolean(made);
   }
 
   async remove(names: string[]): Promise<void> {

@@ -18,6 +18,7 @@ interface Twist { linear: number[]; angular: number[] }
 
 export class Panel {
   private isDue = false;
+  private items: Item[] = []; // the selection, as it is shown
   private readonly title = make("span", { className: "name", dir: "auto" });
   private readonly padlock = make("span", { className: "padlock", title: "It can be looked at, not changed" });
   private readonly condition = make("span");
@@ -30,10 +31,12 @@ export class Panel {
   private readonly head = make("header");
   private readonly body = make("div", { className: "sections" });
   private readonly replace = make("button", { textContent: "Another mesh from a file …", id: "replace-mesh" });
-  private twist: Twist = { linear: [0, 0, 0], angular: [0, 0, 0] };
+  private twist: Twist | null = null; // of the selection; null: not known yet
+  private readonly twists = make("div");
+  private blamed: AnyField | null = null; // the field that the last change was refused for, if it was not its own
   private isAsking = false;
   private chosen = "";
-  private readonly fields: { field: AnyField; update: (items: Item[]) => void }[] = [];
+  private readonly fields: { field: AnyField; update: () => void }[] = [];
   private readonly points = make("div", { className: "tool-points" });
   private readonly units: (() => void)[] = [];
   private readonly formulas = new Map<string, HTMLElement>();
@@ -48,13 +51,16 @@ export class Panel {
     this.makeOther();
     model.on(["selection"], () => {
       const chosen = [...model.selected].join();
-      if (chosen !== this.chosen) for (const { field } of this.fields) field.forget();
+      if (chosen !== this.chosen) {
+        for (const { field } of this.fields) field.forget();
+        this.twist = this.blamed = null;
+      }
       this.chosen = chosen;
       this.update();
       void this.askTwist();
     });
     model.on(["objects"], () => { this.update(); void this.askTwist(); });
-    model.on(["rows"], () => this.later());
+    model.on(["rows", "state"], () => this.later());
     this.adopt.onclick = () => { const item = this.first(); if (item) void orders.adopt(item.told.name); };
     this.padlock.textContent = "🔒";
     this.head.append(make("h2", {}, this.title, this.padlock), this.facts, this.live, this.adopt, this.hint);
@@ -71,7 +77,7 @@ export class Panel {
   /** How the selection moves: that is not in the states, as nothing but this panel needs it. */
   private async askTwist(): Promise<void> {
     const item = this.first();
-    if (!item || this.isAsking) return;
+    if (!item || this.isAsking || this.model.selected.size > 1) return;
     this.isAsking = true;
     try {
       const twist = await this.orders.wire.send("twist", { name: item.told.name }) as Twist;
@@ -83,26 +89,30 @@ export class Panel {
 
   // ---- Sending
 
-  private readonly send: Send = (path, value) => this.sendAll({ [path]: value }, path);
+  private readonly send: Send = (path, value, gesture) => this.sendAll({ [path]: value }, path, gesture);
 
   /** What each of the selected objects is to get, by what it has. */
-  private sendEach(of: (item: Item) => Fields, path: string): Promise<void> {
-    return this.sendAll(this.unlocked.map(of), path);
+  private sendEach(of: (item: Item) => Fields, path: string, gesture?: string): Promise<void> {
+    return this.sendAll(this.unlocked.map(of), path, gesture);
   }
   /** Those of the selection that can be changed. */
   private get unlocked(): Item[] { return this.model.selection.filter((item) => !item.isLocked); }
 
   /** fields: the same for all, or a list with those of each. */
-  private async sendAll(fields: Fields | Fields[], path: string): Promise<void> {
+  private async sendAll(fields: Fields | Fields[], path: string, gesture?: string): Promise<void> {
+    const { chosen } = this;
     try {
-      await this.orders.change(this.unlocked.map((item) => item.told.name), fields);
+      await this.orders.change(this.unlocked.map((item) => item.told.name), fields, gesture);
+      if (chosen === this.chosen) this.blamed?.refuse("");
     } catch (refused) {
       const why = refused as Refusal;
+      if (chosen !== this.chosen) throw why; // its fields show other objects by now
       // The library may refuse the object for another field than the one that was changed: the sentence goes there.
       const other = this.fields.find(({ field }) => field.isShown && field.path !== path && named(why.field, field.path));
       if (other && !named(why.field, path)) {
         other.field.refuse(why.text);
-        throw { ...why, text: `not taken: see ${why.field}` };
+        this.blamed = other.field;
+        throw { ...why, text: `not taken: see “${other.field.name}”` };
       }
       throw why;
     }
@@ -118,15 +128,12 @@ export class Panel {
     this.sections.set(key, section);
     return inside;
   }
-  /** of: what it shows of an object; it is there if all of the selected objects use it. Where they differ it is empty. */
-  private add<V>(to: HTMLElement, field: AnyField & { show: (value: V | null) => void }, of: (item: Item) => V | null,
-    isUsed: (item: Item) => boolean = () => true): void {
+  /** of: what it shows of an object; where the selected ones differ it is empty. isUsed: whether it is there. */
+  private add<V>(to: HTMLElement, field: AnyField & { show: (value: V | null) => void }, of: (item: Item) => V, isUsed = () => true): void {
     to.append(field.row);
-    const update = (items: Item[]) => {
-      field.isShown = items.every(isUsed);
-      if (!field.isShown) return;
-      const value = of(items[0]!);
-      field.show(items.every((item) => of(item) === value) ? value : null);
+    const update = () => {
+      field.isShown = isUsed();
+      if (field.isShown) field.show(this.same(of));
     };
     this.fields.push({ field, update });
   }
@@ -142,12 +149,12 @@ export class Panel {
       this.add(place, field, (item) => item.pose.position[i]!);
     });
     (["x", "y", "z"] as const).forEach((name, i) => {
-      const field = numberField(`pose.turn.r${name}`, name, "°", (_path, value) => {
+      const field = numberField(`pose.turn.r${name}`, name, "°", (_path, value, gesture) => {
         return this.sendEach((item) => {
           const degrees = toDegrees(item.pose.orientation);
           degrees[i] = value as number;
           return { "pose.orientation": fromDegrees(degrees) };
-        }, `pose.turn.r${name}`);
+        }, `pose.turn.r${name}`, gesture);
       }, `degrees about ${name}`);
       this.add(turns, field, (item) => rounded(toDegrees(item.pose.orientation)[i]!, 6));
     });
@@ -155,12 +162,13 @@ export class Panel {
       const field = numberField(`pose.orientation.${name}`, name, "", this.send, "Quaternion, object to scene; it is made of unit length");
       this.add(quat, field, (item) => Number(item.pose.orientation[i]!.toPrecision(9)));
     });
+    box.append(this.twists);
     for (const [part, unit, text] of [["linear", "m/s", "velocity, m/s; it lasts 0.1 s"], ["angular", "rad/s", "angular velocity, rad/s; it lasts 0.1 s"]] as const) {
       const triple = make("div", { className: "triple" });
-      box.append(over(text), triple);
+      this.twists.append(over(text), triple);
       (["x", "y", "z"] as const).forEach((name, i) => {
         const field = numberField(`twist.${part}.${name}`, name, unit, this.send, `${unit} along ${name} of the scene of its client`);
-        this.add(triple, field, () => (this.model.selected.size > 1 ? null : Number(this.twist[part][i]!.toPrecision(9))));
+        this.add(triple, field, () => (this.twist ? Number(this.twist[part][i]!.toPrecision(9)) : ""));
       });
     }
   }
@@ -177,12 +185,12 @@ export class Panel {
     const formula = make("div", { className: "formula" });
     this.formulas.set(side, formula);
     box.append(formula);
-    const isOn = (item: Item) => of(item).kind !== "none";
+    const isOn = () => this.items.every((item) => of(item).kind !== "none");
     this.add(box, new ChoiceField(path("sense"), "sense", senses, this.send), (item) => of(item).sense, isOn);
     for (const name of ["gain", "offset", "width"] as const) {
-      const field = numberField(path(name), name, "", this.send);
-      this.add(box, field, (item) => of(item)[name], (item) => uses[of(item).kind]?.[name] !== undefined);
-      this.units.push(() => { field.unitText = this.same((item) => uses[of(item).kind]?.[name] ?? "") ?? ""; });
+      const field = numberField(path(name), name, "", this.send), unit = () => this.same((item) => uses[of(item).kind]?.[name] ?? "") ?? "";
+      this.add(box, field, (item) => of(item)[name], () => unit() !== "");
+      this.units.push(() => { field.unitText = unit(); });
     }
     this.add(box, numberField(path("limit"), "limit", "N", this.send, "The force never exceeds it"), (item) => of(item).limit, isOn);
     this.add(box, numberField(path("reach"), "reach (0: ∞)", "m", this.send, "No force beyond this distance; 0: unlimited"), (item) => of(item).reach, isOn);
@@ -196,15 +204,15 @@ export class Panel {
       const curve = value === "table" ? { table: [0, 1, 2, 1, 0], step: 0.01 } : { expression: "2*exp(-d/0.01)" };
       return this.sendAll({ [path]: curve }, `${path}.way`);
     });
-    const isCustom = (item: Item) => of(item).kind === "custom";
+    const isCustom = () => this.items.every((item) => of(item).kind === "custom");
     this.add(box, way, (item) => (isTable(item) ? "table" : "expression"), isCustom);
     const expression = new AreaField(path, "f(d, t) =", this.send, (text) => ({ value: { expression: text.trim() } }), 2);
-    this.add(box, expression, (item) => of(item).curve?.expression ?? "", (item) => isCustom(item) && !isTable(item));
+    this.add(box, expression, (item) => of(item).curve?.expression ?? "", () => isCustom() && this.same(isTable) === false);
     const table = new AreaField(`${path}.table`, "d (m), f (N)", (_path, value) => this.sendAll({ [path]: value }, `${path}.table`), readTable, 6);
     this.add(box, table, (item) => {
       const curve = of(item).curve;
       return (curve?.table ?? []).map((force, i) => `${shown(i * (curve?.step ?? 0))}, ${force}`).join("\n");
-    }, (item) => isCustom(item) && isTable(item));
+    }, () => isCustom() && this.same(isTable) === true);
   }
 
   private makeContact(): void {
@@ -220,7 +228,8 @@ export class Panel {
     ];
     for (const [name, unit, title] of numbers) {
       const field = numberField(`contact.${name}`, name, unit, this.send, title);
-      this.add(box, field, (item) => item.told.contact[name] as number, (item) => item.told.contact.keep !== "none");
+      this.add(box, field, (item) => item.told.contact[name] as number,
+        () => this.items.every((item) => item.told.contact.keep !== "none"));
     }
   }
 
@@ -230,7 +239,7 @@ export class Panel {
       const item = this.first()!;
       return this.orders.wire.send("rename", { name: item.told.name, to: value }).then((made) => this.orders.selectWhenThere(made.name));
     }, (text) => ({ value: text }));
-    this.add(box, name, (item) => item.told.short, (item) => this.model.selected.size === 1 && item.told.own);
+    this.add(box, name, (item) => item.told.short, () => this.items.length === 1 && this.items[0]!.told.own);
     const primitive = new ChoiceField("primitive", "primitive", primitives, (path, value) => {
       if (value !== "mesh") return this.sendAll({ [path]: value }, path);
       this.askForMesh();
@@ -241,7 +250,8 @@ export class Panel {
     box.append(this.replace);
     this.add(box, new CheckField("enabled", "enabled", this.send), (item) => item.told.enabled);
     const closed = new CheckField("closed", "closed line", (_path, value) => this.closeLine(Boolean(value)));
-    this.add(box, closed, (item) => item.told.shape?.closed ?? false, (item) => item.told.primitive === "polyline" && this.model.selected.size === 1);
+    this.add(box, closed, (item) => item.told.shape?.closed ?? false,
+      () => this.items.length === 1 && this.items[0]!.told.primitive === "polyline");
     this.add(box, numberField("damping", "damping", "N s/m", this.send, "Where the profile gives a force"), (item) => item.told.damping);
     const lifetime = numberField("lifetime", "lifetime", "s", this.send, "It fades unless changed or moved within this time; 0: for ever");
     this.add(box, lifetime, (item) => item.told.lifetime);
@@ -253,8 +263,8 @@ export class Panel {
 
   /** The selection becomes a mesh from a file, or another mesh. */
   private askForMesh(): void {
-    const names = this.model.selection.filter((item) => !item.isLocked).map((item) => item.told.name);
-    void askForMesh(this.orders, (file) => `${file}, for ${names.join(", ")}`, "Take it",
+    const names = this.unlocked.map((item) => item.told.name);
+    void askForMesh(this.orders, (file) => `${file}, for ${several(names)}`, "Take it",
       (scale, file) => this.orders.change(names, {}, undefined, { upload: true, file, scale }));
   }
 
@@ -271,12 +281,12 @@ export class Panel {
   private first(): Item | undefined { return this.model.selection[0]; }
   /** What all of the selected objects have; null: they differ. */
   private same<V>(of: (item: Item) => V): V | null {
-    const [first, ...rest] = this.model.selection.map(of);
-    return first !== undefined && rest.every((each) => each === first) ? first : null;
+    const value = of(this.items[0]!);
+    return this.items.every((item) => of(item) === value) ? value : null;
   }
 
   private update(): void {
-    const item = this.first();
+    const [item] = (this.items = this.model.selection);
     this.box.classList.toggle("empty", !item);
     this.hint.hidden = item !== undefined;
     if (!item) {
@@ -286,17 +296,17 @@ export class Panel {
       this.box.dataset.selected = "";
       return;
     }
-    this.box.dataset.selected = this.model.selection.map((each) => each.told.name).join("|");
+    this.box.dataset.selected = this.items.map((each) => each.told.name).join("|");
     this.updateHead(item);
-    const { selection } = this.model;
-    const isSurface = selection.every(({ told: { primitive } }) => primitive === "plane" || primitive === "mesh");
+    const isSurface = this.items.every(({ told: { primitive } }) => primitive === "plane" || primitive === "mesh");
     this.sections.get("back")!.hidden = this.sections.get("contact")!.hidden = !isSurface;
     this.sections.get("front")!.querySelector("summary")!.textContent = isSurface ? "Force profile, front" : "Force profile";
-    const isReadOnly = selection.every((each) => each.isLocked);
+    const isReadOnly = this.items.every((each) => each.isLocked);
+    this.twists.hidden = this.items.length > 1;
     this.replace.hidden = isReadOnly || this.same((each) => each.told.primitive) !== "mesh";
     for (const { field, update } of this.fields) {
       field.isReadOnly = isReadOnly;
-      update(selection);
+      update();
     }
     for (const update of this.units) update();
     for (const side of ["front", "back"] as const) {
@@ -306,12 +316,13 @@ export class Panel {
   }
 
   private updateHead(item: Item): void {
-    const { selection } = this.model, many = selection.length, shape = item.told.shape, condition = item.condition;
-    this.padlock.hidden = !selection.every((each) => each.isLocked);
+    const { items } = this, many = items.length, shape = item.told.shape, condition = item.condition;
+    this.padlock.hidden = !items.every((each) => each.isLocked);
     this.adopt.hidden = item.told.own || many > 1 || this.model.viewOnly;
     if (many > 1) {
       put(this.title, `${many} objects`);
-      put(this.what, selection.slice(0, 5).map((each) => each.told.short).join(", ") + (many > 5 ? ` and ${many - 5} more` : ""));
+      const locked = items.filter((each) => each.isLocked).length;
+      put(this.what, `${several(items.map((each) => each.told.short))}${locked ? `; ${locked} of them locked, and left as they are` : ""}`);
       put(this.condition, "");
       put(this.live, "");
       return;
@@ -326,6 +337,7 @@ export class Panel {
   }
 }
 
+const several = (names: string[]) => names.slice(0, 5).join(", ") + (names.length > 5 ? ` and ${names.length - 5} more` : "");
 const rounded = (value: number, digits: number) => Number(value.toFixed(digits));
 const slope = (value: number | null): string =>
   value === null || !Number.isFinite(value) ? "∞ (the force jumps)" : `${shown(Number(value.toPrecision(3)))} N/m`;
@@ -337,17 +349,20 @@ function named(field: string, path: string): boolean {
 
 /** Lines "d, f" with equal steps, as a spreadsheet gives them. */
 function readTable(text: string): { value: unknown } | string {
-  const lines = text.split("\n").map((line) => line.trim()).filter((line) => line !== "");
-  const rows = lines.map((line) => line.split(/[\t;]/.test(line) ? /[\t;]\s*/ : /,\s*|\s+/).map(parse)); // a comma may be decimal
-  if (rows.length && rows[0]!.some((x) => x === null)) rows.shift(); // names of the columns
-  const odd = rows.findIndex((row) => row.length !== 2 || row.some((x) => x === null));
-  if (odd >= 0) return `line ${odd + 1}: two numbers are wanted, the distance (m) and the force (N)`;
+  const lines = text.split("\n").map((line, i) => ({ text: line.trim(), number: i + 1 })).filter((line) => line.text !== "");
+  const rows = lines.map((line) => {
+    const cells = line.text.split(/[\t;]/.test(line.text) ? /[\t;]\s*/ : /,\s*|\s+/); // a comma may be decimal
+    return { number: line.number, cells: cells.map(parse) };
+  });
+  if (rows.length && rows[0]!.cells.every((x) => x === null)) rows.shift(); // names of the columns
+  const odd = rows.find(({ cells }) => cells.length !== 2 || cells.includes(null));
+  if (odd) return `line ${odd.number}: two numbers are wanted, the distance (m) and the force (N)`;
   if (rows.length < 2) return "a table has two lines at least";
-  const distances = rows.map((row) => row[0]!), step = distances[1]! - distances[0]!;
-  if (distances[0] !== 0) return "line 1: the first distance is 0";
+  const distances = rows.map(({ cells }) => cells[0]!), step = distances[1]! - distances[0]!;
+  if (distances[0] !== 0) return `line ${rows[0]!.number}: the first distance is 0`;
   const uneven = distances.findIndex((d, i) => Math.abs(d - i * step) > 1e-6 * Math.abs(step) * rows.length);
-  if (!(step > 0) || uneven >= 0) return `line ${Math.max(uneven, 1) + 1}: the distances rise in equal steps`;
-  return { value: { table: rows.map((row) => row[1]!), step: Number(step.toPrecision(12)) } };
+  if (!(step > 0) || uneven >= 0) return `line ${rows[Math.max(uneven, 1)]!.number}: the distances rise in equal steps`;
+  return { value: { table: rows.map(({ cells }) => cells[1]!), step: Number(step.toPrecision(12)) } };
 }
 
 function readPoints(text: string): { value: unknown } | string {

@@ -11,6 +11,7 @@ export class Pencil {
   private readonly line: THREE.Line;
   private readonly box: HTMLElement;
   isOn = false;
+  private isAdding = false;
   onChange: () => void = () => {};
 
   constructor(private readonly view: View, private readonly model: Model, private readonly orders: Orders) {
@@ -44,7 +45,7 @@ export class Pencil {
     const box = this.view.canvas.getBoundingClientRect();
     if (first && this.places.length > 2) {
       const at = this.view.project(first);
-      if (Math.hypot(at.x + box.left - x, at.y + box.top - y) < 9) return this.finish(true);
+      if (Math.hypot(at.x + box.left - x, at.y + box.top - y) < 9) return void this.finish(true);
     }
     const hit = this.view.surface(x, y);
     if (!hit) return this.orders.onNotice("Click on a plane or a mesh: a polyline is drawn on a surface.", false);
@@ -53,14 +54,17 @@ export class Pencil {
   }
   back(): void { this.places.pop(); this.changed(); }
 
-  finish(isClosed: boolean): void {
+  async finish(isClosed: boolean): Promise<void> {
+    if (this.isAdding) return;
     const inScene = this.places.map((place) => fromDevice(this.model.ownFrame, place));
-    this.cancel();
-    if (inScene.length < 2) return;
+    if (inScene.length < 2) return this.orders.onNotice("A polyline has two points at least.", false);
     const first = inScene[0]!;
     const points = inScene.map((p) => minus(p, first));
     const front = { kind: "gaussian", sense: "attractive", gain: 2, width: 0.01, limit: 2 };
-    void this.orders.add("line", "polyline", { "pose.position": first, shape: { points, closed: isClosed }, ...flat("front", front) });
+    this.isAdding = true;
+    const isAdded = await this.orders.add("line", "polyline", { "pose.position": first, shape: { points, closed: isClosed }, ...flat("front", front) });
+    this.isAdding = false;
+    if (isAdded) this.cancel(); // else it can still be mended
   }
 
   private update(): void {

@@ -59,7 +59,11 @@ export class Table {
   private later(): void {
     if (this.isDue) return;
     this.isDue = true;
-    setTimeout(() => { this.isDue = false; this.draw(); }, 200);
+    setTimeout(() => {
+      this.isDue = false;
+      if (this.filter.value) this.sort(); // by the state, perhaps
+      else this.draw();
+    }, 200);
   }
 
   private sort(): void {
@@ -142,7 +146,7 @@ export class Table {
     const line = target.closest<HTMLElement>(".line");
     const index = Number(line?.dataset.index ?? -1), item = this.lines[index];
     if (!item || "count" in item) return;
-    if (target.classList.contains("eye")) return this.model.setHidden(item.told.id, !this.model.hidden.has(item.told.id));
+    if (target.classList.contains("eye")) return this.model.setHidden([item], !this.model.hidden.has(item.told.id));
     if (target.classList.contains("on")) {
       const enabled = (target as HTMLInputElement).checked;
       (line as HTMLElement & { told?: string }).told = undefined;
@@ -189,7 +193,7 @@ export class Table {
       this.model.select(this.idsFrom(0, this.lines.length));
     } else if (event.key.toLowerCase() === "h" && !isControl) {
       const isHidden = !this.model.hidden.has(selection[0]?.told.id ?? -1);
-      for (const each of selection) this.model.setHidden(each.told.id, isHidden);
+      this.model.setHidden(selection, isHidden);
     } else return;
     event.preventDefault();
   }

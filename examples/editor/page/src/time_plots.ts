@@ -175,7 +175,7 @@ export class TimePlots {
       return [at(0).map((t) => t - end), x.map((_, i) => Math.hypot(x[i]!, y[i]!, z[i]!)), x, y, z];
     }
     if (this.shown === "servo") {
-      const rows = thinned(this.servo, end - this.span, end, pixels);
+      const rows = thinned(this.servo, end - this.span, end, pixels, (i) => this.servo.at(i, 4));
       const at = (column: number) => rows.map((i) => this.servo.at(i, column));
       return [at(0).map((t) => t - end), at(2), at(3), at(4), at(5), at(1)];
     }
@@ -225,16 +225,17 @@ function level(column: (number | null)[]): string | null {
   return high - low > 0.006 ? null : (Math.round(((low + high) / 2) * 100) / 100 || 0).toFixed(2);
 }
 
-/** The rows between two times; of more than a few for each pixel those with the smallest and the largest force. */
-function thinned(ring: Ring, start: number, end: number, pixels: number): number[] {
-  const first = ring.find(start), last = ring.find(end + 1e-9);
-  const every = Math.ceil((last - first) / (pixels * 2));
+/** The rows between two times; where there are more than two for each pixel, of those of a pixel the ones with the smallest
+ * and the largest force, or whatever its size is. */
+function thinned(ring: Ring, start: number, end: number, pixels: number,
+  sizeOf = (i: number) => Math.hypot(ring.at(i, 1), ring.at(i, 2), ring.at(i, 3))): number[] {
+  const first = ring.find(start), last = ring.find(end + 1e-9), each = Math.ceil((last - first) / pixels);
+  if (each <= 2) return Array.from({ length: last - first }, (_, i) => first + i);
   const rows: number[] = [];
-  for (let i = first; i < last; i += every * (every > 2 ? 2 : 1)) {
-    if (every <= 2) { rows.push(i); continue; }
+  for (let i = first; i < last; i += each) {
     let low = i, high = i, least = Infinity, most = -Infinity;
-    for (let j = i; j < Math.min(i + 2 * every, last); ++j) {
-      const x = ring.at(j, 1), y = ring.at(j, 2), z = ring.at(j, 3), size = x * x + y * y + z * z;
+    for (let j = i; j < Math.min(i + each, last); ++j) {
+      const size = sizeOf(j);
       if (size < least) { least = size; low = j; }
       if (size > most) { most = size; high = j; }
     }

@@ -1,6 +1,9 @@
 // The connection to the editor's server: states come in, commands go out and are answered.
 
 export interface Refusal { text: string; field: string; status: string }
+/** Why something was refused; or an error that the browser itself raises, such as of a file that has gone. */
+export const reason = (refused: unknown): string => (refused as Refusal).text ?? String(refused);
+
 /** poses: 7 numbers for each object that is new in some way; felt: 12; samples: 4 for each (look.py says which). */
 export interface State { told: Record<string, unknown>; poses: Float64Array; felt: Float32Array; samples: Float64Array }
 
@@ -54,13 +57,16 @@ export class Wire {
   /** How many commands are not answered yet. */
   private count(): void { document.body.dataset.busy = String(this.waiting.size); }
 
-  /** Sends a file; a command with `upload: true` then uses it. */
-  async upload(file: Blob, name: string): Promise<void> {
+  /** Sends a file; a command with `upload: true` then uses it. Returns false if it was not to go on. */
+  async upload(file: Blob, name: string, goesOn: () => boolean): Promise<boolean> {
     await this.send("upload", { size: file.size, file: name });
     for (let at = 0; at < file.size; at += pieceSize) {
       while (this.socket && this.socket.bufferedAmount > 8 * pieceSize) await new Promise((done) => setTimeout(done, 20));
-      this.socket?.send(await file.slice(at, at + pieceSize).arrayBuffer());
+      const piece = await file.slice(at, at + pieceSize).arrayBuffer();
+      if (!goesOn()) return false;
+      this.socket?.send(piece);
     }
+    return goesOn();
   }
 
   private take(data: ArrayBuffer, socket: WebSocket): void {
