@@ -96,7 +96,12 @@ void add_formula(const Profile& p, Cap& cap) {
     case FS_PROFILE_QUADRATIC: {
       const double zero = p.offset / p.gain < 0 ? std::sqrt(p.offset / -p.gain) : 0;
       if (p.gain > 0) {
-        const double bend = std::fmax(k / (2 * p.gain), zero);
+        // Where it is steep from its zero on: the force there is 0, which the formula rounds to the digits of the offset.
+        if (2 * p.gain * zero > k) {
+          cap.rise = -k * zero;
+          return;
+        }
+        const double bend = k / (2 * p.gain);
         return set_bend(cap, bend, force_at(bend), k);
       }
       // Its arch is concave, so what is steep of it ends at 0.
@@ -105,8 +110,10 @@ void add_formula(const Profile& p, Cap& cap) {
     }
     case FS_PROFILE_INVERSE: {
       const double zero = p.offset < 0 ? p.gain / -p.offset : std::numeric_limits<double>::infinity();
-      const double bend = std::fmin(std::sqrt(p.gain / k), zero);
-      return set_bend(cap, bend, force_at(bend), -k);
+      const double bend = std::sqrt(p.gain / k);
+      if (bend < zero) return set_bend(cap, bend, force_at(bend), -k);
+      cap.fall = std::fmin(cap.fall, k * zero);
+      return;
     }
     default:
       return;

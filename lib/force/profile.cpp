@@ -21,14 +21,14 @@ constexpr double gaussian_support = 39;      // widths: exp(-39^2 / 2) is 0 in d
 double outward(double bound) { return bound * (1 + 1e-15) + std::numeric_limits<double>::min(); }
 
 void require_finite(double value, const char* field, const char* part) {
-  if (!std::isfinite(value)) fail(FS_ERROR_INVALID, "%s.%s is %g, must be finite", field, part, value);
+  if (!std::isfinite(value)) fail(FS_ERROR_INVALID, "%s.%s is %.12g, must be finite", field, part, value);
 }
 
 // Throws INVALID unless the value is good for a profile of this kind; `must` says what is good.
 void require_that(bool is_good, const char* must, double value, const char* field, const char* part,
                   fs_profile_kind kind) {
   if (is_good) return;
-  fail(FS_ERROR_INVALID, "%s.%s is %.9g, must be %s for %s %s profile", field, part, value, must,
+  fail(FS_ERROR_INVALID, "%s.%s is %.12g, must be %s for %s %s profile", field, part, value, must,
        kind == FS_PROFILE_INVERSE ? "an" : "a", without_prefix(profile_kind_names[kind]));
 }
 
@@ -111,9 +111,10 @@ double formula_slope(const Profile& p, double end) noexcept {
       // The slope grows with d: it is steepest where the force reaches limit (gain > 0) or 0 (gain < 0), or at the end.
       const double room = p.gain > 0 ? p.limit - p.offset : p.offset;
       if (room <= 0) return 0;
-      const double d = std::fmin(std::sqrt(room / std::fabs(p.gain)), end);
-      const double force = p.gain * d * d + p.offset;
-      const bool is_felt = p.gain > 0 ? force > 0 : force < p.limit;
+      const double last = std::sqrt(room / std::fabs(p.gain)), d = std::fmin(last, end);
+      // Its zero is not looked for by the force there, which is rounded to the digits of the offset.
+      const bool is_felt = p.gain > 0 ? !(p.offset < 0) || end > std::sqrt(p.offset / -p.gain)
+                                      : last <= end || p.gain * d * d + p.offset < p.limit;
       return is_felt ? 2 * std::fabs(p.gain) * d : 0;
     }
     case FS_PROFILE_INVERSE: {
@@ -183,9 +184,9 @@ Profile parse_profile(const fs_profile& in, const char* field) {
   } else {
     require(in.limit > 0, "> 0", in.limit, "limit");
     if (in.limit > largest_limit) {
-      fail(FS_ERROR_INVALID, "%s.limit is %.9g, must be at most %.9g N", field, in.limit, largest_limit);
+      fail(FS_ERROR_INVALID, "%s.limit is %.12g, must be at most %.12g N", field, in.limit, largest_limit);
     }
-    if (in.reach < 0) fail(FS_ERROR_INVALID, "%s.reach is %.9g, must be >= 0 m", field, in.reach);
+    if (in.reach < 0) fail(FS_ERROR_INVALID, "%s.reach is %.12g, must be >= 0 m", field, in.reach);
   }
   if (in.kind == FS_PROFILE_CUSTOM) {
     if (!in.curve) fail(FS_ERROR_INVALID, "%s.curve is null, must be a curve for a CUSTOM profile", field);

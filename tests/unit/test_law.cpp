@@ -316,6 +316,37 @@ START_TEST(extremes_stay_finite) {
 }
 END_TEST
 
+// Near its zero such a force is a difference of numbers that are far larger than it: it is rounded by up to the limit.
+START_TEST(a_large_offset_makes_no_jump) {
+  const double slope = 5000;
+  for (const double offset : {1e12, 1e15, 1e16, 1e17, 1e18, 1e20, 1e200}) {
+    for (const double zero : {1e-5, 0.0031, 0.0100244, 0.3}) {
+      const fs_profile sides[] = {
+          fs_profile_init(FS_PROFILE_LINEAR_INCREASING, FS_SENSE_ATTRACTIVE, offset / zero, -offset, 5),
+          fs_profile_init(FS_PROFILE_LINEAR_DECREASING, FS_SENSE_ATTRACTIVE, -offset / zero, offset, 5),
+          fs_profile_init(FS_PROFILE_QUADRATIC, FS_SENSE_ATTRACTIVE, offset / zero / zero, -offset, 5),
+          fs_profile_init(FS_PROFILE_QUADRATIC, FS_SENSE_ATTRACTIVE, -offset / zero / zero, offset, 5),
+          fs_profile_init(FS_PROFILE_INVERSE, FS_SENSE_ATTRACTIVE, offset * zero, -offset, 5)};
+      for (const fs_profile& side : sides) {
+        const Law raw = law_of(side, nullptr), with = capped(raw, slope);
+        ck_assert_msg(slope_of(raw) > slope && slope_of(with) <= slope, "kind %d, offset %g: %g N/m, capped %g N/m",
+                      side.kind, side.offset, slope_of(raw), slope_of(with));
+        for (const double step : {1e-16 * zero, 1e-12 * zero, 1e-7}) {
+          double before = std::fmax(zero - 40 * step, 0);
+          for (int i = -39; i < 40; ++i) {
+            const double d = std::fmax(zero + i * step, 0);
+            const double change = with.at(d, 0, nullptr).force - with.at(before, 0, nullptr).force;
+            ck_assert_msg(std::fabs(change) <= slope * std::fabs(d - before) + 1e-9,
+                          "kind %d, offset %g: %g N within %g m at %g", side.kind, side.offset, change, d - before, d);
+            before = d;
+          }
+        }
+      }
+    }
+  }
+}
+END_TEST
+
 #ifdef FORCESERVER_EXPRESSIONS
 START_TEST(expressions) {
   Random random(1306);
@@ -391,6 +422,7 @@ int main() {
   tcase_add_test(cases, without_effect_the_bits_stay);
   tcase_add_test(cases, examples);
   tcase_add_test(cases, extremes_stay_finite);
+  tcase_add_test(cases, a_large_offset_makes_no_jump);
 #ifdef FORCESERVER_EXPRESSIONS
   tcase_add_test(cases, expressions);
   tcase_add_test(cases, timed_expressions);
