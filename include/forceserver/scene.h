@@ -113,9 +113,10 @@ FS_API fs_status fs_scene_begin(fs_scene *scene);
 
 /* Closes the group: all of it is felt from one tick on, or none of it. STATE: none is open. Connected: it is sent as a
  * whole; if that fails, the group stays open: TIMEOUT. If the server refuses a part (FS_EVENT_REFUSED, fs_scene_sync),
- * it takes nothing, and this process's scene is set back to what the server has. Of an object that somebody else has
- * changed since, only the parts change that the group has changed; one that somebody else has removed stays removed,
- * unless the group sets it. MEMORY: a part may be felt already, and the group stays open: commit it again. */
+ * it takes nothing, and this process's scene is set back to what the server has; only objects that were new in the
+ * group stay in this process, refused. Of an object that somebody else has changed since, only the parts change that the
+ * group has changed; one that somebody else has removed stays removed, unless the group sets it. MEMORY: a part may be
+ * felt already, and the group stays open: commit it again. */
 FS_API fs_status fs_scene_commit(fs_scene *scene);
 
 /* Closes the group and takes back all of it. STATE: none is open. */
@@ -124,7 +125,7 @@ FS_API fs_status fs_scene_cancel(fs_scene *scene);
 /* Waits, timeout s (>= 0) at most, until a tick has used all changes so far, whether or not they have faded in; those
  * of an open group do not count. Without a servo it returns at once. With FS_SERVO_VIRTUAL another thread must step.
  * TIMEOUT, or the status of the first change that was refused. Connected: when it returns in time, getters show what
- * the server has. */
+ * the server has, and the new objects that it refused. */
 FS_API fs_status fs_scene_sync(fs_scene *scene, double timeout);
 
 /* ---- Files. A scene as JSON; its schema is share/forceserver/scene.schema.json:
