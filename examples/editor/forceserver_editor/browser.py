@@ -212,23 +212,35 @@ class Browser:
         ending = Path(name).suffix.lower()
         if ending not in (".obj", ".ply", ".stl", ".off", ".zip", ".json"):
             raise Refused(f"{name!r} is none of .obj .ply .stl .off .zip .json", "file", "UNSUPPORTED")
-        self._upload = tempfile.NamedTemporaryFile(suffix=ending)  # noqa: SIM115  # it lives until the next one
+        try:
+            self._upload = tempfile.NamedTemporaryFile(suffix=ending)  # noqa: SIM115  # it lives until the next one
+        except OSError as error:
+            raise Refused(f"there is no place for the file: {error}", "file", "IO") from None
         self._upload_left = size
 
     def _take_piece(self, piece: bytes) -> None:
         if self._upload is not None and len(piece) <= self._upload_left:
-            self._upload.write(piece)
+            try:
+                self._upload.write(piece)
+            except OSError as error:  # a full disk: what is not there is told when the file is asked for
+                print(f"the file that a browser sends cannot be kept: {error}", flush=True)
+                self._drop_upload()
+                return
             self._upload_left -= len(piece)
 
     def _finished_upload(self) -> Path:
         if self._upload is None or self._upload_left:
             raise Refused("the file did not arrive as a whole", "file", "IO")
-        self._upload.flush()
+        try:
+            self._upload.flush()
+        except OSError as error:
+            raise Refused(f"the file cannot be kept: {error}", "file", "IO") from None
         return Path(self._upload.name)
 
     def _drop_upload(self) -> None:
         if self._upload is not None:
-            self._upload.close()
+            with contextlib.suppress(OSError):  # what is still in its buffer
+                self._upload.close()
         self._upload = None
 
 

@@ -14,6 +14,7 @@ import mimetypes
 from http import HTTPStatus
 from pathlib import Path
 
+import forceserver as fs
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
@@ -119,7 +120,10 @@ class Door:
             if found is not None:
                 return _answer(HTTPStatus.OK, found, headers={"Cache-Control": "max-age=31536000, immutable"})
         elif path[1:] == ["scene.zip"] and self._look.scene is not None:
-            found = await loop.run_in_executor(self._worker, self._edit.keep.packed, self._look.scene)
+            try:
+                found = await loop.run_in_executor(self._worker, self._edit.keep.packed, self._look.scene)
+            except (fs.Error, OSError) as error:
+                return _answer(HTTPStatus.SERVICE_UNAVAILABLE, f"{error}\n".encode(), "text/plain")
             return _answer(HTTPStatus.OK, found, "application/zip", {"Content-Disposition": "attachment"})
         elif len(path) == 2 and (path[1] or "index.html") in self._files:
             name = path[1] or "index.html"

@@ -69,7 +69,7 @@ class Edit:
             raise refusal(error) from None
         except OSError as error:
             raise Refused(str(error), status="IO") from None
-        except (TypeError, ValueError, LookupError, AttributeError, OverflowError) as error:
+        except (TypeError, ValueError, LookupError, AttributeError, ArithmeticError) as error:
             raise Refused(f"the command is not as it should be: {error}") from None
 
     # ---- Objects
@@ -99,6 +99,7 @@ class Edit:
     def _change(self, scene: fs.Scene, names: list[str], fields: Plain | list[Plain], scale: float = 1.0) -> None:
         """Changes these fields of the objects, or of each the ones that are listed for it: of all, or of none. With a file
         they become meshes of that shape."""
+        _require_names(names)
         each = fields if isinstance(fields, list) else [fields] * len(names)
         if self._upload is not None:
             mesh = {"shape": fs.shape_load(self._upload, float(scale)), "primitive": "mesh"}
@@ -119,6 +120,7 @@ class Edit:
 
     def _move(self, scene: fs.Scene, moves: list[Plain]) -> None:
         """All of them are felt from one tick on, or none."""
+        _require_names([one["name"] for one in moves])
         before = {one["name"]: scene.object_get(one["name"]) for one in moves}
         with scene.change():
             for one in moves:
@@ -129,6 +131,7 @@ class Edit:
             self._note(f"move {_listed(list(before))}", name, was, scene.object_get(name), int(fs.Part.POSE))
 
     def _remove(self, scene: fs.Scene, names: list[str]) -> None:
+        _require_names(names)
         if any("/" in name for name in names):
             raise Refused("another client's object cannot be removed, as it could not be made again: disable it")
         before = {name: scene.object_get(name) for name in names}
@@ -140,7 +143,7 @@ class Edit:
             self._note(f"remove {_listed(names)}", name, before[name], None, ALL_PARTS)
 
     def _rename(self, scene: fs.Scene, name: str, to: str) -> Plain:
-        before = scene.object_get(name)
+        before, to = scene.object_get(name), to.strip()  # a name of blanks cannot be seen
         if "/" in name:
             raise Refused("another client's object keeps its name", "name")
         if to == name:
@@ -283,6 +286,13 @@ class Edit:
             out[side] = fs.intensity(getattr(found, side), distances, t).tolist()
             out[side + "_capped"] = np.abs(fs.law(found, at, t, max_stiffness=steepest)).tolist() if is_capped else None
         return out
+
+
+def _require_names(names: Any) -> None:
+    if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
+        raise Refused("names are a list of one name or more")
+    if len(set(names)) < len(names):
+        raise Refused("an object is named twice")
 
 
 def _listed(names: list[str]) -> str:

@@ -112,5 +112,5 @@ def vector(before: Any, axis: str, value: Any) -> list[float]:
     """A vector or quaternion of which one component has changed, or all ("")."""
     made = [float(x) for x in (before if axis else value)]
     if axis:
-        made["wxyz"[4 - len(made) :].index(axis)] = float(value)
+        made[list("wxyz"[4 - len(made) :]).index(axis)] = float(value)
     return unit(made) if len(before) == 4 else made

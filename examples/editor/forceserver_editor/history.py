@@ -15,7 +15,7 @@ from typing import Any
 import forceserver as fs
 import numpy as np
 
-from .plain import ALL_PARTS, Plain, Refused, Shapes, parts_of
+from .plain import ALL_PARTS, Plain, Refused, Shapes, parts_of, refusal
 
 MOST_WAIT = 0.5  # s, until the server has taken a change
 MOST_STEPS = 200
@@ -133,7 +133,12 @@ class History:
     def _dropping(self, step: Step, done: int) -> Iterator[None]:
         """A step that somebody else's change has made impossible is dropped, so that it does not bar those before it."""
         try:
-            yield
+            try:
+                yield
+            except (fs.TimeoutError, fs.DisconnectedError):
+                raise  # it may be possible later
+            except fs.Error as error:
+                raise refusal(error) from None
         except Refused as refused:
             self._steps.remove(step)
             self._reach(done)

@@ -48,7 +48,7 @@ class Keep:
         path = (self.folder / name).resolve()
         if not file.isprintable():
             raise Refused(f"{file!r} has a character that cannot be shown", "file")
-        if not file or not path.is_relative_to(self.folder) or path.name.startswith("."):
+        if not file or ".." in Path(file).parts or not path.is_relative_to(self.folder) or path.name.startswith("."):
             raise Refused(f"{file!r} is not within the folder {self.folder}", "file")
         return path
 

@@ -174,8 +174,8 @@ class Look:
                 self._look_again()
                 if not isinstance(error, fs.Error):
                     traceback.print_exc()  # a bug of the editor: the page says so; the scene stays, as it may be felt
-                elif self.scene is not None:
-                    self.scene.close()
+                elif self.scene is not None and isinstance(error, fs.DisconnectedError):
+                    self.scene.close()  # of another error, such as no memory or no descriptor, the scene may recover
                     self.scene = None
                 self.seen = Seen(self.seen.serial + 1, str(error), self.connection, version)
                 self._told()
@@ -312,7 +312,8 @@ class Look:
             columns = _words(reports, "weight", "reserved").view(float)[self._order]
             felt[:, 2:10] = columns[:, [0, 3, 4, 5, 6, 7, 8, 9]]  # weight, distance, point, force
             felt[:, 4:7] = columns[:, 4:7] - hand
-            felt[:, 10:] = columns[:, 1:3]  # the slopes
+            with np.errstate(over="ignore"):  # what is more than a float32 can hold is infinite there
+                felt[:, 10:] = columns[:, 1:3]  # the slopes
             felt[~np.isfinite(columns[:, 3]), 4:7] = 0  # what is too far to be felt has no point
             if not self._is_reported.all():
                 felt[~self._is_reported, 1:] = 0

@@ -52,7 +52,8 @@ def curve(value: fs.Curve | None) -> Plain | None:
     if expression is not None:
         return {"expression": expression}
     table, step = value.get_table()
-    return {"table": [] if table is None else table.tolist(), "step": step}
+    # A force that is not finite counts as 0, and JSON has only numbers.
+    return {"table": [] if table is None else np.nan_to_num(table, nan=0, posinf=0, neginf=0).tolist(), "step": step}
 
 
 def profile(value: fs.Profile) -> Plain:

@@ -133,6 +133,11 @@ def test_commands_history_and_refusals(started: Any) -> None:
             assert "text" in await s.ask("change", names=["a"], fields=odd), odd
         assert "text" in await s.ask("nothing")
         assert "text" in await s.ask("change", names=["a"])
+        for odd in (["a", "a"], {"a": 1}, [], "a", [1]):
+            for what in ("change", "remove"):
+                fields = {"fields": {"front.gain": 1.5}} if what == "change" else {}
+                assert "names" in (told := (await s.ask(what, names=odd, **fields))["text"]) or "named twice" in told
+        assert s.objects["a"]["front"]["gain"] == 1 and second.get("editor/a")["front"]["gain"] == 1
         for name, fields in [("change", {"names": 3, "fields": {}}), ("change", {"names": ["a"], "fields": [1]}), ("move", {"name": "a"}),
                              ("move", {"moves": [{"name": "a"}]}), ("move", {"moves": 3}),
                              ("frame", {"fields": 3}), ("frame", {"fields": {"scale": "x"}}), ("tool", {"points": [[1]]}), ("curve", {"name": 5}),
@@ -515,6 +520,48 @@ def test_a_step_that_cannot_be_undone_bars_no_other(started: Any) -> None:
         assert (await s.ask("undo"))["text"] == "there is nothing to undo"
         assert (await s.ask("redo"))["text"] == "add a"
         assert (await s.ask("redo"))["text"] == "there is nothing to do again"
+
+    with_socket(editor, journey)
+
+
+def test_what_the_library_refuses_to_undo_bars_no_other(started: Any) -> None:
+    lab = started(Lab)
+    rover = lab.join("rover")
+    rover["wall"] = fs.Plane(back=fs.Constant(1, limit=2))
+    editor = started(Editor, lab.endpoint)
+
+    async def journey(s: Socket) -> None:
+        assert await s.ask("add", name="a", primitive="point", fields=POINT) == {"name": "a"}
+        await s.until(lambda s: "rover/wall" in s.objects)
+        nothing = {"back.kind": "none", "back.gain": 0, "back.limit": 0}
+        assert await s.ask("change", names=["rover/wall"], fields=nothing) == {}
+        wall = rover.object_get("wall")
+        wall.primitive = fs.Primitive.POINT  # which has no back
+        rover.object_set(wall)
+        rover.sync(5)
+        refused = await s.ask("undo")
+        assert "back.kind" in refused["text"] and "is left out" in refused["text"]
+        assert (await s.ask("undo"))["text"] == "add a"
+
+    with_socket(editor, journey)
+
+
+def test_curves_of_others_that_are_not_finite(started: Any) -> None:
+    lab = started(Lab)
+    rover = lab.join("rover")
+    table = fs.curve_create_table([1.0, math.nan, math.inf, 2.0], 0.01)
+    rover["odd"] = fs.Point(front=fs.Custom(table, limit=5))
+    rover["steep"] = fs.Plane(back=fs.LinearIncreasing(1e300, limit=5))
+    editor = started(Editor, lab.endpoint)
+
+    async def journey(s: Socket) -> None:
+        await s.until(lambda s: len(s.objects) == 2 and len(s.felt) == 2)
+        assert s.objects["rover/odd"]["front"]["curve"]["table"] == [1, 0, 0, 2]  # what is not finite counts as 0
+        # A frame at the end of what a number can be.
+        assert await s.ask("add", name="a", primitive="point", fields=POINT) == {"name": "a"}
+        assert await s.ask("frame", fields={"scale": 1e-9, "force_scale": 1e-318}) == {}
+        for name in ("a", "rover/odd", "rover/steep"):
+            assert {"distances", "text"} & (await s.ask("curve", name=name, until=0.1)).keys()
 
     with_socket(editor, journey)
 

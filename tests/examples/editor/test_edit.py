@@ -107,6 +107,15 @@ def test_draw_on_the_terrain(lab: Lab, page: Page, second: Second) -> None:
     assert not line["closed"]
     for x, y, z in at:
         assert abs(z - (-0.06 + 0.01 * math.sin(40 * x) * math.cos(30 * y))) < 0.0005
+    # The arrows of what is selected are not in the way, and a double click is the end of a line.
+    page.wait_drawn()
+    grip = project(page, page.evaluate("editor.tools.gizmo.grip('x')"))
+    page.click("#tool-draw")
+    page.mouse.click(*grip)
+    page.wait_for_selector('#view[data-drawing="1"]')
+    page.mouse.dblclick(*project(page, (0.06, -0.03, -0.06)))
+    page.wait_for_selector('#panel[data-selected="line 2"]')
+    assert second.get("editor/line 2")["point_count"] == 2
 
 
 def test_drag_the_gizmo(lab: Lab, page: Page, second: Second) -> None:

@@ -23,8 +23,9 @@ export function shown(value: number | null | undefined): string {
   return String(Number(value.toPrecision(12)));
 }
 
-/** "1e-3", "0,5" and "-2" are numbers; all else is null. */
+/** "1e-3", "0,5" and "-2" are numbers; all else is null, also "1,000", which is 1 for some and 1000 for others. */
 export function parse(text: string): number | null {
+  if (/^\s*[+-−]?[1-9]\d{0,2},\d{3}\s*$/.test(text)) return null;
   const plain = text.trim().replace("−", "-").replace(/^([+-]?\d*),(\d+)$/, "$1.$2");
   if (plain === "" || !/^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i.test(plain)) return null;
   const value = Number(plain);
@@ -206,7 +207,7 @@ export class TextField extends TypedField {
 export function numberField(path: string, label: string, unit: string, send: Send, title = ""): TextField {
   return new TextField(path, label, unit, send, (text) => {
     const value = parse(text);
-    return value === null ? `“${text}” is not a number` : { value };
+    return value === null ? `“${text}” is not a number${/\d,\d/.test(text) ? ", or could be two: write a point" : ""}` : { value };
   }, title, true);
 }
 
@@ -255,7 +256,12 @@ abstract class PickedField<V> extends Field {
 export class ChoiceField extends PickedField<string> {
   constructor(path: string, label: string, choices: [string, string][], send: Send) {
     const select = make("select", {}, ...choices.map(([value, text]) => make("option", { value, textContent: text })));
-    super(path, label, select, send, () => select.value, (value) => { select.value = value ?? ""; });
+    const several = make("option", { value: "", textContent: "several", hidden: true });
+    super(path, label, select, send, () => select.value, (value) => {
+      if (value === null) select.append(several);
+      else several.remove();
+      select.value = value ?? "";
+    });
   }
 }
 

@@ -20,6 +20,7 @@ export class Gizmo {
   private starts: { place: Vec; turn: Quat }[] = []; // of the items, when the drag began
   private snaps = false;
   private items: Item[] = [];
+  private isAway = false;
   turned = 0; // degrees, since the drag began
 
   constructor(private readonly view: View, private readonly model: Model, orders: Orders) {
@@ -42,6 +43,8 @@ export class Gizmo {
   get space(): string { return this.controls.space; }
   set space(space: "world" | "local") { this.controls.setSpace(space); this.changed(); }
   private changed(): void { this.onChange(); this.view.request(); }
+  /** Whether it is away, so that clicks are meant for something else. */
+  set away(is: boolean) { this.isAway = is; this.attach(); }
   /** Over one of its arrows: then a click is no click at an object. */
   get isUnderPointer(): boolean { return this.controls.axis !== null && this.items.length > 0; }
 
@@ -56,7 +59,7 @@ export class Gizmo {
 
   /** Follows the selection, but not while it is dragged. */
   private attach(): void {
-    const items = this.model.selection.filter((item) => !item.isLocked && !this.model.hidden.has(item.told.id));
+    const items = this.isAway ? [] : this.model.selection.filter((item) => !item.isLocked && !this.model.hidden.has(item.told.id));
     if (this.isDragging && items.length === this.items.length && items.every((item, i) => item === this.items[i])) return;
     if (this.isDragging) { // one of them vanished under the hand
       this.isDragging = false;

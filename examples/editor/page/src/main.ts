@@ -86,6 +86,7 @@ function startTools(view: View) {
   pencil.onChange = () => {
     buttons.draw.setAttribute("aria-pressed", String(pencil.isOn));
     at("drawing").hidden = !pencil.isOn;
+    gizmo.away = pencil.isOn;
   };
   buttons.move.onclick = () => { gizmo.mode = "translate"; };
   buttons.turn.onclick = () => { gizmo.mode = "rotate"; };
@@ -140,6 +141,7 @@ window.addEventListener("keydown", (event) => {
   const isTyping = target.matches("input:not([type=checkbox]), textarea, select");
   if (event.key === "Escape") { // wherever it is pressed
     void orders.stopForce();
+    if (isTyping && "defaultValue" in target) (target as HTMLInputElement).value = (target as HTMLInputElement).defaultValue;
     if (tools?.pencil.isOn) tools.pencil.cancel();
     return;
   }

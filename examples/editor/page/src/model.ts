@@ -47,6 +47,11 @@ export class Item {
     const found = conditions[this.state] ?? "pending";
     return found === "fading" && this.weight === 0 && this.told.lifetime > 0 && this.told.enabled ? "expired" : found;
   }
+  /** For the table and the panel. */
+  get word(): string {
+    const { condition } = this, isCut = (condition === "felt" || condition === "fading") && !this.model.isForceSent;
+    return isCut ? "■ stopped" : `${mark[condition]} ${condition}`;
+  }
   get client(): Client | undefined { return this.model.clients.get(this.told.client); }
   get frame(): Frame { return this.client?.frame ?? defaultFrame; }
   get isLocked(): boolean { return this.model.viewOnly || (!this.told.own && (this.client?.locked ?? false)); }

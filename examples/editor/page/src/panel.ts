@@ -2,7 +2,7 @@
 
 import { fromDegrees, length, toDegrees } from "./frames";
 import { type AnyField, AreaField, CheckField, ChoiceField, type Send, TextField, make, numberField, parse, put, shown } from "./fields";
-import { type Item, type Model, type Profile, mark, newtons } from "./model";
+import { type Item, type Model, type Profile, newtons } from "./model";
 import type { Fields, Orders } from "./orders";
 import { ofKind, uses } from "./profiles";
 import { askForMesh } from "./dialogs";
@@ -328,7 +328,7 @@ export class Panel {
       return;
     }
     put(this.title, item.told.short);
-    put(this.condition, `${mark[condition]} ${condition}`);
+    put(this.condition, item.word);
     this.condition.className = `state ${condition}`;
     const size = shape ? `, ${shape.triangles ? `${shape.triangles.toLocaleString("en")} triangles` : `${shape.points} points`}` : "";
     put(this.what, `${item.told.primitive}${size} of ${item.told.client}`);

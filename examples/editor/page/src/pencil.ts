@@ -47,9 +47,11 @@ export class Pencil {
       const at = this.view.project(first);
       if (Math.hypot(at.x + box.left - x, at.y + box.top - y) < 9) return void this.finish(true);
     }
+    const last = this.places.at(-1), near = last && this.view.project(last);
+    if (near && Math.hypot(near.x + box.left - x, near.y + box.top - y) < 4) return void this.finish(false); // a double click
     const hit = this.view.surface(x, y);
     if (!hit) return this.orders.onNotice("Click on a plane or a mesh: a polyline is drawn on a surface.", false);
-    this.places.push(hit.at);
+    this.places.push(hit.at.map((each) => Math.round(each * 1e6) / 1e6) as Vec); // to the micrometre
     this.changed();
   }
   back(): void { this.places.pop(); this.changed(); }

@@ -4,7 +4,7 @@
 
 import { make, put } from "./fields";
 import { length } from "./frames";
-import { type Item, type Model, mark, newtons } from "./model";
+import { type Item, type Model, newtons } from "./model";
 import type { Orders } from "./orders";
 
 const lineHeight = 24;
@@ -15,6 +15,7 @@ export class Table {
   private readonly filter = make("input", { type: "search", placeholder: "Filter by name, client, primitive, state", id: "filter" });
   private readonly scroll = make("div", { className: "scroll", tabIndex: 0 });
   private readonly space = make("div", { className: "space" });
+  private readonly none = make("p", { className: "hint", textContent: "Nothing matches the filter.", hidden: true });
   private lines: Line[] = [];
   private active = -1; // the id of an object, as is the anchor, from which Shift extends the selection
   private anchor = -1;
@@ -39,7 +40,7 @@ export class Table {
       metres.setAttribute("aria-pressed", String(model.inClientMetres));
       model.tell("rows");
     };
-    box.append(make("div", { className: "above" }, this.filter, metres), head, this.scroll);
+    box.append(make("div", { className: "above" }, this.filter, metres), head, this.none, this.scroll);
     this.filter.oninput = () => this.sort();
     this.scroll.onscroll = () => this.draw();
     this.scroll.onkeydown = (event) => this.key(event);
@@ -83,6 +84,7 @@ export class Table {
       items.sort((a, b) => order.compare(a.told.short, b.told.short));
       this.lines.push({ client, count: items.length }, ...items);
     }
+    this.none.hidden = this.lines.length > 0;
     this.box.dataset.count = String(this.model.items.size);
     this.draw();
   }
@@ -136,7 +138,7 @@ export class Table {
     // What changes all the time, without making the rest anew: a click on the rest may be half done.
     const [state, distance, force] = [...element.children].slice(3) as HTMLElement[];
     state!.className = `state ${condition}`;
-    put(state!, `${mark[condition]} ${condition}`);
+    put(state!, line.word);
     put(distance!, near ? this.model.distance(line) : "–");
     put(force!, near ? newtons(length(line.push)) : "–");
   }
