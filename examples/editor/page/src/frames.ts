@@ -40,15 +40,11 @@ export const fromDevice = (f: Frame, x: Vec): Vec =>
 /** Turns about x, then y, then z of the parent, degrees. */
 export function toDegrees(q: Quat): Vec {
   const [w, x, y, z] = q;
-  const sine = Math.max(-1, Math.min(1, 2 * (w * y - z * x)));
-  const near = Math.abs(sine) > 1 - 1e-12; // straight up or down: x takes all of the turn
+  const ahead = 1 - 2 * (y * y + z * z), aside = 2 * (w * z + x * y), level = Math.hypot(ahead, aside);
   const about = (v: number) => (v * 180) / Math.PI;
-  if (near) return [about(2 * Math.atan2(x, w)), about(Math.asin(sine)), 0];
-  return [
-    about(Math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))),
-    about(Math.asin(sine)),
-    about(Math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))),
-  ];
+  const pitch = about(Math.atan2(2 * (w * y - z * x), level));
+  if (level < 1e-9) return [about(2 * Math.atan2(x, w)), pitch, 0]; // straight up or down: x takes all of the turn
+  return [about(Math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))), pitch, about(Math.atan2(aside, ahead))];
 }
 
 export function fromDegrees(degrees: Vec): Quat {
