@@ -77,7 +77,7 @@ SimOptions parse_sim_options(const char* address) {
   options.delay_steps = static_cast<int>(std::lround(delay_ms * 1e-3 / fidel::substep));
   parse_link(uri, options);
   read_option(uri, "seed", 0, UINT32_MAX, seed);
-  if (seed != std::floor(seed)) fail(FS_ERROR_INVALID, "seed is %.12g, must be a whole number", seed);
+  if (seed != std::floor(seed)) fail(FS_ERROR_INVALID, "seed is %.9g, must be a whole number", seed);
   options.seed = static_cast<uint32_t>(seed);
   options.ideal_encoder = is_second(uri, "encoder", "joint", "ideal");
   options.active_wrist = is_second(uri, "wrist", "passive", "active");

@@ -68,12 +68,12 @@ HandPath HandPath::read_file(const std::string& name) {
     if (count == 0) continue;
     if (count != 4) fail(FS_ERROR_PARSE, "%s:%d: must be four numbers, t x y z", name.c_str(), number);
     if (!path.points_.empty() && !(n[0] > path.points_.back().time)) {
-      fail(FS_ERROR_PARSE, "%s:%d: t is %.12g, must be above the %.12g before it", name.c_str(), number, n[0],
+      fail(FS_ERROR_PARSE, "%s:%d: t is %.9g, must be above the %.9g before it", name.c_str(), number, n[0],
            path.points_.back().time);
     }
     for (int i = 1; i < 4; ++i) {
       if (!(std::fabs(n[i]) <= coordinate_max)) {
-        fail(FS_ERROR_PARSE, "%s:%d: a coordinate is %.12g, must be within %.12g..%.12g m", name.c_str(), number, n[i],
+        fail(FS_ERROR_PARSE, "%s:%d: a coordinate is %.9g, must be within %.9g..%.9g m", name.c_str(), number, n[i],
              -coordinate_max, coordinate_max);
       }
     }

@@ -41,12 +41,12 @@ fs_object without_client(const fs_object& object) {
 // What fs_profile_evaluate and fs_object_evaluate_law have in common: checks all but the profile or object.
 void check_places(double max_stiffness, double t, const double* distances, size_t count, bool may_be_negative) {
   if (!(max_stiffness >= 0) || !std::isfinite(max_stiffness)) {
-    fail(FS_ERROR_INVALID, "max_stiffness is %.12g, must be finite and >= 0 N/m", max_stiffness);
+    fail(FS_ERROR_INVALID, "max_stiffness is %.9g, must be finite and >= 0 N/m", max_stiffness);
   }
   parse_finite(t, "t");
   for (size_t i = 0; i < count; ++i) {
     if (!std::isfinite(distances[i]) || !(distances[i] >= 0 || may_be_negative)) {
-      fail(FS_ERROR_INVALID, "distances[%zu] is %.12g, must be finite%s", i, distances[i], may_be_negative ? "" : " and >= 0 m");
+      fail(FS_ERROR_INVALID, "distances[%zu] is %.9g, must be finite%s", i, distances[i], may_be_negative ? "" : " and >= 0 m");
     }
   }
 }

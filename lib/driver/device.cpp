@@ -50,7 +50,7 @@ void ask(const fs_driver& driver, const char* function, Call call) {
 void check_info(const fs_device_info& info, const char* scheme) {
   const auto check = [&](double value, double low, double high, const char* field) {
     if (!(value >= low && value <= high)) {
-      fail(FS_ERROR_INVALID, "driver '%s': info.%s is %.12g, must be within %.12g..%.12g", scheme, field, value, low,
+      fail(FS_ERROR_INVALID, "driver '%s': info.%s is %.9g, must be within %.9g..%.9g", scheme, field, value, low,
            high);
     }
   };

@@ -70,7 +70,7 @@ void check_keys(const Uri& uri, std::initializer_list<const char*> known) {
 double parse_number(const std::string& key, const std::string& value, double low, double high) {
   const double number = number_of(value);
   if (!(number >= low && number <= high)) {
-    fail(FS_ERROR_INVALID, "%s is '%s', must be a number within %.12g..%.12g", key.c_str(), value.c_str(), low, high);
+    fail(FS_ERROR_INVALID, "%s is '%s', must be a number within %.9g..%.9g", key.c_str(), value.c_str(), low, high);
   }
   return number;
 }
@@ -86,7 +86,7 @@ Vec3 parse_vector(const std::string& key, const std::string& value, double low, 
   }
   for (const double part : parts) {
     if (!(part >= low && part <= high)) {
-      fail(FS_ERROR_INVALID, "%s is '%s', must be three numbers X,Y,Z, each within %.12g..%.12g", key.c_str(),
+      fail(FS_ERROR_INVALID, "%s is '%s', must be three numbers X,Y,Z, each within %.9g..%.9g", key.c_str(),
            value.c_str(), low, high);
     }
   }

@@ -13,7 +13,7 @@ namespace {
 
 double parse_range(double value, double low, double high, const char* field) {
   if (!(value >= low && value <= high)) {
-    fail(FS_ERROR_INVALID, "%s is %.12g, must be within %.12g..%.12g", field, value, low, high);
+    fail(FS_ERROR_INVALID, "%s is %.9g, must be within %.9g..%.9g", field, value, low, high);
   }
   return value;
 }
@@ -58,7 +58,7 @@ void check_contact(const fs_contact& contact, fs_primitive primitive) {
     fail(FS_ERROR_INVALID, "contact.keep is %d, must be NONE (0) for a %s", keep,
          primitive_name(primitive));
   }
-  if (!(contact.limit > 0)) fail(FS_ERROR_INVALID, "contact.limit is %.12g, must be > 0 N", contact.limit);
+  if (!(contact.limit > 0)) fail(FS_ERROR_INVALID, "contact.limit is %.9g, must be > 0 N", contact.limit);
 }
 
 // The steepest slope of the force, infinite where it jumps: fs_report has the list.
@@ -179,7 +179,7 @@ std::string parse_name(const char* name, const char* field) {
 }
 
 double parse_finite(double value, const char* field) {
-  if (!std::isfinite(value)) fail(FS_ERROR_INVALID, "%s is %.12g, must be finite", field, value);
+  if (!std::isfinite(value)) fail(FS_ERROR_INVALID, "%s is %.9g, must be finite", field, value);
   return value;
 }
 
@@ -195,7 +195,7 @@ Vec3 parse_position(Vec3 v, const char* field) {
   const double components[] = {v.x, v.y, v.z};
   for (int i = 0; i < 3; ++i) {
     if (!(std::fabs(components[i]) <= coordinate_limit)) {
-      fail(FS_ERROR_INVALID, "%s.%c is %.12g, must be finite and within %.12g", field, "xyz"[i], components[i],
+      fail(FS_ERROR_INVALID, "%s.%c is %.9g, must be finite and within %.9g", field, "xyz"[i], components[i],
            coordinate_limit);
     }
   }
@@ -220,7 +220,7 @@ Pose parse_pose(const Pose& pose, const char* field) {
   if (make_unit_pose(unit)) return unit;
   parse_position(pose.position, (std::string(field) + ".position").c_str());
   const Quat q = pose.orientation;
-  fail(FS_ERROR_INVALID, "%s.orientation is (%g, %g, %g, %g) of length %.12g, must be within 1e-3 of 1 or all 0", field,
+  fail(FS_ERROR_INVALID, "%s.orientation is (%g, %g, %g, %g) of length %.9g, must be within 1e-3 of 1 or all 0", field,
        q.w, q.x, q.y, q.z, norm(q));
 }
 

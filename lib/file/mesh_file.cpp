@@ -30,7 +30,7 @@ std::string ending_of(const std::string& path) {
 }  // namespace
 
 MeshData read_mesh_file(const std::string& path, double scale) {
-  if (!(scale > 0 && std::isfinite(scale))) fail(FS_ERROR_INVALID, "scale is %.12g, must be finite and > 0", scale);
+  if (!(scale > 0 && std::isfinite(scale))) fail(FS_ERROR_INVALID, "scale is %.9g, must be finite and > 0", scale);
   const std::string ending = ending_of(path);
   for (const Format& format : formats) {
     if (ending != format.ending) continue;

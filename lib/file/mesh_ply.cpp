@@ -207,7 +207,7 @@ class BinarySource {
 
   double number(Type type, const char* what) {
     const double value = take(type);
-    if (!std::isfinite(value)) fail_at(FS_ERROR_PARSE, where(), "%s is %.12g, must be finite", what, value);
+    if (!std::isfinite(value)) fail_at(FS_ERROR_PARSE, where(), "%s is %.9g, must be finite", what, value);
     return value;
   }
   int64_t integer(Type type, const char*) { return static_cast<int64_t>(take(type)); }  // 32 bits at most: exact

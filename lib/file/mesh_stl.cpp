@@ -65,7 +65,7 @@ MeshData parse_binary(std::string_view bytes, const std::string& file) {
       for (size_t k = 0; k < 3; ++k) {
         xyz[k] = load<float, std::endian::little>(bytes.data() + at + 4 * k);
         if (!std::isfinite(xyz[k])) {
-          fail_at(FS_ERROR_PARSE, file, "byte %zu: %c of corner %zu of triangle %zu is %.12g, must be finite", at + 4 * k,
+          fail_at(FS_ERROR_PARSE, file, "byte %zu: %c of corner %zu of triangle %zu is %.9g, must be finite", at + 4 * k,
                   "xyz"[k], corner, i, xyz[k]);
         }
       }

@@ -21,14 +21,14 @@ constexpr double gaussian_support = 39;      // widths: exp(-39^2 / 2) is 0 in d
 double outward(double bound) { return bound * (1 + 1e-15) + std::numeric_limits<double>::min(); }
 
 void require_finite(double value, const char* field, const char* part) {
-  if (!std::isfinite(value)) fail(FS_ERROR_INVALID, "%s.%s is %.12g, must be finite", field, part, value);
+  if (!std::isfinite(value)) fail(FS_ERROR_INVALID, "%s.%s is %.9g, must be finite", field, part, value);
 }
 
 // Throws INVALID unless the value is good for a profile of this kind; `must` says what is good.
 void require_that(bool is_good, const char* must, double value, const char* field, const char* part,
                   fs_profile_kind kind) {
   if (is_good) return;
-  fail(FS_ERROR_INVALID, "%s.%s is %.12g, must be %s for %s %s profile", field, part, value, must,
+  fail(FS_ERROR_INVALID, "%s.%s is %.9g, must be %s for %s %s profile", field, part, value, must,
        kind == FS_PROFILE_INVERSE ? "an" : "a", without_prefix(profile_kind_names[kind]));
 }
 
@@ -184,9 +184,9 @@ Profile parse_profile(const fs_profile& in, const char* field) {
   } else {
     require(in.limit > 0, "> 0", in.limit, "limit");
     if (in.limit > largest_limit) {
-      fail(FS_ERROR_INVALID, "%s.limit is %.12g, must be at most %.12g N", field, in.limit, largest_limit);
+      fail(FS_ERROR_INVALID, "%s.limit is %.9g, must be at most %.9g N", field, in.limit, largest_limit);
     }
-    if (in.reach < 0) fail(FS_ERROR_INVALID, "%s.reach is %.12g, must be >= 0 m", field, in.reach);
+    if (in.reach < 0) fail(FS_ERROR_INVALID, "%s.reach is %.9g, must be >= 0 m", field, in.reach);
   }
   if (in.kind == FS_PROFILE_CUSTOM) {
     if (!in.curve) fail(FS_ERROR_INVALID, "%s.curve is null, must be a curve for a CUSTOM profile", field);

@@ -23,7 +23,7 @@ void check_points(const Vec3* points, size_t count, size_t least, Wanted& wanted
     const double coordinates[] = {points[i].x, points[i].y, points[i].z};
     for (int k = 0; k < 3; ++k) {
       if (std::fabs(coordinates[k]) <= coordinate_limit) continue;
-      fail(FS_ERROR_INVALID, "points[%zu].%c is %.12g, must be finite and within +-%.12g m", i, "xyz"[k], coordinates[k],
+      fail(FS_ERROR_INVALID, "points[%zu].%c is %.9g, must be finite and within +-%.9g m", i, "xyz"[k], coordinates[k],
            coordinate_limit);
     }
   }

@@ -61,7 +61,7 @@ void fs::evaluate_field(LocalScene& scene, const char* name, double time, const 
   parse_finite(time, "time");
   for (size_t i = 0; i < count; ++i) {
     if (!is_in_range(positions[i])) {
-      fail(FS_ERROR_INVALID, "positions[%zu] is (%g, %g, %g), must be finite and within %.12g m", i, positions[i].x,
+      fail(FS_ERROR_INVALID, "positions[%zu] is (%g, %g, %g), must be finite and within %.9g m", i, positions[i].x,
            positions[i].y, positions[i].z, coordinate_limit);
     }
   }

@@ -12,10 +12,10 @@ fs_frame parse_frame(const fs_frame& frame) {
   fs_frame out = frame;
   out.pose = parse_pose(frame.pose, "frame.pose");
   if (!(frame.scale >= 1e-9 && frame.scale <= 1e9)) {
-    fail(FS_ERROR_INVALID, "frame.scale is %.12g, must be within 1e-9..1e9", frame.scale);
+    fail(FS_ERROR_INVALID, "frame.scale is %.9g, must be within 1e-9..1e9", frame.scale);
   }
   if (!(frame.force_scale >= 0 && frame.force_scale <= 1e9)) {
-    fail(FS_ERROR_INVALID, "frame.force_scale is %.12g, must be within 0..1e9", frame.force_scale);
+    fail(FS_ERROR_INVALID, "frame.force_scale is %.9g, must be within 0..1e9", frame.force_scale);
   }
   return out;
 }
@@ -30,19 +30,19 @@ void check_tool(const Vec3* points, size_t count) {
 
 void check_timeout(double timeout) {
   if (!(timeout >= 0 && std::isfinite(timeout))) {
-    fail(FS_ERROR_INVALID, "timeout is %.12g, must be finite and >= 0 s", timeout);
+    fail(FS_ERROR_INVALID, "timeout is %.9g, must be finite and >= 0 s", timeout);
   }
 }
 
 void check_accuracy(double newtons) {
   if (!(newtons >= 0 && std::isfinite(newtons))) {
-    fail(FS_ERROR_INVALID, "newtons is %.12g, must be finite and >= 0", newtons);
+    fail(FS_ERROR_INVALID, "newtons is %.9g, must be finite and >= 0", newtons);
   }
 }
 
 void check_max_stiffness(double stiffness) {
   if (!(stiffness >= 0 && std::isfinite(stiffness))) {
-    fail(FS_ERROR_INVALID, "stiffness is %.12g, must be finite and >= 0 N/m", stiffness);
+    fail(FS_ERROR_INVALID, "stiffness is %.9g, must be finite and >= 0 N/m", stiffness);
   }
 }
 

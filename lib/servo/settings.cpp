@@ -16,7 +16,7 @@ namespace {
 
 double parse_limit(double given, double device, const char* field) {
   if (!(given >= 0 && given <= device)) {
-    fail(FS_ERROR_INVALID, "%s is %.12g, must be within 0..%.12g, the device's limit", field, given, device);
+    fail(FS_ERROR_INVALID, "%s is %.9g, must be within 0..%.9g, the device's limit", field, given, device);
   }
   return given > 0 ? given : device;
 }
@@ -26,7 +26,7 @@ double parse_limit(double given, double device, const char* field) {
 double parse_switch(double given, double standard, double none, double high, uint32_t bit, uint32_t& off,
                     const char* field) {
   if (!(given <= high) || !std::isfinite(given)) {
-    fail(FS_ERROR_INVALID, "%s is %.12g, must be finite and at most %.12g", field, given, high);
+    fail(FS_ERROR_INVALID, "%s is %.9g, must be finite and at most %.9g", field, given, high);
   }
   if (given < 0) off |= bit;
   return given < 0 ? none : given == 0 ? standard : given;
@@ -38,7 +38,7 @@ double link_period(const fs_device_info& device) { return device.link_rate > 0 ?
 void parse_loop(const fs_servo_options& options, const fs_device_info& device, ServoSettings& out) {
   uint32_t& off = out.protections_off;
   if (!(options.delay >= 0 && options.delay <= 10)) {
-    fail(FS_ERROR_INVALID, "delay is %.12g, must be within 0..10 s", options.delay);
+    fail(FS_ERROR_INVALID, "delay is %.9g, must be within 0..10 s", options.delay);
   }
   const double mass = device.mass > 0 ? device.mass : assumed_mass;
   const double delay = options.delay > 0 ? options.delay : device.delay;
@@ -71,7 +71,7 @@ void parse_loop(const fs_servo_options& options, const fs_device_info& device, S
   if (std::isinf(out.limits.slew)) off |= FS_OFF_SLEW;
   if (std::isfinite(least_slew) && out.limits.slew < least_slew) {
     const double enough = 1e-3 * std::ceil(1e3 * least_slew);  // with few digits, so that it can be typed
-    fail(FS_ERROR_INVALID, "slew_limit is %.12g, must be at least %.12g N/s, which is 3 m/s times the max_stiffness of %g "
+    fail(FS_ERROR_INVALID, "slew_limit is %.9g, must be at least %.12g N/s, which is 3 m/s times the max_stiffness of %g "
          "N/m: a lower limit shakes the hand", options.slew_limit, enough, out.loop.max_stiffness);
   }
 }
@@ -86,7 +86,7 @@ ServoSettings parse_options(const fs_servo_options& options, const fs_device_inf
   }
   out.mode = options.mode;
   if (options.rate != 0 && !(options.rate >= 100 && options.rate <= 20000)) {
-    fail(FS_ERROR_INVALID, "rate is %.12g, must be within 100..20000 Hz, or 0 for the device's", options.rate);
+    fail(FS_ERROR_INVALID, "rate is %.9g, must be within 100..20000 Hz, or 0 for the device's", options.rate);
   }
   out.rate = options.rate != 0 ? options.rate : device.rate;
   out.pose_age = std::fmin(0.1, 0.02 + device.delay + link_period(device));

@@ -73,7 +73,7 @@ Motion from_record(const wire::Motion& r) {
   parse_pose(r.pose, "pose");
   parse_twist(r.twist, "twist");
   parse_finite(r.time, "time");
-  fail(FS_ERROR_INVALID, "horizon is %.12g, must be within 0..%.12g s", r.horizon, extrapolation_limit);
+  fail(FS_ERROR_INVALID, "horizon is %.9g, must be within 0..%.9g s", r.horizon, extrapolation_limit);
 }
 
 }  // namespace fs
