@@ -328,12 +328,12 @@ void Session::turn(double now) noexcept {
 void Session::end_turn() noexcept {
   if (client_->is_gone || client_->name.empty() || client_->is_applying) return;
   try {
+    const uint64_t used = client_->scene->output->used.load(std::memory_order_acquire);
     if (!client_->awaited.is_empty()) {
-      const uint64_t used = client_->scene->output->used.load(std::memory_order_acquire);
       client_->awaited.take_used(client_->scene->sequence(), used,
                                  [this](const std::string& name) { client_->push_event(FS_EVENT_READY, name); });
     }
-    if (client_->parked.is_empty() && !client_->syncs.is_empty()) client_->syncs.answer(*client_, are_moves_taken_);
+    if (client_->parked.is_empty() && !client_->syncs.is_empty()) client_->syncs.answer(*client_, are_moves_taken_, used);
   } catch (...) {
     drop();
   }

@@ -20,16 +20,17 @@ void Syncs::begin(Sync& sync, const Client& client) {
   });
 }
 
-bool Syncs::is_used(Sync& sync, const Client& client) {
+bool Syncs::is_used(Sync& sync, const Client& client, uint64_t used) {
   const auto used_of = [](const LocalScene& scene) { return scene.output->used.load(std::memory_order_acquire); };
   std::erase_if(sync.wanted, [&](const auto& wanted) {
     const std::shared_ptr<const Client> other = wanted.first.lock();
-    return !other || other->is_gone || used_of(*other->scene) >= wanted.second;
+    if (!other || other->is_gone) return true;
+    return (other.get() == &client ? used : used_of(*other->scene)) >= wanted.second;
   });
   return sync.wanted.empty() && used_of(*client.host.servo().scene()) >= sync.own;
 }
 
-void Syncs::answer(const Client& client, bool are_moves_taken) {
+void Syncs::answer(const Client& client, bool are_moves_taken, uint64_t used) {
   std::vector<Sync> syncs = std::exchange(waiting_, {});
   for (Sync& sync : syncs) {
     if (first_refusal_) {
@@ -38,7 +39,7 @@ void Syncs::answer(const Client& client, bool are_moves_taken) {
       continue;
     }
     if (!sync.has_begun && are_moves_taken && !client.host.clients().is_anybody_applying()) begin(sync, client);
-    if (sync.has_begun && is_used(sync, client)) {
+    if (sync.has_begun && is_used(sync, client, used)) {
       client.answers.send(sync.serial);
     } else {
       waiting_.push_back(std::move(sync));

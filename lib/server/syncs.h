@@ -22,8 +22,9 @@ class Syncs {
     if (!first_refusal_) first_refusal_ = {status, text};
   }
   // Called once a turn, after the scenes were posted, while no change of the client waits. are_moves_taken: this turn has
-  // taken the client's moves. May throw BadClient.
-  void answer(const Client& client, bool are_moves_taken);
+  // taken the client's moves. used: the sequence of the client's scene that the last tick used, as it was when the client
+  // was told which of its objects are felt: a sync is not to be ahead of those events. May throw BadClient.
+  void answer(const Client& client, bool are_moves_taken, uint64_t used);
 
  private:
   struct Sync {
@@ -33,7 +34,7 @@ class Syncs {
     std::vector<std::pair<std::weak_ptr<const Client>, uint64_t>> wanted;
   };
   static void begin(Sync& sync, const Client& client);
-  static bool is_used(Sync& sync, const Client& client);
+  static bool is_used(Sync& sync, const Client& client, uint64_t used);
 
   std::vector<Sync> waiting_;
   std::optional<std::pair<fs_status, std::string>> first_refusal_;

@@ -264,6 +264,7 @@ START_TEST(events_come_to_an_end) {
   OK(rig.sync(client.get()));
   fs_object edited = spring("client/mine", {}, 300);
   OK(fs_object_change(other.get(), &edited, FS_PART_PROFILES));
+  OK(rig.sync(other.get()));  // else the server may be gone before it has looked at the change
   rig.server.reset();
   std::vector<int> kinds;
   fs_event event;
@@ -277,7 +278,9 @@ START_TEST(events_come_to_an_end) {
     ck_assert_str_eq(event.name, "");
   }
   ck_assert_int_eq(status, FS_ERROR_DISCONNECTED);
-  ck_assert((kinds == std::vector<int>{FS_EVENT_READY, FS_EVENT_EDITED, FS_EVENT_DISCONNECTED}));
+  std::string told;
+  for (const int kind : kinds) told += std::string(" ") + fs_event_kind_name(static_cast<fs_event_kind>(kind));
+  ck_assert_str_eq(told.c_str(), " FS_EVENT_READY FS_EVENT_EDITED FS_EVENT_DISCONNECTED");
   for (int i = 0; i < 3; ++i) EXPECT(FS_ERROR_DISCONNECTED, fs_scene_next_event(client.get(), long_enough, &event));
 }
 END_TEST
