@@ -96,7 +96,7 @@ void add_formula(const Profile& p, Cap& cap) {
     case FS_PROFILE_QUADRATIC: {
       const double zero = p.offset / p.gain < 0 ? std::sqrt(p.offset / -p.gain) : 0;
       if (p.gain > 0) {
-        // Where it is steep from its zero on: the force there is 0, which the formula rounds to the digits of the offset.
+        // It is steep from its zero on. The line begins there with 0, as the formula is rounded to the digits of the offset.
         if (2 * p.gain * zero > k) {
           cap.rise = -k * zero;
           return;

@@ -112,7 +112,7 @@ double formula_slope(const Profile& p, double end) noexcept {
       const double room = p.gain > 0 ? p.limit - p.offset : p.offset;
       if (room <= 0) return 0;
       const double last = std::sqrt(room / std::fabs(p.gain)), d = std::fmin(last, end);
-      // Its zero is not looked for by the force there, which is rounded to the digits of the offset.
+      // Distances are compared, not forces: near its zero the formula is rounded to the digits of the offset.
       const bool is_felt = p.gain > 0 ? !(p.offset < 0) || end > std::sqrt(p.offset / -p.gain)
                                       : last <= end || p.gain * d * d + p.offset < p.limit;
       return is_felt ? 2 * std::fabs(p.gain) * d : 0;

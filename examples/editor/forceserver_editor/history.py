@@ -133,17 +133,15 @@ class History:
     def _dropping(self, step: Step, done: int) -> Iterator[None]:
         """A step that somebody else's change has made impossible is dropped, so that it does not bar those before it."""
         try:
-            try:
-                yield
-            except (fs.TimeoutError, fs.DisconnectedError):
-                raise  # it may be possible later
-            except fs.Error as error:
-                raise refusal(error) from None
-        except Refused as refused:
+            yield
+        except (fs.TimeoutError, fs.DisconnectedError):
+            raise  # it may be possible later
+        except (Refused, fs.Error) as error:
+            refused = refusal(error) if isinstance(error, fs.Error) else error
             self._steps.remove(step)
             self._reach(done)
             refused.text += f". The step “{step.text}” is left out from now on"
-            raise
+            raise refused from None
 
     def _apply(self, scene: fs.Scene, changes: dict[str, Change], settings: dict[str, Any]) -> None:
         """All of it, felt from one tick on, or none."""

@@ -333,6 +333,17 @@ def test_what_is_typed(lab: Lab, page: Page, second: Second) -> None:
     page.keyboard.press("Control+z")
     page.wait_for_function("() => document.activeElement.value === '2'")
     assert second.get("rover/a")["front"]["gain"] == 2
+    # Escape stops all force, and gives a field its value back. The filter is empty then, and shows all.
+    page.keyboard.type("88")
+    page.keyboard.press("Escape")
+    page.wait_for_function("() => document.activeElement.value === '2'")
+    page.locator("#filter").press_sequentially("nobody")
+    page.get_by_text("Nothing matches the filter.").wait_for()
+    page.keyboard.press("Escape")
+    page.locator('#table .item[data-name="rover/b"]').wait_for()
+    assert page.locator("#filter").input_value() == ""
+    lab.servo.set_enabled(True)
+    gain.focus()
     # A key that is held is one step.
     for _ in range(6):
         page.keyboard.down("ArrowUp")

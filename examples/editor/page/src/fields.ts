@@ -67,7 +67,7 @@ export abstract class Field {
     return false;
   }
 
-  /** Which objects it is about: an answer that comes for those before is of no interest any more. */
+  /** Counts the selections that it was about: what an answer says about an earlier one is not shown here. */
   protected subject = 0;
   /** It is about other objects from now on. */
   forget(): void {

@@ -141,7 +141,7 @@ window.addEventListener("keydown", (event) => {
   const isTyping = target.matches("input:not([type=checkbox]), textarea, select");
   if (event.key === "Escape") { // wherever it is pressed
     void orders.stopForce();
-    if (isTyping && "defaultValue" in target) (target as HTMLInputElement).value = (target as HTMLInputElement).defaultValue;
+    if (target.closest(".field") && "defaultValue" in target) (target as HTMLInputElement).value = (target as HTMLInputElement).defaultValue;
     if (tools?.pencil.isOn) tools.pencil.cancel();
     return;
   }

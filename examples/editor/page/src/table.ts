@@ -84,7 +84,7 @@ export class Table {
       items.sort((a, b) => order.compare(a.told.short, b.told.short));
       this.lines.push({ client, count: items.length }, ...items);
     }
-    this.none.hidden = this.lines.length > 0;
+    this.none.hidden = this.lines.length > 0 || !words.length;
     this.box.dataset.count = String(this.model.items.size);
     this.draw();
   }

@@ -94,6 +94,7 @@ export class Things {
   }
   /** Of the meshes and polylines as they are drawn now: until a new shape has come, the old one stays. */
   get drawnShapes(): string[] { return [...this.solos.values()].map((solo) => solo.hash); }
+  /** Of the forces that are drawn, for the tests. */
   get arrowCount(): number { return this.shafts.mesh.count; }
   itemOf(hit: THREE.Intersection): Item | undefined {
     if (hit.object.userData.item !== undefined) return this.model.items.get(hit.object.userData.item as number);

@@ -225,8 +225,8 @@ function level(column: (number | null)[]): string | null {
   return high - low > 0.006 ? null : (Math.round(((low + high) / 2) * 100) / 100 || 0).toFixed(2);
 }
 
-/** The rows between two times; where there are more than two for each pixel, of those of a pixel the ones with the smallest
- * and the largest force, or whatever its size is. */
+/** The rows between two times; where there are more than two for each pixel, of those of a pixel the smallest and the
+ * largest. sizeOf: what is compared; without it the force. */
 function thinned(ring: Ring, start: number, end: number, pixels: number,
   sizeOf = (i: number) => Math.hypot(ring.at(i, 1), ring.at(i, 2), ring.at(i, 3))): number[] {
   const first = ring.find(start), last = ring.find(end + 1e-9), each = Math.ceil((last - first) / pixels);
