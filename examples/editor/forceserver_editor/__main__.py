@@ -22,23 +22,7 @@ from .door import PAGE, Door
 from .edit import Edit
 from .keep import Keep, recovery_folder
 from .look import Look
-
-EPILOG = """The address that it prints has a random token in it: who has the address can push the hand. It listens at
-127.0.0.1 alone unless --host says otherwise. The editor's own objects fade out when it ends; a recovery file keeps
-them, and the next editor offers it."""
-
-
-def options(arguments: list[str] | None = None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser("forceserver-editor", description=__doc__.partition(": ")[2], epilog=EPILOG)
-    parser.add_argument("server", help="the force-server, such as shm:lab; lab alone means the same")
-    parser.add_argument("--name", help="of the editor as a client of the server (editor)")
-    parser.add_argument("--port", type=int, default=0, help="of the page; 0: any that is free")
-    parser.add_argument("--host", default="127.0.0.1", help="address to listen at; others than 127.0.0.1 are reachable "
-                        "from other machines")  # fmt: skip
-    parser.add_argument("--folder", type=Path, default=Path(), help="where scenes are saved and loaded (here)")
-    parser.add_argument("--view", action="store_true", help="only show: no change is possible")
-    parser.add_argument("--no-browser", action="store_true", help="do not open a browser")
-    return parser.parse_args(arguments)
+from .options import options
 
 
 @contextlib.contextmanager

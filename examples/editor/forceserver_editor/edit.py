@@ -217,6 +217,7 @@ class Edit:
             scene.stop_force()
         except fs.Error as error:
             raise refusal(error) from None
+        self.look.look_at_stats()
 
     # ---- History and files
 

@@ -119,6 +119,10 @@ class Look:
         with self._lock:
             self._again.add(name)
 
+    def look_at_stats(self) -> None:
+        """With the next look, as they have changed."""
+        self._stats_time = 0.0
+
     def connect(self) -> None:
         """Raises fs.Error. Two editors cannot have one name: the second is "NAME 2", unless it was told its name."""
         for number_ in range(1, 10):
@@ -394,11 +398,12 @@ def _pose(value: Any) -> Plain:
 
 
 def _hand(hand: fs.Hand) -> Plain:
-    return {"pose": pose(hand.state.pose), "sent": numbers(hand.sent.force)}
+    speed = float(np.linalg.norm(hand.state.twist.linear))
+    return {"pose": pose(hand.state.pose), "sent": numbers(hand.sent.force), "speed": round(speed, 4)}  # a hand at rest is calm
 
 
 def _stats(stats: fs.ServoStats) -> Plain:
-    names = ("rate", "late_p50", "late_p99", "late_max", "compute_p99")
+    names = ("rate", "late_p50", "late_p99", "late_max", "compute_p99", "damping")
     faults = [fs.fault_name(int(fault)) for fault in fs.Fault if stats.faults & fault]
     told: Plain = {name: number(getattr(stats, name)) for name in names}
     return told | {"misses": int(stats.misses), "enabled": int(stats.enabled), "faults": faults}

@@ -165,8 +165,8 @@ def chromium() -> Iterator[Any]:
 class Page:
     """A page of the editor, by mouse and keys."""
 
-    def __init__(self, browser: Any, address: str) -> None:
-        self.context = browser.new_context(viewport={"width": 1000, "height": 640}, accept_downloads=True)
+    def __init__(self, browser: Any, address: str, size: tuple[int, int] = (1000, 640), **options: Any) -> None:
+        self.context = browser.new_context(viewport={"width": size[0], "height": size[1]}, accept_downloads=True, **options)
         self.page = self.context.new_page()
         self.page.set_default_timeout(PATIENCE * 1000)
         self.errors: list[str] = []
@@ -235,11 +235,11 @@ class Page:
 
 
 @pytest.fixture
-def opened(chromium: Any) -> Iterator[Callable[[str], Page]]:
+def opened(chromium: Any) -> Iterator[Callable[..., Page]]:
     with contextlib.ExitStack() as stack:
 
-        def open_page(address: str) -> Page:
-            page = Page(chromium, address)
+        def open_page(address: str, *arguments: Any, **options: Any) -> Page:
+            page = Page(chromium, address, *arguments, **options)
             stack.callback(page.close)
             return page
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pathlib
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -37,7 +38,7 @@ def test_add_each_primitive(lab: Lab, page: Page, second: Second, tmp_path: path
     empty = pixels(page)
     page.click("#add-point")
     page.wait_for_selector('#panel[data-selected="point"]')
-    assert second.get("editor/point")["primitive"] == 0 and second.get("editor/point")["front"]["gain"] == 2
+    assert second.get("editor/point")["primitive"] == 0 and second.get("editor/point")["front"]["limit"] == 2
     page.click("#add-plane")
     page.wait_for_selector('#panel[data-selected="plane"]')
     plane = second.get("editor/plane")
@@ -87,6 +88,66 @@ def test_add_each_primitive(lab: Lab, page: Page, second: Second, tmp_path: path
         eventually(lambda left=left: second.get("editor/line")["point_count"] == left)
     eventually(lambda: second.get("editor/line")["points"] == line["points"])
     assert len(lab.base) == 0
+
+
+def test_what_is_new_begins_softly(lab: Lab, page: Page, second: Second, tmp_path: pathlib.Path) -> None:
+    """It has no force where it is, so that nothing jumps when it appears at the hand; or it is disabled."""
+    lab.base["floor"] = fs.Plane(position=(0, 0, -0.05), contact=fs.Contact(keep="front", stiffness=200, limit=3))
+
+    def is_soft(name: str) -> bool:
+        forces = [abs(second.ask(f"law 0 {d} editor/{name}")) for d in np.linspace(1e-7, 0.1, 2000)]
+        return forces[0] < 0.01 and forces[-1] < 0.01 and 1 < max(forces) < 3 and float(np.abs(np.diff(forces)).max()) < 0.05
+
+    page.click("#add-point")
+    page.wait_for_selector('#panel[data-selected="point"]')
+    assert is_soft("point")
+    page.wait_for_function("() => Number.isFinite(editor.model.byName('point').wanted) && editor.model.byName('point').wanted > 0")  # no jump
+    page.click("#look-top")
+    page.click("#add-polyline")
+    for i, x in enumerate((-0.04, 0.04)):
+        page.mouse.click(*project(page, (x, 0.02, -0.05)))
+        page.wait_for_selector(f'#view[data-drawing="{i + 1}"]')
+    page.keyboard.press("Enter")
+    page.wait_for_selector('#panel[data-selected="line"]')
+    assert is_soft("line")
+    page.choose("front.kind", "none")
+    eventually(lambda: second.get("editor/line")["front"]["kind"] == 0)
+    page.wait_for_function("() => editor.model.byName('line').told.front.kind === 'none'")
+    page.choose("front.kind", "custom")  # a curve of one's own begins like that too
+    eventually(lambda: second.get("editor/line")["front"]["kind"] == 7)
+    assert abs(second.ask("law 0 1e-7 editor/line")) < 0.01
+    (tmp_path / "part.obj").write_text("v 0 0 0\nv 50 0 0\nv 0 50 0\nv 0 0 50\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n")
+    with page.expect_file_chooser() as chooser:
+        page.click("#add-mesh")
+    chooser.value.set_files(tmp_path / "part.obj")
+    page.fill("#mesh-scale", "0.001")
+    page.click("#mesh-add")
+    page.wait_for_selector('#panel[data-selected="part"]')
+    assert second.get("editor/part")["enabled"] is False
+    page.locator(".notice", has_text="part is disabled").wait_for()
+
+
+def test_numbers_after_a_drag_are_short(lab: Lab, page: Page, second: Second) -> None:
+    page.click("#add-point")
+    page.wait_for_selector('#panel[data-selected="point"]')
+    page.set("pose.position.y", "0.0123456789")
+    page.wait_for_function("() => editor.model.byName('point').pose.position[1] === 0.0123456789")
+    page.click("#look-front")
+    drag_along_x(page, 0.0666)
+    page.wait_for_selector('body[data-busy="0"]')
+    x, y, z = eventually(lambda: (at := second.get("editor/point")["position"])[0] > 0.05 and at)
+    assert x == round(x, 4) and (y, z) == (0.0123456789, 0)  # what was not dragged keeps its digits
+    page.wait_for_function("x => editor.model.byName('point').pose.position[0] === x", arg=x)
+    eventually(lambda: len(page.field("pose.position.x").input_value()) <= 6)
+    page.click("#look-top")
+    page.keyboard.press("e")
+    page.wait_drawn()
+    start = project(page, page.evaluate("editor.tools.gizmo.grip('z')"))
+    page.mouse.move(*start)
+    page.wait_for_function("() => editor.tools.gizmo.isUnderPointer")
+    page.drag(start, (start[0] - 37, start[1] + 21), steps=5)
+    page.wait_for_selector('body[data-busy="0"]')
+    eventually(lambda: re.fullmatch(r"-?\d+(\.\d)?", turn := page.field("pose.turn.rz").input_value()) and turn != "0")
 
 
 def test_draw_on_the_terrain(lab: Lab, page: Page, second: Second) -> None:
@@ -333,16 +394,16 @@ def test_what_is_typed(lab: Lab, page: Page, second: Second) -> None:
     page.keyboard.press("Control+z")
     page.wait_for_function("() => document.activeElement.value === '2'")
     assert second.get("rover/a")["front"]["gain"] == 2
-    # Escape stops all force, and gives a field its value back. The filter is empty then, and shows all.
+    # Escape gives a field its value back, and leaves it; the filter is empty then, and shows all.
     page.keyboard.type("88")
     page.keyboard.press("Escape")
-    page.wait_for_function("() => document.activeElement.value === '2'")
+    page.wait_for_function("() => document.activeElement === document.body")
+    assert gain.input_value() == "2"
     page.locator("#filter").press_sequentially("nobody")
     page.get_by_text("Nothing matches the filter.").wait_for()
     page.keyboard.press("Escape")
     page.locator('#table .item[data-name="rover/b"]').wait_for()
     assert page.locator("#filter").input_value() == ""
-    lab.servo.set_enabled(True)
     gain.focus()
     # A key that is held is one step.
     for _ in range(6):
@@ -566,7 +627,7 @@ def test_capped_curve(lab: Lab, page: Page, second: Second) -> None:
 def test_curves(lab: Lab, page: Page, second: Second) -> None:
     page.click("#add-point")
     page.wait_for_selector('#panel[data-selected="point"]')
-    page.choose("front.kind", "custom")
+    page.choose("front.curve.way", "expression")
     page.set("front.curve", "2*exp(-d/0.02)*(1+sin(5*t))")
     eventually(lambda: second.get("editor/point")["front"].get("expression") == "2*exp(-d/0.02)*(1+sin(5*t))")
     page.set("front.curve", "1+" * 600_000 + "1")

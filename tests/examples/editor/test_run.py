@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import math
+import os
 import pathlib
 import re
+import shutil
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from typing import Any
 
 import forceserver as fs
 import numpy as np
+import pytest
 
-from conftest import Editor, Lab, Page, Second, eventually, picture, project
+from conftest import PATIENCE, ROOT, Editor, Lab, Page, Second, eventually, picture, project, terrain
 
 
 def test_locked_server(started: Any, opened: Callable[[str], Page]) -> None:
@@ -54,17 +59,163 @@ def test_escape_stops_all_force(lab: Lab, page: Page, second: Second) -> None:
     force = page.locator('#table .item[data-name="server/pull"] .number').last
     force.filter(has_text="3.00 N").wait_for()
     page.wait_for_function("() => editor.view.things.arrowCount > 0")
-    page.focus("#filter")
     page.keyboard.press("Escape")
     eventually(lambda: second.ask("stats")["enabled"] == 0 and np.linalg.norm(second.ask("hand")["sent"]) == 0)
     page.wait_for_selector('body[data-server="stopped"]')
     force.filter(has_text=re.compile("^0 N$")).wait_for()  # nothing is felt
     page.wait_for_function("() => editor.view.things.arrowCount === 0")
     picture(page, "stopped")
+    said = page.locator("body").get_by_text("All force is stopped")
+    said.first.wait_for()
     lab.servo.set_enabled(True)
     page.wait_for_selector('body[data-server="there"]')
+    force.filter(has_text="3.00 N").wait_for()
+    assert said.filter(visible=True).count() == 0  # it has come back: nothing says otherwise any more
     page.click("#stop")
     eventually(lambda: second.ask("stats")["enabled"] == 0)
+
+
+def test_escape_closes_what_is_open(lab: Lab, page: Page, second: Second) -> None:
+    """The first Escape closes what is open, and nobody's force ends; it is Shift+Escape that always stops."""
+    lab.base["pull"] = fs.Point(position=(0.05, 0, 0), front=fs.Constant(3, limit=5))
+    lab.join("rover")["land"] = terrain()
+    eventually(lambda: np.linalg.norm(second.ask("hand")["sent"]) > 2.9)
+    page.click("#add-point")
+    page.wait_for_selector('#panel[data-selected="point"]')
+    gain = page.field("front.gain")
+    old = gain.input_value()
+
+    def escape(what: str) -> None:
+        """Held for a while: what is open closes, and no more happens."""
+        page.keyboard.down("Escape")
+        page.keyboard.down("Escape")
+        page.keyboard.up("Escape")
+        page.wait_for_selector('body[data-busy="0"]')
+        assert second.ask("stats")["enabled"] == 1, what
+        assert np.linalg.norm(second.ask("hand")["sent"]) > 2.5, what
+
+    gain.fill("77")
+    escape("a field")
+    assert gain.input_value() == old and page.evaluate("document.activeElement === document.body")
+    page.locator("#filter").press_sequentially("land")
+    page.locator('#table .item[data-name="point"]').wait_for(state="detached")
+    escape("the filter")
+    page.locator('#table .item[data-name="point"]').wait_for()
+    page.focus("#plot-what")
+    escape("a list")
+    for button in ("#save", "#load", "#scene", "#help"):
+        page.click(button)
+        page.locator("dialog[open]").wait_for()
+        escape(button)
+        page.locator("dialog").wait_for(state="detached")
+    page.click("#scene")
+    page.locator('dialog [data-path="frame.scale"] input').fill("5")
+    escape("a field of a window")
+    page.locator("dialog").wait_for(state="detached")
+    assert second.ask("frame editor")["scale"] == 1
+    page.click("#look-top")
+    page.wait_for_function("() => editor.view.things.targets.some(t => t.userData.item !== undefined)")
+    page.click("#tool-draw")
+    for i, x in enumerate((-0.04, 0.04)):
+        page.mouse.click(*project(page, (x, 0.03, -0.06)))
+        page.wait_for_selector(f'#view[data-drawing="{i + 1}"]')
+    page.keyboard.press("Control+z")  # the last corner, not the last step
+    page.wait_for_selector('#view[data-drawing="1"]')
+    escape("a drawing")
+    page.wait_for_selector('#view[data-drawing=""]')
+    assert sorted(second.ask("list")) == ["editor/point", "rover/land", "server/pull"]
+    page.page.set_viewport_size({"width": 400, "height": 700})
+    page.locator(".opener").first.click()
+    page.locator("#add-point").wait_for()
+    escape("a menu")
+    page.locator("#add-point").wait_for(state="hidden")
+    page.page.set_viewport_size({"width": 1000, "height": 640})
+    # What stops it whatever is open: Shift+Escape, and the red button, also beside a window.
+    red = page.locator("#stop").bounding_box()
+    for stop in (lambda: page.keyboard.press("Shift+Escape"), lambda: page.mouse.click(red["x"] + 20, red["y"] + 10)):
+        page.click("#save")
+        page.locator("dialog[open]").wait_for()
+        assert page.locator("#stop-key").inner_text() == "Shift Esc"
+        stop()
+        eventually(lambda: second.ask("stats")["enabled"] == 0)
+        lab.servo.set_enabled(True)
+        page.wait_for_selector('body[data-server="there"]')
+        escape("the window is still open")
+        page.locator("dialog").wait_for(state="detached")
+    page.locator("#stop-key", has_text=re.compile("^Esc$")).wait_for()
+    page.click("#help")
+    assert "Shift+Escape" in page.locator("dialog").inner_text()
+    escape("the help")
+    page.keyboard.press("Escape")
+    eventually(lambda: second.ask("stats")["enabled"] == 0)
+
+
+@pytest.fixture
+def checkout(tmp_path: pathlib.Path) -> pathlib.Path:
+    """The files that examples/editor/run needs, with what is built already, so that it need not be built."""
+    for name in ("examples/editor/run", "examples/editor/scene.json", "examples/editor/forceserver_editor/options.py", "tests/setup.sh"):
+        if (ROOT / name).exists():
+            (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, tmp_path / name)
+    return tmp_path
+
+
+@pytest.mark.parametrize(("option", "status"), [("--help", 0), ("--hlep", 2)])
+def test_run_builds_nothing_for_help(checkout: pathlib.Path, option: str, status: int) -> None:
+    stub = checkout / "python"
+    stub.write_text(f'#!/bin/sh\n[ "$1" != -m ] || exit 77  # to make an environment\nexec {sys.executable} "$@"\n')
+    stub.chmod(0o755)
+    ran = subprocess.run([checkout / "examples/editor/run", option], env=os.environ | {"PYTHON": str(stub)}, capture_output=True, text=True)
+    assert ran.returncode == status, ran.stderr
+    assert all(word in ran.stdout + ran.stderr for word in ("usage:", "--prepare", "--port"))
+    assert "preparing" not in ran.stderr and not (checkout / "build").exists()
+
+
+def test_first_start(checkout: pathlib.Path, opened: Callable[..., Page]) -> None:
+    """A scene that can be felt, a force that is explained, and no server that is left behind without its editor."""
+    name, environment = f"editor-test-{os.getpid()}-first", checkout / "build/editor"
+    script = checkout / "examples/editor/run"
+    script.write_text(script.read_text().replace("name=editor\n", f"name={name}\n"))
+    (environment / "bin").mkdir(parents=True)
+    version = subprocess.run(["python3", "--version"], capture_output=True, text=True).stdout.strip()
+    (environment / "made_for").write_text(f"{version} 1\n")
+    for program, does in (("pip", ""), ("forceserver", f'exec {sys.executable} -m forceserver "$@"'),
+                          ("forceserver-editor", f'exec {sys.executable} -u -m forceserver_editor "$@"')):  # fmt: skip
+        (environment / "bin" / program).write_text(f"#!/bin/sh\n{does}\n")
+        (environment / "bin" / program).chmod(0o755)
+    environ = os.environ | {"XDG_STATE_HOME": str(checkout / "state")}
+    ran = subprocess.Popen([script, "--no-browser"], env=environ, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        assert ran.stdout and ran.stderr
+        page = opened(ran.stdout.readline().strip())
+        page.wait_for_function("() => editor.model.items.size >= 3")
+        page.wait_for_function("() => Math.hypot(...editor.model.clients.get('server').force) > 0.5")  # the hand comes to it
+        assert re.search(r"Damping of the servo \([\d.]+ N s/m\): 0\.\d\d N", page.locator("#damping").inner_text())
+        # Without a terminal there is no Enter.
+        assert f"forceserver resume {name}" in "".join(ran.stderr.readline() for _ in range(2))
+        page.keyboard.press("Escape")
+        page.locator("#banner", has_text=f"forceserver resume {name}").wait_for()
+    finally:
+        ran.terminate()
+        ran.communicate(timeout=PATIENCE)
+    scene = fs.Scene()
+    eventually(lambda: not is_there(name))
+    scene.load(ROOT / "examples/editor/scene.json")
+    for one in scene.values():  # none of it is strongest where the hand meets it first
+        assert one.contact.keep != fs.Keep.NONE or fs.intensity(one.front, [0.0])[0] == 0
+    # An editor that cannot start takes the server with it.
+    ran = subprocess.Popen([script, "--no-browser", "--host", "192.0.2.1"], env=environ, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                           stderr=subprocess.STDOUT, text=True)  # fmt: skip
+    said = ran.communicate(timeout=PATIENCE)[0]
+    assert ran.returncode != 0 and "cannot listen at 192.0.2.1" in said and not is_there(name)
+
+
+def is_there(name: str) -> bool:
+    try:
+        fs.connect(f"shm:{name}", "look").close()
+    except fs.Error:
+        return False
+    return True
 
 
 def test_own_scene(lab: Lab, page: Page, second: Second) -> None:
@@ -161,14 +312,14 @@ def test_two_browsers(lab: Lab, started: Any, opened: Callable[[str], Page], sec
 
 def test_all_browsers_show_the_same_colours(lab: Lab, started: Any, opened: Callable[[str], Page]) -> None:
     editor = started(Editor, lab.endpoint)
-    one, names = opened(editor.address), [f"client {i}" for i in range(6)]
+    one, names = opened(editor.address, (1200, 800)), [f"client {i}" for i in range(6)]
     for i, name in enumerate(names):
         lab.join(name)["a"] = fs.Point(position=(0.01 * i, 0, 0.05))
         one.wait_for_selector(f'#table .item[data-name="{name}/a"]')
     lab.clients[0].close()
     lab.clients[2].close()
     one.wait_for_selector('#table[data-count="4"]')
-    two = opened(editor.address)  # it has never seen those that are gone
+    two = opened(editor.address, (1200, 800))  # it has never seen those that are gone
     two.wait_for_selector('#table[data-count="4"]')
     colours = "() => [...document.querySelectorAll('#table .group b')].map(b => [b.textContent, b.style.getPropertyValue('--c')])"
     seen = [{name: colour for name, colour in page.evaluate(colours) if name in (names[1], *names[3:])} for page in (one, two)]

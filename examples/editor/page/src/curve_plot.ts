@@ -6,9 +6,9 @@ import { make, put, shown } from "./fields";
 import { type Item, type Model, type Profile } from "./model";
 import { Latest, type Orders, newGesture } from "./orders";
 import { range, raw, uses } from "./profiles";
+import { onTheme, themed } from "./theme";
 
 type Side = "front" | "back";
-const colours: Record<Side, string> = { front: "#2f6fb0", back: "#a8532c" };
 interface Handle { side: Side; name: "limit" | "reach" | "gain" | "width"; d: number; f: number }
 interface Answer { distances: number[]; t: number; steepest: number | null; front: number[]; back: number[]; front_capped: number[] | null; back_capped: number[] | null }
 
@@ -16,7 +16,7 @@ export class CurvePlot {
   private readonly plot: uPlot; // not there yet while it draws itself for the first time
   private readonly dots = make("div", { className: "dots" });
   private readonly marker = make("div", { className: "marker", title: "the hand" });
-  private readonly note: HTMLElement;
+  private readonly note = make("p", { className: "hint" });
   private readonly capped = document.querySelector<HTMLElement>("#capped")!;
   private answer: Answer | null = null;
   private item: Item | null = null;
@@ -29,15 +29,15 @@ export class CurvePlot {
   private readonly changes: Latest<{ name: string; fields: Record<string, unknown>; gesture: string }>;
 
   constructor(private readonly box: HTMLElement, private readonly model: Model, private readonly orders: Orders) {
-    this.note = make("p", { className: "hint", textContent: "The curve f(d) of the object that is selected." });
-    const line = (label: string, stroke: string): uPlot.Series => ({ label, stroke, width: 2, points: { show: false } });
+    const line = (label: string, colour: string, dash: number[] = []): uPlot.Series =>
+      ({ label, stroke: () => themed(colour), width: 2, dash, points: { show: false } });
     this.plot = new uPlot({
       ...this.size(), legend: { show: false }, cursor: { show: false },
       scales: { x: { time: false, range: () => [0, this.until] }, y: { range: () => this.yRange() } },
       axes: [axis("d, m", 18), axis("f, N", 40)],
-      series: [{}, line("front", colours.front), line("back", colours.back), line("front, capped", colours.front), line("back, capped", colours.back)],
+      series: [{}, line("front", "front"), line("back", "back"), line("front, capped", "front"), line("back, capped", "back"), line("solid", "solid", [6, 4])],
       hooks: { draw: [() => { this.place(); this.mark(); }] },
-    }, [[0], [null], [null], [null], [null]], box);
+    }, [[0], [null], [null], [null], [null], [null]], box);
     this.plot.over.append(this.marker, this.dots);
     box.append(this.note);
     this.changes = new Latest(({ name, fields, gesture }) => orders.change([name], fields, gesture), (why) => orders.onNotice(why.text, true));
@@ -49,6 +49,7 @@ export class CurvePlot {
     });
     setInterval(() => { if (this.item && this.movesInTime(this.item)) this.ask(); }, 250);
     new ResizeObserver(() => this.plot.setSize(this.size())).observe(box);
+    onTheme(() => this.plot.redraw());
     this.ask();
   }
 
@@ -68,9 +69,10 @@ export class CurvePlot {
     if (this.dragged) return [0, this.top];
     let top = 0;
     if (this.item) for (const side of this.sides(this.item)) if (this.item.told[side].kind !== "none") top = Math.max(top, this.item.told[side].limit);
-    for (const each of [this.answer?.front, this.answer?.back]) if (each) top = Math.max(top, ...each);
+    const drawn = [this.answer?.front, this.answer?.back, this.solid].map((each) => each ?? []);
+    for (const each of drawn) top = Math.max(top, ...each);
     // A limit far above the curve would flatten it.
-    const highest = Math.max(0, ...(this.answer?.front ?? []), ...(this.answer?.back ?? []));
+    const highest = Math.max(0, ...drawn.flat());
     if (highest > 0 && top > 4 * highest) top = highest * 1.6;
     this.top = top > 0 ? top * 1.15 : 1;
     return [0, this.top];
@@ -81,13 +83,18 @@ export class CurvePlot {
     const item = this.model.selection[0] ?? null;
     if (item !== this.item) this.answer = null;
     this.item = item;
-    this.note.hidden = item !== null;
-    this.box.classList.toggle("idle", !item);
+    const isFelt = item !== null && (item.told.contact.keep !== "none" || this.sides(item).some((side) => item.told[side].kind !== "none"));
+    put(this.note, item ? "It has no force profile: there is no force to plot." : "The curve f(d) of the object that is selected.");
+    this.note.hidden = isFelt;
+    for (const key of ["front", "back", "solid"] as const) {
+      const isThere = isFelt && (key === "solid" ? item.told.contact.keep !== "none" : this.sides(item).includes(key) && item.told[key].kind !== "none");
+      document.querySelector<HTMLElement>(`.plot-bar .key.${key}`)!.hidden = !isThere;
+    }
     if (!item) { this.answer = null; this.show(); return; }
     if (this.isAsking) { this.isStale = true; return; }
     this.isAsking = true;
     this.applied = item.applied;
-    if (!this.dragged) this.until = Math.max(...this.sides(item).map((side) => range(item.told[side])), 1e-4) || 0.1;
+    if (!this.dragged) this.until = Math.max(...this.sides(item).map((side) => range(item.told[side])), this.solidRange(item), 1e-4) || 0.1;
     let answer: Answer | null = null;
     try {
       answer = await this.orders.wire.send("curve", { name: item.told.name, until: this.until });
@@ -105,11 +112,32 @@ export class CurvePlot {
     const curve = (side: Side, values: number[] | null | undefined) =>
       a && item && values && this.sides(item).includes(side) && item.told[side].kind !== "none" ? values : a ? a.distances.map(() => null) : [null];
     for (const i of [1, 2]) this.plot.series[i]!.alpha = a?.steepest ? 0.35 : 1; // what is wanted is paler than what is felt
-    this.plot.setData([a?.distances ?? [0], curve("front", a?.front), curve("back", a?.back), curve("front", a?.front_capped), curve("back", a?.back_capped)]);
+    this.plot.setData([a?.distances ?? [0], curve("front", a?.front), curve("back", a?.back), curve("front", a?.front_capped),
+      curve("back", a?.back_capped), this.solid ?? (a ? a.distances.map(() => null) : [null])]);
     this.capped.hidden = !a?.steepest;
-    if (a?.steepest) put(this.capped, `≤ ${Number(a.steepest.toPrecision(3))} N/m`);
+    if (a?.steepest) put(this.capped, `slope limited to ${Number(a.steepest.toPrecision(3))} N/m`);
     this.box.dataset.curve = item?.told.name ?? "";
     this.box.dataset.capped = String(a?.steepest ?? "");
+  }
+
+  // ---- The spring of a solid object
+
+  /** N/m of its client's scene, of a point of the tool; 0: it is not solid. */
+  private stiffness(item: Item): number {
+    const { contact, tool_points } = item.told, { scale, force_scale } = item.frame, all = item.client?.points.length ?? 1;
+    if (contact.keep === "none") return 0;
+    const points = tool_points ? Array.from({ length: all }, (_, i) => Math.floor(tool_points / 2 ** i) % 2).reduce((a, b) => a + b, 0) : all;
+    const most = item.applied / (scale * force_scale * (points || 1)); // what is applied is at the device, of all points
+    return Number.isFinite(most) && most > 0 ? Math.min(contact.stiffness || Infinity, most) : contact.stiffness || 1000;
+  }
+  private solidRange(item: Item): number {
+    const stiffness = this.stiffness(item);
+    return stiffness > 0 ? (1.5 * item.told.contact.limit) / stiffness : 0;
+  }
+  /** N, at each of the distances; null: it is not solid. */
+  private get solid(): number[] | null {
+    const { item, answer } = this, stiffness = item ? this.stiffness(item) : 0;
+    return answer && stiffness > 0 ? answer.distances.map((d) => Math.min(stiffness * d, item!.told.contact.limit)) : null;
   }
 
   private mark(): void {
@@ -151,7 +179,7 @@ export class CurvePlot {
     for (const handle of this.handles(item)) {
       const dot = make("button", { className: `dot ${handle.name}`, title: `${handle.side}: ${handle.name}` });
       dot.dataset.handle = `${handle.side}.${handle.name}`;
-      dot.style.setProperty("--c", colours[handle.side]);
+      dot.style.setProperty("--c", `var(--${handle.side})`);
       this.put(dot, handle.d, handle.f);
       dot.onpointerdown = (event) => {
         event.preventDefault();
@@ -206,7 +234,8 @@ function gainFor(p: Profile, d: number, f: number): number {
 
 export function axis(label: string, size = 30): uPlot.Axis {
   return {
-    label, labelSize: 14, size, gap: 3, labelGap: 0, font: "11px system-ui, sans-serif", labelFont: "11px system-ui, sans-serif", stroke: "#5b6470",
-    grid: { stroke: "#e3e7eb", width: 1 }, ticks: { show: false },
+    label, labelSize: 14, size, gap: 3, labelGap: 0, font: "11px system-ui, sans-serif", labelFont: "11px system-ui, sans-serif",
+    stroke: () => themed("soft"), grid: { stroke: () => themed("hair"), width: 1 }, ticks: { show: false },
+    values: (_plot, values) => values.map((value) => shown(Number(value.toPrecision(6)))),
   };
 }

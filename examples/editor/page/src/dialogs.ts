@@ -1,7 +1,7 @@
 // The windows for files and for the editor's own scene: save, load, a mesh to add, frame, clutch, tool.
 
 import { type Vec, fromDegrees, toDegrees } from "./frames";
-import { CheckField, type Send, TextField, errorLine, make, numberField, parse, put, shown } from "./fields";
+import { CheckField, type Send, TextField, errorLine, make, numberField, over, parse, put, shown } from "./fields";
 import { type Condition, type Model, mark } from "./model";
 import { type Orders, flat } from "./orders";
 import { reason } from "./wire";
@@ -122,9 +122,10 @@ export class Dialogs {
     return askForMesh(this.orders, (file) => `Add ${file}`, "Add", async (scale, file) => {
       const name = file.replace(/\.\w+$/, "").replace(/[/\x00-\x1f]/g, "_").slice(0, 24) || "mesh";
       const back = { kind: "linear_increasing", sense: "attractive", gain: 300, limit: 5 };
-      const fields = { "pose.position": place, ...flat("back", back) };
+      const fields = { "pose.position": place, enabled: false, ...flat("back", back) }; // the hand may be deep inside
       const made = await this.orders.wire.send("add", { name, primitive: "mesh", upload: true, file, scale, fields });
       this.orders.selectWhenThere(made.name);
+      this.orders.onNotice(`${made.name} is disabled, as the hand may be inside it: enable it to feel it.`, false);
     });
   }
 
@@ -148,7 +149,7 @@ export class Dialogs {
       };
       add(numberField(`frame.turn.r${name}`, `r${name}`, "°", sendTurn), () => shown(Number(toDegrees(frame().pose.orientation)[i]!.toFixed(6))), turns);
     });
-    body.append(places, turns);
+    body.append(over("where its origin lies at the device, m"), places, over("turned about x, then y, then z, degrees"), turns);
     add(numberField("frame.scale", "scale", "m/m", (_path, value) => send({ scale: value }), "Metres of the scene for each metre of the device"), () => shown(frame().scale), body);
     add(numberField("frame.force_scale", "force scale", "×", (_path, value) => send({ force_scale: value })), () => shown(frame().force_scale), body);
     const clutch = new CheckField("clutch", "clutch held: the hand moves, the tool stays", (_path, value) => this.orders.wire.send("clutch", { held: value }));
@@ -182,14 +183,16 @@ export class Dialogs {
 
   help(): void {
     const keys: [string, string][] = [
-      ["Escape", "stops all force, at once"], ["Ctrl+Z, Ctrl+Shift+Z", "undo, redo"], ["Delete", "removes the selection, or a corner that is active"],
+      ["Escape", "closes what is open: a menu, a window, a drawing, a field, a list, the filter. Nothing is open: stops all force"],
+      ["Shift+Escape", "stops all force, whatever is open; so does the red button"],
+      ["Ctrl+Z, Ctrl+Shift+Z", "undo, redo"], ["Delete", "removes the selection, or a corner that is active"],
       ["W, E", "move, turn"], ["Q", "axes of the world, or of the object"], ["Ctrl while dragging", "snaps to 10 mm and 5°"], ["F", "fits the view to the selection"],
       ["1, 2, 3, 4", "view from the top, front, side, and slantwise"],
       ["↑ ↓", "in the table: the next object; with Shift as well, with Ctrl without selecting it"],
       ["Ctrl+Space, Ctrl+A", "in the table: selects one more or one less; all that are shown"],
       ["Space, H", "in the table: enables or disables; hides or shows"],
       ["C", "the next corner of a polyline; arrow keys and Page Up and Down move it by 1 mm"], ["↑ ↓ in a field", "the second digit more or less"],
-      ["left, right, wheel", "orbit, pan, zoom"],
+      ["left, right, wheel", "orbit, pan, zoom; on a screen that is touched one finger, two, and pinch"],
     ];
     const looks: [Condition, string][] = [
       ["felt", "full"], ["fading", "translucent"], ["disabled", "grey wires, dashed lines"],

@@ -14,6 +14,9 @@ export function make<K extends keyof HTMLElementTagNameMap>(
 /** Where it is said why something was refused. */
 export const errorLine = (): HTMLElement => make("div", { className: "error", role: "alert" } as Partial<HTMLDivElement>);
 
+/** What stands over several fields in a row, with their unit. */
+export const over = (text: string): HTMLElement => make("div", { className: "over", textContent: text });
+
 /** Only where it differs: the same text set again would be laid out and painted again. */
 export function put(element: HTMLElement, text: string): void { if (element.textContent !== text) element.textContent = text; }
 

@@ -2,13 +2,14 @@
 
 import * as THREE from "three";
 import { TransformControls } from "three/addons/controls/TransformControls.js";
-import { type Pose, type Quat, type Vec, add, conjugate, minus, multiply, rotate, times } from "./frames";
+import { type Pose, type Quat, type Vec, add, conjugate, minus, multiply, rotate, times, toDevice } from "./frames";
 import type { Item, Model } from "./model";
 import { Latest, type Orders, newGesture } from "./orders";
 import type { View } from "./view";
 
 const step = 0.01; // m at the device, with Ctrl
 const turnStep = Math.PI / 36; // 5 degrees, with Ctrl
+const fineTurn = Math.PI / 1800; // 0.1 degrees, without
 
 export class Gizmo {
   isDragging = false;
@@ -17,7 +18,7 @@ export class Gizmo {
   private readonly handle = new THREE.Object3D();
   private readonly moves: Latest<{ moves: Move[]; gesture: string }>;
   private gesture = "";
-  private starts: { place: Vec; turn: Quat }[] = []; // of the items, when the drag began
+  private starts: { place: Vec; turn: Quat; pose: Pose }[] = []; // of the items, when the drag began
   private snaps = false;
   private items: Item[] = [];
   private isAway = false;
@@ -78,12 +79,23 @@ export class Gizmo {
   private drag(isDragging: boolean): void {
     this.view.controls.enabled = !isDragging;
     if (isDragging) {
-      this.starts = this.items.map(({ place, turn }) => ({ place, turn }));
+      this.starts = this.items.map(({ place, turn, pose }) => ({ place, turn, pose }));
       this.gesture = newGesture();
     }
     this.isDragging = isDragging;
     this.view.box.dataset.dragging = String(isDragging);
     if (!isDragging) this.attach();
+  }
+
+  /** The way that gives the first item a position of no more digits than a pixel shows. A coordinate that stays has all of
+   * its digits. */
+  private toShortNumbers(way: Vec): Vec {
+    const item = this.items[0]!, { place, turn, pose: { orientation, position } } = this.starts[0]!, { scale } = item.frame;
+    const digits = Math.min(15, Math.max(0, -Math.floor(Math.log10(this.view.pixel * scale))));
+    const moved = item.poseAt(add(place, way), turn).position;
+    const short = moved.map((x, i) => (Math.abs(x - position[i]!) < 1e-9 * scale ? position[i]! : Number(x.toFixed(digits)))) as Vec;
+    const shape = item.told.shape ? rotate(orientation, item.told.shape.centre) : [0, 0, 0] as Vec;
+    return minus(toDevice(item.frame, add(short, shape)), place);
   }
 
   /** Where the handle is now, from where it began: snapped, and in double precision. */
@@ -98,10 +110,11 @@ export class Gizmo {
       if (this.snaps) way = way.map((x) => Math.round(x / step) * step) as Vec;
       else way = way.map((x) => (Math.abs(x) < 1e-9 ? 0 : x)) as Vec;
       way = rotate(axes, way);
+      if (!this.snaps) way = this.toShortNumbers(way);
     } else {
       const q = this.handle.quaternion;
       by = multiply([q.w, q.x, q.y, q.z], conjugate(start.turn));
-      if (this.snaps) by = snapped(by);
+      by = snapped(by, this.snaps ? turnStep : fineTurn);
       this.turned = (2 * Math.atan2(Math.hypot(by[1], by[2], by[3]), Math.abs(by[0])) * 180) / Math.PI;
     }
     const turn = multiply(by, start.turn);
@@ -122,11 +135,11 @@ export class Gizmo {
 type Move = Pose & { name: string };
 
 /** The same turn, by a whole number of steps. */
-function snapped(q: Quat): Quat {
+function snapped(q: Quat, step: number): Quat {
   const sine = Math.hypot(q[1], q[2], q[3]);
   if (sine < 1e-12) return [1, 0, 0, 0];
   const angle = 2 * Math.atan2(sine, q[0]);
-  const half = (Math.round(angle / turnStep) * turnStep) / 2;
+  const half = (Math.round(angle / step) * step) / 2;
   const axis = times(1 / sine, [q[1], q[2], q[3]]);
   return [Math.cos(half), ...times(Math.sin(half), axis)];
 }

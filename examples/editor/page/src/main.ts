@@ -10,7 +10,9 @@ import { Orders, flat } from "./orders";
 import { Panel } from "./panel";
 import { Pencil } from "./pencil";
 import { Dialogs } from "./dialogs";
+import { Escape } from "./escape";
 import { Table } from "./table";
+import { soft } from "./profiles";
 import { TimePlots } from "./time_plots";
 import { View } from "./view";
 import { Wire } from "./wire";
@@ -29,13 +31,16 @@ orders.onNotice = (text, isBad) => {
   while (box.children.length > 3) box.firstChild!.remove();
   setTimeout(() => notice.remove(), isBad ? 12000 : 5000);
 };
+let fault = ""; // what the servo said when it stopped the force
 Field.onLate = (text) => orders.onNotice(text, true);
 model.on(["happened"], () => {
   for (const event of (model.told.events ?? []) as Happened[]) {
     if (event.kind === "edited") orders.onNotice(`${event.name} was changed by ${event.text}`, false);
     if (event.kind === "refused") orders.onNotice(`${event.name || "a change"} was refused: ${event.text}`, true);
     if (event.kind === "expired") orders.onNotice(`${event.name} has outlived its lifetime`, false);
-    if (event.kind === "device" && event.value !== 0) orders.onNotice(`${event.name}: ${event.text}`, true);
+    // As long as there is no force, the banner says why.
+    if (event.kind === "device" && event.value === 0 && fault) orders.onNotice(`${event.name} is back: ${fault}`, false);
+    if (event.kind === "device") fault = event.value === 0 ? "" : event.text;
   }
 });
 
@@ -58,7 +63,9 @@ const plots = new TimePlots(at("time"), at("time-bar"), model);
 /** Where something new goes: the hand, in the editor's scene, to the millimetre. */
 const newPlace = () => fromDevice(model.ownFrame, model.handPlace.map((x) => Math.round(x * 1000) / 1000) as [number, number, number]);
 
+let escape: Escape | undefined;
 const tools = view ? startTools(view) : null;
+escape = new Escape(() => void orders.stopForce(), () => (tools?.pencil.isOn ? () => tools.pencil.cancel() : null));
 function startTools(view: View) {
   const gizmo = new Gizmo(view, model, orders), corners = new Corners(view, model, orders), pencil = new Pencil(view, model, orders);
   let down: { x: number; y: number } | null = null;
@@ -79,14 +86,17 @@ function startTools(view: View) {
   });
   const buttons = { move: at("tool-move"), turn: at("tool-turn"), space: at("tool-space"), draw: at("tool-draw") };
   gizmo.onChange = () => {
-    buttons.move.setAttribute("aria-pressed", String(gizmo.mode === "translate"));
-    buttons.turn.setAttribute("aria-pressed", String(gizmo.mode === "rotate"));
+    buttons.move.setAttribute("aria-pressed", String(gizmo.mode === "translate" && !pencil.isOn));
+    buttons.turn.setAttribute("aria-pressed", String(gizmo.mode === "rotate" && !pencil.isOn));
     buttons.space.textContent = gizmo.space === "world" ? "World axes" : "Own axes";
   };
   pencil.onChange = () => {
     buttons.draw.setAttribute("aria-pressed", String(pencil.isOn));
     at("drawing").hidden = !pencil.isOn;
     gizmo.away = pencil.isOn;
+    for (const button of [buttons.move, buttons.turn, buttons.space]) (button as HTMLButtonElement).disabled = pencil.isOn; // until the line is done
+    gizmo.onChange();
+    escape?.tell();
   };
   buttons.move.onclick = () => { gizmo.mode = "translate"; };
   buttons.turn.onclick = () => { gizmo.mode = "rotate"; };
@@ -97,23 +107,21 @@ function startTools(view: View) {
   at("draw-cancel").onclick = () => pencil.cancel();
   at("fit").onclick = () => { if (!gizmo.isDragging) view.fit(); };
   for (const from of ["top", "front", "side", "free"] as const) at(`look-${from}`).onclick = () => view.look(from);
-  gizmo.onChange();
   pencil.cancel();
   return { view, gizmo, corners, pencil };
 }
 
 // ---- The bar at the top
 
-const soft = { kind: "gaussian", sense: "attractive", gain: 2, width: 0.02, limit: 2 };
 const adders: Record<string, () => void> = {
-  point: () => void orders.add("point", "point", { "pose.position": newPlace(), ...flat("front", soft) }),
+  point: () => void orders.add("point", "point", { "pose.position": newPlace(), ...flat("front", soft(0.04)) }),
   plane: () => void orders.add("plane", "plane", {
     "pose.position": newPlace().map((x, i) => (i === 2 ? x - 0.02 * model.ownFrame.scale : x)),
     ...flat("back", { kind: "linear_increasing", sense: "attractive", gain: 300, limit: 5 }),
   }),
   polyline: () => {
     if (tools) return tools.pencil.start();
-    void orders.add("line", "polyline", { "pose.position": newPlace(), shape: { points: [[0, 0, 0], [0.05, 0, 0]], closed: false }, ...flat("front", soft) });
+    void orders.add("line", "polyline", { "pose.position": newPlace(), shape: { points: [[0, 0, 0], [0.05, 0, 0]], closed: false }, ...flat("front", soft(0.04)) });
   },
   mesh: () => void dialogs.addMesh(newPlace()),
 };
@@ -124,10 +132,19 @@ at("save").onclick = () => void dialogs.save();
 at("load").onclick = () => void dialogs.load();
 at("scene").onclick = () => dialogs.scene();
 at("help").onclick = () => dialogs.help();
-at("stop").onclick = () => void orders.stopForce();
 at("remove").onclick = () => remove();
 at("recover").onclick = () => void orders.ask("recover");
 at("discard").onclick = () => void orders.ask("discard");
+
+for (const menu of document.querySelectorAll<HTMLElement>(".menu")) menu.onclick = () => { if (menu.matches(":popover-open")) menu.hidePopover(); };
+const tabs = [...document.querySelectorAll<HTMLElement>("#tabs button")]; // on a narrow screen
+for (const tab of tabs) {
+  tab.onclick = () => {
+    document.body.dataset.tab = tab.dataset.tab;
+    for (const one of tabs) one.setAttribute("aria-pressed", String(one === tab));
+  };
+}
+tabs[0]!.click();
 
 function remove(): void {
   const chosen = model.selection;
@@ -139,15 +156,10 @@ function remove(): void {
 window.addEventListener("keydown", (event) => {
   const target = event.target as HTMLElement;
   const isTyping = target.matches("input:not([type=checkbox]), textarea, select");
-  if (event.key === "Escape") { // wherever it is pressed
-    void orders.stopForce();
-    if (target.closest(".field") && "defaultValue" in target) (target as HTMLInputElement).value = (target as HTMLInputElement).defaultValue;
-    if (tools?.pencil.isOn) tools.pencil.cancel();
-    return;
-  }
   if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z") {
     if (isTyping && "defaultValue" in target && isUnsent(target as HTMLInputElement)) return; // the browser undoes what is typed
     event.preventDefault();
+    if (tools?.pencil.isOn) return tools.pencil.back(); // of the line that is being drawn
     return void orders.step(event.shiftKey ? "redo" : "undo");
   }
   if (isTyping || event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
@@ -164,6 +176,9 @@ window.addEventListener("keydown", (event) => {
 
 // ---- What is told of the server
 
+/** As forceserver's commands have it. */
+const serverName = (): string => (model.told.endpoint ?? "").replace(/^shm:/, "").replace(/\?.*/, "");
+
 function updateBar(): void {
   const { told } = model, history = told.history ?? {}, stats = told.stats;
   const held = model.clients.get(model.me)?.held ? ", its clutch held" : "";
@@ -175,11 +190,14 @@ function updateBar(): void {
   redo.title = history.redo ? `Do again: ${history.redo.text} (${history.redo.who})` : "There is nothing to do again";
   (at("remove") as HTMLButtonElement).disabled = !model.selection.some((item) => item.told.own);
   put(at("force"), model.hand ? newtons(length(model.sent)) : "–");
+  const isDampingAlone = model.damping > 0.02 && [...model.clients.values()].every((client) => length(model.forceOf(client)) < 0.02);
+  put(at("force-word"), isDampingAlone ? "at the hand: damping" : "at the hand");
   const { isStopped } = model, faults = (stats?.faults ?? []) as string[];
   put(at("servo"), stats ? `${stats.rate?.toFixed(0) ?? "–"} Hz` : "");
   at("servo").title = stats ? `late p99 ${(stats.late_p99 * 1e6).toFixed(0)} µs, ${stats.misses} ticks missed` : "";
   const banner = at("banner"), sentence = model.error ? model.error + (model.isConnected ? ". Waiting for a server …" : "")
-    : isStopped ? "All force is stopped. The owner of the server lets it return: for forceserver run, by Enter in its terminal." : faults.length ? `The servo stopped the force: ${faults.join(", ")}` : "";
+    : isStopped ? `All force is stopped. The user of the server lets it return: “forceserver resume ${serverName()}”, or Enter in the terminal of “forceserver run”.`
+    : faults.length ? `The servo stopped the force: ${fault || faults.join(", ")}` : "";
   put(banner, sentence);
   if (banner.hidden !== (sentence === "")) banner.hidden = sentence === "";
   document.body.dataset.server = model.error ? "gone" : isStopped ? "stopped" : "there";

@@ -19,7 +19,7 @@ export interface Client {
   name: string; force: Vec; frame: Frame; tool: Pose; points: Vec[]; held: boolean; locked: boolean;
   number?: number; // of the other clients alone
 }
-export interface Hand { pose: Pose; sent: Vec }
+export interface Hand { pose: Pose; sent: Vec; speed: number }
 export interface Happened { serial: number; kind: string; name: string; text: string; value: number | null }
 
 /** How an object is felt; that a lifetime is over is found out here. */
@@ -122,6 +122,8 @@ export class Model {
   get handPlace(): Vec { return this.hand ? toDevice(this.ownFrame, this.hand.pose.position) : [0, 0, 0]; }
   /** What the device gets, N. */
   get sent(): Vec { return this.hand ? this.turnToDevice(this.hand.sent) : [0, 0, 0]; }
+  /** N: the damping of the servo, against the motion of the hand. */
+  get damping(): number { return this.isForceSent && this.hand ? ((this.told.stats?.damping ?? 0) * this.hand.speed) / this.ownFrame.scale : 0; }
   /** By the owner of the server, or by somebody's Escape. */
   get isStopped(): boolean { return this.told.stats?.enabled === 0; }
   get isForceSent(): boolean { return !this.isStopped && !this.told.stats?.faults?.length; }
@@ -209,7 +211,7 @@ export class Model {
    * editor's server numbers the clients, so that all its browsers show the same colours. */
   colourOf(client: string): number {
     if (client === this.me) return 0x2f6fb0;
-    if (client === "server") return 0x7a7f87;
+    if (client === "server") return 0x7b6bc4;
     return colours[(this.clients.get(client)?.number ?? 0) % colours.length]!;
   }
   /** m of the item's client instead of metres at the device. */

@@ -38,7 +38,7 @@ export class Orders {
   }
 
   async stopForce(): Promise<void> {
-    if (await this.ask("stop")) this.onNotice("All force is stopped. The owner of the server lets it return.", true);
+    await this.ask("stop"); // that it is stopped is said as long as it is, by the state
   }
 
   /** Undo or redo, with a word about what it was. */

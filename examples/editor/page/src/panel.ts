@@ -1,10 +1,10 @@
 // The fields of what is selected. All of fs_object can be changed here; what a kind does not use is not there.
 
 import { fromDegrees, length, toDegrees } from "./frames";
-import { type AnyField, AreaField, CheckField, ChoiceField, type Send, TextField, make, numberField, parse, put, shown } from "./fields";
+import { type AnyField, AreaField, CheckField, ChoiceField, type Send, TextField, make, numberField, over, parse, put, shown } from "./fields";
 import { type Item, type Model, type Profile, newtons } from "./model";
 import type { Fields, Orders } from "./orders";
-import { ofKind, uses } from "./profiles";
+import { ofKind, smooth, uses } from "./profiles";
 import { askForMesh } from "./dialogs";
 import type { Refusal } from "./wire";
 
@@ -141,7 +141,6 @@ export class Panel {
   private makePose(): void {
     const box = this.section("Pose", "pose");
     const place = make("div", { className: "triple" }), turns = make("div", { className: "triple" }), quat = make("div", { className: "quad" });
-    const over = (text: string) => make("div", { className: "over", textContent: text });
     box.append(over("position in its client's scene, m"), place, over("turned about x, then y, then z, degrees"), turns, over("the same as a quaternion w, x, y, z"), quat);
     (["x", "y", "z"] as const).forEach((axis, i) => {
       const field = numberField(`pose.position.${axis}`, axis, "m", this.send, `m along ${axis} in the scene of its client`);
@@ -201,7 +200,7 @@ export class Panel {
     const path = `${side}.curve`;
     const isTable = (item: Item) => Boolean(of(item).curve?.table);
     const way = new ChoiceField(`${path}.way`, "curve", [["expression", "expression in d, t"], ["table", "table"]], (_path, value) => {
-      const curve = value === "table" ? { table: [0, 1, 2, 1, 0], step: 0.01 } : { expression: "2*exp(-d/0.01)" };
+      const curve = value === "table" ? { table: [0, 1, 2, 1, 0], step: 0.01 } : { expression: smooth };
       return this.sendAll({ [path]: curve }, `${path}.way`);
     });
     const isCustom = () => this.items.every((item) => of(item).kind === "custom");

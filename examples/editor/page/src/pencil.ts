@@ -4,6 +4,7 @@ import * as THREE from "three";
 import { type Vec, fromDevice, minus } from "./frames";
 import type { Model } from "./model";
 import { type Orders, flat } from "./orders";
+import { soft } from "./profiles";
 import type { View } from "./view";
 
 export class Pencil {
@@ -62,9 +63,8 @@ export class Pencil {
     if (inScene.length < 2) return this.orders.onNotice("A polyline has two points at least.", false);
     const first = inScene[0]!;
     const points = inScene.map((p) => minus(p, first));
-    const front = { kind: "gaussian", sense: "attractive", gain: 2, width: 0.01, limit: 2 };
     this.isAdding = true;
-    const isAdded = await this.orders.add("line", "polyline", { "pose.position": first, shape: { points, closed: isClosed }, ...flat("front", front) });
+    const isAdded = await this.orders.add("line", "polyline", { "pose.position": first, shape: { points, closed: isClosed }, ...flat("front", soft(0.02)) });
     this.isAdding = false;
     if (isAdded) this.cancel(); // else it can still be mended
   }

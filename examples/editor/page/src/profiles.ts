@@ -4,6 +4,9 @@ import type { Profile } from "./model";
 
 export interface Use { gain?: string; offset?: string; width?: string; curve?: boolean; formula: string; word: string }
 
+/** An expression that is 0 at d = 0 and far away, and greatest, 3 N, at 10 mm. */
+export const smooth = "3*d/0.01*exp(0.5-(d/0.01)^2/2)";
+
 /** The units of what a kind uses; what is absent is not used, and sent as 0. */
 export const uses: Record<string, Use> = {
   none: { word: "none", formula: "no force" },
@@ -15,6 +18,11 @@ export const uses: Record<string, Use> = {
   inverse: { word: "inverse", formula: "gain/d + offset", gain: "N m", offset: "N" },
   custom: { word: "custom curve", formula: "gain·f(d, t), 0 where that is below 0 or no number", gain: "×", curve: true },
 };
+
+/** What something new begins with: it draws the hand to itself, most strongly half-way out, and has no force where it is nor
+ * beyond `reach` (m), so nothing jumps when it appears or when the hand comes. */
+export const soft = (reach: number): Record<string, unknown> =>
+  ({ kind: "custom", sense: "attractive", gain: 1, limit: 2, curve: { table: [0, 1, 1.5, 1, 0], step: reach / 4 } });
 
 /** What a profile becomes when its kind is changed: what the new kind does not use is 0, and what it needs is there. */
 export function ofKind(old: Profile, kind: string): Record<string, unknown> {
@@ -31,7 +39,7 @@ export function ofKind(old: Profile, kind: string): Record<string, unknown> {
     offset: use.offset ? (kind === "linear_decreasing" && old.offset === 0 ? limit : old.offset) : 0,
     width: use.width ? old.width || 0.01 : 0,
     limit,
-    curve: use.curve ? (old.curve ?? { expression: "3*(1+sin(12*t))*exp(-d/0.01)" }) : null,
+    curve: use.curve ? (old.curve ?? { expression: smooth }) : null,
   };
 }
 
@@ -52,6 +60,7 @@ export function raw(p: Profile, d: number): number | null {
 export function range(p: Profile): number {
   if (p.reach > 0) return p.reach * 1.25;
   switch (p.kind) {
+    case "constant": return 0.1;
     case "gaussian": return p.width * 4;
     case "linear_increasing": return p.gain > 0 ? Math.min(1e6, Math.max(0.005, ((p.limit - p.offset) / p.gain) * 1.5)) : 0.1;
     case "linear_decreasing": return p.gain < 0 ? Math.max(0.005, (-p.offset / p.gain) * 1.25) : 0.1;

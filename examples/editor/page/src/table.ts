@@ -2,7 +2,7 @@
 //
 // For the keyboard and for screen-readers it is a grid that has the focus as a whole: one of its lines is the active one.
 
-import { make, put } from "./fields";
+import { make, put, shown } from "./fields";
 import { length } from "./frames";
 import { type Item, type Model, newtons } from "./model";
 import type { Orders } from "./orders";
@@ -12,10 +12,13 @@ const letters = { point: "•", polyline: "∿", plane: "▱", mesh: "△" };
 type Line = { client: string; count: number } | Item;
 
 export class Table {
-  private readonly filter = make("input", { type: "search", placeholder: "Filter by name, client, primitive, state", id: "filter" });
+  private readonly filter = make("input", { type: "search", placeholder: "Filter: name, client, state", title: "Words that the name, the client, the primitive or the state has", id: "filter" });
   private readonly scroll = make("div", { className: "scroll", tabIndex: 0 });
   private readonly space = make("div", { className: "space" });
   private readonly none = make("p", { className: "hint", textContent: "Nothing matches the filter.", hidden: true });
+  private readonly check = make("input", { type: "checkbox", id: "metres" });
+  private readonly metres = make("label", { hidden: true }, this.check, " distances in the scale of each client");
+  private readonly damping = make("p", { id: "damping", title: "The servo damps every motion of the hand, also where no object is felt" });
   private lines: Line[] = [];
   private active = -1; // the id of an object, as is the anchor, from which Shift extends the selection
   private anchor = -1;
@@ -33,14 +36,11 @@ export class Table {
     }
     this.space.setAttribute("role", "rowgroup");
     this.scroll.append(this.space);
-    const metres = make("button", { textContent: "client m", id: "metres", title: "Distances in metres of each object's client, not of the device" });
-    metres.setAttribute("aria-pressed", "false");
-    metres.onclick = () => {
-      model.inClientMetres = !model.inClientMetres;
-      metres.setAttribute("aria-pressed", String(model.inClientMetres));
+    this.check.onchange = () => {
+      model.inClientMetres = this.check.checked;
       model.tell("rows");
     };
-    box.append(make("div", { className: "above" }, this.filter, metres), head, this.none, this.scroll);
+    box.append(make("div", { className: "above" }, this.filter, this.metres), head, this.none, this.scroll, this.damping);
     this.filter.oninput = () => this.sort();
     this.scroll.onscroll = () => this.draw();
     this.scroll.onkeydown = (event) => this.key(event);
@@ -53,6 +53,7 @@ export class Table {
       this.reveal();
     });
     model.on(["rows", "state"], () => this.later());
+    model.on(["state"], () => { this.metres.hidden = ![...model.clients.values()].some((client) => client.frame.scale !== 1); });
     new ResizeObserver(() => this.draw()).observe(this.scroll);
   }
 
@@ -64,6 +65,8 @@ export class Table {
       this.isDue = false;
       if (this.filter.value) this.sort(); // by the state, perhaps
       else this.draw();
+      const { model } = this, stats = model.told.stats;
+      put(this.damping, stats ? `Damping of the servo (${shown(stats.damping)} N s/m): ${newtons(model.damping)}` : "");
     }, 200);
   }
 

@@ -6,10 +6,14 @@ import { type Vec, length, minus } from "./frames";
 import { type Drawn, Signs, drawLine, drawMesh, paintCross, paintWarning, planeLooks, pointLooks } from "./looks";
 import { type Condition, type Item, type Model } from "./model";
 import type { ShapeStore } from "./shapes";
+import { themed } from "./theme";
 
 const white = new THREE.Color(0xffffff), grey = new THREE.Color(0x9097a1), red = new THREE.Color(0xc0392b);
 const matrix = new THREE.Matrix4(), colour = new THREE.Color(), up = new THREE.Vector3(0, 1, 0);
 const place = new THREE.Vector3(), turn = new THREE.Quaternion(), size = new THREE.Vector3(), along = new THREE.Vector3();
+
+/** The length of the arrow of 1 N, in units. */
+export const newtonLength = 2;
 
 /** Things of one form, drawn in one call. */
 class Batch {
@@ -57,7 +61,7 @@ interface Solo extends Drawn { hash: string; condition: Condition }
 
 export class Things {
   readonly root = new THREE.Group();
-  /** m at the device: how large points, arrows and the drawn part of a plane are. */
+  /** m at the device: how large points and arrows are, which keep their size on the screen, and the drawn part of a plane. */
   unit = 0.01;
   planeSize = 0.3;
   private readonly points = new Map<Condition, Batch>();
@@ -135,7 +139,7 @@ export class Things {
       colour.set(this.model.colourOf(client.name)).multiplyScalar(0.8);
       this.arrow(minus(sum, origin), this.model.forceOf(client), this.unit * 0.1, colour);
     }
-    this.arrow(minus(sum, origin), this.model.sent, this.unit * 0.2, colour.set(0x1d232b));
+    this.arrow(minus(sum, origin), this.model.sent, this.unit * 0.13, colour.set(themed("hand")));
     for (const batch of batches) batch.end();
   }
 
@@ -162,11 +166,11 @@ export class Things {
     }
   }
 
-  /** 1 N is 15 mm in a workspace of 150 mm; beyond 8 N arrows grow slowly. */
+  /** Beyond 8 N arrows grow slowly. */
   private arrow(from: Vec, force: Vec, radius: number, c: THREE.Color): void {
     const newtons = length(force);
     if (newtons < 0.02) return;
-    const long = 1.5 * this.unit * (newtons < 8 ? newtons : 8 * (1 + Math.log(newtons / 8)));
+    const long = newtonLength * this.unit * (newtons < 8 ? newtons : 8 * (1 + Math.log(newtons / 8)));
     along.set(force[0], force[1], force[2]).normalize();
     turn.setFromUnitVectors(up, along);
     const head = Math.min(long * 0.4, radius * 6);

@@ -5,6 +5,7 @@ import { axis } from "./curve_plot";
 import { make } from "./fields";
 import { length } from "./frames";
 import { type Model } from "./model";
+import { onTheme, themed } from "./theme";
 
 /** The last `most` rows of numbers, oldest first. */
 class Ring {
@@ -72,6 +73,7 @@ export class TimePlots {
     bar.append(this.choice, span, pause, save);
     model.on(["samples"], () => this.take());
     new ResizeObserver(() => this.plot?.setSize(this.size())).observe(box);
+    onTheme(() => this.build());
     this.build();
   }
 
@@ -129,9 +131,9 @@ export class TimePlots {
       ({ label, stroke, width, scale, points: { show: false }, dash: dashes[dash % dashes.length]! });
     this.names = [...this.model.clients.keys()];
     const series = {
-      force: [line("|F|", "#1d232b", 0, 2), line("x", "#b04a3f", 1), line("y", "#4b8b4f", 2), line("z", "#4667a8", 3)],
+      force: [line("|F|", themed("ink"), 0, 2), line("x", themed("x"), 1), line("y", themed("y"), 2), line("z", themed("z"), 3)],
       clients: this.names.map((name, i) => line(name, `#${this.model.colourOf(name).toString(16).padStart(6, "0")}`, i, 2)),
-      servo: [line("late p50", "#8aa0b8", 2), line("p99", "#2f6fb0"), line("max", "#c0392b", 1), line("compute p99", "#4b8b4f", 3), line("Hz", "#a8532c", 4, 1.5, "hz")],
+      servo: [line("late p50", themed("rim"), 2), line("p99", themed("front")), line("max", themed("x"), 1), line("compute p99", themed("y"), 3), line("Hz", themed("back"), 4, 1.5, "hz")],
     };
     const isServo = this.shown === "servo";
     const axes: uPlot.Axis[] = [axis("s", 18), axis(isServo ? "µs" : "N", 42)];

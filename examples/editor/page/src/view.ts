@@ -2,10 +2,14 @@
 
 import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
-import { type Vec, add, length, minus, rotate, toDevice } from "./frames";
+import { type Vec, add, length, minus, rotate, times, toDevice } from "./frames";
+import { make, put } from "./fields";
 import { type Item, type Model } from "./model";
 import { ShapeStore } from "./shapes";
-import { Things } from "./things";
+import { onTheme, themed } from "./theme";
+import { Things, newtonLength } from "./things";
+
+const unitPixels = 13; // what is drawn of a point, of the hand and of a force has this for its unit
 
 export class View {
   readonly scene = new THREE.Scene();
@@ -22,6 +26,9 @@ export class View {
   private readonly halo = new THREE.Group();
   private readonly workspace = new THREE.Group();
   private workspaceSize = "";
+  private least = 0.01; // m: as large as a point is when the view is fitted to it
+  private axes = 0.04; // m
+  private readonly letters = make("div", { className: "letters" }, ...axes.map(([, letter]) => make("b", { className: letter })));
   private behind!: THREE.Mesh;
   private isDirty = false;
   private rowsAreNew = true;
@@ -30,7 +37,7 @@ export class View {
     this.things = new Things(model, this.shapes);
     const antialias = !new URLSearchParams(location.search).has("noantialias");
     this.makeRenderer(antialias);
-    this.scene.background = new THREE.Color(0xf3f5f7);
+    this.scene.background = new THREE.Color(themed("view"));
     this.scene.add(this.things.root, this.hand, this.halo, this.workspace);
     this.scene.add(new THREE.HemisphereLight(0xffffff, 0x737c88, 1.5));
     const sun = new THREE.DirectionalLight(0xffffff, 2.1);
@@ -50,6 +57,11 @@ export class View {
       for (const shape of shapes) this.shapes.get(shape); // it is fetched while the picture is drawn
     });
     new ResizeObserver(() => this.resize()).observe(box);
+    onTheme(() => {
+      this.scene.background = new THREE.Color(themed("view"));
+      this.workspaceSize = ""; // to be made anew
+      this.change();
+    });
     this.makeHand();
     this.resize();
   }
@@ -64,9 +76,15 @@ export class View {
     const canvas = this.renderer.domElement;
     canvas.tabIndex = 0;
     canvas.setAttribute("aria-label", "3D view. Its content is in the table of objects.");
-    this.box.prepend(canvas);
+    this.box.prepend(canvas, this.letters);
     canvas.addEventListener("webglcontextlost", (event) => { event.preventDefault(); this.box.dataset.webgl = "lost"; });
     canvas.addEventListener("webglcontextrestored", () => { delete this.box.dataset.webgl; this.change(); });
+  }
+
+  /** m at the device that a pixel in the middle of the picture has. */
+  get pixel(): number {
+    const high = 2 * Math.tan((this.camera.fov * Math.PI) / 360) * this.camera.position.distanceTo(this.controls.target);
+    return high / (this.box.clientHeight || 1);
   }
 
   /** Something of the scene has changed. */
@@ -80,6 +98,12 @@ export class View {
 
   private draw(): void {
     if (this.box.dataset.webgl === "lost" || this.model.told.serial === undefined) return; // nothing is known yet
+    const unit = unitPixels * this.pixel;
+    if (Math.abs(unit / this.things.unit - 1) > 0.02) {
+      this.things.unit = unit;
+      this.rowsAreNew = true;
+      this.updateScale();
+    }
     if (this.rowsAreNew) {
       this.rowsAreNew = false;
       this.updateWorkspace();
@@ -93,6 +117,7 @@ export class View {
     this.camera.updateProjectionMatrix();
     this.renderer.render(this.scene, this.camera);
     for (const f of this.onDraw) f();
+    this.placeLetters();
   }
 
   private resize(): void {
@@ -107,9 +132,9 @@ export class View {
 
   private makeHand(): void {
     const form = new THREE.SphereGeometry(1, 20, 14);
-    this.hand.add(new THREE.Mesh(form, new THREE.MeshLambertMaterial({ color: 0x1d232b })));
+    this.hand.add(new THREE.Mesh(form, new THREE.MeshLambertMaterial()));
     // The hand shines through what is in front of it.
-    this.behind = new THREE.Mesh(form, new THREE.MeshBasicMaterial({ color: 0x1d232b, transparent: true, opacity: 0.35, depthTest: false }));
+    this.behind = new THREE.Mesh(form, new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.35, depthTest: false }));
     this.behind.renderOrder = 5;
     this.scene.add(this.behind);
   }
@@ -118,7 +143,7 @@ export class View {
     const { model } = this, hand = model.hand;
     this.hand.visible = this.behind.visible = hand !== null;
     if (!hand) return;
-    const points: { at: Vec; colour: number }[] = [{ at: model.handPlace, colour: 0x1d232b }];
+    const points: { at: Vec; colour: number | string }[] = [{ at: model.handPlace, colour: themed("hand") }];
     for (const client of model.clients.values()) {
       const isPlain = client.points.length === 1 && length(client.points[0]!) === 0;
       if (isPlain && !client.held) continue; // it is at the hand
@@ -136,10 +161,11 @@ export class View {
       if (i > 0 && mesh.material === (this.hand.children[0] as THREE.Mesh).material) mesh.material = mesh.material.clone();
       mesh.material.color.set(point.colour);
       mesh.position.set(...minus(point.at, this.origin));
-      mesh.scale.setScalar(this.things.unit * (i === 0 ? 0.32 : 0.2));
+      mesh.scale.setScalar(this.things.unit * (i === 0 ? 0.4 : 0.25));
       if (i === 0) {
         this.behind.position.copy(mesh.position);
         this.behind.scale.copy(mesh.scale);
+        (this.behind.material as THREE.MeshBasicMaterial).color.copy(mesh.material.color);
       }
     });
   }
@@ -150,10 +176,10 @@ export class View {
     if (!device || this.workspaceSize === JSON.stringify(device)) return;
     this.workspaceSize = JSON.stringify(device);
     const r = device.workspace_radius || 0.15, h = device.workspace_height || 0.2;
-    this.things.unit = r / 15;
+    this.least = r / 15;
     this.things.planeSize = 2 * r;
     this.workspace.clear();
-    const line = (points: Vec[], colour: number, opacity = 1) => {
+    const line = (points: Vec[], colour: string, opacity = 1) => {
       const geometry = new THREE.BufferGeometry().setFromPoints(points.map((p) => new THREE.Vector3(...p)));
       const material = new THREE.LineBasicMaterial({ color: colour, transparent: opacity < 1, opacity });
       this.workspace.add(new THREE.LineSegments(geometry, material));
@@ -162,16 +188,35 @@ export class View {
     const rims: Vec[] = [];
     for (const z of [-h / 2, h / 2]) for (let i = 0; i < 64; ++i) rims.push(around(i, z), around(i + 1, z));
     for (let i = 0; i < 64; i += 16) rims.push(around(i, -h / 2), around(i, h / 2));
-    line(rims, 0x9aa3ae);
+    line(rims, themed("rim"));
     const grid: Vec[] = [];
-    const step = r / 3;
-    for (let x = -Math.floor(r / step) * step; x <= r * 1.001; x += step) {
+    const step = rounded(r / 3);
+    for (let i = -Math.floor(r / step); i * step <= r * 1.001; ++i) {
+      const x = i * step;
       const y = Math.sqrt(Math.max(0, r * r - x * x));
       grid.push([x, -y, -h / 2], [x, y, -h / 2], [-y, x, -h / 2], [y, x, -h / 2]);
     }
-    line(grid, 0xc3c9d1, 0.7);
-    const axes: [Vec, number][] = [[[1, 0, 0], 0xb04a3f], [[0, 1, 0], 0x4b8b4f], [[0, 0, 1], 0x4667a8]];
-    for (const [axis, colour] of axes) line([[0, 0, 0], [axis[0] * r * 0.2, axis[1] * r * 0.2, axis[2] * r * 0.2]], colour);
+    line(grid, themed("grid"), 0.7);
+    put(document.getElementById("grid-length")!, `grid ${metres(step)}`);
+    this.axes = r * 0.25;
+    for (const [axis, letter] of axes) line([[0, 0, 0], times(this.axes, axis)], themed(letter));
+  }
+
+  /** How long things are: that of the bar, a round length of about 70 pixels, and that of the arrow of 1 N. */
+  private updateScale(): void {
+    const long = rounded(70 * this.pixel), bar = document.getElementById("scale-bar")!;
+    bar.style.width = `${long / this.pixel}px`;
+    put(document.getElementById("scale-length")!, metres(long));
+    document.getElementById("scale-newton")!.style.width = `${newtonLength * unitPixels}px`;
+  }
+
+  private placeLetters(): void {
+    axes.forEach(([axis, letter], i) => {
+      const element = this.letters.children[i] as HTMLElement, at = this.project(times(1.12 * this.axes, axis));
+      element.style.transform = `translate(${at.x}px, ${at.y}px)`;
+      element.hidden = !at.isInFront;
+      put(element, letter);
+    });
   }
 
   /** A box around each of the things that are selected. */
@@ -185,7 +230,7 @@ export class View {
       box.quaternion.set(q[1], q[2], q[3], q[0]);
       const radius = this.radiusOf(item);
       const flat = item.told.primitive === "plane";
-      box.scale.set(radius * 2, radius * 2, flat ? this.things.unit * 0.2 : radius * 2);
+      box.scale.set(radius * 2, radius * 2, flat ? this.least * 0.2 : radius * 2);
       if (flat) box.scale.multiply(new THREE.Vector3(Math.SQRT1_2, Math.SQRT1_2, 1));
       this.halo.add(box);
     }
@@ -194,8 +239,8 @@ export class View {
   /** m at the device. */
   radiusOf(item: Item): number {
     if (item.told.primitive === "plane") return this.things.planeSize * Math.SQRT1_2;
-    if (item.told.shape) return Math.max(item.told.shape.radius * item.size * (item.told.primitive === "mesh" ? 0.62 : 1), this.things.unit * 0.3);
-    return this.things.unit * 0.6;
+    if (item.told.shape) return Math.max(item.told.shape.radius * item.size * (item.told.primitive === "mesh" ? 0.62 : 1), 1e-6);
+    return this.things.unit * 0.75;
   }
 
   // ---- Camera
@@ -217,14 +262,14 @@ export class View {
     if (chosen.length) {
       const lower: Vec = [Infinity, Infinity, Infinity], upper: Vec = [-Infinity, -Infinity, -Infinity];
       for (const item of chosen) {
-        const at = item.place, r = this.radiusOf(item);
+        const at = item.place, r = item.told.primitive === "point" ? this.least : this.radiusOf(item);
         for (let i = 0; i < 3; ++i) {
           lower[i] = Math.min(lower[i]!, at[i]! - r);
           upper[i] = Math.max(upper[i]!, at[i]! + r);
         }
       }
       centre = [(lower[0] + upper[0]) / 2, (lower[1] + upper[1]) / 2, (lower[2] + upper[2]) / 2];
-      radius = Math.max(length(minus(upper, lower)) / 2, this.things.unit);
+      radius = Math.max(length(minus(upper, lower)) / 2, 1e-5);
     }
     this.origin = centre;
     const towards = this.camera.position.clone().sub(this.controls.target).normalize();
@@ -280,6 +325,18 @@ export class View {
     return { x: ((p.x + 1) / 2) * box.width, y: ((1 - p.y) / 2) * box.height, isInFront: p.z < 1 };
   }
 }
+
+const axes: [Vec, string][] = [[[1, 0, 0], "x"], [[0, 1, 0], "y"], [[0, 0, 1], "z"]];
+
+/** The largest of 1, 2, 5, 10 .. that is not larger. */
+function rounded(x: number): number {
+  const ten = 10 ** Math.floor(Math.log10(x) + 1e-9);
+  return ten * ([5, 2].find((one) => one * ten <= x * 1.000001) ?? 1);
+}
+const metres = (x: number): string => {
+  const [size, unit] = x >= 1 ? [1, "m"] : x >= 0.001 ? [1e3, "mm"] : [1e6, "µm"];
+  return `${Number((x * (size as number)).toPrecision(3))} ${unit}`;
+};
 
 const haloBox = new THREE.EdgesGeometry(new THREE.BoxGeometry(1, 1, 1));
 const haloMaterial = new THREE.LineBasicMaterial({ color: 0xe08a00 });
