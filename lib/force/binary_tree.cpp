@@ -1,8 +1,13 @@
 #include "force/binary_tree.h"
 
+#include <pthread.h>
+
 #include <algorithm>
+#include <atomic>
+#include <chrono>
 #include <limits>
 #include <new>
+#include <thread>
 
 #if FORCESERVER_EMBREE >= 4  // what CMake found
 #include <embree4/rtcore.h>
@@ -12,8 +17,41 @@
 
 #include <tbb/task_arena.h>
 
+#include "base/error.h"
+
 namespace fs {
 namespace {
+
+// A thread that is inside of Embree. When the process ends, Embree's static objects are destroyed, also under a thread of the
+// application that still builds. Ours go before them, because this library needs Embree: so there those who are inside
+// give up, and nobody else comes in.
+class Inside {
+ public:
+  Inside() {
+    ++count;
+    if (!is_process_ending) return;
+    --count;
+    fail();
+  }
+  ~Inside() { --count; }
+  Inside(const Inside&) = delete;
+  Inside& operator=(const Inside&) = delete;
+
+  static bool is_over() noexcept { return is_process_ending; }
+  [[noreturn]] static void fail() { fs::fail(FS_ERROR_STATE, "the process is ending: no mesh is built any more"); }
+
+ private:
+  static inline std::atomic<bool> is_process_ending{false};
+  static inline std::atomic<int> count{0};
+  [[maybe_unused]] static inline const int is_watching = pthread_atfork(nullptr, nullptr, [] { count = 0; });
+  static inline const struct End {
+    ~End() {
+      is_process_ending = true;
+      constexpr int most = 5000;  // ms, should one hang
+      for (int ms = 0; count > 0 && ms < most; ++ms) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+  } end;
+};
 
 using BuiltNode = BinaryTree::Node;
 
@@ -54,11 +92,13 @@ bool goes_on(void* build, double done) {
   BinaryBuild& b = *static_cast<BinaryBuild*>(build);
   b.done = std::max(b.done, done);
   b.wanted.show_part(b.done);
-  return b.has_memory && !b.wanted.is_abandoned();
+  return b.has_memory && !b.wanted.is_abandoned() && !Inside::is_over();
 }
 
 struct Builder {
-  RTCDevice device = rtcNewDevice("ignore_config_files=1");
+  // Without its cache of tessellations, which is not needed: where the memory for it (128 MB) cannot be had, Embree leaves
+  // that locked, and waits for it without end when the next device is made or released.
+  RTCDevice device = rtcNewDevice("ignore_config_files=1,tessellation_cache_size=0");
   RTCBVH bvh = device ? rtcNewBVH(device) : nullptr;
   ~Builder() {
     if (bvh) rtcReleaseBVH(bvh);
@@ -100,6 +140,7 @@ BinaryTree::BinaryTree(std::vector<Box> boxes, Wanted& wanted) : item_count_(box
   std::vector<Box>().swap(boxes);  // an assignment of {} would keep the memory
   wanted.begin_part(0.45, std::numeric_limits<double>::infinity());  // Embree says how far it is
   BinaryBuild work{wanted, memory_};
+  const Inside inside;
   const Builder builder;
   if (!builder.bvh) throw std::bad_alloc();
   RTCBuildArguments arguments = rtcDefaultBuildArguments();
@@ -121,7 +162,8 @@ BinaryTree::BinaryTree(std::vector<Box> boxes, Wanted& wanted) : item_count_(box
   tbb::task_arena caller(1);
   const auto build = [&] { return static_cast<Node*>(caller.execute([&] { return rtcBuildBVH(&arguments); })); };
   top_ = build();
-  if (!top_ && work.has_memory && !wanted.is_abandoned() && rtcGetDeviceError(builder.device) == RTC_ERROR_UNKNOWN) {
+  const bool is_wanted = work.has_memory && !wanted.is_abandoned() && !Inside::is_over();
+  if (!top_ && is_wanted && rtcGetDeviceError(builder.device) == RTC_ERROR_UNKNOWN) {
     // The tree is too deep. Where boxes have no area, as those of a line along an axis, all splits seem to cost the same.
     // Sorted along a curve the items give a tree that is less good to search, but never deep.
     memory_.clear();
@@ -129,6 +171,7 @@ BinaryTree::BinaryTree(std::vector<Box> boxes, Wanted& wanted) : item_count_(box
     top_ = build();
   }
   if (wanted.is_abandoned()) throw Abandoned{};
+  if (!top_ && Inside::is_over()) Inside::fail();
   if (!top_ || !work.has_memory) throw std::bad_alloc();
 }
 

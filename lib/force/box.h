@@ -22,6 +22,11 @@ struct Box {
     upper = {std::max(upper.x, b.upper.x), std::max(upper.y, b.upper.y), std::max(upper.z, b.upper.z)};
   }
   bool is_empty() const noexcept { return !(lower.x <= upper.x); }
+  // m, by which one of them can grow to each side until they meet; 0 or less: they do.
+  double gap(const Box& b) const noexcept {
+    return std::max({lower.x - b.upper.x, lower.y - b.upper.y, lower.z - b.upper.z, b.lower.x - upper.x,
+                     b.lower.y - upper.y, b.lower.z - upper.z});
+  }
   // Without touching it.
   bool is_inside(const Box& b) const noexcept {
     return lower.x > b.lower.x && lower.y > b.lower.y && lower.z > b.lower.z && upper.x < b.upper.x &&

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "force/mesh_tree.h"
+#include "force/triangle.h"
 
 namespace fs {
 namespace {
@@ -59,6 +60,19 @@ bool crosses_triangle(Vec3 a, Vec3 b, Vec3 c, Side side, Vec3 from, Vec3 to, dou
   if (!((ab >= 0 && bc >= 0 && ca >= 0) || (ab <= 0 && bc <= 0 && ca <= 0))) return false;
   part = start / (start - end);
   return true;
+}
+
+int crossing_of(Vec3 a, Vec3 b, Vec3 c, Vec3 from, Vec3 to, bool& is_unclear) noexcept {
+  const double start = volume_of(a, b, c, from), end = volume_of(a, b, c, to);
+  if ((start > 0 && end > 0) || (start < 0 && end < 0)) return 0;
+  const double ab = side_of_edge(from, to, a, b), bc = side_of_edge(from, to, b, c), ca = side_of_edge(from, to, c, a);
+  const bool is_through = (ab >= 0 && bc >= 0 && ca >= 0) || (ab <= 0 && bc <= 0 && ca <= 0);
+  if (!is_through) return 0;
+  if (start == 0 || end == 0 || ab == 0 || bc == 0 || ca == 0) {
+    is_unclear |= !(triangle_normal(a, b, c) == Vec3{});  // without area it tells nothing
+    return 0;
+  }
+  return start > 0 ? 1 : -1;
 }
 
 bool first_crossing(fs_primitive primitive, const Shape* shape, Side side, Vec3 from, Vec3 to, Crossing& out) noexcept {

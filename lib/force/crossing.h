@@ -20,4 +20,8 @@ bool first_crossing(fs_primitive primitive, const Shape* shape, Side side, Vec3 
 // The same for one triangle. normal is not set.
 bool crosses_triangle(Vec3 a, Vec3 b, Vec3 c, Side side, Vec3 from, Vec3 to, double& part) noexcept;
 
+// 1: the way leaves through this triangle, from behind it to its front; -1: it enters; 0: neither. is_unclear: set where an end of
+// the way is in the plane of the triangle or the way passes through an edge, as more than one triangle may tell then.
+int crossing_of(Vec3 a, Vec3 b, Vec3 c, Vec3 from, Vec3 to, bool& is_unclear) noexcept;
+
 }  // namespace fs

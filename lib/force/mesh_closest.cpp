@@ -27,12 +27,14 @@ FS_INLINE MeshTree::Found MeshTree::find_from(const Query& query) const noexcept
   };
   const double scale = frame_.scale;
   const auto local = [&](double squared) __attribute__((always_inline)) { return squared * scale * scale; };
-  if (query.hint < corners_.size() / 3) take(query.hint);
+  const WideTree& tree = union_ ? union_->tree : tree_;
+  const Packet* const packets = union_ ? union_->packets.data() : packets_.data();
+  if (is_item(query.hint)) take(query.hint);
   const Vec3 at = frame_.local(x);
   const From from{at};
   uint32_t visits = query.visits;
   const auto test = [&](uint32_t leaf, typename From::Real& bound) __attribute__((always_inline)) {
-    const Packet& packet = packets_[leaf];
+    const Packet& packet = packets[leaf];
     const Estimate estimate = estimate_of(packet, at);
     float squared[Packet::width];
     store(squared, estimate.squared);
@@ -56,8 +58,8 @@ FS_INLINE MeshTree::Found MeshTree::find_from(const Query& query) const noexcept
       }
     }
   };
-  const auto expect = [&](uint32_t leaf) __attribute__((always_inline)) { prefetch(packets_.data() + leaf); };
-  const double unseen = search(tree_, from, rounded_up<From>(local(most)), visits, test, expect);
+  const auto expect = [&](uint32_t leaf) __attribute__((always_inline)) { prefetch(packets + leaf); };
+  const double unseen = search(tree, from, rounded_up<From>(local(most)), visits, test, expect);
   const double distance = std::sqrt(best.squared);
   if (!(distance <= query.range)) out.triangle = no_triangle;
   out.least = std::min(std::min(distance, query.range), std::sqrt(unseen) / scale);
@@ -83,7 +85,51 @@ MeshTree::Found MeshTree::find(const Query& query) const noexcept {
   return find_plain(query);
 }
 
+// At an edge or a corner of a triangle that another part meets, its neighbours in its own part do not tell the side.
+Closest MeshTree::tell_met(Vec3 x, const Found& found) const noexcept {
+  const uint32_t triangle = found.triangle < triangle_count() ? found.triangle : union_->pieces[found.triangle - triangle_count()].triangle;
+  const Nearest& nearest = found.nearest;
+  const Vec3 normal = normals_.face(triangle);
+  Closest hit;
+  hit.point = x + nearest.offset;
+  hit.triangle = found.triangle;
+  hit.distance = std::sqrt(nearest.squared);
+  double largest = largest_coordinate(x);
+  for (int k = 0; k < 3; ++k) largest = std::max(largest, largest_coordinate(corner(found.triangle, k)));
+  const double height = -dot(nearest.offset, normal);
+  const bool is_above = std::fabs(height) >= (1 - 1e-14) * hit.distance;  // it is a joint within the triangle
+  if (nearest.part == Part::face || is_above) {
+    hit.feature = Feature::face;
+  } else if (nearest.part < Part::corner_a) {
+    const int k = static_cast<int>(nearest.part) - static_cast<int>(Part::edge_ab);
+    hit.feature = Feature::edge;
+    hit.tangent = normalized(corner(found.triangle, (k + 1) % 3) - corner(found.triangle, k));
+  }
+  if (hit.distance <= coordinate_rounding(largest)) {
+    hit.distance = 0;
+    hit.direction = normal;
+    return hit;
+  }
+  hit.side = height >= 0 ? Side::front : Side::back;
+  if (hit.feature == Feature::face) {
+    hit.direction = hit.side == Side::front ? normal : -normal;
+    return hit;
+  }
+  hit.direction = normalized(-nearest.offset);
+  // All places nearer to x than the closest point have its side. One on an edge, also of surface that is not there, tells nothing.
+  constexpr Vec3 asides[] = {{0, 0, 0}, {0.21, -0.37, 0.29}, {-0.33, 0.19, 0.23}};
+  for (const Vec3& aside : asides) {
+    bool is_known = true;
+    const bool is_inside = winding(x + hit.distance * aside, is_known) != 0;
+    if (!is_known) continue;
+    hit.side = is_inside == union_->is_inward[found.triangle] ? Side::front : Side::back;
+    break;
+  }
+  return hit;
+}
+
 Closest MeshTree::tell(Vec3 x, const Found& found) const noexcept {
+  if (union_ && (found.triangle >= triangle_count() || union_->is_met[found.triangle])) return tell_met(x, found);
   const Nearest& nearest = found.nearest;
   const uint32_t* v = corners_.data() + size_t{3} * found.triangle;
   const Vec3 corners[3] = {points_[v[0]], points_[v[1]], points_[v[2]]};

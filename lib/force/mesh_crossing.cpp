@@ -49,6 +49,60 @@ __attribute__((target("avx2"))) uint32_t MeshTree::cross_avx2(Side side, Vec3 fr
 }
 #endif
 
+namespace {
+
+// Calls use(triangle) for each that may meet the span.
+template <class Use>
+void for_each_near(const WideTree& tree, const std::vector<Packet>& packets, const Span& span, Use&& use) {
+  uint32_t stack[WideTree::most_depth * (WideNode::width - 1) + 1];
+  uint32_t size = 0;
+  stack[size++] = tree.nodes() ? WideTree::root : WideNode::leaf_bit;
+  while (size > 0) {
+    const uint32_t child = stack[--size];
+    if (!(child & WideNode::leaf_bit)) {
+      const WideNode& node = tree.nodes()[child];
+      for (uint32_t near = children_in(node, span); near; near &= near - 1) stack[size++] = node.child[std::countr_zero(near)];
+      continue;
+    }
+    const Packet& packet = packets[child & ~WideNode::leaf_bit];
+    for (uint32_t near = triangles_in(packet, span); near; near &= near - 1) use(packet.triangle[std::countr_zero(near)]);
+  }
+}
+
+}  // namespace
+
+int MeshTree::winding(Vec3 x, bool& is_known) const noexcept {
+  // Ways that leave the mesh nearly along an axis, so that few triangles are near; each leans another way, so that hardly any
+  // meets an edge, and hardly two of them do.
+  constexpr int tries = 9;
+  const double size = 2 / frame_.scale;  // m; the mesh is no larger
+  const Vec3 away = x - frame_.middle;
+  for (int i = 0; i < tries; ++i) {
+    double way[3];
+    const double from[3] = {away.x, away.y, away.z};
+    for (int k = 0; k < 3; ++k) {
+      const double lean = 1e-4 * (1 + 0.137 * i + 0.618 * k);
+      way[k] = k == (2 - i % 3) ? (from[k] < 0 ? -1 : 1) : k % 2 ? lean : -lean;
+    }
+    const Vec3 to = x + size * Vec3{way[0], way[1], way[2]};
+    const Vec3 a = frame_.local(x), b = frame_.local(to);
+    int out = 0;
+    bool is_unclear = false;
+    for_each_near(tree_, packets_, Span(a, b), [&](uint32_t triangle) {
+      out += crossing_of(corner(triangle, 0), corner(triangle, 1), corner(triangle, 2), x, to, is_unclear);
+    });
+    if (!is_unclear) return out;
+  }
+  is_known = false;
+  return 0;
+}
+
+void MeshTree::collect(const Box& box, std::vector<uint32_t>& out) const {
+  for_each_near(tree_, packets_, Span(frame_.local(box.lower), frame_.local(box.upper)), [&](uint32_t triangle) {
+    out.push_back(triangle);
+  });
+}
+
 bool MeshTree::first_crossing(Side side, Vec3 from, Vec3 to, Crossing& out) const noexcept {
   double part;
 #ifdef __x86_64__

@@ -47,7 +47,7 @@ std::vector<Box> boxes_of(std::span<const Vec3> points, std::span<const uint32_t
 }  // namespace
 
 MeshTree::MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corners, std::unique_ptr<MeshEdges> edges,
-                   Wanted& wanted)
+                   const MeshParts& parts, Wanted& wanted)
     : points_(points),
       corners_(corners),
       frame_(frame_of(points, corners, wanted)),
@@ -71,10 +71,44 @@ MeshTree::MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corne
   use_large_pages(corners_);
   use_large_pages(std::span<const Packet>(packets_));
   tree_.for_each_array([](const void* memory, size_t bytes) { use_large_pages(memory, bytes); });
+  Wanted rest = wanted;  // nobody is shown how far that is
+  rest.show(nullptr);
+  if (std::unique_ptr<MeshUnion> whole = MeshUnion::of(*this, points, corners, parts, rest)) build_union(std::move(whole), rest);
+}
+
+void MeshTree::build_union(std::unique_ptr<MeshUnion> whole, Wanted& wanted) {
+  MeshUnion& made = *whole;
+  union_ = std::move(whole);
+  std::vector<uint32_t> items;
+  for (uint32_t i = 0; i < triangle_count(); ++i) {
+    if (made.counts[i]) items.push_back(i);
+  }
+  for (uint32_t i = 0; i < made.pieces.size(); ++i) items.push_back(triangle_count() + i);
+  std::vector<Box> boxes(items.size());
+  for (size_t i = 0; i < items.size(); ++i) {
+    for (int k = 0; k < 3; ++k) boxes[i].add(frame_.local(corner(items[i], k)));
+  }
+  made.tree = WideTree(std::move(boxes), wanted);
+  std::vector<uint32_t> numbers;  // in the order of the leaves
+  std::vector<Vec3> places;
+  for (const uint32_t i : made.tree.items()) {
+    numbers.push_back(items[i]);
+    for (int k = 0; k < 3; ++k) places.push_back(frame_.local(corner(items[i], k)));
+  }
+  made.tree.add_discs(places, wanted);
+  for (const WideTree::Leaf leaf : made.tree.leaves()) {
+    made.packets.emplace_back(numbers.data() + leaf.begin, places.data() + size_t{3} * leaf.begin, leaf.end - leaf.begin);
+  }
+  made.tree.forget_items();
 }
 
 size_t MeshTree::size() const noexcept {
-  return tree_.size() + packets_.size() * sizeof(Packet) + normals_.size();
+  size_t out = tree_.size() + packets_.size() * sizeof(Packet) + normals_.size();
+  if (union_) {
+    out += union_->tree.size() + union_->packets.size() * sizeof(Packet) + union_->pieces.size() * sizeof(MeshUnion::Piece) +
+           (union_->counts.size() + union_->is_met.size() + union_->is_inward.size()) / 8;
+  }
+  return out;
 }
 
 }  // namespace fs

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "force/crossing.h"
+#include "force/mesh_union.h"
 #include "force/packet.h"
 #include "force/primitive.h"
 #include "force/pseudonormals.h"
@@ -16,8 +17,9 @@ namespace fs {
 class MeshTree {
  public:
   // corners: three indices of points for each triangle. Both live as long as the tree. edges: of the corners; null: not
-  // known. Throws Abandoned.
-  MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corners, std::unique_ptr<MeshEdges> edges, Wanted& wanted);
+  // known. parts: of a closed mesh. Throws Abandoned.
+  MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corners, std::unique_ptr<MeshEdges> edges,
+           const MeshParts& parts, Wanted& wanted);
 
   static constexpr uint32_t no_triangle = UINT32_MAX;
   static constexpr uint32_t no_limit = UINT32_MAX;
@@ -30,7 +32,7 @@ class MeshTree {
                                    // but in time
     uint32_t visits = no_limit;    // of nodes and leaves of the tree and of triangles; the last leaf is finished
   };
-  // What was found. Of the triangles at the least distance it is the one with the lowest index, as a test of all triangles in
+  // What was found: a triangle, or of a mesh whose parts cross an item of its union. Of the triangles at the least distance it is the one with the lowest index, as a test of all triangles in
   // order would find it.
   struct Found {
     Nearest nearest;                    // its offset is relative to x
@@ -48,6 +50,21 @@ class MeshTree {
   // [rt] See crossing.h.
   bool first_crossing(Side side, Vec3 from, Vec3 to, Crossing& out) const noexcept;
 
+  // [rt] The closest point of a triangle, or of an item of the union, relative to x; and its corner k, m.
+  Nearest nearest_on(uint32_t item, Vec3 x) const noexcept {
+    return nearest_on_triangle(corner(item, 0) - x, corner(item, 1) - x, corner(item, 2) - x);
+  }
+  Vec3 corner(uint32_t item, int k) const noexcept {
+    if (item >= triangle_count()) return union_->pieces[item - triangle_count()].corners[k];
+    return points_[corners_[size_t{3} * item + k]];
+  }
+
+  // [rt] How often the mesh, which is closed, goes round x. is_known: false where all ways out of it meet an edge.
+  int winding(Vec3 x, bool& is_known) const noexcept;
+  // Appends the triangles that may meet the box.
+  void collect(const Box& box, std::vector<uint32_t>& out) const;
+
+  bool is_union() const noexcept { return union_ != nullptr; }  // parts cross or lie in one another: the closest point is that of the union
   size_t size() const noexcept;  // bytes
 
  private:
@@ -58,10 +75,13 @@ class MeshTree {
   uint32_t cross(Side side, Vec3 from, Vec3 to, double& part) const noexcept;
   uint32_t cross_avx2(Side side, Vec3 from, Vec3 to, double& part) const noexcept;
 
-  Nearest nearest_on(uint32_t triangle, Vec3 x) const noexcept {
-    const uint32_t* v = corners_.data() + size_t{3} * triangle;
-    return nearest_on_triangle(points_[v[0]] - x, points_[v[1]] - x, points_[v[2]] - x);
+  uint32_t triangle_count() const noexcept { return static_cast<uint32_t>(corners_.size() / 3); }
+  bool is_item(uint32_t item) const noexcept {
+    if (!union_) return item < triangle_count();
+    return item < triangle_count() ? union_->counts[item] : item - triangle_count() < union_->pieces.size();
   }
+  Closest tell_met(Vec3 x, const Found& found) const noexcept;
+  void build_union(std::unique_ptr<MeshUnion> whole, Wanted& wanted);
 
   std::span<const Vec3> points_;
   std::span<const uint32_t> corners_;
@@ -69,6 +89,7 @@ class MeshTree {
   WideTree tree_;
   std::vector<Packet> packets_;  // the leaves of the tree
   Pseudonormals normals_;
+  std::unique_ptr<const MeshUnion> union_;  // null: all of the surface counts
 };
 
 }  // namespace fs

@@ -46,10 +46,7 @@ struct Piece {
 // The closest point of one triangle or segment, relative to y.
 Nearest nearest_on_item(const Shape& shape, uint32_t item, Vec3 y) noexcept {
   const auto point = [&](size_t i) { return shape.points[i] - y; };
-  if (shape.primitive == FS_PRIMITIVE_MESH) {
-    const uint32_t* const v = shape.triangles.data() + size_t{3} * item;
-    return nearest_on_triangle(point(v[0]), point(v[1]), point(v[2]));
-  }
+  if (shape.primitive == FS_PRIMITIVE_MESH) return shape.tree()->nearest_on(item, y);
   Nearest out;
   nearest_on_segment(point(item), point(item + 1 < shape.points.size() ? item + 1 : 0), Part::edge_ab, Part::corner_a,
                      Part::corner_b, out);
@@ -67,13 +64,13 @@ Closest closest_on_item(const Shape& shape, uint32_t item, Vec3 y) noexcept {
     out.feature = Feature::face;
   } else if (nearest.part < Part::corner_a) {
     out.feature = Feature::edge;
-    size_t from = item, to = item + 1 < shape.points.size() ? item + 1 : 0;
     if (shape.primitive == FS_PRIMITIVE_MESH) {
-      const size_t k = static_cast<size_t>(nearest.part) - static_cast<size_t>(Part::edge_ab);
-      from = shape.triangles[size_t{3} * item + k];
-      to = shape.triangles[size_t{3} * item + (k + 1) % 3];
+      const int k = static_cast<int>(nearest.part) - static_cast<int>(Part::edge_ab);
+      out.tangent = normalized(shape.tree()->corner(item, (k + 1) % 3) - shape.tree()->corner(item, k));
+    } else {
+      const size_t to = item + 1 < shape.points.size() ? item + 1 : 0;
+      out.tangent = normalized(shape.points[to] - shape.points[item]);
     }
-    out.tangent = normalized(shape.points[to] - shape.points[from]);
   }
   return out;
 }

@@ -173,7 +173,9 @@ void fs_shape::build(fs::Wanted& wanted) const {
   if (is_built()) return;
   wanted.show(&progress_);
   try {
-    tree_.store(new fs::MeshTree(points, triangles, std::move(edges_), wanted), std::memory_order_release);
+    if (closed && !edges_) edges_ = std::make_unique<fs::MeshEdges>(triangles, points.size(), wanted);
+    const fs::MeshParts parts = closed ? fs::MeshParts(triangles, *edges_, wanted) : fs::MeshParts();
+    tree_.store(new fs::MeshTree(points, triangles, std::move(edges_), parts, wanted), std::memory_order_release);
   } catch (...) {
     wanted.show(nullptr);
     progress_ = 0;
@@ -189,4 +191,5 @@ void fs_shape::get_info(fs_shape_info& out) const {
   out = info_;
   out.struct_size = struct_size;
   out.built = is_built();
+  out.united = tree() && tree()->is_union();
 }

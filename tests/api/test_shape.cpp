@@ -10,6 +10,7 @@
 #include <numbers>
 #include <thread>
 
+#include "api/hand.h"
 #include "api/support.h"
 
 using namespace scenes;
@@ -459,11 +460,219 @@ START_TEST(scenes_of_the_tests) {
 }
 END_TEST
 
+// ---- Closed meshes of several parts. ----
+
+static MeshData prism_mesh(double radius, double half_height, int sides) {
+  MeshData m;
+  for (int i = 0; i < sides; ++i) {
+    const double angle = 2 * std::numbers::pi * i / sides;
+    for (const double z : {-half_height, half_height}) m.points.push_back({radius * std::cos(angle), radius * std::sin(angle), z});
+  }
+  for (uint32_t i = 0, n = static_cast<uint32_t>(sides); i < n; ++i) {
+    const uint32_t a = 2 * i, b = 2 * ((i + 1) % n);
+    m.triangles.insert(m.triangles.end(), {a, b, a + 1, b, b + 1, a + 1});
+    if (i > 0 && i + 1 < n) m.triangles.insert(m.triangles.end(), {0, b, a, 1, a + 1, b + 1});
+  }
+  return m;
+}
+static MeshData joined(const std::vector<MeshData>& parts) {
+  MeshData out;
+  for (const MeshData& part : parts) {
+    const auto first = static_cast<uint32_t>(out.points.size());
+    out.points.insert(out.points.end(), part.points.begin(), part.points.end());
+    for (const uint32_t i : part.triangles) out.triangles.push_back(first + i);
+  }
+  return out;
+}
+static MeshData turned_inwards(MeshData m) {
+  for (size_t t = 0; t < m.triangles.size(); t += 3) std::swap(m.triangles[t], m.triangles[t + 1]);
+  return m;
+}
+
+// Three bodies in a row, a head, six legs of a thigh and a foot, each stuck into the next, as people make such models.
+static std::vector<MeshData> ant() {
+  std::vector<MeshData> parts;
+  const auto put = [&](const MeshData& mesh, fs_vec3 at, fs_vec3 axis = {0, 0, 1}, double angle = 0) {
+    parts.push_back(moved(mesh, {at, turn(axis, angle)}));
+  };
+  put(sphere_mesh(0.02, 150), {0, 0, 0});
+  put(sphere_mesh(0.03, 150), {-0.04, 0, 0.002});
+  put(sphere_mesh(0.016, 120), {0.03, 0.001, 0.004});
+  for (int i = 0; i < 6; ++i) {
+    const double x = 0.012 * (i / 2 - 1), side = i % 2 ? 1 : -1;
+    put(prism_mesh(0.003, 0.022, 7), {x, side * 0.03, 0.003 + 0.0001 * i}, {1, 0, 0}, side * 1.5);
+    put(box_mesh({0.002, 0.0025, 0.015}), {x + 0.001, side * 0.05, -0.008}, {1, 0, 0}, side * 0.2);
+  }
+  return parts;
+}
+
+// Whether x is in one of the parts, farther from its surface than `margin` (m).
+static bool is_within(const std::vector<MeshData>& parts, fs_vec3 x, double margin) {
+  return std::any_of(parts.begin(), parts.end(), [&](const MeshData& part) {
+    fs_vec3 low = part.points[0], high = low;
+    for (const fs_vec3& p : part.points) {
+      low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
+      high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
+    }
+    if (x.x < low.x || x.y < low.y || x.z < low.z || x.x > high.x || x.y > high.y || x.z > high.z) return false;
+    if (std::fabs(winding(part, x)) < 0.5) return false;
+    for (size_t t = 0; margin > 0 && t < part.triangles.size(); t += 3) {
+      const fs_vec3 a = part.points[part.triangles[t]], b = part.points[part.triangles[t + 1]], c = part.points[part.triangles[t + 2]];
+      const fs_vec3 n = unit(cross(b - a, c - a)), foot = x - dot(x - a, n) * n;
+      const bool is_over = dot(cross(b - a, foot - a), n) > -1e-12 && dot(cross(c - b, foot - b), n) > -1e-12 &&
+                           dot(cross(a - c, foot - c), n) > -1e-12;
+      if (is_over && std::fabs(dot(x - a, n)) < margin) return false;
+    }
+    return true;
+  });
+}
+
+// The force of 1 N/m to the surface, as seen from one side only, and from both.
+struct Seen {
+  fs_vec3 front, back;
+};
+static std::vector<Seen> seen(const MeshData& mesh, const std::vector<fs_vec3>& places, fs_vec3 moved_by = {}) {
+  MeshData there = mesh;
+  for (fs_vec3& p : there.points) p = p + moved_by;
+  const Shape shape = make_mesh(there);
+  std::vector<fs_vec3> xs = places, forces(places.size());
+  for (fs_vec3& x : xs) x = x + moved_by;
+  std::vector<Seen> out(places.size());
+  for (const bool is_front : {true, false}) {
+    const Scene scene = make_scene();
+    fs_object o = fs_object_init("o", FS_PRIMITIVE_MESH);
+    o.shape = shape.get();
+    (is_front ? o.front : o.back) = attract(1, 1000);
+    OK(fs_object_set(scene.get(), &o));
+    OK(fs_evaluate_field(scene.get(), nullptr, 1, xs.data(), xs.size(), forces.data()));
+    for (size_t i = 0; i < xs.size(); ++i) (is_front ? out[i].front : out[i].back) = forces[i];
+  }
+  return out;
+}
+
+// Against brute force: inside is what is in any part; the closest point lies in no part, and no place of their surfaces that lies in
+// no other part is nearer.
+static void check_union(const char* name, const std::vector<MeshData>& parts, uint64_t seed, int count) {
+  const MeshData mesh = joined(parts);
+  std::vector<fs_vec3> free;  // places on the surface of the union
+  for (const MeshData& part : parts) {
+    for (size_t t = 0; t < part.triangles.size(); t += 3) {
+      const fs_vec3 a = part.points[part.triangles[t]], b = part.points[part.triangles[t + 1]], c = part.points[part.triangles[t + 2]];
+      const fs_vec3 out = 1e-7 * unit(cross(b - a, c - a));
+      const int n = 2 + static_cast<int>(std::sqrt(norm(cross(b - a, c - a))) / 0.005);
+      for (int i = 0; i <= n; ++i) {
+        for (int k = 0; k + i <= n; ++k) {
+          const fs_vec3 x = a + (1.0 * i / n) * (b - a) + (1.0 * k / n) * (c - a);
+          if (!is_within(parts, x, 1e-9) && !is_within(parts, x + out, 0)) free.push_back(x);  // not between two that touch
+        }
+      }
+    }
+  }
+  fs_vec3 low{1e9, 1e9, 1e9}, high = -1.0 * low;
+  for (const fs_vec3& p : mesh.points) {
+    low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
+    high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
+  }
+  Random random(seed);
+  std::vector<fs_vec3> places;
+  for (int i = 0; i < count; ++i) {
+    const fs_vec3 x{random.between(low.x, high.x), random.between(low.y, high.y), random.between(low.z, high.z)};
+    places.push_back(x);
+    // Beside the surface, where the parts meet too.
+    places.push_back(free[random.below(free.size())] + random.log_between(1e-7, 1e-2) * random.direction());
+    // On an edge of surface that lies inside.
+    const size_t t = 3 * random.below(mesh.triangles.size() / 3);
+    const fs_vec3 a = mesh.points[mesh.triangles[t]], b = mesh.points[mesh.triangles[t + 1]];
+    const fs_vec3 on = a + (1.0 / 16) * static_cast<double>(random.below(17)) * (b - a);
+    if (is_within(parts, on, 1e-6)) places.push_back(on);
+  }
+  const std::vector<Seen> got = seen(mesh, places), turned = seen(turned_inwards(mesh), places);
+  int inside = 0;
+  for (size_t i = 0; i < places.size(); ++i) {
+    const fs_vec3 x = places[i], force = got[i].front + got[i].back;
+    const double distance = norm(force);
+    const bool is_inside = is_within(parts, x, 0);
+    inside += is_inside;
+    ck_assert_msg((norm(got[i].back) > 0) == is_inside, "%s: (%.17g, %.17g, %.17g) is %s, but the force is %g N in front, %g N behind",
+                  name, x.x, x.y, x.z, is_inside ? "inside" : "outside", norm(got[i].front), norm(got[i].back));
+    ck_assert_msg(!is_within(parts, x + force, 1e-8), "%s: (%.17g, %.17g, %.17g): the closest point, %g m away, lies within a part",
+                  name, x.x, x.y, x.z, distance);
+    EXPECT_NEAR(norm(turned[i].front), norm(got[i].back), 1e-9);  // two places may be equally near
+    EXPECT_NEAR(norm(turned[i].back), norm(got[i].front), 1e-9);
+    for (const fs_vec3& p : free) {
+      ck_assert_msg(norm(p - x) >= distance - 1e-8, "%s: (%.17g, %.17g, %.17g): %g m away, not %g m", name, x.x, x.y, x.z,
+                    norm(p - x), distance);
+    }
+  }
+  ck_assert_int_gt(inside, count / 50);
+}
+
+START_TEST(parts_that_cross_are_one_body) {
+  // A beam stuck in a box: what pushes out of them goes on to do so on the way through the hidden end of the beam.
+  const std::vector<MeshData> two{box_mesh({0.03, 0.03, 0.02}), moved(box_mesh({0.02, 0.01, 0.01}), at({0.04, 0, 0}))};
+  const fs_shape_info info = info_of(make_mesh(joined(two)).get());
+  ck_assert(info.closed);
+  std::vector<fs_vec3> way;
+  for (double z = 0.0199; z > -0.0195; z -= 0.0005) way.push_back({0.018, 0, z});
+  for (const fs_vec3 far : {fs_vec3{}, fs_vec3{1e6, -2e6, 3e5}}) {
+    const std::vector<Seen> felt = seen(joined(two), way, far);
+    for (size_t i = 0; i < way.size(); ++i) {
+      const double depth = std::min(0.02 - std::fabs(way[i].z), std::hypot(0.012, std::max(0.0, 0.01 - std::fabs(way[i].z)) > 0 ?
+                                    0.01 - std::fabs(way[i].z) : 0.0));
+      ck_assert_msg(norm(felt[i].front) == 0, "at z = %g it counts as outside", way[i].z);
+      ck_assert_msg(std::fabs(norm(felt[i].back) - depth) < 1e-8, "at z = %g: %g m deep, not %g", way[i].z, norm(felt[i].back), depth);
+    }
+  }
+  check_union("box and beam", two, 1, 300);
+  check_union("ant", ant(), 2, 300);
+  // Flush and equal parts, and parts within parts.
+  check_union("flush", {box_mesh({0.03, 0.03, 0.02}), moved(box_mesh({0.01, 0.01, 0.01}), at({0, 0, 0.03}))}, 3, 300);
+  check_union("flush at an edge", {box_mesh({0.03, 0.03, 0.02}), moved(box_mesh({0.01, 0.01, 0.01}), at({0.04, 0.02, 0.01}))}, 4, 300);
+  check_union("within", {box_mesh({0.03, 0.03, 0.02}), moved(sphere_mesh(0.01, 100), at({0.005, 0, 0}))}, 5, 300);
+  check_union("twice", {box_mesh({0.03, 0.02, 0.02}), box_mesh({0.03, 0.02, 0.02}), moved(sphere_mesh(0.015, 200), at({0.03, 0, 0}))}, 6, 300);
+  for (int i = 0; i < (is_sanitized ? 1 : times(4, 12)); ++i) {
+    Random random(100 + static_cast<uint64_t>(i));
+    std::vector<MeshData> parts;
+    for (uint64_t n = 2 + random.below(5); parts.size() < n;) {
+      const double size = random.between(0.005, 0.03);
+      const uint64_t kind = random.below(4);
+      const MeshData one = kind == 0   ? box_mesh({size, random.between(0.002, 0.03), random.between(0.002, 0.03)})
+                           : kind == 1 ? prism_mesh(size, random.between(0.002, 0.04), 3 + static_cast<int>(random.below(12)))
+                           : kind == 2 ? sphere_mesh(size, 40 + random.below(200))
+                                       : torus_mesh(0.02, 0.006, 150);
+      parts.push_back(moved(one, random.pose(0.02)));
+    }
+    check_union(("scene " + std::to_string(i)).c_str(), parts, static_cast<uint64_t>(i), 150);
+  }
+}
+END_TEST
+
+// Parts that keep apart, and a hollow, are left as they are; so is what is not closed.
+START_TEST(parts_that_keep_apart) {
+  const MeshData shell = joined({sphere_mesh(0.03, 300), turned_inwards(sphere_mesh(0.02, 200))});
+  const std::vector<Seen> felt = seen(shell, {{0, 0, 0.005}, {0, 0, 0.026}, {0, 0, 0.04}});
+  ck_assert(norm(felt[0].front) > 0.01 && norm(felt[0].back) == 0);  // the hollow is outside
+  ck_assert(norm(felt[1].back) > 0.003 && norm(felt[1].front) == 0);
+  ck_assert(norm(felt[2].front) > 0.009 && norm(felt[2].back) == 0);
+  const MeshData apart = joined({sphere_mesh(0.03, 300), moved(sphere_mesh(0.02, 200), at({0.06, 0, 0}))});
+  for (const MeshData& mesh : {shell, apart, terrain_mesh(1, 0.3, 200), sphere_mesh(0.03, 300)}) {
+    const Shape shape = make_mesh(mesh);
+    OK(fs_shape_build(shape.get()));
+    ck_assert(!info_of(shape.get()).united);
+  }
+  const Shape shape = make_mesh(joined(ant()));
+  ck_assert(!info_of(shape.get()).united);  // before it is built nobody knows
+  OK(fs_shape_build(shape.get()));
+  ck_assert(info_of(shape.get()).united);
+}
+END_TEST
+
 int main() {
   Suite* suite = suite_create("shape");
   add_case(suite, "shapes", {polylines, meshes, another_mesh_is_felt_at_once, edges_of_meshes, shape_references,
                              progress_of_a_build,
                             a_build_needs_no_other_thread, scenes_of_the_tests});
+  add_case(suite, "parts", {parts_that_cross_are_one_body, parts_that_keep_apart});
   add_case(suite, "curves", {tables, expressions});
   add_case(suite, "files", {mesh_files, faces_that_are_not_convex, bad_mesh_files});
   return run_suite(suite);
