@@ -14,6 +14,22 @@ pre { white-space: pre-wrap; background: #f6f6f2; padding: .6em .8em; } td, th {
 td pre, td p { margin: 0; background: none; padding: 0; } h2 { border-top: 1px solid #ccc; padding-top: .8em; } code { background: #f6f6f2; }
 .rt { background: #dfd; padding: 0 .4em; border-radius: .3em; font-size: 80%; }"""
 described = description.load()
+
+
+def comments(header):
+    """What a header says of itself, and of its parts: each with the name of the function that follows it."""
+    text = (description.INCLUDE / header).read_text()
+    found = [(match.end(), re.sub(r"(?m)^ ?\* ?", "", match[1]).strip()) for match in re.finditer(r"/\*(.*?)\*/", text, re.S)]
+    general = found[0][1]
+    functions = [(match.start(), match[1]) for match in re.finditer(r"(?m)^FS_API [^;(]*?\b(fs_\w+)\(", text)]
+    parts = {}
+    for end, said in found[1:]:
+        following = next((name for at, name in functions if at > end), None)
+        if said.startswith("----") and following:
+            parts.setdefault(following, []).append(said.lstrip("- "))
+    return general, parts
+
+
 # Where each name stands.
 page_of = {}
 for function in described["functions"]:
@@ -55,8 +71,10 @@ folder.mkdir(parents=True, exist_ok=True)
 headers = [header["name"] for header in described["headers"] if header["name"] != "forceserver.h"]
 for header in headers:
     functions = [function for function in described["functions"] if function["header"] == header]
-    body = rows(functions, lambda f: [f'<a href="#{f["name"]}">{f["name"]}</a>'])
+    general, parts = comments(header)
+    body = comment(general) + rows(functions, lambda f: [f'<a href="#{f["name"]}">{f["name"]}</a>'])
     for function in functions:
+        body += "".join(comment(part) for part in parts.get(function["name"], []))
         mark = ' <span class="rt">real-time</span>' if function["rt"] else ""
         body += f'<h2 id="{function["name"]}">{function["name"]}{mark}</h2>'
         body += "" if function["for_c"] else f"<p><code>{html.escape(declaration(function))}</code></p>"
@@ -76,7 +94,7 @@ types += "<h2>handles</h2>" + rows(described["handles"], lambda h: [f"<code>{h['
 types += "<h2>constants</h2>" + rows(described["constants"], lambda c: [f"<code>{c['name']}</code>", c["value"], linked(c["comment"])])
 (folder / "types.html").write_text(page("types", types))
 
-index = "<ul>" + "".join(f'<li><a href="{header}.html">{header}</a></li>' for header in headers)
+index = comment(comments("forceserver.h")[0]) + "<ul>" + "".join(f'<li><a href="{header}.html">{header}</a></li>' for header in headers)
 index += '<li><a href="types.html">structs, enums, handles and constants</a></li></ul>'
 (folder / "index.html").write_text(page("The C functions of forceserver", index))
 print(f"{len(headers) + 2} pages in {folder}")

@@ -88,7 +88,8 @@ Simulator::Simulator(const SimOptions& options)
       handle_(options.mass + options.hand.mass, damping + options.hand.damping, options.hand.stiffness,
               options.friction, stick_speed, substep),
       wrist_(wrist_inertia, wrist_damping + options.hand.grip_damping, options.hand.grip_stiffness, 0, 0, substep),
-      joint_phase_{}, wrist_phase_{}, line_(static_cast<size_t>(options.delay_steps) + 1) {
+      joint_phase_{}, wrist_phase_{},
+      velocity_(options.ideal_encoder ? 0 : resolution, VelocityEstimator::local_rest), line_(static_cast<size_t>(options.delay_steps) + 1) {
   if (options.seed != 0) {
     uint64_t state = options.seed;
     for (double& phase : joint_phase_) phase = next_phase(state);

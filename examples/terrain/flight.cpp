@@ -138,7 +138,7 @@ void Flight::print_table() const {
   for (int bit = 0; bit < 7; ++bit) {
     if (stats_.protections_off >> bit & 1) off += (off.empty() ? "" : ", ") + std::string(protections[bit]);
   }
-  std::printf("protections switched off: %s\n", off.c_str());  // none of them is switched off here
+  std::printf("protections switched off: %s\n", off.empty() ? "none" : off.c_str());
 }
 
 void Flight::write_ticks(const std::string& path) const {

@@ -19,7 +19,8 @@ typedef struct fs_device_info {
          workspace_height,      /* m: of that cylinder */
          workspace_angle;       /* rad, each way; 0: the handle does not rotate */
   double force_max, torque_max; /* N, N m, in most of the workspace */
-  double resolution;            /* m, of the position */
+  double resolution;            /* m, of the position: the largest step; 0: exact, or not known. Where it is 0, damping takes
+                                   each step of an encoder for a motion, and may shake a hand at rest */
   double rate;                  /* Hz, preferred servo rate, 100..20000 */
   double delay;                 /* s from pose to force, in addition to the servo period, with the way through a link; a
                                    pose may be 20 ms + delay + 1/link_rate old before it is a fault (100 ms at most) */
@@ -43,9 +44,9 @@ typedef struct fs_device_entry {
 /* The devices that the drivers find at this moment, a list. */
 FS_API fs_status fs_device_list(fs_device_entry *out, size_t capacity, size_t *count);
 
-/* Opens a device: "sim:", "fidel:usb", "fidel:udp:HOST:PORT", "falcon:0" or a device of your own driver (driver.h),
- * followed by options "?key=value&.." (nothing is %-decoded); an unknown key is INVALID. May take seconds. NOT_FOUND,
- * UNSUPPORTED, DENIED, IO. 0.1: fidel and falcon are UNSUPPORTED.
+/* Opens a device: "sim:", or a device of your own driver (driver.h), whose scheme stands before the ':'. Options follow
+ * as "?key=value&.." (nothing is %-decoded); an unknown key is INVALID. May take seconds. NOT_FOUND, UNSUPPORTED,
+ * DENIED, IO. 0.1: "fidel:usb", "fidel:udp:HOST:PORT" and "falcon:0" have no driver yet and are UNSUPPORTED.
  *
  * "sim:" is a simulated FIDEL, the device of the paper, and the hand on it. Its workspace is a cylinder about z of
  * radius 0.150 m and height 0.200 m (x, y within 0.150, z within -0.100..0.100), with end stops 0.010 m beyond; its

@@ -17,7 +17,7 @@ extern "C" {
 typedef struct fs_driver {
   uint32_t struct_size;         /* sizeof(fs_driver) */
   uint32_t reserved;            /* 0 */
-  const char *scheme;           /* what stands before the ':' of a URI, such as "falcon": [a-z0-9]+, at most 31 bytes */
+  const char *scheme;           /* what stands before the ':' of a URI, such as "mine": [a-z0-9]+, at most 31 bytes */
 
   /* The devices that are present, as for fs_device_list. A null pointer: nothing to list. */
   fs_status (*list)(fs_device_entry *out, size_t capacity, size_t *count);
@@ -37,8 +37,9 @@ typedef struct fs_driver {
   fs_status (*get_info)(void *self, fs_device_info *out);
 
   /* The newest pose, device frame, with its time on the monotonic clock (s; 0: now). out is all zeros before the call.
-   * Set FS_STATE_READY only when homed and fresh. The library works out a twist that is left 0; an orientation left 0
-   * is the identity. Return DISCONNECTED when the device is lost; read is still called at each tick. */
+   * Set FS_STATE_READY only when homed and fresh. The library works out a twist that is left 0; give one only
+   * if it is measured better than by differences of the poses, as damping makes a force of all that it has. An
+   * orientation left 0 is the identity. Return DISCONNECTED when the device is lost; read is still called at each tick. */
   fs_status (*read)(void *self, fs_state *out);
 
   /* Sends a wrench, device frame, finite, within the maxima. If the device can, the driver has it drop the force 20 ms

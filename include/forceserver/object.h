@@ -26,7 +26,12 @@ typedef enum fs_primitive {
   FS_PRIMITIVE_MESH = 3,        /* the triangles of its shape; seen from the front they run counter-clockwise. Where
                                    an edge or vertex is nearest, its angle-weighted pseudonormal gives the side
                                    (Baerentzen & Aanaes 2005), which is exact where the mesh is closed; an open edge
-                                   has the normal of its triangle */
+                                   has the normal of its triangle. Parts of a closed mesh (a part is what edges join)
+                                   that cross or lie in one another are one body: inside is where the winding number of
+                                   all of them is not 0, so a hollow is outside, and surface that has an inside on both
+                                   sides is not there for profiles. A contact holds at all surface, also inside. Not decided:
+                                   where a mesh is not closed, or a part crosses itself, the side is that of the nearest
+                                   triangle */
   FS_PRIMITIVE_FORCE_32 = 0x7fffffff
 } fs_primitive;
 
@@ -91,21 +96,30 @@ typedef enum fs_keep {
  * the proxy lies on the surface they act along the kept side's normal. Frozen. With keep NONE the other fields are
  * checked and stored, but have no effect.
  *
- * - Objects of equal stiffness share a proxy: where several meet, the spring to it acts once. Each other stiffness has a
- *   proxy of its own, and their forces add.
+ * - Objects of equal stiffness, as it is applied (fs_report), share a proxy: where several meet, the spring to it acts
+ *   once. Each other stiffness has a proxy of its own, and their forces add.
+ * - Objects that move take a proxy along that they touch or meet. In a corner between several of them it goes to the nearest
+ *   place that all of them allow.
+ * - A hand that is crushed between objects of equal stiffness, where there is no such place within twice the way that they
+ *   have moved, feels each of them as if it was alone: each gets a proxy of its own, and their forces add. They share one
+ *   again when all but one of them have let the hand go.
+ * - While an object fades in or out, the force is weight times the force with it plus (1 - weight) times the force without
+ *   it, each with proxies of its own. So what it holds passes to the others, or from them, as slowly as it fades.
  * - A hand that is on the wrong side of a plane or closed mesh when both meet for the first time is led to the nearest
  *   place of the right side; on the wrong side of an open mesh it is free until it has come round it. An open mesh
  *   that replaces one which the hand touches takes the hand over, on the side that is kept.
- * - A moving object carries the proxies that touch it or that it meets. When a proxy jumps although neither hand nor
- *   object does, as over the edge of a shelf, the jump of the force is spread over 20 ms.
+ * - A change of the spring's force in one tick that the ways of hand and objects in that tick do not explain (at most twice
+ *   the stiffness times the way) is spread over 20 ms, as when a proxy slips over the edge of a shelf.
  * - limit bounds the force of the object on all points of a tool together; its direction stays.
- * - Near a tool at most 256 solid objects are felt, and at most 2048 pairs of a solid object and a tool point. */
+ * - Near a tool at most 256 solid objects are felt, and at most 2048 pairs of a solid object and a tool point. With more
+ *   than 8 that the hand holds on to and that fade at different times, what they hold is spread over 20 ms instead. */
 typedef struct fs_contact {
   fs_keep keep;                 /* POINT, POLYLINE: NONE */
   uint32_t reserved;            /* 0 */
   double stiffness;             /* N/m, 0..1e9, of each tool point: n points that rest on it are n times as stiff. 0: 1000
-                                   where nothing bounds the stiffness; otherwise as stiff as the bound allows beside all
-                                   that it overlaps */
+                                   where nothing bounds the stiffness; otherwise what those leave that are felt at the
+                                   same places and want less, shared equally with those that want as much or more
+                                   (fs_scene_set_max_stiffness) */
   double limit;                 /* N, > 0 and at most 1e9, unless keep is NONE */
   double damping;               /* N s/m, 0..1e9, along the normal, only while the hand approaches */
   double friction;              /* Coulomb coefficient, 0..2: within the cone of friction the proxy does not move at all */
@@ -125,7 +139,10 @@ typedef struct fs_object {
   fs_profile front;             /* PLANE, MESH: on the front side; POINT, POLYLINE: the only profile */
   fs_profile back;              /* PLANE, MESH: on the back side; otherwise of kind NONE */
   double damping;               /* N s/m, 0..1e9: where f(d, t) > 0, adds -damping times (velocity of the tool point
-                                   minus that of the object there); the sum stays within the limit of the profile */
+                                   minus that of the object there); the sum stays within the limit of the profile.
+                                   Where a servo works the velocity out from poses, a hand that has moved by less than 2
+                                   encoder steps within 50 ms counts as at rest; from 3 steps on it is damped in full,
+                                   here as in a contact */
   fs_contact contact;           /* PLANE, MESH: whether it is solid */
   fs_shape *shape;              /* POLYLINE, MESH: a shape of that primitive; otherwise null */
   void *owner;                  /* for the library's use; null except in an object that fs_object_get filled */
@@ -222,9 +239,10 @@ FS_API fs_status fs_object_evaluate_law(const fs_object *object, double max_stif
 
 /* ---- Shapes are cheap to make: they are copied and checked. The search tree is built by fs_shape_build, or by the
  * first scene of this process that uses the shape, in the calling thread; a server builds its own. A million triangles
- * take 1 s, or 2 s where neighbours are far apart in the list. A mesh may be open, non-manifold or degenerate. To find
- * its front and back, corners at the same coordinates count as one, whatever their indices. A shape lives as long as
- * the caller's reference or an object needs it. */
+ * take 1 s, or 2 s where neighbours are far apart in the list; more where parts of a closed mesh meet, as the triangles
+ * there are cut into pieces. A mesh may be open, non-manifold or degenerate. To find its front and back, corners at the
+ * same coordinates count as one, whatever their indices. A shape lives as long as the caller's reference or an object
+ * needs it. */
 
 /* A polyline through count (>= 2) points, m, object frame. closed: the last point is joined to the first. */
 FS_API fs_status fs_shape_create_polyline(const fs_vec3 *points, size_t count, bool closed, fs_shape **out);
@@ -241,7 +259,7 @@ FS_API fs_status fs_shape_create_mesh(const fs_vec3 *points, size_t point_count,
 FS_API fs_status fs_shape_load(const char *path, double scale, fs_shape **out);
 
 /* Builds the search tree now, in this thread, rather than at the first use. Does nothing if the tree is built already,
- * as that of a polyline always is. */
+ * as that of a polyline always is. STATE: the process is ending. */
 FS_API fs_status fs_shape_build(fs_shape *shape);
 
 /* [rt] How much of the search tree is built, 0..1, also while another thread builds it; it only grows, unless a build
@@ -272,7 +290,10 @@ typedef struct fs_shape_info {
   fs_vec3 lower, upper;         /* m, bounds of all points, object frame */
   bool closed,                  /* polyline: as created; mesh: it has edges, and none is open or odd */
        built;                   /* the search tree is built; for a polyline always true */
-  uint8_t reserved[6];          /* 0 */
+  bool united;                  /* mesh, built: parts of it cross or touch, or some of its surface lies inside, and its sides
+                                   are those of the union of its parts: see FS_PRIMITIVE_MESH. false: no parts meet, or they
+                                   cross so often that the union is not worked out */
+  uint8_t reserved[5];          /* 0 */
 } fs_shape_info;
 FS_DEFINE_INIT(fs_shape_info)
 

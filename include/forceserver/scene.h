@@ -116,10 +116,10 @@ FS_API fs_status fs_scene_begin(fs_scene *scene);
  * it takes nothing, and this process's scene is set back to what the server has; only objects that were new in the
  * group stay in this process, refused. Of an object that somebody else has changed since, only the parts change that the
  * group has changed; one that somebody else has removed stays removed, unless the group sets it. MEMORY: a part may be
- * felt already, and the group stays open: commit it again. */
+ * felt already, and stays so; the rest is still an open group, which may grow: commit it again, or cancel it. */
 FS_API fs_status fs_scene_commit(fs_scene *scene);
 
-/* Closes the group and takes back all of it. STATE: none is open. */
+/* Closes the group and takes back all of it, but not what a commit that failed has made felt. STATE: none is open. */
 FS_API fs_status fs_scene_cancel(fs_scene *scene);
 
 /* Waits, timeout s (>= 0) at most, until a tick has used all changes so far, whether or not they have faded in; those
@@ -139,14 +139,16 @@ FS_API fs_status fs_scene_sync(fs_scene *scene, double timeout);
  * The keys are the names of these headers: fields as they are, enum values in lower case without their prefix. A field
  * that is left out is 0, but `enabled` is true, and frame and tool have their defaults. An unknown or repeated key is
  * an error; "$schema", which editors look for, is ignored. A mesh may be OBJ, PLY, STL or OFF; its file is in the
- * folder of the scene file or below. `time` is not saved: an object is loaded as if it were set now. For a `start` that
- * was given the file has the "age" (s), the time since then at the moment of saving; loading sets start = now - age, so
- * f(d, t) goes on where it was, on another machine too. A file may instead have the "start" itself; both together are
+ * folder of the scene file or below. Times are saved as ages (s), the time from them to the moment of saving: that of the
+ * pose of an object with a twist as "pose_age", a `start` that was given as "age". Loading sets time = now - pose_age and
+ * start = now - age. So an object is felt where it was when it was saved, f(d, t) goes on where it was, and both on another
+ * machine too; without "pose_age" an object begins to move when it is loaded. A twist that was worked out (fs_object_move)
+ * is saved with the pose of that moment, or as 0 if it was over. A file may have the "start" itself; both together are
  * an error. */
 
 /* Saves the scene's own objects, frame and tool; meshes are written beside the file as PLY, named after the file and
- * their content. Every number comes back bit for bit, except start: its age does, and start is within rounding of the
- * clock (1e-9 s for a clock below 4e6 s). The file is replaced as a whole or not at all. IO, INVALID (a name that is
+ * their content. Every number comes back bit for bit, except time and start: their ages do, and they are within rounding of
+ * the clock (1e-9 s for a clock below 4e6 s). The file is replaced as a whole or not at all. IO, INVALID (a name that is
  * not UTF-8). */
 FS_API fs_status fs_scene_save(fs_scene *scene, const char *path);
 
@@ -217,13 +219,26 @@ FS_API fs_status fs_scene_get_view(fs_scene *scene, const char *client, fs_view 
  * closest point can turn the force around. */
 FS_API fs_status fs_scene_set_accuracy(fs_scene *scene, double newtons);
 
-/* Bound of the summed slope of objects that are felt at the same place, N/m at the device, >= 0. Each slope is first cut to
- * the bound; then those that reach the same places are scaled by one factor, which never raises the force. 0 (default):
- * what the servo can render; without a servo no bound. Connected: the bound holds for the scene's own objects and can only
- * lower what the server gives them: an equal part of what the servo can render for each client that has objects. A new
- * object has at first the bound of one alone; within 0.1 s it shares with those that it overlaps, and so does one that has
- * moved. A bound that changes is blended as a profile that changes is. Not bounded are tools of one's own, fields, and the
- * turn of an attractive force where two parts of a polyline or mesh are equally near: it leads the hand away from there. */
+/* Bound of the summed slope of objects that are felt at the same place, N/m at the device, >= 0. 0 (default): what the
+ * servo can render; without a servo no bound. It is shared fairly: where all together want no more, each gets the slope that
+ * it wants. Where they want more, those that want least get it, and the others share equally what these leave. So a soft wall
+ * stays as it is beside many stiff ones. Each object is bounded by what it gets at the most crowded place where its force is
+ * steep; its profiles and its contact count as two objects. No force is ever raised.
+ *
+ * - A contact with stiffness 0, and a force that jumps (fs_report), want all that there is. But a jump wants no more than what
+ *   spreads it over 0.1 mm, 10 N/m for each mN.
+ * - An object that the hand cannot reach for now has no share, and keeps the bound that it has. It shares before the hand is
+ *   there: the hand is taken to be where the last tick saw it, to keep its speed and to gain up to 50 m/s2, for the some 40 ms
+ *   until new bounds are felt; it is never taken to be faster than fs_servo_options.speed_limit. Where that is switched off or
+ *   another frame or tool fades in, all that lies in the device's workspace counts; while the clutch is held, all objects do.
+ *   What the hand has left keeps its share for 1 s.
+ * - A new object has at first the bound of one alone; within 0.1 s it shares, and so does one that has moved. A bound that
+ *   changes is blended as a profile that changes is.
+ * - Connected: the bound holds for the scene's own objects and can only lower what the server gives them: an equal part of
+ *   what the servo can render for each client that has objects in the hand's reach.
+ *
+ * Not bounded are tools of one's own, fields, and the turn of an attractive force where two parts of a polyline or mesh are
+ * equally near: it leads the hand away from there. */
 FS_API fs_status fs_scene_set_max_stiffness(fs_scene *scene, double stiffness);
 
 /* [rt] The scene's clock, s: the monotonic clock of the machine that evaluates (the same in every process of that
@@ -272,14 +287,17 @@ typedef struct fs_report {
                                    force jumps (above). For a curve it is worked out once, when the curve is made: for
                                    a table it is never too low, for an expression it is an estimate from some hundred
                                    samples. A contact with stiffness 0 wants what it gets, so it never shows as capped */
-  double stiffness_applied;     /* N/m at the device; less than stiffness_wanted when capped */
+  double stiffness_applied;     /* N/m at the device; less than stiffness_wanted when capped (fs_scene_set_max_stiffness) */
   double distance;              /* m, from the object to the nearest tool point at the last tick; infinite: not near
                                    (beyond its force, weight 0, clutched, no servo); then point and wrench are 0 */
   fs_vec3 point;                /* p, or the proxy; in the frame of the scene that asks */
   fs_wrench wrench;             /* its part of the force, the sum of its versions with their weights, before the guard;
                                    while another frame or tool fades in, only what it gives there; along the axes of
                                    the scene that asks; for another client's object in newtons at the device */
-  double reserved[4];           /* 0 */
+  char shares_with[24];         /* the other objects of its scene that are felt where it gets less than it wants: those
+                                   that want most, as many names as fit, such as "a, b and 17 more"; empty: it gets all
+                                   that it wants, is alone, or out of the hand's reach */
+  double reserved[1];           /* 0 */
 } fs_report;
 
 /* The reports of all objects that the scene can see, a list; connected: the objects of all clients, where the client
@@ -321,8 +339,9 @@ typedef enum fs_event_kind {
   FS_EVENT_NONE = 0,            /* no event within the timeout */
   FS_EVENT_READY = 1,           /* connected: a pending object is now felt */
   FS_EVENT_REFUSED = 2,         /* the server refused an object: status, text */
-  FS_EVENT_CAPPED = 3,          /* stiffness_applied changed by over 10 %: value, N/m at the device, text; at most once a
-                                   second of an object and 20 times of a scene, what has changed meanwhile later */
+  FS_EVENT_CAPPED = 3,          /* stiffness_applied changed by over 10 %: value, N/m at the device; text: also with which
+                                   objects it shares; at most once a second of an object and 20 times of a scene, what
+                                   has changed meanwhile later */
   FS_EVENT_EDITED = 4,          /* another client (text) changed, moved or removed an object of this scene; several
                                    edits by one client before the object is looked at give one event */
   FS_EVENT_EXPIRED = 5,         /* an object's lifetime is over: it stays, at weight 0, until set, changed or moved */
@@ -331,6 +350,9 @@ typedef enum fs_event_kind {
                                    fs_servo_set_enabled gives another event */
   FS_EVENT_DISCONNECTED = 7,    /* the server is gone; this is the last event: make a new scene */
   FS_EVENT_OVERFLOW = 8,        /* `value` older events were dropped before they were fetched: 1024 are kept */
+  FS_EVENT_CLIENT = 9,          /* in the scene whose servo has the server: a client (name) connected or left (FS_OK),
+                                   or was lost, because its process was killed or ended without a word, or was
+                                   disconnected by the server (DISCONNECTED): status, text; value: its process */
   FS_EVENT_FORCE_32 = 0x7fffffff
 } fs_event_kind;
 

@@ -2,12 +2,18 @@
  *
  * A client is a process, or a part of one, that calls fs_scene_connect: it has a scene of its own, with its own frame,
  * clutch and tool, and the forces of all scenes add. When a client is lost, even killed, its objects fade; whatever it
- * sends, it cannot push with more than its force_limit. A client that alone takes longer than a period in ten ticks in
- * a row, or whose force is not finite, is disconnected, and its force is 0 at once. The server has a thread that takes
- * the clients' changes at the servo's rate, and two threads that build their meshes; all end with the server, and
- * nothing remains in the system. What these threads do for one client is bounded: when a client moves more than 256
- * objects in every tick, its newest moves are taken some ticks later; and a mesh waits for at most one mesh of each
- * other client.
+ * sends, it cannot push with more than its force_limit. What lost clients still push counts to the limit of the next
+ * client that connects by the same name or for the same user: a program that comes again and again pushes no more than
+ * one that stays. A client that alone takes longer than a period in ten ticks in a row, or whose force is not finite,
+ * is disconnected, and its force is 0 at once. The server has a thread that takes the clients' changes at the servo's
+ * rate, and two threads that build their meshes; all end with the server, and nothing remains in the system. Other
+ * users cannot pose as a server or as a client of this user: both ends ask the system whose process the other is, and
+ * tell it nothing before. Nor can they keep a server from its name: they can take its address, which is in the abstract
+ * name space of sockets; then it listens at a socket .forceserver-NAME in /run/user/UID, or else in the user's home, if
+ * the folder is the user's and no other user can write there. (That file stays until the next server of the name if the
+ * process ends without fs_server_stop.) But the name of a server with all_users goes to whoever takes it first. What
+ * these threads do for one client is bounded: when a client moves more than 256 objects in every tick, its newest moves
+ * are taken some ticks later; and a mesh waits for at most one mesh of each other client.
  */
 #ifndef FORCESERVER_SERVER_H
 #define FORCESERVER_SERVER_H
@@ -26,7 +32,7 @@ typedef struct fs_server_options {
   uint32_t max_megabytes;       /* of points, triangles and tables, per client, at most 1e6; 0: 1024 */
   double lease;                 /* s from the loss of a client to the start of its fade, at most 1e6; 0: 0.2 */
   double force_limit;           /* N, of one client's summed force, whose torque is reduced in proportion; 0: the
-                                   servo's */
+                                   servo's. What lost clients push counts to it (above) */
   bool locked;                  /* a client can change its own objects only */
   bool all_users;               /* other users of this machine may connect */
   bool no_stop;                 /* a client cannot end the force: fs_scene_stop_force is DENIED */
@@ -36,7 +42,7 @@ FS_DEFINE_INIT(fs_server_options)
 
 /* Starts a server to which other processes can connect at endpoint ("shm:NAME", 1..64 bytes without '/', or
  * "dds:DOMAIN"). The forces of their scenes add to those of the servo's own scene. options null: defaults. EXISTS (a
- * server of this user, or with all_users of any user, has the name), STATE (the servo has a server already, or was
+ * server of this user, or with all_users anybody, has the name already), STATE (the servo has a server already, or was
  * stopped), FULL (no file descriptors left), IO, UNSUPPORTED, VERSION. 0.1: dds is UNSUPPORTED. */
 FS_API fs_status fs_server_start(fs_servo *servo, const char *endpoint, const fs_server_options *options,
                                  fs_server **out);

@@ -53,7 +53,8 @@ typedef struct fs_servo_options {
                                    negative: none. An object that is moved farther than speed_limit * blend fades */
   double delay;                 /* s of delay in the loop, in addition to its period, 0..10; 0: the device's. With a
                                    remote controller (fs_device_info.controller_rate): that of the link to it */
-  double damping;               /* N s/m, local, filtered at 100 Hz; 0: 5; more than the loop can render is lowered to
+  double damping;               /* N s/m, local, filtered at 100 Hz, and 0.4 of it at rest, where the hand moves by 2 encoder
+                                   steps or less within 50 ms; 0: 5; more than the loop can render is lowered to
                                    that; negative: none. A remote controller damps by itself, whatever this says */
   double max_stiffness;         /* N/m, the total of all objects; 0: what the loop can render, and more than that is
                                    lowered to it; negative: none. fs_servo_stats has this value and damping as applied.
@@ -163,10 +164,16 @@ FS_API fs_status fs_servo_step(fs_servo *servo, uint64_t ticks);
 FS_API fs_status fs_servo_set_enabled(fs_servo *servo, bool enabled);
 
 /* Ends the force at once, as fs_servo_set_enabled(servo, false) of the servo that runs this scene, in this process or at
- * the server: what the stop button of an editor calls. Only the owner of the servo lets the force return. When it
+ * the server: what the stop button of an editor calls. Only the user of the servo lets the force return. When it
  * returns, the server has done it; the next tick sends force 0. No servo: STATE. Connected: DENIED (the server's
  * no_stop), TIMEOUT (1 s); it overtakes the changes of a group that is open. */
 FS_API fs_status fs_scene_stop_force(fs_scene *scene);
+
+/* Lets the force return, as fs_servo_set_enabled(servo, true) of the servo that runs this scene, in this process or at the
+ * server: it also clears a latched fault, and the force ramps up. Call it when a person who sees the device says so, as
+ * `forceserver resume` does. No servo: STATE. Connected: DENIED (the server is another user's; root may),
+ * TIMEOUT (1 s); it overtakes the changes of a group that is open. */
+FS_API fs_status fs_scene_resume_force(fs_scene *scene);
 
 /* Stops the servo; null does nothing. First the force is set to 0 and the ticks end (if the device fails to take the
  * force, it is tried again for 20 ms), then the clients of its server are disconnected. Unlike with other handles,

@@ -105,6 +105,14 @@ fs_status fs_scene_stop_force(fs_scene* scene) {
   });
 }
 
+fs_status fs_scene_resume_force(fs_scene* scene) {
+  return guarded([&] {
+    require_pointer(scene, "scene");
+    const Ref<fs_scene> kept = Ref<fs_scene>::share(scene);
+    kept->resume_force();
+  });
+}
+
 fs_status fs_scene_get_servo_stats(fs_scene* scene, fs_servo_stats* out) {
   return guarded([&] {
     require_pointer(scene, "scene");

@@ -28,7 +28,8 @@ constexpr const char* object_state_names[] = {"FS_OBJECT_PENDING", "FS_OBJECT_FE
                                               "FS_OBJECT_DISABLED", "FS_OBJECT_REFUSED"};
 constexpr const char* event_kind_names[] = {"FS_EVENT_NONE",    "FS_EVENT_READY",        "FS_EVENT_REFUSED",
                                             "FS_EVENT_CAPPED",  "FS_EVENT_EDITED",       "FS_EVENT_EXPIRED",
-                                            "FS_EVENT_DEVICE",  "FS_EVENT_DISCONNECTED", "FS_EVENT_OVERFLOW"};
+                                            "FS_EVENT_DEVICE",  "FS_EVENT_DISCONNECTED", "FS_EVENT_OVERFLOW",
+                                            "FS_EVENT_CLIENT"};
 constexpr const char* realtime_names[] = {"FS_REALTIME_NONE", "FS_REALTIME_NICE", "FS_REALTIME_FIFO",
                                           "FS_REALTIME_FIFO_LOCKED"};
 // For fault bits the index is the number of the bit.

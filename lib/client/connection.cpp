@@ -51,12 +51,13 @@ Connection::Connection(const Endpoint& endpoint, const std::string& client)
 }
 
 void Connection::connect(const Endpoint& endpoint, double start) {
-  const std::string own_address = user_address(endpoint.user, endpoint.name);
   const char* name = endpoint.name.c_str();
   for (;; sleep(retry_period)) {
     const auto is_nobody = [](int e) { return e == ENOENT || e == ECONNREFUSED; };
-    int error = endpoint.is_own_user ? ENOENT : connect_to(shared_address(endpoint.name), socket_);
-    if (is_nobody(error)) error = connect_to(own_address, socket_);  // another user's server says that it refuses this one
+    int error = endpoint.is_own_user ? connect_to_own_server(endpoint.name, socket_)
+                                     : connect_to(shared_address(endpoint.name), socket_);
+    // Another user's server says that it refuses this one.
+    if (!endpoint.is_own_user && is_nobody(error)) error = connect_to(user_address(endpoint.user, endpoint.name), socket_);
     const double waited = steady_now() - start;
     if (error == 0) break;
     if (is_nobody(error)) {
@@ -155,6 +156,7 @@ void Connection::check(double now) const {
 
 void Connection::shut() noexcept {
   if (is_forked()) return;  // the connection of the parent process goes on
+  inbox_.leave();
   lose(shut_text);
   shutdown(socket_.get(), SHUT_RDWR);
 }

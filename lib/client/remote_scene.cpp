@@ -362,6 +362,11 @@ void RemoteScene::stop_force() {
   line_.request(call, wire::type_stop_force);
 }
 
+void RemoteScene::resume_force() {
+  Call call = line_.enter();
+  line_.request(call, wire::type_resume_force);
+}
+
 // -------------------------------------------------------------------------------------------------- reports and motions
 
 fs_report RemoteScene::report(const char* given) {

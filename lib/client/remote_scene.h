@@ -62,6 +62,7 @@ struct RemoteScene final : Scene {
   void get_device_info(fs_device_info& out) override;
   std::vector<fs_recorded_tick> record(uint64_t after) override;
   void stop_force() override;
+  void resume_force() override;
   std::vector<fs_client> clients() override;
   std::vector<fs_client_view> views() override;
 

@@ -17,11 +17,12 @@ namespace {
 const fs_driver& driver_of(const std::string& scheme, const char* uri) {
   if (scheme.empty()) fail(FS_ERROR_INVALID, "device '%s' has no scheme; for the simulator write 'sim:'", uri);
   if (const fs_driver* driver = find_driver(scheme)) return *driver;
-  if (is_announced(scheme)) {
-    fail(FS_ERROR_UNSUPPORTED, "device '%s': the driver '%s' is not built into this library", uri, scheme.c_str());
-  }
   std::string schemes;
   for (const fs_driver* driver : all_drivers()) schemes += (schemes.empty() ? "" : ", ") + std::string(driver->scheme);
+  if (is_announced(scheme)) {
+    fail(FS_ERROR_UNSUPPORTED, "device '%s': forceserver %s has no driver '%s' yet; the drivers are: %s", uri, fs_version(),
+         scheme.c_str(), schemes.empty() ? "none" : schemes.c_str());
+  }
   fail(FS_ERROR_NOT_FOUND, "device '%s': there is no driver '%s'; the drivers are: %s", uri, scheme.c_str(),
        schemes.empty() ? "none" : schemes.c_str());
 }
@@ -123,6 +124,7 @@ fs_device::fs_device(const char* uri)
     info_.struct_size = sizeof info_;
     info_.reserved = 0;
     fs::check_info(info_, driver_.scheme);
+    velocity_ = fs::VelocityEstimator(info_.resolution);
     if (!driver_.write_model) info_.controller_rate = info_.controller_delay = info_.controller_damping = 0;
     fs::add_open_device(*this);
   } catch (...) {

@@ -65,7 +65,7 @@ struct fs_device : fs::Counted<fs_device> {
   // Used only by the thread that has the turn.
   bool was_pushing_ = false;  // a force was written since the device was opened
   bool is_closed_ = false;
-  fs::VelocityEstimator velocity_;
+  fs::VelocityEstimator velocity_{0};  // it gets the resolution when that is known
   bool gives_twist_ = false;  // the driver gave a twist before, so a twist of 0 means rest
 
   class Turn;

@@ -1,22 +1,24 @@
 #include "field/budget.h"
 
-#include <array>
+#include <algorithm>
 #include <cmath>
 #include <deque>
+#include <iterator>
 
 namespace fs {
-namespace {
 
-bool meets(const Claim& claim, const Box& box) {
+double distance(const Claim& claim, const Box& box) noexcept {
   switch (claim.region) {
-    case Claim::Region::everywhere: return true;
-    case Claim::Region::ball: return box.distance(claim.centre) <= claim.radius;
+    case Claim::Region::everywhere: return -std::numeric_limits<double>::infinity();
+    case Claim::Region::ball: return box.distance(claim.centre) - claim.radius;
     case Claim::Region::slab: break;
   }
   const Vec3 middle = 0.5 * (box.lower + box.upper), half = 0.5 * (box.upper - box.lower), n = claim.normal;
   const double reach = std::fabs(n.x) * half.x + std::fabs(n.y) * half.y + std::fabs(n.z) * half.z;
-  return std::fabs(dot(n, middle - claim.centre)) <= claim.radius + reach;
+  return std::fabs(dot(n, middle - claim.centre)) - reach - claim.radius;
 }
+
+namespace {
 
 bool holds(const Claim& claim, const Box& box) {  // all of the box
   const Vec3 middle = 0.5 * (box.lower + box.upper), half = 0.5 * (box.upper - box.lower), n = claim.normal;
@@ -54,16 +56,20 @@ std::array<Box, 2> halves(const Box& box) {
 // Halves the boxes, the largest first, until the claims that meet a part are few enough, or are felt all over it.
 class Search {
  public:
-  Search(std::span<const Claim> claims, double enough, std::vector<double>& sums)
-      : claims_(claims), enough_(enough), sums_(sums), visits_left_(20'000 + 30 * claims.size()) {}
+  Search(std::span<const Claim> claims, size_t users, double total)
+      : claims_(claims), total_(total), wants_(users), visits_left_(300'000 + 300 * claims.size()) {
+    out_.levels.assign(users, std::numeric_limits<double>::infinity());
+    out_.crowd.assign(users, Shares::none);
+  }
 
-  void run(const Box& box, std::vector<uint32_t> claims) {
+  Shares run(const Box& box, std::vector<uint32_t> claims) {
     parts_.push_back({box, std::move(claims), 0});
     while (!parts_.empty()) {
       const Part part = std::move(parts_.front());
       parts_.pop_front();
       look(part);
     }
+    return std::move(out_);
   }
 
  private:
@@ -76,26 +82,18 @@ class Search {
   };
 
   void look(const Part& part) {
-    double sum = 0;
-    for (const uint32_t i : part.claims) sum += claims_[i].slope;
-    if (!can_raise(part.claims, [&](uint32_t) { return sum; })) return;
+    add_up(part.claims);
+    const double level = level_here();
+    if (std::none_of(users_.begin(), users_.end(), [&](uint32_t user) { return is_lower(user, wants_[user], level); })) return;
     visits_left_ -= std::min(visits_left_, part.claims.size());
     if (part.claims.size() <= few) {
       visits_left_ -= std::min(visits_left_, part.claims.size() * part.claims.size());
-      // Without the ones that a claim does not meet.
-      const auto own_sum = [&](uint32_t i) {
-        double out = 0;
-        for (const uint32_t k : part.claims) out += k == i || meet(claims_[i], claims_[k]) ? claims_[k].slope : 0;
-        return out;
-      };
-      if (!can_raise(part.claims, own_sum)) return;
+      if (!is_lower_for_any(part.claims, level)) return;
+      add_up(part.claims);
     }
     bool is_full = true;
     for (const uint32_t i : part.claims) is_full = is_full && holds(claims_[i], part.box);
-    if (is_full || part.depth == most_depth || visits_left_ == 0) {
-      for (const uint32_t i : part.claims) sums_[i] = std::max(sums_[i], sum);
-      return;
-    }
+    if (is_full || part.depth == most_depth || visits_left_ == 0) return lower(level);
     for (const Box& half : halves(part.box)) {
       Part next{half, {}, part.depth + 1};
       for (const uint32_t i : part.claims) {
@@ -105,33 +103,98 @@ class Search {
     }
   }
 
-  // Whether a sum is more than a claim has already, and more than enough: if not, a part of the box is not needed.
-  template <class Sum>
-  bool can_raise(const std::vector<uint32_t>& claims, const Sum& sum) const {
+  // What each user wants of these claims: users_, wants_.
+  void add_up(const std::vector<uint32_t>& claims) {
+    users_.clear();
+    for (const uint32_t i : claims) wants_[claims_[i].user] = 0;
     for (const uint32_t i : claims) {
-      if (const double s = sum(i); s > enough_ && s > sums_[i]) return true;
+      const Claim& claim = claims_[i];
+      if (wants_[claim.user] == 0) users_.push_back(claim.user), objects_[claim.user] = claim.object;
+      wants_[claim.user] += claim.slope;
+    }
+  }
+  double level_here() {
+    values_.clear();
+    for (const uint32_t user : users_) values_.push_back(wants_[user]);
+    return level_of(values_, total_);
+  }
+
+  bool is_lower(uint32_t user, double want, double level) const { return want > level && out_.levels[user] > level; }
+
+  // The same where for each user only those count whose claims meet one of its own.
+  bool is_lower_for_any(const std::vector<uint32_t>& claims, double level) {
+    std::vector<uint32_t> lower;
+    for (const uint32_t user : users_) {
+      if (is_lower(user, wants_[user], level)) lower.push_back(user);
+    }
+    std::vector<uint32_t> own, met;
+    for (const uint32_t user : lower) {
+      own.clear();
+      met.clear();
+      std::copy_if(claims.begin(), claims.end(), std::back_inserter(own), [&](uint32_t i) { return claims_[i].user == user; });
+      std::copy_if(claims.begin(), claims.end(), std::back_inserter(met), [&](uint32_t k) {
+        return claims_[k].user == user ||
+               std::any_of(own.begin(), own.end(), [&](uint32_t i) { return meet(claims_[i], claims_[k]); });
+      });
+      add_up(met);
+      if (is_lower(user, wants_[user], level_here())) return true;
     }
     return false;
   }
 
+  void lower(double level) {
+    Crowd crowd;
+    std::sort(users_.begin(), users_.end(), [&](uint32_t a, uint32_t b) {
+      return wants_[a] != wants_[b] ? wants_[a] > wants_[b] : a < b;
+    });
+    seen_.clear();
+    for (const uint32_t user : users_) seen_.push_back(objects_[user]);
+    size_t named = 0;
+    for (size_t i = 0; i < seen_.size() && named < crowd.objects.size(); ++i) {
+      if (std::find(seen_.begin(), seen_.begin() + i, seen_[i]) == seen_.begin() + i) crowd.objects[named++] = seen_[i];
+    }
+    std::sort(seen_.begin(), seen_.end());
+    crowd.count = static_cast<uint32_t>(std::unique(seen_.begin(), seen_.end()) - seen_.begin());
+    for (const uint32_t user : users_) {
+      if (!is_lower(user, wants_[user], level)) continue;
+      out_.levels[user] = level;
+      out_.crowd[user] = static_cast<uint32_t>(out_.crowds.size());
+    }
+    out_.crowds.push_back(crowd);
+  }
+
   const std::span<const Claim> claims_;
-  const double enough_;
-  std::vector<double>& sums_;
-  size_t visits_left_;
+  const double total_;
+  Shares out_;
   std::deque<Part> parts_;
+  std::vector<double> wants_, values_;             // N/m, of each user; those of a part
+  std::vector<uint32_t> objects_{std::vector<uint32_t>(wants_.size())};  // of each user
+  std::vector<uint32_t> users_, seen_;             // of a part
+  size_t visits_left_;
 };
 
 }  // namespace
 
-std::vector<double> greatest_sums(std::span<const Claim> claims, const Box& within, double enough) {
-  std::vector<double> sums(claims.size());
+double level_of(std::vector<double>& wants, double total) noexcept {
+  double sum = 0;
+  for (const double want : wants) sum += want;
+  if (sum <= total) return std::numeric_limits<double>::infinity();
+  std::sort(wants.begin(), wants.end());
+  auto left = static_cast<double>(wants.size());
+  for (const double want : wants) {
+    if (want * left > total) return total / left;
+    total -= want;
+    --left;
+  }
+  return std::numeric_limits<double>::infinity();  // but for rounding they want no more
+}
+
+Shares fair_shares(std::span<const Claim> claims, size_t users, const Box& within, double total) {
   std::vector<uint32_t> all;
   for (uint32_t i = 0; i < claims.size(); ++i) {
-    sums[i] = claims[i].slope;
     if (claims[i].slope > 0 && meets(claims[i], within)) all.push_back(i);
   }
-  Search(claims, enough, sums).run(within, std::move(all));
-  return sums;
+  return Search(claims, users, total).run(within, std::move(all));
 }
 
 }  // namespace fs

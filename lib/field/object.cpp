@@ -71,6 +71,13 @@ double object_slope(const Object& object) {
   return std::fmax(contact, object.law_slope);
 }
 
+double enough_slope_of(const Law& law) {
+  constexpr double width = 1e-4;  // m, in which no hand can tell how steep it is
+  const auto most = [](const Profile& p) { return p.kind == FS_PROFILE_NONE ? 0 : most_between(p, 0, support(p)); };
+  const double force = std::fmax(most(law.front), most(law.back));
+  return force > 0 ? force / width : no_bound;
+}
+
 ParsedObject parse(const fs_object& in, std::string name, const Object* like, bool builds_shape) {
   const int32_t primitive = raw_value(in.primitive);
   if (primitive < FS_PRIMITIVE_POINT || primitive > FS_PRIMITIVE_MESH) {
@@ -133,6 +140,7 @@ ParsedObject parse(const fs_object& in, std::string name, const Object* like, bo
                               like->contact.stiffness == object.contact.stiffness;
   object.law_slope = has_same_force ? like->law_slope : slope_of(object.law);
   object.steepest_slope = has_same_force ? like->steepest_slope : object_slope(object);
+  if (object.jumps()) object.enough_slope = enough_slope_of(object.law);
   out.object = made;
   return out;
 }
@@ -250,9 +258,9 @@ ParsedObject parse_object(const fs_object& in, const Object* like, bool builds_s
 }
 
 Bounds of_use(const Bounds& bounds, const Object& object) noexcept {
-  const bool has_slope = object.law_slope > 0 || !(object.steepest_slope < no_bound) || object.has_ridges();
   Bounds out;
-  if (has_slope) out.slope = bounds.slope;
+  if (object.law_slope > 0 || object.jumps()) out.slope = bounds.slope;
+  if (bounds.slope < no_bound && object.jumps()) out.slope = std::fmin(bounds.slope, object.enough_slope);
   if (object.is_solid()) out.stiffness = bounds.stiffness;
   if (object.damping > 0) out.damping = bounds.damping;
   if (object.is_solid() && object.contact.damping > 0) out.contact_damping = bounds.contact_damping;
@@ -263,8 +271,7 @@ Ref<const Object> bounded(const Object& object, const Bounds& given) {
   const Bounds bounds = of_use(given, object);
   const bool is_solid = object.is_solid();
   // Where only the shape makes it jump, as the bend of a polyline, the law's bound is that of the bend.
-  const bool is_law_bounded =
-      bounds.slope < object.law_slope || (bounds.slope < no_bound && (!(object.steepest_slope < no_bound) || object.has_ridges()));
+  const bool is_law_bounded = bounds.slope < object.law_slope || (bounds.slope < no_bound && object.jumps());
   const bool is_contact_bounded = is_solid && (object.contact.stiffness == 0 || bounds.stiffness < object.contact.stiffness) &&
                                   bounds.stiffness < no_bound;
   const bool is_damping_bounded = bounds.damping < object.damping || (is_solid && bounds.contact_damping < object.contact.damping);

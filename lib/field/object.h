@@ -47,6 +47,8 @@ struct Object : Counted<Object> {
   double radius = 0;           // m, of the primitive about its origin; a plane: infinite
   double law_slope = 0;        // N/m, of the law; infinite where it jumps
   double steepest_slope = 0;   // N/m, of law, contact and shape together; infinite where the force jumps
+  double enough_slope = no_bound;  // N/m: steeper than this the force need not be where it jumps; it goes from 0 to its
+                                   // greatest within 0.1 mm then
   Bounds bounds;               // within which it was put: see bounded()
   bool is_solid() const noexcept { return contact.keep != FS_KEEP_NONE; }
   // Places that are equally near to two of its parts, where a repulsive force turns at once (ridge.h).
@@ -55,6 +57,8 @@ struct Object : Counted<Object> {
     const auto repels = [](const Profile& p) { return p.kind != FS_PROFILE_NONE && p.sense == FS_SENSE_REPULSIVE; };
     return has_parts && (repels(law.front) || repels(law.back));
   }
+  // Its force is steeper somewhere than any slope.
+  bool jumps() const noexcept { return !(steepest_slope < no_bound) || has_ridges(); }
   // m: it cannot be felt farther away; below 0: nowhere. On the wrong side of a solid plane or envelope it is felt everywhere.
   double support() const noexcept {
     if (!is_solid()) return law.support;

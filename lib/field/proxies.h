@@ -1,15 +1,16 @@
-// The proxies of a reader, one tick after the other, and the forces of solid objects: each draws the hand to its proxy.
+// The proxies of a reader, one tick after the other, and the forces of solid objects: each draws the hand to its proxy
+// (proxy.h, point_proxies.h).
 //
-// Objects of the same stiffness share a proxy, which none of them lets through: where several meet, the spring to it acts
-// once. (If one comes to have the stiffness of another by a change, they share it from where both let the hand go.) Objects of another stiffness have another proxy. Each spring is the gradient of its own energy then, so that it
-// makes none, whatever the stiffnesses.
+// No step: while solids fade, the force is a mean over layers (layers.h), whose lengths change by no more than the weights
+// do. What changes in a layer by more than the ways of hand and objects explain, such as when a proxy falls over the edge
+// of a shelf, is a jump: the solids keep what they lost, and it is taken from them within 20 ms.
 #pragma once
 
 #include <array>
-#include <memory>
 
 #include "base/seqlock.h"
-#include "field/touches.h"
+#include "field/layers.h"
+#include "field/point_proxies.h"
 
 namespace fs {
 
@@ -59,27 +60,32 @@ class Proxies {
   }
 
  private:
-  void feel_proxy(const Touches::View* last, uint32_t point, const ToolState& tool) noexcept;
-  bool replaces_touched(const Solid& solid) const noexcept;
-  void begin_touch(const Touches::View* last, Member& member) noexcept;
-  void stack_versions() noexcept;
-  void fade(Vec3 hand, double k) noexcept;
-  void push(const Touches::View* last, uint32_t point, const ToolState& tool) noexcept;
-  void add_profiles(uint32_t point, const ToolState& tool, Effort* effort, double& error) noexcept;
+  // What the layers of a tick give besides what they add to the solids.
+  struct Sum {
+    Mat3 stiffness{};  // N/m
+    double error = 0;  // N
+    double spring_change = 0, profile_change = 0;  // see PointProxies::Gain
+    std::array<Vec3, FS_TOOL_POINTS_MAX> pull{};        // of the points, see PointProxies::Gain
+    std::array<double, FS_TOOL_POINTS_MAX> pulled_by{};
+  };
 
-  double now_ = 0, step_ = 0, blend_ = 0;  // s
+  std::span<Solid> solids() noexcept { return {solids_.data(), solid_count_}; }
+  void feel_layers(Touches::View& here, const Touches::View* last, const ToolState& tool, Effort* effort, Sum& out) noexcept;
+  void begin_layer(const Layer& layer) noexcept;
+  void end_layer(Touches::View& here, Layer& layer, Sum& out) noexcept;
+  void spread_jump(Wrench Pull::*part, std::span<const Layer> then, std::span<const Layer> now, double length, double explained,
+                   Rests& out) noexcept;
+  bool is_same(const Layer& before) const noexcept;
+  bool choose_felt() noexcept;
+  bool do_layers_agree(const Touches::View& view) const noexcept;
+  void tell(const Touches::View& here, uint64_t what, const ToolState& tool, const Sum& sum, fs_response& out) noexcept;
+
+  double now_ = 0, step_ = 0;  // s
   std::array<Solid, most_solids> solids_;
   uint32_t solid_count_ = 0;
+  Layers layers_;
   Touches touches_;
-  struct Before {
-    const Touch* touch;  // of the last tick; null: there was none
-    bool is_of_older;    // of the version whose weight this one takes over
-  };
-  std::array<Before, most_solids> before_;  // of the solids, for the point that is worked on
-  Proxy proxy_;           // the one that is worked on
-  std::array<Vec3, most_solids> damping_;  // N, of its members
-  std::array<Plane, most_solids> own_;     // planes of its members, of each alone
-  std::array<double, 2 * most_solids> levels_;
+  PointProxies points_;
   FeltSolids felt_;       // that is put together
   Latest<FeltSolids> newest_;
 };

@@ -13,15 +13,11 @@ bool are_equal(const Pose& a, const Pose& b) noexcept {
   return a.position == b.position && p.w == q.w && p.x == q.x && p.y == q.y && p.z == q.z;
 }
 
-}  // namespace
-
-double margin_at(const Pose& pose, Vec3 from, Vec3 to) noexcept {
-  return 64 * epsilon * (largest_coordinate(from) + largest_coordinate(to) + largest_coordinate(pose.position));
-}
-
+// The plane of one member that stops its proxy on the way to a place; place: where, scene frame; part: of the way.
 bool find_plane(const Member& member, Vec3 to, Plane& out, Vec3& place, double& part) noexcept {
   const Solid& solid = *member.solid;
   const Vec3 local = to_local(solid.pose, to);
+  if (local == member.touch->at) return false;
   Crossing crossing;
   if (!first_crossing(solid.object->primitive, solid.object->shape.get(), member.touch->side, member.touch->at, local,
                       crossing)) {
@@ -33,6 +29,15 @@ bool find_plane(const Member& member, Vec3 to, Plane& out, Vec3& place, double& 
   place = solid.pose * crossing.point + out.margin * out.normal;
   out.offset = dot(out.normal, place);
   return true;
+}
+
+// Where the object itself takes its proxy.
+Vec3 carried(const Member& member) noexcept { return member.solid->pose * member.touch->at; }
+
+}  // namespace
+
+double margin_at(const Pose& pose, Vec3 from, Vec3 to) noexcept {
+  return 64 * epsilon * (largest_coordinate(from) + largest_coordinate(to) + largest_coordinate(pose.position));
 }
 
 // The first plane that stops it; place: where; least: the part of the way.
@@ -60,11 +65,14 @@ void Proxy::go(Vec3 to) noexcept {
   }
 }
 
-bool Proxy::is_free_to(Vec3 place) const noexcept {
-  Plane plane;
-  Vec3 there;
-  double part;
-  return !find_hit(place, plane, there, part);
+bool Proxy::is_free_to(Vec3 place, uint32_t except) const noexcept {
+  for (uint32_t i = 0; i < count; ++i) {
+    Plane plane;
+    Vec3 there;
+    double part;
+    if (i != except && find_plane(members[i], place, plane, there, part)) return false;
+  }
+  return true;
 }
 
 bool Planes::hold(Vec3 hand, Vec3& goal) noexcept {
@@ -155,20 +163,11 @@ bool Planes::is_on_one(Vec3 place, double way) const noexcept {
 }
 
 // A cone (Harwin & Melder 2002). The coefficient is the mean of those of the planes, by how far each pushes.
-double Proxy::friction_reach(const Planes& by, Vec3 hand, Vec3 goal, bool of_all) const noexcept {
-  const auto friction_of = [&](const Solid& solid) {
-    double friction = solid.object->contact.friction;
-    for (uint32_t i = 0; of_all && solid.weight < 1 && i < count; ++i) {
-      const Solid& other = *members[i].solid;
-      const bool is_version = other.version == solid.takes_over || other.takes_over == solid.version;
-      if (is_version) friction = std::max(friction, other.object->contact.friction);
-    }
-    return friction;
-  };
+double Proxy::friction_reach(Vec3 hand, Vec3 goal) const noexcept {
   double friction = 0, depth = 0;
-  for (uint32_t p = 0; p < by.plane_count; ++p) {
-    friction += by.shares[p] * friction_of(*members[by.planes[p].member].solid);
-    depth += by.shares[p];
+  for (uint32_t p = 0; p < plane_count; ++p) {
+    friction += shares[p] * members[planes[p].member].solid->object->contact.friction;
+    depth += shares[p];
   }
   return friction > 0 ? friction / depth * norm(goal - hand) : 0;
 }
@@ -210,7 +209,7 @@ void Proxy::slide(Vec3 hand, bool was_touching) noexcept {
     }
     if (way == 0 && plane_count > 0) {
       // Friction: the proxy stays within a distance of the place where the surface alone would have it.
-      const double most = friction_reach(*this, hand, goal, true);
+      const double most = friction_reach(hand, goal);
       if (most > 0) {
         // When the surface has gone from under the proxy, nothing holds it up: it keeps its place along the surface only.
         const bool is_on_surface = is_on_one(at, norm(goal - hand));
@@ -237,27 +236,83 @@ void Proxy::slide(Vec3 hand, bool was_touching) noexcept {
   }
 }
 
-void Proxy::carry() noexcept {
-  for (int round = 0; round < 2; ++round) {
-    bool is_carried = false;
-    for (uint32_t i = 0; i < count; ++i) {
-      const Member& member = members[i];
-      const Solid& solid = *member.solid;
-      Touch& touch = *member.touch;
-      const Vec3 local = to_local(solid.pose, at);
-      if (local == touch.at) continue;
-      const bool has_moved = member.before && !are_equal(member.before->pose, solid.pose);
-      const bool sticks = round == 0 && has_moved && member.before->is_touching && solid.object->contact.friction > 0;
-      Crossing crossing;
-      if (sticks || first_crossing(solid.object->primitive, solid.object->shape.get(), touch.side, touch.at, local, crossing)) {
-        at = solid.pose * touch.at;
-        is_carried = true;
-      } else {
-        touch.at = local;
-      }
-    }
-    if (!is_carried) return;
+// The nearest place that no member is in the way to. False: there is none that is near enough.
+bool Proxy::find_place(Vec3& out) const noexcept {
+  Planes by;
+  Vec3 goal = at;
+  double way = 0;  // m, how far objects have moved
+  for (int tries = 0;; ++tries) {
+    Plane plane;
+    Vec3 place;
+    double part;
+    if (!find_hit(goal, plane, place, part)) break;
+    if (by.plane_count == by.planes.size() || tries == 8) return false;
+    way = std::max({way, norm(carried(members[plane.member]) - at), plane.margin});
+    by.planes[by.plane_count++] = plane;
+    if (!by.hold(at, goal) || norm(goal - at) > 2 * way) return false;
   }
+  out = goal;
+  return true;
+}
+
+uint32_t Proxy::carry() noexcept {
+  Vec3 to = at;
+  uint32_t by = count;  // the member that takes it along
+  for (uint32_t i = 0; i < count; ++i) {
+    const Member& member = members[i];
+    const bool has_moved = member.before && !are_equal(member.before->pose, member.solid->pose);
+    if (has_moved && member.before->is_touching && member.solid->object->contact.friction > 0) by = i;
+  }
+  if (by < count) to = carried(members[by]);
+  if (!is_free_to(to, by)) {
+    Plane plane;
+    Vec3 place;
+    double part;
+    bool is_free = false;
+    if (find_hit(at, plane, place, part)) {
+      to = carried(members[plane.member]);
+      is_free = is_free_to(to, plane.member);
+      by = plane.member;
+    } else {
+      to = at;
+      is_free = true;
+      by = count;
+    }
+    if (!is_free) {
+      by = count;
+      if (!find_place(to)) return split();
+    }
+  }
+  // The one that has taken it along has it exactly where it was.
+  const Vec3 kept = by < count ? members[by].touch->at : Vec3{};
+  go(to);
+  if (by < count) members[by].touch->at = kept;
+  return 0;
+}
+
+// The proxy stays with the first that it has touched, and with those that are not against that.
+uint32_t Proxy::split() noexcept {
+  uint32_t base = 0, left = 0;
+  while (base < count && !(members[base].before && members[base].before->is_touching)) ++base;
+  if (base == count) base = 0;
+  std::swap(members[0], members[base]);
+  const Vec3 kept = members[0].touch->at, to = carried(members[0]);
+  uint32_t all = count;
+  for (uint32_t i = 1; i < all;) {
+    Plane plane;
+    Vec3 place;
+    double part;
+    if (!find_plane(members[i], to, plane, place, part)) {
+      ++i;
+      continue;
+    }
+    std::swap(members[i], members[--all]);
+    ++left;
+  }
+  count = all;
+  go(to);
+  members[0].touch->at = kept;
+  return left;
 }
 
 }  // namespace fs

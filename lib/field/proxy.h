@@ -4,6 +4,15 @@
 // For each solid object near the point there is a *touch*, with the proxy in the object's frame. There the proxy goes
 // straight ways only, from exactly where the last one ended, and each way is tested against the surface (crossing.h). So it
 // never gets through, however the object and the hand move; there is no tolerance in metres.
+//
+// The law of its motion, in each tick:
+// 1. Objects that have moved take the proxy along: one that it touches with friction, or one that would pass over it.
+// 2. Where that takes it into another object, it goes to the nearest place that all of them allow, but no farther than
+//    twice as far as the objects have moved.
+// 3. Otherwise the hand is crushed: each object that contradicts the others gets a proxy of its own and pushes as if alone.
+// 4. Then the proxy goes as near to the hand as the objects allow.
+// 5. An object that has a proxy of its own, but does not hold the hand any more, shares that of the others again as soon
+//    as the way there is free. As it gives no force then, this changes none.
 #pragma once
 
 #include <array>
@@ -17,7 +26,7 @@ namespace fs {
 struct Solid {
   uint32_t row = 0;
   uint64_t version = 0;         // of the row
-  uint64_t takes_over = 0;      // version of the row whose weight it takes over, and its proxies; 0: of none
+  uint64_t takes_over = 0;      // version of the row whose weight it takes over, and its touches; 0: of none
   const Object* object = nullptr;
   const Motion* motion = nullptr;
   double weight = 1;
@@ -27,10 +36,16 @@ struct Solid {
   bool is_bounded = false;      // its slope is less than was asked for
   // Worked out by feel().
   Pose pose{};                  // now
-  double begin = 0;             // 0..1, where its part of the unit interval begins: see Proxies::fade
-  Wrench wrench{}, felt{};      // N, N m: of the contact and of the profiles, in full
-  Mat3 stiffness{}, felt_stiffness{};  // N/m, of the same
-  bool is_touched = false;
+  double begin = 0;             // 0..1, where its part of the unit interval begins: see layers.h
+  // In the layer that is worked on.
+  bool is_present = true, is_touched = false;
+  bool is_known = false;        // it was there in the last tick
+  Wrench spring{}, damping{}, felt{};  // N, N m: of the contact's spring and damping, and of the profiles
+  Mat3 stiffness{}, felt_stiffness{};  // N/m, of spring and profiles
+  // The mean over the layers.
+  Wrench sum{};                 // N, N m
+  Wrench rest{};                // N, N m, what is left of jumps
+  bool is_touched_at_all = false, is_felt_at_all = false;
   Vec3 proxy{};                 // m, of the nearest point,
   double distance = never;      // and how far that is
 };
@@ -42,24 +57,20 @@ struct Touch {
   Pose pose;            // of the object
   Vec3 at;              // m, object frame: the proxy, on the kept side
   Vec3 proxy;           // m, scene frame
-  Vec3 spring;          // N, of the contact's spring
-  Vec3 rest;            // N, what is left of a jump
-  double fading;        // s, for which it is left
   Side side;            // that is kept
-  bool is_touching, is_fading;
+  bool is_touching;
 };
 // A solid that shares a proxy.
 struct Member {
   Solid* solid;
   Touch* touch;
-  const Touch* before;  // null: there was none
-  bool is_taken_over;   // before is that of another version
+  const Touch* before;  // of the last tick; null: there was none
 };
 struct Plane {
   Vec3 normal;
   double offset;       // normal * x >= offset
   double margin;       // m, by which it lies above the surface
-  uint32_t member;
+  uint32_t member = 0;
 };
 // Planes that hold a point.
 struct Planes {
@@ -79,7 +90,7 @@ struct Planes {
 
 inline constexpr uint32_t most_solids = 256;  // near a tool
 
-// The proxy of a point for all solids of the same stiffness that the point feels.
+// The proxy of a point for solids of the same stiffness that the point feels.
 struct Proxy : Planes {
   std::array<Member, most_solids> members;
   uint32_t count = 0;
@@ -87,23 +98,23 @@ struct Proxy : Planes {
   Vec3 held{};            // m, how far friction holds it back
   bool is_stuck = false;  // by friction
 
-  // [rt] Objects that have moved take the proxy with them: one that touches it with friction always, any other when it would
-  // pass over it.
-  void carry() noexcept;
-  // [rt] Moves it as near to the hand as it gets.
+  // [rt] Points 1 to 3 of the law. Members that contradict the others are put behind the first `count` and no longer belong
+  // to it; returns how many.
+  uint32_t carry() noexcept;
+  // [rt] Point 4 of the law.
   void slide(Vec3 hand, bool was_touching) noexcept;
-  // [rt] How far friction can hold the proxy back, m, if some planes hold it at `goal` against the hand.
-  // of_all: where another version of an object is there too, the larger coefficient of the two counts.
-  double friction_reach(const Planes& by, Vec3 hand, Vec3 goal, bool of_all) const noexcept;
+  // [rt] Whether no member is in the way to a place. except: a member that is not asked; count: none.
+  bool is_free_to(Vec3 place, uint32_t except) const noexcept;
+  bool is_free_to(Vec3 place) const noexcept { return is_free_to(place, count); }
 
  private:
   bool find_hit(Vec3 to, Plane& out, Vec3& place, double& part) const noexcept;
-  bool is_free_to(Vec3 place) const noexcept;
+  bool find_place(Vec3& out) const noexcept;
+  uint32_t split() noexcept;
   void go(Vec3 to) noexcept;
+  // How far friction can hold the proxy back, m, if its planes hold it at `goal` against the hand.
+  double friction_reach(Vec3 hand, Vec3 goal) const noexcept;
 };
-
-// [rt] The plane of one member that stops its proxy on the way to a place; place: where, scene frame; part: of the way.
-bool find_plane(const Member& member, Vec3 to, Plane& out, Vec3& place, double& part) noexcept;
 
 // [rt] A proxy lies above the surface by this much, m: more than rounding makes of coordinates as large as these of the
 // object's frame.

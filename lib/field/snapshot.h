@@ -111,6 +111,8 @@ struct Chunk : LocalCounted<Chunk> {
     return motions[i / Motions::size]->revision[i % Motions::size];
   }
 
+  Box box_of(uint32_t i) const noexcept;  // where row i may be felt, at any time; empty: nowhere, or it is one of the planes
+
   // [rt] Those of `rows` that stand at their centre.
   uint64_t standing_at(uint64_t rows, double t, double blend) const noexcept {
     rows &= standing;
@@ -134,7 +136,6 @@ struct Chunk : LocalCounted<Chunk> {
 
  private:
   void place(uint32_t i) noexcept;  // works out centre and reach
-  Box box_of(uint32_t i) const noexcept;
   void bound(const Box& before, const Box& after) noexcept;
 };
 

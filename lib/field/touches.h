@@ -1,22 +1,76 @@
-// What a reader keeps of its touches from one tick to the next.
+// What a reader keeps of its touches from one tick to the next: for each view its layers (layers.h), for each layer the
+// touches and the pulls of its solids.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <span>
+#include <tuple>
 
 #include "field/proxy.h"
 
 namespace fs {
 
+// The solids of a view while some of them fade: see layers.h.
+struct Layer {
+  double begin = 0, end = 1;                 // the part of the unit interval
+  uint64_t present = ~uint64_t{0};           // bit i: the chosen solid i of the view is there
+  uint32_t first_touch = 0, end_touch = 0;   // in the order of points and proxies
+  uint32_t first_pull = 0, end_pull = 0;
+  double length() const noexcept { return end - begin; }
+};
+
+// What a solid gave in a layer.
+struct Pull {
+  uint32_t row;
+  uint64_t version;
+  Wrench spring;   // N, N m: of the contact, within its limit
+  Wrench profile;  // N, N m
+};
+
+// What remains of jumps of the force, and is still taken away.
+struct Rests {
+  struct Rest {
+    uint64_t version;  // of the solid that jumped
+    Wrench wrench;     // N, N m
+  };
+  double time = 0;     // s, for which it is left
+  uint32_t count = 0;
+  std::array<Rest, 16> rests;
+
+  std::span<const Rest> all() const noexcept { return {rests.data(), count}; }
+  // [rt] As it is `step` seconds after another tick; null: nothing is left.
+  void begin(const Rests* last, double step) noexcept {
+    count = 0;
+    time = last ? std::max(0.0, last->time - step) : 0;
+    if (!(time > 0)) return;
+    for (const Rest& rest : last->all()) add(rest.version, (time / last->time) * rest.wrench);
+  }
+  void add(uint64_t version, const Wrench& wrench) noexcept {  // [rt]
+    uint32_t i = 0;
+    while (i < count && rests[i].version != version) ++i;
+    if (i == rests.size()) --i;  // full: it is added to the last, so that the sum stays right
+    if (i == count) rests[count++] = {version, {}};
+    rests[i].wrench = rests[i].wrench + wrench;
+  }
+};
+
 class Touches {
  public:
-  static constexpr uint32_t most = 2048;
+  static constexpr uint32_t most = 4096, most_layers = 8, most_chosen = 64;
+  static constexpr uint32_t most_pulls = most_layers * most_solids;
 
-  // What belongs to a view: where the points of its tool are, and its touches, in the order of rows and points.
   struct View {
-    uint64_t what = 0;            // see Memory::look; 0: nothing is known
-    uint32_t begin = 0, end = 0;  // of its touches
-    double reach = 0;             // m, how far a proxy was from its point at most
-    std::array<Vec3, FS_TOOL_POINTS_MAX> hand;  // m, the points
+    uint64_t what = 0;  // see Memory::look; 0: nothing is known
+    double reach = 0;   // m, how far a proxy was from its point at most
+    std::array<Vec3, FS_TOOL_POINTS_MAX> hand, velocity;  // m, m/s: the points
+    bool do_layers_agree = true;   // the pulls are the same in all layers
+    bool has_all_layers = true;    // there were not too many
+    bool has_all_pulls = true;     // there were not too many
+    uint32_t layer_count = 0, chosen_count = 0;
+    std::array<Layer, most_layers> layers;
+    std::array<uint64_t, most_chosen> chosen;  // versions of the solids that layers tell apart
+    Rests rests;
   };
 
   // [rt] Begins a tick: what is there becomes what was before.
@@ -29,35 +83,61 @@ class Touches {
     for (Tick& tick : ticks_) forget(tick);
   }
 
-  // [rt] A view of this tick, to which touches are added from now on.
+  // [rt] A view of this tick, to which layers are added, and to these touches and pulls.
   View& begin_view(uint32_t view, uint64_t what) noexcept {
-    View& out = ticks_[current_].views[view];
+    Tick& tick = ticks_[current_];
+    View& out = tick.views[view];
     out.what = what;
-    out.begin = out.end = ticks_[current_].count;
-    out.reach = 0;
+    tick.begun = {tick.touch_count, tick.pull_count};
+    restart(out);
     return out;
   }
-  Touch* add(View& view) noexcept {  // null: there are too many
+  // [rt] Takes back all layers of the view that was begun last.
+  void restart(View& view) noexcept {
     Tick& tick = ticks_[current_];
-    if (tick.count == most) return nullptr;
-    view.end = tick.count + 1;
-    return &tick.touches[tick.count++];
+    std::tie(tick.touch_count, tick.pull_count) = tick.begun;
+    view.reach = 0;
+    view.layer_count = view.chosen_count = 0;
+    view.do_layers_agree = view.has_all_layers = view.has_all_pulls = true;
   }
+  Layer& add_layer(View& view, double begin, double end, uint64_t present) noexcept {
+    const Tick& tick = ticks_[current_];
+    Layer& out = view.layers[view.layer_count++];
+    out = {begin, end, present, tick.touch_count, tick.touch_count, tick.pull_count, tick.pull_count};
+    return out;
+  }
+  Touch* add_touch(Layer& layer) noexcept {  // null: there are too many
+    Tick& tick = ticks_[current_];
+    if (tick.touch_count == most) return nullptr;
+    layer.end_touch = tick.touch_count + 1;
+    return &tick.touches[tick.touch_count++];
+  }
+  void add_pull(View& view, Layer& layer, const Pull& pull) noexcept {
+    Tick& tick = ticks_[current_];
+    view.has_all_pulls &= tick.pull_count < most_pulls;
+    if (!view.has_all_pulls) return;
+    tick.pulls[tick.pull_count++] = pull;
+    layer.end_pull = tick.pull_count;
+  }
+
+  // [rt] Touches and pulls of this tick and of the last one.
+  std::span<const Touch> last_touches(const Layer& layer) const noexcept { return touches_of(ticks_[1 - current_], layer); }
+  std::span<const Pull> pulls(const Layer& layer) const noexcept { return pulls_of(ticks_[current_], layer); }
+  std::span<const Pull> last_pulls(const Layer& layer) const noexcept { return pulls_of(ticks_[1 - current_], layer); }
 
   // [rt] The view at the last tick; null: it was another, or not there.
   const View* last(uint32_t view, uint64_t what) const noexcept {
     const View& out = ticks_[1 - current_].views[view];
     return out.what == what ? &out : nullptr;
   }
-  // [rt] The touch of a point with a version of a solid at the last tick; null: there was none. solid: as it is now.
-  const Touch* find(const View& last, const Solid& solid, uint64_t version, uint32_t point) noexcept {
+  // [rt] The touch of a point with a version of a solid in a layer of the last tick; null: there was none.
+  const Touch* find(const Layer& layer, uint64_t version, uint32_t point) noexcept {
     // They mostly come in the same order as last time.
-    const uint32_t count = last.end - last.begin;
+    const uint32_t count = layer.end_touch - layer.first_touch;
     for (uint32_t k = 0; k < count; ++k) {
-      if (++cursor_ >= last.end || cursor_ < last.begin) cursor_ = last.begin;
+      if (++cursor_ >= layer.end_touch || cursor_ < layer.first_touch) cursor_ = layer.first_touch;
       const Touch& touch = ticks_[1 - current_].touches[cursor_];
-      const bool is_of_point = touch.version == version && touch.point == point;
-      if (is_of_point && (touch.row == solid.row || version != solid.version)) return &touch;
+      if (touch.version == version && touch.point == point) return &touch;
     }
     return nullptr;
   }
@@ -65,12 +145,20 @@ class Touches {
  private:
   struct Tick {
     std::array<View, Views::size> views;
-    std::array<Touch, most> touches;  // view by view
-    uint32_t count = 0;
+    std::array<Touch, most> touches;  // view by view, layer by layer
+    std::array<Pull, most_pulls> pulls;
+    uint32_t touch_count = 0, pull_count = 0;
+    std::pair<uint32_t, uint32_t> begun;  // the counts when the last view began
   };
   static void forget(Tick& tick) noexcept {
-    tick.count = 0;
+    tick.touch_count = tick.pull_count = 0;
     for (View& view : tick.views) view.what = 0;
+  }
+  static std::span<const Touch> touches_of(const Tick& tick, const Layer& layer) noexcept {
+    return std::span(tick.touches).subspan(layer.first_touch, layer.end_touch - layer.first_touch);
+  }
+  static std::span<const Pull> pulls_of(const Tick& tick, const Layer& layer) noexcept {
+    return std::span(tick.pulls).subspan(layer.first_pull, layer.end_pull - layer.first_pull);
   }
 
   std::array<Tick, 2> ticks_;

@@ -1,6 +1,5 @@
-// A scene as JSON: its objects, frame and tool. The schema is scene.schema.json beside this file. An object's `time` is
-// not saved, because loading sets the object anew. Its `start` is saved only if it was given, as an age: the time from
-// it to the present `time` (s) of the scene's clock.
+// A scene as JSON: its objects, frame and tool. The schema is scene.schema.json beside this file. An object's `time` and
+// `start` are saved only if they are not 0, as ages: the time from them to the present `time` (s) of the scene's clock.
 #pragma once
 
 #include <string>
@@ -23,7 +22,7 @@ struct SceneDescription {
 
 // Meshes are written beside the scene file as PLY, one file for each shape however many objects use it, named after its
 // content (NAME-HASH.ply). So the meshes of an old scene file are never replaced; those no longer used stay. Every
-// number is read back bit for bit, except that a start is computed from its age and is exact to the rounding of the
+// number is read back bit for bit, except that times are computed from their ages and are exact to the rounding of the
 // clock. Throws IO, or INVALID for a name that is not UTF-8; then the old files are intact.
 void write_scene_file(const std::string& path, const SceneDescription& scene, double time);
 

@@ -34,24 +34,32 @@ double parse_number(const Json& value, const std::string& where, const std::stri
   fail_value(value, where, key, "a number (or the string inf, -inf or nan)");
 }
 
+std::string entry_of(const std::string& key, size_t i) { return key + "[" + std::to_string(i) + "]"; }
+
+// Entry i of the list at `key`, which is named where it is no number.
+double parse_entry(const Json::List& list, size_t i, const std::string& where, const std::string& key) {
+  if (const Json::Number* const number = list[i].number()) return number->value;
+  return parse_number(list[i], where, entry_of(key, i));
+}
+
 Vec3 parse_vec3(const Json& value, const std::string& where, const std::string& key) {
   const Json::List* const v = value.list();
   if (!v || v->size() != 3) fail_value(value, where, key, "a list of three numbers, [x, y, z]");
-  return {parse_number((*v)[0], where, key), parse_number((*v)[1], where, key), parse_number((*v)[2], where, key)};
+  return {parse_entry(*v, 0, where, key), parse_entry(*v, 1, where, key), parse_entry(*v, 2, where, key)};
 }
 
 Quat parse_quat(const Json& value, const std::string& where, const std::string& key) {
   const Json::List* const q = value.list();
   if (!q || q->size() != 4) fail_value(value, where, key, "a list of four numbers, [w, x, y, z]");
-  return {parse_number((*q)[0], where, key), parse_number((*q)[1], where, key), parse_number((*q)[2], where, key),
-          parse_number((*q)[3], where, key)};
+  return {parse_entry(*q, 0, where, key), parse_entry(*q, 1, where, key), parse_entry(*q, 2, where, key),
+          parse_entry(*q, 3, where, key)};
 }
 
 std::vector<Vec3> parse_points(const Json& value, const std::string& where, const std::string& key) {
   if (!value.list()) fail_value(value, where, key, "a list of points, [[x, y, z], ...]");
   std::vector<Vec3> points;
   points.reserve(value.list()->size());
-  for (const Json& point : *value.list()) points.push_back(parse_vec3(point, where, key));
+  for (size_t i = 0; i < value.list()->size(); ++i) points.push_back(parse_vec3((*value.list())[i], where, entry_of(key, i)));
   return points;
 }
 
@@ -261,7 +269,7 @@ class SceneReader {
     if (!table.list()) fail_value(table, form.where(), "table", "a list of numbers");
     std::vector<double> forces;
     forces.reserve(table.list()->size());
-    for (const Json& force : *table.list()) forces.push_back(parse_number(force, form.where(), "table"));
+    for (size_t i = 0; i < table.list()->size(); ++i) forces.push_back(parse_entry(*table.list(), i, form.where(), "table"));
     form.finish();
     return make_table_curve(forces.data(), forces.size(), step);
   }
@@ -307,6 +315,7 @@ class SceneReader {
       part.read("angular", object.twist.angular);
       part.finish();
     }
+    read_age(form, "pose_age", object.time);
     read_profile(form, "front", object.front);
     read_profile(form, "back", object.back);
     form.read("damping", object.damping);
@@ -320,16 +329,23 @@ class SceneReader {
       part.finish();
     }
     form.read("start", object.start);
-    if (const Json* age = form.find("age")) {
-      if (form.find("start")) fail_at(FS_ERROR_PARSE, form.where(), "has both \"start\" and \"age\", must have one");
-      if (!age->number()) fail_value(*age, form.where(), "age", "a number");
-      object.start = time_ - age->number()->value;
-      if (object.start == 0) object.start = std::numeric_limits<double>::denorm_min();  // 0 would mean: not given
+    if (form.find("age") && form.find("start")) {
+      fail_at(FS_ERROR_PARSE, form.where(), "has both \"start\" and \"age\", must have one");
     }
+    read_age(form, "age", object.start);
     form.read("lifetime", object.lifetime);
     form.read("tool_points", object.tool_points);
     form.finish();
     return object;
+  }
+
+  // out: the time that was so long ago.
+  void read_age(Form& form, const char* key, double& out) const {
+    const Json* const age = form.find(key);
+    if (!age) return;
+    if (!age->number()) fail_value(*age, form.where(), key, "a number");
+    out = time_ - age->number()->value;
+    if (out == 0) out = std::numeric_limits<double>::denorm_min();  // 0 would mean: not given
   }
 
   void read_profile(Form& parent, const char* key, fs_profile& out) const {

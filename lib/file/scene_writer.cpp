@@ -187,6 +187,7 @@ class SceneWriter {
     if (!object.enabled) add(out, "enabled", Json(false));
     put(out, "pose", to_json(object.pose));
     put(out, "twist", to_json(object.twist));
+    if (object.time != 0) add(out, "pose_age", to_json(time_ - object.time));
     put(out, "front", write(object.front, name + ".front"));
     put(out, "back", write(object.back, name + ".back"));
     put(out, "damping", object.damping);

@@ -15,6 +15,7 @@ inline constexpr uint32_t most_slots = 65536;  // of an inbox
 
 struct InboxHead {
   std::atomic<uint64_t> batch{0};                       // odd while a group of records is being written
+  std::atomic<uint64_t> has_left{0};                    // 1: the client goes of its own accord
   std::atomic<uint64_t> summary[most_slots / 64 / 64];  // bit i of word w: dirty word 64 w + i is not 0
 };
 
@@ -30,12 +31,14 @@ class InboxOf {
   void write(uint32_t slot, const Record& record) noexcept;
   void begin_batch() noexcept;
   void end_batch() noexcept;
+  void leave() noexcept { head_->has_left.store(1, std::memory_order_release); }
 
   // ---- The server's. Nothing here is trusted, and nothing waits.
   // Calls f(slot) for each slot that has been written since the last call.
   template <class F>
   void take_dirty(F&& f) noexcept;
   bool has_dirty() const noexcept;
+  bool has_left() const noexcept { return head_->has_left.load(std::memory_order_acquire) == 1; }
   // Odd: a group is being written. Another number than before: a group was written between. Then what was read belongs
   // together only when it is read once more.
   uint64_t batch() const noexcept { return head_->batch.load(std::memory_order_acquire); }

@@ -1,20 +1,24 @@
 #include "ipc/socket.h"
 
+#include <fcntl.h>
 #include <linux/sockios.h>
 #include <poll.h>
 #include <pthread.h>
 #include <pwd.h>
+#include <sys/file.h>
 #include <sys/ioctl.h>
-#include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/uio.h>
-#include <sys/un.h>
 
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 #include <mutex>
+#include <thread>
 #include <vector>
 
 #include "base/clock.h"
@@ -63,13 +67,57 @@ Listeners& listeners() {
   return all;
 }
 
-sockaddr_un to_sockaddr(const std::string& address, socklen_t& size) {
-  sockaddr_un out{};
-  out.sun_family = AF_UNIX;
-  std::memcpy(out.sun_path + 1, address.data(), address.size());  // abstract: after a 0
-  size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + address.size());
+struct Place {
+  sockaddr_un address{};
+  socklen_t size = sizeof(sockaddr_un);
+  Place() { address.sun_family = AF_UNIX; }
+};
+
+Place abstract_place(const std::string& address) {
+  Place out;
+  std::memcpy(out.address.sun_path + 1, address.data(), address.size());  // after a 0
+  out.size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + address.size());
   return out;
 }
+
+// A file of an open folder, whatever the folder is called by now.
+Place place_in(const Descriptor& folder, const std::string& file) {
+  Place out;
+  std::snprintf(out.address.sun_path, sizeof out.address.sun_path, "/proc/self/fd/%d/%s", folder.get(), file.c_str());
+  return out;
+}
+std::string file_of(const std::string& name) { return ".forceserver-" + name; }
+
+// A folder in which no other user can make a file; none: there is none.
+Descriptor open_own_folder() {
+  const uid_t user = geteuid();
+  std::vector<char> buffer(16384);
+  passwd entry, *found = nullptr;
+  getpwuid_r(user, &entry, buffer.data(), buffer.size(), &found);
+  for (const std::string& folder : {"/run/user/" + std::to_string(user), std::string(found ? found->pw_dir : "")}) {
+    Descriptor out(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+    struct stat info;
+    if (!out || fstat(out.get(), &info) != 0) continue;
+    if (info.st_uid == user && !(info.st_mode & (S_IWGRP | S_IWOTH))) return out;
+  }
+  return {};
+}
+
+int connect_to(const Place& place, Descriptor& out) {
+  Descriptor made(socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  if (!made) return errno;
+  while (connect(made.get(), reinterpret_cast<const sockaddr*>(&place.address), place.size) != 0) {
+    if (errno != EINTR) return errno;
+  }
+  out = std::move(made);
+  return 0;
+}
+
+[[noreturn]] void fail_taken(const std::string& name, const std::string& by) {
+  fail(FS_ERROR_EXISTS, "endpoint is 'shm:%s': %s", name.c_str(), by.c_str());
+}
+
+constexpr const char* own_server = "a server of this user has that name already";
 
 }  // namespace
 
@@ -136,25 +184,59 @@ std::string user_address(uid_t user, const std::string& name) {
 
 std::string shared_address(const std::string& name) { return "forceserver/" + name; }
 
-Listener::Listener(const std::string& address) {
+bool Listener::listen_at(const sockaddr_un& place, socklen_t size) {
   Listeners& all = listeners();
   const std::lock_guard lock(all.mutex);
   all.numbers.reserve(all.numbers.size() + 1);
   Descriptor made(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
-  socklen_t size;
-  const sockaddr_un place = to_sockaddr(address, size);
   if (!made || bind(made.get(), reinterpret_cast<const sockaddr*>(&place), size) != 0 || listen(made.get(), 64) != 0) {
-    if (errno == EADDRINUSE) {
-      const size_t slash = address.rfind('/');
-      const bool is_shared = slash == address.find('/');
-      fail(FS_ERROR_EXISTS, "endpoint is 'shm:%s': %s has that name already", address.c_str() + slash + 1,
-           is_shared ? "a server of all users" : "a server of this user");
-    }
-    fail(status_without_descriptor(errno), "no server can listen at '%s': %s", address.c_str(),
-         std::strerror(errno));
+    if (made && errno == EADDRINUSE) return false;
+    fail(status_without_descriptor(errno), "no server can listen at this endpoint: %s", std::strerror(errno));
   }
   all.numbers.push_back(made.get());
   socket_ = std::move(made);
+  return true;
+}
+
+Listener Listener::for_this_user(const std::string& name) {
+  Listener out;
+  Descriptor other;
+  Descriptor folder = open_own_folder();
+  if (folder && connect_to(place_in(folder, file_of(name)), other) == 0) fail_taken(name, own_server);
+  const Place place = abstract_place(user_address(geteuid(), name));
+  // Who cannot be asked may be about to begin or to end.
+  bool is_known = false;
+  for (int tries = 0; tries < 30 && !is_known; ++tries) {
+    if (tries > 0) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    if (out.listen_at(place.address, place.size)) return out;
+    is_known = connect_to(place, other) == 0;
+  }
+  if (is_known && peer_of(other).user == geteuid()) fail_taken(name, own_server);
+  if (!folder) {
+    fail_taken(name, (is_known ? "user " + name_of_user(peer_of(other).user) : "somebody who does not answer") +
+                         " has that name, and this user has no folder of its own for a socket");
+  }
+  out.file_ = file_of(name);
+  const Place file = place_in(folder, out.file_);
+  while (flock(folder.get(), LOCK_EX) != 0 && errno == EINTR) {}  // of two servers that begin, one comes first; given back with the descriptor, or here
+  if (!out.listen_at(file.address, file.size)) {
+    if (connect_to(file, other) == 0) fail_taken(name, own_server);
+    unlinkat(folder.get(), out.file_.c_str(), 0);  // of a server that was killed
+    if (!out.listen_at(file.address, file.size)) fail_taken(name, own_server);
+  }
+  flock(folder.get(), LOCK_UN);
+  out.folder_ = std::move(folder);
+  return out;
+}
+
+Listener Listener::for_all_users(const std::string& name) {
+  Listener out;
+  const Place place = abstract_place(shared_address(name));
+  if (out.listen_at(place.address, place.size)) return out;
+  Descriptor other;
+  const bool is_known = connect_to(place, other) == 0;
+  fail_taken(name, (is_known ? "user " + name_of_user(peer_of(other).user) : "another server") +
+                       " has that name already for all users");
 }
 
 void Listener::reset() noexcept {
@@ -162,18 +244,21 @@ void Listener::reset() noexcept {
   Listeners& all = listeners();
   const std::lock_guard lock(all.mutex);
   std::erase(all.numbers, socket_.get());
+  if (folder_) unlinkat(folder_.get(), file_.c_str(), 0);
   socket_.reset();
+  folder_.reset();
 }
 
-int connect_to(const std::string& address, Descriptor& out) {
-  Descriptor made(socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
-  if (!made) return errno;
-  socklen_t size;
-  const sockaddr_un place = to_sockaddr(address, size);
-  while (connect(made.get(), reinterpret_cast<const sockaddr*>(&place), size) != 0) {
-    if (errno != EINTR) return errno;
-  }
-  out = std::move(made);
+int connect_to(const std::string& address, Descriptor& out) { return connect_to(abstract_place(address), out); }
+
+int connect_to_own_server(const std::string& name, Descriptor& out) {
+  const int error = connect_to(user_address(geteuid(), name), out);
+  if (error == 0 && peer_of(out).user == geteuid()) return 0;
+  const Descriptor folder = open_own_folder();
+  Descriptor other;
+  const bool is_there = folder && connect_to(place_in(folder, file_of(name)), other) == 0;
+  if (!is_there || peer_of(other).user != geteuid()) return error;
+  out = std::move(other);
   return 0;
 }
 

@@ -1,8 +1,12 @@
 // Sockets between clients and server: SOCK_SEQPACKET in the abstract name space, so that nothing is left in a file system
-// when the process ends. A message is a datagram that may carry descriptors.
+// when the process ends. There every user can take every name: both sides look whose process is at the other end, and
+// where another user has taken the name, a server of this user listens at a file in a folder that is this user's alone. A
+// message is a datagram that may carry descriptors.
 #pragma once
 
+#include <sys/socket.h>
 #include <sys/types.h>
+#include <sys/un.h>
 
 #include <cstddef>
 #include <span>
@@ -35,7 +39,8 @@ inline constexpr size_t most_message = 65536;  // bytes
 class Listener {
  public:
   Listener() = default;
-  explicit Listener(const std::string& address);  // EXISTS, IO, FULL
+  static Listener for_this_user(const std::string& name);  // EXISTS, IO, FULL
+  static Listener for_all_users(const std::string& name);  // the same
   Listener(Listener&&) noexcept = default;
   Listener& operator=(Listener&&) noexcept = default;
   ~Listener() { reset(); }
@@ -44,11 +49,17 @@ class Listener {
   const Descriptor& socket() const noexcept { return socket_; }
 
  private:
+  bool listen_at(const sockaddr_un& place, socklen_t size);  // false: somebody has it. IO, FULL
+
   Descriptor socket_;
+  Descriptor folder_;  // of the file at which it listens; none: the address is abstract
+  std::string file_;
 };
 
 // Connects a client's socket. 0: done, else an errno.
 int connect_to(const std::string& address, Descriptor& out);
+// The same, to the server of this user; where that is not there, the other end may be of another user.
+int connect_to_own_server(const std::string& name, Descriptor& out);
 
 struct Peer {
   pid_t process;

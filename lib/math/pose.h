@@ -12,6 +12,9 @@ using Pose = fs_pose;
 using Twist = fs_twist;
 using Wrench = fs_wrench;
 
+constexpr Wrench operator+(const Wrench& a, const Wrench& b) { return {a.force + b.force, a.torque + b.torque}; }
+constexpr Wrench operator*(double s, const Wrench& w) { return {s * w.force, s * w.torque}; }
+
 constexpr Quat identity_quat() { return {1, 0, 0, 0}; }
 constexpr Pose identity_pose() { return {{0, 0, 0}, {1, 0, 0, 0}}; }
 constexpr Quat conjugate(Quat q) { return {q.w, -q.x, -q.y, -q.z}; }

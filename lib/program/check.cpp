@@ -1,61 +1,21 @@
 // forceserver check: describes a scene or a mesh, and reports what is odd in it.
 #include <algorithm>
 #include <cctype>
-#include <cstdarg>
 #include <cstdio>
 #include <filesystem>
 #include <limits>
-#include <string_view>
 #include <vector>
 
+#include "check_forces.h"
 #include "program.h"
 #include "words.h"
 
 namespace {
 
-const double faint = 1e-3;  // N: nobody feels a smaller force
+const double far_away = 20;  // radii of the workspace: nobody means such a distance
 
-class Findings {
- public:
-  [[gnu::format(printf, 3, 4)]] void add(const std::string& name, const char* format, ...) {
-    std::printf("  odd: %s%s", name.c_str(), name.empty() ? "" : ": ");
-    va_list arguments;
-    va_start(arguments, format);
-    std::vprintf(format, arguments);
-    va_end(arguments);
-    std::printf("\n");
-    ++count_;
-  }
-  int finish() const {
-    if (count_ == 0) std::printf("nothing odd\n");
-    else std::printf("%d odd %s\n", count_, count_ == 1 ? "thing" : "things");
-    return count_ == 0 ? exit_fine : exit_odd;
-  }
-
- private:
-  int count_ = 0;
-};
-
-// A length as text, in a unit that suits its size.
-std::string metres(double value) {
-  char text[32];
-  const double size = std::abs(value);
-  if (size >= 1000) std::snprintf(text, sizeof text, "%.4g km", value / 1000);
-  else if (size >= 1 || size == 0) std::snprintf(text, sizeof text, "%.4g m", value);
-  else if (size >= 1e-3) std::snprintf(text, sizeof text, "%.4g mm", value * 1e3);
-  else std::snprintf(text, sizeof text, "%.4g um", value * 1e6);
-  return text;
-}
-
-fs_vec3 minus(const fs_vec3& a, const fs_vec3& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-
-fs_vec3 rotate(const fs_quat& q, const fs_vec3& v) {
-  const fs_vec3 t = {2 * (q.y * v.z - q.z * v.y), 2 * (q.z * v.x - q.x * v.z), 2 * (q.x * v.y - q.y * v.x)};
-  return {v.x + q.w * t.x + q.y * t.z - q.z * t.y, v.y + q.w * t.y + q.z * t.x - q.x * t.z,
-          v.z + q.w * t.z + q.x * t.y - q.y * t.x};
-}
-
-fs_shape_info describe(const fs_shape* shape) {
+fs_shape_info describe(fs_shape* shape) {
+  require(fs_shape_build(shape));  // only then it is known whether its parts meet
   fs_shape_info info = fs_shape_info_init();
   require(fs_shape_get_info(shape, &info));
   std::size_t points = 0, triangles = 0;
@@ -69,6 +29,7 @@ fs_shape_info describe(const fs_shape* shape) {
     std::printf("%s polyline of %zu points", info.closed ? "a closed" : "an open", points);
   }
   std::printf(", %s x %s x %s", metres(size.x).c_str(), metres(size.y).c_str(), metres(size.z).c_str());
+  if (info.united) std::printf(", of parts that meet: for profiles they are one body");
   return info;
 }
 
@@ -80,13 +41,14 @@ void check_shape(const std::string& name, const fs_shape* shape, Findings& findi
   auto plural = [](std::uint64_t n, const char* one, const char* many) { return n == 1 ? one : many; };
   using Count = unsigned long long;
 
+  const char* const undecided = "so inside and outside are not decided everywhere: the nearest triangle tells the side";
   if (info.open_edges > 0) {
-    findings.add(name, "%llu open %s: the mesh has holes or a border, where front and back meet",
-                 Count(info.open_edges), plural(info.open_edges, "edge", "edges"));
+    findings.add(name, "%llu open %s: the mesh has holes or a border, where front and back meet, %s",
+                 Count(info.open_edges), plural(info.open_edges, "edge", "edges"), undecided);
   }
   if (info.odd_edges > 0) {
-    findings.add(name, "%llu odd %s: of three or more triangles, or of two that disagree about the front",
-                 Count(info.odd_edges), plural(info.odd_edges, "edge", "edges"));
+    findings.add(name, "%llu odd %s: of three or more triangles, or of two that disagree about the front, %s",
+                 Count(info.odd_edges), plural(info.odd_edges, "edge", "edges"), undecided);
   }
   if (info.degenerate > 0) {
     findings.add(name, "%llu %s without area", Count(info.degenerate),
@@ -136,178 +98,15 @@ void describe_profile(const char* side, const fs_profile& profile) {
   if (profile.reach > 0) std::printf(" within %s", metres(profile.reach).c_str());
 }
 
-// The range of distances between one side of an object and the hand, m. If the hand never comes to this side, `least`
-// is larger than `most`.
-struct Distances {
-  double least, most;
-};
+const char* const millimetres = "; are its numbers millimetres? Lengths are in metres";
 
-// The largest force of a profile within a range of distances, N.
-double most(const fs_profile& profile, const Distances& range) {
-  if (profile.kind == FS_PROFILE_NONE || range.least > range.most) return 0;
-  if (profile.reach > 0 && range.least > profile.reach) return 0;
-  if (profile.kind == FS_PROFILE_CUSTOM) return profile.gain > 0 ? profile.limit : 0;  // it may depend on time
-  double distances[256], forces[256];
-  for (int i = 0; i < 256; ++i) distances[i] = range.least + (range.most - range.least) * i / 255;
-  require(fs_profile_evaluate(&profile, 0, 0, distances, 256, forces));
-  return *std::max_element(forces, forces + 256);
-}
-
-// The force of a profile at a distance, N; for an expression, the largest at several times.
-double force_at(const fs_profile& profile, double distance) {
-  if (profile.kind == FS_PROFILE_NONE) return 0;
-  const int times = profile.curve && fs_curve_get_expression(profile.curve) ? 32 : 1;
-  double most = 0;
-  for (int i = 0; i < times; ++i) {
-    double force = 0;
-    require(fs_profile_evaluate(&profile, 0, 0.3141 * i, &distance, 1, &force));
-    most = std::max(most, force);
-  }
-  return most;
-}
-
-bool has_sides(const fs_object& object) {
-  return object.primitive == FS_PRIMITIVE_PLANE || object.primitive == FS_PRIMITIVE_MESH;
-}
-
-// The distances on both sides; an object without sides has only a front.
-struct Sides {
-  Distances front, back;
-};
-
-bool is_closed(const fs_shape* shape) {
+void check_size(const std::string& name, const fs_shape* shape, double radius, Findings& findings) {
   fs_shape_info info = fs_shape_info_init();
   require(fs_shape_get_info(shape, &info));
-  return info.closed;
-}
-
-// A polyline that is not straight asks for an infinite stiffness with any profile (fs_report).
-bool is_bent(fs_shape* shape) {
-  const Scene scene = open<Scene>(fs_scene_create);
-  fs_object probe = fs_object_init("probe", FS_PRIMITIVE_POLYLINE);
-  probe.shape = shape;
-  probe.front = fs_profile_init(FS_PROFILE_LINEAR_INCREASING, FS_SENSE_ATTRACTIVE, 1, 0, 1);
-  require(fs_object_set(scene.get(), &probe));
-  fs_report report;
-  require(fs_scene_get_report(scene.get(), probe.name, &report));
-  return !std::isfinite(report.stiffness_wanted);
-}
-
-// Finds the places where the force jumps. A hand that passes there feels a knock; a hand that rests there is shaken.
-void check_jumps(const fs_object& object, const Sides& distances, Findings& findings) {
-  const std::string name = object.name;
-  const bool sides = has_sides(object);
-  if (distances.front.least == 0 || distances.back.least == 0) {
-    const auto along_normal = [](const fs_profile& profile, double side) {
-      return (profile.sense == FS_SENSE_REPULSIVE ? side : -side) * force_at(profile, 0);
-    };
-    const double front = along_normal(object.front, 1), back = sides ? along_normal(object.back, -1) : -front;
-    const double jump = std::abs(front - back);
-    const bool goes_on = object.primitive == FS_PRIMITIVE_MESH && jump <= faint && std::abs(front) > faint;
-    if (goes_on) {
-      findings.add(name, "its force goes on through its surface, so it turns at once at an edge: a jump of up to %.3g N",
-                   2 * std::abs(front));
-    } else if (jump > faint && sides) {
-      findings.add(name, "its force jumps at its surface, where front and back do not agree: a jump of %.3g N",
-                   jump);
-    } else if (jump > faint) {
-      findings.add(name, "its force reverses across its %s: a jump of %.3g N",
-                   object.primitive == FS_PRIMITIVE_POINT ? "point" : "line", jump);
-    }
-  }
-  for (const fs_profile* profile : {&object.front, &object.back}) {
-    const double reach = profile->reach;
-    const Distances& range = profile == &object.front ? distances.front : distances.back;
-    if (!(reach > 0) || reach < range.least || reach > range.most) continue;
-    const double jump = force_at(*profile, reach);
-    const char* const side = !sides ? "" : profile == &object.front ? " in front" : " behind";
-    if (jump <= faint) continue;
-    findings.add(name, "its force%s ends at its reach of %s: a jump of %.3g N", side, metres(reach).c_str(), jump);
-  }
-  const double strongest = std::max(most(object.front, distances.front), most(object.back, distances.back));
-  if (object.primitive == FS_PRIMITIVE_POLYLINE && strongest > faint && is_bent(object.shape)) {
-    findings.add(name, "its force changes its direction where two of its parts are equally near: a jump of up "
-                 "to %.3g N", 2 * strongest);
-  }
-  if (object.primitive == FS_PRIMITIVE_MESH && strongest > faint) {  // only a note: every solid mesh does this
-    std::printf("  note: %s: where another of its faces becomes the nearest, as deep inside of it, its force changes "
-                "its direction: a jump of up to %.3g N\n", name.c_str(), 2 * strongest);
-  }
-}
-
-// Finds profiles with a wrong sense or on the wrong side. Profiles on both sides are taken as intended: a plane that
-// holds the hand at it, or a force that is the same everywhere, such as gravity.
-void check_senses(const fs_object& object, const Sides& distances, Findings& findings) {
-  const std::string name = object.name;
-  const bool sides = has_sides(object);
-  const bool front = most(object.front, distances.front) > faint, back = most(object.back, distances.back) > faint;
-  const auto grows_without_end = [&](const fs_profile& profile) {
-    return force_at(profile, distances.front.most) > force_at(profile, distances.front.least) + faint;
-  };
-  const bool is_room = object.primitive == FS_PRIMITIVE_MESH && is_closed(object.shape);  // the hand cannot leave it
-  const bool pulls = front && object.front.sense == FS_SENSE_ATTRACTIVE && grows_without_end(object.front);
-  if (sides && pulls && !back && !is_room) {
-    findings.add(name, "it pulls the hand towards it from everywhere in front, harder with the distance; for a wall "
-                 "use \"back\" with sense attractive");
-  }
-  if (front && object.front.sense == FS_SENSE_REPULSIVE && grows_without_end(object.front)) {
-    findings.add(name, "it pushes the hand away%s, harder with the distance", sides ? " in front" : "");
-  }
-  // Inside a mesh, a repulsive force that falls with the distance from the surface keeps the hand inside.
-  const bool falls = force_at(object.back, distances.back.most) < force_at(object.back, distances.back.least) - faint;
-  const bool keeps_within = object.primitive == FS_PRIMITIVE_MESH && falls;
-  if (back && !front && object.back.sense == FS_SENSE_REPULSIVE && !keeps_within) {
-    findings.add(name, "its back drives the hand deeper; for a wall use sense attractive");
-  }
-}
-
-struct Workspace {  // in scene metres
-  fs_vec3 centre;
-  double radius;  // of the sphere around the device's cylinder
-};
-
-// Lower and upper bounds of the distances between an object and the hand in the workspace.
-Sides distances_of(const fs_object& object, const Workspace& workspace) {
-  fs_pose inverse = object.pose;
-  inverse.orientation = {object.pose.orientation.w, -object.pose.orientation.x, -object.pose.orientation.y,
-                         -object.pose.orientation.z};
-  const fs_vec3 centre = rotate(inverse.orientation, minus(workspace.centre, object.pose.position));
-  const Distances never = {1, 0};
-  if (object.primitive == FS_PRIMITIVE_PLANE) {
-    const double lowest = centre.z - workspace.radius, highest = centre.z + workspace.radius;
-    return {highest > 0 ? Distances{std::max(0.0, lowest), highest} : never,
-            lowest < 0 ? Distances{std::max(0.0, -highest), -lowest} : never};
-  }
-  double distance = length(centre);
-  if (object.shape) {
-    fs_shape_info info = fs_shape_info_init();
-    require(fs_shape_get_info(object.shape, &info));
-    distance = length({std::max({info.lower.x - centre.x, 0.0, centre.x - info.upper.x}),
-                       std::max({info.lower.y - centre.y, 0.0, centre.y - info.upper.y}),
-                       std::max({info.lower.z - centre.z, 0.0, centre.z - info.upper.z})});
-  }
-  const double least = std::max(0.0, distance - workspace.radius);
-  const Distances all = {least, least + 2 * workspace.radius + length(object.pose.position)};
-  if (object.primitive != FS_PRIMITIVE_MESH) return {all, never};
-  return {all, least > 0 && is_closed(object.shape) ? never : all};  // the back of a closed mesh is its inside
-}
-
-// Finds a point or path that pulls the hand with half of the device's force or more from nearly everywhere: from
-// three quarters of all distances. force_max: of the device, N of the scene.
-void check_pull(const fs_object& object, const Distances& range, double force_max, Findings& findings) {
-  const fs_profile& profile = object.front;
-  if (has_sides(object) || profile.sense != FS_SENSE_ATTRACTIVE || profile.kind == FS_PROFILE_NONE) return;
-  double least = std::numeric_limits<double>::infinity(), from = least;
-  for (int i = 255; i >= 0; --i) {
-    const double distance = range.least + (range.most - range.least) * i / 255;
-    const double force = force_at(profile, distance);
-    if (force < force_max / 2) break;
-    least = std::min(least, force);
-    from = distance;
-  }
-  if (from > range.least + (range.most - range.least) / 4) return;
-  findings.add(object.name, "it pulls the hand with %.3g N or more from everywhere beyond %s: give it a smaller limit, "
-               "or a force that falls with the distance", least, metres(from).c_str());
+  const double across = length(minus(info.upper, info.lower));
+  if (across <= 5 * far_away * radius) return;
+  findings.add(name, "it is %s across, and the device's workspace %s%s", metres(across).c_str(), metres(2 * radius).c_str(),
+               millimetres);
 }
 
 // What the objects of a scene are checked against.
@@ -343,24 +142,31 @@ void check_object(const fs_object& object, const Surroundings& around, Findings&
   const Sides distances = distances_of(object, around.workspace);
   const bool front_first = distances.front.least <= distances.front.most;
   const double away = (front_first ? distances.front : distances.back).least;
+  const bool is_far = away > far_away * around.workspace.radius;
+  // A plane with one force on both sides is a force that is the same everywhere, such as gravity, wherever it lies.
+  const bool is_constant = object.primitive == FS_PRIMITIVE_PLANE &&
+                           std::max(object.front.kind, object.back.kind) <= FS_PROFILE_CONSTANT;
+  if (object.shape) check_size(name, object.shape, around.workspace.radius, findings);
   if (!solid && !profiles) {
     findings.add(name, "it has no profile and is not solid, so it is not felt");
   } else if (profiles) {
     const double most_force = std::max(most(object.front, distances.front), most(object.back, distances.back));
     const bool damps = object.damping > 0 && most_force > 0;  // even if the force itself is too faint to feel
-    const bool is_felt = most_force >= faint || damps || solid;
+    const bool is_felt = most_force >= faint || damps || (solid && away == 0);
     if (!is_felt && away == 0) {
       findings.add(name, "its force is 0 wherever the hand gets");
     } else if (!is_felt) {
-      findings.add(name, "the hand cannot get %s: it is at least %s of the scene away from the device's workspace",
+      findings.add(name, "the hand cannot get %s: it is at least %s of the scene away from the device's workspace%s",
                    has_sides(object) ? "to the side on which it is felt" : "near enough to feel it",
-                   metres(away).c_str());
+                   metres(away).c_str(), is_far ? millimetres : "");
+    } else if (is_far && !is_constant) {
+      findings.add(name, "it is felt although it is at least %s of the scene away from the device's workspace%s",
+                   metres(away).c_str(), millimetres);
     }
-    check_jumps(object, distances, findings);
-    check_senses(object, distances, findings);
-    check_pull(object, distances.front, around.device.force_max / around.force_scale, findings);
+    check_forces(object, distances, around.device.force_max / around.force_scale, findings);
   } else if (away > 0) {
-    findings.add(name, "it lies %s of the scene outside of the device's workspace", metres(away).c_str());
+    findings.add(name, "it lies %s of the scene outside of the device's workspace%s", metres(away).c_str(),
+                 is_far ? millimetres : "");
   }
   const double limit = std::max({object.front.limit, object.back.limit, object.contact.limit});
   const double force_max = around.device.force_max;
@@ -436,7 +242,12 @@ int check_scene(const CheckOptions& options) {
 }  // namespace
 
 int check(const CheckOptions& options) {
+  load_driver(options.driver);
   std::string extension = std::filesystem::path(options.file).extension().string();
   for (char& c : extension) c = char(std::tolower(static_cast<unsigned char>(c)));
-  return extension == ".json" ? check_scene(options) : check_mesh(options);
+  if (extension == ".json") return check_scene(options);
+  for (const char* mesh : {".obj", ".ply", ".stl", ".off"}) {
+    if (extension == mesh) return check_mesh(options);
+  }
+  throw std::runtime_error(options.file + " is not checked: a scene ends in .json, a mesh in .obj, .ply, .stl or .off");
 }

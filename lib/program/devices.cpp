@@ -97,6 +97,7 @@ void add(const fs_device_entry& entry, bool as_json, Json& list) {
 }  // namespace
 
 int devices(const DevicesOptions& options) {
+  load_driver(options.driver);
   Json list = Json::array();
   for (const fs_device_entry& entry : all_devices()) add(entry, options.json, list);
   if (options.json) std::puts(dump({{"devices", list}}, 2).c_str());

@@ -84,10 +84,13 @@ int evaluate(const EvaluateOptions& options) {
   Progress progress(options.input);
   std::vector<fs_vec3> positions, forces;
   std::size_t done = 0, line_number = 0;
+  bool has_header = false;
   auto flush = [&] {
     forces.resize(positions.size());
     const char* const object = options.object.empty() ? nullptr : options.object.c_str();
     require(fs_evaluate_field(scene.get(), object, FS_NOW, positions.data(), positions.size(), forces.data()));
+    if (!has_header) require_written(std::puts("x,y,z,fx,fy,fz") >= 0);
+    has_header = true;
     for (std::size_t i = 0; i < positions.size(); ++i) {
       const fs_vec3 &x = positions[i], &f = forces[i];
       const double row[] = {x.x, x.y, x.z, f.x, f.y, f.z};
@@ -100,7 +103,6 @@ int evaluate(const EvaluateOptions& options) {
     if (done > batch_size) progress.print(done, in.tellg());
   };
 
-  require_written(std::puts("x,y,z,fx,fy,fz") >= 0);
   bool header_possible = true;
   for (std::string line; std::getline(in, line);) {
     ++line_number;

@@ -21,7 +21,8 @@ Json to_json(const fs_report& report) {
           {"force", to_json(report.wrench.force)},
           {"torque", to_json(report.wrench.torque)},
           {"stiffness_wanted", report.stiffness_wanted},
-          {"stiffness_applied", report.stiffness_applied}};
+          {"stiffness_applied", report.stiffness_applied},
+          {"shares_with", report.shares_with}};
 }
 
 Json to_json(const fs_event& event) {

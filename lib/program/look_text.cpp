@@ -63,12 +63,13 @@ std::vector<std::string> client_lines(const Look& now, const Look& before) {
 }
 
 std::vector<std::string> object_lines(const Look& now) {
-  Table table({"object", "primitive", "state", "weight", "distance mm", "force N", "slope N/m"});
+  Table table({"object", "primitive", "state", "weight", "distance mm", "force N", "slope N/m", "shared with"});
   for (const fs_report& report : now.objects) {
     const bool is_near = std::isfinite(report.distance);
     table.add({report.name, word_of(fs_primitive_name(report.primitive)), state(report), format("%.2f", report.weight),
                is_near ? format("%.1f", report.distance * 1e3) : "-",
-               is_near ? format("%.2f", length(report.wrench.force)) : "-", stiffness(report)});
+               is_near ? format("%.2f", length(report.wrench.force)) : "-", stiffness(report),
+               report.shares_with});
   }
   return table.lines();
 }

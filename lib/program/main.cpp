@@ -17,12 +17,14 @@ const char* const run_help = R"(examples:
       also `forceserver watch lab`
   forceserver run room.json --device 'sim:?path=figure8' --duration 10 --record ticks.csv
       ten seconds with a hand that draws an eight; every tick goes to a file
+  forceserver run room.json --driver ./libmine.so --device mine:0
+      a device of your own, whose driver (driver.h) is in a shared library
   sudo forceserver run room.json --rate 4000
       four thousand ticks a second; root is granted a real-time priority
 
 The columns of the record: time (s), the pose (m; w, x, y, z), the force as evaluated and as sent after all
-protections (N), how late the tick began and how long it took (s), and the faults. Positions and forces are in the
-device's frame.
+protections (N), how late the tick began and how long it took (s), the faults, the torque as evaluated and as sent
+(N m), and the buttons (bit i: button i is down). Positions, forces and torques are in the device's frame.
 
 A fault ends the force. If the device was lost, the force returns when the device does; after any other fault, start
 again. Ends with 1 after any fault, and if the hand chattered.)";
@@ -50,11 +52,19 @@ const char* const watch_help = R"(examples:
 Positions and distances are the device's; `distance` is measured from the nearest point of the tool. The rate (Hz)
 and the lateness are those of the last 10 s; the missed ticks, the moves and the changes are those since the previous
 look. `refused` and `limited` are totals since the client connected: of its changes that the server refused, and of the
-ticks in which the limit on its force bounded its force. A slope "400 of 800" is capped: 800 N/m are wanted, 400 N/m are felt. The force of clients that have gone stays
-in the force on the hand until it has faded, but no line shows it.
+ticks in which the limit on its force bounded its force. A slope "400 of 800" is capped: 800 N/m are wanted, 400 N/m
+are felt. The force of clients that have gone stays in the force on the hand until it has faded, but no line shows it;
+nor does one show the damping of the servo itself.
 
 It does not wait for a server to start, unless the name has a timeout, in seconds: 'lab?timeout=5'. Ends with 1 when the
 server ends, with 0 on Ctrl-C; while it waits for the server, Ctrl-C ends it at once.)";
+
+const char* const resume_help = R"(examples:
+  forceserver resume lab
+      the force at the server called lab returns, if a client has ended it (a stop button, fs_scene_stop_force)
+
+Only the user whose server it is, and root, may do so. First make sure that nobody will be hit. The force ramps up. A fault
+that has stopped the force is cleared, too; if its cause is still there, it stops the force again.)";
 
 const char* const check_help = R"(examples:
   forceserver check room.json
@@ -62,8 +72,9 @@ const char* const check_help = R"(examples:
       a mesh whose file is in millimetres
 
 Describes the file and reports what is odd in it: holes, triangles without area, objects that nobody can feel or reach,
-forces that jump, slopes steeper than a servo renders on the device (--device), forces that pull from everywhere or
-drive the hand deeper. Ends with 0 when nothing is odd, 1 when something is, 2 when the file cannot be read.)";
+numbers that look like millimetres, forces that jump in space or time, slopes steeper than a servo renders on the device
+(--device), forces of points and planes that pull from everywhere or drive the hand deeper. Ends with 0 when nothing is
+odd, 1 when something is, 2 when the file cannot be read.)";
 
 const char* const evaluate_help = R"(examples:
   forceserver evaluate room.json points.csv > forces.csv
@@ -81,15 +92,25 @@ const char* const devices_help = R"(examples:
 
 The command opens each device for a moment, to ask for its properties. "sim:" takes options:
 
-  sim:?hand=nominal|firm|light|released   who holds it. kg, N s/m, N/m: nominal 0.554, 6.45, 135; firm 0.8, 5.5, 568;
-                                          light 0.15, 3, 100; released: nobody
+  sim:?hand=nominal|firm|light|released|worst
+                                          who holds it. kg, N s/m, N/m: nominal 0.554, 6.45, 135; firm 0.8, 5.5, 568;
+                                          light 0.15, 3, 100; released: nobody; worst: as light, with friction=0 and
+                                          delay_ms=1: what shakes, shakes here first
+  sim:?hand_mass=..&hand_damping=..&hand_stiffness=..
+                                          other values than those of the hand, kg, N s/m and N/m
   sim:?path=figure8|sweep|touch|FILE      how the hand wants to move. figure8: 120 mm by 60 mm about the origin in the
                                           plane z = 0, once in 4 s; sweep: along x, 100 mm each way, in 5 s; touch:
                                           along z, from 60 mm above the origin to 20 mm below it and back in 2 s;
                                           FILE: lines of "t x y z", s and m
   sim:?hold=X,Y,Z                         where it wants to rest, m
   sim:?mass=..&friction=..&encoder=joint|ideal&wrist=passive|active&delay_ms=..&seed=..
-      properties of the device: mass in kg, friction in N; device.h explains each)";
+                                          properties of the device: mass in kg, friction in N; wrist=active gives torque
+  sim:?link=force|model&link_ms=..&link_hz=..
+                                          a controller of 1 kHz at the device, behind a link: it passes on the force
+                                          sent, or renders local models; ms from a pose to the force that answers it,
+                                          and how often a pose comes, Hz
+
+device.h has the ranges and the defaults of all of them.)";
 
 // The usage line of the help. To CLI11 every word is optional, since need() asks for it in a better sentence.
 class Usage : public CLI::Formatter {
@@ -130,7 +151,7 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   app.footer("Each command has its own help with examples: forceserver run --help\n"
              "Exit status: 0 all is well; 1 something is odd (check), a fault happened (run) or the server has gone\n"
-             "(clients, watch); 2 the command failed");
+             "(clients, watch, resume); 2 the command failed");
 
   RunOptions run_options;
   CLI::App* run_command = app.add_subcommand("run", "Run a scene on a device");
@@ -142,6 +163,8 @@ int main(int argc, char** argv) {
   run_option("scene", run_options.scene, "", scene_help);
   run_option("--scene", scene_option, "FILE", "The scene file, as an option");
   run_option("--device", run_options.device, "URI", "The device; see `forceserver devices`")->capture_default_str();
+  const char* const driver_help = "First load this shared library with a device driver (driver.h)";
+  run_option("--driver", run_options.driver, "FILE", driver_help);
   run_option("--duration", run_options.duration, "SECONDS", "How long to run; without it until Ctrl-C")->check(above_zero);
   run_option("--rate", run_options.rate, "HZ", "Ticks a second, 100 to 20000; without it the rate of the device")
       ->check(above_zero);
@@ -177,6 +200,11 @@ int main(int argc, char** argv) {
   watch_command->add_flag("--json", watch_options.json, "Print each look as a JSON object on one line");
   watch_command->footer(watch_help);
 
+  std::string resumed;
+  CLI::App* resume_command = app.add_subcommand("resume", "Let the force of a server return that a client has ended");
+  resume_command->add_option("server", resumed, server_help)->type_name("");
+  resume_command->footer(resume_help);
+
   CheckOptions check_options;
   CLI::App* check_command = app.add_subcommand("check", "Describe a scene or mesh and report what is odd in it");
   check_command->add_option("file", check_options.file, "A scene (.json) or a mesh (.obj .ply .stl .off)")
@@ -185,6 +213,7 @@ int main(int argc, char** argv) {
       ->type_name("M")->check(above_zero)->capture_default_str();
   check_command->add_option("--device", check_options.device, "For a scene: the device on which it will run")
       ->type_name("URI")->capture_default_str();
+  check_command->add_option("--driver", check_options.driver, driver_help)->type_name("FILE");
   check_command->footer(check_help);
 
   EvaluateOptions evaluate_options;
@@ -203,6 +232,7 @@ int main(int argc, char** argv) {
   DevicesOptions devices_options;
   CLI::App* devices_command = app.add_subcommand("devices", "List the devices that can be opened, and what they are");
   devices_command->add_flag("--json", devices_options.json, "One JSON document");
+  devices_command->add_option("--driver", devices_options.driver, driver_help)->type_name("FILE");
   devices_command->footer(devices_help);
 
   try {
@@ -220,6 +250,10 @@ int main(int argc, char** argv) {
     if (*watch_command) {
       need(watch_options.server, "watch needs a server, such as: forceserver watch lab");
       return watch(watch_options);
+    }
+    if (*resume_command) {
+      need(resumed, "resume needs a server, such as: forceserver resume lab");
+      return resume(resumed);
     }
     if (*check_command) {
       need(check_options.file, "check needs a file, such as: forceserver check room.json");

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include <forceserver/driver.h>
 #include <forceserver/forceserver.h>
 
 // Exit codes: all is well; the scene or the run has something odd; it could not be done.
@@ -51,9 +52,20 @@ std::vector<Entry> get_list(fs_status (*function)(fs_scene*, Entry*, std::size_t
 }
 
 inline double length(const fs_vec3& v) { return std::hypot(v.x, v.y, v.z); }
+inline fs_vec3 minus(const fs_vec3& a, const fs_vec3& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+inline fs_vec3 rotate(const fs_quat& q, const fs_vec3& v) {
+  const fs_vec3 t = {2 * (q.y * v.z - q.z * v.y), 2 * (q.z * v.x - q.x * v.z), 2 * (q.x * v.y - q.y * v.x)};
+  return {v.x + q.w * t.x + q.y * t.z - q.z * t.y, v.y + q.w * t.y + q.z * t.x - q.x * t.z,
+          v.z + q.w * t.z + q.x * t.y - q.y * t.x};
+}
+
+// file: the library of a device driver of one's own; empty: none.
+inline void load_driver(const std::string& file) {
+  if (!file.empty()) require(fs_driver_load(file.c_str()));
+}
 
 struct RunOptions {
-  std::string scene, device = "sim:", record, listen;
+  std::string scene, device = "sim:", driver, record, listen;
   double duration = 0, rate = 0, force_limit = 0;  // s, Hz, N; 0: without end, the device's rate, the device's limit
   double client_force = 0;                         // N; 0: the servo's limit
   bool locked = false, all_users = false, no_stop = false;
@@ -61,12 +73,13 @@ struct RunOptions {
 int run(const RunOptions& options);
 
 struct DevicesOptions {
+  std::string driver;
   bool json = false;
 };
 int devices(const DevicesOptions& options);
 
 struct CheckOptions {
-  std::string file, device = "sim:";
+  std::string file, device = "sim:", driver;
   double scale = 1;  // m per unit of a mesh file
 };
 int check(const CheckOptions& options);
@@ -91,3 +104,5 @@ struct WatchOptions {
   bool json = false;
 };
 int watch(const WatchOptions& options);
+
+int resume(const std::string& server);

@@ -57,7 +57,8 @@ class Record {
  public:
   explicit Record(const std::string& path) : path_(path), file_(std::fopen(path.c_str(), "w")) {
     if (!file_) fail();
-    std::fputs("time,x,y,z,qw,qx,qy,qz,fx,fy,fz,sent_fx,sent_fy,sent_fz,late,compute,faults\n", file_);
+    std::fputs("time,x,y,z,qw,qx,qy,qz,fx,fy,fz,sent_fx,sent_fy,sent_fz,late,compute,faults,tx,ty,tz,"
+               "sent_tx,sent_ty,sent_tz,buttons\n", file_);
   }
   Record(const Record&) = delete;
   Record& operator=(const Record&) = delete;
@@ -65,17 +66,23 @@ class Record {
 
   void write(std::span<const fs_tick> ticks) {
     for (const fs_tick& tick : ticks) {
-      const fs_vec3 &x = tick.state.pose.position, &f = tick.response.wrench.force, &s = tick.sent.force;
+      const fs_vec3& x = tick.state.pose.position;
       const fs_quat& q = tick.state.pose.orientation;
-      const double columns[] = {x.x, x.y, x.z, q.w, q.x, q.y, q.z, f.x, f.y, f.z, s.x, s.y, s.z, tick.late,
-                                tick.compute};
+      const auto& [f, t] = tick.response.wrench;
+      const auto& [sent_f, sent_t] = tick.sent;
       std::fprintf(file_, "%.9f", tick.state.time);
-      for (const double value : columns) std::fprintf(file_, ",%.9g", value + 0.0);  // + 0.0: no -0
-      std::fprintf(file_, ",%u\n", tick.faults);
+      write({x.x, x.y, x.z, q.w, q.x, q.y, q.z, f.x, f.y, f.z, sent_f.x, sent_f.y, sent_f.z, tick.late, tick.compute});
+      std::fprintf(file_, ",%u", tick.faults);
+      write({t.x, t.y, t.z, sent_t.x, sent_t.y, sent_t.z});
+      std::fprintf(file_, ",%u\n", tick.state.buttons);
     }
     if (std::fflush(file_) != 0 || std::ferror(file_)) fail();
   }
+
  private:
+  void write(std::initializer_list<double> columns) {
+    for (const double value : columns) std::fprintf(file_, ",%.9g", value + 0.0);  // + 0.0: no -0
+  }
   [[noreturn]] void fail() const { throw std::runtime_error("cannot write " + path_ + ": " + std::strerror(errno)); }
 
   std::string path_;
@@ -192,15 +199,19 @@ class ChatterReport {
   bool any_ = false;
 };
 
-void print_line(fs_scene* scene, double time, bool listens, bool terminal) {
+// listen: the server's name; empty: none. asks: a person can press Enter.
+void print_line(fs_scene* scene, double time, const std::string& listen, bool asks, bool terminal) {
   const fs_servo_stats stats = get_stats(scene);
   fs_wrench sent;
   require(fs_scene_get_hand(scene, nullptr, nullptr, &sent));
   std::string line = format("%.1f s  %.0f Hz, late by %.0f us (p99), force %.2f N; felt%s: ", time, stats.rate,
-                            stats.late_p99 * 1e6, length(sent.force), listens ? " of its own objects" : "") +
+                            stats.late_p99 * 1e6, length(sent.force), !listen.empty() ? " of its own objects" : "") +
                      felt(scene);
   if (stats.faults) line += "; STOPPED: " + fault_names(stats.faults);
-  if (!stats.enabled) line += "; a client ended the force: Enter lets it return";
+  if (!stats.enabled) {
+    line += std::string("; a client ended the force: ") + (asks ? "Enter, or `" : "`") + "forceserver resume " + listen +
+            "` lets it return";
+  }
   winsize window{};
   if (terminal && ioctl(STDOUT_FILENO, TIOCGWINSZ, &window) == 0 && window.ws_col > 1) {
     line = fit(line, window.ws_col - 1u);  // it must not wrap
@@ -223,9 +234,12 @@ std::uint32_t print_events(fs_scene* scene, bool terminal) {
   for (std::uint32_t faults = 0;;) {
     fs_event event;
     require(fs_scene_next_event(scene, 0, &event));
-    if (event.kind == FS_EVENT_NONE) return faults;
+    if (event.kind == FS_EVENT_NONE) {
+      std::fflush(stdout);
+      return faults;
+    }
     if (terminal) std::printf("\r\033[K");
-    if (event.kind == FS_EVENT_CAPPED) std::printf("%s: its slope is now %.0f N/m at most\n", event.name, event.value);
+    if (event.kind == FS_EVENT_CAPPED) std::printf("%s: %s\n", event.name, event.text);
     if (event.kind == FS_EVENT_EXPIRED) std::printf("%s: outlived its lifetime\n", event.name);
     if (event.kind == FS_EVENT_EDITED) std::printf("%s: edited by %s\n", event.name, event.text);
     if (event.kind == FS_EVENT_DEVICE && event.status == FS_OK) std::printf("the device is ready\n");
@@ -233,6 +247,9 @@ std::uint32_t print_events(fs_scene* scene, bool terminal) {
       faults |= std::uint32_t(event.value);
       const bool comes_back = std::uint32_t(event.value) & FS_FAULT_DEVICE;
       std::printf("the force stopped: %s%s\n", stop_reason(event).c_str(), comes_back ? "" : "; start again");
+    }
+    if (event.kind == FS_EVENT_CLIENT) {
+      std::printf("client %s (process %.0f) %s\n", event.name, event.value, event.text);
     }
     if (event.kind == FS_EVENT_OVERFLOW) std::printf("%.0f older events were dropped\n", event.value);
   }
@@ -259,6 +276,7 @@ void print_summary(const fs_servo_stats& s, double seconds, std::uint32_t faults
 
 int run(const RunOptions& options) {
   const bool terminal = isatty(STDOUT_FILENO);
+  load_driver(options.driver);
   const Scene scene = open<Scene>(fs_scene_create);
   if (!options.scene.empty()) require(fs_scene_load(scene.get(), options.scene.c_str()));
   std::unique_ptr<Record> record;
@@ -325,7 +343,7 @@ int run(const RunOptions& options) {
       }
     }
     if (elapsed >= next_line) {
-      print_line(scene.get(), elapsed, bool(server), terminal);
+      print_line(scene.get(), elapsed, options.listen, asks, terminal);
       next_line += line_period;
     }
   }

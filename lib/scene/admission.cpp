@@ -5,7 +5,6 @@
 #include <cmath>
 #include <string_view>
 #include <unordered_map>
-#include <unordered_set>
 
 #include "field/budget.h"
 #include "field/frame.h"
@@ -30,7 +29,7 @@ double slope_end(const Profile& p, double k, double part, bool turns) {
     case FS_PROFILE_GAUSSIAN: {  // from one width on its slope falls, and is more than that of the turn
       double end = 1;  // widths
       while (end < 5 && p.gain / p.width * end * std::exp(-0.5 * end * end) > least) end += 0.25;
-      return std::fmin(all, end * p.width + late);
+      return std::fmin(all, std::fmax(end * p.width, late));  // beyond its steep part a falling force is not changed by a cap
     }
     case FS_PROFILE_QUADRATIC:
       if (!(p.gain > 0)) return all;
@@ -43,109 +42,116 @@ double slope_end(const Profile& p, double k, double part, bool turns) {
 
 bool is_under_way(const Motion& motion, double now) { return motion.horizon > 0 && now < motion.time + motion.horizon; }
 
-// Where the newest versions are of the names that have older ones, which fade out.
-using Newest = std::unordered_map<std::string_view, Vec3>;
-Newest newest_of(const Snapshot& snapshot) {
-  const auto for_each = [&](auto&& f) {
-    snapshot.chunks.for_each([&](uint32_t, const Chunk& chunk) {
-      for_each_bit(chunk.used, [&](uint32_t i) { f(chunk.row(i), chunk.motion(i)); });
-    });
+// Calls f(number, Row, Motion) for each row that may be felt in the box; empty: anywhere. clear: lowered to the gap to others.
+template <class F>
+void for_each_within(const Chunks& chunks, const Box& box, double& clear, F&& f) {
+  const auto is_near = [&](const Box& its) {
+    if (box.is_empty()) return true;
+    if (its.is_empty()) return false;
+    const double gap = its.gap(box);
+    if (gap > 0) clear = std::min(clear, gap);
+    return gap <= 0;
   };
-  std::unordered_set<std::string_view> fading;
-  for_each([&](const Row& row, const Motion&) {
-    if (!row.is_named) fading.insert(row.object->name);
+  chunks.for_each([&](uint32_t number, const Chunk& chunk) {
+    const bool is_any_near = is_near(chunk.box);
+    for_each_bit(is_any_near ? chunk.used : chunk.used & chunk.planes, [&](uint32_t i) {
+      const bool is_plane = chunk.planes & bit_of(i);
+      if (is_plane || is_near(chunk.box_of(i))) f(number * chunk_size + i, chunk.row(i), chunk.motion(i));
+    });
   });
-  Newest out;
-  if (fading.empty()) return out;
-  for_each([&](const Row& row, const Motion& motion) {
-    if (row.is_named && fading.contains(row.object->name)) out[row.object->name] = motion.pose.position;
-  });
-  return out;
 }
 
-// Whether an older version fades out where the newest one is felt: as their weights add up to 1, that one claims for both.
-bool is_covered(const Object& object, const Motion& motion, const Newest& newest) {
-  const auto found = newest.find(object.name);
-  if (found == newest.end()) return false;
-  const double size = object.primitive == FS_PRIMITIVE_PLANE ? 0 : object.radius;
-  return norm(found->second - motion.pose.position) <= size + std::fmax(0, object.law.support);
-}
+constexpr double diagonal = 0.577;  // of a way along a diagonal, to each side
 
 // What one row wants, in scene units.
 struct Wish {
   Admitted row;
   bool is_named;
   unsigned points;  // of the tool, that feel it
-  double law = 0, contact = 0;  // N/m
+  double law = 0, contact = 0;  // N/m, of the contact on all points together
   double damping = 0;           // N s/m
   const Motion* motion;
 };
 
-// m from the object, how deep a contact with this share of what it wants can be; infinite for a share of 0.
-double contact_reach(const Wish& wish, double share) {
+// The distances from an object up to which something of it is felt, m; below 0: nowhere.
+struct Reach {
+  double front, back;  // of a plane; else only the greater counts
+};
+
+// How deep a contact of this stiffness can be; infinite for 0.
+Reach contact_reach(const Wish& wish, double stiffness) {
   const Object& object = *wish.row.object;
-  return object.is_solid() ? object.contact.limit / (wish.contact * share) : -1;
+  if (!object.is_solid()) return {-1, -1};
+  const double depth = object.contact.limit * wish.points / stiffness;
+  const fs_keep keep = object.contact.keep;
+  return {keep == FS_KEEP_FRONT ? 0 : depth, keep == FS_KEEP_BACK ? 0 : depth};
 }
 
-double felt_reach(const Wish& wish, double share) {  // m, how far it is felt at all
-  return std::max(wish.row.object->law.support, contact_reach(wish, share));
+Reach felt_reach(const Wish& wish, double stiffness) {  // how far it is felt at all
+  const Law& law = wish.row.object->law;
+  const Reach contact = contact_reach(wish, stiffness);
+  return {std::max(support(law.front), contact.front), std::max(support(law.back), contact.back)};
 }
 
-Claim claim_of(const Wish& wish, double reach, double now, const SceneShare& share, double slope) {
+Claim claim_of(const Wish& wish, Reach reach, double now, const SceneShare& share, double slope) {
   const Object& object = *wish.row.object;
   Claim out;
   out.slope = slope;
   const Motion& motion = *wish.motion;
   const bool is_on_its_way = is_under_way(motion, now);
+  double more = 0;  // m, because it moves
   if (is_on_its_way) {
-    reach += share.ahead * (norm(motion.twist.linear) + norm(motion.twist.angular) * std::fmin(object.radius, 1e3));
+    more += share.ahead * (norm(motion.twist.linear) + norm(motion.twist.angular) * std::fmin(object.radius, 1e3));
   }
-  if (motion.has_offset(now, share.blend)) reach += motion.most_offset();
+  if (motion.has_offset(now, share.blend)) more += motion.most_offset();
   const Pose pose = motion.at(now, 0);
   out.centre = pose.position;
   if (object.primitive == FS_PRIMITIVE_PLANE) {
-    out.region = is_on_its_way && norm(motion.twist.angular) > 0 ? Claim::Region::everywhere : Claim::Region::slab;
+    const bool is_turning = is_on_its_way && norm(motion.twist.angular) > 0;
+    const double front = std::max(reach.front, 0.0), back = std::max(reach.back, 0.0);
+    out.region = is_turning ? Claim::Region::everywhere : Claim::Region::slab;
     out.normal = rotate(pose.orientation, {0, 0, 1});
-    out.radius = reach;
+    out.radius = 0.5 * (front + back) + more;
+    if (out.radius < never) out.centre += 0.5 * (front - back) * out.normal;
   } else {
-    out.radius = object.radius + reach;
+    out.radius = object.radius + std::max(reach.front, reach.back) + more;
   }
   if (!(out.radius < 1e9)) out.region = Claim::Region::everywhere;
   return out;
 }
 
-// Claims for the steep part of a force and for what is left of its slope farther away, with the wish to which each belongs.
+// What all of them want, and where.
 struct Claims {
   std::vector<Claim> all;
-  std::vector<size_t> owners;
 
-  void add(const Wish& wish, size_t owner, double reach, double slope, double now, const SceneShare& share) {
-    if (!(slope > 0)) return;
+  // number: of the wish. user: that claims for it.
+  void add(const Wish& wish, size_t number, size_t user, Reach reach, double slope, double now, const SceneShare& share) {
+    if (!(slope > 0) || !(std::max(reach.front, reach.back) >= 0)) return;
     all.push_back(claim_of(wish, reach, now, share, slope));
-    owners.push_back(owner);
+    all.back().object = static_cast<uint32_t>(number);
+    all.back().user = static_cast<uint32_t>(user);
   }
-  // part: of what it wants.
-  void add_slopes(const Wish& wish, size_t owner, double part, double now, const SceneShare& share) {
-    const Object& object = *wish.row.object;
-    add(wish, owner, contact_reach(wish, part), wish.points * wish.contact, now, share);
-    if (object.has_ridges()) return add(wish, owner, object.law.support, wish.law, now, share);  // one may be at any distance
-    const bool turns = object.primitive != FS_PRIMITIVE_PLANE;
-    double slope = wish.law, reach = -1;
+  // Claims for the steep part of a force that has this bound, N/m, and for what is left of its slope farther away.
+  void add_law(const Wish& wish, size_t number, size_t user, double bound, double now, const SceneShare& share) {
+    const Law& law = wish.row.object->law;
+    const Reach all = {support(law.front), support(law.back)};
+    if (wish.row.object->has_ridges()) return add(wish, number, user, all, wish.law, now, share);  // one may be at any distance
+    const bool turns = wish.row.object->primitive != FS_PRIMITIVE_PLANE;
+    double slope = wish.law;
+    Reach reach{-1, -1};
     for (const double level : {1.0 / 4, 1.0 / 16, 1.0 / 64, 1.0 / 256}) {
-      const double k = part * wish.law;
-      reach = std::max(slope_end(object.law.front, k, level, turns), slope_end(object.law.back, k, level, turns));
-      if (reach >= object.law.support) break;
-      add(wish, owner, reach, slope - level * wish.law, now, share);
-      slope = level * wish.law;
+      reach = {slope_end(law.front, bound, level, turns), slope_end(law.back, bound, level, turns)};
+      if (reach.front >= all.front && reach.back >= all.back) break;
+      add(wish, number, user, reach, slope - level * bound, now, share);
+      slope = level * bound;
     }
-    add(wish, owner, turns ? object.law.support : reach, slope, now, share);
+    add(wish, number, user, turns ? all : reach, slope, now, share);
   }
 
-  // For each wish the part that all of its claims can have of `total`.
-  std::vector<double> parts(size_t wishes, const Box& within, double total) const;
+  Shares shares(size_t users, const Box& within, double total) const;
 };
 
-// Where no workspace is known: a box about all that is somewhere; slabs are everywhere then.
+// Where nothing is known of where the hand is: a box about all that is somewhere; slabs are everywhere then.
 Box box_of(const std::vector<Claim>& claims) {
   Box out;
   for (const Claim& c : claims) {
@@ -157,23 +163,139 @@ Box box_of(const std::vector<Claim>& claims) {
   return out;
 }
 
-std::vector<double> Claims::parts(size_t wishes, const Box& within, double total) const {
+Shares Claims::shares(size_t users, const Box& within, double total) const {
+  if (!within.is_empty()) return fair_shares(all, users, within, total);
   std::vector<Claim> claims = all;
   for (Claim& claim : claims) {  // slabs that are not parallel meet somewhere
-    if (within.is_empty() && claim.region == Claim::Region::slab) claim.region = Claim::Region::everywhere;
+    if (claim.region == Claim::Region::slab) claim.region = Claim::Region::everywhere;
   }
-  const std::vector<double> sums = greatest_sums(claims, within.is_empty() ? box_of(claims) : within, total);
-  std::vector<double> out(wishes, 1.0);
-  for (size_t i = 0; i < sums.size(); ++i) {
-    if (sums[i] > total) out[owners[i]] = std::min(out[owners[i]], total / sums[i]);
+  return fair_shares(claims, users, box_of(claims), total);
+}
+
+// The wishes of all that may be felt where the tool may be.
+std::vector<Wish> wishes_of(const Snapshot& snapshot, const SceneShare& share, double now, const Memory* memory, double& clear) {
+  std::vector<Wish> out;
+  bool is_any_fading = false;
+  for_each_within(snapshot.chunks, share.within, clear, [&](uint32_t number, const Row& row, const Motion& motion) {
+    // One that is disabled counts until it has faded out.
+    const bool is_going = row.is_named && !row.is_in;
+    if (is_going && !(memory && memory->weight_at(number, row.version, now) > 0)) return;
+    const Object& object = *row.object;
+    const auto points = static_cast<unsigned>(std::popcount(object.point_mask()));
+    const bool is_moving = is_going || is_under_way(motion, now) || motion.has_offset(now, share.blend);
+    Wish wish{{number, &object, is_moving, {}, {}}, row.is_named, std::clamp(points, 1u, share.points), 0, 0, 0, &motion};
+    double law = object.law_slope;
+    if (object.jumps()) {
+      // At a bend that attracts only the direction jumps, and leads away from there: it gets a part as if it were steep.
+      const bool only_bends = law < never && !object.has_ridges();
+      law = std::min(only_bends ? std::max(law, share.stiffness / 4) : never, object.enough_slope);
+    }
+    wish.law = std::min(law, share.stiffness);
+    if (object.is_solid()) {
+      const double each = object.contact.stiffness > 0 ? object.contact.stiffness : never;
+      wish.contact = std::min(wish.points * each, share.stiffness);
+      wish.damping = wish.points * object.contact.damping;
+    }
+    wish.damping += object.damping;
+    if (!share.within.is_empty()) {
+      const double gap = distance(claim_of(wish, felt_reach(wish, 0), now, share, 0), share.within);
+      if (gap > 0) clear = std::min(clear, diagonal * gap);
+      if (gap > 0) return;
+    }
+    is_any_fading |= !row.is_named;
+    out.push_back(wish);
+  });
+  if (!is_any_fading) return out;
+  // An older version that fades out where the newest one is felt: as their weights add up to 1, that one claims for both.
+  std::unordered_map<std::string_view, Vec3> newest;
+  for (const Wish& wish : out) {
+    if (wish.is_named) newest[wish.row.object->name] = wish.motion->pose.position;
   }
+  std::erase_if(out, [&](const Wish& wish) {
+    const Object& object = *wish.row.object;
+    const auto found = wish.is_named ? newest.end() : newest.find(object.name);
+    if (found == newest.end()) return false;
+    const double size = object.primitive == FS_PRIMITIVE_PLANE ? 0 : object.radius;
+    return norm(found->second - wish.motion->pose.position) <= size + std::fmax(0, object.law.support);
+  });
+  return out;
+}
+
+// The bounds of the slopes of all wishes: of the law of wish i as user 2i, of its contact as user 2i + 1.
+// clear: lowered to the gap between where the tool may be and what is claimed elsewhere.
+Shares slopes_of(const std::vector<Wish>& wishes, const SceneShare& share, double now, double& clear) {
+  const size_t users = 2 * wishes.size();
+  std::vector<double> bounds(users);
+  for (size_t i = 0; i < wishes.size(); ++i) bounds[2 * i] = wishes[i].law, bounds[2 * i + 1] = wishes[i].contact;
+  // A bounded force is sloped farther away the lower the bound is, so the regions grow until nothing changes any more; should
+  // that take long, they are as large as they can be.
+  constexpr int last_round = 40;
+  constexpr double same = 0.99;
+  Shares out{std::vector<double>(users, never), std::vector<uint32_t>(users, Shares::none), {}};
+  for (int round = 0; round <= last_round && share.stiffness < never; ++round) {
+    Claims claims;
+    for (size_t i = 0; i < wishes.size(); ++i) {
+      const Wish& wish = wishes[i];
+      const bool is_last = round == last_round;
+      const double law = same * bounds[2 * i], contact = same * bounds[2 * i + 1];
+      if (is_last) claims.add(wish, i, 2 * i, felt_reach(wish, 0), wish.law, now, share);
+      if (!is_last) claims.add_law(wish, i, 2 * i, law, now, share);
+      claims.add(wish, i, 2 * i + 1, contact_reach(wish, is_last ? 0 : contact), wish.contact, now, share);
+    }
+    if (!share.within.is_empty()) {
+      for (const Claim& claim : claims.all) {
+        const double gap = distance(claim, share.within);
+        if (gap > 0) clear = std::min(clear, diagonal * gap);
+      }
+    }
+    const Shares found = claims.shares(users, share.within, share.stiffness);
+    const auto first = static_cast<uint32_t>(out.crowds.size());
+    out.crowds.insert(out.crowds.end(), found.crowds.begin(), found.crowds.end());
+    bool is_same = true;
+    for (size_t user = 0; user < users; ++user) {
+      is_same &= found.levels[user] >= same * bounds[user];
+      if (!(found.levels[user] < bounds[user])) continue;
+      bounds[user] = out.levels[user] = found.levels[user];
+      out.crowd[user] = first + found.crowd[user];
+    }
+    if (is_same) break;
+  }
+  return out;
+}
+
+// With whom the users of a wish share, as the first that has to does.
+SharedWith shared_with(const std::vector<Wish>& wishes, size_t number, const Shares& shares) {
+  SharedWith out;
+  const uint32_t in = shares.crowd[2 * number] != Shares::none ? shares.crowd[2 * number] : shares.crowd[2 * number + 1];
+  if (in == Shares::none) return out;
+  const Crowd& crowd = shares.crowds[in];
+  const std::string& own = wishes[number].row.object->name;
+  for (size_t i = 0; i < std::min<size_t>(crowd.count, crowd.objects.size()); ++i) {
+    const std::string& name = wishes[crowd.objects[i]].row.object->name;
+    const bool is_new = std::find(out.names.begin(), out.names.end(), name) == out.names.end();
+    if (name != own && is_new) out.names.push_back(name);
+  }
+  out.count = std::max<size_t>(crowd.count > crowd.objects.size() ? crowd.count - 1 : 0, out.names.size());
   return out;
 }
 
 }  // namespace
 
-SceneShare share_of(const Views& views, const LoopShare& share, double most, double blend) {
-  SceneShare out{never, never, blend, share.ahead, 0, 1, {}};
+std::string SharedWith::text(size_t room) const {
+  std::string list, out;
+  for (size_t shown = 0; shown <= names.size(); ++shown) {
+    if (shown > 0) list += (shown > 1 ? ", " : "") + names[shown - 1];
+    const size_t more = count - shown;
+    std::string whole = list;
+    if (more > 0) whole = shown > 0 ? list + " and " + std::to_string(more) + " more" : std::to_string(more) + " others";
+    if (more == 1 && shown == 0) whole = "another";
+    if (whole.size() <= room) out = whole;
+  }
+  return out;
+}
+
+SceneShare share_of(const Views& views, const LoopShare& share, double most, double blend, double ahead) {
+  SceneShare out{never, never, blend, ahead, 0, 1, 0, {}};
   bool is_anywhere = !(share.radius > 0 && share.height > 0);
   double lever_part = 1;
   for (const View& view : views.rows) {
@@ -183,6 +305,7 @@ SceneShare share_of(const Views& views, const LoopShare& share, double most, dou
     out.points = std::max(out.points, static_cast<unsigned>(view.tool->points.size()));
     double arm = 0;
     for (const Vec3& point : view.tool->points) arm = std::max(arm, norm(point));
+    out.arm = std::max(out.arm, arm);
     if (arm / frame.scale > share.lever) lever_part = std::min(lever_part, std::pow(share.lever * frame.scale / arm, 2));
     if (view.is_held || !view.has_own_frame) is_anywhere = true;  // where the clutch has put it only the tick knows
     const double margin = 1.2;
@@ -205,75 +328,39 @@ Bounds bounds_alone(const SceneShare& share) noexcept {
   return {share.stiffness, share.stiffness / share.points, share.damping, share.damping / share.points};
 }
 
-std::vector<Admitted> admit(const Snapshot& snapshot, const SceneShare& share, double now) {
-  const Newest newest = newest_of(snapshot);
-  std::vector<Wish> wishes;
-  snapshot.chunks.for_each([&](uint32_t number, const Chunk& chunk) {
-    for_each_bit(chunk.used, [&](uint32_t i) {
-      const Row& row = chunk.row(i);
-      if (row.is_named && !row.is_in) return;  // it is disabled
-      const Object& object = *row.object;
-      const Motion& motion = chunk.motion(i);
-      if (!row.is_named && is_covered(object, motion, newest)) return;
-      const unsigned points =
-          std::min(share.points, static_cast<unsigned>(std::popcount(object.point_mask())));
-      const bool is_moving = is_under_way(motion, now) || motion.has_offset(now, share.blend);
-      Wish wish{{number * chunk_size + i, &object, is_moving, {}}, row.is_named, std::max(points, 1u), 0, 0, 0, &motion};
-      // Where the shape makes it jump, as a bend does, it gets a part as if it were steep.
-      const bool jumps = object.has_ridges() || !(object.steepest_slope < never);
-      const double law = jumps ? std::max(object.law_slope, share.stiffness / 4) : object.law_slope;
-      wish.law = std::min(law, share.stiffness);
-      if (object.is_solid()) {
-        wish.contact = object.contact.stiffness > 0 ? std::min(object.contact.stiffness, share.stiffness) : share.stiffness;
-        wish.damping = points * object.contact.damping;
-      }
-      wish.damping += object.damping;
-      wishes.push_back(wish);
-    });
-  });
-
-  // A smaller share of a bounded force is sloped farther away, so the regions grow until nothing changes any more; should
-  // that take long, they are as large as they can be.
-  std::vector<double> parts(wishes.size(), 1.0);
-  constexpr int last_round = 8;
-  for (int round = 0; round <= last_round && share.stiffness < never; ++round) {
-    Claims claims;
-    for (size_t i = 0; i < wishes.size(); ++i) {
-      const Wish& wish = wishes[i];
-      if (round < last_round) claims.add_slopes(wish, i, parts[i], now, share);
-      if (round == last_round) claims.add(wish, i, felt_reach(wish, 0), wish.law + wish.points * wish.contact, now, share);
-    }
-    const std::vector<double> found = claims.parts(wishes.size(), share.within, share.stiffness);
-    bool is_same = true;
-    for (size_t i = 0; i < wishes.size(); ++i) {
-      is_same &= found[i] >= 0.99 * parts[i];
-      parts[i] = std::min(parts[i], found[i]);
-    }
-    if (is_same) break;
-  }
-  std::vector<double> damping(wishes.size(), 1.0);
+Admission admit(const Snapshot& snapshot, const SceneShare& share, double now, const Memory* memory) {
+  Admission out;
+  const std::vector<Wish> wishes = wishes_of(snapshot, share, now, memory, out.clear);
+  const Shares slopes = slopes_of(wishes, share, now, out.clear);
+  Shares damping;
   if (share.damping < never) {
     Claims claims;
     for (size_t i = 0; i < wishes.size(); ++i) {
-      claims.add(wishes[i], i, felt_reach(wishes[i], parts[i]), wishes[i].damping, now, share);
+      const double contact = std::min(slopes.levels[2 * i + 1], wishes[i].contact);
+      claims.add(wishes[i], i, i, felt_reach(wishes[i], contact), wishes[i].damping, now, share);
     }
-    damping = claims.parts(wishes.size(), share.within, share.damping);
+    damping = claims.shares(wishes.size(), share.within, share.damping);
   }
 
-  std::vector<Admitted> out;
-  out.reserve(wishes.size());
+  out.objects.reserve(wishes.size());
   for (size_t i = 0; i < wishes.size(); ++i) {
+    out.has_fading |= !wishes[i].is_named;
     if (!wishes[i].is_named) continue;
     Admitted row = wishes[i].row;
     const Object& object = *row.object;
     const unsigned points = wishes[i].points;
+    const double law = slopes.levels[2 * i], contact = slopes.levels[2 * i + 1];
     row.bounds = {share.stiffness, share.stiffness / points, share.damping, share.damping / points};
-    if (parts[i] < 1) row.bounds.slope = parts[i] * wishes[i].law;
-    if (parts[i] < 1) row.bounds.stiffness = parts[i] * wishes[i].contact;
-    if (damping[i] < 1) row.bounds.damping = damping[i] * object.damping;
-    if (damping[i] < 1) row.bounds.contact_damping = damping[i] * object.contact.damping;
+    if (law < wishes[i].law) row.bounds.slope = law;
+    if (contact < wishes[i].contact) row.bounds.stiffness = contact / points;
+    if (!damping.levels.empty() && damping.levels[i] < wishes[i].damping) {
+      const double part = damping.levels[i] / wishes[i].damping;
+      row.bounds.damping = part * object.damping;
+      row.bounds.contact_damping = part * object.contact.damping;
+    }
     row.bounds = of_use(row.bounds, object);
-    out.push_back(row);
+    row.shared_with = shared_with(wishes, i, slopes);
+    out.objects.push_back(std::move(row));
   }
   return out;
 }

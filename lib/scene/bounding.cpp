@@ -3,107 +3,210 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <iterator>
+#include <string_view>
 
 namespace fs {
+namespace {
+
+bool is_told(double told, double now) { return now >= 0.9 * told && now <= 1.1 * told; }
+
+Box grown(const Box& box, double by) { return {box.lower - Vec3{by, by, by}, box.upper + Vec3{by, by, by}}; }
+bool is_within(const Box& box, const Box& whole) { return whole.is_empty() || (!box.is_empty() && box.is_inside(whole)); }
+
+
+auto count_of(const Views& views) {
+  return std::count_if(std::begin(views.rows), std::end(views.rows), [](const View& view) { return view.version != 0; });
+}
+
+}  // namespace
 
 // What is bounded, and changes by more than a tenth, is told at most once a second of each object; the rest later.
-void Bounding::note_slope(const Object& object, double slope, double to_device, double time) {
+void Bounding::note_slope(const Object& object, double slope, double to_device) {
   const bool takes_what_it_gets = object.is_solid() && object.contact.stiffness == 0;
   const bool is_bounded = slope < object.steepest_slope && !takes_what_it_gets;
+  const double now = to_device * slope, wanted = to_device * object.steepest_slope;
   auto told = told_.find(object.name);
   if (told == told_.end()) {
     if (!is_bounded && !takes_what_it_gets) return;
-    const double before = takes_what_it_gets ? slope : object.steepest_slope;
-    told = told_.emplace(object.name, Told{to_device * before, -never, 0}).first;
+    told = told_.emplace(object.name, Told{takes_what_it_gets ? now : wanted, now, -never, wanted, takes_what_it_gets}).first;
   }
-  Told& last = told->second;
-  last.update = updates_;
-  const double now = to_device * slope;
-  if (now >= 0.9 * last.slope && now <= 1.1 * last.slope) return;
-  has_untold_ = true;
-  if (std::fabs(time - last.time) < 1 || events_left_ == 0) return;
-  --events_left_;
-  last.slope = now;
-  last.time = time;
-  fs_event event{};
-  event.kind = FS_EVENT_CAPPED;
-  event.time = time;
-  event.value = now;
-  object.name.copy(event.name, sizeof event.name - 1);
-  if (takes_what_it_gets) {
-    std::snprintf(event.text, sizeof event.text, "its contact gets %.4g N/m at the device", now);
-  } else if (!is_bounded) {
-    std::snprintf(event.text, sizeof event.text, "its slope is no longer bounded: %.4g N/m at the device", now);
-  } else if (object.steepest_slope < never) {
-    std::snprintf(event.text, sizeof event.text, "its slope is bounded to %.4g N/m at the device, of %.4g", now,
-                  to_device * object.steepest_slope);
-  } else {
-    std::snprintf(event.text, sizeof event.text, "its force jumps: its slope is bounded to %.4g N/m at the device", now);
+  told->second.now = now;
+  told->second.wanted = wanted;
+  told->second.takes_what_it_gets = takes_what_it_gets;
+  has_untold_ |= !is_told(told->second.slope, now);
+}
+
+void Bounding::tell(double time) {
+  if (!has_untold_ || std::fabs(time - looked_at_) < 0.1) return;
+  looked_at_ = time;
+  if (std::fabs(time - events_since_) >= 1) {
+    events_since_ = time;
+    events_left_ = most_events;
   }
-  evaluated_.events.push(event);
+  if (events_left_ == 0) return;
+  has_untold_ = false;
+  for (auto each = told_.begin(); each != told_.end();) {
+    auto& [name, told] = *each++;
+    if (is_told(told.slope, told.now)) continue;
+    if (!evaluated_.objects.has(name)) {
+      told_.erase(std::prev(each));
+      continue;
+    }
+    has_untold_ = true;
+    if (events_left_ == 0) return;
+    if (std::fabs(time - told.time) < 1) continue;
+    --events_left_;
+    told.slope = told.now;
+    told.time = time;
+    fs_event event{};
+    event.kind = FS_EVENT_CAPPED;
+    event.time = time;
+    event.value = told.now;
+    name.copy(event.name, sizeof event.name - 1);
+    int size;
+    if (told.takes_what_it_gets) {
+      size = std::snprintf(event.text, sizeof event.text, "its contact gets %.4g N/m at the device", told.now);
+    } else if (!(told.now < told.wanted)) {
+      size = std::snprintf(event.text, sizeof event.text, "its slope is no longer bounded: %.4g N/m at the device", told.now);
+    } else if (told.wanted < never) {
+      size = std::snprintf(event.text, sizeof event.text, "its slope is bounded to %.4g N/m at the device, of %.4g", told.now,
+                           told.wanted);
+    } else {
+      size = std::snprintf(event.text, sizeof event.text, "its force jumps: its slope is bounded to %.4g N/m at the device",
+                           told.now);
+    }
+    constexpr std::string_view joint = "; it shares with ";
+    const size_t room = sizeof event.text - 1 - static_cast<size_t>(size) - joint.size();
+    const auto shared = sharing_ ? sharing_->find(name) : Sharing::const_iterator{};
+    const std::string with = sharing_ && shared != sharing_->end() ? shared->second.text(room) : "";
+    if (!with.empty()) (std::string(joint) + with).copy(event.text + size, room + joint.size());
+    evaluated_.events.push(event);
+  }
 }
 
 void Bounding::set_max_stiffness(double stiffness) {
   max_stiffness_.store(stiffness);
   const std::lock_guard lock(mutex_);
-  if (!evaluated_.servo() || updates_ == 0) return;
+  if (!evaluated_.servo() || seen_.sequence == 0) return;
   const double blend = evaluated_.servo_reader()->memory->spread.blend;
   // What is set from now on begins within it; the rest comes with the next update.
-  evaluated_.objects.rows.set_bounds(bounds_alone(share_of(*evaluated_.views.views(), seen_.loop, stiffness, blend)));
+  evaluated_.objects.rows.set_bounds(bounds_alone(share_of(*evaluated_.views.views(), seen_.loop, stiffness, blend, 0)));
 }
 
-void Bounding::update(const LoopShare& loop) {
+// Where the tool may be before the next shares are in use; empty: nobody knows. share.ahead: s, until then.
+//
+// The hand is where the last tick saw it, goes on as fast as it does, and is quickened as much as a strong arm can, but is
+// never faster than the speed at which the servo stops the force. If it stands still, that is 4 cm.
+Box Bounding::reach_of_hand(const SceneShare& share, const LoopShare& loop, double time) {
+  constexpr double hardest = 50;  // m/s2 of the device
+  TickSample tick;
+  const Views& views = *evaluated_.views.views();
+  const View& view = views.now();
+  if (!(loop.speed < never) || count_of(views) != 1 || !evaluated_.servo_reader()->newest.read(tick) || !(tick.weight > 0) ||
+      tick.view != view.version) {
+    hand_time_ = never;
+    return {};
+  }
+  const double scale = view.frame.scale, span = share.ahead + std::fmax(0, time - tick.time);
+  speed_ = norm(tick.twist.linear);
+  if (tick.time > hand_time_) speed_ = std::fmax(speed_, norm(tick.tool.position - hand_) / (tick.time - hand_time_));
+  if (tick.time != hand_time_) hand_ = tick.tool.position;
+  hand_time_ = tick.time;
+  const double fastest = std::fmax(speed_, std::fmin(speed_ + 0.5 * scale * hardest * span, scale * loop.speed));
+  Box out;
+  out.add(tick.tool.position);
+  return grown(out, fastest * span + share.arm);
+}
+
+// Whether shares are to be worked out. reach: of the hand; slack: m, by which they would be worked out for more than that.
+bool Bounding::is_due(const LoopShare& loop, double most, const Box& reach, double slack, double time, double rest) const {
+  if (seen_.sequence == 0 || !(loop == seen_.loop) || most != seen_.most) return true;
+  if (reach.is_empty() != seen_.within.is_empty() || !is_within(reach, seen_.clear)) return true;
+  if (std::fabs(time - seen_.time) < std::fmax(0.035, rest)) return false;  // what objects do can wait so long
+  const bool is_far_less = !reach.is_empty() && seen_.within.upper.x - seen_.within.lower.x >
+                                                    2 * (reach.upper.x - reach.lower.x + 2 * slack);
+  // Others get what those have that the hand has gone away from; later, so that a share which moves the hand does not come and go.
+  const bool has_left = seen_.has_any && !is_within(reach, seen_.within) && std::fabs(time - seen_.time) >= 1;
+  return evaluated_.sequence() != seen_.sequence || seen_.is_moving || is_far_less || has_left;
+}
+
+// What has faded out leaves its share, if it had one: an older version has none where the newest is felt.
+void Bounding::settle() {
+  const bool is_seen = evaluated_.sequence() == seen_.sequence && !seen_.has_fading;
+  const auto views = count_of(*evaluated_.views.views());
+  evaluated_.settle(false);
+  if (is_seen && views == count_of(*evaluated_.views.views())) seen_.sequence = evaluated_.sequence();
+}
+
+bool Bounding::update(const LoopShare& loop, double ahead, double rest) {
   const double most = max_stiffness_.load();
   KeptSnapshot kept(mutex_);
-  double time, blend;
+  SceneShare share;
+  double time;
+  Ref<const Memory> memory;
   {
     const std::lock_guard lock(mutex_);
-    if (!evaluated_.servo()) return;
-    if (!evaluated_.is_held()) evaluated_.settle(false);  // what has faded out leaves its share
-    const bool is_same = loop == seen_.loop && most == seen_.most && !seen_.is_to_be_repeated;
-    if (seen_.sequence != 0 && is_same && evaluated_.sequence() == seen_.sequence) return;
+    if (!evaluated_.servo()) return false;
+    if (!evaluated_.is_held()) settle();
+    time = evaluated_.clock.now();
+    memory = evaluated_.servo_reader()->memory;
+    const double blend = memory->spread.blend;
+    share = share_of(*evaluated_.views.views(), loop, most, blend, ahead + blend);
+    const Box reach = reach_of_hand(share, loop, time);
+    const double size = 0.5 * (reach.upper.x - reach.lower.x), slack = std::clamp(speed_ * rest, 0.5 * size, size);
+    if (!is_due(loop, most, reach, slack, time, rest)) {
+      tell(time);
+      return false;
+    }
     // A held scene with edits that are not posted yet is skipped; after its next post this is called again.
     kept.snapshot = evaluated_.is_held() ? evaluated_.newest() : evaluated_.post_newest();
-    if (!kept.snapshot) return;
-    time = evaluated_.clock.now();
-    blend = evaluated_.servo_reader()->memory->spread.blend;
+    if (!kept.snapshot) return false;
+    if (!reach.is_empty()) share.within = grown(reach, slack);
+    seen_ = {0, loop, most, time, false, false, false, reach.is_empty() ? Box{} : share.within, {}};  // 0: until it is done
   }
-  const SceneShare share = share_of(*kept.snapshot->views, loop, most, blend);
-  const std::vector<Admitted> all = admit(*kept.snapshot, share, time);
+  share.ahead += 0.06;  // s: what moves is looked at anew less often
+  const Admission all = admit(*kept.snapshot, share, time, memory.get());
+  seen_.has_fading = all.has_fading;
+  seen_.has_any = !all.objects.empty();
+  if (!seen_.within.is_empty()) seen_.clear = grown(seen_.within, std::min(all.clear, 1e9));
 
   const std::lock_guard lock(mutex_);
-  if (!evaluated_.servo()) return;
-  // If edits came meanwhile, the next call begins anew.
+  if (!evaluated_.servo()) return true;
+  // If edits came meanwhile, they are looked at later.
   const bool is_newest = evaluated_.newest() && evaluated_.sequence() == kept.snapshot->sequence;
+  enter(all.objects, share);
+  seen_.sequence = is_newest ? evaluated_.sequence() : kept.snapshot->sequence;
+  tell(time);
+  return true;
+}
+
+// Has the servo evaluate these within their bounds.
+void Bounding::enter(const std::vector<Admitted>& all, const SceneShare& share) {
   evaluated_.prepare();
   Objects& objects = evaluated_.objects;
   objects.rows.set_bounds(bounds_alone(share));
-  bool has_changed = false;
-  Seen seen{0, loop, most, false};
-  ++updates_;
-  has_untold_ = false;
-  if (std::fabs(time - events_since_) >= 1) {
-    events_since_ = time;
-    events_left_ = most_events;
-  }
+  auto sharing = std::make_shared<Sharing>();
+  bool has_changed = false, wants = false;
   try {
     for (const Admitted& one : all) {
-      seen.is_to_be_repeated |= one.is_moving;
+      seen_.is_moving |= one.is_moving;
+      wants |= one.object->steepest_slope > 0 || one.object->damping > 0;
       const Objects::Bound bound = objects.bound(one.row, *one.object, one.bounds);
       has_changed |= bound.has_changed;
-      if (bound.object && share.to_device > 0) note_slope(*bound.object, bound.slope, share.to_device, time);
+      if (bound.object && share.to_device > 0) note_slope(*bound.object, bound.slope, share.to_device);
+      if (one.shared_with.count > 0) sharing->emplace(one.object->name, one.shared_with);
     }
   } catch (...) {  // no memory
     evaluated_.changed();
     throw;
   }
   if (has_changed) evaluated_.changed();
-  seen.is_to_be_repeated |= has_untold_;
-  std::erase_if(told_, [&](const auto& told) { return told.second.update != updates_; });
-  const auto wants = [](const Admitted& one) { return one.object->steepest_slope > 0 || one.object->damping > 0; };
-  wants_stiffness_.store(std::any_of(all.begin(), all.end(), wants), std::memory_order_relaxed);
-  if (is_newest) seen.sequence = evaluated_.sequence();
-  seen_ = seen;
+  sharing_ = std::move(sharing);
+  wants_stiffness_.store(wants, std::memory_order_relaxed);
+  if (told_.size() <= most_told_) return;
+  most_told_ = 2 * told_.size();
+  std::erase_if(told_, [&](const auto& told) { return !objects.has(told.first); });
 }
 
 }  // namespace fs

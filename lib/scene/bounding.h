@@ -1,12 +1,14 @@
 // Bounds the slopes and the damping of a scene's objects, so that the loop of its servo can render their sum: works out the
-// share of each object (admission.h), and has the servo evaluate the objects within it. The servo's keeper.h calls this.
+// share of each object that the hand may feel soon (admission.h), and has the servo evaluate the objects within it. An object
+// out of reach keeps the bound that it has. The servo's keeper.h calls this.
 #pragma once
 
 #include <atomic>
+#include <memory>
 #include <mutex>
 #include <string>
-#include <unordered_map>
 
+#include "base/name_map.h"
 #include "scene/admission.h"
 #include "scene/evaluated.h"
 
@@ -17,46 +19,68 @@ class Bounding {
   // mutex: the scene's.
   Bounding(std::mutex& mutex, Evaluated& evaluated) : mutex_(mutex), evaluated_(evaluated) {}
 
-  // loop: what the servo leaves to this scene. An object that is set between two calls gets the bounds of an object alone.
-  // Does nothing if nothing has changed since the last call. The shares are worked out without the lock, and entered with
-  // it. One thread at a time; not [rt].
-  void update(const LoopShare& loop);
+  // loop: what the servo leaves to this scene. ahead: s; by then the shares of the next call but one are in use. rest: s; at
+  // least so long between two calculations for what objects do, because each costs time. An object that is set between two
+  // calls gets the bounds of an object alone. Does nothing, and returns false, if nothing has changed since the last call or
+  // what has can wait, and the hand cannot reach anything else by then. The shares are worked out without the lock, and
+  // entered with it. One thread at a time; not [rt].
+  bool update(const LoopShare& loop, double ahead, double rest);
 
-  // Whether any object would make use of a share. Any thread.
+  // Whether anything that the hand may feel soon would make use of a share. Any thread.
   bool wants_stiffness() const noexcept { return wants_stiffness_.load(std::memory_order_relaxed); }
   // N/m at the device, what the scene allows itself; 0: no such bound. Any thread.
   void set_max_stiffness(double stiffness);
 
+  // Under the scene's lock: with whom the objects share that get less than they want, by name.
+  using Sharing = NameMap<SharedWith>;
+  const std::shared_ptr<const Sharing>& sharing() const noexcept { return sharing_; }
+
  private:
-  // slope: N/m of the scene, as it is felt.
-  void note_slope(const Object& object, double slope, double to_device, double time);
+  void settle();
+  Box reach_of_hand(const SceneShare& share, const LoopShare& loop, double time);
+  bool is_due(const LoopShare& loop, double most, const Box& reach, double slack, double time, double rest) const;
+  void enter(const std::vector<Admitted>& all, const SceneShare& share);
+  void note_slope(const Object& object, double slope, double to_device);
+  void tell(double time);
 
   std::mutex& mutex_;
   Evaluated& evaluated_;
   std::atomic<double> max_stiffness_{0};
   std::atomic<bool> wants_stiffness_{true};
 
-  // What the last update went by.
+  // What the last shares were worked out for.
   struct Seen {
     uint64_t sequence = 0;  // of the snapshot; 0: there was none
     LoopShare loop;
     double most = 0;            // N/m
-    bool is_to_be_repeated = false;  // something moves, or is to be told later
+    double time = -never;       // s
+    bool is_moving = false;     // something moves by itself
+    bool has_fading = false;    // something fades out that has a share
+    bool has_any = false;       // something is felt there
+    Box within;                 // m, where the tool may be; empty: anywhere
+    Box clear;                  // m, where nothing else is felt
   };
   Seen seen_;
+  double hand_time_ = never;    // s, of the tick that
+  Vec3 hand_{};                 // saw the tool here, m,
+  double speed_ = 0;            // and so fast, m/s
 
   // What has been told of an object.
   struct Told {
-    double slope;     // N/m at the device; of one that was not bounded before, what it wanted
-    double time;      // s
-    uint64_t update;  // the last that saw it
+    double slope;         // N/m at the device; of one that was not bounded before, what it wanted
+    double now;           // N/m, what is to be told
+    double time;          // s, of the last event
+    double wanted;        // N/m
+    bool takes_what_it_gets;
   };
-  std::unordered_map<std::string, Told> told_;
-  uint64_t updates_ = 0;
+  NameMap<Told> told_;
+  size_t most_told_ = 1024;  // when there are more, those of objects that are gone are forgotten
   bool has_untold_ = false;
+  double looked_at_ = -never;  // s, when it was last looked for what is to be told
   static constexpr int most_events = 20;  // a second
   int events_left_ = most_events;
   double events_since_ = -never;  // s
+  std::shared_ptr<const Sharing> sharing_;
 };
 
 }  // namespace fs

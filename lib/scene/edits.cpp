@@ -9,8 +9,6 @@
 namespace fs {
 namespace {
 
-double expiry_of(const Object& object, double now) { return object.lifetime > 0 ? now + object.lifetime : never; }
-
 std::string_view text_of(const char* name) { return {name, strnlen(name, 2 * FS_NAME_SIZE)}; }
 
 }  // namespace
@@ -211,22 +209,40 @@ bool Edits::commit(size_t most) {
   if (!group_) fail(FS_ERROR_STATE, "fs_scene_commit: no group is open; fs_scene_begin opens one");
   if (group_->committed == 0) sort();
   const std::vector<OpenGroup::Change*>& order = group_->order;
-  for (size_t i = 0; i < most && group_->committed < order.size(); ++i) {
-    auto& [name, wanted] = *order[group_->committed];
-    merge(name, wanted);
-    evaluated_.objects.take(name, wanted, std::move(group_->new_names[group_->committed]));
-    ++group_->committed;
+  try {
+    for (size_t i = 0; i < most && group_->committed < order.size(); ++i) {
+      auto& [name, wanted] = *order[group_->committed];
+      merge(name, wanted);
+      evaluated_.objects.take(name, wanted, std::move(group_->new_names[group_->committed]));
+      ++group_->committed;
+    }
+    if (group_->committed < order.size()) return false;
+    evaluated_.views.change(group_->view);
+  } catch (...) {
+    keep_rest();
+    throw;
   }
-  if (group_->committed < order.size()) return false;
-  evaluated_.views.change(group_->view);
   group_ = nullptr;
   return true;
+}
+
+// After a commit that failed the group has only what is not felt: more may join it, and it can be committed or cancelled.
+void Edits::keep_rest() noexcept {
+  OpenGroup& group = *group_;
+  const auto rest = group.order.begin() + static_cast<ptrdiff_t>(group.committed);
+  std::for_each(group.order.begin(), rest, [&](OpenGroup::Change* done) { group.changes.erase(group.changes.find(done->first)); });
+  group.order.erase(group.order.begin(), rest);
+  group.committed = 0;
+  group.added = static_cast<size_t>(std::count_if(group.order.begin(), group.order.end(), [this](OpenGroup::Change* change) {
+    return !evaluated_.objects.has_name(change->first);
+  }));
 }
 
 // Sorts a large group: changes of what is there in the order of the rows, so that each chunk is looked up in memory once;
 // then new objects by place, so that neighbours get rows in one chunk.
 void Edits::sort() {
   std::vector<OpenGroup::Change*>& order = group_->order;
+  group_->new_names.clear();
   group_->new_names.resize(order.size());
   if (order.size() < chunk_size) return;
   struct Sorted {

@@ -17,8 +17,8 @@ struct OpenGroup {
   using Change = decltype(changes)::value_type;
   std::vector<Change*> order;  // in which they came
   size_t added = 0;            // names that the scene does not have
-  size_t committed = 0;        // how many of order are committed already
-  std::vector<NewName> new_names;  // beside order, once the commit has begun; empty: not made, or not new
+  size_t committed = 0;        // how many of order are, in a commit that takes several steps
+  std::vector<NewName> new_names;  // beside order, in a commit; empty: not made, or not new
   ViewChange view;
 
   Known* find(std::string_view name);  // null: the group does not change it
@@ -79,6 +79,7 @@ class Edits {
   void merge(std::string_view name, Known& wanted);
   void put_moved(std::string_view name, Known known, double now);
   void sort();
+  void keep_rest() noexcept;
 
   Evaluated& evaluated_;
   std::unique_ptr<OpenGroup> group_;

@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <cmath>
+#include <new>
 #include <thread>
 
 #include "base/error.h"
@@ -66,12 +67,27 @@ Ref<const Object> LocalScene::get(const char* name, fs_object& out) {
   return get_one(name, out);
 }
 
+// An object as it can be set anew, on whatever clock, to be where it is now. A set gives the motion of a twist the usual
+// horizon: one that was worked out has another, so it begins anew from here, or is over.
+static fs_object to_saved(const Known& known, double now) {
+  fs_object out = to_c(known);
+  const Motion& motion = known.motion;
+  if (Track::is_zero(motion.twist)) {
+    out.time = 0;
+  } else if (motion.horizon != extrapolation_limit) {
+    out.pose = motion.at(now, 0);
+    if (now < motion.time + motion.horizon) out.time = now;
+    else out.time = 0, out.twist = {};
+  }
+  return out;
+}
+
 Scene::Contents LocalScene::contents() {
   const std::lock_guard lock(mutex_);
   Contents out;
+  const double time = now();
   edits_.for_each([&](const std::string&, const Known& known) {
-    fs_object object = to_c(known);
-    object.time = 0;
+    fs_object object = to_saved(known, time);
     if (!known.start_is_given) object.start = 0;
     out.objects.push_back(object);
     out.owners.push_back(known.object);
@@ -252,9 +268,13 @@ fs_event LocalScene::next_event(double timeout) {
   }
 }
 
-void LocalScene::note_edit(const char* name, const char* editor) {
-  const std::lock_guard lock(mutex_);
-  evaluated_.events.push(FS_EVENT_EDITED, now(), name, editor);
+void LocalScene::note(fs_event event) noexcept {
+  try {
+    const std::lock_guard lock(mutex_);
+    event.time = now();
+    evaluated_.events.push(event);
+  } catch (const std::bad_alloc&) {
+  }
 }
 
 // -------------------------------------------------------------------------------------------------------------- posting
@@ -320,4 +340,6 @@ void LocalScene::get_device_info(fs_device_info& out) { readers.get_device_info(
 
 std::vector<fs_recorded_tick> LocalScene::record(uint64_t after) { return readers.record(after); }
 
-void LocalScene::stop_force() { readers.stop_force(); }
+void LocalScene::stop_force() { readers.set_enabled(false); }
+
+void LocalScene::resume_force() { readers.set_enabled(true); }

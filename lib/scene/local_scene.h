@@ -91,7 +91,7 @@ struct LocalScene final : Scene {
   std::vector<fs_motion> motions(const char* client) override;
   fs_event next_event(double timeout) override;
   bool take_event(fs_event& out);  // one that is there; false: none
-  void note_edit(const char* name, const char* editor);  // another client changed or removed an object
+  void note(fs_event event) noexcept;  // what the server tells its own scene, now; left out where there is no memory
   size_t object_count() const;
   bool is_empty() const;  // nothing is there, nor fading out
 
@@ -101,6 +101,7 @@ struct LocalScene final : Scene {
   void get_device_info(fs_device_info& out) override;                                     // STATE
   std::vector<fs_recorded_tick> record(uint64_t after) override;                          // STATE
   void stop_force() override;                                                             // STATE
+  void resume_force() override;                                                           // STATE
   std::vector<fs_client> clients() override;                                              // UNSUPPORTED
   std::vector<fs_client_view> views() override;                                           // UNSUPPORTED
 
@@ -119,7 +120,7 @@ struct LocalScene final : Scene {
     evaluated_.prepare();
     try {
       f();
-    } catch (const std::bad_alloc&) {  // a part may be done
+    } catch (...) {  // a part may be done
       evaluated_.changed();
       throw;
     }

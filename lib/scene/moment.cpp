@@ -29,6 +29,7 @@ Moment::Moment(Ref<LocalScene> scene, bool with_group, const char* only) : scene
   if (!servo) return;
   memory_ = servo->memory;
   used_ = evaluated.objects.rows.used();
+  sharing_ = scene_->bounding.sharing();
   if (!servo->newest.read(tick_)) return;
   time_ = tick_.time;
   FeltSolids solids;
@@ -127,6 +128,11 @@ fs_report Moment::report(const Entry& entry, uint32_t number) const {
       out.stiffness_wanted = slope_scale * std::fmax(object.law_slope, stiffness_of(felt.contact));
     }
     out.stiffness_applied = std::fmin(out.stiffness_wanted, slope_scale * felt.steepest_slope);
+  }
+  if (sharing_ && slope_scale > 0) {
+    const auto shared = sharing_->find(object.name);
+    constexpr size_t room = sizeof out.shares_with - 1;
+    if (shared != sharing_->end()) shared->second.text(room).copy(out.shares_with, room);
   }
   out.distance = never;
   if (!is_evaluated || !memory_ || !(tick_.weight > 0)) return out;

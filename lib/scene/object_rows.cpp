@@ -42,9 +42,9 @@ Ref<const Object> ObjectRows::bounded_for(const Entry& entry, const Row* before)
   return fs::bounded(*entry.object, before && before->bounded ? joined(before->bounded->bounds, bounds_) : bounds_);
 }
 
-// Whether bounds can stay: within 0.8 and 1.02 times what is wanted, so that small changes make no new version.
+// Whether bounds can stay: within 0.9 and 1 times what is wanted, so that small changes make no new version.
 static bool serve_as(const Bounds& present, const Bounds& wanted) noexcept {
-  const auto serves = [](double has, double wants) { return has == wants || (has <= 1.02 * wants && has >= 0.8 * wants); };
+  const auto serves = [](double has, double wants) { return has == wants || (has <= wants * (1 + 1e-9) && has >= 0.9 * wants); };
   return serves(present.slope, wanted.slope) && serves(present.stiffness, wanted.stiffness) &&
          serves(present.damping, wanted.damping) && serves(present.contact_damping, wanted.contact_damping);
 }

@@ -12,8 +12,6 @@ namespace {
 // The number of a change: its own, or a new one where the object has been changed since.
 uint64_t grown(uint64_t wanted, uint64_t felt) { return wanted >= felt ? wanted : next_serial(); }
 
-double expiry_of(const Object& object, double now) { return object.lifetime > 0 ? now + object.lifetime : never; }
-
 }  // namespace
 
 fs_object to_c(const Known& known) {

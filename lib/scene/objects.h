@@ -39,6 +39,9 @@ struct Known : Entry {
 
 [[noreturn]] void fail_unknown(std::string_view name);  // NOT_FOUND
 
+// s: when the lifetime of an object that is set, changed or moved now is over.
+inline double expiry_of(const Object& object, double now) { return object.lifetime > 0 ? now + object.lifetime : never; }
+
 fs_object to_c(const Known& known);  // its handles live as long as known.object
 
 class Objects {

@@ -107,8 +107,8 @@ std::vector<fs_recorded_tick> Readers::record(uint64_t after) {
   }
 }
 
-void Readers::stop_force() {
-  with_servo("the scene has no servo, so no force to stop", [](ServoLink& servo) { servo.set_enabled(false); });
+void Readers::set_enabled(bool enabled) {
+  with_servo("the scene has no servo, so no force", [&](ServoLink& servo) { servo.set_enabled(enabled); });
 }
 
 }  // namespace fs

@@ -33,7 +33,7 @@ class Readers {
   void get_servo_stats(fs_servo_stats& out);                                                   // STATE
   void get_device_info(fs_device_info& out);                                                   // STATE
   std::vector<fs_recorded_tick> record(uint64_t after);                                        // STATE
-  void stop_force();                                                                           // STATE
+  void set_enabled(bool enabled);                                                              // STATE
 
  private:
   void build_shapes();

@@ -75,6 +75,7 @@ struct fs_scene : fs::Counted<fs_scene> {
   virtual void get_device_info(fs_device_info& out) = 0;
   virtual std::vector<fs_recorded_tick> record(uint64_t after) = 0;
   virtual void stop_force() = 0;
+  virtual void resume_force() = 0;
   virtual std::vector<fs_client> clients() = 0;
   virtual std::vector<fs_client_view> views() = 0;  // of the same clients
 };

@@ -27,8 +27,8 @@ class Versions {
     const auto& it = rows().row(i);
     const Weight* const weight = rows().weight(i);
     if (!weight) return true;
-    // A row that has not begun is needed no more if the next tick knows its successor.
-    if (!has_begun(i)) return it.next != no_row && rows().row(it.next).sequence <= rows().used();
+    // A row that has not begun is needed no more if the next tick knows its successor, whatever is wanted of that by now.
+    if (!has_begun(i)) return it.next != no_row && rows().row(it.next).created <= rows().used();
     if (weight->value() > 0 || weight->coming() > 0) return false;
     return it.next != no_row ? has_begun(it.next) : !it.is_in && it.sequence <= rows().used();
   }

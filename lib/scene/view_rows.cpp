@@ -1,5 +1,7 @@
 #include "scene/view_rows.h"
 
+#include <algorithm>
+
 #include "base/error.h"
 
 namespace fs {
@@ -66,17 +68,19 @@ void ViewRows::change(const ViewChange& change) {
     own(views_->newest);
     const uint32_t newest = views_->newest;
     const std::vector<uint32_t> free = free_rows();
-    // A view that waits may be replaced as long as no tick can know it. One that was posted belongs to a group that is felt
-    // as a whole, so the new one comes after it. When rows become few, because many come between two ticks, what was
-    // posted is taken back if no tick has it yet.
-    const bool is_replaced = is_waiting(newest) && (now().created == sequence_ ||
-                                            (free.size() <= reserve && servo_->take_back(now().created)));
+    // A view may be replaced as long as no tick can know it. One that was posted belongs to a group that is felt as a
+    // whole, so the new one comes after it. When rows become few, because many come between two ticks, what was posted is
+    // taken back if no tick has it yet.
+    const bool is_replaced = servo_ && (now().created == sequence_ ||
+                                        (free.size() <= reserve && servo_->take_back(now().created)));
     if (!is_elsewhere || !servo_ || is_replaced) {
       View view = wanted(now(), false);
       if (is_elsewhere) {
         view.version = ++last_version_;
         view.created = sequence_;
-        if (servo_ && !servo_->memory->views.weight(newest).replace_waiting(now().version, view.version)) continue;
+        Weight* const weight = this->weight(newest);
+        if (weight && has_begun(newest)) weight->set_up(view.version, false, 0);
+        else if (weight && !weight->replace_waiting(now().version, view.version)) continue;
       }
       views_->rows[newest] = view;
     } else {
@@ -123,6 +127,7 @@ bool ViewRows::get_held(Pose& tool) const noexcept {
 
 void ViewRows::attach_servo(Reader& reader) noexcept {
   servo_ = &reader;
+  std::fill(std::begin(free_at_), std::end(free_at_), 0);  // what it says is of a servo that is no more
   reader.memory->views.weight(views_->newest).set_up(now().version, false, now().is_in ? 1 : 0);
 }
 

@@ -29,6 +29,16 @@ void Client::push_event(fs_event_kind kind, const std::string& object, const std
   push_event(event);
 }
 
+void Client::tell_server(fs_status status, const char* text) const noexcept {
+  fs_event event{};
+  event.kind = FS_EVENT_CLIENT;
+  event.status = status;
+  event.value = static_cast<double>(peer.process);
+  put_text(event.name, name);
+  put_text(event.text, text);
+  host.servo().scene()->note(event);
+}
+
 void Client::forget_object(const std::string& object) {
   moves.forget(object);
   absent.erase(object);

@@ -76,6 +76,12 @@ bool Clients::is_anybody_applying() const {
   return std::any_of(sessions_.begin(), sessions_.end(), [](const auto& session) { return session->client().is_applying; });
 }
 
+void Clients::drop_dead(uid_t user) const noexcept {
+  for (const std::shared_ptr<Session>& session : sessions_) {
+    if (is_there(session) && session->client().peer.user == user && !session->is_alive()) session->drop();
+  }
+}
+
 void Clients::make_room(bool is_refused) {
   // Clients that will be refused have a few places of their own, so that they cannot take the places of others.
   const auto is_rival = [&](const std::shared_ptr<Session>& session) {

@@ -33,6 +33,7 @@ class Clients {
   size_t count() const;
   std::vector<fs_client> describe() const;
   bool is_anybody_applying() const;
+  void drop_dead(uid_t user) const noexcept;  // those of the user whose end nobody has looked at yet
   void for_each(const std::function<void(const std::shared_ptr<Client>&)>& f) const;
 
   // ---- Room. There may be so many clients, a few that have not said who they are, and as many that are gone but still felt.

@@ -17,8 +17,9 @@ Descriptor open_file() { return Descriptor(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK
 
 }  // namespace
 
-Door::Door(const std::string& own_address, const std::string& shared_address)
-    : own_(own_address), shared_(shared_address.empty() ? Listener() : Listener(shared_address)), spare_(open_file()) {
+Door::Door(const std::string& name, bool is_for_all_users)
+    : own_(Listener::for_this_user(name)), shared_(is_for_all_users ? Listener::for_all_users(name) : Listener()),
+      spare_(open_file()) {
   if (!spare_) {
     fail(status_without_descriptor(errno), "the server could not be made: %s", std::strerror(errno));
   }

@@ -10,8 +10,7 @@ namespace fs {
 
 class Door {
  public:
-  // own_address: for the server's own user; shared_address: for all users, empty: for none. EXISTS, IO, FULL.
-  Door(const std::string& own_address, const std::string& shared_address);
+  Door(const std::string& name, bool is_for_all_users);  // EXISTS, IO, FULL
 
   const Descriptor& own_socket() const noexcept { return own_.socket(); }
   const Descriptor& shared_socket() const noexcept { return shared_.socket(); }  // may be none

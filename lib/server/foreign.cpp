@@ -57,7 +57,11 @@ void ForeignEdit::tell(Client& editor) const {
     if (owner_) {
       owner_->note_edit_by(editor.name, name, is_removed);
     } else {
-      scene_->note_edit(name.c_str(), editor.name.c_str());
+      fs_event event{};
+      event.kind = FS_EVENT_EDITED;
+      put_text(event.name, name);
+      put_text(event.text, editor.name);
+      scene_->note(event);
     }
   }
   editor.host.note_activity();

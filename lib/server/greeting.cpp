@@ -51,9 +51,10 @@ bool open(Client& client, const std::string& name) {
   client.scene = make_ref<LocalScene>(std::shared_ptr<ServoOutput>(client.outbox, &client.outbox->servo));
   client.scene->hold();
   client.scene->set_capacity(2 * settings.max_objects);  // it may replace all of them while the old ones fade out
-  client.channel = client.host.servo().add_channel(client.scene, settings.limits);
+  client.channel = client.host.servo().add_channel(client.scene, settings.limits, {name, client.peer.user});
   client.connected = client.scene->now();
   client.name = name;
+  client.tell_server(FS_OK, "connected");
 
   wire::Welcome welcome{};
   welcome.inbox_bytes = Inbox::bytes(settings.max_objects);
@@ -84,6 +85,7 @@ bool greet(Client& client, std::span<const std::byte> message, fs_status refusal
   try {
     const std::string name = parse_name(hello.client, "client_name");
     require_free_name(client.host.clients(), name);
+    client.host.clients().drop_dead(client.peer.user);  // what they leave counts to the limit of this one
     client.host.require_room();
     return open(client, name);
   } catch (const Error& error) {

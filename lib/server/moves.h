@@ -37,6 +37,7 @@ class Moves {
   void put_back(const std::string& name, const Place& place);
 
   // ---- The inbox.
+  bool has_left() const noexcept { return inbox_.has_left(); }  // the client has said so
   bool has_new() const noexcept { return !slots_.empty() && inbox_.has_dirty(); }
   // Called once a turn. False: the client's moves have to wait for a later turn.
   bool begin_turn() noexcept { return allowance_.begin_turn(); }

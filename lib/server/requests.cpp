@@ -1,5 +1,7 @@
 #include "server/requests.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -68,6 +70,7 @@ void Requests::answer(const Request& request) {
     }
     case type_record: return answer_record(client_, request.serial, request.as<After>().number);
     case type_stop_force: return stop_force(request);
+    case type_resume_force: return resume_force(request);
     default: return;
   }
 }
@@ -76,6 +79,14 @@ void Requests::stop_force(const Request& request) {
   const Host& host = client_.host;
   if (host.settings().is_force_kept) fail(FS_ERROR_DENIED, "this server does not let a client end the force");
   host.servo().set_enabled(false);
+  client_.answers.send(request.serial);
+}
+
+void Requests::resume_force(const Request& request) {
+  if (client_.peer.user != geteuid() && client_.peer.user != 0) {
+    fail(FS_ERROR_DENIED, "this server is user %s's, who alone lets the force return", name_of_user(geteuid()).c_str());
+  }
+  client_.host.servo().set_enabled(true);
   client_.answers.send(request.serial);
 }
 

@@ -32,6 +32,7 @@ class Requests {
   void fetch(const Request& request);
   void view(const Request& request);
   void stop_force(const Request& request);
+  void resume_force(const Request& request);
 
   Client& client_;
 };

@@ -42,7 +42,7 @@ fs_server::fs_server(Ref<Servo> servo, const Endpoint& endpoint, const ServerSet
       period_(1 / servo_->settings().rate),
       timer_(timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK)),
       wake_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
-      door_(user_address(geteuid(), endpoint.name), settings.is_for_all_users ? shared_address(endpoint.name) : ""),
+      door_(endpoint.name, settings.is_for_all_users),
       worker_("fs-worker", [this] { wake(); }),
       builder_("fs-builder", [this] { wake(); }),
       message_(most_message) {

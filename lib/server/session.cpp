@@ -46,6 +46,11 @@ void Session::set_asleep(bool is_asleep) noexcept {
 
 void Session::drop(double lease) noexcept {
   if (client_->is_gone) return;
+  if (!client_->name.empty()) {
+    const char* const lost = is_alive() ? "was disconnected by the server" : "was lost: it was killed, or ended without a word";
+    const bool has_left = client_->moves.has_left();
+    client_->tell_server(has_left ? FS_OK : FS_ERROR_DISCONNECTED, has_left ? "left" : lost);
+  }
   client_->is_gone = true;
   if (client_->channel && client_->scene->is_empty()) {
     client_->channel->leave_at_once();

@@ -12,15 +12,33 @@ constexpr double visits_a_second = 0.25 / 40e-9;
 
 }  // namespace
 
-Channel::Channel(fs_servo& servo, Ref<LocalScene> scene, const Limits& limits, bool starts_in)
+Channel::Channel(fs_servo& servo, Ref<LocalScene> scene, const Limits& limits, bool starts_in, Owner owner)
     : scene_(std::move(scene)), limits_(limits), fade_(servo.fade()),
-      visits_(static_cast<uint32_t>(visits_a_second * servo.period())), reader_(make_ref<Memory>(servo.settings().spread)) {
+      visits_(static_cast<uint32_t>(visits_a_second * servo.period())), owner_(std::move(owner)),
+      reader_(make_ref<Memory>(servo.settings().spread)) {
   hand_.state.pose = hand_.response.proxy = identity_pose();
   scene_->readers.attach_servo(servo, reader_, starts_in);
 }
 
 void Channel::detach() noexcept {
   if (std::exchange(is_attached_, false)) scene_->readers.detach_servo(reader_);
+}
+
+void Channel::take_over_from(const std::vector<Ref<Channel>>& present) {
+  std::vector<Channel*> left;
+  for (const Ref<Channel>& other : present) {
+    const bool is_alike = other->owner_.user == owner_.user || other->owner_.name == owner_.name;
+    const bool is_left = other->leaves_at_.load(std::memory_order_acquire) < never && !other->is_taken_over_;
+    if (is_left && is_alike && other->limits_.force < never) left.push_back(other.get());
+  }
+  const auto count = [this](const Ref<Push>& push) {
+    if (!push->is_over.load(std::memory_order_acquire)) counted_.push_back(push);
+  };
+  for (const Channel* const other : left) {
+    for (const Ref<Push>& push : other->counted_) count(push);
+    count(other->push_);
+  }
+  for (Channel* const other : left) other->is_taken_over_ = true;
 }
 
 Wrench Channel::wrench() const noexcept {
@@ -103,14 +121,21 @@ void Channel::limit(fs_response& device) noexcept {
     is_bad_.store(true, std::memory_order_release);
     return;
   }
+  Wrench lost{};
+  for (const Ref<Push>& push : counted_) {
+    if (push->is_over.load(std::memory_order_acquire)) continue;
+    lost.force += push->wrench.force;
+    lost.torque += push->wrench.torque;
+  }
+  const Limits most{std::fmax(0, limits_.force - norm(lost.force)), std::fmax(0, limits_.torque - norm(lost.torque))};
   const double force = norm(w.force), torque = norm(w.torque);
-  const double share = std::fmin(force > limits_.force ? limits_.force / force : 1,
-                                 torque > limits_.torque ? limits_.torque / torque : 1);
+  const double share = std::fmin(force > most.force ? most.force / force : 1,
+                                 torque > most.torque ? most.torque / torque : 1);
   if (!(share < 1)) return;
   const Mat3 stiffness = device.stiffness;
   const Vec3 whole = w.force;
   scale(device, share);
-  if (force > limits_.force) device.stiffness = shortened(stiffness, whole, share * force);
+  if (force > most.force) device.stiffness = shortened(stiffness, whole, share * force);
   limited_.store(limited_.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
 }
 
@@ -129,8 +154,13 @@ fs_response Channel::evaluate(const fs_state& hand, double now) noexcept {
     hand_.response.proxy = hand_.state.pose;
     tick_.weight = 0;
   }
-  wrench_.write(device.wrench);
+  note_push(device.wrench);
   return device;
+}
+
+void Channel::note_push(const Wrench& wrench) noexcept {
+  push_->wrench = wrench;
+  wrench_.write(wrench);
 }
 
 void Channel::charge(double cost, double period) noexcept {
@@ -140,7 +170,7 @@ void Channel::charge(double cost, double period) noexcept {
 }
 
 void Channel::lose_hand(double now) noexcept {
-  wrench_.write({});
+  note_push({});
   hand_.state.flags &= FS_STATE_CLUTCHED;  // the pose stays the last that is known
   hand_.state.buttons = 0;
   hand_.state.twist = {};
@@ -160,7 +190,7 @@ void Channel::publish(const Wrench& sent, uint32_t response_flags, uint64_t tick
   out.hand.write(hand_);
   out.tick.store(tick, std::memory_order_release);
   out.used.store(reader_.mailbox.front().snapshot->sequence, std::memory_order_release);
-  if (weight_ == 0) is_gone_.store(true, std::memory_order_release);
+  if (weight_ == 0) leave_at_once();
 }
 
 }  // namespace fs

@@ -2,6 +2,9 @@
 // the scene's views (frame, tool, clutch), and rotates the result into device axes. A servo has one for each scene.
 #pragma once
 
+#include <string>
+#include <vector>
+
 #include "field/frame.h"
 #include "scene/local_scene.h"
 
@@ -16,8 +19,19 @@ class Channel final : public Counted<Channel> {
     double force = never, torque = never;  // N, N m
   };
 
+  // Of which client the scene is.
+  struct Owner {
+    std::string name;
+    uint32_t user;
+  };
+  // What a scene adds at this tick, for those that count it to their own limits.
+  struct Push : Counted<Push> {
+    Wrench wrench{};                   // the servo's thread alone
+    std::atomic<bool> is_over{false};  // the scene has faded out
+  };
+
   // Attaches the scene to the servo, which must live as long as it is attached. starts_in: see attach_servo. STATE.
-  Channel(fs_servo& servo, Ref<LocalScene> scene, const Limits& limits, bool starts_in);
+  Channel(fs_servo& servo, Ref<LocalScene> scene, const Limits& limits, bool starts_in, Owner owner);
   ~Channel() { detach(); }
 
   // Detaches the scene, once the servo evaluates it no longer. A second call does nothing.
@@ -28,12 +42,16 @@ class Channel final : public Counted<Channel> {
   // leave: from time `when` (s, scene's clock) on the whole scene fades out, for good. leave_at_once is for a scene
   // without objects. Any thread.
   void leave(double when) noexcept { leaves_at_.store(when, std::memory_order_release); }
-  void leave_at_once() noexcept { is_gone_.store(true, std::memory_order_release); }
+  void leave_at_once() noexcept { push_->is_over.store(true, std::memory_order_release); }
   void end_lease(double now) noexcept {  // leaves now, unless the scene is leaving already
     if (const double when = leaves_at_.load(std::memory_order_relaxed); when > now) leave(now);
   }
   // Whether the scene has faded out and adds nothing any more; a tick sets this. Any thread.
-  bool is_gone() const noexcept { return is_gone_.load(std::memory_order_acquire); }  // [rt]
+  bool is_gone() const noexcept { return push_->is_over.load(std::memory_order_acquire); }  // [rt]
+
+  // What a lost client still pushes is taken off the limit of the next of its name or user, so that reconnecting gains no
+  // force. Called once, before any tick knows this channel. The servo's channels are ticked in the order in which they came.
+  void take_over_from(const std::vector<Ref<Channel>>& present);
 
   // Any thread.
   // The scene's force was not finite, or took too long to evaluate; from then on its force is zero.
@@ -62,14 +80,18 @@ class Channel final : public Counted<Channel> {
   fs_response evaluate_view(const Snapshot& snapshot, uint32_t view, fs_state state, double weight, double now,
                             Effort& effort) noexcept;
   void limit(fs_response& device) noexcept;
+  void note_push(const Wrench& wrench) noexcept;
 
   const Ref<LocalScene> scene_;
   const Limits limits_;
   const double fade_;     // s
   const uint32_t visits_; // that the searches of a tick may take
   bool is_attached_ = true;
+  const Owner owner_;
   std::atomic<double> leaves_at_{never};
-  std::atomic<bool> is_gone_{false};
+  const Ref<Push> push_ = make_ref<Push>();
+  std::vector<Ref<Push>> counted_;  // those of lost clients that count to the limits
+  bool is_taken_over_ = false;      // the next client counts them
 
   // Only the servo's thread uses these; other threads may read the atomic ones and wrench_.
   ServoReader reader_;

@@ -28,6 +28,7 @@ void Channels::add(const Ref<Channel>& channel) {
   const Ref<List> list = make_ref<List>();
   list->channels = posted_->channels;
   list->channels.push_back(channel);
+  channel->take_over_from(posted_->channels);
   posted_ = list;
   mailbox_.post(posted_);
 }

@@ -15,7 +15,7 @@ class Channels {
   void stop() noexcept;          // detaches all scenes; nothing ticks any more
 
   // Any thread; not [rt].
-  void add(const Ref<Channel>& channel);  // STATE: the servo has been stopped
+  void add(const Ref<Channel>& channel);  // which takes over from those that are left to it. STATE: the servo has been stopped
   std::vector<Ref<Channel>> present();    // empty: it has been stopped
   Wrench own_wrench();                    // what the servo's own scene added at the last tick, device frame
   size_t count();                         // without the servo's own; channels that are fading out count

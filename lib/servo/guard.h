@@ -26,8 +26,9 @@ class Guard {
     double damping;        // N s/m, local; 0: none
     double slew;           // N/s of the whole force; infinite: none
     uint32_t force_axes = 3, torque_axes = 3;  // the number of axes on which the device acts
+    double resolution = 0;                     // m, of the positions; 0: exact
   };
-  explicit Guard(const Limits& limits) : limits_(limits) {}
+  explicit Guard(const Limits& limits) : limits_(limits), velocity_(limits.resolution, VelocityEstimator::local_rest) {}
 
   // What a tick knows of the hand.
   struct Hand {

@@ -7,6 +7,7 @@
 #include <pthread.h>
 #include <time.h>
 
+#include "base/clock.h"
 #include "base/error.h"
 #include "base/signals.h"
 #include "servo/servo.h"
@@ -19,7 +20,6 @@ LoopShare Keeper::part_of(size_t scenes) const noexcept {
   LoopShare part = loop_;
   part.stiffness /= count;
   part.damping /= count;
-  part.ahead = ahead_;
   return part;
 }
 
@@ -29,23 +29,29 @@ static size_t count_wanting(const std::vector<Ref<Channel>>& channels) {
   }));
 }
 
-void Keeper::run_once() noexcept {
+bool Keeper::run_once() noexcept {
+  bool has_worked = false;
   try {
     const std::vector<Ref<Channel>> channels = servo_.channels().present();
     const std::lock_guard lock(sharing_);
-    const size_t count = count_wanting(channels);
-    for (const Ref<Channel>& channel : channels) {
-      Bounding& bounding = channel->scene().bounding;
-      bounding.update(part_of(bounding.wants_stiffness() ? count : count + 1));  // one that wants none yet may at any time
+    for (int i = 0; i < 2; ++i) {
+      const size_t count = count_wanting(channels);
+      for (const Ref<Channel>& channel : channels) {
+        Bounding& bounding = channel->scene().bounding;
+        // One that wants none yet may at any time.
+        has_worked |= bounding.update(part_of(bounding.wants_stiffness() ? count : count + 1), ahead_, rest_);
+      }
+      if (count_wanting(channels) == count) break;
     }
   } catch (...) {  // no memory: the bounds stay as they are until the next time
   }
+  return has_worked;
 }
 
 void Keeper::admit(LocalScene& scene) {
   const std::vector<Ref<Channel>> channels = servo_.channels().present();
   const std::lock_guard lock(sharing_);
-  scene.bounding.update(part_of(count_wanting(channels) + 1));
+  scene.bounding.update(part_of(count_wanting(channels) + 1), ahead_, rest_);
 }
 
 static double processor_time() noexcept {  // s, of the calling thread
@@ -62,17 +68,17 @@ void Keeper::start() {
       begin_thread("fs-keeper");
       const sched_param ordinary{};
       pthread_setschedparam(pthread_self(), SCHED_OTHER, &ordinary);  // the starter may have been a real-time thread
-      std::chrono::duration<double> pause(0.04);
+      double last = steady_now();
       std::unique_lock lock(mutex_);
-      while (!stopping_.wait_for(lock, pause, [this] { return is_stopping_; })) {
+      while (!stopping_.wait_for(lock, std::chrono::duration<double>(turn), [this] { return is_stopping_; })) {
         lock.unlock();
-        const double begin = processor_time();
-        run_once();
-        // A tenth of a processor at most; that the thread had to wait does not count.
-        pause = std::chrono::duration<double>(std::max(0.04, 9 * (processor_time() - begin)));
-        double ahead = shortest_ahead;  // doubled: where it changes, all is worked out anew
-        while (ahead < 1.5 * pause.count()) ahead *= 2;
-        ahead_ = ahead;
+        const double begin = processor_time(), late = steady_now() - last - turn;
+        const bool has_worked = run_once();
+        const double cost = processor_time() - begin;
+        last = steady_now();
+        constexpr double less = 0.99;  // from one turn to the next, where there was nothing to do
+        rest_ = has_worked ? 9 * cost : less * rest_;  // a tenth of a processor; that the thread had to wait does not count
+        ahead_ = std::min(most_ahead, std::max(turn + std::max({turn, rest_ / 4.5, 2 * late}), less * ahead_));
         lock.lock();
       }
     });

@@ -18,9 +18,11 @@ class Keeper {
   Keeper(fs_servo& servo, const LoopShare& loop) : servo_(servo), loop_(loop) {}
   ~Keeper() { stop(); }
 
+  static constexpr double turn = 0.01;  // s, from one run to the next
+
   void start();            // IO: no thread; also runs once
   void stop() noexcept;    // when it returns, the thread has ended
-  void run_once() noexcept;
+  bool run_once() noexcept;  // false: there was nothing to be worked out
   void admit(LocalScene& scene);  // before the servo feels it: it is bounded from its first tick on
 
  private:
@@ -29,8 +31,8 @@ class Keeper {
   fs_servo& servo_;
   const LoopShare loop_;
   std::mutex sharing_;
-  static constexpr double shortest_ahead = 0.1;    // s
-  std::atomic<double> ahead_{shortest_ahead};      // s, see LoopShare
+  static constexpr double most_ahead = 0.1;        // s
+  std::atomic<double> ahead_{2 * turn}, rest_{0};  // s, see Bounding::update
   std::mutex mutex_;
   std::condition_variable stopping_;
   bool is_stopping_ = false;

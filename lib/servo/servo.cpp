@@ -31,7 +31,7 @@ fs_servo::fs_servo(Ref<LocalScene> scene, Ref<Device> device, const ServoSetting
       record_(static_cast<size_t>(std::ceil(record_length * settings.rate))) {
   device_->acquire();
   try {
-    channels_.start(make_ref<Channel>(*this, scene_, Channel::Limits{}, true));
+    channels_.start(make_ref<Channel>(*this, scene_, Channel::Limits{}, true, Channel::Owner{"", 0}));
     guard_process_end();
     start_keeper();
     if (settings.mode == FS_SERVO_THREAD) start_thread();
@@ -47,7 +47,7 @@ void fs_servo::start_keeper() {
   if (!std::isfinite(settings_.loop.max_stiffness) && !std::isfinite(settings_.loop.object_damping)) return;
   const fs_device_info& device = device_->info();
   LoopShare loop{settings_.loop.max_stiffness, settings_.loop.object_damping, never, device.workspace_radius,
-                 device.workspace_height};
+                 device.workspace_height, settings_.limits.speed};
   // Of a wrist's own damping and inertia nothing is known: a torque is taken to be as hard to render as a force at an arm that
   // a hand has, or at that of the largest force and torque.
   constexpr double arm = 0.05;  // m
@@ -113,8 +113,8 @@ ClockKind fs_servo::clock() const noexcept {
   return settings_.mode == FS_SERVO_VIRTUAL ? ClockKind::virtual_time : ClockKind::steady;
 }
 
-Ref<Channel> fs_servo::add_channel(Ref<LocalScene> scene, const Channel::Limits& limits) {
-  const Ref<Channel> channel = make_ref<Channel>(*this, std::move(scene), limits, false);
+Ref<Channel> fs_servo::add_channel(Ref<LocalScene> scene, const Channel::Limits& limits, Channel::Owner owner) {
+  const Ref<Channel> channel = make_ref<Channel>(*this, std::move(scene), limits, false, std::move(owner));
   if (keeper_) keeper_->admit(channel->scene());
   channels_.add(channel);
   return channel;
@@ -174,8 +174,7 @@ fs_status fs_servo::step(uint64_t ticks) noexcept {
   }
   for (uint64_t i = 0; i < ticks && !device_->is_silent(); ++i) {
     if (settings_.mode == FS_SERVO_VIRTUAL) {
-      // The keeper's turn, 25 times a second.
-      if (keeper_ && static_cast<double>(tick_ - kept_tick_) >= 0.04 * settings_.rate) {
+      if (keeper_ && static_cast<double>(tick_ - kept_tick_) >= fs::Keeper::turn * settings_.rate) {
         kept_tick_ = tick_;
         keeper_->run_once();
       }

@@ -33,7 +33,8 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   bool is_of_this_process() const noexcept { return device_->is_of_this_process(); }
 
   // Adds a scene beside the servo's own; its forces are felt from the next tick on. Any thread; not [rt].
-  fs::Ref<fs::Channel> add_channel(fs::Ref<fs::LocalScene> scene, const fs::Channel::Limits& limits);  // STATE
+  fs::Ref<fs::Channel> add_channel(fs::Ref<fs::LocalScene> scene, const fs::Channel::Limits& limits,
+                                   fs::Channel::Owner owner);  // STATE
   fs::Channels& channels() noexcept { return channels_; }
   const fs::Ref<fs::LocalScene>& scene() const noexcept { return scene_; }
   double time() const noexcept override { return newest_time_.load(std::memory_order_relaxed); }  // s, of the newest tick

@@ -91,6 +91,7 @@ ServoSettings parse_options(const fs_servo_options& options, const fs_device_inf
   out.rate = options.rate != 0 ? options.rate : device.rate;
   out.pose_age = std::fmin(0.1, 0.02 + device.delay + link_period(device));
   out.limits.period = 1 / out.rate;
+  out.limits.resolution = device.resolution;
   out.limits.force_axes = device.force_axes;
   out.limits.torque_axes = device.torque_axes;
   out.limits.force = parse_limit(options.force_limit, device.force_max, "force_limit");

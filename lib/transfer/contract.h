@@ -216,6 +216,7 @@ inline fs_object from_record(const Object& from) {
   FIELD(fs_report, distance) \
   FIELD(fs_report, point) \
   FIELD(fs_report, wrench) \
+  FIELD(fs_report, shares_with) \
   FIELD(fs_report, reserved) \
   FIELD(fs_view, frame) \
   FIELD(fs_view, tool) \

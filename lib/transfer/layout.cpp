@@ -102,7 +102,7 @@ std::string make_layout_text() {
   RECORD(EventSlot, number, event);
   REGION(Outbox, servo, heartbeat, is_closed, is_asleep, news, applied, events_written, events);
   REGION(ServoOutput, time, tick, used, hand);
-  REGION(InboxHead, batch, summary);
+  REGION(InboxHead, batch, has_left, summary);
   table.add("Inbox", {{"slot", 0, sizeof(Seqlock<Move>), 'r'}, {"event", 0, sizeof(Seqlock<EventSlot>), 'r'},
                       {"types", 0, type_reply, 'u'}});
   return table.text_;

@@ -31,6 +31,7 @@ std::optional<size_t> record_size(uint32_t type) noexcept {
     case type_views:
     case type_stats:
     case type_stop_force:
+    case type_resume_force:
     case type_device: return 0;
     case type_get:
     case type_pull:

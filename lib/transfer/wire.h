@@ -91,6 +91,7 @@ enum Type : uint32_t {
   type_motions,      // Target: a client; empty: all but the asking one. Reply, Count, and a descriptor: fs_motion, as many
   type_views,        // nothing. Reply, Count, and a descriptor: fs_client_view, as many
   type_record,       // After. Reply, Count, and a descriptor: fs_recorded_tick, as many, at most most_ticks of the oldest
+  type_resume_force, // nothing. Reply
 
   type_reply = 200   // Reply and what it says above
 };

@@ -693,7 +693,7 @@ START_TEST(shares_are_blended) {
   s.set(wall(0.002, 2000));
   s.settle();
   EXPECT_NEAR(s.force().z, 4, 1e-6);
-  fs_object other = wall(-0.5, 2000);  // not felt here, but its slope is where the hand can be
+  fs_object other = wall(-0.01, 2000);  // not felt here, but where the hand can soon be
   std::snprintf(other.name, sizeof other.name, "other");
   s.set(other);
   s.run(0.1);
@@ -819,18 +819,40 @@ START_TEST(bounds_are_told) {
   Bounded s;
   s.hand = [](double) { return fs_vec3{0, 0, 0}; };
   for (const char* const name : {"a", "b", "c"}) {
-    fs_object o = wall(-0.5, 20000);
+    fs_object o = wall(-0.01, 20000);
     std::snprintf(o.name, sizeof o.name, "%s", name);
     s.set(o);
   }
   s.run(2);
   std::string told;
   for (fs_event event; fs_scene_next_event(s.scene, 0, &event) == FS_OK && event.kind != FS_EVENT_NONE;) {
-    if (event.kind == FS_EVENT_CAPPED) told += event.name;
-    if (event.kind == FS_EVENT_CAPPED) EXPECT_NEAR(event.value, 2000.0 / 3, 1);
+    if (event.kind != FS_EVENT_CAPPED) continue;
+    told += event.name;
+    EXPECT_NEAR(event.value, 2000.0 / 3, 1);
+    const std::string with = event.name[0] == 'a' ? "b, c" : event.name[0] == 'b' ? "a, c" : "a, b";
+    const std::string text = "its slope is bounded to 666.7 N/m at the device, of 2e+04; it shares with " + with;
+    ck_assert_str_eq(event.text, text.c_str());
+    const fs_report report = report_of(s.scene, event.name);
+    ck_assert_str_eq(report.shares_with, with.c_str());
   }
   std::sort(told.begin(), told.end());
   ck_assert_str_eq(told.c_str(), "abc");
+  // Of many the first, as they fit; nobody shares who gets what he wants.
+  for (int i = 0; i < 20; ++i) {
+    fs_object o = wall(-0.01, 20000);
+    std::snprintf(o.name, sizeof o.name, "w%02d", i);
+    s.set(o);
+  }
+  s.set(wall(-0.01, 10));
+  s.run(1);
+  for (const char* const name : {"a", "w07"}) {  // 23 others
+    const std::string with = report_of(s.scene, name).shares_with;
+    const auto before = with.find(" and ");
+    ck_assert_msg(before != std::string::npos && with.ends_with(" more"), "%s shares with '%s'", name, with.c_str());
+    ck_assert_int_eq(std::count(with.begin(), with.end(), ',') + 1 + std::atoi(with.c_str() + before + 5), 23);
+  }
+  const std::string with_whom = report_of(s.scene, "wall").shares_with;
+  ck_assert_str_eq(with_whom.c_str(), "");
 }
 END_TEST
 

@@ -505,7 +505,8 @@ START_TEST(groups_of_all) {
 }
 END_TEST
 
-// A client may end the force of all, unless the server keeps it; only the servo's owner lets it return.
+// A client may end the force of all, unless the server keeps it; the servo's owner, or a client of the same user, lets it
+// return.
 START_TEST(a_client_stops_the_force) {
   Two two;
   set(two.me, push("a", 2));
@@ -516,10 +517,18 @@ START_TEST(a_client_stops_the_force) {
   EXPECT_VECTOR(two.fake.written.force, (fs_vec3{}), 0);
   ck_assert_uint_eq(stats_of(two.bob.get()).enabled, 0);
   OK(fs_scene_stop_force(two.me.get()));  // once more
-  two.step(2);
-  OK(fs_servo_set_enabled(two.servo.get(), true));
-  two.step(2);
-  EXPECT_VECTOR(two.fake.written.force, (fs_vec3{0, 0, 2}), 1e-12);
+  const auto resumes = std::vector<std::function<fs_status()>>{
+      [&] { return fs_servo_set_enabled(two.servo.get(), true); }, [&] { return fs_scene_resume_force(two.bob.get()); },
+      [&] { return fs_scene_resume_force(two.base.get()); }};
+  for (const auto& resume : resumes) {
+    OK(fs_scene_stop_force(two.bob.get()));
+    two.step(2);
+    EXPECT_VECTOR(two.fake.written.force, (fs_vec3{}), 0);
+    OK(resume());
+    two.step(2);
+    EXPECT_VECTOR(two.fake.written.force, (fs_vec3{0, 0, 2}), 1e-12);
+    ck_assert_uint_eq(stats_of(two.bob.get()).enabled, 1);
+  }
   OK(fs_scene_begin(two.me.get()));
   set(two.me, push("b", 5));
   OK(fs_scene_stop_force(two.me.get()));  // it does not wait for the group
@@ -566,7 +575,7 @@ START_TEST(locked) {
   OK(fs_object_change(two.me.get(), &o, FS_PART_PROFILES));
   two.settle_all();
   EXPECT_VECTOR(two.fake.written.force, (fs_vec3{0, 0, 4}), 1e-12);
-  ck_assert_uint_eq(events_now(two.base.get()).size(), 1);  // the device is ready
+  ck_assert_uint_eq(events_now(two.base.get()).size(), 3);  // the device is ready, and two clients are there
 }
 END_TEST
 
@@ -811,6 +820,47 @@ START_TEST(force_limit) {
 }
 END_TEST
 
+// A program that is lost and connects again and again pushes no more than one client does: what its lost scenes still push
+// counts to the limit of the next client of its name or user.
+START_TEST(lost_scenes_and_the_force_limit) {
+  fs_server_options options = fs_server_options_init();
+  options.force_limit = 2;
+  options.lease = 0.3;
+  ServerRig rig(options);
+  double last = 0;
+  const auto step = [&](int ticks) {
+    for (; ticks > 0; --ticks) {
+      rig.step();
+      const double force = norm(rig.fake.written.force);
+      ck_assert_msg(force <= 2 + 1e-9, "the lost scenes push with %g N together", force);
+      ck_assert_msg(std::fabs(force - last) <= 11 * 0.001 / world_fade + 1e-9, "from %g N to %g N", last, force);
+      last = force;
+    }
+  };
+  for (int i = 0; i < 6; ++i) {
+    const Scene client = rig.join(i % 3 ? "again" : ("by another name " + std::to_string(i)).c_str());
+    const fs_object o = push("push", i % 2 ? 9 : 2);
+    OK(fs_object_set(client.get(), &o));
+    ck_assert(eventually([&] {
+      step(1);
+      return fs_scene_sync(client.get(), 0.02) == FS_OK;
+    }));
+    step(30);
+  }
+  EXPECT_NEAR(last, 2, 1e-9);  // some are within their lease
+  ck_assert(eventually([&] {
+    step(20);
+    return last == 0;
+  }));
+  const Scene client = rig.join("again");  // it has the whole limit again
+  const fs_object o = push("push", 9);
+  OK(fs_object_set(client.get(), &o));
+  OK(rig.sync(client.get()));
+  rig.step_through_fade();
+  EXPECT_NEAR(norm(rig.fake.written.force), 2, 1e-9);
+}
+END_TEST
+
 START_TEST(clients) {
   Two two;
   size_t count = 0;
@@ -946,7 +996,8 @@ END_TEST
 
 int main() {
   Suite* suite = suite_create("connected");
-  add_once(suite, "several", {forces_add, names_are_private, own_names_in_full, views, force_limit});
+  add_once(suite, "several", {forces_add, names_are_private, own_names_in_full, views, force_limit,
+                              lost_scenes_and_the_force_limit});
   add_once(suite, "others", {objects_of_others, objects_of_the_server, edits_in_an_open_group, groups_change_only_their_parts, many_edits, groups_of_all, a_client_stops_the_force, a_server_keeps_the_force, locked,
                              shapes_of_others});
   add_once(suite, "seen", {reports_of_all, clients});

@@ -211,6 +211,42 @@ START_TEST(max_objects) {
 }
 END_TEST
 
+// What can be rendered is divided among the clients of which the hand can reach something.
+START_TEST(stiffness_of_clients) {
+  fs_servo_options options = world_options();
+  options.max_stiffness = 2000;
+  options.damping = options.speed_limit = 0;  // the defaults
+  ServerRig rig(fs_server_options_init(), options);
+  const Scene me = rig.join("me"), bob = rig.join("bob");
+  set(me, fs_wall_init("wall", {0, 0, 0.002}, {0, 0, 1}, 2000, 100));
+  fs_object far = push("far", 1);
+  far.primitive = FS_PRIMITIVE_POINT;
+  far.pose = at(0.5, 0, 0);
+  far.front = attract(500, 1);
+  far.front.reach = 0.02;
+  set(bob, far);
+  const auto stiffness = [&] { return report_of(me.get(), "wall").stiffness_applied; };
+  const auto go_to = [&](double x) {
+    constexpr double step = 1.5e-3;
+    double& now = rig.fake.state.pose.position.x;
+    while (now != x) {
+      now = std::fabs(x - now) <= step ? x : now + (x > now ? step : -step);
+      rig.fake.state.twist.linear.x = now == x ? 0 : x > now ? 1.5 : -1.5;
+      rig.step();
+    }
+  };
+  rig.settle(me.get());
+  rig.settle(bob.get());
+  EXPECT_NEAR(stiffness(), 2000, 1e-6);
+  go_to(0.49);
+  EXPECT_NEAR(stiffness(), 1000, 1e-6);
+  EXPECT_NEAR(report_of(bob.get(), "far").stiffness_applied, 1000, 1e-6);  // its force jumps
+  go_to(0);
+  rig.step(100);
+  EXPECT_NEAR(stiffness(), 2000, 1e-6);
+}
+END_TEST
+
 static fs_report wait_for_state(ServerRig& rig, const Scene& scene, const char* name, fs_object_state state) {
   fs_report report{};
   const bool is_so = eventually([&] {
@@ -515,6 +551,7 @@ static void expect_lost(fs_scene* scene) {
       [&] { return fs_scene_get_servo_stats(scene, &stats); },
       [&] { return fs_scene_get_device_info(scene, &info); },
       [&] { return fs_scene_stop_force(scene); },
+      [&] { return fs_scene_resume_force(scene); },
       [&] { return fs_scene_get_clients(scene, nullptr, 0, &count); },
       [&] { return fs_scene_get_views(scene, nullptr, 0, &count); },
       [&] { return fs_scene_get_record(scene, 0, nullptr, 0, &count); }};
@@ -662,7 +699,7 @@ int main() {
   Suite* suite = suite_create("connected_bounds");
   add_once(suite, "in", {connecting, places, comings_and_goings, a_server_that_comes_later,
                          what_is_not_for_connected_scenes, bad_servers});
-  add_once(suite, "much", {max_objects, max_megabytes, refused_and_set_again});
+  add_once(suite, "much", {max_objects, stiffness_of_clients, max_megabytes, refused_and_set_again});
   add_once(suite, "long", {a_big_mesh, second_thoughts, views_wait_too, edits_wait_for_shapes});
   add_once(suite, "end", {a_server_that_goes, a_client_that_goes});
   return run_suite(suite);

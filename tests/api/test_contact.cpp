@@ -113,6 +113,21 @@ START_TEST(a_hand_that_begins_inside_is_led_out) {
 }
 END_TEST
 
+// Also where the nearest place is an edge at which parts of a mesh cross: (20, 0, -20) mm here.
+START_TEST(a_hand_that_begins_where_parts_cross_is_led_out) {
+  MeshData mesh = box_mesh({0.04, 0.03, 0.03});
+  for (fs_vec3& p : mesh.points) p.x -= 0.02;
+  const MeshData other = box_mesh({0.035, 0.03, 0.035});
+  const auto first = static_cast<uint32_t>(mesh.points.size());
+  for (const fs_vec3& p : other.points) mesh.points.push_back(p + fs_vec3{0.025, 0, 0.015});
+  for (const uint32_t i : other.triangles) mesh.triangles.push_back(first + i);
+  Hand hand;
+  hand.mesh("two", mesh, solid(FS_KEEP_FRONT, 200));
+  EXPECT_VECTOR(hand.go({0.005, 0, 0}), (fs_vec3{3, 0, -4}), 1e-9);
+  EXPECT_VECTOR(hand.go(hand.x), (fs_vec3{3, 0, -4}), 1e-9);
+}
+END_TEST
+
 // From exactly a vertex, edge or face it goes in, and is held; also where the nearest place is the bottom of a groove.
 START_TEST(a_hand_that_begins_on_the_surface_is_held) {
   const MeshData meshes[] = {box_mesh({0.02, 0.02, 0.02}), sphere_mesh(0.03, 300), torus_mesh(0.03, 0.01, 300)};
@@ -350,6 +365,53 @@ START_TEST(moving_objects_push) {
     OK(fs_object_move(hand.scene.get(), "table", &pose, nullptr, hand.time + dt));
     hand.go({0.01, 0, -0.01});
     EXPECT_VECTOR(hand.proxy(), (fs_vec3{0.00001 * i + 0.01 * std::cos(a), 0.01 * std::sin(a), 0}), 1e-9);
+  }
+}
+END_TEST
+
+// A hand at rest that is crushed between a floor that rises and a ceiling that comes down feels both; when they part they share
+// a proxy again. How they are tilted makes no step.
+START_TEST(a_crushed_hand_feels_each) {
+  for (const double friction : {0.0, 0.8}) {
+    for (const double tilt : {0.0, 1e-6, 0.01, 0.1, 0.4}) {
+      Hand hand;
+      fs_contact contact = solid(FS_KEEP_FRONT);
+      contact.friction = friction;
+      const double c = std::cos(tilt), s = std::sin(tilt), aside = friction > 0 ? 2 * s + 1e-6 : 1e-6;
+      hand.plane("floor", {0, 0, -0.01}, {0, 0, 1}, contact);
+      hand.plane("ceiling", {0, 0, 0.01}, {s, 0, -c}, contact);
+      hand.go({});
+      const auto go = [&](const char* name, fs_vec3 normal, double from, double to) {
+        constexpr int count = 100;
+        for (int i = 1; i <= count; ++i) {
+          fs_pose pose;
+          OK(fs_pose_from_z({0, 0, from + (to - from) * i / count}, normal, &pose));
+          OK(fs_object_move(hand.scene.get(), name, &pose, nullptr, 0));
+          const fs_vec3 before = hand.felt.wrench.force;
+          ck_assert_double_le(norm(hand.go(hand.x) - before), 2 * 1000 * std::fabs(to - from) / count + 1e-6);
+        }
+        for (int i = 0; i < 30; ++i) hand.go(hand.x);
+      };
+      const fs_vec3 up{0, 0, 1}, down{s, 0, -c};
+      go("floor", up, -0.01, 0.002);
+      EXPECT_VECTOR(hand.felt.wrench.force, (fs_vec3{0, 0, 2}), 1e-6);
+      go("ceiling", down, 0.01, -0.001);  // past the proxy, and then past the hand
+      EXPECT_VECTOR(hand.felt.wrench.force, (fs_vec3{0, 0, 2} + c * down), aside);
+      go("floor", up, 0.002, 0.001);
+      EXPECT_VECTOR(hand.felt.wrench.force, (fs_vec3{0, 0, 1} + c * down), aside);
+      go("ceiling", down, -0.001, 0.01);
+      EXPECT_VECTOR(hand.felt.wrench.force, (fs_vec3{0, 0, 1}), aside);
+      go("floor", up, 0.001, -0.01);
+      EXPECT_VECTOR(hand.felt.wrench.force, (fs_vec3{}), 1e-9);
+      // They share a proxy: in the valley between them the spring acts once.
+      if (tilt == 0.4) {
+        const fs_vec3 valley{-0.02 * c / s, 0, -0.01};
+        hand.slide({});
+        hand.slide(valley + fs_vec3{0.01, 0, 0.001});
+        hand.slide(valley + fs_vec3{-0.002, 0, 0.0002});
+        EXPECT_VECTOR(hand.proxy(), valley, friction > 0 ? 0.001 : 1e-9);
+      }
+    }
   }
 }
 END_TEST
@@ -664,11 +726,12 @@ int main() {
   Suite* const suite = suite_create("contact");
   add_case(suite, "planes", {a_plane_holds_the_hand, each_side_can_be_kept, corners_hold_with_every_wall, shared_proxies});
   add_case(suite, "meshes", {a_box_is_solid, nothing_lets_through, a_hand_that_begins_inside_is_led_out,
+                             a_hand_that_begins_where_parts_cross_is_led_out,
                              a_hand_that_begins_on_the_surface_is_held, a_vertex_does_not_hold,
                              sliding_over_a_mesh_makes_no_energy, open_meshes_have_rims, letting_go_is_no_step});
   add_case(suite, "forces", {friction_sticks_and_slips, damping_acts_on_approach_only, tools_of_several_points,
                              profiles_act_at_the_proxy, fields_of_solids});
-  add_case(suite, "motion", {moving_objects_push});
+  add_case(suite, "motion", {moving_objects_push, a_crushed_hand_feels_each});
   add_case(suite, "servo", {solids_come_and_go_without_a_step, solids_that_share_a_proxy_fade,
                             a_mesh_is_replaced_while_it_is_touched, a_mesh_that_sinks_takes_the_proxy_along,
                             a_sheet_that_rises_keeps_the_hand, a_tick_has_an_end});

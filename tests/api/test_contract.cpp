@@ -291,6 +291,7 @@ static const std::vector<Call> calls{
        return fs_scene_get_device_info(but(n, 0, w.scene), but(n, 1, &w.device_info));
      }},
     {"fs_scene_stop_force", 1, FS_OK, [](World& w, int n) { return fs_scene_stop_force(but(n, 0, w.scene)); }},
+    {"fs_scene_resume_force", 1, FS_OK, [](World& w, int n) { return fs_scene_resume_force(but(n, 0, w.scene)); }},
     {"fs_servo_get_record", 3, FS_OK, [](World& w, int n) {
        return fs_servo_get_record(but(n, 0, w.servo), but(n, 1, &w.tick), 1, but(n, 2, &w.count));
      }},
@@ -407,6 +408,7 @@ START_TEST(names) {
   NAMED(fs_event_kind_name(FS_EVENT_DEVICE));
   NAMED(fs_event_kind_name(FS_EVENT_DISCONNECTED));
   NAMED(fs_event_kind_name(FS_EVENT_OVERFLOW));
+  NAMED(fs_event_kind_name(FS_EVENT_CLIENT));
   NAMED(fs_realtime_name(FS_REALTIME_NONE));
   NAMED(fs_realtime_name(FS_REALTIME_NICE));
   NAMED(fs_realtime_name(FS_REALTIME_FIFO));

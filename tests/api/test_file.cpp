@@ -194,6 +194,45 @@ START_TEST(a_start_goes_on) {  // whatever time the clock of the loading machine
 }
 END_TEST
 
+START_TEST(a_moving_object_keeps_its_place) {  // from before it is saved until after it is loaded, and moves on as it would
+  const Folder folder;
+  const std::string path = folder / "s.json";
+  const auto place = [](const Scene& scene) {  // of an object that draws with 100 N/m to where it is
+    const fs_vec3 x{};
+    fs_vec3 force{};
+    OK(fs_evaluate_field(scene.get(), "h", FS_NOW, &x, 1, &force));
+    return 0.01 * force;
+  };
+  for (const bool is_worked_out : {false, true}) {
+    for (const double since : {0.0, 0.02, 0.05, 0.3, -0.05}) {  // s, from the time of the pose to the saving
+      const Scene scene = make_scene(), loaded = make_scene();
+      fs_object o = fs_object_init("h", FS_PRIMITIVE_POINT);
+      o.front = attract(100, 100);
+      o.twist = {{0.5, 0, 0}, {0, 0, 1}};
+      o.time = 1000;
+      OK(fs_scene_set_time(scene.get(), 1000));
+      OK(fs_object_set(scene.get(), &o));
+      if (is_worked_out) {  // from a stream of 50 Hz: for 40 ms after the last move
+        const fs_pose from = at(0.1, 0, 0), to = at(0.12, 0, 0);
+        OK(fs_object_move(scene.get(), "h", &from, nullptr, 999.98));
+        OK(fs_object_move(scene.get(), "h", &to, nullptr, 1000));
+      }
+      OK(fs_scene_set_time(scene.get(), 1000 + since));
+      OK(fs_scene_save(scene.get(), path.c_str()));
+      OK(fs_scene_set_time(loaded.get(), 7));  // another machine
+      OK(fs_scene_load(loaded.get(), path.c_str()));
+      EXPECT_VECTOR(place(loaded), place(scene), 1e-9);
+      if (is_worked_out && since < 0.04) continue;  // it may go on for longer
+      for (const double later : {0.03, 0.2}) {
+        OK(fs_scene_set_time(scene.get(), 1000 + since + later));
+        OK(fs_scene_set_time(loaded.get(), 7 + later));
+        EXPECT_VECTOR(place(loaded), place(scene), 1e-9);
+      }
+    }
+  }
+}
+END_TEST
+
 START_TEST(odd_tables) {  // what counts as 0 in a table may be saved too
   const Folder folder;
   const Scene scene = make_scene(), loaded = make_scene();
@@ -433,7 +472,7 @@ END_TEST
 
 int main() {
   Suite* suite = suite_create("file");
-  add_case(suite, "round trips", {all_scenes_come_back, every_field_comes_back, a_start_goes_on, odd_tables,
+  add_case(suite, "round trips", {all_scenes_come_back, every_field_comes_back, a_start_goes_on, a_moving_object_keeps_its_place, odd_tables,
                                   load_adds_and_replaces, shared_shapes_are_one_file, meshes_on_the_map});
   add_case(suite, "refusals", {bad_files_load_nothing, contacts_in_files, places_that_are_not_there,
                                a_full_disk_leaves_the_old_file});

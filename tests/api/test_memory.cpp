@@ -1,6 +1,7 @@
 // Out of memory: in every call each allocation fails once. Nothing crashes, a call that returns FS_ERROR_MEMORY has
 // changed nothing, the same call works afterwards, and the scene goes on. For files all allocations from some
 // allocation on fail as well, as when memory has run out for good.
+#include <csignal>
 #include <cstddef>
 #include <cstdio>
 #include <filesystem>
@@ -10,10 +11,13 @@
 #include <sstream>
 #include <vector>
 
+#include <sys/resource.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include "api/support.h"
 #include "scenes/folder.h"
+#include "scenes/sanitizer.h"
 
 using namespace scenes;
 
@@ -35,6 +39,14 @@ static void* allocate(size_t size, size_t alignment) {
 }
 void* operator new(size_t size) { return allocate(size, 1); }
 void* operator new(size_t size, std::align_val_t alignment) { return allocate(size, static_cast<size_t>(alignment)); }
+void* operator new(size_t size, const std::nothrow_t&) noexcept {  // of std::stable_sort, which does without
+  try {
+    return allocate(size, 1);
+  } catch (const std::bad_alloc&) {
+    return nullptr;
+  }
+}
+void operator delete(void* p, const std::nothrow_t&) noexcept { std::free(p); }
 void operator delete(void* p) noexcept { std::free(p); }
 void operator delete(void* p, size_t) noexcept { std::free(p); }
 void operator delete(void* p, std::align_val_t) noexcept { std::free(p); }
@@ -502,6 +514,67 @@ START_TEST(the_first_object) {  // of an empty scene: a failed call leaves no tr
 }
 END_TEST
 
+// A commit that fails may have made a part felt. The rest stays in the group, which may grow, also by what is felt already,
+// and be committed or cancelled.
+START_TEST(a_group_after_a_failed_commit) {
+  for (const int count : {10, 70}) {  // 70: more than are committed in the order in which they came
+    for (const bool is_cancelled : {false, true}) {
+      each_allocation(false, [&](const Failing& failing) {
+        const Scene scene = make_scene();
+        fs_scene* const s = scene.get();
+        const auto set = [&](int i, double gain) {
+          fs_object o = pull(("a name that is longer " + std::to_string(i)).c_str());
+          o.front.gain = o.front.limit = gain;
+          OK(fs_object_set(s, &o));
+        };
+        OK(fs_scene_begin(s));
+        for (int i = 0; i < count; ++i) set(i, 1);
+        if (failing([&] { return fs_scene_commit(s); }) == FS_OK) return;
+        for (int i = count / 2; i < count + 90; ++i) set(i, 2);
+        if (is_cancelled) {
+          OK(fs_scene_cancel(s));
+          const size_t felt = object_count(s);
+          ck_assert_uint_le(felt, static_cast<size_t>(count));
+          for (int i = 0; i < count + 90; ++i) set(i, 2);  // there is room for all of them
+        } else {
+          OK(fs_scene_commit(s));
+        }
+        ck_assert_uint_eq(object_count(s), static_cast<size_t>(count + 90));
+        const fs_vec3 x{};
+        fs_vec3 force{};
+        OK(fs_evaluate_field(s, nullptr, FS_NOW, &x, 1, &force));
+        const int first = is_cancelled ? 0 : count / 2;  // of those that were set again
+        EXPECT_NEAR(force.x, first + 2 * (count + 90 - first), 1e-9);
+      });
+    }
+  }
+}
+END_TEST
+
+START_TEST(a_mesh_in_little_memory) {  // is built, or is not, and the call returns
+  if (is_sanitized) return;
+  const pid_t child = fork();
+  if (child == 0) {
+    std::signal(SIGALRM, SIG_DFL);  // Check has a handler
+    alarm(60);
+    std::ifstream pages("/proc/self/statm");
+    rlim_t used = 0;
+    pages >> used;
+    const rlim_t most = used * static_cast<rlim_t>(sysconf(_SC_PAGESIZE)) + (64 << 20);
+    const rlimit limit{most, most};
+    if (setrlimit(RLIMIT_AS, &limit) != 0) _exit(2);
+    for (int i = 0; i < 3; ++i) {
+      const Shape shape = make_mesh(sphere_mesh(0.02, 5000));
+      if (const fs_status status = fs_shape_build(shape.get()); status != FS_OK && status != FS_ERROR_MEMORY) _exit(3);
+    }
+    _exit(0);
+  }
+  int status = 0;
+  ck_assert_int_eq(waitpid(child, &status, 0), child);
+  ck_assert_msg(status == 0, "it ends with status %#x", static_cast<unsigned>(status));
+}
+END_TEST
+
 START_TEST(a_server_is_started) {  // a failed start leaves nothing behind at the servo
   each_allocation(false, [](const Failing& failing) {
     const Scene scene = make_scene();
@@ -526,7 +599,7 @@ END_TEST
 
 int main() {
   Suite* suite = suite_create("memory");
-  add_case(suite, "the test", {allocations_are_seen, the_first_object});
+  add_case(suite, "the test", {allocations_are_seen, the_first_object, a_group_after_a_failed_commit, a_mesh_in_little_memory});
   add_case(suite, "files", {a_scene_is_saved, a_scene_is_loaded, bad_files_and_meshes_are_read});
   add_case(suite, "server", {a_server_is_started});
   for (int k = 0; k < static_cast<int>(calls().size()); ++k) {

@@ -171,6 +171,94 @@ START_TEST(damping_stabilises) {
 }
 END_TEST
 
+// N peak to peak, of what the simulated device is sent from 3 s on.
+static double unrest(const std::string& uri, const fs_object& o, double rate) {
+  const Scene scene = make_scene();
+  const Device device = open_device(uri.c_str());
+  OK(fs_object_set(scene.get(), &o));
+  fs_servo_options options = fs_servo_options_init();
+  options.mode = FS_SERVO_VIRTUAL;
+  options.rate = rate;
+  const Servo servo = start_servo(scene.get(), device.get(), options);
+  OK(fs_servo_step(servo.get(), static_cast<uint64_t>(3 * rate)));
+  fs_vec3 low{1e9, 1e9, 1e9}, high = -1.0 * low;
+  for (int i = 0; i < rate; ++i) {
+    OK(fs_servo_step(servo.get(), 1));
+    fs_wrench sent;
+    OK(fs_scene_get_hand(scene.get(), nullptr, nullptr, &sent));
+    low = {std::fmin(low.x, sent.force.x), std::fmin(low.y, sent.force.y), std::fmin(low.z, sent.force.z)};
+    high = {std::fmax(high.x, sent.force.x), std::fmax(high.y, sent.force.y), std::fmax(high.z, sent.force.z)};
+  }
+  return norm(high - low);
+}
+
+// Without friction a hand at rest steps to and fro over an edge of its encoders' steps. Neither the damping of an object, nor that
+// of a contact, nor the local one may make a force of it that shakes the hand.
+START_TEST(encoder_steps_are_not_felt_at_rest) {
+  double worst = 0, worst_remote = 0;
+  for (const char* hand : {"worst", "nominal&friction=0", "light&friction=0"}) {
+    for (const double rate : {500.0, 1000.0, 3000.0, 10000.0}) {
+      for (const double damping : {0.0, 5.0, 20.0, 100.0, 200.0}) {
+        static unsigned seed = 0;
+        const std::string uri = std::string("sim:?hold=0.005,0.003,0.002&hand=") + hand + "&seed=" + std::to_string(++seed);
+        fs_object held = spring(300, 10);
+        held.damping = damping;
+        fs_object floor = fs_object_init("floor", FS_PRIMITIVE_PLANE);
+        floor.pose.position.z = 0.004;
+        floor.contact = {FS_KEEP_FRONT, 0, 300, 10, damping, 0};
+        worst = std::fmax(worst, std::fmax(unrest(uri, held, rate), unrest(uri, floor, rate)));
+        if (rate < 3000) worst_remote = std::fmax(worst_remote, unrest(uri + "&link=model", held, rate));
+      }
+    }
+  }
+  ck_assert_msg(worst < 0.1, "the force of a hand at rest changes by %g N", worst);
+  ck_assert_msg(worst_remote < 0.1, "behind a link the force of a hand at rest changes by %g N", worst_remote);
+}
+END_TEST
+
+// A hand that moves feels the damping in full: at 3 to 500 mm/s, and in a swing with a top speed of 20 mm/s and more.
+START_TEST(damping_is_felt_in_motion) {
+  constexpr double step = 20e-6, damping = 100;  // m, N s/m
+  const fs_vec3 along = (1 / std::sqrt(14.0)) * fs_vec3{1, 2, 3};
+  for (const double rate : {500.0, 1000.0, 10000.0}) {
+    for (const double speed : {0.003, 0.02, 0.1, 0.5}) {
+      for (const bool is_swing : {false, true}) {
+        if (is_swing && speed < 0.02) continue;  // that is a few steps only
+        Rig rig("damping");
+        rig.fake.info.resolution = step;
+        rig.fake.info.rate = rate;
+        const double swing = 2 * M_PI * 5;  // rad/s; its top speed is that
+        rig.fake.on_read = [&](FakeDevice& f, double time) {
+          const fs_vec3 x = (is_swing ? speed / swing * std::sin(swing * time) : speed * (time - 0.5)) * along;
+          f.state.pose.position = {step * std::round(x.x / step), step * std::round(x.y / step), step * std::round(x.z / step)};
+        };
+        fs_servo_options options = virtual_options();
+        options.ramp = options.fade = options.speed_limit = -1;
+        fs_object honey = fs_object_init("honey", FS_PRIMITIVE_PLANE);
+        honey.front = fs_profile_init(FS_PROFILE_LINEAR_INCREASING, FS_SENSE_REPULSIVE, 0, 1e-6, 1000);
+        honey.damping = damping;
+        honey.pose.position.z = -10;
+        set(rig.scene.get(), honey);
+        rig.start(options);
+        rig.step(static_cast<uint64_t>(0.2 * rate));
+        double felt = 0, wanted = 0;  // the work of the damping, over 0.6 s
+        for (int i = 0; i < 0.6 * rate; ++i) {
+          rig.step(1);
+          fs_response response;
+          OK(fs_scene_get_hand(rig.scene.get(), nullptr, &response, nullptr));
+          const double now = is_swing ? speed * std::cos(swing * rig.fake.time) : speed;
+          felt += dot(response.wrench.force, along) * now;
+          wanted -= damping * now * now;
+        }
+        const double tolerance = speed < 0.02 ? 0.15 : 0.05;
+        ck_assert_msg(std::fabs(felt / wanted - 1) < tolerance, "at %g m/s, %g Hz, %s: %g of the damping is felt", speed, rate,
+                      is_swing ? "in a swing" : "straight on", felt / wanted);
+      }
+    }
+  }
+}
+END_TEST
+
 START_TEST(slew_spreads_a_step) {
   Rig rig("slew");
   fs_servo_options options = protected_options();
@@ -405,10 +493,250 @@ START_TEST(bad_infos) {
 }
 END_TEST
 
+// ------------------------------------------------------------------------------------------- shares of what is rendered
+
+namespace {
+
+double applied(fs_scene* scene, const std::string& name) { return report_of(scene, name.c_str()).stiffness_applied; }
+
+fs_object wall(const char* name, double stiffness, double limit, double z = 0) {
+  return fs_wall_init(name, {0, 0, z}, {0, 0, 1}, stiffness, limit);
+}
+fs_object hazard(int number, fs_vec3 place, double force, double width, double reach) {
+  fs_object o = fs_object_init(("hazard " + std::to_string(number)).c_str(), FS_PRIMITIVE_POINT);
+  o.pose.position = place;
+  o.front = fs_profile_init(FS_PROFILE_GAUSSIAN, FS_SENSE_REPULSIVE, force, width, force);
+  o.front.reach = reach;
+  return o;
+}
+
+// The default simulator and servo; the hand is drawn to 30 mm below the surface of a wall at 0.
+struct Simulated {
+  Scene scene = make_scene();
+  Device device = open_device("sim:?hold=0,0,-0.03");
+  Servo servo;
+  void run(uint64_t ticks) {
+    fs_servo_options options = fs_servo_options_init();
+    options.mode = FS_SERVO_VIRTUAL;
+    if (!servo) servo = start_servo(scene.get(), device.get(), options);
+    OK(fs_servo_step(servo.get(), ticks));
+  }
+};
+
+// N/m, what is left of a wall of `stiffness` beside these.
+double wall_beside(const std::vector<fs_object>& others, double stiffness = 200) {
+  Simulated s;
+  set(s.scene.get(), wall("wall", stiffness, 8));
+  for (const fs_object& o : others) set(s.scene.get(), o);
+  s.run(4000);
+  return applied(s.scene.get(), "wall");
+}
+
+std::vector<fs_object> ring(int count, double reach) {  // of 2 N, 80 mm about the middle of the workspace
+  std::vector<fs_object> out;
+  for (int i = 0; i < count; ++i) {
+    const double angle = 2 * 3.14159265358979 * i / count;
+    out.push_back(hazard(i, {0.08 * std::cos(angle), 0.08 * std::sin(angle), 0}, 2, 0.015, reach));
+  }
+  return out;
+}
+
+}  // namespace
+
+START_TEST(little_wants_are_met_first) {
+  std::vector<fs_object> points;
+  for (int i = 0; i < 10; ++i) points.push_back(hazard(i, {0.03, 0, 0}, 1e-3, 0.02, 0.08));
+  const struct {
+    const char* beside;
+    double slope;
+  } rows[]{{"nothing", wall_beside({})},
+           {"ten points of 1 mN", wall_beside(points)},
+           {"ten hazards of 2 N on a ring of 80 mm", wall_beside(ring(10, 0.045))},
+           {"the same without an end of their reach", wall_beside(ring(10, 0))},
+           {"forty of them", wall_beside(ring(40, 0.045))}};
+  for (const auto& row : rows) {
+    std::printf("  a wall of 200 N/m beside %s: %.1f\n", row.beside, row.slope);
+    ck_assert_msg(row.slope >= 199, "beside %s a wall gets %g of 200 N/m", row.beside, row.slope);
+  }
+}
+END_TEST
+
+// A jump of a little force needs no steep slope.
+START_TEST(little_jumps_want_little) {
+  std::vector<fs_object> points;
+  for (int i = 0; i < 10; ++i) points.push_back(hazard(i, {0.01, 0, 0}, 1e-3, 0.02, 0.08));
+  const double slope = wall_beside(points, 4000);
+  ck_assert_msg(slope >= 3990, "beside ten points of 1 mN a wall gets %g of 4000 N/m", slope);
+}
+END_TEST
+
+// "As stiff as can be" takes what others leave.
+START_TEST(as_stiff_as_can_be_takes_what_is_left) {
+  for (const size_t count : {1, 2, 6, 16}) {
+    Simulated s;
+    std::vector<fs_vec3> points;
+    for (size_t i = 0; i < count; ++i) points.push_back({1e-3 * std::cos(i), 1e-3 * std::sin(i), 0});
+    OK(fs_scene_set_tool(s.scene.get(), points.data(), count));
+    for (const char* const name : {"first", "second"}) {
+      fs_object o = fs_object_init(name, FS_PRIMITIVE_PLANE);
+      o.contact.keep = FS_KEEP_FRONT;
+      o.contact.limit = 20;
+      if (name[0] == 'f') o.contact.stiffness = 60;
+      if (name[0] == 's') o.pose.position.z = -0.01;
+      set(s.scene.get(), o);
+    }
+    s.run(3000);
+    const double first = applied(s.scene.get(), "first"), second = applied(s.scene.get(), "second");
+    const double all = stats_of(s.scene.get()).max_stiffness;
+    std::printf("  a tool of %zu points: %.1f of 60 N/m a point, and %.1f\n", count, first, second);
+    ck_assert_double_ge(first, 59);
+    EXPECT_NEAR(static_cast<double>(count) * (first + second), all, 1e-6 * all);
+  }
+}
+END_TEST
+
+START_TEST(equal_wants_get_equal_shares) {
+  Simulated s;
+  constexpr int count = 20;
+  for (int i = 0; i < count; ++i) {  // the hand is in all of them
+    fs_object o = wall(("wall " + std::to_string(i)).c_str(), 1000, 20);
+    const double angle = 2 * 3.14159265358979 * i / count;
+    OK(fs_pose_from_z({0, 0, 0}, {0.2 * std::cos(angle), 0.2 * std::sin(angle), 1}, &o.pose));
+    set(s.scene.get(), o);
+  }
+  s.run(3000);
+  const double all = stats_of(s.scene.get()).max_stiffness;
+  for (int i = 0; i < count; ++i) EXPECT_NEAR(applied(s.scene.get(), "wall " + std::to_string(i)), all / count, 1e-6 * all);
+}
+END_TEST
+
+namespace {
+
+// A hand that goes where it likes, but no faster than it can.
+struct Wandering {
+  static constexpr double period = 1e-3, fastest = 1.9, hardest = 50;  // s, m/s, m/s2
+  Rig rig{"wandering"};
+  fs_vec3 x{}, v{};
+
+  void start(double radius, double height) {
+    rig.fake.info.mass = 0.3;
+    rig.fake.info.workspace_radius = radius;
+    rig.fake.info.workspace_height = height;
+    rig.fake.on_read = [this](FakeDevice& fake, double) {
+      fake.state.pose.position = x;
+      fake.state.twist.linear = v;
+    };
+    rig.start(protected_options());
+  }
+  void go_to(fs_vec3 goal, int ticks) {  // as fast as it can, so that it stops there
+    for (; ticks > 0; --ticks) {
+      const fs_vec3 way = goal - x;
+      const double far = norm(way);
+      const fs_vec3 wanted = far > 1e-6 ? (std::fmin(fastest, std::sqrt(hardest * far)) / far) * way : fs_vec3{};
+      const fs_vec3 change = wanted - v;
+      const double most = hardest * period;
+      v = v + (norm(change) > most ? most / norm(change) : 1) * change;
+      x = x + period * v;
+      rig.step(1);
+      look();
+    }
+  }
+  // The largest slope of the force where the hand is: the norm of the matrix, as power iteration finds it.
+  double slope() const {
+    fs_response r{};
+    OK(fs_scene_get_hand(rig.scene.get(), nullptr, &r, nullptr));
+    const fs_mat3& m = r.stiffness;
+    fs_vec3 u{0.48, 0.6, 0.64};
+    double size = 0;
+    for (int i = 0; i < 30; ++i) {
+      u = {m.xx * u.x + m.xy * u.y + m.xz * u.z, m.yx * u.x + m.yy * u.y + m.yz * u.z, m.zx * u.x + m.zy * u.y + m.zz * u.z};
+      size = norm(u);
+      if (!(size > 0)) return 0;
+      u = (1 / size) * u;
+    }
+    return size;
+  }
+  double most = 0;  // N/m
+  void look() { most = std::fmax(most, slope()); }
+};
+
+}  // namespace
+
+// What the hand cannot reach for now has no share, and has one before the hand is there, however fast it comes.
+START_TEST(out_of_reach_is_out_of_mind) {
+  Wandering s;
+  for (int i = 0; i < 8; ++i) {
+    fs_object o = fs_object_init(("far " + std::to_string(i)).c_str(), FS_PRIMITIVE_POINT);
+    o.pose.position = {0.3 + 1e-4 * i, 0, 0};
+    o.front = attract(4000, 2);
+    o.front.reach = 0.02;
+    set(s.rig.scene.get(), o);
+  }
+  set(s.rig.scene.get(), wall("wall", 4000, 20));
+  s.start(0.4, 0.4);
+  const double all = stats_of(s.rig.scene.get()).max_stiffness;
+  s.go_to({0, 0, 0}, 300);
+  EXPECT_NEAR(applied(s.rig.scene.get(), "wall"), 4000, 1);
+  s.most = 0;
+  s.go_to({0.3, 0, -1e-3}, 500);
+  ck_assert_double_le(applied(s.rig.scene.get(), "wall"), all / 8);
+  ck_assert_double_gt(s.most, 0.5 * all);
+  ck_assert_double_le(s.most, all * (1 + 1e-6));
+  s.go_to({0, 0, -1e-3}, 2000);  // what the hand has left keeps its share for a second
+  EXPECT_NEAR(applied(s.rig.scene.get(), "wall"), 4000, 1);
+}
+END_TEST
+
+// At whatever place of whatever scene the hand is, the slopes of all that it feels there add up to no more than is rendered.
+START_TEST(slopes_add_up_to_no_more) {
+  const int count = is_sanitized ? 5 : times(60, 1000);
+  double most = 0;
+  for (int seed = 0; seed < count; ++seed) {
+    Random random(static_cast<uint64_t>(seed) + 1);
+    Wandering s;
+    const double size = random.log_between(0.02, 0.3);
+    const uint64_t objects = 1 + random.below(random.coin(0.2) ? 100 : 12);
+    for (uint64_t i = 0; i < objects; ++i) {
+      const bool is_plane = random.coin(0.3);
+      fs_object o = fs_object_init(("o" + std::to_string(i)).c_str(), is_plane ? FS_PRIMITIVE_PLANE : FS_PRIMITIVE_POINT);
+      o.pose = random.pose(size);
+      const auto kind = static_cast<fs_profile_kind>(1 + random.below(6));
+      const double limit = random.log_between(1e-3, 20), stiffness = random.log_between(50, 20000), reach = random.log_between(0.1, 1) * size;
+      const fs_sense sense = random.coin() ? FS_SENSE_ATTRACTIVE : FS_SENSE_REPULSIVE;
+      double gain = limit, offset = 0;
+      if (kind == FS_PROFILE_LINEAR_INCREASING) gain = stiffness;
+      if (kind == FS_PROFILE_LINEAR_DECREASING) gain = -stiffness, offset = stiffness * reach;
+      if (kind == FS_PROFILE_GAUSSIAN) offset = random.log_between(0.02, 1) * size;
+      if (kind == FS_PROFILE_QUADRATIC) gain = stiffness / reach;
+      if (kind == FS_PROFILE_INVERSE) gain = limit * reach;
+      o.front = fs_profile_init(kind, sense, gain, offset, limit);
+      if (random.coin()) o.front.reach = reach;
+      if (is_plane && random.coin()) std::swap(o.front, o.back);
+      if (is_plane && random.coin(0.3)) {
+        o.contact.keep = FS_KEEP_FRONT;
+        o.contact.stiffness = random.coin() ? 0 : stiffness;
+        o.contact.limit = limit;
+        if (random.coin()) o.front = o.back = fs_profile{};
+      }
+      set(s.rig.scene.get(), o);
+    }
+    s.start(2 * size, 2 * size);
+    const double all = stats_of(s.rig.scene.get()).max_stiffness;
+    for (int k = 0; k < 10; ++k) s.go_to(random.in_box(size), 100);
+    most = std::fmax(most, s.most / all);
+    ck_assert_msg(s.most <= all * (1 + 1e-6), "seed %d: a slope of %g N/m, %g are rendered", seed, s.most, all);
+  }
+  std::printf("  %d scenes, %d places: at most %.3f of what is rendered\n", count, 1000 * count, most);
+}
+END_TEST
+
 int main() {
   Suite* suite = suite_create("protections");
   add_case(suite, "loop", {the_loop_is_told, what_is_asked_is_bounded});
-  add_case(suite, "guard", {damping_takes_energy, damping_stabilises, slew_spreads_a_step, off_is_off});
+  add_case(suite, "guard", {damping_takes_energy, damping_stabilises, encoder_steps_are_not_felt_at_rest,
+                            damping_is_felt_in_motion, slew_spreads_a_step, off_is_off});
   add_case(suite, "model", {models_are_written, without_a_controller_forces_are_written, bad_infos});
+  add_case(suite, "shares", {little_wants_are_met_first, little_jumps_want_little, as_stiff_as_can_be_takes_what_is_left,
+                             equal_wants_get_equal_shares, out_of_reach_is_out_of_mind, slopes_add_up_to_no_more});
   return run_suite(suite);
 }

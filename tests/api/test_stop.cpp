@@ -382,6 +382,28 @@ START_TEST(exit_with_all_that_runs) {  // a server, a client, and handles that a
 }
 END_TEST
 
+START_TEST(exit_beside_builds) {  // of meshes, in a thread that nobody stops
+  for (int round = 0; round < 20; ++round) {
+    Arrived& arrived = make_arrived();
+    ck_assert_int_eq(7, in_process([&] {
+      Pushed& pushed = *new Pushed(arrived, "builds");
+      pushed.start(FS_SERVO_THREAD);
+      static std::atomic<int> built{0};
+      std::thread([] {
+        for (const MeshData data = sphere_mesh(0.02, 50);; ++built) {
+          const Shape shape = make_mesh(data);
+          fs_shape_build(shape.get());  // a status at the end
+        }
+      }).detach();
+      pushed.wait_until([&] { return arrived.forces > 0 && built > 3 + round; });
+      std::exit(7);
+    }));
+    ck_assert_double_eq(arrived.last, 0);
+    ck_assert_uint_eq(arrived.closed, 1);
+  }
+}
+END_TEST
+
 START_TEST(exit_without_a_tick) {  // with a servo that was never stepped, and without a servo
   for (const bool has_servo : {true, false}) {
     Arrived& arrived = make_arrived();
@@ -577,7 +599,7 @@ int main() {
   tcase_add_loop_test(loops, exit_amid_a_tick, 0, std::size(ticks));
   suite_add_tcase(suite, loops);
   add_case(suite, "stop", {stop_before_the_server_is_told, two_threads_stop_at_once, a_zero_that_fails, a_child_asks});
-  add_case(suite, "exit", {exit_beside_one_that_hangs, exit_with_all_that_runs, exit_without_a_tick, exit_by_the_driver,
+  add_case(suite, "exit", {exit_beside_one_that_hangs, exit_with_all_that_runs, exit_beside_builds, exit_without_a_tick, exit_by_the_driver,
                            a_forked_child_leaves_it_alone});
   add_case(suite, "memory", {a_start_that_fails, a_thread_that_is_refused, locked_memory});
   return run_suite(suite);

@@ -599,6 +599,52 @@ START_TEST(reports_begin_anew) {  // with the servo: nothing is left of the one 
 }
 END_TEST
 
+START_TEST(views_of_another_servo) {  // before its first tick: the servo before it leaves no row of a view in use
+  Rig rig("views");
+  fs_servo_options options = fast_options();
+  options.fade = 0.05;
+  fs_frame frame = fs_frame_init();
+  const auto set_frame = [&] {
+    frame.pose.position.x += 0.001;
+    OK(fs_scene_set_frame(rig.scene.get(), &frame));
+  };
+  rig.fake.on_write = [&](FakeDevice&) { set_frame(); };  // amid a tick, which has its snapshot and has not said so yet
+  for (int servo = 0; servo < 4; ++servo) {
+    rig.start(options);
+    for (int i = 0; i < 50; ++i) {
+      for (int k = 0; k < 30; ++k) set_frame();
+      const fs_object o = pull(("x" + std::to_string(i)).c_str());
+      OK(fs_scene_begin(rig.scene.get()));
+      OK(fs_object_set(rig.scene.get(), &o));
+      set_frame();
+      OK(fs_scene_commit(rig.scene.get()));
+      rig.step(1);
+    }
+    rig.servo.reset();
+  }
+}
+END_TEST
+
+START_TEST(views_amid_ticks) {  // in any number, while the clutch is held and released
+  Rig rig("views");
+  fs_servo_options options = fast_options();
+  options.fade = 0.05;
+  Random random(3);
+  fs_frame frame = fs_frame_init();
+  const auto change = [&] {
+    frame.pose.position.x += 0.001;
+    if (random.coin(0.3)) OK(fs_scene_set_clutch(rig.scene.get(), random.coin()));
+    if (random.coin(0.8)) OK(fs_scene_set_frame(rig.scene.get(), &frame));
+  };
+  rig.fake.on_write = [&](FakeDevice&) { change(); };
+  rig.start(options);
+  for (int i = 0; i < 2000; ++i) {
+    for (size_t k = random.coin() ? random.below(3) : 30; k > 0; --k) change();
+    rig.step(1 + random.below(3));
+  }
+}
+END_TEST
+
 // Events.
 
 static std::vector<fs_event> events_of(fs_scene* scene, fs_event_kind kind, double timeout = 0) {
@@ -779,7 +825,8 @@ int main() {
   Suite* suite = suite_create("transitions");
   add_case(suite, "transitions", {no_step, a_client_held_up, any_order});
   add_case(suite, "servos", {enabled_twice, late_is_late, a_bad_twist_and_the_speed_limit, a_hand_that_never_was,
-                             expired_before_the_servo, sent_is_what_the_device_got, reports_begin_anew});
+                             expired_before_the_servo, sent_is_what_the_device_got, reports_begin_anew, views_of_another_servo,
+                             views_amid_ticks});
   add_case(suite, "events", {expiry_is_told, events_keep_their_age});
   add_case(suite, "groups", {fields_and_open_groups, expressions_and_open_groups, poses_of_extreme_directions});
   return run_suite(suite);

@@ -73,6 +73,7 @@ std::vector<Call> all_calls(const std::string& path) {
          return fs_scene_get_device_info(s, &out);
        }},
       {"fs_scene_stop_force", [](fs_scene* s) { return fs_scene_stop_force(s); }},
+      {"fs_scene_resume_force", [](fs_scene* s) { return fs_scene_resume_force(s); }},
       {"fs_scene_get_clients", [](fs_scene* s) { size_t n; return fs_scene_get_clients(s, nullptr, 0, &n); }},
       {"fs_scene_get_views", [](fs_scene* s) { size_t n; return fs_scene_get_views(s, nullptr, 0, &n); }},
       {"fs_scene_get_record", [](fs_scene* s) { size_t n; return fs_scene_get_record(s, 0, nullptr, 0, &n); }},

@@ -23,7 +23,7 @@ static const std::vector<Known> known_types = {
     {type_remove_other, sizeof(Target)}, {type_report, sizeof(Target)}, {type_reports, 0},
     {type_clients, 0},             {type_views, 0},               {type_record, sizeof(After)},
     {type_view, sizeof(Target)},   {type_stats, 0},
-    {type_stop_force, 0},          {type_device, 0},              {type_motions, sizeof(Target)},
+    {type_stop_force, 0},          {type_resume_force, 0},        {type_device, 0},              {type_motions, sizeof(Target)},
     {type_accuracy, sizeof(Accuracy)}, {type_max_stiffness, sizeof(MaxStiffness)}};
 
 static const std::vector<std::byte> zeros(fs::most_message);
@@ -654,6 +654,41 @@ START_TEST(flood) {
 }
 END_TEST
 
+// The server's own scene hears who comes, and how each goes.
+START_TEST(comings_and_goings_are_told) {
+  Rig rig;
+  const auto expect_told = [&](const char* name, fs_status status, const char* text) {
+    fs_event event;
+    do event = scenes::next_event(rig.scene(), FS_EVENT_CLIENT);
+    while (std::strcmp(event.name, name) != 0);
+    ck_assert_str_eq(event.text, text);
+    ck_assert_int_eq(event.status, status);
+    ck_assert_double_eq(event.value, getpid());
+    ck_assert_double_ge(event.time, 0);
+  };
+  expect_told("honest", FS_OK, "connected");
+  fs_scene* polite = nullptr;
+  ck_assert_int_eq(fs_scene_connect(rig.endpoint.c_str(), "polite", &polite), FS_OK);
+  expect_told("polite", FS_OK, "connected");
+  fs_scene_destroy(polite);
+  expect_told("polite", FS_OK, "left");
+  RawClient lost = rig.join("lost");
+  expect_told("lost", FS_OK, "connected");
+  lost.socket.reset();  // as the system does when its process ends
+  expect_told("lost", FS_ERROR_DISCONNECTED, "was lost: it was killed, or ended without a word");
+  RawClient bad = rig.join("bad");
+  bad.send(9999);
+  expect_told("bad", FS_OK, "connected");
+  expect_told("bad", FS_ERROR_DISCONNECTED, "was disconnected by the server");
+  RawClient stranger = rig.stranger();  // of one that never said its name nothing is told
+  stranger.socket.reset();
+  rig.check_honest();
+  fs_event event;
+  ck_assert_int_eq(fs_scene_next_event(rig.scene(), 0, &event), FS_OK);
+  ck_assert_int_ne(event.kind, FS_EVENT_CLIENT);
+}
+END_TEST
+
 int main() {
   Suite* suite = suite_create("hostile");
   scenes::add_once(suite, "sizes", {wrong_sizes, unknown_types, random_bodies});
@@ -661,5 +696,6 @@ int main() {
   scenes::add_once(suite, "numbers", {slot_out_of_range, slots_of_others, numbers_of_shapes});
   scenes::add_once(suite, "others", {bad_requests, later_changes_come_later, locked, own_as_another, reports_of_nonsense, refused_until_removed});
   scenes::add_once(suite, "too much", {never_reads, lists_for_nobody, flood});
+  scenes::add_once(suite, "told", {comings_and_goings_are_told});
   return scenes::run_suite(suite);
 }

@@ -388,7 +388,7 @@ START_TEST(not_a_number) {
   fs_object plane = push("plane", 1, {0, 0, 1});
   plane.pose = scenes::at(0, 0, 0);
   scene->set(plane);
-  const fs::Ref<fs::Channel> channel = rig.servo()->add_channel(scene, {client_limit, torque_limit});
+  const fs::Ref<fs::Channel> channel = rig.servo()->add_channel(scene, {client_limit, torque_limit}, {"", 0});
   ck_assert(rig.until([&] { return is_near(rig.foreign_force(), {0, 0, 1}); }));
   ck_assert(!channel->is_bad());
   fs::Movement movement;

@@ -699,11 +699,22 @@ START_TEST(somebody_squats) {
   shared_thief.expect("squats");
   const std::string elsewhere = endpoint + "?user=" + somebody;
   EXPECT_SENTENCE(FS_ERROR_DENIED, fs_scene_connect(elsewhere.c_str(), "client", &scene), nobody);
-  // The other listener keeps a server of this user from the name, but only as long as it is there.
-  ServoRig rig(thread_options());
+  // The name of a server of this user is not denied by that; that of one of all users is.
+  ServoRig rig(thread_options()), second(thread_options());
   fs_server* server = nullptr;
-  EXPECT(FS_ERROR_EXISTS, fs_server_start(rig.servo.get(), endpoint.c_str(), nullptr, &server));
-  thief.kill_it();
+  fs_server_options for_all = fs_server_options_init();
+  for_all.all_users = true;
+  EXPECT_SENTENCE(FS_ERROR_EXISTS, fs_server_start(rig.servo.get(), endpoint.c_str(), &for_all, &server), "has that name already for all users");
+  for (const bool is_thief_gone : {false, true}) {
+    Server own = start_server(rig.servo.get(), endpoint, fs_server_options_init());
+    const Scene client = connect(endpoint, "client");
+    EXPECT_SENTENCE(FS_ERROR_EXISTS, fs_server_start(second.servo.get(), endpoint.c_str(), nullptr, &server),
+                    "a server of this user has that name already");
+    if (is_thief_gone) thief.kill_it();  // the address is free, but the server is still there
+    EXPECT(FS_ERROR_EXISTS, fs_server_start(second.servo.get(), endpoint.c_str(), nullptr, &server));
+    const Scene another = connect(endpoint, "another");
+  }
+  EXPECT(FS_ERROR_NOT_FOUND, fs_scene_connect(endpoint.c_str(), "client", &scene));
   const Server own = start_server(rig.servo.get(), endpoint, fs_server_options_init());
   const Scene client = connect(endpoint, "client");
 }

@@ -1,4 +1,5 @@
-/* Loaded before the program, it adds a driver whose device is lost for ten ticks after a quarter of a second. */
+/* Loaded before the program, or by it, it adds a driver whose device is lost for ten ticks after a quarter of a second. */
+#include <stdlib.h>
 #include <string.h>
 
 #include <forceserver/driver.h>
@@ -35,10 +36,9 @@ static fs_status write_device(void *self, const fs_wrench *wrench)
   return FS_OK;
 }
 
-__attribute__((constructor)) static void add_driver(void)
+const fs_driver *fs_driver_entry(void)
 {
-  fs_driver driver;
-  memset(&driver, 0, sizeof driver);
+  static fs_driver driver;
   driver.struct_size = sizeof driver;
   driver.scheme = "losing";
   driver.open = open_device;
@@ -46,5 +46,10 @@ __attribute__((constructor)) static void add_driver(void)
   driver.get_info = get_info;
   driver.read = read_device;
   driver.write = write_device;
-  fs_driver_register(&driver);
+  return &driver;
+}
+
+__attribute__((constructor)) static void add_driver(void)
+{
+  if (getenv("LD_PRELOAD")) fs_driver_register(fs_driver_entry());
 }

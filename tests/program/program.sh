@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# program.sh PROGRAM SCENE LOSING_DRIVER: tests the command line of forceserver as a user sees it.
+# program.sh PROGRAM SCENE LOSING_DRIVER STOP_FORCE: tests the command line of forceserver as a user sees it.
 set -uo pipefail
-program=$1 scene=$2 losing_driver=$3
+program=$1 scene=$2 losing_driver=$3 stop_force=$4
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 cd "$folder" || exit 1
@@ -34,6 +34,10 @@ expect 0 '^    torque      none$' "$program" devices
 expect 0 '^    rate        1000 Hz; 0 ms ' "$program" devices
 expect 0 '^    moving      0.3 kg, 1 N s/m ' "$program" devices
 expect 0 'firm 0.8, 5.5, 568;' "$program" devices --help
+expect 2 "^forceserver: option 'nix' is unknown; the options are hand" "$program" run --device 'sim:?nix=1' --duration 1
+for key in worst $(sed -n 's/.*the options are //p' output | tr -d ','); do
+  expect 0 "[?&|]$key([=.|]|$)" "$program" devices --help
+done
 expect 0 'figure8: 120 mm by 60 mm' "$program" devices --help
 if command -v python3 > /dev/null; then
   "$program" devices --json > devices.json
@@ -55,6 +59,8 @@ expect 2 '^forceserver: .*duration' "$program" run --duration -1
 expect 2 '^forceserver: --duration needs a number of seconds$' "$program" run --duration
 expect 2 '^forceserver: --device needs the URI of a device$' "$program" run --device
 expect 0 'watch .*OPTIONS\] server$' "$program" watch --help
+expect 0 'resume .*OPTIONS\] server$' "$program" resume --help
+expect 2 '^forceserver: resume needs a server, such as: forceserver resume lab$' "$program" resume
 expect 0 'clients .*OPTIONS\] server$' "$program" clients --help
 expect 0 'check .*OPTIONS\] file$' "$program" check --help
 expect 0 'evaluate .*OPTIONS\] scene \[positions\]$' "$program" evaluate --help
@@ -81,6 +87,14 @@ expect 2 '^forceserver: watch needs a server, such as: forceserver watch lab$' "
 expect 2 '^forceserver: check needs a file, such as: forceserver check room.json$' "$program" check
 expect 2 '^forceserver: evaluate needs a scene, such as: forceserver evaluate room.json points.csv$' "$program" evaluate
 
+# --driver: a driver of one's own.
+expect 2 "there is no driver 'losing'" "$program" run --device losing: --duration 0.1
+expect 1 '^a device that is lost .losing:., at most 5 N$' "$program" run --driver "$losing_driver" --device losing: --duration 0.5
+expect 0 '^nothing odd$' "$program" check "$scene" --driver "$losing_driver"
+expect 0 '^sim:' "$program" devices --driver "$losing_driver"
+expect 2 '^forceserver: .*nowhere.so' "$program" run --driver ./nowhere.so
+expect 2 "forceserver [0-9.]* has no driver 'falcon' yet; the drivers are: sim" "$program" run --device falcon:0
+
 # run: a summary, a record without a gap, errors with a sentence.
 expect 0 '^protections switched off: none$' \
   "$program" run "$scene" --duration 1 --record ticks.csv
@@ -101,6 +115,9 @@ expect 1 ' the hand chatters: [0-9]* times a second, [0-9.]* mm from end to end,
   "$program" run drum.json --device 'sim:?hand=worst' --duration 2
 grep -qE '(^|,)-0(,|$)' ticks.csv && { echo "FAILED: a record has -0"; failures=$((failures + 1)); }
 expect 2 '^forceserver: .*no-such\.json' "$program" run no-such.json --duration 1
+[ "$(head -1 ticks.csv)" = time,x,y,z,qw,qx,qy,qz,fx,fy,fz,sent_fx,sent_fy,sent_fz,late,compute,faults,tx,ty,tz,sent_tx,sent_ty,sent_tz,buttons ] ||
+  { echo "FAILED: the record has other columns"; failures=$((failures + 1)); }
+[ "$(awk -F, '{ print NF }' ticks.csv | sort -u)" = 24 ] || { echo "FAILED: a line of the record is not whole"; failures=$((failures + 1)); }
 grep -qE '^time,x,y,z,' ticks.csv || { echo "FAILED: no record"; failures=$((failures + 1)); }
 awk -F, 'NR > 2 && $1 <= last { bad = 1 } { last = $1 } END { exit bad || NR < 100 }' ticks.csv ||
   { echo "FAILED: the ticks of the record are out of order or few"; failures=$((failures + 1)); }
@@ -157,6 +174,8 @@ for signs in +- -+ ++ --; do
   expect 2 'line 2: ' "$program" evaluate --scene "$scene" number
 done
 expect 2 'no-object' "$program" evaluate --scene "$scene" --object no-object points
+grep -q '^x,y,z' output && { echo "FAILED: evaluate prints a header before an error"; failures=$((failures + 1)); }
+expect 0 '^x,y,z,fx,fy,fz$' "$program" evaluate "$scene" /dev/null
 expect 2 'no-points' "$program" evaluate --scene "$scene" no-points
 [ ! -w /dev/full ] || "$program" evaluate --scene "$scene" many 2> output > /dev/full
 grep -q 'cannot write the forces' output || { echo "FAILED: a full disk is not noticed"; failures=$((failures + 1)); }
@@ -209,7 +228,7 @@ odd 'its force reverses across its point: a jump of 7\.[0-9]+ N$' \
   '"primitive": "point", "front": {"kind": "custom", "gain": 1, "limit": 5, "sense": "repulsive", "curve": "pulse"}'
 odd 'its force reverses across its line: a jump of 3 N$' \
   '"primitive": "polyline", "shape": "straight", "front": {"kind": "gaussian", "gain": 1.5, "width": 0.01, "limit": 2}'
-odd 'its force changes its direction where two of its parts are equally near: a jump of up to 4 N$' \
+odd 'its force changes its direction where two of its parts are equally near: a jump of up to 2\.06 N$' \
   '"primitive": "polyline", "shape": "bent", "front": {'"$spring"'}'
 odd 'its force ends at its reach of 10 mm: a jump of 1.5 N$' \
   '"primitive": "point", "front": {"reach": 0.01, '"$spring"'}'
@@ -265,12 +284,66 @@ odd 'it pulls the hand towards it from everywhere in front' '"primitive": "plane
 odd 'it pushes the hand away in front, harder' '"primitive": "plane", "front": {"sense": "repulsive", '"$spring"'}'
 odd 'its back drives the hand deeper' '"primitive": "plane", "back": {"sense": "repulsive", '"$spring"'}'
 expect 0 'closed mesh of 4 triangles and 4 points' "$program" check solid.obj
+{ cat solid.obj
+  awk '/^v/ { print "v", $2 + 0.01, $3 + 0.01, $4 + 0.01 } /^f/ { print "f", $2 + 4, $3 + 4, $4 + 4 }' solid.obj; } > two.obj
+expect 0 'of parts that meet: for profiles they are one body' "$program" check two.obj
 sed '$d' solid.obj > open.obj
+expect 1 'inside and outside are not decided everywhere' "$program" check open.obj
 expect 1 '3 open edges' "$program" check open.obj
 printf 'v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nf 1 2 3\n' > one.obj
 expect 1 'open mesh of 1 triangle and 3 points' "$program" check one.obj
 expect 1 'millimetres' "$program" check solid.obj --scale 1000
 expect 2 '^forceserver: ' "$program" check no-such.stl
+touch t.csv
+expect 2 '^forceserver: t.csv is not checked: a scene ends in .json, a mesh in .obj, .ply, .stl or .off$' "$program" check t.csv
+# How much a line turns: 2 * 2.5 N * sin(13 degrees / 2); a circle of one degree a point, felt within 20 mm.
+polyline() {  # PYTHON: the points
+  python3 -c "
+from math import *
+print(__import__('json').dumps([[round(c, 12) for c in p] for p in $1]))"
+}
+turning() {  # POINTS CLOSED FRONT
+  echo '{"forceserver": "scene", "version": 1, "shapes": {"s": {"points": '"$(polyline "$1")"', "closed": '"$2"'}},
+    "curves": {"near": {"step": 0.01, "table": [0, 2.5, 0]}},
+    "objects": [{"name": "x", "primitive": "polyline", "shape": "s", "front": '"$3"'}]}' > one.json
+}
+if command -v python3 > /dev/null; then
+  guide='[[-.1,0,0],[0,0,0],[.1*cos(radians(13)),.1*sin(radians(13)),0]]'
+  circle='[[.05*cos(radians(i)),.05*sin(radians(i)),0] for i in range(360)]'
+  hold='{"kind": "linear_increasing", "gain": 200, "limit": 2.5}'
+  turning "$guide" false "$hold"
+  expect 1 '^  odd: x: its force changes its direction .* a jump of up to 0.566 N$' "$program" check one.json
+  turning "$circle" true "$hold"
+  expect 1 '^  odd: x: its force changes its direction .* a jump of up to 5 N$' "$program" check one.json  # at the centre
+  turning "$circle" true '{"kind": "custom", "gain": 1, "limit": 2.5, "curve": "near"}'
+  expect 0 '^  note: x: its force changes its direction .* a jump of up to 0.0436 N$' "$program" check one.json
+fi
+# Millimetres that were meant as metres. Gravity may lie anywhere.
+far='"pose": {"position": [50, 0, 0]}'
+odd 'it is felt although it is at least 49.82 m of the scene away .*; are its numbers millimetres\? Lengths are in metres$' \
+  '"primitive": "point", '"$far"', "front": {"kind": "constant", "gain": 10, "limit": 10}'
+odd 'the hand cannot get near enough to feel it: .* 49.82 m of the scene away .*; are its numbers millimetres\?' \
+  '"primitive": "point", '"$far"', "front": {"kind": "gaussian", "gain": 1, "width": 0.01, "limit": 1}'
+odd 'it is felt although .*; are its numbers millimetres\?' \
+  '"primitive": "plane", "pose": {"position": [0, 0, 50]}, "back": {'"$spring"'}'
+fine '"primitive": "plane", "pose": {"position": [0, 0, -50]}, "front": {"kind": "constant", "gain": 2, "limit": 2},
+      "back": {"kind": "constant", "gain": 2, "limit": 2, "sense": "repulsive"}'
+printf 'v -50 -50 0\nv 50 -50 0\nv 0 50 0\nf 1 2 3\n' > large.obj
+echo '{"forceserver": "scene", "version": 1, "shapes": {"s": {"file": "large.obj"}}, "objects": [{"name": "x",
+  "primitive": "mesh", "shape": "s", "back": {'"$spring"'}}]}' > one.json
+expect 1 '^  odd: x: it is 141.4 m across, and the device.s workspace 360.6 mm; are its numbers millimetres\?' "$program" check one.json
+# Forces in time.
+timed() {  # EXPRESSION
+  echo '{"forceserver": "scene", "version": 1, "curves": {"c": {"expression": "'"$1"'"}}, "objects": [{"name": "x",
+    "primitive": "point", "front": {"kind": "custom", "gain": 1, "limit": 5, "curve": "c"}}]}' > one.json
+}
+timed 't > 1.5 ? 200*d : 100*d'
+expect 1 '^  odd: x: its force jumps in time: by about 2\.[0-9]* N at 1.5 s after its start$' "$program" check one.json
+timed '100*d*(1+sin(75*t))'
+expect 0 '^  note: x: its force changes with time, by up to [345](\.[0-9]*)? N in 10 ms$' "$program" check one.json
+timed '100*tanh(d)'
+expect 0 '^nothing odd$' "$program" check one.json
+grep -q 'with time' output && { echo "FAILED: tanh is not the time"; failures=$((failures + 1)); }
 echo '{"forceserver": 1' > broken.json
 expect 2 '^forceserver: .*broken\.json' "$program" check broken.json
 
@@ -353,6 +426,13 @@ if command -v python3 > /dev/null; then
 fi
 kill -INT $watcher
 ended $watcher 0 "watch, interrupted,"
+until_says "^client watch-$watcher .process $watcher. left$" cat served
+"$program" watch "$name" --interval 0.1 > killed 2>&1 &
+watcher=$!
+until_says "^client watch-$watcher .process $watcher. connected$" cat served
+kill -KILL $watcher
+wait $watcher 2> /dev/null
+until_says "^client watch-$watcher .process $watcher. was lost: it was killed, or ended without a word$" cat served
 grep -q '^hand  ' watched || fail "watch wrote nothing"
 "$program" watch "$name" --interval 0.1 2> output | sed 2q > watched
 [ "${PIPESTATUS[0]}" = 0 ] || fail "watch whose reader has gone did not end with 0"
@@ -370,6 +450,20 @@ ended $watcher 1 "watch whose server has gone"
 grep -q "the server at shm:$name has gone" watched || fail "watch does not say that the server has gone"
 grep -q '^faults: none' served || fail "run with a client ended without a summary"
 
+# A server without a terminal: a client ends the force, and a command lets it return.
+listen --device 'sim:?hold=0.03,0,0'
+expect 0 "^the force at shm:$name was not stopped$" "$program" resume "$name"
+"$stop_force" "$name" || fail "the force cannot be ended"
+expect 0 '^servo  NOT ENABLED; faults: none; ' "$program" watch "$name" --count 1
+until_says "; a client ended the force: .forceserver resume $name. lets it return$" cat served
+expect 0 "^the force at shm:$name returns$" "$program" resume "$name"
+expect 0 '^servo  faults: none; ' "$program" watch "$name" --count 1
+if [ "$(id -u)" = 0 ] && setpriv --reuid=65534 test -x "$program" 2> /dev/null; then
+  expect 2 "^forceserver: no server of user " setpriv --reuid=65534 "$program" resume "$name"
+fi
+kill -INT $server
+ended $server 0 "run whose force was ended"
+
 # A hand that is too fast after a second, and an object whose lifetime is over by then.
 printf '0 0 0 0\n1 0 0 0\n1.01 0.5 0 0\n' > jump
 echo '{"forceserver": "scene", "version": 1, "objects": [{"name": "brief", "primitive": "point", "lifetime": 0.3,
@@ -378,9 +472,20 @@ listen --scene brief.json --device 'sim:?path=jump&hand=firm'
 until_says '^the force stopped' "$program" watch "$name" --count 1
 expect 0 '^the force stopped \(.*\): the hand was above speed_limit$' "$program" watch "$name" --count 1
 expect 0 '^server/brief +point +expired +0\.00 ' "$program" watch "$name" --count 1
+expect 0 "^the force at shm:$name returns$" "$program" resume "$name"
+until_says '^servo  faults: none; ' "$program" watch "$name" --count 1
 kill -INT $server
 ended $server 1 "run after a fault"
 grep -q '^the force stopped: the hand was above speed_limit; start again$' served || fail "run does not say what to do"
+
+# Who shares what can be rendered, and with whom.
+echo '{"forceserver": "scene", "version": 1, "objects": ['"$(wall_of a)"', '"$(wall_of b)"']}' > two.json
+listen --scene two.json
+until_says '^server/a .* [0-9.]+ of 4000 +b$' "$program" watch "$name" --count 1
+"$program" watch "$name" --count 1 --json > looks.json
+json looks.json "assert [o['shares_with'] for o in d['objects'][:2]] == ['b', 'a']"
+kill -INT $server
+ended $server 0 "run of two walls"
 
 grep "$name" /proc/net/unix && fail "a socket is left"
 

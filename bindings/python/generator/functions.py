@@ -19,8 +19,9 @@ BY_HAND = {  # those that may take seconds and make no handle, and those of grou
 LEFT = "Ctrl-C ends the wait; the call then ends in a thread of its own, which gives back what it has made."
 EDITS = {"set", "change", "move", "remove", "clear", "load"}  # verbs of what joins an open group
 NO_EDITS = {  # verbs of what does not
-    *("get", "begin", "commit", "cancel", "sync", "save", "stop", "next", "create", "start", "field", "evaluate"),
+    *("get", "begin", "commit", "cancel", "sync", "save", "stop", "resume", "next", "create", "start", "field", "evaluate"),
 }
+OUT = "out"  # what an array that results are written to is called; its name in C is still taken
 ENTRY = {"fs_vec3": ("double", 3), "double": ("double", 1), "uint32_t": ("uint32_t", 1)}
 
 
@@ -116,7 +117,9 @@ class Functions(Structs):
                     f'if (!{name}.is_none()) {name}_ = entries<{entry}>({name}, {width}, "{name}");',
                 ]
             else:
-                lines = [f'const py::array {name}_ = entries<{entry}>({name}, {width}, "{name}");']
+                is_grid = any(q["kind"] == "out array" and q["count"] == p["count"] for q in function["parameters"])
+                grid = ", true" if is_grid else ""
+                lines = [f'const py::array {name}_ = entries<{entry}>({name}, {width}, "{name}"{grid});']
             lines.append(
                 f"const size_t {p['count']} = {'' if not null else f'{name}.is_none() ? 0 : '}{name}_.size() / {width};"
             )
@@ -124,13 +127,12 @@ class Functions(Structs):
             return "ArrayLike" + none, default, lines, [], f"({name}.is_none() ? nullptr : {data})" if null else data
         if kind == "out array":
             entry, width = ENTRY[base]
-            shape = f"{{static_cast<py::ssize_t>({p['count']})" + (f", {width}" if width > 1 else "") + "}"
             (read,) = (q["name"] for q in function["parameters"] if q["kind"] == "array" and q["count"] == p["count"])
             return (
                 "Array | None",
                 "None",
                 [
-                    f'py::array {name}_ = results<{entry}>({name}, {shape}, "{name}");',
+                    f'py::array {name}_ = results<{entry}>({name}, result_shape({read}_, {width}), "{name}");',
                     f'keep_apart({read}_, "{read}", {name}_, "{name}");',
                     f"auto* const {name}_at = static_cast<{base}*>({name}_.mutable_data());",
                 ],
@@ -189,6 +191,8 @@ class Functions(Structs):
                 outputs.append(f"new_handle({p['name']})")
                 types.append(camel(base))
             else:
+                if kind == "out array":
+                    p = p | {"name": OUT}
                 type_, default, lines, late, expression = self.convert(p, function)
                 if kind == "struct" and keeps_gil and not p["null"]:
                     lines, expression = (
@@ -314,6 +318,10 @@ class Functions(Structs):
 
     def emit(self, function, self_, arguments, body, types):
         python = self.python_name(function)
+        comment = self.in_python(function["comment"])
+        before = [p["name"] for p in function["parameters"] if p["kind"] == "out array"]
+        for name in before:
+            comment = re.sub(rf"\b{name}\b", OUT, comment)
         if self.takes_many(function):
             arguments.append(("out", "object", "None"))
         # Only what is followed by no argument without a default has one.
@@ -323,7 +331,7 @@ class Functions(Structs):
         listed = ", ".join((["$self"] if self_ else []) + ([shown] if shown else []))
         left = LEFT + "\n\n" if function["name"] in IN_THREAD | {"fs_shape_build"} else ""
         doc = (
-            f"{python}({listed})\n--\n\n" + f"{self.in_python(function['comment'])}\n\n{left}In C: {function['name']}.".strip()
+            f"{python}({listed})\n--\n\n" + f"{comment}\n\n{left}In C: {function['name']}.".strip()
         )  # read by inspect.signature
         parameters = (["const py::object& object_of_self"] if self_ else []) + [
             f"const py::object& {a}" for a, _, _ in arguments
@@ -338,9 +346,15 @@ class Functions(Structs):
             + f"\n}}{''.join(extras)}, {raw(doc)});"
         )
         names = ", ".join(f'"{a}"' for a, _, _ in arguments)
+        callee = "py::type::of(args[0])" if self_ else 'py::module_::import("forceserver._core")'
+        again = "".join(
+            f'  if (given.contains("{name}") && !given.contains("{OUT}")) {{\n'
+            f'    return renamed_call({callee}.attr("{python}"), args, given, "{name}", "{OUT}");\n  }}\n'
+            for name in before
+        )
         self.cpp.append(
             f'{target}.def("{python}", [](const py::args& args, const py::kwargs& given) -> py::object {{\n'
-            f'  wrong_call("{python}", {{{names}}}, {required + 1}, args, given, {str(bool(self_)).lower()});\n}});'
+            f'{again}  wrong_call("{python}", {{{names}}}, {required + 1}, args, given, {str(bool(self_)).lower()});\n}});'
         )
         returned = "None" if not types else types[0] if len(types) == 1 else f"tuple[{', '.join(types)}]"
         listed = ", ".join(

@@ -1,0 +1,300 @@
+#include "field/point_proxies.h"
+
+#include <algorithm>
+#include <bit>
+
+namespace fs {
+namespace {
+
+// Projects on the directions in which planes hold a proxy.
+Mat3 held_by(const Planes& planes) noexcept {
+  Mat3 out{};
+  Vec3 basis[3];
+  const uint32_t size = planes.span(basis);
+  for (uint32_t i = 0; i < size; ++i) out += outer(basis[i], basis[i]);
+  return out;
+}
+
+bool has_free_way(const Touch& touch, const Object& object, Vec3 place) noexcept {  // in the last tick
+  Crossing crossing;
+  return !first_crossing(object.primitive, object.shape.get(), touch.side, touch.at, to_local(touch.pose, place), crossing);
+}
+
+}  // namespace
+
+// The touch of an older version of the same object, where the point was held by it; null: there is none.
+const Touch* PointProxies::replaced(const Point& point, const Solid& solid) const noexcept {
+  if (!point.before || !(solid.weight < 1)) return nullptr;
+  for (const Solid& other : point.tick.solids) {
+    if (!(other.version < solid.version && other.object->name == solid.object->name)) continue;
+    const Touch* const touch = point.tick.touches.find(*point.before, other.version, point.number);
+    if (touch && touch->is_touching) return touch;
+  }
+  return nullptr;
+}
+
+// A solid that has come near. It keeps the proxy on the side where it is; one that is on the wrong side of a closed surface
+// begins at the nearest place on the right side. False: another member is in the way to that place.
+bool PointProxies::begin_touch(const Point& point, Member& member) noexcept {
+  const Solid& solid = *member.solid;
+  const Object& object = *solid.object;
+  Touch& touch = *member.touch;
+  const Tick& tick = point.tick;
+  const double time = tick.last ? tick.now - tick.step : tick.now;
+  touch.at = to_local(solid.motion->at(time, tick.tool.blend), proxy_.at);
+  touch.side = object.contact.keep == FS_KEEP_BACK ? Side::back : Side::front;
+  const bool keeps_either = object.contact.keep == FS_KEEP_EITHER;
+  // Which side of an open mesh is inside is not known; but where it replaces one that is touched, it takes over the hand.
+  const bool is_closed = object.primitive != FS_PRIMITIVE_MESH || object.shape->closed || replaced(point, solid);
+  Closest closest;
+  Effort effort{.visits = 4096};
+  const auto find = [&](Vec3 x, double range) {
+    return closest_point(object.primitive, object.shape.get(), x, range, closest, nullptr, &effort);
+  };
+  const double margin = margin_at(solid.pose, touch.at, touch.at);
+  if (!find(touch.at, keeps_either || is_closed ? never : margin)) return true;
+  if (keeps_either) touch.side = closest.side;
+  const bool is_at_surface = closest.distance <= margin;
+  if (!is_at_surface && (keeps_either || !is_closed || closest.side == touch.side)) return true;
+  // Above the surface, along its normal there: in a narrow groove farther above it than elsewhere.
+  const Vec3 place = closest.point, away = closest.side == Side::back ? -closest.direction : closest.direction;
+  const Vec3 normal = find(place, 2 * margin) && closest.distance == 0 ? closest.direction : away;
+  const double sign = touch.side == Side::back ? -1 : 1;
+  const auto is_above = [&](Vec3 direction) {
+    for (const double factor : {1.0, 16.0, 256.0}) {
+      touch.at = place + (sign * factor * margin) * direction;
+      if (find(touch.at, 2 * factor * margin) && closest.side == touch.side && closest.distance > margin / 64) return true;
+    }
+    return false;
+  };
+  if (!is_above(normal)) is_above(away);  // in a corner where parts of a mesh cross, a normal may lead along the other part
+  const Vec3 begins_at = solid.pose * touch.at;
+  if (!proxy_.is_free_to(begins_at)) return false;
+  proxy_.at = begins_at;
+  return true;
+}
+
+
+// Finds the members of the next proxy. False: all have theirs.
+bool PointProxies::gather(const Point& point) noexcept {
+  const std::span<Solid> solids = point.tick.solids;
+  const auto count = static_cast<uint32_t>(solids.size());
+  uint32_t first = count, least = 4;
+  for (uint32_t i = 0; i < count && least > 0; ++i) {
+    const Before& before = before_[i];
+    if (before.is_done) continue;
+    const uint32_t rank = before.left ? 3 : !before.touch ? 2 : !before.touch->is_touching;
+    if (rank >= least) continue;
+    least = rank;
+    first = i;
+  }
+  if (first == count) return false;
+  proxy_.count = proxy_.plane_count = 0;
+  const auto take = [&](uint32_t i, Touch* touch) {
+    before_[i].is_done = true;
+    if (touch) proxy_.members[proxy_.count++] = {&solids[i], touch, before_[i].touch};
+  };
+  if (before_[first].left) {
+    take(first, before_[first].left);
+    return true;
+  }
+  const double stiffness = stiffness_of(solids[first].object->contact);
+  const Touch* const known = before_[first].touch;
+  const auto take_if_it_shares = [&](uint32_t i) {
+    const Touch* const before = before_[i].touch;
+    const Object& object = *solids[i].object;
+    if (before_[i].is_done || before_[i].left || stiffness_of(object.contact) != stiffness) return;
+    const bool is_apart = before && !(before->proxy == known->proxy);
+    if (is_apart && (before->is_touching || !has_free_way(*before, object, known->proxy))) return;
+    Touch* const touch = point.tick.touches.add_touch(point.layer);
+    if (touch && before) *touch = *before;
+    if (touch && is_apart) touch->at = to_local(before->pose, known->proxy);
+    take(i, touch);
+  };
+  take_if_it_shares(first);
+  for (const bool is_new : {false, true}) {  // those that are known come first
+    for (uint32_t i = 0; i < count; ++i) {
+      if (!before_[i].touch == is_new) take_if_it_shares(i);
+    }
+  }
+  return true;
+}
+
+void PointProxies::feel_proxy(const Point& point, Gain& out) noexcept {
+  const Vec3 hand = point.at().position;
+  const Solid* const solids = point.tick.solids.data();
+  const Touches::View* const last = point.tick.last;
+  const auto leave = [&](Member& member) {
+    Before& before = before_[member.solid - solids];
+    before.left = member.touch;
+    before.is_done = false;
+  };
+  const uint32_t all = proxy_.count;
+  bool was_touching = false, is_left = before_[proxy_.members[0].solid - solids].left;
+  proxy_.at = last ? last->hand[point.number] : hand;
+  proxy_.count = 0;
+  for (; proxy_.count < all && proxy_.members[proxy_.count].before; ++proxy_.count) {  // those that are known come first
+    const Member& member = proxy_.members[proxy_.count];
+    was_touching |= member.before->is_touching;
+    if (proxy_.count == 0) proxy_.at = is_left ? member.solid->pose * member.touch->at : member.before->proxy;
+  }
+  if (proxy_.count == 0) {
+    if (const Touch* const touch = replaced(point, *proxy_.members[0].solid)) proxy_.at = touch->proxy;
+  }
+  for (uint32_t i = proxy_.count; i < all; ++i) {
+    Member member = proxy_.members[i];
+    if (begin_touch(point, member)) {
+      proxy_.members[proxy_.count++] = member;
+    } else {
+      leave(member);
+    }
+  }
+  const uint32_t left = proxy_.carry();
+  for (uint32_t i = 0; i < left; ++i) leave(proxy_.members[proxy_.count + i]);
+  proxy_.slide(hand, was_touching);
+  push(point, out);
+}
+
+// The forces of the members' contacts.
+void PointProxies::push(const Point& point, Gain& out) noexcept {
+  const ToolState& tool = point.tick.tool;
+  const ToolState::Point& at = point.at();
+  const double k = stiffness_of(proxy_.members[0].solid->object->contact);
+  const Vec3 pull = proxy_.at - at.position;
+  double depth = 0, way = 0;
+  for (uint32_t p = 0; p < proxy_.plane_count; ++p) depth += proxy_.shares[p];
+  bool is_held = proxy_.plane_count > 0;
+  for (uint32_t i = 0; i < proxy_.count; ++i) {
+    const Member& member = proxy_.members[i];
+    Touch& touch = *member.touch;
+    Solid& solid = *member.solid;
+    bool is_touching = false;
+    for (uint32_t p = 0; p < proxy_.plane_count; ++p) {
+      const Plane& plane = proxy_.planes[p];
+      if (plane.member != i) continue;
+      is_touching = true;
+      const Vec3 spring = k * (depth > 0 ? proxy_.shares[p] * plane.normal + (proxy_.shares[p] / depth) * proxy_.held
+                                         : (1.0 / proxy_.plane_count) * pull);
+      solid.spring = solid.spring + Wrench{spring, cross(at.arm, spring)};
+      const Vec3 velocity = at.velocity - solid.motion->velocity(proxy_.at, solid.pose, tool.time, tool.blend);
+      const double approach = -dot(plane.normal, velocity);
+      if (!(approach > 0)) continue;
+      const Vec3 damping = (solid.object->contact.damping * approach) * plane.normal;
+      solid.damping = solid.damping + Wrench{damping, cross(at.arm, damping)};
+    }
+    const Touch* const before = member.before;
+    if (before && (is_touching || before->is_touching)) {
+      is_held = true;
+      way = std::max(way, norm(solid.pose * before->at - before->proxy));
+    }
+    touch.row = solid.row;
+    touch.version = solid.version;
+    touch.point = point.number;
+    touch.pose = solid.pose;
+    touch.proxy = proxy_.at;
+    touch.is_touching = is_touching;
+    solid.is_touched |= is_touching;
+    if (const double distance = norm(pull); distance < solid.distance) {
+      solid.distance = distance;
+      solid.proxy = proxy_.at;
+    }
+  }
+  const Touches::View* const last = point.tick.last;
+  if (is_held && last) out.spring_change += 2 * k * (way + norm(at.position - last->hand[point.number]));
+  if (proxy_.plane_count == 0) return;
+  // How the force changes with the hand: along the normals it is held.
+  proxy_.members[proxy_.planes[0].member].solid->stiffness += -k * (proxy_.is_stuck ? identity() : held_by(proxy_));
+  out.pull += k * pull;
+  out.stiffness += k;
+}
+
+// N, by how much the force of a member's profiles can have changed by the ways of hand and object.
+double PointProxies::explained_change(const Point& point, const Member& member) const noexcept {
+  const Touches::View* const last = point.tick.last;
+  const Object& object = *member.solid->object;
+  const double slope = std::min(object.law_slope, object.bounds.slope);
+  if (!last || !member.before || !(slope < no_slope_limit) || object.law.has_curves()) return no_slope_limit;
+  const Vec3 hand = point.at().position - last->hand[point.number], speed = point.at().velocity - last->velocity[point.number];
+  const Vec3 way = member.solid->pose * member.before->at - member.before->proxy;
+  return 2 * (slope * (norm(hand) + norm(way)) + object.damping * norm(speed));
+}
+
+// The profiles of the members act where the proxy is; on the surface along its normal.
+void PointProxies::add_profiles(const Point& point, Gain& out) noexcept {
+  const ToolState& tool = point.tick.tool;
+  Effort* const effort = point.tick.effort;
+  for (uint32_t i = 0; i < proxy_.count; ++i) {
+    Solid& solid = *proxy_.members[i].solid;
+    const Object& object = *solid.object;
+    const double support = object.law.support, slope = object.bounds.slope;
+    if (!(support >= 0)) continue;
+    const uint32_t all = tool.count == 32 ? ~0u : (1u << tool.count) - 1;
+    const double share = 1.0 / std::popcount(tool.is_any_point ? all : object.point_mask() & all);
+    const Side side = proxy_.members[i].touch->side;
+    Vec3 place = to_local(solid.pose, proxy_.at), normals{};
+    const Plane* plane = nullptr;
+    for (uint32_t p = proxy_.plane_count; p-- > 0;) {
+      if (proxy_.planes[p].member != i) continue;
+      plane = &proxy_.planes[p];
+      normals += rotate(conjugate(solid.pose.orientation), plane->normal);
+    }
+    Hint* const hint = solid.hints ? solid.hints + point.number : nullptr;
+    Share got;
+    const auto find = [&](Vec3 x, double range, Closest& out) {
+      const bool is_found = find_closest(object, x, range, slope, out, hint, effort);
+      if (effort && effort->is_cut) got.error += share * error_of(object, *effort);
+      return is_found;
+    };
+    // On the surface a force that is blended is that of a place just above it, so that it does not change when the proxy leaves.
+    Closest closest, above;
+    bool is_above = false;
+    if (plane && slope < no_slope_limit && object.has_ridges()) {
+      const double height = 1e-7 * object.radius + 16 * plane->margin;
+      const Vec3 x = place + height * normals;
+      is_above = find(x, 4 * height, above) && above.side == side && above.distance > 0;
+      if (is_above) place = x;
+    }
+    bool is_felt = true;
+    if (is_above) {
+      closest = above;
+    } else if (plane) {
+      closest.side = side;
+      closest.distance = side == Side::back ? std::numeric_limits<double>::min() : 0;  // the sign tells the side
+      closest.direction = rotate(conjugate(solid.pose.orientation), plane->normal);
+      closest.feature = Feature::face;
+    } else {
+      is_felt = find(place, support, closest);
+    }
+    if (is_felt) {
+      add_profile_force(object, closest, *solid.motion, solid.pose, tool.time - solid.start, point.at(), tool,
+                        solid.parsers, share, got, place, plane && !is_above ? no_slope_limit : slope, hint, effort);
+    }
+    solid.felt = solid.felt + got.wrench;
+    out.profile_change += share * explained_change(point, proxy_.members[i]);
+    solid.felt_stiffness += got.stiffness;
+    out.error += got.error;
+  }
+}
+
+void PointProxies::feel(const Tick& tick, uint32_t number, const Layer* before_layer, Layer& layer, Gain& out) noexcept {
+  const Point point{tick, number, before_layer, layer};
+  for (uint32_t i = 0; i < tick.solids.size(); ++i) {
+    Solid& solid = tick.solids[i];
+    Before& before = before_[i];
+    before = {};
+    before.is_done = !solid.is_present || !(tick.tool.is_any_point || (solid.object->point_mask() >> number & 1));
+    if (before.is_done || !before_layer) continue;
+    // Another profile or contact of the same object goes on from where the one before has the proxy.
+    before.touch = tick.touches.find(*before_layer, solid.version, number);
+    if (!before.touch && solid.takes_over) before.touch = tick.touches.find(*before_layer, solid.takes_over, number);
+    solid.is_known |= before.touch != nullptr;
+  }
+  while (gather(point)) {
+    if (proxy_.count == 0) continue;  // there are too many
+    feel_proxy(point, out);
+    add_profiles(point, out);
+    out.reach = std::max(out.reach, norm(proxy_.at - point.at().position));
+  }
+}
+
+}  // namespace fs

@@ -1,0 +1,65 @@
+// The proxies of one tool point among the solids of one layer, and what they give to these solids.
+//
+// Objects of the same stiffness share a proxy, which none of them lets through: where several meet, the spring to it acts
+// once. Objects that contradict one another (proxy.h), or that have got the same stiffness by a change, share one as soon as
+// that changes no force. Objects of another stiffness have another proxy. Each spring is the gradient of its own energy
+// then, so that it makes none, whatever the stiffnesses.
+#pragma once
+
+#include <span>
+
+#include "field/touches.h"
+
+namespace fs {
+
+class PointProxies {
+ public:
+  // What is the same for all points and layers of a tick.
+  struct Tick {
+    std::span<Solid> solids;
+    Touches& touches;
+    const ToolState& tool;
+    const Touches::View* last;  // null: nothing is known
+    double now, step;           // s; step: since the last tick
+    Effort* effort;             // of the profiles; null: without end
+  };
+  // What the proxies of a point give besides what they add to the solids. Sums, so that it can be that of several points.
+  struct Gain {
+    Vec3 pull{};                // m N/m, of the springs, and
+    double stiffness = 0;       // N/m, their stiffnesses
+    double reach = 0;           // m, how far a proxy was from the point at most
+    double error = 0;           // N, of the profiles: a bound
+    // N, by how much the forces of springs and of profiles can have changed by the ways of hand and objects.
+    double spring_change = 0, profile_change = 0;
+  };
+
+  // [rt] before: the layer of the last tick that this one goes on from; null where last is.
+  void feel(const Tick& tick, uint32_t point, const Layer* before, Layer& layer, Gain& out) noexcept;
+
+ private:
+  struct Before {
+    const Touch* touch;  // in the last tick; null: there was none
+    Touch* left;         // of this tick, where it was against the others; null: it was not
+    bool is_done;        // it has its proxy
+  };
+  struct Point {
+    const Tick& tick;
+    uint32_t number;
+    const Layer* before;
+    Layer& layer;
+    const ToolState::Point& at() const noexcept { return tick.tool.points[number]; }
+  };
+
+  const Touch* replaced(const Point& point, const Solid& solid) const noexcept;
+  bool begin_touch(const Point& point, Member& member) noexcept;
+  bool gather(const Point& point) noexcept;
+  void feel_proxy(const Point& point, Gain& out) noexcept;
+  void push(const Point& point, Gain& out) noexcept;
+  double explained_change(const Point& point, const Member& member) const noexcept;
+  void add_profiles(const Point& point, Gain& out) noexcept;
+
+  std::array<Before, most_solids> before_;  // of the solids
+  Proxy proxy_;                             // the one that is worked on
+};
+
+}  // namespace fs

@@ -1,0 +1,34 @@
+// What is odd in the forces of an object, where the hand gets.
+#pragma once
+
+#include <forceserver/forceserver.h>
+
+#include "findings.h"
+
+inline constexpr double faint = 1e-3;  // N: nobody feels a smaller force
+
+struct Workspace {  // of the device, in scene metres
+  fs_vec3 centre;
+  double radius;  // of the sphere around the device's cylinder
+};
+
+// The range of distances between one side of an object and the hand, m. If the hand never comes to this side, `least`
+// is larger than `most`.
+struct Distances {
+  double least, most;
+};
+
+// The distances on both sides; an object without sides has only a front.
+struct Sides {
+  Distances front, back;
+};
+
+// Lower and upper bounds of the distances between an object and the hand in the workspace.
+Sides distances_of(const fs_object& object, const Workspace& workspace);
+
+bool has_sides(const fs_object& object);
+double most(const fs_profile& profile, const Distances& range);  // its largest force within these distances, N
+
+// Reports where and when the force jumps, profiles with a wrong sense or on the wrong side, and what pulls from nearly
+// everywhere. force_max: of the device, N of the scene.
+void check_forces(const fs_object& object, const Sides& distances, double force_max, Findings& findings);

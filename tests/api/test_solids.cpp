@@ -1,0 +1,226 @@
+// No step in force from solid objects, however they come, go, move and meet: random scenes of solids of equal and different
+// stiffness, with and without friction, felt by tools of 1 to 32 points.
+//
+// With F the sum of the limits of all names, one tick may change
+// - for each name that comes, goes or gets another mesh: 2 F dt/fade. The share of one name moves the force by more than
+//   its own limit, as the others then hold what it held before;
+// - for the ways that the hand and the solids make in the tick: stiffness times way, summed over solids and points, twice,
+//   as a proxy in a corner goes farther than what pushes it;
+// - where something moves, so that a proxy may fall from an edge: a jump of 2 F, which is spread over 20 ms. The same for a
+//   contact that gets another stiffness, friction or limit.
+// With profiles the servo bounds all slopes, and may lower or raise a bound at any time: that is blended.
+// While nothing changes, the force is the same.
+#include <cmath>
+
+#include "api/hand.h"
+
+using namespace scenes;
+
+namespace {
+
+struct Solid {
+  fs_object object{};
+  bool is_there = false;
+  fs_twist twist{};
+  bool is_moving() const { return norm(twist.linear) > 0 || norm(twist.angular) > 0; }
+};
+
+struct Step {
+  double size = 0, allowed = 0;  // N
+  int tick = 0;
+};
+
+struct Play {
+  enum Kind { rest, hand_moves, solids_move, all_at_once, kind_count };
+
+  static constexpr double size = 0.05;  // m, about half of a solid
+
+  Random random;
+  const Kind kind;
+  FakeDevice fake;
+  Scene scene = make_scene();
+  std::vector<Shape> shapes;
+  std::vector<Solid> solids;
+  Device device;
+  Servo servo;
+  double fade = 0;
+  uint32_t points = 1;
+  bool has_profiles = false;  // and the servo bounds all slopes, else a profile at an edge jumps
+  double rendered = 0;        // N/m, that the servo can render, if it bounds slopes
+  int name_changes = 0, until_faded = 0, until_spread = 0;  // ticks
+  fs_vec3 hand_goes{};  // m/s
+  Step worst;           // the one that exceeds what is allowed most
+
+  Play(uint64_t seed, Kind the_kind) : random(seed), kind(the_kind), fake("solids") {
+    fake.info.force_max = 1e6;
+    fake.info.torque_max = 1e6;
+    fake.state.pose = at(random.in_box(0.02));
+    points = random.coin() ? 1 : static_cast<uint32_t>(1 + random.below(random.coin(0.8) ? 6 : 32));
+    std::vector<fs_vec3> tool(points);
+    for (fs_vec3& p : tool) p = points > 1 ? random.in_box(0.01) : fs_vec3{};
+    require(fs_scene_set_tool(scene.get(), tool.data(), points), "fs_scene_set_tool");
+    shapes.push_back(make_mesh(box_mesh({size, size, size})));
+    shapes.push_back(make_mesh(box_mesh({size, 0.8 * size, 0.6 * size})));
+    shapes.push_back(make_mesh(sphere_mesh(size, 200)));
+    shapes.push_back(make_mesh(wedge(random.between(30, 150))));
+    fs_servo_options options = virtual_options();
+    fade = options.fade = random.log_between(0.02, 0.5);
+    options.ramp = options.speed_limit = -1;
+    if (random.coin()) options.blend = 0;
+    has_profiles = random.coin(0.3);
+    if (has_profiles) options.max_stiffness = options.damping = 0;
+    device = fake.open();
+    servo = start_servo(scene.get(), device.get(), options);
+    if (has_profiles) rendered = stats_of(scene.get()).max_stiffness;
+
+    const int count = 2 + static_cast<int>(random.below(random.coin(0.8) ? 4 : 20));
+    const double stiffness = random.log_between(50, 2000), friction = random.coin() ? 0 : random.between(0.1, 1.5);
+    const bool is_equal = random.coin(0.7);
+    for (int i = 0; i < count; ++i) {
+      Solid s;
+      s.object = fs_object_init(("solid " + std::to_string(i)).c_str(), FS_PRIMITIVE_MESH);
+      if (random.coin(0.3)) {
+        s.object.primitive = FS_PRIMITIVE_PLANE;
+      } else {
+        s.object.shape = any_shape();
+      }
+      s.object.pose = random.coin(0.2) ? at(random.in_box(size)) : random.pose(size);
+      const fs_keep keep = random.coin(0.8) ? FS_KEEP_FRONT : random.coin() ? FS_KEEP_EITHER : FS_KEEP_BACK;
+      s.object.contact = solid(keep, is_equal ? stiffness : random.log_between(50, 2000), random.log_between(1, 50));
+      s.object.contact.friction = is_equal ? friction : random.between(0, 1);
+      if (has_profiles && random.coin()) {
+        const fs_sense sense = random.coin() ? FS_SENSE_REPULSIVE : FS_SENSE_ATTRACTIVE;
+        s.object.front = fs_profile_init(FS_PROFILE_LINEAR_DECREASING, sense, -random.between(20, 200), 2, 2);
+      }
+      solids.push_back(s);
+    }
+    run();
+  }
+
+  fs_shape* any_shape() { return shapes[random.below(shapes.size())].get(); }
+
+  void call() {
+    Solid& s = solids[random.below(solids.size())];
+    ++name_changes;
+    until_faded = static_cast<int>(3 * fade / dt) + 5;
+    switch (s.is_there ? random.below(4) : 0) {
+      case 0:
+        s.object.enabled = true;
+        break;
+      case 1:
+        require(fs_object_remove(scene.get(), s.object.name), "fs_object_remove");
+        s.is_there = false;
+        return;
+      case 2:
+        s.object.enabled = !s.object.enabled;
+        break;
+      default:
+        if (s.object.shape) s.object.shape = any_shape();
+        if (kind == all_at_once && random.coin()) {
+          s.object.contact.friction = random.between(0, 1);
+          s.object.contact.stiffness = solids[random.below(solids.size())].object.contact.stiffness;
+          until_spread = 60;
+        }
+    }
+    require(fs_object_set(scene.get(), &s.object), "fs_object_set");
+    s.is_there = true;
+  }
+
+  void move_solids() {
+    for (Solid& s : solids) {
+      const bool is_told = random.coin(0.004);
+      if (is_told) {
+        const bool stops = random.coin(0.3);
+        // Mostly towards the hand: it is squeezed.
+        const fs_vec3 way = fake.state.pose.position - s.object.pose.position;
+        const fs_vec3 direction = random.coin(0.6) && norm(way) > 1e-6 ? unit(way) : random.direction();
+        s.twist.linear = stops ? fs_vec3{} : random.between(-0.1, 0.3) * direction;
+        s.twist.angular = stops || random.coin() ? fs_vec3{} : random.between(0, 2) * random.direction();
+      }
+      if (!s.is_there || (!is_told && !s.is_moving())) continue;
+      s.object.pose.position = s.object.pose.position + dt * s.twist.linear;
+      const double angle = dt * norm(s.twist.angular);
+      if (angle > 0) s.object.pose.orientation = turn(unit(s.twist.angular), angle) * s.object.pose.orientation;
+      require(fs_object_move(scene.get(), s.object.name, &s.object.pose, &s.twist, 0), "fs_object_move");
+    }
+  }
+
+  void run() {
+    int until_call = 0;
+    fs_vec3 before = fake.written.force, hand = fake.state.pose.position;
+    double force = 0, slope = 0;
+    const int ticks = static_cast<int>(8 * fade / dt) + 400;
+    for (int tick = 0; tick < ticks; ++tick) {
+      if (--until_faded <= 0) name_changes = 0;
+      --until_spread;
+      if (--until_call <= 0) {
+        call();
+        until_call = 1 + static_cast<int>(random.log_between(1, 2 * fade / dt));
+      }
+      if (kind == solids_move || kind == all_at_once) move_solids();
+      if (kind == hand_moves || kind == all_at_once) {
+        if (random.coin(0.01)) hand_goes = random.coin(0.3) ? fs_vec3{} : random.between(0, 0.2) * random.direction();
+        if (norm(fake.state.pose.position) > size) hand_goes = -0.1 * unit(fake.state.pose.position);
+        fake.state.pose.position = fake.state.pose.position + dt * hand_goes;
+        if (norm(hand_goes) > 0) until_spread = std::max(until_spread, 60);
+      }
+      require(fs_servo_step(servo.get(), 1), "fs_servo_step");
+      force = slope = 0;
+      double solid_way = 0;  // N
+      for (const Solid& s : solids) {
+        force += s.object.contact.limit + s.object.front.limit;
+        slope += s.object.contact.stiffness * points + rendered;
+        // A solid that is blended goes faster for a while.
+        const double way = dt * (norm(s.twist.linear) + 2 * size * norm(s.twist.angular));
+        solid_way += 3 * way;
+        if (way > 0) until_spread = 60;
+      }
+      const double way = norm(fake.state.pose.position - hand);
+      double allowed = 2 * force * name_changes * dt / fade + 2 * slope * (way + solid_way);
+      if (until_spread > 0 || has_profiles) allowed += 2 * force * dt / 0.02;
+      allowed = allowed * (1 + 1e-6) + 1e-6;
+      const double change = norm(fake.written.force - before);
+      if (std::getenv("VERBOSE") && change > 0.2 * allowed && change > 0.2) {
+        std::printf("    tick %d: %g N, allowed %g (weights %g, slopes %g)\n", tick, change, allowed,
+                    2 * force * name_changes * dt / fade, 2 * slope * (way + solid_way));
+      }
+      if (change > allowed && change - allowed > worst.size - worst.allowed) worst = {change, allowed, tick};
+      before = fake.written.force;
+      hand = fake.state.pose.position;
+    }
+  }
+};
+
+void play(Play::Kind kind) {
+  for (int i = 0; i < (is_sanitized ? 20 : times(80, 1500)); ++i) {
+    const uint64_t seed = 1000 * static_cast<uint64_t>(i) + kind;
+    const Play played(seed, kind);
+    ck_assert_msg(played.worst.size == 0, "scene %llu: tick %d changes the force by %g N, %g are allowed",
+                  static_cast<unsigned long long>(seed), played.worst.tick, played.worst.size, played.worst.allowed);
+  }
+}
+
+START_TEST(solids_come_and_go) { play(Play::rest); }
+END_TEST
+START_TEST(a_hand_goes_about_among_solids) { play(Play::hand_moves); }
+END_TEST
+START_TEST(solids_squeeze_the_hand) { play(Play::solids_move); }
+END_TEST
+START_TEST(everything_at_once) { play(Play::all_at_once); }
+END_TEST
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc > 1) {  // one scene
+    const uint64_t seed = std::strtoull(argv[1], nullptr, 10);
+    const Play played(seed, static_cast<Play::Kind>(seed % 1000));
+    std::printf("scene %s: %g N, %g are allowed, at tick %d\n", argv[1], played.worst.size, played.worst.allowed,
+                played.worst.tick);
+    return played.worst.size > 0;
+  }
+  Suite* const suite = suite_create("solids");
+  add_case(suite, "no step", {solids_come_and_go, a_hand_goes_about_among_solids, solids_squeeze_the_hand,
+                              everything_at_once});
+  return run_suite(suite);
+}
