@@ -36,21 +36,24 @@ inline py::array to_array(py::handle value, const char* name) {
   return py::reinterpret_borrow<py::array>(array);
 }
 
-// The entries of an array that comes in, as T in one piece: shape (n,) for width 1, else (n, width). What is no
-// real number is refused, floats are where integers are wanted, and integers must be in the range of T.
+// The entries of an array that comes in, as T in one piece: shape (n,) for width 1, else (n, width); a grid: of any shape,
+// but for width > 1 the last side is the width. What is no real number is refused, floats are where integers are wanted,
+// and integers must be in the range of T.
 template <class T>
-py::array entries(py::handle value, int width, const char* name) {
+py::array entries(py::handle value, int width, const char* name, bool is_grid = false) {
   py::array array = to_array(value, name);
   const char kind = array.dtype().kind();
   const auto fail = [&] {
     const std::string wanted = std::is_floating_point_v<T> ? "floats" : "integers";
-    type_error(std::string(name) + " must be " + wanted + " of shape (n" +
-               (width > 1 ? ", " + std::to_string(width) : ",") + "), not " + text_of(array.dtype()) +
+    type_error(std::string(name) + " must be " + wanted + " of shape (" + (is_grid ? ".." : "n") +
+               (width > 1 ? ", " + std::to_string(width) : is_grid ? "" : ",") + "), not " + text_of(array.dtype()) +
                " of shape " + shape_text(array));
   };
   const bool empty = array.size() == 0 && array.ndim() <= 2;
   if (kind != 'i' && kind != 'u' && !(kind == 'f' && (std::is_floating_point_v<T> || empty))) fail();
-  if (!empty && (width == 1 ? array.ndim() != 1 : array.ndim() != 2 || array.shape(1) != width)) fail();
+  const py::ssize_t sides = array.ndim(), wanted_sides = width == 1 ? 1 : 2;
+  if (!empty && !is_grid && sides != wanted_sides) fail();
+  if (!empty && width > 1 && (sides == 0 || array.shape(sides - 1) != width)) fail();
   if constexpr (std::is_integral_v<T>) {
     if (!empty && !py::isinstance<py::array_t<T>>(array)) {
       const py::object low = array.attr("min")(), high = array.attr("max")();
@@ -61,6 +64,12 @@ py::array entries(py::handle value, int width, const char* name) {
     }
   }
   return py::array_t<T, py::array::c_style | py::array::forcecast>(array);  // MemoryError
+}
+
+// The shape of the results for such entries: theirs.
+inline std::vector<py::ssize_t> result_shape(const py::array& entries, int width) {
+  if (entries.size() == 0 && width > 1 && (entries.ndim() == 0 || entries.shape(entries.ndim() - 1) != width)) return {0, width};
+  return {entries.shape(), entries.shape() + entries.ndim()};
 }
 
 // Where results go: the caller's array, which must be right as it is, or a new one.

@@ -316,11 +316,14 @@ template <class T>
 std::string described(T*) {
   return "";
 }
+inline std::string several(size_t count, const char* what) {
+  return std::to_string(count) + " " + what + (count == 1 ? "" : "s");
+}
 inline std::string described(fs_shape* shape) {
   size_t points = 0, triangles = 0;
   fs_shape_get_points(shape, &points);
   const bool is_mesh = fs_shape_get_triangles(shape, &triangles) != nullptr;
-  return " of " + std::to_string(points) + " points" + (is_mesh ? ", " + std::to_string(triangles) + " triangles" : "");
+  return " of " + several(points, "point") + (is_mesh ? ", " + several(triangles, "triangle") : "");
 }
 inline std::string described(fs_curve* curve) {
   if (const char* text = fs_curve_get_expression(curve)) return std::string(" '") + text + "'";
@@ -338,6 +341,11 @@ py::class_<Handle<T>> handle_class(py::module_& module, const char* name, const 
   py::class_<H> made(module, name, doc, py::module_local());
   handle_type<T> = reinterpret_cast<PyTypeObject*>(made.ptr());
   const auto as_self = [](const py::object& self) -> H& { return as_handle<T>(self, "self"); };
+  // What object itself would do for protocols 0 and 1 ends the process: it makes an instance of pybind11's base class.
+  const auto refuse = [](const py::object& self, const py::args&) -> py::object {
+    type_error("cannot copy or pickle a " + text_of(py::type::of(self).attr("__name__")) + ": it is a handle of this process");
+  };
+  made.def("__reduce__", refuse).def("__reduce_ex__", refuse);
   made.def(py::init([](const py::object& other) { return std::make_unique<H>(as_handle<T>(other, "other").take()); }),
            py::arg("other"), "__init__(self, other)\n--\n\nTakes over what another one has, which is then closed.")
       .def("close", [as_self](const py::object& self) { as_self(self).close(); },

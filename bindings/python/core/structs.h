@@ -124,6 +124,7 @@ class Class {
     class_.def("__copy__", copy);
     class_.def("__deepcopy__", &Class::copied);
     class_.def("__reduce_ex__", [](const py::object& self, const py::object&) { return reduced(self); });
+    class_.def("__reduce__", [](const py::object& self) { return reduced(self); });
     class_.def("__repr__", [](py::object self) { return repr(self); });
     class_.def("__eq__", [](const py::object& self, const py::object& other) -> py::object {
       const Struct<T>* with = if_struct<T>(other);

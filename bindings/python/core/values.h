@@ -66,8 +66,15 @@ inline Enum make_enum(py::module_& module, const char* name, const char* doc, bo
                       const std::vector<std::tuple<const char*, long>>& values) {
   py::list items;
   for (const auto& [key, value] : values) items.append(py::make_tuple(key, value));
-  const py::object type = py::module_::import("enum").attr(flags ? "IntFlag" : "IntEnum")(
-      name, items, py::arg("module") = "forceserver._core");
+  const py::module_ enums = py::module_::import("enum");
+  const py::object type = enums.attr(flags ? "IntFlag" : "IntEnum")(name, items, py::arg("module") = "forceserver._core");
+  // It prints as its name, not as its number; but {value:d} and its like are of the number.
+  type.attr("__str__") = enums.attr(flags ? "Flag" : "Enum").attr("__str__");
+  type.attr("__format__") = py::cpp_function([](const py::object& self, const std::string& form) -> py::object {
+    const bool is_of_number = !form.empty() && std::string("bcdoxXn").find(form.back()) != std::string::npos;
+    const py::object shown = is_of_number ? py::object(py::int_(PyLong_AsLong(self.ptr()))) : py::object(py::str(self));
+    return shown.attr("__format__")(form);
+  }, py::is_method(type));
   type.attr("__doc__") = doc;
   py::dict members;
   for (const auto& [key, value] : values) members[py::int_(value)] = type.attr(key);
@@ -105,6 +112,14 @@ T number(py::handle value, const char* name) {
     }
     return py::detail::cast_op<T>(caster);
   }
+}
+
+// A call with an argument that had another name before.
+inline py::object renamed_call(const py::object& callee, const py::args& args, const py::kwargs& given, const char* before,
+                               const char* now) {
+  py::kwargs renamed = given.attr("copy")();
+  renamed[now] = renamed.attr("pop")(before);
+  return callee(*args, **renamed);
 }
 
 // What is said of a call whose arguments do not fit. `names`: of those it has, the first `required` without a default.

@@ -14,6 +14,8 @@ converted, not the array of its as_quat().
 scene["rock"].move(..) puts an object somewhere, where it stands still; scene["rock"].stream(..) is one of a stream of
 moves, from which its motion is worked out. Its fields can be read and set: scene["rock"].enabled = False.
 
+fs.table(scene.get_reports()) is a dict of flat columns, as pandas.DataFrame takes it.
+
 Ctrl-C ends the long waits: for events, sync, a connection, a device, a group of another thread, the steps of a servo,
 and a mesh that is loaded or built. Any other call ends first: one that asks a server within about 1 s. That takes longer
 only where an object is set, or a scene loaded, with a mesh that was not built (1 s for a million triangles), and where a
@@ -40,12 +42,13 @@ def _refuse_subinterpreter() -> None:
 _refuse_subinterpreter()
 del _refuse_subinterpreter
 
-from . import _core, _objects, _plot, _scene  # noqa: E402
+from . import _core, _objects, _plot, _scene, _table  # noqa: E402
 from ._core import *  # noqa: E402, F403
 from ._core import Curve, Shape, version  # noqa: E402
 from ._objects import *  # noqa: E402, F403
 from ._plot import *  # noqa: E402, F403
 from ._scene import *  # noqa: E402, F403
+from ._table import *  # noqa: E402, F403
 
 __version__ = version()
 __all__ = ["Curve", "Shape"]
@@ -53,3 +56,4 @@ __all__ += _core.__all__
 __all__ += _objects.__all__
 __all__ += _plot.__all__
 __all__ += _scene.__all__
+__all__ += _table.__all__

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import copyreg
 from collections.abc import Callable
+from numbers import Real
 from os import PathLike
-from typing import TYPE_CHECKING, Any, Literal, Unpack
+from typing import TYPE_CHECKING, Any, Literal, Protocol, Unpack
 
 import numpy as np
 
@@ -35,6 +36,18 @@ if TYPE_CHECKING:
     from ._core import Array, ObjectFields, Rotation
 
     Sense = int | Literal["attractive", "repulsive"]
+
+    class _HasVertices(Protocol):  # trimesh.Trimesh
+        @property
+        def vertices(self) -> Any: ...
+        @property
+        def faces(self) -> Any: ...
+
+    class _HasPoints(Protocol):  # pyvista.PolyData, meshio.Mesh
+        @property
+        def points(self) -> Any: ...
+
+    SurfaceMesh = _HasVertices | _HasPoints
 
     class Common(ObjectFields, total=False):
         """What every kind of object has: the fields of Object, and those of its pose."""
@@ -84,42 +97,56 @@ class Constant(Profile):
         super().__init__(kind=ProfileKind.CONSTANT, gain=gain, limit=limit, sense=sense, reach=reach)
 
 
-class _GainAndOffset(Profile):
+class LinearIncreasing(Profile):
+    """gain*d + offset (N/m, >= 0; N)."""
+
     __slots__ = ()
-    _kind: ProfileKind
 
     def __init__(
         self, gain: float, offset: float = 0, *, limit: float, sense: Sense = "attractive", reach: float = 0
     ) -> None:
-        super().__init__(kind=self._kind, gain=gain, offset=offset, limit=limit, sense=sense, reach=reach)
+        super().__init__(
+            kind=ProfileKind.LINEAR_INCREASING, gain=gain, offset=offset, limit=limit, sense=sense, reach=reach
+        )
 
 
-class LinearIncreasing(_GainAndOffset):
-    """gain*d + offset (N/m, >= 0; N)."""
-
-    __slots__ = ()
-    _kind = ProfileKind.LINEAR_INCREASING
-
-
-class LinearDecreasing(_GainAndOffset):
+class LinearDecreasing(Profile):
     """gain*d + offset (N/m, <= 0; N)."""
 
     __slots__ = ()
-    _kind = ProfileKind.LINEAR_DECREASING
+
+    def __init__(
+        self, gain: float, offset: float = 0, *, limit: float, sense: Sense = "attractive", reach: float = 0
+    ) -> None:
+        super().__init__(
+            kind=ProfileKind.LINEAR_DECREASING, gain=gain, offset=offset, limit=limit, sense=sense, reach=reach
+        )
 
 
-class Quadratic(_GainAndOffset):
+class Quadratic(Profile):
     """gain*d^2 + offset (N/m^2; N)."""
 
     __slots__ = ()
-    _kind = ProfileKind.QUADRATIC
+
+    def __init__(
+        self, gain: float, offset: float = 0, *, limit: float, sense: Sense = "attractive", reach: float = 0
+    ) -> None:
+        super().__init__(
+            kind=ProfileKind.QUADRATIC, gain=gain, offset=offset, limit=limit, sense=sense, reach=reach
+        )
 
 
-class Inverse(_GainAndOffset):
+class Inverse(Profile):
     """gain/d + offset (N m, >= 0; N)."""
 
     __slots__ = ()
-    _kind = ProfileKind.INVERSE
+
+    def __init__(
+        self, gain: float, offset: float = 0, *, limit: float, sense: Sense = "attractive", reach: float = 0
+    ) -> None:
+        super().__init__(
+            kind=ProfileKind.INVERSE, gain=gain, offset=offset, limit=limit, sense=sense, reach=reach
+        )
 
 
 class Gaussian(Profile):
@@ -178,7 +205,9 @@ class Custom(Profile):
             if table.dtype.kind == "f" and not np.isfinite(table).all():
                 first = int(np.argmin(np.isfinite(table).ravel()))
                 raise ValueError(f"entry {first} of the table is {table.ravel()[first]}; it must be finite")
-            curve = _core.curve_create_table(function, step)
+            if table.ndim != 1:
+                raise TypeError(f"a table is forces of shape (n,), not of shape {table.shape}")
+            curve = _core.curve_create_table(table, step)
         super().__init__(kind=ProfileKind.CUSTOM, gain=gain, limit=limit, sense=sense, reach=reach, curve=curve)
 
     def __repr__(self) -> str:
@@ -213,28 +242,54 @@ def _sample(function: Callable[[float], float], end: float, samples: int) -> tup
     )
 
 
-def intensity(
-    profile: Profile, distances: ArrayLike, t: float = 0, out: Array | None = None, *, max_stiffness: float = 0
-) -> Array:
-    """What a profile gives at distances (m, >= 0; shape (n,)) and t s after the object's start, in N.
+def the_time(time: float, t: float | None) -> float:
+    """`t` is the older name of the argument `time`."""
+    if t is None:
+        return time
+    if time != 0:
+        raise TypeError("either time or t, which is its older name")
+    return t
 
-    max_stiffness: N/m, what its slopes are limited to; 0: no limit. See fs_profile_evaluate.
+
+def intensity(
+    profile: Profile,
+    distances: ArrayLike,
+    time: float = 0,
+    out: Array | None = None,
+    *,
+    max_stiffness: float = 0,
+    t: float | None = None,
+) -> Array:
+    """What a profile gives at distances (m, >= 0; an array of any shape), in N.
+
+    time: s after the object's start. max_stiffness: N/m, what its slopes are limited to; 0: no limit. See
+    fs_profile_evaluate. t: the older name of `time`.
     """
-    return _core.profile_evaluate(profile, max_stiffness, t, distances, out)
+    return _core.profile_evaluate(profile, max_stiffness, the_time(time, t), distances, out)
 
 
 def law(
-    object: Object, distances: ArrayLike, t: float = 0, out: Array | None = None, *, max_stiffness: float = 0
+    object: Object,
+    distances: ArrayLike,
+    time: float = 0,
+    out: Array | None = None,
+    *,
+    max_stiffness: float = 0,
+    t: float | None = None,
 ) -> Array:
-    """What both sides of an object give at signed distances (m, > 0 in front; shape (n,)), in N towards the front.
+    """What both sides of an object give at signed distances (m, > 0 in front; an array of any shape), in N towards the
+    front.
 
-    t: s after the object's start; max_stiffness: N/m, what the slopes are limited to; 0: no limit. See
-    fs_object_evaluate_law.
+    time: s after the object's start. max_stiffness: N/m, what the slopes are limited to; 0: no limit. See
+    fs_object_evaluate_law. t: the older name of `time`.
     """
-    return _core.object_evaluate_law(object, max_stiffness, t, distances, out)
+    return _core.object_evaluate_law(object, max_stiffness, the_time(time, t), distances, out)
 
 
 # ---------------------------------------------------------------------------------------------------------- primitives
+
+
+_FIELDS = sorted({"name", "position", "orientation", *_core.PARTS})
 
 
 def _put(made: Object, common: Common) -> None:
@@ -243,8 +298,8 @@ def _put(made: Object, common: Common) -> None:
         if "pose" in common and name in common:
             raise TypeError(f"either pose or {name}")
     for name, value in common.items():
-        if name not in ("position", "orientation") and not hasattr(made, name):
-            raise TypeError(f"{type(made).__name__} has no field {name!r}")
+        if name not in _FIELDS:
+            raise TypeError(f"{type(made).__name__} has no field {name!r}; it has {', '.join(_FIELDS)}")
         setattr(made.pose if name in ("position", "orientation") else made, name, value)
 
 
@@ -274,12 +329,26 @@ class Polyline(Object):
         _put(self, common)
 
 
+def _vector(value: ArrayLike, name: str) -> Array:
+    """Three finite numbers, which the caller's user knows by this name."""
+    numbers = np.asarray(value)
+    if numbers.shape != (3,) or numbers.dtype.kind not in "fiu":
+        raise TypeError(f"{name} must be numbers of shape (3,), not {numbers.dtype} of shape {numbers.shape}")
+    if not np.isfinite(numbers).all():
+        raise _core.InvalidError(f"{name} is {_listed(numbers)}; it must be finite")
+    return numbers
+
+
+def _listed(numbers: Array) -> str:
+    return f"({', '.join(f'{x:g}' for x in numbers)})"
+
+
 def pose_along(position: ArrayLike, normal: ArrayLike) -> _core.Pose:
     """The pose of a plane at a position (m) with a normal."""
-    numbers = np.asarray(normal)
-    if numbers.shape == (3,) and numbers.dtype.kind in "fiu" and not np.any(numbers):
-        raise _core.InvalidError(f"normal is ({', '.join(f'{x:g}' for x in numbers)}); it needs a length above 0")
-    return _core.pose_from_z(position, normal)
+    direction = _vector(normal, "normal")
+    if not direction.any():
+        raise _core.InvalidError(f"normal is {_listed(direction)}; it needs a length above 0")
+    return _core.pose_from_z(position, direction)
 
 
 class Plane(Object):
@@ -300,20 +369,23 @@ class Mesh(Object):
     """A surface of triangles, its front where they run counter-clockwise.
 
     points: m, in the frame of the object, shape (n, 3), with triangles: three indices each, shape (m, 3). Or points is
-    the path of a file (.obj, .ply, .stl, .off). scale: metres a unit of the points or the file. Or points is a Shape.
+    the path of a file (.obj, .ply, .stl, .off); or a mesh of trimesh, PyVista or meshio, of which the triangles are
+    taken. scale: metres a unit of these points or of the file. Or points is a Shape.
     """
 
     __slots__ = ()
 
     def __init__(
         self,
-        points: ArrayLike | str | PathLike[str] | Shape,
+        points: ArrayLike | str | PathLike[str] | Shape | SurfaceMesh,
         triangles: ArrayLike | None = None,
         *,
         scale: float | None = None,
         **common: Unpack[Common],
     ) -> None:
         of_points = not isinstance(points, (Shape, str, PathLike))
+        if triangles is None and of_points and not isinstance(points, (np.ndarray, list, tuple)):
+            points, triangles = _of_library(points)
         if triangles is not None and not of_points:
             raise TypeError("triangles belong to points, not to a file or a Shape")
         if isinstance(points, Shape):
@@ -323,11 +395,37 @@ class Mesh(Object):
         elif isinstance(points, (str, PathLike)):
             shape = _core.shape_load(points, 1 if scale is None else scale)
         elif triangles is not None:
-            shape = _core.shape_create_mesh(points if scale is None else np.asarray(points) * scale, triangles)
+            if scale is not None:
+                points = np.asarray(points) * np.full(1, scale)  # in double precision, whatever the points have
+            shape = _core.shape_create_mesh(points, triangles)  # type: ignore[arg-type]
         else:
             raise TypeError("a mesh of points needs triangles=")
         super().__init__(primitive=Primitive.MESH, shape=shape)
         _put(self, common)
+
+
+def _of_library(mesh: Any) -> tuple[Any, Any]:
+    """Points and triangles of a mesh of trimesh (vertices, faces), PyVista (points, faces) or meshio (points, cells)."""
+    name = type(mesh).__name__
+    if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):
+        return np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    if hasattr(mesh, "points") and hasattr(mesh, "faces"):
+        faces = np.asarray(mesh.faces)  # of each its number of corners, then these
+        if faces.size % 4 or (faces[::4] != 3).any():
+            if not hasattr(mesh, "triangulate"):
+                raise TypeError(f"not all faces of this {name} are triangles")
+            mesh = mesh.triangulate()
+            faces = np.asarray(mesh.faces)
+        return np.asarray(mesh.points), faces.reshape(-1, 4)[:, 1:]
+    if hasattr(mesh, "points") and isinstance(getattr(mesh, "cells", None), list):
+        kinds = [cells.type for cells in mesh.cells]
+        other = sorted({kind for kind in kinds if kind.startswith(("quad", "polygon", "triangle")) and kind != "triangle"})
+        if other or "triangle" not in kinds:
+            raise TypeError(f"this {name} has cells of type {', '.join(other or kinds) or 'none'}; a surface of triangles is needed")
+        return np.asarray(mesh.points), np.concatenate([cells.data for cells in mesh.cells if cells.type == "triangle"])
+    raise TypeError(
+        f"points must be points with triangles=, the path of a file, a Shape, or a surface of trimesh, PyVista or meshio, not {name}"
+    )
 
 
 class Wall(Object):
@@ -341,9 +439,11 @@ class Wall(Object):
     def __init__(
         self, point: ArrayLike, normal: ArrayLike, stiffness: float, limit: float, **common: Unpack[Common]
     ) -> None:
+        if not isinstance(stiffness, Real):
+            raise TypeError(f"stiffness must be a number, not {type(stiffness).__name__}")
         super().__init__(
             primitive=Primitive.PLANE,
-            pose=pose_along(point, normal),
+            pose=pose_along(_vector(point, "point"), normal),
             back=LinearIncreasing(stiffness, limit=limit),
         )
         for name in ("pose", "position", "orientation"):

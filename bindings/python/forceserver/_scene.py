@@ -303,6 +303,10 @@ class Scene(_core.Scene):
         for name, value in [*(objects.items() if isinstance(objects, Mapping) else objects), *more.items()]:
             self[name] = value
 
+    def _ipython_key_completions_(self) -> list[str]:
+        """What scene['<Tab> offers: the names of all objects that the scene can see."""
+        return self.get_motions(None)["name"].tolist()  # type: ignore[no-any-return]
+
     # ---- Groups
 
     @contextlib.contextmanager
@@ -361,8 +365,9 @@ class Scene(_core.Scene):
     def evaluate(
         self, positions: ArrayLike, out: Array | None = None, *, name: str | None = None, time: float = 0
     ) -> Array:
-        """The forces (N, shape (n, 3)) that a resting point feels at positions (m, shape (n, 3)), of all objects or of
-        one. out: where they are written; it is returned, else a new array. time: s, on the scene's clock; 0: now."""
+        """The forces (N) that a resting point feels at positions (m), of all objects or of one: an array of vectors, or a
+        grid of them, of shape (.., 3). out: where they are written; it is returned, else a new array of that shape. time:
+        s, on the scene's clock; 0: now."""
         return self.evaluate_field(name, time, positions, out)
 
     def hand(self) -> Hand:
@@ -393,7 +398,7 @@ class Scene(_core.Scene):
         if endpoint is not None:
             return f"<forceserver.Scene of {self._client!r} at {endpoint!r}>"
         try:
-            return f"<forceserver.Scene of {len(self)} objects>"
+            return f"<forceserver.Scene of {len(self)} object{'' if len(self) == 1 else 's'}>"
         except Error:
             return super().__repr__()
 

@@ -363,7 +363,8 @@ public final class Player implements AutoCloseable {
         if (step.containsKey("drain")) events.clear();
         events.sort(Comparator.comparing((Event e) -> e.kind()).thenComparing(e -> e.name()));
         for (Event e : events) {
-          give(e.kind().value(), e.status().value(), e.value());
+          boolean isOwn = e.value() == ProcessHandle.current().pid();
+          give(e.kind().value(), e.status().value(), e.kind() == EventKind.CLIENT ? (isOwn ? 1.0 : 0.0) : e.value());
           give(e.name());
           give(e.text());
         }
@@ -431,6 +432,7 @@ public final class Player implements AutoCloseable {
         give(t.energy() > 0);
       }
       case "stop_force" -> scene.stopForce();
+      case "resume_force" -> scene.resumeForce();
       case "device" -> give(step.containsKey("opened") ? device.info() : scene.deviceInfo());
       case "devices" -> {
         for (DeviceEntry each : ForceServer.devices()) if (each.uri().equals("sim:")) give(each.label());

@@ -339,7 +339,8 @@ class Player {
         return a.kind != b.kind ? a.kind < b.kind : std::strcmp(a.name, b.name) < 0;
       });
       for (const fs_event& e : events) {
-        if (!step.value("drain", false)) give(e.kind), give(e.status), give(e.value), give(e.name), give(e.text);
+        const double value = e.kind == FS_EVENT_CLIENT ? e.value == double(getpid()) : e.value;
+        if (!step.value("drain", false)) give(e.kind), give(e.status), give(value), give(e.name), give(e.text);
       }
     } else if (verb == "clients") {
       std::vector<fs_client> clients(100);
@@ -410,6 +411,8 @@ class Player {
       give(t.enabled), give(t.ticks > 5000), give(t.energy > 0);  // these two depend on when a server took a change
     } else if (verb == "stop_force") {
       check(fs_scene_stop_force(scene_));
+    } else if (verb == "resume_force") {
+      check(fs_scene_resume_force(scene_));
     } else if (verb == "device") {
       fs_device_info d = fs_device_info_init();
       check(step.contains("opened") ? fs_device_get_info(device_, &d) : fs_scene_get_device_info(scene_, &d));

@@ -209,7 +209,8 @@ class Player:
     def do_events(self, drain=False):
         events = sorted(self.scene.events(timeout=0), key=lambda e: (e.kind, e.name))
         for e in events if not drain else []:
-            self.give(int(e.kind), int(e.status), e.value, e.name, e.text)
+            value = float(e.value == os.getpid()) if e.kind == fs.EventKind.CLIENT else e.value
+            self.give(int(e.kind), int(e.status), value, e.name, e.text)
 
     def do_clients(self):
         for c in self.scene.get_clients():
@@ -291,6 +292,9 @@ class Player:
 
     def do_stop_force(self):
         self.scene.stop_force()
+
+    def do_resume_force(self):
+        self.scene.resume_force()
 
     def do_device(self, opened=False):
         d = self.device.get_info() if opened else self.scene.get_device_info()

@@ -51,6 +51,12 @@ def test_constants_and_enums():
     assert fs.StateFlags.READY == 1 and fs.ResponseFlags.GUARDED == 8 and fs.OffFlags.BLEND == 64
 
 
+def test_enums_print_as_their_names():
+    assert str(fs.EventKind.DEVICE) == f"{fs.EventKind.DEVICE}" == "EventKind.DEVICE" and f"{fs.EventKind.DEVICE:d}" == "6"
+    assert f"{fs.Sense.REPULSIVE:>17}" == "  Sense.REPULSIVE" and "%d" % fs.Status.NOT_FOUND == "-2"
+    assert str(fs.Fault.SPEED | fs.Fault.LATE) == "Fault.SPEED|LATE" and json.dumps(fs.Part.SHAPE) == "8"
+
+
 def test_fields():
     profile = fs.Profile(kind=fs.ProfileKind.GAUSSIAN, sense="repulsive", gain=3, limit=5)
     assert profile.kind is fs.ProfileKind.GAUSSIAN and profile.sense is fs.Sense.REPULSIVE and profile.gain == 3.0

@@ -18,7 +18,7 @@ FOLDER = pathlib.Path(fs.__file__).parent
 def test_import_in_an_empty_environment():
     code = "import forceserver as fs; s = fs.Scene(); s['a'] = fs.Point(front=fs.Custom('d', limit=1)); print(s)"
     done = subprocess.run(["env", "-i", sys.executable, "-c", code], cwd="/", capture_output=True, text=True)
-    assert done.stdout == "<forceserver.Scene of 1 objects>\n", done.stderr
+    assert done.stdout == "<forceserver.Scene of 1 object>\n", done.stderr
 
 
 def test_the_program():
@@ -138,6 +138,24 @@ def test_plot_says_that_matplotlib_is_missing(run):
         except ImportError as error: print(error)
     """)
     assert out.startswith("fs.plot needs matplotlib, which is not installed")
+
+
+def test_arrows_are_no_longer_than_the_way_to_the_next(run):
+    pytest.importorskip("matplotlib")
+    out = run("""
+        import matplotlib; matplotlib.use("Agg")
+        import numpy as np, forceserver as fs
+        scene = fs.Scene()
+        axes = fs.plot(scene, extent=0.05)  # no force at all
+        scene["magnet"] = fs.Point(front=fs.Gaussian(2, 0.01, limit=2))
+        axes = fs.plot(scene, extent=0.05)
+        axes.figure.canvas.draw()
+        arrows = axes.collections[0]
+        longest = np.hypot(arrows.U, arrows.V).max() / arrows.scale
+        print(arrows.scale_units, round(longest, 3), np.ptp(np.unique(arrows.XY[:, 0])) / 20)
+        print(fs.plot(scene, extent=0.05, scale=7).collections[0].scale)
+    """)
+    assert out.splitlines() == ["xy 4.5 5.0", "7"]
 
 
 def python_lines(file):

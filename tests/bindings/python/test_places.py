@@ -1,5 +1,6 @@
 """Where an object is put, and what can be read and set by its name."""
 
+import copy
 import pickle
 
 import numpy as np
@@ -141,8 +142,6 @@ class Named(fs.Mesh):
 
 
 def test_copies_and_pickles_are_of_the_same_class():
-    import copy
-
     made = Named("rock")
     for again in (copy.copy(made), made.copy(), copy.deepcopy(made)):
         assert type(again) is Named and again == made and again.label == ["rock"]
@@ -162,3 +161,27 @@ def test_copies_and_pickles_are_of_the_same_class():
     assert line.get_info().closed and line.get_triangles() is None
     with pytest.raises(TypeError):
         pickle.dumps(fs.Scene())
+
+
+@pytest.mark.parametrize("made", ["fs.Scene()", "fs.Device()", "fs.Tool(fs.Scene())", "fs.Servo(fs.Scene())", "fs._core.Scene(fs.Scene())"])
+def test_a_handle_is_not_copied_and_does_not_end_the_process(run, made):
+    said = run(f"""
+        import copy, pickle, forceserver as fs
+        made = {made}
+        calls = [lambda p=p: pickle.dumps(made, p) for p in range(pickle.HIGHEST_PROTOCOL + 1)]
+        for call in [*calls, lambda: copy.copy(made), lambda: copy.deepcopy(made), lambda: copy.deepcopy([made]), made.__reduce__]:
+            try: call()
+            except TypeError as error: print(error)
+        print(made.closed)
+    """).splitlines()
+    assert len(said) == 11 and said[-1] == "False" and all(": it is a handle of this process" in line for line in said[:-1])
+
+
+def test_all_else_is_pickled_by_every_protocol():
+    for made in (fs.Pose(position=(1, 2, 3)), fs.Point(front=fs.Gaussian(3, 0.1, limit=5)), fs.Custom("d", limit=1), fs.Fault.SPEED):
+        for protocol in range(pickle.HIGHEST_PROTOCOL + 1):
+            again = pickle.loads(pickle.dumps(made, protocol))
+            assert type(again) is type(made) and repr(again) == repr(made)
+    assert fs.Pose(position=(1, 2, 3)).__reduce__()[1][2]["position"].tolist() == [1, 2, 3]
+    curve = copy.deepcopy(fs.curve_create_expression("1+d"))
+    assert curve.get_expression() == "1+d"

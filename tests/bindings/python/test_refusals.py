@@ -57,6 +57,24 @@ REFUSED = [
     (lambda s: fs.curve_create_table(np.zeros(0, fs.Pose.dtype), 1), TypeError, "forces must be floats"),
     (lambda s: fs.Mesh(np.zeros((3, 3)), np.zeros(0, fs.Pose.dtype)), TypeError, "triangles must be integers"),
     (lambda s: s.evaluate(np.zeros((0, 3), "U3")), TypeError, "positions must be floats"),
+    (lambda s: s.evaluate(np.eye(3), out=np.zeros(3)), TypeError, r"out must be a C-contiguous, .*shape \(3, 3\): it has shape \(3,\)"),
+    (lambda s: s.evaluate(np.zeros((4, 4, 2))), TypeError, r"positions must be floats of shape \(.., 3\), not float64 of shape \(4, 4, 2\)"),
+    (lambda s: s.evaluate(3.0), TypeError, r"positions must be floats of shape \(.., 3\), not float64 of shape \(\)"),
+    (lambda s: fs.intensity(fs.Constant(1, limit=1), [0, 1], out=[1]), TypeError, "out must be"),
+    (lambda s: fs.intensity(fs.Constant(1, limit=1), [0, 1], 1, t=1), TypeError, "either time or t"),
+    (lambda s: s.evaluate_field(None, 0, np.eye(3), out=None, forces=None), TypeError, r"evaluate_field\(\) has no argument 'forces'"),
+    (lambda s: fs.LinearIncreasing(200), TypeError, r"^LinearIncreasing.__init__\(\) missing .*'limit'"),
+    (lambda s: fs.Inverse(1), TypeError, r"^Inverse.__init__\(\) missing .*'limit'"),
+    (lambda s: fs.Point(fornt=3), TypeError, "Point has no field 'fornt'; it has back, contact, damping, .*, front, .*, position, .*twist$"),
+    (lambda s: fs.Point(copy=3), TypeError, "Point has no field 'copy'; it has"),
+    (lambda s: fs.Plane(normal=[1, 2]), TypeError, r"^normal must be numbers of shape \(3,\), not int64 of shape \(2,\)"),
+    (lambda s: fs.Plane(normal=[1, 2, np.nan]), ValueError, r"^normal is \(1, 2, nan\); it must be finite"),
+    (lambda s: fs.Wall([1, 2], (0, 0, 1), 1, 1), TypeError, r"^point must be numbers of shape \(3,\)"),
+    (lambda s: fs.Wall((0, 0, 0), (0, 0, 1), "1", 1), TypeError, "^stiffness must be a number, not str"),
+    (lambda s: fs.Custom([[1, 2]], limit=1, step=1), TypeError, r"^a table is forces of shape \(n,\), not of shape \(1, 2\)"),
+    (lambda s: fs.Mesh(3), TypeError, "points must be points with triangles=, .* a surface of trimesh, PyVista or meshio, not int"),
+    (lambda s: fs.Mesh(np.eye(3)), TypeError, "a mesh of points needs triangles="),
+    (lambda s: fs.table(3), TypeError, r"rows must be an array of structs, such as scene.get_reports\(\), not int"),
 ]
 
 
@@ -64,6 +82,31 @@ REFUSED = [
 def test_a_refusal_says_why(scene, call, error, sentence):
     with pytest.raises(error, match=sentence):
         call(scene)
+
+
+def test_the_older_names_of_arguments_are_taken(scene, spring):
+    scene["a"] = spring
+    forces, distances = np.zeros((3, 3)), [0, 0.01, 0.02]
+    assert scene.evaluate_field(None, 0, np.eye(3) * 0.01, forces=forces) is forces and forces.any()
+    numbers = np.zeros(3)
+    assert fs.profile_evaluate(spring.front, 0, 0, distances, forces=numbers) is numbers and numbers.tolist() == [0, 2, 4]
+    pulse = fs.Custom("t", limit=9)
+    for late in (fs.intensity(pulse, distances, 3), fs.intensity(pulse, distances, time=3), fs.intensity(pulse, distances, t=3)):
+        assert late.tolist() == [3, 3, 3]
+    thing = fs.Point(name="a", front=pulse)
+    assert fs.law(thing, [0.1], time=3)[0] == fs.law(thing, [0.1], t=3)[0] == -3
+
+
+def test_a_grid_need_not_be_reshaped(scene, spring):
+    scene["a"] = spring
+    grid = np.random.default_rng(5).uniform(-0.01, 0.01, (4, 5, 3))
+    wanted = scene.evaluate(grid.reshape(-1, 3)).reshape(4, 5, 3)
+    room = np.empty((4, 5, 3))
+    assert scene.evaluate(grid, out=room) is room and (room == wanted).all() and (scene.evaluate(grid) == wanted).all()
+    assert (scene.evaluate(grid.swapaxes(0, 1)) == wanted.swapaxes(0, 1)).all()
+    assert (scene.evaluate(grid[1, 2]) == wanted[1, 2]).all() and scene.evaluate([]).shape == (0, 3)
+    assert scene.evaluate(np.zeros((2, 0, 3))).shape == (2, 0, 3)
+    assert fs.intensity(spring.front, grid[..., 0] ** 2).shape == (4, 5) and fs.intensity(spring.front, 0.01) == 2
 
 
 def test_errors_of_a_value_are_its_own():
@@ -96,7 +139,7 @@ def test_results_do_not_overlap_what_is_read(scene, spring):
     scene["a"] = spring
     numbers = np.random.default_rng(5).uniform(-0.01, 0.01, (101, 3))
     wanted = scene.evaluate(numbers[:100])
-    with pytest.raises(ValueError, match="positions and forces overlap"):
+    with pytest.raises(ValueError, match="positions and out overlap"):
         scene.evaluate(numbers[:100], out=numbers[1:])
     assert (scene.evaluate(numbers[:100].copy(), out=numbers[1:]) == wanted).all()
     numbers[:100] = scene.evaluate(numbers[:100])  # this is right
@@ -161,7 +204,7 @@ def test_events_end_and_a_repr_never_fails(scene):
     assert repr(client).startswith("<forceserver.Scene of 'me'")
     with pytest.raises(ConnectionError):
         client.get_reports()
-    assert repr(fs.Mesh(np.eye(3), [[0, 1, 2]]).shape) == "<forceserver.Shape of 3 points, 1 triangles>"
+    assert repr(fs.Mesh(np.eye(3), [[0, 1, 2]]).shape) == "<forceserver.Shape of 3 points, 1 triangle>"
     assert repr(fs.Custom("3*d", limit=1).curve) == "<forceserver.Curve '3*d'>"
     assert "2 forces" in repr(fs.Custom([1, 2], step=0.5, limit=1).curve)
     client.close()

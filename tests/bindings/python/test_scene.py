@@ -35,7 +35,7 @@ def test_a_scene_is_a_mapping(scene, spring):
         with pytest.raises(KeyError):
             missing()
     del scene["a"]
-    assert list(scene) == ["b"] and "1 objects" in repr(scene)
+    assert list(scene) == ["b"] and "1 object>" in repr(scene)
     scene.update({"c": spring, "d": spring})
     with pytest.raises(fs.InvalidError), scene.change():
         scene.update({"e": spring, "/": spring})

@@ -1,5 +1,7 @@
 package org.forceserver;
 
+import java.util.Map;
+import java.util.regex.MatchResult;
 import java.util.regex.Matcher;
 import java.util.regex.Pattern;
 
@@ -9,7 +11,12 @@ import java.util.regex.Pattern;
  */
 public class ForceServerException extends RuntimeException {
   private static final long serialVersionUID = 1;
-  private static final Pattern FUNCTION = Pattern.compile("\\bfs_(scene|shape|curve|tool|device|servo|server)_(?:get_)?([a-z_]+)");
+  private static final Pattern NAME = Pattern.compile("\\bfs_(?!driver_)([a-z_]+)");  // fs_driver_entry is C's
+  private static final Pattern METHOD = Pattern.compile("(scene|shape|curve|tool|device|servo|server)_(?:get_)?([a-z_]+)");
+  /** Functions that are no method of the class in their name. */
+  private static final Map<String, String> OTHERS = Map.of(
+      "object_change", "Scene.change", "scene_begin", "Scene.change", "scene_commit", "Change.commit",
+      "scene_cancel", "Change.close", "scene_create", "new Scene", "servo_start", "new Servo");
   /** How the call ended. */
   private final Status status;
 
@@ -40,15 +47,24 @@ public class ForceServerException extends RuntimeException {
     }
   }
 
-  /** A sentence of the library with the names that functions have here. */
+  /** A sentence of the library with the names that things have here. */
   private static String inJava(String sentence) {
-    return FUNCTION.matcher(sentence).replaceAll(found -> {
-      String owner = found.group(1), name = found.group(2);
-      StringBuilder method = new StringBuilder();
-      for (String part : name.split("_")) {
-        method.append(method.isEmpty() ? part : part.substring(0, 1).toUpperCase(java.util.Locale.ROOT) + part.substring(1));
-      }
-      return Matcher.quoteReplacement(owner.substring(0, 1).toUpperCase(java.util.Locale.ROOT) + owner.substring(1) + "." + method);
-    });
+    return NAME.matcher(sentence).replaceAll(found -> Matcher.quoteReplacement(inJava(found)));
+  }
+
+  private static String inJava(MatchResult name) {
+    String other = OTHERS.get(name.group(1));
+    if (other != null) return other;
+    Matcher method = METHOD.matcher(name.group(1));
+    if (!method.matches()) return camel(name.group(1));
+    String verb = camel(method.group(2));
+    return camel(method.group(1)) + "." + Character.toLowerCase(verb.charAt(0)) + verb.substring(1);
+  }
+
+  /** "SetTime" for "set_time". */
+  private static String camel(String name) {
+    StringBuilder out = new StringBuilder();
+    for (String part : name.split("_")) out.append(part.substring(0, 1).toUpperCase(java.util.Locale.ROOT)).append(part.substring(1));
+    return out.toString();
   }
 }

@@ -390,9 +390,14 @@ public final class Scene extends Handle {
     return info;
   }
 
-  /** Ends the force of the servo that runs this scene, at once; only the servo's owner lets it return. */
+  /** Ends the force of the servo that runs this scene, at once; only the servo's user lets it return. */
   public void stopForce() {
     call(Native::fs_scene_stop_force);
+  }
+
+  /** Lets the force of the servo that runs this scene return; for the servo's user, and root, alone. */
+  public void resumeForce() {
+    call(Native::fs_scene_resume_force);
   }
 
   /** A call that fills a list of this scene. */

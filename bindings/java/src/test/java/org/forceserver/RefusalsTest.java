@@ -68,6 +68,8 @@ class RefusalsTest {
       refused(IllegalArgumentException.class, "timeout is -1.0 s, must be >= 0", () -> scene.sync(-1));
       refused(UnsupportedException.class, "Scene.connect", scene::clients);
       refused(NotFoundException.class, "nobody", () -> scene.get("nobody"));
+      refused(ForceServerException.class, "not set, but changed (Scene.change)", () -> scene.set(Support.spring("a/b")));
+      refused(ForceServerException.class, "the scene has no servo; new Servo gives it one", scene::servoStats);
       refused(IllegalArgumentException.class, "'a?b' holds a NUL character", () -> scene.remove("a\0b"));
       refused(IllegalArgumentException.class, "name holds a NUL character", () -> ForceObject.of("", Primitive.POINT).name("a\0b"));
       refused(IllegalArgumentException.class, "half of a surrogate pair", () -> scene.set(Support.spring("a\ud800")));
