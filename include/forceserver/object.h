@@ -96,11 +96,11 @@ typedef enum fs_keep {
  * the proxy lies on the surface they act along the kept side's normal. Frozen. With keep NONE the other fields are
  * checked and stored, but have no effect.
  *
- * - Objects of equal stiffness, as it is applied (fs_report), share a proxy: where several meet, the spring to it acts
- *   once. Each other stiffness has a proxy of its own, and their forces add.
+ * - Objects of equal limit and equal stiffness, as it is applied (fs_report), share a proxy: where several meet, the spring
+ *   to it acts once, and the limit is that of their sum. Other objects have proxies of their own, and the forces add.
  * - Objects that move take a proxy along that they touch or meet. In a corner between several of them it goes to the nearest
  *   place that all of them allow.
- * - A hand that is crushed between objects of equal stiffness, where there is no such place within twice the way that they
+ * - A hand that is crushed between objects that share a proxy, where there is no such place within twice the way that they
  *   have moved, feels each of them as if it was alone: each gets a proxy of its own, and their forces add. They share one
  *   again when all but one of them have let the hand go.
  * - While an object fades in or out, the force is weight times the force with it plus (1 - weight) times the force without
@@ -110,7 +110,9 @@ typedef enum fs_keep {
  *   that replaces one which the hand touches takes the hand over, on the side that is kept.
  * - A change of the spring's force in one tick that the ways of hand and objects in that tick do not explain (at most twice
  *   the stiffness times the way) is spread over 20 ms, as when a proxy slips over the edge of a shelf.
- * - limit bounds the force of the object on all points of a tool together; its direction stays.
+ * - limit also bounds the force of the object on all points of a tool together; its direction stays. In a corner between
+ *   objects that share a proxy, a tool of several points that are held to the limit may gain a little energy on its way
+ *   round; a tool of one point does not.
  * - Near a tool at most 256 solid objects are felt, and at most 2048 pairs of a solid object and a tool point. With more
  *   than 8 that the hand holds on to and that fade at different times, what they hold is spread over 20 ms instead. */
 typedef struct fs_contact {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 
 namespace fs {
 namespace {
@@ -15,12 +16,29 @@ Mat3 held_by(const Planes& planes) noexcept {
   return out;
 }
 
+// Springs that act as one have to be the same.
+bool can_share(const fs_contact& a, const fs_contact& b) noexcept {
+  return stiffness_of(a) == stiffness_of(b) && a.limit == b.limit;
+}
+
 bool has_free_way(const Touch& touch, const Object& object, Vec3 place) noexcept {  // in the last tick
   Crossing crossing;
   return !first_crossing(object.primitive, object.shape.get(), touch.side, touch.at, to_local(touch.pose, place), crossing);
 }
 
 }  // namespace
+
+double part_beside(double limit, Vec3 spring, Vec3 damping) noexcept {
+  const double square = dot(damping, damping), both = dot(spring, damping);
+  if (!(square > 0) || norm(spring + damping) <= limit) return 1;
+  const double room = std::max(0.0, limit * limit - dot(spring, spring));
+  return std::clamp((std::sqrt(both * both + square * room) - both) / square, 0.0, 1.0);
+}
+
+Mat3 across(Vec3 way) noexcept {
+  const Vec3 direction = normalized(way);
+  return identity() + -1.0 * outer(direction, direction);
+}
 
 // The touch of an older version of the same object, where the point was held by it; null: there is none.
 const Touch* PointProxies::replaced(const Point& point, const Solid& solid) const noexcept {
@@ -74,7 +92,6 @@ bool PointProxies::begin_touch(const Point& point, Member& member) noexcept {
   return true;
 }
 
-
 // Finds the members of the next proxy. False: all have theirs.
 bool PointProxies::gather(const Point& point) noexcept {
   const std::span<Solid> solids = point.tick.solids;
@@ -98,12 +115,12 @@ bool PointProxies::gather(const Point& point) noexcept {
     take(first, before_[first].left);
     return true;
   }
-  const double stiffness = stiffness_of(solids[first].object->contact);
+  const fs_contact& contact = solids[first].object->contact;
   const Touch* const known = before_[first].touch;
   const auto take_if_it_shares = [&](uint32_t i) {
     const Touch* const before = before_[i].touch;
     const Object& object = *solids[i].object;
-    if (before_[i].is_done || before_[i].left || stiffness_of(object.contact) != stiffness) return;
+    if (before_[i].is_done || before_[i].left || !can_share(object.contact, contact)) return;
     const bool is_apart = before && !(before->proxy == known->proxy);
     if (is_apart && (before->is_touching || !has_free_way(*before, object, known->proxy))) return;
     Touch* const touch = point.tick.touches.add_touch(point.layer);
@@ -155,14 +172,28 @@ void PointProxies::feel_proxy(const Point& point, Gain& out) noexcept {
   push(point, out);
 }
 
-// The forces of the members' contacts.
+// The forces of the members' contacts. All members have the same limit, and the spring's sum stays within it: so it is the
+// gradient of an energy still, which it would not be if each member's part was limited by itself.
 void PointProxies::push(const Point& point, Gain& out) noexcept {
   const ToolState& tool = point.tick.tool;
   const ToolState::Point& at = point.at();
-  const double k = stiffness_of(proxy_.members[0].solid->object->contact);
+  const fs_contact& contact = proxy_.members[0].solid->object->contact;
+  const double k = stiffness_of(contact);
   const Vec3 pull = proxy_.at - at.position;
+  const double part = part_within(contact.limit, k * norm(pull));
   double depth = 0, way = 0;
   for (uint32_t p = 0; p < proxy_.plane_count; ++p) depth += proxy_.shares[p];
+  std::array<Vec3, 3> damping{};  // N, of each plane
+  Vec3 all_damping{};
+  for (uint32_t p = 0; p < proxy_.plane_count; ++p) {
+    const Plane& plane = proxy_.planes[p];
+    const Solid& solid = *proxy_.members[plane.member].solid;
+    const Vec3 velocity = at.velocity - solid.motion->velocity(proxy_.at, solid.pose, tool.time, tool.blend);
+    const double approach = -dot(plane.normal, velocity);
+    if (approach > 0) damping[p] = (solid.object->contact.damping * approach) * plane.normal;
+    all_damping += damping[p];
+  }
+  const double damping_part = part_beside(contact.limit, (part * k) * pull, all_damping);
   bool is_held = proxy_.plane_count > 0;
   for (uint32_t i = 0; i < proxy_.count; ++i) {
     const Member& member = proxy_.members[i];
@@ -173,14 +204,11 @@ void PointProxies::push(const Point& point, Gain& out) noexcept {
       const Plane& plane = proxy_.planes[p];
       if (plane.member != i) continue;
       is_touching = true;
-      const Vec3 spring = k * (depth > 0 ? proxy_.shares[p] * plane.normal + (proxy_.shares[p] / depth) * proxy_.held
-                                         : (1.0 / proxy_.plane_count) * pull);
+      const Vec3 way_out = depth > 0 ? proxy_.shares[p] * plane.normal + (proxy_.shares[p] / depth) * proxy_.held
+                                     : (1.0 / proxy_.plane_count) * pull;
+      const Vec3 spring = (part * k) * way_out, damped = damping_part * damping[p];
       solid.spring = solid.spring + Wrench{spring, cross(at.arm, spring)};
-      const Vec3 velocity = at.velocity - solid.motion->velocity(proxy_.at, solid.pose, tool.time, tool.blend);
-      const double approach = -dot(plane.normal, velocity);
-      if (!(approach > 0)) continue;
-      const Vec3 damping = (solid.object->contact.damping * approach) * plane.normal;
-      solid.damping = solid.damping + Wrench{damping, cross(at.arm, damping)};
+      solid.damping = solid.damping + Wrench{damped, cross(at.arm, damped)};
     }
     const Touch* const before = member.before;
     if (before && (is_touching || before->is_touching)) {
@@ -202,8 +230,10 @@ void PointProxies::push(const Point& point, Gain& out) noexcept {
   const Touches::View* const last = point.tick.last;
   if (is_held && last) out.spring_change += 2 * k * (way + norm(at.position - last->hand[point.number]));
   if (proxy_.plane_count == 0) return;
-  // How the force changes with the hand: along the normals it is held.
-  proxy_.members[proxy_.planes[0].member].solid->stiffness += -k * (proxy_.is_stuck ? identity() : held_by(proxy_));
+  // How the force changes with the hand: along the normals it is held, at the limit only its direction changes.
+  Mat3 held = proxy_.is_stuck ? identity() : held_by(proxy_);
+  if (part < 1) held = part * (across(pull) * held);
+  proxy_.members[proxy_.planes[0].member].solid->stiffness += -k * held;
   out.pull += k * pull;
   out.stiffness += k;
 }

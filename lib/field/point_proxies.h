@@ -1,9 +1,9 @@
 // The proxies of one tool point among the solids of one layer, and what they give to these solids.
 //
-// Objects of the same stiffness share a proxy, which none of them lets through: where several meet, the spring to it acts
-// once. Objects that contradict one another (proxy.h), or that have got the same stiffness by a change, share one as soon as
-// that changes no force. Objects of another stiffness have another proxy. Each spring is the gradient of its own energy
-// then, so that it makes none, whatever the stiffnesses.
+// Objects of the same stiffness and limit share a proxy, which none of them lets through: where several meet, the spring to it
+// acts once, within the limit. Objects that contradict one another (proxy.h), or that have become the same by a change, share
+// one as soon as that changes no force. Other objects have another proxy. Each spring is the gradient of its own energy then,
+// so that it makes none, whatever the stiffnesses and limits.
 #pragma once
 
 #include <span>
@@ -11,6 +11,13 @@
 #include "field/touches.h"
 
 namespace fs {
+
+// How much of a force of this size is within a limit.
+inline double part_within(double limit, double size) noexcept { return size > limit ? limit / size : 1; }
+// How much of the damping may act beside a spring that is within the limit: the sum has to be, too.
+double part_beside(double limit, Vec3 spring, Vec3 damping) noexcept;
+// Projects on the directions across a way.
+Mat3 across(Vec3 way) noexcept;
 
 class PointProxies {
  public:

@@ -10,12 +10,6 @@ namespace {
 
 constexpr double spread_time = 0.02;  // s, over which a jump is spread
 
-// How much of a force is within a limit.
-double part_within(double limit, const Wrench& wrench) noexcept {
-  const double size = norm(wrench.force);
-  return size > limit ? limit / size : 1;
-}
-
 }  // namespace
 
 void Proxies::begin(double now) noexcept {
@@ -37,22 +31,21 @@ void Proxies::begin_layer(const Layer& layer) noexcept {
   }
 }
 
-void Proxies::end_layer(Touches::View& here, Layer& layer, Sum& out) noexcept {
+void Proxies::end_layer(Touches::View& here, Layer& layer, const ToolState& tool, Sum& out) noexcept {
   for (Solid& solid : solids()) {
     if (!solid.is_present) continue;
-    const double limit = solid.object->contact.limit;
-    const Wrench contact = solid.spring + solid.damping;
-    const double part = part_within(limit, contact);
-    if (part < 1) {  // only the direction still changes
-      const Vec3 direction = normalized(contact.force);
-      solid.stiffness = part * ((identity() + -1.0 * outer(direction, direction)) * solid.stiffness);
+    if (tool.count > 1) {  // the limit is that of all points; each point keeps it by itself
+      const double limit = solid.object->contact.limit, part = part_within(limit, norm(solid.spring.force));
+      if (part < 1) solid.stiffness = part * (across(solid.spring.force) * solid.stiffness);
+      solid.spring = part * solid.spring;
+      solid.damping = part_beside(limit, solid.spring.force, solid.damping.force) * solid.damping;
     }
     out.stiffness += layer.length() * (solid.stiffness + solid.felt_stiffness);
-    solid.sum = solid.sum + layer.length() * (part * contact + solid.felt);
+    solid.sum = solid.sum + layer.length() * (solid.spring + solid.damping + solid.felt);
     solid.is_touched_at_all |= solid.is_touched;
     if (!solid.is_touched && solid.felt.force == Vec3{}) continue;
     solid.is_felt_at_all = true;
-    touches_.add_pull(here, layer, {solid.row, solid.version, part_within(limit, solid.spring) * solid.spring, solid.felt});
+    touches_.add_pull(here, layer, {solid.row, solid.version, solid.spring, solid.felt});
   }
 }
 
@@ -125,7 +118,7 @@ void Proxies::feel_layers(Touches::View& here, const Touches::View* last, const 
     out.error += length * all.error;
     out.spring_change += length * all.spring_change;
     out.profile_change += length * all.profile_change;
-    end_layer(here, layer, out);
+    end_layer(here, layer, tool, out);
     if (!can_compare || is_crowded || !is_same(*before)) continue;
     spread_jump(&Pull::spring, {before, 1}, {&layer, 1}, length, length * all.spring_change, here.rests);
     spread_jump(&Pull::profile, {before, 1}, {&layer, 1}, length, length * all.profile_change, here.rests);

@@ -90,7 +90,7 @@ struct Planes {
 
 inline constexpr uint32_t most_solids = 256;  // near a tool
 
-// The proxy of a point for solids of the same stiffness that the point feels.
+// The proxy of a point for solids of the same stiffness and limit that the point feels.
 struct Proxy : Planes {
   std::array<Member, most_solids> members;
   uint32_t count = 0;

@@ -2,6 +2,7 @@
 // that of a spring to it.
 #include <cmath>
 #include <numbers>
+#include <random>
 
 #include "api/hand.h"
 
@@ -233,6 +234,47 @@ START_TEST(shared_proxies) {
     ck_assert_double_lt(errors[1], 1e-8);
     ck_assert_double_lt(errors[1], 0.5 * errors[0] + 1e-12);
   }
+}
+END_TEST
+
+// Where springs in a corner reach their limits, the hand gains nothing on its way round. With the trapezium rule.
+START_TEST(limits_in_a_corner_make_no_energy) {
+  std::mt19937 random(23);
+  const auto number = [&](double least, double most) { return std::uniform_real_distribution<double>(least, most)(random); };
+  const auto direction = [&] {
+    const fs_vec3 way{number(-1, 1), number(-1, 1), number(0.1, 1)};
+    return (1 / norm(way)) * way;
+  };
+  double worst = 0;
+  for (int scene = 0; scene < 60; ++scene) {
+    Hand hand;
+    const int planes = 2 + scene % 3;
+    const bool is_one_limit = scene % 2 == 0, is_one_stiffness = scene % 4 < 2;
+    const double limit = number(0.5, 4);
+    for (int i = 0; i < planes; ++i) {
+      hand.plane(("plane " + std::to_string(i)).c_str(), {0, 0, number(-0.001, 0.001)}, direction(),
+                 solid(FS_KEEP_FRONT, is_one_stiffness ? 1000 : number(300, 1000), is_one_limit ? limit : number(0.5, 4)));
+    }
+    hand.go({0, 0, 0.05});
+    const fs_vec3 middle{number(-0.003, 0.003), number(-0.003, 0.003), number(-0.004, 0.002)};
+    const fs_vec3 u = number(0.002, 0.006) * direction(), v = number(0.002, 0.006) * unit(cross(u, direction()));
+    double work = 0, size = 0;
+    fs_vec3 before{}, from{};
+    constexpr int count = 4000;
+    for (int k = -count / 4; k <= count; ++k) {
+      const double a = 2 * pi * k / count;
+      const fs_vec3 to = middle + std::cos(a) * u + std::sin(a) * v;
+      const fs_vec3 force = hand.go(to);
+      if (k > 0) {
+        work += 0.5 * dot(force + before, to - from);
+        size += 0.5 * std::fabs(dot(force + before, to - from));
+      }
+      before = force;
+      from = to;
+    }
+    worst = std::max(worst, work / std::max(size, 1e-3));
+  }
+  ck_assert_double_lt(worst, 1e-4);
 }
 END_TEST
 
@@ -728,7 +770,7 @@ int main() {
   add_case(suite, "meshes", {a_box_is_solid, nothing_lets_through, a_hand_that_begins_inside_is_led_out,
                              a_hand_that_begins_where_parts_cross_is_led_out,
                              a_hand_that_begins_on_the_surface_is_held, a_vertex_does_not_hold,
-                             sliding_over_a_mesh_makes_no_energy, open_meshes_have_rims, letting_go_is_no_step});
+                             limits_in_a_corner_make_no_energy, sliding_over_a_mesh_makes_no_energy, open_meshes_have_rims, letting_go_is_no_step});
   add_case(suite, "forces", {friction_sticks_and_slips, damping_acts_on_approach_only, tools_of_several_points,
                              profiles_act_at_the_proxy, fields_of_solids});
   add_case(suite, "motion", {moving_objects_push, a_crushed_hand_feels_each});
