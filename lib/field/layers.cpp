@@ -25,12 +25,14 @@ uint32_t number_in(const Touches::View& last, uint64_t version) noexcept {
 }  // namespace
 
 void Layers::stack(std::span<Solid> solids) noexcept {
+  for (Solid& solid : solids) solid.replaces = false;
   for (Solid& solid : solids) {
     solid.begin = 0;
     if (!(solid.weight < 1)) continue;
-    for (const Solid& newer : solids) {
+    for (Solid& newer : solids) {
       if (newer.version > solid.version && newer.weight < 1 && newer.object->name == solid.object->name) {
         solid.begin += newer.weight;
+        newer.replaces = true;
       }
     }
   }

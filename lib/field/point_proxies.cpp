@@ -42,7 +42,7 @@ Mat3 across(Vec3 way) noexcept {
 
 // The touch of an older version of the same object, where the point was held by it; null: there is none.
 const Touch* PointProxies::replaced(const Point& point, const Solid& solid) const noexcept {
-  if (!point.before || !(solid.weight < 1)) return nullptr;
+  if (!point.before || !solid.replaces) return nullptr;
   for (const Solid& other : point.tick.solids) {
     if (!(other.version < solid.version && other.object->name == solid.object->name)) continue;
     const Touch* const touch = point.tick.touches.find(*point.before, other.version, point.number);

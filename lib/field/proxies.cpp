@@ -110,6 +110,7 @@ void Proxies::feel_layers(Touches::View& here, const Touches::View* last, const 
     for (uint32_t k = 0; k < tool.count; ++k) {
       all.pull = {};
       all.stiffness = 0;
+      touches_.begin_point(layer);
       points_.feel(tick, k, before, layer, all);
       out.pull[k] += length * all.pull;
       out.pulled_by[k] += length * all.stiffness;

@@ -37,6 +37,7 @@ struct Solid {
   // Worked out by feel().
   Pose pose{};                  // now
   double begin = 0;             // 0..1, where its part of the unit interval begins: see layers.h
+  bool replaces = false;        // an older version of the same object fades out
   // In the layer that is worked on.
   bool is_present = true, is_touched = false;
   bool is_known = false;        // it was there in the last tick

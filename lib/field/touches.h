@@ -16,6 +16,8 @@ struct Layer {
   double begin = 0, end = 1;                 // the part of the unit interval
   uint64_t present = ~uint64_t{0};           // bit i: the chosen solid i of the view is there
   uint32_t first_touch = 0, end_touch = 0;   // in the order of points and proxies
+  uint32_t point_count = 0;                  // of the tool, and where the touches of each begin
+  std::array<uint16_t, FS_TOOL_POINTS_MAX> first_of_point;
   uint32_t first_pull = 0, end_pull = 0;
   double length() const noexcept { return end - begin; }
 };
@@ -103,8 +105,17 @@ class Touches {
   Layer& add_layer(View& view, double begin, double end, uint64_t present) noexcept {
     const Tick& tick = ticks_[current_];
     Layer& out = view.layers[view.layer_count++];
-    out = {begin, end, present, tick.touch_count, tick.touch_count, tick.pull_count, tick.pull_count};
+    out.begin = begin;
+    out.end = end;
+    out.present = present;
+    out.first_touch = out.end_touch = tick.touch_count;
+    out.first_pull = out.end_pull = tick.pull_count;
+    out.point_count = 0;
     return out;
+  }
+  // [rt] From now on touches of the next point are added to the layer.
+  void begin_point(Layer& layer) noexcept {
+    layer.first_of_point[layer.point_count++] = static_cast<uint16_t>(ticks_[current_].touch_count);
   }
   Touch* add_touch(Layer& layer) noexcept {  // null: there are too many
     Tick& tick = ticks_[current_];
@@ -132,12 +143,13 @@ class Touches {
   }
   // [rt] The touch of a point with a version of a solid in a layer of the last tick; null: there was none.
   const Touch* find(const Layer& layer, uint64_t version, uint32_t point) noexcept {
-    // They mostly come in the same order as last time.
-    const uint32_t count = layer.end_touch - layer.first_touch;
-    for (uint32_t k = 0; k < count; ++k) {
-      if (++cursor_ >= layer.end_touch || cursor_ < layer.first_touch) cursor_ = layer.first_touch;
+    if (point >= layer.point_count) return nullptr;
+    const uint32_t first = layer.first_of_point[point];
+    const uint32_t end = point + 1 < layer.point_count ? layer.first_of_point[point + 1] : layer.end_touch;
+    for (uint32_t k = first; k < end; ++k) {  // they mostly come in the same order as last time
+      if (++cursor_ >= end || cursor_ < first) cursor_ = first;
       const Touch& touch = ticks_[1 - current_].touches[cursor_];
-      if (touch.version == version && touch.point == point) return &touch;
+      if (touch.version == version) return &touch;
     }
     return nullptr;
   }
