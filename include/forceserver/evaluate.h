@@ -43,7 +43,8 @@ typedef struct fs_response {
   fs_wrench wrench;             /* N; N m about the origin of the handle */
   fs_mat3 stiffness;            /* dF/dx, N/m, as capped, without the damping */
   fs_pose proxy;                /* of the tool: the rigid pose that best fits the proxies of its points; where it
-                                   touches nothing, the tool's own */
+                                   touches nothing, the tool's own. A point that is held by several proxies (object.h)
+                                   counts with their mean, by stiffness */
   uint32_t felt_count,          /* number of objects with a force */
            flags;               /* FS_RESPONSE_ bits */
   double error_bound;           /* N, a certified bound of |force - exact force| (vectors); 0: exact. Above 0 only when
