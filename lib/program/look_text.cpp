@@ -30,6 +30,8 @@ std::string state(const fs_report& report) {
   return is_over ? "expired" : word_of(fs_object_state_name(report.state));
 }
 
+std::string name_of(const std::string& endpoint) { return endpoint.substr(endpoint.find(':') + 1); }  // of the server
+
 std::vector<std::string> head(const Look& now, const Look& before) {
   const fs_vec3 &x = now.hand.pose.position, &v = now.hand.twist.linear, &f = now.sent.force;
   const fs_servo_stats& s = now.servo;
@@ -46,7 +48,7 @@ std::vector<std::string> head(const Look& now, const Look& before) {
                     now.response.flags & FS_RESPONSE_GUARDED ? ", also now" : "");
   }
   lines.push_back(force);
-  lines.push_back(std::string("servo  ") + (s.enabled ? "" : "NOT ENABLED; ") + "faults: " + fault_names(s.faults) +
+  lines.push_back(std::string("servo  ") + (s.enabled ? "" : "no force: it was stopped; `forceserver resume " + name_of(now.endpoint) + "` lets it return; ") + "faults: " + fault_names(s.faults) +
                   format("; %.0f Hz, late p99 %.0f us, max %.0f us; %llu of %llu ticks missed", s.rate,
                          s.late_p99 * 1e6, s.late_max * 1e6, Count(ticks.missed), Count(ticks.all)));
   return lines;

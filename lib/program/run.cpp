@@ -8,6 +8,7 @@
 #include <chrono>
 #include <cstdio>
 #include <cstring>
+#include <limits>
 #include <map>
 #include <optional>
 #include <span>
@@ -199,6 +200,64 @@ class ChatterReport {
   bool any_ = false;
 };
 
+// What events tell. Bounds of slopes can change 20 times a second while many objects share: they are told once a second.
+class News {
+ public:
+  News(fs_scene* scene, bool terminal) : scene_(scene), terminal_(terminal) {}
+
+  // Prints the events since the last call. time: s.
+  void print(double time) {
+    for (fs_event event; next(event);) {
+      if (event.kind == FS_EVENT_CAPPED) bounds_[event.name] = event.text;
+      if (event.kind == FS_EVENT_EXPIRED) say("%s: outlived its lifetime", event.name);
+      if (event.kind == FS_EVENT_EDITED) say("%s: edited by %s", event.name, event.text);
+      if (event.kind == FS_EVENT_DEVICE) tell_device(event);
+      if (event.kind == FS_EVENT_CLIENT) say("client %s (process %.0f) %s", event.name, event.value, event.text);
+      if (event.kind == FS_EVENT_OVERFLOW) say("%.0f older events were dropped", event.value);
+    }
+    if (time >= next_bounds_) tell_bounds(time);
+    std::fflush(stdout);
+  }
+  std::uint32_t faults() const { return faults_; }  // that events told of
+
+ private:
+  bool next(fs_event& event) {
+    require(fs_scene_next_event(scene_, 0, &event));
+    return event.kind != FS_EVENT_NONE;
+  }
+
+  template <class... Values>
+  void say(const char* form, Values... values) {
+    std::printf("%s%s\n", terminal_ ? "\r\033[K" : "", format(form, values...).c_str());
+  }
+
+  void tell_device(const fs_event& event) {
+    if (event.status == FS_OK) return say("the device is ready");
+    const auto bits = std::uint32_t(event.value);
+    faults_ |= bits;
+    say("the force stopped: %s%s", stop_reason(event).c_str(), bits & FS_FAULT_DEVICE ? "" : "; start again");
+  }
+
+  void tell_bounds(double time) {
+    if (bounds_.empty()) return;
+    next_bounds_ = time + 1;
+    constexpr std::size_t most = 3;
+    std::size_t count = 0;
+    for (const auto& [name, text] : bounds_) {
+      if (++count > most) break;
+      say("%s: %s", name.c_str(), text.c_str());
+    }
+    if (count > most) say("... and bounds of %zu more objects have changed", bounds_.size() - most);
+    bounds_.clear();
+  }
+
+  fs_scene* scene_;
+  bool terminal_;
+  std::map<std::string, std::string> bounds_;  // by the name of the object, what is to be told
+  double next_bounds_ = 0;                     // s
+  std::uint32_t faults_ = 0;
+};
+
 // listen: the server's name; empty: none. asks: a person can press Enter.
 void print_line(fs_scene* scene, double time, const std::string& listen, bool asks, bool terminal) {
   const fs_servo_stats stats = get_stats(scene);
@@ -209,7 +268,7 @@ void print_line(fs_scene* scene, double time, const std::string& listen, bool as
                      felt(scene);
   if (stats.faults) line += "; STOPPED: " + fault_names(stats.faults);
   if (!stats.enabled) {
-    line += std::string("; a client ended the force: ") + (asks ? "Enter, or `" : "`") + "forceserver resume " + listen +
+    line += std::string("; a client stopped the force: ") + (asks ? "Enter, or `" : "`") + "forceserver resume " + listen +
             "` lets it return";
   }
   winsize window{};
@@ -226,33 +285,8 @@ void enable_on_enter(fs_servo* servo, const fs_servo_stats& stats) {
   pollfd input{STDIN_FILENO, POLLIN, 0};
   if (poll(&input, 1, 0) <= 0 || !(input.revents & POLLIN)) return;
   char line[256];
-  if (read(STDIN_FILENO, line, sizeof line) > 0 && !stats.enabled) fs_servo_set_enabled(servo, true);
-}
-
-// Prints the events since the last call, one per line. Returns the faults that they tell of.
-std::uint32_t print_events(fs_scene* scene, bool terminal) {
-  for (std::uint32_t faults = 0;;) {
-    fs_event event;
-    require(fs_scene_next_event(scene, 0, &event));
-    if (event.kind == FS_EVENT_NONE) {
-      std::fflush(stdout);
-      return faults;
-    }
-    if (terminal) std::printf("\r\033[K");
-    if (event.kind == FS_EVENT_CAPPED) std::printf("%s: %s\n", event.name, event.text);
-    if (event.kind == FS_EVENT_EXPIRED) std::printf("%s: outlived its lifetime\n", event.name);
-    if (event.kind == FS_EVENT_EDITED) std::printf("%s: edited by %s\n", event.name, event.text);
-    if (event.kind == FS_EVENT_DEVICE && event.status == FS_OK) std::printf("the device is ready\n");
-    if (event.kind == FS_EVENT_DEVICE && event.status != FS_OK) {
-      faults |= std::uint32_t(event.value);
-      const bool comes_back = std::uint32_t(event.value) & FS_FAULT_DEVICE;
-      std::printf("the force stopped: %s%s\n", stop_reason(event).c_str(), comes_back ? "" : "; start again");
-    }
-    if (event.kind == FS_EVENT_CLIENT) {
-      std::printf("client %s (process %.0f) %s\n", event.name, event.value, event.text);
-    }
-    if (event.kind == FS_EVENT_OVERFLOW) std::printf("%.0f older events were dropped\n", event.value);
-  }
+  if (read(STDIN_FILENO, line, sizeof line) <= 0 || stats.enabled) return;
+  if (fs_servo_set_enabled(servo, true) == FS_OK) std::printf("\r\033[Kthe force returns, as Enter was pressed\n");
 }
 
 void print_summary(const fs_servo_stats& s, double seconds, std::uint32_t faults) {
@@ -265,8 +299,8 @@ void print_summary(const fs_servo_stats& s, double seconds, std::uint32_t faults
               s.compute_max * 1e6);
   if (std::isfinite(s.max_stiffness)) std::printf("slopes up to %.0f N/m, ", s.max_stiffness);
   std::printf("local damping %.1f N s/m, energy given to the hand %.3g J; ", s.damping, s.energy);
-  if (s.guarded == 0) std::printf("no force was changed by a limit or a fault\n");
-  else std::printf("a limit or a fault changed the force of %llu %s\n", Count(s.guarded), s.guarded == 1 ? "tick" : "ticks");
+  if (s.guarded == 0) std::printf("no force was changed by a limit, a fault or a stop\n");
+  else std::printf("a limit, a fault or a stop changed the force of %llu %s\n", Count(s.guarded), s.guarded == 1 ? "tick" : "ticks");
   std::printf("faults: %s\n", fault_names(faults).c_str());
   std::printf("the system granted: %s\n", realtime_name(s.realtime));
   std::printf("protections switched off: %s\n", protection_names(s.protections_off).c_str());
@@ -322,6 +356,7 @@ int run(const RunOptions& options) {
   bool record_failed = false;
   NewTicks ticks;
   ChatterReport chatter;
+  News news(scene.get(), terminal);
   for (bool over = false; !over;) {
     double elapsed = Seconds(Clock::now() - start).count();
     const double left = options.duration > 0 ? options.duration - elapsed : sample;
@@ -329,7 +364,8 @@ int run(const RunOptions& options) {
     elapsed = Seconds(Clock::now() - start).count();
     // No event tells of a device that was not ready from the start, and the statistics do not tell of a fault that is over.
     const fs_servo_stats now = get_stats(scene.get());
-    faults |= now.faults | print_events(scene.get(), terminal);
+    news.print(elapsed);
+    faults |= now.faults | news.faults();
     if (asks) enable_on_enter(servo.get(), now);
     const std::span<const fs_tick> fresh = ticks.fetch(servo.get());
     chatter.add(scene.get(), fresh, elapsed, terminal);
@@ -348,7 +384,8 @@ int run(const RunOptions& options) {
     }
   }
   const fs_servo_stats stats = get_stats(scene.get());
-  faults |= stats.faults | print_events(scene.get(), terminal);
+  news.print(std::numeric_limits<double>::infinity());
+  faults |= stats.faults | news.faults();
   fs_servo_set_enabled(servo.get(), false);
   try {
     if (record) record->write(ticks.fetch(servo.get()));  // the last ticks that the summary counts

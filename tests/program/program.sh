@@ -98,7 +98,7 @@ expect 2 "forceserver [0-9.]* has no driver 'falcon' yet; the drivers are: sim" 
 # run: a summary, a record without a gap, errors with a sentence.
 expect 0 '^protections switched off: none$' \
   "$program" run "$scene" --duration 1 --record ticks.csv
-for line in '; no force was changed by a limit or a fault$' \
+for line in '; no force was changed by a limit, a fault or a stop$' \
   '^slopes up to 5407 N/m, local damping 5.0 N s/m, energy given to the hand '; do
   grep -q "$line" output || { echo "FAILED: run does not say $line"; failures=$((failures + 1)); }
 done
@@ -454,9 +454,11 @@ grep -q '^faults: none' served || fail "run with a client ended without a summar
 listen --device 'sim:?hold=0.03,0,0'
 expect 0 "^the force at shm:$name was not stopped$" "$program" resume "$name"
 "$stop_force" "$name" || fail "the force cannot be ended"
-expect 0 '^servo  NOT ENABLED; faults: none; ' "$program" watch "$name" --count 1
-until_says "; a client ended the force: .forceserver resume $name. lets it return$" cat served
+expect 0 "^servo  no force: it was stopped; .forceserver resume $name. lets it return; faults: none; " "$program" watch "$name" --count 1
+until_says "^client .* .process [0-9]*. stopped all force$" cat served
+until_says "; a client stopped the force: .forceserver resume $name. lets it return$" cat served
 expect 0 "^the force at shm:$name returns$" "$program" resume "$name"
+until_says "^client resume-[0-9]* .process [0-9]*. let the force return$" cat served
 expect 0 '^servo  faults: none; ' "$program" watch "$name" --count 1
 if [ "$(id -u)" = 0 ] && setpriv --reuid=65534 test -x "$program" 2> /dev/null; then
   expect 2 "^forceserver: no server of user " setpriv --reuid=65534 "$program" resume "$name"
