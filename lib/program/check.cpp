@@ -33,6 +33,19 @@ fs_shape_info describe(fs_shape* shape) {
   return info;
 }
 
+// m3; below 0: the triangles face inwards.
+double volume_of(const fs_shape* shape) {
+  std::size_t points = 0, triangles = 0;
+  const fs_vec3* const at = fs_shape_get_points(shape, &points);
+  const uint32_t* const corners = fs_shape_get_triangles(shape, &triangles);
+  double out = 0;
+  for (std::size_t i = 0; i < 3 * triangles; i += 3) {
+    const fs_vec3 a = minus(at[corners[i]], at[0]), b = minus(at[corners[i + 1]], at[0]), c = minus(at[corners[i + 2]], at[0]);
+    out += (a.x * (b.y * c.z - b.z * c.y) + a.y * (b.z * c.x - b.x * c.z) + a.z * (b.x * c.y - b.y * c.x)) / 6;
+  }
+  return out;
+}
+
 void check_shape(const std::string& name, const fs_shape* shape, Findings& findings) {
   fs_shape_info info = fs_shape_info_init();
   require(fs_shape_get_info(shape, &info));
@@ -49,6 +62,10 @@ void check_shape(const std::string& name, const fs_shape* shape, Findings& findi
   if (info.odd_edges > 0) {
     findings.add(name, "%llu odd %s: of three or more triangles, or of two that disagree about the front, %s",
                  Count(info.odd_edges), plural(info.odd_edges, "edge", "edges"), undecided);
+  }
+  if (info.closed && volume_of(shape) < 0) {
+    std::printf("  note: %s%sits triangles face inwards: its front is inside, as that of a room\n", name.c_str(),
+                name.empty() ? "" : ": ");
   }
   if (info.degenerate > 0) {
     findings.add(name, "%llu %s without area", Count(info.degenerate),

@@ -67,6 +67,14 @@ bool is_closed(const fs_shape* shape) {
   return info.closed;
 }
 
+// No place within a closed mesh is farther from its surface, m.
+double half_of_thickness(const fs_shape* shape) {
+  fs_shape_info info = fs_shape_info_init();
+  require(fs_shape_get_info(shape, &info));
+  const fs_vec3 size = minus(info.upper, info.lower);
+  return 0.5 * std::min({size.x, size.y, size.z});
+}
+
 // The largest force of a profile at a distance or farther, within a range of them, N.
 class Strongest {
  public:
@@ -130,9 +138,14 @@ void check_jumps(const fs_object& object, const Sides& distances, Findings& find
     if (jump >= slight) findings.add(name, "%s %.3g N", sentence, jump);
     else if (jump > faint) std::printf("  note: %s: %s %.3g N\n", name.c_str(), sentence, jump);
   }
-  if (object.primitive == FS_PRIMITIVE_MESH && strongest > faint) {  // only a note: every solid mesh does this
-    std::printf("  note: %s: where another of its faces becomes the nearest, as deep inside of it, its force changes "
-                "its direction: a jump of up to %.3g N\n", name.c_str(), 2 * strongest);
+  if (object.primitive == FS_PRIMITIVE_MESH) {  // only a note: every mesh with such a force does this
+    const double force = is_closed(object.shape)
+                             ? most(object.back, {0, std::min(distances.back.most, half_of_thickness(object.shape))})
+                             : strongest;
+    if (force > faint) {
+      std::printf("  note: %s: where another of its faces becomes the nearest, as deep inside of it, its force changes "
+                  "its direction: a jump of up to %.3g N\n", name.c_str(), 2 * force);
+    }
   }
 }
 
@@ -208,11 +221,11 @@ void check_senses(const fs_object& object, const Sides& distances, Findings& fin
   }
 }
 
-// Finds a point or path that pulls the hand with half of the device's force or more from nearly everywhere: from
+// Finds a point, path or mesh that pulls the hand with half of the device's force or more from nearly everywhere: from
 // three quarters of all distances. force_max: of the device, N of the scene.
 void check_pull(const fs_object& object, const Distances& range, double force_max, Findings& findings) {
   const fs_profile& profile = object.front;
-  if (has_sides(object) || profile.sense != FS_SENSE_ATTRACTIVE || profile.kind == FS_PROFILE_NONE) return;
+  if (object.primitive == FS_PRIMITIVE_PLANE || profile.sense != FS_SENSE_ATTRACTIVE || profile.kind == FS_PROFILE_NONE) return;
   double least = std::numeric_limits<double>::infinity(), from = least;
   for (int i = 255; i >= 0; --i) {
     const double distance = range.least + (range.most - range.least) * i / 255;

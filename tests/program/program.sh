@@ -195,6 +195,12 @@ END
 expect 1 '^7 odd things$' "$program" check odd.json
 expect 1 'strong: its tool_points select points that the tool does not have: it has 1$' "$program" check odd.json
 expect 1 'mute: it has no profile' "$program" check odd.json
+{ echo '{"forceserver": "scene", "version": 1, "objects": [{"name": "mute 0", "primitive": "plane"}'
+  for i in $(seq 19); do echo ", {\"name\": \"mute $i\", \"primitive\": \"plane\"}"; done
+  echo ']}'; } > many.json
+expect 1 '^odd as mute 0, mute 1 and mute 2: mute 3, .*, mute 10 and 9 more$' "$program" check many.json
+[ "$(grep -c 'it has no profile' output)" = 3 ] || fail "check says the same more than three times"
+expect 1 '^20 odd things$' "$program" check many.json
 expect 1 'off: it is disabled' "$program" check odd.json
 expect 1 'far: the hand cannot get near' "$program" check odd.json
 expect 1 'strong: its limit of 1000 N' "$program" check odd.json
@@ -238,7 +244,11 @@ odd 'its force jumps at its surface, where front and back do not agree: a jump o
   '"primitive": "plane", "front": {"kind": "constant", "gain": 1, "limit": 2, "sense": "repulsive"}'
 scene_of '"primitive": "mesh", "shape": "part", "back": {'"$spring"'}'
 expect 0 '^  note: x: where another of its faces becomes the nearest, .* a jump of up to 4 N' "$program" check one.json
+scene_of '"primitive": "mesh", "shape": "part", "back": {"kind": "linear_increasing", "gain": 150, "limit": 60}'
+expect 1 '^  note: x: where another of its faces .* a jump of up to 15 N' "$program" check one.json  # it is 100 mm thick
 fine '"primitive": "mesh", "shape": "part", "back": {'"$spring"'}'
+odd 'it pulls the hand with 20 N or more from everywhere beyond' \
+  '"primitive": "mesh", "shape": "part", "front": {"kind": "constant", "gain": 20, "limit": 20}'
 fine '"primitive": "point", "front": {'"$spring"'}'
 fine '"primitive": "polyline", "shape": "straight", "front": {'"$spring"'}'
 fine '"primitive": "point", "front": {"kind": "custom", "gain": 1, "limit": 5, "reach": 0.02, "curve": "ends"}'
@@ -287,6 +297,9 @@ expect 0 'closed mesh of 4 triangles and 4 points' "$program" check solid.obj
 { cat solid.obj
   awk '/^v/ { print "v", $2 + 0.01, $3 + 0.01, $4 + 0.01 } /^f/ { print "f", $2 + 4, $3 + 4, $4 + 4 }' solid.obj; } > two.obj
 expect 0 'of parts that meet: for profiles they are one body' "$program" check two.obj
+awk '/^f/ { print "f", $2, $4, $3; next } { print }' solid.obj > inside_out.obj
+expect 0 '^  note: its triangles face inwards: its front is inside, as that of a room$' "$program" check inside_out.obj
+"$program" check solid.obj | grep inwards && fail "check finds a mesh inside out that is not"
 sed '$d' solid.obj > open.obj
 expect 1 'inside and outside are not decided everywhere' "$program" check open.obj
 expect 1 '3 open edges' "$program" check open.obj
