@@ -90,27 +90,30 @@ const char* const devices_help = R"(examples:
   forceserver devices --json
       one JSON document, in SI units, with the names of fs_device_info
 
-The command opens each device for a moment, to ask for its properties. "sim:" takes options:
+The command opens each device for a moment, to ask for its properties. "sim:" takes options; their defaults are in
+parentheses:
 
   sim:?hand=nominal|firm|light|released|worst
-                                          who holds it. kg, N s/m, N/m: nominal 0.554, 6.45, 135; firm 0.8, 5.5, 568;
-                                          light 0.15, 3, 100; released: nobody; worst: as light, with friction=0 and
-                                          delay_ms=1: what shakes, shakes here first
+                                          who holds it (nominal). kg, N s/m, N/m: nominal 0.554, 6.45, 135; firm 0.8,
+                                          5.5, 568; light 0.15, 3, 100; released: nobody; worst: as light, with
+                                          friction=0 and delay_ms=1: what shakes, shakes here first
   sim:?hand_mass=..&hand_damping=..&hand_stiffness=..
                                           other values than those of the hand, kg, N s/m and N/m
-  sim:?path=figure8|sweep|touch|FILE      how the hand wants to move. figure8: 120 mm by 60 mm about the origin in the
-                                          plane z = 0, once in 4 s; sweep: along x, 100 mm each way, in 5 s; touch:
-                                          along z, from 60 mm above the origin to 20 mm below it and back in 2 s;
-                                          FILE: lines of "t x y z", s and m
-  sim:?hold=X,Y,Z                         where it wants to rest, m
+  sim:?path=figure8|sweep|touch|FILE      how the hand wants to move (it rests). figure8: 120 mm by 60 mm about the
+                                          origin in the plane z = 0, once in 4 s; sweep: along x, 100 mm each way, in
+                                          5 s; touch: along z, from 60 mm above the origin to 20 mm below it and back
+                                          in 2 s; FILE: lines of "t x y z", s and m
+  sim:?hold=X,Y,Z                         where it wants to rest, m (0,0,0)
   sim:?mass=..&friction=..&encoder=joint|ideal&wrist=passive|active&delay_ms=..&seed=..
-                                          properties of the device: mass in kg, friction in N; wrist=active gives torque
+                                          properties of the device: mass in kg (0.3), friction in N (0.3), encoders in
+                                          the joints or exact positions (joint), whether it gives torque (passive),
+                                          ms from force sent to force felt (0), seed of the encoders' offsets (0)
   sim:?link=force|model&link_ms=..&link_hz=..
-                                          a controller of 1 kHz at the device, behind a link: it passes on the force
-                                          sent, or renders local models; ms from a pose to the force that answers it,
-                                          and how often a pose comes, Hz
+                                          a controller of 1 kHz at the device, behind a link (no link): it passes on
+                                          the force sent, or renders local models; ms from a pose to the force that
+                                          answers it (10), and how often a pose comes, Hz (100)
 
-device.h has the ranges and the defaults of all of them.)";
+device.h has the ranges of all of them.)";
 
 // The usage line of the help. To CLI11 every word is optional, since need() asks for it in a better sentence.
 class Usage : public CLI::Formatter {
