@@ -88,19 +88,26 @@ Place place_in(const Descriptor& folder, const std::string& file) {
 }
 std::string file_of(const std::string& name) { return ".forceserver-" + name; }
 
-// A folder in which no other user can make a file; none: there is none.
-Descriptor open_own_folder() {
-  const uid_t user = geteuid();
+// A field of a user's entry in the list of users, such as its name; empty: there is no such user.
+std::string of_user(uid_t user, char* passwd::*field) {
   std::vector<char> buffer(16384);
   passwd entry, *found = nullptr;
   getpwuid_r(user, &entry, buffer.data(), buffer.size(), &found);
-  for (const std::string& folder : {"/run/user/" + std::to_string(user), std::string(found ? found->pw_dir : "")}) {
-    Descriptor out(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  return found ? found->*field : "";
+}
+
+// The folders in which no other user can make a file. The first exists as long as the user is logged in, so a server and its
+// client may not see the same ones.
+std::vector<Descriptor> open_own_folders() {
+  const uid_t user = geteuid();
+  std::vector<Descriptor> all;
+  for (const std::string& folder : {"/run/user/" + std::to_string(user), of_user(user, &passwd::pw_dir)}) {
+    Descriptor opened(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
     struct stat info;
-    if (!out || fstat(out.get(), &info) != 0) continue;
-    if (info.st_uid == user && !(info.st_mode & (S_IWGRP | S_IWOTH))) return out;
+    if (!opened || fstat(opened.get(), &info) != 0) continue;
+    if (info.st_uid == user && !(info.st_mode & (S_IWGRP | S_IWOTH))) all.push_back(std::move(opened));
   }
-  return {};
+  return all;
 }
 
 int connect_to(const Place& place, Descriptor& out) {
@@ -111,6 +118,17 @@ int connect_to(const Place& place, Descriptor& out) {
   }
   out = std::move(made);
   return 0;
+}
+
+// Connects to a server of this user that listens at a file. False: there is none.
+bool connect_in(const std::vector<Descriptor>& folders, const std::string& name, Descriptor& out) {
+  for (const Descriptor& folder : folders) {
+    Descriptor made;
+    if (connect_to(place_in(folder, file_of(name)), made) != 0 || peer_of(made).user != geteuid()) continue;
+    out = std::move(made);
+    return true;
+  }
+  return false;
 }
 
 [[noreturn]] void fail_taken(const std::string& name, const std::string& by) {
@@ -172,10 +190,8 @@ Endpoint parse_endpoint(const char* given, bool is_server) {
 }
 
 std::string name_of_user(uid_t user) {
-  std::vector<char> buffer(16384);
-  passwd entry, *found = nullptr;
-  getpwuid_r(user, &entry, buffer.data(), buffer.size(), &found);
-  return found ? found->pw_name : std::to_string(user);
+  const std::string name = of_user(user, &passwd::pw_name);
+  return name.empty() ? std::to_string(user) : name;
 }
 
 std::string user_address(uid_t user, const std::string& name) {
@@ -201,8 +217,8 @@ bool Listener::listen_at(const sockaddr_un& place, socklen_t size) {
 Listener Listener::for_this_user(const std::string& name) {
   Listener out;
   Descriptor other;
-  Descriptor folder = open_own_folder();
-  if (folder && connect_to(place_in(folder, file_of(name)), other) == 0) fail_taken(name, own_server);
+  std::vector<Descriptor> folders = open_own_folders();
+  if (connect_in(folders, name, other)) fail_taken(name, own_server);
   const Place place = abstract_place(user_address(geteuid(), name));
   // Who cannot be asked may be about to begin or to end.
   bool is_known = false;
@@ -212,13 +228,15 @@ Listener Listener::for_this_user(const std::string& name) {
     is_known = connect_to(place, other) == 0;
   }
   if (is_known && peer_of(other).user == geteuid()) fail_taken(name, own_server);
-  if (!folder) {
+  if (folders.empty()) {
     fail_taken(name, (is_known ? "user " + name_of_user(peer_of(other).user) : "somebody who does not answer") +
                          " has that name, and this user has no folder of its own for a socket");
   }
+  Descriptor& folder = folders.front();
   out.file_ = file_of(name);
   const Place file = place_in(folder, out.file_);
-  while (flock(folder.get(), LOCK_EX) != 0 && errno == EINTR) {}  // of two servers that begin, one comes first; given back with the descriptor, or here
+  // Of two servers that begin, one comes first. The lock is given back below, or with the descriptor.
+  while (flock(folder.get(), LOCK_EX) != 0 && errno == EINTR) {}
   if (!out.listen_at(file.address, file.size)) {
     if (connect_to(file, other) == 0) fail_taken(name, own_server);
     unlinkat(folder.get(), out.file_.c_str(), 0);  // of a server that was killed
@@ -254,12 +272,7 @@ int connect_to(const std::string& address, Descriptor& out) { return connect_to(
 int connect_to_own_server(const std::string& name, Descriptor& out) {
   const int error = connect_to(user_address(geteuid(), name), out);
   if (error == 0 && peer_of(out).user == geteuid()) return 0;
-  const Descriptor folder = open_own_folder();
-  Descriptor other;
-  const bool is_there = folder && connect_to(place_in(folder, file_of(name)), other) == 0;
-  if (!is_there || peer_of(other).user != geteuid()) return error;
-  out = std::move(other);
-  return 0;
+  return connect_in(open_own_folders(), name, out) ? 0 : error;
 }
 
 Peer peer_of(const Descriptor& socket) {
