@@ -15,10 +15,10 @@
  * it says, but where the object is felt and as fast as that moves; the difference decays within the blend, so neither
  * the place nor the velocity jumps, however fast moves come. New profiles, damping, start or contact make another
  * version, which takes over the weight of the one before at once, however far that has come, and its proxies; the force
- * goes over within the blend. An object that is put farther away than fs_servo_options.speed_limit * blend is another version too, which fades as one of another
- * shape: it does not sweep through the hand. By default that is 40 mm, counted at the device; without a speed limit it is
- * 2 m/s * blend. A turn counts as the way of the object's farthest point, or of a point as far from its origin as the
- * hand, if that is less.
+ * goes over within the blend. An object that is put farther away than fs_servo_options.speed_limit * blend is another
+ * version too, which fades as one of another shape: it does not sweep through the hand. By default that is 40 mm, counted
+ * at the device; without a speed limit it is 2 m/s * blend. A turn counts as the way of the object's farthest point, or of
+ * a point as far from its origin as the hand, if that is less.
  * Without a servo, and for an application's own tool (evaluate.h), every change is felt in full at once.
  */
 #ifndef FORCESERVER_SCENE_H
@@ -87,10 +87,9 @@ FS_API fs_status fs_object_change(fs_scene *scene, const fs_object *object, uint
 
 /* Moves an object: it has pose at time (s, scene's clock; FS_NOW) and twist from then on. To put an object somewhere
  * once, give a zero twist. Pass null only in a stream of moves: after the last one the object goes on for up to twice the
- * step between the last two. Cheap, for meshes too. The next tick feels it; a servo blends it, and fades it if it is a jump (top of
- * this file). Connected: a move of one of the scene's own objects
- * never waits and normally makes no system call; the server takes it at its rate. With twist null the twist is worked
- * out from this move and the last move or set (0 if there was none in the last 0.2 s) and used for at most twice the
+ * step between the last two. Cheap, for meshes too. The next tick feels it; a servo blends it, and fades it if it is a jump
+ * (top of this file). Connected: a move of one of the scene's own objects never waits and normally makes no system call;
+ * the server takes it at its rate. With twist null the twist is worked out from this move and the last move or set (0 if there was none in the last 0.2 s) and used for at most twice the
  * time between them. Of two moves within 1 ms the later pose replaces the earlier. A move whose time is older than that
  * of the last one is taken with twist 0. Evaluation extrapolates from `time`, never back and for 0.1 s at most.
  * NOT_FOUND, DENIED. */
@@ -351,8 +350,9 @@ typedef enum fs_event_kind {
   FS_EVENT_DISCONNECTED = 7,    /* the server is gone; this is the last event: make a new scene */
   FS_EVENT_OVERFLOW = 8,        /* `value` older events were dropped before they were fetched: 1024 are kept */
   FS_EVENT_CLIENT = 9,          /* in the scene whose servo has the server: a client (name) connected, left, stopped all
-                                   force or let it return (FS_OK), or was lost, because its process was killed or ended without a word, or was
-                                   disconnected by the server (DISCONNECTED): status, text; value: its process */
+                                   force or let it return (FS_OK), or was lost, because its process was killed or ended
+                                   without a word, or was disconnected by the server (DISCONNECTED): status, text;
+                                   value: its process */
   FS_EVENT_FORCE_32 = 0x7fffffff
 } fs_event_kind;
 

@@ -23,8 +23,9 @@ Mat3 rotated(const Quat& by, const Mat3& m) {
   return r * m * transposed(r);
 }
 
-// How a blended force of the size f(d) changes with the place, object frame: across the ridge it falls by `slope`; along it the
-// profile changes it, by `change` (N/m) along `away`, in which d grows. Symmetric, so of a turning half.
+// How a blended force of the size f(d) changes with the place, object frame. Across the ridge it falls by `slope`. Along the
+// ridge the profile changes it by `change` (N/m) for each metre along `away`, in which d grows. The result is made symmetric, as
+// that of a force with an energy is: half of the second part and half of its transpose.
 Mat3 change_at(const Ridge& ridge, Vec3 away, double change, double slope) {
   const Vec3 along = ridge.direction - ridge.across * ridge.direction;
   return (0.5 * change) * (outer(along, away) + outer(away, along)) + -slope * ridge.across;
@@ -149,12 +150,10 @@ void add_stiffness(const Mat3& stiffness, double weight, uint32_t lane, LaneSum&
   sum.zz[lane] += weight * stiffness.zz;
 }
 
-uint32_t points_of(const ToolState& tool) noexcept { return tool.count == 32 ? ~0u : (1u << tool.count) - 1; }
-
 // Adds the closest points of a row with formulas to `contacts`; returns the rows felt of those it had to make room for.
 uint64_t add_contacts(const Object& object, const Motion& motion, uint32_t row, double weight, const ToolState& tool,
                       Hint* hints, Effort* effort, double slope, double& error, Contacts& contacts, LaneSum& sum) noexcept {
-  const uint32_t all = points_of(tool), mask = tool.is_any_point ? all : object.point_mask() & all;
+  const uint32_t all = tool.all_points(), mask = tool.is_any_point ? all : object.point_mask() & all;
   if (mask == 0 || !(object.law.support >= 0)) return 0;
   const bool is_moved = motion.horizon > 0 || motion.has_offset(tool.time, tool.blend);
   const Pose moved = is_moved ? motion.at(tool.time, tool.blend) : Pose{};
@@ -219,7 +218,7 @@ ToolState ToolState::at(const fs_state& state, const ToolPoints& points, double 
 
 bool evaluate_object(const Object& object, const Motion& motion, double start, const ToolState& tool,
                      const Law::Parsers* parsers, Share& out, Hint* hints, Effort* effort, double slope) noexcept {
-  const uint32_t all = points_of(tool);
+  const uint32_t all = tool.all_points();
   const uint32_t mask = tool.is_any_point ? all : object.point_mask() & all;
   const double support = object.support();
   if (mask == 0 || !(support >= 0)) return false;

@@ -53,6 +53,8 @@ struct ToolState {
   bool is_any_point = false;   // its point feels every object, whatever the object's tool_points
   double blend = 0;            // s, over which a servo spreads moves; 0: they are felt at once
 
+  uint32_t all_points() const noexcept { return count == 32 ? ~0u : (1u << count) - 1; }  // a bit for each
+
   // state's pose must be one.
   static ToolState at(const fs_state& state, const ToolPoints& points, double time, double blend = 0) noexcept;
 };

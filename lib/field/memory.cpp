@@ -205,7 +205,7 @@ void Memory::look(uint32_t i, uint64_t what, Vec3 centre, double radius, double 
   way.centre = centre;
   // Rounded up, so that no chunk sleeps too long.
   way.travelled += way.step * (1 + 1e-14) + 1e-15 * (way.travelled + largest_coordinate(centre));
-  way.travelled += std::max(radius - way.radius, 0.0) * (1 + 1e-14);  // it reaches farther: as if it had come nearer
+  way.travelled += std::max(radius - way.radius, 0.0) * (1 + 1e-14);  // to reach farther is to come nearer
   way.radius = radius;
   if (way.what != what || !std::isfinite(way.travelled)) {
     way.what = what;

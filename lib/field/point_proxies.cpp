@@ -258,7 +258,7 @@ void PointProxies::add_profiles(const Point& point, Gain& out) noexcept {
     const Object& object = *solid.object;
     const double support = object.law.support, slope = object.bounds.slope;
     if (!(support >= 0)) continue;
-    const uint32_t all = tool.count == 32 ? ~0u : (1u << tool.count) - 1;
+    const uint32_t all = tool.all_points();
     const double share = 1.0 / std::popcount(tool.is_any_point ? all : object.point_mask() & all);
     const Side side = proxy_.members[i].touch->side;
     Vec3 place = to_local(solid.pose, proxy_.at), normals{};

@@ -57,7 +57,9 @@ bool Proxies::is_same(const Layer& before) const noexcept {
   }
   for (const Pull& pull : touches_.last_pulls(before)) {
     bool is_there = false;
-    for (uint32_t i = 0; i < solid_count_ && !is_there; ++i) is_there = solids_[i].version == pull.version && solids_[i].is_present;
+    for (uint32_t i = 0; i < solid_count_ && !is_there; ++i) {
+      is_there = solids_[i].version == pull.version && solids_[i].is_present;
+    }
     if (!is_there) return false;
   }
   return true;

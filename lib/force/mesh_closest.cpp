@@ -87,7 +87,8 @@ MeshTree::Found MeshTree::find(const Query& query) const noexcept {
 
 // At an edge or a corner of a triangle that another part meets, its neighbours in its own part do not tell the side.
 Closest MeshTree::tell_met(Vec3 x, const Found& found) const noexcept {
-  const uint32_t triangle = found.triangle < triangle_count() ? found.triangle : union_->pieces[found.triangle - triangle_count()].triangle;
+  const bool is_piece = found.triangle >= triangle_count();
+  const uint32_t triangle = is_piece ? union_->pieces[found.triangle - triangle_count()].triangle : found.triangle;
   const Nearest& nearest = found.nearest;
   const Vec3 normal = normals_.face(triangle);
   Closest hit;
@@ -116,7 +117,8 @@ Closest MeshTree::tell_met(Vec3 x, const Found& found) const noexcept {
     return hit;
   }
   hit.direction = normalized(-nearest.offset);
-  // All places nearer to x than the closest point have its side. One on an edge, also of surface that is not there, tells nothing.
+  // All places nearer to x than the closest point are on its side. Of a place whose ways out all meet an edge, also one of
+  // surface that the union lacks, it is not known; then another place is asked.
   constexpr Vec3 asides[] = {{0, 0, 0}, {0.21, -0.37, 0.29}, {-0.33, 0.19, 0.23}};
   for (const Vec3& aside : asides) {
     bool is_known = true;

@@ -32,8 +32,8 @@ class MeshTree {
                                    // but in time
     uint32_t visits = no_limit;    // of nodes and leaves of the tree and of triangles; the last leaf is finished
   };
-  // What was found: a triangle, or of a mesh whose parts cross an item of its union. Of the triangles at the least distance it is the one with the lowest index, as a test of all triangles in
-  // order would find it.
+  // What was found: a triangle; of a mesh whose parts cross, an item of its union. Of the triangles at the least distance it
+  // is the one with the lowest index, as a test of all triangles in order would find it.
   struct Found {
     Nearest nearest;                    // its offset is relative to x
     uint32_t triangle = no_triangle;    // none: nothing is within range
@@ -64,7 +64,8 @@ class MeshTree {
   // Appends the triangles that may meet the box.
   void collect(const Box& box, std::vector<uint32_t>& out) const;
 
-  bool is_union() const noexcept { return union_ != nullptr; }  // parts cross or lie in one another: the closest point is that of the union
+  // Parts cross or lie in one another: the closest point is that of the union.
+  bool is_union() const noexcept { return union_ != nullptr; }
   size_t size() const noexcept;  // bytes
 
  private:

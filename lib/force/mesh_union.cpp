@@ -83,7 +83,8 @@ class UnionBuilder {
       boxes_[parts_.of[t]].add(box_of(t));
     }
     for (const Box& box : boxes_) all.add(box);
-    const double size = norm(all.upper - all.lower), largest = std::max(largest_coordinate(all.lower), largest_coordinate(all.upper));
+    const double size = norm(all.upper - all.lower);
+    const double largest = std::max(largest_coordinate(all.lower), largest_coordinate(all.upper));
     tolerance_ = 1e-12 * size + 4 * coordinate_rounding(largest);
     aside_ = std::max(1e-9 * size, 16 * tolerance_);
     for (Box& box : boxes_) box = widened(box);
@@ -236,7 +237,8 @@ class UnionBuilder {
         }
       }
       bool is_inward = false;
-      const bool counts = told != none && is_boundary({corner(told, 0), corner(told, 1), corner(told, 2)}, normal_of(told), is_inward);
+      const bool counts =
+          told != none && is_boundary({corner(told, 0), corner(told, 1), corner(told, 2)}, normal_of(told), is_inward);
       for (const uint32_t each : region) out_->counts[each] = counts;
     }
   }

@@ -94,9 +94,9 @@ The command opens each device for a moment, to ask for its properties. "sim:" ta
 parentheses:
 
   sim:?hand=nominal|firm|light|released|worst
-                                          who holds it (nominal). kg, N s/m, N/m: nominal 0.554, 6.45, 135; firm 0.8,
-                                          5.5, 568; light 0.15, 3, 100; released: nobody; worst: as light, with
-                                          friction=0 and delay_ms=1: what shakes, shakes here first
+                                          who holds it (nominal). kg, N s/m, N/m: nominal 0.554, 6.45, 135;
+                                          firm 0.8, 5.5, 568; light 0.15, 3, 100; released: nobody; worst: as light,
+                                          with friction=0 and delay_ms=1: what shakes, shakes here first
   sim:?hand_mass=..&hand_damping=..&hand_stiffness=..
                                           other values than those of the hand, kg, N s/m and N/m
   sim:?path=figure8|sweep|touch|FILE      how the hand wants to move (it rests). figure8: 120 mm by 60 mm about the

@@ -300,7 +300,7 @@ void print_summary(const fs_servo_stats& s, double seconds, std::uint32_t faults
   if (std::isfinite(s.max_stiffness)) std::printf("slopes up to %.0f N/m, ", s.max_stiffness);
   std::printf("local damping %.1f N s/m, energy given to the hand %.3g J; ", s.damping, s.energy);
   if (s.guarded == 0) std::printf("no force was changed by a limit, a fault or a stop\n");
-  else std::printf("a limit, a fault or a stop changed the force of %llu %s\n", Count(s.guarded), s.guarded == 1 ? "tick" : "ticks");
+  else std::printf("a limit, a fault or a stop changed the force of %llu ticks\n", Count(s.guarded));
   std::printf("faults: %s\n", fault_names(faults).c_str());
   std::printf("the system granted: %s\n", realtime_name(s.realtime));
   std::printf("protections switched off: %s\n", protection_names(s.protections_off).c_str());

@@ -14,7 +14,8 @@ struct Segment {
 
 double dot(const fs_vec3& a, const fs_vec3& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
-// Of a long line the segments that join every tenth point, or whatever makes `most` of them: they turn as much.
+// Of a long line the segments that join every tenth point, or whatever makes `most` of them. A smooth line turns as much
+// there; a zigzag does not, and its jumps are missed.
 std::vector<Segment> segments_of(const fs_shape* line) {
   const std::size_t most = 1000;
   fs_shape_info info = fs_shape_info_init();

@@ -14,7 +14,6 @@ bool is_told(double told, double now) { return now >= 0.9 * told && now <= 1.1 *
 Box grown(const Box& box, double by) { return {box.lower - Vec3{by, by, by}, box.upper + Vec3{by, by, by}}; }
 bool is_within(const Box& box, const Box& whole) { return whole.is_empty() || (!box.is_empty() && box.is_inside(whole)); }
 
-
 auto count_of(const Views& views) {
   return std::count_if(std::begin(views.rows), std::end(views.rows), [](const View& view) { return view.version != 0; });
 }
@@ -126,7 +125,7 @@ bool Bounding::is_due(const LoopShare& loop, double most, const Box& reach, doub
   if (std::fabs(time - seen_.time) < std::fmax(0.035, rest)) return false;  // what objects do can wait so long
   const bool is_far_less = !reach.is_empty() && seen_.within.upper.x - seen_.within.lower.x >
                                                     2 * (reach.upper.x - reach.lower.x + 2 * slack);
-  // Others get what those have that the hand has gone away from; later, so that a share which moves the hand does not come and go.
+  // What the hand has gone away from keeps its share for a second: a share that moves the hand must not come and go.
   const bool has_left = seen_.has_any && !is_within(reach, seen_.within) && std::fabs(time - seen_.time) >= 1;
   return evaluated_.sequence() != seen_.sequence || seen_.is_moving || is_far_less || has_left;
 }

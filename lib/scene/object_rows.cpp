@@ -17,7 +17,7 @@ static Motion unblended(Motion motion) noexcept {
 Entry ObjectRows::entry(uint32_t number) const {
   const Row& from = row(number);
   Entry out{nullptr, motion(number), from.start, from.expiry, from.revision, motion_revision(number)};
-  out.object = from.object;  // last: to count a reference waits for all that is read before
+  out.object = from.object;  // last, because counting a reference waits until all reads before it are done
   return out;
 }
 

@@ -10,8 +10,9 @@
 
 namespace fs {
 
-// Rows has: row(i), a const Version&; weight(i), the servo's Weight&, by a pointer that is null without a servo; used(), the sequence that the
-// servo has used; own(i), after which edit(i), a Version&, and drop(i) cannot fail; and sequence(), of the next snapshot.
+// Rows has: row(i), a const Version&; weight(i), the servo's Weight&, by a pointer that is null without a servo; used(), the
+// sequence that the servo has used; own(i), after which edit(i), a Version&, and drop(i) cannot fail; and sequence(), of the
+// next snapshot.
 template <class Rows>
 class Versions {
  protected:
