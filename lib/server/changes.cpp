@@ -229,6 +229,7 @@ void Changes::refuse(const ReceivedBatch& received, const Change& failed, const 
     put_text(event.text, is_cause ? error.text : "another change of its group was refused: " + error.text);
     put_text(event.name, change.name());
     refuse(change, received.serial);
+    client_.note_news();  // before the event, whose reader may look at the object at once
     client_.push_event(event);
     client_.let_others();
   }

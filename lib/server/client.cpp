@@ -50,13 +50,14 @@ void Client::note_edit_by(const std::string& editor, const std::string& object, 
   if (!moves.has(object)) return;
   std::string& told_editor = told.names()[object];
   // One event tells of a stream of changes, until the client has looked at the object.
-  if (told_editor != editor || is_removed) push_event(FS_EVENT_EDITED, object, editor);
+  const bool is_told = told_editor != editor || is_removed;
   told_editor = editor;
   if (is_removed) {
     forget_object(object);
     told.names()[object] = editor;
   }
-  note_news();
+  note_news();  // before the event, whose reader may look at the object at once
+  if (is_told) push_event(FS_EVENT_EDITED, object, editor);
 }
 
 void Client::note_untold(const std::string& object) {

@@ -126,6 +126,25 @@ START_TEST(own_names_in_full) {
 }
 END_TEST
 
+// Who is told of an edit, or of a refusal, finds it done when it looks at once.
+START_TEST(what_an_event_tells_is_there) {
+  Two two;
+  set(two.me, push("a", 1));
+  OK(two.sync(two.me.get()));
+  for (int i = 1; i <= 100; ++i) {
+    std::thread bob([&] {  // the change waits until the server has told the owner
+      const fs_object o = push("me/a", 1 + i);
+      OK(fs_object_change(two.bob.get(), &o, FS_PART_PROFILES));
+    });
+    fs_event event;
+    do OK(fs_scene_next_event(two.me.get(), 0, &event)); while (event.kind != FS_EVENT_EDITED);
+    const double gain = Got(two.me.get(), "a")->front.gain;
+    bob.join();
+    ck_assert_double_eq(gain, 1 + i);
+  }
+}
+END_TEST
+
 // Another client's object: seen, changed, moved and removed; the owner is told, and sees the same.
 static void change_of_others(Two& two, fs_scene* owner, const std::string& prefix) {
   fs_scene* const bob = two.bob.get();
@@ -996,7 +1015,7 @@ END_TEST
 
 int main() {
   Suite* suite = suite_create("connected");
-  add_once(suite, "several", {forces_add, names_are_private, own_names_in_full, views, force_limit,
+  add_once(suite, "several", {forces_add, what_an_event_tells_is_there, names_are_private, own_names_in_full, views, force_limit,
                               lost_scenes_and_the_force_limit});
   add_once(suite, "others", {objects_of_others, objects_of_the_server, edits_in_an_open_group, groups_change_only_their_parts, many_edits, groups_of_all, a_client_stops_the_force, a_server_keeps_the_force, locked,
                              shapes_of_others});
