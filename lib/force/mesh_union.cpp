@@ -125,6 +125,7 @@ class UnionBuilder {
     bool is_met = false;
     for (const uint32_t other : near_) {
       wanted_.step();
+      if (--work_left_ <= 0) return;
       if (parts_.of[other] == parts_.of[t] || !meet(box, box_of(other))) continue;
       const Vec3 theirs[3] = {corner(other, 0), corner(other, 1), corner(other, 2)};
       const Vec3 their_normal = normal_of(other);

@@ -10,6 +10,7 @@
 
 #include "base/processor.h"
 #include "force/mesh_tree.h"
+#include "force/mesh_union.h"
 #include "force/primitive.h"
 #include "force/triangle.h"
 #include "unit/count_allocations.h"
@@ -712,6 +713,50 @@ START_TEST(no_mesh_takes_many_steps) {
 }
 END_TEST
 
+// Two cones with one base, of many narrow triangles.
+Mesh spindle(double size, uint32_t corners) {
+  Mesh m;
+  m.points = {{0, 0, size}, {0, 0, -size}};
+  for (uint32_t i = 0; i < corners; ++i) {
+    const double angle = 2 * std::numbers::pi * i / corners;
+    m.points.push_back({size * std::cos(angle), size * std::sin(angle), 0});
+    const uint32_t here = 2 + i, next = 2 + (i + 1) % corners;
+    m.add(0, here, next);
+    m.add(1, next, here);
+  }
+  return m;
+}
+
+// Parts that cross each other have no end of pieces, or no end of triangles that may cross: their union is given up after a
+// number of steps.
+START_TEST(unions_take_no_end_of_steps) {
+  Random random(10);
+  std::map<std::string, Mesh> meshes;
+  const auto add = [&](const std::string& name, const Mesh& part, const Pose& pose) {
+    Mesh& mesh = meshes[name];
+    const auto first = static_cast<uint32_t>(mesh.points.size());
+    for (const Vec3& p : part.points) mesh.points.push_back(pose * p);
+    for (const uint32_t corner : part.triangles) mesh.triangles.push_back(first + corner);
+  };
+  const auto any_pose = [&] {
+    return Pose{random.in_box(0.05), normalized(Quat{1, random.between(-1, 1), random.between(-1, 1), random.between(-1, 1)})};
+  };
+  for (int i = 0; i < 160; ++i) add("boxes about one place", box({1, 1, 1}), any_pose());
+  for (int i = 0; i < 12000; ++i) add("rods side by side", box({1, 1e-5, 1e-5}), {{0, 1e-4 * i, 0}, {1, 0, 0, 0}});
+  for (const double size : {1.0, 1.01}) add("one spindle in another", spindle(size, 4000), {});
+  for (const auto& [name, mesh] : meshes) {
+    Wanted wanted, of_union;
+    auto edges = std::make_unique<MeshEdges>(mesh.triangles, mesh.points.size(), wanted);
+    const MeshParts parts(mesh.triangles, *edges, wanted);
+    const MeshTree tree(mesh.points, mesh.triangles, std::move(edges), {}, wanted);
+    MeshUnion::of(tree, mesh.points, mesh.triangles, parts, of_union);
+    const auto steps = static_cast<double>(of_union.steps()), most = 3e6 + 420.0 * static_cast<double>(mesh.count());
+    std::printf("  %-24s %9.0f steps, of %9.0f\n", name.c_str(), steps, most);
+    ck_assert_msg(steps < most, "%s: its union takes %g steps", name.c_str(), steps);
+  }
+}
+END_TEST
+
 START_TEST(a_build_can_be_abandoned) {
   const Mesh mesh = sphere(1, 6);
   const Ref<const Shape> shape = mesh.shape(false);
@@ -859,6 +904,7 @@ int main() {
                       ties_go_to_the_lowest_index, respects_the_largest_distance, sides_of_closed_meshes,
                       sides_with_degenerate_and_duplicate_triangles, sheet_of_two_faces, a_rim_with_a_degenerate_triangle,
                       closest_point_stays_in_the_box, features, info_and_refusals, no_mesh_takes_many_steps,
+                      unions_take_no_end_of_steps,
                       a_build_can_be_abandoned, a_build_can_be_abandoned_anywhere, parts_of_work_are_shown, a_tree_is_small,
                       built_by_many_threads, a_query_does_not_allocate});
 }
