@@ -667,12 +667,28 @@ START_TEST(parts_that_keep_apart) {
 }
 END_TEST
 
+// Parts that cross so often that their union would take too long: the mesh is felt as it is, and says so.
+START_TEST(parts_that_cross_too_often) {
+  Random random(1);
+  std::vector<MeshData> parts;
+  for (int i = 0; i < 60; ++i) parts.push_back(moved(box_mesh({0.03, 0.03, 0.03}), random.pose(0.002)));
+  const Shape shape = make_mesh(joined(parts));
+  OK(fs_shape_build(shape.get()));
+  ck_assert(info_of(shape.get()).built && info_of(shape.get()).closed && !info_of(shape.get()).united);
+  const fs_vec3 x{0.2, 0, 0};
+  const double felt = norm(seen(joined(parts), {x})[0].front);
+  double nearest = 1;
+  for (const MeshData& part : parts) nearest = std::min(nearest, norm(seen(part, {x})[0].front));
+  EXPECT_NEAR(felt, nearest, 1e-12);
+}
+END_TEST
+
 int main() {
   Suite* suite = suite_create("shape");
   add_case(suite, "shapes", {polylines, meshes, another_mesh_is_felt_at_once, edges_of_meshes, shape_references,
                              progress_of_a_build,
                             a_build_needs_no_other_thread, scenes_of_the_tests});
-  add_case(suite, "parts", {parts_that_cross_are_one_body, parts_that_keep_apart});
+  add_case(suite, "parts", {parts_that_cross_are_one_body, parts_that_keep_apart, parts_that_cross_too_often});
   add_case(suite, "curves", {tables, expressions});
   add_case(suite, "files", {mesh_files, faces_that_are_not_convex, bad_mesh_files});
   return run_suite(suite);
