@@ -524,6 +524,31 @@ START_TEST(letting_go_is_no_step) {
 }
 END_TEST
 
+// So is a jump of a profile's force, which acts at the proxy.
+START_TEST(a_profile_at_an_edge_is_no_step) {
+  Hand hand;
+  hand.shapes.push_back(make_mesh(box_mesh({0.02, 0.02, 0.001})));
+  fs_object shelf = fs_object_init("shelf", FS_PRIMITIVE_MESH);
+  shelf.shape = hand.shapes.back().get();
+  shelf.front = attract(200, 100);
+  hand.put(shelf, solid(FS_KEEP_FRONT, 10));  // hardly stiff: it is the profile that jumps
+  hand.go({0, 0, 0.01});
+  hand.slide({0.0195, 0, -0.02});
+  EXPECT_NEAR(hand.felt.wrench.force.z, 0.21, 1e-6);
+  const double jump = 200 * 0.019;  // N: from 0 on top of the shelf to that of the hand below it
+  fs_vec3 before = hand.felt.wrench.force;
+  double most = 0;
+  for (int i = 0; i < 200; ++i) {
+    const fs_vec3 now = hand.go({0.0195 + 1e-5 * i, 0, -0.02});
+    most = std::max(most, norm(now - before));
+    before = now;
+  }
+  ck_assert_double_gt(norm(before), 0.9 * jump);
+  ck_assert_double_gt(most, 0.5 * jump * dt / 0.02);
+  ck_assert_double_lt(most, 1.1 * jump * dt / 0.02);
+}
+END_TEST
+
 START_TEST(tools_of_several_points) {
   Hand hand;
   hand.plane("table", {0, 0, 0}, {0, 0, 1}, solid(FS_KEEP_FRONT, 1000, 3));
@@ -680,6 +705,52 @@ START_TEST(solids_that_share_a_proxy_fade) {
 }
 END_TEST
 
+// More solids that come or go at once than can be told apart: the change of their mean is spread.
+START_TEST(a_hundred_solids_come_and_go_at_once) {
+  Held held("contact_crowd");
+  held.place({0, 0, -0.001});
+  constexpr int count = 100;
+  double force = 0;  // N
+  for (const bool is_coming : {true, false}) {
+    OK(fs_scene_begin(held.scene.get()));
+    for (int i = 0; i < count; ++i) {  // each has a proxy of its own
+      const std::string name = "plane " + std::to_string(i);
+      if (is_coming) held.put(fs_object_init(name.c_str(), FS_PRIMITIVE_PLANE), solid(FS_KEEP_FRONT, 20 + i));
+      if (is_coming) force += 1e-3 * (20 + i);
+      if (!is_coming) OK(fs_object_remove(held.scene.get(), name.c_str()));
+    }
+    OK(fs_scene_commit(held.scene.get()));
+    const double most = held.most_change(100);
+    ck_assert_msg(most < 1.01 * force * dt / 0.02, "%s: a step of %g N, of %g", is_coming ? "they come" : "they go", most, force);
+    held.step(1000);
+    EXPECT_NEAR(held.sent().z, is_coming ? force : 0, 1e-9);
+  }
+}
+END_TEST
+
+// A solid of which only the profile is felt, as the hand does not touch it.
+START_TEST(a_profile_above_a_solid_fades) {
+  Held held("contact_above");
+  fs_object magnet = fs_object_init("magnet", FS_PRIMITIVE_PLANE);
+  magnet.front = constant(FS_SENSE_ATTRACTIVE, 2);
+  magnet.front.reach = 0.02;
+  const auto is_steady = [&](double felt) {
+    ck_assert_double_le(held.most_change(80), 2 * dt / 0.05 + 1e-9);
+    EXPECT_NEAR(held.sent().z, felt, 1e-9);
+  };
+  for (int i = 0; i < 2; ++i) {
+    held.put(magnet, solid(FS_KEEP_FRONT));
+    is_steady(-2);
+    fs_object wall = fs_object_init("wall", FS_PRIMITIVE_PLANE);  // another one fades meanwhile
+    wall.pose.position.z = -0.05;
+    held.put(wall, solid(FS_KEEP_FRONT));
+    OK(fs_object_remove(held.scene.get(), "magnet"));
+    is_steady(0);
+    OK(fs_object_remove(held.scene.get(), "wall"));
+  }
+}
+END_TEST
+
 // A mesh that is replaced again and again stays felt, and does not let the hand in.
 START_TEST(a_mesh_is_replaced_while_it_is_touched) {
   Held held("contact_mesh");
@@ -770,11 +841,13 @@ int main() {
   add_case(suite, "meshes", {a_box_is_solid, nothing_lets_through, a_hand_that_begins_inside_is_led_out,
                              a_hand_that_begins_where_parts_cross_is_led_out,
                              a_hand_that_begins_on_the_surface_is_held, a_vertex_does_not_hold,
-                             limits_in_a_corner_make_no_energy, sliding_over_a_mesh_makes_no_energy, open_meshes_have_rims, letting_go_is_no_step});
+                             limits_in_a_corner_make_no_energy, sliding_over_a_mesh_makes_no_energy, open_meshes_have_rims,
+                             letting_go_is_no_step, a_profile_at_an_edge_is_no_step});
   add_case(suite, "forces", {friction_sticks_and_slips, damping_acts_on_approach_only, tools_of_several_points,
                              profiles_act_at_the_proxy, fields_of_solids});
   add_case(suite, "motion", {moving_objects_push, a_crushed_hand_feels_each});
   add_case(suite, "servo", {solids_come_and_go_without_a_step, solids_that_share_a_proxy_fade,
+                            a_hundred_solids_come_and_go_at_once, a_profile_above_a_solid_fades,
                             a_mesh_is_replaced_while_it_is_touched, a_mesh_that_sinks_takes_the_proxy_along,
                             a_sheet_that_rises_keeps_the_hand, a_tick_has_an_end});
   return run_suite(suite);
