@@ -259,6 +259,45 @@ START_TEST(damping_is_felt_in_motion) {
 }
 END_TEST
 
+namespace {
+
+// N s/m: the damping that a tool of `count` points feels as it goes down into a floor with the damping `each`. points: bits of
+// those that feel the floor; 0: all.
+double damping_felt(size_t count, double each, uint32_t points = 0) {
+  constexpr double speed = 0.1;  // m/s
+  Rig rig("floor");
+  rig.fake.info.mass = 0.3;
+  std::vector<fs_vec3> tool;
+  for (size_t i = 0; i < count; ++i) tool.push_back({1e-3 * std::cos(i), 1e-3 * std::sin(i), 0});
+  OK(fs_scene_set_tool(rig.scene.get(), tool.data(), count));
+  fs_object floor = fs_object_init("floor", FS_PRIMITIVE_PLANE);
+  floor.contact = {FS_KEEP_FRONT, 0, 1, 1e6, each, 0};  // hardly stiff
+  floor.tool_points = points;
+  set(rig.scene.get(), floor);
+  rig.fake.on_read = [](FakeDevice& fake, double time) {
+    fake.state.pose.position.z = 0.02 - speed * time;
+    fake.state.twist.linear.z = -speed;
+  };
+  rig.start(protected_options());
+  rig.step(400);
+  fs_response felt{};
+  OK(fs_scene_get_hand(rig.scene.get(), nullptr, &felt, nullptr));
+  return (felt.wrench.force.z - felt.stiffness.zz * (0.02 - speed * rig.fake.time)) / speed;
+}
+
+}  // namespace
+
+// A contact damps at each point that can touch it: so often it counts, and no oftener.
+START_TEST(damping_counts_by_the_points_that_can_touch) {
+  const double all = 0.7 * 0.3 / 0.0005 - 5;  // N s/m, what the loop renders beside the local damping
+  EXPECT_NEAR(damping_felt(1, 300), 300, 3);
+  EXPECT_NEAR(damping_felt(1, 1000), all, 0.01 * all);
+  EXPECT_NEAR(damping_felt(16, 20), 320, 3.2);
+  EXPECT_NEAR(damping_felt(16, 300), all, 0.01 * all);
+  EXPECT_NEAR(damping_felt(16, 300, 1), 300, 3);
+}
+END_TEST
+
 START_TEST(slew_spreads_a_step) {
   Rig rig("slew");
   fs_servo_options options = protected_options();
@@ -546,6 +585,8 @@ std::vector<fs_object> ring(int count, double reach) {  // of 2 N, 80 mm about t
 START_TEST(little_wants_are_met_first) {
   std::vector<fs_object> points;
   for (int i = 0; i < 10; ++i) points.push_back(hazard(i, {0.03, 0, 0}, 1e-3, 0.02, 0.08));
+  std::vector<fs_object> beyond;
+  for (int i = 0; i < 40; ++i) beyond.push_back(hazard(i, {1e-3 * (i % 10), 0.12, 1e-3 * (i / 10)}, 2, 0.015, 0));
   const struct {
     const char* beside;
     double slope;
@@ -553,7 +594,8 @@ START_TEST(little_wants_are_met_first) {
            {"ten points of 1 mN", wall_beside(points)},
            {"ten hazards of 2 N on a ring of 80 mm", wall_beside(ring(10, 0.045))},
            {"the same without an end of their reach", wall_beside(ring(10, 0))},
-           {"forty of them", wall_beside(ring(40, 0.045))}};
+           {"forty of them", wall_beside(ring(40, 0.045))},
+           {"forty Gaussian points of 2 N beyond its reach", wall_beside(beyond)}};
   for (const auto& row : rows) {
     std::printf("  a wall of 200 N/m beside %s: %.1f\n", row.beside, row.slope);
     ck_assert_msg(row.slope >= 199, "beside %s a wall gets %g of 200 N/m", row.beside, row.slope);
@@ -618,7 +660,7 @@ struct Wandering {
   Rig rig{"wandering"};
   fs_vec3 x{}, v{};
 
-  void start(double radius, double height) {
+  void start(double radius, double height, const fs_servo_options& options = protected_options()) {
     rig.fake.info.mass = 0.3;
     rig.fake.info.workspace_radius = radius;
     rig.fake.info.workspace_height = height;
@@ -626,7 +668,7 @@ struct Wandering {
       fake.state.pose.position = x;
       fake.state.twist.linear = v;
     };
-    rig.start(protected_options());
+    rig.start(options);
   }
   void go_to(fs_vec3 goal, int ticks) {  // as fast as it can, so that it stops there
     for (; ticks > 0; --ticks) {
@@ -662,28 +704,55 @@ struct Wandering {
 
 }  // namespace
 
-// What the hand cannot reach for now has no share, and has one before the hand is there, however fast it comes.
+// What the hand cannot reach for now has no share, and has one before the hand is there, however fast it comes; what it has left
+// keeps its share for a second.
 START_TEST(out_of_reach_is_out_of_mind) {
-  Wandering s;
-  for (int i = 0; i < 8; ++i) {
-    fs_object o = fs_object_init(("far " + std::to_string(i)).c_str(), FS_PRIMITIVE_POINT);
-    o.pose.position = {0.3 + 1e-4 * i, 0, 0};
-    o.front = attract(4000, 2);
-    o.front.reach = 0.02;
-    set(s.rig.scene.get(), o);
+  enum { points, planes, points_without_an_end, kind_count };
+  for (int kind = 0; kind < kind_count; ++kind) {
+    Wandering s;
+    for (int i = 0; i < 8; ++i) {
+      fs_object o = fs_object_init(("far " + std::to_string(i)).c_str(), kind == planes ? FS_PRIMITIVE_PLANE : FS_PRIMITIVE_POINT);
+      OK(fs_pose_from_z({0.3 + 1e-4 * i, 0, 0}, {-1, 0, 0}, &o.pose));
+      o.front = attract(4000, 2);
+      if (kind != points_without_an_end) o.front.reach = 0.02;
+      set(s.rig.scene.get(), o);
+    }
+    set(s.rig.scene.get(), wall("wall", 4000, 20));
+    s.start(0.4, 0.4);
+    const double all = stats_of(s.rig.scene.get()).max_stiffness;
+    const auto of_wall = [&] { return applied(s.rig.scene.get(), "wall"); };
+    s.go_to({0, 0, 0}, 300);
+    ck_assert_msg(of_wall() > 3999, "far from objects of kind %d the wall gets %g N/m", kind, of_wall());
+    s.most = 0;
+    s.go_to({0.3, 0, -1e-3}, 500);
+    ck_assert_msg(of_wall() <= all / 8, "amid objects of kind %d the wall gets %g N/m of %g", kind, of_wall(), all);
+    ck_assert_msg(s.most > 0.5 * all && s.most <= all * (1 + 1e-6), "kind %d: a slope of %g N/m, %g are rendered", kind, s.most, all);
+    s.go_to({0, 0, -1e-3}, 500);
+    ck_assert_msg(of_wall() <= all / 8, "kind %d: 0.5 s after the hand set off the wall gets %g N/m", kind, of_wall());
+    s.go_to({0, 0, -1e-3}, 1100);
+    ck_assert_msg(of_wall() > 3999, "kind %d: what the hand has left still has a share, the wall %g N/m", kind, of_wall());
   }
-  set(s.rig.scene.get(), wall("wall", 4000, 20));
-  s.start(0.4, 0.4);
+}
+END_TEST
+
+// What is disabled shares until it has faded out.
+START_TEST(what_fades_out_shares) {
+  Wandering s;
+  fs_object other = wall("other", 4000, 20);
+  for (const fs_object& o : {wall("wall", 4000, 20), other}) set(s.rig.scene.get(), o);
+  fs_servo_options options = protected_options();
+  options.fade = 1;
+  s.start(0.4, 0.4, options);
   const double all = stats_of(s.rig.scene.get()).max_stiffness;
-  s.go_to({0, 0, 0}, 300);
-  EXPECT_NEAR(applied(s.rig.scene.get(), "wall"), 4000, 1);
-  s.most = 0;
-  s.go_to({0.3, 0, -1e-3}, 500);
-  ck_assert_double_le(applied(s.rig.scene.get(), "wall"), all / 8);
-  ck_assert_double_gt(s.most, 0.5 * all);
+  s.go_to({0, 0, -1e-3}, 1500);
+  EXPECT_NEAR(applied(s.rig.scene.get(), "wall"), all / 2, 1e-6 * all);
+  other.enabled = false;
+  set(s.rig.scene.get(), other);
+  s.go_to({0, 0, -1e-3}, 800);
+  EXPECT_NEAR(applied(s.rig.scene.get(), "wall"), all / 2, 1e-6 * all);
+  s.go_to({0, 0, -1e-3}, 500);
+  EXPECT_NEAR(applied(s.rig.scene.get(), "wall"), 4000, 1e-6 * all);
   ck_assert_double_le(s.most, all * (1 + 1e-6));
-  s.go_to({0, 0, -1e-3}, 2000);  // what the hand has left keeps its share for a second
-  EXPECT_NEAR(applied(s.rig.scene.get(), "wall"), 4000, 1);
 }
 END_TEST
 
@@ -734,9 +803,10 @@ int main() {
   Suite* suite = suite_create("protections");
   add_case(suite, "loop", {the_loop_is_told, what_is_asked_is_bounded});
   add_case(suite, "guard", {damping_takes_energy, damping_stabilises, encoder_steps_are_not_felt_at_rest,
-                            damping_is_felt_in_motion, slew_spreads_a_step, off_is_off});
+                            damping_is_felt_in_motion, damping_counts_by_the_points_that_can_touch, slew_spreads_a_step, off_is_off});
   add_case(suite, "model", {models_are_written, without_a_controller_forces_are_written, bad_infos});
   add_case(suite, "shares", {little_wants_are_met_first, little_jumps_want_little, as_stiff_as_can_be_takes_what_is_left,
-                             equal_wants_get_equal_shares, out_of_reach_is_out_of_mind, slopes_add_up_to_no_more});
+                             equal_wants_get_equal_shares, out_of_reach_is_out_of_mind, what_fades_out_shares,
+                             slopes_add_up_to_no_more});
   return run_suite(suite);
 }
