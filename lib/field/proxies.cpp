@@ -79,9 +79,13 @@ void Proxies::spread_jump(Wrench Pull::*part, std::span<const Layer> then, std::
     }
   };
   Vec3 change{};
-  for_each_change([&](uint64_t, const Wrench& wrench) { change += wrench.force; });
-  const double size = norm(change);
-  if (!(size > explained)) return;
+  double all = 0;  // N
+  for_each_change([&](uint64_t, const Wrench& wrench) {
+    change += wrench.force;
+    all += norm(wrench.force);
+  });
+  const double size = norm(change), rounding = 1e-13 * all;
+  if (!(size > explained + rounding)) return;
   for_each_change([&](uint64_t version, const Wrench& wrench) { out.add(version, (1 - explained / size) * wrench); });
   out.time = spread_time;
 }

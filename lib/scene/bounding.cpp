@@ -13,6 +13,7 @@ bool is_told(double told, double now) { return now >= 0.9 * told && now <= 1.1 *
 
 Box grown(const Box& box, double by) { return {box.lower - Vec3{by, by, by}, box.upper + Vec3{by, by, by}}; }
 bool is_within(const Box& box, const Box& whole) { return whole.is_empty() || (!box.is_empty() && box.is_inside(whole)); }
+double size_of(const Box& box) { return norm(box.upper - box.lower); }
 
 auto count_of(const Views& views) {
   return std::count_if(std::begin(views.rows), std::end(views.rows), [](const View& view) { return view.version != 0; });
@@ -105,6 +106,7 @@ Box Bounding::reach_of_hand(const SceneShare& share, const LoopShare& loop, doub
   if (!(loop.speed < never) || count_of(views) != 1 || !evaluated_.servo_reader()->newest.read(tick) || !(tick.weight > 0) ||
       tick.view != view.version) {
     hand_time_ = never;
+    been_.fill({});
     return {};
   }
   const double scale = view.frame.scale, span = share.ahead + std::fmax(0, time - tick.time);
@@ -112,21 +114,27 @@ Box Bounding::reach_of_hand(const SceneShare& share, const LoopShare& loop, doub
   if (tick.time > hand_time_) speed_ = std::fmax(speed_, norm(tick.tool.position - hand_) / (tick.time - hand_time_));
   if (tick.time != hand_time_) hand_ = tick.tool.position;
   hand_time_ = tick.time;
+  if (!(std::fabs(tick.time - been_since_) < been_for)) {
+    std::copy_backward(been_.begin(), been_.end() - 1, been_.end());
+    been_[0] = {};
+    been_since_ = tick.time;
+  }
+  been_[0].add(hand_);
   const double fastest = std::fmax(speed_, std::fmin(speed_ + 0.5 * scale * hardest * span, scale * loop.speed));
   Box out;
   out.add(tick.tool.position);
   return grown(out, fastest * span + share.arm);
 }
 
-// Whether shares are to be worked out. reach: of the hand; slack: m, by which they would be worked out for more than that.
-bool Bounding::is_due(const LoopShare& loop, double most, const Box& reach, double slack, double time, double rest) const {
+// Whether shares are to be worked out. reach: of the hand; within: for which they would be worked out.
+bool Bounding::is_due(const LoopShare& loop, double most, const Box& reach, const Box& within, double time, double rest) const {
   if (seen_.sequence == 0 || !(loop == seen_.loop) || most != seen_.most) return true;
   if (reach.is_empty() != seen_.within.is_empty() || !is_within(reach, seen_.clear)) return true;
   if (std::fabs(time - seen_.time) < std::fmax(0.035, rest)) return false;  // what objects do can wait so long
-  const bool is_far_less = !reach.is_empty() && seen_.within.upper.x - seen_.within.lower.x >
-                                                    2 * (reach.upper.x - reach.lower.x + 2 * slack);
-  // What the hand has gone away from keeps its share for a second: a share that moves the hand must not come and go.
-  const bool has_left = seen_.has_any && !is_within(reach, seen_.within) && std::fabs(time - seen_.time) >= 1;
+  const bool is_far_less = !reach.is_empty() && size_of(seen_.within) > 2 * size_of(within);
+  // Others get what those have that the hand has left; not more often than that, because it costs time.
+  const bool has_left = seen_.has_any && std::fabs(time - seen_.time) >= been_for && !reach.is_empty() &&
+                        (!is_within(reach, seen_.within) || !is_within(seen_.within, grown(within, 0.25 * size_of(reach))));
   return evaluated_.sequence() != seen_.sequence || seen_.is_moving || is_far_less || has_left;
 }
 
@@ -154,15 +162,23 @@ bool Bounding::update(const LoopShare& loop, double ahead, double rest) {
     share = share_of(*evaluated_.views.views(), loop, most, blend, ahead + blend);
     const Box reach = reach_of_hand(share, loop, time);
     const double size = 0.5 * (reach.upper.x - reach.lower.x), slack = std::clamp(speed_ * rest, 0.5 * size, size);
-    if (!is_due(loop, most, reach, slack, time, rest)) {
+    Box within;
+    if (!reach.is_empty()) {
+      within = grown(reach, slack);
+      // What the hand has left keeps its share for a while, so that a share which moves the hand does not come and go.
+      for (const Box& been : been_) {
+        if (!been.is_empty()) within.add(grown(been, share.arm));
+      }
+    }
+    if (!is_due(loop, most, reach, within, time, rest)) {
       tell(time);
       return false;
     }
     // A held scene with edits that are not posted yet is skipped; after its next post this is called again.
     kept.snapshot = evaluated_.is_held() ? evaluated_.newest() : evaluated_.post_newest();
     if (!kept.snapshot) return false;
-    if (!reach.is_empty()) share.within = grown(reach, slack);
-    seen_ = {0, loop, most, time, false, false, false, reach.is_empty() ? Box{} : share.within, {}};  // 0: until it is done
+    if (!reach.is_empty()) share.within = within;
+    seen_ = {0, loop, most, time, false, false, false, within, {}};  // 0: until it is done
   }
   share.ahead += 0.06;  // s: what moves is looked at anew less often
   const Admission all = admit(*kept.snapshot, share, time, memory.get());

@@ -3,6 +3,7 @@
 // out of reach keeps the bound that it has. The servo's keeper.h calls this.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <memory>
 #include <mutex>
@@ -38,7 +39,7 @@ class Bounding {
  private:
   void settle();
   Box reach_of_hand(const SceneShare& share, const LoopShare& loop, double time);
-  bool is_due(const LoopShare& loop, double most, const Box& reach, double slack, double time, double rest) const;
+  bool is_due(const LoopShare& loop, double most, const Box& reach, const Box& within, double time, double rest) const;
   void enter(const std::vector<Admitted>& all, const SceneShare& share);
   void note_slope(const Object& object, double slope, double to_device);
   void tell(double time);
@@ -64,6 +65,10 @@ class Bounding {
   double hand_time_ = never;    // s, of the tick that
   Vec3 hand_{};                 // saw the tool here, m,
   double speed_ = 0;            // and so fast, m/s
+  // Where the tool was in the last second: a box for each quarter of it, the newest first.
+  static constexpr double been_for = 0.25;  // s
+  std::array<Box, 5> been_;
+  double been_since_ = -never;  // s, begin of the newest
 
   // What has been told of an object.
   struct Told {

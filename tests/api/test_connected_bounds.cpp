@@ -242,6 +242,17 @@ START_TEST(stiffness_of_clients) {
   EXPECT_NEAR(stiffness(), 1000, 1e-6);
   EXPECT_NEAR(report_of(bob.get(), "far").stiffness_applied, 1000, 1e-6);  // its force jumps
   go_to(0);
+  rig.step(1500);  // what the hand has left keeps its share for a second
+  EXPECT_NEAR(stiffness(), 2000, 1e-6);
+  // The parts are equal, however little one of them wants.
+  fs_object soft = spring("soft", {}, 1);
+  set(bob, soft);
+  rig.settle(bob.get());
+  EXPECT_NEAR(stiffness(), 1000, 1e-6);
+  EXPECT_NEAR(report_of(bob.get(), "soft").stiffness_applied, 1, 1e-6);
+  soft.enabled = false;
+  set(bob, soft);
+  rig.settle(bob.get());
   rig.step(100);
   EXPECT_NEAR(stiffness(), 2000, 1e-6);
 }
