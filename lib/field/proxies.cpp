@@ -214,7 +214,9 @@ void Proxies::tell(const Touches::View& here, uint64_t what, const ToolState& to
   std::array<Vec3, FS_TOOL_POINTS_MAX> proxies;
   for (uint32_t k = 0; k < tool.count; ++k) {
     proxies[k] = here.hand[k];
-    if (sum.pulled_by[k] > 0) proxies[k] += (1 / sum.pulled_by[k]) * sum.pull[k];
+    const Vec3& pull = sum.pull[k];
+    const double by = sum.pulled_by[k];  // its inverse may be infinite
+    if (by > 0) proxies[k] += {pull.x / by, pull.y / by, pull.z / by};
   }
   out.proxy = fitted(tool, proxies.data());
   if (what >= felt_.what) newest_.write(felt_);

@@ -195,6 +195,15 @@ START_TEST(corners_hold_with_every_wall) {
 }
 END_TEST
 
+START_TEST(the_softest_wall_has_a_proxy) {
+  Hand hand;
+  hand.plane("a", {0, 0, 0}, {0, 0, 1}, solid(FS_KEEP_FRONT, 1e-310));
+  hand.go({0, 0, 0.01});
+  hand.slide({0.001, 0, -0.002});
+  EXPECT_VECTOR(hand.proxy(), (fs_vec3{0.001, 0, 0}), 1e-9);
+}
+END_TEST
+
 // Equal walls in one place act once, others add; neither makes energy.
 START_TEST(shared_proxies) {
   for (const double other : {1000.0, 300.0}) {
@@ -837,7 +846,8 @@ END_TEST
 
 int main() {
   Suite* const suite = suite_create("contact");
-  add_case(suite, "planes", {a_plane_holds_the_hand, each_side_can_be_kept, corners_hold_with_every_wall, shared_proxies});
+  add_case(suite, "planes", {a_plane_holds_the_hand, each_side_can_be_kept, corners_hold_with_every_wall,
+                             the_softest_wall_has_a_proxy, shared_proxies});
   add_case(suite, "meshes", {a_box_is_solid, nothing_lets_through, a_hand_that_begins_inside_is_led_out,
                              a_hand_that_begins_where_parts_cross_is_led_out,
                              a_hand_that_begins_on_the_surface_is_held, a_vertex_does_not_hold,
