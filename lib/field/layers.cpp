@@ -130,8 +130,10 @@ const Layer& Layers::before(std::span<const Solid> solids, const Touches::View& 
     int differences = 0;
     uint64_t compared = 0;
     for (uint32_t i = 0; i < chosen_count_; ++i) {
-      if (!is_known_[i]) continue;  // new in all layers
-      const uint32_t number = number_in(last, solids[chosen_[i]].version);
+      const Solid& solid = solids[chosen_[i]];
+      const uint64_t version = is_known_[i] ? solid.version : solid.takes_over;
+      if (version == 0) continue;  // new in all layers
+      const uint32_t number = number_in(last, version);
       if (number < Touches::most_chosen) compared |= bit_of(number);
       const bool was_there = number == Touches::most_chosen || (other.present & bit_of(number));
       differences += was_there != ((layer.present & bit_of(i)) != 0);
