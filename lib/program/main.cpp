@@ -26,8 +26,8 @@ The columns of the record: time (s), the pose (m; w, x, y, z), the force as eval
 protections (N), how late the tick began and how long it took (s), the faults, the torque as evaluated and as sent
 (N m), and the buttons (bit i: button i is down). Positions, forces and torques are in the device's frame.
 
-A fault ends the force. If the device was lost, the force returns when the device does; after any other fault, start
-again. Ends with 1 after any fault, and if the hand chattered.)";
+A fault ends the force. If the device was lost, the force returns when the device does; after any other fault it returns
+by `forceserver resume NAME` for a server, or when you start again. Ends with 1 after any fault, and if the hand chattered.)";
 
 const char* const clients_help = R"(examples:
   forceserver clients lab

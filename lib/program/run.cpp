@@ -203,7 +203,10 @@ class ChatterReport {
 // What events tell. Bounds of slopes can change 20 times a second while many objects share: they are told once a second.
 class News {
  public:
-  News(fs_scene* scene, bool terminal) : scene_(scene), terminal_(terminal) {}
+  // listen: as print_line has it.
+  News(fs_scene* scene, const std::string& listen, bool terminal)
+      : scene_(scene), return_(listen.empty() ? "start again" : "`forceserver resume " + listen + "` lets it return"),
+        terminal_(terminal) {}
 
   // Prints the events since the last call. time: s.
   void print(double time) {
@@ -235,7 +238,8 @@ class News {
     if (event.status == FS_OK) return say("the device is ready");
     const auto bits = std::uint32_t(event.value);
     faults_ |= bits;
-    say("the force stopped: %s%s", stop_reason(event).c_str(), bits & FS_FAULT_DEVICE ? "" : "; start again");
+    const std::string what_helps = bits & FS_FAULT_DEVICE ? "" : "; " + return_;
+    say("the force stopped: %s%s", stop_reason(event).c_str(), what_helps.c_str());
   }
 
   void tell_bounds(double time) {
@@ -252,6 +256,7 @@ class News {
   }
 
   fs_scene* scene_;
+  std::string return_;  // how the force returns after a fault that stays
   bool terminal_;
   std::map<std::string, std::string> bounds_;  // by the name of the object, what is to be told
   double next_bounds_ = 0;                     // s
@@ -356,7 +361,7 @@ int run(const RunOptions& options) {
   bool record_failed = false;
   NewTicks ticks;
   ChatterReport chatter;
-  News news(scene.get(), terminal);
+  News news(scene.get(), options.listen, terminal);
   for (bool over = false; !over;) {
     double elapsed = Seconds(Clock::now() - start).count();
     const double left = options.duration > 0 ? options.duration - elapsed : sample;

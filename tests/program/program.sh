@@ -491,7 +491,7 @@ expect 0 "^the force at shm:$name returns$" "$program" resume "$name"
 until_says '^servo  faults: none; ' "$program" watch "$name" --count 1
 kill -INT $server
 ended $server 1 "run after a fault"
-grep -q '^the force stopped: the hand was above speed_limit; start again$' served || fail "run does not say what to do"
+grep -q "^the force stopped: the hand was above speed_limit; .forceserver resume $name. lets it return$" served || fail "run does not say what to do"
 
 # Who shares what can be rendered, and with whom.
 echo '{"forceserver": "scene", "version": 1, "objects": ['"$(wall_of a)"', '"$(wall_of b)"']}' > two.json
