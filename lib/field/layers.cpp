@@ -24,20 +24,6 @@ uint32_t number_in(const Touches::View& last, uint64_t version) noexcept {
 
 }  // namespace
 
-void Layers::stack(std::span<Solid> solids) noexcept {
-  for (Solid& solid : solids) solid.replaces = false;
-  for (Solid& solid : solids) {
-    solid.begin = 0;
-    if (!(solid.weight < 1)) continue;
-    for (Solid& newer : solids) {
-      if (newer.version > solid.version && newer.weight < 1 && newer.object->name == solid.object->name) {
-        solid.begin += newer.weight;
-        newer.replaces = true;
-      }
-    }
-  }
-}
-
 void Layers::choose(std::span<const Solid> solids, const Touches::View* last, const Touches& touches) noexcept {
   chosen_count_ = 0;
   is_crowded_ = false;

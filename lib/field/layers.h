@@ -13,9 +13,6 @@ namespace fs {
 
 class Layers {
  public:
-  // [rt] Works out where the part of each solid begins, and which replace others. It compares names, so it is called once a
-  // tick and view.
-  void stack(std::span<Solid> solids) noexcept;
   // [rt] Chooses the solids that fade and were felt in the last tick, or are new. last: null: none is known.
   void choose(std::span<const Solid> solids, const Touches::View* last, const Touches& touches) noexcept;
   // [rt] Chooses one more, which is felt now. False: it is chosen, or does not fade, or there are too many.

@@ -46,7 +46,7 @@ double Memory::weight_at(uint32_t row, uint64_t version, double now) const noexc
     const double since = all.since.load(std::memory_order_acquire);
     const bool is_moving = all.moving.load(std::memory_order_acquire) & bit_of(i);
     const Course course{(all.going_in.load(std::memory_order_acquire) & bit_of(i)) != 0,
-                        (all.handing_over.load(std::memory_order_acquire) & bit_of(i)) != 0};
+                        (all.handing_over.load(std::memory_order_acquire) & bit_of(i)) != 0, all.rows[i].passing()};
     const bool has_begun = all.rows[i].has_begun(version);
     const double value = all.rows[i].value();
     double coming = all.rows[i].coming();
@@ -94,7 +94,7 @@ void Memory::move_weights(uint32_t number, double now) noexcept {
   const uint64_t handing_over = all.handing_over.load(std::memory_order_relaxed);
   const double elapsed = now - all.since.load(std::memory_order_relaxed);
   for_each_bit(moving, [&](uint32_t i) {
-    const Course course{(going_in & bit_of(i)) != 0, (handing_over & bit_of(i)) != 0};
+    const Course course{(going_in & bit_of(i)) != 0, (handing_over & bit_of(i)) != 0, all.rows[i].passing()};
     double coming = all.rows[i].coming();
     const double value = course.after(elapsed, all.rows[i].value(), coming, spread);
     all.rows[i].set(value);
@@ -197,6 +197,16 @@ void Memory::advance(const Snapshot& snapshot, double now) noexcept {
       b->due_least = least_of(b->due);
     }
   } while (is_any_woken_);
+}
+
+double Memory::newer_weight(const Row& row, double now) const noexcept {
+  double out = 0;
+  for (uint32_t number = row.newer; number != no_row;) {
+    const Row& its = block(number / chunk_size).chunks[number / chunk_size % block_size]->row(number % chunk_size);
+    out += weight_at(number, its.version, now);
+    number = its.newer;
+  }
+  return out;
 }
 
 void Memory::look(uint32_t i, uint64_t what, Vec3 centre, double radius, double now) noexcept {

@@ -52,6 +52,9 @@ class Memory : public Counted<Memory> {
   // Moves the weights to `now`. Of a servo, once a tick, after absorb.
   void advance(const Snapshot& snapshot, double now) noexcept;
 
+  // What the newer versions of a row's object weigh together, near or not. Of a servo.
+  double newer_weight(const Row& row, double now) const noexcept;
+
   // N, what objects that do not count as near may give together at most.
   double omitted() const noexcept { return omitted_; }
 

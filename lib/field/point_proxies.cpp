@@ -40,6 +40,17 @@ Mat3 across(Vec3 way) noexcept {
   return identity() + -1.0 * outer(direction, direction);
 }
 
+// The touch with a version in the layer before, or else in any other; null: there was none. Another layer has it where a solid
+// is told apart no more, or where two parts of the unit interval overlap that did not.
+const Touch* PointProxies::last_touch(const Point& point, uint64_t version) const noexcept {
+  const Touch* out = point.tick.touches.find(*point.before, version, point.number);
+  const Touches::View& last = *point.tick.last;
+  for (uint32_t n = 0; !out && n < last.layer_count && last.layer_count > 1; ++n) {
+    out = point.tick.touches.find(last.layers[n], version, point.number);
+  }
+  return out;
+}
+
 // The touch of an older version of the same object, where the point was held by it; null: there is none.
 const Touch* PointProxies::replaced(const Point& point, const Solid& solid) const noexcept {
   if (!point.before || !solid.replaces) return nullptr;
@@ -314,9 +325,9 @@ void PointProxies::feel(const Tick& tick, uint32_t number, const Layer* before_l
     before = {};
     before.is_done = !solid.is_present || !(tick.tool.is_any_point || (solid.object->point_mask() >> number & 1));
     if (before.is_done || !before_layer) continue;
+    before.touch = last_touch(point, solid.version);
     // Another profile or contact of the same object goes on from where the one before has the proxy.
-    before.touch = tick.touches.find(*before_layer, solid.version, number);
-    if (!before.touch && solid.takes_over) before.touch = tick.touches.find(*before_layer, solid.takes_over, number);
+    if (!before.touch && solid.takes_over) before.touch = last_touch(point, solid.takes_over);
     solid.is_known |= before.touch != nullptr;
   }
   while (gather(point)) {

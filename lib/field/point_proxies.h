@@ -57,6 +57,7 @@ class PointProxies {
     const ToolState::Point& at() const noexcept { return tick.tool.points[number]; }
   };
 
+  const Touch* last_touch(const Point& point, uint64_t version) const noexcept;
   const Touch* replaced(const Point& point, const Solid& solid) const noexcept;
   bool begin_touch(const Point& point, Member& member) noexcept;
   bool gather(const Point& point) noexcept;

@@ -92,6 +92,15 @@ void Proxies::spread_jump(Wrench Pull::*part, std::span<const Layer> then, std::
 
 // ---------------------------------------------------------------------------------------------------------- the whole
 
+// Whether the solids that were told apart are told apart still: none has come to be in full, or has gone out of reach.
+bool Proxies::tells_apart(const Touches::View& last, const Touches::View& here) noexcept {
+  const std::span<const uint64_t> chosen{here.chosen.data(), here.chosen_count};
+  for (uint32_t i = 0; i < last.chosen_count; ++i) {
+    if (std::find(chosen.begin(), chosen.end(), last.chosen[i]) == chosen.end()) return false;
+  }
+  return true;
+}
+
 void Proxies::feel_layers(Touches::View& here, const Touches::View* last, const ToolState& tool, Effort* effort,
                           Sum& out) noexcept {
   touches_.restart(here);
@@ -105,7 +114,8 @@ void Proxies::feel_layers(Touches::View& here, const Touches::View* last, const 
   here.has_all_layers =
       layers_.cut(solids(), std::clamp(Touches::most / std::max(1u, solid_count_ * tool.count), 1u, Touches::most_layers));
   here.has_all_layers &= !layers_.is_crowded();
-  const bool can_compare = last && last->has_all_pulls, is_crowded = !here.has_all_layers || (last && !last->has_all_layers);
+  const bool can_compare = last && last->has_all_pulls;
+  const bool are_layers_matched = last && here.has_all_layers && last->has_all_layers && tells_apart(*last, here);
   const PointProxies::Tick tick{solids(), touches_, tool, last, now_, step_, effort};
   for (uint32_t n = 0; n < layers_.count(); ++n) {
     Layer& layer = touches_.add_layer(here, layers_.begin(n), layers_.end(n), layers_.present(solids(), n));
@@ -126,12 +136,13 @@ void Proxies::feel_layers(Touches::View& here, const Touches::View* last, const 
     out.spring_change += length * all.spring_change;
     out.profile_change += length * all.profile_change;
     end_layer(here, layer, tool, out);
-    if (!can_compare || is_crowded || !is_same(*before)) continue;
+    if (!can_compare || !are_layers_matched || !is_same(*before)) continue;
     spread_jump(&Pull::spring, {before, 1}, {&layer, 1}, length, length * all.spring_change, here.rests);
     spread_jump(&Pull::profile, {before, 1}, {&layer, 1}, length, length * all.profile_change, here.rests);
   }
-  if (!can_compare || !is_crowded) return;
-  // With too many layers they cannot be compared one by one: the change of their mean is spread.
+  if (!can_compare || are_layers_matched) return;
+  // Where there are too many layers, or some have become one, they cannot be compared one by one: the change of their mean is
+  // spread.
   const std::span<const Layer> then{last->layers.data(), last->layer_count}, now{here.layers.data(), here.layer_count};
   spread_jump(&Pull::spring, then, now, 0, out.spring_change, here.rests);
   spread_jump(&Pull::profile, then, now, 0, out.profile_change, here.rests);
@@ -166,7 +177,6 @@ void Proxies::feel(uint32_t view, uint64_t what, const ToolState& tool, Effort* 
     here.hand[k] = tool.points[k].position;
     here.velocity[k] = tool.points[k].velocity;
   }
-  layers_.stack(solids());
   layers_.choose(solids(), last, touches_);
   const Effort effort_before = effort ? *effort : Effort{};
   constexpr int most_tries = 4;

@@ -76,6 +76,7 @@ class Proxies {
   void spread_jump(Wrench Pull::*part, std::span<const Layer> then, std::span<const Layer> now, double length, double explained,
                    Rests& out) noexcept;
   bool is_same(const Layer& before) const noexcept;
+  static bool tells_apart(const Touches::View& last, const Touches::View& here) noexcept;
   bool choose_felt() noexcept;
   bool do_layers_agree(const Touches::View& view) const noexcept;
   void tell(const Touches::View& here, uint64_t what, const ToolState& tool, const Sum& sum, fs_response& out) noexcept;

@@ -29,15 +29,14 @@ struct Solid {
   uint64_t takes_over = 0;      // version of the row whose weight it takes over, and its touches; 0: of none
   const Object* object = nullptr;
   const Motion* motion = nullptr;
-  double weight = 1;
+  double weight = 1, begin = 0;  // its part of the unit interval: see layers.h
+  bool replaces = false;        // an older version of the same object fades out
   const Law::Parsers* parsers = nullptr;
   Hint* hints = nullptr;        // of each point; null: none
   double start = 0;             // s, of the profiles
   bool is_bounded = false;      // its slope is less than was asked for
   // Worked out by feel().
   Pose pose{};                  // now
-  double begin = 0;             // 0..1, where its part of the unit interval begins: see layers.h
-  bool replaces = false;        // an older version of the same object fades out
   // In the layer that is worked on.
   bool is_present = true, is_touched = false;
   bool is_known = false;        // it was there in the last tick

@@ -9,7 +9,7 @@
 // chain of full cross-fades.
 //
 // Another profile of the same shape *takes over*: within the much shorter time `blend` the new row gets just the weight that
-// the old one has, however far that has come, and goes on from it. So it need not wait for the old row to be in full, only
+// the old one has, however little that is, and goes on from it. So it need not wait for the old row to be in full, only
 // until that one has itself taken over from the one before.
 #pragma once
 
@@ -47,6 +47,7 @@ struct Want {
 struct Version : Want {
   uint64_t created = 0;          // sequence of the first snapshot with this version
   uint32_t previous = no_row;
+  uint32_t newer = no_row;       // the row whose `previous` it is
 };
 
 // How far a row has come. A row that follows another waits, at weight 0, until it has begun. The poster sets a weight up
@@ -57,6 +58,7 @@ class Weight {
   void set_up(uint64_t version, bool waits, double value) noexcept {
     value_.store(value, std::memory_order_relaxed);
     coming_.store(0, std::memory_order_relaxed);
+    passing_.store(0, std::memory_order_relaxed);
     state_.store(2 * version + !waits, std::memory_order_release);
   }
   // The poster's: makes the row wait as another version. False: it has begun meanwhile, and goes on.
@@ -74,6 +76,13 @@ class Weight {
   // [rt] The tick's.
   void set(double value) noexcept { value_.store(value, std::memory_order_release); }
   void set_coming(double value) noexcept { coming_.store(value, std::memory_order_release); }
+  // [rt] The tick's: within a blend the row gives all of its weight to its successor.
+  void hand_over(Weight& next) noexcept {
+    const double all = value();
+    passing_.store(all, std::memory_order_release);
+    next.passing_.store(all, std::memory_order_release);
+    next.set_coming(all);
+  }
 
   bool has_begun(uint64_t version) const noexcept {  // [rt]
     return state_.load(std::memory_order_acquire) == 2 * version + 1;
@@ -81,6 +90,8 @@ class Weight {
   double value() const noexcept { return value_.load(std::memory_order_acquire); }  // [rt]
   // [rt] What the row has still to take over.
   double coming() const noexcept { return coming_.load(std::memory_order_acquire); }
+  // [rt] What it has given or taken over in the last blend, in all.
+  double passing() const noexcept { return passing_.load(std::memory_order_acquire); }
 
   // [rt] A weight after `by` of a fade.
   static double moved(double weight, bool in, double by) noexcept {
@@ -91,51 +102,51 @@ class Weight {
 
  private:
   std::atomic<uint64_t> state_{0};  // 2 * version, + 1 when it has begun
-  std::atomic<double> value_{0}, coming_{0};
+  std::atomic<double> value_{0}, coming_{0}, passing_{0};
 };
 
 // Where a weight goes.
 struct Course {
-  bool in;       // it rises
+  bool in;          // it rises
   bool hands_over;  // to its successor, within a blend
+  double passing;   // see Weight
 
-  // [rt] The value after `elapsed` seconds. coming: what the row has still to take over, before it fades.
+  // [rt] The value after `elapsed` seconds. coming: what the row has still to take over; it fades meanwhile.
   double after(double elapsed, double value, double& coming, const Spread& spread) const noexcept {
-    if (coming > 0) {
-      const double taken = std::min(coming, Weight::part_of_fade(elapsed, spread.blend));
-      coming -= taken;
-      value = std::min(1.0, value + taken);
-      elapsed -= taken * spread.blend;
-      if (coming > 0 || !(elapsed > 0)) return value;
-    }
-    return Weight::moved(value, in, Weight::part_of_fade(elapsed, hands_over ? spread.blend : spread.fade));
+    if (hands_over) return Weight::moved(value, false, passing * Weight::part_of_fade(elapsed, spread.blend));
+    const double taken = coming > 0 ? std::min(coming, passing * Weight::part_of_fade(elapsed, spread.blend)) : 0;
+    coming -= taken;
+    // Both rows together weigh 1 at most.
+    return std::min(1 - coming, Weight::moved(value + taken, in, Weight::part_of_fade(elapsed, spread.fade)));
   }
   // [rt] s, until `after` arrives at something new; 0: it is there.
   double rest(double value, double coming, const Spread& spread) const noexcept {
-    if (coming > 0) return coming * spread.blend;
-    return (in ? 1 - value : value) * (hands_over ? spread.blend : spread.fade);
+    if (coming > 0) return coming / passing * spread.blend;
+    const double way = in ? 1 - value : value;
+    return hands_over && way > 0 ? way / passing * spread.blend : way * spread.fade;
   }
 };
 
 // [rt] Where the weight of a row goes; the row has begun. When its weight is 1 or 0, it starts its successor and fades out from
 // then on; a successor that takes over starts at once. next, its: the successor; null: there is none. began: set when it
 // has just started.
-inline Course course_of(const Want& row, const Weight& weight, double now, Weight* next, const Want* its, bool is_at_once,
+inline Course course_of(const Want& row, Weight& weight, double now, Weight* next, const Want* its, bool is_at_once,
                         bool& began) noexcept {
   const bool in = row.is_in && now < row.expiry;
   const double value = weight.value();
-  if (!next) return {in, false};
-  if (next->has_begun(its->version)) return {false, next->coming() > 0};
+  const double passing = weight.passing();
+  if (!next) return {in, false, passing};
+  if (next->has_begun(its->version)) return {false, next->coming() > 0, passing};
   const bool can_take_over = its->takes_over == row.version;
   const bool takes_over = can_take_over && its->is_in && now < its->expiry;
   // If both are wanted out, the successor does not start: should it be wanted in again, it takes over what is left.
   const bool is_full = !(value < 1) && (in || !can_take_over), has_faded = is_at_once || is_full || !(value > 0);
   const bool has_taken_over = !(weight.coming() > 0);
-  if (!has_taken_over || !(takes_over || has_faded)) return {in, false};
-  if (!next->begin(its->version)) return {in, false};  // it was replaced; another snapshot tells by what
-  if (takes_over) next->set_coming(value);
+  if (!has_taken_over || !(takes_over || has_faded)) return {in, false, passing};
+  if (!next->begin(its->version)) return {in, false, passing};  // it was replaced; another snapshot tells by what
+  if (takes_over) weight.hand_over(*next);
   began = true;
-  return {false, takes_over};
+  return {false, takes_over, weight.passing()};
 }
 
 }  // namespace fs

@@ -135,7 +135,7 @@ void ObjectRows::fill(Chunk& its, uint32_t number, const Entry& entry, const Ref
   row.version = version;
   row.sequence = sequence_;
   row.expiry = entry.expiry;
-  row.next = no_row;
+  row.next = row.newer = no_row;
   row.previous = previous;
   row.is_in = entry.object->is_enabled;
   row.is_named = true;
@@ -302,6 +302,7 @@ uint32_t ObjectRows::append(uint32_t newest, const Entry& entry, Change change, 
   if (!entry.motion.says_the_same(motion(newest))) note_offset(number);
   if (takes_over) edit(number).takes_over = row(newest).version;
   edit(newest).is_named = false;
+  edit(newest).newer = number;
   if (waits) edit(newest).next = number;
   if (!entry.object->is_enabled) want_out(newest);
   return number;
@@ -403,7 +404,7 @@ ObjectRows::Shifted ObjectRows::shifted(double shift) const {
       Chunk& copy = out.chunks.edit(number, sequence_);
       copy.own(i);
       Row& row = copy.edit_row(i);
-      row.previous = row.next = no_row;
+      row.previous = row.newer = row.next = no_row;
       row.takes_over = 0;
       row.start += shift;
       row.expiry += shift;

@@ -67,6 +67,7 @@ class Versions {
         rows().edit(older).next = no_row;
       }
       rows().edit(above).previous = older;
+      if (older != no_row) rows().edit(older).newer = above;
       rows().drop(i);
       has_changed = true;
     }

@@ -93,6 +93,7 @@ void ViewRows::change(const ViewChange& change) {
       view.previous = newest;
       servo_->memory->views.weight(i).set_up(view.version, waits, 0);
       if (waits) views_->rows[newest].next = i;
+      views_->rows[newest].newer = i;
       views_->rows[i] = view;
       views_->newest = i;
     }
@@ -137,7 +138,7 @@ Ref<Views> ViewRows::settled() const {
   View& view = out->rows[0];
   view.frame = frame();
   view.has_own_frame = true;
-  view.previous = view.next = no_row;
+  view.previous = view.newer = view.next = no_row;
   return out;
 }
 

@@ -400,7 +400,7 @@ START_TEST(a_blend_goes_on_from_the_weight) {  // of what is fading
   o.back.gain = 3000;
   s.set(o);
   s.run(blend + 2 * period);
-  EXPECT_NEAR(s.force().z, 30 * (0.5 + 0.012 / fade), 1);  // 10 ms to take over the half, and 12 to go on
+  EXPECT_NEAR(s.force().z, 30 * (0.5 + (blend + 2 * period) / fade), 1);  // it takes over the half, and goes on meanwhile
   s.run(fade);
   EXPECT_NEAR(s.force().z, 30, 1e-9);
   ck_assert_double_le(s.largest, 30 * (period / blend + period / fade));
@@ -418,6 +418,20 @@ START_TEST(a_blend_goes_on_from_the_weight) {  // of what is fading
   s.run(fade);
   EXPECT_NEAR(s.force().z, 20, 1e-9);
   ck_assert_uint_eq(object_count(s.scene), 1);
+}
+END_TEST
+
+START_TEST(changes_that_go_on_hold_up_no_fade) {  // a slider is moved while its object fades in
+  Felt s;
+  fs_object o = wall(0.01);
+  s.set(o);
+  const int count = static_cast<int>(fade / (5 * period)) + 5;
+  for (int i = 0; i < count; ++i) {
+    o.back.limit = 100 + i;
+    s.change(o, FS_PART_PROFILES);
+    s.run(5 * period);
+  }
+  EXPECT_NEAR(s.force().z, 10, 1e-9);
 }
 END_TEST
 
@@ -944,7 +958,8 @@ int main() {
   add_case(suite, "poses", {streams_make_no_step, a_move_takes_the_blend, turns_are_blended, streams_that_end_carry_on,
                             jumps_fade});
   add_on_both(suite, "both", {moves_and_then_changes});
-  add_case(suite, "profiles", {profiles_are_blended, a_blend_goes_on_from_the_weight, curves_and_their_time_are_blended});
+  add_case(suite, "profiles", {profiles_are_blended, a_blend_goes_on_from_the_weight, changes_that_go_on_hold_up_no_fade,
+                            curves_and_their_time_are_blended});
   add_case(suite, "contacts", {contacts_are_blended, friction_is_blended, a_floor_that_moves_carries_the_hand});
   add_case(suite, "all", {tools_feel_changes_at_once, large_groups_are_blended});
   add_case(suite, "bounds", {shares_are_blended, what_changes_all_the_time_gets_its_share,
