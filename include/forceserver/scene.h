@@ -233,8 +233,9 @@ FS_API fs_status fs_scene_set_accuracy(fs_scene *scene, double newtons);
  *   What the hand has left keeps its share for 1 s.
  * - A new object has at first the bound of one alone; within 0.1 s it shares, and so does one that has moved. A bound that
  *   changes is blended as a profile that changes is.
- * - Connected: the bound holds for the scene's own objects and can only lower what the server gives them: an equal part of
- *   what the servo can render for each client that has objects in the hand's reach.
+ * - Connected: the bound holds for the scene's own objects and can only lower what the server gives them. What the servo can
+ *   render is shared among its clients in the same way, by what the objects of each in the hand's reach want together at most
+ *   at one place, and a tenth in reserve.
  *
  * Not bounded are tools of one's own, fields, and the turn of an attractive force where two parts of a polyline or mesh are
  * equally near: it leads the hand away from there. */
@@ -339,8 +340,8 @@ typedef enum fs_event_kind {
   FS_EVENT_READY = 1,           /* connected: a pending object is now felt */
   FS_EVENT_REFUSED = 2,         /* the server refused an object: status, text */
   FS_EVENT_CAPPED = 3,          /* stiffness_applied changed by over 10 %: value, N/m at the device; text: also with which
-                                   objects it shares; at most once a second of an object and 20 times of a scene, what
-                                   has changed meanwhile later */
+                                   objects it shares; of an object at once, then after 1 s, 2 s, 4 s, up to 32 s, and 20
+                                   times a second of a scene at most; what has changed meanwhile is told later */
   FS_EVENT_EDITED = 4,          /* another client (text) changed, moved or removed an object of this scene; several
                                    edits by one client before the object is looked at give one event */
   FS_EVENT_EXPIRED = 5,         /* an object's lifetime is over: it stays, at weight 0, until set, changed or moved */

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <deque>
 #include <iterator>
+#include <queue>
 
 namespace fs {
 
@@ -187,6 +188,39 @@ double level_of(std::vector<double>& wants, double total) noexcept {
     --left;
   }
   return std::numeric_limits<double>::infinity();  // but for rounding they want no more
+}
+
+double most_wanted(std::span<const Claim> claims, const Box& within) {
+  struct Part {
+    Box box;
+    std::vector<uint32_t> claims;  // the numbers of those that meet it
+    double sum;                    // N/m, of these
+    int depth;
+    bool operator<(const Part& other) const { return sum < other.sum; }
+  };
+  constexpr int most_depth = 30;
+  size_t visits_left = 30'000 + 30 * claims.size();
+  const auto part_of = [&](const Box& box, const std::vector<uint32_t>& numbers, int depth) {
+    Part part{box, {}, 0, depth};
+    for (const uint32_t i : numbers) {
+      if (!meets(claims[i], box)) continue;
+      part.claims.push_back(i);
+      part.sum += claims[i].slope;
+    }
+    visits_left -= std::min(visits_left, numbers.size());
+    return part;
+  };
+  std::vector<uint32_t> all(claims.size());
+  for (uint32_t i = 0; i < claims.size(); ++i) all[i] = i;
+  std::priority_queue<Part> parts;  // the one where most may be wanted comes first
+  parts.push(part_of(within, all, 0));
+  for (;;) {
+    const Part part = parts.top();
+    parts.pop();
+    const bool is_full = std::all_of(part.claims.begin(), part.claims.end(), [&](uint32_t i) { return holds(claims[i], part.box); });
+    if (is_full || part.depth == most_depth || visits_left == 0) return part.sum;
+    for (const Box& half : halves(part.box)) parts.push(part_of(half, part.claims, part.depth + 1));
+  }
 }
 
 Shares fair_shares(std::span<const Claim> claims, size_t users, const Box& within, double total) {

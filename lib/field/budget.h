@@ -43,6 +43,9 @@ struct Shares {
 // that. Infinite: together they want no more. Max-min fairness (Bertsekas & Gallager, "Data Networks", 6.5.2).
 double level_of(std::vector<double>& wants, double total) noexcept;  // changes the order of wants
 
+// N/m, what the claims add up to at most at one place in the box; never less, and mostly not much more.
+double most_wanted(std::span<const Claim> claims, const Box& within);
+
 // For each user the lowest level of all places where it wants more than that: never more, and mostly not much less.
 // within: only places in this box count.
 //

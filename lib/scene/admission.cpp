@@ -149,6 +149,10 @@ struct Claims {
   }
 
   Shares shares(size_t users, const Box& within, double total) const;
+  double most(const Box& within) const;
+
+ private:
+  std::vector<Claim> anywhere() const;
 };
 
 // Where nothing is known of where the hand is: a box about all that is somewhere; slabs are everywhere then.
@@ -163,13 +167,25 @@ Box box_of(const std::vector<Claim>& claims) {
   return out;
 }
 
-Shares Claims::shares(size_t users, const Box& within, double total) const {
-  if (!within.is_empty()) return fair_shares(all, users, within, total);
-  std::vector<Claim> claims = all;
-  for (Claim& claim : claims) {  // slabs that are not parallel meet somewhere
+// Where nothing is known of where the hand is: slabs that are not parallel meet somewhere.
+std::vector<Claim> Claims::anywhere() const {
+  std::vector<Claim> out = all;
+  for (Claim& claim : out) {
     if (claim.region == Claim::Region::slab) claim.region = Claim::Region::everywhere;
   }
+  return out;
+}
+
+Shares Claims::shares(size_t users, const Box& within, double total) const {
+  if (!within.is_empty()) return fair_shares(all, users, within, total);
+  const std::vector<Claim> claims = anywhere();
   return fair_shares(claims, users, box_of(claims), total);
+}
+
+double Claims::most(const Box& within) const {
+  if (!within.is_empty()) return most_wanted(all, within);
+  const std::vector<Claim> claims = anywhere();
+  return most_wanted(claims, box_of(claims));
 }
 
 // The wishes of all that may be felt where the tool may be.
@@ -188,12 +204,12 @@ std::vector<Wish> wishes_of(const Snapshot& snapshot, const SceneShare& share, d
     if (object.jumps()) {
       // At a bend that attracts only the direction jumps, and leads away from there: it gets a part as if it were steep.
       const bool only_bends = law < never && !object.has_ridges();
-      law = std::min(only_bends ? std::max(law, share.stiffness / 4) : never, object.enough_slope);
+      law = std::min(only_bends ? std::max(law, share.whole / 4) : never, object.enough_slope);
     }
-    wish.law = std::min(law, share.stiffness);
+    wish.law = std::min(law, share.whole);
     if (object.is_solid()) {
       const double each = object.contact.stiffness > 0 ? object.contact.stiffness : never;
-      wish.contact = std::min(wish.points * each, share.stiffness);
+      wish.contact = std::min(wish.points * each, share.whole);
       wish.damping = wish.points * object.contact.damping;
     }
     wish.damping += object.damping;
@@ -219,6 +235,17 @@ std::vector<Wish> wishes_of(const Snapshot& snapshot, const SceneShare& share, d
     return norm(found->second - wish.motion->pose.position) <= size + std::fmax(0, object.law.support);
   });
   return out;
+}
+
+// N/m, what all wishes together want at most at one place.
+double most_of(const std::vector<Wish>& wishes, const SceneShare& share, double now) {
+  Claims claims;
+  for (size_t i = 0; i < wishes.size(); ++i) {
+    const Wish& wish = wishes[i];
+    claims.add_law(wish, i, 2 * i, wish.law, now, share);
+    claims.add(wish, i, 2 * i + 1, contact_reach(wish, wish.contact), wish.contact, now, share);
+  }
+  return std::min(claims.most(share.within), share.whole);
 }
 
 // The bounds of the slopes of all wishes: of the law of wish i as user 2i, of its contact as user 2i + 1.
@@ -295,7 +322,7 @@ std::string SharedWith::text(size_t room) const {
 }
 
 SceneShare share_of(const Views& views, const LoopShare& share, double most, double blend, double ahead) {
-  SceneShare out{never, never, blend, ahead, 0, 1, 0, {}};
+  SceneShare out{never, never, never, blend, ahead, 0, 0, 1, 0, {}};
   bool is_anywhere = !(share.radius > 0 && share.height > 0);
   double lever_part = 1;
   for (const View& view : views.rows) {
@@ -319,7 +346,10 @@ SceneShare share_of(const Views& views, const LoopShare& share, double most, dou
   }
   if (is_anywhere) out.within = {};
   if (!(out.to_device > 0)) return out;
-  out.stiffness = std::min(lever_part * share.stiffness, most > 0 ? most : never) / out.to_device;
+  const auto in_scene = [&](double stiffness) { return std::min(lever_part * stiffness, most > 0 ? most : never) / out.to_device; };
+  out.stiffness = in_scene(share.stiffness);
+  out.whole = in_scene(share.whole);
+  out.to_loop = out.to_device / lever_part;
   out.damping = share.damping / out.to_device;
   return out;
 }
@@ -330,7 +360,14 @@ Bounds bounds_alone(const SceneShare& share) noexcept {
 
 Admission admit(const Snapshot& snapshot, const SceneShare& share, double now, const Memory* memory) {
   Admission out;
-  const std::vector<Wish> wishes = wishes_of(snapshot, share, now, memory, out.clear);
+  std::vector<Wish> wishes = wishes_of(snapshot, share, now, memory, out.clear);
+  if (share.stiffness < share.whole) {
+    out.wanted = share.to_loop * most_of(wishes, share, now);
+    for (Wish& wish : wishes) {
+      wish.law = std::min(wish.law, share.stiffness);
+      wish.contact = std::min(wish.contact, share.stiffness);
+    }
+  }
   const Shares slopes = slopes_of(wishes, share, now, out.clear);
   Shares damping;
   if (share.damping < never) {

@@ -13,6 +13,7 @@ namespace fs {
 // What the loop leaves to one scene, at the device.
 struct LoopShare {
   double stiffness = never;  // N/m
+  double whole = never;      // N/m, what it leaves to all scenes together
   double damping = never;    // N s/m
   double lever = never;      // m: a torque about the handle counts as a force on a point so far from it
   double radius = 0, height = 0;  // m, of the device's workspace, a cylinder about z; 0: not known
@@ -39,8 +40,10 @@ struct Admitted {
 // scene itself allows; 0: no such bound.
 struct SceneShare {
   double stiffness, damping;  // N/m, N s/m, of the scene
+  double whole;               // N/m: how much of it the scene could have if it were alone
   double blend, ahead;        // s: over which moves are spread; for how long the shares must hold
   double to_device;           // a slope of the scene times this is one at the device; 0: nothing is felt
+  double to_loop;             // the same, as the loop can render it: with torques it is harder
   unsigned points;            // of the tool
   double arm;                 // m, how far its points are from the handle
   Box within;                 // m, where the tool may be; empty: anywhere
@@ -55,6 +58,7 @@ struct Admission {
   std::vector<Admitted> objects;  // that may be felt where the tool may be
   double clear = never;           // m: where it may be can grow by so much to each side before more objects are felt there
   bool has_fading = false;        // something that fades out has a share of its own
+  double wanted = never;          // N/m of the loop: what its objects want together at most; worked out beside other scenes
 };
 
 // The bounds of the objects that may be felt there, at time `now` (s); those of an object that shares with none are as if it

@@ -21,7 +21,8 @@ auto count_of(const Views& views) {
 
 }  // namespace
 
-// What is bounded, and changes by more than a tenth, is told at most once a second of each object; the rest later.
+// What is bounded, and changes by more than a tenth, is told of each object: the first time at once, then after 1 s, 2 s, 4 s,
+// up to 32 s. One of which there was nothing to tell for a minute begins anew.
 void Bounding::note_slope(const Object& object, double slope, double to_device) {
   const bool takes_what_it_gets = object.is_solid() && object.contact.stiffness == 0;
   const bool is_bounded = slope < object.steepest_slope && !takes_what_it_gets;
@@ -29,7 +30,7 @@ void Bounding::note_slope(const Object& object, double slope, double to_device) 
   auto told = told_.find(object.name);
   if (told == told_.end()) {
     if (!is_bounded && !takes_what_it_gets) return;
-    told = told_.emplace(object.name, Told{takes_what_it_gets ? now : wanted, now, -never, wanted, takes_what_it_gets}).first;
+    told = told_.emplace(object.name, Told{takes_what_it_gets ? now : wanted, now, -never, 0.5, wanted, takes_what_it_gets}).first;
   }
   told->second.now = now;
   told->second.wanted = wanted;
@@ -55,7 +56,9 @@ void Bounding::tell(double time) {
     }
     has_untold_ = true;
     if (events_left_ == 0) return;
-    if (std::fabs(time - told.time) < 1) continue;
+    const double since = std::fabs(time - told.time);
+    if (since < told.wait) continue;
+    told.wait = since > 60 ? 1 : std::min(2 * told.wait, 32.0);
     --events_left_;
     told.slope = told.now;
     told.time = time;
@@ -64,10 +67,11 @@ void Bounding::tell(double time) {
     event.time = time;
     event.value = told.now;
     name.copy(event.name, sizeof event.name - 1);
+    const bool is_bounded = told.now < told.wanted;
     int size;
     if (told.takes_what_it_gets) {
       size = std::snprintf(event.text, sizeof event.text, "its contact gets %.4g N/m at the device", told.now);
-    } else if (!(told.now < told.wanted)) {
+    } else if (!is_bounded) {
       size = std::snprintf(event.text, sizeof event.text, "its slope is no longer bounded: %.4g N/m at the device", told.now);
     } else if (told.wanted < never) {
       size = std::snprintf(event.text, sizeof event.text, "its slope is bounded to %.4g N/m at the device, of %.4g", told.now,
@@ -80,7 +84,10 @@ void Bounding::tell(double time) {
     const size_t room = sizeof event.text - 1 - static_cast<size_t>(size) - joint.size();
     const auto shared = sharing_ ? sharing_->find(name) : Sharing::const_iterator{};
     const std::string with = sharing_ && shared != sharing_->end() ? shared->second.text(room) : "";
-    if (!with.empty()) (std::string(joint) + with).copy(event.text + size, room + joint.size());
+    // What other clients get is not this scene's to tell; that they get it is.
+    const bool has_others = with.empty() && is_bounded && seen_.loop.stiffness < seen_.loop.whole;
+    const std::string told_with = !with.empty() ? std::string(joint) + with : has_others ? "; other clients have the rest" : "";
+    told_with.copy(event.text + size, sizeof event.text - 1 - static_cast<size_t>(size));
     evaluated_.events.push(event);
   }
 }
@@ -190,21 +197,27 @@ bool Bounding::update(const LoopShare& loop, double ahead, double rest) {
   if (!evaluated_.servo()) return true;
   // If edits came meanwhile, they are looked at later.
   const bool is_newest = evaluated_.newest() && evaluated_.sequence() == kept.snapshot->sequence;
-  enter(all.objects, share);
+  enter(all, share);
   seen_.sequence = is_newest ? evaluated_.sequence() : kept.snapshot->sequence;
   tell(time);
   return true;
 }
 
+// A little more than is wanted, so that the parts of other scenes change seldom.
+void Bounding::note_wanted(double wanted) noexcept {
+  const double before = wanted_.load(std::memory_order_relaxed);
+  if (wanted > before || wanted < 0.7 * before) wanted_.store(1.1 * wanted, std::memory_order_relaxed);
+}
+
 // Has the servo evaluate these within their bounds.
-void Bounding::enter(const std::vector<Admitted>& all, const SceneShare& share) {
+void Bounding::enter(const Admission& all, const SceneShare& share) {
   evaluated_.prepare();
   Objects& objects = evaluated_.objects;
   objects.rows.set_bounds(bounds_alone(share));
   auto sharing = std::make_shared<Sharing>();
   bool has_changed = false, wants = false;
   try {
-    for (const Admitted& one : all) {
+    for (const Admitted& one : all.objects) {
       seen_.is_moving |= one.is_moving;
       wants |= one.object->steepest_slope > 0 || one.object->damping > 0;
       const Objects::Bound bound = objects.bound(one.row, *one.object, one.bounds);
@@ -218,7 +231,7 @@ void Bounding::enter(const std::vector<Admitted>& all, const SceneShare& share) 
   }
   if (has_changed) evaluated_.changed();
   sharing_ = std::move(sharing);
-  wants_stiffness_.store(wants, std::memory_order_relaxed);
+  note_wanted(wants ? all.wanted : 0);
   if (told_.size() <= most_told_) return;
   most_told_ = 2 * told_.size();
   std::erase_if(told_, [&](const auto& told) { return !objects.has(told.first); });

@@ -27,8 +27,9 @@ class Bounding {
   // entered with it. One thread at a time; not [rt].
   bool update(const LoopShare& loop, double ahead, double rest);
 
-  // Whether anything that the hand may feel soon would make use of a share. Any thread.
-  bool wants_stiffness() const noexcept { return wants_stiffness_.load(std::memory_order_relaxed); }
+  // N/m of the loop, what the objects that the hand may feel soon want together at most; 0: there are none that would make use
+  // of a share, infinite: it is not known. Any thread.
+  double wanted() const noexcept { return wanted_.load(std::memory_order_relaxed); }
   // N/m at the device, what the scene allows itself; 0: no such bound. Any thread.
   void set_max_stiffness(double stiffness);
 
@@ -40,14 +41,15 @@ class Bounding {
   void settle();
   Box reach_of_hand(const SceneShare& share, const LoopShare& loop, double time);
   bool is_due(const LoopShare& loop, double most, const Box& reach, const Box& within, double time, double rest) const;
-  void enter(const std::vector<Admitted>& all, const SceneShare& share);
+  void enter(const Admission& all, const SceneShare& share);
+  void note_wanted(double wanted) noexcept;
   void note_slope(const Object& object, double slope, double to_device);
   void tell(double time);
 
   std::mutex& mutex_;
   Evaluated& evaluated_;
   std::atomic<double> max_stiffness_{0};
-  std::atomic<bool> wants_stiffness_{true};
+  std::atomic<double> wanted_{never};
 
   // What the last shares were worked out for.
   struct Seen {
@@ -75,6 +77,7 @@ class Bounding {
     double slope;         // N/m at the device; of one that was not bounded before, what it wanted
     double now;           // N/m, what is to be told
     double time;          // s, of the last event
+    double wait;          // s, until another may follow
     double wanted;        // N/m
     bool takes_what_it_gets;
   };

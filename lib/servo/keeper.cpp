@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <numeric>
 #include <system_error>
 
 #include <pthread.h>
@@ -10,23 +11,37 @@
 #include "base/clock.h"
 #include "base/error.h"
 #include "base/signals.h"
+#include "field/budget.h"
 #include "servo/servo.h"
 
 namespace fs {
 
-// Divides what the loop can render equally among so many scenes.
-LoopShare Keeper::part_of(size_t scenes) const noexcept {
-  const auto count = static_cast<double>(std::max<size_t>(1, scenes));
-  LoopShare part = loop_;
-  part.stiffness /= count;
-  part.damping /= count;
-  return part;
+// Shares out among scenes what the loop can render, by what each wants: those that want least get it, the others equal parts of
+// what is left. If all get what they want, they share what is left, too, so that one may want more at any time.
+std::vector<LoopShare> Keeper::parts_of(const std::vector<double>& wants) const {
+  if (wants.size() == 1) return {loop_};
+  std::vector<double> sorted = wants;
+  for (double& want : sorted) want = std::min(want, loop_.stiffness);
+  const double level = level_of(sorted, loop_.stiffness);
+  const double left = std::max(0.0, loop_.stiffness - std::accumulate(sorted.begin(), sorted.end(), 0.0));
+  const auto scenes = static_cast<double>(wants.size());
+  const auto wanting = static_cast<double>(std::count_if(wants.begin(), wants.end(), [](double want) { return want > 0; }));
+  std::vector<LoopShare> out(wants.size(), loop_);
+  for (size_t i = 0; i < wants.size(); ++i) {
+    // One that wants none yet may at any time, and gets less as soon as it does.
+    const double count = wants[i] > 0 ? wanting : wanting + 1;
+    const double part = level < never ? std::min(wants[i], level) : std::min(wants[i], loop_.stiffness) + left / scenes;
+    out[i].stiffness = wants[i] > 0 ? part : std::max(part, loop_.stiffness / count);
+    out[i].damping /= count;
+  }
+  return out;
 }
 
-static size_t count_wanting(const std::vector<Ref<Channel>>& channels) {
-  return static_cast<size_t>(std::count_if(channels.begin(), channels.end(), [](const Ref<Channel>& channel) {
-    return channel->scene().bounding.wants_stiffness();
-  }));
+// What each of the scenes wants that are felt through these channels.
+static std::vector<double> wants_of(const std::vector<Ref<Channel>>& channels) {
+  std::vector<double> out;
+  for (const Ref<Channel>& channel : channels) out.push_back(channel->scene().bounding.wanted());
+  return out;
 }
 
 bool Keeper::run_once() noexcept {
@@ -35,13 +50,10 @@ bool Keeper::run_once() noexcept {
     const std::vector<Ref<Channel>> channels = servo_.channels().present();
     const std::lock_guard lock(sharing_);
     for (int i = 0; i < 2; ++i) {
-      const size_t count = count_wanting(channels);
-      for (const Ref<Channel>& channel : channels) {
-        Bounding& bounding = channel->scene().bounding;
-        // One that wants none yet may at any time.
-        has_worked |= bounding.update(part_of(bounding.wants_stiffness() ? count : count + 1), ahead_, rest_);
-      }
-      if (count_wanting(channels) == count) break;
+      const std::vector<double> wants = wants_of(channels);
+      const std::vector<LoopShare> parts = parts_of(wants);
+      for (size_t k = 0; k < channels.size(); ++k) has_worked |= channels[k]->scene().bounding.update(parts[k], ahead_, rest_);
+      if (wants_of(channels) == wants) break;
     }
   } catch (...) {  // no memory: the bounds stay as they are until the next time
   }
@@ -49,9 +61,10 @@ bool Keeper::run_once() noexcept {
 }
 
 void Keeper::admit(LocalScene& scene) {
-  const std::vector<Ref<Channel>> channels = servo_.channels().present();
+  std::vector<double> wants = wants_of(servo_.channels().present());
   const std::lock_guard lock(sharing_);
-  scene.bounding.update(part_of(count_wanting(channels) + 1), ahead_, rest_);
+  wants.push_back(never);
+  scene.bounding.update(parts_of(wants).back(), ahead_, rest_);
 }
 
 static double processor_time() noexcept {  // s, of the calling thread

@@ -26,7 +26,7 @@ class Keeper {
   void admit(LocalScene& scene);  // before the servo feels it: it is bounded from its first tick on
 
  private:
-  LoopShare part_of(size_t scenes) const noexcept;
+  std::vector<LoopShare> parts_of(const std::vector<double>& wants) const;  // N/m, of each scene
 
   fs_servo& servo_;
   const LoopShare loop_;

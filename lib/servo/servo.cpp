@@ -46,8 +46,9 @@ fs_servo::fs_servo(Ref<LocalScene> scene, Ref<Device> device, const ServoSetting
 void fs_servo::start_keeper() {
   if (!std::isfinite(settings_.loop.max_stiffness) && !std::isfinite(settings_.loop.object_damping)) return;
   const fs_device_info& device = device_->info();
-  LoopShare loop{settings_.loop.max_stiffness, settings_.loop.object_damping, never, device.workspace_radius,
-                 device.workspace_height, settings_.limits.speed};
+  const double stiffness = settings_.loop.max_stiffness;
+  LoopShare loop{stiffness, stiffness, settings_.loop.object_damping, never, device.workspace_radius, device.workspace_height,
+                 settings_.limits.speed};
   // Of a wrist's own damping and inertia nothing is known: a torque is taken to be as hard to render as a force at an arm that
   // a hand has, or at that of the largest force and torque.
   constexpr double arm = 0.05;  // m

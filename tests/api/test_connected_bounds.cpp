@@ -211,7 +211,7 @@ START_TEST(max_objects) {
 }
 END_TEST
 
-// What can be rendered is divided among the clients of which the hand can reach something.
+// What can be rendered is shared among the clients of which the hand can reach something, by what they want.
 START_TEST(stiffness_of_clients) {
   fs_servo_options options = world_options();
   options.max_stiffness = 2000;
@@ -244,12 +244,29 @@ START_TEST(stiffness_of_clients) {
   go_to(0);
   rig.step(1500);  // what the hand has left keeps its share for a second
   EXPECT_NEAR(stiffness(), 2000, 1e-6);
-  // The parts are equal, however little one of them wants.
-  fs_object soft = spring("soft", {}, 1);
+  // One that wants little gets that, and a tenth in reserve; the other has the rest.
+  events_now(me.get());
+  fs_object soft = spring("soft", {}, 300);
   set(bob, soft);
   rig.settle(bob.get());
-  EXPECT_NEAR(stiffness(), 1000, 1e-6);
+  rig.step(4000);  // the more often something was told of an object, the longer it takes
+  EXPECT_NEAR(stiffness(), 2000 - 330, 1e-6);
+  EXPECT_NEAR(report_of(bob.get(), "soft").stiffness_applied, 300, 1e-6);
+  const fs_event event = next_event(me.get(), FS_EVENT_CAPPED);
+  ck_assert_str_eq(event.name, "wall");
+  ck_assert_msg(std::strstr(event.text, "; other clients have the rest"), "%s", event.text);
+  soft.front.gain = 1;
+  set(bob, soft);
+  rig.settle(bob.get());
+  rig.step(100);
+  EXPECT_NEAR(stiffness(), 2000 - 1.1, 1e-6);
   EXPECT_NEAR(report_of(bob.get(), "soft").stiffness_applied, 1, 1e-6);
+  soft.front.gain = 1e5;
+  set(bob, soft);
+  rig.settle(bob.get());
+  rig.step(100);
+  EXPECT_NEAR(stiffness(), 1000, 1e-6);
+  EXPECT_NEAR(report_of(bob.get(), "soft").stiffness_applied, 1000, 1e-6);
   soft.enabled = false;
   set(bob, soft);
   rig.settle(bob.get());

@@ -76,6 +76,30 @@ START_TEST(nowhere_is_there_more_than_the_bound) {
 }
 END_TEST
 
+START_TEST(most_wanted_is_found) {
+  scenes::Random random(3);
+  double worst = 1;
+  for (int k = 0; k < (scenes::is_sanitized ? 20 : 200); ++k) {
+    std::vector<Claim> claims = random_claims(random, 1 + random.below(60));
+    const double found = most_wanted(claims, workspace);
+    double most = 0;
+    for (int i = 0; i < 4000; ++i) {
+      const Claim& one = claims[random.below(claims.size())];
+      const Vec3 x = one.centre + random.in_box(i % 4 ? one.radius : 0);
+      if (!(largest_coordinate(x) <= 0.2)) continue;
+      double sum = 0;
+      for (const Claim& c : claims) sum += is_at(c, x) ? c.slope : 0;
+      most = std::max(most, sum);
+    }
+    ck_assert_double_ge(found, most);
+    if (most > 0) worst = std::max(worst, found / most);
+  }
+  std::printf("  found at most %.2f of what is wanted at 4000 places\n", worst);
+  ck_assert_double_le(worst, 2);
+  ck_assert_double_eq(most_wanted({}, workspace), 0);
+}
+END_TEST
+
 // The least wants are met, and the others get the same.
 START_TEST(levels_are_fair) {
   const auto level = [](std::vector<double> wants, double total) { return level_of(wants, total); };
@@ -144,7 +168,8 @@ int main() {
   Suite* const suite = suite_create("budget");
   TCase* const all = tcase_create("all");
   tcase_set_timeout(all, 500);
-  for (const TTest* test : {nowhere_is_there_more_than_the_bound, levels_are_fair, what_is_alone_gets_all_of_it,
+  for (const TTest* test : {nowhere_is_there_more_than_the_bound, most_wanted_is_found, levels_are_fair,
+                            what_is_alone_gets_all_of_it,
                             n_at_one_place_share_equally}) {
     tcase_add_test(all, test);
   }
