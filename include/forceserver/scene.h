@@ -350,10 +350,10 @@ typedef enum fs_event_kind {
                                    fs_servo_set_enabled gives another event */
   FS_EVENT_DISCONNECTED = 7,    /* the server is gone; this is the last event: make a new scene */
   FS_EVENT_OVERFLOW = 8,        /* `value` older events were dropped before they were fetched: 1024 are kept */
-  FS_EVENT_CLIENT = 9,          /* in the scene whose servo has the server: a client (name) connected, left, stopped all
-                                   force or let it return (FS_OK), or was lost, because its process was killed or ended
-                                   without a word, or was disconnected by the server (DISCONNECTED): status, text;
-                                   value: its process */
+  FS_EVENT_CLIENT = 9,          /* a client (name) stopped all force or let it return (FS_OK); only in the scene whose
+                                   servo has the server: it connected or left (FS_OK), or was lost, because its process
+                                   was killed or ended without a word, or was disconnected by the server
+                                   (DISCONNECTED): status, text; value: its process */
   FS_EVENT_FORCE_32 = 0x7fffffff
 } fs_event_kind;
 

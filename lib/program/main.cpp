@@ -59,6 +59,12 @@ nor does one show the damping of the servo itself.
 It does not wait for a server to start, unless the name has a timeout, in seconds: 'lab?timeout=5'. Ends with 1 when the
 server ends, with 0 on Ctrl-C; while it waits for the server, Ctrl-C ends it at once.)";
 
+const char* const stop_help = R"(examples:
+  forceserver stop lab
+      the force at the server called lab ends at once, as by the stop button of an editor
+
+Any client may do so, unless the server was started with no_stop. `forceserver resume lab` lets the force return.)";
+
 const char* const resume_help = R"(examples:
   forceserver resume lab
       the force at the server called lab returns, if a client has ended it (a stop button, fs_scene_stop_force)
@@ -154,7 +160,7 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   app.footer("Each command has its own help with examples: forceserver run --help\n"
              "Exit status: 0 all is well; 1 something is odd (check), a fault happened (run) or the server has gone\n"
-             "(clients, watch, resume); 2 the command failed");
+             "(clients, watch, stop, resume); 2 the command failed");
 
   RunOptions run_options;
   CLI::App* run_command = app.add_subcommand("run", "Run a scene on a device");
@@ -202,6 +208,11 @@ int main(int argc, char** argv) {
       ->type_name("N")->check(CLI::Range(1u, 1000000000u).description(""));
   watch_command->add_flag("--json", watch_options.json, "Print each look as a JSON object on one line");
   watch_command->footer(watch_help);
+
+  std::string stopped;
+  CLI::App* stop_command = app.add_subcommand("stop", "End the force of a server at once");
+  stop_command->add_option("server", stopped, server_help)->type_name("");
+  stop_command->footer(stop_help);
 
   std::string resumed;
   CLI::App* resume_command = app.add_subcommand("resume", "Let the force of a server return that a client has ended");
@@ -253,6 +264,10 @@ int main(int argc, char** argv) {
     if (*watch_command) {
       need(watch_options.server, "watch needs a server, such as: forceserver watch lab");
       return watch(watch_options);
+    }
+    if (*stop_command) {
+      need(stopped, "stop needs a server, such as: forceserver stop lab");
+      return stop(stopped);
     }
     if (*resume_command) {
       need(resumed, "resume needs a server, such as: forceserver resume lab");

@@ -106,3 +106,4 @@ struct WatchOptions {
 int watch(const WatchOptions& options);
 
 int resume(const std::string& server);
+int stop(const std::string& server);

@@ -2,6 +2,7 @@
 
 #include "base/error.h"
 #include "base/text.h"
+#include "server/clients.h"
 
 namespace fs {
 
@@ -29,14 +30,24 @@ void Client::push_event(fs_event_kind kind, const std::string& object, const std
   push_event(event);
 }
 
-void Client::tell_server(fs_status status, const char* text) const noexcept {
+fs_event Client::what_it_did(fs_status status, const char* text) const noexcept {
   fs_event event{};
   event.kind = FS_EVENT_CLIENT;
   event.status = status;
   event.value = static_cast<double>(peer.process);
   put_text(event.name, name);
   put_text(event.text, text);
+  return event;
+}
+
+void Client::tell_server(fs_status status, const char* text) const noexcept {
+  host.servo().scene()->note(what_it_did(status, text));
+}
+
+void Client::tell_all(const char* text) const noexcept {
+  const fs_event event = what_it_did(FS_OK, text);
   host.servo().scene()->note(event);
+  host.clients().for_each([&](const std::shared_ptr<Client>& client) { client->push_event(event); });
 }
 
 void Client::forget_object(const std::string& object) {

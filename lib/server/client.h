@@ -66,8 +66,10 @@ struct Client {
   bool take_moves();
   void push_event(const fs_event& event) noexcept { fs::push_event(*outbox, event); }
   void push_event(fs_event_kind kind, const std::string& object, const std::string& text = "");
-  // Tells the server's own scene what this client did: that it came or went, or stopped the force.
+  // Tells the server's own scene what this client did: that it came or went,
   void tell_server(fs_status status, const char* text) const noexcept;
+  // and all clients, too: that it stopped the force or let it return.
+  void tell_all(const char* text) const noexcept;
   void note_news() noexcept { outbox->news.fetch_add(1, std::memory_order_release); }  // the client has to be told something
   // Forgets all that is known of the name, as there is no such object.
   void forget_object(const std::string& object);
@@ -82,6 +84,7 @@ struct Client {
   fs_client describe() const;
 
  private:
+  fs_event what_it_did(fs_status status, const char* text) const noexcept;
   size_t steps_ = 0;
 };
 

@@ -79,7 +79,7 @@ void Requests::stop_force(const Request& request) {
   const Host& host = client_.host;
   if (host.settings().is_force_kept) fail(FS_ERROR_DENIED, "this server does not let a client end the force");
   host.servo().set_enabled(false);
-  client_.tell_server(FS_OK, "stopped all force");
+  client_.tell_all("stopped all force");
   client_.answers.send(request.serial);
 }
 
@@ -88,7 +88,7 @@ void Requests::resume_force(const Request& request) {
     fail(FS_ERROR_DENIED, "this server is user %s's, who alone lets the force return", name_of_user(geteuid()).c_str());
   }
   client_.host.servo().set_enabled(true);
-  client_.tell_server(FS_OK, "let the force return");
+  client_.tell_all("let the force return");
   client_.answers.send(request.serial);
 }
 

@@ -466,6 +466,15 @@ grep -q '^faults: none' served || fail "run with a client ended without a summar
 # A server without a terminal: a client ends the force, and a command lets it return.
 listen --device 'sim:?hold=0.03,0,0'
 expect 0 "^the force at shm:$name was not stopped$" "$program" resume "$name"
+"$program" watch "$name" --interval 0.1 > watched &
+watcher=$!
+until_says '^hand  ' cat watched
+expect 0 "^the force at shm:$name has ended; .forceserver resume $name. lets it return$" "$program" stop "$name"
+until_says "^client: stop-[0-9]* stopped all force$" cat watched
+expect 0 "^the force at shm:$name returns$" "$program" resume "$name"
+until_says "^client: resume-[0-9]* let the force return$" cat watched
+kill -INT $watcher
+ended $watcher 0 "watch of a server whose force was ended"
 "$stop_force" "$name" || fail "the force cannot be ended"
 expect 0 "^servo  no force: it was stopped; .forceserver resume $name. lets it return; faults: none; " "$program" watch "$name" --count 1
 until_says "^client .* .process [0-9]*. stopped all force$" cat served

@@ -1,4 +1,4 @@
-// forceserver resume: lets the force of a server return that a client has ended.
+// forceserver stop, resume: ends the force of a server, and lets it return.
 #include <cstdio>
 
 #include "look.h"
@@ -17,7 +17,19 @@ int resume_force(const std::string& server) {
   return exit_fine;
 }
 
+int stop_force(const std::string& server) {
+  const Scene scene = connect(server, "stop");
+  require(fs_scene_stop_force(scene.get()));
+  std::printf("the force at %s has ended; `forceserver resume %s` lets it return\n", full_endpoint(server).c_str(), server.c_str());
+  write_out();
+  return exit_fine;
+}
+
 }  // namespace
+
+int stop(const std::string& server) {
+  return at_server(server, [&] { return stop_force(server); });
+}
 
 int resume(const std::string& server) {
   return at_server(server, [&] { return resume_force(server); });
