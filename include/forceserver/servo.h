@@ -139,7 +139,8 @@ FS_DEFINE_INIT(fs_servo_stats)
 /* The record of one tick. Frozen. */
 typedef struct fs_tick {
   fs_state state;               /* device frame; all zeros if the read failed */
-  fs_response response;         /* of all scenes, device frame, before the guard */
+  fs_response response;         /* of all scenes, device frame, before the guard; proxy: of the scene in which it is
+                                   farthest from the hand */
   fs_wrench sent;               /* device frame, after the guard; of a local model f0 */
   double late, compute;         /* s from its due time to its beginning; s it took */
   fs_status device;             /* the status of read or write: of the first that failed */

@@ -235,10 +235,13 @@ void fs_servo::tick(double now, double late) noexcept {
     if (!has_pose) {
       channel.lose_hand(now);
     } else if (i == 0) {
-      response = channel.evaluate(hand, now);  // the servo's own scene: its proxy is the one that is reported
+      response = channel.evaluate(hand, now);  // the servo's own scene
     } else {
       const double start = has_thread ? steady_now() : 0;
-      add(response, channel.evaluate(hand, now));
+      const fs_response its = channel.evaluate(hand, now);
+      add(response, its);
+      const Vec3 at = hand.pose.position;
+      if (norm(its.proxy.position - at) > norm(response.proxy.position - at)) response.proxy = its.proxy;
       if (has_thread) channel.charge(steady_now() - start, period_);
     }
   }

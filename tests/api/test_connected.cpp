@@ -42,6 +42,17 @@ START_TEST(forces_add) {
   EXPECT_VECTOR(sent.force, (fs_vec3{3, 2, -3}), 1e-12);            // the force of all scenes
   EXPECT_VECTOR(record_of(rig.servo.get()).back().response.wrench.force, (fs_vec3{3, 2, -3}), 1e-12);
   ck_assert_uint_eq(record_of(rig.servo.get()).back().response.felt_count, 4);
+  EXPECT_VECTOR(record_of(rig.servo.get()).back().response.proxy.position, rig.fake.state.pose.position, 1e-12);
+  fs_object wall = fs_object_init("wall", FS_PRIMITIVE_PLANE);
+  wall.pose = at(0, 0, 0.002);
+  wall.contact.keep = FS_KEEP_FRONT;
+  wall.contact.stiffness = 500;
+  wall.contact.limit = 10;
+  set(a, wall);
+  rig.settle(a.get());
+  EXPECT_VECTOR(record_of(rig.servo.get()).back().response.proxy.position, (fs_vec3{0, 0, 0.002}), 1e-6);
+  OK(fs_object_remove(a.get(), "wall"));
+  rig.settle(a.get());
 
   // When a client leaves, its force fades out without a step, and its name is free.
   std::vector<fs_wrench> log{rig.fake.written};
