@@ -46,7 +46,8 @@ double volume_of(const fs_shape* shape) {
   return out;
 }
 
-void check_shape(const std::string& name, const fs_shape* shape, Findings& findings) {
+// is_sheet: it is solid on both sides and has no profiles, so it needs no inside.
+void check_shape(const std::string& name, const fs_shape* shape, bool is_sheet, Findings& findings) {
   fs_shape_info info = fs_shape_info_init();
   require(fs_shape_get_info(shape, &info));
   std::size_t triangles = 0;
@@ -55,11 +56,11 @@ void check_shape(const std::string& name, const fs_shape* shape, Findings& findi
   using Count = unsigned long long;
 
   const char* const undecided = "so inside and outside are not decided everywhere: the nearest triangle tells the side";
-  if (info.open_edges > 0) {
+  if (info.open_edges > 0 && !is_sheet) {
     findings.add(name, "%llu open %s: the mesh has holes or a border, where front and back meet, %s",
                  Count(info.open_edges), plural(info.open_edges, "edge", "edges"), undecided);
   }
-  if (info.odd_edges > 0) {
+  if (info.odd_edges > 0 && !is_sheet) {
     findings.add(name, "%llu odd %s: of three or more triangles, or of two that disagree about the front, %s",
                  Count(info.odd_edges), plural(info.odd_edges, "edge", "edges"), undecided);
   }
@@ -92,7 +93,7 @@ int check_mesh(const CheckOptions& options) {
   const fs_shape_info info = describe(shape.get());
   std::printf("\n");
   Findings findings;
-  check_shape("", shape.get(), findings);
+  check_shape("", shape.get(), false, findings);
   const double across = length(minus(info.upper, info.lower));
   if (across > 10 || (across > 0 && across < 1e-3)) {
     findings.add("", "%s across at %g m per unit of the file: is another --scale meant (0.001: millimetres)?",
@@ -152,10 +153,10 @@ void check_slope(const fs_object& object, const fs_report& report, const fs_serv
 
 void check_object(const fs_object& object, const Surroundings& around, Findings& findings) {
   const std::string name = object.name;
-  if (object.shape) check_shape(name, object.shape, findings);
   if (!object.enabled) findings.add(name, "it is disabled, so it is not felt");
   const bool solid = object.contact.keep != FS_KEEP_NONE;
   const bool profiles = object.front.kind != FS_PROFILE_NONE || object.back.kind != FS_PROFILE_NONE;
+  if (object.shape) check_shape(name, object.shape, object.contact.keep == FS_KEEP_EITHER && !profiles, findings);
   const Sides distances = distances_of(object, around.workspace);
   const bool front_first = distances.front.least <= distances.front.most;
   const double away = (front_first ? distances.front : distances.back).least;

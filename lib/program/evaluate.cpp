@@ -62,6 +62,23 @@ class Progress {
   std::uintmax_t size_ = 0;
 };
 
+// Says which objects have a contact that a point without memory does not feel.
+void tell_contacts(fs_scene* scene, const std::string& only) {
+  for (const fs_report& report : get_list(fs_scene_get_reports, scene)) {
+    if (!only.empty() && only != report.name) continue;
+    fs_object object = fs_object_init("", FS_PRIMITIVE_POINT);
+    require(fs_object_get(scene, report.name, &object));
+    const std::unique_ptr<fs_object, Release<fs_object_release>> released(&object);
+    fs_shape_info info = fs_shape_info_init();
+    if (object.shape) require(fs_shape_get_info(object.shape, &info));
+    const bool is_open = object.shape && !info.closed;
+    const bool is_left_out = object.contact.keep == FS_KEEP_EITHER || (object.contact.keep != FS_KEEP_NONE && is_open);
+    if (!object.enabled || !is_left_out) continue;
+    std::fprintf(stderr, "forceserver: the contact of '%s' is left out: it keeps a hand on the side from which it comes\n",
+                 report.name);
+  }
+}
+
 }  // namespace
 
 int evaluate(const EvaluateOptions& options) {
@@ -126,5 +143,6 @@ int evaluate(const EvaluateOptions& options) {
   if (in.bad()) throw std::runtime_error("cannot read " + options.input + ": " + std::strerror(errno));
   flush();
   require_written(std::fflush(stdout) == 0);
+  tell_contacts(scene.get(), options.object);
   return exit_fine;
 }

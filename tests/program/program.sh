@@ -180,6 +180,18 @@ expect 2 'no-points' "$program" evaluate --scene "$scene" no-points
 [ ! -w /dev/full ] || "$program" evaluate --scene "$scene" many 2> output > /dev/full
 grep -q 'cannot write the forces' output || { echo "FAILED: a full disk is not noticed"; failures=$((failures + 1)); }
 
+printf 'v -0.1 -0.1 0\nv 0.1 -0.1 0\nv 0 0.1 0\nf 1 2 3\n' > sheet.obj
+for keep in either front; do
+  cat > sheet.json << END
+{"forceserver": "scene", "version": 1, "shapes": {"s": {"file": "sheet.obj"}}, "objects": [{"name": "sheet",
+  "primitive": "mesh", "shape": "s", "contact": {"keep": "$keep", "stiffness": 500, "limit": 5}}]}
+END
+  expect 0 "^forceserver: the contact of 'sheet' is left out: it keeps a hand on the side from which it comes$" \
+    "$program" evaluate sheet.json points
+  [ $keep = front ] || expect 0 '^nothing odd$' "$program" check sheet.json
+done
+expect 1 'open edges' "$program" check sheet.json
+
 # check: scenes that are fine, scenes that are odd, files that cannot be read.
 expect 0 '^nothing odd$' "$program" check "$scene"
 cat > odd.json << 'END'
