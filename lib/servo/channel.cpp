@@ -74,6 +74,16 @@ fs_response Channel::evaluate_view(const Snapshot& snapshot, uint32_t view, fs_s
   return sum;
 }
 
+// A tool that the clutch takes comes to rest within 20 ms, and moves again as slowly: damping makes no step.
+double Channel::part_that_moves(uint32_t view, uint64_t version, bool is_held, double now) noexcept {
+  constexpr double stops_in = 0.02;  // s
+  Moving& m = moving_[view];
+  if (m.version != version) m = {version, is_held ? 0.0 : 1.0, now};
+  m.part = Weight::moved(m.part, !is_held, (now - m.time) / stops_in);
+  m.time = now;
+  return m.part;
+}
+
 fs_response Channel::evaluate_views(const fs_state& hand, double now) noexcept {
   const Snapshot& snapshot = *reader_.mailbox.front().snapshot;
   const Views& views = *snapshot.views;
@@ -95,10 +105,9 @@ fs_response Channel::evaluate_views(const fs_state& hand, double now) noexcept {
       if (view.is_held) hand_.state.flags |= FS_STATE_CLUTCHED;
       axes_ = frame.pose.orientation;
     }
-    if (found.is_held) {
-      state.pose = found.tool;
-      state.twist = {};
-    }
+    const double part = part_that_moves(i, view.version, found.is_held, now);
+    if (found.is_held) state.pose = found.tool;
+    state.twist = {part * state.twist.linear, part * state.twist.angular};
     fs_response response = evaluate_view(snapshot, i, state, weight, now, effort);
     if (k == 0) {
       here = response;

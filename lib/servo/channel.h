@@ -2,6 +2,7 @@
 // the scene's views (frame, tool, clutch), and rotates the result into device axes. A servo has one for each scene.
 #pragma once
 
+#include <array>
 #include <string>
 #include <vector>
 
@@ -79,6 +80,7 @@ class Channel final : public Counted<Channel> {
   fs_response evaluate_views(const fs_state& hand, double now) noexcept;
   fs_response evaluate_view(const Snapshot& snapshot, uint32_t view, fs_state state, double weight, double now,
                             Effort& effort) noexcept;
+  double part_that_moves(uint32_t view, uint64_t version, bool is_held, double now) noexcept;
   void limit(fs_response& device) noexcept;
   void note_push(const Wrench& wrench) noexcept;
 
@@ -99,6 +101,11 @@ class Channel final : public Counted<Channel> {
   double newest_time_ = -never;  // s, of the newest tick
   HandSample hand_{};
   TickSample tick_{};
+  struct Moving {  // how much of the hand's velocity a view's tool has
+    uint64_t version = 0;
+    double part = 1, time = 0;
+  };
+  std::array<Moving, Views::size> moving_;
   Quat axes_ = identity_quat();  // rotation from scene to device axes in the newest view
   std::atomic<bool> is_bad_{false};
   int slow_in_a_row_ = 0;

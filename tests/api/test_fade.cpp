@@ -466,11 +466,36 @@ START_TEST(clutching_in_a_scaled_frame) {
 }
 END_TEST
 
+// Taken and let go while the hand moves: what damps it goes and comes over 20 ms, it does not vanish in a tick.
+START_TEST(clutching_in_motion_with_damping) {
+  FadeRig rig("motion", 0.03);
+  fs_object o = steady("a");
+  o.front.limit = 10;
+  o.damping = 20;
+  o.pose.position.z = -0.2;
+  rig.fake.on_read = [](FakeDevice& f, double) { f.state.pose.position.z -= 0.03 * period; };
+  rig.set(o);
+  rig.begin();
+  ck_assert_double_gt(rig.sent().z, 2.59);
+  for (int round = 0; round < 3; ++round) {
+    OK(fs_scene_set_clutch(rig.scene.get(), true));
+    rig.step(round == 1 ? 7 : 500);
+    OK(fs_scene_set_clutch(rig.scene.get(), false));
+    rig.step(round == 1 ? 5 : 1000);
+  }
+  rig.step(1000);
+  EXPECT_NEAR(rig.sent().z, 2.6, 1e-9);
+  const double damped = 20 * 0.03;
+  ck_assert_double_le(rig.largest_step(), damped * period / 0.02 + 3 * 2.6 * period / fade + 1e-9);
+}
+END_TEST
+
 int main() {
   Suite* suite = suite_create("fade");
   add_case(suite, "no step", {no_step_for_a_still_hand, no_step_for_a_moving_hand});
   add_case(suite, "fades", {takes_as_long_as_it_should, cross_fades_meet_in_the_middle, fading_is_told,
                             the_standard_is_a_second, no_fade_is_at_once, without_a_blend_poses_and_profiles_act_at_once});
-  add_case(suite, "clutch", {clutching, what_fades_under_the_clutch_stays, clutching_in_a_scaled_frame});
+  add_case(suite, "clutch", {clutching, what_fades_under_the_clutch_stays, clutching_in_a_scaled_frame,
+                            clutching_in_motion_with_damping});
   return run_suite(suite);
 }
