@@ -390,7 +390,7 @@ def test_what_is_typed(lab: Lab, page: Page, second: Second) -> None:
     eventually(lambda: second.get("rover/a")["front"]["gain"] == 2)
     # Undo belongs to what is typed, as long as it is not sent.
     gain.focus()
-    page.keyboard.type("77")
+    page.keyboard.type("7")  # one key: how many of them a browser undoes at once is its own affair
     page.keyboard.press("Control+z")
     page.wait_for_function("() => document.activeElement.value === '2'")
     assert second.get("rover/a")["front"]["gain"] == 2
