@@ -113,8 +113,9 @@ typedef enum fs_keep {
  * - limit also bounds the force of the object on all points of a tool together; its direction stays. In a corner between
  *   objects that share a proxy, a tool of several points that are held to the limit may gain a little energy on its way
  *   round; a tool of one point does not.
- * - Near a tool at most 256 solid objects are felt, and at most 2048 pairs of a solid object and a tool point. With more
- *   than 8 that the hand holds on to and that fade at different times, what they hold is spread over 20 ms instead. */
+ * - Near a tool at most 256 solid objects are felt, and at most 2048 pairs of a solid object and a tool point; a solid plane
+ *   is near everywhere. Where 8 or more that the hand holds on to fade at different times, what they hold is spread over
+ *   20 ms instead. */
 typedef struct fs_contact {
   fs_keep keep;                 /* POINT, POLYLINE: NONE */
   uint32_t reserved;            /* 0 */

@@ -91,7 +91,6 @@ void Motion::go_on_from(const Motion& before, double t, double blend) noexcept {
 }
 
 void Motion::begin_offset(double t, double blend) noexcept {
-  // The drift goes on meanwhile, but not farther than it would go within a blend.
   const double late = std::min((t - offset.begun) / blend, 1.0 / 3);
   if (!(late > 0)) return;
   offset.way += late * offset.drift;

@@ -12,7 +12,8 @@ constexpr double spread_time = 0.02;  // s, over which a jump is spread
 
 }  // namespace
 
-void Proxies::begin(double now) noexcept {
+void Proxies::begin(double now, uint32_t views) noexcept {
+  views_left_ = views;
   step_ = std::clamp(now - now_, 0.0, 0.1);
   now_ = now;
   touches_.begin();
@@ -111,8 +112,8 @@ void Proxies::feel_layers(Touches::View& here, const Touches::View* last, const 
     solid.distance = never;
   }
   for (const uint32_t i : layers_.chosen()) here.chosen[here.chosen_count++] = solids_[i].version;
-  here.has_all_layers =
-      layers_.cut(solids(), std::clamp(Touches::most / std::max(1u, solid_count_ * tool.count), 1u, Touches::most_layers));
+  const uint32_t room = touches_.room() / std::max(1u, views_left_);
+  here.has_all_layers = layers_.cut(solids(), std::clamp(room / std::max(1u, solid_count_ * tool.count), 1u, Touches::most_layers));
   here.has_all_layers &= !layers_.is_crowded();
   const bool can_compare = last && last->has_all_pulls;
   const bool are_layers_matched = last && here.has_all_layers && last->has_all_layers && tells_apart(*last, here);
@@ -194,6 +195,7 @@ void Proxies::feel(uint32_t view, uint64_t what, const ToolState& tool, Effort* 
   }
   tell(here, what, tool, sum, out);
   solid_count_ = 0;
+  if (views_left_ > 0) --views_left_;
 }
 
 void Proxies::tell(const Touches::View& here, uint64_t what, const ToolState& tool, const Sum& sum, fs_response& out) noexcept {

@@ -37,8 +37,8 @@ struct FeltSolids {
 
 class Proxies {
  public:
-  // [rt] Begins a tick: what was kept in the last one is what was before.
-  void begin(double now) noexcept;
+  // [rt] Begins a tick: what was kept in the last one is what was before. views: how many are felt in it at most.
+  void begin(double now, uint32_t views) noexcept;
   // [rt] Forgets everything.
   void forget() noexcept { touches_.forget(); }
 
@@ -82,6 +82,7 @@ class Proxies {
   void tell(const Touches::View& here, uint64_t what, const ToolState& tool, const Sum& sum, fs_response& out) noexcept;
 
   double now_ = 0, step_ = 0;  // s
+  uint32_t views_left_ = 0;    // that are still to be felt in this tick
   std::array<Solid, most_solids> solids_;
   uint32_t solid_count_ = 0;
   Layers layers_;

@@ -466,6 +466,35 @@ START_TEST(clutching_in_a_scaled_frame) {
 }
 END_TEST
 
+// Many points on many solids, some of which fade, while one view goes over into another: each needs room for its contacts.
+START_TEST(views_share_the_room_for_contacts) {
+  FadeRig rig("room", 0);
+  rig.fake.state.pose = at(0, 0, -0.001);
+  std::vector<fs_vec3> points;
+  for (int k = 0; k < 32; ++k) points.push_back({0.001 * k, 0, 0});
+  OK(fs_scene_set_tool(rig.scene.get(), points.data(), 32));
+  for (int i = 0; i < 32; ++i) {
+    fs_object o = fs_object_init(("s" + std::to_string(i)).c_str(), FS_PRIMITIVE_PLANE);
+    o.contact.keep = FS_KEEP_FRONT;
+    o.contact.stiffness = 1 + 0.01 * i;  // unlike the others, so that none shares a proxy
+    o.contact.limit = 1;
+    rig.set(o);
+  }
+  rig.begin();
+  const double all = rig.sent().z;
+  ck_assert_double_gt(all, 1);
+  for (int i = 0; i < 3; ++i) {
+    rig.remove(("s" + std::to_string(i)).c_str());
+    rig.step(10);
+  }
+  fs_frame frame = fs_frame_init();
+  frame.pose.position.z = -1e-4;
+  OK(fs_scene_set_frame(rig.scene.get(), &frame));
+  rig.step(1000);
+  ck_assert_double_le(rig.largest_step(), 2 * all * period / fade);
+}
+END_TEST
+
 // Taken and let go while the hand moves: what damps it goes and comes over 20 ms, it does not vanish in a tick.
 START_TEST(clutching_in_motion_with_damping) {
   FadeRig rig("motion", 0.03);
@@ -492,7 +521,7 @@ END_TEST
 
 int main() {
   Suite* suite = suite_create("fade");
-  add_case(suite, "no step", {no_step_for_a_still_hand, no_step_for_a_moving_hand});
+  add_case(suite, "no step", {no_step_for_a_still_hand, no_step_for_a_moving_hand, views_share_the_room_for_contacts});
   add_case(suite, "fades", {takes_as_long_as_it_should, cross_fades_meet_in_the_middle, fading_is_told,
                             the_standard_is_a_second, no_fade_is_at_once, without_a_blend_poses_and_profiles_act_at_once});
   add_case(suite, "clutch", {clutching, what_fades_under_the_clutch_stays, clutching_in_a_scaled_frame,
