@@ -119,12 +119,12 @@ typedef enum fs_keep {
 typedef struct fs_contact {
   fs_keep keep;                 /* POINT, POLYLINE: NONE */
   uint32_t reserved;            /* 0 */
-  double stiffness;             /* N/m, 0..1e9, of each tool point: n points that rest on it are n times as stiff. 0: 1000
-                                   where nothing bounds the stiffness; otherwise what those leave that are felt at the
-                                   same places and want less, shared equally with those that want as much or more
-                                   (fs_scene_set_max_stiffness) */
+  double stiffness;             /* N/m, 0..1e9, of each tool point: n points that rest on it are n times as stiff. 0: as
+                                   stiff as can be rendered. Without a bound (fs_scene_set_max_stiffness) that is 1000;
+                                   with one, those that want less at the same places get that first, and all others
+                                   equal parts of the rest */
   double limit;                 /* N, > 0 and at most 1e9, unless keep is NONE */
-  double damping;               /* N s/m, 0..1e9, along the normal, only while the hand approaches */
+  double damping;               /* N s/m, 0..1e9, along the normal, only while the hand approaches; from the first touch on */
   double friction;              /* Coulomb coefficient, 0..2: within the cone of friction the proxy does not move at all */
 } fs_contact;
 
@@ -142,7 +142,8 @@ typedef struct fs_object {
   fs_profile front;             /* PLANE, MESH: on the front side; POINT, POLYLINE: the only profile */
   fs_profile back;              /* PLANE, MESH: on the back side; otherwise of kind NONE */
   double damping;               /* N s/m, 0..1e9: where f(d, t) > 0, adds -damping times (velocity of the tool point
-                                   minus that of the object there); the sum stays within the limit of the profile.
+                                   minus that of the object there); the sum stays within the limit of the profile. So a
+                                   hand that moves feels it begin and end at once where f does.
                                    Where a servo works the velocity out from poses, a hand that has moved by less than 2
                                    encoder steps within 50 ms counts as at rest; from 3 steps on it is damped in full,
                                    here as in a contact */

@@ -26,7 +26,7 @@ struct Claim {
 double distance(const Claim& claim, const Box& box) noexcept;  // m, of its region; above 0: they do not meet
 inline bool meets(const Claim& claim, const Box& box) noexcept { return distance(claim, box) <= 0; }
 
-// Who is felt together where somebody gets least: so many objects, and first those that want most.
+// The objects that are felt at the place where a user gets least: how many, and the few of them that want most.
 struct Crowd {
   std::array<uint32_t, 5> objects{};
   uint32_t count = 0;

@@ -1,8 +1,8 @@
-// How solids fade without a step: a fading solid must not take or release in one tick what the others hold; and what it holds
-// depends on what the others hold. So each solid is there for a part of the unit interval, as long as its weight: the
-// versions of one name one after the other, all others from 0 on. Where one of these parts ends the interval is cut into
-// *layers*. In a layer solids are there in full or not at all, and have proxies of their own; what is felt is the mean over
-// the layers, by their lengths. A layer begins and ends with length 0, so whatever happens in it then is not felt.
+// How solids fade without a step. What one solid holds depends on which others are there, so it is not enough to weigh each
+// force by itself. Instead each solid takes a part of the unit interval that is as long as its weight: the versions of one
+// name lie one after the other, all others begin at 0. The ends of these parts cut the interval into *layers*. In a layer
+// each solid is there in full or not at all, and the layer has proxies of its own. What is felt is the mean of the forces of
+// all layers, weighted by their lengths. A new layer begins with length 0, and ends with it, so neither makes a step.
 //
 // Only solids that are felt need to be told apart: they are *chosen*. All others are in every layer.
 #pragma once

@@ -47,7 +47,7 @@ class Memory : public Counted<Memory> {
   // Null as long as there has been no solid object.
   Proxies* proxies() const noexcept { return proxies_.load(std::memory_order_acquire); }
 
-  // Takes a snapshot that was just fetched.
+  // Begins a tick with the newest snapshot, which may be that of the last tick.
   void absorb(const Snapshot& snapshot, double now) noexcept;
   // Moves the weights to `now`. Of a servo, once a tick, after absorb.
   void advance(const Snapshot& snapshot, double now) noexcept;

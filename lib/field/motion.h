@@ -63,7 +63,7 @@ struct Motion {
   // Begins at t, when the motion is posted; it was worked out for the time of the call. Until then the object has gone on as
   // before, which counts for a third of a blend: a group whose commit takes longer makes a small step.
   void begin_offset(double t, double blend) noexcept;
-  // m: how far a place of the object, `lever` m from its origin, jumps at time t, where nothing is blended from now on.
+  // m: how far a point of the object, `lever` m from its origin, would jump if this motion replaced `before` at time t at once.
   double jump_from(const Motion& before, double t, double blend, double lever) const noexcept;
   bool says_the_same(const Motion& other) const noexcept;  // but for offsets
 

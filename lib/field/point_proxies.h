@@ -1,9 +1,9 @@
 // The proxies of one tool point among the solids of one layer, and what they give to these solids.
 //
-// Objects of the same stiffness and limit share a proxy, which none of them lets through: where several meet, the spring to it
-// acts once, within the limit. Objects that contradict one another (proxy.h), or that have become the same by a change, share
-// one as soon as that changes no force. Other objects have another proxy. Each spring is the gradient of its own energy then,
-// so that it makes none, whatever the stiffnesses and limits.
+// Objects of the same stiffness and limit share a proxy, which stays on the kept side of all of them: where several meet, the
+// spring to it acts once, within the limit. Objects that contradict one another (proxy.h), or whose stiffness and limit have
+// only just become the same, get proxies of their own until sharing one would change no force. All other objects have proxies
+// of their own. So the force of each spring is the gradient of one energy, and it gives back no more than was put into it.
 #pragma once
 
 #include <span>

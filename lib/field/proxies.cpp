@@ -50,8 +50,8 @@ void Proxies::end_layer(Touches::View& here, Layer& layer, const ToolState& tool
   }
 }
 
-// Whether the solids that are felt in this layer and were felt in the one before are in both. What comes or goes changes a layer
-// by itself: its weight makes that no step.
+// Whether each solid that is felt in this layer, or was felt in the one before, is there in both. Where one comes or goes the
+// forces differ for that reason, and nothing need be spread: the length of the layer grows or shrinks by steps of its weight.
 bool Proxies::is_same(const Layer& before) const noexcept {
   for (uint32_t i = 0; i < solid_count_; ++i) {
     if (solids_[i].is_touched && !solids_[i].is_known) return false;

@@ -98,7 +98,7 @@ struct Chunk : LocalCounted<Chunk> {
   uint64_t version = 0;                        // of the last change,
   uint64_t rows_version = 0;                   // and of the last that was more than a move
   uint64_t used = 0;                           // bit i: row i is in use
-  uint64_t standing = 0;                       // its position does not depend on time but for an offset, and is the centre
+  uint64_t standing = 0;                       // bit i: but for an offset, row i stands at its centre (Motions::x, y, z)
   uint64_t blended = 0;                        // its motion has an offset, which may be over (Motion::Offset)
   uint64_t planes = 0;                         // it has no centre: its distance decides
   Box box;                                 // where any of its rows but the planes may be felt

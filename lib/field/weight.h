@@ -1,7 +1,7 @@
 // The weights by which nothing makes a step in force. Whatever comes and goes under a servo is a row of a snapshot: a
 // version of an object, a view, a whole scene. The snapshot says what is wanted of the row (Want, data); the servo's
-// memory has how far it has come (Weight, 0 to 1). Each tick moves each weight towards what is wanted by dt/fade at most,
-// whatever was called in whatever order. That is all: no change can make a step.
+// memory has how far it has come (Weight, 0 to 1). Each tick moves each weight towards what is wanted by dt/fade at most
+// (in a take-over, see below, by dt/blend), whatever was called in whatever order. So no change can make a step.
 //
 // What cannot be adjusted (another primitive, shape or tool) is another version and so another row. The old row names the
 // new one as its `next`: as soon as the old row is in full, or not felt at all, the tick lets the next begin, and from then

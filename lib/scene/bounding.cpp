@@ -95,7 +95,7 @@ void Bounding::tell(double time) {
 void Bounding::set_max_stiffness(double stiffness) {
   max_stiffness_.store(stiffness);
   const std::lock_guard lock(mutex_);
-  if (!evaluated_.servo() || seen_.sequence == 0) return;
+  if (!evaluated_.servo()) return;
   const double blend = evaluated_.servo_reader()->memory->spread.blend;
   // What is set from now on begins within it; the rest comes with the next update.
   evaluated_.objects.rows.set_bounds(bounds_alone(share_of(*evaluated_.views.views(), seen_.loop, stiffness, blend, 0)));
@@ -213,7 +213,7 @@ void Bounding::note_wanted(double wanted) noexcept {
 void Bounding::enter(const Admission& all, const SceneShare& share) {
   evaluated_.prepare();
   Objects& objects = evaluated_.objects;
-  objects.rows.set_bounds(bounds_alone(share));
+  if (max_stiffness_.load() == seen_.most) objects.rows.set_bounds(bounds_alone(share));  // else they are set already
   auto sharing = std::make_shared<Sharing>();
   bool has_changed = false, wants = false;
   try {

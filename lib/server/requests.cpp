@@ -77,7 +77,10 @@ void Requests::answer(const Request& request) {
 
 void Requests::stop_force(const Request& request) {
   const Host& host = client_.host;
-  if (host.settings().is_force_kept) fail(FS_ERROR_DENIED, "this server does not let a client end the force");
+  if (host.settings().is_force_kept) {
+    client_.tell_server(FS_ERROR_DENIED, "wanted to stop all force, which this server does not let it");
+    fail(FS_ERROR_DENIED, "this server does not let a client end the force");
+  }
   host.servo().set_enabled(false);
   client_.tell_all("stopped all force");
   client_.answers.send(request.serial);
@@ -87,8 +90,11 @@ void Requests::resume_force(const Request& request) {
   if (client_.peer.user != geteuid() && client_.peer.user != 0) {
     fail(FS_ERROR_DENIED, "this server is user %s's, who alone lets the force return", name_of_user(geteuid()).c_str());
   }
-  client_.host.servo().set_enabled(true);
-  client_.tell_all("let the force return");
+  Servo& servo = client_.host.servo();
+  fs_servo_stats before = fs_servo_stats_init();
+  servo.get_stats(before);
+  servo.set_enabled(true);
+  if (!before.enabled || before.faults) client_.tell_all("let the force return");
   client_.answers.send(request.serial);
 }
 

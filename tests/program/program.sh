@@ -483,6 +483,8 @@ watcher=$!
 until_says '^hand  ' cat watched
 expect 0 "^the force at shm:$name has ended; .forceserver resume $name. lets it return$" "$program" stop "$name"
 until_says "^client: stop-[0-9]* stopped all force$" cat watched
+until_says "^client stop-[0-9]* .process [0-9]*. stopped all force$" cat served
+grep -q "let the force return$" served && fail "run says that a force returned which was there"
 expect 0 "^the force at shm:$name returns$" "$program" resume "$name"
 until_says "^client: resume-[0-9]* let the force return$" cat watched
 kill -INT $watcher
