@@ -4,6 +4,9 @@
 #include <cstdio>
 #include <filesystem>
 #include <limits>
+#include <map>
+#include <numeric>
+#include <tuple>
 #include <vector>
 
 #include "check_forces.h"
@@ -33,17 +36,44 @@ fs_shape_info describe(fs_shape* shape) {
   return info;
 }
 
-// m3; below 0: the triangles face inwards.
-double volume_of(const fs_shape* shape) {
+// The parts of a mesh, which no corner joins: m3 that each encloses; below 0: its triangles face inwards.
+std::vector<double> volumes_of(const fs_shape* shape) {
   std::size_t points = 0, triangles = 0;
   const fs_vec3* const at = fs_shape_get_points(shape, &points);
   const uint32_t* const corners = fs_shape_get_triangles(shape, &triangles);
-  double out = 0;
+  std::vector<uint32_t> part(points);  // of each point: another of the same part; the first of a part: itself
+  std::iota(part.begin(), part.end(), 0u);
+  const auto first_of = [&](uint32_t i) {
+    while (part[i] != i) i = part[i] = part[part[i]];
+    return i;
+  };
+  const auto join = [&](uint32_t a, uint32_t b) { part[std::max(first_of(a), first_of(b))] = std::min(first_of(a), first_of(b)); };
+  std::map<std::tuple<double, double, double>, uint32_t> places;  // files repeat points
+  for (uint32_t i = 0; i < points; ++i) join(i, places.try_emplace({at[i].x, at[i].y, at[i].z}, i).first->second);
+  for (std::size_t i = 0; i < 3 * triangles; i += 3) join(corners[i], corners[i + 1]), join(corners[i], corners[i + 2]);
+  std::map<uint32_t, double> volumes;
   for (std::size_t i = 0; i < 3 * triangles; i += 3) {
-    const fs_vec3 a = minus(at[corners[i]], at[0]), b = minus(at[corners[i + 1]], at[0]), c = minus(at[corners[i + 2]], at[0]);
-    out += (a.x * (b.y * c.z - b.z * c.y) + a.y * (b.z * c.x - b.x * c.z) + a.z * (b.x * c.y - b.y * c.x)) / 6;
+    const uint32_t first = first_of(corners[i]);
+    const fs_vec3 a = minus(at[corners[i]], at[first]), b = minus(at[corners[i + 1]], at[first]),
+                  c = minus(at[corners[i + 2]], at[first]);
+    volumes[first] += (a.x * (b.y * c.z - b.z * c.y) + a.y * (b.z * c.x - b.x * c.z) + a.z * (b.x * c.y - b.y * c.x)) / 6;
   }
+  std::vector<double> out;
+  for (const auto& [first, volume] : volumes) out.push_back(volume);
   return out;
+}
+
+void note_inward_parts(const std::string& name, const fs_shape* shape) {
+  const std::vector<double> volumes = volumes_of(shape);
+  const auto inward = static_cast<std::size_t>(std::count_if(volumes.begin(), volumes.end(), [](double v) { return v < 0; }));
+  if (inward == 0) return;
+  std::printf("  note: %s%s", name.c_str(), name.empty() ? "" : ": ");
+  if (inward == volumes.size()) {
+    std::printf("its triangles face inwards: its front is inside, as that of a room\n");
+  } else {
+    std::printf("the triangles of %zu of its %zu parts face inwards: such a part is a hollow in another that it lies in or "
+                "overlaps, and by itself its front is inside\n", inward, volumes.size());
+  }
 }
 
 // is_sheet: it is solid on both sides and has no profiles, so it needs no inside.
@@ -64,10 +94,7 @@ void check_shape(const std::string& name, const fs_shape* shape, bool is_sheet, 
     findings.add(name, "%llu odd %s: of three or more triangles, or of two that disagree about the front, %s",
                  Count(info.odd_edges), plural(info.odd_edges, "edge", "edges"), undecided);
   }
-  if (info.closed && volume_of(shape) < 0) {
-    std::printf("  note: %s%sits triangles face inwards: its front is inside, as that of a room\n", name.c_str(),
-                name.empty() ? "" : ": ");
-  }
+  if (info.closed) note_inward_parts(name, shape);
   if (info.degenerate > 0) {
     findings.add(name, "%llu %s without area", Count(info.degenerate),
                  plural(info.degenerate, "triangle", "triangles"));

@@ -311,6 +311,8 @@ expect 0 'closed mesh of 4 triangles and 4 points' "$program" check solid.obj
 expect 0 'of parts that meet: for profiles they are one body' "$program" check two.obj
 awk '/^f/ { print "f", $2, $4, $3; next } { print }' solid.obj > inside_out.obj
 expect 0 '^  note: its triangles face inwards: its front is inside, as that of a room$' "$program" check inside_out.obj
+awk '/^f/ && ++n > 4 { print "f", $2, $4, $3; next } { print }' two.obj > one_inside_out.obj
+expect 0 '^  note: the triangles of 1 of its 2 parts face inwards: such a part is a hollow' "$program" check one_inside_out.obj
 "$program" check solid.obj | grep inwards && fail "check finds a mesh inside out that is not"
 sed '$d' solid.obj > open.obj
 expect 1 'inside and outside are not decided everywhere' "$program" check open.obj
