@@ -295,8 +295,9 @@ typedef struct fs_report {
                                    while another frame or tool fades in, only what it gives there; along the axes of
                                    the scene that asks; for another client's object in newtons at the device */
   char shares_with[24];         /* the other objects of its scene that are felt where it gets less than it wants: those
-                                   that want most, as many names as fit, such as "a, b and 17 more"; empty: it gets all
-                                   that it wants, is alone, or out of the hand's reach */
+                                   that want most, as many names as fit, such as "a, b and 17 more"; then "other
+                                   clients", where some want a part of the same. Empty: it gets all that it wants, is
+                                   alone, or out of the hand's reach */
   double reserved[1];           /* 0 */
 } fs_report;
 

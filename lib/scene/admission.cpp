@@ -316,6 +316,7 @@ std::string SharedWith::text(size_t room) const {
     std::string whole = list;
     if (more > 0) whole = shown > 0 ? list + " and " + std::to_string(more) + " more" : std::to_string(more) + " others";
     if (more == 1 && shown == 0) whole = "another";
+    if (has_clients) whole += whole.empty() ? "other clients" : "; other clients";
     if (whole.size() <= room) out = whole;
   }
   return out;

@@ -25,6 +25,7 @@ struct LoopShare {
 struct SharedWith {
   std::vector<std::string> names;  // some of them, first those that want most
   size_t count = 0;                // of all
+  bool has_clients = false;        // other clients have a part of what the loop can render
   std::string text(size_t room) const;  // of `room` bytes at most: the names that fit, such as "a, b and 17 more"
 };
 

@@ -84,9 +84,7 @@ void Bounding::tell(double time) {
     const size_t room = sizeof event.text - 1 - static_cast<size_t>(size) - joint.size();
     const auto shared = sharing_ ? sharing_->find(name) : Sharing::const_iterator{};
     const std::string with = sharing_ && shared != sharing_->end() ? shared->second.text(room) : "";
-    // What other clients get is not this scene's to tell; that they get it is.
-    const bool has_others = with.empty() && is_bounded && seen_.loop.stiffness < seen_.loop.whole;
-    const std::string told_with = !with.empty() ? std::string(joint) + with : has_others ? "; other clients have the rest" : "";
+    const std::string told_with = with.empty() ? "" : std::string(joint) + with;
     told_with.copy(event.text + size, sizeof event.text - 1 - static_cast<size_t>(size));
     evaluated_.events.push(event);
   }
@@ -223,7 +221,10 @@ void Bounding::enter(const Admission& all, const SceneShare& share) {
       const Objects::Bound bound = objects.bound(one.row, *one.object, one.bounds);
       has_changed |= bound.has_changed;
       if (bound.object && share.to_device > 0) note_slope(*bound.object, bound.slope, share.to_device);
-      if (one.shared_with.count > 0) sharing->emplace(one.object->name, one.shared_with);
+      SharedWith with = one.shared_with;
+      const bool is_less = bound.object && bound.slope < bound.object->steepest_slope;
+      with.has_clients = is_less && seen_.loop.stiffness < seen_.loop.whole;
+      if (with.count > 0 || with.has_clients) sharing->emplace(one.object->name, std::move(with));
     }
   } catch (...) {  // no memory
     evaluated_.changed();
