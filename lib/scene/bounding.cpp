@@ -222,7 +222,8 @@ void Bounding::enter(const Admission& all, const SceneShare& share) {
       has_changed |= bound.has_changed;
       if (bound.object && share.to_device > 0) note_slope(*bound.object, bound.slope, share.to_device);
       SharedWith with = one.shared_with;
-      const bool is_less = bound.object && bound.slope < bound.object->steepest_slope;
+      const bool takes_what_it_gets = one.object->is_solid() && one.object->contact.stiffness == 0;
+      const bool is_less = takes_what_it_gets || (bound.object && bound.slope < bound.object->steepest_slope);
       with.has_clients = is_less && seen_.loop.stiffness < seen_.loop.whole;
       if (with.count > 0 || with.has_clients) sharing->emplace(one.object->name, std::move(with));
     }
