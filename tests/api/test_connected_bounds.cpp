@@ -256,8 +256,9 @@ START_TEST(stiffness_of_clients) {
   while (std::strstr(event.text, "no longer bounded")) event = next_event(me.get(), FS_EVENT_CAPPED);  // of the second alone
   ck_assert_str_eq(event.name, "wall");
   ck_assert_msg(std::strstr(event.text, "; it shares with other clients"), "%s", event.text);
-  ck_assert_str_eq(report_of(me.get(), "wall").shares_with, "other clients");
-  ck_assert_str_eq(report_of(bob.get(), "soft").shares_with, "");  // it gets what it wants
+  const auto wall_report = report_of(me.get(), "wall"), soft_report = report_of(bob.get(), "soft");
+  ck_assert_str_eq(wall_report.shares_with, "other clients");
+  ck_assert_str_eq(soft_report.shares_with, "");  // it gets what it wants
   soft.front.gain = 1;
   set(bob, soft);
   rig.settle(bob.get());
