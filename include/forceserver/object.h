@@ -98,24 +98,27 @@ typedef enum fs_keep {
  *
  * - Objects of equal limit and equal stiffness, as it is applied (fs_report), share a proxy: where several meet, the spring
  *   to it acts once, and the limit is that of their sum. Other objects have proxies of their own, and the forces add.
- * - Objects that move take a proxy along that they touch or meet. In a corner between several of them it goes to the nearest
- *   place that all of them allow.
- * - A hand that is crushed between objects that share a proxy, where there is no such place within twice the way that they
- *   have moved, feels each of them as if it was alone: each gets a proxy of its own, and their forces add. They share one
- *   again when all but one of them have let the hand go.
+ * - An object that moves pushes a proxy that is in its way; with friction it also carries one that rests on it. In a corner
+ *   between several objects the proxy goes to the nearest place that all of them allow.
+ * - If there is no such place within twice the distance that the objects have moved, the hand is crushed: each object that
+ *   contradicts the first gets a proxy of its own, and their forces add. An object that no longer holds the hand shares the
+ *   proxy of the others again as soon as the way to it is free.
  * - While an object fades in or out, the force is weight times the force with it plus (1 - weight) times the force without
  *   it, each with proxies of its own. So what it holds passes to the others, or from them, as slowly as it fades.
- * - A hand that is on the wrong side of a plane or closed mesh when both meet for the first time is led to the nearest
- *   place of the right side; on the wrong side of an open mesh it is free until it has come round it. An open mesh
+ * - A hand that is on the wrong side of a plane or closed mesh when both meet for the first time, or when another side is to be
+ *   kept, is led to the nearest place of the right side; on the wrong side of an open mesh it is free until it has come round it. An open mesh
  *   that replaces one which the hand touches takes the hand over, on the side that is kept.
- * - A change of the spring's force in one tick that the ways of hand and objects in that tick do not explain (at most twice
- *   the stiffness times the way) is spread over 20 ms, as when a proxy slips over the edge of a shelf.
+ * - If the spring's force changes in one tick by more than twice the stiffness times the distance that hand and objects have
+ *   moved, the rest of the change is spread over 20 ms, as when a proxy slips over the edge of a shelf.
  * - limit also bounds the force of the object on all points of a tool together; its direction stays. In a corner between
  *   objects that share a proxy, a tool of several points that are held to the limit may gain a little energy on its way
  *   round; a tool of one point does not.
- * - Near a tool at most 256 solid objects are felt, and at most 2048 pairs of a solid object and a tool point; a solid plane
- *   is near everywhere. Where 8 or more that the hand holds on to fade at different times, what they hold is spread over
- *   20 ms instead. */
+ * - Near a tool 256 solid objects are felt, first of all those that hold the hand, and 2048 pairs of a solid object and a tool
+ *   point; a solid plane is near everywhere. Objects that fade at different times can be told apart as long as the pairs,
+ *   times the number of these objects plus one, are 4096 at most, and 7 objects at most; beyond that what they hold is
+ *   spread over 20 ms instead.
+ * - A servo's tick tests ways among solid meshes for two periods at most. Where that does not suffice, as for many thousand
+ *   triangles on a way of a millimetre, the proxy stays where it is until the next tick. */
 typedef struct fs_contact {
   fs_keep keep;                 /* POINT, POLYLINE: NONE */
   uint32_t reserved;            /* 0 */

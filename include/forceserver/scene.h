@@ -86,12 +86,12 @@ FS_API fs_status fs_object_get(fs_scene *scene, const char *name, fs_object *out
 FS_API fs_status fs_object_change(fs_scene *scene, const fs_object *object, uint32_t parts);
 
 /* Moves an object: it has pose at time (s, scene's clock; FS_NOW) and twist from then on. To put an object somewhere
- * once, give a zero twist. Pass null only in a stream of moves: after the last one the object goes on for up to twice the
- * step between the last two. Cheap, for meshes too. The next tick feels it; a servo blends it, and fades it if it is a jump
- * (top of this file). Connected: a move of one of the scene's own objects never waits and normally makes no system call;
- * the server takes it at its rate. With twist null the twist is worked out from this move and the last move or set (0 if there was none in the last 0.2 s) and used for at most twice the
- * time between them. Of two moves within 1 ms the later pose replaces the earlier. A move whose time is older than that
- * of the last one is taken with twist 0. Evaluation extrapolates from `time`, never back and for 0.1 s at most.
+ * once, give a zero twist. Pass null in a stream of moves only: the twist is then worked out from this move and the last move
+ * or set (0 if there was none in the last 0.2 s), and the object goes on with it for twice the time between them at most. Of
+ * two moves within 1 ms the later pose replaces the earlier. A move whose time is older than that of the last one is taken
+ * with twist 0. Evaluation extrapolates from `time`, never back and for 0.1 s at most. A move is cheap, for meshes too. The
+ * next tick feels it; a servo blends it, and fades it if it is a jump (top of this file). Connected: a move of one of the
+ * scene's own objects never waits and normally makes no system call; the server takes it at its rate.
  * NOT_FOUND, DENIED. */
 FS_API fs_status fs_object_move(fs_scene *scene, const char *name, const fs_pose *pose, const fs_twist *twist,
                                       double time);
@@ -224,18 +224,18 @@ FS_API fs_status fs_scene_set_accuracy(fs_scene *scene, double newtons);
  * stays as it is beside many stiff ones. Each object is bounded by what it gets at the most crowded place where its force is
  * steep; its profiles and its contact count as two objects. No force is ever raised.
  *
- * - A contact with stiffness 0, and a force that jumps (fs_report), want all that there is. But a jump wants no more than what
- *   spreads it over 0.1 mm, 10 N/m for each mN.
- * - An object that the hand cannot reach for now has no share, and keeps the bound that it has. It shares before the hand is
- *   there: the hand is taken to be where the last tick saw it, to keep its speed and to gain up to 50 m/s2, for the some 40 ms
- *   until new bounds are felt; it is never taken to be faster than fs_servo_options.speed_limit. Where that is switched off or
- *   another frame or tool fades in, all that lies in the device's workspace counts; while the clutch is held, all objects do.
- *   What the hand has left keeps its share for 1 s.
+ * - A contact with stiffness 0, and a force that jumps (fs_report), want all that there is. But a force that jumps wants no
+ *   more than what spreads its greatest value over 0.1 mm: 10 N/m for each mN.
+ * - An object that the hand cannot reach for now has no share, and keeps the bound that it has. It gets its share before the
+ *   hand arrives: from its position and velocity at the last tick, the hand is assumed to accelerate by up to 50 m/s2 during
+ *   the 40 ms or so until new bounds are felt, but never to be faster than fs_servo_options.speed_limit. Where that is
+ *   switched off or another frame or tool fades in, all that lies in the device's workspace counts; while the clutch is held,
+ *   all objects do. What the hand has left keeps its share for 1 s.
  * - A new object has at first the bound of one alone; within 0.1 s it shares, and so does one that has moved. A bound that
  *   changes is blended as a profile that changes is.
  * - Connected: the bound holds for the scene's own objects and can only lower what the server gives them. What the servo can
- *   render is shared among its clients in the same way, by what the objects of each in the hand's reach want together at most
- *   at one place, and a tenth in reserve.
+ *   render is shared among its clients in the same way: a client wants the largest slope that its objects within the hand's
+ *   reach want together at one place, plus a tenth.
  *
  * Not bounded are tools of one's own, fields, and the turn of an attractive force where two parts of a polyline or mesh are
  * equally near: it leads the hand away from there. */
@@ -289,7 +289,8 @@ typedef struct fs_report {
                                    samples. A contact with stiffness 0 wants what it gets, so it never shows as capped */
   double stiffness_applied;     /* N/m at the device; less than stiffness_wanted when capped (fs_scene_set_max_stiffness) */
   double distance;              /* m, from the object to the nearest tool point at the last tick; infinite: not near
-                                   (beyond its force, weight 0, clutched, no servo); then point and wrench are 0 */
+                                   (beyond its force, weight 0, clutched, no servo); then point and wrench are 0.
+                                   Of solid objects that hold the hand, 64 at most are told with their proxies */
   fs_vec3 point;                /* p, or the proxy; in the frame of the scene that asks */
   fs_wrench wrench;             /* its part of the force, the sum of its versions with their weights, before the guard;
                                    while another frame or tool fades in, only what it gives there; along the axes of

@@ -4,6 +4,7 @@
 #include <cstring>
 #include <exception>
 #include <new>
+#include <stdexcept>
 
 #include "base/error.h"
 
@@ -18,6 +19,8 @@ fs_status guarded(F&& f) noexcept {
   } catch (Error& error) {
     return set_last_error(error.status, std::move(error.text));
   } catch (const std::bad_alloc&) {
+    return set_last_error_literal(FS_ERROR_MEMORY, "out of memory");
+  } catch (const std::length_error&) {  // a list longer than memory can be
     return set_last_error_literal(FS_ERROR_MEMORY, "out of memory");
   } catch (const std::exception& error) {
     return set_last_error(FS_ERROR_INTERNAL, error.what());

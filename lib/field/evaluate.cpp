@@ -274,7 +274,7 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
       const Row& row = chunk.row(i);
       const Scratch* const scratch = scratches.get(number * chunk_size + i);
       const double weight = given ? given[i].value() : 1;
-      proxies->collect({.row = number * chunk_size + i, .version = row.version, .takes_over = row.takes_over,
+      proxies->collect(view, what, {.row = number * chunk_size + i, .version = row.version, .takes_over = row.takes_over,
                         .object = &row.as_felt(given),
                         .motion = &chunk.motion(i), .weight = weight,
                         .begin = weight < 1 ? memory.newer_weight(row, tool.time) : 0, .replaces = row.previous != no_row,

@@ -107,6 +107,9 @@ uint64_t Layers::present(std::span<const Solid> solids, uint32_t layer) const no
   return out;
 }
 
+// A solid that is new is compared as the version from which it takes over, whose proxies it gets. One that was told apart in the
+// last tick, and is not any more, is in all layers now: `compared` says which of the last tick's have been looked at already.
+// Of layers that differ equally little, the one that overlaps most is taken.
 const Layer& Layers::before(std::span<const Solid> solids, const Touches::View& last, const Layer& layer) const noexcept {
   const Layer* best = &last.layers[0];
   double best_overlap = 0;

@@ -1,6 +1,7 @@
 // What a reader (the servo, a tool) keeps from tick to tick. The snapshot it only reads; in its memory it writes down the
 // weight of each row and which rows are near. The scene makes room for a row before it posts the row; from then on only
-// the reader writes. Weights are atomic, because the scene reads them to learn what has faded out.
+// the reader writes, except that the scene may replace a row that has not begun by another (Weight::replace_waiting). Weights
+// are atomic, because the scene reads them to learn what has faded out.
 //
 // A chunk of 64 rows *sleeps* as long as none of its rows can be felt and none of its weights arrives or expires. It wakes
 // when the tool has travelled as far as the smallest gap between the tool and its rows, or when its time has come. So a

@@ -21,9 +21,14 @@ bool can_share(const fs_contact& a, const fs_contact& b) noexcept {
   return stiffness_of(a) == stiffness_of(b) && a.limit == b.limit;
 }
 
-bool has_free_way(const Touch& touch, const Object& object, Vec3 place) noexcept {  // in the last tick
+bool keeps(const fs_contact& contact, Side side) noexcept {
+  return contact.keep == FS_KEEP_EITHER || (contact.keep == FS_KEEP_BACK) == (side == Side::back);
+}
+
+bool has_free_way(const Touch& touch, const Object& object, Vec3 place, uint32_t* visits) noexcept {  // in the last tick
   Crossing crossing;
-  return !first_crossing(object.primitive, object.shape.get(), touch.side, touch.at, to_local(touch.pose, place), crossing);
+  return !first_crossing(object.primitive, object.shape.get(), touch.side, touch.at, to_local(touch.pose, place), crossing,
+                         visits);
 }
 
 }  // namespace
@@ -76,34 +81,48 @@ bool PointProxies::begin_touch(const Point& point, Member& member) noexcept {
   // Which side of an open mesh is inside is not known; but where it replaces one that is touched, it takes over the hand.
   const bool is_closed = object.primitive != FS_PRIMITIVE_MESH || object.shape->closed || replaced(point, solid);
   Closest closest;
-  Effort effort{.visits = 4096};
+  Effort effort{.visits = std::min(4096u, proxy_.visits ? *proxy_.visits : UINT32_MAX)};
   const auto find = [&](Vec3 x, double range) {
-    return closest_point(object.primitive, object.shape.get(), x, range, closest, nullptr, &effort);
+    const uint32_t before = effort.visits;
+    const bool is_found = closest_point(object.primitive, object.shape.get(), x, range, closest, nullptr, &effort);
+    if (proxy_.visits) *proxy_.visits -= std::min(*proxy_.visits, before - effort.visits);
+    return is_found;
   };
   const double margin = margin_at(solid.pose, touch.at, touch.at);
   if (!find(touch.at, keeps_either || is_closed ? never : margin)) return true;
   if (keeps_either) touch.side = closest.side;
   const bool is_at_surface = closest.distance <= margin;
   if (!is_at_surface && (keeps_either || !is_closed || closest.side == touch.side)) return true;
-  // Above the surface, along its normal there: in a narrow groove farther above it than elsewhere.
+  // Above the surface, along its normal there: in a narrow groove farther above it than elsewhere. Where parts of a mesh cross, a
+  // normal may lead along another part, or into it: then along the normal of that part, too.
   const Vec3 place = closest.point, away = closest.side == Side::back ? -closest.direction : closest.direction;
   const Vec3 normal = find(place, 2 * margin) && closest.distance == 0 ? closest.direction : away;
   const double sign = touch.side == Side::back ? -1 : 1;
-  const auto is_above = [&](Vec3 direction) {
-    for (const double factor : {1.0, 16.0, 256.0}) {
-      touch.at = place + (sign * factor * margin) * direction;
-      if (find(touch.at, 2 * factor * margin) && closest.side == touch.side && closest.distance > margin / 64) return true;
+  const auto is_above = [&](Vec3 direction, double height) {
+    touch.at = place + (sign * height) * direction;
+    return find(touch.at, 2 * height) && closest.side == touch.side && closest.distance > margin / 64;
+  };
+  const auto find_above = [&] {
+    for (double height = margin; height < 2e6 * margin; height *= 16) {
+      if (is_above(normal, height) || is_above(away, height)) return true;
+    }
+    constexpr int directions = 128;  // all round: where several parts cross, few lead out
+    for (int i = 0; i < directions; ++i) {
+      const double z = (2 * i + 1.0) / directions - 1, r = std::sqrt(1 - z * z), turn = 2.399963229728653 * i;  // golden angle
+      if (is_above({r * std::cos(turn), r * std::sin(turn), z}, 1e6 * margin)) return true;
     }
     return false;
   };
-  if (!is_above(normal)) is_above(away);  // in a corner where parts of a mesh cross, a normal may lead along the other part
+  find_above();
   const Vec3 begins_at = solid.pose * touch.at;
   if (!proxy_.is_free_to(begins_at)) return false;
   proxy_.at = begins_at;
   return true;
 }
 
-// Finds the members of the next proxy. False: all have theirs.
+// Finds the members of the next proxy. False: all have theirs. The order of the proxies, and so of what is settled first:
+// 0 solids that touched the point in the last tick, 1 solids that were near it then, 2 new ones, 3 those that have just left
+// another proxy because they contradicted it.
 bool PointProxies::gather(const Point& point) noexcept {
   const std::span<Solid> solids = point.tick.solids;
   const auto count = static_cast<uint32_t>(solids.size());
@@ -133,7 +152,7 @@ bool PointProxies::gather(const Point& point) noexcept {
     const Object& object = *solids[i].object;
     if (before_[i].is_done || before_[i].left || !can_share(object.contact, contact)) return;
     const bool is_apart = before && !(before->proxy == known->proxy);
-    if (is_apart && (before->is_touching || !has_free_way(*before, object, known->proxy))) return;
+    if (is_apart && (before->is_touching || !has_free_way(*before, object, known->proxy, proxy_.visits))) return;
     Touch* const touch = point.tick.touches.add_touch(point.layer);
     if (touch && before) *touch = *before;
     if (touch && is_apart) touch->at = to_local(before->pose, known->proxy);
@@ -171,12 +190,15 @@ void PointProxies::feel_proxy(const Point& point, Gain& out) noexcept {
   }
   for (uint32_t i = proxy_.count; i < all; ++i) {
     Member member = proxy_.members[i];
-    if (begin_touch(point, member)) {
+    if (proxy_.visits && *proxy_.visits == 0) {  // it has to wait for a tick with less to do
+      *member.touch = {};
+    } else if (begin_touch(point, member)) {
       proxy_.members[proxy_.count++] = member;
     } else {
       leave(member);
     }
   }
+  if (proxy_.count == 0) return;
   const uint32_t left = proxy_.carry();
   for (uint32_t i = 0; i < left; ++i) leave(proxy_.members[proxy_.count + i]);
   proxy_.slide(hand, was_touching);
@@ -319,6 +341,7 @@ void PointProxies::add_profiles(const Point& point, Gain& out) noexcept {
 
 void PointProxies::feel(const Tick& tick, uint32_t number, const Layer* before_layer, Layer& layer, Gain& out) noexcept {
   const Point point{tick, number, before_layer, layer};
+  proxy_.visits = tick.effort ? &tick.effort->ways : nullptr;
   for (uint32_t i = 0; i < tick.solids.size(); ++i) {
     Solid& solid = tick.solids[i];
     Before& before = before_[i];
@@ -327,12 +350,15 @@ void PointProxies::feel(const Tick& tick, uint32_t number, const Layer* before_l
     if (before.is_done || !before_layer) continue;
     before.touch = last_touch(point, solid.version);
     // Another profile or contact of the same object goes on from where the one before has the proxy.
+    // Where another side is kept, it meets the hand anew.
     if (!before.touch && solid.takes_over) before.touch = last_touch(point, solid.takes_over);
+    if (before.touch && !keeps(solid.object->contact, before.touch->side)) before.touch = nullptr;
     solid.is_known |= before.touch != nullptr;
   }
   while (gather(point)) {
     if (proxy_.count == 0) continue;  // there are too many
     feel_proxy(point, out);
+    if (proxy_.count == 0) continue;
     add_profiles(point, out);
     out.reach = std::max(out.reach, norm(proxy_.at - point.at().position));
   }

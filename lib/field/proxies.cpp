@@ -19,6 +19,25 @@ void Proxies::begin(double now, uint32_t views) noexcept {
   touches_.begin();
 }
 
+// Room for a solid that was felt in the last tick is made by the newest that was not.
+void Proxies::replace_one(uint32_t view, uint64_t what, const Solid& solid) noexcept {
+  const Touches::View* const last = touches_.last(view, what);
+  const auto was_felt = [&](const Solid& one) {
+    for (uint32_t n = 0; last && n < last->layer_count; ++n) {  // the pulls of a layer are in the order of rows
+      const std::span<const Pull> pulls = touches_.last_pulls(last->layers[n]);
+      const auto at = std::lower_bound(pulls.begin(), pulls.end(), one.row, [](const Pull& p, uint32_t row) { return p.row < row; });
+      if (at != pulls.end() && at->row == one.row && at->version == one.version) return true;
+    }
+    return false;
+  };
+  if (!was_felt(solid)) return;
+  uint32_t gone = solid_count_;
+  while (gone > 0 && was_felt(solids_[gone - 1])) --gone;
+  if (gone == 0) return;
+  std::copy(solids_.begin() + gone, solids_.begin() + solid_count_, solids_.begin() + gone - 1);
+  solids_[solid_count_ - 1] = solid;
+}
+
 // ---------------------------------------------------------------------------------------------------------- one layer
 
 void Proxies::begin_layer(const Layer& layer) noexcept {
@@ -186,7 +205,7 @@ void Proxies::feel(uint32_t view, uint64_t what, const ToolState& tool, Effort* 
     feel_layers(here, last, tool, effort, sum);
     if (tries == most_tries || !choose_felt()) break;
     sum = {};
-    if (effort) *effort = effort_before;
+    if (effort) *effort = {.visits = effort_before.visits, .ways = effort->ways, .most = effort_before.most};
   }
   here.do_layers_agree = do_layers_agree(here);
   for (uint32_t k = 0; last && k < tool.count; ++k) {

@@ -16,7 +16,7 @@ namespace fs {
 
 // What solids gave at a tick, for whoever asks.
 struct FeltSolids {
-  static constexpr uint32_t size = 24;  // most
+  static constexpr uint32_t size = 64;  // most
   struct Felt {
     uint64_t version = 0;  // of the row
     Wrench wrench;         // N, N m, in full
@@ -42,12 +42,14 @@ class Proxies {
   // [rt] Forgets everything.
   void forget() noexcept { touches_.forget(); }
 
-  // [rt] Collects the solids of a view, in the order of their rows. What is too much is not felt.
-  void collect(const Solid& solid) noexcept {
+  // [rt] Collects the solids of a view, in the order of their rows. Of too many, those are felt that hold the hand already.
+  // view, what: as Memory::look has them.
+  void collect(uint32_t view, uint64_t what, const Solid& solid) noexcept {
     if (solid_count_ < most_solids) solids_[solid_count_++] = solid;
+    else replace_one(view, what, solid);
   }
-  // [rt] Adds what the collected solids give to the tool: contacts, and their profiles at the proxies. view, what: as
-  // Memory::look has them; another `what`, and all touches of the view begin anew. effort: of the profiles; null: without end.
+  // [rt] Adds what the collected solids give to the tool: contacts, and their profiles at the proxies. Another `what`,
+  // and all touches of the view begin anew. effort: of the profiles; null: without end.
   void feel(uint32_t view, uint64_t what, const ToolState& tool, Effort* effort, fs_response& out) noexcept;
 
   // Of the newest view. False: nothing has been felt yet. Any thread.
@@ -70,6 +72,7 @@ class Proxies {
   };
 
   std::span<Solid> solids() noexcept { return {solids_.data(), solid_count_}; }
+  void replace_one(uint32_t view, uint64_t what, const Solid& solid) noexcept;
   void feel_layers(Touches::View& here, const Touches::View* last, const ToolState& tool, Effort* effort, Sum& out) noexcept;
   void begin_layer(const Layer& layer) noexcept;
   void end_layer(Touches::View& here, Layer& layer, const ToolState& tool, Sum& out) noexcept;

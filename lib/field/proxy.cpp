@@ -14,13 +14,13 @@ bool are_equal(const Pose& a, const Pose& b) noexcept {
 }
 
 // The plane of one member that stops its proxy on the way to a place; place: where, scene frame; part: of the way.
-bool find_plane(const Member& member, Vec3 to, Plane& out, Vec3& place, double& part) noexcept {
+bool find_plane(const Member& member, Vec3 to, uint32_t* visits, Plane& out, Vec3& place, double& part) noexcept {
   const Solid& solid = *member.solid;
   const Vec3 local = to_local(solid.pose, to);
   if (local == member.touch->at) return false;
   Crossing crossing;
   if (!first_crossing(solid.object->primitive, solid.object->shape.get(), member.touch->side, member.touch->at, local,
-                      crossing)) {
+                      crossing, visits)) {
     return false;
   }
   part = crossing.part;
@@ -47,7 +47,7 @@ bool Proxy::find_hit(Vec3 to, Plane& out, Vec3& place, double& least) const noex
     Plane plane;
     Vec3 here;
     double part;
-    if (!find_plane(members[i], to, plane, here, part) || !(part < least)) continue;
+    if (!find_plane(members[i], to, visits, plane, here, part) || !(part < least)) continue;
     least = part;
     out = plane;
     out.member = i;
@@ -70,7 +70,7 @@ bool Proxy::is_free_to(Vec3 place, uint32_t except) const noexcept {
     Plane plane;
     Vec3 there;
     double part;
-    if (i != except && find_plane(members[i], place, plane, there, part)) return false;
+    if (i != except && find_plane(members[i], place, visits, plane, there, part)) return false;
   }
   return true;
 }
@@ -172,6 +172,8 @@ double Proxy::friction_reach(Vec3 hand, Vec3 goal) const noexcept {
   return friction > 0 ? friction / depth * norm(goal - hand) : 0;
 }
 
+// The numbers of tries only bound the work of a tick: a way ends in a corner after three planes, and ways along edges of a mesh
+// become shorter quickly. Where the tries do not suffice, the proxy stays where it has come to, and goes on in the next tick.
 void Proxy::slide(Vec3 hand, bool was_touching) noexcept {
   constexpr int most_ways = 24, most_planes = 12;
   Vec3 target = hand;
@@ -236,7 +238,7 @@ void Proxy::slide(Vec3 hand, bool was_touching) noexcept {
   }
 }
 
-// The nearest place that no member is in the way to. False: there is none that is near enough.
+// The nearest place that no member is in the way to. False: there is none that is near enough, or eight tries did not find it.
 bool Proxy::find_place(Vec3& out) const noexcept {
   Planes by;
   Vec3 goal = at;
@@ -302,7 +304,7 @@ uint32_t Proxy::split() noexcept {
     Plane plane;
     Vec3 place;
     double part;
-    if (!find_plane(members[i], to, plane, place, part)) {
+    if (!find_plane(members[i], to, visits, plane, place, part)) {
       ++i;
       continue;
     }

@@ -97,6 +97,7 @@ struct Proxy : Planes {
   Vec3 at{};              // m, scene frame
   Vec3 held{};            // m, how far friction holds it back
   bool is_stuck = false;  // by friction
+  uint32_t* visits = nullptr;  // that are left for tests of ways; null: without end
 
   // [rt] Points 1 to 3 of the law. Members that contradict the others are put behind the first `count` and no longer belong
   // to it; returns how many.

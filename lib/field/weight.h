@@ -127,9 +127,14 @@ struct Course {
   }
 };
 
-// [rt] Where the weight of a row goes; the row has begun. When its weight is 1 or 0, it starts its successor and fades out from
-// then on; a successor that takes over starts at once. next, its: the successor; null: there is none. began: set when it
-// has just started.
+// [rt] Where the weight of a row goes; the row has begun. next, its: the weight of its successor, and what is wanted of that;
+// null: there is none. is_at_once: nothing fades (a fade of 0). began: set when the successor has begun in this call.
+//
+//     the row      the successor                the successor begins
+//     any          takes over, is wanted in     at once, or when the row itself has taken over all from the one before it
+//     in           fades in by itself           when the row's weight is 1
+//     out          fades in by itself           when the row's weight is 0 (or 1, if it came that far before it was wanted out)
+//     any          takes over, is wanted out    when the row's weight is 0: wanted in again, it takes over what is left
 inline Course course_of(const Want& row, Weight& weight, double now, Weight* next, const Want* its, bool is_at_once,
                         bool& began) noexcept {
   const bool in = row.is_in && now < row.expiry;
@@ -139,7 +144,6 @@ inline Course course_of(const Want& row, Weight& weight, double now, Weight* nex
   if (next->has_begun(its->version)) return {false, next->coming() > 0, passing};
   const bool can_take_over = its->takes_over == row.version;
   const bool takes_over = can_take_over && its->is_in && now < its->expiry;
-  // If both are wanted out, the successor does not start: should it be wanted in again, it takes over what is left.
   const bool is_full = !(value < 1) && (in || !can_take_over), has_faded = is_at_once || is_full || !(value > 0);
   const bool has_taken_over = !(weight.coming() > 0);
   if (!has_taken_over || !(takes_over || has_faded)) return {in, false, passing};

@@ -75,11 +75,12 @@ int crossing_of(Vec3 a, Vec3 b, Vec3 c, Vec3 from, Vec3 to, bool& is_unclear) no
   return start > 0 ? 1 : -1;
 }
 
-bool first_crossing(fs_primitive primitive, const Shape* shape, Side side, Vec3 from, Vec3 to, Crossing& out) noexcept {
+bool first_crossing(fs_primitive primitive, const Shape* shape, Side side, Vec3 from, Vec3 to, Crossing& out,
+                    uint32_t* visits) noexcept {
   if (!is_finite(from) || !is_finite(to)) return false;
   if (primitive == FS_PRIMITIVE_PLANE) return crosses_plane(side, from, to, out);
   if (primitive != FS_PRIMITIVE_MESH) return false;
-  return shape->tree()->first_crossing(side, from, to, out);
+  return shape->tree()->first_crossing(side, from, to, out, visits);
 }
 
 }  // namespace fs

@@ -14,8 +14,10 @@ struct Crossing {
 
 // [rt] The first place at which the way from `from` to `to` (object frame) passes from one side (`side`) of a plane or mesh to
 // the other. A point on the surface counts as on the side from which it came. False: it does not; out is as it was.
-// The signs that decide are those of exact numbers, to 113 bits.
-bool first_crossing(fs_primitive primitive, const Shape* shape, Side side, Vec3 from, Vec3 to, Crossing& out) noexcept;
+// The signs that decide are those of exact numbers, to 113 bits. visits: of nodes, leaves and triangles that are left; null: without
+// end. Where they do not suffice, the way counts as barred where it begins.
+bool first_crossing(fs_primitive primitive, const Shape* shape, Side side, Vec3 from, Vec3 to, Crossing& out,
+                    uint32_t* visits = nullptr) noexcept;
 
 // The same for one triangle. normal is not set.
 bool crosses_triangle(Vec3 a, Vec3 b, Vec3 c, Side side, Vec3 from, Vec3 to, double& part) noexcept;

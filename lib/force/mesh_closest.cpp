@@ -86,7 +86,7 @@ MeshTree::Found MeshTree::find(const Query& query) const noexcept {
 }
 
 // At an edge or a corner of a triangle that another part meets, its neighbours in its own part do not tell the side.
-Closest MeshTree::tell_met(Vec3 x, const Found& found) const noexcept {
+Closest MeshTree::tell_met(Vec3 x, const Found& found, Effort* effort) const noexcept {
   const bool is_piece = found.triangle >= triangle_count();
   const uint32_t triangle = is_piece ? union_->pieces[found.triangle - triangle_count()].triangle : found.triangle;
   const Nearest& nearest = found.nearest;
@@ -122,7 +122,12 @@ Closest MeshTree::tell_met(Vec3 x, const Found& found) const noexcept {
   constexpr Vec3 asides[] = {{0, 0, 0}, {0.21, -0.37, 0.29}, {-0.33, 0.19, 0.23}};
   for (const Vec3& aside : asides) {
     bool is_known = true;
-    const bool is_inside = winding(x + hit.distance * aside, is_known) != 0;
+    const bool is_inside = winding(x + hit.distance * aside, is_known, effort ? &effort->visits : nullptr) != 0;
+    if (effort && effort->visits == 0) {  // on which side x is was not found out
+      effort->is_cut = true;
+      effort->least = hit.distance;
+      break;
+    }
     if (!is_known) continue;
     hit.side = is_inside == union_->is_inward[found.triangle] ? Side::front : Side::back;
     break;
@@ -130,8 +135,8 @@ Closest MeshTree::tell_met(Vec3 x, const Found& found) const noexcept {
   return hit;
 }
 
-Closest MeshTree::tell(Vec3 x, const Found& found) const noexcept {
-  if (union_ && (found.triangle >= triangle_count() || union_->is_met[found.triangle])) return tell_met(x, found);
+Closest MeshTree::tell(Vec3 x, const Found& found, Effort* effort) const noexcept {
+  if (union_ && (found.triangle >= triangle_count() || union_->is_met[found.triangle])) return tell_met(x, found, effort);
   const Nearest& nearest = found.nearest;
   const uint32_t* v = corners_.data() + size_t{3} * found.triangle;
   const Vec3 corners[3] = {points_[v[0]], points_[v[1]], points_[v[2]]};

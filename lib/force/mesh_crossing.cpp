@@ -10,8 +10,8 @@ namespace fs {
 
 using namespace wide;
 
-// Returns the triangle, or none.
-FS_INLINE uint32_t MeshTree::cross(Side side, Vec3 from, Vec3 to, double& part) const noexcept {
+// Returns the triangle, or none. visits: that are left; 0 afterwards: they did not suffice.
+FS_INLINE uint32_t MeshTree::cross(Side side, Vec3 from, Vec3 to, double& part, uint32_t& visits) const noexcept {
   const Vec3 start = frame_.local(from), way = frame_.local(to) - start;
   uint32_t out = no_triangle;
   part = std::numeric_limits<double>::infinity();
@@ -19,7 +19,8 @@ FS_INLINE uint32_t MeshTree::cross(Side side, Vec3 from, Vec3 to, double& part) 
   uint32_t stack[WideTree::most_depth * (WideNode::width - 1) + 1];
   uint32_t size = 0;
   stack[size++] = tree_.nodes() ? WideTree::root : WideNode::leaf_bit;
-  while (size > 0) {
+  while (size > 0 && visits > 0) {
+    --visits;
     const uint32_t child = stack[--size];
     if (!(child & WideNode::leaf_bit)) {
       const WideNode& node = tree_.nodes()[child];
@@ -33,6 +34,7 @@ FS_INLINE uint32_t MeshTree::cross(Side side, Vec3 from, Vec3 to, double& part) 
       const uint32_t triangle = packet.triangle[std::countr_zero(near)];
       const uint32_t* v = corners_.data() + size_t{3} * triangle;
       double here;
+      if (visits > 0) --visits;
       if (!crosses_triangle(points_[v[0]], points_[v[1]], points_[v[2]], side, from, to, here)) continue;
       if (here > part || (here == part && triangle > out)) continue;
       part = here;
@@ -44,20 +46,22 @@ FS_INLINE uint32_t MeshTree::cross(Side side, Vec3 from, Vec3 to, double& part) 
 }
 
 #ifdef __x86_64__
-__attribute__((target("avx2"))) uint32_t MeshTree::cross_avx2(Side side, Vec3 from, Vec3 to, double& part) const noexcept {
-  return cross(side, from, to, part);
+__attribute__((target("avx2"))) uint32_t MeshTree::cross_avx2(Side side, Vec3 from, Vec3 to, double& part,
+                                                                      uint32_t& visits) const noexcept {
+  return cross(side, from, to, part, visits);
 }
 #endif
 
 namespace {
 
-// Calls use(triangle) for each that may meet the span.
+// Calls use(triangle) for each that may meet the span, as long as visits are left.
 template <class Use>
-void for_each_near(const WideTree& tree, const std::vector<Packet>& packets, const Span& span, Use&& use) {
+void for_each_near(const WideTree& tree, const std::vector<Packet>& packets, const Span& span, uint32_t& visits, Use&& use) {
   uint32_t stack[WideTree::most_depth * (WideNode::width - 1) + 1];
   uint32_t size = 0;
   stack[size++] = tree.nodes() ? WideTree::root : WideNode::leaf_bit;
-  while (size > 0) {
+  while (size > 0 && visits > 0) {
+    --visits;
     const uint32_t child = stack[--size];
     if (!(child & WideNode::leaf_bit)) {
       const WideNode& node = tree.nodes()[child];
@@ -65,19 +69,24 @@ void for_each_near(const WideTree& tree, const std::vector<Packet>& packets, con
       continue;
     }
     const Packet& packet = packets[child & ~WideNode::leaf_bit];
-    for (uint32_t near = triangles_in(packet, span); near; near &= near - 1) use(packet.triangle[std::countr_zero(near)]);
+    for (uint32_t near = triangles_in(packet, span); near; near &= near - 1) {
+      if (visits > 0) --visits;
+      use(packet.triangle[std::countr_zero(near)]);
+    }
   }
 }
 
 }  // namespace
 
-int MeshTree::winding(Vec3 x, bool& is_known) const noexcept {
+int MeshTree::winding(Vec3 x, bool& is_known, uint32_t* visits) const noexcept {
   // Ways that leave the mesh nearly along an axis, so that few triangles are near; each leans another way, so that hardly any
   // meets an edge, and hardly two of them do.
   constexpr int tries = 9;
   const double size = 2 / frame_.scale;  // m; the mesh is no larger
   const Vec3 away = x - frame_.middle;
-  for (int i = 0; i < tries; ++i) {
+  uint32_t endless = UINT32_MAX;
+  uint32_t& left = visits ? *visits : endless;
+  for (int i = 0; i < tries && left > 0; ++i) {
     double way[3];
     const double from[3] = {away.x, away.y, away.z};
     for (int k = 0; k < 3; ++k) {
@@ -88,28 +97,35 @@ int MeshTree::winding(Vec3 x, bool& is_known) const noexcept {
     const Vec3 a = frame_.local(x), b = frame_.local(to);
     int out = 0;
     bool is_unclear = false;
-    for_each_near(tree_, packets_, Span(a, b), [&](uint32_t triangle) {
+    for_each_near(tree_, packets_, Span(a, b), left, [&](uint32_t triangle) {
       out += crossing_of(corner(triangle, 0), corner(triangle, 1), corner(triangle, 2), x, to, is_unclear);
     });
-    if (!is_unclear) return out;
+    if (!is_unclear && left > 0) return out;
   }
   is_known = false;
   return 0;
 }
 
 void MeshTree::collect(const Box& box, std::vector<uint32_t>& out) const {
-  for_each_near(tree_, packets_, Span(frame_.local(box.lower), frame_.local(box.upper)), [&](uint32_t triangle) {
+  uint32_t visits = UINT32_MAX;
+  for_each_near(tree_, packets_, Span(frame_.local(box.lower), frame_.local(box.upper)), visits, [&](uint32_t triangle) {
     out.push_back(triangle);
   });
 }
 
-bool MeshTree::first_crossing(Side side, Vec3 from, Vec3 to, Crossing& out) const noexcept {
+bool MeshTree::first_crossing(Side side, Vec3 from, Vec3 to, Crossing& out, uint32_t* visits) const noexcept {
   double part;
+  uint32_t endless = UINT32_MAX;
+  uint32_t& left = visits ? *visits : endless;
 #ifdef __x86_64__
-  const uint32_t triangle = has_avx2 ? cross_avx2(side, from, to, part) : cross(side, from, to, part);
+  const uint32_t triangle = has_avx2 ? cross_avx2(side, from, to, part, left) : cross(side, from, to, part, left);
 #else
-  const uint32_t triangle = cross(side, from, to, part);
+  const uint32_t triangle = cross(side, from, to, part, left);
 #endif
+  if (left == 0) {
+    out = {.part = 0, .point = from, .normal = normalized(from - to), .triangle = no_triangle};
+    return true;
+  }
   if (triangle == no_triangle) return false;
   out.part = part;
   out.point = from + part * (to - from);

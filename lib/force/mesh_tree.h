@@ -44,11 +44,11 @@ class MeshTree {
   // [rt]
   Found find(const Query& query) const noexcept;
 
-  // [rt] The same as closest_point() in primitive.h tells it.
-  Closest tell(Vec3 x, const Found& found) const noexcept;
+  // [rt] The same as closest_point() in primitive.h tells it. effort: null: without end.
+  Closest tell(Vec3 x, const Found& found, Effort* effort) const noexcept;
 
   // [rt] See crossing.h.
-  bool first_crossing(Side side, Vec3 from, Vec3 to, Crossing& out) const noexcept;
+  bool first_crossing(Side side, Vec3 from, Vec3 to, Crossing& out, uint32_t* visits) const noexcept;
 
   // [rt] The closest point of a triangle, or of an item of the union, relative to x; and its corner k, m.
   Nearest nearest_on(uint32_t item, Vec3 x) const noexcept {
@@ -59,8 +59,9 @@ class MeshTree {
     return points_[corners_[size_t{3} * item + k]];
   }
 
-  // [rt] How often the mesh, which is closed, goes round x. is_known: false where all ways out of it meet an edge.
-  int winding(Vec3 x, bool& is_known) const noexcept;
+  // [rt] How often the mesh, which is closed, goes round x. is_known: false where all ways out of it meet an edge, or the visits
+  // do not suffice. visits: that are left; null: without end.
+  int winding(Vec3 x, bool& is_known, uint32_t* visits = nullptr) const noexcept;
   // Appends the triangles that may meet the box.
   void collect(const Box& box, std::vector<uint32_t>& out) const;
 
@@ -73,15 +74,15 @@ class MeshTree {
   Found find_from(const Query& query) const noexcept;
   Found find_plain(const Query& query) const noexcept;
   Found find_avx2(const Query& query) const noexcept;
-  uint32_t cross(Side side, Vec3 from, Vec3 to, double& part) const noexcept;
-  uint32_t cross_avx2(Side side, Vec3 from, Vec3 to, double& part) const noexcept;
+  uint32_t cross(Side side, Vec3 from, Vec3 to, double& part, uint32_t& visits) const noexcept;
+  uint32_t cross_avx2(Side side, Vec3 from, Vec3 to, double& part, uint32_t& visits) const noexcept;
 
   uint32_t triangle_count() const noexcept { return static_cast<uint32_t>(corners_.size() / 3); }
   bool is_item(uint32_t item) const noexcept {
     if (!union_) return item < triangle_count();
     return item < triangle_count() ? union_->counts[item] : item - triangle_count() < union_->pieces.size();
   }
-  Closest tell_met(Vec3 x, const Found& found) const noexcept;
+  Closest tell_met(Vec3 x, const Found& found, Effort* effort) const noexcept;
   void build_union(std::unique_ptr<MeshUnion> whole, Wanted& wanted);
 
   std::span<const Vec3> points_;

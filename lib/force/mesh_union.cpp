@@ -10,6 +10,7 @@ namespace fs {
 namespace {
 
 constexpr uint32_t none = UINT32_MAX;
+constexpr int pair_cost = 8;  // of parts that may meet, in steps: each pair takes memory
 
 bool meet(const Box& a, const Box& b) {
   return a.lower.x <= b.upper.x && b.lower.x <= a.upper.x && a.lower.y <= b.upper.y && b.lower.y <= a.upper.y &&
@@ -105,6 +106,7 @@ class UnionBuilder {
         partners_[order[i]].push_back(order[k]);
         partners_[order[k]].push_back(order[i]);
         has_partners_ = true;
+        work_left_ -= pair_cost;
       }
     }
   }
@@ -114,7 +116,9 @@ class UnionBuilder {
     wanted_.step();
     const std::vector<uint32_t>& partners = partners_[parts_.of[t]];
     const Box box = widened(box_of(t));
-    if (std::none_of(partners.begin(), partners.end(), [&](uint32_t part) { return meet(box, boxes_[part]); })) return;
+    if (partners.empty()) return;
+    const bool are_few = partners.size() <= 16;  // to look at many takes longer than to search the mesh
+    if (are_few && std::none_of(partners.begin(), partners.end(), [&](uint32_t part) { return meet(box, boxes_[part]); })) return;
     const Vec3 normal = normal_of(t), at = corner(t, 0);
     if (normal == Vec3{}) return;
     near_.clear();

@@ -123,7 +123,7 @@ bool closest_on_mesh(const MeshTree& tree, Vec3 x, double max_distance, Closest&
     hint->gap = found.least;
   }
   if (found.triangle == MeshTree::no_triangle || !(std::sqrt(found.nearest.squared) <= max_distance)) return false;
-  out = tree.tell(x, found);
+  out = tree.tell(x, found, effort);
   return true;
 }
 

@@ -39,6 +39,7 @@ struct Hint {
 // The work that searches may do, in visits of nodes and leaves of trees and of triangles, and whether it sufficed.
 struct Effort {
   uint32_t visits = UINT32_MAX;  // that are left
+  uint32_t ways = UINT32_MAX;    // that are left for tests of ways (crossing.h) and for solids that come near
   uint32_t most = UINT32_MAX;    // of one search
   bool is_cut = false;           // the last search ended because there were none left: what it found may not be the closest,
   double least = 0;              // but nothing is nearer than this, m

@@ -239,7 +239,7 @@ bool closest_point_ahead(fs_primitive primitive, const Shape* shape, Vec3 x, dou
       if (std::sqrt(nearest.squared) + way <= found.distance + 1e-9 * way) {
         hint->free = way;
         if (!(std::sqrt(nearest.squared) <= max_distance)) return false;
-        out = shape->tree()->tell(x, {.nearest = nearest, .triangle = found.triangle});
+        out = shape->tree()->tell(x, {.nearest = nearest, .triangle = found.triangle}, effort);
         return true;
       }
     }

@@ -84,9 +84,14 @@ bool Moment::feel(uint32_t number, Share& out) const {
   }
   const Object& object = it.as_felt(true);
   if (!evaluate_object(object, motion, it.start, tool_, nullptr, out, nullptr, nullptr, object.bounds.slope)) return false;
-  if (!object.law.has_curves()) return true;
-  const Law::Parsers parsers = it.object->law.make_parsers();
-  return evaluate_object(object, motion, it.start, tool_, &parsers, out, nullptr, nullptr, object.bounds.slope);
+  if (object.law.has_curves()) {
+    const Law::Parsers parsers = it.object->law.make_parsers();
+    evaluate_object(object, motion, it.start, tool_, &parsers, out, nullptr, nullptr, object.bounds.slope);
+  }
+  // Its proxies gave nothing; without them it would push a hand that is on the wrong side.
+  const bool has_proxies = memory_ && it.object->is_solid() && solids_.count < FeltSolids::size;
+  if (has_proxies) out.wrench = {};
+  return true;
 }
 
 // With what a version has still to take over from those before it: to change a profile is not to fade.
@@ -94,8 +99,9 @@ double Moment::weight_of(uint32_t newest) const {
   double weight = 0;
   for (uint32_t number = newest; number != no_row; number = row(number).previous) {
     weight += memory_->weight_at(number, row(number).version, time_);
-    const bool takes_over = row(number).takes_over && memory_->weight_at(number, row(number).version, time_) < 1;
-    if (!takes_over) break;
+    const uint32_t previous = row(number).previous;
+    const bool takes_over = previous != no_row && row(number).takes_over == row(previous).version;
+    if (!takes_over || !(memory_->weight_at(number, row(number).version, time_) < 1)) break;
   }
   constexpr double rounding = 1e-9;
   return weight > 1 - rounding ? 1 : weight;

@@ -244,7 +244,8 @@ uint32_t ObjectRows::put(uint32_t newest, const Entry& entry, Change change, con
 }
 
 // Whether the newest row can be changed itself. One that waits can, as long as no tick can know it. One that was posted belongs
-// to a group that is felt as a whole, so a new one comes after it, unless they differ only in how hard the object is. When the
+// to a group that is felt as a whole, so a new one comes after it, unless it takes over the weight of the one before
+// (taken_over replaces such a one even where a tick knows it, as long as it has not begun). When the
 // chain becomes long, because many come between two ticks, what was posted is taken back if no tick has it yet.
 bool ObjectRows::is_replaceable(uint32_t newest, Change change) noexcept {
   if (change == Change::adjusted || !servo_) return true;

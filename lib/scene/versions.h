@@ -28,7 +28,8 @@ class Versions {
     const auto& it = rows().row(i);
     const Weight* const weight = rows().weight(i);
     if (!weight) return true;
-    // A row that has not begun is needed no more if the next tick knows its successor, whatever is wanted of that by now.
+    // A row that has not begun can go once a tick has used the snapshot that has its successor, even if the successor itself is
+    // wanted out.
     if (!has_begun(i)) return it.next != no_row && rows().row(it.next).created <= rows().used();
     if (weight->value() > 0 || weight->coming() > 0) return false;
     return it.next != no_row ? has_begun(it.next) : !it.is_in && it.sequence <= rows().used();
@@ -42,7 +43,10 @@ class Versions {
   }
 
   // Lets go of what is gone behind the newest. True: something is to be posted; until then a version that waited for what has
-  // gone goes on waiting.
+  // gone goes on waiting. What becomes of the row before the one that goes, with A <- B <- C and B gone:
+  //   A is felt, B has not begun and never will: C is now what A waits to begin;
+  //   A is felt, B had begun and has faded out: A was wanted out because of B, and stays wanted out; it begins nothing more;
+  //   there is no A: nothing.
   bool tidy_older(uint32_t newest) {
     bool has_changed = false;
     for (uint32_t above = newest;;) {
@@ -62,7 +66,7 @@ class Versions {
       }
       if (older != no_row && !has_begun(i)) {
         rows().edit(older).next = next;
-      } else if (older != no_row) {  // it was wanted out because row i had begun
+      } else if (older != no_row) {
         want_out(older);
         rows().edit(older).next = no_row;
       }

@@ -1,6 +1,5 @@
-// What a client has to be told: the names of its objects of which it may believe something else than what is there, with who
-// changed them, and its view. The client asks for these one by one (a pull), until it has been told as far as Outbox::news
-// counts. A name that is held up by a parked change is told only after that change was applied or refused.
+// What a client has to be told: the names of its objects whose state the client may have wrong, with who changed them, and
+// its view. The client asks for these one by one (a pull), until it has been told as far as Outbox::news counts. A name that is held up by a parked change is told only after that change was applied or refused.
 #pragma once
 
 #include <string>

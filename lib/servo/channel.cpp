@@ -9,6 +9,8 @@ namespace {
 constexpr uint32_t most_visits = 640;
 // A visit takes about 40 ns, so the searches of a tick take a quarter of its period at most.
 constexpr double visits_a_second = 0.25 / 40e-9;
+// Tests of ways among solids are not approximated, so they may take longer: two periods at most.
+constexpr uint32_t ways_per_visit = 8;
 
 }  // namespace
 
@@ -88,7 +90,7 @@ fs_response Channel::evaluate_views(const fs_state& hand, double now) noexcept {
   const Snapshot& snapshot = *reader_.mailbox.front().snapshot;
   const Views& views = *snapshot.views;
   fs_response here{}, device{};
-  Effort effort{.visits = visits_, .most = most_visits};
+  Effort effort{.visits = visits_, .ways = ways_per_visit * visits_, .most = most_visits};
   // The newest view first: fs_scene_get_hand reports the hand in its frame; forces of older views are rotated into its axes.
   for (uint32_t k = 0; k < Views::size; ++k) {
     const uint32_t i = k == 0 ? views.newest : k - (k <= views.newest);

@@ -20,7 +20,7 @@ class Channel final : public Counted<Channel> {
     double force = never, torque = never;  // N, N m
   };
 
-  // Of which client the scene is.
+  // The client that owns the scene.
   struct Owner {
     std::string name;
     uint32_t user;

@@ -129,6 +129,49 @@ START_TEST(a_hand_that_begins_where_parts_cross_is_led_out) {
 }
 END_TEST
 
+// The same for random boxes that cross: the hand is led to the nearest place of what they are together, as a field tells it.
+START_TEST(a_hand_that_begins_in_a_body_of_parts_is_led_out) {
+  for (int scene = 0; scene < (is_sanitized ? 2 : times(12, 60)); ++scene) {
+    Random random(700 + static_cast<uint64_t>(scene));
+    MeshData mesh;
+    std::vector<std::pair<fs_pose, fs_vec3>> boxes;  // and half their sizes
+    for (uint64_t n = 2 + random.below(8); boxes.size() < n;) {
+      const fs_vec3 half{random.between(0.005, 0.04), random.between(0.005, 0.04), random.between(0.005, 0.04)};
+      const fs_pose pose = random.pose(0.02);
+      const MeshData box = box_mesh(half);
+      const auto first = static_cast<uint32_t>(mesh.points.size());
+      for (const fs_vec3& p : box.points) mesh.points.push_back(pose.position + rotate(pose.orientation, p));
+      for (const uint32_t i : box.triangles) mesh.triangles.push_back(first + i);
+      boxes.emplace_back(pose, half);
+    }
+    const auto depth = [&](fs_vec3 x) {  // m, in the box in which it is deepest; negative: outside
+      double most = -1;
+      for (const auto& [pose, half] : boxes) {
+        const fs_quat q = pose.orientation;
+        const fs_vec3 in = rotate({q.w, -q.x, -q.y, -q.z}, x - pose.position);
+        most = std::max(most, std::min({half.x - std::fabs(in.x), half.y - std::fabs(in.y), half.z - std::fabs(in.z)}));
+      }
+      return most;
+    };
+    Hand hand;
+    hand.mesh("body", mesh, solid(FS_KEEP_FRONT));
+    hand.go({1, 0, 0});
+    for (int i = 0; i < 400; ++i) {
+      const fs_vec3 x = random.in_box(0.04);
+      if (!(depth(x) > 1e-5)) continue;
+      OK(fs_tool_reset(hand.tool.get()));
+      hand.is_placed = false;
+      hand.go(x);
+      fs_vec3 field;
+      OK(fs_evaluate_field(hand.scene.get(), "body", 0, &x, 1, &field));
+      ck_assert_msg(depth(hand.proxy()) < 1e-7, "scene %d: the hand at (%.17g, %.17g, %.17g) has its proxy %g m deep in a box", scene,
+                    x.x, x.y, x.z, depth(hand.proxy()));
+      EXPECT_NEAR(norm(hand.felt.wrench.force), norm(field), 1e-4);
+    }
+  }
+}
+END_TEST
+
 // From exactly a vertex, edge or face it goes in, and is held; also where the nearest place is the bottom of a groove.
 START_TEST(a_hand_that_begins_on_the_surface_is_held) {
   const MeshData meshes[] = {box_mesh({0.02, 0.02, 0.02}), sphere_mesh(0.03, 300), torus_mesh(0.03, 0.01, 300)};
@@ -626,10 +669,11 @@ END_TEST
 // A virtual servo at 1 kHz with a fade of 50 ms; the hand stands where the test puts it.
 struct Held : Rig {
   std::vector<Shape> shapes;
-  explicit Held(const char* name) : Rig(name) {
+  explicit Held(const char* name, double blend = -1) : Rig(name) {
     fake.state.pose = at({0, 0, 0.01});
     fs_servo_options options = virtual_options();
     options.fade = 0.05;
+    options.blend = blend;
     options.ramp = -1;
     start(options);
     step(1);
@@ -842,6 +886,117 @@ START_TEST(a_tick_has_an_end) {
 }
 END_TEST
 
+// A hand behind an open sheet that lets it go feels nothing, and the report says so.
+START_TEST(a_report_has_what_is_felt) {
+  Held held("contact_report");
+  held.place({0, 0, -0.004});
+  held.put(held.solid_mesh("sheet", terrain_mesh(0.05, 0, 200)), solid(FS_KEEP_FRONT));
+  held.step(80);
+  EXPECT_VECTOR(held.sent(), (fs_vec3{}), 0);
+  EXPECT_VECTOR(report_of(held.scene.get(), "sheet").wrench.force, (fs_vec3{}), 0);
+  held.put(held.solid_mesh("box", box_mesh({0.05, 0.05, 0.02})), solid(FS_KEEP_FRONT, 500));
+  held.step(80);
+  EXPECT_NEAR(norm(held.sent()), 8, 1e-6);
+  EXPECT_NEAR(norm(report_of(held.scene.get(), "box").wrench.force), 8, 1e-6);
+  // Another that shares its proxy, and does not reach it: only one of them gives the force.
+  held.put(held.solid_mesh("smaller box", box_mesh({0.05, 0.05, 0.01})), solid(FS_KEEP_FRONT, 500));
+  held.step(80);
+  EXPECT_NEAR(norm(held.sent()), 8, 1e-6);
+  EXPECT_NEAR(norm(report_of(held.scene.get(), "box").wrench.force), 8, 1e-6);
+  EXPECT_VECTOR(report_of(held.scene.get(), "smaller box").wrench.force, (fs_vec3{}), 1e-9);
+}
+END_TEST
+
+// Another side to keep is felt within the blend, as if it had been kept from the start; also by a tool of one's own.
+START_TEST(another_side_is_kept) {
+  for (const bool is_plane : {true, false}) {
+    for (const fs_keep before : {FS_KEEP_FRONT, FS_KEEP_BACK, FS_KEEP_EITHER}) {
+      for (const fs_keep after : {FS_KEEP_FRONT, FS_KEEP_BACK}) {
+        for (const double z : {0.004, -0.004}) {
+          Held held("contact_sides", 0.02);
+          fs_object o = is_plane ? fs_object_init("it", FS_PRIMITIVE_PLANE) : held.solid_mesh("it", box_mesh({0.05, 0.05, 0.02}));
+          if (!is_plane) o.pose = at(0, 0, -0.02);
+          held.place({0, 0, z});
+          o.contact = solid(before, 500);
+          held.put(o, o.contact);
+          const Tool tool = make_tool(held.scene.get());
+          evaluate(tool.get(), hand_at({0, 0, z}));
+          held.step(80);
+          o.contact.keep = after;
+          OK(fs_object_change(held.scene.get(), &o, FS_PART_CONTACT));
+          ck_assert_double_le(held.most_change(80), 1.1 * 2 / 0.02 * dt + 2 * dt / 0.05);
+          const double force = after == FS_KEEP_FRONT ? std::max(0.0, -500 * z) : std::min(0.0, -500 * z);
+          EXPECT_VECTOR(held.sent(), (fs_vec3{0, 0, force}), 1e-6);
+          EXPECT_VECTOR(force_at(tool.get(), {0, 0, z}), (fs_vec3{0, 0, force}), 1e-6);
+          held.place({0, 0, -z});
+          held.step(40);
+          const double other = after == FS_KEEP_FRONT ? std::max(0.0, 500 * z) : std::min(0.0, 500 * z);
+          EXPECT_VECTOR(held.sent(), (fs_vec3{0, 0, other}), 1e-6);
+        }
+      }
+    }
+  }
+}
+END_TEST
+
+// With more solids near than can be felt, those that hold the hand stay: another one that comes takes nothing from it.
+START_TEST(of_too_many_solids_those_stay_that_hold) {
+  Held held("contact_many");
+  held.place({0, 0, 0.01});
+  const auto add = [&](int i) {  // a plane far below, that never touches
+    fs_object o = fs_object_init(("far " + std::to_string(i)).c_str(), FS_PRIMITIVE_PLANE);
+    o.pose = at(0, 0, -1 - 0.001 * i);
+    held.put(o, solid(FS_KEEP_FRONT));
+  };
+  for (int i = 0; i < 256; ++i) add(i);
+  held.put(fs_object_init("floor", FS_PRIMITIVE_PLANE), solid(FS_KEEP_FRONT));
+  held.step(80);
+  for (int i = 128; i < 158; ++i) OK(fs_object_remove(held.scene.get(), ("far " + std::to_string(i)).c_str()));
+  held.step(80);
+  held.place({0, 0, -0.003});
+  EXPECT_VECTOR(held.sent(), (fs_vec3{0, 0, 3}), 1e-9);
+  const double most = held.most_change(300, [&](int i) { add(300 + i); });  // some of them get rows that are free again
+  ck_assert_double_le(most, 1e-9);
+  EXPECT_VECTOR(held.sent(), (fs_vec3{0, 0, 3}), 1e-9);
+  EXPECT_NEAR(report_of(held.scene.get(), "floor").wrench.force.z, 3, 1e-9);
+}
+END_TEST
+
+// A mesh of very many triangles on a short way: the tests of the way have an end, and nothing lets the hand through meanwhile.
+START_TEST(a_tick_among_solids_has_an_end) {
+  Rig rig("contact_stack");
+  MeshData stack;
+  constexpr uint32_t sheets = 30000;
+  for (uint32_t i = 0; i < sheets; ++i) {
+    const double z = -1e-3 * i / sheets;
+    for (const fs_vec3 p : {fs_vec3{-0.1, -0.1, z}, fs_vec3{0.1, -0.1, z}, fs_vec3{0, 0.1, z}}) stack.points.push_back(p);
+    stack.triangles.insert(stack.triangles.end(), {3 * i, 3 * i + 1, 3 * i + 2});
+  }
+  const Shape shape = make_mesh(stack);
+  fs_object o = fs_object_init("stack", FS_PRIMITIVE_MESH);
+  o.shape = shape.get();
+  o.contact = solid(FS_KEEP_FRONT);
+  OK(fs_object_set(rig.scene.get(), &o));
+  fs_servo_options options = virtual_options();
+  options.rate = 20000;  // so a tick may test few ways
+  options.fade = options.ramp = options.speed_limit = -1;
+  rig.fake.state.pose = at(0, 0, 0.001);
+  rig.start(options);
+  rig.step(100);
+  double least = 1e9;
+  for (int i = 0; i < 50; ++i) {
+    rig.fake.state.pose = at(1e-5 * i, 0, -0.002);
+    rig.step(1);
+    fs_response felt{};
+    OK(fs_scene_get_hand(rig.scene.get(), nullptr, &felt, nullptr));
+    least = std::min(least, felt.proxy.position.z);
+  }
+  ck_assert_double_ge(least, 0);
+  ck_assert_double_ge(rig.sent().z, 2 - 1e-6);
+  ck_assert_double_le(rig.sent().z, 3 + 1e-6);
+}
+END_TEST
+
 }  // namespace
 
 int main() {
@@ -850,6 +1005,7 @@ int main() {
                              the_softest_wall_has_a_proxy, shared_proxies});
   add_case(suite, "meshes", {a_box_is_solid, nothing_lets_through, a_hand_that_begins_inside_is_led_out,
                              a_hand_that_begins_where_parts_cross_is_led_out,
+                             a_hand_that_begins_in_a_body_of_parts_is_led_out,
                              a_hand_that_begins_on_the_surface_is_held, a_vertex_does_not_hold,
                              limits_in_a_corner_make_no_energy, sliding_over_a_mesh_makes_no_energy, open_meshes_have_rims,
                              letting_go_is_no_step, a_profile_at_an_edge_is_no_step});
@@ -859,6 +1015,7 @@ int main() {
   add_case(suite, "servo", {solids_come_and_go_without_a_step, solids_that_share_a_proxy_fade,
                             a_hundred_solids_come_and_go_at_once, a_profile_above_a_solid_fades,
                             a_mesh_is_replaced_while_it_is_touched, a_mesh_that_sinks_takes_the_proxy_along,
-                            a_sheet_that_rises_keeps_the_hand, a_tick_has_an_end});
+                            a_sheet_that_rises_keeps_the_hand, a_tick_has_an_end, a_report_has_what_is_felt, another_side_is_kept,
+                            of_too_many_solids_those_stay_that_hold, a_tick_among_solids_has_an_end});
   return run_suite(suite);
 }

@@ -519,10 +519,48 @@ START_TEST(clutching_in_motion_with_damping) {
 }
 END_TEST
 
+// A profile that changes while another primitive fades in: the report goes on to tell how far the object has come.
+START_TEST(a_report_tells_the_weight_of_a_chain) {
+  Rig rig("chain");
+  rig.fake.state.pose = at(0, 0, -0.01);
+  fs_servo_options options = virtual_options();
+  options.fade = 1;
+  options.blend = 0;
+  options.ramp = -1;
+  rig.start(options);
+  fs_object o = fs_object_init("p", FS_PRIMITIVE_PLANE);
+  o.front = o.back = fs_profile_init(FS_PROFILE_CONSTANT, FS_SENSE_ATTRACTIVE, 1, 0, 5);
+  OK(fs_object_set(rig.scene.get(), &o));
+  rig.step(1200);
+  o.primitive = FS_PRIMITIVE_POINT;
+  o.pose.position = {0.1, 0, -0.01};
+  o.back = fs_profile{};
+  OK(fs_object_set(rig.scene.get(), &o));
+  double before = 0;
+  for (int i = 1; i <= 300; ++i) {
+    if (i == 100) {
+      o.front.gain = 1.0001;
+      OK(fs_object_change(rig.scene.get(), &o, FS_PART_PROFILES));
+    }
+    if (i == 130) {
+      const fs_object other = fs_object_init("other", FS_PRIMITIVE_POINT);
+      OK(fs_object_set(rig.scene.get(), &other));
+    }
+    rig.step(1);
+    const fs_report report = report_of(rig.scene.get(), "p");
+    EXPECT_NEAR(report.weight, before, 0.0011);
+    ck_assert_int_eq(report.state, FS_OBJECT_FADING);
+    before = report.weight;
+  }
+  EXPECT_NEAR(before, 0.3, 0.003);
+}
+END_TEST
+
 int main() {
   Suite* suite = suite_create("fade");
   add_case(suite, "no step", {no_step_for_a_still_hand, no_step_for_a_moving_hand, views_share_the_room_for_contacts});
   add_case(suite, "fades", {takes_as_long_as_it_should, cross_fades_meet_in_the_middle, fading_is_told,
+                            a_report_tells_the_weight_of_a_chain,
                             the_standard_is_a_second, no_fade_is_at_once, without_a_blend_poses_and_profiles_act_at_once});
   add_case(suite, "clutch", {clutching, what_fades_under_the_clutch_stays, clutching_in_a_scaled_frame,
                             clutching_in_motion_with_damping});
