@@ -106,8 +106,8 @@ typedef enum fs_keep {
  * - While an object fades in or out, the force is weight times the force with it plus (1 - weight) times the force without
  *   it, each with proxies of its own. So what it holds passes to the others, or from them, as slowly as it fades.
  * - A hand that is on the wrong side of a plane or closed mesh when both meet for the first time, or when another side is to be
- *   kept, is led to the nearest place of the right side; on the wrong side of an open mesh it is free until it has come round it. An open mesh
- *   that replaces one which the hand touches takes the hand over, on the side that is kept.
+ *   kept, is led to the nearest place of the right side; on the wrong side of an open mesh it is free until it has come round
+ *   it. An open mesh that replaces one which the hand touches takes the hand over, on the side that is kept.
  * - If the spring's force changes in one tick by more than twice the stiffness times the distance that hand and objects have
  *   moved, the rest of the change is spread over 20 ms, as when a proxy slips over the edge of a shelf.
  * - limit also bounds the force of the object on all points of a tool together; its direction stays. In a corner between
