@@ -3,9 +3,9 @@
 #include "api/guarded.h"
 #include "base/names.h"
 #include "base/text.h"
-#include "file/mesh_file.h"
-#include "force/profile.h"
 #include "field/object.h"
+#include "file/mesh_file.h"
+#include "law/profile.h"
 
 using namespace fs;
 

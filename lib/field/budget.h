@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "force/box.h"
+#include "shape/box.h"
 
 namespace fs {
 

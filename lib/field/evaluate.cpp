@@ -5,8 +5,8 @@
 
 #include "base/error.h"
 #include "field/proxies.h"
-#include "force/primitive.h"
-#include "force/ridge.h"
+#include "shape/primitive.h"
+#include "shape/ridge.h"
 
 namespace fs {
 namespace {

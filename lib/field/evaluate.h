@@ -5,7 +5,7 @@
 
 #include "field/lanes.h"
 #include "field/memory.h"
-#include "force/primitive.h"
+#include "shape/primitive.h"
 
 namespace fs {
 

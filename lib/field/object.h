@@ -10,9 +10,9 @@
 #include <forceserver/scene.h>
 
 #include "base/counted.h"
-#include "force/law.h"
-#include "force/shape.h"
+#include "law/law.h"
 #include "math/pose.h"
+#include "shape/shape.h"
 
 namespace fs {
 

@@ -18,7 +18,7 @@
 #include <array>
 
 #include "field/evaluate.h"
-#include "force/crossing.h"
+#include "shape/crossing.h"
 
 namespace fs {
 

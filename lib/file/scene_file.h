@@ -7,8 +7,8 @@
 
 #include <forceserver/scene.h>
 
-#include "force/curve.h"
-#include "force/shape.h"
+#include "law/curve.h"
+#include "shape/shape.h"
 
 namespace fs {
 

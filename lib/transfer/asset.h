@@ -8,9 +8,9 @@
 #include "base/counted.h"
 #include "base/descriptor.h"
 #include "base/wanted.h"
-#include "force/curve.h"
-#include "force/shape.h"
 #include "field/object.h"
+#include "law/curve.h"
+#include "shape/shape.h"
 #include "transfer/wire.h"
 
 namespace fs {

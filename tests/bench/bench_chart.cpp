@@ -10,7 +10,7 @@
 #include "closest_methods.h"
 #include "decimated.h"
 #include "figures.h"
-#include "force/mesh_tree.h"
+#include "shape/mesh/mesh_tree.h"
 
 using namespace bench;
 using namespace fs;

@@ -10,8 +10,8 @@
 
 #include "closest_methods.h"
 #include "figures.h"
-#include "force/mesh_tree.h"
 #include "scenes/scenes.h"
+#include "shape/mesh/mesh_tree.h"
 
 using namespace bench;
 

@@ -1,4 +1,4 @@
-// What the blend at ridges costs: the search of a closest point alone, and with find_ridge() (lib/force/ridge.h), in time of this
+// What the blend at ridges costs: the search of a closest point alone, and with find_ridge() (lib/shape/ridge.h), in time of this
 // thread and in visits, for ways of 3000 places. README.md says how to read it.
 //
 //   bench_ridge
@@ -7,8 +7,8 @@
 #include <cstdio>
 #include <limits>
 
-#include "force/ridge.h"
 #include "meshes.h"
+#include "shape/ridge.h"
 
 using namespace bench;
 using namespace fs;

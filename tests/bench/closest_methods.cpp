@@ -18,9 +18,9 @@
 #include <embree3/rtcore.h>
 #endif
 
-#include "force/mesh_tree.h"
-#include "force/primitive.h"
 #include "peer.h"
+#include "shape/mesh/mesh_tree.h"
+#include "shape/primitive.h"
 
 namespace bench {
 namespace {

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "force/shape.h"
 #include "meshes.h"
+#include "shape/shape.h"
 
 namespace bench {
 

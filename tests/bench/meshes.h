@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "force/mesh_tree.h"
+#include "shape/mesh/mesh_tree.h"
 
 namespace bench {
 

@@ -1,4 +1,4 @@
-// What the tests of lib/force share: meshes made by code, the sentence of a refusal.
+// What the tests of lib/law and lib/shape share: meshes made by code, the sentence of a refusal.
 #pragma once
 
 #include <algorithm>
@@ -12,9 +12,9 @@
 #include <vector>
 
 #include "base/error.h"
-#include "force/shape.h"
 #include "math/pose.h"
 #include "scenes/random.h"
+#include "shape/shape.h"
 
 #include <check.h>
 #undef fail  // Check's, in the way of fs::fail

@@ -5,7 +5,7 @@
 #include <memory>
 #include <thread>
 
-#include "force/curve.h"
+#include "law/curve.h"
 #include "unit/count_allocations.h"
 #include "unit/force_fixtures.h"
 

@@ -3,7 +3,7 @@
 #include <limits>
 #include <string>
 
-#include "force/law.h"
+#include "law/law.h"
 #include "unit/force_fixtures.h"
 
 using namespace fs;

@@ -9,10 +9,10 @@
 #include <thread>
 
 #include "base/processor.h"
-#include "force/mesh_tree.h"
-#include "force/mesh_union.h"
-#include "force/primitive.h"
-#include "force/triangle.h"
+#include "shape/mesh/mesh_tree.h"
+#include "shape/mesh/mesh_union.h"
+#include "shape/primitive.h"
+#include "shape/triangle.h"
 #include "unit/count_allocations.h"
 #include "unit/force_fixtures.h"
 

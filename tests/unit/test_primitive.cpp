@@ -1,8 +1,8 @@
 // Point, plane and polyline: closest point, feature and side.
 #include <limits>
 
-#include "force/primitive.h"
-#include "force/triangle.h"
+#include "shape/primitive.h"
+#include "shape/triangle.h"
 #include "unit/force_fixtures.h"
 
 using namespace fs;

@@ -2,8 +2,8 @@
 #include <cstring>
 #include <limits>
 
-#include "force/profile.h"
 #include "field/object.h"
+#include "law/profile.h"
 #include "unit/force_fixtures.h"
 
 using namespace fs;

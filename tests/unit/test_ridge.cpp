@@ -1,8 +1,8 @@
 // The blend of a repulsive force at ridges: ridge.h, mixture.h, and what evaluate_near makes of them.
 #include "field/evaluate.h"
-#include "force/mesh_tree.h"
-#include "force/mixture.h"
-#include "force/ridge.h"
+#include "shape/mesh/mesh_tree.h"
+#include "shape/mixture.h"
+#include "shape/ridge.h"
 #include "unit/count_allocations.h"
 #include "unit/force_fixtures.h"
 

@@ -1,0 +1,45 @@
+// The cap of a profile's slope: what is left of f when nothing that the hand feels may be steeper than k. It is the largest
+// function that is nowhere above f and nowhere steeper than k (the Lipschitz regularization of f, also known as its
+// Pasch-Hausdorff envelope: Rockafellar & Wets, "Variational Analysis", example 9.11):
+//
+//     f_k(d) = min over s >= 0 of f(s) + k |d - s|
+//
+// The formulas have closed forms: f cut off by straight lines of slope k or -k. So has a table, interval by interval.
+// An expression is sampled, so its cap is an estimate.
+#pragma once
+
+#include <limits>
+#include <span>
+#include <vector>
+
+#include "base/counted.h"
+#include "law/curve.h"
+
+namespace fs {
+
+struct Profile;
+
+struct Cap : Counted<Cap> {
+  double slope = 0;  // k, N/m
+  // N: f(d) <= rise + slope*d, because of the force on the other side of d = 0 or of a steep increase;
+  //    f(d) <= fall - slope*d, because of the reach or of a steep decrease.
+  double rise = std::numeric_limits<double>::infinity(), fall = std::numeric_limits<double>::infinity();
+  // f(d) <= bend_force + bend_slope*d where the formula is steeper than this tangent: below `bend` (m) where bend_slope is
+  // -k, beyond it where it is k. bend_slope 0: there is no tangent.
+  double bend = 0, bend_force = 0, bend_slope = 0;
+  // Of a custom profile: the knots of its envelope, in newtons of f. None: f is nowhere steep.
+  std::vector<Knot> knots;
+  // m, above 0: the curve depends on time, so each evaluation samples it anew, at multiples of this distance.
+  double spacing = 0;
+
+  // [rt] f_k(d) and its slope, from `raw`, which is f(d). parser: made by the profile's curve.
+  Intensity lower(const Profile& profile, Curve::Parser* parser, double d, double t, Intensity raw) const noexcept;
+};
+
+// The cap of a profile by itself, without regard to the other side of d = 0. slope: N/m, > 0 and finite.
+Ref<Cap> make_cap(const Profile& profile, double slope);
+
+// Turns the forces of a curve at `knots`, in order of distance, into those of its envelope.
+void lower_knots(std::span<Knot> knots, double slope) noexcept;
+
+}  // namespace fs

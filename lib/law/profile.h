@@ -1,0 +1,54 @@
+// Profiles: the intensity f(d, t), clamped to [0, limit] and zero beyond reach (Table 2 of the paper).
+#pragma once
+
+#include <limits>
+
+#include "law/cap.h"
+#include "law/curve.h"
+
+namespace fs {
+
+struct Profile {
+  fs_profile_kind kind = FS_PROFILE_NONE;
+  fs_sense sense = FS_SENSE_ATTRACTIVE;
+  double gain = 0, offset = 0, width = 0;
+  double limit = 0;
+  double reach = 0;  // m; 0 means unlimited, as in fs_profile
+  Ref<const Curve> curve;
+  Ref<const Cap> cap;  // null: its slope has no bound
+};
+
+// Checks every field of an fs_profile; `field` is its name in the error sentence ("front"). Throws INVALID.
+Profile parse_profile(const fs_profile& profile, const char* field);
+// Converts back to an fs_profile; the curve in it is borrowed, not retained.
+fs_profile to_c(const Profile& profile);
+bool operator==(const Profile& a, const Profile& b);  // but for their caps
+
+// [rt] d in m, >= 0 (may be infinite); t in s; parser: made by the profile's curve. The slope is 0 where f is clamped,
+// and always finite. With a cap, it is the capped f.
+Intensity evaluate(const Profile& profile, Curve::Parser* parser, double d, double t) noexcept;
+
+// The distance beyond which the profile gives no force, m: d > support means f = 0. Infinite when the force never ends,
+// -1 when the profile never gives a force. For an expression it is the reach.
+double support(const Profile& profile) noexcept;
+
+// The distance beyond which it gives `force` (N, > 0) at most, m: less than the support only for those that fade out without
+// end, GAUSSIAN and INVERSE.
+double support_above(const Profile& profile, double force) noexcept;
+// Whether that is ever less than the support.
+bool has_tail(const Profile& profile) noexcept;
+
+// Whether the profile gives a force at any distance d > 0. For a curve only its support is asked.
+bool is_ever_felt(const Profile& profile) noexcept;
+
+// A bound of the force between two distances (m), N, as if it had no cap; for a curve its limit.
+double most_between(const Profile& profile, double least, double most) noexcept;
+
+// The steepest |df/dd| over all d >= 0 where 0 < f < limit, N/m; infinite when f jumps at the reach. A curve is not
+// evaluated: the slopes computed when it was made are scaled by the gain and cut off by limit and reach (curve.h). A cap
+// is not regarded, in first_force neither.
+double steepest_slope(const Profile& profile);
+// The force at d = 0, N; for an expression the greatest of its samples in time.
+double first_force(const Profile& profile);
+
+}  // namespace fs

@@ -1,0 +1,57 @@
+// The closest point of a primitive, in the object's frame (Table 1 of the paper).
+#pragma once
+
+#include "math/vec3.h"
+#include "shape/shape.h"
+
+namespace fs {
+
+enum class Side : uint8_t { front, back };
+// How the closest point moves when x moves: it stays (vertex), slides along `tangent` (edge) or follows x along the
+// surface (face). The derivative of the direction is (I - u u^T)/d, (I - u u^T - t t^T)/d and 0 respectively. An edge
+// or vertex inside a flat part of a mesh counts as a face, a joint inside a straight part of a polyline as an edge.
+enum class Feature : uint8_t { vertex, edge, face };
+
+struct Closest {
+  Vec3 point{};      // p
+  double distance = 0;
+  Vec3 direction{};  // unit, from p to x. At d = 0: the normal of a plane or mesh; {0, 0, 0} for the other primitives
+  Vec3 tangent{};    // unit; set for an edge only
+  Side side = Side::front;
+  Feature feature = Feature::vertex;
+  uint32_t triangle = 0;  // index of the triangle or segment; the lowest of those at equal distance
+};
+
+// What is remembered from one search of a shape to the next, to make it faster. It makes no difference to what is found in
+// this shape; with another one, begin with a new hint.
+struct Hint {
+  uint32_t triangle = UINT32_MAX;  // that was nearest
+  Vec3 from{};                     // m: when the search was made from here,
+  double gap = 0;                  // nothing was nearer than this, m
+
+  // Of the last find_ridge() (ridge.h), and of the closest_point_ahead() since then.
+  Vec3 ahead{};          // m, from x to the place y where its direction was that of x; 0: do not search from there
+  double free = 0;       // m, so far ahead of x nothing is nearer than its closest point
+  uint32_t items[4];     // triangles or segments that were nearest to y
+  uint32_t item_count = 0;  // 0: there was no ridge
+};
+
+// The work that searches may do, in visits of nodes and leaves of trees and of triangles, and whether it sufficed.
+struct Effort {
+  uint32_t visits = UINT32_MAX;  // that are left
+  uint32_t ways = UINT32_MAX;    // that are left for tests of ways (crossing.h) and for solids that come near
+  uint32_t most = UINT32_MAX;    // of one search
+  bool is_cut = false;           // the last search ended because there were none left: what it found may not be the closest,
+  double least = 0;              // but nothing is nearer than this, m
+  bool is_ridge_cut = false;     // the last find_ridge() found none because there were none left
+};
+
+// [rt] The closest point to x (object frame, m). False when it is farther than max_distance (m, may be infinite), or
+// when x is not finite or beyond 1e150 m; then out is unchanged. shape: of a polyline or mesh, already built.
+// Exact to double precision: coordinates are taken relative to x, so rounding depends on the size of a triangle or
+// segment and its distance, not on how far both are from the origin. A distance within 2 ulps of the coordinates is 0.
+// hint: of this shape; null: none. effort: null: without end.
+bool closest_point(fs_primitive primitive, const Shape* shape, Vec3 x, double max_distance, Closest& out,
+                   Hint* hint = nullptr, Effort* effort = nullptr) noexcept;
+
+}  // namespace fs

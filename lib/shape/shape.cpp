@@ -1,0 +1,195 @@
+#include "shape/shape.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/error.h"
+#include "shape/mesh/mesh_edges.h"
+#include "shape/mesh/mesh_tree.h"
+#include "shape/mesh/wide_tree.h"
+#include "shape/triangle.h"
+
+namespace fs {
+namespace {
+
+constexpr size_t most_points = 4'000'000'000;  // an index is a uint32_t
+constexpr size_t most_triangles = 500'000'000; // so is the number of a half-edge, 3 per triangle
+
+void check_points(const Vec3* points, size_t count, size_t least, Wanted& wanted) {
+  if (count < least) fail(FS_ERROR_INVALID, "the shape has %zu %s, must have at least %zu", count, count == 1 ? "point" : "points", least);
+  if (count > most_points) fail(FS_ERROR_INVALID, "the shape has %zu points, must be at most %zu", count, most_points);
+  for (size_t i = 0; i < count; ++i) {
+    wanted.step();
+    const double coordinates[] = {points[i].x, points[i].y, points[i].z};
+    for (int k = 0; k < 3; ++k) {
+      if (std::fabs(coordinates[k]) <= coordinate_limit) continue;
+      fail(FS_ERROR_INVALID, "points[%zu].%c is %.9g, must be finite and within +-%.9g m", i, "xyz"[k], coordinates[k],
+           coordinate_limit);
+    }
+  }
+}
+
+fs_shape_info bounds_of(const std::vector<Vec3>& points, Wanted& wanted) {
+  fs_shape_info info = fs_shape_info_init();
+  Box box;
+  for (const Vec3& p : points) {
+    wanted.step();
+    box.add(p);
+  }
+  info.lower = box.lower;
+  info.upper = box.upper;
+  return info;
+}
+
+uint64_t count_degenerate(const std::vector<Vec3>& points, const std::vector<uint32_t>& triangles, Wanted& wanted) {
+  uint64_t count = 0;
+  for (size_t i = 0; i < triangles.size(); i += 3) {
+    wanted.step();
+    const Vec3 n = triangle_normal(points[triangles[i]], points[triangles[i + 1]], points[triangles[i + 2]]);
+    if (n == Vec3{0, 0, 0}) ++count;
+  }
+  return count;
+}
+
+double radius_of(const std::vector<Vec3>& points, Wanted& wanted) {
+  double largest = 0;
+  for (const Vec3& p : points) {
+    wanted.step();
+    largest = std::fmax(largest, dot(p, p));
+  }
+  return std::sqrt(largest) * (1 + 1e-12);
+}
+
+bool are_on_a_line(const std::vector<Vec3>& points, Wanted& wanted) {
+  const Vec3 begin = points.front();
+  Vec3 along{};
+  for (const Vec3& p : points) {
+    wanted.step();
+    if (norm(p - begin) > norm(along)) along = p - begin;
+  }
+  const Vec3 direction = normalized(along);
+  return std::all_of(points.begin(), points.end(), [&](const Vec3& p) {
+    return norm(cross(p - begin, direction)) <= 1e-6 * norm(along);
+  });
+}
+
+}  // namespace
+
+Segments::Segments(const std::vector<Vec3>& points, bool closed, Wanted& wanted) {
+  constexpr double straight_angle = 1e-7;  // rad
+  const size_t count = closed ? points.size() : points.size() - 1;
+  const auto next = [&](size_t i) { return i + 1 < points.size() ? i + 1 : 0; };
+  for (size_t i = 0; i < count; ++i) {
+    wanted.step();
+    tangents.push_back(normalized(points[next(i)] - points[i]));
+  }
+  for (size_t i = 0; i < count; ++i) {
+    wanted.step();
+    const size_t beyond = i + 1 < count ? i + 1 : closed ? 0 : i;
+    goes_straight_on.push_back(beyond != i && !(tangents[i] == Vec3{}) &&
+                               norm(tangents[beyond] - tangents[i]) <= straight_angle);
+  }
+  if (count <= few) return;
+  Box all;
+  for (const Vec3& p : points) all.add(p);
+  frame = LocalFrame(all);
+  std::vector<Box> boxes(count);
+  for (size_t i = 0; i < count; ++i) {
+    wanted.step();
+    boxes[i].add(frame.local(points[i]));
+    boxes[i].add(frame.local(points[next(i)]));
+  }
+  tree = std::make_unique<const WideTree>(std::move(boxes), wanted);
+}
+
+Segments::~Segments() = default;
+
+Ref<const Shape> make_polyline(const Vec3* points, size_t count, bool closed, Wanted& wanted) {
+  check_points(points, count, 2, wanted);
+  std::vector<Vec3> copy(points, points + count);
+  fs_shape_info info = bounds_of(copy, wanted);
+  info.primitive = FS_PRIMITIVE_POLYLINE;
+  info.closed = closed;
+  return make_ref<const Shape>(info, std::move(copy), std::vector<uint32_t>(), nullptr, wanted);
+}
+
+namespace {
+void check_triangle_count(size_t count) {
+  if (count < 1) fail(FS_ERROR_INVALID, "the mesh has no triangle, must have at least one");
+  if (count > most_triangles) fail(FS_ERROR_INVALID, "the mesh has %zu triangles, must be at most %zu", count, most_triangles);
+}
+}  // namespace
+
+Ref<const Shape> make_mesh(const Vec3* points, size_t point_count, const uint32_t* triangles, size_t triangle_count,
+                           Wanted& wanted) {
+  check_triangle_count(triangle_count);
+  check_points(points, point_count, 1, wanted);
+  return make_mesh({points, points + point_count}, {triangles, triangles + 3 * triangle_count}, wanted);
+}
+
+Ref<const Shape> make_mesh(std::vector<Vec3> points, std::vector<uint32_t> triangles, Wanted& wanted) {
+  check_triangle_count(triangles.size() / 3);
+  check_points(points.data(), points.size(), 1, wanted);
+  for (size_t i = 0; i < triangles.size(); ++i) {
+    wanted.step();
+    if (triangles[i] < points.size()) continue;
+    fail(FS_ERROR_INVALID, "triangles[%zu] has point %u as corner %zu, must be below the %zu points there are", i / 3,
+         triangles[i], i % 3, points.size());
+  }
+  points.shrink_to_fit();
+  triangles.shrink_to_fit();
+  fs_shape_info info = bounds_of(points, wanted);
+  info.primitive = FS_PRIMITIVE_MESH;
+  info.degenerate = count_degenerate(points, triangles, wanted);
+  auto edges = std::make_unique<MeshEdges>(triangles, points.size(), wanted);
+  info.open_edges = edges->open;
+  info.odd_edges = edges->odd;
+  info.closed = edges->open == 0 && edges->odd == 0 && edges->has_any();
+  return make_ref<const Shape>(info, std::move(points), std::move(triangles), std::move(edges), wanted);
+}
+
+}  // namespace fs
+
+fs_shape::fs_shape(const fs_shape_info& info, std::vector<fs::Vec3> the_points, std::vector<uint32_t> the_triangles,
+                   std::unique_ptr<fs::MeshEdges> edges, fs::Wanted& wanted)
+    : primitive(info.primitive),
+      points(std::move(the_points)),
+      triangles(std::move(the_triangles)),
+      closed(info.closed),
+      radius(fs::radius_of(points, wanted)),
+      is_straight(primitive == FS_PRIMITIVE_POLYLINE && fs::are_on_a_line(points, wanted)),
+      info_(info),
+      edges_(std::move(edges)) {
+  if (primitive == FS_PRIMITIVE_POLYLINE) {
+    segments_ = std::make_unique<const fs::Segments>(points, closed, wanted);
+  }
+}
+
+fs_shape::~fs_shape() { delete tree_.load(std::memory_order_relaxed); }
+
+void fs_shape::build(fs::Wanted& wanted) const {
+  if (is_built()) return;
+  const std::lock_guard lock(build_mutex_);
+  if (is_built()) return;
+  wanted.show(&progress_);
+  try {
+    if (closed && !edges_) edges_ = std::make_unique<fs::MeshEdges>(triangles, points.size(), wanted);
+    const fs::MeshParts parts = closed ? fs::MeshParts(triangles, *edges_, wanted) : fs::MeshParts();
+    tree_.store(new fs::MeshTree(points, triangles, std::move(edges_), parts, wanted), std::memory_order_release);
+  } catch (...) {
+    wanted.show(nullptr);
+    progress_ = 0;
+    throw;
+  }
+  wanted.show(nullptr);
+}
+
+bool fs_shape::is_built() const noexcept { return primitive == FS_PRIMITIVE_POLYLINE || tree() != nullptr; }
+
+void fs_shape::get_info(fs_shape_info& out) const {
+  const uint32_t struct_size = out.struct_size;
+  out = info_;
+  out.struct_size = struct_size;
+  out.built = is_built();
+  out.united = tree() && tree()->is_union();
+}
