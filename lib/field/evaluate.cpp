@@ -264,7 +264,7 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
   const double share = 1.0 / tool.count;
   memory.for_each_near(view, tool.time, [&](uint32_t number, const Chunk& chunk, uint64_t near,
                                                       const Weight* given) {
-    const uint64_t points_near = chunk.standing_at(near & chunk.rows->formulas(), tool.time, tool.blend);
+    const uint64_t points_near = chunk.standing_at(near & chunk.rows->points(), tool.time, tool.blend);
     uint64_t felt = 0;
     for (unsigned k = 0; points_near && k < tool.count; ++k) {
       felt |= add_points(chunk, points_near, tool.points[k].position, tool.points[k].arm, given, share, sum);
@@ -282,7 +282,7 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
                         .start = row.start, .is_bounded = given && (chunk.rows->bounded & bit_of(i))});
     });
     near &= ~solids_near;
-    const uint64_t contacts_near = near & ~points_near & (chunk.rows->contacts | chunk.rows->formulas());
+    const uint64_t contacts_near = near & ~points_near & (chunk.rows->contacts | chunk.rows->points());
     for_each_bit(contacts_near, [&](uint32_t i) {
       const Object& object = chunk.row(i).as_felt(given);
       const Scratch* const scratch = object.shape ? scratches.get(number * chunk_size + i) : nullptr;

@@ -47,11 +47,12 @@ class Contacts {
   // Four contacts, one in each lane.
   struct Layer {
     using Lanes = double[lane_count];
-    uint32_t used, turning, quadratic, inverse, gaussian;  // bit k: lane k is
+    uint32_t used, turning;      // bit k: lane k is
+    uint32_t forms[form_count];  // by Form, bit k: lane k has this formula
     uint8_t rows[lane_count];
     Lanes ux, uy, uz, tx, ty, tz, distance, weight, arm_x, arm_y, arm_z;
-    Lanes offset, gain, per_width, limit, reach;  // as those of Rows
-    uint32_t capped;                              // bit k: lane k has a cap, in `caps`
+    FormulaLanes<lane_count> formulas;
+    uint32_t capped;  // bit k: lane k has a cap, in `caps`
   };
   using Caps = CapLanes<lane_count>;
 

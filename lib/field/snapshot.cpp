@@ -55,21 +55,12 @@ Row& Chunk::set(uint32_t i, Ref<const Object> given, Ref<const Object> bounded, 
   rows->forget_formulas(bit);
   if (object.is_solid()) {
     rows->solids |= bit;
-  } else if (object.damping == 0 && Formula::is_possible(law.front) && Formula::is_possible(law.back)) {
+  } else if (object.damping == 0 && fits_lanes(law.front) && fits_lanes(law.back)) {
     const bool has_room = !the_cap || (rows->caps && rows->caps->is_unique() && the_cap->slope < 1e100);
     if (object.primitive != FS_PRIMITIVE_POINT || object.point_mask() != ~0u) {
       rows->contacts |= bit;
     } else if (has_room) {
-      const Formula f(law.front);
-      (f.kind == FS_PROFILE_GAUSSIAN    ? rows->gaussian
-       : f.kind == FS_PROFILE_QUADRATIC ? rows->quadratic
-       : f.kind == FS_PROFILE_INVERSE   ? rows->inverse
-                                        : rows->linear) |= bit;
-      rows->offset[i] = f.offset;
-      rows->gain[i] = f.gain;
-      rows->per_width[i] = f.per_width;
-      rows->limit[i] = f.limit;
-      rows->reach[i] = f.reach;
+      rows->forms[static_cast<size_t>(rows->formulas.set(i, law.front))] |= bit;
       if (the_cap) {
         const Cap& cap = *the_cap;
         rows->capped |= bit;

@@ -14,6 +14,7 @@
 #include "field/object.h"
 #include "field/table.h"
 #include "field/weight.h"
+#include "law/kind.h"
 
 namespace fs {
 
@@ -29,21 +30,25 @@ struct Row : Version {
   const Object& as_felt(bool by_servo) const noexcept { return by_servo && bounded ? *bounded : *object; }
 };
 
-// A profile without a curve, as it is evaluated several at a time: f(d) clamped to 0..|limit| where d <= reach, attractive
-// where limit < 0. A constant is linear with gain 0.
-struct Formula {
-  explicit Formula(const Profile& f) noexcept
-      : kind(f.kind == FS_PROFILE_CONSTANT || f.gain == 0 ? FS_PROFILE_LINEAR_INCREASING : f.kind),
-        offset(f.kind == FS_PROFILE_CONSTANT ? f.gain : f.offset),
-        gain(f.kind == FS_PROFILE_CONSTANT ? 0 : f.gain),
-        per_width(kind == FS_PROFILE_GAUSSIAN ? 1 / f.width : 1),
-        limit(f.sense == FS_SENSE_REPULSIVE ? f.limit : -f.limit),
-        reach(f.reach > 0 ? f.reach : never) {}
-  static bool is_possible(const Profile& f) noexcept {  // the bounds: so that nothing overflows
-    return f.kind != FS_PROFILE_CUSTOM && std::fabs(f.gain) < 1e100 && !(f.cap && f.cap->slope >= 1e100);
+// Whether a profile can be evaluated several at a time, so that nothing overflows.
+inline bool fits_lanes(const Profile& f) noexcept {
+  return !f.curve && std::fabs(f.gain) < 1e100 && !(f.cap && f.cap->slope >= 1e100);
+}
+// The numbers of such profiles, by lane. limit: negative where the sense is attractive.
+template <uint32_t count>
+struct FormulaLanes {
+  double offset[count], gain[count], per_width[count], limit[count], reach[count];
+
+  // Returns the form.
+  Form set(uint32_t i, const Profile& profile) noexcept {
+    const Formula f(profile);
+    offset[i] = f.offset;
+    gain[i] = f.gain;
+    per_width[i] = f.form == Form::gaussian ? 1 / f.width : 1;
+    limit[i] = profile.sense == FS_SENSE_REPULSIVE ? f.limit : -f.limit;
+    reach[i] = f.reach;
+    return f.form;
   }
-  fs_profile_kind kind;
-  double offset, gain, per_width, limit, reach;
 };
 
 // The caps of formulas that are evaluated several at a time: see struct Cap.
@@ -67,20 +72,24 @@ struct RowCaps : LocalCounted<RowCaps>, CapLanes<chunk_size> {
 // What moves do not change.
 struct Rows : LocalCounted<Rows> {
   Row rows[chunk_size];
-  uint64_t linear = 0, quadratic = 0, inverse = 0, gaussian = 0;  // bit i: row i is a point with this formula
+  uint64_t forms[form_count] = {};  // by Form, bit i: row i is a point with this formula, in `formulas`
   uint64_t contacts = 0;  // bit i: row i is felt by formulas, but is no such point
   uint64_t solids = 0;    // bit i: row i is solid
   uint64_t bounded = 0;   // bit i: the slope of row i is bounded
   double omitted = 0;     // N: a row counts as far where its force is at most this; 0: where it has none
-  double offset[chunk_size] = {}, gain[chunk_size] = {}, per_width[chunk_size] = {};
-  double limit[chunk_size] = {}, reach[chunk_size] = {};
+  FormulaLanes<chunk_size> formulas{};
   uint64_t capped = 0, falling = 0, bent = 0;  // bit i: row i is a point with a formula and a cap; it has `fall`; a bend
   Ref<RowCaps> caps;                           // null where no row has one
 
-  uint64_t formulas() const noexcept { return linear | quadratic | inverse | gaussian; }
+  uint64_t with(Form form) const noexcept { return forms[static_cast<size_t>(form)]; }
+  uint64_t points() const noexcept {
+    uint64_t out = 0;
+    for (const uint64_t rows : forms) out |= rows;
+    return out;
+  }
   void forget_formulas(uint64_t bit) noexcept {
-    for (uint64_t* const rows : {&linear, &quadratic, &inverse, &gaussian, &contacts, &solids, &capped, &falling,
-                                 &bent}) *rows &= ~bit;
+    for (uint64_t& rows : forms) rows &= ~bit;
+    for (uint64_t* const rows : {&contacts, &solids, &capped, &falling, &bent}) *rows &= ~bit;
   }
 };
 

@@ -9,7 +9,6 @@
 #pragma once
 
 #include <limits>
-#include <span>
 #include <vector>
 
 #include "base/counted.h"
@@ -17,7 +16,11 @@
 
 namespace fs {
 
-struct Profile;
+// The force of a custom profile, min(gain * curve(d, t), limit).
+struct ScaledCurve {
+  const Curve* curve;  // null: of a formula
+  double gain, limit;
+};
 
 struct Cap : Counted<Cap> {
   double slope = 0;  // k, N/m
@@ -32,14 +35,11 @@ struct Cap : Counted<Cap> {
   // m, above 0: the curve depends on time, so each evaluation samples it anew, at multiples of this distance.
   double spacing = 0;
 
-  // [rt] f_k(d) and its slope, from `raw`, which is f(d). parser: made by the profile's curve.
-  Intensity lower(const Profile& profile, Curve::Parser* parser, double d, double t, Intensity raw) const noexcept;
+  // Sets the knots, or the spacing. reach: m, may be infinite.
+  void follow(const ScaledCurve& custom, double reach);
+
+  // [rt] f_k(d) and its slope, from `raw`, which is f(d). parser: made by the curve.
+  Intensity lower(const ScaledCurve& custom, Curve::Parser* parser, double d, double t, Intensity raw) const noexcept;
 };
-
-// The cap of a profile by itself, without regard to the other side of d = 0. slope: N/m, > 0 and finite.
-Ref<Cap> make_cap(const Profile& profile, double slope);
-
-// Turns the forces of a curve at `knots`, in order of distance, into those of its envelope.
-void lower_knots(std::span<Knot> knots, double slope) noexcept;
 
 }  // namespace fs

@@ -40,7 +40,7 @@ Law capped(const Law& law, double slope) {
   if (goes_on && !is_timed(out.front) && !is_timed(out.back)) {
     const Law::Parsers parsers = out.make_parsers();
     const auto force_at_0 = [](const Profile& profile, const Cap& cap, Curve::Parser* parser) {
-      return cap.lower(profile, parser, 0, 0, evaluate(profile, parser, 0, 0)).force;
+      return cap.lower(profile.scaled_curve(), parser, 0, 0, evaluate(profile, parser, 0, 0)).force;
     };
     across_front = force_at_0(out.back, *back, parsers.back.get());
     across_back = force_at_0(out.front, *front, parsers.front.get());

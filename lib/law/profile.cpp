@@ -8,20 +8,22 @@
 #include "base/enum.h"
 #include "base/error.h"
 #include "base/names.h"
+#include "law/formula.h"
+#include "law/kind.h"
 
 namespace fs {
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
-constexpr double largest = 1e200;             // N/m: larger slopes could overflow when summed or scaled
-constexpr double largest_limit = 1e9;        // N
-constexpr double gaussian_support = 39;      // widths: exp(-39^2 / 2) is 0 in double precision
-
-// Enlarges a rounded bound >= 0 slightly, so that it is never below the exact one.
-double outward(double bound) { return bound * (1 + 1e-15) + std::numeric_limits<double>::min(); }
+constexpr double largest = 1e200;       // N/m: larger slopes could overflow when summed or scaled
+constexpr double largest_limit = 1e9;  // N
 
 void require_finite(double value, const char* field, const char* part) {
   if (!std::isfinite(value)) fail(FS_ERROR_INVALID, "%s.%s is %.9g, must be finite", field, part, value);
+}
+
+const char* article(fs_profile_kind kind) {
+  return std::strchr("AEIOU", *without_prefix(profile_kind_names[kind])) ? "an" : "a";
 }
 
 // Throws INVALID unless the value is good for a profile of this kind; `must` says what is good.
@@ -29,117 +31,41 @@ void require_that(bool is_good, const char* must, double value, const char* fiel
                   fs_profile_kind kind) {
   if (is_good) return;
   fail(FS_ERROR_INVALID, "%s.%s is %.9g, must be %s for %s %s profile", field, part, value, must,
-       kind == FS_PROFILE_INVERSE ? "an" : "a", without_prefix(profile_kind_names[kind]));
+       article(kind), without_prefix(profile_kind_names[kind]));
 }
 
-// The formula without limit and reach. The slope is meaningful only where 0 < force < limit.
-Intensity formula(const Profile& p, Curve::Parser* parser, double d, double t) noexcept {
-  if (p.gain == 0) return {p.offset, 0};  // for every kind, even when d would make it 0 * infinity or 0 / 0
-  switch (p.kind) {
-    case FS_PROFILE_CONSTANT:
-      return {p.gain, 0};
-    case FS_PROFILE_LINEAR_INCREASING:
-    case FS_PROFILE_LINEAR_DECREASING:
-      return {p.gain * d + p.offset, p.gain};
-    case FS_PROFILE_GAUSSIAN: {
-      const double q = d / p.width;
-      const double force = p.gain * std::exp(-0.5 * q * q);
-      return {force, -(force * q) / p.width};
-    }
-    case FS_PROFILE_QUADRATIC:
-      return {p.gain * d * d + p.offset, 2 * (p.gain * d)};
-    case FS_PROFILE_INVERSE: {
-      const double force = p.gain / d;
-      return {force + p.offset, -force / d};
-    }
-    case FS_PROFILE_CUSTOM: {
-      const Intensity curve = p.curve->evaluate(parser, d, t);
-      return {p.gain * curve.force, p.gain * curve.slope};
-    }
-    default:
-      return {};
-  }
-}
-
-// The support of the formula clamped at 0, ignoring the reach.
-double formula_support(const Profile& p) noexcept {
-  if (p.gain == 0) return p.offset > 0 ? infinity : -1;
-  switch (p.kind) {
-    case FS_PROFILE_CONSTANT:
-    case FS_PROFILE_LINEAR_INCREASING:
-      return infinity;
-    case FS_PROFILE_LINEAR_DECREASING:
-      return p.offset > 0 ? outward(p.offset / -p.gain) : -1;
-    case FS_PROFILE_GAUSSIAN:
-      return gaussian_support * p.width;
-    case FS_PROFILE_QUADRATIC:
-      if (p.gain > 0) return infinity;
-      return p.offset > 0 ? outward(std::sqrt(p.offset / -p.gain)) : -1;
-    case FS_PROFILE_INVERSE:
-      return p.offset < 0 ? outward(p.gain / -p.offset) : infinity;
-    case FS_PROFILE_CUSTOM: {
-      const std::vector<double>* table = p.curve->table();
-      if (!table) return infinity;
-      // Find the entry after the last force; from there on the curve is flat at 0.
-      size_t after = table->size();
-      while (after > 0 && !((*table)[after - 1] > 0 && std::isfinite((*table)[after - 1]))) --after;
-      if (after == 0) return -1;
-      if (after == table->size()) return infinity;
-      return outward(static_cast<double>(after) * p.curve->step());
-    }
-    default:
-      return -1;
-  }
-}
-
-// The supremum of |slope| where 0 < formula < limit and d <= end.
-double formula_slope(const Profile& p, double end) noexcept {
-  switch (p.kind) {
-    case FS_PROFILE_LINEAR_INCREASING:
-      return p.offset < p.limit && p.gain * end + p.offset > 0 ? p.gain : 0;
-    case FS_PROFILE_LINEAR_DECREASING:
-      return p.offset > 0 && p.gain * end + p.offset < p.limit ? -p.gain : 0;
-    case FS_PROFILE_GAUSSIAN: {
-      // gain / width * q * exp(-q^2 / 2) with q = d / width is steepest at q = 1.
-      const double start = p.gain > p.limit ? std::sqrt(2 * (std::log(p.gain) - std::log(p.limit))) : 0;
-      const double stop = end / p.width;
-      if (start >= stop) return 0;
-      const double q = std::clamp(1.0, start, stop);
-      return p.gain * std::exp(-0.5 * q * q) * q / p.width;
-    }
-    case FS_PROFILE_QUADRATIC: {
-      // The slope grows with d: it is steepest where the force reaches limit (gain > 0) or 0 (gain < 0), or at the end.
-      const double room = p.gain > 0 ? p.limit - p.offset : p.offset;
-      if (room <= 0) return 0;
-      const double last = std::sqrt(room / std::fabs(p.gain)), d = std::fmin(last, end);
-      // Distances are compared, not forces: near its zero the formula is rounded to the digits of the offset.
-      const bool is_felt = p.gain > 0 ? !(p.offset < 0) || end > std::sqrt(p.offset / -p.gain)
-                                      : last <= end || p.gain * d * d + p.offset < p.limit;
-      return is_felt ? 2 * std::fabs(p.gain) * d : 0;
-    }
-    case FS_PROFILE_INVERSE: {
-      if (p.offset >= p.limit) return 0;
-      const double d = p.gain / (p.limit - p.offset);  // where the force falls below the limit, and is steepest
-      return d < end ? (p.limit - p.offset) / p.gain * (p.limit - p.offset) : 0;
-    }
-    default:
-      return 0;
-  }
-}
+// What formula() asks, of one profile.
+struct One {
+  const Formula& f;
+  double d;  // m
+  double gain() const { return f.gain; }
+  double offset() const { return f.offset; }
+  double limit() const { return f.limit; }
+  double width() const { return f.width; }
+  double distance() const { return d; }
+  uint64_t which(Form form) const { return f.form == form; }
+};
 
 // f(d, t) without regard to a cap.
 Intensity uncapped(const Profile& p, Curve::Parser* parser, double d, double t) noexcept {
-  if (p.reach > 0 && !(d <= p.reach)) return {};
-  const Intensity raw = formula(p, parser, d, t);
-  if (!(raw.force > 0)) return {};  // NaN too
-  if (raw.force >= p.limit) return {p.limit, 0};
-  return {raw.force, std::clamp(raw.slope, -largest, largest)};
+  Felt<double> f;
+  if (p.curve) {
+    if (p.gain == 0 || (p.reach > 0 && !(d <= p.reach))) return {};
+    const Intensity curve = p.curve->evaluate(parser, d, t);
+    f = clamped(p.gain * curve.force, p.gain * curve.slope, p.limit);
+  } else {
+    const Formula numbers(p);
+    if (!(d <= numbers.reach)) return {};
+    f = formula(One{numbers, d}, numbers.gain == 0 ? 0 : d);  // d may be infinite
+  }
+  if (!f.is_felt) return {};
+  return {f.force, std::clamp(f.slope, -largest, largest)};
 }
 
 // True where f jumps to 0 at the reach.
 bool jumps_at_reach(const Profile& p) {
   if (!(p.reach > 0)) return false;
-  if (p.kind == FS_PROFILE_CUSTOM) return p.gain * p.curve->greatest_force(p.reach) > 0;
+  if (p.curve) return p.gain * p.curve->greatest_force(p.reach) > 0;
   return uncapped(p, nullptr, p.reach, 0).force > 0;
 }
 
@@ -159,21 +85,18 @@ Profile parse_profile(const fs_profile& in, const char* field) {
   require_finite(in.limit, field, "limit");
   require_finite(in.reach, field, "reach");
 
-  const bool has_gain = in.kind != FS_PROFILE_NONE;
-  const bool has_offset = in.kind == FS_PROFILE_LINEAR_INCREASING || in.kind == FS_PROFILE_LINEAR_DECREASING ||
-                          in.kind == FS_PROFILE_QUADRATIC || in.kind == FS_PROFILE_INVERSE;
+  const Kind& kind = kind_of(in.kind);
   const auto require = [&](bool is_good, const char* must, double value, const char* part) {
     require_that(is_good, must, value, field, part, in.kind);
   };
-  if (!has_gain) {
-    require(in.gain == 0, "0", in.gain, "gain");
-  } else if (in.kind == FS_PROFILE_LINEAR_DECREASING) {
-    require(in.gain <= 0, "<= 0", in.gain, "gain");
-  } else if (in.kind != FS_PROFILE_QUADRATIC) {
-    require(in.gain >= 0, ">= 0", in.gain, "gain");
+  switch (kind.gain) {
+    case Kind::Gain::zero: require(in.gain == 0, "0", in.gain, "gain"); break;
+    case Kind::Gain::not_negative: require(in.gain >= 0, ">= 0", in.gain, "gain"); break;
+    case Kind::Gain::not_positive: require(in.gain <= 0, "<= 0", in.gain, "gain"); break;
+    case Kind::Gain::any: break;
   }
-  if (!has_offset) require(in.offset == 0, "0", in.offset, "offset");
-  if (in.kind == FS_PROFILE_GAUSSIAN) {
+  if (!kind.has_offset) require(in.offset == 0, "0", in.offset, "offset");
+  if (kind.has_width) {
     require(in.width > 0, "> 0", in.width, "width");
   } else {
     require(in.width == 0, "0", in.width, "width");
@@ -188,11 +111,11 @@ Profile parse_profile(const fs_profile& in, const char* field) {
     }
     if (in.reach < 0) fail(FS_ERROR_INVALID, "%s.reach is %.9g, must be >= 0 m", field, in.reach);
   }
-  if (in.kind == FS_PROFILE_CUSTOM) {
+  if (kind.has_curve) {
     if (!in.curve) fail(FS_ERROR_INVALID, "%s.curve is null, must be a curve for a CUSTOM profile", field);
   } else if (in.curve) {
     fail(FS_ERROR_INVALID, "%s.curve is given, must be null for %s %s profile", field,
-         in.kind == FS_PROFILE_INVERSE ? "an" : "a", without_prefix(profile_kind_names[in.kind]));
+         article(in.kind), without_prefix(profile_kind_names[in.kind]));
   }
   return {in.kind, in.sense, in.gain, in.offset, in.width, in.limit, in.reach, Ref<const Curve>::share(in.curve), nullptr};
 }
@@ -208,7 +131,7 @@ bool operator==(const Profile& a, const Profile& b) {
 
 Intensity evaluate(const Profile& p, Curve::Parser* parser, double d, double t) noexcept {
   const Intensity raw = uncapped(p, parser, d, t);
-  return p.cap ? p.cap->lower(p, parser, d, t, raw) : raw;
+  return p.cap ? p.cap->lower(p.scaled_curve(), parser, d, t, raw) : raw;
 }
 
 double most_between(const Profile& profile, double least, double most) noexcept {
@@ -221,28 +144,35 @@ double most_between(const Profile& profile, double least, double most) noexcept 
 }
 
 double support(const Profile& p) noexcept {
-  const double bound = formula_support(p);
+  double bound = p.offset > 0 ? infinity : -1;  // with gain 0 the force is the offset
+  if (p.gain != 0) bound = kind_of(p.kind).support(p);
   return p.reach > 0 ? std::fmin(bound, p.reach) : bound;
 }
 
-bool has_tail(const Profile& p) noexcept {
-  return (p.kind == FS_PROFILE_GAUSSIAN || p.kind == FS_PROFILE_INVERSE) && support(p) > 0;
-}
+bool has_tail(const Profile& p) noexcept { return kind_of(p.kind).tail && support(p) > 0; }
 
 double support_above(const Profile& p, double force) noexcept {
   const double all = support(p);
-  if (!has_tail(p)) return all;
-  double end = all;
-  if (p.kind == FS_PROFILE_GAUSSIAN) {
-    end = p.gain > force ? outward(p.width * std::sqrt(2 * std::log(p.gain / force)) * (1 + 1e-12)) : -1;
-  } else if (p.offset < force) {
-    end = outward(p.gain / (force - p.offset) * (1 + 1e-12));
-  }
-  return std::fmin(end, all);
+  return has_tail(p) ? std::fmin(kind_of(p.kind).tail(p, force), all) : all;
+}
+
+Ref<Cap> make_cap(const Profile& p, double slope) {
+  Ref<Cap> cap = make_ref<Cap>();
+  cap->slope = slope;
+  if (p.reach > 0) cap->fall = slope * p.reach;
+  if (p.gain != 0) kind_of(p.kind).bend(p, *cap);
+  return cap;
+}
+
+double slope_end(const Profile& p, double k, double part, bool turns) noexcept {
+  const double all = support(p);
+  if (!(all >= 0) || !(k > 0)) return -1;
+  if (p.reach > 0) return all;  // it may jump there
+  return kind_of(p.kind).slope_end(p, {.support = all, .k = k, .least = part * k, .late = p.limit / k, .turns = turns});
 }
 
 bool is_ever_felt(const Profile& p) noexcept {
-  if (p.kind == FS_PROFILE_CUSTOM) return support(p) > 0;
+  if (p.curve) return support(p) > 0;
   // The formulas are monotone, so the two ends decide.
   return uncapped(p, nullptr, 0, 0).force > 0 || uncapped(p, nullptr, p.reach > 0 ? p.reach : infinity, 0).force > 0;
 }
@@ -250,13 +180,11 @@ bool is_ever_felt(const Profile& p) noexcept {
 double steepest_slope(const Profile& p) {
   if (jumps_at_reach(p)) return infinity;
   if (p.gain == 0) return 0;
-  const double end = p.reach > 0 ? p.reach : infinity;
-  if (p.kind != FS_PROFILE_CUSTOM) return formula_slope(p, end);
-  return std::fmin(p.gain * p.curve->steepest_slope(p.limit / p.gain, end), largest);
+  return kind_of(p.kind).slope(p, p.reach > 0 ? p.reach : infinity);
 }
 
 double first_force(const Profile& p) {
-  if (p.kind == FS_PROFILE_CUSTOM) return std::fmin(p.gain * p.curve->greatest_force(0), p.limit);
+  if (p.curve) return std::fmin(p.gain * p.curve->greatest_force(0), p.limit);
   return uncapped(p, nullptr, 0, 0).force;
 }
 

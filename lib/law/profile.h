@@ -16,6 +16,8 @@ struct Profile {
   double reach = 0;  // m; 0 means unlimited, as in fs_profile
   Ref<const Curve> curve;
   Ref<const Cap> cap;  // null: its slope has no bound
+
+  ScaledCurve scaled_curve() const noexcept { return {curve.get(), gain, limit}; }
 };
 
 // Checks every field of an fs_profile; `field` is its name in the error sentence ("front"). Throws INVALID.
@@ -40,6 +42,13 @@ bool has_tail(const Profile& profile) noexcept;
 
 // Whether the profile gives a force at any distance d > 0. For a curve only its support is asked.
 bool is_ever_felt(const Profile& profile) noexcept;
+
+// The cap of a profile by itself, without regard to the other side of d = 0. slope: N/m, > 0 and finite.
+Ref<Cap> make_cap(const Profile& profile, double slope);
+
+// The distance beyond which the slope of the profile is less than `part` of k, the steepest that it may have (N/m), m. turns:
+// the direction of the force changes from place to place, as about a point: at a distance d that is a slope of f(d) / d.
+double slope_end(const Profile& profile, double k, double part, bool turns) noexcept;
 
 // A bound of the force between two distances (m), N, as if it had no cap; for a curve its limit.
 double most_between(const Profile& profile, double least, double most) noexcept;

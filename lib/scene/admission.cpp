@@ -12,34 +12,6 @@
 namespace fs {
 namespace {
 
-// The distance, m, beyond which the slope of a profile is less than `part` of k, the steepest that it may have (N/m). turns: the
-// direction of the force changes from place to place, as about a point: at a distance d that is a slope of f(d) / d.
-double slope_end(const Profile& p, double k, double part, bool turns) {
-  const double all = support(p), least = part * k;
-  if (!(all >= 0) || !(k > 0)) return -1;
-  if (p.reach > 0) return all;  // it may jump there
-  const double late = p.limit / k;  // m, by which a capped profile is behind at most
-  const auto turn_end = [&](double force) { return turns ? force / least : 0; };
-  switch (p.kind) {
-    case FS_PROFILE_CONSTANT: return std::fmin(all, std::fmax(p.gain / k, turn_end(p.gain)));
-    case FS_PROFILE_LINEAR_INCREASING: {
-      if (!(p.gain > 0)) return std::fmax(std::fmin(p.offset, p.limit) / k, turn_end(std::fmin(p.offset, p.limit)));
-      return std::fmax((p.limit + std::fabs(p.offset)) / std::fmin(p.gain, k), turn_end(p.limit));
-    }
-    case FS_PROFILE_GAUSSIAN: {  // from one width on its slope falls, and is more than that of the turn
-      double end = 1;  // widths
-      while (end < 5 && p.gain / p.width * end * std::exp(-0.5 * end * end) > least) end += 0.25;
-      return std::fmin(all, std::fmax(end * p.width, late));  // beyond its steep part a falling force is not changed by a cap
-    }
-    case FS_PROFILE_QUADRATIC:
-      if (!(p.gain > 0)) return all;
-      return std::fmax(std::sqrt((p.limit + std::fabs(p.offset)) / p.gain) + late, turn_end(p.limit));
-    case FS_PROFILE_INVERSE:
-      return std::fmin(all, std::fmax(std::sqrt(p.gain / least), turn_end(std::fmax(p.offset, 0))) + late);
-    default: return all;
-  }
-}
-
 bool is_under_way(const Motion& motion, double now) { return motion.horizon > 0 && now < motion.time + motion.horizon; }
 
 // Calls f(number, Row, Motion) for each row that may be felt in the box; empty: anywhere. clear: lowered to the gap to others.

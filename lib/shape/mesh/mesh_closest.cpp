@@ -1,7 +1,6 @@
 // The search of a MeshTree for the closest point, and what that point tells.
 #include <cmath>
 
-#include "base/processor.h"
 #include "shape/mesh/mesh_tree.h"
 #include "shape/mesh/packet_triangles.h"
 #include "shape/mesh/wide_search.h"
@@ -68,22 +67,12 @@ FS_INLINE MeshTree::Found MeshTree::find_from(const Query& query) const noexcept
   return out;
 }
 
-MeshTree::Found MeshTree::find_plain(const Query& query) const noexcept {
-  return largest_coordinate(frame_.local(query.x)) < far ? find_from<Near>(query) : find_from<Far>(query);
+FS_INLINE MeshTree::Found MeshTree::find_in(const MeshTree& tree, const Query& query) noexcept {
+  const bool is_near = largest_coordinate(tree.frame_.local(query.x)) < far;
+  return is_near ? tree.find_from<Near>(query) : tree.find_from<Far>(query);
 }
 
-#ifdef __x86_64__
-__attribute__((target("avx2"))) MeshTree::Found MeshTree::find_avx2(const Query& query) const noexcept {
-  return largest_coordinate(frame_.local(query.x)) < far ? find_from<Near>(query) : find_from<Far>(query);
-}
-#endif
-
-MeshTree::Found MeshTree::find(const Query& query) const noexcept {
-#ifdef __x86_64__
-  if (has_avx2) return find_avx2(query);
-#endif
-  return find_plain(query);
-}
+MeshTree::Found MeshTree::find(const Query& query) const noexcept { return lanes::run<find_in>(*this, query); }
 
 // At an edge or a corner of a triangle that another part meets, its neighbours in its own part do not tell the side.
 Closest MeshTree::tell_met(Vec3 x, const Found& found, Effort* effort) const noexcept {

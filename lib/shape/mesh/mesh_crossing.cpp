@@ -2,7 +2,6 @@
 #include <bit>
 #include <limits>
 
-#include "base/processor.h"
 #include "shape/mesh/mesh_tree.h"
 #include "shape/mesh/packet_triangles.h"
 
@@ -11,31 +10,32 @@ namespace fs {
 using namespace wide;
 
 // Returns the triangle, or none. visits: that are left; 0 afterwards: they did not suffice.
-FS_INLINE uint32_t MeshTree::cross(Side side, Vec3 from, Vec3 to, double& part, uint32_t& visits) const noexcept {
-  const Vec3 start = frame_.local(from), way = frame_.local(to) - start;
+FS_INLINE uint32_t MeshTree::cross(const MeshTree& tree, Side side, Vec3 from, Vec3 to, double& part, uint32_t& visits) noexcept {
+  const Vec3 start = tree.frame_.local(from), way = tree.frame_.local(to) - start;
   uint32_t out = no_triangle;
   part = std::numeric_limits<double>::infinity();
   Span span(start, start + way);
   uint32_t stack[WideTree::most_depth * (WideNode::width - 1) + 1];
   uint32_t size = 0;
-  stack[size++] = tree_.nodes() ? WideTree::root : WideNode::leaf_bit;
+  stack[size++] = tree.tree_.nodes() ? WideTree::root : WideNode::leaf_bit;
   while (size > 0 && visits > 0) {
     --visits;
     const uint32_t child = stack[--size];
     if (!(child & WideNode::leaf_bit)) {
-      const WideNode& node = tree_.nodes()[child];
+      const WideNode& node = tree.tree_.nodes()[child];
       for (uint32_t near = children_in(node, span); near; near &= near - 1) {
         stack[size++] = node.child[std::countr_zero(near)];
       }
       continue;
     }
-    const Packet& packet = packets_[child & ~WideNode::leaf_bit];
+    const Packet& packet = tree.packets_[child & ~WideNode::leaf_bit];
     for (uint32_t near = triangles_in(packet, span); near; near &= near - 1) {
       const uint32_t triangle = packet.triangle[std::countr_zero(near)];
-      const uint32_t* v = corners_.data() + size_t{3} * triangle;
+      const uint32_t* v = tree.corners_.data() + size_t{3} * triangle;
+      const std::span<const Vec3> points = tree.points_;
       double here;
       if (visits > 0) --visits;
-      if (!crosses_triangle(points_[v[0]], points_[v[1]], points_[v[2]], side, from, to, here)) continue;
+      if (!crosses_triangle(points[v[0]], points[v[1]], points[v[2]], side, from, to, here)) continue;
       if (here > part || (here == part && triangle > out)) continue;
       part = here;
       out = triangle;
@@ -44,13 +44,6 @@ FS_INLINE uint32_t MeshTree::cross(Side side, Vec3 from, Vec3 to, double& part, 
   }
   return out;
 }
-
-#ifdef __x86_64__
-__attribute__((target("avx2"))) uint32_t MeshTree::cross_avx2(Side side, Vec3 from, Vec3 to, double& part,
-                                                                      uint32_t& visits) const noexcept {
-  return cross(side, from, to, part, visits);
-}
-#endif
 
 namespace {
 
@@ -117,11 +110,7 @@ bool MeshTree::first_crossing(Side side, Vec3 from, Vec3 to, Crossing& out, uint
   double part;
   uint32_t endless = UINT32_MAX;
   uint32_t& left = visits ? *visits : endless;
-#ifdef __x86_64__
-  const uint32_t triangle = has_avx2 ? cross_avx2(side, from, to, part, left) : cross(side, from, to, part, left);
-#else
-  const uint32_t triangle = cross(side, from, to, part, left);
-#endif
+  const uint32_t triangle = lanes::run<cross>(*this, side, from, to, part, left);
   if (left == 0) {
     out = {.part = 0, .point = from, .normal = normalized(from - to), .triangle = no_triangle};
     return true;

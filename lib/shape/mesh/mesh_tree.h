@@ -72,10 +72,10 @@ class MeshTree {
  private:
   template <class From>
   Found find_from(const Query& query) const noexcept;
-  Found find_plain(const Query& query) const noexcept;
-  Found find_avx2(const Query& query) const noexcept;
-  uint32_t cross(Side side, Vec3 from, Vec3 to, double& part, uint32_t& visits) const noexcept;
-  uint32_t cross_avx2(Side side, Vec3 from, Vec3 to, double& part, uint32_t& visits) const noexcept;
+  // Their code is compiled for each processor.
+  static Found find_in(const MeshTree& tree, const Query& query) noexcept;
+  static uint32_t cross(const MeshTree& tree, Side side, Vec3 from, Vec3 to, double& part,
+                        uint32_t& visits) noexcept;
 
   uint32_t triangle_count() const noexcept { return static_cast<uint32_t>(corners_.size() / 3); }
   bool is_item(uint32_t item) const noexcept {

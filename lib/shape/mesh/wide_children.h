@@ -5,22 +5,24 @@
 #include <algorithm>
 #include <limits>
 
-#include "shape/mesh/vectors.h"
+#include "math/lanes.h"
 #include "shape/mesh/wide_node.h"
 
 namespace fs::wide {
+
+using namespace lanes;
 
 // A point from which is looked, in the local frame. Far away from the shape single precision would tell nothing apart, so
 // there are two kinds. `rounding` is more than the relative error of what is worked out with it.
 struct Near {
   using Real = float;
-  using Lanes = Floats;
+  using Lanes = Floats8;
   static constexpr double rounding = 0x1p-20;
   Vec3 at;
 };
 struct Far {
   using Real = double;
-  using Lanes = Doubles;
+  using Lanes = Doubles8;
   static constexpr double rounding = 0x1p-48;
   Vec3 at;
 };
@@ -40,7 +42,7 @@ FS_INLINE typename From::Lanes squared_to_children(const WideNode& node, const W
   using Real = typename From::Real;
   using Lanes = typename From::Lanes;
   const Lanes zero{};
-  const Ints low = load(node.lower), high = load(node.upper);
+  const Ints8 low = load(node.lower), high = load(node.upper);
   const double at[3] = {from.at.x, from.at.y, from.at.z};
   const Real per_step = sizeof(Real) == sizeof node.steps ? Real{node.steps} : 1 / Real{node.step};
   Lanes sum{}, from_middle[3];
@@ -58,15 +60,15 @@ FS_INLINE typename From::Lanes squared_to_children(const WideNode& node, const W
     margins += margin;
   }
   if (discs) {
-    const Ints x_y = load(discs->x_y), sizes = load(discs->sizes);
-    const auto lanes = [](Floats f) __attribute__((always_inline)) { return __builtin_convertvector(f, Lanes); };
+    const Ints8 x_y = load(discs->x_y), sizes = load(discs->sizes);
+    const auto wide = [](Floats8 f) __attribute__((always_inline)) { return __builtin_convertvector(f, Lanes); };
     constexpr Real scale = Real{1} / WideDiscs::scale, unit = WideDiscs::unit * scale;
-    const Lanes x = lanes(field(x_y, 0, 16)) * scale - unit, y = lanes(field(x_y, 16, 16)) * scale - unit;
+    const Lanes x = wide(field(x_y, 0, 16)) * scale - unit, y = wide(field(x_y, 16, 16)) * scale - unit;
     const Lanes z = unit - magnitude(x) - magnitude(y);
     const Lanes per_squared = 1 / (x * x + y * y + z * z);
-    const Lanes offset = (lanes(field(sizes, 0, 16)) - Real{WideDiscs::zero_offset}) * (Real{1} / WideDiscs::offsets_a_step);
-    const Lanes radius = lanes(field(sizes, 16, 8));
-    const Lanes height = lanes((Floats)(((sizes >> 24 & 255) << WideDiscs::height_shift) +
+    const Lanes offset = (wide(field(sizes, 0, 16)) - Real{WideDiscs::zero_offset}) * (Real{1} / WideDiscs::offsets_a_step);
+    const Lanes radius = wide(field(sizes, 16, 8));
+    const Lanes height = wide((Floats8)(((sizes >> 24 & 255) << WideDiscs::height_shift) +
                                         static_cast<int32_t>(WideDiscs::smallest_height)));
     const Lanes along = x * from_middle[0] + y * from_middle[1] + z * from_middle[2];
     const Lanes squared = from_middle[0] * from_middle[0] + from_middle[1] * from_middle[1] + from_middle[2] * from_middle[2];
@@ -75,7 +77,7 @@ FS_INLINE typename From::Lanes squared_to_children(const WideNode& node, const W
     margins = 4 * margins + static_cast<Real>(4 * From::rounding * WideNode::grid);  // more than rounding makes
     Lanes up = magnitude(beyond) - (height + margins);
     const Lanes across = squared * less - along * along * per_squared;
-    Lanes beside = roots(across > zero ? across : zero) - (radius + margins);
+    Lanes beside = root(across > zero ? across : zero) - (radius + margins);
     up = up > zero ? up : zero;
     beside = beside > zero ? beside : zero;
     const Lanes to_disc = (up * up * per_squared + beside * beside) * less;
@@ -100,9 +102,9 @@ struct Span {
 
 // Bit i: the box of child i meets the span.
 FS_INLINE uint32_t children_in(const WideNode& node, const Span& span) {
-  const Ints low = load(node.lower), high = load(node.upper);
+  const Ints8 low = load(node.lower), high = load(node.upper);
   const float per_step = 1 / node.step;
-  Ints meets = {-1, -1, -1, -1, -1, -1, -1, -1};
+  Ints8 meets = {-1, -1, -1, -1, -1, -1, -1, -1};
   for (int k = 0; k < 3; ++k) {
     // Within what a byte can say, so that nothing large is rounded.
     const double lower = (span.lower[k] - node.origin[k]) * per_step, upper = (span.upper[k] - node.origin[k]) * per_step;
