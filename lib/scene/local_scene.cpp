@@ -219,7 +219,10 @@ void LocalScene::set_accuracy(double newtons) {
 
 void LocalScene::set_max_stiffness(double stiffness) {
   check_max_stiffness(stiffness);
-  bounding.set_max_stiffness(stiffness);
+  const std::lock_guard lock(mutex_);
+  max_stiffness_ = stiffness;
+  const ServoReader* const servo = evaluated_.servo_reader();
+  if (servo && servo->budget) servo->budget->take_max_stiffness();
 }
 
 // --------------------------------------------------------------------------------------------------- reports and events

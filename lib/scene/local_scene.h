@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "scene/bounding.h"
+#include "scene/evaluated.h"
 #include "scene/readers.h"
 #include "scene/scene.h"
 
@@ -108,6 +108,7 @@ struct LocalScene final : Scene {
  private:
   friend class Draft;
   friend class Moment;
+  friend class SceneBudget;
 
   // Called with the lock held.
   void put(const ParsedObject& object, uint32_t parts);
@@ -130,10 +131,10 @@ struct LocalScene final : Scene {
   mutable std::mutex mutex_;
   Evaluated evaluated_;
   Edits edits_{evaluated_};
+  double max_stiffness_ = 0;  // N/m at the device, what the scene allows itself; 0: no such bound
 
  public:
   Readers readers{mutex_, evaluated_, edits_};
-  Bounding bounding{mutex_, evaluated_};
   const std::shared_ptr<ServoOutput>& output = evaluated_.output;
 };
 

@@ -29,7 +29,7 @@ Moment::Moment(Ref<LocalScene> scene, bool with_group, const char* only) : scene
   if (!servo) return;
   memory_ = servo->memory;
   used_ = evaluated.objects.rows.used();
-  sharing_ = scene_->bounding.sharing();
+  if (servo->budget) sharing_ = servo->budget->sharing();
   if (!servo->newest.read(tick_)) return;
   time_ = tick_.time;
   FeltSolids solids;

@@ -74,7 +74,7 @@ class Moment {
   uint64_t used_ = 0;              // sequence that the servo has used
   Ref<const Memory> memory_;       // of the servo; null: there is none
   FeltSolids solids_;              // at the last tick
-  std::shared_ptr<const Bounding::Sharing> sharing_;  // null: nobody shares
+  std::shared_ptr<const Sharing> sharing_;  // null: nobody shares
   TickSample tick_;
   ToolState tool_;                 // where the last tick had it
 };

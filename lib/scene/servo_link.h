@@ -6,6 +6,7 @@
 #include <forceserver/servo.h>
 
 #include "field/servo_output.h"
+#include "scene/budget_link.h"
 #include "scene/reader.h"
 
 namespace fs {
@@ -41,6 +42,7 @@ struct TickSample {
 struct ServoReader : Reader {
   using Reader::Reader;
   Latest<TickSample> newest;
+  BudgetLink* budget = nullptr;  // set before the scene knows the reader; null: nothing is bounded
 };
 
 }  // namespace fs

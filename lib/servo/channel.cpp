@@ -1,6 +1,6 @@
 #include "servo/channel.h"
 
-#include "servo/servo.h"
+#include "servo/guard.h"
 
 namespace fs {
 namespace {
@@ -14,11 +14,12 @@ constexpr uint32_t ways_per_visit = 8;
 
 }  // namespace
 
-Channel::Channel(fs_servo& servo, Ref<LocalScene> scene, const Limits& limits, bool starts_in, Owner owner)
-    : scene_(std::move(scene)), limits_(limits), fade_(servo.fade()),
-      visits_(static_cast<uint32_t>(visits_a_second * servo.period())), owner_(std::move(owner)),
-      reader_(make_ref<Memory>(servo.settings().spread)) {
+Channel::Channel(ServoLink& servo, const Spread& spread, double period, Ref<LocalScene> scene, const Limits& limits,
+                 bool starts_in, Owner owner)
+    : scene_(std::move(scene)), limits_(limits), fade_(spread.fade),
+      visits_(static_cast<uint32_t>(visits_a_second * period)), owner_(std::move(owner)), reader_(make_ref<Memory>(spread)) {
   hand_.state.pose = hand_.response.proxy = identity_pose();
+  reader_.budget = budget_.get();
   scene_->readers.attach_servo(servo, reader_, starts_in);
 }
 

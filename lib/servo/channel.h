@@ -6,10 +6,9 @@
 #include <string>
 #include <vector>
 
+#include "budget/scene_budget.h"
 #include "field/frame.h"
 #include "scene/local_scene.h"
-
-struct fs_servo;
 
 namespace fs {
 
@@ -31,14 +30,17 @@ class Channel final : public Counted<Channel> {
     std::atomic<bool> is_over{false};  // the scene has faded out
   };
 
-  // Attaches the scene to the servo, which must live as long as it is attached. starts_in: see attach_servo. STATE.
-  Channel(fs_servo& servo, Ref<LocalScene> scene, const Limits& limits, bool starts_in, Owner owner);
+  // Attaches the scene to the servo, which must live as long as it is attached. spread, period: the servo's (s). starts_in: see
+  // attach_servo. STATE.
+  Channel(ServoLink& servo, const Spread& spread, double period, Ref<LocalScene> scene, const Limits& limits, bool starts_in,
+          Owner owner);
   ~Channel() { detach(); }
 
   // Detaches the scene, once the servo evaluates it no longer. A second call does nothing.
   void detach() noexcept;
 
   LocalScene& scene() const noexcept { return *scene_; }
+  const Ref<SceneBudget>& budget() const noexcept { return budget_; }
 
   // leave: from time `when` (s, scene's clock) on the whole scene fades out, for good. leave_at_once is for a scene
   // without objects. Any thread.
@@ -97,6 +99,7 @@ class Channel final : public Counted<Channel> {
 
   // Only the servo's thread uses these; other threads may read the atomic ones and wrench_.
   ServoReader reader_;
+  const Ref<SceneBudget> budget_ = make_ref<SceneBudget>(scene_, reader_);
   double weight_ = 1;        // of the whole scene
   double newest_time_ = -never;  // s, of the newest tick
   HandSample hand_{};

@@ -31,33 +31,38 @@ fs_servo::fs_servo(Ref<LocalScene> scene, Ref<Device> device, const ServoSetting
       record_(static_cast<size_t>(std::ceil(record_length * settings.rate))) {
   device_->acquire();
   try {
-    channels_.start(make_ref<Channel>(*this, scene_, Channel::Limits{}, true, Channel::Owner{"", 0}));
+    channels_.start(make_ref<Channel>(*this, settings_.spread, period_, scene_, Channel::Limits{}, true, Channel::Owner{"", 0}));
     guard_process_end();
-    start_keeper();
+    start_budget();
     if (settings.mode == FS_SERVO_THREAD) start_thread();
   } catch (...) {
-    keeper_.reset();
+    budget_.reset();
     channels_.stop();
     device_->release_ownership();
     throw;
   }
 }
 
-void fs_servo::start_keeper() {
+void fs_servo::start_budget() {
   if (!std::isfinite(settings_.loop.max_stiffness) && !std::isfinite(settings_.loop.object_damping)) return;
   const fs_device_info& device = device_->info();
   const double stiffness = settings_.loop.max_stiffness;
-  LoopShare loop{stiffness, stiffness, settings_.loop.object_damping, never, device.workspace_radius, device.workspace_height,
+  DeviceLimit limit{stiffness, stiffness, settings_.loop.object_damping, never, device.workspace_radius, device.workspace_height,
                  settings_.limits.speed};
   // Of a wrist's own damping and inertia nothing is known: a torque is taken to be as hard to render as a force at an arm that
   // a hand has, or at that of the largest force and torque.
   constexpr double arm = 0.05;  // m
-  if (device.torque_axes > 0 && device.force_max > 0) loop.lever = std::max(arm, device.torque_max / device.force_max);
-  keeper_.emplace(*this, loop);
+  if (device.torque_axes > 0 && device.force_max > 0) limit.lever = std::max(arm, device.torque_max / device.force_max);
+  const auto scenes = [this] {
+    Budget::Scenes out;
+    for (const Ref<Channel>& channel : channels_.present()) out.push_back(channel->budget());
+    return out;
+  };
+  budget_.emplace(limit, scenes);
   if (settings_.mode == FS_SERVO_VIRTUAL) {
-    keeper_->run_once();
+    budget_->run_once();
   } else {
-    keeper_->start();
+    budget_->start();
   }
 }
 
@@ -102,7 +107,7 @@ void fs_servo::stop() noexcept {
     listener_ = nullptr;
   }
   if (stack_) pthread_join(thread_, nullptr);
-  if (keeper_) keeper_->stop();
+  if (budget_) budget_->stop();
   memory_lock_.unlock();
   channels_.stop();
   device_->release_ownership();
@@ -115,8 +120,8 @@ ClockKind fs_servo::clock() const noexcept {
 }
 
 Ref<Channel> fs_servo::add_channel(Ref<LocalScene> scene, const Channel::Limits& limits, Channel::Owner owner) {
-  const Ref<Channel> channel = make_ref<Channel>(*this, std::move(scene), limits, false, std::move(owner));
-  if (keeper_) keeper_->admit(channel->scene());
+  const Ref<Channel> channel = make_ref<Channel>(*this, settings_.spread, period_, std::move(scene), limits, false, std::move(owner));
+  if (budget_) budget_->add(*channel->budget());
   channels_.add(channel);
   return channel;
 }
@@ -175,9 +180,9 @@ fs_status fs_servo::step(uint64_t ticks) noexcept {
   }
   for (uint64_t i = 0; i < ticks && !device_->is_silent(); ++i) {
     if (settings_.mode == FS_SERVO_VIRTUAL) {
-      if (keeper_ && static_cast<double>(tick_ - kept_tick_) >= fs::Keeper::turn * settings_.rate) {
-        kept_tick_ = tick_;
-        keeper_->run_once();
+      if (budget_ && static_cast<double>(tick_ - budget_tick_) >= fs::Budget::turn * settings_.rate) {
+        budget_tick_ = tick_;
+        budget_->run_once();
       }
       tick(static_cast<double>(tick_ + 1) / settings_.rate, 0);
     } else {

@@ -8,12 +8,12 @@
 #include <mutex>
 #include <optional>
 
+#include "budget/budget.h"
 #include "driver/device.h"
 #include "servo/channels.h"
 #include "servo/device_events.h"
 #include "servo/flight_record.h"
 #include "servo/guard.h"
-#include "servo/keeper.h"
 #include "servo/locked_memory.h"
 #include "servo/settings.h"
 #include "servo/statistics.h"
@@ -66,7 +66,7 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   void start_thread();  // IO; nothing after it can fail
   void run() noexcept;
   void tick(double now, double late) noexcept;
-  void start_keeper();  // IO
+  void start_budget();  // IO
 
   const fs::Ref<fs::LocalScene> scene_;
   const fs::Ref<fs::Device> device_;
@@ -101,8 +101,8 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   fs::FlightRecord record_;
   fs::DeviceEvents events_;
 
-  std::optional<fs::Keeper> keeper_;  // none: nothing is bounded
-  uint64_t kept_tick_ = 0;            // VIRTUAL: before which it ran last
+  std::optional<fs::Budget> budget_;  // none: nothing is bounded
+  uint64_t budget_tick_ = 0;          // VIRTUAL: before which it ran last
   std::optional<fs::Stack> stack_;  // of the servo's thread; none: the application calls step
   pthread_t thread_{};
   fs::MemoryLock memory_lock_;

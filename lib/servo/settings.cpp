@@ -46,14 +46,14 @@ void parse_loop(const fs_servo_options& options, const fs_device_info& device, S
   const bool has_model = device.controller_rate > 0;  // then a controller at the device closes the loop and damps it
   const double asked = parse_switch(options.damping, 5, 0, 1e9, FS_OFF_DAMPING, off, "damping");
   if (has_model) {
-    out.loop = limits_of({mass, device.damping, 1 / device.controller_rate, device.controller_delay},
+    out.loop = limit_of({mass, device.damping, 1 / device.controller_rate, device.controller_delay},
                          device.controller_damping);
     out.model_stiffness = model_stiffness(delay, period, device.damping + out.loop.damping);
     out.loop.max_stiffness = std::fmin(out.loop.max_stiffness, out.model_stiffness);
-    const LoopLimits link = limits_of({mass, device.damping, period, delay}, 0);  // objects' damping comes through it
+    const LoopLimit link = limit_of({mass, device.damping, period, delay}, 0);  // objects' damping comes through it
     out.loop.object_damping = std::fmin(out.loop.object_damping, link.object_damping);
   } else {
-    out.loop = limits_of({mass, device.damping, period, delay}, asked);
+    out.loop = limit_of({mass, device.damping, period, delay}, asked);
     out.limits.damping = out.loop.damping;
   }
   const double renderable = out.loop.max_stiffness;

@@ -3,9 +3,9 @@
 
 #include <forceserver/servo.h>
 
+#include "budget/loop.h"
 #include "field/weight.h"
 #include "servo/guard.h"
-#include "servo/loop_limits.h"
 
 namespace fs {
 
@@ -17,7 +17,7 @@ struct ServoSettings {
   Guard::Limits limits;
   double pose_age;           // s: if the pose is older, the device counts as lost
   Spread spread;             // of changes
-  LoopLimits loop;           // max_stiffness and object_damping infinite: none; damping: also where a remote
+  LoopLimit loop;            // max_stiffness and object_damping infinite: none; damping: also where a remote
                              // controller applies it
   double model_stiffness;    // N/m, the most in a local model; 0: the device renders none
   int priority, cpu;         // negative: ordinary priority; negative: any processor

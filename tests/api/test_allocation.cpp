@@ -156,7 +156,7 @@ static void drive(fs_servo_mode mode, const char* uri = "sim:?path=figure8") {
   fs_servo_options options = fs_servo_options_init();
   options.mode = mode;
   options.fade = 0.05;
-  if (mode == FS_SERVO_VIRTUAL) options.max_stiffness = -1;  // else the stiffness is shared out between the steps
+  if (mode == FS_SERVO_VIRTUAL) options.max_stiffness = -1;  // else the budget is worked out between the steps
   const Servo servo = start_servo(scene.get(), device.get(), options);
   ck_assert_uint_eq(count([&] {
     for (int k = 0; k < 200; ++k) fs_servo_step(servo.get(), 1);

@@ -242,7 +242,7 @@ START_TEST(stiffness_of_clients) {
   EXPECT_NEAR(stiffness(), 1000, 1e-6);
   EXPECT_NEAR(report_of(bob.get(), "far").stiffness_applied, 1000, 1e-6);  // its force jumps
   go_to(0);
-  rig.step(1500);  // what the hand has left keeps its share for a second
+  rig.step(1500);  // what the hand has left counts for a second
   EXPECT_NEAR(stiffness(), 2000, 1e-6);
   // One that wants little gets that, and a tenth in reserve; the other has the rest.
   events_now(me.get());

@@ -532,7 +532,7 @@ START_TEST(bad_infos) {
 }
 END_TEST
 
-// ------------------------------------------------------------------------------------------- shares of what is rendered
+// ------------------------------------------------------------------------------------------- bounds of what is rendered
 
 namespace {
 
@@ -637,7 +637,7 @@ START_TEST(as_stiff_as_can_be_takes_what_is_left) {
 }
 END_TEST
 
-START_TEST(equal_wants_get_equal_shares) {
+START_TEST(equal_wants_get_equal_bounds) {
   Simulated s;
   constexpr int count = 20;
   for (int i = 0; i < count; ++i) {  // the hand is in all of them
@@ -704,8 +704,8 @@ struct Wandering {
 
 }  // namespace
 
-// What the hand cannot reach for now has no share, and has one before the hand is there, however fast it comes; what it has left
-// keeps its share for a second.
+// What the hand cannot reach for now does not count, and counts before the hand is there, however fast it comes; what it has left
+// counts for a second.
 START_TEST(out_of_reach_is_out_of_mind) {
   enum { points, planes, points_without_an_end, kind_count };
   for (int kind = 0; kind < kind_count; ++kind) {
@@ -733,7 +733,7 @@ START_TEST(out_of_reach_is_out_of_mind) {
     }
     ck_assert_msg(of_wall() <= all / 8, "kind %d: 1 s after the hand set off the wall gets %g N/m", kind, of_wall());
     s.go_to({0, 0, -1e-3}, 1000);
-    ck_assert_msg(of_wall() > 3999, "kind %d: what the hand has left still has a share, the wall %g N/m", kind, of_wall());
+    ck_assert_msg(of_wall() > 3999, "kind %d: what the hand has left still counts, the wall %g N/m", kind, of_wall());
   }
 }
 END_TEST
@@ -809,7 +809,7 @@ int main() {
                             damping_is_felt_in_motion, damping_counts_by_the_points_that_can_touch, slew_spreads_a_step, off_is_off});
   add_case(suite, "model", {models_are_written, without_a_controller_forces_are_written, bad_infos});
   add_case(suite, "shares", {little_wants_are_met_first, little_jumps_want_little, as_stiff_as_can_be_takes_what_is_left,
-                             equal_wants_get_equal_shares, out_of_reach_is_out_of_mind, what_fades_out_shares,
+                             equal_wants_get_equal_bounds, out_of_reach_is_out_of_mind, what_fades_out_shares,
                              slopes_add_up_to_no_more});
   return run_suite(suite);
 }

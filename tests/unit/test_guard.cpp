@@ -8,7 +8,7 @@
 
 #include "servo/guard.h"
 #include "servo/local_model.h"
-#include "servo/loop_limits.h"
+#include "budget/loop.h"
 
 #include "scenes/random.h"
 
@@ -274,12 +274,12 @@ START_TEST(limits_of_loops) {
                                                           {1e-3, 0.005, 545.5}, {1e-3, 0.010, 285.7}};
   for (const auto& c : cases) {
     const Loop loop{0.3, 1, c.period, c.delay};
-    const LoopLimits limits = limits_of(loop, 5);
+    const LoopLimit limits = limit_of(loop, 5);
     ck_assert_double_eq(limits.damping, 5);
     ck_assert_double_le(limits.max_stiffness, c.formula);
     ck_assert_double_ge(limits.max_stiffness, 0.9 * c.formula);
     ck_assert_double_eq_tol(limits.max_stiffness, critical_stiffness(loop, 5) / 2, 1e-6);
-    const LoopLimits heavy = limits_of({100, 1, c.period, c.delay}, 5);  // only the formula is left
+    const LoopLimit heavy = limit_of({100, 1, c.period, c.delay}, 5);  // only the formula is left
     ck_assert_double_eq_tol(heavy.max_stiffness, c.formula, 1e-3 * c.formula);
   }
   // All that is allowed is stable: the most stiffness with the most damping, local and of objects together.
@@ -288,7 +288,7 @@ START_TEST(limits_of_loops) {
       for (const double delay : {0.0, 0.001, 0.005, 0.02, 10.0}) {
         for (const double wanted : {0.0, 5.0, 50.0, 1e9}) {
           const Loop loop{mass, 1, 1 / rate, delay};
-          const LoopLimits limits = limits_of(loop, wanted);
+          const LoopLimit limits = limit_of(loop, wanted);
           const double all = limits.damping + limits.object_damping;
           ck_assert_double_eq_tol(all, 0.7 * mass / (0.5 / rate + delay), 1e-9 * all);
           ck_assert_double_le(limits.damping, wanted);

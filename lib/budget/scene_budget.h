@@ -1,64 +1,62 @@
 // Bounds the slopes and the damping of a scene's objects, so that the loop of its servo can render their sum: works out the
-// share of each object that the hand may feel soon (admission.h), and has the servo evaluate the objects within it. An object
-// out of reach keeps the bound that it has. The servo's keeper.h calls this.
+// bounds of each object that the hand may feel soon (bounds.h), and has the servo evaluate the objects within them. An object
+// out of reach keeps the bounds that it has. The servo's Budget (budget.h) calls this.
 #pragma once
 
 #include <array>
 #include <atomic>
 #include <memory>
-#include <mutex>
 #include <string>
 
 #include "base/name_map.h"
-#include "scene/admission.h"
-#include "scene/evaluated.h"
+#include "budget/bounds.h"
+#include "scene/local_scene.h"
 
 namespace fs {
 
-class Bounding {
+class SceneBudget final : public Counted<SceneBudget>, public BudgetLink {
  public:
-  // mutex: the scene's.
-  Bounding(std::mutex& mutex, Evaluated& evaluated) : mutex_(mutex), evaluated_(evaluated) {}
+  // reader: the servo's, whose link this is; it works while the scene has this reader.
+  SceneBudget(Ref<LocalScene> scene, const ServoReader& reader);
 
-  // loop: what the servo leaves to this scene. ahead: s; by then the shares of the next call but one are in use. rest: s; at
+  // limit: what the servo leaves to this scene. ahead: s; by then the bounds of the next call but one are in use. rest: s; at
   // least so long between two calculations for what objects do, because each costs time. An object that is set between two
   // calls gets the bounds of an object alone. Does nothing, and returns false, if nothing has changed since the last call or
-  // what has can wait, and the hand cannot reach anything else by then. The shares are worked out without the lock, and
+  // what has can wait, and the hand cannot reach anything else by then. The bounds are worked out without the lock, and
   // entered with it. One thread at a time; not [rt].
-  bool update(const LoopShare& loop, double ahead, double rest);
+  bool update(const DeviceLimit& limit, double ahead, double rest);
 
-  // N/m of the loop, what the objects that the hand may feel soon want together at most; 0: there are none that would make use
-  // of a share, infinite: it is not known. Any thread.
+  // N/m of the loop, what the objects that the hand may feel soon want together at most; 0: there are none that want any,
+  // infinite: it is not known. Any thread.
   double wanted() const noexcept { return wanted_.load(std::memory_order_relaxed); }
-  // N/m at the device, what the scene allows itself; 0: no such bound. Any thread.
-  void set_max_stiffness(double stiffness);
 
-  // Under the scene's lock: with whom the objects share that get less than they want, by name.
-  using Sharing = NameMap<SharedWith>;
-  const std::shared_ptr<const Sharing>& sharing() const noexcept { return sharing_; }
+  void take_max_stiffness() override;
+  const std::shared_ptr<const Sharing>& sharing() const noexcept override { return sharing_; }
 
  private:
+  bool is_at_work() const noexcept { return evaluated_.servo_reader() == &reader_; }
   void settle();
-  Box reach_of_hand(const SceneShare& share, const LoopShare& loop, double time);
-  bool is_due(const LoopShare& loop, double most, const Box& reach, const Box& within, double time, double rest) const;
-  void enter(const Admission& all, const SceneShare& share);
+  Box reach_of_hand(const SceneLimit& scene, const DeviceLimit& limit, double time);
+  bool is_due(const DeviceLimit& limit, double most, const Box& reach, const Box& within, double time, double rest) const;
+  void enter(const SceneBounds& all, const SceneLimit& limit);
   void note_wanted(double wanted) noexcept;
   void note_slope(const Object& object, double slope, double to_device);
   void tell(double time);
 
-  std::mutex& mutex_;
+  const Ref<LocalScene> scene_;
+  const ServoReader& reader_;
+  std::mutex& mutex_;  // the scene's
   Evaluated& evaluated_;
-  std::atomic<double> max_stiffness_{0};
   std::atomic<double> wanted_{never};
 
-  // What the last shares were worked out for.
+  // What the last bounds were worked out for.
   struct Seen {
     uint64_t sequence = 0;  // of the snapshot; 0: there was none
-    LoopShare loop;
-    double most = 0;            // N/m
+    DeviceLimit limit;
+    double most = 0;            // N/m, what the scene allows itself
     double time = -never;       // s
     bool is_moving = false;     // something moves by itself
-    bool has_fading = false;    // something fades out that has a share
+    bool has_fading = false;    // something fades out that counts beside the others
     bool has_any = false;       // something is felt there
     Box within;                 // m, where the tool may be; empty: anywhere
     Box clear;                  // m, where nothing else is felt
@@ -88,7 +86,7 @@ class Bounding {
   static constexpr int most_events = 20;  // a second
   int events_left_ = most_events;
   double events_since_ = -never;  // s
-  std::shared_ptr<const Sharing> sharing_;
+  std::shared_ptr<const Sharing> sharing_;  // those that get less than they want
 };
 
 }  // namespace fs

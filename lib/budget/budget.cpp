@@ -1,4 +1,4 @@
-#include "servo/keeper.h"
+#include "budget/budget.h"
 
 #include <algorithm>
 #include <chrono>
@@ -11,60 +11,58 @@
 #include "base/clock.h"
 #include "base/error.h"
 #include "base/signals.h"
-#include "field/budget.h"
-#include "servo/servo.h"
+#include "budget/fair.h"
 
 namespace fs {
 
-// Shares out among scenes what the loop can render, by what each wants: those that want least get it, the others equal parts of
-// what is left. If all get what they want, they share what is left, too, so that one may want more at any time.
-std::vector<LoopShare> Keeper::parts_of(const std::vector<double>& wants) const {
-  if (wants.size() == 1) return {loop_};
+// Splits the limit of the loop among scenes, by what each wants: those that want least get it, the others equal parts of what
+// is left. If all get what they want, what is left is split, too, so that one may want more at any time.
+std::vector<DeviceLimit> Budget::limits_for(const std::vector<double>& wants) const {
+  if (wants.size() == 1) return {limit_};
   std::vector<double> sorted = wants;
-  for (double& want : sorted) want = std::min(want, loop_.stiffness);
-  const double level = level_of(sorted, loop_.stiffness);
-  const double left = std::max(0.0, loop_.stiffness - std::accumulate(sorted.begin(), sorted.end(), 0.0));
+  for (double& want : sorted) want = std::min(want, limit_.stiffness);
+  const double bound = fair_bound(sorted, limit_.stiffness);
+  const double left = std::max(0.0, limit_.stiffness - std::accumulate(sorted.begin(), sorted.end(), 0.0));
   const auto scenes = static_cast<double>(wants.size());
   const auto wanting = static_cast<double>(std::count_if(wants.begin(), wants.end(), [](double want) { return want > 0; }));
-  std::vector<LoopShare> out(wants.size(), loop_);
+  std::vector<DeviceLimit> out(wants.size(), limit_);
   for (size_t i = 0; i < wants.size(); ++i) {
     // One that wants none yet may at any time, and gets less as soon as it does.
     const double count = wants[i] > 0 ? wanting : wanting + 1;
-    const double part = level < never ? std::min(wants[i], level) : std::min(wants[i], loop_.stiffness) + left / scenes;
-    out[i].stiffness = wants[i] > 0 ? part : std::max(part, loop_.stiffness / count);
+    const double part = bound < never ? std::min(wants[i], bound) : std::min(wants[i], limit_.stiffness) + left / scenes;
+    out[i].stiffness = wants[i] > 0 ? part : std::max(part, limit_.stiffness / count);
     out[i].damping /= count;
   }
   return out;
 }
 
-// What each of the scenes wants that are felt through these channels.
-static std::vector<double> wants_of(const std::vector<Ref<Channel>>& channels) {
+static std::vector<double> wants_of(const Budget::Scenes& scenes) {
   std::vector<double> out;
-  for (const Ref<Channel>& channel : channels) out.push_back(channel->scene().bounding.wanted());
+  for (const Ref<SceneBudget>& scene : scenes) out.push_back(scene->wanted());
   return out;
 }
 
-bool Keeper::run_once() noexcept {
+bool Budget::run_once() noexcept {
   bool has_worked = false;
   try {
-    const std::vector<Ref<Channel>> channels = servo_.channels().present();
-    const std::lock_guard lock(sharing_);
+    const Scenes scenes = scenes_();
+    const std::lock_guard lock(running_);
     for (int i = 0; i < 2; ++i) {
-      const std::vector<double> wants = wants_of(channels);
-      const std::vector<LoopShare> parts = parts_of(wants);
-      for (size_t k = 0; k < channels.size(); ++k) has_worked |= channels[k]->scene().bounding.update(parts[k], ahead_, rest_);
-      if (wants_of(channels) == wants) break;
+      const std::vector<double> wants = wants_of(scenes);
+      const std::vector<DeviceLimit> limits = limits_for(wants);
+      for (size_t k = 0; k < scenes.size(); ++k) has_worked |= scenes[k]->update(limits[k], ahead_, rest_);
+      if (wants_of(scenes) == wants) break;
     }
   } catch (...) {  // no memory: the bounds stay as they are until the next time
   }
   return has_worked;
 }
 
-void Keeper::admit(LocalScene& scene) {
-  std::vector<double> wants = wants_of(servo_.channels().present());
-  const std::lock_guard lock(sharing_);
+void Budget::add(SceneBudget& scene) {
+  std::vector<double> wants = wants_of(scenes_());
+  const std::lock_guard lock(running_);
   wants.push_back(never);
-  scene.bounding.update(parts_of(wants).back(), ahead_, rest_);
+  scene.update(limits_for(wants).back(), ahead_, rest_);
 }
 
 static double processor_time() noexcept {  // s, of the calling thread
@@ -73,12 +71,12 @@ static double processor_time() noexcept {  // s, of the calling thread
   return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
 
-void Keeper::start() {
+void Budget::start() {
   run_once();
   try {
     const SignalsBlocked blocked;
     thread_ = std::thread([this] {
-      begin_thread("fs-keeper");
+      begin_thread("fs-budget");
       const sched_param ordinary{};
       pthread_setschedparam(pthread_self(), SCHED_OTHER, &ordinary);  // the starter may have been a real-time thread
       double last = steady_now();
@@ -96,12 +94,12 @@ void Keeper::start() {
       }
     });
   } catch (const std::system_error& error) {
-    fail(FS_ERROR_IO, "the thread that shares out the stiffness could not be started: %s", error.what());
+    fail(FS_ERROR_IO, "the thread that bounds the stiffness could not be started: %s", error.what());
   }
 }
 
-void Keeper::stop() noexcept {
-  if (!servo_.is_of_this_process()) {  // the thread stays with the parent
+void Budget::stop() noexcept {
+  if (process_ != this_process()) {  // the thread stays with the parent
     if (thread_.joinable()) thread_.detach();
     return;
   }

@@ -1,4 +1,4 @@
-#include "servo/loop_limits.h"
+#include "budget/loop.h"
 
 #include <algorithm>
 #include <cmath>
@@ -101,10 +101,10 @@ double critical_stiffness(const Loop& loop, double local_damping, double most) n
   return best < most ? best : infinite;
 }
 
-LoopLimits limits_of(const Loop& loop, double wanted_damping) noexcept {
+LoopLimit limit_of(const Loop& loop, double wanted_damping) noexcept {
   const double lag = loop.period / 2 + loop.delay;
   const double renderable = 0.7 * loop.mass / lag;  // N s/m: more damping, local or of objects, shakes a light device
-  LoopLimits out{};
+  LoopLimit out{};
   out.damping = std::min(wanted_damping, renderable);
   out.object_damping = renderable - out.damping;
   const double passive = (loop.damping + out.damping) / 2 / lag;

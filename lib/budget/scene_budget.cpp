@@ -1,4 +1,4 @@
-#include "scene/bounding.h"
+#include "budget/scene_budget.h"
 
 #include <algorithm>
 #include <cmath>
@@ -21,9 +21,12 @@ auto count_of(const Views& views) {
 
 }  // namespace
 
+SceneBudget::SceneBudget(Ref<LocalScene> scene, const ServoReader& reader)
+    : scene_(std::move(scene)), reader_(reader), mutex_(scene_->mutex_), evaluated_(scene_->evaluated_) {}
+
 // What is bounded, and changes by more than a tenth, is told of each object: the first time at once, then after 1 s, 2 s, 4 s,
 // up to 32 s. One of which there was nothing to tell for a minute begins anew.
-void Bounding::note_slope(const Object& object, double slope, double to_device) {
+void SceneBudget::note_slope(const Object& object, double slope, double to_device) {
   const bool takes_what_it_gets = object.is_solid() && object.contact.stiffness == 0;
   const bool is_bounded = slope < object.steepest_slope && !takes_what_it_gets;
   const double now = to_device * slope, wanted = to_device * object.steepest_slope;
@@ -38,7 +41,7 @@ void Bounding::note_slope(const Object& object, double slope, double to_device) 
   has_untold_ |= !is_told(told->second.slope, now);
 }
 
-void Bounding::tell(double time) {
+void SceneBudget::tell(double time) {
   if (!has_untold_ || std::fabs(time - looked_at_) < 0.1) return;
   looked_at_ = time;
   if (std::fabs(time - events_since_) >= 1) {
@@ -90,31 +93,29 @@ void Bounding::tell(double time) {
   }
 }
 
-void Bounding::set_max_stiffness(double stiffness) {
-  max_stiffness_.store(stiffness);
-  const std::lock_guard lock(mutex_);
-  if (!evaluated_.servo()) return;
-  const double blend = evaluated_.servo_reader()->memory->spread.blend;
-  // What is set from now on begins within it; the rest comes with the next update.
-  evaluated_.objects.rows.set_bounds(bounds_alone(share_of(*evaluated_.views.views(), seen_.loop, stiffness, blend, 0)));
+void SceneBudget::take_max_stiffness() {
+  const double blend = reader_.memory->spread.blend;
+  // The objects that are there come with the next update.
+  evaluated_.objects.rows.set_bounds(
+      bounds_alone(scene_limit(*evaluated_.views.views(), seen_.limit, scene_->max_stiffness_, blend, 0)));
 }
 
-// Where the tool may be before the next shares are in use; empty: nobody knows. share.ahead: s, until then.
+// Where the tool may be before the next bounds are in use; empty: nobody knows. scene.ahead: s, until then.
 //
 // The hand is where the last tick saw it, goes on as fast as it does, and is quickened as much as a strong arm can, but is
 // never faster than the speed at which the servo stops the force. If it stands still, that is 4 cm.
-Box Bounding::reach_of_hand(const SceneShare& share, const LoopShare& loop, double time) {
+Box SceneBudget::reach_of_hand(const SceneLimit& scene, const DeviceLimit& limit, double time) {
   constexpr double hardest = 50;  // m/s2 of the device
   TickSample tick;
   const Views& views = *evaluated_.views.views();
   const View& view = views.now();
-  if (!(loop.speed < never) || count_of(views) != 1 || !evaluated_.servo_reader()->newest.read(tick) || !(tick.weight > 0) ||
+  if (!(limit.speed < never) || count_of(views) != 1 || !reader_.newest.read(tick) || !(tick.weight > 0) ||
       tick.view != view.version) {
     hand_time_ = never;
     been_.fill({});
     return {};
   }
-  const double scale = view.frame.scale, span = share.ahead + std::fmax(0, time - tick.time);
+  const double scale = view.frame.scale, span = scene.ahead + std::fmax(0, time - tick.time);
   speed_ = norm(tick.twist.linear);
   if (tick.time > hand_time_) speed_ = std::fmax(speed_, norm(tick.tool.position - hand_) / (tick.time - hand_time_));
   if (tick.time != hand_time_) hand_ = tick.tool.position;
@@ -125,15 +126,15 @@ Box Bounding::reach_of_hand(const SceneShare& share, const LoopShare& loop, doub
     been_since_ = tick.time;
   }
   been_[0].add(hand_);
-  const double fastest = std::fmax(speed_, std::fmin(speed_ + 0.5 * scale * hardest * span, scale * loop.speed));
+  const double fastest = std::fmax(speed_, std::fmin(speed_ + 0.5 * scale * hardest * span, scale * limit.speed));
   Box out;
   out.add(tick.tool.position);
-  return grown(out, fastest * span + share.arm);
+  return grown(out, fastest * span + scene.arm);
 }
 
-// Whether shares are to be worked out. reach: of the hand; within: for which they would be worked out.
-bool Bounding::is_due(const LoopShare& loop, double most, const Box& reach, const Box& within, double time, double rest) const {
-  if (seen_.sequence == 0 || !(loop == seen_.loop) || most != seen_.most) return true;
+// Whether bounds are to be worked out. reach: of the hand; within: for which they would be worked out.
+bool SceneBudget::is_due(const DeviceLimit& limit, double most, const Box& reach, const Box& within, double time, double rest) const {
+  if (seen_.sequence == 0 || !(limit == seen_.limit) || most != seen_.most) return true;
   if (reach.is_empty() != seen_.within.is_empty() || !is_within(reach, seen_.clear)) return true;
   if (std::fabs(time - seen_.time) < std::fmax(0.035, rest)) return false;  // what objects do can wait so long
   const bool is_far_less = !reach.is_empty() && size_of(seen_.within) > 2 * size_of(within);
@@ -143,88 +144,88 @@ bool Bounding::is_due(const LoopShare& loop, double most, const Box& reach, cons
   return evaluated_.sequence() != seen_.sequence || seen_.is_moving || is_far_less || has_left;
 }
 
-// What has faded out leaves its share, if it had one: an older version has none where the newest is felt.
-void Bounding::settle() {
+// What has faded out counts no more, if it did: an older version does not where the newest is felt.
+void SceneBudget::settle() {
   const bool is_seen = evaluated_.sequence() == seen_.sequence && !seen_.has_fading;
   const auto views = count_of(*evaluated_.views.views());
   evaluated_.settle(false);
   if (is_seen && views == count_of(*evaluated_.views.views())) seen_.sequence = evaluated_.sequence();
 }
 
-bool Bounding::update(const LoopShare& loop, double ahead, double rest) {
-  const double most = max_stiffness_.load();
+bool SceneBudget::update(const DeviceLimit& limit, double ahead, double rest) {
   KeptSnapshot kept(mutex_);
-  SceneShare share;
+  SceneLimit scene;
   double time;
   Ref<const Memory> memory;
   {
     const std::lock_guard lock(mutex_);
-    if (!evaluated_.servo()) return false;
+    if (!is_at_work()) return false;
     if (!evaluated_.is_held()) settle();
     time = evaluated_.clock.now();
-    memory = evaluated_.servo_reader()->memory;
+    memory = reader_.memory;
     const double blend = memory->spread.blend;
-    share = share_of(*evaluated_.views.views(), loop, most, blend, ahead + blend);
-    const Box reach = reach_of_hand(share, loop, time);
+    const double most = scene_->max_stiffness_;
+    scene = scene_limit(*evaluated_.views.views(), limit, most, blend, ahead + blend);
+    const Box reach = reach_of_hand(scene, limit, time);
     const double size = 0.5 * (reach.upper.x - reach.lower.x), slack = std::clamp(speed_ * rest, 0.5 * size, size);
     Box within;
     if (!reach.is_empty()) {
       within = grown(reach, slack);
-      // What the hand has left keeps its share for a while, so that a share which moves the hand does not come and go.
+      // What the hand has left counts for a while, so that a bound which moves the hand does not come and go.
       for (const Box& been : been_) {
-        if (!been.is_empty()) within.add(grown(been, share.arm));
+        if (!been.is_empty()) within.add(grown(been, scene.arm));
       }
     }
-    if (!is_due(loop, most, reach, within, time, rest)) {
+    if (!is_due(limit, most, reach, within, time, rest)) {
       tell(time);
       return false;
     }
     // A held scene with edits that are not posted yet is skipped; after its next post this is called again.
     kept.snapshot = evaluated_.is_held() ? evaluated_.newest() : evaluated_.post_newest();
     if (!kept.snapshot) return false;
-    if (!reach.is_empty()) share.within = within;
-    seen_ = {0, loop, most, time, false, false, false, within, {}};  // 0: until it is done
+    if (!reach.is_empty()) scene.within = within;
+    seen_ = {0, limit, most, time, false, false, false, within, {}};  // 0: until it is done
   }
-  share.ahead += 0.06;  // s: what moves is looked at anew less often
-  const Admission all = admit(*kept.snapshot, share, time, memory.get());
+  scene.ahead += 0.06;  // s: what moves is looked at anew less often
+  const SceneBounds all = bounds_of(*kept.snapshot, scene, time, memory.get());
   seen_.has_fading = all.has_fading;
   seen_.has_any = !all.objects.empty();
   if (!seen_.within.is_empty()) seen_.clear = grown(seen_.within, std::min(all.clear, 1e9));
 
   const std::lock_guard lock(mutex_);
-  if (!evaluated_.servo()) return true;
+  if (!is_at_work()) return true;
   // If edits came meanwhile, they are looked at later.
   const bool is_newest = evaluated_.newest() && evaluated_.sequence() == kept.snapshot->sequence;
-  enter(all, share);
+  enter(all, scene);
   seen_.sequence = is_newest ? evaluated_.sequence() : kept.snapshot->sequence;
   tell(time);
   return true;
 }
 
-// A little more than is wanted, so that the parts of other scenes change seldom.
-void Bounding::note_wanted(double wanted) noexcept {
+// A little more than is wanted, so that the limits of other scenes change seldom.
+void SceneBudget::note_wanted(double wanted) noexcept {
   const double before = wanted_.load(std::memory_order_relaxed);
   if (wanted > before || wanted < 0.7 * before) wanted_.store(1.1 * wanted, std::memory_order_relaxed);
 }
 
 // Has the servo evaluate these within their bounds.
-void Bounding::enter(const Admission& all, const SceneShare& share) {
+void SceneBudget::enter(const SceneBounds& all, const SceneLimit& limit) {
   evaluated_.prepare();
   Objects& objects = evaluated_.objects;
-  if (max_stiffness_.load() == seen_.most) objects.rows.set_bounds(bounds_alone(share));  // else they are set already
+  if (scene_->max_stiffness_ == seen_.most) objects.rows.set_bounds(bounds_alone(limit));  // else they are set already
   auto sharing = std::make_shared<Sharing>();
   bool has_changed = false, wants = false;
   try {
-    for (const Admitted& one : all.objects) {
+    for (const ObjectBounds& one : all.objects) {
       seen_.is_moving |= one.is_moving;
       wants |= one.object->steepest_slope > 0 || one.object->damping > 0;
       const Objects::Bound bound = objects.bound(one.row, *one.object, one.bounds);
       has_changed |= bound.has_changed;
-      if (bound.object && share.to_device > 0) note_slope(*bound.object, bound.slope, share.to_device);
+      if (bound.object && limit.to_device > 0) note_slope(*bound.object, bound.slope, limit.to_device);
       SharedWith with = one.shared_with;
       const bool takes_what_it_gets = one.object->is_solid() && one.object->contact.stiffness == 0;
       const bool is_less = takes_what_it_gets || (bound.object && bound.slope < bound.object->steepest_slope);
-      with.has_clients = is_less && seen_.loop.stiffness < seen_.loop.whole;
+      with.has_clients = is_less && seen_.limit.stiffness < seen_.limit.whole;
       if (with.count > 0 || with.has_clients) sharing->emplace(one.object->name, std::move(with));
     }
   } catch (...) {  // no memory

@@ -20,12 +20,12 @@ struct Loop {
 double critical_stiffness(const Loop& loop, double local_damping,
                           double most = std::numeric_limits<double>::infinity()) noexcept;
 
-struct LoopLimits {
+struct LoopLimit {
   double damping;         // N s/m, local: as wanted, or less where the loop cannot render that
   double object_damping;  // N s/m, what the damping of objects and contacts may add to it
   double max_stiffness;   // N/m, of all that is felt together
 };
-LoopLimits limits_of(const Loop& loop, double wanted_damping) noexcept;
+LoopLimit limit_of(const Loop& loop, double wanted_damping) noexcept;
 
 // The largest stiffness of a local model (driver.h), N/m, for a link with this delay (s) and this time from one model
 // to the next (s). damping: N s/m, of the device and of its controller.

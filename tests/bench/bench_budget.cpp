@@ -1,5 +1,5 @@
-// What the keeper of a servo costs, the thread that shares out the stiffness: its processor time while the hand moves beside
-// many objects that stand still. Prints a table; README.md has one. bench_keeper [SECONDS]
+// What the budget of a servo costs, the thread that bounds the objects: its processor time while the hand moves beside
+// many objects that stand still. Prints a table; README.md has one. bench_budget [SECONDS]
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
@@ -19,12 +19,12 @@ using namespace scenes;
 
 namespace {
 
-double keeper_time() {  // s of a processor
+double budget_time() {  // s of a processor
   for (const auto& task : std::filesystem::directory_iterator("/proc/self/task")) {
     std::string name;
     std::getline(std::ifstream(task.path() / "comm"), name);
     double nanoseconds = 0;
-    if (name == "fs-keeper" && std::ifstream(task.path() / "schedstat") >> nanoseconds) return 1e-9 * nanoseconds;
+    if (name == "fs-budget" && std::ifstream(task.path() / "schedstat") >> nanoseconds) return 1e-9 * nanoseconds;
   }
   return 0;
 }
@@ -32,7 +32,7 @@ double keeper_time() {  // s of a processor
 // Percent of a core. The hand goes round on a circle of `radius` m, 0.2 m/s fast; so many objects lie at least `away` m from
 // its middle.
 double cost(int count, double radius, double away, double seconds) {
-  FakeDevice fake("keeper");
+  FakeDevice fake("budget");
   fake.info.mass = 0.3;
   fake.info.workspace_radius = 1;
   fake.info.workspace_height = 2;
@@ -58,9 +58,9 @@ double cost(int count, double radius, double away, double seconds) {
   const Device device = fake.open(false);
   const Servo servo = start_servo(scene.get(), device.get(), fs_servo_options_init());
   std::this_thread::sleep_for(std::chrono::seconds(3));  // at first there is more to do
-  const double begin = keeper_time();
+  const double begin = budget_time();
   std::this_thread::sleep_for(std::chrono::duration<double>(seconds));
-  return 100 * (keeper_time() - begin) / seconds;
+  return 100 * (budget_time() - begin) / seconds;
 }
 
 }  // namespace
