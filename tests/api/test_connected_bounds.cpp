@@ -196,6 +196,22 @@ START_TEST(max_objects) {
   OK(fs_scene_cancel(me.get()));
   EXPECT(FS_ERROR_FULL, fs_object_set(me.get(), &e));
   EXPECT_NEAR(felt(), 30 + 3, 1e-12);
+  OK(fs_scene_clear(me.get()));
+  EXPECT_NEAR(felt(), 3, 1e-12);
+  for (int round = 0; round < 10; ++round) {  // the same places, again and again
+    const auto name = [round](int i) { return "o" + std::to_string((round + i) % 4); };
+    OK(fs_scene_begin(me.get()));
+    OK(fs_scene_clear(me.get()));
+    for (int i = 0; i < 3; ++i) set(me, push(name(i).c_str(), 10));
+    OK(fs_scene_commit(me.get()));
+    OK(fs_object_remove(me.get(), name(0).c_str()));
+    set(me, push(name(3).c_str(), 10));
+    EXPECT_NEAR(felt(), 30 + 3, 1e-12);
+  }
+  for (const fs_event& event : events_now(me.get())) ck_assert_int_ne(event.kind, FS_EVENT_REFUSED);
+  OK(fs_scene_clear(me.get()));
+  EXPECT_NEAR(felt(), 3, 1e-12);
+  for (const char* name : {"x", "y", "z"}) set(me, push(name, 10));
 
   const Folder folder;  // a file of too many adds none
   const std::string path = folder / "four.json";

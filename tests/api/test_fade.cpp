@@ -1,6 +1,4 @@
-// No step in force: when an object is added, removed or replaced, the force changes between two ticks by no more than
-// the fade allows. Poses and profiles act at once.
-#include <functional>
+// How long a fade takes, what is felt in the middle of it, and the clutch. test_no_step has all orders of calls.
 #include <vector>
 
 #include "api/support.h"
@@ -9,15 +7,11 @@ using namespace scenes;
 
 static constexpr double fade = 0.2, period = 0.001;  // s
 
-// A hand that holds still at (0.1, 0, 0), or moves slowly along y, in a scene felt through a virtual servo.
+// A hand that holds still at (0.1, 0, 0), unless a test moves it, in a scene felt through a virtual servo.
 struct FadeRig : Rig {
   std::vector<fs_wrench> log;
-  double speed;  // m/s
 
-  FadeRig(const char* name, double hand_speed) : Rig(name), speed(hand_speed) {
-    fake.state.pose = at(0.1, 0, 0);
-    fake.on_read = [this](FakeDevice& f, double) { f.state.pose.position.y += speed * period; };
-  }
+  explicit FadeRig(const char* name) : Rig(name) { fake.state.pose = at(0.1, 0, 0); }
   ~FadeRig() { fake.log = nullptr; }
   void begin(double with_fade = fade) {
     fs_servo_options options = virtual_options();
@@ -44,10 +38,10 @@ struct FadeRig : Rig {
   void remove(const char* name) { OK(fs_object_remove(scene.get(), name)); }
 };
 
-// A force of `force` N that does not depend on where the hand is: up, or along another axis of the scene.
-static fs_object steady(const char* name, double force = 2, fs_vec3 direction = {0, 0, 1}) {
+// A force of `force` N upwards that does not depend on where the hand is.
+static fs_object steady(const char* name, double force = 2) {
   fs_object o = fs_object_init(name, FS_PRIMITIVE_PLANE);
-  require(fs_pose_from_z(-100.0 * direction, direction, &o.pose), "fs_pose_from_z");
+  o.pose = at(0, 0, -100);
   o.front = constant(FS_SENSE_REPULSIVE, force);
   return o;
 }
@@ -70,14 +64,6 @@ static fs_object line(const Shape& shape) {  // a constant 2 N towards a line fa
   return o;
 }
 
-struct Cause {
-  const char* name;
-  double force;                      // N: the sum of all that fades, old and new; the allowed step is force*period/fade
-  double slope;                      // N/m at the hand, for one that moves
-  std::function<void(FadeRig&)> before, act;
-  fs_vec3 end;                       // N, once all is steady, the hand at (0.1, 0, 0)
-};
-
 static const Shape& low_line() {
   static const Shape shape = line_at(0);
   return shape;
@@ -87,180 +73,8 @@ static const Shape& high_line() {
   return shape;
 }
 
-static void disable(FadeRig& rig, fs_object o) {
-  o.enabled = false;
-  rig.set(o);
-}
-
-static void move_frame(FadeRig& rig, double x) {
-  fs_frame frame = fs_frame_init();
-  frame.pose.position.x = x;
-  OK(fs_scene_set_frame(rig.scene.get(), &frame));
-}
-
-static std::vector<Cause> causes() {
-  const double diagonal = std::sqrt(0.5);
-  const auto nothing = [](FadeRig&) {};
-  const auto one = [](FadeRig& rig) { rig.set(steady("a")); };
-  return {
-      {"add", 2, 0, nothing, [](FadeRig& rig) { rig.set(steady("a")); }, {0, 0, 2}},
-      {"remove", 2, 0, one, [](FadeRig& rig) { rig.remove("a"); }, {}},
-      {"remove and add at once", 2, 0, one, [](FadeRig& rig) { rig.remove("a"); rig.set(steady("a")); }, {0, 0, 2}},
-      {"add again while it fades", 2, 0, one,
-       [](FadeRig& rig) { rig.remove("a"); rig.step(80); rig.set(steady("a")); }, {0, 0, 2}},
-      {"remove while it fades in", 2, 0, nothing,
-       [](FadeRig& rig) { rig.set(steady("a")); rig.step(80); rig.remove("a"); }, {}},
-      {"disable", 2, 0, one, [](FadeRig& rig) { disable(rig, steady("a")); }, {}},
-      {"enable", 2, 0, [](FadeRig& rig) { disable(rig, steady("a")); }, [](FadeRig& rig) { rig.set(steady("a")); },
-       {0, 0, 2}},
-      {"disable and enable", 2, 0, one,
-       [](FadeRig& rig) { disable(rig, steady("a")); rig.step(50); rig.set(steady("a")); }, {0, 0, 2}},
-      {"enable and remove", 2, 0, [](FadeRig& rig) { disable(rig, steady("a")); },
-       [](FadeRig& rig) { rig.set(steady("a")); rig.step(50); rig.remove("a"); }, {}},
-      {"a new shape", 4, 0.5, [](FadeRig& rig) { rig.set(line(low_line())); },
-       [](FadeRig& rig) { rig.set(line(high_line())); }, {-2 * diagonal, 0, 2 * diagonal}},
-      {"a new primitive", 4, 0.5, [](FadeRig& rig) { rig.set(line(low_line())); },
-       [](FadeRig& rig) { rig.set(steady("a")); }, {0, 0, 2}},
-      {"a new shape, removed while it comes", 4, 0.5, [](FadeRig& rig) { rig.set(line(low_line())); },
-       [](FadeRig& rig) { rig.set(line(high_line())); rig.step(60); rig.remove("a"); }, {}},
-      {"a new shape, disabled while it comes", 4, 0.5, [](FadeRig& rig) { rig.set(line(low_line())); },
-       [](FadeRig& rig) { rig.set(line(high_line())); rig.step(60); disable(rig, line(high_line())); }, {}},
-      {"removed, then another shape of its name", 4, 0.5, [](FadeRig& rig) { rig.set(line(low_line())); },
-       [](FadeRig& rig) { rig.remove("a"); rig.step(60); rig.set(line(high_line())); },
-       {-2 * diagonal, 0, 2 * diagonal}},
-      {"another shape at once", 4, 0.5, [](FadeRig& rig) { rig.set(line(low_line())); },
-       [](FadeRig& rig) { rig.remove("a"); rig.set(line(high_line())); }, {-2 * diagonal, 0, 2 * diagonal}},
-      {"other points of the tool", 2, 0, one,
-       [](FadeRig& rig) { fs_object o = steady("a"); o.tool_points = 2; rig.set(o); }, {}},
-      {"a frame elsewhere", 3, 20, [](FadeRig& rig) { rig.set(spring("a")); },
-       [](FadeRig& rig) { move_frame(rig, 0.05); }, {-1, 0, 0}},
-      {"a turned frame", 4, 0, one,
-       [](FadeRig& rig) {
-         fs_frame frame = fs_frame_init();
-         frame.pose.orientation = turn({1, 0, 0}, -1.5707963267948966);
-         OK(fs_scene_set_frame(rig.scene.get(), &frame));
-       }, {0, 2, 0}},
-      {"another tool", 5, 20, [](FadeRig& rig) { rig.set(spring("a")); },
-       [](FadeRig& rig) { const fs_vec3 p{0.05, 0, 0}; OK(fs_scene_set_tool(rig.scene.get(), &p, 1)); }, {-3, 0, 0}},
-      {"clutch", 2.05, 0, [](FadeRig& rig) { rig.set(spring("a")); },
-       [](FadeRig& rig) { OK(fs_scene_set_clutch(rig.scene.get(), true)); }, {}},
-      {"clutch let go", 2, 20,
-       [](FadeRig& rig) { rig.set(spring("a")); },
-       [](FadeRig& rig) {
-         OK(fs_scene_set_clutch(rig.scene.get(), true));
-         rig.step(400);
-         rig.fake.state.pose.position.z += 0.05;  // the hand moves away, which does not change the force
-         rig.step(10);
-         OK(fs_scene_set_clutch(rig.scene.get(), false));
-       }, {-2, 0, 0}},
-      {"clutch let go while it fades", 4, 20, [](FadeRig& rig) { rig.set(spring("a")); },
-       [](FadeRig& rig) {
-         OK(fs_scene_set_clutch(rig.scene.get(), true));
-         rig.step(70);
-         OK(fs_scene_set_clutch(rig.scene.get(), false));
-       }, {-2, 0, 0}},
-      {"clutch while a frame comes", 3, 20, [](FadeRig& rig) { rig.set(spring("a")); },
-       [](FadeRig& rig) {
-         move_frame(rig, 0.05);
-         rig.step(60);
-         OK(fs_scene_set_clutch(rig.scene.get(), true));
-       }, {}},
-      {"expiry", 2, 0, nothing,
-       [](FadeRig& rig) { fs_object o = steady("a"); o.lifetime = 0.5; rig.set(o); rig.step(800); }, {}},
-      {"expiry and return", 2, 0, nothing,
-       [](FadeRig& rig) {
-         fs_object o = steady("a");
-         o.lifetime = 0.5;
-         rig.set(o);
-         rig.step(580);  // fading out since 80 ms
-         const fs_pose pose = o.pose;
-         const fs_twist still{};
-         OK(fs_object_move(rig.scene.get(), "a", &pose, &still, FS_NOW));
-         rig.step(800);  // gone
-         ck_assert_double_eq(norm(rig.sent()), 0);
-         OK(fs_object_move(rig.scene.get(), "a", &pose, &still, FS_NOW));
-         for (int k = 0; k < 5; ++k) {
-           rig.step(100);
-           OK(fs_object_move(rig.scene.get(), "a", &pose, &still, FS_NOW));
-         }
-         o.lifetime = 0;
-         rig.set(o);
-       }, {0, 0, 2}},
-      {"expiry before it is in", 2, 0, nothing,
-       [](FadeRig& rig) { fs_object o = steady("a"); o.lifetime = 0.1; rig.set(o); }, {}},
-      {"on the hand", 5, 0, nothing,
-       [](FadeRig& rig) {
-         fs_object o = fs_object_init("a", FS_PRIMITIVE_PLANE);
-         o.pose = at(0, 0, -0.0001);
-         o.front = fs_profile_init(FS_PROFILE_INVERSE, FS_SENSE_REPULSIVE, 1, 0, 5);
-         rig.set(o);
-       }, {0, 0, 5}},
-      {"clear of many", 4, 0,
-       [](FadeRig& rig) { for (const char* name : {"a", "b", "c", "d"}) rig.set(steady(name, 1)); },
-       [](FadeRig& rig) { OK(fs_scene_clear(rig.scene.get())); }, {}},
-      {"a group of many", 6, 0,
-       [](FadeRig& rig) { rig.set(steady("old")); },
-       [](FadeRig& rig) {
-         OK(fs_scene_begin(rig.scene.get()));
-         rig.remove("old");
-         rig.set(steady("a", 1));
-         rig.set(steady("b", 1, {0, 1, 0}));
-         rig.step(20);
-         rig.set(steady("c", 2, {0, 0, -1}));
-         OK(fs_scene_commit(rig.scene.get()));
-       }, {0, 1, -1}},
-      {"a scene replaced in a group", 4, 0, one,
-       [](FadeRig& rig) {
-         OK(fs_scene_begin(rig.scene.get()));
-         OK(fs_scene_clear(rig.scene.get()));
-         rig.set(steady("a"));
-         rig.set(steady("b", 2, {0, 1, 0}));
-         OK(fs_scene_commit(rig.scene.get()));
-       }, {0, 2, 2}},
-      {"a cancelled group", 2, 0, one,
-       [](FadeRig& rig) {
-         OK(fs_scene_begin(rig.scene.get()));
-         OK(fs_scene_clear(rig.scene.get()));
-         rig.step(10);
-         OK(fs_scene_cancel(rig.scene.get()));
-       }, {0, 0, 2}},
-      {"held up between set and tick", 2, 0, nothing,
-       [](FadeRig& rig) {
-         rig.set(steady("a"));
-         rig.step(30);
-         disable(rig, steady("a"));
-         rig.set(steady("a"));
-         rig.remove("a");
-         rig.set(steady("a"));
-       }, {0, 0, 2}},
-  };
-}
-
-static void no_step(double hand_speed) {
-  for (const Cause& cause : causes()) {
-    FadeRig rig("fade", hand_speed);
-    cause.before(rig);
-    rig.begin();
-    cause.act(rig);
-    rig.step(5 * static_cast<uint64_t>(fade / period));
-    const double allowed = cause.force * period / fade * (1 + 1e-6) + cause.slope * hand_speed * period * 1.01 + 1e-9;
-    ck_assert_msg(rig.largest_step() <= allowed, "%s: a step of %g N, %g are allowed", cause.name, rig.largest_step(),
-                  allowed);
-    ck_assert_msg(rig.log.size() > 500, "%s: %zu ticks", cause.name, rig.log.size());
-    if (hand_speed == 0) {
-      ck_assert_msg(norm(rig.sent() - cause.end) < 1e-9, "%s: ends at (%g, %g, %g)", cause.name, rig.sent().x,
-                    rig.sent().y, rig.sent().z);
-    }
-  }
-}
-
-START_TEST(no_step_for_a_still_hand) { no_step(0); }
-END_TEST
-START_TEST(no_step_for_a_moving_hand) { no_step(0.01); }
-END_TEST
-
 START_TEST(takes_as_long_as_it_should) {
-  FadeRig rig("long", 0);
+  FadeRig rig("long");
   rig.begin();
   rig.set(steady("a"));
   rig.step(100);
@@ -285,7 +99,7 @@ START_TEST(takes_as_long_as_it_should) {
 END_TEST
 
 START_TEST(cross_fades_meet_in_the_middle) {
-  FadeRig rig("cross", 0);
+  FadeRig rig("cross");
   rig.set(line(low_line()));
   rig.begin();
   EXPECT_VECTOR(rig.sent(), (fs_vec3{-2, 0, 0}), 1e-12);
@@ -310,7 +124,7 @@ START_TEST(cross_fades_meet_in_the_middle) {
 END_TEST
 
 START_TEST(fading_is_told) {
-  FadeRig rig("told", 0);
+  FadeRig rig("told");
   rig.begin();
   fs_response response;
   OK(fs_scene_get_hand(rig.scene.get(), nullptr, &response, nullptr));
@@ -326,7 +140,7 @@ START_TEST(fading_is_told) {
 END_TEST
 
 START_TEST(the_standard_is_a_second) {
-  FadeRig rig("standard", 0);
+  FadeRig rig("standard");
   rig.begin(0);
   rig.set(steady("a"));
   rig.step(500);
@@ -337,7 +151,7 @@ START_TEST(the_standard_is_a_second) {
 END_TEST
 
 START_TEST(no_fade_is_at_once) {
-  FadeRig rig("none", 0);
+  FadeRig rig("none");
   rig.begin(-1);
   ck_assert(stats_of(rig.scene.get()).protections_off & FS_OFF_FADE);
   rig.set(steady("a"));
@@ -353,7 +167,7 @@ START_TEST(no_fade_is_at_once) {
 END_TEST
 
 START_TEST(without_a_blend_poses_and_profiles_act_at_once) {
-  FadeRig rig("atonce", 0);
+  FadeRig rig("atonce");
   rig.set(spring("a"));
   rig.begin();
   EXPECT_VECTOR(rig.sent(), (fs_vec3{-2, 0, 0}), 1e-12);
@@ -373,7 +187,7 @@ END_TEST
 
 // The clutch: the hand moves, the tool stays.
 START_TEST(clutching) {
-  FadeRig rig("clutch", 0);
+  FadeRig rig("clutch");
   rig.set(spring("a"));
   rig.begin();
   auto hand = [&] {
@@ -425,7 +239,7 @@ START_TEST(clutching) {
 END_TEST
 
 START_TEST(what_fades_under_the_clutch_stays) {  // the force where it was held, wherever the hand goes
-  FadeRig rig("stays", 0);
+  FadeRig rig("stays");
   rig.set(spring("a"));
   rig.begin();
   OK(fs_scene_set_clutch(rig.scene.get(), true));
@@ -443,7 +257,7 @@ START_TEST(what_fades_under_the_clutch_stays) {  // the force where it was held,
 END_TEST
 
 START_TEST(clutching_in_a_scaled_frame) {
-  FadeRig rig("scaled", 0);
+  FadeRig rig("scaled");
   fs_frame frame = fs_frame_init();
   frame.pose = {{0.05, 0, 0}, turn({0, 0, 1}, 1.5707963267948966)};
   frame.scale = 10;
@@ -468,7 +282,7 @@ END_TEST
 
 // Many points on many solids, some of which fade, while one view goes over into another: each needs room for its contacts.
 START_TEST(views_share_the_room_for_contacts) {
-  FadeRig rig("room", 0);
+  FadeRig rig("room");
   rig.fake.state.pose = at(0, 0, -0.001);
   std::vector<fs_vec3> points;
   for (int k = 0; k < 32; ++k) points.push_back({0.001 * k, 0, 0});
@@ -497,7 +311,7 @@ END_TEST
 
 // Taken and let go while the hand moves: what damps it goes and comes over 20 ms, it does not vanish in a tick.
 START_TEST(clutching_in_motion_with_damping) {
-  FadeRig rig("motion", 0.03);
+  FadeRig rig("motion");
   fs_object o = steady("a");
   o.front.limit = 10;
   o.damping = 20;
@@ -558,10 +372,10 @@ END_TEST
 
 int main() {
   Suite* suite = suite_create("fade");
-  add_case(suite, "no step", {no_step_for_a_still_hand, no_step_for_a_moving_hand, views_share_the_room_for_contacts});
   add_case(suite, "fades", {takes_as_long_as_it_should, cross_fades_meet_in_the_middle, fading_is_told,
                             a_report_tells_the_weight_of_a_chain,
-                            the_standard_is_a_second, no_fade_is_at_once, without_a_blend_poses_and_profiles_act_at_once});
+                            the_standard_is_a_second, no_fade_is_at_once, without_a_blend_poses_and_profiles_act_at_once,
+                            views_share_the_room_for_contacts});
   add_case(suite, "clutch", {clutching, what_fades_under_the_clutch_stays, clutching_in_a_scaled_frame,
                             clutching_in_motion_with_damping});
   return run_suite(suite);

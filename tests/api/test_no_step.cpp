@@ -239,7 +239,7 @@ class Actor {
 
   void act_on(size_t i, uint64_t tick) {
     Name& name = names_[i];
-    switch (random_.below(8)) {
+    switch (random_.below(9)) {
       case 0: case 1: case 2:
         if (kinds_.versions) name.version = random_.below(versions);
         [[fallthrough]];
@@ -249,7 +249,11 @@ class Actor {
              fs_object_set(scene_, &o));
         break;
       }
-      case 4: case 5: {  // only parts that fit every version of the object
+      case 4:  // to where it is: what has expired lives again
+        if (kinds_.versions) break;  // a pose acts at once, also on the version that goes
+        done(("move " + name.name).c_str(), move(name));
+        break;
+      case 5: case 6: {  // only parts that fit every version of the object
         constexpr uint32_t all = FS_PART_POSE | FS_PART_PROFILES | FS_PART_CONTACT | FS_PART_SHAPE | FS_PART_OTHER;
         if (kinds_.versions && random_.coin()) name.version = random_.below(versions);
         const fs_object o = object(name);
@@ -260,6 +264,11 @@ class Actor {
       default: done(("remove " + name.name).c_str(), fs_object_remove(scene_, name.name.c_str())); break;
     }
     touch(i, tick);
+  }
+  fs_status move(const Name& name) {
+    const fs_object o = version_of(name, name.version);
+    const fs_twist still{};
+    return fs_object_move(scene_, o.name, &o.pose, &still, FS_NOW);
   }
   // The version to set: enabled or not, with a lifetime or without.
   fs_object object(const Name& name) {

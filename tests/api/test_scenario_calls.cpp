@@ -388,89 +388,6 @@ START_TEST(hand_stats_device) {
 }
 END_TEST
 
-// ------------------------------------------------------------------------------------------------------- no step
-
-// The largest step of the force from tick to tick while f adds, removes or changes objects of `force` N in all.
-static void expect_no_step(int variant, const char* what, double force, const std::function<void(World&)>& before,
-                           const std::function<void(World&)>& f, fs_vec3 end) {
-  std::vector<fs_wrench> log;
-  World w(variant);
-  w.fake.state.pose = at(0.1, 0, 0);
-  before(w);
-  w.settle();
-  log.push_back(w.fake.written);
-  w.fake.log = &log;
-  f(w);
-  w.settle();
-  w.step(100);
-  w.fake.log = nullptr;
-  EXPECT_VECTOR(w.fake.written.force, end, 1e-12);
-  double largest = 0;
-  for (size_t k = 1; k < log.size(); ++k) largest = std::fmax(largest, norm(log[k].force - log[k - 1].force));
-  const double allowed = force * 0.001 / world_fade * (1 + 1e-6);
-  ck_assert_msg(largest <= allowed, "%s: a step of %g N, at most %g", what, largest, allowed);
-}
-
-START_TEST(no_step_in_force) {
-  const fs_vec3 low[]{{-5, -5, 0}, {-5, 5, 0}}, high[]{{-5, -5, 5.1}, {-5, 5, 5.1}};
-  const Shape lines[]{make_polyline(low, 2, false), make_polyline(high, 2, false)};
-  const auto line = [&](int i) {
-    fs_object o = fs_object_init("a", FS_PRIMITIVE_POLYLINE);
-    o.front = constant(FS_SENSE_ATTRACTIVE, 2);
-    o.shape = lines[i].get();
-    return o;
-  };
-  const auto nothing = [](World&) {};
-  const auto one = [](World& w) { w.set(push("a")); };
-  const auto remove = [](World& w) { OK(fs_object_remove(w.scene, "a")); };
-  const auto some = [](World& w) {  // some ticks, whether or not the change is used
-    OK(w.sync(w.scene));
-    w.step(20);
-  };
-  const fs_vec3 up{0, 0, 2}, none{};
-  const double diagonal = std::sqrt(0.5);
-  expect_no_step(_i, "add", 2, nothing, one, up);
-  expect_no_step(_i, "remove", 2, one, remove, none);
-  expect_no_step(_i, "remove and add", 2, one, [&](World& w) { remove(w); one(w); }, up);
-  expect_no_step(_i, "remove, and add while it fades", 2, one, [&](World& w) { remove(w); some(w); one(w); }, up);
-  expect_no_step(_i, "clear, and add while it fades", 2, one,
-                 [&](World& w) { OK(fs_scene_clear(w.scene)); some(w); one(w); some(w); remove(w); }, none);
-  expect_no_step(_i, "disable and enable", 2, one, [&](World& w) {
-    fs_object o = push("a");
-    o.enabled = false;
-    w.set(o);
-    some(w);
-    one(w);
-  }, up);
-  expect_no_step(_i, "a new shape", 4, [&](World& w) { w.set(line(0)); }, [&](World& w) { w.set(line(1)); },
-                 2 * diagonal * fs_vec3{-1, 0, 1});
-  expect_no_step(_i, "a group", 5, one, [&](World& w) {
-    OK(fs_scene_begin(w.scene));
-    remove(w);
-    w.set(push("b", 3));
-    OK(fs_scene_commit(w.scene));
-  }, 1.5 * up);
-  expect_no_step(_i, "a frame", 4, one, [&](World& w) {
-    fs_frame frame = fs_frame_init();
-    frame.pose.orientation = turn({0, 1, 0}, 3.14159265358979323846);
-    OK(fs_scene_set_frame(w.scene, &frame));
-  }, -up);
-  expect_no_step(_i, "a clutch", 2, one, [&](World& w) {
-    OK(fs_scene_set_clutch(w.scene, true));
-    some(w);
-    w.fake.state.pose = at(0.2, 0, 0);
-    OK(fs_scene_set_clutch(w.scene, false));
-  }, up);
-  expect_no_step(_i, "an expiry", 2, nothing, [&](World& w) {
-    fs_object o = push("a");
-    o.lifetime = 2;
-    w.set(o);
-    OK(w.sync(w.scene));
-    w.step(2500);
-  }, none);
-}
-END_TEST
-
 START_TEST(the_simulator) {  // a hand of 300 N/m and a spring of 200 N/m come to rest
   World w(_i, world_options(), "sim:?hand=firm&hand_stiffness=300&friction=0&encoder=ideal");
   w.step(100);
@@ -551,6 +468,6 @@ int main() {
   add_on_both(suite, "events", {device_events, nothing_happens, ready_events, waiting_holds_up_nobody, overflow},
               OwnThreads::yes);
   add_on_both(suite, "sync", {sync_waits, hand_stats_device, a_running_servo}, OwnThreads::yes);
-  add_on_both(suite, "force", {no_step_in_force, the_simulator});
+  add_on_both(suite, "force", {the_simulator});
   return run_suite(suite);
 }

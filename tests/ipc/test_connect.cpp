@@ -73,20 +73,6 @@ START_TEST(endpoints) {
 }
 END_TEST
 
-START_TEST(a_server_that_comes_later) {
-  ServoRig rig;
-  const std::string endpoint = new_endpoint();
-  Server server;
-  std::thread starter([&] {
-    wait_a_little(0.1);
-    server = start_server(rig.servo.get(), endpoint, fs_server_options_init());
-  });
-  const fs_status status = try_connect(endpoint + "?timeout=30");
-  starter.join();
-  OK(status);
-}
-END_TEST
-
 START_TEST(a_name_is_free_again) {  // at once
   const ServerRig rig;
   for (int i = 0; i < 50; ++i) {
@@ -558,57 +544,6 @@ END_TEST
 
 // ------------------------------------------------------------------------------------------------ what it has to keep
 
-START_TEST(max_objects) {
-  fs_server_options options = fs_server_options_init();
-  options.max_objects = 3;
-  ServerRig rig(options);
-  const Scene me = rig.join("me");
-  for (const char* name : {"a", "b"}) set(me, spring(name));
-  fs_object c = spring("c"), d = spring("d"), e = spring("e");
-  OK(fs_scene_begin(me.get()));
-  set(me, c);
-  EXPECT_SENTENCE(FS_ERROR_FULL, fs_object_set(me.get(), &d), "3");
-  set(me, c);
-  OK(fs_object_remove(me.get(), "a"));  // makes room
-  set(me, d);
-  EXPECT(FS_ERROR_FULL, fs_object_set(me.get(), &e));
-  OK(fs_object_remove(me.get(), "c"));
-  set(me, e);
-  OK(fs_scene_cancel(me.get()));
-  ck_assert(has(me.get(), "a") && has(me.get(), "b") && !has(me.get(), "c"));
-  for (int round = 0; round < 20; ++round) {  // the same places, again and again
-    OK(fs_scene_begin(me.get()));
-    OK(fs_scene_clear(me.get()));
-    for (int i = 0; i < 3; ++i) set(me, spring(("o" + std::to_string((round + i) % 4)).c_str()));
-    OK(fs_scene_commit(me.get()));
-    OK(fs_object_remove(me.get(), ("o" + std::to_string(round % 4)).c_str()));
-    set(me, spring(("o" + std::to_string((round + 3) % 4)).c_str()));
-    rig.settle(me.get());
-    ck_assert_uint_eq(own_reports_of(me.get()).size(), 3);
-  }
-  EXPECT(FS_ERROR_FULL, fs_object_set(me.get(), &c));
-  fs_event event;
-  do {
-    OK(fs_scene_next_event(me.get(), 0, &event));
-    ck_assert_int_ne(event.kind, FS_EVENT_REFUSED);
-  } while (event.kind != FS_EVENT_NONE);
-  // A file that does not fit changes nothing.
-  const Folder folder;
-  const Scene large = make_scene();
-  for (int i = 0; i < 4; ++i) set(large, spring(("x" + std::to_string(i)).c_str()));
-  OK(fs_scene_save(large.get(), (folder / "four.json").c_str()));
-  EXPECT(FS_ERROR_FULL, fs_scene_load(me.get(), (folder / "four.json").c_str()));
-  ck_assert_uint_eq(own_reports_of(me.get()).size(), 3);
-  OK(fs_scene_clear(me.get()));
-  EXPECT(FS_ERROR_FULL, fs_scene_load(me.get(), (folder / "four.json").c_str()));
-  OK(fs_object_remove(large.get(), "x3"));
-  OK(fs_scene_save(large.get(), (folder / "three.json").c_str()));
-  OK(fs_scene_load(me.get(), (folder / "three.json").c_str()));
-  rig.settle(me.get());
-  ck_assert_uint_eq(own_reports_of(me.get()).size(), 3);
-}
-END_TEST
-
 START_TEST(a_group_that_is_too_long) {
   fs_server_options options = fs_server_options_init();
   options.max_objects = 1;
@@ -695,11 +630,11 @@ END_TEST
 int main(int argc, char** argv) {
   if (argc == 4 && std::string(argv[1]) == "--server") return serve(argv[2], std::atoi(argv[3]));
   Suite* suite = suite_create("connect");
-  add_once(suite, "connecting", {endpoints, a_server_that_comes_later, a_name_is_free_again, no_server_at_all,
+  add_once(suite, "connecting", {endpoints, a_name_is_free_again, no_server_at_all,
                                  no_descriptor_is_left});
   add_once(suite, "losing", {a_server_that_stops, an_end_that_is_waited_for, a_server_that_is_killed,
                              a_server_that_stalls, no_room, forks});
   add_once(suite, "waiting", {who_does_not_wait, who_waits_holds_no_lock, signals});
-  add_once(suite, "keeping", {max_objects, a_group_that_is_too_long, moves_wake_and_are_known_here, a_large_mesh});
+  add_once(suite, "keeping", {a_group_that_is_too_long, moves_wake_and_are_known_here, a_large_mesh});
   return run_suite(suite);
 }
