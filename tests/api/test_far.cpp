@@ -93,7 +93,7 @@ END_TEST
 int main() {
   Suite* suite = suite_create("far");
   TCase* walks = tcase_create("walks");
-  tcase_set_timeout(walks, 120);
+  tcase_set_timeout(walks, 500);
   tcase_add_loop_test(walks, it_makes_no_difference_where_one_comes_from, 0, 12);
   tcase_add_test(walks, the_field_is_what_a_tool_feels);
   suite_add_tcase(suite, walks);

@@ -604,7 +604,7 @@ int main() {
   add_case(suite, "server", {a_server_is_started});
   for (int k = 0; k < static_cast<int>(calls().size()); ++k) {
     TCase* test_case = tcase_create(calls()[static_cast<size_t>(k)].name);
-    tcase_set_timeout(test_case, 120);
+    tcase_set_timeout(test_case, 500);
     tcase_add_loop_test(test_case, each_allocation_fails_once, k, k + 1);
     suite_add_tcase(suite, test_case);
   }

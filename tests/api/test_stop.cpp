@@ -594,7 +594,7 @@ int main() {
   // number is limited.
   add_case(suite, "statics", {exit_before_statics_are_gone});
   TCase* loops = tcase_create("amid a tick");
-  tcase_set_timeout(loops, 120);
+  tcase_set_timeout(loops, 500);
   tcase_add_loop_test(loops, stop_amid_a_tick, 0, std::size(ticks));
   tcase_add_loop_test(loops, exit_amid_a_tick, 0, std::size(ticks));
   suite_add_tcase(suite, loops);

@@ -168,7 +168,7 @@ END_TEST
 int main() {
   Suite* suite = suite_create("delta");
   TCase* all = tcase_create("delta");
-  tcase_set_timeout(all, 60);
+  tcase_set_timeout(all, 500);
   tcase_add_test(all, round_trip_over_the_volume);
   tcase_add_test(all, lengths_of_the_legs_hold);
   tcase_add_test(all, platform_is_on_the_side_away_from_the_base);

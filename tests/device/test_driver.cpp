@@ -441,7 +441,7 @@ END_TEST
 int main() {
   Suite* suite = suite_create("driver");
   TCase* all = tcase_create("driver");
-  tcase_set_timeout(all, 60);
+  tcase_set_timeout(all, 500);
   tcase_add_checked_fixture(all, setup, nullptr);
   tcase_add_test(all, uri_parts);
   tcase_add_test(all, uri_values);

@@ -6,6 +6,7 @@
 
 #include <forceserver/forceserver.h>
 
+#include "scenes/random.h"
 #include "support.h"
 
 using namespace fs;
@@ -217,9 +218,11 @@ constexpr std::pair<Fill, const char*> tasks[]{
 
 // With as much stiffness as the servo allows.
 START_TEST(what_is_allowed_stands) {
+  int number = 0;
   for (const char* way : {"model", "force"}) {
     for (const Link& link : links) {
       for (const auto& [fill, hand] : tasks) {
+        if (number++ % scenes::times(3, 1) != 0) continue;
         const Outcome outcome = run(uri_of(way, link.ms, link.hz, hand), fill, 0);
         ck_assert_msg(outcome.swing < 5e-5, "%s, %g ms, %g Hz, %s: %g N/m swings by %g m", way, link.ms, link.hz, hand,
                       outcome.stats.max_stiffness, outcome.swing);

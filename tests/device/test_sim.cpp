@@ -325,7 +325,7 @@ END_TEST
 int main() {
   Suite* suite = suite_create("sim");
   TCase* all = tcase_create("sim");
-  tcase_set_timeout(all, 60);
+  tcase_set_timeout(all, 500);
   tcase_add_test(all, info_of_the_simulator);
   tcase_add_test(all, list_of_the_simulator);
   tcase_add_test(all, bad_options_each_with_its_sentence);

@@ -132,7 +132,7 @@ END_TEST
 int main() {
   Suite* suite = suite_create("sim_loop");
   TCase* all = tcase_create("sim_loop");
-  tcase_set_timeout(all, 60);
+  tcase_set_timeout(all, 500);
   tcase_add_test(all, critical_stiffness);
   tcase_add_test(all, friction_threshold);
   tcase_add_test(all, critical_delay);

@@ -266,7 +266,7 @@ END_TEST
 int main() {
   Suite* suite = suite_create("sim_plant");
   TCase* all = tcase_create("sim_plant");
-  tcase_set_timeout(all, 60);
+  tcase_set_timeout(all, 500);
   tcase_add_test(all, free_response_is_the_closed_form);
   tcase_add_test(all, friction_takes_its_share_and_holds);
   tcase_add_test(all, stops_hold_the_handle_within_the_kinematics);

@@ -48,10 +48,10 @@ int main(int argc, char** argv) {
   if (runs("limits")) run_limits(report);
   if (runs("ways")) run_ways(report, folder);
   if (runs("failures")) run_failures(report, folder);
-  if (runs("random")) run_random(report, count ? count : is_all ? 500 : 60, seed);
+  if (runs("random")) run_random(report, count ? count : is_all ? 500 : 20, seed);
   if (runs("random")) run_known(report);
-  if (runs("sweep")) run_sweep(report, count ? count : is_all ? 600 : 40, seed);
-  if (runs("links")) run_links(report, count ? count : is_all ? 600 : 40, seed);
+  if (runs("sweep")) run_sweep(report, count ? count : is_all ? 600 : 16, seed);
+  if (runs("links")) run_links(report, count ? count : is_all ? 600 : 16, seed);
   if (parts.count("caps")) print_caps(report);
   if (parts.count("explain")) explain(report, seed, hand);
   if (parts.count("maps") && !folder.empty()) write_maps(folder);

@@ -157,7 +157,7 @@ inline void ck_assert_says(const std::string& text, const std::string& part) {
 inline int run(const char* name, std::initializer_list<const TTest*> tests) {
   Suite* const suite = suite_create(name);
   TCase* const group = tcase_create(name);
-  tcase_set_timeout(group, 120);
+  tcase_set_timeout(group, 500);
   for (const TTest* test : tests) tcase_add_test(group, test);
   suite_add_tcase(suite, group);
   SRunner* const runner = srunner_create(suite);

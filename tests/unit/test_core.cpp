@@ -640,7 +640,7 @@ END_TEST
 
 int main() {
   TCase* test_case = tcase_create("core");
-  tcase_set_timeout(test_case, 60);
+  tcase_set_timeout(test_case, 500);
   for (const TTest* test : {mailbox_and_seqlock_are_never_torn, mailbox_takes_back}) tcase_add_test(test_case, test);
   for (const TTest* test :
        {sentences_are_whole, texts_are_cut_between_characters, table_copies_do_not_change, weights_have_no_step,

@@ -415,7 +415,7 @@ END_TEST
 int main() {
   Suite* suite = suite_create("law");
   TCase* cases = tcase_create("law");
-  tcase_set_timeout(cases, 120);
+  tcase_set_timeout(cases, 500);
   tcase_add_test(cases, is_the_infimal_convolution);
   tcase_add_test(cases, never_above_and_never_steeper);
   tcase_add_test(cases, slopes_match_differences);

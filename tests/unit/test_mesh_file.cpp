@@ -617,7 +617,7 @@ int main()
 {
   Suite* suite = suite_create("mesh_file");
   TCase* tests = tcase_create("mesh_file");
-  tcase_set_timeout(tests, 60);
+  tcase_set_timeout(tests, 500);
   tcase_add_test(tests, doubles_and_all_triangles_are_kept);
   tcase_add_test(tests, binary_stl_is_known_by_its_size);
   tcase_add_test(tests, stl_corners_are_welded_only_where_equal);

@@ -678,7 +678,7 @@ int main(int count, char** arguments)
   }
   Suite* suite = suite_create("scene_file");
   TCase* tests = tcase_create("scene_file");
-  tcase_set_timeout(tests, 60);
+  tcase_set_timeout(tests, 500);
   tcase_add_test(tests, random_scenes_come_back_bit_for_bit);
   tcase_add_test(tests, every_number_field_comes_back_bit_for_bit);
   tcase_add_test(tests, defaults_are_left_out);
