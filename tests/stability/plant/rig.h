@@ -1,15 +1,11 @@
-// A scene, a servo in virtual time and a plant: what runs is the whole library, through its C interface and its driver
-// table. The device is "plant:N", where N is the plant's number.
+// A scene, a servo in virtual time and a plant behind a fake device: what runs is the whole library, through its C interface
+// and its driver table.
 #pragma once
-
-#include <functional>
-#include <memory>
-#include <string>
 
 #include <forceserver/forceserver.h>
 
 #include "plant/plant.h"
-#include "scenes/handles.h"
+#include "scenes/fake_device.h"
 
 namespace stability {
 
@@ -21,7 +17,6 @@ fs_servo_options default_options();
 class Rig {
  public:
   Rig(const DeviceModel& device, const HandModel& hand);
-  ~Rig();
   Rig(const Rig&) = delete;
   Rig& operator=(const Rig&) = delete;
 
@@ -49,10 +44,11 @@ class Rig {
 
  private:
   void step();
+  void read(fs_state& out, double time);
 
-  double period_;
-  int number_;
+  double period_, last_time_ = -1;  // s
   uint64_t ticks_ = 0;
+  scenes::FakeDevice fake_;
   scenes::Device device_;
   scenes::Servo servo_;
 };
