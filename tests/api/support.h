@@ -34,10 +34,21 @@ class Patience {
   std::chrono::steady_clock::time_point start_;
 };
 
+// A call that needs an answer waits 1 s for it, which may be too short where the machine is busy with other things: then it is
+// made again.
+template <class Call>
+fs_status patiently(Call&& call) {
+  Patience patience;
+  fs_status status;
+  do status = call();
+  while (status == FS_ERROR_TIMEOUT && patience.lasts());
+  return status;
+}
+#define PATIENTLY(call) scenes::patiently([&] { return call; })
+
 }  // namespace scenes
 
-// The call gives this status, or the test fails with both and the library's sentence. A call that needs an answer waits 1 s
-// for it, which may be too short where the machine is busy with other things: then it is made again.
+// The call, made patiently, gives this status, or the test fails with both and the library's sentence.
 #define EXPECT(status, call)                                                                                        \
   do {                                                                                                              \
     fs_status got_;                                                                                                 \

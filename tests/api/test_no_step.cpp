@@ -215,7 +215,7 @@ class Actor {
     } else if (choice < 19) {
       if (kinds_.groups) group(tick);
     } else {
-      done("clear", fs_scene_clear(scene_));
+      done("clear", PATIENTLY(fs_scene_clear(scene_)));
       for (size_t i = 0; i < names_.size(); ++i) touch(i, tick);
     }
   }
@@ -226,9 +226,9 @@ class Actor {
     if (!kinds_.views) return;
     const fs_frame frame = fs_frame_init();
     const fs_vec3 point{};
-    done("let go", fs_scene_set_clutch(scene_, false));
-    done("frame 0", fs_scene_set_frame(scene_, &frame));
-    done("tool 0", fs_scene_set_tool(scene_, &point, 1));
+    done("let go", PATIENTLY(fs_scene_set_clutch(scene_, false)));
+    done("frame 0", PATIENTLY(fs_scene_set_frame(scene_, &frame)));
+    done("tool 0", PATIENTLY(fs_scene_set_tool(scene_, &point, 1)));
     touch_view(tick);
   }
 
@@ -246,7 +246,7 @@ class Actor {
       case 3: {
         const fs_object o = object(name);
         done(("set " + name.name + std::to_string(name.version) + (o.enabled ? "" : "-off")).c_str(),
-             fs_object_set(scene_, &o));
+             PATIENTLY(fs_object_set(scene_, &o)));
         break;
       }
       case 4:  // to where it is: what has expired lives again
@@ -258,10 +258,10 @@ class Actor {
         if (kinds_.versions && random_.coin()) name.version = random_.below(versions);
         const fs_object o = object(name);
         done(("change " + name.name + std::to_string(name.version) + (o.enabled ? "" : "-off")).c_str(),
-             fs_object_change(scene_, &o, kinds_.versions ? all : uint32_t{FS_PART_OTHER}));
+             PATIENTLY(fs_object_change(scene_, &o, kinds_.versions ? all : uint32_t{FS_PART_OTHER})));
         break;
       }
-      default: done(("remove " + name.name).c_str(), fs_object_remove(scene_, name.name.c_str())); break;
+      default: done(("remove " + name.name).c_str(), PATIENTLY(fs_object_remove(scene_, name.name.c_str()))); break;
     }
     touch(i, tick);
   }
@@ -290,7 +290,7 @@ class Actor {
           frame.scale = 2;
           frame.force_scale = 0.5;  // so that a slope stays what it is
         }
-        done(("frame " + std::to_string(which)).c_str(), fs_scene_set_frame(scene_, &frame));
+        done(("frame " + std::to_string(which)).c_str(), PATIENTLY(fs_scene_set_frame(scene_, &frame)));
         break;
       }
       case 1: {
@@ -301,26 +301,26 @@ class Actor {
                         : which == 1 ? fs_scene_set_tool(scene_, points, 2) : fs_scene_set_tool(scene_, points + 2, 1));
         break;
       }
-      case 2: done("hold", fs_scene_set_clutch(scene_, true)); break;
-      default: done("let go", fs_scene_set_clutch(scene_, false)); break;
+      case 2: done("hold", PATIENTLY(fs_scene_set_clutch(scene_, true))); break;
+      default: done("let go", PATIENTLY(fs_scene_set_clutch(scene_, false))); break;
     }
     touch_view(tick);
   }
 
   void group(uint64_t tick) {
     if (!has_group_) {
-      has_group_ = done("begin", fs_scene_begin(scene_)) == FS_OK;
+      has_group_ = done("begin", PATIENTLY(fs_scene_begin(scene_))) == FS_OK;
     } else if (random_.coin(0.7)) {
       commit(tick);
     } else {  // nothing of it was or is felt
-      done("cancel", fs_scene_cancel(scene_));
+      done("cancel", PATIENTLY(fs_scene_cancel(scene_)));
       has_group_ = false;
       in_group_.assign(names_.size(), false);
       view_in_group_ = false;
     }
   }
   void commit(uint64_t tick) {
-    done("commit", fs_scene_commit(scene_));
+    done("commit", PATIENTLY(fs_scene_commit(scene_)));
     has_group_ = false;
     for (size_t i = 0; i < names_.size(); ++i) {
       if (in_group_[i]) touch(i, tick);

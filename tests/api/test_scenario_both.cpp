@@ -121,10 +121,10 @@ static Trace random_script(int variant, uint64_t seed) {
         case 0:
         case 1:
         case 2:
-        case 3: trace.say(std::string("set ") + o.name, fs_object_set(w.scene, &o)); break;
+        case 3: trace.say(std::string("set ") + o.name, PATIENTLY(fs_object_set(w.scene, &o))); break;
         case 4: {
           const auto parts = static_cast<uint32_t>(random.below(32));
-          trace.say("change " + std::to_string(parts) + " of " + o.name, fs_object_change(w.scene, &o, parts));
+          trace.say("change " + std::to_string(parts) + " of " + o.name, PATIENTLY(fs_object_change(w.scene, &o, parts)));
           break;
         }
         case 5:
@@ -133,33 +133,34 @@ static Trace random_script(int variant, uint64_t seed) {
           const fs_twist twist{random.in_box(0.1), random.in_box(1)};
           const bool is_given = random.coin();
           trace.say(std::string(is_given ? "move " : "follow ") + o.name,
-                    fs_object_move(w.scene, o.name, &pose, is_given ? &twist : nullptr, time));
+                    PATIENTLY(fs_object_move(w.scene, o.name, &pose, is_given ? &twist : nullptr, time)));
           break;
         }
-        case 7: trace.say(std::string("remove ") + o.name, fs_object_remove(w.scene, o.name)); break;
+        case 7: trace.say(std::string("remove ") + o.name, PATIENTLY(fs_object_remove(w.scene, o.name))); break;
         case 8: {
           const fs_frame frame{random.pose(0.03), random.between(0.5, 2), random.between(0, 2)};
-          trace.say("frame", fs_scene_set_frame(w.scene, &frame));
+          trace.say("frame", PATIENTLY(fs_scene_set_frame(w.scene, &frame)));
           break;
         }
         case 9: {
           const fs_vec3 points[]{random.in_box(0.02), random.in_box(0.02), random.in_box(0.02)};
-          trace.say("tool", fs_scene_set_tool(w.scene, points, 1 + random.below(3)));
+          const uint64_t used = 1 + random.below(3);
+          trace.say("tool", PATIENTLY(fs_scene_set_tool(w.scene, points, used)));
           break;
         }
         case 10:
-          trace.say("begin", fs_scene_begin(w.scene));
+          trace.say("begin", PATIENTLY(fs_scene_begin(w.scene)));
           is_group = true;
           break;
         case 11:
-          trace.say("commit", random.coin(0.8) ? fs_scene_commit(w.scene) : fs_scene_cancel(w.scene));
+          trace.say("commit", random.coin(0.8) ? PATIENTLY(fs_scene_commit(w.scene)) : PATIENTLY(fs_scene_cancel(w.scene)));
           is_group = false;
           break;
         default:
-          if (random.coin(0.1)) trace.say("clear", fs_scene_clear(w.scene));
+          if (random.coin(0.1)) trace.say("clear", PATIENTLY(fs_scene_clear(w.scene)));
       }
     }
-    if (is_group && round % 3) trace.say("commit", fs_scene_commit(w.scene));
+    if (is_group && round % 3) trace.say("commit", PATIENTLY(fs_scene_commit(w.scene)));
     if (round % 3) is_group = false;
     w.fake.state.twist = {};
     w.fake.state.pose = random.pose(0.1);

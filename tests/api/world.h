@@ -171,10 +171,7 @@ struct Got {
 };
 inline bool has(fs_scene* scene, const char* name) {
   fs_object out = fs_object_init("", FS_PRIMITIVE_POINT);
-  Patience patience;
-  fs_status status;
-  do status = fs_object_get(scene, name, &out);
-  while (status == FS_ERROR_TIMEOUT && patience.lasts());
+  const fs_status status = PATIENTLY(fs_object_get(scene, name, &out));
   fs_object_release(&out);
   ck_assert(status == FS_OK || status == FS_ERROR_NOT_FOUND);
   return status == FS_OK;

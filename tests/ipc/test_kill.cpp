@@ -30,8 +30,8 @@ class Honest {
   explicit Honest(const std::string& endpoint) : scene_(connect(endpoint, "honest")) {
     set_prey();
     turn();
-    expect(fs_object_set(scene_.get(), &push_), "set");
-    expect(fs_scene_sync(scene_.get(), long_enough), "sync");
+    expect(PATIENTLY(fs_object_set(scene_.get(), &push_)), "set");
+    expect(PATIENTLY(fs_scene_sync(scene_.get(), long_enough)), "sync");
     eventually([this] { return is_felt(); });
     complaint_.clear();
   }
@@ -66,12 +66,12 @@ class Honest {
   // An object that the victims may change; it is not felt.
   void set_prey() {
     fs_object prey = fs_object_init("prey", FS_PRIMITIVE_PLANE);
-    expect(fs_object_set(scene_.get(), &prey), "set");
+    expect(PATIENTLY(fs_object_set(scene_.get(), &prey)), "set");
   }
 
   bool is_felt() {
     fs_response response;
-    expect(fs_scene_get_hand(scene_.get(), nullptr, &response, nullptr), "hand");
+    expect(PATIENTLY(fs_scene_get_hand(scene_.get(), nullptr, &response, nullptr)), "hand");
     const fs_vec3 force = response.wrench.force;
     const bool is_there = norm(force - wanted_) < 1e-9;
     expect(is_there || norm(force - before_) < 1e-9, "its force is another: " + std::to_string(norm(force)) + " N");
@@ -83,15 +83,15 @@ class Honest {
     const fs_twist still{};
     for (; !is_over_ && complaint().empty(); ++turns_) {
       turn();
-      expect(fs_object_move(scene_.get(), "push", &push_.pose, &still, FS_NOW), "move");
+      expect(PATIENTLY(fs_object_move(scene_.get(), "push", &push_.pose, &still, FS_NOW)), "move");
       expect(eventually([this] { return is_felt(); }), "its move is not felt");
       if (turns_ % 16) continue;
       set_prey();
-      expect(fs_scene_sync(scene_.get(), long_enough), "sync");
+      expect(PATIENTLY(fs_scene_sync(scene_.get(), long_enough)), "sync");
       size_t count = 0;
-      expect(fs_scene_get_clients(scene_.get(), nullptr, 0, &count), "clients");
-      expect(fs_scene_get_reports(scene_.get(), nullptr, 0, &count), "reports");
-      expect(fs_scene_get_motions(scene_.get(), nullptr, nullptr, 0, &count), "motions");
+      expect(PATIENTLY(fs_scene_get_clients(scene_.get(), nullptr, 0, &count)), "clients");
+      expect(PATIENTLY(fs_scene_get_reports(scene_.get(), nullptr, 0, &count)), "reports");
+      expect(PATIENTLY(fs_scene_get_motions(scene_.get(), nullptr, nullptr, 0, &count)), "motions");
       for (fs_event event{}; fs_scene_next_event(scene_.get(), 0, &event) == FS_OK && event.kind != FS_EVENT_NONE;) {
         expect(event.kind == FS_EVENT_EDITED || event.kind == FS_EVENT_READY || event.kind == FS_EVENT_DEVICE ||
                    event.kind == FS_EVENT_OVERFLOW,

@@ -412,7 +412,7 @@ static void come_back(const std::string& endpoint, int number, std::atomic<uint6
         case 3: last = fs_scene_next_event(scene, 0.001, &event); break;
         default: last = fs_scene_get_hand(scene, nullptr, nullptr, nullptr); break;
       }
-      check(is_one_of(last, {FS_OK, FS_ERROR_DISCONNECTED, FS_ERROR_NOT_FOUND}), "a call");
+      check(is_one_of(last, {FS_OK, FS_ERROR_DISCONNECTED, FS_ERROR_NOT_FOUND, FS_ERROR_TIMEOUT}), "a call");
     }
   }
 }

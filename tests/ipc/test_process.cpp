@@ -32,13 +32,13 @@ static void expect(fs_status wanted, fs_status status, const std::string& what) 
 }
 static fs_scene* join(const char* endpoint, const char* name) {
   fs_scene* scene = nullptr;
-  expect(FS_OK, fs_scene_connect(endpoint, name, &scene), "fs_scene_connect");
+  expect(FS_OK, PATIENTLY(fs_scene_connect(endpoint, name, &scene)), "fs_scene_connect");
   return scene;
 }
 static void set_push(fs_scene* scene, double force, fs_vec3 direction = {1, 0, 0}) {
   const fs_object o = push("push", force, direction);
-  expect(FS_OK, fs_object_set(scene, &o), "fs_object_set");
-  expect(FS_OK, fs_scene_sync(scene, long_enough), "fs_scene_sync");
+  expect(FS_OK, PATIENTLY(fs_object_set(scene, &o)), "fs_object_set");
+  expect(FS_OK, PATIENTLY(fs_scene_sync(scene, long_enough)), "fs_scene_sync");
 }
 
 static fs_scene* kept = nullptr;  // for what ends without giving it back
@@ -55,7 +55,7 @@ static void be_a_client(char** words) {
       fs_scene_destroy(kept);
       kept = nullptr;
     } else if (line == "sync") {
-      expect(FS_OK, fs_scene_sync(kept, long_enough), "fs_scene_sync");
+      expect(FS_OK, PATIENTLY(fs_scene_sync(kept, long_enough)), "fs_scene_sync");
     }
     tell("done: " + line);
   }
@@ -79,13 +79,13 @@ static void be_a_server(char** words) {
 static void fork_while_connected(char** words) {
   fs_scene* scene = join(words[0], words[1]);
   const fs_object mine = spring("mine");
-  expect(FS_OK, fs_object_set(scene, &mine), "fs_object_set");
+  expect(FS_OK, PATIENTLY(fs_object_set(scene, &mine)), "fs_object_set");
   set_push(scene, 1);
   fs_tool* tool = nullptr;
   expect(FS_OK, fs_tool_create(scene, nullptr, 0, &tool), "fs_tool_create");
-  expect(FS_OK, fs_scene_save(scene, words[2]), "fs_scene_save");
+  expect(FS_OK, PATIENTLY(fs_scene_save(scene, words[2])), "fs_scene_save");
   for (int round = 0; round < 3; ++round) {
-    if (round == 2) expect(FS_OK, fs_scene_begin(scene), "fs_scene_begin");  // and a group is open
+    if (round == 2) expect(FS_OK, PATIENTLY(fs_scene_begin(scene)), "fs_scene_begin");  // and a group is open
     const pid_t child = fork();
     if (child == 0) {
       for (const Call& call : all_calls(words[2])) expect(call.when_lost, call.run(scene), call.name);
@@ -105,7 +105,7 @@ static void fork_while_connected(char** words) {
     }
     int status = 0;
     expect(waitpid(child, &status, 0) == child && status == 0, "the child");
-    if (round == 2) expect(FS_OK, fs_scene_cancel(scene), "fs_scene_cancel");
+    if (round == 2) expect(FS_OK, PATIENTLY(fs_scene_cancel(scene)), "fs_scene_cancel");
     for (const Call& call : all_calls(words[2])) {
       const std::string name = call.name;
       for (const char* still : {"fs_object_move", "fs_object_set", "fs_object_get", "fs_scene_get_hand",
@@ -113,7 +113,7 @@ static void fork_while_connected(char** words) {
         if (name == still) expect(FS_OK, call.run(scene), name);
       }
     }
-    expect(FS_OK, fs_scene_sync(scene, long_enough), "fs_scene_sync");
+    expect(FS_OK, PATIENTLY(fs_scene_sync(scene, long_enough)), "fs_scene_sync");
     tell("goes on");
   }
   fs_tool_destroy(tool);
@@ -243,15 +243,15 @@ static void run_out_of_descriptors(char** words) {
     expect(FS_ERROR_NOT_FOUND, fs_object_get(scene, "mesh", &got), "fs_object_get");
     o.primitive = FS_PRIMITIVE_POINT;  // what needs no descriptor is done
     o.shape = nullptr;
-    expect(FS_OK, fs_object_set(scene, &o), "fs_object_set");
-    expect(FS_OK, fs_scene_sync(scene, long_enough), "fs_scene_sync");
+    expect(FS_OK, PATIENTLY(fs_object_set(scene, &o)), "fs_object_set");
+    expect(FS_OK, PATIENTLY(fs_scene_sync(scene, long_enough)), "fs_scene_sync");
     set_limit(before.rlim_cur);
     expect(used() == connected, "descriptors are lost");
     o.primitive = FS_PRIMITIVE_MESH;
     o.shape = mesh.get();
-    expect(FS_OK, fs_object_set(scene, &o), "fs_object_set");
-    expect(FS_OK, fs_scene_sync(scene, long_enough), "fs_scene_sync");
-    expect(FS_OK, fs_scene_get_reports(scene, nullptr, 0, &count), "fs_scene_get_reports");
+    expect(FS_OK, PATIENTLY(fs_object_set(scene, &o)), "fs_object_set");
+    expect(FS_OK, PATIENTLY(fs_scene_sync(scene, long_enough)), "fs_scene_sync");
+    expect(FS_OK, PATIENTLY(fs_scene_get_reports(scene, nullptr, 0, &count)), "fs_scene_get_reports");
     expect(used() == connected, "descriptors are lost");
     fs_scene_destroy(scene);
     expect(used() == at_first, "descriptors are lost");
@@ -272,14 +272,14 @@ static void be_a_crowd(char** words) {
   for (int i = 0; i < object_count; ++i) names.push_back("object " + std::to_string(i));
   for (int s = 0; s < scene_count; ++s) {
     scenes.push_back(join(words[0], (std::string(words[1]) + "." + std::to_string(s)).c_str()));
-    expect(FS_OK, fs_scene_begin(scenes[s]), "fs_scene_begin");
+    expect(FS_OK, PATIENTLY(fs_scene_begin(scenes[s])), "fs_scene_begin");
     for (int i = 0; i < object_count; ++i) {
       fs_object o = spring(names[i].c_str(), place_in_crowd(s, i, 0).position);
       o.front.reach = 0.01;
-      expect(FS_OK, fs_object_set(scenes[s], &o), "fs_object_set");
+      expect(FS_OK, PATIENTLY(fs_object_set(scenes[s], &o)), "fs_object_set");
     }
-    expect(FS_OK, fs_scene_commit(scenes[s]), "fs_scene_commit");
-    expect(FS_OK, fs_scene_sync(scenes[s], long_enough), "fs_scene_sync");
+    expect(FS_OK, PATIENTLY(fs_scene_commit(scenes[s])), "fs_scene_commit");
+    expect(FS_OK, PATIENTLY(fs_scene_sync(scenes[s], long_enough)), "fs_scene_sync");
   }
   tell("ready");
   std::string line;
@@ -290,7 +290,7 @@ static void be_a_crowd(char** words) {
     for (int s = 0; s < scene_count; ++s) {
       for (int i = 0; i < object_count; ++i) {
         const fs_pose pose = place_in_crowd(s, i, k);
-        expect(FS_OK, fs_object_move(scenes[s], names[i].c_str(), &pose, &still, FS_NOW), "fs_object_move");
+        expect(FS_OK, PATIENTLY(fs_object_move(scenes[s], names[i].c_str(), &pose, &still, FS_NOW)), "fs_object_move");
       }
     }
     next += std::chrono::milliseconds(40);
@@ -300,7 +300,7 @@ static void be_a_crowd(char** words) {
   while (listen(line)) {
   }
   for (fs_scene* scene : scenes) {  // nobody was dropped
-    expect(FS_OK, fs_scene_sync(scene, long_enough), "fs_scene_sync");
+    expect(FS_OK, PATIENTLY(fs_scene_sync(scene, long_enough)), "fs_scene_sync");
     fs_scene_destroy(scene);
   }
   tell("over");
