@@ -154,7 +154,8 @@ void Edits::set_movement(const char* given, const Motion& motion, const Track& t
 }
 
 bool Edits::move_to(const std::string& name, const Motion& motion, double now) {
-  if (!group_) return evaluated_.objects.move_to(name, motion, now);
+  NameId unknown;
+  if (!group_) return evaluated_.objects.move_to(name, unknown, motion, now);
   Known known;
   if (!find(name, known)) return false;
   known.track.take(motion.pose, &motion.twist, motion.time);

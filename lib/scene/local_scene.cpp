@@ -127,17 +127,20 @@ void LocalScene::set_movement(const char* name, const Movement& movement) {
   mutate([&] { edits_.set_movement(name, movement.motion, movement.track); });
 }
 
+void LocalScene::set_motion(const std::string& name, const Motion& motion) {
+  mutate([&] {
+    if (!edits_.move_to(name, motion, now())) fail_unknown(name);
+  });
+}
+
 size_t LocalScene::set_motions(const std::vector<Move>& moves) {
   size_t count = 0;
   mutate([&] {
     const double time = now();
-    for (const auto& [name, motion] : moves) count += edits_.move_to(*name, motion, time);
+    for (const auto& [name, id, motion] : moves) count += evaluated_.objects.move_to(*name, *id, motion, time);
+    if (edits_.group()) evaluated_.changed();
   });
   return count;
-}
-
-void LocalScene::set_motion(const std::string& name, const Motion& motion) {
-  if (set_motions({{&name, motion}}) == 0) edits_.require(name.c_str());
 }
 
 void LocalScene::set_capacity(uint32_t capacity) {

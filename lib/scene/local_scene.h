@@ -43,13 +43,14 @@ struct LocalScene final : Scene {
   // without a check.
   Movement movement(const char* name) const;
   void set_movement(const char* name, const Movement& movement);
-  // Sets several motions at once. Returns how many of the objects exist.
+  void set_motion(const std::string& name, const Motion& motion);  // NOT_FOUND
+  // Sets several motions at once, beside an open group. Returns how many of the objects exist.
   struct Move {
     const std::string* name;
+    NameId* id;  // of the name, as far as it is known; it is known then
     Motion motion;
   };
   size_t set_motions(const std::vector<Move>& moves);
-  void set_motion(const std::string& name, const Motion& motion);  // NOT_FOUND
 
   // Groups.
   void begin() override;

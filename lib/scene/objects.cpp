@@ -28,14 +28,17 @@ const Item* Objects::find_item(std::string_view name) const noexcept {
   return found == names_.end() || found->second.is_removed ? nullptr : &found->second;
 }
 
-Named* Objects::find_named(std::string_view name, const Known& known) noexcept {
-  if (known.named && known.gone == gone_) return known.named;
+Named* Objects::find_named(std::string_view name, NameId id) noexcept {
+  if (id.index < by_index_.size()) {
+    Named* const named = by_index_[id.index];
+    if (named && named->second.number == id.number) return named;
+  }
   const auto found = names_.find(name);
   return found == names_.end() ? nullptr : &*found;
 }
 
 uint32_t Objects::row_of(std::string_view name, const Known& known) noexcept {
-  const Named* const named = find_named(name, known);
+  const Named* const named = find_named(name, known.id);
   return named && !named->second.is_removed ? named->second.row : no_row;
 }
 
@@ -46,8 +49,7 @@ bool Objects::find(std::string_view name, Known& out) {
   static_cast<Entry&>(out) = rows.entry(item.row);
   out.track = item.track ? *item.track : Track::of(out.motion);
   out.start_is_given = item.start_is_given;
-  out.named = &*found;
-  out.gone = gone_;
+  out.id = id_of(item);
   return true;
 }
 
@@ -78,8 +80,13 @@ void Objects::require_room(size_t more, const char* verb) const {
 }
 
 void Objects::erase(const Named& named) noexcept {
+  free_index(named.second);
   names_.erase(names_.find(named.first));
-  ++gone_;
+}
+
+void Objects::free_index(const Item& item) noexcept {
+  by_index_[item.index] = nullptr;
+  free_indices_.push_back(item.index);
 }
 
 // False when it was listed already.
@@ -110,7 +117,7 @@ NewName Objects::make_name(std::string_view name) {
 }
 
 void Objects::take(std::string_view name, Known& wanted, NewName new_name) {
-  Named* const named = find_named(name, wanted);
+  Named* const named = find_named(name, wanted.id);
   const bool is_there = named && !named->second.is_removed;
   if (!is_there && (wanted.is_removed || wanted.parts != all_parts)) return;  // it is gone, and not set as a whole
   if (!named) return add(new_name ? std::move(new_name) : make_name(name), wanted);
@@ -146,7 +153,15 @@ void Objects::add(NewName name, const Known& wanted) {
   item.number = wanted.number ? wanted.number : last_number_ + 1;
   item.start_is_given = wanted.start_is_given;
   if (wanted.track.before.is_known) item.track = std::make_unique<Track>(wanted.track);
+  if (free_indices_.empty()) {
+    by_index_.push_back(nullptr);
+    free_indices_.reserve(by_index_.capacity());
+    free_indices_.push_back(static_cast<uint32_t>(by_index_.size() - 1));
+  }
   Named& named = *names_.insert(std::move(name)).position;
+  named.second.index = free_indices_.back();
+  free_indices_.pop_back();
+  by_index_[named.second.index] = &named;
   try {
     set_expiry(named.first, never, wanted.expiry);
     named.second.row = rows.add(wanted);
@@ -185,11 +200,13 @@ void Objects::move(Named& named, const Track& track, const Motion& motion, doubl
 }
 
 bool Objects::move(std::string_view name, const Pose& pose, const Twist* twist, double time, double now) {
-  return move(name, now, [&](Track& track) { return track.take(pose, twist, time != 0 ? time : now); });
+  return move(find_named(name, {}), now, [&](Track& track) { return track.take(pose, twist, time != 0 ? time : now); });
 }
 
-bool Objects::move_to(std::string_view name, const Motion& motion, double now) {
-  return move(name, now, [&](Track& track) {
+bool Objects::move_to(std::string_view name, NameId& id, const Motion& motion, double now) {
+  Named* const named = find_named(name, id);
+  if (named) id = id_of(named->second);
+  return move(named, now, [&](Track& track) {
     track.take(motion.pose, &motion.twist, motion.time);
     return motion;
   });
@@ -197,13 +214,12 @@ bool Objects::move_to(std::string_view name, const Motion& motion, double now) {
 
 // take: enters the move in the object's track, and returns its motion.
 template <class F>
-bool Objects::move(std::string_view name, double now, F&& take) {
-  const auto found = names_.find(name);
-  if (found == names_.end() || found->second.is_removed) return false;
-  const Item& item = found->second;
+bool Objects::move(Named* named, double now, F&& take) {
+  if (!named || named->second.is_removed) return false;
+  const Item& item = named->second;
   Track track = item.track ? *item.track : Track::of(rows.motion(item.row));
   const Motion motion = take(track);
-  move(*found, track, motion, expiry_of(*rows.row(item.row).object, now), next_serial());
+  move(*named, track, motion, expiry_of(*rows.row(item.row).object, now), next_serial());
   return true;
 }
 
@@ -274,9 +290,13 @@ void Objects::take(Shifted& shifted, double shift) noexcept {
   for (auto item = names_.begin(); item != names_.end();) {
     if (item->second.track) item->second.track->shift(shift);
     item->second.is_listed = false;
-    item = item->second.is_removed ? names_.erase(item) : std::next(item);
+    if (item->second.is_removed) {
+      free_index(item->second);
+      item = names_.erase(item);
+    } else {
+      ++item;
+    }
   }
-  ++gone_;
   removed_ = 0;
   fading_.clear();
 }

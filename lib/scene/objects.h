@@ -10,10 +10,18 @@
 
 namespace fs {
 
+// Finds a name that has been found before without comparing it to others. It stays good until the name is gone: that is when
+// its object has been removed and has faded out.
+struct NameId {
+  uint32_t index = ~0u;
+  uint32_t number = 0;
+};
+
 // What a name has beside its rows.
 struct Item {
   uint32_t row;                  // the newest
   uint32_t number;               // of the name: they are saved in this order
+  uint32_t index;                // of the name in Objects::by_index_
   std::unique_ptr<Track> track;  // null: not moved since it was set
   bool start_is_given = false;
   bool is_removed = false;       // it fades out
@@ -33,8 +41,7 @@ struct Known : Entry {
   uint32_t parts = 0;   // fs_part bits that are changed
   Ref<const Object> base;  // the object that they were changed of; null: the name was new
   uint32_t number = 0;  // of a new name, where it is not the next
-  Named* named = nullptr;  // the name where it was found, so that it need not be looked for again; null: not found.
-  uint64_t gone = 0;       // How many names had gone by then: as long as no other has, named is valid.
+  NameId id;            // of the name, where it was found
 };
 
 [[noreturn]] void fail_unknown(std::string_view name);  // NOT_FOUND
@@ -66,7 +73,8 @@ class Objects {
   static NewName make_name(std::string_view name);
   // For less: an object that is there is only moved. False: there is none.
   bool move(std::string_view name, const Pose& pose, const Twist* twist, double time, double now);
-  bool move_to(std::string_view name, const Motion& motion, double now);  // its twist has been worked out
+  // The same where its twist has been worked out. id: of the name, as far as it is known; it is known then.
+  bool move_to(std::string_view name, NameId& id, const Motion& motion, double now);
 
   // Bounds an object as it was worked out for this one, in this row; by now it may be another.
   struct Bound {
@@ -115,18 +123,21 @@ class Objects {
 
  private:
   const Item* find_item(std::string_view name) const noexcept;  // null also for one that fades out
-  Named* find_named(std::string_view name, const Known& known) noexcept;
+  Named* find_named(std::string_view name, NameId id) noexcept;
+  static NameId id_of(const Item& item) noexcept { return {item.index, item.number}; }
   void erase(const Named& named) noexcept;
+  void free_index(const Item& item) noexcept;
   bool list(Named& named);
   void unlist(Item& item, bool is_newly_listed) noexcept;
   void add(NewName name, const Known& wanted);
   void move(Named& named, const Track& track, const Motion& motion, double expiry, uint64_t motion_revision);
   template <class F>
-  bool move(std::string_view name, double now, F&& take);
+  bool move(Named* named, double now, F&& take);
   void set_expiry(const std::string& name, double before, double after);
 
   NameMap<Item> names_;
-  uint64_t gone_ = 0;  // names that have been erased so far
+  std::vector<Named*> by_index_;      // null: that index is free
+  std::vector<uint32_t> free_indices_;  // with room for all of them
   uint32_t last_number_ = 0;
   size_t removed_ = 0;
   uint32_t capacity_ = 1u << 20;

@@ -6,21 +6,6 @@
 #include "transfer/records.h"
 
 namespace fs {
-namespace {
-
-// Reads the entry of a name from a map, and restores it later.
-template <class Map>
-std::optional<typename Map::mapped_type> look_up(const Map& map, const std::string& name) {
-  const auto found = map.find(name);
-  return found == map.end() ? std::nullopt : std::optional(found->second);
-}
-template <class Map>
-void put_into(Map& map, const std::string& name, const std::optional<typename Map::mapped_type>& value) {
-  if (value) map.insert_or_assign(name, *value);
-  else map.erase(name);
-}
-
-}  // namespace
 
 void Changes::apply(const ReceivedBatch& received) {
   if (received.changes.empty()) return;
@@ -38,7 +23,7 @@ void Changes::apply_group(const ReceivedBatch& received) {
   const Client::Applying applying(client_);
   client_.is_amid_drafts = std::any_of(received.changes.begin(), received.changes.end(),
                                        [](const Change& change) { return change.is_foreign(); });
-  std::map<std::string, Known> before = known_of(received.about);
+  Records before = records_of(received.about);
   const uint64_t changed = client_.changed, moved = client_.moved;
   ForeignEdits edits;
   client_.scene->begin();
@@ -64,32 +49,30 @@ void Changes::apply_group(const ReceivedBatch& received) {
   }
   for (const auto& [scene, edit] : edits) edit.tell(client_);
   edits.clear();
-  client_.empty(before);
+  for (; !before.empty(); before.erase(before.begin())) client_.let_others();
 }
 
 void Changes::apply(const Change& change, uint64_t serial) {
   using namespace wire;
   LocalScene& scene = *client_.scene;
   const std::string name(change.name());
+  const NameRecord* const record = client_.names.object(name);
   switch (change.type) {
     case type_set: return apply_set(change.as<Set>(), serial, false);
     case type_change: return apply_set(change.as<Set>(), serial, true);
     case type_place:
-      if (!client_.moves.has(name)) return;  // another client has removed it
+      if (!record) return;  // another client has removed it
       scene.set_motion(name, from_record(change.as<Place>().motion));
-      client_.moves.bind(name, client_.moves.slot_of(name), serial);
+      client_.bind(name, record->slot, serial);
       ++client_.moved;
       return;
     case type_bind:
-      if (client_.moves.has(name)) client_.moves.bind(name, change.as<Bind>().slot, serial);
+      if (record) client_.bind(name, change.as<Bind>().slot, serial);
       return;
     case type_remove:
-      if (!client_.moves.has(name)) {  // it was refused, or another client has removed it
-        client_.absent.erase(name);
-        return;
-      }
+      if (!record) return client_.names.drop_absent(name);  // it was refused, or another client has removed it
       scene.remove(name.c_str());
-      client_.forget_object(name);
+      client_.names.forget(name);
       break;
     case type_clear: apply_clear(); break;
     case type_frame: scene.set_frame(change.as<Frame>().frame); break;
@@ -111,27 +94,26 @@ void Changes::apply(const Change& change, uint64_t serial) {
 
 void Changes::apply_clear() {
   const Client::Applying applying(client_);
-  while (!client_.moves.objects().empty()) {
-    const std::string name = client_.moves.objects().begin()->first;
-    client_.scene->remove(name.c_str());
-    client_.moves.forget(name);
+  while (const std::string* const first = client_.names.first()) {
+    const std::string name = *first;
+    if (client_.names.has(name)) client_.scene->remove(name.c_str());
+    client_.names.forget(name);
     client_.let_others();
   }
-  client_.empty(client_.absent);
-  client_.empty(client_.told.names());
-  client_.empty(client_.awaited.names());
 }
 
 void Changes::apply_set(const wire::Set& set, uint64_t serial, bool is_change) {
   const std::string name = parse_name(text_of(set.object.name).c_str(), "name");
   const uint32_t most = client_.host.settings().max_objects;
-  const bool is_new = !client_.moves.has(name);
+  Names& names = client_.names;
+  const NameRecord* const record = names.find(name);
+  const bool is_new = !record || !record->is_there;
   if (is_change && is_new) {
-    const auto absent = look_up(client_.absent, name);
-    if (!absent || absent->state != FS_OBJECT_REFUSED) return;  // another client has removed it
+    const bool is_refused = record && record->absent && record->absent->state == FS_OBJECT_REFUSED;
+    if (!is_refused) return;  // another client has removed it
     fail(FS_ERROR_NOT_FOUND, "object '%s' does not exist: it was refused", name.c_str());
   }
-  if (is_new && client_.moves.objects().size() >= most) {
+  if (is_new && names.objects() >= most) {
     fail(FS_ERROR_FULL, "object '%s' would be one more than the %u that the server allows a client", name.c_str(), most);
   }
   const LinkedObject linked = client_.assets.resolve(set.object, set.parts, nullptr);
@@ -146,10 +128,9 @@ void Changes::apply_set(const wire::Set& set, uint64_t serial, bool is_change) {
   } else {
     client_.scene->set(linked.object);
   }
-  if ((is_new || brings_shape) && set.object.enabled) client_.awaited.names()[name] = 0;
-  client_.absent.erase(name);
-  client_.moves.add(name);
-  if (is_new || (set.parts & FS_PART_POSE)) client_.moves.bind(name, set.slot, serial);
+  names.add(name);
+  if ((is_new || brings_shape) && set.object.enabled) names.await(name);
+  if (is_new || (set.parts & FS_PART_POSE)) client_.bind(name, set.slot, serial);
   ++client_.changed;
 }
 
@@ -171,36 +152,25 @@ void Changes::apply_foreign(const Change& change, ForeignEdits& edits) {
 
 // ------------------------------------------------------------------------------------------------ when one is refused
 
-Changes::Known Changes::known_of(const std::string& name) const {
-  return {client_.moves.place_of(name), look_up(client_.absent, name), look_up(client_.told.names(), name),
-          look_up(client_.awaited.names(), name)};
-}
-
-std::map<std::string, Changes::Known> Changes::known_of(const Subjects& about) {
-  std::map<std::string, Known> out;
+Changes::Records Changes::records_of(const Subjects& about) {
+  Records out;
   const auto add = [&](const std::string& name) {
-    out.emplace(name, known_of(name));
+    out.emplace(name, client_.names.record_of(name));
     client_.let_others();
   };
   for (const std::string& name : about.names) add(name);
-  if (!about.is_about_all) return out;
-  for (const auto& [name, slot] : client_.moves.objects()) add(name);
-  for (const auto& [name, absent] : client_.absent) add(name);
-  for (const auto& [name, editor] : client_.told.names()) add(name);
+  if (about.is_about_all) client_.names.for_each([&](const std::string& name, const NameRecord&) { add(name); });
   return out;
 }
 
 // First forgets the names that came with the group, so that names that were there before can get their slots again.
-void Changes::put_back(const std::map<std::string, Known>& known) {
-  for (const auto& [name, was] : known) {
-    client_.forget_object(name);
+void Changes::put_back(const Records& records) {
+  for (const auto& [name, was] : records) {
+    client_.names.forget(name);
     client_.let_others();
   }
-  for (const auto& [name, was] : known) {
-    if (was.place) client_.moves.put_back(name, *was.place);
-    put_into(client_.absent, name, was.absent);
-    put_into(client_.told.names(), name, was.editor);
-    put_into(client_.awaited.names(), name, was.awaited);
+  for (const auto& [name, was] : records) {
+    if (client_.names.put_back(name, was)) client_.moves.mark(was.slot);
     client_.let_others();
   }
 }
@@ -215,10 +185,11 @@ void Changes::refuse(const ReceivedBatch& received, const Change& failed, const 
     client_.let_others();
   }
   if (received.about.is_about_all) {
-    for (const auto& [name, slot] : client_.moves.objects()) client_.told.names()[name] = client_.name;
-    for (const auto& [name, absent] : client_.absent) client_.told.names()[name] = client_.name;
+    client_.names.for_each([&](const std::string& name, const NameRecord& record) {
+      if (record.is_there || record.absent) client_.names.tell(name, client_.name);
+    });
   }
-  if (received.about.is_about_view) client_.told.note_view();
+  if (received.about.is_about_view) client_.is_view_untold = true;
   for (const Change& change : received.changes) {
     ++client_.refused;
     fs_event event{};
@@ -234,27 +205,27 @@ void Changes::refuse(const ReceivedBatch& received, const Change& failed, const 
     client_.let_others();
   }
   client_.note_news();
-  client_.syncs.note_refusal(error.status, error.text);
+  syncs_.note_refusal(error.status, error.text);
 }
 
 void Changes::refuse(const Change& change, uint64_t serial) {
-  const std::string name(change.name());
-  Moves& moves = client_.moves;
+  const std::string_view name = change.name();
+  const NameRecord* const record = client_.names.object(name);
   switch (change.type) {
     case wire::type_set: client_.note_absent(change.as<wire::Set>(), FS_OBJECT_REFUSED); [[fallthrough]];
     case wire::type_change:
-      if ((change.as<wire::Set>().parts & FS_PART_POSE) && moves.has(name)) {
-        moves.bind(name, change.as<wire::Set>().slot, serial);
+      if (record && (change.as<wire::Set>().parts & FS_PART_POSE)) {
+        client_.bind(name, change.as<wire::Set>().slot, serial);
       }
       break;
     case wire::type_place:
-      if (moves.has(name)) moves.bind(name, moves.slot_of(name), serial);
+      if (record) client_.bind(name, record->slot, serial);
       break;
     case wire::type_bind:
-      if (moves.has(name)) moves.bind(name, change.as<wire::Bind>().slot, serial);
+      if (record) client_.bind(name, change.as<wire::Bind>().slot, serial);
       break;
-    case wire::type_remove: client_.absent.erase(name); break;  // the client does not want the refused object either
-    case wire::type_clear: client_.absent.clear(); break;
+    case wire::type_remove: client_.names.drop_absent(name); break;  // the client does not want the refused object either
+    case wire::type_clear: client_.names.drop_absents(); break;
     default: break;
   }
 }

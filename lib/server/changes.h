@@ -5,29 +5,22 @@
 
 #include <map>
 #include <memory>
-#include <optional>
 #include <string>
 
 #include "base/error.h"
 #include "server/client.h"
 #include "server/foreign.h"
+#include "server/syncs.h"
 
 namespace fs {
 
 class Changes {
  public:
-  explicit Changes(Client& client) : client_(client) {}
+  Changes(Client& client, Syncs& syncs) : client_(client), syncs_(syncs) {}
 
   void apply(const ReceivedBatch& received);
 
  private:
-  // All that is known of a name, to restore it when a group is refused.
-  struct Known {
-    std::optional<Moves::Place> place;  // none: there was no such object
-    std::optional<Client::Absent> absent;
-    std::optional<std::string> editor;
-    std::optional<uint64_t> awaited;
-  };
   using ForeignEdits = std::map<const LocalScene*, ForeignEdit>;
 
   void apply_group(const ReceivedBatch& received);
@@ -35,13 +28,14 @@ class Changes {
   void apply_set(const wire::Set& set, uint64_t serial, bool is_change);
   void apply_clear();
   void apply_foreign(const Change& change, ForeignEdits& edits);
-  std::map<std::string, Known> known_of(const Subjects& about);
-  Known known_of(const std::string& name) const;
-  void put_back(const std::map<std::string, Known>& known);
+  using Records = std::map<std::string, NameRecord>;
+  Records records_of(const Subjects& about);
+  void put_back(const Records& records);
   void refuse(const ReceivedBatch& received, const Change& failed, const Error& error);
   void refuse(const Change& change, uint64_t serial);
 
   Client& client_;
+  Syncs& syncs_;
 };
 
 }  // namespace fs

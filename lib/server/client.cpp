@@ -1,10 +1,17 @@
 #include "server/client.h"
 
+#include <poll.h>
+#include <sys/socket.h>
+
 #include "base/error.h"
 #include "base/text.h"
-#include "server/clients.h"
 
 namespace fs {
+
+static bool has_event(const Descriptor& descriptor, short events) noexcept {
+  pollfd look{descriptor.get(), events, 0};
+  return descriptor && poll(&look, 1, 0) > 0 && (look.revents & events);
+}
 
 Client::Client(Host& the_host, uint64_t the_id, Descriptor&& the_socket, const Peer& the_peer)
     : host(the_host), id(the_id), peer(the_peer), socket(std::move(the_socket)), process(open_process(the_peer.process)) {}
@@ -14,11 +21,15 @@ void Client::let_others() {
 }
 
 bool Client::take_moves() {
-  const Moves::Taken taken = moves.take(*scene);
+  const Moves::Taken taken = moves.take(names, *scene);
   moved += taken.applied;
   refused += taken.refused;
   if (taken.seen > 0) host.note_activity();
   return taken.is_whole;
+}
+
+void Client::bind(std::string_view object, uint32_t slot, uint64_t serial) {
+  if (names.bind(object, slot, serial)) moves.mark(slot);
 }
 
 void Client::push_event(fs_event_kind kind, const std::string& object, const std::string& text) {
@@ -44,54 +55,38 @@ void Client::tell_server(fs_status status, const char* text) const noexcept {
   host.servo().scene()->note(what_it_did(status, text));
 }
 
-void Client::tell_all(const char* text) const noexcept {
-  const fs_event event = what_it_did(FS_OK, text);
-  host.servo().scene()->note(event);
-  host.clients().for_each([&](const std::shared_ptr<Client>& client) { client->push_event(event); });
-}
-
-void Client::forget_object(const std::string& object) {
-  moves.forget(object);
-  absent.erase(object);
-  told.names().erase(object);
-  awaited.names().erase(object);
-}
-
 void Client::note_edit_by(const std::string& editor, const std::string& object, bool is_removed) {
-  if (!moves.has(object)) return;
-  std::string& told_editor = told.names()[object];
+  const NameRecord* const record = names.object(object);
+  if (!record) return;
   // One event tells of a stream of changes, until the client has looked at the object.
-  const bool is_told = told_editor != editor || is_removed;
-  told_editor = editor;
-  if (is_removed) {
-    forget_object(object);
-    told.names()[object] = editor;
-  }
+  const bool is_told = record->editor != editor || is_removed;
+  if (is_removed) names.forget(object);
+  names.tell(object, editor);
   note_news();  // before the event, whose reader may look at the object at once
   if (is_told) push_event(FS_EVENT_EDITED, object, editor);
 }
 
 void Client::note_untold(const std::string& object) {
   const size_t most = 4 * size_t{host.settings().max_objects};  // twice the objects that it may have, with refused ones
-  if (told.names().size() < most) told.names()[object] = name;
+  if (names.untold_count() < most) names.tell(object, name);
 }
 
 void Client::note_absent(const wire::Set& set, fs_object_state state) {
   const bool is_primitive = set.object.primitive >= FS_PRIMITIVE_POINT && set.object.primitive <= FS_PRIMITIVE_MESH;
-  if (!is_primitive || absent.size() >= 2 * size_t{host.settings().max_objects}) return;
+  if (!is_primitive || names.absents() >= 2 * size_t{host.settings().max_objects}) return;
   try {
     const std::string object = parse_name(text_of(set.object.name).c_str(), "name");
-    if (!moves.has(object)) absent[object] = {static_cast<fs_primitive>(set.object.primitive), state};
+    if (!names.has(object)) names.set_absent(object, {static_cast<fs_primitive>(set.object.primitive), state});
   } catch (const Error&) {  // it is not a name
   }
 }
 
 fs_report Client::report(const std::string& object) const {
-  const auto found = absent.find(object);
-  return found == absent.end() ? scene->report(object.c_str()) : report_of(object, found->second);
+  const NameRecord* const record = names.find(object);
+  return record && record->absent ? report_of(object, *record->absent) : scene->report(object.c_str());
 }
 
-fs_report report_of(const std::string& name, const Client::Absent& absent) {
+fs_report report_of(const std::string& name, const Absent& absent) {
   fs_report out{};
   put_text(out.name, name);
   out.primitive = absent.primitive;
@@ -105,7 +100,7 @@ fs_client Client::describe() const {
   put_text(out.name, name);
   out.process = static_cast<uint32_t>(peer.process);
   out.user = peer.user;
-  out.objects = static_cast<uint32_t>(moves.objects().size());
+  out.objects = static_cast<uint32_t>(names.objects());
   out.connected = connected;
   out.force_limit = host.settings().limits.force;
   out.wrench = channel->wrench();
@@ -115,6 +110,27 @@ fs_client Client::describe() const {
   out.limited = channel->limited();
   out.shape_bytes = assets.bytes();
   return out;
+}
+
+bool Client::is_alive() const noexcept { return !is_gone && !has_event(process, POLLIN) && !has_event(socket, POLLHUP); }
+
+void Client::drop(double lease) noexcept {
+  if (is_gone) return;
+  if (!name.empty()) {
+    const char* const lost = is_alive() ? "was disconnected by the server" : "was lost: it was killed, or ended without a word";
+    tell_server(moves.has_left() ? FS_OK : FS_ERROR_DISCONNECTED, moves.has_left() ? "left" : lost);
+  }
+  is_gone = true;
+  if (channel && scene->is_empty()) {
+    channel->leave_at_once();
+  } else if (channel) {
+    channel->leave(scene->now() + lease);
+  }
+  if (outbox) outbox->is_closed.store(1);
+  host.let_go(*this);
+  if (socket) shutdown(socket.get(), SHUT_RDWR);  // a forked process may have it, too
+  socket.reset();
+  process.reset();
 }
 
 }  // namespace fs

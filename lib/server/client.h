@@ -3,19 +3,15 @@
 #pragma once
 
 #include <memory>
-#include <optional>
 #include <string>
 
-#include "base/name_map.h"
 #include "ipc/socket.h"
 #include "server/answers.h"
-#include "server/awaited.h"
 #include "server/client_assets.h"
 #include "server/host.h"
 #include "server/moves.h"
+#include "server/names.h"
 #include "server/parked.h"
-#include "server/syncs.h"
-#include "server/told.h"
 
 namespace fs {
 
@@ -35,18 +31,11 @@ struct Client {
   std::shared_ptr<Outbox> outbox;
   double connected = 0;  // s, scene's clock
 
-  // An object that is not in the scene: it waits for a shape, or was refused.
-  struct Absent {
-    fs_primitive primitive;
-    fs_object_state state;
-  };
-  NameMap<Absent> absent;
+  Names names;
   Moves moves;
-  Awaited awaited;
-  Told told;
   ClientAssets assets;
   Parked parked;
-  Syncs syncs;
+  bool is_view_untold = false;  // the client has to be told of its view
   const Answers answers{socket};
   unsigned jobs = 0;                             // that workers have not finished
   uint64_t moved = 0, changed = 0, refused = 0;  // counts for fs_client
@@ -57,22 +46,16 @@ struct Client {
   class Applying;
   static constexpr size_t few_steps = 4;  // of about a microsecond each, between two looks at the others
   void let_others();                      // called after each step
-  template <class Map>
-  void empty(Map& map) {
-    for (; !map.empty(); map.erase(map.begin())) let_others();
-  }
 
   // Takes the moves in the inbox. False: a group of moves is being written there, and all of them come later.
   bool take_moves();
+  void bind(std::string_view object, uint32_t slot, uint64_t serial);  // and looks at the slot's move
   void push_event(const fs_event& event) noexcept { fs::push_event(*outbox, event); }
   void push_event(fs_event_kind kind, const std::string& object, const std::string& text = "");
-  // Tells the server's own scene what this client did: that it came or went,
+  fs_event what_it_did(fs_status status, const char* text) const noexcept;
+  // Tells the server's own scene what this client did: that it came or went.
   void tell_server(fs_status status, const char* text) const noexcept;
-  // and all clients, too: that it stopped the force or let it return.
-  void tell_all(const char* text) const noexcept;
   void note_news() noexcept { outbox->news.fetch_add(1, std::memory_order_release); }  // the client has to be told something
-  // Forgets all that is known of the name, as there is no such object.
-  void forget_object(const std::string& object);
   // Notes that another client has changed or removed one of its objects.
   void note_edit_by(const std::string& editor, const std::string& object, bool is_removed);
   // Notes that the client has to be told of a name that it gave itself; unless it gave very many.
@@ -83,13 +66,17 @@ struct Client {
   fs_report report(const std::string& object) const;  // NOT_FOUND
   fs_client describe() const;
 
+  bool is_alive() const noexcept;  // its process lives, as far as the system tells
+  // From now on the client is gone; its objects fade from `lease` s on.
+  void drop(double lease) noexcept;
+  void drop() noexcept { drop(host.settings().lease); }
+
  private:
-  fs_event what_it_did(fs_status status, const char* text) const noexcept;
   size_t steps_ = 0;
 };
 
 // The report of an object that is not in the scene.
-fs_report report_of(const std::string& name, const Client::Absent& absent);
+fs_report report_of(const std::string& name, const Absent& absent);
 
 class Client::Applying {
  public:

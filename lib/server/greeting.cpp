@@ -8,7 +8,6 @@
 #include "base/text.h"
 #include "ipc/region.h"
 #include "server/clients.h"
-#include "server/session.h"
 #include "transfer/layout.h"
 
 namespace fs {
@@ -27,11 +26,11 @@ bool answer(const Client& client, fs_status status, const std::string& text, std
 
 void require_free_name(const Clients& clients, const std::string& name) {
   if (name == "server") fail(FS_ERROR_INVALID, "client_name is 'server', which is the name of the server's own scene");
-  Session* const other = clients.find_session(name);
+  Client* const other = clients.find(name);
   if (!other) return;
   if (!other->is_alive()) return other->drop();
   fail(FS_ERROR_EXISTS, "client_name is '%s': a client of that name is connected (process %d)", name.c_str(),
-       static_cast<int>(other->client().peer.process));
+       static_cast<int>(other->peer.process));
 }
 
 // Makes the client's shared memory, scene and channel, and sends the welcome.
@@ -44,6 +43,7 @@ bool open(Client& client, const std::string& name) {
   client.inbox_memory = map_region(inbox, Inbox::bytes(settings.max_objects), true);
   const std::shared_ptr<void> memory = map_region(outbox, sizeof(Outbox), true);
   seal_region(outbox, true);
+  client.names.open(settings.max_objects);
   client.moves.open(Inbox(client.inbox_memory.get(), settings.max_objects), settings.max_objects);
   // All bytes are 0, which is how an Outbox begins: so no page has to be touched.
   client.outbox = std::shared_ptr<Outbox>(memory, static_cast<Outbox*>(memory.get()));

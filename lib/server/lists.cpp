@@ -160,7 +160,9 @@ void answer_reports(Client& client, uint64_t serial) {
   const auto list = std::make_shared<ReportList>();
   const auto add = [&](const std::string& prefix, const Client& owner) {
     SceneList::Part& part = list->parts.emplace_back(prefix, owner.scene);
-    for (const auto& [name, absent] : owner.absent) part.absent.push_back(report_of(name, absent));
+    owner.names.for_each_absent([&](const std::string& name, const Absent& absent) {
+      part.absent.push_back(report_of(name, absent));
+    });
   };
   list->frame = client.scene->view(false).frame;
   add("", client);

@@ -45,7 +45,7 @@ void Requests::answer(const Request& request) {
   using namespace wire;
   const Host& host = client_.host;
   switch (request.content.type) {
-    case type_sync: return client_.syncs.add(request.serial);
+    case type_sync: return syncs_.add(request.serial);
     case type_pull: return pull(request);
     case type_fetch: return fetch(request);
     case type_edit:
@@ -82,7 +82,7 @@ void Requests::stop_force(const Request& request) {
     fail(FS_ERROR_DENIED, "this server does not let a client end the force");
   }
   host.servo().set_enabled(false);
-  client_.tell_all("stopped all force");
+  tell_all("stopped all force");
   client_.answers.send(request.serial);
 }
 
@@ -94,8 +94,14 @@ void Requests::resume_force(const Request& request) {
   fs_servo_stats before = fs_servo_stats_init();
   servo.get_stats(before);
   servo.set_enabled(true);
-  if (!before.enabled || before.faults) client_.tell_all("let the force return");
+  if (!before.enabled || before.faults) tell_all("let the force return");
   client_.answers.send(request.serial);
+}
+
+void Requests::tell_all(const char* text) const noexcept {
+  const fs_event event = client_.what_it_did(FS_OK, text);
+  client_.host.servo().scene()->note(event);
+  client_.host.clients().for_each([&](const std::shared_ptr<Client>& client) { client->push_event(event); });
 }
 
 // ------------------------------------------------------------------------------------------------- objects of others
@@ -142,44 +148,47 @@ void Requests::view(const Request& request) {
 
 // Tells one thing of which the client may believe something else than what is there.
 void Requests::pull(const Request& request) {
-  Told& told = client_.told;
+  Names& names = client_.names;
+  const Parked& parked = client_.parked;
   wire::Pulled out{};
   out.slot = wire::no_slot;
   const std::string asked = text_of(request.as<wire::Target>().name);
   client_.take_moves();
   if (!asked.empty()) {
-    if (client_.parked.holds_up(asked)) {
+    if (parked.holds_up(asked)) {
       out.state = wire::pulled_waiting;
       client_.note_untold(asked);
     } else {
       tell_object(asked, out);
-      told.names().erase(asked);
+      names.note_told(asked);
     }
   } else if (const uint64_t refused = client_.assets.take_refused()) {
     out.state = wire::pulled_asset;
     out.object.shape = refused;
-  } else if (told.takes_view(client_.parked)) {
+  } else if (!parked.holds_up_view() && std::exchange(client_.is_view_untold, false)) {
     out.state = wire::pulled_view;
     out.frame.frame = client_.scene->get_frame(nullptr);
     const std::vector<Vec3> points = client_.scene->get_tool();
     out.tool.count = points.size();
     std::copy(points.begin(), points.end(), out.tool.points);
-  } else if (const std::string* const next = told.next_name(client_.parked)) {
-    tell_object(*next, out);
-    told.names().erase(told.names().find(*next));
+  } else if (const std::string* const next = names.next_untold(parked)) {
+    const std::string name = *next;
+    tell_object(name, out);
+    names.note_told(name);
   }
-  if (!client_.assets.has_refused() && told.is_all_told(client_.parked)) {
-    told.news = client_.outbox->news.load(std::memory_order_relaxed);
+  const bool is_view_told = !client_.is_view_untold || parked.holds_up_view();
+  if (!client_.assets.has_refused() && is_view_told && !names.next_untold(parked)) {
+    told_ = client_.outbox->news.load(std::memory_order_relaxed);
   }
-  out.news = told.news;
+  out.news = told_;
   client_.answers.send_record(request.serial, out);
 }
 
 // Tells an object as it is now, or that there is none.
 void Requests::tell_object(const std::string& name, wire::Pulled& out) {
-  if (!client_.moves.has(name)) {
-    const auto absent = client_.absent.find(name);
-    const bool is_refused = absent != client_.absent.end() && absent->second.state == FS_OBJECT_REFUSED;
+  const NameRecord* const record = client_.names.find(name);
+  if (!record || !record->is_there) {
+    const bool is_refused = record && record->absent && record->absent->state == FS_OBJECT_REFUSED;
     out.state = is_refused ? wire::pulled_refused : wire::pulled_absent;
     put_text(out.object.name, name);
     return;
@@ -188,7 +197,7 @@ void Requests::tell_object(const std::string& name, wire::Pulled& out) {
   const Ref<const Object> kept = client_.scene->get(name.c_str(), object);
   out.object = client_.assets.offer(object);
   out.motion = to_record(client_.scene->movement(name.c_str()).motion);
-  out.slot = client_.moves.slot_of(name);
+  out.slot = record->slot;
   out.state = wire::pulled_present;
 }
 

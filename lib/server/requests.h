@@ -4,6 +4,7 @@
 
 #include "base/error.h"
 #include "server/client.h"
+#include "server/syncs.h"
 
 namespace fs {
 
@@ -17,7 +18,7 @@ struct Request {
 
 class Requests {
  public:
-  explicit Requests(Client& client) : client_(client) {}
+  Requests(Client& client, Syncs& syncs) : client_(client), syncs_(syncs) {}
 
   void handle(const Request& request);
   void refuse(const Request& request, const Error& error);
@@ -33,8 +34,11 @@ class Requests {
   void view(const Request& request);
   void stop_force(const Request& request);
   void resume_force(const Request& request);
+  void tell_all(const char* text) const noexcept;  // what the client has done to the force
 
   Client& client_;
+  Syncs& syncs_;
+  uint64_t told_ = 0;  // Outbox::news as far as the client has been told
 };
 
 }  // namespace fs

@@ -16,7 +16,6 @@
 
 #include "base/error.h"
 #include "base/signals.h"
-#include "server/session.h"
 
 using namespace fs;
 
@@ -131,7 +130,7 @@ void fs_server::run() noexcept {
     for (const epoll_event& event : events) {
       try {
         if (Session* const session = find_socket(event)) {
-          if (!(event.events & EPOLLIN)) session->drop();
+          if (!(event.events & EPOLLIN)) session->client().drop();
           else if (!next || session->usage().lately() < next->usage().lately()) next = session;
         } else {
           handle(event.data.u64);
@@ -144,8 +143,9 @@ void fs_server::run() noexcept {
     turn_if_due();
     bury_sessions();
   }
-  for (const std::shared_ptr<Session>& session : clients_.sessions()) session->drop(0);
-  clients_.clear();
+  for (const std::shared_ptr<Session>& session : sessions_) session->client().drop(0);
+  sessions_.clear();
+  clients_.remove_gone();
   door_.close();
   const std::lock_guard lock(mutex_);
   has_let_go_ = true;
@@ -155,7 +155,7 @@ void fs_server::run() noexcept {
 Session* fs_server::find_socket(const epoll_event& event) const {
   const uint64_t source = event.data.u64;
   const bool is_socket = source >= first_session && (source - first_session) % 2 == 0;
-  return is_socket ? clients_.find((source - first_session) / 2).get() : nullptr;
+  return is_socket ? sessions_.find((source - first_session) / 2).get() : nullptr;
 }
 
 void fs_server::serve(Session& session, int most) noexcept {
@@ -195,7 +195,7 @@ void fs_server::handle(uint64_t source) {
     finish_jobs();
   } else if (source == source_timer) {
     if (read(timer_.get(), &count, sizeof count) == sizeof count) turn(steady_now());
-    for (const std::shared_ptr<Session>& session : clients_.sessions()) {
+    for (const std::shared_ptr<Session>& session : sessions_) {
       session->catch_up();
       let_others(nullptr, false);
     }
@@ -203,8 +203,8 @@ void fs_server::handle(uint64_t source) {
     accept_clients(door_.own_socket());
   } else if (source == source_shared_listener) {
     accept_clients(door_.shared_socket());
-  } else if (const std::shared_ptr<Session> session = clients_.find((source - first_session) / 2)) {
-    session->drop();  // its process has ended
+  } else if (const std::shared_ptr<Session> session = sessions_.find((source - first_session) / 2)) {
+    session->client().drop();  // its process has ended
   }
 }
 
@@ -222,7 +222,7 @@ void fs_server::finish_jobs() {
 
 void fs_server::wake_up() noexcept {
   is_asleep_ = false;
-  for (const std::shared_ptr<Session>& session : clients_.sessions()) session->set_asleep(false);
+  for (const std::shared_ptr<Session>& session : sessions_) session->set_asleep(false);
   set_timer();
 }
 
@@ -243,7 +243,8 @@ void fs_server::turn_if_due() noexcept {
 // A worker destroys them: a session may hold a gigabyte of shapes and thousands of objects.
 void fs_server::bury_sessions() noexcept {
   try {
-    std::vector<std::shared_ptr<Session>> gone = clients_.take_gone();
+    std::vector<std::shared_ptr<Session>> gone = sessions_.take_gone();
+    clients_.remove_gone();
     if (!gone.empty()) destroy(std::make_shared<std::vector<std::shared_ptr<Session>>>(std::move(gone)));
   } catch (const std::bad_alloc&) {  // then they are destroyed here, now or later
   }
@@ -251,14 +252,13 @@ void fs_server::bury_sessions() noexcept {
 
 // Done each period. The session that comes first in one period comes last in the next.
 void fs_server::turn(double now) {
-  const auto& sessions = clients_.sessions();
-  const size_t count = sessions.size();
+  const size_t count = sessions_.size();
   last_turn_ = now;
   ++turns_;
-  for (const std::shared_ptr<Session>& session : sessions) session->usage().fade();
-  for (size_t i = 0; i < count; ++i) sessions[(i + turns_) % count]->turn(now);
+  for (const std::shared_ptr<Session>& session : sessions_) session->usage().fade();
+  for (size_t i = 0; i < count; ++i) sessions_[(i + turns_) % count].turn(now);
   bool is_busy = false;
-  for (const std::shared_ptr<Session>& session : sessions) {
+  for (const std::shared_ptr<Session>& session : sessions_) {
     session->end_turn();
     is_busy = is_busy || session->is_busy();
   }
@@ -271,7 +271,7 @@ void fs_server::turn(double now) {
 }
 
 void fs_server::keep_house() {
-  for (const std::shared_ptr<Session>& session : clients_.sessions()) session->keep_house();
+  for (const std::shared_ptr<Session>& session : sessions_) session->keep_house();
   clients_.reap_leaving();
   door_.reopen();
   if (!is_door_open_) open_door(true);
@@ -281,10 +281,9 @@ void fs_server::keep_house() {
 // Sets the flag, then looks again: a client that wrote before it is seen now, one that writes later sees the flag and wakes
 // the server.
 void fs_server::fall_asleep() noexcept {
-  const auto& sessions = clients_.sessions();
-  for (const std::shared_ptr<Session>& session : sessions) session->set_asleep(true);
-  if (std::any_of(sessions.begin(), sessions.end(), [](const auto& session) { return session->has_moves(); })) {
-    for (const std::shared_ptr<Session>& session : sessions) session->set_asleep(false);
+  for (const std::shared_ptr<Session>& session : sessions_) session->set_asleep(true);
+  if (std::any_of(sessions_.begin(), sessions_.end(), [](const auto& session) { return session->has_moves(); })) {
+    for (const std::shared_ptr<Session>& session : sessions_) session->set_asleep(false);
     note_activity();
     return;
   }
@@ -299,7 +298,7 @@ void fs_server::note_activity() noexcept { last_activity_ = steady_now(); }
 void fs_server::start_job(Client& client, uint64_t bytes, std::function<void(Wanted&)> work, std::function<void()> done) {
   Worker& worker = bytes > quick_bytes ? builder_ : worker_;
   worker.add(client.id, {std::move(work), [this, id = client.id, done = std::move(done)] {
-    if (const std::shared_ptr<Session> session = clients_.find(id)) session->finish_job(done);
+    if (const std::shared_ptr<Session> session = sessions_.find(id)) session->finish_job(done);
   }});
   ++client.jobs;
 }
@@ -339,16 +338,17 @@ void fs_server::let_in(Descriptor&& socket) {
   try {
     const Peer peer = peer_of(socket);
     const bool is_refused = peer.user != geteuid() && !settings_.is_for_all_users;
-    clients_.make_room(is_refused);
+    sessions_.make_room(is_refused);
     const auto session = std::make_shared<Session>(*this, ++last_id_, std::move(socket), peer,
                                                    is_refused ? FS_ERROR_DENIED : FS_OK);
-    clients_.add(session);
-    const Client& client = session->client();
+    sessions_.add(session);
+    clients_.add(session->shared_client());
+    Client& client = session->client();
     try {
       watcher_.add(client.socket, socket_source(client));
       if (client.process) watcher_.add(client.process, socket_source(client) + 1);
     } catch (const Error&) {
-      session->drop(0);
+      client.drop(0);
     }
   } catch (const Error&) {  // it is gone already
   }

@@ -13,6 +13,7 @@
 #include "server/clients.h"
 #include "server/door.h"
 #include "server/host.h"
+#include "server/sessions.h"
 #include "server/watcher.h"
 #include "server/worker.h"
 
@@ -71,6 +72,7 @@ struct fs_server final : fs::Counted<fs_server>, fs::Host {
   bool is_door_open_ = true;
   fs::Worker worker_, builder_;
   fs::Clients clients_{*servo_, settings_.max_clients};
+  fs::Sessions sessions_;
   std::vector<std::byte> message_;
   uint64_t last_id_ = 0, turns_ = 0, rounds_ = 0;
   bool is_among_others_ = false;  // handles a message in the middle of other work

@@ -1,6 +1,5 @@
 #include "server/session.h"
 
-#include <poll.h>
 #include <sys/socket.h>
 
 #include <algorithm>
@@ -21,47 +20,18 @@ constexpr unsigned most_jobs = 16;    // each may hold a descriptor
 
 constexpr size_t many_changes = 256;  // it takes a while to destroy a batch of more
 
-bool has_event(const Descriptor& descriptor, short events) noexcept {
-  pollfd look{descriptor.get(), events, 0};
-  return descriptor && poll(&look, 1, 0) > 0 && (look.revents & events);
-}
-
 }  // namespace
 
 Session::Session(Host& host, uint64_t id, Descriptor socket, const Peer& peer, fs_status refusal)
     : client_(std::make_shared<Client>(host, id, std::move(socket), peer)), refusal_(refusal), since_(steady_now()) {}
 
-bool Session::is_alive() const noexcept {
-  return !client_->is_gone && !has_event(client_->process, POLLIN) && !has_event(client_->socket, POLLHUP);
-}
-
 bool Session::is_busy() const noexcept {
-  return client_->is_applying || !client_->awaited.is_empty() || !client_->syncs.is_empty() ||
+  return client_->is_applying || client_->names.has_awaited() || !syncs_.is_empty() ||
          !client_->parked.is_empty();
 }
 
 void Session::set_asleep(bool is_asleep) noexcept {
   if (client_->outbox) client_->outbox->is_asleep.store(is_asleep);
-}
-
-void Session::drop(double lease) noexcept {
-  if (client_->is_gone) return;
-  if (!client_->name.empty()) {
-    const char* const lost = is_alive() ? "was disconnected by the server" : "was lost: it was killed, or ended without a word";
-    const bool has_left = client_->moves.has_left();
-    client_->tell_server(has_left ? FS_OK : FS_ERROR_DISCONNECTED, has_left ? "left" : lost);
-  }
-  client_->is_gone = true;
-  if (client_->channel && client_->scene->is_empty()) {
-    client_->channel->leave_at_once();
-  } else if (client_->channel) {
-    client_->channel->leave(client_->scene->now() + lease);
-  }
-  if (client_->outbox) client_->outbox->is_closed.store(1);
-  client_->host.let_go(*client_);
-  if (client_->socket) shutdown(client_->socket.get(), SHUT_RDWR);  // a forked process may have it, too
-  client_->socket.reset();
-  client_->process.reset();
 }
 
 // ------------------------------------------------------------------------------------------------------- what comes in
@@ -109,10 +79,10 @@ void Session::receive(int most) noexcept {
       bool is_cut;
       const Transfer transfer = receive_message(client_->socket, buffer, size, {&data, 1}, is_cut);
       if (transfer == Transfer::again) return;
-      if (transfer == Transfer::closed) return drop();
+      if (transfer == Transfer::closed) return client_->drop();
       client_->host.note_activity();
       if (client_->name.empty()) {
-        if (!greet(*client_, buffer.first(size), refusal_)) drop(0);
+        if (!greet(*client_, buffer.first(size), refusal_)) client_->drop(0);
         continue;
       }
       handle(buffer.first(size), std::move(data));
@@ -120,7 +90,7 @@ void Session::receive(int most) noexcept {
       regulate();
     }
   } catch (...) {  // it breaks the rules of the wire; or there is no memory or descriptor for it
-    drop();
+    client_->drop();
   }
 }
 
@@ -177,7 +147,7 @@ void Session::check(const Change& change, Subjects& about) const {
   uint32_t slot = wire::no_slot;
   if (change.type == wire::type_set || change.type == wire::type_change) slot = change.as<wire::Set>().slot;
   if (change.type == wire::type_bind) slot = change.as<wire::Bind>().slot;
-  if (!client_->moves.is_slot(slot) || !about.add(change)) throw BadClient{};
+  if (!client_->names.is_slot(slot) || !about.add(change)) throw BadClient{};
 }
 
 // ------------------------------------------------------------------------------------------------- shapes and curves
@@ -241,7 +211,7 @@ void Session::finish_job(const std::function<void()>& done) noexcept {
   try {
     done();
   } catch (...) {
-    drop();
+    client_->drop();
   }
   --client_->jobs;
   regulate();
@@ -275,8 +245,8 @@ void Session::submit(ReceivedBatch&& batch) {
   }
   for (const Change& change : batch.changes) {
     if (change.type == wire::type_set) client_->note_absent(change.as<wire::Set>(), FS_OBJECT_PENDING);
-    if (change.type == wire::type_remove) client_->absent.erase(std::string(change.name()));
-    if (change.type == wire::type_clear) client_->absent.clear();
+    if (change.type == wire::type_remove) client_->names.drop_absent(change.name());
+    if (change.type == wire::type_clear) client_->names.drop_absents();
   }
   client_->parked.add(std::move(batch));
 }
@@ -293,7 +263,7 @@ void Session::catch_up() noexcept {
     retry_parked();
     regulate();
   } catch (...) {
-    drop();
+    client_->drop();
   }
 }
 
@@ -307,7 +277,7 @@ void Session::retry_parked() {
     }
     client_->let_others();
   }
-  if (!client_->told.is_empty()) client_->note_news();  // names that parked changes held up can be told now
+  if (client_->names.has_untold() || client_->is_view_untold) client_->note_news();  // names that parked changes held up can be told now
   note_applied();
 }
 
@@ -326,7 +296,7 @@ void Session::turn(double now) noexcept {
     are_moves_taken_ = client_->moves.begin_turn() && client_->take_moves();
     client_->scene->post();
   } catch (...) {
-    drop();
+    client_->drop();
   }
 }
 
@@ -334,13 +304,13 @@ void Session::end_turn() noexcept {
   if (client_->is_gone || client_->name.empty() || client_->is_applying) return;
   try {
     const uint64_t used = client_->scene->output->used.load(std::memory_order_acquire);
-    if (!client_->awaited.is_empty()) {
-      client_->awaited.take_used(client_->scene->sequence(), used,
-                                 [this](const std::string& name) { client_->push_event(FS_EVENT_READY, name); });
+    if (client_->names.has_awaited()) {
+      client_->names.take_used(client_->scene->sequence(), used,
+                               [this](const std::string& name) { client_->push_event(FS_EVENT_READY, name); });
     }
-    if (client_->parked.is_empty() && !client_->syncs.is_empty()) client_->syncs.answer(*client_, are_moves_taken_, used);
+    if (client_->parked.is_empty() && !syncs_.is_empty()) syncs_.answer(*client_, are_moves_taken_, used);
   } catch (...) {
-    drop();
+    client_->drop();
   }
 }
 
@@ -348,14 +318,14 @@ void Session::keep_house() noexcept {
   if (client_->is_gone || client_->is_applying) return;
   if (client_->name.empty()) {
     constexpr double patience = 2;  // s
-    if (steady_now() - since_ > patience) drop(0);
+    if (steady_now() - since_ > patience) client_->drop(0);
     return;
   }
   try {
     for (fs_event event; client_->scene->take_event(event);) client_->push_event(event);
-    if (client_->channel->is_bad()) drop(0);
+    if (client_->channel->is_bad()) client_->drop(0);
   } catch (...) {
-    drop();
+    client_->drop();
   }
 }
 

@@ -13,6 +13,7 @@
 #include "server/changes.h"
 #include "server/client.h"
 #include "server/requests.h"
+#include "server/syncs.h"
 
 namespace fs {
 
@@ -46,10 +47,6 @@ class Session {
   void finish_job(const std::function<void()>& done) noexcept;
 
   bool is_busy() const noexcept;   // it waits for the servo or a worker
-  bool is_alive() const noexcept;  // its process lives, as far as the system tells
-  // From now on the client is gone; its objects fade from `lease` s on.
-  void drop(double lease) noexcept;
-  void drop() noexcept { drop(client_->host.settings().lease); }
   void set_asleep(bool is_asleep) noexcept;
   bool has_moves() const noexcept { return client_->moves.has_new(); }
 
@@ -67,8 +64,9 @@ class Session {
   void regulate() noexcept;
 
   const std::shared_ptr<Client> client_;
-  Changes changes_{*client_};
-  Requests requests_{*client_};
+  Syncs syncs_;
+  Changes changes_{*client_, syncs_};
+  Requests requests_{*client_, syncs_};
   const fs_status refusal_;
   const double since_;
   Usage usage_{1e-3};  // s; a new client does not come first

@@ -1,7 +1,6 @@
 #include "server/syncs.h"
 
 #include "base/error.h"
-#include "server/client.h"
 #include "server/clients.h"
 
 namespace fs {

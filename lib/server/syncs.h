@@ -8,11 +8,9 @@
 #include <utility>
 #include <vector>
 
-#include <forceserver/base.h>
+#include "server/client.h"
 
 namespace fs {
-
-struct Client;
 
 class Syncs {
  public:

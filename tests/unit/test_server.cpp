@@ -6,6 +6,7 @@
 
 #include "scene/local_scene.h"
 #include "server/allowance.h"
+#include "server/names.h"
 #include "server/worker.h"
 #include "unit/force_fixtures.h"
 
@@ -149,8 +150,94 @@ START_TEST(a_group_is_committed_by_steps) {
 }
 END_TEST
 
+// A move finds its object by the id of its name; the name itself is looked up only where the id is not known, or of a name that
+// is gone.
+START_TEST(a_move_finds_its_object_without_its_name) {
+  const Ref<LocalScene> scene = make_ref<LocalScene>();
+  const auto at = [&](const char* name) {
+    fs_object object;
+    scene->get(name, object);
+    return object.pose.position.x;
+  };
+  const auto to = [](double x) { return Motion{{{x, 0, 0}, {1, 0, 0, 0}}, {}, 1, 0}; };
+  for (const char* name : {"a", "b"}) scene->set(fs_object_init(name, FS_PRIMITIVE_POINT));
+  NameId a, b;
+  const std::string name_a = "a", name_b = "b", nobody = "nobody";
+  ck_assert_uint_eq(scene->set_motions({{&name_a, &a, to(1)}, {&name_b, &b, to(2)}}), 2);
+  ck_assert_uint_eq(scene->set_motions({{&nobody, &a, to(3)}, {&nobody, &b, to(4)}}), 2);
+  ck_assert_double_eq(at("a"), 3);
+  ck_assert_double_eq(at("b"), 4);
+  // Another version of the object has another row, and the same id.
+  scene->set(fs_object_init("a", FS_PRIMITIVE_PLANE));
+  ck_assert_uint_eq(scene->set_motions({{&nobody, &a, to(5)}}), 1);
+  ck_assert_double_eq(at("a"), 5);
+  // The ids of names that are gone find nothing, also where new names have come in their places.
+  const NameId gone = a;
+  scene->remove("a");
+  ck_assert_uint_eq(scene->set_motions({{&nobody, &a, to(6)}}), 0);
+  scene->set(fs_object_init("c", FS_PRIMITIVE_POINT));
+  ck_assert_uint_eq(scene->set_motions({{&nobody, &a, to(6)}}), 0);
+  scene->set(fs_object_init("a", FS_PRIMITIVE_POINT));
+  a = gone;
+  ck_assert_uint_eq(scene->set_motions({{&name_a, &a, to(7)}}), 1);
+  ck_assert_double_eq(at("a"), 7);
+  ck_assert_double_eq(at("c"), 0);
+  ck_assert(a.number != gone.number);
+}
+END_TEST
+
+START_TEST(a_record_of_a_name_is_put_back) {
+  Names names;
+  names.open(4);
+  const Parked none;
+  for (const char* name : {"a", "b", "c"}) names.add(name);
+  ck_assert(names.bind("a", 0, 10));
+  ck_assert(names.bind("b", 1, 11));
+  names.await("b");
+  names.tell("b", "editor");
+  names.set_absent("refused", {FS_PRIMITIVE_PLANE, FS_OBJECT_REFUSED});
+  // A slot is of one object: the later change wins.
+  ck_assert(!names.bind("c", 0, 9));
+  ck_assert_str_eq(names.moved_by(0)->first.c_str(), "a");
+  ck_assert(names.bind("c", 0, 12));
+  ck_assert_str_eq(names.moved_by(0)->first.c_str(), "c");
+  ck_assert_uint_eq(names.object("a")->slot, wire::no_slot);
+
+  // A group removes b, sets another object that gets its slot, and sets the one that was refused.
+  const NameRecord b = names.record_of("b"), refused = names.record_of("refused"), fresh = names.record_of("fresh");
+  names.forget("b");
+  ck_assert(!names.has_untold() && !names.has_awaited());
+  names.add("fresh");
+  ck_assert(names.bind("fresh", 1, 13));
+  names.add("refused");
+  ck_assert_uint_eq(names.absents(), 0);
+  ck_assert_uint_eq(names.objects(), 4);
+  for (const char* name : {"b", "fresh", "refused"}) names.forget(name);
+  ck_assert(!names.put_back("fresh", fresh));
+  ck_assert(!names.put_back("refused", refused));
+  ck_assert(names.put_back("b", b));
+  ck_assert_uint_eq(names.objects(), 3);
+  ck_assert_uint_eq(names.absents(), 1);
+  ck_assert(!names.find("fresh"));
+  ck_assert_str_eq(names.moved_by(1)->first.c_str(), "b");
+  ck_assert_uint_eq(names.object("b")->after, 11);
+  ck_assert_str_eq(names.next_untold(none)->c_str(), "b");
+  int used = 0;
+  names.take_used(7, 6, [&](const std::string&) { ++used; });
+  ck_assert_int_eq(used, 0);
+  names.take_used(8, 7, [&](const std::string&) { ++used; });
+  ck_assert_int_eq(used, 1);
+  ck_assert(!names.has_awaited());
+  // What nobody knows anything of any more has no record.
+  names.drop_absent("refused");
+  ck_assert(!names.find("refused"));
+}
+END_TEST
+
 }  // namespace
 
 int main() {
-  return run("server", {an_allowance_is_kept_on_average, who_asks_little_goes_first, who_leaves_holds_up_nobody, a_group_is_committed_by_steps});
+  return run("server", {an_allowance_is_kept_on_average, who_asks_little_goes_first, who_leaves_holds_up_nobody,
+                        a_group_is_committed_by_steps, a_move_finds_its_object_without_its_name,
+                        a_record_of_a_name_is_put_back});
 }
