@@ -208,14 +208,13 @@ template <class K>
 constexpr Kind row{K::gain, K::has_offset, K::has_width, K::has_curve, K::is_constant,
                    K::form, K::support, K::slope, K::bend, K::tail, K::slope_end};
 
-constexpr Kind kinds[] = {row<None>,     row<Constant>,  row<LinearIncreasing>, row<LinearDecreasing>,
-                          row<Gaussian>, row<Quadratic>, row<Inverse>,          row<Custom>};
-
-static_assert(std::size(kinds) == FS_PROFILE_CUSTOM + 1 && FS_PROFILE_LINEAR_INCREASING == 2 && FS_PROFILE_GAUSSIAN == 4 &&
-              FS_PROFILE_INVERSE == 6);
-
 }  // namespace
 
-const Kind& kind_of(fs_profile_kind kind) noexcept { return kinds[kind]; }
+const Kind kinds[] = {row<None>,     row<Constant>,  row<LinearIncreasing>, row<LinearDecreasing>,
+                      row<Gaussian>, row<Quadratic>, row<Inverse>,          row<Custom>};
+
+static_assert(FS_PROFILE_NONE == 0 && FS_PROFILE_CONSTANT == 1 && FS_PROFILE_LINEAR_INCREASING == 2 &&
+              FS_PROFILE_LINEAR_DECREASING == 3 && FS_PROFILE_GAUSSIAN == 4 && FS_PROFILE_QUADRATIC == 5 &&
+              FS_PROFILE_INVERSE == 6 && FS_PROFILE_CUSTOM == 7);
 
 }  // namespace fs

@@ -44,18 +44,22 @@ struct Kind {
   double (*slope_end)(const Profile&, const SlopeEnd&) noexcept;
 };
 
-const Kind& kind_of(fs_profile_kind kind) noexcept;  // [rt] kind: one that parse_profile lets pass
+extern const Kind kinds[FS_PROFILE_CUSTOM + 1];
+
+// [rt] kind: one that parse_profile lets pass.
+inline const Kind& kind_of(fs_profile_kind kind) noexcept { return kinds[kind]; }
 
 // A profile without a curve in the numbers of its formula. With gain 0 any of them is linear.
 struct Formula {
   explicit Formula(const Profile& f) noexcept
-      : form(f.gain == 0 ? Form::linear : kind_of(f.kind).form),
-        gain(f.gain == 0 || kind_of(f.kind).is_constant ? 0 : f.gain),  // no -0
-        offset(kind_of(f.kind).is_constant ? f.gain : f.offset),
-        width(f.width),
-        limit(f.limit),
-        reach(f.reach > 0 ? f.reach : std::numeric_limits<double>::infinity()) {}
-  Form form;
+      : gain(f.gain), offset(f.offset), width(f.width), limit(f.limit),
+        reach(f.reach > 0 ? f.reach : std::numeric_limits<double>::infinity()) {
+    const Kind& kind = kind_of(f.kind);
+    if (f.gain != 0) form = kind.form;
+    if (kind.is_constant) offset = f.gain;
+    if (kind.is_constant || f.gain == 0) gain = 0;  // not -0
+  }
+  Form form = Form::linear;
   double gain, offset, width, limit, reach;
 };
 
