@@ -1,16 +1,10 @@
 // Where a straight way of a point first passes through a surface, without a gap anywhere: at shared edges and vertices too.
 #pragma once
 
-#include "shape/primitive.h"
+#include "shape/closest.h"
+#include "shape/shape.h"
 
 namespace fs {
-
-struct Crossing {
-  double part = 0;    // of the way, 0..1
-  Vec3 point{};       // object frame
-  Vec3 normal{};      // unit, object frame: towards the side from which it came
-  uint32_t triangle = 0;
-};
 
 // [rt] The first place at which the way from `from` to `to` (object frame) passes from one side (`side`) of a plane or mesh to
 // the other. A point on the surface counts as on the side from which it came. False: it does not; out is as it was.

@@ -1,26 +1,10 @@
 // The closest point of a primitive, in the object's frame (Table 1 of the paper).
 #pragma once
 
-#include "math/vec3.h"
+#include "shape/closest.h"
 #include "shape/shape.h"
 
 namespace fs {
-
-enum class Side : uint8_t { front, back };
-// How the closest point moves when x moves: it stays (vertex), slides along `tangent` (edge) or follows x along the
-// surface (face). The derivative of the direction is (I - u u^T)/d, (I - u u^T - t t^T)/d and 0 respectively. An edge
-// or vertex inside a flat part of a mesh counts as a face, a joint inside a straight part of a polyline as an edge.
-enum class Feature : uint8_t { vertex, edge, face };
-
-struct Closest {
-  Vec3 point{};      // p
-  double distance = 0;
-  Vec3 direction{};  // unit, from p to x. At d = 0: the normal of a plane or mesh; {0, 0, 0} for the other primitives
-  Vec3 tangent{};    // unit; set for an edge only
-  Side side = Side::front;
-  Feature feature = Feature::vertex;
-  uint32_t triangle = 0;  // index of the triangle or segment; the lowest of those at equal distance
-};
 
 // What is remembered from one search of a shape to the next, to make it faster. It makes no difference to what is found in
 // this shape; with another one, begin with a new hint.

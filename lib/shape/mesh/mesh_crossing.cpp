@@ -2,6 +2,7 @@
 #include <bit>
 #include <limits>
 
+#include "shape/crossing.h"
 #include "shape/mesh/mesh_tree.h"
 #include "shape/mesh/packet_triangles.h"
 

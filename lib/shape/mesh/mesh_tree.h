@@ -5,12 +5,13 @@
 #include <span>
 #include <vector>
 
-#include "shape/crossing.h"
+#include "shape/closest.h"
+#include "shape/local_frame.h"
 #include "shape/mesh/mesh_union.h"
 #include "shape/mesh/packet.h"
 #include "shape/mesh/pseudonormals.h"
 #include "shape/mesh/wide_tree.h"
-#include "shape/primitive.h"
+#include "shape/triangle.h"
 
 namespace fs {
 
