@@ -287,7 +287,7 @@ fs_status sim_advance(void* self, double time) {
 
 const fs_driver& sim_driver() {
   static constexpr fs_driver driver{sizeof(fs_driver), 0, "sim", sim_list, sim_open, sim_close, sim_get_info, sim_read,
-                                    sim_write, sim_write_model, sim_advance};
+                                    sim_write, sim_write_model, sim_advance, nullptr};
   return driver;
 }
 

@@ -23,7 +23,8 @@ typedef struct fs_device_info {
                                    each step of an encoder for a motion, and may shake a hand at rest */
   double rate;                  /* Hz, preferred servo rate, 100..20000 */
   double delay;                 /* s from pose to force, in addition to the servo period, with the way through a link; a
-                                   pose may be 20 ms + delay + 1/link_rate old before it is a fault (100 ms at most) */
+                                   pose may be 20 ms + delay + 1/link_rate old before it is a fault (100 ms at most). A
+                                   driver that measures it while a servo runs tells that in fs_servo_stats */
   double damping;               /* N s/m, its own, physical; 0 also if it is not known */
   double mass;                  /* kg, its own, felt at the handle; 0: not known, and a servo assumes 0.05 kg */
   double link_rate;             /* Hz, how often pose and force cross a link to a remote controller; 0: at each tick */

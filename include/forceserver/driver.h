@@ -9,6 +9,16 @@ extern "C" {
 #endif
 
 #ifndef SWIG  /* a language runtime cannot be called at the servo rate, so it cannot write a driver; it can load one */
+/* What a driver measures of the way between its device and this process. Growing. */
+typedef struct fs_link {
+  uint32_t struct_size;         /* sizeof(fs_link) */
+  uint32_t reserved;            /* 0 */
+  double delay;                 /* s from pose to force, as fs_device_info.delay, 0..10: the median of the last second or so */
+  double delay_p99;             /* s, at least delay, at most 10: 99 of 100 are not longer; 0: not known, delay counts */
+  double rate;                  /* Hz, 0..1e6: poses that come from the device; 0: not known */
+  double loss;                  /* 0..1: the part of poses and forces that is lost; 0 also if it is not known */
+} fs_link;
+
 /* A device driver: a table of functions, growing. It knows one kind of device and nothing of scenes, limits or faults:
  * the library scales forces down to the device's maxima, guards them, and checks the age of poses. get_info, read and
  * write are called by one thread at a time. read and write are called at the servo rate: they never wait, allocate or
@@ -50,17 +60,26 @@ typedef struct fs_driver {
    * local model f0 + dfdx (x - x0) at that rate, limits its force, damps with controller_damping, and lets the force
    * fade when nothing comes. x0 is the pose that read gave. dfdx (N/m) is symmetric, without the damping of objects,
    * and its largest eigenvalue is at most 2.5 (damping + controller_damping)/(delay + 1/link_rate), all of
-   * fs_device_info: half of what was measured to shake. Without a force it is called with zeros; write is still called
-   * with 0 when the force must end. A null pointer: the device has write only, and the three controller_ fields count as 0. */
+   * fs_device_info, or the delay as get_link measures it: half of what was measured to shake. Without a force it is called
+   * with zeros; write is still called with 0 when the force must end. A null pointer: the device has write only, and the
+   * three controller_ fields count as 0. */
   fs_status (*write_model)(void *self, const fs_pose *x0, const fs_wrench *f0, const fs_mat3 *dfdx);
 
   /* Called before each read to bring a simulated device to time (s, on the servo's clock, without a servo on the
    * monotonic clock). A null pointer: a real device. */
   fs_status (*advance)(void *self, double time);
+
+  /* Fills out, which is all zeros but struct_size, with what the driver measures at present; write no more than that size.
+   * A thread of the library calls it 25 times a second while a servo has the device, also while read or write is under way
+   * in another thread: it must return at once. In mode VIRTUAL, fs_servo_step calls it between two ticks. What the loop can
+   * render follows (servo.h): a longer delay counts at once, a shorter one when it was told three times. Figures that are not
+   * within their ranges are refused with an FS_EVENT_DEVICE, and what was told before stays. UNSUPPORTED: nothing has been
+   * measured yet. A null pointer: the driver measures nothing. */
+  fs_status (*get_link)(void *self, fs_link *out);
 } fs_driver;
 
-/* Adds a driver for the whole process. The table is copied; its functions must remain loaded. list, write_model and
- * advance may be null. EXISTS: the scheme is taken; VERSION. */
+/* Adds a driver for the whole process. The table is copied; its functions must remain loaded. list, write_model,
+ * advance and get_link may be null. EXISTS: the scheme is taken; VERSION. */
 FS_API fs_status fs_driver_register(const fs_driver *driver);
 
 /* The type of the function that a driver's library exports: const fs_driver *fs_driver_entry(void); */

@@ -218,23 +218,23 @@ FS_API fs_status fs_scene_get_view(fs_scene *scene, const char *client, fs_view 
  * closest point can turn the force around. */
 FS_API fs_status fs_scene_set_accuracy(fs_scene *scene, double newtons);
 
-/* Bound of the summed slope of objects that are felt at the same place, N/m at the device, >= 0. 0 (default): what the
- * servo can render; without a servo no bound. It is shared fairly: where all together want no more, each gets the slope that
- * it wants. Where they want more, those that want least get it, and the others share equally what these leave. So a soft wall
- * stays as it is beside many stiff ones. Each object is bounded by what it gets at the most crowded place where its force is
- * steep; its profiles and its contact count as two objects. No force is ever raised.
+/* Limit of the summed slope of objects that are felt at the same place, N/m at the device, >= 0. 0 (default): what the
+ * servo can render; without a servo no limit. The bounds of the objects are fair: where all together want no more, each gets
+ * the slope that it wants. Where they want more, those that want least get it, and the others get equal parts of what these
+ * leave. So a soft wall stays as it is beside many stiff ones. The bound of an object is what it gets where its force is steep
+ * and most is wanted beside it; its profiles and its contact count as two objects. No force is ever raised.
  *
  * - A contact with stiffness 0, and a force that jumps (fs_report), want all that there is. But a force that jumps wants no
  *   more than what spreads its greatest value over 0.1 mm: 10 N/m for each mN.
- * - An object that the hand cannot reach for now has no share, and keeps the bound that it has. It gets its share before the
- *   hand arrives: from its position and velocity at the last tick, the hand is assumed to accelerate by up to 50 m/s2 during
- *   the 40 ms or so until new bounds are felt, but never to be faster than fs_servo_options.speed_limit. Where that is
- *   switched off or another frame or tool fades in, all that lies in the device's workspace counts; while the clutch is held,
- *   all objects do. What the hand has left keeps its share for 1 s.
- * - A new object has at first the bound of one alone; within 0.1 s it shares, and so does one that has moved. A bound that
- *   changes is blended as a profile that changes is.
+ * - An object that the hand cannot reach for now does not count, and keeps the bound that it has. It counts before the hand
+ *   arrives: from its position and velocity at the last tick, the hand is assumed to accelerate by up to 50 m/s2 during the
+ *   40 ms or so until new bounds are felt, but never to be faster than fs_servo_options.speed_limit. Where that is switched
+ *   off or another frame or tool fades in, all that lies in the device's workspace counts; while the clutch is held, all
+ *   objects do. What the hand has left counts for 1 s.
+ * - A new object has at first the bound of one alone; within 0.1 s it counts beside others, and so does one that has moved. A
+ *   bound that changes is blended as a profile that changes is.
  * - Connected: the bound holds for the scene's own objects and can only lower what the server gives them. What the servo can
- *   render is shared among its clients in the same way: a client wants the largest slope that its objects within the hand's
+ *   render is split among its clients in the same way: a client wants the largest slope that its objects within the hand's
  *   reach want together at one place, plus a tenth.
  *
  * Not bounded are tools of one's own, fields, and the turn of an attractive force where two parts of a polyline or mesh are
@@ -349,7 +349,8 @@ typedef enum fs_event_kind {
   FS_EVENT_EXPIRED = 5,         /* an object's lifetime is over: it stays, at weight 0, until set, changed or moved */
   FS_EVENT_DEVICE = 6,          /* the device (name) is ready (FS_OK), lost or stopped by a fault: status, text; value:
                                    the new fs_fault bits as a number; 0: ready. A fault that occurs again after
-                                   fs_servo_set_enabled gives another event */
+                                   fs_servo_set_enabled gives another event. INVALID: its driver measures nonsense (driver.h,
+                                   get_link), which does not count; value: 0 */
   FS_EVENT_DISCONNECTED = 7,    /* the server is gone; this is the last event: make a new scene */
   FS_EVENT_OVERFLOW = 8,        /* `value` older events were dropped before they were fetched: 1024 are kept */
   FS_EVENT_CLIENT = 9,          /* a client (name) stopped all force or let it return (FS_OK); only in the scene whose

@@ -4,11 +4,16 @@
  * it. The guard is the last stage and never bypassed: the force is damped, finite, at most force_limit (direction
  * kept), ramped after a stop, and 0 on a fault or for a device that is not ready.
  *
- * A sampled loop can render only so much stiffness and damping before it shakes a handle that nobody holds. Both bounds
- * are worked out once, when the servo starts, from the device's mass, damping and delay and the rate. With
- * lag = period/2 + delay: stiffness up to (damping of the device + local damping)/(2 lag), but at most half of what
- * shakes the released device; and damping, local and of objects together, up to 0.7 mass/lag. fs_servo_stats tells what
+ * A sampled loop can render only so much stiffness and damping before it shakes a handle that nobody holds. Both limits
+ * are worked out from the device's mass, damping and delay and the rate. With lag = period/2 + delay:
+ * stiffness up to (damping of the device + local damping)/(2 lag), but at most half of what shakes the released device; and
+ * damping, local and of objects together, up to 0.7 mass/lag. fs_servo_stats tells what
  * is applied. A device that does not tell its mass counts as one of 0.05 kg.
+ *
+ * Where the driver measures the delay while the servo runs (driver.h, get_link), both limits follow within 0.2 s, and with
+ * them the local damping, the slew limit, the local models of a remote controller and the age at which a pose is too old.
+ * The force makes no step: other bounds are blended as a profile that changes is, and so are damping and models. The delay
+ * that counts is the longest of three looks, 40 ms apart, and stays while it becomes shorter by less than a tenth.
  *
  * When a servo ends, the device has force 0 within two ticks, before anything is waited for. This holds for
  * fs_servo_stop, also while the server or another thread is busy, and when the process ends by exit or by a return from
@@ -45,14 +50,16 @@ typedef struct fs_servo_options {
   double slew_limit;            /* N/s of the whole force, a protection against faults only; 0: 3 m/s times the
                                    stiffness that the loop can render; negative: none. A limit below what a hard wall
                                    needs would make the loop unstable: below 3 m/s times max_stiffness as applied it is
-                                   INVALID. Where max_stiffness is none, 0 means none too, and any limit is taken */
+                                   INVALID, and max_stiffness never rises above what the limit allows. Where max_stiffness
+                                   is none, 0 means none too, and any limit is taken */
   double speed_limit;           /* m/s of the hand; a higher speed is a fault; 0: 2; negative: none */
   double ramp;                  /* s to full force at the start and after a fault; 0: 0.5; negative: none */
   double fade;                  /* s in which an object fades in or out; 0: 1.0; negative: none */
   double blend;                 /* s over which the change of a moved or changed object is spread (scene.h); 0: 0.02;
                                    negative: none. An object that is moved farther than speed_limit * blend fades */
-  double delay;                 /* s of delay in the loop, in addition to its period, 0..10; 0: the device's. With a
-                                   remote controller (fs_device_info.controller_rate): that of the link to it */
+  double delay;                 /* s of delay in the loop, in addition to its period, 0..10; 0: the device's, as it says
+                                   or measures it. With a remote controller (fs_device_info.controller_rate): that of the
+                                   link to it */
   double damping;               /* N s/m, local, filtered at 100 Hz, and 0.4 of it at rest, where the hand moves by 2 encoder
                                    steps or less within 50 ms; 0: 5; more than the loop can render is lowered to
                                    that; negative: none. A remote controller damps by itself, whatever this says */
@@ -84,7 +91,8 @@ FS_API const char *fs_realtime_name(fs_realtime realtime);
  * until fs_servo_set_enabled(servo, true). */
 typedef enum fs_fault {
   FS_FAULT_DEVICE = 1,          /* the device is not ready, lost, or its pose is older than 20 ms +
-                                   fs_device_info.delay + 1/link_rate (100 ms at most; a time of 0 means now).
+                                   fs_device_info.delay, or as it is measured, + 1/link_rate (100 ms at most; a time of 0
+                                   means now).
                                    VIRTUAL: the pose of a device without `advance` (driver.h) has no age */
   FS_FAULT_SPEED = 2,           /* the hand is faster than speed_limit */
   FS_FAULT_NUMBER = 4,          /* a pose or force is not finite */
@@ -133,6 +141,11 @@ typedef struct fs_servo_stats {
   uint32_t enabled,             /* 1; 0: fs_servo_set_enabled(servo, false) holds the force at 0. No event tells it, and
                                    it is no fault; a fault leaves it as it is */
            reserved;            /* 0 */
+  double delay;                 /* s, for which max_stiffness and damping are worked out: as fs_servo_options.delay says, as
+                                   the driver measures it, or else fs_device_info.delay */
+  double link_delay_p50, link_delay_p99,          /* s from pose to force, as the driver measures it; 0: it does not */
+         link_rate,             /* Hz, poses that come from the device, measured; 0: not known */
+         link_loss;             /* 0..1, the part of poses and forces that is lost, measured */
 } fs_servo_stats;
 FS_DEFINE_INIT(fs_servo_stats)
 

@@ -17,24 +17,27 @@ namespace fs {
 
 // Splits the limit of the loop among scenes, by what each wants: those that want least get it, the others equal parts of what
 // is left. If all get what they want, what is left is split, too, so that one may want more at any time.
-std::vector<DeviceLimit> Budget::limits_for(const std::vector<double>& wants) const {
-  if (wants.size() == 1) return {limit_};
+static std::vector<DeviceLimit> split(const DeviceLimit& limit, const std::vector<double>& wants) {
+  if (wants.size() == 1) return {limit};
   std::vector<double> sorted = wants;
-  for (double& want : sorted) want = std::min(want, limit_.stiffness);
-  const double bound = fair_bound(sorted, limit_.stiffness);
-  const double left = std::max(0.0, limit_.stiffness - std::accumulate(sorted.begin(), sorted.end(), 0.0));
+  for (double& want : sorted) want = std::min(want, limit.stiffness);
+  const double bound = fair_bound(sorted, limit.stiffness);
+  const double left = std::max(0.0, limit.stiffness - std::accumulate(sorted.begin(), sorted.end(), 0.0));
   const auto scenes = static_cast<double>(wants.size());
   const auto wanting = static_cast<double>(std::count_if(wants.begin(), wants.end(), [](double want) { return want > 0; }));
-  std::vector<DeviceLimit> out(wants.size(), limit_);
+  std::vector<DeviceLimit> out(wants.size(), limit);
   for (size_t i = 0; i < wants.size(); ++i) {
     // One that wants none yet may at any time, and gets less as soon as it does.
     const double count = wants[i] > 0 ? wanting : wanting + 1;
-    const double part = bound < never ? std::min(wants[i], bound) : std::min(wants[i], limit_.stiffness) + left / scenes;
-    out[i].stiffness = wants[i] > 0 ? part : std::max(part, limit_.stiffness / count);
+    const double part = bound < never ? std::min(wants[i], bound) : std::min(wants[i], limit.stiffness) + left / scenes;
+    out[i].stiffness = wants[i] > 0 ? part : std::max(part, limit.stiffness / count);
     out[i].damping /= count;
   }
   return out;
 }
+
+// False: nothing is bounded.
+static bool is_finite(const DeviceLimit& limit) { return limit.stiffness < never || limit.damping < never; }
 
 static std::vector<double> wants_of(const Budget::Scenes& scenes) {
   std::vector<double> out;
@@ -45,11 +48,13 @@ static std::vector<double> wants_of(const Budget::Scenes& scenes) {
 bool Budget::run_once() noexcept {
   bool has_worked = false;
   try {
-    const Scenes scenes = scenes_();
     const std::lock_guard lock(running_);
+    const DeviceLimit limit = limit_();
+    if (!is_finite(limit)) return false;
+    const Scenes scenes = scenes_();
     for (int i = 0; i < 2; ++i) {
       const std::vector<double> wants = wants_of(scenes);
-      const std::vector<DeviceLimit> limits = limits_for(wants);
+      const std::vector<DeviceLimit> limits = split(limit, wants);
       for (size_t k = 0; k < scenes.size(); ++k) has_worked |= scenes[k]->update(limits[k], ahead_, rest_);
       if (wants_of(scenes) == wants) break;
     }
@@ -61,8 +66,9 @@ bool Budget::run_once() noexcept {
 void Budget::add(SceneBudget& scene) {
   std::vector<double> wants = wants_of(scenes_());
   const std::lock_guard lock(running_);
+  const DeviceLimit limit = limit_();
   wants.push_back(never);
-  scene.update(limits_for(wants).back(), ahead_, rest_);
+  if (is_finite(limit)) scene.update(split(limit, wants).back(), ahead_, rest_);
 }
 
 static double processor_time() noexcept {  // s, of the calling thread

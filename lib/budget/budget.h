@@ -17,8 +17,10 @@ namespace fs {
 class Budget {
  public:
   using Scenes = std::vector<Ref<SceneBudget>>;
-  // limit: what all scenes together may have. scenes: gives those that the servo feels; any thread.
-  Budget(const DeviceLimit& limit, std::function<Scenes()> scenes) : limit_(limit), scenes_(std::move(scenes)) {}
+  // Both are called by whoever runs or adds. limit: gives what all scenes together may have at present. scenes: gives those that
+  // the servo feels.
+  Budget(std::function<DeviceLimit()> limit, std::function<Scenes()> scenes)
+      : limit_(std::move(limit)), scenes_(std::move(scenes)) {}
   ~Budget() { stop(); }
 
   static constexpr double turn = 0.01;  // s, from one run to the next
@@ -29,9 +31,7 @@ class Budget {
   void add(SceneBudget& scene);  // before the servo feels it: it is bounded from its first tick on
 
  private:
-  std::vector<DeviceLimit> limits_for(const std::vector<double>& wants) const;  // N/m, of each scene
-
-  const DeviceLimit limit_;
+  const std::function<DeviceLimit()> limit_;
   const std::function<Scenes()> scenes_;
   const uint32_t process_ = this_process();
   std::mutex running_;

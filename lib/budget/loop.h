@@ -1,5 +1,5 @@
-// What the sampled loop of a servo can render without shaking a device that nobody holds: worked out once, when the
-// servo starts. The hand only helps, so it is left out.
+// The limit of a servo's sampled loop: what it can render without shaking a device that nobody holds. The hand only helps, so it
+// is left out.
 #pragma once
 
 #include <limits>

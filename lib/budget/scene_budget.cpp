@@ -133,7 +133,8 @@ Box SceneBudget::reach_of_hand(const SceneLimit& scene, const DeviceLimit& limit
 }
 
 // Whether bounds are to be worked out. reach: of the hand; within: for which they would be worked out.
-bool SceneBudget::is_due(const DeviceLimit& limit, double most, const Box& reach, const Box& within, double time, double rest) const {
+bool SceneBudget::is_due(const DeviceLimit& limit, double most, const Box& reach, const Box& within, double time,
+                         double rest) const {
   if (seen_.sequence == 0 || !(limit == seen_.limit) || most != seen_.most) return true;
   if (reach.is_empty() != seen_.within.is_empty() || !is_within(reach, seen_.clear)) return true;
   if (std::fabs(time - seen_.time) < std::fmax(0.035, rest)) return false;  // what objects do can wait so long

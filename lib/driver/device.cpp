@@ -217,8 +217,20 @@ void fs_device::end() noexcept {
   const Turn turn(*this, 50'000);  // limited, so that a driver that hangs cannot stop the process from ending
   if (!turn || !was_pushing_ || is_closed_) return;
   write_zero();
+  for (int i = 0; is_in_link_ && i < 50'000; ++i) fs::pause(2e-5);
+  if (is_in_link_) return;
   driver_.close(self_);  // only close guarantees that the 0 has arrived
   is_closed_ = true;
+}
+
+fs_status fs_device::get_link(fs_link& out) noexcept {
+  out = {};
+  out.struct_size = sizeof out;
+  if (!driver_.get_link) return FS_ERROR_UNSUPPORTED;
+  is_in_link_ = true;
+  const fs_status status = is_silent() ? FS_ERROR_UNSUPPORTED : driver_.get_link(self_, &out);
+  is_in_link_ = false;
+  return fs::known_status(status);
 }
 
 fs_status fs_device::read(double time, fs_state& out) noexcept {

@@ -52,6 +52,11 @@ struct fs_device : fs::Counted<fs_device> {
   // Where one of them is not finite, the stiffness is 0.
   fs_status write_model(const fs_pose& pose, const fs_wrench& force, const fs_mat3& stiffness) noexcept;
 
+  // What the driver measures of its link, unchecked; UNSUPPORTED: nothing, or the device is silent. Called by one thread beside
+  // the one that has the turn.
+  bool measures_link() const noexcept { return driver_.get_link; }
+  fs_status get_link(fs_link& out) noexcept;
+
   std::mutex mutex;  // held by the C calls fs_device_read and fs_device_write
 
  private:
@@ -61,6 +66,7 @@ struct fs_device : fs::Counted<fs_device> {
   const uint32_t process_ = fs::this_process();  // the process that opened it
   std::atomic<bool> owned_{false}, is_silent_{false}, has_ended_{false};
   std::atomic<pthread_t> turn_{0};  // the thread that has the turn; 0: none
+  std::atomic<bool> is_in_link_{false};  // a thread is in the driver's get_link, so it cannot be closed
 
   // Used only by the thread that has the turn.
   bool was_pushing_ = false;  // a force was written since the device was opened

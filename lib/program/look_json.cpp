@@ -56,6 +56,11 @@ Json to_json(const fs_servo_stats& s, const Ticks& ticks) {
           {"compute_p99", s.compute_p99},
           {"compute_max", s.compute_max},
           {"max_stiffness", s.max_stiffness},
+          {"delay", s.delay},
+          {"link_delay_p50", s.link_delay_p50},
+          {"link_delay_p99", s.link_delay_p99},
+          {"link_rate", s.link_rate},
+          {"link_loss", s.link_loss},
           {"enabled", s.enabled != 0},
           {"faults", fault_words(s.faults)}};
 }

@@ -38,6 +38,16 @@ std::vector<Ref<Channel>> Channels::present() {
   return posted_ ? posted_->channels : std::vector<Ref<Channel>>{};
 }
 
+std::vector<Ref<SceneBudget>> Channels::budgets() {
+  std::vector<Ref<SceneBudget>> out;
+  for (const Ref<Channel>& channel : present()) out.push_back(channel->budget());
+  return out;
+}
+
+void Channels::note(const fs_event& event) {
+  for (const Ref<Channel>& channel : present()) channel->scene().note(event);
+}
+
 Wrench Channels::own_wrench() {
   const std::lock_guard lock(mutex_);
   return posted_ ? posted_->channels.front()->wrench() : Wrench{};

@@ -17,6 +17,8 @@ class Channels {
   // Any thread; not [rt].
   void add(const Ref<Channel>& channel);  // which takes over from those that are left to it. STATE: the servo has been stopped
   std::vector<Ref<Channel>> present();    // empty: it has been stopped
+  std::vector<Ref<SceneBudget>> budgets();  // of their scenes
+  void note(const fs_event& event);         // for all of their scenes
   Wrench own_wrench();                    // what the servo's own scene added at the last tick, device frame
   size_t count();                         // without the servo's own; channels that are fading out count
   void reap();                            // removes the channels that have faded out

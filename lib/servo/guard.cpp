@@ -46,7 +46,7 @@ void Guard::note_faults(const Hand& hand, const Wrench& wanted) noexcept {
 }
 
 // Takes what the hand did since the last tick: its energy and its filtered velocity.
-void Guard::observe(const Hand& hand) noexcept {
+void Guard::observe(const Hand& hand, bool is_damped) noexcept {
   if (!hand.is_ready || !is_finite(hand.state.pose) || !is_finite(speed_)) {
     has_pose_ = false;
     velocity_.reset();
@@ -61,13 +61,14 @@ void Guard::observe(const Hand& hand) noexcept {
   }
   pose_ = pose;
   has_pose_ = true;
-  if (limits_.damping > 0) speed_ = velocity_.update({pose.position, identity_quat()}, hand.state.time).linear;
+  if (is_damped) speed_ = velocity_.update({pose.position, identity_quat()}, hand.state.time).linear;
 }
 
 Guard::Guarded Guard::apply(const Hand& hand, const fs_response& response) noexcept {
   guarded_ = false;
   const Wrench& wanted = response.wrench;
-  observe(hand);
+  const double damping = damping_.next(), slew = slew_.next();
+  observe(hand, damping > 0);
   note_faults(hand, wanted);
 
   const bool is_wanted = !(wanted.force == Vec3{} && wanted.torque == Vec3{});
@@ -78,7 +79,7 @@ Guard::Guarded Guard::apply(const Hand& hand, const fs_response& response) noexc
     return {};
   }
   ramp_ = limits_.ramp > 0 ? std::min(1.0, ramp_ + limits_.period / limits_.ramp) : 1.0;
-  const Vec3 force = limits_.damping > 0 ? wanted.force - limits_.damping * speed_ : wanted.force;
+  const Vec3 force = damping > 0 ? wanted.force - damping * speed_ : wanted.force;
   Wrench out{first_axes(force, limits_.force_axes), first_axes(wanted.torque, limits_.torque_axes)};
   Mat3 stiffness = first_axes(response.stiffness, limits_.force_axes);
   if (const Vec3 whole = out.force; limit_vector(out.force, limits_.force)) {
@@ -88,7 +89,7 @@ Guard::Guarded Guard::apply(const Hand& hand, const fs_response& response) noexc
   guarded_ |= limit_vector(out.torque, limits_.torque);
   out = {ramp_ * out.force, ramp_ * out.torque};
   stiffness = ramp_ * stiffness;
-  const double most_change = limits_.slew * (limits_.period + hand.late);  // N
+  const double most_change = slew * (limits_.period + hand.late);  // N
   const Vec3 whole_change = out.force - sent_.force;
   if (Vec3 change = whole_change; limit_vector(change, most_change)) {
     guarded_ = true;
@@ -97,6 +98,14 @@ Guard::Guarded Guard::apply(const Hand& hand, const fs_response& response) noexc
   }
   sent_ = out;
   return {out, stiffness};
+}
+
+void Guard::follow(double damping, double slew) noexcept {
+  constexpr double slew_falls_in = 1;  // s
+  limits_.damping = damping;
+  damping_.go_to(damping, limits_.blend / limits_.period);
+  slew_.go_to(slew, slew < limits_.slew ? slew_falls_in / limits_.period : 0);
+  limits_.slew = slew;
 }
 
 void Guard::set_enabled(bool enabled) noexcept {

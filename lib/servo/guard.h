@@ -9,6 +9,7 @@
 
 #include "math/filters.h"
 #include "math/pose.h"
+#include "servo/blended.h"
 
 namespace fs {
 
@@ -23,12 +24,15 @@ class Guard {
     double speed;          // m/s; infinite: none
     double ramp;           // s; 0: none
     double period;         // s, of the servo
-    double damping;        // N s/m, local; 0: none
-    double slew;           // N/s of the whole force; infinite: none
+    double damping;        // N s/m, local; 0: none; at the start
+    double slew;           // N/s of the whole force; infinite: none; at the start
     uint32_t force_axes = 3, torque_axes = 3;  // the number of axes on which the device acts
     double resolution = 0;                     // m, of the positions; 0: exact
+    double blend = 0;                          // s, over which another damping comes in; 0: at once
   };
-  explicit Guard(const Limits& limits) : limits_(limits), velocity_(limits.resolution, VelocityEstimator::local_rest) {}
+  explicit Guard(const Limits& limits)
+      : limits_(limits), velocity_(limits.resolution, VelocityEstimator::local_rest), damping_(limits.damping),
+        slew_(limits.slew) {}
 
   // What a tick knows of the hand.
   struct Hand {
@@ -46,6 +50,10 @@ class Guard {
   // [rt] wanted: what the scenes give, device frame.
   Guarded apply(const Hand& hand, const fs_response& wanted) noexcept;
 
+  // [rt] The loop renders others now. A lower slew limit takes a second to come, so that it does not hold back the forces of
+  // objects that are stiffer until they have lower bounds, too.
+  void follow(double damping, double slew) noexcept;
+
   // [rt] false: no force. true: the force returns through the ramp, also after a latched fault.
   void set_enabled(bool enabled) noexcept;
 
@@ -59,7 +67,7 @@ class Guard {
 
  private:
   void note_faults(const Hand& hand, const Wrench& wanted) noexcept;
-  void observe(const Hand& hand) noexcept;
+  void observe(const Hand& hand, bool is_damped) noexcept;
 
   Limits limits_;
   bool enabled_ = true, guarded_ = false;
@@ -67,6 +75,7 @@ class Guard {
   int late_in_a_row_ = 0;
   double ramp_ = 0;  // 0..1
   VelocityEstimator velocity_;
+  Blended damping_, slew_;
   Vec3 speed_{};     // m/s, filtered
   Wrench sent_{};    // by the last tick
   Pose pose_{};      // at the last tick

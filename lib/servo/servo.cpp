@@ -20,6 +20,12 @@ constexpr double record_length = 2;  // s
 constexpr size_t stack_size = 256 << 10;  // bytes, beside the thread-local data
 constexpr int not_asked = -1;  // in place of an fs_realtime: the thread has not asked the system yet
 
+Guard::Limits with_loop(Guard::Limits limits, const LoopValues& loop) {
+  limits.damping = loop.own_damping;
+  limits.slew = loop.slew;
+  return limits;
+}
+
 }  // namespace
 
 fs_servo::fs_servo(Ref<LocalScene> scene, Ref<Device> device, const ServoSettings& settings)
@@ -27,11 +33,15 @@ fs_servo::fs_servo(Ref<LocalScene> scene, Ref<Device> device, const ServoSetting
       device_(std::move(device)),
       settings_(settings),
       period_(1 / settings.rate),
-      guard_(settings.limits),
-      record_(static_cast<size_t>(std::ceil(record_length * settings.rate))) {
+      guard_(with_loop(settings.limits, settings.first)),
+      loop_now_(settings.first),
+      model_stiffness_(loop_now_.model_stiffness),
+      record_(static_cast<size_t>(std::ceil(record_length * settings.rate))),
+      loop_(settings.loop, settings.first, device_->info()) {
   device_->acquire();
   try {
-    channels_.start(make_ref<Channel>(*this, settings_.spread, period_, scene_, Channel::Limits{}, true, Channel::Owner{"", 0}));
+    channels_.start(make_ref<Channel>(*this, settings_.spread, period_, scene_, Channel::Limits{}, true,
+                                      Channel::Owner{"", 0}));
     guard_process_end();
     start_budget();
     if (settings.mode == FS_SERVO_THREAD) start_thread();
@@ -44,26 +54,28 @@ fs_servo::fs_servo(Ref<LocalScene> scene, Ref<Device> device, const ServoSetting
 }
 
 void fs_servo::start_budget() {
-  if (!std::isfinite(settings_.loop.max_stiffness) && !std::isfinite(settings_.loop.object_damping)) return;
-  const fs_device_info& device = device_->info();
-  const double stiffness = settings_.loop.max_stiffness;
-  DeviceLimit limit{stiffness, stiffness, settings_.loop.object_damping, never, device.workspace_radius, device.workspace_height,
-                 settings_.limits.speed};
-  // Of a wrist's own damping and inertia nothing is known: a torque is taken to be as hard to render as a force at an arm that
-  // a hand has, or at that of the largest force and torque.
-  constexpr double arm = 0.05;  // m
-  if (device.torque_axes > 0 && device.force_max > 0) limit.lever = std::max(arm, device.torque_max / device.force_max);
-  const auto scenes = [this] {
-    Budget::Scenes out;
-    for (const Ref<Channel>& channel : channels_.present()) out.push_back(channel->budget());
-    return out;
-  };
-  budget_.emplace(limit, scenes);
+  const bool is_bounded = loop_now_.max_stiffness < never || loop_now_.object_damping < never;
+  if (!is_bounded && !device_->measures_link()) return;
+  budget_.emplace([this] { return limit(); }, [this] { return channels_.budgets(); });
   if (settings_.mode == FS_SERVO_VIRTUAL) {
     budget_->run_once();
   } else {
     budget_->start();
   }
+}
+
+DeviceLimit fs_servo::limit() {
+  const fs_device_info& device = device_->info();
+  const std::string& refusal = loop_.measure(*device_, settings_.mode == FS_SERVO_VIRTUAL ? time() : steady_now());
+  if (!refusal.empty()) {
+    fs_event event{};
+    event.kind = FS_EVENT_DEVICE;
+    event.status = FS_ERROR_INVALID;
+    std::memcpy(event.name, device.name, sizeof event.name - 1);
+    refusal.copy(event.text, sizeof event.text - 1);
+    channels_.note(event);
+  }
+  return loop_.limit(device, settings_.limits.speed);
 }
 
 void fs_servo::start_thread() {
@@ -120,7 +132,8 @@ ClockKind fs_servo::clock() const noexcept {
 }
 
 Ref<Channel> fs_servo::add_channel(Ref<LocalScene> scene, const Channel::Limits& limits, Channel::Owner owner) {
-  const Ref<Channel> channel = make_ref<Channel>(*this, settings_.spread, period_, std::move(scene), limits, false, std::move(owner));
+  const Ref<Channel> channel =
+      make_ref<Channel>(*this, settings_.spread, period_, std::move(scene), limits, false, std::move(owner));
   if (budget_) budget_->add(*channel->budget());
   channels_.add(channel);
   return channel;
@@ -206,6 +219,10 @@ void fs_servo::tick(double now, double late) noexcept {
   ++tick_;
   last_time_ = now;
   const double begin = steady_now();
+  if (loop_.fetch(loop_now_)) {
+    guard_.follow(loop_now_.own_damping, loop_now_.slew);
+    model_stiffness_.go_to(loop_now_.model_stiffness, settings_.spread.blend * settings_.rate);
+  }
 
   const uint64_t requested = enable_.load(std::memory_order_acquire);
   if (requested != enable_seen_) {
@@ -224,7 +241,7 @@ void fs_servo::tick(double now, double late) noexcept {
   const bool has_age = clock() != ClockKind::virtual_time || device_->is_simulated();
   const double age = has_age ? now - hand.time : 0;
   const bool says_ready = hand.flags & FS_STATE_READY;
-  const bool is_ready = status == FS_OK && write_status_ == FS_OK && says_ready && age <= settings_.pose_age;
+  const bool is_ready = status == FS_OK && write_status_ == FS_OK && says_ready && age <= loop_now_.pose_age;
   // Until the device is ready for the first time nobody knows where the hand is: it may say 0.
   was_ready_ |= status == FS_OK && says_ready;
   const bool has_pose = was_ready_ && status == FS_OK && is_finite(hand.pose) && is_finite(hand.twist);
@@ -256,9 +273,9 @@ void fs_servo::tick(double now, double late) noexcept {
   const Wrench& sent = guarded_response.wrench;
   const uint32_t guarded = guard_.has_guarded() ? FS_RESPONSE_GUARDED : 0;
   response.flags |= guarded;
-  write_status_ = settings_.model_stiffness > 0
-                      ? device_->write_model(hand.pose, sent, local_model(guarded_response.stiffness,
-                                                                          settings_.model_stiffness))
+  const double model_stiffness = model_stiffness_.next();
+  write_status_ = model_stiffness > 0
+                      ? device_->write_model(hand.pose, sent, local_model(guarded_response.stiffness, model_stiffness))
                       : device_->write(sent);
   if (status == FS_OK) status = write_status_;
 
@@ -290,7 +307,7 @@ void fs_servo::add_record(uint64_t after, size_t most, std::vector<fs_recorded_t
 }
 
 bool fs_servo::take_event(uint64_t& next, fs_event& out) const {
-  if (!events_.take(next, device_->info(), settings_.pose_age, out)) return false;
+  if (!events_.take(next, device_->info(), loop_.values().pose_age, out)) return false;
   if (out.kind == FS_EVENT_OVERFLOW) out.time = time();
   return true;
 }
@@ -306,6 +323,8 @@ void fs_servo::set_enabled(bool enabled) noexcept {
 }
 
 void fs_servo::get_stats(fs_servo_stats& out) const {
+  const LoopValues loop = loop_.values();
+  const fs_link link = loop_.link();
   const RollingHistogram::Percentiles late = late_.percentiles(), compute = compute_.percentiles();
   const double since = std::fmax(first_time_.load(), late.since), span = newest_time_.load() - since;
   out.realtime = static_cast<fs_realtime>(std::max<int>(realtime_.load(), FS_REALTIME_NONE));
@@ -313,8 +332,8 @@ void fs_servo::get_stats(fs_servo_stats& out) const {
   out.protections_off = settings_.protections_off;
   out.ticks = ticks_.load();
   out.rate = span > 0 ? static_cast<double>(late.count - (since > late.since)) / span : 0;
-  out.max_stiffness = settings_.loop.max_stiffness;
-  out.damping = settings_.loop.damping;
+  out.max_stiffness = loop.max_stiffness;
+  out.damping = loop.damping;
   out.energy = energy_.load();
   out.misses = misses_.load();
   out.device_errors = device_errors_.load();
@@ -328,6 +347,11 @@ void fs_servo::get_stats(fs_servo_stats& out) const {
   out.compute_max = compute.max;
   out.enabled = static_cast<uint32_t>(enable_.load(std::memory_order_relaxed) & 1);
   out.reserved = 0;
+  out.delay = loop.delay;
+  out.link_delay_p50 = link.delay;
+  out.link_delay_p99 = link.delay_p99;
+  out.link_rate = link.rate;
+  out.link_loss = link.loss;
 }
 
 void fs_servo::get_device_info(fs_device_info& out) const {

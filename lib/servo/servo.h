@@ -14,6 +14,7 @@
 #include "servo/device_events.h"
 #include "servo/flight_record.h"
 #include "servo/guard.h"
+#include "servo/live_loop.h"
 #include "servo/locked_memory.h"
 #include "servo/settings.h"
 #include "servo/statistics.h"
@@ -67,6 +68,7 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   void run() noexcept;
   void tick(double now, double late) noexcept;
   void start_budget();  // IO
+  fs::DeviceLimit limit();  // of the loop, which is measured first; the budget calls this
 
   const fs::Ref<fs::LocalScene> scene_;
   const fs::Ref<fs::Device> device_;
@@ -81,6 +83,8 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
 
   // Only the tick uses these.
   fs::Guard guard_;
+  fs::LoopValues loop_now_;
+  fs::Blended model_stiffness_;  // N/m; see LoopValues
   uint64_t tick_ = 0;
   double last_time_ = -1;
   fs_status write_status_ = FS_OK;
@@ -101,7 +105,8 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   fs::FlightRecord record_;
   fs::DeviceEvents events_;
 
-  std::optional<fs::Budget> budget_;  // none: nothing is bounded
+  fs::LiveLoop loop_;
+  std::optional<fs::Budget> budget_;  // none: nothing is bounded, and no link is measured
   uint64_t budget_tick_ = 0;          // VIRTUAL: before which it ran last
   std::optional<fs::Stack> stack_;  // of the servo's thread; none: the application calls step
   pthread_t thread_{};

@@ -32,48 +32,33 @@ double parse_switch(double given, double standard, double none, double high, uin
   return given < 0 ? none : given == 0 ? standard : given;
 }
 
-double link_period(const fs_device_info& device) { return device.link_rate > 0 ? 1 / device.link_rate : 0; }
-
-// What the loop can render, and what the options ask for within that.
-void parse_loop(const fs_servo_options& options, const fs_device_info& device, ServoSettings& out) {
-  uint32_t& off = out.protections_off;
+// What the options ask of the loop. INVALID where it would shake.
+LoopOptions parse_loop(const fs_servo_options& options, const fs_device_info& device, double rate, LoopValues& values,
+                       uint32_t& off) {
+  LoopOptions out;
+  out.rate = rate;
   if (!(options.delay >= 0 && options.delay <= 10)) {
     fail(FS_ERROR_INVALID, "delay is %.9g, must be within 0..10 s", options.delay);
   }
-  const double mass = device.mass > 0 ? device.mass : assumed_mass;
-  const double delay = options.delay > 0 ? options.delay : device.delay;
-  const double period = std::fmax(1 / out.rate, link_period(device));
-  const bool has_model = device.controller_rate > 0;  // then a controller at the device closes the loop and damps it
-  const double asked = parse_switch(options.damping, 5, 0, 1e9, FS_OFF_DAMPING, off, "damping");
-  if (has_model) {
-    out.loop = limit_of({mass, device.damping, 1 / device.controller_rate, device.controller_delay},
-                         device.controller_damping);
-    out.model_stiffness = model_stiffness(delay, period, device.damping + out.loop.damping);
-    out.loop.max_stiffness = std::fmin(out.loop.max_stiffness, out.model_stiffness);
-    const LoopLimit link = limit_of({mass, device.damping, period, delay}, 0);  // objects' damping comes through it
-    out.loop.object_damping = std::fmin(out.loop.object_damping, link.object_damping);
-  } else {
-    out.loop = limit_of({mass, device.damping, period, delay}, asked);
-    out.limits.damping = out.loop.damping;
-  }
-  const double renderable = out.loop.max_stiffness;
-  out.loop.max_stiffness = std::fmin(renderable, parse_switch(options.max_stiffness, never, never, 1e12,
-                                                              FS_OFF_STIFFNESS, off, "max_stiffness"));
-  if (off & FS_OFF_STIFFNESS) {
-    out.loop.max_stiffness = out.loop.object_damping = never;
-  } else if (!(renderable > 0)) {
+  out.delay = options.delay;
+  out.damping = parse_switch(options.damping, 5, 0, 1e9, FS_OFF_DAMPING, off, "damping");
+  out.max_stiffness = parse_switch(options.max_stiffness, never, never, 1e12, FS_OFF_STIFFNESS, off, "max_stiffness");
+  out.is_bounded = !(off & FS_OFF_STIFFNESS);
+  values = out.values(device);
+  if (out.is_bounded && !(values.max_stiffness > 0)) {
     fail(FS_ERROR_INVALID, "damping is %g (none), and the device has no damping of its own: no stiffness can be "
          "rendered; damping must be 0 or more, or max_stiffness negative (none)", options.damping);
   }
-  // 3 m/s: a hand that enters the stiffest wall as fast as that is not slowed down by the limit.
-  const double least_slew = 3 * out.loop.max_stiffness, usual_slew = off & FS_OFF_STIFFNESS ? never : 3 * renderable;
-  out.limits.slew = parse_switch(options.slew_limit, usual_slew, never, 1e12, FS_OFF_SLEW, off, "slew_limit");
-  if (std::isinf(out.limits.slew)) off |= FS_OFF_SLEW;
-  if (std::isfinite(least_slew) && out.limits.slew < least_slew) {
-    const double enough = 1e-3 * std::ceil(1e3 * least_slew);  // with few digits, so that it can be typed
+  const double least = slew_speed * values.max_stiffness;
+  out.slew = parse_switch(options.slew_limit, 0, never, 1e12, FS_OFF_SLEW, off, "slew_limit");
+  if (!out.is_bounded && out.slew == 0) off |= FS_OFF_SLEW;
+  if (out.is_bounded && out.slew > 0 && out.slew < least) {
+    const double enough = 1e-3 * std::ceil(1e3 * least);  // with few digits, so that it can be typed
     fail(FS_ERROR_INVALID, "slew_limit is %.9g, must be at least %.12g N/s, which is 3 m/s times the max_stiffness of %g "
-         "N/m: a lower limit shakes the hand", options.slew_limit, enough, out.loop.max_stiffness);
+         "N/m: a lower limit shakes the hand", out.slew, enough, values.max_stiffness);
   }
+  if (out.slew > 0) values.slew = out.slew;
+  return out;
 }
 
 }  // namespace
@@ -89,7 +74,6 @@ ServoSettings parse_options(const fs_servo_options& options, const fs_device_inf
     fail(FS_ERROR_INVALID, "rate is %.9g, must be within 100..20000 Hz, or 0 for the device's", options.rate);
   }
   out.rate = options.rate != 0 ? options.rate : device.rate;
-  out.pose_age = std::fmin(0.1, 0.02 + device.delay + link_period(device));
   out.limits.period = 1 / out.rate;
   out.limits.resolution = device.resolution;
   out.limits.force_axes = device.force_axes;
@@ -104,7 +88,8 @@ ServoSettings parse_options(const fs_servo_options& options, const fs_device_inf
   out.spread.blend = parse_switch(options.blend, 0.02, 0, 1e6, FS_OFF_BLEND, off, "blend");
   const double speed = out.limits.speed < never ? out.limits.speed : standard_speed_limit;
   out.spread.jump = out.spread.blend > 0 ? out.spread.blend * speed : never;
-  parse_loop(options, device, out);
+  out.loop = parse_loop(options, device, out.rate, out.first, off);
+  out.limits.blend = out.spread.blend;
   if (options.priority > 99) fail(FS_ERROR_INVALID, "priority is %d, must be at most 99", options.priority);
   out.priority = options.priority == 0 ? 80 : options.priority;
   const long processors = sysconf(_SC_NPROCESSORS_CONF);

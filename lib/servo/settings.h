@@ -3,23 +3,19 @@
 
 #include <forceserver/servo.h>
 
-#include "budget/loop.h"
 #include "field/weight.h"
 #include "servo/guard.h"
+#include "servo/loop_values.h"
 
 namespace fs {
-
-constexpr double assumed_mass = 0.05;  // kg, of a device that does not tell its own: as light as any
 
 struct ServoSettings {
   fs_servo_mode mode;
   double rate;               // Hz
-  Guard::Limits limits;
-  double pose_age;           // s: if the pose is older, the device counts as lost
+  Guard::Limits limits;      // without those of the loop
   Spread spread;             // of changes
-  LoopLimit loop;            // max_stiffness and object_damping infinite: none; damping: also where a remote
-                             // controller applies it
-  double model_stiffness;    // N/m, the most in a local model; 0: the device renders none
+  LoopOptions loop;
+  LoopValues first;          // of the loop at the start
   int priority, cpu;         // negative: ordinary priority; negative: any processor
   uint32_t protections_off;  // FS_OFF_ bits
 };

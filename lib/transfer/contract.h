@@ -273,6 +273,11 @@ inline fs_object from_record(const Object& from) {
   FIELD(fs_servo_stats, compute_max) \
   FIELD(fs_servo_stats, enabled) \
   FIELD(fs_servo_stats, reserved) \
+  FIELD(fs_servo_stats, delay) \
+  FIELD(fs_servo_stats, link_delay_p50) \
+  FIELD(fs_servo_stats, link_delay_p99) \
+  FIELD(fs_servo_stats, link_rate) \
+  FIELD(fs_servo_stats, link_loss) \
   FIELD(fs_device_info, struct_size) \
   FIELD(fs_device_info, force_axes) \
   FIELD(fs_device_info, torque_axes) \

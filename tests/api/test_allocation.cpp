@@ -198,6 +198,19 @@ START_TEST(a_servo_with_local_models) { drive(FS_SERVO_CALLER, "sim:?path=figure
 END_TEST
 START_TEST(a_callers_servo) { drive(FS_SERVO_CALLER); }
 END_TEST
+START_TEST(a_servo_whose_delay_changes) {
+  FakeDevice fake("restless");
+  fake.info.mass = 0.3;
+  fake.info.damping = 1;
+  int looks = 0;
+  fake.on_link = [&](FakeDevice&, fs_link& out) {
+    out.delay = ++looks % 4 == 2 ? 0.020 : 0.002;  // longer at once, shorter three looks later
+    return FS_OK;
+  };
+  drive(FS_SERVO_CALLER, "fakereallink:restless");
+  ck_assert_int_gt(looks, 4);
+}
+END_TEST
 
 // Neither moves through shared memory nor reading the hand there allocate.
 START_TEST(a_connected_scene) {
@@ -256,6 +269,6 @@ END_TEST
 int main() {
   Suite* suite = suite_create("allocation");
   add_case(suite, "allocation", {the_counter_counts, a_tool, a_virtual_servo, a_servo_with_local_models, a_callers_servo,
-                                a_connected_scene, faults});
+                                a_servo_whose_delay_changes, a_connected_scene, faults});
   return run_suite(suite);
 }

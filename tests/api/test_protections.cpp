@@ -361,6 +361,7 @@ struct Remote {
   fs_wrench f0{}, written{};
   fs_mat3 dfdx{};
   uint64_t models = 0, writes = 0;
+  double measured_delay = 0;  // s; 0: none
 } remote;
 
 fs_status remote_open(const char*, void** self) {
@@ -389,6 +390,10 @@ fs_status remote_model(void*, const fs_pose* x0, const fs_wrench* f0, const fs_m
   return FS_OK;
 }
 fs_status remote_advance(void*, double) { return FS_OK; }
+fs_status remote_link(void*, fs_link* out) {
+  out->delay = remote.measured_delay;
+  return remote.measured_delay > 0 ? FS_OK : FS_ERROR_UNSUPPORTED;
+}
 
 // Registers the driver: "remote:", and "plain:" without write_model.
 void begin_remote() {
@@ -416,6 +421,7 @@ void begin_remote() {
   driver.scheme = "plain";
   OK(fs_driver_register(&driver));
   driver.write_model = remote_model;
+  driver.get_link = remote_link;
   driver.scheme = "remote";
   OK(fs_driver_register(&driver));
 }
@@ -485,6 +491,32 @@ START_TEST(models_are_written) {
   servo.reset();  // ends with a plain 0
   ck_assert_uint_gt(remote.writes, 0);
   EXPECT_VECTOR(remote.written.force, (fs_vec3{}), 0);
+}
+END_TEST
+
+// The norm of the model is bounded for the delay that the driver measures; another bound comes in even steps.
+START_TEST(models_follow_the_delay) {
+  begin_remote();
+  const Scene scene = make_scene();
+  const Device device = open_device("remote:");
+  fs_servo_options options = protected_options();
+  options.max_stiffness = -1;
+  const Servo servo = start_servo(scene.get(), device.get(), options);
+  set(scene.get(), spring(2000));
+  remote.state.pose.position = {0.001, 0, 0};
+  const auto size = [] { return -remote.dfdx.xx; };
+  OK(fs_servo_step(servo.get(), 100));
+  EXPECT_NEAR(size(), 2.5 * 6 / 0.02, 1e-9);
+  for (const double delay : {0.050, 0.010}) {
+    remote.measured_delay = delay;
+    const double before = size(), after = 2.5 * 6 / (delay + 0.01);
+    for (int k = 0; k < 200; ++k) {
+      const double last = size();
+      OK(fs_servo_step(servo.get(), 1));
+      ck_assert_double_le(std::fabs(size() - last), 1.001 * std::fabs(after - before) / 20);
+    }
+    EXPECT_NEAR(size(), after, 1e-9);
+  }
 }
 END_TEST
 
@@ -807,7 +839,7 @@ int main() {
   add_case(suite, "loop", {the_loop_is_told, what_is_asked_is_bounded});
   add_case(suite, "guard", {damping_takes_energy, damping_stabilises, encoder_steps_are_not_felt_at_rest,
                             damping_is_felt_in_motion, damping_counts_by_the_points_that_can_touch, slew_spreads_a_step, off_is_off});
-  add_case(suite, "model", {models_are_written, without_a_controller_forces_are_written, bad_infos});
+  add_case(suite, "model", {models_are_written, models_follow_the_delay, without_a_controller_forces_are_written, bad_infos});
   add_case(suite, "shares", {little_wants_are_met_first, little_jumps_want_little, as_stiff_as_can_be_takes_what_is_left,
                              equal_wants_get_equal_bounds, out_of_reach_is_out_of_mind, what_fades_out_shares,
                              slopes_add_up_to_no_more});

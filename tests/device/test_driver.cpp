@@ -157,6 +157,12 @@ START_TEST(registry_copies_and_sorts) {
   ck_assert_str_eq(find_driver("b2")->scheme, "b2");
   ck_assert(!find_driver("zz"));
   ck_assert(!find_driver("b2")->list && !find_driver("b2")->write_model);
+  // An older driver's table ends before get_link.
+  fs_driver older = fake_table("c3");
+  older.struct_size = offsetof(fs_driver, get_link);
+  older.get_link = [](void*, fs_link*) { return FS_OK; };
+  register_driver(older);
+  ck_assert(!find_driver("c3")->get_link);
 }
 END_TEST
 

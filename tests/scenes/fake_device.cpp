@@ -67,6 +67,12 @@ fs_status advance(void* self, double time) {
   return FS_OK;
 }
 
+fs_status get_link(void* self, fs_link* out) {
+  FakeDevice& device = device_of(self);
+  const std::lock_guard lock(device.mutex);
+  return device.on_link(device, *out);
+}
+
 void register_drivers() {
   fs_driver driver{};
   driver.struct_size = sizeof driver;
@@ -75,11 +81,16 @@ void register_drivers() {
   driver.get_info = get_info;
   driver.read = read;
   driver.write = write;
-  driver.scheme = "fakereal";
-  require(fs_driver_register(&driver), "fs_driver_register");
-  driver.scheme = "fake";
-  driver.advance = advance;
-  require(fs_driver_register(&driver), "fs_driver_register");
+  const auto register_as = [&](const char* scheme, bool is_simulated, bool has_link) {
+    driver.scheme = scheme;
+    driver.advance = is_simulated ? advance : nullptr;
+    driver.get_link = has_link ? get_link : nullptr;
+    require(fs_driver_register(&driver), "fs_driver_register");
+  };
+  register_as("fakereal", false, false);
+  register_as("fake", true, false);
+  register_as("fakereallink", false, true);
+  register_as("fakelink", true, true);
 }
 
 }  // namespace
@@ -106,7 +117,8 @@ FakeDevice::~FakeDevice() {
 }
 
 Device FakeDevice::open(bool is_simulated) const {
-  return open_device(((is_simulated ? "fake:" : "fakereal:") + name_).c_str());
+  const std::string scheme = std::string(is_simulated ? "fake" : "fakereal") + (on_link ? "link" : "");
+  return open_device((scheme + ":" + name_).c_str());
 }
 
 }  // namespace scenes

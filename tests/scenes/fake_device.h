@@ -1,5 +1,6 @@
 // A haptic device that does what a test says: "fake:NAME" moves with the servo's time as a simulator does,
-// "fakereal:NAME" runs on the monotonic clock as a real device does. It can be opened as long as this object exists.
+// "fakereal:NAME" runs on the monotonic clock as a real device does; "fakelink:NAME" and "fakereallink:NAME" measure
+// their link, too. It can be opened as long as this object exists.
 #pragma once
 
 #include <functional>
@@ -29,6 +30,7 @@ class FakeDevice {
   fs_status read_status = FS_OK, write_status = FS_OK;
   std::function<void(FakeDevice&, double time)> on_read;  // before each read; time in s
   std::function<void(FakeDevice&)> on_write, on_close;    // on_write: after `written` is set
+  std::function<fs_status(FakeDevice&, fs_link& out)> on_link;  // get_link; set before open: else the driver has none
 
   // What the device was given.
   double time = 0;                               // s, of the last call of advance; fakereal: 0

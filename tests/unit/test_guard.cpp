@@ -156,6 +156,42 @@ START_TEST(slew_limits_each_change) {
 END_TEST
 
 // The stiffness that is passed on is the derivative of the force that is sent, by finite differences.
+// Another damping comes in even steps, a higher slew limit at once, and a lower one within a second.
+START_TEST(the_loop_may_change) {
+  Guard::Limits limits = limits_with(8, 1000);
+  limits.blend = 0.02;
+  Guard guard(limits);
+  double x = 0, time = 0;
+  const auto next = [&](double wanted, double speed) {  // N, sent
+    x += speed * period;
+    time += period;
+    const fs_state state = hand_at({x, 0, 0}, time);
+    return guard.apply({state, true, 0}, response_of({wanted, 0, 0})).wrench.force.x;
+  };
+  double sent = 0;
+  for (int i = 0; i < 500; ++i) sent = next(0, 0.1);
+  ck_assert_double_eq_tol(sent, -0.8, 1e-6);
+  guard.follow(4, 1000);
+  for (int i = 1; i <= 40; ++i) ck_assert_double_eq_tol(next(0, 0.1), -0.1 * (8 - 4 * std::min(1.0, i / 20.0)), 1e-6);
+  guard.follow(0, 1000);
+  for (int i = 0; i < 500; ++i) sent = next(0, 0);
+  ck_assert_double_eq(sent, 0);
+  const auto most_change = [&] { return next(9, 0) - next(-9, 0); };  // N, of the second tick
+  ck_assert_double_eq_tol(most_change(), 1, 1e-9);
+  guard.follow(0, 3000);
+  ck_assert_double_eq_tol(most_change(), 3, 1e-9);
+  guard.follow(0, 1000);
+  double last = most_change();
+  ck_assert_double_gt(last, 2.9);
+  for (int i = 0; i < 450; ++i) last = most_change();
+  ck_assert_double_gt(last, 1.1);
+  for (int i = 0; i < 60; ++i) last = most_change();
+  ck_assert_double_eq_tol(last, 1, 1e-9);
+  guard.follow(0, never);
+  ck_assert_double_gt(most_change(), 8);
+}
+END_TEST
+
 START_TEST(stiffness_is_that_of_the_force_sent) {
   scenes::Random random(7);
   for (int i = 0; i < 2000; ++i) {
@@ -336,7 +372,7 @@ int main() {
   TCase* all = tcase_create("guard");
   tcase_set_timeout(all, 500);
   for (const TTest* test : {guard_limits_ramps_and_latches, protections_off_change_no_bit,
-                            damping_opposes_the_filtered_velocity, slew_limits_each_change,
+                            damping_opposes_the_filtered_velocity, slew_limits_each_change, the_loop_may_change,
                             stiffness_is_that_of_the_force_sent, energy_is_force_times_way,
                             critical_stiffness_of_the_table, critical_stiffness_in_time, limits_of_loops,
                             a_local_model_is_symmetric_and_bounded}) {
