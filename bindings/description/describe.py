@@ -35,6 +35,17 @@ TABLE = {
     "fs_shape_get_triangles": "width 3",
     "fs_tool_create.points": "null",
 }
+# The last field of each growing struct in its first version. What is appended later is not there for programs that were
+# built before.
+FIRST_VERSION = {
+    "fs_object": "reserved",
+    "fs_shape_info": "reserved",
+    "fs_device_info": "controller_damping",
+    "fs_servo_options": "cpu",
+    "fs_servo_stats": "reserved",
+    "fs_server_options": "reserved",
+    "fs_driver": "advance",
+}
 NUMBERS = {"double": 8, "uint8_t": 1, "int32_t": 4, "uint32_t": 4, "uint64_t": 8, "size_t": 8, "bool": 1, "char": 1}
 GIVE_BACK = ("_destroy", "_close", "_stop")  # take the reference of a handle, and accept null
 
@@ -147,9 +158,13 @@ class Describer:
                 field["comment"] = field["comment"] or after["comment"]
         if sum(field["size"] for field in fields) != struct.type.get_size():
             fail(cursor, "has padding")
+        growing = fields[0]["name"] == "struct_size"
+        if growing and cursor.spelling not in FIRST_VERSION:
+            fail(cursor, "FIRST_VERSION does not say which fields it began with")
+        first = [field["offset"] + field["size"] for field in fields if field["name"] == FIRST_VERSION.get(cursor.spelling)]
         self.out["structs"].append({
-            "name": cursor.spelling, "size": struct.type.get_size(), "growing": fields[0]["name"] == "struct_size",
-            "comment": comments.before(struct.location.line), "fields": fields})
+            "name": cursor.spelling, "size": struct.type.get_size(), "growing": growing,
+            **({"first_size": first[0]} if growing else {}), "comment": comments.before(struct.location.line), "fields": fields})
 
     def add_enum(self, cursor, name, comments):
         constants = [c for c in cursor.get_children() if c.kind == CursorKind.ENUM_CONSTANT_DECL]
@@ -272,6 +287,8 @@ class Describer:
         for name in TABLE:
             if name not in self.used:
                 sys.exit(f"describe.py: TABLE has {name}, which the headers do not")
+        for name in FIRST_VERSION.keys() - {struct["name"] for struct in self.out["structs"]}:
+            sys.exit(f"describe.py: FIRST_VERSION has {name}, which the headers do not")
         return self.out
 
     def add_header(self, unit, header, comments, swig):

@@ -1,6 +1,7 @@
 #include <forceserver/driver.h>
 
 #include "api/guarded.h"
+#include "base/grown.h"
 #include "driver/device.h"
 #include "driver/registry.h"
 #include "scene/local_scene.h"
@@ -48,9 +49,7 @@ fs_status fs_device_get_info(fs_device* device, fs_device_info* out) {
   return guarded([&] {
     require_pointer(device, "device");
     require_pointer(out, "out");
-    check_struct_size(out->struct_size, sizeof *out, "fs_device_info");
-    *out = device->info();
-    out->struct_size = sizeof *out;
+    write_grown(device->info(), out);
   });
 }
 

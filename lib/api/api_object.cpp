@@ -1,6 +1,7 @@
 #include <forceserver/object.h>
 
 #include "api/guarded.h"
+#include "base/grown.h"
 #include "base/names.h"
 #include "base/text.h"
 #include "field/object.h"
@@ -80,7 +81,7 @@ fs_status fs_object_evaluate_law(const fs_object* object, double max_stiffness, 
       require_pointer(distances, "distances");
       require_pointer(forces, "forces");
     }
-    const Ref<const Object> parsed = parse_object(without_client(*object), nullptr, false).object;
+    const Ref<const Object> parsed = parse_object(without_client(read_grown(object)), nullptr, false).object;
     check_places(max_stiffness, t, distances, count, true);
     const Law law = with_slope(parsed->law, max_stiffness);
     const Law::Parsers parsers = law.make_parsers();
@@ -176,8 +177,9 @@ fs_status fs_shape_get_info(const fs_shape* shape, fs_shape_info* out) {
   return guarded([&] {
     require_pointer(shape, "shape");
     require_pointer(out, "out");
-    check_struct_size(out->struct_size, sizeof *out, "fs_shape_info");
-    shape->get_info(*out);
+    fs_shape_info info = fs_shape_info_init();
+    shape->get_info(info);
+    write_grown(info, out);
   });
 }
 

@@ -1,6 +1,7 @@
 #include <forceserver/scene.h>
 
 #include "api/guarded.h"
+#include "base/grown.h"
 #include "base/names.h"
 #include "client/remote_scene.h"
 #include "file/scene_file.h"
@@ -63,7 +64,7 @@ void fs_scene_destroy(fs_scene* scene) {
 fs_status fs_object_set(fs_scene* scene, const fs_object* object) {
   return on_scene(scene, [&] {
     require_pointer(object, "object");
-    scene->set(*object);
+    scene->set(read_grown(object));
   });
 }
 
@@ -71,18 +72,18 @@ fs_status fs_object_get(fs_scene* scene, const char* name, fs_object* out) {
   return on_scene(scene, [&] {
     require_pointer(name, "name");
     require_pointer(out, "out");
-    check_struct_size(out->struct_size, sizeof *out, "fs_object");
+    check_grown(out);
     fs_object object;
     Ref<const Object> owner = scene->get(name, object);
-    *out = object;
-    out->owner = const_cast<Object*>(owner.detach());
+    object.owner = const_cast<Object*>(owner.detach());
+    write_grown(object, out);
   });
 }
 
 fs_status fs_object_change(fs_scene* scene, const fs_object* object, uint32_t parts) {
   return on_scene(scene, [&] {
     require_pointer(object, "object");
-    scene->change(*object, parts);
+    scene->change(read_grown(object), parts);
   });
 }
 

@@ -1,6 +1,7 @@
 #include <forceserver/server.h>
 
 #include "api/guarded.h"
+#include "base/grown.h"
 #include "scene/scene.h"
 #include "server/server.h"
 
@@ -11,10 +12,10 @@ fs_status fs_server_start(fs_servo* servo, const char* endpoint, const fs_server
     require_pointer(servo, "servo");
     require_pointer(endpoint, "endpoint");
     require_pointer(out, "out");
-    if (options) check_struct_size(options->struct_size, sizeof *options, "fs_server_options");
+    const fs_server_options given = options ? read_grown(options) : fs_server_options_init();
     if (!servo->is_of_this_process()) fail(FS_ERROR_STATE, "servo was started by the parent of this process");
     const Endpoint place = parse_endpoint(endpoint, true);
-    const ServerSettings settings = parse_options(options ? *options : fs_server_options_init(), servo->settings());
+    const ServerSettings settings = parse_options(given, servo->settings());
     *out = make_ref<fs_server>(Ref<Servo>::share(servo), place, settings).detach();
   });
 }

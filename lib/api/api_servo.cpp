@@ -4,6 +4,7 @@
 #include <set>
 
 #include "api/guarded.h"
+#include "base/grown.h"
 #include "base/names.h"
 #include "servo/servo.h"
 
@@ -36,8 +37,7 @@ fs_status fs_servo_start(fs_scene* scene, fs_device* device, const fs_servo_opti
     require_pointer(scene, "scene");
     require_pointer(device, "device");
     require_pointer(out, "out");
-    if (options) check_struct_size(options->struct_size, sizeof *options, "fs_servo_options");
-    const fs_servo_options given = options ? *options : fs_servo_options_init();
+    const fs_servo_options given = options ? read_grown(options) : fs_servo_options_init();
     const ServoSettings settings = parse_options(given, device->info());
     if (scene->is_remote()) {
       fail(FS_ERROR_UNSUPPORTED, "the scene is at a server, whose servo runs it; use a scene made by fs_scene_create");
@@ -117,8 +117,10 @@ fs_status fs_scene_get_servo_stats(fs_scene* scene, fs_servo_stats* out) {
   return guarded([&] {
     require_pointer(scene, "scene");
     require_pointer(out, "out");
-    check_struct_size(out->struct_size, sizeof *out, "fs_servo_stats");
-    scene->get_servo_stats(*out);
+    check_grown(out);
+    fs_servo_stats stats = fs_servo_stats_init();
+    scene->get_servo_stats(stats);
+    write_grown(stats, out);
   });
 }
 
@@ -126,7 +128,9 @@ fs_status fs_scene_get_device_info(fs_scene* scene, fs_device_info* out) {
   return guarded([&] {
     require_pointer(scene, "scene");
     require_pointer(out, "out");
-    check_struct_size(out->struct_size, sizeof *out, "fs_device_info");
-    scene->get_device_info(*out);
+    check_grown(out);
+    fs_device_info info = fs_device_info_init();
+    scene->get_device_info(info);
+    write_grown(info, out);
   });
 }

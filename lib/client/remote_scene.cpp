@@ -66,7 +66,6 @@ void RemoteScene::mutate(Call& call, F&& f) {
 
 void RemoteScene::set(const fs_object& object) {
   if (replica_.is_evaluated_here) parse_object(object);  // builds its tree, without the lock
-  check_struct_size(object.struct_size, sizeof object, "fs_object");
   const std::string name = text_of(object.name);
   Call call = line_.enter();
   mutate(call, [&](Group& group) {
@@ -78,7 +77,6 @@ void RemoteScene::set(const fs_object& object) {
 
 void RemoteScene::change(const fs_object& object, uint32_t parts) {
   parse_parts(parts);
-  check_struct_size(object.struct_size, sizeof object, "fs_object");
   const std::string given = text_of(object.name);
   const char* name = own_name(given.c_str());
   const bool is_built_here = name && replica_.is_evaluated_here && (parts & FS_PART_SHAPE) && object.shape;

@@ -3,7 +3,6 @@
 #include <dlfcn.h>
 #include <sys/stat.h>
 
-#include <cstddef>
 #include <cstring>
 #include <map>
 #include <memory>
@@ -11,6 +10,7 @@
 #include <set>
 
 #include "base/error.h"
+#include "base/grown.h"
 
 namespace fs {
 namespace {
@@ -31,18 +31,7 @@ Registry& registry() {
 
 // The table as this library knows it: functions that an older driver did not have yet are null.
 fs_driver parse_driver(const fs_driver& driver) {
-  constexpr size_t size_0_1 = offsetof(fs_driver, advance) + sizeof(fs_driver::advance);
-  if (driver.struct_size > sizeof(fs_driver)) {
-    fail(FS_ERROR_VERSION, "driver.struct_size is %u, this library knows %zu bytes: the driver is newer",
-         driver.struct_size, sizeof(fs_driver));
-  }
-  if (driver.struct_size < size_0_1) {
-    fail(FS_ERROR_INVALID, "driver.struct_size is %u, must be sizeof(fs_driver), %zu", driver.struct_size,
-         sizeof(fs_driver));
-  }
-  fs_driver table{};
-  std::memcpy(&table, &driver, driver.struct_size);
-  table.struct_size = sizeof table;
+  const fs_driver table = read_grown(&driver);
   if (table.reserved) fail(FS_ERROR_INVALID, "driver.reserved is %u, must be 0", table.reserved);
   if (!table.scheme) fail(FS_ERROR_INVALID, "driver.scheme is null");
   const size_t length = strnlen(table.scheme, scheme_length_max + 1);

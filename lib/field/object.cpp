@@ -6,6 +6,7 @@
 
 #include "base/enum.h"
 #include "base/error.h"
+#include "base/grown.h"
 #include "base/names.h"
 
 namespace fs {
@@ -155,16 +156,6 @@ uint32_t parse_parts(uint64_t parts) {
   return static_cast<uint32_t>(parts);
 }
 
-void check_struct_size(uint32_t given, size_t ours, const char* type) {
-  if (given > ours) {
-    fail(FS_ERROR_VERSION, "struct_size of %s is %u, this library (%s) knows %zu: it is older than its caller", type,
-         given, fs_version(), ours);
-  }
-  if (given < ours) {
-    fail(FS_ERROR_INVALID, "struct_size of %s is %u, must be %zu: make it with %s_init", type, given, ours, type);
-  }
-}
-
 std::string parse_name(const char* name, const char* field) {
   const size_t size = strnlen(name, FS_NAME_SIZE);
   if (size < 1 || size > 31) {
@@ -247,7 +238,6 @@ bool make_unit_pose(Pose& pose) noexcept {
 }
 
 ParsedObject parse_object(const fs_object& in, const Object* like, bool builds_shape) {
-  check_struct_size(in.struct_size, sizeof(fs_object), "fs_object");
   const std::string name = parse_name(in.name, "name");
   try {
     return parse(in, name, like, builds_shape);
@@ -290,27 +280,22 @@ Ref<const Object> bounded(const Object& object, const Bounds& given) {
 
 fs_object merge_parts(const fs_object& object, const fs_object& change, uint32_t parts) {
   fs_object merged = object;
-  if (parts & FS_PART_POSE) {
-    merged.pose = change.pose;
-    merged.twist = change.twist;
-    merged.time = change.time;
-  }
-  if (parts & FS_PART_PROFILES) {
-    merged.front = change.front;
-    merged.back = change.back;
-    merged.damping = change.damping;
-    merged.start = change.start;
-  }
-  if (parts & FS_PART_CONTACT) merged.contact = change.contact;
-  if (parts & FS_PART_SHAPE) {
-    std::memcpy(&merged.primitive, &change.primitive, sizeof merged.primitive);  // any number: checked later
-    merged.shape = change.shape;
-  }
-  if (parts & FS_PART_OTHER) {
-    merged.lifetime = change.lifetime;
-    merged.tool_points = change.tool_points;
-    merged.enabled = change.enabled;
-  }
+  const auto take = [&](uint32_t part, auto fs_object::*field) {
+    if ((parts & part) && knows(change, change.*field)) merged.*field = change.*field;
+  };
+  take(FS_PART_POSE, &fs_object::pose);
+  take(FS_PART_POSE, &fs_object::twist);
+  take(FS_PART_POSE, &fs_object::time);
+  take(FS_PART_PROFILES, &fs_object::front);
+  take(FS_PART_PROFILES, &fs_object::back);
+  take(FS_PART_PROFILES, &fs_object::damping);
+  take(FS_PART_PROFILES, &fs_object::start);
+  take(FS_PART_CONTACT, &fs_object::contact);
+  if (parts & FS_PART_SHAPE) std::memcpy(&merged.primitive, &change.primitive, sizeof merged.primitive);  // checked later
+  take(FS_PART_SHAPE, &fs_object::shape);
+  take(FS_PART_OTHER, &fs_object::lifetime);
+  take(FS_PART_OTHER, &fs_object::tool_points);
+  take(FS_PART_OTHER, &fs_object::enabled);
   return merged;
 }
 

@@ -97,12 +97,13 @@ struct ParsedObject {
 };
 
 // Checks every field, builds the shape's tree and works out the derived fields. Throws INVALID (the sentence begins with
-// the object's name), VERSION, UNSUPPORTED.
+// the object's name), UNSUPPORTED.
 // like: an earlier version of the object, whose slopes are used again if the profiles are the same; may be null.
 // builds_shape: false as long as nobody evaluates the object.
 ParsedObject parse_object(const fs_object& object, const Object* like = nullptr, bool builds_shape = true);
 
-// The object with the given parts (fs_part bits) of `change`.
+// The object with the given parts (fs_part bits) of `change`, as far as its caller knows them: beyond its struct_size the object
+// stays as it is.
 fs_object merge_parts(const fs_object& object, const fs_object& change, uint32_t parts);
 
 // The object as a servo evaluates it, within these bounds. Null: they change nothing.
@@ -126,8 +127,5 @@ bool make_unit_pose(Pose& pose) noexcept;
 // fs_part bits. INVALID.
 inline constexpr uint32_t all_parts = FS_PART_POSE | FS_PART_PROFILES | FS_PART_CONTACT | FS_PART_SHAPE | FS_PART_OTHER;
 uint32_t parse_parts(uint64_t parts);
-
-// Checks the struct_size of a caller's struct: larger than ours throws VERSION, smaller INVALID.
-void check_struct_size(uint32_t given, size_t ours, const char* type);
 
 }  // namespace fs

@@ -33,7 +33,6 @@ void LocalScene::set(const fs_object& object) {
 
 void LocalScene::change(const fs_object& change, uint32_t parts) {
   parse_parts(parts);
-  check_struct_size(change.struct_size, sizeof(fs_object), "fs_object");
   const std::string name = parse_name(change.name, "name");
   fs_object current;
   for (bool is_done = false; !is_done;) {

@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "api/world.h"
+#include "scenes/longer.h"
 
 using namespace scenes;
 
@@ -718,9 +719,8 @@ START_TEST(bad_servers) {
     c.spoil(options);
     EXPECT_SENTENCE(FS_ERROR_INVALID, start(new_endpoint(), options), c.field);
   }
-  fs_server_options newer = good;
-  newer.struct_size += 8;
-  EXPECT(FS_ERROR_VERSION, start(new_endpoint(), newer));
+  const Longer newer(good, 1);
+  EXPECT(FS_ERROR_VERSION, start(new_endpoint(), newer.known));
   for (const char* endpoint : {"", "shm:", "tcp:1", "shm:a/b", "shm:a?timeout=1"}) {
     EXPECT_SENTENCE(FS_ERROR_INVALID, start(endpoint, good), "endpoint");
   }

@@ -4,6 +4,7 @@
 #include <numbers>
 
 #include "api/support.h"
+#include "scenes/longer.h"
 #include "scenes/reference.h"
 
 using namespace scenes;
@@ -763,8 +764,8 @@ START_TEST(object_evaluate_law) {
   EXPECT_SENTENCE(FS_ERROR_INVALID, fs_object_evaluate_law(&point, 0, 0, &bad, 1, &out), "distances[0] is inf");
   point.front.gain = -1;
   EXPECT_SENTENCE(FS_ERROR_INVALID, fs_object_evaluate_law(&point, 0, 0, &one, 1, &out), "'point': front.gain is -1");
-  point.struct_size += 8;
-  EXPECT(FS_ERROR_VERSION, fs_object_evaluate_law(&point, 0, 0, &one, 1, &out));
+  const Longer longer(point, 1);
+  EXPECT(FS_ERROR_VERSION, fs_object_evaluate_law(&longer.known, 0, 0, &one, 1, &out));
   EXPECT_NEAR(out, 7, 0);
 }
 END_TEST

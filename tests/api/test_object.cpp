@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "api/support.h"
+#include "scenes/longer.h"
 
 using namespace scenes;
 
@@ -347,8 +348,8 @@ START_TEST(struct_sizes) {
   struct {
     uint32_t size;
     fs_status status;
-  } sizes[]{{sizeof o + 8, FS_ERROR_VERSION}, {0xffffffffu, FS_ERROR_VERSION}, {sizeof o - 8, FS_ERROR_INVALID},
-            {0, FS_ERROR_INVALID}};
+  } sizes[]{{4104, FS_ERROR_VERSION}, {0xffffffffu, FS_ERROR_VERSION}, {sizeof o - 8, FS_ERROR_INVALID},
+            {sizeof o + 4, FS_ERROR_INVALID}, {0, FS_ERROR_INVALID}};
   for (const auto& s : sizes) {
     o.struct_size = s.size;
     EXPECT_SENTENCE(s.status, fs_object_set(scene.get(), &o), "struct_size");
@@ -361,6 +362,19 @@ START_TEST(struct_sizes) {
     EXPECT(s.status, fs_object_get(scene.get(), "a", &out.object));
     ck_assert_str_eq(out.object.name, "untouched");
   }
+  // A program that is newer than the library: what the library does not know must be 0, and becomes 0.
+  o = spring("a");
+  Longer longer(o);
+  OK(fs_object_set(scene.get(), &longer.known));
+  OK(fs_object_change(scene.get(), &longer.known, 31));
+  longer.added = uint64_t{1} << 56;
+  const std::string place = "at byte " + std::to_string(sizeof o);
+  EXPECT_SENTENCE(FS_ERROR_VERSION, fs_object_set(scene.get(), &longer.known), place.c_str());
+  EXPECT_SENTENCE(FS_ERROR_VERSION, fs_object_change(scene.get(), &longer.known, FS_PART_POSE), "fs_object");
+  OK(fs_object_get(scene.get(), "a", &longer.known));
+  ck_assert_uint_eq(longer.added, 0);
+  ck_assert_uint_eq(longer.known.struct_size, sizeof longer);
+  fs_object_release(&longer.known);
   // A caller's struct that stands directly before other memory: no byte behind it is written.
   struct {
     fs_object object;

@@ -231,7 +231,7 @@ static std::vector<Bad> bad_calls(const Content& content, const std::string& fol
       {"contact.stiffness", [](fs_object& o) { o.contact.stiffness = -1; }},
       {"contact.friction", [](fs_object& o) { o.contact.friction = 3; }},
       {"contact.reserved", [](fs_object& o) { o.contact.reserved = 1; }},
-      {"struct_size", [](fs_object& o) { o.struct_size += 8; }},
+      {"struct_size", [](fs_object& o) { o.struct_size = 4104; }},
       {"small struct_size", [](fs_object& o) { o.struct_size -= 8; }}};
   for (const auto& [what, spoil] : spoils) {
     for (const char* name : {"new", "a"}) {
@@ -273,9 +273,9 @@ static std::vector<Bad> bad_calls(const Content& content, const std::string& fol
 
   // Names that do not exist or are invalid.
   const fs_pose pose = at(0, 0, 0);
-  const auto get = [](fs_scene* s, const char* name, int32_t size_error) {
+  const auto get = [](fs_scene* s, const char* name, uint32_t size) {
     fs_object o = fs_object_init("", FS_PRIMITIVE_POINT);
-    o.struct_size += static_cast<uint32_t>(size_error);
+    o.struct_size = size;
     return fs_object_get(s, name, &o);
   };
   const auto move = [](fs_scene* s, const char* name, const fs_pose& pose, const fs_twist* twist, double time) {
@@ -283,7 +283,7 @@ static std::vector<Bad> bad_calls(const Content& content, const std::string& fol
   };
   for (const std::string& name : {std::string("none"), std::string(""), std::string(40, 'x'), std::string(500, 'y'),
                                   std::string("\xff"), std::string("line ")}) {
-    add("get " + name, [=](fs_scene* s) { return get(s, name.c_str(), 0); });
+    add("get " + name, [=](fs_scene* s) { return get(s, name.c_str(), sizeof(fs_object)); });
     add("move " + name, [=](fs_scene* s) { return move(s, name.c_str(), pose, nullptr, FS_NOW); });
     add("remove " + name, [=](fs_scene* s) { return fs_object_remove(s, name.c_str()); });
     add("report " + name, [=](fs_scene* s) {
@@ -295,10 +295,10 @@ static std::vector<Bad> bad_calls(const Content& content, const std::string& fol
       return fs_evaluate_field(s, name.c_str(), FS_NOW, &x, 1, &f);
     });
   }
-  add("get into a newer one", [=](fs_scene* s) { return get(s, "a", 8); });
-  add("get into a smaller one", [=](fs_scene* s) { return get(s, "a", -8); });
+  add("get into one that is no struct", [=](fs_scene* s) { return get(s, "a", 4104); });
+  add("get into a smaller one", [=](fs_scene* s) { return get(s, "a", sizeof(fs_object) - 8); });
   add("get null", [=](fs_scene* s) { return fs_object_get(s, "a", nullptr); });
-  add("get of null", [=](fs_scene* s) { return get(s, nullptr, 0); });
+  add("get of null", [=](fs_scene* s) { return get(s, nullptr, sizeof(fs_object)); });
   add("move null", [=](fs_scene* s) { return move(s, nullptr, pose, nullptr, FS_NOW); });
   add("move to null", [=](fs_scene* s) { return fs_object_move(s, "a", nullptr, nullptr, FS_NOW); });
   add("remove null", [=](fs_scene* s) { return fs_object_remove(s, nullptr); });
@@ -387,15 +387,15 @@ static std::vector<Bad> bad_calls(const Content& content, const std::string& fol
     fs_report report;
     return fs_scene_get_report(s, nullptr, &report);
   });
-  for (const int32_t error : {8, -8}) {
+  for (const uint32_t size : {4104u, 8u}) {
     add("stats", [=](fs_scene* s) {
       fs_servo_stats stats = fs_servo_stats_init();
-      stats.struct_size += static_cast<uint32_t>(error);
+      stats.struct_size = size;
       return fs_scene_get_servo_stats(s, &stats);
     });
     add("device", [=](fs_scene* s) {
       fs_device_info info = fs_device_info_init();
-      info.struct_size += static_cast<uint32_t>(error);
+      info.struct_size = size;
       return fs_scene_get_device_info(s, &info);
     });
   }

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "api/support.h"
+#include "scenes/longer.h"
 
 using namespace scenes;
 
@@ -542,7 +543,13 @@ START_TEST(stats) {
   OK(fs_scene_get_device_info(rig.scene.get(), &info));
   ck_assert_str_eq(info.name, "fake device");
   EXPECT_NEAR(info.force_max, 10, 0);
-  stats.struct_size = sizeof stats + 8;
+  Longer longer(stats, 1);
+  OK(fs_scene_get_servo_stats(rig.scene.get(), &longer.known));
+  ck_assert(longer.added == 0 && longer.known.struct_size == sizeof longer && longer.known.ticks == stats.ticks);
+  Longer longer_info(info, 1);
+  OK(fs_scene_get_device_info(rig.scene.get(), &longer_info.known));
+  ck_assert(longer_info.added == 0 && longer_info.known.struct_size == sizeof longer_info);
+  stats.struct_size = 4104;
   EXPECT(FS_ERROR_VERSION, fs_scene_get_servo_stats(rig.scene.get(), &stats));
   stats.struct_size = 8;
   EXPECT(FS_ERROR_INVALID, fs_scene_get_servo_stats(rig.scene.get(), &stats));
@@ -603,8 +610,8 @@ START_TEST(bad_options) {
   }
   fs_servo_options options = virtual_options();
   fs_servo* servo = nullptr;
-  options.struct_size += 8;
-  EXPECT(FS_ERROR_VERSION, fs_servo_start(rig.scene.get(), rig.device.get(), &options, &servo));
+  const Longer longer(options, 1);
+  EXPECT_SENTENCE(FS_ERROR_VERSION, fs_servo_start(rig.scene.get(), rig.device.get(), &longer.known, &servo), "fs_servo_options");
   options.struct_size = 8;
   EXPECT(FS_ERROR_INVALID, fs_servo_start(rig.scene.get(), rig.device.get(), &options, &servo));
   // The servo's thread runs where the calling thread may run.

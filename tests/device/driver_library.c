@@ -40,13 +40,15 @@ static fs_status write_device(void *self, const fs_wrench *wrench)
 __attribute__((visibility("default"))) const fs_driver *fs_driver_entry(void);
 const fs_driver *fs_driver_entry(void)
 {
-  static fs_driver driver;
-  driver.struct_size = sizeof driver + (DRIVER_FAULT == 3 ? 8 : 0);
-  driver.scheme = "library";
-  driver.open = open_device;
-  driver.close = DRIVER_FAULT == 4 ? NULL : close_device;
-  driver.get_info = get_info;
-  driver.read = read_device;
-  driver.write = write_device;
-  return DRIVER_FAULT == 2 ? NULL : &driver;
+  static struct { fs_driver driver; void (*added)(void *self); } table;
+  fs_driver *const driver = &table.driver;
+  if (DRIVER_FAULT == 3) table.added = close_device;
+  driver->struct_size = DRIVER_FAULT == 3 ? sizeof table : sizeof *driver;
+  driver->scheme = "library";
+  driver->open = open_device;
+  driver->close = DRIVER_FAULT == 4 ? NULL : close_device;
+  driver->get_info = get_info;
+  driver->read = read_device;
+  driver->write = write_device;
+  return DRIVER_FAULT == 2 ? NULL : driver;
 }

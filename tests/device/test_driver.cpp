@@ -5,6 +5,8 @@
 
 #include "support.h"
 
+#include "scenes/longer.h"
+
 #include "driver/registry.h"
 #include "driver/uri.h"
 
@@ -129,9 +131,11 @@ START_TEST(registry_refuses_bad_tables) {
     expect_error(status, part, [&] { register_driver(driver); });
     ck_assert(!find_driver("other"));
   };
-  refused(FS_ERROR_VERSION, "newer", [](fs_driver& d) { d.struct_size = sizeof d + 8; });
-  refused(FS_ERROR_INVALID, "struct_size is 8", [](fs_driver& d) { d.struct_size = 8; });
-  refused(FS_ERROR_INVALID, "struct_size is 0", [](fs_driver& d) { d.struct_size = 0; });
+  refused(FS_ERROR_VERSION, "fs_driver is 4104", [](fs_driver& d) { d.struct_size = 4104; });
+  refused(FS_ERROR_INVALID, "fs_driver is 8", [](fs_driver& d) { d.struct_size = 8; });
+  refused(FS_ERROR_INVALID, "fs_driver is 0", [](fs_driver& d) { d.struct_size = 0; });
+  const scenes::Longer newer(fake_table("other"), 1);
+  expect_error(FS_ERROR_VERSION, "fs_driver has a field at byte 80", [&] { register_driver(newer.known); });
   refused(FS_ERROR_INVALID, "reserved is 1", [](fs_driver& d) { d.reserved = 1; });
   refused(FS_ERROR_INVALID, "scheme is null", [](fs_driver& d) { d.scheme = nullptr; });
   for (const char* scheme : {"", "Other", "a b", "a:", "a-b", "\xc3\xa4", "a23456789012345678901234567890123"}) {

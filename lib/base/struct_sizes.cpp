@@ -1,0 +1,25 @@
+// Written by make_struct_sizes.py from the description of the public headers.
+#include <forceserver/driver.h>
+#include <forceserver/server.h>
+
+#include "base/grown.h"
+
+namespace fs {
+
+#define SIZES(type, first, known, size)                                                   \
+  static_assert((first) <= (known) && (known) <= (size) && (size) == sizeof(type), #type); \
+  template <>                                                                             \
+  const StructSizes& sizes_of<type>() noexcept {                                          \
+    static constexpr StructSizes sizes{#type, first, known};                              \
+    return sizes;                                                                         \
+  }
+
+SIZES(fs_object, 384, 384, 384)
+SIZES(fs_shape_info, 88, 88, 88)
+SIZES(fs_device_info, 256, 256, 256)
+SIZES(fs_servo_options, 104, 104, 104)
+SIZES(fs_servo_stats, 144, 144, 144)
+SIZES(fs_server_options, 40, 40, 40)
+SIZES(fs_driver, 80, 80, 80)
+
+}  // namespace fs
