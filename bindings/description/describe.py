@@ -38,12 +38,13 @@ TABLE = {
 # The last field of each growing struct in its first version. What is appended later is not there for programs that were
 # built before.
 FIRST_VERSION = {
-    "fs_object": "reserved",
+    "fs_object": "lifetime",
     "fs_shape_info": "reserved",
     "fs_device_info": "controller_damping",
     "fs_servo_options": "cpu",
     "fs_servo_stats": "reserved",
     "fs_server_options": "reserved",
+    "fs_model": "hold",
     "fs_driver": "advance",
 }
 NUMBERS = {"double": 8, "uint8_t": 1, "int32_t": 4, "uint32_t": 4, "uint64_t": 8, "size_t": 8, "bool": 1, "char": 1}
@@ -146,7 +147,7 @@ class Describer:
             yield {"name": cursor.spelling, "type": type_, "count": count, "offset": struct.type.get_offset(cursor.spelling) // 8,
                    "size": kind.get_size(), "comment": text}
 
-    def add_struct(self, cursor, comments):
+    def add_struct(self, cursor, comments, swig):
         struct = next((c for c in cursor.get_children() if c.kind == CursorKind.STRUCT_DECL), None)
         struct = struct.get_definition() if struct else None
         if struct is None:
@@ -163,7 +164,7 @@ class Describer:
             fail(cursor, "FIRST_VERSION does not say which fields it began with")
         first = [field["offset"] + field["size"] for field in fields if field["name"] == FIRST_VERSION.get(cursor.spelling)]
         self.out["structs"].append({
-            "name": cursor.spelling, "size": struct.type.get_size(), "growing": growing,
+            "name": cursor.spelling, "size": struct.type.get_size(), "for_c": cursor.spelling not in swig, "growing": growing,
             **({"first_size": first[0]} if growing else {}), "comment": comments.before(struct.location.line), "fields": fields})
 
     def add_enum(self, cursor, name, comments):
@@ -282,7 +283,7 @@ class Describer:
             header = INCLUDE / "forceserver" / name
             unit = parse(self.compiler, header, "-fparse-all-comments")
             seen = parse(self.compiler, header, "-DSWIG")
-            swig = {c.spelling for c in seen.cursor.get_children() if c.kind == CursorKind.FUNCTION_DECL}
+            swig = {c.spelling for c in seen.cursor.get_children()}
             self.add_header(unit, header, Comments(unit, header), swig)
         for name in TABLE:
             if name not in self.used:
@@ -301,7 +302,7 @@ class Describer:
             if cursor.kind == CursorKind.TYPEDEF_DECL:
                 kind = cursor.underlying_typedef_type.get_canonical().kind
                 if kind == TypeKind.RECORD:
-                    self.add_struct(cursor, comments)
+                    self.add_struct(cursor, comments, swig)
                 elif kind == TypeKind.ENUM:
                     self.add_enum(cursor.underlying_typedef_type.get_declaration(), cursor.spelling, comments)
             elif cursor.kind == CursorKind.ENUM_DECL and cursor.is_anonymous():

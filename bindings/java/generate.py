@@ -10,7 +10,7 @@ sys.path.insert(0, str(HERE.parent / "description"))
 import description  # noqa: E402
 
 D = description.load()
-STRUCTS = {s["name"]: s for s in D["structs"] if not any(f["type"] == "function" for f in s["fields"])}
+STRUCTS = {s["name"]: s for s in D["structs"] if not s["for_c"]}
 ENUMS = {e["name"]: e for e in D["enums"] if e["name"]}
 HANDLES = {h["name"] for h in D["handles"]}
 # The types of numbers: in Java, the bytes of one, how a ByteBuffer gets it, and what Java calls a buffer of them.
@@ -36,8 +36,8 @@ def base(type_):
 
 def is_record(struct):
     """Plain values: nothing but doubles. Such a struct is a record; any other is a view of memory."""
-    return all(f["count"] == 1 and (f["type"] == "double" or f["type"] in STRUCTS and is_record(STRUCTS[f["type"]]))
-               for f in struct["fields"])
+    return all(f["type"] == "double" and (f["count"] == 1 or hidden(f)) or f["count"] == 1 and f["type"] in STRUCTS
+               and is_record(STRUCTS[f["type"]]) for f in struct["fields"])
 
 
 def doc(comment, indent=""):
@@ -63,7 +63,9 @@ def record(struct):
     parts, reads, writes = [], [], []
     for f in struct["fields"]:
         at = f"at + {f['offset']}"
-        if f["type"] == "double":
+        if hidden(f):
+            writes.append(f"memory.put({at}, new byte[{f['size']}]);")
+        elif f["type"] == "double":
             parts.append(f"double {camel(f['name'])}")
             reads.append(f"memory.getDouble({at})")
             writes.append(f"memory.putDouble({at}, {camel(f['name'])});")
@@ -72,7 +74,8 @@ def record(struct):
             parts.append(f"{inner} {camel(f['name'])}")
             reads.append(f"{inner}.read(memory, {at})")
             writes.append(f"{camel(f['name'])}.write(memory, {at});")
-    parameters = "".join(f" * @param {camel(f['name'])} {html.escape(f['comment'], quote=False) or 'its part'}\n" for f in struct["fields"])
+    parameters = "".join(f" * @param {camel(f['name'])} {html.escape(f['comment'], quote=False) or 'its part'}\n" for f in struct["fields"]
+                         if not hidden(f))
     head = doc(struct["comment"])
     head = (head[:-len(" */\n")].rstrip() + "\n" if head else "/**\n").replace("/** ", "/**\n * ", 1)
     body = "\n    ".join(writes)

@@ -10,6 +10,7 @@
 
 #include <forceserver/driver.h>
 
+#include "device/sim/parameters.h"
 #include "math/filters.h"
 
 namespace fs {
@@ -47,7 +48,8 @@ class Link {
   struct Command {
     Pose x0 = identity_pose();
     Wrench f0{};
-    Mat3 dfdx{};
+    Mat3 dfdx{}, dtdr{};
+    double hold = fidel::fade_after;  // s, for which it counts
   };
 
   // In steps of the simulation: from a pose to the command that answers it, and from one pose to the next.

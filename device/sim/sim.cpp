@@ -157,8 +157,8 @@ void Simulator::step() noexcept {
 // What the controller behind the link commands.
 Wrench Simulator::control() noexcept {
   const double silence = static_cast<double>(steps_ - link_->last_arrival()) * substep;
-  const double weight = std::clamp(1 - (silence - fade_after) / fade_length, 0.0, 1.0);
   const Link::Command& command = link_->command();
+  const double weight = std::clamp(1 - (silence - command.hold) / fade_length, 0.0, 1.0);
   Wrench out{weight * command.f0.force, weight * command.f0.torque};
   if (options_.link != SimLink::MODEL) return out;
   const fs_state state = measured();
@@ -166,6 +166,8 @@ Wrench Simulator::control() noexcept {
   const Vec3 speed = velocity_.update({state.pose.position, identity_quat()}, state.time).linear;
   out.force += weight * (command.dfdx * away) - controller_damping * speed;
   if (norm(out.force) > force_max) out.force = force_max * normalized(out.force);
+  const Vec3 turn = log_rotation(state.pose.orientation * conjugate(command.x0.orientation));
+  out.torque += weight * (command.dtdr * turn);
   return out;
 }
 
@@ -272,8 +274,8 @@ fs_status sim_write(void* self, const fs_wrench* wrench) {
   return FS_OK;
 }
 
-fs_status sim_write_model(void* self, const fs_pose* x0, const fs_wrench* f0, const fs_mat3* dfdx) {
-  simulator(self).write_model({*x0, *f0, *dfdx});
+fs_status sim_write_model(void* self, const fs_model* model) {
+  simulator(self).write_model({model->x0, model->f0, model->dfdx, model->dtdr, model->hold});
   return FS_OK;
 }
 

@@ -36,8 +36,8 @@ class Simulator {
   // and 0 otherwise. Behind a link all is that of the newest pose that has come, and not READY before the first.
   void read(fs_state& out) noexcept;
   // [rt] Any finite wrench.
-  void write(const Wrench& wrench) noexcept { write_model({identity_pose(), wrench, {}}); }
-  // [rt] f0 + dfdx (x - x0), for the controller behind a link.
+  void write(const Wrench& wrench) noexcept { write_model({identity_pose(), wrench}); }
+  // [rt] A local model (fs_model), for the controller behind a link.
   void write_model(const Link::Command& command) noexcept;
 
  private:

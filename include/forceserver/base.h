@@ -19,7 +19,7 @@
 #define FS_VERSION_MINOR 1
 #define FS_VERSION_PATCH 0
 
-#define FS_NAME_SIZE 64         /* bytes of a name, its final 0 included */
+#define FS_NAME_SIZE 128        /* bytes of a name, its final 0 included */
 #define FS_TOOL_POINTS_MAX 32   /* points of a tool */
 #define FS_NOW 0.0              /* as a time: the moment of the call */
 

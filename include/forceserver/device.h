@@ -79,8 +79,8 @@ FS_API fs_status fs_device_list(fs_device_entry *out, size_t capacity, size_t *c
  *     seed                                         of the encoders' starting offsets, 0..4294967295 (0)
  *     link=force|model                             a controller of 1 kHz at the device, behind a link: it passes on the
  *                                                  force sent, or renders local models (driver.h) with a damping of
- *                                                  5 N s/m of its own. When no command has come for 0.1 s, its force
- *                                                  fades within 0.1 s. Default: no link
+ *                                                  5 N s/m of its own. When no command has come for 0.1 s (a model:
+ *                                                  for its hold time), its force fades within 0.1 s. Default: no link
  *     link_ms                                      0..1000 (10), from a pose to the force that answers it
  *     link_hz                                      10..10000 (100), how often a pose comes and its answer goes */
 FS_API fs_status fs_device_open(const char *uri, fs_device **out);

@@ -19,6 +19,24 @@ typedef struct fs_link {
   double loss;                  /* 0..1: the part of poses and forces that is lost; 0 also if it is not known */
 } fs_link;
 
+/* A local model, for a remote controller that renders it: at the pose x of the handle the force f0.force + dfdx (x - x0)
+ * and the torque f0.torque + dtdr r, where r is the rotation vector (rad) from the orientation of x0 to that of x. All in
+ * the device frame. Growing; the library fills it as far as struct_size says. */
+typedef struct fs_model {
+  uint32_t struct_size;         /* sizeof(fs_model) of the library */
+  uint32_t reserved;            /* 0 */
+  fs_pose x0;                   /* the pose that it answers, as read gave it; the identity if that was none */
+  fs_wrench f0;                 /* the force and torque at x0, finite, within the maxima */
+  fs_mat3 dfdx;                 /* N/m, symmetric, without the damping of objects. Its largest eigenvalue is at most
+                                   2.5 (damping + controller_damping)/(delay + 1/link_rate), all of fs_device_info: half
+                                   of what was measured to shake */
+  fs_mat3 dtdr;                 /* N m/rad, symmetric. 0.1: 0 */
+  uint64_t number;              /* which state it answers: the first that read gave is 1; 0: none */
+  double time;                  /* s, when that state was measured (fs_state.time) */
+  double hold;                  /* s for which the model counts from when it comes to the controller; unless another has
+                                   come by then, the force fades */
+} fs_model;
+
 /* A device driver: a table of functions, growing. It knows one kind of device and nothing of scenes, limits or faults:
  * the library scales forces down to the device's maxima, guards them, and checks the age of poses. get_info, read and
  * write are called by one thread at a time. read and write are called at the servo rate: they never wait, allocate or
@@ -57,13 +75,11 @@ typedef struct fs_driver {
   fs_status (*write)(void *self, const fs_wrench *wrench);
 
   /* Called instead of write where fs_device_info.controller_rate is above 0: for a remote controller that renders the
-   * local model f0 + dfdx (x - x0) at that rate, limits its force, damps with controller_damping, and lets the force
-   * fade when nothing comes. x0 is the pose that read gave. dfdx (N/m) is symmetric, without the damping of objects,
-   * and its largest eigenvalue is at most 2.5 (damping + controller_damping)/(delay + 1/link_rate), all of
-   * fs_device_info, or the delay as get_link measures it: half of what was measured to shake. Without a force it is called
-   * with zeros; write is still called with 0 when the force must end. A null pointer: the device has write only, and the
-   * three controller_ fields count as 0. */
-  fs_status (*write_model)(void *self, const fs_pose *x0, const fs_wrench *f0, const fs_mat3 *dfdx);
+   * local model at that rate, limits its force, damps with controller_damping, and lets the force fade when nothing
+   * comes. Of the model read no more than its struct_size. Without a force it is called with f0, dfdx and dtdr of zeros;
+   * write is still called with 0 when the force must end. A null pointer: the device has write only, and the three
+   * controller_ fields count as 0. */
+  fs_status (*write_model)(void *self, const fs_model *model);
 
   /* Called before each read to bring a simulated device to time (s, on the servo's clock, without a servo on the
    * monotonic clock). A null pointer: a real device. */

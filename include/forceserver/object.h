@@ -80,6 +80,7 @@ typedef struct fs_profile {
   double limit;                 /* N, > 0 and at most 1e9, unless kind is NONE: the threshold of the paper */
   double reach;                 /* m, >= 0: no force beyond this distance; 0: unlimited */
   fs_curve *curve;              /* for CUSTOM; otherwise null */
+  double reserved[4];           /* 0 */
 } fs_profile;
 
 /* The side of a plane or mesh that the hand cannot leave. */
@@ -121,7 +122,7 @@ typedef enum fs_keep {
  *   triangles on a way of a millimetre, the proxy stays where it is until the next tick. */
 typedef struct fs_contact {
   fs_keep keep;                 /* POINT, POLYLINE: NONE */
-  uint32_t reserved;            /* 0 */
+  uint32_t reserved_32;         /* 0 */
   double stiffness;             /* N/m, 0..1e9, of each tool point: n points that rest on it are n times as stiff. 0: as
                                    stiff as can be rendered. Without a bound (fs_scene_set_max_stiffness) that is 1000;
                                    with one, those that want less at the same places get that first, and all others
@@ -129,19 +130,18 @@ typedef struct fs_contact {
   double limit;                 /* N, > 0 and at most 1e9, unless keep is NONE */
   double damping;               /* N s/m, 0..1e9, along the normal, only while the hand approaches; from the first touch on */
   double friction;              /* Coulomb coefficient, 0..2: within the cone of friction the proxy does not move at all */
+  double reserved[8];           /* 0 */
 } fs_contact;
 
 /* A force-object. Growing; made by fs_object_init. */
 typedef struct fs_object {
   uint32_t struct_size;         /* sizeof(fs_object), by fs_object_init */
   fs_primitive primitive;       /* its geometry */
-  char name[FS_NAME_SIZE];      /* UTF-8, 1..31 bytes and a 0, no '/', no control character; unique in its scene */
+  char name[FS_NAME_SIZE];      /* UTF-8, 1..63 bytes and a 0, no '/', no control character; unique in its scene */
   fs_pose pose;                 /* object to scene, at `time` */
   fs_twist twist;               /* its motion from then on, for 0.1 s at most; then it stands still */
   double time;                  /* s, on the scene's clock; FS_NOW */
   double start;                 /* s, t = 0 of f(d, t); 0: when this name was first set, kept by later sets */
-  double lifetime;              /* s, 0..1e12: it fades unless set, changed or moved within this time; 0: it lives as
-                                   long as its client */
   fs_profile front;             /* PLANE, MESH: on the front side; POINT, POLYLINE: the only profile */
   fs_profile back;              /* PLANE, MESH: on the back side; otherwise of kind NONE */
   double damping;               /* N s/m, 0..1e9: where f(d, t) > 0, adds -damping times (velocity of the tool point
@@ -156,6 +156,8 @@ typedef struct fs_object {
   uint32_t tool_points;         /* bit i: point i of the tool feels it; 0: all */
   bool enabled;                 /* false: kept but not felt; a change fades the object out or in */
   uint8_t reserved[3];          /* 0 */
+  double lifetime;              /* s, 0..1e12: it fades unless set, changed or moved within this time; 0: it lives as
+                                   long as its client */
 } fs_object;
 
 /* A profile from the three components of the paper: gain, offset (GAUSSIAN: width), limit. No reach, no curve. */

@@ -165,6 +165,7 @@ typedef struct fs_frame {
   fs_pose pose;                 /* scene to device, device metres */
   double scale;                 /* scene metres per device metre, 1e-9..1e9 */
   double force_scale;           /* 0..1e9; 0: not felt. The lever arms of torques are in device metres */
+  double reserved[4];           /* 0 */
 } fs_frame;
 
 /* The default: scene and device are the same. */

@@ -47,4 +47,10 @@ void write(const void* ours, const StructSizes& sizes, void* out) {
   std::memset(static_cast<unsigned char*>(out) + common, 0, size - common);
 }
 
+void require_zeros(const double* reserved, size_t count, const char* owner) {
+  for (size_t i = 0; i < count; ++i) {
+    if (!(reserved[i] == 0)) fail(FS_ERROR_INVALID, "%s.reserved[%zu] is %.9g, must be 0", owner, i, reserved[i]);
+  }
+}
+
 }  // namespace fs::grown

@@ -1,4 +1,4 @@
-// The structs of the contract that grow: they begin with struct_size, which says how much of the struct the caller was built
+// How structs of the contract change. Those that grow begin with struct_size, which says how much of the struct the caller was built
 // with. Here is the only place where such a struct of a caller is read or written.
 #pragma once
 
@@ -24,6 +24,7 @@ inline constexpr uint32_t largest = 4096;  // no version of a struct is larger; 
 void check_size(uint32_t struct_size, const StructSizes& sizes);
 void read(const void* given, const StructSizes& sizes, void* out);
 void write(const void* ours, const StructSizes& sizes, void* out);
+void require_zeros(const double* reserved, size_t count, const char* owner);
 }  // namespace grown
 
 // Throws VERSION if the caller's struct is larger than any can be, and INVALID if it is smaller than the first version.
@@ -46,6 +47,13 @@ Struct read_grown(const Struct* given) {
 template <class Struct>
 void write_grown(const Struct& ours, Struct* out) {
   grown::write(&ours, sizes_of<Struct>(), out);
+}
+
+// The reserved numbers of a frozen struct, which the sentence calls `owner`, must be 0: a later version may give them a
+// meaning. INVALID.
+template <size_t count>
+void check_reserved(const double (&reserved)[count], const char* owner) {
+  grown::require_zeros(reserved, count, owner);
 }
 
 // Whether the caller knows this field of a struct that read_grown gave.

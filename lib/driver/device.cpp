@@ -247,6 +247,8 @@ fs_status fs_device::read(double time, fs_state& out) noexcept {
     return fs::known_status(status);
   }
   if (out.time == 0) out.time = time;
+  ++read_number_;
+  read_time_ = out.time;
   if (!fs::is_finite(out.twist)) return FS_OK;  // a bad value does not show that the driver gives twists
   if (!fs::is_zero(out.twist)) gives_twist_ = true;
   if (gives_twist_) return FS_OK;
@@ -284,11 +286,21 @@ fs_status fs_device::write(const fs_wrench& wrench) noexcept {
 }
 
 fs_status fs_device::write_model(const fs_pose& pose, const fs_wrench& force, const fs_mat3& stiffness) noexcept {
-  const fs_wrench f0 = limited(force);
+  constexpr double hold = 0.1;  // s
+  fs_model model{};
+  model.struct_size = sizeof model;
+  model.x0 = fs::identity_pose();
+  model.f0 = limited(force);
+  model.hold = hold;
   const bool is_pose = fs::is_finite(pose) && fs::norm(pose.orientation) > 0;  // 0: the read failed
-  const bool has_model = is_pose && fs::is_finite(stiffness) && fs::is_finite(force);
-  const fs_pose x0 = has_model ? pose : fs::identity_pose();
-  const fs_mat3 dfdx = has_model ? stiffness : fs_mat3{};
-  if (!fs::is_zero(dfdx)) was_pushing_ = true;
-  return checked(driver_.write_model(self_, &x0, &f0, &dfdx), force);
+  if (is_pose) {
+    model.number = read_number_;
+    model.time = read_time_;
+  }
+  if (is_pose && fs::is_finite(stiffness) && fs::is_finite(force)) {
+    model.x0 = pose;
+    model.dfdx = stiffness;
+    if (!fs::is_zero(stiffness)) was_pushing_ = true;
+  }
+  return checked(driver_.write_model(self_, &model), force);
 }

@@ -49,7 +49,8 @@ void check_contact(const fs_contact& contact, fs_primitive primitive) {
   if (keep < FS_KEEP_NONE || keep > FS_KEEP_EITHER) {
     fail(FS_ERROR_INVALID, "contact.keep is %d, must be an fs_keep (0..3)", keep);
   }
-  if (contact.reserved) fail(FS_ERROR_INVALID, "contact.reserved is %u, must be 0", contact.reserved);
+  if (contact.reserved_32) fail(FS_ERROR_INVALID, "contact.reserved_32 is %u, must be 0", contact.reserved_32);
+  check_reserved(contact.reserved, "contact");
   parse_range(contact.stiffness, 0, 1e9, "contact.stiffness");
   parse_range(contact.limit, 0, 1e9, "contact.limit");
   parse_range(contact.damping, 0, 1e9, "contact.damping");
@@ -158,8 +159,9 @@ uint32_t parse_parts(uint64_t parts) {
 
 std::string parse_name(const char* name, const char* field) {
   const size_t size = strnlen(name, FS_NAME_SIZE);
-  if (size < 1 || size > 31) {
-    fail(FS_ERROR_INVALID, "%s is %zu bytes long%s, must be 1..31", field, size, size == FS_NAME_SIZE ? " or more" : "");
+  if (size < 1 || size > longest_name) {
+    fail(FS_ERROR_INVALID, "%s is %zu bytes long%s, must be 1..%zu", field, size, size == FS_NAME_SIZE ? " or more" : "",
+         longest_name);
   }
   for (size_t i = 0; i < size;) {
     const auto* text = reinterpret_cast<const unsigned char*>(name + i);

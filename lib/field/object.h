@@ -113,6 +113,10 @@ Bounds of_use(const Bounds& bounds, const Object& object) noexcept;  // without 
 // The contract's form of an object, without pose, twist, time and start. Its handles are borrowed.
 fs_object to_c(const Object& object);
 
+// Bytes of the name of an object or client: "client/object" fits into FS_NAME_SIZE.
+inline constexpr size_t longest_name = 63;
+static_assert(2 * longest_name + 2 <= FS_NAME_SIZE);
+
 // Checks of single fields. `field` names the field in the sentence. All throw INVALID.
 std::string parse_name(const char* name, const char* field);
 Pose parse_pose(const Pose& pose, const char* field);  // zero orientation: identity; within 1e-3 of unit: normalised

@@ -10,6 +10,7 @@
 #include "base/error.h"
 #include "base/text.h"
 #include "base/whole_file.h"
+#include "field/object.h"
 #include "file/json.h"
 #include "file/mesh_file.h"
 #include "file/scene_words.h"
@@ -280,8 +281,8 @@ class SceneReader {
     for (size_t i = 0; i < value.list()->size(); ++i) {
       Form form((*value.list())[i], path_ + ", objects[" + std::to_string(i) + "]", "an object");
       const std::string name = form.text("name");
-      if (name.empty() || name.size() > 31) {
-        fail_at(FS_ERROR_PARSE, form.where(), "\"name\" is %zu bytes long, must be 1..31", name.size());
+      if (name.empty() || name.size() > longest_name) {
+        fail_at(FS_ERROR_PARSE, form.where(), "\"name\" is %zu bytes long, must be 1..%zu", name.size(), longest_name);
       }
       form.rename(path_ + ", object '" + name + "'");
       if (!names.insert(name).second) fail_at(FS_ERROR_PARSE, form.where(), "another object has this name too");

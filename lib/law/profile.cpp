@@ -7,6 +7,7 @@
 
 #include "base/enum.h"
 #include "base/error.h"
+#include "base/grown.h"
 #include "base/names.h"
 #include "law/formula.h"
 #include "law/kind.h"
@@ -85,6 +86,8 @@ Profile parse_profile(const fs_profile& in, const char* field) {
   require_finite(in.limit, field, "limit");
   require_finite(in.reach, field, "reach");
 
+  check_reserved(in.reserved, field);
+
   const Kind& kind = kind_of(in.kind);
   const auto require = [&](bool is_good, const char* must, double value, const char* part) {
     require_that(is_good, must, value, field, part, in.kind);
@@ -121,7 +124,7 @@ Profile parse_profile(const fs_profile& in, const char* field) {
 }
 
 fs_profile to_c(const Profile& p) {
-  return {p.kind, p.sense, p.gain, p.offset, p.width, p.limit, p.reach, const_cast<fs_curve*>(p.curve.get())};
+  return {p.kind, p.sense, p.gain, p.offset, p.width, p.limit, p.reach, const_cast<fs_curve*>(p.curve.get()), {}};
 }
 
 bool operator==(const Profile& a, const Profile& b) {

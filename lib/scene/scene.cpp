@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "base/error.h"
+#include "base/grown.h"
 #include "base/text.h"
 #include "field/servo_output.h"
 
@@ -17,6 +18,7 @@ fs_frame parse_frame(const fs_frame& frame) {
   if (!(frame.force_scale >= 0 && frame.force_scale <= 1e9)) {
     fail(FS_ERROR_INVALID, "frame.force_scale is %.9g, must be within 0..1e9", frame.force_scale);
   }
+  check_reserved(frame.reserved, "frame");
   return out;
 }
 

@@ -22,8 +22,9 @@ struct Profile {
   double limit;
   double reach;
   uint64_t curve;
+  double reserved[4];
 };
-static_assert(sizeof(Profile) == 64);
+static_assert(sizeof(Profile) == 96);
 
 inline Profile to_record(const fs_profile& from) {
   Profile out{};
@@ -34,6 +35,7 @@ inline Profile to_record(const fs_profile& from) {
   out.width = from.width;
   out.limit = from.limit;
   out.reach = from.reach;
+  std::memcpy(out.reserved, from.reserved, sizeof out.reserved);
   return out;
 }
 
@@ -46,46 +48,52 @@ inline fs_profile from_record(const Profile& from) {
   out.width = from.width;
   out.limit = from.limit;
   out.reach = from.reach;
+  std::memcpy(out.reserved, from.reserved, sizeof out.reserved);
   return out;
 }
 
 struct Contact {
   int64_t keep;
+  uint64_t reserved_32;
   double stiffness;
   double limit;
   double damping;
   double friction;
+  double reserved[8];
 };
-static_assert(sizeof(Contact) == 40);
+static_assert(sizeof(Contact) == 112);
 
 inline Contact to_record(const fs_contact& from) {
   Contact out{};
   out.keep = raw_value(from.keep);
+  out.reserved_32 = from.reserved_32;
   out.stiffness = from.stiffness;
   out.limit = from.limit;
   out.damping = from.damping;
   out.friction = from.friction;
+  std::memcpy(out.reserved, from.reserved, sizeof out.reserved);
   return out;
 }
 
 inline fs_contact from_record(const Contact& from) {
   fs_contact out{};
   out.keep = to_enum<fs_keep>(static_cast<int32_t>(from.keep));
+  out.reserved_32 = static_cast<uint32_t>(from.reserved_32);
   out.stiffness = from.stiffness;
   out.limit = from.limit;
   out.damping = from.damping;
   out.friction = from.friction;
+  std::memcpy(out.reserved, from.reserved, sizeof out.reserved);
   return out;
 }
 
 struct Object {
   int64_t primitive;
-  char name[64];
+  char name[128];
   fs_pose pose;
   fs_twist twist;
   double time;
   double start;
-  double lifetime;
   Profile front;
   Profile back;
   double damping;
@@ -93,8 +101,9 @@ struct Object {
   uint64_t shape;
   uint64_t tool_points;
   uint64_t enabled;
+  double lifetime;
 };
-static_assert(sizeof(Object) == 400);
+static_assert(sizeof(Object) == 600);
 
 inline Object to_record(const fs_object& from) {
   Object out{};
@@ -104,13 +113,13 @@ inline Object to_record(const fs_object& from) {
   out.twist = from.twist;
   out.time = from.time;
   out.start = from.start;
-  out.lifetime = from.lifetime;
   out.front = to_record(from.front);
   out.back = to_record(from.back);
   out.damping = from.damping;
   out.contact = to_record(from.contact);
   out.tool_points = from.tool_points;
   out.enabled = from.enabled;
+  out.lifetime = from.lifetime;
   return out;
 }
 
@@ -123,13 +132,13 @@ inline fs_object from_record(const Object& from) {
   out.twist = from.twist;
   out.time = from.time;
   out.start = from.start;
-  out.lifetime = from.lifetime;
   out.front = from_record(from.front);
   out.back = from_record(from.back);
   out.damping = from.damping;
   out.contact = from_record(from.contact);
   out.tool_points = static_cast<uint32_t>(from.tool_points);
   out.enabled = from.enabled != 0;
+  out.lifetime = from.lifetime;
   return out;
 }
 
@@ -143,18 +152,20 @@ inline fs_object from_record(const Object& from) {
   FIELD(Profile, limit) \
   FIELD(Profile, reach) \
   FIELD(Profile, curve) \
+  FIELD(Profile, reserved) \
   FIELD(Contact, keep) \
+  FIELD(Contact, reserved_32) \
   FIELD(Contact, stiffness) \
   FIELD(Contact, limit) \
   FIELD(Contact, damping) \
   FIELD(Contact, friction) \
+  FIELD(Contact, reserved) \
   FIELD(Object, primitive) \
   FIELD(Object, name) \
   FIELD(Object, pose) \
   FIELD(Object, twist) \
   FIELD(Object, time) \
   FIELD(Object, start) \
-  FIELD(Object, lifetime) \
   FIELD(Object, front) \
   FIELD(Object, back) \
   FIELD(Object, damping) \
@@ -162,6 +173,7 @@ inline fs_object from_record(const Object& from) {
   FIELD(Object, shape) \
   FIELD(Object, tool_points) \
   FIELD(Object, enabled) \
+  FIELD(Object, lifetime) \
   FIELD(fs_vec3, x) \
   FIELD(fs_vec3, y) \
   FIELD(fs_vec3, z) \
@@ -176,6 +188,7 @@ inline fs_object from_record(const Object& from) {
   FIELD(fs_frame, pose) \
   FIELD(fs_frame, scale) \
   FIELD(fs_frame, force_scale) \
+  FIELD(fs_frame, reserved) \
   FIELD(fs_state, pose) \
   FIELD(fs_state, twist) \
   FIELD(fs_state, time) \

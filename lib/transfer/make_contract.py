@@ -22,8 +22,10 @@ handles = {handle["name"] + " *" for handle in described["handles"]}
 enums = {enum["name"] for enum in described["enums"]}
 
 
-def is_sent(field):
-    return field["type"] != "void *" and not field["name"].startswith(("struct_size", "reserved"))
+def sent_fields(struct):
+    """What is reserved in a frozen struct is sent, too: a later version may give it a meaning."""
+    hidden = ("struct_size", "reserved") if struct["growing"] else "struct_size"
+    return [field for field in struct["fields"] if field["type"] != "void *" and not field["name"].startswith(hidden)]
 
 
 def kind(field):
@@ -34,8 +36,8 @@ def kind(field):
         return "handle"
     if type_ in enums:
         return "enum"
-    if type_ == "char" and field["count"] % 8 == 0:
-        return "text"
+    if type_ == "char" and field["count"] % 8 == 0 or type_ == "double" and field["count"] > 1:
+        return "array"
     if type_ in ("bool", "uint32_t") and field["count"] == 1:
         return type_
     if type_ == "double" or type_ in structs:
@@ -44,7 +46,8 @@ def kind(field):
 
 
 def declaration(field):
-    types = {"record": TRANSLATED.get(field["type"]), "enum": "int64_t", "text": "char", "as it is": field["type"]}
+    types = {"record": TRANSLATED.get(field["type"]), "enum": "int64_t", "array": field["type"],
+             "as it is": field["type"]}
     array = f"[{field['count']}]" if field["count"] > 1 else ""
     return f"  {types.get(kind(field), 'uint64_t')} {field['name']}{array};"
 
@@ -52,7 +55,7 @@ def declaration(field):
 def to_record(field):
     name = field["name"]
     return {"record": f"  out.{name} = to_record(from.{name});", "enum": f"  out.{name} = raw_value(from.{name});",
-            "text": f"  std::memcpy(out.{name}, from.{name}, sizeof out.{name});", "handle": ""}.get(
+            "array": f"  std::memcpy(out.{name}, from.{name}, sizeof out.{name});", "handle": ""}.get(
                 kind(field), f"  out.{name} = from.{name};")
 
 
@@ -60,17 +63,17 @@ def from_record(field):
     name = field["name"]
     return {"record": f"  out.{name} = from_record(from.{name});", "handle": "",
             "enum": f"  out.{name} = to_enum<{field['type']}>(static_cast<int32_t>(from.{name}));",
-            "text": f"  std::memcpy(out.{name}, from.{name}, sizeof out.{name});",
+            "array": f"  std::memcpy(out.{name}, from.{name}, sizeof out.{name});",
             "bool": f"  out.{name} = from.{name} != 0;",
             "uint32_t": f"  out.{name} = static_cast<uint32_t>(from.{name});"}.get(kind(field), f"  out.{name} = from.{name};")
 
 
 def size(field):
-    return {"record": sizes.get(field["type"]), "text": field["size"], "as it is": field["size"]}.get(kind(field), 8)
+    return {"record": sizes.get(field["type"]), "array": field["size"], "as it is": field["size"]}.get(kind(field), 8)
 
 
 def record(name):
-    fields = [field for field in structs[name]["fields"] if is_sent(field)]
+    fields = sent_fields(structs[name])
     sizes[name] = sum(map(size, fields))
     me = TRANSLATED[name]
     begin = ["  out.struct_size = sizeof out;"] if structs[name]["growing"] else []
@@ -93,7 +96,7 @@ def with_those_inside(name, seen):
 
 sizes, all_of_them, lists = {}, [], []
 for name in TRANSLATED:
-    lists += [f"  FIELD({TRANSLATED[name]}, {field['name']})" for field in structs[name]["fields"] if is_sent(field)]
+    lists += [f"  FIELD({TRANSLATED[name]}, {field['name']})" for field in sent_fields(structs[name])]
 for name in [field["type"] for name in TRANSLATED for field in structs[name]["fields"]] + AS_THEY_ARE:
     if name in structs and name not in TRANSLATED:
         with_those_inside(name, all_of_them)

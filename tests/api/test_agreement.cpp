@@ -62,7 +62,7 @@ class Pair {
     }
     out.front = attract(random.between(1, 100), 1);
     if (random.coin(0.2)) {
-      out.front = {FS_PROFILE_CUSTOM, FS_SENSE_ATTRACTIVE, random.between(0, 2), 0, 0, 1, 0, shapes.curve.get()};
+      out.front = {FS_PROFILE_CUSTOM, FS_SENSE_ATTRACTIVE, random.between(0, 2), 0, 0, 1, 0, shapes.curve.get(), {}};
     }
     if (out.primitive >= FS_PRIMITIVE_PLANE && random.coin(0.3)) out.back = constant(FS_SENSE_ATTRACTIVE, 0.1);
     out.pose.position = random.in_box(0.1);

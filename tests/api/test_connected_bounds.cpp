@@ -53,11 +53,11 @@ START_TEST(connecting) {
     if (endpoint == rig.endpoint + "?") continue;  // no option is none
     EXPECT_SENTENCE(FS_ERROR_INVALID, try_to_connect(endpoint, "me"), "is");
   }
-  for (const std::string& name : {std::string(), std::string(32, 'x'), std::string("a/b"), std::string("a\tb"),
+  for (const std::string& name : {std::string(), std::string(64, 'x'), std::string("a/b"), std::string("a\tb"),
                                   std::string("\xff"), std::string("server")}) {
     EXPECT_SENTENCE(FS_ERROR_INVALID, try_to_connect(rig.endpoint, name), "client_name");
   }
-  EXPECT(FS_OK, try_to_connect(rig.endpoint, std::string(31, 'x')));
+  EXPECT(FS_OK, try_to_connect(rig.endpoint, std::string(63, 'x')));
   EXPECT(FS_OK, try_to_connect(rig.endpoint, "J\xc3\xbcrg, 2nd"));
   fs_scene* scene = nullptr;
   EXPECT(FS_ERROR_INVALID, fs_scene_connect(nullptr, "me", &scene));

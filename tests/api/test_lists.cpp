@@ -254,7 +254,7 @@ START_TEST(the_view) {
   ck_assert(v.frame.scale == 1 && v.point_count == 1 && !v.held);
   expect_pose(v.tool, at(0, 0, 0));
 
-  const fs_frame frame{random.pose(0.1), 2, 3};
+  const fs_frame frame{random.pose(0.1), 2, 3, {}};
   const fs_vec3 points[]{{0.1, 0, 0}, {0, 0.2, 0}, {0, 0, 0.3}};
   OK(fs_scene_set_frame(w.scene, &frame));
   OK(fs_scene_set_tool(w.scene, points, 3));
@@ -350,7 +350,7 @@ START_TEST(of_all_clients) {
   fs_scene* const scenes[]{two.me.get(), two.bob.get(), two.base.get()};
   const char* const names[]{"me", "bob", "server"};
   for (fs_scene* scene : scenes) {  // frames do not matter
-    const fs_frame frame{random.pose(0.1), random.between(0.5, 3), 1};
+    const fs_frame frame{random.pose(0.1), random.between(0.5, 3), 1, {}};
     OK(fs_scene_set_frame(scene, &frame));
     for (const char* name : {"x", "y"}) {
       fs_object o = name[0] == 'x' ? spring(name) : push(name);
@@ -571,7 +571,7 @@ START_TEST(views_of_all) {
   const char* const names[]{"me", "bob", "server"};
   fs_scene* const scenes[]{two.me.get(), two.bob.get(), two.base.get()};
   for (int i = 0; i < 3; ++i) {
-    const fs_frame frame{random.pose(0.1), random.between(0.5, 3), random.between(0.2, 2)};
+    const fs_frame frame{random.pose(0.1), random.between(0.5, 3), random.between(0.2, 2), {}};
     std::vector<fs_vec3> points(1 + random.below(FS_TOOL_POINTS_MAX));
     for (fs_vec3& point : points) point = random.in_box(0.1);
     OK(fs_scene_set_frame(scenes[i], &frame));
@@ -603,7 +603,7 @@ END_TEST
 // A client gets the server's record, in short and in long lists, with the ticks since it last asked.
 START_TEST(the_record) {
   Two two;
-  const fs_frame frame{at(0.1, 0, 0), 2, 2};
+  const fs_frame frame{at(0.1, 0, 0), 2, 2, {}};
   OK(fs_scene_set_frame(two.me.get(), &frame));
   two.settle(two.me.get());
   const auto record_of = [](fs_scene* scene, uint64_t after) {
@@ -663,7 +663,7 @@ START_TEST(views_in_one_request) {
   fs_scene* const scenes[]{two.base.get(), two.me.get(), two.bob.get(), third.get()};
   const char* const names[]{"server", "me", "bob", "third"};
   for (int i = 0; i < 4; ++i) {
-    const fs_frame frame{random.pose(0.1), 1.0 + i, 2.0 + i};
+    const fs_frame frame{random.pose(0.1), 1.0 + i, 2.0 + i, {}};
     std::vector<fs_vec3> points(1 + static_cast<size_t>(i) * 3);
     for (fs_vec3& point : points) point = random.in_box(0.1);
     OK(fs_scene_set_frame(scenes[i], &frame));
@@ -692,7 +692,7 @@ START_TEST(views_in_one_request) {
   }
 
   // A group that is not committed is in the view of the scene that has it, and in no other's.
-  const fs_frame frame{random.pose(0.1), 7, 8};
+  const fs_frame frame{random.pose(0.1), 7, 8, {}};
   for (const int i : {0, 1, 2}) {
     OK(fs_scene_begin(scenes[i]));
     OK(fs_scene_set_frame(scenes[i], &frame));
@@ -715,7 +715,7 @@ START_TEST(views_in_one_request) {
 
   // What waits at the server behind a mesh is in the own view at once.
   const Shape mesh = make_mesh(sphere_mesh(0.1, 20000));
-  const fs_frame next{random.pose(0.1), 9, 9};
+  const fs_frame next{random.pose(0.1), 9, 9, {}};
   OK(fs_scene_begin(scenes[3]));
   set(third, solid("mesh", mesh));
   OK(fs_scene_set_frame(scenes[3], &next));

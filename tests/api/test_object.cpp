@@ -114,7 +114,7 @@ END_TEST
 
 START_TEST(names) {
   const Scene scene = make_scene();
-  const char* good[]{"a", "1234567890123456789012345678901", "with space", "r\xc3\xa9sum\xc3\xa9", "\xe2\x82\xac",
+  const char* good[]{"a", "123456789012345678901234567890123456789012345678901234567890123", "with space", "r\xc3\xa9sum\xc3\xa9", "\xe2\x82\xac",
                      "\xf0\x9f\x96\x90", "dot.", "-", "\"quoted\\\"", "%s"};
   for (const char* name : good) {
     const fs_object o = spring(name);
@@ -124,7 +124,7 @@ START_TEST(names) {
   }
   ck_assert_uint_eq(object_count(scene.get()), std::size(good));
   const Seen before(scene.get());
-  const char* bad[]{"", "12345678901234567890123456789012", "a/b", "/", "a\nb", "\t", "\x7f", "\x1f", "\xff",
+  const char* bad[]{"", "1234567890123456789012345678901234567890123456789012345678901234", "a/b", "/", "a\nb", "\t", "\x7f", "\x1f", "\xff",
                     "\xc0\xaf", "\xe2\x82", "a\x80", "\xed\xa0\x80", "\xf4\x90\x80\x80", "\xf8\x88\x80\x80\x80"};
   for (const char* name : bad) {
     const fs_object o = spring(name);
@@ -244,20 +244,23 @@ static const BadField bad_fields[]{
     {"shape", [](fs_object& o) { o.primitive = FS_PRIMITIVE_POLYLINE; o.back = {}; o.shape = some_mesh.get(); }},
     {"keep", [](fs_object& o) { o.contact.keep = static_cast<fs_keep>(4); o.contact.limit = 1; }},
     {"keep", [](fs_object& o) { o.contact.keep = static_cast<fs_keep>(-1); o.contact.limit = 1; }},
-    {"reserved", [](fs_object& o) { o.contact.reserved = 1; }},
-    {"stiffness", [](fs_object& o) { o.contact = {FS_KEEP_FRONT, 0, -1, 5, 0, 0}; }},
-    {"stiffness", [](fs_object& o) { o.contact = {FS_KEEP_FRONT, 0, nan_, 5, 0, 0}; }},
-    {"limit", [](fs_object& o) { o.contact = {FS_KEEP_BACK, 0, 100, 0, 0, 0}; }},
-    {"limit", [](fs_object& o) { o.contact = {FS_KEEP_BACK, 0, 100, infinite, 0, 0}; }},
-    {"damping", [](fs_object& o) { o.contact = {FS_KEEP_EITHER, 0, 100, 5, -1, 0}; }},
-    {"damping", [](fs_object& o) { o.contact = {FS_KEEP_EITHER, 0, 100, 5, nan_, 0}; }},
-    {"friction", [](fs_object& o) { o.contact = {FS_KEEP_EITHER, 0, 100, 5, 0, -0.1}; }},
-    {"friction", [](fs_object& o) { o.contact = {FS_KEEP_EITHER, 0, 100, 5, 0, 2.1}; }},
-    {"friction", [](fs_object& o) { o.contact = {FS_KEEP_EITHER, 0, 100, 5, 0, nan_}; }},
+    {"contact.reserved_32", [](fs_object& o) { o.contact.reserved_32 = 1; }},
+    {"contact.reserved[7] is 1", [](fs_object& o) { o.contact.reserved[7] = 1; }},
+    {"front.reserved[3] is nan", [](fs_object& o) { o.front.reserved[3] = nan_; }},
+    {"back.reserved[0] is -1", [](fs_object& o) { o.back.reserved[0] = -1; }},
+    {"stiffness", [](fs_object& o) { o.contact = {FS_KEEP_FRONT, 0, -1, 5, 0, 0, {}}; }},
+    {"stiffness", [](fs_object& o) { o.contact = {FS_KEEP_FRONT, 0, nan_, 5, 0, 0, {}}; }},
+    {"limit", [](fs_object& o) { o.contact = {FS_KEEP_BACK, 0, 100, 0, 0, 0, {}}; }},
+    {"limit", [](fs_object& o) { o.contact = {FS_KEEP_BACK, 0, 100, infinite, 0, 0, {}}; }},
+    {"damping", [](fs_object& o) { o.contact = {FS_KEEP_EITHER, 0, 100, 5, -1, 0, {}}; }},
+    {"damping", [](fs_object& o) { o.contact = {FS_KEEP_EITHER, 0, 100, 5, nan_, 0, {}}; }},
+    {"friction", [](fs_object& o) { o.contact = {FS_KEEP_EITHER, 0, 100, 5, 0, -0.1, {}}; }},
+    {"friction", [](fs_object& o) { o.contact = {FS_KEEP_EITHER, 0, 100, 5, 0, 2.1, {}}; }},
+    {"friction", [](fs_object& o) { o.contact = {FS_KEEP_EITHER, 0, 100, 5, 0, nan_, {}}; }},
     {"keep", [](fs_object& o) {
        o.primitive = FS_PRIMITIVE_POINT;
        o.back = {};
-       o.contact = {FS_KEEP_FRONT, 0, 0, 5, 0, 0};
+       o.contact = {FS_KEEP_FRONT, 0, 0, 5, 0, 0, {}};
      }},
 };
 
@@ -393,7 +396,7 @@ START_TEST(contacts_are_kept) {
   fs_object o = wall("w");
   OK(fs_object_set(scene.get(), &o));
   for (fs_keep keep : {FS_KEEP_FRONT, FS_KEEP_BACK, FS_KEEP_EITHER, FS_KEEP_NONE}) {
-    o.contact = {keep, 0, 100, 5, 1, 0.5};
+    o.contact = {keep, 0, 100, 5, 1, 0.5, {}};
     OK(fs_object_change(scene.get(), &o, FS_PART_CONTACT));
     fs_object got = fs_object_init(nullptr, FS_PRIMITIVE_POINT);
     OK(fs_object_get(scene.get(), "w", &got));
@@ -507,7 +510,8 @@ START_TEST(tool_and_frame) {
             {"scale", [](fs_frame& f) { f.scale = nan_; }},    {"force_scale", [](fs_frame& f) { f.force_scale = -1; }},
             {"force_scale", [](fs_frame& f) { f.force_scale = infinite; }},
             {"position", [](fs_frame& f) { f.pose.position.x = nan_; }},
-            {"orientation", [](fs_frame& f) { f.pose.orientation.x = 1; }}};
+            {"orientation", [](fs_frame& f) { f.pose.orientation.x = 1; }},
+            {"frame.reserved[2] is 1", [](fs_frame& f) { f.reserved[2] = 1; }}};
   for (const auto& c : cases) {
     bad = frame;
     c.spoil(bad);

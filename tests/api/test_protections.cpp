@@ -205,7 +205,7 @@ START_TEST(encoder_steps_are_not_felt_at_rest) {
         held.damping = damping;
         fs_object floor = fs_object_init("floor", FS_PRIMITIVE_PLANE);
         floor.pose.position.z = 0.004;
-        floor.contact = {FS_KEEP_FRONT, 0, 300, 10, damping, 0};
+        floor.contact = {FS_KEEP_FRONT, 0, 300, 10, damping, 0, {}};
         worst = std::fmax(worst, std::fmax(unrest(uri, held, rate), unrest(uri, floor, rate)));
         if (rate < 3000) worst_remote = std::fmax(worst_remote, unrest(uri + "&link=model", held, rate));
       }
@@ -271,7 +271,7 @@ double damping_felt(size_t count, double each, uint32_t points = 0) {
   for (size_t i = 0; i < count; ++i) tool.push_back({1e-3 * std::cos(i), 1e-3 * std::sin(i), 0});
   OK(fs_scene_set_tool(rig.scene.get(), tool.data(), count));
   fs_object floor = fs_object_init("floor", FS_PRIMITIVE_PLANE);
-  floor.contact = {FS_KEEP_FRONT, 0, 1, 1e6, each, 0};  // hardly stiff
+  floor.contact = {FS_KEEP_FRONT, 0, 1, 1e6, each, 0, {}};  // hardly stiff
   floor.tool_points = points;
   set(rig.scene.get(), floor);
   rig.fake.on_read = [](FakeDevice& fake, double time) {
@@ -360,7 +360,8 @@ struct Remote {
   fs_pose x0{};
   fs_wrench f0{}, written{};
   fs_mat3 dfdx{};
-  uint64_t models = 0, writes = 0;
+  double time = 0, hold = 0;
+  uint64_t number = 0, models = 0, writes = 0;
   double measured_delay = 0;  // s; 0: none
 } remote;
 
@@ -382,10 +383,14 @@ fs_status remote_write(void*, const fs_wrench* wrench) {
   ++remote.writes;
   return FS_OK;
 }
-fs_status remote_model(void*, const fs_pose* x0, const fs_wrench* f0, const fs_mat3* dfdx) {
-  remote.x0 = *x0;
-  remote.f0 = *f0;
-  remote.dfdx = *dfdx;
+fs_status remote_model(void*, const fs_model* model) {
+  ck_assert(model->struct_size == sizeof *model && model->reserved == 0);
+  remote.x0 = model->x0;
+  remote.f0 = model->f0;
+  remote.dfdx = model->dfdx;
+  remote.number = model->number;
+  remote.time = model->time;
+  remote.hold = model->hold;
   ++remote.models;
   return FS_OK;
 }
@@ -451,6 +456,9 @@ START_TEST(models_are_written) {
   OK(fs_servo_step(servo.get(), 3));
   ck_assert_uint_eq(remote.models, 3);
   ck_assert_uint_eq(remote.writes, 0);
+  ck_assert_uint_eq(remote.number, 3);
+  EXPECT_NEAR(remote.time, 0.003, 1e-12);
+  EXPECT_NEAR(remote.hold, 0.1, 0);
   EXPECT_VECTOR(remote.x0.position, remote.state.pose.position, 0);
   EXPECT_VECTOR(remote.f0.force, (fs_vec3{-3, 0, 1.5}), 1e-9);  // the controller damps, not the servo
   expect_matrix(remote.dfdx, {-300, 0, 0, 0, -300, 0, 0, 0, -300}, 1e-6);
@@ -478,6 +486,7 @@ START_TEST(models_are_written) {
   EXPECT_VECTOR(remote.f0.force, (fs_vec3{}), 0);
   expect_matrix(remote.dfdx, {}, 0);
   EXPECT_NEAR(remote.x0.orientation.w, 1, 0);
+  ck_assert(remote.number == 0 && remote.time == 0);  // it answers no state
   remote.read_status = FS_OK;
   OK(fs_servo_step(servo.get(), 1));
   EXPECT_VECTOR(remote.f0.force, (fs_vec3{-10, 0, 0}), 1e-9);

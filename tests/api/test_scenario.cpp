@@ -872,7 +872,7 @@ START_TEST(frames) {
   OK(fs_scene_set_tool(w.scene, arms, 2));
   w.set(spring("a", {0.3, 0.1, -0.2}, 10));
   for (int k = 0; k < 10; ++k) {
-    fs_frame frame{random.pose(0.2), random.log_between(0.1, 10), random.log_between(0.01, 2)};
+    fs_frame frame{random.pose(0.2), random.log_between(0.1, 10), random.log_between(0.01, 2), {}};
     OK(fs_scene_set_frame(w.scene, &frame));
     const fs_frame got = frame_of(w.scene);
     EXPECT_VECTOR(got.pose.position, frame.pose.position, 0);

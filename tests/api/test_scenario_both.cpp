@@ -138,7 +138,7 @@ static Trace random_script(int variant, uint64_t seed) {
         }
         case 7: trace.say(std::string("remove ") + o.name, PATIENTLY(fs_object_remove(w.scene, o.name))); break;
         case 8: {
-          const fs_frame frame{random.pose(0.03), random.between(0.5, 2), random.between(0, 2)};
+          const fs_frame frame{random.pose(0.03), random.between(0.5, 2), random.between(0, 2), {}};
           trace.say("frame", PATIENTLY(fs_scene_set_frame(w.scene, &frame)));
           break;
         }
@@ -230,7 +230,10 @@ static std::vector<Bad> bad_calls(const Content& content, const std::string& fol
        }},
       {"contact.stiffness", [](fs_object& o) { o.contact.stiffness = -1; }},
       {"contact.friction", [](fs_object& o) { o.contact.friction = 3; }},
-      {"contact.reserved", [](fs_object& o) { o.contact.reserved = 1; }},
+      {"contact.reserved", [](fs_object& o) { o.contact.reserved_32 = 1; }},
+      {"contact.reserved", [](fs_object& o) { o.contact.reserved[7] = 1; }},
+      {"front.reserved", [](fs_object& o) { o.front.reserved[3] = NAN; }},
+      {"back.reserved", [](fs_object& o) { o.back.reserved[0] = -1; }},
       {"struct_size", [](fs_object& o) { o.struct_size = 4104; }},
       {"small struct_size", [](fs_object& o) { o.struct_size -= 8; }}};
   for (const auto& [what, spoil] : spoils) {
@@ -244,8 +247,8 @@ static std::vector<Bad> bad_calls(const Content& content, const std::string& fol
     if (std::string_view(what) == "reserved") continue;  // it is not read
     add(std::string("change, ") + what, [o](fs_scene* s) { return fs_object_change(s, &o, 31); });
   }
-  const std::string names[]{"", std::string(32, 'x'), "x/y", "/", "tab\there", "\x7f", "\xc3\x28", "\xed\xa0\x80",
-                            std::string(63, 'y')};
+  const std::string names[]{"", std::string(64, 'x'), "x/y", "/", "tab\there", "\x7f", "\xc3\x28", "\xed\xa0\x80",
+                            std::string(127, 'y')};
   for (const std::string& name : names) {
     const fs_object o = spring(name.c_str());
     add("set, name", [o](fs_scene* s) { return fs_object_set(s, &o); });
@@ -533,7 +536,7 @@ static Content for_a_file() {
 START_TEST(files) {
   const Folder folder;
   const Content content = for_a_file();
-  const fs_frame frame{{{0.1, 1.0 / 3, -0.3}, turn({1, 2, 3}, 0.4)}, 1.7, 0.3};
+  const fs_frame frame{{{0.1, 1.0 / 3, -0.3}, turn({1, 2, 3}, 0.4)}, 1.7, 0.3, {}};
   const fs_vec3 points[]{{0, 0, 0.1}, {1e-17, 2.0 / 3, 0}};
   // It writes the same bytes as a scene without a servo.
   const Scene plain = make_scene();

@@ -477,7 +477,7 @@ END_TEST
 // By its scene: each tick once, however often and with however much room it is asked for.
 START_TEST(the_record_of_a_scene) {
   Rig rig("scene_record");
-  const fs_frame frame{at(0.5, 0, 0), 2, 3};
+  const fs_frame frame{at(0.5, 0, 0), 2, 3, {}};
   OK(fs_scene_set_frame(rig.scene.get(), &frame));
   std::vector<fs_recorded_tick> record(3000);
   size_t count = 9;

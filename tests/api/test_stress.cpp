@@ -50,7 +50,7 @@ struct Stage {
       o.front = fs_profile_init(FS_PROFILE_CUSTOM, FS_SENSE_REPULSIVE, 1, 0, 1);
       o.front.curve = curves[random.below(curves.size())].get();
     }
-    if (o.primitive != FS_PRIMITIVE_POINT && random.coin(0.3)) o.contact = {FS_KEEP_EITHER, 0, 500, 1, 0.3, 0.2};
+    if (o.primitive != FS_PRIMITIVE_POINT && random.coin(0.3)) o.contact = {FS_KEEP_EITHER, 0, 500, 1, 0.3, 0.2, {}};
     o.enabled = random.coin(0.9);
     o.lifetime = random.coin(0.1) ? 0.02 : 0;
     return o;

@@ -9,6 +9,8 @@
 #include "scenes/random.h"
 #include "support.h"
 
+#include "driver/registry.h"
+
 using namespace fs;
 
 namespace {
@@ -111,6 +113,52 @@ START_TEST(the_controller_renders_the_model) {
 }
 END_TEST
 
+// A torque per radian turns the wrist back, and a model counts for its own hold time.
+START_TEST(the_controller_renders_torque_and_hold) {
+  const fs_driver& sim = *find_driver("sim");
+  void* self = nullptr;
+  ck_assert_int_eq(sim.open("?link=model&link_ms=2&link_hz=1000&wrist=active&hand=released&encoder=ideal&friction=0", &self), FS_OK);
+  fs_model model{};
+  model.struct_size = sizeof model;
+  model.x0 = identity_pose();
+  model.hold = 0.1;
+  fs_state state{};
+  int k = 0;
+  const auto run = [&](int ticks, bool writes) {
+    for (const int end = k + ticks; k < end; ++k) {
+      ck_assert(sim.advance(self, 1 + k * tick) == FS_OK && sim.read(self, &state) == FS_OK);
+      if (writes) sim.write_model(self, &model);
+    }
+    return log_rotation(state.pose.orientation).z;
+  };
+  model.f0.torque = {0, 0, 0.05};
+  const double turned = run(200, true);
+  ck_assert_double_gt(turned, 0.01);
+  model.f0.torque = {};
+  model.dtdr = -2.0 * identity();
+  double least = turned;
+  for (int i = 0; i < 100; ++i) least = std::fmin(least, run(20, true));
+  ck_assert_double_lt(least, 0.5 * turned);
+  sim.close(self);
+
+  for (const double hold : {0.02, 0.3}) {
+    ck_assert_int_eq(sim.open("?link=model&link_ms=2&link_hz=1000&encoder=ideal&friction=0&hand_mass=0.1&hand_damping=50&"
+                              "hand_stiffness=1000", &self), FS_OK);
+    model = {};
+    model.struct_size = sizeof model;
+    model.x0 = identity_pose();
+    model.f0.force = {5, 0, 0};
+    model.hold = hold;
+    k = 0;
+    run(1000, true);
+    const double aside = state.pose.position.x;
+    run(200, false);
+    ck_assert(aside > 4e-3 && (hold < 0.1 ? state.pose.position.x < 0.5 * aside : state.pose.position.x > 0.9 * aside));
+    sim.close(self);
+  }
+}
+END_TEST
+
 struct Handles {
   fs_scene* scene = nullptr;
   fs_device* device = nullptr;
@@ -139,7 +187,7 @@ void wall(fs_scene* scene, double stiffness) {
 }
 void solid_wall(fs_scene* scene, double stiffness) {
   fs_object o = fs_object_init("solid", FS_PRIMITIVE_PLANE);
-  o.contact = {FS_KEEP_FRONT, 0, stiffness, 20, 0, 0};
+  o.contact = {FS_KEEP_FRONT, 0, stiffness, 20, 0, 0, {}};
   ok(fs_object_set(scene, &o));
 }
 void weak_point(fs_scene* scene, double stiffness) {  // the force is limited: the stiffness changes within millimetres
@@ -239,7 +287,7 @@ int main() {
   TCase* all = tcase_create("link");
   tcase_set_timeout(all, 500);
   for (const TTest* test : {info_tells_link_and_controller, the_delay_is_that_of_the_loop, the_force_fades_on_silence,
-                            the_controller_renders_the_model, models_stand_where_forces_swing, what_is_allowed_stands}) {
+                            the_controller_renders_the_model, the_controller_renders_torque_and_hold, models_stand_where_forces_swing, what_is_allowed_stands}) {
     tcase_add_test(all, test);
   }
   suite_add_tcase(suite, all);

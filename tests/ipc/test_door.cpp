@@ -39,13 +39,13 @@ static uint64_t id_of(const std::string& layout) {  // FNV-1a
 START_TEST(another_layout) {
   Rig rig;
   ck_assert_uint_eq(id_of(fs::wire::layout_text()), fs::wire::layout_id());
-  const std::string frame = "Frame frame 0 72 r\n";
+  const std::string frame = "Frame frame 0 104 r\n";
   const struct {
     std::string text;
     const char* named[3];  // in the sentence
   } layouts[] = {
-      {changed_layout(frame, "Frame frame 0 64 r\n"), {"record Frame", "field frame", "64 bytes"}},           // older
-      {changed_layout(frame, frame + "Frame blend 72 8 f\n"), {"record Frame", "field blend", "at 72"}},      // newer
+      {changed_layout(frame, "Frame frame 0 96 r\n"), {"record Frame", "field frame", "96 bytes"}},           // older
+      {changed_layout(frame, frame + "Frame blend 104 8 f\n"), {"record Frame", "field blend", "at 104"}},      // newer
       {changed_layout(frame, ""), {"record Frame", "field frame", "record Clutch"}},
       {fs::wire::layout_text() + "Last field 0 8 u\n", {"record Last", "field field", "nothing more"}},
       {"", {"nothing more", "record Header", "field type"}},
@@ -127,7 +127,7 @@ END_TEST
 
 START_TEST(bad_names) {
   Rig rig;
-  const std::string bad[] = {"",  "server",  std::string(32, 'x'), std::string(63, 'x'), "a/b",    "/",        "bell\a",
+  const std::string bad[] = {"",  "server",  std::string(64, 'x'), std::string(127, 'x'), "a/b",    "/",        "bell\a",
                              "\x7f", "\xc2\x80", "\xff",  "\xc0\xaf", "\xed\xa0\x80", "caf\xc3", "\xf5\x80\x80\x80"};
   for (const std::string& name : bad) {
     RawClient client = rig.stranger();

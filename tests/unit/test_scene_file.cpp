@@ -132,7 +132,7 @@ SceneDescription random_scene(uint64_t seed) {
                          "1", "wall.front", "a name of thirty-one bytes long"};
   for (const char* name : names) {
     if (random.coin(0.2)) continue;
-    fs_object object = make_object(std::string(name).substr(0, 31).c_str(), static_cast<fs_primitive>(random.below(4)));
+    fs_object object = make_object(std::string(name).substr(0, 63).c_str(), static_cast<fs_primitive>(random.below(4)));
     const bool has_surface = object.primitive == FS_PRIMITIVE_PLANE || object.primitive == FS_PRIMITIVE_MESH;
     if (random.coin()) object.pose = random.pose(4e6);
     if (random.coin()) object.twist = {random.in_box(1), random.in_box(1)};
@@ -144,7 +144,7 @@ SceneDescription random_scene(uint64_t seed) {
     if (random.coin()) object.damping = random.between(0, 10);
     if (has_surface && random.coin()) {
       object.contact = {static_cast<fs_keep>(1 + random.below(3)), 0, random.coin() ? 0 : random.between(0, 3000),
-                        random.log_between(0.1, 10), random.between(0, 5), random.between(0, 2)};
+                        random.log_between(0.1, 10), random.between(0, 5), random.between(0, 2), {}};
     }
     if (object.primitive == FS_PRIMITIVE_POLYLINE || object.primitive == FS_PRIMITIVE_MESH) {
       for (const auto& shape : scene.shapes) {
@@ -441,8 +441,8 @@ std::vector<Hostile> hostile_files() {
       {scene_text("\"objects\": [7]"), {"objects[0]", "is 7", "an object"}},
       {scene_text("\"objects\": [{}]"), {"objects[0]", "\"name\" is missing"}},
       {scene_text("\"objects\": [{\"name\": 7}]"), {"objects[0]", "\"name\" is 7", "a string"}},
-      {scene_text("\"objects\": [{\"name\": \"\"}]"), {"objects[0]", "0 bytes", "1..31"}},
-      {scene_text("\"objects\": [{\"name\": \"" + std::string(32, 'x') + "\"}]"), {"objects[0]", "32 bytes"}},
+      {scene_text("\"objects\": [{\"name\": \"\"}]"), {"objects[0]", "0 bytes", "1..63"}},
+      {scene_text("\"objects\": [{\"name\": \"" + std::string(64, 'x') + "\"}]"), {"objects[0]", "64 bytes"}},
       {scene_text("\"objects\": [{\"name\": \"a\\u0000b\"}]"), {"objects[0]", "NUL"}},
       {scene_text("\"objects\": [{\"name\": \"a\"}]"), {"object 'a'", "\"primitive\" is missing"}},
       {scene_text("\"objects\": [{\"name\": \"a\", \"primitive\": \"point\"}, "

@@ -41,7 +41,7 @@ FAULTS = [
     (["curves", "t", "step"], 0), (["curves", "t", "table"], [1]), (["curves", "t", "table"], [1, "big"]),
     (["curves", "t", "expression"], "1"), (["curves", "e", "expression"], ""), (["curves", "e", "expression"], None),
     (["objects"], {}), (["objects", 0, "name"], None), (["objects", 0, "name"], ""), (["objects", 0, "name"], "a/b"),
-    (["objects", 0, "name"], "x" * 32), (["objects", 0, "name"], "a\tb"), (["objects", 0, "primitive"], "ball"),
+    (["objects", 0, "name"], "x" * 64), (["objects", 0, "name"], "a\tb"), (["objects", 0, "primitive"], "ball"),
     (["objects", 0, "primitive"], None), (["objects", 0, "shape"], None), (["objects", 0, "back"], {}),
     (["objects", 0, "contact"], {}), (["objects", 1, "shape"], "p"), (["objects", 1, "time"], 1),
     (["objects", 2, "start"], 1), (["objects", 2, "age"], "inf"),

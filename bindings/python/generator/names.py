@@ -31,7 +31,7 @@ class Names:
         self.d = description
         self.handles = {item["name"]: item for item in self.d["handles"]}
         self.structs = {
-            item["name"]: item for item in self.d["structs"] if not any(f["type"] == "function" for f in item["fields"])
+            item["name"]: item for item in self.d["structs"] if not item["for_c"]
         }
         self.functions = [f for f in self.d["functions"] if not f["for_c"]]
         self.by_name = {f["name"]: f for f in self.functions}

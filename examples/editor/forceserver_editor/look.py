@@ -382,7 +382,7 @@ def _word(struct: Any, *path: str) -> int:
 
 def _view(view: Any) -> Plain:
     """view: the fields of fs_view, in their order."""
-    (pose, scale, force_scale), tool, points, count, held, locked = view[:6]
+    (pose, scale, force_scale, _), tool, points, count, held, locked = view[:6]
     return {
         "frame": {"pose": _pose(pose), "scale": scale, "force_scale": force_scale},
         "tool": _pose(tool),

@@ -160,7 +160,7 @@ class Player {
     if (o.contains("front")) out.front = profile(o["front"]);
     if (o.contains("back")) out.back = profile(o["back"]);
     out.damping = o.value("damping", 0.0);
-    if (o.contains("solid")) out.contact = {FS_KEEP_FRONT, 0, o["solid"], 10, 0, 0};
+    if (o.contains("solid")) out.contact = {FS_KEEP_FRONT, 0, o["solid"], 10, 0, 0, {}};
     if (o.contains("shape")) out.shape = shapes_.at(o["shape"]);
     out.tool_points = o.value("tool_points", 0u);
     out.enabled = o.value("enabled", true);

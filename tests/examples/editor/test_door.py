@@ -169,7 +169,7 @@ def test_commands_history_and_refusals(started: Any) -> None:
         assert second.get("editor/a")["front"]["gain"] == 1.7
         assert (await s.ask("rename", name="a", to='<b>"x"<b>')) == {"name": '<b>"x"<b>'}
         await s.until(lambda s: '<b>"x"<b>' in s.objects)
-        assert "bytes long" in (await s.ask("rename", name='<b>"x"<b>', to="x" * 40))["text"]
+        assert "bytes long" in (await s.ask("rename", name='<b>"x"<b>', to="x" * 70))["text"]
 
     with_socket(editor, journey)
 
