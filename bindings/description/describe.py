@@ -42,10 +42,11 @@ FIRST_VERSION = {
     "fs_shape_info": "reserved",
     "fs_device_info": "controller_damping",
     "fs_servo_options": "cpu",
-    "fs_servo_stats": "reserved",
+    "fs_servo_stats": "link_loss",
     "fs_server_options": "reserved",
     "fs_model": "hold",
-    "fs_driver": "advance",
+    "fs_link": "loss",
+    "fs_driver": "get_link",
 }
 NUMBERS = {"double": 8, "uint8_t": 1, "int32_t": 4, "uint32_t": 4, "uint64_t": 8, "size_t": 8, "bool": 1, "char": 1}
 GIVE_BACK = ("_destroy", "_close", "_stop")  # take the reference of a handle, and accept null

@@ -41,10 +41,10 @@
  * Threads  any thread may make any call; calls on one handle are serialised. A call marked [rt] takes no lock,
  *          allocates nothing, makes no system call and never waits for calls on the same handle from other threads.
  * ABI      frozen structs never change and their `reserved` is 0. Growing structs begin with struct_size, are made by
- *          their inline _init and grow at the end only; no struct has padding. Enum values never change. A program and a
- *          library of different versions work together: each struct is read and written at the caller's struct_size.
+ *          their inline _init and grow at the end only; no struct has padding. Enum values never change. A program, a
+ *          library and a server of different versions work together: each struct counts as far as both ends know it.
  *          Fields that the caller does not know count as 0, their default; fs_object_change leaves them as they are.
- *          Fields that the library does not know must be 0, or the call fails with FS_ERROR_VERSION; in a struct that the
+ *          Fields that the library or the server does not know must be 0, or it is FS_ERROR_VERSION; in a struct that the
  *          library fills they become 0. A struct_size below that of the first version: FS_ERROR_INVALID.
  * "0.1:"   precedes what this version does differently or not yet; "0.1: UNSUPPORTED": the call returns that status.
  *          The declaration is there already, so that programs can be written for it.

@@ -39,7 +39,7 @@ FS_API fs_status fs_scene_create(fs_scene **out);
  * cannot be "server"; the name is free again as soon as its process is dead. The client's objects live as long as its
  * process, even if it makes no calls. A server that is lost stays lost for this scene: its calls return DISCONNECTED,
  * as they do after this process ran out of memory in the middle of a change. After fork the scene belongs to the
- * parent. NOT_FOUND, EXISTS, VERSION (fs_last_error() has what differs), DENIED, FULL, TIMEOUT, IO, UNSUPPORTED. 0.1:
+ * parent. NOT_FOUND, EXISTS, VERSION (another version of the wire), DENIED, FULL, TIMEOUT, IO, UNSUPPORTED. 0.1:
  * dds is UNSUPPORTED. */
 FS_API fs_status fs_scene_connect(const char *endpoint, const char *client_name, fs_scene **out);
 

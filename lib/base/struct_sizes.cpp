@@ -18,9 +18,10 @@ SIZES(fs_object, 576, 576, 576)
 SIZES(fs_shape_info, 88, 88, 88)
 SIZES(fs_device_info, 256, 256, 256)
 SIZES(fs_servo_options, 104, 104, 104)
-SIZES(fs_servo_stats, 144, 144, 144)
+SIZES(fs_servo_stats, 184, 184, 184)
 SIZES(fs_server_options, 40, 40, 40)
+SIZES(fs_link, 40, 40, 40)
 SIZES(fs_model, 280, 280, 280)
-SIZES(fs_driver, 80, 80, 80)
+SIZES(fs_driver, 88, 88, 88)
 
 }  // namespace fs

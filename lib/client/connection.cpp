@@ -12,7 +12,6 @@
 
 #include "base/process.h"
 #include "ipc/region.h"
-#include "transfer/layout.h"
 
 namespace fs {
 namespace {
@@ -81,7 +80,8 @@ bool Connection::greet(const Endpoint& endpoint, const std::string& client) {
   const char* name = endpoint.name.c_str();
   wire::Hello hello{};
   hello.magic = wire::magic;
-  hello.layout = wire::layout_id();
+  hello.wire = wire::version;
+  hello.sizes = own_sizes();
   put_text(hello.client, client);
   put_text(hello.version, fs_version());
   const std::span<const std::byte> parts[] = {bytes_of(&hello, 1)};
@@ -104,15 +104,15 @@ bool Connection::greet(const Endpoint& endpoint, const std::string& client) {
          fs_version());
   }
   const std::span<const std::byte> rest = std::span(message).subspan(sizeof answer, size - sizeof answer);
-  if (answer.status != FS_OK) {
-    std::string text = text_of(answer.text);
-    if (answer.status == FS_ERROR_VERSION) {
-      text += wire::layout_difference(wire::layout_text(), {reinterpret_cast<const char*>(rest.data()), rest.size()});
-    }
-    throw Error{to_status(answer.status), std::move(text)};
+  if (answer.status != FS_OK) throw Error{to_status(answer.status), text_of(answer.text)};
+  if (answer.wire != wire::version) {
+    throw Error{FS_ERROR_VERSION, wire_difference(wire::version, fs_version(), answer.wire, text_of(answer.version))};
   }
   if (rest.size() != sizeof welcome_) fail(FS_ERROR_VERSION, "the server '%s' has sent a welcome of wrong size", name);
   std::memcpy(&welcome_, rest.data(), sizeof welcome_);
+  const std::optional<RecordSizes> common = common_sizes(welcome_.sizes);
+  if (!common) fail(FS_ERROR_VERSION, "the server '%s' has records of no known version", name);
+  sizes_ = *common;
   if (welcome_.max_objects < 1 || welcome_.max_objects > most_slots || welcome_.outbox_bytes != sizeof(Outbox) ||
       welcome_.inbox_bytes != Inbox::bytes(welcome_.max_objects)) {
     fail(FS_ERROR_VERSION, "the server '%s' has another layout of shared memory", name);
@@ -213,6 +213,7 @@ bool Connection::take_answer(uint64_t serial, Answer& out) {
   awaited_.erase(found);
   if (reply.head.status != FS_OK) throw Error{to_status(reply.head.status), text_of(reply.head.text)};
   out = std::move(reply.answer);
+  out.sizes = sizes_;
   return true;
 }
 

@@ -2,6 +2,7 @@
 // is lost stays lost for this connection.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <map>
 #include <memory>
@@ -29,28 +30,35 @@ inline void require_data(const Descriptor& data) {
 struct Answer {
   std::vector<std::byte> body;
   Descriptor data;
+  RecordSizes sizes{};  // common with the server
 
+  // What the server does not know of a record that grows is 0. INTERNAL: the answer has another size.
   template <class T>
-  T as() const {  // INTERNAL: the answer has another size
-    T out;
-    if (body.size() != sizeof out) {
-      fail(FS_ERROR_INTERNAL, "the server's answer has %zu bytes, must be %zu", body.size(), sizeof out);
-    }
-    std::memcpy(&out, body.data(), sizeof out);
+  T as() const {
+    T out{};
+    const size_t size = sent_size(end_of<T>, sizes);
+    if (body.size() != size) fail(FS_ERROR_INTERNAL, "the server's answer has %zu bytes, must be %zu", body.size(), size);
+    std::memcpy(&out, body.data(), size);
     return out;
   }
   // The list that came with the answer. FULL, INTERNAL, IO.
   template <class T>
   std::vector<T> list() const {
-    constexpr uint64_t most = 1 << 30;
-    const uint64_t count = as<wire::Count>().count;
-    if (count > most) {
-      fail(FS_ERROR_INTERNAL, "the server's list has %llu entries", static_cast<unsigned long long>(count));
+    constexpr uint64_t most = 1 << 30, largest = 1 << 16;
+    const auto [count, stride] = as<wire::Count>();
+    if (count > most || (count > 0 && (stride == 0 || stride > largest))) {
+      fail(FS_ERROR_INTERNAL, "the server's list has %llu entries of %llu bytes", static_cast<unsigned long long>(count),
+           static_cast<unsigned long long>(stride));
     }
     require_data(data);
-    check_blob(data, count * sizeof(T));
+    check_blob(data, count * stride);
     std::vector<T> out(count);
-    read_blob(data, 0, std::as_writable_bytes(std::span(out)));
+    if (stride == sizeof(T)) {
+      read_blob(data, 0, std::as_writable_bytes(std::span(out)));
+      return out;
+    }
+    const size_t common = std::min<size_t>(stride, sizeof(T));
+    for (size_t i = 0; i < count; ++i) read_blob(data, i * stride, std::as_writable_bytes(std::span(&out[i], 1)).first(common));
     return out;
   }
 };
@@ -64,6 +72,7 @@ class Connection {
 
   // ---- By any thread at any time.
   const wire::Welcome& welcome() const noexcept { return welcome_; }
+  const RecordSizes& sizes() const noexcept { return sizes_; }  // common with the server
   const std::shared_ptr<Outbox>& outbox() const noexcept { return outbox_; }  // mapped to be read only
   bool is_forked() const noexcept;  // [rt] this process was forked since: the connection is the parent's
   // [rt] Null: the server is there; else the reason why not, a literal. No system call while the heartbeat goes on.
@@ -110,6 +119,7 @@ class Connection {
 
   Descriptor socket_, process_;  // process_: of the server, readable when it has ended; may be none
   wire::Welcome welcome_{};
+  RecordSizes sizes_{};
   std::shared_ptr<void> inbox_memory_;
   Inbox inbox_;
   std::shared_ptr<Outbox> outbox_;

@@ -57,7 +57,9 @@ Group::Foreign& ForeignObjects::join_group(Call& call, const char* name) {
 
 void ForeignObjects::change(Call& call, const fs_object& object, uint32_t parts, double now) {
   const std::string name = text_of(object.name);
-  wire::Edit edit{to_target(name.c_str(), "name"), parts, to_record(object)};
+  fs_object sent = merge_parts({}, object, parts);
+  sent.struct_size = object.struct_size;
+  wire::Edit edit{to_target(name.c_str(), "name"), parts, to_record(sent)};
   if (parts == 0) {  // only whether it is there
     fs_object present;
     get(call, name.c_str(), present);

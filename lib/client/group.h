@@ -15,7 +15,7 @@ namespace fs {
 
 class Group {
  public:
-  explicit Group(const Replica& replica) : replica_(replica) {}
+  explicit Group(const Replica& replica) : batch(replica.sizes), replica_(replica) {}
 
   // ---- To put it together. Each change is added after the replica has taken it.
   void require_room(size_t objects, size_t changes = 1) const;  // for so many more objects and changes. FULL

@@ -45,11 +45,12 @@ class Line {
     connection.check();
     return out;
   }
-  // Sends a request and waits for the answer. TIMEOUT, or what the server refuses.
+  // Sends a request and waits for the answer. TIMEOUT, VERSION (the server does not know a part of it), or what the server
+  // refuses.
   Answer request(Call& call, wire::Type type, std::span<const std::byte> body = {});
   template <class Record>
   Answer request(Call& call, wire::Type type, const Record& record) {
-    return request(call, type, std::as_bytes(std::span(&record, 1)));
+    return request(call, type, sent_change(type, std::as_bytes(std::span(&record, 1)), connection.sizes()));
   }
   // Moves the call's end: it may wait for one more whole answer.
   static void extend(Call& call) noexcept;

@@ -66,6 +66,7 @@ void RemoteScene::mutate(Call& call, F&& f) {
 
 void RemoteScene::set(const fs_object& object) {
   if (replica_.is_evaluated_here) parse_object(object);  // builds its tree, without the lock
+  require_known(object, connection_.sizes());
   const std::string name = text_of(object.name);
   Call call = line_.enter();
   mutate(call, [&](Group& group) {
@@ -77,6 +78,7 @@ void RemoteScene::set(const fs_object& object) {
 
 void RemoteScene::change(const fs_object& object, uint32_t parts) {
   parse_parts(parts);
+  require_known(merge_parts({}, object, parts), connection_.sizes());
   const std::string given = text_of(object.name);
   const char* name = own_name(given.c_str());
   const bool is_built_here = name && replica_.is_evaluated_here && (parts & FS_PART_SHAPE) && object.shape;
@@ -180,6 +182,7 @@ void RemoteScene::set_contents(const std::vector<fs_object>& objects, const fs_f
                                const std::vector<Vec3>& tool) {
   std::vector<std::string> names;
   for (const fs_object& object : objects) {
+    require_known(object, connection_.sizes());
     names.push_back(text_of(object.name));
     if (replica_.is_evaluated_here && object.shape) object.shape->build();  // without the lock
   }

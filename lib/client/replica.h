@@ -13,6 +13,7 @@ struct Replica {
 
   const Ref<LocalScene> scene;
   const uint32_t max_objects;  // as many as the server allows
+  const RecordSizes sizes;     // common with the server
   OwnObjects objects;
   // A tool may look at the scene, so moves go there at once, and changes are posted.
   std::atomic<bool> is_evaluated_here{false};

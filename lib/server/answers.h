@@ -7,7 +7,7 @@
 
 #include "ipc/blob.h"
 #include "ipc/socket.h"
-#include "transfer/wire.h"
+#include "transfer/sizes.h"
 
 namespace fs {
 
@@ -16,13 +16,14 @@ struct BadClient {};
 
 class Answers {
  public:
-  explicit Answers(const Descriptor& socket) : socket_(socket) {}  // while it is closed, nothing is sent
+  // While the socket is closed, nothing is sent. sizes: common with the client.
+  Answers(const Descriptor& socket, const RecordSizes& sizes) : socket_(socket), sizes_(sizes) {}
 
   // May throw BadClient.
   void send(uint64_t serial, std::span<const std::byte> body = {}, int descriptor = -1) const;
   template <class Record>
   void send_record(uint64_t serial, const Record& record, int descriptor = -1) const {
-    send(serial, bytes_of(&record, 1), descriptor);
+    send(serial, sent_part(record, sizes_), descriptor);
   }
   void refuse(uint64_t serial, fs_status status, const std::string& text) const;
 
@@ -31,6 +32,7 @@ class Answers {
             int descriptor) const;
 
   const Descriptor& socket_;
+  const RecordSizes& sizes_;
 };
 
 }  // namespace fs

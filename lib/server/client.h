@@ -23,6 +23,7 @@ struct Client {
   const Peer peer;
   Descriptor socket, process;  // process: readable when it has ended; may be none
   std::string name;            // empty: it has not said who it is, and has no scene yet
+  RecordSizes sizes = own_sizes();  // common with the client
   bool is_gone = false;
 
   Ref<LocalScene> scene;
@@ -36,7 +37,7 @@ struct Client {
   ClientAssets assets;
   Parked parked;
   bool is_view_untold = false;  // the client has to be told of its view
-  const Answers answers{socket};
+  const Answers answers{socket, sizes};
   unsigned jobs = 0;                             // that workers have not finished
   uint64_t moved = 0, changed = 0, refused = 0;  // counts for fs_client
 

@@ -8,7 +8,7 @@
 #include "base/text.h"
 #include "ipc/region.h"
 #include "server/clients.h"
-#include "transfer/layout.h"
+#include "transfer/records.h"
 
 namespace fs {
 namespace {
@@ -17,8 +17,9 @@ bool answer(const Client& client, fs_status status, const std::string& text, std
             std::span<const int> descriptors = {}) {
   wire::Answer out{};
   out.magic = wire::magic;
-  out.layout = wire::layout_id();
+  out.wire = wire::version;
   out.status = status;
+  put_text(out.version, fs_version());
   put_text(out.text, text);
   const std::span<const std::byte> parts[] = {bytes_of(&out, 1), rest};
   return send_message(client.socket, parts, descriptors) == Transfer::done && status == FS_OK;
@@ -63,6 +64,7 @@ bool open(Client& client, const std::string& name) {
   welcome.is_virtual = servo.clock() == ClockKind::virtual_time;
   welcome.is_locked = settings.is_locked;
   welcome.rate = servo.settings().rate;
+  welcome.sizes = own_sizes();
   const int descriptors[] = {inbox.get(), outbox.get()};
   return answer(client, FS_OK, "", bytes_of(&welcome, 1), descriptors);
 }
@@ -76,12 +78,12 @@ bool greet(Client& client, std::span<const std::byte> message, fs_status refusal
   if (refusal == FS_ERROR_DENIED) {
     return answer(client, refusal, "this server lets in its own user only; with all_users it lets in others");
   }
-  if (hello.layout != wire::layout_id()) {
-    const std::string& layout = wire::layout_text();
-    const std::string text = "the client is version " + text_of(hello.version) + " of the library, the server " +
-                             fs_version() + ", and they are not compatible: ";
-    return answer(client, FS_ERROR_VERSION, text, bytes_of(layout.data(), std::min<size_t>(layout.size(), 60000)));
+  if (hello.wire != wire::version) {
+    return answer(client, FS_ERROR_VERSION, wire_difference(hello.wire, text_of(hello.version), wire::version, fs_version()));
   }
+  const std::optional<RecordSizes> common = common_sizes(hello.sizes);
+  if (!common) return false;
+  client.sizes = *common;
   try {
     const std::string name = parse_name(hello.client, "client_name");
     require_free_name(client.host.clients(), name);

@@ -1,4 +1,5 @@
-// Answers the first message of a client. It says who the client is, and which layout of the wire it has; a client that is let
+// Answers the first message of a client. It says who the client is, which version of the wire it speaks
+// and how much it knows of the records that grow; a client that is let
 // in gets its shared memory, its scene, and a channel of the servo.
 #pragma once
 

@@ -77,6 +77,12 @@ void answer(Client& client, uint64_t serial, const std::shared_ptr<List>& list) 
                         [&client, serial, list] { answer_made(client, serial, *list); });
 }
 
+template <class Record>
+void answer_list(const Client& client, uint64_t serial, const std::vector<Record>& list) {
+  const Descriptor blob = make_blob({bytes_of(list.data(), list.size())});
+  client.answers.send_record(serial, wire::Count{list.size(), sizeof(Record)}, blob.get());
+}
+
 // A list about the objects of some scenes.
 class SceneList : public List {
  public:
@@ -185,8 +191,7 @@ void answer_clients(Client& client, uint64_t serial) {
   own.wrench = servo.channels().own_wrench();
   std::vector<fs_client> list = client.host.clients().describe();
   list.insert(list.begin(), own);
-  const Descriptor blob = make_blob({bytes_of(list.data(), list.size())});
-  client.answers.send_record(serial, wire::Count{list.size()}, blob.get());
+  answer_list(client, serial, list);
 }
 
 void answer_record(Client& client, uint64_t serial, uint64_t after) {
@@ -210,8 +215,7 @@ void answer_views(Client& client, uint64_t serial) {
   };
   add("server", nullptr);
   client.host.clients().for_each([&](const std::shared_ptr<Client>& other) { add(other->name, other.get()); });
-  const Descriptor blob = make_blob({bytes_of(list.data(), list.size())});
-  client.answers.send_record(serial, wire::Count{list.size()}, blob.get());
+  answer_list(client, serial, list);
 }
 
 }  // namespace fs

@@ -20,7 +20,7 @@ class List {
 
   // What it has made:
   Descriptor data;
-  wire::Count count{0};
+  wire::Count count{0, 0};
   fs_status status = FS_OK;
   std::string text;
 
@@ -30,6 +30,7 @@ class List {
   template <class Record>
   void add_record(const Record& record) {
     const std::span<const std::byte> bytes = bytes_of(&record, 1);
+    count.stride = sizeof record;
     piece_.insert(piece_.end(), bytes.begin(), bytes.end());
     ++count.count;
     if (piece_.size() >= 65536) flush();

@@ -101,7 +101,7 @@ void Session::handle(std::span<const std::byte> bytes, Descriptor&& data) {
   std::memcpy(&header, bytes.data(), sizeof header);
   bytes = bytes.subspan(sizeof header);
   const bool is_size_good = header.type == wire::type_group ? bytes.size() >= sizeof(wire::Group)
-                                                            : record_size(header.type) == bytes.size();
+                                                            : record_size(header.type, client_->sizes) == bytes.size();
   if (!is_size_good || header.serial <= last_serial_) throw BadClient{};
   last_serial_ = header.serial;
   const auto type = static_cast<wire::Type>(header.type);
@@ -120,7 +120,7 @@ void Session::handle(std::span<const std::byte> bytes, Descriptor&& data) {
   const Change content{type, bytes};
   const bool is_request = type >= wire::type_sync;
   if (is_request && !content.is_foreign()) return requests_.handle({header.serial, content});
-  ReceivedBatch batch{header.serial, Batch::Reader::read(type, bytes, memory), {}, is_request};
+  ReceivedBatch batch{header.serial, Batch::Reader::read(type, bytes, memory, client_->sizes), {}, is_request};
   check(batch.changes[0], batch.about);
   submit(std::move(batch));
 }
@@ -128,7 +128,8 @@ void Session::handle(std::span<const std::byte> bytes, Descriptor&& data) {
 // A group may have many changes: others have their turns meanwhile, and may find that this client is gone.
 ReceivedBatch Session::take_apart(std::span<const std::byte> body, std::shared_ptr<const void> memory, Descriptor&& data) {
   ReceivedBatch out;
-  Batch::Reader reader(body, std::move(memory), std::move(data), wire::most_changes(client_->host.settings().max_objects));
+  Batch::Reader reader(body, std::move(memory), std::move(data), wire::most_changes(client_->host.settings().max_objects),
+                       client_->sizes);
   while (!reader.is_done()) {
     const std::optional<Change> change = reader.next();
     if (!change) break;

@@ -36,11 +36,12 @@ static_assert(offsetof(wire::Edit, target) == 0 && offsetof(wire::MoveOther, tar
 
 // ------------------------------------------------------------------------------------------------------ to be sent
 
-void Batch::add(wire::Type type, std::span<const std::byte> record) {
+void Batch::add(wire::Type type, std::span<const std::byte> whole) {
+  const std::span<const std::byte> record = sent_change(type, whole, common_);
   const wire::Header header{type, 0, 0};
   const size_t begin = std::max(bytes_.size(), sizeof(wire::Group)), at = begin + sizeof header;
   bytes_.resize(at + record.size());
-  places_.push_back({type, static_cast<uint32_t>(record.size()), at});
+  places_.push_back({type, static_cast<uint32_t>(record.size()), false, at});
   const wire::Group group{bytes_.size() - sizeof(wire::Group)};
   std::memcpy(bytes_.data(), &group, sizeof group);
   std::memcpy(bytes_.data() + begin, &header, sizeof header);
@@ -62,16 +63,30 @@ Batch::Message Batch::message() const {
 
 // ------------------------------------------------------------------------------------------------------- that came
 
-Batch Batch::Reader::read(wire::Type type, std::span<const std::byte> record, std::shared_ptr<const void> memory) {
-  Batch out;
-  out.places_.push_back({type, static_cast<uint32_t>(record.size()), 0});
+void Batch::add_came(wire::Type type, std::span<const std::byte> record) {
+  const auto end = growing_end(type);
+  if (!end || record.size() == end->whole) {
+    places_.push_back({type, static_cast<uint32_t>(record.size()), false, static_cast<size_t>(record.data() - memory_base_)});
+    return;
+  }
+  Filled& filled = *filled_.emplace_back(std::make_unique<Filled>());
+  std::memcpy(filled.data(), record.data(), record.size());
+  limit_known(*reinterpret_cast<wire::Object*>(filled.data() + end->begin), common_);
+  places_.push_back({type, static_cast<uint32_t>(end->whole), true, filled_.size() - 1});
+}
+
+Batch Batch::Reader::read(wire::Type type, std::span<const std::byte> record, std::shared_ptr<const void> memory,
+                          const RecordSizes& common) {
+  Batch out(common);
   out.memory_ = std::move(memory);
   out.memory_base_ = record.data();
+  out.add_came(type, record);
   return out;
 }
 
-Batch::Reader::Reader(std::span<const std::byte> body, std::shared_ptr<const void> memory, Descriptor&& content, size_t most)
-    : most_(most) {
+Batch::Reader::Reader(std::span<const std::byte> body, std::shared_ptr<const void> memory, Descriptor&& content, size_t most,
+                      const RecordSizes& common)
+    : batch_(common), most_(most) {
   wire::Group group;
   std::memcpy(&group, body.data(), sizeof group);
   rest_ = body.subspan(sizeof group);
@@ -98,14 +113,13 @@ std::optional<Change> Batch::Reader::next() {
   if (rest_.size() < sizeof header || batch_.size() == most_) return {};
   std::memcpy(&header, rest_.data(), sizeof header);
   rest_ = rest_.subspan(sizeof header);
-  const std::optional<size_t> size = record_size(header.type);
+  const std::optional<size_t> size = record_size(header.type, batch_.common_);
   if (!size || rest_.size() < *size) return {};
   const auto type = static_cast<wire::Type>(header.type);
-  batch_.places_.push_back({type, static_cast<uint32_t>(*size), static_cast<size_t>(rest_.data() - batch_.memory_base_)});
-  const Change change{type, rest_.first(*size)};
+  batch_.add_came(type, rest_.first(*size));
   rest_ = rest_.subspan(*size);
   is_good_ = true;
-  return change;
+  return batch_[batch_.size() - 1];
 }
 
 }  // namespace fs

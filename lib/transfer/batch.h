@@ -2,6 +2,8 @@
 // client puts batches together, and the server takes them apart; only this file knows how they look in a message.
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <cstddef>
 #include <iterator>
 #include <memory>
@@ -11,6 +13,7 @@
 #include <vector>
 
 #include "base/descriptor.h"
+#include "transfer/sizes.h"
 #include "transfer/wire.h"
 
 namespace fs {
@@ -18,7 +21,8 @@ namespace fs {
 // One change of a batch.
 struct Change {
   wire::Type type;
-  std::span<const std::byte> record;  // lies in the batch; its size is that of the type's record
+  std::span<const std::byte> record;  // lies in the batch; its size is that of the type's record, in a batch to be sent of what
+                                      // the server knows of it
 
   template <class Record>
   const Record& as() const noexcept { return *reinterpret_cast<const Record*>(record.data()); }
@@ -50,6 +54,7 @@ class Batch {
   };
 
   Batch() = default;
+  explicit Batch(const RecordSizes& common) : common_(common) {}  // for a server with which these are common
   Batch(Batch&&) noexcept = default;
   Batch& operator=(Batch&&) noexcept = default;
 
@@ -57,13 +62,13 @@ class Batch {
   bool empty() const noexcept { return places_.empty(); }
   Change operator[](size_t i) const noexcept {
     const Place& place = places_[i];
-    return {place.type, {base() + place.at, place.size}};
+    return {place.type, {place.is_filled ? filled_[place.at]->data() : base() + place.at, place.size}};
   }
   Iterator begin() const noexcept { return {*this, 0}; }
   Iterator end() const noexcept { return {*this, size()}; }
 
   // ---- To send a batch.
-  void add(wire::Type type, std::span<const std::byte> record);
+  void add(wire::Type type, std::span<const std::byte> record);  // VERSION: the server does not know a part of it that is not 0
   template <class Record>
   void add(wire::Type type, const Record& record) { add(type, std::as_bytes(std::span(&record, 1))); }
   void put_slot(size_t i, uint32_t slot) noexcept;  // of a set or change
@@ -82,11 +87,18 @@ class Batch {
   struct Place {
     wire::Type type;
     uint32_t size;
-    size_t at;  // bytes from the base
+    bool is_filled;
+    size_t at;  // bytes from the base; or the index in filled_
   };
+  static constexpr size_t largest = std::max(sizeof(wire::Set), sizeof(wire::Edit));
+  struct alignas(8) Filled : std::array<std::byte, largest> {};
   const std::byte* base() const noexcept { return memory_ ? memory_base_ : bytes_.data(); }
 
+  void add_came(wire::Type type, std::span<const std::byte> record);
+
+  RecordSizes common_ = own_sizes();
   std::vector<Place> places_;
+  std::vector<std::unique_ptr<Filled>> filled_;  // records that came from a client that knows less of them: the rest is 0
   std::vector<std::byte> bytes_;             // to be sent: a wire::Group, then the changes with their headers
   std::shared_ptr<const void> memory_;       // that came
   const std::byte* memory_base_ = nullptr;
@@ -97,11 +109,13 @@ class Batch {
 class Batch::Reader {
  public:
   // The batch of a message with one change.
-  static Batch read(wire::Type type, std::span<const std::byte> record, std::shared_ptr<const void> memory);
+  static Batch read(wire::Type type, std::span<const std::byte> record, std::shared_ptr<const void> memory,
+                    const RecordSizes& common = own_sizes());
 
   // body: of the group's message, at least a wire::Group; it lies in memory, which nobody can change any more. content: the
   // descriptor that came along; may be none. most: changes.
-  Reader(std::span<const std::byte> body, std::shared_ptr<const void> memory, Descriptor&& content, size_t most);
+  Reader(std::span<const std::byte> body, std::shared_ptr<const void> memory, Descriptor&& content, size_t most,
+         const RecordSizes& common = own_sizes());
 
   bool is_good() const noexcept { return is_good_; }  // false: the message is malformed
   bool is_done() const noexcept { return !is_good_ || rest_.empty(); }

@@ -73,34 +73,39 @@ def size(field):
 
 
 def record(name):
-    fields = sent_fields(structs[name])
-    sizes[name] = sum(map(size, fields))
+    fields, growing = sent_fields(structs[name]), structs[name]["growing"]
+    sizes[name] = sum(map(size, fields)) + 8 * growing
     me = TRANSLATED[name]
-    begin = ["  out.struct_size = sizeof out;"] if structs[name]["growing"] else []
+    head = ["  uint64_t known;  // bytes of the record of which its sender knows the meaning; the rest is 0"] if growing else []
     return "\n".join([
-        f"struct {me} {{", *map(declaration, fields), "};", f"static_assert(sizeof({me}) == {sizes[name]});", "",
-        f"inline {me} to_record(const {name}& from) {{", f"  {me} out{{}};", *filter(None, map(to_record, fields)),
+        f"struct {me} {{", *head, *map(declaration, fields), "};", f"static_assert(sizeof({me}) == {sizes[name]});", "",
+        *(ends(name, fields) if growing else []),
+        f"inline {me} to_record(const {name}& from) {{", f"  {me} out{{}};",
+        *["  out.known = record_bytes(from.struct_size);"] * growing, *filter(None, map(to_record, fields)),
         "  return out;", "}", "",
-        f"inline {name} from_record(const {me}& from) {{", f"  {name} out{{}};", *begin, *filter(None, map(from_record, fields)),
+        f"inline {name} from_record(const {me}& from) {{", f"  {name} out{{}};",
+        *["  out.struct_size = struct_bytes(from.known);"] * growing, *filter(None, map(from_record, fields)),
         "  return out;", "}", ""])
 
 
-def with_those_inside(name, seen):
-    for field in structs[name]["fields"]:
-        if field["type"] in structs and field["type"] not in seen:
-            with_those_inside(field["type"], seen)
-    if name not in seen:
-        seen.append(name)
-    return seen
+def ends(name, fields):
+    """Where each field ends, and what follows from that."""
+    at, lines = 8, []
+    for field in fields:
+        at += size(field)
+        lines.append(f"    {{{field['offset'] + field['size']}, {at}}},  // {field['name']}")
+    return [
+        "// How much of the record is known to who knows so much of the struct, and the other way round: whole fields.",
+        "struct KnownEnd {", "  uint32_t of_struct, of_record;", "};", "inline constexpr KnownEnd known_ends[] = {", *lines, "};",
+        f"static_assert(known_ends[{len(fields) - 1}].of_record == sizeof({TRANSLATED[name]}));", "",
+        "inline uint32_t record_bytes(uint64_t struct_bytes) {", "  uint32_t out = 0;",
+        "  for (const KnownEnd& end : known_ends) {", "    if (end.of_struct <= struct_bytes) out = end.of_record;", "  }",
+        "  return out;", "}", "", "inline uint32_t struct_bytes(uint64_t record_bytes) {", "  uint32_t out = 0;",
+        "  for (const KnownEnd& end : known_ends) {", "    if (end.of_record <= record_bytes) out = end.of_struct;", "  }",
+        "  return out;", "}", ""]
 
 
-sizes, all_of_them, lists = {}, [], []
-for name in TRANSLATED:
-    lists += [f"  FIELD({TRANSLATED[name]}, {field['name']})" for field in sent_fields(structs[name])]
-for name in [field["type"] for name in TRANSLATED for field in structs[name]["fields"]] + AS_THEY_ARE:
-    if name in structs and name not in TRANSLATED:
-        with_those_inside(name, all_of_them)
-lists += [f"  FIELD({name}, {field['name']})" for name in all_of_them for field in structs[name]["fields"]]
+sizes = {}
 
 text = """// Written by make_contract.py from the description of the public headers: how their structs are sent.
 #pragma once
@@ -119,10 +124,9 @@ namespace fs::wire {
 
 """
 text += "\n".join(map(record, TRANSLATED))
-text += """
-// FIELD(record, field) for each field of these records and of the structs that are sent as they are.
-#define FORCESERVER_CONTRACT_FIELDS(FIELD) \\
-""" + " \\\n".join(lists) + "\n\n}  // namespace fs::wire\n"
+text += "\n// The structs that are sent as they are.\n"
+text += "".join(f"static_assert(sizeof({name}) == {structs[name]['size']});\n" for name in AS_THEY_ARE)
+text += "\n}  // namespace fs::wire\n"
 
 if sys.argv[1:] == ["--check"]:
     if not target.exists() or target.read_text() != text:

@@ -7,14 +7,13 @@
 
 namespace fs {
 
-std::optional<size_t> record_size(uint32_t type) noexcept {
+std::optional<size_t> record_size(uint32_t type, const RecordSizes& common) noexcept {
   using namespace wire;
+  if (const auto end = growing_end(type)) return sent_size(*end, common);
   switch (type) {
     case type_shape: return sizeof(wire::Shape);
     case type_curve: return sizeof(wire::Curve);
     case type_forget: return sizeof(Forget);
-    case type_set:
-    case type_change: return sizeof(Set);
     case type_place: return sizeof(Place);
     case type_remove: return sizeof(Remove);
     case type_frame: return sizeof(Frame);
@@ -41,7 +40,6 @@ std::optional<size_t> record_size(uint32_t type) noexcept {
     case type_remove_other: return sizeof(Target);
     case type_fetch: return sizeof(Fetch);
     case type_record: return sizeof(After);
-    case type_edit: return sizeof(Edit);
     case type_move_other: return sizeof(MoveOther);
     default: return {};
   }

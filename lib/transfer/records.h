@@ -8,12 +8,14 @@
 #include "field/object.h"
 #include "field/motion.h"
 #include "transfer/batch.h"
+#include "transfer/sizes.h"
 #include "transfer/wire.h"
 
 namespace fs {
 
-// The size of the record of a message or change; nothing: there is no such type, or it is a group.
-std::optional<size_t> record_size(uint32_t type) noexcept;
+// The size of the record of a message or change, as a client sends it with which these sizes are common; nothing: there is no
+// such type, or it is a group.
+std::optional<size_t> record_size(uint32_t type, const RecordSizes& common) noexcept;
 
 using wire::from_record;  // of objects: contract.h
 using wire::to_record;

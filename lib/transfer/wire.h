@@ -1,4 +1,5 @@
-// The records that a client and a server exchange. Both ends must have the same (layout.h).
+// The records that a client and a server exchange. Both ends must have the same version of the wire: it changes with every
+// record, region and meaning here. What may differ is how much the ends know of the records that grow (sizes.h).
 //
 // On the socket (SOCK_SEQPACKET) each message is a Header and one record of the type's own; a file descriptor may come
 // with it. In shared memory: shared_memory.h. All numbers are those of the machine; no record has padding.
@@ -20,19 +21,28 @@ namespace fs::wire {
 // ---------------------------------------------------------------------------------------- connecting: never changes
 
 inline constexpr uint64_t magic = 0x3172657673636f66;  // "focsver1"
+inline constexpr uint32_t version = 1;
 
-struct Hello {  // the client's first message
+// The sizes of the records that an end knows, in bytes, of those that grow. A later version appends more.
+struct Sizes {
+  uint32_t object, stats, device;  // Object, fs_servo_stats, fs_device_info
+  uint32_t later[13];              // 0: the end does not know that record
+};
+
+struct Hello {  // the client's first message. A longer one comes from a later version
   uint64_t magic;
-  uint64_t layout;               // layout_id()
+  uint32_t wire;                 // version
+  uint32_t reserved;             // 0
   char client[FS_NAME_SIZE];
   char version[16];              // of its library, for the sentence
+  Sizes sizes;
 };
 
 struct Answer {  // the server's first; FS_OK: a Welcome follows in it, and two descriptors: inbox, outbox
   uint64_t magic;
-  uint64_t layout;
-  int32_t status;                // VERSION: layout_text() follows in it, up to 60,000 bytes
-  uint32_t reserved;
+  uint32_t wire;                 // version
+  int32_t status;                // VERSION: the client's wire has another
+  char version[16];              // of the server's library
   char text[256];
 };
 
@@ -51,6 +61,7 @@ struct Welcome {
   uint16_t is_virtual;           // the servo's clock is that of the ticks
   uint16_t is_locked;            // others' objects cannot be changed
   double rate;                   // Hz, of the servo
+  Sizes sizes;
 };
 
 enum Type : uint32_t {
@@ -190,7 +201,7 @@ struct Forget {  // a shape or curve that no object of the client uses any more
 };
 
 struct Target {
-  char name[2 * FS_NAME_SIZE];   // "object", "client/object", or a client
+  char name[FS_NAME_SIZE];       // "object", "client/object", or a client
 };
 
 struct Fetch {
@@ -217,8 +228,10 @@ struct MoveOther {
   double time;                   // s
 };
 
+// A list: the descriptor that comes along has so many records.
 struct Count {
   uint64_t count;
+  uint64_t stride;               // bytes from one record to the next
 };
 
 // What the server has, where the client may believe something else: others have changed it, or a change was refused.
@@ -236,10 +249,10 @@ struct Pulled {
   uint32_t state;                // PulledState
   uint32_t slot;                 // of the object; no_slot: none
   uint64_t news;                 // Outbox::news as far as the client has been told
-  Object object;
   Motion motion;                 // of the object: unlike an Object it says how long the twist holds
   Frame frame;
   Tool tool;
+  Object object;
 };
 
 // In a slot of the inbox: written by fs_object_move.
@@ -252,5 +265,16 @@ struct EventSlot {
   uint64_t number;
   fs_event event;
 };
+
+// What has another size belongs to another version; nothing here has padding. Without its last part, which grows: Set, Edit
+// and Pulled.
+static_assert(sizeof(Sizes) == 64 && sizeof(Hello) == 224 && sizeof(Answer) == 288 && sizeof(Welcome) == 96);
+static_assert(sizeof(Header) == 16 && sizeof(Group) == 8 && sizeof(Reply) == 264 && sizeof(Count) == 16);
+static_assert(sizeof(Motion) == 120 && sizeof(Move) == 128 && sizeof(Place) == 248 && sizeof(Remove) == 128);
+static_assert(sizeof(Bind) == 136 && sizeof(Frame) == 104 && sizeof(Clutch) == 8 && sizeof(Accuracy) == 8);
+static_assert(sizeof(MaxStiffness) == 8 && sizeof(Tool) == 776 && sizeof(Shape) == 32 && sizeof(Curve) == 280);
+static_assert(sizeof(Forget) == 8 && sizeof(Target) == 128 && sizeof(Fetch) == 8 && sizeof(After) == 8);
+static_assert(sizeof(MoveOther) == 248 && sizeof(EventSlot) == 8 + sizeof(fs_event));
+static_assert(sizeof(Set) - sizeof(Object) == 8 && sizeof(Edit) - sizeof(Object) == 136 && sizeof(Pulled) - sizeof(Object) == 1016);
 
 }  // namespace fs::wire

@@ -663,7 +663,7 @@ START_TEST(reports_of_all) {
   fs_frame frames[3];  // of me, bob, the server
   fs_scene* const scenes[]{two.me.get(), two.bob.get(), two.base.get()};
   for (int i = 0; i < 3; ++i) {
-    frames[i] = {random.pose(0.1), random.between(0.5, 3), random.between(0.2, 2)};
+    frames[i] = {random.pose(0.1), random.between(0.5, 3), random.between(0.2, 2), {}};
     OK(fs_scene_begin(scenes[i]));  // tool and frame are one version, which fades in once
     if (i < 2) OK(fs_scene_set_tool(scenes[i], arms, i == 0 ? 2 : 1));
     OK(fs_scene_set_frame(scenes[i], &frames[i]));

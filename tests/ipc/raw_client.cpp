@@ -40,7 +40,8 @@ RawClient::RawClient(const std::string& endpoint) : endpoint_(endpoint) {
 fs::wire::Hello RawClient::hello(const std::string& name) {
   fs::wire::Hello out{};
   out.magic = fs::wire::magic;
-  out.layout = fs::wire::layout_id();
+  out.wire = fs::wire::version;
+  out.sizes = fs::own_sizes();
   fs::put_text(out.client, name);
   fs::put_text(out.version, "test");
   return out;
@@ -66,12 +67,10 @@ RawClient::Greeting RawClient::greet_with(std::span<const std::byte> bytes) {
   out.is_answered = true;
   out.status = static_cast<fs_status>(answer.status);
   out.magic = answer.magic;
-  out.layout = answer.layout;
+  out.wire = answer.wire;
+  out.version = fs::text_of(answer.version);
   out.text = fs::text_of(answer.text);
-  if (out.status != FS_OK) {
-    out.rest.assign(reinterpret_cast<const char*>(buffer.data()) + sizeof answer, size - sizeof answer);
-    return out;
-  }
+  if (out.status != FS_OK) return out;
   if (size != sizeof answer + sizeof welcome || !came[0] || !came[1]) stop("no good Welcome");
   std::memcpy(&welcome, buffer.data() + sizeof answer, sizeof welcome);
   inbox_file = std::move(came[0]);

@@ -14,7 +14,6 @@
 #include "ipc/blob.h"
 #include "ipc/region.h"
 #include "ipc/socket.h"
-#include "transfer/layout.h"
 #include "transfer/records.h"
 #include "transfer/shared_memory.h"
 
@@ -28,8 +27,9 @@ class RawClient {
   struct Greeting {
     bool is_answered = false;
     fs_status status = FS_OK;
-    uint64_t magic = 0, layout = 0;
-    std::string text, rest;  // rest: what follows, but the Welcome
+    uint64_t magic = 0;
+    uint32_t wire = 0;
+    std::string text, version;
   };
   struct Reply {
     uint64_t serial;

@@ -39,7 +39,7 @@ struct Sender {
   void use(uint32_t primitive, bool is_curve) {
     fs::wire::Object record = fs::to_record(push("o", 1));
     record.primitive = is_curve ? 0 : static_cast<int32_t>(primitive & 3);
-    if (is_curve) record.front = {FS_PROFILE_CUSTOM, FS_SENSE_ATTRACTIVE, 1, 0, 0, 1, 0, id};
+    if (is_curve) record.front = {FS_PROFILE_CUSTOM, FS_SENSE_ATTRACTIVE, 1, 0, 0, 1, 0, id, {}};
     else record.shape = id;
     client.set(0, record);
   }

@@ -22,54 +22,58 @@ extern char** environ;
 
 // ------------------------------------------------------------------------------------------------------------- hello
 
-// The table of a library whose record `record` has one field less, more, or of another size.
-static std::string changed_layout(const std::string& line, const std::string& instead) {
-  std::string text = fs::wire::layout_text();
-  const size_t place = text.find(line);
-  ck_assert_msg(place != std::string::npos, "'%s' is not in the layout", line.c_str());
-  return text.replace(place, line.size(), instead);
-}
-
-static uint64_t id_of(const std::string& layout) {  // FNV-1a
-  uint64_t hash = 0xcbf29ce484222325;
-  for (const char c : layout) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3;
-  return hash;
-}
-
-START_TEST(another_layout) {
+START_TEST(another_version_of_the_wire) {
   Rig rig;
-  ck_assert_uint_eq(id_of(fs::wire::layout_text()), fs::wire::layout_id());
-  const std::string frame = "Frame frame 0 104 r\n";
-  const struct {
-    std::string text;
-    const char* named[3];  // in the sentence
-  } layouts[] = {
-      {changed_layout(frame, "Frame frame 0 96 r\n"), {"record Frame", "field frame", "96 bytes"}},           // older
-      {changed_layout(frame, frame + "Frame blend 104 8 f\n"), {"record Frame", "field blend", "at 104"}},      // newer
-      {changed_layout(frame, ""), {"record Frame", "field frame", "record Clutch"}},
-      {fs::wire::layout_text() + "Last field 0 8 u\n", {"record Last", "field field", "nothing more"}},
-      {"", {"nothing more", "record Header", "field type"}},
-  };
-  for (const auto& layout : layouts) {
+  for (const uint32_t wire : {0u, fs::wire::version + 1, ~0u}) {
     RawClient client = rig.stranger();
     fs::wire::Hello hello = RawClient::hello("other");
-    hello.layout = id_of(layout.text);
+    hello.wire = wire;
     const RawClient::Greeting greeting = client.greet(hello);
     ck_assert(greeting.is_answered);
     ck_assert_int_eq(greeting.status, FS_ERROR_VERSION);
     ck_assert_uint_eq(greeting.magic, fs::wire::magic);
-    ck_assert_uint_eq(greeting.layout, fs::wire::layout_id());
-    ck_assert_str_eq(greeting.rest.c_str(), fs::wire::layout_text().c_str());
-    for (const char* part : {"test", fs_version()}) {  // both versions
+    ck_assert_uint_eq(greeting.wire, fs::wire::version);
+    ck_assert_str_eq(greeting.version.c_str(), fs_version());
+    // Both versions of the wire, and of the libraries.
+    const std::string theirs = "version " + std::to_string(wire) + " of the wire";
+    const std::string ours = "version " + std::to_string(fs::wire::version) + ':';
+    for (const char* part : {"version test", theirs.c_str(), fs_version(), ours.c_str()}) {
       ck_assert_msg(std::strstr(greeting.text.c_str(), part), "'%s' is not in: %s", part, greeting.text.c_str());
     }
-    const std::string difference = fs::wire::layout_difference(layout.text, greeting.rest);
-    for (const char* part : layout.named) {
-      ck_assert_msg(std::strstr(difference.c_str(), part), "'%s' is not in: %s", part, difference.c_str());
-    }
-    rig.expect_dropped(client, "another layout");
+    rig.expect_dropped(client, "another version of the wire");
   }
-  ck_assert(fs::wire::layout_difference(fs::wire::layout_text(), fs::wire::layout_text()).empty());
+  rig.check_honest();
+}
+END_TEST
+
+// The sizes of the records that grow: what no version has is not taken.
+START_TEST(hostile_sizes) {
+  Rig rig;
+  const fs::wire::Sizes own = fs::own_sizes();
+  for (uint32_t fs::wire::Sizes::*member : {&fs::wire::Sizes::object, &fs::wire::Sizes::stats, &fs::wire::Sizes::device}) {
+    for (const uint32_t size : {0u, 1u, 8u, own.*member - 8, own.*member + 1, own.*member + 4, 4104u, 1u << 31, ~7u, ~0u}) {
+      RawClient client = rig.stranger();
+      fs::wire::Hello hello = RawClient::hello("other");
+      hello.sizes.*member = size;
+      ck_assert(!client.greet(hello).is_answered);
+      rig.expect_dropped(client, "sizes that no version has");
+    }
+  }
+  rig.check_honest();
+  // A client that knows more is served; a message as long as it would like is not.
+  RawClient later(rig.endpoint);
+  fs::wire::Hello hello = RawClient::hello("later");
+  hello.sizes.object = 4096;
+  hello.sizes.stats += 8;
+  std::memset(hello.sizes.later, 0xff, sizeof hello.sizes.later);
+  ck_assert_int_eq(later.greet(hello).status, FS_OK);
+  later.set(0, fs_object_init("a", FS_PRIMITIVE_POINT));
+  ck_assert_int_eq(rig.sync(later), FS_OK);
+  const auto reply = later.reply_of(later.send(fs::wire::type_stats));
+  ck_assert(reply && reply->body.size() == sizeof(fs_servo_stats));
+  std::vector<std::byte> set(sizeof(fs::wire::Set) + 8);
+  later.send(fs::wire::type_set, std::span<const std::byte>(set));
+  rig.expect_dropped(later, "a record that is longer than both ends know");
   rig.check_honest();
 }
 END_TEST
@@ -521,7 +525,7 @@ int main(int count, char** arguments) {
   }
   if (count == 3 && std::strcmp(arguments[1], "--server") == 0) be_a_server(arguments[2]);
   Suite* suite = suite_create("door");
-  scenes::add_once(suite, "hello", {another_layout, no_hello, hello_with_descriptors, bad_names});
+  scenes::add_once(suite, "hello", {another_version_of_the_wire, hostile_sizes, no_hello, hello_with_descriptors, bad_names});
   scenes::add_once(suite, "names", {two_of_one_name, name_of_the_dead});
   scenes::add_once(suite, "forks", {server_that_forks, forked_server_is_killed});
   scenes::add_once(suite, "too many", {max_clients, silent_stranger, crowd_at_the_door, coming_and_going});

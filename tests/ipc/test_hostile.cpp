@@ -334,7 +334,7 @@ START_TEST(numbers_of_shapes) {
   fs::wire::Object record = fs::to_record(object);
   const auto refused = [&](uint64_t shape, uint64_t curve, fs_status status, const char* part) {
     record.shape = shape;
-    record.front = {FS_PROFILE_CUSTOM, FS_SENSE_ATTRACTIVE, 1, 0, 0, 1, 0, curve};
+    record.front = {FS_PROFILE_CUSTOM, FS_SENSE_ATTRACTIVE, 1, 0, 0, 1, 0, curve, {}};
     client.set(0, record);
     rig.expect_refusal(client, status, part);
   };
@@ -583,7 +583,7 @@ START_TEST(never_reads) {
   for (const uint32_t type : {type_pull, type_stats, type_reports, type_views, type_motions, type_record, type_sync, type_get}) {
     RawClient client = rig.join("deaf");
     for (int i = 0; i < 100'000 && !client.is_dropped(); ++i) {
-      client.send(type, body(*fs::record_size(type)));
+      client.send(type, body(*fs::record_size(type, fs::own_sizes())));
       if (i % 256 == 0) rig.tick();
     }
     rig.expect_dropped(client, "it never reads");

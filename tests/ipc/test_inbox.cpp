@@ -124,7 +124,7 @@ struct Writer {
         record.primitive = FS_PRIMITIVE_POLYLINE;
         record.shape = 1;
       }
-      if (i % 7 == 3 && scenes::has_expressions()) record.front = {FS_PROFILE_CUSTOM, FS_SENSE_ATTRACTIVE, 1, 0, 0, 1e6, 0, 2};
+      if (i % 7 == 3 && scenes::has_expressions()) record.front = {FS_PROFILE_CUSTOM, FS_SENSE_ATTRACTIVE, 1, 0, 0, 1e6, 0, 2, {}};
       after[i] = client.set(i, record);
     }
     ck_assert_int_eq(rig.sync(client), FS_OK);

@@ -102,7 +102,7 @@ class Actor {
   }
 
   Profile profile() {
-    Profile out{static_cast<int32_t>(random_.below(8)), static_cast<int32_t>(random_.below(2)), 0, 0, 0, 0, 0, 0};
+    Profile out{static_cast<int32_t>(random_.below(8)), static_cast<int32_t>(random_.below(2)), 0, 0, 0, 0, 0, 0, {}};
     if (out.kind == FS_PROFILE_NONE) return out;
     out.gain = out.kind == FS_PROFILE_LINEAR_DECREASING ? -random_.log_between(1e-3, 1e6) : random_.log_between(1e-3, 1e6);
     out.limit = random_.log_between(1e-6, 1e9);

@@ -4,14 +4,16 @@
 #include <string>
 #include <vector>
 
+#include "base/error.h"
+#include "base/hash.h"
 #include "base/text.h"
 #include "ipc/blob.h"
 #include "transfer/asset.h"
 #include "transfer/batch.h"
-#include "transfer/layout.h"
 #include "transfer/records.h"
 #include "transfer/shared_memory.h"
 #include "unit/force_fixtures.h"
+#include "unit/wire_layout.h"
 
 using namespace fs;
 using namespace fs::test;
@@ -174,19 +176,82 @@ START_TEST(an_object_keeps_its_assets) {
 }
 END_TEST
 
-// Each word of an outbox counts in the number of the layout: where it is, how long it is and what kind of number.
-START_TEST(the_layout_has_all_words_of_an_outbox) {
-  const std::string& text = wire::layout_text();
-  const auto has = [&](const std::string& word, size_t offset, size_t size, char kind) {
-    const std::string line = "Outbox " + word + ' ' + std::to_string(offset) + ' ' + std::to_string(size) + ' ' + kind + '\n';
-    ck_assert_msg(text.find(line) != std::string::npos, "the layout lacks: %s", line.c_str());
-  };
-  has("heartbeat", offsetof(Outbox, heartbeat), 8, 'f');
-  has("is_closed", offsetof(Outbox, is_closed), 4, 'u');
-  has("is_asleep", offsetof(Outbox, is_asleep), 4, 'u');
-  has("news", offsetof(Outbox, news), 8, 'u');
-  has("applied", offsetof(Outbox, applied), 8, 'u');
-  has("events_written", offsetof(Outbox, events_written), 8, 'u');
+// The layout is that of this version of the wire. Where it changes, change wire::version too, and this number.
+START_TEST(the_layout_has_its_version) {
+  const std::string layout = wire_layout();
+  ck_assert_msg(wire::version == 1 && hash_of(layout) == 0xbd90bf723c21f8c8, "the hash of version %u is 0x%lx now:\n%s", wire::version,
+                static_cast<unsigned long>(hash_of(layout)), layout.c_str());
+}
+END_TEST
+
+// An end that knows less of a record gets what it knows, and what it sends is filled with zeros.
+START_TEST(records_have_the_common_size) {
+  wire::Sizes theirs = own_sizes();
+  ck_assert_uint_eq(theirs.object, sizeof(wire::Object));
+  ck_assert(theirs.stats == sizeof(fs_servo_stats) && theirs.device == sizeof(fs_device_info));
+  theirs.object += 8;
+  theirs.later[12] = 77;  // a record of a later version
+  ck_assert(common_sizes(theirs) && common_sizes(theirs)->object == sizeof(wire::Object));
+  for (uint32_t wire::Sizes::*member : {&wire::Sizes::object, &wire::Sizes::stats, &wire::Sizes::device}) {
+    for (const uint32_t size : {0u, 8u, own_sizes().*member - 8, own_sizes().*member + 4, 4104u, ~0u}) {
+      wire::Sizes bad = own_sizes();
+      bad.*member = size;
+      ck_assert(!common_sizes(bad));
+    }
+  }
+
+  RecordSizes less = own_sizes();
+  less.object -= 8;  // without lifetime
+  fs_object object = fs_object_init("o", FS_PRIMITIVE_POINT);
+  object.lifetime = 5;
+  const wire::Set set{3, all_parts, to_record(object)};
+  ck_assert_uint_eq(sent_part(set, less).size(), sizeof set - 8);
+  Batch refusing(less);
+  try {
+    refusing.add(wire::type_set, set);
+    ck_abort_msg("a field that the server does not know was sent");
+  } catch (const Error& error) {
+    ck_assert(error.status == FS_ERROR_VERSION && error.text.find("first 565 bytes of fs_object") != std::string::npos);
+  }
+  object.lifetime = 0;
+  for (const size_t count : {1, 2, 300}) {
+    Batch batch(less);
+    for (size_t i = 0; i < count; ++i) {
+      batch.add(wire::type_set, wire::Set{static_cast<uint32_t>(i), all_parts, to_record(object)});
+      if (count > 1) batch.add(wire::type_remove, removal_of("gone"));
+    }
+    Batch::Message message = batch.message();
+    Batch back;
+    if (count == 1) {
+      ck_assert_uint_eq(message.body.size(), sizeof set - 8);
+      const auto memory = copy_of(message.body);
+      back = Batch::Reader::read(message.type, *memory, memory, less);
+    } else {
+      const auto memory = copy_of(message.body);
+      Batch::Reader reader(*memory, memory, std::move(message.content), 2 * count, less);
+      while (!reader.is_done()) reader.next();
+      ck_assert(reader.is_good());
+      back = reader.take();
+    }
+    Batch moved = std::move(back);
+    ck_assert_uint_eq(moved.size(), batch.size());
+    for (size_t i = 0; i < moved.size(); ++i) {
+      if (moved[i].type != wire::type_set) continue;
+      ck_assert_uint_eq(moved[i].record.size(), sizeof set);
+      const auto& came = moved[i].as<wire::Set>();
+      ck_assert(came.slot == (count == 1 ? 0 : i / 2) && came.object.lifetime == 0 && came.object.enabled == 1);
+      ck_assert_uint_eq(came.object.known, sizeof(wire::Object) - 8);
+      ck_assert_uint_eq(from_record(came.object).struct_size, 565);
+    }
+  }
+  // What a client does not know stays in a change.
+  fs_object present = fs_object_init("o", FS_PRIMITIVE_POINT), change = present;
+  present.lifetime = 5;
+  change.tool_points = 2;
+  ck_assert_double_eq(merge_parts(present, change, FS_PART_OTHER).lifetime, 0);
+  change.struct_size = 568;
+  const fs_object merged = merge_parts(present, change, FS_PART_OTHER);
+  ck_assert(merged.lifetime == 5 && merged.tool_points == 2);
 }
 END_TEST
 
@@ -195,5 +260,5 @@ END_TEST
 int main() {
   return run("transfer", {one_change_is_its_own_message, a_group_comes_back_as_it_was, a_foreign_change_alone_is_a_group,
                           what_is_malformed_is_refused, assets_come_back_as_they_were, an_object_keeps_its_assets,
-                          the_layout_has_all_words_of_an_outbox});
+                          the_layout_has_its_version, records_have_the_common_size});
 }
