@@ -199,8 +199,9 @@ START_TEST(encoder_steps_are_not_felt_at_rest) {
   for (const char* hand : {"worst", "nominal&friction=0", "light&friction=0"}) {
     for (const double rate : {500.0, 1000.0, 3000.0, 10000.0}) {
       for (const double damping : {0.0, 5.0, 20.0, 100.0, 200.0}) {
-        static unsigned seed = 0;
-        const std::string uri = std::string("sim:?hold=0.005,0.003,0.002&hand=") + hand + "&seed=" + std::to_string(++seed);
+        static int seed = 0;
+        if (++seed % times(3, 1) != 0) continue;
+        const std::string uri = std::string("sim:?hold=0.005,0.003,0.002&hand=") + hand + "&seed=" + std::to_string(seed);
         fs_object held = spring(300, 10);
         held.damping = damping;
         fs_object floor = fs_object_init("floor", FS_PRIMITIVE_PLANE);
