@@ -355,82 +355,32 @@ namespace {
 
 // A device with a controller behind a link, which only keeps what it gets.
 struct Remote {
-  fs_device_info info;
-  fs_state state{};
-  fs_status read_status = FS_OK;
-  fs_pose x0{};
-  fs_wrench f0{}, written{};
-  fs_mat3 dfdx{};
-  double time = 0, hold = 0;
-  uint64_t number = 0, models = 0, writes = 0;
+  FakeDevice fake{"remote"};
+  fs_model model{};
+  uint64_t models = 0;
   double measured_delay = 0;  // s; 0: none
-} remote;
 
-fs_status remote_open(const char*, void** self) {
-  *self = &remote;
-  return FS_OK;
-}
-void remote_close(void*) {}
-fs_status remote_info(void*, fs_device_info* out) {
-  *out = remote.info;
-  return FS_OK;
-}
-fs_status remote_read(void*, fs_state* out) {
-  *out = remote.state;
-  return remote.read_status;
-}
-fs_status remote_write(void*, const fs_wrench* wrench) {
-  remote.written = *wrench;
-  ++remote.writes;
-  return FS_OK;
-}
-fs_status remote_model(void*, const fs_model* model) {
-  ck_assert(model->struct_size == sizeof *model && model->reserved == 0);
-  remote.x0 = model->x0;
-  remote.f0 = model->f0;
-  remote.dfdx = model->dfdx;
-  remote.number = model->number;
-  remote.time = model->time;
-  remote.hold = model->hold;
-  ++remote.models;
-  return FS_OK;
-}
-fs_status remote_advance(void*, double) { return FS_OK; }
-fs_status remote_link(void*, fs_link* out) {
-  out->delay = remote.measured_delay;
-  return remote.measured_delay > 0 ? FS_OK : FS_ERROR_UNSUPPORTED;
-}
-
-// Registers the driver: "remote:", and "plain:" without write_model.
-void begin_remote() {
-  remote = {};
-  remote.info = fs_device_info_init();
-  remote.info.force_axes = 3;
-  remote.info.force_max = 10;
-  remote.info.rate = 1000;
-  remote.info.mass = 0.3;
-  remote.info.damping = 1;
-  remote.info.delay = 0.010;
-  remote.info.link_rate = 100;
-  remote.info.controller_rate = 2000;
-  remote.info.controller_damping = 5;
-  remote.state.flags = FS_STATE_READY;
-  remote.state.pose.orientation.w = 1;
-  fs_driver driver{};
-  driver.struct_size = sizeof driver;
-  driver.open = remote_open;
-  driver.close = remote_close;
-  driver.get_info = remote_info;
-  driver.read = remote_read;
-  driver.write = remote_write;
-  driver.advance = remote_advance;
-  driver.scheme = "plain";
-  OK(fs_driver_register(&driver));
-  driver.write_model = remote_model;
-  driver.get_link = remote_link;
-  driver.scheme = "remote";
-  OK(fs_driver_register(&driver));
-}
+  Remote() {
+    fake.info.torque_axes = 0;
+    fake.info.mass = 0.3;
+    fake.info.damping = 1;
+    fake.info.delay = 0.010;
+    fake.info.link_rate = 100;
+    fake.info.controller_rate = 2000;
+    fake.info.controller_damping = 5;
+    fake.state.pose.orientation.w = 1;
+    fake.on_model = [this](FakeDevice&, const fs_model& written) {
+      ck_assert(written.struct_size == sizeof written && written.reserved == 0);
+      model = written;
+      ++models;
+      return FS_OK;
+    };
+    fake.on_link = [this](FakeDevice&, fs_link& out) {
+      out.delay = measured_delay;
+      return measured_delay > 0 ? FS_OK : FS_ERROR_UNSUPPORTED;
+    };
+  }
+};
 
 double entry(const fs_mat3& m, int i, int k) {
   const double all[]{m.xx, m.xy, m.xz, m.yx, m.yy, m.yz, m.zx, m.zy, m.zz};
@@ -445,76 +395,76 @@ void expect_matrix(const fs_mat3& m, const fs_mat3& expected, double tolerance) 
 }  // namespace
 
 START_TEST(models_are_written) {
-  begin_remote();
+  Remote remote;
   const Scene scene = make_scene();
-  const Device device = open_device("remote:");
+  const Device device = remote.fake.open();
   set(scene.get(), spring(300));
   fs_servo_options options = protected_options();
   options.speed_limit = -1;  // this hand jumps
   options.slew_limit = 1e9;
   Servo servo = start_servo(scene.get(), device.get(), options);
-  remote.state.pose.position = {0.01, 0, -0.005};
+  remote.fake.state.pose.position = {0.01, 0, -0.005};
   OK(fs_servo_step(servo.get(), 3));
   ck_assert_uint_eq(remote.models, 3);
-  ck_assert_uint_eq(remote.writes, 0);
-  ck_assert_uint_eq(remote.number, 3);
-  EXPECT_NEAR(remote.time, 0.003, 1e-12);
-  EXPECT_NEAR(remote.hold, 0.1, 0);
-  EXPECT_VECTOR(remote.x0.position, remote.state.pose.position, 0);
-  EXPECT_VECTOR(remote.f0.force, (fs_vec3{-3, 0, 1.5}), 1e-9);  // the controller damps, not the servo
-  expect_matrix(remote.dfdx, {-300, 0, 0, 0, -300, 0, 0, 0, -300}, 1e-6);
+  ck_assert_uint_eq(remote.fake.writes, 0);
+  ck_assert_uint_eq(remote.model.number, 3);
+  EXPECT_NEAR(remote.model.time, 0.003, 1e-12);
+  EXPECT_NEAR(remote.model.hold, 0.1, 0);
+  EXPECT_VECTOR(remote.model.x0.position, remote.fake.state.pose.position, 0);
+  EXPECT_VECTOR(remote.model.f0.force, (fs_vec3{-3, 0, 1.5}), 1e-9);  // the controller damps, not the servo
+  expect_matrix(remote.model.dfdx, {-300, 0, 0, 0, -300, 0, 0, 0, -300}, 1e-6);
   const fs_servo_stats stats = stats_of(scene.get());
   ck_assert_double_eq(stats.damping, 5);
   const double bound = 2.5 * 6 / 0.02;
   EXPECT_NEAR(stats.max_stiffness, bound, 1e-9);
   // The norm of the model is bounded.
   set(scene.get(), spring(2000));
-  remote.state.pose.position = {0.001, 0, 0};
+  remote.fake.state.pose.position = {0.001, 0, 0};
   OK(fs_servo_step(servo.get(), 100));  // what changes is blended
-  for (int i = 0; i < 3; ++i) ck_assert_double_le(std::fabs(entry(remote.dfdx, i, i)), bound * (1 + 1e-12));
+  for (int i = 0; i < 3; ++i) ck_assert_double_le(std::fabs(entry(remote.model.dfdx, i, i)), bound * (1 + 1e-12));
   // Where the force is limited, the model only turns it: 20 N along x become 10.
-  remote.state.pose.position = {0.01, 0, 0};
+  remote.fake.state.pose.position = {0.01, 0, 0};
   set(scene.get(), spring(700));
   fs_object more = lift(13);
   OK(fs_pose_from_z({0, 0, 0}, {-1, 0, 0}, &more.pose));
   set(scene.get(), more);
   OK(fs_servo_step(servo.get(), 100));
-  EXPECT_VECTOR(remote.f0.force, (fs_vec3{-10, 0, 0}), 1e-9);
-  expect_matrix(remote.dfdx, {0, 0, 0, 0, -350, 0, 0, 0, -350}, 1e-6);
+  EXPECT_VECTOR(remote.model.f0.force, (fs_vec3{-10, 0, 0}), 1e-9);
+  expect_matrix(remote.model.dfdx, {0, 0, 0, 0, -350, 0, 0, 0, -350}, 1e-6);
   // Lost and back.
-  remote.read_status = FS_ERROR_DISCONNECTED;
+  remote.fake.read_status = FS_ERROR_DISCONNECTED;
   fs_servo_step(servo.get(), 1);
-  EXPECT_VECTOR(remote.f0.force, (fs_vec3{}), 0);
-  expect_matrix(remote.dfdx, {}, 0);
-  EXPECT_NEAR(remote.x0.orientation.w, 1, 0);
-  ck_assert(remote.number == 0 && remote.time == 0);  // it answers no state
-  remote.read_status = FS_OK;
+  EXPECT_VECTOR(remote.model.f0.force, (fs_vec3{}), 0);
+  expect_matrix(remote.model.dfdx, {}, 0);
+  EXPECT_NEAR(remote.model.x0.orientation.w, 1, 0);
+  ck_assert(remote.model.number == 0 && remote.model.time == 0);  // it answers no state
+  remote.fake.read_status = FS_OK;
   OK(fs_servo_step(servo.get(), 1));
-  EXPECT_VECTOR(remote.f0.force, (fs_vec3{-10, 0, 0}), 1e-9);
-  remote.state.pose.position.x = NAN;
+  EXPECT_VECTOR(remote.model.f0.force, (fs_vec3{-10, 0, 0}), 1e-9);
+  remote.fake.state.pose.position.x = NAN;
   fs_servo_step(servo.get(), 1);
-  EXPECT_VECTOR(remote.f0.force, (fs_vec3{}), 0);
-  expect_matrix(remote.dfdx, {}, 0);
+  EXPECT_VECTOR(remote.model.f0.force, (fs_vec3{}), 0);
+  expect_matrix(remote.model.dfdx, {}, 0);
   ck_assert(stats_of(scene.get()).faults & FS_FAULT_NUMBER);
   OK(fs_servo_set_enabled(servo.get(), false));
   OK(fs_servo_step(servo.get(), 1));
   servo.reset();  // ends with a plain 0
-  ck_assert_uint_gt(remote.writes, 0);
-  EXPECT_VECTOR(remote.written.force, (fs_vec3{}), 0);
+  ck_assert_uint_gt(remote.fake.writes, 0);
+  EXPECT_VECTOR(remote.fake.written.force, (fs_vec3{}), 0);
 }
 END_TEST
 
 // The norm of the model is bounded for the delay that the driver measures; another bound comes in even steps.
 START_TEST(models_follow_the_delay) {
-  begin_remote();
+  Remote remote;
   const Scene scene = make_scene();
-  const Device device = open_device("remote:");
+  const Device device = remote.fake.open();
   fs_servo_options options = protected_options();
   options.max_stiffness = -1;
   const Servo servo = start_servo(scene.get(), device.get(), options);
   set(scene.get(), spring(2000));
-  remote.state.pose.position = {0.001, 0, 0};
-  const auto size = [] { return -remote.dfdx.xx; };
+  remote.fake.state.pose.position = {0.001, 0, 0};
+  const auto size = [&] { return -remote.model.dfdx.xx; };
   OK(fs_servo_step(servo.get(), 100));
   EXPECT_NEAR(size(), 2.5 * 6 / 0.02, 1e-9);
   for (const double delay : {0.050, 0.010}) {
@@ -531,18 +481,18 @@ START_TEST(models_follow_the_delay) {
 END_TEST
 
 START_TEST(without_a_controller_forces_are_written) {
-  begin_remote();
-  for (const char* uri : {"plain:", "remote:"}) {
-    if (uri[0] == 'r') remote.info.controller_rate = 0;
+  Remote remote;
+  for (const bool takes_models : {false, true}) {
+    if (takes_models) remote.fake.info.controller_rate = 0;
     const Scene scene = make_scene();
-    const Device device = open_device(uri);
+    const Device device = open_device(takes_models ? "fakemodel:remote" : "fake:remote");
     set(scene.get(), spring(300));
-    remote.state.pose.position = {0.01, 0, 0};
+    remote.fake.state.pose.position = {0.01, 0, 0};
     const Servo servo = start_servo(scene.get(), device.get(), protected_options());
     OK(fs_servo_step(servo.get(), 20));  // the slew limit of such a poor loop is low
     ck_assert_uint_eq(remote.models, 0);
     // 300 N/m are more than such a loop can render.
-    EXPECT_VECTOR(remote.written.force, (fs_vec3{-0.01 * stats_of(scene.get()).max_stiffness, 0, 0}), 1e-9);
+    EXPECT_VECTOR(remote.fake.written.force, (fs_vec3{-0.01 * stats_of(scene.get()).max_stiffness, 0, 0}), 1e-9);
     fs_device_info info = fs_device_info_init();
     OK(fs_device_get_info(device.get(), &info));
     ck_assert_double_eq(info.controller_rate, 0);
@@ -553,7 +503,7 @@ START_TEST(without_a_controller_forces_are_written) {
 END_TEST
 
 START_TEST(bad_infos) {
-  begin_remote();
+  Remote remote;
   const struct {
     const char* field;
     double fs_device_info::*member;
@@ -565,11 +515,11 @@ START_TEST(bad_infos) {
             {"controller_delay", &fs_device_info::controller_delay, 11},
             {"controller_damping", &fs_device_info::controller_damping, -5}};
   for (const auto& c : cases) {
-    const fs_device_info good = remote.info;
-    remote.info.*c.member = c.value;
+    const fs_device_info good = remote.fake.info;
+    remote.fake.info.*c.member = c.value;
     fs_device* device = nullptr;
-    EXPECT_SENTENCE(FS_ERROR_INVALID, fs_device_open("remote:", &device), c.field);
-    remote.info = good;
+    EXPECT_SENTENCE(FS_ERROR_INVALID, fs_device_open("fakemodel:remote", &device), c.field);
+    remote.fake.info = good;
   }
 }
 END_TEST

@@ -88,8 +88,8 @@ expect 2 '^forceserver: check needs a file, such as: forceserver check room.json
 expect 2 '^forceserver: evaluate needs a scene, such as: forceserver evaluate room.json points.csv$' "$program" evaluate
 
 # --driver: a driver of one's own.
-expect 2 "there is no driver 'losing'" "$program" run --device losing: --duration 0.1
-expect 1 '^a device that is lost .losing:., at most 5 N$' "$program" run --driver "$losing_driver" --device losing: --duration 0.5
+expect 2 "there is no driver 'library'" "$program" run --device library:0 --duration 0.1
+expect 1 '^a device from a library .library:0., at most 5 N$' "$program" run --driver "$losing_driver" --device library:0 --duration 0.5
 expect 0 '^nothing odd$' "$program" check "$scene" --driver "$losing_driver"
 expect 0 '^sim:' "$program" devices --driver "$losing_driver"
 expect 2 '^forceserver: .*nowhere.so' "$program" run --driver ./nowhere.so
@@ -531,7 +531,7 @@ grep "$name" /proc/net/unix && fail "a socket is left"
 
 # A device that is lost between two looks of the program, and back at once, is not overlooked.
 expect 1 '^faults: the device is not ready$' env LD_PRELOAD="$losing_driver" ASAN_OPTIONS=verify_asan_link_order=0 \
-  "$program" run --device losing: --duration 0.5
+  "$program" run --device library:0 --duration 0.5
 grep -q '^the device does not tell its mass: 0.05 kg is assumed' output || fail "run does not say that it assumes a mass"
 grep -q "^the force stopped: lost: it failed to read or write; " output || fail "run does not say that the device was lost"
 

@@ -16,18 +16,21 @@ FakeDevice& device_of(void* self) { return *static_cast<FakeDevice*>(self); }
 
 fs_status open_fake(const char* address, void** self) {
   const std::lock_guard lock(names_mutex);
-  const auto found = names().find(address);
+  const auto found = names().find(std::string(address, std::strcspn(address, "?")));
   if (found == names().end()) return fs_fail(FS_ERROR_NOT_FOUND, "fake: no test has made this device");
-  const std::lock_guard device_lock(found->second->mutex);
-  found->second->is_open = true;
-  *self = found->second;
+  FakeDevice& device = *found->second;
+  const std::lock_guard device_lock(device.mutex);
+  device.address = address;
+  if (device.sentence) fs_fail(device.open_status, device.sentence);
+  if (device.open_status != FS_OK) return device.open_status;
+  device.is_open = true;
+  *self = &device;
   return FS_OK;
 }
 
 void close_fake(void* self) {
   FakeDevice& device = device_of(self);
   const std::lock_guard lock(device.mutex);
-  device.written = {};
   device.is_open = false;
   if (device.on_close) device.on_close(device);
 }
@@ -38,12 +41,14 @@ fs_status get_info(void* self, fs_device_info* out) {
   const uint32_t size = out->struct_size;
   std::memcpy(out, &device.info, size < sizeof device.info ? size : sizeof device.info);
   out->struct_size = size;
-  return FS_OK;
+  return device.info_status;
 }
 
 fs_status read(void* self, fs_state* out) {
   FakeDevice& device = device_of(self);
   const std::lock_guard lock(device.mutex);
+  static const fs_state zeros{};
+  device.has_clean_reads &= std::memcmp(out, &zeros, sizeof zeros) == 0;
   ++device.reads;
   if (device.on_read) device.on_read(device, device.time);
   *out = device.state;
@@ -64,36 +69,50 @@ fs_status advance(void* self, double time) {
   FakeDevice& device = device_of(self);
   const std::lock_guard lock(device.mutex);
   device.time = time;
-  return FS_OK;
+  return device.advance_status;
 }
 
 fs_status get_link(void* self, fs_link* out) {
   FakeDevice& device = device_of(self);
   const std::lock_guard lock(device.mutex);
-  return device.on_link(device, *out);
+  return device.on_link ? device.on_link(device, *out) : FS_ERROR_UNSUPPORTED;
+}
+
+fs_status write_model(void* self, const fs_model* model) {
+  FakeDevice& device = device_of(self);
+  const std::lock_guard lock(device.mutex);
+  return device.on_model(device, *model);
 }
 
 void register_drivers() {
+  const auto register_as = [](const char* scheme, bool is_simulated, bool has_link, bool takes_models) {
+    fs_driver driver = fake_driver(scheme);
+    if (!is_simulated) driver.advance = nullptr;
+    if (has_link) driver.get_link = get_link;
+    if (takes_models) driver.write_model = write_model;
+    require(fs_driver_register(&driver), "fs_driver_register");
+  };
+  register_as("fakereal", false, false, false);
+  register_as("fake", true, false, false);
+  register_as("fakereallink", false, true, false);
+  register_as("fakelink", true, true, false);
+  register_as("fakemodel", true, true, true);
+}
+
+}  // namespace
+
+fs_driver fake_driver(const char* scheme) {
   fs_driver driver{};
   driver.struct_size = sizeof driver;
+  driver.scheme = scheme;
   driver.open = open_fake;
   driver.close = close_fake;
   driver.get_info = get_info;
   driver.read = read;
   driver.write = write;
-  const auto register_as = [&](const char* scheme, bool is_simulated, bool has_link) {
-    driver.scheme = scheme;
-    driver.advance = is_simulated ? advance : nullptr;
-    driver.get_link = has_link ? get_link : nullptr;
-    require(fs_driver_register(&driver), "fs_driver_register");
-  };
-  register_as("fakereal", false, false);
-  register_as("fake", true, false);
-  register_as("fakereallink", false, true);
-  register_as("fakelink", true, true);
+  driver.advance = advance;
+  return driver;
 }
-
-}  // namespace
 
 FakeDevice::FakeDevice(std::string name) : info(fs_device_info_init()), name_(std::move(name)) {
   static const bool registered = (register_drivers(), true);
@@ -117,7 +136,7 @@ FakeDevice::~FakeDevice() {
 }
 
 Device FakeDevice::open(bool is_simulated) const {
-  const std::string scheme = std::string(is_simulated ? "fake" : "fakereal") + (on_link ? "link" : "");
+  const std::string scheme = std::string(is_simulated ? "fake" : "fakereal") + (on_model ? "model" : on_link ? "link" : "");
   return open_device((scheme + ":" + name_).c_str());
 }
 
