@@ -20,16 +20,6 @@ struct Hint {
   uint32_t item_count = 0;  // 0: there was no ridge
 };
 
-// The work that searches may do, in visits of nodes and leaves of trees and of triangles, and whether it sufficed.
-struct Effort {
-  uint32_t visits = UINT32_MAX;  // that are left
-  uint32_t ways = UINT32_MAX;    // that are left for tests of ways (crossing.h) and for solids that come near
-  uint32_t most = UINT32_MAX;    // of one search
-  bool is_cut = false;           // the last search ended because there were none left: what it found may not be the closest,
-  double least = 0;              // but nothing is nearer than this, m
-  bool is_ridge_cut = false;     // the last find_ridge() found none because there were none left
-};
-
 // [rt] The closest point to x (object frame, m). False when it is farther than max_distance (m, may be infinite), or
 // when x is not finite or beyond 1e150 m; then out is unchanged. shape: of a polyline or mesh, already built.
 // Exact to double precision: coordinates are taken relative to x, so rounding depends on the size of a triangle or
