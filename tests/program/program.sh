@@ -8,17 +8,33 @@ cd "$folder" || exit 1
 failures=0
 
 # expect STATUS PATTERN COMMAND...: the command must end with this exit status, and its output on both streams must
-# match this regular expression.
+# match this regular expression. What a machine that is busy with other things has kept from its ticks is run again.
 expect() {
   local wanted=$1 pattern=$2 status
   shift 2
-  "$@" > output 2>&1 < "${input:-/dev/null}"
-  status=$?
+  for _ in $(seq 5); do
+    "$@" > output 2>&1 < "${input:-/dev/null}"
+    status=$?
+    grep -q 'the servo was late too long' output || break
+  done
   if [ "$status" != "$wanted" ] || ! grep -qE -e "$pattern" output; then
     echo "FAILED: $*: ended with $status, expected $wanted and /$pattern/ in:"
     sed 's/^/    /' output
     failures=$((failures + 1))
   fi
+}
+fail() {
+  echo "FAILED: $*"
+  failures=$((failures + 1))
+}
+until_says() {  # PATTERN COMMAND...: again and again, until a line of its output matches
+  local pattern=$1
+  shift
+  for _ in $(seq 300); do
+    "$@" 2>&1 | grep -qE "$pattern" && return
+    sleep 0.1
+  done
+  fail "$* does not say $pattern"
 }
 
 # Help, version and wrong command lines.
@@ -128,9 +144,10 @@ if [ -w /dev/full ]; then
   expect 2 'cannot write /dev/full.*goes on' "$program" run --duration 1 --record /dev/full
 fi
 "$program" run > ended 2>&1 &
-sleep 1
-kill -INT $!
-wait $!
+runs=$!
+until_says '^the device is ready$' cat ended
+kill -INT $runs
+wait $runs
 status=$?
 if [ $status != 0 ] || ! grep -q '^faults: none' ended; then
   echo "FAILED: an interrupted run ended with $status:"
@@ -375,28 +392,11 @@ echo '{"forceserver": 1' > broken.json
 expect 2 '^forceserver: .*broken\.json' "$program" check broken.json
 
 # run --listen, clients and watch: a server, the programs that show its state, and how all of them end.
-fail() {
-  echo "FAILED: $*"
-  failures=$((failures + 1))
-}
 name=program-test-$$
 listen() {  # OPTION...: a server in the background: $server
   "$program" run --listen "$name" "$@" > served 2>&1 < /dev/null &
   server=$!
-  for _ in $(seq 100); do
-    grep -q '^listens at shm:' served && return
-    sleep 0.1
-  done
-  fail "run --listen does not listen"
-}
-until_says() {  # PATTERN COMMAND...: again and again, until a line of its output matches
-  local pattern=$1
-  shift
-  for _ in $(seq 300); do
-    "$@" 2>&1 | grep -qE "$pattern" && return
-    sleep 0.1
-  done
-  fail "$* does not say $pattern"
+  until_says '^listens at shm:' cat served
 }
 ended() {  # PROCESS STATUS WHAT
   local status
