@@ -24,23 +24,31 @@ FS_INLINE void add(double* sum, Doubles4 value) {
   std::memcpy(sum, &out, sizeof out);
 }
 
-// What formula() asks, of four rows. The limits are without sign. form_bits(form): bit k: lane k has this formula.
+// What formula() asks, of four rows.
 template <uint32_t count, class FormBits>
 struct Four {
   const FormulaLanes<count>& numbers;
   uint32_t i;  // of the first
   Doubles4 limits;
   Doubles4 inverse_distance;
-  FormBits form_bits;
+  const FormBits& form_bits;
 
   FS_INLINE Doubles4 gain() const { return load(numbers.gain + i); }
   FS_INLINE Doubles4 offset() const { return load(numbers.offset + i); }
   FS_INLINE Doubles4 limit() const { return limits; }
-  FS_INLINE Doubles4 reach() const { return load(numbers.reach + i); }
   FS_INLINE Reciprocal<Doubles4> width() const { return {load(numbers.per_width + i)}; }
   FS_INLINE Reciprocal<Doubles4> distance() const { return {inverse_distance}; }
   FS_INLINE uint64_t which(Form form) const { return form_bits(form); }
 };
+
+// f(d) of four rows, from row i on. limits: without sign. form_bits(form): bit k: lane k has this formula.
+template <uint32_t count, class FormBits>
+FS_INLINE Felt<Doubles4> laws_at(Doubles4 d, Doubles4 inverse_distance, const FormulaLanes<count>& numbers, uint32_t i,
+                                 Doubles4 limits, const FormBits& form_bits) {
+  Felt<Doubles4> out = formula(Four<count, FormBits>{numbers, i, limits, inverse_distance, form_bits}, d);
+  out.is_felt &= d <= load(numbers.reach + i);
+  return out;
+}
 
 // Lowers the lanes in `capped`. is_falling, is_bent: any of them has a `fall`, a bend.
 template <uint32_t count>
@@ -82,11 +90,13 @@ FS_INLINE uint64_t points_in_lanes(const Chunk& chunk, uint64_t mask, Vec3 posit
     const Longs4 has_direction = d > all(least_distance);
     const Doubles4 inverse = one / (has_direction ? d : one);
     const uint64_t other = others >> i & 15;
-    const auto form_bits = [&](Form form) __attribute__((always_inline)) { return other ? rows.with(form) >> i & 15 : 0; };
-    const Four of{rows.formulas, i, magnitude(signed_limit), inverse, form_bits};
-    Felt<Doubles4> laws = formula(of, d);
-    laws.is_felt &= d <= of.reach();
-    if (const uint64_t some = capped >> i & 15) lower(laws, d, *rows.caps, i, some, rows.falling >> i & 15, rows.bent >> i & 15);
+    const auto form_bits = [&](Form form) __attribute__((always_inline)) {
+      return other ? rows.with(form) >> i & 15 : 0;
+    };
+    Felt<Doubles4> laws = laws_at(d, inverse, rows.formulas, i, magnitude(signed_limit), form_bits);
+    if (const uint64_t some = capped >> i & 15) {
+      lower(laws, d, *rows.caps, i, some, rows.falling >> i & 15, rows.bent >> i & 15);
+    }
     const Longs4 is_felt = lanes_of<Doubles4>(wanted) & laws.is_felt & has_direction;
     felt |= is_felt & bits;
     // All numbers but the slopes are finite, so they are 0 where the weight is.
@@ -117,9 +127,7 @@ FS_INLINE uint64_t contacts_in_lanes(const Contacts::Layer* layers, const Contac
     const Contacts::Layer& l = *layer;
     const Doubles4 d = load(l.distance), signed_limit = load(l.formulas.limit), inverse = one / d;
     const auto form_bits = [&](Form form) __attribute__((always_inline)) { return l.forms[static_cast<size_t>(form)]; };
-    const Four of{l.formulas, 0, magnitude(signed_limit), inverse, form_bits};
-    Felt<Doubles4> laws = formula(of, d);
-    laws.is_felt &= d <= of.reach();
+    Felt<Doubles4> laws = laws_at(d, inverse, l.formulas, 0, magnitude(signed_limit), form_bits);
     if (l.capped) lower(laws, d, caps[layer - layers], 0, l.capped, true, true);
     const Longs4 is_felt = lanes_of<Doubles4>(l.used) & laws.is_felt;
     const Doubles4 sign = signed_limit < zero ? -one : one;
@@ -127,7 +135,8 @@ FS_INLINE uint64_t contacts_in_lanes(const Contacts::Layer* layers, const Contac
     const Doubles4 force = where(is_felt, laws.force * weight), slope = where(is_felt, laws.slope * weight);
     const Doubles4 ux = load(l.ux), uy = load(l.uy), uz = load(l.uz);
     add_forces(force * ux, force * uy, force * uz, load(l.arm_x), load(l.arm_y), load(l.arm_z), sum);
-    const Doubles4 turning = where(is_felt & lanes_of<Doubles4>(l.turning) & (d > all(least_distance)), force * inverse), rest = slope - turning;
+    const Longs4 is_turning = is_felt & lanes_of<Doubles4>(l.turning) & (d > all(least_distance));
+    const Doubles4 turning = where(is_turning, force * inverse), rest = slope - turning;
     const Doubles4 tx = load(l.tx), ty = load(l.ty), tz = load(l.tz);
     const Doubles4 rx = rest * ux, ry = rest * uy, ex = turning * tx, ey = turning * ty;
     add(sum.xx, rx * ux - ex * tx + turning);

@@ -72,7 +72,7 @@ FS_INLINE Estimate estimate_of(const Packet& packet, Vec3 from) {
   const Ints8 is_over = inside(ab_x, ab_y, ab_z, ax, ay, az) & inside(bc_x, bc_y, bc_z, bx, by, bz) &
                        inside(ca_x, ca_y, ca_z, cx, cy, cz);
   const Floats8 height = ax * n_x + ay * n_y + az * n_z;
-  out.squared = is_over & (n > all(0.0f)) ? height / most(n, all(1.0f)) * height : edges;
+  out.squared = (is_over & (n > all(0.0f))) ? height / most(n, all(1.0f)) * height : edges;
   // A corner stands up to 0.87 steps beside its place, and the distance is rounded.
   out.slack = static_cast<float>(0.9 + 4e-6 * (largest + Packet::most_steps));
   return out;
