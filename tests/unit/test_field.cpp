@@ -52,7 +52,7 @@ struct Points {
       }
       const bool is_capped = felt && felt->law.front.cap;
       chunk.set(i, parsed.object, std::move(felt), motion, 1);
-      if (is_capped && chunk.rows->formulas() >> i & 1) ++capped_count;
+      if (is_capped && chunk.rows->points() >> i & 1) ++capped_count;
     }
   }
   int capped_count = 0;  // of those that are evaluated in lanes
@@ -77,7 +77,7 @@ START_TEST(lanes_agree) {
     state.pose.position = run % 5 ? Vec3{random.between(-0.1, 0.1), random.between(-0.1, 0.1), random.between(-0.1, 0.1)}
                                   : chunk.motion(7).pose.position;  // on a point
     const ToolState tool = ToolState::at(state, tool_points, 0);
-    const uint64_t mask = chunk.rows->formulas() & (static_cast<uint64_t>(random.below(1u << 30)) << 34 | random.below(1u << 30));
+    const uint64_t mask = chunk.rows->points() & (static_cast<uint64_t>(random.below(1u << 30)) << 34 | random.below(1u << 30));
     LaneSum wide, usual;
     uint64_t felt[2] = {};
     for (const bool is_wide : {true, false}) {
