@@ -1,6 +1,6 @@
-// The records that grow: those of the structs of the contract that do. Client and server may know more or less of one: each
-// tells the other the sizes of its records when they connect, and what they send of a record is what both know. What is cut
-// off counts as 0 at the other end. Such a record stands at the end of its message.
+// Records of the wire that grow, because their struct of the contract does. A client and its server may know more or less of
+// such a record. When they connect, each tells the other how many bytes of it it knows, and then both send what both know;
+// who receives it fills the rest with 0. Such a record stands at the end of its message, so nothing comes after it.
 #pragma once
 
 #include <cstddef>

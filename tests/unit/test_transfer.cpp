@@ -211,7 +211,7 @@ START_TEST(records_have_the_common_size) {
     refusing.add(wire::type_set, set);
     ck_abort_msg("a field that the server does not know was sent");
   } catch (const Error& error) {
-    ck_assert(error.status == FS_ERROR_VERSION && error.text.find("first 565 bytes of fs_object") != std::string::npos);
+    ck_assert(error.status == FS_ERROR_VERSION && error.text.find("first 568 bytes of fs_object") != std::string::npos);
   }
   object.lifetime = 0;
   for (const size_t count : {1, 2, 300}) {
