@@ -23,6 +23,7 @@ void OpenGroup::put(std::string_view name, Known wanted, bool is_new) {
   if (entry != changes.end() && entry->first == name) {
     wanted.is_more_than_moved |= entry->second.is_more_than_moved;
     wanted.parts |= entry->second.parts;
+    wanted.is_change &= entry->second.is_change;
     entry->second = std::move(wanted);
     return;
   }
@@ -94,7 +95,7 @@ void Edits::require_room(const std::vector<ParsedObject>& objects) {
   evaluated_.objects.require_room(added, "would hold more than");
 }
 
-void Edits::put(const ParsedObject& parsed, uint32_t parts) {
+void Edits::put(const ParsedObject& parsed, uint32_t parts, bool is_change) {
   const Object& object = *parsed.object;
   const double time = evaluated_.clock.now();
   Known known;
@@ -113,6 +114,7 @@ void Edits::put(const ParsedObject& parsed, uint32_t parts) {
     known.motion = known.track.take(parsed.pose, &parsed.twist, parsed.time != 0 ? parsed.time : time);
   }
   known.parts = parts;
+  known.is_change = is_change;
   put(object.name, std::move(known), true, is_known);
 }
 
@@ -167,6 +169,7 @@ bool Edits::move_to(const std::string& name, const Motion& motion, double now) {
 void Edits::put_moved(std::string_view name, Known known, double now) {
   known.expiry = expiry_of(*known.object, now);
   known.parts = FS_PART_POSE;
+  known.is_change = true;
   put(name, std::move(known), false, true);
 }
 
@@ -281,15 +284,6 @@ void Edits::shift(double by) noexcept {
     known.track.shift(by);
     known.start += by;
     known.expiry += by;
-  }
-}
-
-void Edits::take(const OpenGroup& draft) {
-  for (const OpenGroup::Change* change : draft.order) {
-    if (!evaluated_.objects.has(change->first)) continue;  // it was removed meanwhile
-    Known wanted = change->second;
-    merge(change->first, wanted);
-    evaluated_.objects.take(change->first, wanted);
   }
 }
 

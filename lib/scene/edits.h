@@ -1,5 +1,6 @@
-// What an application wants a scene to be: changes that are made at once, or collected in an open group until it is
-// committed. Every call needs the scene's lock.
+// What somebody wants a scene to be: changes that are made at once, or collected in a group until it is committed. A scene may
+// have several groups at a time: the one that the application has open, and those of others (scene_group.h). Every call needs
+// the scene's lock.
 #pragma once
 
 #include <memory>
@@ -27,9 +28,10 @@ struct OpenGroup {
 
 class Edits {
  public:
-  explicit Edits(Evaluated& evaluated) : evaluated_(evaluated) {}
+  // group: the one that is open, null while there is none; it belongs to whoever made this.
+  Edits(Evaluated& evaluated, std::unique_ptr<OpenGroup>& group) : evaluated_(evaluated), group_(group) {}
 
-  // The scene as an open group has it.
+  // The scene as the open group has it.
   bool find(std::string_view name, Known& out) const;
   Known require(const char* name) const;  // NOT_FOUND
   fs_frame frame() const;
@@ -44,7 +46,9 @@ class Edits {
 
   // Changes, all checked.
   void require_room(const std::vector<ParsedObject>& objects);  // FULL
-  void put(const ParsedObject& object, uint32_t parts);  // all of it, or the parts that are named
+  // All of it, or the parts that are named. is_change: of an object that is there; where it has been removed by the time the
+  // group is committed, nothing is made of it.
+  void put(const ParsedObject& object, uint32_t parts, bool is_change);
   void move(const char* name, const Pose& pose, const Twist* twist, double time);
   void set_movement(const char* name, const Motion& motion, const Track& track);
   bool move_to(const std::string& name, const Motion& motion, double now);  // its twist is worked out; false: there is none
@@ -59,20 +63,6 @@ class Edits {
   void cancel();             // STATE
   void shift(double by) noexcept;  // all times of the group, s
 
-  // Swaps another group in as the open one while it lives.
-  class In {
-   public:
-    In(Edits& edits, std::unique_ptr<OpenGroup>& group) : edits_(edits), group_(group) { std::swap(edits_.group_, group_); }
-    ~In() { std::swap(edits_.group_, group_); }
-    In(const In&) = delete;
-    In& operator=(const In&) = delete;
-
-   private:
-    Edits& edits_;
-    std::unique_ptr<OpenGroup>& group_;
-  };
-  void take(const OpenGroup& draft);  // what it has changed of the objects that are still there; the open group stays as it is
-
  private:
   Known require(std::string_view name) const;
   void put(std::string_view name, Known wanted, bool is_more_than_moved, bool is_known);
@@ -82,7 +72,7 @@ class Edits {
   void keep_rest() noexcept;
 
   Evaluated& evaluated_;
-  std::unique_ptr<OpenGroup> group_;
+  std::unique_ptr<OpenGroup>& group_;
 };
 
 template <class F>

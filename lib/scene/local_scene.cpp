@@ -15,20 +15,14 @@ LocalScene::LocalScene(std::shared_ptr<ServoOutput> the_output, ClockKind clock)
 
 // -------------------------------------------------------------------------------------------------------------- objects
 
-void LocalScene::put(const ParsedObject& object, uint32_t parts) {
+void LocalScene::put(Edits& edits, const ParsedObject& object, uint32_t parts, bool is_change) {
   if (readers.builds_shapes() && object.object->shape) object.object->shape->build();  // in most cases parse_object has built it
-  edits_.put(object, parts);
-}
-
-Ref<const Object> LocalScene::get_one(const char* name, fs_object& out) const {
-  const Known known = edits_.require(name);
-  out = to_c(known);
-  return known.object;
+  edits.put(object, parts, is_change);
 }
 
 void LocalScene::set(const fs_object& object) {
   const ParsedObject parsed = parse_object(object, nullptr, readers.builds_shapes());
-  mutate([&] { put(parsed, all_parts); });
+  mutate([&] { put(parsed, all_parts, false); });
 }
 
 void LocalScene::change(const fs_object& change, uint32_t parts) {
@@ -43,7 +37,7 @@ void LocalScene::change(const fs_object& change, uint32_t parts) {
     mutate([&] {
       const Known now = edits_.require(name.c_str());
       is_done = now.object == object && now.start == current.start;
-      if (is_done) put(parsed, parts);
+      if (is_done) put(parsed, parts, true);
     });
   }
 }
@@ -61,9 +55,13 @@ void LocalScene::clear() {
   mutate([&] { edits_.clear(); });
 }
 
-Ref<const Object> LocalScene::get(const char* name, fs_object& out) {
+Ref<const Object> LocalScene::get(const char* name, fs_object& out) { return get(name, out, true); }
+
+Ref<const Object> LocalScene::get(const char* name, fs_object& out, bool with_group) {
   const std::lock_guard lock(mutex_);
-  return get_one(name, out);
+  const Known known = with_group ? edits_.require(name) : evaluated_.objects.require(name);
+  out = to_c(known);
+  return known.object;
 }
 
 // An object as it can be set anew, on whatever clock, to be where it is now. A set gives the motion of a twist the usual
@@ -111,7 +109,7 @@ void LocalScene::set_contents(const std::vector<fs_object>& objects, const fs_fr
   check_tool(tool.data(), tool.size());
   mutate([&] {
     edits_.require_room(parsed);
-    for (const ParsedObject& object : parsed) put(object, all_parts);
+    for (const ParsedObject& object : parsed) put(object, all_parts, false);
     edits_.change_view({parsed_frame, tool, {}});
   });
 }
@@ -164,12 +162,8 @@ void LocalScene::begin() {
   edits_.begin();
 }
 
-void LocalScene::commit() { commit(SIZE_MAX); }
-
-bool LocalScene::commit(size_t most) {
-  bool is_done = false;
-  mutate([&] { is_done = edits_.commit(most); });
-  return is_done;
+void LocalScene::commit() {
+  mutate([&] { edits_.commit(SIZE_MAX); });
 }
 
 void LocalScene::cancel() {

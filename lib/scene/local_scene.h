@@ -35,6 +35,7 @@ struct LocalScene final : Scene {
   void remove(const char* name) override;
   void clear() override;
   Ref<const Object> get(const char* name, fs_object& out) override;
+  Ref<const Object> get(const char* name, fs_object& out, bool with_group);
   Contents contents() override;
   void set_contents(const std::vector<fs_object>& objects, const fs_frame& frame,
                     const std::vector<Vec3>& tool) override;
@@ -55,8 +56,6 @@ struct LocalScene final : Scene {
   // Groups.
   void begin() override;
   void commit() override;
-  // The same in steps of at most `most` objects; true: done. Between the steps nobody may change or post the scene.
-  bool commit(size_t most);
   void cancel() override;
   void sync(double timeout) override;
 
@@ -107,14 +106,13 @@ struct LocalScene final : Scene {
   std::vector<fs_client_view> views() override;                                           // UNSUPPORTED
 
  private:
-  friend class Draft;
+  friend class SceneGroup;
   friend class Moment;
   friend class SceneBudget;
 
   // Called with the lock held.
-  void put(const ParsedObject& object, uint32_t parts);
-  Ref<const Object> get_one(const char* name, fs_object& out) const;  // NOT_FOUND
-
+  void put(const ParsedObject& object, uint32_t parts, bool is_change) { put(edits_, object, parts, is_change); }
+  void put(Edits& edits, const ParsedObject& object, uint32_t parts, bool is_change);
   // Runs f, which changes the scene, and makes the change known.
   template <class F>
   void mutate(F&& f) {
@@ -131,7 +129,8 @@ struct LocalScene final : Scene {
 
   mutable std::mutex mutex_;
   Evaluated evaluated_;
-  Edits edits_{evaluated_};
+  std::unique_ptr<OpenGroup> group_;
+  Edits edits_{evaluated_, group_};
   double max_stiffness_ = 0;  // N/m at the device, what the scene allows itself; 0: no such bound
 
  public:

@@ -119,7 +119,7 @@ NewName Objects::make_name(std::string_view name) {
 void Objects::take(std::string_view name, Known& wanted, NewName new_name) {
   Named* const named = find_named(name, wanted.id);
   const bool is_there = named && !named->second.is_removed;
-  if (!is_there && (wanted.is_removed || wanted.parts != all_parts)) return;  // it is gone, and not set as a whole
+  if (!is_there && (wanted.is_removed || wanted.is_change)) return;  // it is gone
   if (!named) return add(new_name ? std::move(new_name) : make_name(name), wanted);
   Item& item = named->second;
   wanted.revision = grown(wanted.revision, rows.row(item.row).revision);

@@ -38,6 +38,7 @@ struct Known : Entry {
   // Of a group only:
   bool is_removed = false;
   bool is_more_than_moved = false;
+  bool is_change = false;  // of an object that was there; else it is set, whatever was there
   uint32_t parts = 0;   // fs_part bits that are changed
   Ref<const Object> base;  // the object that they were changed of; null: the name was new
   uint32_t number = 0;  // of a new name, where it is not the next

@@ -1,65 +1,76 @@
 #include "server/changes.h"
 
-#include <algorithm>
-
 #include "base/text.h"
 #include "transfer/records.h"
 
 namespace fs {
 
 void Changes::apply(const ReceivedBatch& received) {
-  if (received.changes.empty()) return;
-  const Change first = received.changes[0];
-  if (received.changes.size() > 1 || first.is_foreign()) return apply_group(received);
+  const Change change = received.changes[0];
   try {
-    apply(first, received.serial);
+    apply(*client_.scene, change, received.serial);
   } catch (const Error& error) {
-    refuse(received, first, error);
+    for (const std::string& name : received.about.names) client_.note_untold(name);
+    note_refused(received.about);
+    tell_refused(change, received.serial, error, true);
+    syncs_.note_refusal(error.status, error.text);
   }
 }
 
 // Applies all changes or none.
-void Changes::apply_group(const ReceivedBatch& received) {
-  const Client::Applying applying(client_);
-  client_.is_amid_drafts = std::any_of(received.changes.begin(), received.changes.end(),
-                                       [](const Change& change) { return change.is_foreign(); });
-  Records before = records_of(received.about);
+Task Changes::apply_step_by_step(const ReceivedBatch& received) {
+  const Batch& changes = received.changes;
+  if (changes.size() == 1 && !changes[0].is_foreign()) {
+    co_await clear(*client_.scene);
+    ++client_.changed;
+    co_return;
+  }
+  Records before;
+  co_await take_records(received.about, before);
   const uint64_t changed = client_.changed, moved = client_.moved;
-  ForeignEdits edits;
-  client_.scene->begin();
-  std::optional<Change> failed;
+  std::unique_ptr<SceneGroup> group = std::make_unique<SceneGroup>(client_.scene);
+  ForeignGroups foreign;
+  Change last{};
+  std::unique_ptr<Error> refusal;
   try {
-    for (const Change& change : received.changes) {
-      failed = change;
-      if (change.is_foreign()) {
-        apply_foreign(change, edits);
+    for (size_t i = 0; i < changes.size(); ++i) {
+      last = changes[i];
+      if (last.is_foreign()) {
+        apply_foreign(last, foreign);
+      } else if (last.type == wire::type_clear) {
+        co_await clear(*group);
+        ++client_.changed;
       } else {
-        apply(change, received.serial);
+        apply(*group, last, received.serial);
       }
-      client_.let_others();
+      co_await client_.work.step();
     }
-    while (!client_.scene->commit(Client::few_steps)) client_.host.let_others(&client_, client_.is_amid_drafts);
-    for (auto& [scene, edit] : edits) edit.take();
+    while (!group->commit(Work::few_steps)) co_await client_.work.look();
+    for (auto& [scene, of_scene] : foreign) of_scene.commit();
   } catch (const Error& error) {
-    client_.scene->cancel();
+    refusal = std::make_unique<Error>(error);
+  }
+  if (refusal) {
+    group = nullptr;
     client_.changed = changed;
     client_.moved = moved;
-    put_back(before);
-    return refuse(received, *failed, error);
+    co_await put_back(before);
+    co_await refuse(received, last, *refusal);
+    co_return;
   }
-  for (const auto& [scene, edit] : edits) edit.tell(client_);
-  edits.clear();
-  for (; !before.empty(); before.erase(before.begin())) client_.let_others();
+  for (const auto& [scene, of_scene] : foreign) of_scene.tell(client_);
+  foreign.clear();
+  for (; !before.empty(); before.erase(before.begin())) co_await client_.work.step();
 }
 
-void Changes::apply(const Change& change, uint64_t serial) {
+template <class Scene>
+void Changes::apply(Scene& scene, const Change& change, uint64_t serial) {
   using namespace wire;
-  LocalScene& scene = *client_.scene;
   const std::string name(change.name());
   const NameRecord* const record = client_.names.object(name);
   switch (change.type) {
-    case type_set: return apply_set(change.as<Set>(), serial, false);
-    case type_change: return apply_set(change.as<Set>(), serial, true);
+    case type_set: return apply_set(scene, change.as<Set>(), serial, false);
+    case type_change: return apply_set(scene, change.as<Set>(), serial, true);
     case type_place:
       if (!record) return;  // another client has removed it
       scene.set_motion(name, from_record(change.as<Place>().motion));
@@ -74,10 +85,9 @@ void Changes::apply(const Change& change, uint64_t serial) {
       scene.remove(name.c_str());
       client_.names.forget(name);
       break;
-    case type_clear: apply_clear(); break;
     case type_frame: scene.set_frame(change.as<Frame>().frame); break;
-    case type_max_stiffness: scene.set_max_stiffness(change.as<MaxStiffness>().stiffness); break;
-    case type_accuracy: scene.set_accuracy(change.as<Accuracy>().newtons); break;
+    case type_max_stiffness: client_.scene->set_max_stiffness(change.as<MaxStiffness>().stiffness); break;
+    case type_accuracy: client_.scene->set_accuracy(change.as<Accuracy>().newtons); break;
     case type_clutch: scene.set_clutch(change.as<Clutch>().is_held != 0); break;
     case type_tool: {
       const wire::Tool& tool = change.as<wire::Tool>();
@@ -92,17 +102,18 @@ void Changes::apply(const Change& change, uint64_t serial) {
   ++client_.changed;
 }
 
-void Changes::apply_clear() {
-  const Client::Applying applying(client_);
+template <class Scene>
+Task Changes::clear(Scene& scene) {
   while (const std::string* const first = client_.names.first()) {
     const std::string name = *first;
-    if (client_.names.has(name)) client_.scene->remove(name.c_str());
+    if (client_.names.has(name)) scene.remove(name.c_str());
     client_.names.forget(name);
-    client_.let_others();
+    co_await client_.work.step();
   }
 }
 
-void Changes::apply_set(const wire::Set& set, uint64_t serial, bool is_change) {
+template <class Scene>
+void Changes::apply_set(Scene& scene, const wire::Set& set, uint64_t serial, bool is_change) {
   const std::string name = parse_name(text_of(set.object.name).c_str(), "name");
   const uint32_t most = client_.host.settings().max_objects;
   Names& names = client_.names;
@@ -120,13 +131,13 @@ void Changes::apply_set(const wire::Set& set, uint64_t serial, bool is_change) {
   bool brings_shape = false;
   if (!is_new && linked.object.shape) {
     fs_object present;
-    const Ref<const Object> kept = client_.scene->get(name.c_str(), present);
+    const Ref<const Object> kept = scene.get(name.c_str(), present);
     brings_shape = present.shape != linked.object.shape;
   }
   if (is_change) {
-    client_.scene->change(linked.object, set.parts);
+    scene.change(linked.object, set.parts);
   } else {
-    client_.scene->set(linked.object);
+    scene.set(linked.object);
   }
   names.add(name);
   if ((is_new || brings_shape) && set.object.enabled) names.await(name);
@@ -135,16 +146,16 @@ void Changes::apply_set(const wire::Set& set, uint64_t serial, bool is_change) {
 }
 
 // A change of another client's object, as part of a group.
-void Changes::apply_foreign(const Change& change, ForeignEdits& edits) {
+void Changes::apply_foreign(const Change& change, ForeignGroups& groups) {
   const auto& whose = change.as<wire::Target>();  // each foreign change begins with its target
   const TargetObject target = find_foreign(client_, whose);
-  auto edit = edits.find(target.scene.get());
-  if (edit == edits.end()) {
+  auto group = groups.find(target.scene.get());
+  if (group == groups.end()) {
     if (target.owner) target.owner->take_moves();  // moves that the owner made before this change
-    edit = edits.try_emplace(target.scene.get(), target).first;
+    group = groups.try_emplace(target.scene.get(), target).first;
   }
   try {
-    edit->second.add(client_, change, target.name);
+    group->second.add(client_, change, target.name);
   } catch (const Error& error) {
     throw Error{error.status, "'" + text_of(whose.name) + "': " + error.text};
   }
@@ -152,60 +163,67 @@ void Changes::apply_foreign(const Change& change, ForeignEdits& edits) {
 
 // ------------------------------------------------------------------------------------------------ when one is refused
 
-Changes::Records Changes::records_of(const Subjects& about) {
-  Records out;
-  const auto add = [&](const std::string& name) {
+Task Changes::take_records(const Subjects& about, Records& out) {
+  for (const std::string& name : about.names) {
     out.emplace(name, client_.names.record_of(name));
-    client_.let_others();
-  };
-  for (const std::string& name : about.names) add(name);
-  if (about.is_about_all) client_.names.for_each([&](const std::string& name, const NameRecord&) { add(name); });
-  return out;
+    co_await client_.work.step();
+  }
+  if (!about.is_about_all) co_return;
+  for (const auto& [name, record] : client_.names.all()) {
+    out.emplace(name, record);
+    co_await client_.work.step();
+  }
 }
 
 // First forgets the names that came with the group, so that names that were there before can get their slots again.
-void Changes::put_back(const Records& records) {
+Task Changes::put_back(const Records& records) {
   for (const auto& [name, was] : records) {
     client_.names.forget(name);
-    client_.let_others();
+    co_await client_.work.step();
   }
   for (const auto& [name, was] : records) {
     if (client_.names.put_back(name, was)) client_.moves.mark(was.slot);
-    client_.let_others();
+    co_await client_.work.step();
   }
+}
+
+Task Changes::refuse(const ReceivedBatch& received, const Change& failed, const Error& error) {
+  for (const std::string& name : received.about.names) {
+    if (name.find('/') == std::string::npos) client_.note_untold(name);
+    co_await client_.work.step();
+  }
+  note_refused(received.about);
+  for (size_t i = 0; i < received.changes.size(); ++i) {
+    const Change change = received.changes[i];
+    tell_refused(change, received.serial, error, change.record.data() == failed.record.data());
+    co_await client_.work.step();
+  }
+  client_.note_news();
+  syncs_.note_refusal(error.status, error.text);
+}
+
+void Changes::note_refused(const Subjects& about) {
+  if (about.is_about_all) {
+    for (const auto& [name, record] : client_.names.all()) {
+      if (record.is_there || record.absent) client_.names.tell(name, client_.name);
+    }
+  }
+  if (about.is_about_view) client_.is_view_untold = true;
 }
 
 // The objects stay as they were. The client believes otherwise until it has been told, so every name in the batch is noted to
 // be told, and slots are bound as the batch says: moves that the client has written meanwhile count.
-void Changes::refuse(const ReceivedBatch& received, const Change& failed, const Error& error) {
-  const double now = client_.scene->now();
-  const Client::Applying applying(client_);
-  for (const std::string& name : received.about.names) {
-    if (name.find('/') == std::string::npos) client_.note_untold(name);
-    client_.let_others();
-  }
-  if (received.about.is_about_all) {
-    client_.names.for_each([&](const std::string& name, const NameRecord& record) {
-      if (record.is_there || record.absent) client_.names.tell(name, client_.name);
-    });
-  }
-  if (received.about.is_about_view) client_.is_view_untold = true;
-  for (const Change& change : received.changes) {
-    ++client_.refused;
-    fs_event event{};
-    event.kind = FS_EVENT_REFUSED;
-    event.status = error.status;
-    event.time = now;
-    const bool is_cause = change.record.data() == failed.record.data();
-    put_text(event.text, is_cause ? error.text : "another change of its group was refused: " + error.text);
-    put_text(event.name, change.name());
-    refuse(change, received.serial);
-    client_.note_news();  // before the event, whose reader may look at the object at once
-    client_.push_event(event);
-    client_.let_others();
-  }
-  client_.note_news();
-  syncs_.note_refusal(error.status, error.text);
+void Changes::tell_refused(const Change& change, uint64_t serial, const Error& error, bool is_cause) {
+  ++client_.refused;
+  fs_event event{};
+  event.kind = FS_EVENT_REFUSED;
+  event.status = error.status;
+  event.time = client_.scene->now();
+  put_text(event.text, is_cause ? error.text : "another change of its group was refused: " + error.text);
+  put_text(event.name, change.name());
+  refuse(change, serial);
+  client_.note_news();  // before the event, whose reader may look at the object at once
+  client_.push_event(event);
 }
 
 void Changes::refuse(const Change& change, uint64_t serial) {

@@ -18,20 +18,30 @@ class Changes {
  public:
   Changes(Client& client, Syncs& syncs) : client_(client), syncs_(syncs) {}
 
-  void apply(const ReceivedBatch& received);
+  // Whether the batch has to be applied step by step: a group, or one change that takes long.
+  static bool is_long(const Batch& changes) noexcept {
+    return changes.size() > 1 || changes[0].is_foreign() || changes[0].type == wire::type_clear;
+  }
+  void apply(const ReceivedBatch& received);              // one that is not long
+  Task apply_step_by_step(const ReceivedBatch& received);  // needs a claim on all scenes that it is about
 
  private:
-  using ForeignEdits = std::map<const LocalScene*, ForeignEdit>;
-
-  void apply_group(const ReceivedBatch& received);
-  void apply(const Change& change, uint64_t serial);
-  void apply_set(const wire::Set& set, uint64_t serial, bool is_change);
-  void apply_clear();
-  void apply_foreign(const Change& change, ForeignEdits& edits);
+  using ForeignGroups = std::map<const LocalScene*, ForeignGroup>;
   using Records = std::map<std::string, NameRecord>;
-  Records records_of(const Subjects& about);
-  void put_back(const Records& records);
-  void refuse(const ReceivedBatch& received, const Change& failed, const Error& error);
+
+  // scene: the client's, or a group of it.
+  template <class Scene>
+  void apply(Scene& scene, const Change& change, uint64_t serial);
+  template <class Scene>
+  void apply_set(Scene& scene, const wire::Set& set, uint64_t serial, bool is_change);
+  template <class Scene>
+  Task clear(Scene& scene);
+  void apply_foreign(const Change& change, ForeignGroups& groups);
+  Task take_records(const Subjects& about, Records& out);
+  Task put_back(const Records& records);
+  Task refuse(const ReceivedBatch& received, const Change& failed, const Error& error);
+  void note_refused(const Subjects& about);
+  void tell_refused(const Change& change, uint64_t serial, const Error& error, bool is_cause);
   void refuse(const Change& change, uint64_t serial);
 
   Client& client_;

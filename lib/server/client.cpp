@@ -16,10 +16,6 @@ static bool has_event(const Descriptor& descriptor, short events) noexcept {
 Client::Client(Host& the_host, uint64_t the_id, Descriptor&& the_socket, const Peer& the_peer)
     : host(the_host), id(the_id), peer(the_peer), socket(std::move(the_socket)), process(open_process(the_peer.process)) {}
 
-void Client::let_others() {
-  if (++steps_ % few_steps == 0) host.let_others(this, is_amid_drafts);
-}
-
 bool Client::take_moves() {
   const Moves::Taken taken = moves.take(names, *scene);
   moved += taken.applied;

@@ -8,10 +8,10 @@
 #include "ipc/socket.h"
 #include "server/answers.h"
 #include "server/client_assets.h"
-#include "server/host.h"
 #include "server/moves.h"
 #include "server/names.h"
 #include "server/parked.h"
+#include "server/work.h"
 
 namespace fs {
 
@@ -41,12 +41,9 @@ struct Client {
   unsigned jobs = 0;                             // that workers have not finished
   uint64_t moved = 0, changed = 0, refused = 0;  // counts for fs_client
 
-  // It is in the middle of long work: others have their turns and are answered meanwhile, this client is not.
-  bool is_applying = false;
-  bool is_amid_drafts = false;  // of other scenes, which nobody may change meanwhile
-  class Applying;
-  static constexpr size_t few_steps = 4;  // of about a microsecond each, between two looks at the others
-  void let_others();                      // called after each step
+  Work work{host};
+  Claim* claim = nullptr;   // of its work; null: none
+  bool is_claimed = false;  // its scene is being changed in several steps
 
   // Takes the moves in the inbox. False: a group of moves is being written there, and all of them come later.
   bool take_moves();
@@ -71,30 +68,9 @@ struct Client {
   // From now on the client is gone; its objects fade from `lease` s on.
   void drop(double lease) noexcept;
   void drop() noexcept { drop(host.settings().lease); }
-
- private:
-  size_t steps_ = 0;
 };
 
 // The report of an object that is not in the scene.
 fs_report report_of(const std::string& name, const Absent& absent);
-
-class Client::Applying {
- public:
-  explicit Applying(Client& client)
-      : client_(client), was_applying_(client.is_applying), was_amid_drafts_(client.is_amid_drafts) {
-    client_.is_applying = true;
-  }
-  ~Applying() {
-    client_.is_applying = was_applying_;
-    client_.is_amid_drafts = was_amid_drafts_;
-  }
-  Applying(const Applying&) = delete;
-  Applying& operator=(const Applying&) = delete;
-
- private:
-  Client& client_;
-  const bool was_applying_, was_amid_drafts_;
-};
 
 }  // namespace fs

@@ -39,10 +39,6 @@ std::vector<fs_client> Clients::describe() const {
   return out;
 }
 
-bool Clients::is_anybody_applying() const {
-  return std::any_of(all_.begin(), all_.end(), [](const auto& client) { return client->is_applying; });
-}
-
 void Clients::drop_dead(uid_t user) const noexcept {
   for (const std::shared_ptr<Client>& client : all_) {
     if (is_there(client) && client->peer.user == user && !client->is_alive()) client->drop();

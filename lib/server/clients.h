@@ -25,7 +25,6 @@ class Clients {
   std::shared_ptr<Client> share(std::string_view name) const;
   size_t count() const;
   std::vector<fs_client> describe() const;
-  bool is_anybody_applying() const;
   void drop_dead(uid_t user) const noexcept;  // those of the user whose end nobody has looked at yet
   void for_each(const std::function<void(const std::shared_ptr<Client>&)>& f) const;
 

@@ -33,25 +33,25 @@ TargetObject find_foreign(const Client& asking, const wire::Target& target) {
   return out;
 }
 
-void ForeignEdit::add(const Client& editor, const Change& change, const std::string& name) {
+void ForeignGroup::add(const Client& editor, const Change& change, const std::string& name) {
   if (change.type == wire::type_edit) {
     const wire::Edit& edit = change.as<wire::Edit>();
     const uint32_t parts = parse_parts(edit.parts);
     fs_object present;
-    const Ref<const Object> kept = draft_.get(name.c_str(), present);
+    const Ref<const Object> kept = group_.get(name.c_str(), present);
     LinkedObject linked = editor.assets.resolve(edit.object, parts, &present);
     put_text(linked.object.name, name);
-    draft_.change(linked.object, parts);
+    group_.change(linked.object, parts);
   } else if (change.type == wire::type_move_other) {
     const wire::MoveOther& move = change.as<wire::MoveOther>();
-    draft_.move(name.c_str(), move.pose, move.has_twist ? &move.twist : nullptr, move.time);
+    group_.move(name.c_str(), move.pose, move.has_twist ? &move.twist : nullptr, move.time);
   } else {
-    draft_.remove(name.c_str());
+    group_.remove(name.c_str());
   }
   names_[name] = change.type == wire::type_remove_other;
 }
 
-void ForeignEdit::tell(Client& editor) const {
+void ForeignGroup::tell(Client& editor) const {
   for (const auto& [name, is_removed] : names_) {
     ++editor.changed;
     if (owner_) {

@@ -1,12 +1,11 @@
-// Finds the scene and object that a client means by "client/object", and changes objects of other scenes. The changes are
-// collected in a draft of the scene, and taken all at once or not at all.
+// Finds the scene and object that a client means by "client/object", and changes objects of other scenes.
 #pragma once
 
 #include <map>
 #include <memory>
 #include <string>
 
-#include "scene/draft.h"
+#include "scene/scene_group.h"
 #include "server/client.h"
 
 namespace fs {
@@ -23,20 +22,19 @@ TargetObject find_target(const Client& asking, const wire::Target& target);
 // The same for an object that is to be changed. Also INVALID: it is the client's own; DENIED: the server is locked.
 TargetObject find_foreign(const Client& asking, const wire::Target& target);
 
-// Changes of objects of one other scene, independent of a group that may be open there.
-class ForeignEdit {
+// Changes of objects of one other scene, all of which are made or none.
+class ForeignGroup {
  public:
-  explicit ForeignEdit(const TargetObject& target)
-      : owner_(target.owner), scene_(target.scene), draft_(scene_) {}
+  explicit ForeignGroup(const TargetObject& target) : owner_(target.owner), scene_(target.scene), group_(scene_) {}
 
   void add(const Client& editor, const Change& change, const std::string& name);
-  void take() { draft_.take(); }
-  void tell(Client& editor) const;  // tells the owner of the changes that were taken
+  void commit() { group_.commit(SIZE_MAX); }
+  void tell(Client& editor) const;  // tells the owner of the changes that were made
 
  private:
   const std::shared_ptr<Client> owner_;
   const Ref<LocalScene> scene_;
-  Draft draft_;
+  SceneGroup group_;
   std::map<std::string, bool> names_;  // of the objects; true: removed
 };
 

@@ -84,15 +84,12 @@ class Names {
   template <class F>
   void take_used(uint64_t newest, uint64_t used, F&& f);
 
-  // ---- To put records back when a group is refused.
-  template <class F>
-  void for_each(F&& f) const {  // f(name, record)
-    for (const auto& [name, record] : all_) f(name, static_cast<const NameRecord&>(record));
-  }
+  const NameMap<Listed>& all() const noexcept { return all_; }
   template <class F>
   void for_each_absent(F&& f) const {
     for (const Named* named : lists_[absent]) f(named->first, *named->second.absent);
   }
+  // ---- To put records back when a group is refused.
   NameRecord record_of(std::string_view name) const;
   bool put_back(const std::string& name, const NameRecord& record);  // as bind; the names that had its slot are forgotten
 

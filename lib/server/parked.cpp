@@ -33,7 +33,11 @@ bool Subjects::add(const Change& change) {
       return true;
     default: return false;
   }
-  names.emplace(change.name());
+  const std::string_view name = change.name();
+  names.emplace(name);
+  if (const std::string_view owner = name.substr(0, name.find('/')); change.is_foreign() && !owners.contains(owner)) {
+    owners.emplace(owner);
+  }
   return true;
 }
 
@@ -44,6 +48,7 @@ void Parked::count(const ReceivedBatch& batch) {
   all_ += batch.about.is_about_all;
   view_ += batch.about.is_about_view;
   requests_ += batch.is_request;
+  ++counted_;
   cost_ += std::max(batch.changes.size(), batch.changes.is_mapped() ? map_cost : 1);
 }
 
@@ -51,7 +56,7 @@ void Parked::count_nothing() noexcept {
   names_.clear();
   ids_.clear();
   request_ids_.clear();
-  all_ = view_ = cost_ = requests_ = 0;
+  all_ = view_ = cost_ = requests_ = counted_ = 0;
 }
 
 bool Parked::holds_up(const Subjects& about) const {
@@ -66,6 +71,22 @@ bool Parked::holds_up(const Subjects& about) const {
 void Parked::add(ReceivedBatch&& batch) {
   count(batch);
   batches_.push_back(std::move(batch));
+}
+
+bool Parked::take_forget(uint64_t id) {
+  if (!needs(id)) return false;
+  const auto found = std::find_if(batches_.begin(), batches_.end(), [id](const ReceivedBatch& batch) {
+    return batch.about.is_forget && batch.about.ids.contains(id);
+  });
+  if (found == batches_.end()) return false;
+  batches_.erase(found);
+  count_nothing();
+  return true;
+}
+
+bool Parked::count_next() {
+  if (counted_ < batches_.size()) count(batches_[counted_]);
+  return counted_ < batches_.size();
 }
 
 std::deque<ReceivedBatch> Parked::take_all() {

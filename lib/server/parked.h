@@ -15,6 +15,7 @@ namespace fs {
 // What a batch is about: the things that a later batch must not overtake.
 struct Subjects {
   std::set<std::string, std::less<>> names;  // of objects; "client/object" of foreign ones
+  std::set<std::string, std::less<>> owners; // the clients of foreign ones
   std::set<uint64_t> ids;                    // of the assets that it needs, or forgets
   bool is_about_all = false, is_about_view = false, is_forget = false;
 
@@ -46,9 +47,9 @@ class Parked {
   void add(ReceivedBatch&& batch);
   std::deque<ReceivedBatch> take_all();
 
-  // Removes the first batch that forgets this asset. False: there is none. Calls step() for each batch that stays.
-  template <class F>
-  bool take_forget(uint64_t id, F&& step);
+  // Removes the first batch that forgets this asset. False: there is none. Then count_next() is to be called until it is false.
+  bool take_forget(uint64_t id);
+  bool count_next();
 
   // An asset that some wait for is ready. True: it is time to look through them now. Where many wait, they are not looked
   // through after every asset, but every few turns.
@@ -71,23 +72,9 @@ class Parked {
   std::set<std::string, std::less<>> names_;
   std::set<uint64_t> ids_, request_ids_;  // the latter of requests, which do not hold up a forget
   size_t all_ = 0, view_ = 0, cost_ = 0, requests_ = 0;
+  size_t counted_ = 0;  // batches that are in these
   bool is_retry_due_ = false;
   size_t turns_until_retry_ = 0;
 };
-
-template <class F>
-bool Parked::take_forget(uint64_t id, F&& step) {
-  if (!needs(id)) return false;
-  auto found = batches_.begin();
-  while (found != batches_.end() && !(found->about.is_forget && found->about.ids.contains(id))) ++found;
-  if (found == batches_.end()) return false;
-  batches_.erase(found);
-  count_nothing();
-  for (const ReceivedBatch& batch : batches_) {
-    count(batch);
-    step();
-  }
-  return true;
-}
 
 }  // namespace fs

@@ -109,10 +109,10 @@ void Requests::tell_all(const char* text) const noexcept {
 void Requests::edit(const Request& request) {
   with_object(find_foreign(client_, request.as<wire::Target>()), [&](const TargetObject& target) {
     if (target.owner) target.owner->take_moves();  // moves that the owner made before this change
-    ForeignEdit edit(target);
-    edit.add(client_, request.content, target.name);
-    edit.take();
-    edit.tell(client_);
+    ForeignGroup group(target);
+    group.add(client_, request.content, target.name);
+    group.commit();
+    group.tell(client_);
   });
   client_.answers.send(request.serial);
 }
@@ -121,9 +121,8 @@ void Requests::edit(const Request& request) {
 void Requests::get(const Request& request) {
   with_object(find_target(client_, request.as<wire::Target>()), [&](const TargetObject& target) {
     if (target.owner) target.owner->take_moves();
-    Draft nothing(target.scene);
     fs_object object;
-    const Ref<const Object> kept = nothing.get(target.name.c_str(), object);
+    const Ref<const Object> kept = target.scene->get(target.name.c_str(), object, false);
     client_.answers.send_record(request.serial, client_.assets.offer(object));
   });
 }

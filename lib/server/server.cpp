@@ -25,7 +25,7 @@ constexpr double awake_for = 0.05;        // s after the last activity, until th
 constexpr double asleep_period = 0.02;    // s, for the heartbeat and the scenes' events
 constexpr double housekeeping_period = 0.01;
 constexpr double shortest_lead = 1.5e-4;  // s before a tick: time to wake up and to take some moves
-constexpr int most_messages = 64;  // of one client, before all are looked at again
+constexpr double slice = 1e-5;     // s of work for one client, before others are looked at
 constexpr uint64_t quick_bytes = 1'000'000;  // a job with more of them goes to the builder
 
 timespec to_timespec(double time) noexcept {  // s
@@ -119,27 +119,12 @@ void fs_server::run() noexcept {
   set_timer();
   std::array<epoll_event, 64> buffer;
   for (;;) {
-    const std::span<const epoll_event> events = watcher_.wait(buffer, -1);
+    const std::span<const epoll_event> events = watcher_.wait(buffer, listed_.empty() ? -1 : 0);
     {
       const std::lock_guard lock(mutex_);
       if (is_stopping_ || is_servo_stopping_) break;
     }
-    // Only one client is served, the one that has used least of this thread lately: then all are looked at again.
-    ++rounds_;
-    Session* next = nullptr;
-    for (const epoll_event& event : events) {
-      try {
-        if (Session* const session = find_socket(event)) {
-          if (!(event.events & EPOLLIN)) session->client().drop();
-          else if (!next || session->usage().lately() < next->usage().lately()) next = session;
-        } else {
-          handle(event.data.u64);
-        }
-        turn_if_due();
-      } catch (...) {  // there is no memory: this event is not handled
-      }
-    }
-    if (next) serve(*next, most_messages);
+    if (Session* const next = next_of(events)) serve(*next);
     turn_if_due();
     bury_sessions();
   }
@@ -158,33 +143,43 @@ Session* fs_server::find_socket(const epoll_event& event) const {
   return is_socket ? sessions_.find((source - first_session) / 2).get() : nullptr;
 }
 
-void fs_server::serve(Session& session, int most) noexcept {
-  const double start = last_look_ = steady_now();
-  used_by_others_ = 0;
-  session.receive(most);
-  last_look_ = steady_now();
-  session.usage().spend(last_look_ - start - used_by_others_);
+// Handles the events that are about no messages. Returns the session that has used least of this thread lately, of those that
+// have something to do; null: none has.
+Session* fs_server::next_of(std::span<const epoll_event> events) noexcept {
+  Session* next = nullptr;
+  const auto consider = [&](Session& session) {
+    if (!next || session.usage().lately() < next->usage().lately()) next = &session;
+  };
+  for (const epoll_event& event : events) {
+    if (Session* const session = find_socket(event)) {
+      if (!(event.events & EPOLLIN)) session->client().drop();
+      else if (session->is_idle()) consider(*session);
+      continue;
+    }
+    try {
+      handle(event.data.u64);
+    } catch (...) {  // there is no memory: this event is not handled
+    }
+    turn_if_due();
+  }
+  for (Session* const session : listed_) {
+    if (session->client().work.state() != Work::State::waiting) consider(*session);
+  }
+  return next;
 }
 
-void fs_server::let_others(const Client* busy, bool is_alone) noexcept {
-  turn_if_due();
-  if (is_alone || is_among_others_ || steady_now() - last_look_ < Session::slice) return;
-  is_among_others_ = true;
-  std::array<epoll_event, 64> buffer;
-  Session* next = nullptr;
-  for (const epoll_event& event : watcher_.wait(buffer, 0)) {
-    Session* const session = find_socket(event);
-    if (!session || !(event.events & EPOLLIN) || &session->client() == busy) continue;
-    if (next && session->usage().lately() >= next->usage().lately()) continue;
-    if (session->is_next_apart(busy, rounds_)) next = session;
-  }
-  last_look_ = steady_now();
-  if (next) {
-    const double used = used_by_others_, start = last_look_;
-    serve(*next, 1);
-    used_by_others_ = used + last_look_ - start;
-  }
-  is_among_others_ = false;
+void fs_server::list(Session& session) noexcept {
+  if (std::exchange(session.is_listed, true)) return;
+  listed_.push_back(&session);
+}
+
+void fs_server::serve(Session& session) noexcept {
+  if (session.client().is_gone) return;
+  if (std::exchange(session.is_listed, false)) std::erase(listed_, &session);
+  slice_begin_ = steady_now();
+  session.resume();
+  session.usage().spend(steady_now() - slice_begin_);
+  if (!session.client().is_gone && session.has_more()) list(session);
 }
 
 void fs_server::handle(uint64_t source) {
@@ -195,10 +190,6 @@ void fs_server::handle(uint64_t source) {
     finish_jobs();
   } else if (source == source_timer) {
     if (read(timer_.get(), &count, sizeof count) == sizeof count) turn(steady_now());
-    for (const std::shared_ptr<Session>& session : sessions_) {
-      session->catch_up();
-      let_others(nullptr, false);
-    }
   } else if (source == source_listener) {
     accept_clients(door_.own_socket());
   } else if (source == source_shared_listener) {
@@ -210,12 +201,9 @@ void fs_server::handle(uint64_t source) {
 
 void fs_server::finish_jobs() {
   for (Worker* const worker : {&worker_, &builder_}) {
-    for (const Worker::Job& job : worker->take_done()) {
-      try {
-        job.done();
-      } catch (...) {  // there is no memory for this client; go on with the jobs of others
-      }
-      let_others(nullptr, false);
+    for (std::list<Worker::Job> done = worker->take_done(); !done.empty();) {
+      if (const std::shared_ptr<Session> session = sessions_.find(done.front().owner)) session->take_job(done);
+      else done.pop_front();
     }
   }
 }
@@ -240,8 +228,9 @@ void fs_server::turn_if_due() noexcept {
   }
 }
 
-// A worker destroys them: a session may hold a gigabyte of shapes and thousands of objects.
+// Claims have ended by now. A worker destroys them: a session may hold a gigabyte of shapes and thousands of objects.
 void fs_server::bury_sessions() noexcept {
+  std::erase_if(listed_, [](const Session* session) { return session->client().is_gone; });
   try {
     std::vector<std::shared_ptr<Session>> gone = sessions_.take_gone();
     clients_.remove_gone();
@@ -297,22 +286,27 @@ void fs_server::note_activity() noexcept { last_activity_ = steady_now(); }
 
 void fs_server::start_job(Client& client, uint64_t bytes, std::function<void(Wanted&)> work, std::function<void()> done) {
   Worker& worker = bytes > quick_bytes ? builder_ : worker_;
-  worker.add(client.id, {std::move(work), [this, id = client.id, done = std::move(done)] {
-    if (const std::shared_ptr<Session> session = sessions_.find(id)) session->finish_job(done);
-  }});
+  worker.add({std::move(work), std::move(done), client.id});
   ++client.jobs;
 }
 
 void fs_server::destroy(std::shared_ptr<void> what) {
   const auto dead = std::make_shared<std::shared_ptr<void>>(std::move(what));
-  worker_.add(0, {[dead](Wanted&) { dead->reset(); }, [] {}});
+  worker_.add({[dead](Wanted&) { dead->reset(); }, [] {}});
 }
 
 void fs_server::set_reading(const Client& client, bool is_reading) noexcept {
   watcher_.set_reading(client.socket, socket_source(client), is_reading);
 }
 
-void fs_server::let_go(const Client& client) noexcept {
+bool fs_server::is_slice_over() const noexcept { return steady_now() - slice_begin_ >= slice; }
+
+void fs_server::resume_later(const Client& client) noexcept {
+  if (const std::shared_ptr<Session> session = sessions_.find(client.id)) list(*session);
+}
+
+void fs_server::let_go(Client& client) noexcept {
+  if (client.claim) claims_.end(*client.claim);
   clients_.note_leaving(client);
   watcher_.remove(client.socket);
   watcher_.remove(client.process);
@@ -341,6 +335,7 @@ void fs_server::let_in(Descriptor&& socket) {
     sessions_.make_room(is_refused);
     const auto session = std::make_shared<Session>(*this, ++last_id_, std::move(socket), peer,
                                                    is_refused ? FS_ERROR_DENIED : FS_OK);
+    listed_.reserve(sessions_.size() + 1);
     sessions_.add(session);
     clients_.add(session->shared_client());
     Client& client = session->client();

@@ -1,6 +1,7 @@
 // The server: lets other processes in to a servo. It is the fs_server of the C contract itself. One thread owns the
-// sessions: at the servo's rate it takes what the clients have written, in turn, and answers what they ask. Each client has
-// a scene and a channel of its own in the servo, so their forces add; a turn makes one snapshot of a scene at most.
+// sessions, and goes on with one client's work at a time (work.h); at the servo's rate it takes the moves that the clients have
+// written, in turn. Each client has a scene and a channel of its own in the servo, so their forces add; a turn makes one
+// snapshot of a scene at most.
 #pragma once
 
 #include <condition_variable>
@@ -34,23 +35,27 @@ struct fs_server final : fs::Counted<fs_server>, fs::Host {
   // ---- For the sessions.
   const fs::ServerSettings& settings() const noexcept override { return settings_; }
   const fs::Clients& clients() const noexcept override { return clients_; }
+  fs::Claims& claims() noexcept override { return claims_; }
   void start_job(fs::Client& client, uint64_t bytes, std::function<void(fs::Wanted&)> work,
                  std::function<void()> done) override;
   void destroy(std::shared_ptr<void> what) override;
-  void let_others(const fs::Client* busy, bool is_alone) noexcept override;
+  bool is_slice_over() const noexcept override;
+  void resume_later(const fs::Client& client) noexcept override;
   void note_activity() noexcept override;
   // On the heap: a thread-local buffer would keep the library from being loaded at run time.
   std::span<std::byte> message_buffer() noexcept override { return message_; }
   void set_reading(const fs::Client& client, bool is_reading) noexcept override;
   void require_room() override { clients_.require_room(); }
-  void let_go(const fs::Client& client) noexcept override;
+  void let_go(fs::Client& client) noexcept override;
 
   void run() noexcept;
   void set_timer() noexcept;
   void handle(uint64_t source);
   void finish_jobs();
   fs::Session* find_socket(const epoll_event& event) const;  // null: it is not the socket of a client
-  void serve(fs::Session& session, int most_messages) noexcept;
+  void list(fs::Session& session) noexcept;
+  fs::Session* next_of(std::span<const epoll_event> events) noexcept;
+  void serve(fs::Session& session) noexcept;
   void wake_up() noexcept;
   void turn_if_due() noexcept;
   void open_door(bool is_open) noexcept;
@@ -72,11 +77,12 @@ struct fs_server final : fs::Counted<fs_server>, fs::Host {
   bool is_door_open_ = true;
   fs::Worker worker_, builder_;
   fs::Clients clients_{*servo_, settings_.max_clients};
+  fs::Claims claims_;
   fs::Sessions sessions_;
+  std::vector<fs::Session*> listed_;  // sessions that have more to do; with room for all of them
   std::vector<std::byte> message_;
-  uint64_t last_id_ = 0, turns_ = 0, rounds_ = 0;
-  bool is_among_others_ = false;  // handles a message in the middle of other work
-  double last_look_ = 0, used_by_others_ = 0;
+  uint64_t last_id_ = 0, turns_ = 0;
+  double slice_begin_ = 0;  // s
   bool is_asleep_ = false;
   double last_activity_ = 0, last_turn_ = 0, last_housekeeping_ = 0;
 

@@ -26,8 +26,7 @@ Session::Session(Host& host, uint64_t id, Descriptor socket, const Peer& peer, f
     : client_(std::make_shared<Client>(host, id, std::move(socket), peer)), refusal_(refusal), since_(steady_now()) {}
 
 bool Session::is_busy() const noexcept {
-  return client_->is_applying || client_->names.has_awaited() || !syncs_.is_empty() ||
-         !client_->parked.is_empty();
+  return !is_idle() || client_->names.has_awaited() || !syncs_.is_empty() || !client_->parked.is_empty();
 }
 
 void Session::set_asleep(bool is_asleep) noexcept {
@@ -36,66 +35,41 @@ void Session::set_asleep(bool is_asleep) noexcept {
 
 // ------------------------------------------------------------------------------------------------------- what comes in
 
-bool Session::is_next_apart(const Client* busy, uint64_t round) noexcept {
-  if (client_->is_gone || client_->name.empty() || client_->is_applying || round_to_wait_ == round) return false;
-  struct {
-    wire::Header header;
-    wire::Target target;
-  } next{};
-  const ssize_t size = recv(client_->socket.get(), &next, sizeof next, MSG_PEEK | MSG_DONTWAIT);
-  using namespace wire;
-  bool is_apart = size >= static_cast<ssize_t>(sizeof next.header);
-  switch (next.header.type) {
-    case type_group:  // these may be long themselves
-    case type_clear:
-    case type_reports:  // and these are about all
-    case type_motions:
-    case type_clients:
-    case type_views: is_apart = false; break;
-    case type_get:
-    case type_report:
-    case type_view:
-    case type_edit:
-    case type_move_other:
-    case type_remove_other: {
-      const std::string target = text_of(next.target.name);
-      if (busy && target.substr(0, target.find('/')) == busy->name) is_apart = false;
-      break;
-    }
-    default: break;
-  }
-  if (!is_apart) round_to_wait_ = round;
-  return is_apart;
-}
-
-void Session::receive(int most) noexcept {
-  try {
-    const std::span<std::byte> buffer = client_->host.message_buffer();
-    const double start = steady_now();
-    for (int i = 0; i < most && !client_->is_gone && is_reading_; ++i) {
-      if (i > 0 && steady_now() - start > slice) return;
-      Descriptor data;
-      size_t size;
-      bool is_cut;
-      const Transfer transfer = receive_message(client_->socket, buffer, size, {&data, 1}, is_cut);
-      if (transfer == Transfer::again) return;
-      if (transfer == Transfer::closed) return client_->drop();
-      client_->host.note_activity();
-      if (client_->name.empty()) {
-        if (!greet(*client_, buffer.first(size), refusal_)) client_->drop(0);
-        continue;
+Task Session::serve() {
+  constexpr int most_messages = 64;  // of one client, before all are looked at again
+  while (!client_->is_gone) {
+    co_await client_->work.pause(Work::State::idle);
+    try {
+      finish_jobs();
+      if (is_retry_due_) co_await retry_parked();
+      for (int i = 0; i < most_messages && is_reading_ && !client_->is_gone; ++i) {
+        if (i > 0 && client_->host.is_slice_over()) break;
+        if (client_->name.empty()) {
+          if (receive_greeting()) continue;
+          break;
+        }
+        Message message{};
+        if (!receive(message)) break;
+        if (!handle_at_once(message)) co_await handle(message);
+        note_applied();
+        regulate();
       }
-      handle(buffer.first(size), std::move(data));
-      note_applied();
-      regulate();
+    } catch (...) {  // it breaks the rules of the wire; or there is no memory or descriptor for it
+      client_->drop();
     }
-  } catch (...) {  // it breaks the rules of the wire; or there is no memory or descriptor for it
-    client_->drop();
   }
 }
 
-// The bytes lie in the buffer of all sessions: what is needed later is copied.
-void Session::handle(std::span<const std::byte> bytes, Descriptor&& data) {
+// False: there is none, or the client is gone.
+bool Session::receive(Message& message) {
+  std::span<std::byte> bytes = client_->host.message_buffer();
+  size_t size;
+  bool is_cut;
+  const Transfer transfer = receive_message(client_->socket, bytes, size, {&message.data, 1}, is_cut);
+  if (transfer == Transfer::closed) client_->drop();
+  if (transfer != Transfer::done) return false;
+  client_->host.note_activity();
+  bytes = bytes.first(size);
   wire::Header header;
   if (bytes.size() < sizeof header) throw BadClient{};
   std::memcpy(&header, bytes.data(), sizeof header);
@@ -103,44 +77,155 @@ void Session::handle(std::span<const std::byte> bytes, Descriptor&& data) {
   const bool is_size_good = header.type == wire::type_group ? bytes.size() >= sizeof(wire::Group)
                                                             : record_size(header.type, client_->sizes) == bytes.size();
   if (!is_size_good || header.serial <= last_serial_) throw BadClient{};
-  last_serial_ = header.serial;
-  const auto type = static_cast<wire::Type>(header.type);
-  if (type == wire::type_wake) return;
-  if (type == wire::type_shape || type == wire::type_curve) return take_asset(PackedAsset::of(type, bytes, std::move(data)));
-
-  const std::shared_ptr<std::byte[]> memory = std::make_shared_for_overwrite<std::byte[]>(bytes.size());
-  std::memcpy(memory.get(), bytes.data(), bytes.size());
-  bytes = {memory.get(), bytes.size()};
-  if (type == wire::type_group) {
-    ReceivedBatch batch = take_apart(bytes, memory, std::move(data));
-    batch.serial = header.serial;
-    if (!client_->is_gone) submit(std::move(batch));
-    return;
-  }
-  const Change content{type, bytes};
-  const bool is_request = type >= wire::type_sync;
-  if (is_request && !content.is_foreign()) return requests_.handle({header.serial, content});
-  ReceivedBatch batch{header.serial, Batch::Reader::read(type, bytes, memory, client_->sizes), {}, is_request};
-  check(batch.changes[0], batch.about);
-  submit(std::move(batch));
+  message.type = static_cast<wire::Type>(header.type);
+  message.serial = last_serial_ = header.serial;
+  if (bytes.empty()) return true;
+  // The buffer is that of all sessions.
+  message.memory = std::make_shared_for_overwrite<std::byte[]>(bytes.size());
+  std::memcpy(message.memory.get(), bytes.data(), bytes.size());
+  message.record = {message.memory.get(), bytes.size()};
+  return true;
 }
 
-// A group may have many changes: others have their turns meanwhile, and may find that this client is gone.
-ReceivedBatch Session::take_apart(std::span<const std::byte> body, std::shared_ptr<const void> memory, Descriptor&& data) {
-  ReceivedBatch out;
-  Batch::Reader reader(body, std::move(memory), std::move(data), wire::most_changes(client_->host.settings().max_objects),
-                       client_->sizes);
+bool Session::receive_greeting() {
+  const std::span<std::byte> bytes = client_->host.message_buffer();
+  Descriptor data;
+  size_t size;
+  bool is_cut;
+  const Transfer transfer = receive_message(client_->socket, bytes, size, {&data, 1}, is_cut);
+  if (transfer == Transfer::closed) client_->drop();
+  if (transfer != Transfer::done) return false;
+  client_->host.note_activity();
+  if (!greet(*client_, bytes.first(size), refusal_)) client_->drop(0);
+  return true;
+}
+
+void Session::look_for_greeting() noexcept {
+  try {
+    receive_greeting();
+  } catch (...) {
+    client_->drop();
+  }
+}
+
+// Most messages need no more than a few microseconds, and nothing that may be claimed. False: handle() is needed.
+bool Session::handle_at_once(Message& message) {
+  using namespace wire;
+  Parked& parked = client_->parked;
+  switch (message.type) {
+    case type_wake: return true;
+    case type_group:
+    case type_clear: return false;
+    case type_shape:
+    case type_curve:
+      if (!parked.is_empty()) return false;
+      take_asset(PackedAsset::of(message.type, message.record, std::move(message.data)));
+      return true;
+    default: break;
+  }
+  Claims& claims = client_->host.claims();
+  const Change content{message.type, message.record};
+  if (message.type >= type_sync && !content.is_foreign()) {
+    if (!claims.is_empty()) {
+      Claim claim(claims, *client_);
+      add_owner(message, claim);
+      if (!claims.may_begin(claim)) return false;
+    }
+    requests_.handle({message.serial, content});
+    return true;
+  }
+  ReceivedBatch batch = batch_of(message);
+  if (!is_ready(batch) || parked.holds_up(batch.about)) {
+    park(std::move(batch));
+  } else if (!batch.is_request) {
+    changes_.apply(batch);
+  } else if (claims.is_empty()) {
+    requests_.handle({message.serial, content});
+  } else {
+    return false;
+  }
+  return true;
+}
+
+Task Session::handle(Message& message) {
+  Client& client = *client_;
+  if (message.type == wire::type_shape || message.type == wire::type_curve) {
+    PackedAsset packed = PackedAsset::of(message.type, message.record, std::move(message.data));
+    const uint64_t id = packed.id();
+    if (client.parked.take_forget(id)) {
+      while (client.parked.count_next()) co_await client.work.step();
+      // It is wanted again before it was forgotten: so it stays, or is made once more where it was refused.
+      if (!client.assets.is_refused(id)) co_return;
+      client.assets.forget(id);
+    }
+    take_asset(std::move(packed));
+    co_return;
+  }
+  Claim claim(client.host.claims(), client);
+  const Change content{message.type, message.record};
+  if (message.type >= wire::type_sync && !content.is_foreign()) {
+    add_owner(message, claim);
+    co_await claim;
+    requests_.handle({message.serial, content});
+    co_return;
+  }
+  ReceivedBatch batch;
+  if (message.type == wire::type_group) {
+    co_await take_apart(message, batch);
+    batch.serial = message.serial;
+  } else {
+    batch = batch_of(message);
+  }
+  if (batch.changes.empty()) co_return;
+  if (!is_ready(batch) || client.parked.holds_up(batch.about)) {
+    park(std::move(batch));
+    co_return;
+  }
+  claim.is_own = !batch.is_request;
+  claim.others = batch.about.owners;
+  co_await claim;
+  co_await apply(batch);
+}
+
+// What a request is about that others may have claimed.
+void Session::add_owner(const Message& request, Claim& claim) {
+  using namespace wire;
+  switch (request.type) {
+    case type_reports:
+    case type_motions:
+    case type_clients:
+    case type_views: claim.is_about_all = true; break;
+    case type_get:
+    case type_report:
+    case type_view: {
+      const std::string target = text_of(reinterpret_cast<const Target*>(request.record.data())->name);
+      claim.others.emplace(target.substr(0, target.find('/')));
+      break;
+    }
+    default: break;
+  }
+}
+
+// Of a message with one change.
+ReceivedBatch Session::batch_of(const Message& message) const {
+  ReceivedBatch out{message.serial, Batch::Reader::read(message.type, message.record, message.memory, client_->sizes), {},
+                    message.type >= wire::type_sync};
+  check(out.changes[0], out.about);
+  return out;
+}
+
+Task Session::take_apart(Message& message, ReceivedBatch& out) {
+  const size_t most = wire::most_changes(client_->host.settings().max_objects);
+  Batch::Reader reader(message.record, message.memory, std::move(message.data), most, client_->sizes);
   while (!reader.is_done()) {
     const std::optional<Change> change = reader.next();
     if (!change) break;
     check(*change, out.about);
     if (out.about.is_forget) throw BadClient{};  // a forget comes alone
-    client_->let_others();
-    if (client_->is_gone) return out;
+    co_await client_->work.step();
   }
   if (!reader.is_good()) throw BadClient{};
   out.changes = reader.take();
-  return out;
 }
 
 // Checks the change, and adds what it is about. Throws BadClient.
@@ -157,14 +242,6 @@ void Session::take_asset(PackedAsset&& packed) {
   Client& client = *client_;
   const ServerSettings& settings = client.host.settings();
   const uint64_t id = packed.id();
-  if (client.parked.needs(id)) {
-    const Client::Applying applying(client);
-    if (client.parked.take_forget(id, [&] { client.let_others(); })) {
-      // It is wanted again before it was forgotten: so it stays, or is made once more where it was refused.
-      if (!client.assets.is_refused(id)) return;
-      client.assets.forget(id);
-    }
-  }
   // Where parked changes will forget some, the client is within its rights: regulate stops reading from it instead.
   const bool is_too_much = client.assets.count() >= wire::most_assets(settings.max_objects) && client.parked.is_empty();
   if (is_too_much || !client.assets.begin(id)) throw BadClient{};
@@ -192,14 +269,14 @@ void Session::take_asset(PackedAsset&& packed) {
       }
     };
     return client.host.start_job(client, bytes, std::move(work), [this, id, made] {
-      if (finish_asset(id, std::move(*made))) retry_parked();
+      is_retry_due_ |= finish_asset(id, std::move(*made));
       note_applied();
     });
   } catch (const Error& error) {
     made->status = error.status;
     made->text = error.text;
   }
-  finish_asset(id, std::move(*made));  // another client's work may be under way: parked changes wait for the next turn
+  is_retry_due_ |= finish_asset(id, std::move(*made));
 }
 
 bool Session::finish_asset(uint64_t id, ClientAssets::Upload&& upload) {
@@ -208,14 +285,19 @@ bool Session::finish_asset(uint64_t id, ClientAssets::Upload&& upload) {
   return client_->parked.needs(id) && client_->parked.note_ready();
 }
 
-void Session::finish_job(const std::function<void()>& done) noexcept {
-  try {
-    done();
-  } catch (...) {
-    client_->drop();
+void Session::take_job(std::list<Worker::Job>& done) noexcept {
+  done_.splice(done_.end(), done, done.begin());
+  client_->host.resume_later(*client_);
+}
+
+void Session::finish_jobs() {
+  while (!done_.empty() && !client_->is_gone) {
+    std::list<Worker::Job> job;
+    job.splice(job.end(), done_, done_.begin());
+    --client_->jobs;
+    job.front().done();
+    regulate();
   }
-  --client_->jobs;
-  regulate();
 }
 
 // Stops reading from a client with too much queued work, and begins again when it has little.
@@ -237,8 +319,7 @@ bool Session::is_ready(const ReceivedBatch& batch) const {
          std::none_of(ids.begin(), ids.end(), [this](uint64_t id) { return client_->assets.is_building(id); });
 }
 
-void Session::submit(ReceivedBatch&& batch) {
-  if (is_ready(batch) && !client_->parked.holds_up(batch.about)) return apply(std::move(batch));
+void Session::park(ReceivedBatch&& batch) {
   constexpr size_t most_requests = 64;
   if (batch.is_request && client_->parked.requests() >= most_requests) {
     const Error full{FS_ERROR_FULL, "64 changes of this client wait for shapes; try again when these are built"};
@@ -252,34 +333,40 @@ void Session::submit(ReceivedBatch&& batch) {
   client_->parked.add(std::move(batch));
 }
 
-void Session::apply(ReceivedBatch&& batch) {
-  if (batch.is_request) return requests_.handle({batch.serial, batch.changes[0]});
-  changes_.apply(batch);
-  if (batch.changes.size() > many_changes) client_->host.destroy(std::make_shared<ReceivedBatch>(std::move(batch)));
-}
-
-void Session::catch_up() noexcept {
-  if (client_->is_gone || !client_->parked.is_retry_due()) return;
-  try {
-    retry_parked();
-    regulate();
-  } catch (...) {
-    client_->drop();
+// All that it is about is claimed.
+Task Session::apply(ReceivedBatch& batch) {
+  if (batch.is_request) {
+    requests_.handle({batch.serial, batch.changes[0]});
+  } else if (Changes::is_long(batch.changes)) {
+    co_await changes_.apply_step_by_step(batch);
+    if (batch.changes.size() > many_changes) client_->host.destroy(std::make_shared<ReceivedBatch>(std::move(batch)));
+  } else {
+    changes_.apply(batch);
   }
 }
 
-void Session::retry_parked() {
-  const Client::Applying applying(*client_);
-  for (ReceivedBatch& batch : client_->parked.take_all()) {
+Task Session::retry_parked() {
+  is_retry_due_ = false;
+  Claim claim(client_->host.claims(), *client_);
+  claim.is_own = true;
+  for (const ReceivedBatch& batch : client_->parked.batches()) {
+    claim.others.insert(batch.about.owners.begin(), batch.about.owners.end());
+    co_await client_->work.step();
+  }
+  co_await claim;
+  std::deque<ReceivedBatch> batches = client_->parked.take_all();
+  for (ReceivedBatch& batch : batches) {
     if (is_ready(batch) && !client_->parked.holds_up(batch.about)) {
-      apply(std::move(batch));
+      co_await apply(batch);
     } else {
       client_->parked.add(std::move(batch));
     }
-    client_->let_others();
+    co_await client_->work.step();
   }
-  if (client_->names.has_untold() || client_->is_view_untold) client_->note_news();  // names that parked changes held up can be told now
+  // Names that parked changes held up can be told now.
+  if (client_->names.has_untold() || client_->is_view_untold) client_->note_news();
   note_applied();
+  regulate();
 }
 
 void Session::note_applied() noexcept {
@@ -293,7 +380,7 @@ void Session::turn(double now) noexcept {
   try {
     client_->outbox->heartbeat.store(now, std::memory_order_relaxed);
     are_moves_taken_ = false;
-    if (client_->is_applying) return;
+    if (client_->is_claimed) return;
     are_moves_taken_ = client_->moves.begin_turn() && client_->take_moves();
     client_->scene->post();
   } catch (...) {
@@ -302,8 +389,12 @@ void Session::turn(double now) noexcept {
 }
 
 void Session::end_turn() noexcept {
-  if (client_->is_gone || client_->name.empty() || client_->is_applying) return;
+  if (client_->is_gone || client_->name.empty() || client_->is_claimed) return;
   try {
+    if (is_idle() && !is_retry_due_ && client_->parked.is_retry_due()) {
+      is_retry_due_ = true;
+      client_->host.resume_later(*client_);
+    }
     const uint64_t used = client_->scene->output->used.load(std::memory_order_acquire);
     if (client_->names.has_awaited()) {
       client_->names.take_used(client_->scene->sequence(), used,
@@ -316,7 +407,7 @@ void Session::end_turn() noexcept {
 }
 
 void Session::keep_house() noexcept {
-  if (client_->is_gone || client_->is_applying) return;
+  if (client_->is_gone || client_->is_claimed) return;
   if (client_->name.empty()) {
     constexpr double patience = 2;  // s
     if (steady_now() - since_ > patience) client_->drop(0);

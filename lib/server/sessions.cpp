@@ -34,7 +34,7 @@ void Sessions::make_room(bool is_refused) {
   };
   if (std::count_if(all_.begin(), all_.end(), is_rival) < (is_refused ? most_refused : most_strangers)) return;
   const std::shared_ptr<Session> longest = *std::find_if(all_.begin(), all_.end(), is_rival);
-  longest->receive(1);  // it may have said something by now
+  longest->look_for_greeting();  // it may have said something by now
   if (longest->client().name.empty()) longest->client().drop(0);
 }
 

@@ -15,16 +15,18 @@ void Syncs::begin(Sync& sync, const Client& client) {
   sync.has_begun = true;
   sync.own = client.host.servo().scene()->sequence();
   client.host.clients().for_each([&](const std::shared_ptr<Client>& other) {
-    sync.wanted.emplace_back(other, other->scene->sequence());
+    sync.wanted.push_back({other, {}});
   });
 }
 
 bool Syncs::is_used(Sync& sync, const Client& client, uint64_t used) {
   const auto used_of = [](const LocalScene& scene) { return scene.output->used.load(std::memory_order_acquire); };
-  std::erase_if(sync.wanted, [&](const auto& wanted) {
-    const std::shared_ptr<const Client> other = wanted.first.lock();
+  std::erase_if(sync.wanted, [&](Sync::Wanted& wanted) {
+    const std::shared_ptr<const Client> other = wanted.client.lock();
     if (!other || other->is_gone) return true;
-    return (other.get() == &client ? used : used_of(*other->scene)) >= wanted.second;
+    if (!wanted.sequence && other->is_claimed) return false;
+    if (!wanted.sequence) wanted.sequence = other->scene->sequence();
+    return (other.get() == &client ? used : used_of(*other->scene)) >= *wanted.sequence;
   });
   return sync.wanted.empty() && used_of(*client.host.servo().scene()) >= sync.own;
 }
@@ -37,7 +39,7 @@ void Syncs::answer(const Client& client, bool are_moves_taken, uint64_t used) {
       client.answers.refuse(sync.serial, status, text);
       continue;
     }
-    if (!sync.has_begun && are_moves_taken && !client.host.clients().is_anybody_applying()) begin(sync, client);
+    if (!sync.has_begun && are_moves_taken) begin(sync, client);
     if (sync.has_begun && is_used(sync, client, used)) {
       client.answers.send(sync.serial);
     } else {

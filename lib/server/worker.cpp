@@ -30,10 +30,10 @@ Worker::~Worker() {
   thread_.join();
 }
 
-void Worker::add(uint64_t owner, Job job) {
+void Worker::add(Job job) {
   {
     const std::lock_guard lock(mutex_);
-    jobs_[owner].push_back(std::move(job));
+    jobs_[job.owner].push_back(std::move(job));
   }
   changed_.notify_one();
 }

@@ -20,13 +20,14 @@ class Worker {
     // Called by the worker's thread; must not throw. Long work looks at `wanted` at every step.
     std::function<void(Wanted& wanted)> work;
     std::function<void()> done;  // what the thread that asked does then
+    uint64_t owner = 0;
   };
 
   // thread_name: a literal. notify: called by the worker's thread when something was done.
   Worker(const char* thread_name, std::function<void()> notify);
   ~Worker();  // drops the jobs that have not begun, and abandons the one that has
 
-  void add(uint64_t owner, Job job);
+  void add(Job job);
   void forget(uint64_t owner) noexcept;  // drops its jobs; one that has begun is abandoned, and counts as done
   std::list<Job> take_done();
 

@@ -4,7 +4,7 @@
 #include <thread>
 #include <vector>
 
-#include "scene/local_scene.h"
+#include "scene/scene_group.h"
 #include "server/allowance.h"
 #include "server/names.h"
 #include "server/worker.h"
@@ -74,7 +74,7 @@ START_TEST(who_asks_little_goes_first) {
 END_TEST
 
 // Work that ends only when it is abandoned.
-Worker::Job endless(std::atomic<uint64_t>& steps, std::atomic<bool>& is_abandoned) {
+Worker::Job endless(uint64_t owner, std::atomic<uint64_t>& steps, std::atomic<bool>& is_abandoned) {
   return {[&](Wanted& wanted) {
             try {
               for (;; ++steps) wanted.step();
@@ -82,7 +82,7 @@ Worker::Job endless(std::atomic<uint64_t>& steps, std::atomic<bool>& is_abandone
               is_abandoned = true;
             }
           },
-          [] {}};
+          [] {}, owner};
 }
 void wait_for(const std::atomic<bool>& flag) {
   while (!flag) std::this_thread::yield();
@@ -95,9 +95,9 @@ START_TEST(who_leaves_holds_up_nobody) {
   std::atomic<uint64_t> steps{0};
   std::atomic<bool> is_abandoned{false}, is_done{false};
   Worker worker("fs-worker", [] {});
-  worker.add(1, endless(steps, is_abandoned));
-  worker.add(1, endless(steps, is_abandoned));
-  worker.add(2, {[&](Wanted&) { is_done = true; }, [] {}});
+  worker.add(endless(1, steps, is_abandoned));
+  worker.add(endless(1, steps, is_abandoned));
+  worker.add({[&](Wanted&) { is_done = true; }, [] {}, 2});
   wait_for(steps, 1);
   worker.forget(1);
   wait_for(is_done);
@@ -105,7 +105,7 @@ START_TEST(who_leaves_holds_up_nobody) {
   // The job of another client is not abandoned with it.
   std::atomic<uint64_t> steps_again{0};
   std::atomic<bool> is_abandoned_again{false};
-  worker.add(3, endless(steps_again, is_abandoned_again));
+  worker.add(endless(3, steps_again, is_abandoned_again));
   wait_for(steps_again, 1);
   worker.forget(2);
   const uint64_t least = steps_again + 5000;  // by then it would have noticed
@@ -117,26 +117,26 @@ END_TEST
 START_TEST(a_group_is_committed_by_steps) {
   const Ref<LocalScene> scene = make_ref<LocalScene>();
   scene->hold();
-  scene->begin();
+  SceneGroup first(scene);
   for (int i = 0; i < 1000; ++i) {
     fs_object object = fs_object_init(("o" + std::to_string(i)).c_str(), FS_PRIMITIVE_POINT);
-    scene->set(object);
+    first.set(object);
   }
   int steps = 1;
-  while (!scene->commit(64)) ++steps;
+  while (!first.commit(64)) ++steps;
   ck_assert_int_eq(steps, 1000 / 64 + 1);
   ck_assert_uint_eq(scene->object_count(), 1000);
   // All that can be in one: changed, moved, removed, come and gone.
-  scene->begin();
+  SceneGroup second(scene);
   fs_object object = fs_object_init("o1", FS_PRIMITIVE_PLANE);
-  scene->set(object);
-  scene->move("o2", {{1, 2, 3}, {1, 0, 0, 0}}, nullptr, 0);
-  scene->remove("o3");
+  second.set(object);
+  second.move("o2", {{1, 2, 3}, {1, 0, 0, 0}}, nullptr, 0);
+  second.remove("o3");
   object = fs_object_init("new", FS_PRIMITIVE_PLANE);
-  scene->set(object);
-  scene->remove("new");
+  second.set(object);
+  second.remove("new");
   steps = 1;
-  while (!scene->commit(1)) ++steps;
+  while (!second.commit(1)) ++steps;
   ck_assert_int_eq(steps, 4);
   ck_assert_uint_eq(scene->object_count(), 999);
   fs_object found;
