@@ -12,6 +12,7 @@
 
 #include "base/process.h"
 #include "ipc/region.h"
+#include "transfer/asset.h"
 
 namespace fs {
 namespace {
@@ -211,7 +212,11 @@ bool Connection::take_answer(uint64_t serial, Answer& out) {
   const auto found = awaited_.find(serial);
   Reply reply = std::move(found->second);
   awaited_.erase(found);
-  if (reply.head.status != FS_OK) throw Error{to_status(reply.head.status), text_of(reply.head.text)};
+  if (reply.head.status != FS_OK) {
+    const Error error{to_status(reply.head.status), text_of(reply.head.text)};
+    if (reply.head.reason == wire::reason_not_offered) throw NotOffered{error};
+    throw error;
+  }
   out = std::move(reply.answer);
   out.sizes = sizes_;
   return true;

@@ -104,8 +104,8 @@ bool ForeignObjects::try_change(Call& call, const Assets& assets, wire::Edit& ed
   try {
     line_.request(call, wire::type_edit, edit);
     return true;
-  } catch (const Error& error) {
-    if (!refers || error.status != FS_ERROR_STATE || error.text != wire::not_offered) throw;
+  } catch (const NotOffered&) {
+    if (!refers) throw;
     return false;
   }
 }

@@ -5,19 +5,17 @@
 namespace fs {
 
 void Answers::send(uint64_t serial, std::span<const std::byte> body, int descriptor) const {
-  if (socket_) send(serial, FS_OK, "", body, descriptor);
+  if (socket_) send(serial, {FS_OK, wire::reason_none, {}}, body, descriptor);
 }
 
-void Answers::refuse(uint64_t serial, fs_status status, const std::string& text) const {
-  if (socket_) send(serial, status, text, {}, -1);
-}
-
-void Answers::send(uint64_t serial, fs_status status, const std::string& text, std::span<const std::byte> body,
-                   int descriptor) const {
-  const wire::Header header{wire::type_reply, 0, serial};
-  wire::Reply reply{};
-  reply.status = status;
+void Answers::refuse(uint64_t serial, fs_status status, const std::string& text, wire::ReplyReason reason) const {
+  wire::Reply reply{status, reason, {}};
   put_text(reply.text, text);
+  if (socket_) send(serial, reply, {}, -1);
+}
+
+void Answers::send(uint64_t serial, const wire::Reply& reply, std::span<const std::byte> body, int descriptor) const {
+  const wire::Header header{wire::type_reply, 0, serial};
   const std::span<const std::byte> parts[] = {bytes_of(&header, 1), bytes_of(&reply, 1), body};
   const std::span<const int> descriptors(&descriptor, descriptor >= 0 ? 1 : 0);
   // A descriptor in transit costs memory: a client that does not read gets few of them.

@@ -91,7 +91,7 @@ Asset ClientAssets::find(uint64_t id, const fs_object* target) const {
       }
     }
     const Asset* const offer = find_offer(serial);
-    if (!offer) fail(FS_ERROR_STATE, "%s", wire::not_offered);
+    if (!offer) throw NotOffered{{FS_ERROR_STATE, "the server no longer offers this shape or curve"}};
     return *offer;
   }
   const auto upload = uploads_.find(id);

@@ -28,9 +28,30 @@ void with_object(const TargetObject& target, F&& f) {
 
 }  // namespace
 
+void Requests::add_to(Claim& claim, const Change& request) {
+  using namespace wire;
+  switch (request.type) {
+    case type_reports:
+    case type_motions:
+    case type_clients:
+    case type_views: claim.is_about_all = true; break;
+    case type_get:
+    case type_report:
+    case type_view: {
+      const std::string target = text_of(request.as<Target>().name);
+      claim.others.emplace(target.substr(0, target.find('/')));
+      break;
+    }
+    default: break;
+  }
+}
+
 void Requests::handle(const Request& request) {
   try {
     answer(request);
+  } catch (const NotOffered& error) {
+    client_.refused += request.content.is_foreign();
+    client_.answers.refuse(request.serial, error.status, error.text, wire::reason_not_offered);
   } catch (const Error& error) {
     refuse(request, error);
   }

@@ -20,6 +20,7 @@ class Requests {
  public:
   Requests(Client& client, Syncs& syncs) : client_(client), syncs_(syncs) {}
 
+  static void add_to(Claim& claim, const Change& request);  // the scenes that the request is about
   void handle(const Request& request);
   void refuse(const Request& request, const Error& error);
 

@@ -1,15 +1,11 @@
 #include "server/session.h"
 
-#include <sys/socket.h>
-
 #include <algorithm>
-#include <cstring>
 
 #include "base/clock.h"
 #include "base/error.h"
 #include "base/text.h"
 #include "server/greeting.h"
-#include "transfer/records.h"
 
 namespace fs {
 namespace {
@@ -49,7 +45,7 @@ Task Session::serve() {
           break;
         }
         Message message{};
-        if (!receive(message)) break;
+        if (!receive_next(message)) break;
         if (!handle_at_once(message)) co_await handle(message);
         note_applied();
         regulate();
@@ -61,29 +57,12 @@ Task Session::serve() {
 }
 
 // False: there is none, or the client is gone.
-bool Session::receive(Message& message) {
-  std::span<std::byte> bytes = client_->host.message_buffer();
-  size_t size;
-  bool is_cut;
-  const Transfer transfer = receive_message(client_->socket, bytes, size, {&message.data, 1}, is_cut);
+bool Session::receive_next(Message& message) {
+  const Transfer transfer = receive(client_->socket, client_->host.message_buffer(), last_serial_, client_->sizes, message);
   if (transfer == Transfer::closed) client_->drop();
   if (transfer != Transfer::done) return false;
   client_->host.note_activity();
-  bytes = bytes.first(size);
-  wire::Header header;
-  if (bytes.size() < sizeof header) throw BadClient{};
-  std::memcpy(&header, bytes.data(), sizeof header);
-  bytes = bytes.subspan(sizeof header);
-  const bool is_size_good = header.type == wire::type_group ? bytes.size() >= sizeof(wire::Group)
-                                                            : record_size(header.type, client_->sizes) == bytes.size();
-  if (!is_size_good || header.serial <= last_serial_) throw BadClient{};
-  message.type = static_cast<wire::Type>(header.type);
-  message.serial = last_serial_ = header.serial;
-  if (bytes.empty()) return true;
-  // The buffer is that of all sessions.
-  message.memory = std::make_shared_for_overwrite<std::byte[]>(bytes.size());
-  std::memcpy(message.memory.get(), bytes.data(), bytes.size());
-  message.record = {message.memory.get(), bytes.size()};
+  last_serial_ = message.serial;
   return true;
 }
 
@@ -128,7 +107,7 @@ bool Session::handle_at_once(Message& message) {
   if (message.type >= type_sync && !content.is_foreign()) {
     if (!claims.is_empty()) {
       Claim claim(claims, *client_);
-      add_owner(message, claim);
+      Requests::add_to(claim, content);
       if (!claims.may_begin(claim)) return false;
     }
     requests_.handle({message.serial, content});
@@ -140,7 +119,7 @@ bool Session::handle_at_once(Message& message) {
   } else if (!batch.is_request) {
     changes_.apply(batch);
   } else if (claims.is_empty()) {
-    requests_.handle({message.serial, content});
+    requests_.handle({batch.serial, batch.changes[0]});
   } else {
     return false;
   }
@@ -164,7 +143,7 @@ Task Session::handle(Message& message) {
   Claim claim(client.host.claims(), client);
   const Change content{message.type, message.record};
   if (message.type >= wire::type_sync && !content.is_foreign()) {
-    add_owner(message, claim);
+    Requests::add_to(claim, content);
     co_await claim;
     requests_.handle({message.serial, content});
     co_return;
@@ -185,25 +164,6 @@ Task Session::handle(Message& message) {
   claim.others = batch.about.owners;
   co_await claim;
   co_await apply(batch);
-}
-
-// What a request is about that others may have claimed.
-void Session::add_owner(const Message& request, Claim& claim) {
-  using namespace wire;
-  switch (request.type) {
-    case type_reports:
-    case type_motions:
-    case type_clients:
-    case type_views: claim.is_about_all = true; break;
-    case type_get:
-    case type_report:
-    case type_view: {
-      const std::string target = text_of(reinterpret_cast<const Target*>(request.record.data())->name);
-      claim.others.emplace(target.substr(0, target.find('/')));
-      break;
-    }
-    default: break;
-  }
 }
 
 // Of a message with one change.

@@ -1,7 +1,7 @@
 // A client's life at the server: it says who it is, sends messages, has a turn in each period, and goes. The session reads
 // the messages, applies the changes that it can, and parks those that have to wait: one coroutine does it (work.h). Client
-// holds what the server knows of the client, Changes applies changes, Requests answers requests. Nothing that comes is trusted: it is
-// copied, checked, then used; what is not good harms this client alone. All of it runs on the server's thread.
+// holds what the server knows of the client, Changes applies changes, Requests answers requests. Nothing that comes is
+// trusted: it is copied, checked, then used; what is not good harms this client alone. All of it runs on the server's thread.
 #pragma once
 
 #include <list>
@@ -12,6 +12,7 @@
 #include "server/allowance.h"
 #include "server/changes.h"
 #include "server/client.h"
+#include "server/message.h"
 #include "server/requests.h"
 #include "server/syncs.h"
 #include "server/worker.h"
@@ -53,17 +54,9 @@ class Session {
   bool has_moves() const noexcept { return client_->moves.has_new(); }
 
  private:
-  // A message as it came, but copied.
-  struct Message {
-    wire::Type type;
-    uint64_t serial;
-    std::shared_ptr<std::byte[]> memory;
-    std::span<const std::byte> record;
-    Descriptor data;
-  };
   Task serve();
   void finish_jobs();
-  bool receive(Message& message);
+  bool receive_next(Message& message);
   bool receive_greeting();
   bool handle_at_once(Message& message);
   Task handle(Message& message);
@@ -72,7 +65,6 @@ class Session {
   ReceivedBatch batch_of(const Message& message) const;
   Task take_apart(Message& message, ReceivedBatch& out);
   void check(const Change& change, Subjects& about) const;
-  static void add_owner(const Message& request, Claim& claim);
   bool is_ready(const ReceivedBatch& batch) const;
   void park(ReceivedBatch&& batch);
   Task apply(ReceivedBatch& batch);

@@ -7,6 +7,7 @@
 
 #include "base/counted.h"
 #include "base/descriptor.h"
+#include "base/error.h"
 #include "base/wanted.h"
 #include "field/object.h"
 #include "law/curve.h"
@@ -14,6 +15,9 @@
 #include "transfer/wire.h"
 
 namespace fs {
+
+// A shape or curve that the server had offered, and offers no longer. Its status is STATE.
+struct NotOffered : Error {};
 
 // A shape, or a curve, or neither.
 struct Asset {

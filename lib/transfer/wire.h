@@ -119,16 +119,19 @@ struct Group {
 
 struct Reply {
   int32_t status;
-  uint32_t reserved;
+  uint32_t reason;               // ReplyReason
   char text[256];                // fs_last_error of the failure
+};
+
+enum ReplyReason : uint32_t {
+  reason_none,
+  reason_not_offered,            // STATE: the client has to send the shape or curve as its own
 };
 
 // Shapes and curves are named by numbers that never come twice in a process. In the records of both ends it is the client's
 // number, of one that the client has sent in a Shape or Curve; or, with the bit `of_server`, the server's.
 inline constexpr uint64_t of_server = uint64_t{1} << 63;
 // An Object and its Profiles are in contract.h. In an Object no default is left: of its times only lifetime may be 0.
-// The sentence of a STATE: the client has to send the shape or curve as its own.
-inline constexpr const char* not_offered = "the server no longer offers this shape or curve";
 
 inline constexpr uint32_t no_slot = ~0u;
 
