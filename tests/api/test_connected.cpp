@@ -807,6 +807,34 @@ START_TEST(shapes_of_others) {
 }
 END_TEST
 
+// A server offers the last curves that a client was told of. One that it offers no longer goes back as the client's own.
+START_TEST(curves_offered_no_longer) {
+  Two two;
+  const auto custom = [](const std::string& name, const fs_curve* curve) {
+    fs_object out = fs_object_init(name.c_str(), FS_PRIMITIVE_POINT);
+    out.front = fs_profile_init(FS_PROFILE_CUSTOM, FS_SENSE_ATTRACTIVE, 1, 0, 10);
+    out.front.curve = const_cast<fs_curve*>(curve);
+    return out;
+  };
+  std::vector<Curve> curves;
+  for (int i = 0; i < 12; ++i) {
+    const double forces[]{1.0 + i, 2};
+    curves.push_back(make_table(forces, 2, 1));
+    set(two.me, custom("o" + std::to_string(i), curves.back().get()));
+  }
+  two.settle_all();
+  const Got first(two.bob.get(), "me/o0");
+  for (int i = 1; i < 12; ++i) const Got other(two.bob.get(), ("me/o" + std::to_string(i)).c_str());
+  const fs_object change = custom("me/o11", first->front.curve);
+  OK(fs_object_change(two.bob.get(), &change, FS_PART_PROFILES));
+  const Got changed(two.me.get(), "o11");
+  size_t n = 0;
+  double step = 0;
+  const double* const forces = fs_curve_get_table(changed->front.curve, &n, &step);
+  ck_assert(n == 2 && forces[0] == 1);
+}
+END_TEST
+
 START_TEST(force_limit) {
   fs_server_options options = fs_server_options_init();
   options.force_limit = 5;
@@ -1029,7 +1057,7 @@ int main() {
   add_once(suite, "several", {forces_add, what_an_event_tells_is_there, names_are_private, own_names_in_full, views, force_limit,
                               lost_scenes_and_the_force_limit});
   add_once(suite, "others", {objects_of_others, objects_of_the_server, edits_in_an_open_group, groups_change_only_their_parts, many_edits, groups_of_all, a_client_stops_the_force, a_server_keeps_the_force, locked,
-                             shapes_of_others});
+                             shapes_of_others, curves_offered_no_longer});
   add_once(suite, "seen", {reports_of_all, clients});
   add_once(suite, "threads", {all_at_once});
   return run_suite(suite);
