@@ -63,7 +63,7 @@ static Content everything() {
   for (fs_object& o : more.objects) content.objects.push_back(o);
   for (Shape& s : more.shapes) content.shapes.push_back(std::move(s));
   for (Curve& c : more.curves) content.curves.push_back(std::move(c));
-  const fs_contact contact{FS_KEEP_EITHER, 0, 1000, 5, 1, 0.5};
+  const fs_contact contact{FS_KEEP_EITHER, 0, 1000, 5, 1, 0.5, {}};
   content.add("table", FS_PRIMITIVE_PLANE, {0, 0, -0.02}).contact = contact;
   content.add_shape("solid", make_mesh(sphere_mesh(0.02, 3000)), {0.02, 0, 0}).contact = contact;
   if (has_expressions()) {

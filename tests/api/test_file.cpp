@@ -406,7 +406,7 @@ START_TEST(contacts_in_files) {
   OK(fs_scene_load(again.get(), path.c_str()));
   fs_object got = fs_object_init(nullptr, FS_PRIMITIVE_POINT);
   OK(fs_object_get(again.get(), "solid", &got));
-  const fs_contact wanted{FS_KEEP_FRONT, 0, 700, 5, 2, 0.25};
+  const fs_contact wanted{FS_KEEP_FRONT, 0, 700, 5, 2, 0.25, {}};
   ck_assert(std::memcmp(&got.contact, &wanted, sizeof wanted) == 0);
   fs_object_release(&got);
 }

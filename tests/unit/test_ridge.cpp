@@ -319,8 +319,8 @@ struct Scene {
     fs_object o = fs_object_init("wall", FS_PRIMITIVE_MESH);
     o.shape = const_cast<fs_shape*>(shape.get());
     o.damping = damping;
-    o.front = {FS_PROFILE_CONSTANT, sense, 3, 0, 0, 3, 0, nullptr};
-    if (fall > 0) o.front = {FS_PROFILE_LINEAR_DECREASING, sense, -fall, 3 + 0.02 * fall, 0, 100, 0, nullptr};
+    o.front = {FS_PROFILE_CONSTANT, sense, 3, 0, 0, 3, 0, nullptr, {}};
+    if (fall > 0) o.front = {FS_PROFILE_LINEAR_DECREASING, sense, -fall, 3 + 0.02 * fall, 0, 100, 0, nullptr, {}};
     object = parse_object(o).object;
     Ref<Chunk> chunk = make_ref<Chunk>();
     chunk->version = chunk->rows_version = 1;

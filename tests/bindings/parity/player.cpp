@@ -352,7 +352,7 @@ class Player {
         give(double(c.refused)), give(double(c.limited)), give(double(c.shape_bytes));
       }
     } else if (verb == "frame") {
-      const fs_frame frame = {pose(step.at("pose")), step.at("scale"), step.at("force_scale")};
+      const fs_frame frame = {pose(step.at("pose")), step.at("scale"), step.at("force_scale"), {}};
       check(fs_scene_set_frame(scene_, &frame));
     } else if (verb == "get_frame") {
       fs_frame frame;

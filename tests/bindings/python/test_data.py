@@ -42,7 +42,7 @@ def test_every_struct_has_the_layout_of_c(struct):
 
 
 def test_constants_and_enums():
-    assert fs.NAME_SIZE == 64 and fs.NOW == 0
+    assert fs.NAME_SIZE == 128 and fs.NOW == 0
     for item in DESCRIPTION["enums"]:
         if item["name"]:
             made = getattr(fs, "".join(part.capitalize() for part in item["name"][3:].split("_")))
