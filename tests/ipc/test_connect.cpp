@@ -62,7 +62,7 @@ START_TEST(endpoints) {
   }
   EXPECT(FS_ERROR_INVALID, try_connect("shm:" + std::string(65, 'a')));
   EXPECT_SENTENCE(FS_ERROR_INVALID, try_connect(name, "server"), "server");
-  for (const char* bad : {"", "a/b", "a\n", "12345678901234567890123456789012"}) {
+  for (const char* bad : {"", "a/b", "a\n", "1234567890123456789012345678901234567890123456789012345678901234"}) {
     EXPECT_SENTENCE(FS_ERROR_INVALID, try_connect(name, bad), "client_name");
   }
   const ServerRig rig;

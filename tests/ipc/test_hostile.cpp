@@ -503,7 +503,7 @@ START_TEST(reports_of_nonsense) {
   Rig rig;
   RawClient client = rig.join("nonsense");
   fs::wire::Object record = fs::to_record(push("x", 1));
-  const char* names[] = {"", "a/b", "\xff\xfe", "bell\a", "0123456789012345678901234567890123456789"};
+  const char* names[] = {"", "a/b", "\xff\xfe", "bell\a", "0123456789012345678901234567890123456789012345678901234567890123456789"};
   uint32_t slot = 0;
   for (const char* name : names) {
     fs::put_text(record.name, name);

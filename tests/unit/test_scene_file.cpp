@@ -129,7 +129,7 @@ SceneDescription random_scene(uint64_t seed) {
     for (uint64_t i = 1 + random.below(32); i > 0; --i) scene.tool.push_back(random.in_box(0.1));
   }
   const char* names[] = {"wall", "a \"quoted\" \\ name", "B\xc3\xa4r.front", "\xe6\x9d\xb1\xe4\xba\xac", "B\xc3\xa4r",
-                         "1", "wall.front", "a name of thirty-one bytes long"};
+                         "1", "wall.front", "a name of sixty-three bytes, which is as long as a name can be."};
   for (const char* name : names) {
     if (random.coin(0.2)) continue;
     fs_object object = make_object(std::string(name).substr(0, 63).c_str(), static_cast<fs_primitive>(random.below(4)));

@@ -69,7 +69,7 @@ class BuffersTest {
     try (Scene scene = new Scene(); Tool tool = new Tool(scene)) {
       long pointer = tool.enter();
       try {
-        refused("a struct of 56 bytes: 152 are needed", () -> Native.fs_evaluate(pointer, profile, new Response()));
+        refused("a struct of 88 bytes: 152 are needed", () -> Native.fs_evaluate(pointer, profile, new Response()));
         refused("distances is not a direct buffer", () -> Native.fs_profile_evaluate(profile, 0, 0, heap, 6, six));
         refused("forces has 48 bytes: it needs 7 times 8", () -> Native.fs_profile_evaluate(profile, 0, 0, null, 7, six));
         refused("distances has 48 bytes", () -> Native.fs_profile_evaluate(profile, 0, 0, six, -1, six));

@@ -44,7 +44,7 @@ class StructTest {
     ForceObject object = ForceObject.of("Grüße 😀", Primitive.POINT);
     assertEquals("Grüße 😀", object.name());
     assertEquals("b", object.name("b").name());
-    assertThrows(IllegalArgumentException.class, () -> object.name("x".repeat(64)));
+    assertThrows(IllegalArgumentException.class, () -> object.name("x".repeat(128)));
     assertThrows(IllegalArgumentException.class, () -> object.name("a\0b"));
     assertThrows(IllegalArgumentException.class, () -> ForceObject.of("a\0b", Primitive.POINT));
     try (Scene scene = new Scene()) {
