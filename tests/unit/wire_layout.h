@@ -30,7 +30,7 @@ inline std::string wire_layout() {
   RECORD(Header, type, reserved, serial);
   RECORD(wire::Group, bytes);
   RECORD(Welcome, inbox_bytes, outbox_bytes, max_objects, is_virtual, is_locked, rate, sizes);
-  RECORD(Reply, status, reserved, text);
+  RECORD(Reply, status, reason, text);
   RECORD(wire::Profile, kind, sense, gain, offset, width, limit, reach, curve);
   RECORD(wire::Profile, reserved);
   RECORD(wire::Contact, keep, reserved_32, stiffness, limit, damping, friction, reserved);
