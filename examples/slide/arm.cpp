@@ -1,7 +1,7 @@
 // The arm's client: what the tip of the arm can reach, a closed mesh that the hand cannot leave.
 #include <vector>
 
-#include "../terrain/beat.h"
+#include "../quickstart_source/beat.h"
 #include "worlds.h"
 
 // A segment of a spherical shell around the shoulder: 0.4 to 1.2 m away, 60 degrees up and down, 90 to the left and right.

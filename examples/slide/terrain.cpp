@@ -4,7 +4,7 @@
 #include <array>
 #include <vector>
 
-#include "../terrain/beat.h"
+#include "../quickstart_source/beat.h"
 #include "worlds.h"
 
 // m, the height of the ground in the terrain's world.

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "../terrain/beat.h"
-#include "../terrain/landscape.h"
+#include "../quickstart_source/beat.h"
+#include "../quickstart_source/landscape.h"
 
 class Client {
  public:

@@ -2,7 +2,7 @@
 // the charge of its battery (1: full); x, y, z (m) of two dust devils that it has seen.
 #pragma once
 
-#include "../terrain/landscape.h"
+#include "../quickstart_source/landscape.h"
 
 struct Telemetry {
   double time;

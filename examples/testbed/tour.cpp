@@ -3,7 +3,7 @@
 #include <cstdlib>
 #include <stdexcept>
 
-#include "../terrain/landscape.h"
+#include "../quickstart_source/landscape.h"
 
 int main(int argc, char** argv) {
   const double seconds = argc == 4 ? std::atof(argv[2]) : 0, lead = argc == 4 ? std::atof(argv[3]) : 0;

@@ -39,8 +39,9 @@ done
 [ $failures = 0 ] || sed 's/^/    /' "$folder/flight"
 
 # tests/run in a folder of its own, with tools that never end.
-mkdir -p "$folder/tests/bindings" "$folder/tools"
-cp "$source_folder/tests/run" "$source_folder/tests/setup.sh" "$folder/tests"
+mkdir -p "$folder/tests/bindings" "$folder/.ci" "$folder/tools"
+cp "$source_folder/tests/run" "$folder/tests"
+cp "$source_folder/.ci/setup.sh" "$folder/.ci"
 cat > "$folder/tools/stand_in" << 'END'
 #!/usr/bin/env bash
 case "$(basename "$0")" in

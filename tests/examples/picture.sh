@@ -7,9 +7,9 @@ folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 failures=0
 
-mkdir -p "$folder/root/examples" "$folder/root/tests" "$folder/root/build/release/examples" "$folder/tools"
+mkdir -p "$folder/root/examples" "$folder/root/.ci" "$folder/root/build/release/examples" "$folder/tools"
 cp "$source_folder/examples/quickstart" "$folder/root/examples"
-cp "$source_folder/tests/setup.sh" "$folder/root/tests"
+cp "$source_folder/.ci/setup.sh" "$folder/root/.ci"
 for tool in bash cat dirname grep mkdir mktemp renice rm sed sleep tail touch uname; do
   ln -s "$(command -v $tool)" "$folder/tools/$tool"
 done

@@ -1,5 +1,5 @@
 // The rover of the quickstart and the testbed: the hand feels a plane whose normal is the axle, as the paper has it.
-#include "../../examples/terrain/landscape.h"
+#include "../../examples/quickstart_source/landscape.h"
 #include "api/support.h"
 
 using namespace scenes;

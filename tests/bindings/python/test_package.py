@@ -214,7 +214,7 @@ def test_the_picture_of_the_quickstart(tmp_path):
     pytest.importorskip("matplotlib")
     forces, picture = tmp_path / "forces.csv", tmp_path / "picture.png"
     forces.write_text("time,x,y,z,ground,rover's plane\n0,0,0,0,0,0\n0.01,100,50,0,1,0\n0.02,200,99,0,1,2\n")
-    folder = ROOT / "examples/terrain"
+    folder = ROOT / "examples/quickstart_source"
     subprocess.run(
         [sys.executable, "-B", folder / "picture.py", folder / "jacksboro_fault.asc", forces, picture], check=True
     )

@@ -153,7 +153,7 @@ def test_escape_closes_what_is_open(lab: Lab, page: Page, second: Second) -> Non
 @pytest.fixture
 def checkout(tmp_path: pathlib.Path) -> pathlib.Path:
     """The files that examples/editor/run needs, with what is built already, so that it need not be built."""
-    for name in ("examples/editor/run", "examples/editor/scene.json", "examples/editor/forceserver_editor/options.py", "tests/setup.sh"):
+    for name in ("examples/editor/run", "examples/editor/scene.json", "examples/editor/forceserver_editor/options.py", ".ci/setup.sh"):
         if (ROOT / name).exists():
             (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(ROOT / name, tmp_path / name)

@@ -1,4 +1,4 @@
-# Sourced by tests/run, examples/quickstart, examples/testbed/run and examples/slide/run (bash): installs the packages that are
+# Sourced by the scripts that build something, such as tests/run and examples/quickstart (bash): installs the packages that are
 # needed, configures and builds, and makes a place to draw pictures.
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
