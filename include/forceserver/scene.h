@@ -220,10 +220,11 @@ FS_API fs_status fs_scene_get_view(fs_scene *scene, const char *client, fs_view 
 FS_API fs_status fs_scene_set_accuracy(fs_scene *scene, double newtons);
 
 /* Limit of the summed slope of objects that are felt at the same place, N/m at the device, >= 0. 0 (default): what the
- * servo can render; without a servo no limit. The bounds of the objects are fair: where all together want no more, each gets
- * the slope that it wants. Where they want more, those that want least get it, and the others get equal parts of what these
- * leave. So a soft wall stays as it is beside many stiff ones. The bound of an object is what it gets where its force is steep
- * and most is wanted beside it; its profiles and its contact count as two objects. No force is ever raised.
+ * servo can render; without a servo no limit. Where fs_servo_options.max_stiffness is none, it bounds each object by itself
+ * only, from the next time on that the object is set or changed. The bounds of the objects are fair: where all together want
+ * no more, each gets the slope that it wants. Where they want more, those that want least get it, and the others get equal
+ * parts of what these leave. So a soft wall stays as it is beside many stiff ones. The bound of an object is what it gets where
+ * its force is steep and most is wanted beside it; its profiles and its contact count as two objects. No force is ever raised.
  *
  * - A contact with stiffness 0, and a force that jumps (fs_report), want all that there is. But a force that jumps wants no
  *   more than what spreads its greatest value over 0.1 mm: 10 N/m for each mN.
@@ -296,7 +297,7 @@ typedef struct fs_report {
   fs_wrench wrench;             /* its part of the force, the sum of its versions with their weights, before the guard;
                                    while another frame or tool fades in, only what it gives there; along the axes of
                                    the scene that asks; for another client's object in newtons at the device */
-  char shares_with[24];         /* the other objects of its scene that are felt where it gets less than it wants: those
+  char shares_with[136];        /* the other objects of its scene that are felt where it gets less than it wants: those
                                    that want most, as many names as fit, such as "a, b and 17 more"; then "other
                                    clients", where some want a part of the same. Empty: it gets all that it wants, is
                                    alone, or out of the hand's reach */

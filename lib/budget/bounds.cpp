@@ -26,8 +26,8 @@ FairBounds slopes_of(const std::vector<ObjectWant>& wants, const SceneLimit& lim
   std::vector<double> bounds(users);
   for (size_t i = 0; i < wants.size(); ++i) bounds[2 * i] = wants[i].law, bounds[2 * i + 1] = wants[i].contact;
   // A softer object slopes over a longer way, so its region grows: repeat until no region grows. Should that take long, all
-  // regions are made as large as they can be.
-  constexpr int last_round = 40;
+  // regions are made as large as they can be; with more than a thousand objects that is sooner.
+  const int last_round = std::clamp(static_cast<int>(40'000 / std::max<size_t>(1, wants.size())), 2, 40);
   constexpr double same = 0.99;
   FairBounds out{std::vector<double>(users, never), std::vector<uint32_t>(users, FairBounds::none), {}};
   for (int round = 0; round <= last_round && limit.stiffness < never; ++round) {
@@ -78,7 +78,7 @@ SharedWith shared_with(const std::vector<ObjectWant>& wants, size_t number, cons
 SceneBounds bounds_of(const Snapshot& snapshot, const SceneLimit& limit, double now, const Memory* memory) {
   SceneBounds out;
   std::vector<ObjectWant> wants = object_wants(snapshot, limit, now, memory, out.clear);
-  if (limit.stiffness < limit.whole) {
+  if (limit.is_split) {
     out.wanted = limit.to_loop * most_of(wants, limit, now);
     for (ObjectWant& want : wants) {
       want.law = std::min(want.law, limit.stiffness);

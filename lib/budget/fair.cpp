@@ -57,7 +57,7 @@ std::array<Box, 2> halves(const Box& box) {
 class Search {
  public:
   Search(std::span<const SlopeWant> wants, size_t users, double limit)
-      : all_(wants), limit_(limit), wants_(users), visits_left_(300'000 + 300 * wants.size()) {
+      : all_(wants), limit_(limit), wants_(users), visits_left_(300'000 + 60 * wants.size()) {
     out_.bounds.assign(users, std::numeric_limits<double>::infinity());
     out_.neighbours_of.assign(users, FairBounds::none);
   }

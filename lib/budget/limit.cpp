@@ -8,7 +8,7 @@
 namespace fs {
 
 SceneLimit scene_limit(const Views& views, const DeviceLimit& limit, double max_stiffness, double blend, double ahead) {
-  SceneLimit out{never, never, never, blend, ahead, 0, 0, 1, 0, {}};
+  SceneLimit out{never, never, never, limit.stiffness < limit.whole, blend, ahead, 0, 0, 1, 0, {}};
   bool is_anywhere = !(limit.radius > 0 && limit.height > 0);
   double lever_part = 1;
   for (const View& view : views.rows) {

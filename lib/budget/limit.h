@@ -20,6 +20,7 @@ struct DeviceLimit {
 struct SceneLimit {
   double stiffness, damping;  // N/m, N s/m, of the scene
   double whole;               // N/m: what the scene could have if it were alone
+  bool is_split;              // other scenes have a part of what the loop can render
   double blend, ahead;        // s: over which moves are spread; for how long the bounds must hold
   double to_device;           // a slope of the scene times this is one at the device; 0: nothing is felt
   double to_loop;             // the same, as the loop can render it: with torques it is harder

@@ -61,10 +61,6 @@ void SceneBudget::tell(double time) {
     if (events_left_ == 0) return;
     const double since = std::fabs(time - told.time);
     if (since < told.wait) continue;
-    told.wait = since > 60 ? 1 : std::min(2 * told.wait, 32.0);
-    --events_left_;
-    told.slope = told.now;
-    told.time = time;
     fs_event event{};
     event.kind = FS_EVENT_CAPPED;
     event.time = time;
@@ -90,6 +86,10 @@ void SceneBudget::tell(double time) {
     const std::string told_with = with.empty() ? "" : std::string(joint) + with;
     told_with.copy(event.text + size, sizeof event.text - 1 - static_cast<size_t>(size));
     evaluated_.events.push(event);
+    --events_left_;
+    told.slope = told.now;
+    told.wait = since > 60 ? 1 : std::min(2 * told.wait, 32.0);
+    told.time = time;
   }
 }
 
@@ -226,7 +226,7 @@ void SceneBudget::enter(const SceneBounds& all, const SceneLimit& limit) {
       SharedWith with = one.shared_with;
       const bool takes_what_it_gets = one.object->is_solid() && one.object->contact.stiffness == 0;
       const bool is_less = takes_what_it_gets || (bound.object && bound.slope < bound.object->steepest_slope);
-      with.has_clients = is_less && seen_.limit.stiffness < seen_.limit.whole;
+      with.has_clients = is_less && limit.is_split && !(seen_.most > 0 && seen_.most <= seen_.limit.stiffness);
       if (with.count > 0 || with.has_clients) sharing->emplace(one.object->name, std::move(with));
     }
   } catch (...) {  // no memory

@@ -187,7 +187,7 @@ static_assert(sizeof(fs_frame) == 104);
 static_assert(sizeof(fs_state) == 152);
 static_assert(sizeof(fs_response) == 216);
 static_assert(sizeof(fs_event) == 320);
-static_assert(sizeof(fs_report) == 280);
+static_assert(sizeof(fs_report) == 392);
 static_assert(sizeof(fs_view) == 968);
 static_assert(sizeof(fs_motion) == 304);
 static_assert(sizeof(fs_client) == 280);

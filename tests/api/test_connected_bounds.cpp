@@ -293,6 +293,23 @@ START_TEST(stiffness_of_clients) {
   rig.settle(bob.get());
   rig.step(100);
   EXPECT_NEAR(stiffness(), 2000, 1e-6);
+  // One that allows itself little wants no more than that.
+  soft.enabled = true;
+  set(bob, soft);
+  OK(fs_scene_set_max_stiffness(bob.get(), 100));
+  rig.settle(bob.get());
+  rig.step(200);
+  EXPECT_NEAR(report_of(bob.get(), "soft").stiffness_applied, 100, 1e-6);
+  EXPECT_NEAR(stiffness(), 2000 - 110, 1e-6);
+  ck_assert_str_eq(report_of(bob.get(), "soft").shares_with, "");
+  // With whom a wall shares is told also where there are many.
+  for (int i = 0; i < 12; ++i) {
+    set(me, fs_wall_init(("another wall " + std::to_string(i)).c_str(), {0, 0, 0.002}, {0, 0, 1}, 2000, 100));
+  }
+  rig.settle(me.get());
+  rig.step(200);
+  const std::string with = report_of(me.get(), "wall").shares_with;
+  ck_assert_msg(with.starts_with("another wall ") && with.ends_with(" more; other clients"), "%s", with.c_str());
 }
 END_TEST
 
