@@ -118,7 +118,7 @@ def test_a_group_in_a_generator_that_another_thread_closes(scene, spring):
     next(generator)
     thread = threading.Thread(target=generator.close, daemon=True)
     thread.start()
-    thread.join(10)
+    thread.join(60)
     assert not thread.is_alive() and list(scene) == []
     scene["b"] = spring
     with scene.change():

@@ -187,7 +187,7 @@ def test_closing_while_others_call():
         for thread in closers:
             thread.start()
         for thread in threads + closers:
-            thread.join(10)
+            thread.join(60)
             assert not thread.is_alive()
         assert errors == []
 
@@ -205,7 +205,7 @@ def test_closing_a_servo_that_steps(scene):
     thread.start()
     time.sleep(0.2)
     servo.close()
-    thread.join(10)
+    thread.join(60)
     assert ended == [1]
 
 
@@ -224,7 +224,7 @@ def test_a_closed_scene_ends_those_who_wait_for_its_group(scene):
     inside.set()
     time.sleep(0.1)
     scene.close()
-    thread.join(10)
+    thread.join(60)
     assert ended == [1]
 
 

@@ -200,7 +200,7 @@ def test_events_end_and_a_repr_never_fails(scene):
     assert repr(server) == f"<forceserver.Server at '{endpoint}'>" and "sim:" in repr(servo)
     server.close()
     servo.close()
-    assert [event.kind for event in client.events(timeout=5)][-1] == fs.EventKind.DISCONNECTED
+    assert [event.kind for event in client.events(timeout=30)][-1] == fs.EventKind.DISCONNECTED
     assert repr(client).startswith("<forceserver.Scene of 'me'")
     with pytest.raises(ConnectionError):
         client.get_reports()

@@ -277,7 +277,7 @@ def test_events(scene, spring):
     spring.lifetime = 0.05
     scene["brief"] = spring
     with fs.Servo(scene):
-        event = next(event for event in scene.events(timeout=10) if event.kind == fs.EventKind.EXPIRED)
+        event = next(event for event in scene.events(timeout=30) if event.kind == fs.EventKind.EXPIRED)
     assert event.name == "brief"
     for wrong in (-1, float("nan")):
         with pytest.raises(fs.InvalidError):
@@ -300,7 +300,7 @@ def test_clients(server, spring):
         assert views[1]["view"].frame.force_scale == editor.get_view("rover").frame.force_scale == 0.5
         assert views["view"].points.shape == (3, 32, 3) and views["view"].point_count.tolist() == [1, 1, 1]
         editor["rover/rock"].change(front=fs.LinearIncreasing(77, limit=5))
-        assert next(event for event in rover.events(timeout=5) if event.kind == fs.EventKind.EDITED).text
+        assert next(event for event in rover.events(timeout=30) if event.kind == fs.EventKind.EDITED).text
         rover.sync(5)
         assert rover["rock"].object.front.gain == 77
         assert (fs.Tool(rover).evaluate(fs.State(pose=fs.Pose(position=(0.01, 0, 0)))).wrench.force[0]) < 0
@@ -328,7 +328,7 @@ def test_connect_waits_for_a_server(scene):
     servo, servers = fs.Servo(scene), []
     thread = threading.Timer(0.3, lambda: servers.append(fs.Server(servo, ENDPOINT + "b")))
     thread.start()
-    with fs.connect(ENDPOINT + "b?timeout=10", "rover") as rover:
+    with fs.connect(ENDPOINT + "b?timeout=30", "rover") as rover:
         assert len(rover.get_clients()) == 2
     thread.join()
     servers[0].close()
