@@ -11,7 +11,7 @@ namespace {
 
 bool is_told(double told, double now) { return now >= 0.9 * told && now <= 1.1 * told; }
 
-Box grown(const Box& box, double by) { return {box.lower - Vec3{by, by, by}, box.upper + Vec3{by, by, by}}; }
+Box widened(const Box& box, double by) { return {box.lower - Vec3{by, by, by}, box.upper + Vec3{by, by, by}}; }
 bool is_within(const Box& box, const Box& whole) { return whole.is_empty() || (!box.is_empty() && box.is_inside(whole)); }
 double size_of(const Box& box) { return norm(box.upper - box.lower); }
 
@@ -129,7 +129,7 @@ Box SceneBudget::reach_of_hand(const SceneLimit& scene, const DeviceLimit& limit
   const double fastest = std::fmax(speed_, std::fmin(speed_ + 0.5 * scale * hardest * span, scale * limit.speed));
   Box out;
   out.add(tick.tool.position);
-  return grown(out, fastest * span + scene.arm);
+  return widened(out, fastest * span + scene.arm);
 }
 
 // Whether bounds are to be worked out. reach: of the hand; within: for which they would be worked out.
@@ -141,7 +141,7 @@ bool SceneBudget::is_due(const DeviceLimit& limit, double most, const Box& reach
   const bool is_far_less = !reach.is_empty() && size_of(seen_.within) > 2 * size_of(within);
   // Others get what those have that the hand has left; not more often than that, because it costs time.
   const bool has_left = seen_.has_any && std::fabs(time - seen_.time) >= been_for && !reach.is_empty() &&
-                        (!is_within(reach, seen_.within) || !is_within(seen_.within, grown(within, 0.25 * size_of(reach))));
+                        (!is_within(reach, seen_.within) || !is_within(seen_.within, widened(within, 0.25 * size_of(reach))));
   return evaluated_.sequence() != seen_.sequence || seen_.is_moving || is_far_less || has_left;
 }
 
@@ -171,10 +171,10 @@ bool SceneBudget::update(const DeviceLimit& limit, double ahead, double rest) {
     const double size = 0.5 * (reach.upper.x - reach.lower.x), slack = std::clamp(speed_ * rest, 0.5 * size, size);
     Box within;
     if (!reach.is_empty()) {
-      within = grown(reach, slack);
+      within = widened(reach, slack);
       // What the hand has left counts for a while, so that a bound which moves the hand does not come and go.
       for (const Box& been : been_) {
-        if (!been.is_empty()) within.add(grown(been, scene.arm));
+        if (!been.is_empty()) within.add(widened(been, scene.arm));
       }
     }
     if (!is_due(limit, most, reach, within, time, rest)) {
@@ -191,7 +191,7 @@ bool SceneBudget::update(const DeviceLimit& limit, double ahead, double rest) {
   const SceneBounds all = bounds_of(*kept.snapshot, scene, time, memory.get());
   seen_.has_fading = all.has_fading;
   seen_.has_any = !all.objects.empty();
-  if (!seen_.within.is_empty()) seen_.clear = grown(seen_.within, std::min(all.clear, 1e9));
+  if (!seen_.within.is_empty()) seen_.clear = widened(seen_.within, std::min(all.clear, 1e9));
 
   const std::lock_guard lock(mutex_);
   if (!is_at_work()) return true;

@@ -8,8 +8,8 @@
 namespace fs {
 namespace {
 
-using Member = uint32_t wire::Sizes::*;
-constexpr Member all_of_them[] = {&wire::Sizes::object, &wire::Sizes::stats, &wire::Sizes::device};
+using SizeMember = uint32_t wire::Sizes::*;
+constexpr SizeMember all_of_them[] = {&wire::Sizes::object, &wire::Sizes::stats, &wire::Sizes::device};
 constexpr uint32_t largest = 4096;  // no record of any version is larger
 
 RecordSizes first_sizes() noexcept {
@@ -33,7 +33,7 @@ RecordSizes own_sizes() noexcept {
 std::optional<RecordSizes> common_sizes(const RecordSizes& theirs) noexcept {
   const RecordSizes ours = own_sizes(), first = first_sizes();
   RecordSizes out{};
-  for (const Member member : all_of_them) {
+  for (const SizeMember member : all_of_them) {
     const uint32_t size = theirs.*member;
     if (size < first.*member || size > largest || size % 8 != 0) return {};
     out.*member = std::min(size, ours.*member);
