@@ -65,9 +65,9 @@ std::vector<Vec3> parse_points(const Json& value, const std::string& where, cons
 }
 
 // A JSON object whose keys are read one by one; finish() refuses the keys that were never asked for.
-class Form {
+class Fields {
  public:
-  Form(const Json& value, std::string where, const char* name) : value_(value), where_(std::move(where)) {
+  Fields(const Json& value, std::string where, const char* name) : value_(value), where_(std::move(where)) {
     if (!value.object()) fail_value(value, where_, name, "an object, {...}");
   }
 
@@ -149,40 +149,40 @@ class SceneReader {
   SceneReader(const std::string& path, double time) : path_(path), time_(time) {}
 
   SceneDescription read(const Json& value) {
-    Form form(value, path_, "the file");
-    check_version(form);
-    if (form.find("$schema")) form.text("$schema");  // for editors
+    Fields fields(value, path_, "the file");
+    check_version(fields);
+    if (fields.find("$schema")) fields.text("$schema");  // for editors
     scene_.frame = fs_frame_init();
-    if (const Json* frame = form.find("frame")) scene_.frame = read_frame(*frame);
+    if (const Json* frame = fields.find("frame")) scene_.frame = read_frame(*frame);
     scene_.tool = {{0, 0, 0}};
-    if (const Json* tool = form.find("tool")) {
+    if (const Json* tool = fields.find("tool")) {
       scene_.tool = parse_points(*tool, path_, "tool");
       if (scene_.tool.empty() || scene_.tool.size() > FS_TOOL_POINTS_MAX) {
         fail_at(FS_ERROR_PARSE, path_, "\"tool\" has %zu points, must have 1..%d", scene_.tool.size(),
                 FS_TOOL_POINTS_MAX);
       }
     }
-    if (const Json* shapes = form.find("shapes")) {
-      read_all(*shapes, "shapes", "shape", shapes_, [this](Form& f) { return read_shape(f); });
+    if (const Json* shapes = fields.find("shapes")) {
+      read_all(*shapes, "shapes", "shape", shapes_, [this](Fields& f) { return read_shape(f); });
     }
-    if (const Json* curves = form.find("curves")) {
-      read_all(*curves, "curves", "curve", curves_, [this](Form& f) { return read_curve(f); });
+    if (const Json* curves = fields.find("curves")) {
+      read_all(*curves, "curves", "curve", curves_, [this](Fields& f) { return read_curve(f); });
     }
-    if (const Json* objects = form.find("objects")) read_objects(*objects);
-    form.finish();
+    if (const Json* objects = fields.find("objects")) read_objects(*objects);
+    fields.finish();
     for (auto& [key, shape] : shapes_) scene_.shapes.push_back(shape);
     for (auto& [key, curve] : curves_) scene_.curves.push_back(curve);
     return std::move(scene_);
   }
 
  private:
-  void check_version(Form& form) const {
-    if (form.text("forceserver") != "scene") {
-      fail_value(form.need("forceserver"), path_, "forceserver", "\"scene\": this is not a scene file");
+  void check_version(Fields& fields) const {
+    if (fields.text("forceserver") != "scene") {
+      fail_value(fields.need("forceserver"), path_, "forceserver", "\"scene\": this is not a scene file");
     }
     uint32_t version = 0;
-    form.need("version");
-    form.read("version", version);
+    fields.need("version");
+    fields.read("version", version);
     if (version > scene_version) {
       fail_at(FS_ERROR_VERSION, path_, "\"version\" is %u, this library (%d.%d.%d) knows 1..%d", version,
               FS_VERSION_MAJOR, FS_VERSION_MINOR, FS_VERSION_PATCH, scene_version);
@@ -191,22 +191,22 @@ class SceneReader {
   }
 
   fs_frame read_frame(const Json& value) const {
-    Form form(value, path_ + ", frame", "frame");
+    Fields fields(value, path_ + ", frame", "frame");
     fs_frame frame = fs_frame_init();
-    read_pose(form, frame.pose);
-    form.read("scale", frame.scale);
-    form.read("force_scale", frame.force_scale);
-    form.finish();
+    read_pose(fields, frame.pose);
+    fields.read("scale", frame.scale);
+    fields.read("force_scale", frame.force_scale);
+    fields.finish();
     return frame;
   }
 
-  static void read_pose(Form& parent, Pose& out) {
+  static void read_pose(Fields& parent, Pose& out) {
     const Json* value = parent.find("pose");
     if (!value) return;
-    Form form(*value, parent.where() + ", pose", "pose");
-    form.read("position", out.position);
-    form.read("orientation", out.orientation);
-    form.finish();
+    Fields fields(*value, parent.where() + ", pose", "pose");
+    fields.read("position", out.position);
+    fields.read("orientation", out.orientation);
+    fields.finish();
   }
 
   template <class Handle, class Read>
@@ -214,35 +214,35 @@ class SceneReader {
                 Read read) const {
     if (!value.object()) fail_value(value, path_, key, "an object, {\"name\": {...}, ...}");
     for (const auto& [name, item] : *value.object()) {
-      Form form(item, path_ + ", " + noun + " " + in_quotes(name), noun);
+      Fields fields(item, path_ + ", " + noun + " " + in_quotes(name), noun);
       try {
-        out[name] = read(form);
+        out[name] = read(fields);
       } catch (Error& error) {
         // The functions that make shapes and curves report INVALID, without the file; for a file it is PARSE.
-        if (error.text.rfind(form.where(), 0) != 0) error.text = form.where() + ": " + error.text;
+        if (error.text.rfind(fields.where(), 0) != 0) error.text = fields.where() + ": " + error.text;
         if (error.status == FS_ERROR_INVALID) error.status = FS_ERROR_PARSE;
         throw;
       }
     }
   }
 
-  Ref<const Shape> read_shape(Form& form) const {
-    if (form.find("file")) {
-      const std::string name = form.text("file");
+  Ref<const Shape> read_shape(Fields& fields) const {
+    if (fields.find("file")) {
+      const std::string name = fields.text("file");
       if (!is_beside(name)) {
-        fail_value(form.need("file"), form.where(), "file", "a relative path without \".\" and \"..\"");
+        fail_value(fields.need("file"), fields.where(), "file", "a relative path without \".\" and \"..\"");
       }
       double scale = 1;
-      form.read("scale", scale);
-      form.finish();
+      fields.read("scale", scale);
+      fields.finish();
       MeshData mesh = read_mesh_file(path_.substr(0, path_.rfind('/') + 1) + name, scale);
       Wanted wanted;
       return make_mesh(std::move(mesh.points), std::move(mesh.triangles), wanted);
     }
     bool closed = false;
-    form.read("closed", closed);
-    const std::vector<Vec3> points = parse_points(form.need("points"), form.where(), "points");
-    form.finish();
+    fields.read("closed", closed);
+    const std::vector<Vec3> points = parse_points(fields.need("points"), fields.where(), "points");
+    fields.finish();
     return make_polyline(points.data(), points.size(), closed);
   }
 
@@ -257,21 +257,21 @@ class SceneReader {
     return true;
   }
 
-  Ref<const Curve> read_curve(Form& form) const {
-    if (form.find("expression")) {
-      const std::string text = form.text("expression");
-      form.finish();
+  Ref<const Curve> read_curve(Fields& fields) const {
+    if (fields.find("expression")) {
+      const std::string text = fields.text("expression");
+      fields.finish();
       return make_expression_curve(text.c_str());
     }
     double step = 0;
-    form.need("step");
-    form.read("step", step);
-    const Json& table = form.need("table");
-    if (!table.list()) fail_value(table, form.where(), "table", "a list of numbers");
+    fields.need("step");
+    fields.read("step", step);
+    const Json& table = fields.need("table");
+    if (!table.list()) fail_value(table, fields.where(), "table", "a list of numbers");
     std::vector<double> forces;
     forces.reserve(table.list()->size());
-    for (size_t i = 0; i < table.list()->size(); ++i) forces.push_back(parse_entry(*table.list(), i, form.where(), "table"));
-    form.finish();
+    for (size_t i = 0; i < table.list()->size(); ++i) forces.push_back(parse_entry(*table.list(), i, fields.where(), "table"));
+    fields.finish();
     return make_table_curve(forces.data(), forces.size(), step);
   }
 
@@ -279,49 +279,49 @@ class SceneReader {
     if (!value.list()) fail_value(value, path_, "objects", "a list, [{...}, ...]");
     std::set<std::string> names;
     for (size_t i = 0; i < value.list()->size(); ++i) {
-      Form form((*value.list())[i], path_ + ", objects[" + std::to_string(i) + "]", "an object");
-      const std::string name = form.text("name");
+      Fields fields((*value.list())[i], path_ + ", objects[" + std::to_string(i) + "]", "an object");
+      const std::string name = fields.text("name");
       if (name.empty() || name.size() > longest_name) {
-        fail_at(FS_ERROR_PARSE, form.where(), "\"name\" is %zu bytes long, must be 1..%zu", name.size(), longest_name);
+        fail_at(FS_ERROR_PARSE, fields.where(), "\"name\" is %zu bytes long, must be 1..%zu", name.size(), longest_name);
       }
-      form.rename(path_ + ", object '" + name + "'");
-      if (!names.insert(name).second) fail_at(FS_ERROR_PARSE, form.where(), "another object has this name too");
-      scene_.objects.push_back(read_object(form, name));
+      fields.rename(path_ + ", object '" + name + "'");
+      if (!names.insert(name).second) fail_at(FS_ERROR_PARSE, fields.where(), "another object has this name too");
+      scene_.objects.push_back(read_object(fields, name));
     }
   }
 
   // The handle that the key's value names. It is borrowed; the scene keeps it alive.
   template <class Type>
-  static Type* find_handle(Form& form, const char* key, const char* list,
+  static Type* find_handle(Fields& fields, const char* key, const char* list,
                            const std::map<std::string, Ref<const Type>>& handles) {
-    if (!form.find(key)) return nullptr;
-    const auto found = handles.find(form.text(key));
+    if (!fields.find(key)) return nullptr;
+    const auto found = handles.find(fields.text(key));
     if (found == handles.end()) {
-      fail_value(form.need(key), form.where(), key, (std::string("a key of \"") + list + "\"").c_str());
+      fail_value(fields.need(key), fields.where(), key, (std::string("a key of \"") + list + "\"").c_str());
     }
     return const_cast<Type*>(found->second.get());
   }
 
-  fs_object read_object(Form& form, const std::string& name) const {
+  fs_object read_object(Fields& fields, const std::string& name) const {
     fs_object object = fs_object_init(name.c_str(), FS_PRIMITIVE_POINT);
-    form.need("primitive");
-    form.read("primitive", primitive_words, object.primitive);
-    object.shape = find_handle(form, "shape", "shapes", shapes_);
-    form.read("enabled", object.enabled);
+    fields.need("primitive");
+    fields.read("primitive", primitive_words, object.primitive);
+    object.shape = find_handle(fields, "shape", "shapes", shapes_);
+    fields.read("enabled", object.enabled);
     object.pose = identity_pose();
-    read_pose(form, object.pose);
-    if (const Json* twist = form.find("twist")) {
-      Form part(*twist, form.where() + ", twist", "twist");
+    read_pose(fields, object.pose);
+    if (const Json* twist = fields.find("twist")) {
+      Fields part(*twist, fields.where() + ", twist", "twist");
       part.read("linear", object.twist.linear);
       part.read("angular", object.twist.angular);
       part.finish();
     }
-    read_age(form, "pose_age", object.time);
-    read_profile(form, "front", object.front);
-    read_profile(form, "back", object.back);
-    form.read("damping", object.damping);
-    if (const Json* contact = form.find("contact")) {
-      Form part(*contact, form.where() + ", contact", "contact");
+    read_age(fields, "pose_age", object.time);
+    read_profile(fields, "front", object.front);
+    read_profile(fields, "back", object.back);
+    fields.read("damping", object.damping);
+    if (const Json* contact = fields.find("contact")) {
+      Fields part(*contact, fields.where() + ", contact", "contact");
       part.read("keep", keep_words, object.contact.keep);
       part.read("stiffness", object.contact.stiffness);
       part.read("limit", object.contact.limit);
@@ -329,39 +329,39 @@ class SceneReader {
       part.read("friction", object.contact.friction);
       part.finish();
     }
-    form.read("start", object.start);
-    if (form.find("age") && form.find("start")) {
-      fail_at(FS_ERROR_PARSE, form.where(), "has both \"start\" and \"age\", must have one");
+    fields.read("start", object.start);
+    if (fields.find("age") && fields.find("start")) {
+      fail_at(FS_ERROR_PARSE, fields.where(), "has both \"start\" and \"age\", must have one");
     }
-    read_age(form, "age", object.start);
-    form.read("lifetime", object.lifetime);
-    form.read("tool_points", object.tool_points);
-    form.finish();
+    read_age(fields, "age", object.start);
+    fields.read("lifetime", object.lifetime);
+    fields.read("tool_points", object.tool_points);
+    fields.finish();
     return object;
   }
 
   // out: the time that was so long ago.
-  void read_age(Form& form, const char* key, double& out) const {
-    const Json* const age = form.find(key);
+  void read_age(Fields& fields, const char* key, double& out) const {
+    const Json* const age = fields.find(key);
     if (!age) return;
-    if (!age->number()) fail_value(*age, form.where(), key, "a number");
+    if (!age->number()) fail_value(*age, fields.where(), key, "a number");
     out = time_ - age->number()->value;
     if (out == 0) out = std::numeric_limits<double>::denorm_min();  // 0 would mean: not given
   }
 
-  void read_profile(Form& parent, const char* key, fs_profile& out) const {
+  void read_profile(Fields& parent, const char* key, fs_profile& out) const {
     const Json* value = parent.find(key);
     if (!value) return;
-    Form form(*value, parent.where() + ", " + key, key);
-    form.read("kind", kind_words, out.kind);
-    form.read("sense", sense_words, out.sense);
-    form.read("gain", out.gain);
-    form.read("offset", out.offset);
-    form.read("width", out.width);
-    form.read("limit", out.limit);
-    form.read("reach", out.reach);
-    out.curve = find_handle(form, "curve", "curves", curves_);
-    form.finish();
+    Fields fields(*value, parent.where() + ", " + key, key);
+    fields.read("kind", kind_words, out.kind);
+    fields.read("sense", sense_words, out.sense);
+    fields.read("gain", out.gain);
+    fields.read("offset", out.offset);
+    fields.read("width", out.width);
+    fields.read("limit", out.limit);
+    fields.read("reach", out.reach);
+    out.curve = find_handle(fields, "curve", "curves", curves_);
+    fields.finish();
   }
 
   const std::string& path_;

@@ -28,7 +28,7 @@
 namespace fs {
 namespace {
 
-constexpr size_t longest_name = 64;
+constexpr size_t longest_endpoint = 64;
 
 uid_t parse_user(const std::string& text) {
   uid_t id = 0;
@@ -153,9 +153,9 @@ Endpoint parse_endpoint(const char* given, bool is_server) {
   const size_t question = out.text.find('?');
   out.name = out.text.substr(4, question == std::string::npos ? question : question - 4);
   out.user = geteuid();
-  if (out.name.empty() || out.name.size() > longest_name) {
+  if (out.name.empty() || out.name.size() > longest_endpoint) {
     fail(FS_ERROR_INVALID, "endpoint is '%s': its name is %zu bytes long, must be 1..%zu", shown.c_str(),
-         out.name.size(), longest_name);
+         out.name.size(), longest_endpoint);
   }
   for (const char c : out.name) {
     if (c == '/' || static_cast<unsigned char>(c) < 0x20 || c == 0x7f) {

@@ -10,7 +10,7 @@ namespace fs {
 namespace {
 
 // The number of a change: its own, or a new one where the object has been changed since.
-uint64_t grown(uint64_t wanted, uint64_t felt) { return wanted >= felt ? wanted : next_serial(); }
+uint64_t later_revision(uint64_t wanted, uint64_t felt) { return wanted >= felt ? wanted : next_serial(); }
 
 }  // namespace
 
@@ -122,8 +122,8 @@ void Objects::take(std::string_view name, Known& wanted, NewName new_name) {
   if (!is_there && (wanted.is_removed || wanted.is_change)) return;  // it is gone
   if (!named) return add(new_name ? std::move(new_name) : make_name(name), wanted);
   Item& item = named->second;
-  wanted.revision = grown(wanted.revision, rows.row(item.row).revision);
-  wanted.motion_revision = grown(wanted.motion_revision, rows.motion_revision(item.row));
+  wanted.revision = later_revision(wanted.revision, rows.row(item.row).revision);
+  wanted.motion_revision = later_revision(wanted.motion_revision, rows.motion_revision(item.row));
   if (!wanted.is_more_than_moved) return move(*named, wanted.track, wanted.motion, wanted.expiry, wanted.motion_revision);
   auto track = !wanted.is_removed && wanted.track.before.is_known ? std::make_unique<Track>(wanted.track) : nullptr;
   const double before = item.is_removed ? never : rows.row(item.row).expiry;

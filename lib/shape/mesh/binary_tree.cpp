@@ -95,12 +95,12 @@ bool goes_on(void* build, double done) {
   return b.has_memory && !b.wanted.is_abandoned() && !Inside::is_over();
 }
 
-struct Builder {
+struct TreeBuilder {
   // Without its cache of tessellations, which is not needed: where the memory for it (128 MB) cannot be had, Embree leaves
   // that locked, and waits for it without end when the next device is made or released.
   RTCDevice device = rtcNewDevice("ignore_config_files=1,tessellation_cache_size=0");
   RTCBVH bvh = device ? rtcNewBVH(device) : nullptr;
-  ~Builder() {
+  ~TreeBuilder() {
     if (bvh) rtcReleaseBVH(bvh);
     if (device) rtcReleaseDevice(device);
   }
@@ -141,7 +141,7 @@ BinaryTree::BinaryTree(std::vector<Box> boxes, Wanted& wanted) : item_count_(box
   wanted.begin_part(0.45, std::numeric_limits<double>::infinity());  // Embree says how far it is
   BinaryBuild work{wanted, memory_};
   const Inside inside;
-  const Builder builder;
+  const TreeBuilder builder;
   if (!builder.bvh) throw std::bad_alloc();
   RTCBuildArguments arguments = rtcDefaultBuildArguments();
   arguments.maxBranchingFactor = 2;
