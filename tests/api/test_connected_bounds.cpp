@@ -301,7 +301,8 @@ START_TEST(stiffness_of_clients) {
   rig.step(200);
   EXPECT_NEAR(report_of(bob.get(), "soft").stiffness_applied, 100, 1e-6);
   EXPECT_NEAR(stiffness(), 2000 - 110, 1e-6);
-  ck_assert_str_eq(report_of(bob.get(), "soft").shares_with, "");
+  const fs_report little = report_of(bob.get(), "soft");
+  ck_assert_str_eq(little.shares_with, "");
   // With whom a wall shares is told also where there are many.
   for (int i = 0; i < 12; ++i) {
     set(me, fs_wall_init(("another wall " + std::to_string(i)).c_str(), {0, 0, 0.002}, {0, 0, 1}, 2000, 100));
