@@ -15,6 +15,8 @@
 
 namespace fs {
 
+class Claim;
+
 struct Client {
   Client(Host& the_host, uint64_t the_id, Descriptor&& the_socket, const Peer& the_peer);
 

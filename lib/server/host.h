@@ -7,11 +7,12 @@
 #include <span>
 
 #include "base/wanted.h"
-#include "server/claims.h"
 #include "server/settings.h"
 
 namespace fs {
 
+struct Client;
+class Claims;
 class Clients;
 
 class Host {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "base/error.h"
+#include "server/claims.h"
 #include "server/client.h"
 #include "server/syncs.h"
 

@@ -11,6 +11,7 @@
 #include <thread>
 #include <vector>
 
+#include "server/claims.h"
 #include "server/clients.h"
 #include "server/door.h"
 #include "server/host.h"
