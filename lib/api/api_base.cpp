@@ -1,16 +1,12 @@
 #include <forceserver/base.h>
 
 #include "api/guarded.h"
+#include "base/version.h"
 #include "field/object.h"
 
 using namespace fs;
 
-#define FS_STRINGIZE(x) #x
-#define FS_STRING(x) FS_STRINGIZE(x)
-
-const char* fs_version(void) {
-  return FS_STRING(FS_VERSION_MAJOR) "." FS_STRING(FS_VERSION_MINOR) "." FS_STRING(FS_VERSION_PATCH);
-}
+const char* fs_version(void) { return library_version; }
 
 const char* fs_status_name(fs_status status) {
   switch (status) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "base/error.h"
+#include "base/version.h"
 
 namespace fs::grown {
 namespace {
@@ -19,7 +20,7 @@ uint32_t size_of(const void* given, const StructSizes& sizes) {
 void check_size(uint32_t size, const StructSizes& sizes) {
   if (size > largest) {
     fail(FS_ERROR_VERSION, "struct_size of %s is %u, must be at most %u: this library (%s) knows %u", sizes.type, size, largest,
-         fs_version(), sizes.known);
+         library_version, sizes.known);
   }
   if (size < sizes.first || size % 8 != 0) {
     fail(FS_ERROR_INVALID, "struct_size of %s is %u, must be sizeof(%s): at least %u, and a multiple of 8", sizes.type, size,
@@ -33,7 +34,7 @@ void read(const void* given, const StructSizes& sizes, void* out) {
   const auto* const unknown = std::find_if(bytes + common, bytes + size, [](unsigned char byte) { return byte != 0; });
   if (unknown != bytes + size) {
     fail(FS_ERROR_VERSION, "%s has a field at byte %td that is not 0, and this library (%s) knows only its first %u bytes "
-         "(struct_size is %u): it is older than its caller", sizes.type, (unknown - bytes) / 8 * 8, fs_version(), sizes.known,
+         "(struct_size is %u): it is older than its caller", sizes.type, (unknown - bytes) / 8 * 8, library_version, sizes.known,
          size);
   }
   std::memcpy(out, given, common);

@@ -93,27 +93,24 @@ bool PointProxies::begin_touch(const Point& point, Member& member) noexcept {
   if (keeps_either) touch.side = closest.side;
   const bool is_at_surface = closest.distance <= margin;
   if (!is_at_surface && (keeps_either || !is_closed || closest.side == touch.side)) return true;
-  // Above the surface, along its normal there: in a narrow groove farther above it than elsewhere. Where parts of a mesh cross, a
-  // normal may lead along another part, or into it: then along the normal of that part, too.
+  // It begins above the surface, along the normal there or on the way from the hand: in a narrow groove farther above it than
+  // elsewhere. Where parts of a mesh cross, both may lead into another part; then a little beyond the surface of that part, and
+  // less far again while there is another.
   const Vec3 place = closest.point, away = closest.side == Side::back ? -closest.direction : closest.direction;
   const Vec3 normal = find(place, 2 * margin) && closest.distance == 0 ? closest.direction : away;
   const double sign = touch.side == Side::back ? -1 : 1;
+  bool has_place = false;
   const auto is_above = [&](Vec3 direction, double height) {
     touch.at = place + (sign * height) * direction;
-    return find(touch.at, 2 * height) && closest.side == touch.side && closest.distance > margin / 64;
+    return find(touch.at, 2 * height) && closest.side == touch.side && closest.distance > margin / 4;
   };
-  const auto find_above = [&] {
-    for (double height = margin; height < 2e6 * margin; height *= 16) {
-      if (is_above(normal, height) || is_above(away, height)) return true;
+  for (double height = margin; height < 2e6 * margin && !has_place; height *= 16) {
+    has_place = is_above(normal, height) || is_above(away, height);
+    double beyond = height / 4;
+    for (; beyond > height / 1e5 && !has_place && closest.side != touch.side; beyond /= 2) {
+      has_place = is_above(sign * normalized(closest.point - beyond * closest.direction - place), height);
     }
-    constexpr int directions = 128;  // all round: where several parts cross, few lead out
-    for (int i = 0; i < directions; ++i) {
-      const double z = (2 * i + 1.0) / directions - 1, r = std::sqrt(1 - z * z), turn = 2.399963229728653 * i;  // golden angle
-      if (is_above({r * std::cos(turn), r * std::sin(turn), z}, 1e6 * margin)) return true;
-    }
-    return false;
-  };
-  find_above();
+  }
   const Vec3 begins_at = solid.pose * touch.at;
   if (!proxy_.is_free_to(begins_at)) return false;
   proxy_.at = begins_at;

@@ -131,7 +131,7 @@ END_TEST
 
 // The same for random boxes that cross: the hand is led to the nearest place of what they are together, as a field tells it.
 START_TEST(a_hand_that_begins_in_a_body_of_parts_is_led_out) {
-  for (int scene = 0; scene < (is_sanitized ? 2 : times(12, 60)); ++scene) {
+  for (int scene = 0; scene < (is_sanitized ? 2 : times(12, 400)); ++scene) {
     Random random(700 + static_cast<uint64_t>(scene));
     MeshData mesh;
     std::vector<std::pair<fs_pose, fs_vec3>> boxes;  // and half their sizes

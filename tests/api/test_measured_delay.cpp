@@ -85,7 +85,7 @@ struct Leaning : Measured {
     fake.on_write = [this](FakeDevice& device) { sent_forces.push_back(device.written.force.z); };
     fs_object o = fs_object_init("wall", FS_PRIMITIVE_PLANE);
     if (wall == Wall::profile) o.back = attract(5000, 20);
-    if (wall == Wall::contact) o.contact = {FS_KEEP_FRONT, 0, 5000, 20, 0, 0};
+    if (wall == Wall::contact) o.contact = {FS_KEEP_FRONT, 0, 5000, 20, 0, 0, {}};
     OK(fs_object_set(scene.get(), &o));
   }
   ~Leaning() { end(); }
