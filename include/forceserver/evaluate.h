@@ -15,7 +15,9 @@ extern "C" {
 /* Bits of fs_state.flags; evaluation does not look at them. */
 enum {
   FS_STATE_READY = 1,           /* connected, homed, fresh; without this flag a servo sends 0. Until a device first sets it
-                                   the servo knows no hand: nothing is felt, and no solid holds it */
+                                   the servo knows no hand: nothing is felt, and no solid holds it.
+                                   After a gap of up to 0.1 s solids hold the hand as before; after a
+                                   longer one it begins anew where it is */
   FS_STATE_CLUTCHED = 2         /* from fs_scene_get_hand: the clutch is held, the tool does not follow the hand */
 };
 

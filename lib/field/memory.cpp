@@ -145,6 +145,10 @@ void Memory::take_wants(const Snapshot& snapshot, uint32_t number, const Chunk& 
   all.moving.store(moving, std::memory_order_release);
 }
 
+void Memory::begin_tick(double now) noexcept {
+  if (Proxies* const all = proxies()) all->begin(now, static_cast<uint32_t>(std::popcount(views_used_)));
+}
+
 void Memory::absorb(const Snapshot& snapshot, double now) noexcept {
   // What is remembered of a view that is not in use may be out of date: look() begins anew when it is used again.
   if (has_weights_) {
@@ -153,7 +157,6 @@ void Memory::absorb(const Snapshot& snapshot, double now) noexcept {
       if (snapshot.views->rows[view].version != 0) views_used_ |= 1u << view;
     }
   }
-  if (Proxies* const all = proxies()) all->begin(now, static_cast<uint32_t>(std::popcount(views_used_)));
   snapshot.chunks.for_each_changed(seen_, [&](uint32_t number, const Chunk* chunk) {
     if (!chunk) return forget(number);
     Block& b = block(number);

@@ -48,10 +48,13 @@ class Memory : public Counted<Memory> {
   // Null as long as there has been no solid object.
   Proxies* proxies() const noexcept { return proxies_.load(std::memory_order_acquire); }
 
-  // Begins a tick with the newest snapshot, which may be that of the last tick.
+  // Takes the newest snapshot, which may be that of the last tick.
   void absorb(const Snapshot& snapshot, double now) noexcept;
   // Moves the weights to `now`. Of a servo, once a tick, after absorb.
   void advance(const Snapshot& snapshot, double now) noexcept;
+  // Begins a tick in which all views are evaluated, after absorb. A tick without a hand has none of this: then the solids
+  // go on from the tick before.
+  void begin_tick(double now) noexcept;
 
   // What the newer versions of a row's object weigh together, near or not. Of a servo.
   double newer_weight(const Row& row, double now) const noexcept;

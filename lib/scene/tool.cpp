@@ -22,6 +22,7 @@ fs_status fs_tool::evaluate(const fs_state& state, fs_response& out) noexcept {
   const ToolPoints& points = points_ ? *points_ : *view.tool;
   const double time = checked.time != 0 ? checked.time : scene_->now(snapshot.clock);
   reader_.memory->absorb(snapshot, time);
+  reader_.memory->begin_tick(time);
   out = evaluate_near(posting.scratches, *reader_.memory, 0, points_ ? 1 : view.version, points,
                       ToolState::at(checked, points, time));
   return FS_OK;

@@ -1,5 +1,6 @@
 #include "servo/channel.h"
 
+#include "field/proxies.h"
 #include "servo/guard.h"
 
 namespace fs {
@@ -91,6 +92,7 @@ fs_response Channel::evaluate_views(const fs_state& hand, double now) noexcept {
   const Snapshot& snapshot = *reader_.mailbox.front().snapshot;
   const Views& views = *snapshot.views;
   fs_response here{}, device{};
+  reader_.memory->begin_tick(now);
   Effort effort{.visits = visits_, .ways = ways_per_visit * visits_, .most = most_visits};
   // The newest view first: fs_scene_get_hand reports the hand in its frame; forces of older views are rotated into its axes.
   for (uint32_t k = 0; k < Views::size; ++k) {
@@ -179,6 +181,10 @@ void Channel::charge(double cost, double period) noexcept {
   constexpr int most = 10;  // ticks; the guard waits for twice as many
   slow_in_a_row_ = cost > period ? slow_in_a_row_ + 1 : 0;
   if (slow_in_a_row_ >= most) is_bad_.store(true, std::memory_order_release);
+}
+
+void Channel::forget_touches() noexcept {
+  if (Proxies* const proxies = reader_.memory->proxies()) proxies->forget();
 }
 
 void Channel::lose_hand(double now) noexcept {

@@ -72,6 +72,9 @@ class Channel final : public Counted<Channel> {
   // guard would stop the force of all scenes.
   void charge(double cost, double period) noexcept;
 
+  // [rt] The hand may be anywhere: no solid holds it any more.
+  void forget_touches() noexcept;
+
   // [rt] Called instead of evaluate when the device gave no pose.
   void lose_hand(double now) noexcept;
 

@@ -65,7 +65,7 @@ bool DeviceEvents::take(uint64_t& next, const fs_device_info& device, double pos
   out.status = event.status;
   out.time = event.time;
   out.value = event.faults;
-  std::memcpy(out.name, device.name, sizeof out.name - 1);
+  std::memcpy(out.name, device.name, sizeof device.name);
   const size_t size = sizeof out.text;
   if (event.faults & device_fault) {
     char old[64];

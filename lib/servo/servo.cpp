@@ -71,7 +71,8 @@ DeviceLimit fs_servo::limit() {
     fs_event event{};
     event.kind = FS_EVENT_DEVICE;
     event.status = FS_ERROR_INVALID;
-    std::memcpy(event.name, device.name, sizeof event.name - 1);
+    static_assert(sizeof event.name >= sizeof device.name);
+    std::memcpy(event.name, device.name, sizeof device.name);
     refusal.copy(event.text, sizeof event.text - 1);
     channels_.note(event);
   }
@@ -241,10 +242,16 @@ void fs_servo::tick(double now, double late) noexcept {
   const bool has_age = clock() != ClockKind::virtual_time || device_->is_simulated();
   const double age = has_age ? now - hand.time : 0;
   const bool says_ready = hand.flags & FS_STATE_READY;
-  const bool is_ready = status == FS_OK && write_status_ == FS_OK && says_ready && age <= loop_now_.pose_age;
+  const bool is_known = status == FS_OK && says_ready && age <= loop_now_.pose_age;
+  const bool is_ready = is_known && write_status_ == FS_OK;
   // Until the device is ready for the first time nobody knows where the hand is: it may say 0.
   was_ready_ |= status == FS_OK && says_ready;
   const bool has_pose = was_ready_ && status == FS_OK && is_finite(hand.pose) && is_finite(hand.twist);
+
+  // After a moment without the hand the solids hold it as before. After a longer one it may be anywhere, and begins anew.
+  constexpr double begins_anew_after = 0.1;  // s
+  const bool begins_anew = is_known && now - known_at_ > begins_anew_after;
+  if (is_known) known_at_ = now;
 
   const std::vector<Ref<Channel>>& channels = channels_.fetch();
   const bool has_thread = settings_.mode == FS_SERVO_THREAD;
@@ -254,6 +261,7 @@ void fs_servo::tick(double now, double late) noexcept {
     Channel& channel = *channels[i];
     if (channel.is_gone()) continue;
     channel.fetch(now);
+    if (begins_anew) channel.forget_touches();
     if (!has_pose) {
       channel.lose_hand(now);
     } else if (i == 0) {

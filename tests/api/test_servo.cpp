@@ -126,6 +126,39 @@ START_TEST(a_lost_device_comes_back) {
 }
 END_TEST
 
+// A sheet that the hand presses from above holds it over a short gap, of reading or of READY. After a longer one the hand may be
+// anywhere, and is where it is: here below the sheet, which then pushes it no more.
+START_TEST(a_gap_without_the_hand) {
+  for (const bool is_read : {false, true}) {
+    for (const int gap : {1, 90, 200}) {  // ticks, ms
+      Rig rig(("gap" + std::to_string(gap) + (is_read ? "read" : "ready")).c_str());
+      fs_object sheet = fs_object_init("sheet", FS_PRIMITIVE_PLANE);
+      sheet.contact = {FS_KEEP_EITHER, 0, 500, 10, 0, 0, {}};
+      set(rig.scene.get(), sheet);
+      rig.fake.state.pose.position.z = 0.002;
+      rig.start(plain());
+      for (double& z = rig.fake.state.pose.position.z; z > -0.003; z -= 0.0005) rig.step(1);
+      rig.fake.state.pose.position.z = -0.003;
+      rig.step(30);
+      EXPECT_VECTOR(rig.sent(), (fs_vec3{0, 0, 1.5}), 1e-9);
+      if (is_read) {
+        rig.fake.read_status = FS_ERROR_IO;
+      } else {
+        rig.fake.state.flags = 0;
+        rig.fake.state.pose.position.z = 0.01;  // as it is homed
+      }
+      fs_servo_step(rig.servo.get(), static_cast<uint64_t>(gap));
+      EXPECT_VECTOR(rig.sent(), (fs_vec3{}), 0);
+      rig.fake.read_status = FS_OK;
+      rig.fake.state.flags = FS_STATE_READY;
+      rig.fake.state.pose.position.z = -0.003;
+      rig.step(30);
+      EXPECT_VECTOR(rig.sent(), (fs_vec3{0, 0, gap < 100 ? 1.5 : 0}), 1e-9);
+    }
+  }
+}
+END_TEST
+
 static void take_all_events(fs_scene* scene) {
   fs_event event;
   do OK(fs_scene_next_event(scene, 0, &event));
@@ -919,7 +952,7 @@ int main() {
   if (seeks_races) return run_suite(suite);
   add_case(suite, "force", {ramps_at_the_start, no_ramp, too_strong, limits_of_ones_own, axes_that_are_not_there,
                             enabled_or_not, frames});
-  add_case(suite, "faults", {zero_until_ready, a_lost_device_comes_back, an_old_pose_is_no_pose, told_again,
+  add_case(suite, "faults", {zero_until_ready, a_lost_device_comes_back, a_gap_without_the_hand, an_old_pose_is_no_pose, told_again,
                              too_fast, not_a_number, a_jump_while_away_is_no_speed, speeds_are_worked_out});
   add_case(suite, "record", {the_record, the_record_of_a_scene, stats, rate_of_the_device});
   add_case(suite, "ownership", {bad_options, one_servo_each, device_by_hand,
