@@ -17,7 +17,7 @@ static void print_line(Client& client, double time, const std::vector<fs_client>
   std::string parts;
   for (const fs_client& other : clients) {
     const double force = length(other.wrench.force);
-    char text[100];
+    char text[100 + FS_NAME_SIZE];
     std::snprintf(text, sizeof text, "  %s %.2f", other.name, force);
     if (force >= 0.01) parts += text;
   }

@@ -46,11 +46,11 @@ double fair_bound(std::vector<double>& wants, double limit) noexcept;  // change
 // N/m, what the wants add up to at most at one place in the box; never less, and mostly not much more.
 double most_wanted(std::span<const SlopeWant> wants, const Box& within);
 
-// For each user the lowest bound at all places where it wants more than that: never more, and mostly not much less.
-// within: only places in this box count.
+// For each user the lowest of the bounds (fair_bound) at all places where it wants more than the bound of that place; what is
+// returned is never more than that, and mostly not much less. within: only places in this box count.
 //
-// So if each user gets the smaller of what it wants and its bound, all that is felt at a place x adds up to at most `limit`:
-// whoever wants more than the bound at x has a bound that is no higher, and the others get what they want.
+// Then all that is felt at a place adds up to at most `limit`, if each user gets the smaller of its want and its bound. Let B
+// be the bound of the place: a user that wants more than B there has a bound of at most B, and the others want at most B.
 FairBounds fair_bounds(std::span<const SlopeWant> wants, size_t users, const Box& within, double limit);
 
 }  // namespace fs

@@ -12,7 +12,7 @@ struct DeviceLimit {
   double damping = never;    // N s/m
   double lever = never;      // m: a torque about the handle counts as a force on a point so far from it
   double radius = 0, height = 0;  // m, of the device's workspace, a cylinder about z; 0: not known
-  double speed = never;      // m/s, faster the hand is never
+  double speed = never;      // m/s, the fastest that the hand can be
   bool operator==(const DeviceLimit&) const = default;
 };
 
@@ -21,7 +21,8 @@ struct SceneLimit {
   double stiffness, damping;  // N/m, N s/m, of the scene
   double whole;               // N/m: what the scene could have if it were alone
   bool is_split;              // other scenes have a part of what the loop can render
-  double blend, ahead;        // s: over which moves are spread; for how long the bounds must hold
+  double blend;               // s, over which a move of an object is spread
+  double ahead;               // s, for which the bounds must hold from now on
   double to_device;           // a slope of the scene times this is one at the device; 0: nothing is felt
   double to_loop;             // the same, as the loop can render it: with torques it is harder
   unsigned points;            // of the tool

@@ -19,11 +19,12 @@ class SceneBudget final : public Counted<SceneBudget>, public BudgetLink {
   // reader: the servo's, whose link this is; it works while the scene has this reader.
   SceneBudget(Ref<LocalScene> scene, const ServoReader& reader);
 
-  // limit: what the servo leaves to this scene. ahead: s; by then the bounds of the next call but one are in use. rest: s; at
-  // least so long between two calculations for what objects do, because each costs time. An object that is set between two
-  // calls gets the bounds of an object alone. Does nothing, and returns false, if nothing has changed since the last call or
-  // what has can wait, and the hand cannot reach anything else by then. The bounds are worked out without the lock, and
-  // entered with it. One thread at a time; not [rt].
+  // Works the bounds out again, if they may have changed. limit: what the servo leaves to this scene. ahead: s, for which the
+  // bounds must hold: until those of the call after the next one are in use. rest: s, the least time between two calculations
+  // that changed or moving objects ask for, as each takes processor time. Returns false, and does nothing, if the hand
+  // can reach nothing new within `ahead` and nothing has changed that cannot wait for `rest`. An object that is set between two
+  // calls has the bounds of an object alone until the next. The bounds are worked out without the scene's lock, and entered
+  // with it. One thread at a time; not [rt].
   bool update(const DeviceLimit& limit, double ahead, double rest);
 
   // N/m of the loop, what the objects that the hand may feel soon want together at most; 0: there are none that want any,

@@ -94,21 +94,20 @@ bool PointProxies::begin_touch(const Point& point, Member& member) noexcept {
   const bool is_at_surface = closest.distance <= margin;
   if (!is_at_surface && (keeps_either || !is_closed || closest.side == touch.side)) return true;
   // It begins above the surface, along the normal there or on the way from the hand: in a narrow groove farther above it than
-  // elsewhere. Where parts of a mesh cross, both may lead into another part; then a little beyond the surface of that part, and
-  // less far again while there is another.
-  const Vec3 place = closest.point, away = closest.side == Side::back ? -closest.direction : closest.direction;
-  const Vec3 normal = find(place, 2 * margin) && closest.distance == 0 ? closest.direction : away;
-  const double sign = touch.side == Side::back ? -1 : 1;
+  // elsewhere. Where parts of a mesh cross, both may lead into another part. Then it is tried a little beyond the surface of that
+  // part; if that is inside of a third one, from there, and less far beyond.
+  const auto outwards = [&] { return closest.side == touch.side ? closest.direction : -closest.direction; };
+  const Vec3 place = closest.point, away = outwards();
+  const Vec3 normal = find(place, 2 * margin) && closest.distance == 0 ? outwards() : away;
   bool has_place = false;
   const auto is_above = [&](Vec3 direction, double height) {
-    touch.at = place + (sign * height) * direction;
+    touch.at = place + height * direction;
     return find(touch.at, 2 * height) && closest.side == touch.side && closest.distance > margin / 4;
   };
   for (double height = margin; height < 2e6 * margin && !has_place; height *= 16) {
     has_place = is_above(normal, height) || is_above(away, height);
-    double beyond = height / 4;
-    for (; beyond > height / 1e5 && !has_place && closest.side != touch.side; beyond /= 2) {
-      has_place = is_above(sign * normalized(closest.point - beyond * closest.direction - place), height);
+    for (double beyond = height / 4; beyond > height / 1e5 && !has_place && closest.side != touch.side; beyond /= 2) {
+      has_place = is_above(normalized(closest.point + beyond * outwards() - place), height);
     }
   }
   const Vec3 begins_at = solid.pose * touch.at;

@@ -1,5 +1,5 @@
-"""The installed library can be found by CMake and by pkg-config, and a C and a C++ program built with it run; so does
-the first program of the README.
+"""The installed library can be found by CMake and by pkg-config, and a C and a C++ program built with it run; so do
+the programs of the front page and of the page for C programs.
 
 install.py BUILD_FOLDER CMAKE GENERATOR C_COMPILER CXX_COMPILER LIBRARY_FOLDER
 """
@@ -48,7 +48,13 @@ add_executable(in_cpp user.cpp)
 target_link_libraries(in_c PRIVATE forceserver::forceserver)
 target_link_libraries(in_cpp PRIVATE forceserver::forceserver)
 """
-README = pathlib.Path(__file__).parents[2] / "README.md"
+ROOT = pathlib.Path(__file__).parents[2]
+FRONT, PAGE = ROOT / "README.md", ROOT / "include/forceserver/README.md"
+
+
+def block(page, language, begin):
+    """The first block of code on a page that is in this language and begins like that."""
+    return re.search(rf"\n```{language}\n({begin}.*?)```\n", page.read_text(), re.S)[1]
 
 
 def run(*command, **options):
@@ -74,18 +80,19 @@ with tempfile.TemporaryDirectory() as temporary:
     for program in ["in_c", "in_cpp"]:
         run(user / "build" / program)
 
-    hello = folder / "hello"
-    hello.mkdir()
-    for language, name, begin in [("c", "hello.c", "#include"), ("cmake", "CMakeLists.txt", "cmake_minimum_required")]:
-        block = re.search(rf"\n```{language}\n({begin}.*?)```\n", README.read_text(), re.S)
-        (hello / name).write_text(block[1])
-    run(cmake, "-S", hello, "-B", hello / "build", "-G", generator, f"-DCMAKE_PREFIX_PATH={prefix}",
-        f"-DCMAKE_C_COMPILER={c}")
-    run(cmake, "--build", hello / "build")
-    lines = run(hello / "build" / "hello").splitlines()
-    if len(lines) != 10 or not all("the hand is at" in line for line in lines):
-        print("the first program of the README prints something else")
-        sys.exit(1)
+    # Each is built by the page's own CMakeLists.txt, and says where the hand is.
+    for name, page, count in [("front", FRONT, 1), ("page", PAGE, 10)]:
+        hello = folder / name
+        hello.mkdir()
+        (hello / "hello.c").write_text(block(page, "c", "#include"))
+        (hello / "CMakeLists.txt").write_text(block(PAGE, "cmake", "cmake_minimum_required"))
+        run(cmake, "-S", hello, "-B", hello / "build", "-G", generator, f"-DCMAKE_PREFIX_PATH={prefix}",
+            f"-DCMAKE_C_COMPILER={c}")
+        run(cmake, "--build", hello / "build")
+        lines = run(hello / "build" / "hello").splitlines()
+        if len(lines) != count or not all("the hand is at" in line for line in lines):
+            print(f"the first program of {page} prints something else")
+            sys.exit(1)
 
     libraries = prefix / library_folder
     pkg_config = shutil.which("pkg-config")

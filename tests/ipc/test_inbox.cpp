@@ -13,7 +13,7 @@ using namespace hostile;
 using namespace fs::wire;
 using fs::Descriptor;
 
-static uint64_t wanted_writes = static_cast<uint64_t>(scenes::times(5'000'000, 20'000'000));
+static uint64_t wanted_writes = static_cast<uint64_t>(scenes::is_sanitized ? 200'000 : scenes::times(5'000'000, 20'000'000));
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 static const double nan_value = std::nan("");

@@ -142,7 +142,7 @@ class UnionBuilder {
       for (size_t i = 0; i < before && work_left_ > 0; ++i) {
         wanted_.step();
         --work_left_;
-        split(i, theirs, their_normal);
+        cut(i, theirs, their_normal);
       }
     }
     if (!is_met) return;
@@ -165,8 +165,8 @@ class UnionBuilder {
     }
   }
 
-  // Splits a polygon by the plane of a triangle that passes through it; what is in front of the plane becomes a new polygon.
-  void split(size_t i, const Vec3 (&other)[3], Vec3 plane) {
+  // Cuts a polygon in two along the plane of a triangle that passes through it: the part in front becomes a new polygon.
+  void cut(size_t i, const Vec3 (&other)[3], Vec3 plane) {
     const Range range = heights(polygons_[i], other[0], plane);
     if (!(range.low < -tolerance_ && range.high > tolerance_)) return;
     Polygon front, back;

@@ -163,8 +163,11 @@ def python_lines(file):
     return re.findall(r"```python\n(.*?)```", text, re.S)
 
 
-def test_the_lines_of_the_readme_work(run):
-    for lines in python_lines(ROOT / "README.md"):
+@pytest.mark.parametrize("page", ["README.md", "bindings/python/README.md"])
+def test_the_lines_of_the_pages_work(run, page):
+    programs = python_lines(ROOT / page)
+    assert programs
+    for lines in programs:
         assert "mm" in run(lines)
 
 
@@ -200,13 +203,13 @@ def test_every_recipe_has_its_twin():
     assert twins == {path.stem for path in (ROOT / "examples/recipes").glob("*.c")}
 
 
-def test_the_figures_of_the_readme(tmp_path):
+def test_the_figures_of_the_page(tmp_path):
     pytest.importorskip("matplotlib")
-    folder, readme = ROOT / "examples/python", (ROOT / "README.md").read_text()
+    folder, page = ROOT / "examples/python", (ROOT / "bindings/python/README.md").read_text()
     subprocess.run([sys.executable, "-B", folder / "figures.py", tmp_path], check=True)
     drawn = {file.name for file in tmp_path.glob("*.png")}
     assert drawn == {file.name for file in folder.glob("*.png")} == {"figure_3.png", "figure_4.png"}
-    assert all(f"](examples/python/{name})" in readme for name in drawn)
+    assert all(f"](../../examples/python/{name})" in page for name in drawn)
     assert sum(file.stat().st_size for file in folder.glob("*.png")) <= 150e3
 
 

@@ -176,11 +176,12 @@ class ServoTest {
 
   /** Nobody waits any more for what an interrupted connect gets: it is given back, and its name is free. */
   @Test void an_interrupted_connect_is_given_back() throws Exception {
+    String alone = endpoint + "-late";  // the interrupted connect may still wait for it when this test has ended
     try (Scene scene = new Scene()) {
-      ends(false, scene, () -> Scene.connect(endpoint + "?timeout=20", "late"));
-      try (Servo servo = Support.servo(scene, ServoMode.THREAD); Server server = servo.serve(endpoint)) {
+      ends(false, scene, () -> Scene.connect(alone + "?timeout=20", "late"));
+      try (Servo servo = Support.servo(scene, ServoMode.THREAD); Server server = servo.serve(alone)) {
         Support.await(() -> {
-          try (Scene late = Scene.connect(endpoint, "late")) {
+          try (Scene late = Scene.connect(alone, "late")) {
             return late.clients().size() == 2;
           } catch (ForceServerException e) {
             assertEquals(Status.ERROR_EXISTS, e.status());
