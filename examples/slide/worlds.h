@@ -53,8 +53,7 @@ inline fs_frame terrain_frame() {
 
 // The point of the device that a point of a world is seen at.
 inline fs_vec3 on_device(const fs_frame& frame, const fs_vec3& v) {
-  const fs_quat& q = frame.pose.orientation;  // it turns about z only
-  const double cosine = 1 - 2 * q.z * q.z, sine = 2 * q.w * q.z;
-  return {frame.pose.position.x + (cosine * v.x - sine * v.y) / frame.scale,
-          frame.pose.position.y + (sine * v.x + cosine * v.y) / frame.scale, frame.pose.position.z + v.z / frame.scale};
+  fs_pose pose = {v, {1, 0, 0, 0}};
+  check(fs_frame_to_device(&frame, &pose, &pose));
+  return pose.position;
 }

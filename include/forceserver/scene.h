@@ -172,6 +172,18 @@ typedef struct fs_frame {
 static inline fs_frame fs_frame_init(void)
 { fs_frame f; memset(&f, 0, sizeof f); f.pose.orientation.w = f.scale = f.force_scale = 1.0; return f; }
 
+/* [rt] Sets *out to a pose of the device (m, device frame) in the scene: x_scene = scale * (frame.pose^-1 * x_device),
+ * and the orientation is turned back by frame.pose. A servo does the same with the hand (fs_scene_get_hand), with the
+ * same bits. out may be pose. A clutch moves the frame of a scene: take that of fs_scene_get_frame. A call that fails
+ * allocates memory for its sentence. */
+FS_API fs_status fs_frame_to_scene(const fs_frame *frame, const fs_pose *pose, fs_pose *out);
+
+/* [rt] The way back: sets *out to a pose of the scene (m, scene frame) at the device: x_device = frame.pose * (x_scene
+ * / scale), and the orientation is turned by frame.pose. A servo does the same with fs_response.proxy, with the same
+ * bits. From one client's scene to another's: by the frame of the one to the device, and from there by the frame of the
+ * other. out may be pose. A call that fails allocates memory for its sentence. */
+FS_API fs_status fs_frame_to_device(const fs_frame *frame, const fs_pose *pose, fs_pose *out);
+
 /* Sets the frame between the scene and the device. It is the servo's: tools of one's own do not see it. */
 FS_API fs_status fs_scene_set_frame(fs_scene *scene, const fs_frame *frame);
 
@@ -327,6 +339,13 @@ typedef struct fs_motion {
   double horizon;               /* s after `time` for which the twist is used; 0: it stands still */
   double reserved[4];           /* 0 */
 } fs_motion;
+
+/* [rt] Sets *out to the pose that an object with this motion has at a time, by the formula of fs_motion. fs_evaluate
+ * evaluates the object there, with the same bits; so does a servo, except within fs_servo_options.blend of a change,
+ * and of the end of the horizon, which it rounds off. time: s, on the scene's clock, finite; 0 is the time 0 here, not
+ * FS_NOW. Of motion only pose, twist, time and horizon (0..0.1 s) are read. A call that fails allocates memory for its
+ * sentence. */
+FS_API fs_status fs_motion_at(const fs_motion *motion, double time, fs_pose *out);
 
 /* How all objects move, a list: one request for viewers, editors and bridges. It has the objects that fs_object_get
  * finds, as they are at one instant, so a group is in it as a whole or not at all. client: in a connected scene, the

@@ -4,6 +4,8 @@
 #include "base/grown.h"
 #include "base/names.h"
 #include "client/remote_scene.h"
+#include "field/frame.h"
+#include "field/motion.h"
 #include "file/scene_file.h"
 
 using namespace fs;
@@ -147,6 +149,24 @@ fs_status fs_scene_load(fs_scene* scene, const char* path) {
   });
 }
 
+fs_status fs_frame_to_scene(const fs_frame* frame, const fs_pose* pose, fs_pose* out) {
+  return guarded([&] {
+    require_pointer(frame, "frame");
+    require_pointer(pose, "pose");
+    require_pointer(out, "out");
+    *out = to_scene(parse_frame(*frame), parse_pose(*pose, "pose"));
+  });
+}
+
+fs_status fs_frame_to_device(const fs_frame* frame, const fs_pose* pose, fs_pose* out) {
+  return guarded([&] {
+    require_pointer(frame, "frame");
+    require_pointer(pose, "pose");
+    require_pointer(out, "out");
+    *out = to_device(parse_frame(*frame), parse_pose(*pose, "pose"));
+  });
+}
+
 fs_status fs_scene_set_frame(fs_scene* scene, const fs_frame* frame) {
   return on_scene(scene, [&] {
     require_pointer(frame, "frame");
@@ -215,6 +235,16 @@ fs_status fs_scene_get_report(fs_scene* scene, const char* name, fs_report* out)
     require_pointer(name, "name");
     require_pointer(out, "out");
     *out = scene->report(name);
+  });
+}
+
+fs_status fs_motion_at(const fs_motion* motion, double time, fs_pose* out) {
+  return guarded([&] {
+    require_pointer(motion, "motion");
+    require_pointer(out, "out");
+    const double at = parse_finite(time, "time");
+    constexpr double no_blend = 0;  // s: of a tool of one's own
+    *out = parse_motion({motion->pose, motion->twist, motion->time, motion->horizon}, "motion.").at(at, no_blend);
   });
 }
 

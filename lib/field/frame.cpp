@@ -2,9 +2,10 @@
 
 namespace fs {
 
+Vec3 to_scene(const fs_frame& frame, Vec3 at_device) noexcept { return frame.scale * to_local(frame.pose, at_device); }
+
 Pose to_scene(const fs_frame& frame, const Pose& hand) noexcept {
-  const Quat back = conjugate(frame.pose.orientation);
-  return {frame.scale * rotate(back, hand.position - frame.pose.position), back * hand.orientation};
+  return {to_scene(frame, hand.position), conjugate(frame.pose.orientation) * hand.orientation};
 }
 
 fs_state to_scene(const fs_frame& frame, const fs_state& hand) noexcept {
@@ -16,14 +17,23 @@ fs_state to_scene(const fs_frame& frame, const fs_state& hand) noexcept {
   return out;
 }
 
-fs_response to_device(const fs_frame& frame, const fs_response& response) noexcept {
+Vec3 to_device(const fs_frame& frame, Vec3 in_scene) noexcept { return frame.pose * ((1 / frame.scale) * in_scene); }
+
+Pose to_device(const fs_frame& frame, const Pose& pose) noexcept {
+  return {to_device(frame, pose.position), frame.pose.orientation * pose.orientation};
+}
+
+Wrench to_device(const fs_frame& frame, const Wrench& wrench) noexcept {
   const Quat q = frame.pose.orientation;
-  const Mat3 r = to_matrix(q);
+  return {frame.force_scale * rotate(q, wrench.force), (frame.force_scale / frame.scale) * rotate(q, wrench.torque)};
+}
+
+fs_response to_device(const fs_frame& frame, const fs_response& response) noexcept {
+  const Mat3 r = to_matrix(frame.pose.orientation);
   fs_response out = response;
-  out.wrench.force = frame.force_scale * rotate(q, response.wrench.force);
-  out.wrench.torque = (frame.force_scale / frame.scale) * rotate(q, response.wrench.torque);
+  out.wrench = to_device(frame, response.wrench);
   out.stiffness = (frame.force_scale * frame.scale) * (r * response.stiffness * transposed(r));
-  out.proxy = frame.pose * Pose{(1 / frame.scale) * response.proxy.position, response.proxy.orientation};
+  out.proxy = to_device(frame, response.proxy);
   out.error_bound = frame.force_scale * response.error_bound;
   return out;
 }

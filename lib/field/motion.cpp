@@ -1,5 +1,10 @@
 #include "field/motion.h"
 
+#include <string>
+
+#include "base/error.h"
+#include "field/object.h"
+
 namespace fs {
 namespace {
 
@@ -36,6 +41,20 @@ Vec3 rate_of(Vec3 v, Vec3 spin) noexcept {
 }
 
 }  // namespace
+
+bool check_motion(Motion& m) noexcept {
+  return make_unit_pose(m.pose) && is_in_range(m.twist.linear) && is_in_range(m.twist.angular) && std::isfinite(m.time) &&
+         m.horizon >= 0 && m.horizon <= extrapolation_limit;
+}
+
+Motion parse_motion(Motion motion, const char* of) {
+  if (check_motion(motion)) return motion;
+  const auto named = [of](const char* field) { return std::string(of) + field; };
+  parse_pose(motion.pose, named("pose").c_str());
+  parse_twist(motion.twist, named("twist").c_str());
+  parse_finite(motion.time, named("time").c_str());
+  fail(FS_ERROR_INVALID, "%shorizon is %.9g, must be within 0..%.9g s", of, motion.horizon, extrapolation_limit);
+}
 
 Vec3 Motion::way_at(double t, double blend) const noexcept {
   const Decay now = decay_at(offset, t, blend);

@@ -84,6 +84,11 @@ struct Motion {
   void add_offset(double t, double blend, Pose& out) const noexcept;
 };
 
+// Checks a motion that comes from outside, but for its offset. [rt] In place and without a sentence; false: it is none.
+bool check_motion(Motion& motion) noexcept;
+// The same with a sentence, where `of`, such as "motion.", goes before the name of the field. Throws INVALID.
+Motion parse_motion(Motion motion, const char* of);
+
 // The last poses that the application gave; twists are worked out from them.
 struct Track {
   struct Sample {

@@ -8,6 +8,7 @@
 
 #include "base/error.h"
 #include "base/text.h"
+#include "field/frame.h"
 #include "scene/moment.h"
 #include "server/clients.h"
 #include "transfer/records.h"
@@ -47,12 +48,10 @@ std::shared_ptr<Client> find_client(const Client& asking, const std::string& nam
 fs_report seen_from(const fs_report& report, const fs_frame& owner, const fs_frame& viewer) {
   fs_report out = report;
   if (!std::isfinite(report.distance)) return out;
-  const Quat to_device = owner.pose.orientation, from_device = conjugate(viewer.pose.orientation);
-  const Vec3 at = owner.pose.position + rotate(to_device, (1 / owner.scale) * report.point);
-  out.point = viewer.scale * rotate(from_device, at - viewer.pose.position);
-  const Vec3 force = owner.force_scale * rotate(to_device, report.wrench.force);
-  const Vec3 torque = (owner.force_scale / owner.scale) * rotate(to_device, report.wrench.torque);
-  out.wrench = {rotate(from_device, force), rotate(from_device, torque)};
+  out.point = to_scene(viewer, to_device(owner, report.point));
+  const Wrench at_device = to_device(owner, report.wrench);
+  const Quat back = conjugate(viewer.pose.orientation);
+  out.wrench = {rotate(back, at_device.force), rotate(back, at_device.torque)};  // N at the device, along the viewer's axes
   out.distance = report.distance * viewer.scale / owner.scale;
   return out;
 }

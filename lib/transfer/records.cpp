@@ -1,9 +1,6 @@
 #include "transfer/records.h"
 
 #include <algorithm>
-#include <cmath>
-
-#include "base/error.h"
 
 namespace fs {
 
@@ -60,19 +57,11 @@ wire::Motion to_record(const Motion& m) { return {m.pose, m.twist, m.time, m.hor
 
 bool from_record(const wire::Motion& r, Motion& motion) noexcept {
   Motion out{r.pose, r.twist, r.time, r.horizon};
-  if (!make_unit_pose(out.pose) || !is_in_range(r.twist.linear) || !is_in_range(r.twist.angular)) return false;
-  if (!std::isfinite(r.time) || !(r.horizon >= 0 && r.horizon <= extrapolation_limit)) return false;
+  if (!check_motion(out)) return false;
   motion = out;
   return true;
 }
 
-Motion from_record(const wire::Motion& r) {
-  Motion out;
-  if (from_record(r, out)) return out;
-  parse_pose(r.pose, "pose");
-  parse_twist(r.twist, "twist");
-  parse_finite(r.time, "time");
-  fail(FS_ERROR_INVALID, "horizon is %.9g, must be within 0..%.9g s", r.horizon, extrapolation_limit);
-}
+Motion from_record(const wire::Motion& r) { return parse_motion({r.pose, r.twist, r.time, r.horizon}, ""); }
 
 }  // namespace fs

@@ -246,6 +246,26 @@ START_TEST(a_connected_scene) {
 }
 END_TEST
 
+START_TEST(poses) {
+  Random random(8);
+  fs_status worst = FS_OK;
+  ck_assert_uint_eq(count([&] {
+    for (int k = 0; k < 1000; ++k) {
+      const fs_frame frame{random.pose(1), random.log_between(0.1, 10), 1, {}};
+      fs_motion motion{};
+      motion.pose = random.pose(1);
+      motion.twist = {random.in_box(1), random.in_box(1)};
+      motion.horizon = 0.1;
+      fs_pose pose;
+      worst = std::min(worst, fs_motion_at(&motion, random.between(-0.1, 0.2), &pose));
+      worst = std::min(worst, fs_frame_to_device(&frame, &pose, &pose));
+      worst = std::min(worst, fs_frame_to_scene(&frame, &pose, &pose));
+    }
+  }), 0);
+  ck_assert_int_eq(worst, FS_OK);
+}
+END_TEST
+
 START_TEST(faults) {  // faults do not allocate either
   Rig rig("faults");
   fill(rig.scene.get(), hello());
@@ -269,6 +289,6 @@ END_TEST
 int main() {
   Suite* suite = suite_create("allocation");
   add_case(suite, "allocation", {the_counter_counts, a_tool, a_virtual_servo, a_servo_with_local_models, a_callers_servo,
-                                a_servo_whose_delay_changes, a_connected_scene, faults});
+                                a_servo_whose_delay_changes, a_connected_scene, poses, faults});
   return run_suite(suite);
 }

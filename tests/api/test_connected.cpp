@@ -698,10 +698,10 @@ START_TEST(reports_of_all) {
       }
       // The point through the device into the viewer's frame; the force at the device, along the viewer's axes.
       const fs_frame &f = frames[owner], &v = frames[viewer];
-      const fs_vec3 p = Got(scenes[owner], "near")->pose.position;
-      const fs_vec3 at_device = f.pose.position + rotate(f.pose.orientation, (1 / f.scale) * p);
-      const fs_vec3 point = v.scale * rotate(inverse(v.pose.orientation), at_device - v.pose.position);
-      EXPECT_VECTOR(seen.point, point, 1e-12);
+      fs_pose pose = Got(scenes[owner], "near")->pose;
+      OK(fs_frame_to_device(&f, &pose, &pose));
+      OK(fs_frame_to_scene(&v, &pose, &pose));
+      EXPECT_VECTOR(seen.point, pose.position, 0);
       fs_response response;
       OK(fs_scene_get_hand(scenes[owner], nullptr, &response, nullptr));
       const fs_vec3 force = f.force_scale * rotate(f.pose.orientation, response.wrench.force);

@@ -201,6 +201,12 @@ static const std::vector<Call> calls{
     {"fs_scene_load", 2, FS_OK, [](World& w, int n) {
        return fs_scene_load(but(n, 0, w.scene), but(n, 1, w.scene_path.c_str()));
      }},
+    {"fs_frame_to_scene", 3, FS_OK, [](World& w, int n) {
+       return fs_frame_to_scene(but(n, 0, &w.frame), but(n, 1, &w.pose), but(n, 2, &w.pose));
+     }},
+    {"fs_frame_to_device", 3, FS_OK, [](World& w, int n) {
+       return fs_frame_to_device(but(n, 0, &w.frame), but(n, 1, &w.pose), but(n, 2, &w.pose));
+     }},
     {"fs_scene_set_frame", 2, FS_OK, [](World& w, int n) {
        return fs_scene_set_frame(but(n, 0, w.scene), but(n, 1, &w.frame));
      }},
@@ -233,6 +239,7 @@ static const std::vector<Call> calls{
     {"fs_scene_get_report", 3, FS_OK, [](World& w, int n) {
        return fs_scene_get_report(but(n, 0, w.scene), but(n, 1, "ball"), but(n, 2, &w.report));
      }},
+    {"fs_motion_at", 2, FS_OK, [](World& w, int n) { return fs_motion_at(but(n, 0, &w.motion), 1, but(n, 1, &w.pose)); }},
     {"fs_scene_get_motions", 3, FS_OK, [](World& w, int n) {  // client null: of all
        return fs_scene_get_motions(but(n, 0, w.scene), nullptr, but(n, 1, &w.motion), 1, but(n, 2, &w.count));
      }},

@@ -54,9 +54,10 @@ static void expect_as_got(fs_scene* scene, std::initializer_list<const char*> na
     for (const double x : m.reserved) ck_assert_double_eq(x, 0);
   }
 }
-// The pose at time t, as the header says it.
 static fs_vec3 position_at(const fs_motion& m, double t) {
-  return m.pose.position + std::fmin(std::fmax(t - m.time, 0), m.horizon) * m.twist.linear;
+  fs_pose pose;
+  OK(fs_motion_at(&m, t, &pose));
+  return pose.position;
 }
 
 // ---------------------------------------------------------------------------------------------------------- motions

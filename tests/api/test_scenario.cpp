@@ -862,7 +862,9 @@ END_TEST
 // ----------------------------------------------------------------------------------------------- frame, clutch, tool
 
 static fs_vec3 to_scene(const fs_frame& f, fs_vec3 x) {
-  return f.scale * rotate(inverse(f.pose.orientation), x - f.pose.position);
+  fs_pose pose = at(x);
+  OK(fs_frame_to_scene(&f, &pose, &pose));
+  return pose.position;
 }
 
 START_TEST(frames) {

@@ -146,11 +146,11 @@ class SceneObject:
         else:
             self.scene.object_get(self.name)  # says what is wrong
             raise StateError(f"object '{self.name}' came or went meanwhile")
-        past = min(max((time or self.scene.time) - motion["time"], 0), motion["horizon"])
-        pose = _core.Pose(
-            position=motion["pose"]["position"] + past * motion["twist"]["linear"],
-            orientation=_turned(motion["pose"]["orientation"], past * motion["twist"]["angular"]),
-        )
+        one = np.zeros(1, _core.Motion.dtype)
+        for part in ("pose", "twist", "time", "horizon"):
+            one[part] = motion[part]
+        (at,) = _core.motion_at(one, time or self.scene.time)
+        pose = _core.Pose(position=at["position"], orientation=at["orientation"])  # type: ignore[typeddict-item, unused-ignore]
         if position is not None:
             pose.position = position
         if orientation is not None:
@@ -193,16 +193,6 @@ class SceneObject:
 
     def __repr__(self) -> str:
         return f"<{self.name!r} in {self.scene!r}>"
-
-
-def _turned(orientation: Array, turn: Array) -> Array:
-    """An orientation (w, x, y, z), turned by the angle |turn| (rad) about the axis `turn` of the scene."""
-    angle = float(np.linalg.norm(turn))
-    if angle == 0:
-        return orientation
-    a, u = np.cos(angle / 2), np.sin(angle / 2) / angle * turn
-    w, v = orientation[0], orientation[1:]
-    return np.array([a * w - u @ v, *(a * v + w * u + np.cross(u, v))])
 
 
 class Scene(_core.Scene):

@@ -44,9 +44,11 @@ class Functions(Structs):
             sys.exit(f"{function['name']}: the tables do not say whether '{verb}' changes a scene, so that it joins a group")
         return verb in EDITS
 
-    def takes_many(self, function):
-        """[rt], from a struct to a struct: arrays of structs as well."""
-        return function["rt"] and [p["kind"] for p in function["parameters"]] == ["handle", "struct", "out struct"]
+    def many_of(self, function):
+        """[rt], from a struct to a struct: takes arrays of structs as well. The parameters that go in and come out."""
+        ins = [p for p in function["parameters"] if p["kind"] == "struct"]
+        outs = [p for p in function["parameters"] if p["kind"].startswith("out")]
+        return (ins[-1], outs[0]) if function["rt"] and ins and [p["kind"] for p in outs] == ["out struct"] else None
 
     def convert(self, p, function):
         """Of an argument: its Python type, its default, C++ lines that convert it, lines that come after all of those,
@@ -150,10 +152,16 @@ class Functions(Structs):
             uses.append(f"const Use<{self_}> use(self);")
             call.append("use")
             parameters = parameters[1:]
-        list_of = None
+        list_of, many = None, self.many_of(function)
         for p in parameters:
             kind, base = p["kind"], bare(p["type"])
-            if kind == "count":
+            if many and p in many:
+                call.append("{" + ("out" if p is many[1] else "one") + "}")
+                if p is many[0]:
+                    arguments.append((p["name"], camel(base), None))
+                else:
+                    types.append(camel(base))
+            elif kind == "count":
                 call.append(p["name"])
             elif kind == "list":
                 list_of = base
@@ -194,7 +202,7 @@ class Functions(Structs):
                 if kind == "out array":
                     p = p | {"name": OUT}
                 type_, default, lines, late, expression = self.convert(p, function)
-                if kind == "struct" and keeps_gil and not p["null"]:
+                if kind == "struct" and keeps_gil and not p["null"] and not many:
                     lines, expression = (
                         [f'const {base}* const {p["name"]}_ = as_struct<{base}>({p["name"]}, "{p["name"]}").at;'],
                         f"{p['name']}_",
@@ -226,8 +234,8 @@ class Functions(Structs):
             return before + [
                 f"return make_in_thread<{handle}>([=]({handle}** made) {{ return {called.replace('&out', 'made')}; }}{of_path});"
             ]
-        if self.takes_many(function):
-            return self.many(function, self_, uses)
+        if many := self.many_of(function):
+            return self.many(*many, called, before, uses)
         if list_of:
             has_text = any(f["type"] == "char" for f in self.structs[list_of]["fields"])
             types.append("Array" if list_of in DOUBLES else "Rows" if has_text else "Structs")
@@ -287,16 +295,16 @@ class Functions(Structs):
             return ["return py::none();"]
         return [f"return {outputs[0]};" if len(outputs) == 1 else f"return py::make_tuple({', '.join(outputs)});"]
 
-    def many(self, function, self_, uses):
-        _, one, out = function["parameters"]
+    def many(self, one, out, called, before, uses):
         a, b = bare(one["type"]), bare(out["type"])
         name, result = one["name"], out["name"]
         return [
+            *before,
             f"if (Struct<{a}>* single = if_struct<{a}>({name})) {{",
             f"  py::object made = {result}.is_none() ? new_struct({b}{{}}) : {result};",
             f'  Struct<{b}>& response = as_struct<{b}>(made, "{result}");',
             *("  " + use for use in uses),
-            f"  check({function['name']}(use, single->at, response.at));",
+            f"  check({called.format(one='single->at', out='response.at')});",
             "  return made;",
             "}",
             f'const py::array many = structs<{a}>({name}, "{name}");',
@@ -309,7 +317,7 @@ class Functions(Structs):
             "size_t i = 0;",
             "const fs_status status = without_gil([&] {",
             "  fs_status last = FS_OK;",
-            f"  for (; i < count && last >= 0; ++i) last = {function['name']}(use, from + i, to + i);",
+            f"  for (; i < count && last >= 0; ++i) last = {called.format(one='from + i', out='to + i')};",
             "  return last;",
             "});",
             f'if (status < 0) raise(status, "{name}[" + std::to_string(i - 1) + "]: " + fs_last_error());',
@@ -322,7 +330,8 @@ class Functions(Structs):
         before = [p["name"] for p in function["parameters"] if p["kind"] == "out array"]
         for name in before:
             comment = re.sub(rf"\b{name}\b", OUT, comment)
-        if self.takes_many(function):
+        many = self.many_of(function)
+        if many:
             arguments.append(("out", "object", "None"))
         # Only what is followed by no argument without a default has one.
         required = max((i for i, (_, _, default) in enumerate(arguments) if not default), default=-1)
@@ -360,12 +369,14 @@ class Functions(Structs):
         listed = ", ".join(
             (["self"] if self_ else []) + [f"{a}: {t}" + (" = None" if default else "") for a, t, default in arguments]
         )
-        if self.takes_many(function):
-            _, one, out = function["parameters"]
-            a, b = camel(bare(one["type"])), camel(bare(out["type"]))
-            text = (
-                f"    @overload\n    def {python}(self, {one['name']}: {a}, out: {b} | None = None) -> {b}: ...\n"
-                f"    @overload\n    def {python}(self, {one['name']}: Structs, out: Structs | None = None) -> Structs: ..."
+        if many:
+            one, out = (camel(bare(p["type"])) for p in many)
+            indent = "    " if self_ else ""
+            before_, after_ = listed.split(f"{many[0]['name']}: {one}")
+            after_ = after_.removesuffix("out: object = None")
+            text = "\n".join(
+                f"{indent}@overload\n{indent}def {python}({before_}{many[0]['name']}: {i}{after_}out: {o} | None = None) -> {o}: ..."
+                for i, o in ((one, out), ("Structs", "Structs"))
             )
         else:
             text = f"{'    ' if self_ else ''}def {python}({listed}) -> {returned}: ..."

@@ -17,21 +17,7 @@ LONGEST = 255  # bytes of an expression
 
 def standing(value: fs.Object, now: float) -> fs.Pose:
     """Where an object is now: its pose, moved on by its twist as the library does."""
-    since = min(max(now - value.time, 0.0), HORIZON)
-    linear, angular = np.asarray(value.twist.linear), np.asarray(value.twist.angular)
-    if not since or not (linear.any() or angular.any()):
-        return value.pose.copy()
-    orientation = turned(np.array([value.pose.orientation]), since * angular[None])[0]
-    return fs.Pose(position=value.pose.position + since * linear, orientation=orientation)
-
-
-def turned(orientation: Any, angle: Any) -> Any:
-    """Quaternions, each turned by an angle vector (rad) along the axes of the parent."""
-    half = np.linalg.norm(angle, axis=1) / 2
-    w = np.cos(half)[:, None]
-    v = angle / 2 * np.sinc(half / np.pi)[:, None]
-    ow, ov = orientation[:, :1], orientation[:, 1:]
-    return np.hstack([w * ow - np.sum(v * ov, axis=1, keepdims=True), w * ov + ow * v + np.cross(v, ov)])
+    return fs.motion_at(fs.Motion(pose=value.pose, twist=value.twist, time=value.time, horizon=HORIZON), now)
 
 
 def in_frame(value: fs.Object, theirs: fs.Frame, own: fs.Frame) -> fs.Object:
@@ -85,20 +71,7 @@ def _through(pose: fs.Pose, theirs: fs.Frame, own: fs.Frame) -> fs.Pose:
     """The same place in the own scene as `pose` in another client's: from there to the device, and back."""
     if np.asarray(theirs.pose).tobytes() == np.asarray(own.pose).tobytes():
         return fs.Pose(position=pose.position * (own.scale / theirs.scale), orientation=pose.orientation)
-    out, back = theirs.pose, own.pose.orientation * np.array([1, -1, -1, -1])
-    at_device = out.position + _rotate(out.orientation, pose.position / theirs.scale)
-    both = _times(back, _times(out.orientation, pose.orientation))
-    return fs.Pose(position=own.scale * _rotate(back, at_device - own.pose.position), orientation=unit(both))
-
-
-def _rotate(q: Any, v: Any) -> Any:
-    u = np.asarray(q[1:])
-    return v + 2 * np.cross(u, np.cross(u, v) + q[0] * np.asarray(v))
-
-
-def _times(a: Any, b: Any) -> Any:
-    w = a[0] * b[0] - np.dot(a[1:], b[1:])
-    return np.concatenate([[w], a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:])])
+    return fs.frame_to_scene(own, fs.frame_to_device(theirs, pose))
 
 
 def unit(value: Any) -> list[float]:

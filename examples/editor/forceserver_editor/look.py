@@ -19,7 +19,6 @@ from typing import Any
 import forceserver as fs
 import numpy as np
 
-from .frames import turned
 from .plain import Plain, Shapes, number, numbers, plain, pose
 
 RATE = 30  # states a second, at most
@@ -305,10 +304,10 @@ class Look:
         poses = _words(motions, "pose", "twist").view(float).copy()
         if motions["horizon"].any():
             moving = np.flatnonzero(motions["horizon"])
-            one = motions[moving]
-            since = np.clip(now - one["time"], 0, one["horizon"])[:, None]
-            poses[moving, :3] += since * one["twist"]["linear"]
-            poses[moving, 3:] = turned(poses[moving, 3:], since * one["twist"]["angular"])
+            moves = np.zeros(len(moving), fs.Motion.dtype)
+            for part in ("pose", "twist", "time", "horizon"):
+                moves[part] = motions[part][moving]
+            poses[moving] = fs.motion_at(moves, now).view(float).reshape(-1, 7)
         felt = np.zeros((len(motions), FELT_COLUMNS), np.float32)
         felt.view(np.uint32)[:, 0] = self._ids_in_order
         if len(reports):

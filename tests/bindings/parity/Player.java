@@ -350,6 +350,7 @@ public final class Player implements AutoCloseable {
           give(m.pose());
           give(m.twist());
           give(m.horizon());
+          give(ForceServer.at(m, m.time() + 0.03));
         }
       }
       case "reports" -> scene.reports().stream().sorted(Comparator.comparing(Report::name)).forEach(this::give);
@@ -383,6 +384,9 @@ public final class Player implements AutoCloseable {
         Frame frame = scene.frame(client);
         give(frame.pose());
         give(frame.scale(), frame.forceScale());
+        Pose there = ForceServer.toDevice(frame, frame.pose());
+        give(there);
+        give(ForceServer.toScene(frame, there));
       }
       case "get_points" -> scene.tool().forEach(this::give);
       case "points" -> scene.setTool(array(vectors(step.get("points"))));

@@ -310,7 +310,9 @@ class Player {
       check(fs_scene_get_motions(scene_, client, motions.data(), motions.size(), &count));
       for (size_t i = 0; i < count; ++i) {
         const fs_motion& m = motions[i];
-        give(m.name), give(m.primitive), give(m.pose), give(m.twist), give(m.horizon);
+        fs_pose soon;
+        check(fs_motion_at(&m, m.time + 0.03, &soon));
+        give(m.name), give(m.primitive), give(m.pose), give(m.twist), give(m.horizon), give(soon);
       }
     } else if (verb == "reports") {
       std::vector<fs_report> reports(100);
@@ -357,7 +359,10 @@ class Player {
     } else if (verb == "get_frame") {
       fs_frame frame;
       check(fs_scene_get_frame(scene_, client, &frame));
-      give(frame);
+      fs_pose there, back;
+      check(fs_frame_to_device(&frame, &frame.pose, &there));
+      check(fs_frame_to_scene(&frame, &there, &back));
+      give(frame), give(there), give(back);
     } else if (verb == "points") {
       const auto points = vectors(step.at("points"));
       check(fs_scene_set_tool(scene_, points.data(), points.size()));

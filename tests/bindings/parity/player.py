@@ -185,6 +185,11 @@ class Player:
         for m in self.scene.get_motions(client):
             self.give(m["name"], m["primitive"], m["pose"]["position"], m["pose"]["orientation"])
             self.give(m["twist"]["linear"], m["twist"]["angular"], m["horizon"])
+            moves = np.zeros(1, fs.Motion.dtype)
+            for part in ("pose", "twist", "time", "horizon"):
+                moves[part] = m[part]
+            (soon,) = fs.motion_at(moves, m["time"] + 0.03)
+            self.give(soon["position"], soon["orientation"])
 
     def give_report(self, r):
         self.give(r.name, r.primitive, r.state, r.weight, r.stiffness_wanted)
@@ -224,6 +229,9 @@ class Player:
         frame = self.scene.get_frame(client)
         self.give_pose(frame.pose)
         self.give(frame.scale, frame.force_scale)
+        there = fs.frame_to_device(frame, frame.pose)
+        self.give_pose(there)
+        self.give_pose(fs.frame_to_scene(frame, there))
 
     def do_get_points(self):
         self.give(self.scene.get_tool())

@@ -185,3 +185,20 @@ def test_all_else_is_pickled_by_every_protocol():
     assert fs.Pose(position=(1, 2, 3)).__reduce__()[1][2]["position"].tolist() == [1, 2, 3]
     curve = copy.deepcopy(fs.curve_create_expression("1+d"))
     assert curve.get_expression() == "1+d"
+
+
+def test_many_poses_at_once():
+    moves = np.zeros(3, fs.Motion.dtype)
+    moves["pose"]["orientation"][:, 0] = 1
+    moves["twist"]["linear"] = [(1, 0, 0), (0, 2, 0), (0, 0, 3)]
+    moves["horizon"] = 0.1
+    poses = fs.motion_at(moves, 0.05)
+    assert np.allclose(poses["position"], np.diag([0.05, 0.1, 0.15]))
+    frame = fs.Frame(pose=fs.Pose(position=(0.1, 0, 0)), scale=2)
+    there = fs.frame_to_device(frame, poses)
+    assert np.allclose(there["position"], poses["position"] / 2 + [0.1, 0, 0])
+    assert np.allclose(fs.frame_to_scene(frame, there)["position"], poses["position"])
+    assert fs.frame_to_device(frame, fs.Pose(position=poses[1]["position"])).position[1] == 0.05
+    moves["horizon"][1] = 7
+    with pytest.raises(fs.InvalidError, match=r"motion\[1\]: motion.horizon is 7, must be within 0..0.1 s"):
+        fs.motion_at(moves, 0.05)

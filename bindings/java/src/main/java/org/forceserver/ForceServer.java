@@ -26,6 +26,34 @@ public final class ForceServer {
     return Frame.read(out.memory.bytes, 0);
   }
 
+  /** A pose of the device in the scene whose frame this is. */
+  public static Pose toScene(Frame frame, Pose pose) {
+    return through(frame, pose, Native::fs_frame_to_scene);
+  }
+
+  /** A pose of the scene whose frame this is at the device. */
+  public static Pose toDevice(Frame frame, Pose pose) {
+    return through(frame, pose, Native::fs_frame_to_device);
+  }
+
+  private interface Through {
+    int call(Struct frame, Struct pose, Struct out);
+  }
+
+  private static Pose through(Frame frame, Pose pose, Through way) {
+    Value from = Value.scratch(Objects.requireNonNull(frame, "frame")::write, 0);
+    Value out = Value.scratch(Objects.requireNonNull(pose, "pose")::write, 1);
+    ForceServerException.check(way.call(from, out, out));
+    return Pose.read(out.memory.bytes, 0);
+  }
+
+  /** Where an object with this motion is at a time (s, on the scene's clock), of Scene.motions(). */
+  public static Pose at(Motion motion, double time) {
+    Value out = Value.scratch();
+    ForceServerException.check(Native.fs_motion_at(Objects.requireNonNull(motion, "motion"), time, out));
+    return Pose.read(out.memory.bytes, 0);
+  }
+
   /** forces[i]: what the profile gives at distances[i] (m) and time t (s since the start of its object), in N. */
   public static void evaluate(Profile profile, double t, DoubleBuffer distances, DoubleBuffer forces) {
     evaluate(profile, 0, t, distances, forces);
