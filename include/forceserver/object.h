@@ -94,7 +94,8 @@ typedef enum fs_keep {
 
 /* Makes a plane or mesh solid: a proxy of each tool point stays on the kept side (Zilles & Salisbury 1995) and draws
  * the point with min(stiffness*|hand - proxy|, limit). This object's profiles are then evaluated at the proxy; where
- * the proxy lies on the surface they act along the kept side's normal. Frozen. With keep NONE the other fields are
+ * the proxy lies on the surface they act along the kept side's normal. Those of a plane are evaluated where the proxy would
+ * be if only this plane held it, so that they give no energy on a closed path while other objects hold the proxy. Frozen. With keep NONE the other fields are
  * checked and stored, but have no effect.
  *
  * - Objects of equal limit and equal stiffness, as it is applied (fs_report), share a proxy: where several meet, the spring
@@ -106,9 +107,9 @@ typedef enum fs_keep {
  *   proxy of the others again as soon as the way to it is free.
  * - While an object fades in or out, the force is weight times the force with it plus (1 - weight) times the force without
  *   it, each with proxies of its own. So what it holds passes to the others, or from them, as slowly as it fades.
- * - A hand that is on the wrong side of a plane or closed mesh when both meet for the first time, or when another side is to be
- *   kept, is led to the nearest place of the right side; on the wrong side of an open mesh it is free until it has come round
- *   it. An open mesh that replaces one which the hand touches takes the hand over, on the side that is kept.
+ * - A hand that is on the wrong side of a plane or closed mesh (fs_shape_info.has_inside) when both meet for the first time, or
+ *   when another side is to be kept, is led to the nearest place of the right side, from however far; on the wrong side of an
+ *   open mesh it is free until it has come round it. An open mesh that replaces one which the hand touches takes the hand over, on the side that is kept.
  * - If the spring's force changes in one tick by more than twice the stiffness times the distance that hand and objects have
  *   moved, the rest of the change is spread over 20 ms, as when a proxy slips over the edge of a shelf.
  * - limit also bounds the force of the object on all points of a tool together; its direction stays. In a corner between
@@ -302,7 +303,9 @@ typedef struct fs_shape_info {
   bool united;                  /* mesh, built: parts of it cross or touch, or some of its surface lies inside, and its sides
                                    are those of the union of its parts: see FS_PRIMITIVE_MESH. false: no parts meet, or they
                                    cross so often that the union is not worked out */
-  uint8_t reserved[5];          /* 0 */
+  bool has_inside;              /* mesh: it is closed, or it is when corners at equal coordinates count as one, as where an
+                                   export splits them for flat shading. It is then solid and united as a closed mesh is */
+  uint8_t reserved[4];          /* 0 */
 } fs_shape_info;
 FS_DEFINE_INIT(fs_shape_info)
 

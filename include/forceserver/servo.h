@@ -166,7 +166,8 @@ typedef struct fs_tick {
  * IO: no thread. */
 FS_API fs_status fs_servo_start(fs_scene *scene, fs_device *device, const fs_servo_options *options, fs_servo **out);
 
-/* [rt] Runs this number of ticks at once, in this thread; never waits. Only one thread may step at a time: STATE.
+/* [rt] Runs this number of ticks at once, in this thread; never waits. In VIRTUAL mode, which no device needs in time, it
+ * also works out between ticks what each object may be bounded to, and allocates for that. Only one thread may step at a time: STATE.
  * DISCONNECTED: at the last tick the device was lost or not ready (all ticks ran; you may go on). STATE is also
  * returned when another thread stops the servo meanwhile: the remaining ticks do not run, and no call with this handle
  * may follow. Mode THREAD: UNSUPPORTED. */

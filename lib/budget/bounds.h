@@ -27,7 +27,7 @@ struct SceneBounds {
 
 // The bounds of the objects that may be felt there, at time `now` (s); those of an object that shares with none are as if it
 // were alone. A version that fades out keeps its own bounds. It counts beside the others only where the newest is not felt.
-// memory: of the servo, which knows what has faded out; null: all that is disabled has.
+// memory: of the servo, which knows what has faded out; null: what is disabled counts as faded out.
 SceneBounds bounds_of(const Snapshot& snapshot, const SceneLimit& limit, double now, const Memory* memory);
 
 }  // namespace fs

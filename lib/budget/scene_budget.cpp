@@ -139,13 +139,14 @@ bool SceneBudget::is_due(const DeviceLimit& limit, double most, const Box& reach
   if (reach.is_empty() != seen_.within.is_empty() || !is_within(reach, seen_.clear)) return true;
   if (std::fabs(time - seen_.time) < std::fmax(0.035, rest)) return false;  // what objects do can wait so long
   const bool is_far_less = !reach.is_empty() && size_of(seen_.within) > 2 * size_of(within);
-  // Others get what those have that the hand has left; not more often than that, because it costs time.
+  // What the hand has left gives its part back to the others; looked at every `been_for` at most, because it costs time.
   const bool has_left = seen_.has_any && std::fabs(time - seen_.time) >= been_for && !reach.is_empty() &&
                         (!is_within(reach, seen_.within) || !is_within(seen_.within, widened(within, 0.25 * size_of(reach))));
-  return evaluated_.sequence() != seen_.sequence || seen_.is_moving || is_far_less || has_left;
+  const bool is_to_be_exact = is_any_loose_ && time - exact_at_ >= exact_every;
+  return evaluated_.sequence() != seen_.sequence || seen_.is_moving || is_far_less || has_left || is_to_be_exact;
 }
 
-// What has faded out counts no more, if it did: an older version does not where the newest is felt.
+// Lets go of what has faded out. Where none of it counted in the bounds that were worked out last, these stay valid.
 void SceneBudget::settle() {
   const bool is_seen = evaluated_.sequence() == seen_.sequence && !seen_.has_fading;
   const auto views = count_of(*evaluated_.views.views());
@@ -216,11 +217,15 @@ void SceneBudget::enter(const SceneBounds& all, const SceneLimit& limit) {
   if (scene_->max_stiffness_ == seen_.most) objects.rows.set_bounds(bounds_alone(limit));  // else they are set already
   auto sharing = std::make_shared<Sharing>();
   bool has_changed = false, wants = false;
+  const bool is_exact = !(std::fabs(seen_.time - exact_at_) < exact_every);
+  const double least = is_exact ? 1 - 1e-9 : 0.9;
+  if (is_exact) exact_at_ = seen_.time;
+  is_any_loose_ = !is_exact;
   try {
     for (const ObjectBounds& one : all.objects) {
       seen_.is_moving |= one.is_moving;
       wants |= one.object->steepest_slope > 0 || one.object->damping > 0;
-      const Objects::Bound bound = objects.bound(one.row, *one.object, one.bounds);
+      const Objects::Bound bound = objects.bound(one.row, *one.object, one.bounds, least);
       has_changed |= bound.has_changed;
       if (bound.object && limit.to_device > 0) note_slope(*bound.object, bound.slope, limit.to_device);
       SharedWith with = one.shared_with;

@@ -21,7 +21,7 @@ class SceneBudget final : public Counted<SceneBudget>, public BudgetLink {
 
   // Works the bounds out again, if they may have changed. limit: what the servo leaves to this scene. ahead: s, for which the
   // bounds must hold: until those of the call after the next one are in use. rest: s, the least time between two calculations
-  // that changed or moving objects ask for, as each takes processor time. Returns false, and does nothing, if the hand
+  // that changed or moving objects ask for, as each takes processor time. Returns false, and leaves the bounds as they are, if the hand
   // can reach nothing new within `ahead` and nothing has changed that cannot wait for `rest`. An object that is set between two
   // calls has the bounds of an object alone until the next. The bounds are worked out without the scene's lock, and entered
   // with it. One thread at a time; not [rt].
@@ -63,6 +63,9 @@ class SceneBudget final : public Counted<SceneBudget>, public BudgetLink {
     Box clear;                  // m, where nothing else is felt
   };
   Seen seen_;
+  static constexpr double exact_every = 1;  // s
+  double exact_at_ = -never;    // s, when bounds were last entered exactly; between, those of at least 0.9 times what is due stay,
+  bool is_any_loose_ = false;   // so that small changes make no new versions
   double hand_time_ = never;    // s, of the tick that
   Vec3 hand_{};                 // saw the tool here, m,
   double speed_ = 0;            // and so fast, m/s

@@ -31,8 +31,8 @@ Mat3 change_at(const Ridge& ridge, Vec3 away, double change, double slope) {
   return (0.5 * change) * (outer(along, away) + outer(away, along)) + -slope * ridge.across;
 }
 
-// Whether the force of an object is blended at x, in its frame. outward: N, away from the closest point. error: N, added to
-// where the search was cut: then the direction is that at x.
+// Whether the force of an object is blended at x, in its frame. outward: N, away from the closest point. error: N, is
+// added to where the search ends because its visits are used up; the direction is then that of the point closest to x.
 bool blends(const Object& object, const Closest& closest, double outward, Vec3 x, double slope, Ridge& out,
             Hint* hint, Effort* effort, double& error) noexcept {
   if (!(outward > 0) || !(slope < no_slope_limit)) return false;
@@ -93,7 +93,7 @@ void add_profile_force(const Object& object, const Closest& closest, const Motio
 namespace {
 
 // The closest point of an object with formulas to a tool point. False: out of reach, or there is no direction. stiffness: N/m,
-// that is not told by the contact.
+// gets what `out` cannot tell of it.
 bool find_contact(const Object& object, const Pose& pose, Vec3 position, double weight, double slope, Contacts::Contact& out,
                   Mat3& stiffness, Hint* hint, Effort* effort, double& error) noexcept {
   out.weight = weight;
@@ -132,7 +132,7 @@ bool find_contact(const Object& object, const Pose& pose, Vec3 position, double 
   }
   const double size = norm(ridge.direction);
   const Vec3 mean = normalized(ridge.direction);
-  // The lanes add what the profile changes along the mean direction.
+  // The lanes add the slope along the mean direction later, so it is left out here.
   stiffness += weight * rotated(pose.orientation, change_at(ridge, closest.direction, f.slope, slope) +
                                                       (-size * f.slope) * outer(mean, mean));
   out.direction = rotate(pose.orientation, mean);
@@ -150,7 +150,8 @@ void add_stiffness(const Mat3& stiffness, double weight, uint32_t lane, LaneSum&
   sum.zz[lane] += weight * stiffness.zz;
 }
 
-// Adds the closest points of a row with formulas to `contacts`; returns the rows felt of those it had to make room for.
+// Adds the closest points of a row with formulas to `contacts`. Where a lane is full, those that wait there are evaluated first;
+// returns which of their rows gave a force.
 uint64_t add_contacts(const Object& object, const Motion& motion, uint32_t row, double weight, const ToolState& tool,
                       Hint* hints, Effort* effort, double slope, double& error, Contacts& contacts, LaneSum& sum) noexcept {
   const uint32_t all = tool.all_points(), mask = tool.is_any_point ? all : object.point_mask() & all;

@@ -72,8 +72,8 @@ inline constexpr double no_slope_limit = std::numeric_limits<double>::infinity()
 
 // [rt] The closest point of an object as find_ridge() wants it where the slope is limited; x: in the object's frame.
 bool find_closest(const Object& object, Vec3 x, double range, double slope, Closest& out, Hint* hint, Effort* effort) noexcept;
-// [rt] A bound of |force - exact force|, N, on a tool point for which the search was cut: nothing is known of the direction, nor
-// of the distance but for its bound.
+// [rt] A bound of |force - exact force|, N, on a tool point for which the search was cut: the direction is not
+// known, and of the distance only a lower bound.
 double error_of(const Object& object, const Effort& effort) noexcept;
 
 // [rt] Adds the force that an object's profiles give one tool point, times `share`. closest: of the object, in its own frame;
@@ -90,7 +90,7 @@ bool evaluate_object(const Object& object, const Motion& motion, double start, c
                      double slope = no_slope_limit) noexcept;
 
 // [rt] The sum of what can be felt of the snapshot that `memory` has absorbed, each object with its weight, seen through a
-// view. `what`: see Memory::look. effort: null: without end, so that the sum is exact.
+// view. `what`: see Memory::look. effort: null: searches are not cut short.
 fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t view, uint64_t what, const ToolPoints& points,
                           const ToolState& tool, Effort* effort = nullptr) noexcept;
 

@@ -59,11 +59,11 @@ class Memory : public Counted<Memory> {
   // What the newer versions of a row's object weigh together, near or not. Of a servo.
   double newer_weight(const Row& row, double now) const noexcept;
 
-  // N, what objects that do not count as near may give together at most.
+  // N, an upper bound of the force that all objects together may have which are left out for the accuracy.
   double omitted() const noexcept { return omitted_; }
 
-  // Looks where the tool is now: in a sphere about `centre` (m, scene frame). what: another number means another tool or
-  // frame, so that nothing is known of the way it has come.
+  // Looks where the tool is now: in a sphere about `centre` (m, scene frame). what: the version of
+  // the view; where it is not that of the last call, all objects are looked at anew.
   void look(uint32_t view, uint64_t what, Vec3 centre, double radius, double now) noexcept;
 
   // Calls f(chunk number, const Chunk&, rows, weights) for each chunk with rows that may be felt, in order. rows: those that

@@ -61,7 +61,7 @@ struct Motion {
   // For whoever posts. The offset from here to where `before` is felt at time t.
   void go_on_from(const Motion& before, double t, double blend) noexcept;
   // Begins at t, when the motion is posted; it was worked out for the time of the call. Until then the object has gone on as
-  // before, which counts for a third of a blend: a group whose commit takes longer makes a small step.
+  // before. That is made up for up to a third of a blend; where a group's commit takes longer, a small step remains.
   void begin_offset(double t, double blend) noexcept;
   // m: how far a point of the object, `lever` m from its origin, would jump if this motion replaced `before` at time t at once.
   double jump_from(const Motion& before, double t, double blend, double lever) const noexcept;

@@ -47,8 +47,7 @@ struct Object : Counted<Object> {
   double radius = 0;           // m, of the primitive about its origin; a plane: infinite
   double law_slope = 0;        // N/m, of the law; infinite where it jumps
   double steepest_slope = 0;   // N/m, of law, contact and shape together; infinite where the force jumps
-  double enough_slope = no_bound;  // N/m: steeper than this the force need not be where it jumps; it goes from 0 to its
-                                   // greatest within 0.1 mm then
+  double enough_slope = no_bound;  // N/m: with this slope a jump is spread over 0.1 mm, and more is never asked for
   Bounds bounds;               // within which it was put: see bounded()
   bool is_solid() const noexcept { return contact.keep != FS_KEEP_NONE; }
   // Places that are equally near to two of its parts, where a repulsive force turns at once (ridge.h).
@@ -62,7 +61,8 @@ struct Object : Counted<Object> {
   // m: it cannot be felt farther away; below 0: nowhere. On the wrong side of a solid plane or envelope it is felt everywhere.
   double support() const noexcept {
     if (!is_solid()) return law.support;
-    const bool is_endless = primitive == FS_PRIMITIVE_PLANE || contact.keep == FS_KEEP_BACK;
+    const bool is_endless = primitive == FS_PRIMITIVE_PLANE || contact.keep == FS_KEEP_BACK ||
+                            (contact.keep == FS_KEEP_FRONT && shape->has_inward_parts);
     return is_endless ? std::numeric_limits<double>::infinity() : std::max(law.support, radius);
   }
   // m: farther away its force is at most `omitted` (N; 0: there is none).

@@ -94,8 +94,9 @@ bool PointProxies::begin_touch(const Point& point, Member& member) noexcept {
   const bool is_at_surface = closest.distance <= margin;
   if (!is_at_surface && (keeps_either || !is_closed || closest.side == touch.side)) return true;
   // It begins above the surface, along the normal there or on the way from the hand: in a narrow groove farther above it than
-  // elsewhere. Where parts of a mesh cross, both may lead into another part. Then it is tried a little beyond the surface of that
-  // part; if that is inside of a third one, from there, and less far beyond.
+  // elsewhere. Where parts of a mesh cross, that may lead into another part. Then the outward normal of that part is added to the
+  // way: in a wedge between two parts, however narrow, the sum of both normals leads out. In a corner of several parts it may not;
+  // then a place a little beyond the surface of the other part is tried, and half as far beyond.
   const auto outwards = [&] { return closest.side == touch.side ? closest.direction : -closest.direction; };
   const Vec3 place = closest.point, away = outwards();
   const Vec3 normal = find(place, 2 * margin) && closest.distance == 0 ? outwards() : away;
@@ -104,8 +105,17 @@ bool PointProxies::begin_touch(const Point& point, Member& member) noexcept {
     touch.at = place + height * direction;
     return find(touch.at, 2 * height) && closest.side == touch.side && closest.distance > margin / 4;
   };
+  constexpr int most_parts = 8;  // that cross at one place
   for (double height = margin; height < 2e6 * margin && !has_place; height *= 16) {
-    has_place = is_above(normal, height) || is_above(away, height);
+    for (const Vec3 begin : {normal, away}) {
+      Vec3 way = begin;
+      for (int parts = 1; parts <= most_parts && !has_place; ++parts) {
+        has_place = is_above(normalized(way), height);
+        if (closest.side == touch.side) break;
+        way += outwards();
+      }
+    }
+    if (!has_place) is_above(normal, height);
     for (double beyond = height / 4; beyond > height / 1e5 && !has_place && closest.side != touch.side; beyond /= 2) {
       has_place = is_above(normalized(closest.point + beyond * outwards() - place), height);
     }
@@ -147,7 +157,7 @@ bool PointProxies::gather(const Point& point) noexcept {
     const Touch* const before = before_[i].touch;
     const Object& object = *solids[i].object;
     if (before_[i].is_done || before_[i].left || !can_share(object.contact, contact)) return;
-    const bool is_apart = before && !(before->proxy == known->proxy);
+    const bool is_apart = i != first && before && !(before->proxy == known->proxy);
     if (is_apart && (before->is_touching || !has_free_way(*before, object, known->proxy, proxy_.visits))) return;
     Touch* const touch = point.tick.touches.add_touch(point.layer);
     if (touch && before) *touch = *before;
@@ -278,7 +288,9 @@ double PointProxies::explained_change(const Point& point, const Member& member) 
   return 2 * (slope * (norm(hand) + norm(way)) + object.damping * norm(speed));
 }
 
-// The profiles of the members act where the proxy is; on the surface along its normal.
+// The profiles of the members act where the proxy is; on the surface along its normal. Those of a plane act where the plane alone
+// would have the proxy: at the hand, or beyond the plane on its surface. Where another solid holds the proxy that the plane shares,
+// they then stay a function of the hand's place alone, which gives no energy on a closed path.
 void PointProxies::add_profiles(const Point& point, Gain& out) noexcept {
   const ToolState& tool = point.tick.tool;
   Effort* const effort = point.tick.effort;
@@ -296,6 +308,13 @@ void PointProxies::add_profiles(const Point& point, Gain& out) noexcept {
       if (proxy_.planes[p].member != i) continue;
       plane = &proxy_.planes[p];
       normals += rotate(conjugate(solid.pose.orientation), plane->normal);
+    }
+    bool is_on_surface = plane != nullptr;
+    if (object.primitive == FS_PRIMITIVE_PLANE) {
+      const Vec3 hand = to_local(solid.pose, point.at().position);
+      is_on_surface = !((side == Side::front ? hand.z : -hand.z) > 0);
+      if (!is_on_surface) place = hand;
+      normals = {0, 0, side == Side::front ? 1.0 : -1.0};
     }
     Hint* const hint = solid.hints ? solid.hints + point.number : nullptr;
     Share got;
@@ -316,17 +335,17 @@ void PointProxies::add_profiles(const Point& point, Gain& out) noexcept {
     bool is_felt = true;
     if (is_above) {
       closest = above;
-    } else if (plane) {
+    } else if (is_on_surface) {
       closest.side = side;
       closest.distance = side == Side::back ? std::numeric_limits<double>::min() : 0;  // the sign tells the side
-      closest.direction = rotate(conjugate(solid.pose.orientation), plane->normal);
+      closest.direction = plane ? rotate(conjugate(solid.pose.orientation), plane->normal) : normals;
       closest.feature = Feature::face;
     } else {
       is_felt = find(place, support, closest);
     }
     if (is_felt) {
       add_profile_force(object, closest, *solid.motion, solid.pose, tool.time - solid.start, point.at(), tool,
-                        solid.parsers, share, got, place, plane && !is_above ? no_slope_limit : slope, hint, effort);
+                        solid.parsers, share, got, place, is_on_surface && !is_above ? no_slope_limit : slope, hint, effort);
     }
     solid.felt = solid.felt + got.wrench;
     out.profile_change += share * explained_change(point, proxy_.members[i]);

@@ -30,7 +30,8 @@ class PointProxies {
     double now, step;           // s; step: since the last tick
     Effort* effort;             // of the profiles; null: without end
   };
-  // What the proxies of a point give besides what they add to the solids. Sums, so that it can be that of several points.
+  // What the proxies of a point give besides what they add to the solids. All but `reach`, a maximum, are sums, so that
+  // one Gain collects those of several points.
   struct Gain {
     Vec3 pull{};                // m N/m, of the springs, and
     double stiffness = 0;       // N/m, their stiffnesses

@@ -3,7 +3,7 @@
 //
 // No step: while solids fade, the force is a mean over layers (layers.h), whose lengths change by no more than the weights
 // do. What changes in a layer by more than the ways of hand and objects explain, such as when a proxy falls over the edge
-// of a shelf, is a jump: the solids keep what they lost, and it is taken from them within 20 ms.
+// of a shelf, is a jump: the difference goes on as a force of these solids, and falls to 0 within 20 ms.
 #pragma once
 
 #include <array>

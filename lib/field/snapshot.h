@@ -73,10 +73,11 @@ struct RowCaps : LocalCounted<RowCaps>, CapLanes<chunk_size> {
 struct Rows : LocalCounted<Rows> {
   Row rows[chunk_size];
   uint64_t forms[form_count] = {};  // by Form, bit i: row i is a point with this formula, in `formulas`
-  uint64_t contacts = 0;  // bit i: row i is felt by formulas, but is no such point
+  uint64_t contacts = 0;  // bit i: row i has formulas but is evaluated from its closest point: a plane, polyline or mesh, or a
+                          // point that only some points of the tool feel
   uint64_t solids = 0;    // bit i: row i is solid
   uint64_t bounded = 0;   // bit i: the slope of row i is bounded
-  double omitted = 0;     // N: a row counts as far where its force is at most this; 0: where it has none
+  double omitted = 0;     // N: rows are left out where their force is at most this; 0: only where they have none
   FormulaLanes<chunk_size> formulas{};
   uint64_t capped = 0, falling = 0, bent = 0;  // bit i: row i is a point with a formula and a cap; it has `fall`; a bend
   Ref<RowCaps> caps;                           // null where no row has one
@@ -96,7 +97,8 @@ struct Rows : LocalCounted<Rows> {
 // Four rows as moves change them.
 struct Motions : LocalCounted<Motions> {
   static constexpr uint32_t size = 4;
-  float reach[size];  // m, it cannot be felt farther from its centre; rounded up; infinite: everywhere, or nowhere
+  float reach[size];  // m, it cannot be felt farther from its centre; rounded up; infinite: it may be felt everywhere; minus
+                      // infinity: nowhere, or it is one of Chunk::planes
   double x[size] = {}, y[size] = {}, z[size] = {};  // m, the centre of all places where the row is at any time
   Motion motions[size];
   uint64_t revision[size] = {};  // of the last change or move
@@ -107,9 +109,10 @@ struct Chunk : LocalCounted<Chunk> {
   uint64_t version = 0;                        // of the last change,
   uint64_t rows_version = 0;                   // and of the last that was more than a move
   uint64_t used = 0;                           // bit i: row i is in use
-  uint64_t standing = 0;                       // bit i: but for an offset, row i stands at its centre (Motions::x, y, z)
+  uint64_t standing = 0;                       // bit i: row i has no twist: it stands at its centre (Motions::x, y, z), or an offset
+                                               // from there is still blended
   uint64_t blended = 0;                        // its motion has an offset, which may be over (Motion::Offset)
-  uint64_t planes = 0;                         // it has no centre: its distance decides
+  uint64_t planes = 0;                         // bit i: row i is a resting plane that is felt within some distance of it
   Box box;                                 // where any of its rows but the planes may be felt
   Ref<Rows> rows;
   Ref<Motions> motions[chunk_size / Motions::size];  // null where none of the four has been in use

@@ -94,7 +94,7 @@ class Touches {
     restart(out);
     return out;
   }
-  // How many touches there is room for in the view that was begun last, and in those after it.
+  // How many touches are left for the view that was begun last and those after it.
   uint32_t room() const noexcept { return most - ticks_[current_].begun.first; }
   // [rt] Takes back all layers of the view that was begun last.
   void restart(View& view) noexcept {

@@ -93,11 +93,11 @@ class Weight {
   // [rt] What it has given or taken over in the last blend, in all.
   double passing() const noexcept { return passing_.load(std::memory_order_acquire); }
 
-  // [rt] A weight after `by` of a fade.
+  // [rt] The weight when the fraction `by` of a whole fade has passed.
   static double moved(double weight, bool in, double by) noexcept {
     return in ? std::min(1.0, weight + by) : std::max(0.0, weight - by);
   }
-  // [rt] The part of a fade (s; 0: none) that `elapsed` seconds are.
+  // [rt] The fraction of a fade (s) that passes in `elapsed` seconds; infinite where nothing fades (0).
   static double part_of_fade(double elapsed, double fade) noexcept { return fade > 0 ? elapsed / fade : never; }
 
  private:
@@ -119,7 +119,7 @@ struct Course {
     // Both rows together weigh 1 at most.
     return std::min(1 - coming, Weight::moved(value + taken, in, Weight::part_of_fade(elapsed, spread.fade)));
   }
-  // [rt] s, until `after` arrives at something new; 0: it is there.
+  // [rt] Seconds until the row has taken over, or else until the weight is where it goes; 0: it is there.
   double rest(double value, double coming, const Spread& spread) const noexcept {
     if (coming > 0) return coming / passing * spread.blend;
     const double way = in ? 1 - value : value;

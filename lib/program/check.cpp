@@ -26,7 +26,7 @@ fs_shape_info describe(fs_shape* shape) {
   fs_shape_get_triangles(shape, &triangles);
   const fs_vec3 size = minus(info.upper, info.lower);
   if (info.primitive == FS_PRIMITIVE_MESH) {
-    std::printf("%s mesh of %zu %s and %zu points", info.closed ? "a closed" : "an open", triangles,
+    std::printf("%s mesh of %zu %s and %zu points", info.has_inside ? "a closed" : "an open", triangles,
                 triangles == 1 ? "triangle" : "triangles", points);
   } else {
     std::printf("%s polyline of %zu points", info.closed ? "a closed" : "an open", points);
@@ -86,15 +86,16 @@ void check_shape(const std::string& name, const fs_shape* shape, bool is_sheet, 
   using Count = unsigned long long;
 
   const char* const undecided = "so inside and outside are not decided everywhere: the nearest triangle tells the side";
-  if (info.open_edges > 0 && !is_sheet) {
+  const bool is_undecided = !info.has_inside && !is_sheet;
+  if (info.open_edges > 0 && is_undecided) {
     findings.add(name, "%llu open %s: the mesh has holes or a border, where front and back meet, %s",
                  Count(info.open_edges), plural(info.open_edges, "edge", "edges"), undecided);
   }
-  if (info.odd_edges > 0 && !is_sheet) {
+  if (info.odd_edges > 0 && is_undecided) {
     findings.add(name, "%llu odd %s: of three or more triangles, or of two that disagree about the front, %s",
                  Count(info.odd_edges), plural(info.odd_edges, "edge", "edges"), undecided);
   }
-  if (info.closed) note_inward_parts(name, shape);
+  if (info.has_inside) note_inward_parts(name, shape);
   if (info.degenerate > 0) {
     findings.add(name, "%llu %s without area", Count(info.degenerate),
                  plural(info.degenerate, "triangle", "triangles"));
@@ -144,6 +145,37 @@ void describe_profile(const char* side, const fs_profile& profile) {
 }
 
 const char* const millimetres = "; are its numbers millimetres? Lengths are in metres";
+
+// A hand on the wrong side of a surface that encloses all the other one is led back from wherever it is.
+void note_pull(const fs_object& object) {
+  fs_shape_info info = fs_shape_info_init();
+  if (object.shape) require(fs_shape_get_info(object.shape, &info));
+  if (!info.has_inside || object.contact.keep != (volume_of(object.shape) < 0 ? FS_KEEP_FRONT : FS_KEEP_BACK)) return;
+  std::printf("  note: %s: it keeps the hand inside: from outside it is pulled in with up to %g N, from wherever it is\n", object.name,
+              object.contact.limit);
+}
+
+void describe_contact(const fs_contact& contact) {
+  if (contact.keep == FS_KEEP_NONE) return;
+  std::printf("; solid, ");
+  if (contact.stiffness > 0) std::printf("%g N/m, ", contact.stiffness);
+  std::printf("at most %g N", contact.limit);
+  if (contact.damping > 0) std::printf(", damping %g N s/m", contact.damping);
+  if (contact.friction > 0) std::printf(", friction %g", contact.friction);
+}
+
+// Numbers that nobody means, as of other units.
+void check_units(const fs_object& object, Findings& findings) {
+  const fs_contact& contact = object.contact;
+  const double speed = length(object.twist.linear);
+  if (speed > 10) findings.add(object.name, "its twist is %.4g m/s%s", speed, millimetres);
+  if (contact.keep == FS_KEEP_NONE) return;
+  if (contact.limit < faint) findings.add(object.name, "as a solid it has a limit of %g N, which nobody feels", contact.limit);
+  if (contact.stiffness > 0 && contact.stiffness < 10) {
+    findings.add(object.name, "its stiffness of %g N/m holds the hand with %g N after a centimetre; is it in N/mm?", contact.stiffness,
+                 std::min(contact.limit, 0.01 * contact.stiffness));
+  }
+}
 
 void check_size(const std::string& name, const fs_shape* shape, double radius, Findings& findings) {
   fs_shape_info info = fs_shape_info_init();
@@ -274,11 +306,14 @@ int check_scene(const CheckOptions& options) {
     else std::printf("%s", object.primitive == FS_PRIMITIVE_PLANE ? "a plane" : "a point");
     describe_profile(has_sides(object) ? "front " : "", object.front);
     describe_profile("back ", object.back);
-    if (object.contact.keep != FS_KEEP_NONE) std::printf("; solid");
+    if (object.damping > 0) std::printf("; damping %g N s/m", object.damping);
+    describe_contact(object.contact);
     if (!std::isfinite(report.stiffness_wanted)) std::printf("; infinitely steep where it jumps");
     else if (report.stiffness_wanted > 0) std::printf("; steepest slope %.4g N/m at the device", report.stiffness_wanted);
     std::printf("\n");
     check_object(object, around, findings);
+    check_units(object, findings);
+    note_pull(object);
     check_slope(object, report, rendered, info.rate, findings);
   }
   return findings.finish();

@@ -64,8 +64,25 @@ double force_at(const fs_profile& profile, double distance) {
 bool is_closed(const fs_shape* shape) {
   fs_shape_info info = fs_shape_info_init();
   require(fs_shape_get_info(shape, &info));
-  return info.closed;
+  return info.has_inside;
 }
+
+}  // namespace
+
+double volume_of(const fs_shape* shape) {
+  std::size_t points = 0, triangles = 0;
+  const fs_vec3* const at = fs_shape_get_points(shape, &points);
+  const uint32_t* const corners = fs_shape_get_triangles(shape, &triangles);
+  double volume = 0;
+  for (std::size_t i = 0; corners && i < 3 * triangles; i += 3) {
+    const fs_vec3 a = minus(at[corners[i]], at[corners[0]]), b = minus(at[corners[i + 1]], at[corners[0]]),
+                  c = minus(at[corners[i + 2]], at[corners[0]]);
+    volume += (a.x * (b.y * c.z - b.z * c.y) + a.y * (b.z * c.x - b.x * c.z) + a.z * (b.x * c.y - b.y * c.x)) / 6;
+  }
+  return volume;
+}
+
+namespace {
 
 // No place within a closed mesh is farther from its surface, m.
 double half_of_thickness(const fs_shape* shape) {
@@ -204,7 +221,7 @@ void check_senses(const fs_object& object, const Sides& distances, Findings& fin
   const auto grows_without_end = [&](const fs_profile& profile) {
     return force_at(profile, distances.front.most) > force_at(profile, distances.front.least) + faint;
   };
-  const bool is_room = object.primitive == FS_PRIMITIVE_MESH && is_closed(object.shape);  // the hand cannot leave it
+  const bool is_room = object.primitive == FS_PRIMITIVE_MESH && is_closed(object.shape) && volume_of(object.shape) < 0;
   const bool pulls = front && object.front.sense == FS_SENSE_ATTRACTIVE && grows_without_end(object.front);
   if (sides && pulls && !back && !is_room) {
     findings.add(name, "it pulls the hand towards it from everywhere in front, harder with the distance; for a wall "

@@ -27,6 +27,7 @@ struct Sides {
 Sides distances_of(const fs_object& object, const Workspace& workspace);
 
 bool has_sides(const fs_object& object);
+double volume_of(const fs_shape* shape);  // that a closed mesh encloses, m^3; below 0: its triangles face inwards
 double most(const fs_profile& profile, const Distances& range);  // its largest force within these distances, N
 
 // Reports where and when the force jumps, profiles with a wrong sense or on the wrong side, and what pulls from nearly

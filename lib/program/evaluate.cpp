@@ -71,7 +71,7 @@ void tell_contacts(fs_scene* scene, const std::string& only) {
     const std::unique_ptr<fs_object, Release<fs_object_release>> released(&object);
     fs_shape_info info = fs_shape_info_init();
     if (object.shape) require(fs_shape_get_info(object.shape, &info));
-    const bool is_open = object.shape && !info.closed;
+    const bool is_open = object.shape && !info.has_inside;
     const bool is_left_out = object.contact.keep == FS_KEEP_EITHER || (object.contact.keep != FS_KEEP_NONE && is_open);
     if (!object.enabled || !is_left_out) continue;
     std::fprintf(stderr, "forceserver: the contact of '%s' is left out: it keeps a hand on the side from which it comes\n",

@@ -297,7 +297,10 @@ void Edits::merge(std::string_view name, Known& wanted) {
     wanted.motion = felt.motion;
     wanted.track = felt.track;
   }
-  if (!(wanted.parts & FS_PART_PROFILES)) wanted.start = felt.start;
+  if (!(wanted.parts & FS_PART_PROFILES)) {
+    wanted.start = felt.start;
+    wanted.start_is_given = felt.start_is_given;
+  }
   if (felt.object == wanted.base) return;
   try {
     wanted.object = parse_object(merge_parts(to_c(felt), to_c(wanted), wanted.parts), felt.object.get(), false).object;

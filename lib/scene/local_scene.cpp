@@ -210,7 +210,10 @@ fs_view LocalScene::view(bool with_group) const {
 
 void LocalScene::set_accuracy(double newtons) {
   check_accuracy(newtons);
-  mutate([&] { evaluated_.objects.rows.set_accuracy(newtons); });
+  const std::lock_guard lock(mutex_);
+  evaluated_.prepare();
+  evaluated_.objects.rows.set_accuracy(newtons);
+  evaluated_.changed();  // no group holds it back
 }
 
 void LocalScene::set_max_stiffness(double stiffness) {

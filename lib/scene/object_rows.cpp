@@ -42,25 +42,27 @@ Ref<const Object> ObjectRows::bounded_for(const Entry& entry, const Row* before)
   return fs::bounded(*entry.object, before && before->bounded ? joined(before->bounded->bounds, bounds_) : bounds_);
 }
 
-// Whether bounds can stay: within 0.9 and 1 times what is wanted, so that small changes make no new version.
-static bool serve_as(const Bounds& present, const Bounds& wanted) noexcept {
-  const auto serves = [](double has, double wants) { return has == wants || (has <= wants * (1 + 1e-9) && has >= 0.9 * wants); };
+// Whether bounds can stay: they are at least this part of what is wanted, and no more.
+static bool serve_as(const Bounds& present, const Bounds& wanted, double least) noexcept {
+  const auto serves = [least](double has, double wants) {
+    return has == wants || (has <= wants * (1 + 1e-9) && has >= least * wants);
+  };
   return serves(present.slope, wanted.slope) && serves(present.stiffness, wanted.stiffness) &&
          serves(present.damping, wanted.damping) && serves(present.contact_damping, wanted.contact_damping);
 }
 
-bool ObjectRows::is_bound(uint32_t number, const Object& object, const Bounds& bounds) const {
+bool ObjectRows::is_bound(uint32_t number, const Object& object, const Bounds& bounds, double least) const {
   const Chunk* const its = find_chunk(chunks_, number);
   if (!its || !(its->used & bit_of(number % chunk_size))) return false;
   const Row& now = its->row(number % chunk_size);
   if (now.object.get() != &object || !now.is_named) return false;
-  return now.bounded ? serve_as(now.bounded->bounds, bounds) : !fs::bounded(object, bounds);
+  return now.bounded ? serve_as(now.bounded->bounds, bounds, least) : !fs::bounded(object, bounds);
 }
 
-uint32_t ObjectRows::bound(uint32_t newest, const Bounds& bounds) {
+uint32_t ObjectRows::bound(uint32_t newest, const Bounds& bounds, double least) {
   const Object& object = *row(newest).object;
   const Bounds wanted = of_use(joined(bounds, bounds_), object);
-  if (is_bound(newest, object, wanted)) return newest;
+  if (is_bound(newest, object, wanted, least)) return newest;
   const Change change = spread().blend > 0 && may_be_felt(newest) ? Change::taken_over : Change::adjusted;
   return put(newest, entry(newest), change, fs::bounded(object, wanted));
 }
@@ -277,12 +279,18 @@ bool ObjectRows::replace(uint32_t newest, const Entry& entry, Change change, con
   if (is_moved) note_offset(newest);
   if (is_elsewhere) edit(newest).takes_over = 0;
   if (is_same && was_in == entry.object->is_enabled) edit(newest).sequence = sequence;
-  for (uint32_t number = newest; is_waiting(number);) {  // the versions before it are the same object
-    number = row(number).previous;
+  if (is_waiting(newest)) update_older(row(newest).previous, entry);
+  return true;
+}
+
+// This row and those before it, back to the one that has begun, are felt until the newest begins: they are disabled with it, and
+// live as long. All of them are owned.
+void ObjectRows::update_older(uint32_t number, const Entry& entry) noexcept {
+  for (;; number = row(number).previous) {
     if (!entry.object->is_enabled) want_out(number);
     if (row(number).is_in) edit(number).expiry = entry.expiry;
+    if (!is_waiting(number)) return;
   }
-  return true;
 }
 
 // Another version of what is felt. A row that is already fading out alone need not be waited for, unless its weight is taken
@@ -295,6 +303,7 @@ uint32_t ObjectRows::append(uint32_t newest, const Entry& entry, Change change, 
   New made = make_new(number, *entry.object, nullptr);
   Chunk& its = own(number, bounded.get());
   own(newest);
+  for (uint32_t older = newest; is_waiting(older); older = row(older).previous) own(row(older).previous);
   const uint64_t version = ++last_version_;
   install(number, made);
   servo_->memory->weight(number).set_up(version, waits, 0);
@@ -305,7 +314,7 @@ uint32_t ObjectRows::append(uint32_t newest, const Entry& entry, Change change, 
   edit(newest).is_named = false;
   edit(newest).newer = number;
   if (waits) edit(newest).next = number;
-  if (!entry.object->is_enabled) want_out(newest);
+  update_older(newest, entry);
   return number;
 }
 

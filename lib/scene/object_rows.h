@@ -48,11 +48,11 @@ class ObjectRows : Versions<ObjectRows> {
 
   // The bounds of objects whose share has not been worked out yet; bound() sets those of the others.
   void set_bounds(const Bounds& bounds) noexcept { bounds_ = bounds; }
-  // Whether the row is of this object and has these bounds, or hardly others.
-  bool is_bound(uint32_t row, const Object& object, const Bounds& bounds) const;
+  // Whether the row is of this object and has these bounds, or less: `least` times as much at least.
+  bool is_bound(uint32_t row, const Object& object, const Bounds& bounds, double least) const;
   // Evaluates the object within these bounds. (It may have changed since they were worked out.) Where the hand may be near,
   // the force goes over to the new one within a blend. Returns the newest row from then on.
-  uint32_t bound(uint32_t newest, const Bounds& bounds);
+  uint32_t bound(uint32_t newest, const Bounds& bounds, double least);
 
   // The error that evaluation may make, N. It is shared out among the objects whose force fades out without end: where one
   // of them gives less than its share, it counts as far.
@@ -128,6 +128,7 @@ class ObjectRows : Versions<ObjectRows> {
   uint32_t put(uint32_t newest, const Entry& entry, Change change, const Ref<const Object>& bounded);
   bool is_replaceable(uint32_t newest, Change change) noexcept;
   bool replace(uint32_t newest, const Entry& entry, Change change, const Ref<const Object>& bounded);
+  void update_older(uint32_t number, const Entry& entry) noexcept;
   uint32_t append(uint32_t newest, const Entry& entry, Change change, const Ref<const Object>& bounded);
   Spread spread() const noexcept { return servo_ ? servo_->memory->spread : Spread{}; }
   // A motion that goes on from where a row is felt.

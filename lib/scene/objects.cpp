@@ -103,11 +103,13 @@ void Objects::unlist(Item& item, bool is_newly_listed) noexcept {
   item.is_listed = false;
 }
 
-// Replaces the expiry that is to be announced; one that was announced is no longer in the set.
-void Objects::set_expiry(const std::string& name, double before, double after) {
-  if (before == after) return;
-  if (after < never) expiries_.emplace(after, name);
-  if (before < never) expiries_.erase({before, name});
+// The expiries that are to be announced: the new one is noted before an object is changed, as that may fail, and the old one
+// goes when it has been changed. One that was announced is no longer in the set.
+void Objects::note_expiry(const std::string& name, double before, double after) {
+  if (before != after && after < never) expiries_.emplace(after, name);
+}
+void Objects::drop_expiry(const std::string& name, double old, double kept) {
+  if (old != kept && old < never) expiries_.erase({old, name});
 }
 
 NewName Objects::make_name(std::string_view name) {
@@ -130,13 +132,14 @@ void Objects::take(std::string_view name, Known& wanted, NewName new_name) {
   const double after = wanted.is_removed ? never : wanted.expiry;
   const bool is_newly_listed = list(*named);  // something may fade out from now on
   try {
-    set_expiry(named->first, before, after);
+    note_expiry(named->first, before, after);
     item.row = wanted.is_removed ? rows.remove(item.row) : rows.set(item.row, wanted);
   } catch (...) {
-    if (before != after && after < never) expiries_.erase({after, named->first});
+    drop_expiry(named->first, after, before);
     unlist(item, is_newly_listed);
     throw;
   }
+  drop_expiry(named->first, before, after);
   if (item.row == no_row || !rows.is_fading(item.row)) unlist(item, is_newly_listed);
   removed_ += wanted.is_removed;
   removed_ -= item.is_removed;
@@ -163,10 +166,10 @@ void Objects::add(NewName name, const Known& wanted) {
   free_indices_.pop_back();
   by_index_[named.second.index] = &named;
   try {
-    set_expiry(named.first, never, wanted.expiry);
+    note_expiry(named.first, never, wanted.expiry);
     named.second.row = rows.add(wanted);
   } catch (...) {
-    if (wanted.expiry < never) expiries_.erase({wanted.expiry, named.first});
+    drop_expiry(named.first, wanted.expiry, never);
     erase(named);
     throw;
   }
@@ -180,7 +183,7 @@ void Objects::move(Named& named, const Track& track, const Motion& motion, doubl
   const bool jumps = rows.is_jump(item.row, motion);
   const bool is_newly_listed = jumps && list(named);
   try {
-    set_expiry(name, before, expiry);
+    note_expiry(name, before, expiry);
     if (jumps) {
       Entry entry = rows.entry(item.row);
       entry.motion = motion;
@@ -191,10 +194,11 @@ void Objects::move(Named& named, const Track& track, const Motion& motion, doubl
       rows.move(item.row, motion, expiry, motion_revision);
     }
   } catch (...) {
-    if (before != expiry && expiry < never) expiries_.erase({expiry, name});
+    drop_expiry(name, expiry, before);
     unlist(item, is_newly_listed);
     throw;
   }
+  drop_expiry(name, before, expiry);
   if (!rows.is_fading(item.row)) unlist(item, is_newly_listed);
   *item.track = track;
 }
@@ -223,8 +227,8 @@ bool Objects::move(Named* named, double now, F&& take) {
   return true;
 }
 
-Objects::Bound Objects::bound(uint32_t row, const Object& object, const Bounds& bounds) {
-  if (rows.is_bound(row, object, bounds)) {  // the usual case, for which no name need be found
+Objects::Bound Objects::bound(uint32_t row, const Object& object, const Bounds& bounds, double least) {
+  if (rows.is_bound(row, object, bounds, least)) {  // the usual case, for which no name need be found
     return {false, &object, rows.row(row).as_felt(true).steepest_slope};
   }
   const auto found = names_.find(object.name);
@@ -233,7 +237,7 @@ Objects::Bound Objects::bound(uint32_t row, const Object& object, const Bounds& 
   const Object* const before = &rows.row(item.row).as_felt(true);
   const bool is_newly_listed = list(*found);
   try {
-    item.row = rows.bound(item.row, bounds);
+    item.row = rows.bound(item.row, bounds, least);
   } catch (...) {
     unlist(item, is_newly_listed);
     throw;

@@ -10,8 +10,7 @@
 
 namespace fs {
 
-// Finds a name that has been found before without comparing it to others. It stays good until the name is gone: that is when
-// its object has been removed and has faded out.
+// A shortcut to a name that was found before. It stays good until the object has been removed and has faded out.
 struct NameId {
   uint32_t index = ~0u;
   uint32_t number = 0;
@@ -83,7 +82,7 @@ class Objects {
     const Object* object = nullptr;  // as it is now; null: there is none
     double slope = 0;                // N/m, the steepest, as it is felt
   };
-  Bound bound(uint32_t row, const Object& object, const Bounds& bounds);
+  Bound bound(uint32_t row, const Object& object, const Bounds& bounds, double least);
 
   void set_capacity(uint32_t capacity) noexcept { capacity_ = capacity; }
   void require_room(size_t more, const char* verb) const;  // FULL
@@ -134,7 +133,8 @@ class Objects {
   void move(Named& named, const Track& track, const Motion& motion, double expiry, uint64_t motion_revision);
   template <class F>
   bool move(Named* named, double now, F&& take);
-  void set_expiry(const std::string& name, double before, double after);
+  void note_expiry(const std::string& name, double before, double after);
+  void drop_expiry(const std::string& name, double old, double kept);
 
   NameMap<Item> names_;
   std::vector<Named*> by_index_;      // null: that index is free

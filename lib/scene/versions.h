@@ -28,8 +28,7 @@ class Versions {
     const auto& it = rows().row(i);
     const Weight* const weight = rows().weight(i);
     if (!weight) return true;
-    // A row that has not begun can go once a tick has used the snapshot that has its successor, even if the successor itself is
-    // wanted out.
+    // A row that has not begun can go once a tick has used the snapshot with its successor, which may itself be wanted out.
     if (!has_begun(i)) return it.next != no_row && rows().row(it.next).created <= rows().used();
     if (weight->value() > 0 || weight->coming() > 0) return false;
     return it.next != no_row ? has_begun(it.next) : !it.is_in && it.sequence <= rows().used();

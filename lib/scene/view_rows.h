@@ -48,8 +48,8 @@ class ViewRows : Versions<ViewRows> {
   void drop(uint32_t i) noexcept;
 
   bool find(uint32_t i, FoundView& out) const noexcept;
-  // Rows that no tick can use. The last 3 are kept for views that come after one that a tick uses already and that therefore
-  // cannot be replaced: at most two such views come before the rows that were let go of are free again.
+  // Rows that no tick can use. Where 3 or fewer are left, a view that was posted is taken back if no tick has it yet. The 3 are
+  // for views that follow one which a tick uses already: at most two of these come before rows are free again.
   std::vector<uint32_t> free_rows() const;
   static constexpr size_t reserve = 3;
   uint64_t used() const noexcept { return output_.used.load(std::memory_order_acquire); }

@@ -8,7 +8,8 @@ namespace {
 
 // Visits of one search: more than for a hand that slides over a mesh of millions of triangles; about 25 us.
 constexpr uint32_t most_visits = 640;
-// A visit takes about 40 ns, so the searches of a tick take a quarter of its period at most.
+// A visit takes about 40 ns, so the searches of a tick take a quarter of its period at most; all of it in a tick in which solids
+// that fade are first felt, as these may be evaluated four times (Proxies::feel).
 constexpr double visits_a_second = 0.25 / 40e-9;
 // Tests of ways among solids are not approximated, so they may take longer: two periods at most.
 constexpr uint32_t ways_per_visit = 8;

@@ -14,8 +14,8 @@ struct Hint {
   double gap = 0;                  // nothing was nearer than this, m
 
   // Of the last find_ridge() (ridge.h), and of the closest_point_ahead() since then.
-  Vec3 ahead{};          // m, from x to the place y where its direction was that of x; 0: do not search from there
-  double free = 0;       // m, so far ahead of x nothing is nearer than its closest point
+  Vec3 ahead{};          // m, from x to the place y on the line from its closest point through x; 0: do not search from there
+  double free = 0;       // m, up to this distance along `ahead` nothing is nearer than the closest point of x
   uint32_t items[4];     // triangles or segments that were nearest to y
   uint32_t item_count = 0;  // 0: there was no ridge
 };

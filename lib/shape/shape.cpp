@@ -2,10 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
+#include <tuple>
 
 #include "base/error.h"
 #include "shape/mesh/mesh_edges.h"
 #include "shape/mesh/mesh_tree.h"
+#include "shape/mesh/mesh_union.h"
 #include "shape/mesh/wide_tree.h"
 #include "shape/triangle.h"
 
@@ -70,6 +73,78 @@ bool are_on_a_line(const std::vector<Vec3>& points, Wanted& wanted) {
   const Vec3 direction = normalized(along);
   return std::all_of(points.begin(), points.end(), [&](const Vec3& p) {
     return norm(cross(p - begin, direction)) <= 1e-6 * norm(along);
+  });
+}
+
+// The edges of a mesh, and in `info` how many are open or odd. Where some are, equal places of these edges' ends are joined, and
+// the edges are found anew: if that closes the mesh, it has an inside.
+std::unique_ptr<MeshEdges> joined_edges(const std::vector<Vec3>& points, const std::vector<uint32_t>& triangles,
+                                        fs_shape_info& info, Wanted& wanted) {
+  const auto is_closed = [](const MeshEdges& edges) { return edges.open == 0 && edges.odd == 0 && edges.has_any(); };
+  auto edges = std::make_unique<MeshEdges>(triangles, points.size(), wanted);
+  info.open_edges = edges->open;
+  info.odd_edges = edges->odd;
+  info.closed = info.has_inside = is_closed(*edges);
+  if (info.closed || edges->open == 0) return edges;
+  std::vector<uint32_t> ends;  // of irregular edges
+  for (uint32_t i = 0; i < triangles.size(); ++i) {
+    wanted.step();
+    if (edges->kinds[edges->of_side[i]] != MeshEdges::Kind::irregular) continue;
+    ends.push_back(triangles[i]);
+    ends.push_back(triangles[i % 3 < 2 ? i + 1 : i - 2]);
+  }
+  const auto key = [&](uint32_t i) { return std::tuple(points[i].x, points[i].y, points[i].z, i); };
+  std::sort(ends.begin(), ends.end(), [&](uint32_t a, uint32_t b) {
+    wanted.step();
+    return key(a) < key(b);
+  });
+  std::vector<uint32_t> joined(points.size());
+  std::iota(joined.begin(), joined.end(), 0u);
+  bool is_any_joined = false;
+  for (size_t i = 1; i < ends.size(); ++i) {
+    if (ends[i] == ends[i - 1] || !(points[ends[i]] == points[ends[i - 1]])) continue;
+    joined[ends[i]] = joined[ends[i - 1]];
+    is_any_joined = true;
+  }
+  if (!is_any_joined) return edges;
+  std::vector<uint32_t> corners;
+  corners.reserve(triangles.size());
+  for (const uint32_t i : triangles) corners.push_back(joined[i]);
+  auto all = std::make_unique<MeshEdges>(corners, points.size(), wanted);
+  if (!is_closed(*all)) return edges;
+  info.has_inside = true;
+  return all;
+}
+
+// Whether a part is turned inwards, by its volume, and lies in the box of no part that is turned outwards.
+bool has_inward_parts(const std::vector<Vec3>& points, const std::vector<uint32_t>& triangles, const MeshEdges& edges,
+                      Wanted& wanted) {
+  const MeshParts parts(triangles, edges, wanted);
+  struct Part {
+    double volume = 0;  // m^3, six times
+    Box box;
+    uint32_t first = UINT32_MAX;  // a point, from which the volume is measured
+  };
+  std::vector<Part> all(parts.count);
+  for (size_t i = 0; i < triangles.size(); i += 3) {
+    wanted.step();
+    Part& part = all[parts.of.empty() ? 0 : parts.of[i / 3]];
+    if (part.first == UINT32_MAX) part.first = triangles[i];
+    const Vec3 from = points[part.first];
+    Vec3 corner[3];
+    for (size_t k = 0; k < 3; ++k) part.box.add(corner[k] = points[triangles[i + k]]);
+    part.volume += dot(corner[0] - from, cross(corner[1] - from, corner[2] - from));
+  }
+  // A list of thousands of parts that are turned inwards is not compared with all others.
+  constexpr size_t most_compared = 1000;
+  std::vector<const Part*> inward;
+  for (const Part& part : all) {
+    if (part.volume < 0) inward.push_back(&part);
+  }
+  if (inward.size() > most_compared) return true;
+  return std::any_of(inward.begin(), inward.end(), [&](const Part* hollow) {
+    wanted.step();
+    return std::none_of(all.begin(), all.end(), [&](const Part& part) { return part.volume > 0 && hollow->box.is_inside(part.box); });
   });
 }
 
@@ -141,10 +216,7 @@ Ref<const Shape> make_mesh(std::vector<Vec3> points, std::vector<uint32_t> trian
   fs_shape_info info = bounds_of(points, wanted);
   info.primitive = FS_PRIMITIVE_MESH;
   info.degenerate = count_degenerate(points, triangles, wanted);
-  auto edges = std::make_unique<MeshEdges>(triangles, points.size(), wanted);
-  info.open_edges = edges->open;
-  info.odd_edges = edges->odd;
-  info.closed = edges->open == 0 && edges->odd == 0 && edges->has_any();
+  auto edges = joined_edges(points, triangles, info, wanted);
   return make_ref<const Shape>(info, std::move(points), std::move(triangles), std::move(edges), wanted);
 }
 
@@ -155,8 +227,9 @@ fs_shape::fs_shape(const fs_shape_info& info, std::vector<fs::Vec3> the_points, 
     : primitive(info.primitive),
       points(std::move(the_points)),
       triangles(std::move(the_triangles)),
-      closed(info.closed),
+      closed(primitive == FS_PRIMITIVE_MESH ? info.has_inside : info.closed),
       radius(fs::radius_of(points, wanted)),
+      has_inward_parts(edges && info.has_inside && fs::has_inward_parts(points, triangles, *edges, wanted)),
       is_straight(primitive == FS_PRIMITIVE_POLYLINE && fs::are_on_a_line(points, wanted)),
       info_(info),
       edges_(std::move(edges)) {
@@ -173,7 +246,8 @@ void fs_shape::build(fs::Wanted& wanted) const {
   if (is_built()) return;
   wanted.show(&progress_);
   try {
-    if (closed && !edges_) edges_ = std::make_unique<fs::MeshEdges>(triangles, points.size(), wanted);
+    fs_shape_info info = fs_shape_info_init();
+    if (closed && !edges_) edges_ = fs::joined_edges(points, triangles, info, wanted);
     const fs::MeshParts parts = closed ? fs::MeshParts(triangles, *edges_, wanted) : fs::MeshParts();
     tree_.store(new fs::MeshTree(points, triangles, std::move(edges_), parts, wanted), std::memory_order_release);
   } catch (...) {

@@ -38,7 +38,7 @@ struct Segments {
 }  // namespace fs
 
 struct fs_shape : fs::Counted<fs_shape> {
-  // edges: those of a mesh.
+  // edges: those of a mesh, as joined_edges finds them.
   fs_shape(const fs_shape_info& info, std::vector<fs::Vec3> points, std::vector<uint32_t> triangles,
            std::unique_ptr<fs::MeshEdges> edges, fs::Wanted& wanted);
   ~fs_shape();
@@ -47,8 +47,9 @@ struct fs_shape : fs::Counted<fs_shape> {
   const fs_primitive primitive;            // POLYLINE or MESH
   const std::vector<fs::Vec3> points;      // m, object frame
   const std::vector<uint32_t> triangles;   // three point indices for each triangle; empty for a polyline
-  const bool closed;                       // polyline: the last point joins the first; mesh: no edge is open or odd
+  const bool closed;                       // polyline: the last point joins the first; mesh: has_inside of fs_shape_info
   const double radius;                     // m, from the origin to the farthest point, rounded up
+  const bool has_inward_parts;             // mesh, closed: its front is the inside of a part that is not a hollow of another
   const bool is_straight;                  // polyline: all its points lie on one line, within a millionth of its length
 
   // Builds the search tree of a mesh once. Any thread may call it; the others wait until the tree is built. A polyline
@@ -65,7 +66,7 @@ struct fs_shape : fs::Counted<fs_shape> {
 
   const fs::Segments& segments() const noexcept { return *segments_; }  // [rt] of a polyline
 
-  // Edges join vertices of equal index; a triangle with a repeated index is degenerate and has no edges here.
+  // Open and odd edges join vertices of equal index; a triangle with a repeated index is degenerate and has no edges here.
   void get_info(fs_shape_info& out) const;  // all but struct_size
 
   // Keeps `what` alive as long as the shape. Called before any other thread has the shape.

@@ -114,6 +114,34 @@ START_TEST(a_hand_that_begins_inside_is_led_out) {
 }
 END_TEST
 
+// A mesh whose triangles face inwards is a room: a hand outside of it is led back from however far, as by an envelope.
+START_TEST(a_hand_outside_of_a_room_is_led_back) {
+  MeshData room = box_mesh({0.02, 0.02, 0.02});
+  for (size_t i = 0; i < room.triangles.size(); i += 3) std::swap(room.triangles[i], room.triangles[i + 1]);
+  Hand hand;
+  hand.mesh("room", room, solid(FS_KEEP_FRONT, 1000, 5));
+  const fs_vec3 far{0.5, 0.001, 0.002};
+  EXPECT_VECTOR(hand.go(far), (fs_vec3{-5, 0, 0}), 1e-9);
+  fs_vec3 force;
+  OK(fs_evaluate_field(hand.scene.get(), nullptr, FS_NOW, &far, 1, &force));
+  EXPECT_VECTOR(force, (fs_vec3{-5, 0, 0}), 1e-9);
+  for (double x = 0.5; x > 0.0255; x -= 0.0005) EXPECT_VECTOR(hand.slide({x, 0.001, 0.002}), (fs_vec3{-5, 0, 0}), 1e-9);
+  EXPECT_VECTOR(hand.slide({0.022, 0.001, 0.002}), (fs_vec3{-2, 0, 0}), 1e-9);
+  EXPECT_VECTOR(hand.slide({0, 0, 0}), (fs_vec3{}), 1e-9);
+}
+END_TEST
+
+// An export for flat shading has corners of its own for each triangle: what is closed by their places is as solid as if they were
+// shared.
+START_TEST(a_mesh_with_split_corners_is_solid) {
+  Hand hand;
+  hand.mesh("box", split_corners(box_mesh({0.02, 0.02, 0.02})), solid(FS_KEEP_FRONT));
+  EXPECT_VECTOR(hand.go({0.001, 0.002, 0.015}), (fs_vec3{0, 0, 5}), 1e-9);
+  EXPECT_VECTOR(hand.slide({0.001, 0.002, 0.03}), (fs_vec3{}), 1e-9);
+  EXPECT_VECTOR(hand.slide({0.001, 0.002, 0.018}), (fs_vec3{0, 0, 2}), 1e-9);
+}
+END_TEST
+
 // Also where the nearest place is an edge at which parts of a mesh cross: (20, 0, -20) mm here.
 START_TEST(a_hand_that_begins_where_parts_cross_is_led_out) {
   MeshData mesh = box_mesh({0.04, 0.03, 0.03});
@@ -1004,6 +1032,7 @@ int main() {
   add_case(suite, "planes", {a_plane_holds_the_hand, each_side_can_be_kept, corners_hold_with_every_wall,
                              the_softest_wall_has_a_proxy, shared_proxies});
   add_case(suite, "meshes", {a_box_is_solid, nothing_lets_through, a_hand_that_begins_inside_is_led_out,
+                             a_hand_outside_of_a_room_is_led_back, a_mesh_with_split_corners_is_solid,
                              a_hand_that_begins_where_parts_cross_is_led_out,
                              a_hand_that_begins_in_a_body_of_parts_is_led_out,
                              a_hand_that_begins_on_the_surface_is_held, a_vertex_does_not_hold,

@@ -125,6 +125,14 @@ START_TEST(edges_of_meshes) {  // counted; the triangles are kept whatever they 
   ck_assert_uint_eq(info.odd_edges, 1);
   ck_assert_uint_eq(info.open_edges, 2);
 
+  // Corners of its own for each triangle: no edge is shared, but the places close it.
+  info = info_of(make_mesh(split_corners(box_mesh({1, 1, 1}))).get());
+  ck_assert_uint_eq(info.open_edges, 36);
+  ck_assert(!info.closed && info.has_inside);
+  mesh = split_corners(box_mesh({1, 1, 1}));
+  mesh.triangles.resize(33);
+  ck_assert(!info_of(make_mesh(mesh).get()).has_inside);
+
   mesh = box_mesh({1, 1, 1});
   mesh.triangles.insert(mesh.triangles.end(), {0, 0, 1});
   const Shape shape = make_mesh(mesh);
@@ -628,6 +636,7 @@ START_TEST(parts_that_cross_are_one_body) {
   const int count = is_sanitized ? 50 : times(100, 300);
   check_union("box and beam", two, 1, count);
   check_union("ant", ant(), 2, count);
+  check_union("split corners", {split_corners(two[0]), split_corners(two[1])}, 7, count);
   // Flush and equal parts, and parts within parts.
   check_union("flush", {box_mesh({0.03, 0.03, 0.02}), moved(box_mesh({0.01, 0.01, 0.01}), at({0, 0, 0.03}))}, 3, count);
   check_union("flush at an edge", {box_mesh({0.03, 0.03, 0.02}), moved(box_mesh({0.01, 0.01, 0.01}), at({0.04, 0.02, 0.01}))}, 4, count);

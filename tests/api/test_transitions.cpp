@@ -228,6 +228,28 @@ static fs_servo_options fast_options() {  // without fades
   return options;
 }
 
+// An object is disabled while one shape of it fades in and the next one waits: the first fades out from then on.
+START_TEST(disabled_while_a_shape_waits) {
+  FeltRig rig;
+  rig.begin();
+  rig.set(line(0));
+  rig.step(50);
+  rig.set(line(1));
+  rig.step(20);
+  fs_object off = line(2);
+  off.enabled = false;
+  rig.set(off);
+  rig.step(1);
+  const size_t from = rig.log.size();
+  rig.step(whole_fade);
+  for (size_t k = from; k < rig.log.size(); ++k) {
+    ck_assert_double_le(norm(rig.log[k].force), norm(rig.log[k - 1].force) + 1e-9);
+  }
+  ck_assert_double_gt(norm(rig.log[from - 1].force), 2);
+  rig.expect(0);
+}
+END_TEST
+
 START_TEST(enabled_twice) {  // between two ticks: clears a fault as once does
   for (int times = 1; times <= 3; ++times) {
     Rig rig("twice");
@@ -587,7 +609,7 @@ END_TEST
 int main() {
   Suite* suite = suite_create("transitions");
   add_case(suite, "transitions", {a_client_held_up, groups_over_servos});
-  add_case(suite, "servos", {enabled_twice, late_is_late, a_bad_twist_and_the_speed_limit, a_hand_that_never_was,
+  add_case(suite, "servos", {disabled_while_a_shape_waits, enabled_twice, late_is_late, a_bad_twist_and_the_speed_limit, a_hand_that_never_was,
                              expired_before_the_servo, sent_is_what_the_device_got, reports_begin_anew, views_of_another_servo,
                              views_amid_ticks});
   add_case(suite, "events", {expiry_is_told, events_keep_their_age});

@@ -316,7 +316,7 @@ expect 0 '^  note: a: its steepest slope is 4000 N/m at the device; a servo redu
 odd 'its force goes on through its surface, so it turns at once at an edge: a jump of up to 4 N' \
   '"primitive": "mesh", "shape": "part", "front": {"kind": "constant", "gain": 2, "limit": 2},
    "back": {"kind": "constant", "gain": 2, "limit": 2, "sense": "repulsive"}'
-fine '"primitive": "mesh", "shape": "part", "front": {'"$spring"'}'  # a room
+odd 'it pulls the hand towards it from everywhere' '"primitive": "mesh", "shape": "part", "front": {'"$spring"'}'
 fine '"primitive": "plane", "front": {"kind": "constant", "gain": 1, "limit": 1},
       "back": {"kind": "constant", "gain": 1, "limit": 1, "sense": "repulsive"}'  # gravity
 odd 'it pulls the hand towards it from everywhere in front' '"primitive": "plane", "front": {'"$spring"'}'
@@ -327,6 +327,9 @@ expect 0 'closed mesh of 4 triangles and 4 points' "$program" check solid.obj
   awk '/^v/ { print "v", $2 + 0.01, $3 + 0.01, $4 + 0.01 } /^f/ { print "f", $2 + 4, $3 + 4, $4 + 4 }' solid.obj; } > two.obj
 expect 0 'of parts that meet: for profiles they are one body' "$program" check two.obj
 awk '/^f/ { print "f", $2, $4, $3; next } { print }' solid.obj > inside_out.obj
+scene_of '"primitive": "mesh", "shape": "part", "front": {'"$spring"'}'
+sed 's/solid.obj/inside_out.obj/' one.json > room.json
+expect 0 '^nothing odd$' "$program" check room.json
 expect 0 '^  note: its triangles face inwards: its front is inside, as that of a room$' "$program" check inside_out.obj
 awk '/^f/ && ++n > 4 { print "f", $2, $4, $3; next } { print }' two.obj > one_inside_out.obj
 expect 0 '^  note: the triangles of 1 of its 2 parts face inwards: such a part is a hollow' "$program" check one_inside_out.obj

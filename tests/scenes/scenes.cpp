@@ -223,6 +223,15 @@ MeshData moved(MeshData mesh, const fs_pose& pose) {
   return mesh;
 }
 
+MeshData split_corners(const MeshData& mesh) {
+  MeshData out;
+  for (const uint32_t i : mesh.triangles) {
+    out.triangles.push_back(static_cast<uint32_t>(out.points.size()));
+    out.points.push_back(mesh.points[i]);
+  }
+  return out;
+}
+
 std::vector<fs_vec3> helix(double radius, double height, double turns, size_t points) {
   std::vector<fs_vec3> line;
   for (size_t i = 0; i < points; ++i) {

@@ -40,6 +40,7 @@ MeshData terrain_mesh(double half_width, double height, size_t triangles);
 MeshData box_mesh(fs_vec3 half_size);
 MeshData soup_mesh(Random& random, double half, size_t triangles);  // loose triangles that intersect each other
 MeshData moved(MeshData mesh, const fs_pose& pose);
+MeshData split_corners(const MeshData& mesh);  // each triangle has three points of its own, as in an export for flat shading
 Shape make_mesh(const MeshData& mesh);
 std::vector<fs_vec3> helix(double radius, double height, double turns, size_t points);
 

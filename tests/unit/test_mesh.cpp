@@ -606,7 +606,7 @@ START_TEST(info_and_refusals) {
     shape->build();
     shape->get_info(info);
     ck_assert(info.built && info.struct_size == sizeof info && info.primitive == FS_PRIMITIVE_MESH);
-    ck_assert(info.closed == shape->closed);
+    ck_assert(info.has_inside == shape->closed);
     return info;
   };
   fs_shape_info info = info_of(box({1, 2, 3}));
