@@ -101,12 +101,17 @@ bool PointProxies::begin_touch(const Point& point, Member& member) noexcept {
   const Vec3 place = closest.point, away = outwards();
   const Vec3 normal = find(place, 2 * margin) && closest.distance == 0 ? outwards() : away;
   bool has_place = false;
+  // Where triangles have been cut, the pieces lie where they should within 1e-12 of the mesh's size: nearer to them it is not
+  // known what is outside.
+  const double size = 2 * object.radius;
+  const bool is_cut = object.primitive == FS_PRIMITIVE_MESH && object.shape->is_united();
+  const double least = is_cut ? std::max(margin / 4, 2e-12 * size) : margin / 4, most = std::max(2e6 * margin, is_cut ? 1e-6 * size : 0);
   const auto is_above = [&](Vec3 direction, double height) {
     touch.at = place + height * direction;
-    return find(touch.at, 2 * height) && closest.side == touch.side && closest.distance > margin / 4;
+    return find(touch.at, 2 * height) && closest.side == touch.side && closest.distance > least;
   };
   constexpr int most_parts = 8;  // that cross at one place
-  for (double height = margin; height < 2e6 * margin && !has_place; height *= 16) {
+  for (double height = std::max(margin, least); height < most && !has_place; height *= 16) {
     for (const Vec3 begin : {normal, away}) {
       Vec3 way = begin;
       for (int parts = 1; parts <= most_parts && !has_place; ++parts) {

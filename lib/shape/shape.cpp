@@ -260,10 +260,12 @@ void fs_shape::build(fs::Wanted& wanted) const {
 
 bool fs_shape::is_built() const noexcept { return primitive == FS_PRIMITIVE_POLYLINE || tree() != nullptr; }
 
+bool fs_shape::is_united() const noexcept { return tree() && tree()->is_union(); }
+
 void fs_shape::get_info(fs_shape_info& out) const {
   const uint32_t struct_size = out.struct_size;
   out = info_;
   out.struct_size = struct_size;
   out.built = is_built();
-  out.united = tree() && tree()->is_union();
+  out.united = is_united();
 }

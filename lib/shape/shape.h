@@ -60,6 +60,7 @@ struct fs_shape : fs::Counted<fs_shape> {
     build(wanted);
   }
   bool is_built() const noexcept;
+  bool is_united() const noexcept;  // [rt] see fs_shape_info
   // [rt] 0..1, of the build; 1 only when it is built.
   double progress() const noexcept { return is_built() ? 1 : 0.999 * progress_.load(std::memory_order_relaxed); }
   const fs::MeshTree* tree() const noexcept { return tree_.load(std::memory_order_acquire); }  // [rt] null until built

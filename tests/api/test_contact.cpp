@@ -157,6 +157,27 @@ START_TEST(a_hand_that_begins_where_parts_cross_is_led_out) {
 }
 END_TEST
 
+// A box that stands on another one, a little tilted and sunk in: from inside the way out leads into a wedge of 0.003 to 0.1 rad.
+START_TEST(a_hand_that_begins_below_a_narrow_wedge_is_led_out) {
+  for (const double tilt : {0.003, 0.01, 0.03, 0.1}) {
+    for (const double overlap : {2e-5, 6e-5, 2e-4}) {
+      MeshData mesh = moved(box_mesh({0.03, 0.03, 0.02}), at({0, 0, -0.02}));
+      const MeshData other = moved(box_mesh({0.01, 0.01, 0.02}), {{0, 0, 0.02 - overlap}, turn({1, 0.3, 0}, tilt)});
+      for (const uint32_t i : other.triangles) mesh.triangles.push_back(8 + i);
+      mesh.points.insert(mesh.points.end(), other.points.begin(), other.points.end());
+      Random random(1);
+      Hand hand;
+      hand.mesh("two", mesh, solid(FS_KEEP_FRONT));
+      for (int i = 0; i < (is_sanitized ? 20 : times(200, 3000)); ++i) {
+        if (hand.tool) OK(fs_tool_reset(hand.tool.get()));
+        const fs_vec3 x{random.between(-0.009, 0.009), random.between(-0.009, 0.009), random.between(-0.005, -1e-6)};
+        ck_assert_msg(norm(hand.go(x)) > 0, "tilt %g, overlap %g: free at (%.17g, %.17g, %.17g)", tilt, overlap, x.x, x.y, x.z);
+      }
+    }
+  }
+}
+END_TEST
+
 // The same for random boxes that cross: the hand is led to the nearest place of what they are together, as a field tells it.
 START_TEST(a_hand_that_begins_in_a_body_of_parts_is_led_out) {
   for (int scene = 0; scene < (is_sanitized ? 2 : times(12, 400)); ++scene) {
@@ -217,7 +238,7 @@ START_TEST(a_hand_that_begins_on_the_surface_is_held) {
                       c = mesh.points[mesh.triangles[t + 2]];
         const double u = i % 3 == 0 ? 0 : random.between(0, 0.9), v = i % 3 == 2 ? random.between(0, 1 - u) : 0;
         const fs_vec3 on = a + u * (b - a) + v * (c - a), n = cross(b - a, c - a), inward = (-1 / norm(n)) * n;
-        OK(fs_tool_reset(hand.tool.get()));
+        if (hand.tool) OK(fs_tool_reset(hand.tool.get()));
         hand.is_placed = false;
         hand.go(on);
         for (int k = 1; k <= 5; ++k) {
@@ -1034,6 +1055,7 @@ int main() {
   add_case(suite, "meshes", {a_box_is_solid, nothing_lets_through, a_hand_that_begins_inside_is_led_out,
                              a_hand_outside_of_a_room_is_led_back, a_mesh_with_split_corners_is_solid,
                              a_hand_that_begins_where_parts_cross_is_led_out,
+                             a_hand_that_begins_below_a_narrow_wedge_is_led_out,
                              a_hand_that_begins_in_a_body_of_parts_is_led_out,
                              a_hand_that_begins_on_the_surface_is_held, a_vertex_does_not_hold,
                              limits_in_a_corner_make_no_energy, sliding_over_a_mesh_makes_no_energy, open_meshes_have_rims,
