@@ -675,6 +675,35 @@ START_TEST(tools_of_several_points) {
 }
 END_TEST
 
+// A hand that is pressed into a slope goes to and fro beside a wall that drives it away and shares the slope's proxy.
+START_TEST(a_profile_beside_a_slope_makes_no_energy) {
+  const fs_vec3 up{0, 0.6, 0.8}, along{0, -0.8, 0.6};
+  for (const double stiffness : {500.0, 300.0}) {  // of the wall: they share a proxy, or they do not
+    Hand hand;
+    hand.plane("slope", {0, 0, 0}, up, solid(FS_KEEP_FRONT, 500, 100));
+    fs_object wall = fs_object_init("wall", FS_PRIMITIVE_PLANE);
+    OK(fs_pose_from_z({0, -0.025, 0}, {0, 1, 0}, &wall.pose));
+    wall.front = fs_profile_init(FS_PROFILE_LINEAR_DECREASING, FS_SENSE_REPULSIVE, -100, 3, 3);
+    hand.put(wall, solid(FS_KEEP_FRONT, stiffness, 100));
+    const fs_vec3 corners[] = {-0.02 * along + 0.001 * up, -0.02 * along - 0.01 * up, 0.02 * along - 0.01 * up, 0.02 * along + 0.001 * up};
+    for (const bool is_back : {false, true}) {
+      hand.go(corners[0]);
+      double work = 0;  // J, on the hand
+      for (int side = 1; side <= 4; ++side) {
+        const fs_vec3 from = hand.x, to = corners[(is_back ? 4 - side : side) % 4];
+        constexpr int ticks = 2000;
+        for (int i = 1; i <= ticks; ++i) {
+          const fs_vec3 before = hand.felt.wrench.force, at = hand.x;
+          hand.go(from + (1.0 * i / ticks) * (to - from));
+          work += 0.5 * dot(before + hand.felt.wrench.force, hand.x - at);
+        }
+      }
+      ck_assert_msg(std::fabs(work) < 2e-5, "stiffness %g: %g J in a loop", stiffness, work);
+    }
+  }
+}
+END_TEST
+
 START_TEST(profiles_act_at_the_proxy) {
   Hand hand;
   fs_object o = fs_object_init("magnet", FS_PRIMITIVE_PLANE);
@@ -1058,7 +1087,7 @@ int main() {
                              a_hand_that_begins_below_a_narrow_wedge_is_led_out,
                              a_hand_that_begins_in_a_body_of_parts_is_led_out,
                              a_hand_that_begins_on_the_surface_is_held, a_vertex_does_not_hold,
-                             limits_in_a_corner_make_no_energy, sliding_over_a_mesh_makes_no_energy, open_meshes_have_rims,
+                             limits_in_a_corner_make_no_energy, a_profile_beside_a_slope_makes_no_energy, sliding_over_a_mesh_makes_no_energy, open_meshes_have_rims,
                              letting_go_is_no_step, a_profile_at_an_edge_is_no_step});
   add_case(suite, "forces", {friction_sticks_and_slips, damping_acts_on_approach_only, tools_of_several_points,
                              profiles_act_at_the_proxy, fields_of_solids});

@@ -751,6 +751,23 @@ START_TEST(what_fades_out_shares) {
 }
 END_TEST
 
+// What an object gives up for another one it gets back in full, however little that was.
+START_TEST(a_bound_is_given_back_in_full) {
+  Wandering s;
+  fs_object small = wall("small", 60, 4);
+  fs_servo_options options = protected_options();
+  options.max_stiffness = 1000;
+  for (const fs_object& o : {wall("wall", 1000, 4), small}) set(s.rig.scene.get(), o);
+  s.start(0.4, 0.4, options);
+  s.go_to({0, 0, -1e-3}, 3000);
+  EXPECT_NEAR(applied(s.rig.scene.get(), "wall"), 940, 1e-3);
+  OK(fs_object_remove(s.rig.scene.get(), "small"));
+  s.go_to({0, 0, -1e-3}, 4000);
+  EXPECT_NEAR(applied(s.rig.scene.get(), "wall"), 1000, 1e-3);
+  ck_assert_double_le(s.most, 1000 * (1 + 1e-6));
+}
+END_TEST
+
 // At whatever place of whatever scene the hand is, the slopes of all that it feels there add up to no more than is rendered.
 START_TEST(slopes_add_up_to_no_more) {
   const int count = is_sanitized ? 5 : times(20, 1000);
@@ -802,6 +819,6 @@ int main() {
   add_case(suite, "model", {models_are_written, models_follow_the_delay, without_a_controller_forces_are_written, bad_infos});
   add_case(suite, "shares", {little_wants_are_met_first, little_jumps_want_little, as_stiff_as_can_be_takes_what_is_left,
                              equal_wants_get_equal_bounds, out_of_reach_is_out_of_mind, what_fades_out_shares,
-                             slopes_add_up_to_no_more});
+                             a_bound_is_given_back_in_full, slopes_add_up_to_no_more});
   return run_suite(suite);
 }
