@@ -95,8 +95,8 @@ typedef enum fs_keep {
 /* Makes a plane or mesh solid: a proxy of each tool point stays on the kept side (Zilles & Salisbury 1995) and draws
  * the point with min(stiffness*|hand - proxy|, limit). This object's profiles are then evaluated at the proxy; where
  * the proxy lies on the surface they act along the kept side's normal. Those of a plane are evaluated where the proxy would
- * be if only this plane held it, so that they give no energy on a closed path while other objects hold the proxy. Frozen. With keep NONE the other fields are
- * checked and stored, but have no effect.
+ * be if only this plane held it, so that they give no energy on a closed path while other objects hold the proxy. With
+ * keep NONE the other fields are checked and stored, but have no effect. Frozen.
  *
  * - Objects of equal limit and equal stiffness, as it is applied (fs_report), share a proxy: where several meet, the spring
  *   to it acts once, and the limit is that of their sum. Other objects have proxies of their own, and the forces add.
@@ -109,7 +109,8 @@ typedef enum fs_keep {
  *   it, each with proxies of its own. So what it holds passes to the others, or from them, as slowly as it fades.
  * - A hand that is on the wrong side of a plane or closed mesh (fs_shape_info.has_inside) when both meet for the first time, or
  *   when another side is to be kept, is led to the nearest place of the right side, from however far; on the wrong side of an
- *   open mesh it is free until it has come round it. An open mesh that replaces one which the hand touches takes the hand over, on the side that is kept.
+ *   open mesh it is free until it has come round it. An open mesh that replaces one which the hand touches takes the hand
+ *   over, on the side that is kept.
  * - If the spring's force changes in one tick by more than twice the stiffness times the distance that hand and objects have
  *   moved, the rest of the change is spread over 20 ms, as when a proxy slips over the edge of a shelf.
  * - limit also bounds the force of the object on all points of a tool together; its direction stays. In a corner between

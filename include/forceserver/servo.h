@@ -7,8 +7,9 @@
  * A sampled loop can render only so much stiffness and damping before it shakes a handle that nobody holds. Both limits
  * are worked out from the device's mass, damping and delay and the rate. With lag = period/2 + delay:
  * stiffness up to (damping of the device + local damping)/(2 lag), but at most half of what shakes the released device; and
- * damping, local and of objects together, up to 0.7 mass/lag. fs_servo_stats tells what
- * is applied. A device that does not tell its mass counts as one of 0.05 kg.
+ * damping, local and of objects together, up to 0.7 mass/lag. fs_servo_stats tells the stiffness and the local damping that
+ * are applied; nothing tells yet by how much the damping of an object is lowered. A device that does not tell its mass counts as
+ * one of 0.05 kg.
  *
  * Where the driver measures the delay while the servo runs (driver.h, get_link), both limits follow within 0.2 s, and with
  * them the local damping, the slew limit, the local models of a remote controller and the age at which a pose is too old.
@@ -166,8 +167,8 @@ typedef struct fs_tick {
  * IO: no thread. */
 FS_API fs_status fs_servo_start(fs_scene *scene, fs_device *device, const fs_servo_options *options, fs_servo **out);
 
-/* [rt] Runs this number of ticks at once, in this thread; never waits. In VIRTUAL mode, which no device needs in time, it
- * also works out between ticks what each object may be bounded to, and allocates for that. Only one thread may step at a time: STATE.
+/* [rt] Runs this number of ticks at once, in this thread; never waits. In VIRTUAL mode, for which no device waits, it also
+ * works out the bounds of objects between ticks, and allocates for that. Only one thread may step at a time: STATE.
  * DISCONNECTED: at the last tick the device was lost or not ready (all ticks ran; you may go on). STATE is also
  * returned when another thread stops the servo meanwhile: the remaining ticks do not run, and no call with this handle
  * may follow. Mode THREAD: UNSUPPORTED. */

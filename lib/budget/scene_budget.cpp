@@ -142,7 +142,7 @@ bool SceneBudget::is_due(const DeviceLimit& limit, double most, const Box& reach
   // What the hand has left gives its part back to the others; looked at every `been_for` at most, because it costs time.
   const bool has_left = seen_.has_any && std::fabs(time - seen_.time) >= been_for && !reach.is_empty() &&
                         (!is_within(reach, seen_.within) || !is_within(seen_.within, widened(within, 0.25 * size_of(reach))));
-  const bool is_to_be_exact = is_any_loose_ && time - exact_at_ >= exact_every;
+  const bool is_to_be_exact = seen_.time != exact_at_ && time - exact_at_ >= exact_every;
   return evaluated_.sequence() != seen_.sequence || seen_.is_moving || is_far_less || has_left || is_to_be_exact;
 }
 
@@ -220,7 +220,6 @@ void SceneBudget::enter(const SceneBounds& all, const SceneLimit& limit) {
   const bool is_exact = !(std::fabs(seen_.time - exact_at_) < exact_every);
   const double least = is_exact ? 1 - 1e-9 : 0.9;
   if (is_exact) exact_at_ = seen_.time;
-  is_any_loose_ = !is_exact;
   try {
     for (const ObjectBounds& one : all.objects) {
       seen_.is_moving |= one.is_moving;

@@ -64,8 +64,9 @@ class SceneBudget final : public Counted<SceneBudget>, public BudgetLink {
   };
   Seen seen_;
   static constexpr double exact_every = 1;  // s
-  double exact_at_ = -never;    // s, when bounds were last entered exactly; between, those of at least 0.9 times what is due stay,
-  bool is_any_loose_ = false;   // so that small changes make no new versions
+  // s, when bounds were last entered exactly. In between, those of at least 0.9 times what is due stay, so that small changes make
+  // no new versions.
+  double exact_at_ = -never;
   double hand_time_ = never;    // s, of the tick that
   Vec3 hand_{};                 // saw the tool here, m,
   double speed_ = 0;            // and so fast, m/s

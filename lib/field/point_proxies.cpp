@@ -95,17 +95,17 @@ bool PointProxies::begin_touch(const Point& point, Member& member) noexcept {
   if (!is_at_surface && (keeps_either || !is_closed || closest.side == touch.side)) return true;
   // It begins above the surface, along the normal there or on the way from the hand: in a narrow groove farther above it than
   // elsewhere. Where parts of a mesh cross, that may lead into another part. Then the outward normal of that part is added to the
-  // way: in a wedge between two parts, however narrow, the sum of both normals leads out. In a corner of several parts it may not;
-  // then a place a little beyond the surface of the other part is tried, and half as far beyond.
+  // way: in a wedge between two parts, however narrow, the sum of both normals leads out. In a corner of three parts or more the sum
+  // may not; there places a little beyond the surface of the other part are tried, each half as far beyond as the one before.
   const auto outwards = [&] { return closest.side == touch.side ? closest.direction : -closest.direction; };
   const Vec3 place = closest.point, away = outwards();
   const Vec3 normal = find(place, 2 * margin) && closest.distance == 0 ? outwards() : away;
   bool has_place = false;
   // Where triangles have been cut, the pieces lie where they should within 1e-12 of the mesh's size: nearer to them it is not
   // known what is outside.
-  const double size = 2 * object.radius;
   const bool is_cut = object.primitive == FS_PRIMITIVE_MESH && object.shape->is_united();
-  const double least = is_cut ? std::max(margin / 4, 2e-12 * size) : margin / 4, most = std::max(2e6 * margin, is_cut ? 1e-6 * size : 0);
+  const double size = is_cut ? 2 * object.radius : 0;
+  const double least = std::max(margin / 4, 2e-12 * size), most = std::max(2e6 * margin, 1e-6 * size);
   const auto is_above = [&](Vec3 direction, double height) {
     touch.at = place + height * direction;
     return find(touch.at, 2 * height) && closest.side == touch.side && closest.distance > least;
@@ -293,9 +293,9 @@ double PointProxies::explained_change(const Point& point, const Member& member) 
   return 2 * (slope * (norm(hand) + norm(way)) + object.damping * norm(speed));
 }
 
-// The profiles of the members act where the proxy is; on the surface along its normal. Those of a plane act where the plane alone
-// would have the proxy: at the hand, or beyond the plane on its surface. Where another solid holds the proxy that the plane shares,
-// they then stay a function of the hand's place alone, which gives no energy on a closed path.
+// The profiles of the members act where the proxy is; on the surface along its normal. Those of a plane act where the proxy would be
+// if only the plane held it: at a hand above the plane, else on the plane. So they depend on the hand's place alone, and give no
+// energy on a closed path, also where another solid holds the proxy.
 void PointProxies::add_profiles(const Point& point, Gain& out) noexcept {
   const ToolState& tool = point.tick.tool;
   Effort* const effort = point.tick.effort;
@@ -315,11 +315,11 @@ void PointProxies::add_profiles(const Point& point, Gain& out) noexcept {
       normals += rotate(conjugate(solid.pose.orientation), plane->normal);
     }
     bool is_on_surface = plane != nullptr;
+    Vec3 away = plane ? rotate(conjugate(solid.pose.orientation), plane->normal) : Vec3{};
     if (object.primitive == FS_PRIMITIVE_PLANE) {
-      const Vec3 hand = to_local(solid.pose, point.at().position);
-      is_on_surface = !((side == Side::front ? hand.z : -hand.z) > 0);
-      if (!is_on_surface) place = hand;
-      normals = {0, 0, side == Side::front ? 1.0 : -1.0};
+      place = to_local(solid.pose, point.at().position);
+      away = {0, 0, side == Side::front ? 1.0 : -1.0};
+      is_on_surface = !(dot(away, place) > 0);
     }
     Hint* const hint = solid.hints ? solid.hints + point.number : nullptr;
     Share got;
@@ -343,7 +343,7 @@ void PointProxies::add_profiles(const Point& point, Gain& out) noexcept {
     } else if (is_on_surface) {
       closest.side = side;
       closest.distance = side == Side::back ? std::numeric_limits<double>::min() : 0;  // the sign tells the side
-      closest.direction = plane ? rotate(conjugate(solid.pose.orientation), plane->normal) : normals;
+      closest.direction = away;
       closest.feature = Feature::face;
     } else {
       is_felt = find(place, support, closest);

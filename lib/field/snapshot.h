@@ -97,8 +97,8 @@ struct Rows : LocalCounted<Rows> {
 // Four rows as moves change them.
 struct Motions : LocalCounted<Motions> {
   static constexpr uint32_t size = 4;
-  float reach[size];  // m, it cannot be felt farther from its centre; rounded up; infinite: it may be felt everywhere; minus
-                      // infinity: nowhere, or it is one of Chunk::planes
+  float reach[size];  // m, it cannot be felt farther from its centre; rounded up; infinite: it may be felt
+                      // everywhere; minus infinity: nowhere, or it is one of Chunk::planes
   double x[size] = {}, y[size] = {}, z[size] = {};  // m, the centre of all places where the row is at any time
   Motion motions[size];
   uint64_t revision[size] = {};  // of the last change or move

@@ -151,8 +151,8 @@ void note_pull(const fs_object& object) {
   fs_shape_info info = fs_shape_info_init();
   if (object.shape) require(fs_shape_get_info(object.shape, &info));
   if (!info.has_inside || object.contact.keep != (volume_of(object.shape) < 0 ? FS_KEEP_FRONT : FS_KEEP_BACK)) return;
-  std::printf("  note: %s: it keeps the hand inside: from outside it is pulled in with up to %g N, from wherever it is\n", object.name,
-              object.contact.limit);
+  std::printf("  note: %s: it keeps the hand inside: from outside it is pulled in with up to %g N, from wherever it is\n",
+              object.name, object.contact.limit);
 }
 
 void describe_contact(const fs_contact& contact) {
@@ -172,8 +172,8 @@ void check_units(const fs_object& object, Findings& findings) {
   if (contact.keep == FS_KEEP_NONE) return;
   if (contact.limit < faint) findings.add(object.name, "as a solid it has a limit of %g N, which nobody feels", contact.limit);
   if (contact.stiffness > 0 && contact.stiffness < 10) {
-    findings.add(object.name, "its stiffness of %g N/m holds the hand with %g N after a centimetre; is it in N/mm?", contact.stiffness,
-                 std::min(contact.limit, 0.01 * contact.stiffness));
+    findings.add(object.name, "its stiffness of %g N/m holds the hand with %g N after a centimetre; is it in N/mm?",
+                 contact.stiffness, std::min(contact.limit, 0.01 * contact.stiffness));
   }
 }
 

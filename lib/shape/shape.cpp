@@ -135,13 +135,12 @@ bool has_inward_parts(const std::vector<Vec3>& points, const std::vector<uint32_
     for (size_t k = 0; k < 3; ++k) part.box.add(corner[k] = points[triangles[i + k]]);
     part.volume += dot(corner[0] - from, cross(corner[1] - from, corner[2] - from));
   }
-  // A list of thousands of parts that are turned inwards is not compared with all others.
-  constexpr size_t most_compared = 1000;
+  constexpr size_t most_pairs = 10'000'000;  // of parts that are compared; beyond that it is not looked for hollows
   std::vector<const Part*> inward;
   for (const Part& part : all) {
     if (part.volume < 0) inward.push_back(&part);
   }
-  if (inward.size() > most_compared) return true;
+  if (inward.size() * all.size() > most_pairs) return true;
   return std::any_of(inward.begin(), inward.end(), [&](const Part* hollow) {
     wanted.step();
     return std::none_of(all.begin(), all.end(), [&](const Part& part) { return part.volume > 0 && hollow->box.is_inside(part.box); });
