@@ -1,14 +1,15 @@
 #include "plant/rig.h"
 
+#include <atomic>
 #include <cstring>
 
 namespace stability {
 
 using namespace scenes;
 
-// A name that no other rig has.
+// A name that no other rig has; rigs are made in several threads at once.
 static std::string new_name() {
-  static int count = 0;
+  static std::atomic<int> count = 0;
   return "plant" + std::to_string(++count);
 }
 
