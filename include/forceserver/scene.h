@@ -246,7 +246,8 @@ FS_API fs_status fs_scene_set_accuracy(fs_scene *scene, double newtons);
  *   off or another frame or tool fades in, all that lies in the device's workspace counts; while the clutch is held, all
  *   objects do. What the hand has left counts for 1 s.
  * - A new object has at first the bound of one alone; within 0.1 s it counts beside others, and so does one that has moved. A
- *   bound that changes is blended as a profile that changes is.
+ *   bound that changes is blended as a profile that changes is. One that grows where the hand is near does so slowly, to twice
+ *   as much in a quarter of a second, so that a hand which leans on a wall feels no push.
  * - Connected: the bound holds for the scene's own objects and can only lower what the server gives them. What the servo can
  *   render is split among its clients in the same way: a client wants the largest slope that its objects within the hand's
  *   reach want together at one place, plus a tenth.

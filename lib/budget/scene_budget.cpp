@@ -9,6 +9,8 @@
 namespace fs {
 namespace {
 
+constexpr double exact_every = 1;  // s
+
 bool is_told(double told, double now) { return now >= 0.9 * told && now <= 1.1 * told; }
 
 Box widened(const Box& box, double by) { return {box.lower - Vec3{by, by, by}, box.upper + Vec3{by, by, by}}; }
@@ -125,11 +127,12 @@ Box SceneBudget::reach_of_hand(const SceneLimit& scene, const DeviceLimit& limit
     been_[0] = {};
     been_since_ = tick.time;
   }
-  been_[0].add(hand_);
   const double fastest = std::fmax(speed_, std::fmin(speed_ + 0.5 * scale * hardest * span, scale * limit.speed));
   Box out;
   out.add(tick.tool.position);
-  return widened(out, fastest * span + scene.arm);
+  out = widened(out, fastest * span + scene.arm);
+  been_[0].add(out);
+  return out;
 }
 
 // Whether bounds are to be worked out. reach: of the hand; within: for which they would be worked out.
@@ -143,7 +146,7 @@ bool SceneBudget::is_due(const DeviceLimit& limit, double most, const Box& reach
   const bool has_left = seen_.has_any && std::fabs(time - seen_.time) >= been_for && !reach.is_empty() &&
                         (!is_within(reach, seen_.within) || !is_within(seen_.within, widened(within, 0.25 * size_of(reach))));
   const bool is_to_be_exact = seen_.time != exact_at_ && time - exact_at_ >= exact_every;
-  return evaluated_.sequence() != seen_.sequence || seen_.is_moving || is_far_less || has_left || is_to_be_exact;
+  return evaluated_.sequence() != seen_.sequence || seen_.is_moving || is_far_less || has_left || is_to_be_exact || is_rising_;
 }
 
 // Lets go of what has faded out. Where none of it counted in the bounds that were worked out last, these stay valid.
@@ -158,6 +161,7 @@ bool SceneBudget::update(const DeviceLimit& limit, double ahead, double rest) {
   KeptSnapshot kept(mutex_);
   SceneLimit scene;
   double time;
+  bool was_hand_known;
   Ref<const Memory> memory;
   {
     const std::lock_guard lock(mutex_);
@@ -175,7 +179,7 @@ bool SceneBudget::update(const DeviceLimit& limit, double ahead, double rest) {
       within = widened(reach, slack);
       // What the hand has left counts for a while, so that a bound which moves the hand does not come and go.
       for (const Box& been : been_) {
-        if (!been.is_empty()) within.add(widened(been, scene.arm));
+        if (!been.is_empty()) within.add(been);
       }
     }
     if (!is_due(limit, most, reach, within, time, rest)) {
@@ -186,6 +190,7 @@ bool SceneBudget::update(const DeviceLimit& limit, double ahead, double rest) {
     kept.snapshot = evaluated_.is_held() ? evaluated_.newest() : evaluated_.post_newest();
     if (!kept.snapshot) return false;
     if (!reach.is_empty()) scene.within = within;
+    was_hand_known = !seen_.within.is_empty();
     seen_ = {0, limit, most, time, false, false, false, within, {}};  // 0: until it is done
   }
   scene.ahead += 0.06;  // s: what moves is looked at anew less often
@@ -198,7 +203,7 @@ bool SceneBudget::update(const DeviceLimit& limit, double ahead, double rest) {
   if (!is_at_work()) return true;
   // If edits came meanwhile, they are looked at later.
   const bool is_newest = evaluated_.newest() && evaluated_.sequence() == kept.snapshot->sequence;
-  enter(all, scene);
+  enter(all, scene, next_pace(was_hand_known));
   seen_.sequence = is_newest ? evaluated_.sequence() : kept.snapshot->sequence;
   tell(time);
   return true;
@@ -210,23 +215,37 @@ void SceneBudget::note_wanted(double wanted) noexcept {
   if (wanted > before || wanted < 0.7 * before) wanted_.store(1.1 * wanted, std::memory_order_relaxed);
 }
 
+// Bounds are entered exactly once a second. They rise to twice as much in a quarter of a second, by steps of a seventh or more;
+// but at once where nobody knew before where the hand is, as nothing was felt then.
+Pace SceneBudget::next_pace(bool was_hand_known) {
+  const bool is_exact = !(std::fabs(seen_.time - exact_at_) < exact_every);
+  if (is_exact) exact_at_ = seen_.time;
+  constexpr double step = 0.05, doubling = 0.25;  // s
+  const double since = std::fabs(seen_.time - rises_since_);
+  double growth = 1;
+  if (since >= step) {
+    growth = std::exp2((is_rising_ ? std::min(since, 1.0) : step) / doubling);
+    rises_since_ = seen_.time;
+  }
+  return {is_exact ? Pace::exact : 0.9, was_hand_known ? growth : never};
+}
+
 // Has the servo evaluate these within their bounds.
-void SceneBudget::enter(const SceneBounds& all, const SceneLimit& limit) {
+void SceneBudget::enter(const SceneBounds& all, const SceneLimit& limit, const Pace& pace) {
   evaluated_.prepare();
   Objects& objects = evaluated_.objects;
   if (scene_->max_stiffness_ == seen_.most) objects.rows.set_bounds(bounds_alone(limit));  // else they are set already
   auto sharing = std::make_shared<Sharing>();
   bool has_changed = false, wants = false;
-  const bool is_exact = !(std::fabs(seen_.time - exact_at_) < exact_every);
-  const double least = is_exact ? 1 - 1e-9 : 0.9;
-  if (is_exact) exact_at_ = seen_.time;
+  is_rising_ = false;
   try {
     for (const ObjectBounds& one : all.objects) {
       seen_.is_moving |= one.is_moving;
       wants |= one.object->steepest_slope > 0 || one.object->damping > 0;
-      const Objects::Bound bound = objects.bound(one.row, *one.object, one.bounds, least);
+      const Objects::Bound bound = objects.bound(one.row, *one.object, one.bounds, pace);
       has_changed |= bound.has_changed;
-      if (bound.object && limit.to_device > 0) note_slope(*bound.object, bound.slope, limit.to_device);
+      is_rising_ |= bound.is_rising;
+      if (bound.object && !bound.is_rising && limit.to_device > 0) note_slope(*bound.object, bound.slope, limit.to_device);
       SharedWith with = one.shared_with;
       const bool takes_what_it_gets = one.object->is_solid() && one.object->contact.stiffness == 0;
       const bool is_less = takes_what_it_gets || (bound.object && bound.slope < bound.object->steepest_slope);

@@ -39,7 +39,7 @@ class SceneBudget final : public Counted<SceneBudget>, public BudgetLink {
   void settle();
   Box reach_of_hand(const SceneLimit& scene, const DeviceLimit& limit, double time);
   bool is_due(const DeviceLimit& limit, double most, const Box& reach, const Box& within, double time, double rest) const;
-  void enter(const SceneBounds& all, const SceneLimit& limit);
+  void enter(const SceneBounds& all, const SceneLimit& limit, const Pace& pace);
   void note_wanted(double wanted) noexcept;
   void note_slope(const Object& object, double slope, double to_device);
   void tell(double time);
@@ -63,14 +63,14 @@ class SceneBudget final : public Counted<SceneBudget>, public BudgetLink {
     Box clear;                  // m, where nothing else is felt
   };
   Seen seen_;
-  static constexpr double exact_every = 1;  // s
-  // s, when bounds were last entered exactly. In between, those of at least 0.9 times what is due stay, so that small changes make
-  // no new versions.
-  double exact_at_ = -never;
+  Pace next_pace(bool was_hand_known);
+  double exact_at_ = -never;    // s, when bounds were last entered exactly
+  double rises_since_ = -never;  // s, of the step before
+  bool is_rising_ = false;      // more is due than has been entered
   double hand_time_ = never;    // s, of the tick that
   Vec3 hand_{};                 // saw the tool here, m,
   double speed_ = 0;            // and so fast, m/s
-  // Where the tool was in the last second: a box for each quarter of it, the newest first.
+  // What the tool could reach in the last second: a box for each quarter of it, the newest first.
   static constexpr double been_for = 0.25;  // s
   std::array<Box, 5> been_;
   double been_since_ = -never;  // s, begin of the newest

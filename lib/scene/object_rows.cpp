@@ -59,12 +59,26 @@ bool ObjectRows::is_bound(uint32_t number, const Object& object, const Bounds& b
   return now.bounded ? serve_as(now.bounded->bounds, bounds, least) : !fs::bounded(object, bounds);
 }
 
-uint32_t ObjectRows::bound(uint32_t newest, const Bounds& bounds, double least) {
-  const Object& object = *row(newest).object;
-  const Bounds wanted = of_use(joined(bounds, bounds_), object);
-  if (is_bound(newest, object, wanted, least)) return newest;
-  const Change change = spread().blend > 0 && may_be_felt(newest) ? Change::taken_over : Change::adjusted;
-  return put(newest, entry(newest), change, fs::bounded(object, wanted));
+// The bounds after those of now, on the way to what is due.
+static Bounds grown(const Bounds& now, const Bounds& due, double growth) noexcept {
+  const auto one = [growth](double has, double is_due) { return std::min(is_due, std::max(growth * has, 0.01 * is_due)); };
+  return {one(now.slope, due.slope), one(now.stiffness, due.stiffness), one(now.damping, due.damping),
+          one(now.contact_damping, due.contact_damping)};
+}
+
+uint32_t ObjectRows::bound(uint32_t newest, const Bounds& bounds, const Pace& pace, bool& is_rising) {
+  const Row& now = row(newest);
+  const Object& object = *now.object;
+  Bounds wanted = of_use(joined(bounds, bounds_), object);
+  if (is_bound(newest, object, wanted, pace.least)) return newest;
+  const bool is_near = spread().blend > 0 && may_be_felt(newest);
+  if (is_near && now.bounded) {
+    const Bounds next = of_use(grown(now.bounded->bounds, wanted, pace.growth), object);
+    is_rising = !serve_as(next, wanted, pace.least);
+    wanted = next;
+    if (is_bound(newest, object, wanted, Pace::exact)) return newest;
+  }
+  return put(newest, entry(newest), is_near ? Change::taken_over : Change::adjusted, fs::bounded(object, wanted));
 }
 
 void ObjectRows::own_motion(uint32_t row) { chunks_.edit(row / chunk_size, sequence_).own_motion(row % chunk_size); }

@@ -11,6 +11,14 @@
 
 namespace fs {
 
+// How fast bounds become what is due. What is less than now is entered at once. What is more is entered in steps where the
+// hand is near: a hand that leans on a wall would feel all at once as a push.
+struct Pace {
+  static constexpr double exact = 1 - 1e-9;
+  double least = exact;   // bounds of at least this part of what is due stay, so that small changes make no new versions
+  double growth = never;  // a bound becomes this many times as much at most, or a hundredth of what is due if that is more
+};
+
 // An object as an application has set it.
 struct Entry {
   Ref<const Object> object;
@@ -51,8 +59,8 @@ class ObjectRows : Versions<ObjectRows> {
   // Whether the row is of this object and has these bounds, or less: `least` times as much at least.
   bool is_bound(uint32_t row, const Object& object, const Bounds& bounds, double least) const;
   // Evaluates the object within these bounds. (It may have changed since they were worked out.) Where the hand may be near,
-  // the force goes over to the new one within a blend. Returns the newest row from then on.
-  uint32_t bound(uint32_t newest, const Bounds& bounds, double least);
+  // the force goes over to the new one within a blend. is_rising: set if more is due. Returns the newest row from then on.
+  uint32_t bound(uint32_t newest, const Bounds& bounds, const Pace& pace, bool& is_rising);
 
   // The error that evaluation may make, N. It is shared out among the objects whose force fades out without end: where one
   // of them gives less than its share, it counts as far.

@@ -227,8 +227,8 @@ bool Objects::move(Named* named, double now, F&& take) {
   return true;
 }
 
-Objects::Bound Objects::bound(uint32_t row, const Object& object, const Bounds& bounds, double least) {
-  if (rows.is_bound(row, object, bounds, least)) {  // the usual case, for which no name need be found
+Objects::Bound Objects::bound(uint32_t row, const Object& object, const Bounds& bounds, const Pace& pace) {
+  if (rows.is_bound(row, object, bounds, pace.least)) {  // the usual case, for which no name need be found
     return {false, &object, rows.row(row).as_felt(true).steepest_slope};
   }
   const auto found = names_.find(object.name);
@@ -236,15 +236,16 @@ Objects::Bound Objects::bound(uint32_t row, const Object& object, const Bounds& 
   Item& item = found->second;
   const Object* const before = &rows.row(item.row).as_felt(true);
   const bool is_newly_listed = list(*found);
+  bool is_rising = false;
   try {
-    item.row = rows.bound(item.row, bounds, least);
+    item.row = rows.bound(item.row, bounds, pace, is_rising);
   } catch (...) {
     unlist(item, is_newly_listed);
     throw;
   }
   if (!rows.is_fading(item.row)) unlist(item, is_newly_listed);
   const Row& now = rows.row(item.row);
-  return {&now.as_felt(true) != before, now.object.get(), now.as_felt(true).steepest_slope};
+  return {&now.as_felt(true) != before, now.object.get(), now.as_felt(true).steepest_slope, is_rising};
 }
 
 bool Objects::tidy() {

@@ -81,8 +81,9 @@ class Objects {
     bool has_changed = false;
     const Object* object = nullptr;  // as it is now; null: there is none
     double slope = 0;                // N/m, the steepest, as it is felt
+    bool is_rising = false;          // more is due to it
   };
-  Bound bound(uint32_t row, const Object& object, const Bounds& bounds, double least);
+  Bound bound(uint32_t row, const Object& object, const Bounds& bounds, const Pace& pace);
 
   void set_capacity(uint32_t capacity) noexcept { capacity_ = capacity; }
   void require_room(size_t more, const char* verb) const;  // FULL

@@ -723,8 +723,8 @@ struct Wandering {
 
 }  // namespace
 
-// What the hand cannot reach for now does not count, and counts before the hand is there, however fast it comes; what it has left
-// counts for a second.
+// What the hand cannot reach for now does not count, and counts before the hand is there, however fast it comes. What it has left
+// counts for a second, and is given back in another.
 START_TEST(out_of_reach_is_out_of_mind) {
   enum { points, planes, points_without_an_end, kind_count };
   for (int kind = 0; kind < kind_count; ++kind) {
@@ -751,7 +751,7 @@ START_TEST(out_of_reach_is_out_of_mind) {
       set(s.rig.scene.get(), hazard(0, {0, 0, 0}, 1e-5 * i, 0.1, 0));  // that something else changes makes no difference
     }
     ck_assert_msg(of_wall() <= all / 8, "kind %d: 1 s after the hand set off the wall gets %g N/m", kind, of_wall());
-    s.go_to({0, 0, -1e-3}, 1000);
+    s.go_to({0, 0, -1e-3}, 1500);
     ck_assert_msg(of_wall() > 3999, "kind %d: what the hand has left still counts, the wall %g N/m", kind, of_wall());
   }
 }
@@ -792,6 +792,33 @@ START_TEST(a_bound_is_given_back_in_full) {
   s.go_to({0, 0, -1e-3}, 4000);
   EXPECT_NEAR(applied(s.rig.scene.get(), "wall"), 1000, 1e-3);
   ck_assert_double_le(s.most, 1000 * (1 + 1e-6));
+}
+END_TEST
+
+// What is given back to a wall that the hand leans on comes as a slow change of the force, not as a push.
+START_TEST(a_bound_rises_slowly) {
+  Wandering s;
+  fs_servo_options options = protected_options();
+  options.max_stiffness = 1000;
+  for (const fs_object& o : {wall("wall", 1000, 40), wall("below", 1000, 40, -0.02)}) set(s.rig.scene.get(), o);
+  s.start(0.4, 0.4, options);
+  s.go_to({0, 0, -5e-3}, 1500);
+  const auto force = [&] {
+    fs_response r{};
+    OK(fs_scene_get_hand(s.rig.scene.get(), nullptr, &r, nullptr));
+    return r.wrench.force.z;
+  };
+  EXPECT_NEAR(force(), 2.5, 1e-3);
+  OK(fs_object_remove(s.rig.scene.get(), "below"));
+  double greatest = 0;
+  for (int i = 0; i < 20; ++i) {
+    const double before = force();
+    s.go_to({0, 0, -5e-3}, 50);
+    greatest = std::fmax(greatest, force() / before);
+  }
+  EXPECT_NEAR(force(), 5, 1e-3);
+  std::printf("  a wall that gets twice as much grows by %.0f %% in 50 ms at most\n", 100 * (greatest - 1));
+  ck_assert_double_le(greatest, 1.3);
 }
 END_TEST
 
@@ -847,6 +874,6 @@ int main() {
   add_case(suite, "model", {models_are_written, models_follow_the_delay, without_a_controller_forces_are_written, bad_infos});
   add_case(suite, "shares", {little_wants_are_met_first, little_jumps_want_little, as_stiff_as_can_be_takes_what_is_left,
                              equal_wants_get_equal_bounds, out_of_reach_is_out_of_mind, what_fades_out_shares,
-                             a_bound_is_given_back_in_full, slopes_add_up_to_no_more});
+                             a_bound_is_given_back_in_full, a_bound_rises_slowly, slopes_add_up_to_no_more});
   return run_suite(suite);
 }
