@@ -38,11 +38,6 @@ class Generator(Functions):
             self.cpp.append(
                 f'auto class_{handle} = handle_class<{handle}>(module, "{camel(handle)}", {raw(self.in_python(item["comment"]))});'
             )
-        self.cpp.append("add_groups(class_fs_scene);")
-        self.stubs_of["fs_scene"] += [
-            "    def _group(self) -> int: ...",
-            "    def _end_group(self, group: int, commit: bool) -> None: ...",
-        ]
         for function in self.functions:
             if not self.is_for_binding(function):
                 self.add_function(function)

@@ -102,27 +102,31 @@ FS_API fs_status fs_object_remove(fs_scene *scene, const char *name);
 /* Removes all of the scene's own objects. Frame, clutch and tool stay. MEMORY: some may be gone already. */
 FS_API fs_status fs_scene_clear(fs_scene *scene);
 
-/* ---- Groups: several changes that are felt from one tick on. A call that fails adds nothing to the group. Getters see
- * the changes of an open group, evaluation does not; calls of other threads join it. Connected: changes, moves and
- * removals of other clients' objects belong to it too; each client feels its part from one tick on. A group holds at
- * most 4 max_objects + 64 changes; beyond: FULL. */
+/* ---- Groups: several changes that are felt from one tick on. A group belongs to the thread that opens it: what this
+ * thread changes joins it, and this thread's getters see it. Other threads neither see it nor wait for it: what they
+ * change takes effect at once, and each may have a group of its own. A call that fails adds nothing to the group.
+ * Connected: changes, moves and removals of other clients' objects belong to it too; each client feels its part from
+ * one tick on. A group holds at most 4 max_objects + 64 changes; beyond: FULL. A thread that ends must have closed its
+ * group; otherwise the group stays in memory, without effect, until the scene goes. */
 
-/* Opens a group. STATE: one is open already. */
+/* Opens a group. STATE: this thread has one open already. */
 FS_API fs_status fs_scene_begin(fs_scene *scene);
 
-/* Closes the group: all of it is felt from one tick on, or none of it. STATE: none is open. Connected: it is sent as a
- * whole; if that fails, the group stays open: TIMEOUT. If the server refuses a part (FS_EVENT_REFUSED, fs_scene_sync),
- * it takes nothing, and this process's scene is set back to what the server has; only objects that were new in the
- * group stay in this process, refused. Of an object that somebody else has changed since, only the parts change that the
- * group has changed; one that somebody else has removed stays removed, unless the group sets it. MEMORY: a part may be
- * felt already, and stays so; the rest is still an open group, which may grow: commit it again, or cancel it. */
+/* Closes the group: all of it is felt from one tick on, or none of it. STATE: this thread has none open. FULL: others have
+ * added objects since; the group stays open. Connected: it is sent as a whole; if that fails, the group stays open:
+ * TIMEOUT. If the server refuses a part (FS_EVENT_REFUSED, fs_scene_sync), it takes nothing, and this process's scene is
+ * set back to what the server has; only objects that were new in the group stay in this process, refused. Of an object
+ * that somebody else, also another thread, has changed since, only the parts change that the group has changed; one that
+ * somebody else has removed stays removed, unless the group sets it. MEMORY: a part may be felt already, and stays so;
+ * the rest is still an open group, which may grow: commit it again, or cancel it. */
 FS_API fs_status fs_scene_commit(fs_scene *scene);
 
-/* Closes the group and takes back all of it, but not what a commit that failed has made felt. STATE: none is open. */
+/* Closes the group and takes back all of it, but not what a commit that failed has made felt. STATE: this thread has none
+ * open. */
 FS_API fs_status fs_scene_cancel(fs_scene *scene);
 
 /* Waits, timeout s (>= 0) at most, until a tick has used all changes so far, whether or not they have faded in; those
- * of an open group do not count. Without a servo it returns at once. With FS_SERVO_VIRTUAL another thread must step.
+ * of open groups do not count. Without a servo it returns at once. With FS_SERVO_VIRTUAL another thread must step.
  * TIMEOUT, or the status of the first change that was refused. Connected: when it returns in time, getters show what
  * the server has, and the new objects that it refused. */
 FS_API fs_status fs_scene_sync(fs_scene *scene, double timeout);
@@ -219,7 +223,7 @@ typedef struct fs_view {
 } fs_view;
 
 /* Frame, clutch and tool, all of one instant. client: in a connected scene, the client that they belong to ("server":
- * the server's own scene); null: this scene's own, as an open group has them. Connected: TIMEOUT. NOT_FOUND. */
+ * the server's own scene); null: this scene's own, as the thread's group has them. Connected: TIMEOUT. NOT_FOUND. */
 FS_API fs_status fs_scene_get_view(fs_scene *scene, const char *client, fs_view *out);
 
 /* ---- Accuracy, slope, clock */
@@ -351,9 +355,9 @@ FS_API fs_status fs_motion_at(const fs_motion *motion, double time, fs_pose *out
 /* How all objects move, a list: one request for viewers, editors and bridges. It has the objects that fs_object_get
  * finds, as they are at one instant, so a group is in it as a whole or not at all. client: in a connected scene, the
  * client whose objects are listed ("server": the server's own scene); null: all objects, the scene's own first. The
- * scene's own objects are as this process has them: with the changes of an open group, and including those that the
+ * scene's own objects are as this process has them: with the changes of the thread's group, and including those that the
  * server has not taken yet or has refused (see fs_report.state); their revisions are counted in this process. Other
- * clients' objects are as the server has them, without the changes of a group that is open in this process or in the
+ * clients' objects are as the server has them, without the changes of groups that are open in this process or in the
  * server's own scene. Connected: TIMEOUT, FULL. NOT_FOUND: no such client. */
 FS_API fs_status fs_scene_get_motions(fs_scene *scene, const char *client, fs_motion *out, size_t capacity,
                                       size_t *count);

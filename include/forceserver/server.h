@@ -77,7 +77,7 @@ typedef struct fs_client_view {
 
 /* The views of the clients of the server that this scene is connected to, a list in the order of fs_scene_get_clients:
  * one request for viewers and editors. Each is what fs_scene_get_view gives for that client: this scene's own with all
- * changes made before the call and those of its open group, the others' as the server has them, without the changes of
+ * changes made before the call and those of the thread's group, the others' as the server has them, without the changes of
  * a group that is not committed. A scene in this process: UNSUPPORTED. TIMEOUT, FULL. */
 FS_API fs_status fs_scene_get_views(fs_scene *scene, fs_client_view *out, size_t capacity, size_t *count);
 

@@ -161,7 +161,7 @@ bool SceneBudget::update(const DeviceLimit& limit, double ahead, double rest) {
   KeptSnapshot kept(mutex_);
   SceneLimit scene;
   double time;
-  bool was_hand_known;
+  bool rises_at_once;
   Ref<const Memory> memory;
   {
     const std::lock_guard lock(mutex_);
@@ -190,7 +190,9 @@ bool SceneBudget::update(const DeviceLimit& limit, double ahead, double rest) {
     kept.snapshot = evaluated_.is_held() ? evaluated_.newest() : evaluated_.post_newest();
     if (!kept.snapshot) return false;
     if (!reach.is_empty()) scene.within = within;
-    was_hand_known = !seen_.within.is_empty();
+    // Where nobody knew where the hand is nothing was felt. A limit that changes for all scenes is followed at once, as it does
+    // not depend on where the hand is; and so is what the application asks for.
+    rises_at_once = seen_.within.is_empty() || limit.whole != seen_.limit.whole || most != seen_.most;
     seen_ = {0, limit, most, time, false, false, false, within, {}};  // 0: until it is done
   }
   scene.ahead += 0.06;  // s: what moves is looked at anew less often
@@ -203,7 +205,7 @@ bool SceneBudget::update(const DeviceLimit& limit, double ahead, double rest) {
   if (!is_at_work()) return true;
   // If edits came meanwhile, they are looked at later.
   const bool is_newest = evaluated_.newest() && evaluated_.sequence() == kept.snapshot->sequence;
-  enter(all, scene, next_pace(was_hand_known));
+  enter(all, scene, next_pace(rises_at_once));
   seen_.sequence = is_newest ? evaluated_.sequence() : kept.snapshot->sequence;
   tell(time);
   return true;
@@ -215,9 +217,9 @@ void SceneBudget::note_wanted(double wanted) noexcept {
   if (wanted > before || wanted < 0.7 * before) wanted_.store(1.1 * wanted, std::memory_order_relaxed);
 }
 
-// Bounds are entered exactly once a second. They rise to twice as much in a quarter of a second, by steps of a seventh or more;
-// but at once where nobody knew before where the hand is, as nothing was felt then.
-Pace SceneBudget::next_pace(bool was_hand_known) {
+// Bounds are entered exactly once a second. They rise to twice as much in a quarter of a second, by steps of a seventh or more.
+// at_once: they rise in full now.
+Pace SceneBudget::next_pace(bool at_once) {
   const bool is_exact = !(std::fabs(seen_.time - exact_at_) < exact_every);
   if (is_exact) exact_at_ = seen_.time;
   constexpr double step = 0.05, doubling = 0.25;  // s
@@ -227,7 +229,7 @@ Pace SceneBudget::next_pace(bool was_hand_known) {
     growth = std::exp2((is_rising_ ? std::min(since, 1.0) : step) / doubling);
     rises_since_ = seen_.time;
   }
-  return {is_exact ? Pace::exact : 0.9, was_hand_known ? growth : never};
+  return {is_exact ? Pace::exact : 0.9, at_once ? never : growth};
 }
 
 // Has the servo evaluate these within their bounds.

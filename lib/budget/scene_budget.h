@@ -63,7 +63,7 @@ class SceneBudget final : public Counted<SceneBudget>, public BudgetLink {
     Box clear;                  // m, where nothing else is felt
   };
   Seen seen_;
-  Pace next_pace(bool was_hand_known);
+  Pace next_pace(bool at_once);
   double exact_at_ = -never;    // s, when bounds were last entered exactly
   double rises_since_ = -never;  // s, of the step before
   bool is_rising_ = false;      // more is due than has been entered

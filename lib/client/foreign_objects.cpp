@@ -21,8 +21,8 @@ void put_bare_name(fs_object& object) {
 }  // namespace
 
 Ref<const Object> ForeignObjects::get(Call& call, const char* name, fs_object& out) {
-  if (group_) {
-    if (const auto known = group_->foreign.find(std::string_view(name)); known != group_->foreign.end()) {
+  if (const Group* const group = groups_.mine()) {
+    if (const auto known = group->foreign.find(std::string_view(name)); known != group->foreign.end()) {
       if (!known->second.kept) fail(FS_ERROR_NOT_FOUND, "name is '%s': there is no such object", shortened(name).c_str());
       out = known->second.object;
       return known->second.kept;
@@ -43,16 +43,15 @@ Ref<const Object> ForeignObjects::get(Call& call, const char* name, fs_object& o
   }
 }
 
-// Makes the object one that the open group changes. May wait; then the group may have been closed meanwhile.
-Group::Foreign& ForeignObjects::join_group(Call& call, const char* name) {
+// Makes the object one that the group changes. May wait.
+Group::Foreign& ForeignObjects::join_group(Call& call, Group& group, const char* name) {
   if (line_.connection.welcome().is_locked) {
     fail(FS_ERROR_DENIED, "name is '%s': this server lets a client change its own objects only", shortened(name).c_str());
   }
   Group::Foreign present;
   present.kept = get(call, name, present.object);
-  if (!group_) fail(FS_ERROR_STATE, "the group was closed by another thread");
-  group_->require_room(0);
-  return group_->foreign.insert_or_assign(name, std::move(present)).first->second;
+  group.require_room(0);
+  return group.foreign.insert_or_assign(name, std::move(present)).first->second;
 }
 
 void ForeignObjects::change(Call& call, const fs_object& object, uint32_t parts, double now) {
@@ -66,22 +65,22 @@ void ForeignObjects::change(Call& call, const fs_object& object, uint32_t parts,
     return;
   }
   if ((parts & FS_PART_POSE) && edit.object.time == 0) edit.object.time = now;
-  if (group_) return change_in_group(call, object, edit);
+  if (Group* const group = groups_.mine()) return change_in_group(call, *group, object, edit);
   // An asset that came from the server goes back by its number. Where the server offers it no longer, it is sent as new.
   const Assets assets = assets_of(object, parts);
   if (!try_change(call, assets, edit, true)) try_change(call, assets, edit, false);
 }
 
-void ForeignObjects::change_in_group(Call& call, const fs_object& object, wire::Edit& edit) {
+void ForeignObjects::change_in_group(Call& call, Group& group, const fs_object& object, wire::Edit& edit) {
   const std::string name = text_of(object.name);
   const auto parts = static_cast<uint32_t>(edit.parts);
-  Group::Foreign& present = join_group(call, name.c_str());
+  Group::Foreign& present = join_group(call, group, name.c_str());
   fs_object whole = merge_parts(present.object, object, parts);
   put_bare_name(whole);
   const Ref<const Object> parsed = parse_object(whole, nullptr, false).object;
   Assets assets = assets_of(object, parts);
   put_ids(edit.object, ids_of(assets));
-  group_->add_foreign(wire::type_edit, bytes_of(&edit, 1), std::move(assets));
+  group.add_foreign(wire::type_edit, bytes_of(&edit, 1), std::move(assets));
   put_text(whole.name, name);
   present.object = whole;
   present.kept = parsed;
@@ -112,12 +111,13 @@ bool ForeignObjects::try_change(Call& call, const Assets& assets, wire::Edit& ed
 
 void ForeignObjects::move(Call& call, const char* name, const Pose& pose, const fs_twist* twist, double time) {
   const wire::MoveOther move{to_target(name, "name"), twist != nullptr, pose, twist ? *twist : fs_twist{}, time};
-  if (!group_) {
+  Group* const group = groups_.mine();
+  if (!group) {
     line_.request(call, wire::type_move_other, move);
     return;
   }
-  Group::Foreign& present = join_group(call, name);
-  group_->add_foreign(wire::type_move_other, bytes_of(&move, 1));
+  Group::Foreign& present = join_group(call, *group, name);
+  group->add_foreign(wire::type_move_other, bytes_of(&move, 1));
   present.object.pose = pose;
   present.object.twist = twist ? *twist : fs_twist{};
   present.object.time = time;
@@ -125,12 +125,13 @@ void ForeignObjects::move(Call& call, const char* name, const Pose& pose, const 
 
 void ForeignObjects::remove(Call& call, const char* name) {
   const wire::Target target = to_target(name, "name");
-  if (!group_) {
+  Group* const group = groups_.mine();
+  if (!group) {
     line_.request(call, wire::type_remove_other, target);
     return;
   }
-  Group::Foreign& present = join_group(call, name);
-  group_->add_foreign(wire::type_remove_other, bytes_of(&target, 1));
+  Group::Foreign& present = join_group(call, *group, name);
+  group->add_foreign(wire::type_remove_other, bytes_of(&target, 1));
   present.kept = nullptr;
 }
 

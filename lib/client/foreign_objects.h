@@ -1,5 +1,5 @@
 // Gets and changes objects of other clients. Each get is a request, and so is each change, which the server answers when it is
-// done. While a group is open, changes become part of the group instead, and gets see them there.
+// done. In a thread that has a group open, changes become part of the group instead, and gets see them there.
 #pragma once
 
 #include <memory>
@@ -11,11 +11,10 @@ namespace fs {
 
 class ForeignObjects {
  public:
-  // group: the group that is open; null: none.
-  ForeignObjects(Line& line, SentAssets& sent, FetchedAssets& fetched, const std::unique_ptr<Group>& group)
-      : line_(line), sent_(sent), fetched_(fetched), group_(group) {}
+  ForeignObjects(Line& line, SentAssets& sent, FetchedAssets& fetched, const ThreadGroups<Group>& groups)
+      : line_(line), sent_(sent), fetched_(fetched), groups_(groups) {}
 
-  // The object as an open group has it, else as the server has it. Its name is the one that was asked for, ready for change.
+  // The object as the thread's group has it, else as the server has it. Its name is the one that was asked for, ready for change.
   Ref<const Object> get(Call& call, const char* name, fs_object& out);
   // now: s, of the scene's clock.
   void change(Call& call, const fs_object& object, uint32_t parts, double now);
@@ -23,14 +22,14 @@ class ForeignObjects {
   void remove(Call& call, const char* name);
 
  private:
-  Group::Foreign& join_group(Call& call, const char* name);
-  void change_in_group(Call& call, const fs_object& object, wire::Edit& edit);
+  Group::Foreign& join_group(Call& call, Group& group, const char* name);
+  void change_in_group(Call& call, Group& group, const fs_object& object, wire::Edit& edit);
   bool try_change(Call& call, const Assets& assets, wire::Edit& edit, bool may_refer);
 
   Line& line_;
   SentAssets& sent_;
   FetchedAssets& fetched_;
-  const std::unique_ptr<Group>& group_;
+  const ThreadGroups<Group>& groups_;
 };
 
 }  // namespace fs

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "client/replica.h"
+#include "scene/thread_groups.h"
 #include "transfer/batch.h"
 
 namespace fs {

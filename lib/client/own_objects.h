@@ -47,7 +47,7 @@ class OwnObjects {
   void note_refused(OwnObject& own, bool is_refused) noexcept;
 
   // Moves the object ahead of the replica.
-  void move_ahead(OwnObject& own, const LocalScene& replica, const Pose& pose, const fs_twist* twist, double time);
+  void move_ahead(OwnObject& own, LocalScene& replica, const Pose& pose, const fs_twist* twist, double time);
   void move_replica(LocalScene& replica);  // moves all that are ahead there, too
 
   SlotNumbers numbers;

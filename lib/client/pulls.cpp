@@ -17,7 +17,7 @@ bool Pulls::is_current() const noexcept {
 
 // The question of a pull is closed when the replica has taken in the answer, or could not.
 void Pulls::look() {
-  while (!group_) {
+  while (!groups_.mine()) {
     if (asked_) {
       take_answer();
       if (asked_) return;
@@ -36,7 +36,7 @@ void Pulls::look() {
     }
     if (is_current() || !start_pull()) break;
   }
-  if (!group_) sent_.forget_unused(is_current());
+  if (!groups_.mine()) sent_.forget_unused(is_current());
 }
 
 void Pulls::take_answer() {
@@ -70,7 +70,7 @@ void Pulls::catch_up(Call& call, const char* name) {
   size_t fetches = 2 * size_t{connection_.welcome().max_objects} + 1;
   for (;;) {
     look();
-    if (group_) return;
+    if (groups_.mine()) return;
     const bool is_known = news_seen_ >= wanted && !pulled_;
     if (!is_known) {
       line_.pause(call, !asked_);
@@ -85,7 +85,7 @@ void Pulls::catch_up(Call& call, const char* name) {
 void Pulls::catch_up_in_time(Call& call) {
   for (;;) {
     look();
-    if (group_ || is_current() || !line_.try_pause(call, !asked_)) return;
+    if (groups_.mine() || is_current() || !line_.try_pause(call, !asked_)) return;
   }
 }
 
@@ -95,14 +95,14 @@ void Pulls::fetch_behind(Call& call, const std::string& name) {
   for (int i = 0; i < most_tries; ++i) {
     const Questions::Asking asking(questions_);
     const auto pulled = line_.request(call, wire::type_pull, target).as<wire::Pulled>();
-    if (group_) return;
+    if (groups_.mine()) return;
     if (pulled.state != wire::pulled_present || questions_.is_object_changed(name, asking.number) ||
         fetched_.is_here(pulled.object)) {
       return adopt(pulled, asking.number);
     }
     try {
       const LinkedObject received = fetched_.receive(call, pulled.object);
-      if (group_ || questions_.is_object_changed(name, asking.number)) return;
+      if (groups_.mine() || questions_.is_object_changed(name, asking.number)) return;
       take_over(pulled, received, asking.number);
       behind_.erase(name);
       return replica_.post();

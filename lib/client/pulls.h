@@ -1,6 +1,6 @@
 // Makes the replica what the server has. Where the server refuses a change, or others change this client's objects, the server
 // counts up Outbox::news; then the client asks name by name what there is now: a pull. Where the client has changed an object
-// after it asked, it asks again. While a group is open the replica is left alone, because the group began without the news.
+// after it asked, it asks again. A thread that has a group open leaves this alone: what it puts into the replica joins its group.
 #pragma once
 
 #include <memory>
@@ -16,11 +16,10 @@ namespace fs {
 
 class Pulls {
  public:
-  // group: the group that is open; null: none.
   Pulls(Line& line, Replica& replica, SentAssets& sent, FetchedAssets& fetched, Questions& questions,
-        const std::unique_ptr<Group>& group)
+        const ThreadGroups<Group>& groups)
       : line_(line), connection_(line.connection), replica_(replica), sent_(sent), fetched_(fetched), questions_(questions),
-        group_(group) {}
+        groups_(groups) {}
 
   // Takes in the answers that have come, and asks for more; never waits.
   void look();
@@ -44,7 +43,7 @@ class Pulls {
   SentAssets& sent_;
   FetchedAssets& fetched_;
   Questions& questions_;
-  const std::unique_ptr<Group>& group_;
+  const ThreadGroups<Group>& groups_;
 
   std::set<std::string, std::less<>> behind_;  // names whose object may differ between server and replica
   uint64_t news_seen_ = 0;                     // Outbox::news as far as the server has told

@@ -28,12 +28,13 @@ const char* RemoteScene::own_name(const char* name) const noexcept {
   return std::string_view(name, prefix) == client_ ? name + prefix + 1 : nullptr;
 }
 
-// Calls f(group), which changes the replica and adds the change to the group: the open one, or one for this change alone. Where
+// Calls f(group), which changes the replica and adds the change to the group: the thread's, or one for this change alone. Where
 // the server has no room, or large assets come first, f is called again later. There is room for one change; f asks for more.
 template <class F>
 void RemoteScene::mutate(Call& call, F&& f) {
   SendingAhead ahead(line_, sent_);
-  for (pulls_.look(); !group_; ahead.send_noted_or_wait(call)) {
+  Group* const open = groups_.mine();
+  for (pulls_.look(); !open; ahead.send_noted_or_wait(call)) {
     replica_.catch_up_with_moves();
     Group group(replica_);
     bool is_sent = false;
@@ -53,9 +54,9 @@ void RemoteScene::mutate(Call& call, F&& f) {
     replica_.post();
     return connection_.check();
   }
-  group_->require_room(0);
+  open->require_room(0);
   try {
-    f(*group_);
+    f(*open);
   } catch (const std::bad_alloc&) {
     line_.lose_for_memory();
     throw;
@@ -120,12 +121,13 @@ void RemoteScene::move(const char* given, const fs_pose& pose, const fs_twist* t
   if (!name) return foreign_.move(call, given, parsed, twist, at);
   pulls_.look();
   OwnObject* const own = replica_.objects.find(std::string_view(name, strnlen(name, FS_NAME_SIZE)));
-  if (group_ || !own || own->slot == wire::no_slot) {
+  const bool is_in_group = groups_.mine();
+  if (is_in_group || !own || own->slot == wire::no_slot) {
     call.limit = call.end = 0;  // a move never waits
     const bool is_refused = own && own->is_refused;
     return mutate(call, [&](Group& group) {
-        replica_.scene->move(name, parsed, twist, at);
-      if (group_ || !is_refused) group.add_place(name);
+      replica_.scene->move(name, parsed, twist, at);
+      if (is_in_group || !is_refused) group.add_place(name);
     });
   }
   own->moved_in = questions_.newest();
@@ -204,7 +206,7 @@ void RemoteScene::begin() {
   replica_.catch_up_with_moves();
   auto group = std::make_unique<Group>(replica_);
   replica_.scene->begin();  // STATE
-  group_ = std::move(group);
+  groups_.open(std::move(group));
 }
 
 // Where it fails, nothing of the group was sent, and the group stays open.
@@ -212,7 +214,8 @@ void RemoteScene::commit() {
   Call call = line_.enter();
   {
     SendingAhead ahead(line_, sent_);
-    while (group_ && !sender_.deliver(*group_, ahead)) ahead.send_noted_or_wait(call);
+    Group* const group = groups_.mine();
+    while (group && !sender_.deliver(*group, ahead)) ahead.send_noted_or_wait(call);
   }
   try {
     replica_.scene->commit();  // STATE
@@ -220,7 +223,7 @@ void RemoteScene::commit() {
     line_.lose_for_memory();
     throw;
   }
-  group_ = nullptr;
+  groups_.close();
   replica_.post();
   connection_.check();
   pulls_.look();
@@ -229,7 +232,7 @@ void RemoteScene::commit() {
 void RemoteScene::cancel() {
   const Call call = line_.enter();
   replica_.scene->cancel();  // STATE
-  group_ = nullptr;
+  groups_.close();
 }
 
 void RemoteScene::sync(double timeout) {
@@ -278,10 +281,11 @@ fs_view RemoteScene::own_view(Call& call) {
   return out;
 }
 
-// Applies the changes of an open group.
+// Applies the changes of the thread's group.
 void RemoteScene::foresee_group(fs_view& own) const {
-  if (!group_) return;
-  for (const Change& change : group_->batch) foresee(own, change);
+  const Group* const group = groups_.mine();
+  if (!group) return;
+  for (const Change& change : group->batch) foresee(own, change);
 }
 
 fs_view RemoteScene::view(const char* client) {

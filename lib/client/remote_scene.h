@@ -85,13 +85,13 @@ struct RemoteScene final : Scene {
   SentAssets sent_{connection_};
   FetchedAssets fetched_{line_, sent_};
   Replica replica_{sent_, connection_};
-  std::unique_ptr<Group> group_;  // the one that is open; null: none
+  ThreadGroups<Group> groups_;
   Questions questions_;
   Sender sender_{line_, replica_, sent_, questions_};
-  Pulls pulls_{line_, replica_, sent_, fetched_, questions_, group_};
-  ForeignObjects foreign_{line_, sent_, fetched_, group_};
+  Pulls pulls_{line_, replica_, sent_, fetched_, questions_, groups_};
+  ForeignObjects foreign_{line_, sent_, fetched_, groups_};
   OpenSyncs syncs_{line_, pulls_};
-  Reports reports_{line_, replica_, pulls_, group_};
+  Reports reports_{line_, replica_, pulls_, groups_};
   EventQueue events_{line_, replica_, pulls_};
 };
 

@@ -34,9 +34,9 @@ fs_report Reports::of_own(Call& call, const char* name) {
   const fs_report ours = replica_.scene->report(name);
   try {
     const fs_report theirs = of_foreign(call, name);
-    return group_ ? in_group(ours, &theirs) : theirs;
+    return groups_.mine() ? in_group(ours, &theirs) : theirs;
   } catch (const Error& error) {
-    if (!group_ || error.status != FS_ERROR_NOT_FOUND) throw;
+    if (!groups_.mine() || error.status != FS_ERROR_NOT_FOUND) throw;
     return in_group(ours, nullptr);
   }
 }
@@ -44,7 +44,7 @@ fs_report Reports::of_own(Call& call, const char* name) {
 std::vector<fs_report> Reports::of_all(Call& call) {
   pulls_.catch_up(call, "");
   std::vector<fs_report> out = line_.request(call, wire::type_reports).list<fs_report>();
-  if (!group_) return out;
+  if (!groups_.mine()) return out;
   NameMap<fs_report> theirs;  // of own objects; names of others have a '/'
   std::erase_if(out, [&](const fs_report& report) {
     const std::string name = text_of(report.name);

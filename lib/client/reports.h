@@ -14,9 +14,8 @@ namespace fs {
 
 class Reports {
  public:
-  // group: the group that is open; null: none.
-  Reports(Line& line, Replica& replica, Pulls& pulls, const std::unique_ptr<Group>& group)
-      : line_(line), replica_(replica), pulls_(pulls), group_(group) {}
+  Reports(Line& line, Replica& replica, Pulls& pulls, const ThreadGroups<Group>& groups)
+      : line_(line), replica_(replica), pulls_(pulls), groups_(groups) {}
 
   fs_report of_own(Call& call, const char* name);      // NOT_FOUND
   fs_report of_foreign(Call& call, const char* name);  // "client/object". NOT_FOUND
@@ -32,7 +31,7 @@ class Reports {
   Line& line_;
   Replica& replica_;
   Pulls& pulls_;
-  const std::unique_ptr<Group>& group_;
+  const ThreadGroups<Group>& groups_;
 };
 
 }  // namespace fs

@@ -37,6 +37,16 @@ void OpenGroup::put(std::string_view name, Known wanted, bool is_new) {
   added += is_new;
 }
 
+void OpenGroup::shift(double by) noexcept {
+  for (auto& [name, known] : changes) {
+    known.motion.time += by;
+    if (by != 0) known.motion_revision = next_serial();
+    known.track.shift(by);
+    known.start += by;
+    known.expiry += by;
+  }
+}
+
 // ---------------------------------------------------------------------------------------- the scene as a group has it
 
 bool Edits::find(std::string_view name, Known& out) const {
@@ -93,6 +103,17 @@ void Edits::require_room(const std::vector<ParsedObject>& objects) {
   if (evaluated_.objects.has_room(added)) return;
   evaluated_.settle_all();
   evaluated_.objects.require_room(added, "would hold more than");
+}
+
+void Edits::require_room() {
+  Objects& objects = evaluated_.objects;
+  if (objects.has_room(group_->order.size())) return;
+  const auto added = static_cast<size_t>(std::count_if(group_->order.begin(), group_->order.end(), [&](OpenGroup::Change* change) {
+    return !change->second.is_removed && !objects.has_name(change->first);
+  }));
+  if (objects.has_room(added)) return;
+  evaluated_.settle_all();
+  objects.require_room(added, "would hold more than");
 }
 
 void Edits::put(const ParsedObject& parsed, uint32_t parts, bool is_change) {
@@ -198,19 +219,7 @@ void Edits::change_view(ViewChange change) {
 
 // --------------------------------------------------------------------------------------------------- groups
 
-void Edits::begin() {
-  if (group_) fail(FS_ERROR_STATE, "fs_scene_begin: a group is open already; commit or cancel it first");
-  evaluated_.settle(true);
-  group_ = std::make_unique<OpenGroup>();
-}
-
-void Edits::cancel() {
-  if (!group_) fail(FS_ERROR_STATE, "fs_scene_cancel: no group is open; fs_scene_begin opens one");
-  group_ = nullptr;
-}
-
 bool Edits::commit(size_t most) {
-  if (!group_) fail(FS_ERROR_STATE, "fs_scene_commit: no group is open; fs_scene_begin opens one");
   if (group_->committed == 0) sort();
   const std::vector<OpenGroup::Change*>& order = group_->order;
   try {
@@ -226,7 +235,6 @@ bool Edits::commit(size_t most) {
     keep_rest();
     throw;
   }
-  group_ = nullptr;
   return true;
 }
 
@@ -274,17 +282,6 @@ void Edits::sort() {
     }
   }
   for (const Sorted& sorted : known) objects.rows.own_chunk(static_cast<uint32_t>(sorted.place));
-}
-
-void Edits::shift(double by) noexcept {
-  if (!group_) return;
-  for (auto& [name, known] : group_->changes) {
-    known.motion.time += by;
-    if (by != 0) known.motion_revision = next_serial();
-    known.track.shift(by);
-    known.start += by;
-    known.expiry += by;
-  }
 }
 
 // What a group changes of an object that somebody else has changed since: the parts that the group does not change stay

@@ -1,9 +1,8 @@
 // What somebody wants a scene to be: changes that are made at once, or collected in a group until it is committed. A scene may
-// have several groups at a time: the one that the application has open, and those of others (scene_group.h). Every call needs
-// the scene's lock.
+// have several groups at a time: those that threads of the application have open, and those of others (scene_group.h). Every
+// call needs the scene's lock.
 #pragma once
 
-#include <memory>
 #include <memory_resource>
 #include <vector>
 
@@ -24,20 +23,21 @@ struct OpenGroup {
 
   Known* find(std::string_view name);  // null: the group does not change it
   void put(std::string_view name, Known wanted, bool is_new);
+  void shift(double by) noexcept;  // all times, s
 };
 
 class Edits {
  public:
-  // group: the one that is open, null while there is none; it belongs to whoever made this.
-  Edits(Evaluated& evaluated, std::unique_ptr<OpenGroup>& group) : evaluated_(evaluated), group_(group) {}
+  // group: that the changes join; null: they are made at once.
+  Edits(Evaluated& evaluated, OpenGroup* group) : evaluated_(evaluated), group_(group) {}
 
-  // The scene as the open group has it.
+  // The scene as the group has it.
   bool find(std::string_view name, Known& out) const;
   Known require(const char* name) const;  // NOT_FOUND
   fs_frame frame() const;
   const std::vector<Vec3>& tool() const;
   size_t count() const;  // of objects
-  // With the open group, or as the scene is evaluated. The tool stands where the last tick had it, or where the clutch holds
+  // With the group, or as the scene is evaluated. The tool stands where the last tick had it, or where the clutch holds
   // it.
   fs_view view(bool with_group) const;
   // Calls f(name, Known) for each object, in the order in which the names first came.
@@ -46,6 +46,7 @@ class Edits {
 
   // Changes, all checked.
   void require_room(const std::vector<ParsedObject>& objects);  // FULL
+  void require_room();  // for what the group adds: others may have added something since. FULL
   // All of it, or the parts that are named. is_change: of an object that is there; where it has been removed by the time the
   // group is committed, nothing is made of it.
   void put(const ParsedObject& object, uint32_t parts, bool is_change);
@@ -56,12 +57,8 @@ class Edits {
   void clear();
   void change_view(ViewChange change);
 
-  // The open group; null: there is none.
-  OpenGroup* group() const noexcept { return group_.get(); }
-  void begin();              // STATE
-  bool commit(size_t most);  // at most so many objects; true: the group is committed
-  void cancel();             // STATE
-  void shift(double by) noexcept;  // all times of the group, s
+  OpenGroup* group() const noexcept { return group_; }
+  bool commit(size_t most);  // the group, by at most so many objects; true: all of it is done
 
  private:
   Known require(std::string_view name) const;
@@ -72,7 +69,7 @@ class Edits {
   void keep_rest() noexcept;
 
   Evaluated& evaluated_;
-  std::unique_ptr<OpenGroup>& group_;
+  OpenGroup* const group_;
 };
 
 template <class F>

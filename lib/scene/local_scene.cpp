@@ -15,14 +15,14 @@ LocalScene::LocalScene(std::shared_ptr<ServoOutput> the_output, ClockKind clock)
 
 // -------------------------------------------------------------------------------------------------------------- objects
 
-void LocalScene::put(Edits& edits, const ParsedObject& object, uint32_t parts, bool is_change) {
+void LocalScene::put(Edits edits, const ParsedObject& object, uint32_t parts, bool is_change) {
   if (readers.builds_shapes() && object.object->shape) object.object->shape->build();  // in most cases parse_object has built it
   edits.put(object, parts, is_change);
 }
 
 void LocalScene::set(const fs_object& object) {
   const ParsedObject parsed = parse_object(object, nullptr, readers.builds_shapes());
-  mutate([&] { put(parsed, all_parts, false); });
+  mutate([&](Edits edits) { put(edits, parsed, all_parts, false); });
 }
 
 void LocalScene::change(const fs_object& change, uint32_t parts) {
@@ -34,32 +34,32 @@ void LocalScene::change(const fs_object& change, uint32_t parts) {
     if (parts == 0) return;
     // Parsing may build a tree, so it happens without the lock, and again if another thread has changed the object.
     const ParsedObject parsed = parse_object(merge_parts(current, change, parts), object.get(), readers.builds_shapes());
-    mutate([&] {
-      const Known now = edits_.require(name.c_str());
+    mutate([&](Edits edits) {
+      const Known now = edits.require(name.c_str());
       is_done = now.object == object && now.start == current.start;
-      if (is_done) put(parsed, parts, true);
+      if (is_done) put(edits, parsed, parts, true);
     });
   }
 }
 
 void LocalScene::move(const char* name, const fs_pose& pose, const fs_twist* twist, double time) {
   const Pose parsed = parse_move(pose, twist, time);
-  mutate([&] { edits_.move(name, parsed, twist, time); });
+  mutate([&](Edits edits) { edits.move(name, parsed, twist, time); });
 }
 
 void LocalScene::remove(const char* name) {
-  mutate([&] { edits_.remove(name); });
+  mutate([&](Edits edits) { edits.remove(name); });
 }
 
 void LocalScene::clear() {
-  mutate([&] { edits_.clear(); });
+  mutate([&](Edits edits) { edits.clear(); });
 }
 
 Ref<const Object> LocalScene::get(const char* name, fs_object& out) { return get(name, out, true); }
 
 Ref<const Object> LocalScene::get(const char* name, fs_object& out, bool with_group) {
   const std::lock_guard lock(mutex_);
-  const Known known = with_group ? edits_.require(name) : evaluated_.objects.require(name);
+  const Known known = with_group ? edits().require(name) : evaluated_.objects.require(name);
   out = to_c(known);
   return known.object;
 }
@@ -83,14 +83,14 @@ Scene::Contents LocalScene::contents() {
   const std::lock_guard lock(mutex_);
   Contents out;
   const double time = now();
-  edits_.for_each([&](const std::string&, const Known& known) {
+  edits().for_each([&](const std::string&, const Known& known) {
     fs_object object = to_saved(known, time);
     if (!known.start_is_given) object.start = 0;
     out.objects.push_back(object);
     out.owners.push_back(known.object);
   });
-  out.frame = edits_.frame();
-  out.tool = edits_.tool();
+  out.frame = edits().frame();
+  out.tool = edits().tool();
   return out;
 }
 
@@ -107,35 +107,35 @@ void LocalScene::set_contents(const std::vector<fs_object>& objects, const fs_fr
   }
   const fs_frame parsed_frame = parse_frame(frame);
   check_tool(tool.data(), tool.size());
-  mutate([&] {
-    edits_.require_room(parsed);
-    for (const ParsedObject& object : parsed) put(object, all_parts, false);
-    edits_.change_view({parsed_frame, tool, {}});
+  mutate([&](Edits edits) {
+    edits.require_room(parsed);
+    for (const ParsedObject& object : parsed) put(edits, object, all_parts, false);
+    edits.change_view({parsed_frame, tool, {}});
   });
 }
 
-Movement LocalScene::movement(const char* name) const {
+Movement LocalScene::movement(const char* name) {
   const std::lock_guard lock(mutex_);
-  const Known known = edits_.require(name);
+  const Known known = edits().require(name);
   return {known.motion, known.track};
 }
 
 void LocalScene::set_movement(const char* name, const Movement& movement) {
-  mutate([&] { edits_.set_movement(name, movement.motion, movement.track); });
+  mutate([&](Edits edits) { edits.set_movement(name, movement.motion, movement.track); });
 }
 
 void LocalScene::set_motion(const std::string& name, const Motion& motion) {
-  mutate([&] {
-    if (!edits_.move_to(name, motion, now())) fail_unknown(name);
+  mutate([&](Edits edits) {
+    if (!edits.move_to(name, motion, now())) fail_unknown(name);
   });
 }
 
 size_t LocalScene::set_motions(const std::vector<Move>& moves) {
   size_t count = 0;
-  mutate([&] {
+  mutate([&](Edits edits) {
     const double time = now();
     for (const auto& [name, id, motion] : moves) count += evaluated_.objects.move_to(*name, *id, motion, time);
-    if (edits_.group()) evaluated_.changed();
+    if (edits.group()) evaluated_.changed();
   });
   return count;
 }
@@ -145,57 +145,79 @@ void LocalScene::set_capacity(uint32_t capacity) {
   evaluated_.objects.set_capacity(capacity);
 }
 
-size_t LocalScene::object_count() const {
+size_t LocalScene::object_count() {
   const std::lock_guard lock(mutex_);
-  return edits_.count();
+  return edits().count();
 }
 
 bool LocalScene::is_empty() const {
   const std::lock_guard lock(mutex_);
-  return evaluated_.objects.is_empty() && !(edits_.group() && edits_.group()->added);
+  bool is_any_added = false;
+  groups_.for_each([&](const OpenGroup& group) { is_any_added |= group.added > 0; });
+  return evaluated_.objects.is_empty() && !is_any_added;
 }
 
 // --------------------------------------------------------------------------------------------------- groups
 
+OpenGroup& LocalScene::open_group(const char* function) {
+  OpenGroup* const group = groups_.mine();
+  if (!group) fail(FS_ERROR_STATE, "%s: no group is open in this thread; fs_scene_begin opens one", function);
+  return *group;
+}
+
 void LocalScene::begin() {
   const std::lock_guard lock(mutex_);
-  edits_.begin();
+  if (groups_.mine()) fail(FS_ERROR_STATE, "fs_scene_begin: a group is open already; commit or cancel it first");
+  evaluated_.settle(true);
+  groups_.open(std::make_unique<OpenGroup>());
 }
 
 void LocalScene::commit() {
-  mutate([&] { edits_.commit(SIZE_MAX); });
+  const std::lock_guard lock(mutex_);
+  Edits group(evaluated_, &open_group("fs_scene_commit"));
+  group.require_room();
+  evaluated_.prepare();
+  try {
+    group.commit(SIZE_MAX);
+  } catch (...) {  // a part may be done
+    evaluated_.changed();
+    throw;
+  }
+  groups_.close();
+  evaluated_.changed();
 }
 
 void LocalScene::cancel() {
   const std::lock_guard lock(mutex_);
-  edits_.cancel();
+  open_group("fs_scene_cancel");
+  groups_.close();
 }
 
 // -------------------------------------------------------------------------------------------------- frame, clutch, tool
 
 void LocalScene::set_frame(const fs_frame& frame) {
   const fs_frame parsed = parse_frame(frame);
-  mutate([&] { edits_.change_view({parsed, {}, {}}); });
+  mutate([&](Edits edits) { edits.change_view({parsed, {}, {}}); });
 }
 
 fs_frame LocalScene::get_frame(const char* client) {
   require_no_client(client);
   const std::lock_guard lock(mutex_);
-  return edits_.frame();
+  return edits().frame();
 }
 
 void LocalScene::set_clutch(bool held) {
-  mutate([&] { edits_.change_view({{}, {}, held}); });
+  mutate([&](Edits edits) { edits.change_view({{}, {}, held}); });
 }
 
 void LocalScene::set_tool(const Vec3* points, size_t count) {
   check_tool(points, count);
-  mutate([&] { edits_.change_view({{}, std::vector<Vec3>(points, points + count), {}}); });
+  mutate([&](Edits edits) { edits.change_view({{}, std::vector<Vec3>(points, points + count), {}}); });
 }
 
 std::vector<Vec3> LocalScene::get_tool() {
   const std::lock_guard lock(mutex_);
-  return edits_.tool();
+  return edits().tool();
 }
 
 fs_view LocalScene::view(const char* client) {
@@ -203,9 +225,9 @@ fs_view LocalScene::view(const char* client) {
   return view(true);
 }
 
-fs_view LocalScene::view(bool with_group) const {
+fs_view LocalScene::view(bool with_group) {
   const std::lock_guard lock(mutex_);
-  return edits_.view(with_group);
+  return edits().view(with_group);
 }
 
 void LocalScene::set_accuracy(double newtons) {

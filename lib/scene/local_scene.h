@@ -40,12 +40,12 @@ struct LocalScene final : Scene {
   void set_contents(const std::vector<fs_object>& objects, const fs_frame& frame,
                     const std::vector<Vec3>& tool) override;
 
-  // The motion of an object, as an open group has it; and the motion that another process has worked out, to be set
+  // The motion of an object, as the thread's group has it; and the motion that another process has worked out, to be set
   // without a check.
-  Movement movement(const char* name) const;
+  Movement movement(const char* name);
   void set_movement(const char* name, const Movement& movement);
   void set_motion(const std::string& name, const Motion& motion);  // NOT_FOUND
-  // Sets several motions at once, beside an open group. Returns how many of the objects exist.
+  // Sets several motions at once, past the thread's group. Returns how many of the objects exist.
   struct Move {
     const std::string* name;
     NameId* id;  // of the name, as far as it is known; it is known then
@@ -53,7 +53,7 @@ struct LocalScene final : Scene {
   };
   size_t set_motions(const std::vector<Move>& moves);
 
-  // Groups.
+  // Groups. Changes and getters see the group of the calling thread, if it has one open.
   void begin() override;
   void commit() override;
   void cancel() override;
@@ -74,7 +74,7 @@ struct LocalScene final : Scene {
   void set_tool(const Vec3* points, size_t count) override;
   std::vector<Vec3> get_tool() override;
   fs_view view(const char* client) override;
-  fs_view view(bool with_group) const;  // as an open group has it, or as it is evaluated
+  fs_view view(bool with_group);  // as the thread's group has it, or as it is evaluated
   void set_accuracy(double newtons) override;
   void set_max_stiffness(double stiffness) override;
 
@@ -92,7 +92,7 @@ struct LocalScene final : Scene {
   fs_event next_event(double timeout) override;
   bool take_event(fs_event& out);  // one that is there; false: none
   void note(fs_event event) noexcept;  // what the server tells its own scene, now; left out where there is no memory
-  size_t object_count() const;
+  size_t object_count();
   bool is_empty() const;  // nothing is there, nor fading out
 
   // The servo.
@@ -111,30 +111,31 @@ struct LocalScene final : Scene {
   friend class SceneBudget;
 
   // Called with the lock held.
-  void put(const ParsedObject& object, uint32_t parts, bool is_change) { put(edits_, object, parts, is_change); }
-  void put(Edits& edits, const ParsedObject& object, uint32_t parts, bool is_change);
-  // Runs f, which changes the scene, and makes the change known.
+  Edits edits() { return {evaluated_, groups_.mine()}; }
+  OpenGroup& open_group(const char* function);  // of the calling thread. STATE
+  void put(Edits edits, const ParsedObject& object, uint32_t parts, bool is_change);
+  // Runs f(edits), which changes the scene, and makes the change known.
   template <class F>
   void mutate(F&& f) {
     const std::lock_guard lock(mutex_);
     evaluated_.prepare();
+    const Edits edits = this->edits();
     try {
-      f();
+      f(edits);
     } catch (...) {  // a part may be done
       evaluated_.changed();
       throw;
     }
-    if (!edits_.group()) evaluated_.changed();
+    if (!edits.group()) evaluated_.changed();
   }
 
   mutable std::mutex mutex_;
   Evaluated evaluated_;
-  std::unique_ptr<OpenGroup> group_;
-  Edits edits_{evaluated_, group_};
+  ThreadGroups<OpenGroup> groups_;
   double max_stiffness_ = 0;  // N/m at the device, what the scene allows itself; 0: no such bound
 
  public:
-  Readers readers{mutex_, evaluated_, edits_};
+  Readers readers{mutex_, evaluated_, groups_};
   const std::shared_ptr<ServoOutput>& output = evaluated_.output;
 };
 

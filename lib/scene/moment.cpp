@@ -5,11 +5,12 @@ namespace fs {
 Moment::Moment(Ref<LocalScene> scene, bool with_group, const char* only) : scene_(std::move(scene)) {
   const std::lock_guard lock(scene_->mutex_);
   Evaluated& evaluated = scene_->evaluated_;
-  OpenGroup* const group = with_group ? scene_->edits_.group() : nullptr;
+  const Edits edits = scene_->edits();
+  const OpenGroup* const group = with_group ? edits.group() : nullptr;
   most_ = evaluated.objects.count();
   if (only) {
     is_only_one_ = true;
-    added_.push_back(with_group ? scene_->edits_.require(only) : evaluated.objects.require(only));
+    added_.push_back(with_group ? edits.require(only) : evaluated.objects.require(only));
     only_row_ = evaluated.objects.row_of(added_.front().object->name);
   } else if (group) {
     for (const OpenGroup::Change* change : group->order) {
@@ -24,7 +25,7 @@ Moment::Moment(Ref<LocalScene> scene, bool with_group, const char* only) : scene
   }
   chunks_ = evaluated.objects.rows.chunks();  // counted without atomics, so under the lock; from here on nothing can fail
   time_ = scene_->now();
-  frame_ = with_group ? scene_->edits_.frame() : evaluated.views.frame();
+  frame_ = with_group ? edits.frame() : evaluated.views.frame();
   const ServoReader* const servo = evaluated.servo_reader();
   if (!servo) return;
   memory_ = servo->memory;

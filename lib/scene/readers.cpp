@@ -18,9 +18,9 @@ void Readers::build_shapes() {
   {
     const std::lock_guard lock(mutex_);
     evaluated_.objects.for_each([&](const std::string&, const Known& known) { objects.push_back(known.object); });
-    if (OpenGroup* const group = edits_.group()) {
-      for (const OpenGroup::Change* change : group->order) objects.push_back(change->second.object);
-    }
+    groups_.for_each([&](const OpenGroup& group) {
+      for (const OpenGroup::Change* change : group.order) objects.push_back(change->second.object);
+    });
   }
   for (const Ref<const Object>& object : objects) {
     if (object->shape) object->shape->build();
@@ -59,7 +59,8 @@ void Readers::with_snapshot(const char* name, const std::function<void(const Sna
 
 void Readers::attach_servo(ServoLink& servo, ServoReader& reader, bool starts_in) {
   const std::lock_guard lock(mutex_);
-  edits_.shift(evaluated_.attach_servo(servo, reader, starts_in));
+  const double by = evaluated_.attach_servo(servo, reader, starts_in);
+  groups_.for_each([by](OpenGroup& group) { group.shift(by); });
   servo_process_.store(this_process());
   has_servo_.store(true);
 }
@@ -67,7 +68,8 @@ void Readers::attach_servo(ServoLink& servo, ServoReader& reader, bool starts_in
 void Readers::detach_servo(ServoReader& reader) noexcept {
   const std::lock_guard lock(mutex_);
   has_servo_.store(false);
-  edits_.shift(evaluated_.detach_servo(reader));
+  const double by = evaluated_.detach_servo(reader);
+  groups_.for_each([by](OpenGroup& group) { group.shift(by); });
 }
 
 fs_status Readers::get_hand(fs_state* state, fs_response* response, fs_wrench* sent) const noexcept {

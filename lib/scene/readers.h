@@ -7,12 +7,14 @@
 #include <mutex>
 
 #include "scene/edits.h"
+#include "scene/thread_groups.h"
 
 namespace fs {
 
 class Readers {
  public:
-  Readers(std::mutex& mutex, Evaluated& evaluated, Edits& edits) : mutex_(mutex), evaluated_(evaluated), edits_(edits) {}
+  Readers(std::mutex& mutex, Evaluated& evaluated, ThreadGroups<OpenGroup>& groups)
+      : mutex_(mutex), evaluated_(evaluated), groups_(groups) {}
 
   // The newest snapshot is in the mailbox when attach returns; detach when the reader reads no more.
   void attach(Reader& reader);
@@ -43,7 +45,7 @@ class Readers {
 
   std::mutex& mutex_;  // the scene's
   Evaluated& evaluated_;
-  Edits& edits_;
+  ThreadGroups<OpenGroup>& groups_;
 
   std::atomic<bool> has_servo_{false};
   std::atomic<uint32_t> servo_process_{0};  // this_process() where the servo was started

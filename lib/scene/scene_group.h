@@ -1,5 +1,5 @@
-// Changes of a scene that belong together, kept apart from it until they are committed: what an application has open in the
-// scene is another group. Calls and errors are those of the scene; a group that is destroyed changes nothing. Any thread, one
+// Changes of a scene that belong together, kept apart from it until they are committed: what threads of the application have
+// open are other groups. Calls and errors are those of the scene; a group that is destroyed changes nothing. Any thread, one
 // at a time.
 #pragma once
 
@@ -9,7 +9,7 @@ namespace fs {
 
 class SceneGroup {
  public:
-  explicit SceneGroup(Ref<LocalScene> scene) : scene_(std::move(scene)), edits_(scene_->evaluated_, group_) {}
+  explicit SceneGroup(Ref<LocalScene> scene) : scene_(std::move(scene)), edits_(scene_->evaluated_, &group_) {}
   SceneGroup(const SceneGroup&) = delete;
   SceneGroup& operator=(const SceneGroup&) = delete;
 
@@ -29,7 +29,7 @@ class SceneGroup {
 
  private:
   const Ref<LocalScene> scene_;
-  std::unique_ptr<OpenGroup> group_ = std::make_unique<OpenGroup>();
+  OpenGroup group_;
   Edits edits_;
 };
 

@@ -1,8 +1,12 @@
 // What is felt of a scene: the same tests run on a scene in this process and on one that is connected to a server:
 // objects, motion, time, groups, frame, clutch and tool.
+#include <atomic>
+#include <chrono>
 #include <map>
 #include <memory>
+#include <string>
 #include <thread>
+#include <vector>
 
 #include "api/world.h"
 #include "scenes/reference.h"
@@ -718,24 +722,104 @@ START_TEST(groups) {
 }
 END_TEST
 
-START_TEST(other_threads_join) {  // the group is the scene's
+START_TEST(a_group_is_of_its_thread) {
   World w(_i);
   w.fake.state.pose = at(0, 0.1, 0);
+  w.set(spring("ours"));
   OK(fs_scene_begin(w.scene));
-  fs_status set = FS_OK, begin = FS_OK, commit = FS_ERROR_INTERNAL;
+  w.set(spring("in the group"));
+  OK(fs_object_remove(w.scene, "ours"));
+  fs_status set = FS_ERROR_INTERNAL, begin = set, cancel = set, commit = FS_OK;
+  bool sees_group = true, sees_ours = false;
   std::thread([&] {
-    const fs_object o = spring("theirs");
+    sees_group = has(w.scene, "in the group"), sees_ours = has(w.scene, "ours");
+    const fs_object o = spring("theirs"), other = spring("in their group");
     set = fs_object_set(w.scene, &o);
+    commit = fs_scene_commit(w.scene);
     begin = fs_scene_begin(w.scene);
+    fs_object_set(w.scene, &other);
+    cancel = fs_scene_cancel(w.scene);
   }).join();
-  ck_assert(set == FS_OK && begin == FS_ERROR_STATE);
-  ck_assert(has(w.scene, "theirs"));
+  ck_assert(!sees_group && sees_ours);
+  ck_assert(set == FS_OK && commit == FS_ERROR_STATE && begin == FS_OK && cancel == FS_OK);
+  ck_assert(has(w.scene, "theirs") && has(w.scene, "in the group") && !has(w.scene, "ours"));
   w.settle();
-  EXPECT_VECTOR(w.fake.written.force, (fs_vec3{}), 0);
-  std::thread([&] { commit = fs_scene_commit(w.scene); }).join();
-  ck_assert_int_eq(commit, FS_OK);
+  EXPECT_NEAR(w.fake.written.force.y, -20, 1e-12);  // of ours and theirs
+  OK(fs_scene_cancel(w.scene));
+  ck_assert(has(w.scene, "theirs") && has(w.scene, "ours") && !has(w.scene, "in the group") && !has(w.scene, "in their group"));
+
+  // What others have changed of an object since, the group does not undo, but where it changes the same part.
+  OK(fs_scene_begin(w.scene));
+  fs_object ours = spring("ours");
+  ours.front.gain = 50;
+  OK(fs_object_change(w.scene, &ours, FS_PART_PROFILES));
+  OK(fs_object_remove(w.scene, "theirs"));
+  const fs_pose pose = at(0, 0.06, 0);
+  const fs_twist still{};
+  std::thread([&] {
+    set = fs_object_move(w.scene, "ours", &pose, &still, FS_NOW);
+    begin = fs_object_move(w.scene, "theirs", &pose, &still, FS_NOW);
+  }).join();
+  ck_assert(set == FS_OK && begin == FS_OK);
+  OK(fs_scene_commit(w.scene));
+  EXPECT_VECTOR(Got(w.scene, "ours")->pose.position, pose.position, 0);
+  ck_assert(!has(w.scene, "theirs"));
   w.settle();
-  EXPECT_NEAR(w.fake.written.force.y, -10, 1e-12);
+  EXPECT_NEAR(w.fake.written.force.y, -2, 1e-12);
+}
+END_TEST
+
+// Ten thousand changes in the group of one thread, while four others set, move and remove.
+START_TEST(others_change_meanwhile) {
+  World w(_i);
+  constexpr int count = 2500;
+  const auto name_of = [](int i) { return "grouped " + std::to_string(i); };
+  std::atomic<bool> is_done{false};
+  std::atomic<int> bad{0}, rounds{0};
+  std::vector<std::thread> others;
+  for (int k = 0; k < 4; ++k) {
+    others.emplace_back([&, k] {
+      const std::string name = "other " + std::to_string(k);
+      const fs_object o = spring(name.c_str());
+      for (int i = 0; !is_done; ++i) {
+        const fs_pose pose = at(1e-3 * (i % 10), 0, 0);
+        bad += fs_object_set(w.scene, &o) != FS_OK;
+        for (int n = 0; n < 20; ++n) bad += fs_object_move(w.scene, name.c_str(), &pose, nullptr, FS_NOW) < 0;
+        fs_object out = fs_object_init("", FS_PRIMITIVE_POINT);
+        bad += fs_object_get(w.scene, name.c_str(), &out) != FS_OK || out.pose.position.x != pose.position.x;
+        fs_object_release(&out);
+        bad += fs_object_get(w.scene, name_of(1).c_str(), &out) != FS_ERROR_NOT_FOUND && !is_done;
+        if (i % 2) bad += fs_object_remove(w.scene, name.c_str()) != FS_OK;
+        ++rounds;
+      }
+      const fs_pose last = at(0, 0, 1e-3 * k);
+      bad += fs_object_set(w.scene, &o) != FS_OK;
+      bad += fs_object_move(w.scene, name.c_str(), &last, nullptr, FS_NOW) < 0;
+    });
+  }
+  OK(fs_scene_begin(w.scene));
+  for (int i = 0; i < count; ++i) {
+    const std::string name = name_of(i);
+    fs_object o = spring(name.c_str());
+    w.set(o);
+    const fs_pose pose = at(1e-4 * i, 0, 0);
+    OK(fs_object_move(w.scene, name.c_str(), &pose, nullptr, FS_NOW));
+    o.front.gain = 60;
+    OK(fs_object_change(w.scene, &o, FS_PART_PROFILES));
+    if (i % 5 == 0) OK(fs_object_remove(w.scene, name.c_str()));
+    else OK(fs_object_change(w.scene, &o, FS_PART_PROFILES));
+  }
+  while (rounds < 100) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  is_done = true;
+  OK(fs_scene_commit(w.scene));
+  for (std::thread& other : others) other.join();
+  ck_assert_int_eq(bad, 0);
+  ck_assert_uint_eq(own_reports_of(w.scene).size(), 4 * count / 5 + 4);
+  for (int i = 1; i < count; i += 500) {
+    ck_assert_double_eq(Got(w.scene, name_of(i).c_str())->pose.position.x, 1e-4 * i);
+    ck_assert_double_eq(Got(w.scene, name_of(i).c_str())->front.gain, 60);
+  }
+  for (int k = 0; k < 4; ++k) ck_assert_double_eq(Got(w.scene, ("other " + std::to_string(k)).c_str())->pose.position.z, 1e-3 * k);
 }
 END_TEST
 
@@ -1024,7 +1108,7 @@ int main() {
                                  set_change_move_remove_clear, change_takes_only_its_parts, many_names, shared_shapes,
                                  enabled_or_not});
   add_on_both(suite, "time", {twists_that_are_given, twists_that_are_worked_out, now_and_the_past, lifetimes});
-  add_on_both(suite, "groups", {groups, other_threads_join, a_thousand_moves_are_one_tick, moves_are_one_tick,
+  add_on_both(suite, "groups", {groups, a_group_is_of_its_thread, others_change_meanwhile, a_thousand_moves_are_one_tick, moves_are_one_tick,
                                 moves_and_sets_are_one_tick, all_kinds_are_one_tick, one_tick_of_a_thread},
               OwnThreads::yes);
   add_on_both(suite, "view", {frames, clutch, tools});

@@ -43,12 +43,8 @@ static void edit(fs_scene* scene, const Shape& mesh, Random& random) {
   o.lifetime = random.coin(0.2) ? 0.05 : 0;
   check(fs_object_set(scene, &o), "set");
   o.front.gain *= 2;
-  // The object does not exist if it had joined a group that was cancelled.
-  const auto check_there = [](fs_status status, const char* what) {
-    check(status == FS_OK || status == FS_ERROR_NOT_FOUND, what);
-  };
-  check_there(fs_object_change(scene, &o, FS_PART_PROFILES | FS_PART_OTHER), "change");
-  if (random.coin(0.3)) check_there(fs_object_remove(scene, name.c_str()), "remove");
+  check(fs_object_change(scene, &o, FS_PART_PROFILES | FS_PART_OTHER), "change");
+  if (random.coin(0.3)) check(fs_object_remove(scene, name.c_str()), "remove");
 }
 
 static void move(fs_scene* scene, Random& random) {

@@ -74,7 +74,7 @@ class Handle {
   T* take() {
     enter();
     --calls_;
-    if (calls_ > 0 || group_ != 0) {
+    if (calls_ > 0) {
       raise(FS_ERROR_STATE, std::string("this ") + Kind<T>::name + " is in use: it cannot become another's");
     }
     closing_ = true;
@@ -123,35 +123,6 @@ class Handle {
   // One thread at a time, for tools.
   std::mutex& serial() { return sync_->serial; }
 
-  // A group belongs to the thread that began it. Changes by other threads wait until it is closed.
-  void begin_edit() {
-    wait_until([&] { return group_ == 0 || holder_ == PyThread_get_thread_ident(); });
-    ++edits_;
-  }
-  void end_edit() {
-    --edits_;
-    sync_->bell.ring();
-  }
-  // The group that this thread has open, as a number; 0: none.
-  uint64_t group() const { return group_ != 0 && holder_ == PyThread_get_thread_ident() ? group_ : 0; }
-  bool is_open(uint64_t group) const { return group != 0 && group_ == group; }
-  uint64_t begin_group() {
-    wait_until([&] { return group_ == 0; });
-    const uint64_t begun = group_ = ++last_group_;
-    holder_ = PyThread_get_thread_ident();
-    try {
-      wait_until([&] { return edits_ == 0; });
-    } catch (...) {
-      end_group(begun);
-      throw;
-    }
-    return begun;
-  }
-  void end_group(uint64_t group) {
-    if (group_ == group) group_ = 0;
-    sync_->bell.ring();
-  }
-
   static inline std::set<Handle*> alive;
 
   // At the end of the interpreter: all that are alive, also those that a daemon thread uses.
@@ -175,26 +146,6 @@ class Handle {
     std::mutex serial;
   };
 
-  template <class Condition>
-  void wait_until(Condition condition) {
-    while (!condition()) {
-      const unsigned rings = sync_->bell.rings();
-      if (condition()) return;
-      leave();  // so that a signal's handler can close the handle
-      try {
-        sync_->bell.wait(rings);
-      } catch (...) {
-        ++calls_;
-        throw;
-      }
-      enter_again();
-    }
-  }
-  void enter_again() {
-    ++calls_;
-    if (closing_) raise(FS_ERROR_STATE, std::string("this ") + Kind<T>::name + " is closed");
-  }
-
   bool is_in_call_of_this_thread() const {
     for (const CallOfThread* call = calls_of_thread; call; call = call->outer) {
       if (call->handle == this) return true;
@@ -216,12 +167,6 @@ class Handle {
     born_ = forks;
     (void)sync_.release();  // a mutex that a thread of the parent may have is not destroyed
     sync_ = std::make_unique<Sync>();
-    if constexpr (std::is_same_v<T, fs_scene>) {
-      if (group_ != 0 && group() == 0) {
-        group_ = 0;
-        fs_scene_cancel(pointer_);
-      }
-    }
   }
 
   T* pointer_;
@@ -229,10 +174,6 @@ class Handle {
   int calls_ = 0;
   std::atomic<bool> closing_ = false;
   unsigned born_ = forks;
-  uint64_t group_ = 0;        // the open group; 0: none
-  uint64_t last_group_ = 0;
-  unsigned long holder_ = 0;  // the thread that began it
-  int edits_ = 0;             // edits under way
   std::unique_ptr<Sync> sync_ = std::make_unique<Sync>();
 };
 
@@ -255,18 +196,6 @@ class Use {
   Handle<T>& handle_;
   T* pointer_;
   CallOfThread call_;
-};
-
-// An edit of a scene: waits while another thread has a group open.
-class Edit {
- public:
-  explicit Edit(Handle<fs_scene>& scene) : scene_(scene) { scene.begin_edit(); }
-  Edit(const Edit&) = delete;
-  Edit& operator=(const Edit&) = delete;
-  ~Edit() { scene_.end_edit(); }
-
- private:
-  Handle<fs_scene>& scene_;
 };
 
 // The mutex of a tool. Who waits for it does not have the GIL.

@@ -3,7 +3,6 @@
 
 #include <functional>
 
-#include "group.h"
 #include "structs.h"
 
 namespace forceserver_python {

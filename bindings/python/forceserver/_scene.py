@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import threading
 from collections.abc import Iterable, Iterator, KeysView, Mapping, MutableMapping
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar, Unpack, overload
 
@@ -173,7 +174,7 @@ class SceneObject:
             pose = self._pose(moved.get("position"), moved.get("orientation"))
         if not other:
             return self.scene.object_move(self.name, pose, made.twist, 0)
-        with contextlib.nullcontext() if self.scene._group() else self.scene.change():
+        with self.scene._group():
             self._change(other)  # type: ignore[arg-type]
             self.scene.object_move(self.name, pose, made.twist, 0)
 
@@ -303,20 +304,35 @@ class Scene(_core.Scene):
     def change(self) -> Iterator[Scene]:
         """with scene.change(): a group: several changes, felt from one tick on.
 
-        Meanwhile the scene's changes belong to this thread: those of other threads wait for the end. An exception takes
-        all back. It cannot be nested: StateError.
+        It belongs to this thread: changes of other threads go past it. An exception takes all back. It cannot be
+        nested: StateError.
         """
-        if self._group():
-            raise StateError("scene.change() cannot be nested")
-        group = 0
-        try:
-            self.begin()
-            group = self._group()
+        with self._group(may_join=False):
             yield self
-            self._end_group(group, True)
+
+    @contextlib.contextmanager
+    def _group(self, may_join: bool = True) -> Iterator[None]:
+        """A group; or where this thread has one open, and may_join, that one."""
+        thread = threading.get_ident()
+        is_open = False  # before
+        try:
+            try:
+                self.begin()
+            except StateError as error:
+                is_open = True  # or the scene is closed
+                if self.closed:
+                    raise
+                if not may_join:
+                    raise StateError("scene.change() cannot be nested") from error
+            yield
+            if not is_open:
+                if threading.get_ident() != thread:
+                    raise StateError("a group can only be committed in the thread that has opened it")
+                self.commit()
         except BaseException:
-            with contextlib.suppress(Error):
-                self._end_group(group or self._group(), False)  # a signal may come when begin() is done
+            if not is_open and threading.get_ident() == thread:
+                with contextlib.suppress(Error):
+                    self.cancel()
             raise
 
     # ---- Frame, clutch, tool: as copies that cannot be changed

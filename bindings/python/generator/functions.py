@@ -9,18 +9,11 @@ from .structs import Structs
 # What no rule gives.
 ONE_THREAD_AT_A_TIME = {"fs_tool"}  # only the comment of fs_tool_create says so
 IN_THREAD = {"fs_scene_connect", "fs_device_open", "fs_shape_load"}  # may take seconds that cannot be cut into slices
-BY_HAND = {  # those that may take seconds and make no handle, and those of groups: core/waits.h and core/group.h have them
+BY_HAND = {  # those that may take seconds and make no handle: core/waits.h has them
     "fs_servo_step": "step(self, ticks_);\nreturn py::none();",
     "fs_shape_build": "return build(self);",
-    "fs_scene_begin": "return begin_group(self);",
-    "fs_scene_commit": "return end_group(self, fs_scene_commit);",
-    "fs_scene_cancel": "return end_group(self, fs_scene_cancel);",
 }
 LEFT = "Ctrl-C ends the wait; the call then ends in a thread of its own, which gives back what it has made."
-EDITS = {"set", "change", "move", "remove", "clear", "load"}  # verbs of what joins an open group
-NO_EDITS = {  # verbs of what does not
-    *("get", "begin", "commit", "cancel", "sync", "save", "stop", "resume", "next", "create", "start", "field", "evaluate"),
-}
 OUT = "out"  # what an array that results are written to is called; its name in C is still taken
 ENTRY = {"fs_vec3": ("double", 3), "double": ("double", 1), "uint32_t": ("uint32_t", 1)}
 
@@ -35,14 +28,6 @@ class Functions(Structs):
     def self_of(self, function):
         first = function["parameters"][:1]
         return bare(first[0]["type"]) if first and first[0]["kind"] == "handle" else None
-
-    def is_edit(self, function):
-        if self.self_of(function) != "fs_scene" or function["rt"]:
-            return False
-        verb = (function["name"].split("_") + [""])[2]
-        if verb not in EDITS | NO_EDITS:
-            sys.exit(f"{function['name']}: the tables do not say whether '{verb}' changes a scene, so that it joins a group")
-        return verb in EDITS
 
     def many_of(self, function):
         """[rt], from a struct to a struct: takes arrays of structs as well. The parameters that go in and come out."""
@@ -216,8 +201,6 @@ class Functions(Structs):
                     types.append("Array")
         if self_ in ONE_THREAD_AT_A_TIME:
             uses.append("const Serial serial(self.serial());")
-        if self.is_edit(function):
-            uses.append("const Edit edit(self);")
         called = f"{name}({', '.join(call)})"
         body = self.body(function, self_, keeps_gil, called, list_of, before, uses, after, outputs, types)
         self.emit(function, self_, arguments, body, types)

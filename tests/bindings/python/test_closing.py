@@ -116,14 +116,36 @@ def test_a_group_in_a_generator_that_another_thread_closes(scene, spring):
 
     generator = changes()
     next(generator)
-    thread = threading.Thread(target=generator.close, daemon=True)
+    thread = threading.Thread(target=generator.close)
     thread.start()
-    thread.join(60)
-    assert not thread.is_alive() and list(scene) == []
-    scene["b"] = spring
+    thread.join()
+    assert list(scene) == ["a"]  # the group is still open, as it is this thread's
+    scene.cancel()
+    assert list(scene) == []
     with scene.change():
-        scene["c"] = spring
-    assert list(scene) == ["b", "c"]
+        scene["b"] = spring
+    assert list(scene) == ["b"]
+
+
+def test_a_group_that_another_thread_would_commit(scene, spring):
+    change, errors = scene.change(), []
+    change.__enter__()
+    scene["a"] = spring
+
+    def other():
+        with scene.change():
+            scene["b"] = spring
+            try:
+                change.__exit__(None, None, None)
+            except fs.StateError as error:
+                errors.append(str(error))
+
+    thread = threading.Thread(target=other)
+    thread.start()
+    thread.join()
+    assert errors == ["a group can only be committed in the thread that has opened it"]
+    scene.commit()
+    assert sorted(scene) == ["a", "b"]
 
 
 def test_a_nested_group_is_refused_by_its_name(scene):

@@ -209,32 +209,12 @@ def test_closing_a_servo_that_steps(scene):
     assert ended == [1]
 
 
-def test_a_closed_scene_ends_those_who_wait_for_its_group(scene):
-    inside, ended = threading.Event(), []
-
-    def waits():
-        inside.wait()
-        with pytest.raises(fs.StateError):
-            scene["a"] = fs.Point()
-        ended.append(1)
-
-    thread = threading.Thread(target=waits)
-    thread.start()
-    scene.begin()
-    inside.set()
-    time.sleep(0.1)
-    scene.close()
-    thread.join(60)
-    assert ended == [1]
-
-
 INTERRUPTED = {
     "next_event": "scene.next_event(1000)",
     "events": "list(scene.events())",
     "sync": "servo = fs.Servo(scene, mode='virtual'); scene['a'] = fs.Point(); scene.sync(1000)",
     "connect": "fs.connect('shm:nobody-there?timeout=1000', 'me')",
     "step": "fs.Servo(scene, mode='virtual').step(10**15)",
-    "group": "scene.begin(); threading.Thread(target=main, daemon=True).start(); time.sleep(1000)",
 }
 
 
@@ -244,15 +224,12 @@ def test_ctrl_c_ends_a_wait(run, wait):
         import os, signal, threading, time
         import forceserver as fs
         scene = fs.Scene()
-        def main():
-            scene["b"] = fs.Point()
         threading.Timer(0.4, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
         start = time.monotonic()
         try:
             {INTERRUPTED[wait]}
         except KeyboardInterrupt:
             assert time.monotonic() - start < 20
-            if "{wait}" == "group": scene.cancel()
             scene["c"] = fs.Point()  # the scene is as good as before
         else:
             raise SystemExit("nothing was raised")
@@ -295,32 +272,6 @@ def test_ctrl_c_ends_the_wait_for_a_device(run, slow_driver):
             fs.Device("slow:")
         except KeyboardInterrupt:
             fs.Device("sim:").close()
-        else:
-            raise SystemExit("nothing was raised")
-    """)
-
-
-def test_ctrl_c_for_one_who_waits_for_a_group(run):
-    run("""
-        import os, signal, threading, time
-        import forceserver as fs
-        scene = fs.Scene()
-        begun, end = threading.Event(), threading.Event()
-        def holder():
-            with scene.change():
-                begun.set()
-                end.wait()
-        thread = threading.Thread(target=holder)
-        thread.start()
-        begun.wait()
-        threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
-        try:
-            scene["a"] = fs.Point()
-        except KeyboardInterrupt:
-            end.set()
-            thread.join()
-            scene["b"] = fs.Point()
-            assert list(scene) == ["b"]
         else:
             raise SystemExit("nothing was raised")
     """)

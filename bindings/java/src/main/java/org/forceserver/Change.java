@@ -1,7 +1,8 @@
 package org.forceserver;
 
 /**
- * A group: several edits of a scene that are felt from one tick on. The edits of other threads wait for its end.
+ * A group: several edits of a scene that are felt from one tick on. It belongs to the thread that opens it; what other threads
+ * change meanwhile goes past it.
  * <pre>{@code
  * try (Change change = scene.change()) {
  *   scene.set(rock);
@@ -12,6 +13,7 @@ package org.forceserver;
  */
 public final class Change implements AutoCloseable {
   private final Scene scene;
+  private final Thread owner = Thread.currentThread();
   private boolean open = true;
 
   Change(Scene scene) {
@@ -21,21 +23,20 @@ public final class Change implements AutoCloseable {
   /** All of it is felt from one tick on. Where that fails nothing is, and close() takes it back. */
   public void commit() {
     if (!open) throw new IllegalStateException("this group is closed");
-    scene.checkOwner();
+    checkOwner();
     scene.call(Native::fs_scene_commit);
     open = false;
-    scene.release();
   }
 
   /** Takes back what was not committed. */
   @Override public void close() {
     if (!open) return;
-    scene.checkOwner();
+    checkOwner();
     open = false;
-    try {
-      scene.cancel();
-    } finally {
-      scene.release();
-    }
+    scene.cancel();
+  }
+
+  private void checkOwner() {
+    if (Thread.currentThread() != owner) throw new IllegalStateException("another thread opened this group");
   }
 }

@@ -7,18 +7,15 @@ import java.util.List;
 import java.util.Objects;
 import java.util.concurrent.CompletableFuture;
 import java.util.concurrent.ExecutionException;
-import java.util.concurrent.locks.ReentrantReadWriteLock;
 import java.util.function.BiFunction;
 
 /**
- * The force-objects of one application, in this process or at a server. Any thread may call anything; while a group
- * ({@link Change}) is open, the edits of other threads wait for its end.
+ * The force-objects of one application, in this process or at a server. Any thread may call anything; a
+ * group ({@link Change}) is of one thread.
  */
 public final class Scene extends Handle {
   private static final Twist STILL = new Twist(new Vec3(0, 0, 0), new Vec3(0, 0, 0));
   private static final double SLICE = 0.1;  // s, after which a wait looks at close() and at an interrupt
-  // Edits share it; a group has it alone.
-  private final ReentrantReadWriteLock group = new ReentrantReadWriteLock();
 
   /** An empty scene in this process. */
   public Scene() {
@@ -76,7 +73,7 @@ public final class Scene extends Handle {
   /** Adds an object, or changes the parts that differ of the one with its name. */
   public void set(ForceObject object) {
     Objects.requireNonNull(object, "object");
-    edit(scene -> {
+    call(scene -> {
       try (Memory.Lent lent = object.memory.lend(object)) {
         return Native.fs_object_set(scene, object);
       }
@@ -101,7 +98,7 @@ public final class Scene extends Handle {
     for (Part part : parts) bits |= part.value();
     int all = bits;
     Objects.requireNonNull(object, "object");
-    edit(scene -> {
+    call(scene -> {
       try (Memory.Lent lent = object.memory.lend(object)) {
         return Native.fs_object_change(scene, object, all);
       }
@@ -122,7 +119,7 @@ public final class Scene extends Handle {
   public void move(String name, Pose pose, Twist twist, double time) {
     Objects.requireNonNull(twist, "twist");
     Value first = Value.scratch(Objects.requireNonNull(pose, "pose")::write, 0), second = Value.scratch(twist::write, 1);
-    edit(scene -> Native.fs_object_move(scene, name, first, second, time));
+    call(scene -> Native.fs_object_move(scene, name, first, second, time));
   }
 
   /**
@@ -136,39 +133,31 @@ public final class Scene extends Handle {
   /** The same: where it is at `time` (s, scene's clock). */
   public void stream(String name, Pose pose, double time) {
     Value value = Value.scratch(Objects.requireNonNull(pose, "pose")::write, 0);
-    edit(scene -> Native.fs_object_move(scene, name, value, null, time));
+    call(scene -> Native.fs_object_move(scene, name, value, null, time));
   }
 
   /** Removes an object; under a servo it fades out. */
   public void remove(String name) {
-    edit(scene -> Native.fs_object_remove(scene, name));
+    call(scene -> Native.fs_object_remove(scene, name));
   }
 
   /** Removes all of the scene's own objects. */
   public void clear() {
-    edit(Native::fs_scene_clear);
+    call(Native::fs_scene_clear);
   }
 
   // ---- Groups
 
   /**
-   * Opens a group; waits for that of another thread. It cannot be nested. Until it is closed, the edits of other threads
-   * wait.
+   * Opens a group of the calling thread; other threads neither see it nor wait for it. It cannot be nested. Not for virtual
+   * threads, as a group belongs to a thread of the operating system. An interrupted thread opens none.
    */
   public Change change() throws InterruptedException {
-    if (group.isWriteLockedByCurrentThread()) throw new IllegalStateException("Scene.change() cannot be nested");
-    group.writeLock().lockInterruptibly();
-    try {
-      call(Native::fs_scene_begin);
-    } catch (RuntimeException e) {
-      group.writeLock().unlock();
-      throw e;
-    }
+    if (Thread.interrupted()) throw new InterruptedException();
+    int status = status(Native::fs_scene_begin);
+    if (status == Status.ERROR_STATE.value()) throw new IllegalStateException("Scene.change() cannot be nested");
+    ForceServerException.check(status);
     return new Change(this);
-  }
-
-  void checkOwner() {
-    if (!group.isWriteLockedByCurrentThread()) throw new IllegalStateException("another thread opened this group");
   }
 
   /** Takes the open group back. A scene that is closed, or whose server is gone, has none any more. */
@@ -180,27 +169,6 @@ public final class Scene extends Handle {
       return;
     }
     if (status != Status.ERROR_DISCONNECTED.value()) ForceServerException.check(status);
-  }
-
-  void release() {
-    group.writeLock().unlock();
-  }
-
-  /** An edit is part of this thread's group, or waits for the end of another thread's; only that wait can be interrupted. */
-  private void edit(Call call) {
-    try {
-      group.readLock().lockInterruptibly();
-    } catch (InterruptedException e) {
-      Thread.currentThread().interrupt();
-      if (!group.readLock().tryLock()) {
-        throw new IllegalStateException("interrupted while another thread had a group of this scene open", e);
-      }
-    }
-    try {
-      call(call);
-    } finally {
-      group.readLock().unlock();
-    }
   }
 
   // ---- Waiting, in slices: an interrupt and close() end it
@@ -250,7 +218,7 @@ public final class Scene extends Handle {
   /** Adds or replaces the objects of a file, and sets frame and tool; all or nothing. */
   public void load(Path file) {
     String path = Objects.requireNonNull(file, "file").toString();
-    edit(scene -> Native.fs_scene_load(scene, path));
+    call(scene -> Native.fs_scene_load(scene, path));
   }
 
   // ---- Frame, clutch, tool
@@ -258,7 +226,7 @@ public final class Scene extends Handle {
   /** Sets the frame between the scene and the device. */
   public void setFrame(Frame frame) {
     Value value = Value.scratch(Objects.requireNonNull(frame, "frame")::write, 0);
-    edit(scene -> Native.fs_scene_set_frame(scene, value));
+    call(scene -> Native.fs_scene_set_frame(scene, value));
   }
 
   /** The frame, as the clutch may have moved it. */
@@ -275,13 +243,13 @@ public final class Scene extends Handle {
 
   /** held: the hand moves, the tool stays and the force of this scene fades out. */
   public void setClutch(boolean held) {
-    edit(scene -> Native.fs_scene_set_clutch(scene, held));
+    call(scene -> Native.fs_scene_set_clutch(scene, held));
   }
 
   /** Sets the tool's points, 1 to 32 (m, frame of the handle). */
   public void setTool(Vec3... points) {
     DoubleBuffer buffer = Buffers.points(points);
-    edit(scene -> Native.fs_scene_set_tool(scene, buffer, points.length));
+    call(scene -> Native.fs_scene_set_tool(scene, buffer, points.length));
   }
 
   /** The tool's points. */
@@ -306,12 +274,12 @@ public final class Scene extends Handle {
 
   /** The error in the force that evaluation may make to be faster, N; 0: exact. */
   public void setAccuracy(double newtons) {
-    edit(scene -> Native.fs_scene_set_accuracy(scene, newtons));
+    call(scene -> Native.fs_scene_set_accuracy(scene, newtons));
   }
 
   /** Bound of the summed slope of overlapping objects, N/m at the device; 0: what the servo can render. */
   public void setMaxStiffness(double stiffness) {
-    edit(scene -> Native.fs_scene_set_max_stiffness(scene, stiffness));
+    call(scene -> Native.fs_scene_set_max_stiffness(scene, stiffness));
   }
 
   /** The scene's clock, s. */
