@@ -65,9 +65,13 @@ std::string missing_value(const std::string& sentence) {
   const std::size_t at = sentence.find(before), end = sentence.rfind(after);
   if (at == sentence.npos || end == sentence.npos || end < at + before.size()) return sentence;
   const std::string type = sentence.substr(at + before.size(), end - at - before.size());
-  const std::pair<const char*, const char*> words[] = {
-      {"SECONDS", "a number of seconds"}, {"HZ", "a number of hertz"}, {"M", "a number of metres"}, {"N", "a number"},
-      {"FILE", "a file"}, {"URI", "the URI of a device"}, {"NAME", "a name"}};
+  const std::pair<const char*, const char*> words[] = {{"SECONDS", "a number of seconds"},
+                                                       {"HZ", "a number of hertz"},
+                                                       {"M", "a number of metres"},
+                                                       {"N", "a number"},
+                                                       {"FILE", "a file"},
+                                                       {"URI", "the URI of a device"},
+                                                       {"NAME", "a name"}};
   for (const auto& [word, meaning] : words) {
     if (type == word) return sentence.substr(0, at) + " needs " + meaning;
   }

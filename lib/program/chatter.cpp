@@ -32,8 +32,8 @@ void Chatter::Axis::add(double time, double x) {
 
 std::pair<double, double> Chatter::Axis::ends() const {
   if (turns.empty()) return {last, last};
-  const auto [least, most] = std::minmax_element(turns.begin(), turns.end(),
-                                                 [](const Turn& a, const Turn& b) { return a.at < b.at; });
+  const auto [least, most] =
+      std::minmax_element(turns.begin(), turns.end(), [](const Turn& a, const Turn& b) { return a.at < b.at; });
   return {least->at, most->at};
 }
 
@@ -49,7 +49,8 @@ std::optional<Chatter::Swing> Chatter::add(std::span<const fs_tick> ticks) {
     const fs_vec3& x = tick.state.pose.position;
     const bool follows = newest_ >= 0 && tick.device == FS_OK && tick.state.time - newest_ < 0.1;
     for (int i = 0; i < 3; ++i) {
-      if (!follows) axes_[i] = {coordinate(x, i), coordinate(x, i), coordinate(x, i), true, {}};  // it jumps when a device comes back
+      if (!follows)
+        axes_[i] = {coordinate(x, i), coordinate(x, i), coordinate(x, i), true, {}};  // it jumps when a device comes back
       else axes_[i].add(tick.state.time, coordinate(x, i));
     }
     newest_ = tick.device == FS_OK ? tick.state.time : -1;

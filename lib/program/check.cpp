@@ -18,9 +18,9 @@ namespace {
 const double far_away = 20;  // radii of the workspace: nobody means such a distance
 
 fs_shape_info describe(fs_shape* shape) {
-  require(fs_shape_build(shape));  // only then it is known whether its parts meet
+  forceserver::throw_on_error(fs_shape_build(shape));  // only then it is known whether its parts meet
   fs_shape_info info = fs_shape_info_init();
-  require(fs_shape_get_info(shape, &info));
+  forceserver::throw_on_error(fs_shape_get_info(shape, &info));
   std::size_t points = 0, triangles = 0;
   fs_shape_get_points(shape, &points);
   fs_shape_get_triangles(shape, &triangles);
@@ -47,7 +47,9 @@ std::vector<double> volumes_of(const fs_shape* shape) {
     while (part[i] != i) i = part[i] = part[part[i]];
     return i;
   };
-  const auto join = [&](uint32_t a, uint32_t b) { part[std::max(first_of(a), first_of(b))] = std::min(first_of(a), first_of(b)); };
+  const auto join = [&](uint32_t a, uint32_t b) {
+    part[std::max(first_of(a), first_of(b))] = std::min(first_of(a), first_of(b));
+  };
   std::map<std::tuple<double, double, double>, uint32_t> places;  // files repeat points
   for (uint32_t i = 0; i < points; ++i) join(i, places.try_emplace({at[i].x, at[i].y, at[i].z}, i).first->second);
   for (std::size_t i = 0; i < 3 * triangles; i += 3) join(corners[i], corners[i + 1]), join(corners[i], corners[i + 2]);
@@ -71,15 +73,17 @@ void note_inward_parts(const std::string& name, const fs_shape* shape) {
   if (inward == volumes.size()) {
     std::printf("its triangles face inwards: its front is inside, as that of a room\n");
   } else {
-    std::printf("the triangles of %zu of its %zu parts face inwards: such a part is a hollow in another that it lies in or "
-                "overlaps, and by itself its front is inside\n", inward, volumes.size());
+    std::printf(
+        "the triangles of %zu of its %zu parts face inwards: such a part is a hollow in another that it lies in or "
+        "overlaps, and by itself its front is inside\n",
+        inward, volumes.size());
   }
 }
 
 // is_sheet: it is solid on both sides and has no profiles, so it needs no inside.
 void check_shape(const std::string& name, const fs_shape* shape, bool is_sheet, Findings& findings) {
   fs_shape_info info = fs_shape_info_init();
-  require(fs_shape_get_info(shape, &info));
+  forceserver::throw_on_error(fs_shape_get_info(shape, &info));
   std::size_t triangles = 0;
   fs_shape_get_triangles(shape, &triangles);
   auto plural = [](std::uint64_t n, const char* one, const char* many) { return n == 1 ? one : many; };
@@ -88,8 +92,8 @@ void check_shape(const std::string& name, const fs_shape* shape, bool is_sheet, 
   const char* const undecided = "so inside and outside are not decided everywhere: the nearest triangle tells the side";
   const bool is_undecided = !info.has_inside && !is_sheet;
   if (info.open_edges > 0 && is_undecided) {
-    findings.add(name, "%llu open %s: the mesh has holes or a border, where front and back meet, %s",
-                 Count(info.open_edges), plural(info.open_edges, "edge", "edges"), undecided);
+    findings.add(name, "%llu open %s: the mesh has holes or a border, where front and back meet, %s", Count(info.open_edges),
+                 plural(info.open_edges, "edge", "edges"), undecided);
   }
   if (info.odd_edges > 0 && is_undecided) {
     findings.add(name, "%llu odd %s: of three or more triangles, or of two that disagree about the front, %s",
@@ -97,8 +101,7 @@ void check_shape(const std::string& name, const fs_shape* shape, bool is_sheet, 
   }
   if (info.has_inside) note_inward_parts(name, shape);
   if (info.degenerate > 0) {
-    findings.add(name, "%llu %s without area", Count(info.degenerate),
-                 plural(info.degenerate, "triangle", "triangles"));
+    findings.add(name, "%llu %s without area", Count(info.degenerate), plural(info.degenerate, "triangle", "triangles"));
   }
   if (triangles > 2000000) {
     findings.add(name, "%zu triangles: it takes seconds until it can be felt, and about %zu MB", triangles,
@@ -110,13 +113,15 @@ void check_shape(const std::string& name, const fs_shape* shape, bool is_sheet, 
   // Mesh files mostly hold single precision: 24 bits.
   const double rounded = far * std::numeric_limits<float>::epsilon() / 2;
   if (across > 0 && rounded > 1e-4 * across) {
-    findings.add(name, "it lies %s from its origin but is only %s across: single precision, as in most files, rounds "
-                 "its points by %s", metres(far).c_str(), metres(across).c_str(), metres(rounded).c_str());
+    findings.add(name,
+                 "it lies %s from its origin but is only %s across: single precision, as in most files, rounds "
+                 "its points by %s",
+                 metres(far).c_str(), metres(across).c_str(), metres(rounded).c_str());
   }
 }
 
 int check_mesh(const CheckOptions& options) {
-  const Shape shape = open<Shape>(fs_shape_load, options.file.c_str(), options.scale);
+  const Shape shape = Shape::load(options.file, options.scale);
   std::printf("%s: ", options.file.c_str());
   const fs_shape_info info = describe(shape.get());
   std::printf("\n");
@@ -149,7 +154,7 @@ const char* const millimetres = "; are its numbers millimetres? Lengths are in m
 // A hand on the wrong side of a surface that encloses all the other one is led back from wherever it is.
 void note_pull(const fs_object& object) {
   fs_shape_info info = fs_shape_info_init();
-  if (object.shape) require(fs_shape_get_info(object.shape, &info));
+  if (object.shape) forceserver::throw_on_error(fs_shape_get_info(object.shape, &info));
   if (!info.has_inside || object.contact.keep != (volume_of(object.shape) < 0 ? FS_KEEP_FRONT : FS_KEEP_BACK)) return;
   std::printf("  note: %s: it keeps the hand inside: from outside it is pulled in with up to %g N, from wherever it is\n",
               object.name, object.contact.limit);
@@ -179,7 +184,7 @@ void check_units(const fs_object& object, Findings& findings) {
 
 void check_size(const std::string& name, const fs_shape* shape, double radius, Findings& findings) {
   fs_shape_info info = fs_shape_info_init();
-  require(fs_shape_get_info(shape, &info));
+  forceserver::throw_on_error(fs_shape_get_info(shape, &info));
   const double across = length(minus(info.upper, info.lower));
   if (across <= 5 * far_away * radius) return;
   findings.add(name, "it is %s across, and the device's workspace %s%s", metres(across).c_str(), metres(2 * radius).c_str(),
@@ -200,13 +205,15 @@ void check_slope(const fs_object& object, const fs_report& report, const fs_serv
   const double slope = report.stiffness_wanted, most = rendered.max_stiffness;
   if (!object.enabled || !std::isfinite(slope)) return;  // a jump is told elsewhere
   if (slope > most) {
-    findings.add(object.name, "its slope of %.4g N/m at the device would shake it when nobody holds it: a servo at %g Hz with "
-                 "a local damping of %.3g N s/m renders %.4g N/m, shared by all that overlap, and reduces it to %.4g N/m", slope,
-                 rate, rendered.damping,
-                 most, report.stiffness_applied);
+    findings.add(object.name,
+                 "its slope of %.4g N/m at the device would shake it when nobody holds it: a servo at %g Hz with "
+                 "a local damping of %.3g N s/m renders %.4g N/m, shared by all that overlap, and reduces it to %.4g N/m",
+                 slope, rate, rendered.damping, most, report.stiffness_applied);
   } else if (report.stiffness_applied < 0.99 * slope) {
-    std::printf("  note: %s: its steepest slope is %.4g N/m at the device; a servo reduces it to %.4g N/m, because what is "
-                "felt at one place shares %.4g N/m\n", object.name, slope, report.stiffness_applied, most);
+    std::printf(
+        "  note: %s: its steepest slope is %.4g N/m at the device; a servo reduces it to %.4g N/m, because what is "
+        "felt at one place shares %.4g N/m\n",
+        object.name, slope, report.stiffness_applied, most);
   }
 }
 
@@ -221,8 +228,8 @@ void check_object(const fs_object& object, const Surroundings& around, Findings&
   const double away = (front_first ? distances.front : distances.back).least;
   const bool is_far = away > far_away * around.workspace.radius;
   // A plane with one force on both sides is a force that is the same everywhere, such as gravity, wherever it lies.
-  const bool is_constant = object.primitive == FS_PRIMITIVE_PLANE &&
-                           std::max(object.front.kind, object.back.kind) <= FS_PROFILE_CONSTANT;
+  const bool is_constant =
+      object.primitive == FS_PRIMITIVE_PLANE && std::max(object.front.kind, object.back.kind) <= FS_PROFILE_CONSTANT;
   if (object.shape) check_size(name, object.shape, around.workspace.radius, findings);
   if (!solid && !profiles) {
     findings.add(name, "it has no profile and is not solid, so it is not felt");
@@ -234,8 +241,8 @@ void check_object(const fs_object& object, const Surroundings& around, Findings&
       findings.add(name, "its force is 0 wherever the hand gets");
     } else if (!is_felt) {
       findings.add(name, "the hand cannot get %s: it is at least %s of the scene away from the device's workspace%s",
-                   has_sides(object) ? "to the side on which it is felt" : "near enough to feel it",
-                   metres(away).c_str(), is_far ? millimetres : "");
+                   has_sides(object) ? "to the side on which it is felt" : "near enough to feel it", metres(away).c_str(),
+                   is_far ? millimetres : "");
     } else if (is_far && !is_constant) {
       findings.add(name, "it is felt although it is at least %s of the scene away from the device's workspace%s",
                    metres(away).c_str(), millimetres);
@@ -250,43 +257,35 @@ void check_object(const fs_object& object, const Surroundings& around, Findings&
   if (limit > force_max) findings.add(name, "its limit of %g N is above the device's %g N", limit, force_max);
   const std::uint32_t points = around.tool_points >= 32 ? ~0u : (1u << around.tool_points) - 1;
   if (object.tool_points != 0 && (object.tool_points & points) == 0) {
-    findings.add(name, "its tool_points select none of the tool's points, of which there are %zu",
-                 around.tool_points);
+    findings.add(name, "its tool_points select none of the tool's points, of which there are %zu", around.tool_points);
   } else if (object.tool_points & ~points) {
     findings.add(name, "its tool_points select points that the tool does not have: it has %zu", around.tool_points);
   }
 }
 
 int check_scene(const CheckOptions& options) {
-  const Scene scene = open<Scene>(fs_scene_create);
-  require(fs_scene_load(scene.get(), options.file.c_str()));
-  const Device device = open<Device>(fs_device_open, options.device.c_str());
-  fs_device_info info = fs_device_info_init();
-  require(fs_device_get_info(device.get(), &info));
-  fs_frame frame = fs_frame_init();
-  require(fs_scene_get_frame(scene.get(), nullptr, &frame));
-  fs_vec3 tool[FS_TOOL_POINTS_MAX];
-  std::size_t tool_points = 0;
-  require(fs_scene_get_tool(scene.get(), tool, std::size(tool), &tool_points));
+  const Scene scene = Scene::create();
+  scene.load(options.file);
+  const Device device = Device::open(options.device);
+  const fs_device_info info = device.get_info();
+  const fs_frame frame = scene.get_frame();
+  const std::vector<fs_vec3> tool = scene.get_tool();
   double tool_length = 0;  // from the handle to its farthest point, m
-  for (std::size_t i = 0; i < tool_points; ++i) tool_length = std::max(tool_length, length(tool[i]));
+  for (const fs_vec3& point : tool) tool_length = std::max(tool_length, length(point));
 
   // One tick of a servo shows which slopes it renders.
   fs_servo_options servo_options = fs_servo_options_init();
   servo_options.mode = FS_SERVO_VIRTUAL;
-  Servo servo = open<Servo>(fs_servo_start, scene.get(), device.get(), &servo_options);
+  Servo servo = Servo::start(scene, device, &servo_options);
   const fs_status status = fs_servo_step(servo.get(), 1);
-  if (status != FS_ERROR_DISCONNECTED) require(status);  // a device behind a link is not ready at once
-  std::size_t count = 0;
-  require(fs_scene_get_reports(scene.get(), nullptr, 0, &count));
-  std::vector<fs_report> reports(count);
-  require(fs_scene_get_reports(scene.get(), reports.data(), count, &count));
-  fs_servo_stats rendered = fs_servo_stats_init();
-  require(fs_scene_get_servo_stats(scene.get(), &rendered));
+  if (status != FS_ERROR_DISCONNECTED) forceserver::throw_on_error(status);  // a device behind a link is not ready at once
+  const std::vector<fs_report> reports = scene.get_reports();
+  const std::size_t count = reports.size();
+  const fs_servo_stats rendered = scene.get_servo_stats();
   servo.reset();  // each reader of an expression has to parse it, which takes longer than anything else here
 
-  std::printf("%s: a scene of %zu %s for a tool of %zu %s; ", options.file.c_str(), count,
-              count == 1 ? "object" : "objects", tool_points, tool_points == 1 ? "point" : "points");
+  std::printf("%s: a scene of %zu %s for a tool of %zu %s; ", options.file.c_str(), count, count == 1 ? "object" : "objects",
+              tool.size(), tool.size() == 1 ? "point" : "points");
   if (frame.scale == 1) std::printf("scale 1:1\n");
   else std::printf("a metre of the device is %s of the scene\n", metres(frame.scale).c_str());
   Findings findings;
@@ -296,11 +295,9 @@ int check_scene(const CheckOptions& options) {
   const fs_vec3 centre = rotate({q.w, -q.x, -q.y, -q.z}, frame.pose.position);
   const double radius = std::hypot(info.workspace_radius, info.workspace_height / 2) * frame.scale + tool_length;
   const Workspace workspace = {{-centre.x * frame.scale, -centre.y * frame.scale, -centre.z * frame.scale}, radius};
-  const Surroundings around = {workspace, info, frame.force_scale, tool_points};
+  const Surroundings around = {workspace, info, frame.force_scale, tool.size()};
   for (const fs_report& report : reports) {
-    fs_object object = fs_object_init("", FS_PRIMITIVE_POINT);
-    require(fs_object_get(scene.get(), report.name, &object));
-    const std::unique_ptr<fs_object, Release<fs_object_release>> released(&object);
+    const forceserver::Object object = scene.object_get(report.name);
     std::printf("%s: ", object.name);
     if (object.shape) describe(object.shape);
     else std::printf("%s", object.primitive == FS_PRIMITIVE_PLANE ? "a plane" : "a point");

@@ -31,7 +31,7 @@ double most(const fs_profile& profile, const Distances& range) {
   if (is_expression(profile)) return profile.gain > 0 ? profile.limit : 0;  // it may depend on time
   double distances[256], forces[256];
   for (int i = 0; i < 256; ++i) distances[i] = range.least + (range.most - range.least) * i / 255;
-  require(fs_profile_evaluate(&profile, 0, 0, distances, 256, forces));
+  forceserver::throw_on_error(fs_profile_evaluate(&profile, 0, 0, distances, 256, forces));
   return *std::max_element(forces, forces + 256);
 }
 
@@ -55,7 +55,7 @@ double force_at(const fs_profile& profile, double distance) {
   double most = 0;
   for (int i = 0; i < times; ++i) {
     double force = 0;
-    require(fs_profile_evaluate(&profile, 0, 0.3141 * i, &distance, 1, &force));
+    forceserver::throw_on_error(fs_profile_evaluate(&profile, 0, 0.3141 * i, &distance, 1, &force));
     most = std::max(most, force);
   }
   return most;
@@ -63,7 +63,7 @@ double force_at(const fs_profile& profile, double distance) {
 
 bool is_closed(const fs_shape* shape) {
   fs_shape_info info = fs_shape_info_init();
-  require(fs_shape_get_info(shape, &info));
+  forceserver::throw_on_error(fs_shape_get_info(shape, &info));
   return info.has_inside;
 }
 
@@ -87,7 +87,7 @@ namespace {
 // No place within a closed mesh is farther from its surface, m.
 double half_of_thickness(const fs_shape* shape) {
   fs_shape_info info = fs_shape_info_init();
-  require(fs_shape_get_info(shape, &info));
+  forceserver::throw_on_error(fs_shape_get_info(shape, &info));
   const fs_vec3 size = minus(info.upper, info.lower);
   return 0.5 * std::min({size.x, size.y, size.z});
 }
@@ -101,7 +101,7 @@ class Strongest {
     for (std::size_t i = 0; i < distances.size(); ++i) {
       distances[i] = range.least + (range.most - range.least) * double(i) / double(distances.size() - 1);
     }
-    require(fs_profile_evaluate(&profile, 0, 0, distances.data(), distances.size(), forces_.data()));
+    forceserver::throw_on_error(fs_profile_evaluate(&profile, 0, 0, distances.data(), distances.size(), forces_.data()));
     if (is_expression(profile)) std::fill(forces_.begin(), forces_.end(), most(profile, range));
     for (std::size_t i = forces_.size() - 1; i-- > 0;) forces_[i] = std::max(forces_[i], forces_[i + 1]);
   }
@@ -131,8 +131,7 @@ void check_jumps(const fs_object& object, const Sides& distances, Findings& find
       findings.add(name, "its force goes on through its surface, so it turns at once at an edge: a jump of up to %.3g N",
                    2 * std::abs(front));
     } else if (jump > faint && sides) {
-      findings.add(name, "its force jumps at its surface, where front and back do not agree: a jump of %.3g N",
-                   jump);
+      findings.add(name, "its force jumps at its surface, where front and back do not agree: a jump of %.3g N", jump);
     } else if (jump > faint) {
       findings.add(name, "its force reverses across its %s: a jump of %.3g N",
                    object.primitive == FS_PRIMITIVE_POINT ? "point" : "line", jump);
@@ -160,8 +159,10 @@ void check_jumps(const fs_object& object, const Sides& distances, Findings& find
                              ? most(object.back, {0, std::min(distances.back.most, half_of_thickness(object.shape))})
                              : strongest;
     if (force > faint) {
-      std::printf("  note: %s: where another of its faces becomes the nearest, as deep inside of it, its force changes "
-                  "its direction: a jump of up to %.3g N\n", name.c_str(), 2 * force);
+      std::printf(
+          "  note: %s: where another of its faces becomes the nearest, as deep inside of it, its force changes "
+          "its direction: a jump of up to %.3g N\n",
+          name.c_str(), 2 * force);
     }
   }
 }
@@ -176,7 +177,7 @@ void check_time(const std::string& name, const fs_profile& profile, const Distan
   using Forces = std::array<double, places>;
   const auto at = [&](double time) {
     Forces forces;
-    require(fs_profile_evaluate(&profile, 0, time, distances, places, forces.data()));
+    forceserver::throw_on_error(fs_profile_evaluate(&profile, 0, time, distances, places, forces.data()));
     return forces;
   };
   const auto change = [](const Forces& a, const Forces& b) {
@@ -224,7 +225,8 @@ void check_senses(const fs_object& object, const Sides& distances, Findings& fin
   const bool is_room = object.primitive == FS_PRIMITIVE_MESH && is_closed(object.shape) && volume_of(object.shape) < 0;
   const bool pulls = front && object.front.sense == FS_SENSE_ATTRACTIVE && grows_without_end(object.front);
   if (sides && pulls && !back && !is_room) {
-    findings.add(name, "it pulls the hand towards it from everywhere in front, harder with the distance; for a wall "
+    findings.add(name,
+                 "it pulls the hand towards it from everywhere in front, harder with the distance; for a wall "
                  "use \"back\" with sense attractive");
   }
   if (front && object.front.sense == FS_SENSE_REPULSIVE && grows_without_end(object.front)) {
@@ -252,8 +254,10 @@ void check_pull(const fs_object& object, const Distances& range, double force_ma
     from = distance;
   }
   if (from > range.least + (range.most - range.least) / 4) return;
-  findings.add(object.name, "it pulls the hand with %.3g N or more from everywhere beyond %s: give it a smaller limit, "
-               "or a force that falls with the distance", least, metres(from).c_str());
+  findings.add(object.name,
+               "it pulls the hand with %.3g N or more from everywhere beyond %s: give it a smaller limit, "
+               "or a force that falls with the distance",
+               least, metres(from).c_str());
 }
 
 }  // namespace
@@ -272,7 +276,7 @@ Sides distances_of(const fs_object& object, const Workspace& workspace) {
   double distance = length(centre);
   if (object.shape) {
     fs_shape_info info = fs_shape_info_init();
-    require(fs_shape_get_info(object.shape, &info));
+    forceserver::throw_on_error(fs_shape_get_info(object.shape, &info));
     distance = length({std::max({info.lower.x - centre.x, 0.0, centre.x - info.upper.x}),
                        std::max({info.lower.y - centre.y, 0.0, centre.y - info.upper.y}),
                        std::max({info.lower.z - centre.z, 0.0, centre.z - info.upper.z})});

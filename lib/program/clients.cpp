@@ -21,9 +21,8 @@ std::vector<std::string> table(const std::vector<fs_client>& list, double now) {
 
 int list_clients(const ClientsOptions& options) {
   const Scene scene = connect(options.server, "clients");
-  const std::vector<fs_client> list = other_clients(scene.get());
-  double now = 0;
-  require(fs_scene_get_time(scene.get(), &now));
+  const std::vector<fs_client> list = other_clients(scene);
+  const double now = scene.get_time();
   if (options.json) {
     Json entries = Json::array();
     for (const fs_client& client : list) entries.push_back(to_json(client, now));

@@ -8,16 +8,6 @@
 
 namespace {
 
-std::vector<fs_device_entry> all_devices() {
-  std::vector<fs_device_entry> list(64);
-  for (std::size_t count = 0;; list.resize(count)) {
-    require(fs_device_list(list.data(), list.size(), &count));
-    if (count > list.size()) continue;
-    list.resize(count);
-    return list;
-  }
-}
-
 // The names of the first `count` axes, such as "x, y, z".
 std::string axes(std::uint32_t count) {
   const std::vector<std::string> all{"x", "y", "z"};
@@ -34,12 +24,10 @@ std::vector<std::string> to_text(const fs_device_info& info) {
   lines.push_back(format("name        %s%s%s", info.name, *info.serial ? ", serial " : "", info.serial));
   lines.push_back(format("workspace   a cylinder about z: %g mm in radius, %g mm high, with the origin at its centre; ",
                          info.workspace_radius * 1e3, info.workspace_height * 1e3) +
-                  (degrees > 0 ? format("the handle rotates %.0f degrees each way", degrees)
-                               : "the handle does not rotate"));
+                  (degrees > 0 ? format("the handle rotates %.0f degrees each way", degrees) : "the handle does not rotate"));
   lines.push_back("force       " + most("along", info.force_axes, info.force_max, "N"));
   lines.push_back("torque      " + most("about", info.torque_axes, info.torque_max, "N m"));
-  lines.push_back(format("rate        %g Hz; %g ms from pose to force, in addition to the period", info.rate,
-                         info.delay * 1e3));
+  lines.push_back(format("rate        %g Hz; %g ms from pose to force, in addition to the period", info.rate, info.delay * 1e3));
   lines.push_back("resolution  " + (info.resolution > 0 ? format("%g um", info.resolution * 1e6) : "not quantised"));
   lines.push_back("moving      " + (info.mass > 0 ? format("%g kg", info.mass) : "mass unknown") +
                   format(", %g N s/m of damping", info.damping));
@@ -78,11 +66,11 @@ void add(const fs_device_entry& entry, bool as_json, Json& list) {
   if (!as_json) std::printf("%s  %s\n", entry.uri, entry.label);
   fs_device_info info = fs_device_info_init();
   try {
-    const Device device = open<Device>(fs_device_open, entry.uri);
-    require(fs_device_get_info(device.get(), &info));
-  } catch (const Failure& failure) {
+    const Device device = Device::open(entry.uri);
+    info = device.get_info();
+  } catch (const Error& failure) {
     if (!as_json) std::printf("    cannot be opened now: %s\n", failure.what());
-    listed["status"] = fs_status_name(failure.status);
+    listed["status"] = fs_status_name(failure.status());
     listed["error"] = failure.what();
     list.push_back(listed);
     return;
@@ -99,7 +87,7 @@ void add(const fs_device_entry& entry, bool as_json, Json& list) {
 int devices(const DevicesOptions& options) {
   load_driver(options.driver);
   Json list = Json::array();
-  for (const fs_device_entry& entry : all_devices()) add(entry, options.json, list);
+  for (const fs_device_entry& entry : forceserver::device_list()) add(entry, options.json, list);
   if (options.json) std::puts(dump({{"devices", list}}, 2).c_str());
   write_out();
   return exit_fine;

@@ -63,14 +63,12 @@ class Progress {
 };
 
 // Says which objects have a contact that a point without memory does not feel.
-void tell_contacts(fs_scene* scene, const std::string& only) {
-  for (const fs_report& report : get_list(fs_scene_get_reports, scene)) {
+void tell_contacts(const Scene& scene, const std::string& only) {
+  for (const fs_report& report : scene.get_reports()) {
     if (!only.empty() && only != report.name) continue;
-    fs_object object = fs_object_init("", FS_PRIMITIVE_POINT);
-    require(fs_object_get(scene, report.name, &object));
-    const std::unique_ptr<fs_object, Release<fs_object_release>> released(&object);
+    const forceserver::Object object = scene.object_get(report.name);
     fs_shape_info info = fs_shape_info_init();
-    if (object.shape) require(fs_shape_get_info(object.shape, &info));
+    if (object.shape) forceserver::throw_on_error(fs_shape_get_info(object.shape, &info));
     const bool is_open = object.shape && !info.has_inside;
     const bool is_left_out = object.contact.keep == FS_KEEP_EITHER || (object.contact.keep != FS_KEEP_NONE && is_open);
     if (!object.enabled || !is_left_out) continue;
@@ -83,10 +81,10 @@ void tell_contacts(fs_scene* scene, const std::string& only) {
 
 int evaluate(const EvaluateOptions& options) {
   const double begin = 1;  // s: a scene's time must be above 0; the objects of the scene start at this time
-  const Scene scene = open<Scene>(fs_scene_create);
-  require(fs_scene_set_time(scene.get(), begin));
-  require(fs_scene_load(scene.get(), options.scene.c_str()));
-  require(fs_scene_set_time(scene.get(), begin + options.time));
+  const Scene scene = Scene::create();
+  scene.set_time(begin);
+  scene.load(options.scene);
+  scene.set_time(begin + options.time);
 
   std::ifstream file;
   if (options.input != "-") {
@@ -105,7 +103,7 @@ int evaluate(const EvaluateOptions& options) {
   auto flush = [&] {
     forces.resize(positions.size());
     const char* const object = options.object.empty() ? nullptr : options.object.c_str();
-    require(fs_evaluate_field(scene.get(), object, FS_NOW, positions.data(), positions.size(), forces.data()));
+    scene.evaluate_field(object, FS_NOW, positions.data(), positions.size(), forces.data());
     if (!has_header) require_written(std::puts("x,y,z,fx,fy,fz") >= 0);
     has_header = true;
     for (std::size_t i = 0; i < positions.size(); ++i) {
@@ -143,6 +141,6 @@ int evaluate(const EvaluateOptions& options) {
   if (in.bad()) throw std::runtime_error("cannot read " + options.input + ": " + std::strerror(errno));
   flush();
   require_written(std::fflush(stdout) == 0);
-  tell_contacts(scene.get(), options.object);
+  tell_contacts(scene, options.object);
   return exit_fine;
 }

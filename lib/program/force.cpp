@@ -8,9 +8,8 @@ namespace {
 
 int resume_force(const std::string& server) {
   const Scene scene = connect(server, "resume");
-  fs_servo_stats before = fs_servo_stats_init();
-  require(fs_scene_get_servo_stats(scene.get(), &before));
-  require(fs_scene_resume_force(scene.get()));
+  const fs_servo_stats before = scene.get_servo_stats();
+  scene.resume_force();
   const bool was_stopped = !before.enabled || before.faults;
   std::printf(was_stopped ? "the force at %s returns\n" : "the force at %s was not stopped\n", full_endpoint(server).c_str());
   write_out();
@@ -19,8 +18,9 @@ int resume_force(const std::string& server) {
 
 int stop_force(const std::string& server) {
   const Scene scene = connect(server, "stop");
-  require(fs_scene_stop_force(scene.get()));
-  std::printf("the force at %s has ended; `forceserver resume %s` lets it return\n", full_endpoint(server).c_str(), server.c_str());
+  scene.stop_force();
+  std::printf("the force at %s has ended; `forceserver resume %s` lets it return\n", full_endpoint(server).c_str(),
+              server.c_str());
   write_out();
   return exit_fine;
 }

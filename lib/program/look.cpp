@@ -33,15 +33,16 @@ std::string full_endpoint(const std::string& server) {
 
 Scene connect(const std::string& server, const char* kind) {
   const std::string endpoint = full_endpoint(server);
-  fs_scene* scene = nullptr;
-  const fs_status status = fs_scene_connect(endpoint.c_str(), client_name(kind).c_str(), &scene);
-  if (status == FS_ERROR_NOT_FOUND) throw std::runtime_error(nobody_at(endpoint));
-  require(status);
-  return Scene(scene);
+  try {
+    return Scene::connect(endpoint, client_name(kind));
+  } catch (const Error& failure) {
+    if (failure.status() == FS_ERROR_NOT_FOUND) throw std::runtime_error(nobody_at(endpoint));
+    throw;
+  }
 }
 
-std::vector<fs_client> other_clients(fs_scene* scene) {
-  std::vector<fs_client> list = get_list(fs_scene_get_clients, scene);
+std::vector<fs_client> other_clients(const Scene& scene) {
+  std::vector<fs_client> list = scene.get_clients();
   std::erase_if(list, [](const fs_client& client) {
     return client.process == std::uint32_t(getpid()) &&
            (client.name == client_name("watch") || client.name == client_name("clients"));
@@ -49,17 +50,15 @@ std::vector<fs_client> other_clients(fs_scene* scene) {
   return list;
 }
 
-Look take_look(fs_scene* scene, const std::string& endpoint) {
+Look take_look(const Scene& scene, const std::string& endpoint) {
   Look look{};
   look.endpoint = endpoint;
-  look.device = fs_device_info_init();
-  look.servo = fs_servo_stats_init();
-  require(fs_scene_get_device_info(scene, &look.device));
-  require(fs_scene_get_time(scene, &look.time));
-  require(fs_scene_get_hand(scene, &look.hand, &look.response, &look.sent));
-  require(fs_scene_get_servo_stats(scene, &look.servo));
+  look.device = scene.get_device_info();
+  look.time = scene.get_time();
+  scene.get_hand(&look.hand, &look.response, &look.sent);
+  look.servo = scene.get_servo_stats();
   look.clients = other_clients(scene);
-  look.objects = get_list(fs_scene_get_reports, scene);
+  look.objects = scene.get_reports();
   return look;
 }
 
@@ -75,6 +74,5 @@ Rates rates_of(const fs_client& client, const Look& now, const Look& before) {
 }
 
 Ticks ticks_of(const Look& now, const Look& before) {
-  return {now.servo.ticks - before.servo.ticks, now.servo.misses - before.servo.misses,
-          now.servo.guarded - before.servo.guarded};
+  return {now.servo.ticks - before.servo.ticks, now.servo.misses - before.servo.misses, now.servo.guarded - before.servo.guarded};
 }

@@ -34,15 +34,15 @@ std::string full_endpoint(const std::string& server);
 int at_server(const std::string& server, auto&& look) {
   try {
     return look();
-  } catch (const Failure& failure) {
-    if (failure.status != FS_ERROR_DISCONNECTED) throw;
+  } catch (const Error& failure) {
+    if (failure.status() != FS_ERROR_DISCONNECTED) throw;
     std::fprintf(stderr, "forceserver: the server at %s has gone\n", full_endpoint(server).c_str());
     return exit_odd;
   }
 }
 
-Look take_look(fs_scene* scene, const std::string& endpoint);
-std::vector<fs_client> other_clients(fs_scene* scene);
+Look take_look(const Scene& scene, const std::string& endpoint);
+std::vector<fs_client> other_clients(const Scene& scene);
 
 Rates rates_of(const fs_client& client, const Look& now, const Look& before);
 Ticks ticks_of(const Look& now, const Look& before);

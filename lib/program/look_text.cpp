@@ -51,8 +51,8 @@ std::vector<std::string> head(const Look& now, const Look& before) {
   const std::string stopped =
       s.enabled ? "" : "no force: it was stopped; `forceserver resume " + name_of(now.endpoint) + "` lets it return; ";
   lines.push_back("servo  " + stopped + "faults: " + fault_names(s.faults) +
-                  format("; %.0f Hz, late p99 %.0f us, max %.0f us; %llu of %llu ticks missed", s.rate,
-                         s.late_p99 * 1e6, s.late_max * 1e6, Count(ticks.missed), Count(ticks.all)));
+                  format("; %.0f Hz, late p99 %.0f us, max %.0f us; %llu of %llu ticks missed", s.rate, s.late_p99 * 1e6,
+                         s.late_max * 1e6, Count(ticks.missed), Count(ticks.all)));
   return lines;
 }
 
@@ -60,8 +60,8 @@ std::vector<std::string> client_lines(const Look& now, const Look& before) {
   Table table({"client", "objects", "force N", "moves/s", "changes/s", "refused", "limited"});
   for (const fs_client& client : now.clients) {
     const Rates rates = rates_of(client, now, before);
-    table.add({client.name, std::to_string(client.objects), format("%.2f", length(client.wrench.force)),
-               rate(rates.moves), rate(rates.changes), std::to_string(client.refused), std::to_string(client.limited)});
+    table.add({client.name, std::to_string(client.objects), format("%.2f", length(client.wrench.force)), rate(rates.moves),
+               rate(rates.changes), std::to_string(client.refused), std::to_string(client.limited)});
   }
   return table.lines();
 }
@@ -71,9 +71,8 @@ std::vector<std::string> object_lines(const Look& now) {
   for (const fs_report& report : now.objects) {
     const bool is_near = std::isfinite(report.distance);
     table.add({report.name, word_of(fs_primitive_name(report.primitive)), state(report), format("%.2f", report.weight),
-               is_near ? format("%.1f", report.distance * 1e3) : "-",
-               is_near ? format("%.2f", length(report.wrench.force)) : "-", stiffness(report),
-               report.shares_with});
+               is_near ? format("%.1f", report.distance * 1e3) : "-", is_near ? format("%.2f", length(report.wrench.force)) : "-",
+               stiffness(report), report.shares_with});
   }
   return table.lines();
 }

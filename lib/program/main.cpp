@@ -146,21 +146,26 @@ void require_once(const char* command, const std::string& first, const std::stri
 }  // namespace
 
 int main(int argc, char** argv) {
-  const CLI::Validator above_zero([](const std::string& text) {
-    double value = 0;
-    return CLI::detail::lexical_cast(text, value) && value > 0 ? "" : text + " is not a number above 0";
-  }, "");
-  const CLI::Validator not_negative([](const std::string& text) {
-    double value = 0;
-    return CLI::detail::lexical_cast(text, value) && value >= 0 ? "" : text + " is not a number of 0 or more";
-  }, "");
+  const CLI::Validator above_zero(
+      [](const std::string& text) {
+        double value = 0;
+        return CLI::detail::lexical_cast(text, value) && value > 0 ? "" : text + " is not a number above 0";
+      },
+      "");
+  const CLI::Validator not_negative(
+      [](const std::string& text) {
+        double value = 0;
+        return CLI::detail::lexical_cast(text, value) && value >= 0 ? "" : text + " is not a number of 0 or more";
+      },
+      "");
   CLI::App app("Describe what should be felt; a servo renders it at 1 kHz and more.", "forceserver");
   app.formatter(std::make_shared<Usage>());
   app.set_version_flag("--version", std::string("forceserver ") + fs_version());
   app.require_subcommand(1);
-  app.footer("Each command has its own help with examples: forceserver run --help\n"
-             "Exit status: 0 all is well; 1 something is odd (check), a fault happened (run) or the server has gone\n"
-             "(clients, watch, stop, resume); 2 the command failed");
+  app.footer(
+      "Each command has its own help with examples: forceserver run --help\n"
+      "Exit status: 0 all is well; 1 something is odd (check), a fault happened (run) or the server has gone\n"
+      "(clients, watch, stop, resume); 2 the command failed");
 
   RunOptions run_options;
   CLI::App* run_command = app.add_subcommand("run", "Run a scene on a device");
@@ -181,11 +186,11 @@ int main(int argc, char** argv) {
       ->check(above_zero);
   run_option("--record", run_options.record, "FILE", "Write every tick to this .csv file");
   CLI::Option* listen =
-      run_option("--listen", run_options.listen, "NAME",
-                 "Let other programs connect; NAME lab is the endpoint shm:lab")
+      run_option("--listen", run_options.listen, "NAME", "Let other programs connect; NAME lab is the endpoint shm:lab")
           ->check([](const std::string& name) { return name.empty() ? "its name is empty" : std::string(); });
   run_option("--client-force", run_options.client_force, "N", "The largest force of a client; without it the servo's")
-      ->check(above_zero)->needs(listen);
+      ->check(above_zero)
+      ->needs(listen);
   run_command->add_flag("--locked", run_options.locked, "Each client may change its own objects only")->needs(listen);
   run_command->add_flag("--no-stop", run_options.no_stop, "No client may end the force")->needs(listen);
   run_command->add_flag("--all-users", run_options.all_users, "Also let in programs of other users of this machine")
@@ -203,9 +208,12 @@ int main(int argc, char** argv) {
   CLI::App* watch_command = app.add_subcommand("watch", "Watch a server: the hand, the clients, what is felt");
   watch_command->add_option("server", watch_options.server, server_help)->type_name("");
   watch_command->add_option("--interval", watch_options.interval, "The time between two looks")
-      ->type_name("SECONDS")->check(CLI::Range(0.01, 86400.0).description(""))->capture_default_str();
+      ->type_name("SECONDS")
+      ->check(CLI::Range(0.01, 86400.0).description(""))
+      ->capture_default_str();
   watch_command->add_option("--count", watch_options.count, "The number of looks; without it until Ctrl-C")
-      ->type_name("N")->check(CLI::Range(1u, 1000000000u).description(""));
+      ->type_name("N")
+      ->check(CLI::Range(1u, 1000000000u).description(""));
   watch_command->add_flag("--json", watch_options.json, "Print each look as a JSON object on one line");
   watch_command->footer(watch_help);
 
@@ -221,12 +229,14 @@ int main(int argc, char** argv) {
 
   CheckOptions check_options;
   CLI::App* check_command = app.add_subcommand("check", "Describe a scene or mesh and report what is odd in it");
-  check_command->add_option("file", check_options.file, "A scene (.json) or a mesh (.obj .ply .stl .off)")
-      ->type_name("");
+  check_command->add_option("file", check_options.file, "A scene (.json) or a mesh (.obj .ply .stl .off)")->type_name("");
   check_command->add_option("--scale", check_options.scale, "For a mesh: metres per unit of the file")
-      ->type_name("M")->check(above_zero)->capture_default_str();
+      ->type_name("M")
+      ->check(above_zero)
+      ->capture_default_str();
   check_command->add_option("--device", check_options.device, "For a scene: the device on which it will run")
-      ->type_name("URI")->capture_default_str();
+      ->type_name("URI")
+      ->capture_default_str();
   check_command->add_option("--driver", check_options.driver, driver_help)->type_name("FILE");
   check_command->footer(check_help);
 
@@ -234,13 +244,16 @@ int main(int argc, char** argv) {
   CLI::App* evaluate_command = app.add_subcommand("evaluate", "The forces of a scene at given positions");
   evaluate_command->add_option("scene", evaluate_options.scene, "The scene, a .json file")->type_name("");
   evaluate_command->add_option("positions", evaluate_options.input, "A file of positions; - is the standard input")
-      ->type_name("")->capture_default_str();
+      ->type_name("")
+      ->capture_default_str();
   evaluate_command->add_option("--scene", scene_option, "The scene; then the only argument is the file of positions")
       ->type_name("FILE");
   evaluate_command->add_option("--object", evaluate_options.object, "Only the forces of this object; without it of all")
       ->type_name("NAME");
   evaluate_command->add_option("--time", evaluate_options.time, "The time since the scene began")
-      ->type_name("SECONDS")->check(not_negative)->capture_default_str();
+      ->type_name("SECONDS")
+      ->check(not_negative)
+      ->capture_default_str();
   evaluate_command->footer(evaluate_help);
 
   DevicesOptions devices_options;

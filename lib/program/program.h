@@ -1,55 +1,22 @@
-// What the commands of the program share: handles that release themselves, and errors as exceptions.
+// What the commands of the program share.
 #pragma once
 
 #include <cmath>
-#include <memory>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
 #include <forceserver/driver.h>
-#include <forceserver/forceserver.h>
+#include <forceserver/forceserver.hpp>
+
+using forceserver::Device;
+using forceserver::Error;
+using forceserver::Scene;
+using forceserver::Servo;
+using forceserver::Server;
+using forceserver::Shape;
 
 // Exit codes: all is well; the scene or the run has something odd; it could not be done.
 enum { exit_fine = 0, exit_odd = 1, exit_failed = 2 };
-
-template <auto release>
-struct Release {
-  void operator()(auto* handle) const { release(handle); }
-};
-using Scene = std::unique_ptr<fs_scene, Release<fs_scene_destroy>>;
-using Shape = std::unique_ptr<fs_shape, Release<fs_shape_destroy>>;
-using Device = std::unique_ptr<fs_device, Release<fs_device_close>>;
-using Servo = std::unique_ptr<fs_servo, Release<fs_servo_stop>>;
-using Server = std::unique_ptr<fs_server, Release<fs_server_stop>>;
-
-struct Failure : std::runtime_error {
-  explicit Failure(fs_status why) : std::runtime_error(fs_last_error()), status(why) {}
-  fs_status status;
-};
-inline void require(fs_status status) {
-  if (status < 0) throw Failure(status);
-}
-
-// open<Device>(fs_device_open, "sim:") calls the function, which returns the handle through its last parameter.
-template <class Handle, class... Parameters, class... Arguments>
-Handle open(fs_status (*function)(Parameters...), Arguments... arguments) {
-  typename Handle::pointer handle = nullptr;
-  require(function(arguments..., &handle));
-  return Handle(handle);
-}
-
-// get_list(fs_scene_get_reports, scene) returns a whole list, also when the list grows meanwhile.
-template <class Entry>
-std::vector<Entry> get_list(fs_status (*function)(fs_scene*, Entry*, std::size_t, std::size_t*), fs_scene* scene) {
-  std::vector<Entry> list(64);
-  for (std::size_t count = 0;; list.resize(count + 64)) {
-    require(function(scene, list.data(), list.size(), &count));
-    if (count > list.size()) continue;
-    list.resize(count);
-    return list;
-  }
-}
 
 inline double length(const fs_vec3& v) { return std::hypot(v.x, v.y, v.z); }
 inline fs_vec3 minus(const fs_vec3& a, const fs_vec3& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
@@ -61,7 +28,7 @@ inline fs_vec3 rotate(const fs_quat& q, const fs_vec3& v) {
 
 // file: the library of a device driver of one's own; empty: none.
 inline void load_driver(const std::string& file) {
-  if (!file.empty()) require(fs_driver_load(file.c_str()));
+  if (!file.empty()) forceserver::throw_on_error(fs_driver_load(file.c_str()));
 }
 
 struct RunOptions {

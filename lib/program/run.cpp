@@ -31,9 +31,9 @@ class NewTicks {
  public:
   std::span<const fs_tick> fetch(fs_servo* servo) {  // those since the last call
     std::size_t count = 0;
-    require(fs_servo_get_record(servo, nullptr, 0, &count));
+    forceserver::throw_on_error(fs_servo_get_record(servo, nullptr, 0, &count));
     ticks_.resize(count + 1000);  // room for the ticks that come meanwhile
-    require(fs_servo_get_record(servo, ticks_.data(), ticks_.size(), &count));
+    forceserver::throw_on_error(fs_servo_get_record(servo, ticks_.data(), ticks_.size(), &count));
     ticks_.resize(std::min(count, ticks_.size()));
     auto is_last = [&](const fs_tick& tick) { return any_ && std::memcmp(&tick, &last_, sizeof tick) == 0; };
     const auto seen = std::find_if(ticks_.rbegin(), ticks_.rend(), is_last);
@@ -58,8 +58,10 @@ class Record {
  public:
   explicit Record(const std::string& path) : path_(path), file_(std::fopen(path.c_str(), "w")) {
     if (!file_) fail();
-    std::fputs("time,x,y,z,qw,qx,qy,qz,fx,fy,fz,sent_fx,sent_fy,sent_fz,late,compute,faults,tx,ty,tz,"
-               "sent_tx,sent_ty,sent_tz,buttons\n", file_);
+    std::fputs(
+        "time,x,y,z,qw,qx,qy,qz,fx,fy,fz,sent_fx,sent_fy,sent_fz,late,compute,faults,tx,ty,tz,"
+        "sent_tx,sent_ty,sent_tz,buttons\n",
+        file_);
   }
   Record(const Record&) = delete;
   Record& operator=(const Record&) = delete;
@@ -91,10 +93,13 @@ class Record {
 };
 
 std::string protection_names(std::uint32_t off) {
-  const std::pair<std::uint32_t, const char*> all[] = {
-    {FS_OFF_SLEW, "limit of the change in force"}, {FS_OFF_SPEED, "limit of the hand's speed"},
-    {FS_OFF_STIFFNESS, "limit of the slope"}, {FS_OFF_DAMPING, "local damping"}, {FS_OFF_RAMP, "ramp at the start"},
-    {FS_OFF_FADE, "fading in and out"}, {FS_OFF_BLEND, "blending of moves"}};
+  const std::pair<std::uint32_t, const char*> all[] = {{FS_OFF_SLEW, "limit of the change in force"},
+                                                       {FS_OFF_SPEED, "limit of the hand's speed"},
+                                                       {FS_OFF_STIFFNESS, "limit of the slope"},
+                                                       {FS_OFF_DAMPING, "local damping"},
+                                                       {FS_OFF_RAMP, "ramp at the start"},
+                                                       {FS_OFF_FADE, "fading in and out"},
+                                                       {FS_OFF_BLEND, "blending of moves"}};
   std::vector<std::string> names;
   for (const auto& [bit, name] : all) {
     if (off & bit) names.push_back(name);
@@ -111,18 +116,11 @@ const char* realtime_name(fs_realtime realtime) {
   }
 }
 
-fs_servo_stats get_stats(fs_scene* scene) {
-  fs_servo_stats stats = fs_servo_stats_init();
-  require(fs_scene_get_servo_stats(scene, &stats));
-  return stats;
-}
-
 // The objects that are felt most, with their forces.
-std::string felt(fs_scene* scene) {
-  std::vector<fs_report> reports = get_list(fs_scene_get_reports, scene);
-  std::sort(reports.begin(), reports.end(), [](const fs_report& a, const fs_report& b) {
-    return length(a.wrench.force) > length(b.wrench.force);
-  });
+std::string felt(const Scene& scene) {
+  std::vector<fs_report> reports = scene.get_reports();
+  std::sort(reports.begin(), reports.end(),
+            [](const fs_report& a, const fs_report& b) { return length(a.wrench.force) > length(b.wrench.force); });
   std::vector<std::string> names;
   for (const fs_report& report : reports) {
     const double force = length(report.wrench.force);
@@ -157,9 +155,8 @@ class Culprit {
     if (strongest != felt_.end() && strongest->second.change > 0.01) {
       return format("changes most: %s, by %.2f N", strongest->first.c_str(), strongest->second.change);
     }
-    const auto nearest = std::min_element(reports.begin(), reports.end(), [](const fs_report& a, const fs_report& b) {
-      return a.distance < b.distance;
-    });
+    const auto nearest = std::min_element(reports.begin(), reports.end(),
+                                          [](const fs_report& a, const fs_report& b) { return a.distance < b.distance; });
     if (nearest != reports.end() && std::isfinite(nearest->distance)) {
       return format("nearest: %s, %.1f mm away", nearest->name, nearest->distance * 1e3);
     }
@@ -178,17 +175,19 @@ class Culprit {
 // Says that the hand chatters when it begins to, and again every 5 s as long as it goes on.
 class ChatterReport {
  public:
-  void add(fs_scene* scene, std::span<const fs_tick> ticks, double time, bool terminal) {  // time: s
-    const std::vector<fs_report> reports = get_list(fs_scene_get_reports, scene);
+  void add(const Scene& scene, std::span<const fs_tick> ticks, double time, bool terminal) {  // time: s
+    const std::vector<fs_report> reports = scene.get_reports();
     culprit_.add(reports);
     const std::optional<Chatter::Swing> swing = chatter_.add(ticks);
     if (!swing || time < next_) return;
     next_ = time + 5;
     any_ = true;
     const fs_vec3& x = swing->place;
-    std::printf("%s%.1f s  the hand chatters: %.0f times a second, %.2g mm from end to end, about (%.0f, %.0f, %.0f) "
-                "mm of the device; %s\n", terminal ? "\r\033[K" : "", time, swing->frequency, swing->size * 1e3, std::round(x.x * 1e3) + 0.0,
-                std::round(x.y * 1e3) + 0.0, std::round(x.z * 1e3) + 0.0, culprit_.describe(reports).c_str());
+    std::printf(
+        "%s%.1f s  the hand chatters: %.0f times a second, %.2g mm from end to end, about (%.0f, %.0f, %.0f) "
+        "mm of the device; %s\n",
+        terminal ? "\r\033[K" : "", time, swing->frequency, swing->size * 1e3, std::round(x.x * 1e3) + 0.0,
+        std::round(x.y * 1e3) + 0.0, std::round(x.z * 1e3) + 0.0, culprit_.describe(reports).c_str());
     std::fflush(stdout);
   }
   bool any() const { return any_; }
@@ -204,7 +203,7 @@ class ChatterReport {
 class News {
  public:
   // listen: as print_line has it.
-  News(fs_scene* scene, const std::string& listen, bool terminal)
+  News(const Scene& scene, const std::string& listen, bool terminal)
       : scene_(scene), return_(listen.empty() ? "start again" : "`forceserver resume " + listen + "` lets it return"),
         terminal_(terminal) {}
 
@@ -225,7 +224,7 @@ class News {
 
  private:
   bool next(fs_event& event) {
-    require(fs_scene_next_event(scene_, 0, &event));
+    event = scene_.next_event(0);
     return event.kind != FS_EVENT_NONE;
   }
 
@@ -255,7 +254,7 @@ class News {
     bounds_.clear();
   }
 
-  fs_scene* scene_;
+  const Scene& scene_;
   std::string return_;  // how the force returns after a fault that stays
   bool terminal_;
   std::map<std::string, std::string> bounds_;  // by the name of the object, what is to be told
@@ -264,10 +263,10 @@ class News {
 };
 
 // listen: the server's name; empty: none. asks: a person can press Enter.
-void print_line(fs_scene* scene, double time, const std::string& listen, bool asks, bool terminal) {
-  const fs_servo_stats stats = get_stats(scene);
+void print_line(const Scene& scene, double time, const std::string& listen, bool asks, bool terminal) {
+  const fs_servo_stats stats = scene.get_servo_stats();
   fs_wrench sent;
-  require(fs_scene_get_hand(scene, nullptr, nullptr, &sent));
+  scene.get_hand(nullptr, nullptr, &sent);
   std::string line = format("%.1f s  %.0f Hz, late by %.0f us (p99), force %.2f N; felt%s: ", time, stats.rate,
                             stats.late_p99 * 1e6, length(sent.force), !listen.empty() ? " of its own objects" : "") +
                      felt(scene);
@@ -300,8 +299,7 @@ void print_summary(const fs_servo_stats& s, double seconds, std::uint32_t faults
               double(s.ticks) / seconds, Count(s.misses), Count(s.device_errors));
   std::printf("late    p50 %.0f us, p99 %.0f us, max %.0f us (last 10 s)\n", s.late_p50 * 1e6, s.late_p99 * 1e6,
               s.late_max * 1e6);
-  std::printf("compute p50 %.1f us, p99 %.1f us, max %.1f us\n", s.compute_p50 * 1e6, s.compute_p99 * 1e6,
-              s.compute_max * 1e6);
+  std::printf("compute p50 %.1f us, p99 %.1f us, max %.1f us\n", s.compute_p50 * 1e6, s.compute_p99 * 1e6, s.compute_max * 1e6);
   if (std::isfinite(s.max_stiffness)) std::printf("slopes up to %.0f N/m, ", s.max_stiffness);
   std::printf("local damping %.1f N s/m, energy given to the hand %.3g J; ", s.damping, s.energy);
   if (s.guarded == 0) std::printf("no force was changed by a limit, a fault or a stop\n");
@@ -316,19 +314,18 @@ void print_summary(const fs_servo_stats& s, double seconds, std::uint32_t faults
 int run(const RunOptions& options) {
   const bool terminal = isatty(STDOUT_FILENO);
   load_driver(options.driver);
-  const Scene scene = open<Scene>(fs_scene_create);
-  if (!options.scene.empty()) require(fs_scene_load(scene.get(), options.scene.c_str()));
+  const Scene scene = Scene::create();
+  if (!options.scene.empty()) scene.load(options.scene);
   std::unique_ptr<Record> record;
   if (!options.record.empty()) record = std::make_unique<Record>(options.record);
 
-  const Device device = open<Device>(fs_device_open, options.device.c_str());
-  fs_device_info info = fs_device_info_init();
-  require(fs_device_get_info(device.get(), &info));
+  const Device device = Device::open(options.device);
+  const fs_device_info info = device.get_info();
   fs_servo_options servo_options = fs_servo_options_init();
   servo_options.rate = options.rate;
   servo_options.force_limit = options.force_limit;
   const Ending ending;  // before this line nothing is felt, and a signal ends the program at once
-  const Servo servo = open<Servo>(fs_servo_start, scene.get(), device.get(), &servo_options);
+  const Servo servo = Servo::start(scene, device, &servo_options);
   Server server;
   if (!options.listen.empty()) {
     fs_server_options server_options = fs_server_options_init();
@@ -337,8 +334,8 @@ int run(const RunOptions& options) {
     server_options.no_stop = options.no_stop;
     server_options.force_limit = options.client_force;
     try {
-      server = open<Server>(fs_server_start, servo.get(), full_endpoint(options.listen).c_str(), &server_options);
-    } catch (const Failure& failure) {  // name the option of the command line instead of the field
+      server = Server::start(servo, full_endpoint(options.listen), &server_options);
+    } catch (const Error& failure) {  // name the option of the command line instead of the field
       const bool is_force = options.client_force > 0 && std::string_view(failure.what()).starts_with("force_limit");
       if (is_force) throw std::runtime_error(std::string("--client-force: ") + failure.what());
       throw;
@@ -361,19 +358,19 @@ int run(const RunOptions& options) {
   bool record_failed = false;
   NewTicks ticks;
   ChatterReport chatter;
-  News news(scene.get(), options.listen, terminal);
+  News news(scene, options.listen, terminal);
   for (bool over = false; !over;) {
     double elapsed = Seconds(Clock::now() - start).count();
     const double left = options.duration > 0 ? options.duration - elapsed : sample;
     over = left <= 0 || ending.wait(std::min(left, sample));
     elapsed = Seconds(Clock::now() - start).count();
     // No event tells of a device that was not ready from the start, and the statistics do not tell of a fault that is over.
-    const fs_servo_stats now = get_stats(scene.get());
+    const fs_servo_stats now = scene.get_servo_stats();
     news.print(elapsed);
     faults |= now.faults | news.faults();
     if (asks) enable_on_enter(servo.get(), now);
     const std::span<const fs_tick> fresh = ticks.fetch(servo.get());
-    chatter.add(scene.get(), fresh, elapsed, terminal);
+    chatter.add(scene, fresh, elapsed, terminal);
     if (record) {
       try {
         record->write(fresh);
@@ -384,11 +381,11 @@ int run(const RunOptions& options) {
       }
     }
     if (elapsed >= next_line) {
-      print_line(scene.get(), elapsed, options.listen, asks, terminal);
+      print_line(scene, elapsed, options.listen, asks, terminal);
       next_line += line_period;
     }
   }
-  const fs_servo_stats stats = get_stats(scene.get());
+  const fs_servo_stats stats = scene.get_servo_stats();
   news.print(std::numeric_limits<double>::infinity());
   faults |= stats.faults | news.faults();
   fs_servo_set_enabled(servo.get(), false);

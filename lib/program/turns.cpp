@@ -19,7 +19,7 @@ double dot(const fs_vec3& a, const fs_vec3& b) { return a.x * b.x + a.y * b.y + 
 std::vector<Segment> segments_of(const fs_shape* line) {
   const std::size_t most = 1000;
   fs_shape_info info = fs_shape_info_init();
-  require(fs_shape_get_info(line, &info));
+  forceserver::throw_on_error(fs_shape_get_info(line, &info));
   std::size_t count = 0;
   const fs_vec3* const points = fs_shape_get_points(line, &count);
   const std::size_t step = (count + most - 1) / most, end = info.closed ? count : count - 1;
@@ -43,7 +43,7 @@ std::vector<Segment> segments_of(const fs_shape* line) {
 double jump_between_parts(const fs_shape* line, const std::function<double(double)>& strongest_beyond) {
   const std::vector<Segment> segments = segments_of(line);
   fs_shape_info info = fs_shape_info_init();
-  require(fs_shape_get_info(line, &info));
+  forceserver::throw_on_error(fs_shape_get_info(line, &info));
   const std::size_t count = segments.size();
   std::vector<double> behind(count);  // of a closed line: the cosine of the turn on the other way, from j on to i
   double most = 0;

@@ -49,11 +49,11 @@ class Screen {
 
 // Adds the events since the last call. Leaves out the event that tells every new client that the device is ready, if
 // the device was ready before.
-void add_events(fs_scene* scene, double connected, std::vector<fs_event>& events) {
+void add_events(const Scene& scene, double connected, std::vector<fs_event>& events) {
   for (;;) {
     fs_event event;
-    require(fs_scene_next_event(scene, 0, &event));
-    if (event.kind == FS_EVENT_DISCONNECTED) throw Failure(FS_ERROR_DISCONNECTED);
+    event = scene.next_event(0);
+    if (event.kind == FS_EVENT_DISCONNECTED) throw Error(FS_ERROR_DISCONNECTED);
     if (event.kind == FS_EVENT_NONE) return;
     const bool is_old = event.kind == FS_EVENT_DEVICE && event.status == FS_OK && event.time < connected;
     if (!is_old) events.push_back(event);
@@ -63,14 +63,13 @@ void add_events(fs_scene* scene, double connected, std::vector<fs_event>& events
 int look_on(const WatchOptions& options) {
   const std::string endpoint = full_endpoint(options.server);
   const Scene scene = connect(options.server, "watch");  // it may wait, and can be interrupted
-  double connected = 0;  // s, scene's clock
-  require(fs_scene_get_time(scene.get(), &connected));
+  const double connected = scene.get_time();
   const Ending ending;
   const bool in_place = !options.json && isatty(STDOUT_FILENO);
   std::unique_ptr<Screen> screen;
   if (in_place) screen = std::make_unique<Screen>();
 
-  Look before = take_look(scene.get(), endpoint);
+  Look before = take_look(scene, endpoint);
   auto next = Clock::now();
   for (unsigned i = 0; options.count == 0 || i < options.count; ++i) {
     std::vector<fs_event> events;
@@ -78,9 +77,9 @@ int look_on(const WatchOptions& options) {
     for (double left = 1; left > 0;) {  // in short steps, to notice the end of the server at once
       left = Seconds(next - Clock::now()).count();
       if (ending.wait(std::clamp(left, 0.0, 0.1))) return exit_fine;
-      add_events(scene.get(), connected, events);
+      add_events(scene, connected, events);
     }
-    Look now = take_look(scene.get(), endpoint);
+    Look now = take_look(scene, endpoint);
     now.events = std::move(events);
     if (options.json) {
       std::puts(to_json(now, before).c_str());

@@ -14,9 +14,7 @@ namespace {
 
 bool begins_character(char byte) { return (byte & 0xc0) != 0x80; }  // of UTF-8
 
-std::size_t characters(std::string_view text) {
-  return std::size_t(std::count_if(text.begin(), text.end(), begins_character));
-}
+std::size_t characters(std::string_view text) { return std::size_t(std::count_if(text.begin(), text.end(), begins_character)); }
 
 }  // namespace
 

@@ -8,7 +8,8 @@ import sys
 
 include, c, cxx = sys.argv[1:4]
 STRICT = ["-Wall", "-Wextra", "-pedantic", "-Wpadded", "-Werror", f"-I{include}", "-fsyntax-only", "-"]
-LANGUAGES = {"C99": [c, "-std=c99", "-xc"], "C11": [c, "-std=c11", "-xc"], "C++20": [cxx, "-std=c++20", "-xc++"]}
+LANGUAGES = {"C99": [c, "-std=c99", "-xc"], "C11": [c, "-std=c11", "-xc"], "C++17": [cxx, "-std=c++17", "-xc++"],
+             "C++20": [cxx, "-std=c++20", "-xc++"]}
 
 
 def compiles(language, text):
@@ -24,6 +25,11 @@ for language in LANGUAGES:
         if not good:
             failed = True
             print(f"{header.name} as {language}:\n{errors}")
+    if language.startswith("C++"):
+        good, errors = compiles(language, '#pragma GCC diagnostic ignored "-Wpadded"\n' + "#include <forceserver/forceserver.hpp>\n" * 2)
+        if not good:
+            failed = True
+            print(f"forceserver.hpp as {language}:\n{errors}")
     # What a generator of bindings sees: a driver can be loaded, not written.
     good, errors = compiles(language, "#define SWIG\n#include <forceserver/driver.h>\n"
                             "fs_status (*forceserver_header_test)(const char *) = fs_driver_load;\n")

@@ -92,11 +92,19 @@ static T* but(int turn, int i, T* p) {
   return turn == i ? nullptr : p;
 }
 
-// Releases what a call made, so that it can be called again.
+static void give_back(fs_scene* scene) { fs_scene_destroy(scene); }
+static void give_back(fs_shape* shape) { fs_shape_destroy(shape); }
+static void give_back(fs_curve* curve) { fs_curve_destroy(curve); }
+static void give_back(fs_tool* tool) { fs_tool_destroy(tool); }
+static void give_back(fs_device* device) { fs_device_close(device); }
+static void give_back(fs_servo* servo) { fs_servo_stop(servo); }
+static void give_back(fs_server* server) { fs_server_stop(server); }
+
+// Gives back what a call made, so that it can be called again.
 template <class T>
 static fs_status made(T** out, fs_status status) {
   if (out && status == FS_OK) {
-    Release()(*out);
+    give_back(*out);
     *out = nullptr;
   }
   return status;

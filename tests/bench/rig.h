@@ -1,23 +1,16 @@
 // A servo and its server in this process.
 #pragma once
 
-#include <memory>
 #include <string>
 
-#include <forceserver/forceserver.h>
+#include <forceserver/forceserver.hpp>
 
 namespace bench {
 
 // Ends the program with the library's error sentence if the call fails.
 void check(fs_status status, const char* what);
 
-struct Release {
-  void operator()(fs_scene* p) const { fs_scene_destroy(p); }
-  void operator()(fs_device* p) const { fs_device_close(p); }
-  void operator()(fs_servo* p) const { fs_servo_stop(p); }
-  void operator()(fs_server* p) const { fs_server_stop(p); }
-};
-using Scene = std::unique_ptr<fs_scene, Release>;
+using forceserver::Scene;
 Scene make_scene();
 Scene connect(const std::string& endpoint, const std::string& client);
 
@@ -27,9 +20,9 @@ inline constexpr int real_time = 0, ordinary = -1;  // fs_servo_options.priority
 struct Rig {
   const std::string endpoint;
   const Scene scene;
-  const std::unique_ptr<fs_device, Release> device;
-  std::unique_ptr<fs_servo, Release> servo;
-  std::unique_ptr<fs_server, Release> server;
+  const forceserver::Device device;
+  forceserver::Servo servo;
+  forceserver::Server server;
 
   explicit Rig(int priority, double rate = 0);
   fs_servo_stats stats() const;

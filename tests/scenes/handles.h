@@ -1,28 +1,17 @@
-// Handles of the C functions that release themselves.
+// How tests make what they use.
 #pragma once
 
-#include <memory>
-
-#include <forceserver/forceserver.h>
+#include <forceserver/forceserver.hpp>
 
 namespace scenes {
 
-struct Release {
-  void operator()(fs_scene* p) const { fs_scene_destroy(p); }
-  void operator()(fs_shape* p) const { fs_shape_destroy(p); }
-  void operator()(fs_curve* p) const { fs_curve_destroy(p); }
-  void operator()(fs_tool* p) const { fs_tool_destroy(p); }
-  void operator()(fs_device* p) const { fs_device_close(p); }
-  void operator()(fs_servo* p) const { fs_servo_stop(p); }
-  void operator()(fs_server* p) const { fs_server_stop(p); }
-};
-using Scene = std::unique_ptr<fs_scene, Release>;
-using Shape = std::unique_ptr<fs_shape, Release>;
-using Curve = std::unique_ptr<fs_curve, Release>;
-using Tool = std::unique_ptr<fs_tool, Release>;
-using Device = std::unique_ptr<fs_device, Release>;
-using Servo = std::unique_ptr<fs_servo, Release>;
-using Server = std::unique_ptr<fs_server, Release>;
+using forceserver::Curve;
+using forceserver::Device;
+using forceserver::Scene;
+using forceserver::Server;
+using forceserver::Servo;
+using forceserver::Shape;
+using forceserver::Tool;
 
 // These functions prepare a test. When the library refuses, they end the program with its error sentence.
 [[noreturn]] void stop_with_last_error(const char* what);
