@@ -53,8 +53,8 @@ HandPath parse_path(const Uri& uri) {
 SimOptions parse_sim_options(const char* address) {
   const Uri uri = parse_address(address);
   if (!uri.address.empty()) fail(FS_ERROR_INVALID, "sim: takes no address, is '%s'", uri.address.c_str());
-  check_keys(uri, {"hand", "hand_mass", "hand_damping", "hand_stiffness", "hold", "path", "mass", "friction", "encoder",
-                   "wrist", "delay_ms", "link", "link_ms", "link_hz", "seed"});
+  check_keys(uri, {"hand", "hand_mass", "hand_damping", "hand_stiffness", "hold", "path", "mass", "friction", "encoder", "wrist",
+                   "delay_ms", "link", "link_ms", "link_hz", "seed"});
   SimOptions options;
   double delay_ms = 0, seed = 0;
   if (const std::string* hand = find_option(uri, "hand")) {

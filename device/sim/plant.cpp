@@ -9,8 +9,8 @@ namespace {
 
 // e^m by scaling and squaring. For a norm of 1/4 the Taylor series is cut off below 1e-20.
 Mat3 exponential(const Mat3& m) {
-  const double size = std::fabs(m.xx) + std::fabs(m.xy) + std::fabs(m.xz) + std::fabs(m.yx) + std::fabs(m.yy) +
-                      std::fabs(m.yz) + std::fabs(m.zx) + std::fabs(m.zy) + std::fabs(m.zz);
+  const double size = std::fabs(m.xx) + std::fabs(m.xy) + std::fabs(m.xz) + std::fabs(m.yx) + std::fabs(m.yy) + std::fabs(m.yz) +
+                      std::fabs(m.zx) + std::fabs(m.zy) + std::fabs(m.zz);
   int halvings = 0;
   while (std::ldexp(size, -halvings) > 0.25) ++halvings;
   const Mat3 small = std::ldexp(1, -halvings) * m;

@@ -54,9 +54,7 @@ Vec3 motor_force(Vec3 force, Vec3 p) {
   return std::min(norm(force), motor_torque_max / largest) * unit;
 }
 
-Vec3 wrist_motor_torque(Vec3 torque) {
-  return norm(torque) > wrist_torque_max ? wrist_torque_max * normalized(torque) : torque;
-}
+Vec3 wrist_motor_torque(Vec3 torque) { return norm(torque) > wrist_torque_max ? wrist_torque_max * normalized(torque) : torque; }
 
 // Maps the rate of a rotation vector to an angular velocity (along the device's axes): the left Jacobian of SO(3).
 Mat3 rotation_jacobian(Vec3 r) {
@@ -84,12 +82,11 @@ double next_phase(uint64_t& state) {
 }  // namespace
 
 Simulator::Simulator(const SimOptions& options)
-    : options_(options), path_(options.path),
-      handle_(options.mass + options.hand.mass, damping + options.hand.damping, options.hand.stiffness,
-              options.friction, stick_speed, substep),
+    : options_(options), path_(options.path), handle_(options.mass + options.hand.mass, damping + options.hand.damping,
+                                                      options.hand.stiffness, options.friction, stick_speed, substep),
       wrist_(wrist_inertia, wrist_damping + options.hand.grip_damping, options.hand.grip_stiffness, 0, 0, substep),
-      joint_phase_{}, wrist_phase_{},
-      velocity_(options.ideal_encoder ? 0 : resolution, VelocityEstimator::local_rest), line_(static_cast<size_t>(options.delay_steps) + 1) {
+      joint_phase_{}, wrist_phase_{}, velocity_(options.ideal_encoder ? 0 : resolution, VelocityEstimator::local_rest),
+      line_(static_cast<size_t>(options.delay_steps) + 1) {
   if (options.seed != 0) {
     uint64_t state = options.seed;
     for (double& phase : joint_phase_) phase = next_phase(state);
@@ -205,8 +202,7 @@ Vec3 Simulator::encoded_position() const noexcept {
 }
 
 Vec3 Simulator::encoded_rotation() const noexcept {
-  return {encoded(rotation_[0].x, wrist_counts, wrist_phase_[0]),
-          encoded(rotation_[1].x, wrist_counts, wrist_phase_[1]),
+  return {encoded(rotation_[0].x, wrist_counts, wrist_phase_[0]), encoded(rotation_[1].x, wrist_counts, wrist_phase_[1]),
           encoded(rotation_[2].x, wrist_counts, wrist_phase_[2])};
 }
 
@@ -288,8 +284,8 @@ fs_status sim_advance(void* self, double time) {
 }  // namespace
 
 const fs_driver& sim_driver() {
-  static constexpr fs_driver driver{sizeof(fs_driver), 0, "sim", sim_list, sim_open, sim_close, sim_get_info, sim_read,
-                                    sim_write, sim_write_model, sim_advance, nullptr};
+  static constexpr fs_driver driver{sizeof(fs_driver), 0,        "sim",     sim_list,        sim_open,    sim_close,
+                                    sim_get_info,      sim_read, sim_write, sim_write_model, sim_advance, nullptr};
   return driver;
 }
 

@@ -107,11 +107,11 @@ void Flight::print_line(double time) const {
 }
 
 void Flight::print_table() const {
-  std::printf("\n%-18s %10s %10s %10s %10s %10s %10s\n", "who pushed", "felt, s", "mean, N", "most, N", "sideways",
-              "forward", "up");
+  std::printf("\n%-18s %10s %10s %10s %10s %10s %10s\n", "who pushed", "felt, s", "mean, N", "most, N", "sideways", "forward",
+              "up");
   for (const auto& [name, felt] : felt_) {
-    std::printf("%-18s %10.1f %10.2f %10.2f %10.2f %10.2f %10.2f\n", name.c_str(), felt.seconds, felt.mean(felt.sum),
-                felt.most, felt.mean(felt.sideways), felt.mean(felt.forward), felt.mean(felt.up));
+    std::printf("%-18s %10.1f %10.2f %10.2f %10.2f %10.2f %10.2f\n", name.c_str(), felt.seconds, felt.mean(felt.sum), felt.most,
+                felt.mean(felt.sideways), felt.mean(felt.forward), felt.mean(felt.up));
   }
   std::printf("sideways, forward, up: the mean force along the rover's axles, ahead of it and up from the ground, N\n");
   std::vector<double> late, compute;
@@ -129,11 +129,16 @@ void Flight::print_table() const {
   }
   const char* granted[] = {"none: ordinary scheduling", "a raised nice value", "real-time scheduling (FIFO)",
                            "real-time scheduling (FIFO), memory locked"};
-  std::printf("rate %.1f Hz, %llu ticks, %llu missed; worst step in force from one tick to the next %.3f N\n",
-              stats_.rate, (unsigned long long)stats_.ticks, (unsigned long long)stats_.misses, step);
+  std::printf("rate %.1f Hz, %llu ticks, %llu missed; worst step in force from one tick to the next %.3f N\n", stats_.rate,
+              (unsigned long long)stats_.ticks, (unsigned long long)stats_.misses, step);
   std::printf("priority granted by the system: %s\n", granted[stats_.realtime]);
-  const char* protections[] = {"limit of the change in force", "limit of the hand's speed", "limit of the slope",
-                               "local damping", "ramp at the start", "fading in and out", "blending of moves"};
+  const char* protections[] = {"limit of the change in force",
+                               "limit of the hand's speed",
+                               "limit of the slope",
+                               "local damping",
+                               "ramp at the start",
+                               "fading in and out",
+                               "blending of moves"};
   std::string off;
   for (int bit = 0; bit < 7; ++bit) {
     if (stats_.protections_off >> bit & 1) off += (off.empty() ? "" : ", ") + std::string(protections[bit]);
@@ -146,8 +151,8 @@ void Flight::write_ticks(const std::string& path) const {
   std::fprintf(file.get(), "time,x,y,z,fx,fy,fz,late,compute\n");
   for (const fs_tick& t : ticks_) {
     const fs_vec3 &x = t.state.pose.position, &f = t.sent.force;
-    std::fprintf(file.get(), "%.6f,%.7g,%.7g,%.7g,%.5g,%.5g,%.5g,%.7f,%.7f\n", t.state.time, x.x + 0.0, x.y + 0.0,
-                 x.z + 0.0, f.x + 0.0, f.y + 0.0, f.z + 0.0, t.late, t.compute);  // + 0.0: no -0
+    std::fprintf(file.get(), "%.6f,%.7g,%.7g,%.7g,%.5g,%.5g,%.5g,%.7f,%.7f\n", t.state.time, x.x + 0.0, x.y + 0.0, x.z + 0.0,
+                 f.x + 0.0, f.y + 0.0, f.z + 0.0, t.late, t.compute);  // + 0.0: no -0
   }
   file.finish();
   std::printf("every tick of it: %s\n", path.c_str());

@@ -48,8 +48,7 @@ void add_ground(fs_scene* scene, const Terrain& terrain) {
   fs_shape_destroy(ground.shape);  // the scene keeps what it needs
 }
 
-void add_hazard(fs_scene* scene, const Terrain& terrain, const char* name, double x, double y, double radius,
-                double newtons) {
+void add_hazard(fs_scene* scene, const Terrain& terrain, const char* name, double x, double y, double radius, double newtons) {
   fs_vec3 border[60];
   for (int i = 0; i < 60; ++i) {
     const double angle = i * 2 * std::numbers::pi / 60;
@@ -102,8 +101,7 @@ fs_twist Rover::twist(const Terrain& terrain, const fs_vec3& goal, double period
   const fs_quat from = pose(terrain).orientation, to = next.pose(terrain).orientation;
   const fs_quat by = product(to, {from.w, -from.x, -from.y, -from.z});
   const double rate = (by.w < 0 ? -2 : 2) / period;  // correct for small rotations
-  return {{(b.x - a.x) / period, (b.y - a.y) / period, (b.z - a.z) / period},
-          {by.x * rate, by.y * rate, by.z * rate}};
+  return {{(b.x - a.x) / period, (b.y - a.y) / period, (b.z - a.z) / period}, {by.x * rate, by.y * rate, by.z * rate}};
 }
 
 void add_rover(fs_scene* scene, const char* name, const Rover& rover, const Terrain& terrain) {
@@ -114,8 +112,8 @@ void add_rover(fs_scene* scene, const char* name, const Rover& rover, const Terr
   fs_curve_destroy(plane.front.curve);
 }
 
-void drive_rover(fs_scene* scene, const char* name, Rover& rover, const Terrain& terrain, const fs_vec3& goal,
-                 double period, double time) {
+void drive_rover(fs_scene* scene, const char* name, Rover& rover, const Terrain& terrain, const fs_vec3& goal, double period,
+                 double time) {
   rover.drive(terrain, goal, period);
   const fs_pose pose = rover.pose(terrain);
   const fs_twist twist = rover.twist(terrain, goal, period);
@@ -153,8 +151,9 @@ void Felt::add(const fs_vec3& force, const fs_pose& rover, double period) {
 
 void write_tour(const std::string& path, const Terrain& terrain, double begin, double seconds) {
   // z is the height above the ground; most stops are a little below it.
-  const fs_vec3 stops[] = {{0, 0, 0}, {6000, 5000, -900}, {9000, 1000, -900}, {2000, 9000, -900}, {-8500, 9500, 1500},
-    {-8000, 9000, 1000}, {-7000, 4000, 500}, {-7000, -1000, 500}, {-2500, -8000, 500}, {4000, -6000, -900}};
+  const fs_vec3 stops[] = {{0, 0, 0},           {6000, 5000, -900},  {9000, 1000, -900}, {2000, 9000, -900},
+                           {-8500, 9500, 1500}, {-8000, 9000, 1000}, {-7000, 4000, 500}, {-7000, -1000, 500},
+                           {-2500, -8000, 500}, {4000, -6000, -900}};
   const int legs = int(std::size(stops)) - 1;
   std::ofstream file(path);
   file.precision(9);

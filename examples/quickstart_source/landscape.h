@@ -21,8 +21,7 @@ void set_view(fs_scene* scene);
 void add_ground(fs_scene* scene, const Terrain& terrain);
 
 // Adds a round border, draped on the ground, that keeps the hand away with `newtons` at most.
-void add_hazard(fs_scene* scene, const Terrain& terrain, const char* name, double x, double y, double radius,
-                double newtons);
+void add_hazard(fs_scene* scene, const Terrain& terrain, const char* name, double x, double y, double radius, double newtons);
 
 // A pull that grows from 0 to `newtons` half-way and is 0 again at `reach` (m), so the force does not jump anywhere.
 // The caller destroys its curve.
@@ -50,8 +49,8 @@ void add_rover(fs_scene* scene, const char* name, const Rover& rover, const Terr
 // Drives the rover to the goal for `period` s and moves its plane along, with a twist by which the servo moves and
 // turns the plane until the next call. time: when the rover is at the new pose, s on the scene's clock. If the times
 // are exactly one period apart, the plane does not jump when a call comes a little late.
-void drive_rover(fs_scene* scene, const char* name, Rover& rover, const Terrain& terrain, const fs_vec3& goal,
-                 double period, double time);
+void drive_rover(fs_scene* scene, const char* name, Rover& rover, const Terrain& terrain, const fs_vec3& goal, double period,
+                 double time);
 
 // Gives the present pose of the rover that was added under this name (another client's: "client/name"). Returns false
 // when there is none, and leaves *pose as it is.

@@ -56,6 +56,7 @@ int main(int argc, char** argv) {
   check(fs_scene_sync(scene, 2));
   std::printf("the envelope is at the server\n");
   std::fflush(stdout);
-  while (beat.wait(0.1)) {}
+  while (beat.wait(0.1)) {
+  }
   fs_scene_destroy(scene);
 }

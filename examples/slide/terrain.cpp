@@ -113,8 +113,9 @@ int main(int argc, char** argv) {
     std::perror(argv[2]);
     return 1;
   }
-  std::fprintf(table, "time,clutch,slide x,slide y,slide z,tip x,tip y,tip z,ground,too high,ground's force,"
-                      "envelope's force\n");
+  std::fprintf(table,
+               "time,clutch,slide x,slide y,slide z,tip x,tip y,tip z,ground,too high,ground's force,"
+               "envelope's force\n");
   std::printf("   time                              slide      the ground is felt    ground   envelope\n");
   bool is_held = false;
   while (seen < marks.size()) {
@@ -136,8 +137,8 @@ int main(int argc, char** argv) {
     at[seen] = sight;
     char felt[24] = "-";
     if (std::isfinite(sight.too_high)) std::snprintf(felt, sizeof felt, "%.0f mm too high", 1e3 * sight.too_high);
-    std::printf("%5.1f s   %-22s %5.0f mm   %20s   %5.1f N   %5.1f N\n", time, marks[seen].what,
-                1e3 * length(sight.slide), felt, sight.ground_force, sight.envelope_force);
+    std::printf("%5.1f s   %-22s %5.0f mm   %20s   %5.1f N   %5.1f N\n", time, marks[seen].what, 1e3 * length(sight.slide), felt,
+                sight.ground_force, sight.envelope_force);
     ++seen;
   }
   std::fclose(table);

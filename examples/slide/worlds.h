@@ -4,10 +4,10 @@
 // times smaller. The rover with the arm stands at `base` in it, and looks 30 degrees to the left of the model's x axis.
 #pragma once
 
+#include <forceserver/forceserver.h>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <forceserver/forceserver.h>
 
 inline void check(fs_status status) {
   if (status >= 0) return;
@@ -46,8 +46,7 @@ inline fs_frame terrain_frame() {
   frame.scale = arm_scale * model;
   frame.pose.orientation = {std::cos(M_PI / 12), 0, 0, -std::sin(M_PI / 12)};
   const fs_vec3 origin = in_arm({0, 0, 0});  // of the terrain's world
-  frame.pose.position = {(origin.x - centre.x) / arm_scale, (origin.y - centre.y) / arm_scale,
-                         (origin.z - centre.z) / arm_scale};
+  frame.pose.position = {(origin.x - centre.x) / arm_scale, (origin.y - centre.y) / arm_scale, (origin.z - centre.z) / arm_scale};
   return frame;
 }
 

@@ -25,18 +25,18 @@ static void print_line(Client& client, double time, const std::vector<fs_client>
 }
 
 static void print_table(const std::map<std::string, Account>& accounts, const fs_servo_stats& servo) {
-  std::printf("\n%-12s %8s %8s %8s %9s %8s %8s %8s %8s %8s\n", "who pushed", "felt, s", "mean, N", "most, N",
-              "sideways", "forward", "up", "moves", "changes", "refused");
+  std::printf("\n%-12s %8s %8s %8s %9s %8s %8s %8s %8s %8s\n", "who pushed", "felt, s", "mean, N", "most, N", "sideways",
+              "forward", "up", "moves", "changes", "refused");
   for (const auto& [name, a] : accounts) {
     using Count = unsigned long long;
-    std::printf("%-12s %8.1f %8.2f %8.2f %9.2f %8.2f %8.2f %8llu %8llu %8llu\n", name.c_str(), a.seconds, a.mean(a.sum),
-                a.most, a.mean(a.sideways), a.mean(a.forward), a.mean(a.up), Count(a.last.moves),
-                Count(a.last.changes), Count(a.last.refused));
+    std::printf("%-12s %8.1f %8.2f %8.2f %9.2f %8.2f %8.2f %8llu %8llu %8llu\n", name.c_str(), a.seconds, a.mean(a.sum), a.most,
+                a.mean(a.sideways), a.mean(a.forward), a.mean(a.up), Count(a.last.moves), Count(a.last.changes),
+                Count(a.last.refused));
   }
   std::printf("sideways, forward, up: the mean force along the rover's axles, ahead of it and up from the ground, N\n");
-  std::printf("\nthe servo: %.0f Hz, %llu ticks, %llu missed; late p99 %.0f us, compute p99 %.0f us; faults: %s\n",
-              servo.rate, (unsigned long long)servo.ticks, (unsigned long long)servo.misses, servo.late_p99 * 1e6,
-              servo.compute_p99 * 1e6, servo.faults ? std::to_string(servo.faults).c_str() : "none");
+  std::printf("\nthe servo: %.0f Hz, %llu ticks, %llu missed; late p99 %.0f us, compute p99 %.0f us; faults: %s\n", servo.rate,
+              (unsigned long long)servo.ticks, (unsigned long long)servo.misses, servo.late_p99 * 1e6, servo.compute_p99 * 1e6,
+              servo.faults ? std::to_string(servo.faults).c_str() : "none");
 }
 
 static void account(Client& client, const Arguments&) {

@@ -37,13 +37,14 @@ void record(const std::string& tour) {
   fs_vec3 devils[] = {{9500, 4000, 0}, {-8500, 3500, 0}};
   const fs_vec3 winds[] = {{-500, 50, 0}, {150, -450, 0}};  // m/s, in time lapse
   for (fs_vec3& devil : devils) devil.z = terrain.height(devil.x, devil.y, 800);
-  std::printf("# made by: examples/testbed/make_telemetry > examples/testbed/telemetry.csv\n"
-              "time,scout_x,scout_y,scout_z,battery,devil_1_x,devil_1_y,devil_1_z,devil_2_x,devil_2_y,devil_2_z\n");
+  std::printf(
+      "# made by: examples/testbed/make_telemetry > examples/testbed/telemetry.csv\n"
+      "time,scout_x,scout_y,scout_z,battery,devil_1_x,devil_1_y,devil_1_z,devil_2_x,devil_2_y,devil_2_z\n");
   for (int i = 0; i * step <= seconds; ++i) {
     if (i % 5 == 0) {
       const fs_vec3 &s = scout.position, &a = devils[0], &b = devils[1];
-      std::printf("%.1f,%.0f,%.0f,%.0f,%.3f,%.0f,%.0f,%.0f,%.0f,%.0f,%.0f\n", i * step, s.x, s.y, s.z, battery,
-                  a.x, a.y, a.z, b.x, b.y, b.z);
+      std::printf("%.1f,%.0f,%.0f,%.0f,%.3f,%.0f,%.0f,%.0f,%.0f,%.0f,%.0f\n", i * step, s.x, s.y, s.z, battery, a.x, a.y, a.z,
+                  b.x, b.y, b.z);
     }
     check(fs_servo_step(servo, 40));
     fs_state hand;

@@ -15,8 +15,8 @@ static std::vector<Telemetry> read_telemetry(const std::string& path) {
   for (std::string line; std::getline(file, line);) {
     Telemetry row;
     fs_vec3 &s = row.scout, &a = row.devils[0], &b = row.devils[1];
-    if (std::sscanf(line.c_str(), "%lf,%lf,%lf,%lf,%lf,%lf,%lf,%lf,%lf,%lf,%lf", &row.time, &s.x, &s.y, &s.z,
-                    &row.battery, &a.x, &a.y, &a.z, &b.x, &b.y, &b.z) == 11) {
+    if (std::sscanf(line.c_str(), "%lf,%lf,%lf,%lf,%lf,%lf,%lf,%lf,%lf,%lf,%lf", &row.time, &s.x, &s.y, &s.z, &row.battery, &a.x,
+                    &a.y, &a.z, &b.x, &b.y, &b.z) == 11) {
       rows.push_back(row);
     }
   }
@@ -30,13 +30,13 @@ static fs_vec3 between(const fs_vec3& a, const fs_vec3& b, double part) {
 
 // The state at `time` s of the recording; before its beginning the first state, after its end the last.
 static Telemetry at(const std::vector<Telemetry>& rows, double time) {
-  auto next = std::upper_bound(rows.begin(), rows.end(), time, [](double t, const Telemetry& row) {
-    return t < row.time;
-  });
+  auto next = std::upper_bound(rows.begin(), rows.end(), time, [](double t, const Telemetry& row) { return t < row.time; });
   next = std::clamp(next, rows.begin() + 1, rows.end() - 1);
   const Telemetry &a = next[-1], &b = *next;
   const double part = std::clamp((time - a.time) / (b.time - a.time), 0.0, 1.0);
-  return {time, between(a.scout, b.scout, part), std::lerp(a.battery, b.battery, part),
+  return {time,
+          between(a.scout, b.scout, part),
+          std::lerp(a.battery, b.battery, part),
           {between(a.devils[0], b.devils[0], part), between(a.devils[1], b.devils[1], part)}};
 }
 
@@ -64,8 +64,7 @@ static void play(Client& client, const Arguments& arguments) {
 
   fs_object scout = fs_object_init("scout", FS_PRIMITIVE_POINT);
   add_objects(client.scene(), rows.front(), scout);
-  client.say("plays %.0f s in %.0f s, from a battery of %.0f %% on", rows.back().time, seconds,
-             100 * rows.front().battery);
+  client.say("plays %.0f s in %.0f s, from a battery of %.0f %% on", rows.back().time, seconds, 100 * rows.front().battery);
   double begin, now, told = rows.front().battery;
   check(fs_scene_get_time(client.scene(), &begin));
   while (client.wait(0.04)) {

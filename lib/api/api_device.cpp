@@ -107,6 +107,4 @@ fs_status fs_driver_load(const char* path) {
   });
 }
 
-fs_status fs_fail(fs_status status, const char* message) {
-  return set_last_error(status, message ? message : "");
-}
+fs_status fs_fail(fs_status status, const char* message) { return set_last_error(status, message ? message : ""); }

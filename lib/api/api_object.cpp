@@ -10,13 +10,9 @@
 
 using namespace fs;
 
-const char* fs_primitive_name(fs_primitive primitive) {
-  return name_of(primitive_names, primitive, "an unknown fs_primitive");
-}
+const char* fs_primitive_name(fs_primitive primitive) { return name_of(primitive_names, primitive, "an unknown fs_primitive"); }
 
-const char* fs_profile_kind_name(fs_profile_kind kind) {
-  return name_of(profile_kind_names, kind, "an unknown fs_profile_kind");
-}
+const char* fs_profile_kind_name(fs_profile_kind kind) { return name_of(profile_kind_names, kind, "an unknown fs_profile_kind"); }
 
 const char* fs_sense_name(fs_sense sense) { return name_of(sense_names, sense, "an unknown fs_sense"); }
 
@@ -56,8 +52,8 @@ Law with_slope(const Law& law, double max_stiffness) { return max_stiffness > 0 
 
 }  // namespace
 
-fs_status fs_profile_evaluate(const fs_profile* profile, double max_stiffness, double t, const double* distances,
-                              size_t count, double* forces) {
+fs_status fs_profile_evaluate(const fs_profile* profile, double max_stiffness, double t, const double* distances, size_t count,
+                              double* forces) {
   return guarded([&] {
     require_pointer(profile, "profile");
     if (count) {
@@ -73,8 +69,8 @@ fs_status fs_profile_evaluate(const fs_profile* profile, double max_stiffness, d
   });
 }
 
-fs_status fs_object_evaluate_law(const fs_object* object, double max_stiffness, double t, const double* distances,
-                                 size_t count, double* forces) {
+fs_status fs_object_evaluate_law(const fs_object* object, double max_stiffness, double t, const double* distances, size_t count,
+                                 double* forces) {
   return guarded([&] {
     require_pointer(object, "object");
     if (count) {
@@ -112,8 +108,8 @@ fs_status fs_shape_create_polyline(const fs_vec3* points, size_t count, bool clo
   });
 }
 
-fs_status fs_shape_create_mesh(const fs_vec3* points, size_t point_count, const uint32_t* triangles,
-                               size_t triangle_count, fs_shape** out) {
+fs_status fs_shape_create_mesh(const fs_vec3* points, size_t point_count, const uint32_t* triangles, size_t triangle_count,
+                               fs_shape** out) {
   return guarded([&] {
     require_pointer(points, "points");
     require_pointer(triangles, "triangles");

@@ -14,9 +14,7 @@ const char* fs_object_state_name(fs_object_state state) {
   return name_of(object_state_names, state, "an unknown fs_object_state");
 }
 
-const char* fs_event_kind_name(fs_event_kind kind) {
-  return name_of(event_kind_names, kind, "an unknown fs_event_kind");
-}
+const char* fs_event_kind_name(fs_event_kind kind) { return name_of(event_kind_names, kind, "an unknown fs_event_kind"); }
 
 namespace {
 
@@ -204,15 +202,11 @@ fs_status fs_scene_get_view(fs_scene* scene, const char* client, fs_view* out) {
 }
 
 fs_status fs_scene_set_accuracy(fs_scene* scene, double newtons) {
-  return on_scene(scene, [&] {
-    scene->set_accuracy(newtons);
-  });
+  return on_scene(scene, [&] { scene->set_accuracy(newtons); });
 }
 
 fs_status fs_scene_set_max_stiffness(fs_scene* scene, double stiffness) {
-  return on_scene(scene, [&] {
-    scene->set_max_stiffness(stiffness);
-  });
+  return on_scene(scene, [&] { scene->set_max_stiffness(stiffness); });
 }
 
 fs_status fs_scene_get_time(const fs_scene* scene, double* out) {

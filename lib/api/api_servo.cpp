@@ -23,9 +23,7 @@ const char* const parents = "the servo was started by the parent of this process
 
 }  // namespace
 
-const char* fs_realtime_name(fs_realtime realtime) {
-  return name_of(realtime_names, realtime, "an unknown fs_realtime");
-}
+const char* fs_realtime_name(fs_realtime realtime) { return name_of(realtime_names, realtime, "an unknown fs_realtime"); }
 
 const char* fs_fault_name(uint32_t faults) {
   if (faults == 0) return "no fault";

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <atomic>
+#include <cassert>
 #include <cstdint>
 #include <utility>
 
@@ -13,6 +14,7 @@ class LocalCounted {
  public:
   void retain() const noexcept { ++references_; }
   void release() const noexcept {
+    assert(references_ > 0);
     if (--references_ == 0) delete static_cast<const Derived*>(this);
   }
   // True while the caller has the only reference; then it may change the object in place.
@@ -36,7 +38,9 @@ class Counted {
 
   void retain() const noexcept { references_.fetch_add(1, std::memory_order_relaxed); }
   void release() const noexcept {
-    if (references_.fetch_sub(1, std::memory_order_acq_rel) == 1) delete static_cast<const Derived*>(this);
+    const uint32_t before = references_.fetch_sub(1, std::memory_order_acq_rel);
+    assert(before > 0);
+    if (before == 1) delete static_cast<const Derived*>(this);
   }
 
  protected:

@@ -33,9 +33,10 @@ void read(const void* given, const StructSizes& sizes, void* out) {
   const auto* const bytes = static_cast<const unsigned char*>(given);
   const auto* const unknown = std::find_if(bytes + common, bytes + size, [](unsigned char byte) { return byte != 0; });
   if (unknown != bytes + size) {
-    fail(FS_ERROR_VERSION, "%s has a field at byte %td that is not 0, and this library (%s) knows only its first %u bytes "
-         "(struct_size is %u): it is older than its caller", sizes.type, (unknown - bytes) / 8 * 8, library_version, sizes.known,
-         size);
+    fail(FS_ERROR_VERSION,
+         "%s has a field at byte %td that is not 0, and this library (%s) knows only its first %u bytes "
+         "(struct_size is %u): it is older than its caller",
+         sizes.type, (unknown - bytes) / 8 * 8, library_version, sizes.known, size);
   }
   std::memcpy(out, given, common);
   std::memcpy(out, &common, sizeof common);

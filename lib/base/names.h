@@ -14,24 +14,17 @@ namespace fs {
 
 constexpr const char* primitive_names[] = {"FS_PRIMITIVE_POINT", "FS_PRIMITIVE_POLYLINE", "FS_PRIMITIVE_PLANE",
                                            "FS_PRIMITIVE_MESH"};
-constexpr const char* profile_kind_names[] = {"FS_PROFILE_NONE",
-                                              "FS_PROFILE_CONSTANT",
-                                              "FS_PROFILE_LINEAR_INCREASING",
-                                              "FS_PROFILE_LINEAR_DECREASING",
-                                              "FS_PROFILE_GAUSSIAN",
-                                              "FS_PROFILE_QUADRATIC",
-                                              "FS_PROFILE_INVERSE",
-                                              "FS_PROFILE_CUSTOM"};
+constexpr const char* profile_kind_names[] = {
+    "FS_PROFILE_NONE",     "FS_PROFILE_CONSTANT",  "FS_PROFILE_LINEAR_INCREASING", "FS_PROFILE_LINEAR_DECREASING",
+    "FS_PROFILE_GAUSSIAN", "FS_PROFILE_QUADRATIC", "FS_PROFILE_INVERSE",           "FS_PROFILE_CUSTOM"};
 constexpr const char* sense_names[] = {"FS_SENSE_ATTRACTIVE", "FS_SENSE_REPULSIVE"};
 constexpr const char* keep_names[] = {"FS_KEEP_NONE", "FS_KEEP_FRONT", "FS_KEEP_BACK", "FS_KEEP_EITHER"};
-constexpr const char* object_state_names[] = {"FS_OBJECT_PENDING", "FS_OBJECT_FELT", "FS_OBJECT_FADING",
-                                              "FS_OBJECT_DISABLED", "FS_OBJECT_REFUSED"};
-constexpr const char* event_kind_names[] = {"FS_EVENT_NONE",    "FS_EVENT_READY",        "FS_EVENT_REFUSED",
-                                            "FS_EVENT_CAPPED",  "FS_EVENT_EDITED",       "FS_EVENT_EXPIRED",
-                                            "FS_EVENT_DEVICE",  "FS_EVENT_DISCONNECTED", "FS_EVENT_OVERFLOW",
-                                            "FS_EVENT_CLIENT"};
-constexpr const char* realtime_names[] = {"FS_REALTIME_NONE", "FS_REALTIME_NICE", "FS_REALTIME_FIFO",
-                                          "FS_REALTIME_FIFO_LOCKED"};
+constexpr const char* object_state_names[] = {"FS_OBJECT_PENDING", "FS_OBJECT_FELT", "FS_OBJECT_FADING", "FS_OBJECT_DISABLED",
+                                              "FS_OBJECT_REFUSED"};
+constexpr const char* event_kind_names[] = {"FS_EVENT_NONE",     "FS_EVENT_READY",   "FS_EVENT_REFUSED", "FS_EVENT_CAPPED",
+                                            "FS_EVENT_EDITED",   "FS_EVENT_EXPIRED", "FS_EVENT_DEVICE",  "FS_EVENT_DISCONNECTED",
+                                            "FS_EVENT_OVERFLOW", "FS_EVENT_CLIENT"};
+constexpr const char* realtime_names[] = {"FS_REALTIME_NONE", "FS_REALTIME_NICE", "FS_REALTIME_FIFO", "FS_REALTIME_FIFO_LOCKED"};
 // For fault bits the index is the number of the bit.
 constexpr const char* fault_names[] = {"FS_FAULT_DEVICE", "FS_FAULT_SPEED", "FS_FAULT_NUMBER", "FS_FAULT_LATE"};
 

@@ -9,12 +9,11 @@ namespace {
 
 std::atomic<uint32_t> forks{0};  // number of forks from the first process to this one
 
-[[maybe_unused]] const int is_watching = pthread_atfork(
-    [] { process_mutex().lock(); }, [] { process_mutex().unlock(); },
-    [] {
-      forks.fetch_add(1, std::memory_order_relaxed);
-      process_mutex().unlock();
-    });
+[[maybe_unused]] const int is_watching = pthread_atfork([] { process_mutex().lock(); }, [] { process_mutex().unlock(); },
+                                                        [] {
+                                                          forks.fetch_add(1, std::memory_order_relaxed);
+                                                          process_mutex().unlock();
+                                                        });
 
 }  // namespace
 

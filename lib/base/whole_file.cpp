@@ -18,8 +18,7 @@ namespace {
 
 [[noreturn]] void fail_system(const std::string& path, const char* what, int error) {
   const bool is_missing = error == ENOENT || error == ENOTDIR;
-  fail_at(is_missing ? FS_ERROR_NOT_FOUND : FS_ERROR_IO, path, "%s: %s", what,
-          std::generic_category().message(error).c_str());
+  fail_at(is_missing ? FS_ERROR_NOT_FOUND : FS_ERROR_IO, path, "%s: %s", what, std::generic_category().message(error).c_str());
 }
 
 const char* kind_name(mode_t mode) {
@@ -106,8 +105,7 @@ void write_file_atomically(const std::string& path, const std::string& text) {
   if (!is_good) {
     const int error = errno;
     ::unlink(temporary.c_str());
-    fail_at(FS_ERROR_IO, path, "cannot be written: %s; nothing was changed",
-            std::generic_category().message(error).c_str());
+    fail_at(FS_ERROR_IO, path, "cannot be written: %s; nothing was changed", std::generic_category().message(error).c_str());
   }
   // Flush the directory too, so that the rename reaches the disk; a file system that refuses this cannot do better.
   const Descriptor parent(::open(directory.empty() ? "." : directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));

@@ -20,9 +20,9 @@ struct ObjectBounds {
 
 struct SceneBounds {
   std::vector<ObjectBounds> objects;  // that may be felt where the tool may be
-  double clear = never;      // m: the box where the tool may be can grow by this on every side before it reaches another object
-  bool has_fading = false;   // something that fades out counts beside the others
-  double wanted = never;     // N/m of the loop: the most that its objects want at one place; infinite if this is the only scene
+  double clear = never;  // m: the box where the tool may be can grow by this on every side before it reaches another object
+  bool has_fading = false;  // something that fades out counts beside the others
+  double wanted = never;  // N/m of the loop: the most that its objects want at one place; infinite if this is the only scene
 };
 
 // The bounds of the objects that may be felt there, at time `now` (s); those of an object that shares with none are as if it

@@ -25,8 +25,8 @@ class Budget {
 
   static constexpr double turn = 0.01;  // s, from one run to the next
 
-  void start();              // IO: no thread; also runs once
-  void stop() noexcept;      // when it returns, the thread has ended
+  void start();  // IO: no thread; also runs once
+  void stop() noexcept;  // when it returns, the thread has ended
   bool run_once() noexcept;  // false: there was nothing to be worked out
   void add(SceneBudget& scene);  // before the servo feels it: it is bounded from its first tick on
 
@@ -35,7 +35,7 @@ class Budget {
   const std::function<Scenes()> scenes_;
   const uint32_t process_ = this_process();
   std::mutex running_;
-  static constexpr double most_ahead = 0.1;        // s
+  static constexpr double most_ahead = 0.1;  // s
   std::atomic<double> ahead_{2 * turn}, rest_{0};  // s, see SceneBudget::update
   std::mutex mutex_;
   std::condition_variable stopping_;

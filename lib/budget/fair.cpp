@@ -133,8 +133,7 @@ class Search {
       met.clear();
       std::copy_if(wants.begin(), wants.end(), std::back_inserter(own), [&](uint32_t i) { return all_[i].user == user; });
       std::copy_if(wants.begin(), wants.end(), std::back_inserter(met), [&](uint32_t k) {
-        return all_[k].user == user ||
-               std::any_of(own.begin(), own.end(), [&](uint32_t i) { return meet(all_[i], all_[k]); });
+        return all_[k].user == user || std::any_of(own.begin(), own.end(), [&](uint32_t i) { return meet(all_[i], all_[k]); });
       });
       add_up(met);
       if (is_lower(user, wants_[user], bound_here())) return true;
@@ -144,9 +143,8 @@ class Search {
 
   void lower(double bound) {
     Neighbours neighbours;
-    std::sort(users_.begin(), users_.end(), [&](uint32_t a, uint32_t b) {
-      return wants_[a] != wants_[b] ? wants_[a] > wants_[b] : a < b;
-    });
+    std::sort(users_.begin(), users_.end(),
+              [&](uint32_t a, uint32_t b) { return wants_[a] != wants_[b] ? wants_[a] > wants_[b] : a < b; });
     seen_.clear();
     for (const uint32_t user : users_) seen_.push_back(objects_[user]);
     size_t named = 0;

@@ -1,6 +1,7 @@
 #include "budget/loop.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <complex>
 #include <numbers>
@@ -48,8 +49,7 @@ class Response {
   Complex force(double theta) const noexcept {
     const Complex back = std::polar(1.0, -theta), step = difference(theta);
     const Complex x = newer_[0] + older_[0] * back, v = newer_[1] + older_[1] * back;
-    return step * (step + whole_.lost) / (x * (step + whole_.lost) + whole_.speed_to_x * v) *
-           std::polar(1.0, theta * delay_);
+    return step * (step + whole_.lost) / (x * (step + whole_.lost) + whole_.speed_to_x * v) * std::polar(1.0, theta * delay_);
   }
   // Filtered velocity per displacement: VelocityEstimator.
   Complex velocity(double theta) const noexcept {
@@ -73,9 +73,7 @@ class Response {
 // of the frequency. The boundary is where that is real and positive.
 double critical_stiffness(const Loop& loop, double local_damping, double most) noexcept {
   const Response response(loop);
-  const auto stiffness = [&](double theta) {
-    return -response.force(theta) - local_damping * response.velocity(theta);
-  };
+  const auto stiffness = [&](double theta) { return -response.force(theta) - local_damping * response.velocity(theta); };
   const double step = std::min(2e-3, 0.02 / (loop.delay / loop.period + 1));
   double best = infinite, theta = step * 1e-3;
   for (Complex here = stiffness(theta); theta < std::numbers::pi;) {
@@ -103,6 +101,7 @@ double critical_stiffness(const Loop& loop, double local_damping, double most) n
 
 LoopLimit limit_of(const Loop& loop, double wanted_damping) noexcept {
   const double lag = loop.period / 2 + loop.delay;
+  assert(lag > 0 && loop.mass >= 0 && wanted_damping >= 0);
   const double renderable = 0.7 * loop.mass / lag;  // N s/m: more damping, local or of objects, shakes a light device
   LoopLimit out{};
   out.damping = std::min(wanted_damping, renderable);
@@ -119,8 +118,6 @@ LoopLimit limit_of(const Loop& loop, double wanted_damping) noexcept {
 // Measured on the simulator for delays of 2 to 50 ms and 20 to 500 models a second (tests/device/test_link.cpp): walls,
 // points that pull with a limited force, and corners shake a light hand or a released device from a stiffness of
 // 5 damping/(delay + period) on. Half of that is allowed.
-double model_stiffness(double delay, double period, double damping) noexcept {
-  return 2.5 * damping / (delay + period);
-}
+double model_stiffness(double delay, double period, double damping) noexcept { return 2.5 * damping / (delay + period); }
 
 }  // namespace fs

@@ -17,8 +17,7 @@ struct Loop {
 
 // The smallest stiffness at which this loop begins to shake, N/m: exact for the linear loop, whose local damping is
 // that of the guard. Infinite if there is none below `most`.
-double critical_stiffness(const Loop& loop, double local_damping,
-                          double most = std::numeric_limits<double>::infinity()) noexcept;
+double critical_stiffness(const Loop& loop, double local_damping, double most = std::numeric_limits<double>::infinity()) noexcept;
 
 struct LoopLimit {
   double damping;         // N s/m, local: as wanted, or less where the loop cannot render that

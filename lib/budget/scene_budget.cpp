@@ -35,7 +35,8 @@ void SceneBudget::note_slope(const Object& object, double slope, double to_devic
   auto told = told_.find(object.name);
   if (told == told_.end()) {
     if (!is_bounded && !takes_what_it_gets) return;
-    told = told_.emplace(object.name, Told{takes_what_it_gets ? now : wanted, now, -never, 0.5, wanted, takes_what_it_gets}).first;
+    told =
+        told_.emplace(object.name, Told{takes_what_it_gets ? now : wanted, now, -never, 0.5, wanted, takes_what_it_gets}).first;
   }
   told->second.now = now;
   told->second.wanted = wanted;
@@ -98,8 +99,8 @@ void SceneBudget::tell(double time) {
 void SceneBudget::take_max_stiffness() {
   const double blend = reader_.memory->spread.blend;
   // The objects that are there come with the next update.
-  evaluated_.objects.rows.set_bounds(
-      bounds_alone(scene_limit(*evaluated_.views.views(), seen_.limit, scene_->max_stiffness_, blend, 0)));
+  evaluated_.objects.rows.set_bounds(bounds_alone(scene_limit(*evaluated_.views.views(), seen_.limit, scene_->max_stiffness_,
+                                                              blend, 0)));
 }
 
 // Where the tool may be before the next bounds are in use; empty: nobody knows. scene.ahead: s, until then.

@@ -36,8 +36,7 @@ fs_status to_status(int32_t status) {  // of a failure
 
 // --------------------------------------------------------------------------------------------------------- connecting
 
-Connection::Connection(const Endpoint& endpoint, const std::string& client)
-    : process_number_(this_process()) {
+Connection::Connection(const Endpoint& endpoint, const std::string& client) : process_number_(this_process()) {
   const double start = steady_now();
   for (;;) {
     connect(endpoint, start);
@@ -54,8 +53,8 @@ void Connection::connect(const Endpoint& endpoint, double start) {
   const char* name = endpoint.name.c_str();
   for (;; sleep(retry_period)) {
     const auto is_nobody = [](int e) { return e == ENOENT || e == ECONNREFUSED; };
-    int error = endpoint.is_own_user ? connect_to_own_server(endpoint.name, socket_)
-                                     : connect_to(shared_address(endpoint.name), socket_);
+    int error =
+        endpoint.is_own_user ? connect_to_own_server(endpoint.name, socket_) : connect_to(shared_address(endpoint.name), socket_);
     // Another user's server says that it refuses this one.
     if (!endpoint.is_own_user && is_nobody(error)) error = connect_to(user_address(endpoint.user, endpoint.name), socket_);
     const double waited = steady_now() - start;
@@ -101,8 +100,7 @@ bool Connection::greet(const Endpoint& endpoint, const std::string& client) {
   wire::Answer answer{};
   if (size >= sizeof answer) std::memcpy(&answer, message.data(), sizeof answer);
   if (answer.magic != wire::magic) {
-    fail(FS_ERROR_VERSION, "what answers at '%s' is not a server that this library (version %s) can talk to", name,
-         fs_version());
+    fail(FS_ERROR_VERSION, "what answers at '%s' is not a server that this library (version %s) can talk to", name, fs_version());
   }
   const std::span<const std::byte> rest = std::span(message).subspan(sizeof answer, size - sizeof answer);
   if (answer.status != FS_OK) throw Error{to_status(answer.status), text_of(answer.text)};
@@ -164,8 +162,7 @@ void Connection::shut() noexcept {
 
 // ----------------------------------------------------------------------------------------------------------- messages
 
-uint64_t Connection::send(wire::Type type, std::span<const std::byte> body, int descriptor,
-                          std::span<const std::byte> rest) {
+uint64_t Connection::send(wire::Type type, std::span<const std::byte> body, int descriptor, std::span<const std::byte> rest) {
   const wire::Header header{type, 0, serial_ + 1};
   const std::span<const std::byte> parts[] = {bytes_of(&header, 1), body, rest};
   const std::span<const int> descriptors(&descriptor, descriptor >= 0 ? 1 : 0);

@@ -93,8 +93,7 @@ class Connection {
   void wake() noexcept;  // [rt] wakes the server if it sleeps; only then by a system call
 
   // Sends a message, of one or two parts, as a whole or not at all. Returns its serial; 0: there is no room now.
-  uint64_t send(wire::Type type, std::span<const std::byte> body, int descriptor = -1,
-                std::span<const std::byte> rest = {});
+  uint64_t send(wire::Type type, std::span<const std::byte> body, int descriptor = -1, std::span<const std::byte> rest = {});
   uint64_t last_serial() const noexcept { return serial_; }
   // Sends a request, whose answer is then awaited. Returns its serial; 0: there is no room now.
   uint64_t ask(wire::Type type, std::span<const std::byte> body = {});

@@ -13,9 +13,8 @@ Asset FetchedAssets::find(uint64_t id) const {
 }
 
 uint64_t FetchedAssets::number_of(const Asset& asset) const {
-  const auto found = std::find_if(fetched_.begin(), fetched_.end(), [serial = asset.serial()](const auto& entry) {
-    return entry.second.serial() == serial;
-  });
+  const auto found = std::find_if(fetched_.begin(), fetched_.end(),
+                                  [serial = asset.serial()](const auto& entry) { return entry.second.serial() == serial; });
   return found == fetched_.end() ? 0 : found->first;
 }
 

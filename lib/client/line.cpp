@@ -43,8 +43,9 @@ bool Line::try_pause(Call& call, bool is_for_room) {
 void Line::pause(Call& call, bool is_for_room) {
   if (try_pause(call, is_for_room)) return;
   if (call.limit == 0) fail(FS_ERROR_TIMEOUT, "the server has no room for this move now; a move never waits");
-  fail(FS_ERROR_TIMEOUT, is_for_room ? "the server has not taken earlier changes within %g s"
-                                     : "the server has not answered within %g s", call.limit);
+  fail(FS_ERROR_TIMEOUT,
+       is_for_room ? "the server has not taken earlier changes within %g s" : "the server has not answered within %g s",
+       call.limit);
 }
 
 Answer Line::request(Call& call, wire::Type type, std::span<const std::byte> body) {
@@ -66,8 +67,7 @@ wire::Target to_target(const char* name, const char* field) {
   wire::Target out{};
   const size_t size = strnlen(name, sizeof out.name);
   if (size == sizeof out.name) {
-    fail(FS_ERROR_NOT_FOUND, "%s is '%s': too long for a name", field,
-         shortened(std::string_view(name, size)).c_str());
+    fail(FS_ERROR_NOT_FOUND, "%s is '%s': too long for a name", field, shortened(std::string_view(name, size)).c_str());
   }
   std::memcpy(out.name, name, size);
   return out;

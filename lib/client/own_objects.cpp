@@ -52,8 +52,7 @@ void OwnObjects::note_object(OwnObject& own, const Object* object) {
   own.assets = used;
 }
 
-void OwnObjects::move_ahead(OwnObject& own, LocalScene& replica, const Pose& pose, const fs_twist* twist,
-                            double time) {
+void OwnObjects::move_ahead(OwnObject& own, LocalScene& replica, const Pose& pose, const fs_twist* twist, double time) {
   if (!own.is_ahead) {
     own.movement = replica.movement(own.name->c_str());
     own.is_ahead = true;

@@ -46,10 +46,10 @@ class Pulls {
   const ThreadGroups<Group>& groups_;
 
   std::set<std::string, std::less<>> behind_;  // names whose object may differ between server and replica
-  uint64_t news_seen_ = 0;                     // Outbox::news as far as the server has told
-  std::optional<uint64_t> asked_;              // serial of the pull that is not answered yet: its answer comes only once
-  std::optional<wire::Pulled> pulled_;         // its answer, until the replica has taken it in
-  uint64_t question_ = 0;                      // the question of this pull
+  uint64_t news_seen_ = 0;  // Outbox::news as far as the server has told
+  std::optional<uint64_t> asked_;  // serial of the pull that is not answered yet: its answer comes only once
+  std::optional<wire::Pulled> pulled_;  // its answer, until the replica has taken it in
+  uint64_t question_ = 0;  // the question of this pull
 };
 
 }  // namespace fs

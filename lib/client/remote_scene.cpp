@@ -180,8 +180,7 @@ Scene::Contents RemoteScene::contents() {
   return out;
 }
 
-void RemoteScene::set_contents(const std::vector<fs_object>& objects, const fs_frame& frame,
-                               const std::vector<Vec3>& tool) {
+void RemoteScene::set_contents(const std::vector<fs_object>& objects, const fs_frame& frame, const std::vector<Vec3>& tool) {
   std::vector<std::string> names;
   for (const fs_object& object : objects) {
     require_known(object, connection_.sizes());
@@ -263,9 +262,7 @@ void RemoteScene::set_tool(const Vec3* points, size_t count) {
 
 void RemoteScene::set_clutch(bool held) {
   Call call = line_.enter();
-  mutate(call, [&](Group& group) {
-    group.add_clutch(held);
-  });
+  mutate(call, [&](Group& group) { group.add_clutch(held); });
 }
 
 std::vector<Vec3> RemoteScene::get_tool() {

@@ -32,8 +32,7 @@ struct RemoteScene final : Scene {
   void clear() override;
   Ref<const Object> get(const char* name, fs_object& out) override;
   Contents contents() override;
-  void set_contents(const std::vector<fs_object>& objects, const fs_frame& frame,
-                    const std::vector<Vec3>& tool) override;
+  void set_contents(const std::vector<fs_object>& objects, const fs_frame& frame, const std::vector<Vec3>& tool) override;
 
   void begin() override;
   void commit() override;

@@ -51,8 +51,7 @@ void ask(const fs_driver& driver, const char* function, Call call) {
 void check_info(const fs_device_info& info, const char* scheme) {
   const auto check = [&](double value, double low, double high, const char* field) {
     if (!(value >= low && value <= high)) {
-      fail(FS_ERROR_INVALID, "driver '%s': info.%s is %.9g, must be within %.9g..%.9g", scheme, field, value, low,
-           high);
+      fail(FS_ERROR_INVALID, "driver '%s': info.%s is %.9g, must be within %.9g..%.9g", scheme, field, value, low, high);
     }
   };
   const auto check_text = [&](const char (&text)[64], const char* field) {
@@ -115,8 +114,7 @@ bool repair_orientation(Quat& q) {
 }  // namespace
 }  // namespace fs
 
-fs_device::fs_device(const char* uri)
-    : driver_(fs::driver_of(fs::parse_uri(uri).scheme, uri)), info_(fs_device_info_init()) {
+fs_device::fs_device(const char* uri) : driver_(fs::driver_of(fs::parse_uri(uri).scheme, uri)), info_(fs_device_info_init()) {
   const char* const address = std::strchr(uri, ':') + 1;  // not null: the scheme was found
   fs::ask(driver_, "open", [&] { return driver_.open(address, &self_); });
   try {
@@ -238,7 +236,8 @@ fs_status fs_device::read(double time, fs_state& out) noexcept {
   fs_status status = driver_.advance ? driver_.advance(self_, time) : FS_OK;
   if (status == FS_OK) status = driver_.read(self_, &out);
   if (status == FS_OK && !(fs::repair_orientation(out.pose.orientation) && std::isfinite(out.time))) {
-    status = fs::set_last_error_literal(FS_ERROR_INVALID, "the driver gave a time that is not finite, or an orientation"
+    status = fs::set_last_error_literal(FS_ERROR_INVALID,
+                                        "the driver gave a time that is not finite, or an orientation"
                                         " whose length is not 1");
   }
   if (status != FS_OK) {

@@ -86,8 +86,8 @@ Vec3 parse_vector(const std::string& key, const std::string& value, double low, 
   }
   for (const double part : parts) {
     if (!(part >= low && part <= high)) {
-      fail(FS_ERROR_INVALID, "%s is '%s', must be three numbers X,Y,Z, each within %.9g..%.9g", key.c_str(),
-           value.c_str(), low, high);
+      fail(FS_ERROR_INVALID, "%s is '%s', must be three numbers X,Y,Z, each within %.9g..%.9g", key.c_str(), value.c_str(), low,
+           high);
     }
   }
   return {parts[0], parts[1], parts[2]};

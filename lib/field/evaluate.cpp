@@ -33,8 +33,8 @@ Mat3 change_at(const Ridge& ridge, Vec3 away, double change, double slope) {
 
 // Whether the force of an object is blended at x, in its frame. outward: N, away from the closest point. error: N, is
 // added to where the search ends because its visits are used up; the direction is then that of the point closest to x.
-bool blends(const Object& object, const Closest& closest, double outward, Vec3 x, double slope, Ridge& out,
-            Hint* hint, Effort* effort, double& error) noexcept {
+bool blends(const Object& object, const Closest& closest, double outward, Vec3 x, double slope, Ridge& out, Hint* hint,
+            Effort* effort, double& error) noexcept {
   if (!(outward > 0) || !(slope < no_slope_limit)) return false;
   if (effort) effort->is_ridge_cut = false;
   const bool is_ridge = find_ridge(object.primitive, object.shape.get(), x, closest, outward / slope, out, hint, effort);
@@ -121,7 +121,8 @@ bool find_contact(const Object& object, const Pose& pose, Vec3 position, double 
   out.is_turning = closest.feature != Feature::face;
   out.law = closest.side == Side::back ? &object.law.back : &object.law.front;
   const Intensity f = slope < no_slope_limit && out.law->sense == FS_SENSE_REPULSIVE
-                          ? evaluate(*out.law, nullptr, closest.distance, 0) : Intensity{};
+                          ? evaluate(*out.law, nullptr, closest.distance, 0)
+                          : Intensity{};
   Ridge ridge;
   double ridge_error = 0;
   const bool is_ridge = blends(object, closest, f.force, local, slope, ridge, hint, effort, ridge_error);
@@ -133,8 +134,8 @@ bool find_contact(const Object& object, const Pose& pose, Vec3 position, double 
   const double size = norm(ridge.direction);
   const Vec3 mean = normalized(ridge.direction);
   // The lanes add the slope along the mean direction later, so it is left out here.
-  stiffness += weight * rotated(pose.orientation, change_at(ridge, closest.direction, f.slope, slope) +
-                                                      (-size * f.slope) * outer(mean, mean));
+  stiffness += weight * rotated(pose.orientation,
+                                change_at(ridge, closest.direction, f.slope, slope) + (-size * f.slope) * outer(mean, mean));
   out.direction = rotate(pose.orientation, mean);
   out.weight = weight * size;
   out.is_turning = false;
@@ -152,8 +153,8 @@ void add_stiffness(const Mat3& stiffness, double weight, uint32_t lane, LaneSum&
 
 // Adds the closest points of a row with formulas to `contacts`. Where a lane is full, those that wait there are evaluated first;
 // returns which of their rows gave a force.
-uint64_t add_contacts(const Object& object, const Motion& motion, uint32_t row, double weight, const ToolState& tool,
-                      Hint* hints, Effort* effort, double slope, double& error, Contacts& contacts, LaneSum& sum) noexcept {
+uint64_t add_contacts(const Object& object, const Motion& motion, uint32_t row, double weight, const ToolState& tool, Hint* hints,
+                      Effort* effort, double slope, double& error, Contacts& contacts, LaneSum& sum) noexcept {
   const uint32_t all = tool.all_points(), mask = tool.is_any_point ? all : object.point_mask() & all;
   if (mask == 0 || !(object.law.support >= 0)) return 0;
   const bool is_moved = motion.horizon > 0 || motion.has_offset(tool.time, tool.blend);
@@ -217,8 +218,8 @@ ToolState ToolState::at(const fs_state& state, const ToolPoints& points, double 
   return tool;
 }
 
-bool evaluate_object(const Object& object, const Motion& motion, double start, const ToolState& tool,
-                     const Law::Parsers* parsers, Share& out, Hint* hints, Effort* effort, double slope) noexcept {
+bool evaluate_object(const Object& object, const Motion& motion, double start, const ToolState& tool, const Law::Parsers* parsers,
+                     Share& out, Hint* hints, Effort* effort, double slope) noexcept {
   const uint32_t all = tool.all_points();
   const uint32_t mask = tool.is_any_point ? all : object.point_mask() & all;
   const double support = object.support();
@@ -263,8 +264,7 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
   fs_response out{};
   out.error_bound = memory.omitted();
   const double share = 1.0 / tool.count;
-  memory.for_each_near(view, tool.time, [&](uint32_t number, const Chunk& chunk, uint64_t near,
-                                                      const Weight* given) {
+  memory.for_each_near(view, tool.time, [&](uint32_t number, const Chunk& chunk, uint64_t near, const Weight* given) {
     const uint64_t points_near = chunk.standing_at(near & chunk.rows->points(), tool.time, tool.blend);
     uint64_t felt = 0;
     for (unsigned k = 0; points_near && k < tool.count; ++k) {
@@ -275,12 +275,19 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
       const Row& row = chunk.row(i);
       const Scratch* const scratch = scratches.get(number * chunk_size + i);
       const double weight = given ? given[i].value() : 1;
-      proxies->collect(view, what, {.row = number * chunk_size + i, .version = row.version, .takes_over = row.takes_over,
+      proxies->collect(view, what,
+                       {.row = number * chunk_size + i,
+                        .version = row.version,
+                        .takes_over = row.takes_over,
                         .object = &row.as_felt(given),
-                        .motion = &chunk.motion(i), .weight = weight,
-                        .begin = weight < 1 ? memory.newer_weight(row, tool.time) : 0, .replaces = row.previous != no_row,
-                        .parsers = scratch ? &scratch->parsers : nullptr, .hints = scratch ? scratch->hints.get() : nullptr,
-                        .start = row.start, .is_bounded = given && (chunk.rows->bounded & bit_of(i))});
+                        .motion = &chunk.motion(i),
+                        .weight = weight,
+                        .begin = weight < 1 ? memory.newer_weight(row, tool.time) : 0,
+                        .replaces = row.previous != no_row,
+                        .parsers = scratch ? &scratch->parsers : nullptr,
+                        .hints = scratch ? scratch->hints.get() : nullptr,
+                        .start = row.start,
+                        .is_bounded = given && (chunk.rows->bounded & bit_of(i))});
     });
     near &= ~solids_near;
     const uint64_t contacts_near = near & ~points_near & (chunk.rows->contacts | chunk.rows->points());

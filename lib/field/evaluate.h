@@ -80,14 +80,14 @@ double error_of(const Object& object, const Effort& effort) noexcept;
 // pose: of the object; t: s, of the profiles; x: the tool point in the object's frame. slope, hint, effort: see evaluate_object.
 void add_profile_force(const Object& object, const Closest& closest, const Motion& motion, const Pose& pose, double t,
                        const ToolState::Point& point, const ToolState& tool, const Law::Parsers* parsers, double share,
-                       Share& out, Vec3 x = {}, double slope = no_slope_limit, Hint* hint = nullptr, Effort* effort = nullptr) noexcept;
+                       Share& out, Vec3 x = {}, double slope = no_slope_limit, Hint* hint = nullptr,
+                       Effort* effort = nullptr) noexcept;
 
 // [rt] False when the object is out of reach of every point that feels it; out is as it was. parsers: may be null without
 // curves. hints: of each point; may be null. effort: null: without end. slope: N/m, the steepest that the object's force may
 // have: with it a repulsive force is blended where several places are equally near (ridge.h); no limit: it is not.
-bool evaluate_object(const Object& object, const Motion& motion, double start, const ToolState& tool,
-                     const Law::Parsers* parsers, Share& out, Hint* hints = nullptr, Effort* effort = nullptr,
-                     double slope = no_slope_limit) noexcept;
+bool evaluate_object(const Object& object, const Motion& motion, double start, const ToolState& tool, const Law::Parsers* parsers,
+                     Share& out, Hint* hints = nullptr, Effort* effort = nullptr, double slope = no_slope_limit) noexcept;
 
 // [rt] The sum of what can be felt of the snapshot that `memory` has absorbed, each object with its weight, seen through a
 // view. `what`: see Memory::look. effort: null: searches are not cut short.

@@ -52,8 +52,8 @@ FS_INLINE Felt<Doubles4> laws_at(Doubles4 d, Doubles4 inverse_distance, const Fo
 
 // Lowers the lanes in `capped`. is_falling, is_bent: any of them has a `fall`, a bend.
 template <uint32_t count>
-FS_INLINE void lower(Felt<Doubles4>& f, Doubles4 d, const CapLanes<count>& caps, uint32_t i, uint64_t capped,
-                     bool is_falling, bool is_bent) {
+FS_INLINE void lower(Felt<Doubles4>& f, Doubles4 d, const CapLanes<count>& caps, uint32_t i, uint64_t capped, bool is_falling,
+                     bool is_bent) {
   const Longs4 mine = lanes_of<Doubles4>(capped);
   const Doubles4 slope = load(caps.slope + i);
   if (is_bent) cut_at_bend(f, mine, d, load(caps.bend + i), load(caps.bend_force + i), load(caps.bend_slope + i));
@@ -62,8 +62,7 @@ FS_INLINE void lower(Felt<Doubles4>& f, Doubles4 d, const CapLanes<count>& caps,
   f.is_felt &= f.force > Doubles4{};
 }
 
-FS_INLINE void add_forces(Doubles4 fx, Doubles4 fy, Doubles4 fz, Doubles4 arm_x, Doubles4 arm_y, Doubles4 arm_z,
-                          LaneSum& sum) {
+FS_INLINE void add_forces(Doubles4 fx, Doubles4 fy, Doubles4 fz, Doubles4 arm_x, Doubles4 arm_y, Doubles4 arm_z, LaneSum& sum) {
   add(sum.fx, fx);
   add(sum.fy, fy);
   add(sum.fz, fz);
@@ -90,9 +89,7 @@ FS_INLINE uint64_t points_in_lanes(const Chunk& chunk, uint64_t mask, Vec3 posit
     const Longs4 has_direction = d > all(least_distance);
     const Doubles4 inverse = one / (has_direction ? d : one);
     const uint64_t other = others >> i & 15;
-    const auto form_bits = [&](Form form) __attribute__((always_inline)) {
-      return other ? rows.with(form) >> i & 15 : 0;
-    };
+    const auto form_bits = [&](Form form) __attribute__((always_inline)) { return other ? rows.with(form) >> i & 15 : 0; };
     Felt<Doubles4> laws = laws_at(d, inverse, rows.formulas, i, magnitude(signed_limit), form_bits);
     if (const uint64_t some = capped >> i & 15) {
       lower(laws, d, *rows.caps, i, some, rows.falling >> i & 15, rows.bent >> i & 15);
@@ -119,8 +116,7 @@ FS_INLINE uint64_t points_in_lanes(const Chunk& chunk, uint64_t mask, Vec3 posit
   return any_of(felt);
 }
 
-FS_INLINE uint64_t contacts_in_lanes(const Contacts::Layer* layers, const Contacts::Caps* caps, uint32_t count,
-                                     LaneSum& sum) {
+FS_INLINE uint64_t contacts_in_lanes(const Contacts::Layer* layers, const Contacts::Caps* caps, uint32_t count, LaneSum& sum) {
   uint64_t felt = 0;
   const Doubles4 zero = all(0.0), one = all(1.0);
   for (const Contacts::Layer* layer = layers; layer != layers + count; ++layer) {

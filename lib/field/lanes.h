@@ -11,13 +11,11 @@ inline constexpr uint32_t lane_count = 4;
 // A sum of wrenches and stiffnesses, in lanes.
 struct LaneSum {
   using Lanes = double[lane_count];
-  Lanes fx{}, fy{}, fz{}, tx{}, ty{}, tz{};           // N, N m
-  Lanes xx{}, xy{}, xz{}, yy{}, yz{}, zz{};           // N/m, symmetric
+  Lanes fx{}, fy{}, fz{}, tx{}, ty{}, tz{};  // N, N m
+  Lanes xx{}, xy{}, xz{}, yy{}, yz{}, zz{};  // N/m, symmetric
 
   static double folded(const Lanes& l) noexcept { return (l[0] + l[1]) + (l[2] + l[3]); }
-  Wrench wrench() const noexcept {
-    return {{folded(fx), folded(fy), folded(fz)}, {folded(tx), folded(ty), folded(tz)}};
-  }
+  Wrench wrench() const noexcept { return {{folded(fx), folded(fy), folded(fz)}, {folded(tx), folded(ty), folded(tz)}}; }
   Mat3 stiffness() const noexcept {
     const double a = folded(xy), b = folded(xz), c = folded(yz);
     return {folded(xx), a, b, a, folded(yy), c, b, c, folded(zz)};
@@ -29,13 +27,13 @@ struct LaneSum {
 class Contacts {
  public:
   struct Contact {
-    Vec3 direction;       // unit, from the closest point to the tool point, scene frame
-    Vec3 tangent;         // unit, of an edge; else 0
-    double distance;      // m
-    bool is_turning;      // direction changes when the tool point moves sideways: it is not on a face
-    const Profile* law;   // of the side where the tool point is
+    Vec3 direction;  // unit, from the closest point to the tool point, scene frame
+    Vec3 tangent;  // unit, of an edge; else 0
+    double distance;  // m
+    bool is_turning;  // direction changes when the tool point moves sideways: it is not on a face
+    const Profile* law;  // of the side where the tool point is
     double weight;
-    Vec3 arm;             // m, of the tool point
+    Vec3 arm;  // m, of the tool point
   };
   // [rt] The lane must have room.
   void add(uint32_t row, const Contact& contact) noexcept;
@@ -47,7 +45,7 @@ class Contacts {
   // Four contacts, one in each lane.
   struct Layer {
     using Lanes = double[lane_count];
-    uint32_t used, turning;      // bit k: lane k is
+    uint32_t used, turning;  // bit k: lane k is
     uint32_t forms[form_count];  // by Form, bit k: lane k has this formula
     uint8_t rows[lane_count];
     Lanes ux, uy, uz, tx, ty, tz, distance, weight, arm_x, arm_y, arm_z;
@@ -59,9 +57,9 @@ class Contacts {
  private:
   static constexpr uint32_t depth = 16;
   uint32_t counts_[lane_count] = {};  // that wait in a lane,
-  uint32_t layer_count_ = 0;          // and the most of these
-  Layer layers_[depth];               // all 0 where nothing has been added
-  Caps caps_[depth];                  // by layer, only where a lane has one
+  uint32_t layer_count_ = 0;  // and the most of these
+  Layer layers_[depth];  // all 0 where nothing has been added
+  Caps caps_[depth];  // by layer, only where a lane has one
 };
 
 // [rt] For each row a lower bound of the distance from `from` to where it may be felt, m; below 0 it may be felt there.

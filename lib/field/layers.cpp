@@ -10,9 +10,7 @@ namespace {
 
 constexpr double least_length = 1e-12;  // weights that add up to 1 do so within rounding
 
-bool is_covered(const Solid& solid, double level) noexcept {
-  return solid.begin <= level && level < solid.begin + solid.weight;
-}
+bool is_covered(const Solid& solid, double level) noexcept { return solid.begin <= level && level < solid.begin + solid.weight; }
 
 // The number of a version among the chosen ones of the last tick; most_chosen: it was not chosen.
 uint32_t number_in(const Touches::View& last, uint64_t version) noexcept {

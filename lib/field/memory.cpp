@@ -1,5 +1,6 @@
 #include "field/memory.h"
 
+#include <cassert>
 #include <cmath>
 
 #include "field/lanes.h"
@@ -30,6 +31,7 @@ void Memory::make_proxies() {
 
 void Memory::make_room(uint32_t row) {
   const uint32_t chunk = row / chunk_size, b = chunk / block_size, c = chunk % block_size;
+  assert(b < blocks_.size());
   if (!blocks_[b]) {
     auto made = std::make_unique<Block>();
     for (uint32_t v = 0; v < (has_weights_ ? Views::size : 1); ++v) made->sights[v] = std::make_unique<Sight>();

@@ -88,7 +88,9 @@ class Memory : public Counted<Memory> {
     double wake_at[block_size];            // m: the chunk sleeps until `travelled` is as large
     uint64_t near[block_size] = {};        // bit i: row i may be felt before the chunk wakes
     uint64_t any = 0;                      // bit c: chunk c has a row that is near
-    Sight() { for (double& at : wake_at) at = never; }
+    Sight() {
+      for (double& at : wake_at) at = never;
+    }
     void forget(uint32_t c) noexcept {     // chunk c is no more
       near[c] = 0;
       any &= ~bit_of(c);
@@ -108,7 +110,9 @@ class Memory : public Counted<Memory> {
     std::unique_ptr<Weights> weights[block_size];
     std::unique_ptr<Outline> outlines[block_size];
     std::unique_ptr<Sight> sights[Views::size];
-    Block() { for (uint32_t c = 0; c < block_size; ++c) due[c] = event[c] = never; }
+    Block() {
+      for (uint32_t c = 0; c < block_size; ++c) due[c] = event[c] = never;
+    }
   };
 
   // The way of the tool in a view.

@@ -83,9 +83,7 @@ Twist Motion::twist_at(double t, double blend) const noexcept {
 }
 
 bool Motion::says_the_same(const Motion& other) const noexcept {
-  const auto are_equal = [](const Quat& a, const Quat& b) {
-    return a.w == b.w && a.x == b.x && a.y == b.y && a.z == b.z;
-  };
+  const auto are_equal = [](const Quat& a, const Quat& b) { return a.w == b.w && a.x == b.x && a.y == b.y && a.z == b.z; };
   return pose.position == other.pose.position && are_equal(pose.orientation, other.pose.orientation) &&
          twist.linear == other.twist.linear && twist.angular == other.twist.angular && time == other.time &&
          horizon == other.horizon;

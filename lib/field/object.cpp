@@ -57,8 +57,7 @@ void check_contact(const fs_contact& contact, fs_primitive primitive) {
   parse_range(contact.friction, 0, 2, "contact.friction");
   if (contact.keep == FS_KEEP_NONE) return;  // the rest waits for the next time it is made solid
   if (!has_surface(primitive)) {
-    fail(FS_ERROR_INVALID, "contact.keep is %d, must be NONE (0) for a %s", keep,
-         primitive_name(primitive));
+    fail(FS_ERROR_INVALID, "contact.keep is %d, must be NONE (0) for a %s", keep, primitive_name(primitive));
   }
   if (!(contact.limit > 0)) fail(FS_ERROR_INVALID, "contact.limit is %.9g, must be > 0 N", contact.limit);
 }
@@ -91,8 +90,10 @@ ParsedObject parse(const fs_object& in, std::string name, const Object* like, bo
   ParsedObject out;
   const Quat& q = in.pose.orientation;
   if (primitive == FS_PRIMITIVE_PLANE && std::isnan(q.w) && is_in_range(in.pose.position)) {
-    fail(FS_ERROR_INVALID, "the normal given to fs_wall_init is (%g, %g, %g), must be finite and longer than 0 "
-         "(pose.orientation.w is nan)", q.x, q.y, q.z);
+    fail(FS_ERROR_INVALID,
+         "the normal given to fs_wall_init is (%g, %g, %g), must be finite and longer than 0 "
+         "(pose.orientation.w is nan)",
+         q.x, q.y, q.z);
   }
   out.pose = parse_pose(in.pose, "pose");
   out.twist = parse_twist(in.twist, "twist");
@@ -138,8 +139,7 @@ ParsedObject parse(const fs_object& in, std::string name, const Object* like, bo
   object.law.support = std::fmax(support(object.law.front), support(object.law.back));
   const bool has_same_force = like && like->primitive == object.primitive && like->shape == object.shape &&
                               like->law.front == object.law.front && like->law.back == object.law.back &&
-                              like->contact.keep == object.contact.keep &&
-                              like->contact.stiffness == object.contact.stiffness;
+                              like->contact.keep == object.contact.keep && like->contact.stiffness == object.contact.stiffness;
   object.law_slope = has_same_force ? like->law_slope : slope_of(object.law);
   object.steepest_slope = has_same_force ? like->steepest_slope : object_slope(object);
   if (object.jumps()) object.enough_slope = enough_slope_of(object.law);
@@ -168,8 +168,10 @@ std::string parse_name(const char* name, const char* field) {
     const size_t length = utf8_length(text);
     if (length == 0) fail(FS_ERROR_INVALID, "%s is not UTF-8: byte %zu is 0x%02x", field, i, text[0]);
     if (text[0] == '/') {
-      fail(FS_ERROR_INVALID, "%s has a '/' at byte %zu, must be without: another client's object is not set, but changed "
-           "(fs_object_change)", field, i);
+      fail(FS_ERROR_INVALID,
+           "%s has a '/' at byte %zu, must be without: another client's object is not set, but changed "
+           "(fs_object_change)",
+           field, i);
     }
     if (text[0] < 0x20 || text[0] == 0x7f || (text[0] == 0xc2 && text[1] < 0xa0)) {
       fail(FS_ERROR_INVALID, "%s has a control character at byte %zu, must be without", field, i);
@@ -196,8 +198,7 @@ Vec3 parse_position(Vec3 v, const char* field) {
   const double components[] = {v.x, v.y, v.z};
   for (int i = 0; i < 3; ++i) {
     if (!(std::fabs(components[i]) <= coordinate_limit)) {
-      fail(FS_ERROR_INVALID, "%s.%c is %.9g, must be finite and within %.9g", field, "xyz"[i], components[i],
-           coordinate_limit);
+      fail(FS_ERROR_INVALID, "%s.%c is %.9g, must be finite and within %.9g", field, "xyz"[i], components[i], coordinate_limit);
     }
   }
   return v;
@@ -206,8 +207,7 @@ Vec3 parse_position(Vec3 v, const char* field) {
 Twist parse_twist(const Twist& twist, const char* field) {
   if (is_in_range(twist.linear) && is_in_range(twist.angular)) return twist;  // before any text is made
   const std::string name = field;
-  return {parse_position(twist.linear, (name + ".linear").c_str()),
-          parse_position(twist.angular, (name + ".angular").c_str())};
+  return {parse_position(twist.linear, (name + ".linear").c_str()), parse_position(twist.angular, (name + ".angular").c_str())};
 }
 
 // The usual case of make_unit_pose, without a root.
@@ -221,8 +221,8 @@ Pose parse_pose(const Pose& pose, const char* field) {
   if (make_unit_pose(unit)) return unit;
   parse_position(pose.position, (std::string(field) + ".position").c_str());
   const Quat q = pose.orientation;
-  fail(FS_ERROR_INVALID, "%s.orientation is (%g, %g, %g, %g) of length %.9g, must be within 1e-3 of 1 or all 0", field,
-       q.w, q.x, q.y, q.z, norm(q));
+  fail(FS_ERROR_INVALID, "%s.orientation is (%g, %g, %g, %g) of length %.9g, must be within 1e-3 of 1 or all 0", field, q.w, q.x,
+       q.y, q.z, norm(q));
 }
 
 bool make_unit_pose(Pose& pose) noexcept {
@@ -264,9 +264,10 @@ Ref<const Object> bounded(const Object& object, const Bounds& given) {
   const bool is_solid = object.is_solid();
   // Where only the shape makes it jump, as the bend of a polyline, the law's bound is that of the bend.
   const bool is_law_bounded = bounds.slope < object.law_slope || (bounds.slope < no_bound && object.jumps());
-  const bool is_contact_bounded = is_solid && (object.contact.stiffness == 0 || bounds.stiffness < object.contact.stiffness) &&
-                                  bounds.stiffness < no_bound;
-  const bool is_damping_bounded = bounds.damping < object.damping || (is_solid && bounds.contact_damping < object.contact.damping);
+  const bool is_contact_bounded =
+      is_solid && (object.contact.stiffness == 0 || bounds.stiffness < object.contact.stiffness) && bounds.stiffness < no_bound;
+  const bool is_damping_bounded =
+      bounds.damping < object.damping || (is_solid && bounds.contact_damping < object.contact.damping);
   if (!is_law_bounded && !is_contact_bounded && !is_damping_bounded) return nullptr;
   const Ref<Object> out = make_ref<Object>(object);
   if (is_law_bounded) out->law = capped(object.law, bounds.slope);
@@ -282,7 +283,7 @@ Ref<const Object> bounded(const Object& object, const Bounds& given) {
 
 fs_object merge_parts(const fs_object& object, const fs_object& change, uint32_t parts) {
   fs_object merged = object;
-  const auto take = [&](uint32_t part, auto fs_object::*field) {
+  const auto take = [&](uint32_t part, auto fs_object::* field) {
     if ((parts & part) && knows(change, change.*field)) merged.*field = change.*field;
   };
   take(FS_PART_POSE, &fs_object::pose);

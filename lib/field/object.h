@@ -71,9 +71,7 @@ struct Object : Counted<Object> {
     return std::max(support_above(law.front, omitted), support_above(law.back, omitted));
   }
   // Whether that may be less. Damping is not: it can be large where the force of the profile is small.
-  bool has_tail() const noexcept {
-    return !is_solid() && damping == 0 && (fs::has_tail(law.front) || fs::has_tail(law.back));
-  }
+  bool has_tail() const noexcept { return !is_solid() && damping == 0 && (fs::has_tail(law.front) || fs::has_tail(law.back)); }
   uint32_t point_mask() const noexcept { return tool_points ? tool_points : ~0u; }
 
   // False: the object cannot be adjusted to the other one while it is felt; the two must cross-fade (weight.h).

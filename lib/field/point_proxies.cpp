@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cassert>
 #include <cmath>
 
 namespace fs {
@@ -225,6 +226,7 @@ void PointProxies::push(const Point& point, Gain& out) noexcept {
   const double k = stiffness_of(contact);
   const Vec3 pull = proxy_.at - at.position;
   const double part = part_within(contact.limit, k * norm(pull));
+  assert(part >= 0 && part <= 1);
   double depth = 0, way = 0;
   for (uint32_t p = 0; p < proxy_.plane_count; ++p) depth += proxy_.shares[p];
   std::array<Vec3, 3> damping{};  // N, of each plane
@@ -349,8 +351,8 @@ void PointProxies::add_profiles(const Point& point, Gain& out) noexcept {
       is_felt = find(place, support, closest);
     }
     if (is_felt) {
-      add_profile_force(object, closest, *solid.motion, solid.pose, tool.time - solid.start, point.at(), tool,
-                        solid.parsers, share, got, place, is_on_surface && !is_above ? no_slope_limit : slope, hint, effort);
+      add_profile_force(object, closest, *solid.motion, solid.pose, tool.time - solid.start, point.at(), tool, solid.parsers,
+                        share, got, place, is_on_surface && !is_above ? no_slope_limit : slope, hint, effort);
     }
     solid.felt = solid.felt + got.wrench;
     out.profile_change += share * explained_change(point, proxy_.members[i]);

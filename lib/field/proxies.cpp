@@ -25,7 +25,8 @@ void Proxies::replace_one(uint32_t view, uint64_t what, const Solid& solid) noex
   const auto was_felt = [&](const Solid& one) {
     for (uint32_t n = 0; last && n < last->layer_count; ++n) {  // the pulls of a layer are in the order of rows
       const std::span<const Pull> pulls = touches_.last_pulls(last->layers[n]);
-      const auto at = std::lower_bound(pulls.begin(), pulls.end(), one.row, [](const Pull& p, uint32_t row) { return p.row < row; });
+      const auto at =
+          std::lower_bound(pulls.begin(), pulls.end(), one.row, [](const Pull& p, uint32_t row) { return p.row < row; });
       if (at != pulls.end() && at->row == one.row && at->version == one.version) return true;
     }
     return false;
@@ -88,7 +89,7 @@ bool Proxies::is_same(const Layer& before) const noexcept {
 // A change that the ways of hand and objects do not explain is a jump: the solids keep it for a while. then, now: layers of
 // the last tick and of this one, whose pulls count by the length of their own layer, or by `length` if it is above 0.
 // explained: N.
-void Proxies::spread_jump(Wrench Pull::*part, std::span<const Layer> then, std::span<const Layer> now, double length,
+void Proxies::spread_jump(Wrench Pull::* part, std::span<const Layer> then, std::span<const Layer> now, double length,
                           double explained, Rests& out) noexcept {
   const auto for_each_change = [&](auto&& f) {
     for (const Layer& layer : then) {
@@ -132,7 +133,8 @@ void Proxies::feel_layers(Touches::View& here, const Touches::View* last, const 
   }
   for (const uint32_t i : layers_.chosen()) here.chosen[here.chosen_count++] = solids_[i].version;
   const uint32_t room = touches_.room() / std::max(1u, views_left_);
-  here.has_all_layers = layers_.cut(solids(), std::clamp(room / std::max(1u, solid_count_ * tool.count), 1u, Touches::most_layers));
+  here.has_all_layers =
+      layers_.cut(solids(), std::clamp(room / std::max(1u, solid_count_ * tool.count), 1u, Touches::most_layers));
   here.has_all_layers &= !layers_.is_crowded();
   const bool can_compare = last && last->has_all_pulls;
   const bool are_layers_matched = last && here.has_all_layers && last->has_all_layers && tells_apart(*last, here);

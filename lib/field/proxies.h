@@ -76,7 +76,7 @@ class Proxies {
   void feel_layers(Touches::View& here, const Touches::View* last, const ToolState& tool, Effort* effort, Sum& out) noexcept;
   void begin_layer(const Layer& layer) noexcept;
   void end_layer(Touches::View& here, Layer& layer, const ToolState& tool, Sum& out) noexcept;
-  void spread_jump(Wrench Pull::*part, std::span<const Layer> then, std::span<const Layer> now, double length, double explained,
+  void spread_jump(Wrench Pull::* part, std::span<const Layer> then, std::span<const Layer> now, double length, double explained,
                    Rests& out) noexcept;
   bool is_same(const Layer& before) const noexcept;
   static bool tells_apart(const Touches::View& last, const Touches::View& here) noexcept;

@@ -1,6 +1,7 @@
 #include "field/proxy.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 
 namespace fs {
@@ -19,11 +20,12 @@ bool find_plane(const Member& member, Vec3 to, uint32_t* visits, Plane& out, Vec
   const Vec3 local = to_local(solid.pose, to);
   if (local == member.touch->at) return false;
   Crossing crossing;
-  if (!first_crossing(solid.object->primitive, solid.object->shape.get(), member.touch->side, member.touch->at, local,
-                      crossing, visits)) {
+  if (!first_crossing(solid.object->primitive, solid.object->shape.get(), member.touch->side, member.touch->at, local, crossing,
+                      visits)) {
     return false;
   }
   part = crossing.part;
+  assert(part >= 0 && part <= 1 && std::fabs(norm(crossing.normal) - 1) < 1e-6);
   out.margin = margin_at(solid.pose, member.touch->at, local);
   out.normal = rotate(solid.pose.orientation, crossing.normal);
   place = solid.pose * crossing.point + out.margin * out.normal;
@@ -77,6 +79,7 @@ bool Proxy::is_free_to(Vec3 place, uint32_t except) const noexcept {
 
 bool Planes::hold(Vec3 hand, Vec3& goal) noexcept {
   const uint32_t count = plane_count;
+  assert(count > 0 && count <= planes.size());
   double most = std::numeric_limits<double>::infinity();
   uint32_t best = 0;
   std::array<double, 3> best_shares{};

@@ -109,19 +109,17 @@ struct Chunk : LocalCounted<Chunk> {
   uint64_t version = 0;                        // of the last change,
   uint64_t rows_version = 0;                   // and of the last that was more than a move
   uint64_t used = 0;                           // bit i: row i is in use
-  uint64_t standing = 0;                       // bit i: row i has no twist: it stands at its centre (Motions::x, y, z), or an offset
-                                               // from there is still blended
-  uint64_t blended = 0;                        // its motion has an offset, which may be over (Motion::Offset)
-  uint64_t planes = 0;                         // bit i: row i is a resting plane that is felt within some distance of it
-  Box box;                                 // where any of its rows but the planes may be felt
+  uint64_t standing = 0;  // bit i: row i has no twist: it stands at its centre (Motions::x, y, z), or an offset
+  // from there is still blended
+  uint64_t blended = 0;  // its motion has an offset, which may be over (Motion::Offset)
+  uint64_t planes = 0;  // bit i: row i is a resting plane that is felt within some distance of it
+  Box box;  // where any of its rows but the planes may be felt
   Ref<Rows> rows;
   Ref<Motions> motions[chunk_size / Motions::size];  // null where none of the four has been in use
 
   const Row& row(uint32_t i) const noexcept { return rows->rows[i]; }
   const Motion& motion(uint32_t i) const noexcept { return motions[i / Motions::size]->motions[i % Motions::size]; }
-  uint64_t motion_revision(uint32_t i) const noexcept {
-    return motions[i / Motions::size]->revision[i % Motions::size];
-  }
+  uint64_t motion_revision(uint32_t i) const noexcept { return motions[i / Motions::size]->revision[i % Motions::size]; }
 
   Box box_of(uint32_t i) const noexcept;  // where row i may be felt, at any time; empty: nowhere, or it is one of the planes
 
@@ -135,9 +133,9 @@ struct Chunk : LocalCounted<Chunk> {
   }
 
   // For whoever posts. i: of the row in the chunk.
-  void own(uint32_t i);         // may run out of memory; after it edit_row, set, move and drop cannot
+  void own(uint32_t i);  // may run out of memory; after it edit_row, set, move and drop cannot
   void own_motion(uint32_t i);  // all that move needs
-  void own_caps();              // after own, before set of a law with a cap; without it that row is evaluated by itself
+  void own_caps();  // after own, before set of a law with a cap; without it that row is evaluated by itself
   Row& edit_row(uint32_t i) noexcept { return rows->rows[i]; }  // the caller must not change its object: see set
   // The rest of the row is for the caller. bounded: may be null.
   Row& set(uint32_t i, Ref<const Object> object, Ref<const Object> bounded, const Motion& motion, uint64_t revision) noexcept;
@@ -153,9 +151,9 @@ struct Chunk : LocalCounted<Chunk> {
 
 // Where the rows of a chunk may be felt, close together and in half the room: for a reader that looks at many.
 struct Outline {
-  Vec3 origin{};                        // m
+  Vec3 origin{};  // m
   float x[chunk_size], y[chunk_size], z[chunk_size];  // m from the origin, the centre
-  float reach[chunk_size];              // m, rounded so that no row is missed
+  float reach[chunk_size];  // m, rounded so that no row is missed
 
   void take(const Chunk& chunk) noexcept;  // [rt]
 };
@@ -168,8 +166,8 @@ inline const Chunk* find_chunk(const Chunks& chunks, uint32_t row) noexcept { re
 // objects: another frame or tool is another row.
 struct ToolPoints : Counted<ToolPoints> {
   std::vector<Vec3> points{{0, 0, 0}};  // m, scene; frame of the handle
-  Vec3 centre{};                        // m, of a sphere that holds them,
-  double radius = 0;                    // and its radius
+  Vec3 centre{};  // m, of a sphere that holds them,
+  double radius = 0;  // and its radius
 
   ToolPoints() = default;
   explicit ToolPoints(std::vector<Vec3> points);
@@ -178,8 +176,8 @@ struct ToolPoints : Counted<ToolPoints> {
 struct View : Version {
   fs_frame frame = fs_frame_init();
   Ref<const ToolPoints> tool;
-  bool is_held = false;            // clutched: the tool stays where the tick first finds it so
-  bool has_own_frame = true;       // false: the frame is that of `previous`, as a clutch may have moved it
+  bool is_held = false;  // clutched: the tool stays where the tick first finds it so
+  bool has_own_frame = true;  // false: the frame is that of `previous`, as a clutch may have moved it
 };
 
 struct Views : LocalCounted<Views> {

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <array>
+#include <cassert>
 
 #include "base/counted.h"
 
@@ -44,6 +45,7 @@ class Table {
 
   // The element, to be changed: made where there is none, copied where another table has it too.
   T& edit(uint32_t i, uint64_t version) {
+    assert(i < capacity);
     Ref<T>& place = find_place<depth - 1>(root_, i, version);
     if (!place) {
       place = make_ref<T>();

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cassert>
 #include <span>
 #include <tuple>
 
@@ -105,6 +106,7 @@ class Touches {
     view.do_layers_agree = view.has_all_layers = view.has_all_pulls = true;
   }
   Layer& add_layer(View& view, double begin, double end, uint64_t present) noexcept {
+    assert(view.layer_count < most_layers && begin < end);
     const Tick& tick = ticks_[current_];
     Layer& out = view.layers[view.layer_count++];
     out.begin = begin;

@@ -24,11 +24,13 @@ void ViewMemory::advance(const Views& views, double now, double fade) noexcept {
       One& m = all_[i];
       if (view.version == 0 || !m.weight.has_begun(view.version)) continue;
       double value = m.weight.value();
-      if (m.wanted == view.version) value = Weight::moved(value, m.going_in, by);  // by the old wants, before the new ones are read
+      if (m.wanted == view.version)
+        value = Weight::moved(value, m.going_in, by);  // by the old wants, before the new ones are read
       m.wanted = view.version;
       Weight* const next = view.next == no_row ? nullptr : &all_[view.next].weight;
       m.weight.set(value);
-      m.going_in = course_of(view, m.weight, now, next, next ? &views.rows[view.next] : nullptr, !(fade > 0), is_any_beginning).in;
+      m.going_in =
+          course_of(view, m.weight, now, next, next ? &views.rows[view.next] : nullptr, !(fade > 0), is_any_beginning).in;
       if (!(fade > 0)) m.weight.set(m.going_in);
     }
     by = 0;

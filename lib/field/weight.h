@@ -15,6 +15,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cassert>
 #include <cstdint>
 #include <limits>
 
@@ -45,9 +46,9 @@ struct Want {
 
 // A row that is a version of something; `previous` is the version before, while it is there.
 struct Version : Want {
-  uint64_t created = 0;          // sequence of the first snapshot with this version
+  uint64_t created = 0;  // sequence of the first snapshot with this version
   uint32_t previous = no_row;
-  uint32_t newer = no_row;       // the row whose `previous` it is
+  uint32_t newer = no_row;  // the row whose `previous` it is
 };
 
 // How far a row has come. A row that follows another waits, at weight 0, until it has begun. The poster sets a weight up
@@ -70,8 +71,7 @@ class Weight {
   // [rt] The tick's: a waiting row begins. True also when it had begun before.
   bool begin(uint64_t version) noexcept {
     uint64_t expected = 2 * version;
-    return state_.compare_exchange_strong(expected, 2 * version + 1, std::memory_order_acq_rel) ||
-           expected == 2 * version + 1;
+    return state_.compare_exchange_strong(expected, 2 * version + 1, std::memory_order_acq_rel) || expected == 2 * version + 1;
   }
   // [rt] The tick's.
   void set(double value) noexcept { value_.store(value, std::memory_order_release); }
@@ -107,12 +107,13 @@ class Weight {
 
 // Where a weight goes.
 struct Course {
-  bool in;          // it rises
+  bool in;  // it rises
   bool hands_over;  // to its successor, within a blend
-  double passing;   // see Weight
+  double passing;  // see Weight
 
   // [rt] The value after `elapsed` seconds. coming: what the row has still to take over; it fades meanwhile.
   double after(double elapsed, double value, double& coming, const Spread& spread) const noexcept {
+    assert(!(coming > 0) || passing > 0);  // what is taken over was handed over
     if (hands_over) return Weight::moved(value, false, passing * Weight::part_of_fade(elapsed, spread.blend));
     const double taken = coming > 0 ? std::min(coming, passing * Weight::part_of_fade(elapsed, spread.blend)) : 0;
     coming -= taken;
@@ -123,6 +124,7 @@ struct Course {
   double rest(double value, double coming, const Spread& spread) const noexcept {
     if (coming > 0) return coming / passing * spread.blend;
     const double way = in ? 1 - value : value;
+    assert(way >= 0 && way <= 1);
     return hands_over && way > 0 ? way / passing * spread.blend : way * spread.fade;
   }
 };

@@ -74,12 +74,8 @@ class Builder : public nlohmann::json_sax<nlohmann::json> {
 
   bool null() override { return add(Json()); }
   bool boolean(bool value) override { return add(Json(value)); }
-  bool number_integer(number_integer_t value) override {
-    return add(Json(Json::Number{static_cast<double>(value), true}));
-  }
-  bool number_unsigned(number_unsigned_t value) override {
-    return add(Json(Json::Number{static_cast<double>(value), true}));
-  }
+  bool number_integer(number_integer_t value) override { return add(Json(Json::Number{static_cast<double>(value), true})); }
+  bool number_unsigned(number_unsigned_t value) override { return add(Json(Json::Number{static_cast<double>(value), true})); }
   bool number_float(number_float_t value, const string_t&) override { return add(Json(value)); }
   bool string(string_t& value) override { return add(Json(std::move(value))); }
   bool binary(binary_t&) override { return add(Json()); }  // never occurs in text

@@ -1,8 +1,8 @@
 // OBJ: reads the lines "v" and "f". The rest (normals, texture, groups, materials, lines, curves) is ignored.
 #include "base/whole_file.h"
 #include "file/mesh_formats.h"
-#include "file/polygon.h"
 #include "file/mesh_text.h"
+#include "file/polygon.h"
 
 namespace fs {
 namespace {

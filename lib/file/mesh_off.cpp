@@ -2,8 +2,8 @@
 #include "base/text.h"
 #include "base/whole_file.h"
 #include "file/mesh_formats.h"
-#include "file/polygon.h"
 #include "file/mesh_text.h"
+#include "file/polygon.h"
 
 namespace fs {
 namespace {
@@ -16,8 +16,7 @@ void check_header(std::string_view word, const Text& text) {
   }
   if (kind == "OFF") return;
   if (kind == "4OFF" || kind == "nOFF" || kind == "4nOFF") {
-    fail_at(FS_ERROR_UNSUPPORTED, text.where(), "the header is %s: only three dimensions are read",
-            in_quotes(word).c_str());
+    fail_at(FS_ERROR_UNSUPPORTED, text.where(), "the header is %s: only three dimensions are read", in_quotes(word).c_str());
   }
   fail_at(FS_ERROR_PARSE, text.where(), "the header is %s, must be \"OFF\"", in_quotes(word).c_str());
 }
@@ -72,14 +71,13 @@ MeshData parse_off(std::string_view bytes, const std::string& file) {
   for (uint64_t i = 0; i < faces; ++i) {
     const int64_t corners = text.integer(next_item(text, "faces", i, faces), "the number of corners");
     if (corners < 3) {
-      fail_at(FS_ERROR_PARSE, text.where(), "a face has %lld corners, must have 3 or more",
-              static_cast<long long>(corners));
+      fail_at(FS_ERROR_PARSE, text.where(), "a face has %lld corners, must have 3 or more", static_cast<long long>(corners));
     }
     for (int64_t k = 0; k < corners; ++k) {
       const int64_t index = text.integer(text.word(), "the vertex of a corner");
       if (index < 0 || index >= static_cast<int64_t>(points)) {
-        fail_at(FS_ERROR_PARSE, text.where(), "the vertex of a corner is %lld, must be 0..%llu",
-                static_cast<long long>(index), static_cast<unsigned long long>(points - 1));
+        fail_at(FS_ERROR_PARSE, text.where(), "the vertex of a corner is %lld, must be 0..%llu", static_cast<long long>(index),
+                static_cast<unsigned long long>(points - 1));
       }
       cutter.add(static_cast<uint32_t>(index));
     }

@@ -8,17 +8,16 @@
 #include "base/whole_file.h"
 #include "file/binary.h"
 #include "file/mesh_formats.h"
-#include "file/polygon.h"
 #include "file/mesh_text.h"
+#include "file/polygon.h"
 
 namespace fs {
 namespace {
 
 enum class Type { int8, uint8, int16, uint16, int32, uint32, float32, float64 };
 constexpr size_t type_sizes[] = {1, 1, 2, 2, 4, 4, 4, 8};  // bytes
-constexpr const char* type_names[][2] = {{"char", "int8"},      {"uchar", "uint8"}, {"short", "int16"},
-                                         {"ushort", "uint16"},  {"int", "int32"},   {"uint", "uint32"},
-                                         {"float", "float32"}, {"double", "float64"}};
+constexpr const char* type_names[][2] = {{"char", "int8"}, {"uchar", "uint8"}, {"short", "int16"},   {"ushort", "uint16"},
+                                         {"int", "int32"}, {"uint", "uint32"}, {"float", "float32"}, {"double", "float64"}};
 
 enum class Role { none, x, y, z, corners };
 constexpr const char* role_names[] = {"nothing", "x", "y", "z", "vertex_indices"};
@@ -69,8 +68,8 @@ PlyFormat parse_format(const Text& text, std::string_view word, std::string_view
   if (word == "ascii") return PlyFormat::ascii;
   if (word == "binary_little_endian") return PlyFormat::little;
   if (word == "binary_big_endian") return PlyFormat::big;
-  fail_at(FS_ERROR_UNSUPPORTED, text.where(),
-          "the format is %s, must be ascii, binary_little_endian or binary_big_endian", in_quotes(word).c_str());
+  fail_at(FS_ERROR_UNSUPPORTED, text.where(), "the format is %s, must be ascii, binary_little_endian or binary_big_endian",
+          in_quotes(word).c_str());
 }
 
 Role role_of(const std::string& element, std::string_view property, bool is_list) {
@@ -96,8 +95,7 @@ Property parse_property(Text& text, const Element& element) {
   const std::string_view name = text.word();
   if (name.empty()) fail_at(FS_ERROR_PARSE, text.where(), "a property has no name");
   if (property.count_type && !is_integer(*property.count_type)) {
-    fail_at(FS_ERROR_PARSE, text.where(), "the count of the list %s must be of an integer type",
-            in_quotes(name).c_str());
+    fail_at(FS_ERROR_PARSE, text.where(), "the count of the list %s must be of an integer type", in_quotes(name).c_str());
   }
   property.role = role_of(element.name, name, property.count_type.has_value());
   if (property.role == Role::corners && !is_integer(property.type)) {
@@ -113,8 +111,7 @@ Element parse_element(Text& text, const std::vector<Element>& before) {
   Element element{std::string(text.word()), 0, {}};
   const int64_t count = text.integer(text.word(), "the number of elements");
   if (count < 0) {
-    fail_at(FS_ERROR_PARSE, text.where(), "the number of elements is %lld, must be 0 or more",
-            static_cast<long long>(count));
+    fail_at(FS_ERROR_PARSE, text.where(), "the number of elements is %lld, must be 0 or more", static_cast<long long>(count));
   }
   element.count = static_cast<uint64_t>(count);
   if (element.name == "vertex" || element.name == "face") {  // others may repeat: comparing very many would be slow
@@ -141,8 +138,7 @@ Header parse_header(std::string_view bytes, const std::string& file) {
   for (;;) {
     const size_t end = bytes.find(line_end, header.size);
     if (end == bytes.npos) {
-      fail_at(FS_ERROR_PARSE, file + ", line " + std::to_string(header.lines + 1),
-              "the file ends before \"end_header\"");
+      fail_at(FS_ERROR_PARSE, file + ", line " + std::to_string(header.lines + 1), "the file ends before \"end_header\"");
     }
     Text text(bytes.substr(header.size, end - header.size), file, {}, ++header.lines);
     header.size = end + 1;
@@ -172,8 +168,7 @@ Header parse_header(std::string_view bytes, const std::string& file) {
 
 class AsciiSource {
  public:
-  AsciiSource(std::string_view data, const std::string& file, const Header& header)
-      : text_(data, file, {}, header.lines + 1) {}
+  AsciiSource(std::string_view data, const std::string& file, const Header& header) : text_(data, file, {}, header.lines + 1) {}
 
   double number(Type, const char* what) { return text_.number(word(), what); }
   int64_t integer(Type, const char* what) { return text_.integer(word(), what); }
@@ -262,8 +257,8 @@ void read_corners(Source& source, const Property& property, uint64_t count, uint
   for (uint64_t i = 0; i < count; ++i) {
     const int64_t index = source.integer(property.type, "the vertex of a corner");
     if (index < 0 || static_cast<uint64_t>(index) >= points) {
-      fail_at(FS_ERROR_PARSE, source.where(), "the vertex of a corner is %lld, must be 0..%lld",
-              static_cast<long long>(index), static_cast<long long>(points) - 1);
+      fail_at(FS_ERROR_PARSE, source.where(), "the vertex of a corner is %lld, must be 0..%lld", static_cast<long long>(index),
+              static_cast<long long>(points) - 1);
     }
     faces.add(static_cast<uint32_t>(index));
   }
@@ -279,8 +274,7 @@ void read_element(Source& source, const Element& element, uint64_t points, MeshD
       if (property.count_type) {
         const int64_t count = source.integer(*property.count_type, "the count of a list");
         if (count < 0 || !source.has(property.type, static_cast<uint64_t>(count))) {
-          fail_at(FS_ERROR_PARSE, source.where(),
-                  "the count of a list is %lld, the %zu bytes that follow do not hold it",
+          fail_at(FS_ERROR_PARSE, source.where(), "the count of a list is %lld, the %zu bytes that follow do not hold it",
                   static_cast<long long>(count), source.remaining());
         }
         if (property.role == Role::corners) {

@@ -100,8 +100,7 @@ MeshData parse_ascii(std::string_view bytes, const std::string& file) {
         if (word.empty()) {
           fail_at(FS_ERROR_PARSE, text.where(), "the file ends, must go on with \"facet\" or \"endsolid\"");
         }
-        fail_at(FS_ERROR_PARSE, text.where(), "the word is %s, must be \"facet\" or \"endsolid\"",
-                in_quotes(word).c_str());
+        fail_at(FS_ERROR_PARSE, text.where(), "the word is %s, must be \"facet\" or \"endsolid\"", in_quotes(word).c_str());
       }
       expect(text, "normal");
       for (int i = 0; i < 3; ++i) text.word_anywhere();  // often nan, and the order of the corners gives it too
@@ -130,8 +129,7 @@ MeshData parse_ascii(std::string_view bytes, const std::string& file) {
 
 MeshData parse_stl(std::string_view bytes, const std::string& file) {
   if (bytes.empty()) {
-    fail_at(FS_ERROR_PARSE, file, "the file is empty; an STL file begins with \"solid\" or has at least %zu bytes",
-            header_size);
+    fail_at(FS_ERROR_PARSE, file, "the file is empty; an STL file begins with \"solid\" or has at least %zu bytes", header_size);
   }
   uint32_t triangles = 0;
   if (bytes.size() >= header_size) triangles = load<uint32_t, std::endian::little>(bytes.data() + 80);

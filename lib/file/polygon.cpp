@@ -54,8 +54,8 @@ bool project(const std::vector<Vec3>& points, std::span<const uint32_t> corners,
   if (!(norm(sum) > 0x1p-46)) return false;  // only rounding error: no area
   const Vec3 normal = normalized(sum);
   // In a plane perpendicular to an axis, u and v are axes too, so nothing is rounded.
-  const Vec3 other = std::fabs(normal.x) > std::fabs(normal.z) || std::fabs(normal.y) > std::fabs(normal.z)
-                         ? Vec3{0, 0, 1} : Vec3{0, 1, 0};
+  const Vec3 other =
+      std::fabs(normal.x) > std::fabs(normal.z) || std::fabs(normal.y) > std::fabs(normal.z) ? Vec3{0, 0, 1} : Vec3{0, 1, 0};
   const Vec3 u = normalized(cross(other, normal)), v = cross(normal, u);
   places.clear();
   for (const uint32_t corner : corners) {
@@ -190,10 +190,11 @@ class PlaceTree {
       least_beside = std::fmin(least_beside, t), most_beside = std::fmax(most_beside, t);
     }
     const double s = (least_along + most_along) / 2, t = (least_beside + most_beside) / 2;
-    nodes_[node] = {{static_cast<double>(from.x) + s * along_x - t * along_y,
-                     static_cast<double>(from.y) + s * along_y + t * along_x, along_x, along_y,
-                     (most_along - least_along) / 2, (most_beside - least_beside) / 2},
-                    d > 0 ? nullptr : &places_[*left], end - begin};
+    nodes_[node] = {
+        {static_cast<double>(from.x) + s * along_x - t * along_y, static_cast<double>(from.y) + s * along_y + t * along_x,
+         along_x, along_y, (most_along - least_along) / 2, (most_beside - least_beside) / 2},
+        d > 0 ? nullptr : &places_[*left],
+        end - begin};
     if (end - begin <= few) return;
     const size_t middle = (begin + end) / 2;
     std::nth_element(at(begin), at(middle), at(end), [&](uint32_t a, uint32_t b) { return along(a) < along(b); });
@@ -207,8 +208,7 @@ class PlaceTree {
     if (nodes_[node].count == 0 || misses(nodes_[node].bounds, nodes_[node].place)) return false;
     if (end - begin <= few) {
       work += end - begin;
-      return std::any_of(order_.begin() + static_cast<std::ptrdiff_t>(begin),
-                         order_.begin() + static_cast<std::ptrdiff_t>(end),
+      return std::any_of(order_.begin() + static_cast<std::ptrdiff_t>(begin), order_.begin() + static_cast<std::ptrdiff_t>(end),
                          [&](uint32_t corner) { return positions_[corner] != none && hits(corner); });
     }
     const size_t middle = (begin + end) / 2;
@@ -233,8 +233,8 @@ enum class Ear {
 class EarCutter {
  public:
   EarCutter(const std::vector<Place>& places, uint64_t& work)
-      : places_(places), previous_(places.size()), next_(places.size()), is_queued_(places.size()),
-        left_(places.size()), tree_(places, link()), work_(work) {}
+      : places_(places), previous_(places.size()), next_(places.size()), is_queued_(places.size()), left_(places.size()),
+        tree_(places, link()), work_(work) {}
 
   // Calls emit(a, b, c) for each triangle. Gives up and returns false when its work exceeds most_work.
   template <class Emit>
@@ -344,8 +344,8 @@ void Faces::cut(const std::vector<Vec3>& points, const std::string& file) {
       for (const uint32_t corner : {a, b, c}) out[written++] = corners[corner];
     });
     if (!is_cut) {
-      fail_at(FS_ERROR_UNSUPPORTED, file,
-              "a face of %zu corners is too entangled to be cut into triangles in good time", polygon.corners);
+      fail_at(FS_ERROR_UNSUPPORTED, file, "a face of %zu corners is too entangled to be cut into triangles in good time",
+              polygon.corners);
     }
   }
 }

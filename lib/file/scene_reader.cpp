@@ -22,8 +22,7 @@ namespace {
 // ---- values. `where` names the file and the part of it: "a.json, object 'wall', front"
 
 [[noreturn]] void fail_value(const Json& value, const std::string& where, const std::string& key, const char* must) {
-  fail_at(FS_ERROR_PARSE, where, "%s is %s, must be %s", in_quotes(key).c_str(), printable(to_line(value)).c_str(),
-          must);
+  fail_at(FS_ERROR_PARSE, where, "%s is %s, must be %s", in_quotes(key).c_str(), printable(to_line(value)).c_str(), must);
 }
 
 double parse_number(const Json& value, const std::string& where, const std::string& key) {
@@ -120,8 +119,8 @@ class Fields {
   void read(const char* key, const std::array<Word, count>& words, Enum& out) {
     const Json* value = find(key);
     if (!value) return;
-    const auto found = std::ranges::find_if(
-        words, [&](const Word& word) { return value->text() && *value->text() == word.text; });
+    const auto found =
+        std::ranges::find_if(words, [&](const Word& word) { return value->text() && *value->text() == word.text; });
     if (found == words.end()) {
       std::string must = "one of";
       for (const Word& word : words) must += std::string(" \"") + word.text + "\"";
@@ -158,8 +157,7 @@ class SceneReader {
     if (const Json* tool = fields.find("tool")) {
       scene_.tool = parse_points(*tool, path_, "tool");
       if (scene_.tool.empty() || scene_.tool.size() > FS_TOOL_POINTS_MAX) {
-        fail_at(FS_ERROR_PARSE, path_, "\"tool\" has %zu points, must have 1..%d", scene_.tool.size(),
-                FS_TOOL_POINTS_MAX);
+        fail_at(FS_ERROR_PARSE, path_, "\"tool\" has %zu points, must have 1..%d", scene_.tool.size(), FS_TOOL_POINTS_MAX);
       }
     }
     if (const Json* shapes = fields.find("shapes")) {
@@ -184,8 +182,8 @@ class SceneReader {
     fields.need("version");
     fields.read("version", version);
     if (version > scene_version) {
-      fail_at(FS_ERROR_VERSION, path_, "\"version\" is %u, this library (%d.%d.%d) knows 1..%d", version,
-              FS_VERSION_MAJOR, FS_VERSION_MINOR, FS_VERSION_PATCH, scene_version);
+      fail_at(FS_ERROR_VERSION, path_, "\"version\" is %u, this library (%d.%d.%d) knows 1..%d", version, FS_VERSION_MAJOR,
+              FS_VERSION_MINOR, FS_VERSION_PATCH, scene_version);
     }
     if (version < 1) fail_at(FS_ERROR_PARSE, path_, "\"version\" is %u, must be 1..%d", version, scene_version);
   }
@@ -210,8 +208,7 @@ class SceneReader {
   }
 
   template <class Handle, class Read>
-  void read_all(const Json& value, const char* key, const char* noun, std::map<std::string, Handle>& out,
-                Read read) const {
+  void read_all(const Json& value, const char* key, const char* noun, std::map<std::string, Handle>& out, Read read) const {
     if (!value.object()) fail_value(value, path_, key, "an object, {\"name\": {...}, ...}");
     for (const auto& [name, item] : *value.object()) {
       Fields fields(item, path_ + ", " + noun + " " + in_quotes(name), noun);
@@ -377,8 +374,6 @@ SceneDescription parse_scene(std::string_view text, const std::string& path, dou
   return SceneReader(path, time).read(parse_json(text, path));
 }
 
-SceneDescription read_scene_file(const std::string& path, double time) {
-  return parse_scene(read_whole_file(path), path, time);
-}
+SceneDescription read_scene_file(const std::string& path, double time) { return parse_scene(read_whole_file(path), path, time); }
 
 }  // namespace fs

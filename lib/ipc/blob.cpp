@@ -44,7 +44,8 @@ Descriptor make_blob(std::initializer_list<std::span<const std::byte>> parts) {
 }
 
 void check_blob(const Descriptor& blob, uint64_t bytes) {
-  if (!blob) fail(FS_ERROR_INVALID, "the data did not come with the message: there was no descriptor, or this process has none left");
+  if (!blob)
+    fail(FS_ERROR_INVALID, "the data did not come with the message: there was no descriptor, or this process has none left");
   const int found = fcntl(blob.get(), F_GET_SEALS);
   if (found < 0 || (found & seals) != seals) {
     fail(FS_ERROR_INVALID, "the data are not in a memory file with the seals SEAL, SHRINK, GROW and WRITE");

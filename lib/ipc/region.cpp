@@ -15,8 +15,7 @@ Descriptor make_region(const char* label, size_t bytes) {
   Descriptor region(memfd_create(label, MFD_CLOEXEC | MFD_ALLOW_SEALING));
   if (!region || ftruncate(region.get(), static_cast<off_t>(bytes)) != 0 ||
       fcntl(region.get(), F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW) != 0) {
-    fail(status_without_descriptor(errno), "shared memory of %zu bytes could not be made: %s", bytes,
-         std::strerror(errno));
+    fail(status_without_descriptor(errno), "shared memory of %zu bytes could not be made: %s", bytes, std::strerror(errno));
   }
   return region;
 }

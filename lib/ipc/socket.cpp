@@ -57,13 +57,13 @@ struct Listeners {
 };
 Listeners& listeners() {
   static Listeners& all = *new Listeners;  // never destroyed: a fork may come late
-  [[maybe_unused]] static const int is_watching = pthread_atfork(
-      [] { listeners().mutex.lock(); }, [] { listeners().mutex.unlock(); },
-      [] {
-        for (const int number : all.numbers) close(number);
-        all.numbers.clear();
-        all.mutex.unlock();
-      });
+  [[maybe_unused]] static const int is_watching =
+      pthread_atfork([] { listeners().mutex.lock(); }, [] { listeners().mutex.unlock(); },
+                     [] {
+                       for (const int number : all.numbers) close(number);
+                       all.numbers.clear();
+                       all.mutex.unlock();
+                     });
   return all;
 }
 
@@ -89,7 +89,7 @@ Place place_in(const Descriptor& folder, const std::string& file) {
 std::string file_of(const std::string& name) { return ".forceserver-" + name; }
 
 // A field of a user's entry in the list of users, such as its name; empty: there is no such user.
-std::string of_user(uid_t user, char* passwd::*field) {
+std::string of_user(uid_t user, char* passwd::* field) {
   std::vector<char> buffer(16384);
   passwd entry, *found = nullptr;
   getpwuid_r(user, &entry, buffer.data(), buffer.size(), &found);
@@ -144,8 +144,7 @@ Endpoint parse_endpoint(const char* given, bool is_server) {
   out.text = given;
   const std::string shown = shortened(given);  // in sentences
   if (out.text.starts_with("dds:")) {
-    fail(FS_ERROR_UNSUPPORTED, "endpoint is '%s': DDS is not in version %s of this library", shown.c_str(),
-         fs_version());
+    fail(FS_ERROR_UNSUPPORTED, "endpoint is '%s': DDS is not in version %s of this library", shown.c_str(), fs_version());
   }
   if (!out.text.starts_with("shm:")) {
     fail(FS_ERROR_INVALID, "endpoint is '%s', must begin with shm: or dds:", shown.c_str());
@@ -154,8 +153,8 @@ Endpoint parse_endpoint(const char* given, bool is_server) {
   out.name = out.text.substr(4, question == std::string::npos ? question : question - 4);
   out.user = geteuid();
   if (out.name.empty() || out.name.size() > longest_endpoint) {
-    fail(FS_ERROR_INVALID, "endpoint is '%s': its name is %zu bytes long, must be 1..%zu", shown.c_str(),
-         out.name.size(), longest_endpoint);
+    fail(FS_ERROR_INVALID, "endpoint is '%s': its name is %zu bytes long, must be 1..%zu", shown.c_str(), out.name.size(),
+         longest_endpoint);
   }
   for (const char c : out.name) {
     if (c == '/' || static_cast<unsigned char>(c) < 0x20 || c == 0x7f) {
@@ -194,9 +193,7 @@ std::string name_of_user(uid_t user) {
   return name.empty() ? std::to_string(user) : name;
 }
 
-std::string user_address(uid_t user, const std::string& name) {
-  return "forceserver/" + std::to_string(user) + "/" + name;
-}
+std::string user_address(uid_t user, const std::string& name) { return "forceserver/" + std::to_string(user) + "/" + name; }
 
 std::string shared_address(const std::string& name) { return "forceserver/" + name; }
 
@@ -236,7 +233,8 @@ Listener Listener::for_this_user(const std::string& name) {
   out.file_ = file_of(name);
   const Place file = place_in(folder, out.file_);
   // Of two servers that begin, one comes first. The lock is given back below, or with the descriptor.
-  while (flock(folder.get(), LOCK_EX) != 0 && errno == EINTR) {}
+  while (flock(folder.get(), LOCK_EX) != 0 && errno == EINTR) {
+  }
   if (!out.listen_at(file.address, file.size)) {
     if (connect_to(file, other) == 0) fail_taken(name, own_server);
     unlinkat(folder.get(), out.file_.c_str(), 0);  // of a server that was killed
@@ -321,8 +319,8 @@ size_t unread(const Descriptor& socket) noexcept {
   return ioctl(socket.get(), SIOCOUTQ, &bytes) == 0 ? static_cast<size_t>(bytes) : 0;
 }
 
-Transfer receive_message(const Descriptor& socket, std::span<std::byte> buffer, size_t& size,
-                         std::span<Descriptor> descriptors, bool& is_cut) noexcept {
+Transfer receive_message(const Descriptor& socket, std::span<std::byte> buffer, size_t& size, std::span<Descriptor> descriptors,
+                         bool& is_cut) noexcept {
   iovec vector{buffer.data(), buffer.size()};
   alignas(cmsghdr) std::array<char, CMSG_SPACE(16 * sizeof(int))> control{};
   msghdr message{};

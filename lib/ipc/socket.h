@@ -82,8 +82,8 @@ size_t unread(const Descriptor& socket) noexcept;
 
 // Receives a message of `size` bytes; never blocks. A message longer than the buffer counts as closed. Fills `descriptors`
 // with the first that came, and closes the others. is_cut: some did not arrive, as this process has none left.
-Transfer receive_message(const Descriptor& socket, std::span<std::byte> buffer, size_t& size,
-                         std::span<Descriptor> descriptors, bool& is_cut) noexcept;
+Transfer receive_message(const Descriptor& socket, std::span<std::byte> buffer, size_t& size, std::span<Descriptor> descriptors,
+                         bool& is_cut) noexcept;
 
 // Waits until there is something to read (or room to write) or the other side is gone. False: timeout s have passed.
 bool wait_for(const Descriptor& socket, bool to_write, double timeout) noexcept;

@@ -38,8 +38,8 @@ void lower_knots(std::span<Knot> knots, double slope) noexcept {
 // The envelope between its knots; the curve itself where it is below the cones of slope k above the knots, and straight
 // where the curve is steep.
 void cut_at_knots(Felt<double>& f, std::span<const Knot> knots, double d, double slope) noexcept {
-  const auto next = std::upper_bound(knots.begin(), knots.end(), d,
-                                     [](double wanted, const Knot& knot) { return wanted < knot.distance; });
+  const auto next =
+      std::upper_bound(knots.begin(), knots.end(), d, [](double wanted, const Knot& knot) { return wanted < knot.distance; });
   if (next != knots.begin()) {
     const Knot& before = next[-1];
     if (before.is_steep && next != knots.end()) {

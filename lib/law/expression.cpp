@@ -17,14 +17,30 @@ bool is_letter(char c) { return std::isalnum(static_cast<unsigned char>(c)) || c
 constexpr struct {
   const char *name, *hint;
 } hints[] = {
-    {"pow", "write a^b"},         {"power", "write a^b"},         {"if", "write condition ? a : b"},
-    {"iff", "write condition ? a : b"}, {"pi", "write _pi"},      {"m_pi", "write _pi"},
-    {"e", "write _e, or exp(a)"}, {"m_e", "write _e, or exp(a)"}, {"x", "the distance is d"},
-    {"r", "the distance is d"},   {"dist", "the distance is d"},  {"distance", "the distance is d"},
-    {"time", "the time is t"},    {"fabs", "write abs(a)"},       {"round", "write rint(a)"},
-    {"sgn", "write sign(a)"},     {"lg", "write log10(a)"},       {"lb", "write log2(a)"},
-    {"mean", "write avg(a, b)"},  {"and", "write a && b"},        {"or", "write a || b"},
-    {"not", "write a == 0"},      {"arcsin", "write asin(a)"},    {"arccos", "write acos(a)"},
+    {"pow", "write a^b"},
+    {"power", "write a^b"},
+    {"if", "write condition ? a : b"},
+    {"iff", "write condition ? a : b"},
+    {"pi", "write _pi"},
+    {"m_pi", "write _pi"},
+    {"e", "write _e, or exp(a)"},
+    {"m_e", "write _e, or exp(a)"},
+    {"x", "the distance is d"},
+    {"r", "the distance is d"},
+    {"dist", "the distance is d"},
+    {"distance", "the distance is d"},
+    {"time", "the time is t"},
+    {"fabs", "write abs(a)"},
+    {"round", "write rint(a)"},
+    {"sgn", "write sign(a)"},
+    {"lg", "write log10(a)"},
+    {"lb", "write log2(a)"},
+    {"mean", "write avg(a, b)"},
+    {"and", "write a && b"},
+    {"or", "write a || b"},
+    {"not", "write a == 0"},
+    {"arcsin", "write asin(a)"},
+    {"arccos", "write acos(a)"},
     {"arctan", "write atan(a)"},
 };
 
@@ -45,8 +61,8 @@ std::string sentence_on_name(const std::string& name) {
     if (lower == other) hint = text;
   }
   if (functions.count(lower) || lower == "d" || lower == "t") hint = "write " + lower;
-  return "the name is unknown" + (hint.empty() ? "" : " (" + hint + ")") +
-         "; the names are the distance d (m), the time t (s)," + names_of(parser.GetConst()) + names_of(functions);
+  return "the name is unknown" + (hint.empty() ? "" : " (" + hint + ")") + "; the names are the distance d (m), the time t (s)," +
+         names_of(parser.GetConst()) + names_of(functions);
 }
 
 // The index of the first ':' or the last '?' that has no partner.
@@ -134,23 +150,18 @@ void fail_expression(const std::string& text, const mu::ParserError& error) {
       break;
     case mu::ecUNEXPECTED_OPERATOR:
       sentence = text[place] == '*' && place > 0 && text[place - 1] == '*' ? "a value is missing before it (write a^b)"
-                                                                         : "a value is missing before it";
+                                                                           : "a value is missing before it";
       break;
     case mu::ecUNEXPECTED_CONDITIONAL:
-    case mu::ecUNEXPECTED_ARG_SEP:
-      sentence = "a value is missing before it";
-      break;
+    case mu::ecUNEXPECTED_ARG_SEP: sentence = "a value is missing before it"; break;
     case mu::ecUNEXPECTED_PARENS:
-      sentence = text[place] == '(' ? "an operator is missing before it"
-                                    : "there is one too many, or a value is missing before it";
+      sentence =
+          text[place] == '(' ? "an operator is missing before it" : "there is one too many, or a value is missing before it";
       break;
     case mu::ecUNEXPECTED_VAL:
     case mu::ecUNEXPECTED_VAR:
-    case mu::ecUNEXPECTED_FUN:
-      sentence = "an operator is missing before it";
-      break;
-    default:
-      break;
+    case mu::ecUNEXPECTED_FUN: sentence = "an operator is missing before it"; break;
+    default: break;
   }
   place = std::min(place, text.size() - 1);
   size_t end = place + 1;

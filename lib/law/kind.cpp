@@ -136,8 +136,8 @@ struct Quadratic : Plain {
     if (room <= 0) return 0;
     const double last = std::sqrt(room / std::fabs(p.gain)), d = std::fmin(last, end);
     // Distances are compared, not forces: near its zero the formula is rounded to the digits of the offset.
-    const bool is_felt = p.gain > 0 ? !(p.offset < 0) || end > std::sqrt(p.offset / -p.gain)
-                                    : last <= end || p.gain * d * d + p.offset < p.limit;
+    const bool is_felt =
+        p.gain > 0 ? !(p.offset < 0) || end > std::sqrt(p.offset / -p.gain) : last <= end || p.gain * d * d + p.offset < p.limit;
     return is_felt ? 2 * std::fabs(p.gain) * d : 0;
   }
   static void bend(const Profile& p, Cap& cap) {
@@ -181,8 +181,7 @@ struct Inverse : Plain {
     return p.offset < force ? outward(p.gain / (force - p.offset) * (1 + 1e-12)) : infinity;
   }
   static double slope_end(const Profile& p, const SlopeEnd& end) noexcept {
-    return std::fmin(end.support,
-                     std::fmax(std::sqrt(p.gain / end.least), end.turn(std::fmax(p.offset, 0))) + end.late);
+    return std::fmin(end.support, std::fmax(std::sqrt(p.gain / end.least), end.turn(std::fmax(p.offset, 0))) + end.late);
   }
 };
 
@@ -205,8 +204,8 @@ struct Custom : Plain {
 };
 
 template <class K>
-constexpr Kind row{K::gain, K::has_offset, K::has_width, K::has_curve, K::is_constant,
-                   K::form, K::support, K::slope, K::bend, K::tail, K::slope_end};
+constexpr Kind row{K::gain,    K::has_offset, K::has_width, K::has_curve, K::is_constant, K::form,
+                   K::support, K::slope,      K::bend,      K::tail,      K::slope_end};
 
 }  // namespace
 

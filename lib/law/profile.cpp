@@ -23,16 +23,13 @@ void require_finite(double value, const char* field, const char* part) {
   if (!std::isfinite(value)) fail(FS_ERROR_INVALID, "%s.%s is %.9g, must be finite", field, part, value);
 }
 
-const char* article(fs_profile_kind kind) {
-  return std::strchr("AEIOU", *without_prefix(profile_kind_names[kind])) ? "an" : "a";
-}
+const char* article(fs_profile_kind kind) { return std::strchr("AEIOU", *without_prefix(profile_kind_names[kind])) ? "an" : "a"; }
 
 // Throws INVALID unless the value is good for a profile of this kind; `must` says what is good.
-void require_that(bool is_good, const char* must, double value, const char* field, const char* part,
-                  fs_profile_kind kind) {
+void require_that(bool is_good, const char* must, double value, const char* field, const char* part, fs_profile_kind kind) {
   if (is_good) return;
-  fail(FS_ERROR_INVALID, "%s.%s is %.9g, must be %s for %s %s profile", field, part, value, must,
-       article(kind), without_prefix(profile_kind_names[kind]));
+  fail(FS_ERROR_INVALID, "%s.%s is %.9g, must be %s for %s %s profile", field, part, value, must, article(kind),
+       without_prefix(profile_kind_names[kind]));
 }
 
 // What formula() asks, of one profile.
@@ -117,8 +114,8 @@ Profile parse_profile(const fs_profile& in, const char* field) {
   if (kind.has_curve) {
     if (!in.curve) fail(FS_ERROR_INVALID, "%s.curve is null, must be a curve for a CUSTOM profile", field);
   } else if (in.curve) {
-    fail(FS_ERROR_INVALID, "%s.curve is given, must be null for %s %s profile", field,
-         article(in.kind), without_prefix(profile_kind_names[in.kind]));
+    fail(FS_ERROR_INVALID, "%s.curve is given, must be null for %s %s profile", field, article(in.kind),
+         without_prefix(profile_kind_names[in.kind]));
   }
   return {in.kind, in.sense, in.gain, in.offset, in.width, in.limit, in.reach, Ref<const Curve>::share(in.curve), nullptr};
 }

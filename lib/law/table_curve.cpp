@@ -15,10 +15,7 @@ struct Cubic {
   double c0, c1, c2, c3;
 
   Cubic(double from, double to, double slope_from, double slope_to)
-      : c0(from),
-        c1(slope_from),
-        c2(3 * (to - from) - 2 * slope_from - slope_to),
-        c3(slope_from + slope_to - 2 * (to - from)) {}
+      : c0(from), c1(slope_from), c2(3 * (to - from) - 2 * slope_from - slope_to), c3(slope_from + slope_to - 2 * (to - from)) {}
 
   double force(double u) const { return c0 + u * (c1 + u * (c2 + u * c3)); }
   double slope(double u) const { return c1 + u * (2 * c2 + u * (3 * c3)); }

@@ -64,9 +64,7 @@ FS_INLINE Floats8 magnitude(Floats8 a) { return (Floats8)((Ints8)a & 0x7fffffff)
 FS_INLINE Doubles4 magnitude(Doubles4 a) { return (Doubles4)((Longs4)a & 0x7fffffffffffffff); }
 FS_INLINE Doubles8 magnitude(Doubles8 a) { return (Doubles8)((Longs8)a & 0x7fffffffffffffff); }
 // The value where `sign` is not negative, else -value.
-FS_INLINE Doubles4 signed_as(Doubles4 value, Doubles4 sign) {
-  return (Doubles4)((Longs4)value ^ ((Longs4)sign & INT64_MIN));
-}
+FS_INLINE Doubles4 signed_as(Doubles4 value, Doubles4 sign) { return (Doubles4)((Longs4)value ^ ((Longs4)sign & INT64_MIN)); }
 
 FS_INLINE Doubles4 root(Doubles4 v) { return Doubles4{std::sqrt(v[0]), std::sqrt(v[1]), std::sqrt(v[2]), std::sqrt(v[3])}; }
 template <class Lanes>

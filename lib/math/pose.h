@@ -28,9 +28,7 @@ inline Quat normalized(Quat q) {
   const double n = norm(q);
   return {q.w / n, q.x / n, q.y / n, q.z / n};
 }
-inline bool is_finite(Quat q) {
-  return std::isfinite(q.w) && std::isfinite(q.x) && std::isfinite(q.y) && std::isfinite(q.z);
-}
+inline bool is_finite(Quat q) { return std::isfinite(q.w) && std::isfinite(q.x) && std::isfinite(q.y) && std::isfinite(q.z); }
 constexpr Vec3 rotate(Quat q, Vec3 v) {
   const Vec3 u{q.x, q.y, q.z};
   const Vec3 t = 2 * cross(u, v);

@@ -18,15 +18,11 @@ constexpr Vec3 operator*(double s, Vec3 a) { return {s * a.x, s * a.y, s * a.z};
 constexpr Vec3& operator+=(Vec3& a, Vec3 b) { return a = a + b; }
 constexpr bool operator==(Vec3 a, Vec3 b) { return a.x == b.x && a.y == b.y && a.z == b.z; }
 constexpr double dot(Vec3 a, Vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-constexpr Vec3 cross(Vec3 a, Vec3 b) {
-  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-}
+constexpr Vec3 cross(Vec3 a, Vec3 b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
 inline double norm(Vec3 a) { return std::sqrt(dot(a, a)); }
 inline bool is_finite(Vec3 a) { return std::isfinite(a.x) && std::isfinite(a.y) && std::isfinite(a.z); }
 
-inline double largest_coordinate(Vec3 a) noexcept {
-  return std::max(std::max(std::fabs(a.x), std::fabs(a.y)), std::fabs(a.z));
-}
+inline double largest_coordinate(Vec3 a) noexcept { return std::max(std::max(std::fabs(a.x), std::fabs(a.y)), std::fabs(a.z)); }
 
 inline constexpr double coordinate_limit = 1e15;  // m: its square is still 278 decades below the largest double
 inline bool is_in_range(Vec3 v) noexcept {
@@ -47,30 +43,27 @@ inline Vec3 normalized(Vec3 a) {
 }
 
 constexpr bool operator==(const Mat3& a, const Mat3& b) {
-  return a.xx == b.xx && a.xy == b.xy && a.xz == b.xz && a.yx == b.yx && a.yy == b.yy && a.yz == b.yz &&
-         a.zx == b.zx && a.zy == b.zy && a.zz == b.zz;
+  return a.xx == b.xx && a.xy == b.xy && a.xz == b.xz && a.yx == b.yx && a.yy == b.yy && a.yz == b.yz && a.zx == b.zx &&
+         a.zy == b.zy && a.zz == b.zz;
 }
 inline bool is_finite(const Mat3& m) {
   return is_finite(Vec3{m.xx, m.xy, m.xz}) && is_finite(Vec3{m.yx, m.yy, m.yz}) && is_finite(Vec3{m.zx, m.zy, m.zz});
 }
 constexpr Mat3 operator+(const Mat3& a, const Mat3& b) {
-  return {a.xx + b.xx, a.xy + b.xy, a.xz + b.xz, a.yx + b.yx, a.yy + b.yy,
-          a.yz + b.yz, a.zx + b.zx, a.zy + b.zy, a.zz + b.zz};
+  return {a.xx + b.xx, a.xy + b.xy, a.xz + b.xz, a.yx + b.yx, a.yy + b.yy, a.yz + b.yz, a.zx + b.zx, a.zy + b.zy, a.zz + b.zz};
 }
 constexpr Mat3 operator*(double s, const Mat3& a) {
   return {s * a.xx, s * a.xy, s * a.xz, s * a.yx, s * a.yy, s * a.yz, s * a.zx, s * a.zy, s * a.zz};
 }
 constexpr Mat3& operator+=(Mat3& a, const Mat3& b) { return a = a + b; }
 constexpr Vec3 operator*(const Mat3& m, Vec3 v) {
-  return {m.xx * v.x + m.xy * v.y + m.xz * v.z, m.yx * v.x + m.yy * v.y + m.yz * v.z,
-          m.zx * v.x + m.zy * v.y + m.zz * v.z};
+  return {m.xx * v.x + m.xy * v.y + m.xz * v.z, m.yx * v.x + m.yy * v.y + m.yz * v.z, m.zx * v.x + m.zy * v.y + m.zz * v.z};
 }
 constexpr Mat3 operator*(const Mat3& a, const Mat3& b) {
-  return {a.xx * b.xx + a.xy * b.yx + a.xz * b.zx, a.xx * b.xy + a.xy * b.yy + a.xz * b.zy,
-          a.xx * b.xz + a.xy * b.yz + a.xz * b.zz, a.yx * b.xx + a.yy * b.yx + a.yz * b.zx,
-          a.yx * b.xy + a.yy * b.yy + a.yz * b.zy, a.yx * b.xz + a.yy * b.yz + a.yz * b.zz,
-          a.zx * b.xx + a.zy * b.yx + a.zz * b.zx, a.zx * b.xy + a.zy * b.yy + a.zz * b.zy,
-          a.zx * b.xz + a.zy * b.yz + a.zz * b.zz};
+  return {
+      a.xx * b.xx + a.xy * b.yx + a.xz * b.zx, a.xx * b.xy + a.xy * b.yy + a.xz * b.zy, a.xx * b.xz + a.xy * b.yz + a.xz * b.zz,
+      a.yx * b.xx + a.yy * b.yx + a.yz * b.zx, a.yx * b.xy + a.yy * b.yy + a.yz * b.zy, a.yx * b.xz + a.yy * b.yz + a.yz * b.zz,
+      a.zx * b.xx + a.zy * b.yx + a.zz * b.zx, a.zx * b.xy + a.zy * b.yy + a.zz * b.zy, a.zx * b.xz + a.zy * b.yz + a.zz * b.zz};
 }
 constexpr Mat3 transposed(const Mat3& a) { return {a.xx, a.yx, a.zx, a.xy, a.yy, a.zy, a.xz, a.yz, a.zz}; }
 constexpr Mat3 outer(Vec3 a, Vec3 b) {  // a b^T

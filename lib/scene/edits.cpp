@@ -1,6 +1,7 @@
 #include "scene/edits.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cstring>
 
 #include "base/error.h"
@@ -106,11 +107,13 @@ void Edits::require_room(const std::vector<ParsedObject>& objects) {
 }
 
 void Edits::require_room() {
+  assert(group_);
   Objects& objects = evaluated_.objects;
   if (objects.has_room(group_->order.size())) return;
-  const auto added = static_cast<size_t>(std::count_if(group_->order.begin(), group_->order.end(), [&](OpenGroup::Change* change) {
-    return !change->second.is_removed && !objects.has_name(change->first);
-  }));
+  const auto added =
+      static_cast<size_t>(std::count_if(group_->order.begin(), group_->order.end(), [&](OpenGroup::Change* change) {
+        return !change->second.is_removed && !objects.has_name(change->first);
+      }));
   if (objects.has_room(added)) return;
   evaluated_.settle_all();
   objects.require_room(added, "would hold more than");
@@ -220,6 +223,7 @@ void Edits::change_view(ViewChange change) {
 // --------------------------------------------------------------------------------------------------- groups
 
 bool Edits::commit(size_t most) {
+  assert(group_ && most > 0);
   if (group_->committed == 0) sort();
   const std::vector<OpenGroup::Change*>& order = group_->order;
   try {
@@ -242,7 +246,8 @@ bool Edits::commit(size_t most) {
 void Edits::keep_rest() noexcept {
   OpenGroup& group = *group_;
   const auto rest = group.order.begin() + static_cast<ptrdiff_t>(group.committed);
-  std::for_each(group.order.begin(), rest, [&](OpenGroup::Change* done) { group.changes.erase(group.changes.find(done->first)); });
+  std::for_each(group.order.begin(), rest,
+                [&](OpenGroup::Change* done) { group.changes.erase(group.changes.find(done->first)); });
   group.order.erase(group.order.begin(), rest);
   group.committed = 0;
   group.added = static_cast<size_t>(std::count_if(group.order.begin(), group.order.end(), [this](OpenGroup::Change* change) {

@@ -47,8 +47,8 @@ struct Worker {
       const Chunk& chunk = *find_chunk(snapshot.chunks, row);
       const Row& it = chunk.row(row % chunk_size);
       Share share;
-      const bool is_felt = it.is_felt(now) && evaluate_object(*it.object, chunk.motion(row % chunk_size), it.start, point,
-                                                              &parsers, share);
+      const bool is_felt =
+          it.is_felt(now) && evaluate_object(*it.object, chunk.motion(row % chunk_size), it.start, point, &parsers, share);
       forces[i] = is_felt ? share.wrench.force : Vec3{};
     }
   }
@@ -56,8 +56,7 @@ struct Worker {
 
 }  // namespace
 
-void fs::evaluate_field(LocalScene& scene, const char* name, double time, const Vec3* positions, size_t count,
-                        Vec3* forces) {
+void fs::evaluate_field(LocalScene& scene, const char* name, double time, const Vec3* positions, size_t count, Vec3* forces) {
   parse_finite(time, "time");
   for (size_t i = 0; i < count; ++i) {
     if (!is_in_range(positions[i])) {
@@ -68,8 +67,7 @@ void fs::evaluate_field(LocalScene& scene, const char* name, double time, const 
   scene.readers.with_snapshot(name, [&](const Snapshot& snapshot, uint32_t row) {
     const double now = time != 0 ? time : scene.now(snapshot.clock);
     constexpr size_t least = 1024;  // positions that are worth a thread
-    const size_t thread_count =
-        std::max<size_t>(1, std::min<size_t>(std::thread::hardware_concurrency(), count / least));
+    const size_t thread_count = std::max<size_t>(1, std::min<size_t>(std::thread::hardware_concurrency(), count / least));
     std::vector<Worker> workers;
     workers.reserve(thread_count);
     for (size_t i = 0; i < thread_count; ++i) workers.emplace_back(snapshot, row);
@@ -79,9 +77,7 @@ void fs::evaluate_field(LocalScene& scene, const char* name, double time, const 
     try {
       for (size_t i = 1; i < thread_count; ++i) {
         const size_t end = count * (i + 1) / thread_count;
-        threads.emplace_back([&, worker = &workers[i], begin, end] {
-          worker->work(row, now, positions, begin, end, forces);
-        });
+        threads.emplace_back([&, worker = &workers[i], begin, end] { worker->work(row, now, positions, begin, end, forces); });
         begin = end;
       }
     } catch (const std::system_error&) {  // no thread to be had: this one does the rest

@@ -94,8 +94,7 @@ Scene::Contents LocalScene::contents() {
   return out;
 }
 
-void LocalScene::set_contents(const std::vector<fs_object>& objects, const fs_frame& frame,
-                              const std::vector<Vec3>& tool) {
+void LocalScene::set_contents(const std::vector<fs_object>& objects, const fs_frame& frame, const std::vector<Vec3>& tool) {
   std::vector<ParsedObject> parsed;
   for (const fs_object& object : objects) {
     try {

@@ -37,8 +37,7 @@ struct LocalScene final : Scene {
   Ref<const Object> get(const char* name, fs_object& out) override;
   Ref<const Object> get(const char* name, fs_object& out, bool with_group);
   Contents contents() override;
-  void set_contents(const std::vector<fs_object>& objects, const fs_frame& frame,
-                    const std::vector<Vec3>& tool) override;
+  void set_contents(const std::vector<fs_object>& objects, const fs_frame& frame, const std::vector<Vec3>& tool) override;
 
   // The motion of an object, as the thread's group has it; and the motion that another process has worked out, to be set
   // without a check.

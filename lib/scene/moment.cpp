@@ -55,8 +55,8 @@ Moment::~Moment() {
 Entry Moment::entry(uint32_t number) const {
   const Chunk& chunk = *find_chunk(chunks_, number);
   const Row& from = row(number);
-  return {from.object, chunk.motion(number % chunk_size), from.start, from.expiry, from.revision,
-          chunk.motion_revision(number % chunk_size)};
+  return {from.object,   chunk.motion(number % chunk_size),         from.start, from.expiry,
+          from.revision, chunk.motion_revision(number % chunk_size)};
 }
 
 fs_motion Moment::to_motion(const Entry& entry, const std::string& prefix) noexcept {

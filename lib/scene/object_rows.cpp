@@ -1,6 +1,7 @@
 #include "scene/object_rows.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <functional>
 
@@ -67,6 +68,7 @@ static Bounds grown(const Bounds& now, const Bounds& due, double growth) noexcep
 }
 
 uint32_t ObjectRows::bound(uint32_t newest, const Bounds& bounds, const Pace& pace, bool& is_rising) {
+  assert(pace.least > 0 && pace.least <= 1 && pace.growth >= 1);
   const Row& now = row(newest);
   const Object& object = *now.object;
   Bounds wanted = of_use(joined(bounds, bounds_), object);
@@ -89,8 +91,7 @@ void ObjectRows::own_offsets(size_t count) {
 
 // Finds a row that no tick can use, but does not reserve it: fill does. Two calls give the same row.
 uint32_t ObjectRows::allocate(const Entry& entry) {
-  return space_.find(entry.motion.pose.position, entry.object->radius + entry.object->support(),
-                     servo_ ? used() : sequence_);
+  return space_.find(entry.motion.pose.position, entry.object->radius + entry.object->support(), servo_ ? used() : sequence_);
 }
 
 // Makes room for a row in the memory of each reader, and what its object needs there.
@@ -267,8 +268,7 @@ bool ObjectRows::is_replaceable(uint32_t newest, Change change) noexcept {
   if (change == Change::adjusted || !servo_) return true;
   if (!is_waiting(newest)) return false;
   const uint64_t created = row(newest).created;
-  return change == Change::taken_over || created == sequence_ ||
-         (length(newest) >= longest_chain && servo_->take_back(created));
+  return change == Change::taken_over || created == sequence_ || (length(newest) >= longest_chain && servo_->take_back(created));
 }
 
 // False: it was waiting, and has begun meanwhile.
@@ -321,8 +321,7 @@ uint32_t ObjectRows::append(uint32_t newest, const Entry& entry, Change change, 
   const uint64_t version = ++last_version_;
   install(number, made);
   servo_->memory->weight(number).set_up(version, waits, 0);
-  fill(its, number, entry, bounded, takes_over ? going_on(newest, entry.motion, now) : unblended(entry.motion), version,
-       newest);
+  fill(its, number, entry, bounded, takes_over ? going_on(newest, entry.motion, now) : unblended(entry.motion), version, newest);
   if (!entry.motion.says_the_same(motion(newest))) note_offset(number);
   if (takes_over) edit(number).takes_over = row(newest).version;
   edit(newest).is_named = false;

@@ -35,9 +35,7 @@ class ObjectRows : Versions<ObjectRows> {
   const Chunks& chunks() const noexcept { return chunks_; }
   const Row& row(uint32_t row) const noexcept { return find_chunk(chunks_, row)->row(row % chunk_size); }
   const Motion& motion(uint32_t row) const noexcept { return find_chunk(chunks_, row)->motion(row % chunk_size); }
-  uint64_t motion_revision(uint32_t row) const noexcept {
-    return find_chunk(chunks_, row)->motion_revision(row % chunk_size);
-  }
+  uint64_t motion_revision(uint32_t row) const noexcept { return find_chunk(chunks_, row)->motion_revision(row % chunk_size); }
   Entry entry(uint32_t row) const;
 
   // What is posted next has this number; versions in the table are those numbers.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cassert>
 #include <cmath>
 #include <functional>
 
@@ -58,7 +59,8 @@ uint32_t RowSpace::find(Vec3 position, double size, uint64_t used) {
   const uint32_t chunk = closed_.empty() ? chunks_end() : closed_.front();
   if (chunk == chunk_count) {
     const auto open = std::find_if(spaces_.begin(), spaces_.end(), [](const Space& s) { return ~s.taken != 0; });
-    if (open == spaces_.end()) fail(FS_ERROR_FULL, "the scene holds %u versions of objects: its maximum", chunk_count * chunk_size);
+    if (open == spaces_.end())
+      fail(FS_ERROR_FULL, "the scene holds %u versions of objects: its maximum", chunk_count * chunk_size);
     return row_in(static_cast<uint32_t>(open - spaces_.begin()));
   }
   const auto place = order_.emplace(code, chunk);
@@ -80,6 +82,7 @@ uint32_t RowSpace::find(Vec3 position, double size, uint64_t used) {
 
 void RowSpace::release(uint32_t row, uint64_t sequence) noexcept {
   Space& space = spaces_[row / chunk_size];
+  assert((space.taken & ~space.leaving) >> row % chunk_size & 1);
   if (space.leaving == 0) leaving_.push_back(row / chunk_size);
   space.leaving |= uint64_t{1} << row % chunk_size;
   space.leaves_at = sequence;

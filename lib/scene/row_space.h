@@ -3,6 +3,7 @@
 // oriented geodetic data base", IBM 1966) of where they begin; a chunk that is full is followed by another.
 #pragma once
 
+#include <cassert>
 #include <map>
 #include <vector>
 
@@ -17,7 +18,10 @@ class RowSpace {
   // A free row for an object there, of this size (m, may be infinite). It stays free until it is taken; a call that throws
   // (FULL, no memory) changes nothing that matters. used: sequence of the newest snapshot that has been used.
   uint32_t find(Vec3 position, double size, uint64_t used);
-  void take(uint32_t row) noexcept { spaces_[row / chunk_size].taken |= uint64_t{1} << row % chunk_size; }
+  void take(uint32_t row) noexcept {
+    assert(!(spaces_[row / chunk_size].taken >> row % chunk_size & 1));
+    spaces_[row / chunk_size].taken |= uint64_t{1} << row % chunk_size;
+  }
   // The row is free again when the snapshot `sequence` has been used, the first without it.
   void release(uint32_t row, uint64_t sequence) noexcept;
   // Objects that are added in the order of this number lie together best.

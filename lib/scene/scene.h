@@ -40,8 +40,7 @@ struct fs_scene : fs::Counted<fs_scene> {
     std::vector<fs::Ref<const fs::Object>> owners;  // of the handles in objects
   };
   virtual Contents contents() = 0;
-  virtual void set_contents(const std::vector<fs_object>& objects, const fs_frame& frame,
-                            const std::vector<fs::Vec3>& tool) = 0;
+  virtual void set_contents(const std::vector<fs_object>& objects, const fs_frame& frame, const std::vector<fs::Vec3>& tool) = 0;
 
   // Groups.
   virtual void begin() = 0;

@@ -2,6 +2,7 @@
 // Every call needs the lock of whoever has this.
 #pragma once
 
+#include <cassert>
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -18,7 +19,10 @@ class ThreadGroups {
     const auto found = groups_.find(this_thread());
     return found == groups_.end() ? nullptr : found->second.get();
   }
-  void open(std::unique_ptr<Group> group) { groups_[this_thread()] = std::move(group); }
+  void open(std::unique_ptr<Group> group) {
+    assert(!mine());
+    groups_[this_thread()] = std::move(group);
+  }
   void close() noexcept { groups_.erase(this_thread()); }
 
   template <class F>

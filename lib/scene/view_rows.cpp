@@ -71,8 +71,8 @@ void ViewRows::change(const ViewChange& change) {
     // A view may be replaced as long as no tick can know it. One that was posted belongs to a group that is felt as a
     // whole, so the new one comes after it. When rows become few, because many come between two ticks, what was posted is
     // taken back if no tick has it yet.
-    const bool is_replaced = servo_ && (now().created == sequence_ ||
-                                        (free.size() <= reserve && servo_->take_back(now().created)));
+    const bool is_replaced =
+        servo_ && (now().created == sequence_ || (free.size() <= reserve && servo_->take_back(now().created)));
     if (!is_elsewhere || !servo_ || is_replaced) {
       View view = wanted(now(), false);
       if (is_elsewhere) {

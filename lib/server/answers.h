@@ -25,8 +25,7 @@ class Answers {
   void send_record(uint64_t serial, const Record& record, int descriptor = -1) const {
     send(serial, sent_part(record, sizes_), descriptor);
   }
-  void refuse(uint64_t serial, fs_status status, const std::string& text,
-              wire::ReplyReason reason = wire::reason_none) const;
+  void refuse(uint64_t serial, fs_status status, const std::string& text, wire::ReplyReason reason = wire::reason_none) const;
 
  private:
   void send(uint64_t serial, const wire::Reply& reply, std::span<const std::byte> body, int descriptor) const;

@@ -91,8 +91,9 @@ void Changes::apply(Scene& scene, const Change& change, uint64_t serial) {
     case type_clutch: scene.set_clutch(change.as<Clutch>().is_held != 0); break;
     case type_tool: {
       const wire::Tool& tool = change.as<wire::Tool>();
-      if (tool.count > FS_TOOL_POINTS_MAX) fail(FS_ERROR_INVALID, "count is %llu points, must be 1..%d",
-                                                static_cast<unsigned long long>(tool.count), FS_TOOL_POINTS_MAX);
+      if (tool.count > FS_TOOL_POINTS_MAX)
+        fail(FS_ERROR_INVALID, "count is %llu points, must be 1..%d", static_cast<unsigned long long>(tool.count),
+             FS_TOOL_POINTS_MAX);
       scene.set_tool(tool.points, tool.count);
       break;
     }

@@ -13,8 +13,7 @@ constexpr size_t most_offered = 8;
 
 // Adds its bytes to a total, and takes them away again when it is destroyed.
 struct Charge {
-  Charge(std::shared_ptr<std::atomic<uint64_t>> the_total, uint64_t the_bytes)
-      : total(std::move(the_total)), bytes(the_bytes) {
+  Charge(std::shared_ptr<std::atomic<uint64_t>> the_total, uint64_t the_bytes) : total(std::move(the_total)), bytes(the_bytes) {
     total->fetch_add(bytes);
   }
   ~Charge() { total->fetch_sub(bytes); }
@@ -34,17 +33,17 @@ bool ClientAssets::is_refused(uint64_t id) const {
   return found != uploads_.end() && found->second.is_ready && found->second.status != FS_OK;
 }
 
-bool ClientAssets::begin(uint64_t id) {
-  return id != 0 && !(id & wire::of_server) && uploads_.emplace(id, Upload{}).second;
-}
+bool ClientAssets::begin(uint64_t id) { return id != 0 && !(id & wire::of_server) && uploads_.emplace(id, Upload{}).second; }
 
 std::shared_ptr<const void> ClientAssets::charge(const PackedAsset& packed, uint64_t limit) {
   const uint64_t bytes = packed.is_expression() ? expression_size : packed.content_bytes();
   const uint64_t used = bytes_->load();
   if (bytes > limit || used > limit - bytes) {
     const auto megabytes = [](uint64_t size) { return 1e-6 * static_cast<double>(size); };
-    fail(FS_ERROR_FULL, "this shape or curve of %.1f MB would bring the client to %.1f MB; the server allows %g MB "
-         "(max_megabytes)", megabytes(bytes), megabytes(used + bytes), megabytes(limit));
+    fail(FS_ERROR_FULL,
+         "this shape or curve of %.1f MB would bring the client to %.1f MB; the server allows %g MB "
+         "(max_megabytes)",
+         megabytes(bytes), megabytes(used + bytes), megabytes(limit));
   }
   return std::make_shared<Charge>(bytes_, bytes);
 }
@@ -77,8 +76,8 @@ uint64_t ClientAssets::take_refused() {
 // --------------------------------------------------------------------------------------------------------------- both
 
 const Asset* ClientAssets::find_offer(uint64_t number) const noexcept {
-  const auto found = std::find_if(offered_.begin(), offered_.end(),
-                                  [number](const Asset& asset) { return asset.serial() == number; });
+  const auto found =
+      std::find_if(offered_.begin(), offered_.end(), [number](const Asset& asset) { return asset.serial() == number; });
   return found == offered_.end() ? nullptr : &*found;
 }
 

@@ -14,8 +14,7 @@ TargetObject find_target(const Client& asking, const wire::Target& target) {
   if (client == "server") return {nullptr, asking.host.servo().scene(), name};
   const std::shared_ptr<Client> owner = asking.host.clients().share(client);
   if (!owner) {
-    fail(FS_ERROR_NOT_FOUND, "name is '%s': no client '%s' is connected", shortened(text).c_str(),
-         shortened(client).c_str());
+    fail(FS_ERROR_NOT_FOUND, "name is '%s': no client '%s' is connected", shortened(text).c_str(), shortened(client).c_str());
   }
   return {owner, owner->scene, name};
 }

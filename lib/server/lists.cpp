@@ -72,8 +72,8 @@ void answer(Client& client, uint64_t serial, const std::shared_ptr<List>& list) 
     list->make();
     return answer_made(client, serial, *list);
   }
-  client.host.start_job(client, 0, [list](Wanted&) { list->make(); },
-                        [&client, serial, list] { answer_made(client, serial, *list); });
+  client.host
+      .start_job(client, 0, [list](Wanted&) { list->make(); }, [&client, serial, list] { answer_made(client, serial, *list); });
 }
 
 template <class Record>

@@ -17,8 +17,8 @@ Transfer receive(const Descriptor& socket, std::span<std::byte> buffer, uint64_t
   if (size < sizeof header) throw BadClient{};
   std::memcpy(&header, buffer.data(), sizeof header);
   const std::span<const std::byte> record = buffer.first(size).subspan(sizeof header);
-  const bool is_size_good = header.type == wire::type_group ? record.size() >= sizeof(wire::Group)
-                                                            : record_size(header.type, sizes) == record.size();
+  const bool is_size_good =
+      header.type == wire::type_group ? record.size() >= sizeof(wire::Group) : record_size(header.type, sizes) == record.size();
   if (!is_size_good || header.serial <= last_serial) throw BadClient{};
   out.type = static_cast<wire::Type>(header.type);
   out.serial = header.serial;

@@ -14,7 +14,9 @@ struct Request {
   uint64_t serial;
   Change content;  // its type and record
   template <class Record>
-  const Record& as() const { return content.as<Record>(); }
+  const Record& as() const {
+    return content.as<Record>();
+  }
 };
 
 class Requests {

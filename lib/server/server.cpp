@@ -36,15 +36,10 @@ timespec to_timespec(double time) noexcept {  // s
 }  // namespace
 
 fs_server::fs_server(Ref<Servo> servo, const Endpoint& endpoint, const ServerSettings& settings)
-    : servo_(std::move(servo)),
-      settings_(settings),
-      period_(1 / servo_->settings().rate),
-      timer_(timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK)),
-      wake_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
-      door_(endpoint.name, settings.is_for_all_users),
-      worker_("fs-worker", [this] { wake(); }),
-      builder_("fs-builder", [this] { wake(); }),
-      message_(most_message) {
+    : servo_(std::move(servo)), settings_(settings), period_(1 / servo_->settings().rate),
+      timer_(timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK)), wake_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
+      door_(endpoint.name, settings.is_for_all_users), worker_("fs-worker", [this] { wake(); }),
+      builder_("fs-builder", [this] { wake(); }), message_(most_message) {
   if (!timer_ || !wake_) {
     fail(status_without_descriptor(errno), "the server could not be made: %s", std::strerror(errno));
   }
@@ -333,8 +328,8 @@ void fs_server::let_in(Descriptor&& socket) {
     const Peer peer = peer_of(socket);
     const bool is_refused = peer.user != geteuid() && !settings_.is_for_all_users;
     sessions_.make_room(is_refused);
-    const auto session = std::make_shared<Session>(*this, ++last_id_, std::move(socket), peer,
-                                                   is_refused ? FS_ERROR_DENIED : FS_OK);
+    const auto session =
+        std::make_shared<Session>(*this, ++last_id_, std::move(socket), peer, is_refused ? FS_ERROR_DENIED : FS_OK);
     listed_.reserve(sessions_.size() + 1);
     sessions_.add(session);
     clients_.add(session->shared_client());

@@ -168,7 +168,9 @@ Task Session::handle(Message& message) {
 
 // Of a message with one change.
 ReceivedBatch Session::batch_of(const Message& message) const {
-  ReceivedBatch out{message.serial, Batch::Reader::read(message.type, message.record, message.memory, client_->sizes), {},
+  ReceivedBatch out{message.serial,
+                    Batch::Reader::read(message.type, message.record, message.memory, client_->sizes),
+                    {},
                     message.type >= wire::type_sync};
   check(out.changes[0], out.about);
   return out;

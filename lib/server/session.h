@@ -32,9 +32,7 @@ class Session {
 
   bool is_idle() const noexcept { return client_->work.state() == Work::State::idle; }
   // Something is left to do, beside messages that may have come.
-  bool has_more() const noexcept {
-    return client_->work.state() == Work::State::ready || !done_.empty() || is_retry_due_;
-  }
+  bool has_more() const noexcept { return client_->work.state() == Work::State::ready || !done_.empty() || is_retry_due_; }
   // Goes on with the client's work, or handles messages that are there, for about a slice of time.
   void resume() noexcept { client_->work.resume(); }
   // For a client that has not said who it is: looks whether it does so now.

@@ -7,9 +7,8 @@
 namespace fs {
 
 std::shared_ptr<Session> Sessions::find(uint64_t id) const {
-  const auto found = std::lower_bound(all_.begin(), all_.end(), id, [](const auto& session, uint64_t wanted) {
-    return session->client().id < wanted;
-  });
+  const auto found = std::lower_bound(all_.begin(), all_.end(), id,
+                                      [](const auto& session, uint64_t wanted) { return session->client().id < wanted; });
   const bool is_found = found != all_.end() && (*found)->client().id == id && !(*found)->client().is_gone;
   return is_found ? *found : nullptr;
 }

@@ -14,9 +14,7 @@ void Syncs::add(uint64_t serial) {
 void Syncs::begin(Sync& sync, const Client& client) {
   sync.has_begun = true;
   sync.own = client.host.servo().scene()->sequence();
-  client.host.clients().for_each([&](const std::shared_ptr<Client>& other) {
-    sync.wanted.push_back({other, {}});
-  });
+  client.host.clients().for_each([&](const std::shared_ptr<Client>& other) { sync.wanted.push_back({other, {}}); });
 }
 
 bool Syncs::is_used(Sync& sync, const Client& client, uint64_t used) {

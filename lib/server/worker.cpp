@@ -10,8 +10,7 @@
 
 namespace fs {
 
-Worker::Worker(const char* thread_name, std::function<void()> notify)
-    : thread_name_(thread_name), notify_(std::move(notify)) {
+Worker::Worker(const char* thread_name, std::function<void()> notify) : thread_name_(thread_name), notify_(std::move(notify)) {
   const SignalsBlocked blocked;
   try {
     thread_ = std::thread([this] { run(); });

@@ -18,8 +18,8 @@ constexpr uint32_t ways_per_visit = 8;
 
 Channel::Channel(ServoLink& servo, const Spread& spread, double period, Ref<LocalScene> scene, const Limits& limits,
                  bool starts_in, Owner owner)
-    : scene_(std::move(scene)), limits_(limits), fade_(spread.fade),
-      visits_(static_cast<uint32_t>(visits_a_second * period)), owner_(std::move(owner)), reader_(make_ref<Memory>(spread)) {
+    : scene_(std::move(scene)), limits_(limits), fade_(spread.fade), visits_(static_cast<uint32_t>(visits_a_second * period)),
+      owner_(std::move(owner)), reader_(make_ref<Memory>(spread)) {
   hand_.state.pose = hand_.response.proxy = identity_pose();
   reader_.budget = budget_.get();
   scene_->readers.attach_servo(servo, reader_, starts_in);
@@ -66,8 +66,8 @@ void Channel::fetch(double now) noexcept {
 }
 
 // state: of the hand, or where the clutch holds the tool; scene frame.
-fs_response Channel::evaluate_view(const Snapshot& snapshot, uint32_t view, fs_state state, double weight,
-                                   double now, Effort& effort) noexcept {
+fs_response Channel::evaluate_view(const Snapshot& snapshot, uint32_t view, fs_state state, double weight, double now,
+                                   Effort& effort) noexcept {
   fs_response sum{};
   sum.proxy = state.pose;
   if (!(weight > 0) || !make_unit_pose(state.pose)) return sum;
@@ -144,8 +144,7 @@ void Channel::limit(fs_response& device) noexcept {
   }
   const Limits most{std::fmax(0, limits_.force - norm(lost.force)), std::fmax(0, limits_.torque - norm(lost.torque))};
   const double force = norm(w.force), torque = norm(w.torque);
-  const double share = std::fmin(force > most.force ? most.force / force : 1,
-                                 torque > most.torque ? most.torque / torque : 1);
+  const double share = std::fmin(force > most.force ? most.force / force : 1, torque > most.torque ? most.torque / torque : 1);
   if (!(share < 1)) return;
   const Mat3 stiffness = device.stiffness;
   const Vec3 whole = w.force;

@@ -1,6 +1,7 @@
 #include "servo/guard.h"
 
 #include <algorithm>
+#include <cassert>
 
 namespace fs {
 namespace {
@@ -96,6 +97,7 @@ Guard::Guarded Guard::apply(const Hand& hand, const fs_response& response) noexc
     out.force = sent_.force + change;
     stiffness = shortened(stiffness, whole_change, most_change);
   }
+  assert(norm(out.force) <= limits_.force * (1 + 1e-9) && norm(out.torque) <= limits_.torque * (1 + 1e-9));
   sent_ = out;
   return {out, stiffness};
 }

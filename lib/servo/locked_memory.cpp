@@ -49,12 +49,11 @@ class Code {
   int add(const dl_phdr_info& info) noexcept {
     const auto parts = [&](auto f) {
       for (int i = 0; i < info.dlpi_phnum; ++i) {
-        const ElfW(Phdr)& part = info.dlpi_phdr[i];
+        const ElfW(Phdr) & part = info.dlpi_phdr[i];
         if (part.p_type == PT_LOAD && part.p_flags & PF_R) f(info.dlpi_addr + part.p_vaddr, part.p_memsz);
       }
     };
-    const std::array<uintptr_t, 3> wanted{reinterpret_cast<uintptr_t>(&page_size),
-                                          reinterpret_cast<uintptr_t>(&clock_nanosleep),
+    const std::array<uintptr_t, 3> wanted{reinterpret_cast<uintptr_t>(&page_size), reinterpret_cast<uintptr_t>(&clock_nanosleep),
                                           reinterpret_cast<uintptr_t>(static_cast<double (*)(double)>(&std::exp))};
     bool is_wanted = false;
     parts([&](uintptr_t begin, size_t size) {
@@ -122,7 +121,7 @@ size_t thread_local_bytes() noexcept {
   size_t sum = 64 << 10;
   const auto add = [](dl_phdr_info* info, size_t, void* total) {
     for (int i = 0; i < info->dlpi_phnum; ++i) {
-      const ElfW(Phdr)& part = info->dlpi_phdr[i];
+      const ElfW(Phdr) & part = info->dlpi_phdr[i];
       if (part.p_type == PT_TLS) *static_cast<size_t*>(total) += part.p_memsz + part.p_align;
     }
     return 0;
@@ -132,9 +131,7 @@ size_t thread_local_bytes() noexcept {
 }
 
 Stack::Stack(size_t bytes)
-    : pages_(static_cast<char*>(map_pages(whole_pages(bytes) + page_size()))),
-      guard_(page_size()),
-      size_(whole_pages(bytes)),
+    : pages_(static_cast<char*>(map_pages(whole_pages(bytes) + page_size()))), guard_(page_size()), size_(whole_pages(bytes)),
       begin_(pages_ + guard_) {
   mprotect(pages_, guard_, PROT_NONE);
 }

@@ -24,8 +24,8 @@ Rendered rendered(const LoopOptions& options, const fs_device_info& device) noex
   const double period = std::fmax(1 / options.rate, link_period(device));
   const bool has_model = device.controller_rate > 0;  // then a controller at the device closes the loop and damps it
   if (!has_model) return {limit_of({mass, device.damping, period, delay}, options.damping), 0};
-  Rendered out{limit_of({mass, device.damping, 1 / device.controller_rate, device.controller_delay},
-                        device.controller_damping), 0};
+  Rendered out{limit_of({mass, device.damping, 1 / device.controller_rate, device.controller_delay}, device.controller_damping),
+               0};
   out.model_stiffness = model_stiffness(delay, period, device.damping + out.limit.damping);
   out.limit.max_stiffness = std::fmin(out.limit.max_stiffness, out.model_stiffness);
   const LoopLimit link = limit_of({mass, device.damping, period, delay}, 0);  // objects' damping comes through it

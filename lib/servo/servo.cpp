@@ -29,19 +29,13 @@ Guard::Limits with_loop(Guard::Limits limits, const LoopValues& loop) {
 }  // namespace
 
 fs_servo::fs_servo(Ref<LocalScene> scene, Ref<Device> device, const ServoSettings& settings)
-    : scene_(std::move(scene)),
-      device_(std::move(device)),
-      settings_(settings),
-      period_(1 / settings.rate),
-      guard_(with_loop(settings.limits, settings.first)),
-      loop_now_(settings.first),
-      model_stiffness_(loop_now_.model_stiffness),
+    : scene_(std::move(scene)), device_(std::move(device)), settings_(settings), period_(1 / settings.rate),
+      guard_(with_loop(settings.limits, settings.first)), loop_now_(settings.first), model_stiffness_(loop_now_.model_stiffness),
       record_(static_cast<size_t>(std::ceil(record_length * settings.rate))),
       loop_(settings.loop, settings.first, device_->info()) {
   device_->acquire();
   try {
-    channels_.start(make_ref<Channel>(*this, settings_.spread, period_, scene_, Channel::Limits{}, true,
-                                      Channel::Owner{"", 0}));
+    channels_.start(make_ref<Channel>(*this, settings_.spread, period_, scene_, Channel::Limits{}, true, Channel::Owner{"", 0}));
     guard_process_end();
     start_budget();
     if (settings.mode == FS_SERVO_THREAD) start_thread();
@@ -177,9 +171,7 @@ void fs_servo::run() noexcept {
 }
 
 fs_status fs_servo::step(uint64_t ticks) noexcept {
-  const auto stopped = [] {
-    return set_last_error_literal(FS_ERROR_STATE, "fs_servo_step: the servo has been stopped");
-  };
+  const auto stopped = [] { return set_last_error_literal(FS_ERROR_STATE, "fs_servo_step: the servo has been stopped"); };
   if (is_stopping_.load() || device_->is_silent()) return stopped();
   if (settings_.mode == FS_SERVO_THREAD) {
     return set_last_error_literal(FS_ERROR_UNSUPPORTED, "fs_servo_step: this servo has a thread of its own that steps it");
@@ -302,8 +294,7 @@ void fs_servo::tick(double now, double late) noexcept {
   ticks_.store(tick_, std::memory_order_relaxed);
   device_errors_.store(device_errors_.load(std::memory_order_relaxed) + (status != FS_OK), std::memory_order_relaxed);
   guarded_.store(guarded_.load(std::memory_order_relaxed) + (guarded != 0), std::memory_order_relaxed);
-  approximated_.store(approximated_.load(std::memory_order_relaxed) + (response.error_bound > 0),
-                      std::memory_order_relaxed);
+  approximated_.store(approximated_.load(std::memory_order_relaxed) + (response.error_bound > 0), std::memory_order_relaxed);
   if (is_recording_) {
     record_.add({hand, response, sent, late, compute, status, guard_.faults()});
     if (guard_.is_latched()) is_recording_ = false;  // keeps the ticks before the fault, to find its cause

@@ -23,8 +23,7 @@ double parse_limit(double given, double device, const char* field) {
 
 // The value of an option that can be switched off. 0 means the default; a negative number switches it off, which sets
 // `bit` in `off`.
-double parse_switch(double given, double standard, double none, double high, uint32_t bit, uint32_t& off,
-                    const char* field) {
+double parse_switch(double given, double standard, double none, double high, uint32_t bit, uint32_t& off, const char* field) {
   if (!(given <= high) || !std::isfinite(given)) {
     fail(FS_ERROR_INVALID, "%s is %.9g, must be finite and at most %.9g", field, given, high);
   }
@@ -46,16 +45,20 @@ LoopOptions parse_loop(const fs_servo_options& options, const fs_device_info& de
   out.is_bounded = !(off & FS_OFF_STIFFNESS);
   values = out.values(device);
   if (out.is_bounded && !(values.max_stiffness > 0)) {
-    fail(FS_ERROR_INVALID, "damping is %g (none), and the device has no damping of its own: no stiffness can be "
-         "rendered; damping must be 0 or more, or max_stiffness negative (none)", options.damping);
+    fail(FS_ERROR_INVALID,
+         "damping is %g (none), and the device has no damping of its own: no stiffness can be "
+         "rendered; damping must be 0 or more, or max_stiffness negative (none)",
+         options.damping);
   }
   const double least = slew_speed * values.max_stiffness;
   out.slew = parse_switch(options.slew_limit, 0, never, 1e12, FS_OFF_SLEW, off, "slew_limit");
   if (!out.is_bounded && out.slew == 0) off |= FS_OFF_SLEW;
   if (out.is_bounded && out.slew > 0 && out.slew < least) {
     const double enough = 1e-3 * std::ceil(1e3 * least);  // with few digits, so that it can be typed
-    fail(FS_ERROR_INVALID, "slew_limit is %.9g, must be at least %.12g N/s, which is 3 m/s times the max_stiffness of %g "
-         "N/m: a lower limit shakes the hand", out.slew, enough, values.max_stiffness);
+    fail(FS_ERROR_INVALID,
+         "slew_limit is %.9g, must be at least %.12g N/s, which is 3 m/s times the max_stiffness of %g "
+         "N/m: a lower limit shakes the hand",
+         out.slew, enough, values.max_stiffness);
   }
   if (out.slew > 0) values.slew = out.slew;
   return out;

@@ -24,13 +24,13 @@ struct Box {
   bool is_empty() const noexcept { return !(lower.x <= upper.x); }
   // m, by which one of them can grow to each side until they meet; 0 or less: they do.
   double gap(const Box& b) const noexcept {
-    return std::max({lower.x - b.upper.x, lower.y - b.upper.y, lower.z - b.upper.z, b.lower.x - upper.x,
-                     b.lower.y - upper.y, b.lower.z - upper.z});
+    return std::max({lower.x - b.upper.x, lower.y - b.upper.y, lower.z - b.upper.z, b.lower.x - upper.x, b.lower.y - upper.y,
+                     b.lower.z - upper.z});
   }
   // Without touching it.
   bool is_inside(const Box& b) const noexcept {
-    return lower.x > b.lower.x && lower.y > b.lower.y && lower.z > b.lower.z && upper.x < b.upper.x &&
-           upper.y < b.upper.y && upper.z < b.upper.z;
+    return lower.x > b.lower.x && lower.y > b.lower.y && lower.z > b.lower.z && upper.x < b.upper.x && upper.y < b.upper.y &&
+           upper.z < b.upper.z;
   }
   // m; infinite of an empty box.
   double distance(Vec3 from) const noexcept {

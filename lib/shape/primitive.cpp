@@ -40,11 +40,14 @@ void ask_near(const Segments& segments, Vec3 at, double bound, Ask&& ask) noexce
   const double scale = segments.frame.scale;
   const auto local = [&] { return wide::rounded_up<From>(bound * scale * scale); };
   uint32_t visits = UINT32_MAX;
-  wide::search(tree, From{at}, local(), visits, [&](uint32_t leaf, auto& local_bound) {
-    const auto [begin, end] = tree.leaves()[leaf];
-    for (uint32_t i = begin; i < end; ++i) ask(tree.items()[i], bound);
-    local_bound = local();
-  }, [](uint32_t) {});
+  wide::search(
+      tree, From{at}, local(), visits,
+      [&](uint32_t leaf, auto& local_bound) {
+        const auto [begin, end] = tree.leaves()[leaf];
+        for (uint32_t i = begin; i < end; ++i) ask(tree.items()[i], bound);
+        local_bound = local();
+      },
+      [](uint32_t) {});
 }
 
 bool closest_on_polyline(const Shape& shape, Vec3 x, double max_distance, Closest& out) noexcept {
@@ -92,8 +95,8 @@ bool closest_on_polyline(const Shape& shape, Vec3 x, double max_distance, Closes
     out.feature = Feature::edge;
     out.tangent = segments.tangents[best_segment];
   }
-  const double largest = std::max(largest_coordinate(x), std::max(largest_coordinate(start(best_segment)),
-                                                                 largest_coordinate(end(best_segment))));
+  const double largest =
+      std::max(largest_coordinate(x), std::max(largest_coordinate(start(best_segment)), largest_coordinate(end(best_segment))));
   if (distance > coordinate_rounding(largest)) {
     out.distance = distance;
     out.direction = normalized(-best.offset);
@@ -134,16 +137,11 @@ bool closest_point(fs_primitive primitive, const Shape* shape, Vec3 x, double ma
   if (effort) effort->is_cut = false;
   if (!(max_distance >= 0) || !is_finite(x) || largest_coordinate(x) > largest_query) return false;
   switch (primitive) {
-    case FS_PRIMITIVE_POINT:
-      return closest_on_point(x, max_distance, out);
-    case FS_PRIMITIVE_POLYLINE:
-      return closest_on_polyline(*shape, x, max_distance, out);
-    case FS_PRIMITIVE_PLANE:
-      return closest_on_plane(x, max_distance, out);
-    case FS_PRIMITIVE_MESH:
-      return closest_on_mesh(*shape->tree(), x, max_distance, out, hint, effort);
-    default:
-      return false;
+    case FS_PRIMITIVE_POINT: return closest_on_point(x, max_distance, out);
+    case FS_PRIMITIVE_POLYLINE: return closest_on_polyline(*shape, x, max_distance, out);
+    case FS_PRIMITIVE_PLANE: return closest_on_plane(x, max_distance, out);
+    case FS_PRIMITIVE_MESH: return closest_on_mesh(*shape->tree(), x, max_distance, out, hint, effort);
+    default: return false;
   }
 }
 

@@ -25,7 +25,7 @@ struct Hint {
 // Exact to double precision: coordinates are taken relative to x, so rounding depends on the size of a triangle or
 // segment and its distance, not on how far both are from the origin. A distance within 2 ulps of the coordinates is 0.
 // hint: of this shape; null: none. effort: null: without end.
-bool closest_point(fs_primitive primitive, const Shape* shape, Vec3 x, double max_distance, Closest& out,
-                   Hint* hint = nullptr, Effort* effort = nullptr) noexcept;
+bool closest_point(fs_primitive primitive, const Shape* shape, Vec3 x, double max_distance, Closest& out, Hint* hint = nullptr,
+                   Effort* effort = nullptr) noexcept;
 
 }  // namespace fs

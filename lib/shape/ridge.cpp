@@ -164,8 +164,8 @@ class Pieces {
   Mixture mixture_;
 };
 
-bool search_ridge(fs_primitive primitive, const Shape& shape, Vec3 x, const Closest& closest, double l, Ridge& out,
-                  Hint* hint, Effort* effort) noexcept {
+bool search_ridge(fs_primitive primitive, const Shape& shape, Vec3 x, const Closest& closest, double l, Ridge& out, Hint* hint,
+                  Effort* effort) noexcept {
   const double tolerance = 1e-8 * l + 4 * coordinate_rounding(largest_coordinate(x) + closest.distance + l);
   if (!(tolerance < 1e-2 * l)) return false;
   Pieces pieces(x, l);
@@ -207,8 +207,8 @@ bool search_ridge(fs_primitive primitive, const Shape& shape, Vec3 x, const Clos
 
 }  // namespace
 
-bool find_ridge(fs_primitive primitive, const Shape* shape, Vec3 x, const Closest& closest, double l, Ridge& out,
-                Hint* hint, Effort* effort) noexcept {
+bool find_ridge(fs_primitive primitive, const Shape* shape, Vec3 x, const Closest& closest, double l, Ridge& out, Hint* hint,
+                Effort* effort) noexcept {
   const bool has_ridges = primitive == FS_PRIMITIVE_MESH || (primitive == FS_PRIMITIVE_POLYLINE && !shape->is_straight);
   if (!has_ridges || !(l > 0) || !(closest.distance > 0) || closest.direction == Vec3{}) return false;
   if (hint && l <= hint->free) return false;
@@ -234,7 +234,8 @@ bool closest_point_ahead(fs_primitive primitive, const Shape* shape, Vec3 x, dou
   if (hint->item_count == 0 && !(hint->ahead == Vec3{})) {
     const double way = norm(hint->ahead);
     Closest found;
-    if (closest_point(primitive, shape, x + hint->ahead, max_distance + way, found, hint, effort) && !(effort && effort->is_cut)) {
+    if (closest_point(primitive, shape, x + hint->ahead, max_distance + way, found, hint, effort) &&
+        !(effort && effort->is_cut)) {
       const Nearest nearest = nearest_on_item(*shape, found.triangle, x);
       if (std::sqrt(nearest.squared) + way <= found.distance + 1e-9 * way) {
         hint->free = way;

@@ -19,7 +19,8 @@ constexpr size_t most_points = 4'000'000'000;  // an index is a uint32_t
 constexpr size_t most_triangles = 500'000'000; // so is the number of a half-edge, 3 per triangle
 
 void check_points(const Vec3* points, size_t count, size_t least, Wanted& wanted) {
-  if (count < least) fail(FS_ERROR_INVALID, "the shape has %zu %s, must have at least %zu", count, count == 1 ? "point" : "points", least);
+  if (count < least)
+    fail(FS_ERROR_INVALID, "the shape has %zu %s, must have at least %zu", count, count == 1 ? "point" : "points", least);
   if (count > most_points) fail(FS_ERROR_INVALID, "the shape has %zu points, must be at most %zu", count, most_points);
   for (size_t i = 0; i < count; ++i) {
     wanted.step();
@@ -71,9 +72,8 @@ bool are_on_a_line(const std::vector<Vec3>& points, Wanted& wanted) {
     if (norm(p - begin) > norm(along)) along = p - begin;
   }
   const Vec3 direction = normalized(along);
-  return std::all_of(points.begin(), points.end(), [&](const Vec3& p) {
-    return norm(cross(p - begin, direction)) <= 1e-6 * norm(along);
-  });
+  return std::all_of(points.begin(), points.end(),
+                     [&](const Vec3& p) { return norm(cross(p - begin, direction)) <= 1e-6 * norm(along); });
 }
 
 // The edges of a mesh, and in `info` how many are open or odd. Where some are, equal places of these edges' ends are joined, and
@@ -143,7 +143,8 @@ bool has_inward_parts(const std::vector<Vec3>& points, const std::vector<uint32_
   if (inward.size() * all.size() > most_pairs) return true;
   return std::any_of(inward.begin(), inward.end(), [&](const Part* hollow) {
     wanted.step();
-    return std::none_of(all.begin(), all.end(), [&](const Part& part) { return part.volume > 0 && hollow->box.is_inside(part.box); });
+    return std::none_of(all.begin(), all.end(),
+                        [&](const Part& part) { return part.volume > 0 && hollow->box.is_inside(part.box); });
   });
 }
 
@@ -160,8 +161,7 @@ Segments::Segments(const std::vector<Vec3>& points, bool closed, Wanted& wanted)
   for (size_t i = 0; i < count; ++i) {
     wanted.step();
     const size_t beyond = i + 1 < count ? i + 1 : closed ? 0 : i;
-    goes_straight_on.push_back(beyond != i && !(tangents[i] == Vec3{}) &&
-                               norm(tangents[beyond] - tangents[i]) <= straight_angle);
+    goes_straight_on.push_back(beyond != i && !(tangents[i] == Vec3{}) && norm(tangents[beyond] - tangents[i]) <= straight_angle);
   }
   if (count <= few) return;
   Box all;
@@ -223,14 +223,10 @@ Ref<const Shape> make_mesh(std::vector<Vec3> points, std::vector<uint32_t> trian
 
 fs_shape::fs_shape(const fs_shape_info& info, std::vector<fs::Vec3> the_points, std::vector<uint32_t> the_triangles,
                    std::unique_ptr<fs::MeshEdges> edges, fs::Wanted& wanted)
-    : primitive(info.primitive),
-      points(std::move(the_points)),
-      triangles(std::move(the_triangles)),
-      closed(primitive == FS_PRIMITIVE_MESH ? info.has_inside : info.closed),
-      radius(fs::radius_of(points, wanted)),
+    : primitive(info.primitive), points(std::move(the_points)), triangles(std::move(the_triangles)),
+      closed(primitive == FS_PRIMITIVE_MESH ? info.has_inside : info.closed), radius(fs::radius_of(points, wanted)),
       has_inward_parts(edges && info.has_inside && fs::has_inward_parts(points, triangles, *edges, wanted)),
-      is_straight(primitive == FS_PRIMITIVE_POLYLINE && fs::are_on_a_line(points, wanted)),
-      info_(info),
+      is_straight(primitive == FS_PRIMITIVE_POLYLINE && fs::are_on_a_line(points, wanted)), info_(info),
       edges_(std::move(edges)) {
   if (primitive == FS_PRIMITIVE_POLYLINE) {
     segments_ = std::make_unique<const fs::Segments>(points, closed, wanted);

@@ -18,7 +18,7 @@ namespace fs {
 class MeshTree;
 struct MeshEdges;
 class WideTree;
-}
+}  // namespace fs
 
 namespace fs {
 
@@ -98,8 +98,7 @@ inline Ref<const Shape> make_polyline(const Vec3* points, size_t count, bool clo
   Wanted wanted;
   return make_polyline(points, count, closed, wanted);
 }
-inline Ref<const Shape> make_mesh(const Vec3* points, size_t point_count, const uint32_t* triangles,
-                                  size_t triangle_count) {
+inline Ref<const Shape> make_mesh(const Vec3* points, size_t point_count, const uint32_t* triangles, size_t triangle_count) {
   Wanted wanted;
   return make_mesh(points, point_count, triangles, triangle_count, wanted);
 }

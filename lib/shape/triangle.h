@@ -22,9 +22,7 @@ struct Nearest {
 
 // Clamps p to the range of the other arguments, so that rounding cannot carry it out of their box.
 // Never NaN.
-inline double clamped(double p, double a, double b) noexcept {
-  return std::max(std::min(a, b), std::min(std::max(a, b), p));
-}
+inline double clamped(double p, double a, double b) noexcept { return std::max(std::min(a, b), std::min(std::max(a, b), p)); }
 inline double clamped(double p, double a, double b, double c) noexcept {
   return std::max(std::min(std::min(a, b), c), std::min(std::max(std::max(a, b), c), p));
 }
@@ -87,8 +85,6 @@ inline Vec3 triangle_normal(Vec3 a, Vec3 b, Vec3 c) noexcept {
 }
 
 // The rounding error (2 ulps) of coordinates as large as `largest`: distances up to it count as 0.
-inline double coordinate_rounding(double largest) noexcept {
-  return 2 * std::numeric_limits<double>::epsilon() * largest;
-}
+inline double coordinate_rounding(double largest) noexcept { return 2 * std::numeric_limits<double>::epsilon() * largest; }
 
 }  // namespace fs

@@ -50,10 +50,10 @@ PackedAsset pack(const Asset& asset) {
   PackedAsset out{asset.shape ? wire::type_shape : wire::type_curve, {}, {}, {}};
   if (asset.shape) {
     const Shape& shape = *asset.shape;
-    out.content = make_blob({bytes_of(shape.points.data(), shape.points.size()),
-                             bytes_of(shape.triangles.data(), shape.triangles.size())});
-    out.shape = {shape.serial, static_cast<uint32_t>(shape.primitive),
-                 shape.primitive == FS_PRIMITIVE_POLYLINE && shape.closed, shape.points.size(), shape.triangles.size() / 3};
+    out.content =
+        make_blob({bytes_of(shape.points.data(), shape.points.size()), bytes_of(shape.triangles.data(), shape.triangles.size())});
+    out.shape = {shape.serial, static_cast<uint32_t>(shape.primitive), shape.primitive == FS_PRIMITIVE_POLYLINE && shape.closed,
+                 shape.points.size(), shape.triangles.size() / 3};
     return out;
   }
   out.curve.id = asset.curve->serial;

@@ -22,10 +22,12 @@ namespace fs {
 struct Change {
   wire::Type type;
   std::span<const std::byte> record;  // lies in the batch; its size is that of the type's record, in a batch to be sent of what
-                                      // the server knows of it
+  // the server knows of it
 
   template <class Record>
-  const Record& as() const noexcept { return *reinterpret_cast<const Record*>(record.data()); }
+  const Record& as() const noexcept {
+    return *reinterpret_cast<const Record*>(record.data());
+  }
   // It changes an object of another client.
   bool is_foreign() const noexcept {
     return type == wire::type_edit || type == wire::type_move_other || type == wire::type_remove_other;
@@ -70,12 +72,14 @@ class Batch {
   // ---- To send a batch.
   void add(wire::Type type, std::span<const std::byte> record);  // VERSION: the server does not know a part of it that is not 0
   template <class Record>
-  void add(wire::Type type, const Record& record) { add(type, std::as_bytes(std::span(&record, 1))); }
+  void add(wire::Type type, const Record& record) {
+    add(type, std::as_bytes(std::span(&record, 1)));
+  }
   void put_slot(size_t i, uint32_t slot) noexcept;  // of a set or change
   struct Message {
     wire::Type type;
     std::span<const std::byte> body;  // lies in the batch
-    Descriptor content;               // may be none
+    Descriptor content;  // may be none
   };
   Message message() const;  // IO, FULL
 
@@ -99,8 +103,8 @@ class Batch {
   RecordSizes common_ = own_sizes();
   std::vector<Place> places_;
   std::vector<std::unique_ptr<Filled>> filled_;  // records that came from a client that knows less of them: the rest is 0
-  std::vector<std::byte> bytes_;             // to be sent: a wire::Group, then the changes with their headers
-  std::shared_ptr<const void> memory_;       // that came
+  std::vector<std::byte> bytes_;  // to be sent: a wire::Group, then the changes with their headers
+  std::shared_ptr<const void> memory_;  // that came
   const std::byte* memory_base_ = nullptr;
   bool is_mapped_ = false;
 };

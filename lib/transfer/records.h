@@ -5,8 +5,8 @@
 #include <cstddef>
 #include <optional>
 
-#include "field/object.h"
 #include "field/motion.h"
+#include "field/object.h"
 #include "transfer/batch.h"
 #include "transfer/sizes.h"
 #include "transfer/wire.h"

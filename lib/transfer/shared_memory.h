@@ -8,8 +8,8 @@
 #include <atomic>
 
 #include "base/seqlock.h"
-#include "ipc/inbox.h"
 #include "field/servo_output.h"
+#include "ipc/inbox.h"
 #include "transfer/wire.h"
 
 namespace fs {

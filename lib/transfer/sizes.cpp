@@ -56,8 +56,10 @@ std::span<const std::byte> sent_change(uint32_t type, std::span<const std::byte>
   const size_t size = sent_size(*end, common);
   const auto rest = record.subspan(size);
   if (std::any_of(rest.begin(), rest.end(), [](std::byte byte) { return byte != std::byte{}; })) {
-    fail(FS_ERROR_VERSION, "the server is older than this library (%s): it knows only the first %u bytes of fs_object, and a "
-         "field after them is not 0", fs_version(), (wire::struct_bytes(common.object) + 7) / 8 * 8);
+    fail(FS_ERROR_VERSION,
+         "the server is older than this library (%s): it knows only the first %u bytes of fs_object, and a "
+         "field after them is not 0",
+         fs_version(), (wire::struct_bytes(common.object) + 7) / 8 * 8);
   }
   return record.first(size);
 }

@@ -20,7 +20,7 @@ std::optional<RecordSizes> common_sizes(const RecordSizes& theirs) noexcept;
 
 // Which of the records that grow a message ends with, and how many bytes come before; nothing: none.
 struct GrowingEnd {
-  uint32_t wire::Sizes::*size;
+  uint32_t wire::Sizes::* size;
   size_t begin, whole;  // whole: of the message as this library knows it
 };
 std::optional<GrowingEnd> growing_end(uint32_t type) noexcept;  // of a message or change of the client's

@@ -278,6 +278,7 @@ static_assert(sizeof(Bind) == 136 && sizeof(Frame) == 104 && sizeof(Clutch) == 8
 static_assert(sizeof(MaxStiffness) == 8 && sizeof(Tool) == 776 && sizeof(Shape) == 32 && sizeof(Curve) == 280);
 static_assert(sizeof(Forget) == 8 && sizeof(Target) == 128 && sizeof(Fetch) == 8 && sizeof(After) == 8);
 static_assert(sizeof(MoveOther) == 248 && sizeof(EventSlot) == 8 + sizeof(fs_event));
-static_assert(sizeof(Set) - sizeof(Object) == 8 && sizeof(Edit) - sizeof(Object) == 136 && sizeof(Pulled) - sizeof(Object) == 1016);
+static_assert(sizeof(Set) - sizeof(Object) == 8 && sizeof(Edit) - sizeof(Object) == 136 &&
+              sizeof(Pulled) - sizeof(Object) == 1016);
 
 }  // namespace fs::wire

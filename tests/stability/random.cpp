@@ -28,13 +28,14 @@ void run_random(Report& report, size_t count, uint64_t seed) {
   report.title(format("%zu scenes of 1 to 6 objects at random, each with three hands", count));
   for (const HandModel& hand : hands) {
     for (const bool is_raw : {true, false}) {
-      std::vector<Outcome> outcomes(count);
-      in_parallel(count, [&](size_t i) {
+      const size_t runs = is_raw ? std::min<size_t>(count, 100) : count;  // that raw ones oscillate some show, too
+      std::vector<Outcome> outcomes(runs);
+      in_parallel(runs, [&](size_t i) {
         outcomes[i] = run(simple_situation(seed + i, hand), is_raw ? raw_options() : default_options());
       });
       size_t bad;
       const std::string list = first_bad(outcomes, seed, bad);
-      const double share = 100.0 * static_cast<double>(bad) / static_cast<double>(count);
+      const double share = 100.0 * static_cast<double>(bad) / static_cast<double>(runs);
       if (is_raw) {
         report.check(format("random/raw/%s", hand.name), share >= 20, format("at least 20 %% oscillate: %.1f %%", share));
       } else {

@@ -9,9 +9,7 @@
 
 namespace forceserver_python {
 
-inline std::string shape_text(const py::array& array) {
-  return text_of(array.attr("shape"));
-}
+inline std::string shape_text(const py::array& array) { return text_of(array.attr("shape")); }
 
 inline bool has_shape(const py::array& array, const std::vector<py::ssize_t>& shape) {
   return std::equal(shape.begin(), shape.end(), array.shape(), array.shape() + array.ndim());
@@ -46,8 +44,10 @@ py::array entries(py::handle value, int width, const char* name, bool is_grid = 
   const auto fail = [&] {
     const std::string wanted = std::is_floating_point_v<T> ? "floats" : "integers";
     type_error(std::string(name) + " must be " + wanted + " of shape (" + (is_grid ? ".." : "n") +
-               (width > 1 ? ", " + std::to_string(width) : is_grid ? "" : ",") + "), not " + text_of(array.dtype()) +
-               " of shape " + shape_text(array));
+               (width > 1 ? ", " + std::to_string(width)
+                : is_grid ? ""
+                          : ",") +
+               "), not " + text_of(array.dtype()) + " of shape " + shape_text(array));
   };
   const bool empty = array.size() == 0 && array.ndim() <= 2;
   if (kind != 'i' && kind != 'u' && !(kind == 'f' && (std::is_floating_point_v<T> || empty))) fail();
@@ -79,9 +79,8 @@ py::array results(py::handle out, const std::vector<py::ssize_t>& shape, const c
   const auto fail = [&](const std::string& why) {
     py::tuple wanted(shape.size());
     for (size_t i = 0; i < shape.size(); ++i) wanted[i] = shape[i];
-    type_error(std::string(name) + " must be a C-contiguous, writable array of " +
-               text_of(py::dtype::of<T>()) + ", shape " + text_of(wanted) +
-               ": " + why);
+    type_error(std::string(name) + " must be a C-contiguous, writable array of " + text_of(py::dtype::of<T>()) + ", shape " +
+               text_of(wanted) + ": " + why);
   };
   if (!py::isinstance<py::array>(out)) fail("it is no numpy array");
   py::array array = py::reinterpret_borrow<py::array>(out);
@@ -130,8 +129,8 @@ inline void load_doubles(py::handle value, double* out, const std::vector<py::ss
   if ((kind != 'f' && kind != 'i' && kind != 'u') || !has_shape(array, shape)) {
     py::tuple wanted(shape.size());
     for (size_t i = 0; i < shape.size(); ++i) wanted[i] = shape[i];
-    type_error(std::string(name) + " must be numbers of shape " + text_of(wanted) + ", not " +
-               text_of(array.dtype()) + " of shape " + shape_text(array));
+    type_error(std::string(name) + " must be numbers of shape " + text_of(wanted) + ", not " + text_of(array.dtype()) +
+               " of shape " + shape_text(array));
   }
   const py::array_t<double, py::array::c_style | py::array::forcecast> doubles(array);
   std::memcpy(out, doubles.data(), count * sizeof(double));

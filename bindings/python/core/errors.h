@@ -11,8 +11,8 @@
 #include <utility>
 #include <vector>
 
-#include <pybind11/pybind11.h>
 #include <forceserver/forceserver.h>
+#include <pybind11/pybind11.h>
 
 namespace forceserver_python {
 

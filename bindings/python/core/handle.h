@@ -277,22 +277,25 @@ py::class_<Handle<T>> handle_class(py::module_& module, const char* name, const 
   made.def("__reduce__", refuse).def("__reduce_ex__", refuse);
   made.def(py::init([](const py::object& other) { return std::make_unique<H>(as_handle<T>(other, "other").take()); }),
            py::arg("other"), "__init__(self, other)\n--\n\nTakes over what another one has, which is then closed.")
-      .def("close", [as_self](const py::object& self) { as_self(self).close(); },
-           "close($self)\n--\n\nRefuses later calls, waits for calls under way in other threads, and gives the handle "
-           "back. Where this thread itself is in a call, as in a signal's handler, the end of that call gives it back. A "
-           "second close does nothing.")
-      .def_property_readonly("closed", [as_self](const py::object& self) { return as_self(self).closed(); },
-                             "Whether close() was called.")
-      .def("__enter__", [as_self](py::object self) {
-        if (as_self(self).closed()) raise(FS_ERROR_STATE, std::string("this ") + Kind<T>::name + " is closed");
-        return self;
-      })
+      .def(
+          "close", [as_self](const py::object& self) { as_self(self).close(); },
+          "close($self)\n--\n\nRefuses later calls, waits for calls under way in other threads, and gives the handle "
+          "back. Where this thread itself is in a call, as in a signal's handler, the end of that call gives it back. A "
+          "second close does nothing.")
+      .def_property_readonly(
+          "closed", [as_self](const py::object& self) { return as_self(self).closed(); }, "Whether close() was called.")
+      .def("__enter__",
+           [as_self](py::object self) {
+             if (as_self(self).closed()) raise(FS_ERROR_STATE, std::string("this ") + Kind<T>::name + " is closed");
+             return self;
+           })
       .def("__exit__", [as_self](const py::object& self, const py::args&) { as_self(self).close(); })
-      .def("__eq__", [as_self](const py::object& self, const py::object& other) -> py::object {
-        const H* with = made_of<H>(other, handle_type<T>);
-        if (!with) return py::reinterpret_borrow<py::object>(Py_NotImplemented);
-        return py::bool_(as_self(self).equals(*with));
-      })
+      .def("__eq__",
+           [as_self](const py::object& self, const py::object& other) -> py::object {
+             const H* with = made_of<H>(other, handle_type<T>);
+             if (!with) return py::reinterpret_borrow<py::object>(Py_NotImplemented);
+             return py::bool_(as_self(self).equals(*with));
+           })
       .def("__hash__", [as_self](const py::object& self) { return reinterpret_cast<intptr_t>(as_self(self).address()); })
       .def("__repr__", [as_self](const py::object& self) -> std::string {
         H& handle = as_self(self);

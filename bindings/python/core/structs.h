@@ -152,8 +152,9 @@ class Class {
   }
 
   template <class M>
-  void field(const char* field_name, M T::*member, const char* unit, const char* doc) {
-    add(field_name, unit, doc, [member](const py::object& self) { return get(self, as_self(self).at->*member); },
+  void field(const char* field_name, M T::* member, const char* unit, const char* doc) {
+    add(
+        field_name, unit, doc, [member](const py::object& self) { return get(self, as_self(self).at->*member); },
         [member, field_name](Struct<T>& self, py::handle value) { put(self.at->*member, value, field_name); },
         [member](const T& a, const T& b) { return same_value(a.*member, b.*member); });
   }
@@ -163,9 +164,9 @@ class Class {
   }
 
   // Bits in an integer.
-  void flags(const char* field_name, uint32_t T::*member, const Enum* bits, const char* doc) {
-    add(field_name, "", doc,
-        [member, bits](const py::object& self) { return bits->to_python(as_self(self).at->*member); },
+  void flags(const char* field_name, uint32_t T::* member, const Enum* bits, const char* doc) {
+    add(
+        field_name, "", doc, [member, bits](const py::object& self) { return bits->to_python(as_self(self).at->*member); },
         [member, bits, field_name](Struct<T>& self, py::handle value) {
           self.at->*member = static_cast<uint32_t>(bits->from_python(value, field_name));
         },
@@ -262,8 +263,7 @@ class Class {
         shown = number;
       } else if (py::isinstance<py::array>(value)) {
         const py::array array = py::reinterpret_borrow<py::array>(value);
-        shown = array.size() > 9 ? "array of shape " + shape_text(array)
-                                 : text_of(array.attr("tolist")());
+        shown = array.size() > 9 ? "array of shape " + shape_text(array) : text_of(array.attr("tolist")());
       } else if (PyLong_Check(value.ptr()) && !PyLong_CheckExact(value.ptr()) && !PyBool_Check(value.ptr())) {
         shown = py::cast<std::string>(value.attr("name").is_none() ? py::str("0") : py::str(value.attr("name")));
         if (shown.empty()) shown = "0";

@@ -70,11 +70,13 @@ inline Enum make_enum(py::module_& module, const char* name, const char* doc, bo
   const py::object type = enums.attr(flags ? "IntFlag" : "IntEnum")(name, items, py::arg("module") = "forceserver._core");
   // It prints as its name, not as its number; but {value:d} and its like are of the number.
   type.attr("__str__") = enums.attr(flags ? "Flag" : "Enum").attr("__str__");
-  type.attr("__format__") = py::cpp_function([](const py::object& self, const std::string& form) -> py::object {
-    const bool is_of_number = !form.empty() && std::string("bcdoxXn").find(form.back()) != std::string::npos;
-    const py::object shown = is_of_number ? py::object(py::int_(PyLong_AsLong(self.ptr()))) : py::object(py::str(self));
-    return shown.attr("__format__")(form);
-  }, py::is_method(type));
+  type.attr("__format__") = py::cpp_function(
+      [](const py::object& self, const std::string& form) -> py::object {
+        const bool is_of_number = !form.empty() && std::string("bcdoxXn").find(form.back()) != std::string::npos;
+        const py::object shown = is_of_number ? py::object(py::int_(PyLong_AsLong(self.ptr()))) : py::object(py::str(self));
+        return shown.attr("__format__")(form);
+      },
+      py::is_method(type));
   type.attr("__doc__") = doc;
   py::dict members;
   for (const auto& [key, value] : values) members[py::int_(value)] = type.attr(key);
@@ -123,8 +125,8 @@ inline py::object renamed_call(const py::object& callee, const py::args& args, c
 }
 
 // What is said of a call whose arguments do not fit. `names`: of those it has, the first `required` without a default.
-[[noreturn]] inline void wrong_call(const char* call, const std::vector<std::string>& names, size_t required,
-                                    py::args args, const py::kwargs& given, bool has_self) {
+[[noreturn]] inline void wrong_call(const char* call, const std::vector<std::string>& names, size_t required, py::args args,
+                                    const py::kwargs& given, bool has_self) {
   const std::string name = std::string(call) + "()";
   const size_t count = args.size() - (has_self && !args.empty() ? 1 : 0);
   if (count > names.size()) {
@@ -173,8 +175,6 @@ inline py::object text_to_python(const char* text, size_t size) {
   if (!object) throw py::error_already_set();
   return py::reinterpret_steal<py::object>(object);
 }
-inline py::object text_to_python(const char* text) {
-  return text ? text_to_python(text, strlen(text)) : py::object(py::none());
-}
+inline py::object text_to_python(const char* text) { return text ? text_to_python(text, strlen(text)) : py::object(py::none()); }
 
 }  // namespace forceserver_python

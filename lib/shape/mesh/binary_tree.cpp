@@ -69,9 +69,7 @@ struct BinaryBuild {
   }
 };
 
-void* make_node(RTCThreadLocalAllocator, unsigned, void* build) {
-  return static_cast<BinaryBuild*>(build)->make(0);
-}
+void* make_node(RTCThreadLocalAllocator, unsigned, void* build) { return static_cast<BinaryBuild*>(build)->make(0); }
 void set_children(void* node, void** children, unsigned count, void*) {
   for (unsigned i = 0; i < count && node; ++i) {
     static_cast<BuiltNode*>(node)->children[i] = static_cast<BuiltNode*>(children[i]);

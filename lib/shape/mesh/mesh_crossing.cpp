@@ -102,9 +102,8 @@ int MeshTree::winding(Vec3 x, bool& is_known, uint32_t* visits) const noexcept {
 
 void MeshTree::collect(const Box& box, std::vector<uint32_t>& out) const {
   uint32_t visits = UINT32_MAX;
-  for_each_near(tree_, packets_, Span(frame_.local(box.lower), frame_.local(box.upper)), visits, [&](uint32_t triangle) {
-    out.push_back(triangle);
-  });
+  for_each_near(tree_, packets_, Span(frame_.local(box.lower), frame_.local(box.upper)), visits,
+                [&](uint32_t triangle) { out.push_back(triangle); });
 }
 
 bool MeshTree::first_crossing(Side side, Vec3 from, Vec3 to, Crossing& out, uint32_t* visits) const noexcept {

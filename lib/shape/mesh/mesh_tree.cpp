@@ -48,11 +48,8 @@ std::vector<Box> boxes_of(std::span<const Vec3> points, std::span<const uint32_t
 
 MeshTree::MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corners, std::unique_ptr<MeshEdges> edges,
                    const MeshParts& parts, Wanted& wanted)
-    : points_(points),
-      corners_(corners),
-      frame_(frame_of(points, corners, wanted)),
-      tree_(boxes_of(points, corners, frame_, wanted), wanted),
-      normals_(points, corners, std::move(edges), wanted) {
+    : points_(points), corners_(corners), frame_(frame_of(points, corners, wanted)),
+      tree_(boxes_of(points, corners, frame_, wanted), wanted), normals_(points, corners, std::move(edges), wanted) {
   wanted.begin_part(1, 3 * static_cast<double>(tree_.leaves().size()));
   std::vector<Vec3> places;  // of the corners, in the order of the leaves
   places.reserve(corners.size());

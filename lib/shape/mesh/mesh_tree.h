@@ -75,8 +75,7 @@ class MeshTree {
   Found find_from(const Query& query) const noexcept;
   // Their code is compiled for each processor.
   static Found find_in(const MeshTree& tree, const Query& query) noexcept;
-  static uint32_t cross(const MeshTree& tree, Side side, Vec3 from, Vec3 to, double& part,
-                        uint32_t& visits) noexcept;
+  static uint32_t cross(const MeshTree& tree, Side side, Vec3 from, Vec3 to, double& part, uint32_t& visits) noexcept;
 
   uint32_t triangle_count() const noexcept { return static_cast<uint32_t>(corners_.size() / 3); }
   bool is_item(uint32_t item) const noexcept {

@@ -38,7 +38,7 @@ Range heights(const Points& points, Vec3 at, Vec3 normal) {
 class UnionBuilder {
  public:
   UnionBuilder(const MeshTree& mesh, std::span<const Vec3> points, std::span<const uint32_t> corners, const MeshParts& parts,
-          Wanted& wanted)
+               Wanted& wanted)
       : mesh_(mesh), points_(points), corners_(corners), parts_(parts), wanted_(wanted), count_(corners.size() / 3),
         work_left_(2'000'000 + int64_t{400} * count_) {}
 

@@ -59,9 +59,9 @@ FS_INLINE Estimate estimate_of(const Packet& packet, Vec3 from) {
   const Floats8 bc = bc_x * bc_x + bc_y * bc_y + bc_z * bc_z;
   const Floats8 ca = ca_x * ca_x + ca_y * ca_y + ca_z * ca_z;
 
-  const Floats8 edges = least(least(squared_to_segment(ab_x, ab_y, ab_z, ab, ax, ay, az),
-                                   squared_to_segment(bc_x, bc_y, bc_z, bc, bx, by, bz)),
-                             squared_to_segment(ca_x, ca_y, ca_z, ca, cx, cy, cz));
+  const Floats8 edges =
+      least(least(squared_to_segment(ab_x, ab_y, ab_z, ab, ax, ay, az), squared_to_segment(bc_x, bc_y, bc_z, bc, bx, by, bz)),
+            squared_to_segment(ca_x, ca_y, ca_z, ca, cx, cy, cz));
   // The normal, twice the area long and exact, as the corners are small integers; the planes through the edges along it tell
   // whether the point is over the triangle.
   const Floats8 n_x = ab_z * ca_y - ab_y * ca_z, n_y = ab_x * ca_z - ab_z * ca_x, n_z = ab_y * ca_x - ab_x * ca_y;
@@ -69,8 +69,8 @@ FS_INLINE Estimate estimate_of(const Packet& packet, Vec3 from) {
   const auto inside = [&](Floats8 ex, Floats8 ey, Floats8 ez, Floats8 px, Floats8 py, Floats8 pz) __attribute__((always_inline)) {
     return (ey * pz - ez * py) * n_x + (ez * px - ex * pz) * n_y + (ex * py - ey * px) * n_z >= all(0.0f);
   };
-  const Ints8 is_over = inside(ab_x, ab_y, ab_z, ax, ay, az) & inside(bc_x, bc_y, bc_z, bx, by, bz) &
-                       inside(ca_x, ca_y, ca_z, cx, cy, cz);
+  const Ints8 is_over =
+      inside(ab_x, ab_y, ab_z, ax, ay, az) & inside(bc_x, bc_y, bc_z, bx, by, bz) & inside(ca_x, ca_y, ca_z, cx, cy, cz);
   const Floats8 height = ax * n_x + ay * n_y + az * n_z;
   out.squared = (is_over & (n > all(0.0f))) ? height / most(n, all(1.0f)) * height : edges;
   // A corner stands up to 0.87 steps beside its place, and the distance is rounded.

@@ -114,8 +114,8 @@ size_t Pseudonormals::size() const noexcept {
          vertex_is_flat_.size() / 8;
 }
 
-Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint32_t> corners,
-                             std::unique_ptr<MeshEdges> known, Wanted& wanted)
+Pseudonormals::Pseudonormals(std::span<const Vec3> points, std::span<const uint32_t> corners, std::unique_ptr<MeshEdges> known,
+                             Wanted& wanted)
     : points_(points), corners_(corners) {
   const auto point_count = static_cast<double>(points.size()), corner_count = static_cast<double>(corners.size());
   wanted.begin_part(0.65, corner_count + 1.4 * point_count * std::log2(point_count));

@@ -68,8 +68,8 @@ FS_INLINE typename From::Lanes squared_to_children(const WideNode& node, const W
     const Lanes per_squared = 1 / (x * x + y * y + z * z);
     const Lanes offset = (wide(field(sizes, 0, 16)) - Real{WideDiscs::zero_offset}) * (Real{1} / WideDiscs::offsets_a_step);
     const Lanes radius = wide(field(sizes, 16, 8));
-    const Lanes height = wide((Floats8)(((sizes >> 24 & 255) << WideDiscs::height_shift) +
-                                        static_cast<int32_t>(WideDiscs::smallest_height)));
+    const Lanes height =
+        wide((Floats8)(((sizes >> 24 & 255) << WideDiscs::height_shift) + static_cast<int32_t>(WideDiscs::smallest_height)));
     const Lanes along = x * from_middle[0] + y * from_middle[1] + z * from_middle[2];
     const Lanes squared = from_middle[0] * from_middle[0] + from_middle[1] * from_middle[1] + from_middle[2] * from_middle[2];
     const Lanes beyond = along - offset;

@@ -22,9 +22,7 @@ struct GridNormal {
   }
 };
 
-float height_of(uint32_t bits) {
-  return std::bit_cast<float>((bits << WideDiscs::height_shift) + WideDiscs::smallest_height);
-}
+float height_of(uint32_t bits) { return std::bit_cast<float>((bits << WideDiscs::height_shift) + WideDiscs::smallest_height); }
 
 }  // namespace
 

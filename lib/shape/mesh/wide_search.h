@@ -2,6 +2,7 @@
 #pragma once
 
 #include <bit>
+#include <cassert>
 #include <utility>
 
 #include "shape/mesh/wide_children.h"
@@ -78,6 +79,7 @@ FS_INLINE double search(const WideTree& tree, const From& from, typename From::R
           for (uint32_t rest = bits(distances_beside <= bound) & node_beside.filled; rest; rest &= rest - 1) {
             const auto i = static_cast<uint32_t>(std::countr_zero(rest));
             expect(node_beside.child[i]);
+            assert(size < std::size(stack));
             stack[size++] = {squared_beside[i], node_beside.child[i]};
           }
         }
@@ -90,6 +92,7 @@ FS_INLINE double search(const WideTree& tree, const From& from, typename From::R
           auto i = static_cast<uint32_t>(std::countr_zero(near));
           expect(node.child[i]);
           if (squared[i] < squared[next]) std::swap(i, next);
+          assert(size < std::size(stack));
           stack[size++] = {squared[i], node.child[i]};
         }
         now = {squared[next], node.child[next]};
