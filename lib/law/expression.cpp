@@ -54,7 +54,7 @@ std::string sentence_on_name(const std::string& name) {
   const mu::Parser parser;
   std::string lower = name;
   std::transform(name.begin(), name.end(), lower.begin(), [](unsigned char c) { return std::tolower(c); });
-  const auto functions = parser.GetFunDef();
+  const auto& functions = parser.GetFunDef();
   if (functions.count(name)) return "it is a function: write " + name + "(...)";
   std::string hint;
   for (const auto& [other, text] : hints) {
@@ -119,7 +119,7 @@ void check_expression(const std::string& text) {
 }
 
 void fail_expression(const std::string& text, const mu::ParserError& error) {
-  const std::string token = error.GetToken();
+  const std::string& token = error.GetToken();
   size_t place = std::min(static_cast<size_t>(std::max(0, static_cast<int>(error.GetPos()))), text.size() - 1);
   std::string sentence = error.GetMsg();
   switch (error.GetCode()) {

@@ -67,7 +67,7 @@ class TableCurve final : public Curve {
     }
     return steepest;
   }
-  double greatest_force(double d) const noexcept override { return evaluate(0, d, 0).force; }
+  double greatest_force(double d) const noexcept override { return evaluate(nullptr, d, 0).force; }
 
   // Where f is no steeper than slope on both sides of s, and where it bends the wrong way, f(s) + slope*|d - s| is not the
   // least. The ends of the steep intervals and their tangents remain.

@@ -11,8 +11,8 @@
 using forceserver::Device;
 using forceserver::Error;
 using forceserver::Scene;
-using forceserver::Servo;
 using forceserver::Server;
+using forceserver::Servo;
 using forceserver::Shape;
 
 // Exit codes: all is well; the scene or the run has something odd; it could not be done.

@@ -232,6 +232,7 @@ class News {
   void say(const char* form, Values... values) {
     std::printf("%s%s\n", terminal_ ? "\r\033[K" : "", format(form, values...).c_str());
   }
+  void say(const char* text) { say("%s", text); }
 
   void tell_device(const fs_event& event) {
     if (event.status == FS_OK) return say("the device is ready");

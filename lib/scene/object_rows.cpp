@@ -61,7 +61,7 @@ bool ObjectRows::is_bound(uint32_t number, const Object& object, const Bounds& b
 }
 
 // The bounds after those of now, on the way to what is due.
-static Bounds grown(const Bounds& now, const Bounds& due, double growth) noexcept {
+static Bounds risen(const Bounds& now, const Bounds& due, double growth) noexcept {
   const auto one = [growth](double has, double is_due) { return std::min(is_due, std::max(growth * has, 0.01 * is_due)); };
   return {one(now.slope, due.slope), one(now.stiffness, due.stiffness), one(now.damping, due.damping),
           one(now.contact_damping, due.contact_damping)};
@@ -75,7 +75,7 @@ uint32_t ObjectRows::bound(uint32_t newest, const Bounds& bounds, const Pace& pa
   if (is_bound(newest, object, wanted, pace.least)) return newest;
   const bool is_near = spread().blend > 0 && may_be_felt(newest);
   if (is_near && now.bounded) {
-    const Bounds next = of_use(grown(now.bounded->bounds, wanted, pace.growth), object);
+    const Bounds next = of_use(risen(now.bounded->bounds, wanted, pace.growth), object);
     is_rising = !serve_as(next, wanted, pace.least);
     wanted = next;
     if (is_bound(newest, object, wanted, Pace::exact)) return newest;
