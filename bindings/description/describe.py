@@ -4,7 +4,7 @@ describe.py CC          writes forceserver.json
 describe.py CC --check  only says whether it would be the same
 
 CC: the C compiler whose own headers (stddef.h) are read. `make` in this folder runs it in an environment of its own.
-The rules below tell what a parameter is for from its type, its name and its place. What no rule can tell stands in TABLE.
+The rules below tell what a parameter is for from its type, its name and its place. What no rule can tell stands in TABLE, and in meaning.py.
 A declaration that neither explains ends the run, so that no binding guesses.
 """
 import hashlib
@@ -15,6 +15,8 @@ import subprocess
 import sys
 
 from clang.cindex import CursorKind, Index, TokenKind, TypeKind
+
+import meaning
 
 HERE = pathlib.Path(__file__).resolve().parent
 INCLUDE = HERE.parent.parent / "include"
@@ -291,6 +293,7 @@ class Describer:
                 sys.exit(f"describe.py: TABLE has {name}, which the headers do not")
         for name in FIRST_VERSION.keys() - {struct["name"] for struct in self.out["structs"]}:
             sys.exit(f"describe.py: FIRST_VERSION has {name}, which the headers do not")
+        meaning.add_to(self.out)
         return self.out
 
     def add_header(self, unit, header, comments, swig):

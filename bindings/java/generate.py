@@ -247,7 +247,7 @@ def enum(enum_):
     name = class_of(enum_["name"])
     begin = "FS_" if enum_["name"] == "fs_status" else prefix([v["name"] for v in enum_["values"]])
     values = ",\n".join(f"{doc(v['comment'], '  ')}  {v['name'].removeprefix(begin)}({v['value']})" for v in enum_["values"])
-    bits = re.search(r"\bbits\b", enum_["comment"]) is not None
+    bits = "bits" in enum_
     from_bits = f"""
   /** Those of which the bit is set. */
   public static java.util.EnumSet<{name}> ofBits(int bits) {{

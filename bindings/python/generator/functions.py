@@ -60,12 +60,12 @@ class Functions(Structs):
                 [],
                 f"{name}_.get()",
             )
-        bits = re.search(rf"\b{name} \((fs_\w+) bits\)", function["comment"])
+        bits = self.bits(p)
         if kind == "number" and bits:
             return (
-                self.enum_type(self.enums[bits[1]]),
+                self.enum_type(bits),
                 None,
-                [f'const auto {name}_ = static_cast<{type_}>(enum_of<{bits[1]}>.from_python({name}, "{name}"));'],
+                [f'const auto {name}_ = static_cast<{type_}>(enum_of<{bits["name"]}>.from_python({name}, "{name}"));'],
                 [],
                 f"{name}_",
             )

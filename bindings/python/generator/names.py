@@ -1,10 +1,8 @@
-"""What everything of the description is called in Python, its units, and the comments in Python's words."""
+"""What everything of the description is called in Python, and the comments in Python's words."""
 
 import re
-import sys
 
 DOUBLES = {"fs_vec3": (3,), "fs_quat": (4,), "fs_mat3": (3, 3)}
-UNIT = r"(?:N/m\^2|N/m|N/s|N s/m|N m|N|m/s|rad/s|rad|m|s|Hz|kg|J)"
 HIDDEN = ("struct_size", "reserved")
 PYTHON = {"double": "float", "bool": "bool"}  # others: int
 FOR_C = re.compile(r"struct_size|_init made|_release\b|until they are destroyed")  # sentences that say nothing in Python
@@ -53,7 +51,6 @@ class Names:
         while not all(name.startswith(prefix) for name in names) or not prefix.endswith("_"):
             prefix = prefix[:-1]
         item["prefix"] = prefix
-        item["is_flags"] = re.search(r"\bbits\b", item["comment"], re.I) is not None
         item["python"] = camel(item["name"]) if item["name"] else camel(prefix.lower()) + "Flags"
         item["members"] = [
             (re.sub("^ERROR_", "", value["name"][len(prefix) :]), value["value"], value["comment"])
@@ -120,43 +117,13 @@ class Names:
             elif field["type"].endswith("*") and bare(field["type"]) in self.handles:
                 yield field["name"]
 
-    def unit(self, struct, field):
-        """The unit at the beginning of a field's comment, or of the struct's where that has one for each field."""
-
-        def several(text):
-            return (
-                re.split(r"[,;] ", match[0])
-                if (match := re.match(rf"{UNIT}(?:[,;] {UNIT})*(?=$|[\s,;:])", text))
-                else []
-            )
-
-        fields = struct["fields"]
-        if field["type"] in self.structs and field["type"] not in DOUBLES:
-            return ""  # its own fields have units
-        if field["comment"]:
-            together = [f["name"] for f in fields if f["comment"] == field["comment"]]
-            units = several(field["comment"])
-            if len(units) > 1:
-                return units[together.index(field["name"])] if len(units) == len(together) else units[0]
-            return units[0] if units else ""
-        comment = struct["comment"]
-        if named := re.search(rf"\b{field['name']} \(({UNIT})\)", comment):
-            return named[1]
-        units = re.findall(rf"(?<![\w/']){UNIT}(?![\w/])", comment)
-        return units[fields.index(field)] if len(units) == len(fields) else ""
-
-    def bits(self, field):
-        """The enum of a field that holds bits: 'fs_fault bits', 'FS_STATE_ bits'."""
-        found = re.search(r"\b(fs_\w+|FS_\w+_) bits", field["comment"])
-        return self.flags.get(found[1]) if found and field["type"] == "uint32_t" else None
+    def bits(self, item):
+        """The enum of a field or parameter that holds bits; None: it holds none."""
+        return self.flags[item["bits"]] if "bits" in item else None
 
     def shown_fields(self, struct):
         return [f for f in struct["fields"] if not f["name"].startswith(HIDDEN) and f["type"] != "void *"]
 
     def parts(self):
-        """The fs_part bit of each field of an object, as the comments of the bits list them."""
-        parts = {field: value for _, value, comment in self.enums["fs_part"]["members"] for field in comment.split(", ")}
-        shown = {field["name"] for field in self.shown_fields(self.structs["fs_object"])}
-        if parts.keys() != shown - {"name"}:
-            sys.exit(f"the comments of fs_part and the fields of fs_object differ in {parts.keys() ^ (shown - {'name'})}")
-        return parts
+        """The fs_part bit of each field of an object."""
+        return {field: value["value"] for value in self.enums["fs_part"]["values"] for field in value["fields"]}

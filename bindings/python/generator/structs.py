@@ -63,9 +63,9 @@ class Structs(Names):
             variable = f"enum_of<{item['name']}>" if item["name"] else f"static Enum {item['python']}"
             self.cpp.append(
                 f'{variable} = make_enum(module, "{item["python"]}", {raw(doc.strip())}, '
-                f"{str(item['is_flags']).lower()}, {{{values}}});"
+                f"{str('bits' in item).lower()}, {{{values}}});"
             )
-            base = "IntFlag" if item["is_flags"] else "IntEnum"
+            base = "IntFlag" if "bits" in item else "IntEnum"
             self.stub.append(
                 f"class {item['python']}({base}):\n"
                 + "".join(f"    {name} = {value}\n" for name, value, _ in item["members"])
@@ -87,7 +87,7 @@ class Structs(Names):
             stub = [f"class {python}:", "    dtype: ClassVar[np.dtype[np.void]]"]
             keywords = []
             for f in self.shown_fields(struct):
-                unit, comment = self.unit(struct, f), self.in_python(f["comment"])
+                unit, comment = f.get("unit", ""), self.in_python(f["comment"])
                 if f["type"] == "fs_quat":
                     comment += "; " if comment else ""
                     comment += "(w, x, y, z), or scipy's Rotation; the order of its as_quat() is x, y, z, w"
@@ -121,7 +121,7 @@ class Structs(Names):
     @staticmethod
     def enum_type(item):
         """What an enum is given as; bits may be several names in one string."""
-        if item["is_flags"] or not item["name"]:
+        if "bits" in item or not item["name"]:
             return "int | str"
         return "int | Literal[" + ", ".join(f'"{name.lower()}"' for name, _, _ in item["members"]) + "]"
 
