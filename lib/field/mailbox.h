@@ -4,7 +4,6 @@
 
 #include <array>
 #include <atomic>
-#include <cassert>
 #include <cstdint>
 #include <utility>
 
@@ -15,7 +14,6 @@ class Mailbox {
  public:
   // Writer. True: the previous value was never fetched. Empties the slot that comes back, so old values are freed here.
   bool post(T value) {
-    assert(slots_[back_] == T());  // swap_middle has emptied it
     slots_[back_] = std::move(value);
     return swap_middle(back_ | fresh);
   }

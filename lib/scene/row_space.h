@@ -19,7 +19,7 @@ class RowSpace {
   // (FULL, no memory) changes nothing that matters. used: sequence of the newest snapshot that has been used.
   uint32_t find(Vec3 position, double size, uint64_t used);
   void take(uint32_t row) noexcept {
-    assert(!(spaces_[row / chunk_size].taken >> row % chunk_size & 1));
+    assert(!(spaces_[row / chunk_size].leaving >> row % chunk_size & 1));
     spaces_[row / chunk_size].taken |= uint64_t{1} << row % chunk_size;
   }
   // The row is free again when the snapshot `sequence` has been used, the first without it.

@@ -789,6 +789,7 @@ START_TEST(others_change_meanwhile) {
         bad += fs_object_get(w.scene, name.c_str(), &out) != FS_OK || out.pose.position.x != pose.position.x;
         fs_object_release(&out);
         bad += fs_object_get(w.scene, name_of(1).c_str(), &out) != FS_ERROR_NOT_FOUND && !is_done;
+        fs_object_release(&out);
         if (i % 2) bad += fs_object_remove(w.scene, name.c_str()) != FS_OK;
         ++rounds;
       }
