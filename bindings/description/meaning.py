@@ -1,6 +1,6 @@
-"""What the declarations of the public headers do not tell, and no comment has to: which enums are bits, which fields and parameters
-hold them, the units of the fields, and which fields the parts of an object are. describe.py checks it and puts it into the
-description; a comment can be said anew without changing a binding.
+"""What the declarations of the public headers do not tell, and no comment has to: which enums are bits, which fields and
+parameters hold them, the units of the fields, and which fields the parts of an object are. describe.py checks it and puts it into
+the description; a comment can be said anew without changing a binding.
 """
 
 # Enums whose values are bits; an enum without a name is called by what its values begin with.

@@ -1,5 +1,8 @@
 #include <forceserver/driver.h>
 
+#include <cmath>
+#include <utility>
+
 #include "api/guarded.h"
 #include "base/grown.h"
 #include "driver/device.h"
@@ -88,7 +91,12 @@ fs_status fs_device_read(fs_device* device, fs_state* out) {
 fs_status fs_device_write(fs_device* device, const fs_wrench* wrench) {
   return on_device(device, [&] {
     require_pointer(wrench, "wrench");
-    if (!is_finite(*wrench)) fail(FS_ERROR_INVALID, "wrench is not finite");
+    const Vec3 &f = wrench->force, &t = wrench->torque;
+    const std::pair<const char*, double> all[]{{"force.x", f.x},  {"force.y", f.y},  {"force.z", f.z},
+                                               {"torque.x", t.x}, {"torque.y", t.y}, {"torque.z", t.z}};
+    for (const auto& [field, value] : all) {
+      if (!std::isfinite(value)) fail(FS_ERROR_INVALID, "wrench.%s is %g, must be finite", field, value);
+    }
     return device->write(*wrench);
   });
 }

@@ -3,6 +3,13 @@
 //
 // Each object is a row. A name that changes while it is felt, by more than a move, has several rows for a while: one for
 // each version (weight.h). Rows stand in chunks of 64: the chunk is what a change copies and what a reader can pass over.
+//
+// Four counters tell what has changed. Each only grows:
+//   version   of a row or a view: another for each version of a name, so that a row that is used again is not taken for what was
+//             there before. (The version of a table's element, table.h, is a sequence.)
+//   sequence  of a snapshot: what is posted later has a larger one.
+//   revision  of an object, for applications: grows with every change but moves; its motion_revision grows with moves, too.
+//   serial    of a shape, a curve or a message of a client: which one it is.
 #pragma once
 
 #include <cmath>

@@ -715,7 +715,7 @@ START_TEST(device_by_hand) {  // scaled into the maxima
   EXPECT_VECTOR(unit(fake.written.torque), (fs_vec3{0, 0, -1}), 1e-12);
   ck_assert_double_le(norm(fake.written.torque), 1 + 1e-12);
   wrench.force.x = NAN;
-  EXPECT(FS_ERROR_INVALID, fs_device_write(device.get(), &wrench));
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_device_write(device.get(), &wrench), "wrench.force.x is nan, must be finite");
   fake.read_status = FS_ERROR_DISCONNECTED;
   EXPECT(FS_ERROR_DISCONNECTED, fs_device_read(device.get(), &state));
   fake.write_status = FS_ERROR_IO;
