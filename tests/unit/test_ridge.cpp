@@ -218,7 +218,7 @@ START_TEST(triangles_do_not_count) {
   ck_assert_uint_ge(fine.shape->triangles.size() / 3, 10000);
   Random random(9);
   int ridges = 0;
-  for (int run = 0; run < sanitized_times(1000, 4000); ++run) {
+  for (int run = 0; run < (scenes::is_sanitized ? 100 : scenes::times(1000, 4000)); ++run) {
     const Vec3 x{random.between(0.0001, 0.03), random.between(0.0001, 0.03), random.between(-0.02, 0.02)};
     bool is_ridge;
     const Vec3 a = coarse.blended(x, &is_ridge), b = fine.blended(x);
@@ -276,7 +276,7 @@ START_TEST(hints_change_nothing) {
     int ridges = 0, searches_saved = 0;
     const bool is_corner = wall.shape->triangles.size() == size_t{3} * 2 * 2 * 30 * 30;
     Vec3 x, way{};
-    for (int i = 0; i < sanitized_times(10000, 20000); ++i) {
+    for (int i = 0; i < (scenes::is_sanitized ? 1000 : scenes::times(10000, 20000)); ++i) {
       if (i % 500 == 0) {  // elsewhere
         x = is_corner ? Vec3{random.between(0.001, 0.01), random.between(0.001, 0.01), 0} : random_place(random, {0.06, 0.06, 0.02});
         way = 2e-5 * random_direction(random);
