@@ -93,7 +93,7 @@ std::vector<T> list_of(F&& f) {
 END = """\
 
 // A group of changes, open from here on: commit() makes all of them felt from one tick on, and where it is not called the
-// destructor takes them back. A group belongs to its thread.
+// destructor takes them back. A group belongs to its thread, and its scene must outlive it.
 class Group {
  public:
   explicit Group(const Scene& scene) : scene_(scene.get()) { throw_on_error(fs_scene_begin(scene_)); }
@@ -154,8 +154,7 @@ class Writer:
             return (f"const char* {name}", name) if p["null"] else (f"const std::string& {name}", f"{name}.c_str()")
         if kind == "struct" and not p["null"]:
             return f"const {bare(type_)}& {name}", f"&{name}"
-        space = "" if type_.endswith("*") else " "
-        return f"{type_.replace(' *', '*')}{' ' if not space else space}{name}", name
+        return f"{type_.replace(' *', '*')} {name}", name
 
     def method(self, function, owner):
         outs = [p for p in function["parameters"] if p["kind"] in ("out struct", "out number", "new handle") and not p["null"]]
@@ -178,7 +177,7 @@ class Writer:
                 call.append(p["name"])
             else:
                 parameter, given = self.argument(p)
-                parameters.append([parameter, p["null"] and not p["kind"] == "handle"])
+                parameters.append([parameter, p["null"] and p["kind"] != "handle"])
                 call.append(given)
         for parameter in reversed(parameters):  # what may be null at the end need not be given
             if not parameter[1]:

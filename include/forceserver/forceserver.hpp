@@ -341,7 +341,7 @@ class Server : public std::unique_ptr<fs_server, GiveBack<fs_server_stop>> {
 };
 
 // A group of changes, open from here on: commit() makes all of them felt from one tick on, and where it is not called the
-// destructor takes them back. A group belongs to its thread.
+// destructor takes them back. A group belongs to its thread, and its scene must outlive it.
 class Group {
  public:
   explicit Group(const Scene& scene) : scene_(scene.get()) { throw_on_error(fs_scene_begin(scene_)); }

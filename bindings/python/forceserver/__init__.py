@@ -16,10 +16,9 @@ moves, from which its motion is worked out. Its fields can be read and set: scen
 
 fs.table(scene.get_reports()) is a dict of flat columns, as pandas.DataFrame takes it.
 
-Ctrl-C ends the long waits: for events, sync, a connection, a device, the steps of a servo,
-and a mesh that is loaded or built. Any other call ends first: one that asks a server within about 1 s. That takes longer
-only where an object is set, or a scene loaded, with a mesh that was not built (1 s for a million triangles), and where a
-great many places are evaluated.
+Ctrl-C ends the long waits: for events, sync, a connection, a device, the steps of a servo, and a mesh that is loaded or
+built. Any other call ends first: one that asks a server within about 1 s. That takes longer only where an object is set, or
+a scene loaded, with a mesh that was not built (1 s for a million triangles), and where a great many places are evaluated.
 
 This layer is written by hand and small. Below it, `forceserver._core` has the functions, structs, enums and handles of
 the C headers, whose comments are the docstrings (what gives a handle back is its close()): `scene.get_reports()` is fs_scene_get_reports.
