@@ -158,10 +158,8 @@ bool LocalScene::is_empty() const {
 
 // --------------------------------------------------------------------------------------------------- groups
 
-OpenGroup& LocalScene::open_group(const char* function) {
-  OpenGroup* const group = groups_.mine();
-  if (!group) fail(FS_ERROR_STATE, "%s: no group is open in this thread; fs_scene_begin opens one", function);
-  return *group;
+void LocalScene::require_group(const char* function) const {
+  if (!groups_.mine()) fail(FS_ERROR_STATE, "%s: no group is open in this thread; fs_scene_begin opens one", function);
 }
 
 void LocalScene::begin() {
@@ -172,23 +170,17 @@ void LocalScene::begin() {
 }
 
 void LocalScene::commit() {
-  const std::lock_guard lock(mutex_);
-  Edits group(evaluated_, &open_group("fs_scene_commit"));
-  group.require_room();
-  evaluated_.prepare();
-  try {
-    group.commit(SIZE_MAX);
-  } catch (...) {  // a part may be done
-    evaluated_.changed();
-    throw;
-  }
-  groups_.close();
-  evaluated_.changed();
+  mutate([&](Edits edits) {
+    require_group("fs_scene_commit");
+    edits.require_room();
+    edits.commit(SIZE_MAX);
+    groups_.close();
+  });
 }
 
 void LocalScene::cancel() {
   const std::lock_guard lock(mutex_);
-  open_group("fs_scene_cancel");
+  require_group("fs_scene_cancel");
   groups_.close();
 }
 

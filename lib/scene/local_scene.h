@@ -111,21 +111,20 @@ struct LocalScene final : Scene {
 
   // Called with the lock held.
   Edits edits() { return {evaluated_, groups_.mine()}; }
-  OpenGroup& open_group(const char* function);  // of the calling thread. STATE
+  void require_group(const char* function) const;  // of the calling thread. STATE
   void put(Edits edits, const ParsedObject& object, uint32_t parts, bool is_change);
   // Runs f(edits), which changes the scene, and makes the change known.
   template <class F>
   void mutate(F&& f) {
     const std::lock_guard lock(mutex_);
     evaluated_.prepare();
-    const Edits edits = this->edits();
     try {
-      f(edits);
+      f(edits());
     } catch (...) {  // a part may be done
       evaluated_.changed();
       throw;
     }
-    if (!edits.group()) evaluated_.changed();
+    if (!groups_.mine()) evaluated_.changed();
   }
 
   mutable std::mutex mutex_;
