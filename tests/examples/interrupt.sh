@@ -39,16 +39,17 @@ done
 [ $failures = 0 ] || sed 's/^/    /' "$folder/flight"
 
 # tests/run in a folder of its own, with tools that never end.
-mkdir -p "$folder/tests/bindings" "$folder/.ci" "$folder/tools"
+mkdir -p "$folder/tests" "$folder/.ci" "$folder/tools"
 cp "$source_folder/tests/run" "$folder/tests"
 cp "$source_folder/.ci/setup.sh" "$folder/.ci"
 cat > "$folder/tools/stand_in" << 'END'
 #!/usr/bin/env bash
-case "$(basename "$0")" in
-  dpkg-query) echo 'install ok installed'; exit ;;
-  cmake) [ "$STOPS_AT" = cmake ] || exit 0 ;;
-  ninja) [ "$STOPS_AT" = ninja ] || { echo 'one: phony'; exit 0; } ;;
-  ctest) [ "$STOPS_AT" = ctest ] || { echo 'Test #1: one'; exit 0; } ;;
+case "$0" in
+  */dpkg-query) echo 'install ok installed'; exit ;;
+  */"$STOPS_AT") ;;
+  */ninja) echo 'one: phony'; exit ;;
+  */ctest) echo 'Test #1: one'; exit ;;
+  *) exit 0 ;;
 esac
 sleep 1000 &
 echo $$ $! > "$STARTED.new" && mv "$STARTED.new" "$STARTED"
@@ -56,11 +57,15 @@ wait
 END
 chmod +x "$folder/tools/stand_in"
 for tool in cmake ninja ctest dpkg-query; do ln -s stand_in "$folder/tools/$tool"; done
-cp "$folder/tools/stand_in" "$folder/tests/bindings/run_python"
-for tool in cmake ninja ctest run_python; do
+for script in tests/bindings/run_python tests/bindings/run_java tests/bindings/parity/run tests/examples/editor/run tests/style/run \
+  bindings/description/make tests/fuzz/run; do
+  mkdir -p "$folder/$(dirname $script)"
+  ln -s "$folder/tools/stand_in" "$folder/$script"
+done
+for tool in cmake ninja ctest run_python editor/run fuzz/run; do
   signal=INT
   [ $tool != run_python ] || signal=TERM
-  export STOPS_AT=$tool STARTED=$folder/started_$tool
+  export STOPS_AT=$tool STARTED=$folder/started_${tool%/*}
   PATH=$folder/tools:$PATH "$folder/tests/run" --all > "$folder/account" 2>&1 &
   run=$!
   wait_for test -s "$STARTED"
@@ -79,7 +84,7 @@ for tool in cmake ninja ctest run_python; do
       kill -KILL "$process"
     fi
   done
-  sed "s/^/  $tool: /" "$folder/account"
+  sed "s|^|  $tool: |" "$folder/account"
 done
 
 echo "$failures failures"
