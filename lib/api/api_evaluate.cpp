@@ -15,7 +15,7 @@ fs_status fs_tool_create(fs_scene* scene, const fs_vec3* points, size_t count, f
       check_tool(points, count);
       own.assign(points, points + count);
     }
-    *out = make_ref<Tool>(Ref<LocalScene>::share(&scene->local()), std::move(own)).detach();
+    *out = make_ref<Tool>(Ref<LocalScene>::retain(&scene->local()), std::move(own)).detach();
   });
 }
 

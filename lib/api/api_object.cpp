@@ -123,8 +123,8 @@ fs_status fs_shape_load(const char* path, double scale, fs_shape** out) {
     require_pointer(path, "path");
     require_pointer(out, "out");
     MeshData mesh = read_mesh_file(path, scale);
-    Wanted wanted;
-    give(make_mesh(std::move(mesh.points), std::move(mesh.triangles), wanted), out);
+    StopToken stop;
+    give(make_mesh(std::move(mesh.points), std::move(mesh.triangles), stop), out);
   });
 }
 

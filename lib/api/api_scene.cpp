@@ -24,7 +24,7 @@ template <class F>
 fs_status on_scene(fs_scene* scene, F&& f) {
   return guarded([&] {
     require_pointer(scene, "scene");
-    const Ref<fs_scene> kept = Ref<fs_scene>::share(scene);
+    const Ref<fs_scene> kept = Ref<fs_scene>::retain(scene);
     f();
   });
 }

@@ -16,7 +16,7 @@ fs_status fs_server_start(fs_servo* servo, const char* endpoint, const fs_server
     if (!servo->is_of_this_process()) fail(FS_ERROR_STATE, "servo was started by the parent of this process");
     const Endpoint place = parse_endpoint(endpoint, true);
     const ServerSettings settings = parse_options(given, servo->settings());
-    *out = make_ref<fs_server>(Ref<Servo>::share(servo), place, settings).detach();
+    *out = make_ref<fs_server>(Ref<Servo>::retain(servo), place, settings).detach();
   });
 }
 
@@ -29,7 +29,7 @@ void fs_server_stop(fs_server* server) {
 fs_status fs_scene_get_clients(fs_scene* scene, fs_client* out, size_t capacity, size_t* count) {
   return guarded([&] {
     require_pointer(scene, "scene");
-    const Ref<fs_scene> kept = Ref<fs_scene>::share(scene);
+    const Ref<fs_scene> kept = Ref<fs_scene>::retain(scene);
     copy_list(scene->clients(), out, capacity, count);
   });
 }
@@ -37,7 +37,7 @@ fs_status fs_scene_get_clients(fs_scene* scene, fs_client* out, size_t capacity,
 fs_status fs_scene_get_views(fs_scene* scene, fs_client_view* out, size_t capacity, size_t* count) {
   return guarded([&] {
     require_pointer(scene, "scene");
-    const Ref<fs_scene> kept = Ref<fs_scene>::share(scene);
+    const Ref<fs_scene> kept = Ref<fs_scene>::retain(scene);
     copy_list(scene->views(), out, capacity, count);
   });
 }

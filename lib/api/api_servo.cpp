@@ -40,7 +40,7 @@ fs_status fs_servo_start(fs_scene* scene, fs_device* device, const fs_servo_opti
     if (scene->is_remote()) {
       fail(FS_ERROR_UNSUPPORTED, "the scene is at a server, whose servo runs it; use a scene made by fs_scene_create");
     }
-    Ref<Servo> servo = make_ref<Servo>(Ref<LocalScene>::share(&scene->local()), Ref<Device>::share(device), settings);
+    Ref<Servo> servo = make_ref<Servo>(Ref<LocalScene>::retain(&scene->local()), Ref<Device>::retain(device), settings);
     const std::lock_guard lock(process_mutex());
     handles().insert(servo.get());
     *out = servo.detach();
@@ -65,7 +65,7 @@ void fs_servo_stop(fs_servo* servo) {
   {
     const std::lock_guard lock(process_mutex());
     if (!handles().contains(servo) || !servo->is_of_this_process()) return;
-    kept = Ref<Servo>::share(servo);
+    kept = Ref<Servo>::retain(servo);
   }
   kept->stop();
   const std::lock_guard lock(process_mutex());
@@ -85,7 +85,7 @@ fs_status fs_servo_get_record(fs_servo* servo, fs_tick* out, size_t capacity, si
 fs_status fs_scene_get_record(fs_scene* scene, uint64_t after, fs_recorded_tick* out, size_t capacity, size_t* count) {
   return guarded([&] {
     require_pointer(scene, "scene");
-    const Ref<fs_scene> kept = Ref<fs_scene>::share(scene);
+    const Ref<fs_scene> kept = Ref<fs_scene>::retain(scene);
     copy_list(kept->record(after), out, capacity, count);
   });
 }
@@ -98,7 +98,7 @@ fs_status fs_scene_get_hand(const fs_scene* scene, fs_state* state, fs_response*
 fs_status fs_scene_stop_force(fs_scene* scene) {
   return guarded([&] {
     require_pointer(scene, "scene");
-    const Ref<fs_scene> kept = Ref<fs_scene>::share(scene);
+    const Ref<fs_scene> kept = Ref<fs_scene>::retain(scene);
     kept->stop_force();
   });
 }
@@ -106,7 +106,7 @@ fs_status fs_scene_stop_force(fs_scene* scene) {
 fs_status fs_scene_resume_force(fs_scene* scene) {
   return guarded([&] {
     require_pointer(scene, "scene");
-    const Ref<fs_scene> kept = Ref<fs_scene>::share(scene);
+    const Ref<fs_scene> kept = Ref<fs_scene>::retain(scene);
     kept->resume_force();
   });
 }

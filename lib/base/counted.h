@@ -56,7 +56,7 @@ class Ref {
  public:
   Ref() = default;
   Ref(std::nullptr_t) {}
-  Ref(const Ref& other) noexcept : Ref(share(other.pointer_)) {}
+  Ref(const Ref& other) noexcept : Ref(retain(other.pointer_)) {}
   Ref(Ref&& other) noexcept : pointer_(std::exchange(other.pointer_, nullptr)) {}
   template <class U>
   Ref(Ref<U> other) noexcept : pointer_(other.detach()) {}
@@ -73,7 +73,7 @@ class Ref {
     ref.pointer_ = pointer;
     return ref;
   }
-  static Ref share(T* pointer) noexcept {  // adds one
+  static Ref retain(T* pointer) noexcept {  // adds one
     if (pointer) pointer->retain();
     return adopt(pointer);
   }

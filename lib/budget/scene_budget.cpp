@@ -36,7 +36,8 @@ void SceneBudget::note_slope(const Object& object, double slope, double to_devic
   if (told == told_.end()) {
     if (!is_bounded && !takes_what_it_gets) return;
     told =
-        told_.emplace(object.name, Told{takes_what_it_gets ? now : wanted, now, -never, 0.5, wanted, takes_what_it_gets}).first;
+        told_.emplace(object.name, Announcement{takes_what_it_gets ? now : wanted, now, -never, 0.5, wanted, takes_what_it_gets})
+            .first;
   }
   told->second.now = now;
   told->second.wanted = wanted;

@@ -47,11 +47,11 @@ class SceneBudget final : public Counted<SceneBudget>, public BudgetLink {
   const Ref<LocalScene> scene_;
   const ServoReader& reader_;
   std::mutex& mutex_;  // the scene's
-  Evaluated& evaluated_;
+  EvaluatedScene& evaluated_;
   std::atomic<double> wanted_{never};
 
   // What the last bounds were worked out for.
-  struct Seen {
+  struct Basis {
     uint64_t sequence = 0;  // of the snapshot; 0: there was none
     DeviceLimit limit;
     double most = 0;            // N/m, what the scene allows itself
@@ -62,7 +62,7 @@ class SceneBudget final : public Counted<SceneBudget>, public BudgetLink {
     Box within;                 // m, where the tool may be; empty: anywhere
     Box clear;                  // m, where nothing else is felt
   };
-  Seen seen_;
+  Basis seen_;
   Pace next_pace(bool at_once);
   double exact_at_ = -never;    // s, when bounds were last entered exactly
   double rises_since_ = -never;  // s, of the step before
@@ -76,7 +76,7 @@ class SceneBudget final : public Counted<SceneBudget>, public BudgetLink {
   double been_since_ = -never;  // s, begin of the newest
 
   // What has been told of an object.
-  struct Told {
+  struct Announcement {
     double slope;         // N/m at the device; of one that was not bounded before, what it wanted
     double now;           // N/m, what is to be told
     double time;          // s, of the last event
@@ -84,7 +84,7 @@ class SceneBudget final : public Counted<SceneBudget>, public BudgetLink {
     double wanted;        // N/m
     bool takes_what_it_gets;
   };
-  NameMap<Told> told_;
+  NameMap<Announcement> told_;
   size_t most_told_ = 1024;  // when there are more, those of objects that are gone are forgotten
   bool has_untold_ = false;
   double looked_at_ = -never;  // s, when it was last looked for what is to be told

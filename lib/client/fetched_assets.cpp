@@ -50,8 +50,8 @@ Asset FetchedAssets::fetch(Call& call, uint64_t id, wire::Type type) {
   }
   if (!packed.is_expression()) require_data(packed.content);
   const Asset asset = line_.work(call, [&] {
-    Wanted wanted;
-    return unpack(std::move(packed), wanted);
+    StopToken stop;
+    return unpack(std::move(packed), stop);
   });
   fetched_.emplace_back(id, asset);
   if (fetched_.size() > most_fetched) fetched_.pop_front();

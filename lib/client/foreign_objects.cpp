@@ -18,6 +18,9 @@ void put_bare_name(fs_object& object) {
   put_text(object.name, name.substr(name.find('/') + 1));
 }
 
+// NOT_FOUND: it is too long.
+void put_name(char (&field)[FS_NAME_SIZE], const char* name) { put_text(field, text_of(to_target(name, "name").name)); }
+
 }  // namespace
 
 Ref<const Object> ForeignObjects::get(Call& call, const char* name, fs_object& out) {
@@ -58,36 +61,36 @@ void ForeignObjects::change(Call& call, const fs_object& object, uint32_t parts,
   const std::string name = text_of(object.name);
   fs_object sent = merge_parts({}, object, parts);
   sent.struct_size = object.struct_size;
-  wire::Edit edit{to_target(name.c_str(), "name"), parts, to_record(sent)};
+  put_text(sent.name, name);
+  wire::Set change{wire::no_slot, parts, to_record(sent)};
   if (parts == 0) {  // only whether it is there
     fs_object present;
     get(call, name.c_str(), present);
     return;
   }
-  if ((parts & FS_PART_POSE) && edit.object.time == 0) edit.object.time = now;
-  if (Group* const group = groups_.mine()) return change_in_group(call, *group, object, edit);
+  if ((parts & FS_PART_POSE) && change.object.time == 0) change.object.time = now;
+  if (Group* const group = groups_.mine()) return change_in_group(call, *group, object, change);
   // An asset that came from the server goes back by its number. Where the server offers it no longer, it is sent as new.
   const Assets assets = assets_of(object, parts);
-  if (!try_change(call, assets, edit, true)) try_change(call, assets, edit, false);
+  if (!try_change(call, assets, change, true)) try_change(call, assets, change, false);
 }
 
-void ForeignObjects::change_in_group(Call& call, Group& group, const fs_object& object, wire::Edit& edit) {
+void ForeignObjects::change_in_group(Call& call, Group& group, const fs_object& object, wire::Set& change) {
   const std::string name = text_of(object.name);
-  const auto parts = static_cast<uint32_t>(edit.parts);
   Group::Foreign& present = join_group(call, group, name.c_str());
-  fs_object whole = merge_parts(present.object, object, parts);
+  fs_object whole = merge_parts(present.object, object, change.parts);
   put_bare_name(whole);
   const Ref<const Object> parsed = parse_object(whole, nullptr, false).object;
-  Assets assets = assets_of(object, parts);
-  put_ids(edit.object, ids_of(assets));
-  group.add_foreign(wire::type_edit, bytes_of(&edit, 1), std::move(assets));
+  Assets assets = assets_of(object, change.parts);
+  put_ids(change.object, ids_of(assets));
+  group.add_foreign(wire::type_change, bytes_of(&change, 1), std::move(assets));
   put_text(whole.name, name);
   present.object = whole;
   present.kept = parsed;
 }
 
 // may_refer: by the server's numbers. False: the server no longer offers one of these.
-bool ForeignObjects::try_change(Call& call, const Assets& assets, wire::Edit& edit, bool may_refer) {
+bool ForeignObjects::try_change(Call& call, const Assets& assets, wire::Set& change, bool may_refer) {
   bool refers = false;
   SendingAhead ahead(line_, sent_);  // also keeps them in use while the server answers
   AssetIds ids{};
@@ -99,9 +102,9 @@ bool ForeignObjects::try_change(Call& call, const Assets& assets, wire::Edit& ed
     ahead.send(call, assets[i]);
     ids[i] = assets[i].serial();
   }
-  put_ids(edit.object, ids);
+  put_ids(change.object, ids);
   try {
-    line_.request(call, wire::type_edit, edit);
+    line_.request(call, wire::type_change, change);
     return true;
   } catch (const NotOffered&) {
     if (!refers) throw;
@@ -110,28 +113,30 @@ bool ForeignObjects::try_change(Call& call, const Assets& assets, wire::Edit& ed
 }
 
 void ForeignObjects::move(Call& call, const char* name, const Pose& pose, const fs_twist* twist, double time) {
-  const wire::MoveOther move{to_target(name, "name"), twist != nullptr, pose, twist ? *twist : fs_twist{}, time};
+  wire::Place place{{}, {pose, twist ? *twist : fs_twist{}, time, twist ? extrapolation_limit : wire::unknown_horizon}};
+  put_name(place.name, name);
   Group* const group = groups_.mine();
   if (!group) {
-    line_.request(call, wire::type_move_other, move);
+    line_.request(call, wire::type_place, place);
     return;
   }
   Group::Foreign& present = join_group(call, *group, name);
-  group->add_foreign(wire::type_move_other, bytes_of(&move, 1));
+  group->add_foreign(wire::type_place, bytes_of(&place, 1));
   present.object.pose = pose;
   present.object.twist = twist ? *twist : fs_twist{};
   present.object.time = time;
 }
 
 void ForeignObjects::remove(Call& call, const char* name) {
-  const wire::Target target = to_target(name, "name");
+  wire::Remove removal{};
+  put_name(removal.name, name);
   Group* const group = groups_.mine();
   if (!group) {
-    line_.request(call, wire::type_remove_other, target);
+    line_.request(call, wire::type_remove, removal);
     return;
   }
   Group::Foreign& present = join_group(call, *group, name);
-  group->add_foreign(wire::type_remove_other, bytes_of(&target, 1));
+  group->add_foreign(wire::type_remove, bytes_of(&removal, 1));
   present.kept = nullptr;
 }
 

@@ -23,8 +23,8 @@ class ForeignObjects {
 
  private:
   Group::Foreign& join_group(Call& call, Group& group, const char* name);
-  void change_in_group(Call& call, Group& group, const fs_object& object, wire::Edit& edit);
-  bool try_change(Call& call, const Assets& assets, wire::Edit& edit, bool may_refer);
+  void change_in_group(Call& call, Group& group, const fs_object& object, wire::Set& change);
+  bool try_change(Call& call, const Assets& assets, wire::Set& change, bool may_refer);
 
   Line& line_;
   SentAssets& sent_;

@@ -43,7 +43,7 @@ void Pulls::take_answer() {
   Answer answer;
   try {
     if (!connection_.take_answer(*asked_, answer)) return;
-    pulled_ = answer.as<wire::Pulled>();
+    pulled_ = answer.as<wire::PullAnswer>();
   } catch (const Error&) {
     if (!connection_.is_awaited(*asked_)) {  // the next look asks again
       asked_.reset();
@@ -93,8 +93,8 @@ void Pulls::catch_up_in_time(Call& call) {
 void Pulls::fetch_behind(Call& call, const std::string& name) {
   const wire::Target target = to_target(name.c_str(), "name");
   for (int i = 0; i < most_tries; ++i) {
-    const Questions::Asking asking(questions_);
-    const auto pulled = line_.request(call, wire::type_pull, target).as<wire::Pulled>();
+    const Questions::OpenQuestion asking(questions_);
+    const auto pulled = line_.request(call, wire::type_pull, target).as<wire::PullAnswer>();
     if (groups_.mine()) return;
     if (pulled.state != wire::pulled_present || questions_.is_object_changed(name, asking.number) ||
         fetched_.is_here(pulled.object)) {
@@ -113,7 +113,7 @@ void Pulls::fetch_behind(Call& call, const std::string& name) {
 }
 
 // Changes the replica to what the server has, unless this client has changed the same since it asked.
-void Pulls::adopt(const wire::Pulled& pulled, uint64_t question) {
+void Pulls::adopt(const wire::PullAnswer& pulled, uint64_t question) {
   replica_.catch_up_with_moves();
   const std::string name = text_of(pulled.object.name);
   OwnObject* const own = replica_.objects.find(name);
@@ -150,7 +150,7 @@ void Pulls::adopt(const wire::Pulled& pulled, uint64_t question) {
 }
 
 // Puts an own object into the replica as the server has it; but moves that this client has made since it asked count.
-void Pulls::take_over(const wire::Pulled& pulled, LinkedObject received, uint64_t question) {
+void Pulls::take_over(const wire::PullAnswer& pulled, LinkedObject received, uint64_t question) {
   replica_.catch_up_with_moves();
   const std::string name = text_of(pulled.object.name);
   LocalScene& scene = *replica_.scene;

@@ -34,8 +34,8 @@ class Pulls {
   bool start_pull();
   void take_answer();
   void fetch_behind(Call& call, const std::string& name);
-  void adopt(const wire::Pulled& pulled, uint64_t question);
-  void take_over(const wire::Pulled& pulled, LinkedObject received, uint64_t question);
+  void adopt(const wire::PullAnswer& pulled, uint64_t question);
+  void take_over(const wire::PullAnswer& pulled, LinkedObject received, uint64_t question);
 
   Line& line_;
   Connection& connection_;
@@ -48,7 +48,7 @@ class Pulls {
   std::set<std::string, std::less<>> behind_;  // names whose object may differ between server and replica
   uint64_t news_seen_ = 0;  // Outbox::news as far as the server has told
   std::optional<uint64_t> asked_;  // serial of the pull that is not answered yet: its answer comes only once
-  std::optional<wire::Pulled> pulled_;  // its answer, until the replica has taken it in
+  std::optional<wire::PullAnswer> pulled_;  // its answer, until the replica has taken it in
   uint64_t question_ = 0;  // the question of this pull
 };
 

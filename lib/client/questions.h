@@ -26,12 +26,12 @@ class Questions {
     if (--open_ == 0) changed_.clear();
   }
   // A question that is open as long as this lives.
-  class Asking {
+  class OpenQuestion {
    public:
-    explicit Asking(Questions& questions) : questions_(questions), number(questions.open()) {}
-    ~Asking() { questions_.close(); }
-    Asking(const Asking&) = delete;
-    Asking& operator=(const Asking&) = delete;
+    explicit OpenQuestion(Questions& questions) : questions_(questions), number(questions.open()) {}
+    ~OpenQuestion() { questions_.close(); }
+    OpenQuestion(const OpenQuestion&) = delete;
+    OpenQuestion& operator=(const OpenQuestion&) = delete;
 
    private:
     Questions& questions_;

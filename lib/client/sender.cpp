@@ -134,6 +134,9 @@ void Sender::note_sent(const Group& group, size_t i, uint64_t serial) {
       break;
     }
     case wire::type_change:
+      if (change.is_foreign()) {  // the other client's object uses them now
+        for (const uint64_t id : ids_of(group.assets(i))) sent_.note_maybe_unused(id, serial);
+      }
       if (!present) break;
       if (change.as<wire::Set>().parts & FS_PART_POSE) present->after = serial;
       objects.note_object(*present, group.object(i));
@@ -143,9 +146,6 @@ void Sender::note_sent(const Group& group, size_t i, uint64_t serial) {
       break;
     case wire::type_remove: objects.drop(change.name()); break;
     case wire::type_clear: objects.drop_all(); break;
-    case wire::type_edit:  // the other client's object uses them now
-      for (const uint64_t id : ids_of(group.assets(i))) sent_.note_maybe_unused(id, serial);
-      break;
     default: break;
   }
 }

@@ -26,7 +26,7 @@ bool SentAssets::send(const Asset& asset, const PackedAsset& packed) {
   const uint64_t id = asset.serial();
   if (!has(id) && sent_.size() >= most()) return false;
   maybe_unused_[id] = connection_.last_serial();
-  Sent& sent = sent_.try_emplace(id, Sent{asset}).first->second;
+  Entry& sent = sent_.try_emplace(id, Entry{asset}).first->second;
   if (sent.state == State::refused) {
     const wire::Forget forget{id};
     if (!connection_.send(wire::type_forget, bytes_of(&forget, 1))) return false;

@@ -36,7 +36,7 @@ class SentAssets {
 
  private:
   enum class State { missing, there, refused };  // at the server
-  struct Sent {
+  struct Entry {
     Asset asset;
     uint32_t uses = 0;
     State state = State::missing;
@@ -44,7 +44,7 @@ class SentAssets {
   size_t most() const { return wire::most_assets(connection_.welcome().max_objects); }
 
   Connection& connection_;
-  std::unordered_map<uint64_t, Sent> sent_;    // by the asset's serial
+  std::unordered_map<uint64_t, Entry> sent_;    // by the asset's serial
   std::map<uint64_t, uint64_t> maybe_unused_;  // with the serial of the message after which they may be unused
 };
 

@@ -56,8 +56,8 @@ double error_of(const Object& object, const Effort& effort) noexcept {
 }
 
 void add_profile_force(const Object& object, const Closest& closest, const Motion& motion, const Pose& pose, double t,
-                       const ToolState::Point& point, const ToolState& tool, const Law::Parsers* parsers, double share,
-                       Share& out, Vec3 x, double slope, Hint* hint, Effort* effort) noexcept {
+                       const ToolState::Point& point, const ToolState& tool, const Law::Parsers* parsers, double point_weight,
+                       ObjectForce& out, Vec3 x, double slope, Hint* hint, Effort* effort) noexcept {
   if (closest.direction == Vec3{}) return;  // on a point or polyline there is none
   const double s = closest.side == Side::back ? -closest.distance : closest.distance;
   const Intensity g = object.law.at(s, t, parsers);
@@ -67,7 +67,7 @@ void add_profile_force(const Object& object, const Closest& closest, const Motio
   Ridge ridge;
   double error = 0;
   const bool is_ridge = blends(object, closest, outward, x, slope, ridge, hint, effort, error);
-  out.error += share * error;
+  out.error += point_weight * error;
   // Away from the closest point.
   const Vec3 direction = rotate(pose.orientation, is_ridge ? ridge.direction : closest.direction);
   Vec3 force = outward * direction;
@@ -77,16 +77,16 @@ void add_profile_force(const Object& object, const Closest& closest, const Motio
     const double magnitude = norm(force), limit = object.law.limit(s);
     if (magnitude > limit) force = (limit / magnitude) * force;
   }
-  out.wrench.force += share * force;
-  out.wrench.torque += share * cross(point.arm, force);
+  out.wrench.force += point_weight * force;
+  out.wrench.torque += point_weight * cross(point.arm, force);
   if (is_ridge) {
-    out.stiffness += share * rotated(pose.orientation, change_at(ridge, closest.direction, g.slope, slope));
+    out.stiffness += point_weight * rotated(pose.orientation, change_at(ridge, closest.direction, g.slope, slope));
     return;
   }
-  out.stiffness += (share * g.slope) * outer(direction, direction);
+  out.stiffness += (point_weight * g.slope) * outer(direction, direction);
   if (closest.feature != Feature::face && closest.distance > 0) {
     const Vec3 tangent = rotate(pose.orientation, closest.tangent);
-    out.stiffness += (share * outward / closest.distance) * turning(closest, direction, tangent);
+    out.stiffness += (point_weight * outward / closest.distance) * turning(closest, direction, tangent);
   }
 }
 
@@ -182,7 +182,7 @@ uint64_t add_contacts(const Object& object, const Motion& motion, uint32_t row, 
 // The contact of a point without memory: a closed mesh or a plane pushes it to the nearest place of its surface. False: the
 // point is on the side that is kept; what its profiles give is not included.
 bool add_resting_contact(const Object& object, const Closest& closest, const Pose& pose, const ToolState::Point& point,
-                         Share& out) noexcept {
+                         ObjectForce& out) noexcept {
   const fs_keep keep = object.contact.keep;
   if (keep == FS_KEEP_EITHER || closest.side == (keep == FS_KEEP_BACK ? Side::back : Side::front)) return false;
   if (object.primitive == FS_PRIMITIVE_MESH && !object.shape->closed) return false;
@@ -193,14 +193,14 @@ bool add_resting_contact(const Object& object, const Closest& closest, const Pos
   return true;
 }
 
-void add_share(const Share& share, double weight, uint32_t lane, LaneSum& sum) noexcept {
-  sum.fx[lane] += weight * share.wrench.force.x;
-  sum.fy[lane] += weight * share.wrench.force.y;
-  sum.fz[lane] += weight * share.wrench.force.z;
-  sum.tx[lane] += weight * share.wrench.torque.x;
-  sum.ty[lane] += weight * share.wrench.torque.y;
-  sum.tz[lane] += weight * share.wrench.torque.z;
-  add_stiffness(share.stiffness, weight, lane, sum);
+void add_force(const ObjectForce& force, double weight, uint32_t lane, LaneSum& sum) noexcept {
+  sum.fx[lane] += weight * force.wrench.force.x;
+  sum.fy[lane] += weight * force.wrench.force.y;
+  sum.fz[lane] += weight * force.wrench.force.z;
+  sum.tx[lane] += weight * force.wrench.torque.x;
+  sum.ty[lane] += weight * force.wrench.torque.y;
+  sum.tz[lane] += weight * force.wrench.torque.z;
+  add_stiffness(force.stiffness, weight, lane, sum);
 }
 
 }  // namespace
@@ -219,12 +219,12 @@ ToolState ToolState::at(const fs_state& state, const ToolPoints& points, double 
 }
 
 bool evaluate_object(const Object& object, const Motion& motion, double start, const ToolState& tool, const Law::Parsers* parsers,
-                     Share& out, Hint* hints, Effort* effort, double slope) noexcept {
+                     ObjectForce& out, Hint* hints, Effort* effort, double slope) noexcept {
   const uint32_t all = tool.all_points();
   const uint32_t mask = tool.is_any_point ? all : object.point_mask() & all;
   const double support = object.support();
   if (mask == 0 || !(support >= 0)) return false;
-  const double share = 1.0 / std::popcount(mask);
+  const double point_weight = 1.0 / std::popcount(mask);
   const Vec3 origin = motion.position_at(tool.time, tool.blend);
   Pose pose;
   bool has_pose = false, is_near = false;
@@ -241,14 +241,14 @@ bool evaluate_object(const Object& object, const Motion& motion, double start, c
     if (!is_found && !is_cut) return;
     if (!is_near) out = {};
     is_near = true;
-    if (is_cut) out.error += share * error_of(object, *effort);
+    if (is_cut) out.error += point_weight * error_of(object, *effort);
     if (!is_found) return;
     if (closest.distance < out.distance) {
       out.distance = closest.distance;
       out.point = pose * closest.point;
     }
     if (object.is_solid() && add_resting_contact(object, closest, pose, point, out)) return;
-    add_profile_force(object, closest, motion, pose, tool.time - start, point, tool, parsers, share, out, local, slope,
+    add_profile_force(object, closest, motion, pose, tool.time - start, point, tool, parsers, point_weight, out, local, slope,
                       hints ? hints + k : nullptr, effort);
   });
   return is_near;
@@ -263,12 +263,12 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
   Contacts contacts;
   fs_response out{};
   out.error_bound = memory.omitted();
-  const double share = 1.0 / tool.count;
+  const double point_weight = 1.0 / tool.count;
   memory.for_each_near(view, tool.time, [&](uint32_t number, const Chunk& chunk, uint64_t near, const Weight* given) {
     const uint64_t points_near = chunk.standing_at(near & chunk.rows->points(), tool.time, tool.blend);
     uint64_t felt = 0;
     for (unsigned k = 0; points_near && k < tool.count; ++k) {
-      felt |= add_points(chunk, points_near, tool.points[k].position, tool.points[k].arm, given, share, sum);
+      felt |= add_points(chunk, points_near, tool.points[k].position, tool.points[k].arm, given, point_weight, sum);
     }
     const uint64_t solids_near = proxies ? near & chunk.rows->solids : 0;
     for_each_bit(solids_near, [&](uint32_t i) {
@@ -301,14 +301,14 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
     for_each_bit(near & ~points_near & ~contacts_near, [&](uint32_t i) {
       const Row& row = chunk.row(i);
       const Scratch* const scratch = scratches.get(number * chunk_size + i);
-      Share got;
+      ObjectForce got;
       const Object& object = row.as_felt(given);
       if (!evaluate_object(object, chunk.motion(i), row.start, tool, scratch ? &scratch->parsers : nullptr, got,
                            scratch ? scratch->hints.get() : nullptr, effort, object.bounds.slope)) {
         return;
       }
       const double weight = given ? given[i].value() : 1;
-      add_share(got, weight, i % lane_count, sum);
+      add_force(got, weight, i % lane_count, sum);
       out.error_bound += weight * got.error;
       if (!(got.wrench.force == Vec3{})) felt |= bit_of(i);
     });

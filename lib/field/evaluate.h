@@ -60,7 +60,7 @@ struct ToolState {
 };
 
 // What one object gives.
-struct Share {
+struct ObjectForce {
   Wrench wrench{};
   Mat3 stiffness{};         // dF/dx, N/m, symmetric
   Vec3 point{};             // the closest point to the nearest tool point, scene frame
@@ -76,18 +76,18 @@ bool find_closest(const Object& object, Vec3 x, double range, double slope, Clos
 // known, and of the distance only a lower bound.
 double error_of(const Object& object, const Effort& effort) noexcept;
 
-// [rt] Adds the force that an object's profiles give one tool point, times `share`. closest: of the object, in its own frame;
+// [rt] Adds the force that an object's profiles give one tool point, times `point_weight`. closest: of the object, in its own frame;
 // pose: of the object; t: s, of the profiles; x: the tool point in the object's frame. slope, hint, effort: see evaluate_object.
 void add_profile_force(const Object& object, const Closest& closest, const Motion& motion, const Pose& pose, double t,
-                       const ToolState::Point& point, const ToolState& tool, const Law::Parsers* parsers, double share,
-                       Share& out, Vec3 x = {}, double slope = no_slope_limit, Hint* hint = nullptr,
+                       const ToolState::Point& point, const ToolState& tool, const Law::Parsers* parsers, double point_weight,
+                       ObjectForce& out, Vec3 x = {}, double slope = no_slope_limit, Hint* hint = nullptr,
                        Effort* effort = nullptr) noexcept;
 
 // [rt] False when the object is out of reach of every point that feels it; out is as it was. parsers: may be null without
 // curves. hints: of each point; may be null. effort: null: without end. slope: N/m, the steepest that the object's force may
 // have: with it a repulsive force is blended where several places are equally near (ridge.h); no limit: it is not.
 bool evaluate_object(const Object& object, const Motion& motion, double start, const ToolState& tool, const Law::Parsers* parsers,
-                     Share& out, Hint* hints = nullptr, Effort* effort = nullptr, double slope = no_slope_limit) noexcept;
+                     ObjectForce& out, Hint* hints = nullptr, Effort* effort = nullptr, double slope = no_slope_limit) noexcept;
 
 // [rt] The sum of what can be felt of the snapshot that `memory` has absorbed, each object with its weight, seen through a
 // view. `what`: see Memory::look. effort: null: searches are not cut short.

@@ -6,11 +6,11 @@ namespace fs {
 
 Pose fitted(const ToolState& tool, const Vec3* proxies) noexcept {
   Pose pose = tool.pose;
-  const double share = 1.0 / tool.count;
+  const double point_weight = 1.0 / tool.count;
   Vec3 middle{}, target{};
   for (uint32_t k = 0; k < tool.count; ++k) {
-    middle += share * tool.points[k].arm;
-    target += share * proxies[k];
+    middle += point_weight * tool.points[k].arm;
+    target += point_weight * proxies[k];
   }
   Quat turn = identity_quat();
   for (int step = 0; tool.count > 1 && step < 4; ++step) {

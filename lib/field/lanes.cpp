@@ -72,10 +72,11 @@ FS_INLINE void add_forces(Doubles4 fx, Doubles4 fy, Doubles4 fz, Doubles4 arm_x,
 }
 
 FS_INLINE uint64_t points_in_lanes(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm, const Weight* weights,
-                                   double share, LaneSum& sum) {
+                                   double point_weight, LaneSum& sum) {
   const Rows& rows = *chunk.rows;
   const uint64_t others = mask & ~rows.with(Form::linear), capped = weights ? mask & rows.capped : 0;
-  const Doubles4 one = all(1.0), px = all(position.x), py = all(position.y), pz = all(position.z), shares = all(share);
+  const Doubles4 one = all(1.0), px = all(position.x), py = all(position.y), pz = all(position.z),
+                 point_weights = all(point_weight);
   Doubles4 fx{}, fy{}, fz{};
   Longs4 felt{};
   Longs4 bits{1, 2, 4, 8};  // of the four rows
@@ -97,7 +98,7 @@ FS_INLINE uint64_t points_in_lanes(const Chunk& chunk, uint64_t mask, Vec3 posit
     const Longs4 is_felt = lanes_of<Doubles4>(wanted) & laws.is_felt & has_direction;
     felt |= is_felt & bits;
     // All numbers but the slopes are finite, so they are 0 where the weight is.
-    const Doubles4 weight = where(is_felt, signed_as(weights_at(weights, i) * shares, signed_limit));
+    const Doubles4 weight = where(is_felt, signed_as(weights_at(weights, i) * point_weights, signed_limit));
     const Doubles4 ux = x * inverse, uy = y * inverse, uz = z * inverse;
     const Doubles4 force = laws.force * weight;
     fx += force * ux;
@@ -262,9 +263,9 @@ Within rows_within(const Gaps& gaps, float most) noexcept { return run<within_in
 
 Awake find_awake(const double (&wake_at)[64], double travelled) noexcept { return run<awake_in_lanes>(wake_at, travelled); }
 
-uint64_t add_points(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm, const Weight* weights, double share,
+uint64_t add_points(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm, const Weight* weights, double point_weight,
                     LaneSum& sum) noexcept {
-  return run<points_in_lanes>(chunk, mask, position, arm, weights, share, sum);
+  return run<points_in_lanes>(chunk, mask, position, arm, weights, point_weight, sum);
 }
 
 }  // namespace fs

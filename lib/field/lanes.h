@@ -81,9 +81,9 @@ struct Awake {
 Awake find_awake(const double (&wake_at)[64], double travelled) noexcept;
 
 // [rt] Adds the forces of the rows in `mask`, all of them standing points with a formula, on a tool point at `position` with `arm`
-// from the tool's origin; each times its weight (of all 64 rows; null: 1, and without its cap) times `share`. Returns the rows
+// from the tool's origin; each times its weight (of all 64 rows; null: 1, and without its cap) times `point_weight`. Returns the rows
 // felt there.
-uint64_t add_points(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm, const Weight* weights, double share,
+uint64_t add_points(const Chunk& chunk, uint64_t mask, Vec3 position, Vec3 arm, const Weight* weights, double point_weight,
                     LaneSum& sum) noexcept;
 
 }  // namespace fs

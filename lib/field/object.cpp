@@ -122,7 +122,7 @@ ParsedObject parse(const fs_object& in, std::string name, const Object* like, bo
       fail(FS_ERROR_INVALID, "shape is of a %s, must be of a %s", primitive_name(in.shape->primitive),
            primitive_name(in.primitive));
     }
-    object.shape = Ref<const Shape>::share(in.shape);
+    object.shape = Ref<const Shape>::retain(in.shape);
   } else if (in.shape) {
     fail(FS_ERROR_INVALID, "shape is given, must be null for a %s", primitive_name(in.primitive));
   }

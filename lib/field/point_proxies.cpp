@@ -228,7 +228,7 @@ void PointProxies::push(const Point& point, Gain& out) noexcept {
   const double part = part_within(contact.limit, k * norm(pull));
   assert(part >= 0 && part <= 1);
   double depth = 0, way = 0;
-  for (uint32_t p = 0; p < proxy_.plane_count; ++p) depth += proxy_.shares[p];
+  for (uint32_t p = 0; p < proxy_.plane_count; ++p) depth += proxy_.pushes[p];
   std::array<Vec3, 3> damping{};  // N, of each plane
   Vec3 all_damping{};
   for (uint32_t p = 0; p < proxy_.plane_count; ++p) {
@@ -250,7 +250,7 @@ void PointProxies::push(const Point& point, Gain& out) noexcept {
       const Plane& plane = proxy_.planes[p];
       if (plane.member != i) continue;
       is_touching = true;
-      const Vec3 way_out = depth > 0 ? proxy_.shares[p] * plane.normal + (proxy_.shares[p] / depth) * proxy_.held
+      const Vec3 way_out = depth > 0 ? proxy_.pushes[p] * plane.normal + (proxy_.pushes[p] / depth) * proxy_.held
                                      : (1.0 / proxy_.plane_count) * pull;
       const Vec3 spring = (part * k) * way_out, damped = damping_part * damping[p];
       solid.spring = solid.spring + Wrench{spring, cross(at.arm, spring)};
@@ -307,7 +307,7 @@ void PointProxies::add_profiles(const Point& point, Gain& out) noexcept {
     const double support = object.law.support, slope = object.bounds.slope;
     if (!(support >= 0)) continue;
     const uint32_t all = tool.all_points();
-    const double share = 1.0 / std::popcount(tool.is_any_point ? all : object.point_mask() & all);
+    const double point_weight = 1.0 / std::popcount(tool.is_any_point ? all : object.point_mask() & all);
     const Side side = proxy_.members[i].touch->side;
     Vec3 place = to_local(solid.pose, proxy_.at), normals{};
     const Plane* plane = nullptr;
@@ -324,10 +324,10 @@ void PointProxies::add_profiles(const Point& point, Gain& out) noexcept {
       is_on_surface = !(dot(away, place) > 0);
     }
     Hint* const hint = solid.hints ? solid.hints + point.number : nullptr;
-    Share got;
+    ObjectForce got;
     const auto find = [&](Vec3 x, double range, Closest& out) {
       const bool is_found = find_closest(object, x, range, slope, out, hint, effort);
-      if (effort && effort->is_cut) got.error += share * error_of(object, *effort);
+      if (effort && effort->is_cut) got.error += point_weight * error_of(object, *effort);
       return is_found;
     };
     // On the surface a force that is blended is that of a place just above it, so that it does not change when the proxy leaves.
@@ -352,10 +352,10 @@ void PointProxies::add_profiles(const Point& point, Gain& out) noexcept {
     }
     if (is_felt) {
       add_profile_force(object, closest, *solid.motion, solid.pose, tool.time - solid.start, point.at(), tool, solid.parsers,
-                        share, got, place, is_on_surface && !is_above ? no_slope_limit : slope, hint, effort);
+                        point_weight, got, place, is_on_surface && !is_above ? no_slope_limit : slope, hint, effort);
     }
     solid.felt = solid.felt + got.wrench;
-    out.profile_change += share * explained_change(point, proxy_.members[i]);
+    out.profile_change += point_weight * explained_change(point, proxy_.members[i]);
     solid.felt_stiffness += got.stiffness;
     out.error += got.error;
   }

@@ -82,7 +82,7 @@ bool Planes::hold(Vec3 hand, Vec3& goal) noexcept {
   assert(count > 0 && count <= planes.size());
   double most = std::numeric_limits<double>::infinity();
   uint32_t best = 0;
-  std::array<double, 3> best_shares{};
+  std::array<double, 3> best_pushes{};
   double depth[3], gram[3][3], margin = 0;
   for (uint32_t i = 0; i < count; ++i) {
     depth[i] = planes[i].offset - dot(planes[i].normal, hand);
@@ -95,9 +95,9 @@ bool Planes::hold(Vec3 hand, Vec3& goal) noexcept {
     for (uint32_t i = 0; i < count; ++i) {
       if (set >> i & 1) index[size++] = i;
     }
-    double share[3] = {};
+    double pushed[3] = {};
     if (size == 1) {
-      share[0] = depth[index[0]];
+      pushed[0] = depth[index[0]];
     } else {
       // Cramer's rule; the matrix is symmetric with ones on its diagonal.
       const double ab = gram[index[0]][index[1]];
@@ -105,29 +105,29 @@ bool Planes::hold(Vec3 hand, Vec3& goal) noexcept {
       if (size == 2) {
         const double det = 1 - ab * ab;
         if (!(det > 1e-9)) continue;
-        share[0] = (a - ab * b) / det;
-        share[1] = (b - ab * a) / det;
+        pushed[0] = (a - ab * b) / det;
+        pushed[1] = (b - ab * a) / det;
       } else {
         const double ac = gram[index[0]][index[2]], bc = gram[index[1]][index[2]], c = depth[index[2]];
         const double det = 1 + 2 * ab * bc * ac - ab * ab - bc * bc - ac * ac;
         if (!(det > 1e-9)) continue;
-        share[0] = (a * (1 - bc * bc) + b * (ac * bc - ab) + c * (ab * bc - ac)) / det;
-        share[1] = (a * (bc * ac - ab) + b * (1 - ac * ac) + c * (ab * ac - bc)) / det;
-        share[2] = (a * (ab * bc - ac) + b * (ab * ac - bc) + c * (1 - ab * ab)) / det;
+        pushed[0] = (a * (1 - bc * bc) + b * (ac * bc - ab) + c * (ab * bc - ac)) / det;
+        pushed[1] = (a * (bc * ac - ab) + b * (1 - ac * ac) + c * (ab * ac - bc)) / det;
+        pushed[2] = (a * (ab * bc - ac) + b * (ab * ac - bc) + c * (1 - ab * ab)) / det;
       }
     }
     bool is_good = true;
     Vec3 push{};
     for (uint32_t i = 0; i < size; ++i) {
-      is_good &= share[i] >= 0;
-      push += share[i] * planes[index[i]].normal;
+      is_good &= pushed[i] >= 0;
+      push += pushed[i] * planes[index[i]].normal;
     }
     for (uint32_t i = 0; i < count; ++i) is_good &= dot(planes[i].normal, push) >= depth[i] - margin;
     if (!is_good || !(norm(push) < most)) continue;
     most = norm(push);
     best = set;
-    best_shares = {};
-    for (uint32_t i = 0; i < size; ++i) best_shares[index[i]] = share[i];
+    best_pushes = {};
+    for (uint32_t i = 0; i < size; ++i) best_pushes[index[i]] = pushed[i];
     goal = hand + push;
   }
   if (best == 0) return false;
@@ -135,7 +135,7 @@ bool Planes::hold(Vec3 hand, Vec3& goal) noexcept {
   for (uint32_t i = 0; i < count; ++i) {
     if (!(best >> i & 1)) continue;
     planes[kept] = planes[i];
-    shares[kept++] = best_shares[i];
+    pushes[kept++] = best_pushes[i];
   }
   plane_count = kept;
   return true;
@@ -169,8 +169,8 @@ bool Planes::is_on_one(Vec3 place, double way) const noexcept {
 double Proxy::friction_reach(Vec3 hand, Vec3 goal) const noexcept {
   double friction = 0, depth = 0;
   for (uint32_t p = 0; p < plane_count; ++p) {
-    friction += shares[p] * members[planes[p].member].solid->object->contact.friction;
-    depth += shares[p];
+    friction += pushes[p] * members[planes[p].member].solid->object->contact.friction;
+    depth += pushes[p];
   }
   return friction > 0 ? friction / depth * norm(goal - hand) : 0;
 }
@@ -206,7 +206,7 @@ void Proxy::slide(Vec3 hand, bool was_touching) noexcept {
       const bool has_room = plane_count < planes.size();
       if (has_room) planes[plane_count++] = plane;
       if (!has_room || !hold(target, goal)) {  // wedged in: it stays where it is
-        shares.fill(0);
+        pushes.fill(0);
         break;
       }
       const double rounding = std::max(plane.margin, 1e-9 * norm(goal - target));

@@ -75,7 +75,7 @@ struct Plane {
 // Planes that hold a point.
 struct Planes {
   std::array<Plane, 3> planes;
-  std::array<double, 3> shares;  // how far each pushes it along its normal, m
+  std::array<double, 3> pushes;  // how far each pushes it along its normal, m
   uint32_t plane_count = 0;
 
   // [rt] The place nearest to `hand` that all of them allow. Planes that do not push are dropped. False: there is none.

@@ -90,7 +90,7 @@ Box Chunk::box_of(uint32_t i) const noexcept {
 }
 
 // A row has gone from one box to another.
-void Chunk::bound(const Box& before, const Box& after) noexcept {
+void Chunk::move_box(const Box& before, const Box& after) noexcept {
   if (before.is_empty() || before.is_inside(box)) return box.add(after);
   box = {};
   for_each_bit(used, [&](uint32_t i) { box.add(box_of(i)); });
@@ -132,7 +132,7 @@ void Chunk::place(uint32_t i) noexcept {
     const double reach = (object.radius + support + norm(half) + offset + rounding) * (1 + 2e-7) + 1e-30;
     group.reach[k] = reach < 1e37 ? static_cast<float>(reach) : infinity;
   }
-  bound(before, box_of(i));
+  move_box(before, box_of(i));
 }
 
 void Chunk::drop(uint32_t i) noexcept {
@@ -146,7 +146,7 @@ void Chunk::drop(uint32_t i) noexcept {
   blended &= ~bit;
   planes &= ~bit;
   motions[i / Motions::size]->reach[i % Motions::size] = -std::numeric_limits<float>::infinity();
-  bound(before, {});
+  move_box(before, {});
 }
 
 ToolPoints::ToolPoints(std::vector<Vec3> the_points) : points(std::move(the_points)) {

@@ -153,7 +153,7 @@ struct Chunk : LocalCounted<Chunk> {
 
  private:
   void place(uint32_t i) noexcept;  // works out centre and reach
-  void bound(const Box& before, const Box& after) noexcept;
+  void move_box(const Box& before, const Box& after) noexcept;
 };
 
 // Where the rows of a chunk may be felt, close together and in half the room: for a reader that looks at many.

@@ -150,7 +150,7 @@ class PlaceTree {
     }
   }
 
-  // True when hits(corner) is true for any remaining corner. Skips the parts of the tree for which misses(bounds,
+  // True when hits(corner) is true for any remaining corner. Skips the parts of the tree for which misses(box,
   // place) is true; place: the common place of all corners of the part, null when they differ. Adds its steps to work.
   template <class Misses, class Hits>
   bool find(const Misses& misses, const Hits& hits, uint64_t& work) const {
@@ -160,7 +160,7 @@ class PlaceTree {
  private:
   static constexpr size_t none = ~size_t{0}, few = 8;
   struct Node {
-    Rectangle bounds;
+    Rectangle box;
     const Place* place;  // of all corners if they are at the same place, otherwise null
     size_t count;        // of corners that were not removed
   };
@@ -205,7 +205,7 @@ class PlaceTree {
   template <class Misses, class Hits>
   bool find(const Misses& misses, const Hits& hits, uint64_t& work, size_t node, size_t begin, size_t end) const {
     ++work;
-    if (nodes_[node].count == 0 || misses(nodes_[node].bounds, nodes_[node].place)) return false;
+    if (nodes_[node].count == 0 || misses(nodes_[node].box, nodes_[node].place)) return false;
     if (end - begin <= few) {
       work += end - begin;
       return std::any_of(order_.begin() + static_cast<std::ptrdiff_t>(begin), order_.begin() + static_cast<std::ptrdiff_t>(end),

@@ -233,8 +233,8 @@ class SceneReader {
       fields.read("scale", scale);
       fields.finish();
       MeshData mesh = read_mesh_file(path_.substr(0, path_.rfind('/') + 1) + name, scale);
-      Wanted wanted;
-      return make_mesh(std::move(mesh.points), std::move(mesh.triangles), wanted);
+      StopToken stop;
+      return make_mesh(std::move(mesh.points), std::move(mesh.triangles), stop);
     }
     bool closed = false;
     fields.read("closed", closed);

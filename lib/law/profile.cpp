@@ -117,7 +117,7 @@ Profile parse_profile(const fs_profile& in, const char* field) {
     fail(FS_ERROR_INVALID, "%s.curve is given, must be null for %s %s profile", field, article(in.kind),
          without_prefix(profile_kind_names[in.kind]));
   }
-  return {in.kind, in.sense, in.gain, in.offset, in.width, in.limit, in.reach, Ref<const Curve>::share(in.curve), nullptr};
+  return {in.kind, in.sense, in.gain, in.offset, in.width, in.limit, in.reach, Ref<const Curve>::retain(in.curve), nullptr};
 }
 
 fs_profile to_c(const Profile& p) {

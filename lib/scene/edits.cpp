@@ -14,12 +14,12 @@ std::string_view text_of(const char* name) { return {name, strnlen(name, 2 * FS_
 
 }  // namespace
 
-Known* OpenGroup::find(std::string_view name) {
+ObjectState* OpenGroup::find(std::string_view name) {
   const auto found = changes.find(name);
   return found == changes.end() ? nullptr : &found->second;
 }
 
-void OpenGroup::put(std::string_view name, Known wanted, bool is_new) {
+void OpenGroup::put(std::string_view name, ObjectState wanted, bool is_new) {
   auto entry = changes.lower_bound(name);
   if (entry != changes.end() && entry->first == name) {
     wanted.is_more_than_moved |= entry->second.is_more_than_moved;
@@ -50,21 +50,21 @@ void OpenGroup::shift(double by) noexcept {
 
 // ---------------------------------------------------------------------------------------- the scene as a group has it
 
-bool Edits::find(std::string_view name, Known& out) const {
-  if (const Known* const wanted = group_ ? group_->find(name) : nullptr) {
+bool Edits::find(std::string_view name, ObjectState& out) const {
+  if (const ObjectState* const wanted = group_ ? group_->find(name) : nullptr) {
     out = *wanted;
     return !wanted->is_removed;
   }
   return evaluated_.objects.find(name, out);
 }
 
-Known Edits::require(std::string_view name) const {
-  Known known;
+ObjectState Edits::require(std::string_view name) const {
+  ObjectState known;
   if (!find(name, known)) fail_unknown(name);
   return known;
 }
 
-Known Edits::require(const char* name) const { return require(text_of(name)); }
+ObjectState Edits::require(const char* name) const { return require(text_of(name)); }
 
 fs_frame Edits::frame() const { return group_ && group_->view.frame ? *group_->view.frame : evaluated_.views.frame(); }
 
@@ -75,7 +75,7 @@ const std::vector<Vec3>& Edits::tool() const {
 size_t Edits::count() const {
   if (!group_) return evaluated_.objects.count();
   size_t count = 0;
-  for_each([&](const std::string&, const Known&) { ++count; });
+  for_each([&](const std::string&, const ObjectState&) { ++count; });
   return count;
 }
 
@@ -122,7 +122,7 @@ void Edits::require_room() {
 void Edits::put(const ParsedObject& parsed, uint32_t parts, bool is_change) {
   const Object& object = *parsed.object;
   const double time = evaluated_.clock.now();
-  Known known;
+  ObjectState known;
   const bool is_known = find(object.name, known);  // false also where an object of this name still fades out
   if (!is_known) known = {};
   if (!is_known || (parsed.start != 0 && parsed.start != known.start)) {
@@ -143,7 +143,7 @@ void Edits::put(const ParsedObject& parsed, uint32_t parts, bool is_change) {
 }
 
 // Puts what an object is to be into the group, or makes it so at once.
-void Edits::put(std::string_view name, Known wanted, bool is_more_than_moved, bool is_known) {
+void Edits::put(std::string_view name, ObjectState wanted, bool is_more_than_moved, bool is_known) {
   wanted.motion_revision = next_serial();
   wanted.is_more_than_moved = is_more_than_moved;
   Objects& objects = evaluated_.objects;
@@ -166,14 +166,14 @@ void Edits::move(const char* given, const Pose& pose, const Twist* twist, double
     if (!evaluated_.objects.move(name, pose, twist, time, now)) fail_unknown(name);
     return;
   }
-  Known known = require(name);
+  ObjectState known = require(name);
   known.motion = known.track.take(pose, twist, time != 0 ? time : now);
   put_moved(name, std::move(known), now);
 }
 
 void Edits::set_movement(const char* given, const Motion& motion, const Track& track) {
   const std::string_view name = text_of(given);
-  Known known = require(name);
+  ObjectState known = require(name);
   known.motion = motion;
   known.track = track;
   put_moved(name, std::move(known), evaluated_.clock.now());
@@ -182,7 +182,7 @@ void Edits::set_movement(const char* given, const Motion& motion, const Track& t
 bool Edits::move_to(const std::string& name, const Motion& motion, double now) {
   NameId unknown;
   if (!group_) return evaluated_.objects.move_to(name, unknown, motion, now);
-  Known known;
+  ObjectState known;
   if (!find(name, known)) return false;
   known.track.take(motion.pose, &motion.twist, motion.time);
   known.motion = motion;
@@ -190,7 +190,7 @@ bool Edits::move_to(const std::string& name, const Motion& motion, double now) {
   return true;
 }
 
-void Edits::put_moved(std::string_view name, Known known, double now) {
+void Edits::put_moved(std::string_view name, ObjectState known, double now) {
   known.expiry = expiry_of(*known.object, now);
   known.parts = FS_PART_POSE;
   known.is_change = true;
@@ -199,7 +199,7 @@ void Edits::put_moved(std::string_view name, Known known, double now) {
 
 void Edits::remove(const char* given) {
   const std::string_view name = text_of(given);
-  Known known = require(name);
+  ObjectState known = require(name);
   known.is_removed = true;
   known.parts = 0;
   known.expiry = never;
@@ -208,7 +208,7 @@ void Edits::remove(const char* given) {
 
 void Edits::clear() {
   std::vector<std::string> names;
-  for_each([&](const std::string& name, const Known&) { names.push_back(name); });
+  for_each([&](const std::string& name, const ObjectState&) { names.push_back(name); });
   for (const std::string& name : names) remove(name.c_str());
 }
 
@@ -291,8 +291,8 @@ void Edits::sort() {
 
 // What a group changes of an object that somebody else has changed since: the parts that the group does not change stay
 // as they are now.
-void Edits::merge(std::string_view name, Known& wanted) {
-  Known felt;
+void Edits::merge(std::string_view name, ObjectState& wanted) {
+  ObjectState felt;
   if (wanted.is_removed || wanted.parts == all_parts || !wanted.is_more_than_moved) return;
   if (!evaluated_.objects.find(name, felt)) return;
   if (!(wanted.parts & FS_PART_POSE)) {

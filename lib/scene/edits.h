@@ -6,14 +6,14 @@
 #include <memory_resource>
 #include <vector>
 
-#include "scene/evaluated.h"
+#include "scene/evaluated_scene.h"
 
 namespace fs {
 
 // Changes that belong together and are not felt yet.
 struct OpenGroup {
   std::pmr::monotonic_buffer_resource memory;  // of the changes, which lie in the order in which they came
-  std::pmr::map<std::string, Known, std::less<>> changes{&memory};
+  std::pmr::map<std::string, ObjectState, std::less<>> changes{&memory};
   using Change = decltype(changes)::value_type;
   std::vector<Change*> order;  // in which they came
   size_t added = 0;            // names that the scene does not have
@@ -21,26 +21,26 @@ struct OpenGroup {
   std::vector<NewName> new_names;  // beside order, in a commit; empty: not made, or not new
   ViewChange view;
 
-  Known* find(std::string_view name);  // null: the group does not change it
-  void put(std::string_view name, Known wanted, bool is_new);
+  ObjectState* find(std::string_view name);  // null: the group does not change it
+  void put(std::string_view name, ObjectState wanted, bool is_new);
   void shift(double by) noexcept;  // all times, s
 };
 
 class Edits {
  public:
   // group: that the changes join; null: they are made at once.
-  Edits(Evaluated& evaluated, OpenGroup* group) : evaluated_(evaluated), group_(group) {}
+  Edits(EvaluatedScene& evaluated, OpenGroup* group) : evaluated_(evaluated), group_(group) {}
 
   // The scene as the group has it.
-  bool find(std::string_view name, Known& out) const;
-  Known require(const char* name) const;  // NOT_FOUND
+  bool find(std::string_view name, ObjectState& out) const;
+  ObjectState require(const char* name) const;  // NOT_FOUND
   fs_frame frame() const;
   const std::vector<Vec3>& tool() const;
   size_t count() const;  // of objects
   // With the group, or as the scene is evaluated. The tool stands where the last tick had it, or where the clutch holds
   // it.
   fs_view view(bool with_group) const;
-  // Calls f(name, Known) for each object, in the order in which the names first came.
+  // Calls f(name, ObjectState) for each object, in the order in which the names first came.
   template <class F>
   void for_each(F&& f) const;
 
@@ -61,20 +61,20 @@ class Edits {
   bool commit(size_t most);  // the group, by at most so many objects; true: all of it is done
 
  private:
-  Known require(std::string_view name) const;
-  void put(std::string_view name, Known wanted, bool is_more_than_moved, bool is_known);
-  void merge(std::string_view name, Known& wanted);
-  void put_moved(std::string_view name, Known known, double now);
+  ObjectState require(std::string_view name) const;
+  void put(std::string_view name, ObjectState wanted, bool is_more_than_moved, bool is_known);
+  void merge(std::string_view name, ObjectState& wanted);
+  void put_moved(std::string_view name, ObjectState known, double now);
   void sort();
   void keep_rest() noexcept;
 
-  Evaluated& evaluated_;
+  EvaluatedScene& evaluated_;
   OpenGroup* const group_;
 };
 
 template <class F>
 void Edits::for_each(F&& f) const {
-  Known known;
+  ObjectState known;
   for (const std::string_view name : evaluated_.objects.in_order()) {
     if (find(name, known)) f(std::string(name), known);
   }

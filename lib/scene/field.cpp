@@ -46,10 +46,10 @@ struct Worker {
       }
       const Chunk& chunk = *find_chunk(snapshot.chunks, row);
       const Row& it = chunk.row(row % chunk_size);
-      Share share;
+      ObjectForce one;
       const bool is_felt =
-          it.is_felt(now) && evaluate_object(*it.object, chunk.motion(row % chunk_size), it.start, point, &parsers, share);
-      forces[i] = is_felt ? share.wrench.force : Vec3{};
+          it.is_felt(now) && evaluate_object(*it.object, chunk.motion(row % chunk_size), it.start, point, &parsers, one);
+      forces[i] = is_felt ? one.wrench.force : Vec3{};
     }
   }
 };

@@ -35,7 +35,7 @@ void LocalScene::change(const fs_object& change, uint32_t parts) {
     // Parsing may build a tree, so it happens without the lock, and again if another thread has changed the object.
     const ParsedObject parsed = parse_object(merge_parts(current, change, parts), object.get(), readers.builds_shapes());
     mutate([&](Edits edits) {
-      const Known now = edits.require(name.c_str());
+      const ObjectState now = edits.require(name.c_str());
       is_done = now.object == object && now.start == current.start;
       if (is_done) put(edits, parsed, parts, true);
     });
@@ -59,14 +59,14 @@ Ref<const Object> LocalScene::get(const char* name, fs_object& out) { return get
 
 Ref<const Object> LocalScene::get(const char* name, fs_object& out, bool with_group) {
   const std::lock_guard lock(mutex_);
-  const Known known = with_group ? edits().require(name) : evaluated_.objects.require(name);
+  const ObjectState known = with_group ? edits().require(name) : evaluated_.objects.require(name);
   out = to_c(known);
   return known.object;
 }
 
 // An object as it can be set anew, on whatever clock, to be where it is now. A set gives the motion of a twist the usual
 // horizon: one that was worked out has another, so it begins anew from here, or is over.
-static fs_object to_saved(const Known& known, double now) {
+static fs_object to_saved(const ObjectState& known, double now) {
   fs_object out = to_c(known);
   const Motion& motion = known.motion;
   if (Track::is_zero(motion.twist)) {
@@ -83,7 +83,7 @@ Scene::Contents LocalScene::contents() {
   const std::lock_guard lock(mutex_);
   Contents out;
   const double time = now();
-  edits().for_each([&](const std::string&, const Known& known) {
+  edits().for_each([&](const std::string&, const ObjectState& known) {
     fs_object object = to_saved(known, time);
     if (!known.start_is_given) object.start = 0;
     out.objects.push_back(object);
@@ -115,7 +115,7 @@ void LocalScene::set_contents(const std::vector<fs_object>& objects, const fs_fr
 
 Movement LocalScene::movement(const char* name) {
   const std::lock_guard lock(mutex_);
-  const Known known = edits().require(name);
+  const ObjectState known = edits().require(name);
   return {known.motion, known.track};
 }
 
@@ -240,7 +240,7 @@ void LocalScene::set_max_stiffness(double stiffness) {
 // --------------------------------------------------------------------------------------------------- reports and events
 
 std::vector<fs_report> LocalScene::reports() {
-  const Moment moment(Ref<LocalScene>::share(this), true);  // what an open group has changed is not felt yet
+  const Moment moment(Ref<LocalScene>::retain(this), true);  // what an open group has changed is not felt yet
   std::vector<fs_report> out;
   moment.for_each_report([&](const fs_report& report) { out.push_back(report); });
   return out;
@@ -249,7 +249,7 @@ std::vector<fs_report> LocalScene::reports() {
 fs_report LocalScene::report(const char* name) { return report(name, true); }
 
 fs_report LocalScene::report(const char* name, bool with_group) {
-  const Moment moment(Ref<LocalScene>::share(this), with_group, name);
+  const Moment moment(Ref<LocalScene>::retain(this), with_group, name);
   fs_report out;
   moment.for_each_report([&](const fs_report& report) { out = report; });
   return out;
@@ -257,7 +257,7 @@ fs_report LocalScene::report(const char* name, bool with_group) {
 
 std::vector<fs_motion> LocalScene::motions(const char* client) {
   require_no_client(client);
-  const Moment moment(Ref<LocalScene>::share(this), true);
+  const Moment moment(Ref<LocalScene>::retain(this), true);
   std::vector<fs_motion> out;
   moment.for_each_motion("", [&](const fs_motion& motion) { out.push_back(motion); });
   return out;

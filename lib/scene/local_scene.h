@@ -1,4 +1,4 @@
-// A scene whose objects are evaluated in this process: a lock around what is evaluated (Evaluated), what is wanted of it
+// A scene whose objects are evaluated in this process: a lock around what is evaluated (EvaluatedScene), what is wanted of it
 // (Edits) and who evaluates it (Readers). Every change takes the same way: check, edit, rows, snapshot, mailbox. Functions
 // that are not marked [rt] may allocate and take the lock; none waits for a reader.
 #pragma once
@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "scene/evaluated.h"
+#include "scene/evaluated_scene.h"
 #include "scene/readers.h"
 #include "scene/scene.h"
 
@@ -128,7 +128,7 @@ struct LocalScene final : Scene {
   }
 
   mutable std::mutex mutex_;
-  Evaluated evaluated_;
+  EvaluatedScene evaluated_;
   ThreadGroups<OpenGroup> groups_;
   double max_stiffness_ = 0;  // N/m at the device, what the scene allows itself; 0: no such bound
 

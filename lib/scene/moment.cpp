@@ -4,7 +4,7 @@ namespace fs {
 
 Moment::Moment(Ref<LocalScene> scene, bool with_group, const char* only) : scene_(std::move(scene)) {
   const std::lock_guard lock(scene_->mutex_);
-  Evaluated& evaluated = scene_->evaluated_;
+  EvaluatedScene& evaluated = scene_->evaluated_;
   const Edits edits = scene_->edits();
   const OpenGroup* const group = with_group ? edits.group() : nullptr;
   most_ = evaluated.objects.count();
@@ -74,7 +74,7 @@ fs_motion Moment::to_motion(const Entry& entry, const std::string& prefix) noexc
 }
 
 // What a row gives where the tool was, in full.
-bool Moment::feel(uint32_t number, Share& out) const {
+bool Moment::feel(uint32_t number, ObjectForce& out) const {
   const Row& it = row(number);
   const Motion& motion = find_chunk(chunks_, number)->motion(number % chunk_size);
   if (const FeltSolids::Felt* const felt = it.object->is_solid() ? solids_.find(it.version) : nullptr) {
@@ -146,14 +146,14 @@ fs_report Moment::report(const Entry& entry, uint32_t number) const {
   // The versions that fade out have their part of it.
   for (uint32_t version = number; version != no_row; version = row(version).previous) {
     const double weight = tick_.weight * memory_->weight_at(version, row(version).version, time_);
-    Share share;
-    if (!(weight > 0) || !feel(version, share)) continue;
+    ObjectForce one;
+    if (!(weight > 0) || !feel(version, one)) continue;
     if (out.distance == never) {
-      out.distance = share.distance;
-      out.point = share.point;
+      out.distance = one.distance;
+      out.point = one.point;
     }
-    out.wrench.force += weight * share.wrench.force;
-    out.wrench.torque += weight * share.wrench.torque;
+    out.wrench.force += weight * one.wrench.force;
+    out.wrench.torque += weight * one.wrench.torque;
   }
   return out;
 }

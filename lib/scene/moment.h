@@ -58,12 +58,12 @@ class Moment {
   Entry entry(uint32_t number) const;
   fs_report report(const Entry& entry, uint32_t row) const;
   double weight_of(uint32_t newest) const;
-  bool feel(uint32_t number, Share& out) const;
+  bool feel(uint32_t number, ObjectForce& out) const;
   static fs_motion to_motion(const Entry& entry, const std::string& prefix) noexcept;
 
   const Ref<LocalScene> scene_;
   Chunks chunks_;
-  NameMap<Known> changes_;    // of an open group, of objects that are evaluated
+  NameMap<ObjectState> changes_;    // of an open group, of objects that are evaluated
   std::vector<Entry> added_;  // by an open group
   bool is_only_one_ = false;  // it stands in added_, and is evaluated as
   uint32_t only_row_ = no_row;

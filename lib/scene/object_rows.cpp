@@ -114,7 +114,7 @@ ObjectRows::New ObjectRows::make_new(uint32_t row, const Object& object, const O
 void ObjectRows::set_accuracy(double newtons) {
   const double before = std::exchange(accuracy_, newtons);
   try {
-    share_out(std::max(tails_, 8u));
+    divide_accuracy(std::max(tails_, 8u));
   } catch (...) {
     accuracy_ = before;
     throw;
@@ -122,11 +122,11 @@ void ObjectRows::set_accuracy(double newtons) {
 }
 
 void ObjectRows::make_room_for_tail(const Object& object) {
-  if (object.has_tail() && (tails_ + 1) * tail_ > accuracy_) share_out(2 * (tails_ + 1));
+  if (object.has_tail() && (tails_ + 1) * tail_ > accuracy_) divide_accuracy(2 * (tails_ + 1));
 }
 
-// Shares the accuracy out among so many objects.
-void ObjectRows::share_out(uint32_t tails) {
+// Divides the accuracy among so many objects.
+void ObjectRows::divide_accuracy(uint32_t tails) {
   const double tail = accuracy_ / tails;
   if (tail == tail_) return;
   Chunks all = chunks_;
@@ -416,8 +416,8 @@ void ObjectRows::detach(Reader& reader) noexcept {
   reader.scratches = {};
 }
 
-ObjectRows::Shifted ObjectRows::shifted(double shift) const {
-  Shifted out{chunks_, {}};
+ObjectRows::TimeShift ObjectRows::shifted(double shift) const {
+  TimeShift out{chunks_, {}};
   chunks_.for_each([&](uint32_t number, const Chunk& chunk) {
     for_each_bit(chunk.used, [&](uint32_t i) {
       const Row& before = chunk.row(i);
@@ -444,7 +444,7 @@ ObjectRows::Shifted ObjectRows::shifted(double shift) const {
   return out;
 }
 
-void ObjectRows::take(Shifted& shifted) noexcept {
+void ObjectRows::take(TimeShift& shifted) noexcept {
   std::swap(chunks_, shifted.chunks);
   for (const uint32_t number : shifted.dropped) drop(number);
 }

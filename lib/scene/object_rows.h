@@ -52,7 +52,7 @@ class ObjectRows : Versions<ObjectRows> {
   // Whether something fades out behind the newest row, or the newest row itself.
   bool is_fading(uint32_t newest) const noexcept { return row(newest).previous != no_row || !row(newest).is_named; }
 
-  // The bounds of objects whose share has not been worked out yet; bound() sets those of the others.
+  // The bounds of objects for which none have been worked out yet; bound() sets those of the others.
   void set_bounds(const Bounds& bounds) noexcept { bounds_ = bounds; }
   // Whether the row is of this object and has these bounds, or less: `least` times as much at least.
   bool is_bound(uint32_t row, const Object& object, const Bounds& bounds, double least) const;
@@ -60,8 +60,8 @@ class ObjectRows : Versions<ObjectRows> {
   // the force goes over to the new one within a blend. is_rising: set if more is due. Returns the newest row from then on.
   uint32_t bound(uint32_t newest, const Bounds& bounds, const Pace& pace, bool& is_rising);
 
-  // The error that evaluation may make, N. It is shared out among the objects whose force fades out without end: where one
-  // of them gives less than its share, it counts as far.
+  // The error that evaluation may make, N. It is divided among the objects whose force fades out without end: where one
+  // of them gives less than its part, it counts as far.
   void set_accuracy(double newtons);
   double omitted() const noexcept { return std::min(accuracy_, tails_ * tail_); }  // N, by all of them at most
 
@@ -95,12 +95,12 @@ class ObjectRows : Versions<ObjectRows> {
 
   // A copy of the table with all times shifted, s, to be swapped in by take. Rows that are wanted out and nameless are
   // left out: of a servo that is no more, nothing fades.
-  struct Shifted {
+  struct TimeShift {
     Chunks chunks;
     std::vector<uint32_t> dropped;
   };
-  Shifted shifted(double shift) const;
-  void take(Shifted& shifted) noexcept;
+  TimeShift shifted(double shift) const;
+  void take(TimeShift& shifted) noexcept;
 
  private:
   friend Versions<ObjectRows>;
@@ -124,7 +124,7 @@ class ObjectRows : Versions<ObjectRows> {
   void install(uint32_t row, New& made) noexcept;
   void drop(uint32_t row) noexcept;
   void make_room_for_tail(const Object& object);
-  void share_out(uint32_t tails);
+  void divide_accuracy(uint32_t tails);
   // What a row needs to be as wanted.
   enum class Change { adjusted, taken_over, replaced };  // the same version; another, by Want::takes_over; another, by a fade
   Change change_of(uint32_t row, const Entry& to, double now) const noexcept;
@@ -149,7 +149,7 @@ class ObjectRows : Versions<ObjectRows> {
   uint64_t sequence_ = 1, last_version_ = 0;
   RowSpace space_;
   double accuracy_ = 0;  // N
-  double tail_ = 0;      // N, the share of one object,
+  double tail_ = 0;      // N, the part of one object,
   uint32_t tails_ = 0;   // and how many there are
   std::vector<Reader*> readers_;
   Reader* servo_ = nullptr;

@@ -14,7 +14,7 @@ uint64_t later_revision(uint64_t wanted, uint64_t felt) { return wanted >= felt 
 
 }  // namespace
 
-fs_object to_c(const Known& known) {
+fs_object to_c(const ObjectState& known) {
   fs_object out = to_c(*known.object);
   out.pose = known.motion.pose;
   out.twist = known.motion.twist;
@@ -37,12 +37,12 @@ Named* Objects::find_named(std::string_view name, NameId id) noexcept {
   return found == names_.end() ? nullptr : &*found;
 }
 
-uint32_t Objects::row_of(std::string_view name, const Known& known) noexcept {
+uint32_t Objects::row_of(std::string_view name, const ObjectState& known) noexcept {
   const Named* const named = find_named(name, known.id);
   return named && !named->second.is_removed ? named->second.row : no_row;
 }
 
-bool Objects::find(std::string_view name, Known& out) {
+bool Objects::find(std::string_view name, ObjectState& out) {
   const auto found = names_.find(name);
   if (found == names_.end() || found->second.is_removed) return false;
   const Item& item = found->second;
@@ -57,8 +57,8 @@ void fail_unknown(std::string_view name) {
   fail(FS_ERROR_NOT_FOUND, "name is '%s': there is no such object in the scene", shortened(name).c_str());
 }
 
-Known Objects::require(std::string_view name) {
-  Known out;
+ObjectState Objects::require(std::string_view name) {
+  ObjectState out;
   if (!find(name, out)) fail_unknown(name);
   return out;
 }
@@ -118,7 +118,7 @@ NewName Objects::make_name(std::string_view name) {
   return made.extract(made.begin());
 }
 
-void Objects::take(std::string_view name, Known& wanted, NewName new_name) {
+void Objects::take(std::string_view name, ObjectState& wanted, NewName new_name) {
   Named* const named = find_named(name, wanted.id);
   const bool is_there = named && !named->second.is_removed;
   if (!is_there && (wanted.is_removed || wanted.is_change)) return;  // it is gone
@@ -151,7 +151,7 @@ void Objects::take(std::string_view name, Known& wanted, NewName new_name) {
   erase(*named);
 }
 
-void Objects::add(NewName name, const Known& wanted) {
+void Objects::add(NewName name, const ObjectState& wanted) {
   Item& item = name.mapped();
   item.number = wanted.number ? wanted.number : last_number_ + 1;
   item.start_is_given = wanted.start_is_given;
@@ -283,13 +283,13 @@ const std::string* Objects::next_expired(double time, double& expiry) {
   return &found->first;
 }
 
-Objects::Shifted Objects::shifted(double shift) const {
-  Shifted out{rows.shifted(shift), {}};
+Objects::TimeShift Objects::shifted(double shift) const {
+  TimeShift out{rows.shifted(shift), {}};
   for (const auto& [time, name] : expiries_) out.expiries.emplace(time + shift, name);
   return out;
 }
 
-void Objects::take(Shifted& shifted, double shift) noexcept {
+void Objects::take(TimeShift& shifted, double shift) noexcept {
   rows.take(shifted.rows);
   std::swap(expiries_, shifted.expiries);
   for (auto item = names_.begin(); item != names_.end();) {

@@ -30,7 +30,7 @@ using Named = NameMap<Item>::value_type;
 using NewName = NameMap<Item>::node_type;
 
 // An object with all that its scene knows of it, or what a group wants to make of it.
-struct Known : Entry {
+struct ObjectState : Entry {
   Track track;                  // for the next worked-out twist
   bool start_is_given = false;  // by the caller; else it is when the name was first set
 
@@ -49,7 +49,7 @@ struct Known : Entry {
 // s: when the lifetime of an object that is set, changed or moved now is over.
 inline double expiry_of(const Object& object, double now) { return object.lifetime > 0 ? now + object.lifetime : never; }
 
-fs_object to_c(const Known& known);  // its handles live as long as known.object
+fs_object to_c(const ObjectState& known);  // its handles live as long as known.object
 
 class Objects {
  public:
@@ -57,19 +57,19 @@ class Objects {
 
   ObjectRows rows;
 
-  bool find(std::string_view name, Known& out);  // false: there is none of this name
-  Known require(std::string_view name);           // NOT_FOUND
+  bool find(std::string_view name, ObjectState& out);  // false: there is none of this name
+  ObjectState require(std::string_view name);           // NOT_FOUND
   bool has(std::string_view name) const noexcept { return find_item(name) != nullptr; }
   bool has_name(std::string_view name) const noexcept { return names_.contains(name); }  // also one that fades out
   bool has_room(size_t more) const noexcept { return names_.size() + more <= capacity_; }
   // The newest row of a name; no_row: it is not there. known: what was found of it before, if anything was.
-  uint32_t row_of(std::string_view name, const Known& known = {}) noexcept;
+  uint32_t row_of(std::string_view name, const ObjectState& known = {}) noexcept;
 
   // Makes an object what is wanted: set, moved or removed. Its revisions grow, also where it has been changed since wanted
   // was made. Throws before anything is changed: no memory.
   // new_name: what make_name has made of the name, or empty. Names that are made in a row lie together in memory, so that
   // they are found fast in that order.
-  void take(std::string_view name, Known& wanted, NewName new_name = {});
+  void take(std::string_view name, ObjectState& wanted, NewName new_name = {});
   static NewName make_name(std::string_view name);
   // For less: an object that is there is only moved. False: there is none.
   bool move(std::string_view name, const Pose& pose, const Twist* twist, double time, double now);
@@ -93,13 +93,13 @@ class Objects {
   uint32_t last_number() const noexcept { return last_number_; }
   // Names in the order in which they first came.
   std::vector<std::string_view> in_order() const;
-  // Calls f(name, Known) for each, in the order of their rows.
+  // Calls f(name, ObjectState) for each, in the order of their rows.
   template <class F>
   void for_each(F&& f) {
     rows.chunks().for_each([&](uint32_t, const Chunk& chunk) {
       for_each_bit(chunk.used, [&](uint32_t i) {
         if (!chunk.row(i).is_named) return;
-        Known known;
+        ObjectState known;
         const std::string& name = chunk.row(i).object->name;
         find(name, known);
         f(name, known);
@@ -115,12 +115,12 @@ class Objects {
   const std::string* next_expired(double time, double& expiry);
 
   // Every stored time shifted, s, and nothing fading; to be made in two steps, of which the second cannot throw.
-  struct Shifted {
-    ObjectRows::Shifted rows;
+  struct TimeShift {
+    ObjectRows::TimeShift rows;
     std::set<std::pair<double, std::string>> expiries;
   };
-  Shifted shifted(double shift) const;
-  void take(Shifted& shifted, double shift) noexcept;
+  TimeShift shifted(double shift) const;
+  void take(TimeShift& shifted, double shift) noexcept;
 
  private:
   const Item* find_item(std::string_view name) const noexcept;  // null also for one that fades out
@@ -130,7 +130,7 @@ class Objects {
   void free_index(const Item& item) noexcept;
   bool list(Named& named);
   void unlist(Item& item, bool is_newly_listed) noexcept;
-  void add(NewName name, const Known& wanted);
+  void add(NewName name, const ObjectState& wanted);
   void move(Named& named, const Track& track, const Motion& motion, double expiry, uint64_t motion_revision);
   template <class F>
   bool move(Named* named, double now, F&& take);

@@ -17,7 +17,7 @@ void Readers::build_shapes() {
   std::vector<Ref<const Object>> objects;
   {
     const std::lock_guard lock(mutex_);
-    evaluated_.objects.for_each([&](const std::string&, const Known& known) { objects.push_back(known.object); });
+    evaluated_.objects.for_each([&](const std::string&, const ObjectState& known) { objects.push_back(known.object); });
     groups_.for_each([&](const OpenGroup& group) {
       for (const OpenGroup::Change* change : group.order) objects.push_back(change->second.object);
     });

@@ -13,7 +13,7 @@ namespace fs {
 
 class Readers {
  public:
-  Readers(std::mutex& mutex, Evaluated& evaluated, ThreadGroups<OpenGroup>& groups)
+  Readers(std::mutex& mutex, EvaluatedScene& evaluated, ThreadGroups<OpenGroup>& groups)
       : mutex_(mutex), evaluated_(evaluated), groups_(groups) {}
 
   // The newest snapshot is in the mailbox when attach returns; detach when the reader reads no more.
@@ -44,7 +44,7 @@ class Readers {
   void with_servo(const char* sentence, F&& f);
 
   std::mutex& mutex_;  // the scene's
-  Evaluated& evaluated_;
+  EvaluatedScene& evaluated_;
   ThreadGroups<OpenGroup>& groups_;
 
   std::atomic<bool> has_servo_{false};

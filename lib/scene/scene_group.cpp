@@ -12,7 +12,7 @@ void SceneGroup::change(const fs_object& change, uint32_t parts) {
   parse_parts(parts);
   const std::string name = parse_name(change.name, "name");
   const std::lock_guard lock(scene_->mutex_);
-  const Known known = edits_.require(name.c_str());
+  const ObjectState known = edits_.require(name.c_str());
   if (parts == 0) return;
   const fs_object whole = merge_parts(to_c(known), change, parts);
   scene_->put(edits_, parse_object(whole, known.object.get(), scene_->readers.builds_shapes()), parts, true);
@@ -53,7 +53,7 @@ void SceneGroup::set_tool(const Vec3* points, size_t count) {
 
 Ref<const Object> SceneGroup::get(const char* name, fs_object& out) {
   const std::lock_guard lock(scene_->mutex_);
-  const Known known = edits_.require(name);
+  const ObjectState known = edits_.require(name);
   out = to_c(known);
   return known.object;
 }

@@ -148,8 +148,7 @@ void Changes::apply_set(Scene& scene, const wire::Set& set, uint64_t serial, boo
 
 // A change of another client's object, as part of a group.
 void Changes::apply_foreign(const Change& change, ForeignGroups& groups) {
-  const auto& whose = change.as<wire::Target>();  // each foreign change begins with its target
-  const TargetObject target = find_foreign(client_, whose);
+  const TargetObject target = find_foreign(client_, change.name());
   auto group = groups.find(target.scene.get());
   if (group == groups.end()) {
     if (target.owner) target.owner->take_moves();  // moves that the owner made before this change
@@ -158,7 +157,7 @@ void Changes::apply_foreign(const Change& change, ForeignGroups& groups) {
   try {
     group->second.add(client_, change, target.name);
   } catch (const Error& error) {
-    throw Error{error.status, "'" + text_of(whose.name) + "': " + error.text};
+    throw Error{error.status, "'" + std::string(change.name()) + "': " + error.text};
   }
 }
 

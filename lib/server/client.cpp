@@ -82,7 +82,7 @@ fs_report Client::report(const std::string& object) const {
   return record && record->absent ? report_of(object, *record->absent) : scene->report(object.c_str());
 }
 
-fs_report report_of(const std::string& name, const Absent& absent) {
+fs_report report_of(const std::string& name, const Absence& absent) {
   fs_report out{};
   put_text(out.name, name);
   out.primitive = absent.primitive;

@@ -10,7 +10,7 @@
 #include "server/client_assets.h"
 #include "server/moves.h"
 #include "server/names.h"
-#include "server/parked.h"
+#include "server/parked_batches.h"
 #include "server/work.h"
 
 namespace fs {
@@ -37,7 +37,7 @@ struct Client {
   Names names;
   Moves moves;
   ClientAssets assets;
-  Parked parked;
+  ParkedBatches parked;
   bool is_view_untold = false;  // the client has to be told of its view
   const Answers answers{socket, sizes};
   unsigned jobs = 0;                             // that workers have not finished
@@ -73,6 +73,6 @@ struct Client {
 };
 
 // The report of an object that is not in the scene.
-fs_report report_of(const std::string& name, const Absent& absent);
+fs_report report_of(const std::string& name, const Absence& absent);
 
 }  // namespace fs

@@ -16,14 +16,12 @@ void Clients::remove_gone() noexcept {
   std::erase_if(all_, [](const std::shared_ptr<Client>& client) { return client->is_gone; });
 }
 
-std::shared_ptr<Client> Clients::share(std::string_view name) const {
+std::shared_ptr<Client> Clients::find(std::string_view name) const {
   const auto found = std::find_if(all_.begin(), all_.end(), [name](const std::shared_ptr<Client>& client) {
     return is_there(client) && client->name == name;
   });
   return found == all_.end() ? nullptr : *found;
 }
-
-Client* Clients::find(std::string_view name) const { return share(name).get(); }
 
 size_t Clients::count() const { return static_cast<size_t>(std::count_if(all_.begin(), all_.end(), is_there)); }
 

@@ -21,8 +21,7 @@ class Clients {
   void add(std::shared_ptr<Client> client) { all_.push_back(std::move(client)); }  // who may not have said who it is
   void remove_gone() noexcept;
 
-  Client* find(std::string_view name) const;  // null: none
-  std::shared_ptr<Client> share(std::string_view name) const;
+  std::shared_ptr<Client> find(std::string_view name) const;  // null: none
   size_t count() const;
   std::vector<fs_client> describe() const;
   void drop_dead(uid_t user) const noexcept;  // those of the user whose end nobody has looked at yet

@@ -4,6 +4,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <string_view>
 
 #include "scene/scene_group.h"
 #include "server/client.h"
@@ -18,9 +19,9 @@ struct TargetObject {
   std::string full_name() const { return (owner ? owner->name : "server") + "/" + name; }
 };
 // NOT_FOUND: there is no such client. It does not look whether there is such an object.
-TargetObject find_target(const Client& asking, const wire::Target& target);
+TargetObject find_target(const Client& asking, std::string_view name);
 // The same for an object that is to be changed. Also INVALID: it is the client's own; DENIED: the server is locked.
-TargetObject find_foreign(const Client& asking, const wire::Target& target);
+TargetObject find_foreign(const Client& asking, std::string_view name);
 
 // Changes of objects of one other scene, all of which are made or none.
 class ForeignGroup {

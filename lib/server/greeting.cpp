@@ -27,7 +27,7 @@ bool answer(const Client& client, fs_status status, const std::string& text, std
 
 void require_free_name(const Clients& clients, const std::string& name) {
   if (name == "server") fail(FS_ERROR_INVALID, "client_name is 'server', which is the name of the server's own scene");
-  Client* const other = clients.find(name);
+  const std::shared_ptr<Client> other = clients.find(name);
   if (!other) return;
   if (!other->is_alive()) return other->drop();
   fail(FS_ERROR_EXISTS, "client_name is '%s': a client of that name is connected (process %d)", name.c_str(),

@@ -6,7 +6,7 @@
 #include <memory>
 #include <span>
 
-#include "base/wanted.h"
+#include "base/stop_token.h"
 #include "server/settings.h"
 
 namespace fs {
@@ -22,9 +22,9 @@ class Host {
   virtual const Clients& clients() const noexcept = 0;
   virtual Claims& claims() noexcept = 0;
 
-  // A worker calls work, which must not throw and looks at `wanted` at every step. Then the client's session calls done, unless
+  // A worker calls work, which must not throw and looks at `stop` at every step. Then the client's session calls done, unless
   // the client is gone. bytes: the size of the work; a small job does not wait for large ones.
-  virtual void start_job(Client& client, uint64_t bytes, std::function<void(Wanted& wanted)> work,
+  virtual void start_job(Client& client, uint64_t bytes, std::function<void(StopToken& stop)> work,
                          std::function<void()> done) = 0;
   // Lets a worker destroy what would take long here.
   virtual void destroy(std::shared_ptr<void> what) = 0;

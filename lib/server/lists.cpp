@@ -38,7 +38,7 @@ void List::make() noexcept {
 }
 
 std::shared_ptr<Client> find_client(const Client& asking, const std::string& name) {
-  std::shared_ptr<Client> found = asking.host.clients().share(name);
+  std::shared_ptr<Client> found = asking.host.clients().find(name);
   if (!found && name != "server") {
     fail(FS_ERROR_NOT_FOUND, "client is '%s': no client of that name is connected", shortened(name).c_str());
   }
@@ -72,8 +72,8 @@ void answer(Client& client, uint64_t serial, const std::shared_ptr<List>& list) 
     list->make();
     return answer_made(client, serial, *list);
   }
-  client.host
-      .start_job(client, 0, [list](Wanted&) { list->make(); }, [&client, serial, list] { answer_made(client, serial, *list); });
+  client.host.start_job(
+      client, 0, [list](StopToken&) { list->make(); }, [&client, serial, list] { answer_made(client, serial, *list); });
 }
 
 template <class Record>
@@ -135,7 +135,7 @@ class ReportList final : public SceneList {
 // A list of what the servo has recorded.
 class RecordList final : public List {
  public:
-  RecordList(Servo& servo, uint64_t after) : servo_(Ref<Servo>::share(&servo)), after_(after) {}
+  RecordList(Servo& servo, uint64_t after) : servo_(Ref<Servo>::retain(&servo)), after_(after) {}
   size_t most() const override { return std::min<size_t>(servo_->record().count(after_), wire::most_ticks); }
 
  private:
@@ -165,7 +165,7 @@ void answer_reports(Client& client, uint64_t serial) {
   const auto list = std::make_shared<ReportList>();
   const auto add = [&](const std::string& prefix, const Client& owner) {
     SceneList::Part& part = list->parts.emplace_back(prefix, owner.scene);
-    owner.names.for_each_absent([&](const std::string& name, const Absent& absent) {
+    owner.names.for_each_absent([&](const std::string& name, const Absence& absent) {
       part.absent.push_back(report_of(name, absent));
     });
   };

@@ -74,7 +74,7 @@ bool Names::bind(std::string_view name, uint32_t slot, uint64_t serial) {
   return true;
 }
 
-void Names::set_absent(const std::string& name, const Absent& why) {
+void Names::set_absent(const std::string& name, const Absence& why) {
   Named& named = make(name);
   list(named, absent, true);
   named.second.absent = why;
@@ -108,7 +108,7 @@ void Names::note_told(std::string_view name) {
   erase_if_empty(*named);
 }
 
-const std::string* Names::next_untold(const Parked& parked) const {
+const std::string* Names::next_untold(const ParkedBatches& parked) const {
   for (const Named* const named : lists_[untold]) {
     if (!parked.holds_up(named->first)) return &named->first;
   }

@@ -13,13 +13,13 @@
 
 #include "base/name_map.h"
 #include "scene/local_scene.h"
-#include "server/parked.h"
+#include "server/parked_batches.h"
 #include "transfer/wire.h"
 
 namespace fs {
 
 // An object that is not in the scene: it waits for a shape, or was refused.
-struct Absent {
+struct Absence {
   fs_primitive primitive;
   fs_object_state state;
 };
@@ -29,7 +29,7 @@ struct NameRecord {
   uint32_t slot = wire::no_slot;  // through which it is moved; a slot is of one object at most
   uint64_t after = 0;             // serial of the change that last set its pose: only moves made after that count
   NameId id;                      // in the scene
-  std::optional<Absent> absent;
+  std::optional<Absence> absent;
   std::string editor;  // who changed what the client has to be told of; empty: it has to be told nothing
   // The sequence of the first snapshot that has the object, or its new shape; 0: not posted yet. None: a tick has used it.
   std::optional<uint64_t> awaited;
@@ -68,7 +68,7 @@ class Names {
   bool is_slot(uint32_t slot) const noexcept { return slot < slots_.size() || slot == wire::no_slot; }
   Named* moved_by(uint32_t slot) const noexcept { return slots_[slot]; }  // null: no object is
 
-  void set_absent(const std::string& name, const Absent& why);
+  void set_absent(const std::string& name, const Absence& why);
   void drop_absent(std::string_view name);
   void drop_absents();
 
@@ -76,7 +76,7 @@ class Names {
   void tell(const std::string& name, const std::string& editor);
   void note_told(std::string_view name);
   size_t untold_count() const noexcept { return lists_[untold].size(); }
-  const std::string* next_untold(const Parked& parked) const;  // that no parked change holds up; null: none
+  const std::string* next_untold(const ParkedBatches& parked) const;  // that no parked change holds up; null: none
 
   // Called once a turn, after the scene was posted. newest: the sequence of the scene's newest change; used: the one that the
   // last tick used. Calls f(name) for each awaited object that is used by now, but looks at some of them only, so that no turn

@@ -69,9 +69,9 @@ void Requests::answer(const Request& request) {
     case type_sync: return syncs_.add(request.serial);
     case type_pull: return pull(request);
     case type_fetch: return fetch(request);
-    case type_edit:
-    case type_move_other:
-    case type_remove_other: return edit(request);
+    case type_change:
+    case type_place:
+    case type_remove: return change_foreign(request);
     case type_get: return get(request);
     case type_report: return report(request);
     case type_reports: return answer_reports(client_, request.serial);
@@ -127,8 +127,8 @@ void Requests::tell_all(const char* text) const noexcept {
 
 // ------------------------------------------------------------------------------------------------- objects of others
 
-void Requests::edit(const Request& request) {
-  with_object(find_foreign(client_, request.as<wire::Target>()), [&](const TargetObject& target) {
+void Requests::change_foreign(const Request& request) {
+  with_object(find_foreign(client_, request.content.name()), [&](const TargetObject& target) {
     if (target.owner) target.owner->take_moves();  // moves that the owner made before this change
     ForeignGroup group(target);
     group.add(client_, request.content, target.name);
@@ -140,7 +140,7 @@ void Requests::edit(const Request& request) {
 
 // Gives the object as it is felt, without changes of a group that is open in its scene.
 void Requests::get(const Request& request) {
-  with_object(find_target(client_, request.as<wire::Target>()), [&](const TargetObject& target) {
+  with_object(find_target(client_, text_of(request.as<wire::Target>().name)), [&](const TargetObject& target) {
     if (target.owner) target.owner->take_moves();
     fs_object object;
     const Ref<const Object> kept = target.scene->get(target.name.c_str(), object, false);
@@ -149,7 +149,7 @@ void Requests::get(const Request& request) {
 }
 
 void Requests::report(const Request& request) {
-  with_object(find_target(client_, request.as<wire::Target>()), [&](const TargetObject& target) {
+  with_object(find_target(client_, text_of(request.as<wire::Target>().name)), [&](const TargetObject& target) {
     fs_report report = target.owner ? target.owner->report(target.name) : target.scene->report(target.name.c_str(), false);
     if (target.owner.get() != &client_) {
       report = seen_from(report, target.scene->view(false).frame, client_.scene->view(false).frame);
@@ -169,8 +169,8 @@ void Requests::view(const Request& request) {
 // Tells one thing of which the client may believe something else than what is there.
 void Requests::pull(const Request& request) {
   Names& names = client_.names;
-  const Parked& parked = client_.parked;
-  wire::Pulled out{};
+  const ParkedBatches& parked = client_.parked;
+  wire::PullAnswer out{};
   out.slot = wire::no_slot;
   const std::string asked = text_of(request.as<wire::Target>().name);
   client_.take_moves();
@@ -205,7 +205,7 @@ void Requests::pull(const Request& request) {
 }
 
 // Tells an object as it is now, or that there is none.
-void Requests::tell_object(const std::string& name, wire::Pulled& out) {
+void Requests::tell_object(const std::string& name, wire::PullAnswer& out) {
   const NameRecord* const record = client_.names.find(name);
   if (!record || !record->is_there) {
     const bool is_refused = record && record->absent && record->absent->state == FS_OBJECT_REFUSED;
@@ -230,7 +230,7 @@ void Requests::fetch(const Request& request) {
     Error error{FS_OK, ""};
   };
   const auto outcome = std::make_shared<Outcome>();
-  auto work = [outcome, asset = *found](Wanted&) {
+  auto work = [outcome, asset = *found](StopToken&) {
     try {
       outcome->packed = pack(asset);
       outcome->packed.set_id(outcome->packed.id() | wire::of_server);

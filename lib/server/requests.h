@@ -29,11 +29,11 @@ class Requests {
 
  private:
   void answer(const Request& request);
-  void edit(const Request& request);
+  void change_foreign(const Request& request);
   void get(const Request& request);
   void report(const Request& request);
   void pull(const Request& request);
-  void tell_object(const std::string& name, wire::Pulled& out);
+  void tell_object(const std::string& name, wire::PullAnswer& out);
   void fetch(const Request& request);
   void view(const Request& request);
   void stop_force(const Request& request);

@@ -279,7 +279,7 @@ void fs_server::fall_asleep() noexcept {
 
 void fs_server::note_activity() noexcept { last_activity_ = steady_now(); }
 
-void fs_server::start_job(Client& client, uint64_t bytes, std::function<void(Wanted&)> work, std::function<void()> done) {
+void fs_server::start_job(Client& client, uint64_t bytes, std::function<void(StopToken&)> work, std::function<void()> done) {
   Worker& worker = bytes > quick_bytes ? builder_ : worker_;
   worker.add({std::move(work), std::move(done), client.id});
   ++client.jobs;
@@ -287,7 +287,7 @@ void fs_server::start_job(Client& client, uint64_t bytes, std::function<void(Wan
 
 void fs_server::destroy(std::shared_ptr<void> what) {
   const auto dead = std::make_shared<std::shared_ptr<void>>(std::move(what));
-  worker_.add({[dead](Wanted&) { dead->reset(); }, [] {}});
+  worker_.add({[dead](StopToken&) { dead->reset(); }, [] {}});
 }
 
 void fs_server::set_reading(const Client& client, bool is_reading) noexcept {

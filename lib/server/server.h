@@ -37,7 +37,8 @@ struct fs_server final : fs::Counted<fs_server>, fs::Host {
   const fs::ServerSettings& settings() const noexcept override { return settings_; }
   const fs::Clients& clients() const noexcept override { return clients_; }
   fs::Claims& claims() noexcept override { return claims_; }
-  void start_job(fs::Client& client, uint64_t bytes, std::function<void(fs::Wanted&)> work, std::function<void()> done) override;
+  void start_job(fs::Client& client, uint64_t bytes, std::function<void(fs::StopToken&)> work,
+                 std::function<void()> done) override;
   void destroy(std::shared_ptr<void> what) override;
   bool is_slice_over() const noexcept override;
   void resume_later(const fs::Client& client) noexcept override;

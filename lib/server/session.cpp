@@ -90,7 +90,7 @@ void Session::look_for_greeting() noexcept {
 // Most messages need no more than a few microseconds, and nothing that may be claimed. False: handle() is needed.
 bool Session::handle_at_once(Message& message) {
   using namespace wire;
-  Parked& parked = client_->parked;
+  ParkedBatches& parked = client_->parked;
   switch (message.type) {
     case type_wake: return true;
     case type_group:
@@ -104,7 +104,7 @@ bool Session::handle_at_once(Message& message) {
   }
   Claims& claims = client_->host.claims();
   const Change content{message.type, message.record};
-  if (message.type >= type_sync && !content.is_foreign()) {
+  if (message.type >= type_sync) {
     if (!claims.is_empty()) {
       Claim claim(claims, *client_);
       Requests::add_to(claim, content);
@@ -113,7 +113,7 @@ bool Session::handle_at_once(Message& message) {
     requests_.handle({message.serial, content});
     return true;
   }
-  ReceivedBatch batch = batch_of(message);
+  ReceivedBatch batch = batch_of(*client_, message);
   if (!is_ready(batch) || parked.holds_up(batch.about)) {
     park(std::move(batch));
   } else if (!batch.is_request) {
@@ -142,7 +142,7 @@ Task Session::handle(Message& message) {
   }
   Claim claim(client.host.claims(), client);
   const Change content{message.type, message.record};
-  if (message.type >= wire::type_sync && !content.is_foreign()) {
+  if (message.type >= wire::type_sync) {
     Requests::add_to(claim, content);
     co_await claim;
     requests_.handle({message.serial, content});
@@ -150,10 +150,9 @@ Task Session::handle(Message& message) {
   }
   ReceivedBatch batch;
   if (message.type == wire::type_group) {
-    co_await take_apart(message, batch);
-    batch.serial = message.serial;
+    co_await take_apart(client, message, batch);
   } else {
-    batch = batch_of(message);
+    batch = batch_of(*client_, message);
   }
   if (batch.changes.empty()) co_return;
   if (!is_ready(batch) || client.parked.holds_up(batch.about)) {
@@ -164,38 +163,6 @@ Task Session::handle(Message& message) {
   claim.others = batch.about.owners;
   co_await claim;
   co_await apply(batch);
-}
-
-// Of a message with one change.
-ReceivedBatch Session::batch_of(const Message& message) const {
-  ReceivedBatch out{message.serial,
-                    Batch::Reader::read(message.type, message.record, message.memory, client_->sizes),
-                    {},
-                    message.type >= wire::type_sync};
-  check(out.changes[0], out.about);
-  return out;
-}
-
-Task Session::take_apart(Message& message, ReceivedBatch& out) {
-  const size_t most = wire::most_changes(client_->host.settings().max_objects);
-  Batch::Reader reader(message.record, message.memory, std::move(message.data), most, client_->sizes);
-  while (!reader.is_done()) {
-    const std::optional<Change> change = reader.next();
-    if (!change) break;
-    check(*change, out.about);
-    if (out.about.is_forget) throw BadClient{};  // a forget comes alone
-    co_await client_->work.step();
-  }
-  if (!reader.is_good()) throw BadClient{};
-  out.changes = reader.take();
-}
-
-// Checks the change, and adds what it is about. Throws BadClient.
-void Session::check(const Change& change, Subjects& about) const {
-  uint32_t slot = wire::no_slot;
-  if (change.type == wire::type_set || change.type == wire::type_change) slot = change.as<wire::Set>().slot;
-  if (change.type == wire::type_bind) slot = change.as<wire::Bind>().slot;
-  if (!client_->names.is_slot(slot) || !about.add(change)) throw BadClient{};
 }
 
 // ------------------------------------------------------------------------------------------------- shapes and curves
@@ -212,12 +179,12 @@ void Session::take_asset(PackedAsset&& packed) {
     const std::shared_ptr<const void> charge = client.assets.charge(packed, settings.max_bytes);
     const uint64_t bytes = packed.content_bytes();
     // A worker reads, checks and builds it: that may take long.
-    auto work = [made, charge, packed = std::make_shared<PackedAsset>(std::move(packed))](Wanted& wanted) {
+    auto work = [made, charge, packed = std::make_shared<PackedAsset>(std::move(packed))](StopToken& stop) {
       try {
-        Asset asset = unpack(std::move(*packed), wanted);
+        Asset asset = unpack(std::move(*packed), stop);
         if (asset.shape) {
           asset.shape->keep(charge);
-          asset.shape->build(wanted);
+          asset.shape->build(stop);
         } else {
           asset.curve->keep(charge);
         }

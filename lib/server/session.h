@@ -60,9 +60,6 @@ class Session {
   Task handle(Message& message);
   void take_asset(PackedAsset&& packed);
   bool finish_asset(uint64_t id, ClientAssets::Upload&& upload);  // true: parked changes can be looked through now
-  ReceivedBatch batch_of(const Message& message) const;
-  Task take_apart(Message& message, ReceivedBatch& out);
-  void check(const Change& change, Subjects& about) const;
   bool is_ready(const ReceivedBatch& batch) const;
   void park(ReceivedBatch&& batch);
   Task apply(ReceivedBatch& batch);

@@ -14,19 +14,19 @@ void Syncs::add(uint64_t serial) {
 void Syncs::begin(Sync& sync, const Client& client) {
   sync.has_begun = true;
   sync.own = client.host.servo().scene()->sequence();
-  client.host.clients().for_each([&](const std::shared_ptr<Client>& other) { sync.wanted.push_back({other, {}}); });
+  client.host.clients().for_each([&](const std::shared_ptr<Client>& other) { sync.uses.push_back({other, {}}); });
 }
 
 bool Syncs::is_used(Sync& sync, const Client& client, uint64_t used) {
   const auto used_of = [](const LocalScene& scene) { return scene.output->used.load(std::memory_order_acquire); };
-  std::erase_if(sync.wanted, [&](Sync::Wanted& wanted) {
-    const std::shared_ptr<const Client> other = wanted.client.lock();
+  std::erase_if(sync.uses, [&](Sync::Use& uses) {
+    const std::shared_ptr<const Client> other = uses.client.lock();
     if (!other || other->is_gone) return true;
-    if (!wanted.sequence && other->is_claimed) return false;
-    if (!wanted.sequence) wanted.sequence = other->scene->sequence();
-    return (other.get() == &client ? used : used_of(*other->scene)) >= *wanted.sequence;
+    if (!uses.sequence && other->is_claimed) return false;
+    if (!uses.sequence) uses.sequence = other->scene->sequence();
+    return (other.get() == &client ? used : used_of(*other->scene)) >= *uses.sequence;
   });
-  return sync.wanted.empty() && used_of(*client.host.servo().scene()) >= sync.own;
+  return sync.uses.empty() && used_of(*client.host.servo().scene()) >= sync.own;
 }
 
 void Syncs::answer(const Client& client, bool are_moves_taken, uint64_t used) {

@@ -28,12 +28,12 @@ class Syncs {
   struct Sync {
     uint64_t serial;
     bool has_begun = false;  // all that came before it was posted
-    uint64_t own = 0;        // the sequence that a tick has to use, for the server's scene; wanted: for each client's
-    struct Wanted {
+    uint64_t own = 0;        // the sequence that a tick has to use, for the server's scene; uses: for each client's
+    struct Use {
       std::weak_ptr<const Client> client;
       std::optional<uint64_t> sequence;  // none: its scene is being changed, and will be posted after that
     };
-    std::vector<Wanted> wanted;
+    std::vector<Use> uses;
   };
   static void begin(Sync& sync, const Client& client);
   static bool is_used(Sync& sync, const Client& client, uint64_t used);

@@ -23,7 +23,7 @@ Worker::~Worker() {
   {
     const std::lock_guard lock(mutex_);
     is_stopping_ = true;
-    is_abandoned_ = true;
+    is_stopped_ = true;
   }
   changed_.notify_one();
   thread_.join();
@@ -40,7 +40,7 @@ void Worker::add(Job job) {
 void Worker::forget(uint64_t owner) noexcept {
   std::list<Job> forgotten;  // destroyed without the lock
   const std::lock_guard lock(mutex_);
-  if (working_for_ == owner) is_abandoned_ = true;
+  if (working_for_ == owner) is_stopped_ = true;
   const auto found = jobs_.find(owner);
   if (found == jobs_.end()) return;
   forgotten.swap(found->second);
@@ -62,13 +62,13 @@ void Worker::run() {
     auto next = jobs_.upper_bound(last);
     if (next == jobs_.end()) next = jobs_.begin();
     last = working_for_ = next->first;
-    is_abandoned_ = false;
+    is_stopped_ = false;
     std::list<Job> job;  // moved from list to list: that takes no memory, which there may be none of
     job.splice(job.end(), next->second, next->second.begin());
     if (next->second.empty()) jobs_.erase(next);
     lock.unlock();
-    Wanted wanted(is_abandoned_);
-    job.front().work(wanted);
+    StopToken stop(is_stopped_);
+    job.front().work(stop);
     job.front().work = nullptr;
     lock.lock();
     working_for_ = 0;

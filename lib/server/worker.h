@@ -10,15 +10,15 @@
 #include <mutex>
 #include <thread>
 
-#include "base/wanted.h"
+#include "base/stop_token.h"
 
 namespace fs {
 
 class Worker {
  public:
   struct Job {
-    // Called by the worker's thread; must not throw. Long work looks at `wanted` at every step.
-    std::function<void(Wanted& wanted)> work;
+    // Called by the worker's thread; must not throw. Long work looks at `stop` at every step.
+    std::function<void(StopToken& stop)> work;
     std::function<void()> done;  // what the thread that asked does then
     uint64_t owner = 0;
   };
@@ -41,7 +41,7 @@ class Worker {
   std::map<uint64_t, std::list<Job>> jobs_;  // by owner
   std::list<Job> done_;
   uint64_t working_for_ = 0;               // the owner whose job has begun
-  std::atomic<bool> is_abandoned_{false};  // that job
+  std::atomic<bool> is_stopped_{false};  // that job
   bool is_stopping_ = false;
   std::thread thread_;
 };

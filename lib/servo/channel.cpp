@@ -144,12 +144,12 @@ void Channel::limit(fs_response& device) noexcept {
   }
   const Limits most{std::fmax(0, limits_.force - norm(lost.force)), std::fmax(0, limits_.torque - norm(lost.torque))};
   const double force = norm(w.force), torque = norm(w.torque);
-  const double share = std::fmin(force > most.force ? most.force / force : 1, torque > most.torque ? most.torque / torque : 1);
-  if (!(share < 1)) return;
+  const double factor = std::fmin(force > most.force ? most.force / force : 1, torque > most.torque ? most.torque / torque : 1);
+  if (!(factor < 1)) return;
   const Mat3 stiffness = device.stiffness;
   const Vec3 whole = w.force;
-  scale(device, share);
-  if (force > most.force) device.stiffness = shortened(stiffness, whole, share * force);
+  scale(device, factor);
+  if (force > most.force) device.stiffness = shortened(stiffness, whole, factor * force);
   limited_.store(limited_.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
 }
 

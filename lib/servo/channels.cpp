@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <iterator>
 
+#include "base/clock.h"
 #include "base/error.h"
 
 namespace fs {
@@ -31,6 +32,38 @@ void Channels::add(const Ref<Channel>& channel) {
   channel->take_over_from(posted_->channels);
   posted_ = list;
   mailbox_.post(posted_);
+}
+
+fs_response Channels::evaluate(const fs_state& hand, bool has_pose, bool begins_anew, double now, double period) noexcept {
+  mailbox_.fetch();
+  const std::vector<Ref<Channel>>& channels = mailbox_.front()->channels;
+  fs_response out{};
+  out.proxy = identity_pose();
+  for (size_t i = 0; i < channels.size(); ++i) {
+    Channel& channel = *channels[i];
+    if (channel.is_gone()) continue;
+    channel.fetch(now);
+    if (begins_anew) channel.forget_touches();
+    if (!has_pose) {
+      channel.lose_hand(now);
+    } else if (i == 0) {
+      out = channel.evaluate(hand, now);  // the servo's own scene
+    } else {
+      const double start = period > 0 ? steady_now() : 0;
+      const fs_response its = channel.evaluate(hand, now);
+      fs::add(out, its);
+      const Vec3 at = hand.pose.position;
+      if (norm(its.proxy.position - at) > norm(out.proxy.position - at)) out.proxy = its.proxy;
+      if (period > 0) channel.charge(steady_now() - start, period);
+    }
+  }
+  return out;
+}
+
+void Channels::publish(const Wrench& sent, uint32_t flags, uint64_t tick) noexcept {
+  for (const Ref<Channel>& channel : mailbox_.front()->channels) {
+    if (!channel->is_gone()) channel->publish(sent, flags, tick);
+  }
 }
 
 std::vector<Ref<Channel>> Channels::present() {

@@ -23,11 +23,12 @@ class Channels {
   size_t count();                         // without the servo's own; channels that are fading out count
   void reap();                            // removes the channels that have faded out
 
-  // [rt] The tick's: the newest list.
-  const std::vector<Ref<Channel>>& fetch() noexcept {
-    mailbox_.fetch();
-    return mailbox_.front()->channels;
-  }
+  // [rt] The tick's: what all scenes together give; of their proxies the one that is farthest from the hand. begins_anew: the
+  // hand was lost for so long that nothing touches it any more. period: s, of the servo, to which the time that each client's
+  // scene takes is charged; 0: to none.
+  fs_response evaluate(const fs_state& hand, bool has_pose, bool begins_anew, double now, double period) noexcept;
+  // [rt] The same scenes are told what was sent.
+  void publish(const Wrench& sent, uint32_t flags, uint64_t tick) noexcept;
 
  private:
   struct List : Counted<List> {

@@ -16,7 +16,7 @@ size_t FlightRecord::count(uint64_t after, uint64_t end) const noexcept {
 
 size_t FlightRecord::count(uint64_t after) const noexcept { return count(after, count_.load(std::memory_order_acquire)); }
 
-bool FlightRecord::read(uint64_t index, Slot& out) const noexcept {
+bool FlightRecord::read(uint64_t index, Sample& out) const noexcept {
   return slots_[index % slots_.size()].read(out) && out.index == index;
 }
 
@@ -25,8 +25,8 @@ size_t FlightRecord::read(fs_tick* out, size_t capacity) const {
   const size_t kept = count(0, end), wanted = std::min(kept, capacity);
   size_t written = 0;
   for (uint64_t index = end - wanted; index < end; ++index) {
-    Slot slot;
-    if (read(index, slot)) out[written++] = slot.tick;
+    Sample sample;
+    if (read(index, sample)) out[written++] = sample.tick;
   }
   return written < wanted ? written : kept;
 }

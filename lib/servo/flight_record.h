@@ -25,27 +25,27 @@ class FlightRecord {
   void for_each(uint64_t after, size_t most, F&& f) const {
     const uint64_t end = count_.load(std::memory_order_acquire);
     for (uint64_t index = end - count(after, end); index < end && most > 0; ++index) {
-      Slot slot;
-      if (!read(index, slot)) continue;
-      f(fs_recorded_tick{index + 1, slot.tick});
+      Sample sample;
+      if (!read(index, sample)) continue;
+      f(fs_recorded_tick{index + 1, sample.tick});
       --most;
     }
   }
 
-  MemoryLock::Range pages() const noexcept { return {slots_.data(), slots_.size() * sizeof(Seqlock<Slot>)}; }
+  MemoryLock::Range pages() const noexcept { return {slots_.data(), slots_.size() * sizeof(Seqlock<Sample>)}; }
 
  private:
-  struct Slot {
+  struct Sample {
     uint64_t index;  // 0: of the first tick ever added
     fs_tick tick;
   };
   static constexpr size_t spare = 64;  // ticks that may be added during a read
 
   size_t count(uint64_t after, uint64_t end) const noexcept;
-  bool read(uint64_t index, Slot& out) const noexcept;  // false: it was overwritten
+  bool read(uint64_t index, Sample& out) const noexcept;  // false: it was overwritten
 
   const size_t size_;
-  std::vector<Seqlock<Slot>, PageAllocator<Seqlock<Slot>>> slots_;
+  std::vector<Seqlock<Sample>, PageAllocator<Seqlock<Sample>>> slots_;
   std::atomic<uint64_t> count_{0};  // of all ticks ever added
 };
 

@@ -65,7 +65,7 @@ void Guard::observe(const Hand& hand, bool is_damped) noexcept {
   if (is_damped) speed_ = velocity_.update({pose.position, identity_quat()}, hand.state.time).linear;
 }
 
-Guard::Guarded Guard::apply(const Hand& hand, const fs_response& response) noexcept {
+Guard::GuardedForce Guard::apply(const Hand& hand, const fs_response& response) noexcept {
   guarded_ = false;
   const Wrench& wanted = response.wrench;
   const double damping = damping_.next(), slew = slew_.next();

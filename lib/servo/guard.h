@@ -9,7 +9,7 @@
 
 #include "math/filters.h"
 #include "math/pose.h"
-#include "servo/blended.h"
+#include "servo/blend.h"
 
 namespace fs {
 
@@ -42,13 +42,13 @@ class Guard {
   };
 
   // What the device gets.
-  struct Guarded {
+  struct GuardedForce {
     Wrench wrench;
     Mat3 stiffness;  // dF/dx, N/m, without the damping; along a force that is limited it is 0
   };
 
   // [rt] wanted: what the scenes give, device frame.
-  Guarded apply(const Hand& hand, const fs_response& wanted) noexcept;
+  GuardedForce apply(const Hand& hand, const fs_response& wanted) noexcept;
 
   // [rt] The loop renders others now. A lower slew limit takes a second to come, so that it does not hold back the forces of
   // objects that are stiffer until they have lower bounds, too.
@@ -75,7 +75,7 @@ class Guard {
   int late_in_a_row_ = 0;
   double ramp_ = 0;  // 0..1
   VelocityEstimator velocity_;
-  Blended damping_, slew_;
+  Blend damping_, slew_;
   Vec3 speed_{};     // m/s, filtered
   Wrench sent_{};    // by the last tick
   Pose pose_{};      // at the last tick

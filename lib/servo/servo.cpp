@@ -160,7 +160,7 @@ void fs_servo::run() noexcept {
     const double now = steady_now();
     const double late = std::fmax(0, now - next);
     const double missed = std::floor(late / period_);  // missed ticks are skipped: no burst makes up for them
-    misses_.fetch_add(static_cast<uint64_t>(missed), std::memory_order_relaxed);
+    statistics_.note_missed(static_cast<uint64_t>(missed));
     next += missed * period_;
     due_.store(next, std::memory_order_relaxed);
     if (!device_->take_turn()) return;  // fails only when another thread is stopping this servo
@@ -194,7 +194,7 @@ fs_status fs_servo::step(uint64_t ticks) noexcept {
     } else {
       const double now = steady_now();
       const double late = last_time_ < 0 ? 0 : std::fmax(0, now - last_time_ - period_);
-      misses_.fetch_add(static_cast<uint64_t>(late / period_), std::memory_order_relaxed);
+      statistics_.note_missed(static_cast<uint64_t>(late / period_));
       tick(now, late);
     }
   }
@@ -207,26 +207,29 @@ fs_status fs_servo::step(uint64_t ticks) noexcept {
   return FS_OK;
 }
 
+// What has been asked for since the last tick: another loop, force or none.
+void fs_servo::follow_requests() noexcept {
+  if (loop_.fetch(loop_now_)) {
+    guard_.follow(loop_now_.own_damping, loop_now_.slew);
+    model_stiffness_.go_to(loop_now_.model_stiffness, settings_.spread.blend * settings_.rate);
+  }
+  const uint64_t requested = enable_.load(std::memory_order_acquire);
+  if (requested == enable_seen_) return;
+  if ((requested ^ enable_seen_) >> 32) guard_.set_enabled(false);  // even if it was enabled again meanwhile
+  if (requested & 1) {
+    guard_.set_enabled(true);
+    events_.forget_faults();
+    is_recording_ = true;
+  }
+  enable_seen_ = requested;
+}
+
 // One pass of the loop. It never allocates, locks, logs, throws or waits for another thread.
 void fs_servo::tick(double now, double late) noexcept {
   ++tick_;
   last_time_ = now;
   const double begin = steady_now();
-  if (loop_.fetch(loop_now_)) {
-    guard_.follow(loop_now_.own_damping, loop_now_.slew);
-    model_stiffness_.go_to(loop_now_.model_stiffness, settings_.spread.blend * settings_.rate);
-  }
-
-  const uint64_t requested = enable_.load(std::memory_order_acquire);
-  if (requested != enable_seen_) {
-    if ((requested ^ enable_seen_) >> 32) guard_.set_enabled(false);  // even if it was enabled again meanwhile
-    if (requested & 1) {
-      guard_.set_enabled(true);
-      events_.forget_faults();
-      is_recording_ = true;
-    }
-    enable_seen_ = requested;
-  }
+  follow_requests();
 
   fs_state hand;
   fs_status status = device_->read(now, hand);
@@ -245,30 +248,9 @@ void fs_servo::tick(double now, double late) noexcept {
   const bool begins_anew = is_known && now - known_at_ > begins_anew_after;
   if (is_known) known_at_ = now;
 
-  const std::vector<Ref<Channel>>& channels = channels_.fetch();
-  const bool has_thread = settings_.mode == FS_SERVO_THREAD;
-  fs_response response{};
-  response.proxy = identity_pose();
-  for (size_t i = 0; i < channels.size(); ++i) {
-    Channel& channel = *channels[i];
-    if (channel.is_gone()) continue;
-    channel.fetch(now);
-    if (begins_anew) channel.forget_touches();
-    if (!has_pose) {
-      channel.lose_hand(now);
-    } else if (i == 0) {
-      response = channel.evaluate(hand, now);  // the servo's own scene
-    } else {
-      const double start = has_thread ? steady_now() : 0;
-      const fs_response its = channel.evaluate(hand, now);
-      add(response, its);
-      const Vec3 at = hand.pose.position;
-      if (norm(its.proxy.position - at) > norm(response.proxy.position - at)) response.proxy = its.proxy;
-      if (has_thread) channel.charge(steady_now() - start, period_);
-    }
-  }
-
-  Guard::Guarded guarded_response = guard_.apply({hand, is_ready, late}, response);
+  const double charged = settings_.mode == FS_SERVO_THREAD ? period_ : 0;
+  fs_response response = channels_.evaluate(hand, has_pose, begins_anew, now, charged);
+  Guard::GuardedForce guarded_response = guard_.apply({hand, is_ready, late}, response);
   if (device_->is_silent()) guarded_response = {};  // the servo is being stopped
   const Wrench& sent = guarded_response.wrench;
   const uint32_t guarded = guard_.has_guarded() ? FS_RESPONSE_GUARDED : 0;
@@ -279,22 +261,12 @@ void fs_servo::tick(double now, double late) noexcept {
                       : device_->write(sent);
   if (status == FS_OK) status = write_status_;
 
-  for (const Ref<Channel>& channel : channels) {
-    if (!channel->is_gone()) channel->publish(sent, guarded, tick_);
-  }
-  faults_.store(guard_.faults(), std::memory_order_relaxed);
-  energy_.store(guard_.energy(), std::memory_order_relaxed);
+  channels_.publish(sent, guarded, tick_);
   events_.note({now, status, says_ready, age, guard_.faults()});
 
   const double compute = steady_now() - begin;
-  late_.add(late, now);
-  compute_.add(compute, now);
-  if (tick_ == 1) first_time_.store(now, std::memory_order_relaxed);
-  newest_time_.store(now, std::memory_order_relaxed);
-  ticks_.store(tick_, std::memory_order_relaxed);
-  device_errors_.store(device_errors_.load(std::memory_order_relaxed) + (status != FS_OK), std::memory_order_relaxed);
-  guarded_.store(guarded_.load(std::memory_order_relaxed) + (guarded != 0), std::memory_order_relaxed);
-  approximated_.store(approximated_.load(std::memory_order_relaxed) + (response.error_bound > 0), std::memory_order_relaxed);
+  statistics_.note({tick_, now, late, compute, status != FS_OK, guarded != 0, response.error_bound > 0, guard_.faults(),
+                    guard_.energy()});
   if (is_recording_) {
     record_.add({hand, response, sent, late, compute, status, guard_.faults()});
     if (guard_.is_latched()) is_recording_ = false;  // keeps the ticks before the fault, to find its cause
@@ -324,26 +296,11 @@ void fs_servo::set_enabled(bool enabled) noexcept {
 void fs_servo::get_stats(fs_servo_stats& out) const {
   const LoopValues loop = loop_.values();
   const fs_link link = loop_.link();
-  const RollingHistogram::Percentiles late = late_.percentiles(), compute = compute_.percentiles();
-  const double since = std::fmax(first_time_.load(), late.since), span = newest_time_.load() - since;
+  statistics_.tell(out);
   out.realtime = static_cast<fs_realtime>(std::max<int>(realtime_.load(), FS_REALTIME_NONE));
-  out.faults = faults_.load();
   out.protections_off = settings_.protections_off;
-  out.ticks = ticks_.load();
-  out.rate = span > 0 ? static_cast<double>(late.count - (since > late.since)) / span : 0;
   out.max_stiffness = loop.max_stiffness;
   out.damping = loop.damping;
-  out.energy = energy_.load();
-  out.misses = misses_.load();
-  out.device_errors = device_errors_.load();
-  out.guarded = guarded_.load();
-  out.approximated = approximated_.load();
-  out.late_p50 = late.p50;
-  out.late_p99 = late.p99;
-  out.late_max = late.max;
-  out.compute_p50 = compute.p50;
-  out.compute_p99 = compute.p99;
-  out.compute_max = compute.max;
   out.enabled = static_cast<uint32_t>(enable_.load(std::memory_order_relaxed) & 1);
   out.reserved = 0;
   out.delay = loop.delay;

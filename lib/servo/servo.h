@@ -38,7 +38,7 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
                                    fs::Channel::Owner owner);  // STATE
   fs::Channels& channels() noexcept { return channels_; }
   const fs::Ref<fs::LocalScene>& scene() const noexcept { return scene_; }
-  double time() const noexcept override { return newest_time_.load(std::memory_order_relaxed); }  // s, of the newest tick
+  double time() const noexcept override { return statistics_.time(); }  // s, of the newest tick
   // s, monotonic clock: when the last tick was due; ticks are due one period apart. 0: the servo has no thread of its
   // own, or has not ticked yet.
   double due() const noexcept { return due_.load(std::memory_order_relaxed); }
@@ -67,6 +67,7 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   void start_thread();  // IO; nothing after it can fail
   void run() noexcept;
   void tick(double now, double late) noexcept;
+  void follow_requests() noexcept;
   void start_budget();  // IO
   fs::DeviceLimit limit();  // of the loop, which is measured first; the budget calls this
 
@@ -84,7 +85,7 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   // Only the tick uses these.
   fs::Guard guard_;
   fs::LoopValues loop_now_;
-  fs::Blended model_stiffness_;  // N/m; see LoopValues
+  fs::Blend model_stiffness_;  // N/m; see LoopValues
   uint64_t tick_ = 0;
   double last_time_ = -1;
   fs_status write_status_ = FS_OK;
@@ -98,12 +99,8 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   std::atomic<uint64_t> enable_{1};  // bit 0: enabled; bits 1..31 count the trues, bits 32.. the falses
   std::atomic<bool> is_stopping_{false}, is_stopped_{false};
   std::atomic<double> due_{0};
-  std::atomic<uint64_t> ticks_{0}, misses_{0}, device_errors_{0}, guarded_{0}, approximated_{0};
-  std::atomic<uint32_t> faults_{0};
-  std::atomic<double> energy_{0};
   std::atomic<int> realtime_{FS_REALTIME_NONE};
-  std::atomic<double> first_time_{0}, newest_time_{0};
-  fs::RollingHistogram late_, compute_;
+  fs::Statistics statistics_;
   fs::FlightRecord record_;
   fs::DeviceEvents events_;
 

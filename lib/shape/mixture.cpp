@@ -9,7 +9,7 @@ namespace {
 constexpr int most_chosen = 5;  // four directions give every mean; the fifth then replaces one of them
 
 // The directions that have a part.
-struct Chosen {
+struct Support {
   int count = 0;
   int index[most_chosen];
   double change[most_chosen];  // of the parts, see find_change
@@ -75,7 +75,7 @@ struct Chosen {
 
 void Mixture::mix() noexcept {
   for (double& part : parts) part = 0;
-  Chosen chosen;
+  Support chosen;
   chosen.index[0] = 0;
   for (int i = 1; i < size; ++i) {
     if (costs[i] < costs[chosen.index[0]]) chosen.index[0] = i;

@@ -33,18 +33,18 @@ bool closest_on_plane(Vec3 x, double max_distance, Closest& out) noexcept {
   return true;
 }
 
-// Calls ask(segment, bound) for all segments that may be as near as the bound (m^2), which ask lowers.
+// Calls ask(segment, range) for all segments that may be as near as the range (m^2), which ask lowers.
 template <class From, class Ask>
-void ask_near(const Segments& segments, Vec3 at, double bound, Ask&& ask) noexcept {
+void ask_near(const Segments& segments, Vec3 at, double range, Ask&& ask) noexcept {
   const WideTree& tree = *segments.tree;
   const double scale = segments.frame.scale;
-  const auto local = [&] { return wide::rounded_up<From>(bound * scale * scale); };
+  const auto local = [&] { return wide::rounded_up<From>(range * scale * scale); };
   uint32_t visits = UINT32_MAX;
   wide::search(
       tree, From{at}, local(), visits,
       [&](uint32_t leaf, auto& local_bound) {
         const auto [begin, end] = tree.leaves()[leaf];
-        for (uint32_t i = begin; i < end; ++i) ask(tree.items()[i], bound);
+        for (uint32_t i = begin; i < end; ++i) ask(tree.items()[i], range);
         local_bound = local();
       },
       [](uint32_t) {});
@@ -58,25 +58,25 @@ bool closest_on_polyline(const Shape& shape, Vec3 x, double max_distance, Closes
   const auto end = [&](size_t i) { return points[i + 1 < points.size() ? i + 1 : 0]; };
   Nearest best;
   size_t best_segment = count;
-  // The bound is squared and slightly enlarged; the exact comparison comes at the end.
-  double bound = max_distance * max_distance * (1 + 1e-15) + std::numeric_limits<double>::min();
-  const auto ask = [&](size_t segment, double& bound) {
+  // The range is squared and slightly enlarged; the exact comparison comes at the end.
+  double range = max_distance * max_distance * (1 + 1e-15) + std::numeric_limits<double>::min();
+  const auto ask = [&](size_t segment, double& range) {
     Nearest here;
     nearest_on_segment(start(segment) - x, end(segment) - x, Part::edge_ab, Part::corner_a, Part::corner_b, here);
-    if (here.squared > bound || (here.squared == best.squared && segment > best_segment)) return;
+    if (here.squared > range || (here.squared == best.squared && segment > best_segment)) return;
     best = here;
     best_segment = segment;
-    bound = here.squared;
+    range = here.squared;
   };
   if (segments.tree) {
     const Vec3 at = segments.frame.local(x);
     if (largest_coordinate(at) < wide::far) {
-      ask_near<wide::Near>(segments, at, bound, ask);
+      ask_near<wide::Near>(segments, at, range, ask);
     } else {
-      ask_near<wide::Far>(segments, at, bound, ask);
+      ask_near<wide::Far>(segments, at, range, ask);
     }
   } else {
-    for (size_t i = 0; i < count; ++i) ask(i, bound);
+    for (size_t i = 0; i < count; ++i) ask(i, range);
   }
   if (best_segment == count) return false;
   const double distance = std::sqrt(best.squared);

@@ -10,7 +10,7 @@
 
 #include "base/counted.h"
 #include "base/serial.h"
-#include "base/wanted.h"
+#include "base/stop_token.h"
 #include "math/vec3.h"
 #include "shape/local_frame.h"
 
@@ -30,7 +30,7 @@ struct Segments {
   std::vector<Vec3> tangents;             // unit; {0, 0, 0} without length
   std::vector<uint8_t> goes_straight_on;  // into the next segment
 
-  Segments(const std::vector<Vec3>& points, bool closed, Wanted& wanted);
+  Segments(const std::vector<Vec3>& points, bool closed, StopToken& stop);
   ~Segments();
   size_t count() const noexcept { return tangents.size(); }
 };
@@ -40,7 +40,7 @@ struct Segments {
 struct fs_shape : fs::Counted<fs_shape> {
   // edges: those of a mesh, as joined_edges finds them.
   fs_shape(const fs_shape_info& info, std::vector<fs::Vec3> points, std::vector<uint32_t> triangles,
-           std::unique_ptr<fs::MeshEdges> edges, fs::Wanted& wanted);
+           std::unique_ptr<fs::MeshEdges> edges, fs::StopToken& stop);
   ~fs_shape();
 
   const uint64_t serial = fs::next_serial();
@@ -53,11 +53,11 @@ struct fs_shape : fs::Counted<fs_shape> {
   const bool is_straight;                  // polyline: all its points lie on one line, within a millionth of its length
 
   // Builds the search tree of a mesh once. Any thread may call it; the others wait until the tree is built. A polyline
-  // is always built. Throws Abandoned.
-  void build(fs::Wanted& wanted) const;
+  // is always built. Throws Stopped.
+  void build(fs::StopToken& stop) const;
   void build() const {
-    fs::Wanted wanted;
-    build(wanted);
+    fs::StopToken stop;
+    build(stop);
   }
   bool is_built() const noexcept;
   bool is_united() const noexcept;  // [rt] see fs_shape_info
@@ -89,18 +89,18 @@ using Shape = fs_shape;
 
 // These check their arguments, and copy them unless they are vectors. INVALID: fewer than 2 points, no triangle, an index out of range, a coordinate
 // not finite or beyond 1e15 m, more than 4e9 points or 5e8 triangles; the sentence names the first bad point or
-// triangle. Throws Abandoned.
-Ref<const Shape> make_polyline(const Vec3* points, size_t count, bool closed, Wanted& wanted);
+// triangle. Throws Stopped.
+Ref<const Shape> make_polyline(const Vec3* points, size_t count, bool closed, StopToken& stop);
 Ref<const Shape> make_mesh(const Vec3* points, size_t point_count, const uint32_t* triangles, size_t triangle_count,
-                           Wanted& wanted);
-Ref<const Shape> make_mesh(std::vector<Vec3> points, std::vector<uint32_t> triangles, Wanted& wanted);
+                           StopToken& stop);
+Ref<const Shape> make_mesh(std::vector<Vec3> points, std::vector<uint32_t> triangles, StopToken& stop);
 inline Ref<const Shape> make_polyline(const Vec3* points, size_t count, bool closed) {
-  Wanted wanted;
-  return make_polyline(points, count, closed, wanted);
+  StopToken stop;
+  return make_polyline(points, count, closed, stop);
 }
 inline Ref<const Shape> make_mesh(const Vec3* points, size_t point_count, const uint32_t* triangles, size_t triangle_count) {
-  Wanted wanted;
-  return make_mesh(points, point_count, triangles, triangle_count, wanted);
+  StopToken stop;
+  return make_mesh(points, point_count, triangles, triangle_count, stop);
 }
 
 }  // namespace fs

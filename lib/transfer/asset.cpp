@@ -67,7 +67,7 @@ PackedAsset pack(const Asset& asset) {
   return out;
 }
 
-Asset unpack(PackedAsset&& packed, Wanted& wanted) {
+Asset unpack(PackedAsset&& packed, StopToken& stop) {
   if (packed.is_expression()) return {nullptr, make_expression_curve(text_of(packed.curve.expression).c_str())};
   check_blob(packed.content, packed.content_bytes());
   if (packed.type == wire::type_curve) {
@@ -83,9 +83,9 @@ Asset unpack(PackedAsset&& packed, Wanted& wanted) {
   read_blob(packed.content, points.size() * sizeof(Vec3), std::as_writable_bytes(std::span(triangles)));
   packed.content.reset();
   if (record.primitive == FS_PRIMITIVE_POLYLINE) {
-    return {make_polyline(points.data(), points.size(), record.is_closed != 0, wanted), nullptr};
+    return {make_polyline(points.data(), points.size(), record.is_closed != 0, stop), nullptr};
   }
-  return {make_mesh(std::move(points), std::move(triangles), wanted), nullptr};
+  return {make_mesh(std::move(points), std::move(triangles), stop), nullptr};
 }
 
 // ---------------------------------------------------------------------------------------------------------- of objects

@@ -8,7 +8,7 @@
 #include "base/counted.h"
 #include "base/descriptor.h"
 #include "base/error.h"
-#include "base/wanted.h"
+#include "base/stop_token.h"
 #include "field/object.h"
 #include "law/curve.h"
 #include "shape/shape.h"
@@ -24,8 +24,8 @@ struct Asset {
   Ref<const Shape> shape;
   Ref<const Curve> curve;
 
-  static Asset of(const fs_shape* shape) { return {Ref<const Shape>::share(shape), nullptr}; }
-  static Asset of(const fs_curve* curve) { return {nullptr, Ref<const Curve>::share(curve)}; }
+  static Asset of(const fs_shape* shape) { return {Ref<const Shape>::retain(shape), nullptr}; }
+  static Asset of(const fs_curve* curve) { return {nullptr, Ref<const Curve>::retain(curve)}; }
 
   explicit operator bool() const noexcept { return shape || curve; }
   uint64_t serial() const noexcept { return shape ? shape->serial : curve ? curve->serial : 0; }  // 0: neither
@@ -51,8 +51,8 @@ struct PackedAsset {
 
 // The id becomes the asset's serial. IO, FULL.
 PackedAsset pack(const Asset& asset);
-// Trusts nothing in it. INVALID, PARSE, UNSUPPORTED, IO; throws Abandoned.
-Asset unpack(PackedAsset&& packed, Wanted& wanted);
+// Trusts nothing in it. INVALID, PARSE, UNSUPPORTED, IO; throws Stopped.
+Asset unpack(PackedAsset&& packed, StopToken& stop);
 
 // What an object refers to, and the numbers of these: its shape, the curve of its front, the curve of its back.
 using Assets = std::array<Asset, 3>;

@@ -25,14 +25,9 @@ std::string_view Change::name() const noexcept {
     case wire::type_place: return view_of(as<wire::Place>().name);
     case wire::type_remove: return view_of(as<wire::Remove>().name);
     case wire::type_bind: return view_of(as<wire::Bind>().name);
-    case wire::type_edit:
-    case wire::type_move_other:
-    case wire::type_remove_other: return view_of(as<wire::Target>().name);  // each of them begins with its target
     default: return {};
   }
 }
-
-static_assert(offsetof(wire::Edit, target) == 0 && offsetof(wire::MoveOther, target) == 0);
 
 // ------------------------------------------------------------------------------------------------------ to be sent
 
@@ -92,7 +87,7 @@ Batch::Reader::Reader(std::span<const std::byte> body, std::shared_ptr<const voi
   rest_ = body.subspan(sizeof group);
   batch_.memory_ = std::move(memory);
   if (content) {
-    constexpr size_t largest = sizeof(wire::Header) + std::max(sizeof(wire::Edit), sizeof(wire::Tool));
+    constexpr size_t largest = sizeof(wire::Header) + std::max(sizeof(wire::Set), sizeof(wire::Tool));
     if (!rest_.empty() || group.bytes > most * largest) return;
     try {
       batch_.memory_ = map_blob(content, group.bytes);

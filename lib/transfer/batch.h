@@ -30,7 +30,8 @@ struct Change {
   }
   // It changes an object of another client.
   bool is_foreign() const noexcept {
-    return type == wire::type_edit || type == wire::type_move_other || type == wire::type_remove_other;
+    const bool may_be = type == wire::type_change || type == wire::type_place || type == wire::type_remove;
+    return may_be && name().find('/') != std::string_view::npos;
   }
   // The name of the object that it is about, "client/object" of a foreign one; empty: it is about none.
   std::string_view name() const noexcept;
@@ -94,8 +95,7 @@ class Batch {
     bool is_filled;
     size_t at;  // bytes from the base; or the index in filled_
   };
-  static constexpr size_t largest = std::max(sizeof(wire::Set), sizeof(wire::Edit));
-  struct alignas(8) Filled : std::array<std::byte, largest> {};
+  struct alignas(8) Filled : std::array<std::byte, sizeof(wire::Set)> {};
   const std::byte* base() const noexcept { return memory_ ? memory_base_ : bytes_.data(); }
 
   void add_came(wire::Type type, std::span<const std::byte> record);

@@ -33,11 +33,9 @@ std::optional<size_t> record_size(uint32_t type, const RecordSizes& common) noex
     case type_pull:
     case type_report:
     case type_view:
-    case type_motions:
-    case type_remove_other: return sizeof(Target);
+    case type_motions: return sizeof(Target);
     case type_fetch: return sizeof(Fetch);
     case type_record: return sizeof(After);
-    case type_move_other: return sizeof(MoveOther);
     default: return {};
   }
 }

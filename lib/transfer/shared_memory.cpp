@@ -19,7 +19,7 @@ bool EventReader::read(const Outbox& outbox, fs_event& out) noexcept {
     lost = written - kept_events - read_;
     read_ = written - kept_events;
   }
-  wire::EventSlot entry;
+  wire::NumberedEvent entry;
   const auto read_next = [&] { return outbox.events[read_ % kept_events].read(entry) && entry.number == read_; };
   for (; read_ != written && !read_next(); ++read_) ++lost;  // overwritten meanwhile
   out = {};

@@ -26,7 +26,7 @@ struct Outbox {
   std::atomic<uint64_t> news{0};                 // grows when there is something new to tell the client
   std::atomic<uint64_t> applied{0};              // serial: all of the client's messages up to it have been applied
   std::atomic<uint64_t> events_written{0};
-  Seqlock<wire::EventSlot> events[kept_events];  // by number, modulo kept_events
+  Seqlock<wire::NumberedEvent> events[kept_events];  // by number, modulo kept_events
 };
 
 // Called by the server: adds an event; of an OVERFLOW, counts the events that were lost. Events that are not read in time are

@@ -45,7 +45,6 @@ std::optional<GrowingEnd> growing_end(uint32_t type) noexcept {
   switch (type) {
     case wire::type_set:
     case wire::type_change: return end_of<wire::Set>;
-    case wire::type_edit: return end_of<wire::Edit>;
     default: return {};
   }
 }

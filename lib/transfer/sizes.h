@@ -32,9 +32,8 @@ inline constexpr GrowingEnd end_of<wire::Object>{&wire::Sizes::object, 0, sizeof
 template <>
 inline constexpr GrowingEnd end_of<wire::Set>{&wire::Sizes::object, offsetof(wire::Set, object), sizeof(wire::Set)};
 template <>
-inline constexpr GrowingEnd end_of<wire::Edit>{&wire::Sizes::object, offsetof(wire::Edit, object), sizeof(wire::Edit)};
-template <>
-inline constexpr GrowingEnd end_of<wire::Pulled>{&wire::Sizes::object, offsetof(wire::Pulled, object), sizeof(wire::Pulled)};
+inline constexpr GrowingEnd end_of<wire::PullAnswer>{&wire::Sizes::object, offsetof(wire::PullAnswer, object),
+                                                     sizeof(wire::PullAnswer)};
 template <>
 inline constexpr GrowingEnd end_of<fs_servo_stats>{&wire::Sizes::stats, 0, sizeof(fs_servo_stats)};
 template <>

@@ -21,7 +21,7 @@ namespace fs::wire {
 // ---------------------------------------------------------------------------------------- connecting: never changes
 
 inline constexpr uint64_t magic = 0x3172657673636f66;  // "focsver1"
-inline constexpr uint32_t version = 1;
+inline constexpr uint32_t version = 2;
 
 // The sizes of the records that an end knows, in bytes, of those that grow. A later version appends more.
 struct Sizes {
@@ -65,7 +65,8 @@ struct Welcome {
 };
 
 enum Type : uint32_t {
-  // Changes of the client's own objects and view.
+  // Changes, of the client's own objects and view. A change, a place and a remove may also be of another client's object:
+  // its name says "client/object" then. Where such a one comes alone it is a request: Reply.
   type_shape = 1,    // Shape, and a descriptor: points, then triangles
   type_curve,        // Curve; a table: and a descriptor
   type_forget,       // Forget
@@ -79,19 +80,16 @@ enum Type : uint32_t {
   type_tool,         // Tool
   type_wake,         // nothing: wakes the server, as there is something in the inbox
   type_group,        // Group, then a Header and a record for each change; where these are too long for a message, they
-                     // are in a descriptor that comes with it. Also changes of others' objects: edit, move, remove
+                     // are in a descriptor that comes with it
   type_bind,         // Bind
   type_accuracy,     // Accuracy
   type_max_stiffness, // MaxStiffness
 
   // Requests.
   type_sync = 100,   // nothing. Reply when a tick has used all before it; or the status of the first refused change
-  type_pull,         // Target: an own object, or empty: the next that the client must be told of. Reply, Pulled
+  type_pull,         // Target: an own object, or empty: the next that the client must be told of. Reply, PullAnswer
   type_get,          // Target. Reply, Object
   type_fetch,        // Fetch. Reply, Shape or Curve, and the descriptor that goes with it
-  type_edit,         // Edit. Reply
-  type_move_other,   // MoveOther. Reply
-  type_remove_other, // Target. Reply
   type_report,       // Target. Reply, fs_report
   type_reports,      // nothing. Reply, Count, and a descriptor: fs_report, as many
   type_clients,      // nothing. Reply, Count, and a descriptor: fs_client, as many
@@ -136,7 +134,8 @@ inline constexpr uint64_t of_server = uint64_t{1} << 63;
 inline constexpr uint32_t no_slot = ~0u;
 
 struct Set {
-  uint32_t slot;                 // of the inbox: the object is moved through it from now on; no_slot: through none
+  uint32_t slot;                 // of the inbox: the object is moved through it from now on; no_slot: through none, as
+                                 // each of another client's
   uint32_t parts;                // fs_part bits
   Object object;
 };
@@ -148,6 +147,9 @@ struct Motion {
   double time;                   // s
   double horizon;                // s, how long the twist holds
 };
+
+// In the Place of another client's object: no twist was given, so it is worked out from how the object has moved.
+inline constexpr double unknown_horizon = -1;
 
 struct Place {
   char name[FS_NAME_SIZE];
@@ -208,27 +210,13 @@ struct Target {
 };
 
 struct Fetch {
-  uint64_t id;                   // the server's number, of the last Object or Pulled that it sent
+  uint64_t id;                   // the server's number, of the last Object or PullAnswer that it sent
 };
 
 inline constexpr size_t most_ticks = 2048;  // in one answer: where there are more, it is asked for again
 
 struct After {
   uint64_t number;               // of the last tick that the client has
-};
-
-struct Edit {  // parts of another client's object
-  Target target;
-  uint64_t parts;
-  Object object;
-};
-
-struct MoveOther {
-  Target target;
-  uint64_t has_twist;
-  fs_pose pose;
-  fs_twist twist;
-  double time;                   // s
 };
 
 // A list: the descriptor that comes along has so many records.
@@ -248,7 +236,7 @@ enum PulledState : uint32_t {
   pulled_view                    // frame and tool
 };
 
-struct Pulled {
+struct PullAnswer {
   uint32_t state;                // PulledState
   uint32_t slot;                 // of the object; no_slot: none
   uint64_t news;                 // Outbox::news as far as the client has been told
@@ -264,21 +252,20 @@ struct Move {
   Motion motion;
 };
 
-struct EventSlot {
+struct NumberedEvent {
   uint64_t number;
   fs_event event;
 };
 
-// What has another size belongs to another version; nothing here has padding. Without its last part, which grows: Set, Edit
-// and Pulled.
+// What has another size belongs to another version; nothing here has padding. Without its last part, which grows: Set and
+// PullAnswer.
 static_assert(sizeof(Sizes) == 64 && sizeof(Hello) == 224 && sizeof(Answer) == 288 && sizeof(Welcome) == 96);
 static_assert(sizeof(Header) == 16 && sizeof(Group) == 8 && sizeof(Reply) == 264 && sizeof(Count) == 16);
 static_assert(sizeof(Motion) == 120 && sizeof(Move) == 128 && sizeof(Place) == 248 && sizeof(Remove) == 128);
 static_assert(sizeof(Bind) == 136 && sizeof(Frame) == 104 && sizeof(Clutch) == 8 && sizeof(Accuracy) == 8);
 static_assert(sizeof(MaxStiffness) == 8 && sizeof(Tool) == 776 && sizeof(Shape) == 32 && sizeof(Curve) == 280);
 static_assert(sizeof(Forget) == 8 && sizeof(Target) == 128 && sizeof(Fetch) == 8 && sizeof(After) == 8);
-static_assert(sizeof(MoveOther) == 248 && sizeof(EventSlot) == 8 + sizeof(fs_event));
-static_assert(sizeof(Set) - sizeof(Object) == 8 && sizeof(Edit) - sizeof(Object) == 136 &&
-              sizeof(Pulled) - sizeof(Object) == 1016);
+static_assert(sizeof(NumberedEvent) == 8 + sizeof(fs_event));
+static_assert(sizeof(Set) - sizeof(Object) == 8 && sizeof(PullAnswer) - sizeof(Object) == 1016);
 
 }  // namespace fs::wire

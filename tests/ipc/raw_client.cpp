@@ -228,7 +228,7 @@ bool RawClient::next_event(fs_event& event) {
   const uint64_t written = outbox->events_written.load(std::memory_order_acquire);
   if (written - events_read_ > fs::kept_events) events_read_ = written - fs::kept_events;
   for (; events_read_ < written; ++events_read_) {
-    fs::wire::EventSlot slot;
+    fs::wire::NumberedEvent slot;
     if (!outbox->events[events_read_ % fs::kept_events].read(slot) || slot.number != events_read_) continue;
     event = slot.event;
     ++events_read_;
@@ -242,6 +242,25 @@ bool RawClient::next_refusal(fs_event& event) {
     if (event.kind == FS_EVENT_REFUSED) return true;
   }
   return false;
+}
+
+fs::wire::Set change_of(const std::string& name, uint32_t parts, const fs::wire::Object& object) {
+  fs::wire::Set out{fs::wire::no_slot, parts, object};
+  fs::put_text(out.object.name, name);
+  return out;
+}
+fs::wire::Set change_of(const std::string& name, uint32_t parts, const fs_object& object) {
+  return change_of(name, parts, fs::to_record(object));
+}
+fs::wire::Place move_of(const std::string& name, const fs_pose& pose, const fs_twist* twist, double time) {
+  fs::wire::Place out{{}, {pose, twist ? *twist : fs_twist{}, time, twist ? fs::extrapolation_limit : fs::wire::unknown_horizon}};
+  fs::put_text(out.name, name);
+  return out;
+}
+fs::wire::Remove remove_of(const std::string& name) {
+  fs::wire::Remove out{};
+  fs::put_text(out.name, name);
+  return out;
 }
 
 fs::Descriptor memory_file(std::span<const std::byte> bytes, size_t size, unsigned seals) {

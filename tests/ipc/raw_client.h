@@ -103,6 +103,13 @@ class RawClient {
   std::vector<std::byte> group_;  // the group that is being built
 };
 
+// Changes of another client's object, "client/object".
+fs::wire::Set change_of(const std::string& name, uint32_t parts, const fs::wire::Object& object);
+fs::wire::Set change_of(const std::string& name, uint32_t parts, const fs_object& object);
+fs::wire::Place move_of(const std::string& name, const fs_pose& pose = {{}, {1, 0, 0, 0}}, const fs_twist* twist = nullptr,
+                        double time = 0);
+fs::wire::Remove remove_of(const std::string& name);
+
 // A memory file of this size with these seals; its content is `bytes`, then zeros.
 fs::Descriptor memory_file(std::span<const std::byte> bytes, size_t size, unsigned seals);
 

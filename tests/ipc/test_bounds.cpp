@@ -204,8 +204,8 @@ START_TEST(edits_without_end) {
   std::vector<fs_vec3> points(100'000);
   for (size_t i = 0; i < points.size(); ++i) points[i] = {1e-5 * static_cast<double>(i), 0.01, 0};
   const Descriptor file = fs::make_blob({fs::bytes_of(points.data(), points.size())});
-  Edit edit{{}, FS_PART_SHAPE, fs::to_record(push("o", 0.001))};
-  fs::put_text(edit.target.name, "owner/o");
+  Set edit{no_slot, FS_PART_SHAPE, fs::to_record(push("o", 0.001))};
+  fs::put_text(edit.object.name, "owner/o");
   edit.object.primitive = FS_PRIMITIVE_POLYLINE;
   uint64_t id = 0;
   expect_bounded("edits", 10, 40, [&](int) {
@@ -213,7 +213,7 @@ START_TEST(edits_without_end) {
     client.send(type_shape, Shape{++id, FS_PRIMITIVE_POLYLINE, 0, points.size(), 0}, file.get());
     edit.object.shape = id;
     for (int k = 0; k < 3000; ++k) {
-      client.send(type_edit, edit);
+      client.send(type_change, edit);
       while (client.reply_of(0, 1e-6)) {
       }
     }
@@ -232,11 +232,11 @@ START_TEST(edit_of_the_forgotten) {
   std::vector<fs_vec3> points(1'000'000);
   const Descriptor file = memory_file({}, points.size() * sizeof(fs_vec3), all_seals);
   client.send(type_shape, Shape{1, FS_PRIMITIVE_POLYLINE, 0, points.size(), 0}, file.get());
-  Edit edit{{}, FS_PART_SHAPE, fs::to_record(push("o", 0.001))};
-  fs::put_text(edit.target.name, "owner/o");
+  Set edit{no_slot, FS_PART_SHAPE, fs::to_record(push("o", 0.001))};
+  fs::put_text(edit.object.name, "owner/o");
   edit.object.primitive = FS_PRIMITIVE_POLYLINE;
   edit.object.shape = 1;
-  const uint64_t serial = client.send(type_edit, edit);
+  const uint64_t serial = client.send(type_change, edit);
   client.forget(1);
   const std::optional<RawClient::Reply> reply = client.reply_of(serial);
   ck_assert_msg(reply.has_value(), "no answer");

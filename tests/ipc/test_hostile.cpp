@@ -19,8 +19,7 @@ static const std::vector<Known> known_types = {
     {type_remove, sizeof(Remove)}, {type_clear, 0},               {type_frame, sizeof(Frame)},
     {type_clutch, sizeof(Clutch)}, {type_tool, sizeof(Tool)},     {type_wake, 0},
     {type_bind, sizeof(Bind)},     {type_sync, 0},                {type_pull, sizeof(Target)},   {type_get, sizeof(Target)},
-    {type_fetch, sizeof(Fetch)},   {type_edit, sizeof(Edit)},     {type_move_other, sizeof(MoveOther)},
-    {type_remove_other, sizeof(Target)}, {type_report, sizeof(Target)}, {type_reports, 0},
+    {type_fetch, sizeof(Fetch)},   {type_report, sizeof(Target)}, {type_reports, 0},
     {type_clients, 0},             {type_views, 0},               {type_record, sizeof(After)},
     {type_view, sizeof(Target)},   {type_stats, 0},
     {type_stop_force, 0},          {type_resume_force, 0},        {type_device, 0},              {type_motions, sizeof(Target)},
@@ -134,9 +133,8 @@ START_TEST(what_belongs_in_no_group) {
   Rig rig;
   std::vector<Known> strangers{{type_group, sizeof(Group)}, {type_reply, 0}, {77, 0}};
   for (const Known& known : known_types) {
-    const bool is_of_others = known.type == type_edit || known.type == type_move_other || known.type == type_remove_other;
     const bool is_change = known.type >= type_set && known.type <= type_tool;
-    if (!is_change && !is_of_others && known.type != type_bind && known.type != type_accuracy &&
+    if (!is_change && known.type != type_bind && known.type != type_accuracy &&
         known.type != type_max_stiffness) strangers.push_back(known);
   }
   for (const Known& stranger : strangers) {
@@ -386,11 +384,9 @@ START_TEST(bad_requests) {
       ck_assert_int_eq(client.ask(type, target_of(name)), FS_ERROR_NOT_FOUND);
     }
     if (!std::strchr(name, '/')) continue;  // its own
-    ck_assert_int_eq(client.ask(type_remove_other, target_of(name)), FS_ERROR_NOT_FOUND);
-    Edit edit{target_of(name), all_parts, fs::to_record(push("wall", 1))};
-    ck_assert_int_eq(client.ask(type_edit, edit), FS_ERROR_NOT_FOUND);
-    ck_assert_int_eq(client.ask(type_move_other, MoveOther{target_of(name), 0, scenes::at(0, 0, 0), {}, 0}),
-                     FS_ERROR_NOT_FOUND);
+    ck_assert_int_eq(client.ask(type_remove, remove_of(name)), FS_ERROR_NOT_FOUND);
+    ck_assert_int_eq(client.ask(type_change, change_of(name, all_parts, push("wall", 1))), FS_ERROR_NOT_FOUND);
+    ck_assert_int_eq(client.ask(type_place, move_of(name)), FS_ERROR_NOT_FOUND);
   }
   for (const char* name : {"", "nobody", "honest/wall", "/"}) {
     ck_assert_int_eq(client.ask(type_view, target_of(name)), FS_ERROR_NOT_FOUND);
@@ -405,27 +401,27 @@ START_TEST(bad_requests) {
   }
 
   // A change that would make the object invalid is refused.
-  const Target wall = target_of("honest/wall");
+  const char* const wall = "honest/wall";
   const double nan = std::nan("");
   fs_object bad = push("wall", 1);
   bad.front.limit = nan;
-  ck_assert_int_eq(client.ask(type_edit, Edit{wall, FS_PART_PROFILES, fs::to_record(bad)}), FS_ERROR_INVALID);
+  ck_assert_int_eq(client.ask(type_change, change_of(wall, FS_PART_PROFILES, bad)), FS_ERROR_INVALID);
   bad.pose.position.x = 1e300;
-  ck_assert_int_eq(client.ask(type_edit, Edit{wall, FS_PART_POSE, fs::to_record(bad)}), FS_ERROR_INVALID);
-  ck_assert_int_eq(client.ask(type_edit, Edit{wall, ~uint64_t{0}, fs::to_record(bad)}), FS_ERROR_INVALID);
-  ck_assert_int_eq(client.ask(type_edit, Edit{wall, uint64_t{1} << 40, fs::to_record(push("wall", 5))}), FS_ERROR_INVALID);
+  ck_assert_int_eq(client.ask(type_change, change_of(wall, FS_PART_POSE, bad)), FS_ERROR_INVALID);
+  ck_assert_int_eq(client.ask(type_change, change_of(wall, ~0u, bad)), FS_ERROR_INVALID);
+  ck_assert_int_eq(client.ask(type_change, change_of(wall, 1u << 31, push("wall", 5))), FS_ERROR_INVALID);
   fs::wire::Object record = fs::to_record(bad);
   record.primitive = -7;
-  ck_assert_int_eq(client.ask(type_edit, Edit{wall, FS_PART_SHAPE, record}), FS_ERROR_INVALID);
+  ck_assert_int_eq(client.ask(type_change, change_of(wall, FS_PART_SHAPE, record)), FS_ERROR_INVALID);
   record.shape = of_server | 12345;
-  ck_assert_int_eq(client.ask(type_edit, Edit{wall, FS_PART_SHAPE, record}), FS_ERROR_STATE);
+  ck_assert_int_eq(client.ask(type_change, change_of(wall, FS_PART_SHAPE, record)), FS_ERROR_STATE);
   const fs_pose poses[] = {{{nan, 0, 0}, {1, 0, 0, 0}}, {{1e16, 0, 0}, {1, 0, 0, 0}}, {{0, 0, 0}, {2, 0, 0, 0}}};
   for (const fs_pose& pose : poses) {
-    ck_assert_int_eq(client.ask(type_move_other, MoveOther{wall, 0, pose, {}, 0}), FS_ERROR_INVALID);
+    ck_assert_int_eq(client.ask(type_place, move_of(wall, pose)), FS_ERROR_INVALID);
   }
   const fs_twist twist{{0, INFINITY, 0}, {}};
-  ck_assert_int_eq(client.ask(type_move_other, MoveOther{wall, 1, scenes::at(0, 0, 0), twist, 0}), FS_ERROR_INVALID);
-  ck_assert_int_eq(client.ask(type_move_other, MoveOther{wall, 0, scenes::at(0, 0, 0), {}, nan}), FS_ERROR_INVALID);
+  ck_assert_int_eq(client.ask(type_place, move_of(wall, scenes::at(0, 0, 0), &twist)), FS_ERROR_INVALID);
+  ck_assert_int_eq(client.ask(type_place, move_of(wall, scenes::at(0, 0, 0), nullptr, nan)), FS_ERROR_INVALID);
   rig.check_honest();
 }
 END_TEST
@@ -443,12 +439,12 @@ START_TEST(later_changes_come_later) {
       ring[i] = {std::cos(angle), std::sin(angle), 0};
     }
     bob.polyline(77, ring);
-    Edit first{target_of("alice/t"), all_parts, fs::to_record(push("t", 0.1))}, second = first;
+    Set first = change_of("alice/t", all_parts, push("t", 0.1)), second = first;
     first.object.primitive = FS_PRIMITIVE_POLYLINE;
     first.object.shape = 77;
-    const uint64_t first_serial = bob.send(type_edit, first);
-    if (is_group) bob.send(type_move_other, MoveOther{target_of("alice/t"), 0, {}, {}, 0}, -1, true);
-    const uint64_t second_serial = bob.send(type_edit, second);
+    const uint64_t first_serial = bob.send(type_change, first);
+    if (is_group) bob.send(type_place, move_of("alice/t"), -1, true);
+    const uint64_t second_serial = bob.send(type_change, second);
     ck_assert_int_eq(bob.status_of(bob.reply_of(first_serial)), FS_OK);
     if (!is_group) ck_assert_int_eq(bob.status_of(bob.reply_of(second_serial)), FS_OK);
     ck_assert_int_eq(rig.sync(bob), FS_OK);
@@ -466,10 +462,9 @@ START_TEST(locked) {
   OK(fs_object_set(rig.scene(), &(const fs_object&)push("own", 0.01)));
   RawClient client = rig.join("editor");
   for (const char* name : {"honest/wall", "server/own", "server/nothing"}) {
-    ck_assert_int_eq(client.ask(type_edit, Edit{target_of(name), 0, fs::to_record(push("wall", 1))}), FS_ERROR_DENIED);
-    ck_assert_int_eq(client.ask(type_move_other, MoveOther{target_of(name), 0, scenes::at(0, 0, 0), {}, 0}),
-                     FS_ERROR_DENIED);
-    ck_assert_int_eq(client.ask(type_remove_other, target_of(name)), FS_ERROR_DENIED);
+    ck_assert_int_eq(client.ask(type_change, change_of(name, 0, push("wall", 1))), FS_ERROR_DENIED);
+    ck_assert_int_eq(client.ask(type_place, move_of(name)), FS_ERROR_DENIED);
+    ck_assert_int_eq(client.ask(type_remove, remove_of(name)), FS_ERROR_DENIED);
   }
   ck_assert_int_eq(client.ask(type_get, target_of("honest/wall")), FS_OK);  // reading is allowed
   OK(fs_object_remove(rig.scene(), "own"));
@@ -477,20 +472,19 @@ START_TEST(locked) {
 }
 END_TEST
 
-// Messages about other clients' objects cannot be used for own objects: there is only one way to change those.
+// An own object is changed by its bare name only.
 START_TEST(own_as_another) {
   Rig rig;
   RawClient client = rig.join("self");
   client.set(0, push("o", 1));
   ck_assert_int_eq(rig.sync(client), FS_OK);
   for (const char* name : {"o", "self/o"}) {
-    ck_assert_int_eq(client.ask(type_remove_other, target_of(name)), FS_ERROR_INVALID);
-    ck_assert_int_eq(client.ask(type_move_other, MoveOther{target_of(name), 0, scenes::at(0, 0, 0), {}, 0}),
-                     FS_ERROR_INVALID);
-    ck_assert_int_eq(client.ask(type_edit, Edit{target_of(name), 0, fs::to_record(push("o", 1))}), FS_ERROR_INVALID);
     ck_assert_int_eq(client.ask(type_get, target_of(name)), FS_OK);
     ck_assert_int_eq(client.ask(type_report, target_of(name)), FS_OK);
   }
+  ck_assert_int_eq(client.ask(type_remove, remove_of("self/o")), FS_ERROR_INVALID);
+  ck_assert_int_eq(client.ask(type_place, move_of("self/o")), FS_ERROR_INVALID);
+  ck_assert_int_eq(client.ask(type_change, change_of("self/o", 0, push("o", 1))), FS_ERROR_INVALID);
   client.remove("o");
   client.set(3, push("o", 1));
   ck_assert_int_eq(rig.sync(client), FS_OK);

@@ -134,6 +134,13 @@ class Actor {
                             random_.coin(0.8) ? random_.between(0, 0.1) : number(random_)});
   }
 
+  Set foreign_change(uint32_t slot) {
+    return change_of(target().name, static_cast<uint32_t>(random_.below(32)), object(slot));
+  }
+  Place foreign_move(const fs_twist& twist, double time) {
+    return move_of(target().name, pose(random_), random_.coin() ? &twist : nullptr, time);
+  }
+
   Bind bind(uint32_t slot) {
     Bind out{slot, 0, {}};
     fs::put_text(out.name, object_name(slot));
@@ -172,9 +179,9 @@ class Actor {
       case 11:
         if (!more) break;
         switch (random_.below(3)) {
-          case 0: client_->send(type_edit, spoiled(Edit{target(), random_.below(32), object(slot)}), -1, true); break;
-          case 1: client_->send(type_move_other, MoveOther{target(), random_.below(2), pose(random_), {}, 0}, -1, true); break;
-          default: client_->send(type_remove_other, target(), -1, true);
+          case 0: client_->send(type_change, spoiled(foreign_change(slot)), -1, true); break;
+          case 1: client_->send(type_place, foreign_move({}, 0), -1, true); break;
+          default: client_->send(type_remove, remove_of(target().name), -1, true);
         }
         break;
       default: after_[slot] = client_->set(slot, object(slot), all_parts, more);
@@ -217,9 +224,9 @@ class Actor {
       case 1: client_->send(type_pull, random_.coin() ? Target{} : target()); break;
       case 2: client_->send(type_get, target()); break;
       case 3: return fetch();
-      case 4: case 5: client_->send(type_edit, spoiled(Edit{target(), random_.below(32), object(slot)})); break;
-      case 6: client_->send(type_move_other, spoiled(MoveOther{target(), random_.below(2), pose(random_), {vector(random_), vector(random_)}, number(random_)})); break;
-      case 7: client_->send(type_remove_other, target()); break;
+      case 4: case 5: client_->send(type_change, spoiled(foreign_change(slot))); break;
+      case 6: client_->send(type_place, spoiled(foreign_move({vector(random_), vector(random_)}, number(random_)))); break;
+      case 7: client_->send(type_remove, remove_of(target().name)); break;
       case 8: client_->send(type_report, target()); break;
       case 9: client_->send(type_reports); break;
       case 10: client_->send(random_.coin() ? type_clients : type_views); break;

@@ -39,18 +39,6 @@ Object with_mesh(const std::string& name, uint64_t id) {
   return out;
 }
 
-template <class Record>
-Record about(const char* target) {
-  Record out{};
-  fs::put_text(out.target.name, target);
-  return out;
-}
-MoveOther move_of(const char* target) {
-  auto out = about<MoveOther>(target);
-  out.pose = scenes::at(0, 0, 0);
-  return out;
-}
-
 // What a client does. The first object of each pushes, the last pushes back: together they are not felt, but one alone would be.
 struct Kind {
   const char* name;
@@ -80,8 +68,8 @@ const Kind kinds[] = {
      }},
     {"changes of another's object", [](RawClient&) {},
      [](RawClient& client) {
-       for (int i = 0; i < many; ++i) client.send(type_move_other, move_of("honest/prey"), -1, true);
-       client.send(type_move_other, move_of("honest/prey"));
+       for (int i = 0; i < many; ++i) client.send(type_place, move_of("honest/prey"), -1, true);
+       client.send(type_place, move_of("honest/prey"));
      }},
     {"lists", fill,
      [](RawClient& client) {
@@ -246,9 +234,9 @@ START_TEST(work_about_each_other) {
       const char* const target = i == 0 ? "two/prey" : "one/prey";
       for (int k = 0; k < changes; ++k) {
         client.set(no_slot, plain(round * changes + k % 100), true);
-        client.send(type_move_other, move_of(target), -1, true);
+        client.send(type_place, move_of(target), -1, true);
       }
-      client.send(type_move_other, move_of(target));
+      client.send(type_place, move_of(target));
     }
     std::vector<uint64_t> asked;
     for (int k = 0; k < 5; ++k) asked.push_back(asking.send(type_clients));

@@ -15,7 +15,7 @@
 #include "scene/events.h"
 #include "scene/object_rows.h"
 #include "scene/view_rows.h"
-#include "servo/statistics.h"
+#include "servo/rolling_histogram.h"
 
 #include "scenes/random.h"
 

@@ -95,15 +95,15 @@ START_TEST(lanes_agree) {
     double size = 1e-12, stiffness_size = 1e-9;
     uint64_t felt_alone = 0;
     for (uint32_t i = 0; i < chunk_size; ++i) {
-      Share share;
-      if (!(mask >> i & 1) || !evaluate_object(chunk.row(i).as_felt(true), chunk.motion(i), 0, tool, nullptr, share)) continue;
+      ObjectForce one;
+      if (!(mask >> i & 1) || !evaluate_object(chunk.row(i).as_felt(true), chunk.motion(i), 0, tool, nullptr, one)) continue;
       const double w = weights[i].value();
-      wrench.force += w * share.wrench.force;
-      wrench.torque += w * share.wrench.torque;
-      stiffness += w * share.stiffness;
-      size += w * norm(share.wrench.force);
-      stiffness_size += std::fabs(share.stiffness.xx) + std::fabs(share.stiffness.yy) + std::fabs(share.stiffness.zz) + 1;
-      if (!(share.wrench.force == Vec3{})) felt_alone |= uint64_t{1} << i;
+      wrench.force += w * one.wrench.force;
+      wrench.torque += w * one.wrench.torque;
+      stiffness += w * one.stiffness;
+      size += w * norm(one.wrench.force);
+      stiffness_size += std::fabs(one.stiffness.xx) + std::fabs(one.stiffness.yy) + std::fabs(one.stiffness.zz) + 1;
+      if (!(one.wrench.force == Vec3{})) felt_alone |= uint64_t{1} << i;
     }
     const Vec3 difference = wide.wrench().force - wrench.force, turn = wide.wrench().torque - wrench.torque;
     worst = std::fmax(worst, norm(difference) / size);
@@ -152,13 +152,13 @@ START_TEST(contacts_agree) {
       const ParsedObject parsed = parse_object(o);
       Motion motion;
       motion.pose = parsed.pose;
-      Share share;
-      if (!evaluate_object(*parsed.object, motion, 0, there, nullptr, share)) continue;
-      wrench.force += share.wrench.force;
-      stiffness += share.stiffness;
-      size += norm(share.wrench.force);
-      stiffness_size += std::fabs(share.stiffness.xx) + std::fabs(share.stiffness.yy) + std::fabs(share.stiffness.zz) + 1;
-      if (!(share.wrench.force == Vec3{})) ++felt;
+      ObjectForce one;
+      if (!evaluate_object(*parsed.object, motion, 0, there, nullptr, one)) continue;
+      wrench.force += one.wrench.force;
+      stiffness += one.stiffness;
+      size += norm(one.wrench.force);
+      stiffness_size += std::fabs(one.stiffness.xx) + std::fabs(one.stiffness.yy) + std::fabs(one.stiffness.zz) + 1;
+      if (!(one.wrench.force == Vec3{})) ++felt;
     }
     ck_assert_int_eq(fs_scene_commit(scene), FS_OK);
     fs_response wide, usual;

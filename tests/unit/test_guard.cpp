@@ -98,7 +98,7 @@ START_TEST(protections_off_change_no_bit) {
     const double force = norm(expected.force), torque = norm(expected.torque);
     if (force > 10) expected.force = (10 / force) * expected.force;
     if (torque > 1) expected.torque = (1 / torque) * expected.torque;
-    const Guard::Guarded out = guard.apply({state, true, 0}, wanted);
+    const Guard::GuardedForce out = guard.apply({state, true, 0}, wanted);
     ck_assert_int_eq(std::memcmp(&out.wrench, &expected, sizeof expected), 0);
     if (force <= 10) ck_assert_int_eq(std::memcmp(&out.stiffness, &wanted.stiffness, sizeof out.stiffness), 0);
     ck_assert(guard.has_guarded() == (force > 10 || torque > 1));
@@ -219,7 +219,7 @@ START_TEST(stiffness_is_that_of_the_force_sent) {
   Guard guard(flat);
   fs_response wanted = response_of({1, 1, 1});
   wanted.stiffness = {1, 2, 3, 4, 5, 6, 7, 8, 9};
-  const Guard::Guarded out = guard.apply({hand_at({}, 0), true, 0}, wanted);
+  const Guard::GuardedForce out = guard.apply({hand_at({}, 0), true, 0}, wanted);
   ck_assert(out.stiffness == Mat3({1, 2, 0, 4, 5, 0, 0, 0, 0}));
   ck_assert(out.wrench.force == Vec3({1, 1, 0}));
   ck_assert(guard.apply({hand_at({}, 0), false, 0}, wanted).stiffness == Mat3{});

@@ -684,9 +684,9 @@ std::vector<Vec3> colliding_points(size_t n) {
 
 START_TEST(no_mesh_takes_many_steps) {
   const auto steps = [](const Mesh& mesh) {
-    Wanted wanted;
-    make_mesh(mesh.points.data(), mesh.points.size(), mesh.triangles.data(), mesh.count(), wanted)->build(wanted);
-    return static_cast<double>(wanted.steps());
+    StopToken stop;
+    make_mesh(mesh.points.data(), mesh.points.size(), mesh.triangles.data(), mesh.count(), stop)->build(stop);
+    return static_cast<double>(stop.steps());
   };
   constexpr uint32_t n = 3 * 4000;
   Random random(9);
@@ -745,10 +745,10 @@ START_TEST(unions_take_no_end_of_steps) {
   for (int i = 0; i < 12000; ++i) add("rods side by side", box({1, 1e-5, 1e-5}), {{0, 1e-4 * i, 0}, {1, 0, 0, 0}});
   for (const double size : {1.0, 1.01}) add("one spindle in another", spindle(size, 4000), {});
   for (const auto& [name, mesh] : meshes) {
-    Wanted wanted, of_union;
-    auto edges = std::make_unique<MeshEdges>(mesh.triangles, mesh.points.size(), wanted);
-    const MeshParts parts(mesh.triangles, *edges, wanted);
-    const MeshTree tree(mesh.points, mesh.triangles, std::move(edges), {}, wanted);
+    StopToken stop, of_union;
+    auto edges = std::make_unique<MeshEdges>(mesh.triangles, mesh.points.size(), stop);
+    const MeshParts parts(mesh.triangles, *edges, stop);
+    const MeshTree tree(mesh.points, mesh.triangles, std::move(edges), {}, stop);
     MeshUnion::of(tree, mesh.points, mesh.triangles, parts, of_union);
     const auto steps = static_cast<double>(of_union.steps()), most = 3e6 + 420.0 * static_cast<double>(mesh.count());
     std::printf("  %-24s %9.0f steps, of %9.0f\n", name.c_str(), steps, most);
@@ -760,15 +760,15 @@ END_TEST
 START_TEST(a_build_can_be_abandoned) {
   const Mesh mesh = sphere(1, 6);
   const Ref<const Shape> shape = mesh.shape(false);
-  const std::atomic<bool> is_abandoned{true};
-  Wanted wanted(is_abandoned);
+  const std::atomic<bool> is_stopped{true};
+  StopToken stop(is_stopped);
   bool is_thrown = false;
   try {
-    shape->build(wanted);
-  } catch (const Abandoned&) {
+    shape->build(stop);
+  } catch (const Stopped&) {
     is_thrown = true;
   }
-  ck_assert(is_thrown && !shape->is_built() && wanted.steps() <= 1024);
+  ck_assert(is_thrown && !shape->is_built() && stop.steps() <= 1024);
   ck_assert_double_eq(shape->progress(), 0);
   shape->build();
   ck_assert(shape->is_built());
@@ -791,18 +791,18 @@ END_TEST
 START_TEST(a_build_can_be_abandoned_anywhere) {
   const Mesh mesh = sphere(1, 6);
   int count = 0;
-  for (const double share : {0.02, 0.12, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9}) {
+  for (const double part : {0.02, 0.12, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9}) {
     const Ref<const Shape> shape = mesh.shape(false);
-    std::atomic<bool> is_abandoned{false}, is_over{false};
+    std::atomic<bool> is_stopped{false}, is_over{false};
     std::thread watcher([&] {
-      while (shape->progress() < share && !is_over) {}
-      is_abandoned = true;
+      while (shape->progress() < part && !is_over) {}
+      is_stopped = true;
     });
     bool is_thrown = false;
-    Wanted wanted(is_abandoned);
+    StopToken stop(is_stopped);
     try {
-      shape->build(wanted);
-    } catch (const Abandoned&) {
+      shape->build(stop);
+    } catch (const Stopped&) {
       is_thrown = true;
     }
     is_over = true;
@@ -822,26 +822,26 @@ END_TEST
 // The parts of work move on by their steps, never beyond their ends.
 START_TEST(parts_of_work_are_shown) {
   std::atomic<double> progress{0};
-  Wanted wanted;
+  StopToken stop;
   const auto step = [&](int count) {
-    for (int i = 0; i < count; ++i) wanted.step();
+    for (int i = 0; i < count; ++i) stop.check();
     return progress.load();
   };
-  wanted.begin_part(0.9, 10);  // shown to nobody
+  stop.begin_part(0.9, 10);  // shown to nobody
   step(2048);
-  wanted.show(&progress);
-  wanted.begin_part(0.5, 4096);
+  stop.show(&progress);
+  stop.begin_part(0.5, 4096);
   ck_assert_double_eq(step(2048), 0.25);
   ck_assert_double_eq(step(8192), 0.5);
-  wanted.begin_part(0.75, infinity);
+  stop.begin_part(0.75, infinity);
   ck_assert_double_eq(step(8192), 0.5);
-  wanted.show_part(0.5);
+  stop.show_part(0.5);
   ck_assert_double_eq(progress, 0.625);
-  wanted.begin_part(1, 0);
+  stop.begin_part(1, 0);
   ck_assert_double_eq(progress, 0.75);
   ck_assert_double_eq(step(1024), 1);
-  wanted.show(nullptr);
-  wanted.begin_part(0.1, 1);
+  stop.show(nullptr);
+  stop.begin_part(0.1, 1);
   ck_assert_double_eq(step(4096), 1);
 }
 END_TEST

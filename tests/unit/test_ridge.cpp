@@ -350,8 +350,8 @@ struct Scene {
     Memory& memory = slope < no_slope_limit ? *servos : *tools;
     return evaluate_near(scratches, memory, 0, 1, ToolPoints{}, tool(x));
   }
-  Share alone(Vec3 x, double slope) const {
-    Share out;
+  ObjectForce alone(Vec3 x, double slope) const {
+    ObjectForce out;
     ck_assert(evaluate_object(*object, Motion{}, 0, tool(x), nullptr, out, nullptr, nullptr, slope));
     return out;
   }
@@ -366,9 +366,9 @@ START_TEST(objects) {
   for (double away = -0.005; away < 0.005; away += 0.00037) {
     const Vec3 x{0.02 + away, 0.02, 0.001};
     const fs_response out = repulsive.near(x, slope);
-    const Share share = repulsive.alone(x, slope);
+    const ObjectForce one = repulsive.alone(x, slope);
     ck_assert_uint_eq(out.felt_count, 1);
-    ck_assert_double_le(norm(out.wrench.force - share.wrench.force), 1e-6);
+    ck_assert_double_le(norm(out.wrench.force - one.wrench.force), 1e-6);
     const bool is_ridge = std::fabs(away) < 0.003;
     const Vec3 plain = away > 0 ? Vec3{0, 3, 0} : Vec3{3, 0, 0};
     ck_assert((norm(out.wrench.force - plain) > 1e-6) == is_ridge);
@@ -378,13 +378,13 @@ START_TEST(objects) {
     for (const Vec3& way : ways) {
       const Vec3 change = repulsive.near(x + way, slope).wrench.force - repulsive.near(x - way, slope).wrench.force;
       ck_assert_double_le(norm((0.5 / h) * change - (1 / h) * (out.stiffness * way)), 1e-2 * slope);
-      ck_assert_double_le(norm((1 / h) * (out.stiffness * way - share.stiffness * way)), 1e-6 * slope);
+      ck_assert_double_le(norm((1 / h) * (out.stiffness * way - one.stiffness * way)), 1e-6 * slope);
     }
     for (const Vec3 force : {repulsive.near(x, no_slope_limit).wrench.force, repulsive.alone(x, no_slope_limit).wrench.force}) {
       ck_assert_double_le(norm(force - plain), 1e-12);
     }
     ck_assert(attractive.near(x, slope).wrench.force == attractive.near(x, no_slope_limit).wrench.force);
-    ck_assert_double_le(norm(damped.near(x, slope).wrench.force - share.wrench.force), 1e-6);  // the tool stands
+    ck_assert_double_le(norm(damped.near(x, slope).wrench.force - one.wrench.force), 1e-6);  // the tool stands
     ck_assert(attractive.alone(x, slope).wrench.force == attractive.alone(x, no_slope_limit).wrench.force);
   }
 }

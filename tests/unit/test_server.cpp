@@ -74,12 +74,12 @@ START_TEST(who_asks_little_goes_first) {
 END_TEST
 
 // Work that ends only when it is abandoned.
-Worker::Job endless(uint64_t owner, std::atomic<uint64_t>& steps, std::atomic<bool>& is_abandoned) {
-  return {[&](Wanted& wanted) {
+Worker::Job endless(uint64_t owner, std::atomic<uint64_t>& steps, std::atomic<bool>& is_stopped) {
+  return {[&](StopToken& stop) {
             try {
-              for (;; ++steps) wanted.step();
-            } catch (const Abandoned&) {
-              is_abandoned = true;
+              for (;; ++steps) stop.check();
+            } catch (const Stopped&) {
+              is_stopped = true;
             }
           },
           [] {}, owner};
@@ -93,15 +93,15 @@ void wait_for(const std::atomic<uint64_t>& count, uint64_t least) {
 
 START_TEST(who_leaves_holds_up_nobody) {
   std::atomic<uint64_t> steps{0};
-  std::atomic<bool> is_abandoned{false}, is_done{false};
+  std::atomic<bool> is_stopped{false}, is_done{false};
   Worker worker("fs-worker", [] {});
-  worker.add(endless(1, steps, is_abandoned));
-  worker.add(endless(1, steps, is_abandoned));
-  worker.add({[&](Wanted&) { is_done = true; }, [] {}, 2});
+  worker.add(endless(1, steps, is_stopped));
+  worker.add(endless(1, steps, is_stopped));
+  worker.add({[&](StopToken&) { is_done = true; }, [] {}, 2});
   wait_for(steps, 1);
   worker.forget(1);
   wait_for(is_done);
-  ck_assert(is_abandoned);
+  ck_assert(is_stopped);
   // The job of another client is not abandoned with it.
   std::atomic<uint64_t> steps_again{0};
   std::atomic<bool> is_abandoned_again{false};
@@ -189,7 +189,7 @@ END_TEST
 START_TEST(a_record_of_a_name_is_put_back) {
   Names names;
   names.open(4);
-  const Parked none;
+  const ParkedBatches none;
   for (const char* name : {"a", "b", "c"}) names.add(name);
   ck_assert(names.bind("a", 0, 10));
   ck_assert(names.bind("b", 1, 11));

@@ -52,13 +52,11 @@ inline std::string wire_layout() {
   RECORD(Target, name);
   RECORD(Fetch, id);
   RECORD(After, number);
-  RECORD(wire::Edit, target, parts);
-  RECORD(MoveOther, target, has_twist, pose, twist, time);
   RECORD(Count, count, stride);
-  RECORD(Pulled, state, slot, news, motion, frame, tool);
+  RECORD(PullAnswer, state, slot, news, motion, frame, tool);
   RECORD(wire::Move, after, motion);
   RECORD(HandSample, state, response, sent);
-  RECORD(EventSlot, number, event);
+  RECORD(NumberedEvent, number, event);
   RECORD(Outbox, servo, heartbeat, is_closed, is_asleep, news, applied, events_written, events);
   RECORD(ServoOutput, time, tick, used, hand);
   RECORD(InboxHead, batch, has_left, summary);

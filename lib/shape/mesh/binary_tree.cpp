@@ -57,7 +57,7 @@ using BuiltNode = BinaryTree::Node;
 
 // What Embree's calls back need.
 struct BinaryBuild {
-  Wanted& wanted;
+  StopToken& stop;
   BinaryTree::Memory& memory;
   bool has_memory = true;
   double done = 0;  // of the build, 0..1
@@ -75,10 +75,10 @@ void set_children(void* node, void** children, unsigned count, void*) {
     static_cast<BuiltNode*>(node)->children[i] = static_cast<BuiltNode*>(children[i]);
   }
 }
-void set_bounds(void* node, const RTCBounds** bounds, unsigned count, void*) {
+void set_boxes(void* node, const RTCBounds** boxes, unsigned count, void*) {
   for (unsigned i = 0; i < count && node; ++i) {
-    const RTCBounds& b = *bounds[i];
-    static_cast<BuiltNode*>(node)->bounds[i] = {{b.lower_x, b.lower_y, b.lower_z}, {b.upper_x, b.upper_y, b.upper_z}};
+    const RTCBounds& b = *boxes[i];
+    static_cast<BuiltNode*>(node)->boxes[i] = {{b.lower_x, b.lower_y, b.lower_z}, {b.upper_x, b.upper_y, b.upper_z}};
   }
 }
 void* make_leaf(RTCThreadLocalAllocator, const RTCBuildPrimitive* items, size_t count, void* build) {
@@ -89,8 +89,8 @@ void* make_leaf(RTCThreadLocalAllocator, const RTCBuildPrimitive* items, size_t 
 bool goes_on(void* build, double done) {
   BinaryBuild& b = *static_cast<BinaryBuild*>(build);
   b.done = std::max(b.done, done);
-  b.wanted.show_part(b.done);
-  return b.has_memory && !b.wanted.is_abandoned() && !Inside::is_over();
+  b.stop.show_part(b.done);
+  return b.has_memory && !b.stop.is_stopped() && !Inside::is_over();
 }
 
 struct TreeBuilder {
@@ -126,18 +126,18 @@ void BinaryTree::Memory::clear() {
   left_ = 0;
 }
 
-BinaryTree::BinaryTree(std::vector<Box> boxes, Wanted& wanted) : item_count_(boxes.size()) {
+BinaryTree::BinaryTree(std::vector<Box> boxes, StopToken& stop) : item_count_(boxes.size()) {
   std::vector<RTCBuildPrimitive> primitives;
   primitives.reserve(boxes.size());
   for (const Box& b : boxes) {
-    wanted.step();
+    stop.check();
     primitives.push_back({rounded_below(b.lower.x), rounded_below(b.lower.y), rounded_below(b.lower.z), 0,
                           rounded_above(b.upper.x), rounded_above(b.upper.y), rounded_above(b.upper.z),
                           static_cast<unsigned>(primitives.size())});
   }
   std::vector<Box>().swap(boxes);  // an assignment of {} would keep the memory
-  wanted.begin_part(0.45, std::numeric_limits<double>::infinity());  // Embree says how far it is
-  BinaryBuild work{wanted, memory_};
+  stop.begin_part(0.45, std::numeric_limits<double>::infinity());  // Embree says how far it is
+  BinaryBuild work{stop, memory_};
   const Inside inside;
   const TreeBuilder builder;
   if (!builder.bvh) throw std::bad_alloc();
@@ -151,7 +151,7 @@ BinaryTree::BinaryTree(std::vector<Box> boxes, Wanted& wanted) : item_count_(box
   arguments.primitiveCount = arguments.primitiveArrayCapacity = primitives.size();
   arguments.createNode = make_node;
   arguments.setNodeChildren = set_children;
-  arguments.setNodeBounds = set_bounds;
+  arguments.setNodeBounds = set_boxes;
   arguments.createLeaf = make_leaf;
   arguments.buildProgress = goes_on;
   arguments.userPtr = &work;
@@ -160,7 +160,7 @@ BinaryTree::BinaryTree(std::vector<Box> boxes, Wanted& wanted) : item_count_(box
   tbb::task_arena caller(1);
   const auto build = [&] { return static_cast<Node*>(caller.execute([&] { return rtcBuildBVH(&arguments); })); };
   top_ = build();
-  const bool is_wanted = work.has_memory && !wanted.is_abandoned() && !Inside::is_over();
+  const bool is_wanted = work.has_memory && !stop.is_stopped() && !Inside::is_over();
   if (!top_ && is_wanted && rtcGetDeviceError(builder.device) == RTC_ERROR_UNKNOWN) {
     // The tree is too deep. Where boxes have no area, as those of a line along an axis, all splits seem to cost the same.
     // Sorted along a curve the items give a tree that is less good to search, but never deep.
@@ -168,7 +168,7 @@ BinaryTree::BinaryTree(std::vector<Box> boxes, Wanted& wanted) : item_count_(box
     arguments.buildQuality = RTC_BUILD_QUALITY_LOW;
     top_ = build();
   }
-  if (wanted.is_abandoned()) throw Abandoned{};
+  if (stop.is_stopped()) throw Stopped{};
   if (!top_ && Inside::is_over()) Inside::fail();
   if (!top_ || !work.has_memory) throw std::bad_alloc();
 }

@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "base/wanted.h"
+#include "base/stop_token.h"
 #include "shape/box.h"
 #include "shape/mesh/float_box.h"
 
@@ -19,14 +19,14 @@ class BinaryTree {
     uint32_t count;  // items; 0: it is no leaf
     uint32_t items[leaf_size];
     Node* children[2];
-    FloatBox bounds[2];  // of the children
+    FloatBox boxes[2];  // of the children
     // Room for wide_cut.h.
     float costs[leaf_size];
     uint8_t cuts[leaf_size];
   };
 
-  // boxes: of the items, more than a leaf has. Throws Abandoned, bad_alloc.
-  BinaryTree(std::vector<Box> boxes, Wanted& wanted);
+  // boxes: of the items, more than a leaf has. Throws Stopped, bad_alloc.
+  BinaryTree(std::vector<Box> boxes, StopToken& stop);
   BinaryTree(const BinaryTree&) = delete;
 
   Node& top() const { return *top_; }

@@ -9,7 +9,7 @@ namespace fs {
 
 using namespace wide;
 
-// In the tests of a leaf a packet nominates, and the exact test of a triangle decides. The bound of the search is a square
+// In the tests of a leaf a packet nominates, and the exact test of a triangle decides. The range of the search is a square
 // in local units and slightly enlarged; the exact comparison is that of squares in metres.
 template <class From>
 FS_INLINE MeshTree::Found MeshTree::find_from(const Query& query) const noexcept {
@@ -32,7 +32,7 @@ FS_INLINE MeshTree::Found MeshTree::find_from(const Query& query) const noexcept
   const Vec3 at = frame_.local(x);
   const From from{at};
   uint32_t visits = query.visits;
-  const auto test = [&](uint32_t leaf, typename From::Real& bound) __attribute__((always_inline)) {
+  const auto test = [&](uint32_t leaf, typename From::Real& range) __attribute__((always_inline)) {
     const Packet& packet = packets[leaf];
     const Estimate estimate = estimate_of(packet, at);
     float squared[Packet::width];
@@ -52,7 +52,7 @@ FS_INLINE MeshTree::Found MeshTree::find_from(const Query& query) const noexcept
         if (visits > 0) --visits;
       }
       if (most < before) {
-        bound = rounded_up<From>(local(most));
+        range = rounded_up<From>(local(most));
         if (rest) rest &= estimate.within(std::sqrt(local(most)));
       }
     }

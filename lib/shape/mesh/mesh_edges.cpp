@@ -4,7 +4,7 @@
 
 namespace fs {
 
-MeshEdges::MeshEdges(std::span<const uint32_t> corners, size_t vertex_count, Wanted& wanted)
+MeshEdges::MeshEdges(std::span<const uint32_t> corners, size_t vertex_count, StopToken& stop)
     : of_side(corners.size()), is_twin(corners.size() / 3) {
   struct Side {
     uint32_t other;  // the higher of its two vertices
@@ -12,7 +12,7 @@ MeshEdges::MeshEdges(std::span<const uint32_t> corners, size_t vertex_count, Wan
   };
   const auto for_each_side = [&](auto&& visit) {
     for (size_t t = 0; t + 2 < corners.size(); t += 3) {
-      wanted.step();
+      stop.check();
       const uint32_t v[3] = {corners[t], corners[t + 1], corners[t + 2]};
       for (size_t k = 0; k < 3; ++k) {
         const uint32_t from = v[k], to = v[(k + 1) % 3];
@@ -37,7 +37,7 @@ MeshEdges::MeshEdges(std::span<const uint32_t> corners, size_t vertex_count, Wan
     candidates.clear();
     size_t up = 0;
     for (const Side s : edge) {
-      wanted.step();
+      stop.check();
       of_side[s.number] = static_cast<uint32_t>(kinds.size());
       const uint32_t triangle = s.number / 3;
       if (is_collapsed(corners, triangle)) continue;
@@ -51,7 +51,7 @@ MeshEdges::MeshEdges(std::span<const uint32_t> corners, size_t vertex_count, Wan
     odd += count > 2 || (count == 2 && up != 1);
     if (count > 2) {
       std::sort(candidates.begin(), candidates.end(), [&](const Candidate& a, const Candidate& b) {
-        wanted.step();
+        stop.check();
         return a.key != b.key ? a.key < b.key : a.triangle < b.triangle;
       });
     }
@@ -69,10 +69,10 @@ MeshEdges::MeshEdges(std::span<const uint32_t> corners, size_t vertex_count, Wan
     Side* first = sides.data() + begin[v];
     Side* const last = sides.data() + begin[v + 1];
     std::sort(first, last, [&](Side a, Side b) {
-      wanted.step();
+      stop.check();
       return a.other != b.other ? a.other < b.other : a.number < b.number;
     });
-    wanted.step();
+    stop.check();
     while (first != last) {
       Side* end = first + 1;
       while (end != last && end->other == first->other) ++end;

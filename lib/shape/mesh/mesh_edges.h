@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "base/wanted.h"
+#include "base/stop_token.h"
 
 namespace fs {
 
@@ -32,8 +32,8 @@ struct MeshEdges {
 
   bool has_any() const { return open > 0 || odd > 0 || std::find(kinds.begin(), kinds.end(), Kind::regular) != kinds.end(); }
 
-  // corners: three vertices for each triangle, all below vertex_count. Throws Abandoned.
-  MeshEdges(std::span<const uint32_t> corners, size_t vertex_count, Wanted& wanted);
+  // corners: three vertices for each triangle, all below vertex_count. Throws Stopped.
+  MeshEdges(std::span<const uint32_t> corners, size_t vertex_count, StopToken& stop);
 };
 
 }  // namespace fs

@@ -23,22 +23,22 @@ void use_large_pages(std::span<const T> items) {
   use_large_pages(items.data(), items.size_bytes());
 }
 
-LocalFrame frame_of(std::span<const Vec3> points, std::span<const uint32_t> corners, Wanted& wanted) {
-  wanted.begin_part(0.01, static_cast<double>(corners.size()));
+LocalFrame frame_of(std::span<const Vec3> points, std::span<const uint32_t> corners, StopToken& stop) {
+  stop.begin_part(0.01, static_cast<double>(corners.size()));
   Box box;
   for (const uint32_t i : corners) {
-    wanted.step();
+    stop.check();
     box.add(points[i]);
   }
   return LocalFrame(box);
 }
 
 std::vector<Box> boxes_of(std::span<const Vec3> points, std::span<const uint32_t> corners, const LocalFrame& frame,
-                          Wanted& wanted) {
-  wanted.begin_part(0.11, 1.35 * static_cast<double>(corners.size()));  // with the start of the tree
+                          StopToken& stop) {
+  stop.begin_part(0.11, 1.35 * static_cast<double>(corners.size()));  // with the start of the tree
   std::vector<Box> boxes(corners.size() / 3);
   for (size_t i = 0; i < corners.size(); ++i) {
-    wanted.step();
+    stop.check();
     boxes[i / 3].add(frame.local(points[corners[i]]));
   }
   return boxes;
@@ -47,20 +47,20 @@ std::vector<Box> boxes_of(std::span<const Vec3> points, std::span<const uint32_t
 }  // namespace
 
 MeshTree::MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corners, std::unique_ptr<MeshEdges> edges,
-                   const MeshParts& parts, Wanted& wanted)
-    : points_(points), corners_(corners), frame_(frame_of(points, corners, wanted)),
-      tree_(boxes_of(points, corners, frame_, wanted), wanted), normals_(points, corners, std::move(edges), wanted) {
-  wanted.begin_part(1, 3 * static_cast<double>(tree_.leaves().size()));
+                   const MeshParts& parts, StopToken& stop)
+    : points_(points), corners_(corners), frame_(frame_of(points, corners, stop)),
+      tree_(boxes_of(points, corners, frame_, stop), stop), normals_(points, corners, std::move(edges), stop) {
+  stop.begin_part(1, 3 * static_cast<double>(tree_.leaves().size()));
   std::vector<Vec3> places;  // of the corners, in the order of the leaves
   places.reserve(corners.size());
   for (const uint32_t triangle : tree_.items()) {
-    wanted.step();
+    stop.check();
     for (int k = 0; k < 3; ++k) places.push_back(frame_.local(points[corners[size_t{3} * triangle + k]]));
   }
-  tree_.add_discs(places, wanted);
+  tree_.add_discs(places, stop);
   packets_.reserve(tree_.leaves().size());
   for (const WideTree::Leaf leaf : tree_.leaves()) {
-    wanted.step();
+    stop.check();
     packets_.emplace_back(tree_.items().data() + leaf.begin, places.data() + size_t{3} * leaf.begin, leaf.end - leaf.begin);
   }
   tree_.forget_items();
@@ -68,12 +68,12 @@ MeshTree::MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corne
   use_large_pages(corners_);
   use_large_pages(std::span<const Packet>(packets_));
   tree_.for_each_array([](const void* memory, size_t bytes) { use_large_pages(memory, bytes); });
-  Wanted rest = wanted;  // nobody is shown how far that is
+  StopToken rest = stop;  // nobody is shown how far that is
   rest.show(nullptr);
   if (std::unique_ptr<MeshUnion> whole = MeshUnion::of(*this, points, corners, parts, rest)) build_union(std::move(whole), rest);
 }
 
-void MeshTree::build_union(std::unique_ptr<MeshUnion> whole, Wanted& wanted) {
+void MeshTree::build_union(std::unique_ptr<MeshUnion> whole, StopToken& stop) {
   MeshUnion& made = *whole;
   union_ = std::move(whole);
   std::vector<uint32_t> items;
@@ -85,14 +85,14 @@ void MeshTree::build_union(std::unique_ptr<MeshUnion> whole, Wanted& wanted) {
   for (size_t i = 0; i < items.size(); ++i) {
     for (int k = 0; k < 3; ++k) boxes[i].add(frame_.local(corner(items[i], k)));
   }
-  made.tree = WideTree(std::move(boxes), wanted);
+  made.tree = WideTree(std::move(boxes), stop);
   std::vector<uint32_t> numbers;  // in the order of the leaves
   std::vector<Vec3> places;
   for (const uint32_t i : made.tree.items()) {
     numbers.push_back(items[i]);
     for (int k = 0; k < 3; ++k) places.push_back(frame_.local(corner(items[i], k)));
   }
-  made.tree.add_discs(places, wanted);
+  made.tree.add_discs(places, stop);
   for (const WideTree::Leaf leaf : made.tree.leaves()) {
     made.packets.emplace_back(numbers.data() + leaf.begin, places.data() + size_t{3} * leaf.begin, leaf.end - leaf.begin);
   }

@@ -18,9 +18,9 @@ namespace fs {
 class MeshTree {
  public:
   // corners: three indices of points for each triangle. Both live as long as the tree. edges: of the corners; null: not
-  // known. parts: of a closed mesh. Throws Abandoned.
+  // known. parts: of a closed mesh. Throws Stopped.
   MeshTree(std::span<const Vec3> points, std::span<const uint32_t> corners, std::unique_ptr<MeshEdges> edges,
-           const MeshParts& parts, Wanted& wanted);
+           const MeshParts& parts, StopToken& stop);
 
   static constexpr uint32_t no_triangle = UINT32_MAX;
   static constexpr uint32_t no_limit = UINT32_MAX;
@@ -83,7 +83,7 @@ class MeshTree {
     return item < triangle_count() ? union_->counts[item] : item - triangle_count() < union_->pieces.size();
   }
   Closest tell_met(Vec3 x, const Found& found, Effort* effort) const noexcept;
-  void build_union(std::unique_ptr<MeshUnion> whole, Wanted& wanted);
+  void build_union(std::unique_ptr<MeshUnion> whole, StopToken& stop);
 
   std::span<const Vec3> points_;
   std::span<const uint32_t> corners_;

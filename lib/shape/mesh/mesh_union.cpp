@@ -38,8 +38,8 @@ Range heights(const Points& points, Vec3 at, Vec3 normal) {
 class UnionBuilder {
  public:
   UnionBuilder(const MeshTree& mesh, std::span<const Vec3> points, std::span<const uint32_t> corners, const MeshParts& parts,
-               Wanted& wanted)
-      : mesh_(mesh), points_(points), corners_(corners), parts_(parts), wanted_(wanted), count_(corners.size() / 3),
+               StopToken& stop)
+      : mesh_(mesh), points_(points), corners_(corners), parts_(parts), stop_(stop), count_(corners.size() / 3),
         work_left_(2'000'000 + int64_t{400} * count_) {}
 
   std::unique_ptr<MeshUnion> build() {
@@ -80,7 +80,7 @@ class UnionBuilder {
     boxes_.resize(parts_.count);
     Box all;
     for (uint32_t t = 0; t < count_; ++t) {
-      wanted_.step();
+      stop_.check();
       boxes_[parts_.of[t]].add(box_of(t));
     }
     for (const Box& box : boxes_) all.add(box);
@@ -95,12 +95,12 @@ class UnionBuilder {
     const Vec3 spread = all.upper - all.lower;
     const auto axis = spread.x >= spread.y && spread.x >= spread.z ? &Vec3::x : spread.y >= spread.z ? &Vec3::y : &Vec3::z;
     std::sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) {
-      wanted_.step();
+      stop_.check();
       return boxes_[a].lower.*axis != boxes_[b].lower.*axis ? boxes_[a].lower.*axis < boxes_[b].lower.*axis : a < b;
     });
     for (size_t i = 0; i < order.size() && work_left_ > 0; ++i) {
       for (size_t k = i + 1; k < order.size() && boxes_[order[k]].lower.*axis <= boxes_[order[i]].upper.*axis; ++k) {
-        wanted_.step();
+        stop_.check();
         if (--work_left_ <= 0) return;
         if (!meet(boxes_[order[i]], boxes_[order[k]])) continue;
         partners_[order[i]].push_back(order[k]);
@@ -113,7 +113,7 @@ class UnionBuilder {
 
   // Decides a triangle that another part meets, in pieces where one passes through it.
   void cut(uint32_t t) {
-    wanted_.step();
+    stop_.check();
     const std::vector<uint32_t>& partners = partners_[parts_.of[t]];
     const Box box = widened(box_of(t));
     if (partners.empty()) return;
@@ -128,7 +128,7 @@ class UnionBuilder {
     polygons_.assign(1, {at, ours[1], ours[2]});
     bool is_met = false;
     for (const uint32_t other : near_) {
-      wanted_.step();
+      stop_.check();
       if (--work_left_ <= 0) return;
       if (parts_.of[other] == parts_.of[t] || !meet(box, box_of(other))) continue;
       const Vec3 theirs[3] = {corner(other, 0), corner(other, 1), corner(other, 2)};
@@ -140,7 +140,7 @@ class UnionBuilder {
       is_met = true;
       const size_t before = polygons_.size();
       for (size_t i = 0; i < before && work_left_ > 0; ++i) {
-        wanted_.step();
+        stop_.check();
         --work_left_;
         cut(i, theirs, their_normal);
       }
@@ -215,7 +215,7 @@ class UnionBuilder {
 
   // Triangles that no other part meets are as their neighbours: one of them tells for all.
   void fill() {
-    const MeshEdges edges(corners_, points_.size(), wanted_);
+    const MeshEdges edges(corners_, points_.size(), stop_);
     std::vector<uint32_t> first(edges.kinds.size(), none), second(edges.kinds.size(), none);
     for (uint32_t i = 0; i < corners_.size(); ++i) {
       uint32_t& one = first[edges.of_side[i]];
@@ -224,13 +224,13 @@ class UnionBuilder {
     std::vector<bool> is_done(count_);
     std::vector<uint32_t> region;
     for (uint32_t t = 0; t < count_; ++t) {
-      wanted_.step();
+      stop_.check();
       if (is_done[t] || out_->is_met[t] || partners_[parts_.of[t]].empty()) continue;
       region.assign(1, t);
       is_done[t] = true;
       uint32_t told = none;
       for (size_t i = 0; i < region.size(); ++i) {
-        wanted_.step();
+        stop_.check();
         if (told == none && !(normal_of(region[i]) == Vec3{})) told = region[i];
         for (int k = 0; k < 3; ++k) {
           const uint32_t edge = edges.of_side[size_t{3} * region[i] + k];
@@ -252,7 +252,7 @@ class UnionBuilder {
   const std::span<const Vec3> points_;
   const std::span<const uint32_t> corners_;
   const MeshParts& parts_;
-  Wanted& wanted_;
+  StopToken& stop_;
   const uint32_t count_;
   int64_t work_left_;
   std::unique_ptr<MeshUnion> out_;
@@ -267,7 +267,7 @@ class UnionBuilder {
 
 }  // namespace
 
-MeshParts::MeshParts(std::span<const uint32_t> corners, const MeshEdges& edges, Wanted& wanted) {
+MeshParts::MeshParts(std::span<const uint32_t> corners, const MeshEdges& edges, StopToken& stop) {
   const auto triangles = static_cast<uint32_t>(corners.size() / 3);
   std::vector<uint32_t> above(triangles);  // a triangle of the same part with a lower number; itself: there is none
   std::iota(above.begin(), above.end(), 0u);
@@ -278,7 +278,7 @@ MeshParts::MeshParts(std::span<const uint32_t> corners, const MeshEdges& edges, 
   std::vector<uint32_t> first(edges.kinds.size(), none);
   count = triangles;
   for (uint32_t i = 0; i < corners.size(); ++i) {
-    wanted.step();
+    stop.check();
     uint32_t& one = first[edges.of_side[i]];
     if (one == none) {
       one = i / 3;
@@ -296,8 +296,8 @@ MeshParts::MeshParts(std::span<const uint32_t> corners, const MeshEdges& edges, 
 }
 
 std::unique_ptr<MeshUnion> MeshUnion::of(const MeshTree& mesh, std::span<const Vec3> points, std::span<const uint32_t> corners,
-                                         const MeshParts& parts, Wanted& wanted) {
-  return parts.of.empty() ? nullptr : UnionBuilder(mesh, points, corners, parts, wanted).build();
+                                         const MeshParts& parts, StopToken& stop) {
+  return parts.of.empty() ? nullptr : UnionBuilder(mesh, points, corners, parts, stop).build();
 }
 
 }  // namespace fs

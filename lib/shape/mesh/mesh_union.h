@@ -27,7 +27,7 @@ struct MeshParts {
   uint32_t count = 1;
 
   MeshParts() = default;
-  MeshParts(std::span<const uint32_t> corners, const MeshEdges& edges, Wanted& wanted);  // Throws Abandoned.
+  MeshParts(std::span<const uint32_t> corners, const MeshEdges& edges, StopToken& stop);  // Throws Stopped.
 };
 
 // Its items are those triangles of the mesh that count, by their numbers, and then the pieces of triangles.
@@ -44,9 +44,9 @@ struct MeshUnion {
   WideTree tree;  // of the items
   std::vector<Packet> packets;
 
-  // Null: the surface of the mesh is all that counts. mesh: without a union yet. Throws Abandoned.
+  // Null: the surface of the mesh is all that counts. mesh: without a union yet. Throws Stopped.
   static std::unique_ptr<MeshUnion> of(const MeshTree& mesh, std::span<const Vec3> points, std::span<const uint32_t> corners,
-                                       const MeshParts& parts, Wanted& wanted);
+                                       const MeshParts& parts, StopToken& stop);
 };
 
 }  // namespace fs

@@ -6,18 +6,18 @@
 #include <span>
 #include <vector>
 
-#include "base/wanted.h"
+#include "base/stop_token.h"
 
 namespace fs {
 
 class PackedNumbers {
  public:
   PackedNumbers() = default;
-  // largest: no number is larger. Throws Abandoned.
-  PackedNumbers(std::span<const uint32_t> numbers, uint32_t largest, Wanted& wanted)
+  // largest: no number is larger. Throws Stopped.
+  PackedNumbers(std::span<const uint32_t> numbers, uint32_t largest, StopToken& stop)
       : bits_(static_cast<uint32_t>(std::bit_width(largest | 1u))), words_(numbers.size() * bits_ / 64 + 2) {
     for (size_t i = 0; i < numbers.size(); ++i) {
-      wanted.step();
+      stop.check();
       const size_t bit = i * bits_;
       words_[bit / 64] |= uint64_t{numbers[i]} << bit % 64;
       words_[bit / 64 + 1] |= uint64_t{numbers[i]} >> 1 >> (63 - bit % 64);

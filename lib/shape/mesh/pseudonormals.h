@@ -32,9 +32,9 @@ class Pseudonormals {
   };
 
   // points, corners: three indices of points for each triangle; they live as long as the normals. edges: those of the
-  // corners, which serve where no two points coincide; null: not known. Throws Abandoned.
+  // corners, which serve where no two points coincide; null: not known. Throws Stopped.
   Pseudonormals(std::span<const Vec3> points, std::span<const uint32_t> corners, std::unique_ptr<MeshEdges> edges,
-                Wanted& wanted);
+                StopToken& stop);
 
   // [rt] The normals of side k (from corner k to the next) and of corner k of a triangle.
   Normal side(uint32_t triangle, int k) const noexcept;
@@ -46,18 +46,22 @@ class Pseudonormals {
 
  private:
   Normal alone_at(uint32_t triangle, int k) const noexcept;  // at corner k, where no other triangle is
+  // Keeps the normals of those edges only whose two triangles do not tell them. of_side: the edge of each side; normals, is_flat:
+  // of each edge.
+  void keep_edges(std::vector<uint32_t> of_side, std::span<const Vec3> faces, std::span<const Vec3> normals,
+                  std::span<const uint8_t> is_flat, StopToken& stop);
   // Keeps the normals of those vertices only that no triangle tells. of_points, of_corners: their vertices; of_points empty:
   // each point is a vertex of its own.
-  void keep_vertices(std::vector<uint32_t> of_points, std::span<const uint32_t> of_corners, Wanted& wanted);
+  void keep_vertices(std::vector<uint32_t> of_points, std::span<const uint32_t> of_corners, StopToken& stop);
   uint32_t triangle_count() const noexcept { return static_cast<uint32_t>(corners_.size() / 3); }
 
   std::span<const Vec3> points_;
   std::span<const uint32_t> corners_;
-  PackedNumbers across_;                // of each side of each triangle: the other triangle; itself where there is none; or,
-                                        // from triangle_count() on, the place of the edge's normal in kept_
+  PackedNumbers across_;  // of each side of each triangle: the other triangle; itself where there is none; or,
+  // from triangle_count() on, the place of the edge's normal in kept_
   std::vector<Normal> kept_;
-  PackedNumbers vertices_;              // of each point; the number of vertex_normals_: its triangle is alone there; empty:
-                                        // each point is a vertex of its own
+  PackedNumbers vertices_;  // of each point; the number of vertex_normals_: its triangle is alone there; empty:
+  // each point is a vertex of its own
   std::vector<Vec3> vertex_normals_;
   std::vector<bool> vertex_is_flat_;
 };

@@ -28,7 +28,7 @@ struct Far {
 };
 inline constexpr double far = 64;  // a coordinate beyond this is far
 
-// A bound for squares of distances that are worked out with From.
+// A range for squares of distances that are worked out with From.
 template <class From>
 typename From::Real rounded_up(double squared) noexcept {
   using Real = typename From::Real;

@@ -14,8 +14,8 @@ static_assert(BinaryTree::leaf_size == WideNode::width);  // a node has room for
 
 // What a subtree costs to search if it stands under a wide node as at most k + 1 children: costs[k], in areas. cuts[k]: how
 // many of those k + 1 the first child gets, the second the others; 0: the subtree is not split.
-void find_costs_of(BinaryTree::Node& node, float area, Wanted& wanted) {
-  wanted.step();
+void find_costs_of(BinaryTree::Node& node, float area, StopToken& stop) {
+  stop.check();
   if (node.count > 0) {
     std::fill_n(node.costs, most_children, area);
     std::fill_n(node.cuts, most_children, uint8_t{0});
@@ -59,7 +59,7 @@ int top_cut(const BinaryTree::Node& node) {
 
 }  // namespace
 
-void find_costs(const BinaryTree& tree, Wanted& wanted) {
+void find_costs(const BinaryTree& tree, StopToken& stop) {
   // From the leaves up.
   std::vector<std::pair<BinaryTree::Node*, float>> order{{&tree.top(), 0.0f}};
   size_t found = 0;
@@ -68,11 +68,11 @@ void find_costs(const BinaryTree& tree, Wanted& wanted) {
     found += node.count;
     for (int c = 0; c < 2 && node.count == 0; ++c) {
       if (!node.children[c]) throw std::bad_alloc();
-      order.emplace_back(node.children[c], node.bounds[c].half_area());
+      order.emplace_back(node.children[c], node.boxes[c].half_area());
     }
   }
   if (found != tree.item_count()) throw std::bad_alloc();
-  for (size_t i = order.size(); i-- > 0;) find_costs_of(*order[i].first, order[i].second, wanted);
+  for (size_t i = order.size(); i-- > 0;) find_costs_of(*order[i].first, order[i].second, stop);
 }
 
 WideCut::WideCut(const BinaryTree::Node& top) { add_both(top, top_cut(top), most_children - 1); }
@@ -80,12 +80,12 @@ WideCut::WideCut(const BinaryTree::Node& top) { add_both(top, top_cut(top), most
 void WideCut::add(const BinaryTree::Node& node, const FloatBox& box, int k) {
   if (node.cuts[k] > 0) return add_both(node, node.cuts[k], k);
   children[count] = &node;
-  bounds[count++] = box;
+  boxes[count++] = box;
 }
 
 void WideCut::add_both(const BinaryTree::Node& node, int cut, int k) {
-  add(*node.children[0], node.bounds[0], cut - 1);
-  add(*node.children[1], node.bounds[1], k - cut);
+  add(*node.children[0], node.boxes[0], cut - 1);
+  add(*node.children[1], node.boxes[1], k - cut);
 }
 
 }  // namespace fs

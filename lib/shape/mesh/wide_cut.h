@@ -7,15 +7,15 @@
 
 namespace fs {
 
-// What each subtree costs to search; to be called once. Throws Abandoned; bad_alloc: the builder left something out, as it
+// What each subtree costs to search; to be called once. Throws Stopped; bad_alloc: the builder left something out, as it
 // does where it has no memory.
-void find_costs(const BinaryTree& tree, Wanted& wanted);
+void find_costs(const BinaryTree& tree, StopToken& stop);
 
 // The children of the wide node that begins at a node of the binary tree, which is no leaf.
 struct WideCut {
   uint32_t count = 0;
   const BinaryTree::Node* children[WideNode::width];
-  FloatBox bounds[WideNode::width];
+  FloatBox boxes[WideNode::width];
 
   explicit WideCut(const BinaryTree::Node& top);
 

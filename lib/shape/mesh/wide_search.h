@@ -16,16 +16,16 @@ FS_INLINE void prefetch(const T* what) noexcept {
   for (size_t i = 0; i < sizeof(T); i += 64) __builtin_prefetch(reinterpret_cast<const char*>(what) + i);
 }
 
-// Calls test(leaf, bound) for each leaf that may hold something at a squared distance of at most `bound` (local units) from
-// the point; test lowers the bound when it has found something nearer. Near leaves come first. Each node and leaf takes one
+// Calls test(leaf, range) for each leaf that may hold something at a squared distance of at most `range` (local units) from
+// the point; test lowers the range when it has found something nearer. Near leaves come first. Each node and leaf takes one
 // of `visits`; when there are none left the search ends. Returns a lower bound of the squared distance to what was not
-// visited; infinite: there is nothing within the bound. expect_leaf(leaf): it will probably be tested soon.
+// visited; infinite: there is nothing within the range. expect_leaf(leaf): it will probably be tested soon.
 //
 // A node is a long chain of operations each of which waits for the one before. So, once something is found, a node that waits on
 // top of the stack is worked out beside the one whose turn it is: the processor does both at once. A hint mostly is near
 // enough that both have to be looked at anyway.
 template <class From, class Test, class Expect>
-FS_INLINE double search(const WideTree& tree, const From& from, typename From::Real bound, uint32_t& visits, Test&& test,
+FS_INLINE double search(const WideTree& tree, const From& from, typename From::Real range, uint32_t& visits, Test&& test,
                         Expect&& expect_leaf) {
   using Real = typename From::Real;
   using Lanes = typename From::Lanes;
@@ -60,23 +60,23 @@ FS_INLINE double search(const WideTree& tree, const From& from, typename From::R
     }
     --visits;
     if (now.child & WideNode::leaf_bit) {
-      test(now.child & ~WideNode::leaf_bit, bound);
+      test(now.child & ~WideNode::leaf_bit, range);
     } else {
       const WideNode& node = nodes[now.child];
       const Lanes distances = distances_of(now.child);
       Real squared[WideNode::width];
       store(squared, distances);
-      uint32_t near = bits(distances <= bound) & node.filled;
+      uint32_t near = bits(distances <= range) & node.filled;
       if (size > 0 && !(stack[size - 1].child & WideNode::leaf_bit) && visits > 0 &&
-          bound < std::numeric_limits<Real>::infinity()) {
+          range < std::numeric_limits<Real>::infinity()) {
         const Entry other = stack[--size];
-        if (other.squared <= bound) {
+        if (other.squared <= range) {
           --visits;
           const WideNode& node_beside = nodes[other.child];
           const Lanes distances_beside = distances_of(other.child);
           Real squared_beside[WideNode::width];
           store(squared_beside, distances_beside);
-          for (uint32_t rest = bits(distances_beside <= bound) & node_beside.filled; rest; rest &= rest - 1) {
+          for (uint32_t rest = bits(distances_beside <= range) & node_beside.filled; rest; rest &= rest - 1) {
             const auto i = static_cast<uint32_t>(std::countr_zero(rest));
             expect(node_beside.child[i]);
             assert(size < std::size(stack));
@@ -102,7 +102,7 @@ FS_INLINE double search(const WideTree& tree, const From& from, typename From::R
     do {
       if (size == 0) return std::numeric_limits<double>::infinity();
       now = stack[--size];
-    } while (now.squared > bound);
+    } while (now.squared > range);
   }
 }
 

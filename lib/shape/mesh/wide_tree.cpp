@@ -5,16 +5,16 @@
 
 namespace fs {
 
-WideTree::WideTree(std::vector<Box> boxes, Wanted& wanted) {
+WideTree::WideTree(std::vector<Box> boxes, StopToken& stop) {
   const size_t count = boxes.size();
   if (count <= WideNode::width) {
     for (uint32_t i = 0; i < count; ++i) items_.push_back(i);
     leaves_.push_back({0, static_cast<uint32_t>(count)});
     return;
   }
-  const BinaryTree binary(std::move(boxes), wanted);
-  wanted.begin_part(0.55, 0.5 * static_cast<double>(count));
-  find_costs(binary, wanted);
+  const BinaryTree binary(std::move(boxes), stop);
+  stop.begin_part(0.55, 0.5 * static_cast<double>(count));
+  find_costs(binary, stop);
   items_.reserve(count);
   struct Task {
     const BinaryTree::Node* built;
@@ -23,7 +23,7 @@ WideTree::WideTree(std::vector<Box> boxes, Wanted& wanted) {
   };
   std::vector<Task> tasks{{&binary.top(), 0, 0, 0}};
   while (!tasks.empty()) {
-    wanted.step();
+    stop.check();
     const Task task = tasks.back();
     tasks.pop_back();
     const BinaryTree::Node& built = *task.built;
@@ -37,7 +37,7 @@ WideTree::WideTree(std::vector<Box> boxes, Wanted& wanted) {
       if (task.depth >= most_depth) fail(FS_ERROR_INTERNAL, "the tree of a shape is deeper than %u", most_depth);
       number = static_cast<uint32_t>(nodes_.size());
       const WideCut cut(built);
-      nodes_.emplace_back().set_boxes({cut.bounds, cut.count});
+      nodes_.emplace_back().set_boxes({cut.boxes, cut.count});
       // The first child is taken next, so it stands beside its parent.
       for (uint32_t i = cut.count; i-- > 0;) tasks.push_back({cut.children[i], number, i, task.depth + 1});
     }
@@ -46,7 +46,7 @@ WideTree::WideTree(std::vector<Box> boxes, Wanted& wanted) {
   nodes_.shrink_to_fit();
 }
 
-void WideTree::add_discs(const std::vector<Vec3>& corners, Wanted& wanted) {
+void WideTree::add_discs(const std::vector<Vec3>& corners, StopToken& stop) {
   constexpr uint32_t most_items = 1 << 14;  // what is larger is hardly flat
   discs_.resize(nodes_.size());
   std::vector<Leaf> ranges(nodes_.size());  // the items below a node
@@ -66,7 +66,7 @@ void WideTree::add_discs(const std::vector<Vec3>& corners, Wanted& wanted) {
       const auto below = std::span(corners).subspan(size_t{3} * range.begin, size_t{3} * (range.end - range.begin));
       Vec3 areas{};
       for (size_t k = 0; k < below.size(); k += 3) {
-        wanted.step();
+        stop.check();
         areas += cross(below[k + 1] - below[k], below[k + 2] - below[k]);
       }
       discs_[i].set(c, node, areas, below);

@@ -9,7 +9,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "base/wanted.h"
+#include "base/stop_token.h"
 #include "shape/box.h"
 #include "shape/mesh/wide_node.h"
 
@@ -26,14 +26,14 @@ class WideTree {
   };
 
   WideTree() = default;
-  // boxes: of the items, in coordinates of a LocalFrame. Up to WideNode::width items are one leaf. Throws Abandoned,
+  // boxes: of the items, in coordinates of a LocalFrame. Up to WideNode::width items are one leaf. Throws Stopped,
   // bad_alloc.
-  WideTree(std::vector<Box> boxes, Wanted& wanted);
+  WideTree(std::vector<Box> boxes, StopToken& stop);
 
   const std::vector<Leaf>& leaves() const { return leaves_; }
   const std::vector<uint32_t>& items() const { return items_; }  // leaf by leaf
-  // Makes the discs. corners: three of each item, in the order of items(), in coordinates of the frame. Throws Abandoned.
-  void add_discs(const std::vector<Vec3>& corners, Wanted& wanted);
+  // Makes the discs. corners: three of each item, in the order of items(), in coordinates of the frame. Throws Stopped.
+  void add_discs(const std::vector<Vec3>& corners, StopToken& stop);
   void forget_items();  // for a caller that has taken them over
   size_t size() const { return nodes_.size() * sizeof(WideNode) + discs_.size() * sizeof(WideDiscs); }  // bytes
 

@@ -1,5 +1,5 @@
 // Batches of a client that cannot be applied yet. One that needs a shape or curve which is being built waits for that, and
-// later ones that are about the same things wait behind it; all others go on. Parked knows what those that wait hold up. A
+// later ones that are about the same things wait behind it; all others go on. ParkedBatches knows what those that wait hold up. A
 // request that changes another client's object is parked as a batch, too.
 #pragma once
 
@@ -15,8 +15,8 @@ namespace fs {
 // What a batch is about: the things that a later batch must not overtake.
 struct Subjects {
   std::set<std::string, std::less<>> names;  // of objects; "client/object" of foreign ones
-  std::set<std::string, std::less<>> owners; // the clients of foreign ones
-  std::set<uint64_t> ids;                    // of the assets that it needs, or forgets
+  std::set<std::string, std::less<>> owners;  // the clients of foreign ones
+  std::set<uint64_t> ids;  // of the assets that it needs, or forgets
   bool is_about_all = false, is_about_view = false, is_forget = false;
 
   // False: the change cannot be part of a batch.
@@ -31,7 +31,7 @@ struct ReceivedBatch {
   bool is_request = false;  // one change of another client's object, which is answered when it is done
 };
 
-class Parked {
+class ParkedBatches {
  public:
   bool is_empty() const noexcept { return batches_.empty(); }
   size_t cost() const noexcept { return cost_; }  // in changes; a memory file costs as much as many

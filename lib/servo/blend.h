@@ -6,9 +6,9 @@
 
 namespace fs {
 
-class Blended {
+class Blend {
  public:
-  explicit Blended(double value) : value_(value), target_(value) {}
+  explicit Blend(double value) : value_(value), target_(value) {}
 
   // [rt] ticks: in which it gets there; below 1: at once.
   void go_to(double target, double ticks) noexcept {

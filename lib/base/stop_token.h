@@ -1,5 +1,5 @@
-// Long work checks at every step whether it is still wanted, so that it can be abandoned within about a millisecond. By the
-// way another thread can see how far it is.
+// Long work checks at every step whether it is to stop, so that it does within about a millisecond. By the way another
+// thread can see how far it is.
 #pragma once
 
 #include <algorithm>
@@ -8,20 +8,20 @@
 
 namespace fs {
 
-struct Abandoned {};  // thrown where nobody wants the work any more
+struct Stopped {};  // thrown where nobody wants the work any more
 
-class Wanted {
+class StopToken {
  public:
-  Wanted() = default;  // never abandoned
-  explicit Wanted(const std::atomic<bool>& is_abandoned) : is_abandoned_(&is_abandoned) {}
+  StopToken() = default;  // never to stop
+  explicit StopToken(const std::atomic<bool>& is_stopped) : is_stopped_(&is_stopped) {}
 
   // Called at each step of the work; a step is a bounded amount, such as a few comparisons or copies.
-  void step() {
+  void check() {
     if (++steps_ % 1024 != 0) return;
-    if (is_abandoned()) throw Abandoned{};
+    if (is_stopped()) throw Stopped{};
     show_part(static_cast<double>(steps_ - part_first_) / part_steps_);
   }
-  bool is_abandoned() const noexcept { return is_abandoned_ && is_abandoned_->load(std::memory_order_relaxed); }
+  bool is_stopped() const noexcept { return is_stopped_ && is_stopped_->load(std::memory_order_relaxed); }
   uint64_t steps() const noexcept { return steps_; }  // so far
 
   // From here on `progress` goes from 0 to 1 while the work is done part by part; null: nobody is shown it.
@@ -29,7 +29,7 @@ class Wanted {
     progress_ = progress;
     part_end_ = 0;
   }
-  // The next part begins, which takes about this many steps; after it the share `end` of the work is done.
+  // The next part begins, which takes about this many steps; after it the fraction `end` of the work is done.
   void begin_part(double end, double steps) noexcept {
     part_begin_ = part_end_;
     part_end_ = end;
@@ -43,7 +43,7 @@ class Wanted {
   }
 
  private:
-  const std::atomic<bool>* is_abandoned_ = nullptr;
+  const std::atomic<bool>* is_stopped_ = nullptr;
   std::atomic<double>* progress_ = nullptr;
   uint64_t steps_ = 0, part_first_ = 0;
   double part_begin_ = 0, part_end_ = 0, part_steps_ = 1;

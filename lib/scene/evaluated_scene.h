@@ -27,9 +27,9 @@ struct KeptSnapshot {
   }
 };
 
-class Evaluated {
+class EvaluatedScene {
  public:
-  Evaluated(std::shared_ptr<ServoOutput> output, ClockKind clock);
+  EvaluatedScene(std::shared_ptr<ServoOutput> output, ClockKind clock);
 
   const std::shared_ptr<ServoOutput> output;
   Clock clock;
@@ -64,9 +64,9 @@ class Evaluated {
   const ServoReader* servo_reader() const noexcept { return servo_reader_; }  // null: there is none
 
  private:
-  struct Retimed;
-  Retimed retimed(double shift) const;
-  void take(Retimed& retimed, double shift) noexcept;
+  struct TimeShift;
+  TimeShift retimed(double shift) const;
+  void take(TimeShift& retimed, double shift) noexcept;
 
   uint64_t sequence_ = 0;
   Ref<const Snapshot> posted_;  // the newest; null: something has changed since

@@ -1,4 +1,4 @@
-#include "server/parked.h"
+#include "server/parked_batches.h"
 
 #include <algorithm>
 #include <utility>
@@ -15,12 +15,9 @@ bool Subjects::add(const Change& change) {
   switch (change.type) {
     case type_set:
     case type_change: need(ids_of(change.as<Set>().object, change.as<Set>().parts)); break;
-    case type_edit: need(ids_of(change.as<Edit>().object, change.as<Edit>().parts)); break;
     case type_place:
     case type_remove:
-    case type_bind:
-    case type_move_other:
-    case type_remove_other: break;
+    case type_bind: break;
     case type_clear: is_about_all = true; return true;
     case type_frame:
     case type_accuracy:
@@ -41,7 +38,7 @@ bool Subjects::add(const Change& change) {
   return true;
 }
 
-void Parked::count(const ReceivedBatch& batch) {
+void ParkedBatches::count(const ReceivedBatch& batch) {
   constexpr size_t map_cost = 256;  // in changes: a process can map only so many memory files
   names_.insert(batch.about.names.begin(), batch.about.names.end());
   (batch.is_request ? request_ids_ : ids_).insert(batch.about.ids.begin(), batch.about.ids.end());
@@ -52,14 +49,14 @@ void Parked::count(const ReceivedBatch& batch) {
   cost_ += std::max(batch.changes.size(), batch.changes.is_mapped() ? map_cost : 1);
 }
 
-void Parked::count_nothing() noexcept {
+void ParkedBatches::count_nothing() noexcept {
   names_.clear();
   ids_.clear();
   request_ids_.clear();
   all_ = view_ = cost_ = requests_ = counted_ = 0;
 }
 
-bool Parked::holds_up(const Subjects& about) const {
+bool ParkedBatches::holds_up(const Subjects& about) const {
   if (cost_ == 0) return false;
   if (all_ || (view_ && about.is_about_view)) return true;
   if (about.is_about_all && requests_ < batches_.size()) return true;  // of the client's own objects: not after requests
@@ -68,12 +65,12 @@ bool Parked::holds_up(const Subjects& about) const {
          (about.is_forget && std::any_of(about.ids.begin(), about.ids.end(), is_in(ids_)));
 }
 
-void Parked::add(ReceivedBatch&& batch) {
+void ParkedBatches::add(ReceivedBatch&& batch) {
   count(batch);
   batches_.push_back(std::move(batch));
 }
 
-bool Parked::take_forget(uint64_t id) {
+bool ParkedBatches::take_forget(uint64_t id) {
   if (!needs(id)) return false;
   const auto found = std::find_if(batches_.begin(), batches_.end(), [id](const ReceivedBatch& batch) {
     return batch.about.is_forget && batch.about.ids.contains(id);
@@ -84,12 +81,12 @@ bool Parked::take_forget(uint64_t id) {
   return true;
 }
 
-bool Parked::count_next() {
+bool ParkedBatches::count_next() {
   if (counted_ < batches_.size()) count(batches_[counted_]);
   return counted_ < batches_.size();
 }
 
-std::deque<ReceivedBatch> Parked::take_all() {
+std::deque<ReceivedBatch> ParkedBatches::take_all() {
   is_retry_due_ = false;
   turns_until_retry_ = batches_.size() / few;
   count_nothing();

@@ -1,4 +1,4 @@
-#include "scene/evaluated.h"
+#include "scene/evaluated_scene.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,10 +8,10 @@
 
 namespace fs {
 
-Evaluated::Evaluated(std::shared_ptr<ServoOutput> the_output, ClockKind kind)
+EvaluatedScene::EvaluatedScene(std::shared_ptr<ServoOutput> the_output, ClockKind kind)
     : output(std::move(the_output)), clock(*output, kind), objects(*output, clock), views(*output) {}
 
-void Evaluated::prepare() {
+void EvaluatedScene::prepare() {
   settle(false);
   const View& view = views.now();
   const bool is_elsewhere = view.is_held || view.previous != no_row;
@@ -19,12 +19,12 @@ void Evaluated::prepare() {
   if (!spare_) spare_ = make_ref<Snapshot>();
 }
 
-void Evaluated::changed() {
+void EvaluatedScene::changed() {
   posted_ = nullptr;
   if (!is_held_) post_newest();
 }
 
-Ref<const Snapshot> Evaluated::post_newest() {
+Ref<const Snapshot> EvaluatedScene::post_newest() {
   if (posted_) return posted_;
   const Ref<Snapshot> made = spare_ ? std::move(spare_) : make_ref<Snapshot>();
   made->sequence = ++sequence_;
@@ -39,13 +39,13 @@ Ref<const Snapshot> Evaluated::post_newest() {
   return posted_ = made;
 }
 
-void Evaluated::post() {
+void EvaluatedScene::post() {
   post_newest();
   for (Reader* const reader : objects.rows.readers()) reader->mailbox.tidy();
 }
 
 // Every call that changes something comes by here; that is often enough, because what has weight 0 costs a tick nothing.
-void Evaluated::settle(bool is_urgent) {
+void EvaluatedScene::settle(bool is_urgent) {
   const double time = clock.now();
   if (!is_urgent && std::fabs(time - settled_at_) < 5e-3) return;
   settled_at_ = time;
@@ -55,33 +55,33 @@ void Evaluated::settle(bool is_urgent) {
   if (servo_ && (objects.tidy() || has_gone)) changed();
 }
 
-void Evaluated::settle_all() {
+void EvaluatedScene::settle_all() {
   for (size_t rest = objects.fading_count(); servo_ && rest > 0; rest -= std::min(rest, Objects::tidied_at_once)) {
     if (objects.tidy()) changed();
   }
 }
 
-void Evaluated::collect_events() {
+void EvaluatedScene::collect_events() {
   if (servo_) events.collect(*servo_);
 }
 
-void Evaluated::attach(Reader& reader) {
+void EvaluatedScene::attach(Reader& reader) {
   const Ref<const Snapshot> snapshot = post_newest();
   objects.rows.attach(reader);
   reader.mailbox.prime({snapshot, reader.scratches});
 }
 
-void Evaluated::detach(Reader& reader) noexcept { objects.rows.detach(reader); }
+void EvaluatedScene::detach(Reader& reader) noexcept { objects.rows.detach(reader); }
 
 // The scene with every stored time shifted, and nothing fading.
-struct Evaluated::Retimed {
-  Objects::Shifted objects;
+struct EvaluatedScene::TimeShift {
+  Objects::TimeShift objects;
   Ref<Views> views;
 };
 
-Evaluated::Retimed Evaluated::retimed(double shift) const { return {objects.shifted(shift), views.settled()}; }
+EvaluatedScene::TimeShift EvaluatedScene::retimed(double shift) const { return {objects.shifted(shift), views.settled()}; }
 
-void Evaluated::take(Retimed& retimed, double shift) noexcept {
+void EvaluatedScene::take(TimeShift& retimed, double shift) noexcept {
   objects.take(retimed.objects, shift);
   views.take(retimed.views);
   events.shift(shift);
@@ -89,7 +89,7 @@ void Evaluated::take(Retimed& retimed, double shift) noexcept {
   posted_ = nullptr;
 }
 
-double Evaluated::attach_servo(ServoLink& servo, ServoReader& reader, bool starts_in) {
+double EvaluatedScene::attach_servo(ServoLink& servo, ServoReader& reader, bool starts_in) {
   if (servo_) fail(FS_ERROR_STATE, "scene has a servo already; stop it first");
   settle(true);
   output->time.store(servo.time());
@@ -101,7 +101,7 @@ double Evaluated::attach_servo(ServoLink& servo, ServoReader& reader, bool start
   Clock::Before before;
   const double shift = clock.switch_to(servo.clock(), before);
   try {
-    Retimed all = retimed(shift);
+    TimeShift all = retimed(shift);
     if (!spare_) spare_ = make_ref<Snapshot>();
     objects.rows.attach(reader);
     take(all, shift);  // nothing can fail from here on
@@ -119,7 +119,7 @@ double Evaluated::attach_servo(ServoLink& servo, ServoReader& reader, bool start
   return shift;
 }
 
-double Evaluated::detach_servo(ServoReader& reader) noexcept {
+double EvaluatedScene::detach_servo(ServoReader& reader) noexcept {
   const ServoLink& servo = *std::exchange(servo_, nullptr);
   servo_reader_ = nullptr;
   Clock::Before before{ClockKind::caller, clock.now()};
@@ -127,7 +127,7 @@ double Evaluated::detach_servo(ServoReader& reader) noexcept {
     events.collect(servo);
     const double shift = clock.switch_to(ClockKind::caller, before);
     before = {ClockKind::caller, clock.now() - shift};  // should memory run out
-    Retimed all = retimed(shift);  // also where the clutch has moved the frame
+    TimeShift all = retimed(shift);  // also where the clutch has moved the frame
     if (!spare_) spare_ = make_ref<Snapshot>();
     objects.rows.detach(reader);
     views.detach_servo();
