@@ -106,8 +106,9 @@ FS_API fs_status fs_scene_clear(fs_scene *scene);
  * thread changes joins it, and this thread's getters see it. Other threads neither see it nor wait for it: what they
  * change takes effect at once, and each may have a group of its own. A call that fails adds nothing to the group.
  * Connected: changes, moves and removals of other clients' objects belong to it too; each client feels its part from
- * one tick on. A group holds at most 4 max_objects + 64 changes; beyond: FULL. A thread that ends must have closed its
- * group; otherwise the group stays in memory, without effect, until the scene goes. */
+ * one tick on. fs_scene_set_accuracy and fs_scene_set_max_stiffness belong to no group. A group holds at most
+ * 4 max_objects + 64 changes, where a clear counts as a removal of each object; beyond: FULL. A thread that ends must have
+ * closed its group; otherwise the group stays in memory, without effect, until the scene goes. */
 
 /* Opens a group. STATE: this thread has one open already. */
 FS_API fs_status fs_scene_begin(fs_scene *scene);

@@ -17,9 +17,13 @@ fs_status fs_device_list(fs_device_entry* out, size_t capacity, size_t* count) {
     for (const fs_driver* driver : all_drivers()) {
       if (!driver->list) continue;
       size_t found = 0;
-      if (driver->list(nullptr, 0, &found) != FS_OK || found > 1024) continue;  // one bad driver does not hide the others
+      std::string sentence;  // nobody is told it: one bad driver does not hide the others
+      const auto list = [&](fs_device_entry* to, size_t room) {
+        return call_driver([&] { return driver->list(to, room, &found); }, sentence) == FS_OK;
+      };
+      if (!list(nullptr, 0) || found > 1024) continue;
       std::vector<fs_device_entry> own(found);
-      if (found && driver->list(own.data(), own.size(), &found) != FS_OK) continue;
+      if (found && !list(own.data(), own.size())) continue;
       own.resize(std::min(found, own.size()));
       for (fs_device_entry& entry : own) {
         entry.uri[sizeof entry.uri - 1] = entry.label[sizeof entry.label - 1] = 0;
@@ -71,8 +75,10 @@ fs_status on_device(fs_device* device, F&& f) {
       fs_device* device;
       ~Turn() { device->end_turn(); }
     } const turn{device};
-    const fs_status status = f();
-    if (status != FS_OK) fail(status, "the device %s: %s", device->info().name, fs_status_name(status));
+    std::string sentence;
+    const fs_status status = call_driver(f, sentence);
+    if (sentence.empty()) sentence = fs_status_name(status);
+    if (status != FS_OK) fail(status, "the device %s: %s", device->info().name, sentence.c_str());
   });
 }
 

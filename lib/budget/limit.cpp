@@ -20,7 +20,7 @@ SceneLimit scene_limit(const Views& views, const DeviceLimit& limit, double max_
     for (const Vec3& point : view.tool->points) arm = std::max(arm, norm(point));
     out.arm = std::max(out.arm, arm);
     if (arm / frame.scale > limit.lever) lever_part = std::min(lever_part, std::pow(limit.lever * frame.scale / arm, 2));
-    if (view.is_held || !view.has_own_frame) is_anywhere = true;  // where the clutch has put it only the tick knows
+    if (view.was_held || !view.has_own_frame) is_anywhere = true;
     const double margin = 1.2;
     for (int corner = 0; corner < 8; ++corner) {
       const Vec3 device{margin * (corner & 1 ? 1 : -1) * limit.radius, margin * (corner & 2 ? 1 : -1) * limit.radius,

@@ -93,13 +93,18 @@ void Group::add_remove(const char* name) {
   batch.add(wire::type_remove, removal);
 }
 
-void Group::add_clear() {
-  const OwnObjects& own = replica_.objects;
-  for (auto& [known, is_there] : names_) is_there = false;
-  for (const auto& [known, object] : own.all()) names_[known] = false;
-  more_names_ = -static_cast<ptrdiff_t>(own.size());
-  more_objects_ = -static_cast<ptrdiff_t>(own.size() - own.refused_count());
-  batch.add(wire::type_clear, {});
+void Group::add_clear() { batch.add(wire::type_clear, {}); }
+
+void Group::add_removes() {
+  std::vector<std::string> present;
+  for (const auto& [name, is_there] : names_) {
+    if (is_there) present.push_back(name);
+  }
+  for (const auto& [name, object] : replica_.objects.all()) {
+    if (!names_.contains(name)) present.push_back(name);
+  }
+  require_room(0, present.size());
+  for (const std::string& name : present) add_remove(name.c_str());
 }
 
 void Group::add_frame() { batch.add(wire::type_frame, wire::Frame{replica_.scene->get_frame(nullptr)}); }

@@ -25,12 +25,11 @@ class Group {
   void add_object(wire::Type type, const char* name, uint32_t parts);  // set or change: the object as the replica has it
   void add_place(const char* name);                                    // the motion that the replica has
   void add_remove(const char* name);
-  void add_clear();
+  void add_clear();  // alone: of all that the server has
+  void add_removes();  // of all objects that there are with the group
   void add_frame();  // the one that the replica has
   void add_tool();
   void add_clutch(bool held) { batch.add(wire::type_clutch, wire::Clutch{held}); }
-  void add_accuracy(double newtons) { batch.add(wire::type_accuracy, wire::Accuracy{newtons}); }
-  void add_max_stiffness(double stiffness) { batch.add(wire::type_max_stiffness, wire::MaxStiffness{stiffness}); }
   void add_foreign(wire::Type type, std::span<const std::byte> record, Assets assets = {});
 
   // An object of another client, as the group has changed it.

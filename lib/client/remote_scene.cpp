@@ -155,9 +155,11 @@ void RemoteScene::remove(const char* given) {
 
 void RemoteScene::clear() {
   Call call = line_.enter();
+  const bool is_in_group = groups_.mine();
   mutate(call, [&](Group& group) {
+    if (is_in_group) group.add_removes();  // what other threads set until the commit stays
+    else group.add_clear();
     replica_.scene->clear();
-    group.add_clear();
   });
 }
 
@@ -208,7 +210,7 @@ void RemoteScene::begin() {
   groups_.open(std::move(group));
 }
 
-// Where it fails, nothing of the group was sent, and the group stays open.
+// Where it fails before the group is sent, the group stays open. After that it fails only if the scene is lost.
 void RemoteScene::commit() {
   Call call = line_.enter();
   {
@@ -216,6 +218,7 @@ void RemoteScene::commit() {
     Group* const group = groups_.mine();
     while (group && !sender_.deliver(*group, ahead)) ahead.send_noted_or_wait(call);
   }
+  replica_.catch_up_with_moves();  // other threads' moves came before the group
   try {
     replica_.scene->commit();  // STATE
   } catch (const std::bad_alloc&) {
@@ -306,16 +309,22 @@ std::vector<fs_client_view> RemoteScene::views() {
 void RemoteScene::set_accuracy(double newtons) {
   check_accuracy(newtons);
   Call call = line_.enter();
-  mutate(call, [&](Group& group) {
-    replica_.scene->set_accuracy(newtons);
-    group.add_accuracy(newtons);
-  });
+  send_setting(call, wire::type_accuracy, wire::Accuracy{newtons});
+  replica_.scene->set_accuracy(newtons);
 }
 
 void RemoteScene::set_max_stiffness(double stiffness) {
   check_max_stiffness(stiffness);
   Call call = line_.enter();
-  mutate(call, [&](Group& group) { group.add_max_stiffness(stiffness); });
+  send_setting(call, wire::type_max_stiffness, wire::MaxStiffness{stiffness});
+}
+
+// Past the thread's group.
+template <class Record>
+void RemoteScene::send_setting(Call& call, wire::Type type, const Record& setting) {
+  pulls_.look();
+  while (!connection_.send(type, bytes_of(&setting, 1))) line_.pause(call, true);
+  connection_.check();
 }
 
 // --------------------------------------------------------------------------------------------------- clock and servo

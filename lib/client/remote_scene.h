@@ -74,6 +74,8 @@ struct RemoteScene final : Scene {
   // All that follow are called with the lock, and may wait without it.
   template <class F>
   void mutate(Call& call, F&& f);
+  template <class Record>
+  void send_setting(Call& call, wire::Type type, const Record& setting);
   void change_own(Call& call, const fs_object& object, uint32_t parts);
   fs_view own_view(Call& call);
   void foresee_group(fs_view& own) const;

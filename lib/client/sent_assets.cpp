@@ -109,7 +109,10 @@ void SendingAhead::send(Call& call, const Asset& asset) {
 }
 
 void SendingAhead::send_noted_or_wait(Call& call) {
-  if (noted_.empty()) return line_.pause(call, true);
+  if (noted_.empty()) {
+    sent_.forget_unused(false);  // makes room for more
+    return line_.pause(call, true);
+  }
   const std::vector<Asset> noted = std::exchange(noted_, {});
   for (const Asset& asset : noted) send(call, asset);
 }

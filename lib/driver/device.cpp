@@ -36,14 +36,10 @@ fs_status known_status(fs_status status) {
 // Calls one function of a driver. A failure is thrown with the driver's sentence, or else with a general one.
 template <class Call>
 void ask(const fs_driver& driver, const char* function, Call call) {
-  static const char silence[] = "";
-  const char* const previous = last_error();
-  set_last_error_literal(FS_OK, silence);
-  const fs_status status = call();
-  const bool silent = last_error() == silence;
-  if (silent) set_last_error_literal(FS_OK, previous);
+  std::string sentence;
+  const fs_status status = call_driver(call, sentence);
   if (status == FS_OK) return;
-  if (!silent && last_error()[0]) throw Error{known_status(status), last_error()};
+  if (!sentence.empty()) throw Error{known_status(status), std::move(sentence)};
   fail(known_status(status), "driver '%s': %s failed with status %d and gave no reason", driver.scheme, function,
        static_cast<int>(status));
 }
@@ -259,6 +255,15 @@ fs_status fs_device::read(double time, fs_state& out) noexcept {
   return FS_OK;
 }
 
+namespace {
+
+// Of a write; the device has got 0 where the wrench is not finite.
+fs_status checked(fs_status status, const fs_wrench& wrench) noexcept {
+  return fs::is_finite(wrench) ? fs::known_status(status) : FS_ERROR_INVALID;
+}
+
+}  // namespace
+
 // Scaled to the device's maxima; 0 if it is not finite.
 fs_wrench fs_device::limited(const fs_wrench& wrench) noexcept {
   fs_wrench out{};
@@ -269,15 +274,6 @@ fs_wrench fs_device::limited(const fs_wrench& wrench) noexcept {
   was_pushing_ = was_pushing_ || !fs::is_zero(out);
   return out;
 }
-
-namespace {
-
-fs_status checked(fs_status status, const fs_wrench& wrench) noexcept {
-  if (fs::is_finite(wrench)) return fs::known_status(status);
-  return fs::set_last_error_literal(FS_ERROR_INVALID, "the force or torque is not finite; the device got 0");
-}
-
-}  // namespace
 
 fs_status fs_device::write(const fs_wrench& wrench) noexcept {
   const fs_wrench out = limited(wrench);

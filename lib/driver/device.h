@@ -5,10 +5,12 @@
 
 #include <atomic>
 #include <mutex>
+#include <string>
 
 #include <forceserver/driver.h>
 
 #include "base/counted.h"
+#include "base/error.h"
 #include "base/process.h"
 #include "math/filters.h"
 
@@ -82,5 +84,19 @@ struct fs_device : fs::Counted<fs_device> {
 };
 
 namespace fs {
+
 using Device = fs_device;
+
+// Calls f, which calls a function of a driver. What the driver says by fs_fail goes to `sentence`, and the thread's last error
+// stays as it was.
+template <class F>
+fs_status call_driver(F&& f, std::string& sentence) {
+  std::string before = last_error();
+  set_last_error_literal(FS_OK, "");
+  const fs_status status = f();
+  sentence = last_error();
+  set_last_error(FS_OK, std::move(before));
+  return status;
 }
+
+}  // namespace fs

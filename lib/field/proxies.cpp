@@ -136,7 +136,6 @@ void Proxies::feel_layers(Touches::View& here, const Touches::View* last, const 
   here.has_all_layers =
       layers_.cut(solids(), std::clamp(room / std::max(1u, solid_count_ * tool.count), 1u, Touches::most_layers));
   here.has_all_layers &= !layers_.is_crowded();
-  const bool can_compare = last && last->has_all_pulls;
   const bool are_layers_matched = last && here.has_all_layers && last->has_all_layers && tells_apart(*last, here);
   const PointProxies::Tick tick{solids(), touches_, tool, last, now_, step_, effort};
   for (uint32_t n = 0; n < layers_.count(); ++n) {
@@ -158,11 +157,11 @@ void Proxies::feel_layers(Touches::View& here, const Touches::View* last, const 
     out.spring_change += length * all.spring_change;
     out.profile_change += length * all.profile_change;
     end_layer(here, layer, tool, out);
-    if (!can_compare || !are_layers_matched || !is_same(*before)) continue;
+    if (!are_layers_matched || !last->has_all_pulls || !here.has_all_pulls || !is_same(*before)) continue;
     spread_jump(&Pull::spring, {before, 1}, {&layer, 1}, length, length * all.spring_change, here.rests);
     spread_jump(&Pull::profile, {before, 1}, {&layer, 1}, length, length * all.profile_change, here.rests);
   }
-  if (!can_compare || are_layers_matched) return;
+  if (!last || !last->has_all_pulls || !here.has_all_pulls || are_layers_matched) return;
   // Where there are too many layers, or some have become one, they cannot be compared one by one: the change of their mean is
   // spread.
   const std::span<const Layer> then{last->layers.data(), last->layer_count}, now{here.layers.data(), here.layer_count};

@@ -184,6 +184,7 @@ struct View : Version {
   fs_frame frame = fs_frame_init();
   Ref<const ToolPoints> tool;
   bool is_held = false;  // clutched: the tool stays where the tick first finds it so
+  bool was_held = false;  // or is, since its frame was given: where the clutch has put the frame only the tick knows
   bool has_own_frame = true;  // false: the frame is that of `previous`, as a clutch may have moved it
 };
 

@@ -120,7 +120,7 @@ Movement LocalScene::movement(const char* name) {
 }
 
 void LocalScene::set_movement(const char* name, const Movement& movement) {
-  mutate([&](Edits edits) { edits.set_movement(name, movement.motion, movement.track); });
+  mutate([&](Edits edits) { edits.set_movement(name, movement.motion, movement.track); }, false);
 }
 
 void LocalScene::set_motion(const std::string& name, const Motion& motion) {

@@ -42,7 +42,7 @@ struct LocalScene final : Scene {
   // The motion of an object, as the thread's group has it; and the motion that another process has worked out, to be set
   // without a check.
   Movement movement(const char* name);
-  void set_movement(const char* name, const Movement& movement);
+  void set_movement(const char* name, const Movement& movement);  // at once, past the thread's group. NOT_FOUND
   void set_motion(const std::string& name, const Motion& motion);  // NOT_FOUND
   // Sets several motions at once, past the thread's group. Returns how many of the objects exist.
   struct Move {
@@ -115,16 +115,16 @@ struct LocalScene final : Scene {
   void put(Edits edits, const ParsedObject& object, uint32_t parts, bool is_change);
   // Runs f(edits), which changes the scene, and makes the change known.
   template <class F>
-  void mutate(F&& f) {
+  void mutate(F&& f, bool joins_group = true) {
     const std::lock_guard lock(mutex_);
     evaluated_.prepare();
     try {
-      f(edits());
+      f(Edits(evaluated_, joins_group ? groups_.mine() : nullptr));
     } catch (...) {  // a part may be done
       evaluated_.changed();
       throw;
     }
-    if (!groups_.mine()) evaluated_.changed();
+    if (!joins_group || !groups_.mine()) evaluated_.changed();  // f may have closed the group
   }
 
   mutable std::mutex mutex_;

@@ -48,6 +48,7 @@ void ViewRows::change(const ViewChange& change) {
     }
     if (change.points) view.tool = make_ref<ToolPoints>(*change.points);
     view.is_held = change.held.value_or(from.is_held);
+    view.was_held = view.is_held || (from.was_held && !change.frame);
     view.is_in = !view.is_held;
     view.sequence = sequence_;
     view.next = no_row;
@@ -57,7 +58,7 @@ void ViewRows::change(const ViewChange& change) {
     for (uint32_t i = now().previous; i != no_row; i = views_->rows[i].previous) {
       View& view = views_->rows[i];
       if (view.is_in) view.sequence = sequence_;
-      view.is_held = true;
+      view.is_held = view.was_held = true;
       view.is_in = false;
     }
   };
@@ -137,6 +138,7 @@ Ref<Views> ViewRows::settled() const {
   out->rows[0] = now();
   View& view = out->rows[0];
   view.frame = frame();
+  view.was_held = view.is_held;
   view.has_own_frame = true;
   view.previous = view.newer = view.next = no_row;
   return out;

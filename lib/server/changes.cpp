@@ -11,7 +11,7 @@ void Changes::apply(const ReceivedBatch& received) {
     apply(*client_.scene, change, received.serial);
   } catch (const Error& error) {
     for (const std::string& name : received.about.names) client_.note_untold(name);
-    note_refused(received.about);
+    if (received.about.is_about_view) client_.is_view_untold = true;
     tell_refused(change, received.serial, error, true);
     syncs_.note_refusal(error.status, error.text);
   }
@@ -21,7 +21,7 @@ void Changes::apply(const ReceivedBatch& received) {
 Task Changes::apply_step_by_step(const ReceivedBatch& received) {
   const Batch& changes = received.changes;
   if (changes.size() == 1 && !changes[0].is_foreign()) {
-    co_await clear(*client_.scene);
+    co_await clear();
     ++client_.changed;
     co_return;
   }
@@ -37,9 +37,6 @@ Task Changes::apply_step_by_step(const ReceivedBatch& received) {
       last = changes[i];
       if (last.is_foreign()) {
         apply_foreign(last, foreign);
-      } else if (last.type == wire::type_clear) {
-        co_await clear(*group);
-        ++client_.changed;
       } else {
         apply(*group, last, received.serial);
       }
@@ -103,11 +100,10 @@ void Changes::apply(Scene& scene, const Change& change, uint64_t serial) {
   ++client_.changed;
 }
 
-template <class Scene>
-Task Changes::clear(Scene& scene) {
+Task Changes::clear() {
   while (const std::string* const first = client_.names.first()) {
     const std::string name = *first;
-    if (client_.names.has(name)) scene.remove(name.c_str());
+    if (client_.names.has(name)) client_.scene->remove(name.c_str());
     client_.names.forget(name);
     co_await client_.work.step();
   }
@@ -168,11 +164,6 @@ Task Changes::take_records(const Subjects& about, Records& out) {
     out.emplace(name, client_.names.record_of(name));
     co_await client_.work.step();
   }
-  if (!about.is_about_all) co_return;
-  for (const auto& [name, record] : client_.names.all()) {
-    out.emplace(name, record);
-    co_await client_.work.step();
-  }
 }
 
 // First forgets the names that came with the group, so that names that were there before can get their slots again.
@@ -187,32 +178,22 @@ Task Changes::put_back(const Records& records) {
   }
 }
 
+// The objects stay as they were. The client believes otherwise until it has been told, so every name in the batch is noted to
+// be told.
 Task Changes::refuse(const ReceivedBatch& received, const Change& failed, const Error& error) {
   for (const std::string& name : received.about.names) {
     if (name.find('/') == std::string::npos) client_.note_untold(name);
     co_await client_.work.step();
   }
-  note_refused(received.about);
+  if (received.about.is_about_view) client_.is_view_untold = true;
   for (size_t i = 0; i < received.changes.size(); ++i) {
     const Change change = received.changes[i];
     tell_refused(change, received.serial, error, change.record.data() == failed.record.data());
     co_await client_.work.step();
   }
-  client_.note_news();
   syncs_.note_refusal(error.status, error.text);
 }
 
-void Changes::note_refused(const Subjects& about) {
-  if (about.is_about_all) {
-    for (const auto& [name, record] : client_.names.all()) {
-      if (record.is_there || record.absent) client_.names.tell(name, client_.name);
-    }
-  }
-  if (about.is_about_view) client_.is_view_untold = true;
-}
-
-// The objects stay as they were. The client believes otherwise until it has been told, so every name in the batch is noted to
-// be told, and slots are bound as the batch says: moves that the client has written meanwhile count.
 void Changes::tell_refused(const Change& change, uint64_t serial, const Error& error, bool is_cause) {
   ++client_.refused;
   fs_event event{};
@@ -226,6 +207,7 @@ void Changes::tell_refused(const Change& change, uint64_t serial, const Error& e
   client_.push_event(event);
 }
 
+// Slots are bound as the batch says: moves that the client has written meanwhile count.
 void Changes::refuse(const Change& change, uint64_t serial) {
   const std::string_view name = change.name();
   const NameRecord* const record = client_.names.object(name);
@@ -243,7 +225,6 @@ void Changes::refuse(const Change& change, uint64_t serial) {
       if (record) client_.bind(name, change.as<wire::Bind>().slot, serial);
       break;
     case wire::type_remove: client_.names.drop_absent(name); break;  // the client does not want the refused object either
-    case wire::type_clear: client_.names.drop_absents(); break;
     default: break;
   }
 }

@@ -34,13 +34,11 @@ class Changes {
   void apply(Scene& scene, const Change& change, uint64_t serial);
   template <class Scene>
   void apply_set(Scene& scene, const wire::Set& set, uint64_t serial, bool is_change);
-  template <class Scene>
-  Task clear(Scene& scene);
+  Task clear();
   void apply_foreign(const Change& change, ForeignGroups& groups);
   Task take_records(const Subjects& about, Records& out);
   Task put_back(const Records& records);
   Task refuse(const ReceivedBatch& received, const Change& failed, const Error& error);
-  void note_refused(const Subjects& about);
   void tell_refused(const Change& change, uint64_t serial, const Error& error, bool is_cause);
   void refuse(const Change& change, uint64_t serial);
 

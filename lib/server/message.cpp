@@ -53,8 +53,8 @@ Task take_apart(Client& client, Message& message, ReceivedBatch& out) {
   while (!reader.is_done()) {
     const std::optional<Change> change = reader.next();
     if (!change) break;
+    if (change->comes_alone()) throw BadClient{};
     check(client, *change, out.about);
-    if (out.about.is_forget) throw BadClient{};  // a forget comes alone
     co_await client.work.step();
   }
   if (!reader.is_good()) throw BadClient{};

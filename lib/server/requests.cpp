@@ -177,6 +177,7 @@ void Requests::pull(const Request& request) {
   if (!asked.empty()) {
     if (parked.holds_up(asked)) {
       out.state = wire::pulled_waiting;
+      put_text(out.object.name, asked);
       client_.note_untold(asked);
     } else {
       tell_object(asked, out);

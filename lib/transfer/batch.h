@@ -33,6 +33,10 @@ struct Change {
     const bool may_be = type == wire::type_change || type == wire::type_place || type == wire::type_remove;
     return may_be && name().find('/') != std::string_view::npos;
   }
+  // It cannot be part of a group.
+  bool comes_alone() const noexcept {
+    return type == wire::type_forget || type == wire::type_clear || type == wire::type_accuracy || type == wire::type_max_stiffness;
+  }
   // The name of the object that it is about, "client/object" of a foreign one; empty: it is about none.
   std::string_view name() const noexcept;
 };

@@ -80,7 +80,7 @@ enum Type : uint32_t {
   type_tool,         // Tool
   type_wake,         // nothing: wakes the server, as there is something in the inbox
   type_group,        // Group, then a Header and a record for each change; where these are too long for a message, they
-                     // are in a descriptor that comes with it
+                     // are in a descriptor that comes with it. A forget, clear, accuracy and max_stiffness come alone
   type_bind,         // Bind
   type_accuracy,     // Accuracy
   type_max_stiffness, // MaxStiffness

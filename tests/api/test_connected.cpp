@@ -393,6 +393,119 @@ START_TEST(groups_change_only_their_parts) {
 }
 END_TEST
 
+// What other threads do while this one has a group open goes past the group, and both ends agree on what there is.
+START_TEST(others_go_past_a_group) {
+  Two two;
+  fs_scene* const me = two.me.get();
+  const fs_twist still{};
+  const auto move = [&](const char* name, double z) {
+    const fs_pose pose = at(0, 0, z);
+    OK(fs_object_move(me, name, &pose, &still, FS_NOW));
+  };
+  const auto elsewhere = [](auto&& f) { std::thread(f).join(); };
+  const auto expect_at = [&](const char* name, double z) {
+    EXPECT_NEAR(Got(me, name)->pose.position.z, z, 0);
+    OK(two.sync(me));
+    EXPECT_NEAR(Got(two.bob.get(), ("me/" + std::string(name)).c_str())->pose.position.z, z, 0);
+    EXPECT_NEAR(Got(me, name)->pose.position.z, z, 0);
+  };
+  set(two.me, spring("x"));
+  set(two.me, spring("y"));
+  two.settle_all();
+
+  // A move that this thread looks at within its group is not part of it.
+  OK(fs_scene_begin(me));
+  elsewhere([&] { move("x", 0.01); });
+  EXPECT_NEAR(Got(me, "x")->pose.position.z, 0.01, 0);
+  OK(fs_scene_cancel(me));
+  expect_at("x", 0.01);
+  // Nor does it matter to the group that the object is removed in it.
+  OK(fs_scene_begin(me));
+  OK(fs_object_remove(me, "x"));
+  elsewhere([&] { move("x", 0.02); });
+  EXPECT_NEAR(Got(me, "y")->pose.position.z, 0, 0);
+  ck_assert(!has(me, "x"));
+  OK(fs_scene_cancel(me));
+  expect_at("x", 0.02);
+  // The group's own move comes after it.
+  OK(fs_scene_begin(me));
+  move("x", 0.03);
+  elsewhere([&] { move("x", 0.04); });
+  EXPECT_NEAR(Got(me, "x")->pose.position.z, 0.03, 0);
+  OK(fs_scene_commit(me));
+  expect_at("x", 0.03);
+
+  // A clear takes what the group knew.
+  OK(fs_scene_begin(me));
+  set(two.me, spring("of the group"));
+  OK(fs_scene_clear(me));
+  elsewhere([&] { set(two.me, spring("later")); });
+  set(two.me, spring("after"));
+  OK(fs_scene_commit(me));
+  two.settle_all();
+  for (const char* name : {"x", "y", "of the group"}) {
+    ck_assert(!has(me, name) && !has(two.bob.get(), ("me/" + std::string(name)).c_str()));
+  }
+  move("later", 0.05);
+  move("after", 0.06);
+  expect_at("later", 0.05);
+  expect_at("after", 0.06);
+}
+END_TEST
+
+// Accuracy and the bound of the slope belong to no group: a cancel does not take them back.
+START_TEST(settings_belong_to_no_group) {
+  fs_servo_options options = world_options();
+  options.max_stiffness = 2000;
+  options.damping = 0;  // the default
+  ServerRig rig(fs_server_options_init(), options);
+  const Scene me = rig.join("me");
+  fs_object hill = fs_object_init("hill", FS_PRIMITIVE_POINT);
+  hill.front = fs_profile_init(FS_PROFILE_GAUSSIAN, FS_SENSE_ATTRACTIVE, 1, 0, 1);
+  hill.front.width = 0.01;
+  hill.pose = at(0.05, 0, 0);  // five widths away
+  set(me, hill);
+  set(me, spring("wall"));
+  rig.settle(me.get());
+  const auto error = [&] { return record_of(rig.servo.get()).back().response.error_bound; };
+  EXPECT_NEAR(report_of(me.get(), "wall").stiffness_applied, 100, 1e-9);
+  ck_assert_double_eq(error(), 0);
+  OK(fs_scene_begin(me.get()));
+  OK(fs_scene_set_accuracy(me.get(), 0.5));
+  OK(fs_scene_set_max_stiffness(me.get(), 20));
+  OK(fs_scene_cancel(me.get()));
+  rig.settle(me.get());
+  rig.step(100);
+  ck_assert_double_le(report_of(me.get(), "wall").stiffness_applied, 20 * (1 + 1e-9));
+  ck_assert_double_gt(error(), 0);
+}
+END_TEST
+
+// The server keeps so many shapes and curves of a client: what the client uses no more makes room while a call waits.
+START_TEST(room_for_shapes) {
+  fs_server_options few = fs_server_options_init();
+  few.max_objects = 1;
+  ServerRig rig(few);
+  const Scene me = rig.join("me");
+  for (int round = 0; round < 4; ++round) {
+    OK(fs_scene_begin(me.get()));
+    for (int i = 0; i < 67; ++i) {
+      const fs_vec3 points[]{{0, 0, 0}, {0.01, 0, 0.001 * i}};
+      const Shape line = make_polyline(points, 2, false);
+      const Curve curve = make_expression("1 - d");
+      fs_object o = fs_object_init("x", FS_PRIMITIVE_POLYLINE);
+      o.shape = line.get();
+      o.front.kind = FS_PROFILE_CUSTOM;
+      o.front.limit = 1;
+      o.front.curve = curve.get();
+      set(me, o);
+    }
+    const Stepper stepper(rig.servo.get());
+    OK(fs_scene_commit(me.get()));
+  }
+}
+END_TEST
+
 START_TEST(many_edits) {  // many objects are edited, some of them repeatedly
   Two two;
   for (int i = 0; i < 100; ++i) set(two.me, push(("o" + std::to_string(i)).c_str(), 0.5));
@@ -1056,7 +1169,8 @@ int main() {
   Suite* suite = suite_create("connected");
   add_once(suite, "several", {forces_add, what_an_event_tells_is_there, names_are_private, own_names_in_full, views, force_limit,
                               lost_scenes_and_the_force_limit});
-  add_once(suite, "others", {objects_of_others, objects_of_the_server, edits_in_an_open_group, groups_change_only_their_parts, many_edits, groups_of_all, a_client_stops_the_force, a_server_keeps_the_force, locked,
+  add_once(suite, "others", {objects_of_others, objects_of_the_server, edits_in_an_open_group, groups_change_only_their_parts, others_go_past_a_group,
+                             settings_belong_to_no_group, room_for_shapes, many_edits, groups_of_all, a_client_stops_the_force, a_server_keeps_the_force, locked,
                              shapes_of_others, curves_offered_no_longer});
   add_once(suite, "seen", {reports_of_all, clients});
   add_once(suite, "threads", {all_at_once});

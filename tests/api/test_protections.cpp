@@ -757,6 +757,30 @@ START_TEST(out_of_reach_is_out_of_mind) {
 }
 END_TEST
 
+// Without a speed limit all that the hand could reach counts, also after the clutch has put the device's workspace elsewhere.
+START_TEST(the_clutch_moves_the_workspace) {
+  Wandering s;
+  for (int i = 0; i < 2; ++i) {
+    fs_object o = fs_object_init(i == 0 ? "one" : "other", FS_PRIMITIVE_POINT);
+    o.pose.position = {0.16, 0, 0};
+    o.front = attract(2000, 2);
+    o.front.reach = 0.01;
+    set(s.rig.scene.get(), o);
+  }
+  fs_servo_options options = protected_options();
+  options.speed_limit = -1;
+  options.max_stiffness = 2000;
+  s.start(0.1, 0.2, options);
+  const auto of_one = [&] { return applied(s.rig.scene.get(), "one"); };
+  s.go_to({0, 0, 0}, 500);
+  OK(fs_scene_set_clutch(s.rig.scene.get(), true));
+  s.go_to({-0.09, 0, 0}, 500);
+  OK(fs_scene_set_clutch(s.rig.scene.get(), false));
+  s.go_to({-0.09, 0, 0}, 500);  // the workspace reaches to 0.19 m of the scene
+  ck_assert_double_le(of_one(), 1000 * (1 + 1e-6));
+}
+END_TEST
+
 // What is disabled shares until it has faded out.
 START_TEST(what_fades_out_shares) {
   Wandering s;
@@ -873,7 +897,7 @@ int main() {
                             damping_is_felt_in_motion, damping_counts_by_the_points_that_can_touch, slew_spreads_a_step, off_is_off});
   add_case(suite, "model", {models_are_written, models_follow_the_delay, without_a_controller_forces_are_written, bad_infos});
   add_case(suite, "shares", {little_wants_are_met_first, little_jumps_want_little, as_stiff_as_can_be_takes_what_is_left,
-                             equal_wants_get_equal_bounds, out_of_reach_is_out_of_mind, what_fades_out_shares,
+                             equal_wants_get_equal_bounds, out_of_reach_is_out_of_mind, the_clutch_moves_the_workspace, what_fades_out_shares,
                              a_bound_is_given_back_in_full, a_bound_rises_slowly, slopes_add_up_to_no_more});
   return run_suite(suite);
 }

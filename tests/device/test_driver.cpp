@@ -251,6 +251,32 @@ START_TEST(device_read_fills_in) {
 }
 END_TEST
 
+// What a driver says of a failure is told; of a call that succeeds nothing is.
+START_TEST(what_a_driver_says) {
+  fs_driver talker = scenes::fake_driver("talker");
+  talker.list = [](fs_device_entry*, size_t, size_t*) { return fs_fail(FS_ERROR_IO, "the bus is gone"); };
+  register_driver(talker);
+  fs_device* out = nullptr;
+  ck_assert_int_eq(fs_device_open("nobody:0", &out), FS_ERROR_NOT_FOUND);
+  const std::string before = fs_last_error();
+  size_t count;
+  ck_assert_int_eq(fs_device_list(nullptr, 0, &count), FS_OK);
+  ck_assert_str_eq(fs_last_error(), before.c_str());
+
+  ck_assert_int_eq(fs_device_open("fake:0", &out), FS_OK);
+  ck_assert_str_eq(fs_last_error(), before.c_str());
+  fs_state state;
+  fake->state.pose.orientation = {2, 0, 0, 0};
+  ck_assert_int_eq(fs_device_read(out, &state), FS_ERROR_INVALID);
+  ck_assert_msg(std::strstr(fs_last_error(), "an orientation whose length is not 1"), "%s", fs_last_error());
+  fake->state.pose.orientation = {1, 0, 0, 0};
+  fake->read_status = FS_ERROR_DISCONNECTED;
+  ck_assert_int_eq(fs_device_read(out, &state), FS_ERROR_DISCONNECTED);
+  ck_assert_msg(std::strstr(fs_last_error(), "FS_ERROR_DISCONNECTED"), "%s", fs_last_error());
+  fs_device_close(out);
+}
+END_TEST
+
 bool all_zero(const fs_state& state) {
   static const fs_state zeros{};
   return same_bits(state, zeros);
@@ -402,6 +428,7 @@ int main() {
   tcase_add_test(all, device_has_one_owner);
   tcase_add_test(all, device_is_silent);
   tcase_add_test(all, device_read_fills_in);
+  tcase_add_test(all, what_a_driver_says);
   tcase_add_test(all, device_read_failures_are_zeros);
   tcase_add_test(all, device_read_shows_what_is_not_finite);
   tcase_add_test(all, device_works_out_the_twist);

@@ -133,9 +133,8 @@ START_TEST(what_belongs_in_no_group) {
   Rig rig;
   std::vector<Known> strangers{{type_group, sizeof(Group)}, {type_reply, 0}, {77, 0}};
   for (const Known& known : known_types) {
-    const bool is_change = known.type >= type_set && known.type <= type_tool;
-    if (!is_change && known.type != type_bind && known.type != type_accuracy &&
-        known.type != type_max_stiffness) strangers.push_back(known);
+    const bool is_change = known.type >= type_set && known.type <= type_tool && known.type != type_clear;
+    if (!is_change && known.type != type_bind) strangers.push_back(known);
   }
   for (const Known& stranger : strangers) {
     RawClient client = rig.join("group");
@@ -232,7 +231,7 @@ START_TEST(group_refused) {
   bad.front.limit = -1;
   client.remove("a", true);
   client.set(5, push("a", 1), true);
-  client.send(type_clear, body(0), -1, true);
+  client.remove("b", true);
   client.set(7, push("b", 1), true);
   client.set(2, bad);
   ck_assert_int_eq(rig.sync(client), FS_ERROR_INVALID);
@@ -258,7 +257,7 @@ START_TEST(slot_out_of_range) {
   for (const uint32_t slot : {100u, 101u, 128u, 65536u, 1u << 31, ~0u - 1}) {
     for (const bool more : {false, true}) {
       const auto expect_dropped = [&](RawClient& client, const char* what) {
-        if (more) client.send(type_clear);
+        if (more) client.remove("push");
         rig.expect_dropped(client, what);
       };
       RawClient set = rig.join("slot");
@@ -452,6 +451,31 @@ START_TEST(later_changes_come_later) {
     ck_assert_int_eq(bob.status_of(got), FS_OK);
     ck_assert_int_eq(got->as<Object>().primitive, FS_PRIMITIVE_PLANE);
   }
+}
+END_TEST
+
+// The answer to a pull of an object that waits for its shape says of which.
+START_TEST(a_pull_of_what_waits) {
+  Rig rig;
+  RawClient client = rig.join("waits");
+  std::vector<fs_vec3> ring(300000);
+  for (size_t i = 0; i < ring.size(); ++i) ring[i] = {std::cos(1e-5 * double(i)), std::sin(1e-5 * double(i)), 0};
+  bool has_waited = false;
+  for (uint64_t id = 1; id < 20 && !has_waited; ++id) {
+    client.polyline(id, ring);
+    Object line = fs::to_record(push("line", 0.1));
+    line.primitive = FS_PRIMITIVE_POLYLINE;
+    line.shape = id;
+    client.set(0, line);
+    const auto reply = client.reply_of(client.send(type_pull, target_of("line")));
+    ck_assert_int_eq(client.status_of(reply), FS_OK);
+    const PullAnswer& told = reply->as<PullAnswer>();
+    ck_assert_str_eq(told.object.name, "line");
+    has_waited = told.state == pulled_waiting;
+    ck_assert_int_eq(rig.sync(client), FS_OK);
+  }
+  ck_assert(has_waited);
+  rig.check_honest();
 }
 END_TEST
 
@@ -688,7 +712,7 @@ int main() {
   scenes::add_once(suite, "sizes", {wrong_sizes, unknown_types, random_bodies});
   scenes::add_once(suite, "order", {serials_that_do_not_rise, what_belongs_in_no_group, groups_that_lie, group_without_end, group_refused});
   scenes::add_once(suite, "numbers", {slot_out_of_range, slots_of_others, numbers_of_shapes});
-  scenes::add_once(suite, "others", {bad_requests, later_changes_come_later, locked, own_as_another, reports_of_nonsense, refused_until_removed});
+  scenes::add_once(suite, "others", {bad_requests, later_changes_come_later, a_pull_of_what_waits, locked, own_as_another, reports_of_nonsense, refused_until_removed});
   scenes::add_once(suite, "too much", {never_reads, lists_for_nobody, flood});
   scenes::add_once(suite, "told", {comings_and_goings_are_told});
   return scenes::run_suite(suite);

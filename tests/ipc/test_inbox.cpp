@@ -396,7 +396,7 @@ START_TEST(not_a_number) {
   fs_frame frame = fs_frame_init();
   frame.force_scale = 1e9;
   scene->begin();
-  scene->set_movement("plane", movement);
+  scene->set_motion("plane", movement.motion);
   scene->set_frame(frame);
   scene->commit();
   rig.tick(10);  // these check every force

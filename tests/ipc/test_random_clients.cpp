@@ -148,14 +148,15 @@ class Actor {
   }
 
   void change() {
+    const bool is_amid = is_in_group_;
     if (random_.coin(0.05)) is_in_group_ = !is_in_group_;
     const bool more = is_in_group_ && random_.coin(0.9);
     is_in_group_ = more;
     const auto slot = static_cast<uint32_t>(random_.below(slots));
     fs_frame frame = fs_frame_init();
     switch (random_.below(17)) {
-      case 16: client_->send(type_accuracy, spoiled(Accuracy{random_.log_between(1e-9, 1)}), -1, more); break;
-      case 0: client_->send(type_clear, {}, -1, more); break;
+      case 16: if (!is_amid && !more) client_->send(type_accuracy, spoiled(Accuracy{random_.log_between(1e-9, 1)})); break;
+      case 0: if (!is_amid && !more) client_->send(type_clear); break;
       case 1:
         frame.pose = pose(random_);
         if (random_.coin()) frame.scale = random_.log_between(1e-9, 1e9);
