@@ -1,6 +1,6 @@
 #include <forceserver/scene.h>
 
-#include "api/guarded.h"
+#include "api/on_scene.h"
 #include "base/grown.h"
 #include "base/names.h"
 #include "client/remote_scene.h"
@@ -17,17 +17,6 @@ const char* fs_object_state_name(fs_object_state state) {
 const char* fs_event_kind_name(fs_event_kind kind) { return name_of(event_kind_names, kind, "an unknown fs_event_kind"); }
 
 namespace {
-
-// Checks `scene`, calls f, and turns an exception into a status. The scene lives until the call ends, even if another
-// thread destroys its handle meanwhile.
-template <class F>
-fs_status on_scene(fs_scene* scene, F&& f) {
-  return guarded([&] {
-    require_pointer(scene, "scene");
-    const Ref<fs_scene> kept = Ref<fs_scene>::retain(scene);
-    f();
-  });
-}
 
 double time_of(const fs_scene& scene) {
   double time = 0;

@@ -1,6 +1,6 @@
 #include <forceserver/server.h>
 
-#include "api/guarded.h"
+#include "api/on_scene.h"
 #include "base/grown.h"
 #include "scene/scene.h"
 #include "server/server.h"
@@ -27,17 +27,9 @@ void fs_server_stop(fs_server* server) {
 }
 
 fs_status fs_scene_get_clients(fs_scene* scene, fs_client* out, size_t capacity, size_t* count) {
-  return guarded([&] {
-    require_pointer(scene, "scene");
-    const Ref<fs_scene> kept = Ref<fs_scene>::retain(scene);
-    copy_list(scene->clients(), out, capacity, count);
-  });
+  return on_scene(scene, [&] { copy_list(scene->clients(), out, capacity, count); });
 }
 
 fs_status fs_scene_get_views(fs_scene* scene, fs_client_view* out, size_t capacity, size_t* count) {
-  return guarded([&] {
-    require_pointer(scene, "scene");
-    const Ref<fs_scene> kept = Ref<fs_scene>::retain(scene);
-    copy_list(scene->views(), out, capacity, count);
-  });
+  return on_scene(scene, [&] { copy_list(scene->views(), out, capacity, count); });
 }

@@ -3,7 +3,7 @@
 #include <bit>
 #include <set>
 
-#include "api/guarded.h"
+#include "api/on_scene.h"
 #include "base/grown.h"
 #include "base/names.h"
 #include "servo/servo.h"
@@ -83,11 +83,7 @@ fs_status fs_servo_get_record(fs_servo* servo, fs_tick* out, size_t capacity, si
 }
 
 fs_status fs_scene_get_record(fs_scene* scene, uint64_t after, fs_recorded_tick* out, size_t capacity, size_t* count) {
-  return guarded([&] {
-    require_pointer(scene, "scene");
-    const Ref<fs_scene> kept = Ref<fs_scene>::retain(scene);
-    copy_list(kept->record(after), out, capacity, count);
-  });
+  return on_scene(scene, [&] { copy_list(scene->record(after), out, capacity, count); });
 }
 
 fs_status fs_scene_get_hand(const fs_scene* scene, fs_state* state, fs_response* response, fs_wrench* sent) {
@@ -96,24 +92,15 @@ fs_status fs_scene_get_hand(const fs_scene* scene, fs_state* state, fs_response*
 }
 
 fs_status fs_scene_stop_force(fs_scene* scene) {
-  return guarded([&] {
-    require_pointer(scene, "scene");
-    const Ref<fs_scene> kept = Ref<fs_scene>::retain(scene);
-    kept->stop_force();
-  });
+  return on_scene(scene, [&] { scene->stop_force(); });
 }
 
 fs_status fs_scene_resume_force(fs_scene* scene) {
-  return guarded([&] {
-    require_pointer(scene, "scene");
-    const Ref<fs_scene> kept = Ref<fs_scene>::retain(scene);
-    kept->resume_force();
-  });
+  return on_scene(scene, [&] { scene->resume_force(); });
 }
 
 fs_status fs_scene_get_servo_stats(fs_scene* scene, fs_servo_stats* out) {
-  return guarded([&] {
-    require_pointer(scene, "scene");
+  return on_scene(scene, [&] {
     require_pointer(out, "out");
     check_grown(out);
     fs_servo_stats stats = fs_servo_stats_init();
@@ -123,8 +110,7 @@ fs_status fs_scene_get_servo_stats(fs_scene* scene, fs_servo_stats* out) {
 }
 
 fs_status fs_scene_get_device_info(fs_scene* scene, fs_device_info* out) {
-  return guarded([&] {
-    require_pointer(scene, "scene");
+  return on_scene(scene, [&] {
     require_pointer(out, "out");
     check_grown(out);
     fs_device_info info = fs_device_info_init();

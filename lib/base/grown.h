@@ -19,7 +19,7 @@ template <class Struct>
 const StructSizes& sizes_of() noexcept;  // struct_sizes.cpp
 
 namespace grown {
-inline constexpr uint32_t largest = 4096;  // no version of a struct is larger; so what is no size is not taken for one
+inline constexpr uint32_t largest = 4096;  // no version of a struct is larger: a larger struct_size is garbage
 
 void check_size(uint32_t struct_size, const StructSizes& sizes);
 void read(const void* given, const StructSizes& sizes, void* out);

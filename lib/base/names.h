@@ -1,5 +1,5 @@
-// The names of the contract's enum values: one table for each enum, in which a value is the index of its name. The
-// library and the program take all texts about enum values from these tables.
+// The names of the contract's enum values: a table for each enum but fs_status (api_base.cpp), in which a value is the index of
+// its name. The library and the program take them from here.
 #pragma once
 
 #include <bit>

@@ -1,5 +1,5 @@
-// Long work checks at every step whether it is to stop, so that it does within about a millisecond. By the way another
-// thread can see how far it is.
+// Long work checks at every step whether it is to stop, so that it ends within about a millisecond. Another thread
+// can also see how far it is.
 #pragma once
 
 #include <algorithm>

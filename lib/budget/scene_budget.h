@@ -20,7 +20,7 @@ class SceneBudget final : public Counted<SceneBudget>, public BudgetLink {
   SceneBudget(Ref<LocalScene> scene, const ServoReader& reader);
 
   // Works the bounds out again, if they may have changed. limit: what the servo leaves to this scene. ahead: s, for which the
-  // bounds must hold: until those of the call after the next one are in use. rest: s, the least time between two calculations
+  // bounds must hold: until what the second call from now works out is in use. rest: s, the least time between two calculations
   // that changed or moving objects ask for, as each takes processor time. Returns false, and leaves the bounds as they are, if the hand
   // can reach nothing new within `ahead` and nothing has changed that cannot wait for `rest`. An object that is set between two
   // calls has the bounds of an object alone until the next. The bounds are worked out without the scene's lock, and entered
@@ -77,7 +77,7 @@ class SceneBudget final : public Counted<SceneBudget>, public BudgetLink {
 
   // What has been told of an object.
   struct Announcement {
-    double slope;         // N/m at the device; of one that was not bounded before, what it wanted
+    double slope;         // N/m at the device, what was told last; at first what it wanted
     double now;           // N/m, what is to be told
     double time;          // s, of the last event
     double wait;          // s, until another may follow

@@ -97,7 +97,7 @@ bool Connection::greet(const Endpoint& endpoint, const std::string& client) {
   bool is_cut;
   if (receive_message(socket_, message, size, regions, is_cut) != Transfer::done) return false;
 
-  wire::Answer answer{};
+  wire::HelloAnswer answer{};
   if (size >= sizeof answer) std::memcpy(&answer, message.data(), sizeof answer);
   if (answer.magic != wire::magic) {
     fail(FS_ERROR_VERSION, "what answers at '%s' is not a server that this library (version %s) can talk to", name, fs_version());

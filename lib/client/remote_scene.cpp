@@ -110,8 +110,8 @@ void RemoteScene::change_own(Call& call, const fs_object& object, uint32_t parts
   });
 }
 
-// The fast one. It makes no system call and does not allocate, as long as the server is awake and has no news, no group is open
-// and no tool in this process evaluates the scene.
+// The fast one. It makes no system call and does not allocate, as long as the server is awake and has no news, no group is
+// open, the object has no lifetime, and no tool in this process evaluates the scene.
 void RemoteScene::move(const char* given, const fs_pose& pose, const fs_twist* twist, double time) {
   const Pose parsed = parse_move(pose, twist, time);
   double steady;

@@ -1,5 +1,5 @@
-// A scene at a server. Every change is first checked on the replica in this process, as a group that is committed there when
-// the change was sent. Moves of own objects go through shared memory; every other change, or group of changes, is one message,
+// A scene at a server. Changes of own objects, frame and tool are first checked on the replica in this process, as a group that
+// is committed there when they were sent. Moves of own objects go through shared memory; every other change, or group of changes, is one message,
 // so the server has all of it or nothing. What others change, and what the server refuses, comes to the replica by Pulls.
 #pragma once
 

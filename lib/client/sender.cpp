@@ -14,7 +14,7 @@ bool Sender::deliver(Group& group, SendingAhead& ahead) {
     return true;
   }
   bool is_any_noted = false;
-  for (size_t i = 0; i < group.batch.size(); ++i) is_any_noted = ahead.note(group.assets(i));
+  for (size_t i = 0; i < group.batch.size(); ++i) is_any_noted |= ahead.note(group.assets(i));
   if (is_any_noted) return false;
   for (size_t i = 0; i < group.batch.size(); ++i) {
     if (!sent_.send(group.assets(i))) return false;

@@ -19,8 +19,8 @@ class SentAssets {
   Asset find(uint64_t id) const;  // nothing: it was not sent, or was forgotten
   bool has(uint64_t id) const { return sent_.contains(id); }
 
-  // Sends the asset if the server lacks it, or refused it and a retry may succeed. False: there is no room for it now, but the
-  // server may have forgotten the refused one. It counts as unused until an object uses it.
+  // Sends the asset if the server lacks it, or refused it and a retry may succeed. False: it could not be sent now; a
+  // refused one may have been withdrawn already. It counts as unused until an object uses it.
   bool send(const Asset& asset);
   bool send(const Assets& assets) { return send(assets[0]) && send(assets[1]) && send(assets[2]); }
   bool send(const Asset& asset, const PackedAsset& packed);

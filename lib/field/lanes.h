@@ -73,7 +73,7 @@ struct Within {
 };
 Within rows_within(const Gaps& gaps, float most) noexcept;
 
-// [rt] Which of 64 sleepers do not sleep beyond `travelled`, and where the first of the others wakes.
+// [rt] Which of the 64 chunks of a block are due when the tool has travelled so far, and when the next one is.
 struct Awake {
   uint64_t mask;
   double wakes_next;

@@ -77,8 +77,9 @@ class Memory : public Counted<Memory> {
   struct Weights {
     std::array<Weight, chunk_size> rows;
     // Written by the tick, also read by whoever asks for a weight.
-    // Bit i: the weight of row i is moving; it rises; it is handed over to the successor.
-    std::atomic<uint64_t> moving{0}, going_in{0}, handing_over{0};
+    std::atomic<uint64_t> moving{0};        // bit i: the weight of row i is moving,
+    std::atomic<uint64_t> going_in{0};      // it rises,
+    std::atomic<uint64_t> handing_over{0};  // it is handed over to the successor
     std::atomic<double> since{0};                  // s: the weights are those of this time
   };
 

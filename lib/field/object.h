@@ -95,7 +95,7 @@ struct ParsedObject {
 };
 
 // Checks every field, builds the shape's tree and works out the derived fields. Throws INVALID (the sentence begins with
-// the object's name), UNSUPPORTED.
+// the object's name); STATE: the process is ending.
 // like: an earlier version of the object, whose slopes are used again if the profiles are the same; may be null.
 // builds_shape: false as long as nobody evaluates the object.
 ParsedObject parse_object(const fs_object& object, const Object* like = nullptr, bool builds_shape = true);

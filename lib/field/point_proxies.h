@@ -47,8 +47,8 @@ class PointProxies {
  private:
   struct Before {
     const Touch* touch;  // in the last tick; null: there was none
-    Touch* left;         // of this tick, where it was against the others; null: it was not
-    bool is_done;        // it has its proxy
+    Touch* left;  // its touch of this tick, if it left a proxy because it contradicted the others there; null: it did not
+    bool is_done;  // it has its proxy
   };
   struct Point {
     const Tick& tick;
@@ -68,7 +68,7 @@ class PointProxies {
   void add_profiles(const Point& point, Gain& out) noexcept;
 
   std::array<Before, most_solids> before_;  // of the solids
-  Proxy proxy_;                             // the one that is worked on
+  Proxy proxy_;  // the one that is worked on
 };
 
 }  // namespace fs

@@ -86,7 +86,9 @@ struct Rows : LocalCounted<Rows> {
   uint64_t bounded = 0;   // bit i: the slope of row i is bounded
   double omitted = 0;     // N: rows are left out where their force is at most this; 0: only where they have none
   FormulaLanes<chunk_size> formulas{};
-  uint64_t capped = 0, falling = 0, bent = 0;  // bit i: row i is a point with a formula and a cap; it has `fall`; a bend
+  uint64_t capped = 0;   // bit i: row i is a point with a formula and a cap,
+  uint64_t falling = 0;  // which falls; see RowCaps
+  uint64_t bent = 0;     // which is bent
   Ref<RowCaps> caps;                           // null where no row has one
 
   uint64_t with(Form form) const noexcept { return forms[static_cast<size_t>(form)]; }
@@ -116,9 +118,9 @@ struct Chunk : LocalCounted<Chunk> {
   uint64_t version = 0;                        // of the last change,
   uint64_t rows_version = 0;                   // and of the last that was more than a move
   uint64_t used = 0;                           // bit i: row i is in use
-  uint64_t standing = 0;  // bit i: row i has no twist: it stands at its centre (Motions::x, y, z), or an offset
-  // from there is still blended
-  uint64_t blended = 0;  // its motion has an offset, which may be over (Motion::Offset)
+  // Bit i: row i has no twist. It stands at its centre (Motions::x, y, z), or an offset from there is still blended.
+  uint64_t standing = 0;
+  uint64_t blended = 0;  // bit i: the motion of row i has an offset, which may be over (Motion::Offset)
   uint64_t planes = 0;  // bit i: row i is a resting plane that is felt within some distance of it
   Box box;  // where any of its rows but the planes may be felt
   Ref<Rows> rows;

@@ -1,5 +1,5 @@
 // The weights by which nothing makes a step in force. Whatever comes and goes under a servo is a row of a snapshot: a
-// version of an object, a view, a whole scene. The snapshot says what is wanted of the row (Want, data); the servo's
+// version of an object, or a view (a whole scene fades by a weight of its channel). The snapshot says what is wanted of the row (Want, data); the servo's
 // memory has how far it has come (Weight, 0 to 1). Each tick moves each weight towards what is wanted by dt/fade at most
 // (in a take-over, see below, by dt/blend), whatever was called in whatever order. So no change can make a step.
 //
@@ -26,17 +26,17 @@ inline constexpr uint32_t no_row = ~0u;
 
 // How a servo spreads what changes. A tool does not: all 0.
 struct Spread {
-  double fade = 0;      // s, in which a weight goes from 0 to 1; 0: at once
-  double blend = 0;     // s, for poses and profiles of what is felt; 0: at once
+  double fade = 0;  // s, in which a weight goes from 0 to 1; 0: at once
+  double blend = 0;  // s, for poses and profiles of what is felt; 0: at once
   double jump = never;  // m of the device: an object that is put farther away than this fades there
 };
 
 // What a snapshot wants of a row.
 struct Want {
-  uint64_t version = 0;   // of this use of the row; 0: the row is not in use
+  uint64_t version = 0;  // of this use of the row; 0: the row is not in use
   uint64_t sequence = 0;  // of the snapshot that first wanted it so
   double expiry = never;  // s, scene time: from then on the row is wanted out
-  uint32_t next = no_row; // the row that begins when this one is in full, or not felt
+  uint32_t next = no_row;  // the row that begins when this one is in full, or not felt
   bool is_in = false;
   uint64_t takes_over = 0;  // version of the row from which it takes over the weight, and the proxies; 0: it fades in by itself
 

@@ -39,8 +39,8 @@ class InboxOf {
   void take_dirty(F&& f) noexcept;
   bool has_dirty() const noexcept;
   bool has_left() const noexcept { return head_->has_left.load(std::memory_order_acquire) == 1; }
-  // Odd: a group is being written. Another number than before: a group was written between. Then what was read belongs
-  // together only when it is read once more.
+  // Odd: a group is being written. Where the number has changed since the slots were read, a group was written meanwhile: all of
+  // them are to be read again.
   uint64_t batch() const noexcept { return head_->batch.load(std::memory_order_acquire); }
   // False: the record is being written, or never was.
   bool read(uint32_t slot, Record& record) const noexcept { return records_[slot].read(record); }

@@ -42,7 +42,7 @@ class Listener {
   static Listener for_this_user(const std::string& name);  // EXISTS, IO, FULL
   static Listener for_all_users(const std::string& name);  // the same
   Listener(Listener&&) noexcept = default;
-  Listener& operator=(Listener&&) noexcept = default;
+  Listener& operator=(Listener&&) = delete;
   ~Listener() { reset(); }
 
   void reset() noexcept;

@@ -1,4 +1,4 @@
-// What samples tell about the force of an expression, whose formula nobody takes apart. All of it is an estimate.
+// What samples tell about the force of an expression, which is known only by evaluating it. All of it is an estimate.
 #pragma once
 
 #ifdef FORCESERVER_EXPRESSIONS

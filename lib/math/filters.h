@@ -36,7 +36,7 @@ class StepGate {
 // of 100 Hz lowers the force noise of a 20 um encoder at 20 N s/m from .172 to .066 N rms.
 //
 // Of each step of an encoder, damping makes a force of 2 pi cutoff * damping * step, and that shakes a hand that would rest. So
-// the estimate is 0 as long as the motion may be nothing but such steps. It is made smaller then, but never turned or delayed:
+// the estimate is 0, or the part `rest`, as long as the motion may be nothing but such steps. It is made smaller then, but never turned or delayed:
 // damping takes less energy from the hand, and gives it none. From 1.2 mm/s on, with steps of 20 um, it is whole.
 class VelocityEstimator {
  public:

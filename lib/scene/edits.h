@@ -15,7 +15,7 @@ struct OpenGroup {
   std::pmr::monotonic_buffer_resource memory;  // of the changes, which lie in the order in which they came
   std::pmr::map<std::string, ObjectState, std::less<>> changes{&memory};
   using Change = decltype(changes)::value_type;
-  std::vector<Change*> order;  // in which they came
+  std::vector<Change*> order;  // in which they came, until a commit sorts them
   size_t added = 0;            // names that the scene does not have
   size_t committed = 0;        // how many of order are, in a commit that takes several steps
   std::vector<NewName> new_names;  // beside order, in a commit; empty: not made, or not new

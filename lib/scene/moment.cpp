@@ -95,7 +95,7 @@ bool Moment::feel(uint32_t number, ObjectForce& out) const {
   return true;
 }
 
-// With what a version has still to take over from those before it: to change a profile is not to fade.
+// The weight of the newest version and what it has still to take over from older ones: a changed profile does not report FADING.
 double Moment::weight_of(uint32_t newest) const {
   double weight = 0;
   for (uint32_t number = newest; number != no_row; number = row(number).previous) {

@@ -76,7 +76,8 @@ class Objects {
   // The same where its twist has been worked out. id: of the name, as far as it is known; it is known then.
   bool move_to(std::string_view name, NameId& id, const Motion& motion, double now);
 
-  // Bounds an object as it was worked out for this one, in this row; by now it may be another.
+  // Enters bounds that were worked out for `object` when it stood in `row`. The name may have another object or row by now: then
+  // they are entered for that one.
   struct Bound {
     bool has_changed = false;
     const Object* object = nullptr;  // as it is now; null: there is none

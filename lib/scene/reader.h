@@ -26,8 +26,8 @@ struct Reader {
   Scratches scratches;  // the scene's, under its lock: for the next posting
 
  private:
-  uint64_t first_unfetched_ = 0;  // sequence: unless the newest was fetched, none from this one on was
-  bool is_taken_back_ = false;    // the newest
+  uint64_t first_unfetched_ = 0;  // sequence of the oldest posting that may not have been fetched yet, while take_back succeeds
+  bool is_taken_back_ = false;  // the newest
 };
 
 }  // namespace fs

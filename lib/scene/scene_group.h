@@ -23,7 +23,8 @@ class SceneGroup {
   void set_tool(const Vec3* points, size_t count);
   Ref<const Object> get(const char* name, fs_object& out);  // as the group has it
 
-  // Changes the scene, by at most so many objects; true: by all of them. Between the steps nobody may change or post the scene.
+  // Changes the scene, by at most so many objects; true: by all of them. Between the steps nobody may set, move, remove or post;
+  // bounds may change.
   // Where somebody else has changed an object meanwhile, only the parts that the group has changed are changed.
   bool commit(size_t most);
 

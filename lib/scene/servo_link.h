@@ -22,7 +22,7 @@ class ServoLink {
   virtual void add_record(uint64_t after, size_t most, std::vector<fs_recorded_tick>& out) const = 0;
   virtual void set_enabled(bool enabled) noexcept = 0;          // [rt]
   virtual uint64_t event_count() const noexcept = 0;            // of the device
-  virtual bool take_event(uint64_t& next, fs_event& out) const = 0;  // number `next`, which goes on; false: none yet
+  virtual bool take_event(uint64_t& next, fs_event& out) const = 0;  // number `next`, to which it adds 1; false: none yet
 
  protected:
   ~ServoLink() = default;

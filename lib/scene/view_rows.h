@@ -48,8 +48,8 @@ class ViewRows : Versions<ViewRows> {
   void drop(uint32_t i) noexcept;
 
   bool find(uint32_t i, FoundView& out) const noexcept;
-  // Rows that no tick can use. Where 3 or fewer are left, a view that was posted is taken back if no tick has it yet. The 3 are
-  // for views that follow one which a tick uses already: at most two of these come before rows are free again.
+  // Rows that no tick can use. Where `reserve` or fewer are left, a posted view is taken back if no tick has it yet. Views that a
+  // tick uses already cannot be taken back; at most two come before rows are free again, so three are enough.
   std::vector<uint32_t> free_rows() const;
   static constexpr size_t reserve = 3;
   uint64_t used() const noexcept { return output_.used.load(std::memory_order_acquire); }

@@ -25,7 +25,7 @@ class Allowance {
   size_t debt_ = 0;
 };
 
-// How much of that thread a client has used lately, in any unit. The one that has used least is served first: a client that
+// How much of the server's thread a client has used lately, in any unit. The one that has used least is served first: a client that
 // asks for little waits for one piece of another's work at most, however much work that one has. Nobody is left out, because
 // being served adds to what a client has used.
 class Usage {

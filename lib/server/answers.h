@@ -1,5 +1,5 @@
 // Sends the answers to a client's requests on its socket. Answers are not queued: a client that does not read them, so that
-// the socket is full, is dropped.
+// the socket is full, is dropped; but an answer with a descriptor is refused then (FULL).
 #pragma once
 
 #include <span>

@@ -146,10 +146,7 @@ void Changes::apply_set(Scene& scene, const wire::Set& set, uint64_t serial, boo
 void Changes::apply_foreign(const Change& change, ForeignGroups& groups) {
   const TargetObject target = find_foreign(client_, change.name());
   auto group = groups.find(target.scene.get());
-  if (group == groups.end()) {
-    if (target.owner) target.owner->take_moves();  // moves that the owner made before this change
-    group = groups.try_emplace(target.scene.get(), target).first;
-  }
+  if (group == groups.end()) group = groups.try_emplace(target.scene.get(), target).first;
   try {
     group->second.add(client_, change, target.name);
   } catch (const Error& error) {

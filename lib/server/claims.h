@@ -45,7 +45,7 @@ class Claims {
  public:
   bool is_empty() const noexcept { return all_.empty(); }
   bool may_begin(const Claim& claim) const;  // now
-  void end(Claim& claim) noexcept;           // nothing: it has ended already, or not begun
+  void end(Claim& claim) noexcept;           // does nothing if it was never awaited, or has ended
 
  private:
   friend Claim;

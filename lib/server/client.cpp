@@ -57,14 +57,14 @@ void Client::note_edit_by(const std::string& editor, const std::string& object, 
   // One event tells of a stream of changes, until the client has looked at the object.
   const bool is_told = record->editor != editor || is_removed;
   if (is_removed) names.forget(object);
-  names.tell(object, editor);
+  names.set_untold(object, editor);
   note_news();  // before the event, whose reader may look at the object at once
   if (is_told) push_event(FS_EVENT_EDITED, object, editor);
 }
 
 void Client::note_untold(const std::string& object) {
   const size_t most = 4 * size_t{host.settings().max_objects};  // twice the objects that it may have, with refused ones
-  if (names.untold_count() < most) names.tell(object, name);
+  if (names.untold_count() < most) names.set_untold(object, name);
 }
 
 void Client::note_absent(const wire::Set& set, fs_object_state state) {

@@ -26,7 +26,9 @@ TargetObject find_foreign(const Client& asking, std::string_view name);
 // Changes of objects of one other scene, all of which are made or none.
 class ForeignGroup {
  public:
-  explicit ForeignGroup(const TargetObject& target) : owner_(target.owner), scene_(target.scene), group_(scene_) {}
+  explicit ForeignGroup(const TargetObject& target) : owner_(target.owner), scene_(target.scene), group_(scene_) {
+    if (owner_) owner_->take_moves();  // that the owner made before this change
+  }
 
   void add(const Client& editor, const Change& change, const std::string& name);
   void commit() { group_.commit(SIZE_MAX); }

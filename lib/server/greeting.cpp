@@ -15,7 +15,7 @@ namespace {
 
 bool answer(const Client& client, fs_status status, const std::string& text, std::span<const std::byte> rest = {},
             std::span<const int> descriptors = {}) {
-  wire::Answer out{};
+  wire::HelloAnswer out{};
   out.magic = wire::magic;
   out.wire = wire::version;
   out.status = status;

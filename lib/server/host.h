@@ -29,7 +29,7 @@ class Host {
   // Lets a worker destroy what would take long here.
   virtual void destroy(std::shared_ptr<void> what) = 0;
   virtual bool is_slice_over() const noexcept = 0;  // the running client is to give way to others
-  virtual void resume_later(const Client& client) noexcept = 0;  // when it is its turn
+  virtual void resume_later(const Client& client) noexcept = 0;  // when it is scheduled
   virtual void note_activity() noexcept = 0;        // the server stays awake
 
   // ---- For the life of a session.

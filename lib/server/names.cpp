@@ -94,7 +94,7 @@ void Names::drop_absents() {
 
 // ---------------------------------------------------------------------------------------- what the client has to be told
 
-void Names::tell(const std::string& name, const std::string& editor) {
+void Names::set_untold(const std::string& name, const std::string& editor) {
   Named& named = make(name);
   list(named, untold, true);
   named.second.editor = editor;
@@ -124,7 +124,7 @@ NameRecord Names::record_of(std::string_view name) const {
 
 bool Names::put_back(const std::string& name, const NameRecord& was) {
   if (was.absent) set_absent(name, *was.absent);
-  if (!was.editor.empty()) tell(name, was.editor);
+  if (!was.editor.empty()) set_untold(name, was.editor);
   if (!was.is_there) return false;
   add(name);
   Named& named = *find_named(name);

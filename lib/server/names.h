@@ -73,7 +73,7 @@ class Names {
   void drop_absents();
 
   // ---- What the client has to be told.
-  void tell(const std::string& name, const std::string& editor);
+  void set_untold(const std::string& name, const std::string& editor);
   void note_told(std::string_view name);
   size_t untold_count() const noexcept { return lists_[untold].size(); }
   const std::string* next_untold(const ParkedBatches& parked) const;  // that no parked change holds up; null: none

@@ -129,7 +129,6 @@ void Requests::tell_all(const char* text) const noexcept {
 
 void Requests::change_foreign(const Request& request) {
   with_object(find_foreign(client_, request.content.name()), [&](const TargetObject& target) {
-    if (target.owner) target.owner->take_moves();  // moves that the owner made before this change
     ForeignGroup group(target);
     group.add(client_, request.content, target.name);
     group.commit();

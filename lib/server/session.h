@@ -79,7 +79,7 @@ class Session {
   bool are_moves_taken_ = false;  // in this turn
   bool is_retry_due_ = false;     // parked changes are to be looked through
   std::list<Worker::Job> done_;
-  const Task work_ = serve();     // the last member: all others are there when it begins
+  const Task serving_ = serve();  // the last member: all others are there when it begins
 };
 
 }  // namespace fs

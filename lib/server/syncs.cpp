@@ -13,7 +13,7 @@ void Syncs::add(uint64_t serial) {
 
 void Syncs::begin(Sync& sync, const Client& client) {
   sync.has_begun = true;
-  sync.own = client.host.servo().scene()->sequence();
+  sync.of_server = client.host.servo().scene()->sequence();
   client.host.clients().for_each([&](const std::shared_ptr<Client>& other) { sync.uses.push_back({other, {}}); });
 }
 
@@ -26,7 +26,7 @@ bool Syncs::is_used(Sync& sync, const Client& client, uint64_t used) {
     if (!uses.sequence) uses.sequence = other->scene->sequence();
     return (other.get() == &client ? used : used_of(*other->scene)) >= *uses.sequence;
   });
-  return sync.uses.empty() && used_of(*client.host.servo().scene()) >= sync.own;
+  return sync.uses.empty() && used_of(*client.host.servo().scene()) >= sync.of_server;
 }
 
 void Syncs::answer(const Client& client, bool are_moves_taken, uint64_t used) {

@@ -28,7 +28,7 @@ class Syncs {
   struct Sync {
     uint64_t serial;
     bool has_begun = false;  // all that came before it was posted
-    uint64_t own = 0;        // the sequence that a tick has to use, for the server's scene; uses: for each client's
+    uint64_t of_server = 0;  // the sequence that a tick has to use of the server's scene; uses: of each client's
     struct Use {
       std::weak_ptr<const Client> client;
       std::optional<uint64_t> sequence;  // none: its scene is being changed, and will be posted after that

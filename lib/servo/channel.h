@@ -43,7 +43,7 @@ class Channel final : public Counted<Channel> {
   const Ref<SceneBudget>& budget() const noexcept { return budget_; }
 
   // leave: from time `when` (s, scene's clock) on the whole scene fades out, for good. leave_at_once is for a scene
-  // without objects. Any thread.
+  // that adds nothing any more. Any thread.
   void leave(double when) noexcept { leaves_at_.store(when, std::memory_order_release); }
   void leave_at_once() noexcept { push_->is_over.store(true, std::memory_order_release); }
   void end_lease(double now) noexcept {  // leaves now, unless the scene is leaving already

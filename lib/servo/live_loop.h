@@ -25,7 +25,7 @@ class LiveLoop {
   // One thread at a time; not [rt]. Asks the device how its link is, if that is due at time `now`, s. Returns why its answer was
   // refused (see MeasuredLink); empty: it was not.
   const std::string& measure(Device& device, double now);
-  // What all scenes together may have. speed: m/s, faster the hand is never.
+  // What all scenes together may have. speed: m/s, the hand is never faster.
   DeviceLimit limit(const fs_device_info& device, double speed) const noexcept;
 
  private:

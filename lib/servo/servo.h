@@ -94,8 +94,8 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   double known_at_ = -fs::never;  // s, of the last tick in which the place of the hand was known
   uint64_t enable_seen_ = 1;
 
-  // Shared. The servo's thread writes these; other threads write only enable_, is_stopping_ and is_stopped_, and
-  // realtime_ before it runs.
+  // Shared. The servo's thread writes these; other threads write only enable_, is_stopping_, is_stopped_ and, as
+  // it starts, realtime_.
   std::atomic<uint64_t> enable_{1};  // bit 0: enabled; bits 1..31 count the trues, bits 32.. the falses
   std::atomic<bool> is_stopping_{false}, is_stopped_{false};
   std::atomic<double> due_{0};

@@ -20,6 +20,6 @@ struct ServoSettings {
   uint32_t protections_off;  // FS_OFF_ bits
 };
 
-ServoSettings parse_options(const fs_servo_options& options, const fs_device_info& device);  // INVALID, UNSUPPORTED
+ServoSettings parse_options(const fs_servo_options& options, const fs_device_info& device);  // INVALID
 
 }  // namespace fs

@@ -35,8 +35,8 @@ struct Effort {
   uint32_t visits = UINT32_MAX;  // that are left
   uint32_t ways = UINT32_MAX;    // that are left for tests of ways (crossing.h) and for solids that come near
   uint32_t most = UINT32_MAX;    // of one search
-  bool is_cut = false;           // the last search ended because there were none left: what it found may not be the closest,
-  double least = 0;              // but nothing is nearer than this, m
+  bool is_cut = false;           // the last search ran out of visits, so what it found may not be the closest;
+  double least = 0;              // m: nothing is nearer than this, where it is cut
   bool is_ridge_cut = false;     // the last find_ridge() found none because there were none left
 };
 

@@ -6,8 +6,8 @@
 
 namespace fs {
 
-// What is remembered from one search of a shape to the next, to make it faster. It makes no difference to what is found in
-// this shape; with another one, begin with a new hint.
+// What is remembered from one search of a shape to the next, to make it faster. It makes no difference to what closest_point()
+// finds in this shape, and little to find_ridge() (ridge.h); with another one, begin with a new hint.
 struct Hint {
   uint32_t triangle = UINT32_MAX;  // that was nearest
   Vec3 from{};                     // m: when the search was made from here,

@@ -219,7 +219,7 @@ bool find_ridge(fs_primitive primitive, const Shape* shape, Vec3 x, const Closes
     hint->ahead = closest.feature == Feature::face ? (1.1 * l) * closest.direction : Vec3{};
     hint->item_count = 0;
   }
-  if (effort) {  // what is told else is the search from x
+  if (effort) {  // is_cut and least again describe the search from x
     effort->is_ridge_cut = effort->is_cut && !is_ridge;
     effort->is_cut = before.is_cut;
     effort->least = before.least;

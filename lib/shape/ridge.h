@@ -35,7 +35,7 @@ struct Ridge {
 bool find_ridge(fs_primitive primitive, const Shape* shape, Vec3 x, const Closest& closest, double l, Ridge& out,
                 Hint* hint = nullptr, Effort* effort = nullptr) noexcept;
 
-// [rt] The same as closest_point() for one who then asks find_ridge() with this hint. Where there was no ridge the last time, it
+// [rt] In place of closest_point() where find_ridge() follows with the same hint. Where there was no ridge the last time, it
 // searches from y instead of x: if x lies between y and what it finds, that is the closest point of both.
 bool closest_point_ahead(fs_primitive primitive, const Shape* shape, Vec3 x, double max_distance, Closest& out, Hint* hint,
                          Effort* effort) noexcept;

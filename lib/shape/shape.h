@@ -49,7 +49,7 @@ struct fs_shape : fs::Counted<fs_shape> {
   const std::vector<uint32_t> triangles;   // three point indices for each triangle; empty for a polyline
   const bool closed;                       // polyline: the last point joins the first; mesh: has_inside of fs_shape_info
   const double radius;                     // m, from the origin to the farthest point, rounded up
-  const bool has_inward_parts;             // mesh, closed: its front is the inside of a part that is not a hollow of another
+  const bool has_inward_parts;             // mesh, closed: some part faces inwards that lies in no part that faces outwards
   const bool is_straight;                  // polyline: all its points lie on one line, within a millionth of its length
 
   // Builds the search tree of a mesh once. Any thread may call it; the others wait until the tree is built. A polyline

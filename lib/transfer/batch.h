@@ -21,8 +21,8 @@ namespace fs {
 // One change of a batch.
 struct Change {
   wire::Type type;
-  std::span<const std::byte> record;  // lies in the batch; its size is that of the type's record, in a batch to be sent of what
-  // the server knows of it
+  // Lies in the batch. In a batch that came it is a whole record; in one to be sent, as much of it as the server knows.
+  std::span<const std::byte> record;
 
   template <class Record>
   const Record& as() const noexcept {
@@ -35,7 +35,8 @@ struct Change {
   }
   // It cannot be part of a group.
   bool comes_alone() const noexcept {
-    return type == wire::type_forget || type == wire::type_clear || type == wire::type_accuracy || type == wire::type_max_stiffness;
+    return type == wire::type_forget || type == wire::type_clear || type == wire::type_accuracy ||
+           type == wire::type_max_stiffness;
   }
   // The name of the object that it is about, "client/object" of a foreign one; empty: it is about none.
   std::string_view name() const noexcept;
@@ -61,7 +62,7 @@ class Batch {
   };
 
   Batch() = default;
-  explicit Batch(const RecordSizes& common) : common_(common) {}  // for a server with which these are common
+  explicit Batch(const RecordSizes& common) : common_(common) {}  // that are common with the other end
   Batch(Batch&&) noexcept = default;
   Batch& operator=(Batch&&) noexcept = default;
 

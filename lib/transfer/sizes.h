@@ -18,7 +18,7 @@ RecordSizes own_sizes() noexcept;
 // What both know. Nothing: these are not the sizes of any version.
 std::optional<RecordSizes> common_sizes(const RecordSizes& theirs) noexcept;
 
-// Which of the records that grow a message ends with, and how many bytes come before; nothing: none.
+// The growing record at the end of a message: its entry in Sizes, and how many bytes come before it.
 struct GrowingEnd {
   uint32_t wire::Sizes::* size;
   size_t begin, whole;  // whole: of the message as this library knows it
@@ -48,7 +48,7 @@ std::span<const std::byte> sent_part(const Record& record, const RecordSizes& co
   return std::as_bytes(std::span(&record, 1)).first(sent_size(end_of<Record>, common));
 }
 
-// The same for a change that a client sends. VERSION: it sets a field that the server does not know.
+// The part of a client's change that is sent to the server. VERSION: it sets a field that the server does not know.
 std::span<const std::byte> sent_change(uint32_t type, std::span<const std::byte> record, const RecordSizes& common);
 void require_known(const fs_object& object, const RecordSizes& common);  // VERSION
 

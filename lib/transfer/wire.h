@@ -38,7 +38,7 @@ struct Hello {  // the client's first message. A longer one comes from a later v
   Sizes sizes;
 };
 
-struct Answer {  // the server's first; FS_OK: a Welcome follows in it, and two descriptors: inbox, outbox
+struct HelloAnswer {  // the server's first; FS_OK: a Welcome follows in it, and two descriptors: inbox, outbox
   uint64_t magic;
   uint32_t wire;                 // version
   int32_t status;                // VERSION: the client's wire has another
@@ -68,7 +68,7 @@ enum Type : uint32_t {
   // Changes, of the client's own objects and view. A change, a place and a remove may also be of another client's object:
   // its name says "client/object" then. Where such a one comes alone it is a request: Reply.
   type_shape = 1,    // Shape, and a descriptor: points, then triangles
-  type_curve,        // Curve; a table: and a descriptor
+  type_curve,        // Curve, and for a table a descriptor with its forces
   type_forget,       // Forget
   type_set,          // Set
   type_change,       // Set: of an object that is there, only `parts`
@@ -257,9 +257,9 @@ struct NumberedEvent {
   fs_event event;
 };
 
-// What has another size belongs to another version; nothing here has padding. Without its last part, which grows: Set and
-// PullAnswer.
-static_assert(sizeof(Sizes) == 64 && sizeof(Hello) == 224 && sizeof(Answer) == 288 && sizeof(Welcome) == 96);
+// A record of another size needs another version of the wire; none has padding. Set and PullAnswer are counted without their
+// last part, which grows.
+static_assert(sizeof(Sizes) == 64 && sizeof(Hello) == 224 && sizeof(HelloAnswer) == 288 && sizeof(Welcome) == 96);
 static_assert(sizeof(Header) == 16 && sizeof(Group) == 8 && sizeof(Reply) == 264 && sizeof(Count) == 16);
 static_assert(sizeof(Motion) == 120 && sizeof(Move) == 128 && sizeof(Place) == 248 && sizeof(Remove) == 128);
 static_assert(sizeof(Bind) == 136 && sizeof(Frame) == 104 && sizeof(Clutch) == 8 && sizeof(Accuracy) == 8);

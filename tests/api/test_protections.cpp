@@ -760,24 +760,25 @@ END_TEST
 // Without a speed limit all that the hand could reach counts, also after the clutch has put the device's workspace elsewhere.
 START_TEST(the_clutch_moves_the_workspace) {
   Wandering s;
-  for (int i = 0; i < 2; ++i) {
-    fs_object o = fs_object_init(i == 0 ? "one" : "other", FS_PRIMITIVE_POINT);
-    o.pose.position = {0.16, 0, 0};
-    o.front = attract(2000, 2);
-    o.front.reach = 0.01;
-    set(s.rig.scene.get(), o);
-  }
   fs_servo_options options = protected_options();
   options.speed_limit = -1;
   options.max_stiffness = 2000;
   s.start(0.1, 0.2, options);
-  const auto of_one = [&] { return applied(s.rig.scene.get(), "one"); };
-  s.go_to({0, 0, 0}, 500);
-  OK(fs_scene_set_clutch(s.rig.scene.get(), true));
+  fs_scene* const scene = s.rig.scene.get();
+  s.go_to({0, 0, 0}, 100);
+  OK(fs_scene_set_clutch(scene, true));
   s.go_to({-0.09, 0, 0}, 500);
-  OK(fs_scene_set_clutch(s.rig.scene.get(), false));
+  OK(fs_scene_set_clutch(scene, false));
   s.go_to({-0.09, 0, 0}, 500);  // the workspace reaches to 0.19 m of the scene
-  ck_assert_double_le(of_one(), 1000 * (1 + 1e-6));
+  for (const char* name : {"one", "other"}) {
+    fs_object o = fs_object_init(name, FS_PRIMITIVE_POINT);
+    o.pose.position = {0.16, 0, 0};
+    o.front = attract(2000, 2);
+    o.front.reach = 0.01;
+    set(scene, o);
+  }
+  s.go_to({-0.09, 0, 0}, 500);
+  ck_assert_double_le(applied(scene, "one"), 1000 * (1 + 1e-6));
 }
 END_TEST
 

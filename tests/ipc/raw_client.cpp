@@ -61,7 +61,7 @@ RawClient::Greeting RawClient::greet_with(std::span<const std::byte> bytes) {
     if (!fs::wait_for(socket, false, patience)) return out;
     transfer = fs::receive_message(socket, buffer, size, came, is_cut);
   } while (transfer == fs::Transfer::again);
-  fs::wire::Answer answer;
+  fs::wire::HelloAnswer answer;
   if (transfer != fs::Transfer::done || size < sizeof answer) return out;
   std::memcpy(&answer, buffer.data(), sizeof answer);
   out.is_answered = true;

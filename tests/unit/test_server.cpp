@@ -194,7 +194,7 @@ START_TEST(a_record_of_a_name_is_put_back) {
   ck_assert(names.bind("a", 0, 10));
   ck_assert(names.bind("b", 1, 11));
   names.await("b");
-  names.tell("b", "editor");
+  names.set_untold("b", "editor");
   names.set_absent("refused", {FS_PRIMITIVE_PLANE, FS_OBJECT_REFUSED});
   // A slot is of one object: the later change wins.
   ck_assert(!names.bind("c", 0, 9));

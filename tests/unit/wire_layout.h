@@ -25,7 +25,7 @@ inline std::string wire_layout() {
 #define PICK(_1, _2, _3, _4, _5, _6, _7, _8, name, ...) name
 #define RECORD(r, ...) PICK(__VA_ARGS__, F8, F7, F6, F5, F4, F3, F2, F1)(r, __VA_ARGS__)
   RECORD(Hello, magic, wire, reserved, client, version, sizes);
-  RECORD(Answer, magic, wire, status, version, text);
+  RECORD(HelloAnswer, magic, wire, status, version, text);
   RECORD(wire::Sizes, object, stats, device, later);
   RECORD(Header, type, reserved, serial);
   RECORD(wire::Group, bytes);

@@ -32,7 +32,7 @@ class BinaryTree {
   Node& top() const { return *top_; }
   size_t item_count() const { return item_count_; }
 
-  // Of its nodes; Embree offers memory of its own, but when that runs out, a later build uses what has been freed.
+  // Of its nodes. It is our own: after Embree's allocator has run out of memory, a later build may use nodes that were freed.
   class Memory {
    public:
     Node* make(size_t count) noexcept;  // null: there is no memory

@@ -38,7 +38,7 @@ class MeshTree {
   struct Found {
     Nearest nearest;                    // its offset is relative to x
     uint32_t triangle = no_triangle;    // none: nothing is within range
-    double least = 0;                   // m, nothing is nearer; out of range: nothing is as near
+    double least = 0;                   // m: nothing is nearer; where nothing was found, all is farther
     uint32_t visits = 0;                // that it took
     bool is_cut = false;                // the visits ran out: something nearer may be there, but not nearer than `least`
   };

@@ -38,8 +38,8 @@ struct MeshUnion {
   };
   std::vector<Piece> pieces;        // number i has the item (triangles of the mesh + i)
   std::vector<bool> counts;         // of each triangle: it is an item as a whole
-  std::vector<bool> is_met;  // of each triangle: another part touches it, so its neighbours in its own part do not tell the
-  // side at its edges
+  // Of each triangle: another part touches it, so its neighbours in its own part do not tell the side at its edges.
+  std::vector<bool> is_met;
   std::vector<bool> is_inward;  // of each item that is met: the inside is in front of it
   WideTree tree;  // of the items
   std::vector<Packet> packets;

@@ -57,11 +57,13 @@ class Pseudonormals {
 
   std::span<const Vec3> points_;
   std::span<const uint32_t> corners_;
-  PackedNumbers across_;  // of each side of each triangle: the other triangle; itself where there is none; or,
-  // from triangle_count() on, the place of the edge's normal in kept_
+  // Of each side of each triangle the other triangle; itself where there is none; or, from triangle_count() on, the place of the
+  // edge's normal in kept_.
+  PackedNumbers across_;
   std::vector<Normal> kept_;
-  PackedNumbers vertices_;  // of each point; the number of vertex_normals_: its triangle is alone there; empty:
-  // each point is a vertex of its own
+  // Of each point the index of its normal; vertex_normals_.size(): only one triangle is there, which tells the normal. Empty: each
+  // point is a vertex of its own.
+  PackedNumbers vertices_;
   std::vector<Vec3> vertex_normals_;
   std::vector<bool> vertex_is_flat_;
 };

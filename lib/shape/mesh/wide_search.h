@@ -33,8 +33,8 @@ FS_INLINE double search(const WideTree& tree, const From& from, typename From::R
     Real squared;
     uint32_t child;
   };
-  // No entry on the stack is deeper than one above it. So entries of one level come from one turn, in which one node leaves all but
-  // one of its children and the node beside it all of them.
+  // No entry on the stack is deeper than one above it. So entries of one level come from one turn, which leaves at most 7 children of
+  // the node and 8 of the one beside it.
   Entry stack[WideTree::most_depth * (2 * WideNode::width - 1)];
   uint32_t size = 0;
   const WideNode* const nodes = tree.nodes();
