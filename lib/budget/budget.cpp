@@ -87,15 +87,15 @@ void Budget::start() {
       pthread_setschedparam(pthread_self(), SCHED_OTHER, &ordinary);  // the starter may have been a real-time thread
       double last = steady_now();
       std::unique_lock lock(mutex_);
-      while (!stopping_.wait_for(lock, std::chrono::duration<double>(turn), [this] { return is_stopping_; })) {
+      while (!stopping_.wait_for(lock, std::chrono::duration<double>(interval), [this] { return is_stopping_; })) {
         lock.unlock();
-        const double begin = processor_time(), late = steady_now() - last - turn;
+        const double begin = processor_time(), late = steady_now() - last - interval;
         const bool has_worked = run_once();
         const double cost = processor_time() - begin;
         last = steady_now();
         constexpr double less = 0.99;  // from one turn to the next, where there was nothing to do
         rest_ = has_worked ? 9 * cost : less * rest_;  // a tenth of a processor; that the thread had to wait does not count
-        ahead_ = std::min(most_ahead, std::max(turn + std::max({turn, rest_ / 4.5, 2 * late}), less * ahead_));
+        ahead_ = std::min(most_ahead, std::max(interval + std::max({interval, rest_ / 4.5, 2 * late}), less * ahead_));
         lock.lock();
       }
     });

@@ -23,7 +23,7 @@ class Budget {
       : limit_(std::move(limit)), scenes_(std::move(scenes)) {}
   ~Budget() { stop(); }
 
-  static constexpr double turn = 0.01;  // s, from one run to the next
+  static constexpr double interval = 0.01;  // s, from one run to the next
 
   void start();  // IO: no thread; also runs once
   void stop() noexcept;  // when it returns, the thread has ended
@@ -36,7 +36,7 @@ class Budget {
   const uint32_t process_ = this_process();
   std::mutex running_;
   static constexpr double most_ahead = 0.1;  // s
-  std::atomic<double> ahead_{2 * turn}, rest_{0};  // s, see SceneBudget::update
+  std::atomic<double> ahead_{2 * interval}, rest_{0};  // s, see SceneBudget::update
   std::mutex mutex_;
   std::condition_variable stopping_;
   bool is_stopping_ = false;

@@ -94,8 +94,8 @@ namespace {
 
 // The closest point of an object with formulas to a tool point. False: out of reach, or there is no direction. stiffness: N/m,
 // gets what `out` cannot tell of it.
-bool find_contact(const Object& object, const Pose& pose, Vec3 position, double weight, double slope, Contacts::Contact& out,
-                  Mat3& stiffness, Hint* hint, Effort* effort, double& error) noexcept {
+bool find_entry(const Object& object, const Pose& pose, Vec3 position, double weight, double slope, ClosestPoints::Entry& out,
+                Mat3& stiffness, Hint* hint, Effort* effort, double& error) noexcept {
   out.weight = weight;
   const Vec3 offset = position - pose.position;
   const double support = object.law.support;
@@ -151,29 +151,29 @@ void add_stiffness(const Mat3& stiffness, double weight, uint32_t lane, LaneSum&
   sum.zz[lane] += weight * stiffness.zz;
 }
 
-// Adds the closest points of a row with formulas to `contacts`. Where a lane is full, those that wait there are evaluated first;
+// Adds the closest points of a row with formulas to `closest_points`. Where a lane is full, those that wait there are evaluated first;
 // returns which of their rows gave a force.
-uint64_t add_contacts(const Object& object, const Motion& motion, uint32_t row, double weight, const ToolState& tool, Hint* hints,
-                      Effort* effort, double slope, double& error, Contacts& contacts, LaneSum& sum) noexcept {
+uint64_t add_closest_points(const Object& object, const Motion& motion, uint32_t row, double weight, const ToolState& tool,
+                            Hint* hints, Effort* effort, double slope, double& error, ClosestPoints& closest_points,
+                            LaneSum& sum) noexcept {
   const uint32_t all = tool.all_points(), mask = tool.is_any_point ? all : object.point_mask() & all;
   if (mask == 0 || !(object.law.support >= 0)) return 0;
   const bool is_moved = motion.horizon > 0 || motion.has_offset(tool.time, tool.blend);
   const Pose moved = is_moved ? motion.at(tool.time, tool.blend) : Pose{};
   const Pose& pose = is_moved ? moved : motion.pose;
   uint64_t felt = 0;
-  Contacts::Contact contact;
+  ClosestPoints::Entry entry;
   const bool is_one_point = (mask & (mask - 1)) == 0;  // as mostly
   const double each = is_one_point ? weight : weight * (1.0 / std::popcount(mask));
   Mat3 stiffness{};
   for_each_bit(mask, [&](uint32_t k) {
     const ToolState::Point& point = tool.points[k];
-    if (!find_contact(object, pose, point.position, each, slope, contact, stiffness, hints ? hints + k : nullptr, effort,
-                      error)) {
+    if (!find_entry(object, pose, point.position, each, slope, entry, stiffness, hints ? hints + k : nullptr, effort, error)) {
       return;
     }
-    contact.arm = point.arm;
-    if (!contacts.has_room(row)) felt |= contacts.take(sum);
-    contacts.add(row, contact);
+    entry.arm = point.arm;
+    if (!closest_points.has_room(row)) felt |= closest_points.take(sum);
+    closest_points.add(row, entry);
   });
   add_stiffness(stiffness, 1, row % lane_count, sum);
   return felt;
@@ -260,7 +260,7 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
   const double reach = proxies ? proxies->reach(view, what) : 0;  // a proxy may be that far from its point
   memory.look(view, what, tool.pose * points.centre, points.radius + reach, tool.time);
   LaneSum sum;
-  Contacts contacts;
+  ClosestPoints closest_points;
   fs_response out{};
   out.error_bound = memory.omitted();
   const double point_weight = 1.0 / tool.count;
@@ -290,15 +290,16 @@ fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t v
                         .is_bounded = given && (chunk.rows->bounded & bit_of(i))});
     });
     near &= ~solids_near;
-    const uint64_t contacts_near = near & ~points_near & (chunk.rows->contacts | chunk.rows->points());
-    for_each_bit(contacts_near, [&](uint32_t i) {
+    const uint64_t rows_near = near & ~points_near & (chunk.rows->by_closest_point | chunk.rows->points());
+    for_each_bit(rows_near, [&](uint32_t i) {
       const Object& object = chunk.row(i).as_felt(given);
       const Scratch* const scratch = object.shape ? scratches.get(number * chunk_size + i) : nullptr;
-      felt |= add_contacts(object, chunk.motion(i), i, given ? given[i].value() : 1, tool,
-                           scratch ? scratch->hints.get() : nullptr, effort, object.bounds.slope, out.error_bound, contacts, sum);
+      felt |= add_closest_points(object, chunk.motion(i), i, given ? given[i].value() : 1, tool,
+                                 scratch ? scratch->hints.get() : nullptr, effort, object.bounds.slope, out.error_bound,
+                                 closest_points, sum);
     });
-    if (contacts_near) felt |= contacts.take(sum);
-    for_each_bit(near & ~points_near & ~contacts_near, [&](uint32_t i) {
+    if (rows_near) felt |= closest_points.take(sum);
+    for_each_bit(near & ~points_near & ~rows_near, [&](uint32_t i) {
       const Row& row = chunk.row(i);
       const Scratch* const scratch = scratches.get(number * chunk_size + i);
       ObjectForce got;

@@ -117,15 +117,16 @@ FS_INLINE uint64_t points_in_lanes(const Chunk& chunk, uint64_t mask, Vec3 posit
   return any_of(felt);
 }
 
-FS_INLINE uint64_t contacts_in_lanes(const Contacts::Layer* layers, const Contacts::Caps* caps, uint32_t count, LaneSum& sum) {
+FS_INLINE uint64_t closest_points_in_lanes(const ClosestPoints::Four* fours, const ClosestPoints::Caps* caps, uint32_t count,
+                                           LaneSum& sum) {
   uint64_t felt = 0;
   const Doubles4 zero = all(0.0), one = all(1.0);
-  for (const Contacts::Layer* layer = layers; layer != layers + count; ++layer) {
-    const Contacts::Layer& l = *layer;
+  for (const ClosestPoints::Four* four = fours; four != fours + count; ++four) {
+    const ClosestPoints::Four& l = *four;
     const Doubles4 d = load(l.distance), signed_limit = load(l.formulas.limit), inverse = one / d;
     const auto form_bits = [&](Form form) __attribute__((always_inline)) { return l.forms[static_cast<size_t>(form)]; };
     Felt<Doubles4> laws = laws_at(d, inverse, l.formulas, 0, magnitude(signed_limit), form_bits);
-    if (l.capped) lower(laws, d, caps[layer - layers], 0, l.capped, true, true);
+    if (l.capped) lower(laws, d, caps[four - fours], 0, l.capped, true, true);
     const Longs4 is_felt = lanes_of<Doubles4>(l.used) & laws.is_felt;
     const Doubles4 sign = signed_limit < zero ? -one : one;
     const Doubles4 weight = load(l.weight) * sign;
@@ -193,38 +194,38 @@ FS_INLINE Awake awake_in_lanes(const double* wake_at, double travelled) {
 
 }  // namespace
 
-void Contacts::add(uint32_t row, const Contact& contact) noexcept {
+void ClosestPoints::add(uint32_t row, const Entry& entry) noexcept {
   const uint32_t k = row % lane_count, bit = 1u << k;
-  if (counts_[k] == layer_count_) layers_[layer_count_++] = {};
-  Layer& l = layers_[counts_[k]++];
-  const Profile& f = *contact.law;
+  if (counts_[k] == four_count_) fours_[four_count_++] = {};
+  Four& l = fours_[counts_[k]++];
+  const Profile& f = *entry.law;
   l.used |= bit;
-  if (contact.is_turning) l.turning |= bit;
+  if (entry.is_turning) l.turning |= bit;
   l.forms[static_cast<size_t>(l.formulas.set(k, f))] |= bit;
   l.rows[k] = static_cast<uint8_t>(row);
-  l.ux[k] = contact.direction.x;
-  l.uy[k] = contact.direction.y;
-  l.uz[k] = contact.direction.z;
-  l.tx[k] = contact.tangent.x;
-  l.ty[k] = contact.tangent.y;
-  l.tz[k] = contact.tangent.z;
-  l.distance[k] = contact.distance;
-  l.weight[k] = contact.weight;
-  l.arm_x[k] = contact.arm.x;
-  l.arm_y[k] = contact.arm.y;
-  l.arm_z[k] = contact.arm.z;
+  l.ux[k] = entry.direction.x;
+  l.uy[k] = entry.direction.y;
+  l.uz[k] = entry.direction.z;
+  l.tx[k] = entry.tangent.x;
+  l.ty[k] = entry.tangent.y;
+  l.tz[k] = entry.tangent.z;
+  l.distance[k] = entry.distance;
+  l.weight[k] = entry.weight;
+  l.arm_x[k] = entry.arm.x;
+  l.arm_y[k] = entry.arm.y;
+  l.arm_z[k] = entry.arm.z;
   l.formulas.per_width[k] = std::min(l.formulas.per_width[k], 1e300);  // so that it is 0 widths to a distance of 0
   if (f.cap) {
-    if (!l.capped) caps_[&l - layers_] = {};
+    if (!l.capped) caps_[&l - fours_] = {};
     l.capped |= bit;
-    caps_[&l - layers_].set(k, *f.cap);
+    caps_[&l - fours_].set(k, *f.cap);
   }
 }
 
-uint64_t Contacts::take(LaneSum& sum) noexcept {
-  const uint64_t felt = run<contacts_in_lanes>(layers_, caps_, layer_count_, sum);
+uint64_t ClosestPoints::take(LaneSum& sum) noexcept {
+  const uint64_t felt = run<closest_points_in_lanes>(fours_, caps_, four_count_, sum);
   std::fill_n(counts_, lane_count, 0);
-  layer_count_ = 0;
+  four_count_ = 0;
   return felt;
 }
 

@@ -24,9 +24,9 @@ struct LaneSum {
 
 // Closest points that wait for their forces on a tool point, of rows of one chunk: those of row i wait in lane i % 4, in
 // the order in which they were added. Their laws are formulas (Rows::formulas).
-class Contacts {
+class ClosestPoints {
  public:
-  struct Contact {
+  struct Entry {
     Vec3 direction;  // unit, from the closest point to the tool point, scene frame
     Vec3 tangent;  // unit, of an edge; else 0
     double distance;  // m
@@ -36,14 +36,14 @@ class Contacts {
     Vec3 arm;  // m, of the tool point
   };
   // [rt] The lane must have room.
-  void add(uint32_t row, const Contact& contact) noexcept;
+  void add(uint32_t row, const Entry& contact) noexcept;
   bool has_room(uint32_t row) const noexcept { return counts_[row % lane_count] < depth; }
 
   // [rt] Adds the forces of all of them, which then wait no longer. Returns the rows felt.
   uint64_t take(LaneSum& sum) noexcept;
 
-  // Four contacts, one in each lane.
-  struct Layer {
+  // Four entries, one in each lane.
+  struct Four {
     using Lanes = double[lane_count];
     uint32_t used, turning;  // bit k: lane k is
     uint32_t forms[form_count];  // by Form, bit k: lane k has this formula
@@ -57,9 +57,9 @@ class Contacts {
  private:
   static constexpr uint32_t depth = 16;
   uint32_t counts_[lane_count] = {};  // that wait in a lane,
-  uint32_t layer_count_ = 0;  // and the most of these
-  Layer layers_[depth];  // all 0 where nothing has been added
-  Caps caps_[depth];  // by layer, only where a lane has one
+  uint32_t four_count_ = 0;  // and the most of these
+  Four fours_[depth];  // all 0 where nothing has been added
+  Caps caps_[depth];  // of each four, only where a lane has one
 };
 
 // [rt] For each row a lower bound of the distance from `from` to where it may be felt, m; below 0 it may be felt there.

@@ -58,7 +58,7 @@ Row& Chunk::set(uint32_t i, Ref<const Object> given, Ref<const Object> bounded, 
   } else if (object.damping == 0 && fits_lanes(law.front) && fits_lanes(law.back)) {
     const bool has_room = !the_cap || (rows->caps && rows->caps->is_unique() && the_cap->slope < 1e100);
     if (object.primitive != FS_PRIMITIVE_POINT || object.point_mask() != ~0u) {
-      rows->contacts |= bit;
+      rows->by_closest_point |= bit;
     } else if (has_room) {
       rows->forms[static_cast<size_t>(rows->formulas.set(i, law.front))] |= bit;
       if (the_cap) {

@@ -80,7 +80,8 @@ struct RowCaps : LocalCounted<RowCaps>, CapLanes<chunk_size> {
 struct Rows : LocalCounted<Rows> {
   Row rows[chunk_size];
   uint64_t forms[form_count] = {};  // by Form, bit i: row i is a point with this formula, in `formulas`
-  uint64_t contacts = 0;  // bit i: row i has formulas but is evaluated from its closest point: a plane, polyline or mesh, or a
+  uint64_t by_closest_point =
+      0;  // bit i: row i has formulas but is evaluated from its closest point: a plane, polyline or mesh, or a
                           // point that only some points of the tool feel
   uint64_t solids = 0;    // bit i: row i is solid
   uint64_t bounded = 0;   // bit i: the slope of row i is bounded
@@ -99,7 +100,7 @@ struct Rows : LocalCounted<Rows> {
   }
   void forget_formulas(uint64_t bit) noexcept {
     for (uint64_t& rows : forms) rows &= ~bit;
-    for (uint64_t* const rows : {&contacts, &solids, &capped, &falling, &bent}) *rows &= ~bit;
+    for (uint64_t* const rows : {&by_closest_point, &solids, &capped, &falling, &bent}) *rows &= ~bit;
   }
 };
 

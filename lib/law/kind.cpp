@@ -118,7 +118,7 @@ struct Gaussian : Plain {
     double widths = 1;
     while (widths < 5 && p.gain / p.width * widths * std::exp(-0.5 * widths * widths) > end.least) widths += 0.25;
     // Beyond its steep part a falling force is not changed by a cap.
-    return std::fmin(end.support, std::fmax(widths * p.width, end.late));
+    return std::fmin(end.support, std::fmax(widths * p.width, end.farther));
   }
 };
 
@@ -156,7 +156,7 @@ struct Quadratic : Plain {
   }
   static double slope_end(const Profile& p, const SlopeEnd& end) noexcept {
     if (!(p.gain > 0)) return end.support;
-    return std::fmax(std::sqrt((p.limit + std::fabs(p.offset)) / p.gain) + end.late, end.turn(p.limit));
+    return std::fmax(std::sqrt((p.limit + std::fabs(p.offset)) / p.gain) + end.farther, end.turn(p.limit));
   }
 };
 
@@ -181,7 +181,7 @@ struct Inverse : Plain {
     return p.offset < force ? outward(p.gain / (force - p.offset) * (1 + 1e-12)) : infinity;
   }
   static double slope_end(const Profile& p, const SlopeEnd& end) noexcept {
-    return std::fmin(end.support, std::fmax(std::sqrt(p.gain / end.least), end.turn(std::fmax(p.offset, 0))) + end.late);
+    return std::fmin(end.support, std::fmax(std::sqrt(p.gain / end.least), end.turn(std::fmax(p.offset, 0))) + end.farther);
   }
 };
 

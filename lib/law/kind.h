@@ -15,7 +15,7 @@ struct SlopeEnd {
   double support;  // m, of the profile
   double k;        // N/m, the steepest that the profile may be
   double least;    // N/m: less is of no account
-  double late;     // m, how much farther out a profile with a capped slope has the same force, at most
+  double farther;     // m, how much farther out a profile with a capped slope has the same force, at most
   bool turns;      // the direction of the force changes from place to place: a slope of f(d) / d
 
   double turn(double force) const noexcept { return turns ? force / least : 0; }  // m, until this force turns less than that

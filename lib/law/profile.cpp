@@ -168,7 +168,7 @@ double slope_end(const Profile& p, double k, double part, bool turns) noexcept {
   const double all = support(p);
   if (!(all >= 0) || !(k > 0)) return -1;
   if (p.reach > 0) return all;  // it may jump there
-  return kind_of(p.kind).slope_end(p, {.support = all, .k = k, .least = part * k, .late = p.limit / k, .turns = turns});
+  return kind_of(p.kind).slope_end(p, {.support = all, .k = k, .least = part * k, .farther = p.limit / k, .turns = turns});
 }
 
 bool is_ever_felt(const Profile& p) noexcept {

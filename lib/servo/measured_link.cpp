@@ -31,7 +31,7 @@ std::string why_not(const fs_link& link) {
 
 bool MeasuredLink::look(Device& device, double now) {
   constexpr double rounding = 1e-9;
-  if (std::fabs(now - looked_at_) < turn - rounding) return false;
+  if (std::fabs(now - looked_at_) < interval - rounding) return false;
   looked_at_ = now;
   refusal_.clear();
   fs_link link;

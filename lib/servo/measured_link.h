@@ -10,11 +10,11 @@ namespace fs {
 
 class MeasuredLink {
  public:
-  static constexpr double turn = 0.04;  // s, from one look to the next
+  static constexpr double interval = 0.04;  // s, from one look to the next
 
   explicit MeasuredLink(double delay) : delay_(delay) { recent_.fill(delay); }  // s, as the device says
 
-  // Asks the device, unless it did so less than a turn before `now` (s). False: it did not, or nothing came of it. One thread
+  // Asks the device, unless it did so less than an interval before `now` (s). False: it did not, or nothing came of it. One thread
   // at a time; not [rt]. It allocates only for a refusal.
   bool look(Device& device, double now);
 

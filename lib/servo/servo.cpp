@@ -186,7 +186,7 @@ fs_status fs_servo::step(uint64_t ticks) noexcept {
   }
   for (uint64_t i = 0; i < ticks && !device_->is_silent(); ++i) {
     if (settings_.mode == FS_SERVO_VIRTUAL) {
-      if (budget_ && static_cast<double>(tick_ - budget_tick_) >= fs::Budget::turn * settings_.rate) {
+      if (budget_ && static_cast<double>(tick_ - budget_tick_) >= fs::Budget::interval * settings_.rate) {
         budget_tick_ = tick_;
         budget_->run_once();
       }

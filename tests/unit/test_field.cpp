@@ -182,7 +182,7 @@ START_TEST(contacts_agree) {
 }
 END_TEST
 
-// Contacts with capped profiles and others, in lanes and one by one.
+// ClosestPoints with capped profiles and others, in lanes and one by one.
 START_TEST(capped_contacts_agree) {
   Random random(4);
   for (int run = 0; run < sanitized_times(100, 1000); ++run) {
@@ -206,7 +206,7 @@ START_TEST(capped_contacts_agree) {
     }
     for (const bool is_wide : {false, true}) {
       allow_avx2(is_wide);
-      Contacts contacts;
+      ClosestPoints contacts;
       for (uint32_t i = 0; i < chunk_size; ++i) {
         contacts.add(i, {.direction = {1, 0, 0}, .tangent = {}, .distance = distances[i], .is_turning = false,
                          .law = &profiles[i], .weight = 1, .arm = {}});
