@@ -4,92 +4,10 @@
 #include <cmath>
 
 #include "base/error.h"
+#include "field/lanes.h"
 #include "field/proxies.h"
-#include "shape/primitive.h"
-#include "shape/ridge.h"
 
 namespace fs {
-namespace {
-
-// Derivative of the unit direction from p to x, times d: how much of a sideways motion turns the force.
-Mat3 turning(const Closest& closest, Vec3 direction, Vec3 tangent) {
-  Mat3 m = identity() + -1.0 * outer(direction, direction);
-  if (closest.feature == Feature::edge) m += -1.0 * outer(tangent, tangent);
-  return m;
-}
-
-Mat3 rotated(const Quat& by, const Mat3& m) {
-  const Mat3 r = to_matrix(by);
-  return r * m * transposed(r);
-}
-
-// How a blended force of the size f(d) changes with the place, object frame. Across the ridge it falls by `slope`. Along the
-// ridge the profile changes it by `change` (N/m) for each metre along `away`, in which d grows. The result is made symmetric, as
-// that of a force with an energy is: half of the second part and half of its transpose.
-Mat3 change_at(const Ridge& ridge, Vec3 away, double change, double slope) {
-  const Vec3 along = ridge.direction - ridge.across * ridge.direction;
-  return (0.5 * change) * (outer(along, away) + outer(away, along)) + -slope * ridge.across;
-}
-
-// Whether the force of an object is blended at x, in its frame. outward: N, away from the closest point. error: N, is
-// added to where the search ends because its visits are used up; the direction is then that of the point closest to x.
-bool blends(const Object& object, const Closest& closest, double outward, Vec3 x, double slope, Ridge& out, Hint* hint,
-            Effort* effort, double& error) noexcept {
-  if (!(outward > 0) || !(slope < no_slope_limit)) return false;
-  if (effort) effort->is_ridge_cut = false;
-  const bool is_ridge = find_ridge(object.primitive, object.shape.get(), x, closest, outward / slope, out, hint, effort);
-  if (effort && effort->is_ridge_cut) error += 2 * outward;
-  return is_ridge;
-}
-
-}  // namespace
-
-bool find_closest(const Object& object, Vec3 x, double range, double slope, Closest& out, Hint* hint, Effort* effort) noexcept {
-  const auto find = slope < no_slope_limit ? closest_point_ahead : closest_point;
-  return find(object.primitive, object.shape.get(), x, range, out, hint, effort);
-}
-
-double error_of(const Object& object, const Effort& effort) noexcept {
-  const double most = std::max(most_between(object.law.front, effort.least, object.law.support),
-                               most_between(object.law.back, effort.least, object.law.support));
-  return 2 * (object.damping > 0 && most > 0 ? std::max(object.law.front.limit, object.law.back.limit) : most);
-}
-
-void add_profile_force(const Object& object, const Closest& closest, const Motion& motion, const Pose& pose, double t,
-                       const ToolState::Point& point, const ToolState& tool, const Law::Parsers* parsers, double point_weight,
-                       ObjectForce& out, Vec3 x, double slope, Hint* hint, Effort* effort) noexcept {
-  if (closest.direction == Vec3{}) return;  // on a point or polyline there is none
-  const double s = closest.side == Side::back ? -closest.distance : closest.distance;
-  const Intensity g = object.law.at(s, t, parsers);
-  if (g.force == 0 && g.slope == 0) return;
-
-  const double outward = closest.side == Side::back ? -g.force : g.force;
-  Ridge ridge;
-  double error = 0;
-  const bool is_ridge = blends(object, closest, outward, x, slope, ridge, hint, effort, error);
-  out.error += point_weight * error;
-  // Away from the closest point.
-  const Vec3 direction = rotate(pose.orientation, is_ridge ? ridge.direction : closest.direction);
-  Vec3 force = outward * direction;
-  if (object.damping > 0 && g.force != 0) {
-    const Vec3 velocity = point.velocity - motion.velocity(point.position, pose, tool.time, tool.blend);
-    force += -object.damping * velocity;
-    const double magnitude = norm(force), limit = object.law.limit(s);
-    if (magnitude > limit) force = (limit / magnitude) * force;
-  }
-  out.wrench.force += point_weight * force;
-  out.wrench.torque += point_weight * cross(point.arm, force);
-  if (is_ridge) {
-    out.stiffness += point_weight * rotated(pose.orientation, change_at(ridge, closest.direction, g.slope, slope));
-    return;
-  }
-  out.stiffness += (point_weight * g.slope) * outer(direction, direction);
-  if (closest.feature != Feature::face && closest.distance > 0) {
-    const Vec3 tangent = rotate(pose.orientation, closest.tangent);
-    out.stiffness += (point_weight * outward / closest.distance) * turning(closest, direction, tangent);
-  }
-}
-
 namespace {
 
 // The closest point of an object with formulas to a tool point. False: out of reach, or there is no direction. stiffness: N/m,
@@ -125,7 +43,7 @@ bool find_entry(const Object& object, const Pose& pose, Vec3 position, double we
                           : Intensity{};
   Ridge ridge;
   double ridge_error = 0;
-  const bool is_ridge = blends(object, closest, f.force, local, slope, ridge, hint, effort, ridge_error);
+  const bool is_ridge = find_blend(object, closest, f.force, local, slope, ridge, hint, effort, ridge_error);
   error += weight * ridge_error;
   if (!is_ridge) {
     out.direction = rotate(pose.orientation, closest.direction);
@@ -179,20 +97,6 @@ uint64_t add_closest_points(const Object& object, const Motion& motion, uint32_t
   return felt;
 }
 
-// The contact of a point without memory: a closed mesh or a plane pushes it to the nearest place of its surface. False: the
-// point is on the side that is kept; what its profiles give is not included.
-bool add_resting_contact(const Object& object, const Closest& closest, const Pose& pose, const ToolState::Point& point,
-                         ObjectForce& out) noexcept {
-  const fs_keep keep = object.contact.keep;
-  if (keep == FS_KEEP_EITHER || closest.side == (keep == FS_KEEP_BACK ? Side::back : Side::front)) return false;
-  if (object.primitive == FS_PRIMITIVE_MESH && !object.shape->closed) return false;
-  const Vec3 direction = rotate(pose.orientation, closest.direction);  // away from the surface
-  const Vec3 force = -std::min(stiffness_of(object.contact) * closest.distance, object.contact.limit) * direction;
-  out.wrench.force += force;
-  out.wrench.torque += cross(point.arm, force);
-  return true;
-}
-
 void add_force(const ObjectForce& force, double weight, uint32_t lane, LaneSum& sum) noexcept {
   sum.fx[lane] += weight * force.wrench.force.x;
   sum.fy[lane] += weight * force.wrench.force.y;
@@ -204,55 +108,6 @@ void add_force(const ObjectForce& force, double weight, uint32_t lane, LaneSum& 
 }
 
 }  // namespace
-
-ToolState ToolState::at(const fs_state& state, const ToolPoints& points, double time, double blend) noexcept {
-  ToolState tool;
-  tool.pose = state.pose;
-  tool.count = static_cast<unsigned>(points.points.size());
-  tool.time = time;
-  tool.blend = blend;
-  for (size_t i = 0; i < tool.count; ++i) {
-    const Vec3 arm = rotate(state.pose.orientation, points.points[i]);
-    tool.points[i] = {state.pose.position + arm, state.twist.linear + cross(state.twist.angular, arm), arm};
-  }
-  return tool;
-}
-
-bool evaluate_object(const Object& object, const Motion& motion, double start, const ToolState& tool, const Law::Parsers* parsers,
-                     ObjectForce& out, Hint* hints, Effort* effort, double slope) noexcept {
-  const uint32_t all = tool.all_points();
-  const uint32_t mask = tool.is_any_point ? all : object.point_mask() & all;
-  const double support = object.support();
-  if (mask == 0 || !(support >= 0)) return false;
-  const double point_weight = 1.0 / std::popcount(mask);
-  const Vec3 origin = motion.position_at(tool.time, tool.blend);
-  Pose pose;
-  bool has_pose = false, is_near = false;
-  for_each_bit(mask, [&](uint32_t k) {
-    const ToolState::Point& point = tool.points[k];
-    const Vec3 offset = point.position - origin;
-    if (norm(offset) - object.radius > support) return;
-    if (!has_pose) pose = motion.at(tool.time, tool.blend);  // what is far, as most is, needs no orientation
-    has_pose = true;
-    const Vec3 local = rotate(conjugate(pose.orientation), offset);
-    Closest closest;
-    const bool is_found = find_closest(object, local, support, slope, closest, hints ? hints + k : nullptr, effort);
-    const bool is_cut = effort && effort->is_cut;
-    if (!is_found && !is_cut) return;
-    if (!is_near) out = {};
-    is_near = true;
-    if (is_cut) out.error += point_weight * error_of(object, *effort);
-    if (!is_found) return;
-    if (closest.distance < out.distance) {
-      out.distance = closest.distance;
-      out.point = pose * closest.point;
-    }
-    if (object.is_solid() && add_resting_contact(object, closest, pose, point, out)) return;
-    add_profile_force(object, closest, motion, pose, tool.time - start, point, tool, parsers, point_weight, out, local, slope,
-                      hints ? hints + k : nullptr, effort);
-  });
-  return is_near;
-}
 
 fs_response evaluate_near(const Scratches& scratches, Memory& memory, uint32_t view, uint64_t what, const ToolPoints& points,
                           const ToolState& tool, Effort* effort) noexcept {

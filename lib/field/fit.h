@@ -1,7 +1,7 @@
 // The pose of a tool whose points are held somewhere.
 #pragma once
 
-#include "field/evaluate.h"
+#include "field/object_force.h"
 
 namespace fs {
 

@@ -17,7 +17,7 @@
 
 #include <array>
 
-#include "field/evaluate.h"
+#include "field/object_force.h"
 #include "shape/crossing.h"
 
 namespace fs {

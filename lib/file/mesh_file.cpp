@@ -5,7 +5,6 @@
 #include "base/error.h"
 #include "base/text.h"
 #include "base/whole_file.h"
-#include "file/mesh_formats.h"
 
 namespace fs {
 namespace {

@@ -4,14 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "math/vec3.h"
+#include "file/mesh_formats.h"
 
 namespace fs {
-
-struct MeshData {
-  std::vector<Vec3> points;
-  std::vector<uint32_t> triangles;  // three for each triangle; polygons are cut (polygon.h)
-};
 
 // The file's extension, in any case, tells the format. Coordinates are multiplied by scale (m per file unit). Throws
 // NOT_FOUND, IO, PARSE (with line or byte), UNSUPPORTED (another extension, or a variant that is not read).

@@ -9,9 +9,14 @@
 #include <string_view>
 #include <vector>
 
-#include "file/mesh_file.h"
+#include "math/vec3.h"
 
 namespace fs {
+
+struct MeshData {
+  std::vector<Vec3> points;
+  std::vector<uint32_t> triangles;  // three for each triangle; polygons are cut (polygon.h)
+};
 
 MeshData parse_obj(std::string_view bytes, const std::string& file);
 MeshData parse_off(std::string_view bytes, const std::string& file);

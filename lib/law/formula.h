@@ -60,6 +60,22 @@ FS_INLINE Felt<Real> formula(const Terms& of, Real d) {
   return clamped(raw, slope, of.limit());
 }
 
+// The same of one profile, at one distance d >= 0, m, which may be infinite. Numbers: see Formula.
+template <class Numbers>
+Felt<double> formula_at(const Numbers& numbers, double d) {
+  struct Terms {
+    const Numbers& f;
+    double d;
+    double gain() const { return f.gain; }
+    double offset() const { return f.offset; }
+    double limit() const { return f.limit; }
+    double width() const { return f.width; }
+    double distance() const { return d; }
+    uint64_t which(Form form) const { return f.form == form; }
+  };
+  return formula(Terms{numbers, d}, numbers.gain == 0 ? 0 : d);
+}
+
 // The cap (cap.h) of the lanes in `mine`: f is lowered to a line where it is above it.
 template <class Real, class Mask>
 FS_INLINE void cut(Felt<Real>& f, Mask mine, Real force, Real slope) {

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "law/formula.h"
+
 namespace fs {
 namespace {
 
@@ -15,11 +17,10 @@ double outward(double bound) { return bound * (1 + 1e-15) + std::numeric_limits<
 
 // The formula, clamped at 0 only.
 double force_at(const Profile& p, double d) {
-  Profile unlimited = p;
-  unlimited.limit = std::numeric_limits<double>::max();
-  unlimited.reach = 0;
-  unlimited.cap = nullptr;
-  return evaluate(unlimited, nullptr, d, 0).force;
+  Formula numbers(p);
+  numbers.limit = std::numeric_limits<double>::max();
+  const Felt<double> f = formula_at(numbers, d);
+  return f.is_felt ? f.force : 0;
 }
 
 void set_bend(const Profile& p, Cap& cap, double at, double slope) {

@@ -5,10 +5,23 @@
 #include <cstdint>
 #include <limits>
 
+#include "law/cap.h"
+#include "law/curve.h"
 #include "law/form.h"
-#include "law/profile.h"
 
 namespace fs {
+
+struct Profile {
+  fs_profile_kind kind = FS_PROFILE_NONE;
+  fs_sense sense = FS_SENSE_ATTRACTIVE;
+  double gain = 0, offset = 0, width = 0;
+  double limit = 0;
+  double reach = 0;  // m; 0 means unlimited, as in fs_profile
+  Ref<const Curve> curve;
+  Ref<const Cap> cap;  // null: its slope has no bound
+
+  ScaledCurve scaled_curve() const noexcept { return {curve.get(), gain, limit}; }
+};
 
 // What bounds the distance from which on the slope of a profile is of no account (slope_end in profile.h).
 struct SlopeEnd {

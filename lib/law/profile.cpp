@@ -32,18 +32,6 @@ void require_that(bool is_good, const char* must, double value, const char* fiel
        without_prefix(profile_kind_names[kind]));
 }
 
-// What formula() asks, of one profile.
-struct One {
-  const Formula& f;
-  double d;  // m
-  double gain() const { return f.gain; }
-  double offset() const { return f.offset; }
-  double limit() const { return f.limit; }
-  double width() const { return f.width; }
-  double distance() const { return d; }
-  uint64_t which(Form form) const { return f.form == form; }
-};
-
 // f(d, t) without regard to a cap.
 Intensity uncapped(const Profile& p, Curve::Parser* parser, double d, double t) noexcept {
   Felt<double> f;
@@ -54,7 +42,7 @@ Intensity uncapped(const Profile& p, Curve::Parser* parser, double d, double t) 
   } else {
     const Formula numbers(p);
     if (!(d <= numbers.reach)) return {};
-    f = formula(One{numbers, d}, numbers.gain == 0 ? 0 : d);  // d may be infinite
+    f = formula_at(numbers, d);
   }
   if (!f.is_felt) return {};
   return {f.force, std::clamp(f.slope, -largest, largest)};

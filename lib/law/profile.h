@@ -1,24 +1,9 @@
 // Profiles: the intensity f(d, t), clamped to [0, limit] and zero beyond reach (Table 2 of the paper).
 #pragma once
 
-#include <limits>
-
-#include "law/cap.h"
-#include "law/curve.h"
+#include "law/kind.h"
 
 namespace fs {
-
-struct Profile {
-  fs_profile_kind kind = FS_PROFILE_NONE;
-  fs_sense sense = FS_SENSE_ATTRACTIVE;
-  double gain = 0, offset = 0, width = 0;
-  double limit = 0;
-  double reach = 0;  // m; 0 means unlimited, as in fs_profile
-  Ref<const Curve> curve;
-  Ref<const Cap> cap;  // null: its slope has no bound
-
-  ScaledCurve scaled_curve() const noexcept { return {curve.get(), gain, limit}; }
-};
 
 // Checks every field of an fs_profile; `field` is its name in the error sentence ("front"). Throws INVALID.
 Profile parse_profile(const fs_profile& profile, const char* field);

@@ -6,7 +6,6 @@
 #include "base/error.h"
 #include "ipc/blob.h"
 #include "ipc/socket.h"
-#include "transfer/records.h"
 
 namespace fs {
 namespace {

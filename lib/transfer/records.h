@@ -13,10 +13,6 @@
 
 namespace fs {
 
-// The size of the record of a message or change, as a client sends it with which these sizes are common; nothing: there is no
-// such type, or it is a group.
-std::optional<size_t> record_size(uint32_t type, const RecordSizes& common) noexcept;
-
 using wire::from_record;  // of objects: contract.h
 using wire::to_record;
 wire::Motion to_record(const Motion& motion);

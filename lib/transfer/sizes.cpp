@@ -49,6 +49,42 @@ std::optional<GrowingEnd> growing_end(uint32_t type) noexcept {
   }
 }
 
+std::optional<size_t> record_size(uint32_t type, const RecordSizes& common) noexcept {
+  using namespace wire;
+  if (const auto end = growing_end(type)) return sent_size(*end, common);
+  switch (type) {
+    case type_shape: return sizeof(wire::Shape);
+    case type_curve: return sizeof(wire::Curve);
+    case type_forget: return sizeof(Forget);
+    case type_place: return sizeof(Place);
+    case type_remove: return sizeof(Remove);
+    case type_frame: return sizeof(Frame);
+    case type_clutch: return sizeof(Clutch);
+    case type_tool: return sizeof(wire::Tool);
+    case type_accuracy: return sizeof(Accuracy);
+    case type_max_stiffness: return sizeof(MaxStiffness);
+    case type_bind: return sizeof(Bind);
+    case type_clear:
+    case type_wake:
+    case type_sync:
+    case type_reports:
+    case type_clients:
+    case type_views:
+    case type_stats:
+    case type_stop_force:
+    case type_resume_force:
+    case type_device: return 0;
+    case type_get:
+    case type_pull:
+    case type_report:
+    case type_view:
+    case type_motions: return sizeof(Target);
+    case type_fetch: return sizeof(Fetch);
+    case type_record: return sizeof(After);
+    default: return {};
+  }
+}
+
 std::span<const std::byte> sent_change(uint32_t type, std::span<const std::byte> record, const RecordSizes& common) {
   const auto end = growing_end(type);
   if (!end) return record;

@@ -48,6 +48,10 @@ std::span<const std::byte> sent_part(const Record& record, const RecordSizes& co
   return std::as_bytes(std::span(&record, 1)).first(sent_size(end_of<Record>, common));
 }
 
+// The size of the record of a message or change, as a client sends it with which these sizes are common; nothing: there is no
+// such type, or it is a group.
+std::optional<size_t> record_size(uint32_t type, const RecordSizes& common) noexcept;
+
 // The part of a client's change that is sent to the server. VERSION: it sets a field that the server does not know.
 std::span<const std::byte> sent_change(uint32_t type, std::span<const std::byte> record, const RecordSizes& common);
 void require_known(const fs_object& object, const RecordSizes& common);  // VERSION

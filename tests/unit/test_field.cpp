@@ -5,6 +5,7 @@
 
 #include "base/processor.h"
 #include "field/evaluate.h"
+#include "field/lanes.h"
 #include "force_fixtures.h"
 #include "scene/row_space.h"
 
