@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
-#include <tuple>
 
 #include "base/error.h"
 #include "shape/mesh/mesh_edges.h"
 #include "shape/mesh/mesh_tree.h"
 #include "shape/mesh/mesh_union.h"
+#include "shape/mesh/weld.h"
 #include "shape/mesh/wide_tree.h"
 #include "shape/triangle.h"
 
@@ -86,27 +86,19 @@ std::unique_ptr<MeshEdges> joined_edges(const std::vector<Vec3>& points, const s
   info.odd_edges = edges->odd;
   info.closed = info.has_inside = is_closed(*edges);
   if (info.closed || edges->open == 0) return edges;
-  std::vector<uint32_t> ends;  // of irregular edges
+  std::vector<uint32_t> ends;  // of irregular edges, each once
+  std::vector<bool> is_end(points.size());
   for (uint32_t i = 0; i < triangles.size(); ++i) {
     stop.check();
     if (edges->kinds[edges->of_side[i]] != MeshEdges::Kind::irregular) continue;
-    ends.push_back(triangles[i]);
-    ends.push_back(triangles[i % 3 < 2 ? i + 1 : i - 2]);
+    for (const uint32_t end : {triangles[i], triangles[i % 3 < 2 ? i + 1 : i - 2]}) {
+      if (!is_end[end]) ends.push_back(end);
+      is_end[end] = true;
+    }
   }
-  const auto key = [&](uint32_t i) { return std::tuple(points[i].x, points[i].y, points[i].z, i); };
-  std::sort(ends.begin(), ends.end(), [&](uint32_t a, uint32_t b) {
-    stop.check();
-    return key(a) < key(b);
-  });
   std::vector<uint32_t> joined(points.size());
   std::iota(joined.begin(), joined.end(), 0u);
-  bool is_any_joined = false;
-  for (size_t i = 1; i < ends.size(); ++i) {
-    if (ends[i] == ends[i - 1] || !(points[ends[i]] == points[ends[i - 1]])) continue;
-    joined[ends[i]] = joined[ends[i - 1]];
-    is_any_joined = true;
-  }
-  if (!is_any_joined) return edges;
+  if (!join_equal_places(points, ends, joined, stop)) return edges;
   std::vector<uint32_t> corners;
   corners.reserve(triangles.size());
   for (const uint32_t i : triangles) corners.push_back(joined[i]);

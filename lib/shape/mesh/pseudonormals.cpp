@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "shape/mesh/weld.h"
 #include "shape/triangle.h"
 
 namespace fs {
@@ -21,36 +22,17 @@ struct Vertices {
   uint32_t count = 0;              // of the vertices
 };
 
-// Sorts, because n points then never take more than n log n steps, however they were chosen.
 Vertices weld(std::span<const Vec3> points, std::span<const uint32_t> corners, StopToken& stop) {
   constexpr uint32_t none = UINT32_MAX;
-  struct Place {
-    Vec3 position;
-    uint32_t point;
-  };
-  std::vector<uint32_t> vertices(points.size(), none);
-  std::vector<Place> places;
-  places.reserve(std::min(points.size(), corners.size()));
+  std::vector<uint32_t> vertices(points.size(), none), used;
+  used.reserve(std::min(points.size(), corners.size()));
   for (const uint32_t point : corners) {
     stop.check();
     if (vertices[point] != none) continue;
     vertices[point] = point;
-    places.push_back({points[point], point});
+    used.push_back(point);
   }
-  std::sort(places.begin(), places.end(), [&](const Place& a, const Place& b) {
-    stop.check();
-    if (a.position.x != b.position.x) return a.position.x < b.position.x;
-    if (a.position.y != b.position.y) return a.position.y < b.position.y;
-    if (a.position.z != b.position.z) return a.position.z < b.position.z;
-    return a.point < b.point;
-  });
-  bool are_different = true;
-  for (size_t i = 1; i < places.size(); ++i) {
-    if (!(places[i].position == places[i - 1].position)) continue;
-    vertices[places[i].point] = vertices[places[i - 1].point];
-    are_different = false;
-  }
-  if (are_different) return {};
+  if (!join_equal_places(points, used, vertices, stop)) return {};
   // Vertices are numbered in the order in which corners first use them.
   Vertices welded;
   std::vector<uint32_t> number_of(points.size(), none);
