@@ -40,9 +40,9 @@ Task Changes::apply_step_by_step(const ReceivedBatch& received) {
       } else {
         apply(*group, last, received.serial);
       }
-      co_await client_.work.step();
+      co_await client_.work.look();
     }
-    while (!group->commit(Work::few_steps)) co_await client_.work.look();
+    while (!group->commit(1)) co_await client_.work.look();
     for (auto& [scene, of_scene] : foreign) of_scene.commit();
   } catch (const Error& error) {
     refusal = std::make_unique<Error>(error);

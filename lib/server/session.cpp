@@ -290,7 +290,7 @@ Task Session::retry_parked() {
     } else {
       client_->parked.add(std::move(batch));
     }
-    co_await client_->work.step();
+    co_await client_->work.look();
   }
   // Names that parked changes held up can be told now.
   if (client_->names.has_untold() || client_->is_view_untold) client_->note_news();

@@ -95,13 +95,15 @@ class Work {
     const bool is_skipped_;
   };
   Pause pause(State state) noexcept { return {*this, state, false}; }
-  // Awaited after each step of long work, of about a microsecond: gives way to others when the slice is over. look() does not
-  // wait for a few steps before it looks at the clock.
-  static constexpr size_t few_steps = 4;
+  // Awaited after each step of long work: gives way to others when the slice is over. step() is for steps of about a microsecond,
+  // and looks at the clock after a few of them; look() is for those that may take longer, such as a change of an object, whose
+  // expression may have to be sampled.
   Pause step() noexcept { return {*this, State::ready, ++steps_ % few_steps != 0 || !host_.is_slice_over()}; }
   Pause look() noexcept { return {*this, State::ready, !host_.is_slice_over()}; }
 
  private:
+  static constexpr size_t few_steps = 4;
+
   const Host& host_;
   std::coroutine_handle<> place_;
   State state_ = State::idle;
