@@ -33,7 +33,7 @@ UNITS = {
     "fs_report": {"N/m": "stiffness_wanted stiffness_applied", "m": "distance", "": "weight point"},
     "fs_motion": {"s": "time horizon"},
     "fs_event": {"s": "time", "": "value"},
-    "fs_state": {"s": "time"},
+    "fs_state": {"s": "time", "": "grip"},
     "fs_response": {"N": "error_bound", "": "stiffness"},
     "fs_device_info": {
         "m": "workspace_radius workspace_height resolution",

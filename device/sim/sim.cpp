@@ -284,8 +284,20 @@ fs_status sim_advance(void* self, double time) {
 }  // namespace
 
 const fs_driver& sim_driver() {
-  static constexpr fs_driver driver{sizeof(fs_driver), 0,        "sim",     sim_list,        sim_open,    sim_close,
-                                    sim_get_info,      sim_read, sim_write, sim_write_model, sim_advance, nullptr};
+  static const fs_driver driver = [] {
+    fs_driver table{};
+    table.struct_size = sizeof table;
+    table.scheme = "sim";
+    table.list = sim_list;
+    table.open = sim_open;
+    table.close = sim_close;
+    table.get_info = sim_get_info;
+    table.read = sim_read;
+    table.write = sim_write;
+    table.write_model = sim_write_model;
+    table.advance = sim_advance;
+    return table;
+  }();
   return driver;
 }
 

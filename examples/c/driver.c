@@ -23,8 +23,8 @@ static fs_status swing_get_info(void *self, fs_device_info *out)
 
 int main(void)
 {
-  const fs_driver driver = {sizeof driver, 0, "swing", NULL, swing_open, swing_close, swing_get_info, swing_read,
-                            swing_write, NULL, swing_advance, NULL};
+  const fs_driver driver = {.struct_size = sizeof driver, .scheme = "swing", .open = swing_open, .close = swing_close,
+    .get_info = swing_get_info, .read = swing_read, .write = swing_write, .advance = swing_advance};
   fs_scene *scene = NULL; fs_device *device = NULL; fs_servo *servo = NULL;
   fs_servo_options options = fs_servo_options_init();
   fs_object spring = fs_object_init("spring", FS_PRIMITIVE_POINT);

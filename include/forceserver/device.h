@@ -101,6 +101,16 @@ FS_API fs_status fs_device_read(fs_device *device, fs_state *out);
  * IO. */
 FS_API fs_status fs_device_write(fs_device *device, const fs_wrench *wrench);
 
+/* What a device answers to a request. Frozen. */
+typedef struct fs_answer {
+  char text[512];               /* cut where it is longer */
+} fs_answer;
+
+/* Asks the driver for something that only this kind of device knows, such as "home" or "lights=green"; the page of the device
+ * lists its requests. Any thread, also while a servo has the device; may take seconds. UNSUPPORTED: the device does not know
+ * the request; INVALID: its value; STATE: not at present. DISCONNECTED, TIMEOUT, IO. */
+FS_API fs_status fs_device_control(fs_device *device, const char *request, fs_answer *out);
+
 #ifdef __cplusplus
 }
 #endif

@@ -37,11 +37,26 @@ typedef struct fs_model {
                                    come by then, the force fades */
 } fs_model;
 
+/* Bits of fs_driver.flags. */
+enum {
+  FS_DRIVER_IN_SERVO = 1        /* receive returns within 20 ms and send within 1 ms, whatever the device does, and neither
+                                   allocates or waits for another thread: so the servo's own thread calls them, and no time is
+                                   lost between threads. Never set it where a maker's closed library does the work */
+};
+
 /* A device driver: a table of functions, growing. It knows one kind of device and nothing of scenes, limits or faults:
- * the library scales forces down to the device's maxima, guards them, and checks the age of poses. get_info, read and
- * write are called by one thread at a time. read and write are called at the servo rate: they never wait, allocate or
- * lock (USB and sockets belong in a thread of the driver). Report an error by `return fs_fail(status, "why, with the
- * value")`; from read and write return the status only. */
+ * the library scales forces down to the device's maxima, guards them, and checks the age of poses. Report an error by
+ * `return fs_fail(status, "why, with the value")`; from receive, send, read and write return the status only.
+ *
+ * There are two kinds of driver. One has `receive` and `send`, which may wait for the device: for nearly all real devices. The
+ * library calls them in a thread of its own, again and again: receive, then send with the force for that state, or with 0 when
+ * no servo has given a force for 20 ms. A servo's tick begins when receive has given a state, so the force that is sent answers
+ * the newest state. Where nothing comes, the servo ticks by its clock. A driver that hangs holds up neither the servo, nor its
+ * stop, nor the end of the process. When receive returns DISCONNECTED, the library closes the device and opens it again, twice a
+ * second, until the same device is back: one with the same serial, name, axes and maxima.
+ * The other kind has `read` and `write`, which never wait: for simulators, and for whoever has a thread of his own.
+ *
+ * receive, send, write_model and close of one device are called by one thread at a time; so are get_info, read and write. */
 typedef struct fs_driver {
   uint32_t struct_size;         /* sizeof(fs_driver) */
   uint32_t reserved;            /* 0 */
@@ -64,20 +79,23 @@ typedef struct fs_driver {
    * axis. */
   fs_status (*get_info)(void *self, fs_device_info *out);
 
-  /* The newest pose, device frame, with its time on the monotonic clock (s; 0: now). out is all zeros before the call.
+  /* Null where there is a receive. Called at the servo rate: it never waits, allocates or locks.
+   * The newest pose, device frame, with its time on the monotonic clock (s; 0: now). out is all zeros before the call.
    * Set FS_STATE_READY only when homed and fresh. The library works out a twist that is left 0; give one only
    * if it is measured better than by differences of the poses, as damping makes a force of all that it has. An
-   * orientation left 0 is the identity. Return DISCONNECTED when the device is lost; read is still called at each tick. */
+   * orientation left 0 is the identity. When the device is not ready, set the FS_STATE_ bit that says why. Return
+   * DISCONNECTED when the device is lost; read is still called at each tick. */
   fs_status (*read)(void *self, fs_state *out);
 
-  /* Sends a wrench, device frame, finite, within the maxima. If the device can, the driver has it drop the force 20 ms
-   * after the last write: nothing else ends the force of a process that was killed. */
+  /* Null where there is a send. Called at the servo rate, as read is. Sends a wrench, device frame, finite, within the
+   * maxima. If the device can, the driver has it drop the force 20 ms after the last write: nothing else ends the force of a
+   * process that was killed. */
   fs_status (*write)(void *self, const fs_wrench *wrench);
 
-  /* Called instead of write where fs_device_info.controller_rate is above 0: for a remote controller that renders the
+  /* Called instead of write or send where fs_device_info.controller_rate is above 0: for a remote controller that renders the
    * local model at that rate, limits its force, damps with controller_damping, and lets the force fade when nothing
    * comes. Of the model read no more than its struct_size. Without a force it is called with f0, dfdx and dtdr of zeros;
-   * write is still called with 0 when the force must end. A null pointer: the device has write only, and the three
+   * write or send is still called with 0 when the force must end. A null pointer: the device takes forces only, and the three
    * controller_ fields count as 0. */
   fs_status (*write_model)(void *self, const fs_model *model);
 
@@ -92,10 +110,28 @@ typedef struct fs_driver {
    * within their ranges are refused with an FS_EVENT_DEVICE, and what was told before stays. UNSUPPORTED: nothing has been
    * measured yet. A null pointer: the driver measures nothing. */
   fs_status (*get_link)(void *self, fs_link *out);
+
+  /* Waits for the next state of the device and gives it as read does (time 0: when receive returned). Returns TIMEOUT after
+   * 20 ms without one; DISCONNECTED when the device is lost; another status when what came is of no use. Until a state comes
+   * again, its force is 0 when the newest is too old (fs_device_info.delay), and at once after any status but OK and TIMEOUT. */
+  fs_status (*receive)(void *self, fs_state *out);
+
+  /* Sends a wrench, as write does; may wait for the device to take it, some milliseconds at most. Also called when the force
+   * is 0, after each receive, so that a device's watchdog knows that somebody is there. */
+  fs_status (*send)(void *self, const fs_wrench *wrench);
+
+  /* What fs_device_control asks for; answer has `size` bytes, at least 1, and ends with 0. Called by the thread that asks, at any
+   * moment, also while receive or send is under way, and by several threads at once. It may take seconds. A null pointer: the
+   * device has no requests. */
+  fs_status (*control)(void *self, const char *request, char *answer, size_t size);
+
+  uint32_t flags;               /* FS_DRIVER_ bits */
+  uint32_t reserved_2;          /* 0 */
 } fs_driver;
 
-/* Adds a driver for the whole process. The table is copied; its functions must remain loaded. list, write_model,
- * advance and get_link may be null. EXISTS: the scheme is taken; VERSION. */
+/* Adds a driver for the whole process. The table is copied; its functions must remain loaded. Either read and write are null,
+ * or receive and send are, which then need no advance; list, write_model, advance, get_link and control may be null.
+ * EXISTS: the scheme is taken; VERSION. */
 FS_API fs_status fs_driver_register(const fs_driver *driver);
 
 /* The type of the function that a driver's library exports: const fs_driver *fs_driver_entry(void); */

@@ -18,8 +18,19 @@ enum {
                                    the servo knows no hand: nothing is felt, and no solid holds it.
                                    After a gap of up to 0.1 s solids hold the hand as before; after a
                                    longer one it begins anew where it is */
-  FS_STATE_CLUTCHED = 2         /* from fs_scene_get_hand: the clutch is held, the tool does not follow the hand */
+  FS_STATE_CLUTCHED = 2,        /* from fs_scene_get_hand: the clutch is held, the tool does not follow the hand */
+  /* Why a device is not ready: */
+  FS_STATE_CONNECTING = 4,      /* it does not answer yet */
+  FS_STATE_FIRMWARE_MISSING = 8,/* it must be given its firmware first */
+  FS_STATE_NOT_HOMED = 16,      /* it does not know where its handle is */
+  FS_STATE_IN_HOLDER = 32,      /* its handle is in its holder or inkwell */
+  FS_STATE_STOPPED = 64,        /* an emergency stop, a force switch or a dead man's switch holds its motors */
+  FS_STATE_TOO_FAST = 128       /* it has switched its motors off, because the handle was too fast */
 };
+
+/* [rt] Why a device in a state with these flags is not ready, in a sentence without a full stop, of the lowest bit from
+ * FS_STATE_CONNECTING on; "" if none of them is set. Static, never null. */
+FS_API const char *fs_state_reason(uint32_t flags);
 
 /* The state of the handle. Frozen; all zeros is a valid one. In the scene frame for a tool, in the device frame for a
  * device. */
@@ -29,7 +40,8 @@ typedef struct fs_state {
   double time;                  /* s, when the pose was measured; the scene is evaluated for this time; FS_NOW */
   uint32_t buttons,             /* bit i: button i is down */
            flags;               /* FS_STATE_ bits */
-  double reserved[4];           /* 0 */
+  double grip;                  /* 0..1, how far a gripper is open; 0 also without one */
+  double reserved[3];           /* 0 */
 } fs_state;
 
 /* Bits of fs_response.flags. */

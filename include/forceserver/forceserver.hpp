@@ -309,6 +309,11 @@ class Device : public std::unique_ptr<fs_device, GiveBack<fs_device_close>> {
     return out;
   }
   void write(const fs_wrench& wrench) const { throw_on_error(fs_device_write(get(), &wrench)); }
+  fs_answer control(const std::string& request) const {
+    fs_answer out{};
+    throw_on_error(fs_device_control(get(), request.c_str(), &out));
+    return out;
+  }
 };
 
 // The loop between a scene and a device.

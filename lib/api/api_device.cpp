@@ -5,6 +5,7 @@
 
 #include "api/guarded.h"
 #include "base/grown.h"
+#include "driver/call_driver.h"
 #include "driver/device.h"
 #include "driver/registry.h"
 #include "scene/local_scene.h"
@@ -104,6 +105,17 @@ fs_status fs_device_write(fs_device* device, const fs_wrench* wrench) {
       if (!std::isfinite(value)) fail(FS_ERROR_INVALID, "wrench.%s is %g, must be finite", field, value);
     }
     return device->write(*wrench);
+  });
+}
+
+fs_status fs_device_control(fs_device* device, const char* request, fs_answer* out) {
+  return guarded([&] {
+    require_pointer(device, "device");
+    require_pointer(request, "request");
+    require_pointer(out, "out");
+    fs_answer answer{};
+    device->control(request, answer);
+    *out = answer;
   });
 }
 

@@ -1,9 +1,12 @@
 #include <forceserver/evaluate.h>
 
 #include "api/guarded.h"
+#include "base/names.h"
 #include "scene/tool.h"
 
 using namespace fs;
+
+const char* fs_state_reason(uint32_t flags) { return state_reason(flags); }
 
 fs_status fs_tool_create(fs_scene* scene, const fs_vec3* points, size_t count, fs_tool** out) {
   return guarded([&] {

@@ -28,6 +28,22 @@ constexpr const char* realtime_names[] = {"FS_REALTIME_NONE", "FS_REALTIME_NICE"
 // For fault bits the index is the number of the bit.
 constexpr const char* fault_names[] = {"FS_FAULT_DEVICE", "FS_FAULT_SPEED", "FS_FAULT_NUMBER", "FS_FAULT_LATE"};
 
+// Why a device is not ready; the index is the number of the FS_STATE_ bit, less that of the first.
+constexpr const char* state_reasons[] = {
+    "it does not answer yet",
+    "it must be given its firmware first",
+    "it is not homed, so it does not know where its handle is",
+    "its handle is in the holder: take it out",
+    "its motors are held: by the emergency stop, the force switch or the dead man's switch",
+    "it has switched its motors off, because the handle was too fast",
+};
+constexpr uint32_t state_reason_bits = ((1u << std::size(state_reasons)) - 1) * FS_STATE_CONNECTING;
+
+inline const char* state_reason(uint32_t flags) noexcept {  // "": none
+  flags &= state_reason_bits;
+  return flags ? state_reasons[std::countr_zero(flags / FS_STATE_CONNECTING)] : "";
+}
+
 // [rt] The name of a value, which may be any number; `unknown` when it has no name.
 template <size_t count>
 const char* name_at(const char* const (&names)[count], size_t index, const char* unknown) noexcept {

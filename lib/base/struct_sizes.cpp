@@ -22,6 +22,6 @@ SIZES(fs_servo_stats, 184, 184, 184)
 SIZES(fs_server_options, 40, 40, 40)
 SIZES(fs_link, 40, 40, 40)
 SIZES(fs_model, 280, 280, 280)
-SIZES(fs_driver, 88, 88, 88)
+SIZES(fs_driver, 88, 120, 120)
 
 }  // namespace fs

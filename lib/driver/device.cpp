@@ -1,12 +1,12 @@
 #include "driver/device.h"
 
-#include <time.h>
-
 #include <cmath>
 #include <cstring>
 #include <string>
 
+#include "base/clock.h"
 #include "base/error.h"
+#include "driver/call_driver.h"
 #include "driver/open_devices.h"
 #include "driver/registry.h"
 #include "driver/uri.h"
@@ -25,23 +25,6 @@ const fs_driver& driver_of(const std::string& scheme, const char* uri) {
   }
   fail(FS_ERROR_NOT_FOUND, "device '%s': there is no driver '%s'; the drivers are: %s", uri, scheme.c_str(),
        schemes.empty() ? "none" : schemes.c_str());
-}
-
-// A driver may return any number. Each is a value of fs_status to C++, as the type has negative values and is 32 bits wide.
-fs_status known_status(fs_status status) {
-  const int value = static_cast<int>(status);
-  return value <= FS_OK && value >= FS_ERROR_INTERNAL ? status : FS_ERROR_IO;
-}
-
-// Calls one function of a driver. A failure is thrown with the driver's sentence, or else with a general one.
-template <class Call>
-void ask(const fs_driver& driver, const char* function, Call call) {
-  std::string sentence;
-  const fs_status status = call_driver(call, sentence);
-  if (status == FS_OK) return;
-  if (!sentence.empty()) throw Error{known_status(status), std::move(sentence)};
-  fail(known_status(status), "driver '%s': %s failed with status %d and gave no reason", driver.scheme, function,
-       static_cast<int>(status));
 }
 
 void check_info(const fs_device_info& info, const char* scheme) {
@@ -87,11 +70,7 @@ bool is_zero(const Twist& t) { return t.linear == Vec3{} && t.angular == Vec3{};
 bool is_zero(const Mat3& m) { return m == Mat3{}; }
 bool is_zero(const Wrench& w) { return w.force == Vec3{} && w.torque == Vec3{}; }
 
-// Sleeps, so that threads of any priority can run meanwhile.
-void pause(double time) noexcept {  // s, less than 1
-  const timespec length{0, static_cast<long>(time * 1e9)};
-  nanosleep(&length, nullptr);
-}
+void pause(double time) noexcept { sleep_until(steady_now() + time); }  // s
 
 // Normalizes q; 0, from a device without orientation, becomes the identity. False when q is finite and neither 0 nor
 // within 1e-3 of unit length.
@@ -111,18 +90,25 @@ bool repair_orientation(Quat& q) {
 }  // namespace fs
 
 fs_device::fs_device(const char* uri) : driver_(fs::driver_of(fs::parse_uri(uri).scheme, uri)), info_(fs_device_info_init()) {
-  const char* const address = std::strchr(uri, ':') + 1;  // not null: the scheme was found
-  fs::ask(driver_, "open", [&] { return driver_.open(address, &self_); });
+  const std::string address = std::strchr(uri, ':') + 1;  // not null: the scheme was found
+  auto opened = std::make_shared<fs::Opened>(driver_, address);
+  fs::ask_driver(driver_, "get_info", [&] { return driver_.get_info(opened->self(), &info_); });
+  info_.struct_size = sizeof info_;
+  info_.reserved = 0;
+  fs::check_info(info_, driver_.scheme);
+  velocity_ = fs::VelocityEstimator(info_.resolution);
+  if (!driver_.write_model) info_.controller_rate = info_.controller_delay = info_.controller_damping = 0;
+  if (driver_.receive) {
+    thread_ = fs::make_ref<fs::DriverThread>(driver_, address, std::move(opened), info_);
+    fs::DriverThread::start(thread_);
+  } else {
+    self_ = opened->self();
+    opened_ = std::move(opened);
+  }
   try {
-    fs::ask(driver_, "get_info", [&] { return driver_.get_info(self_, &info_); });
-    info_.struct_size = sizeof info_;
-    info_.reserved = 0;
-    fs::check_info(info_, driver_.scheme);
-    velocity_ = fs::VelocityEstimator(info_.resolution);
-    if (!driver_.write_model) info_.controller_rate = info_.controller_delay = info_.controller_damping = 0;
     fs::add_open_device(*this);
   } catch (...) {
-    driver_.close(self_);
+    close();
     throw;
   }
   fs::guard_process_end();
@@ -132,16 +118,25 @@ fs_device::~fs_device() {
   if (!is_of_this_process()) return;
   silence();
   fs::remove_open_device(*this);
-  if (!is_closed_) driver_.close(self_);
+  close();
 }
 
-void fs_device::acquire() {
+// At the end of the process, and when the last handle is given back.
+void fs_device::close() noexcept {
+  if (thread_) thread_->end();
+  opened_ = nullptr;
+  is_closed_ = true;
+}
+
+void fs_device::acquire(int priority, bool has_thread) {
   if (!is_of_this_process()) fs::fail(FS_ERROR_STATE, "device was opened by the parent of this process; open it here");
   const std::lock_guard lock(mutex);
   if (owned_.exchange(true)) fs::fail(FS_ERROR_STATE, "device has a servo already; stop it first");
+  if (thread_) thread_->begin_servo(priority, has_thread);
 }
 
 void fs_device::release_ownership() noexcept {
+  if (thread_) thread_->end_servo();
   is_silent_.store(false);
   owned_.store(false, std::memory_order_release);
 }
@@ -183,9 +178,14 @@ class fs_device::Turn {
 };
 
 void fs_device::write_zero() noexcept {
+  if (thread_) {
+    thread_->write_zero();
+    return;
+  }
   constexpr int most_tries = 20;
   const fs_wrench none{};
-  for (int i = 1; driver_.write(self_, &none) != FS_OK && i < most_tries; ++i) fs::pause(1e-3);
+  const auto write = [&] { return driver_.write(self_, &none); };
+  for (int i = 1; fs::call_safely(write) != FS_OK && i < most_tries; ++i) fs::pause(1e-3);
 }
 
 void fs_device::zero() noexcept {
@@ -211,26 +211,61 @@ void fs_device::end() noexcept {
   const Turn turn(*this, 50'000);  // limited, so that a driver that hangs cannot stop the process from ending
   if (!turn || !was_pushing_ || is_closed_) return;
   write_zero();
-  for (int i = 0; is_in_link_ && i < 50'000; ++i) fs::pause(2e-5);
-  if (is_in_link_) return;
-  driver_.close(self_);  // only close guarantees that the 0 has arrived
-  is_closed_ = true;
+  for (int i = 0; inside_ && i < 50'000; ++i) fs::pause(2e-5);
+  if (!inside_) close();  // only a close guarantees that the 0 has arrived
 }
+
+// A call of the driver beside the thread that has the turn: the device is not closed meanwhile.
+class fs_device::Inside {
+ public:
+  explicit Inside(fs_device& device) : device_(device) { ++device_.inside_; }
+  ~Inside() { --device_.inside_; }
+  Inside(const Inside&) = delete;
+  Inside& operator=(const Inside&) = delete;
+
+ private:
+  fs_device& device_;
+};
 
 fs_status fs_device::get_link(fs_link& out) noexcept {
   out = {};
   out.struct_size = sizeof out;
-  if (!driver_.get_link) return FS_ERROR_UNSUPPORTED;
-  is_in_link_ = true;
-  const fs_status status = is_silent() ? FS_ERROR_UNSUPPORTED : driver_.get_link(self_, &out);
-  is_in_link_ = false;
-  return fs::known_status(status);
+  const Inside inside(*this);
+  if (!driver_.get_link || is_silent()) return FS_ERROR_UNSUPPORTED;
+  const std::shared_ptr<fs::Opened> opened = thread_ ? thread_->device() : opened_;
+  if (!opened) return FS_ERROR_UNSUPPORTED;
+  return fs::call_safely([&] { return driver_.get_link(opened->self(), &out); });
+}
+
+void fs_device::control(const char* request, fs_answer& out) {
+  if (!is_of_this_process()) fs::fail(FS_ERROR_STATE, "the device was opened by the parent of this process");
+  if (!driver_.control) fs::fail(FS_ERROR_UNSUPPORTED, "a device of '%s' has no requests", driver_.scheme);
+  const Inside inside(*this);
+  if (has_ended_) fs::fail(FS_ERROR_STATE, "the process is ending, and the device with it");
+  const std::shared_ptr<fs::Opened> opened = thread_ ? thread_->device() : opened_;
+  if (!opened) fs::fail(FS_ERROR_DISCONNECTED, "the device is not connected");
+  fs::ask_driver(driver_, "control", [&] { return driver_.control(opened->self(), request, out.text, sizeof out.text); });
+  out.text[sizeof out.text - 1] = 0;
+}
+
+std::string fs_device::trouble() const { return thread_ ? thread_->trouble() : ""; }
+
+double fs_device::await_tick(double next, double period) noexcept {
+  if (thread_) return thread_->await_state(next - period / 8, next + period / 2);
+  fs::sleep_until(next);
+  return next;
+}
+
+void fs_device::leave_servo() noexcept {
+  if (thread_) thread_->give_back(true);
 }
 
 fs_status fs_device::read(double time, fs_state& out) noexcept {
   out = {};
-  fs_status status = driver_.advance ? driver_.advance(self_, time) : FS_OK;
-  if (status == FS_OK) status = driver_.read(self_, &out);
+  fs_status status = thread_ ? thread_->read(out) : fs::call_safely([&] {
+    const fs_status advanced = driver_.advance ? driver_.advance(self_, time) : FS_OK;
+    return advanced == FS_OK ? driver_.read(self_, &out) : advanced;
+  });
   if (status == FS_OK && !(fs::repair_orientation(out.pose.orientation) && std::isfinite(out.time))) {
     status = fs::set_last_error_literal(FS_ERROR_INVALID,
                                         "the driver gave a time that is not finite, or an orientation"
@@ -239,7 +274,7 @@ fs_status fs_device::read(double time, fs_state& out) noexcept {
   if (status != FS_OK) {
     out = {};
     velocity_.reset();
-    return fs::known_status(status);
+    return status;
   }
   if (out.time == 0) out.time = time;
   ++read_number_;
@@ -259,7 +294,7 @@ namespace {
 
 // Of a write; the device has got 0 where the wrench is not finite.
 fs_status checked(fs_status status, const fs_wrench& wrench) noexcept {
-  return fs::is_finite(wrench) ? fs::known_status(status) : FS_ERROR_INVALID;
+  return fs::is_finite(wrench) ? status : FS_ERROR_INVALID;
 }
 
 }  // namespace
@@ -277,7 +312,8 @@ fs_wrench fs_device::limited(const fs_wrench& wrench) noexcept {
 
 fs_status fs_device::write(const fs_wrench& wrench) noexcept {
   const fs_wrench out = limited(wrench);
-  return checked(driver_.write(self_, &out), wrench);
+  if (thread_) return checked(thread_->write(out, !is_owned()), wrench);
+  return checked(fs::call_safely([&] { return driver_.write(self_, &out); }), wrench);
 }
 
 fs_status fs_device::write_model(const fs_pose& pose, const fs_wrench& force, const fs_mat3& stiffness) noexcept {
@@ -297,5 +333,6 @@ fs_status fs_device::write_model(const fs_pose& pose, const fs_wrench& force, co
     model.dfdx = stiffness;
     if (!fs::is_zero(stiffness)) was_pushing_ = true;
   }
-  return checked(driver_.write_model(self_, &model), force);
+  if (thread_) return checked(thread_->write_model(model), force);
+  return checked(fs::call_safely([&] { return driver_.write_model(self_, &model); }), force);
 }

@@ -12,6 +12,7 @@
 #include "base/counted.h"
 #include "base/error.h"
 #include "base/process.h"
+#include "driver/driver_thread.h"
 #include "math/filters.h"
 
 struct fs_device : fs::Counted<fs_device> {
@@ -24,8 +25,9 @@ struct fs_device : fs::Counted<fs_device> {
 
   // The owner, if any, is a servo. fs_device_read and fs_device_write are refused while the device has an owner: they
   // hold `mutex` from the test of is_owned to the end of the call, and acquire waits for a call under way.
-  void acquire();                      // throws STATE
-  void release_ownership() noexcept;   // also ends a silence
+  // priority, has_thread: of the servo, see DriverThread::begin_servo.
+  void acquire(int priority, bool has_thread);  // throws STATE
+  void release_ownership() noexcept;            // also ends a silence
   bool is_owned() const noexcept { return owned_.load(std::memory_order_acquire); }
 
   // Only one thread at a time calls the driver: the one that has the turn.
@@ -54,6 +56,17 @@ struct fs_device : fs::Counted<fs_device> {
   // Where one of them is not finite, the stiffness is 0.
   fs_status write_model(const fs_pose& pose, const fs_wrench& force, const fs_mat3& stiffness) noexcept;
 
+  // [rt] For the servo's thread, between two ticks: sleeps until the next one, which is due at `next` (s, monotonic clock), and
+  // returns when it was due. A device that waits paces the servo: its tick is due when a state has come, from an eighth of a
+  // period before `next` until half a period after it.
+  double await_tick(double next, double period) noexcept;
+  // [rt] The servo's thread ends.
+  void leave_servo() noexcept;
+
+  // Throws UNSUPPORTED, or what the driver says. out: all zeros.
+  void control(const char* request, fs_answer& out);
+  std::string trouble() const;  // why a lost device does not come back; "": nobody knows
+
   // What the driver measures of its link, unchecked; UNSUPPORTED: nothing, or the device is silent. Called by one thread beside
   // the one that has the turn.
   bool measures_link() const noexcept { return driver_.get_link; }
@@ -63,22 +76,27 @@ struct fs_device : fs::Counted<fs_device> {
 
  private:
   fs_driver driver_;
-  void* self_ = nullptr;
+  // One of the two: of a driver that never waits, and of one that waits.
+  std::shared_ptr<fs::Opened> opened_;
+  fs::Ref<fs::DriverThread> thread_;
+  void* self_ = nullptr;  // of opened_
   fs_device_info info_;
   const uint32_t process_ = fs::this_process();  // the process that opened it
   std::atomic<bool> owned_{false}, is_silent_{false}, has_ended_{false};
   std::atomic<pthread_t> turn_{0};  // the thread that has the turn; 0: none
-  std::atomic<bool> is_in_link_{false};  // a thread is in the driver's get_link, so it cannot be closed
+  std::atomic<int> inside_{0};  // threads that are in the driver's get_link or control, so it cannot be closed
 
   // Used only by the thread that has the turn.
   bool was_pushing_ = false;  // a force was written since the device was opened
   bool is_closed_ = false;
   fs::VelocityEstimator velocity_{0};  // it gets the resolution when that is known
   uint64_t read_number_ = 0;  // of the newest state that a read gave
-  double read_time_ = 0;      // s, of that state
+  double read_time_ = 0;  // s, of that state
   bool gives_twist_ = false;  // the driver gave a twist before, so a twist of 0 means rest
 
   class Turn;
+  class Inside;
+  void close() noexcept;
   fs_wrench limited(const fs_wrench& wrench) noexcept;
   void write_zero() noexcept;
 };
@@ -86,17 +104,5 @@ struct fs_device : fs::Counted<fs_device> {
 namespace fs {
 
 using Device = fs_device;
-
-// Calls f, which calls a function of a driver. What the driver says by fs_fail goes to `sentence`, and the thread's last error
-// stays as it was.
-template <class F>
-fs_status call_driver(F&& f, std::string& sentence) {
-  std::string before = last_error();
-  set_last_error_literal(FS_OK, "");
-  const fs_status status = f();
-  sentence = last_error();
-  set_last_error(FS_OK, std::move(before));
-  return status;
-}
 
 }  // namespace fs

@@ -33,6 +33,10 @@ Registry& registry() {
 fs_driver parse_driver(const fs_driver& driver) {
   const fs_driver table = read_grown(&driver);
   if (table.reserved) fail(FS_ERROR_INVALID, "driver.reserved is %u, must be 0", table.reserved);
+  if (table.reserved_2) fail(FS_ERROR_INVALID, "driver.reserved_2 is %u, must be 0", table.reserved_2);
+  constexpr uint32_t known_flags = FS_DRIVER_IN_SERVO;
+  if (table.flags & ~known_flags)
+    fail(FS_ERROR_VERSION, "driver.flags is %u, which has bits that forceserver %s does not know", table.flags, fs_version());
   if (!table.scheme) fail(FS_ERROR_INVALID, "driver.scheme is null");
   const size_t length = strnlen(table.scheme, scheme_length_max + 1);
   const std::string scheme(table.scheme, length);
@@ -46,8 +50,18 @@ fs_driver parse_driver(const fs_driver& driver) {
   require(table.open, "open");
   require(table.close, "close");
   require(table.get_info, "get_info");
-  require(table.read, "read");
-  require(table.write, "write");
+  if (table.receive || table.send) {
+    require(table.receive, "receive");
+    require(table.send, "send");
+    if (table.read || table.write || table.advance) {
+      fail(FS_ERROR_INVALID, "driver '%s' has receive and send, so read, write and advance must be null", scheme.c_str());
+    }
+  } else {
+    require(table.read, "read");
+    require(table.write, "write");
+    if (table.flags)
+      fail(FS_ERROR_INVALID, "driver.flags of '%s' is %u, must be 0 without receive and send", scheme.c_str(), table.flags);
+  }
   return table;
 }
 

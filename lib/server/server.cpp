@@ -14,6 +14,7 @@
 #include <new>
 #include <system_error>
 
+#include "base/clock.h"
 #include "base/error.h"
 #include "base/signals.h"
 
@@ -27,11 +28,6 @@ constexpr double housekeeping_period = 0.01;
 constexpr double shortest_lead = 1.5e-4;  // s before a tick: time to wake up and to take some moves
 constexpr double slice = 1e-5;     // s of work for one client, before others are looked at
 constexpr uint64_t quick_bytes = 1'000'000;  // a job with more of them goes to the builder
-
-timespec to_timespec(double time) noexcept {  // s
-  const double whole = std::floor(time);
-  return {static_cast<time_t>(whole), static_cast<long>((time - whole) * 1e9)};
-}
 
 }  // namespace
 

@@ -4,6 +4,8 @@
 #include <cstdio>
 #include <cstring>
 
+#include "base/names.h"
+
 namespace fs {
 namespace {
 
@@ -36,18 +38,22 @@ void DeviceEvents::leave(const Event& event) noexcept {
 void DeviceEvents::note(const Tick& tick) noexcept {
   const bool is_ready = !(tick.faults & device_fault) && tick.status == FS_OK;
   const uint32_t latched = tick.faults & ~device_fault;
-  const Reason reason = tick.status != FS_OK ? lost : !tick.is_ready ? not_ready : too_old;
+  const Reason reason = tick.status != FS_OK ? lost : !(tick.flags & FS_STATE_READY) ? not_ready : too_old;
+  const uint32_t why = is_ready ? 0 : tick.flags & state_reason_bits;
   const auto add = [&](fs_status status, uint32_t faults) {
-    leave({written_.load(std::memory_order_relaxed), tick.time, status, faults, latched, reason, tick.age});
+    leave({written_.load(std::memory_order_relaxed), tick.time, status, faults, latched, reason, static_cast<uint16_t>(why),
+           tick.age});
   };
   if (is_ready && !is_ready_) add(FS_OK, 0);
-  if (!is_ready && is_ready_) add(tick.status != FS_OK ? tick.status : FS_ERROR_STATE, device_fault);
+  if (!is_ready && (is_ready_ || (why && why != told_))) add(tick.status != FS_OK ? tick.status : FS_ERROR_STATE, device_fault);
   if (const uint32_t fresh = latched & ~latched_) add(FS_ERROR_STATE, fresh);
+  told_ = why;
   is_ready_ = is_ready;
   latched_ = latched;
 }
 
-bool DeviceEvents::take(uint64_t& next, const fs_device_info& device, double pose_age, fs_event& out) const {
+bool DeviceEvents::take(uint64_t& next, const fs_device_info& device, double pose_age, const std::string& trouble,
+                        fs_event& out) const {
   const uint64_t end = count();
   if (next == end) return false;
   out = {};
@@ -68,10 +74,19 @@ bool DeviceEvents::take(uint64_t& next, const fs_device_info& device, double pos
   std::memcpy(out.name, device.name, sizeof device.name);
   const size_t size = sizeof out.text;
   if (event.faults & device_fault) {
-    char old[64];
-    std::snprintf(old, sizeof old, "its pose is %.4g ms old, must be at most %.4g ms", 1e3 * event.age, 1e3 * pose_age);
-    const char* const reasons[] = {"lost: it failed to read or write", "not ready", old};
-    std::snprintf(out.text, size, "%s; the force will ramp up again", reasons[event.reason]);
+    std::string why;
+    if (event.reason == lost) {
+      why = "lost: it failed to read or write";
+      if (!trouble.empty()) why += " (" + trouble + ")";
+    } else if (event.reason == not_ready) {
+      why = "not ready";
+      if (event.flags) why += std::string(": ") + state_reason(event.flags);
+    } else {
+      char old[64];
+      std::snprintf(old, sizeof old, "its pose is %.4g ms old, must be at most %.4g ms", 1e3 * event.age, 1e3 * pose_age);
+      why = old;
+    }
+    std::snprintf(out.text, size, "%s; the force will ramp up again", why.c_str());
   } else if (event.faults) {
     std::snprintf(out.text, size, "stopped: ");
     append_faults(event.faults, out.text, size);

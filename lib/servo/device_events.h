@@ -4,6 +4,7 @@
 
 #include <array>
 #include <atomic>
+#include <string>
 
 #include <forceserver/servo.h>
 
@@ -17,12 +18,13 @@ class DeviceEvents {
   struct Tick {
     double time;       // s
     fs_status status;  // of read and write: of the first that failed
-    bool is_ready;     // the device says so
+    uint32_t flags;    // FS_STATE_ bits of the device
     double age;        // s, of its pose
     uint32_t faults;   // the guard's
   };
 
-  // [rt] Called once a tick. Adds an event when the device becomes ready or is lost, or when a fault begins.
+  // [rt] Called once a tick. Adds an event when the device becomes ready or is lost, when it has another reason for not being
+  // ready, or when a fault begins.
   void note(const Tick& tick) noexcept;
   // [rt] The latched faults were cleared. A fault that comes again makes a new event, even in the same tick.
   void forget_faults() noexcept { latched_ = 0; }
@@ -32,17 +34,19 @@ class DeviceEvents {
   uint64_t count() const noexcept { return written_.load(std::memory_order_acquire); }
   // Gives the event with number `next`, or an overflow event that counts the lost ones if it was overwritten, and
   // advances `next`. Returns false when there is no such event yet. pose_age (s, the servo's) goes into the text.
-  bool take(uint64_t& next, const fs_device_info& device, double pose_age, fs_event& out) const;
+  // trouble: why a lost device does not come back; "": nobody knows.
+  bool take(uint64_t& next, const fs_device_info& device, double pose_age, const std::string& trouble, fs_event& out) const;
 
  private:
-  enum Reason : uint32_t { lost, not_ready, too_old };
+  enum Reason : uint16_t { lost, not_ready, too_old };
   struct Event {
     uint64_t number;
     double time;
     fs_status status;
     uint32_t faults;   // the faults that began
     uint32_t latched;  // the faults that keep the force at 0
-    uint32_t reason;   // of FS_FAULT_DEVICE
+    uint16_t reason;   // of FS_FAULT_DEVICE
+    uint16_t flags;    // FS_STATE_ bits that say why the device is not ready
     double age;        // s, of the pose
   };
   static constexpr uint64_t capacity = 64;
@@ -51,7 +55,7 @@ class DeviceEvents {
 
   // Only the tick uses these.
   bool is_ready_ = false;
-  uint32_t latched_ = 0;
+  uint32_t latched_ = 0, told_ = 0;  // told_: why the device is not ready, FS_STATE_ bits
 
   std::array<Seqlock<Event>, capacity> events_;
   std::atomic<uint64_t> written_{0};

@@ -1,16 +1,14 @@
 #include "servo/servo.h"
 
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
 #include <cstring>
-#include <ctime>
 
 #include "base/error.h"
+#include "base/realtime.h"
 #include "base/signals.h"
 #include "driver/open_devices.h"
 #include "servo/local_model.h"
-#include "servo/realtime.h"
 
 using namespace fs;
 
@@ -33,7 +31,7 @@ fs_servo::fs_servo(Ref<LocalScene> scene, Ref<Device> device, const ServoSetting
       guard_(with_loop(settings.limits, settings.first)), loop_now_(settings.first), model_stiffness_(loop_now_.model_stiffness),
       record_(static_cast<size_t>(std::ceil(record_length * settings.rate))),
       loop_(settings.loop, settings.first, device_->info()) {
-  device_->acquire();
+  device_->acquire(settings.priority, settings.mode == FS_SERVO_THREAD);
   try {
     channels_.start(make_ref<Channel>(*this, settings_.spread, period_, scene_, Channel::Limits{}, true, Channel::Owner{"", 0}));
     guard_process_end();
@@ -152,18 +150,14 @@ void fs_servo::remove_listener(const void* owner) noexcept {
 void fs_servo::run() noexcept {
   double next = steady_now() + period_;
   for (;;) {
-    timespec deadline;
-    deadline.tv_sec = static_cast<time_t>(next);
-    deadline.tv_nsec = static_cast<long>((next - static_cast<double>(deadline.tv_sec)) * 1e9);
-    while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &deadline, nullptr) == EINTR) {
-    }
+    next = device_->await_tick(next, period_);
     const double now = steady_now();
     const double late = std::fmax(0, now - next);
     const double missed = std::floor(late / period_);  // missed ticks are skipped: no burst makes up for them
     statistics_.note_missed(static_cast<uint64_t>(missed));
     next += missed * period_;
     due_.store(next, std::memory_order_relaxed);
-    if (!device_->take_turn()) return;  // fails only when another thread is stopping this servo
+    if (!device_->take_turn()) return device_->leave_servo();  // fails only when another thread is stopping this servo
     tick(now, late);
     device_->end_turn();
     next += period_;
@@ -262,7 +256,7 @@ void fs_servo::tick(double now, double late) noexcept {
   if (status == FS_OK) status = write_status_;
 
   channels_.publish(sent, guarded, tick_);
-  events_.note({now, status, says_ready, age, guard_.faults()});
+  events_.note({now, status, hand.flags, age, guard_.faults()});
 
   const double compute = steady_now() - begin;
   statistics_.note({tick_, now, late, compute, status != FS_OK, guarded != 0, response.error_bound > 0, guard_.faults(),
@@ -278,7 +272,7 @@ void fs_servo::add_record(uint64_t after, size_t most, std::vector<fs_recorded_t
 }
 
 bool fs_servo::take_event(uint64_t& next, fs_event& out) const {
-  if (!events_.take(next, device_->info(), loop_.values().pose_age, out)) return false;
+  if (!events_.take(next, device_->info(), loop_.values().pose_age, device_->trouble(), out)) return false;
   if (out.kind == FS_EVENT_OVERFLOW) out.time = time();
   return true;
 }

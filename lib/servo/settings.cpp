@@ -8,8 +8,8 @@
 
 #include "base/enum.h"
 #include "base/error.h"
+#include "base/realtime.h"
 #include "field/weight.h"
-#include "servo/realtime.h"
 
 namespace fs {
 namespace {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "api/world.h"
+#include "device/waiting_device.h"
 
 using namespace scenes;
 
@@ -213,6 +214,13 @@ START_TEST(a_servo_whose_delay_changes) {
 END_TEST
 
 // Neither moves through shared memory nor reading the hand there allocate.
+// The states come and the forces go in the library's thread, which the servo does not wait for.
+START_TEST(a_driver_that_waits) {
+  WaitingDevice device("waiting");
+  drive(FS_SERVO_CALLER, "waiting:0");
+  ck_assert_uint_gt(device.sent().size(), 0);
+}
+END_TEST
 START_TEST(a_connected_scene) {
   Rig rig("connected");
   rig.start(virtual_options());
@@ -289,6 +297,6 @@ END_TEST
 int main() {
   Suite* suite = suite_create("allocation");
   add_case(suite, "allocation", {the_counter_counts, a_tool, a_virtual_servo, a_servo_with_local_models, a_callers_servo,
-                                a_servo_whose_delay_changes, a_connected_scene, poses, faults});
+                                a_servo_whose_delay_changes, a_driver_that_waits, a_connected_scene, poses, faults});
   return run_suite(suite);
 }

@@ -41,6 +41,7 @@ struct World {
   fs_frame frame = fs_frame_init();
   fs_state state{};
   fs_wrench wrench{};
+  fs_answer answer{};
   fs_response response{};
   fs_report report{};
   fs_motion motion{};
@@ -285,6 +286,9 @@ static const std::vector<Call> calls{
     {"fs_device_write", 2, FS_OK, [](World& w, int n) {
        return fs_device_write(but(n, 0, w.device), but(n, 1, &w.wrench));
      }},
+    {"fs_device_control", 3, FS_ERROR_UNSUPPORTED, [](World& w, int n) {
+       return fs_device_control(but(n, 0, w.device), but(n, 1, "home"), but(n, 2, &w.answer));
+     }},
 
     {"fs_servo_start", 3, FS_OK, [](World& w, int n) {
        fs_servo** out = but(n, 2, &new_servo);
@@ -349,7 +353,7 @@ static const char* const others[]{
     "fs_shape_get_points", "fs_shape_get_triangles", "fs_curve_get_expression", "fs_curve_get_table", "fs_curve_retain",
     "fs_curve_destroy", "fs_scene_destroy", "fs_tool_destroy", "fs_device_close", "fs_servo_stop", "fs_server_stop",
     "fs_fail", "fs_primitive_name", "fs_profile_kind_name", "fs_sense_name", "fs_object_state_name",
-    "fs_event_kind_name", "fs_realtime_name", "fs_fault_name"};
+    "fs_event_kind_name", "fs_realtime_name", "fs_fault_name", "fs_state_reason"};
 
 START_TEST(the_others) {
   World w;
@@ -439,6 +443,7 @@ START_TEST(names) {
     all += std::string(fs_fault_name(faults)) + " ";
   }
   ck_assert_str_eq(all.c_str(), "FS_FAULT_SPEED FS_FAULT_LATE ");
+  ck_assert_str_eq(fs_state_reason(FS_STATE_READY), "");
   ck_assert_str_eq(fs_fault_name(0), "no fault");
   ck_assert_str_eq(fs_fault_name(FS_FAULT_LATE << 1), "an unknown fs_fault");
   ck_assert_str_eq(fs_fault_name(1u << 31), "an unknown fs_fault");

@@ -473,7 +473,7 @@ START_TEST(extremes_stay_finite) {
     void (*spoil)(fs_state&);
   } bad[]{{[](fs_state& s) { s.pose.position.x = NAN; }},       {[](fs_state& s) { s.pose.position.x = 2e15; }},
           {[](fs_state& s) { s.pose.orientation.y = 0.5; }},    {[](fs_state& s) { s.twist.angular.z = INFINITY; }},
-          {[](fs_state& s) { s.time = NAN; }},                  {[](fs_state& s) { s.reserved[3] = 1; }}};
+          {[](fs_state& s) { s.time = NAN; }},                  {[](fs_state& s) { s.reserved[2] = 1; }}};
   for (const auto& b : bad) {
     fs_state state = hand_at({0, 0, 1});
     b.spoil(state);

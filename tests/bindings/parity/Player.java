@@ -447,6 +447,8 @@ public final class Player implements AutoCloseable {
         give(state.flags());
       }
       case "device_write" -> device.write(new Wrench(vector(step.get("force")), new Vec3(0, 0, 0)));
+      case "device_control" -> give(device.control((String) step.get("request")));
+      case "state_reason" -> give(ForceServer.stateReason(((Number) step.get("flags")).intValue()));
       case "driver" -> ForceServer.loadDriver(Path.of((String) step.get("file")));
       case "hand" -> {
         Hand hand = scene.hand();

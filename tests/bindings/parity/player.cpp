@@ -439,6 +439,12 @@ class Player {
     } else if (verb == "device_write") {
       const fs_wrench wrench = {vector(step.at("force")), {0, 0, 0}};
       check(fs_device_write(device_, &wrench));
+    } else if (verb == "device_control") {
+      fs_answer answer;
+      check(fs_device_control(device_, step.at("request").get<std::string>().c_str(), &answer));
+      give(answer.text);
+    } else if (verb == "state_reason") {
+      give(fs_state_reason(step.at("flags").get<uint32_t>()));
     } else if (verb == "driver") {
       check(fs_driver_load(step.at("file").get<std::string>().c_str()));
     } else if (verb == "hand") {

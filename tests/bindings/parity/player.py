@@ -321,6 +321,12 @@ class Player:
     def do_device_write(self, force):
         self.device.write(fs.Wrench(force=force))
 
+    def do_device_control(self, request):
+        self.give(self.device.control(request).text)
+
+    def do_state_reason(self, flags):
+        self.give(fs.state_reason(flags))
+
     def do_driver(self, file):
         fs.driver_load(file)
 

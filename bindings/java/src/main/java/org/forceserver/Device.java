@@ -26,4 +26,14 @@ public final class Device extends Handle {
     Value value = Value.scratch(wrench::write, 0);
     call(device -> Native.fs_device_write(device, value));
   }
+
+  /**
+   * What the device answers to a request that only this kind of device knows, such as "home". May take seconds, which an interrupt
+   * does not end.
+   */
+  public String control(String request) {
+    Answer answer = new Answer();
+    call(device -> Native.fs_device_control(device, request, answer));
+    return answer.text();
+  }
 }

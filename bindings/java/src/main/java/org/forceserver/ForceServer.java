@@ -99,5 +99,10 @@ public final class ForceServer {
     ForceServerException.check(Native.fs_driver_load(library.toString()));
   }
 
+  /** Why a device in a state with these flags is not ready, in a sentence without a full stop; "": none of them says so. */
+  public static String stateReason(int flags) {
+    return Native.fs_state_reason(flags);
+  }
+
   private ForceServer() {}
 }

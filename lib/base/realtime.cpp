@@ -1,4 +1,4 @@
-#include "servo/realtime.h"
+#include "base/realtime.h"
 
 #include <pthread.h>
 #include <sched.h>

@@ -1,0 +1,103 @@
+// The thread of a driver that waits for its device (receive and send in driver.h). To the servo the device looks like one
+// that never waits: it reads the newest state, and leaves a force for the thread to send.
+//
+// The driver may also lend itself to the servo's own thread (FS_DRIVER_IN_SERVO). Then this thread sleeps until the servo ends or
+// the device is lost.
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "base/counted.h"
+#include "base/seqlock.h"
+#include "driver/opened.h"
+
+namespace fs {
+
+class DriverThread final : public Counted<DriverThread> {
+ public:
+  DriverThread(const fs_driver& driver, std::string address, std::shared_ptr<Opened> device, const fs_device_info& info);
+  static void start(const Ref<DriverThread>& thread);  // once; waits a moment for the first state; IO
+
+  // Sends 0, closes the device and ends the thread. Gives up after a second, in which case the driver hangs and the thread is left
+  // behind. A second call does nothing.
+  void end() noexcept;
+
+  // [rt] The newest state, and whether the device gives any at present.
+  fs_status read(fs_state& out) noexcept;
+  // [rt] What is to be sent from now on. is_lasting: it counts until the next call, otherwise for 20 ms.
+  fs_status write(const fs_wrench& wrench, bool is_lasting) noexcept;
+  fs_status write_model(const fs_model& model) noexcept;
+  // Sends 0, and waits until that is done, for 60 ms at most.
+  fs_status write_zero() noexcept;
+
+  // A servo has the device from begin_servo to end_servo. priority: its thread's, of SCHED_FIFO; negative: an ordinary thread.
+  // may_lend: it has a thread, which calls await_state.
+  void begin_servo(int priority, bool may_lend) noexcept;
+  void end_servo() noexcept;
+  // [rt] Called by the servo's thread between two ticks: waits until a state that was not read yet has come, but not before
+  // `soonest`, and not beyond `latest` (s, monotonic clock); a driver that has lent itself may take 20 ms longer. Returns the time
+  // at which the next tick was due.
+  double await_state(double soonest, double latest) noexcept;
+  // [rt] The servo's thread no longer uses the driver: for good, or until it is lent again.
+  void give_back(bool is_for_good) noexcept;
+
+  std::shared_ptr<Opened> device() const noexcept;  // null: it is not connected
+  std::string trouble() const;  // why it is not connected; "": it is, or nobody knows
+
+ private:
+  struct State {
+    fs_state state{};
+    double came = 0;  // s
+    int64_t status = FS_OK;
+  };
+  struct Command {
+    fs_model model{};  // of a plain force only f0 counts
+    double time = 0;  // s
+    uint32_t number = 0;
+    uint8_t is_model = 0, is_lasting = 0, padding[2]{};
+  };
+  enum Owner : uint32_t { thread_has, servo_has };
+
+  void run() noexcept;
+  void exchange(void* self) noexcept;  // a state and what answers it
+  void lend(void* self) noexcept;
+  void lose(const std::string& why) noexcept;
+  void reconnect() noexcept;
+  void finish() noexcept;
+  fs_status receive(void* self, uint32_t& before) noexcept;  // before: commands_ when the state came
+  fs_status send(void* self, const Command& command) noexcept;
+  fs_status leave(Command command) noexcept;
+  Command present() const noexcept;
+
+  const fs_driver driver_;
+  const std::string address_;
+  const fs_device_info info_;
+  const double period_;  // s
+
+  mutable std::mutex mutex_;  // of the next two
+  std::shared_ptr<Opened> device_;
+  std::string trouble_;
+
+  Latest<State> newest_;  // written by who has the driver
+  std::atomic<uint32_t> states_{0};  // how many have come
+  Latest<Command> command_;  // written by who has the turn of the device
+  std::atomic<uint32_t> commands_{0}, sent_{0};  // the numbers of the newest command, and of the newest that was sent
+  std::atomic<int64_t> send_status_{FS_OK};  // of the newest send
+
+  std::atomic<bool> has_servo_{false}, may_lend_{false};
+  std::atomic<int> priority_{-1};
+  std::atomic<uint32_t> owner_{thread_has}, is_ending_{0}, has_ended_{0};
+
+  // Who has the driver uses these.
+  void* lent_ = nullptr;  // the handle that was lent to the servo's thread
+  bool is_lost_ = false;  // the servo's thread found that the device is
+  uint64_t number_ = 0;  // of the newest state
+
+  std::atomic<uint64_t> servos_thread_{0};  // that the driver is lent to; 0: none
+  uint32_t states_seen_ = 0;  // by the servo's thread
+};
+
+}  // namespace fs
