@@ -81,8 +81,9 @@ typedef struct fs_driver {
 
   /* Null where there is a receive. Called at the servo rate: it never waits, allocates or locks.
    * The newest pose, device frame, with its time on the monotonic clock (s; 0: now). out is all zeros before the call.
-   * Set FS_STATE_READY only when homed and fresh. The library works out a twist that is left 0; give one only
-   * if it is measured better than by differences of the poses, as damping makes a force of all that it has. An
+   * Set FS_STATE_READY only when homed and fresh. The library works out a twist that is left 0, and one that is slower than the
+   * poses by more than 1 m/s; give one only if it is measured better than by differences of the poses, as damping makes a force
+   * of all that it has. An
    * orientation left 0 is the identity. When the device is not ready, set the FS_STATE_ bit that says why. Return
    * DISCONNECTED when the device is lost; read is still called at each tick. */
   fs_status (*read)(void *self, fs_state *out);
@@ -137,6 +138,18 @@ FS_API fs_status fs_driver_register(const fs_driver *driver);
 /* The type of the function that a driver's library exports: const fs_driver *fs_driver_entry(void); */
 typedef const fs_driver *(*fs_driver_entry_function)(void);
 #endif
+
+/* A driver that is known. Frozen. */
+typedef struct fs_driver_info {
+  char scheme[32],              /* what stands before the ':' of its URIs */
+       path[512],               /* of its library; "": it belongs to forceserver or to this program */
+       trouble[480];            /* why it cannot be used, in the words of the system's loader; "": it can */
+} fs_driver_info;
+
+/* The drivers that are known, a list, by scheme: those of forceserver and of this program, and the modules. A module is the
+ * library of a driver, forceserver/drivers-1/SCHEME.so in the folder of the library forceserver. It is loaded when a
+ * URI of its scheme is first used, or by this call, which loads all, and stays loaded until the process ends. */
+FS_API fs_status fs_driver_list(fs_driver_info *out, size_t capacity, size_t *count);
 
 /* Adds the driver of a shared library that exports fs_driver_entry, a fs_driver_entry_function. path: a file; without
  * a '/' it is searched for where the system's loader looks. The library stays loaded until the process ends. IO (it

@@ -113,13 +113,13 @@ FS_API fs_status fs_scene_clear(fs_scene *scene);
 /* Opens a group. STATE: this thread has one open already. */
 FS_API fs_status fs_scene_begin(fs_scene *scene);
 
-/* Closes the group: all of it is felt from one tick on, or none of it. STATE: this thread has none open. FULL: others have
- * added objects since; the group stays open. Connected: it is sent as a whole; if that fails, the group stays open:
+/* Closes the group: all of it is felt from one tick on, or none of it. STATE: this thread has none open. FULL: others
+ * have added objects since; the group stays open. Connected: it is sent as a whole; if that fails, the group stays open:
  * TIMEOUT. If the server refuses a part (FS_EVENT_REFUSED, fs_scene_sync), it takes nothing, and this process's scene is
  * set back to what the server has; only objects that were new in the group stay in this process, refused. Of an object
- * that somebody else, also another thread, has changed since, only the parts change that the group has changed; one that
- * somebody else has removed stays removed, unless the group sets it. MEMORY: a part may be felt already, and stays so;
- * the rest is still an open group, which may grow: commit it again, or cancel it. */
+ * that somebody else, also another thread, has changed since, only the parts change that the group has changed (with
+ * fs_object_set: all); one that somebody else has removed stays removed, unless the group sets it. MEMORY: a part may be
+ * felt already, and stays so; the rest is still an open group, which may grow: commit it again, or cancel it. */
 FS_API fs_status fs_scene_commit(fs_scene *scene);
 
 /* Closes the group and takes back all of it, but not what a commit that failed has made felt. STATE: this thread has none

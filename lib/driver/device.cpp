@@ -279,14 +279,14 @@ fs_status fs_device::read(double time, fs_state& out) noexcept {
   if (out.time == 0) out.time = time;
   ++read_number_;
   read_time_ = out.time;
-  if (!fs::is_finite(out.twist)) return FS_OK;  // a bad value does not show that the driver gives twists
-  if (!fs::is_zero(out.twist)) gives_twist_ = true;
-  if (gives_twist_) return FS_OK;
-  if ((out.flags & FS_STATE_READY) && fs::is_finite(out.pose)) {
-    out.twist = velocity_.update(out.pose, out.time);
-  } else {
+  if (!(out.flags & FS_STATE_READY) || !fs::is_finite(out.pose)) {
     velocity_.reset();  // the pose jumps when a device is homed
+    return FS_OK;
   }
+  constexpr double contradiction = 1;  // m/s
+  const fs::Twist of_poses = velocity_.update(out.pose, out.time);
+  const double faster = fs::norm(of_poses.linear) - fs::norm(out.twist.linear);
+  if (fs::is_zero(out.twist) || faster > contradiction) out.twist = of_poses;
   return FS_OK;
 }
 

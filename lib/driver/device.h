@@ -44,7 +44,8 @@ struct fs_device : fs::Counted<fs_device> {
   bool is_of_this_process() const noexcept { return process_ == fs::this_process(); }  // [rt]
 
   // [rt] Reads the newest state. time: s, on the servo's clock (see fs_driver.advance). Where the driver leaves 0, the
-  // state's time becomes `time`, its orientation the identity, and its twist an estimate from the poses. A pose or
+  // state's time becomes `time`, its orientation the identity, and its twist an estimate from the poses, which also replaces one
+  // that is slower by more than 1 m/s. A pose or
   // twist that is not finite is passed on unchanged, and the guard faults on it. The call fails, with out all zeros,
   // when the driver fails, the time is not finite, or the quaternion's length differs from 1 by more than 1e-3.
   fs_status read(double time, fs_state& out) noexcept;
@@ -92,7 +93,6 @@ struct fs_device : fs::Counted<fs_device> {
   fs::VelocityEstimator velocity_{0};  // it gets the resolution when that is known
   uint64_t read_number_ = 0;  // of the newest state that a read gave
   double read_time_ = 0;  // s, of that state
-  bool gives_twist_ = false;  // the driver gave a twist before, so a twist of 0 means rest
 
   class Turn;
   class Inside;

@@ -34,7 +34,7 @@ struct Motion {
   Offset offset{};
 
   // blend: s, of who asks; 0: nothing is blended.
-  bool has_offset(double t, double blend) const noexcept { return t < offset.begun + blend; }  // [rt]
+  bool has_offset(double t, double blend) const noexcept { return blend > 0 && t < offset.begun + blend; }  // [rt]
 
   Pose at(double t, double blend) const noexcept {  // [rt]
     const double dt = used(t, blend);

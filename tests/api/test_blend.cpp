@@ -594,6 +594,28 @@ START_TEST(tools_feel_changes_at_once) {  // also beside a servo that blends
 }
 END_TEST
 
+// A pose may have been measured before the object was moved: a tool extrapolates never back, and blends nothing.
+START_TEST(tools_ask_for_times_before_a_move) {
+  Felt s;
+  const Tool tool = make_tool(s.scene);
+  fs_object o = wall(0.01);
+  o.damping = 5;
+  s.set(o);
+  s.run(0.1);
+  s.move("wall", at(0, 0, 0.02));
+  fs_state state = hand_at({});
+  for (const double ago : {0.0, 1e-6, 1e-3, 0.05, 10.0}) {
+    state.time = now(s.scene) - ago;
+    fs_response response;
+    OK(fs_evaluate(tool.get(), &state, &response));
+    EXPECT_NEAR(response.wrench.force.z, 20, 1e-12);
+    fs_vec3 plotted;
+    OK(fs_evaluate_field(s.scene, nullptr, state.time, &state.pose.position, 1, &plotted));
+    EXPECT_NEAR(plotted.z, 20, 1e-12);
+  }
+}
+END_TEST
+
 START_TEST(large_groups_are_blended) {  // from the tick that feels them, however long the commit takes
   Felt s;
   const int count = times(4000, 20000);
@@ -961,7 +983,7 @@ int main() {
   add_case(suite, "profiles", {profiles_are_blended, a_blend_goes_on_from_the_weight, changes_that_go_on_hold_up_no_fade,
                             curves_and_their_time_are_blended});
   add_case(suite, "contacts", {contacts_are_blended, friction_is_blended, a_floor_that_moves_carries_the_hand});
-  add_case(suite, "all", {tools_feel_changes_at_once, large_groups_are_blended});
+  add_case(suite, "all", {tools_feel_changes_at_once, tools_ask_for_times_before_a_move, large_groups_are_blended});
   add_case(suite, "bounds", {shares_are_blended, what_changes_all_the_time_gets_its_share,
                              who_shares_with_none_is_not_held_back, a_frame_that_is_gone_does_not_count, points_that_do_not_feel_have_no_share,
                              the_turn_of_a_force_counts, versions_share_nothing, bounds_are_told,

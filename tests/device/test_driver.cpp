@@ -349,14 +349,22 @@ START_TEST(device_works_out_the_twist) {
   fake->state.flags = FS_STATE_READY;
   device->read(1.102, state);
   ck_assert_double_eq(state.twist.linear.x, 0);
-  // The driver gives a twist itself: it is used as it is, including zeros.
+  // The driver gives a twist itself: it is used as it is, unless it is 0 or the poses contradict it.
   fake->state.twist.linear.y = 0.7;
   device->read(1.103, state);
   ck_assert_double_eq(state.twist.linear.y, 0.7);
-  fake->state.twist.linear.y = 0;
-  fake->state.pose.position.x = 0.6;
+  fake->state.pose.position.x += 0.5e-3;
   device->read(1.104, state);
   ck_assert_double_eq(state.twist.linear.x, 0);
+  ck_assert_double_eq(state.twist.linear.y, 0.7);
+  fake->state.pose.position.x += 0.1;
+  device->read(1.105, state);
+  ck_assert_double_gt(state.twist.linear.x, 10);
+  for (int k = 0; k < 100; ++k) device->read(1.106 + k * 1e-3, state);
+  fake->state.twist.linear.y = 0;
+  fake->state.pose.position.x += 1e-3;
+  device->read(1.206, state);
+  ck_assert_double_gt(state.twist.linear.x, 0.1);
 }
 END_TEST
 
