@@ -15,6 +15,7 @@ using namespace fs;
 fs_status fs_device_list(fs_device_entry* out, size_t capacity, size_t* count) {
   return guarded([&] {
     std::vector<fs_device_entry> entries;
+    list_drivers();  // a device of a module is found, too
     for (const fs_driver* driver : all_drivers()) {
       if (!driver->list) continue;
       size_t found = 0;
@@ -124,6 +125,10 @@ fs_status fs_driver_register(const fs_driver* driver) {
     require_pointer(driver, "driver");
     register_driver(*driver);
   });
+}
+
+fs_status fs_driver_list(fs_driver_info* out, size_t capacity, size_t* count) {
+  return guarded([&] { copy_list(list_drivers(), out, capacity, count); });
 }
 
 fs_status fs_driver_load(const char* path) {

@@ -2,8 +2,11 @@
 
 #include <dlfcn.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
+#include <algorithm>
 #include <cstring>
+#include <filesystem>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -17,9 +20,15 @@ namespace {
 
 constexpr size_t scheme_length_max = 31;
 
+struct RegisteredDriver {
+  fs_driver table;   // its scheme points to the key
+  std::string path;  // of its library; empty: it has none
+};
+
 struct Registry {
+  std::mutex loading;  // while a module is being loaded, so that none is loaded twice
   std::mutex mutex;
-  std::map<std::string, fs_driver> drivers;  // entries are never changed or removed; their scheme points to the key
+  std::map<std::string, RegisteredDriver> drivers;  // entries are never changed or removed
   std::set<std::string> announced;           // schemes without a driver
 };
 
@@ -27,6 +36,11 @@ struct Registry {
 Registry& registry() {
   static Registry* const instance = new Registry;
   return *instance;
+}
+
+bool is_scheme(const std::string& text) {
+  return !text.empty() && text.size() <= scheme_length_max &&
+         text.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789") == std::string::npos;
 }
 
 // The table as this library knows it: functions that an older driver did not have yet are null.
@@ -38,10 +52,8 @@ fs_driver parse_driver(const fs_driver& driver) {
   if (table.flags & ~known_flags)
     fail(FS_ERROR_VERSION, "driver.flags is %u, which has bits that forceserver %s does not know", table.flags, fs_version());
   if (!table.scheme) fail(FS_ERROR_INVALID, "driver.scheme is null");
-  const size_t length = strnlen(table.scheme, scheme_length_max + 1);
-  const std::string scheme(table.scheme, length);
-  if (length < 1 || length > scheme_length_max ||
-      scheme.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789") != std::string::npos) {
+  const std::string scheme(table.scheme, strnlen(table.scheme, scheme_length_max + 1));
+  if (!is_scheme(scheme)) {
     fail(FS_ERROR_INVALID, "driver.scheme is '%s', must be 1..%zu of a-z and 0-9", scheme.c_str(), scheme_length_max);
   }
   const auto require = [&](bool given, const char* function) {
@@ -67,17 +79,22 @@ fs_driver parse_driver(const fs_driver& driver) {
 
 }  // namespace
 
-void register_driver(const fs_driver& driver) {
+namespace {
+
+void add(const fs_driver& driver, const char* path, const char* scheme) {
   const fs_driver table = parse_driver(driver);
+  if (scheme && std::strcmp(scheme, table.scheme) != 0) {
+    fail(FS_ERROR_IO, "path is '%s', whose driver is '%s': a module has the name of its scheme", path, table.scheme);
+  }
   Registry& all = registry();
   const std::lock_guard lock(all.mutex);
-  const auto [entry, inserted] = all.drivers.try_emplace(table.scheme, table);
+  const auto [entry, inserted] = all.drivers.try_emplace(table.scheme, RegisteredDriver{table, path});
   if (!inserted) fail(FS_ERROR_EXISTS, "a driver of the scheme '%s' is registered already", table.scheme);
-  entry->second.scheme = entry->first.c_str();
+  entry->second.table.scheme = entry->first.c_str();
 }
 
-void load_driver(const char* path) {
-  if (!*path) fail(FS_ERROR_INVALID, "path is empty, must be the path of a driver's library");
+// scheme: of a module; null: any.
+void load(const char* path, const char* scheme) {
   struct stat info{};
   if (std::strchr(path, '/') && stat(path, &info) == 0 && !S_ISREG(info.st_mode)) {  // dlopen would block on a pipe
     fail(FS_ERROR_IO, "path is '%s', which is not a file", path);
@@ -86,10 +103,52 @@ void load_driver(const char* path) {
   if (!library) fail(FS_ERROR_IO, "path is '%s': %s", path, dlerror());
   const auto entry = reinterpret_cast<fs_driver_entry_function>(dlsym(library.get(), "fs_driver_entry"));
   if (!entry) fail(FS_ERROR_IO, "path is '%s', a library without a driver: %s", path, dlerror());
-  const fs_driver* const driver = entry();
+  const fs_driver* driver = nullptr;
+  try {
+    driver = entry();
+  } catch (...) {
+    fail(FS_ERROR_IO, "path is '%s', a library whose fs_driver_entry throws", path);
+  }
   if (!driver) fail(FS_ERROR_IO, "path is '%s', a library whose fs_driver_entry gives no driver", path);
-  register_driver(*driver);
+  add(*driver, path, scheme);
   static_cast<void>(library.release());  // the registry has its functions: it is never unloaded
+}
+
+const fs_driver* find_registered(const std::string& scheme) {
+  Registry& all = registry();
+  const std::lock_guard lock(all.mutex);
+  const auto entry = all.drivers.find(scheme);
+  return entry == all.drivers.end() ? nullptr : &entry->second.table;
+}
+
+constexpr const char* extension = ".so";
+
+// In order of their names.
+std::vector<std::string> module_schemes() {
+  std::vector<std::string> found;
+  std::error_code error;  // mostly: there is no such folder
+  for (const auto& file : std::filesystem::directory_iterator(module_folder(), error)) {
+    if (file.path().extension() == extension) found.push_back(file.path().stem());
+  }
+  std::sort(found.begin(), found.end());
+  return found;
+}
+
+}  // namespace
+
+void register_driver(const fs_driver& driver) { add(driver, "", nullptr); }
+
+void load_driver(const char* path) {
+  if (!*path) fail(FS_ERROR_INVALID, "path is empty, must be the path of a driver's library");
+  load(path, nullptr);
+}
+
+std::string module_folder() {
+  Dl_info info{};
+  if (!dladdr(reinterpret_cast<void*>(&module_folder), &info) || !info.dli_fname) return "";
+  std::error_code error;
+  const std::filesystem::path library = std::filesystem::weakly_canonical(info.dli_fname, error);
+  return (library.parent_path() / "forceserver/drivers-1").string();
 }
 
 void announce_scheme(const char* scheme) {
@@ -105,18 +164,45 @@ bool is_announced(const std::string& scheme) {
 }
 
 const fs_driver* find_driver(const std::string& scheme) {
-  Registry& all = registry();
-  const std::lock_guard lock(all.mutex);
-  const auto entry = all.drivers.find(scheme);
-  return entry == all.drivers.end() ? nullptr : &entry->second;
+  if (const fs_driver* const driver = find_registered(scheme)) return driver;
+  if (!is_scheme(scheme)) return nullptr;  // so that no path is made of it
+  const std::string path = module_folder() + "/" + scheme + extension;
+  if (access(path.c_str(), F_OK) != 0) return nullptr;
+  const std::lock_guard lock(registry().loading);
+  if (const fs_driver* const driver = find_registered(scheme)) return driver;
+  load(path.c_str(), scheme.c_str());
+  return find_registered(scheme);
 }
 
 std::vector<const fs_driver*> all_drivers() {
   Registry& all = registry();
   const std::lock_guard lock(all.mutex);
   std::vector<const fs_driver*> drivers;
-  for (const auto& [scheme, driver] : all.drivers) drivers.push_back(&driver);
+  for (const auto& [scheme, entry] : all.drivers) drivers.push_back(&entry.table);
   return drivers;
+}
+
+std::vector<fs_driver_info> list_drivers() {
+  std::vector<fs_driver_info> out;
+  const auto tell = [&](const std::string& scheme, const std::string& path, const std::string& trouble) {
+    fs_driver_info& info = out.emplace_back();
+    scheme.copy(info.scheme, sizeof info.scheme - 1);
+    path.copy(info.path, sizeof info.path - 1);
+    trouble.copy(info.trouble, sizeof info.trouble - 1);
+  };
+  for (const std::string& scheme : module_schemes()) {
+    try {
+      find_driver(scheme);
+    } catch (const Error& error) {
+      tell(scheme, module_folder() + "/" + scheme + extension, error.text);
+    }
+  }
+  Registry& all = registry();
+  const std::lock_guard lock(all.mutex);
+  for (const auto& [scheme, entry] : all.drivers) tell(scheme, entry.path, "");
+  std::sort(out.begin(), out.end(),
+            [](const fs_driver_info& a, const fs_driver_info& b) { return std::strcmp(a.scheme, b.scheme) < 0; });
+  return out;
 }
 
 }  // namespace fs

@@ -16,12 +16,20 @@ void register_driver(const fs_driver& driver);
 // Loads a library and registers the driver that its fs_driver_entry returns. Throws IO, and as register_driver does.
 void load_driver(const char* path);
 
+// A module is the library of a driver that is loaded when its scheme is first used. It is found beside this library:
+// FOLDER_OF_THIS_LIBRARY/forceserver/drivers-1/SCHEME.so.
+std::string module_folder();
+
 // Makes a scheme known whose driver is not built in, so that opening it gives a clear error.
 void announce_scheme(const char* scheme);
 bool is_announced(const std::string& scheme);
 
-// Null when no driver has this scheme. The table lives as long as the process.
+// The table lives as long as the process. Null when no driver has this scheme. Throws what load_driver throws where there is a
+// module that cannot be loaded.
 const fs_driver* find_driver(const std::string& scheme);
-std::vector<const fs_driver*> all_drivers();  // in order of their schemes
+std::vector<const fs_driver*> all_drivers();  // that are registered, in order of their schemes
+
+// Loads all modules, and tells for each driver where it is from, or why it cannot be used.
+std::vector<fs_driver_info> list_drivers();
 
 }  // namespace fs

@@ -82,13 +82,34 @@ void add(const fs_device_entry& entry, bool as_json, Json& list) {
   list.push_back(listed);
 }
 
+std::vector<fs_driver_info> drivers() {
+  size_t count = 0;
+  forceserver::throw_on_error(fs_driver_list(nullptr, 0, &count));
+  std::vector<fs_driver_info> all(count);
+  forceserver::throw_on_error(fs_driver_list(all.data(), all.size(), &count));
+  all.resize(std::min(count, all.size()));
+  return all;
+}
+
+void add(const fs_driver_info& driver, bool as_json, Json& list) {
+  const char* const path = *driver.path ? driver.path : "part of forceserver";
+  if (!as_json) std::printf("driver %s: %s\n", driver.scheme, *driver.trouble ? driver.trouble : path);
+  list.push_back({{"scheme", driver.scheme}, {"path", driver.path}, {"trouble", driver.trouble}});
+}
+
 }  // namespace
 
 int devices(const DevicesOptions& options) {
   load_driver(options.driver);
   Json list = Json::array();
   for (const fs_device_entry& entry : forceserver::device_list()) add(entry, options.json, list);
-  if (options.json) std::puts(dump({{"devices", list}}, 2).c_str());
+  Json all = {{"devices", list}};
+  if (options.why) {
+    Json known = Json::array();
+    for (const fs_driver_info& driver : drivers()) add(driver, options.json, known);
+    all["drivers"] = known;
+  }
+  if (options.json) std::puts(dump(all, 2).c_str());
   write_out();
   return exit_fine;
 }

@@ -258,6 +258,7 @@ int main(int argc, char** argv) {
 
   DevicesOptions devices_options;
   CLI::App* devices_command = app.add_subcommand("devices", "List the devices that can be opened, and what they are");
+  devices_command->add_flag("--why", devices_options.why, "Also each driver: where it is from, or why it cannot be used");
   devices_command->add_flag("--json", devices_options.json, "One JSON document");
   devices_command->add_option("--driver", devices_options.driver, driver_help)->type_name("FILE");
   devices_command->footer(devices_help);

@@ -41,7 +41,7 @@ int run(const RunOptions& options);
 
 struct DevicesOptions {
   std::string driver;
-  bool json = false;
+  bool json = false, why = false;
 };
 int devices(const DevicesOptions& options);
 

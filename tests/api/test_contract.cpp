@@ -42,6 +42,7 @@ struct World {
   fs_state state{};
   fs_wrench wrench{};
   fs_answer answer{};
+  fs_driver_info driver_info{};
   fs_response response{};
   fs_report report{};
   fs_motion motion{};
@@ -325,6 +326,9 @@ static const std::vector<Call> calls{
        return fs_scene_get_views(but(n, 0, w.connected), but(n, 1, &w.client_view), 1, but(n, 2, &w.count));
      }},
 
+    {"fs_driver_list", 2, FS_OK, [](World& w, int n) {
+       return fs_driver_list(but(n, 0, &w.driver_info), 1, but(n, 1, &w.count));
+     }},
     {"fs_driver_register", 1, FS_OK, [](World& w, int n) { return fs_driver_register(but(n, 0, &w.driver)); }},
     {"fs_driver_load", 1, FS_ERROR_IO, [](World&, int n) {
        return fs_driver_load(but(n, 0, "/no/such/driver.so"));

@@ -1,6 +1,7 @@
 /* A driver in a library of its own, as fs_driver_load takes it. DRIVER_FAULT: what is wrong with it: 0 nothing, 1 its
  * entry has another name, 2 it gives none, 3 it is newer than the library, 4 it lacks a function, 5 its device is lost for
- * ten ticks after a quarter of a second, and when it is loaded before the program (LD_PRELOAD) it adds itself. */
+ * ten ticks after a quarter of a second, and when it is loaded before the program (LD_PRELOAD) it adds itself, 6 it needs
+ * a function that nobody has. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -47,6 +48,10 @@ const fs_driver *fs_driver_entry(void)
 {
   static struct { fs_driver driver; void (*added)(void *self); } table;
   fs_driver *const driver = &table.driver;
+#if DRIVER_FAULT == 6
+  extern void a_function_that_nobody_has(void);
+  a_function_that_nobody_has();
+#endif
   if (DRIVER_FAULT == 3) table.added = close_device;
   driver->struct_size = DRIVER_FAULT == 3 ? sizeof table : sizeof *driver;
   driver->scheme = "library";

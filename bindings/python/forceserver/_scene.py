@@ -13,7 +13,7 @@ from . import _core
 from ._core import Error, EventKind, Object, StateError, Twist
 from ._objects import _put, fields_of
 
-__all__ = ["Device", "Hand", "Scene", "SceneObject", "Server", "Servo", "Tool", "connect", "devices"]
+__all__ = ["Device", "Hand", "Scene", "SceneObject", "Server", "Servo", "Tool", "connect", "devices", "drivers"]
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -455,6 +455,11 @@ class Device(_core.Device):
 def devices() -> Rows:
     """The devices that can be opened: an array with the fields of DeviceEntry."""
     return _core.device_list()
+
+
+def drivers() -> Rows:
+    """The drivers that are known, and why one cannot be used: an array with the fields of DriverInfo. Loads all modules."""
+    return _core.driver_list()
 
 
 class Servo(_core.Servo):

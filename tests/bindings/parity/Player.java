@@ -448,6 +448,14 @@ public final class Player implements AutoCloseable {
       }
       case "device_write" -> device.write(new Wrench(vector(step.get("force")), new Vec3(0, 0, 0)));
       case "device_control" -> give(device.control((String) step.get("request")));
+      case "drivers" -> {
+        for (DriverInfo each : ForceServer.drivers()) {
+          if (each.scheme().equals("sim")) {
+            give(each.path());
+            give(each.trouble());
+          }
+        }
+      }
       case "state_reason" -> give(ForceServer.stateReason(((Number) step.get("flags")).intValue()));
       case "driver" -> ForceServer.loadDriver(Path.of((String) step.get("file")));
       case "hand" -> {

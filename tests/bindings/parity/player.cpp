@@ -443,6 +443,13 @@ class Player {
       fs_answer answer;
       check(fs_device_control(device_, step.at("request").get<std::string>().c_str(), &answer));
       give(answer.text);
+    } else if (verb == "drivers") {
+      std::vector<fs_driver_info> drivers(100);
+      size_t count = 0;
+      check(fs_driver_list(drivers.data(), drivers.size(), &count));
+      for (size_t i = 0; i < count; ++i) {
+        if (std::strcmp(drivers[i].scheme, "sim") == 0) give(drivers[i].path), give(drivers[i].trouble);
+      }
     } else if (verb == "state_reason") {
       give(fs_state_reason(step.at("flags").get<uint32_t>()));
     } else if (verb == "driver") {

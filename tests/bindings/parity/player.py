@@ -324,6 +324,11 @@ class Player:
     def do_device_control(self, request):
         self.give(self.device.control(request).text)
 
+    def do_drivers(self):
+        for driver in fs.drivers():
+            if driver.scheme == "sim":
+                self.give(driver.path, driver.trouble)
+
     def do_state_reason(self, flags):
         self.give(fs.state_reason(flags))
 

@@ -94,6 +94,11 @@ public final class ForceServer {
     return Buffers.list(DeviceEntry.SIZE, 8, Native::fs_device_list, DeviceEntry::new);
   }
 
+  /** The drivers that are known, by scheme. Loads all modules of drivers. */
+  public static List<DriverInfo> drivers() {
+    return Buffers.list(DriverInfo.SIZE, 8, Native::fs_driver_list, DriverInfo::new);
+  }
+
   /** Adds the driver of a shared library that exports fs_driver_entry. A driver itself cannot be written in Java. */
   public static void loadDriver(Path library) {
     ForceServerException.check(Native.fs_driver_load(library.toString()));
