@@ -48,6 +48,7 @@ namespace forceserver {
 class Error : public std::runtime_error {
  public:
   explicit Error(fs_status status) : std::runtime_error(fs_last_error()), status_(status) {}
+  Error(fs_status status, const std::string& text) : std::runtime_error(text), status_(status) {}
   fs_status status() const noexcept { return status_; }
 
  private:
@@ -56,6 +57,12 @@ class Error : public std::runtime_error {
 
 inline void throw_on_error(fs_status status) {
   if (status < 0) throw Error(status);
+}
+
+// To the C functions a string ends at its first byte 0.
+inline const char* c_string(const std::string& text, const char* name) {
+  if (text.find('\\0') != std::string::npos) throw Error(FS_ERROR_INVALID, std::string(name) + " has a byte 0, must be without");
+  return text.c_str();
 }
 
 template <auto give_back>
@@ -151,7 +158,7 @@ class Writer:
         if kind == "handle":
             return f"const {self.class_of(bare(type_))}& {name}", f"{name}.get()"
         if kind == "string":
-            return (f"const char* {name}", name) if p["null"] else (f"const std::string& {name}", f"{name}.c_str()")
+            return (f"const char* {name}", name) if p["null"] else (f"const std::string& {name}", f'c_string({name}, "{name}")')
         if kind == "struct" and not p["null"]:
             return f"const {bare(type_)}& {name}", f"&{name}"
         return f"{type_.replace(' *', '*')} {name}", name

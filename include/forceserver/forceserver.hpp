@@ -33,6 +33,7 @@ namespace forceserver {
 class Error : public std::runtime_error {
  public:
   explicit Error(fs_status status) : std::runtime_error(fs_last_error()), status_(status) {}
+  Error(fs_status status, const std::string& text) : std::runtime_error(text), status_(status) {}
   fs_status status() const noexcept { return status_; }
 
  private:
@@ -41,6 +42,12 @@ class Error : public std::runtime_error {
 
 inline void throw_on_error(fs_status status) {
   if (status < 0) throw Error(status);
+}
+
+// To the C functions a string ends at its first byte 0.
+inline const char* c_string(const std::string& text, const char* name) {
+  if (text.find('\0') != std::string::npos) throw Error(FS_ERROR_INVALID, std::string(name) + " has a byte 0, must be without");
+  return text.c_str();
 }
 
 template <auto give_back>
@@ -120,27 +127,27 @@ class Scene : public std::unique_ptr<fs_scene, GiveBack<fs_scene_destroy>> {
   }
   static Scene connect(const std::string& endpoint, const std::string& client_name) {
     fs_scene* out = nullptr;
-    throw_on_error(fs_scene_connect(endpoint.c_str(), client_name.c_str(), &out));
+    throw_on_error(fs_scene_connect(c_string(endpoint, "endpoint"), c_string(client_name, "client_name"), &out));
     return Scene(out);
   }
   void object_set(const fs_object& object) const { throw_on_error(fs_object_set(get(), &object)); }
   Object object_get(const std::string& name) const {
     Object out;
-    throw_on_error(fs_object_get(get(), name.c_str(), &out));
+    throw_on_error(fs_object_get(get(), c_string(name, "name"), &out));
     return out;
   }
   void object_change(const fs_object& object, uint32_t parts) const { throw_on_error(fs_object_change(get(), &object, parts)); }
   void object_move(const std::string& name, const fs_pose& pose, const fs_twist* twist, double time) const {
-    throw_on_error(fs_object_move(get(), name.c_str(), &pose, twist, time));
+    throw_on_error(fs_object_move(get(), c_string(name, "name"), &pose, twist, time));
   }
-  void object_remove(const std::string& name) const { throw_on_error(fs_object_remove(get(), name.c_str())); }
+  void object_remove(const std::string& name) const { throw_on_error(fs_object_remove(get(), c_string(name, "name"))); }
   void clear() const { throw_on_error(fs_scene_clear(get())); }
   void begin() const { throw_on_error(fs_scene_begin(get())); }
   void commit() const { throw_on_error(fs_scene_commit(get())); }
   void cancel() const { throw_on_error(fs_scene_cancel(get())); }
   void sync(double timeout) const { throw_on_error(fs_scene_sync(get(), timeout)); }
-  void save(const std::string& path) const { throw_on_error(fs_scene_save(get(), path.c_str())); }
-  void load(const std::string& path) const { throw_on_error(fs_scene_load(get(), path.c_str())); }
+  void save(const std::string& path) const { throw_on_error(fs_scene_save(get(), c_string(path, "path"))); }
+  void load(const std::string& path) const { throw_on_error(fs_scene_load(get(), c_string(path, "path"))); }
   void set_frame(const fs_frame& frame) const { throw_on_error(fs_scene_set_frame(get(), &frame)); }
   fs_frame get_frame(const char* client = nullptr) const {
     fs_frame out = fs_frame_init();
@@ -174,7 +181,7 @@ class Scene : public std::unique_ptr<fs_scene, GiveBack<fs_scene_destroy>> {
   }
   fs_report get_report(const std::string& name) const {
     fs_report out{};
-    throw_on_error(fs_scene_get_report(get(), name.c_str(), &out));
+    throw_on_error(fs_scene_get_report(get(), c_string(name, "name"), &out));
     return out;
   }
   std::vector<fs_motion> get_motions(const char* client = nullptr) const {
@@ -238,7 +245,7 @@ class Shape : public std::unique_ptr<fs_shape, GiveBack<fs_shape_destroy>> {
   }
   static Shape load(const std::string& path, double scale) {
     fs_shape* out = nullptr;
-    throw_on_error(fs_shape_load(path.c_str(), scale, &out));
+    throw_on_error(fs_shape_load(c_string(path, "path"), scale, &out));
     return Shape(out);
   }
   void build() const { throw_on_error(fs_shape_build(get())); }
@@ -266,7 +273,7 @@ class Curve : public std::unique_ptr<fs_curve, GiveBack<fs_curve_destroy>> {
   }
   static Curve create_expression(const std::string& text) {
     fs_curve* out = nullptr;
-    throw_on_error(fs_curve_create_expression(text.c_str(), &out));
+    throw_on_error(fs_curve_create_expression(c_string(text, "text"), &out));
     return Curve(out);
   }
   Curve retain() const { return Curve(fs_curve_retain(get())); }  // one more of the same
@@ -295,7 +302,7 @@ class Device : public std::unique_ptr<fs_device, GiveBack<fs_device_close>> {
   using unique_ptr::unique_ptr;
   static Device open(const std::string& uri) {
     fs_device* out = nullptr;
-    throw_on_error(fs_device_open(uri.c_str(), &out));
+    throw_on_error(fs_device_open(c_string(uri, "uri"), &out));
     return Device(out);
   }
   fs_device_info get_info() const {
@@ -311,7 +318,7 @@ class Device : public std::unique_ptr<fs_device, GiveBack<fs_device_close>> {
   void write(const fs_wrench& wrench) const { throw_on_error(fs_device_write(get(), &wrench)); }
   fs_answer control(const std::string& request) const {
     fs_answer out{};
-    throw_on_error(fs_device_control(get(), request.c_str(), &out));
+    throw_on_error(fs_device_control(get(), c_string(request, "request"), &out));
     return out;
   }
 };
@@ -340,7 +347,7 @@ class Server : public std::unique_ptr<fs_server, GiveBack<fs_server_stop>> {
   using unique_ptr::unique_ptr;
   static Server start(const Servo& servo, const std::string& endpoint, const fs_server_options* options = nullptr) {
     fs_server* out = nullptr;
-    throw_on_error(fs_server_start(servo.get(), endpoint.c_str(), options, &out));
+    throw_on_error(fs_server_start(servo.get(), c_string(endpoint, "endpoint"), options, &out));
     return Server(out);
   }
 };

@@ -91,8 +91,9 @@ FS_API fs_status fs_object_change(fs_scene *scene, const fs_object *object, uint
  * two moves within 1 ms the later pose replaces the earlier. A move whose time is older than that of the last one is taken
  * with twist 0. Evaluation extrapolates from `time`, never back and for 0.1 s at most. A move is cheap, for meshes too. The
  * next tick feels it; a servo blends it, and fades it if it is a jump (top of this file). Connected: a move of one of the
- * scene's own objects never waits and normally makes no system call; the server takes it at its rate.
- * NOT_FOUND, DENIED. */
+ * scene's own objects does not wait for the server and normally makes no system call; the server takes it at its rate. It
+ * waits for calls of other threads on the same scene, of which a commit takes some microseconds a change: a thread that
+ * must be in time connects a scene of its own. NOT_FOUND, DENIED. */
 FS_API fs_status fs_object_move(fs_scene *scene, const char *name, const fs_pose *pose, const fs_twist *twist,
                                       double time);
 
@@ -116,8 +117,9 @@ FS_API fs_status fs_scene_begin(fs_scene *scene);
 /* Closes the group: all of it is felt from one tick on, or none of it. STATE: this thread has none open. FULL: others
  * have added objects since; the group stays open. Connected: it is sent as a whole; if that fails, the group stays open:
  * TIMEOUT. If the server refuses a part (FS_EVENT_REFUSED, fs_scene_sync), it takes nothing, and this process's scene is
- * set back to what the server has; only objects that were new in the group stay in this process, refused. Of an object
- * that somebody else, also another thread, has changed since, only the parts change that the group has changed (with
+ * set back to what the server has; only objects that were new in the group stay in this process, refused. So it does
+ * (NOT_FOUND) where the group changes or removes an object of another client that is gone by then. Of an object that
+ * somebody else, also another thread, has changed since, only the parts change that the group has changed (with
  * fs_object_set: all); one that somebody else has removed stays removed, unless the group sets it. MEMORY: a part may be
  * felt already, and stays so; the rest is still an open group, which may grow: commit it again, or cancel it. */
 FS_API fs_status fs_scene_commit(fs_scene *scene);
@@ -396,7 +398,7 @@ typedef struct fs_event {
   fs_status status;             /* the status that goes with it */
   double time,                  /* s, when it happened, on the scene's clock */
          value;                 /* see fs_event_kind */
-  char name[FS_NAME_SIZE],      /* of the object, or of the device */
+  char name[FS_NAME_SIZE],      /* of the object, the device or the client */
        text[168];               /* a sentence for people */
 } fs_event;
 

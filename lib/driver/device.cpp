@@ -286,7 +286,11 @@ fs_status fs_device::read(double time, fs_state& out) noexcept {
   constexpr double contradiction = 1;  // m/s
   const fs::Twist of_poses = velocity_.update(out.pose, out.time);
   const double faster = fs::norm(of_poses.linear) - fs::norm(out.twist.linear);
-  if (fs::is_zero(out.twist) || faster > contradiction) out.twist = of_poses;
+  const bool stands = std::memcmp(&out.pose, &read_pose_, sizeof read_pose_) == 0;
+  read_pose_ = out.pose;
+  if (!fs::is_zero(out.twist)) gives_twist_ = true;
+  const bool is_given = !fs::is_zero(out.twist) || (gives_twist_ && stands);
+  if (!is_given || faster > contradiction) out.twist = of_poses;
   return FS_OK;
 }
 

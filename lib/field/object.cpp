@@ -168,10 +168,9 @@ std::string parse_name(const char* name, const char* field) {
     const size_t length = utf8_length(text);
     if (length == 0) fail(FS_ERROR_INVALID, "%s is not UTF-8: byte %zu is 0x%02x", field, i, text[0]);
     if (text[0] == '/') {
-      fail(FS_ERROR_INVALID,
-           "%s has a '/' at byte %zu, must be without: another client's object is not set, but changed "
-           "(fs_object_change)",
-           field, i);
+      const bool is_client = std::strcmp(field, "client_name") == 0;
+      fail(FS_ERROR_INVALID, "%s has a '/' at byte %zu, must be without%s", field, i,
+           is_client ? "" : ": another client's object is not set, but changed (fs_object_change)");
     }
     if (text[0] < 0x20 || text[0] == 0x7f || (text[0] == 0xc2 && text[1] < 0xa0)) {
       fail(FS_ERROR_INVALID, "%s has a control character at byte %zu, must be without", field, i);

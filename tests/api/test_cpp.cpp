@@ -22,7 +22,14 @@ START_TEST(errors_are_exceptions) {
     ck_assert(std::strstr(error.what(), "nobody"));
   }
   try {
-    Device::open("nothing:");
+    static_cast<void>(scene.object_get(std::string("nobody\0else", 11)));
+    ck_abort_msg("nothing was thrown");
+  } catch (const Error& error) {
+    ck_assert_int_eq(error.status(), FS_ERROR_INVALID);
+    ck_assert_str_eq(error.what(), "name has a byte 0, must be without");
+  }
+  try {
+    static_cast<void>(Device::open("nothing:"));
     ck_abort_msg("nothing was thrown");
   } catch (const std::exception& error) {
     ck_assert_str_eq(error.what(), fs_last_error());

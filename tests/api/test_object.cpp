@@ -140,8 +140,9 @@ START_TEST(names) {
   const std::string long_name(1000, 'n');  // to ask for, it is only not there
   fs_object got = fs_object_init("", FS_PRIMITIVE_POINT);
   const fs_pose pose = at(0, 0, 0);
-  for (const char* name : {"", "absent", "a/b", "\xff", long_name.c_str()}) {
+  for (const char* name : {"", "absent", "a/b", "\xff", "\x1b[31m", "\x7f", long_name.c_str()}) {
     EXPECT(FS_ERROR_NOT_FOUND, fs_object_get(scene.get(), name, &got));
+    for (const char* c = fs_last_error(); *c; ++c) ck_assert(static_cast<unsigned char>(*c) >= 0x20 && *c != 0x7f);
     EXPECT(FS_ERROR_NOT_FOUND, fs_object_remove(scene.get(), name));
     EXPECT(FS_ERROR_NOT_FOUND, fs_object_move(scene.get(), name, &pose, nullptr, FS_NOW));
   }

@@ -324,8 +324,7 @@ class Class {
       if constexpr (std::is_same_v<E, char>) {
         const Text text(object, field_name, false);
         if (text.size() >= sizeof member) {
-          value_error(std::string(field_name) + " has " + std::to_string(text.size()) + " bytes, at most " +
-                      std::to_string(sizeof member - 1) + " fit");
+          raise(FS_ERROR_INVALID, std::string(field_name) + " has " + std::to_string(text.size()) + " bytes, which is too long");
         }
         std::memset(member, 0, sizeof member);
         std::memcpy(member, text.get(), text.size());

@@ -159,7 +159,7 @@ class Text {
     }
     if (!PyBytes_Check(object.ptr())) type_error(std::string(name) + " must be a str");
     text_ = static_cast<std::string>(py::reinterpret_borrow<py::bytes>(object));
-    if (text_.find('\0') != std::string::npos) value_error(std::string(name) + " holds a NUL character");
+    if (text_.find('\0') != std::string::npos) raise(FS_ERROR_INVALID, std::string(name) + " holds a NUL character");
     null_ = false;
   }
   const char* get() const { return null_ ? nullptr : text_.c_str(); }
