@@ -92,8 +92,8 @@ struct fs_device : fs::Counted<fs_device> {
   bool is_closed_ = false;
   fs::VelocityEstimator velocity_{0};  // it gets the resolution when that is known
   uint64_t read_number_ = 0;  // of the newest state that a read gave
-  double read_time_ = 0;      // s, of that state
-  fs::Pose read_pose_{};      // of the newest state that was ready
+  double read_time_ = 0;  // s, of that state
+  fs::Pose read_pose_{};  // of the newest state that was ready
   bool gives_twist_ = false;  // the driver gave a twist before, so a twist of 0 means rest where the pose stands
 
   class Turn;
