@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstring>
 #include <string>
+#include <utility>
 
 #include "base/clock.h"
 #include "base/error.h"
@@ -66,6 +67,7 @@ Vec3 limited(Vec3 v, uint32_t axes, double max) {
   return norm(v) > max ? (max * (1 - 1e-15)) * normalized(v) : v;  // slightly less, so that rounding never exceeds max
 }
 
+double distance(Vec3 a, Vec3 b) { return norm(a - b); }
 bool is_zero(const Twist& t) { return t.linear == Vec3{} && t.angular == Vec3{}; }
 bool is_zero(const Mat3& m) { return m == Mat3{}; }
 bool is_zero(const Wrench& w) { return w.force == Vec3{} && w.torque == Vec3{}; }
@@ -278,19 +280,20 @@ fs_status fs_device::read(double time, fs_state& out) noexcept {
   }
   if (out.time == 0) out.time = time;
   ++read_number_;
-  read_time_ = out.time;
+  const double dt = out.time - std::exchange(read_time_, out.time);
   if (!(out.flags & FS_STATE_READY) || !fs::is_finite(out.pose)) {
     velocity_.reset();  // the pose jumps when a device is homed
     return FS_OK;
   }
   constexpr double contradiction = 1;  // m/s
-  const fs::Twist of_poses = velocity_.update(out.pose, out.time);
-  const double faster = fs::norm(of_poses.linear) - fs::norm(out.twist.linear);
   const bool stands = std::memcmp(&out.pose, &read_pose_, sizeof read_pose_) == 0;
-  read_pose_ = out.pose;
+  const double way = fs::distance(out.pose.position, std::exchange(read_pose_, out.pose).position);
   if (!fs::is_zero(out.twist)) gives_twist_ = true;
   const bool is_given = !fs::is_zero(out.twist) || (gives_twist_ && stands);
-  if (!is_given || faster > contradiction) out.twist = of_poses;
+  const double given = fs::norm(out.twist.linear);
+  if (is_given && way <= (given + contradiction) * dt) return FS_OK;  // mostly; the estimate costs more
+  const fs::Twist of_poses = velocity_.update(out.pose, out.time);
+  if (!is_given || fs::norm(of_poses.linear) > given + contradiction) out.twist = of_poses;
   return FS_OK;
 }
 

@@ -31,7 +31,7 @@ bool await_change(const std::atomic<uint32_t>& number, uint32_t present, double 
 }
 
 void change(std::atomic<uint32_t>& number, uint32_t value) noexcept {
-  number.store(value, std::memory_order_release);
+  number.store(value);
   wake_waiters(number);
 }
 
@@ -93,7 +93,7 @@ void DriverThread::exchange(void* self) noexcept {
   const double begin = steady_now();
   uint32_t before = 0;
   const fs_status status = receive(self, before);
-  if (status == FS_OK && has_servo_) await_change(commands_, before, steady_now() + period_);
+  if (status == FS_OK && has_servo_) await_change(commands_, before, steady_now() + period_ / 2);
   Command command = present();
   if (status != FS_OK && status != FS_ERROR_TIMEOUT) command = {};
   const fs_status sent = status == FS_ERROR_DISCONNECTED ? status : send(self, command);
@@ -257,14 +257,13 @@ double DriverThread::await_state(double soonest, double latest) noexcept {
       states_seen_ = states_.load(std::memory_order_relaxed);
       const double now = steady_now();
       if (status == FS_OK) {
-        if (now >= soonest) return now;
+        if (now >= soonest) return std::fmin(now, latest);
         continue;
       }
       if (status == FS_ERROR_DISCONNECTED) {
         is_lost_ = true;
         give_back(false);
       }
-      if (now >= latest) return now;
       sleep_until(latest);
       return latest;
     }

@@ -27,7 +27,8 @@ class DriverThread final : public Counted<DriverThread> {
 
   // [rt] The newest state, and whether the device gives any at present.
   fs_status read(fs_state& out) noexcept;
-  // [rt] What is to be sent from now on. is_lasting: it counts until the next call, otherwise for 20 ms.
+  // [rt] What is to be sent from now on; the status is that of the newest send. is_lasting: it counts until the next call,
+  // otherwise for 20 ms.
   fs_status write(const fs_wrench& wrench, bool is_lasting) noexcept;
   fs_status write_model(const fs_model& model) noexcept;
   // Sends 0, and waits until that is done, for 60 ms at most.
