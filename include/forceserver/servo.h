@@ -33,7 +33,9 @@ extern "C" {
 
 /* Who runs the ticks, and on which clock. */
 typedef enum fs_servo_mode {
-  FS_SERVO_THREAD = 0,          /* its own real-time thread; the application's signals are blocked there */
+  FS_SERVO_THREAD = 0,          /* its own real-time thread; the application's signals are blocked there. A tick begins when a
+                                   device that paces the servo (driver.h, receive) has given a state, otherwise by the
+                                   clock */
   FS_SERVO_CALLER = 1,          /* the caller's loop calls fs_servo_step(servo, 1): a tick now, on the real clock.
                                    Between ticks the device keeps its force: stop the servo when you stop stepping */
   FS_SERVO_VIRTUAL = 2,         /* fs_servo_step; tick k = 1, 2.. is at k/rate s: for tests and simulations */
