@@ -660,7 +660,14 @@ def test_curves(lab: Lab, page: Page, second: Second) -> None:
     page.wait_for_selector('[data-handle="front.limit"]')
     handle = page.locator('[data-handle="front.limit"]')
     page.wait_for_selector('#curve[data-curve="point"]')
-    box = eventually(handle.bounding_box)  # the handles are made anew with each curve
+    page.wait_for_selector('body[data-busy="0"]')
+
+    def settled() -> Any:  # the handles are made anew with each curve
+        before = handle.bounding_box()
+        page.wait_drawn()
+        return before is not None and handle.bounding_box() == before and before
+
+    box = eventually(settled)
     start = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     page.drag(start, (start[0], start[1] + 30))
     lower = eventually(lambda: (limit := second.get("editor/point")["front"]["limit"]) < 2 and limit)
