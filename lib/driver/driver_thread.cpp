@@ -130,6 +130,7 @@ void DriverThread::reconnect() noexcept {
     ask_driver(driver_, "get_info", [&] { return driver_.get_info(device->self(), &info); });
     if (is_same_device(info, info_)) {
       send_status_ = FS_OK;
+      forgotten_ = commands_;
       const std::lock_guard lock(mutex_);
       device_ = device;
       trouble_.clear();
@@ -186,7 +187,8 @@ fs_status DriverThread::send(void* self, const Command& command) noexcept {
 DriverThread::Command DriverThread::present() const noexcept {
   Command command;
   if (!command_.read(command)) return {};
-  if (command.is_lasting || steady_now() - command.time <= command_age) return command;
+  const bool is_present = command.is_lasting || steady_now() - command.time <= command_age;
+  if (is_present && command.number != forgotten_) return command;
   Command none;
   none.number = command.number;
   return none;

@@ -154,6 +154,18 @@ START_TEST(what_is_written_without_a_servo_stays) {
   OK(fs_device_write(handle.get(), &wrench));
   std::this_thread::sleep_for(std::chrono::milliseconds(100));
   EXPECT_VECTOR(last_sent(device).force, wrench.force, 1e-12);
+  {  // but not when the device has been lost meanwhile
+    const std::lock_guard lock(device.mutex);
+    device.receive_status = FS_ERROR_DISCONNECTED;
+  }
+  ck_assert(until([&] { return device.closes() == 1; }));
+  {
+    const std::lock_guard lock(device.mutex);
+    device.receive_status = FS_OK;
+  }
+  ck_assert(until([&] { return is_zero(last_sent(device)); }));
+  OK(fs_device_write(handle.get(), &wrench));
+  ck_assert(until([&] { return !is_zero(last_sent(device)); }));
 }
 END_TEST
 
