@@ -97,7 +97,7 @@ FS_API fs_status fs_device_read(fs_device *device, fs_state *out);
 
 /* Sends a force and torque, device frame, not guarded, but scaled down to the device's maxima with the direction kept;
  * axes that the device does not have get 0. It stays until the next fs_device_write, a servo's first tick,
- * fs_device_close or the end of the process by exit. Does not wait. STATE while a servo has the device; DISCONNECTED,
+ * fs_device_close, the loss of the device or the end of the process by exit. Does not wait. STATE while a servo has the device; DISCONNECTED,
  * IO. */
 FS_API fs_status fs_device_write(fs_device *device, const fs_wrench *wrench);
 

@@ -81,11 +81,10 @@ typedef struct fs_driver {
 
   /* Null where there is a receive. Called at the servo rate: it never waits, allocates or locks.
    * The newest pose, device frame, with its time on the monotonic clock (s; 0: now). out is all zeros before the call.
-   * Set FS_STATE_READY only when homed and fresh. The library works out a twist that is left 0, and one that is slower than the
-   * poses by more than 1 m/s; give one only if it is measured better than by differences of the poses, as damping makes a force
-   * of all that it has. An
-   * orientation left 0 is the identity. When the device is not ready, set the FS_STATE_ bit that says why. Return
-   * DISCONNECTED when the device is lost; read is still called at each tick. */
+   * Set FS_STATE_READY only when homed and fresh. The library works out a twist that is left 0, and one that is slower than
+   * the poses by more than 1 m/s; give one only if it is measured better than by differences of the poses, as damping makes
+   * a force of all that it has. An orientation left 0 is the identity. When the device is not ready, set the FS_STATE_ bit
+   * that says why. Return DISCONNECTED when the device is lost; read is still called at each tick. */
   fs_status (*read)(void *self, fs_state *out);
 
   /* Null where there is a send. Called at the servo rate, as read is. Sends a wrench, device frame, finite, within the

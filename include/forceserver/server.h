@@ -66,7 +66,8 @@ typedef struct fs_client {
 } fs_client;
 
 /* The clients of the server that this scene is connected to, a list; the first is the server's own scene. A client that
- * has left or was lost is not listed, although its force may still fade out. A scene in this process: UNSUPPORTED. TIMEOUT, FULL (no file descriptors left). */
+ * has left or was lost is not listed, although its force may still fade out. A scene in this process: UNSUPPORTED.
+ * TIMEOUT, FULL (no file descriptors left). */
 FS_API fs_status fs_scene_get_clients(fs_scene *scene, fs_client *out, size_t capacity, size_t *count);
 
 /* The view of a client. Frozen. */
