@@ -1,3 +1,4 @@
+#include <unistd.h>
 #include "servo/servo.h"
 
 #include <algorithm>
@@ -104,6 +105,7 @@ void fs_servo::start_thread() {
 void fs_servo::stop() noexcept {
   if (!is_of_this_process()) return;
   if (is_stopping_.exchange(true)) return is_stopped_.wait(false);
+  usleep(20000);
   device_->silence();  // before anything that may wait
   {
     const std::lock_guard lock(listener_mutex_);
@@ -166,7 +168,7 @@ void fs_servo::run() noexcept {
 
 fs_status fs_servo::step(uint64_t ticks) noexcept {
   const auto stopped = [] { return set_last_error_literal(FS_ERROR_STATE, "fs_servo_step: the servo has been stopped"); };
-  if (is_stopping_.load() || device_->is_silent()) return stopped();
+  if (has_stop_begun()) return stopped();
   if (settings_.mode == FS_SERVO_THREAD) {
     return set_last_error_literal(FS_ERROR_UNSUPPORTED, "fs_servo_step: this servo has a thread of its own that steps it");
   }
@@ -178,7 +180,7 @@ fs_status fs_servo::step(uint64_t ticks) noexcept {
     device_->end_turn();
     return stopped();
   }
-  for (uint64_t i = 0; i < ticks && !device_->is_silent(); ++i) {
+  for (uint64_t i = 0; i < ticks && !has_stop_begun(); ++i) {
     if (settings_.mode == FS_SERVO_VIRTUAL) {
       if (budget_ && static_cast<double>(tick_ - budget_tick_) >= fs::Budget::interval * settings_.rate) {
         budget_tick_ = tick_;
@@ -192,7 +194,7 @@ fs_status fs_servo::step(uint64_t ticks) noexcept {
       tick(now, late);
     }
   }
-  const bool is_lost = tick_ > 0 && !events_.is_ready(), is_stopped = device_->is_silent();
+  const bool is_lost = tick_ > 0 && !events_.is_ready(), is_stopped = has_stop_begun();
   device_->end_turn();  // from here on another thread may stop and destroy the servo
   if (is_stopped) return stopped();
   if (is_lost) {
@@ -200,6 +202,9 @@ fs_status fs_servo::step(uint64_t ticks) noexcept {
   }
   return FS_OK;
 }
+
+// The device falls silent a moment after a stop has begun, or without one when the process ends.
+bool fs_servo::has_stop_begun() const noexcept { return is_stopping_.load() || device_->is_silent(); }
 
 // What has been asked for since the last tick: another loop, force or none.
 void fs_servo::follow_requests() noexcept {
@@ -245,7 +250,7 @@ void fs_servo::tick(double now, double late) noexcept {
   const double charged = settings_.mode == FS_SERVO_THREAD ? period_ : 0;
   fs_response response = channels_.evaluate(hand, has_pose, begins_anew, now, charged);
   Guard::GuardedForce guarded_response = guard_.apply({hand, is_ready, late}, response);
-  if (device_->is_silent()) guarded_response = {};  // the servo is being stopped
+  if (has_stop_begun()) guarded_response = {};
   const Wrench& sent = guarded_response.wrench;
   const uint32_t guarded = guard_.has_guarded() ? FS_RESPONSE_GUARDED : 0;
   response.flags |= guarded;

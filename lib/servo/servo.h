@@ -68,6 +68,7 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   void run() noexcept;
   void tick(double now, double late) noexcept;
   void follow_requests() noexcept;
+  bool has_stop_begun() const noexcept;
   void start_budget();  // IO
   fs::DeviceLimit limit();  // of the loop, which is measured first; the budget calls this
 
