@@ -24,7 +24,7 @@ struct SimOptions {
   uint32_t seed = 0;                  // 0: no encoder offset; otherwise it seeds offsets within one count
 };
 
-// Throws INVALID, UNSUPPORTED (an option that is planned), and as HandPath::named does.
-SimOptions parse_sim_options(const char* address);
+// Throws a Refusal INVALID, and as HandPath::named does.
+SimOptions parse_sim_options(const char* text);
 
 }  // namespace fs

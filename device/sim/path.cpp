@@ -9,6 +9,7 @@
 #include "base/text.h"
 #include "base/whole_file.h"
 #include "device/sim/parameters.h"
+#include "device/support/refusal.h"
 
 namespace fs {
 namespace {
@@ -52,9 +53,8 @@ HandPath HandPath::read_file(const std::string& name) {
   std::string text;
   try {
     text = read_whole_file(name, largest_path);
-  } catch (Error& error) {
-    error.text = "path '" + name + "' is none of figure8, sweep, touch, and as a file: " + error.text;
-    throw;
+  } catch (const Error& error) {
+    throw Refusal{error.status, "path '" + name + "' is none of figure8, sweep, touch, and as a file: " + error.text};
   }
   HandPath path;
   int number = 0;
@@ -66,20 +66,20 @@ HandPath HandPath::read_file(const std::string& name) {
     double n[5];
     const int count = parse_line(line, n);
     if (count == 0) continue;
-    if (count != 4) fail(FS_ERROR_PARSE, "%s:%d: must be four numbers, t x y z", name.c_str(), number);
+    if (count != 4) refuse(FS_ERROR_PARSE, "%s:%d: must be four numbers, t x y z", name.c_str(), number);
     if (!path.points_.empty() && !(n[0] > path.points_.back().time)) {
-      fail(FS_ERROR_PARSE, "%s:%d: t is %.9g, must be above the %.9g before it", name.c_str(), number, n[0],
+      refuse(FS_ERROR_PARSE, "%s:%d: t is %.9g, must be above the %.9g before it", name.c_str(), number, n[0],
            path.points_.back().time);
     }
     for (int i = 1; i < 4; ++i) {
       if (!(std::fabs(n[i]) <= coordinate_max)) {
-        fail(FS_ERROR_PARSE, "%s:%d: a coordinate is %.9g, must be within %.9g..%.9g m", name.c_str(), number, n[i],
+        refuse(FS_ERROR_PARSE, "%s:%d: a coordinate is %.9g, must be within %.9g..%.9g m", name.c_str(), number, n[i],
              -coordinate_max, coordinate_max);
       }
     }
     path.points_.push_back({n[0], {n[1], n[2], n[3]}});
   }
-  if (path.points_.empty()) fail(FS_ERROR_PARSE, "%s: there is no line t x y z", name.c_str());
+  if (path.points_.empty()) refuse(FS_ERROR_PARSE, "%s: there is no line t x y z", name.c_str());
   return path;
 }
 

@@ -17,7 +17,8 @@ class HandPath {
   static HandPath hold(Vec3 position);
   // "figure8", "sweep" or "touch" (parameters.h); any other name is that of a file with lines "t x y z" (s, m). t must
   // increase; the target moves straight from line to line and rests before the first and after the last. '#' begins a
-  // comment. The file must be regular and at most 64 MB. Throws NOT_FOUND, IO, PARSE with the line.
+  // comment. The file must be regular and at most 64 MB. Throws a Refusal: NOT_FOUND, IO,
+  // PARSE with the line.
   static HandPath named(const std::string& name);
 
   // [rt] time: s, never earlier than in the last call.

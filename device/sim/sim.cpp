@@ -3,10 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <exception>
-#include <new>
 
-#include "base/error.h"
+#include "device/support/refusal.h"
 
 namespace fs {
 namespace {
@@ -241,16 +239,7 @@ fs_status sim_list(fs_device_entry* out, size_t capacity, size_t* count) {
 }
 
 fs_status sim_open(const char* address, void** self) {
-  try {
-    *self = new Simulator(parse_sim_options(address));
-    return FS_OK;
-  } catch (const Error& error) {
-    return set_last_error(error.status, error.text.c_str());
-  } catch (const std::bad_alloc&) {
-    return set_last_error_literal(FS_ERROR_MEMORY, "no memory for the simulator");
-  } catch (const std::exception& error) {
-    return set_last_error(FS_ERROR_INTERNAL, error.what());
-  }
+  return answer_of([&] { *self = new Simulator(parse_sim_options(address)); });
 }
 
 void sim_close(void* self) { delete static_cast<Simulator*>(self); }

@@ -10,12 +10,18 @@
 #include "driver/call_driver.h"
 #include "driver/open_devices.h"
 #include "driver/registry.h"
-#include "driver/uri.h"
 
 namespace fs {
 namespace {
 
-const fs_driver& driver_of(const std::string& scheme, const char* uri) {
+// What stands before the first ':', unless a '?' comes first; empty where there is none.
+std::string scheme_of(const char* uri) {
+  const char* const end = std::strpbrk(uri, ":?");
+  return end && *end == ':' ? std::string(uri, end) : "";
+}
+
+const fs_driver& driver_of(const char* uri) {
+  const std::string scheme = scheme_of(uri);
   if (scheme.empty()) fail(FS_ERROR_INVALID, "device '%s' has no scheme; for the simulator write 'sim:'", uri);
   if (const fs_driver* driver = find_driver(scheme)) return *driver;
   std::string schemes;
@@ -91,7 +97,7 @@ bool repair_orientation(Quat& q) {
 }  // namespace
 }  // namespace fs
 
-fs_device::fs_device(const char* uri) : driver_(fs::driver_of(fs::parse_uri(uri).scheme, uri)), info_(fs_device_info_init()) {
+fs_device::fs_device(const char* uri) : driver_(fs::driver_of(uri)), info_(fs_device_info_init()) {
   const std::string address = std::strchr(uri, ':') + 1;  // not null: the scheme was found
   auto opened = std::make_shared<fs::Opened>(driver_, address);
   fs::ask_driver(driver_, "get_info", [&] { return driver_.get_info(opened->self(), &info_); });

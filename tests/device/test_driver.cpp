@@ -10,7 +10,6 @@
 #include "scenes/longer.h"
 
 #include "driver/registry.h"
-#include "driver/uri.h"
 
 using namespace fs;
 
@@ -27,45 +26,6 @@ void teardown() {
   ck_assert(fake->has_clean_reads);
   fake = nullptr;
 }
-
-START_TEST(uri_parts) {
-  const Uri uri = parse_uri("fidel:udp:HOST:7001?a=1&b=x=y?z&c=");
-  ck_assert_str_eq(uri.scheme.c_str(), "fidel");
-  ck_assert_str_eq(uri.address.c_str(), "udp:HOST:7001");
-  ck_assert_uint_eq(uri.options.size(), 3);
-  ck_assert_str_eq(uri.options[0].first.c_str(), "a");
-  ck_assert_str_eq(uri.options[1].second.c_str(), "x=y?z");
-  ck_assert_str_eq(uri.options[2].second.c_str(), "");
-  const Uri without = parse_uri("name?path=c:d");
-  ck_assert_str_eq(without.scheme.c_str(), "");
-  ck_assert_str_eq(without.address.c_str(), "name");
-  ck_assert_uint_eq(parse_uri("sim:?").options.size(), 0);
-  const Uri behind = parse_address("udp:HOST?a=1");
-  ck_assert_str_eq(behind.address.c_str(), "udp:HOST");
-  expect_error(FS_ERROR_INVALID, "'b' must be key=value", [] { parse_uri("sim:?a=1&b"); });
-  expect_error(FS_ERROR_INVALID, "'' must be key=value", [] { parse_uri("sim:?a=1&"); });
-  expect_error(FS_ERROR_INVALID, "'=1' must be key=value", [] { parse_uri("sim:?=1"); });
-  expect_error(FS_ERROR_INVALID, "'a' is given twice", [] { parse_uri("sim:?a=1&a=1"); });
-}
-END_TEST
-
-START_TEST(uri_values) {
-  ck_assert_double_eq(parse_number("k", "-1.5e-3", -1, 1), -1.5e-3);
-  for (const char* bad : {"", " 1", "1 ", "1,5", "x", "nan", "inf", "1e400", "2.1", "0x1", "+1"}) {
-    expect_error(FS_ERROR_INVALID, "must be a number within -1..2", [&] { parse_number("k", bad, -1, 2); });
-  }
-  const Vec3 v = parse_vector("hold", "1,-2,.5", -2, 2);
-  ck_assert(v == (Vec3{1, -2, 0.5}));
-  for (const char* bad : {"", "1", "1,2", "1,2,", "1,2,3", "1,2,2,2", "1,nan,2", "1, 2,2"}) {
-    expect_error(FS_ERROR_INVALID, "hold is", [&] { parse_vector("hold", bad, -2, 2); });
-  }
-  ck_assert_uint_eq(parse_choice("k", "b", {"a", "b"}), 1);
-  expect_error(FS_ERROR_INVALID, "k is 'c', must be one of a, b", [] { parse_choice("k", "c", {"a", "b"}); });
-  check_keys(parse_address("?a=1"), {"a", "b"});
-  const Uri other = parse_address("?c=1");
-  expect_error(FS_ERROR_INVALID, "'c' is unknown; the options are a, b", [&] { check_keys(other, {"a", "b"}); });
-}
-END_TEST
 
 START_TEST(registry_refuses_bad_tables) {
   const auto refused = [](fs_status status, const char* part, auto change) {
@@ -426,8 +386,6 @@ int main() {
   TCase* all = tcase_create("driver");
   tcase_set_timeout(all, 500);
   tcase_add_checked_fixture(all, setup, teardown);
-  tcase_add_test(all, uri_parts);
-  tcase_add_test(all, uri_values);
   tcase_add_test(all, registry_refuses_bad_tables);
   tcase_add_test(all, registry_copies_and_sorts);
   tcase_add_test(all, registry_from_many_threads);

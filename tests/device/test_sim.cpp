@@ -89,7 +89,7 @@ START_TEST(bad_options_each_with_its_sentence) {
       {"sim:?delay_ms=1001", "delay_ms is '1001', must be a number within 0..1000"},
       {"sim:?delay_ms=-1", "delay_ms is '-1'"},
       {"sim:?seed=-1", "seed is '-1'"},
-      {"sim:?seed=1.5", "seed is 1.5, must be a whole number"},
+      {"sim:?seed=1.5", "seed is '1.5', must be a whole number within 0..4294967295"},
       {"sim:?link=radio", "link is 'radio', must be one of force, model"},
       {"sim:?link_ms=2", "option 'link_ms' needs the option 'link'"},
       {"sim:?link_hz=100", "option 'link_hz' needs the option 'link'"},
