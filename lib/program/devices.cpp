@@ -1,43 +1,12 @@
 // forceserver devices: lists the devices that can be opened, and their properties.
-#include <algorithm>
 #include <cstdio>
-#include <numbers>
 
+#include "bus.h"
+#include "device_words.h"
 #include "json.h"
 #include "words.h"
 
 namespace {
-
-// The names of the first `count` axes, such as "x, y, z".
-std::string axes(std::uint32_t count) {
-  const std::vector<std::string> all{"x", "y", "z"};
-  return join({all.begin(), all.begin() + std::min<std::uint32_t>(count, 3)}, "none");
-}
-
-std::string most(const char* way, std::uint32_t axis_count, double value, const char* unit) {
-  return axis_count == 0 ? "none" : format("%s %s, at most %g %s", way, axes(axis_count).c_str(), value, unit);
-}
-
-std::vector<std::string> to_text(const fs_device_info& info) {
-  const double degrees = info.workspace_angle * 180 / std::numbers::pi;
-  std::vector<std::string> lines;
-  lines.push_back(format("name        %s%s%s", info.name, *info.serial ? ", serial " : "", info.serial));
-  lines.push_back(format("workspace   a cylinder about z: %g mm in radius, %g mm high, with the origin at its centre; ",
-                         info.workspace_radius * 1e3, info.workspace_height * 1e3) +
-                  (degrees > 0 ? format("the handle rotates %.0f degrees each way", degrees) : "the handle does not rotate"));
-  lines.push_back("force       " + most("along", info.force_axes, info.force_max, "N"));
-  lines.push_back("torque      " + most("about", info.torque_axes, info.torque_max, "N m"));
-  lines.push_back(format("rate        %g Hz; %g ms from pose to force, in addition to the period", info.rate, info.delay * 1e3));
-  lines.push_back("resolution  " + (info.resolution > 0 ? format("%g um", info.resolution * 1e6) : "not quantised"));
-  lines.push_back("moving      " + (info.mass > 0 ? format("%g kg", info.mass) : "mass unknown") +
-                  format(", %g N s/m of damping", info.damping));
-  if (info.link_rate > 0) lines.push_back(format("link        %g times a second", info.link_rate));
-  if (info.controller_rate > 0) {
-    lines.push_back(format("controller  its own, %g Hz, %g ms of delay, %g N s/m of local damping", info.controller_rate,
-                           info.controller_delay * 1e3, info.controller_damping));
-  }
-  return lines;
-}
 
 Json to_json(const fs_device_info& info) {
   return {{"name", info.name},
@@ -65,9 +34,11 @@ void add(const fs_device_entry& entry, bool as_json, Json& list) {
   Json listed = {{"uri", entry.uri}, {"label", entry.label}};
   if (!as_json) std::printf("%s  %s\n", entry.uri, entry.label);
   fs_device_info info = fs_device_info_init();
+  std::string reason;
   try {
     const Device device = Device::open(entry.uri);
     info = device.get_info();
+    reason = why_not_ready(device);
   } catch (const Error& failure) {
     if (!as_json) std::printf("    cannot be opened now: %s\n", failure.what());
     listed["status"] = fs_status_name(failure.status());
@@ -77,24 +48,31 @@ void add(const fs_device_entry& entry, bool as_json, Json& list) {
   }
   if (!as_json) {
     for (const std::string& line : to_text(info)) std::printf("    %s\n", line.c_str());
+    if (!reason.empty()) std::printf("    not ready   %s\n", reason.c_str());
   }
+  listed["not_ready"] = reason;
   listed["info"] = to_json(info);
   list.push_back(listed);
 }
 
-std::vector<fs_driver_info> drivers() {
-  size_t count = 0;
-  forceserver::throw_on_error(fs_driver_list(nullptr, 0, &count));
-  std::vector<fs_driver_info> all(count);
-  forceserver::throw_on_error(fs_driver_list(all.data(), all.size(), &count));
-  all.resize(std::min(count, all.size()));
-  return all;
+void add(const fs_driver_info& driver, bool as_json, Json& list) {
+  if (!as_json) std::printf("driver %s: %s\n", driver.scheme, origin(driver).c_str());
+  list.push_back({{"scheme", driver.scheme}, {"path", driver.path}, {"trouble", driver.trouble}});
 }
 
-void add(const fs_driver_info& driver, bool as_json, Json& list) {
-  const char* const path = *driver.path ? driver.path : "part of forceserver";
-  if (!as_json) std::printf("driver %s: %s\n", driver.scheme, *driver.trouble ? driver.trouble : path);
-  list.push_back({{"scheme", driver.scheme}, {"path", driver.path}, {"trouble", driver.trouble}});
+// A device on the USB bus: whether there is a driver for it, and whether this user may open it.
+void add(const SeenDevice& seen, const std::vector<fs_driver_info>& known, bool as_json, Json& list) {
+  const std::string trouble = trouble_of(seen, known);
+  if (!as_json) {
+    std::printf("usb %04x:%04x, %s at %s: %s\n", seen.vendor, seen.product, seen.name.c_str(), seen.node.c_str(),
+                trouble.empty() ? format("for the driver %s", seen.scheme).c_str() : trouble.c_str());
+  }
+  list.push_back({{"vendor", seen.vendor},
+                  {"product", seen.product},
+                  {"name", seen.name},
+                  {"node", seen.node},
+                  {"scheme", seen.scheme},
+                  {"trouble", trouble}});
 }
 
 }  // namespace
@@ -105,9 +83,12 @@ int devices(const DevicesOptions& options) {
   for (const fs_device_entry& entry : forceserver::device_list()) add(entry, options.json, list);
   Json all = {{"devices", list}};
   if (options.why) {
-    Json known = Json::array();
-    for (const fs_driver_info& driver : drivers()) add(driver, options.json, known);
-    all["drivers"] = known;
+    Json told = Json::array(), on_bus = Json::array();
+    const std::vector<fs_driver_info> known = drivers();
+    for (const fs_driver_info& driver : known) add(driver, options.json, told);
+    for (const SeenDevice& seen : haptic_devices_on_bus()) add(seen, known, options.json, on_bus);
+    all["drivers"] = told;
+    all["usb"] = on_bus;
   }
   if (options.json) std::puts(dump(all, 2).c_str());
   write_out();

@@ -93,6 +93,9 @@ the scene alone, without a device and without protections.)";
 
 const char* const devices_help = R"(examples:
   forceserver devices
+  forceserver devices --why
+      also each driver and where it is from, or why it cannot be used, and the haptic devices on the USB bus, whether
+      or not there is a driver for them and this user may open them
   forceserver devices --json
       one JSON document, in SI units, with the names of fs_device_info
 
@@ -121,12 +124,24 @@ parentheses:
 
 device.h has the ranges of all of them.)";
 
+const char* const test_device_help = R"(examples:
+  forceserver test-device mine:0 --driver ./libmine.so > page.md
+      without force: the properties that the driver tells of, the rate, intervals and age of its states, how long each
+      call takes, a servo that sends 0, the delay that the driver measures, and opening and closing again and again
+  forceserver test-device mine:0 --driver ./libmine.so --push 1
+      also pushes with 1 N along each axis, for 0.3 s each, and looks where the handle goes: hold it loosely
+
+The output is a page for whoever makes the device or its driver. Each verdict is passed, odd or FAILED. A machine that is
+busy with other things makes states late: try it again on a quiet one. Unplug the device meanwhile to see what is then
+told. Not tested is what only the device itself knows: whether its force ends within 20 ms when this process is killed.
+Ends with 1 if anything is odd or failed, with 2 if the device cannot be opened or is lost.)";
+
 // The usage line of the help. To CLI11 every word is optional, since need() asks for it in a better sentence.
 class Usage : public CLI::Formatter {
  public:
   std::string make_usage(const CLI::App* app, std::string name) const override {
     std::string text = CLI::Formatter::make_usage(app, std::move(name));
-    for (std::string word : {"server", "file", app->get_name() == "evaluate" ? "scene" : "file"}) {
+    for (std::string word : {"server", "file", "uri", app->get_name() == "evaluate" ? "scene" : "file"}) {
       const std::size_t at = text.find("[" + word + "]");
       if (at != text.npos) text.replace(at, word.size() + 2, word);
     }
@@ -164,7 +179,7 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   app.footer(
       "Each command has its own help with examples: forceserver run --help\n"
-      "Exit status: 0 all is well; 1 something is odd (check), a fault happened (run) or the server has gone\n"
+      "Exit status: 0 all is well; 1 something is odd (check, test-device), a fault happened (run) or the server has gone\n"
       "(clients, watch, stop, resume); 2 the command failed");
 
   RunOptions run_options;
@@ -258,10 +273,23 @@ int main(int argc, char** argv) {
 
   DevicesOptions devices_options;
   CLI::App* devices_command = app.add_subcommand("devices", "List the devices that can be opened, and what they are");
-  devices_command->add_flag("--why", devices_options.why, "Also each driver: where it is from, or why it cannot be used");
+  devices_command->add_flag("--why", devices_options.why, "Also each driver, and the haptic devices on the USB bus, with what stands in the way");
   devices_command->add_flag("--json", devices_options.json, "One JSON document");
   devices_command->add_option("--driver", devices_options.driver, driver_help)->type_name("FILE");
   devices_command->footer(devices_help);
+
+  TestDeviceOptions test_options;
+  CLI::App* test_command = app.add_subcommand("test-device", "Test a device and its driver, for whoever makes one");
+  test_command->add_option("uri", test_options.uri, "The device; see `forceserver devices`")->type_name("");
+  test_command->add_option("--driver", test_options.driver, driver_help)->type_name("FILE");
+  test_command->add_option("--push", test_options.push, "Also push with this force along each axis")
+      ->type_name("N")
+      ->check(above_zero);
+  test_command->add_option("--seconds", test_options.seconds, "How long each measurement takes")
+      ->type_name("SECONDS")
+      ->check(CLI::Range(0.5, 3600.0).description(""))
+      ->capture_default_str();
+  test_command->footer(test_device_help);
 
   try {
     require_command(app, argc, argv);
@@ -301,6 +329,10 @@ int main(int argc, char** argv) {
       return evaluate(evaluate_options);
     }
     if (*devices_command) return devices(devices_options);
+    if (*test_command) {
+      need(test_options.uri, "test-device needs a device, such as: forceserver test-device sim:");
+      return test_device(test_options);
+    }
   } catch (const CLI::Success& wanted) {  // --help, --version
     return app.exit(wanted);
   } catch (const CLI::ParseError& error) {

@@ -45,6 +45,13 @@ struct DevicesOptions {
 };
 int devices(const DevicesOptions& options);
 
+struct TestDeviceOptions {
+  std::string uri, driver;
+  double push = 0;     // N; 0: no force
+  double seconds = 5;  // of each measurement
+};
+int test_device(const TestDeviceOptions& options);
+
 struct CheckOptions {
   std::string file, device = "sim:", driver;
   double scale = 1;  // m per unit of a mesh file

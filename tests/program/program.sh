@@ -7,7 +7,7 @@ trap 'rm -rf "$folder"' EXIT
 cd "$folder" || exit 1
 failures=0
 
-# expect STATUS PATTERN COMMAND...: the command must end with this exit status, and its output on both streams must
+# expect STATUS PATTERN COMMAND...: the command must end with this exit status (a pattern of the shell), and its output on both streams must
 # match this regular expression. What a machine that is busy with other things has kept from its ticks is run again.
 expect() {
   local wanted=$1 pattern=$2 status
@@ -17,7 +17,7 @@ expect() {
     status=$?
     grep -q 'the servo was late too long' output || break
   done
-  if [ "$status" != "$wanted" ] || ! grep -qE -e "$pattern" output; then
+  if [[ $status != $wanted ]] || ! grep -qE -e "$pattern" output; then
     echo "FAILED: $*: ended with $status, expected $wanted and /$pattern/ in:"
     sed 's/^/    /' output
     failures=$((failures + 1))
@@ -55,6 +55,29 @@ for key in worst $(sed -n 's/.*the options are //p' output | tr -d ','); do
   expect 0 "[?&|]$key([=.|]|$)" "$program" devices --help
 done
 expect 0 'figure8: 120 mm by 60 mm' "$program" devices --help
+
+# devices --why: what is on the USB bus, here an imitated one.
+if command -v umockdev-run > /dev/null && [[ $(ldd "$program") != *lib[at]san* ]]; then
+  usb_device() {  # NUMBER VENDOR PRODUCT NAME
+    printf '%s\n' "P: /devices/bus/usb/1-$1" "N: bus/usb/001/00$1" "E: SUBSYSTEM=usb" "E: DEVTYPE=usb_device" "A: busnum=1" \
+      "A: devnum=$1" "A: idVendor=$2" "A: idProduct=$3" "A: product=$4" "A: serial=S$1" ""
+  }
+  { usb_device 2 0403 cb48 "FALCON HAPTIC"; usb_device 3 1451 0402 omega.3; usb_device 4 1209 0001 "Another"; } > bus.umockdev
+  bus=(umockdev-run -d bus.umockdev -- "$program" devices --why)
+  expect 0 '^usb 0403:cb48, Novint Falcon, serial S2 at /dev/bus/usb/001/002: ' "${bus[@]}"
+  expect 0 '^usb 1451:0402, device of Force Dimension, serial S3 .*: it needs the driver dhd, which is not installed$' "${bus[@]}"
+  grep -q 1209 output && fail "devices --why takes any device of 1209:0001 for a FIDEL"
+fi
+
+# test-device: a page with verdicts; without force unless it is asked for.
+expect 2 '^forceserver: test-device needs a device, such as: forceserver test-device sim:$' "$program" test-device
+expect 2 "there is no driver 'nix'" "$program" test-device nix:0
+expect '[01]' '^passed  nothing is left behind' "$program" test-device sim: --seconds 0.5
+grep -q '^## A force' output && fail "test-device pushes without --push"
+expect '[01]' '^passed  a force along z moves the handle along z$' "$program" test-device 'sim:?seed=3' --seconds 0.5 --push 2
+expect 1 '^FAILED' "$program" test-device library:0 --driver "$losing_driver" --seconds 0.5
+expect '[012]' '^odd     it is not ready: ' "$program" test-device 'sim:?link=force&link_ms=1000' --seconds 0.5
+
 if command -v python3 > /dev/null; then
   "$program" devices --json > devices.json
   python3 -c "
@@ -68,7 +91,7 @@ assert (info['rate'], info['delay'], info['resolution'], info['mass'], info['dam
 " || { echo "FAILED: devices --json"; failures=$((failures + 1)); }
 fi
 expect 2 '^forceserver: ' "$program"
-expect 2 "^forceserver: there is no command 'wacth'; did you mean watch\? There are: run, clients, .*, devices$" \
+expect 2 "^forceserver: there is no command 'wacth'; did you mean watch\? There are: run, clients, .*, test-device$" \
   "$program" wacth x
 expect 2 "^forceserver: there is no command 'nonsense'; there are: run, " "$program" nonsense
 expect 2 '^forceserver: .*duration' "$program" run --duration -1

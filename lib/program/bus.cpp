@@ -1,0 +1,77 @@
+#include "bus.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+
+#include "words.h"
+
+namespace {
+
+struct KnownDevice {
+  std::uint16_t vendor, product;  // product 0: any of this vendor
+  const char* product_text;       // which the device must say of itself; null: any
+  const char* kind;
+  const char* scheme;
+};
+
+constexpr KnownDevice known_devices[] = {
+    {0x0403, 0xcb48, nullptr, "Novint Falcon", "falcon"},
+    {0x1209, 0x0001, "FIDEL", "FIDEL", "fidel"},
+    {0x1451, 0, nullptr, "device of Force Dimension", "dhd"},
+    {0x2988, 0x0302, nullptr, "Touch", "openhaptics"},
+    {0x2988, 0x0304, nullptr, "Touch", "openhaptics"},
+};
+
+// The first line of a file that describes a device; "" where there is none.
+std::string line_of(const std::filesystem::path& file) {
+  std::string line;
+  std::ifstream stream(file);
+  std::getline(stream, line);
+  return line;
+}
+
+unsigned long number_of(const std::string& text, int base) { return std::strtoul(text.c_str(), nullptr, base); }
+
+const KnownDevice* find_known(std::uint16_t vendor, std::uint16_t product, const std::string& text) {
+  for (const KnownDevice& known : known_devices) {
+    if (known.vendor != vendor || (known.product && known.product != product)) continue;
+    if (!known.product_text || text == known.product_text) return &known;
+  }
+  return nullptr;
+}
+
+}  // namespace
+
+std::vector<SeenDevice> haptic_devices_on_bus() {
+  std::vector<SeenDevice> seen;
+  std::error_code none;  // a machine without USB
+  for (const auto& entry : std::filesystem::directory_iterator("/sys/bus/usb/devices", none)) {
+    const std::filesystem::path& folder = entry.path();
+    const auto vendor = static_cast<std::uint16_t>(number_of(line_of(folder / "idVendor"), 16));
+    const auto product = static_cast<std::uint16_t>(number_of(line_of(folder / "idProduct"), 16));
+    const KnownDevice* const known = find_known(vendor, product, line_of(folder / "product"));
+    if (!known) continue;
+    const std::string serial = line_of(folder / "serial");
+    seen.push_back({vendor, product, known->kind + (serial.empty() ? "" : ", serial " + serial), known->scheme,
+                    format("/dev/bus/usb/%03lu/%03lu", number_of(line_of(folder / "busnum"), 10),
+                           number_of(line_of(folder / "devnum"), 10))});
+  }
+  std::sort(seen.begin(), seen.end(), [](const SeenDevice& a, const SeenDevice& b) { return a.node < b.node; });
+  return seen;
+}
+
+std::string trouble_of(const SeenDevice& seen, const std::vector<fs_driver_info>& known) {
+  const auto driver = std::find_if(known.begin(), known.end(),
+                                   [&](const fs_driver_info& info) { return std::strcmp(info.scheme, seen.scheme) == 0; });
+  if (driver == known.end()) return format("it needs the driver %s, which is not installed", seen.scheme);
+  if (*driver->trouble) return format("it needs the driver %s, which cannot be used (see above)", seen.scheme);
+  if (access(seen.node.c_str(), R_OK | W_OK) == 0) return "";
+  if (errno == ENOENT) return "the system has made no node for it";
+  return format("this user may not open it; install the rule share/forceserver/60-forceserver.rules of forceserver into "
+                "/etc/udev/rules.d, then unplug the device and plug it in again");
+}

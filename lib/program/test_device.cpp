@@ -1,0 +1,302 @@
+// forceserver test-device: what a device and its driver do, measured and judged, for whoever makes one.
+#include <sys/utsname.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <ctime>
+#include <filesystem>
+
+#include "device_page.h"
+#include "device_words.h"
+#include "ending.h"
+#include "program.h"
+#include "words.h"
+
+namespace {
+
+double now() {
+  timespec time;
+  clock_gettime(CLOCK_MONOTONIC, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
+template <class Function>
+double time_of(Function f) {
+  const double begin = now();
+  f();
+  return now() - begin;
+}
+
+// "; it was not so N times", where N is not 0.
+std::string exceptions(std::size_t count) { return count ? format("; it was not so %zu times", count) : ""; }
+
+// Ends the test in between, with the force at 0, when the user asks for it.
+struct Interrupted {};
+
+class DeviceTest {
+ public:
+  DeviceTest(const TestDeviceOptions& options, const Ending& ending) : options_(options), ending_(ending) {}
+
+  int run() {
+    describe_machine();
+    open();
+    test_states();
+    test_calls();
+    test_servo();
+    if (options_.push > 0) test_push();
+    device_.reset();
+    test_opening();
+    page_.finish();
+    return page_.has(Verdict::failed) || page_.has(Verdict::odd) ? exit_odd : exit_fine;
+  }
+
+ private:
+  void pause(double seconds) const {
+    if (ending_.wait(seconds)) throw Interrupted();
+  }
+
+  void describe_machine() {
+    page_.title("Test of the device " + options_.uri);
+    utsname system;
+    uname(&system);
+    char date[32];
+    const std::time_t time = std::time(nullptr);
+    std::strftime(date, sizeof date, "%Y-%m-%d %H:%M UTC", std::gmtime(&time));
+    page_.heading("What was tested");
+    page_.figure("forceserver", fs_version());
+    page_.figure("system", format("%s %s, %s, %s", system.sysname, system.release, system.machine, date));
+    const std::string scheme = options_.uri.substr(0, options_.uri.find(':'));
+    for (const fs_driver_info& driver : drivers()) {
+      if (scheme == driver.scheme) page_.figure("driver", scheme + ": " + origin(driver));
+    }
+  }
+
+  void open() {
+    const double taken = time_of([&] { device_ = Device::open(options_.uri); });
+    info_ = device_.get_info();
+    page_.figure("opened", format("in %.3f s", taken));
+    for (const std::string& line : to_text(info_)) page_.figure(line.substr(0, 12).c_str(), line.substr(12));
+    page_.expect(*info_.serial, Verdict::odd,
+                 "it has a serial number: without one a device that comes back cannot be told from another");
+  }
+
+  // The states as they come, without a servo.
+  void test_states() {
+    page_.heading(format("States, during %g s", options_.seconds));
+    const std::string reason = why_not_ready(device_);
+    page_.expect(reason.empty(), Verdict::odd, reason.empty() ? "it is ready" : "it is not ready: " + reason);
+    const double expected = info_.link_rate > 0 ? info_.link_rate : info_.rate;
+    const double look_every = std::min(2e-4, 0.2 / expected);
+    // As a servo has it: see fs_device_info.delay.
+    const double age_max = std::min(0.1, 0.020 + info_.delay + (info_.link_rate > 0 ? 1 / info_.link_rate : 0));
+    Durations intervals, ages;
+    std::size_t looks = 0, errors = 0, back = 0, ahead = 0, outside = 0;
+    std::string error;
+    fs_state last{};
+    const double begin = now();
+    for (double next = begin; next < begin + options_.seconds; next += look_every) {
+      pause(std::max(0.0, next - now()));
+      ++looks;
+      fs_state state{};
+      try {
+        state = device_.read();
+      } catch (const Error& failure) {
+        ++errors;
+        error = failure.what();
+        continue;
+      }
+      if (!(state.flags & FS_STATE_READY)) continue;  // its time and pose say nothing
+      const double age = now() - state.time;
+      if (age < -1e-3) ++ahead;
+      if (state.time < last.time) ++back;
+      if (state.time != last.time) {
+        if (last.time > 0) intervals.add(state.time - last.time);
+        ages.add(age);
+      }
+      if (!(std::hypot(state.pose.position.x, state.pose.position.y) <= 1.5 * info_.workspace_radius &&
+            std::fabs(state.pose.position.z) <= 0.75 * info_.workspace_height)) {
+        ++outside;
+      }
+      last = state;
+    }
+    const double rate = static_cast<double>(intervals.count()) / (now() - begin);
+    page_.figure("states", format("%.1f a second, %.1f looks a second", rate, static_cast<double>(looks) / (now() - begin)));
+    page_.figure("interval", intervals.text());
+    page_.figure("age", ages.text() + ", when first seen");
+    page_.expect(errors == 0, Verdict::failed,
+                 errors ? format("%zu of %zu readings failed, the last with: %s", errors, looks, error.c_str())
+                        : "every reading gives a state");
+    page_.expect(rate >= 0.9 * expected, Verdict::odd,
+                 format("states come at the rate that it tells of: %.1f of %g a second", rate, expected));
+    page_.expect(intervals.longest() <= age_max, Verdict::failed,
+                 format("no silence is a fault: the longest was %.1f ms, and a pose may be %.1f ms old", intervals.longest() * 1e3,
+                        age_max * 1e3));
+    page_.expect(ages.quantile(0.99) <= age_max / 2, Verdict::odd,
+                 format("states are fresh: 99 of 100 are at most %.3f ms old", ages.quantile(0.99) * 1e3));
+    page_.expect(back == 0, Verdict::failed, "time never goes back" + exceptions(back));
+    page_.expect(ahead == 0, Verdict::failed, "no state is of the future" + exceptions(ahead));
+    page_.expect(outside == 0, Verdict::odd,
+                 "the handle is in the workspace, or less than half beyond it" + exceptions(outside));
+  }
+
+  void test_calls() {
+    page_.heading("Calls, without a servo");
+    Durations reading, writing;
+    const fs_wrench none{};
+    std::size_t failed = 0;
+    for (int i = 0; i < 500; ++i) {
+      pause(1e-3);
+      fs_state state;
+      fs_status read = FS_OK, written = FS_OK;
+      reading.add(time_of([&] { read = fs_device_read(device_.get(), &state); }));
+      writing.add(time_of([&] { written = fs_device_write(device_.get(), &none); }));
+      failed += read != FS_OK || written != FS_OK;
+    }
+    page_.figure("read", reading.text());
+    page_.figure("write", writing.text());
+    page_.expect(failed == 0, Verdict::failed, "reading and writing succeed" + exceptions(failed));
+    page_.expect(std::max(reading.quantile(0.9), writing.quantile(0.9)) < 0.5e-3, Verdict::failed,
+                 "reading and writing never wait for the device");
+    fs_answer answer{};
+    fs_status status = FS_OK;
+    const double taken =
+        time_of([&] { status = fs_device_control(device_.get(), "a request that no device knows", &answer); });
+    page_.expect(status == FS_ERROR_UNSUPPORTED && taken < 1, Verdict::odd,
+                 format("an unknown request is refused as UNSUPPORTED (%s, after %.3f s)", fs_status_name(status), taken));
+  }
+
+  // A servo with an empty scene.
+  void test_servo() {
+    page_.heading(format("A servo that sends force 0, during %g s", options_.seconds));
+    const Scene scene = Scene::create();
+    const Servo servo = Servo::start(scene, device_);
+    pause(options_.seconds);
+    fs_servo_stats stats = fs_servo_stats_init();
+    forceserver::throw_on_error(fs_scene_get_servo_stats(scene.get(), &stats));
+    page_.figure("ticks", format("%.1f a second, %llu missed, priority %s", stats.rate,
+                                 static_cast<unsigned long long>(stats.misses), word_of(fs_realtime_name(stats.realtime)).c_str()));
+    page_.figure("late", format("p50 %.3f, p99 %.3f, max %.3f ms", stats.late_p50 * 1e3, stats.late_p99 * 1e3, stats.late_max * 1e3));
+    page_.figure("a tick", format("p50 %.3f, p99 %.3f, max %.3f ms", stats.compute_p50 * 1e3, stats.compute_p99 * 1e3,
+                                  stats.compute_max * 1e3));
+    page_.figure("rendered", format("at most %.0f N/m, for a delay of %.3f ms", stats.max_stiffness, stats.delay * 1e3));
+    page_.expect(stats.device_errors == 0, Verdict::failed, "no tick fails at the device" + exceptions(stats.device_errors));
+    page_.expect(stats.faults == 0, Verdict::odd, stats.faults ? "there is a fault: " + fault_names(stats.faults) : "there is no fault");
+    if (stats.link_delay_p50 > 0) {
+      page_.figure("link", format("p50 %.3f, p99 %.3f ms from pose to force, %.1f poses a second, %.3f %% lost",
+                                  stats.link_delay_p50 * 1e3, stats.link_delay_p99 * 1e3, stats.link_rate, stats.link_loss * 100));
+      page_.expect(stats.link_delay_p50 <= 1.5 * info_.delay + 1e-3, Verdict::odd,
+                   format("the delay is what it tells of: %.3f of %.3f ms", stats.link_delay_p50 * 1e3, info_.delay * 1e3));
+      page_.expect(stats.link_loss <= 0.01, Verdict::odd, format("little is lost: %.3f %%", stats.link_loss * 100));
+    } else {
+      page_.figure("link", "the driver measures none (get_link in driver.h)");
+    }
+  }
+
+  // Pushes along each axis, one after the other, and looks where the handle goes.
+  void test_push() {
+    page_.heading(format("A force of %g N along each axis", options_.push));
+    if (options_.push > info_.force_max) {
+      page_.note(Verdict::odd, format("--push is %g N, and the device gives %g N at most", options_.push, info_.force_max));
+      return;
+    }
+    for (int axis = 0; axis < static_cast<int>(info_.force_axes); ++axis) {
+      const char* const name = axis == 0 ? "x" : axis == 1 ? "y" : "z";
+      const fs_vec3 moved = push_along(axis);
+      const double along = axis == 0 ? moved.x : axis == 1 ? moved.y : moved.z;
+      page_.figure(name, format("the handle moved by %.2f, %.2f, %.2f mm", moved.x * 1e3, moved.y * 1e3, moved.z * 1e3));
+      if (length(moved) < 0.5e-3) {
+        page_.note(Verdict::odd, format("a force along %s moves the handle (it stays: hold it loosely, or push more)", name));
+      } else {
+        page_.expect(along >= 0.7 * length(moved), Verdict::failed, format("a force along %s moves the handle along %s", name, name));
+      }
+    }
+  }
+
+  // How far the handle has moved after 0.2 s in which the force grows, and 0.1 s in which it stays; it ends early when the
+  // handle is 20 mm away.
+  fs_vec3 push_along(int axis) {
+    const fs_vec3 start = device_.read().pose.position;
+    fs_vec3 moved{};
+    const double begin = now();
+    for (double t = 0; t < 0.3 && length(moved) < 0.02; t = now() - begin) {
+      fs_wrench wrench{};
+      const double force = options_.push * std::min(1.0, t / 0.2);
+      (axis == 0 ? wrench.force.x : axis == 1 ? wrench.force.y : wrench.force.z) = force;
+      device_.write(wrench);
+      try {
+        pause(1e-3);
+      } catch (const Interrupted&) {
+        device_.write({});
+        throw;
+      }
+      moved = minus(device_.read().pose.position, start);
+    }
+    device_.write({});
+    wait_for_rest();
+    return moved;
+  }
+
+  // Until the handle has stood for 0.2 s, or 3 s are over.
+  void wait_for_rest() {
+    const double begin = now();
+    fs_vec3 before = device_.read().pose.position;
+    for (int still = 0; still < 2 && now() - begin < 3;) {
+      pause(0.1);
+      const fs_vec3 position = device_.read().pose.position;
+      still = length(minus(position, before)) < 2e-4 ? still + 1 : 0;
+      before = position;
+    }
+  }
+
+  static std::size_t entries(const char* folder) {
+    std::error_code none;
+    return static_cast<std::size_t>(
+        std::distance(std::filesystem::directory_iterator(folder, none), std::filesystem::directory_iterator()));
+  }
+
+  // Opened and closed again and again, after a time that differs.
+  void test_opening() {
+    constexpr int times = 10;
+    page_.heading(format("Opened and closed %d times", times));
+    Durations opening, closing;
+    std::size_t files = 0, threads = 0;
+    for (int i = 0; i < times; ++i) {
+      Device device;
+      opening.add(time_of([&] { device = Device::open(options_.uri); }));
+      pause(0.01 * (i % 5));
+      if (i % 2) device.write({});
+      closing.add(time_of([&] { device.reset(); }));
+      if (i > 0) continue;
+      files = entries("/proc/self/fd");
+      threads = entries("/proc/self/task");
+    }
+    page_.figure("open", opening.text());
+    page_.figure("close", closing.text());
+    const std::size_t files_left = entries("/proc/self/fd") - files, threads_left = entries("/proc/self/task") - threads;
+    page_.expect(closing.longest() < 1, Verdict::failed, "closing never hangs");
+    page_.expect(files_left == 0 && threads_left == 0, Verdict::failed,
+                 format("nothing is left behind (%td open files, %td threads)", static_cast<std::ptrdiff_t>(files_left),
+                        static_cast<std::ptrdiff_t>(threads_left)));
+  }
+
+  const TestDeviceOptions& options_;
+  const Ending& ending_;
+  DevicePage page_;
+  Device device_;
+  fs_device_info info_ = fs_device_info_init();
+};
+
+}  // namespace
+
+int test_device(const TestDeviceOptions& options) {
+  const Ending ending;
+  load_driver(options.driver);
+  try {
+    return DeviceTest(options, ending).run();
+  } catch (const Interrupted&) {
+    std::fprintf(stderr, "interrupted; the force is 0\n");
+    return exit_failed;
+  }
+}
