@@ -4,7 +4,9 @@ namespace fs {
 
 Link::Link(int64_t delay, int64_t period)
     : delay_(delay), period_(period), up_(static_cast<size_t>(delay / period) + 2),
-      down_(2 * static_cast<size_t>(delay / period) + 4) {}
+      down_(2 * static_cast<size_t>(delay / period) + 4) {
+  state_.flags = FS_STATE_CONNECTING;
+}
 
 const fs_state& Link::read(int64_t step) noexcept {
   if (up_.receive(step, state_)) is_fresh_ = true;

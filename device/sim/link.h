@@ -75,7 +75,7 @@ class Link {
   int64_t delay_, period_;
   Way<fs_state> up_;
   Way<Command> down_;
-  fs_state state_{.flags = FS_STATE_CONNECTING};  // the newest that arrived
+  fs_state state_{};  // the newest that arrived
   bool is_fresh_ = false;
   Command waiting_, command_;
   bool has_waiting_ = false;

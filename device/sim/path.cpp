@@ -69,12 +69,12 @@ HandPath HandPath::read_file(const std::string& name) {
     if (count != 4) refuse(FS_ERROR_PARSE, "%s:%d: must be four numbers, t x y z", name.c_str(), number);
     if (!path.points_.empty() && !(n[0] > path.points_.back().time)) {
       refuse(FS_ERROR_PARSE, "%s:%d: t is %.9g, must be above the %.9g before it", name.c_str(), number, n[0],
-           path.points_.back().time);
+             path.points_.back().time);
     }
     for (int i = 1; i < 4; ++i) {
       if (!(std::fabs(n[i]) <= coordinate_max)) {
         refuse(FS_ERROR_PARSE, "%s:%d: a coordinate is %.9g, must be within %.9g..%.9g m", name.c_str(), number, n[i],
-             -coordinate_max, coordinate_max);
+               -coordinate_max, coordinate_max);
       }
     }
     path.points_.push_back({n[0], {n[1], n[2], n[3]}});

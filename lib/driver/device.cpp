@@ -26,12 +26,8 @@ const fs_driver& driver_of(const char* uri) {
   if (const fs_driver* driver = find_driver(scheme)) return *driver;
   std::string schemes;
   for (const fs_driver* driver : all_drivers()) schemes += (schemes.empty() ? "" : ", ") + std::string(driver->scheme);
-  if (is_announced(scheme)) {
-    fail(FS_ERROR_UNSUPPORTED, "device '%s': forceserver %s has no driver '%s' yet; the drivers are: %s", uri, fs_version(),
-         scheme.c_str(), schemes.empty() ? "none" : schemes.c_str());
-  }
-  fail(FS_ERROR_NOT_FOUND, "device '%s': there is no driver '%s'; the drivers are: %s", uri, scheme.c_str(),
-       schemes.empty() ? "none" : schemes.c_str());
+  fail(FS_ERROR_NOT_FOUND, "device '%s': there is no driver '%s', and no module %s/%s.so; the drivers are: %s", uri,
+       scheme.c_str(), module_folder().c_str(), scheme.c_str(), schemes.empty() ? "none" : schemes.c_str());
 }
 
 void check_info(const fs_device_info& info, const char* scheme) {

@@ -10,7 +10,6 @@
 #include <map>
 #include <memory>
 #include <mutex>
-#include <set>
 
 #include "base/error.h"
 #include "base/grown.h"
@@ -29,7 +28,6 @@ struct Registry {
   std::mutex loading;  // while a module is being loaded, so that none is loaded twice
   std::mutex mutex;
   std::map<std::string, RegisteredDriver> drivers;  // entries are never changed or removed
-  std::set<std::string> announced;           // schemes without a driver
 };
 
 // Never destroyed: devices may still be open when the process ends.
@@ -149,18 +147,6 @@ std::string module_folder() {
   std::error_code error;
   const std::filesystem::path library = std::filesystem::weakly_canonical(info.dli_fname, error);
   return (library.parent_path() / "forceserver/drivers-1").string();
-}
-
-void announce_scheme(const char* scheme) {
-  Registry& all = registry();
-  const std::lock_guard lock(all.mutex);
-  all.announced.insert(scheme);
-}
-
-bool is_announced(const std::string& scheme) {
-  Registry& all = registry();
-  const std::lock_guard lock(all.mutex);
-  return all.announced.contains(scheme);
 }
 
 const fs_driver* find_driver(const std::string& scheme) {

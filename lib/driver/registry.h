@@ -20,10 +20,6 @@ void load_driver(const char* path);
 // FOLDER_OF_THIS_LIBRARY/forceserver/drivers-1/SCHEME.so.
 std::string module_folder();
 
-// Makes a scheme known whose driver is not built in, so that opening it gives a clear error.
-void announce_scheme(const char* scheme);
-bool is_announced(const std::string& scheme);
-
 // The table lives as long as the process. Null when no driver has this scheme. Throws what load_driver throws where there is a
 // module that cannot be loaded.
 const fs_driver* find_driver(const std::string& scheme);

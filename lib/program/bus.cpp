@@ -20,10 +20,8 @@ struct KnownDevice {
 };
 
 constexpr KnownDevice known_devices[] = {
-    {0x0403, 0xcb48, nullptr, "Novint Falcon", "falcon"},
-    {0x1209, 0x0001, "FIDEL", "FIDEL", "fidel"},
-    {0x1451, 0, nullptr, "device of Force Dimension", "dhd"},
-    {0x2988, 0x0302, nullptr, "Touch", "openhaptics"},
+    {0x0403, 0xcb48, nullptr, "Novint Falcon", "falcon"},     {0x1209, 0x0001, "FIDEL", "FIDEL", "fidel"},
+    {0x1451, 0, nullptr, "device of Force Dimension", "dhd"}, {0x2988, 0x0302, nullptr, "Touch", "openhaptics"},
     {0x2988, 0x0304, nullptr, "Touch", "openhaptics"},
 };
 
@@ -72,6 +70,7 @@ std::string trouble_of(const SeenDevice& seen, const std::vector<fs_driver_info>
   if (*driver->trouble) return format("it needs the driver %s, which cannot be used (see above)", seen.scheme);
   if (access(seen.node.c_str(), R_OK | W_OK) == 0) return "";
   if (errno == ENOENT) return "the system has made no node for it";
-  return format("this user may not open it; install the rule share/forceserver/60-forceserver.rules of forceserver into "
-                "/etc/udev/rules.d, then unplug the device and plug it in again");
+  return format(
+      "this user may not open it; install the rule share/forceserver/60-forceserver.rules of forceserver into "
+      "/etc/udev/rules.d, then unplug the device and plug it in again");
 }

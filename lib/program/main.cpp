@@ -273,7 +273,8 @@ int main(int argc, char** argv) {
 
   DevicesOptions devices_options;
   CLI::App* devices_command = app.add_subcommand("devices", "List the devices that can be opened, and what they are");
-  devices_command->add_flag("--why", devices_options.why, "Also each driver, and the haptic devices on the USB bus, with what stands in the way");
+  devices_command->add_flag("--why", devices_options.why,
+                            "Also each driver, and the haptic devices on the USB bus, with what stands in the way");
   devices_command->add_flag("--json", devices_options.json, "One JSON document");
   devices_command->add_option("--driver", devices_options.driver, driver_help)->type_name("FILE");
   devices_command->footer(devices_help);

@@ -131,14 +131,13 @@ class DeviceTest {
     page_.expect(rate >= 0.9 * expected, Verdict::odd,
                  format("states come at the rate that it tells of: %.1f of %g a second", rate, expected));
     page_.expect(intervals.longest() <= age_max, Verdict::failed,
-                 format("no silence is a fault: the longest was %.1f ms, and a pose may be %.1f ms old", intervals.longest() * 1e3,
-                        age_max * 1e3));
+                 format("no silence is a fault: the longest was %.1f ms, and a pose may be %.1f ms old",
+                        intervals.longest() * 1e3, age_max * 1e3));
     page_.expect(ages.quantile(0.99) <= age_max / 2, Verdict::odd,
                  format("states are fresh: 99 of 100 are at most %.3f ms old", ages.quantile(0.99) * 1e3));
     page_.expect(back == 0, Verdict::failed, "time never goes back" + exceptions(back));
     page_.expect(ahead == 0, Verdict::failed, "no state is of the future" + exceptions(ahead));
-    page_.expect(outside == 0, Verdict::odd,
-                 "the handle is in the workspace, or less than half beyond it" + exceptions(outside));
+    page_.expect(outside == 0, Verdict::odd, "the handle is in the workspace, or less than half beyond it" + exceptions(outside));
   }
 
   void test_calls() {
@@ -161,8 +160,7 @@ class DeviceTest {
                  "reading and writing never wait for the device");
     fs_answer answer{};
     fs_status status = FS_OK;
-    const double taken =
-        time_of([&] { status = fs_device_control(device_.get(), "a request that no device knows", &answer); });
+    const double taken = time_of([&] { status = fs_device_control(device_.get(), "a request that no device knows", &answer); });
     page_.expect(status == FS_ERROR_UNSUPPORTED && taken < 1, Verdict::odd,
                  format("an unknown request is refused as UNSUPPORTED (%s, after %.3f s)", fs_status_name(status), taken));
   }
@@ -175,17 +173,21 @@ class DeviceTest {
     pause(options_.seconds);
     fs_servo_stats stats = fs_servo_stats_init();
     forceserver::throw_on_error(fs_scene_get_servo_stats(scene.get(), &stats));
-    page_.figure("ticks", format("%.1f a second, %llu missed, priority %s", stats.rate,
-                                 static_cast<unsigned long long>(stats.misses), word_of(fs_realtime_name(stats.realtime)).c_str()));
-    page_.figure("late", format("p50 %.3f, p99 %.3f, max %.3f ms", stats.late_p50 * 1e3, stats.late_p99 * 1e3, stats.late_max * 1e3));
+    page_.figure("ticks",
+                 format("%.1f a second, %llu missed, priority %s", stats.rate, static_cast<unsigned long long>(stats.misses),
+                        word_of(fs_realtime_name(stats.realtime)).c_str()));
+    page_.figure("late",
+                 format("p50 %.3f, p99 %.3f, max %.3f ms", stats.late_p50 * 1e3, stats.late_p99 * 1e3, stats.late_max * 1e3));
     page_.figure("a tick", format("p50 %.3f, p99 %.3f, max %.3f ms", stats.compute_p50 * 1e3, stats.compute_p99 * 1e3,
                                   stats.compute_max * 1e3));
     page_.figure("rendered", format("at most %.0f N/m, for a delay of %.3f ms", stats.max_stiffness, stats.delay * 1e3));
     page_.expect(stats.device_errors == 0, Verdict::failed, "no tick fails at the device" + exceptions(stats.device_errors));
-    page_.expect(stats.faults == 0, Verdict::odd, stats.faults ? "there is a fault: " + fault_names(stats.faults) : "there is no fault");
+    page_.expect(stats.faults == 0, Verdict::odd,
+                 stats.faults ? "there is a fault: " + fault_names(stats.faults) : "there is no fault");
     if (stats.link_delay_p50 > 0) {
-      page_.figure("link", format("p50 %.3f, p99 %.3f ms from pose to force, %.1f poses a second, %.3f %% lost",
-                                  stats.link_delay_p50 * 1e3, stats.link_delay_p99 * 1e3, stats.link_rate, stats.link_loss * 100));
+      page_.figure("link",
+                   format("p50 %.3f, p99 %.3f ms from pose to force, %.1f poses a second, %.3f %% lost",
+                          stats.link_delay_p50 * 1e3, stats.link_delay_p99 * 1e3, stats.link_rate, stats.link_loss * 100));
       page_.expect(stats.link_delay_p50 <= 1.5 * info_.delay + 1e-3, Verdict::odd,
                    format("the delay is what it tells of: %.3f of %.3f ms", stats.link_delay_p50 * 1e3, info_.delay * 1e3));
       page_.expect(stats.link_loss <= 0.01, Verdict::odd, format("little is lost: %.3f %%", stats.link_loss * 100));
@@ -209,7 +211,8 @@ class DeviceTest {
       if (length(moved) < 0.5e-3) {
         page_.note(Verdict::odd, format("a force along %s moves the handle (it stays: hold it loosely, or push more)", name));
       } else {
-        page_.expect(along >= 0.7 * length(moved), Verdict::failed, format("a force along %s moves the handle along %s", name, name));
+        page_.expect(along >= 0.7 * length(moved), Verdict::failed,
+                     format("a force along %s moves the handle along %s", name, name));
       }
     }
   }
@@ -252,8 +255,8 @@ class DeviceTest {
 
   static std::size_t entries(const char* folder) {
     std::error_code none;
-    return static_cast<std::size_t>(
-        std::distance(std::filesystem::directory_iterator(folder, none), std::filesystem::directory_iterator()));
+    return static_cast<std::size_t>(std::distance(std::filesystem::directory_iterator(folder, none),
+                                                  std::filesystem::directory_iterator()));
   }
 
   // Opened and closed again and again, after a time that differs.

@@ -1,5 +1,5 @@
-#include <unistd.h>
 #include "servo/servo.h"
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
