@@ -70,9 +70,10 @@ double Arm::weakest_force() const {
                  1e3 * geometry_.base_radius, 1e3 * geometry_.platform_radius, 1e3 * geometry_.upper_arm, 1e3 * geometry_.forearm,
                  1e3 * p.x, 1e3 * p.y, 1e3 * p.z);
         }
-        const Mat3 columns = transposed(jacobian->jacobian);
-        largest = std::max({largest, norm({columns.xx, columns.xy, columns.xz}), norm({columns.yx, columns.yy, columns.yz}),
-                            norm({columns.zx, columns.zy, columns.zz})});
+        const Mat3& j = jacobian->jacobian;
+        for (const Vec3 column : {Vec3{j.xx, j.yx, j.zx}, Vec3{j.xy, j.yy, j.zy}, Vec3{j.xz, j.yz, j.zz}}) {
+          largest = std::max(largest, norm(column));
+        }
       }
     }
   }

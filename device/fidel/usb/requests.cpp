@@ -30,6 +30,8 @@ struct UsbRequests::Asked {
 
 void UsbRequests::done(libusb_transfer* transfer) { static_cast<Asked*>(transfer->user_data)->is_done.store(true, std::memory_order_release); }
 
+UsbRequests::UsbRequests(UsbDevice& device) noexcept : device_(device) {}
+
 UsbRequests::~UsbRequests() {
   for (const auto& asked : asked_) {
     if (!asked->is_done) libusb_cancel_transfer(asked->transfer);

@@ -16,7 +16,7 @@ namespace fs::fidel_usb {
 
 class UsbRequests {
  public:
-  explicit UsbRequests(UsbDevice& device) noexcept : device_(device) {}
+  explicit UsbRequests(UsbDevice& device) noexcept;
   // Nobody may run the events of the device meanwhile. Cancels what is still under way.
   ~UsbRequests();
   UsbRequests(const UsbRequests&) = delete;
