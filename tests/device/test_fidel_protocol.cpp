@@ -346,12 +346,12 @@ START_TEST(encoders_are_watched) {
   EncoderWatch watch(80000, 12);
   const auto judge = [&](int32_t a, int32_t b, int32_t c) { return watch.judge({a, b, c}, 1e-3); };
   ck_assert_int_eq(judge(0, 0, 0), EncoderWatch::plausible);
-  ck_assert_int_eq(judge(200, -200, 100), EncoderWatch::plausible);  // 16 rad/s
-  ck_assert_int_eq(judge(5000, -200, 100), EncoderWatch::jumped);
-  for (int i = 0; i < 1000; ++i) ck_assert_int_eq(judge(5000, -200, 100), EncoderWatch::jumped);  // for as long as it lasts
+  ck_assert_int_eq(judge(190, -190, 100), EncoderWatch::plausible);  // 14.9 rad/s
+  ck_assert_int_eq(judge(800, -200, 100), EncoderWatch::jumped);
+  for (int i = 0; i < 1000; ++i) ck_assert_int_eq(judge(800, -200, 100), EncoderWatch::jumped);  // for as long as it lasts
   for (int i = 0; i < 9; ++i) ck_assert_int_eq(judge(210, -190, 100), EncoderWatch::jumped);
   ck_assert_int_eq(judge(210, -190, 100), EncoderWatch::plausible);
-  ck_assert_int_eq(watch.judge({30000, -190, 100}, 1.0), EncoderWatch::plausible);  // a second without reports
+  ck_assert_int_eq(watch.judge({30000, 15000, -20000}, 1.0), EncoderWatch::plausible);  // a second without reports
   watch.forget();
   ck_assert_int_eq(judge(-70000, 5, 5), EncoderWatch::plausible);
 
@@ -406,7 +406,7 @@ START_TEST(calibrations_are_found_and_kept) {
   const Folder folder;
   setenv("XDG_CONFIG_HOME", folder.path.c_str(), 1);
   const std::string file = calibration_file("F0001");
-  ck_assert_str_eq(file.c_str(), (folder / "forceserver/fidel-F0001.json").c_str());
+  ck_assert(file == folder / "forceserver/fidel-F0001.json");
   ck_assert(!read_calibration(file, "F0001"));
   write_calibration(file, "F0001", found);
   const auto kept = read_calibration(file, "F0001");
@@ -416,7 +416,7 @@ START_TEST(calibrations_are_found_and_kept) {
   ck_assert_int_eq(std::distance(std::filesystem::directory_iterator(folder / "forceserver"), {}), 1);  // nothing else is left
   setenv("XDG_CONFIG_HOME", "relative", 1);
   setenv("HOME", folder.path.c_str(), 1);
-  ck_assert_str_eq(calibration_file("F0001").c_str(), (folder / ".config/forceserver/fidel-F0001.json").c_str());
+  ck_assert(calibration_file("F0001") == folder / ".config/forceserver/fidel-F0001.json");
 
   expect_refusal(FS_ERROR_INVALID, "but the device is 'F0002'", [&] { read_calibration(file, "F0002"); });
   const auto bad = [&](const char* text, const char* part) {
@@ -424,7 +424,7 @@ START_TEST(calibrations_are_found_and_kept) {
     expect_refusal(FS_ERROR_INVALID, part, [&] { read_calibration(file, "F0001"); });
     expect_refusal(FS_ERROR_INVALID, "move it away", [&] { write_calibration(file, "F0001", found); });
     std::ifstream stream(file);
-    ck_assert_str_eq(std::string(std::istreambuf_iterator<char>(stream), {}).c_str(), text);
+    ck_assert(std::string(std::istreambuf_iterator<char>(stream), {}) == text);
   };
   bad("", "no JSON");
   bad("{\"format\":", "no JSON");

@@ -7,8 +7,9 @@
 namespace fs::fidel_usb {
 namespace {
 
-constexpr double jump_time = 0.02;  // s
-constexpr double slack = 64;        // counts
+constexpr double jump_time = 0.003;  // s
+constexpr double slack = 16;         // counts
+constexpr double too_fast = 1.25;    // times the speed at which the device switches its motors off
 constexpr int good_reports = 10;    // after a jump
 constexpr double still_part = 72;   // of a revolution: 5 degrees
 
@@ -26,7 +27,7 @@ const char* EncoderWatch::words(Verdict verdict) noexcept {
 EncoderWatch::EncoderWatch(double joint_counts, double joint_speed) noexcept : joint_counts_(joint_counts), joint_speed_(joint_speed) {}
 
 bool EncoderWatch::is_near(const std::array<int32_t, 3>& counts, double time) const noexcept {
-  const double most = slack + 2 * joint_speed_ * joint_counts_ / (2 * std::numbers::pi) * time;
+  const double most = slack + too_fast * joint_speed_ * joint_counts_ / (2 * std::numbers::pi) * time;
   for (size_t i = 0; i < 3; ++i) {
     if (std::fabs(static_cast<double>(counts[i]) - last_[i]) > most) return false;
   }

@@ -12,7 +12,7 @@ class EncoderWatch {
   static const char* words(Verdict verdict) noexcept;  // a part of a sentence
 
   EncoderWatch() = default;
-  // joint_counts: a revolution. joint_speed: rad/s, at which the device switches its motors off; twice that is not plausible.
+  // joint_counts: a revolution. joint_speed: rad/s, at which the device switches its motors off; 1.25 times that is a jump.
   EncoderWatch(double joint_counts, double joint_speed) noexcept;
 
   // The device has been homed, or is not: whatever it tells next is believed.
@@ -20,7 +20,7 @@ class EncoderWatch {
 
   // The counts of a report; dt: s of the device's clock since the report before.
   //
-  // A jump lasts until the counts are again where a hand may have brought them within 20 ms from where they were before it, in ten
+  // A jump lasts until the counts are again where a hand may have brought them within 3 ms from where they were before it, in ten
   // reports one after another. A joint is stuck if it does not change by a single count while another one moves by 5 degrees:
   // where a joint turns back, it moves by ten times as much. That lasts until forget.
   Verdict judge(const std::array<int32_t, 3>& counts, double dt) noexcept;

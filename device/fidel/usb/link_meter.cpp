@@ -23,7 +23,7 @@ double DeviceClock::time_of(uint32_t device_time, double now) noexcept {
   offset_ = std::min(offset, offset_ + drift * step_);
   if (has_jumped || offset - offset_ > farthest) offset_ = offset;
   has_begun_ = true;
-  return device_ + offset_;
+  return std::min(now, device_ + offset_);
 }
 
 void LinkMeter::sent(uint16_t number, double now) noexcept { sent_[number % numbers_kept] = now; }

@@ -20,6 +20,7 @@ using fs::operator+, fs::operator-, fs::operator*, fs::operator+=;
 
 constexpr double step_length = 250e-6;   // s
 constexpr int steps_a_tick = 4;
+constexpr double hand_speed = 0.5;       // m/s
 constexpr double mark_angle = 30 * std::numbers::pi / 180;
 constexpr double grip = 2;               // N m/rad
 constexpr uint32_t tick_length = 1000;   // us
@@ -84,7 +85,9 @@ void FidelModel::read_encoders() {
 
 void FidelModel::step() {
   FidelBody& b = *body_;
-  fs_vec3 target = b.target;
+  const fs_vec3 way = b.target - b.hand;
+  b.hand += std::min(1.0, hand_speed * step_length / std::max(1e-9, fs::norm(way))) * way;
+  fs_vec3 target = b.hand;
   if (b.shakes) {
     const double angle = 4 * std::numbers::pi * 1e-6 * b.clock;
     target = target + fs_vec3{0.02 * std::cos(angle), 0.02 * std::sin(angle), 0.01 * std::sin(2 * angle)};
@@ -124,7 +127,7 @@ void FidelModel::advance(double time) {
     b.has_time = true;
     b.time = time;
   }
-  while (time - b.time >= 1e-6 * tick_length) {
+  while (time - b.time >= 1e-6 * tick_length - 1e-9) {
     tick();
     b.time += 1e-6 * tick_length;
   }

@@ -31,7 +31,8 @@ struct FidelBody {
   uint32_t clock = 0;              // us, of the device
 
   fs_vec3 position{}, velocity{};  // of the handle, device frame
-  fs_vec3 target{};                // where the hand wants to be
+  fs_vec3 target{};                // where the hand goes to, at 0.5 m/s
+  fs_vec3 hand{};                  // where it is, as the other end of its spring
   fs_vec3 force{};                 // N, that the motors give at the handle
   fs_vec3 wrist{};                 // rad
   double hand_stiffness = 300, hand_damping = 15, mass = 0.8;  // N/m, N s/m, kg
