@@ -103,7 +103,8 @@ std::string all_on_the_bus() {
   size_t count = 0;
   for (const UsbFound& found : usb_devices(nullptr)) {
     if (found.place.rfind("usb", 0) == 0) continue;  // a root hub belongs to the computer
-    if (count++ < most) text += (text.empty() ? "" : ", ") + id_text(found.vendor, found.product) + (found.text.empty() ? "" : " " + found.text);
+    if (count++ < most)
+      text += (text.empty() ? "" : ", ") + id_text(found.vendor, found.product) + (found.text.empty() ? "" : " " + found.text);
   }
   if (count > most) text += ", and " + std::to_string(count - most) + " more";
   return text.empty() ? "nothing is on the USB" : "on the USB are: " + text;
@@ -164,7 +165,8 @@ std::string programs_that_use(const std::string& file, int own) {
     }
     if (files) closedir(files);
     if (uses <= 0) continue;
-    programs += (programs.empty() ? "" : ", ") + (is_this ? "this program" : line_of(folder + "/comm")) + " (pid " + process->d_name + ")";
+    programs += (programs.empty() ? "" : ", ") + (is_this ? "this program" : line_of(folder + "/comm")) + " (pid " +
+                process->d_name + ")";
   }
   closedir(processes);
   return programs;
@@ -173,8 +175,9 @@ std::string programs_that_use(const std::string& file, int own) {
 UsbDevice::UsbDevice(const UsbKind& kind, const std::string& which, int interface) : kind_(kind), interface_(interface) {
   if (const int error = libusb_init(&context_); error != LIBUSB_SUCCESS) {
     context_ = nullptr;
-    refuse(FS_ERROR_NOT_FOUND, "no %s can be found: this machine or container has no USB, as /dev/bus/usb is not there (libusb: %s)",
-           kind.name, libusb_error_name(error));
+    refuse(FS_ERROR_NOT_FOUND,
+           "no %s can be found: this machine or container has no USB, as /dev/bus/usb is not there (libusb: %s)", kind.name,
+           libusb_error_name(error));
   }
   try {
     found_ = usb_choice(kind, found_in(context_, &kind), which);
@@ -203,10 +206,11 @@ void UsbDevice::open() {
   if (error == LIBUSB_SUCCESS) return;
   handle_ = nullptr;
   if (error != LIBUSB_ERROR_ACCESS) fail(error, "opening it");
-  refuse(FS_ERROR_DENIED,
-         "%s '%s' is there, but this user may not open %s. Install the rule for it, once: sudo cp %s/%s /etc/udev/rules.d/ && sudo "
-         "udevadm control --reload; then plug the device in again",
-         kind_.name, found_.serial.c_str(), found_.node.c_str(), FORCESERVER_DATA_FOLDER, rule_file);
+  refuse(
+      FS_ERROR_DENIED,
+      "%s '%s' is there, but this user may not open %s. Install the rule for it, once: sudo cp %s/%s /etc/udev/rules.d/ && sudo "
+      "udevadm control --reload; then plug the device in again",
+      kind_.name, found_.serial.c_str(), found_.node.c_str(), FORCESERVER_DATA_FOLDER, rule_file);
 }
 
 void UsbDevice::claim() {
@@ -216,8 +220,8 @@ void UsbDevice::claim() {
   if (is_claimed_) return;
   if (error != LIBUSB_ERROR_BUSY) fail(error, "claiming its interface");
   const std::string users = programs_that_use(found_.node, 1);
-  refuse(FS_ERROR_IO, "%s '%s' is in use: %s has %s open. End that program, or close the device there", kind_.name, found_.serial.c_str(),
-         users.empty() ? "a program that this user cannot see" : users.c_str(), found_.node.c_str());
+  refuse(FS_ERROR_IO, "%s '%s' is in use: %s has %s open. End that program, or close the device there", kind_.name,
+         found_.serial.c_str(), users.empty() ? "a program that this user cannot see" : users.c_str(), found_.node.c_str());
 }
 
 void UsbDevice::fail(int error, const char* what) const {
@@ -232,7 +236,8 @@ void UsbDevice::fail(int error, const char* what) const {
   }
 }
 
-void UsbDevice::control(uint8_t type, uint8_t request, uint16_t value, uint16_t index, std::span<const uint8_t> data, double within) {
+void UsbDevice::control(uint8_t type, uint8_t request, uint16_t value, uint16_t index, std::span<const uint8_t> data,
+                        double within) {
   std::vector<uint8_t> copy(data.begin(), data.end());
   const int count = libusb_control_transfer(handle_, type, request, value, index, copy.data(), static_cast<uint16_t>(copy.size()),
                                             milliseconds(within));
@@ -252,7 +257,8 @@ std::vector<uint8_t> UsbDevice::control_answer(uint8_t type, uint8_t request, ui
 void UsbDevice::write(uint8_t endpoint, std::span<const uint8_t> data, double within) {
   std::vector<uint8_t> copy(data.begin(), data.end());
   int count = 0;
-  const int error = libusb_bulk_transfer(handle_, endpoint, copy.data(), static_cast<int>(copy.size()), &count, milliseconds(within));
+  const int error =
+      libusb_bulk_transfer(handle_, endpoint, copy.data(), static_cast<int>(copy.size()), &count, milliseconds(within));
   if (error != LIBUSB_SUCCESS) fail(error, "writing to it");
   if (static_cast<size_t>(count) != copy.size()) {
     refuse(FS_ERROR_IO, "%s '%s' took %d of %zu bytes", kind_.name, found_.serial.c_str(), count, copy.size());

@@ -56,8 +56,10 @@ class UsbDevice {
   const UsbFound& found() const noexcept { return found_; }
 
   // A control transfer to the device, or from it; then the answer, of at most `size` bytes. Each waits `within` s at most.
-  void control(uint8_t type, uint8_t request, uint16_t value, uint16_t index, std::span<const uint8_t> data = {}, double within = 1);
-  std::vector<uint8_t> control_answer(uint8_t type, uint8_t request, uint16_t value, uint16_t index, size_t size, double within = 1);
+  void control(uint8_t type, uint8_t request, uint16_t value, uint16_t index, std::span<const uint8_t> data = {},
+               double within = 1);
+  std::vector<uint8_t> control_answer(uint8_t type, uint8_t request, uint16_t value, uint16_t index, size_t size,
+                                      double within = 1);
 
   // A bulk transfer that is waited for, for what precedes a stream. write sends all. read gives what one transfer brought, which
   // is nothing when nothing came within the time (s).

@@ -15,7 +15,7 @@ namespace {
 constexpr unsigned command_life = 20;    // ms, until a command that was not taken is withdrawn
 constexpr double end_within = 1;         // s
 constexpr double mend_within = 0.02;     // s, to get transfers back from an endpoint that has stalled
-constexpr double mend_after = 1e-3;      // s, between two tries after an error: when a device is being pulled out, each fails at once
+constexpr double mend_after = 1e-3;  // s, between two tries after an error: when a device is being pulled out, each fails at once
 
 double steady_now() noexcept {
   timespec time{};
@@ -110,9 +110,7 @@ void UsbPipes::in_done(Slot& slot) noexcept {
       ++counts_.overlong;
       ++faults_;
       break;
-    default:
-      ++counts_.errors;
-      ++faults_;
+    default: ++counts_.errors; ++faults_;
   }
 }
 

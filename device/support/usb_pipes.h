@@ -22,9 +22,9 @@ struct libusb_transfer;
 namespace fs {
 
 struct UsbEndpoints {
-  uint8_t in, out;          // addresses: 0x81, 0x02
+  uint8_t in, out;  // addresses: 0x81, 0x02
   uint32_t in_size, out_size;  // bytes of the longest report and command; in_size: a multiple of the endpoint's packet size
-  bool is_interrupt;        // otherwise bulk
+  bool is_interrupt;  // otherwise bulk
 };
 
 class UsbPipes {
@@ -32,11 +32,11 @@ class UsbPipes {
   // What each IN transfer brought, in the order in which they came: called within receive and send. Must not call the pipes.
   using Taker = void (*)(void* self, const uint8_t* data, size_t size) noexcept;
   struct Counts {
-    uint64_t reports = 0,   // IN transfers that brought something
-             stalls = 0,    // of either endpoint, each cleared at once
-             overlong = 0,  // reports that were longer than in_size
-             errors = 0,    // other errors on the bus
-             lost = 0;      // commands that the device did not take within 20 ms, or that failed
+    uint64_t reports = 0,  // IN transfers that brought something
+        stalls = 0,  // of either endpoint, each cleared at once
+        overlong = 0,  // reports that were longer than in_size
+        errors = 0,  // other errors on the bus
+        lost = 0;  // commands that the device did not take within 20 ms, or that failed
   };
 
   UsbPipes(UsbDevice& device, const UsbEndpoints& endpoints, Taker taker, void* self);  // throws a Refusal
@@ -87,7 +87,7 @@ class UsbPipes {
   Counts counts_;
   uint64_t taken_ = 0;  // reports of which receive has told
   uint64_t faults_ = 0;  // of the IN endpoint, not yet told by receive
-  int events_ = 0;      // an event has come that somebody waits for
+  int events_ = 0;  // an event has come that somebody waits for
   bool is_gone_ = false, is_in_stalled_ = false, is_out_stalled_ = false, has_lost_ = false, is_ending_ = false;
   double mended_ = 0;  // s, monotonic clock: when reports were last asked for anew after an error
 };
