@@ -1,6 +1,7 @@
 #include "device/usb/emulated_bus.h"
 
 #include <fcntl.h>
+#include <libusb.h>
 #include <umockdev-1.0/umockdev.h>
 
 #include <cerrno>
@@ -65,9 +66,11 @@ EmulatedBus::EmulatedBus() : usbfs_(std::make_unique<Usbfs>()) {
   usbfs_->testbed = umockdev_testbed_new();
   add(usbfs_->testbed, described("/devices/usb1", 1, nullptr));
   usbfs_->start();
+  libusb_init(&context_);
 }
 
 EmulatedBus::~EmulatedBus() {
+  if (context_) libusb_exit(context_);
   usbfs_->end();
   g_object_unref(usbfs_->testbed);
 }
