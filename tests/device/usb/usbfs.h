@@ -41,6 +41,7 @@ class EmulatedBus::Usbfs {
   static Usbfs* present();
 
   std::mutex mutex;
+  std::mutex testbed_mutex;  // is taken first
   UMockdevTestbed* testbed = nullptr;
 
  private:
