@@ -74,7 +74,7 @@ const std::vector<Trouble>& troubles() {
 // For a moment, and so long that the driver opens the device again.
 START_TEST(troubles_of_a_moment) { endure(troubles()[static_cast<size_t>(_i)], 0.05); }
 END_TEST
-START_TEST(troubles_that_last) { endure(troubles()[static_cast<size_t>(_i)], 2.5); }
+START_TEST(troubles_that_last) { endure(troubles()[static_cast<size_t>(_i)], 1.5); }
 END_TEST
 
 START_TEST(an_encoder_that_jumps) {
