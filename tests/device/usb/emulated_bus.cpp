@@ -76,6 +76,8 @@ EmulatedBus::~EmulatedBus() {
 }
 
 void EmulatedBus::plug(int socket, std::shared_ptr<UsbModel> model) {
+  usbfs_->forget_taken_out();
+  const std::lock_guard lock(usbfs_->testbed_mutex);
   const int number = usbfs_->next_number();
   UsbModel* const described_model = model.get();
   usbfs_->put(socket, number, std::move(model));
