@@ -117,8 +117,9 @@ void FidelModel::tick() {
               fidel::turned(t[0] * fs::cross(y, z) + t[1] * fs::cross(z, x) + t[2] * fs::cross(x, y));
   }
   b.wrist = b.wrist + 0.1 * ((1e-6 / grip) * fs_vec3{double(t[3]), double(t[4]), double(t[5])} - b.wrist);
-  b.largest_force = std::max(b.largest_force, fs::norm(b.force));
-  if (std::any_of(t, t + 6, [](int32_t torque) { return torque != 0; })) b.last_torque = b.clock;
+  if (!std::any_of(t, t + 6, [](int32_t torque) { return torque != 0; })) return;
+  if (b.last_torque != b.clock - tick_length) b.largest_start = std::max(b.largest_start, fs::norm(b.force));
+  b.last_torque = b.clock;
 }
 
 void FidelModel::advance(double time) {
