@@ -4,8 +4,10 @@
 #include <sys/wait.h>
 
 #include <csignal>
+#include <fstream>
 
 #include "device/udp/rig.h"
+#include "scenes/folder.h"
 
 using namespace scenes;
 using fs::udp::Command;
@@ -311,9 +313,11 @@ START_TEST(addresses_are_refused) {
 }
 END_TEST
 
-// m, from end to end, in 1.5 s: the nominal hand leans on a wall of 1 kN/m, 10 ms away, with the protections off.
+// m, from end to end, in 1.5 s: the nominal hand has touched a wall of 1 kN/m, 10 ms away, and leans on it, with the protections off.
 static double swing(const char* options) {
-  UdpRig rig("sim:?hold=0,0,-0.01");
+  const Folder folder;
+  std::ofstream(folder / "touch") << "0 0 0 0.05\n2 0 0 0.05\n2.5 0 0 -0.01\n";  // s, m
+  UdpRig rig("sim:?path=" + (folder / "touch"));
   rig.relay.set({.delay = 0.01});
   fs_servo_options servo = fs_servo_options_init();
   servo.max_stiffness = servo.damping = servo.slew_limit = servo.speed_limit = -1;
@@ -337,6 +341,7 @@ START_TEST(models_stand_where_forces_swing) {
   for (int i = 0; i < 3 && !is_seen; ++i) {  // a machine that stalls shakes models too
     const double force = swing("?render=force"), model = swing("");
     std::printf("  a wall of 1 kN/m at 10 ms each way: forces swing by %.2f mm, models by %.3f mm\n", 1e3 * force, 1e3 * model);
+    std::fflush(stdout);
     is_seen = force > 5e-3 && model < force / 5;
   }
   ck_assert(is_seen);
