@@ -263,18 +263,18 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   evaluate_command->footer(evaluate_help);
 
+  CalibrateOptions calibrate_options;
+  CLI::App* calibrate_command = app.add_subcommand("calibrate", "Calibrate a device, step by step");
+  calibrate_command->add_option("device", calibrate_options.device, "The device; see `forceserver devices`")->type_name("");
+  calibrate_command->add_option("--driver", calibrate_options.driver, driver_help)->type_name("FILE");
+  calibrate_command->footer(calibrate_help);
+
   DevicesOptions devices_options;
   CLI::App* devices_command = app.add_subcommand("devices", "List the devices that can be opened, and what they are");
   devices_command->add_flag("--why", devices_options.why, "Also each driver: where it is from, or why it cannot be used");
   devices_command->add_flag("--json", devices_options.json, "One JSON document");
   devices_command->add_option("--driver", devices_options.driver, driver_help)->type_name("FILE");
   devices_command->footer(devices_help);
-
-  CalibrateOptions calibrate_options;
-  CLI::App* calibrate_command = app.add_subcommand("calibrate", "Calibrate a device, step by step");
-  calibrate_command->add_option("device", calibrate_options.device, "The device; see `forceserver devices`")->type_name("");
-  calibrate_command->add_option("--driver", calibrate_options.driver, driver_help)->type_name("FILE");
-  calibrate_command->footer(calibrate_help);
 
   try {
     require_command(app, argc, argv);
