@@ -136,12 +136,19 @@ busy with other things makes states late: try it again on a quiet one. Unplug th
 told. Not tested is what only the device itself knows: whether its force ends within 20 ms when this process is killed.
 Ends with 1 if anything is odd or failed, with 2 if the device cannot be opened or is lost.)";
 
+const char* const calibrate_help = R"(examples:
+  forceserver calibrate fidel:usb
+      the FIDEL on the USB; device/fidel/README.md tells what is needed for it
+
+The driver of the device says step by step what to do, and keeps the result for this device. A step that failed, such as
+when the hand moved, is done again. Ends with 1 when you give up; then what was known before stays.)";
+
 // The usage line of the help. To CLI11 every word is optional, since need() asks for it in a better sentence.
 class Usage : public CLI::Formatter {
  public:
   std::string make_usage(const CLI::App* app, std::string name) const override {
     std::string text = CLI::Formatter::make_usage(app, std::move(name));
-    for (std::string word : {"server", "file", "uri", app->get_name() == "evaluate" ? "scene" : "file"}) {
+    for (std::string word : {"server", "file", "device", app->get_name() == "evaluate" ? "scene" : "file"}) {
       const std::size_t at = text.find("[" + word + "]");
       if (at != text.npos) text.replace(at, word.size() + 2, word);
     }
@@ -271,6 +278,12 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   evaluate_command->footer(evaluate_help);
 
+  CalibrateOptions calibrate_options;
+  CLI::App* calibrate_command = app.add_subcommand("calibrate", "Calibrate a device, step by step");
+  calibrate_command->add_option("device", calibrate_options.device, "The device; see `forceserver devices`")->type_name("");
+  calibrate_command->add_option("--driver", calibrate_options.driver, driver_help)->type_name("FILE");
+  calibrate_command->footer(calibrate_help);
+
   DevicesOptions devices_options;
   CLI::App* devices_command = app.add_subcommand("devices", "List the devices that can be opened, and what they are");
   devices_command->add_flag("--why", devices_options.why,
@@ -281,7 +294,7 @@ int main(int argc, char** argv) {
 
   TestDeviceOptions test_options;
   CLI::App* test_command = app.add_subcommand("test-device", "Test a device and its driver, for whoever makes one");
-  test_command->add_option("uri", test_options.uri, "The device; see `forceserver devices`")->type_name("");
+  test_command->add_option("device", test_options.uri, "The device; see `forceserver devices`")->type_name("");
   test_command->add_option("--driver", test_options.driver, driver_help)->type_name("FILE");
   test_command->add_option("--push", test_options.push, "Also push with this force along each axis")
       ->type_name("N")
@@ -333,6 +346,10 @@ int main(int argc, char** argv) {
     if (*test_command) {
       need(test_options.uri, "test-device needs a device, such as: forceserver test-device sim:");
       return test_device(test_options);
+    }
+    if (*calibrate_command) {
+      need(calibrate_options.device, "calibrate needs a device, such as: forceserver calibrate fidel:usb");
+      return calibrate(calibrate_options);
     }
   } catch (const CLI::Success& wanted) {  // --help, --version
     return app.exit(wanted);

@@ -52,6 +52,11 @@ struct TestDeviceOptions {
 };
 int test_device(const TestDeviceOptions& options);
 
+struct CalibrateOptions {
+  std::string device, driver;
+};
+int calibrate(const CalibrateOptions& options);
+
 struct CheckOptions {
   std::string file, device = "sim:", driver;
   double scale = 1;  // m per unit of a mesh file
