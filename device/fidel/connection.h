@@ -25,4 +25,7 @@ class FidelConnection {
 std::unique_ptr<FidelConnection> connect_fidel_usb(const char* text);
 std::unique_ptr<FidelConnection> connect_fidel_udp(const char* text);
 
+// Those on the USB, as fs_driver.list.
+void list_fidel_usb(fs_device_entry* out, size_t capacity, size_t* count);
+
 }  // namespace fs

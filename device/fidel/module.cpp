@@ -24,6 +24,12 @@ fs_status open(const char* address, void** self) {
   return answer_of([&] { *self = connect(address).release(); });
 }
 
+#ifdef FORCESERVER_FIDEL_USB
+fs_status list(fs_device_entry* out, size_t capacity, size_t* count) {
+  return answer_of([&] { list_fidel_usb(out, capacity, count); });
+}
+#endif
+
 void close(void* self) { delete &connection(self); }
 
 fs_status get_info(void* self, fs_device_info* out) {
@@ -50,6 +56,9 @@ extern "C" FS_API const fs_driver* fs_driver_entry(void) {
     fs_driver table{};
     table.struct_size = sizeof table;
     table.scheme = "fidel";
+#ifdef FORCESERVER_FIDEL_USB
+    table.list = fs::list;
+#endif
     table.open = fs::open;
     table.close = fs::close;
     table.get_info = fs::get_info;

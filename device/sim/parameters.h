@@ -1,46 +1,18 @@
-// All numbers of the simulated FIDEL and the hand on it, each with its source. "Paper": Flueckiger & Nguyen, "A Generic
-// Force-Server for Haptic Devices". "Assumed": not published, but plausible for a device of this size.
+// The numbers of the simulated FIDEL and the hand on it, each with its source, beside those of the device itself
+// (device/kinematics/fidel.h, which explains "paper" and "assumed").
 #pragma once
 
-#include <numbers>
-
-#include "device/kinematics/delta.h"
+#include "device/kinematics/fidel.h"
 
 namespace fs::fidel {
 
-// Workspace: paper. A cylinder about z, centred on the device's origin.
-constexpr double workspace_radius = 0.150;                        // m
-constexpr double workspace_height = 0.200;                        // m
-constexpr double wrist_angle = 20 * std::numbers::pi / 180;       // rad, in both directions on each of three axes
-constexpr double force_max = 25;                                  // N
-
-// Link lengths: assumed, chosen so that the device reaches the workspace and 20 mm beyond it. The condition number of
-// the Jacobian is at most 2.11 within the workspace and 2.75 within the margin.
-constexpr DeltaGeometry geometry{0.170, 0.050, 0.200, 0.330};     // m
-constexpr double centre_depth = 0.280;                            // m, of the workspace's centre below the base
-// The largest torque that 25 N in any direction needs within the margin (computed from the geometry).
-constexpr double motor_torque_max = 5.52;                         // N m
-
-// Mechanical stops: assumed. They are this far outside the workspace on every side, within the 20 mm margin above.
-constexpr double stop_margin = 0.010;                             // m
-
-// The moving mass at the handle, its viscous damping and its Coulomb friction on each axis of the device: assumed.
-constexpr double mass = 0.3;                                      // kg
-constexpr double damping = 1;                                     // N s/m
+// The Coulomb friction on each axis of the device: assumed.
 constexpr double friction = 0.3;                                  // N
 constexpr double stick_speed = 0.2e-3;                            // m/s, below which friction can stop it: assumed
 
-// Encoders: assumed. 2000 lines, four edges per line, a reduction of 10: 20 um at the worst place of the workspace.
-constexpr double joint_counts = 80000;                            // per revolution
-constexpr double resolution = 20e-6;                              // m
-
-constexpr double rate = 1000;                                     // Hz of the controller: paper
-
 // Wrist: the range and "three small motors, or passive" are from the paper; the rest is assumed.
-constexpr double wrist_torque_max = 0.5;                          // N m
 constexpr double wrist_inertia = 2e-4;                            // kg m^2
 constexpr double wrist_damping = 2e-3;                            // N m s/rad
-constexpr double wrist_counts = 20000;                            // per revolution
 
 // A hand holds the handle rigidly: its mass moves with the handle, and its spring and damper pull towards its target.
 // The grip does the same for the orientation (assumed: 2 N m/rad, 0.03 N m s/rad).

@@ -13,10 +13,6 @@ using namespace fidel;
 
 constexpr double stop_radius = workspace_radius + stop_margin, stop_height = workspace_height / 2 + stop_margin;
 
-// The base hangs above the volume: a half turn about x.
-Vec3 to_delta(Vec3 p) { return {p.x, -p.y, centre_depth - p.z}; }
-Vec3 from_delta(Vec3 p) { return {p.x, -p.y, centre_depth - p.z}; }
-
 Vec3 position_of(const AxisState (&axes)[3]) { return {axes[0].x, axes[1].x, axes[2].x}; }
 Vec3 velocity_of(const AxisState (&axes)[3]) { return {axes[0].v, axes[1].v, axes[2].v}; }
 
@@ -38,36 +34,7 @@ void stop_wrist(AxisState& axis) {
   if (axis.x < -wrist_angle) axis = {-wrist_angle, std::max(0.0, axis.v)};
 }
 
-// The force that the motors give for the command `force` at p (device frame). All three torques are scaled together,
-// which keeps the direction. Up to force_max no motor reaches its limit anywhere within the stops.
-Vec3 motor_force(Vec3 force, Vec3 p) {
-  if (norm(force) <= force_max) return force;
-  const Vec3 position = to_delta(p);
-  const auto angles = delta_inverse(geometry, position);
-  const auto jacobian = angles ? delta_jacobian(geometry, position, *angles) : std::nullopt;
-  if (!jacobian) return {0, 0, 0};  // cannot happen within the stops
-  const Vec3 unit = normalized(force);
-  const Vec3 torque = transposed(jacobian->jacobian) * Vec3{unit.x, -unit.y, -unit.z};  // N m for 1 N
-  const double largest = std::max({std::fabs(torque.x), std::fabs(torque.y), std::fabs(torque.z)});
-  return std::min(norm(force), motor_torque_max / largest) * unit;
-}
-
 Vec3 wrist_motor_torque(Vec3 torque) { return norm(torque) > wrist_torque_max ? wrist_torque_max * normalized(torque) : torque; }
-
-// Maps the rate of a rotation vector to an angular velocity (along the device's axes): the left Jacobian of SO(3).
-Mat3 rotation_jacobian(Vec3 r) {
-  const double angle2 = dot(r, r), angle = std::sqrt(angle2);
-  const bool small = angle < 1e-3;
-  const double a = small ? 0.5 - angle2 / 24 : (1 - std::cos(angle)) / angle2;
-  const double b = small ? 1.0 / 6 - angle2 / 120 : (angle - std::sin(angle)) / (angle2 * angle);
-  const Mat3 across{0, -r.z, r.y, r.z, 0, -r.x, -r.y, r.x, 0};
-  return identity() + a * across + b * (across * across);
-}
-
-double encoded(double angle, double counts, double phase) {
-  const double count = 2 * std::numbers::pi / counts;
-  return (std::round(angle / count + phase) - phase) * count;
-}
 
 // A random number within [-0.5, 0.5), by S. Vigna's splitmix64.
 double next_phase(uint64_t& state) {

@@ -1,0 +1,103 @@
+// A Novint Falcon that is connected: what module.cpp makes a driver's table of. For each function see driver.h.
+//
+// A command is answered by a report, so one is sent for each report, and again when none has come for 5 ms. The driver's thread
+// calls receive and send; a request may take the device from it while firmware is loaded.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <forceserver/driver.h>
+
+#include "device/falcon/kinematics.h"
+#include "device/falcon/packet.h"
+#include "device/falcon/watch.h"
+#include "device/support/usb.h"
+#include "device/support/usb_pipes.h"
+
+namespace fs::falcon {
+
+class Falcon {
+ public:
+  explicit Falcon(const char* address);  // "0?firmware=PATH"; throws a Refusal
+  ~Falcon();                             // force 0, lights off
+  Falcon(const Falcon&) = delete;
+  Falcon& operator=(const Falcon&) = delete;
+
+  void get_info(fs_device_info& out) const;
+  fs_status receive(fs_state& out) noexcept;
+  fs_status send(const fs_wrench& wrench) noexcept;
+  fs_status get_link(fs_link& out) noexcept;     // any thread
+  std::string control(const std::string& text);  // any thread; throws a Refusal
+
+ private:
+  // Round trips, of about the last second. The driver's thread writes, others read the figures.
+  class Link {
+   public:
+    void sent(double time) noexcept;
+    void came(double time) noexcept;
+    void forget() noexcept { waiting_ = 0; }  // what is on its way will not be waited for
+    bool get(fs_link& out) const noexcept;    // false: nothing has been measured yet
+
+   private:
+    void evaluate(double time) noexcept;
+
+    std::array<double, 1024> trips_{};  // s
+    size_t count_ = 0, sent_ = 0, reports_ = 0;
+    int waiting_ = 0;
+    double sent_at_ = 0, since_ = 0;  // s
+    std::atomic<double> delay_{0}, delay_p99_{0}, rate_{0}, loss_{0};
+  };
+
+  void start_pipes();
+  static void take(void* self, const uint8_t* data, size_t size) noexcept;
+  void judge(double time, fs_state& out) noexcept;
+  fs_status without_report(fs_status status, double time, fs_state& out) noexcept;
+  void doubt() noexcept;
+  void tell() noexcept;
+  Command command_for(const fs_wrench& wrench, double time) const noexcept;
+  void begin_homing();
+  std::string load(const std::string& path);
+  std::string status();
+
+  double motor_constant_ = motor_constant;
+  double force_max_ = 0;
+  UsbDevice usb_;
+  std::mutex mutex_;                     // of the device and of what follows, as far as it is not atomic
+  std::atomic<bool> is_wanted_{false};   // a request waits for the device, or has it
+  std::atomic<int> lights_{-1};          // -1: they tell the state
+  std::atomic<bool> wants_homing_{false};
+
+  std::optional<UsbPipes> pipes_;
+  Reports reports_;
+  Report newest_;
+  uint64_t count_ = 0, told_ = 0;        // reports; those that receive has told of
+  double report_time_ = 0;               // s, monotonic clock, of the newest; or when the device was opened
+  bool has_answered_ = false;
+  bool is_homing_ = false;
+  double homing_since_ = 0;              // s
+  EncoderWatch watch_;
+  EncoderWatch::Verdict verdict_ = EncoderWatch::good;
+  int settled_ = 0;                      // good reports since the last fault
+  std::optional<Pose> pose_;             // of the newest report
+  bool is_ready_ = false;
+  Link link_;
+
+  // What the request "status" tells, as of the newest report or fault.
+  struct Told {
+    Report report;
+    uint64_t reports = 0, broken = 0;
+    UsbPipes::Counts usb;
+    const char* condition = "it has not answered yet";
+  };
+  std::mutex told_mutex_;  // receive never waits for it
+  Told now_;
+};
+
+std::vector<fs_device_entry> list();
+
+}  // namespace fs::falcon

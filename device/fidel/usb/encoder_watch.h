@@ -1,0 +1,44 @@
+// Finds joint encoders that tell what a hand cannot do.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+namespace fs::fidel_usb {
+
+class EncoderWatch {
+ public:
+  enum Verdict { plausible, jumped, stuck };
+  static const char* words(Verdict verdict) noexcept;  // a part of a sentence
+
+  EncoderWatch() = default;
+  // joint_counts: a revolution. joint_speed: rad/s, at which the device switches its motors off; 1.25 times that is a jump.
+  EncoderWatch(double joint_counts, double joint_speed) noexcept;
+
+  // The device has been homed, or is not: whatever it tells next is believed.
+  void forget() noexcept { *this = EncoderWatch(joint_counts_, joint_speed_); }
+
+  // The counts of a report; dt: s of the device's clock since the report before.
+  //
+  // A jump lasts until the counts are again where a hand may have brought them within 3 ms from where they were before it, in ten
+  // reports one after another. A joint is stuck if it does not change by a single count while another one moves by 5 degrees:
+  // where a joint turns back, it moves by ten times as much. That lasts until forget.
+  Verdict judge(const std::array<int32_t, 3>& counts, double dt) noexcept;
+  Verdict verdict() const noexcept { return verdict_; }
+
+ private:
+  bool is_near(const std::array<int32_t, 3>& counts, double time) const noexcept;
+  bool is_stuck(const std::array<int32_t, 3>& counts) noexcept;
+
+  double joint_counts_ = 80000, joint_speed_ = 10;
+  Verdict verdict_ = plausible;
+  bool has_begun_ = false;
+  int good_in_a_row_ = 0;
+  std::array<int32_t, 3> last_{};  // that were plausible
+  struct Still {                   // since the last change of a joint, the least and largest count of each
+    std::array<int32_t, 3> least{}, largest{};
+  };
+  std::array<Still, 3> still_{};
+};
+
+}  // namespace fs::fidel_usb
