@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <linux/usbdevice_fs.h>
+#include <sys/ioctl.h>
 #include <sys/syscall.h>
 #include <time.h>
 #include <umockdev-1.0/umockdev.h>
