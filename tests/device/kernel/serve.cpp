@@ -2,7 +2,10 @@
 
 #include <fcntl.h>
 #include <poll.h>
+#include <signal.h>
+#include <sys/prctl.h>
 #include <sys/socket.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -16,6 +19,7 @@
 #include <set>
 #include <sstream>
 #include <stdexcept>
+#include <thread>
 
 namespace scenes {
 namespace {
@@ -62,27 +66,28 @@ int free_port() {
 
 }  // namespace
 
-ServedDevice::ServedDevice(UsbModel& model, Speed speed) : model_(model) {
+void UsbServer::plug() {
   int ends[2];
   if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0) throw std::runtime_error("there is no socket");
+  unplug();
   socket_ = ends[0];
   try {
-    attach(ends[1], speed);
+    attach(ends[1]);
   } catch (...) {
-    close(ends[0]);
     close(ends[1]);
+    unplug();
     throw;
   }
   close(ends[1]);  // the kernel has it
-  thread_ = std::thread([this] { serve(); });
 }
 
-void ServedDevice::attach(int socket, Speed speed) {
+void UsbServer::attach(int socket) const {
   constexpr int tries = 3000;
+  constexpr int full_speed = 2;  // as the kernel numbers it
   for (int i = 0; i < tries; ++i) {
     const int port = free_port();
     if (port >= 0) {
-      const std::string order = std::to_string(port) + " " + std::to_string(socket) + " 1 " + std::to_string(speed);
+      const std::string order = std::to_string(port) + " " + std::to_string(socket) + " 1 " + std::to_string(full_speed);
       const int file = open((controller + "attach").c_str(), O_WRONLY | O_CLOEXEC);
       if (file < 0) throw std::runtime_error("cannot open " + controller + "attach: " + std::strerror(errno));
       const bool is_done = write(file, order.data(), order.size()) == ssize_t(order.size());
@@ -96,29 +101,23 @@ void ServedDevice::attach(int socket, Speed speed) {
   throw std::runtime_error("no port of vhci_hcd has become free");
 }
 
-void ServedDevice::unplug() {
-  if (socket_ < 0) return;
-  shutdown(socket_, SHUT_RDWR);  // wakes the thread
-  thread_.join();
-  close(socket_);
+void UsbServer::unplug() {
+  if (socket_ >= 0) close(socket_);
   socket_ = -1;
+  waiting_.clear();
 }
 
-void ServedDevice::serve() noexcept {
-  try {
-    for (;;) {
-      pollfd events{socket_, POLLIN, 0};
-      if (poll(&events, 1, waiting_.empty() ? -1 : 1) < 0 && errno != EINTR) throw std::runtime_error("poll");
-      if (events.revents != 0 && !take_command()) return;
-      try_transfers();
-    }
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "the served device ends: %s\n", error.what());
-    shutdown(socket_, SHUT_RDWR);
+void UsbServer::serve_until(int descriptor) {
+  for (;;) {
+    pollfd events[] = {{descriptor, POLLIN, 0}, {socket_, POLLIN, 0}};  // a negative descriptor is passed over
+    if (poll(events, 2, waiting_.empty() ? -1 : 1) < 0 && errno != EINTR) throw std::runtime_error("poll");
+    if (events[0].revents != 0) return;
+    if (events[1].revents != 0 && !take_command()) unplug();
+    try_transfers();
   }
 }
 
-bool ServedDevice::receive(void* data, size_t size) const {
+bool UsbServer::receive(void* data, size_t size) const {
   for (size_t done = 0; done < size;) {
     const ssize_t count = recv(socket_, static_cast<char*>(data) + done, size - done, 0);
     if (count < 0 && errno == EINTR) continue;
@@ -129,7 +128,7 @@ bool ServedDevice::receive(void* data, size_t size) const {
 }
 
 // An error is left to the next receive, which has it too.
-void ServedDevice::send(const std::vector<uint8_t>& bytes) const {
+void UsbServer::send(const std::vector<uint8_t>& bytes) const {
   for (size_t done = 0; done < bytes.size();) {
     const ssize_t count = ::send(socket_, &bytes[done], bytes.size() - done, MSG_NOSIGNAL);
     if (count < 0 && errno != EINTR) return;
@@ -137,7 +136,7 @@ void ServedDevice::send(const std::vector<uint8_t>& bytes) const {
   }
 }
 
-bool ServedDevice::take_command() {
+bool UsbServer::take_command() {
   Header header;
   if (!receive(header.data(), header.size())) return false;
   const uint32_t command = number_at(header, 0), number = number_at(header, 1);
@@ -166,11 +165,11 @@ bool ServedDevice::take_command() {
 }
 
 // At each endpoint the transfers are carried in their order.
-void ServedDevice::try_transfers() {
+void UsbServer::try_transfers() {
   std::set<uint32_t> busy;  // endpoints whose first transfer has to wait
   for (auto transfer = waiting_.begin(); transfer != waiting_.end();) {
     Answer answer;
-    const int result = busy.contains(transfer->endpoint) ? -EAGAIN : with_model([&] { return carry(*transfer, answer); });
+    const int result = busy.contains(transfer->endpoint) ? -EAGAIN : carry(*transfer, answer);
     if (result == -EAGAIN) {
       busy.insert(transfer->endpoint);
       ++transfer;
@@ -181,13 +180,13 @@ void ServedDevice::try_transfers() {
   }
 }
 
-int ServedDevice::carry(const Transfer& transfer, Answer& answer) {
+int UsbServer::carry(const Transfer& transfer, Answer& answer) {
   if ((transfer.endpoint & 0x7f) == 0) return control(transfer, answer);
   if (transfer.endpoint & 0x80) return model_.in(uint8_t(transfer.endpoint), transfer.capacity, answer.data, now());
   return model_.out(uint8_t(transfer.endpoint), transfer.data, now());
 }
 
-void ServedDevice::complete(const Transfer& transfer, int result, Answer& answer) const {
+void UsbServer::complete(const Transfer& transfer, int result, Answer& answer) const {
   const bool reads = transfer.endpoint & 0x80;
   answer.status = std::min(result, 0);
   answer.carried = reads ? answer.data.size() : size_t(std::max(result, 0));
@@ -205,7 +204,7 @@ void ServedDevice::complete(const Transfer& transfer, int result, Answer& answer
 }
 
 // The requests that every device must know (USB 2.0, 9.4) are answered here.
-int ServedDevice::control(const Transfer& transfer, Answer& answer) {
+int UsbServer::control(const Transfer& transfer, Answer& answer) {
   enum { get_status = 0, clear_feature = 1, set_feature = 3, get_descriptor = 6, get_configuration = 8, set_configuration = 9,
          get_interface = 10, set_interface = 11 };
   const UsbSetup& setup = transfer.setup;
@@ -227,7 +226,7 @@ int ServedDevice::control(const Transfer& transfer, Answer& answer) {
   }
 }
 
-int ServedDevice::describe(const UsbSetup& setup, Answer& answer) const {
+int UsbServer::describe(const UsbSetup& setup, Answer& answer) const {
   enum { device = 1, configuration = 2, string = 3 };
   std::vector<uint8_t>& data = answer.data;
   const int type = setup.value >> 8, index = setup.value & 0xff;
@@ -247,6 +246,76 @@ int ServedDevice::describe(const UsbSetup& setup, Answer& answer) const {
   }
   if (data.size() > setup.length) data.resize(setup.length);
   return int(data.size());
+}
+
+// ---------------------------------------------------------------------------------------------------------- its process
+
+ServerProcess::ServerProcess(const std::function<std::shared_ptr<UsbModel>()>& make) {
+  int ends[2];
+  if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends) != 0) throw std::runtime_error("there is no socket");
+  process_ = fork();
+  if (process_ < 0) throw std::runtime_error("there is no process for the server");
+  if (process_ == 0) {
+    close(ends[0]);
+    run(ends[1], make);
+  }
+  close(ends[1]);
+  orders_ = ends[0];
+}
+
+ServerProcess::~ServerProcess() {
+  close(orders_);
+  kill(process_, SIGKILL);
+  waitpid(process_, nullptr, 0);
+}
+
+void ServerProcess::run(int orders, const std::function<std::shared_ptr<UsbModel>()>& make) {
+  prctl(PR_SET_PDEATHSIG, SIGKILL);
+  try {
+    const std::shared_ptr<UsbModel> model = make();
+    UsbServer server(*model);
+    for (;;) {
+      server.serve_until(orders);
+      Order order{};
+      if (recv(orders, &order, sizeof order, 0) != ssize_t(sizeof order)) _exit(0);  // the test has ended
+      const Reply reply = obey(order, server, *model);
+      if (::send(orders, &reply, sizeof reply, MSG_NOSIGNAL) != ssize_t(sizeof reply)) _exit(0);
+    }
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "the server ends: %s\n", error.what());
+  }
+  _exit(1);
+}
+
+ServerProcess::Reply ServerProcess::obey(const Order& order, UsbServer& server, UsbModel& model) {
+  Reply reply{};
+  try {
+    switch (order.kind) {
+      case plug_in: server.plug(); break;
+      case pull_out: server.unplug(); break;
+      case call_function: order.call(model, order.closure.data(), reply.result.data());
+    }
+  } catch (const std::exception& error) {
+    std::snprintf(reply.error, sizeof reply.error, "%s", error.what());
+  }
+  return reply;
+}
+
+ServerProcess::Reply ServerProcess::ask(const Order& order) {
+  Reply reply{};
+  if (::send(orders_, &order, sizeof order, MSG_NOSIGNAL) != ssize_t(sizeof order) ||
+      recv(orders_, &reply, sizeof reply, 0) != ssize_t(sizeof reply)) throw std::runtime_error("the server has ended");
+  if (reply.error[0]) throw std::runtime_error(reply.error);
+  return reply;
+}
+
+void ServerProcess::plug() { ask({plug_in, nullptr, {}}); }
+void ServerProcess::unplug() { ask({pull_out, nullptr, {}}); }
+
+ServerProcess::Bytes ServerProcess::call(Call function, const void* closure, size_t size) {
+  Order order{call_function, function, {}};
+  std::memcpy(order.closure.data(), closure, size);
+  return ask(order).result;
 }
 
 }  // namespace scenes

@@ -1,36 +1,33 @@
-// Serves a device model to the kernel's own USB stack: the kernel's driver vhci_hcd has one end of a pair of sockets, and a thread
-// here answers at the other end, as a USB/IP server does. Needs root and the module vhci_hcd.
+// Serves a device model to the kernel's own USB stack: the kernel's driver vhci_hcd has one end of a pair of sockets, and a server at
+// the other end answers as a USB/IP server does. Needs root and the module vhci_hcd.
+//
+// The server is a process of its own, as a device is one thing and its host another: a program that is killed while it waits for
+// the device waits in the kernel until the device has answered that the transfer is taken back.
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <cstring>
 #include <deque>
-#include <mutex>
+#include <functional>
+#include <memory>
 #include <string>
-#include <thread>
+#include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "device/usb/usb_model.h"
 
 namespace scenes {
 
-class ServedDevice {
+// The server itself, within its process.
+class UsbServer {
  public:
-  enum Speed : int { full = 2, high = 3 };  // as the kernel numbers them
-
-  explicit ServedDevice(UsbModel& model, Speed speed = full);  // plugs it in; throws std::runtime_error
-  ~ServedDevice() { unplug(); }
-  ServedDevice(const ServedDevice&) = delete;
-  ServedDevice& operator=(const ServedDevice&) = delete;
-
-  // Closes the socket, at whatever moment: to the host the device has been pulled out. A second call does nothing.
-  void unplug();
-
-  // Calls f while nothing else calls the model.
-  template <class Function>
-  auto with_model(Function f) {
-    const std::lock_guard lock(mutex_);
-    return f();
-  }
+  explicit UsbServer(UsbModel& model) : model_(model) {}
+  void plug();    // throws std::runtime_error
+  void unplug();  // closes the socket, whatever is under way
+  // Serves until a message can be read from this descriptor.
+  void serve_until(int descriptor);
 
  private:
   // A transfer that waits for the device.
@@ -47,8 +44,7 @@ class ServedDevice {
     std::vector<uint8_t> data;
   };
 
-  void attach(int socket, Speed speed);
-  void serve() noexcept;
+  void attach(int socket) const;
   bool take_command();  // false: the socket was closed
   bool receive(void* data, size_t size) const;
   void send(const std::vector<uint8_t>& bytes) const;
@@ -59,11 +55,79 @@ class ServedDevice {
   void complete(const Transfer& transfer, int result, Answer& answer) const;
 
   UsbModel& model_;
-  std::mutex mutex_;
-  int socket_ = -1;
+  int socket_ = -1;  // -1: not plugged in
   uint8_t configuration_ = 0;
   std::deque<Transfer> waiting_;
-  std::thread thread_;
+};
+
+// The process of a server, as a test sees it. It has what this process had when it was made, functions at the same addresses.
+class ServerProcess {
+ public:
+  // Made before the test has any threads. make: called there. Throws std::runtime_error.
+  explicit ServerProcess(const std::function<std::shared_ptr<UsbModel>()>& make);
+  ~ServerProcess();  // unplugs
+  ServerProcess(const ServerProcess&) = delete;
+  ServerProcess& operator=(const ServerProcess&) = delete;
+
+  // Pulls the device out at whatever moment, and plugs it in.
+  void plug();
+  void unplug();
+
+ protected:
+  static constexpr size_t room = 200;  // bytes
+  using Call = void (*)(UsbModel& model, const uint8_t* function, uint8_t* result);
+  using Bytes = std::array<uint8_t, room>;
+  Bytes call(Call function, const void* closure, size_t size);
+
+ private:
+  enum Kind : uint32_t { plug_in, pull_out, call_function };
+  struct Order {
+    Kind kind;
+    Call call;
+    Bytes closure;
+  };
+  struct Reply {
+    Bytes result;
+    char error[room];  // "": none
+  };
+  [[noreturn]] static void run(int orders, const std::function<std::shared_ptr<UsbModel>()>& make);
+  static Reply obey(const Order& order, UsbServer& server, UsbModel& model);
+  Reply ask(const Order& order);
+
+  int orders_ = -1, process_ = -1;
+};
+
+// The same for one kind of model.
+template <class Model>
+class Served : public ServerProcess {
+ public:
+  template <class... Arguments>
+  explicit Served(const Arguments&... arguments) : ServerProcess([&] { return std::make_shared<Model>(arguments...); }) {}
+
+  // Calls f(model) in the server, between two transfers, and returns its result. What f holds is copied there: numbers, no
+  // pointers.
+  template <class Function>
+  auto see(Function f) {
+    using Result = std::invoke_result_t<Function, Model&>;
+    static_assert(std::is_trivially_copyable_v<Function> && std::is_trivially_copyable_v<Result>);
+    static_assert(sizeof(Function) <= room && sizeof(Result) <= room);
+    const Bytes bytes = call(
+        [](UsbModel& model, const uint8_t* function, uint8_t* result) {
+          const Result value = (*reinterpret_cast<const Function*>(function))(static_cast<Model&>(model));
+          std::memcpy(result, &value, sizeof value);
+        },
+        &f, sizeof f);
+    Result result;
+    std::memcpy(&result, bytes.data(), sizeof result);
+    return result;
+  }
+  template <class Function>
+  void change(Function f) {
+    see([f](Model& model) {
+      f(model);
+      return 0;
+    });
+  }
 };
 
 }  // namespace scenes
