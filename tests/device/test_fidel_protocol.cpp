@@ -349,8 +349,12 @@ START_TEST(encoders_are_watched) {
   ck_assert_int_eq(judge(190, -190, 100), EncoderWatch::plausible);  // 14.9 rad/s
   ck_assert_int_eq(judge(800, -200, 100), EncoderWatch::jumped);
   for (int i = 0; i < 1000; ++i) ck_assert_int_eq(judge(800, -200, 100), EncoderWatch::jumped);  // for as long as it lasts
-  for (int i = 0; i < 9; ++i) ck_assert_int_eq(judge(210, -190, 100), EncoderWatch::jumped);
-  ck_assert_int_eq(judge(210, -190, 100), EncoderWatch::plausible);
+  for (int i = 1; i <= 150; ++i) ck_assert_int_eq(judge(800 - 10 * i, -200 + 5 * i, 100 + i), EncoderWatch::jumped);  // the hand goes on
+  for (int i = 0; i < 10; ++i) ck_assert_int_eq(judge(-1300, 550, 250), EncoderWatch::jumped);  // back by 600
+  ck_assert_int_eq(judge(-1300, 550, 250), EncoderWatch::plausible);
+  for (int i = 0; i < 100; ++i) ck_assert_int_eq(judge(-1300 + 5000 * (i % 7), 550, 250), i ? EncoderWatch::jumped : EncoderWatch::plausible);
+  watch.forget();
+  ck_assert_int_eq(judge(-1300, 550, 250), EncoderWatch::plausible);
   ck_assert_int_eq(watch.judge({30000, 15000, -20000}, 1.0), EncoderWatch::plausible);  // a second without reports
   watch.forget();
   ck_assert_int_eq(judge(-70000, 5, 5), EncoderWatch::plausible);

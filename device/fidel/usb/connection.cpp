@@ -14,7 +14,7 @@ namespace {
 
 constexpr UsbKind kind{"FIDEL", vendor, product, product_text};
 constexpr UsbEndpoints endpoints{report_endpoint, command_endpoint, 64, command_size, true};
-constexpr double receive_within = 0.02, send_within = 4e-3, last_within = 0.05;  // s
+constexpr double receive_within = 0.02, silence_most = 5e-3, send_within = 4e-3, last_within = 0.05;  // s
 constexpr int damaged_most = 3;      // reports in a row, 3 ms
 constexpr uint16_t gap_most = 1000;  // reports that are missing; more: the numbers have begun anew
 constexpr int measure_reports = 200;
@@ -177,7 +177,8 @@ void UsbConnection::judge(const Report& report, double step) noexcept {
 }
 
 fs_status UsbConnection::receive(fs_state& out) noexcept {
-  const double until = steady_now() + receive_within;
+  // Five reports that do not come are a fault; whoever has not begun to report has more time.
+  const double until = steady_now() + (has_report_ ? silence_most : receive_within);
   for (;;) {
     const fs_status status = pipes_.receive(std::max(0.0, until - steady_now()));
     if (is_fresh_ && status == FS_OK) {
@@ -187,6 +188,7 @@ fs_status UsbConnection::receive(fs_state& out) noexcept {
     }
     if (status == FS_ERROR_DISCONNECTED) return fs_fail(status, "the FIDEL was unplugged");
     if (status == FS_ERROR_IO) return fs_fail(status, "the USB has failed, or the FIDEL has stalled");
+    if (status == FS_ERROR_TIMEOUT && has_report_) return fs_fail(FS_ERROR_IO, "the reports of the FIDEL have stopped");
     if (status != FS_OK) return status;
     if (damaged_in_a_row_ >= damaged_most) return fs_fail(FS_ERROR_IO, "the reports of the FIDEL are damaged");
   }

@@ -7,9 +7,9 @@
 namespace fs::fidel_usb {
 namespace {
 
-constexpr double jump_time = 0.003;  // s
-constexpr double slack = 16;         // counts
-constexpr double too_fast = 1.25;    // times the speed at which the device switches its motors off
+constexpr double slack = 16;        // counts
+constexpr double too_fast = 1.25;   // times the speed at which the device switches its motors off
+constexpr double period = 1e-3;     // s, of reports
 constexpr int good_reports = 10;    // after a jump
 constexpr double still_part = 72;   // of a revolution: 5 degrees
 
@@ -26,12 +26,20 @@ const char* EncoderWatch::words(Verdict verdict) noexcept {
 
 EncoderWatch::EncoderWatch(double joint_counts, double joint_speed) noexcept : joint_counts_(joint_counts), joint_speed_(joint_speed) {}
 
-bool EncoderWatch::is_near(const std::array<int32_t, 3>& counts, double time) const noexcept {
-  const double most = slack + too_fast * joint_speed_ * joint_counts_ / (2 * std::numbers::pi) * time;
+// As far as a hand moves a joint in this time (s).
+double EncoderWatch::limit(double time) const noexcept {
+  return slack + too_fast * joint_speed_ * joint_counts_ / (2 * std::numbers::pi) * time;
+}
+
+bool EncoderWatch::has_jumped(const std::array<int32_t, 3>& counts, double dt) noexcept {
+  bool has_jumped = false;
   for (size_t i = 0; i < 3; ++i) {
-    if (std::fabs(static_cast<double>(counts[i]) - last_[i]) > most) return false;
+    const double way = static_cast<double>(counts[i]) - last_[i];
+    if (std::fabs(way) <= limit(dt)) continue;
+    away_[i] += way;
+    has_jumped = true;
   }
-  return true;
+  return has_jumped;
 }
 
 bool EncoderWatch::is_stuck(const std::array<int32_t, 3>& counts) noexcept {
@@ -59,16 +67,17 @@ EncoderWatch::Verdict EncoderWatch::judge(const std::array<int32_t, 3>& counts, 
     return verdict_;
   }
   if (verdict_ == stuck) return stuck;
-  if (verdict_ == jumped) {
-    good_in_a_row_ = is_near(counts, jump_time) ? good_in_a_row_ + 1 : 0;
-    if (good_in_a_row_ < good_reports) return jumped;
-    verdict_ = plausible;
-  } else if (!is_near(counts, dt)) {
+  const bool is_jump = has_jumped(counts, dt);
+  last_ = counts;
+  // The hand has moved, too, while the encoder jumped away and back.
+  const bool is_back = std::all_of(away_.begin(), away_.end(), [&](double way) { return std::fabs(way) <= 2 * limit(period); });
+  if (is_jump || !is_back) {
     good_in_a_row_ = 0;
     return verdict_ = jumped;
   }
-  last_ = counts;
-  if (is_stuck(counts)) verdict_ = stuck;
+  if (verdict_ == jumped && ++good_in_a_row_ < good_reports) return jumped;
+  away_ = {};
+  verdict_ = is_stuck(counts) ? stuck : plausible;
   return verdict_;
 }
 

@@ -20,21 +20,22 @@ class EncoderWatch {
 
   // The counts of a report; dt: s of the device's clock since the report before.
   //
-  // A jump lasts until the counts are again where a hand may have brought them within 3 ms from where they were before it, in ten
-  // reports one after another. A joint is stuck if it does not change by a single count while another one moves by 5 degrees:
-  // where a joint turns back, it moves by ten times as much. That lasts until forget.
+  // A jump lasts until the encoder has jumped back by as much as it had jumped, and ten reports have followed without a jump.
+  // A joint is stuck if it does not change by a single count while another one moves by 5 degrees: where a joint turns back, it
+  // moves by ten times as much. That lasts until forget.
   Verdict judge(const std::array<int32_t, 3>& counts, double dt) noexcept;
-  Verdict verdict() const noexcept { return verdict_; }
 
  private:
-  bool is_near(const std::array<int32_t, 3>& counts, double time) const noexcept;
+  double limit(double time) const noexcept;  // counts
+  bool has_jumped(const std::array<int32_t, 3>& counts, double dt) noexcept;
   bool is_stuck(const std::array<int32_t, 3>& counts) noexcept;
 
   double joint_counts_ = 80000, joint_speed_ = 10;
   Verdict verdict_ = plausible;
   bool has_begun_ = false;
   int good_in_a_row_ = 0;
-  std::array<int32_t, 3> last_{};  // that were plausible
+  std::array<int32_t, 3> last_{};
+  std::array<double, 3> away_{};   // counts, by which each has jumped in all
   struct Still {                   // since the last change of a joint, the least and largest count of each
     std::array<int32_t, 3> least{}, largest{};
   };

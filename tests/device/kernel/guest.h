@@ -16,6 +16,7 @@
 #include <stdexcept>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include <check.h>
 #undef fail  // an old macro of Check's; std::ios has a function of that name
@@ -35,25 +36,31 @@ bool until(Condition condition) {
   return true;
 }
 
-// The nodes of all devices of this kind get the mode 0600. Returns when udevd has done with them, so that it does not undo this.
-inline void allow_only_root(uint16_t vendor, uint16_t product) {
+inline std::string word_in(const std::filesystem::path& path) {
+  std::string word;
+  std::ifstream(path) >> word;
+  return word;
+}
+
+// The nodes of the devices that have this serial number, when udevd has done with them.
+inline std::vector<std::string> nodes_of(const std::string& serial) {
   if (std::system("udevadm settle") != 0) throw std::runtime_error("udevadm settle fails");
-  const auto text_of = [](const std::filesystem::path& path) {
-    std::string text;
-    std::ifstream(path) >> text;
-    return text;
-  };
-  char wanted_vendor[5], wanted_product[5];
-  std::snprintf(wanted_vendor, sizeof wanted_vendor, "%04x", vendor);
-  std::snprintf(wanted_product, sizeof wanted_product, "%04x", product);
+  std::vector<std::string> nodes;
   for (const auto& device : std::filesystem::directory_iterator("/sys/bus/usb/devices")) {
     const std::filesystem::path folder = device.path();
-    if (text_of(folder / "idVendor") != wanted_vendor || text_of(folder / "idProduct") != wanted_product) continue;
+    if (word_in(folder / "serial") != serial) continue;
     char node[64];
-    std::snprintf(node, sizeof node, "/dev/bus/usb/%03d/%03d", std::stoi(text_of(folder / "busnum")),
-                  std::stoi(text_of(folder / "devnum")));
-    if (chmod(node, 0600) != 0) throw std::runtime_error(std::string("chmod ") + node);
+    std::snprintf(node, sizeof node, "/dev/bus/usb/%03d/%03d", std::stoi(word_in(folder / "busnum")), std::stoi(word_in(folder / "devnum")));
+    nodes.push_back(node);
   }
+  return nodes;
+}
+
+// Waits until the device is there.
+inline std::string await_node(const std::string& serial) {
+  std::vector<std::string> nodes;
+  ck_assert_msg(until([&] { return !(nodes = nodes_of(serial)).empty(); }), "no device '%s' comes", serial.c_str());
+  return nodes.front();
 }
 
 // Runs a test's code in another process as an ordinary user; whether all that it asserted was so.

@@ -35,7 +35,7 @@ struct FidelBody {
   fs_vec3 hand{};                  // where it is, as the other end of its spring
   fs_vec3 force{};                 // N, that the motors give at the handle
   fs_vec3 wrist{};                 // rad
-  double hand_stiffness = 300, hand_damping = 15, mass = 0.8;  // N/m, N s/m, kg
+  double hand_stiffness = 300, hand_damping = 30, mass = 0.8;  // N/m, N s/m, kg
   bool shakes = false;             // the target circles by 20 mm, twice a second
 
   int stuck_joint = -1;            // its encoder gives stuck_count

@@ -125,6 +125,7 @@ void EmulatedBus::Usbfs::let_go(Socket& socket, File& file, Unplug how) {
 
 // Outside of the mutex: umockdev waits for others.
 void EmulatedBus::Usbfs::forget_taken_out() {
+  const std::lock_guard sysfs_lock(sysfs_mutex_);
   std::vector<std::string> gone;
   {
     const std::lock_guard lock(mutex);
