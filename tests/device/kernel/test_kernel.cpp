@@ -5,6 +5,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <fstream>
 #include <sstream>
@@ -35,6 +37,9 @@ struct Falcon : Served<FalconModel> {
       return norm(model.force());
     });
   }
+  bool has_command() {  // a force is wanted by the newest command, no matter how old that is
+    return see([](FalconModel& model) { return model.motors != std::array<int, 3>{}; });
+  }
 };
 struct Fidel : Served<FidelModel> {
   static constexpr const char* uri = "fidel:usb";
@@ -43,6 +48,12 @@ struct Fidel : Served<FidelModel> {
     return see([](FidelModel& model) {
       model.advance(now());
       return norm(model.body().force);
+    });
+  }
+  bool has_command() {
+    return see([](FidelModel& model) {
+      const auto& wanted = model.body().firmware.wanted;
+      return std::any_of(std::begin(wanted), std::end(wanted), [](int32_t torque) { return torque != 0; });
     });
   }
 };
@@ -96,7 +107,7 @@ fs_vec3 position_of(fs_device* device) {
   return state.pose.position;
 }
 
-// What all that is felt through a driver looks like, from plugging in to pulling out.
+// From plugging in to closing. The tests are the same for both kinds.
 template <class Kind>
 void plugged_felt_and_closed(const char* serial) {
   Kind kind(serial);
@@ -109,6 +120,7 @@ void plugged_felt_and_closed(const char* serial) {
     ck_assert_str_eq(info.serial, serial);
     ck_assert(drawing.is_felt(kind));
   }
+  ck_assert(!kind.has_command());
   ck_assert(kind.force() == 0);
   const Device again = open_device(Kind::uri);  // it was given back
   ck_assert(until([&] { return is_ready(again.get()); }));
