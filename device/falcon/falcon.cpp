@@ -121,6 +121,7 @@ void Falcon::doubt() noexcept {
 }
 
 fs_status Falcon::receive(fs_state& out) noexcept {
+  out.pose.orientation.w = 1;
   std::unique_lock own(mutex_, std::try_to_lock);
   if (is_wanted_ || !own || !pipes_) {
     if (own) {
@@ -131,6 +132,7 @@ fs_status Falcon::receive(fs_state& out) noexcept {
     out.flags = FS_STATE_FIRMWARE_MISSING;
     return FS_OK;
   }
+  out.pose.position = position_;  // the last that is known
   const double until = steady_now() + report_within;
   fs_status status = FS_OK;
   while (count_ == told_ && status == FS_OK) status = pipes_->receive(std::max(0.0, until - steady_now()));
@@ -202,8 +204,7 @@ void Falcon::judge(double time, fs_state& out) noexcept {
     out.flags = FS_STATE_NOT_HOMED;
     return;
   }
-  out.pose.position = to_device(pose_->position - centre);
-  out.pose.orientation.w = 1;
+  position_ = out.pose.position = to_device(pose_->position - centre);
   settled_ = std::min(settled_ + 1, reports_to_settle);
   is_ready_ = settled_ == reports_to_settle;
   out.flags = is_ready_ ? FS_STATE_READY : FS_STATE_CONNECTING;

@@ -84,6 +84,7 @@ class Falcon {
   EncoderWatch::Verdict verdict_ = EncoderWatch::good;
   int settled_ = 0;                      // good reports since the last fault
   std::optional<Pose> pose_;             // of the newest report
+  Vec3 position_{};                      // m, device frame, the last that was known
   bool is_ready_ = false;
   Link link_;
 

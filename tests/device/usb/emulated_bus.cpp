@@ -1,6 +1,7 @@
 #include "device/usb/emulated_bus.h"
 
 #include <fcntl.h>
+#include <libusb.h>
 #include <umockdev-1.0/umockdev.h>
 
 #include <cerrno>
@@ -65,14 +66,18 @@ EmulatedBus::EmulatedBus() : usbfs_(std::make_unique<Usbfs>()) {
   usbfs_->testbed = umockdev_testbed_new();
   add(usbfs_->testbed, described("/devices/usb1", 1, nullptr));
   usbfs_->start();
+  libusb_init(&context_);
 }
 
 EmulatedBus::~EmulatedBus() {
+  if (context_) libusb_exit(context_);
   usbfs_->end();
   g_object_unref(usbfs_->testbed);
 }
 
 void EmulatedBus::plug(int socket, std::shared_ptr<UsbModel> model) {
+  usbfs_->forget_taken_out();
+  const std::lock_guard lock(usbfs_->testbed_mutex);
   const int number = usbfs_->next_number();
   UsbModel* const described_model = model.get();
   usbfs_->put(socket, number, std::move(model));

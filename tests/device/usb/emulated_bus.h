@@ -13,6 +13,8 @@
 
 #include "device/usb/usb_model.h"
 
+struct libusb_context;
+
 namespace scenes {
 
 // How a kind of transfer goes wrong, as long as it is set.
@@ -67,6 +69,7 @@ class EmulatedBus {
 
  private:
   std::unique_ptr<Usbfs> usbfs_;
+  libusb_context* context_ = nullptr;  // so that libusb listens all the time: umockdev aborts when a listener ends while it tells
 };
 
 }  // namespace scenes

@@ -30,6 +30,8 @@ class FalconModel final : public UsbModel {
   double hand_stiffness = 200, hand_damping = 5, mass = 0.25;  // N/m, N s/m, kg
   bool is_held_fast = false;         // the handle is at the target whatever the motors do
 
+  void rest() { motors = {}, force_ = {}; }  // its motors have no power
+
   // What it sees.
   fs_vec3 position() const { return position_; }
   fs_vec3 force() const { return force_; }       // N, of the motors on the handle, own frame

@@ -9,6 +9,8 @@
 
 namespace scenes {
 
+inline double now_s() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+
 template <class Condition>
 bool until(Condition condition) {
   for (Patience patience; patience.lasts();) {
@@ -74,6 +76,14 @@ struct Pushing {
     fs_servo_options options = fs_servo_options_init();
     options.mode = FS_SERVO_THREAD;
     servo = start_servo(scene.get(), device, options);
+  }
+  // Whether an event of the device with this word has come by now; those before it are dropped.
+  bool event_with(const char* word) const {
+    fs_event event;
+    while (fs_scene_next_event(scene.get(), 0, &event) == FS_OK && event.kind != FS_EVENT_NONE) {
+      if (event.kind == FS_EVENT_DEVICE && std::strstr(event.text, word)) return true;
+    }
+    return false;
   }
   fs_servo_stats stats() const { return stats_of(scene.get()); }
 };

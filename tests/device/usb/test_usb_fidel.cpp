@@ -241,6 +241,7 @@ START_TEST(unplugged_at_any_transfer) {
       Loop loop;
       ck_assert(until([&] { return loop.pushes(); }));
       loop.bus.unplug_at(1, moment, 7, how);
+      ck_assert(until([&] { return !loop.bus.is_plugged(1); }));
       ck_assert(loop.is_told("lost"));
       loop.bus.plug(1, loop.model);
       ck_assert(until([&] { return loop.pushes(); }));
@@ -280,8 +281,10 @@ START_TEST(devices_that_err) {
     std::printf("  %s: no torque after %.0f ms\n", name, time);
     if (*words) ck_assert_msg(loop.answer("status").find(words) != std::string::npos, "%s", loop.answer("status").c_str());
     loop.change(mend);
+    std::this_thread::sleep_for(std::chrono::milliseconds(30));
+    loop.answer("clear");  // at a jump the device itself has seen a joint that was too fast
     OK(fs_servo_set_enabled(loop.servo.get(), true));
-    ck_assert_msg(until([&] { return loop.pushes(); }), "after %s", name);
+    ck_assert_msg(until([&] { return loop.pushes(); }), "after %s: %s", name, loop.answer("status").c_str());
   };
   bad("no reports", [](FidelBody& b) { b.is_silent = true; }, [](FidelBody& b) { b.is_silent = false; }, "");
   bad("every report is damaged", [](FidelBody& b) { b.damages = 1; }, [](FidelBody& b) { b.damages = 0; }, "damaged");
@@ -349,7 +352,7 @@ START_TEST(the_reason_for_no_force_is_told) {
     EXPECT_SENTENCE(FS_ERROR_STATE, fs_device_control(loop.device.get(), "clear", &answer), "refuses");
     loop.change([](FidelBody& b) { b.inputs.stop_pressed = 0; });
     ck_assert(loop.answer("status").find("emergency stop") != std::string::npos);
-    loop.answer("clear");
+    ck_assert(until([&] { return fs_device_control(loop.device.get(), "clear", &answer) == FS_OK; }));
   });
   told("too fast", [](FidelBody& b) { b.velocity = {0, 0, 6}; }, [&] {
     std::this_thread::sleep_for(std::chrono::milliseconds(300));

@@ -59,7 +59,6 @@ EmulatedBus::Usbfs::~Usbfs() = default;
 // ------------------------------------------------------------------------------------------------------------------ sockets
 
 void EmulatedBus::Usbfs::put(int number_of_socket, int number, std::shared_ptr<UsbModel> model) {
-  forget_taken_out();
   const std::lock_guard lock(mutex);
   Socket& socket = sockets_[number_of_socket];
   socket.model = std::move(model);
@@ -125,7 +124,7 @@ void EmulatedBus::Usbfs::let_go(Socket& socket, File& file, Unplug how) {
 
 // Outside of the mutex: umockdev waits for others.
 void EmulatedBus::Usbfs::forget_taken_out() {
-  const std::lock_guard sysfs_lock(sysfs_mutex_);
+  const std::lock_guard testbed_lock(testbed_mutex);
   std::vector<std::string> gone;
   {
     const std::lock_guard lock(mutex);
@@ -228,8 +227,10 @@ int EmulatedBus::Usbfs::control(int descriptor, unsigned long request, void* arg
       ++socket.counts.claims;
       if (!happens(socket, UsbMoment::claim)) return refused(ENODEV);
       if (is_kernels && request == USBDEVFS_CLAIMINTERFACE) return refused(EBUSY);
-      if (is_kernels) ++socket.counts.detached;
-      socket.is_detached = true;
+      if (is_kernels) {
+        ++socket.counts.detached;
+        socket.is_detached = true;
+      }
       if (socket.faults.is_in_use || socket.is_claimed) return refused(EBUSY);
       file.has_claimed = socket.is_claimed = true;
       return 0;
@@ -339,9 +340,9 @@ bool EmulatedBus::Usbfs::carry(File& file, usbdevfs_urb* urb) {
     finish(file, urb, std::min(count, 0), static_cast<size_t>(std::max(count, 0)));
     return true;
   }
-  if (socket.faults.in != UsbFault::silence && fail_by(socket.faults.in, file, urb)) return true;
-  std::vector<uint8_t> data;
+  std::vector<uint8_t> data;  // what the device gives is lost where the transfer fails
   const int count = socket.model->in(urb->endpoint, size, data, now());
+  if (socket.faults.in != UsbFault::silence && fail_by(socket.faults.in, file, urb)) return true;
   if (count == -EAGAIN || socket.faults.in == UsbFault::silence) return false;
   if (count < 0) {
     finish(file, urb, count, 0);

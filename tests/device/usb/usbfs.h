@@ -41,6 +41,7 @@ class EmulatedBus::Usbfs {
   static Usbfs* present();
 
   std::mutex mutex;
+  std::mutex testbed_mutex;  // is taken first
   UMockdevTestbed* testbed = nullptr;
 
  private:
@@ -75,7 +76,6 @@ class EmulatedBus::Usbfs {
   void signal(File& file);
   void run();
 
-  std::mutex sysfs_mutex_;  // of changes of sysfs: a device is put in when the one before has been removed; taken before `mutex`
   std::map<int, Socket> sockets_;
   std::map<int, File> files_;  // by descriptor
   std::atomic<int> numbers_{1};
