@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "device/falcon/firmware.h"
 #include "device/support/address.h"
@@ -14,6 +15,8 @@ namespace fs::falcon {
 namespace {
 
 constexpr double report_within = 0.005;    // s, then the command is sent again
+constexpr double second_within = 0.003;    // s, for the report of a command that was sent again
+constexpr uint64_t most_reports = 10;      // that are waited for then
 constexpr double stale_after = 0.010;      // s without a report: no force
 constexpr double silent_after = 1;         // s without a report: the device is closed, and opened again
 constexpr double take_within = 0.003;      // s, for the command before
@@ -120,6 +123,18 @@ void Falcon::doubt() noexcept {
   is_ready_ = false;
 }
 
+// Until there are more reports than `known`. IO: what came is no report, or a fault of the bus.
+fs_status Falcon::await_report(double within, uint64_t known) noexcept {
+  const double until = steady_now() + within;
+  const uint64_t stray = reports_.stray();
+  while (count_ == known) {
+    const fs_status status = pipes_->receive(std::max(0.0, until - steady_now()));
+    if (status != FS_OK) return status;
+    if (count_ == known && reports_.stray() != stray) return FS_ERROR_IO;
+  }
+  return FS_OK;
+}
+
 fs_status Falcon::receive(fs_state& out) noexcept {
   out.pose.orientation.w = 1;
   std::unique_lock own(mutex_, std::try_to_lock);
@@ -133,17 +148,21 @@ fs_status Falcon::receive(fs_state& out) noexcept {
     return FS_OK;
   }
   out.pose.position = position_;  // the last that is known
-  const double until = steady_now() + report_within;
-  fs_status status = FS_OK;
-  while (count_ == told_ && status == FS_OK) status = pipes_->receive(std::max(0.0, until - steady_now()));
+  fs_status status = await_report(report_within, told_);
+  if (status == FS_OK && std::exchange(has_sent_twice_, false)) {
+    // Either the first command was lost, or its report is late; then that of the second comes, too, and commands would queue for good.
+    uint64_t before;
+    do before = count_;
+    while (await_report(second_within, before) == FS_OK && count_ - told_ < most_reports);
+  }
   const double time = steady_now();
   if (status == FS_ERROR_DISCONNECTED) {
     is_ready_ = false;
     return status;
   }
-  const bool has_come = status == FS_OK && count_ != told_;
-  if (has_come) {
+  if (status == FS_OK) {
     told_ = count_;
+    is_waiting_ = false;
     link_.came(time);
     has_answered_ = true;
     judge(time, out);
@@ -231,8 +250,13 @@ fs_status Falcon::send(const fs_wrench& wrench) noexcept {
   const double time = steady_now();
   const Packet packet = packet_of(command_for(wrench, time));
   const fs_status status = pipes_->send(packet.data(), packet.size(), take_within);
-  if (status == FS_OK) link_.sent(time);
-  else if (status != FS_ERROR_TIMEOUT) doubt();
+  if (status == FS_OK) {
+    link_.sent(time);
+    has_sent_twice_ = has_sent_twice_ || is_waiting_;
+    is_waiting_ = true;
+  } else if (status != FS_ERROR_TIMEOUT) {
+    doubt();
+  }
   return status;
 }
 
@@ -304,7 +328,7 @@ void Falcon::tell() noexcept {
   if (!lock) return;
   now_.report = newest_;
   now_.reports = count_;
-  now_.broken = reports_.broken();
+  now_.stray = reports_.stray();
   now_.usb = pipes_->counts();
   if (!has_answered_) now_.condition = "no firmware";
   else if (verdict_ == EncoderWatch::jumped) now_.condition = "an encoder has jumped: home it";
@@ -320,10 +344,10 @@ std::string Falcon::status() {
   char text[400];
   std::snprintf(
       text, sizeof text,
-      "%s; encoders %d, %d, %d; homed motors %d%d%d; %llu reports, %llu broken; on the USB: stalls %llu, too long %llu, errors "
+      "%s; encoders %d, %d, %d; homed motors %d%d%d; %llu reports, %llu stray bytes; on the USB: stalls %llu, too long %llu, errors "
       "%llu, commands lost %llu",
       now_.condition, report.encoders[0], report.encoders[1], report.encoders[2], (report.bits >> 4) & 1, (report.bits >> 5) & 1,
-      (report.bits >> 6) & 1, number(now_.reports), number(now_.broken), number(now_.usb.stalls), number(now_.usb.overlong),
+      (report.bits >> 6) & 1, number(now_.reports), number(now_.stray), number(now_.usb.stalls), number(now_.usb.overlong),
       number(now_.usb.errors), number(now_.usb.lost));
   return text;
 }
