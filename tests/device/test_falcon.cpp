@@ -211,8 +211,8 @@ START_TEST(who_has_a_file_open) {
   const int file = mkstemp(path);
   ck_assert_int_ge(file, 0);
   const std::string pid = "(pid " + std::to_string(getpid()) + ")";
-  ck_assert_str_eq(programs_that_use(path).c_str(), ("this program " + pid).c_str());
-  ck_assert_str_eq(programs_that_use(path, 1).c_str(), "");
+  ck_assert(programs_that_use(path) == "this program " + pid);
+  ck_assert(programs_that_use(path, 1).empty());
   const pid_t child = fork();
   if (child == 0) {
     pause();
@@ -222,8 +222,8 @@ START_TEST(who_has_a_file_open) {
   const std::string users = programs_that_use(path);
   kill(child, SIGKILL);
   waitpid(child, nullptr, 0);
-  ck_assert_str_eq(users.c_str(), ("test_falcon (pid " + std::to_string(child) + ")").c_str());
-  ck_assert_str_eq(programs_that_use(path).c_str(), "");
+  ck_assert_msg(users == "test_falcon (pid " + std::to_string(child) + ")", "%s", users.c_str());
+  ck_assert(programs_that_use(path).empty());
   unlink(path);
 }
 END_TEST
