@@ -89,8 +89,11 @@ Falcon::~Falcon() {
 void Falcon::start_pipes() {
   reports_.clear();
   report_time_ = steady_now();
-  doubt();
+  doubt(FS_STATE_CONNECTING);
   watch_.reset();
+  verdict_ = EncoderWatch::good;
+  pose_ = std::nullopt;
+  is_waiting_ = has_sent_twice_ = false;
   link_.forget();
   const UsbEndpoints endpoints{endpoint_in, endpoint_out, usb_packet, packet_size, false};
   pipes_.emplace(usb_, endpoints, take, this);
@@ -118,7 +121,8 @@ void Falcon::take(void* self, const uint8_t* data, size_t size) noexcept {
   });
 }
 
-void Falcon::doubt() noexcept {
+void Falcon::doubt(uint32_t reason) noexcept {
+  reason_ = reason;
   settled_ = 0;
   is_ready_ = false;
 }
@@ -176,15 +180,14 @@ fs_status Falcon::receive(fs_state& out) noexcept {
 
 fs_status Falcon::without_report(fs_status status, double time, fs_state& out) noexcept {
   const double silence = time - report_time_;
-  if (status != FS_ERROR_TIMEOUT) doubt();
+  if (status != FS_ERROR_TIMEOUT) doubt(FS_STATE_CONNECTING);
   if (!has_answered_ && status == FS_ERROR_TIMEOUT) {
     out.flags = FS_STATE_FIRMWARE_MISSING;
     return FS_OK;
   }
   if (silence > silent_after) return FS_ERROR_DISCONNECTED;
   if (status != FS_ERROR_TIMEOUT || silence < stale_after) return status;
-  doubt();
-  out.flags = FS_STATE_CONNECTING;
+  doubt(out.flags = FS_STATE_CONNECTING);
   return FS_OK;
 }
 
@@ -197,21 +200,19 @@ void Falcon::judge(double time, fs_state& out) noexcept {
   }
   if (is_homing_ && is_homed(newest_) && time - homing_since_ > homing_at_least) {
     is_homing_ = false;
-    doubt();
+    doubt(FS_STATE_NOT_HOMED);
     watch_.reset();
   }
   if (is_homing_ || !is_homed(newest_)) {  // the origin jumps when it is homed
-    doubt();
+    doubt(out.flags = FS_STATE_NOT_HOMED);
     watch_.reset();
     verdict_ = EncoderWatch::good;
     pose_ = std::nullopt;
-    out.flags = FS_STATE_NOT_HOMED;
     return;
   }
   verdict_ = watch_.update(newest_.encoders, time);
   if (verdict_ != EncoderWatch::good) {
-    doubt();
-    out.flags = FS_STATE_NOT_HOMED;
+    doubt(out.flags = FS_STATE_NOT_HOMED);
     return;
   }
   const Vec3 angles = angles_of(newest_.encoders);
@@ -219,14 +220,13 @@ void Falcon::judge(double time, fs_state& out) noexcept {
   if (!pose && pose_) pose = pose_at(angles);
   pose_ = pose;
   if (!pose_) {  // no position of the handle has these angles
-    doubt();
-    out.flags = FS_STATE_NOT_HOMED;
+    doubt(out.flags = FS_STATE_NOT_HOMED);
     return;
   }
   position_ = out.pose.position = to_device(pose_->position - centre);
   settled_ = std::min(settled_ + 1, reports_to_settle);
   is_ready_ = settled_ == reports_to_settle;
-  out.flags = is_ready_ ? FS_STATE_READY : FS_STATE_CONNECTING;
+  out.flags = is_ready_ ? uint32_t{FS_STATE_READY} : reason_;
 }
 
 Command Falcon::command_for(const fs_wrench& wrench, double time) const noexcept {
@@ -255,7 +255,7 @@ fs_status Falcon::send(const fs_wrench& wrench) noexcept {
     has_sent_twice_ = has_sent_twice_ || is_waiting_;
     is_waiting_ = true;
   } else if (status != FS_ERROR_TIMEOUT) {
-    doubt();
+    doubt(FS_STATE_CONNECTING);
   }
   return status;
 }

@@ -58,10 +58,9 @@ class Falcon {
   fs_status await_report(double within, uint64_t known) noexcept;
   void judge(double time, fs_state& out) noexcept;
   fs_status without_report(fs_status status, double time, fs_state& out) noexcept;
-  void doubt() noexcept;
+  void doubt(uint32_t reason) noexcept;  // not ready, until some reports have come without trouble
   void tell() noexcept;
   Command command_for(const fs_wrench& wrench, double time) const noexcept;
-  void begin_homing();
   std::string load(const std::string& path);
   std::string status();
 
@@ -85,6 +84,7 @@ class Falcon {
   double homing_since_ = 0;              // s
   EncoderWatch watch_;
   EncoderWatch::Verdict verdict_ = EncoderWatch::good;
+  uint32_t reason_ = FS_STATE_CONNECTING;  // why it is not ready
   int settled_ = 0;                      // good reports since the last fault
   std::optional<Pose> pose_;             // of the newest report
   Vec3 position_{};                      // m, device frame, the last that was known
