@@ -48,6 +48,24 @@ START_TEST(unplugged_while_it_is_set_up) {
 }
 END_TEST
 
+// While somebody homes it.
+START_TEST(unplugged_while_it_is_homed) {
+  for (const Unplug how : {Unplug::in_flight, Unplug::between}) {
+    FalconRig rig;
+    rig.change([](FalconModel& model) { model.is_homed = model.homes_when_asked = false; });
+    const Device device = open_device("falcon:0");
+    Pushing pushing(device.get(), {0.01, 0, 0});
+    ck_assert(until([&] { return rig.see([](FalconModel& model) { return model.lights; }) == 1 + 2; }));
+    rig.bus.unplug(1, how);
+    ck_assert(until([&] { return rig.bus.counts(1).open_now == 0; }));
+    ck_assert_int_eq(rig.see([](FalconModel& model) { return model.most_motor; }), 0);
+    rig.change([](FalconModel& model) { model.homes_when_asked = true; });
+    rig.bus.plug(1, rig.falcon);
+    ck_assert(until([&] { return pushes(rig); }));
+  }
+}
+END_TEST
+
 // While it pushes; the same device comes back in the same handle.
 START_TEST(unplugged_while_it_pushes) {
   FalconRig rig;
@@ -164,7 +182,8 @@ int main() {
   require(fs_driver_load(FALCON_MODULE), "fs_driver_load");
   Suite* suite = suite_create("usb_falcon_unplugged");
   add_case(suite, "unplugged",
-           {unplugged_while_it_is_opened, unplugged_while_it_is_set_up, unplugged_while_it_pushes, another_one_is_refused, two_at_once,
+           {unplugged_while_it_is_opened, unplugged_while_it_is_set_up, unplugged_while_it_is_homed, unplugged_while_it_pushes,
+             another_one_is_refused, two_at_once,
             a_close_that_hangs, reports_are_asked_for_while_nobody_has_a_servo});
   return run_suite(suite);
 }
