@@ -121,12 +121,19 @@ parentheses:
 
 device.h has the ranges of all of them.)";
 
+const char* const calibrate_help = R"(examples:
+  forceserver calibrate fidel:usb
+      the FIDEL on the USB; device/fidel/README.md tells what is needed for it
+
+The driver of the device says step by step what to do, and keeps the result for this device. A step that failed, such as
+when the hand moved, is done again. Ends with 1 when you give up; then what was known before stays.)";
+
 // The usage line of the help. To CLI11 every word is optional, since need() asks for it in a better sentence.
 class Usage : public CLI::Formatter {
  public:
   std::string make_usage(const CLI::App* app, std::string name) const override {
     std::string text = CLI::Formatter::make_usage(app, std::move(name));
-    for (std::string word : {"server", "file", app->get_name() == "evaluate" ? "scene" : "file"}) {
+    for (std::string word : {"server", "file", "device", app->get_name() == "evaluate" ? "scene" : "file"}) {
       const std::size_t at = text.find("[" + word + "]");
       if (at != text.npos) text.replace(at, word.size() + 2, word);
     }
@@ -256,6 +263,12 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   evaluate_command->footer(evaluate_help);
 
+  CalibrateOptions calibrate_options;
+  CLI::App* calibrate_command = app.add_subcommand("calibrate", "Calibrate a device, step by step");
+  calibrate_command->add_option("device", calibrate_options.device, "The device; see `forceserver devices`")->type_name("");
+  calibrate_command->add_option("--driver", calibrate_options.driver, driver_help)->type_name("FILE");
+  calibrate_command->footer(calibrate_help);
+
   DevicesOptions devices_options;
   CLI::App* devices_command = app.add_subcommand("devices", "List the devices that can be opened, and what they are");
   devices_command->add_flag("--why", devices_options.why, "Also each driver: where it is from, or why it cannot be used");
@@ -301,6 +314,10 @@ int main(int argc, char** argv) {
       return evaluate(evaluate_options);
     }
     if (*devices_command) return devices(devices_options);
+    if (*calibrate_command) {
+      need(calibrate_options.device, "calibrate needs a device, such as: forceserver calibrate fidel:usb");
+      return calibrate(calibrate_options);
+    }
   } catch (const CLI::Success& wanted) {  // --help, --version
     return app.exit(wanted);
   } catch (const CLI::ParseError& error) {

@@ -45,6 +45,11 @@ struct DevicesOptions {
 };
 int devices(const DevicesOptions& options);
 
+struct CalibrateOptions {
+  std::string device, driver;
+};
+int calibrate(const CalibrateOptions& options);
+
 struct CheckOptions {
   std::string file, device = "sim:", driver;
   double scale = 1;  // m per unit of a mesh file

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# program.sh PROGRAM SCENE LOSING_DRIVER STOP_FORCE: tests the command line of forceserver as a user sees it.
+# program.sh PROGRAM SCENE LOSING_DRIVER STOP_FORCE CALIBRATED_DRIVER: tests the command line of forceserver as a user sees it.
 set -uo pipefail
-program=$1 scene=$2 losing_driver=$3 stop_force=$4
+program=$1 scene=$2 losing_driver=$3 stop_force=$4 calibrated_driver=$5
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 cd "$folder" || exit 1
@@ -41,6 +41,14 @@ until_says() {  # PATTERN COMMAND...: again and again, until a line of its outpu
 expect 0 '^forceserver [0-9]+\.[0-9]+\.[0-9]+$' "$program" --version
 expect 0 'examples:' "$program" run --help
 expect 0 'Exit status' "$program" --help
+
+# calibrate: steps, a step that fails and is done again, giving up, devices that cannot be calibrated.
+expect 2 'calibrate needs a device' "$program" calibrate
+expect 2 "'sim' has no requests" "$program" calibrate sim:
+printf '\n\n\n' > enters
+input=enters expect 0 '^done: it is kept$' "$program" calibrate --driver "$calibrated_driver" calibrated:0
+[ "$(grep -cE '^(step 1: put it here|the hand has moved|done: it is kept)$' output)" = 3 ] || fail "calibrate does not tell its steps"
+expect 1 '^as before$' "$program" calibrate --driver "$calibrated_driver" calibrated:0
 
 # devices: the properties of each device; the hands and paths of the simulator in the help.
 expect 0 '^sim:  simulated FIDEL$' "$program" devices
@@ -109,7 +117,7 @@ expect 1 '^a device from a library .library:0., at most 5 N$' "$program" run --d
 expect 0 '^nothing odd$' "$program" check "$scene" --driver "$losing_driver"
 expect 0 '^sim:' "$program" devices --driver "$losing_driver"
 expect 2 '^forceserver: .*nowhere.so' "$program" run --driver ./nowhere.so
-expect 2 "forceserver [0-9.]* has no driver 'falcon' yet; the drivers are: sim" "$program" run --device falcon:0
+expect 2 "no Novint Falcon|has no driver 'falcon' yet; the drivers are: sim" "$program" run --device falcon:0
 
 # run: a summary, a record without a gap, errors with a sentence.
 expect 0 '^protections switched off: none$' \

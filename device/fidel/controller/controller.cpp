@@ -133,6 +133,7 @@ void Controller::take_of_host(const Datagram& datagram, const Header& header) {
     host_.heard_at = now();
     if (host_.commands.note(header.number) != Arrivals::newest) return;  // a newer force is there already
     host_.command_time = static_cast<uint64_t>(now_ns());
+    if (is_stale(command)) return;
     renderer_.take(command, host_.heard_at);
     render();  // at once: delay is what limits stiffness
   } else if (header.type == Type::request && decode(bytes, size, request)) {
@@ -143,6 +144,12 @@ void Controller::take_of_host(const Datagram& datagram, const Header& header) {
   } else {
     ++ignored_;
   }
+}
+
+// It answers a state of long ago, as where a network has kept it back.
+bool Controller::is_stale(const Command& command) const {
+  const double behind = static_cast<double>(host_.states - command.state) * host_.every;  // ticks
+  return command.state != 0 && behind > stale_after * rate;
 }
 
 void Controller::take_request(const Header& header, const Request& request) {

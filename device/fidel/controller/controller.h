@@ -44,6 +44,7 @@ class Controller {
   void take(const Datagram& datagram, const Endpoint& from);
   void take_hello(const Datagram& datagram, const Header& header, const Endpoint& from);
   void take_of_host(const Datagram& datagram, const Header& header);
+  bool is_stale(const Command& command) const;
   void take_request(const Header& header, const Request& request);
   void refuse_stranger(const Header& header, const Endpoint& from);
   void begin(const Hello& hello, const Header& header, const Endpoint& from);

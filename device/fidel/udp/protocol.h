@@ -16,6 +16,7 @@ constexpr size_t header_size = 24, checksum_size = 4, largest_datagram = 600;  /
 // Times of the protocol, s.
 constexpr double hold = 0.05;             // for which a command counts at the controller, at most
 constexpr double fade = 0.05;             // in which its force goes afterwards, and comes back
+constexpr double stale_after = 0.25;      // after a state, a command that answers it is of no use
 constexpr double host_lost_after = 0.5;   // of silence the controller is free for another host
 constexpr double lost_after = 0.25;       // of silence the controller counts as lost
 constexpr double hello_interval = 0.1;    // from one HELLO to the next, until a WELCOME comes

@@ -34,7 +34,8 @@ Arm::Arm(const Identity& identity) {
   joint_count_ = fidel::count_angle(within(identity.joint_counts, 1, 1000, 16e6, "number of counts of a joint", "a revolution"));
   wrist_count_ = 0;
   if (identity.wrist_counts != 0) {
-    wrist_count_ = fidel::count_angle(within(identity.wrist_counts, 1, 1000, 16e6, "number of counts of the wrist", "a revolution"));
+    wrist_count_ =
+        fidel::count_angle(within(identity.wrist_counts, 1, 1000, 16e6, "number of counts of the wrist", "a revolution"));
   }
   joint_limit_ = within(identity.joint_torque, 1e-6, 0.01, 100, "largest torque of a joint", "N m");
   wrist_limit_ = within(identity.wrist_torque, 1e-6, 0, 10, "largest torque of the wrist", "N m");
@@ -60,13 +61,15 @@ double Arm::weakest_force() const {
   for (int ix = -steps; ix <= steps; ++ix) {
     for (int iy = -steps; iy <= steps; ++iy) {
       for (int iz = -steps; iz <= steps; ++iz) {
-        const Vec3 p{ix * fidel::workspace_radius / steps, iy * fidel::workspace_radius / steps, iz * fidel::workspace_height / (2 * steps)};
+        const Vec3 p{ix * fidel::workspace_radius / steps, iy * fidel::workspace_radius / steps,
+                     iz * fidel::workspace_height / (2 * steps)};
         if (std::hypot(p.x, p.y) > fidel::workspace_radius) continue;
         const Vec3 position = fidel::to_delta(p, depth_);
         const auto angles = delta_inverse(geometry_, position);
         const auto jacobian = angles ? delta_jacobian(geometry_, position, *angles) : std::nullopt;
         if (!jacobian || jacobian->coplanar < fidel::coplanar_min || jacobian->straight < fidel::straight_min) {
-          refuse(FS_ERROR_IO, "the device says that its links are %.0f, %.0f, %.0f and %.0f mm: they do not reach (%.0f, %.0f, %.0f) mm",
+          refuse(FS_ERROR_IO,
+                 "the device says that its links are %.0f, %.0f, %.0f and %.0f mm: they do not reach (%.0f, %.0f, %.0f) mm",
                  1e3 * geometry_.base_radius, 1e3 * geometry_.platform_radius, 1e3 * geometry_.upper_arm, 1e3 * geometry_.forearm,
                  1e3 * p.x, 1e3 * p.y, 1e3 * p.z);
         }
@@ -90,7 +93,8 @@ Arm::Measured Arm::measured(const std::array<int32_t, 3>& joints, const std::arr
                             const Calibration& calibration) const noexcept {
   Measured out;
   const Vec3 offsets{calibration.offsets[0], calibration.offsets[1], calibration.offsets[2]};
-  const Vec3 angle = angles({static_cast<double>(joints[0]), static_cast<double>(joints[1]), static_cast<double>(joints[2])}) + offsets;
+  const Vec3 angle =
+      angles({static_cast<double>(joints[0]), static_cast<double>(joints[1]), static_cast<double>(joints[2])}) + offsets;
   const auto position = delta_forward(geometry_, angle);
   if (!position) return out;
   const Vec3 p = calibration.scale * fidel::from_delta(*position, depth_);

@@ -30,7 +30,8 @@ class Arm {
     Vec3 wrist{};                // rad: the rotation vector
     Mat3 jacobian{};             // m/rad, frame of the DELTA
   };
-  Measured measured(const std::array<int32_t, 3>& joints, const std::array<int16_t, 3>& wrist, const Calibration& calibration) const noexcept;
+  Measured measured(const std::array<int32_t, 3>& joints, const std::array<int16_t, 3>& wrist,
+                    const Calibration& calibration) const noexcept;
   // A number is 0 and the torques are within the limits. wrench: finite, device frame.
   Command command(const Measured& measured, const Wrench& wrench) const noexcept;
 

@@ -42,7 +42,8 @@ Calibration parsed(const std::string& text, const std::string& file, const std::
   const Json json = Json::parse(text, nullptr, false);
   if (!json.is_object()) bad_file(file, "it is no JSON object, or is damaged");
   if (json.value("format", Json()) != format_name) bad_file(file, std::string("format must be \"") + format_name + "\"");
-  if (json.value("version", Json()) != format_version) bad_file(file, "version is " + json.value("version", Json()).dump() + ", must be 1");
+  if (json.value("version", Json()) != format_version)
+    bad_file(file, "version is " + json.value("version", Json()).dump() + ", must be 1");
   if (json.value("serial", Json()) != serial) {
     bad_file(file, "serial is " + json.value("serial", Json()).dump() + ", but the device is '" + serial + "'");
   }
@@ -62,7 +63,8 @@ void write_whole(const std::string& file, const std::string& text) {
   const std::string temporary = file + "." + std::to_string(getpid()) + ".tmp";
   const int descriptor = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
   if (descriptor < 0) fail(temporary, "the calibration cannot be written", errno);
-  const bool is_written = ::write(descriptor, text.data(), text.size()) == static_cast<ssize_t>(text.size()) && fsync(descriptor) == 0;
+  const bool is_written =
+      ::write(descriptor, text.data(), text.size()) == static_cast<ssize_t>(text.size()) && fsync(descriptor) == 0;
   const int error = errno;
   ::close(descriptor);
   if (is_written && std::rename(temporary.c_str(), file.c_str()) == 0) return;
@@ -78,23 +80,25 @@ Calibration calibrated(const Arm& arm, const std::array<double, 3>& at_first, co
   if (!wanted) refuse(FS_ERROR_INTERNAL, "the centre of the work volume is out of reach");  // Arm makes sure that it is not
   const Vec3 offsets = *wanted - arm.angles(at_first);
   if (!(fidel::largest(offsets) <= offset_max)) {
-    refuse(FS_ERROR_INVALID,
-           "the first place gives joint offsets of %.3f, %.3f, %.3f rad, must be within %g: home the device, put the handle into the hole at "
-           "the centre, and begin again",
-           offsets.x, offsets.y, offsets.z, offset_max);
+    refuse(
+        FS_ERROR_INVALID,
+        "the first place gives joint offsets of %.3f, %.3f, %.3f rad, must be within %g: home the device, put the handle into the hole at "
+        "the centre, and begin again",
+        offsets.x, offsets.y, offsets.z, offset_max);
   }
   const auto position = delta_forward(arm.geometry(), arm.angles(at_second) + offsets);
   const Vec3 way = position ? fidel::from_delta(*position, arm.centre_depth()) - first_place : Vec3{NAN, 0, 0};
   const Vec3 wanted_way = second_place - first_place;
   const double scale = norm(wanted_way) / norm(way);
   if (!(scale >= scale_min && scale <= scale_max)) {
-    refuse(FS_ERROR_INVALID, "the second place is %.1f mm from the first, which gives a scale of %.3f, must be within %g..%g: begin again",
+    refuse(FS_ERROR_INVALID,
+           "the second place is %.1f mm from the first, which gives a scale of %.3f, must be within %g..%g: begin again",
            1e3 * norm(way), scale, scale_min, scale_max);
   }
   constexpr double least_cosine = 0.985;  // 10 degrees
   if (dot(way, wanted_way) < least_cosine * norm(way) * norm(wanted_way)) {
-    refuse(FS_ERROR_INVALID, "the second place is at (%.1f, %.1f, %.1f) mm, must be to the right of the first: begin again", 1e3 * way.x,
-           1e3 * way.y, 1e3 * way.z);
+    refuse(FS_ERROR_INVALID, "the second place is at (%.1f, %.1f, %.1f) mm, must be to the right of the first: begin again",
+           1e3 * way.x, 1e3 * way.y, 1e3 * way.z);
   }
   return {{offsets.x, offsets.y, offsets.z}, scale};
 }
@@ -132,7 +136,8 @@ std::optional<Calibration> read_calibration(const std::string& file, const std::
 }
 
 void write_calibration(const std::string& file, const std::string& serial, const Calibration& calibration) {
-  if (file.empty()) refuse(FS_ERROR_IO, "this user has no home folder, so there is no place for the calibration; set XDG_CONFIG_HOME");
+  if (file.empty())
+    refuse(FS_ERROR_IO, "this user has no home folder, so there is no place for the calibration; set XDG_CONFIG_HOME");
   static_cast<void>(read_calibration(file, serial));  // one that is bad stays
   std::error_code error;
   std::filesystem::create_directories(std::filesystem::path(file).parent_path(), error);

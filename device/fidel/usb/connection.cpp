@@ -58,9 +58,11 @@ uint32_t flags_of(uint16_t status) noexcept {
 
 std::string words_of(uint16_t status) {
   static constexpr std::pair<uint16_t, const char*> all[] = {
-      {status_emergency_stop, "emergency stop"}, {status_over_speed, "a joint was too fast"}, {status_watchdog, "no command for 20 ms"},
-      {status_limited, "torques limited"},       {status_in_holder, "in its holder"},         {status_encoder, "an encoder is wrong"},
-      {status_over_heated, "too hot"},           {status_no_supply, "no supply for the motors"}, {status_no_firmware, "no firmware"}};
+      {status_emergency_stop, "emergency stop"}, {status_over_speed, "a joint was too fast"},
+      {status_watchdog, "no command for 20 ms"}, {status_limited, "torques limited"},
+      {status_in_holder, "in its holder"},       {status_encoder, "an encoder is wrong"},
+      {status_over_heated, "too hot"},           {status_no_supply, "no supply for the motors"},
+      {status_no_firmware, "no firmware"}};
   std::string text = status & status_homed ? "homed" : "not homed, marks passed:";
   for (int joint = 0; joint < 3 && !(status & status_homed); ++joint) text += status & status_mark_1 << joint ? " yes" : " no";
   text += status & status_motors ? ", motors on" : ", motors off";
@@ -78,8 +80,10 @@ UsbConnection::UsbConnection(const Address& address)
     : device_(kind, which_of(address.place()), 0), identity_(ask_identity()), serial_(identity_.serial.data()), arm_(identity_),
       file_(file_of(address, serial_)), calibration_(read_calibration(file_, serial_).value_or(Calibration{})),
       watch_(identity_.joint_counts, 1e-3 * identity_.joint_speed),
-      pipes_(device_, endpoints,
-             [](void* self, const uint8_t* data, size_t size) noexcept { static_cast<UsbConnection*>(self)->take({data, size}); }, this),
+      pipes_(
+          device_, endpoints,
+          [](void* self, const uint8_t* data, size_t size) noexcept { static_cast<UsbConnection*>(self)->take({data, size}); },
+          this),
       requests_(device_) {}
 
 Identity UsbConnection::ask_identity() {
@@ -88,14 +92,15 @@ Identity UsbConnection::ask_identity() {
     const std::vector<uint8_t> bytes = device_.control_answer(to_host, request_identity, 0, 0, identity_size);
     const uint8_t version = version_of_identity(bytes);
     if (version > protocol_version) {
-      refuse(FS_ERROR_VERSION, "the FIDEL speaks version %d of the protocol, this driver only %d: install a newer forceserver", version,
-             protocol_version);
+      refuse(FS_ERROR_VERSION, "the FIDEL speaks version %d of the protocol, this driver only %d: install a newer forceserver",
+             version, protocol_version);
     }
     const auto identity = parse_identity(bytes);
     if (!identity) continue;
     const std::string serial = identity->serial.data();
-    const bool is_good = !serial.empty() && serial.find_first_not_of("ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_.") ==
-                                                std::string::npos;
+    const bool is_good =
+        !serial.empty() &&
+        serial.find_first_not_of("ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_.") == std::string::npos;
     if (!is_good) refuse(FS_ERROR_IO, "the FIDEL has a serial number with other signs than A..Z, a..z, 0..9, '-', '_' and '.'");
     const std::string& of_bus = device_.found().serial;
     if (!of_bus.empty() && of_bus != serial) {
@@ -167,7 +172,8 @@ void UsbConnection::judge(const Report& report, double step) noexcept {
   const auto verdict = is_homed ? watch_.judge(report.joints, step) : EncoderWatch::plausible;
   measured_ = arm_.measured(report.joints, report.wrist, calibration_);
   uint32_t flags = flags_of(report.status);
-  const bool is_known = verdict == EncoderWatch::plausible && measured_.place == Arm::good && !is_calibrating_.load(std::memory_order_relaxed);
+  const bool is_known =
+      verdict == EncoderWatch::plausible && measured_.place == Arm::good && !is_calibrating_.load(std::memory_order_relaxed);
   if (!is_known) flags |= FS_STATE_NOT_HOMED;
   state_.flags = flags ? flags : static_cast<uint32_t>(FS_STATE_READY);
   state_.pose = measured_.place == Arm::good ? measured_.pose : identity_pose();
@@ -232,7 +238,8 @@ std::string UsbConnection::trouble() const {
   if (const auto verdict = static_cast<EncoderWatch::Verdict>(verdict_.load()); verdict != EncoderWatch::plausible) {
     text += std::string("; ") + EncoderWatch::words(verdict) + ": home the device";
   }
-  if (const auto place = static_cast<Arm::Place>(place_.load()); place != Arm::good && is_homed_) text += std::string("; ") + Arm::words(place);
+  if (const auto place = static_cast<Arm::Place>(place_.load()); place != Arm::good && is_homed_)
+    text += std::string("; ") + Arm::words(place);
   if (is_calibrating_) text += "; it is being calibrated";
   return text;
 }
@@ -241,12 +248,14 @@ std::string UsbConnection::told_status() {
   const auto status = parse_status(requests_.ask(to_host, request_status, status_size));
   if (!status) refuse(FS_ERROR_IO, "the status of the FIDEL was damaged; ask again");
   char counts[300];
-  std::snprintf(counts, sizeof counts,
-                ". Reports: %llu good, %llu lost, %llu damaged. Commands: %u accepted, %u refused, %u limited, %llu not taken; the watchdog "
-                "ended them %u times. Firmware %d.%d.",
-                static_cast<unsigned long long>(meter_.reports()), static_cast<unsigned long long>(meter_.lost()),
-                static_cast<unsigned long long>(meter_.damaged_count()), status->accepted, status->refused, status->limited,
-                static_cast<unsigned long long>(commands_lost_.load()), status->watchdog, identity_.firmware >> 8, identity_.firmware & 255);
+  std::snprintf(
+      counts, sizeof counts,
+      ". Reports: %llu good, %llu lost, %llu damaged. Commands: %u accepted, %u refused, %u limited, %llu not taken; the watchdog "
+      "ended them %u times. Firmware %d.%d.",
+      static_cast<unsigned long long>(meter_.reports()), static_cast<unsigned long long>(meter_.lost()),
+      static_cast<unsigned long long>(meter_.damaged_count()), status->accepted, status->refused, status->limited,
+      static_cast<unsigned long long>(commands_lost_.load()), status->watchdog, identity_.firmware >> 8,
+      identity_.firmware & 255);
   return words_of(status->status) + trouble() + counts;
 }
 
@@ -272,8 +281,8 @@ UsbConnection::Means UsbConnection::measure() {
   }
   for (size_t i = 0; i < 3; ++i) {
     if (largest[i] - least[i] > measure_spread) {
-      refuse(FS_ERROR_STATE, "the handle has moved: joint %zu by %.0f counts, must be at most %d. Hold it still and ask again", i + 1,
-             largest[i] - least[i], measure_spread);
+      refuse(FS_ERROR_STATE, "the handle has moved: joint %zu by %.0f counts, must be at most %d. Hold it still and ask again",
+             i + 1, largest[i] - least[i], measure_spread);
     }
     sums[i] /= count;
   }
@@ -290,7 +299,8 @@ std::string UsbConnection::calibrate(const std::string& way) {
   if (!way.empty()) refuse(FS_ERROR_INVALID, "calibrate is '%s', must be cancel or nothing", way.c_str());
   if (!is_homed_) refuse(FS_ERROR_STATE, "the FIDEL is not homed: ask for `home` first");
   if (step_ == idle) {
-    if (file_.empty()) refuse(FS_ERROR_STATE, "no calibration can be kept: the device was opened with calibration=none, or the user has no home");
+    if (file_.empty())
+      refuse(FS_ERROR_STATE, "no calibration can be kept: the device was opened with calibration=none, or the user has no home");
     static_cast<void>(read_calibration(file_, serial_));  // a bad file is told now
     is_calibrating_ = true;
     step_ = at_first;

@@ -27,7 +27,9 @@ class UsbConnection final : public FidelConnection {
   void get_info(fs_device_info& out) const override;
   fs_status receive(fs_state& out) noexcept override;
   fs_status send(const fs_wrench& wrench) noexcept override;
-  fs_status write_model(const fs_model&) noexcept override { return FS_ERROR_UNSUPPORTED; }  // never called: there is no controller
+  fs_status write_model(const fs_model&) noexcept override {
+    return FS_ERROR_UNSUPPORTED;
+  }  // never called: there is no controller
   fs_status get_link(fs_link& out) noexcept override { return meter_.get(out); }
   std::string control(const std::string& request) override;
 
@@ -74,7 +76,7 @@ class UsbConnection final : public FidelConnection {
   Means first_{};
   Calibration next_;  // is_to_change_: the thread of receive takes it
 
-  UsbPipes pipes_;       // the last but one: it calls take
+  UsbPipes pipes_;  // the last but one: it calls take
   UsbRequests requests_;
 };
 

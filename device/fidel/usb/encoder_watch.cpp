@@ -24,7 +24,8 @@ const char* EncoderWatch::words(Verdict verdict) noexcept {
   return "";
 }
 
-EncoderWatch::EncoderWatch(double joint_counts, double joint_speed) noexcept : joint_counts_(joint_counts), joint_speed_(joint_speed) {}
+EncoderWatch::EncoderWatch(double joint_counts, double joint_speed) noexcept
+    : joint_counts_(joint_counts), joint_speed_(joint_speed) {}
 
 // As far as a hand moves a joint in this time (s).
 double EncoderWatch::limit(double time) const noexcept {

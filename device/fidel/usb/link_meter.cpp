@@ -48,7 +48,8 @@ void LinkMeter::came(const Report& report, uint32_t lost_before, double now) noe
   const uint64_t bad = lost() + damaged_count();
   const double good = static_cast<double>(reports - reports_before_);
   rate_.store(good / (now - second_began_), std::memory_order_relaxed);
-  loss_.store(static_cast<double>(bad - bad_before_) / (good + static_cast<double>(bad - bad_before_)), std::memory_order_relaxed);
+  loss_.store(static_cast<double>(bad - bad_before_) / (good + static_cast<double>(bad - bad_before_)),
+              std::memory_order_relaxed);
   second_began_ = now;
   reports_before_ = reports;
   bad_before_ = bad;

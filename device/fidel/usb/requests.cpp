@@ -28,7 +28,9 @@ struct UsbRequests::Asked {
   ~Asked() { libusb_free_transfer(transfer); }
 };
 
-void UsbRequests::done(libusb_transfer* transfer) { static_cast<Asked*>(transfer->user_data)->is_done.store(true, std::memory_order_release); }
+void UsbRequests::done(libusb_transfer* transfer) {
+  static_cast<Asked*>(transfer->user_data)->is_done.store(true, std::memory_order_release);
+}
 
 UsbRequests::UsbRequests(UsbDevice& device) noexcept : device_(device) {}
 
@@ -36,7 +38,9 @@ UsbRequests::~UsbRequests() {
   for (const auto& asked : asked_) {
     if (!asked->is_done) libusb_cancel_transfer(asked->transfer);
   }
-  const auto are_done = [this] { return std::all_of(asked_.begin(), asked_.end(), [](const auto& asked) { return asked->is_done.load(); }); };
+  const auto are_done = [this] {
+    return std::all_of(asked_.begin(), asked_.end(), [](const auto& asked) { return asked->is_done.load(); });
+  };
   for (int i = 0; i < waits && !are_done(); ++i) {
     timeval time{0, 1000};
     libusb_handle_events_timeout_completed(device_.context(), &time, nullptr);
@@ -69,7 +73,8 @@ std::vector<uint8_t> UsbRequests::ask(uint8_t type, uint8_t request, uint16_t si
     case LIBUSB_TRANSFER_COMPLETED: break;
     case LIBUSB_TRANSFER_STALL: refuse(FS_ERROR_STATE, "the device refuses the request at present");
     case LIBUSB_TRANSFER_NO_DEVICE: refuse(FS_ERROR_DISCONNECTED, "the device was unplugged");
-    case LIBUSB_TRANSFER_TIMED_OUT: refuse(FS_ERROR_TIMEOUT, "the device does not answer the request within %u ms", answer_within);
+    case LIBUSB_TRANSFER_TIMED_OUT:
+      refuse(FS_ERROR_TIMEOUT, "the device does not answer the request within %u ms", answer_within);
     default: refuse(FS_ERROR_IO, "the request has failed on the bus");
   }
   const uint8_t* const data = libusb_control_transfer_get_data(asked.transfer);

@@ -117,8 +117,9 @@ void FidelModel::tick() {
               fidel::turned(t[0] * fs::cross(y, z) + t[1] * fs::cross(z, x) + t[2] * fs::cross(x, y));
   }
   b.wrist = b.wrist + 0.1 * ((1e-6 / grip) * fs_vec3{double(t[3]), double(t[4]), double(t[5])} - b.wrist);
-  b.largest_force = std::max(b.largest_force, fs::norm(b.force));
-  if (std::any_of(t, t + 6, [](int32_t torque) { return torque != 0; })) b.last_torque = b.clock;
+  if (!std::any_of(t, t + 6, [](int32_t torque) { return torque != 0; })) return;
+  if (b.last_torque != b.clock - tick_length) b.largest_start = std::max(b.largest_start, fs::norm(b.force));
+  b.last_torque = b.clock;
 }
 
 void FidelModel::advance(double time) {
@@ -170,7 +171,8 @@ int FidelModel::out(uint8_t endpoint, Bytes data, double time) {
   if (endpoint != 0x01) return -EPIPE;
   ++body_->commands;
   body_->last_command = body_->clock;
-  if (!body_->is_deaf) fidel_firmware_command(&body_->firmware, data.data(), data.size(), body_->clock);
+  const auto after_tick = static_cast<uint32_t>(std::lround(1e6 * std::max(0.0, time - body_->time)));
+  if (!body_->is_deaf) fidel_firmware_command(&body_->firmware, data.data(), data.size(), body_->clock + after_tick);
   return static_cast<int>(data.size());
 }
 

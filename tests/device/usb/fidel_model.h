@@ -51,7 +51,7 @@ struct FidelBody {
   uint32_t commands = 0, reports = 0;
   uint32_t last_torque = 0;        // us of its clock, when a torque acted last
   uint32_t last_command = 0;       // us, when the last command came
-  double largest_force = 0;        // N, since a test set it to 0
+  double largest_start = 0;        // N, of the forces with which the motors began, since a test set it to 0
 };
 
 class FidelModel final : public UsbModel {
