@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "device/falcon/firmware.h"
 #include "device/support/address.h"
@@ -14,6 +15,8 @@ namespace fs::falcon {
 namespace {
 
 constexpr double report_within = 0.005;    // s, then the command is sent again
+constexpr double second_within = 0.003;    // s, for the report of a command that was sent again
+constexpr uint64_t most_reports = 10;      // that are waited for then
 constexpr double stale_after = 0.010;      // s without a report: no force
 constexpr double silent_after = 1;         // s without a report: the device is closed, and opened again
 constexpr double take_within = 0.003;      // s, for the command before
@@ -86,8 +89,11 @@ Falcon::~Falcon() {
 void Falcon::start_pipes() {
   reports_.clear();
   report_time_ = steady_now();
-  doubt();
+  doubt(FS_STATE_CONNECTING);
   watch_.reset();
+  verdict_ = EncoderWatch::good;
+  pose_ = std::nullopt;
+  is_waiting_ = has_sent_twice_ = false;
   link_.forget();
   const UsbEndpoints endpoints{endpoint_in, endpoint_out, usb_packet, packet_size, false};
   pipes_.emplace(usb_, endpoints, take, this);
@@ -115,9 +121,22 @@ void Falcon::take(void* self, const uint8_t* data, size_t size) noexcept {
   });
 }
 
-void Falcon::doubt() noexcept {
+void Falcon::doubt(uint32_t reason) noexcept {
+  reason_ = reason;
   settled_ = 0;
   is_ready_ = false;
+}
+
+// Until there are more reports than `known`. IO: what came is no report, or a fault of the bus.
+fs_status Falcon::await_report(double within, uint64_t known) noexcept {
+  const double until = steady_now() + within;
+  const uint64_t stray = reports_.stray();
+  while (count_ == known) {
+    const fs_status status = pipes_->receive(std::max(0.0, until - steady_now()));
+    if (status != FS_OK) return status;
+    if (count_ == known && reports_.stray() != stray) return FS_ERROR_IO;
+  }
+  return FS_OK;
 }
 
 fs_status Falcon::receive(fs_state& out) noexcept {
@@ -133,17 +152,21 @@ fs_status Falcon::receive(fs_state& out) noexcept {
     return FS_OK;
   }
   out.pose.position = position_;  // the last that is known
-  const double until = steady_now() + report_within;
-  fs_status status = FS_OK;
-  while (count_ == told_ && status == FS_OK) status = pipes_->receive(std::max(0.0, until - steady_now()));
+  fs_status status = await_report(report_within, told_);
+  if (status == FS_OK && std::exchange(has_sent_twice_, false)) {
+    // Either the first command was lost, or its report is late; then that of the second comes, too, and commands would queue for good.
+    uint64_t before;
+    do before = count_;
+    while (await_report(second_within, before) == FS_OK && count_ - told_ < most_reports);
+  }
   const double time = steady_now();
   if (status == FS_ERROR_DISCONNECTED) {
     is_ready_ = false;
     return status;
   }
-  const bool has_come = status == FS_OK && count_ != told_;
-  if (has_come) {
+  if (status == FS_OK) {
     told_ = count_;
+    is_waiting_ = false;
     link_.came(time);
     has_answered_ = true;
     judge(time, out);
@@ -157,15 +180,14 @@ fs_status Falcon::receive(fs_state& out) noexcept {
 
 fs_status Falcon::without_report(fs_status status, double time, fs_state& out) noexcept {
   const double silence = time - report_time_;
-  if (status != FS_ERROR_TIMEOUT) doubt();
+  if (status != FS_ERROR_TIMEOUT) doubt(FS_STATE_CONNECTING);
   if (!has_answered_ && status == FS_ERROR_TIMEOUT) {
     out.flags = FS_STATE_FIRMWARE_MISSING;
     return FS_OK;
   }
   if (silence > silent_after) return FS_ERROR_DISCONNECTED;
   if (status != FS_ERROR_TIMEOUT || silence < stale_after) return status;
-  doubt();
-  out.flags = FS_STATE_CONNECTING;
+  doubt(out.flags = FS_STATE_CONNECTING);
   return FS_OK;
 }
 
@@ -178,21 +200,19 @@ void Falcon::judge(double time, fs_state& out) noexcept {
   }
   if (is_homing_ && is_homed(newest_) && time - homing_since_ > homing_at_least) {
     is_homing_ = false;
-    doubt();
+    doubt(FS_STATE_NOT_HOMED);
     watch_.reset();
   }
   if (is_homing_ || !is_homed(newest_)) {  // the origin jumps when it is homed
-    doubt();
+    doubt(out.flags = FS_STATE_NOT_HOMED);
     watch_.reset();
     verdict_ = EncoderWatch::good;
     pose_ = std::nullopt;
-    out.flags = FS_STATE_NOT_HOMED;
     return;
   }
   verdict_ = watch_.update(newest_.encoders, time);
   if (verdict_ != EncoderWatch::good) {
-    doubt();
-    out.flags = FS_STATE_NOT_HOMED;
+    doubt(out.flags = FS_STATE_NOT_HOMED);
     return;
   }
   const Vec3 angles = angles_of(newest_.encoders);
@@ -200,14 +220,13 @@ void Falcon::judge(double time, fs_state& out) noexcept {
   if (!pose && pose_) pose = pose_at(angles);
   pose_ = pose;
   if (!pose_) {  // no position of the handle has these angles
-    doubt();
-    out.flags = FS_STATE_NOT_HOMED;
+    doubt(out.flags = FS_STATE_NOT_HOMED);
     return;
   }
   position_ = out.pose.position = to_device(pose_->position - centre);
   settled_ = std::min(settled_ + 1, reports_to_settle);
   is_ready_ = settled_ == reports_to_settle;
-  out.flags = is_ready_ ? FS_STATE_READY : FS_STATE_CONNECTING;
+  out.flags = is_ready_ ? uint32_t{FS_STATE_READY} : reason_;
 }
 
 Command Falcon::command_for(const fs_wrench& wrench, double time) const noexcept {
@@ -231,8 +250,13 @@ fs_status Falcon::send(const fs_wrench& wrench) noexcept {
   const double time = steady_now();
   const Packet packet = packet_of(command_for(wrench, time));
   const fs_status status = pipes_->send(packet.data(), packet.size(), take_within);
-  if (status == FS_OK) link_.sent(time);
-  else if (status != FS_ERROR_TIMEOUT) doubt();
+  if (status == FS_OK) {
+    link_.sent(time);
+    has_sent_twice_ = has_sent_twice_ || is_waiting_;
+    is_waiting_ = true;
+  } else if (status != FS_ERROR_TIMEOUT) {
+    doubt(FS_STATE_CONNECTING);
+  }
   return status;
 }
 
@@ -304,7 +328,7 @@ void Falcon::tell() noexcept {
   if (!lock) return;
   now_.report = newest_;
   now_.reports = count_;
-  now_.broken = reports_.broken();
+  now_.stray = reports_.stray();
   now_.usb = pipes_->counts();
   if (!has_answered_) now_.condition = "no firmware";
   else if (verdict_ == EncoderWatch::jumped) now_.condition = "an encoder has jumped: home it";
@@ -320,10 +344,10 @@ std::string Falcon::status() {
   char text[400];
   std::snprintf(
       text, sizeof text,
-      "%s; encoders %d, %d, %d; homed motors %d%d%d; %llu reports, %llu broken; on the USB: stalls %llu, too long %llu, errors "
+      "%s; encoders %d, %d, %d; homed motors %d%d%d; %llu reports, %llu stray bytes; on the USB: stalls %llu, too long %llu, errors "
       "%llu, commands lost %llu",
       now_.condition, report.encoders[0], report.encoders[1], report.encoders[2], (report.bits >> 4) & 1, (report.bits >> 5) & 1,
-      (report.bits >> 6) & 1, number(now_.reports), number(now_.broken), number(now_.usb.stalls), number(now_.usb.overlong),
+      (report.bits >> 6) & 1, number(now_.reports), number(now_.stray), number(now_.usb.stalls), number(now_.usb.overlong),
       number(now_.usb.errors), number(now_.usb.lost));
   return text;
 }

@@ -55,12 +55,12 @@ class Falcon {
 
   void start_pipes();
   static void take(void* self, const uint8_t* data, size_t size) noexcept;
+  fs_status await_report(double within, uint64_t known) noexcept;
   void judge(double time, fs_state& out) noexcept;
   fs_status without_report(fs_status status, double time, fs_state& out) noexcept;
-  void doubt() noexcept;
+  void doubt(uint32_t reason) noexcept;  // not ready, until some reports have come without trouble
   void tell() noexcept;
   Command command_for(const fs_wrench& wrench, double time) const noexcept;
-  void begin_homing();
   std::string load(const std::string& path);
   std::string status();
 
@@ -78,10 +78,13 @@ class Falcon {
   uint64_t count_ = 0, told_ = 0;        // reports; those that receive has told of
   double report_time_ = 0;               // s, monotonic clock, of the newest; or when the device was opened
   bool has_answered_ = false;
+  bool is_waiting_ = false;              // a command has not been answered
+  bool has_sent_twice_ = false;          // another was sent meanwhile
   bool is_homing_ = false;
   double homing_since_ = 0;              // s
   EncoderWatch watch_;
   EncoderWatch::Verdict verdict_ = EncoderWatch::good;
+  uint32_t reason_ = FS_STATE_CONNECTING;  // why it is not ready
   int settled_ = 0;                      // good reports since the last fault
   std::optional<Pose> pose_;             // of the newest report
   Vec3 position_{};                      // m, device frame, the last that was known
@@ -91,7 +94,7 @@ class Falcon {
   // What the request "status" tells, as of the newest report or fault.
   struct Told {
     Report report;
-    uint64_t reports = 0, broken = 0;
+    uint64_t reports = 0, stray = 0;
     UsbPipes::Counts usb;
     const char* condition = "it has not answered yet";
   };

@@ -45,6 +45,7 @@ std::optional<Report> report_of(const Packet& packet) noexcept {
 void Reports::drop_first() noexcept {
   std::copy(bytes_.begin() + 1, bytes_.begin() + static_cast<std::ptrdiff_t>(count_), bytes_.begin());
   --count_;
+  ++stray_;
 }
 
 void Reports::find_start() noexcept {

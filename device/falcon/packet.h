@@ -41,7 +41,6 @@ class Reports {
   template <class Take>
   void put(const uint8_t* data, size_t size, Take take) noexcept {
     for (size_t i = 0; i < size; ++i) {
-      if (count_ == packet_size) drop_first();
       bytes_[count_++] = data[i];
       find_start();
       if (count_ < packet_size) continue;
@@ -50,14 +49,13 @@ class Reports {
         take(*report);
         count_ = 0;
       } else {
-        ++broken_;
         drop_first();
         find_start();
       }
     }
   }
   void clear() noexcept { count_ = 0; }
-  uint64_t broken() const noexcept { return broken_; }  // beginnings of which no report came
+  uint64_t stray() const noexcept { return stray_; }  // bytes so far that belong to no report
 
  private:
   void drop_first() noexcept;
@@ -65,7 +63,7 @@ class Reports {
 
   Packet bytes_{};
   size_t count_ = 0;
-  uint64_t broken_ = 0;
+  uint64_t stray_ = 0;
 };
 
 }  // namespace fs::falcon

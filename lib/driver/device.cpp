@@ -247,7 +247,10 @@ void fs_device::control(const char* request, fs_answer& out) {
   const Inside inside(*this);
   if (has_ended_) fs::fail(FS_ERROR_STATE, "the process is ending, and the device with it");
   const std::shared_ptr<fs::Opened> opened = thread_ ? thread_->device() : opened_;
-  if (!opened) fs::fail(FS_ERROR_DISCONNECTED, "the device is not connected");
+  if (!opened) {
+    const std::string why = trouble();
+    fs::fail(FS_ERROR_DISCONNECTED, "the device is not connected%s%s", why.empty() ? "" : ": ", why.c_str());
+  }
   fs::ask_driver(driver_, "control", [&] { return driver_.control(opened->self(), request, out.text, sizeof out.text); });
   out.text[sizeof out.text - 1] = 0;
 }

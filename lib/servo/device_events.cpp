@@ -40,15 +40,17 @@ void DeviceEvents::note(const Tick& tick) noexcept {
   const uint32_t latched = tick.faults & ~device_fault;
   const Reason reason = tick.status != FS_OK ? lost : !(tick.flags & FS_STATE_READY) ? not_ready : too_old;
   const uint32_t why = is_ready ? 0 : tick.flags & state_reason_bits;
+  const bool is_gone = tick.status == FS_ERROR_DISCONNECTED;
   const auto add = [&](fs_status status, uint32_t faults) {
     leave({written_.load(std::memory_order_relaxed), tick.time, status, faults, latched, reason, static_cast<uint16_t>(why),
            tick.age});
   };
   if (is_ready && !is_ready_) add(FS_OK, 0);
-  if (!is_ready && (is_ready_ || (why && why != told_))) add(tick.status != FS_OK ? tick.status : FS_ERROR_STATE, device_fault);
+  if (!is_ready && (is_ready_ || (why && why != told_) || (is_gone && !is_gone_))) add(tick.status != FS_OK ? tick.status : FS_ERROR_STATE, device_fault);
   if (const uint32_t fresh = latched & ~latched_) add(FS_ERROR_STATE, fresh);
   told_ = why;
   is_ready_ = is_ready;
+  is_gone_ = is_gone;
   latched_ = latched;
 }
 

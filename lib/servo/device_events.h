@@ -54,7 +54,7 @@ class DeviceEvents {
   void leave(const Event& event) noexcept;
 
   // Only the tick uses these.
-  bool is_ready_ = false;
+  bool is_ready_ = false, is_gone_ = false;  // is_gone_: DISCONNECTED
   uint32_t latched_ = 0, told_ = 0;  // told_: why the device is not ready, FS_STATE_ bits
 
   std::array<Seqlock<Event>, capacity> events_;

@@ -303,6 +303,12 @@ START_TEST(the_reason_is_told) {
     device.on_state = [](fs_state& s, uint64_t) { s.flags = FS_STATE_STOPPED | FS_STATE_TOO_FAST; };
   }
   ck_assert(until([&] { return !event_with(loop.scene.get(), "emergency stop").empty(); }));
+  {
+    const std::lock_guard lock(device.mutex);
+    device.receive_status = FS_ERROR_DISCONNECTED;
+    device.open_status = FS_ERROR_NOT_FOUND;
+  }
+  ck_assert(until([&] { return !event_with(loop.scene.get(), "lost").empty(); }));  // though it was not ready before
   ck_assert_str_eq(fs_state_reason(0), "");
   ck_assert_str_eq(fs_state_reason(FS_STATE_READY | FS_STATE_CLUTCHED), "");
   ck_assert_str_eq(fs_state_reason(1u << 31), "");

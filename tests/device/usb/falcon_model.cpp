@@ -142,8 +142,8 @@ void FalconModel::command() {
   if ((lights & 1) && homes_when_asked) is_homed = true;
   ++commands;
   last_command_ = time_;
-  if (!owes_report_) report_at_ = time_ + answer_after;
-  owes_report_ = true;
+  owed_.push_back(std::max(owed_.empty() ? 0 : owed_.back(), time_ + std::exchange(late, 0)) + answer_after);
+  most_owed = std::max(most_owed, owed_.size());
 }
 
 void FalconModel::report() {
@@ -162,8 +162,7 @@ void FalconModel::report() {
 int FalconModel::in(uint8_t endpoint, size_t capacity, std::vector<uint8_t>& data, double time) {
   if (endpoint != 0x81) return -EPIPE;
   advance(time);
-  if (owes_report_ && time >= report_at_) {
-    owes_report_ = false;
+  for (; !owed_.empty() && time >= owed_.front(); owed_.pop_front()) {
     if (answers) report();
   }
   if (for_host_.empty() && time < last_in_ + 1e-3 * latency_) return -EAGAIN;

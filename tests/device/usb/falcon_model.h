@@ -23,6 +23,7 @@ class FalconModel final : public UsbModel {
   bool is_homed = true;
   bool homes_when_asked = true;      // a command with the homing bit homes it: somebody moves the handle as it must be
   bool answers = true;               // false: its reports stop
+  double late = 0;                   // s, by which the next report comes too late, once
   std::array<int, 3> encoder_offset{};           // a jump
   std::array<bool, 3> is_encoder_stuck{};
   int odd_buttons = 0;
@@ -39,6 +40,7 @@ class FalconModel final : public UsbModel {
   int lights = 0;                                // bits of the newest command: homing 1, red 2, green 4, blue 8
   int most_motor = 0;                            // the largest command that was ever seen
   uint64_t commands = 0, nonsense = 0;           // packets; bytes that are none
+  size_t most_owed = 0;                          // commands that waited for their report at a time
   double last_force_time = 0;                    // s, of the clock of the bus: until when it had a force
   double time() const { return time_; }
 
@@ -64,8 +66,8 @@ class FalconModel final : public UsbModel {
   bool dtr_ = false, is_listening_ = false, is_loading_ = false, is_announced_ = false;
   std::vector<uint8_t> heard_, image_, packet_;
   std::deque<uint8_t> for_host_;
-  double time_ = 0, last_in_ = 0, last_command_ = 0, report_at_ = 0;
-  bool owes_report_ = false;
+  double time_ = 0, last_in_ = 0, last_command_ = 0;
+  std::deque<double> owed_;          // s, when each report is due
   std::array<int, 3> stuck_at_{};
   fs_vec3 position_{0, 0, 0.125}, velocity_{}, force_{};
 };

@@ -56,6 +56,7 @@ struct FalconRig {
   }
 };
 
+inline bool pushes(const FalconRig& rig) { return rig.push() > 0.5; }
 inline fs_state state_of(fs_device* device) {
   fs_state state{};
   fs_device_read(device, &state);

@@ -171,7 +171,8 @@ int FidelModel::out(uint8_t endpoint, Bytes data, double time) {
   if (endpoint != 0x01) return -EPIPE;
   ++body_->commands;
   body_->last_command = body_->clock;
-  if (!body_->is_deaf) fidel_firmware_command(&body_->firmware, data.data(), data.size(), body_->clock);
+  const auto after_tick = static_cast<uint32_t>(std::lround(1e6 * std::max(0.0, time - body_->time)));
+  if (!body_->is_deaf) fidel_firmware_command(&body_->firmware, data.data(), data.size(), body_->clock + after_tick);
   return static_cast<int>(data.size());
 }
 

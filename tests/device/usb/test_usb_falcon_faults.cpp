@@ -10,8 +10,6 @@ using namespace scenes;
 
 namespace {
 
-bool pushes(const FalconRig& rig) { return rig.push() > 0.5; }
-
 // How long the hand felt a force after the trouble began, as the Falcon saw it (s). Waits until there is none.
 double felt_after(const FalconRig& rig, double begin) {
   ck_assert(until([&] { return rig.push() == 0; }));
@@ -26,6 +24,7 @@ constexpr double soon = 0.5;  // s
 struct Trouble {
   const char* name;
   std::function<void(FalconRig&)> begin, end;
+  bool may_last = false;  // is tried for longer than the driver keeps a silent device open
 };
 
 void endure(const Trouble& trouble, double lasting) {
@@ -38,7 +37,7 @@ void endure(const Trouble& trouble, double lasting) {
   const double felt = felt_after(rig, begin);
   std::this_thread::sleep_for(std::chrono::duration<double>(lasting));
   ck_assert_msg(rig.push() == 0, "%s: a force of %g N", trouble.name, rig.push());
-  rig.change([](FalconModel& model) { model.most_motor = 0; });
+  if (trouble.may_last && lasting > 1) ck_assert_uint_gt(rig.bus.counts(1).opens, 1);  // it was opened anew
   trouble.end(rig);
   const bool is_back = until([&] { return pushes(rig); });
   ck_assert_msg(is_back, "%s: no force came back", trouble.name);
@@ -53,15 +52,15 @@ const std::vector<Trouble>& troubles() {
       {"errors on the bus", [](FalconRig& rig) { rig.fault(UsbFault::error); }, none},
       {"reports that are too long", [](FalconRig& rig) { rig.fault(UsbFault::overlong); }, none},
       {"reports that are cut", [](FalconRig& rig) { rig.fault(UsbFault::shortened); }, none},
-      {"garbage", [](FalconRig& rig) { rig.fault(UsbFault::garbage); }, none},
-      {"no transfer comes", [](FalconRig& rig) { rig.fault(UsbFault::silence); }, none},
+      {"garbage", [](FalconRig& rig) { rig.fault(UsbFault::garbage); }, none, true},
+      {"no transfer comes", [](FalconRig& rig) { rig.fault(UsbFault::silence); }, none, true},
       {"the Falcon is silent", [](FalconRig& rig) { rig.change([](FalconModel& m) { m.answers = false; }); },
-       [](FalconRig& rig) { rig.change([](FalconModel& m) { m.answers = true; }); }},
+       [](FalconRig& rig) { rig.change([](FalconModel& m) { m.answers = true; }); }, true},
       {"commands stall", [](FalconRig& rig) { rig.fault(UsbFault::none, UsbFault::stall); }, none},
       {"commands fail", [](FalconRig& rig) { rig.fault(UsbFault::none, UsbFault::error); }, none},
-      {"commands are not taken", [](FalconRig& rig) { rig.fault(UsbFault::none, UsbFault::silence); }, none},
-      {"all stalls", [](FalconRig& rig) { rig.fault(UsbFault::stall, UsbFault::stall, UsbFault::stall); }, none},
-      {"nothing works", [](FalconRig& rig) { rig.fault(UsbFault::silence, UsbFault::silence, UsbFault::silence); }, none},
+      {"commands are not taken", [](FalconRig& rig) { rig.fault(UsbFault::none, UsbFault::silence); }, none, true},
+      {"all stalls", [](FalconRig& rig) { rig.fault(UsbFault::stall, UsbFault::stall, UsbFault::stall); }, none, true},
+      {"nothing works", [](FalconRig& rig) { rig.fault(UsbFault::silence, UsbFault::silence, UsbFault::silence); }, none, true},
       {"it is no longer homed",
        [](FalconRig& rig) { rig.change([](FalconModel& m) { m.is_homed = m.homes_when_asked = false; }); },
        [](FalconRig& rig) { rig.change([](FalconModel& m) { m.homes_when_asked = true; }); }},
@@ -74,7 +73,10 @@ const std::vector<Trouble>& troubles() {
 // For a moment, and so long that the driver opens the device again.
 START_TEST(troubles_of_a_moment) { endure(troubles()[static_cast<size_t>(_i)], 0.05); }
 END_TEST
-START_TEST(troubles_that_last) { endure(troubles()[static_cast<size_t>(_i)], 1.5); }
+START_TEST(troubles_that_last) {
+  const Trouble& trouble = troubles()[static_cast<size_t>(_i)];
+  if (trouble.may_last) endure(trouble, 1.5);
+}
 END_TEST
 
 START_TEST(an_encoder_that_jumps) {
@@ -94,6 +96,26 @@ START_TEST(an_encoder_that_jumps) {
   OK(fs_device_control(device.get(), "home", &answer));
   rig.change([](FalconModel& model) { model.encoder_offset = {}; });  // homing finds the origin
   ck_assert(until([&] { return pushes(rig); }));
+}
+END_TEST
+
+// A command is sent again when its report is late. When both have come, there is one on its way again, not two for ever.
+START_TEST(a_late_report_makes_no_queue) {
+  FalconRig rig;
+  const Device device = open_device("falcon:0");
+  ck_assert(until([&] { return is_ready(device.get()); }));
+  for (int i = 0; i < 3; ++i) {
+    rig.change([](FalconModel& model) {
+      model.late = 0.007;
+      model.most_owed = 0;
+    });
+    ck_assert(until([&] { return rig.see([](FalconModel& model) { return model.most_owed; }) >= 2; }));
+    ck_assert(until([&] {
+      rig.change([](FalconModel& model) { model.most_owed = 0; });
+      std::this_thread::sleep_for(std::chrono::milliseconds(30));
+      return rig.see([](FalconModel& model) { return model.most_owed; }) == 1;
+    }));
+  }
 }
 END_TEST
 
@@ -123,162 +145,6 @@ START_TEST(an_encoder_that_is_stuck) {
 }
 END_TEST
 
-// ------------------------------------------------------------------------------------------------------------------ unplugged
-
-namespace {
-
-// Opens the device while it is unplugged; any status but OK, or a device that is lost at once, is right; then it is there again.
-void unplug_while_opening(UsbMoment moment, uint64_t count, Unplug how) {
-  FalconRig rig;
-  rig.bus.unplug_at(1, moment, count, how);
-  fs_device* raw = nullptr;
-  const fs_status status = fs_device_open("falcon:0", &raw);
-  if (status == FS_OK) {
-    const Device device(raw);
-    ck_assert(until([&] { return !rig.bus.is_plugged(1); }));
-    fs_state state{};
-    ck_assert(until([&] { return fs_device_read(device.get(), &state) == FS_ERROR_DISCONNECTED; }));
-  } else {
-    ck_assert_msg(status == FS_ERROR_DISCONNECTED || status == FS_ERROR_NOT_FOUND || status == FS_ERROR_IO, "%s: %s",
-                  fs_status_name(status), fs_last_error());
-    if (how == Unplug::in_flight && count < 3) std::printf("  %s\n", fs_last_error());
-  }
-  ck_assert(until([&] { return rig.bus.counts(1).open_now == 0; }));
-  rig.bus.plug(1, rig.falcon);
-  const Device device = open_device("falcon:0");
-  ck_assert(until([&] { return is_ready(device.get()); }));
-}
-
-}  // namespace
-
-START_TEST(unplugged_while_it_is_opened) {
-  for (const Unplug how : {Unplug::in_flight, Unplug::between}) {
-    unplug_while_opening(UsbMoment::open, 1, how);
-    unplug_while_opening(UsbMoment::claim, 1, how);
-  }
-}
-END_TEST
-START_TEST(unplugged_while_it_is_set_up) {
-  for (const Unplug how : {Unplug::in_flight, Unplug::between}) {
-    for (uint64_t i = 1; i <= 6; ++i) unplug_while_opening(UsbMoment::control, i, how);
-    for (uint64_t i = 1; i <= 3; ++i) unplug_while_opening(UsbMoment::out, i, how);
-    for (uint64_t i = 1; i <= 4; ++i) unplug_while_opening(UsbMoment::in, i, how);
-  }
-}
-END_TEST
-
-// While it pushes; the same device comes back in the same handle.
-START_TEST(unplugged_while_it_pushes) {
-  FalconRig rig;
-  const Device device = open_device("falcon:0");
-  Pushing pushing(device.get(), {0.01, 0, 0});
-  const auto recover = [&](const char* what) {
-    ck_assert(until([&] { return !rig.bus.is_plugged(1) && pushing.event_with("lost"); }));
-    ck_assert(until([&] { return rig.bus.counts(1).open_now == 0; }));
-    const double begin = now_s();
-    rig.change([](FalconModel& model) { model.rest(); });
-    rig.bus.plug(1, rig.falcon);
-    ck_assert(until([&] { return pushes(rig); }));
-    std::printf("  %s: pushes again %.2f s after it was plugged in\n", what, now_s() - begin);
-  };
-  for (const Unplug how : {Unplug::in_flight, Unplug::between}) {
-    for (const UsbMoment moment : {UsbMoment::in, UsbMoment::out}) {
-      for (const uint64_t count : {1, 2}) {
-        ck_assert(until([&] { return pushes(rig); }));
-        rig.bus.unplug_at(1, moment, count, how);
-        recover(moment == UsbMoment::in ? "a report" : "a command");
-      }
-    }
-    ck_assert(until([&] { return pushes(rig); }));
-    rig.bus.unplug(1, how);
-    recover("at any moment");
-  }
-}
-END_TEST
-
-START_TEST(another_one_is_refused) {
-  FalconRig rig;
-  const Device device = open_device("falcon:0");
-  Pushing pushing(device.get(), {0.01, 0, 0});
-  ck_assert(until([&] { return pushes(rig); }));
-  rig.bus.unplug(1, Unplug::in_flight);
-  ck_assert(until([&] { return rig.bus.counts(1).open_now == 0; }));
-  const uint64_t opens = rig.bus.counts(1).opens;
-  const auto other = FalconRig::made("B2");
-  rig.bus.plug(1, other);
-  // It was opened and closed; the event tells what is known when it is asked for.
-  ck_assert(until([&] { return rig.bus.counts(1).opens > opens && rig.bus.counts(1).open_now == 0; }));
-  ck_assert(until([&] { return rig.bus.counts(1).opens > opens + 1; }));
-  ck_assert(pushing.event_with("another device is there: Novint Falcon, serial 'B2'"));
-  rig.bus.with_models([&] { ck_assert_int_eq(other->most_motor, 0); });
-  rig.bus.unplug(1, Unplug::between);
-  ck_assert(until([&] { return rig.bus.counts(1).open_now == 0; }));
-  rig.change([](FalconModel& model) { model.rest(); });
-  rig.bus.plug(1, rig.falcon);
-  ck_assert(until([&] { return pushes(rig); }));
-}
-END_TEST
-
-START_TEST(two_at_once) {
-  FalconRig rig;
-  const auto other = FalconRig::made("B2");
-  rig.bus.plug(2, other);
-  const Device one = open_device("falcon:A1"), two = open_device("falcon:1");
-  fs_device_info info = fs_device_info_init();
-  OK(fs_device_get_info(two.get(), &info));
-  ck_assert_str_eq(info.serial, "B2");
-  Pushing right(one.get(), {0.01, 0, 0}), up(two.get(), {0, 0, 0.01});
-  const auto force_of_other = [&] {
-    fs_vec3 force{};
-    rig.bus.with_models([&] { force = other->force(); });
-    return force;
-  };
-  const auto both_push = [&] {
-    const fs_vec3 first = rig.see([](FalconModel& model) { return model.force(); }), second = force_of_other();
-    return first.x > 0.5 && std::fabs(first.y) < 0.2 && second.y > 0.5 && std::fabs(second.x) < 0.2;
-  };
-  ck_assert(until(both_push));
-  rig.bus.unplug(1, Unplug::in_flight);
-  ck_assert(until([&] { return right.event_with("lost"); }));
-  uint64_t before = 0;
-  rig.bus.with_models([&] { before = other->commands; });
-  ck_assert(until([&] {
-    uint64_t commands = 0;
-    rig.bus.with_models([&] { commands = other->commands; });
-    return commands > before + 100;
-  }));
-  ck_assert_double_gt(force_of_other().y, 0.5);
-  rig.change([](FalconModel& model) { model.rest(); });
-  rig.bus.plug(1, rig.falcon);
-  ck_assert(until(both_push));
-}
-END_TEST
-
-// What is cancelled does not come back: the device is closed all the same, within some seconds.
-START_TEST(a_close_that_hangs) {
-  FalconRig rig;
-  UsbFaults faults;
-  {
-    const Device device = open_device("falcon:0");
-    ck_assert(until([&] { return is_ready(device.get()); }));
-    faults.in = UsbFault::silence;
-    faults.is_stuck = true;
-    rig.bus.set(1, faults);
-  }
-  faults = {};
-  rig.bus.set(1, faults);
-}
-END_TEST
-
-// A process that is killed sends nothing any more: the Falcon's own watchdog ends its force.
-START_TEST(reports_are_asked_for_while_nobody_has_a_servo) {
-  FalconRig rig;
-  const Device device = open_device("falcon:0");
-  const uint64_t before = rig.see([](FalconModel& model) { return model.commands; });
-  ck_assert(until([&] { return rig.see([](FalconModel& model) { return model.commands; }) > before + 100; }));
-}
-END_TEST
-
 int main() {
   require(fs_driver_load(FALCON_MODULE), "fs_driver_load");
   Suite* suite = suite_create("usb_falcon_faults");
@@ -287,9 +153,6 @@ int main() {
   tcase_add_loop_test(looped, troubles_of_a_moment, 0, static_cast<int>(troubles().size()));
   tcase_add_loop_test(looped, troubles_that_last, 0, static_cast<int>(troubles().size()));
   suite_add_tcase(suite, looped);
-  add_case(suite, "encoders", {an_encoder_that_jumps, an_encoder_that_is_stuck});
-  add_case(suite, "unplugged",
-           {unplugged_while_it_is_opened, unplugged_while_it_is_set_up, unplugged_while_it_pushes, another_one_is_refused, two_at_once,
-            a_close_that_hangs, reports_are_asked_for_while_nobody_has_a_servo});
+  add_case(suite, "encoders", {an_encoder_that_jumps, an_encoder_that_is_stuck, a_late_report_makes_no_queue});
   return run_suite(suite);
 }

@@ -123,6 +123,9 @@ START_TEST(a_wall_is_felt) {
   EXPECT_NEAR(info.torque_max, 0.5, 1e-9);
   EXPECT_NEAR(info.resolution, 20e-6, 1e-12);
   ck_assert(until([&] { return loop.answer("status").find("homed, motors on") == 0; }));
+  ck_assert(until([&] { return loop.stats().link_delay_p50 > 0; }));
+  ck_assert_double_le(loop.stats().link_delay_p50, loop.stats().link_delay_p99);
+  std::printf("  delay %.2f ms, p99 %.2f ms\n", 1e3 * loop.stats().link_delay_p50, 1e3 * loop.stats().link_delay_p99);
   std::printf("  %s\n", loop.answer("status").c_str());
   loop.servo.reset();
   ck_assert(loop.is_zero());
@@ -212,7 +215,16 @@ START_TEST(what_cannot_be_opened_says_why) {
     ck_assert(until([&] { return plugged.bus.counts(1).open_now == 0; }));
     plugged.bus.plug(1, plugged.model);
   }
-  const Device device = open_device("fidel:usb");
+  // Gone with the first report or the first command: the device has been opened, and comes back.
+  for (const auto moment : {UsbMoment::in, UsbMoment::out}) {
+    plugged.bus.unplug_at(1, moment, 1, Unplug::between);
+    const Device device = open_device("fidel:usb");
+    ck_assert(until([&] { return !plugged.bus.is_plugged(1); }));
+    fs_state state;
+    ck_assert(until([&] { return fs_device_read(device.get(), &state) == FS_ERROR_DISCONNECTED; }));
+    plugged.bus.plug(1, plugged.model);
+    ck_assert(until([&] { return fs_device_read(device.get(), &state) == FS_OK && state.flags == FS_STATE_READY; }));
+  }
 }
 END_TEST
 
@@ -338,6 +350,34 @@ START_TEST(a_stuck_encoder) {
   ck_assert(until([&] { return loop.answer("status").find("homed, motors on") == 0; }));
   loop.change([](FidelBody& b) { b.target = {0, 0, -0.02}; });
   ck_assert(until([&] { return loop.pushes(); }));
+}
+END_TEST
+
+// In homing: nothing is felt, a device that is unplugged and comes back is still not homed, and homing goes on.
+START_TEST(homing_with_a_bad_plug) {
+  Loop loop({.is_homed = false});
+  ck_assert(loop.is_told("not homed"));
+  loop.change([](FidelBody& b) { b.target = {0, 0, -0.04}; });
+  UsbFaults faults;
+  for (const auto fault : {UsbFault::stall, UsbFault::garbage, UsbFault::silence, UsbFault::overlong}) {
+    faults.in = fault;
+    loop.bus.set(1, faults);
+    std::this_thread::sleep_for(std::chrono::milliseconds(30));
+    loop.bus.set(1, {});
+  }
+  loop.bus.unplug(1, Unplug::in_flight);
+  fs_answer answer;
+  ck_assert(until([&] { return fs_device_control(loop.device.get(), "status", &answer) == FS_ERROR_DISCONNECTED; }));
+  loop.bus.plug(1, loop.model);
+  ck_assert(until([&] { return fs_device_control(loop.device.get(), "status", &answer) == FS_OK; }));
+  ck_assert_ptr_nonnull(std::strstr(answer.text, "not homed, marks passed: no no no, motors off"));
+  ck_assert_uint_eq(loop.look([](FidelBody& b) { return b.last_torque; }), 0);
+  EXPECT_SENTENCE(FS_ERROR_STATE, fs_device_control(loop.device.get(), "calibrate", &answer), "not homed");
+  loop.change([](FidelBody& b) { b.target = {0, 0, 0.06}; });
+  ck_assert(until([&] { return loop.answer("status").find("homed, motors on") == 0; }));
+  loop.change([](FidelBody& b) { b.target = {0, 0, -0.02}; });
+  ck_assert(until([&] { return loop.pushes(); }));
+  loop.expect_ramps();
 }
 END_TEST
 
@@ -485,7 +525,7 @@ int main() {
   Suite* suite = suite_create("usb_fidel");
   add_case(suite, "works", {a_wall_is_felt, poses_torques_and_buttons, two_devices_at_once});
   add_case(suite, "opening", {what_cannot_be_opened_says_why});
-  add_case(suite, "faults", {unplugged_and_back, unplugged_at_any_transfer, transfers_that_fail, devices_that_err, some_damaged_reports, a_stuck_encoder,
+  add_case(suite, "faults", {unplugged_and_back, unplugged_at_any_transfer, transfers_that_fail, devices_that_err, some_damaged_reports, a_stuck_encoder, homing_with_a_bad_plug,
                              the_reason_for_no_force_is_told, requests_beside_a_servo, a_killed_host_is_no_force_within_20_ms});
   add_case(suite, "calibration", {calibrated_and_kept});
   return run_suite(suite);
