@@ -143,8 +143,8 @@ void FalconModel::command() {
   if ((lights & 1) && homes_when_asked) is_homed = true;
   ++commands;
   last_command_ = time_;
+  queued += !owed_.empty();
   owed_.push_back(std::max(owed_.empty() ? 0 : owed_.back(), time_ + std::exchange(late, 0)) + answer_after);
-  most_owed = std::max(most_owed, owed_.size());
 }
 
 void FalconModel::report() {

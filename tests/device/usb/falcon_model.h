@@ -40,7 +40,7 @@ class FalconModel final : public UsbModel {
   int lights = 0;                                // bits of the newest command: homing 1, red 2, green 4, blue 8
   int most_motor = 0;                            // the largest command that was ever seen
   uint64_t commands = 0, nonsense = 0;           // packets; bytes that are none
-  size_t most_owed = 0;                          // commands that waited for their report at a time
+  uint64_t queued = 0;                           // commands that came while another waited for its report
   std::vector<double>* turnarounds = nullptr;    // s, from each report that was taken to the next command, if somebody wants them
   double last_force_time = 0;                    // s, of the clock of the bus: until when it had a force
   double time() const { return time_; }
