@@ -50,7 +50,6 @@ class Reports {
         count_ = 0;
       } else {
         drop_first();
-        find_start();
       }
     }
   }

@@ -10,7 +10,7 @@ namespace {
 // About 7 m/s at the handle, and what a coarse clock adds. A count is 0.6 mrad of an arm, about 0.04 mm.
 constexpr double counts_per_second = 2e5;
 constexpr double counts_at_once = 32;
-constexpr double longest_gap = 0.005;  // s, that counts: a longer one does not excuse a longer jump
+constexpr double longest_gap = 0.02;   // s: in a longer one the hand may have gone anywhere
 constexpr double usual_gap = 0.001;    // s
 constexpr double may_return = 0.1;     // s
 // An arm of a hand that moves does not keep its count exactly while both others turn by 15 degrees.

@@ -190,9 +190,11 @@ START_TEST(encoders_are_watched) {
   ck_assert(next({300, 10, 310}) == EncoderWatch::jumped);
   watch.reset();
   ck_assert(next({300, 10, 1000}) == EncoderWatch::good);
-  // A gap excuses a longer way, but not any.
-  ck_assert(next({1000, 10, 1000}, 0.5) == EncoderWatch::good);
-  ck_assert(next({3000, 10, 1000}, 0.5) == EncoderWatch::jumped);
+  // A gap excuses a longer way.
+  ck_assert(next({900, 10, 1000}, 3e-3) == EncoderWatch::good);
+  ck_assert(next({1600, 10, 1000}, 3e-3) == EncoderWatch::jumped);
+  ck_assert(next({900, 10, 1000}) == EncoderWatch::good);
+  ck_assert(next({-1500, 900, 0}, 0.05) == EncoderWatch::good);
 
   watch.reset();
   int16_t count = 0;

@@ -90,6 +90,7 @@ int FalconModel::control(const UsbSetup& setup, Bytes, std::vector<uint8_t>&, do
 
 int FalconModel::out(uint8_t endpoint, Bytes data, double time) {
   if (endpoint != 0x02) return -EPIPE;
+  if (const double since = std::exchange(reported_, 0); since > 0 && turnarounds) turnarounds->push_back(time - since);
   advance(time);
   for (const uint8_t byte : data) {
     if (has_firmware && baud_ == baud_packets) packet_byte(byte);
@@ -142,8 +143,8 @@ void FalconModel::command() {
   if ((lights & 1) && homes_when_asked) is_homed = true;
   ++commands;
   last_command_ = time_;
+  queued += !owed_.empty();
   owed_.push_back(std::max(owed_.empty() ? 0 : owed_.back(), time_ + std::exchange(late, 0)) + answer_after);
-  most_owed = std::max(most_owed, owed_.size());
 }
 
 void FalconModel::report() {
@@ -168,6 +169,7 @@ int FalconModel::in(uint8_t endpoint, size_t capacity, std::vector<uint8_t>& dat
   if (for_host_.empty() && time < last_in_ + 1e-3 * latency_) return -EAGAIN;
   last_in_ = time;
   data = {0x01, 0x60};
+  if (for_host_.size() >= 16) reported_ = time;
   const size_t count = std::min({capacity - 2, for_host_.size(), size_t{62}});
   data.insert(data.end(), for_host_.begin(), for_host_.begin() + static_cast<std::ptrdiff_t>(count));
   for_host_.erase(for_host_.begin(), for_host_.begin() + static_cast<std::ptrdiff_t>(count));

@@ -40,7 +40,8 @@ class FalconModel final : public UsbModel {
   int lights = 0;                                // bits of the newest command: homing 1, red 2, green 4, blue 8
   int most_motor = 0;                            // the largest command that was ever seen
   uint64_t commands = 0, nonsense = 0;           // packets; bytes that are none
-  size_t most_owed = 0;                          // commands that waited for their report at a time
+  uint64_t queued = 0;                           // commands that came while another waited for its report
+  std::vector<double>* turnarounds = nullptr;    // s, from each report that was taken to the next command, if somebody wants them
   double last_force_time = 0;                    // s, of the clock of the bus: until when it had a force
   double time() const { return time_; }
 
@@ -67,6 +68,7 @@ class FalconModel final : public UsbModel {
   std::vector<uint8_t> heard_, image_, packet_;
   std::deque<uint8_t> for_host_;
   double time_ = 0, last_in_ = 0, last_command_ = 0;
+  double reported_ = 0;              // s, when the newest report was taken; 0: it has been answered
   std::deque<double> owed_;          // s, when each report is due
   std::array<int, 3> stuck_at_{};
   fs_vec3 position_{0, 0, 0.125}, velocity_{}, force_{};
