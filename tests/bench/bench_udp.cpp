@@ -3,7 +3,9 @@
 // draws what it writes. In real time, some three minutes: a machine that is busy shakes the hand, too.
 //
 //   bench_udp FOLDER: writes FOLDER/udp.csv and FOLDER/udp_paths.csv, and prints a table.
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
@@ -28,8 +30,26 @@ struct Place {
   double time, z;  // s, m
 };
 
+// m, from end to end in half a second: the median of four. So one move, as when the servo makes a wall softer because the delay has
+// grown for a moment, is no swing.
+double swing_of(const std::vector<Place>& path) {
+  constexpr double window = 0.5;  // s
+  std::vector<double> swings;
+  for (double begin = measured_from; begin + window <= until + 1e-9; begin += window) {
+    double low = 1, high = -1;
+    for (const Place& place : path) {
+      if (place.time < begin || place.time >= begin + window) continue;
+      low = std::fmin(low, place.z);
+      high = std::fmax(high, place.z);
+    }
+    swings.push_back(std::fmax(0, high - low));
+  }
+  std::sort(swings.begin(), swings.end());
+  return (swings[1] + swings[2]) / 2;
+}
+
 struct Outcome {
-  double swing = 0;  // m, from end to end, while it is measured
+  double swing = 0;  // m, from end to end
   double depth = 0;  // m, of the hand in the wall, on average meanwhile
   fs_servo_stats stats = fs_servo_stats_init();
   std::vector<Place> path;
@@ -65,16 +85,14 @@ Outcome run(bool is_model, bool is_protected, double way) {
   require(fs_scene_get_servo_stats(scene.get(), &out.stats), "fs_scene_get_servo_stats");
   const std::lock_guard lock(mutex);
   out.path = path;
-  double low = 1, high = -1, sum = 0;
+  out.swing = swing_of(path);
+  double sum = 0;
   int count = 0;
   for (const Place& place : path) {
     if (place.time < measured_from) continue;
-    low = std::fmin(low, place.z);
-    high = std::fmax(high, place.z);
     sum -= place.z;
     ++count;
   }
-  out.swing = count ? high - low : NAN;
   out.depth = count ? sum / count : NAN;
   return out;
 }

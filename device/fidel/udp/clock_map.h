@@ -23,8 +23,10 @@ class ClockMap {
   double to_host(uint64_t time, double came) noexcept;
 
   double round_trip() const noexcept { return round_trip_; }  // s, the smallest of the last two seconds; 0: not known
-  double offset() const noexcept { return offset_ - 1e-9 * static_cast<double>(base_); }  // s, of the host's clock less the controller's
-  uint32_t jumps() const noexcept { return jumps_; }          // since the start
+  double offset() const noexcept {
+    return offset_ - 1e-9 * static_cast<double>(base_);
+  }  // s, of the host's clock less the controller's
+  uint32_t jumps() const noexcept { return jumps_; }  // since the start
 
  private:
   static constexpr double bucket_length = 0.25;  // s
