@@ -1,7 +1,7 @@
 // The controller's clock on the host's: the time of a state as the host would have read it.
 //
-// A datagram that came at `came` on the host's clock and was sent at `sent` on the controller's was under way for a time between 0
-// and the round trip. So the difference between the clocks is at most came - sent, and at least that less the round trip. Of the
+// A datagram that came at `came` on the host's clock and was sent at `sent` on the controller's was under way for a time between
+// 0 and the round trip. So the difference between the clocks is at most came - sent, and at least that less the round trip. Of the
 // last two seconds the narrowest bounds count, and their middle is the difference: the smallest offset less half the round trip.
 // Bounds that exclude one another tell that a clock has jumped: then the newest alone count.
 #pragma once

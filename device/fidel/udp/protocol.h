@@ -1,5 +1,5 @@
-// The datagrams between a host and a FIDEL's controller: what UDP.md describes, as structures, and their bytes. A message is valid
-// when it comes out of `decode`: all of its numbers are finite, and its texts end.
+// The datagrams between a host and a FIDEL's controller: what UDP.md describes, as structures, and their bytes. A message is
+// valid when it comes out of `decode`: all of its numbers are finite, and its texts end.
 #pragma once
 
 #include <cstddef>
