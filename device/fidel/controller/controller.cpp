@@ -157,8 +157,9 @@ void Controller::take_request(const Header& header, const Request& request) {
     Answer answer;
     answer.request = header.number;
     if (std::strcmp(request.text, "status") == 0) {
-      std::snprintf(answer.text, sizeof answer.text, "%s, serial '%s'; host %s; %llu ticks, %llu late; %u commands; %u datagrams ignored",
-                    info_.name, info_.serial, who().c_str(), static_cast<unsigned long long>(ticks_),
+      std::snprintf(answer.text, sizeof answer.text,
+                    "%s, serial '%s'; host %s; %llu ticks, %llu late; %u commands; %u datagrams ignored", info_.name,
+                    info_.serial, who().c_str(), static_cast<unsigned long long>(ticks_),
                     static_cast<unsigned long long>(late_ticks_), host_.commands.count(), ignored_);
     } else {
       answer.status = FS_ERROR_UNSUPPORTED;
@@ -179,8 +180,8 @@ void Controller::refuse_stranger(const Header& header, const Endpoint& from) {
     if (header.session == ended_session_) reply(datagram, from);
     return;
   }
-  const bool is_of_host = header.type == Type::hello || header.type == Type::command || header.type == Type::model ||
-                          header.type == Type::request;
+  const bool is_of_host =
+      header.type == Type::hello || header.type == Type::command || header.type == Type::model || header.type == Type::request;
   if (!is_of_host) return;
   if (!host_.session) return reply(encode({Type::bye, header.session, 1}, Bye{Reason::unknown_session}), from);
   Busy busy;

@@ -26,7 +26,7 @@ void say(const std::string& line) {
 }
 
 void catch_signals() {
-  struct sigaction action {};
+  struct sigaction action{};
   action.sa_handler = [](int) { is_ending = 1; };
   for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaction(signal, &action, nullptr);
   std::signal(SIGPIPE, SIG_IGN);
@@ -58,10 +58,12 @@ void run(const std::string& place, const std::string& uri) {
 }  // namespace
 
 int main(int count, char** arguments) {
-  CLI::App app("The controller of a FIDEL, reached over UDP as fidel:udp:HOST:PORT, with the simulated device behind it.\n"
-               "It renders the force or the local model that its host sends, a thousand times a second, and ends on Ctrl-C.");
+  CLI::App
+      app("The controller of a FIDEL, reached over UDP as fidel:udp:HOST:PORT, with the simulated device behind it.\n"
+          "It renders the force or the local model that its host sends, a thousand times a second, and ends on Ctrl-C.");
   std::string place = "127.0.0.1:" + std::to_string(fs::udp::usual_port), uri = "sim:";
-  app.add_option("--listen", place, "HOST:PORT to listen at; port 0: any that is free. Anybody who reaches it can move the device")
+  app.add_option("--listen", place,
+                 "HOST:PORT to listen at; port 0: any that is free. Anybody who reaches it can move the device")
       ->capture_default_str();
   app.add_option("--device", uri, "the device behind it, such as 'sim:?hand=released'")->capture_default_str();
   CLI11_PARSE(app, count, arguments);

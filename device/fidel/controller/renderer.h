@@ -13,7 +13,8 @@ class Renderer {
   static constexpr double damping = 5;  // N s/m, of models, filtered at 100 Hz
 
   explicit Renderer(const fs_device_info& device)
-      : force_max_(device.force_max), torque_max_(device.torque_max), velocity_(device.resolution, VelocityEstimator::local_rest) {}
+      : force_max_(device.force_max), torque_max_(device.torque_max),
+        velocity_(device.resolution, VelocityEstimator::local_rest) {}
 
   // time: s, when it came. It counts for the hold time, then its force fades; after a fade it comes back as slowly.
   void take(const Command& command, double time) noexcept;

@@ -1,7 +1,7 @@
 // The controller's clock on the host's: the time of a state as the host would have read it.
 //
-// A datagram that came at `came` on the host's clock and was sent at `sent` on the controller's was under way for a time between 0
-// and the round trip. So the difference between the clocks is at most came - sent, and at least that less the round trip. Of the
+// A datagram that came at `came` on the host's clock and was sent at `sent` on the controller's was under way for a time between
+// 0 and the round trip. So the difference between the clocks is at most came - sent, and at least that less the round trip. Of the
 // last two seconds the narrowest bounds count, and their middle is the difference: the smallest offset less half the round trip.
 // Bounds that exclude one another tell that a clock has jumped: then the newest alone count.
 #pragma once
@@ -23,8 +23,10 @@ class ClockMap {
   double to_host(uint64_t time, double came) noexcept;
 
   double round_trip() const noexcept { return round_trip_; }  // s, the smallest of the last two seconds; 0: not known
-  double offset() const noexcept { return offset_ - 1e-9 * static_cast<double>(base_); }  // s, of the host's clock less the controller's
-  uint32_t jumps() const noexcept { return jumps_; }          // since the start
+  double offset() const noexcept {
+    return offset_ - 1e-9 * static_cast<double>(base_);
+  }  // s, of the host's clock less the controller's
+  uint32_t jumps() const noexcept { return jumps_; }  // since the start
 
  private:
   static constexpr double bucket_length = 0.25;  // s

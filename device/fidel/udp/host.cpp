@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <cstring>
 #include <random>
+#include <utility>
 
 #include "device/fidel/udp/clock.h"
 #include "device/support/address.h"
@@ -19,7 +20,8 @@ namespace {
 
 constexpr double wait_for_state = 0.02;  // s
 constexpr double usual_model_rate = 500, usual_force_rate = 1000;  // Hz
-constexpr int greetings = 5;             // round trips that are measured before the first state
+constexpr double busy_within = 1;  // s, for which a controller may be in use: so long it waits for a host that was killed
+constexpr int greetings = 5;  // round trips that are measured before the first state
 
 uint64_t drawn_session() {
   std::random_device device;
@@ -49,14 +51,15 @@ HostOptions parse_host_options(const char* text) {
   const std::string& place = address.place();
   out.peer = parse_host_port(place.compare(0, way.size(), way) == 0 ? place.substr(way.size()) : "", "address behind 'udp:'", 1);
   out.renders_models = address.choice("render", {"model", "force"}).value_or(0) == 0;
-  out.rate = static_cast<float>(address.number("hz", 100, 1000).value_or(out.renders_models ? usual_model_rate : usual_force_rate));
+  out.rate =
+      static_cast<float>(address.number("hz", 100, 1000).value_or(out.renders_models ? usual_model_rate : usual_force_rate));
   return out;
 }
 
 // ------------------------------------------------------------------------------------------------------- the connection
 
-UdpConnection::UdpConnection(const HostOptions& options)
-    : options_(options), socket_(Socket::to(options.peer)), session_(drawn_session()) {
+UdpConnection::UdpConnection(const HostOptions& options, Socket socket)
+    : options_(options), socket_(std::move(socket)), session_(drawn_session()) {
   greet();
 }
 
@@ -67,17 +70,21 @@ void UdpConnection::greet() {
   char name[sizeof hello.name] = "";
   gethostname(name, sizeof name - 1);
   copy_text(hello.name, name);
-  const int64_t deadline = now_ns() + in_ns(connect_within);
+  const int64_t first = now_ns(), deadline = first + in_ns(connect_within);
   for (int welcomes = 0; welcomes < greetings;) {
     const int64_t begin = now_ns();
+    if (!holder_.empty() && begin >= first + in_ns(busy_within)) {
+      refuse(FS_ERROR_DENIED, "the controller at %s is in use by %s", place().c_str(), holder_.c_str());
+    }
     if (begin >= deadline) {
       if (welcomes > 0) break;  // the link loses much, but somebody is there
-      refuse(FS_ERROR_TIMEOUT, "no controller answers at %s within %g s; is it switched on, and is that its address?", place().c_str(),
-             connect_within);
+      refuse(FS_ERROR_TIMEOUT, "no controller answers at %s within %g s; is it switched on, and is that its address?",
+             place().c_str(), connect_within);
     }
     const uint32_t number = ++hellos_;
     const bool is_sent = socket_.send(encode(header(Type::hello, number), hello));
-    if (!is_sent) refuse(FS_ERROR_NOT_FOUND, "nobody listens at %s; start the controller there, such as fidel-controller", place().c_str());
+    if (!is_sent)
+      refuse(FS_ERROR_NOT_FOUND, "nobody listens at %s; start the controller there, such as fidel-controller", place().c_str());
     if (await_welcome(std::min(deadline, begin + in_ns(hello_interval)), number, to_seconds(begin))) ++welcomes;
   }
   heard_at_ = now();
@@ -104,15 +111,17 @@ bool UdpConnection::await_welcome(int64_t deadline, uint32_t hello, double hello
     Bye bye;
     Welcome welcome;
     if (opened == Opened::other_version) {
-      refuse(FS_ERROR_VERSION, "the controller at %s speaks another version of the protocol than %u", place().c_str(), protocol_version);
+      refuse(FS_ERROR_VERSION, "the controller at %s speaks another version of the protocol than %u", place().c_str(),
+             protocol_version);
     } else if (header.type == Type::busy && decode(datagram.bytes, datagram.size, busy)) {
-      refuse(FS_ERROR_DENIED, "the controller at %s is in use by %s", place().c_str(), busy.holder);
+      holder_ = busy.holder;
     } else if (header.type == Type::bye && decode(datagram.bytes, datagram.size, bye)) {
       refuse(bye.reason == Reason::version ? FS_ERROR_VERSION : FS_ERROR_IO,
              bye.reason == Reason::version ? "the controller at %s speaks another version of the protocol than %u"
                                            : "the controller at %s has ended the connection (protocol version %u)",
              place().c_str(), protocol_version);
     } else if (header.type == Type::welcome && decode(datagram.bytes, datagram.size, welcome)) {
+      holder_.clear();
       welcome_ = welcome;
       if (welcome.hello != hello) continue;  // an older one: it says nothing about the round trip
       clock_.note(welcome.time, came, came - hello_sent);
@@ -174,8 +183,9 @@ void UdpConnection::get_info(fs_device_info& out) const {
 
 fs_status UdpConnection::receive(fs_state& out) noexcept {
   const int64_t deadline = now_ns() + in_ns(wait_for_state);
+  constexpr int most_after = 100;  // datagrams that are looked at for a newer state: a flood must not keep this one back
   bool has_state = false;
-  for (;;) {
+  for (int after = 0;;) {
     Datagram datagram;
     const Socket::Heard heard = is_lost_ ? Socket::Heard::refused : socket_.receive(datagram);
     if (heard == Socket::Heard::refused) return FS_ERROR_DISCONNECTED;
@@ -184,7 +194,8 @@ fs_status UdpConnection::receive(fs_state& out) noexcept {
       const Change change = take(datagram, out);
       if (change == Change::lost) return FS_ERROR_DISCONNECTED;
       has_state |= change == Change::state;
-      if (now_ns() < deadline) continue;  // a newer one may be there already
+      const bool is_enough = has_state && ++after > most_after;
+      if (!is_enough && now_ns() < deadline) continue;  // a newer one may be there already
     }
     meter_.publish(time);
     if (has_state) return FS_OK;
@@ -312,7 +323,8 @@ std::string UdpConnection::control(const std::string& request) {
     socket_.send(encode(header(Type::request, number), message));
     answered_.wait_for(lock, std::chrono::milliseconds(200), [&] { return answer_.request == number; });
   }
-  if (answer_.request != number) refuse(FS_ERROR_TIMEOUT, "the controller at %s did not answer '%s' within 2 s", place().c_str(), message.text);
+  if (answer_.request != number)
+    refuse(FS_ERROR_TIMEOUT, "the controller at %s did not answer '%s' within 2 s", place().c_str(), message.text);
   if (answer_.status != FS_OK) {
     const bool is_known = answer_.status < FS_OK && answer_.status >= FS_ERROR_INTERNAL;
     refuse(is_known ? static_cast<fs_status>(answer_.status) : FS_ERROR_IO, "%s", answer_.text);
@@ -330,11 +342,12 @@ void UdpConnection::take_answer(const Answer& answer) noexcept {
 
 std::string UdpConnection::link_text() const {
   char text[400];
-  std::snprintf(text, sizeof text,
-                "round trip %.3f ms; host's clock less the controller's %.6f s, jumps of a clock: %u; datagrams ignored by the host: %llu, "
-                "by the controller: %u",
-                1e3 * told_round_trip_, told_offset_.load(), told_jumps_.load(), static_cast<unsigned long long>(ignored_.load()),
-                told_controller_ignored_.load());
+  std::snprintf(
+      text, sizeof text,
+      "round trip %.3f ms; host's clock less the controller's %.6f s, jumps of a clock: %u; datagrams ignored by the host: %llu, "
+      "by the controller: %u",
+      1e3 * told_round_trip_, told_offset_.load(), told_jumps_.load(), static_cast<unsigned long long>(ignored_.load()),
+      told_controller_ignored_.load());
   return text;
 }
 
@@ -343,7 +356,14 @@ std::string UdpConnection::link_text() const {
 namespace fs {
 
 std::unique_ptr<FidelConnection> connect_fidel_udp(const char* text) {
-  return std::make_unique<udp::UdpConnection>(udp::parse_host_options(text));
+  const udp::HostOptions options = udp::parse_host_options(text);
+  for (size_t i = 0;; ++i) {  // a name may have several addresses, and its controller listens at one
+    try {
+      return std::make_unique<udp::UdpConnection>(options, udp::Socket::to(options.peer, i));
+    } catch (const Refusal& refusal) {
+      if (refusal.status != FS_ERROR_NOT_FOUND || i + 1 >= udp::Socket::addresses(options.peer)) throw;
+    }
+  }
 }
 
 }  // namespace fs

@@ -25,7 +25,7 @@ HostOptions parse_host_options(const char* text);  // what follows "fidel:"; thr
 
 class UdpConnection final : public FidelConnection {
  public:
-  explicit UdpConnection(const HostOptions& options);  // throws a Refusal
+  UdpConnection(const HostOptions& options, Socket socket);  // throws a Refusal; NOT_FOUND: nobody listens there
   ~UdpConnection() override;
 
   void get_info(fs_device_info& out) const override;
@@ -66,6 +66,7 @@ class UdpConnection final : public FidelConnection {
   Socket socket_;
   const uint64_t session_;
   Welcome welcome_;
+  std::string holder_;  // who has the controller, while it is refused
   uint32_t hellos_ = 0;
 
   // The thread that receives and sends has these.

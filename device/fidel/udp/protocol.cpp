@@ -159,7 +159,8 @@ void model_fields(Io& io, M& m) noexcept {
 
 void begin(Datagram& out, Type type, const Header& header) noexcept {
   Writer io(out);
-  io(magic), io(protocol_version), io(static_cast<uint8_t>(type)), io(uint16_t{0}), io(header.session), io(header.number), io.skip(4);
+  io(magic), io(protocol_version), io(static_cast<uint8_t>(type)), io(uint16_t{0}), io(header.session), io(header.number),
+      io.skip(4);
 }
 void end(Datagram& out) noexcept {
   const size_t size = out.size + checksum_size;

@@ -1,5 +1,5 @@
-// The datagrams between a host and a FIDEL's controller: what UDP.md describes, as structures, and their bytes. A message is valid
-// when it comes out of `decode`: all of its numbers are finite, and its texts end.
+// The datagrams between a host and a FIDEL's controller: what UDP.md describes, as structures, and their bytes. A message is
+// valid when it comes out of `decode`: all of its numbers are finite, and its texts end.
 #pragma once
 
 #include <cstddef>
@@ -14,12 +14,12 @@ constexpr uint8_t protocol_version = 1;
 constexpr size_t header_size = 24, checksum_size = 4, largest_datagram = 600;  // bytes
 
 // Times of the protocol, s.
-constexpr double hold = 0.05;             // for which a command counts at the controller, at most
-constexpr double fade = 0.05;             // in which its force goes afterwards, and comes back
-constexpr double stale_after = 0.25;      // after a state, a command that answers it is of no use
-constexpr double host_lost_after = 0.5;   // of silence the controller is free for another host
-constexpr double lost_after = 0.25;       // of silence the controller counts as lost
-constexpr double hello_interval = 0.1;    // from one HELLO to the next, until a WELCOME comes
+constexpr double hold = 0.05;  // for which a command counts at the controller, at most
+constexpr double fade = 0.05;  // in which its force goes afterwards, and comes back
+constexpr double stale_after = 0.25;  // after a state, a command that answers it is of no use
+constexpr double host_lost_after = 0.5;  // of silence the controller is free for another host
+constexpr double lost_after = 0.25;  // of silence the controller counts as lost
+constexpr double hello_interval = 0.1;  // from one HELLO to the next, until a WELCOME comes
 constexpr double connect_within = 1.5;
 
 enum class Type : uint8_t { hello = 1, welcome, busy, state, command, model, request, answer, bye };
@@ -28,17 +28,17 @@ enum class Reason : uint32_t { ends = 0, silent = 1, unknown_session = 2, contro
 struct Header {
   Type type;
   uint64_t session;  // drawn by the host for each connection; never 0
-  uint32_t number;   // counts this sender's datagrams of this kind within the session, from 1
+  uint32_t number;  // counts this sender's datagrams of this kind within the session, from 1
 };
 
 struct Hello {
-  float rate = 0;     // Hz, how many states the host wants
-  char name[32] = {}; // of the host, for people
+  float rate = 0;  // Hz, how many states the host wants
+  char name[32] = {};  // of the host, for people
 };
 struct Welcome {
-  uint64_t time = 0;   // ns, the controller's clock
+  uint64_t time = 0;  // ns, the controller's clock
   uint32_t hello = 0;  // the number of the HELLO that it answers
-  float rate = 0;      // Hz, how many states will come
+  float rate = 0;  // Hz, how many states will come
   uint32_t force_axes = 0, torque_axes = 0;
   float workspace_radius = 0, workspace_height = 0, workspace_angle = 0, force_max = 0, torque_max = 0;  // as fs_device_info
   float resolution = 0, damping = 0, mass = 0, controller_rate = 0, controller_delay = 0, controller_damping = 0;
@@ -49,23 +49,23 @@ struct Busy {
   char holder[64] = {};  // who has the controller
 };
 struct State {
-  uint64_t time = 0, sent = 0;    // ns, the controller's clock: of the pose, and when this datagram was sent
-  uint64_t command_time = 0;      // ns, the controller's clock, when the newest command came; 0: none has
-  uint32_t command = 0;           // its number
-  uint32_t came = 0;              // how many commands have come, each counted once
-  uint32_t ignored = 0;           // datagrams that the controller could not use since it was started
+  uint64_t time = 0, sent = 0;  // ns, the controller's clock: of the pose, and when this datagram was sent
+  uint64_t command_time = 0;  // ns, the controller's clock, when the newest command came; 0: none has
+  uint32_t command = 0;  // its number
+  uint32_t came = 0;  // how many commands have come, each counted once
+  uint32_t ignored = 0;  // datagrams that the controller could not use since it was started
   uint32_t flags = 0, buttons = 0;
   float grip = 0;
   fs_pose pose{{0, 0, 0}, {1, 0, 0, 0}};
   fs_twist twist{};
-  fs_wrench applied{};            // what the motors give at present
+  fs_wrench applied{};  // what the motors give at present
 };
 // A plain force where is_model is false; of a model as fs_model.
 struct Command {
   bool is_model = false;
   uint32_t state = 0;  // the number of the state that it answers; 0: none
   fs_wrench force{};
-  float hold = 0;      // s
+  float hold = 0;  // s
   fs_pose pose{{0, 0, 0}, {1, 0, 0, 0}};
   fs_mat3 dfdx{}, dtdr{};
 };

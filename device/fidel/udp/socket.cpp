@@ -17,9 +17,9 @@
 namespace fs::udp {
 namespace {
 
-// Calls use(address), which gives a socket or -1, for each address of the place, until one is taken.
-template <class Use>
-int open_first(const HostPort& place, int flags, const char* verb, Use use) {
+using Addresses = std::unique_ptr<addrinfo, decltype(&freeaddrinfo)>;
+
+Addresses addresses_of(const HostPort& place, int flags) {
   addrinfo hints{}, *raw = nullptr;
   hints.ai_socktype = SOCK_DGRAM;
   hints.ai_flags = flags | AI_NUMERICSERV;
@@ -28,14 +28,15 @@ int open_first(const HostPort& place, int flags, const char* verb, Use use) {
     refuse(FS_ERROR_NOT_FOUND, "host '%s' is not known: %s", place.host.c_str(),
            error == EAI_SYSTEM ? std::strerror(errno) : gai_strerror(error));
   }
-  const std::unique_ptr<addrinfo, decltype(&freeaddrinfo)> all(raw, freeaddrinfo);
-  int why = 0;
-  for (const addrinfo* each = raw; each; each = each->ai_next) {
-    const int descriptor = socket(each->ai_family, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-    if (descriptor >= 0 && use(descriptor, *each) == 0) return descriptor;
-    why = errno;
-    if (descriptor >= 0) close(descriptor);
-  }
+  return {raw, freeaddrinfo};
+}
+
+// A socket that `use` (connect or bind) has given this address.
+int open_socket(const addrinfo& address, int (*use)(int, const sockaddr*, socklen_t), const HostPort& place, const char* verb) {
+  const int descriptor = socket(address.ai_family, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  if (descriptor >= 0 && use(descriptor, address.ai_addr, address.ai_addrlen) == 0) return descriptor;
+  const int why = errno;
+  if (descriptor >= 0) close(descriptor);
   refuse(FS_ERROR_IO, "%s %s, port %u: %s", verb, place.host.c_str(), place.port, std::strerror(why));
 }
 
@@ -76,22 +77,29 @@ HostPort parse_host_port(const std::string& text, const char* what, uint16_t low
     is_good = is_good && error == std::errc() && end == port.data() + port.size() && out.port >= lowest_port;
   }
   if (!is_good) {
-    refuse(FS_ERROR_INVALID, "%s is '%s', must be HOST:PORT with a port within %u..65535, or HOST for port %u; an IPv6 address stands in []",
-           what, text.c_str(), lowest_port, usual_port);
+    refuse(FS_ERROR_INVALID,
+           "%s is '%s', must be HOST:PORT with a port within %u..65535, or HOST for port %u; an IPv6 address stands in []", what,
+           text.c_str(), lowest_port, usual_port);
   }
   return out;
 }
 
-Socket Socket::to(const HostPort& peer) {
-  return Socket(open_first(peer, 0, "cannot send to", [](int descriptor, const addrinfo& each) {
-    return connect(descriptor, each.ai_addr, each.ai_addrlen);
-  }));
+Socket Socket::to(const HostPort& peer, size_t number) {
+  const Addresses all = addresses_of(peer, 0);
+  const addrinfo* each = all.get();
+  for (size_t i = 0; i < number && each->ai_next; ++i) each = each->ai_next;
+  return Socket(open_socket(*each, connect, peer, "cannot send to"));
+}
+
+size_t Socket::addresses(const HostPort& peer) {
+  const Addresses all = addresses_of(peer, 0);
+  size_t count = 0;
+  for (const addrinfo* each = all.get(); each; each = each->ai_next) ++count;
+  return count;
 }
 
 Socket Socket::listening(const HostPort& place) {
-  return Socket(open_first(place, AI_PASSIVE, "cannot listen at", [](int descriptor, const addrinfo& each) {
-    return bind(descriptor, each.ai_addr, each.ai_addrlen);
-  }));
+  return Socket(open_socket(*addresses_of(place, AI_PASSIVE), bind, place, "cannot listen at"));
 }
 
 Socket::~Socket() {
@@ -109,7 +117,8 @@ Socket::Heard Socket::receive(Datagram& out, Endpoint* from) noexcept {
   Endpoint sender;
   for (;;) {
     sender.size = sizeof sender.address;
-    const ssize_t size = recvfrom(descriptor_, out.bytes, sizeof out.bytes, 0, reinterpret_cast<sockaddr*>(&sender.address), &sender.size);
+    const ssize_t size =
+        recvfrom(descriptor_, out.bytes, sizeof out.bytes, 0, reinterpret_cast<sockaddr*>(&sender.address), &sender.size);
     if (size >= 0) {
       out.size = static_cast<size_t>(size);
       if (from) *from = sender;

@@ -7,6 +7,8 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <chrono>
 #include <cstdlib>
 #include <vector>
 
@@ -42,9 +44,13 @@ class RawHost {
     message.rate = rate;
     say(fs::udp::Type::hello, message);
   }
-  // A datagram of this type comes within a second; states are kept, others between are skipped.
-  bool heard(fs::udp::Type type, int ms = 1000) {
-    for (pollfd one{socket_, POLLIN, 0}; poll(&one, 1, ms) == 1;) {
+  // A datagram of this type comes within this time; states are kept, others between are skipped.
+  bool heard(fs::udp::Type type, int ms = 5000) {
+    using Clock = std::chrono::steady_clock;
+    const Clock::time_point deadline = Clock::now() + std::chrono::milliseconds(ms);
+    const auto left = [&] { return std::chrono::duration_cast<std::chrono::milliseconds>(deadline - Clock::now()).count(); };
+    for (pollfd one{socket_, POLLIN, 0}; poll(&one, 1, static_cast<int>(std::max<int64_t>(0, left()))) == 1;) {
+      if (left() <= 0) return false;
       fs::udp::Datagram next;
       const ssize_t size = recv(socket_, next.bytes, sizeof next.bytes, 0);
       if (size < 0) return false;
