@@ -5,10 +5,11 @@
  *
  * The device is a USB HID device. Linux gives it a node, from which each read takes a report of 8 bytes: the counts of three
  * encoders and a number that grows by 1. Each write sends a report with the currents of the three motors. */
-#define _DEFAULT_SOURCE
+#define _GNU_SOURCE  /* strtod_l */
 #include <errno.h>
 #include <fcntl.h>
 #include <linux/hidraw.h>
+#include <locale.h>
 #include <math.h>
 #include <poll.h>
 #include <pthread.h>
@@ -110,6 +111,8 @@ typedef struct arm {
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;  /* of the fields from `came` on, and of the next: control is called beside receive */
 static int was_lost;  /* a device that comes back has forgotten where it is, so that homed=yes counts no more */
 
+static locale_t plain_numbers;  /* with a point, whatever the program's language is */
+
 static fs_status refuse(fs_status status, const char *format, ...)
 {
   char text[512];
@@ -136,12 +139,12 @@ static fs_status read_config(const char *path, config *out)
   text[fread(text, 1, sizeof text - 1, file)] = 0;
   fclose(file);
   for (size_t f = 0; f < sizeof fields / sizeof *fields; ++f) {
-    for (size_t i = 0; i == 0 || fields[f].letters[i]; ++i) {
+    for (size_t i = 0; i == 0 || i < strlen(fields[f].letters); ++i) {
       char key[64], *end = NULL;
       double value = 0;
       snprintf(key, sizeof key, "\"%s%.1s\"", fields[f].name, fields[f].letters + i);
       const char *at = strstr(text, key), *colon = at ? at + strlen(key) : NULL;
-      if (colon && *(colon += strspn(colon, " \t")) == ':') value = strtod(colon + 1, &end);
+      if (colon && *(colon += strspn(colon, " \t")) == ':') value = strtod_l(colon + 1, &end, plain_numbers);
       if (!end || end == colon + 1) return refuse(FS_ERROR_PARSE, "config '%s' has no number %s", path, key);
       if (!(value >= fields[f].low && value <= fields[f].high))
         return refuse(FS_ERROR_INVALID, "config '%s': %s is %g, must be within %g..%g", path, key, value, fields[f].low, fields[f].high);
@@ -177,10 +180,8 @@ static fs_status open_node(arm *it, const char *node)
   if (ioctl(it->fd, HIDIOCGRAWINFO, &id) == 0 && ((id.vendor & 0xffff) != VENDOR || (id.product & 0xffff) != PRODUCT))
     return refuse(FS_ERROR_NOT_FOUND, "%s is the device %04x:%04x, must be %04x:%04x; see /sys/class/hidraw/*/device/uevent", node,
                   id.vendor & 0xffff, id.product & 0xffff, VENDOR, PRODUCT);
-#ifdef HIDIOCGRAWUNIQ
-  if (ioctl(it->fd, HIDIOCGRAWUNIQ(sizeof it->serial - 1), it->serial) > 1) return FS_OK;
-#endif
-  snprintf(it->serial, sizeof it->serial, "at %.60s", node);  /* it has none: known by its place */
+  if (ioctl(it->fd, HIDIOCGRAWUNIQ(sizeof it->serial - 1), it->serial) <= 1)
+    snprintf(it->serial, sizeof it->serial, "at %.60s", node);  /* it has no serial number: known by its place */
   return FS_OK;
 }
 
@@ -353,5 +354,6 @@ const fs_driver *fs_driver_entry(void)
 {
   static const fs_driver driver = {.struct_size = sizeof driver, .scheme = "woodenhaptics", .open = arm_open, .close = arm_close,
     .get_info = arm_get_info, .receive = arm_receive, .send = arm_send, .control = arm_control};
-  return &driver;
+  plain_numbers = newlocale(LC_ALL_MASK, "C", (locale_t)0);
+  return plain_numbers ? &driver : NULL;
 }
