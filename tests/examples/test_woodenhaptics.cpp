@@ -275,6 +275,33 @@ START_TEST(short_reports) {
   survives([](std::vector<uint8_t>& bytes) { bytes.resize(5); });
 }
 END_TEST
+
+// A report that ends early is of no use, even where what it has of the handle is plausible.
+START_TEST(a_short_report_alone) {
+  Arm it;
+  it.open();
+  it.home();
+  {
+    const std::lock_guard lock(it.stand_in.mutex);
+    it.stand_in.is_silent = true;
+  }
+  const uint64_t before = it.stand_in.commands();
+  ck_assert(until([&] { return it.stand_in.commands() > before + 3; }));  // so all reports have been taken
+  {
+    const std::lock_guard lock(it.stand_in.mutex);
+    it.stand_in.on_report = [&](std::vector<uint8_t>& bytes) {
+      bytes = {100, 0, 50, 0, 0, 0};
+      it.stand_in.is_silent = true;
+    };
+    it.stand_in.is_silent = false;
+  }
+  fs_state state;
+  ck_assert(until([&] { return fs_device_read(it.device.get(), &state) == FS_ERROR_IO; }));
+  fs_answer answer;
+  OK(fs_device_control(it.device.get(), "status", &answer));
+  ck_assert_msg(std::strstr(answer.text, "counts 0 0 0, homed"), "%s", answer.text);
+}
+END_TEST
 START_TEST(some_garbage) {
   std::mt19937 random(1);
   survives([&](std::vector<uint8_t>& bytes) {
@@ -354,7 +381,8 @@ int main() {
   add_case(suite, "device", {it_knows_its_pose_when_it_was_homed, it_tells_where_the_handle_is, it_gives_the_force,
                              a_force_along_an_axis_moves_the_handle_along_it});
   add_case(suite, "opening", {what_cannot_be_opened_says_why});
-  add_case(suite, "faults", {reports_that_stop_end_the_force, short_reports, some_garbage, an_encoder_that_jumps, the_node_goes_and_comes_back});
+  add_case(suite, "faults", {reports_that_stop_end_the_force, short_reports, a_short_report_alone, some_garbage, an_encoder_that_jumps,
+                             the_node_goes_and_comes_back});
 #ifdef WOODENHAPTICS_PROGRAM
   add_case(suite, "program", {test_device_has_nothing_to_say});
 #endif
