@@ -45,9 +45,16 @@ typedef struct fs_device_entry {
 /* The devices that the drivers find at this moment, a list. */
 FS_API fs_status fs_device_list(fs_device_entry *out, size_t capacity, size_t *count);
 
-/* Opens a device: "sim:", or a device of your own driver (driver.h), whose scheme stands before the ':'. Options follow
- * as "?key=value&.." (nothing is %-decoded); an unknown key is INVALID. May take seconds. NOT_FOUND, UNSUPPORTED,
- * DENIED, IO. 0.1: "fidel:usb", "fidel:udp:HOST:PORT" and "falcon:0" have no driver yet and are UNSUPPORTED.
+/* Opens a device. What stands before the first ':' names its driver: "sim:", a module ("falcon:0", "fidel:usb",
+ * "fidel:udp:HOST:PORT"), or one of your own (driver.h). Options follow as "?key=value&.." (nothing is %-decoded); an
+ * unknown key is INVALID. May take seconds. NOT_FOUND: no such driver or device; DENIED: this user may not open it;
+ * UNSUPPORTED, DISCONNECTED, TIMEOUT, IO (also: in use, or a module that cannot be loaded).
+ *
+ * "falcon:0" is the first Novint Falcon, "falcon:SERIAL" the one with that serial number; option firmware=PATH, as a Falcon
+ * that has been without power needs its firmware. "fidel:usb" is a FIDEL on the USB, "fidel:usb:SERIAL" the one with that
+ * serial number; option calibration=FILE|none. "fidel:udp:HOST:PORT" is the controller of a FIDEL on the network, such as the
+ * program fidel-controller (port 47811 if none is given); options render=model|force (model), and hz=100..1000, the states
+ * that it sends a second (500; of forces 1000). The pages of device/ describe these devices, and what a person does first.
  *
  * "sim:" is a simulated FIDEL, the device of the paper, and the hand on it. Its workspace is a cylinder about z of
  * radius 0.150 m and height 0.200 m (x, y within 0.150, z within -0.100..0.100), with end stops 0.010 m beyond; its
@@ -97,8 +104,8 @@ FS_API fs_status fs_device_read(fs_device *device, fs_state *out);
 
 /* Sends a force and torque, device frame, not guarded, but scaled down to the device's maxima with the direction kept;
  * axes that the device does not have get 0. It stays until the next fs_device_write, a servo's first tick,
- * fs_device_close, the loss of the device or the end of the process by exit. Does not wait. STATE while a servo has the device; DISCONNECTED,
- * IO. */
+ * fs_device_close, the loss of the device or the end of the process by exit. Does not wait. STATE while a servo has the
+ * device; DISCONNECTED, IO. */
 FS_API fs_status fs_device_write(fs_device *device, const fs_wrench *wrench);
 
 /* What a device answers to a request. Frozen. */

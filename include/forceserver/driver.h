@@ -33,8 +33,8 @@ typedef struct fs_model {
   fs_mat3 dtdr;                 /* N m/rad, symmetric. 0.1: 0 */
   uint64_t number;              /* which state it answers: the first that read gave is 1; 0: none */
   double time;                  /* s, when that state was measured (fs_state.time) */
-  double hold;                  /* s for which the model counts from when it comes to the controller; unless another has
-                                   come by then, the force fades */
+  double hold;                  /* s for which the model counts from when it comes to the controller, which may let it count
+                                   for less; unless another has come by then, the force fades */
 } fs_model;
 
 /* Bits of fs_driver.flags. */
@@ -112,7 +112,7 @@ typedef struct fs_driver {
   fs_status (*get_link)(void *self, fs_link *out);
 
   /* Waits for the next state of the device and gives it as read does (time 0: when receive returned). Returns TIMEOUT after
-   * 20 ms without one; DISCONNECTED when the device is lost; another status when what came is of no use. Until a state comes
+   * 20 ms without one, or earlier another status when a device that gave states has fallen silent; DISCONNECTED when the device is lost; another status when what came is of no use. Until a state comes
    * again, its force is 0 when the newest is too old (fs_device_info.delay), and at once after any status but OK and TIMEOUT. */
   fs_status (*receive)(void *self, fs_state *out);
 
