@@ -170,9 +170,10 @@ START_TEST(what_is_damaged_counts_and_does_nothing) {
     if (size != good.size()) offer(bytes);
   }
   for (int i = 0; i < 100000; ++i) {  // noise, half of it with the right beginning
-    Bytes bytes(i % 3 ? command_size : random() % 65);
+    const size_t sizes[] = {command_size, report_size, identity_size, random() % 65};
+    Bytes bytes(sizes[random() % 4]);
     for (uint8_t& byte : bytes) byte = static_cast<uint8_t>(random());
-    if (i % 2 && bytes.size() > 2) bytes[0] = 'C', bytes[1] = 1;
+    if (i % 2 && bytes.size() > 2) bytes[0] = static_cast<uint8_t>("CRIS"[i / 2 % 4]), bytes[1] = 1;
     if (parse_command(bytes)) continue;  // one in 65536 of those with the right beginning has the right checksum, and bytes 28, 29 seldom
     offer(bytes);
     ck_assert(!parse_report(bytes) && !parse_identity(bytes) && !parse_status(bytes));
