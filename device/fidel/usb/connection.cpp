@@ -340,7 +340,8 @@ void list_fidel_usb(fs_device_entry* out, size_t capacity, size_t* count) {
   *count = found.size();
   for (size_t i = 0; i < std::min(capacity, found.size()); ++i) {
     out[i] = {};
-    std::snprintf(out[i].uri, sizeof out[i].uri, "fidel:usb:%s", found[i].serial.c_str());
+    const std::string which = found[i].serial.empty() ? std::to_string(i) : found[i].serial;
+    std::snprintf(out[i].uri, sizeof out[i].uri, "fidel:usb:%s", which.c_str());
     std::snprintf(out[i].label, sizeof out[i].label, "FIDEL on the USB, serial number %s", found[i].serial.c_str());
   }
 }

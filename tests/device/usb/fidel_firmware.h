@@ -1,5 +1,6 @@
-/* A reference firmware of FIDEL, written from device/fidel/USB.md alone: freestanding C99, without a heap, a clock or a bus of its own.
- * The board calls it: fidel_firmware_tick once each millisecond or more often, the others when the bus has something. One at a time. */
+/* A reference firmware of FIDEL, written from device/fidel/USB.md alone: freestanding C99, without a heap, a clock or a bus of its
+ * own. The board calls it: fidel_firmware_tick once each millisecond or more often, the others when the bus has something. One at
+ * a time. */
 #ifndef FIDEL_FIRMWARE_H
 #define FIDEL_FIRMWARE_H
 

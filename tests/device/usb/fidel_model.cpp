@@ -146,10 +146,10 @@ std::vector<uint8_t> FidelModel::device_descriptor() const {
 }
 
 std::vector<uint8_t> FidelModel::configuration_descriptor() const {
-  return {9, 2, 32, 0, 1, 1, 0, 0x80, 50,          // the configuration, 32 bytes in all, powered by the bus
-          9, 4, 0,  0, 2, 0xff, 0, 0, 0,           // the interface
-          7, 5, 0x81, 3, 64, 0, 1,                 // interrupt IN
-          7, 5, 0x01, 3, 64, 0, 1};                // interrupt OUT
+  return {9, 2, 32,   0, 1,  1,    0, 0x80, 50,          // the configuration, 32 bytes in all, powered by the bus
+          9, 4, 0,    0, 2,  0xff, 0, 0,    0,           // the interface
+          7, 5, 0x81, 3, 64, 0,    1,                 // interrupt IN
+          7, 5, 0x01, 3, 64, 0,    1};                // interrupt OUT
 }
 
 std::string FidelModel::string(uint8_t index) const {
@@ -159,7 +159,8 @@ std::string FidelModel::string(uint8_t index) const {
 int FidelModel::control(const UsbSetup& setup, Bytes, std::vector<uint8_t>& answer, double time) {
   advance(time);
   uint8_t bytes[FIDEL_IDENTITY_SIZE];
-  const int size = fidel_firmware_control(&body_->firmware, setup.request_type, setup.request, setup.value, setup.index, setup.length, bytes);
+  const int size =
+      fidel_firmware_control(&body_->firmware, setup.request_type, setup.request, setup.value, setup.index, setup.length, bytes);
   if (size < 0) return -EPIPE;
   answer.assign(bytes, bytes + size);
   if (setup.request == 1 && size > 1) answer[1] = body_->version;

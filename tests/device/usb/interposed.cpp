@@ -42,7 +42,7 @@ int __open_2(const char* path, int flags) {
 }
 
 int close(int descriptor) {
-  if (EmulatedBus::Usbfs* const bus = EmulatedBus::Usbfs::present()) bus->close(descriptor);
+  if (EmulatedBus::Usbfs* const bus = EmulatedBus::Usbfs::present(); bus && bus->has(descriptor)) bus->close(descriptor);
   static const auto real = next<int (*)(int)>("close");
   return real(descriptor);
 }
@@ -52,7 +52,7 @@ int ioctl(int descriptor, unsigned long request, ...) noexcept {
   va_start(arguments, request);
   void* const argument = va_arg(arguments, void*);
   va_end(arguments);
-  if (EmulatedBus::Usbfs* const bus = EmulatedBus::Usbfs::present()) {
+  if (EmulatedBus::Usbfs* const bus = EmulatedBus::Usbfs::present(); bus && bus->has(descriptor)) {
     if (const int status = bus->control(descriptor, request, argument); status != -2) return status;
   }
   static const auto real = next<int (*)(int, unsigned long, ...)>("ioctl");

@@ -4,108 +4,11 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <algorithm>
-#include <cmath>
 #include <fstream>
 
-#include "api/support.h"
-#include "device/usb/emulated_bus.h"
-#include "device/usb/fidel_model.h"
-#include "scenes/folder.h"
+#include "device/usb/fidel_rig.h"
 
 using namespace scenes;
-
-namespace {
-
-template <class Condition>
-bool until(Condition condition) {
-  for (Patience patience; patience.lasts();) {
-    if (condition()) return true;
-  }
-  return false;
-}
-
-// A bus with a FIDEL in socket 1. Calibrations go to a folder of the test's own.
-struct Plugged {
-  explicit Plugged(const FidelOptions& options = {}) : model(std::make_shared<FidelModel>(options)) {
-    setenv("XDG_CONFIG_HOME", home.path.c_str(), 1);
-    bus.plug(1, model);
-  }
-  template <class Look>
-  auto look(Look f) const {
-    decltype(f(model->body())) result{};
-    bus.with_models([&] { result = f(model->body()); });
-    return result;
-  }
-  template <class Change>
-  void change(Change f) {
-    bus.with_models([&] { f(model->body()); });
-  }
-  std::string file(const char* serial = "F0001") const { return home / ("forceserver/fidel-" + std::string(serial) + ".json"); }
-
-  Folder home;
-  EmulatedBus bus;
-  std::shared_ptr<FidelModel> model;
-};
-
-// A wall at z = 0 into which the hand goes by 20 mm.
-struct Loop : Plugged {
-  explicit Loop(const FidelOptions& options = {}) : Plugged(options), scene(make_scene()) {
-    const fs_object wall = fs_wall_init("wall", {0, 0, 0}, {0, 0, 1}, 500, 10);
-    require(fs_object_set(scene.get(), &wall), "fs_object_set");
-    change([](FidelBody& b) { b.target = {0, 0, -0.02}; });
-    device = open_device("fidel:usb");
-    fs_servo_options servo_options = fs_servo_options_init();
-    servo_options.fade = -1;
-    servo_options.ramp = 0.3;
-    servo = start_servo(scene.get(), device.get(), servo_options);
-  }
-  bool pushes() const { return look([](FidelBody& b) { return b.force.z > 1; }); }
-  bool is_zero() const {
-    return look([](FidelBody& b) { return std::all_of(b.firmware.torques, b.firmware.torques + 6, [](int t) { return t == 0; }); });
-  }
-  fs_servo_stats stats() const { return stats_of(scene.get()); }
-  std::string answer(const char* request) const {
-    fs_answer out;
-    OK(fs_device_control(device.get(), request, &out));
-    return out.text;
-  }
-  // An event of the device with this word comes.
-  bool is_told(const char* word) const {
-    return until([&] {
-      fs_event event;
-      while (fs_scene_next_event(scene.get(), 0, &event) == FS_OK && event.kind != FS_EVENT_NONE) {
-        if (event.kind == FS_EVENT_DEVICE && std::strstr(event.text, word)) return true;
-      }
-      return false;
-    });
-  }
-  // Whenever the motors began to push, they began gently: 6 N are felt in the end.
-  void expect_ramps() const { ck_assert_double_lt(look([](FidelBody& b) { return b.largest_start; }), 2); }
-  // From the fault until the last torque acted, ms of the device's clock.
-  template <class Fault>
-  double time_to_zero(Fault fault) {
-    ck_assert(until([&] { return pushes(); }));
-    const uint32_t begin = look([](FidelBody& b) { return b.clock; });
-    fault();
-    ck_assert(until([&] { return is_zero(); }));
-    std::this_thread::sleep_for(std::chrono::milliseconds(30));
-    ck_assert(is_zero());
-    return 1e-3 * look([&](FidelBody& b) { return b.last_torque > begin ? b.last_torque - begin : 0u; });
-  }
-
-  Scene scene;
-  Device device;
-  Servo servo;
-};
-
-void expect_open(fs_status status, const char* part, const char* uri = "fidel:usb") {
-  fs_device* device = nullptr;
-  const fs_status got = fs_device_open(uri, &device);
-  ck_assert_msg(got == status && std::strstr(fs_last_error(), part), "%s: %s, not %s", fs_status_name(got), fs_last_error(), part);
-}
-
-}  // namespace
 
 // ------------------------------------------------------------------------------------------------------------ it works
 
@@ -161,7 +64,9 @@ START_TEST(two_devices_at_once) {
   plugged.bus.plug(2, second);
   std::vector<fs_device_entry> entries(16);
   size_t count = 0;
-  { const Device first = open_device("fidel:usb"); }  // loads the driver
+  {
+    const Device first = open_device("fidel:usb");
+  }  // loads the driver
   OK(fs_device_list(entries.data(), entries.size(), &count));
   std::string uris;
   for (size_t i = 0; i < count; ++i) uris += std::string(entries[i].uri) + " ";
@@ -211,7 +116,8 @@ START_TEST(what_cannot_be_opened_says_why) {
     plugged.bus.unplug_at(1, moment, 1, Unplug::in_flight);
     fs_device* device = nullptr;
     const fs_status status = fs_device_open("fidel:usb", &device);
-    ck_assert_msg(status == FS_ERROR_DISCONNECTED || status == FS_ERROR_NOT_FOUND || status == FS_ERROR_IO, "%s", fs_last_error());
+    ck_assert_msg(status == FS_ERROR_DISCONNECTED || status == FS_ERROR_NOT_FOUND || status == FS_ERROR_IO, "%s",
+                  fs_last_error());
     ck_assert(until([&] { return plugged.bus.counts(1).open_now == 0; }));
     plugged.bus.plug(1, plugged.model);
   }
@@ -265,7 +171,7 @@ START_TEST(unplugged_at_any_transfer) {
 END_TEST
 
 START_TEST(transfers_that_fail) {
-  const auto bad = [](const char* name, UsbFault UsbFaults::*way, UsbFault fault) {
+  const auto bad = [](const char* name, UsbFault UsbFaults::* way, UsbFault fault) {
     Loop loop;
     UsbFaults faults;
     faults.*way = fault;
@@ -304,11 +210,15 @@ START_TEST(devices_that_err) {
   };
   bad("no reports", [](FidelBody& b) { b.is_silent = true; }, [](FidelBody& b) { b.is_silent = false; }, "");
   bad("every report is damaged", [](FidelBody& b) { b.damages = 1; }, [](FidelBody& b) { b.damages = 0; }, "damaged");
-  bad("the same number again and again", [](FidelBody& b) { b.repeats = true; }, [](FidelBody& b) { b.repeats = false; }, "damaged");
+  bad(
+      "the same number again and again", [](FidelBody& b) { b.repeats = true; }, [](FidelBody& b) { b.repeats = false; },
+      "damaged");
   bad("short reports", [](FidelBody& b) { b.cuts = 1; }, [](FidelBody& b) { b.cuts = 0; }, "damaged");
   bad("reports of 64 bytes", [](FidelBody& b) { b.cuts = -24; }, [](FidelBody& b) { b.cuts = 0; }, "damaged");
   bad("reports of 65 bytes", [](FidelBody& b) { b.cuts = -25; }, [](FidelBody& b) { b.cuts = 0; }, "");
-  bad("no ear for commands", [](FidelBody& b) { b.is_deaf = true; }, [](FidelBody& b) { b.is_deaf = false; }, "no command for 20 ms");
+  bad(
+      "no ear for commands", [](FidelBody& b) { b.is_deaf = true; }, [](FidelBody& b) { b.is_deaf = false; },
+      "no command for 20 ms");
   bad("an encoder jumps", [](FidelBody& b) { b.jump[1] = 900; }, [](FidelBody& b) { b.jump[1] = 0; }, "has jumped");
 }
 END_TEST
@@ -323,7 +233,9 @@ START_TEST(some_damaged_reports) {
   ck_assert(until([&] { return loop.pushes(); }));
   const std::string status = loop.answer("status");
   unsigned long good = 0, lost = 0, damaged = 0;
-  ck_assert_int_eq(std::sscanf(std::strstr(status.c_str(), "Reports:"), "Reports: %lu good, %lu lost, %lu damaged", &good, &lost, &damaged), 3);
+  ck_assert_int_eq(std::sscanf(std::strstr(status.c_str(), "Reports:"), "Reports: %lu good, %lu lost, %lu damaged", &good, &lost,
+                               &damaged),
+                   3);
   ck_assert_uint_ge(damaged, 45);
   ck_assert_uint_le(damaged, good / 5);
 }
@@ -392,21 +304,26 @@ START_TEST(the_reason_for_no_force_is_told) {
     ck_assert_msg(until([&] { return loop.pushes(); }), "after %s", words);
   };
   fs_answer answer;
-  told("emergency stop", [](FidelBody& b) { b.inputs.stop_pressed = 1; }, [&] {
-    EXPECT_SENTENCE(FS_ERROR_STATE, fs_device_control(loop.device.get(), "clear", &answer), "refuses");
-    loop.change([](FidelBody& b) { b.inputs.stop_pressed = 0; });
-    ck_assert(loop.answer("status").find("emergency stop") != std::string::npos);
-    ck_assert(until([&] { return fs_device_control(loop.device.get(), "clear", &answer) == FS_OK; }));
-  });
-  told("too fast", [](FidelBody& b) { b.velocity = {0, 0, 6}; }, [&] {
-    std::this_thread::sleep_for(std::chrono::milliseconds(300));
-    loop.answer("clear");
-    loop.answer("home");  // at 6 m/s the encoders seemed to jump
-    loop.change([](FidelBody& b) { b.target = {0, 0, 0.06}; });
-    ck_assert(until([&] { return loop.answer("status").find("homed") == 0; }));
-    loop.change([](FidelBody& b) { b.target = {0, 0, -0.02}; });
-  });
-  told("holder", [](FidelBody& b) { b.inputs.in_holder = 1; }, [&] { loop.change([](FidelBody& b) { b.inputs.in_holder = 0; }); });
+  told(
+      "emergency stop", [](FidelBody& b) { b.inputs.stop_pressed = 1; },
+      [&] {
+        EXPECT_SENTENCE(FS_ERROR_STATE, fs_device_control(loop.device.get(), "clear", &answer), "refuses");
+        loop.change([](FidelBody& b) { b.inputs.stop_pressed = 0; });
+        ck_assert(loop.answer("status").find("emergency stop") != std::string::npos);
+        ck_assert(until([&] { return fs_device_control(loop.device.get(), "clear", &answer) == FS_OK; }));
+      });
+  told(
+      "too fast", [](FidelBody& b) { b.velocity = {0, 0, 6}; },
+      [&] {
+        std::this_thread::sleep_for(std::chrono::milliseconds(300));
+        loop.answer("clear");
+        loop.answer("home");  // at 6 m/s the encoders seemed to jump
+        loop.change([](FidelBody& b) { b.target = {0, 0, 0.06}; });
+        ck_assert(until([&] { return loop.answer("status").find("homed") == 0; }));
+        loop.change([](FidelBody& b) { b.target = {0, 0, -0.02}; });
+      });
+  told(
+      "holder", [](FidelBody& b) { b.inputs.in_holder = 1; }, [&] { loop.change([](FidelBody& b) { b.inputs.in_holder = 0; }); });
   told("not homed", [](FidelBody& b) { b.firmware.marks = 3; }, [&] { loop.change([](FidelBody& b) { b.firmware.marks = 7; }); });
   EXPECT_SENTENCE(FS_ERROR_UNSUPPORTED, fs_device_control(loop.device.get(), "dance", &answer), "the requests are: status, home");
   EXPECT_SENTENCE(FS_ERROR_INVALID, fs_device_control(loop.device.get(), "calibrate=now", &answer), "cancel");
@@ -443,7 +360,7 @@ END_TEST
 
 START_TEST(a_killed_host_is_no_force_within_20_ms) {
   const Folder folder;  // for what the killed one leaves behind
-  FidelModel model;     // before the child: its memory is shared
+  FidelModel model;  // before the child: its memory is shared
   setenv("XDG_CONFIG_HOME", folder.path.c_str(), 1);
   setenv("TMPDIR", folder.path.c_str(), 1);
   const pid_t child = fork();
@@ -483,7 +400,9 @@ START_TEST(calibrated_and_kept) {
   };
   const auto go = [&](fs_vec3 place) {
     plugged.change([&](FidelBody& b) { b.target = place; });
-    ck_assert(until([&] { return plugged.look([&](FidelBody& b) { return norm(b.position - place) < 1e-6 && norm(b.velocity) < 1e-6; }); }));
+    ck_assert(until([&] {
+      return plugged.look([&](FidelBody& b) { return norm(b.position - place) < 1e-6 && norm(b.velocity) < 1e-6; });
+    }));
   };
   fs_state state;
   const auto position = [&] {
@@ -525,8 +444,10 @@ int main() {
   Suite* suite = suite_create("usb_fidel");
   add_case(suite, "works", {a_wall_is_felt, poses_torques_and_buttons, two_devices_at_once});
   add_case(suite, "opening", {what_cannot_be_opened_says_why});
-  add_case(suite, "faults", {unplugged_and_back, unplugged_at_any_transfer, transfers_that_fail, devices_that_err, some_damaged_reports, a_stuck_encoder, homing_with_a_bad_plug,
-                             the_reason_for_no_force_is_told, requests_beside_a_servo, a_killed_host_is_no_force_within_20_ms});
+  add_case(suite, "faults",
+           {unplugged_and_back, unplugged_at_any_transfer, transfers_that_fail, devices_that_err, some_damaged_reports,
+            a_stuck_encoder, homing_with_a_bad_plug, the_reason_for_no_force_is_told, requests_beside_a_servo,
+            a_killed_host_is_no_force_within_20_ms});
   add_case(suite, "calibration", {calibrated_and_kept});
   return run_suite(suite);
 }

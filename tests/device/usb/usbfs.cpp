@@ -161,6 +161,7 @@ int EmulatedBus::Usbfs::open(const char* path) {
     if (pipe2(ends, O_NONBLOCK | O_CLOEXEC) != 0) return -1;
     fcntl(ends[1], F_SETPIPE_SZ, 4096);
     File& file = files_[ends[1]];
+    is_own_.at(static_cast<size_t>(ends[1])) = true;
     file = {};
     file.socket = &socket;
     file.number = socket.number;
@@ -181,6 +182,7 @@ bool EmulatedBus::Usbfs::close(int descriptor) {
   if (file.has_claimed && !file.is_gone) file.socket->is_claimed = false;
   --file.socket->counts.open_now;
   files_.erase(found);
+  is_own_.at(static_cast<size_t>(descriptor)) = false;
   return true;
 }
 

@@ -3,6 +3,7 @@
 // is something; without a read end: POLLERR, the device is gone.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <deque>
 #include <list>
@@ -37,6 +38,10 @@ class EmulatedBus::Usbfs {
   int open(const char* path);
   int control(int descriptor, unsigned long request, void* argument);
   bool close(int descriptor);  // true: it was one; the caller closes the descriptor
+  // Whether it is a file of this bus. Takes no lock: a sanitizer opens and closes files in the midst of a report.
+  bool has(int descriptor) const noexcept {
+    return descriptor >= 0 && static_cast<size_t>(descriptor) < is_own_.size() && is_own_[static_cast<size_t>(descriptor)];
+  }
 
   static Usbfs* present();
 
@@ -78,6 +83,7 @@ class EmulatedBus::Usbfs {
 
   std::map<int, Socket> sockets_;
   std::map<int, File> files_;  // by descriptor
+  std::array<std::atomic<bool>, 4096> is_own_{};  // by descriptor: it is among the files
   std::atomic<int> numbers_{1};
   std::atomic<bool> is_ending_{false};
   std::thread frames_;
