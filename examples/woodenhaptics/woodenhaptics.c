@@ -30,6 +30,7 @@ static const double PI = 3.14159265358979323846;
 static const double CURRENT_MAX = 3;        /* A, of a motor; the firmware gives no more */
 static const double COUNTS_MAX = 200;       /* a millisecond: the arm would turn by 40 rad/s */
 static const int DOUBTS_MAX = 10;           /* reports one after the other that cannot be true */
+static const int FIRST = 5;                 /* reports after opening: the device may have had some ready for long */
 static const double DELAY = 0.002;          /* s: a report waits 1 ms for the bus on each way, 0.5 ms on average, and the
                                                firmware looks for a new one once a ms */
 
@@ -102,7 +103,7 @@ typedef struct arm {
   int fd;
   char serial[64];
   double came;                              /* s, when the newest report that was believed did; 0: none has */
-  int doubts;                               /* reports since then */
+  int seen, doubts;                         /* reports: up to FIRST, and since the newest that was believed */
   uint16_t last[3], number;                 /* counts and number of that report */
   uint64_t lost;                            /* reports of which only the gap in the numbers was seen */
   int32_t count[3];                         /* from home */
@@ -229,17 +230,21 @@ static int take_report(arm *it, const uint8_t report[REPORT_SIZE], double time)
 {
   uint16_t value[4];
   int16_t step[3];
-  int is_possible = 1;
   for (int i = 0; i < 4; ++i) value[i] = (uint16_t)(report[2 * i] | report[2 * i + 1] << 8);
+  const int is_first = it->seen < FIRST;
+  const uint16_t gap = (uint16_t)(value[3] - it->number);  /* ms, as the device sends one in each */
+  const double way_max = COUNTS_MAX * fmin(1 + gap, 2 + 1000 * (time - it->came));
+  int is_possible = 1;
   for (int i = 0; i < 3; ++i) {  /* the counter of 16 bits runs over; a step that is short enough does not */
     step[i] = (int16_t)(uint16_t)(value[i] - it->last[i]);
-    if (it->came > 0 && abs(step[i]) > COUNTS_MAX * (2 + 1000 * (time - it->came))) is_possible = 0;
+    if (!is_first && abs(step[i]) > way_max) is_possible = 0;
   }
   if (!is_possible && ++it->doubts < DOUBTS_MAX) return 0;
   if (!is_possible) it->is_homed = 0;  /* so the encoder has jumped, and the arm is elsewhere */
-  if (it->came > 0 && is_possible) it->lost += (uint16_t)(value[3] - it->number - 1);
+  it->seen += is_first;
+  if (!is_first && is_possible) it->lost += (uint16_t)(gap - 1);
   for (int i = 0; i < 3; ++i) {
-    it->count[i] = it->came > 0 ? it->count[i] + step[i] : (int16_t)value[i];
+    it->count[i] = is_first ? (int16_t)value[i] : it->count[i] + step[i];
     it->last[i] = value[i];
   }
   it->number = value[3];
@@ -279,8 +284,10 @@ static fs_status arm_receive(void *self, fs_state *out)
   fs_vec3 derivative[3];
   pthread_mutex_lock(&lock);
   out->flags = it->is_homed ? FS_STATE_READY : FS_STATE_NOT_HOMED;
+  const int is_known = it->seen == FIRST;
   angles_of(&it->config, it->count, angle);
   pthread_mutex_unlock(&lock);
+  if (!is_known) return FS_ERROR_TIMEOUT;  /* the next one comes soon */
   if (out->flags == FS_STATE_READY) out->pose.position = position_of(&it->config, angle, derivative);
   return FS_OK;
 }
@@ -292,10 +299,10 @@ static fs_status arm_send(void *self, const fs_wrench *wrench)
   int16_t current[3] = {0, 0, 0};
   uint8_t report[1 + REPORT_SIZE] = {0};  /* first the number of the report: 0, as this device has only one */
   pthread_mutex_lock(&lock);
-  const int is_homed = it->is_homed;
+  const int is_known = it->is_homed && it->seen == FIRST;
   angles_of(&it->config, it->count, angle);
   pthread_mutex_unlock(&lock);
-  if (is_homed) currents_of(&it->config, angle, &wrench->force, current);
+  if (is_known) currents_of(&it->config, angle, &wrench->force, current);
   for (int i = 0; i < 3; ++i) {
     report[1 + 2 * i] = (uint8_t)((uint16_t)current[i] & 0xff);
     report[2 + 2 * i] = (uint8_t)((uint16_t)current[i] >> 8);
@@ -325,7 +332,7 @@ static fs_status home(arm *it)
   pthread_mutex_unlock(&lock);
   nanosleep(&moment, NULL);
   pthread_mutex_lock(&lock);
-  const int is_fresh = it->came > 0 && now() - it->came < 0.1;
+  const int is_fresh = it->seen == FIRST && now() - it->came < 0.1;
   for (int i = 0; i < 3; ++i) most = abs(it->count[i] - before[i]) > most ? abs(it->count[i] - before[i]) : most;
   if (is_fresh && most <= 20) {
     memset(it->count, 0, sizeof it->count);

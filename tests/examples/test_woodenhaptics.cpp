@@ -149,6 +149,22 @@ START_TEST(it_tells_where_the_handle_is) {
 }
 END_TEST
 
+// The device has had two reports ready since it was last open, and the arm has moved meanwhile.
+START_TEST(old_reports_count_for_nothing) {
+  Arm it;
+  it.stand_in.hold_at(arm::centre);
+  {
+    const std::lock_guard lock(it.stand_in.mutex);
+    it.stand_in.on_report = [i = 0](std::vector<uint8_t>& bytes) mutable {
+      if (++i <= 2) bytes = {0, 0, 0, 0, 0, 0, 0, 0};
+    };
+  }
+  it.open();
+  ck_assert(until([&] { return it.is_ready(); }));
+  ck_assert(until([&] { return it.is_right(); }));
+}
+END_TEST
+
 // The currents make the force that was asked for, by a Jacobian of differences; or less of it, in the same direction.
 START_TEST(it_gives_the_force) {
   double worst = 0;
@@ -378,8 +394,8 @@ END_TEST
 
 int main() {
   Suite* suite = suite_create("woodenhaptics");
-  add_case(suite, "device", {it_knows_its_pose_when_it_was_homed, it_tells_where_the_handle_is, it_gives_the_force,
-                             a_force_along_an_axis_moves_the_handle_along_it});
+  add_case(suite, "device", {it_knows_its_pose_when_it_was_homed, it_tells_where_the_handle_is, old_reports_count_for_nothing,
+                             it_gives_the_force, a_force_along_an_axis_moves_the_handle_along_it});
   add_case(suite, "opening", {what_cannot_be_opened_says_why});
   add_case(suite, "faults", {reports_that_stop_end_the_force, short_reports, a_short_report_alone, some_garbage, an_encoder_that_jumps,
                              the_node_goes_and_comes_back});
