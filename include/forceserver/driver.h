@@ -41,7 +41,8 @@ typedef struct fs_model {
 enum {
   FS_DRIVER_IN_SERVO = 1        /* receive returns within 20 ms and send within 1 ms, whatever the device does, and neither
                                    allocates or waits for another thread: so the servo's own thread calls them, and no time is
-                                   lost between threads. Never set it where a maker's closed library does the work */
+                                   lost between threads. Never set it where a maker's closed library does the work, or for a
+                                   hidraw node of Linux, whose writes may take seconds */
 };
 
 /* A device driver: a table of functions, growing. It knows one kind of device and nothing of scenes, limits or faults:
@@ -112,8 +113,9 @@ typedef struct fs_driver {
   fs_status (*get_link)(void *self, fs_link *out);
 
   /* Waits for the next state of the device and gives it as read does (time 0: when receive returned). Returns TIMEOUT after
-   * 20 ms without one, or earlier another status when a device that gave states has fallen silent; DISCONNECTED when the device is lost; another status when what came is of no use. Until a state comes
-   * again, its force is 0 when the newest is too old (fs_device_info.delay), and at once after any status but OK and TIMEOUT. */
+   * 20 ms without one, or earlier another status when a device that gave states has fallen silent; DISCONNECTED when the
+   * device is lost; another status when what came is of no use. Until a state comes again, its force is 0 when the newest is
+   * too old (fs_device_info.delay), and at once after any status but OK and TIMEOUT. */
   fs_status (*receive)(void *self, fs_state *out);
 
   /* Sends a wrench, as write does; may wait for the device to take it, some milliseconds at most. Also called when the force
