@@ -13,7 +13,7 @@ namespace fs {
 namespace {
 
 constexpr unsigned command_life = 20;    // ms, until a command that was not taken is withdrawn
-constexpr double end_within = 1;         // s
+constexpr double end_within = 0.5;       // s
 constexpr double mend_within = 0.02;     // s, to get transfers back from an endpoint that has stalled
 constexpr double mend_after = 1e-3;  // s, between two tries after an error: when a device is being pulled out, each fails at once
 
@@ -53,12 +53,11 @@ UsbPipes::UsbPipes(UsbDevice& device, const UsbEndpoints& endpoints, Taker taker
 UsbPipes::~UsbPipes() {
   is_ending_ = true;
   cancel_all(steady_now() + end_within);
-  if (is_any_in_flight()) {
-    device_.abandon();
-    for (Slot& slot : slots_) static_cast<void>(slot.buffer.release());  // libusb may still write to it
-    return;
+  if (is_any_in_flight()) device_.abandon();
+  for (Slot& slot : slots_) {
+    if (slot.is_in_flight) static_cast<void>(slot.buffer.release());  // libusb may still write to it
+    else libusb_free_transfer(slot.transfer);
   }
-  for (Slot& slot : slots_) libusb_free_transfer(slot.transfer);
 }
 
 void UsbPipes::prepare(Slot& slot, uint8_t endpoint, uint32_t size, unsigned timeout) {

@@ -40,7 +40,7 @@ class UsbPipes {
   };
 
   UsbPipes(UsbDevice& device, const UsbEndpoints& endpoints, Taker taker, void* self);  // throws a Refusal
-  // Cancels what is in flight, and waits until it has come back, for 1 s at most: if it has not by then, its memory is left to
+  // Cancels what is in flight, and waits until it has come back, for 0.5 s at most: if it has not by then, its memory is left to
   // libusb, and the device stays open until the process ends.
   ~UsbPipes();
   UsbPipes(const UsbPipes&) = delete;

@@ -1,9 +1,12 @@
 // The functions that stand before those of the C library (and of umockdev): only files of the emulated bus are different.
 #include <dlfcn.h>
 #include <fcntl.h>
+#include <sys/socket.h>
+#include <sys/un.h>
 
 #include <cerrno>
 #include <cstdarg>
+#include <cstring>
 
 #include "device/usb/usbfs.h"
 
@@ -57,6 +60,23 @@ int ioctl(int descriptor, unsigned long request, ...) noexcept {
   }
   static const auto real = next<int (*)(int, unsigned long, ...)>("ioctl");
   return real(descriptor, request, argument);
+}
+
+// umockdev ends the program when libusb stops to listen for devices just while umockdev tells it of one; nobody misses that.
+int connect(int socket, const sockaddr* address, socklen_t size) {
+  static const auto real = next<int (*)(int, const sockaddr*, socklen_t)>("connect");
+  const int status = real(socket, address, size);
+  const bool is_of_umockdev = address->sa_family == AF_UNIX && std::strstr(reinterpret_cast<const sockaddr_un*>(address)->sun_path, "umockdev.");
+  return status != 0 && is_of_umockdev ? 0 : status;
+}
+
+ssize_t sendmsg(int socket, const msghdr* message, int flags) {
+  static const auto real = next<ssize_t (*)(int, const msghdr*, int)>("sendmsg");
+  const ssize_t count = real(socket, message, flags);
+  if (count >= 0 || (errno != ECONNREFUSED && errno != ENOTCONN && errno != EDESTADDRREQ && errno != EPIPE)) return count;
+  ssize_t all = 0;
+  for (size_t i = 0; i < message->msg_iovlen; ++i) all += static_cast<ssize_t>(message->msg_iov[i].iov_len);
+  return all;
 }
 
 }

@@ -164,8 +164,7 @@ START_TEST(a_close_that_hangs) {
     faults.is_stuck = true;
     rig.bus.set(1, faults);
   }
-  faults = {};
-  rig.bus.set(1, faults);
+  std::this_thread::sleep_for(std::chrono::seconds(1));  // a driver's thread that was left behind on a busy machine ends before the bus
 }
 END_TEST
 
