@@ -82,7 +82,7 @@ bool as_user(Function function) {
 inline int run_cases(const char* name, std::initializer_list<const TTest*> tests) {
   Suite* suite = suite_create(name);
   for (const TTest* test : tests) {
-    TCase* test_case = tcase_create(name);
+    TCase* test_case = tcase_create(test->name);  // CK_RUN_CASE chooses one
     tcase_set_timeout(test_case, 4 * long_enough_here);
     tcase_add_test(test_case, test);
     suite_add_tcase(suite, test_case);

@@ -81,9 +81,15 @@ struct Drawing {
     if (faults & FS_FAULT_LATE) fs_servo_set_enabled(servo.get(), true);
     return faults;
   }
+  // When not, it says what the servo and the device say.
   template <class Kind>
   bool is_felt(Kind& kind) {
-    return until([&] { return faults() == 0 && kind.force() > 0.2; });
+    if (until([&] { return faults() == 0 && kind.force() > 0.2; })) return true;
+    fs_answer answer{};
+    const fs_status status = fs_device_control(device.get(), "status", &answer);
+    std::printf("not felt: %g N, the servo's faults %x; status: %s\n", kind.force(), faults(), status == FS_OK ? answer.text : fs_last_error());
+    std::fflush(stdout);
+    return false;
   }
   bool is_told(const char* word) {
     return until([&] {
