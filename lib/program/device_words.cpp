@@ -29,9 +29,9 @@ std::vector<std::string> to_text(const fs_device_info& info) {
   lines.push_back("force       " + most("along", info.force_axes, info.force_max, "N"));
   lines.push_back("torque      " + most("about", info.torque_axes, info.torque_max, "N m"));
   lines.push_back(format("rate        %g Hz; %g ms from pose to force, in addition to the period", info.rate, info.delay * 1e3));
-  lines.push_back("resolution  " + (info.resolution > 0 ? format("%g um", info.resolution * 1e6) : "not quantised"));
+  lines.push_back("resolution  " + (info.resolution > 0 ? format("%.3g um", info.resolution * 1e6) : "not quantised"));
   lines.push_back("moving      " + (info.mass > 0 ? format("%g kg", info.mass) : "mass unknown") +
-                  format(", %g N s/m of damping", info.damping));
+                  (info.damping > 0 ? format(", %g N s/m of damping", info.damping) : ", damping unknown"));
   if (info.link_rate > 0) lines.push_back(format("link        %g times a second", info.link_rate));
   if (info.controller_rate > 0) {
     lines.push_back(format("controller  its own, %g Hz, %g ms of delay, %g N s/m of local damping", info.controller_rate,

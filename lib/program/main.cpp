@@ -130,6 +130,8 @@ const char* const test_device_help = R"(examples:
       call takes, a servo that sends 0, the delay that the driver measures, and opening and closing again and again
   forceserver test-device mine:0 --driver ./libmine.so --push 1
       also pushes with 1 N along each axis, for 0.3 s each, and looks where the handle goes: hold it loosely
+  forceserver test-device falcon:0 --request home --push 1
+      a device that must be homed first: it waits until you have done what the driver says
 
 The output is a page for whoever makes the device or its driver. Each verdict is passed, odd or FAILED. A machine that is
 busy with other things makes states late: try it again on a quiet one. Unplug the device meanwhile to see what is then
@@ -302,6 +304,14 @@ int main(int argc, char** argv) {
   test_command->add_option("--seconds", test_options.seconds, "How long each measurement takes")
       ->type_name("SECONDS")
       ->check(CLI::Range(0.5, 3600.0).description(""))
+      ->capture_default_str();
+  test_command->add_option("--request", test_options.requests, "First send this to the driver, such as home")
+      ->type_name("TEXT")
+      ->expected(1)
+      ->take_all();
+  test_command->add_option("--wait", test_options.wait, "How long the device may then take until it is ready")
+      ->type_name("SECONDS")
+      ->check(not_negative)
       ->capture_default_str();
   test_command->footer(test_device_help);
 

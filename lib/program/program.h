@@ -49,6 +49,8 @@ struct TestDeviceOptions {
   std::string uri, driver;
   double push = 0;     // N; 0: no force
   double seconds = 5;  // of each measurement
+  std::vector<std::string> requests;  // sent first, such as "home"
+  double wait = 60;                   // s, until the device is ready after them
 };
 int test_device(const TestDeviceOptions& options);
 

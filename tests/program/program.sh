@@ -84,7 +84,8 @@ expect '[01]' '^passed  nothing is left behind' "$program" test-device sim: --se
 grep -q '^## A force' output && fail "test-device pushes without --push"
 expect '[01]' '^passed  a force along z moves the handle along z$' "$program" test-device 'sim:?seed=3' --seconds 0.5 --push 2
 expect 1 '^FAILED' "$program" test-device library:0 --driver "$losing_driver" --seconds 0.5
-expect '[012]' '^odd     it is not ready: ' "$program" test-device 'sim:?link=force&link_ms=1000' --seconds 0.5
+expect 1 '^odd     states are fresh: ' "$program" test-device 'sim:?link=force&link_ms=900' --seconds 0.5
+expect 2 "^forceserver: a device of 'sim' has no requests$" "$program" test-device sim: --request home
 
 if command -v python3 > /dev/null; then
   "$program" devices --json > devices.json
