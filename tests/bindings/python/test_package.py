@@ -27,6 +27,13 @@ def test_the_program():
         assert done.returncode == 0 and "sim:" in done.stdout, done.stderr
 
 
+def test_the_drivers_come_along():
+    usable = {driver.scheme for driver in fs.drivers() if not driver.trouble}
+    assert {"falcon", "fidel", "sim"} <= usable, fs.drivers()
+    with pytest.raises(fs.Error, match="127.0.0.1"):
+        fs.Device("fidel:udp:127.0.0.1:1")
+
+
 def test_version_and_files():
     assert f'version = "{fs.__version__}"' in (ROOT / "bindings/python/pyproject.toml").read_text()
     assert [path.name for path in FOLDER.glob("libforceserver*")] == ["libforceserver.so.0"]

@@ -4,7 +4,7 @@ import static org.junit.jupiter.api.Assertions.*;
 
 import java.nio.file.Files;
 import java.nio.file.Path;
-import java.util.List;
+import List;
 import java.util.concurrent.TimeUnit;
 import java.util.concurrent.atomic.AtomicReference;
 import org.junit.jupiter.api.Test;
@@ -14,6 +14,14 @@ import org.junit.jupiter.api.io.TempDir;
 /** Devices, servos and servers; waits; the end of the JVM. */
 class ServoTest {
   private final String endpoint = "shm:java-" + ProcessHandle.current().pid();
+
+  @Test void the_drivers_come_along() {
+    List<DriverInfo> drivers = ForceServer.drivers();
+    List<String> usable = drivers.stream().filter(d -> d.trouble().isEmpty()).map(DriverInfo::scheme).toList();
+    assertTrue(usable.containsAll(List.of("falcon", "fidel", "sim")), usable + " of " + drivers);
+    String said = assertThrows(Exception.class, () -> new Device("fidel:udp:127.0.0.1:1")).getMessage();
+    assertTrue(said.contains("127.0.0.1"), said);
+  }
 
   @Test void devices() {
     assertTrue(ForceServer.devices().stream().anyMatch(each -> each.uri().equals("sim:")));
