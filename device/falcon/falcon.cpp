@@ -1,6 +1,5 @@
 #include "device/falcon/falcon.h"
 
-#include <time.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -9,6 +8,7 @@
 
 #include "device/falcon/firmware.h"
 #include "device/support/address.h"
+#include "device/support/clock.h"
 #include "device/support/refusal.h"
 
 namespace fs::falcon {
@@ -22,17 +22,6 @@ constexpr double silent_after = 1;         // s without a report: the device is 
 constexpr double take_within = 0.003;      // s, for the command before
 constexpr int reports_to_settle = 20;      // good ones, before the position is believed
 constexpr double homing_at_least = 0.2;    // s, until the bits of a homing that was asked for are believed
-
-double steady_now() noexcept {
-  timespec time{};
-  clock_gettime(CLOCK_MONOTONIC, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
-
-void pause(double time) noexcept {  // s, below 1
-  const timespec wait{0, static_cast<long>(1e9 * time)};
-  nanosleep(&wait, nullptr);
-}
 
 // The Falcon's z points to who sits before it, and its y up; in the device frame y points away from him, and z up.
 Vec3 to_device(Vec3 v) { return {v.x, -v.z, v.y}; }

@@ -1,12 +1,12 @@
 #include "device/support/usb_pipes.h"
 
 #include <libusb.h>
-#include <time.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstring>
 
+#include "device/support/clock.h"
 #include "device/support/refusal.h"
 
 namespace fs {
@@ -16,12 +16,6 @@ constexpr unsigned command_life = 20;    // ms, until a command that was not tak
 constexpr double end_within = 0.5;       // s
 constexpr double mend_within = 0.02;     // s, to get transfers back from an endpoint that has stalled
 constexpr double mend_after = 1e-3;  // s, between two tries after an error: when a device is being pulled out, each fails at once
-
-double steady_now() noexcept {
-  timespec time{};
-  clock_gettime(CLOCK_MONOTONIC, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
 
 }  // namespace
 

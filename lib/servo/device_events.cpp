@@ -46,7 +46,8 @@ void DeviceEvents::note(const Tick& tick) noexcept {
            tick.age});
   };
   if (is_ready && !is_ready_) add(FS_OK, 0);
-  if (!is_ready && (is_ready_ || (why && why != told_) || (is_gone && !is_gone_))) add(tick.status != FS_OK ? tick.status : FS_ERROR_STATE, device_fault);
+  if (!is_ready && (is_ready_ || (why && why != told_) || (is_gone && !is_gone_)))
+    add(tick.status != FS_OK ? tick.status : FS_ERROR_STATE, device_fault);
   if (const uint32_t fresh = latched & ~latched_) add(FS_ERROR_STATE, fresh);
   told_ = why;
   is_ready_ = is_ready;

@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <cstring>
 
-#include "device/fidel/udp/clock.h"
+#include "device/support/clock.h"
 #include "device/support/refusal.h"
 
 namespace fs::udp {
@@ -31,10 +31,10 @@ Controller::Controller(fs_device* device, Socket& socket, std::function<void(con
 // ------------------------------------------------------------------------------------------------------------- the loop
 
 void Controller::run(const std::function<bool()>& ends) {
-  int64_t next = now_ns() + period;
+  int64_t next = steady_now_ns() + period;
   while (!ends()) {
     listen(next);
-    const int64_t missed = (now_ns() - next) / period;  // ticks that are missed are skipped
+    const int64_t missed = (steady_now_ns() - next) / period;  // ticks that are missed are skipped
     late_ticks_ += static_cast<uint64_t>(missed);
     next += (missed + 1) * period;
     tick();
@@ -45,7 +45,7 @@ void Controller::run(const std::function<bool()>& ends) {
 }
 
 void Controller::listen(int64_t until) {
-  while (now_ns() < until) {
+  while (steady_now_ns() < until) {
     Datagram datagram;
     Endpoint from;
     if (socket_.receive(datagram, &from) == Socket::Heard::something) take(datagram, from);
@@ -55,7 +55,7 @@ void Controller::listen(int64_t until) {
 
 void Controller::tick() {
   ++ticks_;
-  if (host_.session && now() - host_.heard_at > host_lost_after) end(Reason::silent, "it has been silent for 0.5 s");
+  if (host_.session && steady_now() - host_.heard_at > host_lost_after) end(Reason::silent, "it has been silent for 0.5 s");
   render();
   if (host_.session && ticks_ % static_cast<uint64_t>(host_.every) == 0) send_state();
 }
@@ -66,13 +66,13 @@ void Controller::render() {
     state_.pose.orientation.w = 1;
     state_.flags = FS_STATE_CONNECTING;
   }
-  applied_ = renderer_.render(state_, now());
+  applied_ = renderer_.render(state_, steady_now());
   if (fs_device_write(device_, &applied_) != FS_OK) applied_ = {};
 }
 
 void Controller::send_state() {
   State out;
-  out.time = static_cast<uint64_t>(state_.time > 0 ? static_cast<int64_t>(1e9 * state_.time) : now_ns());
+  out.time = static_cast<uint64_t>(state_.time > 0 ? static_cast<int64_t>(1e9 * state_.time) : steady_now_ns());
   out.command_time = host_.command_time;
   out.command = host_.commands.newest_number();
   out.came = host_.commands.count();
@@ -83,7 +83,7 @@ void Controller::send_state() {
   out.pose = state_.pose;
   out.twist = state_.twist;
   out.applied = applied_;
-  out.sent = static_cast<uint64_t>(now_ns());
+  out.sent = static_cast<uint64_t>(steady_now_ns());
   socket_.send(encode({Type::state, host_.session, ++host_.states}, out), host_.address);
 }
 
@@ -115,7 +115,7 @@ void Controller::take_hello(const Datagram& datagram, const Header& header, cons
     begin(hello, header, from);
     welcome(header.number);
   } else if (host_.session == header.session && host_.address == from) {
-    host_.heard_at = now();
+    host_.heard_at = steady_now();
     welcome(header.number);
   } else {
     refuse_stranger(header, from);
@@ -130,14 +130,14 @@ void Controller::take_of_host(const Datagram& datagram, const Header& header) {
   const size_t size = datagram.size;
   const bool is_command = header.type == Type::command || header.type == Type::model;
   if (is_command && decode(bytes, size, command)) {
-    host_.heard_at = now();
+    host_.heard_at = steady_now();
     if (host_.commands.note(header.number) != Arrivals::newest) return;  // a newer force is there already
-    host_.command_time = static_cast<uint64_t>(now_ns());
+    host_.command_time = static_cast<uint64_t>(steady_now_ns());
     if (is_stale(command)) return;
     renderer_.take(command, host_.heard_at);
     render();  // at once: delay is what limits stiffness
   } else if (header.type == Type::request && decode(bytes, size, request)) {
-    host_.heard_at = now();
+    host_.heard_at = steady_now();
     take_request(header, request);
   } else if (header.type == Type::bye && decode(bytes, size, bye)) {
     end(Reason::unknown_session, "it has said goodbye");
@@ -188,8 +188,8 @@ void Controller::refuse_stranger(const Header& header, const Endpoint& from) {
   busy.hello = header.number;
   copy_text(busy.holder, who().c_str());
   reply(encode({Type::busy, header.session, 1}, busy), from);
-  if (now() - refused_at_ < 1) return;
-  refused_at_ = now();
+  if (steady_now() - refused_at_ < 1) return;
+  refused_at_ = steady_now();
   say_("refused: " + from.text() + ", as " + who() + " is connected");
 }
 
@@ -199,7 +199,7 @@ void Controller::begin(const Hello& hello, const Header& header, const Endpoint&
   host_.address = from;
   host_.name = *hello.name ? hello.name : "a host without a name";
   host_.every = static_cast<int>(std::clamp(std::round(rate / std::max(1.0, static_cast<double>(hello.rate))), 1.0, 10.0));
-  host_.heard_at = now();
+  host_.heard_at = steady_now();
   char text[200];
   std::snprintf(text, sizeof text, "connected: %s, session %016llx, %g states a second", who().c_str(),
                 static_cast<unsigned long long>(host_.session), rate / host_.every);
@@ -236,14 +236,14 @@ void Controller::welcome(uint32_t hello) {
   fill(out.controller_damping, Renderer::damping);
   copy_text(out.name, info_.name);
   copy_text(out.serial, info_.serial);
-  out.time = static_cast<uint64_t>(now_ns());
+  out.time = static_cast<uint64_t>(steady_now_ns());
   socket_.send(encode({Type::welcome, host_.session, ++host_.welcomes}, out), host_.address);
 }
 
 // Whoever forges the address of another must not make this a source of many datagrams for it.
 void Controller::reply(const Datagram& datagram, const Endpoint& to) {
   constexpr double most = 20, each_second = 50;
-  const double time = now();
+  const double time = steady_now();
   replies_left_ = std::min(most, replies_left_ + each_second * (time - replied_at_));
   replied_at_ = time;
   if (replies_left_ < 1) return;

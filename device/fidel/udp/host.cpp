@@ -10,8 +10,8 @@
 #include <random>
 #include <utility>
 
-#include "device/fidel/udp/clock.h"
 #include "device/support/address.h"
+#include "device/support/clock.h"
 #include "device/support/refusal.h"
 #include "math/pose.h"
 
@@ -70,9 +70,9 @@ void UdpConnection::greet() {
   char name[sizeof hello.name] = "";
   gethostname(name, sizeof name - 1);
   copy_text(hello.name, name);
-  const int64_t first = now_ns(), deadline = first + in_ns(connect_within);
+  const int64_t first = steady_now_ns(), deadline = first + in_ns(connect_within);
   for (int welcomes = 0; welcomes < greetings;) {
-    const int64_t begin = now_ns();
+    const int64_t begin = steady_now_ns();
     if (!holder_.empty() && begin >= first + in_ns(busy_within)) {
       refuse(FS_ERROR_DENIED, "the controller at %s is in use by %s", place().c_str(), holder_.c_str());
     }
@@ -87,12 +87,12 @@ void UdpConnection::greet() {
       refuse(FS_ERROR_NOT_FOUND, "nobody listens at %s; start the controller there, such as fidel-controller", place().c_str());
     if (await_welcome(std::min(deadline, begin + in_ns(hello_interval)), number, to_seconds(begin))) ++welcomes;
   }
-  heard_at_ = now();
+  heard_at_ = steady_now();
 }
 
 // True: the WELCOME has come that answers this HELLO.
 bool UdpConnection::await_welcome(int64_t deadline, uint32_t hello, double hello_sent) {
-  while (now_ns() < deadline) {
+  while (steady_now_ns() < deadline) {
     socket_.await(deadline);
     Datagram datagram;
     const Socket::Heard heard = socket_.receive(datagram);
@@ -100,7 +100,7 @@ bool UdpConnection::await_welcome(int64_t deadline, uint32_t hello, double hello
       refuse(FS_ERROR_NOT_FOUND, "nobody listens at %s; start the controller there, such as fidel-controller", place().c_str());
     }
     if (heard == Socket::Heard::nothing) continue;
-    const double came = now();
+    const double came = steady_now();
     Header header{};
     const Opened opened = open(datagram.bytes, datagram.size, header);
     if (opened == Opened::garbage || header.session != session_) {
@@ -138,8 +138,8 @@ UdpConnection::~UdpConnection() {
   for (int i = 0; i < most_tries; ++i) {
     if (!socket_.send(encode(header(Type::bye, static_cast<uint32_t>(i + 1)), Bye{Reason::ends}))) return;
     // The controller answers with BYE when its force is 0.
-    const int64_t deadline = now_ns() + in_ns(std::clamp(2 * clock_.round_trip(), 0.02, 0.1));
-    while (now_ns() < deadline) {
+    const int64_t deadline = steady_now_ns() + in_ns(std::clamp(2 * clock_.round_trip(), 0.02, 0.1));
+    while (steady_now_ns() < deadline) {
       socket_.await(deadline);
       Datagram datagram;
       Header header{};
@@ -182,25 +182,25 @@ void UdpConnection::get_info(fs_device_info& out) const {
 // ------------------------------------------------------------------------------------------------------------- receiving
 
 fs_status UdpConnection::receive(fs_state& out) noexcept {
-  const int64_t deadline = now_ns() + in_ns(wait_for_state);
+  const int64_t deadline = steady_now_ns() + in_ns(wait_for_state);
   constexpr int most_after = 100;  // datagrams that are looked at for a newer state: a flood must not keep this one back
   bool has_state = false;
   for (int after = 0;;) {
     Datagram datagram;
     const Socket::Heard heard = is_lost_ ? Socket::Heard::refused : socket_.receive(datagram);
     if (heard == Socket::Heard::refused) return FS_ERROR_DISCONNECTED;
-    const double time = now();
+    const double time = steady_now();
     if (heard == Socket::Heard::something) {
       const Change change = take(datagram, out);
       if (change == Change::lost) return FS_ERROR_DISCONNECTED;
       has_state |= change == Change::state;
       const bool is_enough = has_state && ++after > most_after;
-      if (!is_enough && now_ns() < deadline) continue;  // a newer one may be there already
+      if (!is_enough && steady_now_ns() < deadline) continue;  // a newer one may be there already
     }
     meter_.publish(time);
     if (has_state) return FS_OK;
     if (time - heard_at_ > lost_after) return FS_ERROR_DISCONNECTED;
-    if (now_ns() >= deadline) return FS_ERROR_TIMEOUT;
+    if (steady_now_ns() >= deadline) return FS_ERROR_TIMEOUT;
     socket_.await(deadline);
   }
 }
@@ -232,7 +232,7 @@ UdpConnection::Change UdpConnection::take(const Datagram& datagram, fs_state& ou
 // False: one of the same number or a newer one has come before.
 bool UdpConnection::take_state(const Header& header, const State& state, fs_state& out) noexcept {
   if (states_.note(header.number) != Arrivals::newest) return false;
-  const double came = now();
+  const double came = steady_now();
   heard_at_ = came;
   take_echo(state, came);
   out.pose = state.pose;
@@ -299,7 +299,7 @@ fs_status UdpConnection::send(Command command, const Seen& answered) noexcept {
   if (is_lost_) return FS_ERROR_DISCONNECTED;
   command.state = answered.number;
   const uint32_t number = ++commands_;
-  sent_[number % sent_.size()] = {number, now(), answered.time};
+  sent_[number % sent_.size()] = {number, steady_now(), answered.time};
   if (socket_.send(encode(header(Type::command, number), command))) return FS_OK;
   is_lost_ = true;
   return FS_ERROR_DISCONNECTED;

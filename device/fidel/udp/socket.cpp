@@ -11,7 +11,7 @@
 #include <cstring>
 #include <memory>
 
-#include "device/fidel/udp/clock.h"
+#include "device/support/clock.h"
 #include "device/support/refusal.h"
 
 namespace fs::udp {
@@ -130,7 +130,7 @@ Socket::Heard Socket::receive(Datagram& out, Endpoint* from) noexcept {
 }
 
 void Socket::await(int64_t deadline) const noexcept {
-  const int64_t left = std::max<int64_t>(0, deadline - now_ns());
+  const int64_t left = std::max<int64_t>(0, deadline - steady_now_ns());
   const timespec time{static_cast<time_t>(left / 1'000'000'000), static_cast<long>(left % 1'000'000'000)};
   pollfd descriptor{descriptor_, POLLIN, 0};
   ppoll(&descriptor, 1, &time, nullptr);

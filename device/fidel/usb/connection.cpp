@@ -1,11 +1,10 @@
 #include "device/fidel/usb/connection.h"
 
-#include <time.h>
-
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
 
+#include "device/support/clock.h"
 #include "device/support/refusal.h"
 
 namespace fs {
@@ -20,17 +19,6 @@ constexpr uint16_t gap_most = 1000;  // reports that are missing; more: the numb
 constexpr int measure_reports = 200;
 constexpr int measure_spread = 40;   // counts
 constexpr const char* known_requests = "the requests are: status, home, clear, calibrate, calibrate=cancel";
-
-double steady_now() noexcept {
-  timespec time{};
-  clock_gettime(CLOCK_MONOTONIC, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
-
-void pause() noexcept {
-  const timespec time{0, 1'000'000};
-  nanosleep(&time, nullptr);
-}
 
 // "usb": the first; "usb:WHICH": its number from 0, or its serial number.
 std::string which_of(const std::string& place) {
@@ -267,7 +255,7 @@ UsbConnection::Means UsbConnection::measure() {
   int count = 0;
   for (int waits = 0; count < measure_reports; ++waits) {
     if (waits == waits_most) refuse(FS_ERROR_TIMEOUT, "the reports of the FIDEL do not come");
-    pause();
+    pause(1e-3);
     const uint64_t now = reports_.load(std::memory_order_acquire);
     if (now == last) continue;
     last = now;
@@ -321,7 +309,7 @@ std::string UsbConnection::calibrate(const std::string& way) {
     throw;
   }
   is_to_change_.store(true, std::memory_order_release);
-  for (int i = 0; i < 1000 && is_to_change_.load(std::memory_order_acquire); ++i) pause();
+  for (int i = 0; i < 1000 && is_to_change_.load(std::memory_order_acquire); ++i) pause(1e-3);
   is_calibrating_ = false;
   char text[200];
   std::snprintf(text, sizeof text, "done: offsets %.5f, %.5f, %.5f rad, scale %.5f; kept in ", next_.offsets[0], next_.offsets[1],

@@ -1,10 +1,10 @@
 #include "device/fidel/usb/requests.h"
 
 #include <libusb.h>
-#include <time.h>
 
 #include <algorithm>
 
+#include "device/support/clock.h"
 #include "device/support/refusal.h"
 
 namespace fs::fidel_usb {
@@ -12,11 +12,6 @@ namespace {
 
 constexpr unsigned answer_within = 1000;  // ms
 constexpr int waits = 1200;               // of 1 ms: somewhat longer
-
-void pause() noexcept {
-  const timespec time{0, 1'000'000};
-  nanosleep(&time, nullptr);
-}
 
 }  // namespace
 
@@ -67,7 +62,7 @@ std::vector<uint8_t> UsbRequests::ask(uint8_t type, uint8_t request, uint16_t si
     if (error == LIBUSB_ERROR_NO_DEVICE) refuse(FS_ERROR_DISCONNECTED, "the device was unplugged");
     refuse(FS_ERROR_IO, "the request cannot be sent: %s", libusb_error_name(error));
   }
-  for (int i = 0; i < waits && !asked.is_done.load(std::memory_order_acquire); ++i) pause();
+  for (int i = 0; i < waits && !asked.is_done.load(std::memory_order_acquire); ++i) pause(1e-3);
   if (!asked.is_done) refuse(FS_ERROR_TIMEOUT, "the device does not answer the request within %u ms", answer_within);
   switch (asked.transfer->status) {
     case LIBUSB_TRANSFER_COMPLETED: break;
