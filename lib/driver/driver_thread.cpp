@@ -123,6 +123,8 @@ void DriverThread::lose(const std::string& why) noexcept {
 
 // Opens the device anew. Another one, or the same with other properties, is not what the servo was started for.
 void DriverThread::reconnect() noexcept {
+  if (await_change(is_ending_, 0, tried_at_ + retry_after)) return;
+  tried_at_ = steady_now();
   std::string trouble;
   try {
     const auto device = std::make_shared<Opened>(driver_, address_);
@@ -146,7 +148,6 @@ void DriverThread::reconnect() noexcept {
     const std::lock_guard lock(mutex_);
     trouble_ = trouble;
   }
-  await_change(is_ending_, 0, steady_now() + retry_after);
 }
 
 void DriverThread::finish() noexcept {

@@ -96,6 +96,7 @@ class DriverThread final : public Counted<DriverThread> {
   void* lent_ = nullptr;  // the handle that was lent to the servo's thread
   bool is_lost_ = false;  // the servo's thread found that the device is
   uint64_t number_ = 0;  // of the newest state
+  double tried_at_ = 0;  // s, when the device was last opened anew
   uint32_t forgotten_ = 0;  // the number of the newest command when a lost device came back: no force comes back by itself
 
   std::atomic<uint64_t> servos_thread_{0};  // that the driver is lent to; 0: none

@@ -18,8 +18,8 @@ static void expect_refusal(const char* part, const std::function<void()>& f) {
 START_TEST(parts) {
   const Address address("udp:HOST:7001?a=1&b=x=y?z&c=", {"a", "b", "c", "d"});
   ck_assert_str_eq(address.place().c_str(), "udp:HOST:7001");
-  ck_assert_str_eq(address.text("b")->c_str(), "x=y?z");
-  ck_assert_str_eq(address.text("c")->c_str(), "");
+  ck_assert(address.text("b") == "x=y?z");
+  ck_assert(address.text("c") == "");
   ck_assert(address.has("c") && !address.has("d") && !address.text("d"));
   ck_assert(!Address("?", {}).has(""));
   const Address other("0?path=c:d", {"path"});

@@ -158,7 +158,7 @@ START_TEST(what_is_written_without_a_servo_stays) {
     const std::lock_guard lock(device.mutex);
     device.receive_status = FS_ERROR_DISCONNECTED;
   }
-  ck_assert(until([&] { return device.closes() == 1; }));
+  ck_assert(until([&] { return device.closes() > 0; }));
   {
     const std::lock_guard lock(device.mutex);
     device.receive_status = FS_OK;
