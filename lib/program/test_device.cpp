@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <ctime>
 #include <filesystem>
+#include <optional>
 
 #include "device_page.h"
 #include "device_words.h"
@@ -35,9 +36,31 @@ std::string exceptions(std::size_t count) { return count ? format("; it was not 
 // Ends the test in between, with the force at 0, when the user asks for it.
 struct Interrupted {};
 
+void sleep_for(double seconds) {
+  const timespec time = {time_t(seconds), long((seconds - std::floor(seconds)) * 1e9)};
+  nanosleep(&time, nullptr);
+}
+
+// While there may be a force, a signal is kept until pause() sees it. At any other time it ends the process at once, even
+// while the driver hangs.
+class ForceEnding {
+ public:
+  ForceEnding() { pthread_sigmask(SIG_SETMASK, nullptr, &before_), ending_.emplace(); }
+  ForceEnding(const ForceEnding&) = delete;
+  ForceEnding& operator=(const ForceEnding&) = delete;
+  ~ForceEnding() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
+  void pause(double seconds) const {
+    if (ending_->wait(seconds)) throw Interrupted();
+  }
+
+ private:
+  sigset_t before_;
+  std::optional<Ending> ending_;
+};
+
 class DeviceTest {
  public:
-  DeviceTest(const TestDeviceOptions& options, const Ending& ending) : options_(options), ending_(ending) {}
+  explicit DeviceTest(const TestDeviceOptions& options) : options_(options) {}
 
   int run() {
     describe_machine();
@@ -54,10 +77,6 @@ class DeviceTest {
   }
 
  private:
-  void pause(double seconds) const {
-    if (ending_.wait(seconds)) throw Interrupted();
-  }
-
   void describe_machine() {
     page_.title("Test of the device " + options_.uri);
     utsname system;
@@ -90,7 +109,7 @@ class DeviceTest {
     }
     const double wait = options_.requests.empty() ? 0.5 : options_.wait;
     std::string reason = why_not_ready(device_);
-    for (const double begin = now(); !reason.empty() && now() - begin < wait; reason = why_not_ready(device_)) pause(0.02);
+    for (const double begin = now(); !reason.empty() && now() - begin < wait; reason = why_not_ready(device_)) sleep_for(0.02);
     is_ready_ = reason.empty();
     page_.expect(is_ready_, Verdict::odd, is_ready_ ? "it is ready" : "it is not ready: " + reason);
   }
@@ -108,7 +127,7 @@ class DeviceTest {
     fs_state last{};
     const double begin = now();
     for (double next = begin; next < begin + options_.seconds; next += look_every) {
-      pause(std::max(0.0, next - now()));
+      sleep_for(std::max(0.0, next - now()));
       ++looks;
       fs_state state{};
       try {
@@ -159,7 +178,7 @@ class DeviceTest {
     const fs_wrench none{};
     std::size_t failed = 0;
     for (int i = 0; i < 500; ++i) {
-      pause(1e-3);
+      sleep_for(1e-3);
       fs_state state;
       fs_status read = FS_OK, written = FS_OK;
       reading.add(time_of([&] { read = fs_device_read(device_.get(), &state); }));
@@ -183,7 +202,7 @@ class DeviceTest {
     page_.heading(format("A servo that sends force 0, during %g s", options_.seconds));
     const Scene scene = Scene::create();
     const Servo servo = Servo::start(scene, device_);
-    pause(options_.seconds);
+    sleep_for(options_.seconds);
     fs_servo_stats stats = fs_servo_stats_init();
     forceserver::throw_on_error(fs_scene_get_servo_stats(scene.get(), &stats));
     page_.figure("ticks",
@@ -220,25 +239,33 @@ class DeviceTest {
       page_.note(Verdict::odd, format("--push is %g N, and the device gives %g N at most", options_.push, info_.force_max));
       return;
     }
-    for (int axis = 0; axis < static_cast<int>(info_.force_axes); ++axis) {
-      const char* const name = axis == 0 ? "x" : axis == 1 ? "y" : "z";
-      const fs_vec3 moved = push_along(axis);
-      const double along = axis == 0 ? moved.x : axis == 1 ? moved.y : moved.z;
-      page_.figure(name, format("the handle moved by %.2f, %.2f, %.2f mm", moved.x * 1e3, moved.y * 1e3, moved.z * 1e3));
-      if (length(moved) < 0.5e-3) {
-        page_.note(Verdict::odd, format("a force along %s moves the handle (it stays: hold it loosely, or push more)", name));
-      } else {
-        const bool is_reversed = along <= -0.7 * length(moved);
-        page_.expect(along >= 0.7 * length(moved), Verdict::failed,
-                     format("a force along %s moves the handle along %s%s", name, name,
-                            is_reversed ? "; it goes the other way" : ""));
-      }
+    const ForceEnding ending;
+    try {
+      for (int axis = 0; axis < static_cast<int>(info_.force_axes); ++axis) test_axis(axis, ending);
+    } catch (...) {
+      device_.reset();  // its force is 0 before a signal counts again
+      throw;
+    }
+  }
+
+  void test_axis(int axis, const ForceEnding& ending) {
+    const char* const name = axis == 0 ? "x" : axis == 1 ? "y" : "z";
+    const fs_vec3 moved = push_along(axis, ending);
+    const double along = axis == 0 ? moved.x : axis == 1 ? moved.y : moved.z;
+    page_.figure(name, format("the handle moved by %.2f, %.2f, %.2f mm", moved.x * 1e3, moved.y * 1e3, moved.z * 1e3));
+    if (length(moved) < 0.5e-3) {
+      page_.note(Verdict::odd, format("a force along %s moves the handle (it stays: hold it loosely, or push more)", name));
+    } else {
+      const bool is_reversed = along <= -0.7 * length(moved);
+      page_.expect(along >= 0.7 * length(moved), Verdict::failed,
+                   format("a force along %s moves the handle along %s%s", name, name,
+                          is_reversed ? "; it goes the other way" : ""));
     }
   }
 
   // How far the handle has moved after 0.2 s in which the force grows, and 0.1 s in which it stays; it ends early when the
   // handle is 20 mm away.
-  fs_vec3 push_along(int axis) {
+  fs_vec3 push_along(int axis, const ForceEnding& ending) {
     const fs_vec3 start = device_.read().pose.position;
     fs_vec3 moved{};
     const double begin = now();
@@ -247,25 +274,20 @@ class DeviceTest {
       const double force = options_.push * std::min(1.0, t / 0.2);
       (axis == 0 ? wrench.force.x : axis == 1 ? wrench.force.y : wrench.force.z) = force;
       device_.write(wrench);
-      try {
-        pause(1e-3);
-      } catch (const Interrupted&) {
-        device_.write({});
-        throw;
-      }
+      ending.pause(1e-3);
       moved = minus(device_.read().pose.position, start);
     }
     device_.write({});
-    wait_for_rest();
+    wait_for_rest(ending);
     return moved;
   }
 
   // Until the handle has stood for 0.2 s, or 3 s are over.
-  void wait_for_rest() {
+  void wait_for_rest(const ForceEnding& ending) {
     const double begin = now();
     fs_vec3 before = device_.read().pose.position;
     for (int still = 0; still < 2 && now() - begin < 3;) {
-      pause(0.1);
+      ending.pause(0.1);
       const fs_vec3 position = device_.read().pose.position;
       still = length(minus(position, before)) < 2e-4 ? still + 1 : 0;
       before = position;
@@ -287,7 +309,7 @@ class DeviceTest {
     for (int i = 0; i < times; ++i) {
       Device device;
       opening.add(time_of([&] { device = Device::open(options_.uri); }));
-      pause(0.01 * (i % 5));
+      sleep_for(0.01 * (i % 5));
       if (i % 2) device.write({});
       closing.add(time_of([&] { device.reset(); }));
       if (i > 0) continue;
@@ -304,7 +326,6 @@ class DeviceTest {
   }
 
   const TestDeviceOptions& options_;
-  const Ending& ending_;
   DevicePage page_;
   Device device_;
   fs_device_info info_ = fs_device_info_init();
@@ -314,10 +335,9 @@ class DeviceTest {
 }  // namespace
 
 int test_device(const TestDeviceOptions& options) {
-  const Ending ending;
   load_driver(options.driver);
   try {
-    return DeviceTest(options, ending).run();
+    return DeviceTest(options).run();
   } catch (const Interrupted&) {
     std::fprintf(stderr, "interrupted; the force is 0\n");
     return exit_failed;

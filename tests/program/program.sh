@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# program.sh PROGRAM SCENE LOSING_DRIVER STOP_FORCE CALIBRATED_DRIVER: tests the command line of forceserver as a user sees it.
+# program.sh PROGRAM SCENE LOSING_DRIVER STOP_FORCE CALIBRATED_DRIVER TROUBLED_DRIVER: tests the command line of forceserver as a user sees it.
 set -uo pipefail
-program=$1 scene=$2 losing_driver=$3 stop_force=$4 calibrated_driver=$5
+program=$1 scene=$2 losing_driver=$3 stop_force=$4 calibrated_driver=$5 troubled_driver=$6
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 cd "$folder" || exit 1
@@ -86,6 +86,13 @@ expect '[01]' '^passed  a force along z moves the handle along z$' "$program" te
 expect 1 '^FAILED' "$program" test-device library:0 --driver "$losing_driver" --seconds 0.5
 expect 1 '^odd     states are fresh: ' "$program" test-device 'sim:?link=force&link_ms=900' --seconds 0.5
 expect 2 "^forceserver: a device of 'sim' has no requests$" "$program" test-device sim: --request home
+# A driver that hangs holds up no signal as long as there is no force.
+for hangs in open control; do
+  for signal in INT TERM; do
+    timeout --signal=$signal --kill-after=3 1 "$program" test-device --driver "$troubled_driver" troubled:$hangs --request status > output
+    [ $? = 124 ] || fail "$signal does not end a test whose driver hangs in $hangs"
+  done
+done
 
 if command -v python3 > /dev/null; then
   "$program" devices --json > devices.json

@@ -1,0 +1,90 @@
+/* Devices with one trouble each, "troubled:NAME". silent: no state ever comes. stops: none comes any more after 1.2 s. open and
+ * control: the function of that name hangs. delay: it tells of a delay of 0.022 ms, and measures one of 0.221 ms. leaving: a
+ * thread of the first opening ends 1 s later than its device. */
+#include <pthread.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <forceserver/driver.h>
+
+static char trouble[16];
+static int openings, states;
+
+static int is(const char *name) { return strcmp(trouble, name) == 0; }
+
+static void *stay(void *unused)
+{
+  usleep(1000000);
+  return unused;
+}
+static fs_status device_open(const char *address, void **self)
+{
+  pthread_t thread;
+  strncpy(trouble, address, sizeof trouble - 1);
+  while (is("open")) pause();
+  if (is("leaving") && openings == 1 && pthread_create(&thread, NULL, stay, NULL) == 0) pthread_detach(thread);
+  ++openings;
+  *self = trouble;
+  return FS_OK;
+}
+static void device_close(void *self) { (void)self; }
+static fs_status get_info(void *self, fs_device_info *out)
+{
+  (void)self;
+  strcpy(out->name, "troubled");
+  strcpy(out->serial, "1");
+  out->rate = 1000;
+  out->force_axes = 3;
+  out->force_max = 5;
+  out->workspace_radius = out->workspace_height = 0.1;
+  if (is("delay")) out->delay = 22e-6;
+  return FS_OK;
+}
+static fs_status receive(void *self, fs_state *out)
+{
+  (void)self;
+  if (is("silent") || (is("stops") && states >= 1200)) {
+    usleep(20000);
+    return FS_ERROR_TIMEOUT;
+  }
+  usleep(1000);
+  ++states;
+  out->flags = FS_STATE_READY;
+  return FS_OK;
+}
+static fs_status send(void *self, const fs_wrench *wrench)
+{
+  (void)self, (void)wrench;
+  return FS_OK;
+}
+static fs_status get_link(void *self, fs_link *out)
+{
+  (void)self;
+  if (!is("delay")) return FS_ERROR_UNSUPPORTED;
+  out->delay = out->delay_p99 = 221e-6;
+  return FS_OK;
+}
+static fs_status control(void *self, const char *request, char *answer, size_t size)
+{
+  (void)self;
+  while (is("control")) pause();
+  if (strcmp(request, "status") != 0) return fs_fail(FS_ERROR_UNSUPPORTED, "the request is: status");
+  if (size < sizeof "all is well") return FS_ERROR_INVALID;
+  strcpy(answer, "all is well");
+  return FS_OK;
+}
+
+FS_API const fs_driver *fs_driver_entry(void)
+{
+  static fs_driver driver;
+  driver.struct_size = sizeof driver;
+  driver.scheme = "troubled";
+  driver.open = device_open;
+  driver.close = device_close;
+  driver.get_info = get_info;
+  driver.receive = receive;
+  driver.send = send;
+  driver.get_link = get_link;
+  driver.control = control;
+  return &driver;
+}
