@@ -33,6 +33,11 @@ double time_of(Function f) {
 // "; it was not so N times", where N is not 0.
 std::string exceptions(std::size_t count) { return count ? format("; it was not so %zu times", count) : ""; }
 
+// What a reading gives before a driver that waits for its device has given a state: nothing, at the time of the reading.
+bool is_empty(const fs_state& state, double asked) {
+  return state.flags == 0 && length(state.pose.position) == 0 && state.time >= asked;
+}
+
 // Ends the test in between, with the force at 0, when the user asks for it.
 struct Interrupted {};
 
@@ -114,27 +119,38 @@ class DeviceTest {
     page_.expect(is_ready_, Verdict::odd, is_ready_ ? "it is ready" : "it is not ready: " + reason);
   }
 
+  // s, how old a pose may be in a servo: see fs_device_info.delay.
+  double age_max() const { return std::min(0.1, 0.020 + info_.delay + (info_.link_rate > 0 ? 1 / info_.link_rate : 0)); }
+
   // The states as they come, without a servo.
   void test_states() {
     page_.heading(format("States, during %g s", options_.seconds));
     const double expected = info_.link_rate > 0 ? info_.link_rate : info_.rate;
     const double look_every = std::min(2e-4, 0.2 / expected);
-    // As a servo has it: see fs_device_info.delay.
-    const double age_max = std::min(0.1, 0.020 + info_.delay + (info_.link_rate > 0 ? 1 / info_.link_rate : 0));
     Durations intervals, ages;
-    std::size_t looks = 0, errors = 0, back = 0, ahead = 0, outside = 0;
+    std::size_t looks = 0, errors = 0, empty = 0, back = 0, ahead = 0, outside = 0;
     std::string error;
     fs_state last{};
     const double begin = now();
+    double silence = 0, heard = begin;  // the longest, and since when there is one
+    const auto hear = [&](double time) {
+      silence = std::max(silence, time - heard);
+      heard = time;
+    };
     for (double next = begin; next < begin + options_.seconds; next += look_every) {
       sleep_for(std::max(0.0, next - now()));
       ++looks;
       fs_state state{};
+      const double asked = now();
       try {
         state = device_.read();
       } catch (const Error& failure) {
         ++errors;
         error = failure.what();
+        continue;
+      }
+      if (is_empty(state, asked)) {
+        ++empty;
         continue;
       }
       if ((state.flags ^ last.flags) & FS_STATE_READY) last.time = 0;  // until it is ready its time may be that of the reading
@@ -144,6 +160,7 @@ class DeviceTest {
       if (state.time != last.time) {
         if (last.time > 0) intervals.add(state.time - last.time);
         ages.add(age);
+        hear(now());
       }
       if (is_ready_ && !(std::hypot(state.pose.position.x, state.pose.position.y) <= 1.5 * info_.workspace_radius &&
                          std::fabs(state.pose.position.z) <= 0.75 * info_.workspace_height)) {
@@ -151,20 +168,26 @@ class DeviceTest {
       }
       last = state;
     }
+    hear(now());
+    silence = std::max(silence, intervals.longest());
     const double rate = static_cast<double>(intervals.count()) / (now() - begin);
     page_.figure("states", format("%.1f a second, %.1f looks a second", rate, static_cast<double>(looks) / (now() - begin)));
-    page_.figure("interval", intervals.text());
-    page_.figure("age", ages.text() + ", when first seen");
+    page_.figure("interval", intervals.count() ? intervals.text() : "none");
+    page_.figure("age", ages.count() ? ages.text() + ", when first seen" : "none");
     page_.expect(errors == 0, Verdict::failed,
                  errors ? format("%zu of %zu readings failed, the last with: %s", errors, looks, error.c_str())
-                        : "every reading gives a state");
+                        : "no reading fails");
+    page_.expect(empty == 0, Verdict::failed,
+                 empty ? format("%zu of %zu readings gave no state", empty, looks - errors) : "every reading gives a state");
     page_.expect(rate >= 0.9 * expected, Verdict::odd,
                  format("states come at least as often as it tells: %.1f of %g a second", rate, expected));
-    page_.expect(intervals.longest() <= age_max, Verdict::failed,
-                 format("no silence is a fault: the longest was %.1f ms, and a pose may be %.1f ms old",
-                        intervals.longest() * 1e3, age_max * 1e3));
-    page_.expect(ages.quantile(0.99) <= age_max / 2, Verdict::odd,
-                 format("states are fresh: 99 of 100 are at most %.3f ms old", ages.quantile(0.99) * 1e3));
+    page_.expect(silence <= age_max(), Verdict::failed,
+                 format("no silence is a fault: the longest was %.1f ms, and a pose may be %.1f ms old", silence * 1e3,
+                        age_max() * 1e3));
+    const double age = ages.quantile(0.99);
+    page_.expect(ages.count() && age <= age_max() / 2, ages.count() && age <= age_max() ? Verdict::odd : Verdict::failed,
+                 ages.count() ? format("states are fresh: 99 of 100 are at most %.3f ms old", age * 1e3)
+                              : "states are fresh: none has come");
     page_.expect(back == 0, Verdict::failed, "time never goes back" + exceptions(back));
     page_.expect(ahead == 0, Verdict::failed, "no state is of the future" + exceptions(ahead));
     if (is_ready_)
@@ -248,9 +271,22 @@ class DeviceTest {
     }
   }
 
+  // The pose, of which it must be known where the handle is now. Notes why not, where it is not known.
+  std::optional<fs_vec3> fresh_position(const char* axis) {
+    const fs_state state = device_.read();
+    const double age = now() - state.time;
+    const bool is_ready = state.flags & FS_STATE_READY;
+    if (is_ready && age <= age_max()) return state.pose.position;
+    const std::string why = is_ready ? format("no state for %.0f ms", age * 1e3) : "it is no longer ready";
+    page_.note(Verdict::failed, format("a force along %s: not pushed: %s", axis, why.c_str()));
+    return std::nullopt;
+  }
+
   void test_axis(int axis, const ForceEnding& ending) {
     const char* const name = axis == 0 ? "x" : axis == 1 ? "y" : "z";
-    const fs_vec3 moved = push_along(axis, ending);
+    const std::optional<fs_vec3> way = push_along(axis, name, ending);
+    if (!way) return;
+    const fs_vec3 moved = *way;
     const double along = axis == 0 ? moved.x : axis == 1 ? moved.y : moved.z;
     page_.figure(name, format("the handle moved by %.2f, %.2f, %.2f mm", moved.x * 1e3, moved.y * 1e3, moved.z * 1e3));
     if (length(moved) < 0.5e-3) {
@@ -264,22 +300,23 @@ class DeviceTest {
   }
 
   // How far the handle has moved after 0.2 s in which the force grows, and 0.1 s in which it stays; it ends early when the
-  // handle is 20 mm away.
-  fs_vec3 push_along(int axis, const ForceEnding& ending) {
-    const fs_vec3 start = device_.read().pose.position;
-    fs_vec3 moved{};
+  // handle is 20 mm away, and when it is not known any more where it is.
+  std::optional<fs_vec3> push_along(int axis, const char* name, const ForceEnding& ending) {
+    const std::optional<fs_vec3> start = fresh_position(name);
+    std::optional<fs_vec3> position = start;
     const double begin = now();
-    for (double t = 0; t < 0.3 && length(moved) < 0.02; t = now() - begin) {
+    for (double t = 0; position && t < 0.3 && length(minus(*position, *start)) < 0.02; t = now() - begin) {
       fs_wrench wrench{};
       const double force = options_.push * std::min(1.0, t / 0.2);
       (axis == 0 ? wrench.force.x : axis == 1 ? wrench.force.y : wrench.force.z) = force;
       device_.write(wrench);
       ending.pause(1e-3);
-      moved = minus(device_.read().pose.position, start);
+      position = fresh_position(name);
     }
     device_.write({});
+    if (!position) return std::nullopt;
     wait_for_rest(ending);
-    return moved;
+    return minus(*position, *start);
   }
 
   // Until the handle has stood for 0.2 s, or 3 s are over.

@@ -84,8 +84,17 @@ expect '[01]' '^passed  nothing is left behind' "$program" test-device sim: --se
 grep -q '^## A force' output && fail "test-device pushes without --push"
 expect '[01]' '^passed  a force along z moves the handle along z$' "$program" test-device 'sim:?seed=3' --seconds 0.5 --push 2
 expect 1 '^FAILED' "$program" test-device library:0 --driver "$losing_driver" --seconds 0.5
-expect 1 '^odd     states are fresh: ' "$program" test-device 'sim:?link=force&link_ms=900' --seconds 0.5
+expect 1 '^FAILED  states are fresh: ' "$program" test-device 'sim:?link=force&link_ms=900' --seconds 0.5
 expect 2 "^forceserver: a device of 'sim' has no requests$" "$program" test-device sim: --request home
+# A device that says nothing, or falls silent after 1.2 s.
+expect 1 '^FAILED  no silence is a fault: the longest was (5[0-9]{2}|[6-9][0-9]{2})\.[0-9] ms' \
+  "$program" test-device --driver "$troubled_driver" troubled:silent --seconds 0.5
+for line in 'FAILED  ([0-9]+) of \1 readings gave no state' 'FAILED  states are fresh: none has come'; do
+  grep -qE "^$line$" output || fail "test-device does not say of a silent device: $line"
+done
+expect 1 '^FAILED  a force along x: not pushed: no state for [0-9]+ ms$' \
+  "$program" test-device --driver "$troubled_driver" troubled:stops --seconds 1 --push 1
+grep -qE '^FAILED  no silence is a fault: the longest was [1-9][0-9]{2}\.' output || fail "test-device does not see that a device falls silent"
 # A driver that hangs holds up no signal as long as there is no force.
 for hangs in open control; do
   for signal in INT TERM; do
