@@ -331,10 +331,29 @@ class DeviceTest {
     }
   }
 
-  static std::size_t entries(const char* folder) {
+  static std::ptrdiff_t entries(const char* folder) {
     std::error_code none;
-    return static_cast<std::size_t>(std::distance(std::filesystem::directory_iterator(folder, none),
-                                                  std::filesystem::directory_iterator()));
+    return std::distance(std::filesystem::directory_iterator(folder, none), std::filesystem::directory_iterator());
+  }
+
+  struct Count {
+    std::ptrdiff_t files, threads;
+    bool operator==(const Count&) const = default;
+  };
+
+  // The open files and threads, once they have stood still for 0.3 s, or after 2 s: a thread may end a little later than the
+  // call that ends it.
+  static Count settled_count() {
+    const auto count = [] { return Count{entries("/proc/self/fd"), entries("/proc/self/task")}; };
+    Count present = count();
+    const double begin = now();
+    for (double changed = begin; now() - changed < 0.3 && now() - begin < 2;) {
+      sleep_for(0.02);
+      const Count next = count();
+      if (next != present) changed = now();
+      present = next;
+    }
+    return present;
   }
 
   // Opened and closed again and again, after a time that differs.
@@ -342,7 +361,7 @@ class DeviceTest {
     constexpr int times = 10;
     page_.heading(format("Opened and closed %d times", times));
     Durations opening, closing;
-    std::size_t files = 0, threads = 0;
+    Count before{};
     for (int i = 0; i < times; ++i) {
       Device device;
       opening.add(time_of([&] { device = Device::open(options_.uri); }));
@@ -350,16 +369,16 @@ class DeviceTest {
       if (i % 2) device.write({});
       closing.add(time_of([&] { device.reset(); }));
       if (i > 0) continue;
-      files = entries("/proc/self/fd");
-      threads = entries("/proc/self/task");
+      before = settled_count();
     }
     page_.figure("open", opening.text());
     page_.figure("close", closing.text());
-    const std::size_t files_left = entries("/proc/self/fd") - files, threads_left = entries("/proc/self/task") - threads;
+    const Count after = settled_count();
+    const std::ptrdiff_t files_left = std::max<std::ptrdiff_t>(0, after.files - before.files);
+    const std::ptrdiff_t threads_left = std::max<std::ptrdiff_t>(0, after.threads - before.threads);
     page_.expect(closing.longest() < 1, Verdict::failed, "closing never hangs");
     page_.expect(files_left == 0 && threads_left == 0, Verdict::failed,
-                 format("nothing is left behind (%td open files, %td threads)", static_cast<std::ptrdiff_t>(files_left),
-                        static_cast<std::ptrdiff_t>(threads_left)));
+                 format("nothing is left behind (%td open files, %td threads)", files_left, threads_left));
   }
 
   const TestDeviceOptions& options_;

@@ -95,6 +95,11 @@ done
 expect 1 '^FAILED  a force along x: not pushed: no state for [0-9]+ ms$' \
   "$program" test-device --driver "$troubled_driver" troubled:stops --seconds 1 --push 1
 grep -qE '^FAILED  no silence is a fault: the longest was [1-9][0-9]{2}\.' output || fail "test-device does not see that a device falls silent"
+# A thread that ends a little later than its device is not left behind.
+expect '[01]' '^passed  nothing is left behind .0 open files, 0 threads.$' \
+  "$program" test-device --driver "$troubled_driver" troubled:leaving --seconds 0.5
+expect 1 '^FAILED  nothing is left behind .9 open files, 0 threads.$' \
+  "$program" test-device --driver "$troubled_driver" troubled:leaking --seconds 0.5
 # A driver that hangs holds up no signal as long as there is no force.
 for hangs in open control; do
   for signal in INT TERM; do
