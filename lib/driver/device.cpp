@@ -22,7 +22,7 @@ std::string scheme_of(const char* uri) {
 
 const fs_driver& driver_of(const char* uri) {
   const std::string scheme = scheme_of(uri);
-  if (scheme.empty()) fail(FS_ERROR_INVALID, "device '%s' has no scheme; for the simulator write 'sim:'", uri);
+  if (scheme.empty()) fail(FS_ERROR_INVALID, "device '%s' has no scheme, such as sim: or falcon:0", uri);
   if (const fs_driver* driver = find_driver(scheme)) return *driver;
   std::string schemes;
   for (const fs_driver* driver : all_drivers()) schemes += (schemes.empty() ? "" : ", ") + std::string(driver->scheme);

@@ -1,7 +1,10 @@
 #include "device_words.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <numbers>
+#include <stdexcept>
 
 #include "words.h"
 
@@ -28,8 +31,9 @@ std::vector<std::string> to_text(const fs_device_info& info) {
                   (degrees > 0 ? format("the handle rotates %.0f degrees each way", degrees) : "the handle does not rotate"));
   lines.push_back("force       " + most("along", info.force_axes, info.force_max, "N"));
   lines.push_back("torque      " + most("about", info.torque_axes, info.torque_max, "N m"));
-  lines.push_back(format("rate        %g Hz; %g ms from pose to force, in addition to the period", info.rate, info.delay * 1e3));
-  lines.push_back("resolution  " + (info.resolution > 0 ? format("%.3g um", info.resolution * 1e6) : "not quantised"));
+  lines.push_back(format("rate        %g Hz; %s from pose to force, in addition to the period", info.rate,
+                         milliseconds(info.delay).c_str()));
+  lines.push_back("resolution  " + (info.resolution > 0 ? format("%.3g um", info.resolution * 1e6) : "exact, or not known"));
   lines.push_back("moving      " + (info.mass > 0 ? format("%g kg", info.mass) : "mass unknown") +
                   (info.damping > 0 ? format(", %g N s/m of damping", info.damping) : ", damping unknown"));
   if (info.link_rate > 0) lines.push_back(format("link        %g times a second", info.link_rate));
@@ -38,6 +42,17 @@ std::vector<std::string> to_text(const fs_device_info& info) {
                            info.controller_delay * 1e3, info.controller_damping));
   }
   return lines;
+}
+
+void load_driver(const std::string& file) {
+  if (file.empty()) return;
+  try {
+    forceserver::throw_on_error(fs_driver_load(file.c_str()));
+  } catch (const Error& failure) {
+    const bool is_here = file.find('/') == file.npos && access(file.c_str(), F_OK) == 0;
+    if (!is_here) throw;
+    throw std::runtime_error(failure.what() + ("; for the file in this folder write ./" + file));
+  }
 }
 
 std::vector<fs_driver_info> drivers() {

@@ -26,10 +26,7 @@ inline fs_vec3 rotate(const fs_quat& q, const fs_vec3& v) {
           v.z + q.w * t.z + q.x * t.y - q.y * t.x};
 }
 
-// file: the library of a device driver of one's own; empty: none.
-inline void load_driver(const std::string& file) {
-  if (!file.empty()) forceserver::throw_on_error(fs_driver_load(file.c_str()));
-}
+void load_driver(const std::string& file);  // the library of a device driver of one's own; empty: none
 
 struct RunOptions {
   std::string scene, device = "sim:", driver, record, listen;

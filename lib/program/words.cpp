@@ -68,6 +68,11 @@ std::string fit(std::string_view text, std::size_t columns) {
   return std::string(text.substr(0, end));
 }
 
+std::string milliseconds(double seconds) {
+  const double value = seconds * 1e3;
+  return format(value < 100 ? "%.3g ms" : "%.0f ms", value);
+}
+
 bool write_out() {
   if (std::fflush(stdout) == 0 && !std::ferror(stdout)) return true;
   if (errno == EPIPE) return false;

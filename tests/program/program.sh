@@ -162,6 +162,9 @@ expect 1 '^a device from a library .library:0., at most 5 N$' "$program" run --d
 expect 0 '^nothing odd$' "$program" check "$scene" --driver "$losing_driver"
 expect 0 '^sim:' "$program" devices --driver "$losing_driver"
 expect 2 '^forceserver: .*nowhere.so' "$program" run --driver ./nowhere.so
+cp "$losing_driver" here.so
+expect 2 '^forceserver: .*; for the file in this folder write ./here.so$' "$program" run --driver here.so
+expect 2 "^forceserver: device 'fidel' has no scheme, such as sim: or falcon:0$" "$program" test-device fidel
 expect 2 "no Novint Falcon|there is no driver 'falcon', and no module" "$program" run --device falcon:0
 
 # run: a summary, a record without a gap, errors with a sentence.
