@@ -60,15 +60,21 @@ fs_driver parse_driver(const fs_driver& driver) {
   require(table.open, "open");
   require(table.close, "close");
   require(table.get_info, "get_info");
+  const auto require_both = [&](bool first, bool second, const char* first_name, const char* second_name) {
+    if (first && second) return;
+    fail(FS_ERROR_INVALID, "driver.%s of '%s' is null, and %s is there: both or neither are needed",
+         first ? second_name : first_name, scheme.c_str(), first ? first_name : second_name);
+  };
+  if (!table.receive && !table.send && !table.read && !table.write) {
+    fail(FS_ERROR_INVALID, "driver.receive of '%s' is null: it needs receive and send, or read and write", scheme.c_str());
+  }
   if (table.receive || table.send) {
-    require(table.receive, "receive");
-    require(table.send, "send");
+    require_both(table.receive, table.send, "receive", "send");
     if (table.read || table.write || table.advance) {
       fail(FS_ERROR_INVALID, "driver '%s' has receive and send, so read, write and advance must be null", scheme.c_str());
     }
   } else {
-    require(table.read, "read");
-    require(table.write, "write");
+    require_both(table.read, table.write, "read", "write");
     if (table.flags)
       fail(FS_ERROR_INVALID, "driver.flags of '%s' is %u, must be 0 without receive and send", scheme.c_str(), table.flags);
   }

@@ -47,8 +47,16 @@ START_TEST(registry_refuses_bad_tables) {
   refused(FS_ERROR_INVALID, "driver.open of", [](fs_driver& d) { d.open = nullptr; });
   refused(FS_ERROR_INVALID, "driver.close of", [](fs_driver& d) { d.close = nullptr; });
   refused(FS_ERROR_INVALID, "driver.get_info of", [](fs_driver& d) { d.get_info = nullptr; });
-  refused(FS_ERROR_INVALID, "driver.read of", [](fs_driver& d) { d.read = nullptr; });
-  refused(FS_ERROR_INVALID, "driver.write of", [](fs_driver& d) { d.write = nullptr; });
+  refused(FS_ERROR_INVALID, "driver.read of 'other' is null, and write is there: both or neither are needed",
+          [](fs_driver& d) { d.read = nullptr; });
+  refused(FS_ERROR_INVALID, "driver.write of 'other' is null, and read is there: both or neither are needed",
+          [](fs_driver& d) { d.write = nullptr; });
+  refused(FS_ERROR_INVALID, "driver.send of 'other' is null, and receive is there: both or neither are needed", [](fs_driver& d) {
+    d.read = nullptr, d.write = nullptr, d.advance = nullptr;
+    d.receive = [](void*, fs_state*) { return FS_OK; };
+  });
+  refused(FS_ERROR_INVALID, "driver.receive of 'other' is null: it needs receive and send, or read and write",
+          [](fs_driver& d) { d.read = nullptr, d.write = nullptr; });
   expect_error(FS_ERROR_EXISTS, "'fake'", [] { register_driver(scenes::fake_driver("fake")); });
 }
 END_TEST
