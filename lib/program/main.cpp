@@ -145,12 +145,20 @@ const char* const calibrate_help = R"(examples:
 The driver of the device says step by step what to do, and keeps the result for this device. A step that failed, such as
 when the hand moved, is done again. Ends with 1 when you give up; then what was known before stays.)";
 
+const char* const request_help = R"(examples:
+  forceserver request fidel:usb status
+  forceserver request fidel:usb clear
+  forceserver request falcon:0 lights=green
+
+The requests of a device are on the page of its driver. The answer is printed, and the device is
+closed: what counts only while it is open, such as "home", is for `test-device --request`.)";
+
 // The usage line of the help. To CLI11 every word is optional, since need() asks for it in a better sentence.
 class Usage : public CLI::Formatter {
  public:
   std::string make_usage(const CLI::App* app, std::string name) const override {
     std::string text = CLI::Formatter::make_usage(app, std::move(name));
-    for (std::string word : {"server", "file", "device", app->get_name() == "evaluate" ? "scene" : "file"}) {
+    for (std::string word : {"server", "file", "device", "request", app->get_name() == "evaluate" ? "scene" : "file"}) {
       const std::size_t at = text.find("[" + word + "]");
       if (at != text.npos) text.replace(at, word.size() + 2, word);
     }
@@ -286,6 +294,13 @@ int main(int argc, char** argv) {
   calibrate_command->add_option("--driver", calibrate_options.driver, driver_help)->type_name("FILE");
   calibrate_command->footer(calibrate_help);
 
+  RequestOptions request_options;
+  CLI::App* request_command = app.add_subcommand("request", "Send a request to a device, such as status, and print its answer");
+  request_command->add_option("device", request_options.device, "The device; see `forceserver devices`")->type_name("");
+  request_command->add_option("request", request_options.request, "What the device is asked for")->type_name("");
+  request_command->add_option("--driver", request_options.driver, driver_help)->type_name("FILE");
+  request_command->footer(request_help);
+
   DevicesOptions devices_options;
   CLI::App* devices_command = app.add_subcommand("devices", "List the devices that can be opened, and what they are");
   devices_command->add_flag("--why", devices_options.why,
@@ -360,6 +375,11 @@ int main(int argc, char** argv) {
     if (*calibrate_command) {
       need(calibrate_options.device, "calibrate needs a device, such as: forceserver calibrate fidel:usb");
       return calibrate(calibrate_options);
+    }
+    if (*request_command) {
+      need(request_options.device, "request needs a device, such as: forceserver request fidel:usb status");
+      need(request_options.request, "request needs a request, such as: forceserver request fidel:usb status");
+      return request(request_options);
     }
   } catch (const CLI::Success& wanted) {  // --help, --version
     return app.exit(wanted);

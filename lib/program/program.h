@@ -56,6 +56,11 @@ struct CalibrateOptions {
 };
 int calibrate(const CalibrateOptions& options);
 
+struct RequestOptions {
+  std::string device, request, driver;
+};
+int request(const RequestOptions& options);
+
 struct CheckOptions {
   std::string file, device = "sim:", driver;
   double scale = 1;  // m per unit of a mesh file

@@ -50,6 +50,14 @@ input=enters expect 0 '^done: it is kept$' "$program" calibrate --driver "$calib
 [ "$(grep -cE '^(step 1: put it here|the hand has moved|done: it is kept)$' output)" = 3 ] || fail "calibrate does not tell its steps"
 expect 1 '^as before$' "$program" calibrate --driver "$calibrated_driver" calibrated:0
 
+# request: the answer of the driver, or why there is none.
+expect 0 '^all is well$' "$program" request --driver "$troubled_driver" troubled: status
+expect 2 '^forceserver: the request is: status$' "$program" request --driver "$troubled_driver" troubled: dance
+expect 2 "^forceserver: a device of 'sim' has no requests$" "$program" request sim: status
+expect 2 '^forceserver: request needs a device, such as: ' "$program" request
+expect 2 '^forceserver: request needs a request, such as: ' "$program" request sim:
+expect 0 'request .*OPTIONS\] device request$' "$program" request --help
+
 # devices: the properties of each device; the hands and paths of the simulator in the help.
 expect 0 '^sim:  simulated FIDEL$' "$program" devices
 expect 0 '^    workspace   a cylinder about z: 150 mm in radius, 200 mm high, .* 20 degrees each way$' "$program" devices
