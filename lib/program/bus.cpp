@@ -17,12 +17,13 @@ struct KnownDevice {
   const char* product_text;       // which the device must say of itself; null: any
   const char* kind;
   const char* scheme;
+  bool has_driver;  // of forceserver
 };
 
 constexpr KnownDevice known_devices[] = {
-    {0x0403, 0xcb48, nullptr, "Novint Falcon", "falcon"},     {0x1209, 0x0001, "FIDEL", "FIDEL", "fidel"},
-    {0x1451, 0, nullptr, "device of Force Dimension", "dhd"}, {0x2988, 0x0302, nullptr, "Touch", "openhaptics"},
-    {0x2988, 0x0304, nullptr, "Touch", "openhaptics"},
+    {0x0403, 0xcb48, nullptr, "Novint Falcon", "falcon", true},      {0x1209, 0x0001, "FIDEL", "FIDEL", "fidel", true},
+    {0x1451, 0, nullptr, "device of Force Dimension", "dhd", false}, {0x2988, 0x0302, nullptr, "Touch", "openhaptics", false},
+    {0x2988, 0x0304, nullptr, "Touch", "openhaptics", false},
 };
 
 // The first line of a file that describes a device; "" where there is none.
@@ -45,31 +46,48 @@ const KnownDevice* find_known(std::uint16_t vendor, std::uint16_t product, const
 
 }  // namespace
 
-std::vector<SeenDevice> haptic_devices_on_bus() {
-  std::vector<SeenDevice> seen;
+Bus look_at_bus() {
+  Bus bus;
   std::error_code none;  // a machine without USB
+  bus.is_there = std::filesystem::exists("/sys/bus/usb", none);
   for (const auto& entry : std::filesystem::directory_iterator("/sys/bus/usb/devices", none)) {
     const std::filesystem::path& folder = entry.path();
     const auto vendor = static_cast<std::uint16_t>(number_of(line_of(folder / "idVendor"), 16));
     const auto product = static_cast<std::uint16_t>(number_of(line_of(folder / "idProduct"), 16));
     const KnownDevice* const known = find_known(vendor, product, line_of(folder / "product"));
-    if (!known) continue;
+    if (!known) {
+      constexpr unsigned long hub = 9;
+      const bool is_device = vendor != 0;  // not one of its interfaces
+      if (is_device && number_of(line_of(folder / "bDeviceClass"), 16) != hub) ++bus.others;
+      continue;
+    }
     const std::string serial = line_of(folder / "serial");
-    seen.push_back({vendor, product, known->kind + (serial.empty() ? "" : ", serial " + serial), known->scheme,
-                    format("/dev/bus/usb/%03lu/%03lu", number_of(line_of(folder / "busnum"), 10),
-                           number_of(line_of(folder / "devnum"), 10))});
+    bus.seen.push_back({vendor, product, known->kind + (serial.empty() ? "" : ", serial " + serial), known->scheme,
+                        known->has_driver,
+                        format("/dev/bus/usb/%03lu/%03lu", number_of(line_of(folder / "busnum"), 10),
+                               number_of(line_of(folder / "devnum"), 10))});
   }
-  std::sort(seen.begin(), seen.end(), [](const SeenDevice& a, const SeenDevice& b) { return a.node < b.node; });
-  return seen;
+  std::sort(bus.seen.begin(), bus.seen.end(), [](const SeenDevice& a, const SeenDevice& b) { return a.node < b.node; });
+  return bus;
+}
+
+std::string why_none(const Bus& bus) {
+  if (!bus.is_there) return "this machine or container has no USB: there is no /sys/bus/usb";
+  return format(
+      "no haptic device that forceserver knows, and %zu other device%s; look at the power supply of the device and at its "
+      "cable, and try a socket of the machine itself, without a hub",
+      bus.others, bus.others == 1 ? "" : "s");
 }
 
 std::string trouble_of(const SeenDevice& seen, const std::vector<fs_driver_info>& known) {
   const auto driver = std::find_if(known.begin(), known.end(),
                                    [&](const fs_driver_info& info) { return std::strcmp(info.scheme, seen.scheme) == 0; });
+  if (driver == known.end() && !seen.has_driver) return "forceserver has no driver for it yet";
   if (driver == known.end()) return format("it needs the driver %s, which is not installed", seen.scheme);
   if (*driver->trouble) return format("it needs the driver %s, which cannot be used (see above)", seen.scheme);
   if (access(seen.node.c_str(), R_OK | W_OK) == 0) return "";
   if (errno == ENOENT) return "the system has made no node for it";
+  if (!seen.has_driver) return "this user may not open it";
   return format(
       "this user may not open it; install the rule share/forceserver/60-forceserver.rules of forceserver into "
       "/etc/udev/rules.d, then unplug the device and plug it in again");

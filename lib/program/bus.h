@@ -11,10 +11,20 @@ struct SeenDevice {
   std::uint16_t vendor, product;
   std::string name;    // its kind, and its serial number where it has one
   const char* scheme;  // of the driver that it needs
+  bool has_driver;     // of forceserver
   std::string node;    // of the device in /dev
 };
 
-std::vector<SeenDevice> haptic_devices_on_bus();
+struct Bus {
+  std::vector<SeenDevice> seen;
+  std::size_t others = 0;  // devices that are not haptic ones, without hubs
+  bool is_there = false;   // the system has a USB
+};
+
+Bus look_at_bus();
+
+// What there is instead of a haptic device, and what to look at.
+std::string why_none(const Bus& bus);
 
 // Why the device cannot be used, and what to do; "": nothing stands in the way. known: the drivers.
 std::string trouble_of(const SeenDevice& seen, const std::vector<fs_driver_info>& known);

@@ -86,9 +86,12 @@ int devices(const DevicesOptions& options) {
     Json told = Json::array(), on_bus = Json::array();
     const std::vector<fs_driver_info> known = drivers();
     for (const fs_driver_info& driver : known) add(driver, options.json, told);
-    for (const SeenDevice& seen : haptic_devices_on_bus()) add(seen, known, options.json, on_bus);
+    const Bus bus = look_at_bus();
+    for (const SeenDevice& seen : bus.seen) add(seen, known, options.json, on_bus);
+    if (bus.seen.empty() && !options.json) std::printf("usb: %s\n", why_none(bus).c_str());
     all["drivers"] = told;
     all["usb"] = on_bus;
+    all["usb_trouble"] = bus.seen.empty() ? why_none(bus) : "";
   }
   if (options.json) std::puts(dump(all, 2).c_str());
   write_out();
