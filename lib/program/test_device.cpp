@@ -274,13 +274,13 @@ class DeviceTest {
   }
 
   // The pose, of which it must be known where the handle is now. Notes why not, where it is not known.
-  std::optional<fs_vec3> fresh_position(const char* axis) {
+  std::optional<fs_vec3> fresh_position(const char* axis, const char* what) {
     const fs_state state = device_.read();
     const double age = now() - state.time;
     const bool is_ready = state.flags & FS_STATE_READY;
     if (is_ready && age <= age_max()) return state.pose.position;
     const std::string why = is_ready ? format("no state for %.0f ms", age * 1e3) : "it is no longer ready";
-    page_.note(Verdict::failed, format("a force along %s: not pushed: %s", axis, why.c_str()));
+    page_.note(Verdict::failed, format("a force along %s: %s: %s", axis, what, why.c_str()));
     return std::nullopt;
   }
 
@@ -304,7 +304,7 @@ class DeviceTest {
   // How far the handle has moved after 0.2 s in which the force grows, and 0.1 s in which it stays; it ends early when the
   // handle is 20 mm away, and when it is not known any more where it is.
   std::optional<fs_vec3> push_along(int axis, const char* name, const ForceEnding& ending) {
-    const std::optional<fs_vec3> start = fresh_position(name);
+    const std::optional<fs_vec3> start = fresh_position(name, "not pushed");
     std::optional<fs_vec3> position = start;
     const double begin = now();
     for (double t = 0; position && t < 0.3 && length(minus(*position, *start)) < 0.02; t = now() - begin) {
@@ -313,7 +313,7 @@ class DeviceTest {
       (axis == 0 ? wrench.force.x : axis == 1 ? wrench.force.y : wrench.force.z) = force;
       device_.write(wrench);
       ending.pause(1e-3);
-      position = fresh_position(name);
+      position = fresh_position(name, "the push was ended");
     }
     device_.write({});
     if (!position) return std::nullopt;

@@ -100,7 +100,7 @@ expect '[01]' '^passed  a force along z moves the handle along z$' "$program" te
 expect 1 '^FAILED' "$program" test-device library:0 --driver "$losing_driver" --seconds 0.5
 expect 1 '^FAILED  states are fresh: ' "$program" test-device 'sim:?link=force&link_ms=900' --seconds 0.5
 expect 2 "^forceserver: a device of 'sim' has no requests$" "$program" test-device sim: --request home
-# A device that says nothing, or falls silent after 1.2 s.
+# A device that says nothing, or falls silent after 0.5 s.
 expect 1 '^FAILED  no silence is a fault: the longest was (5[0-9]{2}|[6-9][0-9]{2})\.[0-9] ms' \
   "$program" test-device --driver "$troubled_driver" troubled:silent --seconds 0.5
 for line in 'FAILED  ([0-9]+) of \1 readings gave no state' 'FAILED  states are fresh: none has come'; do
@@ -109,6 +109,15 @@ done
 expect 1 '^FAILED  a force along x: not pushed: no state for [0-9]+ ms$' \
   "$program" test-device --driver "$troubled_driver" troubled:stops --seconds 1 --push 1
 grep -qE '^FAILED  no silence is a fault: the longest was [1-9][0-9]{2}\.' output || fail "test-device does not see that a device falls silent"
+expect 1 '^FAILED  a force along x: the push was ended: no state for [2-9][0-9] ms$' \
+  "$program" test-device --driver "$troubled_driver" troubled:jams --seconds 0.5 --push 1
+# A push that is interrupted ends with force 0.
+"$program" test-device sim: --seconds 0.5 --push 1 > pushed 2>&1 &
+pushes=$!
+until_says '^## A force' cat pushed
+kill -TERM $pushes
+wait $pushes
+[ $? = 2 ] && grep -q '^interrupted; the force is 0$' pushed || fail "an interrupted push does not end with force 0"
 # A thread that ends a little later than its device is not left behind.
 expect '[01]' '^passed  nothing is left behind .0 open files, 0 threads.$' \
   "$program" test-device --driver "$troubled_driver" troubled:leaving --seconds 0.5

@@ -1,18 +1,31 @@
-/* Devices with one trouble each, "troubled:NAME". silent: no state ever comes. stops: none comes any more after 1.2 s. open and
- * control: the function of that name hangs. delay: it tells of a delay of 0.022 ms, and measures one of 0.221 ms. leaving: a
- * thread of the second opening ends 0.2 s after it has begun.
- * leaking: each opening leaves a file open. */
+/* Devices with one trouble each, "troubled:NAME":
+ * silent     no state ever comes
+ * stops      none comes any more 0.5 s after the first opening
+ * jams       none comes any more once it is pushed
+ * open       the function open hangs
+ * control    the function control hangs
+ * delay      it tells of a delay of 0.022 ms, and measures one of 0.221 ms
+ * leaving    a thread of the second opening ends 0.2 s after it has begun
+ * leaking    each opening leaves a file open */
 #include <pthread.h>
 #include <string.h>
+#include <time.h>
 #include <unistd.h>
 
 #include <forceserver/driver.h>
 
 static char trouble[16];
-static int openings, states;
+static int openings, is_pushed;
+static double opened; /* s, first */
 
 static int is(const char *name) { return strcmp(trouble, name) == 0; }
 
+static double now(void)
+{
+  struct timespec time;
+  clock_gettime(CLOCK_MONOTONIC, &time);
+  return (double)time.tv_sec + 1e-9 * (double)time.tv_nsec;
+}
 static void *stay(void *unused)
 {
   usleep(200000);
@@ -25,7 +38,7 @@ static fs_status device_open(const char *address, void **self)
   while (is("open")) pause();
   if (is("leaving") && openings == 1 && pthread_create(&thread, NULL, stay, NULL) == 0) pthread_detach(thread);
   if (is("leaking") && dup(0) < 0) return FS_ERROR_IO;
-  ++openings;
+  if (openings++ == 0) opened = now();
   *self = trouble;
   return FS_OK;
 }
@@ -45,18 +58,18 @@ static fs_status get_info(void *self, fs_device_info *out)
 static fs_status receive(void *self, fs_state *out)
 {
   (void)self;
-  if (is("silent") || (is("stops") && states >= 1200)) {
+  if (is("silent") || (is("stops") && now() > opened + 0.5) || (is("jams") && is_pushed)) {
     usleep(20000);
     return FS_ERROR_TIMEOUT;
   }
   usleep(1000);
-  ++states;
   out->flags = FS_STATE_READY;
   return FS_OK;
 }
 static fs_status send(void *self, const fs_wrench *wrench)
 {
-  (void)self, (void)wrench;
+  (void)self;
+  is_pushed |= wrench->force.x > 0.1;
   return FS_OK;
 }
 static fs_status get_link(void *self, fs_link *out)
