@@ -138,8 +138,25 @@ START_TEST(who_is_silent_makes_room) {
   ck_assert(is_bye(second, Reason::unknown_session));
   first.say(Type::command, force(5));
   ck_assert(is_bye(first, Reason::unknown_session));
-  first.say(Type::bye, Bye{Reason::silent});  // not of a host: no answer, or two controllers would answer each other for ever
-  ck_assert(!first.heard(Type::bye, 200));
+}
+END_TEST
+
+// Only a goodbye with reason 0 is answered, or two ends could answer each other for ever.
+START_TEST(only_one_goodbye_is_answered) {
+  ControllerProcess controller(held);
+  RawHost host(controller.port(), 85), next(controller.port(), 86);
+  host.hello();
+  ck_assert(host.commands(force(5), [](const State& s) { return s.applied.force.x > 4.9; }));
+  host.say(Type::bye, Bye{Reason::unknown_session});
+  ck_assert(!host.heard(Type::bye, 200));
+  ck_assert(std::strstr(controller.said().c_str(), "it has said goodbye"));
+  host.say(Type::bye, Bye{Reason::silent});  // of the session that ended last
+  ck_assert(!host.heard(Type::bye, 200));
+  host.say(Type::bye, Bye{Reason::ends});
+  ck_assert(is_bye(host, Reason::unknown_session));
+  next.hello();  // the controller is free
+  ck_assert(next.heard(Type::welcome) && next.heard(Type::state));
+  ck_assert_double_eq(next.state.applied.force.x, 0);
 }
 END_TEST
 
@@ -179,7 +196,7 @@ END_TEST
 int main() {
   Suite* suite = suite_create("udp_controller");
   for (const TTest* test : {a_force_comes_and_goes, a_model_is_rendered_held_and_limited,
-                            late_and_stale_commands_are_not_used, who_is_silent_makes_room, another_version_is_told,
+                            late_and_stale_commands_are_not_used, who_is_silent_makes_room, only_one_goodbye_is_answered, another_version_is_told,
                             it_ends_with_force_0}) {
     add_case(suite, test->name, {test});  // CK_RUN_CASE selects one
   }

@@ -103,7 +103,7 @@ void Controller::take(const Datagram& datagram, const Endpoint& from) {
   } else if (header.session == host_.session && from == host_.address) {
     take_of_host(datagram, header);
   } else {
-    refuse_stranger(header, from);
+    refuse_stranger(datagram, header, from);
   }
 }
 
@@ -118,7 +118,7 @@ void Controller::take_hello(const Datagram& datagram, const Header& header, cons
     host_.heard_at = steady_now();
     welcome(header.number);
   } else {
-    refuse_stranger(header, from);
+    refuse_stranger(datagram, header, from);
   }
 }
 
@@ -140,7 +140,8 @@ void Controller::take_of_host(const Datagram& datagram, const Header& header) {
     host_.heard_at = steady_now();
     take_request(header, request);
   } else if (header.type == Type::bye && decode(bytes, size, bye)) {
-    end(Reason::unknown_session, "it has said goodbye");
+    const bool is_answered = bye.reason == Reason::ends;  // no other reason, or two ends could answer each other for ever
+    end(is_answered ? std::optional(Reason::unknown_session) : std::nullopt, "it has said goodbye");
   } else {
     ++ignored_;
   }
@@ -172,12 +173,15 @@ void Controller::take_request(const Header& header, const Request& request) {
 }
 
 // Somebody with another number, or from another place, than the host that is here.
-void Controller::refuse_stranger(const Header& header, const Endpoint& from) {
+void Controller::refuse_stranger(const Datagram& datagram, const Header& header, const Endpoint& from) {
   if (header.type != Type::hello) ++ignored_;
   if (header.type == Type::bye) {
-    // Answered, as the first answer may have been lost, but only a host's: controllers must not go on answering each other.
-    Datagram datagram = encode({Type::bye, header.session, 1}, Bye{Reason::unknown_session});
-    if (header.session == ended_session_) reply(datagram, from);
+    // The host says goodbye again, as the first answer may have been lost.
+    Bye bye;
+    const bool is_hosts = decode(datagram.bytes, datagram.size, bye) && bye.reason == Reason::ends;
+    if (is_hosts && header.session == ended_session_) {
+      reply(encode({Type::bye, header.session, 1}, Bye{Reason::unknown_session}), from);
+    }
     return;
   }
   const bool is_of_host =
@@ -206,11 +210,11 @@ void Controller::begin(const Hello& hello, const Header& header, const Endpoint&
   say_(text);
 }
 
-void Controller::end(Reason reason, const std::string& why) {
+void Controller::end(std::optional<Reason> reason, const std::string& why) {
   if (!host_.session) return;
   renderer_.drop();
   render();
-  socket_.send(encode({Type::bye, host_.session, 1}, Bye{reason}), host_.address);
+  if (reason) socket_.send(encode({Type::bye, host_.session, 1}, Bye{*reason}), host_.address);
   say_("gone: " + who() + ": " + why);
   ended_session_ = host_.session;
   host_ = {};

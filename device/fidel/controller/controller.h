@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <functional>
+#include <optional>
 #include <string>
 
 #include "device/fidel/controller/renderer.h"
@@ -46,9 +47,9 @@ class Controller {
   void take_of_host(const Datagram& datagram, const Header& header);
   bool is_stale(const Command& command) const;
   void take_request(const Header& header, const Request& request);
-  void refuse_stranger(const Header& header, const Endpoint& from);
+  void refuse_stranger(const Datagram& datagram, const Header& header, const Endpoint& from);
   void begin(const Hello& hello, const Header& header, const Endpoint& from);
-  void end(Reason reason, const std::string& why);
+  void end(std::optional<Reason> reason, const std::string& why);  // the reason that the host is told; without one it is told nothing
   void reply(const Datagram& datagram, const Endpoint& to);  // to nobody in particular: only some a second
   void welcome(uint32_t hello);
   std::string who() const { return host_.name + " at " + host_.address.text(); }
