@@ -160,6 +160,38 @@ START_TEST(only_one_goodbye_is_answered) {
 }
 END_TEST
 
+static Request request(const char* text) {
+  Request out;
+  std::snprintf(out.text, sizeof out.text, "%s", text);
+  return out;
+}
+
+// Each request is done once: what is said again gets the same answer, what was said before the newest gets none.
+START_TEST(late_requests_are_not_done_again) {
+  ControllerProcess controller(held);
+  RawHost host(controller.port(), 87);
+  host.hello();
+  ck_assert(host.heard(Type::welcome));
+  const auto is_answered = [&](uint32_t number) {
+    Answer answer;
+    host.say(Type::request, request("status"), number);
+    return host.heard(Type::answer, 200) && decode(host.datagram.bytes, host.datagram.size, answer) && answer.request == number;
+  };
+  for (const uint32_t first : {1u, 0xfffffffeu}) {  // the numbers go round
+    if (first != 1) {
+      for (const uint32_t step : {0x70000000u, 0xe0000000u}) ck_assert(is_answered(step));
+    }
+    ck_assert(is_answered(first));
+    ck_assert(is_answered(first + 3));
+    ck_assert_uint_eq(host.header.number, first == 1 ? 2 : 6);  // how many answers there are, each counted once
+    ck_assert(is_answered(first + 3));
+    ck_assert_uint_eq(host.header.number, first == 1 ? 2 : 6);
+    ck_assert(!is_answered(first));
+    ck_assert(!is_answered(first + 1));
+  }
+}
+END_TEST
+
 START_TEST(another_version_is_told) {
   ControllerProcess controller(held);
   RawHost host(controller.port(), 83);
@@ -196,7 +228,8 @@ END_TEST
 int main() {
   Suite* suite = suite_create("udp_controller");
   for (const TTest* test : {a_force_comes_and_goes, a_model_is_rendered_held_and_limited,
-                            late_and_stale_commands_are_not_used, who_is_silent_makes_room, only_one_goodbye_is_answered, another_version_is_told,
+                            late_and_stale_commands_are_not_used, who_is_silent_makes_room, only_one_goodbye_is_answered,
+                            late_requests_are_not_done_again, another_version_is_told,
                             it_ends_with_force_0}) {
     add_case(suite, test->name, {test});  // CK_RUN_CASE selects one
   }

@@ -154,7 +154,9 @@ bool Controller::is_stale(const Command& command) const {
 }
 
 void Controller::take_request(const Header& header, const Request& request) {
-  if (header.number != host_.answered) {
+  const int32_t ahead = static_cast<int32_t>(header.number - host_.answered);  // the numbers go round
+  if (ahead < 0) return;  // late: a newer one has been done
+  if (ahead > 0) {
     Answer answer;
     answer.request = header.number;
     if (std::strcmp(request.text, "status") == 0) {

@@ -49,7 +49,7 @@ class Controller {
   void take_request(const Header& header, const Request& request);
   void refuse_stranger(const Datagram& datagram, const Header& header, const Endpoint& from);
   void begin(const Hello& hello, const Header& header, const Endpoint& from);
-  void end(std::optional<Reason> reason, const std::string& why);  // the reason that the host is told; without one it is told nothing
+  void end(std::optional<Reason> reason, const std::string& why);  // without a reason the host is told nothing
   void reply(const Datagram& datagram, const Endpoint& to);  // to nobody in particular: only some a second
   void welcome(uint32_t hello);
   std::string who() const { return host_.name + " at " + host_.address.text(); }
