@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
+#include <optional>
 #include <random>
 #include <utility>
 
@@ -357,13 +358,32 @@ namespace fs {
 
 std::unique_ptr<FidelConnection> connect_fidel_udp(const char* text) {
   const udp::HostOptions options = udp::parse_host_options(text);
-  for (size_t i = 0;; ++i) {  // a name may have several addresses, and its controller listens at one
+  // A name may have several addresses, and its controller listens at one. Of several that fail the one is told of that came
+  // nearest to a controller: nobody listens there, then nobody answers, then there is no way there.
+  const auto nearness = [](const Refusal& refusal) {
+    return refusal.status == FS_ERROR_NOT_FOUND ? 3 : refusal.status == FS_ERROR_TIMEOUT ? 2 : 1;
+  };
+  std::optional<Refusal> nearest;
+  const auto note = [&](const Refusal& refusal) {
+    if (!nearest || nearness(refusal) > nearness(*nearest)) nearest = refusal;
+  };
+  for (const udp::Endpoint& address : udp::Socket::addresses(options.peer)) {
+    std::optional<udp::Socket> socket;
     try {
-      return std::make_unique<udp::UdpConnection>(options, udp::Socket::to(options.peer, i));
+      socket.emplace(udp::Socket::to(address, options.peer));
     } catch (const Refusal& refusal) {
-      if (refusal.status != FS_ERROR_NOT_FOUND || i + 1 >= udp::Socket::addresses(options.peer)) throw;
+      note(refusal);
+      continue;
+    }
+    try {
+      return std::make_unique<udp::UdpConnection>(options, std::move(*socket));
+    } catch (const Refusal& refusal) {
+      const bool is_there = refusal.status != FS_ERROR_NOT_FOUND && refusal.status != FS_ERROR_TIMEOUT;
+      if (is_there) throw;  // a controller that is in use, of another version, or that ends
+      note(refusal);
     }
   }
+  throw *nearest;
 }
 
 }  // namespace fs
