@@ -79,7 +79,7 @@ void Controller::send_state() {
   out.ignored = ignored_;
   out.flags = state_.flags;
   out.buttons = state_.buttons;
-  out.grip = static_cast<float>(state_.grip);
+  out.grip = to_single(state_.grip);
   out.pose = state_.pose;
   out.twist = state_.twist;
   out.applied = applied_;
@@ -228,7 +228,7 @@ void Controller::welcome(uint32_t hello) {
   out.rate = static_cast<float>(rate / host_.every);
   out.force_axes = info_.force_axes;
   out.torque_axes = info_.torque_axes;
-  const auto fill = [](float& field, double value) { field = static_cast<float>(value); };
+  const auto fill = [](float& field, double value) { field = to_single(value); };
   fill(out.workspace_radius, info_.workspace_radius);
   fill(out.workspace_height, info_.workspace_height);
   fill(out.workspace_angle, info_.workspace_angle);

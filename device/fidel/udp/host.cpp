@@ -285,7 +285,7 @@ fs_status UdpConnection::write_model(const fs_model& model) noexcept {
   Command command;
   command.is_model = true;
   command.force = model.f0;
-  command.hold = static_cast<float>(model.hold);
+  command.hold = to_single(model.hold);
   command.pose = model.x0;
   command.dfdx = model.dfdx;
   command.dtdr = model.dtdr;

@@ -35,7 +35,7 @@ class Writer {
     std::memcpy(&bits, &value, sizeof bits);
     put(bits, 4);
   }
-  void operator()(double value) noexcept { (*this)(static_cast<float>(value)); }  // 4 bytes, as all measures are sent
+  void operator()(double value) noexcept { (*this)(to_single(value)); }  // 4 bytes, as all measures are sent
   template <size_t n>
   void operator()(const char (&text)[n]) noexcept {
     for (const char c : text) put(static_cast<uint8_t>(c), 1);

@@ -2,8 +2,11 @@
 // valid when it comes out of `decode`: all of its numbers are finite, and its texts end.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 
 #include <forceserver/driver.h>
 
@@ -85,6 +88,13 @@ struct Datagram {
   uint8_t bytes[largest_datagram];
   size_t size = 0;
 };
+
+// A measure as it is sent, in 4 bytes: what is beyond the largest float becomes that. What is not finite stays so, and is refused
+// by who reads it.
+inline float to_single(double value) noexcept {
+  constexpr double most = static_cast<double>(std::numeric_limits<float>::max());
+  return static_cast<float>(std::isfinite(value) ? std::clamp(value, -most, most) : value);
+}
 
 // Each gives the bytes of a message. Nothing throws or allocates.
 Datagram encode(const Header& header, const Hello& message) noexcept;
