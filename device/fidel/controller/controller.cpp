@@ -191,7 +191,7 @@ void Controller::refuse_stranger(const Datagram& datagram, const Header& header,
   if (!is_of_host) return;
   if (!host_.session) return reply(encode({Type::bye, header.session, 1}, Bye{Reason::unknown_session}), from);
   Busy busy;
-  busy.hello = header.number;
+  busy.answers = header.number;
   copy_text(busy.holder, who().c_str());
   reply(encode({Type::busy, header.session, 1}, busy), from);
   if (steady_now() - refused_at_ < 1) return;

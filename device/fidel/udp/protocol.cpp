@@ -120,6 +120,7 @@ void symmetric(Io& io, M& m) noexcept {
   io(m.xx), io(m.yy), io(m.zz), io(m.xy), io(m.xz), io(m.yz);
 }
 
+// The last parameter is not looked at: its type chooses the function, as M is a const message for a Writer and a message for a Reader.
 template <class Io, class M>
 void fields(Io& io, M& m, const Hello*) noexcept {
   io(m.rate), io.skip(4), io(m.name);
@@ -133,7 +134,7 @@ void fields(Io& io, M& m, const Welcome*) noexcept {
 }
 template <class Io, class M>
 void fields(Io& io, M& m, const Busy*) noexcept {
-  io(m.hello), io.skip(4), io(m.holder);
+  io(m.answers), io.skip(4), io(m.holder);
 }
 template <class Io, class M>
 void fields(Io& io, M& m, const State*) noexcept {

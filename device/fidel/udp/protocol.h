@@ -48,7 +48,7 @@ struct Welcome {
   char name[64] = {}, serial[64] = {};
 };
 struct Busy {
-  uint32_t hello = 0;
+  uint32_t answers = 0;  // the number of the datagram that it answers, of any type
   char holder[64] = {};  // who has the controller
 };
 struct State {
