@@ -325,7 +325,8 @@ START_TEST(requests_are_answered) {
   ck_assert(std::strstr(rig.ask("status").c_str(), "FIDEL (simulated), serial 'sim-0'"));
   ck_assert(std::strstr(rig.ask("link").c_str(), "round trip "));
   fs_answer answer{};
-  EXPECT_SENTENCE(FS_ERROR_UNSUPPORTED, fs_device_control(rig.device.get(), "dance", &answer), "the requests are: link, status");
+  EXPECT_SENTENCE(FS_ERROR_UNSUPPORTED, fs_device_control(rig.device.get(), "dance", &answer),
+                  "a device of 'sim' has no requests; the requests are: link, status, and those of the device behind it");
   EXPECT_SENTENCE(FS_ERROR_INVALID, fs_device_control(rig.device.get(), std::string(300, 'x').c_str(), &answer), "must be at most 255");
   rig.relay.set({.loss = 0.3, .again = 0.3});
   for (int i = 0; i < 10; ++i) ck_assert(std::strstr(rig.ask("status").c_str(), "serial 'sim-0'"));

@@ -26,7 +26,7 @@ Controller::Controller(fs_device* device, Socket& socket, std::function<void(con
         if (const fs_status status = fs_device_get_info(device, &info)) refuse(status, "%s", fs_last_error());
         return info;
       }()),
-      renderer_(info_) {}
+      renderer_(info_), device_request_(device) {}
 
 // ------------------------------------------------------------------------------------------------------------- the loop
 
@@ -57,6 +57,7 @@ void Controller::tick() {
   ++ticks_;
   if (host_.session && steady_now() - host_.heard_at > host_lost_after) end(Reason::silent, "it has been silent for 0.5 s");
   render();
+  answer_of_device();
   if (host_.session && ticks_ % static_cast<uint64_t>(host_.every) == 0) send_state();
 }
 
@@ -156,22 +157,40 @@ bool Controller::is_stale(const Command& command) const {
 void Controller::take_request(const Header& header, const Request& request) {
   const int32_t ahead = static_cast<int32_t>(header.number - host_.answered);  // the numbers go round
   if (ahead < 0) return;  // late: a newer one has been done
-  if (ahead > 0) {
-    Answer answer;
-    answer.request = header.number;
-    if (std::strcmp(request.text, "status") == 0) {
-      std::snprintf(answer.text, sizeof answer.text,
-                    "%s, serial '%s'; host %s; %llu ticks, %llu late; %u commands; %u datagrams ignored", info_.name,
-                    info_.serial, who().c_str(), static_cast<unsigned long long>(ticks_),
-                    static_cast<unsigned long long>(late_ticks_), host_.commands.count(), ignored_);
-    } else {
-      answer.status = FS_ERROR_UNSUPPORTED;
-      std::snprintf(answer.text, sizeof answer.text, "request '%.40s' is unknown; the requests are: link, status", request.text);
-    }
-    host_.answered = header.number;
-    host_.answer = encode({Type::answer, host_.session, ++host_.answers}, answer);
+  if (ahead == 0) return socket_.send(host_.answer, host_.address);
+  host_.answered = header.number;
+  if (std::strcmp(request.text, "status") == 0) {
+    answer(FS_OK, status());
+  } else if (device_request_.begin(host_.session, header.number, request.text)) {
+    answer(still_being_done, "the device behind the controller is doing it");
+  } else {
+    answer(FS_ERROR_STATE, "busy: the device behind the controller is still doing '" + device_request_.text() + "'");
   }
+}
+
+// What the device behind has answered meanwhile goes to the host that asked, unless that has gone or asked something else.
+void Controller::answer_of_device() {
+  DeviceRequest::Done done;
+  if (!device_request_.end(done) || done.session != host_.session || done.number != host_.answered) return;
+  if (done.status == FS_ERROR_UNSUPPORTED) done.text += "; the requests are: link, status, and those of the device behind it";
+  answer(done.status, done.text);
+}
+
+void Controller::answer(int32_t status, const std::string& text) {
+  Answer answer;
+  answer.request = host_.answered;
+  answer.status = status;
+  copy_text(answer.text, text.c_str());
+  host_.answer = encode({Type::answer, host_.session, ++host_.answers}, answer);
   socket_.send(host_.answer, host_.address);
+}
+
+std::string Controller::status() const {
+  char text[500];
+  std::snprintf(text, sizeof text, "%s, serial '%s'; host %s; %llu ticks, %llu late; %u commands; %u datagrams ignored",
+                info_.name, info_.serial, who().c_str(), static_cast<unsigned long long>(ticks_),
+                static_cast<unsigned long long>(late_ticks_), host_.commands.count(), ignored_);
+  return text;
 }
 
 // Somebody with another number, or from another place, than the host that is here.

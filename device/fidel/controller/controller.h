@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 
+#include "device/fidel/controller/device_request.h"
 #include "device/fidel/controller/renderer.h"
 #include "device/fidel/udp/arrivals.h"
 #include "device/fidel/udp/socket.h"
@@ -47,6 +48,9 @@ class Controller {
   void take_of_host(const Datagram& datagram, const Header& header);
   bool is_stale(const Command& command) const;
   void take_request(const Header& header, const Request& request);
+  std::string status() const;
+  void answer_of_device();
+  void answer(int32_t status, const std::string& text);  // to the newest request
   void refuse_stranger(const Datagram& datagram, const Header& header, const Endpoint& from);
   void begin(const Hello& hello, const Header& header, const Endpoint& from);
   void end(std::optional<Reason> reason, const std::string& why);  // without a reason the host is told nothing
@@ -64,6 +68,7 @@ class Controller {
   uint64_t ticks_ = 0, late_ticks_ = 0;
   uint32_t ignored_ = 0;
   Host host_;
+  DeviceRequest device_request_;
   uint64_t ended_session_ = 0;  // late datagrams of it bring nobody back
   double replies_left_ = 0, replied_at_ = 0;
   double refused_at_ = -1e300;  // s, when a stranger was last spoken of

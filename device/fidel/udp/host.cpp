@@ -318,14 +318,23 @@ std::string UdpConnection::control(const std::string& request) {
   copy_text(message.text, request.c_str());
   const std::lock_guard asks(asking_);
   const uint32_t number = ++requests_;
-  constexpr int tries = 10;
+  const std::chrono::duration<double> interval(request_interval);
   std::unique_lock lock(answer_mutex_);
-  for (int i = 0; i < tries && answer_.request != number; ++i) {
+  asked_ = number;
+  answer_ = {};
+  const double begin = answered_at_ = steady_now();
+  const auto is_done = [&] { return answer_.request == number && answer_.status != still_being_done; };
+  do {
+    if (steady_now() - answered_at_ > answer_within) {
+      refuse(FS_ERROR_TIMEOUT, "the controller at %s did not answer '%s' within %g s", place().c_str(), message.text,
+             answer_within);
+    }
+    if (steady_now() - begin > done_within) {
+      refuse(FS_ERROR_TIMEOUT, "the device behind the controller at %s has not done '%s' within %g s", place().c_str(),
+             message.text, done_within);
+    }
     socket_.send(encode(header(Type::request, number), message));
-    answered_.wait_for(lock, std::chrono::milliseconds(200), [&] { return answer_.request == number; });
-  }
-  if (answer_.request != number)
-    refuse(FS_ERROR_TIMEOUT, "the controller at %s did not answer '%s' within 2 s", place().c_str(), message.text);
+  } while (!answered_.wait_for(lock, interval, is_done));
   if (answer_.status != FS_OK) {
     const bool is_known = answer_.status < FS_OK && answer_.status >= FS_ERROR_INTERNAL;
     refuse(is_known ? static_cast<fs_status>(answer_.status) : FS_ERROR_IO, "%s", answer_.text);
@@ -336,7 +345,10 @@ std::string UdpConnection::control(const std::string& request) {
 void UdpConnection::take_answer(const Answer& answer) noexcept {
   {
     const std::lock_guard lock(answer_mutex_);  // held for moments only
+    if (answer.request != asked_) return;
+    if (answer_.request == asked_ && answer_.status != still_being_done) return;  // the final one has come
     answer_ = answer;
+    answered_at_ = steady_now();
   }
   answered_.notify_all();
 }

@@ -120,7 +120,7 @@ void symmetric(Io& io, M& m) noexcept {
   io(m.xx), io(m.yy), io(m.zz), io(m.xy), io(m.xz), io(m.yz);
 }
 
-// The last parameter is not looked at: its type chooses the function, as M is a const message for a Writer and a message for a Reader.
+// The pointer is not looked at: its type chooses the function, as M itself is const for a Writer and not for a Reader.
 template <class Io, class M>
 void fields(Io& io, M& m, const Hello*) noexcept {
   io(m.rate), io.skip(4), io(m.name);

@@ -24,6 +24,9 @@ constexpr double host_lost_after = 0.5;  // of silence the controller is free fo
 constexpr double lost_after = 0.25;  // of silence the controller counts as lost
 constexpr double hello_interval = 0.1;  // from one HELLO to the next, until a WELCOME comes
 constexpr double connect_within = 1.5;
+constexpr double request_interval = 0.2;  // from one REQUEST to the next, until an ANSWER that is final comes
+constexpr double answer_within = 2;  // of silence the host takes a request for not answered
+constexpr double done_within = 30;  // a request is done, or the host gives up
 
 enum class Type : uint8_t { hello = 1, welcome, busy, state, command, model, request, answer, bye };
 enum class Reason : uint32_t { ends = 0, silent = 1, unknown_session = 2, controller_ends = 3, version = 4 };
@@ -75,9 +78,10 @@ struct Command {
 struct Request {
   char text[256] = {};
 };
+constexpr int32_t still_being_done = 1;
 struct Answer {
   uint32_t request = 0;
-  int32_t status = 0;
+  int32_t status = 0;  // an fs_status, or still_being_done: the final one follows
   char text[512] = {};
 };
 struct Bye {
