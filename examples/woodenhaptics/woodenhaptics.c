@@ -242,7 +242,7 @@ static int take_report(arm *it, const uint8_t report[REPORT_SIZE], double time)
   if (!is_possible && ++it->doubts < DOUBTS_MAX) return 0;
   if (!is_possible) it->is_homed = 0;  /* so the encoder has jumped, and the arm is elsewhere */
   it->seen += is_first;
-  if (!is_first && is_possible) it->lost += (uint16_t)(gap - 1);
+  if (!is_first && is_possible) it->lost += gap > 0 ? gap - 1u : 0;  /* the same number: nothing was lost */
   for (int i = 0; i < 3; ++i) {
     it->count[i] = is_first ? (int16_t)value[i] : it->count[i] + step[i];
     it->last[i] = value[i];
