@@ -307,8 +307,9 @@ static fs_status arm_send(void *self, const fs_wrench *wrench)
     report[1 + 2 * i] = (uint8_t)((uint16_t)current[i] & 0xff);
     report[2 + 2 * i] = (uint8_t)((uint16_t)current[i] >> 8);
   }
-  if (write(it->fd, report, sizeof report) == (ssize_t)sizeof report) return FS_OK;
-  return errno == EIO || errno == ENODEV ? lost() : FS_ERROR_IO;
+  const ssize_t written = write(it->fd, report, sizeof report);
+  if (written == (ssize_t)sizeof report) return FS_OK;
+  return written < 0 && (errno == EIO || errno == ENODEV) ? lost() : FS_ERROR_IO;  /* a short write sets no errno */
 }
 
 static void arm_close(void *self)
