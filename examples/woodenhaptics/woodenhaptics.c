@@ -98,8 +98,16 @@ static void currents_of(const config *c, const double angle[3], const fs_vec3 *f
 }
 
 /* ---------------------------------------------------------------------------------------------------------------- opening it */
+/* A node that has been opened. A device that was lost has forgotten where it is, so that homed=yes of this node counts no more. */
+typedef struct place {
+  struct place *next;
+  int was_lost;
+  char node[];
+} place;
+
 typedef struct arm {
   config config;
+  place *place;
   int fd;
   char serial[64];
   double came;                              /* s, when the newest report that was believed did; 0: none has */
@@ -110,7 +118,7 @@ typedef struct arm {
   int is_homed;
 } arm;
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;  /* of the fields from `came` on, and of the next: control is called beside receive */
-static int was_lost;  /* a device that comes back has forgotten where it is, so that homed=yes counts no more */
+static place *places;  /* they stay until the program ends, as a device that is lost is closed and opened anew */
 
 static locale_t plain_numbers;  /* with a point, whatever the program's language is */
 
@@ -186,6 +194,17 @@ static fs_status open_node(arm *it, const char *node)
   return FS_OK;
 }
 
+/* The place of a node, or null where there is no memory for one. Called with the lock. */
+static place *place_of(const char *node)
+{
+  place *it = places;
+  while (it && strcmp(it->node, node)) it = it->next;
+  if (it || !(it = calloc(1, sizeof *it + strlen(node) + 1))) return it;
+  strcpy(it->node, node);
+  it->next = places;
+  return places = it;
+}
+
 static fs_status arm_open(const char *address, void **self)
 {
   char *text = strdup(address), *config_path = NULL;
@@ -195,9 +214,13 @@ static fs_status arm_open(const char *address, void **self)
   if (!status) status = read_address(text, &config_path, &it->is_homed);
   if (!status) status = read_config(config_path, &it->config);
   if (!status) status = open_node(it, text);
-  pthread_mutex_lock(&lock);
-  if (it && was_lost) it->is_homed = 0;
-  pthread_mutex_unlock(&lock);
+  if (!status) {
+    pthread_mutex_lock(&lock);
+    it->place = place_of(text);
+    if (it->place && it->place->was_lost) it->is_homed = 0;
+    pthread_mutex_unlock(&lock);
+    if (!it->place) status = refuse(FS_ERROR_MEMORY, "no memory for the device");
+  }
   free(text);
   if (!status) *self = it;
   else if (it && it->fd >= 0) close(it->fd);
@@ -242,7 +265,7 @@ static int take_report(arm *it, const uint8_t report[REPORT_SIZE], double time)
   if (!is_possible && ++it->doubts < DOUBTS_MAX) return 0;
   if (!is_possible) it->is_homed = 0;  /* so the encoder has jumped, and the arm is elsewhere */
   it->seen += is_first;
-  if (!is_first && is_possible) it->lost += (uint16_t)(gap - 1);
+  if (!is_first && is_possible) it->lost += gap > 0 ? gap - 1u : 0;  /* the same number: nothing was lost */
   for (int i = 0; i < 3; ++i) {
     it->count[i] = is_first ? (int16_t)value[i] : it->count[i] + step[i];
     it->last[i] = value[i];
@@ -253,10 +276,10 @@ static int take_report(arm *it, const uint8_t report[REPORT_SIZE], double time)
   return 1;
 }
 
-static fs_status lost(void)
+static fs_status lost(arm *it)
 {
   pthread_mutex_lock(&lock);
-  was_lost = 1;
+  it->place->was_lost = 1;
   pthread_mutex_unlock(&lock);
   return FS_ERROR_DISCONNECTED;
 }
@@ -277,7 +300,7 @@ static fs_status arm_receive(void *self, fs_state *out)
     taken += is_good;
     odd = !is_good;
   }
-  if (size == 0 || (size < 0 && errno != EAGAIN && errno != EINTR) || (!taken && !odd && node.revents & (POLLHUP | POLLERR))) return lost();
+  if (size == 0 || (size < 0 && errno != EAGAIN && errno != EINTR) || (!taken && !odd && node.revents & (POLLHUP | POLLERR))) return lost(it);
   if (odd || !taken) return odd ? FS_ERROR_IO : FS_ERROR_TIMEOUT;
 
   double angle[3];
@@ -307,8 +330,9 @@ static fs_status arm_send(void *self, const fs_wrench *wrench)
     report[1 + 2 * i] = (uint8_t)((uint16_t)current[i] & 0xff);
     report[2 + 2 * i] = (uint8_t)((uint16_t)current[i] >> 8);
   }
-  if (write(it->fd, report, sizeof report) == (ssize_t)sizeof report) return FS_OK;
-  return errno == EIO || errno == ENODEV ? lost() : FS_ERROR_IO;
+  const ssize_t written = write(it->fd, report, sizeof report);
+  if (written == (ssize_t)sizeof report) return FS_OK;
+  return written < 0 && (errno == EIO || errno == ENODEV) ? lost(it) : FS_ERROR_IO;  /* a short write sets no errno */
 }
 
 static void arm_close(void *self)
@@ -325,7 +349,7 @@ static fs_status home(arm *it)
 {
   const struct timespec moment = {0, 200000000};
   int32_t before[3];
-  int most = 0;
+  int most = 0, most_raw = 0;
   pthread_mutex_lock(&lock);
   it->is_homed = 0;
   memcpy(before, it->count, sizeof before);
@@ -334,7 +358,9 @@ static fs_status home(arm *it)
   pthread_mutex_lock(&lock);
   const int is_fresh = it->seen == FIRST && now() - it->came < 0.1;
   for (int i = 0; i < 3; ++i) most = abs(it->count[i] - before[i]) > most ? abs(it->count[i] - before[i]) : most;
+  for (int i = 0; i < 3; ++i) most_raw = abs((int16_t)it->last[i]) > most_raw ? abs((int16_t)it->last[i]) : most_raw;
   if (is_fresh && most <= 20) {
+    if (most_raw <= 20) it->place->was_lost = 0;  /* it was at home when it got power again: homed=yes is true once more */
     memset(it->count, 0, sizeof it->count);
     it->is_homed = 1;
   }

@@ -1,10 +1,14 @@
 // fidel:udp through the public functions: what the hand of the simulated device behind fidel-controller feels, over a link that
 // delays, loses, repeats, reorders and damages what it carries.
+#include <arpa/inet.h>
+#include <dlfcn.h>
+#include <netdb.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
 
 #include <csignal>
 #include <fstream>
+#include <map>
 
 #include "device/udp/raw_host.h"
 #include "device/udp/rig.h"
@@ -16,6 +20,19 @@ using fs::udp::Datagram;
 using fs::udp::Header;
 using fs::udp::State;
 using fs::udp::Type;
+
+// The names of a test, which have these addresses in this order, before the system's own names.
+static std::map<std::string, std::vector<const char*>> names;
+extern "C" int getaddrinfo(const char* name, const char* service, const addrinfo* hints, addrinfo** out) {
+  static const auto systems = reinterpret_cast<decltype(&getaddrinfo)>(dlsym(RTLD_NEXT, "getaddrinfo"));
+  const auto known = name ? names.find(name) : names.end();
+  if (known == names.end()) return systems(name, service, hints, out);
+  for (const char* address : known->second) {
+    if (const int error = systems(address, service, hints, out)) return error;
+    out = &(*out)->ai_next;
+  }
+  return 0;
+}
 
 static void forces_are_felt(const char* options, bool is_model) {
   UdpRig rig;
@@ -308,10 +325,46 @@ START_TEST(requests_are_answered) {
   ck_assert(std::strstr(rig.ask("status").c_str(), "FIDEL (simulated), serial 'sim-0'"));
   ck_assert(std::strstr(rig.ask("link").c_str(), "round trip "));
   fs_answer answer{};
-  EXPECT_SENTENCE(FS_ERROR_UNSUPPORTED, fs_device_control(rig.device.get(), "dance", &answer), "the requests are: link, status");
+  EXPECT_SENTENCE(FS_ERROR_UNSUPPORTED, fs_device_control(rig.device.get(), "dance", &answer),
+                  "a device of 'sim' has no requests; the requests are: link, status, and those of the device behind it");
   EXPECT_SENTENCE(FS_ERROR_INVALID, fs_device_control(rig.device.get(), std::string(300, 'x').c_str(), &answer), "must be at most 255");
   rig.relay.set({.loss = 0.3, .again = 0.3});
   for (int i = 0; i < 10; ++i) ck_assert(std::strstr(rig.ask("status").c_str(), "serial 'sim-0'"));
+}
+END_TEST
+
+// Of several addresses of a name the controller may listen at any, whatever is wrong with the others.
+START_TEST(each_address_of_a_name_is_tried) {
+  ControllerProcess controller;
+  const int silent = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  sockaddr_in at{};
+  at.sin_family = AF_INET;
+  at.sin_addr.s_addr = inet_addr("127.0.0.2");
+  at.sin_port = htons(controller.port());
+  ck_assert_int_eq(bind(silent, reinterpret_cast<sockaddr*>(&at), sizeof at), 0);
+  const char *const nobody = "127.0.0.3", *const silence = "127.0.0.2", *const here = "127.0.0.1";
+  const char* const unreachable = "255.255.255.255";  // a socket may not send to all
+  names = {{"found.test", {unreachable, silence, nobody, here}},
+           {"nobody.test", {silence, nobody, unreachable}},
+           {"silent.test", {unreachable, silence}},
+           {"unreachable.test", {unreachable}}};
+  const auto opens = [&](const char* name) {
+    fs_device* raw = nullptr;
+    const fs_status status = fs_device_open(("fidel:udp:" + (name + (":" + std::to_string(controller.port())))).c_str(), &raw);
+    fs_device_close(raw);
+    return status;
+  };
+  EXPECT(FS_OK, opens("found.test"));
+  // Otherwise what comes nearest to a controller is told.
+  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, opens("nobody.test"), "nobody listens at nobody.test");
+  EXPECT_SENTENCE(FS_ERROR_TIMEOUT, opens("silent.test"), "no controller answers at silent.test");
+  EXPECT_SENTENCE(FS_ERROR_IO, opens("unreachable.test"), "cannot send to unreachable.test");
+  // A controller that is in use is the one that was meant.
+  names["used.test"] = {here, silence};
+  const Device first = open_device(controller.uri().c_str());
+  EXPECT_SENTENCE(FS_ERROR_DENIED, opens("used.test"), "in use by");
+  names.clear();
+  close(silent);
 }
 END_TEST
 
@@ -376,7 +429,8 @@ int main() {
   for (const TTest* test : {models_are_felt, plain_forces_are_felt, silence_ends_the_force_and_it_comes_back_through_ready,
                             the_controller_holds_and_fades, a_bad_link_is_no_end, garbage_is_ignored, a_clock_jumps,
                             a_second_sender_is_refused, a_killed_host_makes_room, a_controller_is_killed_and_started_again, the_delay_is_measured,
-                            requests_are_answered, addresses_are_refused, models_stand_where_forces_swing}) {
+                            requests_are_answered, each_address_of_a_name_is_tried, addresses_are_refused,
+                            models_stand_where_forces_swing}) {
     add_case(suite, test->name, {test});  // CK_RUN_CASE selects one
   }
   return run_suite(suite);

@@ -2,8 +2,14 @@
 #include <sys/wait.h>
 
 #include <csignal>
+#include <thread>
 
 #include "api/support.h"
+// The controller in this process, for a device that a test makes.
+#include "device/fidel/controller/controller.cpp"
+#include "device/fidel/controller/renderer.cpp"
+#include "device/fidel/udp/socket.cpp"
+#include "device/waiting_device.cpp"
 #include "device/udp/controller_process.h"
 #include "device/udp/raw_host.h"
 
@@ -138,8 +144,137 @@ START_TEST(who_is_silent_makes_room) {
   ck_assert(is_bye(second, Reason::unknown_session));
   first.say(Type::command, force(5));
   ck_assert(is_bye(first, Reason::unknown_session));
-  first.say(Type::bye, Bye{Reason::silent});  // not of a host: no answer, or two controllers would answer each other for ever
-  ck_assert(!first.heard(Type::bye, 200));
+}
+END_TEST
+
+// Only a goodbye with reason 0 is answered, or two ends could answer each other for ever.
+START_TEST(only_one_goodbye_is_answered) {
+  ControllerProcess controller(held);
+  RawHost host(controller.port(), 85), next(controller.port(), 86);
+  host.hello();
+  ck_assert(host.commands(force(5), [](const State& s) { return s.applied.force.x > 4.9; }));
+  host.say(Type::bye, Bye{Reason::unknown_session});
+  ck_assert(!host.heard(Type::bye, 200));
+  ck_assert(std::strstr(controller.said().c_str(), "it has said goodbye"));
+  host.say(Type::bye, Bye{Reason::silent});  // of the session that ended last
+  ck_assert(!host.heard(Type::bye, 200));
+  host.say(Type::bye, Bye{Reason::ends});
+  ck_assert(is_bye(host, Reason::unknown_session));
+  next.hello();  // the controller is free
+  ck_assert(next.heard(Type::welcome) && next.heard(Type::state));
+  ck_assert_double_eq(next.state.applied.force.x, 0);
+}
+END_TEST
+
+static Request request(const char* text) {
+  Request out;
+  std::snprintf(out.text, sizeof out.text, "%s", text);
+  return out;
+}
+
+// Each request is done once: what is said again gets the same answer, what was said before the newest gets none.
+START_TEST(late_requests_are_not_done_again) {
+  ControllerProcess controller(held);
+  RawHost host(controller.port(), 87);
+  host.hello();
+  ck_assert(host.heard(Type::welcome));
+  const auto is_answered = [&](uint32_t number) {
+    Answer answer;
+    host.say(Type::request, request("status"), number);
+    return host.heard(Type::answer, 200) && decode(host.datagram.bytes, host.datagram.size, answer) && answer.request == number;
+  };
+  for (const uint32_t first : {1u, 0xfffffffeu}) {  // the numbers go round
+    if (first != 1) {
+      for (const uint32_t step : {0x70000000u, 0xe0000000u}) ck_assert(is_answered(step));
+    }
+    ck_assert(is_answered(first));
+    ck_assert(is_answered(first + 3));
+    ck_assert_uint_eq(host.header.number, first == 1 ? 2 : 6);  // how many answers there are, each counted once
+    ck_assert(is_answered(first + 3));
+    ck_assert_uint_eq(host.header.number, first == 1 ? 2 : 6);
+    ck_assert(!is_answered(first));
+    ck_assert(!is_answered(first + 1));
+  }
+}
+END_TEST
+
+// A controller in this process, before a device of which a request takes as long as the test wants.
+struct SlowDevice {
+  WaitingDevice slow{"slow"};
+  Device device = slow.open();
+  Socket socket = Socket::listening({"127.0.0.1", 0});
+  uint16_t port = ntohs(reinterpret_cast<const sockaddr_in&>(socket.own().address).sin_port);
+  std::atomic<bool> ends{false};
+  Controller controller{device.get(), socket, [](const std::string&) {}};
+  std::thread loop{[this] { controller.run([this] { return ends.load(); }); }};
+  ~SlowDevice() {
+    slow.let_go();
+    ends = true;
+    loop.join();
+  }
+};
+
+START_TEST(a_request_to_the_device_does_not_hold_the_loop) {
+  SlowDevice behind;
+  RawHost host(behind.port, 88);
+  host.hello(1000);
+  ck_assert(host.commands(force(3), [](const State& s) { return s.applied.force.x > 2.999; }));
+  Answer answer;
+  const auto is_answered = [&](uint32_t number, int32_t status) {
+    if (!host.heard(Type::answer) || !decode(host.datagram.bytes, host.datagram.size, answer)) return false;
+    return answer.request == number && answer.status == status;
+  };
+  behind.slow.hang(WaitingDevice::in_control);
+  host.say(Type::request, request("echo"), 1);
+  ck_assert(is_answered(1, still_being_done));
+  host.say(Type::request, request("echo"), 1);
+  ck_assert(is_answered(1, still_being_done));
+  // For 0.3 s the force is rendered, and the states come.
+  const uint64_t begin = host.state.time;
+  int states = 0;
+  ck_assert(host.commands(force(3), [&](const State& s) {
+    states += s.applied.force.x > 2.9;
+    return s.time > begin + 300'000'000;
+  }));
+  std::printf("  %d states with the force in the 0.3 s of a request\n", states);
+  ck_assert_int_gt(states, 100);
+  // The answer comes by itself, and when it is asked for again.
+  behind.slow.let_go();
+  ck_assert(is_answered(1, FS_OK));
+  ck_assert_str_eq(answer.text, "1");
+  host.say(Type::request, request("echo"), 1);
+  ck_assert(is_answered(1, FS_OK));
+  // One at a time; what the controller itself answers is no such request.
+  behind.slow.hang(WaitingDevice::in_control);
+  host.say(Type::request, request("echo"), 2);
+  ck_assert(is_answered(2, still_being_done));
+  host.say(Type::request, request("dance"), 3);
+  ck_assert(is_answered(3, FS_ERROR_STATE));
+  ck_assert_str_eq(answer.text, "busy: the device behind the controller is still doing 'echo'");
+  host.say(Type::request, request("status"), 4);
+  ck_assert(is_answered(4, FS_OK));
+  behind.slow.let_go();
+  ck_assert(!host.heard(Type::answer, 200));  // nobody waits for the second one any more
+  host.say(Type::request, request("dance"), 5);
+  ck_assert(is_answered(5, still_being_done) && is_answered(5, FS_ERROR_UNSUPPORTED));
+  ck_assert_str_eq(answer.text, "the requests are: echo; the requests are: link, status, and those of the device behind it");
+}
+END_TEST
+
+// Also when that takes longer than the 2 s for which a host waits for a controller that is silent.
+START_TEST(a_host_waits_for_the_device) {
+  SlowDevice behind;
+  const Device device = open_device(("fidel:udp:127.0.0.1:" + std::to_string(behind.port)).c_str());
+  behind.slow.hang(WaitingDevice::in_control);
+  std::thread opener([&] {
+    behind.slow.await_hanging();
+    std::this_thread::sleep_for(std::chrono::milliseconds(2500));
+    behind.slow.let_go();
+  });
+  fs_answer answer{};
+  EXPECT(FS_OK, fs_device_control(device.get(), "echo", &answer));
+  ck_assert_str_eq(answer.text, "1");
+  opener.join();
 }
 END_TEST
 
@@ -179,7 +314,9 @@ END_TEST
 int main() {
   Suite* suite = suite_create("udp_controller");
   for (const TTest* test : {a_force_comes_and_goes, a_model_is_rendered_held_and_limited,
-                            late_and_stale_commands_are_not_used, who_is_silent_makes_room, another_version_is_told,
+                            late_and_stale_commands_are_not_used, who_is_silent_makes_room, only_one_goodbye_is_answered,
+                            late_requests_are_not_done_again, a_request_to_the_device_does_not_hold_the_loop,
+                            a_host_waits_for_the_device, another_version_is_told,
                             it_ends_with_force_0}) {
     add_case(suite, test->name, {test});  // CK_RUN_CASE selects one
   }

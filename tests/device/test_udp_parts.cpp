@@ -90,6 +90,21 @@ START_TEST(what_is_written_is_read) {
 }
 END_TEST
 
+// Beyond the largest float a conversion is undefined, so such numbers become the largest one.
+START_TEST(large_numbers_are_clamped) {
+  State state = some_state();
+  state.applied.force = {1e300, -1e300, 1};
+  const Datagram d = encode({Type::state, 5, 6}, state);
+  Header header{};
+  State out;
+  ck_assert(open(d.bytes, d.size, header) == Opened::good && decode(d.bytes, d.size, out));
+  const double most = static_cast<double>(std::numeric_limits<float>::max());
+  ck_assert_double_eq(out.applied.force.x, most);
+  ck_assert_double_eq(out.applied.force.y, -most);
+  ck_assert_double_eq(out.applied.force.z, 1);
+}
+END_TEST
+
 // Each bit that is wrong, each length that is not right, and all that is not finite.
 START_TEST(damage_is_seen) {
   const Datagram good = encode({Type::state, 5, 6}, some_state());
@@ -227,7 +242,7 @@ END_TEST
 
 int main() {
   Suite* suite = suite_create("udp_parts");
-  for (const TTest* test : {checksum_is_that_of_the_standard, bytes_are_where_the_page_says, what_is_written_is_read,
+  for (const TTest* test : {checksum_is_that_of_the_standard, bytes_are_where_the_page_says, what_is_written_is_read, large_numbers_are_clamped,
                             damage_is_seen, each_is_counted_once, a_clock_is_mapped, jumps_of_a_clock_are_found,
                             a_link_is_measured}) {
     add_case(suite, test->name, {test});  // CK_RUN_CASE selects one

@@ -26,7 +26,7 @@ Controller::Controller(fs_device* device, Socket& socket, std::function<void(con
         if (const fs_status status = fs_device_get_info(device, &info)) refuse(status, "%s", fs_last_error());
         return info;
       }()),
-      renderer_(info_) {}
+      renderer_(info_), device_request_(device) {}
 
 // ------------------------------------------------------------------------------------------------------------- the loop
 
@@ -57,6 +57,7 @@ void Controller::tick() {
   ++ticks_;
   if (host_.session && steady_now() - host_.heard_at > host_lost_after) end(Reason::silent, "it has been silent for 0.5 s");
   render();
+  answer_of_device();
   if (host_.session && ticks_ % static_cast<uint64_t>(host_.every) == 0) send_state();
 }
 
@@ -79,7 +80,7 @@ void Controller::send_state() {
   out.ignored = ignored_;
   out.flags = state_.flags;
   out.buttons = state_.buttons;
-  out.grip = static_cast<float>(state_.grip);
+  out.grip = to_single(state_.grip);
   out.pose = state_.pose;
   out.twist = state_.twist;
   out.applied = applied_;
@@ -103,7 +104,7 @@ void Controller::take(const Datagram& datagram, const Endpoint& from) {
   } else if (header.session == host_.session && from == host_.address) {
     take_of_host(datagram, header);
   } else {
-    refuse_stranger(header, from);
+    refuse_stranger(datagram, header, from);
   }
 }
 
@@ -118,7 +119,7 @@ void Controller::take_hello(const Datagram& datagram, const Header& header, cons
     host_.heard_at = steady_now();
     welcome(header.number);
   } else {
-    refuse_stranger(header, from);
+    refuse_stranger(datagram, header, from);
   }
 }
 
@@ -140,7 +141,8 @@ void Controller::take_of_host(const Datagram& datagram, const Header& header) {
     host_.heard_at = steady_now();
     take_request(header, request);
   } else if (header.type == Type::bye && decode(bytes, size, bye)) {
-    end(Reason::unknown_session, "it has said goodbye");
+    const bool is_answered = bye.reason == Reason::ends;  // no other reason, or two ends could answer each other for ever
+    end(is_answered ? std::optional(Reason::unknown_session) : std::nullopt, "it has said goodbye");
   } else {
     ++ignored_;
   }
@@ -153,31 +155,54 @@ bool Controller::is_stale(const Command& command) const {
 }
 
 void Controller::take_request(const Header& header, const Request& request) {
-  if (header.number != host_.answered) {
-    Answer answer;
-    answer.request = header.number;
-    if (std::strcmp(request.text, "status") == 0) {
-      std::snprintf(answer.text, sizeof answer.text,
-                    "%s, serial '%s'; host %s; %llu ticks, %llu late; %u commands; %u datagrams ignored", info_.name,
-                    info_.serial, who().c_str(), static_cast<unsigned long long>(ticks_),
-                    static_cast<unsigned long long>(late_ticks_), host_.commands.count(), ignored_);
-    } else {
-      answer.status = FS_ERROR_UNSUPPORTED;
-      std::snprintf(answer.text, sizeof answer.text, "request '%.40s' is unknown; the requests are: link, status", request.text);
-    }
-    host_.answered = header.number;
-    host_.answer = encode({Type::answer, host_.session, ++host_.answers}, answer);
+  const int32_t ahead = static_cast<int32_t>(header.number - host_.answered);  // the numbers go round
+  if (ahead < 0) return;  // late: a newer one has been done
+  if (ahead == 0) return socket_.send(host_.answer, host_.address);
+  host_.answered = header.number;
+  if (std::strcmp(request.text, "status") == 0) {
+    answer(FS_OK, status());
+  } else if (device_request_.begin(host_.session, header.number, request.text)) {
+    answer(still_being_done, "the device behind the controller is doing it");
+  } else {
+    answer(FS_ERROR_STATE, "busy: the device behind the controller is still doing '" + device_request_.text() + "'");
   }
+}
+
+// What the device behind has answered meanwhile goes to the host that asked, unless that has gone or asked something else.
+void Controller::answer_of_device() {
+  DeviceRequest::Done done;
+  if (!device_request_.end(done) || done.session != host_.session || done.number != host_.answered) return;
+  if (done.status == FS_ERROR_UNSUPPORTED) done.text += "; the requests are: link, status, and those of the device behind it";
+  answer(done.status, done.text);
+}
+
+void Controller::answer(int32_t status, const std::string& text) {
+  Answer answer;
+  answer.request = host_.answered;
+  answer.status = status;
+  copy_text(answer.text, text.c_str());
+  host_.answer = encode({Type::answer, host_.session, ++host_.answers}, answer);
   socket_.send(host_.answer, host_.address);
 }
 
+std::string Controller::status() const {
+  char text[500];
+  std::snprintf(text, sizeof text, "%s, serial '%s'; host %s; %llu ticks, %llu late; %u commands; %u datagrams ignored",
+                info_.name, info_.serial, who().c_str(), static_cast<unsigned long long>(ticks_),
+                static_cast<unsigned long long>(late_ticks_), host_.commands.count(), ignored_);
+  return text;
+}
+
 // Somebody with another number, or from another place, than the host that is here.
-void Controller::refuse_stranger(const Header& header, const Endpoint& from) {
+void Controller::refuse_stranger(const Datagram& datagram, const Header& header, const Endpoint& from) {
   if (header.type != Type::hello) ++ignored_;
   if (header.type == Type::bye) {
-    // Answered, as the first answer may have been lost, but only a host's: controllers must not go on answering each other.
-    Datagram datagram = encode({Type::bye, header.session, 1}, Bye{Reason::unknown_session});
-    if (header.session == ended_session_) reply(datagram, from);
+    // The host says goodbye again, as the first answer may have been lost.
+    Bye bye;
+    const bool is_hosts = decode(datagram.bytes, datagram.size, bye) && bye.reason == Reason::ends;
+    if (is_hosts && header.session == ended_session_) {
+      reply(encode({Type::bye, header.session, 1}, Bye{Reason::unknown_session}), from);
+    }
     return;
   }
   const bool is_of_host =
@@ -185,7 +210,7 @@ void Controller::refuse_stranger(const Header& header, const Endpoint& from) {
   if (!is_of_host) return;
   if (!host_.session) return reply(encode({Type::bye, header.session, 1}, Bye{Reason::unknown_session}), from);
   Busy busy;
-  busy.hello = header.number;
+  busy.answers = header.number;
   copy_text(busy.holder, who().c_str());
   reply(encode({Type::busy, header.session, 1}, busy), from);
   if (steady_now() - refused_at_ < 1) return;
@@ -206,11 +231,11 @@ void Controller::begin(const Hello& hello, const Header& header, const Endpoint&
   say_(text);
 }
 
-void Controller::end(Reason reason, const std::string& why) {
+void Controller::end(std::optional<Reason> reason, const std::string& why) {
   if (!host_.session) return;
   renderer_.drop();
   render();
-  socket_.send(encode({Type::bye, host_.session, 1}, Bye{reason}), host_.address);
+  if (reason) socket_.send(encode({Type::bye, host_.session, 1}, Bye{*reason}), host_.address);
   say_("gone: " + who() + ": " + why);
   ended_session_ = host_.session;
   host_ = {};
@@ -222,7 +247,7 @@ void Controller::welcome(uint32_t hello) {
   out.rate = static_cast<float>(rate / host_.every);
   out.force_axes = info_.force_axes;
   out.torque_axes = info_.torque_axes;
-  const auto fill = [](float& field, double value) { field = static_cast<float>(value); };
+  const auto fill = [](float& field, double value) { field = to_single(value); };
   fill(out.workspace_radius, info_.workspace_radius);
   fill(out.workspace_height, info_.workspace_height);
   fill(out.workspace_angle, info_.workspace_angle);

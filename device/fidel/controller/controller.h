@@ -3,8 +3,10 @@
 
 #include <atomic>
 #include <functional>
+#include <optional>
 #include <string>
 
+#include "device/fidel/controller/device_request.h"
 #include "device/fidel/controller/renderer.h"
 #include "device/fidel/udp/arrivals.h"
 #include "device/fidel/udp/socket.h"
@@ -46,9 +48,12 @@ class Controller {
   void take_of_host(const Datagram& datagram, const Header& header);
   bool is_stale(const Command& command) const;
   void take_request(const Header& header, const Request& request);
-  void refuse_stranger(const Header& header, const Endpoint& from);
+  std::string status() const;
+  void answer_of_device();
+  void answer(int32_t status, const std::string& text);  // to the newest request
+  void refuse_stranger(const Datagram& datagram, const Header& header, const Endpoint& from);
   void begin(const Hello& hello, const Header& header, const Endpoint& from);
-  void end(Reason reason, const std::string& why);
+  void end(std::optional<Reason> reason, const std::string& why);  // without a reason the host is told nothing
   void reply(const Datagram& datagram, const Endpoint& to);  // to nobody in particular: only some a second
   void welcome(uint32_t hello);
   std::string who() const { return host_.name + " at " + host_.address.text(); }
@@ -63,6 +68,7 @@ class Controller {
   uint64_t ticks_ = 0, late_ticks_ = 0;
   uint32_t ignored_ = 0;
   Host host_;
+  DeviceRequest device_request_;
   uint64_t ended_session_ = 0;  // late datagrams of it bring nobody back
   double replies_left_ = 0, replied_at_ = 0;
   double refused_at_ = -1e300;  // s, when a stranger was last spoken of

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
+#include <optional>
 #include <random>
 #include <utility>
 
@@ -284,7 +285,7 @@ fs_status UdpConnection::write_model(const fs_model& model) noexcept {
   Command command;
   command.is_model = true;
   command.force = model.f0;
-  command.hold = static_cast<float>(model.hold);
+  command.hold = to_single(model.hold);
   command.pose = model.x0;
   command.dfdx = model.dfdx;
   command.dtdr = model.dtdr;
@@ -317,14 +318,23 @@ std::string UdpConnection::control(const std::string& request) {
   copy_text(message.text, request.c_str());
   const std::lock_guard asks(asking_);
   const uint32_t number = ++requests_;
-  constexpr int tries = 10;
+  const std::chrono::duration<double> interval(request_interval);
   std::unique_lock lock(answer_mutex_);
-  for (int i = 0; i < tries && answer_.request != number; ++i) {
+  asked_ = number;
+  answer_ = {};
+  const double begin = answered_at_ = steady_now();
+  const auto is_done = [&] { return answer_.request == number && answer_.status != still_being_done; };
+  do {
+    if (steady_now() - answered_at_ > answer_within) {
+      refuse(FS_ERROR_TIMEOUT, "the controller at %s did not answer '%s' within %g s", place().c_str(), message.text,
+             answer_within);
+    }
+    if (steady_now() - begin > done_within) {
+      refuse(FS_ERROR_TIMEOUT, "the device behind the controller at %s has not done '%s' within %g s", place().c_str(),
+             message.text, done_within);
+    }
     socket_.send(encode(header(Type::request, number), message));
-    answered_.wait_for(lock, std::chrono::milliseconds(200), [&] { return answer_.request == number; });
-  }
-  if (answer_.request != number)
-    refuse(FS_ERROR_TIMEOUT, "the controller at %s did not answer '%s' within 2 s", place().c_str(), message.text);
+  } while (!answered_.wait_for(lock, interval, is_done));
   if (answer_.status != FS_OK) {
     const bool is_known = answer_.status < FS_OK && answer_.status >= FS_ERROR_INTERNAL;
     refuse(is_known ? static_cast<fs_status>(answer_.status) : FS_ERROR_IO, "%s", answer_.text);
@@ -335,7 +345,10 @@ std::string UdpConnection::control(const std::string& request) {
 void UdpConnection::take_answer(const Answer& answer) noexcept {
   {
     const std::lock_guard lock(answer_mutex_);  // held for moments only
+    if (answer.request != asked_) return;
+    if (answer_.request == asked_ && answer_.status != still_being_done) return;  // the final one has come
     answer_ = answer;
+    answered_at_ = steady_now();
   }
   answered_.notify_all();
 }
@@ -357,13 +370,32 @@ namespace fs {
 
 std::unique_ptr<FidelConnection> connect_fidel_udp(const char* text) {
   const udp::HostOptions options = udp::parse_host_options(text);
-  for (size_t i = 0;; ++i) {  // a name may have several addresses, and its controller listens at one
+  // A name may have several addresses, and its controller listens at one. Of several that fail the one is told of that came
+  // nearest to a controller: nobody listens there, then nobody answers, then there is no way there.
+  const auto nearness = [](const Refusal& refusal) {
+    return refusal.status == FS_ERROR_NOT_FOUND ? 3 : refusal.status == FS_ERROR_TIMEOUT ? 2 : 1;
+  };
+  std::optional<Refusal> nearest;
+  const auto note = [&](const Refusal& refusal) {
+    if (!nearest || nearness(refusal) > nearness(*nearest)) nearest = refusal;
+  };
+  for (const udp::Endpoint& address : udp::Socket::addresses(options.peer)) {
+    std::optional<udp::Socket> socket;
     try {
-      return std::make_unique<udp::UdpConnection>(options, udp::Socket::to(options.peer, i));
+      socket.emplace(udp::Socket::to(address, options.peer));
     } catch (const Refusal& refusal) {
-      if (refusal.status != FS_ERROR_NOT_FOUND || i + 1 >= udp::Socket::addresses(options.peer)) throw;
+      note(refusal);
+      continue;
+    }
+    try {
+      return std::make_unique<udp::UdpConnection>(options, std::move(*socket));
+    } catch (const Refusal& refusal) {
+      const bool is_there = refusal.status != FS_ERROR_NOT_FOUND && refusal.status != FS_ERROR_TIMEOUT;
+      if (is_there) throw;  // a controller that is in use, of another version, or that ends
+      note(refusal);
     }
   }
+  throw *nearest;
 }
 
 }  // namespace fs

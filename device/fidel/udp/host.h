@@ -88,7 +88,10 @@ class UdpConnection final : public FidelConnection {
   std::mutex asking_;  // one request at a time
   std::mutex answer_mutex_;
   std::condition_variable answered_;
-  Answer answer_;           // with answer_mutex_
+  // With answer_mutex_.
+  Answer answer_;           // the newest to that request
+  uint32_t asked_ = 0;      // the number of the newest request
+  double answered_at_ = 0;  // s, when it was asked or an answer came
   uint32_t requests_ = 0;   // with asking_
 };
 

@@ -35,7 +35,7 @@ class Writer {
     std::memcpy(&bits, &value, sizeof bits);
     put(bits, 4);
   }
-  void operator()(double value) noexcept { (*this)(static_cast<float>(value)); }  // 4 bytes, as all measures are sent
+  void operator()(double value) noexcept { (*this)(to_single(value)); }  // 4 bytes, as all measures are sent
   template <size_t n>
   void operator()(const char (&text)[n]) noexcept {
     for (const char c : text) put(static_cast<uint8_t>(c), 1);
@@ -120,6 +120,7 @@ void symmetric(Io& io, M& m) noexcept {
   io(m.xx), io(m.yy), io(m.zz), io(m.xy), io(m.xz), io(m.yz);
 }
 
+// The pointer is not looked at: its type chooses the function, as M itself is const for a Writer and not for a Reader.
 template <class Io, class M>
 void fields(Io& io, M& m, const Hello*) noexcept {
   io(m.rate), io.skip(4), io(m.name);
@@ -133,7 +134,7 @@ void fields(Io& io, M& m, const Welcome*) noexcept {
 }
 template <class Io, class M>
 void fields(Io& io, M& m, const Busy*) noexcept {
-  io(m.hello), io.skip(4), io(m.holder);
+  io(m.answers), io.skip(4), io(m.holder);
 }
 template <class Io, class M>
 void fields(Io& io, M& m, const State*) noexcept {

@@ -2,8 +2,11 @@
 // valid when it comes out of `decode`: all of its numbers are finite, and its texts end.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 
 #include <forceserver/driver.h>
 
@@ -21,6 +24,9 @@ constexpr double host_lost_after = 0.5;  // of silence the controller is free fo
 constexpr double lost_after = 0.25;  // of silence the controller counts as lost
 constexpr double hello_interval = 0.1;  // from one HELLO to the next, until a WELCOME comes
 constexpr double connect_within = 1.5;
+constexpr double request_interval = 0.2;  // from one REQUEST to the next, until an ANSWER that is final comes
+constexpr double answer_within = 2;  // of silence the host takes a request for not answered
+constexpr double done_within = 30;  // a request is done, or the host gives up
 
 enum class Type : uint8_t { hello = 1, welcome, busy, state, command, model, request, answer, bye };
 enum class Reason : uint32_t { ends = 0, silent = 1, unknown_session = 2, controller_ends = 3, version = 4 };
@@ -45,7 +51,7 @@ struct Welcome {
   char name[64] = {}, serial[64] = {};
 };
 struct Busy {
-  uint32_t hello = 0;
+  uint32_t answers = 0;  // the number of the datagram that it answers, of any type
   char holder[64] = {};  // who has the controller
 };
 struct State {
@@ -72,9 +78,10 @@ struct Command {
 struct Request {
   char text[256] = {};
 };
+constexpr int32_t still_being_done = 1;
 struct Answer {
   uint32_t request = 0;
-  int32_t status = 0;
+  int32_t status = 0;  // an fs_status, or still_being_done: the final one follows
   char text[512] = {};
 };
 struct Bye {
@@ -85,6 +92,13 @@ struct Datagram {
   uint8_t bytes[largest_datagram];
   size_t size = 0;
 };
+
+// A measure as it is sent, in 4 bytes: what is beyond the largest float becomes that. What is not finite stays so, and is refused
+// by who reads it.
+inline float to_single(double value) noexcept {
+  constexpr double most = static_cast<double>(std::numeric_limits<float>::max());
+  return static_cast<float>(std::isfinite(value) ? std::clamp(value, -most, most) : value);
+}
 
 // Each gives the bytes of a message. Nothing throws or allocates.
 Datagram encode(const Header& header, const Hello& message) noexcept;

@@ -17,9 +17,7 @@
 namespace fs::udp {
 namespace {
 
-using Addresses = std::unique_ptr<addrinfo, decltype(&freeaddrinfo)>;
-
-Addresses addresses_of(const HostPort& place, int flags) {
+std::vector<Endpoint> addresses_of(const HostPort& place, int flags) {
   addrinfo hints{}, *raw = nullptr;
   hints.ai_socktype = SOCK_DGRAM;
   hints.ai_flags = flags | AI_NUMERICSERV;
@@ -28,13 +26,21 @@ Addresses addresses_of(const HostPort& place, int flags) {
     refuse(FS_ERROR_NOT_FOUND, "host '%s' is not known: %s", place.host.c_str(),
            error == EAI_SYSTEM ? std::strerror(errno) : gai_strerror(error));
   }
-  return {raw, freeaddrinfo};
+  const std::unique_ptr<addrinfo, decltype(&freeaddrinfo)> all(raw, freeaddrinfo);
+  std::vector<Endpoint> out;
+  for (const addrinfo* each = raw; each; each = each->ai_next) {
+    Endpoint& next = out.emplace_back();
+    next.size = std::min(each->ai_addrlen, static_cast<socklen_t>(sizeof next.address));
+    std::memcpy(&next.address, each->ai_addr, next.size);
+  }
+  return out;
 }
 
 // A socket that `use` (connect or bind) has given this address.
-int open_socket(const addrinfo& address, int (*use)(int, const sockaddr*, socklen_t), const HostPort& place, const char* verb) {
-  const int descriptor = socket(address.ai_family, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-  if (descriptor >= 0 && use(descriptor, address.ai_addr, address.ai_addrlen) == 0) return descriptor;
+int open_socket(const Endpoint& address, int (*use)(int, const sockaddr*, socklen_t), const HostPort& place, const char* verb) {
+  const int descriptor = socket(address.address.ss_family, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  const auto* bytes = reinterpret_cast<const sockaddr*>(&address.address);
+  if (descriptor >= 0 && use(descriptor, bytes, address.size) == 0) return descriptor;
   const int why = errno;
   if (descriptor >= 0) close(descriptor);
   refuse(FS_ERROR_IO, "%s %s, port %u: %s", verb, place.host.c_str(), place.port, std::strerror(why));
@@ -84,22 +90,14 @@ HostPort parse_host_port(const std::string& text, const char* what, uint16_t low
   return out;
 }
 
-Socket Socket::to(const HostPort& peer, size_t number) {
-  const Addresses all = addresses_of(peer, 0);
-  const addrinfo* each = all.get();
-  for (size_t i = 0; i < number && each->ai_next; ++i) each = each->ai_next;
-  return Socket(open_socket(*each, connect, peer, "cannot send to"));
-}
+std::vector<Endpoint> Socket::addresses(const HostPort& peer) { return addresses_of(peer, 0); }
 
-size_t Socket::addresses(const HostPort& peer) {
-  const Addresses all = addresses_of(peer, 0);
-  size_t count = 0;
-  for (const addrinfo* each = all.get(); each; each = each->ai_next) ++count;
-  return count;
+Socket Socket::to(const Endpoint& address, const HostPort& peer) {
+  return Socket(open_socket(address, connect, peer, "cannot send to"));
 }
 
 Socket Socket::listening(const HostPort& place) {
-  return Socket(open_socket(*addresses_of(place, AI_PASSIVE), bind, place, "cannot listen at"));
+  return Socket(open_socket(addresses_of(place, AI_PASSIVE).front(), bind, place, "cannot listen at"));
 }
 
 Socket::~Socket() {

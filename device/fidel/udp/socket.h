@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "device/fidel/udp/protocol.h"
 
@@ -29,9 +30,9 @@ HostPort parse_host_port(const std::string& text, const char* what, uint16_t low
 class Socket {
  public:
   // Throws a Refusal: NOT_FOUND for a name that nobody knows, IO.
-  static Socket to(const HostPort& peer, size_t number);  // sends to and hears this peer only, at its address with this number
-  static size_t addresses(const HostPort& peer);          // how many its name has
-  static Socket listening(const HostPort& place);         // port 0: any
+  static std::vector<Endpoint> addresses(const HostPort& peer);      // all that its name has, at least one
+  static Socket to(const Endpoint& address, const HostPort& peer);  // sends to and hears this peer only, at one of its addresses
+  static Socket listening(const HostPort& place);  // port 0: any
   ~Socket();
   Socket(Socket&& other) noexcept : descriptor_(other.descriptor_) { other.descriptor_ = -1; }
   Socket& operator=(Socket&&) = delete;
