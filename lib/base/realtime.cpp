@@ -31,4 +31,10 @@ fs_realtime request_realtime(int priority, int cpu) noexcept {
   return FS_REALTIME_NONE;
 }
 
+void end_realtime() noexcept {
+  const sched_param parameter{};
+  pthread_setschedparam(pthread_self(), SCHED_OTHER, &parameter);
+  setpriority(PRIO_PROCESS, static_cast<id_t>(syscall(SYS_gettid)), 0);
+}
+
 }  // namespace fs

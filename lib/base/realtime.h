@@ -12,4 +12,7 @@ bool may_use_processor(int cpu) noexcept;  // the calling thread
 // any. Returns what was granted, FIFO at most.
 fs_realtime request_realtime(int priority, int cpu) noexcept;
 
+// Makes the calling thread an ordinary one again.
+void end_realtime() noexcept;
+
 }  // namespace fs

@@ -4,6 +4,7 @@
 #include <cstring>
 #include <system_error>
 #include <thread>
+#include <utility>
 
 #include "base/clock.h"
 #include "base/error.h"
@@ -35,10 +36,18 @@ void change(std::atomic<uint32_t>& number, uint32_t value) noexcept {
   wake_waiters(number);
 }
 
+bool is_finite(const fs_pose& pose) noexcept {
+  const fs_vec3& p = pose.position;
+  const fs_quat& q = pose.orientation;
+  return std::isfinite(p.x + p.y + p.z) && std::isfinite(q.x + q.y + q.z + q.w);
+}
+
 bool is_same_device(const fs_device_info& a, const fs_device_info& b) {
   return std::strncmp(a.serial, b.serial, sizeof a.serial) == 0 && std::strncmp(a.name, b.name, sizeof a.name) == 0 &&
          a.force_axes == b.force_axes && a.torque_axes == b.torque_axes && a.force_max == b.force_max &&
-         a.torque_max == b.torque_max;
+         a.torque_max == b.torque_max && a.mass == b.mass && a.damping == b.damping && a.rate == b.rate &&
+         a.link_rate == b.link_rate && a.controller_rate == b.controller_rate && a.controller_delay == b.controller_delay &&
+         a.controller_damping == b.controller_damping;
 }
 
 }  // namespace
@@ -76,7 +85,11 @@ std::shared_ptr<Opened> DriverThread::device() const noexcept {
 void DriverThread::run() noexcept {
   int priority = -1;
   while (!is_ending_) {
-    if (const int wanted = priority_; wanted != priority) request_realtime(priority = wanted, -1);
+    if (const int wanted = priority_; wanted != priority) {
+      if (wanted < 0) end_realtime();
+      else request_realtime(wanted, -1);
+      priority = wanted;
+    }
     const std::shared_ptr<Opened> device = this->device();
     if (!device) {
       reconnect();
@@ -110,10 +123,19 @@ void DriverThread::lend(void* self) noexcept {
   if (std::exchange(is_lost_, false)) lose("");
 }
 
+void DriverThread::publish(const State& state) noexcept {
+  const bool is_good = state.status == FS_OK && state.state.flags & FS_STATE_READY && is_finite(state.state.pose);
+  if (!is_good) {
+    newest_bad_.write(state);
+    bad_.fetch_add(1, std::memory_order_release);
+  }
+  newest_.write(state);
+}
+
 void DriverThread::lose(const std::string& why) noexcept {
   State lost;
   lost.status = FS_ERROR_DISCONNECTED;
-  newest_.write(lost);
+  publish(lost);
   send_status_ = FS_ERROR_DISCONNECTED;
   std::shared_ptr<Opened> device;  // is closed last
   const std::lock_guard lock(mutex_);
@@ -138,8 +160,9 @@ void DriverThread::reconnect() noexcept {
       trouble_.clear();
       return;
     }
-    trouble = "another device is there: " + std::string(info.name, strnlen(info.name, sizeof info.name)) + ", serial '" +
-              std::string(info.serial, strnlen(info.serial, sizeof info.serial)) + "'";
+    trouble =
+        "another device is there, or one with other properties: " + std::string(info.name, strnlen(info.name, sizeof info.name)) +
+        ", serial '" + std::string(info.serial, strnlen(info.serial, sizeof info.serial)) + "'";
   } catch (const Error& error) {
     trouble = error.text;
   } catch (...) {  // there is no memory
@@ -171,7 +194,7 @@ fs_status DriverThread::receive(void* self, uint32_t& before) noexcept {
   else if (next.state.time == 0) next.state.time = next.came;
   next.status = status;
   before = commands_.load(std::memory_order_acquire);
-  newest_.write(next);
+  publish(next);
   change(states_, static_cast<uint32_t>(++number_));
   return status;
 }
@@ -188,7 +211,7 @@ fs_status DriverThread::send(void* self, const Command& command) noexcept {
 DriverThread::Command DriverThread::present() const noexcept {
   Command command;
   if (!command_.read(command)) return {};
-  const bool is_present = command.is_lasting || steady_now() - command.time <= command_age;
+  const bool is_present = command.is_lasting || (command.bad_seen == bad_ && steady_now() - command.time <= command_age);
   if (is_present && command.number != forgotten_) return command;
   Command none;
   none.number = command.number;
@@ -199,14 +222,24 @@ DriverThread::Command DriverThread::present() const noexcept {
 
 fs_status DriverThread::read(fs_state& out) noexcept {
   State newest;
-  if (!newest_.read(newest)) return FS_OK;  // none has come: out is all zeros, and not ready
+  const uint32_t bad = bad_.load(std::memory_order_acquire);
+  const bool is_new_bad = std::exchange(bad_seen_, bad) != bad && has_servo_;
+  if (!(is_new_bad ? newest_bad_ : newest_).read(newest)) return FS_OK;  // none has come: out is all zeros, and not ready
   if (newest.status == FS_OK) out = newest.state;
   return static_cast<fs_status>(newest.status);
 }
 
 fs_status DriverThread::leave(Command command) noexcept {
-  if (servos_thread_.load(std::memory_order_relaxed) == this_thread()) return send(lent_, command);
+  if (servos_thread_.load(std::memory_order_relaxed) == this_thread()) {
+    const fs_status status = send(lent_, command);
+    if (status == FS_ERROR_DISCONNECTED) {
+      is_lost_ = true;
+      give_back(false);
+    }
+    return status;
+  }
   command.time = steady_now();
+  command.bad_seen = bad_seen_;
   command.number = commands_.load(std::memory_order_relaxed) + 1;
   command_.write(command);
   change(commands_, command.number);
@@ -248,6 +281,7 @@ void DriverThread::begin_servo(int priority, bool may_lend) noexcept {
 // The servo's thread is no longer there.
 void DriverThread::end_servo() noexcept {
   has_servo_ = false;
+  priority_ = -1;
   give_back(true);
 }
 

@@ -25,7 +25,8 @@ class DriverThread final : public Counted<DriverThread> {
   // behind. A second call does nothing.
   void end() noexcept;
 
-  // [rt] The newest state, and whether the device gives any at present.
+  // [rt] The newest state, and whether the device gives any at present. A servo is told once of what was no good since
+  // the last call, an error or a state that is not ready, even if a good state has followed: so its force begins again by the ramp.
   fs_status read(fs_state& out) noexcept;
   // [rt] What is to be sent from now on; the status is that of the newest send. is_lasting: it counts until the next call,
   // otherwise for 20 ms.
@@ -58,13 +59,15 @@ class DriverThread final : public Counted<DriverThread> {
     fs_model model{};  // of a plain force only f0 counts
     double time = 0;  // s
     uint32_t number = 0;
-    uint8_t is_model = 0, is_lasting = 0, padding[2]{};
+    uint32_t bad_seen = 0;  // how many bad states the servo knew of: it counts only if there has been none since
+    uint8_t is_model = 0, is_lasting = 0, padding[6]{};
   };
   enum Owner : uint32_t { thread_has, servo_has };
 
   void run() noexcept;
   void exchange(void* self) noexcept;  // a state and what answers it
   void lend(void* self) noexcept;
+  void publish(const State& state) noexcept;
   void lose(const std::string& why) noexcept;
   void reconnect() noexcept;
   void finish() noexcept;
@@ -84,6 +87,8 @@ class DriverThread final : public Counted<DriverThread> {
 
   Latest<State> newest_;  // written by who has the driver
   std::atomic<uint32_t> states_{0};  // how many have come
+  Latest<State> newest_bad_;  // the newest that no force may answer
+  std::atomic<uint32_t> bad_{0};  // how many of those there were
   Latest<Command> command_;  // written by who has the turn of the device
   std::atomic<uint32_t> commands_{0}, sent_{0};  // the numbers of the newest command, and of the newest that was sent
   std::atomic<int64_t> send_status_{FS_OK};  // of the newest send
@@ -101,6 +106,7 @@ class DriverThread final : public Counted<DriverThread> {
 
   std::atomic<uint64_t> servos_thread_{0};  // that the driver is lent to; 0: none
   uint32_t states_seen_ = 0;  // by the servo's thread
+  uint32_t bad_seen_ = 0;  // by read, in the thread that also writes
 };
 
 }  // namespace fs

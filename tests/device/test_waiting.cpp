@@ -16,13 +16,15 @@ constexpr double stiffness = 100;  // N/m
 
 // A spring at the origin, felt by the hand of a device that waits.
 struct Loop {
-  explicit Loop(WaitingDevice& the_device, fs_servo_mode mode = FS_SERVO_THREAD) : scene(make_scene()), device(the_device.open()) {
+  explicit Loop(WaitingDevice& the_device, fs_servo_mode mode = FS_SERVO_THREAD, double ramp = -1)
+      : scene(make_scene()), device(the_device.open()) {
     fs_object spring = fs_object_init("spring", FS_PRIMITIVE_POINT);
     spring.front = fs_profile_init(FS_PROFILE_LINEAR_INCREASING, FS_SENSE_ATTRACTIVE, stiffness, 0, 5);
     require(fs_object_set(scene.get(), &spring), "fs_object_set");
     fs_servo_options options = fs_servo_options_init();
     options.mode = mode;
-    options.ramp = options.fade = options.damping = -1;
+    options.fade = options.damping = -1;
+    options.ramp = ramp;
     options.max_stiffness = -1;
     servo = start_servo(scene.get(), device.get(), options);
   }
@@ -86,9 +88,7 @@ static void force_answers_its_state(uint32_t flags, const char* scheme) {
 }
 START_TEST(a_state_paces_the_servo) { force_answers_its_state(0, "paced"); }
 END_TEST
-START_TEST(the_servos_thread_calls_the_driver) {
-  force_answers_its_state(FS_DRIVER_IN_SERVO, "inservo");
-}
+START_TEST(the_servos_thread_calls_the_driver) { force_answers_its_state(FS_DRIVER_IN_SERVO, "inservo"); }
 END_TEST
 
 START_TEST(a_driver_in_the_servo_is_lent_and_given_back) {
@@ -197,7 +197,8 @@ START_TEST(a_hang_holds_up_nobody) {
 END_TEST
 
 START_TEST(a_process_ends_in_spite_of_a_hang) {
-  for (const auto call : {WaitingDevice::in_receive, WaitingDevice::in_send, WaitingDevice::in_close, WaitingDevice::in_control}) {
+  for (const auto call :
+       {WaitingDevice::in_receive, WaitingDevice::in_send, WaitingDevice::in_close, WaitingDevice::in_control}) {
     const pid_t child = fork();
     ck_assert_int_ge(child, 0);
     if (child == 0) {
@@ -287,9 +288,53 @@ START_TEST(what_is_no_state_gives_no_force) {
   bad("an exception", [](WaitingDevice& d) { d.throws = true; });
   bad("silence", [](WaitingDevice& d) { d.period = 1e9; });
   bad("NaN", [](WaitingDevice& d) { d.on_state = [](fs_state& s, uint64_t) { s.pose.position.x = NAN; }; });
-  bad("an orientation without length", [](WaitingDevice& d) { d.on_state = [](fs_state& s, uint64_t) { s.pose.orientation.w = 7; }; });
+  bad("an orientation without length",
+      [](WaitingDevice& d) { d.on_state = [](fs_state& s, uint64_t) { s.pose.orientation.w = 7; }; });
   bad("not homed", [](WaitingDevice& d) { d.on_state = [](fs_state& s, uint64_t) { s.flags = FS_STATE_NOT_HOMED; }; });
   bad("sends that fail", [](WaitingDevice& d) { d.send_status = FS_ERROR_IO; });
+}
+END_TEST
+
+// After one call that failed, or one state that is not ready, good states follow at once: the force begins again by the ramp.
+START_TEST(one_fault_is_felt_as_a_ramp) {
+  const auto after = [](const char* what, auto change) {
+    for (const uint32_t flags : {0u, uint32_t{FS_DRIVER_IN_SERVO}}) {
+      WaitingDevice device(flags ? "once2" : "once1", flags);
+      device.on_state = aside;
+      Loop loop(device, FS_SERVO_THREAD, 0.2);
+      for (int i = 0; i < 5; ++i) {
+        ck_assert(until([&] { return pushes(device); }));
+        size_t before = 0;
+        {
+          const std::lock_guard lock(device.mutex);
+          before = device.sent().size();
+          change(device);
+        }
+        const auto fault = [&] {
+          const auto sent = device.sent();
+          return std::any_of(sent.begin() + static_cast<ptrdiff_t>(before), sent.end(),
+                             [](const auto& each) { return norm(each.wrench.force) < 0.3; });  // a loss ends by close
+        };
+        ck_assert_msg(until(fault), "after %s: the force does not end", what);
+        ck_assert(until([&] { return pushes(device); }));
+        const auto sent = device.sent();
+        for (size_t k = before + 1; k < sent.size(); ++k) {
+          const double step = norm(sent[k].wrench.force) - norm(sent[k - 1].wrench.force);
+          ck_assert_msg(step < 0.3, "after %s: a step of %.2f N", what, step);  // 1 N within 0.2 s, and a tick may be late
+        }
+      }
+    }
+  };
+  after("an error of receive", [](WaitingDevice& d) { d.next_receive = FS_ERROR_IO; });
+  after("a loss that receive tells", [](WaitingDevice& d) { d.next_receive = FS_ERROR_DISCONNECTED; });
+  after("a loss that send tells", [](WaitingDevice& d) { d.next_send = FS_ERROR_DISCONNECTED; });
+  after("a state that is not ready", [](WaitingDevice& d) {
+    const uint64_t number = d.states() + 5;
+    d.on_state = [number](fs_state& state, uint64_t at) {
+      aside(state, at);
+      if (at == number) state.flags = FS_STATE_STOPPED;
+    };
+  });
 }
 END_TEST
 
@@ -312,7 +357,8 @@ START_TEST(the_reason_is_told) {
   ck_assert_str_eq(fs_state_reason(0), "");
   ck_assert_str_eq(fs_state_reason(FS_STATE_READY | FS_STATE_CLUTCHED), "");
   ck_assert_str_eq(fs_state_reason(1u << 31), "");
-  for (uint32_t bit = FS_STATE_CONNECTING; bit <= FS_STATE_TOO_FAST; bit *= 2) ck_assert_uint_gt(std::strlen(fs_state_reason(bit)), 10);
+  for (uint32_t bit = FS_STATE_CONNECTING; bit <= FS_STATE_TOO_FAST; bit *= 2)
+    ck_assert_uint_gt(std::strlen(fs_state_reason(bit)), 10);
 }
 END_TEST
 
@@ -386,6 +432,7 @@ int main() {
   tcase_add_test(tests, a_process_ends_in_spite_of_a_hang);
   tcase_add_test(tests, a_lost_device_comes_back);
   tcase_add_test(tests, what_is_no_state_gives_no_force);
+  tcase_add_test(tests, one_fault_is_felt_as_a_ramp);
   tcase_add_test(tests, the_reason_is_told);
   tcase_add_test(tests, requests);
   tcase_add_test(tests, tables_are_refused);

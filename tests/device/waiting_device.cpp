@@ -10,6 +10,7 @@
 #include <set>
 #include <stdexcept>
 #include <thread>
+#include <utility>
 
 namespace scenes {
 namespace {
@@ -111,6 +112,10 @@ fs_status WaitingDevice::receive(fs_state& out) {
   {
     const std::lock_guard lock(mutex);
     const double now = now_s();
+    if (next_receive != FS_OK) {
+      next_ = now - period;
+      return std::exchange(next_receive, FS_OK);
+    }
     if (std::fabs(next_ - now) > 2 * period) next_ = now;
     next_ += period;
     wait = next_ - now;
@@ -139,6 +144,10 @@ fs_status WaitingDevice::send(const fs_wrench& wrench) {
     sent_.push_back({now_s(), states_, wrench, thread_number()});
   }
   const std::lock_guard lock(mutex);
+  if (next_send != FS_OK) {
+    next_ = now_s() - period;
+    return std::exchange(next_send, FS_OK);
+  }
   return send_status;
 }
 

@@ -40,6 +40,7 @@ class WaitingDevice {
   std::mutex mutex;
   double period = 1e-3;                        // s, of its states
   fs_status receive_status = FS_OK, open_status = FS_OK, send_status = FS_OK;
+  fs_status next_receive = FS_OK, next_send = FS_OK;  // of the next call only; a state follows at once
   bool throws = false;                         // receive does
   std::string serial = "1";
   std::function<void(fs_state&, uint64_t)> on_state;  // the state with this number; at rest at the origin, and ready
