@@ -131,6 +131,7 @@ fs_status Falcon::await_report(double within, uint64_t known) noexcept {
 fs_status Falcon::receive(fs_state& out) noexcept {
   out.pose.orientation.w = 1;
   std::unique_lock own(mutex_, std::try_to_lock);
+  if (own && !is_wanted_ && !pipes_) return FS_ERROR_DISCONNECTED;
   if (is_wanted_ || !own || !pipes_) {
     if (own) {
       is_ready_ = false;
@@ -298,6 +299,8 @@ class Wanted {
 std::string Falcon::load(const std::string& path) {
   const Wanted wanted(is_wanted_, mutex_);
   pipes_.reset();
+  // An event of libusb would use the pipes that are gone. Without pipes, receive says that the device is lost; it is opened anew.
+  if (usb_.is_abandoned()) refuse(FS_ERROR_DISCONNECTED, "the Falcon does not answer; it is opened anew, then ask again");
   try {
     set_up(usb_);
     const bool had_it = has_firmware(usb_);

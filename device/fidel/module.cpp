@@ -15,6 +15,8 @@ std::unique_ptr<FidelConnection> connect_fidel(const char* text) {
   const std::string_view way = std::string_view(text).substr(0, std::string_view(text).find_first_of(":?"));
 #ifdef FORCESERVER_FIDEL_USB
   if (way == "usb") return connect_fidel_usb(text);
+#else
+  if (way == "usb") refuse(FS_ERROR_UNSUPPORTED, "this forceserver was built without libusb, so it has no FIDEL on the USB");
 #endif
   if (way == "udp") return connect_fidel_udp(text);
   refuse(FS_ERROR_INVALID, "address is '%s', must be usb or udp:HOST:PORT", text);

@@ -9,6 +9,7 @@
 #include <charconv>
 #include <climits>
 #include <cstdlib>
+#include <cstring>
 #include <fstream>
 
 #include "device/support/refusal.h"
@@ -66,10 +67,8 @@ bool is_of(const UsbKind& kind, const UsbFound& found) {
   return found.vendor == kind.vendor && found.product == kind.product && (!kind.product_text || found.text == kind.product_text);
 }
 
-// Ports as numbers: "1-10" comes after "1-9".
-bool is_before(const UsbFound& a, const UsbFound& b) {
-  return a.place.size() != b.place.size() ? a.place.size() < b.place.size() : a.place < b.place;
-}
+// Ports as numbers: "1-10" comes after "1-9", and "2-1" after "1-1.1".
+bool is_before(const UsbFound& a, const UsbFound& b) { return strverscmp(a.place.c_str(), b.place.c_str()) < 0; }
 
 class DeviceList {
  public:
@@ -227,8 +226,7 @@ void UsbDevice::claim() {
 void UsbDevice::fail(int error, const char* what) const {
   const std::string device = std::string(kind_.name) + " '" + found_.serial + "' on " + found_.node;
   switch (error) {
-    case LIBUSB_ERROR_NO_DEVICE:
-    case LIBUSB_ERROR_NOT_FOUND: refuse(FS_ERROR_DISCONNECTED, "%s was unplugged (while %s)", device.c_str(), what);
+    case LIBUSB_ERROR_NO_DEVICE: refuse(FS_ERROR_DISCONNECTED, "%s was unplugged (while %s)", device.c_str(), what);
     case LIBUSB_ERROR_TIMEOUT: refuse(FS_ERROR_TIMEOUT, "%s does not answer (while %s)", device.c_str(), what);
     case LIBUSB_ERROR_PIPE: refuse(FS_ERROR_IO, "%s refuses the request (while %s: stall)", device.c_str(), what);
     case LIBUSB_ERROR_NO_MEM: refuse(FS_ERROR_MEMORY, "no memory for %s (while %s)", device.c_str(), what);

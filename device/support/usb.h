@@ -69,7 +69,8 @@ class UsbDevice {
   // For usb_pipes.
   libusb_context* context() const noexcept { return context_; }
   libusb_device_handle* handle() const noexcept { return handle_; }
-  void abandon() noexcept { is_abandoned_ = true; }  // a transfer did not come back: nothing is freed
+  void abandon() noexcept { is_abandoned_ = true; }  // a transfer did not come back: nothing is freed, and nothing more is asked
+  bool is_abandoned() const noexcept { return is_abandoned_; }
 
  private:
   void open();

@@ -50,8 +50,8 @@ FS_API fs_status fs_device_list(fs_device_entry *out, size_t capacity, size_t *c
  * unknown key is INVALID. May take seconds. NOT_FOUND: no such driver or device; DENIED: this user may not open it;
  * UNSUPPORTED, DISCONNECTED, TIMEOUT, IO (also: in use, or a module that cannot be loaded).
  *
- * "falcon:0" is the first Novint Falcon, "falcon:SERIAL" the one with that serial number; option firmware=PATH, as a Falcon
- * that has been without power needs its firmware. "fidel:usb" is a FIDEL on the USB, "fidel:usb:SERIAL" the one with that
+ * "falcon:0" is the first Novint Falcon, "falcon:SERIAL" the one with that serial number; options firmware=PATH, as a Falcon
+ * that has been without power needs its firmware, and motor=1e3..1e5, its motor constant (device/falcon/README.md). "fidel:usb" is a FIDEL on the USB, "fidel:usb:SERIAL" the one with that
  * serial number; option calibration=FILE|none. "fidel:udp:HOST:PORT" is the controller of a FIDEL on the network, such as the
  * program fidel-controller (port 47811 if none is given); options render=model|force (model), and hz=100..1000, the states
  * that it sends a second (500; of forces 1000). The pages of device/ describe these devices, and what a person does first.

@@ -53,8 +53,9 @@ enum {
  * library calls them in a thread of its own, again and again: receive, then send with the force for that state, or with 0 when
  * no servo has given a force for 20 ms. A servo's tick begins when receive has given a state, so the force that is sent answers
  * the newest state. Where nothing comes, the servo ticks by its clock. A driver that hangs holds up neither the servo, nor its
- * stop, nor the end of the process. When receive returns DISCONNECTED, the library closes the device and opens it again, twice a
- * second, until the same device is back: one with the same serial, name, axes and maxima.
+ * stop, nor the end of the process, by more than a second. When receive or send returns DISCONNECTED, the library closes the device
+ * and opens it again, at most twice a second, until the same device is back: one with the same serial, name, axes, maxima, rates,
+ * mass and damping. Its force begins again by the ramp.
  * The other kind has `read` and `write`, which never wait: for simulators, and for whoever has a thread of his own.
  *
  * receive, send, write_model and close of one device are called by one thread at a time; so are get_info, read and write. */
@@ -112,8 +113,8 @@ typedef struct fs_driver {
    * measured yet. A null pointer: the driver measures nothing. */
   fs_status (*get_link)(void *self, fs_link *out);
 
-  /* Waits for the next state of the device and gives it as read does (time 0: when receive returned). Returns TIMEOUT after
-   * 20 ms without one, or earlier another status when a device that gave states has fallen silent; DISCONNECTED when the
+  /* Waits for the next state of the device and gives it as read does (time 0: when receive returned). Returns TIMEOUT when
+   * none has come within 20 ms or less, or earlier another status when a device that gave states has fallen silent; DISCONNECTED when the
    * device is lost; another status when what came is of no use. Until a state comes again, its force is 0 when the newest is
    * too old (fs_device_info.delay), and at once after any status but OK and TIMEOUT. */
   fs_status (*receive)(void *self, fs_state *out);
@@ -131,8 +132,8 @@ typedef struct fs_driver {
   uint32_t reserved_2;          /* 0 */
 } fs_driver;
 
-/* Adds a driver for the whole process. The table is copied; its functions must remain loaded. Either read and write are null,
- * or receive and send are, which then need no advance; list, write_model, advance, get_link and control may be null.
+/* Adds a driver for the whole process. The table is copied; its functions must remain loaded. It has either read and write, or
+ * receive and send; the other two are null. With receive and send, advance is null, too; list, write_model, advance, get_link and control may be null.
  * EXISTS: the scheme is taken; VERSION. */
 FS_API fs_status fs_driver_register(const fs_driver *driver);
 

@@ -10,7 +10,7 @@
 namespace fs {
 
 // Copies the table and the scheme. Throws INVALID (a missing function, a scheme that is not 1..31 of [a-z0-9]), EXISTS,
-// VERSION. list, write_model, advance and get_link may be null.
+// VERSION. list, write_model, advance, get_link and control may be null.
 void register_driver(const fs_driver& driver);
 
 // Loads a library and registers the driver that its fs_driver_entry returns. Throws IO, and as register_driver does.

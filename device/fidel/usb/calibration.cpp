@@ -125,11 +125,14 @@ std::optional<Calibration> read_calibration(const std::string& file, const std::
   std::error_code error;
   const auto kind = std::filesystem::status(file, error).type();
   if (kind == std::filesystem::file_type::not_found) return std::nullopt;
+  if (kind == std::filesystem::file_type::none) fail(file, "the calibration cannot be read", error.value());
   if (kind != std::filesystem::file_type::regular) bad_file(file, "it is not a file");
   std::ifstream stream(file, std::ios::binary);
   std::ostringstream text;
   constexpr uintmax_t most = 1 << 16;
-  if (std::filesystem::file_size(file, error) > most) bad_file(file, "it is too long");
+  const uintmax_t size = std::filesystem::file_size(file, error);
+  if (error) fail(file, "the calibration cannot be read", error.value());
+  if (size > most) bad_file(file, "it is too long");
   text << stream.rdbuf();
   if (!stream) fail(file, "the calibration cannot be read", EACCES);
   return parsed(text.str(), file, serial);

@@ -76,12 +76,15 @@ UsbConnection::UsbConnection(const Address& address)
 
 Identity UsbConnection::ask_identity() {
   constexpr int tries = 3;
+  int newer = 0;  // a version that all answers tell; one alone may be damaged
   for (int i = 0; i < tries; ++i) {
     const std::vector<uint8_t> bytes = device_.control_answer(to_host, request_identity, 0, 0, identity_size);
     const uint8_t version = version_of_identity(bytes);
-    if (version > protocol_version) {
+    if (version > protocol_version && (i == 0 || version == newer)) newer = version;
+    else newer = 0;
+    if (newer && i + 1 == tries) {
       refuse(FS_ERROR_VERSION, "the FIDEL speaks version %d of the protocol, this driver only %d: install a newer forceserver",
-             version, protocol_version);
+             newer, protocol_version);
     }
     const auto identity = parse_identity(bytes);
     if (!identity) continue;
@@ -119,8 +122,6 @@ void UsbConnection::get_info(fs_device_info& out) const {
   out.resolution = arm_.resolution();
   out.rate = fidel::rate;
   out.delay = 1e-3;  // a frame of the bus; then get_link tells
-  out.damping = fidel::damping;
-  out.mass = fidel::mass;
 }
 
 // ---------------------------------------------------------------------------------------------- reports and commands
@@ -180,6 +181,7 @@ fs_status UsbConnection::receive(fs_state& out) noexcept {
       out = state_;
       return FS_OK;
     }
+    if (status != FS_OK) is_fresh_ = false;
     if (status == FS_ERROR_DISCONNECTED) return fs_fail(status, "the FIDEL was unplugged");
     if (status == FS_ERROR_IO) return fs_fail(status, "the USB has failed, or the FIDEL has stalled");
     if (status == FS_ERROR_TIMEOUT && has_report_) return fs_fail(FS_ERROR_IO, "the reports of the FIDEL have stopped");
