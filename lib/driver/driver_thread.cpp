@@ -12,6 +12,7 @@
 #include "base/process.h"
 #include "base/realtime.h"
 #include "base/signals.h"
+#include "math/pose.h"
 
 namespace fs {
 namespace {
@@ -34,12 +35,6 @@ bool await_change(const std::atomic<uint32_t>& number, uint32_t present, double 
 void change(std::atomic<uint32_t>& number, uint32_t value) noexcept {
   number.store(value);
   wake_waiters(number);
-}
-
-bool is_finite(const fs_pose& pose) noexcept {
-  const fs_vec3& p = pose.position;
-  const fs_quat& q = pose.orientation;
-  return std::isfinite(p.x + p.y + p.z) && std::isfinite(q.x + q.y + q.z + q.w);
 }
 
 bool is_same_device(const fs_device_info& a, const fs_device_info& b) {
