@@ -52,10 +52,11 @@ enum {
  * There are two kinds of driver. One has `receive` and `send`, which may wait for the device: for nearly all real devices. The
  * library calls them in a thread of its own, again and again: receive, then send with the force for that state, or with 0 when
  * no servo has given a force for 20 ms. A servo's tick begins when receive has given a state, so the force that is sent answers
- * the newest state. Where nothing comes, the servo ticks by its clock. A driver that hangs in these calls holds up
- * neither the servo nor its stop, and each such device the end of the process by a second at most. When receive or send returns DISCONNECTED, the library closes the device
- * and opens it again, at most twice a second, until the same device is back: one with the same serial, name, axes, maxima, rates,
- * mass and damping. Its force begins again by the ramp.
+ * the newest state. Where nothing comes, the servo ticks by its clock. A driver that hangs in these calls holds up neither the
+ * servo nor its stop, and the end of the process by about a second for each such device. When receive or send returns
+ * DISCONNECTED, the library closes the device and opens it again, at most twice a second, until the same device is back: one
+ * with the same serial, name, axes, maxima, rates, mass and damping. Its force begins again by the
+ * ramp.
  * The other kind has `read` and `write`, which never wait: for simulators, and for whoever has a thread of his own.
  *
  * receive, send, write_model and close of one device are called by one thread at a time; so are get_info, read and write. */
