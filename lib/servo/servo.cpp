@@ -1,5 +1,4 @@
 #include "servo/servo.h"
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -105,7 +104,6 @@ void fs_servo::start_thread() {
 void fs_servo::stop() noexcept {
   if (!is_of_this_process()) return;
   if (is_stopping_.exchange(true)) return is_stopped_.wait(false);
-  usleep(20000);
   device_->silence();  // before anything that may wait
   {
     const std::lock_guard lock(listener_mutex_);
