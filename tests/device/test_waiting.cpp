@@ -306,7 +306,7 @@ START_TEST(one_fault_is_felt_as_a_ramp) {
       WaitingDevice device(flags ? "once2" : "once1", flags);
       device.on_state = aside;
       Loop loop(device, FS_SERVO_THREAD, 0.2);
-      for (int i = 0; i < 5; ++i) {
+      for (int i = 0; i < 2; ++i) {
         ck_assert(until([&] { return pushes(device); }));
         size_t before = 0;
         {

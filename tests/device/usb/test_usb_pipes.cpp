@@ -26,6 +26,13 @@ struct Open {
     for (Patience patience; got == status && patience.lasts();) got = pipes.receive(0.02);
     return got;
   }
+  // Whether this status comes. Others may come before it, as the machine may be late.
+  bool comes_to(fs_status status) {
+    for (Patience patience; patience.lasts();) {
+      if (pipes.receive(0.02) == status) return true;
+    }
+    return false;
+  }
 };
 
 }  // namespace
@@ -66,9 +73,9 @@ START_TEST(faults_of_reports_are_told_and_mended) {
   ck_assert_int_eq(open.after(FS_ERROR_TIMEOUT), FS_OK);
   for (const UsbFault fault : {UsbFault::stall, UsbFault::error, UsbFault::overlong}) {
     rig.fault(fault);
-    ck_assert_int_eq(open.after(FS_OK), FS_ERROR_IO);
+    ck_assert(open.comes_to(FS_ERROR_IO));
     rig.fault(UsbFault::none);
-    ck_assert_int_eq(open.after(FS_ERROR_IO), FS_OK);
+    ck_assert(open.comes_to(FS_OK));
   }
   ck_assert_uint_gt(rig.bus.counts(1).clears, 0);
   ck_assert(open.pipes.counts().stalls > 0 && open.pipes.counts().errors > 0 && open.pipes.counts().overlong > 0);
