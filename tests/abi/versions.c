@@ -359,8 +359,13 @@ static void take_all_lists(void)
   fs_client_view views[8];
   static fs_recorded_tick ticks[4];
   fs_view view;
-  size_t count, i;
-  int names = 0;
+  const struct timespec tick = {0, 1000000};
+  size_t count = 0, i;
+  int names = 0, waits = 0;
+  while (count <= 4 && waits++ < 10000) {  /* the server may have begun a moment ago */
+    OK(CALL(fs_scene_get_record)(scene, 0, NULL, 0, &count));
+    nanosleep(&tick, NULL);
+  }
   FRAME(stats, fs_servo_stats_init());
   OK(CALL(fs_scene_get_servo_stats)(scene, &stats.at));
   CHECK(UNTOUCHED(stats) && stats.at.struct_size == sizeof stats.at && stats.at.ticks > 0 && stats.at.rate > 0);
