@@ -47,16 +47,17 @@ enum {
 
 /* A device driver: a table of functions, growing. It knows one kind of device and nothing of scenes, limits or faults:
  * the library scales forces down to the device's maxima, guards them, and checks the age of poses. Report an error by
- * `return fs_fail(status, "why, with the value")`; from receive, send, read and write return the status only.
+ * `return fs_fail(status, "why, with the value")`: what receive and send say goes into the event that tells of the loss. From
+ * read and write, and with FS_DRIVER_IN_SERVO, return the status only.
  *
  * There are two kinds of driver. One has `receive` and `send`, which may wait for the device: for nearly all real devices. The
  * library calls them in a thread of its own, again and again: receive, then send with the force for that state, or with 0 when
  * no servo has given a force for 20 ms. A servo's tick begins when receive has given a state, so the force that is sent answers
- * the newest state. Where nothing comes, the servo ticks by its clock. A driver that hangs in these calls holds up neither the
- * servo nor its stop, and the end of the process by about a second for each such device. When receive or send returns
+ * the newest state. Where nothing comes, the servo ticks by its clock. A driver that hangs holds up neither the servo nor its
+ * stop; all that hang hold up the end of the process by a second. As long as it hangs nothing is sent, so only the device's own
+ * watchdog ends the force that it has. When receive or send returns
  * DISCONNECTED, the library closes the device and opens it again, at most twice a second, until the same device is back: one
- * with the same serial, name, axes, maxima, rates, mass and damping. Its force begins again by the
- * ramp.
+ * with the same serial, name, axes, maxima, rates, mass and damping. Its force begins again by the ramp.
  * The other kind has `read` and `write`, which never wait: for simulators, and for whoever has a thread of his own.
  *
  * receive, send, write_model and close of one device are called by one thread at a time; so are get_info, read and write. */
@@ -107,8 +108,9 @@ typedef struct fs_driver {
   fs_status (*advance)(void *self, double time);
 
   /* Fills out, which is all zeros but struct_size, with what the driver measures at present; write no more than that size.
-   * A thread of the library calls it 25 times a second while a servo has the device, also while read or write is under way
-   * in another thread: it must return at once. In mode VIRTUAL, fs_servo_step calls it between two ticks. What the loop can
+   * Called 25 times a second while a servo has the device: where there is a receive, by the thread that calls it, just before;
+   * otherwise by another thread, also while read or write is under way, or in mode VIRTUAL by fs_servo_step between two ticks.
+   * It must return at once. What the loop can
    * render follows (servo.h): a longer delay counts at once, a shorter one when it was told three times. Figures that are not
    * within their ranges are refused with an FS_EVENT_DEVICE, and what was told before stays. UNSUPPORTED: nothing has been
    * measured yet. A null pointer: the driver measures nothing. */
@@ -155,7 +157,8 @@ typedef struct fs_driver_info {
 FS_API fs_status fs_driver_list(fs_driver_info *out, size_t capacity, size_t *count);
 
 /* Adds the driver of a shared library that exports fs_driver_entry, a fs_driver_entry_function. path: a file; without
- * a '/' it is searched for where the system's loader looks. The library stays loaded until the process ends. IO (it
+ * a '/' it is searched for where the system's loader looks. The library stays loaded until the process ends. Loaded before
+ * the first use of its scheme, it takes the place of a module of that scheme. IO (it
  * cannot be loaded, or exports no fs_driver_entry: fs_last_error() has the loader's reason), and as for
  * fs_driver_register EXISTS, VERSION. */
 FS_API fs_status fs_driver_load(const char *path);

@@ -8,6 +8,7 @@
 #include "driver/call_driver.h"
 #include "driver/device.h"
 #include "driver/registry.h"
+#include "math/pose.h"
 #include "scene/local_scene.h"
 
 using namespace fs;
@@ -79,8 +80,10 @@ fs_status on_device(fs_device* device, F&& f) {
     } const turn{device};
     std::string sentence;
     const fs_status status = call_driver(f, sentence);
+    if (status == FS_OK) return;
+    if (sentence.empty()) sentence = device->trouble();
     if (sentence.empty()) sentence = fs_status_name(status);
-    if (status != FS_OK) fail(status, "the device %s: %s", device->info().name, sentence.c_str());
+    fail(status, "the device %s: %s", device->info().name, sentence.c_str());
   });
 }
 
@@ -91,7 +94,11 @@ fs_status fs_device_read(fs_device* device, fs_state* out) {
     require_pointer(out, "out");
     fs_state state;
     const fs_status status = device->read(steady_now(), state);
-    if (status == FS_OK) *out = state;
+    if (status != FS_OK) return status;
+    if (!is_finite(state.pose) || !is_finite(state.twist)) {
+      fail(FS_ERROR_INVALID, "the device %s: its driver gave a pose or twist that is not finite", device->info().name);
+    }
+    *out = state;
     return status;
   });
 }

@@ -24,7 +24,8 @@ void fail(fs_status status, const char* format, ...) {
 
 fs_status set_last_error(fs_status status, std::string&& text) noexcept {
   for (char& c : text) {  // a name that was asked for may have control characters, which spoil terminals and logs
-    if ((static_cast<unsigned char>(c) < 0x20 && c != '\n') || c == 0x7f) c = '?';
+    if (c == '\n') c = ' ';
+    else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
   }
   last_owned = std::move(text);
   last_text = last_owned.c_str();

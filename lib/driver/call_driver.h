@@ -22,7 +22,7 @@ fs_status call_safely(F&& f) noexcept {
   try {
     return known_status(f());
   } catch (...) {
-    return FS_ERROR_INTERNAL;
+    return FS_ERROR_IO;
   }
 }
 
@@ -39,7 +39,7 @@ fs_status call_driver(F&& f, std::string& sentence) {
     set_last_error(FS_OK, std::move(before));
     throw;
   } catch (...) {
-    status = FS_ERROR_INTERNAL;
+    status = FS_ERROR_IO;
     sentence = "the driver has thrown a C++ exception";
   }
   set_last_error(FS_OK, std::move(before));

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <string>
 #include <utility>
 
@@ -56,7 +57,7 @@ void check_info(const fs_device_info& info, const char* scheme) {
   check(info.delay, 0, 10, "delay");
   check(info.damping, 0, 1e6, "damping");
   check(info.mass, 0, 1e6, "mass");
-  check(info.link_rate, 0, 1e6, "link_rate");
+  check(info.link_rate, info.link_rate == 0 ? 0 : 1, 1e6, "link_rate");
   check(info.controller_rate, info.controller_rate == 0 ? 0 : 100, 1e6, "controller_rate");
   check(info.controller_delay, 0, 10, "controller_delay");
   check(info.controller_damping, 0, 1e6, "controller_damping");
@@ -68,6 +69,8 @@ Vec3 limited(Vec3 v, uint32_t axes, double max) {
   if (axes < 1) v.x = 0;
   return norm(v) > max ? (max * (1 - 1e-15)) * normalized(v) : v;  // slightly less, so that rounding never exceeds max
 }
+
+constexpr double close_within = 1;  // s: a driver that hangs longer is left behind
 
 double distance(Vec3 a, Vec3 b) { return norm(a - b); }
 bool is_zero(const Twist& t) { return t.linear == Vec3{} && t.angular == Vec3{}; }
@@ -112,7 +115,7 @@ fs_device::fs_device(const char* uri) : driver_(fs::driver_of(uri)), info_(fs_de
   try {
     fs::add_open_device(*this);
   } catch (...) {
-    close();
+    close(fs::steady_now() + fs::close_within);
     throw;
   }
   fs::guard_process_end();
@@ -122,12 +125,12 @@ fs_device::~fs_device() {
   if (!is_of_this_process()) return;
   silence();
   fs::remove_open_device(*this);
-  close();
+  close(fs::steady_now() + fs::close_within);
 }
 
 // At the end of the process, and when the last handle is given back.
-void fs_device::close() noexcept {
-  if (thread_) thread_->end();
+void fs_device::close(double deadline) noexcept {
+  if (thread_) thread_->end(deadline);
   opened_ = nullptr;
   is_closed_ = true;
 }
@@ -157,15 +160,16 @@ bool fs_device::take_turn() noexcept {
 
 void fs_device::end_turn() noexcept { turn_.store(0); }
 
-// Waits for the turn and takes it; gives up after `most` tries, at least 20 us apart.
+// Waits for the turn and takes it; gives up at the deadline (s, monotonic clock) after one try at least.
 class fs_device::Turn {
  public:
-  explicit Turn(fs_device& device, uint64_t most = UINT64_MAX) : device_(device) {
+  explicit Turn(fs_device& device, double deadline = std::numeric_limits<double>::infinity()) : device_(device) {
     is_inside_ = device_.turn_.load() == pthread_self();
-    for (uint64_t i = 0; i < most && !is_inside_ && !is_taken_; ++i) {
+    while (!is_inside_) {
       pthread_t nobody = 0;
       is_taken_ = device_.turn_.compare_exchange_strong(nobody, pthread_self());
-      if (!is_taken_) fs::pause(2e-5);
+      if (is_taken_ || fs::steady_now() >= deadline) break;
+      fs::pause(2e-5);
     }
   }
   ~Turn() {
@@ -205,18 +209,19 @@ void fs_device::silence() noexcept {
 
 void fs_device::begin_end() noexcept {
   if (!is_of_this_process() || has_ended_.exchange(true)) return;
-  const Turn turn(*this, 1);
+  if (thread_) return thread_->begin_end();
+  const Turn turn(*this, 0);
   if (turn && was_pushing_ && !is_closed_) write_zero();
 }
 
-void fs_device::end() noexcept {
+void fs_device::end(double deadline) noexcept {
   if (!is_of_this_process()) return;
   has_ended_ = true;
-  const Turn turn(*this, 50'000);  // limited, so that a driver that hangs cannot stop the process from ending
+  const Turn turn(*this, deadline);
   if (!turn || !was_pushing_ || is_closed_) return;
-  write_zero();
-  for (int i = 0; inside_ && i < 50'000; ++i) fs::pause(2e-5);
-  if (!inside_) close();  // only a close guarantees that the 0 has arrived
+  if (!thread_) write_zero();
+  while (inside_ && fs::steady_now() < deadline) fs::pause(2e-5);
+  if (!inside_) close(deadline);  // only a close guarantees that the 0 has arrived
 }
 
 // A call of the driver beside the thread that has the turn: the device is not closed meanwhile.
@@ -234,11 +239,11 @@ class fs_device::Inside {
 fs_status fs_device::get_link(fs_link& out) noexcept {
   out = {};
   out.struct_size = sizeof out;
+  if (!driver_.get_link) return FS_ERROR_UNSUPPORTED;
+  if (thread_) return thread_->get_link(out);
   const Inside inside(*this);
-  if (!driver_.get_link || is_silent()) return FS_ERROR_UNSUPPORTED;
-  const std::shared_ptr<fs::Opened> opened = thread_ ? thread_->device() : opened_;
-  if (!opened) return FS_ERROR_UNSUPPORTED;
-  return fs::call_safely([&] { return driver_.get_link(opened->self(), &out); });
+  if (is_silent() || !opened_) return FS_ERROR_UNSUPPORTED;
+  return fs::call_safely([&] { return driver_.get_link(self_, &out); });
 }
 
 void fs_device::control(const char* request, fs_answer& out) {

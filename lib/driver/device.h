@@ -38,8 +38,10 @@ struct fs_device : fs::Counted<fs_device> {
   bool is_silent() const noexcept;  // [rt]
   void silence() noexcept;          // until its owner releases it; waits for the turn under way
   void zero() noexcept;             // sets force 0; waits for the turn under way, then tries for 20 ms
-  void begin_end() noexcept;        // when the process ends: silent for good; force 0 if no thread has the turn
-  void end() noexcept;              // when the process ends: silent for good; closed if it was ever given a force
+  void begin_end() noexcept;        // when the process ends, without waiting: silent for good; force 0 if no thread has the turn
+  // When the process ends: silent for good; closed if it was ever given a force, which waits until `deadline` at most (s, monotonic
+  // clock).
+  void end(double deadline) noexcept;
 
   bool is_of_this_process() const noexcept { return process_ == fs::this_process(); }  // [rt]
 
@@ -68,7 +70,7 @@ struct fs_device : fs::Counted<fs_device> {
   void control(const char* request, fs_answer& out);
   std::string trouble() const;  // why a lost device does not come back; "": nobody knows
 
-  // What the driver measures of its link, unchecked; UNSUPPORTED: nothing, or the device is silent. Called by one thread beside
+  // What the driver measures of its link, unchecked; UNSUPPORTED: nothing new, or the device is silent. Called by one thread beside
   // the one that has the turn.
   bool measures_link() const noexcept { return driver_.get_link; }
   fs_status get_link(fs_link& out) noexcept;
@@ -98,7 +100,7 @@ struct fs_device : fs::Counted<fs_device> {
 
   class Turn;
   class Inside;
-  void close() noexcept;
+  void close(double deadline) noexcept;
   fs_wrench limited(const fs_wrench& wrench) noexcept;
   void write_zero() noexcept;
 };

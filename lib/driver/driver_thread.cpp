@@ -1,6 +1,7 @@
 #include "driver/driver_thread.h"
 
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 #include <system_error>
 #include <thread>
@@ -21,7 +22,7 @@ constexpr double command_age = 0.02;    // s, after which the force of a servo c
 constexpr double shortest_cycle = 5e-5; // s: a driver that does not wait must not take a whole processor
 constexpr double retry_after = 0.5;     // s, between two tries to open a device that was lost
 constexpr double zero_within = 0.06;    // s: a receive and a send, or more
-constexpr double end_within = 1;        // s
+constexpr double measure_after = 0.04;  // s, from one look at the link to the next
 
 // Waits until the number is no longer `present`; false: it still is at the deadline.
 bool await_change(const std::atomic<uint32_t>& number, uint32_t present, double deadline) noexcept {
@@ -37,12 +38,35 @@ void change(std::atomic<uint32_t>& number, uint32_t value) noexcept {
   wake_waiters(number);
 }
 
-bool is_same_device(const fs_device_info& a, const fs_device_info& b) {
-  return std::strncmp(a.serial, b.serial, sizeof a.serial) == 0 && std::strncmp(a.name, b.name, sizeof a.name) == 0 &&
-         a.force_axes == b.force_axes && a.torque_axes == b.torque_axes && a.force_max == b.force_max &&
-         a.torque_max == b.torque_max && a.mass == b.mass && a.damping == b.damping && a.rate == b.rate &&
-         a.link_rate == b.link_rate && a.controller_rate == b.controller_rate && a.controller_delay == b.controller_delay &&
-         a.controller_damping == b.controller_damping;
+// Why the device `now` is not what the servo was started for; "": it is.
+std::string difference(const fs_device_info& now, const fs_device_info& before) {
+  char text[200] = "";
+  const auto differs = [&](const char (&a)[64], const char (&b)[64]) { return std::strncmp(a, b, sizeof a) != 0; };
+  if (differs(now.name, before.name) || differs(now.serial, before.serial)) {
+    std::snprintf(text, sizeof text, "another device is there: %.63s, serial number '%.63s'", now.name, now.serial);
+    return text;
+  }
+  const struct {
+    const char* name;
+    double now, before;
+  } fields[]{{"force_axes", double(now.force_axes), double(before.force_axes)},
+             {"torque_axes", double(now.torque_axes), double(before.torque_axes)},
+             {"force_max", now.force_max, before.force_max},
+             {"torque_max", now.torque_max, before.torque_max},
+             {"mass", now.mass, before.mass},
+             {"damping", now.damping, before.damping},
+             {"rate", now.rate, before.rate},
+             {"link_rate", now.link_rate, before.link_rate},
+             {"controller_rate", now.controller_rate, before.controller_rate},
+             {"controller_delay", now.controller_delay, before.controller_delay},
+             {"controller_damping", now.controller_damping, before.controller_damping}};
+  for (const auto& field : fields) {
+    if (field.now == field.before) continue;
+    std::snprintf(text, sizeof text, "the device is there again, but its %s is now %.9g, and was %.9g; close it and open it again",
+                  field.name, field.now, field.before);
+    break;
+  }
+  return text;
 }
 
 }  // namespace
@@ -65,9 +89,11 @@ void DriverThread::start(const Ref<DriverThread>& thread) {
   await_change(thread->states_, 0, steady_now() + first_within);
 }
 
-void DriverThread::end() noexcept {
-  change(is_ending_, 1);
-  await_change(has_ended_, 0, steady_now() + end_within);
+void DriverThread::begin_end() noexcept { change(is_ending_, 1); }
+
+void DriverThread::end(double deadline) noexcept {
+  begin_end();
+  await_change(has_ended_, 0, deadline);
 }
 
 std::shared_ptr<Opened> DriverThread::device() const noexcept {
@@ -105,7 +131,7 @@ void DriverThread::exchange(void* self) noexcept {
   Command command = present();
   if (status != FS_OK && status != FS_ERROR_TIMEOUT) command = {};
   const fs_status sent = status == FS_ERROR_DISCONNECTED ? status : send(self, command);
-  if (sent == FS_ERROR_DISCONNECTED) return lose("");
+  if (sent == FS_ERROR_DISCONNECTED) return lose();
   if (steady_now() - begin < shortest_cycle) sleep_until(begin + shortest_cycle);
 }
 
@@ -115,7 +141,7 @@ void DriverThread::lend(void* self) noexcept {
   if (!may_lend_) owner_ = thread_has;  // the servo has ended meanwhile, and may not have seen that it has the driver
   while (!await_change(owner_, servo_has, steady_now() + 1)) {
   }
-  if (std::exchange(is_lost_, false)) lose("");
+  if (std::exchange(is_lost_, false)) lose();
 }
 
 void DriverThread::publish(const State& state) noexcept {
@@ -127,7 +153,7 @@ void DriverThread::publish(const State& state) noexcept {
   newest_.write(state);
 }
 
-void DriverThread::lose(const std::string& why) noexcept {
+void DriverThread::lose() noexcept {
   State lost;
   lost.status = FS_ERROR_DISCONNECTED;
   publish(lost);
@@ -135,7 +161,6 @@ void DriverThread::lose(const std::string& why) noexcept {
   std::shared_ptr<Opened> device;  // is closed last
   const std::lock_guard lock(mutex_);
   device.swap(device_);
-  trouble_ = why;
 }
 
 // Opens the device anew. Another one, or the same with other properties, is not what the servo was started for.
@@ -147,17 +172,14 @@ void DriverThread::reconnect() noexcept {
     const auto device = std::make_shared<Opened>(driver_, address_);
     fs_device_info info = fs_device_info_init();
     ask_driver(driver_, "get_info", [&] { return driver_.get_info(device->self(), &info); });
-    if (is_same_device(info, info_)) {
+    trouble = difference(info, info_);
+    if (trouble.empty()) {
       send_status_ = FS_OK;
       forgotten_ = commands_;
       const std::lock_guard lock(mutex_);
       device_ = device;
-      trouble_.clear();
       return;
     }
-    trouble =
-        "another device is there, or one with other properties: " + std::string(info.name, strnlen(info.name, sizeof info.name)) +
-        ", serial '" + std::string(info.serial, strnlen(info.serial, sizeof info.serial)) + "'";
   } catch (const Error& error) {
     trouble = error.text;
   } catch (...) {  // there is no memory
@@ -180,9 +202,37 @@ void DriverThread::finish() noexcept {
 
 // --------------------------------------------------------------------------------------- who has the driver calls these
 
+// What the driver says by fs_fail becomes the trouble. The servo's thread has no time for that.
+template <class F>
+fs_status DriverThread::call(F&& f, fs_status usual) noexcept {
+  const bool is_servos = servos_thread_.load(std::memory_order_relaxed) == this_thread();
+  if (!is_servos) set_last_error_literal(FS_OK, "");
+  const fs_status status = call_safely(f);
+  if (status == FS_OK || status == usual || is_servos) return status;
+  try {
+    std::string words = last_error();
+    const std::lock_guard lock(mutex_);
+    trouble_.swap(words);
+  } catch (...) {  // there is no memory
+  }
+  return status;
+}
+
+void DriverThread::measure(void* self) noexcept {
+  fs_link link{};
+  link.struct_size = sizeof link;
+  if (call_safely([&] { return driver_.get_link(self, &link); }) != FS_OK) return;
+  link_.write(link);
+  links_.fetch_add(1, std::memory_order_release);
+}
+
 fs_status DriverThread::receive(void* self, uint32_t& before) noexcept {
+  if (driver_.get_link && has_servo_ && steady_now() - measured_at_ >= measure_after) {
+    measured_at_ = steady_now();
+    measure(self);
+  }
   State next;
-  const fs_status status = call_safely([&] { return driver_.receive(self, &next.state); });
+  const fs_status status = call([&] { return driver_.receive(self, &next.state); }, FS_ERROR_TIMEOUT);
   if (status == FS_ERROR_TIMEOUT) return status;
   next.came = steady_now();
   if (status != FS_OK) next.state = {};
@@ -195,9 +245,10 @@ fs_status DriverThread::receive(void* self, uint32_t& before) noexcept {
 }
 
 fs_status DriverThread::send(void* self, const Command& command) noexcept {
-  const fs_status status = call_safely([&] {
+  const auto send = [&] {
     return command.is_model ? driver_.write_model(self, &command.model) : driver_.send(self, &command.model.f0);
-  });
+  };
+  const fs_status status = call(send, FS_OK);
   send_status_ = status;
   if (status == FS_OK && command.number) change(sent_, command.number);
   return status;
@@ -265,6 +316,11 @@ fs_status DriverThread::write_zero() noexcept {
     if (!await_change(sent_, sent, deadline)) return FS_ERROR_TIMEOUT;
   }
   return FS_OK;
+}
+
+fs_status DriverThread::get_link(fs_link& out) noexcept {
+  const uint32_t measured = links_.load(std::memory_order_acquire);
+  return std::exchange(links_seen_, measured) != measured && link_.read(out) ? FS_OK : FS_ERROR_UNSUPPORTED;
 }
 
 void DriverThread::begin_servo(int priority, bool may_lend) noexcept {

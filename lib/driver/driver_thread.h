@@ -21,9 +21,10 @@ class DriverThread final : public Counted<DriverThread> {
   DriverThread(const fs_driver& driver, std::string address, std::shared_ptr<Opened> device, const fs_device_info& info);
   static void start(const Ref<DriverThread>& thread);  // once; waits a moment for the first state; IO
 
-  // Sends 0, closes the device and ends the thread. Gives up after a second, in which case the driver hangs and the thread is left
-  // behind. A second call does nothing.
-  void end() noexcept;
+  // Asks the thread to send 0, to close the device and to end.
+  void begin_end() noexcept;
+  // The same, and waits for it, until `deadline` (s, monotonic clock) at most: a driver that hangs leaves its thread behind.
+  void end(double deadline) noexcept;
 
   // [rt] The newest state, and whether the device gives any at present. A servo is told once of what was no good since
   // the last call, an error or a state that is not ready, even if a good state has followed: so its force begins again by the ramp.
@@ -46,8 +47,12 @@ class DriverThread final : public Counted<DriverThread> {
   // [rt] The servo's thread no longer uses the driver: for good, or until it is lent again.
   void give_back(bool is_for_good) noexcept;
 
+  // What the driver measures of its link while a servo has the device; UNSUPPORTED: nothing new since the last call. One thread.
+  fs_status get_link(fs_link& out) noexcept;
+
   std::shared_ptr<Opened> device() const noexcept;  // null: it is not connected
-  std::string trouble() const;  // why it is not connected; "": it is, or nobody knows
+  // Why the driver failed last, or the device does not come back; "": nobody knows.
+  std::string trouble() const;
 
  private:
   struct State {
@@ -68,9 +73,12 @@ class DriverThread final : public Counted<DriverThread> {
   void exchange(void* self) noexcept;  // a state and what answers it
   void lend(void* self) noexcept;
   void publish(const State& state) noexcept;
-  void lose(const std::string& why) noexcept;
+  void lose() noexcept;
   void reconnect() noexcept;
   void finish() noexcept;
+  void measure(void* self) noexcept;
+  template <class F>
+  fs_status call(F&& f, fs_status usual) noexcept;  // usual: beside OK, what is no trouble
   fs_status receive(void* self, uint32_t& before) noexcept;  // before: commands_ when the state came
   fs_status send(void* self, const Command& command) noexcept;
   fs_status leave(Command command) noexcept;
@@ -89,6 +97,8 @@ class DriverThread final : public Counted<DriverThread> {
   std::atomic<uint32_t> states_{0};  // how many have come
   Latest<State> newest_bad_;  // the newest that no force may answer
   std::atomic<uint32_t> bad_{0};  // how many of those there were
+  Latest<fs_link> link_;
+  std::atomic<uint32_t> links_{0};  // how many have been measured
   Latest<Command> command_;  // written by who has the turn of the device
   std::atomic<uint32_t> commands_{0}, sent_{0};  // the numbers of the newest command, and of the newest that was sent
   std::atomic<int64_t> send_status_{FS_OK};  // of the newest send
@@ -102,11 +112,13 @@ class DriverThread final : public Counted<DriverThread> {
   bool is_lost_ = false;  // the servo's thread found that the device is
   uint64_t number_ = 0;  // of the newest state
   double tried_at_ = 0;  // s, when the device was last opened anew
+  double measured_at_ = 0;  // s, when the driver was last asked for its link
   uint32_t forgotten_ = 0;  // the number of the newest command when a lost device came back: no force comes back by itself
 
   std::atomic<uint64_t> servos_thread_{0};  // that the driver is lent to; 0: none
   uint32_t states_seen_ = 0;  // by the servo's thread
   uint32_t bad_seen_ = 0;  // by read, in the thread that also writes
+  uint32_t links_seen_ = 0;  // by get_link
 };
 
 }  // namespace fs

@@ -5,6 +5,7 @@
 #include <mutex>
 #include <vector>
 
+#include "base/clock.h"
 #include "base/process.h"
 #include "driver/device.h"
 
@@ -18,24 +19,27 @@ std::vector<fs_device*>& open_devices() {  // guarded by process_mutex()
 
 std::atomic<fs_device*> ending{nullptr};  // the device that the process's end is using
 
-void end_one(void (fs_device::*step)() noexcept) {
-  (ending.load()->*step)();
+template <class Step>
+void end_one(Step&& step) {
+  step(*ending.load());
   ending = nullptr;
   ending.notify_all();
 }
 
 // Goes from the newest device to the oldest, because a driver may have opened other devices for its own use. First it
 // sets force 0 on every device that is free at once, and only then waits for the others: a driver that hangs leaves no
-// other device with a force.
+// other device with a force, and all that hang together hold the process up for a second.
 void end_devices() {
+  constexpr double end_within = 1;  // s
   for (size_t i = 0;; ++i) {
     {
       const std::lock_guard lock(process_mutex());
       if (i >= open_devices().size()) break;
       ending = open_devices()[open_devices().size() - 1 - i];
     }
-    end_one(&fs_device::begin_end);
+    end_one([](fs_device& device) { device.begin_end(); });
   }
+  const double deadline = steady_now() + end_within;
   for (;;) {
     {
       const std::lock_guard lock(process_mutex());
@@ -43,7 +47,7 @@ void end_devices() {
       ending = open_devices().back();
       open_devices().pop_back();
     }
-    end_one(&fs_device::end);
+    end_one([&](fs_device& device) { device.end(deadline); });
   }
 }
 

@@ -1,6 +1,7 @@
 #include "driver/registry.h"
 
 #include <dlfcn.h>
+#include <link.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -81,9 +82,14 @@ fs_driver parse_driver(const fs_driver& driver) {
   return table;
 }
 
-}  // namespace
-
-namespace {
+// As the library says: a variable of that name must not be called.
+bool is_function(void* symbol) {
+  Dl_info info{};
+  void* found = nullptr;
+  if (!dladdr1(symbol, &info, &found, RTLD_DL_SYMENT) || !found || info.dli_saddr != symbol) return true;  // nobody knows
+  const auto type = ELF64_ST_TYPE(static_cast<const ElfW(Sym)*>(found)->st_info);
+  return type != STT_OBJECT && type != STT_TLS;
+}
 
 void add(const fs_driver& driver, const char* path, const char* scheme) {
   const fs_driver table = parse_driver(driver);
@@ -105,8 +111,10 @@ void load(const char* path, const char* scheme) {
   }
   std::unique_ptr<void, int (*)(void*)> library(dlopen(path, RTLD_NOW | RTLD_LOCAL), dlclose);
   if (!library) fail(FS_ERROR_IO, "path is '%s': %s", path, dlerror());
-  const auto entry = reinterpret_cast<fs_driver_entry_function>(dlsym(library.get(), "fs_driver_entry"));
-  if (!entry) fail(FS_ERROR_IO, "path is '%s', a library without a driver: %s", path, dlerror());
+  void* const symbol = dlsym(library.get(), "fs_driver_entry");
+  if (!symbol) fail(FS_ERROR_IO, "path is '%s', a library without a driver: %s", path, dlerror());
+  if (!is_function(symbol)) fail(FS_ERROR_IO, "path is '%s', a library whose fs_driver_entry is no function", path);
+  const auto entry = reinterpret_cast<fs_driver_entry_function>(symbol);
   const fs_driver* driver = nullptr;
   try {
     driver = entry();

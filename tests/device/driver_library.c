@@ -1,7 +1,7 @@
 /* A driver in a library of its own, as fs_driver_load takes it. DRIVER_FAULT: what is wrong with it: 0 nothing, 1 its
  * entry has another name, 2 it gives none, 3 it is newer than the library, 4 it lacks a function, 5 its device is lost for
  * ten ticks after a quarter of a second, and when it is loaded before the program (LD_PRELOAD) it adds itself, 6 it needs
- * a function that nobody has. */
+ * a function that nobody has, 7 its entry is no function. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -40,6 +40,10 @@ static fs_status write_device(void *self, const fs_wrench *wrench)
   return FS_OK;
 }
 
+#if DRIVER_FAULT == 7
+__attribute__((visibility("default"))) int fs_driver_entry_variable __asm__("fs_driver_entry") = 7;
+#  define fs_driver_entry another_name
+#endif
 #if DRIVER_FAULT == 1
 #define fs_driver_entry another_name
 #endif

@@ -151,6 +151,7 @@ START_TEST(device_with_bad_info) {
   refused("damping", [](Info& i) { i.damping = -1; });
   refused("mass", [](Info& i) { i.mass = NAN; });
   refused("resolution", [](Info& i) { i.resolution = INFINITY; });
+  refused("link_rate", [](Info& i) { i.link_rate = 1e-320; });
   refused("workspace_radius", [](Info& i) { i.workspace_radius = -1; });
   refused("workspace_height", [](Info& i) { i.workspace_height = NAN; });
   refused("workspace_angle", [](Info& i) { i.workspace_angle = INFINITY; });

@@ -35,6 +35,7 @@ START_TEST(what_is_no_driver_is_refused) {
   EXPECT_SENTENCE(FS_ERROR_INVALID, fs_driver_load(""), "empty");
   EXPECT_SENTENCE(FS_ERROR_IO, fs_driver_load(library("driver_without_entry").c_str()), "fs_driver_entry");
   EXPECT_SENTENCE(FS_ERROR_IO, fs_driver_load(library("driver_null").c_str()), "gives no driver");
+  EXPECT_SENTENCE(FS_ERROR_IO, fs_driver_load(library("driver_variable").c_str()), "fs_driver_entry is no function");
   const std::string added = "fs_driver has a field at byte " + std::to_string(sizeof(fs_driver));
   EXPECT_SENTENCE(FS_ERROR_VERSION, fs_driver_load(library("driver_newer").c_str()), added.c_str());
   EXPECT_SENTENCE(FS_ERROR_INVALID, fs_driver_load(library("driver_incomplete").c_str()), "driver.close");

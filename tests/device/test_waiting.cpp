@@ -173,7 +173,7 @@ END_TEST
 // ------------------------------------------------------------------------------------------------------- what goes wrong
 
 START_TEST(a_hang_holds_up_nobody) {
-  for (const auto call : {WaitingDevice::in_receive, WaitingDevice::in_send, WaitingDevice::in_close}) {
+  for (const auto call : {WaitingDevice::in_receive, WaitingDevice::in_send, WaitingDevice::in_close, WaitingDevice::in_link}) {
     WaitingDevice device("hangs");
     device.on_state = aside;
     auto loop = std::make_unique<Loop>(device);
@@ -224,6 +224,32 @@ START_TEST(a_process_ends_in_spite_of_a_hang) {
 }
 END_TEST
 
+// All that hang have one second together.
+START_TEST(a_process_ends_in_spite_of_many_hangs) {
+  const pid_t child = fork();
+  ck_assert_int_ge(child, 0);
+  if (child == 0) {
+    static double begin = 0;
+    std::at_quick_exit([] { std::_Exit(now_s() - begin < 3 ? 0 : 1); });  // called last, after what the devices add
+    static WaitingDevice device("many");
+    device.on_state = aside;
+    static std::vector<Device> all;
+    const fs_wrench wrench{{1, 0, 0}, {}};
+    for (int i = 0; i < 8; ++i) {
+      all.push_back(device.open());
+      require(fs_device_write(all.back().get(), &wrench), "fs_device_write");
+    }
+    device.hang(WaitingDevice::in_receive);
+    device.await_hanging();
+    begin = now_s();
+    std::quick_exit(2);
+  }
+  int status = -1;
+  ck_assert(until([&] { return waitpid(child, &status, WNOHANG) == child; }));
+  ck_assert_int_eq(status, 0);
+}
+END_TEST
+
 START_TEST(a_lost_device_comes_back) {
   WaitingDevice device("lost");
   device.on_state = aside;
@@ -248,9 +274,22 @@ START_TEST(a_lost_device_comes_back) {
   const size_t sent = device.sent().size();
   ck_assert(until([&] { return device.closes() == 2; }));
   ck_assert_uint_eq(device.sent().size(), sent);
-  {
+  const auto is_refused = [&](const char* why) {
+    return until([&] {
+      fs_device_control(loop.device.get(), "echo", &answer);
+      return std::strstr(fs_last_error(), why) != nullptr;
+    });
+  };
+  ck_assert(is_refused("another device is there: a device that waits, serial number '2'"));
+  {  // The same with another handle is no longer what the loop was made for.
     const std::lock_guard lock(device.mutex);
     device.serial = "1";
+    device.mass = 0.5;
+  }
+  ck_assert(is_refused("its mass is now 0.5, and was 0.3"));
+  {
+    const std::lock_guard lock(device.mutex);
+    device.mass = 0.3;
   }
   ck_assert(until([&] { return pushes(device) && loop.stats().faults == 0; }));
   ck_assert(until([&] { return !event_with(loop.scene.get(), "ready").empty(); }));
@@ -358,6 +397,18 @@ START_TEST(the_reason_is_told) {
     device.open_status = FS_ERROR_NOT_FOUND;
   }
   ck_assert(until([&] { return !event_with(loop.scene.get(), "lost").empty(); }));  // though it was not ready before
+  {
+    const std::lock_guard lock(device.mutex);
+    device.receive_status = device.open_status = FS_OK;
+    device.on_state = aside;
+  }
+  ck_assert(until([&] { return pushes(device); }));
+  {
+    const std::lock_guard lock(device.mutex);
+    device.receive_status = FS_ERROR_IO;
+    device.words = "the cable is red";
+  }
+  ck_assert(until([&] { return !event_with(loop.scene.get(), "its state could not be read (the cable is red)").empty(); }));
   ck_assert_str_eq(fs_state_reason(0), "");
   ck_assert_str_eq(fs_state_reason(FS_STATE_READY | FS_STATE_CLUTCHED), "");
   ck_assert_str_eq(fs_state_reason(1u << 31), "");
@@ -434,6 +485,7 @@ int main() {
   tcase_add_test(tests, what_is_written_without_a_servo_stays);
   tcase_add_test(tests, a_hang_holds_up_nobody);
   tcase_add_test(tests, a_process_ends_in_spite_of_a_hang);
+  tcase_add_test(tests, a_process_ends_in_spite_of_many_hangs);
   tcase_add_test(tests, a_lost_device_comes_back);
   tcase_add_test(tests, what_is_no_state_gives_no_force);
   tcase_add_test(tests, one_fault_is_felt_as_a_ramp);

@@ -43,6 +43,7 @@ WaitingDevice::WaitingDevice(const char* scheme, uint32_t flags) : scheme_(schem
   };
   driver.receive = [](void* self, fs_state* out) { return of(self).receive(*out); };
   driver.send = [](void* self, const fs_wrench* wrench) { return of(self).send(*wrench); };
+  driver.get_link = [](void* self, fs_link* out) { return of(self).get_link(*out); };
   driver.control = [](void* self, const char* request, char* answer, size_t size) {
     return of(self).control(request, answer, size);
   };
@@ -102,7 +103,7 @@ void WaitingDevice::describe(fs_device_info& out) {
   out.force_max = 10;
   out.rate = 1000;
   out.damping = 1;
-  out.mass = 0.3;
+  out.mass = mass;
   out.workspace_radius = out.workspace_height = 0.2;
 }
 
@@ -129,7 +130,7 @@ fs_status WaitingDevice::receive(fs_state& out) {
   std::this_thread::sleep_for(std::chrono::duration<double>(wait));
   const std::lock_guard lock(mutex);
   if (throws) throw std::runtime_error("the driver is broken");
-  if (receive_status != FS_OK) return receive_status;
+  if (receive_status != FS_OK) return words ? fs_fail(receive_status, words) : receive_status;
   out.pose.orientation.w = 1;
   out.flags = FS_STATE_READY;
   const uint64_t number = ++states_;
@@ -149,6 +150,11 @@ fs_status WaitingDevice::send(const fs_wrench& wrench) {
     return std::exchange(next_send, FS_OK);
   }
   return send_status;
+}
+
+fs_status WaitingDevice::get_link(fs_link&) {
+  hang_in(in_link);
+  return FS_ERROR_UNSUPPORTED;
 }
 
 fs_status WaitingDevice::control(const char* request, char* answer, size_t size) {

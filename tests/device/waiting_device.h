@@ -31,7 +31,7 @@ class WaitingDevice {
   Device open() const { return open_device((scheme_ + ":0").c_str()); }
 
   // A call that hangs returns when the test lets it go.
-  enum Call { in_none, in_receive, in_send, in_close, in_control, in_open };
+  enum Call { in_none, in_receive, in_send, in_close, in_control, in_open, in_link };
   void hang(Call call);
   void let_go() { hang(in_none); }
   void await_hanging();  // until a thread hangs there
@@ -42,7 +42,9 @@ class WaitingDevice {
   fs_status receive_status = FS_OK, open_status = FS_OK, send_status = FS_OK;
   fs_status next_receive = FS_OK, next_send = FS_OK;  // of the next call only; a state follows at once
   bool throws = false;                         // receive does
+  const char* words = nullptr;                 // that receive says beside a status that is not OK
   std::string serial = "1";
+  double mass = 0.3;                           // kg
   std::function<void(fs_state&, uint64_t)> on_state;  // the state with this number; at rest at the origin, and ready
 
   std::vector<Sent> sent() const;
@@ -57,6 +59,7 @@ class WaitingDevice {
   void describe(fs_device_info& out);
   fs_status receive(fs_state& out);
   fs_status send(const fs_wrench& wrench);
+  fs_status get_link(fs_link& out);
   fs_status control(const char* request, char* answer, size_t size);
 
  private:
