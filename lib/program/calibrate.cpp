@@ -30,6 +30,9 @@ int calibrate(const CalibrateOptions& options) {
     try {
       answer = device.control("calibrate").text;
     } catch (const Error& error) {
+      if (is_first && error.status() == FS_ERROR_UNSUPPORTED) {
+        throw Error(error.status(), format("%s cannot be calibrated: %s", options.device.c_str(), error.what()));
+      }
       if (is_first || !may_be_repeated(error)) throw;
       answer = error.what();
     }

@@ -243,7 +243,7 @@ class DeviceTest {
       page_.figure("link",
                    format("p50 %.3f, p99 %.3f ms from pose to force, %.1f poses a second, %.3f %% lost",
                           stats.link_delay_p50 * 1e3, stats.link_delay_p99 * 1e3, stats.link_rate, stats.link_loss * 100));
-      constexpr double slack = 5e-5;  // s: what threads and clocks add
+      const double slack = 0.25 / info_.rate;  // s: what threads and clocks add, and what a loop hardly feels
       page_.expect(stats.link_delay_p50 <= 1.5 * info_.delay + slack, Verdict::odd,
                    "the delay that it tells of is not far below the measured one: " + milliseconds(info_.delay) + " told, " +
                        milliseconds(stats.link_delay_p50) + " measured");

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
+#include <utility>
 
 #include "base/names.h"
 
@@ -11,21 +12,18 @@ namespace {
 
 constexpr uint32_t device_fault = FS_FAULT_DEVICE;
 
-// Appends the reasons why the force stopped.
-void append_faults(uint32_t faults, char* text, size_t size) {
-  const struct {
-    uint32_t bit;
-    const char* text;
-  } reasons[]{{FS_FAULT_SPEED, "the hand was above speed_limit"},
-              {FS_FAULT_NUMBER, "a pose or force was not finite"},
-              {FS_FAULT_LATE, "20 ticks in a row were each later than a period"}};
-  const char* separator = "";
-  for (const auto& reason : reasons) {
-    if (!(faults & reason.bit)) continue;
-    const size_t length = std::strlen(text);
-    std::snprintf(text + length, size - length, "%s%s", separator, reason.text);
-    separator = "; ";
+// The reasons why the force stopped.
+std::string words_of(uint32_t faults, double speed_limit) {
+  char fast[64];
+  std::snprintf(fast, sizeof fast, "the hand was above speed_limit, %.4g m/s", speed_limit);
+  const std::pair<uint32_t, const char*> all[]{{FS_FAULT_SPEED, fast},
+                                               {FS_FAULT_NUMBER, "a pose or force was not finite"},
+                                               {FS_FAULT_LATE, "20 ticks in a row were each later than a period"}};
+  std::string text;
+  for (const auto& [bit, words] : all) {
+    if (faults & bit) text += (text.empty() ? "" : "; ") + std::string(words);
   }
+  return text;
 }
 
 }  // namespace
@@ -36,18 +34,22 @@ void DeviceEvents::leave(const Event& event) noexcept {
 }
 
 void DeviceEvents::note(const Tick& tick) noexcept {
-  const bool is_ready = !(tick.faults & device_fault) && tick.status == FS_OK;
+  const fs_status failed = tick.read != FS_OK ? tick.read : tick.write;
+  const bool is_ready = !(tick.faults & device_fault) && failed == FS_OK;
   const uint32_t latched = tick.faults & ~device_fault;
-  const Reason reason = tick.status != FS_OK ? lost : !(tick.flags & FS_STATE_READY) ? not_ready : too_old;
+  const Reason reason = tick.read != FS_OK                ? unread
+                        : tick.write != FS_OK             ? unsent
+                        : !(tick.flags & FS_STATE_READY) ? not_ready
+                                                         : too_old;
   const uint32_t why = is_ready ? 0 : tick.flags & state_reason_bits;
-  const bool is_gone = tick.status == FS_ERROR_DISCONNECTED;
+  const bool is_gone = failed == FS_ERROR_DISCONNECTED;
   const auto add = [&](fs_status status, uint32_t faults) {
     leave({written_.load(std::memory_order_relaxed), tick.time, status, faults, latched, reason, static_cast<uint16_t>(why),
            tick.age});
   };
   if (is_ready && !is_ready_) add(FS_OK, 0);
   if (!is_ready && (is_ready_ || (why && why != told_) || (is_gone && !is_gone_)))
-    add(tick.status != FS_OK ? tick.status : FS_ERROR_STATE, device_fault);
+    add(failed != FS_OK ? failed : FS_ERROR_STATE, device_fault);
   if (const uint32_t fresh = latched & ~latched_) add(FS_ERROR_STATE, fresh);
   told_ = why;
   is_ready_ = is_ready;
@@ -55,17 +57,17 @@ void DeviceEvents::note(const Tick& tick) noexcept {
   latched_ = latched;
 }
 
-bool DeviceEvents::take(uint64_t& next, const fs_device_info& device, double pose_age, const std::string& trouble,
-                        fs_event& out) const {
-  const uint64_t end = count();
-  if (next == end) return false;
+bool DeviceEvents::take(uint64_t& next, const Known& known, fs_event& out) const {
   out = {};
   Event event;
-  const uint64_t oldest = end - std::min<uint64_t>(end, capacity);
-  if (next < oldest || !events_[next % capacity].read(event) || event.number != next) {
-    const uint64_t first = std::max(oldest, next + 1);
+  const uint64_t end = count();
+  uint64_t first = std::max(next, end - std::min<uint64_t>(end, capacity));  // that is kept
+  while (first < end && !(events_[first % capacity].read(event) && event.number == first)) ++first;
+  if (first >= end) return false;
+  if (first > next) {
     out.kind = FS_EVENT_OVERFLOW;
     out.value = static_cast<double>(first - next);
+    out.time = event.time;
     next = first;
     return true;
   }
@@ -74,31 +76,27 @@ bool DeviceEvents::take(uint64_t& next, const fs_device_info& device, double pos
   out.status = event.status;
   out.time = event.time;
   out.value = event.faults;
-  std::memcpy(out.name, device.name, sizeof device.name);
-  const size_t size = sizeof out.text;
+  std::memcpy(out.name, known.device.name, sizeof known.device.name);
+  std::string text = "ready";
   if (event.faults & device_fault) {
-    std::string why;
-    if (event.reason == lost) {
-      why = "lost: it failed to read or write";
-      if (!trouble.empty()) why += " (" + trouble + ")";
+    if (event.reason == unread || event.reason == unsent) {
+      text = event.reason == unread ? "lost: its state could not be read" : "lost: it did not take the force";
+      if (!known.trouble.empty()) text += " (" + known.trouble + ")";
     } else if (event.reason == not_ready) {
-      why = "not ready";
-      if (event.flags) why += std::string(": ") + state_reason(event.flags);
+      text = "not ready";
+      if (event.flags) text += std::string(": ") + state_reason(event.flags);
     } else {
-      char old[64];
-      std::snprintf(old, sizeof old, "its pose is %.4g ms old, must be at most %.4g ms", 1e3 * event.age, 1e3 * pose_age);
-      why = old;
+      char old[80];
+      std::snprintf(old, sizeof old, "its pose is %.4g ms old, must be at most %.4g ms", 1e3 * event.age, 1e3 * known.pose_age);
+      text = old;
     }
-    std::snprintf(out.text, size, "%s; the force will ramp up again", why.c_str());
+    text += "; the force will ramp up again";
   } else if (event.faults) {
-    std::snprintf(out.text, size, "stopped: ");
-    append_faults(event.faults, out.text, size);
+    text = "stopped: " + words_of(event.faults, known.speed_limit);
   } else if (event.latched) {
-    std::snprintf(out.text, size, "ready, but the servo is stopped until it is enabled: ");
-    append_faults(event.latched, out.text, size);
-  } else {
-    std::snprintf(out.text, size, "ready");
+    text = "ready, but the servo is stopped until it is enabled: " + words_of(event.latched, known.speed_limit);
   }
+  text.copy(out.text, sizeof out.text - 1);
   return true;
 }
 

@@ -17,7 +17,7 @@ class DeviceEvents {
   // What a tick knows of the device.
   struct Tick {
     double time;       // s
-    fs_status status;  // of read and write: of the first that failed
+    fs_status read, write;
     uint32_t flags;    // FS_STATE_ bits of the device
     double age;        // s, of its pose
     uint32_t faults;   // the guard's
@@ -32,13 +32,17 @@ class DeviceEvents {
 
   // Any thread.
   uint64_t count() const noexcept { return written_.load(std::memory_order_acquire); }
-  // Gives the event with number `next`, or an overflow event that counts the lost ones if it was overwritten, and
-  // advances `next`. Returns false when there is no such event yet. pose_age (s, the servo's) goes into the text.
-  // trouble: why a lost device does not come back; "": nobody knows.
-  bool take(uint64_t& next, const fs_device_info& device, double pose_age, const std::string& trouble, fs_event& out) const;
+  // Gives the event with number `next`, or if it was overwritten an overflow event that counts the lost ones and has the time of
+  // the oldest that is kept, and advances `next`. Returns false when there is no such event yet.
+  struct Known {  // goes into the event and its text
+    const fs_device_info& device;
+    double pose_age, speed_limit;  // s, m/s, of the servo
+    std::string trouble;           // why the device fails, or does not come back; "": nobody knows
+  };
+  bool take(uint64_t& next, const Known& known, fs_event& out) const;
 
  private:
-  enum Reason : uint16_t { lost, not_ready, too_old };
+  enum Reason : uint16_t { unread, unsent, not_ready, too_old };
   struct Event {
     uint64_t number;
     double time;
@@ -49,7 +53,7 @@ class DeviceEvents {
     uint16_t flags;    // FS_STATE_ bits that say why the device is not ready
     double age;        // s, of the pose
   };
-  static constexpr uint64_t capacity = 64;
+  static constexpr uint64_t capacity = 1024;
 
   void leave(const Event& event) noexcept;
 

@@ -229,7 +229,7 @@ void fs_servo::tick(double now, double late) noexcept {
   follow_requests();
 
   fs_state hand;
-  fs_status status = device_->read(now, hand);
+  fs_status status = device_->read(now, hand);  // further down that of the write, if that alone fails
   // In virtual time the age of a real device's pose is unknown: its time is that of another clock.
   const bool has_age = clock() != ClockKind::virtual_time || device_->is_simulated();
   const double age = has_age ? now - hand.time : 0;
@@ -256,10 +256,10 @@ void fs_servo::tick(double now, double late) noexcept {
   write_status_ = model_stiffness > 0
                       ? device_->write_model(hand.pose, sent, local_model(guarded_response.stiffness, model_stiffness))
                       : device_->write(sent);
-  if (status == FS_OK) status = write_status_;
 
   channels_.publish(sent, guarded, tick_);
-  events_.note({now, status, hand.flags, age, guard_.faults()});
+  events_.note({now, status, write_status_, hand.flags, age, guard_.faults()});
+  if (status == FS_OK) status = write_status_;
 
   const double compute = steady_now() - begin;
   statistics_.note({tick_, now, late, compute, status != FS_OK, guarded != 0, response.error_bound > 0, guard_.faults(),
@@ -275,9 +275,8 @@ void fs_servo::add_record(uint64_t after, size_t most, std::vector<fs_recorded_t
 }
 
 bool fs_servo::take_event(uint64_t& next, fs_event& out) const {
-  if (!events_.take(next, device_->info(), loop_.values().pose_age, device_->trouble(), out)) return false;
-  if (out.kind == FS_EVENT_OVERFLOW) out.time = time();
-  return true;
+  if (next == events_.count()) return false;
+  return events_.take(next, {device_->info(), loop_.values().pose_age, settings_.limits.speed, device_->trouble()}, out);
 }
 
 void fs_servo::set_enabled(bool enabled) noexcept {

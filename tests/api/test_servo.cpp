@@ -180,6 +180,31 @@ static void expect_no_event(fs_scene* scene) {
   ck_assert_int_eq(event.kind, FS_EVENT_NONE);
 }
 
+// An overflow counts what was dropped, and comes before what was kept.
+START_TEST(events_that_nobody_fetches) {
+  Rig rig("flickers");
+  uint64_t reads = 0;
+  rig.fake.on_read = [&](FakeDevice& fake, double) { fake.state.flags = ++reads % 2 ? FS_STATE_READY : FS_STATE_STOPPED; };
+  rig.start(plain());
+  const size_t many = 3000;
+  for (size_t i = 0; i < many; ++i) fs_servo_step(rig.servo.get(), 1);
+  size_t fetched = 0, dropped = 0;
+  double last = -1;
+  for (fs_event event; fs_scene_next_event(rig.scene.get(), 0, &event) == FS_OK && event.kind != FS_EVENT_NONE;) {
+    if (event.kind == FS_EVENT_OVERFLOW) {
+      ck_assert_msg(fetched == 0, "events were dropped after %zu", fetched);
+      dropped += static_cast<size_t>(event.value);
+      continue;
+    }
+    ck_assert_double_gt(event.time, last);
+    last = event.time;
+    ++fetched;
+  }
+  ck_assert_uint_ge(fetched, 1000);  // 1024 are kept, in the servo and in the scene, that tells how many were dropped
+  ck_assert_uint_eq(fetched + dropped, many);
+}
+END_TEST
+
 START_TEST(an_old_pose_is_no_pose) {  // older than 20 ms and the device's delay, at most 100 ms
   const struct {
     double delay, good, bad;  // s
@@ -235,7 +260,7 @@ START_TEST(told_again) {
   OK(fs_servo_set_enabled(rig.servo.get(), true));
   rig.fake.on_read = [](FakeDevice& fake, double) { fake.state.pose.position.x = NAN; };  // both at once
   fs_servo_step(rig.servo.get(), 1);
-  expect_event(scene, FS_ERROR_STATE, FS_FAULT_SPEED | FS_FAULT_NUMBER, "speed_limit; a pose");
+  expect_event(scene, FS_ERROR_STATE, FS_FAULT_SPEED | FS_FAULT_NUMBER, "speed_limit, 2 m/s; a pose");
   rig.fake.on_read = nullptr;
   rig.fake.state.pose.position.x = 0;
   rig.fake.state.flags = 0;
@@ -716,6 +741,10 @@ START_TEST(device_by_hand) {  // scaled into the maxima
   ck_assert_double_le(norm(fake.written.torque), 1 + 1e-12);
   wrench.force.x = NAN;
   EXPECT_SENTENCE(FS_ERROR_INVALID, fs_device_write(device.get(), &wrench), "wrench.force.x is nan, must be finite");
+  fake.state.pose.position.x = NAN;
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_device_read(device.get(), &state), "a pose or twist that is not finite");
+  EXPECT_VECTOR(state.pose.position, (fs_vec3{1, 2, 3}), 0);  // it stays as it was
+  fake.state.pose.position.x = 1;
   fake.read_status = FS_ERROR_DISCONNECTED;
   EXPECT(FS_ERROR_DISCONNECTED, fs_device_read(device.get(), &state));
   fake.write_status = FS_ERROR_IO;
@@ -952,7 +981,7 @@ int main() {
   if (seeks_races) return run_suite(suite);
   add_case(suite, "force", {ramps_at_the_start, no_ramp, too_strong, limits_of_ones_own, axes_that_are_not_there,
                             enabled_or_not, frames});
-  add_case(suite, "faults", {zero_until_ready, a_lost_device_comes_back, a_gap_without_the_hand, an_old_pose_is_no_pose, told_again,
+  add_case(suite, "faults", {zero_until_ready, a_lost_device_comes_back, a_gap_without_the_hand, events_that_nobody_fetches, an_old_pose_is_no_pose, told_again,
                              too_fast, not_a_number, a_jump_while_away_is_no_speed, speeds_are_worked_out});
   add_case(suite, "record", {the_record, the_record_of_a_scene, stats, rate_of_the_device});
   add_case(suite, "ownership", {bad_options, one_servo_each, device_by_hand,
