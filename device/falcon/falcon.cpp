@@ -1,7 +1,5 @@
 #include "device/falcon/falcon.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -22,6 +20,11 @@ constexpr double silent_after = 1;         // s without a report: the device is 
 constexpr double take_within = 0.003;      // s, for the command before
 constexpr int reports_to_settle = 20;      // good ones, before the position is believed
 constexpr double homing_at_least = 0.2;    // s, until the bits of a homing that was asked for are believed
+constexpr double longest_step = 0.02;      // s, from report to report: in a longer one the hand may have gone anywhere
+
+// About 7 m/s at the handle, and what a coarse clock adds. A count is 0.6 mrad of an arm, about 0.04 mm; stuck is who stands still
+// while another arm turns by 15 degrees.
+constexpr EncoderWatch::Limits encoder_limits{2e5, 32, 411};
 
 // The Falcon's z points to who sits before it, and its y up; in the device frame y points away from him, and z up.
 Vec3 to_device(Vec3 v) { return {v.x, -v.z, v.y}; }
@@ -50,9 +53,9 @@ int lights_of(const std::string& text) {
 
 }  // namespace
 
-Falcon::Falcon(const char* text) : usb_(falcon_kind, Address(text, {"firmware", "motor"}).place(), 0) {
-  const Address address(text, {"firmware", "motor"});
-  motor_constant_ = address.number("motor", 1e3, 1e5).value_or(motor_constant);
+Falcon::Falcon(const Address& address)
+    : motor_constant_(address.number("motor", 1e3, 1e5).value_or(motor_constant)), usb_(falcon_kind, address.place(), 0),
+      watch_(encoder_limits) {
   force_max_ = std::floor(10 * largest_command / motor_constant_ / longest_lever()) / 10;
   set_up(usb_);
   has_answered_ = has_firmware(usb_);
@@ -79,11 +82,10 @@ void Falcon::start_pipes() {
   reports_.clear();
   report_time_ = steady_now();
   doubt(FS_STATE_CONNECTING);
-  watch_.reset();
+  watch_.forget();
   verdict_ = EncoderWatch::good;
   pose_ = std::nullopt;
   is_waiting_ = has_sent_twice_ = false;
-  link_.forget();
   const UsbEndpoints endpoints{endpoint_in, endpoint_out, usb_packet, packet_size, false};
   pipes_.emplace(usb_, endpoints, take, this);
 }
@@ -143,6 +145,7 @@ fs_status Falcon::receive(fs_state& out) noexcept {
   }
   out.pose.position = position_;  // the last that is known
   fs_status status = await_report(report_within, told_);
+  const bool is_answer = is_waiting_ && !has_sent_twice_;  // with two on their way nobody knows which is answered
   if (status == FS_OK && std::exchange(has_sent_twice_, false)) {
     // Either the first command was lost, or its report is late; then that of the second comes, too, and commands would queue for good.
     uint64_t before;
@@ -152,12 +155,12 @@ fs_status Falcon::receive(fs_state& out) noexcept {
   const double time = steady_now();
   if (status == FS_ERROR_DISCONNECTED) {
     is_ready_ = false;
-    return status;
+    return fs_fail(status, "the Falcon was unplugged");
   }
   if (status == FS_OK) {
     told_ = count_;
     is_waiting_ = false;
-    link_.came(time);
+    if (is_answer) meter_.note_delay(time - sent_at_);
     has_answered_ = true;
     judge(time, out);
     report_time_ = time;
@@ -175,9 +178,11 @@ fs_status Falcon::without_report(fs_status status, double time, fs_state& out) n
     out.flags = FS_STATE_FIRMWARE_MISSING;
     return FS_OK;
   }
-  if (silence > silent_after) return FS_ERROR_DISCONNECTED;
-  if (status != FS_ERROR_TIMEOUT || silence < stale_after) return status;
-  doubt(out.flags = FS_STATE_CONNECTING);
+  if (silence > silent_after) return fs_fail(FS_ERROR_DISCONNECTED, "the Falcon does not answer");
+  if (status != FS_ERROR_TIMEOUT) return fs_fail(status, "the USB has failed, or what came is no report");
+  if (silence < stale_after) return status;
+  out.flags = FS_STATE_CONNECTING;
+  doubt(FS_STATE_CONNECTING);
   return FS_OK;
 }
 
@@ -191,18 +196,21 @@ void Falcon::judge(double time, fs_state& out) noexcept {
   if (is_homing_ && is_homed(newest_) && time - homing_since_ > homing_at_least) {
     is_homing_ = false;
     doubt(FS_STATE_NOT_HOMED);
-    watch_.reset();
+    watch_.forget();
   }
   if (is_homing_ || !is_homed(newest_)) {  // the origin jumps when it is homed
-    doubt(out.flags = FS_STATE_NOT_HOMED);
-    watch_.reset();
+    out.flags = FS_STATE_NOT_HOMED;
+    doubt(FS_STATE_NOT_HOMED);
+    watch_.forget();
     verdict_ = EncoderWatch::good;
     pose_ = std::nullopt;
     return;
   }
-  verdict_ = watch_.update(newest_.encoders, time);
+  const auto& counts = newest_.encoders;
+  verdict_ = watch_.judge({counts[0], counts[1], counts[2]}, std::clamp(time - report_time_, 0.0, longest_step));
   if (verdict_ != EncoderWatch::good) {
-    doubt(out.flags = FS_STATE_NOT_HOMED);
+    out.flags = FS_STATE_NOT_HOMED;
+    doubt(FS_STATE_NOT_HOMED);
     return;
   }
   const Vec3 angles = angles_of(newest_.encoders);
@@ -210,7 +218,8 @@ void Falcon::judge(double time, fs_state& out) noexcept {
   if (!pose && pose_) pose = pose_at(angles);
   pose_ = pose;
   if (!pose_) {  // no position of the handle has these angles
-    doubt(out.flags = FS_STATE_NOT_HOMED);
+    out.flags = FS_STATE_NOT_HOMED;
+    doubt(FS_STATE_NOT_HOMED);
     return;
   }
   position_ = out.pose.position = to_device(pose_->position - centre);
@@ -241,16 +250,22 @@ fs_status Falcon::send(const fs_wrench& wrench) noexcept {
   const Packet packet = packet_of(command_for(wrench, time));
   const fs_status status = pipes_->send(packet.data(), packet.size(), take_within);
   if (status == FS_OK) {
-    link_.sent(time);
+    ++sent_;
+    sent_at_ = time;
     has_sent_twice_ = has_sent_twice_ || is_waiting_;
     is_waiting_ = true;
-  } else if (status != FS_ERROR_TIMEOUT) {
-    doubt(FS_STATE_CONNECTING);
+  } else {
+    if (status != FS_ERROR_TIMEOUT) doubt(FS_STATE_CONNECTING);
+    fs_fail(status, "the Falcon does not take its commands");
   }
   return status;
 }
 
-fs_status Falcon::get_link(fs_link& out) noexcept { return link_.get(out) ? FS_OK : FS_ERROR_UNSUPPORTED; }
+// Each command is answered by a report.
+fs_status Falcon::get_link(fs_link& out) noexcept {
+  const auto reports = static_cast<uint32_t>(count_);
+  return meter_.tell(steady_now(), {reports, sent_, reports}, out);
+}
 
 // ----------------------------------------------------------------------------------------------------------------- requests
 
@@ -323,8 +338,7 @@ void Falcon::tell() noexcept {
   now_.stray = reports_.stray();
   now_.usb = pipes_->counts();
   if (!has_answered_) now_.condition = "no firmware";
-  else if (verdict_ == EncoderWatch::jumped) now_.condition = "an encoder has jumped: home it";
-  else if (verdict_ == EncoderWatch::stuck) now_.condition = "an encoder stands still while the others move";
+  else if (verdict_ != EncoderWatch::good) now_.condition = EncoderWatch::words(verdict_);
   else if (is_homing_ || !is_homed(newest_)) now_.condition = "not homed";
   else now_.condition = is_ready_ ? "ready" : "not ready yet";
 }
@@ -342,21 +356,6 @@ std::string Falcon::status() {
       (report.bits >> 6) & 1, number(now_.reports), number(now_.stray), number(now_.usb.stalls), number(now_.usb.overlong),
       number(now_.usb.errors), number(now_.usb.lost));
   return text;
-}
-
-std::vector<fs_device_entry> list() {
-  std::vector<fs_device_entry> entries;
-  const std::vector<UsbFound> all = usb_devices(&falcon_kind);
-  for (size_t i = 0; i < all.size(); ++i) {
-    fs_device_entry entry{};
-    const std::string which = all[i].serial.empty() ? std::to_string(i) : all[i].serial;
-    const bool is_allowed = access(all[i].node.c_str(), R_OK | W_OK) == 0;
-    std::snprintf(entry.uri, sizeof entry.uri, "falcon:%s", which.c_str());
-    std::snprintf(entry.label, sizeof entry.label, "Novint Falcon %s%s", all[i].serial.c_str(),
-                  is_allowed ? "" : " (this user may not open it: 60-forceserver.rules)");
-    entries.push_back(entry);
-  }
-  return entries;
 }
 
 }  // namespace fs::falcon

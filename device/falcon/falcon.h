@@ -1,7 +1,7 @@
 // A Novint Falcon that is connected: what module.cpp makes a driver's table of. For each function see driver.h.
 //
 // A command is answered by a report, so one is sent for each report, and again when none has come for 5 ms. The driver's thread
-// calls receive and send; a request may take the device from it while firmware is loaded.
+// calls receive, send and get_link; a request may take the device from it while firmware is loaded.
 #pragma once
 
 #include <array>
@@ -9,13 +9,14 @@
 #include <mutex>
 #include <optional>
 #include <string>
-#include <vector>
 
 #include <forceserver/driver.h>
 
 #include "device/falcon/kinematics.h"
 #include "device/falcon/packet.h"
-#include "device/falcon/watch.h"
+#include "device/support/address.h"
+#include "device/support/encoder_watch.h"
+#include "device/support/link_meter.h"
 #include "device/support/usb.h"
 #include "device/support/usb_pipes.h"
 
@@ -23,7 +24,7 @@ namespace fs::falcon {
 
 class Falcon {
  public:
-  explicit Falcon(const char* address);  // "0?firmware=PATH"; throws a Refusal
+  explicit Falcon(const Address& address);  // "0?firmware=PATH"; throws a Refusal
   ~Falcon();                             // force 0, lights off
   Falcon(const Falcon&) = delete;
   Falcon& operator=(const Falcon&) = delete;
@@ -31,28 +32,10 @@ class Falcon {
   void get_info(fs_device_info& out) const;
   fs_status receive(fs_state& out) noexcept;
   fs_status send(const fs_wrench& wrench) noexcept;
-  fs_status get_link(fs_link& out) noexcept;     // any thread
+  fs_status get_link(fs_link& out) noexcept;
   std::string control(const std::string& text);  // any thread; throws a Refusal
 
  private:
-  // Round trips, of about the last second. The driver's thread writes, others read the figures.
-  class Link {
-   public:
-    void sent(double time) noexcept;
-    void came(double time) noexcept;
-    void forget() noexcept { waiting_ = 0; }  // what is on its way will not be waited for
-    bool get(fs_link& out) const noexcept;    // false: nothing has been measured yet
-
-   private:
-    void evaluate(double time) noexcept;
-
-    std::array<double, 1024> trips_{};  // s
-    size_t count_ = 0, sent_ = 0, reports_ = 0;
-    int waiting_ = 0;
-    double sent_at_ = 0, since_ = 0;  // s
-    std::atomic<double> delay_{0}, delay_p99_{0}, rate_{0}, loss_{0};
-  };
-
   void start_pipes();
   static void take(void* self, const uint8_t* data, size_t size) noexcept;
   fs_status await_report(double within, uint64_t known) noexcept;
@@ -64,7 +47,7 @@ class Falcon {
   std::string load(const std::string& path);
   std::string status();
 
-  double motor_constant_ = motor_constant;
+  const double motor_constant_;
   double force_max_ = 0;
   UsbDevice usb_;
   std::mutex mutex_;                     // of the device and of what follows, as far as it is not atomic
@@ -89,7 +72,9 @@ class Falcon {
   std::optional<Pose> pose_;             // of the newest report
   Vec3 position_{};                      // m, device frame, the last that was known
   bool is_ready_ = false;
-  Link link_;
+  LinkMeter meter_;
+  uint32_t sent_ = 0;                    // commands
+  double sent_at_ = 0;                   // s, the one that waits for its answer
 
   // What the request "status" tells, as of the newest report or fault.
   struct Told {
@@ -101,7 +86,5 @@ class Falcon {
   std::mutex told_mutex_;  // receive never waits for it
   Told now_;
 };
-
-std::vector<fs_device_entry> list();
 
 }  // namespace fs::falcon

@@ -1,7 +1,5 @@
 #include "device/falcon/firmware.h"
 
-#include <time.h>
-
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
@@ -10,6 +8,7 @@
 #include <vector>
 
 #include "device/falcon/packet.h"
+#include "device/support/clock.h"
 #include "device/support/refusal.h"
 
 namespace fs::falcon {
@@ -33,12 +32,6 @@ enum : uint16_t {
 
 constexpr int most_tries = 3;
 constexpr size_t largest_image = 1 << 20;  // bytes
-
-double steady_now() {
-  timespec time{};
-  clock_gettime(CLOCK_MONOTONIC, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
 
 void request(UsbDevice& device, uint8_t request, uint16_t value) { device.control(0x40, request, value, 0); }
 

@@ -7,7 +7,7 @@ namespace {
 
 // m. a: arm on the base; b: forearm; c, r, s: where it meets platform and base; d, e: offsets at the ends of a forearm; f: sideways.
 constexpr double a = 0.060, b = 0.1025, c = 0.01443, d = 0.01125, e = 0.01125, f = -0.025, r = 0.0400, s = -0.02309;
-constexpr double degree = 3.14159265358979323846 / 180;
+constexpr double degree = std::numbers::pi / 180;
 constexpr double legs[3] = {105 * degree, -15 * degree, -135 * degree};
 
 struct Leg {

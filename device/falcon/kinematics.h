@@ -7,14 +7,15 @@
 
 #include <array>
 #include <cstdint>
+#include <numbers>
 #include <optional>
 
 #include "math/vec3.h"
 
 namespace fs::falcon {
 
-inline constexpr double radians_per_count = 0.036435 * 3.14159265358979323846 / 180;
-inline constexpr double angle_at_zero = 35 * 3.14159265358979323846 / 180;  // rad, of an arm whose encoder is at 0
+inline constexpr double radians_per_count = 0.036435 * std::numbers::pi / 180;
+inline constexpr double angle_at_zero = 35 * std::numbers::pi / 180;  // rad, of an arm whose encoder is at 0
 inline constexpr Vec3 centre{0, 0, 0.125};  // m, of the workspace
 // m: a cylinder about y, through the centre. All of it can be reached.
 inline constexpr double workspace_radius = 0.040, workspace_height = 0.080;

@@ -3,6 +3,7 @@
 #include <string>
 
 #include "device/falcon/falcon.h"
+#include "device/falcon/firmware.h"
 #include "device/support/refusal.h"
 
 namespace fs::falcon {
@@ -11,15 +12,11 @@ namespace {
 Falcon& falcon(void* self) { return *static_cast<Falcon*>(self); }
 
 fs_status list_devices(fs_device_entry* out, size_t capacity, size_t* count) {
-  return answer_of([&] {
-    const std::vector<fs_device_entry> entries = list();
-    *count = entries.size();
-    std::copy_n(entries.begin(), std::min(capacity, entries.size()), out);
-  });
+  return answer_of([&] { usb_entries(falcon_kind, "falcon:", out, capacity, count); });
 }
 
 fs_status open(const char* address, void** self) {
-  return answer_of([&] { *self = new Falcon(address); });
+  return answer_of([&] { *self = new Falcon(Address(address, {"firmware", "motor"})); });
 }
 
 void close(void* self) { delete &falcon(self); }

@@ -10,10 +10,8 @@ double encoded(double angle, double counts, double phase) {
   return (std::round(angle / count + phase) - phase) * count;
 }
 
-double largest(Vec3 v) { return std::max({std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)}); }
-
 Vec3 scaled_together(Vec3 torques, double limit) {
-  const double most = largest(torques);
+  const double most = largest_coordinate(torques);
   return most > limit ? (limit / most) * torques : torques;
 }
 
@@ -25,7 +23,7 @@ Vec3 motor_force(Vec3 force, Vec3 p) {
   if (!jacobian) return {0, 0, 0};  // cannot happen within the stops
   const Vec3 unit = normalized(force);
   const Vec3 torque = joint_torques(jacobian->jacobian, unit);  // N m for 1 N
-  return std::min(norm(force), motor_torque_max / largest(torque)) * unit;
+  return std::min(norm(force), motor_torque_max / largest_coordinate(torque)) * unit;
 }
 
 Mat3 rotation_jacobian(Vec3 r) {

@@ -2,7 +2,7 @@
 // kinematics, for the simulator and for the driver of a real one. "Paper": published there. "Assumed": not published, but
 // plausible for a device of this size.
 //
-// Frames. The device's: origin in the centre of the work volume, x to the right, y away from the user, z up. The base hangs
+// Frames. The device's: origin in the centre of the workspace, x to the right, y away from the user, z up. The base hangs
 // above; so the frame of the DELTA (delta.h) is a half turn about x away from it.
 // The wrist's three angles are the parts of the rotation vector of the handle, in the device's frame.
 #pragma once
@@ -58,8 +58,6 @@ constexpr double count_angle(double counts) { return 2 * std::numbers::pi / coun
 // The angle (rad) that an encoder gives for `angle`: the nearest whole count; phase: where its counts begin, of a count.
 double encoded(double angle, double counts, double phase);
 
-// The largest of three sizes.
-double largest(Vec3 v);
 // The torques, all three made smaller by one factor where one of them is above the limit; so the direction is kept.
 Vec3 scaled_together(Vec3 torques, double limit);
 

@@ -22,6 +22,7 @@ namespace {
 #endif
 
 constexpr char rule_file[] = "60-forceserver.rules";
+constexpr double control_within = 1;  // s
 
 // At least 1: 0 would be for ever.
 unsigned milliseconds(double time) { return std::max(1u, static_cast<unsigned>(time * 1e3 + 0.5)); }
@@ -124,6 +125,20 @@ std::vector<UsbFound> usb_devices(const UsbKind* kind) {
   return found_in(context, kind);
 }
 
+void usb_entries(const UsbKind& kind, const char* scheme, fs_device_entry* out, size_t capacity, size_t* count) {
+  const std::vector<UsbFound> found = usb_devices(&kind);
+  *count = found.size();
+  for (size_t i = 0; i < std::min(capacity, found.size()); ++i) {
+    const UsbFound& each = found[i];
+    const bool is_allowed = access(each.node.c_str(), R_OK | W_OK) == 0;
+    out[i] = {};
+    std::snprintf(out[i].uri, sizeof out[i].uri, "%s%s", scheme,
+                  each.serial.empty() ? std::to_string(i).c_str() : each.serial.c_str());
+    std::snprintf(out[i].label, sizeof out[i].label, "%s%s%s%s", kind.name, each.serial.empty() ? "" : ", serial number ",
+                  each.serial.c_str(), is_allowed ? "" : " (this user may not open it: 60-forceserver.rules)");
+  }
+}
+
 const UsbFound& usb_choice(const UsbKind& kind, const std::vector<UsbFound>& found, const std::string& which) {
   if (found.empty()) {
     refuse(FS_ERROR_NOT_FOUND, "no %s (%s%s%s) is on the USB; %s", kind.name, id_text(kind.vendor, kind.product).c_str(),
@@ -175,7 +190,9 @@ UsbDevice::UsbDevice(const UsbKind& kind, const std::string& which, int interfac
   if (const int error = libusb_init(&context_); error != LIBUSB_SUCCESS) {
     context_ = nullptr;
     refuse(FS_ERROR_NOT_FOUND,
-           "no %s can be found: this machine or container has no USB, as /dev/bus/usb is not there (libusb: %s)", kind.name,
+           "no %s can be found: %s (libusb: %s)", kind.name,
+           access("/dev/bus/usb", F_OK) == 0 ? "the USB of this machine cannot be used"
+                                             : "this machine or container has no USB, as /dev/bus/usb is not there",
            libusb_error_name(error));
   }
   try {
@@ -234,19 +251,15 @@ void UsbDevice::fail(int error, const char* what) const {
   }
 }
 
-void UsbDevice::control(uint8_t type, uint8_t request, uint16_t value, uint16_t index, std::span<const uint8_t> data,
-                        double within) {
-  std::vector<uint8_t> copy(data.begin(), data.end());
-  const int count = libusb_control_transfer(handle_, type, request, value, index, copy.data(), static_cast<uint16_t>(copy.size()),
-                                            milliseconds(within));
+void UsbDevice::control(uint8_t type, uint8_t request, uint16_t value, uint16_t index) {
+  const int count = libusb_control_transfer(handle_, type, request, value, index, nullptr, 0, milliseconds(control_within));
   if (count < 0) fail(count, "setting it up");
 }
 
-std::vector<uint8_t> UsbDevice::control_answer(uint8_t type, uint8_t request, uint16_t value, uint16_t index, size_t size,
-                                               double within) {
+std::vector<uint8_t> UsbDevice::control_answer(uint8_t type, uint8_t request, uint16_t value, uint16_t index, size_t size) {
   std::vector<uint8_t> answer(size);
   const int count = libusb_control_transfer(handle_, static_cast<uint8_t>(type | LIBUSB_ENDPOINT_IN), request, value, index,
-                                            answer.data(), static_cast<uint16_t>(size), milliseconds(within));
+                                            answer.data(), static_cast<uint16_t>(size), milliseconds(control_within));
   if (count < 0) fail(count, "asking it");
   answer.resize(static_cast<size_t>(count));
   return answer;

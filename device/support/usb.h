@@ -14,6 +14,8 @@
 #include <string>
 #include <vector>
 
+#include <forceserver/device.h>
+
 struct libusb_context;
 struct libusb_device_handle;
 
@@ -37,6 +39,9 @@ struct UsbFound {
 // Those of a kind, in the order of their places; a null pointer: all. Needs no permission. Without any USB: none.
 std::vector<UsbFound> usb_devices(const UsbKind* kind);
 
+// The same as fs_driver.list gives them, with URIs of this scheme ("falcon:") and their serial numbers.
+void usb_entries(const UsbKind& kind, const char* scheme, fs_device_entry* out, size_t capacity, size_t* count);
+
 // The one of `found` that is meant by "0", "1", .. (the order of the list) or by a serial number; a serial number comes first.
 const UsbFound& usb_choice(const UsbKind& kind, const std::vector<UsbFound>& found, const std::string& which);
 
@@ -55,11 +60,9 @@ class UsbDevice {
 
   const UsbFound& found() const noexcept { return found_; }
 
-  // A control transfer to the device, or from it; then the answer, of at most `size` bytes. Each waits `within` s at most.
-  void control(uint8_t type, uint8_t request, uint16_t value, uint16_t index, std::span<const uint8_t> data = {},
-               double within = 1);
-  std::vector<uint8_t> control_answer(uint8_t type, uint8_t request, uint16_t value, uint16_t index, size_t size,
-                                      double within = 1);
+  // A control transfer to the device, without data, or from it; then the answer, of at most `size` bytes. Each waits 1 s at most.
+  void control(uint8_t type, uint8_t request, uint16_t value, uint16_t index);
+  std::vector<uint8_t> control_answer(uint8_t type, uint8_t request, uint16_t value, uint16_t index, size_t size);
 
   // A bulk transfer that is waited for, for what precedes a stream. write sends all. read gives what one transfer brought, which
   // is nothing when nothing came within the time (s).

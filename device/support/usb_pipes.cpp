@@ -179,9 +179,7 @@ fs_status UsbPipes::receive(double within) noexcept {
     }
     if (steady_now() >= until) return FS_ERROR_TIMEOUT;
     if (!slots_[0].is_in_flight && !slots_[1].is_in_flight) {  // nothing can come until they are mended
-      const double pause = std::min(until, mended_ + mend_after) - steady_now();
-      const timespec time{0, static_cast<long>(1e9 * std::clamp(pause, 0.0, mend_after))};
-      nanosleep(&time, nullptr);
+      pause(std::clamp(std::min(until, mended_ + mend_after) - steady_now(), 0.0, mend_after));
     }
   }
 }

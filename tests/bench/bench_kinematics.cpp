@@ -1,4 +1,4 @@
-// What the kinematics of FIDEL cost, and how exact they are, over its work volume. Prints a table; README.md has one.
+// What the kinematics of FIDEL cost, and how exact they are, over its workspace. Prints a table; README.md has one.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -72,5 +72,5 @@ int main() {
               }));
   double error = 0;
   for (const Place& p : all) error = std::max(error, fs::norm(*fs::delta_forward(g, p.angles) - p.position));
-  std::printf("\nThe largest |FK(IK(x)) - x| at %zu places of the work volume: %.2g m.\n", all.size(), error);
+  std::printf("\nThe largest |FK(IK(x)) - x| at %zu places of the workspace: %.2g m.\n", all.size(), error);
 }

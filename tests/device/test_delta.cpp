@@ -13,7 +13,7 @@ namespace {
 
 const DeltaGeometry& g = fidel::geometry;
 
-// Calls visit(position) for a grid of 5 mm over the work volume with a margin all round, frame of the DELTA.
+// Calls visit(position) for a grid of 5 mm over the workspace with a margin all round, frame of the DELTA.
 template <class Visit>
 void visit_volume(double margin, Visit visit) {
   const double radius = fidel::workspace_radius + margin, height = fidel::workspace_height / 2 + margin, step = 0.005;

@@ -1,4 +1,4 @@
-// The parts of the driver falcon that need no device: packets, kinematics, and the watch over the encoders.
+// The parts of the driver falcon that need no device: packets, kinematics, motors.
 #include <signal.h>
 #include <stdlib.h>
 #include <sys/wait.h>
@@ -16,13 +16,14 @@
 
 #include "device/falcon/kinematics.h"
 #include "device/falcon/packet.h"
-#include "device/falcon/watch.h"
 #include "device/support/usb.h"
 
 using namespace fs;
 using namespace fs::falcon;
 
 namespace {
+
+using Counts = std::array<int16_t, 3>;
 
 Packet bytes_of(const char* text) {  // "3c 50 .."
   Packet packet{};
@@ -177,37 +178,6 @@ START_TEST(motors_are_scaled_together) {
 }
 END_TEST
 
-START_TEST(encoders_are_watched) {
-  EncoderWatch watch;
-  double time = 5;
-  const auto next = [&](Counts counts, double after = 1e-3) { return watch.update(counts, time += after); };
-  ck_assert(next({100, 200, 300}) == EncoderWatch::good);
-  ck_assert(next({300, 0, 300}) == EncoderWatch::good);  // 7 m/s
-  ck_assert(next({300, 300, 300}) == EncoderWatch::jumped);
-  ck_assert(next({300, 10, 310}) == EncoderWatch::good);  // one report was wrong
-  // It does not come back: no position is believed any more.
-  for (int i = 0; i < 200; ++i) ck_assert(next({300, 10, 1000}) == EncoderWatch::jumped);
-  ck_assert(next({300, 10, 310}) == EncoderWatch::jumped);
-  watch.reset();
-  ck_assert(next({300, 10, 1000}) == EncoderWatch::good);
-  // A gap excuses a longer way.
-  ck_assert(next({900, 10, 1000}, 3e-3) == EncoderWatch::good);
-  ck_assert(next({1600, 10, 1000}, 3e-3) == EncoderWatch::jumped);
-  ck_assert(next({900, 10, 1000}) == EncoderWatch::good);
-  ck_assert(next({-1500, 900, 0}, 0.05) == EncoderWatch::good);
-
-  watch.reset();
-  int16_t count = 0;
-  for (int i = 0; i < 40; ++i, count += 10) ck_assert(next({count, 50, static_cast<int16_t>(-count)}) == EncoderWatch::good);
-  for (int i = 0; i < 3; ++i, count += 10) next({count, 50, static_cast<int16_t>(-count)});
-  ck_assert(next({count, 50, static_cast<int16_t>(-count)}) == EncoderWatch::stuck);
-  ck_assert(next({count, 51, static_cast<int16_t>(-count)}) == EncoderWatch::good);
-  // A handle at rest, whose counts flicker, is not stuck.
-  watch.reset();
-  for (int i = 0; i < 100000; ++i) ck_assert(next({static_cast<int16_t>(i & 1), 50, static_cast<int16_t>(i >> 1 & 1)}) == EncoderWatch::good);
-}
-END_TEST
-
 START_TEST(who_has_a_file_open) {
   char path[] = "/tmp/forceserver-test-XXXXXX";
   const int file = mkstemp(path);
@@ -240,7 +210,6 @@ int main() {
   tcase_add_test(tests, round_trips_over_the_workspace);
   tcase_add_test(tests, the_jacobian_equals_differences);
   tcase_add_test(tests, motors_are_scaled_together);
-  tcase_add_test(tests, encoders_are_watched);
   tcase_add_test(tests, who_has_a_file_open);
   suite_add_tcase(suite, tests);
   SRunner* runner = srunner_create(suite);

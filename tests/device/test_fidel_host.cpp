@@ -4,13 +4,15 @@
 #include <random>
 
 #include "device/fidel/usb/calibration.h"
-#include "device/fidel/usb/encoder_watch.h"
-#include "device/fidel/usb/link_meter.h"
+#include "device/fidel/usb/device_clock.h"
+#include "device/support/encoder_watch.h"
+#include "device/support/link_meter.h"
 #include "device/support/refusal.h"
 #include "device/usb/fidel_packets.h"
 #include "scenes/folder.h"
 
 using namespace scenes;
+using fs::EncoderWatch, fs::LinkMeter;
 
 namespace {
 
@@ -72,35 +74,38 @@ START_TEST(forces_are_what_was_wanted) {
 END_TEST
 
 START_TEST(encoders_are_watched) {
-  EncoderWatch watch(80000, 12);
+  EncoderWatch watch({190985, 16, 1111});  // a joint with 80000 counts a revolution, at 15 rad/s
   const auto judge = [&](int32_t a, int32_t b, int32_t c) { return watch.judge({a, b, c}, 1e-3); };
-  ck_assert_int_eq(judge(0, 0, 0), EncoderWatch::plausible);
-  ck_assert_int_eq(judge(190, -190, 100), EncoderWatch::plausible);  // 14.9 rad/s
+  ck_assert_int_eq(judge(0, 0, 0), EncoderWatch::good);
+  ck_assert_int_eq(judge(190, -190, 100), EncoderWatch::good);  // 14.9 rad/s
   ck_assert_int_eq(judge(800, -200, 100), EncoderWatch::jumped);
   for (int i = 0; i < 1000; ++i) ck_assert_int_eq(judge(800, -200, 100), EncoderWatch::jumped);  // for as long as it lasts
   for (int i = 1; i <= 150; ++i)
     ck_assert_int_eq(judge(800 - 10 * i, -200 + 5 * i, 100 + i), EncoderWatch::jumped);  // the hand goes on
   for (int i = 0; i < 10; ++i) ck_assert_int_eq(judge(-1300, 550, 250), EncoderWatch::jumped);  // back by 600
-  ck_assert_int_eq(judge(-1300, 550, 250), EncoderWatch::plausible);
+  ck_assert_int_eq(judge(-1300, 550, 250), EncoderWatch::good);
   for (int i = 0; i < 100; ++i)
-    ck_assert_int_eq(judge(-1300 + 5000 * (i % 7), 550, 250), i ? EncoderWatch::jumped : EncoderWatch::plausible);
+    ck_assert_int_eq(judge(-1300 + 5000 * (i % 7), 550, 250), i ? EncoderWatch::jumped : EncoderWatch::good);
   watch.forget();
-  ck_assert_int_eq(judge(-1300, 550, 250), EncoderWatch::plausible);
-  ck_assert_int_eq(watch.judge({30000, 15000, -20000}, 1.0), EncoderWatch::plausible);  // a second without reports
+  ck_assert_int_eq(judge(-1300, 550, 250), EncoderWatch::good);
+  ck_assert_int_eq(watch.judge({30000, 15000, -20000}, 1.0), EncoderWatch::good);  // a second without reports
   watch.forget();
-  ck_assert_int_eq(judge(-70000, 5, 5), EncoderWatch::plausible);
+  ck_assert_int_eq(judge(-70000, 5, 5), EncoderWatch::good);
+  // A jump that is hardly one stays a jump: nothing has jumped back.
+  ck_assert_int_eq(judge(-70300, 5, 5), EncoderWatch::jumped);
+  for (int i = 0; i < 100; ++i) ck_assert_int_eq(judge(-70300, 5, 5), EncoderWatch::jumped);
 
   // Stuck: the others move by 5 degrees, which is 1111 counts.
   watch.forget();
-  EncoderWatch::Verdict verdict = EncoderWatch::plausible;
+  EncoderWatch::Verdict verdict = EncoderWatch::good;
   int moved = 0;
-  for (; verdict == EncoderWatch::plausible && moved < 3000; moved += 20) verdict = judge(100, moved, -moved);
+  for (; verdict == EncoderWatch::good && moved < 3000; moved += 20) verdict = judge(100, moved, -moved);
   ck_assert_int_eq(verdict, EncoderWatch::stuck);
   ck_assert_int_ge(moved, 1100);
   ck_assert_int_le(moved, 1200);
   ck_assert_int_eq(judge(101, moved, -moved), EncoderWatch::stuck);
   watch.forget();
-  ck_assert_int_eq(judge(101, moved, -moved), EncoderWatch::plausible);
+  ck_assert_int_eq(judge(101, moved, -moved), EncoderWatch::good);
 
   // A hand at its slowest and at rest, and joints that turn back.
   FidelModel model;
@@ -109,7 +114,7 @@ START_TEST(encoders_are_watched) {
   for (int i = 0; i < 5000; ++i) {
     if (i == 2500) model.body().shakes = false;
     model.run(0.001);
-    ck_assert_int_eq(watch.judge(report_of(model).joints, 1e-3), EncoderWatch::plausible);
+    ck_assert_int_eq(watch.judge(report_of(model).joints, 1e-3), EncoderWatch::good);
   }
 }
 END_TEST
@@ -179,25 +184,38 @@ END_TEST
 
 START_TEST(the_link_is_measured) {
   LinkMeter meter;
+  LinkMeter::Totals totals;
   fs_link link{};
-  ck_assert_int_eq(meter.get(link), FS_ERROR_UNSUPPORTED);
-  // 400 us there, 300 us back, and the device takes 200 us to make a report. Each tenth report is lost.
-  for (int i = 1; i <= 3000; ++i) {
-    const double now = 100 + 1e-3 * i;
-    Report report{};
-    report.number = static_cast<uint16_t>(i);
-    report.command = static_cast<uint16_t>(i);
-    report.command_age = 200;
-    meter.sent(static_cast<uint16_t>(i), now);
-    if (i % 10) meter.came(report, i % 10 == 1 && i > 1, now + 9e-4);
-  }
-  ck_assert_int_eq(meter.get(link), FS_OK);
-  EXPECT_NEAR(link.delay, 7e-4, 1e-5);
-  EXPECT_NEAR(link.delay_p99, 7e-4, 1e-5);
-  EXPECT_NEAR(link.rate, 900, 5);
-  EXPECT_NEAR(link.loss, 0.1, 0.01);
-  ck_assert_uint_eq(meter.lost(), 299);
+  link.struct_size = sizeof link;
+  ck_assert_int_eq(meter.tell(100, totals, link), FS_ERROR_UNSUPPORTED);
+  // Each fifth of 500 states a second is lost, and each tenth command; in each second two delays are long. The counts go round.
+  const auto run = [&](double begin, double end) {
+    totals.sent += 0xfffff000u;
+    totals.came += 0xfffff000u;
+    for (int i = 1; begin + 2e-3 * i < end; ++i) {
+      totals.sent += 2;
+      totals.states += i % 5 != 0;
+      totals.came += (i % 5 != 0) + (i % 10 != 0);
+      meter.note_delay(i % 50 ? 0.01 : 0.03);
+      if (i % 20 == 0) meter.tell(begin + 2e-3 * i, totals, link);
+    }
+  };
+  run(100, 104);
+  ck_assert_uint_eq(link.struct_size, sizeof link);
+  EXPECT_NEAR(link.delay, 0.01, 1e-6);
+  EXPECT_NEAR(link.delay_p99, 0.03, 1e-6);
+  EXPECT_NEAR(link.rate, 400, 10);
+  EXPECT_NEAR(link.loss, 0.15, 0.01);
+  // What came before a pause counts no more: neither its rate nor its loss.
+  totals.sent += 100000;
+  ck_assert_int_eq(meter.tell(200, totals, link), FS_ERROR_UNSUPPORTED);
+  ck_assert_int_eq(meter.tell(200.04, {totals.states + 16, totals.sent + 20, totals.came + 20}, link), FS_OK);
+  EXPECT_NEAR(link.rate, 400, 1);
+  ck_assert_double_eq(link.loss, 0);
+}
+END_TEST
 
+START_TEST(the_device_clock_is_mapped) {
   // The device's clock runs 100 us/s fast and wraps; reports come 0.1 to 2 ms late.
   DeviceClock clock;
   std::mt19937 random(3);
@@ -221,6 +239,7 @@ END_TEST
 int main() {
   Suite* suite = suite_create("fidel_host");
   add_case(suite, "host",
-           {forces_are_what_was_wanted, encoders_are_watched, calibrations_are_found_and_kept, the_link_is_measured});
+           {forces_are_what_was_wanted, encoders_are_watched, calibrations_are_found_and_kept, the_link_is_measured,
+            the_device_clock_is_mapped});
   return run_suite(suite);
 }

@@ -5,7 +5,6 @@
 #include "api/support.h"
 #include "device/fidel/udp/arrivals.h"
 #include "device/fidel/udp/clock_map.h"
-#include "device/fidel/udp/link_meter.h"
 #include "device/fidel/udp/protocol.h"
 #include "scenes/random.h"
 
@@ -218,33 +217,10 @@ START_TEST(jumps_of_a_clock_are_found) {
 }
 END_TEST
 
-START_TEST(a_link_is_measured) {
-  LinkMeter meter;
-  fs_link link{};
-  link.struct_size = sizeof link;
-  ck_assert(!meter.tell(link));
-  uint32_t came = 0, commands_came = 0;
-  for (uint32_t i = 1; i <= 2000; ++i) {
-    const double time = 2e-3 * i;
-    if (i % 5) ++came, meter.note_state(time, i, came, i, commands_came);  // each fifth is lost
-    if (i % 10) ++commands_came;                                          // each tenth
-    meter.note_delay(i % 50 ? 0.01 : 0.03);
-    meter.publish(time);
-  }
-  ck_assert(meter.tell(link));
-  ck_assert_uint_eq(link.struct_size, sizeof link);
-  EXPECT_NEAR(link.delay, 0.01, 1e-6);
-  EXPECT_NEAR(link.delay_p99, 0.03, 1e-6);
-  EXPECT_NEAR(link.rate, 400, 10);
-  EXPECT_NEAR(link.loss, 0.15, 0.01);
-}
-END_TEST
-
 int main() {
   Suite* suite = suite_create("udp_parts");
   for (const TTest* test : {checksum_is_that_of_the_standard, bytes_are_where_the_page_says, what_is_written_is_read, large_numbers_are_clamped,
-                            damage_is_seen, each_is_counted_once, a_clock_is_mapped, jumps_of_a_clock_are_found,
-                            a_link_is_measured}) {
+                            damage_is_seen, each_is_counted_once, a_clock_is_mapped, jumps_of_a_clock_are_found}) {
     add_case(suite, test->name, {test});  // CK_RUN_CASE selects one
   }
   return run_suite(suite);

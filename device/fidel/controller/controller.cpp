@@ -13,11 +13,6 @@ namespace {
 
 constexpr int64_t period = static_cast<int64_t>(1e9 / Controller::rate);  // ns
 
-template <size_t n>
-void copy_text(char (&out)[n], const char* text) {
-  std::snprintf(out, n, "%s", text);
-}
-
 }  // namespace
 
 Controller::Controller(fs_device* device, Socket& socket, std::function<void(const std::string&)> say)

@@ -63,13 +63,19 @@ int main(int count, char** arguments) {
           "It renders the force or the local model that its host sends, a thousand times a second, and ends on Ctrl-C.");
   std::string place = "127.0.0.1:" + std::to_string(fs::udp::usual_port), uri = "sim:";
   app.add_option("--listen", place,
-                 "HOST:PORT to listen at; port 0: any that is free. Anybody who reaches it can move the device")
+                 "HOST:PORT to listen at, or a PORT of this machine alone; port 0: any that is free. Anybody who reaches it can "
+                 "move the device")
       ->capture_default_str();
   app.add_option("--device", uri, "the device behind it, such as 'sim:?hand=released'")->capture_default_str();
-  CLI11_PARSE(app, count, arguments);
+  try {
+    app.parse(count, arguments);
+  } catch (const CLI::ParseError& end) {  // also --help
+    return app.exit(end) == 0 ? 0 : 1;
+  }
   catch_signals();
   try {
-    run(place, uri);
+    const bool is_port = place.find_first_not_of("0123456789") == std::string::npos;
+    run(is_port ? "127.0.0.1:" + place : place, uri);
   } catch (const fs::Refusal& refusal) {
     std::fprintf(stderr, "fidel-controller: %s\n", refusal.text.c_str());
     return 1;

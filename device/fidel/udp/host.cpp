@@ -38,11 +38,6 @@ bool is_finite(const fs_model& m) {
   return fs::is_finite(m.x0) && fs::is_finite(m.f0) && fs::is_finite(m.dfdx) && fs::is_finite(m.dtdr);
 }
 
-template <size_t n>
-void copy_text(char (&out)[n], const char* text) {
-  std::snprintf(out, n, "%s", text);
-}
-
 }  // namespace
 
 HostOptions parse_host_options(const char* text) {
@@ -189,18 +184,17 @@ fs_status UdpConnection::receive(fs_state& out) noexcept {
   for (int after = 0;;) {
     Datagram datagram;
     const Socket::Heard heard = is_lost_ ? Socket::Heard::refused : socket_.receive(datagram);
-    if (heard == Socket::Heard::refused) return FS_ERROR_DISCONNECTED;
+    if (heard == Socket::Heard::refused) return fs_fail(FS_ERROR_DISCONNECTED, "nobody listens at the controller's address");
     const double time = steady_now();
     if (heard == Socket::Heard::something) {
       const Change change = take(datagram, out);
-      if (change == Change::lost) return FS_ERROR_DISCONNECTED;
+      if (change == Change::lost) return fs_fail(FS_ERROR_DISCONNECTED, "the controller has ended the connection");
       has_state |= change == Change::state;
       const bool is_enough = has_state && ++after > most_after;
       if (!is_enough && steady_now_ns() < deadline) continue;  // a newer one may be there already
     }
-    meter_.publish(time);
     if (has_state) return FS_OK;
-    if (time - heard_at_ > lost_after) return FS_ERROR_DISCONNECTED;
+    if (time - heard_at_ > lost_after) return fs_fail(FS_ERROR_DISCONNECTED, "nothing comes from the controller any more");
     if (steady_now_ns() >= deadline) return FS_ERROR_TIMEOUT;
     socket_.await(deadline);
   }
@@ -230,8 +224,13 @@ UdpConnection::Change UdpConnection::take(const Datagram& datagram, fs_state& ou
   return Change::none;
 }
 
-// False: one of the same number or a newer one has come before.
+// False: one of the same number or a newer one has come before, or it is nonsense.
 bool UdpConnection::take_state(const Header& header, const State& state, fs_state& out) noexcept {
+  constexpr uint64_t oldest = 1'000'000'000;  // ns: a pose is never sent so late, and not before its time
+  if (state.sent - state.time > oldest) {
+    ignore();
+    return false;
+  }
   if (states_.note(header.number) != Arrivals::newest) return false;
   const double came = steady_now();
   heard_at_ = came;
@@ -244,7 +243,7 @@ bool UdpConnection::take_state(const Header& header, const State& state, fs_stat
   out.time = clock_.to_host(state.time, came);
   newest_ = {header.number, state.time, out.time};
   seen_[header.number % seen_.size()] = newest_;
-  meter_.note_state(came, states_.newest_number(), states_.count(), state.command, state.came);
+  totals_ = {states_.count(), states_.newest_number() + state.command, states_.count() + state.came};
   told_offset_.store(clock_.offset(), std::memory_order_relaxed);
   told_round_trip_.store(clock_.round_trip(), std::memory_order_relaxed);
   told_jumps_.store(clock_.jumps(), std::memory_order_relaxed);
@@ -265,8 +264,8 @@ void UdpConnection::take_echo(const State& state, double came) noexcept {
 }
 
 fs_status UdpConnection::get_link(fs_link& out) noexcept {
-  if (!meter_.tell(out)) return FS_ERROR_UNSUPPORTED;
-  if (options_.renders_models) return FS_OK;
+  const fs_status status = meter_.tell(steady_now(), totals_, out);
+  if (status != FS_OK || options_.renders_models) return status;
   out.delay = std::min(10.0, out.delay + static_cast<double>(welcome_.controller_delay));
   out.delay_p99 = std::min(10.0, out.delay_p99 + static_cast<double>(welcome_.controller_delay));
   return FS_OK;

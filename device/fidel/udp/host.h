@@ -10,9 +10,9 @@
 #include "device/fidel/connection.h"
 #include "device/fidel/udp/arrivals.h"
 #include "device/fidel/udp/clock_map.h"
-#include "device/fidel/udp/link_meter.h"
 #include "device/fidel/udp/protocol.h"
 #include "device/fidel/udp/socket.h"
+#include "device/support/link_meter.h"
 
 namespace fs::udp {
 
@@ -72,6 +72,7 @@ class UdpConnection final : public FidelConnection {
   // The thread that receives and sends has these.
   ClockMap clock_;
   LinkMeter meter_;
+  LinkMeter::Totals totals_;
   Arrivals states_;
   std::array<Seen, 64> seen_{};
   Seen newest_;

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstdio>
 #include <limits>
 
 #include <forceserver/driver.h>
@@ -27,6 +28,12 @@ constexpr double connect_within = 1.5;
 constexpr double request_interval = 0.2;  // from one REQUEST to the next, until an ANSWER that is final comes
 constexpr double answer_within = 2;  // of silence the host takes a request for not answered
 constexpr double done_within = 30;  // a request is done, or the host gives up
+
+// The text, cut where it is longer.
+template <size_t n>
+void copy_text(char (&out)[n], const char* text) {
+  std::snprintf(out, n, "%s", text);
+}
 
 enum class Type : uint8_t { hello = 1, welcome, busy, state, command, model, request, answer, bye };
 enum class Reason : uint32_t { ends = 0, silent = 1, unknown_session = 2, controller_ends = 3, version = 4 };

@@ -8,7 +8,7 @@
 namespace fs::fidel_usb {
 namespace {
 
-constexpr double outside_margin = 0.03;  // m beyond the work volume: the stops, and an error before calibration
+constexpr double outside_margin = 0.03;  // m beyond the workspace: the stops, and an error before calibration
 constexpr double wrist_margin = 0.1;     // rad
 
 double within(uint32_t value, double unit, double low, double high, const char* what, const char* unit_name) {
@@ -30,7 +30,7 @@ Arm::Arm(const Identity& identity) {
   const auto length = [](uint32_t um, const char* what) { return within(um, 1e-6, 0.01, 1, what, "m"); };
   geometry_ = {length(identity.base_radius, "radius of the base"), length(identity.platform_radius, "radius of the platform"),
                length(identity.upper_arm, "upper arm"), length(identity.forearm, "forearm")};
-  depth_ = length(identity.centre_depth, "depth of the work volume");
+  depth_ = length(identity.centre_depth, "depth of the workspace");
   joint_count_ = fidel::count_angle(within(identity.joint_counts, 1, 1000, 16e6, "number of counts of a joint", "a revolution"));
   wrist_count_ = 0;
   if (identity.wrist_counts != 0) {
@@ -40,23 +40,25 @@ Arm::Arm(const Identity& identity) {
   joint_limit_ = within(identity.joint_torque, 1e-6, 0.01, 100, "largest torque of a joint", "N m");
   wrist_limit_ = within(identity.wrist_torque, 1e-6, 0, 10, "largest torque of the wrist", "N m");
   within(identity.joint_speed, 1e-3, 0.1, 100, "largest speed of a joint", "rad/s");
-  force_max_ = std::min(fidel::force_max, weakest_force());
+  lever_ = longest_lever();
+  force_max_ = std::min(fidel::force_max, joint_limit_ / lever_);
 }
 
 const char* Arm::words(Place place) noexcept {
   switch (place) {
     case good: return "the handle is where it can be";
     case out_of_reach: return "the encoders tell angles at which the arms cannot meet";
-    case outside: return "the encoders tell a place far outside of the work volume";
+    case outside: return "the encoders tell a place far outside of the workspace";
     case singular: return "the encoders tell a place where the arms cannot control the force";
     case twisted: return "the encoders of the wrist tell an angle beyond its stops";
   }
   return "";
 }
 
-// The force that the motors give in every direction, in all of the work volume.
-double Arm::weakest_force() const {
-  double largest = 0;  // N m for 1 N
+// m: in all of the workspace a force F (N), in whatever direction, needs a torque of at most F times that (N m) at any joint; and a
+// step of a joint moves the handle by at most that much times the step (rad).
+double Arm::longest_lever() const {
+  double largest = 0;
   constexpr int steps = 6;
   for (int ix = -steps; ix <= steps; ++ix) {
     for (int iy = -steps; iy <= steps; ++iy) {
@@ -80,10 +82,8 @@ double Arm::weakest_force() const {
       }
     }
   }
-  return joint_limit_ / largest;
+  return largest;
 }
-
-double Arm::resolution() const noexcept { return fidel::resolution * joint_count_ / fidel::count_angle(fidel::joint_counts); }
 
 Vec3 Arm::angles(const std::array<double, 3>& joints) const noexcept {
   return {joints[0] * joint_count_, joints[1] * joint_count_, joints[2] * joint_count_};
@@ -105,7 +105,7 @@ Arm::Measured Arm::measured(const std::array<int32_t, 3>& joints, const std::arr
   const auto jacobian = delta_jacobian(geometry_, *position, angle);
   const bool is_regular = jacobian && jacobian->coplanar >= fidel::coplanar_min && jacobian->straight >= fidel::straight_min;
   out.place = !is_inside ? outside : !is_regular ? singular : good;
-  if (fidel::largest(out.wrist) > fidel::wrist_angle + wrist_margin) out.place = twisted;
+  if (largest_coordinate(out.wrist) > fidel::wrist_angle + wrist_margin) out.place = twisted;
   if (jacobian) out.jacobian = calibration.scale * jacobian->jacobian;
   return out;
 }

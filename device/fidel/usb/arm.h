@@ -10,7 +10,7 @@
 namespace fs::fidel_usb {
 
 // What was found out about one device. The angle of a joint is that of its encoder and its offset. The device's positions
-// are `scale` times those of the kinematics, measured from the centre of the work volume.
+// are `scale` times those of the kinematics, measured from the centre of the workspace.
 struct Calibration {
   std::array<double, 3> offsets{};  // rad, within offset_max
   double scale = 1;                 // within scale_min..scale_max
@@ -38,16 +38,17 @@ class Arm {
   Vec3 angles(const std::array<double, 3>& joints) const noexcept;  // rad, of the encoders alone
   const DeltaGeometry& geometry() const noexcept { return geometry_; }
   double centre_depth() const noexcept { return depth_; }
-  double force_max() const noexcept { return force_max_; }    // N, at most 25: what it gives everywhere in its work volume
+  double force_max() const noexcept { return force_max_; }    // N, at most 25: what it gives everywhere in its workspace
   double torque_max() const noexcept { return wrist_limit_; }  // N m; 0: the wrist is passive
-  double resolution() const noexcept;                          // m
+  double resolution() const noexcept { return lever_ * joint_count_; }  // m, of a step of one encoder
 
  private:
-  double weakest_force() const;
+  double longest_lever() const;
 
   DeltaGeometry geometry_{};
   double depth_, joint_count_, wrist_count_;  // m; rad a count
-  double joint_limit_, wrist_limit_, force_max_;  // N m, N m, N
+  double joint_limit_, wrist_limit_;      // N m
+  double lever_, force_max_;              // m: see longest_lever; N
 };
 
 }  // namespace fs::fidel_usb

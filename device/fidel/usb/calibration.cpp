@@ -77,9 +77,9 @@ void write_whole(const std::string& file, const std::string& text) {
 
 Calibration calibrated(const Arm& arm, const std::array<double, 3>& at_first, const std::array<double, 3>& at_second) {
   const auto wanted = delta_inverse(arm.geometry(), fidel::to_delta(first_place, arm.centre_depth()));
-  if (!wanted) refuse(FS_ERROR_INTERNAL, "the centre of the work volume is out of reach");  // Arm makes sure that it is not
+  if (!wanted) refuse(FS_ERROR_INTERNAL, "the centre of the workspace is out of reach");  // Arm makes sure that it is not
   const Vec3 offsets = *wanted - arm.angles(at_first);
-  if (!(fidel::largest(offsets) <= offset_max)) {
+  if (!(largest_coordinate(offsets) <= offset_max)) {
     refuse(
         FS_ERROR_INVALID,
         "the first place gives joint offsets of %.3f, %.3f, %.3f rad, must be within %g: home the device, put the handle into the hole at "
@@ -127,14 +127,16 @@ std::optional<Calibration> read_calibration(const std::string& file, const std::
   if (kind == std::filesystem::file_type::not_found) return std::nullopt;
   if (kind == std::filesystem::file_type::none) fail(file, "the calibration cannot be read", error.value());
   if (kind != std::filesystem::file_type::regular) bad_file(file, "it is not a file");
+  errno = 0;
   std::ifstream stream(file, std::ios::binary);
+  const int reason = errno != 0 ? errno : EIO;
   std::ostringstream text;
   constexpr uintmax_t most = 1 << 16;
   const uintmax_t size = std::filesystem::file_size(file, error);
   if (error) fail(file, "the calibration cannot be read", error.value());
   if (size > most) bad_file(file, "it is too long");
   text << stream.rdbuf();
-  if (!stream) fail(file, "the calibration cannot be read", EACCES);
+  if (!stream) fail(file, "the calibration cannot be read", reason);
   return parsed(text.str(), file, serial);
 }
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
+#include <numbers>
+#include <utility>
 
 #include "device/support/clock.h"
 #include "device/support/refusal.h"
@@ -15,7 +17,11 @@ constexpr UsbKind kind{"FIDEL", vendor, product, product_text};
 constexpr UsbEndpoints endpoints{report_endpoint, command_endpoint, 64, command_size, true};
 constexpr double receive_within = 0.02, silence_most = 5e-3, send_within = 4e-3, last_within = 0.05;  // s
 constexpr int damaged_most = 3;      // reports in a row, 3 ms
-constexpr uint16_t gap_most = 1000;  // reports that are missing; more: the numbers have begun anew
+constexpr uint16_t gap_most = 1000;  // reports that are missing, or commands refused; more: the device has begun anew
+constexpr uint16_t age_unknown = 65535;
+constexpr double too_fast = 1.25;  // times the speed at which the device switches its motors off: no hand moves a joint so
+constexpr double jump_slack = 16;  // counts
+constexpr double stuck_part = 72;  // of a revolution: 5 degrees
 constexpr int measure_reports = 200;
 constexpr int measure_spread = 40;   // counts
 constexpr const char* known_requests = "the requests are: status, home, clear, calibrate, calibrate=cancel";
@@ -31,6 +37,11 @@ std::string which_of(const std::string& place) {
 std::string file_of(const Address& address, const std::string& serial) {
   const auto file = address.text("calibration");
   return !file ? calibration_file(serial) : *file == "none" ? "" : *file;
+}
+
+EncoderWatch::Limits limits_of(const Identity& identity) noexcept {
+  const double counts = identity.joint_counts, speed = 1e-3 * identity.joint_speed;
+  return {too_fast * speed * counts / (2 * std::numbers::pi), jump_slack, counts / stuck_part};
 }
 
 uint32_t flags_of(uint16_t status) noexcept {
@@ -67,7 +78,7 @@ std::string words_of(uint16_t status) {
 UsbConnection::UsbConnection(const Address& address)
     : device_(kind, which_of(address.place()), 0), identity_(ask_identity()), serial_(identity_.serial.data()), arm_(identity_),
       file_(file_of(address, serial_)), calibration_(read_calibration(file_, serial_).value_or(Calibration{})),
-      watch_(identity_.joint_counts, 1e-3 * identity_.joint_speed),
+      watch_(limits_of(identity_)),
       pipes_(
           device_, endpoints,
           [](void* self, const uint8_t* data, size_t size) noexcept { static_cast<UsbConnection*>(self)->take({data, size}); },
@@ -130,7 +141,7 @@ void UsbConnection::take(std::span<const uint8_t> bytes) noexcept {
   const auto report = parse_report(bytes);
   const uint16_t gap = report ? static_cast<uint16_t>(report->number - last_report_) : 0;
   if (!report || (has_report_ && gap == 0)) {
-    meter_.damaged();
+    reports_damaged_.fetch_add(1, std::memory_order_relaxed);
     ++damaged_in_a_row_;
     return;
   }
@@ -139,7 +150,7 @@ void UsbConnection::take(std::span<const uint8_t> bytes) noexcept {
   last_report_ = report->number;
   has_report_ = true;
   const double now = steady_now();
-  meter_.came(*report, missing, now);
+  measure(*report, missing, now);
   state_ = {};
   state_.time = clock_.time_of(report->time, now);
   state_.buttons = report->buttons;
@@ -148,6 +159,22 @@ void UsbConnection::take(std::span<const uint8_t> bytes) noexcept {
   reports_.fetch_add(1, std::memory_order_release);
   is_fresh_ = true;
 }
+
+// A report tells the newest command that has come: that closes a round trip.
+void UsbConnection::measure(const Report& report, uint32_t missing, double now) noexcept {
+  ++totals_.states;
+  totals_.sent += 1 + missing;
+  ++totals_.came;
+  reports_lost_.fetch_add(missing, std::memory_order_relaxed);
+  const auto refused = static_cast<uint16_t>(report.refused - std::exchange(refused_, report.refused));
+  if (totals_.states > 1 && refused <= gap_most) totals_.came -= refused;
+  double& sent = sent_at_[report.command % sent_at_.size()];
+  if (sent == 0 || report.command_age == age_unknown) return;
+  meter_.note_delay(std::max(0.0, now - sent - 1e-6 * report.command_age));
+  sent = 0;
+}
+
+fs_status UsbConnection::get_link(fs_link& out) noexcept { return meter_.tell(steady_now(), totals_, out); }
 
 // Sets pose and flags.
 void UsbConnection::judge(const Report& report, double step) noexcept {
@@ -158,12 +185,13 @@ void UsbConnection::judge(const Report& report, double step) noexcept {
   const bool is_homed = report.status & status_homed;
   if (!is_homed || !was_homed_) watch_.forget();
   was_homed_ = is_homed;
-  const auto verdict = is_homed ? watch_.judge(report.joints, step) : EncoderWatch::plausible;
+  const auto verdict = is_homed ? watch_.judge(report.joints, step) : EncoderWatch::good;
   measured_ = arm_.measured(report.joints, report.wrist, calibration_);
   uint32_t flags = flags_of(report.status);
   const bool is_known =
-      verdict == EncoderWatch::plausible && measured_.place == Arm::good && !is_calibrating_.load(std::memory_order_relaxed);
-  if (!is_known) flags |= FS_STATE_NOT_HOMED;
+      verdict == EncoderWatch::good && measured_.place == Arm::good && !is_calibrating_.load(std::memory_order_relaxed);
+  // At a speed that was too great the encoders also seem to jump: that is told when the fault has been cleared.
+  if (!is_known && !(report.status & status_over_speed)) flags |= FS_STATE_NOT_HOMED;
   state_.flags = flags ? flags : static_cast<uint32_t>(FS_STATE_READY);
   state_.pose = measured_.place == Arm::good ? measured_.pose : identity_pose();
   is_homed_.store(is_homed, std::memory_order_relaxed);
@@ -196,8 +224,10 @@ fs_status UsbConnection::send(const fs_wrench& wrench) noexcept {
   const auto bytes = packed(command);
   const double now = steady_now();
   const fs_status status = pipes_.send(bytes.data(), bytes.size(), send_within);
+  ++totals_.sent;
   if (status == FS_OK) {
-    meter_.sent(command.number, now);
+    ++totals_.came;  // as far as is known: a report tells of refused ones
+    sent_at_[command.number % sent_at_.size()] = now;
     return status;
   }
   commands_lost_.fetch_add(1, std::memory_order_relaxed);
@@ -211,7 +241,7 @@ std::string UsbConnection::control(const std::string& request) {
   if (request == "status") return told_status();
   if (request == "home") {
     requests_.ask(to_device, request_home, 0);
-    return "move the handle slowly down and up through the middle of its work volume, until `status` says that it is homed";
+    return "move the handle slowly down and up through the middle of its workspace, until `status` says that it is homed";
   }
   if (request == "clear") {
     requests_.ask(to_device, request_clear_fault, 0);
@@ -225,7 +255,7 @@ std::string UsbConnection::control(const std::string& request) {
 // What the driver has found wrong, as the end of a sentence.
 std::string UsbConnection::trouble() const {
   std::string text;
-  if (const auto verdict = static_cast<EncoderWatch::Verdict>(verdict_.load()); verdict != EncoderWatch::plausible) {
+  if (const auto verdict = static_cast<EncoderWatch::Verdict>(verdict_.load()); verdict != EncoderWatch::good) {
     text += std::string("; ") + EncoderWatch::words(verdict) + ": home the device";
   }
   if (const auto place = static_cast<Arm::Place>(place_.load()); place != Arm::good && is_homed_)
@@ -242,8 +272,8 @@ std::string UsbConnection::told_status() {
       counts, sizeof counts,
       ". Reports: %llu good, %llu lost, %llu damaged. Commands: %u accepted, %u refused, %u limited, %llu not taken; the watchdog "
       "ended them %u times. Firmware %d.%d.",
-      static_cast<unsigned long long>(meter_.reports()), static_cast<unsigned long long>(meter_.lost()),
-      static_cast<unsigned long long>(meter_.damaged_count()), status->accepted, status->refused, status->limited,
+      static_cast<unsigned long long>(reports_.load()), static_cast<unsigned long long>(reports_lost_.load()),
+      static_cast<unsigned long long>(reports_damaged_.load()), status->accepted, status->refused, status->limited,
       static_cast<unsigned long long>(commands_lost_.load()), status->watchdog, identity_.firmware >> 8,
       identity_.firmware & 255);
   return words_of(status->status) + trouble() + counts;
@@ -313,10 +343,11 @@ std::string UsbConnection::calibrate(const std::string& way) {
   is_to_change_.store(true, std::memory_order_release);
   for (int i = 0; i < 1000 && is_to_change_.load(std::memory_order_acquire); ++i) pause(1e-3);
   is_calibrating_ = false;
+  const char* const waits = is_to_change_ ? "; no report has come since, so it counts from the next report on" : "";
   char text[200];
   std::snprintf(text, sizeof text, "done: offsets %.5f, %.5f, %.5f rad, scale %.5f; kept in ", next_.offsets[0], next_.offsets[1],
                 next_.offsets[2], next_.scale);
-  return text + file_;
+  return text + file_ + waits;
 }
 
 }  // namespace fidel_usb
@@ -326,14 +357,7 @@ std::unique_ptr<FidelConnection> connect_fidel_usb(const char* text) {
 }
 
 void list_fidel_usb(fs_device_entry* out, size_t capacity, size_t* count) {
-  const auto found = usb_devices(&fidel_usb::kind);
-  *count = found.size();
-  for (size_t i = 0; i < std::min(capacity, found.size()); ++i) {
-    out[i] = {};
-    const std::string which = found[i].serial.empty() ? std::to_string(i) : found[i].serial;
-    std::snprintf(out[i].uri, sizeof out[i].uri, "fidel:usb:%s", which.c_str());
-    std::snprintf(out[i].label, sizeof out[i].label, "FIDEL on the USB, serial number %s", found[i].serial.c_str());
-  }
+  usb_entries(fidel_usb::kind, "fidel:usb:", out, capacity, count);
 }
 
 }  // namespace fs

@@ -1,5 +1,5 @@
-// "fidel:usb": a FIDEL on the USB. receive and send are called by one thread at a time, in which the reports are also taken; control
-// and get_link by any thread beside it. What they share is atomic.
+// "fidel:usb": a FIDEL on the USB. receive, send and get_link are called by one thread at a time, in which the reports are also taken; control
+// by any thread beside it. What they share is atomic.
 #pragma once
 
 #include <atomic>
@@ -9,10 +9,11 @@
 #include "device/fidel/connection.h"
 #include "device/fidel/usb/arm.h"
 #include "device/fidel/usb/calibration.h"
-#include "device/fidel/usb/encoder_watch.h"
-#include "device/fidel/usb/link_meter.h"
+#include "device/fidel/usb/device_clock.h"
 #include "device/fidel/usb/requests.h"
 #include "device/support/address.h"
+#include "device/support/encoder_watch.h"
+#include "device/support/link_meter.h"
 #include "device/support/usb_pipes.h"
 
 namespace fs::fidel_usb {
@@ -30,7 +31,7 @@ class UsbConnection final : public FidelConnection {
   fs_status write_model(const fs_model&) noexcept override {
     return FS_ERROR_UNSUPPORTED;
   }  // never called: there is no controller
-  fs_status get_link(fs_link& out) noexcept override { return meter_.get(out); }
+  fs_status get_link(fs_link& out) noexcept override;
   std::string control(const std::string& request) override;
 
  private:
@@ -41,6 +42,7 @@ class UsbConnection final : public FidelConnection {
 
   Identity ask_identity();
   void take(std::span<const uint8_t> bytes) noexcept;
+  void measure(const Report& report, uint32_t missing, double now) noexcept;
   void judge(const Report& report, double step) noexcept;
   std::string calibrate(const std::string& way);
   Means measure();
@@ -58,16 +60,18 @@ class UsbConnection final : public FidelConnection {
   EncoderWatch watch_;
   DeviceClock clock_;
   LinkMeter meter_;
+  LinkMeter::Totals totals_;
+  std::array<double, 256> sent_at_{};  // s, by the number of a command; 0: none, or it has been answered
   Arm::Measured measured_;
   fs_state state_{};
   bool is_fresh_ = false, was_homed_ = false, has_report_ = false;
-  uint16_t last_report_ = 0, command_ = 0;
+  uint16_t last_report_ = 0, command_ = 0, refused_ = 0;
   int damaged_in_a_row_ = 0;
 
   // All threads use these.
-  std::atomic<uint64_t> reports_{0};
+  std::atomic<uint64_t> reports_{0}, reports_lost_{0}, reports_damaged_{0};
   std::array<std::atomic<int32_t>, 3> joints_{};  // counts of the newest report
-  std::atomic<int> verdict_{EncoderWatch::plausible}, place_{Arm::good};
+  std::atomic<int> verdict_{EncoderWatch::good}, place_{Arm::good};
   std::atomic<bool> is_homed_{false}, is_calibrating_{false}, is_to_change_{false};
   std::atomic<uint64_t> commands_lost_{0};
 
