@@ -20,7 +20,7 @@ fs_status LinkMeter::tell(double now, const Totals& totals, fs_link& out) noexce
   past_[past_count_++ % past_.size()] = {now, totals};
   if (!goes_on || kept < fewest_delays || now <= before.time) return FS_ERROR_UNSUPPORTED;
 
-  const auto grown = [&](uint32_t Totals::*count) { return totals.*count - before.totals.*count; };
+  const auto grown = [&](uint32_t Totals::* count) { return totals.*count - before.totals.*count; };
   const uint32_t states = grown(&Totals::states), sent = grown(&Totals::sent), came = grown(&Totals::came);
   out.rate = std::min(1e6, states / (now - before.time));
   out.loss = came < sent ? static_cast<double>(sent - came) / sent : 0;  // late ones may make more come than were sent

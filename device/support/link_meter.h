@@ -14,8 +14,8 @@ class LinkMeter {
  public:
   // Of all that crossed the link since the device was opened, modulo 2^32.
   struct Totals {
-    uint32_t states = 0;         // that have come
-    uint32_t sent = 0, came = 0; // states and commands: how many were sent, and how many of those have come
+    uint32_t states = 0;  // that have come
+    uint32_t sent = 0, came = 0;  // states and commands: how many were sent, and how many of those have come
   };
 
   void note_delay(double delay) noexcept;  // s, from a state to the force that answers it, or a round trip

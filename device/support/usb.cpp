@@ -189,8 +189,7 @@ std::string programs_that_use(const std::string& file, int own) {
 UsbDevice::UsbDevice(const UsbKind& kind, const std::string& which, int interface) : kind_(kind), interface_(interface) {
   if (const int error = libusb_init(&context_); error != LIBUSB_SUCCESS) {
     context_ = nullptr;
-    refuse(FS_ERROR_NOT_FOUND,
-           "no %s can be found: %s (libusb: %s)", kind.name,
+    refuse(FS_ERROR_NOT_FOUND, "no %s can be found: %s (libusb: %s)", kind.name,
            access("/dev/bus/usb", F_OK) == 0 ? "the USB of this machine cannot be used"
                                              : "this machine or container has no USB, as /dev/bus/usb is not there",
            libusb_error_name(error));

@@ -38,7 +38,7 @@ struct fs_device : fs::Counted<fs_device> {
   bool is_silent() const noexcept;  // [rt]
   void silence() noexcept;          // until its owner releases it; waits for the turn under way
   void zero() noexcept;             // sets force 0; waits for the turn under way, then tries for 20 ms
-  void begin_end() noexcept;        // when the process ends, without waiting: silent for good; force 0 if no thread has the turn
+  void begin_end() noexcept;  // when the process ends, without waiting: silent for good; force 0 if no thread has the turn
   // When the process ends: silent for good; closed if it was ever given a force, which waits until `deadline` at most (s, monotonic
   // clock).
   void end(double deadline) noexcept;

@@ -62,8 +62,9 @@ std::string difference(const fs_device_info& now, const fs_device_info& before) 
              {"controller_damping", now.controller_damping, before.controller_damping}};
   for (const auto& field : fields) {
     if (field.now == field.before) continue;
-    std::snprintf(text, sizeof text, "the device is there again, but its %s is now %.9g, and was %.9g; close it and open it again",
-                  field.name, field.now, field.before);
+    std::snprintf(text, sizeof text,
+                  "the device is there again, but its %s is now %.9g, and was %.9g; close it and open it again", field.name,
+                  field.now, field.before);
     break;
   }
   return text;

@@ -37,8 +37,8 @@ void DeviceEvents::note(const Tick& tick) noexcept {
   const fs_status failed = tick.read != FS_OK ? tick.read : tick.write;
   const bool is_ready = !(tick.faults & device_fault) && failed == FS_OK;
   const uint32_t latched = tick.faults & ~device_fault;
-  const Reason reason = tick.read != FS_OK                ? unread
-                        : tick.write != FS_OK             ? unsent
+  const Reason reason = tick.read != FS_OK               ? unread
+                        : tick.write != FS_OK            ? unsent
                         : !(tick.flags & FS_STATE_READY) ? not_ready
                                                          : too_old;
   const uint32_t why = is_ready ? 0 : tick.flags & state_reason_bits;
