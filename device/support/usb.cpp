@@ -110,6 +110,17 @@ std::string all_on_the_bus() {
   return text.empty() ? "nothing is on the USB" : "on the USB are: " + text;
 }
 
+// A wheel or a jar brings no rules: there the rule stands in the command.
+std::string how_to_install_the_rule(const UsbKind& kind) {
+  const std::string file = std::string(FORCESERVER_DATA_FOLDER) + "/" + rule_file, folder = "/etc/udev/rules.d/";
+  if (access(file.c_str(), R_OK) == 0) return "sudo cp " + file + " " + folder;
+  char ids[64];
+  std::snprintf(ids, sizeof ids, "ATTR{idVendor}==\"%04x\", ATTR{idProduct}==\"%04x\"", kind.vendor, kind.product);
+  const std::string text = kind.product_text ? std::string(", ATTR{product}==\"") + kind.product_text + "\"" : "";
+  return std::string("echo 'SUBSYSTEM==\"usb\", ENV{DEVTYPE}==\"usb_device\", ") + ids + text +
+         ", TAG+=\"uaccess\"' | sudo tee -a " + folder + rule_file;
+}
+
 std::string serials_of(const std::vector<UsbFound>& found) {
   std::string text;
   for (const UsbFound& each : found) text += (text.empty() ? "'" : ", '") + each.serial + "'";
@@ -221,11 +232,10 @@ void UsbDevice::open() {
   if (error == LIBUSB_SUCCESS) return;
   handle_ = nullptr;
   if (error != LIBUSB_ERROR_ACCESS) fail(error, "opening it");
-  refuse(
-      FS_ERROR_DENIED,
-      "%s '%s' is there, but this user may not open %s. Install the rule for it, once: sudo cp %s/%s /etc/udev/rules.d/ && sudo "
-      "udevadm control --reload; then plug the device in again",
-      kind_.name, found_.serial.c_str(), found_.node.c_str(), FORCESERVER_DATA_FOLDER, rule_file);
+  refuse(FS_ERROR_DENIED,
+         "%s '%s' is there, but this user may not open %s. Install the rule for it, once: %s && sudo udevadm control --reload; then "
+         "plug the device in again",
+         kind_.name, found_.serial.c_str(), found_.node.c_str(), how_to_install_the_rule(kind_).c_str());
 }
 
 void UsbDevice::claim() {

@@ -41,8 +41,9 @@ typedef struct fs_model {
 enum {
   FS_DRIVER_IN_SERVO = 1        /* receive returns within 20 ms and send within 1 ms, whatever the device does, and neither
                                    allocates or waits for another thread: so the servo's own thread calls them, and no time is
-                                   lost between threads. Never set it where a maker's closed library does the work, or for a
-                                   hidraw node of Linux, whose writes may take seconds */
+                                   lost between threads. Where nothing comes, the servo ticks when receive returns. Never set
+                                   it where a maker's closed library does the work, or for a hidraw node of Linux, whose
+                                   writes may take seconds */
 };
 
 /* A device driver: a table of functions, growing. It knows one kind of device and nothing of scenes, limits or faults:

@@ -5,13 +5,10 @@
 #include <thread>
 
 #include "api/support.h"
-// The controller in this process, for a device that a test makes.
-#include "device/fidel/controller/controller.cpp"
-#include "device/fidel/controller/renderer.cpp"
-#include "device/fidel/udp/socket.cpp"
-#include "device/waiting_device.cpp"
+#include "device/fidel/controller/controller.h"  // in this process, for a device that a test makes
 #include "device/udp/controller_process.h"
 #include "device/udp/raw_host.h"
+#include "device/waiting_device.h"
 
 using namespace scenes;
 using namespace fs::udp;

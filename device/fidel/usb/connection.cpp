@@ -15,7 +15,7 @@ namespace {
 
 constexpr UsbKind kind{"FIDEL", vendor, product, product_text};
 constexpr UsbEndpoints endpoints{report_endpoint, command_endpoint, 64, command_size, true};
-constexpr double receive_within = 0.02, silence_most = 5e-3, send_within = 4e-3, last_within = 0.05;  // s
+constexpr double receive_within = 0.02, silence_most = 5e-3, lost_after = 1, send_within = 4e-3, last_within = 0.05;  // s
 constexpr int damaged_most = 3;      // reports in a row, 3 ms
 constexpr uint16_t gap_most = 1000;  // reports that are missing, or commands refused; more: the device has begun anew
 constexpr uint16_t age_unknown = 65535;
@@ -149,7 +149,7 @@ void UsbConnection::take(std::span<const uint8_t> bytes) noexcept {
   const uint32_t missing = has_report_ && gap <= gap_most ? gap - 1u : 0;
   last_report_ = report->number;
   has_report_ = true;
-  const double now = steady_now();
+  const double now = came_ = steady_now();
   measure(*report, missing, now);
   state_ = {};
   state_.time = clock_.time_of(report->time, now);
@@ -212,7 +212,10 @@ fs_status UsbConnection::receive(fs_state& out) noexcept {
     if (status != FS_OK) is_fresh_ = false;
     if (status == FS_ERROR_DISCONNECTED) return fs_fail(status, "the FIDEL was unplugged");
     if (status == FS_ERROR_IO) return fs_fail(status, "the USB has failed, or the FIDEL has stalled");
-    if (status == FS_ERROR_TIMEOUT && has_report_) return fs_fail(FS_ERROR_IO, "the reports of the FIDEL have stopped");
+    if (status == FS_ERROR_TIMEOUT && has_report_) {
+      const bool is_lost = steady_now() - came_ > lost_after;  // it is opened anew, which may wake it
+      return fs_fail(is_lost ? FS_ERROR_DISCONNECTED : FS_ERROR_IO, "the reports of the FIDEL have stopped");
+    }
     if (status != FS_OK) return status;
     if (damaged_in_a_row_ >= damaged_most) return fs_fail(FS_ERROR_IO, "the reports of the FIDEL are damaged");
   }

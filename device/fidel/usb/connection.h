@@ -67,6 +67,7 @@ class UsbConnection final : public FidelConnection {
   bool is_fresh_ = false, was_homed_ = false, has_report_ = false;
   uint16_t last_report_ = 0, command_ = 0, refused_ = 0;
   int damaged_in_a_row_ = 0;
+  double came_ = 0;  // s, the newest report
 
   // All threads use these.
   std::atomic<uint64_t> reports_{0}, reports_lost_{0}, reports_damaged_{0};
