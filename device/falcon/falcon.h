@@ -1,6 +1,6 @@
 // A Novint Falcon that is connected: what module.cpp makes a driver's table of. For each function see driver.h.
 //
-// A command is answered by a report, so one is sent for each report, and again when none has come for 5 ms. The driver's thread
+// A command is answered by a report, so one is sent for each report, and again when none has come for 5 ms. One thread at a time
 // calls receive, send and get_link; a request may take the device from it while firmware is loaded.
 #pragma once
 

@@ -52,6 +52,7 @@ extern "C" FS_API const fs_driver* fs_driver_entry(void) {
     table.send = fs::falcon::send;
     table.get_link = fs::falcon::get_link;
     table.control = fs::falcon::control;
+    table.flags = FS_DRIVER_IN_SERVO;
     return table;
   }();
   return &driver;

@@ -69,6 +69,7 @@ extern "C" FS_API const fs_driver* fs_driver_entry(void) {
     table.write_model = fs::fidel_write_model;
     table.get_link = fs::fidel_get_link;
     table.control = fs::fidel_control;
+    table.flags = FS_DRIVER_IN_SERVO;
     return table;
   }();
   return &driver;

@@ -232,10 +232,11 @@ void UsbDevice::open() {
   if (error == LIBUSB_SUCCESS) return;
   handle_ = nullptr;
   if (error != LIBUSB_ERROR_ACCESS) fail(error, "opening it");
-  refuse(FS_ERROR_DENIED,
-         "%s '%s' is there, but this user may not open %s. Install the rule for it, once: %s && sudo udevadm control --reload; then "
-         "plug the device in again",
-         kind_.name, found_.serial.c_str(), found_.node.c_str(), how_to_install_the_rule(kind_).c_str());
+  refuse(
+      FS_ERROR_DENIED,
+      "%s '%s' is there, but this user may not open %s. Install the rule for it, once: %s && sudo udevadm control --reload; then "
+      "plug the device in again",
+      kind_.name, found_.serial.c_str(), found_.node.c_str(), how_to_install_the_rule(kind_).c_str());
 }
 
 void UsbDevice::claim() {

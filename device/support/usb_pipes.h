@@ -1,8 +1,8 @@
 // The stream of a USB device: reports that come at one endpoint, commands that go to another, both bulk or both interrupt.
 //
 // Two IN transfers are always in flight, and one OUT transfer at most, so no command waits behind another. All are allocated
-// before the first (libusb itself allocates a little when one is submitted, so a driver that uses this never sets
-// FS_DRIVER_IN_SERVO). There is no thread: receive and send run the events of libusb. One thread at a time uses the pipes.
+// before the first; libusb itself allocates a little when one is submitted. There is no thread: receive and send run the events of
+// libusb, and never wait longer than they are told, but for 20 ms after a stall. One thread at a time uses the pipes.
 //
 // A device that is gone shows in one of two ways, both of which give DISCONNECTED: the transfers in flight end with NO_DEVICE, or, if
 // all of them had just been completed, the next that is submitted is refused with NO_DEVICE.

@@ -39,17 +39,17 @@ typedef struct fs_model {
 
 /* Bits of fs_driver.flags. */
 enum {
-  FS_DRIVER_IN_SERVO = 1        /* receive returns within 20 ms and send within 1 ms, whatever the device does, and neither
-                                   allocates or waits for another thread: so the servo's own thread calls them, and no time is
-                                   lost between threads. Where nothing comes, the servo ticks when receive returns. Never set
-                                   it where a maker's closed library does the work, or for a hidraw node of Linux, whose
-                                   writes may take seconds */
+  FS_DRIVER_IN_SERVO = 1        /* receive returns within 20 ms and send within 5 ms, whatever the device does, and neither
+                                   waits for another thread: so the servo's own thread calls them, between two ticks, and no
+                                   time is lost between threads. Where nothing comes, the servo ticks when receive returns.
+                                   Never set it where a maker's closed library does the work, or for a hidraw node of Linux,
+                                   whose writes may take seconds */
 };
 
 /* A device driver: a table of functions, growing. It knows one kind of device and nothing of scenes, limits or faults:
  * the library scales forces down to the device's maxima, guards them, and checks the age of poses. Report an error by
  * `return fs_fail(status, "why, with the value")`: what receive and send say goes into the event that tells of the loss. From
- * read and write, and with FS_DRIVER_IN_SERVO, return the status only.
+ * read and write return the status only.
  *
  * There are two kinds of driver. One has `receive` and `send`, which may wait for the device: for nearly all real devices. The
  * library calls them in a thread of its own, again and again: receive, then send with the force for that state, or with 0 when

@@ -21,6 +21,7 @@ struct fs_device : fs::Counted<fs_device> {
   ~fs_device();
 
   const fs_device_info& info() const noexcept { return info_; }  // checked once, when it was opened
+  bool lends_itself() const noexcept { return driver_.flags & FS_DRIVER_IN_SERVO; }  // to a servo's thread, where it may hang
   bool is_simulated() const noexcept { return driver_.advance; }        // it advances with the time given to read
 
   // The owner, if any, is a servo. fs_device_read and fs_device_write are refused while the device has an owner: they

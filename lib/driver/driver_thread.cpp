@@ -203,17 +203,15 @@ void DriverThread::finish() noexcept {
 
 // --------------------------------------------------------------------------------------- who has the driver calls these
 
-// What the driver says by fs_fail becomes the trouble. The servo's thread has no time for that.
+// What the driver says by fs_fail becomes the trouble, unless somebody else has the lock.
 template <class F>
 fs_status DriverThread::call(F&& f, fs_status usual) noexcept {
-  const bool is_servos = servos_thread_.load(std::memory_order_relaxed) == this_thread();
-  if (!is_servos) set_last_error_literal(FS_OK, "");
+  set_last_error_literal(FS_OK, "");
   const fs_status status = call_safely(f);
-  if (status == FS_OK || status == usual || is_servos) return status;
+  if (status == FS_OK || status == usual) return status;
   try {
     std::string words = last_error();
-    const std::lock_guard lock(mutex_);
-    trouble_.swap(words);
+    if (const std::unique_lock lock(mutex_, std::try_to_lock); lock) trouble_.swap(words);
   } catch (...) {  // there is no memory
   }
   return status;
@@ -277,14 +275,6 @@ fs_status DriverThread::read(fs_state& out) noexcept {
 }
 
 fs_status DriverThread::leave(Command command) noexcept {
-  if (servos_thread_.load(std::memory_order_relaxed) == this_thread()) {
-    const fs_status status = send(lent_, command);
-    if (status == FS_ERROR_DISCONNECTED) {
-      is_lost_ = true;
-      give_back(false);
-    }
-    return status;
-  }
   command.time = steady_now();
   command.bad_seen = bad_seen_;
   command.number = commands_.load(std::memory_order_relaxed) + 1;
@@ -310,8 +300,8 @@ fs_status DriverThread::write_model(const fs_model& model) noexcept {
 fs_status DriverThread::write_zero() noexcept {
   if (!device()) return FS_ERROR_DISCONNECTED;
   const uint32_t before = sent_;
-  const fs_status status = write({}, true);
-  if (servos_thread_ == this_thread()) return status;
+  write({}, true);
+  if (servos_thread_ == this_thread()) return send(lent_, {});  // a driver in the servo's thread has called exit
   const double deadline = steady_now() + zero_within;
   for (uint32_t sent = before; sent != commands_.load(); sent = sent_) {
     if (!await_change(sent_, sent, deadline)) return FS_ERROR_TIMEOUT;
@@ -342,19 +332,16 @@ double DriverThread::await_state(double soonest, double latest) noexcept {
     servos_thread_.store(this_thread(), std::memory_order_relaxed);
     for (;;) {
       uint32_t before;
-      const fs_status status = receive(lent_, before);
+      fs_status status = send(lent_, present());
+      if (status != FS_ERROR_DISCONNECTED) status = receive(lent_, before);
       states_seen_ = states_.load(std::memory_order_relaxed);
-      const double now = steady_now();
-      if (status == FS_OK) {
-        if (now >= soonest) return std::fmin(now, latest);
-        continue;
-      }
       if (status == FS_ERROR_DISCONNECTED) {
         is_lost_ = true;
         give_back(false);
       }
-      sleep_until(latest);
-      return latest;
+      if (status != FS_OK) sleep_until(latest);
+      const double now = steady_now();
+      if (status != FS_OK || now >= soonest) return now;
     }
   }
   sleep_until(soonest);

@@ -1,8 +1,13 @@
 // The thread of a driver that waits for its device (receive and send in driver.h). To the servo the device looks like one
 // that never waits: it reads the newest state, and leaves a force for the thread to send.
 //
-// The driver may also lend itself to the servo's own thread (FS_DRIVER_IN_SERVO). Then this thread sleeps until the servo ends or
-// the device is lost.
+//   driver's thread:  receive -> newest_ -> ..... waits for command_ ..... -> send -> receive -> ..
+//   servo's thread:               wakes: tick: read newest_, write command_
+//
+// The driver may also lend itself to the servo's own thread (FS_DRIVER_IN_SERVO), which then receives and sends between two ticks.
+// Then this thread sleeps until the servo ends or the device is lost.
+//
+//   servo's thread:   receive -> newest_ -> tick: read newest_, write command_ -> send -> receive -> ..
 #pragma once
 
 #include <atomic>
@@ -41,8 +46,8 @@ class DriverThread final : public Counted<DriverThread> {
   void begin_servo(int priority, bool may_lend) noexcept;
   void end_servo() noexcept;
   // [rt] Called by the servo's thread between two ticks: waits until a state that was not read yet has come, but not before
-  // `soonest`, and not beyond `latest` (s, monotonic clock); a driver that has lent itself may take 20 ms longer. Returns the time
-  // at which the next tick was due.
+  // `soonest`, and not beyond `latest` (s, monotonic clock). Returns the time at which the next tick was due. Of a driver that has
+  // lent itself it first sends what the last tick left, then receives, which may take 20 ms longer; the tick is due after that.
   double await_state(double soonest, double latest) noexcept;
   // [rt] The servo's thread no longer uses the driver: for good, or until it is lent again.
   void give_back(bool is_for_good) noexcept;

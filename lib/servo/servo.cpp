@@ -111,13 +111,27 @@ void fs_servo::stop() noexcept {
     listener_owner_ = nullptr;
     listener_ = nullptr;
   }
-  if (stack_) pthread_join(thread_, nullptr);
+  const bool has_ended = join();
   if (budget_) budget_->stop();
   memory_lock_.unlock();
   channels_.stop();
-  device_->release_ownership();
+  if (has_ended) device_->release_ownership();
+  else retain();  // for the thread, which ends when the driver lets it go; the device stays silent, and this servo's
   is_stopped_.store(true);
   is_stopped_.notify_all();
+}
+
+// False: a driver that lends itself to the thread hangs there. Nothing else can: a tick waits for nobody.
+bool fs_servo::join() noexcept {
+  constexpr time_t within = 1;  // s
+  if (!stack_) return true;
+  if (!device_->lends_itself()) return pthread_join(thread_, nullptr) == 0;
+  timespec deadline{};
+  clock_gettime(CLOCK_MONOTONIC, &deadline);
+  deadline.tv_sec += within;
+  if (pthread_clockjoin_np(thread_, nullptr, CLOCK_MONOTONIC, &deadline) == 0) return true;
+  pthread_detach(thread_);
+  return false;
 }
 
 ClockKind fs_servo::clock() const noexcept {

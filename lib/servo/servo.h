@@ -66,6 +66,7 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
  private:
   void start_thread();  // IO; nothing after it can fail
   void run() noexcept;
+  bool join() noexcept;
   void tick(double now, double late) noexcept;
   void follow_requests() noexcept;
   bool has_stop_begun() const noexcept;

@@ -197,6 +197,27 @@ START_TEST(a_hang_holds_up_nobody) {
 }
 END_TEST
 
+// One that has promised not to hang, and so has the servo's thread: that is left behind, and with it the device.
+START_TEST(a_broken_promise_holds_up_no_stop) {
+  for (const auto call : {WaitingDevice::in_receive, WaitingDevice::in_send}) {
+    WaitingDevice& device = *new WaitingDevice(call == WaitingDevice::in_send ? "promise2" : "promise1", FS_DRIVER_IN_SERVO);
+    device.on_state = aside;
+    auto loop = std::make_unique<Loop>(device);
+    ck_assert(until([&] { return pushes(device); }));
+    device.hang(call);
+    device.await_hanging();
+    const double begin = now_s();
+    fs_servo_stop(loop->servo.release());
+    ck_assert_double_lt(now_s() - begin, 10);
+    fs_servo* second = nullptr;
+    const fs_servo_options options = fs_servo_options_init();
+    EXPECT_SENTENCE(FS_ERROR_STATE, fs_servo_start(loop->scene.get(), loop->device.get(), &options, &second), "has a servo already");
+    device.let_go();
+    ck_assert(until([&] { return is_zero(last_sent(device)); }));
+  }
+}
+END_TEST
+
 START_TEST(a_process_ends_in_spite_of_a_hang) {
   for (const auto call :
        {WaitingDevice::in_receive, WaitingDevice::in_send, WaitingDevice::in_close, WaitingDevice::in_control}) {
@@ -484,6 +505,7 @@ int main() {
   tcase_add_test(tests, a_force_ends_20_ms_after_the_last_tick);
   tcase_add_test(tests, what_is_written_without_a_servo_stays);
   tcase_add_test(tests, a_hang_holds_up_nobody);
+  tcase_add_test(tests, a_broken_promise_holds_up_no_stop);
   tcase_add_test(tests, a_process_ends_in_spite_of_a_hang);
   tcase_add_test(tests, a_process_ends_in_spite_of_many_hangs);
   tcase_add_test(tests, a_lost_device_comes_back);

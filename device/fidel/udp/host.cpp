@@ -343,7 +343,8 @@ std::string UdpConnection::control(const std::string& request) {
 
 void UdpConnection::take_answer(const Answer& answer) noexcept {
   {
-    const std::lock_guard lock(answer_mutex_);  // held for moments only
+    const std::unique_lock lock(answer_mutex_, std::try_to_lock);
+    if (!lock) return;  // it will come again, as the request is said again
     if (answer.request != asked_) return;
     if (answer_.request == asked_ && answer_.status != still_being_done) return;  // the final one has come
     answer_ = answer;
