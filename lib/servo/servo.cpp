@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "base/error.h"
+#include "base/futex.h"
 #include "base/realtime.h"
 #include "base/signals.h"
 #include "driver/open_devices.h"
@@ -78,6 +79,8 @@ void fs_servo::start_thread() {
     servo->realtime_.store(request_realtime(servo->settings_.priority, servo->settings_.cpu));
     servo->realtime_.notify_one();
     servo->run();
+    servo->has_run_ = 1;
+    wake_waiters(servo->has_run_);
     return nullptr;
   };
   realtime_.store(not_asked);
@@ -123,15 +126,18 @@ void fs_servo::stop() noexcept {
 
 // False: a driver that lends itself to the thread hangs there. Nothing else can: a tick waits for nobody.
 bool fs_servo::join() noexcept {
-  constexpr time_t within = 1;  // s
+  constexpr double within = 1;  // s
   if (!stack_) return true;
-  if (!device_->lends_itself()) return pthread_join(thread_, nullptr) == 0;
-  timespec deadline{};
-  clock_gettime(CLOCK_MONOTONIC, &deadline);
-  deadline.tv_sec += within;
-  if (pthread_clockjoin_np(thread_, nullptr, CLOCK_MONOTONIC, &deadline) == 0) return true;
-  pthread_detach(thread_);
-  return false;
+  const double deadline = steady_now() + within;
+  while (device_->lends_itself() && !has_run_) {
+    if (steady_now() >= deadline) {
+      pthread_detach(thread_);
+      return false;
+    }
+    wait_for_change(has_run_, 0, deadline);
+  }
+  pthread_join(thread_, nullptr);
+  return true;
 }
 
 ClockKind fs_servo::clock() const noexcept {

@@ -101,6 +101,7 @@ struct fs_servo final : fs::Counted<fs_servo>, fs::ServoLink {
   std::atomic<uint64_t> enable_{1};  // bit 0: enabled; bits 1..31 count the trues, bits 32.. the falses
   std::atomic<bool> is_stopping_{false}, is_stopped_{false};
   std::atomic<double> due_{0};
+  std::atomic<uint32_t> has_run_{0};  // 1: the thread is at its end
   std::atomic<int> realtime_{FS_REALTIME_NONE};
   fs::Statistics statistics_;
   fs::FlightRecord record_;
