@@ -41,8 +41,8 @@ typedef struct fs_model {
 enum {
   FS_DRIVER_IN_SERVO = 1        /* receive returns within 20 ms and send within 5 ms, whatever the device does, and neither
                                    waits for another thread: so the servo's own thread calls them, between two ticks, and no
-                                   time is lost between threads. Where nothing comes, the servo ticks when receive returns.
-                                   Never set it where a maker's closed library does the work, or for a hidraw node of Linux,
+                                   time is lost between threads. Then it ticks when receive returns, so with a slow device
+                                   less often than at its rate. Never set it where a maker's closed library does the work, or for a hidraw node of Linux,
                                    whose writes may take seconds */
 };
 
