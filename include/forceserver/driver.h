@@ -42,8 +42,8 @@ enum {
   FS_DRIVER_IN_SERVO = 1        /* receive returns within 20 ms and send within 5 ms, whatever the device does, and neither
                                    waits for another thread: so the servo's own thread calls them, between two ticks, and no
                                    time is lost between threads. Then it ticks when receive returns, so with a slow device
-                                   less often than at its rate. Never set it where a maker's closed library does the work, or for a hidraw node of Linux,
-                                   whose writes may take seconds */
+                                   less often than at its rate. Never set it where a maker's closed library does the work,
+                                   or for a hidraw node of Linux, whose writes may take seconds */
 };
 
 /* A device driver: a table of functions, growing. It knows one kind of device and nothing of scenes, limits or faults:
@@ -56,9 +56,9 @@ enum {
  * no servo has given a force for 20 ms. A servo's tick begins when receive has given a state, so the force that is sent answers
  * the newest state. Where nothing comes, the servo ticks by its clock. A driver that hangs holds up neither the servo nor its
  * stop; all that hang hold up the end of the process by a second. As long as it hangs nothing is sent, so only the device's own
- * watchdog ends the force that it has. When receive or send returns
- * DISCONNECTED, the library closes the device and opens it again, at most twice a second, until the same device is back: one
- * with the same serial, name, axes, maxima, rates, mass and damping. Its force begins again by the ramp.
+ * watchdog ends the force that it has. When receive or send returns DISCONNECTED, the library closes the device and opens it
+ * again, at most twice a second, until the same device is back: one with the same serial, name, axes, maxima, rates, mass and
+ * damping. Its force begins again by the ramp.
  * The other kind has `read` and `write`, which never wait: for simulators, and for whoever has a thread of his own.
  *
  * receive, send, write_model and close of one device are called by one thread at a time; so are get_info, read and write. */
@@ -111,16 +111,15 @@ typedef struct fs_driver {
   /* Fills out, which is all zeros but struct_size, with what the driver measures at present; write no more than that size.
    * Called 25 times a second while a servo has the device: where there is a receive, by the thread that calls it, just before;
    * otherwise by another thread, also while read or write is under way, or in mode VIRTUAL by fs_servo_step between two ticks.
-   * It must return at once. What the loop can
-   * render follows (servo.h): a longer delay counts at once, a shorter one when it was told three times. Figures that are not
-   * within their ranges are refused with an FS_EVENT_DEVICE, and what was told before stays. UNSUPPORTED: nothing has been
-   * measured yet. A null pointer: the driver measures nothing. */
+   * It must return at once. What the loop can render follows (servo.h): a longer delay counts at once, a shorter one when it was
+   * told three times. Figures that are not within their ranges are refused with an FS_EVENT_DEVICE, and what was told before
+   * stays. UNSUPPORTED: nothing has been measured yet. A null pointer: the driver measures nothing. */
   fs_status (*get_link)(void *self, fs_link *out);
 
-  /* Waits for the next state of the device and gives it as read does (time 0: when receive returned). Returns TIMEOUT when
-   * none has come within 20 ms or less, or earlier another status when a device that gave states has fallen silent; DISCONNECTED when the
-   * device is lost; another status when what came is of no use. Until a state comes again, its force is 0 when the newest is
-   * too old (fs_device_info.delay), and at once after any status but OK and TIMEOUT. */
+  /* Waits for the next state of the device and gives it as read does (time 0: when receive returned). Returns TIMEOUT when none
+   * has come within 20 ms or less, or earlier another status when a device that gave states has fallen silent; DISCONNECTED
+   * when the device is lost; another status when what came is of no use. Until a state comes again, its force is 0 when the
+   * newest is too old (fs_device_info.delay), and at once after any status but OK and TIMEOUT. */
   fs_status (*receive)(void *self, fs_state *out);
 
   /* Sends a wrench, as write does; may wait for the device to take it, some milliseconds at most. Also called when the force
@@ -137,8 +136,8 @@ typedef struct fs_driver {
 } fs_driver;
 
 /* Adds a driver for the whole process. The table is copied; its functions must remain loaded. It has either read and write, or
- * receive and send; the other two are null. With receive and send, advance is null, too; list, write_model, advance, get_link and control may be null.
- * EXISTS: the scheme is taken; VERSION. */
+ * receive and send; the other two are null. With receive and send, advance is null, too; list, write_model, advance, get_link
+ * and control may be null. EXISTS: the scheme is taken; VERSION. */
 FS_API fs_status fs_driver_register(const fs_driver *driver);
 
 /* The type of the function that a driver's library exports: const fs_driver *fs_driver_entry(void); */
