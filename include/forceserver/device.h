@@ -51,10 +51,11 @@ FS_API fs_status fs_device_list(fs_device_entry *out, size_t capacity, size_t *c
  * UNSUPPORTED, DISCONNECTED, TIMEOUT, IO (also: in use, or a module that cannot be loaded).
  *
  * "falcon:0" is the first Novint Falcon, "falcon:SERIAL" the one with that serial number; options firmware=PATH, as a Falcon
- * that has been without power needs its firmware, and motor=1e3..1e5, its motor constant (device/falcon/README.md). "fidel:usb" is a FIDEL on the USB, "fidel:usb:SERIAL" the one with that
- * serial number; option calibration=FILE|none. "fidel:udp:HOST:PORT" is the controller of a FIDEL on the network, such as the
- * program fidel-controller (port 47811 if none is given); options render=model|force (model), and hz=100..1000, the states
- * that it sends a second (500; of forces 1000). The pages of device/ describe these devices, and what a person does first.
+ * that has been without power needs its firmware, and motor=1e3..1e5, its motor constant (device/falcon/README.md).
+ * "fidel:usb" is a FIDEL on the USB, "fidel:usb:SERIAL" the one with that serial number; option calibration=FILE|none.
+ * "fidel:udp:HOST:PORT" is the controller of a FIDEL on the network, such as the program fidel-controller (port 47811 if none
+ * is given); options render=model|force (model), and hz=100..1000, the states that it sends a second (500; of forces 1000).
+ * The pages of device/ describe these devices, and what a person does first.
  *
  * "sim:" is a simulated FIDEL, the device of the paper, and the hand on it. Its workspace is a cylinder about z of
  * radius 0.150 m and height 0.200 m (x, y within 0.150, z within -0.100..0.100), with end stops 0.010 m beyond; its
