@@ -105,8 +105,8 @@ FS_API fs_status fs_device_read(fs_device *device, fs_state *out);
 
 /* Sends a force and torque, device frame, not guarded, but scaled down to the device's maxima with the direction kept;
  * axes that the device does not have get 0. It stays until the next fs_device_write, a servo's first tick,
- * fs_device_close, the loss of the device or the end of the process by exit. Does not wait. STATE while a servo has the
- * device; DISCONNECTED, IO. */
+ * fs_device_close, the loss of the device or the end of the process by exit; while a driver's receive fails, 0 is sent. Does
+ * not wait. STATE while a servo has the device; DISCONNECTED, IO. */
 FS_API fs_status fs_device_write(fs_device *device, const fs_wrench *wrench);
 
 /* What a device answers to a request. Frozen. */

@@ -42,8 +42,9 @@ enum {
   FS_DRIVER_IN_SERVO = 1        /* receive returns within 20 ms and send within 5 ms, whatever the device does, and neither
                                    waits for another thread: so the servo's own thread calls them, between two ticks, and no
                                    time is lost between threads. Then it ticks when receive returns, so with a slow device
-                                   less often than at its rate. Never set it where a maker's closed library does the work,
-                                   or for a hidraw node of Linux, whose writes may take seconds */
+                                   less often than at its rate, and a force stands as long as receive waits. Never set it
+                                   where a maker's closed library does the work, or for a hidraw node of Linux, whose writes
+                                   may take seconds */
 };
 
 /* A device driver: a table of functions, growing. It knows one kind of device and nothing of scenes, limits or faults:
@@ -55,10 +56,10 @@ enum {
  * library calls them in a thread of its own, again and again: receive, then send with the force for that state, or with 0 when
  * no servo has given a force for 20 ms. A servo's tick begins when receive has given a state, so the force that is sent answers
  * the newest state. Where nothing comes, the servo ticks by its clock. A driver that hangs holds up neither the servo nor its
- * stop; all that hang hold up the end of the process by a second. As long as it hangs nothing is sent, so only the device's own
- * watchdog ends the force that it has. When receive or send returns DISCONNECTED, the library closes the device and opens it
- * again, at most twice a second, until the same device is back: one with the same serial, name, axes, maxima, rates, mass and
- * damping. Its force begins again by the ramp.
+ * stop; closing its device takes a second then, and so does the end of the process, for all of them together. As long as it
+ * hangs nothing is sent, so only the device's own watchdog ends the force that it has. When receive or send returns
+ * DISCONNECTED, the library closes the device and opens it again, at most twice a second, until the same device is back: one
+ * with the same serial, name, axes, maxima, rates, mass and damping. Its force begins again by the ramp.
  * The other kind has `read` and `write`, which never wait: for simulators, and for whoever has a thread of his own.
  *
  * receive, send, write_model and close of one device are called by one thread at a time; so are get_info, read and write. */
@@ -118,8 +119,8 @@ typedef struct fs_driver {
 
   /* Waits for the next state of the device and gives it as read does (time 0: when receive returned). Returns TIMEOUT when none
    * has come within 20 ms or less, or earlier another status when a device that gave states has fallen silent; DISCONNECTED
-   * when the device is lost; another status when what came is of no use. Until a state comes again, its force is 0 when the
-   * newest is too old (fs_device_info.delay), and at once after any status but OK and TIMEOUT. */
+   * when the device is lost; another status when what came is of no use. Until a state comes again, a servo's force is 0 when
+   * the newest is too old (fs_device_info.delay), and at once after any status but OK and TIMEOUT. */
   fs_status (*receive)(void *self, fs_state *out);
 
   /* Sends a wrench, as write does; may wait for the device to take it, some milliseconds at most. Also called when the force

@@ -253,17 +253,17 @@ void fs_device::control(const char* request, fs_answer& out) {
   if (has_ended_) fs::fail(FS_ERROR_STATE, "the process is ending, and the device with it");
   const std::shared_ptr<fs::Opened> opened = thread_ ? thread_->device() : opened_;
   if (!opened) {
-    const std::string why = trouble();
+    const std::string why = trouble().of(FS_ERROR_DISCONNECTED);
     fs::fail(FS_ERROR_DISCONNECTED, "the device is not connected%s%s", why.empty() ? "" : ": ", why.c_str());
   }
   fs::ask_driver(driver_, "control", [&] { return driver_.control(opened->self(), request, out.text, sizeof out.text); });
   out.text[sizeof out.text - 1] = 0;
 }
 
-std::string fs_device::trouble() const { return thread_ ? thread_->trouble() : ""; }
+fs::Trouble fs_device::trouble() const { return thread_ ? thread_->trouble() : fs::Trouble{}; }
 
 double fs_device::await_tick(double next, double period) noexcept {
-  if (thread_) return thread_->await_state(next - period / 8, next + period / 2);
+  if (thread_) return thread_->await_state(next - period / 8, next, next + period / 2);
   fs::sleep_until(next);
   return next;
 }
@@ -298,11 +298,11 @@ fs_status fs_device::read(double time, fs_state& out) noexcept {
   constexpr double contradiction = 1;  // m/s
   const bool stands = std::memcmp(&out.pose, &read_pose_, sizeof read_pose_) == 0;
   const double way = fs::distance(out.pose.position, std::exchange(read_pose_, out.pose).position);
-  if (!fs::is_zero(out.twist)) gives_twist_ = true;
+  if (!fs::is_zero(out.twist) && fs::is_finite(out.twist)) gives_twist_ = true;
   const bool is_given = !fs::is_zero(out.twist) || (gives_twist_ && stands);
   const double given = fs::norm(out.twist.linear);
-  if (is_given && way <= (given + contradiction) * dt) return FS_OK;  // mostly; the estimate costs more
-  const fs::Twist of_poses = velocity_.update(out.pose, out.time);
+  const fs::Twist of_poses = velocity_.update(out.pose, out.time);  // always, so that it is right when it is needed
+  if (is_given && way <= (given + contradiction) * dt) return FS_OK;
   if (!is_given || fs::norm(of_poses.linear) > given + contradiction) out.twist = of_poses;
   return FS_OK;
 }

@@ -69,7 +69,7 @@ struct fs_device : fs::Counted<fs_device> {
 
   // Throws UNSUPPORTED, or what the driver says. out: all zeros.
   void control(const char* request, fs_answer& out);
-  std::string trouble() const;  // why a lost device does not come back; "": nobody knows
+  fs::Trouble trouble() const;  // why the driver failed last, or a lost device does not come back
 
   // What the driver measures of its link, unchecked; UNSUPPORTED: nothing new, or the device is silent. Called by one thread beside
   // the one that has the turn.

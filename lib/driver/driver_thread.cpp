@@ -168,13 +168,13 @@ void DriverThread::lose() noexcept {
 void DriverThread::reconnect() noexcept {
   if (await_change(is_ending_, 0, tried_at_ + retry_after)) return;
   tried_at_ = steady_now();
-  std::string trouble;
+  Trouble trouble{FS_ERROR_DISCONNECTED, ""};
   try {
     const auto device = std::make_shared<Opened>(driver_, address_);
     fs_device_info info = fs_device_info_init();
     ask_driver(driver_, "get_info", [&] { return driver_.get_info(device->self(), &info); });
-    trouble = difference(info, info_);
-    if (trouble.empty()) {
+    trouble.words = difference(info, info_);
+    if (trouble.words.empty()) {
       send_status_ = FS_OK;
       forgotten_ = commands_;
       const std::lock_guard lock(mutex_);
@@ -182,7 +182,7 @@ void DriverThread::reconnect() noexcept {
       return;
     }
   } catch (const Error& error) {
-    trouble = error.text;
+    trouble.words = error.text;
   } catch (...) {  // there is no memory
   }
   {
@@ -210,8 +210,8 @@ fs_status DriverThread::call(F&& f, fs_status usual) noexcept {
   const fs_status status = call_safely(f);
   if (status == FS_OK || status == usual) return status;
   try {
-    std::string words = last_error();
-    if (const std::unique_lock lock(mutex_, std::try_to_lock); lock) trouble_.swap(words);
+    Trouble trouble{status, last_error()};
+    if (const std::unique_lock lock(mutex_, std::try_to_lock); lock) std::swap(trouble_, trouble);
   } catch (...) {  // there is no memory
   }
   return status;
@@ -269,7 +269,10 @@ fs_status DriverThread::read(fs_state& out) noexcept {
   State newest;
   const uint32_t bad = bad_.load(std::memory_order_acquire);
   const bool is_new_bad = std::exchange(bad_seen_, bad) != bad && has_servo_;
-  if (!(is_new_bad ? newest_bad_ : newest_).read(newest)) return FS_OK;  // none has come: out is all zeros, and not ready
+  if (!(is_new_bad ? newest_bad_ : newest_).read(newest)) {  // none has come
+    out.flags = FS_STATE_CONNECTING;
+    return FS_OK;
+  }
   if (newest.status == FS_OK) out = newest.state;
   return static_cast<fs_status>(newest.status);
 }
@@ -327,7 +330,7 @@ void DriverThread::end_servo() noexcept {
   give_back(true);
 }
 
-double DriverThread::await_state(double soonest, double latest) noexcept {
+double DriverThread::await_state(double soonest, double usual, double latest) noexcept {
   if (owner_.load(std::memory_order_acquire) == servo_has) {
     servos_thread_.store(this_thread(), std::memory_order_relaxed);
     for (;;) {
@@ -339,7 +342,7 @@ double DriverThread::await_state(double soonest, double latest) noexcept {
         is_lost_ = true;
         give_back(false);
       }
-      if (status != FS_OK) sleep_until(latest);
+      if (status != FS_OK) sleep_until(soonest);
       const double now = steady_now();
       if (status != FS_OK || now >= soonest) return now;
     }
@@ -352,7 +355,7 @@ double DriverThread::await_state(double soonest, double latest) noexcept {
       State newest;
       return newest_.read(newest) ? std::fmin(std::fmax(newest.came, soonest), latest) : soonest;
     }
-    if (!await_change(states_, come, latest)) return latest;
+    if (!await_change(states_, come, latest)) return usual;
   }
 }
 
@@ -362,7 +365,7 @@ void DriverThread::give_back(bool is_for_good) noexcept {
   change(owner_, thread_has);
 }
 
-std::string DriverThread::trouble() const {
+Trouble DriverThread::trouble() const {
   const std::lock_guard lock(mutex_);
   return trouble_;
 }

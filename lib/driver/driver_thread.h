@@ -21,6 +21,12 @@
 
 namespace fs {
 
+struct Trouble {
+  fs_status status = FS_OK;  // that it explains
+  std::string words;  // a sentence; "": nobody knows
+  std::string of(fs_status wanted) const { return wanted == status ? words : ""; }
+};
+
 class DriverThread final : public Counted<DriverThread> {
  public:
   DriverThread(const fs_driver& driver, std::string address, std::shared_ptr<Opened> device, const fs_device_info& info);
@@ -46,9 +52,10 @@ class DriverThread final : public Counted<DriverThread> {
   void begin_servo(int priority, bool may_lend) noexcept;
   void end_servo() noexcept;
   // [rt] Called by the servo's thread between two ticks: waits until a state that was not read yet has come, but not before
-  // `soonest`, and not beyond `latest` (s, monotonic clock). Returns the time at which the next tick was due. Of a driver that has
+  // `soonest`, and not beyond `latest` (s, monotonic clock). Returns the time at which the next tick was due, which is `usual` where no
+  // state has come. Of a driver that has
   // lent itself it first sends what the last tick left, then receives, which may take 20 ms longer; the tick is due after that.
-  double await_state(double soonest, double latest) noexcept;
+  double await_state(double soonest, double usual, double latest) noexcept;
   // [rt] The servo's thread no longer uses the driver: for good, or until it is lent again.
   void give_back(bool is_for_good) noexcept;
 
@@ -56,8 +63,7 @@ class DriverThread final : public Counted<DriverThread> {
   fs_status get_link(fs_link& out) noexcept;
 
   std::shared_ptr<Opened> device() const noexcept;  // null: it is not connected
-  // Why the driver failed last, or the device does not come back; "": nobody knows.
-  std::string trouble() const;
+  Trouble trouble() const;  // why the driver failed last, or the device does not come back
 
  private:
   struct State {
@@ -96,7 +102,7 @@ class DriverThread final : public Counted<DriverThread> {
 
   mutable std::mutex mutex_;  // of the next two
   std::shared_ptr<Opened> device_;
-  std::string trouble_;
+  Trouble trouble_;
 
   Latest<State> newest_;  // written by who has the driver
   std::atomic<uint32_t> states_{0};  // how many have come

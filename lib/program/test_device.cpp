@@ -35,7 +35,7 @@ std::string exceptions(std::size_t count) { return count ? format("; it was not 
 
 // What a reading gives before a driver that waits for its device has given a state: nothing, at the time of the reading.
 bool is_empty(const fs_state& state, double asked) {
-  return state.flags == 0 && length(state.pose.position) == 0 && state.time >= asked;
+  return (state.flags & ~FS_STATE_CONNECTING) == 0 && length(state.pose.position) == 0 && state.time >= asked;
 }
 
 // Ends the test in between, with the force at 0, when the user asks for it.

@@ -48,9 +48,11 @@ void DeviceEvents::note(const Tick& tick) noexcept {
            tick.age});
   };
   if (is_ready && !is_ready_) add(FS_OK, 0);
-  if (!is_ready && (is_ready_ || (why && why != told_) || (is_gone && !is_gone_)))
+  const bool begins_too_old = !has_begun_ && reason == too_old;  // it has given states, but none for this servo
+  if (!is_ready && (is_ready_ || (why && why != told_) || (is_gone && !is_gone_) || begins_too_old))
     add(failed != FS_OK ? failed : FS_ERROR_STATE, device_fault);
   if (const uint32_t fresh = latched & ~latched_) add(FS_ERROR_STATE, fresh);
+  has_begun_ = true;
   told_ = why;
   is_ready_ = is_ready;
   is_gone_ = is_gone;
@@ -80,8 +82,10 @@ bool DeviceEvents::take(uint64_t& next, const Known& known, fs_event& out) const
   std::string text = "ready";
   if (event.faults & device_fault) {
     if (event.reason == unread || event.reason == unsent) {
-      text = event.reason == unread ? "lost: its state could not be read" : "lost: it did not take the force";
-      if (!known.trouble.empty()) text += " (" + known.trouble + ")";
+      text = event.status == FS_ERROR_DISCONNECTED ? "lost: it is not connected"
+             : event.reason == unread              ? "lost: its state could not be read"
+                                                   : "lost: it did not take the force";
+      if (const std::string why = known.trouble.of(event.status); !why.empty()) text += " (" + why + ")";
     } else if (event.reason == not_ready) {
       text = "not ready";
       if (event.flags) text += std::string(": ") + state_reason(event.flags);

@@ -9,6 +9,7 @@
 #include <forceserver/servo.h>
 
 #include "base/seqlock.h"
+#include "driver/driver_thread.h"
 
 namespace fs {
 
@@ -37,7 +38,7 @@ class DeviceEvents {
   struct Known {  // goes into the event and its text
     const fs_device_info& device;
     double pose_age, speed_limit;  // s, m/s, of the servo
-    std::string trouble;           // why the device fails, or does not come back; "": nobody knows
+    Trouble trouble;               // why the device fails, or does not come back
   };
   bool take(uint64_t& next, const Known& known, fs_event& out) const;
 
@@ -58,7 +59,7 @@ class DeviceEvents {
   void leave(const Event& event) noexcept;
 
   // Only the tick uses these.
-  bool is_ready_ = false, is_gone_ = false;  // is_gone_: DISCONNECTED
+  bool has_begun_ = false, is_ready_ = false, is_gone_ = false;  // is_gone_: DISCONNECTED
   uint32_t latched_ = 0, told_ = 0;  // told_: why the device is not ready, FS_STATE_ bits
 
   std::array<Seqlock<Event>, capacity> events_;

@@ -164,7 +164,7 @@ START_TEST(device_events) {
   ck_assert_int_eq(event.status, FS_ERROR_DISCONNECTED);
   ck_assert_double_eq(event.value, FS_FAULT_DEVICE);
   EXPECT_NEAR(event.time, 0.011, 1e-12);
-  ck_assert_str_eq(event.text, "lost: its state could not be read; the force will ramp up again");
+  ck_assert_str_eq(event.text, "lost: it is not connected; the force will ramp up again");
   w.fake.read_status = FS_OK;
   w.step(10);
   ck_assert_int_eq(next_event(w.scene, FS_EVENT_DEVICE).status, FS_OK);

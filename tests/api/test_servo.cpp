@@ -180,6 +180,28 @@ static void expect_no_event(fs_scene* scene) {
   ck_assert_int_eq(event.kind, FS_EVENT_NONE);
 }
 
+// One pose of a device that measures its own twist is wrong by 10 mm: that is a fault, not a kick by damping or spring.
+START_TEST(a_wrong_pose_beside_a_good_twist) {
+  Rig rig("glitch");
+  fs_object spring = fs_object_init("spring", FS_PRIMITIVE_POINT);
+  spring.front = fs_profile_init(FS_PROFILE_LINEAR_INCREASING, FS_SENSE_ATTRACTIVE, 200, 0, 5);
+  set(rig.scene.get(), spring);
+  uint64_t reads = 0;
+  rig.fake.on_read = [&](FakeDevice& fake, double) {
+    fake.state.pose.position.x = ++reads == 300 ? 0.02 : 0.01;
+    fake.state.twist.linear.x = 1e-4;
+  };
+  fs_servo_options options = plain();
+  options.damping = 0;
+  rig.start(options);
+  rig.step(299);
+  ck_assert_double_lt(rig.sent().x, -1);
+  const double before = rig.sent().x;
+  fs_servo_step(rig.servo.get(), 1);
+  ck_assert_msg(rig.sent().x == 0, "%g N before, %g N at the wrong pose", before, rig.sent().x);
+}
+END_TEST
+
 // An overflow counts what was dropped, and comes before what was kept.
 START_TEST(events_that_nobody_fetches) {
   Rig rig("flickers");
@@ -981,7 +1003,7 @@ int main() {
   if (seeks_races) return run_suite(suite);
   add_case(suite, "force", {ramps_at_the_start, no_ramp, too_strong, limits_of_ones_own, axes_that_are_not_there,
                             enabled_or_not, frames});
-  add_case(suite, "faults", {zero_until_ready, a_lost_device_comes_back, a_gap_without_the_hand, events_that_nobody_fetches, an_old_pose_is_no_pose, told_again,
+  add_case(suite, "faults", {zero_until_ready, a_lost_device_comes_back, a_gap_without_the_hand, a_wrong_pose_beside_a_good_twist, events_that_nobody_fetches, an_old_pose_is_no_pose, told_again,
                              too_fast, not_a_number, a_jump_while_away_is_no_speed, speeds_are_worked_out});
   add_case(suite, "record", {the_record, the_record_of_a_scene, stats, rate_of_the_device});
   add_case(suite, "ownership", {bad_options, one_servo_each, device_by_hand,

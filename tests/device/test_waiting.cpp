@@ -402,6 +402,36 @@ START_TEST(one_fault_is_felt_as_a_ramp) {
 }
 END_TEST
 
+// From the start on nothing comes.
+START_TEST(silence_is_told) {
+  WaitingDevice device("silent");
+  device.period = 1e9;
+  Loop loop(device);
+  ck_assert(until([&] { return event_with(loop.scene.get(), "it does not answer yet").find("not ready") == 0; }));
+  const uint64_t before = loop.stats().ticks;
+  const double begin = now_s();
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  const double rate = static_cast<double>(loop.stats().ticks - before) / (now_s() - begin);
+  std::printf("  without states: %.0f ticks/s\n", rate);
+  ck_assert_double_gt(rate, 750);  // by the clock, 1000 on a machine with time
+  loop.servo.reset();
+  {
+    const std::lock_guard lock(device.mutex);
+    device.period = 1e-3;
+  }
+  ck_assert(until([&] { return device.states() > 10; }));
+  {
+    const std::lock_guard lock(device.mutex);
+    device.period = 1e9;
+  }
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  while (!event_with(loop.scene.get(), "").empty()) {
+  }
+  loop.servo = start_servo(loop.scene.get(), loop.device.get(), fs_servo_options_init());
+  ck_assert(until([&] { return event_with(loop.scene.get(), "ms old, must be at most").find("its pose is") == 0; }));
+}
+END_TEST
+
 START_TEST(the_reason_is_told) {
   WaitingDevice device("why");
   device.on_state = [](fs_state& s, uint64_t) { s.flags = FS_STATE_NOT_HOMED; };
@@ -430,6 +460,16 @@ START_TEST(the_reason_is_told) {
     device.words = "the cable is red";
   }
   ck_assert(until([&] { return !event_with(loop.scene.get(), "its state could not be read (the cable is red)").empty(); }));
+  {
+    const std::lock_guard lock(device.mutex);
+    device.receive_status = FS_OK;
+  }
+  ck_assert(until([&] { return pushes(device); }));
+  {  // What was said then is not the reason of this.
+    const std::lock_guard lock(device.mutex);
+    device.on_state = [](fs_state& s, uint64_t) { s.time = NAN; };
+  }
+  ck_assert(until([&] { return !event_with(loop.scene.get(), "its state could not be read; ").empty(); }));
   ck_assert_str_eq(fs_state_reason(0), "");
   ck_assert_str_eq(fs_state_reason(FS_STATE_READY | FS_STATE_CLUTCHED), "");
   ck_assert_str_eq(fs_state_reason(1u << 31), "");
@@ -511,6 +551,7 @@ int main() {
   tcase_add_test(tests, a_lost_device_comes_back);
   tcase_add_test(tests, what_is_no_state_gives_no_force);
   tcase_add_test(tests, one_fault_is_felt_as_a_ramp);
+  tcase_add_test(tests, silence_is_told);
   tcase_add_test(tests, the_reason_is_told);
   tcase_add_test(tests, requests);
   tcase_add_test(tests, tables_are_refused);

@@ -618,7 +618,7 @@ grep "$name" /proc/net/unix && fail "a socket is left"
 expect 1 '^faults: the device is not ready$' env LD_PRELOAD="$losing_driver" ASAN_OPTIONS=verify_asan_link_order=0 \
   "$program" run --device library:0 --duration 0.5
 grep -q '^the device does not tell its mass: 0.05 kg is assumed' output || fail "run does not say that it assumes a mass"
-grep -q "^the force stopped: lost: its state could not be read; " output || fail "run does not say that the device was lost"
+grep -q "^the force stopped: lost: it is not connected; " output || fail "run does not say that the device was lost"
 
 echo "$failures failures"
 [ $failures = 0 ]
