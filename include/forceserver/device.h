@@ -100,7 +100,7 @@ FS_API void fs_device_close(fs_device *device);
 FS_API fs_status fs_device_get_info(fs_device *device, fs_device_info *out);
 
 /* For calibration and tests, as is fs_device_write: the newest state, device frame; it does not wait for a newer one.
- * STATE while a servo has the device; DISCONNECTED, IO. */
+ * STATE while a servo has the device; INVALID: the driver gave numbers that are not finite; DISCONNECTED, IO. */
 FS_API fs_status fs_device_read(fs_device *device, fs_state *out);
 
 /* Sends a force and torque, device frame, not guarded, but scaled down to the device's maxima with the direction kept;

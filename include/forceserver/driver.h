@@ -159,9 +159,8 @@ FS_API fs_status fs_driver_list(fs_driver_info *out, size_t capacity, size_t *co
 
 /* Adds the driver of a shared library that exports fs_driver_entry, a fs_driver_entry_function. path: a file; without
  * a '/' it is searched for where the system's loader looks. The library stays loaded until the process ends. Loaded before
- * the first use of its scheme, it takes the place of a module of that scheme. IO (it
- * cannot be loaded, or exports no fs_driver_entry: fs_last_error() has the loader's reason), and as for
- * fs_driver_register EXISTS, VERSION. */
+ * the first use of its scheme, it takes the place of a module of that scheme. IO (it cannot be loaded, or exports no
+ * fs_driver_entry: fs_last_error() has the loader's reason), and as for fs_driver_register EXISTS, VERSION. */
 FS_API fs_status fs_driver_load(const char *path);
 
 /* Sets fs_last_error of this thread to message (null: an empty one) and returns status. */

@@ -196,7 +196,8 @@ FS_API fs_status fs_scene_resume_force(fs_scene *scene);
 /* Stops the servo; null does nothing. First the force is set to 0 and the ticks end (if the device fails to take the
  * force, it is tried again for 20 ms), then the clients of its server are disconnected. Unlike with other handles,
  * another thread may be in fs_servo_step, which then ends early, or in another fs_servo_stop: both return when the
- * servo is stopped. Scene and device can have another servo afterwards. */
+ * servo is stopped. Scene and device can have another servo afterwards; but where a driver with FS_DRIVER_IN_SERVO hangs, this
+ * returns after a second, and the device stays with this servo, silent, until the process ends. */
 FS_API void fs_servo_stop(fs_servo *servo);
 
 /* [rt] The last tick of the servo that runs this scene, in this process or at the server; no servo: STATE. state: the

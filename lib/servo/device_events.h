@@ -18,7 +18,7 @@ class DeviceEvents {
   // What a tick knows of the device.
   struct Tick {
     double time;       // s
-    fs_status read, write;
+    fs_status read, write;  // of the device
     uint32_t flags;    // FS_STATE_ bits of the device
     double age;        // s, of its pose
     uint32_t faults;   // the guard's
@@ -33,13 +33,14 @@ class DeviceEvents {
 
   // Any thread.
   uint64_t count() const noexcept { return written_.load(std::memory_order_acquire); }
-  // Gives the event with number `next`, or if it was overwritten an overflow event that counts the lost ones and has the time of
-  // the oldest that is kept, and advances `next`. Returns false when there is no such event yet.
-  struct Known {  // goes into the event and its text
+  // What is said beside what the tick has noted.
+  struct Known {
     const fs_device_info& device;
     double pose_age, speed_limit;  // s, m/s, of the servo
     Trouble trouble;               // why the device fails, or does not come back
   };
+  // Gives the event with number `next`, or if it was overwritten an overflow event that counts the lost ones and has the time of
+  // the oldest that is kept, and advances `next`. Returns false when there is no such event yet.
   bool take(uint64_t& next, const Known& known, fs_event& out) const;
 
  private:

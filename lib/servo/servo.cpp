@@ -119,7 +119,7 @@ void fs_servo::stop() noexcept {
   memory_lock_.unlock();
   channels_.stop();
   if (has_ended) device_->release_ownership();
-  else retain();  // for the thread, which ends when the driver lets it go; the device stays silent, and this servo's
+  else retain();  // the thread uses this servo until the driver returns, so it is never destroyed; it keeps the device, silent
   is_stopped_.store(true);
   is_stopped_.notify_all();
 }
@@ -249,16 +249,16 @@ void fs_servo::tick(double now, double late) noexcept {
   follow_requests();
 
   fs_state hand;
-  fs_status status = device_->read(now, hand);  // further down that of the write, if that alone fails
+  const fs_status read_status = device_->read(now, hand);
   // In virtual time the age of a real device's pose is unknown: its time is that of another clock.
   const bool has_age = clock() != ClockKind::virtual_time || device_->is_simulated();
   const double age = has_age ? now - hand.time : 0;
   const bool says_ready = hand.flags & FS_STATE_READY;
-  const bool is_known = status == FS_OK && says_ready && age <= loop_now_.pose_age;
+  const bool is_known = read_status == FS_OK && says_ready && age <= loop_now_.pose_age;
   const bool is_ready = is_known && write_status_ == FS_OK;
   // Until the device is ready for the first time nobody knows where the hand is: it may say 0.
-  was_ready_ |= status == FS_OK && says_ready;
-  const bool has_pose = was_ready_ && status == FS_OK && is_finite(hand.pose) && is_finite(hand.twist);
+  was_ready_ |= read_status == FS_OK && says_ready;
+  const bool has_pose = was_ready_ && read_status == FS_OK && is_finite(hand.pose) && is_finite(hand.twist);
 
   // After a moment without the hand the solids hold it as before. After a longer one it may be anywhere, and begins anew.
   constexpr double begins_anew_after = 0.1;  // s
@@ -278,8 +278,8 @@ void fs_servo::tick(double now, double late) noexcept {
                       : device_->write(sent);
 
   channels_.publish(sent, guarded, tick_);
-  events_.note({now, status, write_status_, hand.flags, age, guard_.faults()});
-  if (status == FS_OK) status = write_status_;
+  events_.note({now, read_status, write_status_, hand.flags, age, guard_.faults()});
+  const fs_status status = read_status != FS_OK ? read_status : write_status_;
 
   const double compute = steady_now() - begin;
   statistics_.note({tick_, now, late, compute, status != FS_OK, guarded != 0, response.error_bound > 0, guard_.faults(),
