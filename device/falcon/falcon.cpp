@@ -22,8 +22,8 @@ constexpr int reports_to_settle = 20;      // good ones, before the position is 
 constexpr double homing_at_least = 0.2;    // s, until the bits of a homing that was asked for are believed
 constexpr double longest_step = 0.02;      // s, from report to report: in a longer one the hand may have gone anywhere
 
-// About 7 m/s at the handle, and what a coarse clock adds. A count is 0.6 mrad of an arm, about 0.04 mm; stuck is who stands still
-// while another arm turns by 15 degrees.
+// About 7 m/s at the handle, and what a coarse clock adds. A count is 0.6 mrad of an arm, about 0.04 mm. An arm is stuck that stands
+// still while another one turns by 15 degrees.
 constexpr EncoderWatch::Limits encoder_limits{2e5, 32, 411};
 
 // The Falcon's z points to who sits before it, and its y up; in the device frame y points away from him, and z up.
@@ -163,6 +163,7 @@ fs_status Falcon::receive(fs_state& out) noexcept {
     if (is_answer) meter_.note_delay(time - sent_at_);
     has_answered_ = true;
     judge(time, out);
+    out.flags = is_ready_ ? uint32_t{FS_STATE_READY} : reason_;
     report_time_ = time;
   } else {
     status = without_report(status, time, out);
@@ -186,7 +187,7 @@ fs_status Falcon::without_report(fs_status status, double time, fs_state& out) n
   return FS_OK;
 }
 
-// What the newest report says, and whether that can be believed.
+// What the newest report says, and whether that can be believed: is_ready_, and otherwise reason_.
 void Falcon::judge(double time, fs_state& out) noexcept {
   out.buttons = newest_.bits & all_buttons;
   if (wants_homing_.exchange(false)) {
@@ -199,7 +200,6 @@ void Falcon::judge(double time, fs_state& out) noexcept {
     watch_.forget();
   }
   if (is_homing_ || !is_homed(newest_)) {  // the origin jumps when it is homed
-    out.flags = FS_STATE_NOT_HOMED;
     doubt(FS_STATE_NOT_HOMED);
     watch_.forget();
     verdict_ = EncoderWatch::good;
@@ -209,7 +209,6 @@ void Falcon::judge(double time, fs_state& out) noexcept {
   const auto& counts = newest_.encoders;
   verdict_ = watch_.judge({counts[0], counts[1], counts[2]}, std::clamp(time - report_time_, 0.0, longest_step));
   if (verdict_ != EncoderWatch::good) {
-    out.flags = FS_STATE_NOT_HOMED;
     doubt(FS_STATE_NOT_HOMED);
     return;
   }
@@ -218,14 +217,12 @@ void Falcon::judge(double time, fs_state& out) noexcept {
   if (!pose && pose_) pose = pose_at(angles);
   pose_ = pose;
   if (!pose_) {  // no position of the handle has these angles
-    out.flags = FS_STATE_NOT_HOMED;
     doubt(FS_STATE_NOT_HOMED);
     return;
   }
   position_ = out.pose.position = to_device(pose_->position - centre);
   settled_ = std::min(settled_ + 1, reports_to_settle);
   is_ready_ = settled_ == reports_to_settle;
-  out.flags = is_ready_ ? uint32_t{FS_STATE_READY} : reason_;
 }
 
 Command Falcon::command_for(const fs_wrench& wrench, double time) const noexcept {

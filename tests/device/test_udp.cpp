@@ -197,6 +197,28 @@ START_TEST(a_clock_jumps) {
 }
 END_TEST
 
+// Each second state tells a pose of seven hours ago: it is ignored, and the others are felt without a fault.
+START_TEST(a_time_that_cannot_be) {
+  std::atomic<bool> is_wrong{false};
+  UdpRig rig;
+  rig.relay.on_way_to_host([&](Bytes& bytes) {
+    Header header{};
+    State state;
+    if (!is_state(bytes, header, state) || !is_wrong || header.number % 2) return;
+    state.time -= uint64_t{7 * 3600} * 1'000'000'000;
+    const Datagram changed = encode(header, state);
+    bytes.assign(changed.bytes, changed.bytes + changed.size);
+  });
+  rig.start();
+  rig.set_push();
+  ck_assert(rig.await_push());
+  is_wrong = true;
+  ck_assert(until([&] { return number_behind(rig.ask("link"), "ignored by the host: ") > 200; }));
+  ck_assert(until([&] { return rig.stats().faults == 0; }));  // a busy machine may have caused one for a moment
+  ck_assert(rig.await_push());
+}
+END_TEST
+
 START_TEST(a_second_sender_is_refused) {
   std::atomic<uint64_t> session{0};
   UdpRig rig;
@@ -427,7 +449,7 @@ END_TEST
 int main() {
   Suite* suite = suite_create("udp");
   for (const TTest* test : {models_are_felt, plain_forces_are_felt, silence_ends_the_force_and_it_comes_back_through_ready,
-                            the_controller_holds_and_fades, a_bad_link_is_no_end, garbage_is_ignored, a_clock_jumps,
+                            the_controller_holds_and_fades, a_bad_link_is_no_end, garbage_is_ignored, a_clock_jumps, a_time_that_cannot_be,
                             a_second_sender_is_refused, a_killed_host_makes_room, a_controller_is_killed_and_started_again, the_delay_is_measured,
                             requests_are_answered, each_address_of_a_name_is_tried, addresses_are_refused,
                             models_stand_where_forces_swing}) {

@@ -224,9 +224,9 @@ UdpConnection::Change UdpConnection::take(const Datagram& datagram, fs_state& ou
   return Change::none;
 }
 
-// False: one of the same number or a newer one has come before, or it is nonsense.
+// False: one of the same number or a newer one has come before, or the time of its pose cannot be.
 bool UdpConnection::take_state(const Header& header, const State& state, fs_state& out) noexcept {
-  constexpr uint64_t oldest = 1'000'000'000;  // ns: a pose is never sent so late, and not before its time
+  constexpr uint64_t oldest = 1'000'000'000;  // ns, of a pose when it is sent; one of the future is older still, modulo 2^64
   if (state.sent - state.time > oldest) {
     ignore();
     return false;
