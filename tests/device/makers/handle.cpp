@@ -1,0 +1,119 @@
+#include "device/makers/handle.h"
+
+#include <pthread.h>
+
+#include <chrono>
+#include <cstring>
+#include <utility>
+
+namespace makers {
+
+using scenes::norm;
+using stability::Plant;
+
+namespace {
+
+double now_s() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+
+}  // namespace
+
+Handle::Handle(const stability::DeviceModel& device, const stability::HandModel& hand, double watchdog)
+    : plant_(device, hand, device.rate), watchdog_(watchdog), begin_(now_s()) {}
+
+void Handle::become(const stability::DeviceModel& device, const stability::HandModel& hand) {
+  const std::lock_guard lock(mutex_);
+  Plant plant(device, hand, device.rate);
+  plant.is_held_by_stage = true;  // so that the time until now costs nothing that moves
+  plant.advance(now_s() - begin_);
+  plant.is_held_by_stage = false;
+  plant.put({});
+  plant_ = std::move(plant);
+  has_force_ = false;
+}
+
+void Handle::set_watchdog(double watchdog) {
+  const std::lock_guard lock(mutex_);
+  watchdog_ = watchdog;
+}
+
+void Handle::give(fs_vec3 force, fs_vec3 torque, double time) {
+  plant_.command(force, torque);
+  if (has_force_) had_force_ = time;
+  has_force_ = norm(force) + norm(torque) > 0;
+}
+
+void Handle::advance() {
+  const double now = now_s(), end = commanded_ + watchdog_;
+  if (watchdog_ > 0 && has_force_ && now > end) {
+    plant_.advance(end - begin_);
+    give({}, {}, end);
+  }
+  plant_.advance(now - begin_);
+  if (has_force_) had_force_ = now;
+}
+
+Handle::Measured Handle::measure() {
+  const std::lock_guard lock(mutex_);
+  advance();
+  measured_ = now_s();
+  return {plant_.measured(), plant_.measured_rotation()};
+}
+
+void Handle::command(fs_vec3 force, fs_vec3 torque) {
+  const std::lock_guard lock(mutex_);
+  advance();
+  commanded_ = now_s();
+  ++commands_;
+  if (const double since = std::exchange(measured_, 0); since > 0 && turnarounds_) turnarounds_->push_back(commanded_ - since);
+  give(force, torque, commanded_);
+}
+
+void Handle::rest() {
+  const std::lock_guard lock(mutex_);
+  advance();
+  give({}, {}, now_s());
+}
+
+void Handle::note_caller() {
+  char name[16] = "";
+  pthread_getname_np(pthread_self(), name, sizeof name);
+  if (std::strcmp(name, "fs-servo") != 0) return;
+  const std::lock_guard lock(mutex_);
+  ++calls_of_servo_;
+}
+
+fs_vec3 Handle::position() {
+  const std::lock_guard lock(mutex_);
+  advance();
+  return plant_.position();
+}
+
+fs_vec3 Handle::force() {
+  const std::lock_guard lock(mutex_);
+  advance();
+  return plant_.applied();
+}
+
+double Handle::last_force_time() {
+  const std::lock_guard lock(mutex_);
+  advance();
+  return had_force_;
+}
+
+uint64_t Handle::commands() {
+  const std::lock_guard lock(mutex_);
+  return commands_;
+}
+
+uint64_t Handle::calls_of_servo() {
+  const std::lock_guard lock(mutex_);
+  return calls_of_servo_;
+}
+
+void Handle::note_turnarounds(std::vector<double>* out) {
+  const std::lock_guard lock(mutex_);
+  turnarounds_ = out;
+  measured_ = 0;
+}
+
+}  // namespace makers
