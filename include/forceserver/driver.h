@@ -68,7 +68,8 @@ typedef struct fs_driver {
   uint32_t reserved;            /* 0 */
   const char *scheme;           /* what stands before the ':' of a URI, such as "mine": [a-z0-9]+, at most 31 bytes */
 
-  /* The devices that are present, as for fs_device_list. A null pointer: nothing to list. */
+  /* The devices that are present, as for fs_device_list. An error: what the driver itself needs is missing, such as the library of
+   * a maker; fs_driver_list tells its sentence. A null pointer: nothing to list. */
   fs_status (*list)(fs_device_entry *out, size_t capacity, size_t *count);
 
   /* Opens a device; *self becomes the driver's own handle. address: the rest of the URI after "scheme:", with options.
@@ -149,12 +150,13 @@ typedef const fs_driver *(*fs_driver_entry_function)(void);
 typedef struct fs_driver_info {
   char scheme[32],              /* what stands before the ':' of its URIs */
        path[512],               /* of its library; "": it belongs to forceserver or to this program */
-       trouble[480];            /* why it cannot be used, in the words of the system's loader; "": it can */
+       trouble[480];            /* why it cannot be used, in the words of the system's loader or of its own list; "": it can */
 } fs_driver_info;
 
 /* The drivers that are known, a list, by scheme: those of forceserver and of this program, and the modules. A module is the
  * library of a driver, forceserver/drivers-1/SCHEME.so in the folder of the library forceserver. It is loaded when a
- * URI of its scheme is first used, or by this call, which loads all, and stays loaded until the process ends. */
+ * URI of its scheme is first used, or by this call, which loads all and asks each to look for devices, which may take a second. It
+ * stays loaded until the process ends. */
 FS_API fs_status fs_driver_list(fs_driver_info *out, size_t capacity, size_t *count);
 
 /* Adds the driver of a shared library that exports fs_driver_entry, a fs_driver_entry_function. path: a file; without

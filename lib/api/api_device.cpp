@@ -1,6 +1,7 @@
 #include <forceserver/driver.h>
 
 #include <cmath>
+#include <cstring>
 #include <utility>
 
 #include "api/guarded.h"
@@ -12,6 +13,15 @@
 #include "scene/local_scene.h"
 
 using namespace fs;
+
+// What a driver says when it cannot look for devices, such as that the library of their maker is missing; "": it can.
+static std::string trouble_of(const fs_driver& driver) {
+  if (!driver.list) return "";
+  size_t count = 0;
+  std::string sentence;
+  const fs_status status = call_driver([&] { return driver.list(nullptr, 0, &count); }, sentence);
+  return status == FS_OK ? "" : sentence.empty() ? fs_status_name(status) : sentence;
+}
 
 fs_status fs_device_list(fs_device_entry* out, size_t capacity, size_t* count) {
   return guarded([&] {
@@ -135,7 +145,15 @@ fs_status fs_driver_register(const fs_driver* driver) {
 }
 
 fs_status fs_driver_list(fs_driver_info* out, size_t capacity, size_t* count) {
-  return guarded([&] { copy_list(list_drivers(), out, capacity, count); });
+  return guarded([&] {
+    std::vector<fs_driver_info> drivers = list_drivers();
+    for (const fs_driver* driver : all_drivers()) {
+      for (fs_driver_info& info : drivers) {
+        if (std::strcmp(info.scheme, driver->scheme) == 0) trouble_of(*driver).copy(info.trouble, sizeof info.trouble - 1);
+      }
+    }
+    copy_list(drivers, out, capacity, count);
+  });
 }
 
 fs_status fs_driver_load(const char* path) {

@@ -1,0 +1,28 @@
+// Files that are no good as a maker's library.
+#pragma once
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "scenes/folder.h"
+
+namespace makers {
+
+// A copy of a library that says of itself that it is for another processor (the 18th byte of an ELF file; 0xb7: AArch64).
+inline std::string for_another_processor(const scenes::Folder& folder, const std::string& library) {
+  const std::string path = folder / "other.so";
+  std::filesystem::copy_file(library, path);
+  std::fstream file(path, std::ios::in | std::ios::out | std::ios::binary);
+  file.seekp(18).put(static_cast<char>(0xb7));
+  return path;
+}
+
+// A text with the name of a library.
+inline std::string no_library(const scenes::Folder& folder) {
+  const std::string path = folder / "text.so";
+  std::ofstream(path) << "this is not a library\n";
+  return path;
+}
+
+}  // namespace makers

@@ -1,0 +1,558 @@
+// The driver dhd through the public C ABI, on a stand-in for the library of Force Dimension.
+#include <dlfcn.h>
+#include <sys/wait.h>
+
+#include <cmath>
+#include <cstdio>
+
+#include <forceserver/driver.h>
+
+#include "api/support.h"
+#include "device/makers/drd_stand_in.h"
+#include "device/makers/libraries.h"
+#include "device/makers/wall.h"
+#include "stability/boundary.h"
+
+using namespace scenes;
+using makers::DrdDevice;
+using makers::DrdStandIn;
+
+namespace {
+
+template <class Condition>
+bool until(Condition condition) {
+  for (Patience patience; patience.lasts();) {
+    if (condition()) return true;
+  }
+  return false;
+}
+
+double now_s() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+
+// The stand-in, with one omega.3 that has the serial number 4711. Each test has a process of its own.
+DrdStandIn& stand_in() {
+  static DrdStandIn* const found = [] {
+    void* const library = dlopen(STAND_IN, RTLD_NOW | RTLD_LOCAL);
+    ck_assert_msg(library, "%s", dlerror());
+    return reinterpret_cast<DrdStandIn* (*)()>(dlsym(library, "drd_stand_in_here"))();
+  }();
+  return *found;
+}
+DrdDevice& first() { return *stand_in().devices.front(); }
+
+template <class Change>
+void set(Change change) {
+  stand_in().change([&](DrdStandIn&) { return change(first()), 0; });
+}
+template <class Look>
+auto see(Look look) {
+  return stand_in().change([&](DrdStandIn&) { return look(first()); });
+}
+
+std::string uri(const std::string& place, const std::string& options = "") {
+  return "dhd:" + place + "?library=" STAND_IN + (options.empty() ? "" : "&" + options);
+}
+Device opened(const std::string& place = "0", const std::string& options = "") { return open_device(uri(place, options).c_str()); }
+
+fs_state state_of(const Device& device) {
+  fs_state state{};
+  fs_device_read(device.get(), &state);
+  return state;
+}
+bool is_ready(const Device& device) { return state_of(device).flags & FS_STATE_READY; }
+bool is_flagged(const Device& device, uint32_t flag) {
+  return until([&] { return (state_of(device).flags & (flag | FS_STATE_READY)) == flag; });
+}
+std::string answer(const Device& device, const char* request) {
+  fs_answer out{};
+  OK(fs_device_control(device.get(), request, &out));
+  return out.text;
+}
+bool says(const Device& device, const char* words) { return answer(device, "status").find(words) != std::string::npos; }
+
+double push() { return norm(first().handle.force()); }
+
+// A servo with a spring that pulls the handle aside with up to 3 N.
+struct Pushing {
+  Scene scene = make_scene();
+  Servo servo;
+
+  explicit Pushing(const Device& device) {
+    fs_object spring = fs_object_init("spring", FS_PRIMITIVE_POINT);
+    spring.pose = at({0.2, 0, 0});
+    spring.front = fs_profile_init(FS_PROFILE_LINEAR_INCREASING, FS_SENSE_ATTRACTIVE, 100, 0, 3);
+    require(fs_object_set(scene.get(), &spring), "fs_object_set");
+    fs_servo_options options = fs_servo_options_init();
+    options.mode = FS_SERVO_THREAD;
+    servo = start_servo(scene.get(), device.get(), options);
+  }
+  bool event_with(const char* word) const {
+    fs_event event;
+    while (fs_scene_next_event(scene.get(), 0, &event) == FS_OK && event.kind != FS_EVENT_NONE) {
+      if (event.kind == FS_EVENT_DEVICE && std::strstr(event.text, word)) return true;
+    }
+    return false;
+  }
+};
+
+}  // namespace
+
+// ------------------------------------------------------------------------------------------------------------ poses and forces
+
+START_TEST(what_it_is) {
+  set([](DrdDevice& device) { device.limit = 9; });
+  const Device device = opened();
+  fs_device_info info = fs_device_info_init();
+  OK(fs_device_get_info(device.get(), &info));
+  ck_assert_str_eq(info.name, "Force Dimension omega.3");
+  ck_assert_str_eq(info.serial, "4711");
+  ck_assert_uint_eq(info.force_axes, 3);
+  ck_assert_uint_eq(info.torque_axes, 0);
+  EXPECT_NEAR(info.force_max, 9, 0);  // a limit of the user counts, if it is below that of the model
+  EXPECT_NEAR(info.mass, 0.25, 1e-9);
+  EXPECT_NEAR(info.resolution, 10e-6, 1e-12);
+  EXPECT_NEAR(info.workspace_radius, 0.075, 0);
+  ck_assert(until([&] { return is_ready(device); }));
+  ck_assert(says(device, "ready; SDK 3.17.1"));
+}
+END_TEST
+
+START_TEST(axes) {
+  const Device device = opened();
+  ck_assert(until([&] { return is_ready(device); }));
+  for (const fs_vec3 way : {fs_vec3{1, 0, 0}, fs_vec3{0, 1, 0}, fs_vec3{0, 0, 1}}) {
+    const fs_vec3 before = state_of(device).pose.position;
+    fs_wrench wrench{};
+    wrench.force = 2.0 * way;
+    OK(fs_device_write(device.get(), &wrench));
+    ck_assert(until([&] { return norm(first().handle.force() - wrench.force) < 1e-9; }));
+    ck_assert(until([&] { return dot(state_of(device).pose.position - before, way) > 0.008; }));
+    const fs_vec3 moved = state_of(device).pose.position - before;
+    ck_assert_msg(dot(moved, way) > 0.9 * norm(moved), "%g %g %g", moved.x, moved.y, moved.z);
+    EXPECT_VECTOR(moved + before, first().handle.position(), 2e-3);
+    wrench.force = {};
+    OK(fs_device_write(device.get(), &wrench));
+    first().handle.with_plant([](stability::Plant& plant) { plant.put({}); });
+    ck_assert(until([&] { return norm(state_of(device).pose.position) < 1e-4; }));
+  }
+}
+END_TEST
+
+START_TEST(a_wrist_with_motors) {
+  const fs_quat turned = turn({0.3, -0.5, 0.8}, 0.7);
+  set([&](DrdDevice& device) {
+    device.type = 104;
+    device.name = "sigma.7";
+    device.has_wrist = device.has_active_wrist = device.has_gripper = true;
+    device.orientation = turned;
+    device.grip = -0.25;  // of a device for the left hand
+    device.buttons = 5;
+  });
+  const Device device = opened();
+  fs_device_info info = fs_device_info_init();
+  OK(fs_device_get_info(device.get(), &info));
+  ck_assert_uint_eq(info.torque_axes, 3);
+  EXPECT_NEAR(info.torque_max, 0.2, 0);
+  ck_assert(until([&] { return is_ready(device); }));
+  const fs_state state = state_of(device);
+  for (const fs_vec3 axis : {fs_vec3{1, 0, 0}, fs_vec3{0, 1, 0}, fs_vec3{0, 0, 1}}) {
+    EXPECT_VECTOR(rotate(state.pose.orientation, axis), rotate(turned, axis), 1e-9);
+  }
+  EXPECT_NEAR(state.grip, 0.5, 1e-9);
+  ck_assert_uint_eq(state.buttons, 5);
+  ck_assert(see([](DrdDevice& it) { return it.buttons_emulated; }));
+  fs_wrench wrench{};
+  wrench.torque = {0.05, -0.1, 0.15};
+  OK(fs_device_write(device.get(), &wrench));
+  ck_assert(until([&] { return norm(see([](DrdDevice& it) { return it.asked_torque; }) - wrench.torque) < 1e-9; }));
+}
+END_TEST
+
+START_TEST(every_orientation) {
+  set([](DrdDevice& device) { device.has_wrist = true; });
+  const Device device = opened();
+  for (const fs_vec3 axis : {fs_vec3{1, 0, 0}, fs_vec3{0, 1, 0}, fs_vec3{0, 0, 1}, fs_vec3{1, 1, 1}, fs_vec3{-2, 1, 3}}) {
+    for (const double angle : {0.0, 1e-9, 1.0, 3.0, 3.14159265358979, -3.1}) {
+      const fs_quat turned = turn(axis, angle);
+      set([&](DrdDevice& it) { it.orientation = turned; });
+      const auto off = [&] {
+        const fs_quat seen = state_of(device).pose.orientation;
+        double most = 0;
+        for (const fs_vec3 v : {fs_vec3{1, 0, 0}, fs_vec3{0, 1, 0}, fs_vec3{0, 0, 1}})
+          most = std::fmax(most, norm(rotate(seen, v) - rotate(turned, v)));
+        return most;
+      };
+      ck_assert(until([&] { return off() < 1e-9; }));
+    }
+  }
+}
+END_TEST
+
+START_TEST(a_pose_counts_once) {  // the SDK gives it again within its time guard, and says so
+  stand_in().change([](DrdStandIn& all) { return all.time_guard = 0.004; });
+  const Device device = opened();
+  ck_assert(until([&] { return is_ready(device); }));
+  std::vector<double> times;
+  for (const double end = now_s() + 0.3; now_s() < end;) {
+    const double time = state_of(device).time;
+    if (times.empty() || time != times.back()) times.push_back(time);
+    std::this_thread::sleep_for(std::chrono::microseconds(100));
+  }
+  ck_assert_msg(times.size() > 20 && times.size() < 80, "%zu poses in 0.3 s", times.size());
+}
+END_TEST
+
+START_TEST(more_than_its_motors_give) {
+  set([](DrdDevice& device) {
+    device.type = 63;  // a delta.3: 20 N
+    device.name = "delta.3";
+  });
+  const Device device = opened();
+  ck_assert(until([&] { return is_ready(device); }));
+  fs_wrench wrench{};
+  wrench.force = {0, 0, 15};
+  OK(fs_device_write(device.get(), &wrench));
+  ck_assert(until([&] { return std::fabs(push() - 12) < 1e-9; }));
+  OK(fs_device_write(device.get(), &wrench));
+  ck_assert(!says(device, "; 0 of"));
+}
+END_TEST
+
+START_TEST(odd_poses) {
+  const Device device = opened();
+  ck_assert(until([&] { return is_ready(device); }));
+  const Pushing pushing(device);
+  ck_assert(until([&] { return push() > 2; }));
+  set([](DrdDevice& it) { it.odd_answer = 7; });
+  ck_assert(until([&] { return pushing.event_with("a position that no device has"); }));
+  ck_assert(until([&] { return push() > 2; }));
+  set([](DrdDevice& it) { it.odd_answer = -1; });
+  ck_assert(until([&] { return pushing.event_with("the pose cannot be read: command refused"); }));
+  ck_assert(until([&] { return push() > 2; }));
+}
+END_TEST
+
+// -------------------------------------------------------------------------------------------------------------------- opening
+
+START_TEST(which_device) {
+  DrdStandIn& all = stand_in();
+  all.devices.push_back(std::make_shared<DrdDevice>(815));
+  fs_device* raw = nullptr;
+  {
+    const Device second = opened("815");
+    fs_device_info info = fs_device_info_init();
+    OK(fs_device_get_info(second.get(), &info));
+    ck_assert_str_eq(info.serial, "815");
+    EXPECT_SENTENCE(FS_ERROR_IO, fs_device_open(uri("1").c_str(), &raw), "device 1 of Force Dimension is in use");
+    EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open(uri("815").c_str(), &raw), "others are in use");
+    const Device by_index = opened("0");
+    OK(fs_device_get_info(by_index.get(), &info));
+    ck_assert_str_eq(info.serial, "4711");
+  }
+  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open(uri("7").c_str(), &raw), "there are 2, with the serial numbers: 4711, 815");
+  EXPECT(FS_ERROR_NOT_FOUND, fs_device_open(uri("").c_str(), &raw));
+  EXPECT(FS_ERROR_NOT_FOUND, fs_device_open(uri("-1").c_str(), &raw));
+  EXPECT(FS_ERROR_NOT_FOUND, fs_device_open(uri("0x").c_str(), &raw));
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_device_open(uri("0", "rate=7").c_str(), &raw), "100..4000");
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_device_open(uri("0", "home=perhaps").c_str(), &raw), "no, yes");
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_device_open(uri("0", "speed=7").c_str(), &raw), "library, home, rate, falcon");
+  set([](DrdDevice& device) { device.is_taken = true; });
+  EXPECT_SENTENCE(FS_ERROR_IO, fs_device_open(uri("0").c_str(), &raw), "in use by another program");
+  all.change([](DrdStandIn& it) { return it.devices.clear(), 0; });
+  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open(uri("0").c_str(), &raw), "finds no device, and none is on the USB");
+}
+END_TEST
+
+START_TEST(the_order_changes) {  // the one that was open keeps its place in the process, although the SDK counts anew
+  DrdStandIn& all = stand_in();
+  const auto other = std::make_shared<DrdDevice>(815);
+  all.devices.push_back(other);
+  const Device second = opened("815");
+  ck_assert(until([&] { return is_ready(second); }));
+  all.change([](DrdStandIn& it) { return it.devices.erase(it.devices.begin()), 0; });
+  fs_wrench wrench{};
+  wrench.force = {1, 0, 0};
+  OK(fs_device_write(second.get(), &wrench));
+  ck_assert(until([&] { return std::fabs(norm(other->handle.force()) - 1) < 1e-9; }));
+}
+END_TEST
+
+START_TEST(a_falcon_has_a_driver_of_its_own) {
+  set([](DrdDevice& device) {
+    device.type = 60;
+    device.name = "Falcon";
+    device.serial = 0;
+  });
+  fs_device* raw = nullptr;
+  EXPECT_SENTENCE(FS_ERROR_UNSUPPORTED, fs_device_open(uri("0").c_str(), &raw), "falcon:0");
+  const Device device = opened("0", "falcon=yes");
+}
+END_TEST
+
+START_TEST(libraries_that_are_no_good) {
+  const Folder folder;
+  fs_device* raw = nullptr;
+  const auto with = [](const std::string& library) { return "dhd:0?library=" + library; };
+  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open("dhd:0", &raw), "libdrd.so.3: cannot open shared object file");
+  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open(with(folder / "none.so").c_str(), &raw), "none.so: cannot open");
+  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open(with(makers::no_library(folder)).c_str(), &raw), "text.so: ");
+  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open(with(makers::for_another_processor(folder, STAND_IN)).c_str(), &raw), "other.so: ");
+  EXPECT_SENTENCE(FS_ERROR_VERSION, fs_device_open(with(DRIVER).c_str(), &raw), "has no function dhdGetSDKVersion");
+  setenv("OLD_DRD_VERSION", "3.15", 1);
+  EXPECT_SENTENCE(FS_ERROR_VERSION, fs_device_open(with(OLD_LIBRARY).c_str(), &raw), "SDK 3.15.0, must be 3.16");
+  setenv("OLD_DRD_VERSION", "3.16", 1);
+  EXPECT_SENTENCE(FS_ERROR_VERSION, fs_device_open(with(OLD_LIBRARY).c_str(), &raw), "has no function dhdErrorGetLast");
+  { const Device device = opened(); }
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_device_open(with(OLD_LIBRARY).c_str(), &raw), "already uses");
+}
+END_TEST
+
+// ------------------------------------------------------------------------------------------------------------------ readiness
+
+START_TEST(homing_moves_so_it_must_be_asked_for) {
+  set([](DrdDevice& device) { device.is_initialized = false; });
+  const Device device = opened();
+  ck_assert(is_flagged(device, FS_STATE_NOT_HOMED));
+  ck_assert(says(device, "send it the request home"));
+  const Pushing pushing(device);
+  ck_assert_int_eq(see([](DrdDevice& it) { return it.times_homed; }), 0);
+  const std::string homed = answer(device, "home");
+  ck_assert_str_eq(homed.c_str(), "the device has homed");
+  ck_assert(until([&] { return push() > 2; }));
+  fs_answer out{};
+  EXPECT_SENTENCE(FS_ERROR_UNSUPPORTED, fs_device_control(device.get(), "dance", &out), "home, status");
+}
+END_TEST
+
+START_TEST(homed_at_opening) {
+  set([](DrdDevice& device) { device.is_initialized = false; });
+  const Device device = opened("0", "home=yes");
+  ck_assert_int_eq(see([](DrdDevice& it) { return it.times_homed; }), 1);
+  ck_assert(until([&] { return is_ready(device); }));
+}
+END_TEST
+
+START_TEST(one_that_cannot_home) {
+  set([](DrdDevice& device) { device.is_initialized = device.can_home = false; });
+  fs_device* raw = nullptr;
+  EXPECT_SENTENCE(FS_ERROR_UNSUPPORTED, fs_device_open(uri("0", "home=yes").c_str(), &raw), "cannot home by itself");
+  ck_assert(!see([](DrdDevice& it) { return it.is_open; }));
+}
+END_TEST
+
+START_TEST(why_there_is_no_force) {
+  const Device device = opened();
+  ck_assert(until([&] { return is_ready(device); }));
+  const struct {
+    int cause;
+    uint32_t flag;
+    const char* words;
+  } causes[]{{1, FS_STATE_STOPPED, "force button"}, {6, FS_STATE_STOPPED, "nobody holds the handle"}, {4, FS_STATE_STOPPED, "switched off"}};
+  for (const auto& each : causes) {
+    set([&](DrdDevice& it) { it.has_force = false, it.cause = each.cause; });
+    ck_assert(is_flagged(device, each.flag));
+    ck_assert_msg(says(device, each.words), "%s", answer(device, "status").c_str());
+  }
+  set([](DrdDevice& it) { it.has_power = false; });
+  ck_assert(until([&] { return says(device, "no power"); }));
+  set([](DrdDevice& it) { it.has_power = it.has_force = true, it.cause = 0; });
+  ck_assert(until([&] { return is_ready(device); }));
+}
+END_TEST
+
+START_TEST(the_force_button_off_and_on) {  // the force begins again by the ramp, and not with a jerk
+  const Device device = opened();
+  const Pushing pushing(device);
+  ck_assert(until([&] { return push() > 2.9; }));
+  set([](DrdDevice& it) { it.has_force = false, it.cause = 1, it.handle.rest(); });
+  ck_assert(until([&] { return see([](DrdDevice& it) { return norm(it.asked); }) == 0; }));
+  set([](DrdDevice& it) { it.has_force = true, it.cause = 0; });
+  double last = 0, step = 0;
+  ck_assert(until([&] {
+    const double now = push();
+    step = std::fmax(step, now - last);
+    last = now;
+    return now > 2.9;
+  }));
+  ck_assert_msg(step < 1.5, "a step of %g N", step);
+}
+END_TEST
+
+START_TEST(too_fast) {
+  const Device device = opened();
+  ck_assert(until([&] { return is_ready(device); }));
+  set([](DrdDevice& it) { it.fastest = 1, it.handle.with_plant([](stability::Plant& plant) { plant.put({}, {3, 0, 0}); }); });
+  ck_assert(is_flagged(device, FS_STATE_TOO_FAST));
+  ck_assert(says(device, "too fast"));
+  ck_assert(until([&] { return is_ready(device); }));  // it has rested for a second
+  ck_assert(!see([](DrdDevice& it) { return it.has_brakes; }));
+}
+END_TEST
+
+START_TEST(its_weight_is_carried) {  // also when no servo has a force, and when one has
+  set([](DrdDevice& it) { it.weight = 2.5; });
+  const Device device = opened();
+  ck_assert(until([&] { return is_ready(device); }));
+  const auto drops = [&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    return state_of(device).pose.position.z < -0.004;  // its hand has a spring of 100 N/m
+  };
+  ck_assert(until([&] { return std::fabs(push() - 2.5) < 1e-9; }));
+  ck_assert(!drops());
+  set([](DrdDevice& it) { it.is_carried = false; });
+  ck_assert(drops());
+}
+END_TEST
+
+// ----------------------------------------------------------------------------------------------------------------------- faults
+
+START_TEST(its_watchdog) {
+  const Device device = opened();
+  ck_assert_int_eq(see([](DrdDevice& it) { return it.watchdog; }), 160);
+  ck_assert(says(device, "the device itself ends the force 20 ms after"));
+  const Pushing pushing(device);
+  ck_assert(until([&] { return push() > 2.9; }));
+  const double hung = now_s();
+  set([](DrdDevice& it) { it.stuck_for = 0.4; });  // the SDK hangs in a call
+  ck_assert(until([&] { return push() == 0; }));
+  const double ended = first().handle.last_force_time() - hung;
+  std::printf("  the SDK hangs: no force after %.1f ms\n", 1e3 * ended);
+  ck_assert_msg(ended < 0.1, "%g s", ended);
+  ck_assert(until([&] { return push() > 2.9; }));  // and it comes back
+}
+END_TEST
+
+START_TEST(firmware_without_a_watchdog) {
+  set([](DrdDevice& it) { it.has_watchdog = false; });
+  const Device device = opened();
+  ck_assert(says(device, "NO WATCHDOG"));
+}
+END_TEST
+
+START_TEST(unplugged_and_back) {
+  const std::shared_ptr<DrdDevice> omega = stand_in().devices.front();
+  const Device device = opened("4711", "home=yes");
+  const Pushing pushing(device);
+  ck_assert(until([&] { return push() > 2.9; }));
+  stand_in().change([](DrdStandIn& all) { return all.devices.clear(), 0; });
+  ck_assert(until([&] { return pushing.event_with("lost"); }));
+  // Another device in its place is not it.
+  stand_in().change([](DrdStandIn& all) { return all.devices.push_back(std::make_shared<DrdDevice>(815)), 0; });
+  std::this_thread::sleep_for(std::chrono::milliseconds(700));
+  ck_assert(!stand_in().devices.front()->is_open);
+  // It comes back without power for its encoders: it does not home by itself, as it would move in somebody's hand.
+  stand_in().change([&](DrdStandIn& all) {
+    omega->is_initialized = false;
+    omega->times_homed = 0;
+    all.devices.push_back(omega);
+    return 0;
+  });
+  ck_assert(until([&] { return stand_in().change([&](DrdStandIn&) { return omega->is_open; }); }));
+  ck_assert_int_eq(omega->times_homed, 0);
+  fs_answer out{};
+  ck_assert(until([&] { return fs_device_control(device.get(), "home", &out) == FS_OK; }));
+  ck_assert(until([&] { return norm(omega->handle.force()) > 2.9; }));
+}
+END_TEST
+
+START_TEST(unplugged_while_it_homes) {
+  set([](DrdDevice& device) { device.is_initialized = false; });
+  const Device device = opened();
+  std::thread unplugs([] {
+    until([] { return see([](DrdDevice& it) { return it.is_homing; }); });
+    stand_in().change([](DrdStandIn& all) { return all.devices.clear(), 0; });
+  });
+  fs_answer out{};
+  EXPECT_SENTENCE(FS_ERROR_IO, fs_device_control(device.get(), "home", &out), "has not homed: communication error");
+  unplugs.join();
+  ck_assert(until([&] {
+    fs_state state;
+    return fs_device_read(device.get(), &state) == FS_ERROR_DISCONNECTED;
+  }));
+}
+END_TEST
+
+START_TEST(the_servo_never_waits_for_the_library) {
+  set([](DrdDevice& device) { device.is_initialized = false; });
+  {
+    const Device device = opened();
+    const Pushing pushing(device);
+    fs_answer out{};
+    OK(fs_device_control(device.get(), "home", &out));
+    ck_assert(until([&] { return push() > 2.9; }));
+    set([](DrdDevice& it) { it.stuck_for = 0.1; });
+    ck_assert(until([&] { return push() == 0; }));
+    ck_assert(until([&] { return push() > 2.9; }));
+    ck_assert(stats_of(pushing.scene.get()).link_delay_p50 > 0 || until([&] { return stats_of(pushing.scene.get()).link_delay_p50 > 0; }));
+  }
+  ck_assert_uint_eq(first().handle.calls_of_servo(), 0);
+  ck_assert(!see([](DrdDevice& it) { return it.is_open || it.has_force; }));
+  ck_assert(see([](DrdDevice& it) { return it.has_brakes; }));  // closed
+}
+END_TEST
+
+START_TEST(a_wall_stands_and_shakes) {
+  stability::DeviceModel model;
+  model.mass = 0.25, model.friction = 0.05, model.force_max = 12, model.encoder = 10e-6, model.damping = 0.5;
+  set([&](DrdDevice& it) { it.handle.become(model, stability::light); });
+  const Device device = opened();
+  ck_assert(until([&] { return is_ready(device); }));
+  double granted = 0;
+  const double stands = makers::swing_at_wall(device.get(), first().handle, 1e5, true, &granted);
+  // What shakes at the delay that the servo has measured, with no damping of the servo's.
+  const double critical = stability::critical_stiffness({model.mass + stability::light.mass, model.damping + stability::light.damping,
+                                                         stability::light.stiffness, 1e-3, 0.5e-3});
+  const double shakes = makers::swing_at_wall(device.get(), first().handle, 2 * critical, false);
+  std::printf("  granted %.0f N/m: %.3f mm; %.0f N/m without bounds: %.3f mm\n", granted, 1e3 * stands, 2 * critical, 1e3 * shakes);
+  ck_assert_msg(stands < 0.2e-3, "%g m", stands);
+  ck_assert_msg(shakes > 0.5e-3, "%g m", shakes);
+}
+END_TEST
+
+START_TEST(drivers_and_devices_are_told) {
+  fs_driver_info drivers[16];
+  size_t count = 0;
+  OK(fs_driver_list(drivers, 16, &count));
+  bool is_told = false;
+  for (size_t i = 0; i < count; ++i) {
+    is_told = is_told || (!std::strcmp(drivers[i].scheme, "dhd") && std::strstr(drivers[i].trouble, "libdrd.so.3: cannot open"));
+  }
+  ck_assert(is_told);
+  const Device device = opened();  // now the library is there
+  fs_device_entry entries[8];
+  OK(fs_device_list(entries, 8, &count));
+  bool is_listed = false;
+  for (size_t i = 0; i < count; ++i) is_listed = is_listed || !std::strcmp(entries[i].uri, "dhd:0");
+  ck_assert(is_listed);
+}
+END_TEST
+
+#ifdef PROGRAM
+START_TEST(test_device_finds_nothing) {
+  const std::string command = PROGRAM " test-device '" + uri("0") + "' --push 1 --seconds 1 2>&1";
+  FILE* const program = popen(command.c_str(), "r");
+  std::string page;
+  char line[512];
+  while (std::fgets(line, sizeof line, program)) page += line;
+  const int status = pclose(program);
+  ck_assert_msg(WIFEXITED(status) && WEXITSTATUS(status) == 0, "%s", page.c_str());
+}
+END_TEST
+#endif
+
+int main() {
+  Suite* suite = suite_create("dhd");
+  add_case(suite, "poses and forces",
+           {what_it_is, axes, a_wrist_with_motors, every_orientation, a_pose_counts_once, more_than_its_motors_give, odd_poses});
+  add_case(suite, "opening", {which_device, the_order_changes, a_falcon_has_a_driver_of_its_own, libraries_that_are_no_good,
+                              drivers_and_devices_are_told});
+  add_case(suite, "readiness",
+           {homing_moves_so_it_must_be_asked_for, homed_at_opening, one_that_cannot_home, why_there_is_no_force,
+            the_force_button_off_and_on, too_fast, its_weight_is_carried});
+  add_case(suite, "faults", {its_watchdog, firmware_without_a_watchdog, unplugged_and_back, unplugged_while_it_homes,
+                             the_servo_never_waits_for_the_library, a_wall_stands_and_shakes});
+#ifdef PROGRAM
+  add_case(suite, "test-device", {test_device_finds_nothing});
+#endif
+  return run_suite(suite);
+}
