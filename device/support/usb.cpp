@@ -13,15 +13,11 @@
 #include <fstream>
 
 #include "device/support/refusal.h"
+#include "device/support/usb_seen.h"
 
 namespace fs {
 namespace {
 
-#ifndef FORCESERVER_DATA_FOLDER
-#define FORCESERVER_DATA_FOLDER "/usr/share/forceserver"
-#endif
-
-constexpr char rule_file[] = "60-forceserver.rules";
 constexpr double control_within = 1;  // s
 
 // At least 1: 0 would be for ever.
@@ -110,15 +106,10 @@ std::string all_on_the_bus() {
   return text.empty() ? "nothing is on the USB" : "on the USB are: " + text;
 }
 
-// A wheel or a jar brings no rules: there the rule stands in the command.
-std::string how_to_install_the_rule(const UsbKind& kind) {
-  const std::string file = std::string(FORCESERVER_DATA_FOLDER) + "/" + rule_file, folder = "/etc/udev/rules.d/";
-  if (access(file.c_str(), R_OK) == 0) return "sudo cp " + file + " " + folder;
+std::string match_of(const UsbKind& kind) {
   char ids[64];
   std::snprintf(ids, sizeof ids, "ATTR{idVendor}==\"%04x\", ATTR{idProduct}==\"%04x\"", kind.vendor, kind.product);
-  const std::string text = kind.product_text ? std::string(", ATTR{product}==\"") + kind.product_text + "\"" : "";
-  return std::string("echo 'SUBSYSTEM==\"usb\", ENV{DEVTYPE}==\"usb_device\", ") + ids + text +
-         ", TAG+=\"uaccess\"' | sudo tee -a " + folder + rule_file;
+  return ids + (kind.product_text ? std::string(", ATTR{product}==\"") + kind.product_text + "\"" : "");
 }
 
 std::string serials_of(const std::vector<UsbFound>& found) {
@@ -236,7 +227,7 @@ void UsbDevice::open() {
       FS_ERROR_DENIED,
       "%s '%s' is there, but this user may not open %s. Install the rule for it, once: %s && sudo udevadm control --reload; then "
       "plug the device in again",
-      kind_.name, found_.serial.c_str(), found_.node.c_str(), how_to_install_the_rule(kind_).c_str());
+      kind_.name, found_.serial.c_str(), found_.node.c_str(), usb_rule_command(match_of(kind_)).c_str());
 }
 
 void UsbDevice::claim() {

@@ -8,6 +8,10 @@
 #include <filesystem>
 #include <fstream>
 
+#ifndef FORCESERVER_DATA_FOLDER
+#define FORCESERVER_DATA_FOLDER "/usr/share/forceserver"
+#endif
+
 namespace fs {
 namespace {
 
@@ -33,6 +37,14 @@ std::vector<UsbSeen> usb_seen(uint16_t vendor) {
   }
   std::sort(out.begin(), out.end(), [](const UsbSeen& a, const UsbSeen& b) { return a.node < b.node; });
   return out;
+}
+
+std::string usb_rule_command(const std::string& match) {
+  const std::string name = "60-forceserver.rules", folder = "/etc/udev/rules.d/";
+  const std::string file = FORCESERVER_DATA_FOLDER "/" + name;
+  if (access(file.c_str(), R_OK) == 0) return "sudo cp " + file + " " + folder;
+  return "echo 'SUBSYSTEM==\"usb\", ENV{DEVTYPE}==\"usb_device\", " + match + ", TAG+=\"uaccess\"' | sudo tee -a " + folder +
+         name;
 }
 
 }  // namespace fs

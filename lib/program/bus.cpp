@@ -16,14 +16,14 @@ struct KnownDevice {
   std::uint16_t vendor, product;  // product 0: any of this vendor
   const char* product_text;       // which the device must say of itself; null: any
   const char* kind;
-  const char* scheme;
-  bool has_driver;  // of forceserver
+  const char* scheme;               // of its driver
 };
 
 constexpr KnownDevice known_devices[] = {
-    {0x0403, 0xcb48, nullptr, "Novint Falcon", "falcon", true},      {0x1209, 0x0001, "FIDEL", "FIDEL", "fidel", true},
-    {0x1451, 0, nullptr, "device of Force Dimension", "dhd", false}, {0x2988, 0x0302, nullptr, "Touch", "openhaptics", false},
-    {0x2988, 0x0304, nullptr, "Touch", "openhaptics", false},
+    {0x0403, 0xcb48, nullptr, "Novint Falcon", "falcon"},
+    {0x1209, 0x0001, "FIDEL", "FIDEL", "fidel"},
+    {0x1451, 0, nullptr, "device of Force Dimension", "dhd"},
+    {0x2988, 0, nullptr, "Touch", "openhaptics"},
 };
 
 // The first line of a file that describes a device; "" where there is none.
@@ -63,7 +63,6 @@ Bus look_at_bus() {
     }
     const std::string serial = line_of(folder / "serial");
     bus.seen.push_back({vendor, product, known->kind + (serial.empty() ? "" : ", serial " + serial), known->scheme,
-                        known->has_driver,
                         format("/dev/bus/usb/%03lu/%03lu", number_of(line_of(folder / "busnum"), 10),
                                number_of(line_of(folder / "devnum"), 10))});
   }
@@ -82,12 +81,10 @@ std::string why_none(const Bus& bus) {
 std::string trouble_of(const SeenDevice& seen, const std::vector<fs_driver_info>& known) {
   const auto driver = std::find_if(known.begin(), known.end(),
                                    [&](const fs_driver_info& info) { return std::strcmp(info.scheme, seen.scheme) == 0; });
-  if (driver == known.end() && !seen.has_driver) return "forceserver has no driver for it yet";
   if (driver == known.end()) return format("it needs the driver %s, which is not installed", seen.scheme);
   if (*driver->trouble) return format("it needs the driver %s, which cannot be used (see above)", seen.scheme);
   if (access(seen.node.c_str(), R_OK | W_OK) == 0) return "";
   if (errno == ENOENT) return "the system has made no node for it";
-  if (!seen.has_driver) return "this user may not open it";
   return format(
       "this user may not open it; install the rule share/forceserver/60-forceserver.rules of forceserver into "
       "/etc/udev/rules.d, then unplug the device and plug it in again");

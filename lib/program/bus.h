@@ -11,7 +11,6 @@ struct SeenDevice {
   std::uint16_t vendor, product;
   std::string name;    // its kind, and its serial number where it has one
   const char* scheme;  // of the driver that it needs
-  bool has_driver;     // of forceserver
   std::string node;    // of the device in /dev
 };
 
