@@ -45,11 +45,14 @@ typedef struct fs_device_entry {
 /* The devices that the drivers find at this moment, a list. */
 FS_API fs_status fs_device_list(fs_device_entry *out, size_t capacity, size_t *count);
 
-/* Opens a device. What stands before the first ':' names its driver: "sim:", a module ("falcon:0", "fidel:usb",
+/* Opens a device. What stands before the first ':' names its driver: "sim:", a module ("dhd:0", "falcon:0", "fidel:usb",
  * "fidel:udp:HOST:PORT"), or one of your own (driver.h). Options follow as "?key=value&.." (nothing is %-decoded); an
  * unknown key is INVALID. May take seconds. NOT_FOUND: no such driver or device; DENIED: this user may not open it;
  * UNSUPPORTED, DISCONNECTED, TIMEOUT, IO (also: in use, or a module that cannot be loaded).
  *
+ * "dhd:0" is the first device of Force Dimension, "dhd:SERIAL" the one with that serial number; options library=PATH (of the
+ * maker's SDK, which must be installed), home=yes (the device then homes if it must, which moves it), rate=100..4000 (1000) and
+ * falcon=yes.
  * "falcon:0" is the first Novint Falcon, "falcon:SERIAL" the one with that serial number; options firmware=PATH, as a Falcon
  * that has been without power needs its firmware, and motor=1e3..1e5, its motor constant (device/falcon/README.md).
  * "fidel:usb" is a FIDEL on the USB, "fidel:usb:SERIAL" the one with that serial number; option calibration=FILE|none.

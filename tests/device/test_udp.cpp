@@ -10,6 +10,7 @@
 #include <fstream>
 #include <map>
 
+#include "device/table.h"
 #include "device/udp/raw_host.h"
 #include "device/udp/rig.h"
 #include "scenes/folder.h"
@@ -341,6 +342,13 @@ START_TEST(the_delay_is_measured) {
 }
 END_TEST
 
+START_TEST(rows_of_the_table) {
+  const ControllerProcess controller;
+  expect_in_table(open_device(controller.uri().c_str()).get(), "`fidel:udp:`");
+  expect_in_table(open_device("sim:").get(), "`sim:`");
+}
+END_TEST
+
 START_TEST(requests_are_answered) {
   UdpRig rig;
   rig.start();
@@ -451,7 +459,7 @@ int main() {
   for (const TTest* test : {models_are_felt, plain_forces_are_felt, silence_ends_the_force_and_it_comes_back_through_ready,
                             the_controller_holds_and_fades, a_bad_link_is_no_end, garbage_is_ignored, a_clock_jumps, a_time_that_cannot_be,
                             a_second_sender_is_refused, a_killed_host_makes_room, a_controller_is_killed_and_started_again, the_delay_is_measured,
-                            requests_are_answered, each_address_of_a_name_is_tried, addresses_are_refused,
+                            rows_of_the_table, requests_are_answered, each_address_of_a_name_is_tried, addresses_are_refused,
                             models_stand_where_forces_swing}) {
     add_case(suite, test->name, {test});  // CK_RUN_CASE selects one
   }

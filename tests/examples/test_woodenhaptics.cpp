@@ -9,6 +9,7 @@
 #include <forceserver/driver.h>
 
 #include "api/support.h"
+#include "device/table.h"
 #include "examples/arm_stand_in.h"
 #include "scenes/folder.h"
 
@@ -117,6 +118,13 @@ START_TEST(it_knows_its_pose_when_it_was_homed) {
   OK(fs_device_control(it.device.get(), "status", &answer));
   ck_assert_msg(std::strstr(answer.text, "counts 0 0 0, homed"), "%s", answer.text);
   EXPECT_SENTENCE(FS_ERROR_UNSUPPORTED, fs_device_control(it.device.get(), "dance", &answer), "home and status");
+}
+END_TEST
+
+START_TEST(row_of_the_table) {
+  Arm it;
+  it.open();
+  expect_in_table(it.device.get(), "`woodenhaptics:`");
 }
 END_TEST
 
@@ -394,7 +402,7 @@ END_TEST
 
 int main() {
   Suite* suite = suite_create("woodenhaptics");
-  add_case(suite, "device", {it_knows_its_pose_when_it_was_homed, it_tells_where_the_handle_is, old_reports_count_for_nothing,
+  add_case(suite, "device", {it_knows_its_pose_when_it_was_homed, it_tells_where_the_handle_is, row_of_the_table, old_reports_count_for_nothing,
                              it_gives_the_force, a_force_along_an_axis_moves_the_handle_along_it});
   add_case(suite, "opening", {what_cannot_be_opened_says_why});
   add_case(suite, "faults", {reports_that_stop_end_the_force, short_reports, a_short_report_alone, some_garbage, an_encoder_that_jumps,

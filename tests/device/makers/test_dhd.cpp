@@ -11,6 +11,7 @@
 #include "device/makers/drd_stand_in.h"
 #include "device/makers/libraries.h"
 #include "device/makers/wall.h"
+#include "device/table.h"
 #include "stability/boundary.h"
 
 using namespace scenes;
@@ -114,6 +115,19 @@ START_TEST(what_it_is) {
   EXPECT_NEAR(info.workspace_radius, 0.075, 0);
   ck_assert(until([&] { return is_ready(device); }));
   ck_assert(says(device, "ready; SDK 3.17.1"));
+}
+END_TEST
+
+START_TEST(rows_of_the_table) {
+  const struct {
+    int type;
+    const char *name, *row;
+  } models[]{{33, "omega.3", "`dhd:` omega.3"}, {63, "delta.3", "`dhd:` delta.3"}, {104, "sigma.7", "`dhd:` sigma.7"},
+             {109, "lambda.7", "`dhd:` lambda.7"}};
+  for (const auto& model : models) {
+    set([&](DrdDevice& it) { it.type = model.type, it.name = model.name, it.has_active_wrist = model.type > 100; });
+    expect_in_table(opened().get(), model.row);
+  }
 }
 END_TEST
 
@@ -543,7 +557,7 @@ END_TEST
 int main() {
   Suite* suite = suite_create("dhd");
   add_case(suite, "poses and forces",
-           {what_it_is, axes, a_wrist_with_motors, every_orientation, a_pose_counts_once, more_than_its_motors_give, odd_poses});
+           {what_it_is, rows_of_the_table, axes, a_wrist_with_motors, every_orientation, a_pose_counts_once, more_than_its_motors_give, odd_poses});
   add_case(suite, "opening", {which_device, the_order_changes, a_falcon_has_a_driver_of_its_own, libraries_that_are_no_good,
                               drivers_and_devices_are_told});
   add_case(suite, "readiness",

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <fstream>
 
+#include "device/table.h"
 #include "device/usb/falcon_rig.h"
 #include "scenes/folder.h"
 
@@ -41,6 +42,12 @@ START_TEST(positions_come_and_forces_go) {
 END_TEST
 
 // ------------------------------------------------------------------------------------------------------------------ opening
+
+START_TEST(row_of_the_table) {
+  FalconRig rig;
+  expect_in_table(open_device("falcon:0").get(), "`falcon:`");
+}
+END_TEST
 
 START_TEST(what_is_not_there_is_named) {
   FalconRig rig(false);
@@ -305,7 +312,7 @@ int main() {
   require(fs_driver_load(FALCON_MODULE), "fs_driver_load");
   Suite* suite = suite_create("usb_falcon");
   add_case(suite, "falcon",
-           {positions_come_and_forces_go, what_is_not_there_is_named, a_machine_without_usb, a_node_that_may_not_be_opened,
+           {positions_come_and_forces_go, row_of_the_table, what_is_not_there_is_named, a_machine_without_usb, a_node_that_may_not_be_opened,
             one_that_is_in_use, all_are_listed, firmware_is_loaded_once, a_device_without_firmware_says_so_and_takes_it,
             a_wrong_firmware_has_its_story, without_homing_there_is_no_force, requests, the_link_is_measured,
             the_force_ends_with_the_device, forces_fit_the_motors});

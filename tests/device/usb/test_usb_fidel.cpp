@@ -6,6 +6,7 @@
 
 #include <fstream>
 
+#include "device/table.h"
 #include "device/usb/fidel_rig.h"
 
 using namespace scenes;
@@ -55,6 +56,12 @@ START_TEST(poses_torques_and_buttons) {
   OK(fs_device_write(device.get(), &wrench));
   ck_assert(until([&] { return plugged.look([](FidelBody& b) { return norm(b.force - fs_vec3{2, 0, -1}) < 0.02; }); }));
   ck_assert(until([&] { return plugged.look([](FidelBody& b) { return std::fabs(b.wrist.x - 0.05) < 1e-3; }); }));  // 2 N m/rad
+}
+END_TEST
+
+START_TEST(row_of_the_table) {
+  const Plugged plugged;
+  expect_in_table(open_device("fidel:usb").get(), "`fidel:usb`");
 }
 END_TEST
 
@@ -442,7 +449,7 @@ END_TEST
 
 int main() {
   Suite* suite = suite_create("usb_fidel");
-  add_case(suite, "works", {a_wall_is_felt, poses_torques_and_buttons, two_devices_at_once});
+  add_case(suite, "works", {a_wall_is_felt, poses_torques_and_buttons, row_of_the_table, two_devices_at_once});
   add_case(suite, "opening", {what_cannot_be_opened_says_why});
   add_case(suite, "faults",
            {unplugged_and_back, unplugged_at_any_transfer, transfers_that_fail, devices_that_err, some_damaged_reports,
