@@ -1,4 +1,5 @@
-// The page that test-device and hello-device print: figures under headings, and verdicts, which are counted and repeated at the end.
+// The page that test-device and hello-device print: figures under headings, and verdicts, which are counted and repeated at
+// the end.
 #pragma once
 
 #include <cstdio>

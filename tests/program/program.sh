@@ -148,7 +148,7 @@ assert (info['rate'], info['delay'], info['resolution'], info['mass'], info['dam
 " || { echo "FAILED: devices --json"; failures=$((failures + 1)); }
 fi
 expect 2 '^forceserver: ' "$program"
-expect 2 "^forceserver: there is no command 'wacth'; did you mean watch\? There are: run, clients, .*, test-device$" \
+expect 2 "^forceserver: there is no command 'wacth'; did you mean watch\? There are: run, clients, .*, test-device, hello-device$" \
   "$program" wacth x
 expect 2 "^forceserver: there is no command 'nonsense'; there are: run, " "$program" nonsense
 expect 2 '^forceserver: .*duration' "$program" run --duration -1
