@@ -266,9 +266,9 @@ class Hello {
     for (const double over = now(); now() - over < ramp;) give(part * (1 - (now() - over) / ramp));
     device_.write({});
     if (!answer) {
-      const char* const why =
-          length(went) < run_away ? "The push has ended after 3 s" : "The push has ended, as the handle ran 40 mm away";
-      answer = person_.ask_letter(std::string(why) + ". Which way was it?", help, "rlatudnp",
+      const std::string why =
+          length(went) < run_away ? format("after %g s", hold) : format("as the handle ran %g mm away", run_away * 1e3);
+      answer = person_.ask_letter("The push has ended " + why + ". Which way was it?", help, "rlatudnp",
                                   [&] { return ending.pause(1e-3), true; });
     }
     wait_for_rest(device_, ending);
@@ -335,7 +335,7 @@ class Hello {
                  swing ? format("the hand chatters: %.0f times a second, %.2g mm from end to end", swing->frequency,
                                 swing->size * 1e3)
                        : "the hand does not chatter");
-    if (!answer) return page_.note(Verdict::odd, "the ball: no answer within 60 s; the force has ended");
+    if (!answer) return page_.note(Verdict::odd, "the ball: no answer in time; the force has ended");
     page_.expect(answer == 'y', Verdict::failed,
                  std::string("the ball is there, round, and quiet") + (answer == 'y'   ? ""
                                                                        : answer == 't' ? ": it trembles"
@@ -348,7 +348,7 @@ class Hello {
     const std::optional<std::string> enter =
         person_.ask("Go into the ball, so that it pushes, and press Enter there: the force must end at once.",
                     "Enter while you feel it push", is_pushed, [&] { return ball.go_on(); });
-    if (!enter) return page_.note(Verdict::odd, "the stop: Enter was not pressed in the ball within 60 s; the force has ended");
+    if (!enter) return page_.note(Verdict::odd, "the stop: Enter was not pressed in the ball in time; the force has ended");
     const double begin = now();
     ball.scene().stop_force();
     while (ball.sent() > 0 && now() - begin < 1) sleep_for(1e-4);

@@ -40,7 +40,7 @@ person() {
       *:"Move the handle up"*) hold u; echo ;;
       *:"Press each button"*) hold m; echo ;;
       guesser:"Which way does it push?"*) await_push 2; echo r ;;
-      interrupter:"Which way does it push?"*) await_push 2; echo "$way" >> felt_before; kill -TERM "$(< process)" ;;
+      interrupter:"Which way does it push?"*) await_push 2; echo "$way" >> felt_before; kill -TERM "$(< process)"; sleep 1; exec >&- ;;
       silent:"Which way does it push?"*) ;;
       silent:"The push has ended after 3 s"*) cat felt >> felt_after; echo n; echo s ;;
       [sh]*:"Which way does it push?"*) echo s ;;
