@@ -18,7 +18,7 @@
 namespace {
 
 constexpr double ramp = 0.3;  // s, in which a push grows and ends
-constexpr double hold = 3;  // s, the longest push
+constexpr double hold = 3;  // s, in which a push stays when nobody answers
 constexpr double servo_time = 60;  // s, the longest step with a servo
 constexpr double ball_radius = 0.03;  // m
 constexpr double run_away = 0.04;  // m, the handle in a push, which ends then
@@ -263,6 +263,7 @@ class Hello {
       return length(moved) < run_away && now() - begin < ramp + hold;
     });
     const fs_vec3 went = moved;
+    if (length(went) >= run_away) part = 0;  // it ends at once
     for (const double over = now(); now() - over < ramp;) give(part * (1 - (now() - over) / ramp));
     device_.write({});
     if (!answer) {
