@@ -34,6 +34,7 @@ person() {
       quitter:"Press each button"*) exec >&- ;;
       sloppy:"Move the handle to the right"*) hold r; echo fifty; echo 5e9; echo s ;;
       ruler:"Move the handle to the right"*) hold r; echo 30 mm ;;
+      lazy:*"in the middle of its workspace, then"*) echo s ;;
       *:*"in the middle of its workspace, then"*) hold m; echo ;;
       *:"Move the handle to the right"*) hold r; echo ;;
       *:"Move the handle away"*) hold a; echo ;;
@@ -87,6 +88,7 @@ for character in sloppy ruler guesser silent quitter hasty interrupter; do
   touch_device $character $character hello:right &
 done
 touch_device scaled hasty hello:scaled &
+touch_device lazy lazy hello:mirrored &
 touch_device runner silent hello:scaled &
 touch_device weak truthful hello:right --force 2.5 &
 wait
@@ -117,6 +119,7 @@ expect weak 2 '^forceserver: --force is 2.5 N, and the device gives 2 N at most$
 expect sloppy 0 '^That is no answer. Enter: it is there; or a number: ' '^    skipped     by the person$'
 expect ruler 1 '^FAILED  a move to the right: .*: its scale is wrong by a factor of 1\.[4-8]'
 expect guesser 1 '^The forces are wrong: the answers contradict one another'
+expect lazy 1 '^    skipped     by the person$' '^The poses are wrong: the sign of z is wrong.'
 expect runner 1 '^The push has ended as the handle ran 40 mm away. Which way was it\?$'
 expect silent 1 '^The push has ended after 3 s. Which way was it\?$'
 [ "$(cat silent/felt_after)" = n ] || fail "a push without an answer does not end"
