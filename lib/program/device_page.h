@@ -1,6 +1,9 @@
-// The page that test-device prints: figures under headings, and verdicts, which are counted and repeated at the end.
+// The page that test-device and hello-device print: figures under headings, and verdicts, which are counted and repeated at
+// the end.
 #pragma once
 
+#include <cstdio>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -21,13 +24,15 @@ class Durations {
 
 class DevicePage {
  public:
+  void write_report(const std::string& path);  // also writes what follows to a new file
   void title(const std::string& text);
   void heading(const std::string& text);
   void figure(const char* label, const std::string& text);
   // Judges: passed if it holds; otherwise odd or failed.
   void expect(bool holds, Verdict otherwise, const std::string& sentence);
   void note(Verdict verdict, const std::string& sentence);
-  void finish() const;
+  void text(const std::string& paragraph);
+  void finish();
   bool has(Verdict verdict) const;
 
  private:
@@ -35,5 +40,12 @@ class DevicePage {
     Verdict verdict;
     std::string sentence;
   };
+  struct Close {
+    void operator()(FILE* file) const { std::fclose(file); }
+  };
+  void print(const std::string& text);
+
   std::vector<Noted> noted_;
+  std::unique_ptr<FILE, Close> report_;
+  std::string path_;  // of the report
 };

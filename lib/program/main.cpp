@@ -138,6 +138,18 @@ busy with other things makes states late: try it again on a quiet one. Unplug th
 told. Not tested is what only the device itself knows: whether its force ends within 20 ms when this process is killed.
 Ends with 1 if anything is odd or failed, with 2 if the device cannot be opened or is lost.)";
 
+const char* const hello_device_help = R"(examples:
+  forceserver hello-device mine:0 --driver ./libmine.so
+      three minutes with a device that nobody has felt yet, with 1 N at most
+  forceserver hello-device falcon:0 --request home --force 0.5 --report first.md
+      a device that must be homed first: it waits until you have done what the driver says
+
+You are asked to move the handle, to press the buttons, and to say which way the device pushes; then you feel a soft ball, and
+stop it. Answer with a letter and Enter; s skips a step, Ctrl-D gives up, and Ctrl-C ends it at any moment with force 0. A push
+ends after 3 s, the ball after 60 s. It finds axes that are exchanged, and wrong signs and scales, and says what the likely
+cause is. The report is printed and written to a new file. Ends with 1 if anything is odd or failed, with 2 if the device
+cannot be opened.)";
+
 const char* const calibrate_help = R"(examples:
   forceserver calibrate fidel:usb
       the FIDEL on the USB; device/fidel/README.md tells what is needed for it
@@ -196,8 +208,8 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   app.footer(
       "Each command has its own help with examples: forceserver run --help\n"
-      "Exit status: 0 all is well; 1 something is odd (check, test-device), a fault happened (run) or the server has gone\n"
-      "(clients, watch, stop, resume); 2 the command failed");
+      "Exit status: 0 all is well; 1 something is odd (check, test-device, hello-device), a fault happened (run) or the\n"
+      "server has gone (clients, watch, stop, resume); 2 the command failed");
 
   RunOptions run_options;
   CLI::App* run_command = app.add_subcommand("run", "Run a scene on a device");
@@ -320,15 +332,30 @@ int main(int argc, char** argv) {
       ->type_name("SECONDS")
       ->check(CLI::Range(0.5, 3600.0).description(""))
       ->capture_default_str();
-  test_command->add_option("--request", test_options.requests, "First send this to the driver, such as home")
-      ->type_name("TEXT")
-      ->expected(1)
-      ->take_all();
-  test_command->add_option("--wait", test_options.wait, "How long the device may then take until it is ready")
+  const char* const request_first_help = "First send this to the driver, such as home";
+  test_command->add_option("--request", test_options.requests, request_first_help)->type_name("TEXT")->expected(1)->take_all();
+  const char* const wait_help = "How long the device may then take until it is ready";
+  test_command->add_option("--wait", test_options.wait, wait_help)
       ->type_name("SECONDS")
       ->check(not_negative)
       ->capture_default_str();
   test_command->footer(test_device_help);
+
+  HelloDeviceOptions hello_options;
+  CLI::App* hello_command = app.add_subcommand("hello-device", "Feel a new device for the first time, step by step");
+  hello_command->add_option("device", hello_options.uri, "The device; see `forceserver devices`")->type_name("");
+  hello_command->add_option("--driver", hello_options.driver, driver_help)->type_name("FILE");
+  hello_command->add_option("--force", hello_options.force, "The largest force, 0.1 to 3; without it 1, or what the device has")
+      ->type_name("N")
+      ->check(CLI::Range(0.1, 3.0).description(""));
+  hello_command->add_option("--report", hello_options.report, "A new file for the report; without it hello-SCHEME-SERIAL.md")
+      ->type_name("FILE");
+  hello_command->add_option("--request", hello_options.requests, request_first_help)->type_name("TEXT")->expected(1)->take_all();
+  hello_command->add_option("--wait", hello_options.wait, wait_help)
+      ->type_name("SECONDS")
+      ->check(not_negative)
+      ->capture_default_str();
+  hello_command->footer(hello_device_help);
 
   try {
     require_command(app, argc, argv);
@@ -371,6 +398,10 @@ int main(int argc, char** argv) {
     if (*test_command) {
       need(test_options.uri, "test-device needs a device, such as: forceserver test-device sim:");
       return test_device(test_options);
+    }
+    if (*hello_command) {
+      need(hello_options.uri, "hello-device needs a device, such as: forceserver hello-device sim:");
+      return hello_device(hello_options);
     }
     if (*calibrate_command) {
       need(calibrate_options.device, "calibrate needs a device, such as: forceserver calibrate fidel:usb");

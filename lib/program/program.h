@@ -51,6 +51,14 @@ struct TestDeviceOptions {
 };
 int test_device(const TestDeviceOptions& options);
 
+struct HelloDeviceOptions {
+  std::string uri, driver, report;    // report: the file; empty: hello-SCHEME-SERIAL.md
+  double force = 0;                   // N; 0: 1, or what the device gives at most
+  std::vector<std::string> requests;  // sent first, such as "home"
+  double wait = 60;                   // s, until the device is ready after them
+};
+int hello_device(const HelloDeviceOptions& options);
+
 struct CalibrateOptions {
   std::string device, driver;
 };

@@ -1,27 +1,16 @@
 // forceserver test-device: what a device and its driver do, measured and judged, for whoever makes one.
-#include <sys/utsname.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <ctime>
 #include <filesystem>
 #include <optional>
 
 #include "device_page.h"
-#include "device_words.h"
-#include "ending.h"
+#include "device_steps.h"
 #include "program.h"
 #include "words.h"
 
 namespace {
-
-double now() {
-  timespec time;
-  clock_gettime(CLOCK_MONOTONIC, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
 
 template <class Function>
 double time_of(Function f) {
@@ -38,39 +27,13 @@ bool is_empty(const fs_state& state, double asked) {
   return (state.flags & ~FS_STATE_CONNECTING) == 0 && length(state.pose.position) == 0 && state.time >= asked;
 }
 
-// Ends the test in between, with the force at 0, when the user asks for it.
-struct Interrupted {};
-
-void sleep_for(double seconds) {
-  const timespec time = {time_t(seconds), long((seconds - std::floor(seconds)) * 1e9)};
-  nanosleep(&time, nullptr);
-}
-
-// While there may be a force, a signal is kept until pause() sees it. At any other time it ends the process at once, even
-// while the driver hangs.
-class ForceEnding {
- public:
-  ForceEnding() { pthread_sigmask(SIG_SETMASK, nullptr, &before_), ending_.emplace(); }
-  ForceEnding(const ForceEnding&) = delete;
-  ForceEnding& operator=(const ForceEnding&) = delete;
-  ~ForceEnding() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
-  void pause(double seconds) const {
-    if (ending_->wait(seconds)) throw Interrupted();
-  }
-
- private:
-  sigset_t before_;
-  std::optional<Ending> ending_;
-};
-
 class DeviceTest {
  public:
   explicit DeviceTest(const TestDeviceOptions& options) : options_(options) {}
 
   int run() {
-    describe_machine();
     open();
-    make_ready();
+    is_ready_ = make_ready(page_, device_, options_.requests, options_.wait);
     test_states();
     test_calls();
     test_servo();
@@ -82,45 +45,16 @@ class DeviceTest {
   }
 
  private:
-  void describe_machine() {
-    page_.title("Test of the device " + options_.uri);
-    utsname system;
-    uname(&system);
-    char date[32];
-    const std::time_t time = std::time(nullptr);
-    std::strftime(date, sizeof date, "%Y-%m-%d %H:%M UTC", std::gmtime(&time));
-    page_.heading("What was tested");
-    page_.figure("forceserver", fs_version());
-    page_.figure("system", format("%s %s, %s, %s", system.sysname, system.release, system.machine, date));
-    const std::string scheme = options_.uri.substr(0, options_.uri.find(':'));
-    for (const fs_driver_info& driver : drivers()) {
-      if (scheme == driver.scheme) page_.figure("driver", scheme + ": " + origin(driver));
-    }
-  }
-
   void open() {
+    page_.title("Test of the device " + options_.uri);
+    describe_machine(page_, options_.uri);
     const double taken = time_of([&] { device_ = Device::open(options_.uri); });
     info_ = device_.get_info();
     page_.figure("opened", format("in %.3f s", taken));
-    for (const std::string& line : to_text(info_)) page_.figure(line.substr(0, 12).c_str(), line.substr(12));
+    describe_device(page_, device_);
     page_.expect(*info_.serial, Verdict::odd,
                  "it has a serial number: without one a device that comes back cannot be told from another");
   }
-
-  // Sends the requests that the user named. Then the device has a moment, as its first states may not be believed yet.
-  void make_ready() {
-    for (const std::string& request : options_.requests) {
-      page_.figure("request", request + ": " + device_.control(request).text);
-    }
-    const double wait = options_.requests.empty() ? 0.5 : options_.wait;
-    std::string reason = why_not_ready(device_);
-    for (const double begin = now(); !reason.empty() && now() - begin < wait; reason = why_not_ready(device_)) sleep_for(0.02);
-    is_ready_ = reason.empty();
-    page_.expect(is_ready_, Verdict::odd, is_ready_ ? "it is ready" : "it is not ready: " + reason);
-  }
-
-  // s, how old a pose may be in a servo: see fs_device_info.delay.
-  double age_max() const { return std::min(0.1, 0.020 + info_.delay + (info_.link_rate > 0 ? 1 / info_.link_rate : 0)); }
 
   // The states as they come, without a servo.
   void test_states() {
@@ -181,11 +115,12 @@ class DeviceTest {
                  empty ? format("%zu of %zu readings gave no state", empty, looks - errors) : "every reading gives a state");
     page_.expect(rate >= 0.9 * expected, Verdict::odd,
                  format("states come at least as often as it tells: %.1f of %g a second", rate, expected));
-    page_.expect(silence <= age_max(), Verdict::failed,
+    page_.expect(silence <= age_max(info_), Verdict::failed,
                  format("no silence is a fault: the longest was %.1f ms, and a pose may be %.1f ms old", silence * 1e3,
-                        age_max() * 1e3));
+                        age_max(info_) * 1e3));
     const double age = ages.quantile(0.99);
-    page_.expect(ages.count() && age <= age_max() / 2, ages.count() && age <= age_max() ? Verdict::odd : Verdict::failed,
+    page_.expect(ages.count() && age <= age_max(info_) / 2,
+                 ages.count() && age <= age_max(info_) ? Verdict::odd : Verdict::failed,
                  ages.count() ? format("states are fresh: 99 of 100 are at most %.3f ms old", age * 1e3)
                               : "states are fresh: none has come");
     page_.expect(back == 0, Verdict::failed, "time never goes back" + exceptions(back));
@@ -275,12 +210,9 @@ class DeviceTest {
 
   // The pose, of which it must be known where the handle is now. Notes why not, where it is not known.
   std::optional<fs_vec3> fresh_position(const char* axis, const char* what) {
-    const fs_state state = device_.read();
-    const double age = now() - state.time;
-    const bool is_ready = state.flags & FS_STATE_READY;
-    if (is_ready && age <= age_max()) return state.pose.position;
-    const std::string why = is_ready ? format("no state for %.0f ms", age * 1e3) : "it is no longer ready";
-    page_.note(Verdict::failed, format("a force along %s: %s: %s", axis, what, why.c_str()));
+    const Place place = fresh_place(device_, info_);
+    if (place.position) return place.position;
+    page_.note(Verdict::failed, format("a force along %s: %s: %s", axis, what, place.why.c_str()));
     return std::nullopt;
   }
 
@@ -317,20 +249,8 @@ class DeviceTest {
     }
     device_.write({});
     if (!position) return std::nullopt;
-    wait_for_rest(ending);
+    wait_for_rest(device_, ending);
     return minus(*position, *start);
-  }
-
-  // Until the handle has stood for 0.2 s, or 3 s are over.
-  void wait_for_rest(const ForceEnding& ending) {
-    const double begin = now();
-    fs_vec3 before = device_.read().pose.position;
-    for (int still = 0; still < 2 && now() - begin < 3;) {
-      ending.pause(0.1);
-      const fs_vec3 position = device_.read().pose.position;
-      still = length(minus(position, before)) < 2e-4 ? still + 1 : 0;
-      before = position;
-    }
   }
 
   static std::ptrdiff_t entries(const char* folder) {

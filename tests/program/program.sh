@@ -126,6 +126,7 @@ expect 1 '^FAILED  nothing is left behind .9 open files, 0 threads.$' \
   "$program" test-device --driver "$troubled_driver" troubled:leaking --seconds 0.5
 expect 1 '^odd     the delay that it tells of is not far below the measured one: 0.022 ms told, 0.721 ms measured$' \
   "$program" test-device --driver "$troubled_driver" troubled:delay --seconds 0.5
+grep -qE '^    status      all is well$' output || fail "test-device does not tell the answer to the request status"
 grep -qE '^    resolution  exact, or not known$' output || fail "test-device takes a resolution that nobody knows for an exact one"
 # A driver that hangs holds up no signal as long as there is no force.
 for hangs in open control; do
@@ -148,7 +149,7 @@ assert (info['rate'], info['delay'], info['resolution'], info['mass'], info['dam
 " || { echo "FAILED: devices --json"; failures=$((failures + 1)); }
 fi
 expect 2 '^forceserver: ' "$program"
-expect 2 "^forceserver: there is no command 'wacth'; did you mean watch\? There are: run, clients, .*, test-device$" \
+expect 2 "^forceserver: there is no command 'wacth'; did you mean watch\? There are: run, clients, .*, test-device, hello-device$" \
   "$program" wacth x
 expect 2 "^forceserver: there is no command 'nonsense'; there are: run, " "$program" nonsense
 expect 2 '^forceserver: .*duration' "$program" run --duration -1
