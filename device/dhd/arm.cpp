@@ -7,6 +7,7 @@
 
 #include "device/support/clock.h"
 #include "device/support/refusal.h"
+#include "device/support/rotation.h"
 
 namespace fs::dhd {
 namespace {
@@ -26,23 +27,9 @@ constexpr double height_of_radius = 1.4;      // of the workspace: the makers' f
 // x of the SDK points to the user, and its y to his right.
 fs_vec3 to_device(double x, double y, double z) { return {y, -x, z}; }
 
-// The rotation matrix m in the SDK's frame as a quaternion in the device frame.
-fs_quat orientation_of(const double (&m)[3][3]) {
-  const double r[3][3] = {{m[1][1], -m[1][0], m[1][2]}, {-m[0][1], m[0][0], -m[0][2]}, {m[2][1], -m[2][0], m[2][2]}};
-  // Four times the squares of w, x, y, z. The largest gives the root, so that nothing is divided by a small number
-  // (S. W. Shepperd, "Quaternion from rotation matrix", 1978).
-  const double squares[4] = {1 + r[0][0] + r[1][1] + r[2][2], 1 + r[0][0] - r[1][1] - r[2][2], 1 - r[0][0] + r[1][1] - r[2][2],
-                             1 - r[0][0] - r[1][1] + r[2][2]};
-  const auto largest = std::max_element(std::begin(squares), std::end(squares)) - std::begin(squares);
-  const double twice = std::sqrt(squares[largest]), f = 0.5 / twice;
-  const double wx = f * (r[2][1] - r[1][2]), wy = f * (r[0][2] - r[2][0]), wz = f * (r[1][0] - r[0][1]);
-  const double xy = f * (r[0][1] + r[1][0]), xz = f * (r[0][2] + r[2][0]), yz = f * (r[1][2] + r[2][1]);
-  switch (largest) {
-    case 0: return {twice / 2, wx, wy, wz};
-    case 1: return {wx, twice / 2, xy, xz};
-    case 2: return {wy, xy, twice / 2, yz};
-    default: return {wz, xz, yz, twice / 2};
-  }
+fs_quat to_device(fs_quat q) {
+  const fs_vec3 v = to_device(q.x, q.y, q.z);
+  return {q.w, v.x, v.y, v.z};
 }
 
 // The places of devices that were lost. One that comes back does not home by itself, as it would move in somebody's hand.
@@ -204,7 +191,7 @@ fs_status Arm::read(fs_state& out) noexcept {
   ++poses_;
   out.time = measured_ = 0.5 * (before + steady_now());
   out.pose.position = to_device(x, y, z);
-  out.pose.orientation = has_wrist_ ? orientation_of(frame) : fs_quat{1, 0, 0, 0};
+  out.pose.orientation = has_wrist_ ? to_device(quaternion_of(frame)) : fs_quat{1, 0, 0, 0};
   out.buttons = api_.dhdGetButtonMask(id_);
   double angle = 0;
   if (has_gripper_ && api_.dhdGetGripperAngleRad(&angle, id_) >= 0)

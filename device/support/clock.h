@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <ctime>
 
+#include "base/clock.h"
+
 namespace fs {
 
 inline int64_t steady_now_ns() noexcept {
@@ -13,7 +15,6 @@ inline int64_t steady_now_ns() noexcept {
   return now.tv_sec * int64_t{1'000'000'000} + now.tv_nsec;
 }
 inline double to_seconds(int64_t ns) noexcept { return 1e-9 * static_cast<double>(ns); }
-inline double steady_now() noexcept { return to_seconds(steady_now_ns()); }  // s
 
 inline void pause(double time) noexcept {  // s
   const double whole = std::floor(time);

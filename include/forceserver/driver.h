@@ -39,12 +39,11 @@ typedef struct fs_model {
 
 /* Bits of fs_driver.flags. */
 enum {
-  FS_DRIVER_IN_SERVO = 1        /* receive returns within 20 ms and send within 5 ms, whatever the device does, and neither
-                                   waits for another thread: so the servo's own thread calls them, between two ticks, and no
-                                   time is lost between threads. Then it ticks when receive returns, so with a slow device
-                                   less often than at its rate, and a force stands as long as receive waits. Never set it
-                                   where a maker's closed library does the work, or for a hidraw node of Linux, whose writes
-                                   may take seconds */
+  FS_DRIVER_IN_SERVO = 1        /* receive returns within 20 ms and send within 5 ms, whatever the device and other threads
+                                   do: so the servo's own thread calls them, between two ticks, and no time is lost between
+                                   threads. Then it ticks when receive returns, so with a slow device less often than at its
+                                   rate, and a force stands as long as receive waits. Never set it where they call a maker's
+                                   closed library, or for a hidraw node of Linux, whose writes may take seconds */
 };
 
 /* A device driver: a table of functions, growing. It knows one kind of device and nothing of scenes, limits or faults:

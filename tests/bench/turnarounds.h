@@ -59,6 +59,9 @@ void run_servo(fs_device* device, Turnarounds& out, Set set) {
   require(fs_object_set(scene.get(), &spring), "fs_object_set");
   fs_servo_options options = fs_servo_options_init();
   options.mode = FS_SERVO_THREAD;
+  options.damping = options.max_stiffness = options.ramp = options.fade = -1;  // the force is that of the spring alone
+  std::vector<double> ignored;
+  set(&ignored);
   const Servo servo = start_servo(scene.get(), device, options);
   std::this_thread::sleep_for(warm_up);
   out.measure(set, [] { std::this_thread::sleep_for(round_time); });
@@ -71,6 +74,8 @@ void run_plain(Turnarounds& out, Set set, Step step) {
     for (const auto end = std::chrono::steady_clock::now() + time; std::chrono::steady_clock::now() < end;) step();
   };
   std::thread([&] {
+    std::vector<double> ignored;
+    set(&ignored);
     repeat(warm_up);
     out.measure(set, [&] { repeat(round_time); });
   }).join();

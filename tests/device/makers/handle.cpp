@@ -13,6 +13,8 @@ using stability::Plant;
 
 namespace {
 
+constexpr double way_begins = 0, way_speed = 0.008, way_stiffness = 100;  // m, m/s, N/m, of note_turnarounds
+
 double now_s() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
 }  // namespace
@@ -55,7 +57,7 @@ void Handle::advance() {
 Handle::Measured Handle::measure() {
   const std::lock_guard lock(mutex_);
   advance();
-  measured_ = now_s();
+  if (turnarounds_) return {{way_begins + way_speed * (now_s() - noting_since_), 0, 0}, {}};
   return {plant_.measured(), plant_.measured_rotation()};
 }
 
@@ -64,7 +66,10 @@ void Handle::command(fs_vec3 force, fs_vec3 torque) {
   advance();
   commanded_ = now_s();
   ++commands_;
-  if (const double since = std::exchange(measured_, 0); since > 0 && turnarounds_) turnarounds_->push_back(commanded_ - since);
+  if (turnarounds_ && norm(force) > 0) {
+    const double measured = noting_since_ + (force.x / -way_stiffness - way_begins) / way_speed;
+    if (measured >= noting_since_) turnarounds_->push_back(commanded_ - measured);
+  }
   give(force, torque, commanded_);
 }
 
@@ -112,8 +117,8 @@ uint64_t Handle::calls_of_servo() {
 
 void Handle::note_turnarounds(std::vector<double>* out) {
   const std::lock_guard lock(mutex_);
+  if (!turnarounds_) noting_since_ = now_s();
   turnarounds_ = out;
-  measured_ = 0;
 }
 
 }  // namespace makers

@@ -41,7 +41,9 @@ class Handle {
   double last_force_time();     // s, monotonic clock: when they last gave any; 0: never
   uint64_t commands();          // how many have come
   uint64_t calls_of_servo();    // calls by the servo's thread
-  void note_turnarounds(std::vector<double>* out);  // s, from each measure to the next command; null: no more
+  // From now on the handle goes slowly along x, whatever the motors do, and each force tells by its size which position it answers: it
+  // must be that of a spring of 100 N/m at the origin. out: s, from that measurement to the command; null: no more.
+  void note_turnarounds(std::vector<double>* out);
 
  private:
   void advance();
@@ -52,7 +54,7 @@ class Handle {
   double watchdog_;             // s
   const double begin_;          // s, monotonic clock, at which the plant's time is 0
   double commanded_ = 0;        // s, monotonic clock: the last command
-  double measured_ = 0;         // s: the last measurement that no command has answered; 0: none
+  double noting_since_ = 0;     // s: since when turnarounds are noted
   double had_force_ = 0;        // s
   uint64_t commands_ = 0, calls_of_servo_ = 0;
   bool has_force_ = false;

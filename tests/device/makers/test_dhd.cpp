@@ -2,32 +2,20 @@
 #include <dlfcn.h>
 
 #include <cmath>
-#include <cstdio>
 
 #include <forceserver/driver.h>
 
 #include "api/support.h"
 #include "device/makers/drd_stand_in.h"
 #include "device/makers/libraries.h"
+#include "device/makers/rig.h"
 #include "device/makers/wall.h"
 #include "device/table.h"
 #include "stability/boundary.h"
 
-using namespace scenes;
-using makers::DrdDevice;
-using makers::DrdStandIn;
+using namespace makers;
 
 namespace {
-
-template <class Condition>
-bool until(Condition condition) {
-  for (Patience patience; patience.lasts();) {
-    if (condition()) return true;
-  }
-  return false;
-}
-
-double now_s() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
 // The stand-in, with one omega.3 that has the serial number 4711. Each test has a process of its own.
 DrdStandIn& stand_in() {
@@ -54,46 +42,7 @@ std::string uri(const std::string& place, const std::string& options = "") {
 }
 Device opened(const std::string& place = "0", const std::string& options = "") { return open_device(uri(place, options).c_str()); }
 
-fs_state state_of(const Device& device) {
-  fs_state state{};
-  fs_device_read(device.get(), &state);
-  return state;
-}
-bool is_ready(const Device& device) { return state_of(device).flags & FS_STATE_READY; }
-bool is_flagged(const Device& device, uint32_t flag) {
-  return until([&] { return (state_of(device).flags & (flag | FS_STATE_READY)) == flag; });
-}
-std::string answer(const Device& device, const char* request) {
-  fs_answer out{};
-  OK(fs_device_control(device.get(), request, &out));
-  return out.text;
-}
-bool says(const Device& device, const char* words) { return answer(device, "status").find(words) != std::string::npos; }
-
 double push() { return norm(first().handle.force()); }
-
-// A servo with a spring that pulls the handle aside with up to 3 N.
-struct Pushing {
-  Scene scene = make_scene();
-  Servo servo;
-
-  explicit Pushing(const Device& device) {
-    fs_object spring = fs_object_init("spring", FS_PRIMITIVE_POINT);
-    spring.pose = at({0.2, 0, 0});
-    spring.front = fs_profile_init(FS_PROFILE_LINEAR_INCREASING, FS_SENSE_ATTRACTIVE, 100, 0, 3);
-    require(fs_object_set(scene.get(), &spring), "fs_object_set");
-    fs_servo_options options = fs_servo_options_init();
-    options.mode = FS_SERVO_THREAD;
-    servo = start_servo(scene.get(), device.get(), options);
-  }
-  bool event_with(const char* word) const {
-    fs_event event;
-    while (fs_scene_next_event(scene.get(), 0, &event) == FS_OK && event.kind != FS_EVENT_NONE) {
-      if (event.kind == FS_EVENT_DEVICE && std::strstr(event.text, word)) return true;
-    }
-    return false;
-  }
-};
 
 }  // namespace
 
@@ -308,8 +257,8 @@ START_TEST(libraries_that_are_no_good) {
   const auto with = [](const std::string& library) { return "dhd:0?library=" + library; };
   EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open("dhd:0", &raw), "libdrd.so.3: cannot open shared object file");
   EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open(with(folder / "none.so").c_str(), &raw), "none.so: cannot open");
-  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open(with(makers::no_library(folder)).c_str(), &raw), "text.so: ");
-  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open(with(makers::for_another_processor(folder, STAND_IN)).c_str(), &raw), "other.so: ");
+  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open(with(no_library(folder)).c_str(), &raw), "text.so: ");
+  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open(with(for_another_processor(folder, STAND_IN)).c_str(), &raw), "other.so: ");
   EXPECT_SENTENCE(FS_ERROR_VERSION, fs_device_open(with(DRIVER).c_str(), &raw), "has no function dhdGetSDKVersion");
   setenv("OLD_DRD_VERSION", "3.15", 1);
   EXPECT_SENTENCE(FS_ERROR_VERSION, fs_device_open(with(OLD_LIBRARY).c_str(), &raw), "SDK 3.15.0, must be 3.16");
@@ -511,11 +460,11 @@ START_TEST(a_wall_stands_and_shakes) {
   const Device device = opened();
   ck_assert(until([&] { return is_ready(device); }));
   double granted = 0;
-  const double stands = makers::swing_at_wall(device.get(), first().handle, 1e5, true, &granted);
+  const double stands = swing_at_wall(device.get(), first().handle, 1e5, true, &granted);
   // What shakes at the delay that the servo has measured, with no damping of the servo's.
   const double critical = stability::critical_stiffness({model.mass + stability::light.mass, model.damping + stability::light.damping,
                                                          stability::light.stiffness, 1e-3, 0.5e-3});
-  const double shakes = makers::swing_at_wall(device.get(), first().handle, 2 * critical, false);
+  const double shakes = swing_at_wall(device.get(), first().handle, 2 * critical, false);
   std::printf("  granted %.0f N/m: %.3f mm; %.0f N/m without bounds: %.3f mm\n", granted, 1e3 * stands, 2 * critical, 1e3 * shakes);
   ck_assert_msg(stands < 0.2e-3, "%g m", stands);
   ck_assert_msg(shakes > 0.5e-3, "%g m", shakes);
@@ -541,19 +490,7 @@ START_TEST(drivers_and_devices_are_told) {
 END_TEST
 
 #ifdef PROGRAM
-START_TEST(test_device_finds_nothing) {
-  const std::string command = PROGRAM " test-device '" + uri("0") + "' --push 1 --seconds 1 2>&1";
-  std::string page;
-  int status = 1;
-  for (int i = 0; i < 20 && status != 0; ++i) {  // a busy machine makes states late
-    FILE* const program = popen(command.c_str(), "r");
-    page.clear();
-    char line[512];
-    while (std::fgets(line, sizeof line, program)) page += line;
-    status = pclose(program);
-  }
-  ck_assert_msg(status == 0, "%s", page.c_str());
-}
+START_TEST(test_device_finds_nothing) { expect_nothing_found(PROGRAM, uri("0")); }
 END_TEST
 #endif
 
