@@ -37,7 +37,7 @@ struct Message {
   std::vector<Grip> grips;  // of both kinds
 };
 
-// Reads a message of at most 64 levels of brackets. Returns what is wrong with it, in words; null: nothing. Never throws but for memory.
+// Reads a message of at most 64 levels of brackets. Returns what is wrong with it, in words; null: nothing.
 const char* read_message(std::string_view text, Message& out);
 
 std::string version_in(const std::string& text);  // the answer to GET /version; "": it does not tell

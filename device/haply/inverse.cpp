@@ -92,7 +92,8 @@ void Inverse::choose_arm(const Message& inventory, const std::string& place) {
            ids_of(inventory.arms).c_str());
   }
   if (chosen->is_in_use.value_or(false)) {
-    refuse(FS_ERROR_IO, "the Haply device '%.60s' is in use by another session of the service; end that first", chosen->id.c_str());
+    refuse(FS_ERROR_IO, "the Haply device '%.60s' is in use by another session of the service; end that first",
+           chosen->id.c_str());
   }
   id_ = chosen->id;
   kind_ = chosen->kind;
@@ -135,8 +136,8 @@ void Inverse::check_frame(const Arm& arm) const {
     if (!scale) return;
     const double off = std::max({std::fabs(scale->x - 1), std::fabs(scale->y - 1), std::fabs(scale->z - 1)});
     if (off > 1e-6) {
-      refuse(FS_ERROR_STATE, "the scale of the device's %s is %.6g, %.6g, %.6g, must be 1: set it in Haply's dashboard", name, scale->x,
-             scale->y, scale->z);
+      refuse(FS_ERROR_STATE, "the scale of the device's %s is %.6g, %.6g, %.6g, must be 1: set it in Haply's dashboard", name,
+             scale->x, scale->y, scale->z);
     }
   };
   check_scale("transform", arm.transform_scale);
@@ -145,7 +146,8 @@ void Inverse::check_frame(const Arm& arm) const {
     refuse(FS_ERROR_STATE, "the basis of the device is '%.20s', must be XYZ: set it in Haply's dashboard", arm.basis.c_str());
   }
   if (const auto& turn = arm.transform_rotation; turn && std::fabs(turn->w) < 1 - 1e-6) {
-    refuse(FS_ERROR_STATE, "the transform of the device is rotated (w is %.6g), must not be: set it in Haply's dashboard", turn->w);
+    refuse(FS_ERROR_STATE, "the transform of the device is rotated (w is %.6g), must not be: set it in Haply's dashboard",
+           turn->w);
   }
 }
 
@@ -198,8 +200,8 @@ fs_status Inverse::send(const fs_wrench& wrench) {
   const bool is_late = outstanding_ > 0;
   const fs_status status = ask(wrench.force);
   if (status == FS_OK || (is_late && is_none(wrench.force) && is_none(sent_force_))) return FS_OK;
-  return fs_fail(status, status == FS_ERROR_DISCONNECTED ? service_->trouble().c_str()
-                                                         : "the Haply Inverse Service has not yet answered the last force");
+  if (status == FS_ERROR_DISCONNECTED) return lost();
+  return fs_fail(status, "the Haply Inverse Service has not yet answered the last force");
 }
 
 // Until each message has its answer: text is the newest.
@@ -233,12 +235,14 @@ fs_status Inverse::receive(fs_state& out) {
   return FS_OK;
 }
 
+fs_status Inverse::lost() {
+  char text[300];
+  std::snprintf(text, sizeof text, "the Haply Inverse Service is gone: %.200s", service_->trouble().c_str());
+  return fs_fail(FS_ERROR_DISCONNECTED, text);
+}
+
 fs_status Inverse::without_answer(fs_status status, double now) {
-  if (status == FS_ERROR_DISCONNECTED) {
-    char text[300];
-    std::snprintf(text, sizeof text, "the Haply Inverse Service is gone: %.200s", service_->trouble().c_str());
-    return fs_fail(status, text);
-  }
+  if (status == FS_ERROR_DISCONNECTED) return lost();
   if (now - good_at_ > silent_after) return fs_fail(FS_ERROR_DISCONNECTED, "the Haply Inverse Service does not answer");
   return status;
 }
@@ -299,7 +303,9 @@ void Inverse::tell(const fs_state& state) {
 }
 
 std::string Inverse::control(const std::string& request) {
-  if (request != "status") refuse(FS_ERROR_UNSUPPORTED, "a Haply Inverse3 has no request '%.60s'; its requests are: status", request.c_str());
+  if (request != "status") {
+    refuse(FS_ERROR_UNSUPPORTED, "a Haply Inverse3 has no request '%.60s'; its requests are: status", request.c_str());
+  }
   Told told;
   {
     const std::lock_guard lock(told_mutex_);
@@ -311,10 +317,10 @@ std::string Inverse::control(const std::string& request) {
   if (told.flags & FS_STATE_NOT_HOMED) condition = "not calibrated";
   const std::string grip = grip_id_.empty() ? "no grip" : "grip " + grip_id_ + (told.has_grip ? "" : " (silent)");
   char text[500];
-  std::snprintf(text, sizeof text, "%s; service %.20s, messages of %s; %.20s %.40s, %.60s; round trip %.0f us; filters: %.100s%s", condition,
-                version_.empty() ? "of unknown version" : version_.c_str(), dialect_ == Dialect::values ? "3.4" : "3.5",
-                kind_.empty() ? "device" : kind_.c_str(), id_.c_str(), grip.c_str(), 1e6 * told.round_trip,
-                filters_.empty() ? "none are told" : filters_.c_str(),
+  std::snprintf(text, sizeof text, "%s; service %.20s, messages of %s; %.20s %.40s, %.60s; round trip %.0f us; filters: %.100s%s",
+                condition, version_.empty() ? "of unknown version" : version_.c_str(),
+                dialect_ == Dialect::values ? "3.4" : "3.5", kind_.empty() ? "device" : kind_.c_str(), id_.c_str(), grip.c_str(),
+                1e6 * told.round_trip, filters_.empty() ? "none are told" : filters_.c_str(),
                 told.differs ? "; the force that the device gives differs from the force sent by more than a fifth" : "");
   return text;
 }

@@ -1,5 +1,5 @@
-// A connected Inverse3. It sends one message and waits for the state that answers it, then the next, so the service sets the rate.
-// One thread calls receive, send and get_link; any thread calls control.
+// A connected Inverse3. It sends one message and waits for the state that answers it, then the next, so the service sets the
+// rate. One thread calls receive, send and get_link; any thread calls control.
 #pragma once
 
 #include <mutex>
@@ -25,7 +25,7 @@ Message inventory_of(Service& service);
 class ForceCheck {
  public:
   void note(double now, fs_vec3 sent, fs_vec3 told) noexcept;  // s, N
-  bool differs() const noexcept { return differs_; }           // by more than a fifth in the last whole half second
+  bool differs() const noexcept { return differs_; }  // by more than a fifth in the last whole half second
 
  private:
   double since_ = 0;  // s
@@ -55,6 +55,7 @@ class Inverse {
   void note_filters(const Arm& arm);
   fs_status ask(fs_vec3 force);
   fs_status await_answers(double until, std::string_view& text);
+  fs_status lost();
   fs_status without_answer(fs_status status, double now);
   const char* read_state(std::string_view text, fs_state& out);
   const char* take_arm(const Arm& arm, fs_state& out);
@@ -66,7 +67,7 @@ class Inverse {
   std::string host_, port_, version_, id_, kind_, grip_id_, filters_;
   Dialect dialect_ = Dialect::vector;
   std::optional<Service> service_;
-  Message message_;        // the newest
+  Message message_;  // the newest
   std::string command_;
   bool is_calibrated_ = false, is_ready_ = false, has_power_ = false;
   fs_quat orientation_{};  // of the grip, the last that is known

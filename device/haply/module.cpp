@@ -18,7 +18,8 @@ fs_status list_devices(fs_device_entry* out, size_t capacity, size_t* count) {
     for (size_t i = 0; i < inventory.arms.size() && i < capacity; ++i) {
       const Arm& arm = inventory.arms[i];
       std::snprintf(out[i].uri, sizeof out[i].uri, "haply:%s", arm.id.c_str());
-      std::snprintf(out[i].label, sizeof out[i].label, "Haply %s '%s'", arm.kind.empty() ? "Inverse3" : arm.kind.c_str(), arm.id.c_str());
+      std::snprintf(out[i].label, sizeof out[i].label, "Haply %s '%s'", arm.kind.empty() ? "Inverse3" : arm.kind.c_str(),
+                    arm.id.c_str());
     }
   });
 }

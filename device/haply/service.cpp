@@ -21,7 +21,8 @@ using asio::ip::tcp;
 using boost::system::error_code;
 
 constexpr double connect_within = 2, answer_within = 2;  // s
-constexpr size_t largest_message = 1 << 16;  // bytes: a larger one could not be read within the time of receive; one arm takes about 1000
+// Bytes: a larger one could not be read within the time of receive. An arm takes about 1000.
+constexpr size_t largest_message = 1 << 16;
 
 // An operation that asio does beside the caller.
 struct Operation {

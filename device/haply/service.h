@@ -1,5 +1,5 @@
-// A connection to the Haply Inverse Service: a WebSocket whose operations wait no longer than they are told. One thread uses it at a
-// time.
+// A connection to the Haply Inverse Service: a WebSocket whose operations wait no longer than they are told. One thread uses it
+// at a time.
 #pragma once
 
 #include <memory>
