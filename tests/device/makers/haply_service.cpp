@@ -58,8 +58,9 @@ void HaplyService::start() {
   if (bind(listener_, reinterpret_cast<sockaddr*>(&place), size) != 0 || ::listen(listener_, 8) != 0) std::abort();
   getsockname(listener_, reinterpret_cast<sockaddr*>(&place), &size);
   port_ = ntohs(place.sin_port);
+  const std::lock_guard lock(mutex_);
   is_ending_ = false;
-  threads_.emplace_back([this] { listen(); });
+  threads_.emplace_back([this, listener = listener_] { listen(listener); });
 }
 
 void HaplyService::stop() {
@@ -82,8 +83,8 @@ void HaplyService::stop() {
   close(std::exchange(listener_, -1));
 }
 
-void HaplyService::listen() {
-  for (int socket; (socket = accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC)) >= 0;) {
+void HaplyService::listen(int listener) {
+  for (int socket; (socket = accept4(listener, nullptr, nullptr, SOCK_CLOEXEC)) >= 0;) {
     const std::lock_guard lock(mutex_);
     if (is_ending_) {
       close(socket);

@@ -63,7 +63,7 @@ class HaplyService {
   std::string state(bool is_full);  // as a message; the caller holds the lock
 
  private:
-  void listen();
+  void listen(int listener);
   void serve(int socket);
   void take(const std::string& text);
 

@@ -100,7 +100,7 @@ START_TEST(which_device) {
   EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open(uri(service.port(), "2").c_str(), &raw), "'049D', '04BA'");
   EXPECT_SENTENCE(FS_ERROR_INVALID, fs_device_open(uri(service.port(), "0", "force=30").c_str(), &raw), "0.1..20");
   EXPECT_SENTENCE(FS_ERROR_INVALID, fs_device_open(uri(service.port(), "0", "speed=1").c_str(), &raw), "host, port, grip, force, dialect");
-  service.devices[0]->is_in_use = true;
+  service.with([](HaplyService& it) { return it.devices[0]->is_in_use = true; });
   EXPECT_SENTENCE(FS_ERROR_IO, fs_device_open(uri(service.port(), "0").c_str(), &raw), "is in use");
 }
 END_TEST
@@ -123,10 +123,9 @@ START_TEST(frames_that_would_be_wrong) {
   HaplyService service;
   HaplyDevice& arm = *service.devices.front();
   fs_device* raw = nullptr;
-  arm.scale = 2;
+  service.with([&](HaplyService&) { return arm.scale = 2; });
   EXPECT_SENTENCE(FS_ERROR_STATE, fs_device_open(uri(service.port()).c_str(), &raw), "must be 1");
-  arm.scale = 1;
-  arm.basis = "XZY";
+  service.with([&](HaplyService&) { return arm.scale = 1, arm.basis = "XZY", 0; });
   EXPECT_SENTENCE(FS_ERROR_STATE, fs_device_open(uri(service.port()).c_str(), &raw), "'XZY', must be XYZ");
 }
 END_TEST
