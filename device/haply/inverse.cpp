@@ -136,17 +136,18 @@ void Inverse::check_frame(const Arm& arm) const {
     if (!scale) return;
     const double off = std::max({std::fabs(scale->x - 1), std::fabs(scale->y - 1), std::fabs(scale->z - 1)});
     if (off > 1e-6) {
-      refuse(FS_ERROR_STATE, "the scale of the device's %s is %.6g, %.6g, %.6g, must be 1: set it in Haply's dashboard", name,
-             scale->x, scale->y, scale->z);
+      refuse(FS_ERROR_UNSUPPORTED, "the scale of the device's %s is %.6g, %.6g, %.6g, must be 1: set it in Haply's dashboard",
+             name, scale->x, scale->y, scale->z);
     }
   };
   check_scale("transform", arm.transform_scale);
   check_scale("mount", arm.mount_scale);
   if (!arm.basis.empty() && arm.basis != "XYZ") {
-    refuse(FS_ERROR_STATE, "the basis of the device is '%.20s', must be XYZ: set it in Haply's dashboard", arm.basis.c_str());
+    refuse(FS_ERROR_UNSUPPORTED, "the basis of the device is '%.20s', must be XYZ: set it in Haply's dashboard",
+           arm.basis.c_str());
   }
   if (const auto& turn = arm.transform_rotation; turn && std::fabs(turn->w) < 1 - 1e-6) {
-    refuse(FS_ERROR_STATE, "the transform of the device is rotated (w is %.6g), must not be: set it in Haply's dashboard",
+    refuse(FS_ERROR_UNSUPPORTED, "the transform of the device is rotated (w is %.6g), must not be: set it in Haply's dashboard",
            turn->w);
   }
 }

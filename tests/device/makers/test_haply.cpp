@@ -124,9 +124,9 @@ START_TEST(frames_that_would_be_wrong) {
   HaplyDevice& arm = *service.devices.front();
   fs_device* raw = nullptr;
   service.with([&](HaplyService&) { return arm.scale = 2; });
-  EXPECT_SENTENCE(FS_ERROR_STATE, fs_device_open(uri(service.port()).c_str(), &raw), "must be 1");
+  EXPECT_SENTENCE(FS_ERROR_UNSUPPORTED, fs_device_open(uri(service.port()).c_str(), &raw), "must be 1");
   service.with([&](HaplyService&) { return arm.scale = 1, arm.basis = "XZY", 0; });
-  EXPECT_SENTENCE(FS_ERROR_STATE, fs_device_open(uri(service.port()).c_str(), &raw), "'XZY', must be XYZ");
+  EXPECT_SENTENCE(FS_ERROR_UNSUPPORTED, fs_device_open(uri(service.port()).c_str(), &raw), "'XZY', must be XYZ");
 }
 END_TEST
 
