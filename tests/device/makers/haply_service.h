@@ -1,5 +1,5 @@
-// A stand-in for the Haply Inverse Service, in threads of the test's own process, on a free port of the loopback. It tells all of its
-// devices first, answers each message with a state, and speaks as the service 3.4 or 3.5 does.
+// A stand-in for the Haply Inverse Service, in threads of the test's own process, on a free port of the loopback. It tells all of
+// its devices first, answers each message with a state, and speaks as the service 3.4 or 3.5 does.
 #pragma once
 
 #include <memory>

@@ -174,10 +174,31 @@ START_TEST(what_falsifies_forces_is_told) {
 }
 END_TEST
 
+#ifdef PROGRAM
+START_TEST(test_device_finds_nothing) {
+  HaplyService service;
+  const std::string command = PROGRAM " test-device '" + uri(service.port()) + "' --push 1 --seconds 1 2>&1";
+  std::string page;
+  int status = 1;
+  for (int i = 0; i < 20 && status != 0; ++i) {  // a busy machine makes states late
+    FILE* const program = popen(command.c_str(), "r");
+    page.clear();
+    char line[512];
+    while (std::fgets(line, sizeof line, program)) page += line;
+    status = pclose(program);
+  }
+  ck_assert_msg(status == 0 && page.find("FAILED") == std::string::npos, "%s", page.c_str());
+}
+END_TEST
+#endif
+
 int main() {
   Suite* suite = suite_create("haply");
   add_case(suite, "poses and forces", {what_it_is, axes, axes_of_an_old_service, axes_in_the_words_of_an_old_service, grips_and_buttons});
   add_case(suite, "opening", {which_device, nothing_listens, frames_that_would_be_wrong});
   add_case(suite, "readiness", {why_there_is_no_force, flags, what_falsifies_forces_is_told});
+#ifdef PROGRAM
+  add_case(suite, "test-device", {test_device_finds_nothing});
+#endif
   return run_suite(suite);
 }
