@@ -14,6 +14,7 @@ namespace {
 constexpr double open_within = 2;      // s, for each of the first two messages
 constexpr double answer_within = 0.018;  // s: receive returns within 20 ms
 constexpr double take_within = 0.003;    // s: send returns within 5 ms
+constexpr double shortest_cycle = 2e-4;  // s, from one message to the next that says the same
 constexpr double silent_after = 1;       // s without a state that can be used: the device is lost, and opened again
 constexpr double end_within = 0.05;      // s, for the answer to the last force, which is 0
 constexpr double farthest = 1, fastest = 20;  // m, m/s: what is beyond is not believed
@@ -197,7 +198,10 @@ fs_status Inverse::ask(fs_vec3 force) {
   return FS_OK;
 }
 
+// A force that is new goes at once. One that only asks for the next state waits a moment, as a fast service would take a whole processor.
 fs_status Inverse::send(const fs_wrench& wrench) {
+  const bool is_new = wrench.force.x != sent_force_.x || wrench.force.y != sent_force_.y || wrench.force.z != sent_force_.z;
+  if (const double rest = sent_at_ + shortest_cycle - steady_now(); !is_new && rest > 0) pause(rest);
   const bool is_late = outstanding_ > 0;
   const fs_status status = ask(wrench.force);
   if (status == FS_OK || (is_late && is_none(wrench.force) && is_none(sent_force_))) return FS_OK;

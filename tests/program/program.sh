@@ -81,8 +81,10 @@ if command -v umockdev-run > /dev/null && [[ $(ldd "$program") != *lib[at]san* ]
   { usb_device 2 0403 cb48 "FALCON HAPTIC"; usb_device 3 1451 0402 omega.3; usb_device 4 1209 0001 "Another"; } > bus.umockdev
   bus=(umockdev-run -d bus.umockdev -- "$program" devices --why)
   expect 0 '^usb 0403:cb48, Novint Falcon, serial S2 at /dev/bus/usb/001/002: ' "${bus[@]}"
-  expect 0 '^driver dhd: the Force Dimension SDK .* cannot be loaded: libdrd.so.3: cannot open shared object file' "${bus[@]}"
-  expect 0 '^usb 1451:0402, device of Force Dimension, serial S3 .*: it needs the driver dhd, which cannot be used .see above.$' "${bus[@]}"
+  if ! ldconfig -p | grep -q 'libdrd\.so\.3'; then  # the machine of somebody without such a device
+    expect 0 '^driver dhd: the Force Dimension SDK .* cannot be loaded: libdrd.so.3: cannot open shared object file' "${bus[@]}"
+    expect 0 '^usb 1451:0402, device of Force Dimension, serial S3 .*: it needs the driver dhd, which cannot be used .see above.$' "${bus[@]}"
+  fi
   grep -q 1209 output && fail "devices --why takes any device of 1209:0001 for a FIDEL"
   grep -q '^usb: ' output && fail "devices --why tells why there is no device although there is one"
   { usb_device 2 1209 0001 Another; usb_device 3 1d6b 0002 "A hub" | sed '$d'; printf 'A: bDeviceClass=09\n\n'; } > bus.umockdev

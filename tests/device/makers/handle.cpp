@@ -66,7 +66,8 @@ void Handle::command(fs_vec3 force, fs_vec3 torque) {
   advance();
   commanded_ = now_s();
   ++commands_;
-  if (turnarounds_ && norm(force) > 0) {
+  if (turnarounds_ && norm(force) > 0 && force.x != answered_) {  // each pose counts when it is first answered
+    answered_ = force.x;
     const double measured = noting_since_ + (force.x / -way_stiffness - way_begins) / way_speed;
     if (measured >= noting_since_) turnarounds_->push_back(commanded_ - measured);
   }

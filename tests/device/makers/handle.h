@@ -55,6 +55,7 @@ class Handle {
   const double begin_;          // s, monotonic clock, at which the plant's time is 0
   double commanded_ = 0;        // s, monotonic clock: the last command
   double noting_since_ = 0;     // s: since when turnarounds are noted
+  double answered_ = 0;         // N, along x: the newest force of those
   double had_force_ = 0;        // s
   uint64_t commands_ = 0, calls_of_servo_ = 0;
   bool has_force_ = false;

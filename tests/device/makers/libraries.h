@@ -1,6 +1,8 @@
 // Files that are no good as a maker's library.
 #pragma once
 
+#include <dlfcn.h>
+
 #include <filesystem>
 #include <fstream>
 #include <string>
@@ -8,6 +10,9 @@
 #include "scenes/folder.h"
 
 namespace makers {
+
+// Whether this machine has a library of a maker itself.
+inline bool is_installed(const char* name) { return dlopen(name, RTLD_LAZY | RTLD_LOCAL) != nullptr; }
 
 // A copy of a library that says of itself that it is for another processor (the 18th byte of an ELF file; 0xb7: AArch64).
 inline std::string for_another_processor(const scenes::Folder& folder, const std::string& library) {

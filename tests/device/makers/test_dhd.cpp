@@ -255,7 +255,9 @@ START_TEST(libraries_that_are_no_good) {
   const Folder folder;
   fs_device* raw = nullptr;
   const auto with = [](const std::string& library) { return "dhd:0?library=" + library; };
-  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open("dhd:0", &raw), "libdrd.so.3: cannot open shared object file");
+  if (!is_installed("libdrd.so.3")) {
+    EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open("dhd:0", &raw), "libdrd.so.3: cannot open shared object file");
+  }
   EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open(with(folder / "none.so").c_str(), &raw), "none.so: cannot open");
   EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open(with(no_library(folder)).c_str(), &raw), "text.so: ");
   EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open(with(for_another_processor(folder, STAND_IN)).c_str(), &raw), "other.so: ");
@@ -479,7 +481,7 @@ START_TEST(drivers_and_devices_are_told) {
   for (size_t i = 0; i < count; ++i) {
     is_told = is_told || (!std::strcmp(drivers[i].scheme, "dhd") && std::strstr(drivers[i].trouble, "libdrd.so.3: cannot open"));
   }
-  ck_assert(is_told);
+  ck_assert(is_told || is_installed("libdrd.so.3"));
   const Device device = opened();  // now the library is there
   fs_device_entry entries[8];
   OK(fs_device_list(entries, 8, &count));

@@ -201,7 +201,9 @@ START_TEST(libraries_that_are_no_good) {
   const Folder folder;
   fs_device* raw = nullptr;
   const auto with = [](const std::string& library) { return "openhaptics:?library=" + library; };
-  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open("openhaptics:", &raw), "libHD.so.3.4: cannot open shared object file");
+  if (!is_installed("libHD.so.3.4")) {
+    EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open("openhaptics:", &raw), "libHD.so.3.4: cannot open shared object file");
+  }
   EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open(with(no_library(folder)).c_str(), &raw), "text.so: ");
   EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open(with(for_another_processor(folder, STAND_IN)).c_str(), &raw), "other.so: ");
   EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open(with(CURSES_LIBRARY).c_str(), &raw), "libncurses.so.5: cannot open");
