@@ -45,14 +45,20 @@ typedef struct fs_device_entry {
 /* The devices that the drivers find at this moment, a list. */
 FS_API fs_status fs_device_list(fs_device_entry *out, size_t capacity, size_t *count);
 
-/* Opens a device. What stands before the first ':' names its driver: "sim:", a module ("dhd:0", "falcon:0", "fidel:usb",
- * "fidel:udp:HOST:PORT"), or one of your own (driver.h). Options follow as "?key=value&.." (nothing is %-decoded); an
- * unknown key is INVALID. May take seconds. NOT_FOUND: no such driver or device; DENIED: this user may not open it;
- * UNSUPPORTED, DISCONNECTED, TIMEOUT, IO (also: in use, or a module that cannot be loaded).
+/* Opens a device. What stands before the first ':' names its driver: "sim:", a module ("dhd:0", "openhaptics:", "haply:0",
+ * "falcon:0", "fidel:usb", "fidel:udp:HOST:PORT"), or one of your own (driver.h). Options follow as "?key=value&.." (nothing
+ * is %-decoded); an unknown key is INVALID. May take seconds. NOT_FOUND: no such driver or device; DENIED: this user may not
+ * open it; UNSUPPORTED, DISCONNECTED, TIMEOUT, IO (also: in use, or a module that cannot be loaded), VERSION (a maker's library
+ * that is too old).
  *
  * "dhd:0" is the first device of Force Dimension, "dhd:SERIAL" the one with that serial number; options library=PATH (of the
  * maker's SDK, which must be installed), home=yes (the device then homes if it must, which moves it), rate=100..4000 (1000) and
  * falcon=yes.
+ * "openhaptics:" is the default device of OpenHaptics (3D Systems Touch, Phantom), "openhaptics:NAME" the one with that configured
+ * name; option library=PATH (of the maker's library, which must be installed).
+ * "haply:0" is the first Haply Inverse3 of the Haply Inverse Service on this computer, "haply:DEVICE_ID" the one with that
+ * identifier; options host= and port= (127.0.0.1, 10001), grip=ID (a Verse Grip, which gives orientation and buttons),
+ * force=0.1..20 (5: the largest force, N), and dialect=3.4|3.5, where the service does not tell its version.
  * "falcon:0" is the first Novint Falcon, "falcon:SERIAL" the one with that serial number; options firmware=PATH, as a Falcon
  * that has been without power needs its firmware, and motor=1e3..1e5, its motor constant (device/falcon/README.md).
  * "fidel:usb" is a FIDEL on the USB, "fidel:usb:SERIAL" the one with that serial number; option calibration=FILE|none.
