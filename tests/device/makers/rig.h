@@ -35,6 +35,9 @@ inline std::string answer(const Device& device, const char* request) {
   return out.text;
 }
 inline bool says(const Device& device, const char* words) { return answer(device, "status").find(words) != std::string::npos; }
+inline bool comes_to_say(const Device& device, const char* words) {
+  return until([&] { return says(device, words); });
+}
 
 // A servo with a spring that pulls the handle aside with up to 3 N.
 struct Pushing {

@@ -3,9 +3,10 @@
 #include <cstdio>
 
 #include "device/makers/haply_rig.h"
+#include "device/makers/wall.h"
 #include "device/table.h"
 
-using namespace scenes;
+using namespace makers;
 
 // ------------------------------------------------------------------------------------------------------------ poses and forces
 
@@ -25,7 +26,7 @@ START_TEST(what_it_is) {
   ck_assert(comes_to_say(device, "ready; service 3.5.0, messages of 3.5; inverse3 049D, no grip"));
   fs_answer out{};
   EXPECT_SENTENCE(FS_ERROR_UNSUPPORTED, fs_device_control(device.get(), "home", &out), "its requests are: status");
-  std::printf("  %s\n", answer(device).c_str());
+  std::printf("  %s\n", answer(device, "status").c_str());
 }
 END_TEST
 
@@ -165,36 +166,38 @@ START_TEST(what_falsifies_forces_is_told) {
   HaplyDevice& arm = *service.devices.front();
   arm.damping = 0.5;
   const Device device = opened(service);
-  const Pushing pushing(device.get());
+  const Pushing pushing(device);
   ck_assert(comes_to_say(device, "filters: damping 0.5, force gate 0.3"));
   ck_assert(until([&] { return push_of(arm) > 1; }));
-  ck_assert(answer(device).find("differs") == std::string::npos);
+  ck_assert(answer(device, "status").find("differs") == std::string::npos);
   service.with([&](HaplyService&) { return arm.force_told = 0.5; });
   ck_assert(comes_to_say(device, "differs from the force sent by more than a fifth"));
 }
 END_TEST
 
+START_TEST(a_wall_stands_and_shakes) {
+  HaplyService service;
+  HaplyDevice& arm = *service.devices.front();
+  stability::DeviceModel model;
+  model.friction = 0.05, model.force_max = 5;
+  arm.handle.become(model, stability::light);
+  const Device device = opened(service);
+  ck_assert(until([&] { return is_ready(device); }));
+  expect_wall_stands_and_shakes(device.get(), arm.handle, model, 0.1e-3);
+}
+END_TEST
+
 #ifdef PROGRAM
 START_TEST(test_device_finds_nothing) {
-  HaplyService service;
-  const std::string command = PROGRAM " test-device '" + uri(service.port()) + "' --push 1 --seconds 1 2>&1";
-  std::string page;
-  int status = 1;
-  for (int i = 0; i < 20 && status != 0; ++i) {  // a busy machine makes states late
-    FILE* const program = popen(command.c_str(), "r");
-    page.clear();
-    char line[512];
-    while (std::fgets(line, sizeof line, program)) page += line;
-    status = pclose(program);
-  }
-  ck_assert_msg(status == 0 && page.find("FAILED") == std::string::npos, "%s", page.c_str());
+  const HaplyService service;
+  expect_nothing_found(PROGRAM, uri(service.port()));
 }
 END_TEST
 #endif
 
 int main() {
   Suite* suite = suite_create("haply");
-  add_case(suite, "poses and forces", {what_it_is, axes, axes_of_an_old_service, axes_in_the_words_of_an_old_service, grips_and_buttons});
+  add_case(suite, "poses and forces", {what_it_is, axes, axes_of_an_old_service, axes_in_the_words_of_an_old_service, grips_and_buttons, a_wall_stands_and_shakes});
   add_case(suite, "opening", {which_device, nothing_listens, frames_that_would_be_wrong});
   add_case(suite, "readiness", {why_there_is_no_force, flags, what_falsifies_forces_is_told});
 #ifdef PROGRAM

@@ -8,7 +8,7 @@
 
 #include "device/makers/haply_rig.h"
 
-using namespace scenes;
+using namespace makers;
 
 // What comes is of no use: the force ends, the reason is told, and it goes on when all is well again.
 START_TEST(answers_of_no_use) {
@@ -117,7 +117,7 @@ START_TEST(closing_ends_the_force) {
   arm.handle.set_watchdog(0);
   {
     const Device device = opened(service);
-    const Pushing pushing(device.get());
+    const Pushing pushing(device);
     ck_assert(until([&] { return push_of(arm) > 0.5; }));
   }
   ck_assert(push_of(arm) == 0);
@@ -132,7 +132,7 @@ START_TEST(a_process_that_is_killed) {
     unsigned short port = 0;
     if (read(way[0], &port, sizeof port) != sizeof port) _exit(1);
     const Device device = open_device(uri(port).c_str());
-    const Pushing pushing(device.get());
+    const Pushing pushing(device);
     for (;;) pause();
   }
   HaplyService service;
