@@ -14,7 +14,6 @@ namespace {
 constexpr double open_within = 2;      // s, for each of the first two messages
 constexpr double answer_within = 0.018;  // s: receive returns within 20 ms
 constexpr double take_within = 0.003;    // s: send returns within 5 ms
-constexpr double shortest_cycle = 2e-4;  // s, from one message to the next that says the same
 constexpr double silent_after = 1;       // s without a state that can be used: the device is lost, and opened again
 constexpr double end_within = 0.05;      // s, for the answer to the last force, which is 0
 constexpr double farthest = 1, fastest = 20;  // m, m/s: what is beyond is not believed
@@ -69,8 +68,8 @@ void ForceCheck::note(double now, fs_vec3 sent, fs_vec3 told) noexcept {
 // ------------------------------------------------------------------------------------------------------------------ opening
 
 Inverse::Inverse(const Address& address)
-    : force_max_(address.number("force", 0.1, 20).value_or(5)), host_(address.text("host").value_or(default_host)),
-      port_(std::to_string(address.whole("port", 1, 65535).value_or(10001))) {
+    : force_max_(address.number("force", 0.1, 20).value_or(5)), period_(1 / address.number("rate", 100, 4000).value_or(1000)),
+      host_(address.text("host").value_or(default_host)), port_(std::to_string(address.whole("port", 1, 65535).value_or(10001))) {
   const auto dialect = address.choice("dialect", {"3.4", "3.5"});
   version_ = version_in(version_answer(host_, port_));
   dialect_ = dialect ? (*dialect == 0 ? Dialect::values : Dialect::vector) : dialect_of_version(version_);
@@ -178,7 +177,7 @@ void Inverse::get_info(fs_device_info& out) const {
   out.force_max = force_max_;
   out.mass = 0.1;           // assumed, rather too small: a lighter handle is granted less stiffness
   out.resolution = 2e-5;    // assumed
-  out.rate = 1000;
+  out.rate = 1 / period_;
   out.delay = 0.001;
 }
 
@@ -198,10 +197,7 @@ fs_status Inverse::ask(fs_vec3 force) {
   return FS_OK;
 }
 
-// A force that is new goes at once. One that only asks for the next state waits a moment, as a fast service would take a whole processor.
 fs_status Inverse::send(const fs_wrench& wrench) {
-  const bool is_new = wrench.force.x != sent_force_.x || wrench.force.y != sent_force_.y || wrench.force.z != sent_force_.z;
-  if (const double rest = sent_at_ + shortest_cycle - steady_now(); !is_new && rest > 0) pause(rest);
   const bool is_late = outstanding_ > 0;
   const fs_status status = ask(wrench.force);
   if (status == FS_OK || (is_late && is_none(wrench.force) && is_none(sent_force_))) return FS_OK;
@@ -220,13 +216,18 @@ fs_status Inverse::await_answers(double until, std::string_view& text) {
   return FS_OK;
 }
 
+// First the state that answers the last force, which is old by now, then a new one when it is due: so a fast service does not take a
+// whole processor, and the state is fresh.
 fs_status Inverse::receive(fs_state& out) {
   const double until = steady_now() + answer_within;
-  if (outstanding_ == 0) {
-    if (const fs_status status = ask({}); status != FS_OK) return without_answer(status, steady_now());
-  }
   std::string_view text;
-  fs_status status = await_answers(until, text);
+  fs_status status = outstanding_ > 0 ? await_answers(until, text) : FS_OK;
+  if (status == FS_OK) {
+    if (const double rest = next_ - steady_now(); rest > 0) pause(std::min(rest, period_));
+    next_ = std::max(next_, steady_now() - period_) + period_;
+    status = ask(sent_force_);
+  }
+  if (status == FS_OK) status = await_answers(until, text);
   const double now = steady_now();
   if (status != FS_OK) return without_answer(status, now);
   round_trip_ = now - sent_at_;

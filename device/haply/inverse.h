@@ -1,5 +1,5 @@
-// A connected Inverse3. It sends one message and waits for the state that answers it, then the next, so the service sets the
-// rate. One thread calls receive, send and get_link; any thread calls control.
+// A connected Inverse3. The service answers each message with one state: that to a force is let pass, and a message when the next state
+// is due brings it. One thread calls receive, send and get_link; any thread calls control.
 #pragma once
 
 #include <mutex>
@@ -64,6 +64,7 @@ class Inverse {
   void tell(const fs_state& state);
 
   double force_max_;  // N
+  double period_;  // s, from one state to the next
   std::string host_, port_, version_, id_, kind_, grip_id_, filters_;
   Dialect dialect_ = Dialect::vector;
   std::optional<Service> service_;
@@ -73,10 +74,11 @@ class Inverse {
   fs_quat orientation_{};  // of the grip, the last that is known
   uint32_t buttons_ = 0;
   bool has_grip_ = false;  // the newest state tells of it
-  int outstanding_ = 0;    // messages that the service has not answered
-  double sent_at_ = 0;     // s, the last message
-  double good_at_ = 0;     // s, the last state that could be used
-  fs_vec3 sent_force_{};   // N, of the last message
+  int outstanding_ = 0;  // messages that the service has not answered
+  double next_ = 0;  // s, when the next state is due
+  double sent_at_ = 0;  // s, the last message
+  double good_at_ = 0;  // s, the last state that could be used
+  fs_vec3 sent_force_{};  // N, of the last message
   ForceCheck check_;
   LinkMeter meter_;
   uint32_t sent_ = 0, answers_ = 0;

@@ -25,7 +25,7 @@ fs_status list_devices(fs_device_entry* out, size_t capacity, size_t* count) {
 }
 
 fs_status open(const char* address, void** self) {
-  return answer_of([&] { *self = new Inverse(Address(address, {"host", "port", "grip", "force", "dialect"})); });
+  return answer_of([&] { *self = new Inverse(Address(address, {"host", "port", "grip", "rate", "force", "dialect"})); });
 }
 
 void close(void* self) { delete &inverse(self); }

@@ -71,7 +71,7 @@ void Handle::command(fs_vec3 force, fs_vec3 torque) {
     const double measured = noting_since_ + (force.x / -way_stiffness - way_begins) / way_speed;
     if (measured >= noting_since_) turnarounds_->push_back(commanded_ - measured);
   }
-  give(force, torque, commanded_);
+  if (!turnarounds_) give(force, torque, commanded_);
 }
 
 void Handle::rest() {
@@ -118,7 +118,12 @@ uint64_t Handle::calls_of_servo() {
 
 void Handle::note_turnarounds(std::vector<double>* out) {
   const std::lock_guard lock(mutex_);
-  if (!turnarounds_) noting_since_ = now_s();
+  if (!turnarounds_) {
+    advance();
+    give({}, {}, now_s());
+    plant_.put({});
+    noting_since_ = now_s();
+  }
   turnarounds_ = out;
 }
 

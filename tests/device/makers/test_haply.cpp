@@ -100,7 +100,7 @@ START_TEST(which_device) {
   fs_device* raw = nullptr;
   EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open(uri(service.port(), "2").c_str(), &raw), "'049D', '04BA'");
   EXPECT_SENTENCE(FS_ERROR_INVALID, fs_device_open(uri(service.port(), "0", "force=30").c_str(), &raw), "0.1..20");
-  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_device_open(uri(service.port(), "0", "speed=1").c_str(), &raw), "host, port, grip, force, dialect");
+  EXPECT_SENTENCE(FS_ERROR_INVALID, fs_device_open(uri(service.port(), "0", "speed=1").c_str(), &raw), "host, port, grip, rate, force, dialect");
   service.with([](HaplyService& it) { return it.devices[0]->is_in_use = true; });
   EXPECT_SENTENCE(FS_ERROR_IO, fs_device_open(uri(service.port(), "0").c_str(), &raw), "is in use");
 }
