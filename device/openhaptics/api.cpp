@@ -74,7 +74,8 @@ unsigned Api::take_errors(ErrorInfo& telling) const noexcept {
   constexpr unsigned most = 64;
   unsigned count = 0;
   for (ErrorInfo error = hdGetError(); error.code != 0 && count < most; error = hdGetError()) {
-    if (count++ == 0 || (is_unreachable(error.code) && !is_unreachable(telling.code))) telling = error;
+    const auto weight = [](unsigned code) { return is_unreachable(code) ? 2 : ends_force(code) ? 1 : 0; };
+    if (count++ == 0 || weight(error.code) > weight(telling.code)) telling = error;
   }
   return count;
 }

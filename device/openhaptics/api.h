@@ -54,6 +54,7 @@ enum Error : unsigned {
   timer_error = 0x304,
 };
 inline bool is_unreachable(unsigned error) { return error >= device_fault && error <= timer_error; }
+inline bool ends_force(unsigned error) { return error >= warm_motors && error <= force_error; }
 constexpr unsigned again = 1;  // a callback returns it to be called in the next cycle, too
 
 struct Api {
@@ -80,7 +81,8 @@ struct Api {
   void (*hdStopScheduler)();
 
   std::string words_of(const ErrorInfo& error) const;  // "HD_COMM_ERROR (0x302, internal -28)"
-  // Empties the list of this thread; how many there were. telling: the oldest, unless one says that the device cannot be reached.
+  // Empties the list of this thread; how many there were. telling: the one that matters most: that the device cannot be reached, then
+  // what ends its force, then the oldest.
   unsigned take_errors(ErrorInfo& telling) const noexcept;
 };
 

@@ -17,7 +17,9 @@ fs_status open(const char* address, void** self) {
   return answer_of([&] { *self = new Touch(Address(address, {"library"})); });
 }
 
-void close(void* self) { delete &touch(self); }
+void close(void* self) {
+  if (touch(self).end()) delete &touch(self);
+}
 
 fs_status get_info(void* self, fs_device_info* out) {
   return answer_of([&] { touch(self).get_info(*out); });

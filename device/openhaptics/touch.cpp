@@ -21,14 +21,14 @@ constexpr double state_within = 0.015; // s, that receive waits
 constexpr double silent_after = 0.5;   // s without a cycle: the thread of OpenHaptics has stopped
 constexpr uint32_t lost_after = 50;    // cycles in which the device could not be reached
 constexpr double look_every = 0.1;     // s, at the calibration and the temperature
+constexpr double update_every = 1;     // s, a calibration that fails is tried again
 constexpr double error_counts = 0.5;   // s, for which an error that ends the force keeps it off
+constexpr double largest_box = 5000;   // mm, a side of the workspace
 constexpr double torque_max = 0.1;     // N m, of a handle with motors: CHAI3D states 0.188 for a Premium 6DOF
 constexpr double farthest = 1;         // m, along each axis, of a position that can be
 
 // x of OpenHaptics points to the right, its y up, its z to the user.
 fs_vec3 to_device(double x, double y, double z) { return {x, -z, y}; }
-
-bool ends_force(unsigned code) { return code >= warm_motors && code <= force_error; }
 
 std::string text_of(const char* text) { return text ? text : ""; }
 
@@ -50,9 +50,10 @@ Touch::Touch(const Address& address) : api_(load_api(address.text("library"))) {
   heard_ = steady_now();
 }
 
-Touch::~Touch() {
+bool Touch::end() noexcept {
   is_ending_ = true;
   detach(api_, *this);
+  return !is_in_run_;
 }
 
 // Called while the thread of OpenHaptics stands still.
@@ -88,7 +89,8 @@ void Touch::initialise(const std::string& name) {
   has_torque_ = axes >= 6;
   api_.hdEnable(force_output);
   api_.hdEnable(force_clamping);
-  const bool is_box = high_[0] > low_[0] && high_[1] > low_[1] && high_[2] > low_[2];
+  bool is_box = true;
+  for (int i = 0; i < 3; ++i) is_box = is_box && high_[i] - low_[i] > 1 && high_[i] - low_[i] < largest_box;  // NaN is none
   if (api_.take_errors(error) > 0 || !(force_max_ > 0 && force_max_ < 1000) || !is_box) {
     api_.hdDisableDevice(handle_);
     refuse(FS_ERROR_IO, "the device '%s' of OpenHaptics does not tell what it is: force %g N, %s", name.c_str(), force_max_,
@@ -113,6 +115,13 @@ void Touch::get_info(fs_device_info& out) const {
 // ------------------------------------------------------------------------------------------------ in the thread of OpenHaptics
 
 bool Touch::run() noexcept {
+  is_in_run_ = true;
+  const bool goes_on = run_cycle();
+  is_in_run_ = false;
+  return goes_on;
+}
+
+bool Touch::run_cycle() noexcept {
   const double begin = steady_now();
   api_.hdMakeCurrentDevice(handle_);
   look_around(begin);
@@ -143,12 +152,14 @@ bool Touch::run() noexcept {
 // Now and then, outside of a frame: is it calibrated, and how warm are its motors?
 void Touch::look_around(double time) noexcept {
   const bool is_asked = wants_calibration_.exchange(false);
+  const int style = is_asked ? by_reset : is_in_inkwell_ ? by_inkwell : style_ & by_itself;  // that may be used now
   if (!is_asked && time - looked_at_ < look_every) return;
   looked_at_ = time;
   now_.calibration = api_.hdCheckCalibration();
-  const bool may_update = style_ & by_itself || (style_ & by_inkwell && is_in_inkwell_) || is_asked;
-  if (is_asked || (now_.calibration == needs_update && may_update)) {
-    api_.hdUpdateCalibration(static_cast<unsigned>(style_ & by_inkwell ? by_inkwell : style_ & by_itself ? by_itself : by_reset));
+  const bool is_due = is_asked || (now_.calibration == needs_update && time - updated_at_ > update_every);
+  if (is_due && style) {
+    updated_at_ = time;
+    api_.hdUpdateCalibration(static_cast<unsigned>(style));
     now_.calibration = api_.hdCheckCalibration();
   }
   double temperatures[6] = {};

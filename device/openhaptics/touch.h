@@ -23,7 +23,8 @@ namespace fs::openhaptics {
 class Touch {
  public:
   explicit Touch(const Address& address);  // "NAME?library=PATH"; throws a Refusal
-  ~Touch();  // force 0, then the device is given back
+  // Sets the force to 0, and gives the device back. False: the thread of OpenHaptics hangs within run, so this must not be deleted.
+  bool end() noexcept;
   Touch(const Touch&) = delete;
   Touch& operator=(const Touch&) = delete;
 
@@ -53,6 +54,7 @@ class Touch {
   };
 
   void initialise(const std::string& name);
+  bool run_cycle() noexcept;
   void look_around(double time) noexcept;
   uint32_t reason(double time) const noexcept;
   void read_pose(fs_state& out) noexcept;
@@ -71,9 +73,10 @@ class Touch {
   Latest<State> state_;  // written by run
   Latest<Command> command_;  // written by send
   std::atomic<uint32_t> number_{0};  // of states
-  std::atomic<bool> is_ending_{false}, wants_calibration_{false};
+  std::atomic<bool> is_ending_{false}, is_in_run_{false}, wants_calibration_{false};
 
   // run uses these.
+  double updated_at_ = 0;  // s: when it was last updated
   double looked_at_ = 0;  // s: when the calibration was looked at
   double stopped_until_ = 0, fast_until_ = 0;  // s: until when an error counts
   bool is_in_inkwell_ = false;

@@ -8,6 +8,7 @@
 #include <cstring>
 #include <deque>
 #include <thread>
+#include <utility>
 
 #include "scenes/vector.h"
 
@@ -191,10 +192,7 @@ HD void hdBeginFrame(unsigned handle) {
       return fail(0x400);
     }
     if (!each.is_there) return fail(0x302, -28);
-    if (!each.errors.empty()) {
-      fail(each.errors.front(), 7);
-      each.errors.erase(each.errors.begin());
-    }
+    for (const unsigned code : std::exchange(each.errors, {})) fail(code, 7);
     each.is_in_frame = true;
     each.force = each.torque = {};
   });
@@ -292,6 +290,7 @@ HD unsigned hdCheckCalibration() {
 HD void hdUpdateCalibration(unsigned style) {
   call(false, [&](HdDevice& each) {
     ++each.updates;
+    each.last_style = static_cast<int>(style);
     if (style == 4 && !each.is_in_inkwell) return fail(0x500);
     if (static_cast<int>(style) & each.style) each.calibration = 0x5000;
   });

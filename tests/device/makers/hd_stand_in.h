@@ -44,12 +44,12 @@ struct HdDevice {
   double temperature = 0.2;
   bool gives_nan = false;
   bool is_there = true;                                  // false: unplugged
-  std::vector<unsigned> errors;                          // of the next frames, one each
+  std::vector<unsigned> errors;                          // of the next frame
 
   // What it sees.
   bool is_open = false, is_enabled = false, is_clamped = false, is_in_frame = false;
   int updates = 0;                                       // of its calibration
-  int times_opened = 0;
+  int times_opened = 0, last_style = 0;
   fs_vec3 force{}, torque{};                             // N, N m, that were set in this frame, device frame
 };
 

@@ -182,7 +182,7 @@ START_TEST(what_cannot_be_opened_says_why) {
     EXPECT_SENTENCE(FS_ERROR_IO, fs_device_open(uri().c_str(), &raw), "in use");
     ck_assert(until([&] { return is_ready(device); }));
   }
-  set([](HdDevice& it) { it.box[3] = it.box[0]; });
+  set([](HdDevice& it) { it.box[3] = INFINITY; });
   EXPECT_SENTENCE(FS_ERROR_IO, fs_device_open(uri().c_str(), &raw), "does not tell what it is");
   ck_assert(!see([](HdDevice& it) { return it.is_open; }));
   expect_order();
@@ -260,6 +260,18 @@ START_TEST(calibrated_by_itself_or_by_hand) {
 }
 END_TEST
 
+START_TEST(two_ways_to_calibrate) {  // out of the inkwell it calibrates by itself, in it by the inkwell
+  set([](HdDevice& it) { it.style = 2 | 4, it.calibration = 0x5001; });
+  const Device device = opened();
+  ck_assert(until([&] { return is_ready(device); }));
+  ck_assert_int_eq(see([](HdDevice& it) { return it.last_style; }), 2);
+  set([](HdDevice& it) { it.is_in_inkwell = true; });
+  ck_assert(is_flagged(device, FS_STATE_IN_HOLDER));
+  set([](HdDevice& it) { it.calibration = 0x5001; });
+  ck_assert(until([&] { return see([](HdDevice& it) { return it.last_style; }) == 4; }));
+}
+END_TEST
+
 START_TEST(errors_that_end_the_force) {
   const Device device = opened();
   const Pushing pushing(device);
@@ -271,7 +283,7 @@ START_TEST(errors_that_end_the_force) {
   } errors[]{{0x200, FS_STATE_STOPPED, "HD_WARM_MOTORS (0x200, internal 7)"}, {0x203, FS_STATE_TOO_FAST, "HD_EXCEEDED_MAX_VELOCITY"},
              {0x204, FS_STATE_STOPPED, "HD_FORCE_ERROR"}};
   for (const auto& error : errors) {
-    set([&](HdDevice& it) { it.errors = {error.code}; });
+    set([&](HdDevice& it) { it.errors = {0x402, error.code}; });  // the second one counts
     ck_assert(until([&] {
       fs_state hand{};
       OK(fs_scene_get_hand(pushing.scene.get(), &hand, nullptr, nullptr));
@@ -376,7 +388,7 @@ int main() {
   add_case(suite, "poses and forces", {what_it_is, axes, orientation_buttons_and_torque, two_devices, the_last_one_ends_the_callback});
   add_case(suite, "opening", {nothing_is_printed_where_results_go, what_cannot_be_opened_says_why, a_version_without_a_default,
                               libraries_that_are_no_good});
-  add_case(suite, "readiness", {in_the_inkwell, not_calibrated, calibrated_by_itself_or_by_hand, errors_that_end_the_force});
+  add_case(suite, "readiness", {in_the_inkwell, not_calibrated, calibrated_by_itself_or_by_hand, two_ways_to_calibrate, errors_that_end_the_force});
   add_case(suite, "faults",
            {a_bad_pose, its_thread_stops, unplugged_and_back, the_servo_never_calls_the_library, a_wall_stands_and_shakes});
 #ifdef PROGRAM
