@@ -216,19 +216,19 @@ fs_status Inverse::await_answers(double until, std::string_view& text) {
   return FS_OK;
 }
 
-// First the state that answers the last force, which is old by now, then a new one when it is due: so a fast service does not take a
-// whole processor, and the state is fresh.
+// The state that answers the last force counts if the next one is due by then. Otherwise it would be old when it is used: another message
+// asks for a new one when that is due. So a fast service does not take a whole processor, and a slow one is not asked twice.
 fs_status Inverse::receive(fs_state& out) {
   const double until = steady_now() + answer_within;
   std::string_view text;
   fs_status status = outstanding_ > 0 ? await_answers(until, text) : FS_OK;
-  if (status == FS_OK) {
-    if (const double rest = next_ - steady_now(); rest > 0) pause(std::min(rest, period_));
-    next_ = std::max(next_, steady_now() - period_) + period_;
+  if (const double rest = next_ - steady_now(); status == FS_OK && (text.empty() || rest > 0)) {
+    if (rest > 0) pause(std::min(rest, period_));
     status = ask(sent_force_);
+    if (status == FS_OK) status = await_answers(until, text);
   }
-  if (status == FS_OK) status = await_answers(until, text);
   const double now = steady_now();
+  next_ = std::max(next_, now - period_) + period_;
   if (status != FS_OK) return without_answer(status, now);
   round_trip_ = now - sent_at_;
   meter_.note_delay(round_trip_);

@@ -1,5 +1,5 @@
-// A connected Inverse3. The service answers each message with one state: that to a force is let pass, and a message when the next state
-// is due brings it. One thread calls receive, send and get_link; any thread calls control.
+// A connected Inverse3. The service answers each message with one state. One thread
+// calls receive, send and get_link; any thread calls control.
 #pragma once
 
 #include <mutex>
