@@ -34,8 +34,9 @@ HdStandIn& it() {
   return *instance;
 }
 
-thread_local unsigned current = none;
-thread_local std::deque<ErrorInfo> errors;
+// Of static storage: the leak sanitizer fails where a thread with storage of a loaded library ends while it looks.
+[[gnu::tls_model("initial-exec")]] thread_local unsigned current = none;
+[[gnu::tls_model("initial-exec")]] thread_local std::deque<ErrorInfo> errors;
 
 void fail(unsigned code, int internal_code = 0) { errors.push_back({code, internal_code, current}); }
 
