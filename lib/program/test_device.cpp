@@ -46,9 +46,9 @@ class DeviceTest {
 
  private:
   void open() {
+    const double taken = time_of([&] { device_ = Device::open(options_.uri); });
     page_.title("Test of the device " + options_.uri);
     describe_machine(page_, options_.uri);
-    const double taken = time_of([&] { device_ = Device::open(options_.uri); });
     info_ = device_.get_info();
     page_.figure("opened", format("in %.3f s", taken));
     describe_device(page_, device_);
