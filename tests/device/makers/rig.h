@@ -1,6 +1,8 @@
 // What the tests of the drivers that use a maker's interface share.
 #pragma once
 
+#include <dlfcn.h>
+
 #include <cstdio>
 #include <string>
 
@@ -18,6 +20,14 @@ bool until(Condition condition) {
     if (condition()) return true;
   }
   return false;
+}
+
+// The stand-in in the library at this path, which the driver loads, too; function gives it.
+template <class StandIn>
+StandIn& load_stand_in(const char* path, const char* function) {
+  void* const library = dlopen(path, RTLD_NOW | RTLD_LOCAL);
+  ck_assert_msg(library, "%s", dlerror());
+  return *reinterpret_cast<StandIn* (*)()>(dlsym(library, function))();
 }
 
 inline fs_state state_of(const Device& device) {

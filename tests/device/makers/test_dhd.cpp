@@ -1,5 +1,4 @@
 // The driver dhd through the public C ABI, on a stand-in for the library of Force Dimension.
-#include <dlfcn.h>
 
 #include <cmath>
 
@@ -18,12 +17,8 @@ namespace {
 
 // The stand-in, with one omega.3 that has the serial number 4711. Each test has a process of its own.
 DrdStandIn& stand_in() {
-  static DrdStandIn* const found = [] {
-    void* const library = dlopen(STAND_IN, RTLD_NOW | RTLD_LOCAL);
-    ck_assert_msg(library, "%s", dlerror());
-    return reinterpret_cast<DrdStandIn* (*)()>(dlsym(library, "drd_stand_in_here"))();
-  }();
-  return *found;
+  static DrdStandIn& found = load_stand_in<DrdStandIn>(STAND_IN, "drd_stand_in_here");
+  return found;
 }
 DrdDevice& first() { return *stand_in().devices.front(); }
 

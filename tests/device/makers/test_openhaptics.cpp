@@ -1,5 +1,4 @@
 // The driver openhaptics through the public C ABI, on a stand-in for the library of OpenHaptics.
-#include <dlfcn.h>
 #include <fcntl.h>
 #include <unistd.h>
 
@@ -21,12 +20,8 @@ namespace {
 
 // The stand-in, with one Touch, T1. Each test has a process of its own.
 HdStandIn& stand_in() {
-  static HdStandIn* const found = [] {
-    void* const library = dlopen(STAND_IN, RTLD_NOW | RTLD_LOCAL);
-    ck_assert_msg(library, "%s", dlerror());
-    return reinterpret_cast<HdStandIn* (*)()>(dlsym(library, "hd_stand_in_here"))();
-  }();
-  return *found;
+  static HdStandIn& found = load_stand_in<HdStandIn>(STAND_IN, "hd_stand_in_here");
+  return found;
 }
 HdDevice& first() { return *stand_in().devices.front(); }
 
