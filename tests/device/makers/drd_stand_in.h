@@ -1,13 +1,12 @@
 // A stand-in for the library of Force Dimension, libdrd.so.3: the functions that the driver dhd finds in it, in front of models of
 // devices. It behaves as open programs that use the real one tell of it; what is not known is as bad as it may be. Built as a library
-// of that name, which the driver loads; a test finds the same one by drd_stand_in().
+// of that name, which the driver loads; a test finds the same one by drd_stand_in_here.
 #pragma once
 
 #include <array>
 #include <atomic>
 #include <memory>
 #include <mutex>
-#include <string>
 #include <vector>
 
 #include "device/makers/handle.h"
@@ -79,8 +78,5 @@ class DrdStandIn {
     return change_it(*this);
   }
 };
-
-// Of the library at this path, which is loaded if it has not been yet.
-DrdStandIn& drd_stand_in(const char* path);
 
 }  // namespace makers

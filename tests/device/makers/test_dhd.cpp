@@ -1,5 +1,4 @@
 // The driver dhd through the public C ABI, on a stand-in for the library of Force Dimension.
-
 #include <cmath>
 
 #include <forceserver/driver.h>
