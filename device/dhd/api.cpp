@@ -29,7 +29,6 @@ std::unique_ptr<Api> find_all(const MakerLibrary& library) {
   FIND(dhdErrorGetLast);
   FIND(dhdErrorGetLastStr);
   FIND(dhdGetDeviceCount);
-  FIND(dhdGetAvailableCount);
   FIND(drdOpenID);
   FIND(drdClose);
   FIND(dhdGetSerialNumber);
@@ -79,11 +78,13 @@ const Api& load_api(const std::optional<std::string>& library) {
   constexpr const char* name = "the Force Dimension SDK (libdrd.so.3; device/dhd/README.md tells how to install it)";
   static std::mutex mutex;
   static const Api* loaded = nullptr;  // for good: the SDK has threads of its own
+  static std::string asked_for;
   const std::lock_guard lock(mutex);
   if (!loaded) {
     loaded = (library ? find_all(MakerLibrary(name, {*library})) : find_all(MakerLibrary(name, {"libdrd.so.3", "libdrd.so"})))
                  .release();
-  } else if (library && !is_same_file(*library, loaded->path)) {
+    asked_for = library.value_or("");
+  } else if (library && *library != asked_for && !is_same_file(*library, loaded->path)) {
     refuse(FS_ERROR_INVALID, "library is '%s', but this process already uses %s", library->c_str(), loaded->path.c_str());
   }
   return *loaded;

@@ -29,7 +29,7 @@ enum Status : int {
   status_error = 9,
   status_gravity = 10,
   status_cause = 14,
-  status_count = 17,
+  status_count = 64,  // 17 are known; a later SDK may give more
 };
 enum class Cause : int { none = 0, button = 1, velocity = 2, watchdog = 3, software = 4, usb = 5, dead_man = 6 };
 
@@ -43,7 +43,6 @@ struct Api {
   int (*dhdErrorGetLast)();  // of this thread
   const char* (*dhdErrorGetLastStr)();
   int (*dhdGetDeviceCount)();
-  int (*dhdGetAvailableCount)();  // without those that another program has
   int (*drdOpenID)(char index);   // the ID of the open device, or -1
   int (*drdClose)(char id);
 

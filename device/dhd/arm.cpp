@@ -13,10 +13,11 @@ namespace fs::dhd {
 namespace {
 
 constexpr unsigned char watchdog_time = 160;  // in units of 125 us: 20 ms
-constexpr double pose_within = 0.015;         // s, for a pose that is new
+constexpr double pose_within = 0.008;         // s, for a pose that is new
 constexpr double ask_again_after = 2e-4;      // s, when the SDK gave a pose a second time
 constexpr double look_every = 0.02;           // s, at the status
 constexpr double rest_after_brake = 1;        // s, until a device that was too fast gets its force again
+constexpr double silent_after = 0.2;          // s without a look at the status: the SDK hangs
 constexpr double lost_after = 0.5;            // s, in which every call has failed
 constexpr double farthest = 1;                // m, along each axis, of a position that can be
 constexpr double homing_pause = 0.005;        // s, between two states of a device that homes
@@ -32,28 +33,32 @@ fs_quat to_device(fs_quat q) {
   return {q.w, v.x, v.y, v.z};
 }
 
-// The places of devices that were lost. One that comes back does not home by itself, as it would move in somebody's hand.
-class LostPlaces {
+// The serial numbers of devices that were lost. One that comes back does not home by itself, as it would move in somebody's hand.
+class LostDevices {
  public:
-  void add(const std::string& place) noexcept {
+  void add(const std::string& serial) noexcept {
     const std::lock_guard lock(mutex_);
     try {
-      places_.insert(place);
+      serials_.insert(serial);
     } catch (...) {  // there is no memory: it may home by itself once more
     }
   }
-  bool has(const std::string& place) {
+  void remove(const std::string& serial) {
     const std::lock_guard lock(mutex_);
-    return places_.count(place) > 0;
+    serials_.erase(serial);
+  }
+  bool has(const std::string& serial) {
+    const std::lock_guard lock(mutex_);
+    return serials_.count(serial) > 0;
   }
 
  private:
   std::mutex mutex_;
-  std::set<std::string> places_;
+  std::set<std::string> serials_;
 };
-LostPlaces& lost_places() {
-  static auto* const places = new LostPlaces;  // never destroyed, as devices may be closed when the process ends
-  return *places;
+LostDevices& lost_devices() {
+  static auto* const devices = new LostDevices;  // never destroyed, as devices may be closed when the process ends
+  return *devices;
 }
 
 }  // namespace
@@ -69,14 +74,18 @@ Arm::Arm(const Address& address)
   const double set_by_user = api_.dhdGetMaxForce ? api_.dhdGetMaxForce(id_) : -1;
   force_max_ = set_by_user > 0 ? std::min(set_by_user, limits_.force) : limits_.force;
   if (has_gripper_ && api_.dhdEmulateButton) api_.dhdEmulateButton(1, id_);
+  static std::mutex expert_mutex;  // the mode is that of the process
+  std::unique_lock expert(expert_mutex);
   api_.dhdEnableExpertMode();
   has_watchdog_ = api_.dhdSetWatchdog(watchdog_time, id_) >= 0;
   measure_mechanism();
   api_.dhdDisableExpertMode();
+  expert.unlock();
   is_initialized_ = api_.drdIsInitialized(id_);
   const bool is_ready = api_.dhdEnableForce(1, id_) >= 0 && api_.dhdSetGravityCompensation(1, id_) >= 0;
   if (!is_ready) refuse(FS_ERROR_IO, "the device does not take commands: %s", api_.last_error().c_str());
-  if (homes && !is_initialized_ && !lost_places().has(place_)) home();
+  look_at_status(steady_now());
+  if (homes && !is_initialized_ && !lost_devices().has(session_.serial())) home();
 }
 
 Arm::~Arm() {
@@ -133,7 +142,7 @@ fs_status Arm::failed(const char* what) noexcept {
   const double now = steady_now();
   if (failing_since_ == 0) failing_since_ = now;
   const bool is_lost = api_.dhdErrorGetLast() == error_of_communication || now - failing_since_ > lost_after;
-  if (is_lost) lost_places().add(place_);
+  if (is_lost) lost_devices().add(session_.serial());
   char words[256];
   const char* const reason = api_.dhdErrorGetLastStr();
   std::snprintf(words, sizeof words, "%s: %s", what, reason ? reason : "the SDK does not say why");
@@ -148,6 +157,9 @@ void Arm::look_at_status(double time) noexcept {
   looked_at_ = time;
   status_ = status;
   is_initialized_ = api_.drdIsInitialized(id_);
+  if (const std::unique_lock lock(told_mutex_, std::try_to_lock); lock) {
+    told_ = {status, is_initialized_, looked_at_, commands_, saturated_};
+  }
   const uint32_t reason = reason_of(status, is_initialized_);
   if (reason != FS_STATE_TOO_FAST) braked_at_ = 0;
   else if (braked_at_ == 0) braked_at_ = time;
@@ -175,12 +187,20 @@ fs_status Arm::receive(fs_state& out) noexcept {
   return status;
 }
 
+// The SDK gives the same pose again and again.
+fs_status Arm::without_pose(double time) noexcept {
+  if (failing_since_ == 0) failing_since_ = time;
+  if (time - failing_since_ < lost_after) return FS_ERROR_TIMEOUT;
+  lost_devices().add(session_.serial());
+  return fs_fail(FS_ERROR_DISCONNECTED, "the SDK gives no new pose");
+}
+
 fs_status Arm::read(fs_state& out) noexcept {
   double x = 0, y = 0, z = 0, frame[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, before = 0;
   const double latest = steady_now() + pose_within;
   for (int answer = is_cached; answer == is_cached;) {
     before = steady_now();
-    if (before > latest) return FS_ERROR_TIMEOUT;
+    if (before > latest) return without_pose(before);
     answer = api_.dhdGetPositionAndOrientationFrame(&x, &y, &z, frame, id_);
     if (answer < 0) return failed("the pose cannot be read");
     if (answer == is_cached) pause(ask_again_after);
@@ -228,26 +248,42 @@ std::string Arm::control(const std::string& request) {
 std::string Arm::home() {
   const std::lock_guard own(mutex_);
   if (!api_.drdIsSupported(id_)) refuse(FS_ERROR_UNSUPPORTED, "this device cannot home by itself: its maker's page tells how");
-  if (api_.drdAutoInit(id_) < 0) refuse(FS_ERROR_IO, "the device has not homed: %s", api_.last_error().c_str());
-  if (api_.drdStop(true, id_) < 0 || api_.dhdEnableForce(1, id_) < 0 || api_.dhdSetGravityCompensation(1, id_) < 0) {
+  is_homing_ = true;
+  const bool has_homed = api_.drdAutoInit(id_) >= 0 && api_.drdStop(true, id_) >= 0;
+  is_homing_ = false;
+  if (!has_homed) {
+    const std::string why = api_.last_error();
+    api_.drdStop(false, id_);
+    api_.dhdStop(id_);
+    refuse(FS_ERROR_IO, "the device has not homed: %s", why.c_str());
+  }
+  if (api_.dhdEnableForce(1, id_) < 0 || api_.dhdSetGravityCompensation(1, id_) < 0) {
     refuse(FS_ERROR_IO, "the device has homed, but does not take forces: %s", api_.last_error().c_str());
   }
+  lost_devices().remove(session_.serial());
   looked_at_ = 0;
+  look_at_status(steady_now());
   return "the device has homed";
 }
 
 std::string Arm::status() {
-  const std::lock_guard own(mutex_);
-  StatusArray status{};
-  if (api_.dhdGetStatus(status.data(), id_) < 0) refuse(FS_ERROR_IO, "the status cannot be read: %s", api_.last_error().c_str());
-  const std::string trouble = words_of(status, api_.drdIsInitialized(id_));
+  Told told;
+  {
+    const std::lock_guard lock(told_mutex_);
+    told = told_;
+  }
+  const bool is_silent = steady_now() - told.time > silent_after;
+  const std::string trouble = is_homing_  ? "the device homes"
+                              : is_silent ? "the SDK does not answer"
+                                          : words_of(told.status, told.is_initialized);
   std::string text = trouble.empty() ? "ready" : trouble;
   text += "; SDK " + api_.version + " (" + api_.path + ")";
   text += has_watchdog_ ? "; the device itself ends the force 20 ms after the last command"
                         : "; NO WATCHDOG: its firmware has none, so a force stays when this program dies";
-  text += status[status_gravity] ? "; its weight is carried" : "; its weight is NOT carried";
+  text += told.status[status_gravity] ? "; its weight is carried" : "; its weight is NOT carried";
   text += mass_ > 0 ? "; mass by its inertia matrix" : "; mass not known";
-  return text + "; " + std::to_string(saturated_) + " of " + std::to_string(commands_) + " forces were more than its motors give";
+  return text + "; " + std::to_string(told.saturated) + " of " + std::to_string(told.commands) +
+         " forces were more than its motors give";
 }
 
 }  // namespace fs::dhd

@@ -37,6 +37,7 @@ class Arm {
   std::string status();
   fs_status read(fs_state& out) noexcept;
   void look_at_status(double time) noexcept;
+  fs_status without_pose(double time) noexcept;
   fs_status failed(const char* what) noexcept;
 
   const std::string place_;
@@ -59,6 +60,17 @@ class Arm {
   double failing_since_ = 0;  // s: since when every call fails; 0: the last one has succeeded
   uint32_t poses_ = 0, commands_ = 0, saturated_ = 0;
   LinkMeter meter_;
+
+  // What the request "status" tells, as of the newest look at it.
+  struct Told {
+    StatusArray status{};
+    bool is_initialized = false;
+    double time = 0;  // s
+    uint32_t commands = 0, saturated = 0;
+  };
+  std::atomic<bool> is_homing_{false};
+  std::mutex told_mutex_;  // receive never waits for it
+  Told told_;
 };
 
 }  // namespace fs::dhd

@@ -47,7 +47,7 @@ Reason find_reason(const StatusArray& status, bool is_initialized) {
   }
   if (status[status_reset]) return {FS_STATE_NOT_HOMED, "the device waits to be reset: its page tells how"};
   if (cause_of(status) == Cause::velocity && !status[status_force]) {
-    return {FS_STATE_TOO_FAST, "the handle was too fast, and the device has braked: it gives force again when it rests"};
+    return {FS_STATE_TOO_FAST, "the handle was too fast, and the device has braked: it gives force again after a second"};
   }
   if (status[status_force]) return {0, ""};
   switch (cause_of(status)) {

@@ -74,7 +74,8 @@ Session::Session(const Api& api, const std::string& place, bool takes_falcon) : 
     close();
   }
   if (is_in_use && index >= 0) {
-    refuse(FS_ERROR_IO, "device %s of Force Dimension is in use by another program, or by this one", place.c_str());
+    refuse(FS_ERROR_IO, "device %s of Force Dimension is in use by another program, or by this one (%s)", place.c_str(),
+           api.last_error().c_str());
   }
   refuse(FS_ERROR_NOT_FOUND, "there is no device '%s' of Force Dimension; there %s, with the serial numbers: %s%s", place.c_str(),
          count == 1 ? "is one" : ("are " + std::to_string(count)).c_str(), seen.empty() ? "none that is free" : seen.c_str(),

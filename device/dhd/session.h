@@ -34,7 +34,7 @@ class Session {
   int type_ = 0;
 };
 
-// As fs_driver.list: those that no program has open.
+// As fs_driver.list: all that the SDK counts.
 void list_arms(fs_device_entry* out, size_t capacity, size_t* count);
 
 }  // namespace fs::dhd

@@ -145,6 +145,7 @@ void append(std::string& out, double number) {
 
 Dialect dialect_of_version(std::string_view version) noexcept {
   int major = 0, minor = 0;
+  if (!version.empty() && version.front() == 'v') version.remove_prefix(1);  // as a tag has it
   const char* const end = version.data() + version.size();
   const auto dot = std::from_chars(version.data(), end, major);
   if (dot.ec != std::errc() || dot.ptr == end || *dot.ptr != '.') return Dialect::vector;

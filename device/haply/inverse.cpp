@@ -14,6 +14,7 @@ namespace {
 constexpr double open_within = 2;      // s, for each of the first two messages
 constexpr double answer_within = 0.018;  // s: receive returns within 20 ms
 constexpr double take_within = 0.003;    // s: send returns within 5 ms
+constexpr double quiet_after = 0.2;      // s without a state: status says so
 constexpr double silent_after = 1;       // s without a state that can be used: the device is lost, and opened again
 constexpr double end_within = 0.05;      // s, for the answer to the last force, which is 0
 constexpr double farthest = 1, fastest = 20;  // m, m/s: what is beyond is not believed
@@ -270,6 +271,9 @@ const char* Inverse::take_arm(const Arm& arm, fs_state& out) {
   if (const auto& scale = arm.transform_scale; scale && (is_off(scale->x) || is_off(scale->y) || is_off(scale->z))) {
     return "the scale of the device's transform is no longer 1";
   }
+  if (arm.transform_rotation && std::fabs(arm.transform_rotation->w) < 1 - 1e-6) {
+    return "the transform of the device is rotated by now, which turns its forces";
+  }
   is_calibrated_ = arm.is_calibrated.value_or(is_calibrated_);
   is_ready_ = arm.is_ready.value_or(is_ready_);
   has_power_ = arm.has_power.value_or(has_power_);
@@ -305,7 +309,7 @@ fs_status Inverse::get_link(fs_link& out) noexcept { return meter_.tell(steady_n
 
 void Inverse::tell(const fs_state& state) {
   const std::unique_lock lock(told_mutex_, std::try_to_lock);
-  if (lock) now_ = {state.flags, has_grip_, check_.differs(), round_trip_};
+  if (lock) now_ = {state.flags, has_grip_, check_.differs(), round_trip_, state.time};
 }
 
 std::string Inverse::control(const std::string& request) {
@@ -321,6 +325,8 @@ std::string Inverse::control(const std::string& request) {
   if (told.flags & FS_STATE_READY) condition = "ready";
   if (told.flags & FS_STATE_STOPPED) condition = "its motors have no power";
   if (told.flags & FS_STATE_NOT_HOMED) condition = "not calibrated";
+  if (told.flags & FS_STATE_CONNECTING && told.time > 0) condition = "the service says that the device is not ready";
+  if (told.time > 0 && steady_now() - told.time > quiet_after) condition = "the service has fallen silent";
   const std::string grip = grip_id_.empty() ? "no grip" : "grip " + grip_id_ + (told.has_grip ? "" : " (silent)");
   char text[500];
   std::snprintf(text, sizeof text, "%s; service %.20s, messages of %s; %.20s %.40s, %.60s; round trip %.0f us; filters: %.100s%s",

@@ -88,6 +88,7 @@ class Inverse {
     uint32_t flags = FS_STATE_CONNECTING;
     bool has_grip = false, differs = false;
     double round_trip = 0;  // s
+    double time = 0;        // s, of the state
   };
   double round_trip_ = 0;  // s, the last
   std::mutex told_mutex_;  // receive never waits for it

@@ -18,7 +18,6 @@ std::unique_ptr<Api> find_all(const MakerLibrary& library) {
   auto api = std::make_unique<Api>();
   api->path = library.path();
   FIND(hdGetError);
-  FIND(hdGetErrorString);
   FIND(hdInitDevice);
   FIND(hdDisableDevice);
   FIND(hdMakeCurrentDevice);
@@ -62,11 +61,26 @@ bool is_same_file(const std::string& a, const std::string& b) {
 
 }  // namespace
 
-std::string Api::words_of(const ErrorInfo& error) const {
-  const char* const words = hdGetErrorString(error.code);
-  char text[256];
-  std::snprintf(text, sizeof text, "%s (%#x, internal %d)", words && *words ? words : "an error without a name", error.code,
-                error.internal_code);
+std::string words_of(const ErrorInfo& error) {
+  constexpr struct {
+    unsigned code;
+    const char* name;
+  } names[] = {{warm_motors, "HD_WARM_MOTORS"},
+               {exceeded_max_force, "HD_EXCEEDED_MAX_FORCE"},
+               {force_impulse, "HD_EXCEEDED_MAX_FORCE_IMPULSE"},
+               {max_velocity, "HD_EXCEEDED_MAX_VELOCITY"},
+               {force_error, "HD_FORCE_ERROR"},
+               {device_fault, "HD_DEVICE_FAULT"},
+               {already_initiated, "HD_DEVICE_ALREADY_INITIATED"},
+               {comm_error, "HD_COMM_ERROR"},
+               {comm_config_error, "HD_COMM_CONFIG_ERROR"},
+               {timer_error, "HD_TIMER_ERROR"}};
+  const char* found = "an error of OpenHaptics";
+  for (const auto& each : names) {
+    if (each.code == error.code) found = each.name;
+  }
+  char text[128];
+  std::snprintf(text, sizeof text, "%s (%#x, internal %d)", found, error.code, error.internal_code);
   return text;
 }
 
@@ -83,15 +97,17 @@ unsigned Api::take_errors(ErrorInfo& telling) const noexcept {
 const Api& load_api(const std::optional<std::string>& library) {
   static std::mutex mutex;
   static const Api* loaded = nullptr;  // for good: the library has a thread of its own
+  static std::string asked_for;
   const std::lock_guard lock(mutex);
   if (loaded) {
-    if (library && !is_same_file(*library, loaded->path)) {
+    if (library && *library != asked_for && !is_same_file(*library, loaded->path)) {
       refuse(FS_ERROR_INVALID, "library is '%s', but this process already uses %s", library->c_str(), loaded->path.c_str());
     }
     return *loaded;
   }
   try {
     loaded = find_all(load(library)).release();
+    asked_for = library.value_or("");
   } catch (Refusal& refusal) {
     refusal.text += cure_of(refusal.text);
     throw;

@@ -36,8 +36,7 @@ enum Parameter : unsigned {
   current_force = 0x2700,
   current_torque = 0x2701,
   force_output = 0x4000,
-  force_clamping = 0x4001,
-  force_ramping = 0x4002,  // for hdEnable
+  force_clamping = 0x4001,  // for hdEnable
 };
 enum Calibration : unsigned { calibrated = 0x5000, needs_update = 0x5001, needs_hand = 0x5002 };
 enum Style : int { by_reset = 1, by_itself = 2, by_inkwell = 4 };  // bits
@@ -55,13 +54,13 @@ enum Error : unsigned {
 };
 inline bool is_unreachable(unsigned error) { return error >= device_fault && error <= timer_error; }
 inline bool ends_force(unsigned error) { return error >= warm_motors && error <= force_error; }
+std::string words_of(const ErrorInfo& error);  // "HD_COMM_ERROR (0x302, internal -28)"; asks no library
 constexpr unsigned again = 1;  // a callback returns it to be called in the next cycle, too
 
 struct Api {
   std::string path;  // of the library
 
   ErrorInfo (*hdGetError)();
-  const char* (*hdGetErrorString)(unsigned code);
   Handle (*hdInitDevice)(const char* name);  // null: the default device
   void (*hdDisableDevice)(Handle handle);
   void (*hdMakeCurrentDevice)(Handle handle);
@@ -80,7 +79,6 @@ struct Api {
   void (*hdStartScheduler)();
   void (*hdStopScheduler)();
 
-  std::string words_of(const ErrorInfo& error) const;  // "HD_COMM_ERROR (0x302, internal -28)"
   // Empties the list of this thread; how many there were. telling: the one that matters most: that the device cannot be reached, then
   // what ends its force, then the oldest.
   unsigned take_errors(ErrorInfo& telling) const noexcept;

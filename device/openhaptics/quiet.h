@@ -1,5 +1,5 @@
 // OpenHaptics prints to the standard output, where a program may write its results. While a Quiet exists, what is printed there goes
-// to the standard error instead: that of the whole process, so it exists only while a device is opened.
+// to the standard error instead: that of the whole process, so it exists only while a device is opened or closed.
 #pragma once
 
 #include <fcntl.h>

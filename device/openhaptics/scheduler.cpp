@@ -20,6 +20,8 @@ constexpr unsigned short middle_priority = 0x7fff;
 struct Scheduler {
   std::mutex mutex;  // of open and close; the callback never takes it
   std::array<std::atomic<Touch*>, most_devices> devices{};
+  std::atomic<bool> is_pausing{false};  // no device gets a force
+  std::atomic<uint32_t> cycles{0};
   bool is_running = false;
   unsigned long callback = 0;
 };
@@ -32,8 +34,9 @@ unsigned run_all(void* data) {
   Scheduler& all = *static_cast<Scheduler*>(data);
   for (auto& slot : all.devices) {
     Touch* const device = slot.load(std::memory_order_acquire);
-    if (device && !device->run()) slot.store(nullptr, std::memory_order_release);
+    if (device && !device->run(!all.is_pausing)) slot.store(nullptr, std::memory_order_release);
   }
+  ++all.cycles;
   return again;
 }
 
@@ -50,15 +53,19 @@ void start(const Api& api, Scheduler& all) {
   all.is_running = true;
   ErrorInfo error{};
   if (api.take_errors(error) > 0) {
-    refuse(FS_ERROR_IO, "the thread of OpenHaptics cannot be started: %s", api.words_of(error).c_str());
+    refuse(FS_ERROR_IO, "the thread of OpenHaptics cannot be started: %s", words_of(error).c_str());
   }
 }
 
+// Every device has force 0 when the thread of OpenHaptics stands still.
 void stop(const Api& api, Scheduler& all) {
   if (!all.is_running) return;
+  all.is_pausing = true;
+  const uint32_t first = all.cycles;  // it may be under way with a force
+  for (const double until = steady_now() + end_within; all.cycles - first < 2 && steady_now() < until;) pause(5e-4);
   api.hdStopScheduler();
   api.hdUnschedule(all.callback);
-  all.is_running = false;
+  all.is_running = all.is_pausing = false;
 }
 
 }  // namespace
@@ -66,11 +73,11 @@ void stop(const Api& api, Scheduler& all) {
 void attach(const Api& api, Touch& device, const std::function<void()>& initialise) {
   Scheduler& all = scheduler();
   const std::lock_guard lock(all.mutex);
-  std::atomic<Touch*>* place = nullptr;
-  for (auto& slot : all.devices) {
-    if (!place && !slot.load()) place = &slot;
+  std::atomic<Touch*>* slot = nullptr;
+  for (auto& each : all.devices) {
+    if (!slot && !each.load()) slot = &each;
   }
-  if (!place) refuse(FS_ERROR_FULL, "%zu devices of OpenHaptics are open, must be at most %zu", most_devices, most_devices);
+  if (!slot) refuse(FS_ERROR_FULL, "%zu devices of OpenHaptics are open, must be at most %zu", most_devices, most_devices);
   const Quiet quiet;
   stop(api, all);
   try {
@@ -79,11 +86,12 @@ void attach(const Api& api, Touch& device, const std::function<void()>& initiali
     if (!is_empty(all)) start(api, all);
     throw;
   }
-  place->store(&device);
+  slot->store(&device);
   try {
     start(api, all);
   } catch (...) {
-    place->store(nullptr);
+    stop(api, all);
+    slot->store(nullptr);
     api.hdDisableDevice(device.handle());
     throw;
   }
@@ -92,14 +100,14 @@ void attach(const Api& api, Touch& device, const std::function<void()>& initiali
 void detach(const Api& api, Touch& device) noexcept {
   Scheduler& all = scheduler();
   const std::lock_guard lock(all.mutex);
-  std::atomic<Touch*>* place = nullptr;
-  for (auto& slot : all.devices) {
-    if (slot.load() == &device) place = &slot;
+  std::atomic<Touch*>* slot = nullptr;
+  for (auto& each : all.devices) {
+    if (each.load() == &device) slot = &each;
   }
-  for (const double until = steady_now() + end_within; place && place->load() && steady_now() < until;) pause(5e-4);
+  for (const double until = steady_now() + end_within; slot && slot->load() && steady_now() < until;) pause(5e-4);
   const Quiet quiet;
   stop(api, all);
-  if (place) place->store(nullptr);  // the thread stands still, or has not come in time
+  if (slot) slot->store(nullptr);  // the thread stands still, or has not come in time
   api.hdDisableDevice(device.handle());
   try {
     if (!is_empty(all)) start(api, all);

@@ -9,9 +9,9 @@ namespace fs::openhaptics {
 
 class Touch;
 
-// Calls initialise while the thread of OpenHaptics stands still, as a device must not be opened or closed beside it; the devices that
-// were open meanwhile get no force, and none has an older pose than that afterwards. Then adds the device to the callback. Throws what
-// initialise throws, and a Refusal when the callback cannot be started.
+// Calls initialise while the thread of OpenHaptics stands still, as a device must not be opened or closed beside it; before, the devices
+// that are open get force 0. Then adds the device to the callback. Throws what initialise throws, and a Refusal when the callback cannot
+// be started.
 void attach(const Api& api, Touch& device, const std::function<void()>& initialise);
 
 // Takes the device out, once its force is 0, and gives it back.

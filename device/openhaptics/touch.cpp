@@ -60,8 +60,10 @@ bool Touch::end() noexcept {
 void Touch::initialise(const std::string& name) {
   ErrorInfo error{};
   api_.take_errors(error);  // of others
+  error = {};
   const char* const defaults[] = {nullptr, "Default Device", "Default PHANToM"};  // versions differ in what they take
   for (const char* each : defaults) {
+    error = {};
     handle_ = api_.hdInitDevice(name.empty() ? each : name.c_str());
     const bool has_failed = api_.take_errors(error) > 0 || handle_ == no_handle;
     if (!has_failed) break;
@@ -72,8 +74,8 @@ void Touch::initialise(const std::string& name) {
     refuse(FS_ERROR_IO, "the device '%s' of OpenHaptics is in use by this program", name.c_str());
   }
   if (handle_ == no_handle) {
-    refuse(FS_ERROR_NOT_FOUND, "the device '%s' of OpenHaptics cannot be opened: %s%s", name.c_str(),
-           api_.words_of(error).c_str(), advice().c_str());
+    refuse(FS_ERROR_NOT_FOUND, "the device '%s' of OpenHaptics cannot be opened: %s%s", name.c_str(), words_of(error).c_str(),
+           advice().c_str());
   }
   api_.hdMakeCurrentDevice(handle_);
   name_ = text_of(api_.hdGetString(model_type));
@@ -94,7 +96,7 @@ void Touch::initialise(const std::string& name) {
   if (api_.take_errors(error) > 0 || !(force_max_ > 0 && force_max_ < 1000) || !is_box) {
     api_.hdDisableDevice(handle_);
     refuse(FS_ERROR_IO, "the device '%s' of OpenHaptics does not tell what it is: force %g N, %s", name.c_str(), force_max_,
-           error.code ? api_.words_of(error).c_str() : "no error");
+           error.code ? words_of(error).c_str() : "no error");
   }
 }
 
@@ -114,14 +116,15 @@ void Touch::get_info(fs_device_info& out) const {
 
 // ------------------------------------------------------------------------------------------------ in the thread of OpenHaptics
 
-bool Touch::run() noexcept {
+bool Touch::run(bool may_push) noexcept {
   is_in_run_ = true;
-  const bool goes_on = run_cycle();
+  const bool goes_on = run_cycle(may_push);
   is_in_run_ = false;
   return goes_on;
 }
 
-bool Touch::run_cycle() noexcept {
+bool Touch::run_cycle(bool may_push) noexcept {
+  const bool is_last = is_ending_;
   const double begin = steady_now();
   api_.hdMakeCurrentDevice(handle_);
   look_around(begin);
@@ -133,7 +136,7 @@ bool Touch::run_cycle() noexcept {
   const bool had_error = api_.take_errors(error) > 0;
   if (had_error) now_.error = error;
   if (had_error && ends_force(error.code)) (error.code == max_velocity ? fast_until_ : stopped_until_) = begin + error_counts;
-  now_.errors_in_a_row = had_error && is_unreachable(error.code) ? now_.errors_in_a_row + 1 : 0;
+  now_.errors_in_a_row = had_error && !ends_force(error.code) ? now_.errors_in_a_row + 1 : 0;
   const uint32_t why = reason(begin);
   now_.state.flags = why ? why : uint32_t{FS_STATE_READY};
   state_.write(now_);
@@ -141,12 +144,14 @@ bool Touch::run_cycle() noexcept {
   wake_waiters(number_);
 
   Command command;
-  const bool has_command = !is_ending_ && command_.read(command) && steady_now() - command.time <= command_age;
+  const bool has_command = may_push && !is_last && command_.read(command) && steady_now() - command.time <= command_age;
   if (!has_command) command = {};
   write_force(command);
   api_.hdEndFrame(handle_);
-  if (command.answers > 0) now_.answered = steady_now() - command.answers;
-  return !is_ending_;
+  const bool is_new = command.answers > 0 && command.time != answered_time_;
+  now_.answered = is_new ? steady_now() - command.answers : 0;
+  answered_time_ = command.time;
+  return !is_last;
 }
 
 // Now and then, outside of a frame: is it calibrated, and how warm are its motors?
@@ -221,8 +226,8 @@ fs_status Touch::receive(fs_state& out) noexcept {
   heard_ = steady_now();
   if (state.answered > 0) meter_.note_delay(state.answered);
   if (state.errors_in_a_row > 0) {
-    const fs_status status = state.errors_in_a_row > lost_after ? FS_ERROR_DISCONNECTED : FS_ERROR_IO;
-    return fs_fail(status, api_.words_of(state.error).c_str());
+    const bool is_lost = is_unreachable(state.error.code) && state.errors_in_a_row > lost_after;
+    return fs_fail(is_lost ? FS_ERROR_DISCONNECTED : FS_ERROR_IO, words_of(state.error).c_str());
   }
   const fs_vec3 p = state.state.pose.position;
   const bool is_position = std::fabs(p.x) < farthest && std::fabs(p.y) < farthest && std::fabs(p.z) < farthest;  // NaN is none
@@ -254,6 +259,8 @@ std::string Touch::home() {
   if (style_ & by_inkwell) return "put the stylus into the inkwell, and take it out again";
   if (style_ & by_itself) return "move the handle through its workspace: it calibrates by itself";
   wants_calibration_ = true;
+  for (int i = 0; i < 100 && wants_calibration_; ++i) pause(5e-3);
+  if (wants_calibration_.exchange(false)) refuse(FS_ERROR_TIMEOUT, "the thread of OpenHaptics does not calibrate within 0.5 s");
   return "calibrated for the pose that it has now, which must be that of the maker's manual: all joints in the middle";
 }
 
@@ -262,10 +269,10 @@ std::string Touch::status() const {
   if (!state_.read(state)) return "no state has come yet";
   const double silence = steady_now() - state.state.time;
   std::string text = state.state.flags & FS_STATE_READY ? "ready" : std::string(fs_state_reason(state.state.flags));
-  if (silence > command_age) text = "the thread of OpenHaptics has stopped";
+  if (silence > silent_after) text = "the thread of OpenHaptics has stopped";
   if (state.calibration == needs_update) text += ": it needs to be calibrated, see the request home";
   if (state.calibration == needs_hand) text += ": it must be calibrated by hand, see the request home";
-  if (state.error.code) text += "; last error " + api_.words_of(state.error);
+  if (state.error.code) text += "; last error " + words_of(state.error);
   char warmth[64];
   std::snprintf(warmth, sizeof warmth, "; motors at %.0f %% of their largest warmth", 100.0 * state.temperature);
   return text + warmth + "; " + api_.path;

@@ -34,8 +34,9 @@ class Touch {
   fs_status get_link(fs_link& out) noexcept;
   std::string control(const std::string& request);  // any thread; throws a Refusal
 
-  // Called by the thread of OpenHaptics once in a cycle. False: the force is 0, and it must not be called again.
-  bool run() noexcept;
+  // Called by the thread of OpenHaptics once in a cycle. may_push: otherwise the force is 0. False: the force was 0, and it must not be
+  // called again.
+  bool run(bool may_push) noexcept;
   Handle handle() const noexcept { return handle_; }
 
  private:
@@ -43,7 +44,7 @@ class Touch {
     fs_state state{};
     ErrorInfo error{};  // that this cycle had last
     uint32_t errors_in_a_row = 0;  // cycles, up to this one, in which the device could not be reached
-    double answered = 0;  // s, from the pose to its force, of the newest force that was sent; 0: none yet
+    double answered = 0;  // s, from the pose to its force, where this cycle sent one; 0: none
     float temperature = 0, padding = 0;  // of the hottest motor, 0..1
     int64_t calibration = calibrated;
   };
@@ -54,7 +55,7 @@ class Touch {
   };
 
   void initialise(const std::string& name);
-  bool run_cycle() noexcept;
+  bool run_cycle(bool may_push) noexcept;
   void look_around(double time) noexcept;
   uint32_t reason(double time) const noexcept;
   void read_pose(fs_state& out) noexcept;
@@ -81,6 +82,7 @@ class Touch {
   double stopped_until_ = 0, fast_until_ = 0;  // s: until when an error counts
   bool is_in_inkwell_ = false;
   State now_;
+  double answered_time_ = 0;  // s, of the newest force that was sent
 
   // Who calls receive and send uses these.
   uint32_t seen_ = 0;  // the number of the newest state that receive has told

@@ -185,7 +185,7 @@ static fs_status open_node(arm *it, const char *node)
     if (errno == EACCES) return refuse(FS_ERROR_DENIED, "%s may not be opened by this user: a udev rule is needed (README.md, step 1)", node);
     return refuse(errno == ENOENT || errno == ENODEV ? FS_ERROR_NOT_FOUND : FS_ERROR_IO, "%s: %s", node, strerror(errno));
   }
-  if (flock(it->fd, LOCK_EX | LOCK_NB)) return refuse(FS_ERROR_STATE, "%s is in use by another program, or by this one", node);
+  if (flock(it->fd, LOCK_EX | LOCK_NB)) return refuse(FS_ERROR_IO, "%s is in use by another program, or by this one", node);
   if (ioctl(it->fd, HIDIOCGRAWINFO, &id) == 0 && ((id.vendor & 0xffff) != VENDOR || (id.product & 0xffff) != PRODUCT))
     return refuse(FS_ERROR_NOT_FOUND, "%s is the device %04x:%04x, must be %04x:%04x; see /sys/class/hidraw/*/device/uevent", node,
                   id.vendor & 0xffff, id.product & 0xffff, VENDOR, PRODUCT);
@@ -263,7 +263,7 @@ static int take_report(arm *it, const uint8_t report[REPORT_SIZE], double time)
     if (!is_first && abs(step[i]) > way_max) is_possible = 0;
   }
   if (!is_possible && ++it->doubts < DOUBTS_MAX) return 0;
-  if (!is_possible) it->is_homed = 0;  /* so the encoder has jumped, and the arm is elsewhere */
+  if (!is_possible) it->is_homed = 0, it->place->was_lost = 1;  /* so the encoder has jumped, and the arm is elsewhere */
   it->seen += is_first;
   if (!is_first && is_possible) it->lost += gap > 0 ? gap - 1u : 0;  /* the same number: nothing was lost */
   for (int i = 0; i < 3; ++i) {

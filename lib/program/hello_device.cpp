@@ -119,7 +119,10 @@ class Hello {
     const ForceEnding ending;
     try {
       step(format("A force of %g N along each axis", force_), [&] { test_force(ending); });
-      if (may_be_rendered(moves_, pushes_) && scales_.empty()) {
+      if (pushes_.size() < 2 * info_.force_axes) {
+        page_.heading("A soft ball, and the stop");
+        page_.figure("not tried", "the force along each axis was not tried before");
+      } else if (may_be_rendered(moves_, pushes_) && scales_.empty()) {
         step(format("A soft ball of %g N", force_), [&] { test_ball(ending); });
         step("The stop", [&] { test_stop(ending); });
       } else {
@@ -264,7 +267,7 @@ class Hello {
     });
     const fs_vec3 went = moved;
     if (length(went) >= run_away) part = 0;  // it ends at once
-    for (const double over = now(); now() - over < ramp;) give(part * (1 - (now() - over) / ramp));
+    for (double over = now(), t = 0; t < ramp; t = now() - over) give(part * (1 - t / ramp));
     device_.write({});
     if (!answer) {
       const std::string why =

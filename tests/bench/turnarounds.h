@@ -20,7 +20,7 @@ class Turnarounds {
  public:
   explicit Turnarounds(const char* name) : name_(name) {}
 
-  // A round, while which the device notes its times: set gives it the list, and then null.
+  // A round, during which the device notes its times: set gives it the list, and then null.
   template <class Set, class Wait>
   void measure(Set set, Wait wait) {
     const double before = processor_time();
@@ -31,6 +31,10 @@ class Turnarounds {
     seconds_ += std::chrono::duration<double>(round_time).count();
   }
   void print() {
+    if (times_.empty()) {
+      std::printf("%-26s nothing was measured\n", name_);
+      return;
+    }
     std::sort(times_.begin(), times_.end());
     const auto at = [&](double part) { return 1e6 * times_[static_cast<size_t>(part * static_cast<double>(times_.size() - 1))]; };
     std::printf("%-26s %6.0f a second, p50 %6.1f us, p99 %6.1f us, p99.9 %6.1f us; %4.1f %% of a processor\n", name_,

@@ -247,7 +247,7 @@ START_TEST(what_cannot_be_opened_says_why) {
   expect(FS_ERROR_PARSE, node + "?config=" + (it.folder / "config"), "diameter_capstan_a");
 
   it.open();
-  expect(FS_ERROR_STATE, it.uri().substr(std::strlen("woodenhaptics:")), "in use");
+  expect(FS_ERROR_IO, it.uri().substr(std::strlen("woodenhaptics:")), "in use");
   fs_device_info info = fs_device_info_init();
   OK(fs_device_get_info(it.device.get(), &info));
   ck_assert_str_eq(info.name, "WoodenHaptics");

@@ -51,7 +51,7 @@ person() {
       silent:"The push has ended"*) cat felt >> felt_after; echo n; echo s ;;
       [sh]*:"Which way does it push?"*) echo s ;;
       *:"Which way does it push?"*) await_push 1; sleep 0.3; echo "$way" ;;
-      *:"Touch the ball"*) hold b; await_push 5; [ "$1" = hasty ] && echo t || echo Y ;;
+      *:"Touch the ball"*) hold b; await_push 5; [ "$1" = timid ] && echo t || echo Y ;;
       *:"Go into the ball"*) hold r; echo; hold b; await_push 5; echo ;;
       *:"Is there no force any more?"*) [ "$(< felt)" = n ] && echo y || echo n ;;
     esac
@@ -84,7 +84,7 @@ expect() {
 for name in right exchanged mirrored backwards turned deaf unready lost forceless; do
   touch_device $name truthful hello:$name &
 done
-for character in sloppy ruler guesser silent quitter hasty interrupter; do
+for character in sloppy ruler guesser silent quitter hasty timid interrupter; do
   touch_device $character $character hello:right &
 done
 touch_device scaled hasty hello:scaled &
@@ -124,7 +124,8 @@ expect runner 1 '^The push has ended as the handle ran 40 mm away. Which way was
 expect silent 1 '^The push has ended after 3 s. Which way was it\?$'
 [ "$(cat silent/felt_after)" = n ] || fail "a push without an answer does not end"
 expect quitter 1 '^odd     the person gave up here$'
-expect hasty 1 '^FAILED  the ball is there, round, and quiet: it trembles$'
+expect timid 1 '^FAILED  the ball is there, round, and quiet: it trembles$'
+expect hasty 0 '^    not tried   the force along each axis was not tried before$'
 expect interrupter 1 '^odd     it was interrupted here; the force is 0$'
 [[ $(cat interrupter/felt_before interrupter/felt) == [rlatud]$'\n'n ]] || fail "an interrupted push does not end with force 0"
 

@@ -140,19 +140,6 @@ HD ErrorInfo hdGetError() {
   errors.pop_front();
   return oldest;
 }
-HD const char* hdGetErrorString(unsigned code) {
-  switch (code) {
-    case 0x200: return "HD_WARM_MOTORS";
-    case 0x201: return "HD_EXCEEDED_MAX_FORCE";
-    case 0x203: return "HD_EXCEEDED_MAX_VELOCITY";
-    case 0x204: return "HD_FORCE_ERROR";
-    case 0x300: return "HD_DEVICE_FAULT";
-    case 0x301: return "HD_DEVICE_ALREADY_INITIATED";
-    case 0x302: return "HD_COMM_ERROR";
-    default: return "";
-  }
-}
-
 HD unsigned hdInitDevice(const char* name) {
   std::printf("OpenHaptics developer edition: commercial distribution is prohibited\n");
   if (std::system("true") != 0) return none;
@@ -178,6 +165,7 @@ HD void hdDisableDevice(unsigned handle) {
   if (handle >= it().devices.size()) return fail(0x101);
   HdDevice& each = *it().devices[handle];
   each.handle.note_caller();
+  if (norm(each.handle.force()) > 0 && each.is_there) ++each.closed_pushing;
   each.handle.rest();
   each.is_open = each.is_enabled = each.is_in_frame = false;
 }
@@ -312,5 +300,11 @@ HD void hdStartScheduler() {
 }
 HD void hdStopScheduler() {
   scheduler().stop();
-  it().change([](HdStandIn& all) { return all.is_running = false; });
+  it().change([](HdStandIn& all) {
+    all.is_running = false;
+    for (const auto& each : all.devices) {
+      if (each->is_open && each->is_there && !all.thread_stands && norm(each->handle.force()) > 0) ++each->stopped_pushing;
+    }
+    return 0;
+  });
 }

@@ -27,7 +27,7 @@ inline stability::DeviceModel touch_model() {
 // that of OpenHaptics.
 struct HdDevice {
   HdDevice(std::string configured, std::string serial_number)
-      : handle(touch_model(), stability::light, 0.05), name(std::move(configured)), serial(std::move(serial_number)) {}
+      : handle(touch_model(), stability::light, 0), name(std::move(configured)), serial(std::move(serial_number)) {}
 
   Handle handle;
 
@@ -50,6 +50,7 @@ struct HdDevice {
   bool is_open = false, is_enabled = false, is_clamped = false, is_in_frame = false;
   int updates = 0;                                       // of its calibration
   int times_opened = 0, last_style = 0;
+  int closed_pushing = 0, stopped_pushing = 0;           // how often it had a force when it was closed, or the thread stopped
   fs_vec3 force{}, torque{};                             // N, N m, that were set in this frame, device frame
 };
 

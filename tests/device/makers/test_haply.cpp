@@ -141,7 +141,7 @@ START_TEST(why_there_is_no_force) {
   rig.change([&](HaplyService&) { rig.arm.is_calibrated = true, rig.arm.has_power = false; });
   ck_assert(comes_to_say(rig.device, "its motors have no power;"));
   rig.change([&](HaplyService&) { rig.arm.has_power = true, rig.arm.is_ready = false; });
-  ck_assert(comes_to_say(rig.device, "it does not answer yet;"));
+  ck_assert(comes_to_say(rig.device, "the service says that the device is not ready;"));
   rig.change([&](HaplyService&) { rig.arm.is_ready = true; });
   ck_assert(comes_to_say(rig.device, "ready;"));
   ck_assert(rig.pushes());

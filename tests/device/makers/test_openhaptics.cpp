@@ -135,6 +135,7 @@ START_TEST(two_devices) {
   ck_assert(all.change([&](HdStandIn&) { return !other->is_open; }));
   ck_assert(norm(other->handle.force()) == 0);
   ck_assert(until([&] { return is_ready(right) && push() > 1.9; }));  // the other one goes on
+  ck_assert(see([](HdDevice& it) { return it.stopped_pushing; }) == 0);
   expect_order();
 }
 END_TEST
@@ -200,8 +201,10 @@ START_TEST(libraries_that_are_no_good) {
   }
   EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open(with(no_library(folder)).c_str(), &raw), "text.so: ");
   EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open(with(for_another_processor(folder, STAND_IN)).c_str(), &raw), "other.so: ");
-  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open(with(CURSES_LIBRARY).c_str(), &raw), "libncurses.so.5: cannot open");
-  EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open(with(CURSES_LIBRARY).c_str(), &raw), "install the package libncurses5");
+  if (!is_installed("libncurses.so.5")) {
+    EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open(with(CURSES_LIBRARY).c_str(), &raw), "libncurses.so.5: cannot open");
+    EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open(with(CURSES_LIBRARY).c_str(), &raw), "install the package libncurses5");
+  }
   EXPECT_SENTENCE(FS_ERROR_VERSION, fs_device_open(with(DRIVER).c_str(), &raw), "has no function hdGetError");
 }
 END_TEST
@@ -230,7 +233,6 @@ START_TEST(not_calibrated) {
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
   ck_assert(see([](HdDevice& it) { return norm(it.force); }) == 0);
   set([](HdDevice& it) { it.is_in_inkwell = true; });
-  ck_assert(is_flagged(device, FS_STATE_IN_HOLDER) || push() == 0);
   ck_assert(until([&] { return see([](HdDevice& it) { return it.updates; }) == 1; }));
   set([](HdDevice& it) { it.is_in_inkwell = false; });
   ck_assert(until([&] { return push() > 2.5; }));
@@ -317,6 +319,7 @@ START_TEST(its_thread_stops) {
   const Device device = opened();
   const Pushing pushing(device);
   ck_assert(until([&] { return push() > 2.5; }));
+  first().handle.set_watchdog(0.05);  // as a device may have; otherwise its force stays, as nobody can end it
   const double stopped = now_s();
   stand_in().change([](HdStandIn& it) { return it.thread_stands = true; });
   ck_assert(until([&] {
@@ -360,6 +363,7 @@ START_TEST(the_servo_never_calls_the_library) {
   }
   ck_assert_uint_eq(first().handle.calls_of_servo(), 0);
   ck_assert(push() == 0);
+  ck_assert_int_eq(see([](HdDevice& it) { return it.closed_pushing; }), 0);
 }
 END_TEST
 
