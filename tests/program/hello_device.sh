@@ -58,7 +58,8 @@ person() {
   done 2> /dev/null
 }
 
-# touch_device FOLDER CHARACTER ARGUMENTS...: the device and the person, each with its own folder; status and output stay there.
+# touch_device FOLDER CHARACTER ARGUMENTS...: the device and the person, each with its own folder; status and output stay there. A signal to the
+# process that the file `process` names reaches the program once, as timeout is in the foreground.
 touch_device() {
   local at=$1 character=$2
   shift 2
@@ -66,7 +67,7 @@ touch_device() {
   printf m > hand
   printf n > felt
   mkfifo answers
-  bash -c 'echo $$ > process; exec timeout 60 "$@"' bash "$program" hello-device --driver "$driver" "$@" < answers 2>&1 |
+  bash -c 'echo $$ > process; exec timeout --foreground 60 "$@"' bash "$program" hello-device --driver "$driver" "$@" < answers 2>&1 |
     person "$character" > answers
   echo "${PIPESTATUS[0]}" > status
 }
