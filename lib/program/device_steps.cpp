@@ -31,7 +31,7 @@ void describe_machine(DevicePage& page, const std::string& uri) {
   page.figure("system", format("%s %s, %s, %s", system.sysname, system.release, system.machine, date));
   const std::string scheme = uri.substr(0, uri.find(':'));
   for (const fs_driver_info& driver : drivers()) {
-    if (scheme == driver.scheme) page.figure("driver", scheme + ": " + origin(driver));
+    if (scheme == driver.scheme) page.figure("driver", scheme + ": " + place_of(driver));
   }
 }
 

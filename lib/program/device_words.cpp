@@ -64,10 +64,9 @@ std::vector<fs_driver_info> drivers() {
   return all;
 }
 
-std::string origin(const fs_driver_info& info) {
-  if (*info.trouble) return info.trouble;
-  return *info.path ? info.path : "part of forceserver";
-}
+std::string place_of(const fs_driver_info& info) { return *info.path ? info.path : "part of forceserver"; }
+
+std::string origin(const fs_driver_info& info) { return *info.trouble ? info.trouble : place_of(info); }
 
 std::string why_not_ready(const Device& device) {
   try {

@@ -9,5 +9,6 @@
 std::vector<std::string> to_text(const fs_device_info& info);  // a line for each kind of property
 
 std::vector<fs_driver_info> drivers();           // all, by scheme
-std::string origin(const fs_driver_info& info);  // where it is from, or why it cannot be used
+std::string place_of(const fs_driver_info& info);  // where it is from
+std::string origin(const fs_driver_info& info);    // the same, or why it cannot be used
 std::string why_not_ready(const Device& device);  // "": it is ready
