@@ -55,8 +55,8 @@ enum {
  * library calls them in a thread of its own, again and again: receive, then send with the force for that state, or with 0 when
  * no servo has given a force for 20 ms. A servo's tick begins when receive has given a state, so the force that is sent answers
  * the newest state. Where nothing comes, the servo ticks by its clock. A driver that hangs holds up neither the servo nor its
- * stop; closing its device takes a second then, and so does the end of the process, for all of them together. As long as it
- * hangs nothing is sent, so only the device's own watchdog ends the force that it has. When receive or send returns
+ * stop; closing its device then takes up to a second, and at the end of the process all hanging devices together take up to a
+ * second. As long as it hangs nothing is sent, so only the device's own watchdog ends the force that it has. When receive or send returns
  * DISCONNECTED, the library closes the device and opens it again, at most twice a second, until the same device is back: one
  * with the same serial, name, axes, maxima, rates, mass and damping. Its force begins again by the ramp.
  * The other kind has `read` and `write`, which never wait: for simulators, and for whoever has a thread of his own.
@@ -127,7 +127,8 @@ typedef struct fs_driver {
    * is 0, after each receive, so that a device's watchdog knows that somebody is there. */
   fs_status (*send)(void *self, const fs_wrench *wrench);
 
-  /* What fs_device_control asks for; answer has `size` bytes, at least 1, and ends with 0. Called by the thread that asks, at any
+  /* What fs_device_control asks for. The driver writes at most `size` bytes into answer, of which there is at least 1, with a 0 at
+   * the end; before the call it is empty. Called by the thread that asks, at any
    * moment, also while receive or send is under way, and by several threads at once. It may take seconds. A null pointer: the
    * device has no requests. */
   fs_status (*control)(void *self, const char *request, char *answer, size_t size);

@@ -53,7 +53,7 @@ std::optional<std::string> Person::next_line() {
 }
 
 void Person::read_more() {
-  constexpr std::size_t most = 4096;  // what waits unread beyond this stays in the pipe
+  constexpr std::size_t most = 4096;  // a longer line is dropped
   pollfd input = {STDIN_FILENO, POLLIN, 0};
   if (is_over_ || typed_.find('\n') != typed_.npos || poll(&input, 1, 0) <= 0) return;
   char bytes[256];
@@ -61,5 +61,5 @@ void Person::read_more() {
   if (count < 0 && (errno == EINTR || errno == EAGAIN)) return;
   if (count <= 0) is_over_ = true;
   else typed_.append(bytes, static_cast<std::size_t>(count));
-  if (typed_.size() > most) typed_.clear();  // no line is that long
+  if (typed_.size() > most) typed_.clear();
 }
