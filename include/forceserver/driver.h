@@ -56,9 +56,9 @@ enum {
  * no servo has given a force for 20 ms. A servo's tick begins when receive has given a state, so the force that is sent answers
  * the newest state. Where nothing comes, the servo ticks by its clock. A driver that hangs holds up neither the servo nor its
  * stop; closing its device then takes up to a second, and at the end of the process all hanging devices together take up to a
- * second. As long as it hangs nothing is sent, so only the device's own watchdog ends the force that it has. When receive or send returns
- * DISCONNECTED, the library closes the device and opens it again, at most twice a second, until the same device is back: one
- * with the same serial, name, axes, maxima, rates, mass and damping. Its force begins again by the ramp.
+ * second. As long as it hangs nothing is sent, so only the device's own watchdog ends the force that it has. When receive or
+ * send returns DISCONNECTED, the library closes the device and opens it again, at most twice a second, until the same device is
+ * back: one with the same serial, name, axes, maxima, rates, mass and damping. Its force begins again by the ramp.
  * The other kind has `read` and `write`, which never wait: for simulators, and for whoever has a thread of his own.
  *
  * receive, send, write_model and close of one device are called by one thread at a time; so are get_info, read and write. */
