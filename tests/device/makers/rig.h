@@ -4,6 +4,7 @@
 #include <dlfcn.h>
 
 #include <cstdio>
+#include <cstdlib>
 #include <string>
 
 #include "api/support.h"
@@ -30,6 +31,9 @@ StandIn& load_stand_in(const char* path, const char* function) {
   ck_assert_msg(library, "%s", dlerror());
   return *reinterpret_cast<StandIn* (*)()>(dlsym(library, function))();
 }
+
+// Whether the long tests are wanted, too: tests/run --all.
+inline bool does_all() { return std::getenv("FORCESERVER_ALL_TESTS") != nullptr; }
 
 inline fs_state state_of(const Device& device) {
   fs_state state{};

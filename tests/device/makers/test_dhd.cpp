@@ -496,9 +496,12 @@ int main() {
            {homing_moves_so_it_must_be_asked_for, homed_at_opening, one_that_cannot_home, why_there_is_no_force,
             the_force_button_off_and_on, too_fast, its_weight_is_carried});
   add_case(suite, "faults", {its_watchdog, firmware_without_a_watchdog, unplugged_and_back, unplugged_while_it_homes,
-                             the_servo_never_waits_for_the_library, a_wall_stands_and_shakes});
+                             the_servo_never_waits_for_the_library});
+  if (does_all()) {
+    add_case(suite, "walls", {a_wall_stands_and_shakes});
 #ifdef PROGRAM
-  add_case(suite, "test-device", {test_device_finds_nothing});
+    add_case(suite, "test-device", {test_device_finds_nothing});
 #endif
+  }
   return run_suite(suite);
 }
