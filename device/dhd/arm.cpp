@@ -17,7 +17,7 @@ constexpr double pose_within = 0.008;         // s, for a pose that is new
 constexpr double ask_again_after = 2e-4;      // s, when the SDK gave a pose a second time
 constexpr double look_every = 0.02;           // s, at the status
 constexpr double rest_after_brake = 1;        // s, until a device that was too fast gets its force again
-constexpr double silent_after = 0.2;          // s without a look at the status: the SDK hangs
+constexpr double silent_after = 0.2;          // s without a look at the status: nothing is known of it any more
 constexpr double lost_after = 0.5;            // s, in which every call has failed
 constexpr double farthest = 1;                // m, along each axis, of a position that can be
 constexpr double homing_pause = 0.005;        // s, between two states of a device that homes
@@ -82,8 +82,7 @@ Arm::Arm(const Address& address)
   api_.dhdDisableExpertMode();
   expert.unlock();
   is_initialized_ = api_.drdIsInitialized(id_);
-  const bool is_ready = api_.dhdEnableForce(1, id_) >= 0 && api_.dhdSetGravityCompensation(1, id_) >= 0;
-  if (!is_ready) refuse(FS_ERROR_IO, "the device does not take commands: %s", api_.last_error().c_str());
+  take_commands();
   look_at_status(steady_now());
   if (homes && !is_initialized_ && !lost_devices().has(session_.serial())) home();
 }
@@ -91,6 +90,14 @@ Arm::Arm(const Address& address)
 Arm::~Arm() {
   send({});
   api_.dhdStop(id_);
+}
+
+// Switches the motors on, and lets the SDK carry the weight of the device.
+void Arm::take_commands() {
+  if (api_.dhdEnableForce(1, id_) >= 0 && api_.dhdSetGravityCompensation(1, id_) >= 0) return;
+  const std::string why = api_.last_error();
+  api_.dhdStop(id_);
+  refuse(FS_ERROR_IO, "the device does not take commands: %s", why.c_str());
 }
 
 // What the SDK knows of the mechanism at the centre of the workspace: the mass that is felt, and the longest way of the handle in a
@@ -153,7 +160,10 @@ fs_status Arm::failed(const char* what) noexcept {
 void Arm::look_at_status(double time) noexcept {
   if (time - looked_at_ < look_every) return;
   StatusArray status{};
-  if (api_.dhdGetStatus(status.data(), id_) < 0) return;  // the pose will say what is wrong
+  if (api_.dhdGetStatus(status.data(), id_) < 0) {
+    if (time - looked_at_ > silent_after) status_ = {};  // that of a device which is not connected
+    return;
+  }
   looked_at_ = time;
   status_ = status;
   is_initialized_ = api_.drdIsInitialized(id_);
@@ -214,7 +224,7 @@ fs_status Arm::read(fs_state& out) noexcept {
   out.pose.orientation = has_wrist_ ? to_device(quaternion_of(frame)) : fs_quat{1, 0, 0, 0};
   out.buttons = api_.dhdGetButtonMask(id_);
   double angle = 0;
-  if (has_gripper_ && api_.dhdGetGripperAngleRad(&angle, id_) >= 0)
+  if (has_gripper_ && api_.dhdGetGripperAngleRad(&angle, id_) >= 0 && std::isfinite(angle))
     out.grip = std::clamp(std::fabs(angle) / gripper_range, 0.0, 1.0);
   const uint32_t reason = reason_of(status_, is_initialized_);
   out.flags = reason ? reason : uint32_t{FS_STATE_READY};
@@ -246,20 +256,22 @@ std::string Arm::control(const std::string& request) {
 }
 
 std::string Arm::home() {
+  if (is_homing_.exchange(true)) refuse(FS_ERROR_IO, "the device homes already");
   const std::lock_guard own(mutex_);
+  const struct Ends {
+    std::atomic<bool>& is_homing;
+    ~Ends() { is_homing = false; }
+  } ends{is_homing_};
   if (!api_.drdIsSupported(id_)) refuse(FS_ERROR_UNSUPPORTED, "this device cannot home by itself: its maker's page tells how");
-  is_homing_ = true;
+  api_.dhdSetForceAndTorqueAndGripperForce(0, 0, 0, 0, 0, 0, 0, id_);
   const bool has_homed = api_.drdAutoInit(id_) >= 0 && api_.drdStop(true, id_) >= 0;
-  is_homing_ = false;
   if (!has_homed) {
     const std::string why = api_.last_error();
     api_.drdStop(false, id_);
     api_.dhdStop(id_);
     refuse(FS_ERROR_IO, "the device has not homed: %s", why.c_str());
   }
-  if (api_.dhdEnableForce(1, id_) < 0 || api_.dhdSetGravityCompensation(1, id_) < 0) {
-    refuse(FS_ERROR_IO, "the device has homed, but does not take forces: %s", api_.last_error().c_str());
-  }
+  take_commands();
   lost_devices().remove(session_.serial());
   looked_at_ = 0;
   look_at_status(steady_now());

@@ -7,6 +7,7 @@
 #include <mutex>
 #include <set>
 
+#include "device/support/clock.h"
 #include "device/support/refusal.h"
 #include "device/support/usb_seen.h"
 
@@ -15,9 +16,10 @@ namespace {
 
 constexpr uint16_t usb_vendor = 0x1451;
 constexpr int most_devices = 32;
+constexpr double opens_within = 2;  // s, when the SDK is about to open or close another device
 
-std::mutex mutex;               // while a device is looked for
-std::set<char>& open_ids() {    // those that this process has; never destroyed, as devices may be closed when the process ends
+std::mutex mutex;             // while the SDK opens or closes a device
+std::set<char>& open_ids() {  // those that this process has; never destroyed, as devices may be closed when the process ends
   static auto* const ids = new std::set<char>;
   return *ids;
 }
@@ -50,7 +52,13 @@ int index_of(const std::string& place, int count) {
 }  // namespace
 
 Session::Session(const Api& api, const std::string& place, bool takes_falcon) : api_(api) {
-  const std::lock_guard lock(mutex);
+  std::unique_lock lock(mutex, std::defer_lock);
+  for (const double latest = steady_now() + opens_within; !lock.try_lock(); pause(1e-3)) {
+    if (steady_now() > latest) {
+      refuse(FS_ERROR_TIMEOUT, "the Force Dimension SDK has been opening or closing another device for more than %g s",
+             opens_within);
+    }
+  }
   const int count = count_devices(api);
   if (count == 0) refuse_none(api);
   std::string seen;  // serial numbers, for the refusal

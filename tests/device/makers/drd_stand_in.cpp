@@ -187,6 +187,7 @@ DRD int dhdGetStatus(int* status, char id) {
   return ask(
       id,
       [&](DrdDevice& device) {
+        if (!device.has_status) return fail(error_refused);
         pass(device);
         const int now[17] = {device.has_power, 1, 1, 0, !device.has_force, device.has_force && device.has_power, device.has_brakes, 0,
                              device.has_wrist, 0, device.is_carried, 0, 1, 0, device.cause, 0, 1};
@@ -275,7 +276,7 @@ DRD int dhdSetGravityCompensation(int on, char id) {
 DRD bool drdIsSupported(char id) { return ask(id, [](DrdDevice& device) { return device.can_home; }, false); }
 DRD bool drdIsInitialized(char id) { return ask(id, [](DrdDevice& device) { return device.is_initialized; }, false); }
 DRD int drdAutoInit(char id) {
-  if (call(id, [](DrdDevice& device) { return device.is_homing = true, 0; }) < 0) return -1;
+  if (call(id, [](DrdDevice& device) { return device.asked_when_homing = device.asked, device.is_homing = true, 0; }) < 0) return -1;
   for (int i = 0; i < 30; ++i) {
     if (call(id, [](DrdDevice&) { return 0; }) < 0) return -1;
     sleep_s(0.01);

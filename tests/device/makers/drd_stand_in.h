@@ -48,6 +48,7 @@ struct DrdDevice {
   double grip = 0;                     // rad
   double limit = -1;                   // N, that somebody has set; negative: none
   double stuck_for = 0;                // s, that the next call takes longer
+  bool has_status = true;              // it tells its status
   int odd_answer = 0;                  // instead of a pose: -1 an error once, 7 a number that is none
 
   // What it sees.
@@ -55,6 +56,7 @@ struct DrdDevice {
   int watchdog = 0;                    // in units of 125 us
   int times_homed = 0, times_enabled = 0;
   fs_vec3 asked{}, asked_torque{};     // N, N m, of the newest command, device frame
+  fs_vec3 asked_when_homing{};         // N, of the newest command when it began to home
   double asked_at = 0;                 // s
   double last_force_asked = 0;         // s, when one other than 0 was last asked for
   double fetched_at = 0;               // s

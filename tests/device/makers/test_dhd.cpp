@@ -115,6 +115,8 @@ START_TEST(a_wrist_with_motors) {
   }
   EXPECT_NEAR(state.grip, 0.5, 1e-9);
   ck_assert_uint_eq(state.buttons, 5);
+  set([](DrdDevice& it) { it.grip = std::nan(""); });
+  ck_assert(until([&] { return state_of(device).grip == 0; }));
   ck_assert(see([](DrdDevice& it) { return it.buttons_emulated; }));
   fs_wrench wrench{};
   wrench.torque = {0.05, -0.1, 0.15};
@@ -335,6 +337,33 @@ START_TEST(the_force_button_off_and_on) {  // the force begins again by the ramp
 }
 END_TEST
 
+START_TEST(homing_begins_without_force) {
+  const Device device = opened();
+  const Pushing pushing(device);
+  ck_assert(until([&] { return push() > 2.9; }));
+  std::thread homes([&] { answer(device, "home"); });
+  ck_assert(until([&] { return see([](DrdDevice& it) { return it.is_homing; }); }));
+  fs_answer out{};
+  EXPECT_SENTENCE(FS_ERROR_IO, fs_device_control(device.get(), "home", &out), "homes already");
+  homes.join();
+  EXPECT_VECTOR(see([](DrdDevice& it) { return it.asked_when_homing; }), (fs_vec3{}), 0);
+  ck_assert_int_eq(see([](DrdDevice& it) { return it.times_homed; }), 1);
+  ck_assert(until([&] { return push() > 2.9; }));
+}
+END_TEST
+
+START_TEST(a_status_that_cannot_be_read) {
+  const Device device = opened();
+  const Pushing pushing(device);
+  ck_assert(until([&] { return push() > 2.9; }));
+  set([](DrdDevice& it) { it.has_status = false; });
+  ck_assert(until([&] { return push() == 0; }));
+  ck_assert(comes_to_say(device, "the SDK does not answer"));
+  set([](DrdDevice& it) { it.has_status = true; });
+  ck_assert(until([&] { return push() > 2.9; }));
+}
+END_TEST
+
 START_TEST(too_fast) {
   const Device device = opened();
   ck_assert(until([&] { return is_ready(device); }));
@@ -494,7 +523,7 @@ int main() {
                               drivers_and_devices_are_told});
   add_case(suite, "readiness",
            {homing_moves_so_it_must_be_asked_for, homed_at_opening, one_that_cannot_home, why_there_is_no_force,
-            the_force_button_off_and_on, too_fast, its_weight_is_carried});
+            the_force_button_off_and_on, homing_begins_without_force, a_status_that_cannot_be_read, too_fast, its_weight_is_carried});
   add_case(suite, "faults", {its_watchdog, firmware_without_a_watchdog, unplugged_and_back, unplugged_while_it_homes,
                              the_servo_never_waits_for_the_library});
   if (does_all()) {
