@@ -211,6 +211,8 @@ START_TEST(devices_that_err) {
     loop.change(mend);
     std::this_thread::sleep_for(std::chrono::milliseconds(30));
     loop.answer("clear");  // at a jump the device itself has seen a joint that was too fast
+    // Where the machine was too late to see an encoder jump back, it must be homed.
+    if (loop.answer("status").find("has jumped") != std::string::npos) loop.home_again();
     OK(fs_servo_set_enabled(loop.servo.get(), true));
     ck_assert_msg(until([&] { return loop.pushes(); }), "after %s: %s", name, loop.answer("status").c_str());
     loop.expect_ramps();
@@ -264,10 +266,7 @@ START_TEST(a_stuck_encoder) {
   });
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
   ck_assert(loop.is_zero());  // where it is now nobody knows, until it is homed
-  ck_assert(loop.answer("home").find("move the handle") == 0);
-  loop.change([](FidelBody& b) { b.target = {0, 0, 0.06}; });
-  ck_assert(until([&] { return loop.answer("status").find("homed, motors on") == 0; }));
-  loop.change([](FidelBody& b) { b.target = {0, 0, -0.02}; });
+  loop.home_again();
   ck_assert(until([&] { return loop.pushes(); }));
 }
 END_TEST
@@ -324,10 +323,7 @@ START_TEST(the_reason_for_no_force_is_told) {
       [&] {
         std::this_thread::sleep_for(std::chrono::milliseconds(300));
         loop.answer("clear");
-        loop.answer("home");  // at 6 m/s the encoders seemed to jump
-        loop.change([](FidelBody& b) { b.target = {0, 0, 0.06}; });
-        ck_assert(until([&] { return loop.answer("status").find("homed") == 0; }));
-        loop.change([](FidelBody& b) { b.target = {0, 0, -0.02}; });
+        loop.home_again();  // at 6 m/s the encoders seemed to jump
       });
   told(
       "holder", [](FidelBody& b) { b.inputs.in_holder = 1; }, [&] { loop.change([](FidelBody& b) { b.inputs.in_holder = 0; }); });
