@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <set>
+#include <utility>
 
 #include "device/support/clock.h"
 #include "device/support/refusal.h"
@@ -15,9 +16,10 @@ namespace {
 constexpr unsigned char watchdog_time = 160;  // in units of 125 us: 20 ms
 constexpr double pose_within = 0.008;         // s, for a pose that is new
 constexpr double ask_again_after = 2e-4;      // s, when the SDK gave a pose a second time
+constexpr double longest_call = 0.003;        // s, for a pose whose time is known well enough to tell a speed by
 constexpr double look_every = 0.02;           // s, at the status
 constexpr double rest_after_brake = 1;        // s, until a device that was too fast gets its force again
-constexpr double silent_after = 0.2;          // s without a look at the status: nothing is known of it any more
+constexpr double silent_after = 0.2;          // s without a look at the status: the SDK does not answer
 constexpr double lost_after = 0.5;            // s, in which every call has failed
 constexpr double farthest = 1;                // m, along each axis, of a position that can be
 constexpr double homing_pause = 0.005;        // s, between two states of a device that homes
@@ -161,7 +163,7 @@ void Arm::look_at_status(double time) noexcept {
   if (time - looked_at_ < look_every) return;
   StatusArray status{};
   if (api_.dhdGetStatus(status.data(), id_) < 0) {
-    if (time - looked_at_ > silent_after) status_ = {};  // that of a device which is not connected
+    status_ = {};  // that of a device which is not connected: its force begins from 0 when it is known again
     return;
   }
   looked_at_ = time;
@@ -208,12 +210,15 @@ fs_status Arm::without_pose(double time) noexcept {
 fs_status Arm::read(fs_state& out) noexcept {
   double x = 0, y = 0, z = 0, frame[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, before = 0;
   const double latest = steady_now() + pose_within;
-  for (int answer = is_cached; answer == is_cached;) {
+  for (bool is_new = false; !is_new;) {
     before = steady_now();
     if (before > latest) return without_pose(before);
-    answer = api_.dhdGetPositionAndOrientationFrame(&x, &y, &z, frame, id_);
+    const int answer = api_.dhdGetPositionAndOrientationFrame(&x, &y, &z, frame, id_);
     if (answer < 0) return failed("the pose cannot be read");
     if (answer == is_cached) pause(ask_again_after);
+    // Of a call that hung nobody knows when the pose was measured: the next one counts. Where all calls are slow, they count.
+    const bool was_slow = std::exchange(is_slow_, steady_now() - before > longest_call);
+    is_new = answer != is_cached && (was_slow || !is_slow_);
   }
   const bool is_position = std::fabs(x) < farthest && std::fabs(y) < farthest && std::fabs(z) < farthest;  // NaN is none
   if (!is_position) return fs_fail(FS_ERROR_IO, "the SDK gave a position that no device has");

@@ -58,6 +58,7 @@ class Arm {
   double braked_at_ = 0;  // s: when the device was first seen to have braked; 0: it has not
   double next_ = 0;  // s: when the next pose is due
   double measured_ = 0;  // s: the time of the newest pose; 0: a force has answered it
+  bool is_slow_ = false;  // the newest call for a pose took long
   double failing_since_ = 0;  // s: since when every call fails; 0: the last one has succeeded
   uint32_t poses_ = 0, commands_ = 0, saturated_ = 0;
   LinkMeter meter_;

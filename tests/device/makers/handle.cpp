@@ -2,6 +2,7 @@
 
 #include <pthread.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstring>
 #include <utility>
@@ -40,6 +41,8 @@ void Handle::set_watchdog(double watchdog) {
 
 void Handle::give(fs_vec3 force, fs_vec3 torque, double time) {
   plant_.command(force, torque);
+  const double before = std::exchange(given_, norm(force));
+  largest_rise_ = std::max(largest_rise_, given_ - before);
   if (has_force_) had_force_ = time;
   has_force_ = norm(force) + norm(torque) > 0;
 }
@@ -98,6 +101,11 @@ fs_vec3 Handle::force() {
   const std::lock_guard lock(mutex_);
   advance();
   return plant_.applied();
+}
+
+double Handle::largest_rise() {
+  const std::lock_guard lock(mutex_);
+  return largest_rise_;
 }
 
 double Handle::last_force_time() {

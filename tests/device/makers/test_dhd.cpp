@@ -7,6 +7,7 @@
 #include "device/makers/drd_stand_in.h"
 #include "device/makers/libraries.h"
 #include "device/makers/rig.h"
+#include "device/makers/troubles.h"
 #include "device/makers/wall.h"
 #include "device/table.h"
 
@@ -180,8 +181,10 @@ START_TEST(odd_poses) {
   ck_assert(until([&] { return is_ready(device); }));
   const Pushing pushing(device);
   ck_assert(until([&] { return push() > 2; }));
-  set([](DrdDevice& it) { it.odd_answer = 7; });
-  ck_assert(until([&] { return pushing.event_with("a position that no device has"); }));
+  ck_assert(until([&] {  // again and again, as a pose that took long does not count
+    set([](DrdDevice& it) { it.odd_answer = 7; });
+    return pushing.event_with("a position that no device has");
+  }));
   ck_assert(until([&] { return push() > 2; }));
   set([](DrdDevice& it) { it.odd_answer = -1; });
   ck_assert(until([&] { return pushing.event_with("the pose cannot be read: command refused"); }));
@@ -482,6 +485,32 @@ START_TEST(the_servo_never_waits_for_the_library) {
 }
 END_TEST
 
+START_TEST(at_random) {
+  const std::shared_ptr<DrdDevice> omega = stand_in().devices.front();
+  const auto change = [=](auto change_it) {
+    return [=] { stand_in().change([&](DrdStandIn&) { return change_it(*omega), 0; }); };
+  };
+  const auto plug = [](auto devices) {
+    return [=] { stand_in().change([&](DrdStandIn& all) { return all.devices = devices, 0; }); };
+  };
+  const std::vector plugged{omega}, nothing(0, omega), another{std::make_shared<DrdDevice>(815)};
+  const auto switch_on = change([](DrdDevice& it) { it.has_force = it.has_power = true, it.cause = 0; });
+  const auto go_on = [] {};
+  live_with({{"unplugged", plug(nothing), plug(plugged)},
+             {"another in its place", plug(another), plug(plugged)},
+             {"the force button", change([](DrdDevice& it) { it.has_force = false, it.cause = 1, it.handle.rest(); }), switch_on},
+             {"without power", change([](DrdDevice& it) { it.has_power = false, it.handle.rest(); }), switch_on},
+             {"no status", change([](DrdDevice& it) { it.has_status = false; }), change([](DrdDevice& it) { it.has_status = true; })},
+             {"not homed", change([](DrdDevice& it) { it.is_initialized = false; }), change([](DrdDevice& it) { it.is_initialized = true; })},
+             {"too fast", change([](DrdDevice& it) { it.has_force = false, it.has_brakes = true, it.cause = 2, it.handle.rest(); }), go_on},
+             {"a short hang", change([](DrdDevice& it) { it.stuck_for = 0.015; }), go_on},
+             {"a hang", change([](DrdDevice& it) { it.stuck_for = 0.3; }), go_on},
+             {"NaN", change([](DrdDevice& it) { it.odd_answer = 7; }), go_on},
+             {"an error", change([](DrdDevice& it) { it.odd_answer = -1; }), go_on}},
+            uri("4711"), omega->handle);
+}
+END_TEST
+
 START_TEST(a_wall_stands_and_shakes) {
   stability::DeviceModel model;
   model.mass = 0.25, model.friction = 0.05, model.force_max = 12, model.encoder = 10e-6, model.damping = 0.5;
@@ -525,7 +554,7 @@ int main() {
            {homing_moves_so_it_must_be_asked_for, homed_at_opening, one_that_cannot_home, why_there_is_no_force,
             the_force_button_off_and_on, homing_begins_without_force, a_status_that_cannot_be_read, too_fast, its_weight_is_carried});
   add_case(suite, "faults", {its_watchdog, firmware_without_a_watchdog, unplugged_and_back, unplugged_while_it_homes,
-                             the_servo_never_waits_for_the_library});
+                             the_servo_never_waits_for_the_library, at_random});
   if (does_all()) {
     add_case(suite, "walls", {a_wall_stands_and_shakes});
 #ifdef PROGRAM

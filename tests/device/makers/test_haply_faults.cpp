@@ -7,6 +7,7 @@
 #include <random>
 
 #include "device/makers/haply_rig.h"
+#include "device/makers/troubles.h"
 
 using namespace makers;
 
@@ -169,9 +170,38 @@ START_TEST(random_messages) {
 }
 END_TEST
 
+// A deaf service is not among it: when it hears again, it takes the force that was sent last before the 0 that follows it.
+START_TEST(at_random) {
+  HaplyService service;
+  HaplyDevice& arm = *service.devices.front();
+  const auto change = [&](auto change_it) {
+    return [&, change_it] { service.with([&](HaplyService& it) { return change_it(it), 0; }); };
+  };
+  const auto of_arm = [&](auto change_it) {
+    return [&, change_it] { service.with([&](HaplyService&) { return change_it(arm), 0; }); };
+  };
+  const auto says = [&](const std::string& text) { return change([=](HaplyService& it) { it.answer = text; }); };
+  const auto answers = says("");
+  const auto writes = [&](const std::string& bytes) { return change([=](HaplyService& it) { it.bytes = bytes; }); };
+  live_with({{"the service goes", [&] { service.stop(); }, [&] { service.start(); }},
+             {"another in its place", of_arm([](HaplyDevice& it) { it.id = "04BA"; }), of_arm([](HaplyDevice& it) { it.id = "049D"; })},
+             {"not calibrated", of_arm([](HaplyDevice& it) { it.is_calibrated = false; }), of_arm([](HaplyDevice& it) { it.is_calibrated = true; })},
+             {"not ready", of_arm([](HaplyDevice& it) { it.is_ready = false; }), of_arm([](HaplyDevice& it) { it.is_ready = true; })},
+             {"without power", of_arm([](HaplyDevice& it) { it.has_power = false; }), of_arm([](HaplyDevice& it) { it.has_power = true; })},
+             {"silent", change([](HaplyService& it) { it.is_silent = true; }), change([](HaplyService& it) { it.is_silent = false; })},
+             {"late", change([](HaplyService& it) { it.lag = 0.03; }), change([](HaplyService& it) { it.lag = 0; })},
+             {"no frame", writes("\xff\xff\xff\xff"), writes("")},
+             {"half a message", writes(std::string("\x81\x40{\"inv", 7)), writes("")},
+             {"garbage", says("\x01 not JSON"), answers},
+             {"far away", says(R"({"inverse3":[{"device_id":"049D","state":{"cursor_position":{"x":1.5,"y":0,"z":0}}}]})"), answers}},
+            uri(service.port()), arm.handle);
+}
+END_TEST
+
 int main() {
   Suite* suite = suite_create("haply faults");
   add_case(suite, "faults", {answers_of_no_use, connections_of_no_use, it_does_not_answer, late_answers_do_not_queue,
-                             the_service_goes_and_comes_back, closing_ends_the_force, a_process_that_is_killed, random_messages});
+                             the_service_goes_and_comes_back, closing_ends_the_force, a_process_that_is_killed, random_messages,
+                             at_random});
   return run_suite(suite);
 }

@@ -11,6 +11,7 @@
 #include "device/makers/hd_stand_in.h"
 #include "device/makers/libraries.h"
 #include "device/makers/rig.h"
+#include "device/makers/troubles.h"
 #include "device/makers/wall.h"
 #include "device/table.h"
 
@@ -367,6 +368,31 @@ START_TEST(the_servo_never_calls_the_library) {
 }
 END_TEST
 
+START_TEST(at_random) {
+  const auto change = [](auto change_it) {
+    return [=] { set(change_it); };
+  };
+  const auto stands = [](bool does) {
+    return [=] { stand_in().change([=](HdStandIn& all) { return all.thread_stands = does, 0; }); };
+  };
+  const auto fails = [](unsigned code) {
+    return [=] { set([=](HdDevice& it) { it.errors = {code}; }); };
+  };
+  const auto go_on = [] {};
+  live_with({{"unplugged", change([](HdDevice& it) { it.is_there = false, it.handle.rest(); }), change([](HdDevice& it) { it.is_there = true; })},
+             {"another in its place", change([](HdDevice& it) { it.serial = "T2"; }), change([](HdDevice& it) { it.serial = "T1"; })},
+             {"in the inkwell", change([](HdDevice& it) { it.is_in_inkwell = true; }), change([](HdDevice& it) { it.is_in_inkwell = false; })},
+             {"not calibrated", change([](HdDevice& it) { it.calibration = 0x5002; }), change([](HdDevice& it) { it.calibration = 0x5000; })},
+             {"NaN", change([](HdDevice& it) { it.gives_nan = true; }), change([](HdDevice& it) { it.gives_nan = false; })},
+             {"its thread stands", stands(true), stands(false)},
+             {"warm motors", fails(0x202), go_on},
+             {"too fast", fails(0x204), go_on},
+             {"a communication error", fails(0x303), go_on},
+             {"an error that nobody knows", fails(0x7777), go_on}},
+            uri(), first().handle);
+}
+END_TEST
+
 START_TEST(a_wall_stands_and_shakes) {
   stability::DeviceModel model;
   model.mass = 0.1, model.friction = 0.02, model.force_max = 10, model.encoder = 20e-6, model.damping = 0.3;
@@ -389,7 +415,7 @@ int main() {
                               libraries_that_are_no_good});
   add_case(suite, "readiness", {in_the_inkwell, not_calibrated, calibrated_by_itself_or_by_hand, two_ways_to_calibrate, errors_that_end_the_force});
   add_case(suite, "faults",
-           {a_bad_pose, its_thread_stops, unplugged_and_back, the_servo_never_calls_the_library});
+           {a_bad_pose, its_thread_stops, unplugged_and_back, the_servo_never_calls_the_library, at_random});
   if (does_all()) {
     add_case(suite, "walls", {a_wall_stands_and_shakes});
 #ifdef PROGRAM
