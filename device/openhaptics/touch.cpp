@@ -58,6 +58,7 @@ bool Touch::end() noexcept {
 
 // Called while the thread of OpenHaptics stands still.
 void Touch::initialise(const std::string& name) {
+  const std::string called = name.empty() ? "the default device of OpenHaptics" : "the device '" + name + "' of OpenHaptics";
   ErrorInfo error{};
   api_.take_errors(error);  // of others
   error = {};
@@ -71,11 +72,10 @@ void Touch::initialise(const std::string& name) {
     if (!name.empty() || error.code == already_initiated) break;
   }
   if (error.code == already_initiated || (handle_ != no_handle && is_attached(handle_))) {
-    refuse(FS_ERROR_IO, "the device '%s' of OpenHaptics is in use by this program", name.c_str());
+    refuse(FS_ERROR_IO, "%s is in use by this program", called.c_str());
   }
   if (handle_ == no_handle) {
-    refuse(FS_ERROR_NOT_FOUND, "the device '%s' of OpenHaptics cannot be opened: %s%s", name.c_str(), words_of(error).c_str(),
-           advice().c_str());
+    refuse(FS_ERROR_NOT_FOUND, "%s cannot be opened: %s%s", called.c_str(), words_of(error).c_str(), advice().c_str());
   }
   api_.hdMakeCurrentDevice(handle_);
   name_ = text_of(api_.hdGetString(model_type));
@@ -95,7 +95,7 @@ void Touch::initialise(const std::string& name) {
   for (int i = 0; i < 3; ++i) is_box = is_box && high_[i] - low_[i] > 1 && high_[i] - low_[i] < largest_box;  // NaN is none
   if (api_.take_errors(error) > 0 || !(force_max_ > 0 && force_max_ < 1000) || !is_box) {
     api_.hdDisableDevice(handle_);
-    refuse(FS_ERROR_IO, "the device '%s' of OpenHaptics does not tell what it is: force %g N, %s", name.c_str(), force_max_,
+    refuse(FS_ERROR_IO, "%s does not tell what it is: force %g N, %s", called.c_str(), force_max_,
            error.code ? words_of(error).c_str() : "no error");
   }
 }
