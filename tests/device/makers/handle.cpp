@@ -14,6 +14,7 @@ using stability::Plant;
 
 namespace {
 
+constexpr double ramp_speed = 12;  // N/s, at most, of 3 N within the 0.5 s of a servo
 constexpr double way_begins = 0, way_speed = 0.008, way_stiffness = 100;  // m, m/s, N/m, of note_turnarounds
 
 double now_s() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
@@ -41,8 +42,9 @@ void Handle::set_watchdog(double watchdog) {
 
 void Handle::give(fs_vec3 force, fs_vec3 torque, double time) {
   plant_.command(force, torque);
-  const double before = std::exchange(given_, norm(force));
-  largest_rise_ = std::max(largest_rise_, given_ - before);
+  const double before = std::exchange(given_, norm(force)), since = time - std::exchange(given_at_, time);
+  const double ramp = before > 0 ? ramp_speed * since : 0;
+  largest_rise_ = std::max(largest_rise_, given_ - before - ramp);
   if (has_force_) had_force_ = time;
   has_force_ = norm(force) + norm(torque) > 0;
 }

@@ -38,7 +38,7 @@ class Handle {
   }
   fs_vec3 position();
   fs_vec3 force();              // N, that the motors give now
-  double largest_rise();        // N, of the force from one command to the next
+  double largest_rise();        // N, of the force from one command to the next, beyond what a ramp does in that time
   double last_force_time();     // s, monotonic clock: when they last gave any; 0: never
   uint64_t commands();          // how many have come
   uint64_t calls_of_servo();    // calls by the servo's thread
@@ -59,6 +59,7 @@ class Handle {
   double answered_ = 0;         // N, along x: the newest force of those
   double had_force_ = 0;        // s
   double given_ = 0, largest_rise_ = 0;  // N
+  double given_at_ = 0;         // s
   uint64_t commands_ = 0, calls_of_servo_ = 0;
   bool has_force_ = false;
   std::vector<double>* turnarounds_ = nullptr;
