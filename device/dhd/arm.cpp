@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <set>
+#include <map>
 #include <utility>
 
 #include "device/support/clock.h"
@@ -35,31 +35,33 @@ fs_quat to_device(fs_quat q) {
   return {q.w, v.x, v.y, v.z};
 }
 
-// The serial numbers of devices that were lost. One that comes back does not home by itself, as it would move in somebody's hand.
-class LostDevices {
+// What is known of devices that this process has had, by their serial numbers.
+struct Known {
+  bool was_lost = false;            // it does not home by itself when it comes back, as it would move in somebody's hand
+  double mass = 0, resolution = 0;  // kg, m, as first measured: they must not change while it is open
+};
+class KnownDevices {
  public:
-  void add(const std::string& serial) noexcept {
+  Known get(const std::string& serial) {
     const std::lock_guard lock(mutex_);
-    try {
-      serials_.insert(serial);
-    } catch (...) {  // there is no memory: it may home by itself once more
-    }
+    return all_[serial];
   }
-  void remove(const std::string& serial) {
+  void measured(const std::string& serial, double mass, double resolution) {
     const std::lock_guard lock(mutex_);
-    serials_.erase(serial);
+    all_[serial].mass = mass;
+    all_[serial].resolution = resolution;
   }
-  bool has(const std::string& serial) {
+  void lost(const std::string& serial, bool is_lost) noexcept {
     const std::lock_guard lock(mutex_);
-    return serials_.count(serial) > 0;
+    if (const auto found = all_.find(serial); found != all_.end()) found->second.was_lost = is_lost;
   }
 
  private:
   std::mutex mutex_;
-  std::set<std::string> serials_;
+  std::map<std::string, Known> all_;
 };
-LostDevices& lost_devices() {
-  static auto* const devices = new LostDevices;  // never destroyed, as devices may be closed when the process ends
+KnownDevices& known_devices() {
+  static auto* const devices = new KnownDevices;  // never destroyed, as devices may be closed when the process ends
   return *devices;
 }
 
@@ -81,12 +83,13 @@ Arm::Arm(const Address& address)
   api_.dhdEnableExpertMode();
   has_watchdog_ = api_.dhdSetWatchdog(watchdog_time, id_) >= 0;
   measure_mechanism();
+  known_devices().measured(session_.serial(), mass_, resolution_);
   api_.dhdDisableExpertMode();
   expert.unlock();
   is_initialized_ = api_.drdIsInitialized(id_);
   take_commands();
   look_at_status(steady_now());
-  if (homes && !is_initialized_ && !lost_devices().has(session_.serial())) home();
+  if (homes && !is_initialized_ && !known_devices().get(session_.serial()).was_lost) home();
 }
 
 Arm::~Arm() {
@@ -94,8 +97,12 @@ Arm::~Arm() {
   api_.dhdStop(id_);
 }
 
+// The SDK may keep the newest command, and give it when the motors are switched on.
+void Arm::end_force() noexcept { api_.dhdSetForceAndTorqueAndGripperForce(0, 0, 0, 0, 0, 0, 0, id_); }
+
 // Switches the motors on, and lets the SDK carry the weight of the device.
 void Arm::take_commands() {
+  end_force();
   if (api_.dhdEnableForce(1, id_) >= 0 && api_.dhdSetGravityCompensation(1, id_) >= 0) return;
   const std::string why = api_.last_error();
   api_.dhdStop(id_);
@@ -105,6 +112,10 @@ void Arm::take_commands() {
 // What the SDK knows of the mechanism at the centre of the workspace: the mass that is felt, and the longest way of the handle in a
 // step of an encoder.
 void Arm::measure_mechanism() noexcept {
+  const Known known = known_devices().get(session_.serial());
+  mass_ = known.mass;
+  resolution_ = known.resolution;
+  if (resolution_ > 0) return;
   int e[3] = {};
   if (!api_.dhdDeltaPositionToEncoder || api_.dhdDeltaPositionToEncoder(0, 0, 0, &e[0], &e[1], &e[2], id_) < 0) return;
   fs_vec3 centre{};
@@ -151,7 +162,7 @@ fs_status Arm::failed(const char* what) noexcept {
   const double now = steady_now();
   if (failing_since_ == 0) failing_since_ = now;
   const bool is_lost = api_.dhdErrorGetLast() == error_of_communication || now - failing_since_ > lost_after;
-  if (is_lost) lost_devices().add(session_.serial());
+  if (is_lost) known_devices().lost(session_.serial(), true);
   char words[256];
   const char* const reason = api_.dhdErrorGetLastStr();
   std::snprintf(words, sizeof words, "%s: %s", what, reason ? reason : "the SDK does not say why");
@@ -179,6 +190,7 @@ void Arm::look_at_status(double time) noexcept {
   const auto cause = static_cast<Cause>(status[status_cause]);
   const bool was_unheard = reason == FS_STATE_STOPPED && (cause == Cause::watchdog || cause == Cause::usb);
   if (has_rested || was_unheard) {
+    end_force();
     api_.dhdSetBrakes(0, id_);
     api_.dhdEnableForce(1, id_);
   }
@@ -203,7 +215,7 @@ fs_status Arm::receive(fs_state& out) noexcept {
 fs_status Arm::without_pose(double time) noexcept {
   if (failing_since_ == 0) failing_since_ = time;
   if (time - failing_since_ < lost_after) return FS_ERROR_TIMEOUT;
-  lost_devices().add(session_.serial());
+  known_devices().lost(session_.serial(), true);
   return fs_fail(FS_ERROR_DISCONNECTED, "the SDK gives no new pose");
 }
 
@@ -221,12 +233,13 @@ fs_status Arm::read(fs_state& out) noexcept {
     is_new = answer != is_cached && (was_slow || !is_slow_);
   }
   const bool is_position = std::fabs(x) < farthest && std::fabs(y) < farthest && std::fabs(z) < farthest;  // NaN is none
-  if (!is_position) return fs_fail(FS_ERROR_IO, "the SDK gave a position that no device has");
+  const fs_quat turned = has_wrist_ ? quaternion_of(frame) : fs_quat{1, 0, 0, 0};
+  if (!is_position || !is_rotation(turned)) return fs_fail(FS_ERROR_IO, "the SDK gave a pose that no device has");
   failing_since_ = 0;
   ++poses_;
   out.time = measured_ = 0.5 * (before + steady_now());
   out.pose.position = to_device(x, y, z);
-  out.pose.orientation = has_wrist_ ? to_device(quaternion_of(frame)) : fs_quat{1, 0, 0, 0};
+  out.pose.orientation = to_device(turned);
   out.buttons = api_.dhdGetButtonMask(id_);
   double angle = 0;
   if (has_gripper_ && api_.dhdGetGripperAngleRad(&angle, id_) >= 0 && std::isfinite(angle))
@@ -261,14 +274,16 @@ std::string Arm::control(const std::string& request) {
 }
 
 std::string Arm::home() {
-  if (is_homing_.exchange(true)) refuse(FS_ERROR_IO, "the device homes already");
+  if (is_homing_.exchange(true)) refuse(FS_ERROR_STATE, "the device homes already");
   const std::lock_guard own(mutex_);
   const struct Ends {
     std::atomic<bool>& is_homing;
     ~Ends() { is_homing = false; }
   } ends{is_homing_};
+  StatusArray status{};
+  if (api_.dhdGetStatus(status.data(), id_) < 0) refuse(FS_ERROR_IO, "the device has not homed: %s", api_.last_error().c_str());
   if (!api_.drdIsSupported(id_)) refuse(FS_ERROR_UNSUPPORTED, "this device cannot home by itself: its maker's page tells how");
-  api_.dhdSetForceAndTorqueAndGripperForce(0, 0, 0, 0, 0, 0, 0, id_);
+  end_force();
   const bool has_homed = api_.drdAutoInit(id_) >= 0 && api_.drdStop(true, id_) >= 0;
   if (!has_homed) {
     const std::string why = api_.last_error();
@@ -277,7 +292,7 @@ std::string Arm::home() {
     refuse(FS_ERROR_IO, "the device has not homed: %s", why.c_str());
   }
   take_commands();
-  lost_devices().remove(session_.serial());
+  known_devices().lost(session_.serial(), false);
   looked_at_ = 0;
   look_at_status(steady_now());
   return "the device has homed";

@@ -32,6 +32,7 @@ class Arm {
   std::string control(const std::string& request);  // any thread; throws a Refusal
 
  private:
+  void end_force() noexcept;
   void take_commands();
   void measure_mechanism() noexcept;
   std::string home();

@@ -41,9 +41,7 @@ Reason find_reason(const StatusArray& status, bool is_initialized) {
   if (!status[status_connected]) return {FS_STATE_CONNECTING, "the device is not connected"};
   if (!status[status_power]) return {FS_STATE_STOPPED, "the device has no power: look at its power supply and its switch"};
   if (!is_initialized) {
-    return {FS_STATE_NOT_HOMED,
-            "the device is not homed: send it the request home, or open it with home=yes; it then moves by itself, so keep "
-            "hands away"};
+    return {FS_STATE_NOT_HOMED, "the device is not homed: send it the request home; it then moves by itself, so keep hands away"};
   }
   if (status[status_reset]) return {FS_STATE_NOT_HOMED, "the device waits to be reset: its page tells how"};
   if (cause_of(status) == Cause::velocity && !status[status_force]) {
@@ -54,6 +52,8 @@ Reason find_reason(const StatusArray& status, bool is_initialized) {
     case Cause::button: return {FS_STATE_STOPPED, "the force button of the device has switched its motors off: press it"};
     case Cause::watchdog: return {FS_STATE_STOPPED, "the device has heard nothing for 20 ms, and has ended its force"};
     case Cause::usb: return {FS_STATE_STOPPED, "the device had lost its USB connection, and has ended its force"};
+    case Cause::software:
+      return {FS_STATE_STOPPED, "the motors were switched off by a program: send the device the request home"};
     case Cause::dead_man: return {FS_STATE_STOPPED, "nobody holds the handle: the dead man's switch has ended the force"};
     default: return {FS_STATE_STOPPED, "the motors of the device are switched off: press its force button"};
   }

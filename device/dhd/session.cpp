@@ -81,13 +81,14 @@ Session::Session(const Api& api, const std::string& place, bool takes_falcon) : 
     seen += (seen.empty() ? "" : ", ") + serial_;
     close();
   }
-  if (is_in_use && index >= 0) {
-    refuse(FS_ERROR_IO, "device %s of Force Dimension is in use by another program, or by this one (%s)", place.c_str(),
-           api.last_error().c_str());
+  if (is_in_use) {
+    refuse(
+        FS_ERROR_IO,
+        "device '%s' of Force Dimension cannot be opened: free are: %s; others are in use by another program, or by this one (%s)",
+        place.c_str(), seen.empty() ? "none" : seen.c_str(), api_.last_error().c_str());
   }
-  refuse(FS_ERROR_NOT_FOUND, "there is no device '%s' of Force Dimension; there %s, with the serial numbers: %s%s", place.c_str(),
-         count == 1 ? "is one" : ("are " + std::to_string(count)).c_str(), seen.empty() ? "none that is free" : seen.c_str(),
-         is_in_use ? "; others are in use" : "");
+  refuse(FS_ERROR_NOT_FOUND, "there is no device '%s' of Force Dimension; there %s, with the serial numbers: %s", place.c_str(),
+         count == 1 ? "is one" : ("are " + std::to_string(count)).c_str(), seen.c_str());
 }
 
 // The device of this index; false: it is in use. Of one that this process has open already the SDK gives the ID that it has.

@@ -27,4 +27,7 @@ inline fs_quat quaternion_of(const double (&m)[3][3]) noexcept {
   }
 }
 
+// Whether a matrix was a rotation, by its quaternion: NaN and matrices of zeros are none.
+inline bool is_rotation(fs_quat q) noexcept { return std::fabs(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z - 1) < 1e-3; }
+
 }  // namespace fs

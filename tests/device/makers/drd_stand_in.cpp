@@ -254,6 +254,7 @@ DRD int dhdSetForceAndTorqueAndGripperForce(double fx, double fy, double fz, dou
 DRD int dhdEnableForce(unsigned char on, char id) {
   return call(id, [&](DrdDevice& device) {
     ++device.times_enabled;
+    if (on) device.asked_when_enabled = std::fmax(device.asked_when_enabled, norm(device.asked));
     device.asked_at = now_s();
     if (device.cause == 1 && on) return 0;  // its button is for people
     device.has_force = on;

@@ -57,6 +57,7 @@ struct DrdDevice {
   int times_homed = 0, times_enabled = 0;
   fs_vec3 asked{}, asked_torque{};     // N, N m, of the newest command, device frame
   fs_vec3 asked_when_homing{};         // N, of the newest command when it began to home
+  double asked_when_enabled = 0;       // N, the largest of the newest commands when its motors were switched on
   double asked_at = 0;                 // s
   double last_force_asked = 0;         // s, when one other than 0 was last asked for
   double fetched_at = 0;               // s

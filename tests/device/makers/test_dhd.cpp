@@ -183,7 +183,7 @@ START_TEST(odd_poses) {
   ck_assert(until([&] { return push() > 2; }));
   ck_assert(until([&] {  // again and again, as a pose that took long does not count
     set([](DrdDevice& it) { it.odd_answer = 7; });
-    return pushing.event_with("a position that no device has");
+    return pushing.event_with("a pose that no device has");
   }));
   ck_assert(until([&] { return push() > 2; }));
   set([](DrdDevice& it) { it.odd_answer = -1; });
@@ -203,8 +203,8 @@ START_TEST(which_device) {
     fs_device_info info = fs_device_info_init();
     OK(fs_device_get_info(second.get(), &info));
     ck_assert_str_eq(info.serial, "815");
-    EXPECT_SENTENCE(FS_ERROR_IO, fs_device_open(uri("1").c_str(), &raw), "device 1 of Force Dimension is in use");
-    EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open(uri("815").c_str(), &raw), "others are in use");
+    EXPECT_SENTENCE(FS_ERROR_IO, fs_device_open(uri("1").c_str(), &raw), "'1' of Force Dimension cannot be opened");
+    EXPECT_SENTENCE(FS_ERROR_IO, fs_device_open(uri("815").c_str(), &raw), "free are: 4711; others are in use");
     const Device by_index = opened("0");
     OK(fs_device_get_info(by_index.get(), &info));
     ck_assert_str_eq(info.serial, "4711");
@@ -347,7 +347,7 @@ START_TEST(homing_begins_without_force) {
   std::thread homes([&] { answer(device, "home"); });
   ck_assert(until([&] { return see([](DrdDevice& it) { return it.is_homing; }); }));
   fs_answer out{};
-  EXPECT_SENTENCE(FS_ERROR_IO, fs_device_control(device.get(), "home", &out), "homes already");
+  EXPECT_SENTENCE(FS_ERROR_STATE, fs_device_control(device.get(), "home", &out), "homes already");
   homes.join();
   EXPECT_VECTOR(see([](DrdDevice& it) { return it.asked_when_homing; }), (fs_vec3{}), 0);
   ck_assert_int_eq(see([](DrdDevice& it) { return it.times_homed; }), 1);
@@ -446,6 +446,55 @@ START_TEST(unplugged_and_back) {
   fs_answer out{};
   ck_assert(until([&] { return fs_device_control(device.get(), "home", &out) == FS_OK; }));
   ck_assert(until([&] { return norm(omega->handle.force()) > 2.9; }));
+}
+END_TEST
+
+START_TEST(its_mass_is_told_a_little_otherwise) {  // when it is there again
+  const std::shared_ptr<DrdDevice> omega = stand_in().devices.front();
+  const Device device = opened();
+  const Pushing pushing(device);
+  ck_assert(until([&] { return push() > 2.9; }));
+  stand_in().change([](DrdStandIn& all) { return all.devices.clear(), 0; });
+  ck_assert(until([&] { return pushing.event_with("lost"); }));
+  stability::DeviceModel model = makers::omega();
+  model.mass *= 1 + 1e-12;
+  omega->handle.become(model, stability::light);
+  stand_in().change([&](DrdStandIn& all) { return all.devices.push_back(omega), 0; });
+  ck_assert(until([&] { return norm(omega->handle.force()) > 2.9; }));
+}
+END_TEST
+
+START_TEST(home_of_one_that_is_gone) {
+  const Device device = opened();
+  stand_in().change([](DrdStandIn& all) { return all.devices.clear(), 0; });
+  fs_answer out{};
+  const fs_status status = fs_device_control(device.get(), "home", &out);
+  ck_assert_msg(status == FS_ERROR_IO || status == FS_ERROR_DISCONNECTED, "%s", fs_last_error());
+}
+END_TEST
+
+START_TEST(motors_are_switched_on_without_a_force) {  // the SDK may have kept the newest command
+  const Device device = opened();
+  const Pushing pushing(device);
+  for (int i = 0; i < 10; ++i) {
+    ck_assert(until([&] { return push() > 2.5; }));
+    set([](DrdDevice& it) { it.stuck_for = 0.025; });
+    ck_assert(until([&] { return see([](DrdDevice& it) { return !it.has_force; }) || push() == 0; }));
+  }
+  ck_assert(until([&] { return push() > 2.5; }));
+  EXPECT_NEAR(see([](DrdDevice& it) { return it.asked_when_enabled; }), 0, 0);
+}
+END_TEST
+
+START_TEST(a_frame_that_is_no_rotation) {
+  set([](DrdDevice& it) { it.has_wrist = true; });
+  const Device device = opened();
+  const Pushing pushing(device);
+  ck_assert(until([&] { return push() > 2.5; }));
+  set([](DrdDevice& it) { it.orientation.x = std::nan(""); });
+  ck_assert(until([&] { return pushing.event_with("a pose that no device has"); }));
+  set([](DrdDevice& it) { it.orientation = {1, 0, 0, 0}; });
+  ck_assert(until([&] { return push() > 2.5; }));  // it ends by itself
 }
 END_TEST
 
@@ -552,7 +601,8 @@ int main() {
   add_case(suite, "readiness",
            {homing_moves_so_it_must_be_asked_for, homed_at_opening, one_that_cannot_home, why_there_is_no_force,
             the_force_button_off_and_on, homing_begins_without_force, a_status_that_cannot_be_read, too_fast, its_weight_is_carried});
-  add_case(suite, "faults", {its_watchdog, firmware_without_a_watchdog, unplugged_and_back, unplugged_while_it_homes,
+  add_case(suite, "faults", {its_watchdog, firmware_without_a_watchdog, motors_are_switched_on_without_a_force, a_frame_that_is_no_rotation,
+                             unplugged_and_back, its_mass_is_told_a_little_otherwise, unplugged_while_it_homes, home_of_one_that_is_gone,
                              the_servo_never_waits_for_the_library, at_random});
   if (does_all()) {
     add_case(suite, "walls", {a_wall_stands_and_shakes});
