@@ -20,7 +20,7 @@ constexpr double command_age = 0.02;   // s, after which a force counts no more
 constexpr double state_within = 0.015; // s, that receive waits
 constexpr double silent_after = 0.5;   // s without a cycle: the thread of OpenHaptics has stopped
 constexpr uint32_t lost_after = 50;    // cycles in which the device could not be reached
-constexpr double look_every = 0.1;     // s, at the calibration and the temperature
+constexpr double look_every = 0.1;     // s, at the temperature
 constexpr double update_every = 1;     // s, a calibration that fails is tried again
 constexpr double error_counts = 0.5;   // s, for which an error that ends the force keeps it off
 constexpr double largest_box = 5000;   // mm, a side of the workspace
@@ -39,6 +39,11 @@ std::string advice() {
   if (seen.empty()) text += ", and no device of 3D Systems is on the USB";
   else if (!seen.front().may_open) text += ", and " + usb_rule_command("ATTR{idVendor}==\"2988\"") + " lets this user open it";
   return text;
+}
+
+bool pushes(const fs_wrench& wrench) {
+  const fs_vec3 f = wrench.force, t = wrench.torque;
+  return f.x != 0 || f.y != 0 || f.z != 0 || t.x != 0 || t.y != 0 || t.z != 0;
 }
 
 }  // namespace
@@ -144,8 +149,15 @@ bool Touch::run_cycle(bool may_push) noexcept {
   wake_waiters(number_);
 
   Command command;
-  const bool has_command = may_push && !is_last && command_.read(command) && steady_now() - command.time <= command_age;
-  if (!has_command) command = {};
+  const bool is_heard = command_.read(command) && command.answers >= interrupted_at_;
+  if (is_heard) interrupted_at_ = 0;
+  const bool has_command = may_push && !is_last && is_heard && steady_now() - command.time <= command_age;
+  if (!has_command) {
+    command = {};
+    // The servo must hear of it from a state, so that its force begins from 0 again.
+    if (has_force_) interrupted_at_ = steady_now();
+  }
+  has_force_ = pushes(command.wrench);
   write_force(command);
   api_.hdEndFrame(handle_);
   const bool is_new = command.answers > 0 && command.time != answered_time_;
@@ -154,12 +166,10 @@ bool Touch::run_cycle(bool may_push) noexcept {
   return !is_last;
 }
 
-// Now and then, outside of a frame: is it calibrated, and how warm are its motors?
+// Outside of a frame: is it calibrated, and now and then, how warm are its motors?
 void Touch::look_around(double time) noexcept {
   const bool is_asked = wants_calibration_.exchange(false);
   const int style = is_asked ? by_reset : is_in_inkwell_ ? by_inkwell : style_ & by_itself;  // that may be used now
-  if (!is_asked && time - looked_at_ < look_every) return;
-  looked_at_ = time;
   now_.calibration = api_.hdCheckCalibration();
   const bool is_due = is_asked || (now_.calibration == needs_update && time - updated_at_ > update_every);
   if (is_due && style) {
@@ -167,6 +177,8 @@ void Touch::look_around(double time) noexcept {
     api_.hdUpdateCalibration(static_cast<unsigned>(style));
     now_.calibration = api_.hdCheckCalibration();
   }
+  if (time - looked_at_ < look_every) return;
+  looked_at_ = time;
   double temperatures[6] = {};
   api_.hdGetDoublev(motor_temperature, temperatures);
   now_.temperature = static_cast<float>(*std::max_element(temperatures, temperatures + 6));
@@ -202,7 +214,7 @@ void Touch::write_force(const Command& command) const noexcept {
 
 // Why there is no force, as a bit of fs_state.flags; 0: there is.
 uint32_t Touch::reason(double time) const noexcept {
-  if (now_.errors_in_a_row > 0) return FS_STATE_CONNECTING;
+  if (now_.errors_in_a_row > 0 || interrupted_at_ > 0) return FS_STATE_CONNECTING;
   if (now_.calibration != calibrated) return FS_STATE_NOT_HOMED;
   if (is_in_inkwell_) return FS_STATE_IN_HOLDER;
   if (time < fast_until_) return FS_STATE_TOO_FAST;
@@ -231,7 +243,9 @@ fs_status Touch::receive(fs_state& out) noexcept {
   }
   const fs_vec3 p = state.state.pose.position;
   const bool is_position = std::fabs(p.x) < farthest && std::fabs(p.y) < farthest && std::fabs(p.z) < farthest;  // NaN is none
-  if (!is_position) return fs_fail(FS_ERROR_IO, "OpenHaptics gave a position that no device has");
+  if (!is_position || !is_rotation(state.state.pose.orientation)) {
+    return fs_fail(FS_ERROR_IO, "OpenHaptics gave a pose that no device has");
+  }
   out = state.state;
   pose_time_ = out.time;
   return FS_OK;

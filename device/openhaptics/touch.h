@@ -77,8 +77,10 @@ class Touch {
   std::atomic<bool> is_ending_{false}, is_in_run_{false}, wants_calibration_{false};
 
   // run uses these.
-  double updated_at_ = 0;  // s: when it was last updated
-  double looked_at_ = 0;  // s: when the calibration was looked at
+  double updated_at_ = 0;  // s: when the calibration was last updated
+  double looked_at_ = 0;  // s: when the temperature was looked at
+  double interrupted_at_ = 0;  // s: when a force was ended here, of which the servo has not heard yet; 0: none
+  bool has_force_ = false;  // the newest that was sent is not 0
   double stopped_until_ = 0, fast_until_ = 0;  // s: until when an error counts
   bool is_in_inkwell_ = false;
   State now_;

@@ -309,7 +309,7 @@ START_TEST(a_bad_pose) {
   const Pushing pushing(device);
   ck_assert(until([&] { return push() > 2.5; }));
   set([](HdDevice& it) { it.gives_nan = true; });
-  ck_assert(until([&] { return pushing.event_with("a position that no device has"); }));
+  ck_assert(until([&] { return pushing.event_with("a pose that no device has"); }));
   ck_assert(until([&] { return push() == 0; }));
   set([](HdDevice& it) { it.gives_nan = false; });
   ck_assert(until([&] { return push() > 2.5; }));
@@ -351,6 +351,37 @@ START_TEST(unplugged_and_back) {
   ck_assert(until([&] { return see([](HdDevice& it) { return it.times_opened > 1; }); }));
   ck_assert(pushing.event_with("another device is there: Touch, serial number 'T2'"));
   ck_assert(push() == 0);
+}
+END_TEST
+
+// The thread of OpenHaptics stands still while another device is opened or closed: the force of the first begins anew by the ramp.
+START_TEST(opening_another_gives_no_step) {
+  const Device device = opened();
+  const Pushing pushing(device);
+  stand_in().change([](HdStandIn& all) { return all.devices.push_back(std::make_shared<HdDevice>("left", "T2")), 0; });
+  for (int i = 0; i < 6; ++i) {
+    ck_assert(until([&] { return push() > 2.5; }));
+    fs_device* raw = nullptr;
+    if (i % 2) EXPECT(FS_ERROR_NOT_FOUND, fs_device_open(uri("nobody").c_str(), &raw));
+    else const Device second = opened("left");
+  }
+  ck_assert(until([&] { return push() > 2.5; }));
+  ck_assert_msg(first().handle.largest_rise() < largest_step, "a step of %g N", first().handle.largest_rise());
+}
+END_TEST
+
+START_TEST(calibration_lost_for_a_moment) {
+  const Device device = opened();
+  const Pushing pushing(device);
+  for (const int time : {5, 20, 50}) {  // ms
+    ck_assert(until([&] { return push() > 2.5; }));
+    set([](HdDevice& it) { it.calibration = 0x5002; });
+    std::this_thread::sleep_for(std::chrono::milliseconds(time));
+    set([](HdDevice& it) { it.calibration = 0x5000; });
+    ck_assert(until([&] { return push() < 2; }));
+  }
+  ck_assert(until([&] { return push() > 2.5; }));
+  ck_assert_msg(first().handle.largest_rise() < largest_step, "a step of %g N", first().handle.largest_rise());
 }
 END_TEST
 
@@ -414,7 +445,7 @@ int main() {
                               libraries_that_are_no_good});
   add_case(suite, "readiness", {in_the_inkwell, not_calibrated, calibrated_by_itself_or_by_hand, two_ways_to_calibrate, errors_that_end_the_force});
   add_case(suite, "faults",
-           {a_bad_pose, its_thread_stops, unplugged_and_back, the_servo_never_calls_the_library, at_random});
+           {a_bad_pose, its_thread_stops, unplugged_and_back, opening_another_gives_no_step, calibration_lost_for_a_moment, the_servo_never_calls_the_library, at_random});
   if (does_all()) {
     add_case(suite, "walls", {a_wall_stands_and_shakes});
 #ifdef PROGRAM
