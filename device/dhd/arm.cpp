@@ -17,6 +17,7 @@ constexpr unsigned char watchdog_time = 160;  // in units of 125 us: 20 ms
 constexpr double pose_within = 0.008;         // s, for a pose that is new
 constexpr double ask_again_after = 2e-4;      // s, when the SDK gave a pose a second time
 constexpr double longest_call = 0.003;        // s, for a pose whose time is known well enough to tell a speed by
+constexpr double longest_age = 0.02;          // s, of a pose, by which it counts as late
 constexpr double look_every = 0.02;           // s, at the status
 constexpr double rest_after_brake = 1;        // s, until a device that was too fast gets its force again
 constexpr double silent_after = 0.2;          // s without a look at the status: the SDK does not answer
@@ -51,14 +52,33 @@ class KnownDevices {
     all_[serial].mass = mass;
     all_[serial].resolution = resolution;
   }
-  void lost(const std::string& serial, bool is_lost) noexcept {
+  void homed(const std::string& serial) {
     const std::lock_guard lock(mutex_);
-    if (const auto found = all_.find(serial); found != all_.end()) found->second.was_lost = is_lost;
+    all_[serial].was_lost = false;
+  }
+  void lost(const std::string& serial, const std::string& place) noexcept {
+    const std::lock_guard lock(mutex_);
+    try {
+      all_[serial].was_lost = true;
+      if (!serial.empty()) lost_at_[place] = serial;
+    } catch (...) {  // there is no memory: another device may be taken for it, until the library compares them
+    }
+  }
+  // The device that is meant by a place: where one was lost that one, even if the SDK counts otherwise by now.
+  std::string meant_by(const std::string& place) {
+    const std::lock_guard lock(mutex_);
+    const auto found = lost_at_.find(place);
+    return found == lost_at_.end() ? place : found->second;
+  }
+  void is_back(const std::string& place) {
+    const std::lock_guard lock(mutex_);
+    lost_at_.erase(place);
   }
 
  private:
   std::mutex mutex_;
   std::map<std::string, Known> all_;
+  std::map<std::string, std::string> lost_at_;  // serial numbers, by the place at which each was open
 };
 KnownDevices& known_devices() {
   static auto* const devices = new KnownDevices;  // never destroyed, as devices may be closed when the process ends
@@ -69,7 +89,8 @@ KnownDevices& known_devices() {
 
 Arm::Arm(const Address& address)
     : place_(address.place()), period_(1 / address.number("rate", 100, 4000).value_or(1000)),
-      api_(load_api(address.text("library"))), session_(api_, place_, address.choice("falcon", {"no", "yes"}).value_or(0) == 1),
+      api_(load_api(address.text("library"))),
+      session_(api_, known_devices().meant_by(place_), address.choice("falcon", {"no", "yes"}).value_or(0) == 1),
       id_(session_.id()), limits_(limits_of(session_.type())) {
   const bool homes = address.choice("home", {"no", "yes"}).value_or(0) == 1;
   has_wrist_ = api_.dhdHasWrist(id_);
@@ -83,6 +104,7 @@ Arm::Arm(const Address& address)
   api_.dhdEnableExpertMode();
   has_watchdog_ = api_.dhdSetWatchdog(watchdog_time, id_) >= 0;
   measure_mechanism();
+  known_devices().is_back(place_);
   known_devices().measured(session_.serial(), mass_, resolution_);
   api_.dhdDisableExpertMode();
   expert.unlock();
@@ -98,7 +120,7 @@ Arm::~Arm() {
 }
 
 // The SDK may keep the newest command, and give it when the motors are switched on.
-void Arm::end_force() noexcept { api_.dhdSetForceAndTorqueAndGripperForce(0, 0, 0, 0, 0, 0, 0, id_); }
+bool Arm::end_force() noexcept { return api_.dhdSetForceAndTorqueAndGripperForce(0, 0, 0, 0, 0, 0, 0, id_) >= 0; }
 
 // Switches the motors on, and lets the SDK carry the weight of the device.
 void Arm::take_commands() {
@@ -162,7 +184,7 @@ fs_status Arm::failed(const char* what) noexcept {
   const double now = steady_now();
   if (failing_since_ == 0) failing_since_ = now;
   const bool is_lost = api_.dhdErrorGetLast() == error_of_communication || now - failing_since_ > lost_after;
-  if (is_lost) known_devices().lost(session_.serial(), true);
+  if (is_lost) known_devices().lost(session_.serial(), place_);
   char words[256];
   const char* const reason = api_.dhdErrorGetLastStr();
   std::snprintf(words, sizeof words, "%s: %s", what, reason ? reason : "the SDK does not say why");
@@ -215,7 +237,7 @@ fs_status Arm::receive(fs_state& out) noexcept {
 fs_status Arm::without_pose(double time) noexcept {
   if (failing_since_ == 0) failing_since_ = time;
   if (time - failing_since_ < lost_after) return FS_ERROR_TIMEOUT;
-  known_devices().lost(session_.serial(), true);
+  known_devices().lost(session_.serial(), place_);
   return fs_fail(FS_ERROR_DISCONNECTED, "the SDK gives no new pose");
 }
 
@@ -237,7 +259,9 @@ fs_status Arm::read(fs_state& out) noexcept {
   if (!is_position || !is_rotation(turned)) return fs_fail(FS_ERROR_IO, "the SDK gave a pose that no device has");
   failing_since_ = 0;
   ++poses_;
-  out.time = measured_ = 0.5 * (before + steady_now());
+  const double time = 0.5 * (before + steady_now());
+  extra_age_ = pose_time_ > 0 ? std::clamp(0.5 * (time - pose_time_ - period_), 0.0, longest_age) : 0;
+  out.time = measured_ = pose_time_ = time;
   out.pose.position = to_device(x, y, z);
   out.pose.orientation = to_device(turned);
   out.buttons = api_.dhdGetButtonMask(id_);
@@ -257,7 +281,7 @@ fs_status Arm::send(const fs_wrench& wrench) noexcept {
   if (answer < 0) return failed("the force cannot be sent");
   ++commands_;
   if (answer == is_saturated) ++saturated_;
-  if (measured_ > 0) meter_.note_delay(steady_now() - measured_);
+  if (measured_ > 0) meter_.note_delay(steady_now() - measured_ + extra_age_);
   measured_ = 0;
   return FS_OK;
 }
@@ -283,8 +307,7 @@ std::string Arm::home() {
   StatusArray status{};
   if (api_.dhdGetStatus(status.data(), id_) < 0) refuse(FS_ERROR_IO, "the device has not homed: %s", api_.last_error().c_str());
   if (!api_.drdIsSupported(id_)) refuse(FS_ERROR_UNSUPPORTED, "this device cannot home by itself: its maker's page tells how");
-  end_force();
-  const bool has_homed = api_.drdAutoInit(id_) >= 0 && api_.drdStop(true, id_) >= 0;
+  const bool has_homed = end_force() && api_.drdAutoInit(id_) >= 0 && api_.drdStop(true, id_) >= 0;
   if (!has_homed) {
     const std::string why = api_.last_error();
     api_.drdStop(false, id_);
@@ -292,7 +315,7 @@ std::string Arm::home() {
     refuse(FS_ERROR_IO, "the device has not homed: %s", why.c_str());
   }
   take_commands();
-  known_devices().lost(session_.serial(), false);
+  known_devices().homed(session_.serial());
   looked_at_ = 0;
   look_at_status(steady_now());
   return "the device has homed";

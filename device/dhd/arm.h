@@ -32,7 +32,7 @@ class Arm {
   std::string control(const std::string& request);  // any thread; throws a Refusal
 
  private:
-  void end_force() noexcept;
+  bool end_force() noexcept;
   void take_commands();
   void measure_mechanism() noexcept;
   std::string home();
@@ -59,6 +59,9 @@ class Arm {
   double braked_at_ = 0;  // s: when the device was first seen to have braked; 0: it has not
   double next_ = 0;  // s: when the next pose is due
   double measured_ = 0;  // s: the time of the newest pose; 0: a force has answered it
+  double pose_time_ = 0;  // s: the time of the newest pose
+  double extra_age_ =
+      0;  // s: half of the time by which poses come more seldom than each period: the servo counts half a period itself
   bool is_slow_ = false;  // the newest call for a pose took long
   double failing_since_ = 0;  // s: since when every call fails; 0: the last one has succeeded
   uint32_t poses_ = 0, commands_ = 0, saturated_ = 0;

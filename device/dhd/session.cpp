@@ -61,14 +61,10 @@ Session::Session(const Api& api, const std::string& place, bool takes_falcon) : 
   }
   const int count = count_devices(api);
   if (count == 0) refuse_none(api);
-  std::string seen;  // serial numbers, for the refusal
-  bool is_in_use = false;
+  std::string seen, busy;  // serial numbers of those that are free, and why others are not, for the refusal
   const int index = index_of(place, count);
   for (int i = index < 0 ? 0 : index; i < (index < 0 ? count : index + 1); ++i) {
-    if (!open(i)) {
-      is_in_use = true;
-      continue;
-    }
+    if (!open(i, busy)) continue;
     const bool is_meant = index >= 0 || serial_ == place;
     if (is_meant && type_ == falcon_type && !takes_falcon) {
       close();
@@ -81,20 +77,20 @@ Session::Session(const Api& api, const std::string& place, bool takes_falcon) : 
     seen += (seen.empty() ? "" : ", ") + serial_;
     close();
   }
-  if (is_in_use) {
-    refuse(
-        FS_ERROR_IO,
-        "device '%s' of Force Dimension cannot be opened: free are: %s; others are in use by another program, or by this one (%s)",
-        place.c_str(), seen.empty() ? "none" : seen.c_str(), api_.last_error().c_str());
+  if (!busy.empty()) {
+    refuse(FS_ERROR_IO, "device '%s' of Force Dimension cannot be opened; free are: %s; others are in use: %s", place.c_str(),
+           seen.empty() ? "none" : seen.c_str(), busy.c_str());
   }
   refuse(FS_ERROR_NOT_FOUND, "there is no device '%s' of Force Dimension; there %s, with the serial numbers: %s", place.c_str(),
          count == 1 ? "is one" : ("are " + std::to_string(count)).c_str(), seen.c_str());
 }
 
-// The device of this index; false: it is in use. Of one that this process has open already the SDK gives the ID that it has.
-bool Session::open(int index) {
+// The device of this index; false, and why not: it is in use. Of one that this process has open already the SDK gives the ID that it
+// has.
+bool Session::open(int index, std::string& busy) {
   const int id = api_.drdOpenID(static_cast<char>(index));
-  if (id < 0 || open_ids().count(static_cast<char>(id)) > 0) return false;
+  if (id < 0) return busy = "perhaps by another program (" + api_.last_error() + ")", false;
+  if (open_ids().count(static_cast<char>(id)) > 0) return busy = "by this program", false;
   id_ = static_cast<char>(id);
   unsigned short serial = 0;
   const bool has_serial = api_.dhdGetSerialNumber(&serial, id_) >= 0;

@@ -25,7 +25,7 @@ class Session {
   int type() const noexcept { return type_; }
 
  private:
-  bool open(int index);
+  bool open(int index, std::string& busy);
   void close() noexcept;
 
   const Api& api_;

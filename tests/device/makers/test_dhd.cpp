@@ -204,7 +204,7 @@ START_TEST(which_device) {
     OK(fs_device_get_info(second.get(), &info));
     ck_assert_str_eq(info.serial, "815");
     EXPECT_SENTENCE(FS_ERROR_IO, fs_device_open(uri("1").c_str(), &raw), "'1' of Force Dimension cannot be opened");
-    EXPECT_SENTENCE(FS_ERROR_IO, fs_device_open(uri("815").c_str(), &raw), "free are: 4711; others are in use");
+    EXPECT_SENTENCE(FS_ERROR_IO, fs_device_open(uri("815").c_str(), &raw), "free are: 4711; others are in use: by this program");
     const Device by_index = opened("0");
     OK(fs_device_get_info(by_index.get(), &info));
     ck_assert_str_eq(info.serial, "4711");
@@ -217,7 +217,7 @@ START_TEST(which_device) {
   EXPECT_SENTENCE(FS_ERROR_INVALID, fs_device_open(uri("0", "home=perhaps").c_str(), &raw), "no, yes");
   EXPECT_SENTENCE(FS_ERROR_INVALID, fs_device_open(uri("0", "speed=7").c_str(), &raw), "library, home, rate, falcon");
   set([](DrdDevice& device) { device.is_taken = true; });
-  EXPECT_SENTENCE(FS_ERROR_IO, fs_device_open(uri("0").c_str(), &raw), "in use by another program");
+  EXPECT_SENTENCE(FS_ERROR_IO, fs_device_open(uri("0").c_str(), &raw), "in use: perhaps by another program (device already in use)");
   all.change([](DrdStandIn& it) { return it.devices.clear(), 0; });
   EXPECT_SENTENCE(FS_ERROR_NOT_FOUND, fs_device_open(uri("0").c_str(), &raw), "finds no device");
 }
@@ -449,6 +449,30 @@ START_TEST(unplugged_and_back) {
 }
 END_TEST
 
+START_TEST(another_in_its_place_is_left_alone) {  // it neither homes nor gets its motors switched on
+  const std::shared_ptr<DrdDevice> omega = stand_in().devices.front(), other = std::make_shared<DrdDevice>(815);
+  other->is_initialized = false;
+  const Device device = opened("0", "home=yes");
+  const Pushing pushing(device);
+  ck_assert(until([&] { return push() > 2.5; }));
+  stand_in().change([&](DrdStandIn& all) { return all.devices = {other}, 0; });
+  ck_assert(until([&] { return pushing.event_with("lost"); }));
+  std::this_thread::sleep_for(std::chrono::milliseconds(1200));
+  ck_assert(stand_in().change([&](DrdStandIn&) { return other->times_homed == 0 && other->times_enabled == 0; }));
+  stand_in().change([&](DrdStandIn& all) { return all.devices = {other, omega}, 0; });  // it is found at another place, too
+  ck_assert(until([&] { return norm(omega->handle.force()) > 2.5; }));
+}
+END_TEST
+
+START_TEST(poses_that_come_seldom) {  // are old when they are used: that counts as delay
+  stand_in().change([](DrdStandIn& all) { return all.time_guard = 0.004; });
+  const Device device = opened("0", "rate=4000");
+  const Pushing pushing(device);
+  ck_assert(until([&] { return push() > 2.5; }));
+  ck_assert(until([&] { return stats_of(pushing.scene.get()).link_delay_p50 > 0.0015; }));
+}
+END_TEST
+
 START_TEST(its_mass_is_told_a_little_otherwise) {  // when it is there again
   const std::shared_ptr<DrdDevice> omega = stand_in().devices.front();
   const Device device = opened();
@@ -602,7 +626,7 @@ int main() {
            {homing_moves_so_it_must_be_asked_for, homed_at_opening, one_that_cannot_home, why_there_is_no_force,
             the_force_button_off_and_on, homing_begins_without_force, a_status_that_cannot_be_read, too_fast, its_weight_is_carried});
   add_case(suite, "faults", {its_watchdog, firmware_without_a_watchdog, motors_are_switched_on_without_a_force, a_frame_that_is_no_rotation,
-                             unplugged_and_back, its_mass_is_told_a_little_otherwise, unplugged_while_it_homes, home_of_one_that_is_gone,
+                             unplugged_and_back, another_in_its_place_is_left_alone, poses_that_come_seldom, its_mass_is_told_a_little_otherwise, unplugged_while_it_homes, home_of_one_that_is_gone,
                              the_servo_never_waits_for_the_library, at_random});
   if (does_all()) {
     add_case(suite, "walls", {a_wall_stands_and_shakes});
