@@ -18,6 +18,7 @@
 namespace {
 
 constexpr double ramp = 0.3;  // s, in which a push grows and ends
+constexpr double largest_step = 0.02;  // of a push, from one command to the next
 constexpr double hold = 3;  // s, in which a push stays when nobody answers
 constexpr double servo_time = 60;  // s, the longest step with a servo
 constexpr double ball_radius = 0.03;  // m
@@ -261,7 +262,7 @@ class Hello {
     const double begin = now();
     double part = 0;
     std::optional<char> answer = person_.ask_letter("Which way does it push?", help, "rlatudnp", [&] {
-      part = std::min(1.0, (now() - begin) / ramp);
+      part = std::min({1.0, (now() - begin) / ramp, part + largest_step});
       give(part);
       return length(moved) < run_away && now() - begin < ramp + hold;
     });

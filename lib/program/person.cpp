@@ -7,6 +7,16 @@
 #include <cerrno>
 #include <cstdio>
 
+namespace {
+
+// Whether a line can be written without waiting, as there may be a force: a pipe that nobody reads is full, and Ctrl-S holds up a terminal.
+bool is_output_free() {
+  pollfd output = {STDOUT_FILENO, POLLOUT, 0};
+  return poll(&output, 1, 0) > 0;
+}
+
+}  // namespace
+
 void Person::tell(const std::string& text) {
   std::printf("%s\n", text.c_str());
   std::fflush(stdout);
@@ -22,7 +32,7 @@ std::optional<std::string> Person::ask(const std::string& question, const std::s
     if (!line) continue;
     if (*line == "s") throw Skipped();
     if (is_answer(*line)) return line;
-    tell("That is no answer. " + help + "; s skips this step");
+    if (is_output_free()) tell("That is no answer. " + help + "; s skips this step");
   }
   return std::nullopt;
 }

@@ -45,7 +45,7 @@ inline void live_with(const std::vector<Trouble>& troubles, const std::string& u
     device.emplace(opened);
   };
   std::string story;
-  for (int round = 0; round < (does_all() ? 300 : 12); ++round) {
+  for (int round = 0; round < (does_all() ? 60 : 12); ++round) {
     open();
     if (!pushing) pushing.emplace(*device);
     pause(80);
