@@ -72,6 +72,30 @@ touch_device() {
   echo "${PIPESTATUS[0]}" > status
 }
 
+# becomes PLACES: within 20 s the motors push one of these ways; n: not at all.
+becomes() {
+  local i
+  for ((i = 0; i < 200; ++i)); do
+    [[ $(cat felt) == [$1] ]] && return
+    sleep 0.1
+  done
+  false
+}
+
+# While the device pushes, nobody reads what the program writes, and there is no room for more.
+hold_up() {
+  mkdir held && cd held || exit 1
+  printf m > hand
+  printf n > felt
+  mkfifo output
+  exec 9<> output
+  (printf 's\ns\n'; yes x | head -n 4000) | timeout 60 "$program" hello-device --driver "$driver" hello:right > output 2>&1 9>&- &
+  becomes rlatud && becomes n && touch ended
+  cat output > read 9>&- &
+  exec 9>&-
+  wait
+}
+
 # expect FOLDER STATUS PATTERN...: how it ended, and what its output says.
 expect() {
   local at=$1 status=$2 pattern
@@ -91,6 +115,7 @@ done
 touch_device scaled hasty hello:scaled &
 touch_device lazy lazy hello:mirrored &
 touch_device runner silent hello:scaled &
+hold_up &
 touch_device weak truthful hello:right --force 2.5 &
 wait
 
@@ -124,6 +149,7 @@ expect lazy 1 '^    skipped     by the person$' '^The poses are wrong: the sign 
 expect runner 1 '^The push has ended as the handle ran 40 mm away. Which way was it\?$'
 expect silent 1 '^The push has ended after 3 s. Which way was it\?$'
 [ "$(cat silent/felt_after)" = n ] || fail "a push without an answer does not end"
+[ -e held/ended ] || fail "a push does not end while the output is held up"
 expect quitter 1 '^odd     the person gave up here$'
 expect timid 1 '^FAILED  the ball is there, round, and quiet: it trembles$'
 expect hasty 0 '^    not tried   the force along each axis was not tried before$'
