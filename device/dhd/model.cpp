@@ -43,7 +43,7 @@ Reason find_reason(const StatusArray& status, bool is_initialized) {
   if (!is_initialized) {
     return {FS_STATE_NOT_HOMED, "the device is not homed: send it the request home; it then moves by itself, so keep hands away"};
   }
-  if (status[status_reset]) return {FS_STATE_NOT_HOMED, "the device waits to be reset: its page tells how"};
+  if (status[status_reset]) return {FS_STATE_NOT_HOMED, "the device waits for a reset: its maker's manual tells how"};
   if (cause_of(status) == Cause::velocity && !status[status_force]) {
     return {FS_STATE_TOO_FAST, "the handle was too fast, and the device has braked: it gives force again after a second"};
   }
