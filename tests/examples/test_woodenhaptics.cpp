@@ -57,7 +57,8 @@ struct Arm {
     stand_in.hold_at(arm::home);
     fs_answer answer;
     ck_assert(until([&] { return fs_device_control(device.get(), "home", &answer) == FS_OK; }));
-    ck_assert(until([&] { return is_ready(); }));
+    // On a busy machine an encoder seems to jump, and it must be homed again.
+    ck_assert(until([&] { return is_ready() || (fs_device_control(device.get(), "home", &answer), false); }));
   }
   // Sends the force, and waits until two commands more have come.
   void push(fs_vec3 force) const {
