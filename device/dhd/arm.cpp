@@ -43,11 +43,13 @@ struct Known {
 };
 class KnownDevices {
  public:
-  Known get(const std::string& serial) {
+  Known get(const std::string& serial) noexcept {
     const std::lock_guard lock(mutex_);
-    return all_[serial];
+    const auto found = all_.find(serial);
+    return found == all_.end() ? Known{} : found->second;
   }
   void measured(const std::string& serial, double mass, double resolution) {
+    if (serial.empty()) return;  // of a device that does not tell it
     const std::lock_guard lock(mutex_);
     all_[serial].mass = mass;
     all_[serial].resolution = resolution;
@@ -104,7 +106,6 @@ Arm::Arm(const Address& address)
   api_.dhdEnableExpertMode();
   has_watchdog_ = api_.dhdSetWatchdog(watchdog_time, id_) >= 0;
   measure_mechanism();
-  known_devices().is_back(place_);
   known_devices().measured(session_.serial(), mass_, resolution_);
   api_.dhdDisableExpertMode();
   expert.unlock();
@@ -112,6 +113,7 @@ Arm::Arm(const Address& address)
   take_commands();
   look_at_status(steady_now());
   if (homes && !is_initialized_ && !known_devices().get(session_.serial()).was_lost) home();
+  known_devices().is_back(place_);
 }
 
 Arm::~Arm() {

@@ -15,8 +15,8 @@ class Person {
  public:
   static void tell(const std::string& text);
 
-  // Waits for an answer that is_answer takes, and repeats the help after any other, unless the output is held up. Again and again it calls meanwhile, which
-  // waits a moment; when that returns false there is no answer.
+  // Waits for an answer that is_answer takes, and repeats the help after any other, unless the output is held up. Again and again it
+  // calls meanwhile, which waits a moment; when that returns false there is no answer.
   std::optional<std::string> ask(const std::string& question, const std::string& help,
                                  const std::function<bool(const std::string&)>& is_answer,
                                  const std::function<bool()>& meanwhile);
