@@ -187,9 +187,9 @@ void Channel::forget_touches() noexcept {
   if (Proxies* const proxies = reader_.memory->proxies()) proxies->forget();
 }
 
-void Channel::lose_hand(double now) noexcept {
-  note_push({});
-  hand_.state.flags &= FS_STATE_CLUTCHED;  // the pose stays the last that is known
+void Channel::lose_hand(double now, uint32_t flags) noexcept {
+  note_push({});  // the pose stays the last that is known
+  hand_.state.flags = (hand_.state.flags & FS_STATE_CLUTCHED) | (flags & ~uint32_t{FS_STATE_READY});
   hand_.state.buttons = 0;
   hand_.state.twist = {};
   hand_.response = {};

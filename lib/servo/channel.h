@@ -75,8 +75,8 @@ class Channel final : public Counted<Channel> {
   // [rt] The hand may be anywhere: no solid holds it any more.
   void forget_touches() noexcept;
 
-  // [rt] Called instead of evaluate when the device gave no pose.
-  void lose_hand(double now) noexcept;
+  // [rt] Called instead of evaluate when the device gave no pose. flags: FS_STATE_ bits that say why.
+  void lose_hand(double now, uint32_t flags) noexcept;
 
   // [rt] Gives the results of this tick to the scene. response_flags: added by the guard. tick: the tick's number.
   void publish(const Wrench& sent, uint32_t response_flags, uint64_t tick) noexcept;

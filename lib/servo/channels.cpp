@@ -45,7 +45,7 @@ fs_response Channels::evaluate(const fs_state& hand, bool has_pose, bool begins_
     channel.fetch(now);
     if (begins_anew) channel.forget_touches();
     if (!has_pose) {
-      channel.lose_hand(now);
+      channel.lose_hand(now, hand.flags);
     } else if (i == 0) {
       out = channel.evaluate(hand, now);  // the servo's own scene
     } else {

@@ -68,6 +68,11 @@ struct Pushing {
     options.mode = FS_SERVO_THREAD;
     servo = start_servo(scene.get(), device.get(), options);
   }
+  fs_state hand() const {
+    fs_state state{};
+    OK(fs_scene_get_hand(scene.get(), &state, nullptr, nullptr));
+    return state;
+  }
   // Whether an event of the device with this word has come by now; those before it are dropped.
   bool event_with(const char* word) const {
     fs_event event;

@@ -277,6 +277,7 @@ START_TEST(homing_moves_so_it_must_be_asked_for) {
   ck_assert(is_flagged(device, FS_STATE_NOT_HOMED));
   ck_assert(says(device, "send it the request home"));
   const Pushing pushing(device);
+  ck_assert_msg(until([&] { return pushing.hand().flags == FS_STATE_NOT_HOMED; }), "%u", pushing.hand().flags);
   ck_assert_int_eq(see([](DrdDevice& it) { return it.times_homed; }), 0);
   const std::string homed = answer(device, "home");
   ck_assert_str_eq(homed.c_str(), "the device has homed");
