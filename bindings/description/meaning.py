@@ -41,7 +41,7 @@ UNITS = {
         "N": "force_max",
         "N m": "torque_max",
         "Hz": "rate link_rate controller_rate",
-        "s": "delay controller_delay",
+        "s": "delay controller_delay watchdog",
         "N s/m": "damping controller_damping",
         "kg": "mass",
     },

@@ -13,7 +13,7 @@
 namespace fs::dhd {
 namespace {
 
-constexpr unsigned char watchdog_time = 160;  // in units of 125 us: 20 ms
+constexpr unsigned char watchdog_units = 160;  // in units of 125 us: 20 ms
 constexpr double pose_within = 0.008;         // s, for a pose that is new
 constexpr double ask_again_after = 2e-4;      // s, when the SDK gave a pose a second time
 constexpr double longest_call = 0.003;        // s, for a pose whose time is known well enough to tell a speed by
@@ -104,7 +104,7 @@ Arm::Arm(const Address& address)
   static std::mutex expert_mutex;  // the mode is that of the process
   std::unique_lock expert(expert_mutex);
   api_.dhdEnableExpertMode();
-  has_watchdog_ = api_.dhdSetWatchdog(watchdog_time, id_) >= 0;
+  has_watchdog_ = api_.dhdSetWatchdog(watchdog_units, id_) >= 0;
   measure_mechanism();
   known_devices().measured(session_.serial(), mass_, resolution_);
   api_.dhdDisableExpertMode();
@@ -177,6 +177,7 @@ void Arm::get_info(fs_device_info& out) const {
   out.rate = 1 / period_;
   out.delay = 0.001;
   out.mass = mass_;
+  out.watchdog = has_watchdog_ ? watchdog_units * 125e-6 : -1;
 }
 
 // ------------------------------------------------------------------------------------------------------------------- running

@@ -80,7 +80,10 @@ void Simulator::get_info(fs_device_info& out) const noexcept {
   out.delay = (options_.delay_steps + options_.link_delay_steps) * substep;
   out.damping = damping;
   out.mass = options_.mass;
-  if (link_) out.link_rate = 1 / (options_.link_period_steps * substep);
+  if (link_) {
+    out.link_rate = 1 / (options_.link_period_steps * substep);
+    out.watchdog = fade_after + fade_length;
+  }
   if (options_.link != SimLink::MODEL) return;
   out.controller_rate = 1 / (controller_steps * substep);
   out.controller_delay = options_.delay_steps * substep;

@@ -244,6 +244,7 @@ static fs_status arm_get_info(void *self, fs_device_info *out)
   }
   out->rate = 1000;
   out->delay = DELAY;
+  out->watchdog = WATCHDOG;
   return FS_OK;
 }
 

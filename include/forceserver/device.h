@@ -33,6 +33,8 @@ typedef struct fs_device_info {
   double controller_delay;      /* s from pose to force within that controller, in addition to its period */
   double controller_damping;    /* N s/m, the local damping of that controller, filtered at 100 Hz; the servo adds
                                    none */
+  double watchdog;              /* s, how long after the last command the device itself ends its force, as when the program
+                                   is killed; 0: not known; -1: it has none, so the force stays */
 } fs_device_info;
 FS_DEFINE_INIT(fs_device_info)
 

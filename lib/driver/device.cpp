@@ -61,6 +61,7 @@ void check_info(const fs_device_info& info, const char* scheme) {
   check(info.controller_rate, info.controller_rate == 0 ? 0 : 100, 1e6, "controller_rate");
   check(info.controller_delay, 0, 10, "controller_delay");
   check(info.controller_damping, 0, 1e6, "controller_damping");
+  if (info.watchdog != -1) check(info.watchdog, 0, 10, "watchdog");
 }
 
 Vec3 limited(Vec3 v, uint32_t axes, double max) {

@@ -37,6 +37,7 @@ void describe_machine(DevicePage& page, const std::string& uri) {
 
 void describe_device(DevicePage& page, const Device& device) {
   const fs_device_info info = device.get_info();
+  if (info.watchdog < 0) page.note(Verdict::odd, std::string("it has no watchdog: ") + no_watchdog);
   for (const std::string& line : to_text(info)) page.figure(line.substr(0, 12).c_str(), line.substr(12));
   try {
     page.figure("status", device.control("status").text);

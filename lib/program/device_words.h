@@ -6,6 +6,9 @@
 
 #include "program.h"
 
+// What it means that a device has none.
+inline constexpr const char* no_watchdog = "a force stays when the program is killed, until somebody switches it off";
+
 std::vector<std::string> to_text(const fs_device_info& info);  // a line for each kind of property
 
 std::vector<fs_driver_info> drivers();           // all, by scheme

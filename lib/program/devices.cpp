@@ -26,7 +26,8 @@ Json to_json(const fs_device_info& info) {
           {"link_rate", info.link_rate},
           {"controller_rate", info.controller_rate},
           {"controller_delay", info.controller_delay},
-          {"controller_damping", info.controller_damping}};
+          {"controller_damping", info.controller_damping},
+          {"watchdog", info.watchdog}};
 }
 
 // Opens the device to ask for its properties. If another program has it, or it has gone, lists it with the reason.

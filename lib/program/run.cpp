@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "chatter.h"
+#include "device_words.h"
 #include "ending.h"
 #include "look.h"
 #include "program.h"
@@ -348,6 +349,7 @@ int run(const RunOptions& options) {
   if (!(info.mass > 0)) {
     std::printf("the device does not tell its mass: 0.05 kg is assumed, which bounds slopes and damping\n");
   }
+  if (info.watchdog < 0) std::printf("the device has no watchdog: %s\n", no_watchdog);
   if (server) std::printf("listens at %s\n", full_endpoint(options.listen).c_str());
   std::fflush(stdout);
 

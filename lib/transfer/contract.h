@@ -193,7 +193,7 @@ static_assert(sizeof(fs_motion) == 304);
 static_assert(sizeof(fs_client) == 280);
 static_assert(sizeof(fs_client_view) == 1096);
 static_assert(sizeof(fs_servo_stats) == 184);
-static_assert(sizeof(fs_device_info) == 256);
+static_assert(sizeof(fs_device_info) == 264);
 static_assert(sizeof(fs_tick) == 440);
 static_assert(sizeof(fs_recorded_tick) == 448);
 

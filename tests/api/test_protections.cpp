@@ -540,7 +540,9 @@ START_TEST(bad_infos) {
             {"controller_rate", &fs_device_info::controller_rate, 99},
             {"controller_rate", &fs_device_info::controller_rate, infinite},
             {"controller_delay", &fs_device_info::controller_delay, 11},
-            {"controller_damping", &fs_device_info::controller_damping, -5}};
+            {"controller_damping", &fs_device_info::controller_damping, -5},
+            {"watchdog", &fs_device_info::watchdog, -2},
+            {"watchdog", &fs_device_info::watchdog, 11}};
   for (const auto& c : cases) {
     const fs_device_info good = remote.fake.info;
     remote.fake.info.*c.member = c.value;

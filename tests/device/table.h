@@ -25,11 +25,13 @@ inline std::string table_row(fs_device* device, const char* name) {
   const Servo servo = start_servo(scene.get(), device, options);
   char delay[32];  // ms
   std::snprintf(delay, sizeof delay, info.link_rate > 0 ? "measured" : "%.3g", 1e3 * info.delay);
+  char watchdog[32];  // ms
+  std::snprintf(watchdog, sizeof watchdog, info.watchdog > 0 ? "%.0f" : info.watchdog < 0 ? "none" : "not known", 1e3 * info.watchdog);
   char text[400];
-  std::snprintf(text, sizeof text, "| %s | %.0f, %.0f | %.3g | %s | %s | %s | %s | %.0f | %s | %.0f |", name, 1e3 * info.workspace_radius,
+  std::snprintf(text, sizeof text, "| %s | %.0f, %.0f | %.3g | %s | %s | %s | %s | %.0f | %s | %s | %.0f |", name, 1e3 * info.workspace_radius,
                 1e3 * info.workspace_height, info.force_max, info.force_axes == 3 ? "x y z" : info.force_axes == 2 ? "x y" : "x",
                 info.torque_axes ? known_or_not(info.torque_max, "%.3g").c_str() : "none", known_or_not(info.mass, "%.3g").c_str(),
-                known_or_not(info.damping, "%.3g").c_str(), info.rate, delay, stats_of(scene.get()).max_stiffness);
+                known_or_not(info.damping, "%.3g").c_str(), info.rate, delay, watchdog, stats_of(scene.get()).max_stiffness);
   return text;
 }
 

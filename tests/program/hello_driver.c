@@ -5,7 +5,7 @@
  * exchanged  x and y of the poses are exchanged, and the sign of what becomes y
  * mirrored   z of the poses has the wrong sign
  * backwards  the motors push the other way
- * turned     poses and motors: x and y both with the wrong sign
+ * turned     poses and motors: x and y both with the wrong sign; no watchdog
  * scaled     the poses are 10 times too large
  * deaf       the motors do nothing
  * unready    it is never ready
@@ -50,6 +50,7 @@ static fs_status get_info(void *self, fs_device_info *out)
   out->force_axes = is("forceless") ? 0 : 3;
   out->force_max = is("forceless") ? 0 : 2;
   out->workspace_radius = out->workspace_height = 0.1;
+  if (is("turned")) out->watchdog = -1;
   return FS_OK;
 }
 /* The handle goes where the hand and the motors want it, with 0.5 m/s at most, and ever more slowly: so it does not swing. */

@@ -164,6 +164,7 @@ void UdpConnection::get_info(fs_device_info& out) const {
   fill(out.damping, w.damping);
   fill(out.mass, w.mass);
   fill(out.rate, w.rate);  // a tick for each state
+  out.watchdog = 0.1;
   fill(out.link_rate, w.rate);
   out.delay = clock_.round_trip();
   if (options_.renders_models) {

@@ -133,6 +133,7 @@ void UsbConnection::get_info(fs_device_info& out) const {
   out.resolution = arm_.resolution();
   out.rate = fidel::rate;
   out.delay = 1e-3;  // a frame of the bus; then get_link tells
+  out.watchdog = 0.02;
 }
 
 // ---------------------------------------------------------------------------------------------- reports and commands

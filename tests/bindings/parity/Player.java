@@ -143,7 +143,7 @@ public final class Player implements AutoCloseable {
     give(d.serial());
     give(d.forceAxes(), d.torqueAxes(), d.workspaceRadius(), d.workspaceHeight(), d.workspaceAngle(), d.forceMax(),
         d.torqueMax(), d.resolution(), d.rate(), d.delay(), d.damping(), d.mass(),
-        d.linkRate(), d.controllerRate(), d.controllerDelay(), d.controllerDamping());
+        d.linkRate(), d.controllerRate(), d.controllerDelay(), d.controllerDamping(), d.watchdog());
   }
 
   private void give(DoubleBuffer numbers) {

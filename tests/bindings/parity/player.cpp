@@ -424,7 +424,7 @@ class Player {
       give(d.name), give(d.serial), give(d.force_axes), give(d.torque_axes);
       give(d.workspace_radius), give(d.workspace_height), give(d.workspace_angle), give(d.force_max), give(d.torque_max);
       give(d.resolution), give(d.rate), give(d.delay), give(d.damping), give(d.mass);
-      give(d.link_rate), give(d.controller_rate), give(d.controller_delay), give(d.controller_damping);
+      give(d.link_rate), give(d.controller_rate), give(d.controller_delay), give(d.controller_damping), give(d.watchdog);
     } else if (verb == "devices") {
       std::vector<fs_device_entry> entries(100);
       size_t count = 0;

@@ -308,7 +308,7 @@ class Player:
         d = self.device.get_info() if opened else self.scene.get_device_info()
         self.give(d.name, d.serial, d.force_axes, d.torque_axes, d.workspace_radius, d.workspace_height)
         self.give(d.workspace_angle, d.force_max, d.torque_max, d.resolution, d.rate, d.delay, d.damping, d.mass)
-        self.give(d.link_rate, d.controller_rate, d.controller_delay, d.controller_damping)
+        self.give(d.link_rate, d.controller_rate, d.controller_delay, d.controller_damping, d.watchdog)
 
     def do_devices(self):
         self.give(*(entry.label for entry in fs.devices() if entry.uri == "sim:"))

@@ -416,6 +416,9 @@ START_TEST(firmware_without_a_watchdog) {
   set([](DrdDevice& it) { it.has_watchdog = false; });
   const Device device = opened();
   ck_assert(says(device, "NO WATCHDOG"));
+  fs_device_info info = fs_device_info_init();
+  OK(fs_device_get_info(device.get(), &info));
+  ck_assert_double_eq(info.watchdog, -1);
 }
 END_TEST
 
