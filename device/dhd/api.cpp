@@ -75,7 +75,8 @@ std::string Api::last_error() const {
 }
 
 const Api& load_api(const std::optional<std::string>& library) {
-  constexpr const char* name = "the Force Dimension SDK (libdrd.so.3; device/dhd/README.md tells how to install it)";
+  constexpr const char* name =
+      "the Force Dimension SDK (libdrd.so.3; device/dhd/README.md in the source tells how to install it)";
   static std::mutex mutex;
   static const Api* loaded = nullptr;  // for good: the SDK has threads of its own
   static std::string asked_for;

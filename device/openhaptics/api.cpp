@@ -39,7 +39,7 @@ std::unique_ptr<Api> find_all(const MakerLibrary& library) {
 }
 
 MakerLibrary load(const std::optional<std::string>& library) {
-  constexpr const char* name = "OpenHaptics (libHD.so.3.4; device/openhaptics/README.md tells how to install it)";
+  constexpr const char* name = "OpenHaptics (libHD.so.3.4; device/openhaptics/README.md in the source tells how to install it)";
   const Quiet quiet;
   return library ? MakerLibrary(name, {*library}) : MakerLibrary(name, {"libHD.so.3.4", "libHD.so.3.5", "libHD.so"});
 }

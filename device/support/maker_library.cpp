@@ -15,7 +15,9 @@ MakerLibrary::MakerLibrary(const char* wanted, std::initializer_list<std::string
     const char* const reason = dlerror();
     reasons += (reasons.empty() ? "" : "; ") + std::string(reason ? reason : name.c_str());
   }
-  if (!handle_) refuse(FS_ERROR_NOT_FOUND, "%s cannot be loaded: %s", wanted, reasons.c_str());
+  if (!handle_)
+    refuse(FS_ERROR_NOT_FOUND, "%s cannot be loaded: %s. library=PATH in the address, or LD_LIBRARY_PATH, names another place",
+           wanted, reasons.c_str());
   link_map* map = nullptr;
   if (dlinfo(handle_, RTLD_DI_LINKMAP, &map) == 0 && map) path_ = map->l_name;
 }

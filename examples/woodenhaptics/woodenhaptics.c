@@ -20,6 +20,7 @@
 #include <string.h>
 #include <sys/file.h>
 #include <sys/ioctl.h>
+#include <sys/stat.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -31,6 +32,7 @@ static const double CURRENT_MAX = 3;        /* A, of a motor; the firmware gives
 static const double COUNTS_MAX = 200;       /* a millisecond: the arm would turn by 40 rad/s */
 static const int DOUBTS_MAX = 10;           /* reports one after the other that cannot be true */
 static const int FIRST = 5;                 /* reports after opening: the device may have had some ready for long */
+static const double WATCHDOG = 0.5;         /* s: then the firmware switches the motors off */
 static const double DELAY = 0.002;          /* s: a report waits 1 ms for the bus on each way, 0.5 ms on average, and the
                                                firmware looks for a new one once a ms */
 
@@ -180,11 +182,13 @@ static fs_status read_address(char *address, char **config_path, int *is_homed)
 static fs_status open_node(arm *it, const char *node)
 {
   struct hidraw_devinfo id;
+  struct stat info;
   it->fd = open(node, O_RDWR | O_NONBLOCK | O_CLOEXEC | O_NOCTTY);
   if (it->fd < 0) {
     if (errno == EACCES) return refuse(FS_ERROR_DENIED, "%s may not be opened by this user: a udev rule is needed (README.md, step 1)", node);
     return refuse(errno == ENOENT || errno == ENODEV ? FS_ERROR_NOT_FOUND : FS_ERROR_IO, "%s: %s", node, strerror(errno));
   }
+  if (fstat(it->fd, &info) || !S_ISCHR(info.st_mode)) return refuse(FS_ERROR_INVALID, "%s is no device, must be a node of hidraw", node);
   if (flock(it->fd, LOCK_EX | LOCK_NB)) return refuse(FS_ERROR_IO, "%s is in use by another program, or by this one", node);
   if (ioctl(it->fd, HIDIOCGRAWINFO, &id) == 0 && ((id.vendor & 0xffff) != VENDOR || (id.product & 0xffff) != PRODUCT))
     return refuse(FS_ERROR_NOT_FOUND, "%s is the device %04x:%04x, must be %04x:%04x; see /sys/class/hidraw/*/device/uevent", node,

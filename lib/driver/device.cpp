@@ -26,7 +26,7 @@ const fs_driver& driver_of(const char* uri) {
   if (scheme.empty()) fail(FS_ERROR_INVALID, "device '%s' has no scheme, such as sim: or falcon:0", uri);
   if (const fs_driver* driver = find_driver(scheme)) return *driver;
   std::string schemes;
-  for (const fs_driver* driver : all_drivers()) schemes += (schemes.empty() ? "" : ", ") + std::string(driver->scheme);
+  for (const std::string& known : all_schemes()) schemes += (schemes.empty() ? "" : ", ") + known;
   fail(FS_ERROR_NOT_FOUND, "device '%s': there is no driver '%s', and no module %s/%s.so; the drivers are: %s", uri,
        scheme.c_str(), module_folder().c_str(), scheme.c_str(), schemes.empty() ? "none" : schemes.c_str());
 }

@@ -182,6 +182,14 @@ std::vector<const fs_driver*> all_drivers() {
   return drivers;
 }
 
+std::vector<std::string> all_schemes() {
+  std::vector<std::string> schemes = module_schemes();
+  for (const fs_driver* const driver : all_drivers()) schemes.emplace_back(driver->scheme);
+  std::sort(schemes.begin(), schemes.end());
+  schemes.erase(std::unique(schemes.begin(), schemes.end()), schemes.end());
+  return schemes;
+}
+
 std::vector<fs_driver_info> list_drivers() {
   std::vector<fs_driver_info> out;
   const auto tell = [&](const std::string& scheme, const std::string& path, const std::string& trouble) {

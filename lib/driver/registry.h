@@ -24,6 +24,7 @@ std::string module_folder();
 // module that cannot be loaded.
 const fs_driver* find_driver(const std::string& scheme);
 std::vector<const fs_driver*> all_drivers();  // that are registered, in order of their schemes
+std::vector<std::string> all_schemes();       // of these and of the modules that are not loaded yet, in order
 
 // Loads all modules, and tells for each driver where it is from, or why it cannot be used.
 std::vector<fs_driver_info> list_drivers();

@@ -292,9 +292,15 @@ int check_scene(const CheckOptions& options) {
   if (count == 0) findings.add("", "it is empty");
   if (frame.force_scale == 0) findings.add("", "its force_scale is 0, so nothing is felt");
   const fs_quat& q = frame.pose.orientation;
-  const fs_vec3 centre = rotate({q.w, -q.x, -q.y, -q.z}, frame.pose.position);
-  const double radius = std::hypot(info.workspace_radius, info.workspace_height / 2) * frame.scale + tool_length;
-  const Workspace workspace = {{-centre.x * frame.scale, -centre.y * frame.scale, -centre.z * frame.scale}, radius};
+  const fs_quat to_scene = {q.w, -q.x, -q.y, -q.z};
+  const fs_vec3 centre = rotate(to_scene, frame.pose.position);
+  const double cylinder_radius = info.workspace_radius * frame.scale, half_height = info.workspace_height / 2 * frame.scale;
+  const Workspace workspace = {{-centre.x * frame.scale, -centre.y * frame.scale, -centre.z * frame.scale},
+                               rotate(to_scene, {0, 0, 1}),
+                               cylinder_radius,
+                               half_height,
+                               tool_length,
+                               std::hypot(cylinder_radius, half_height) + tool_length};
   const Surroundings around = {workspace, info, frame.force_scale, tool.size()};
   for (const fs_report& report : reports) {
     const forceserver::Object object = scene.object_get(report.name);

@@ -260,6 +260,17 @@ void check_pull(const fs_object& object, const Distances& range, double force_ma
                least, metres(from).c_str());
 }
 
+// Finds a plane that has the whole workspace behind it, and so pushes the hand wherever it is. One that is the same on both sides
+// is meant so.
+void check_behind(const fs_object& object, const Sides& distances, Findings& findings) {
+  if (object.primitive != FS_PRIMITIVE_PLANE || distances.front.least <= distances.front.most) return;
+  if (object.front.kind != FS_PROFILE_NONE && object.back.kind <= FS_PROFILE_CONSTANT) return;
+  const double force = most(object.back, distances.back);
+  if (force <= faint || distances.back.least <= 0) return;
+  findings.add(object.name, "the hand is behind it wherever it is, by %s at least: it is pushed with up to %.3g N all the time",
+               metres(distances.back.least).c_str(), force);
+}
+
 }  // namespace
 
 Sides distances_of(const fs_object& object, const Workspace& workspace) {
@@ -269,7 +280,10 @@ Sides distances_of(const fs_object& object, const Workspace& workspace) {
   const fs_vec3 centre = rotate(inverse.orientation, minus(workspace.centre, object.pose.position));
   const Distances never = {1, 0};
   if (object.primitive == FS_PRIMITIVE_PLANE) {
-    const double lowest = centre.z - workspace.radius, highest = centre.z + workspace.radius;
+    const double along = rotate(inverse.orientation, workspace.axis).z;  // the cosine between its normal and the axis
+    const double half = workspace.cylinder_radius * std::sqrt(std::fmax(0, 1 - along * along)) +
+                        workspace.half_height * std::abs(along) + workspace.tool_length;
+    const double lowest = centre.z - half, highest = centre.z + half;
     return {highest > 0 ? Distances{std::max(0.0, lowest), highest} : never,
             lowest < 0 ? Distances{std::max(0.0, -highest), -lowest} : never};
   }
@@ -288,6 +302,7 @@ Sides distances_of(const fs_object& object, const Workspace& workspace) {
 }
 
 void check_forces(const fs_object& object, const Sides& distances, double force_max, Findings& findings) {
+  check_behind(object, distances, findings);
   check_jumps(object, distances, findings);
   check_time(object.name, object.front, distances.front, findings);
   check_time(object.name, object.back, distances.back, findings);

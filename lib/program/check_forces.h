@@ -7,9 +7,10 @@
 
 inline constexpr double faint = 1e-3;  // N: nobody feels a smaller force
 
-struct Workspace {  // of the device, in scene metres
-  fs_vec3 centre;
-  double radius;  // of the sphere around the device's cylinder
+struct Workspace {  // of the tool on the device, in scene metres: the device's cylinder, and as much more as the tool is long
+  fs_vec3 centre, axis;
+  double cylinder_radius, half_height, tool_length;
+  double radius;  // of the sphere around all that
 };
 
 // The range of distances between one side of an object and the hand, m. If the hand never comes to this side, `least`

@@ -8,7 +8,7 @@
 namespace {
 
 std::vector<std::string> table(const std::vector<fs_client>& list, double now) {
-  Table table({"client", "process", "user", "objects", "force N", "moves", "changes", "refused", "limited", "shapes MB",
+  Table table({"client", "process", "user", "objects", "wants N", "moves", "changes", "refused", "limited", "shapes MB",
                "since s"});
   for (const fs_client& c : list) {
     table.add({c.name, std::to_string(c.process), user_name(c.user), std::to_string(c.objects),

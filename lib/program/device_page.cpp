@@ -66,12 +66,18 @@ bool DevicePage::has(Verdict verdict) const {
   return std::any_of(noted_.begin(), noted_.end(), [&](const Noted& noted) { return noted.verdict == verdict; });
 }
 
+void DevicePage::leave_out(const char* label, const std::string& why) {
+  figure(label, why);
+  ++left_out_;
+}
+
 void DevicePage::finish() {
   const auto count = [&](Verdict verdict) {
     return std::count_if(noted_.begin(), noted_.end(), [&](const Noted& noted) { return noted.verdict == verdict; });
   };
-  print(format("\n## Result\n\n%td passed, %td odd, %td failed\n", count(Verdict::passed), count(Verdict::odd),
-               count(Verdict::failed)));
+  print(format("\n## Result\n\n%td passed, %td odd, %td failed", count(Verdict::passed), count(Verdict::odd),
+               count(Verdict::failed)) +
+        (left_out_ ? format("; steps that were left out: %d\n", left_out_) : "\n"));
   for (const Noted& noted : noted_) {
     if (noted.verdict != Verdict::passed) print(format("%-6s  ", word(noted.verdict)) + noted.sentence + "\n");
   }

@@ -32,6 +32,7 @@ class DevicePage {
   void expect(bool holds, Verdict otherwise, const std::string& sentence);
   void note(Verdict verdict, const std::string& sentence);
   void text(const std::string& paragraph);
+  void leave_out(const char* label, const std::string& why);  // of a step that is not done
   void finish();
   bool has(Verdict verdict) const;
 
@@ -46,6 +47,7 @@ class DevicePage {
   void print(const std::string& text);
 
   std::vector<Noted> noted_;
+  int left_out_ = 0;  // steps
   std::unique_ptr<FILE, Close> report_;
   std::string path_;  // of the report
 };

@@ -36,8 +36,8 @@ std::vector<std::string> to_text(const fs_device_info& info) {
   lines.push_back("resolution  " + (info.resolution > 0 ? format("%.3g um", info.resolution * 1e6) : "exact, or not known"));
   lines.push_back("moving      " + (info.mass > 0 ? format("%g kg", info.mass) : "mass unknown") +
                   (info.damping > 0 ? format(", %g N s/m of damping", info.damping) : ", damping unknown"));
-  lines.push_back("watchdog    " + (info.watchdog > 0 ? "the device itself ends its force " + milliseconds(info.watchdog) +
-                                                           " after the last command"
+  lines.push_back("watchdog    " + (info.watchdog > 0   ? "the device itself ends its force " + milliseconds(info.watchdog) +
+                                                              " after the last command"
                                     : info.watchdog < 0 ? std::string("NONE: ") + no_watchdog
                                                         : "not known: who kills the program may have to switch the device off"));
   if (info.link_rate > 0) lines.push_back(format("link        %g times a second", info.link_rate));

@@ -114,7 +114,7 @@ class Hello {
     step("The buttons", [&] { test_buttons(); });
     if (info_.force_axes == 0) {
       page_.heading("The force");
-      page_.figure("not tried", "the device has no force");
+      page_.leave_out("not tried", "the device has no force");
       return;
     }
     const ForceEnding ending;
@@ -122,13 +122,13 @@ class Hello {
       step(format("A force of %g N along each axis", force_), [&] { test_force(ending); });
       if (pushes_.size() < 2 * info_.force_axes) {
         page_.heading("A soft ball, and the stop");
-        page_.figure("not tried", "the force along each axis was not tried before");
+        page_.leave_out("not tried", "the force along each axis was not tried before");
       } else if (may_be_rendered(moves_, pushes_) && scales_.empty()) {
         step(format("A soft ball of %g N", force_), [&] { test_ball(ending); });
         step("The stop", [&] { test_stop(ending); });
       } else {
         page_.heading("A soft ball, and the stop");
-        page_.figure("not tried", "the poses or the forces are wrong, so what a servo renders may push anywhere");
+        page_.leave_out("not tried", "the poses or the forces are wrong, so what a servo renders may push anywhere");
       }
     } catch (...) {
       device_.reset();  // its force is 0 before a signal counts again
@@ -142,7 +142,7 @@ class Hello {
     try {
       f();
     } catch (const Skipped&) {
-      page_.figure("skipped", "by the person");
+      page_.leave_out("skipped", "by the person");
     } catch (const StepOver& over) {
       page_.note(Verdict::failed, over.why);
     }

@@ -38,7 +38,7 @@ std::vector<std::string> head(const Look& now, const Look& before) {
   const Ticks ticks = ticks_of(now, before);
   using Count = unsigned long long;
   std::vector<std::string> lines;
-  lines.push_back(format("%s  %s, at most %g N  %s", now.endpoint.c_str(), now.device.name, now.device.force_max,
+  lines.push_back(format("%s  %s, which can give %g N  %s", now.endpoint.c_str(), now.device.name, now.device.force_max,
                          time_of_day().c_str()));
   lines.push_back(format("hand   %7.1f %7.1f %7.1f mm, %.0f mm/s%s", x.x * 1e3, x.y * 1e3, x.z * 1e3, length(v) * 1e3,
                          now.hand.flags & FS_STATE_READY ? "" : "; NOT READY"));
@@ -57,7 +57,7 @@ std::vector<std::string> head(const Look& now, const Look& before) {
 }
 
 std::vector<std::string> client_lines(const Look& now, const Look& before) {
-  Table table({"client", "objects", "force N", "moves/s", "changes/s", "refused", "limited"});
+  Table table({"client", "objects", "wants N", "moves/s", "changes/s", "refused", "limited"});
   for (const fs_client& client : now.clients) {
     const Rates rates = rates_of(client, now, before);
     table.add({client.name, std::to_string(client.objects), format("%.2f", length(client.wrench.force)), rate(rates.moves),

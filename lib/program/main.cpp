@@ -163,7 +163,8 @@ const char* const request_help = R"(examples:
   forceserver request falcon:0 lights=green
 
 The requests of a device are on the page of its driver. The answer is printed, and the device is
-closed: what counts only while it is open, such as "home", is for `test-device --request`.)";
+closed. What counts only while it is open, such as "home" of a device whose encoders count from where
+they are when it is opened, is for `test-device --request` and `hello-device --request`.)";
 
 // The usage line of the help. To CLI11 every word is optional, since need() asks for it in a better sentence.
 class Usage : public CLI::Formatter {

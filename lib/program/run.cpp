@@ -113,9 +113,12 @@ const char* realtime_name(fs_realtime realtime) {
     case FS_REALTIME_FIFO_LOCKED: return "real-time priority (FIFO) and locked memory";
     case FS_REALTIME_FIFO: return "real-time priority (FIFO), memory not locked";
     case FS_REALTIME_NICE: return "a better nice value, no real-time priority";
-    default: return "nothing: an ordinary thread, which the system may keep waiting";
+    default:
+      return "nothing: an ordinary thread, which the system may keep waiting (rtprio in /etc/security/limits.d grants more)";
   }
 }
+
+const char* const nothing = "nothing";
 
 // The objects that are felt most, with their forces.
 std::string felt(const Scene& scene) {
@@ -128,7 +131,7 @@ std::string felt(const Scene& scene) {
     if (force < 0.01 || names.size() == 3) break;
     names.push_back(format("%s %.2f N", report.name, force));
   }
-  return join(names, "nothing");
+  return join(names, nothing);
 }
 
 // Which object shakes the hand: the one whose force changed most in the last swings; where none did, the nearest.
@@ -272,6 +275,7 @@ void print_line(const Scene& scene, double time, const std::string& listen, bool
   std::string line = format("%.1f s  %.0f Hz, late by %.0f us (p99), force %.2f N; felt%s: ", time, stats.rate,
                             stats.late_p99 * 1e6, length(sent.force), !listen.empty() ? " of its own objects" : "") +
                      felt(scene);
+  if (line.ends_with(nothing) && length(sent.force) > 0.05) line += "; the servo damps the hand a little";
   if (stats.faults) line += "; STOPPED: " + fault_names(stats.faults);
   if (!stats.enabled) {
     line += std::string("; a client stopped the force: ") + (asks ? "Enter, or `" : "`") + "forceserver resume " + listen +
@@ -304,7 +308,8 @@ void print_summary(const fs_servo_stats& s, double seconds, std::uint32_t faults
   std::printf("compute p50 %.1f us, p99 %.1f us, max %.1f us\n", s.compute_p50 * 1e6, s.compute_p99 * 1e6, s.compute_max * 1e6);
   if (std::isfinite(s.max_stiffness)) std::printf("slopes up to %.0f N/m, ", s.max_stiffness);
   std::printf("local damping %.1f N s/m, energy given to the hand %.3g J; ", s.damping, s.energy);
-  if (s.guarded == 0) std::printf("no force was changed by a limit, a fault or a stop\n");
+  if (s.guarded == 0 && faults) std::printf("there was no force that a limit, a fault or a stop could change\n");
+  else if (s.guarded == 0) std::printf("no force was changed by a limit, a fault or a stop\n");
   else std::printf("a limit, a fault or a stop changed the force of %llu ticks\n", Count(s.guarded));
   std::printf("faults: %s\n", fault_names(faults).c_str());
   std::printf("the system granted: %s\n", realtime_name(s.realtime));

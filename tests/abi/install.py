@@ -7,9 +7,11 @@ import os
 import pathlib
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 
 build, cmake, generator, c, cxx, library_folder = sys.argv[1:7]
 
@@ -81,17 +83,31 @@ with tempfile.TemporaryDirectory() as temporary:
         run(user / "build" / program)
 
     # Each is built by the page's own CMakeLists.txt, and says where the hand is.
-    for name, page, count in [("front", FRONT, 1), ("page", PAGE, 10)]:
+    first = block(PAGE, "c", "#include")
+    asking = first.replace("int main", block(PAGE, "c", "static void why") + "\nint main").replace(
+        "  fs_servo_stop", "  why(scene, device);\n  fs_servo_stop")
+    for name, page, source, count in [("front", FRONT, block(FRONT, "c", "#include"), 1), ("page", PAGE, first, 10),
+                                      ("why", PAGE, asking, 11)]:
         hello = folder / name
         hello.mkdir()
-        (hello / "hello.c").write_text(block(page, "c", "#include"))
+        (hello / "hello.c").write_text(source)
         (hello / "CMakeLists.txt").write_text(block(PAGE, "cmake", "cmake_minimum_required"))
         run(cmake, "-S", hello, "-B", hello / "build", "-G", generator, f"-DCMAKE_PREFIX_PATH={prefix}",
             f"-DCMAKE_C_COMPILER={c}")
         run(cmake, "--build", hello / "build")
         lines = run(hello / "build" / "hello").splitlines()
+        if name == "why" and lines[-1] == "FIDEL (simulated): ready":
+            lines[-1] = "the hand is at"
         if len(lines) != count or not all("the hand is at" in line for line in lines):
             print(f"the first program of {page} prints something else")
+            sys.exit(1)
+    for number in [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]:  # it ends early, and in its own way
+        ended = subprocess.Popen([folder / "page/build/hello"], stdout=subprocess.PIPE)
+        time.sleep(0.5)
+        ended.send_signal(number)
+        lines = ended.communicate(timeout=60)[0].splitlines()
+        if ended.returncode != 0 or len(lines) >= 10:
+            print(f"the first program of {PAGE} ends with {ended.returncode} at signal {number}, after {len(lines)} lines")
             sys.exit(1)
 
     libraries = prefix / library_folder

@@ -230,6 +230,8 @@ START_TEST(what_cannot_be_opened_says_why) {
   expect(FS_ERROR_INVALID, node + with_config + "&speed=2", "'speed=2' is not known");
   expect(FS_ERROR_NOT_FOUND, node + "?config=/no/such/file", "/no/such/file");
   expect(FS_ERROR_NOT_FOUND, "/no/such/node" + with_config, "/no/such/node");
+  std::ofstream(it.folder / "file") << "no device";
+  expect(FS_ERROR_INVALID, (it.folder / "file") + with_config, "is no device");
 
   std::ifstream original(WOODENHAPTICS_CONFIG);
   const std::string text{std::istreambuf_iterator<char>(original), {}};

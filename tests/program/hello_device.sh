@@ -140,7 +140,7 @@ expect scaled 1 'its scale is wrong by a factor of (9\.|10)' '^The poses are .* 
 expect deaf 1 '^The forces are wrong: nothing comes out along \+x, \+y, \+z, -x, -y, -z.'
 expect unready 1 '^odd     it is not ready: it is not homed' '^odd     the steps at the handle were not tried'
 expect lost 1 '^FAILED  the device failed here: .*the cable is out$'
-expect forceless 0 '^    not tried   the device has no force$'
+expect forceless 0 '^    not tried   the device has no force$' ' 0 failed; steps that were left out: 1$'
 expect weak 2 '^forceserver: --force is 2.5 N, and the device gives 2 N at most$'
 expect sloppy 0 '^That is no answer. Enter: it is there; or a number: ' '^    skipped     by the person$'
 expect ruler 1 '^FAILED  a move to the right: .*: its scale is wrong by a factor of 1\.[4-8]'

@@ -379,9 +379,13 @@ fine '"primitive": "plane", "front": {"kind": "constant", "gain": 2, "limit": 2}
 odd 'its force is 0 wherever the hand gets$' \
   '"primitive": "point", "front": {"kind": "custom", "gain": 0, "limit": 5, "curve": "pulse"}'
 # A back that the hand never comes to is not felt. A point that pulls with half of the device's force is odd.
-odd 'the hand cannot get to the side on which it is felt: it is at least 2\.82 m of the scene away from the device' \
+odd 'the hand cannot get to the side on which it is felt: it is at least 2\.9 m of the scene away from the device' \
   '"primitive": "plane", "pose": {"position": [0, 0, -3]}, "back": {'"$spring"'}'
-fine '"primitive": "plane", "pose": {"position": [0, 0, 3]}, "back": {'"$spring"'}'
+odd 'the hand is behind it wherever it is, by 2\.9 m at least: it is pushed with up to [0-9.]+ N all the time' \
+  '"primitive": "plane", "pose": {"position": [0, 0, 3]}, "back": {'"$spring"'}'
+odd 'the hand is behind it wherever it is, by 10 mm at least: it is pushed with up to 2 N' \
+  '"primitive": "plane", "pose": {"position": [0, 0, 0.11]}, "back": {'"$spring"'}'
+fine '"primitive": "plane", "pose": {"position": [0, 0, 0.11], "orientation": [0.7071, 0.7071, 0, 0]}, "back": {'"$spring"'}'
 odd 'it pulls the hand with 12\.[0-9]+ N or more from everywhere beyond 12\.[0-9]+ mm: give it a smaller limit' \
   '"primitive": "point", "front": {"kind": "linear_increasing", "gain": 1000, "limit": 25}'
 # The steepest slope, and what the servo renders while nobody holds the device: (1 + 5) N s/m divided by 1 ms, or half of what
