@@ -53,7 +53,7 @@ enum {
  *
  * There are two kinds of driver. One has `receive` and `send`, which may wait for the device: for nearly all real devices. The
  * library calls them in a thread of its own, again and again: receive, then send with the force for that state, or with 0 when
- * no servo has given a force for 20 ms. A servo's tick begins when receive has given a state, so the force that is sent answers
+ * no servo has given a force for 25 ms and a period. A servo's tick begins when receive has given a state, so the force that is sent answers
  * the newest state. Where nothing comes, the servo ticks by its clock. A driver that hangs holds up neither the servo nor its
  * stop; closing its device then takes up to a second, and at the end of the process all hanging devices together take up to a
  * second. As long as it hangs nothing is sent, so only the device's own watchdog ends the force that it has. When receive or

@@ -136,11 +136,11 @@ void fs_device::close(double deadline) noexcept {
   is_closed_ = true;
 }
 
-void fs_device::acquire(int priority, bool has_thread) {
+void fs_device::acquire(int priority, bool has_thread, double period) {
   if (!is_of_this_process()) fs::fail(FS_ERROR_STATE, "device was opened by the parent of this process; open it here");
   const std::lock_guard lock(mutex);
   if (owned_.exchange(true)) fs::fail(FS_ERROR_STATE, "device has a servo already; stop it first");
-  if (thread_) thread_->begin_servo(priority, has_thread);
+  if (thread_) thread_->begin_servo(priority, has_thread, period);
 }
 
 void fs_device::release_ownership() noexcept {

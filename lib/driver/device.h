@@ -26,8 +26,8 @@ struct fs_device : fs::Counted<fs_device> {
 
   // The owner, if any, is a servo. fs_device_read and fs_device_write are refused while the device has an owner: they
   // hold `mutex` from the test of is_owned to the end of the call, and acquire waits for a call under way.
-  // priority, has_thread: of the servo, see DriverThread::begin_servo.
-  void acquire(int priority, bool has_thread);  // throws STATE
+  // priority, has_thread, period: of the servo, see DriverThread::begin_servo.
+  void acquire(int priority, bool has_thread, double period);  // throws STATE
   void release_ownership() noexcept;            // also ends a silence
   bool is_owned() const noexcept { return owned_.load(std::memory_order_acquire); }
 

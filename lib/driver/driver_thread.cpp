@@ -18,7 +18,9 @@
 namespace fs {
 namespace {
 
-constexpr double command_age = 0.02;    // s, after which the force of a servo counts no more
+// s: a period and so much after a tick its force counts no more. That is later than the 20 ms of the guard, so that a servo whose
+// force has been dropped knows of the pause, and begins again by the ramp.
+constexpr double command_age = 0.025;
 constexpr double shortest_cycle = 5e-5; // s: a driver that does not wait must not take a whole processor
 constexpr double retry_after = 0.5;     // s, between two tries to open a device that was lost
 constexpr double zero_within = 0.06;    // s: a receive and a send, or more
@@ -256,7 +258,7 @@ fs_status DriverThread::send(void* self, const Command& command) noexcept {
 DriverThread::Command DriverThread::present() const noexcept {
   Command command;
   if (!command_.read(command)) return {};
-  const bool is_present = command.is_lasting || (command.bad_seen == bad_ && steady_now() - command.time <= command_age);
+  const bool is_present = command.is_lasting || (command.bad_seen == bad_ && steady_now() - command.time <= command_age + servos_period_);
   if (is_present && command.number != forgotten_) return command;
   Command none;
   none.number = command.number;
@@ -317,7 +319,8 @@ fs_status DriverThread::get_link(fs_link& out) noexcept {
   return std::exchange(links_seen_, measured) != measured && link_.read(out) ? FS_OK : FS_ERROR_UNSUPPORTED;
 }
 
-void DriverThread::begin_servo(int priority, bool may_lend) noexcept {
+void DriverThread::begin_servo(int priority, bool may_lend, double period) noexcept {
+  servos_period_ = period;
   priority_ = priority > 1 ? priority - 1 : priority;  // below the servo's
   has_servo_ = true;
   may_lend_ = may_lend && (driver_.flags & FS_DRIVER_IN_SERVO);

@@ -41,15 +41,15 @@ class DriverThread final : public Counted<DriverThread> {
   // the last call, an error or a state that is not ready, even if a good state has followed: so its force begins again by the ramp.
   fs_status read(fs_state& out) noexcept;
   // [rt] What is to be sent from now on; the status is that of the newest send. is_lasting: it counts until the next call,
-  // otherwise for 20 ms.
+  // otherwise for 25 ms and a period of the servo.
   fs_status write(const fs_wrench& wrench, bool is_lasting) noexcept;
   fs_status write_model(const fs_model& model) noexcept;
   // Sends 0, and waits until that is done, for 60 ms at most.
   fs_status write_zero() noexcept;
 
   // A servo has the device from begin_servo to end_servo. priority: its thread's, of SCHED_FIFO; negative: an ordinary thread.
-  // may_lend: it has a thread, which calls await_state.
-  void begin_servo(int priority, bool may_lend) noexcept;
+  // may_lend: it has a thread, which calls await_state. period: of its ticks, s.
+  void begin_servo(int priority, bool may_lend, double period) noexcept;
   void end_servo() noexcept;
   // [rt] Called by the servo's thread between two ticks: waits until a state that was not read yet has come, but not before
   // `soonest`, and not beyond `latest` (s, monotonic clock). Returns the time at which the next tick was due, which is `usual` where no
@@ -116,6 +116,7 @@ class DriverThread final : public Counted<DriverThread> {
 
   std::atomic<bool> has_servo_{false}, may_lend_{false};
   std::atomic<int> priority_{-1};
+  std::atomic<double> servos_period_{0};  // s
   std::atomic<uint32_t> owner_{thread_has}, is_ending_{0}, has_ended_{0};
 
   // Who has the driver uses these.

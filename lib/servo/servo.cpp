@@ -32,7 +32,7 @@ fs_servo::fs_servo(Ref<LocalScene> scene, Ref<Device> device, const ServoSetting
       guard_(with_loop(settings.limits, settings.first)), loop_now_(settings.first), model_stiffness_(loop_now_.model_stiffness),
       record_(static_cast<size_t>(std::ceil(record_length * settings.rate))),
       loop_(settings.loop, settings.first, device_->info()) {
-  device_->acquire(settings.priority, settings.mode == FS_SERVO_THREAD);
+  device_->acquire(settings.priority, settings.mode == FS_SERVO_THREAD, period_);
   try {
     channels_.start(make_ref<Channel>(*this, settings_.spread, period_, scene_, Channel::Limits{}, true, Channel::Owner{"", 0}));
     guard_process_end();

@@ -91,6 +91,31 @@ END_TEST
 START_TEST(the_servos_thread_calls_the_driver) { force_answers_its_state(FS_DRIVER_IN_SERVO, "inservo"); }
 END_TEST
 
+// After a pause of any length the force is still there, or has ended and begins again by the ramp.
+START_TEST(no_pause_makes_a_step) {
+  WaitingDevice device("pausing");
+  device.on_state = aside;
+  Loop loop(device, FS_SERVO_CALLER, 0);
+  const auto step = [&](double after) {
+    std::this_thread::sleep_for(std::chrono::duration<double>(after));
+    require(fs_servo_step(loop.servo.get(), 1), "fs_servo_step");
+  };
+  for (double pause = 0.018; pause < 0.034; pause += 4e-4) {
+    for (Patience patience; patience.lasts() && !pushes(device);) step(5e-4);
+    step(pause);
+  }
+  int ends = 0;
+  double last = 0;
+  for (const WaitingDevice::Sent& sent : device.sent()) {
+    const double force = norm(sent.wrench.force);
+    ck_assert_msg(force < last + 0.2, "%g N, and then %g N", last, force);
+    ends += force == 0 && last > 0.9;
+    last = force;
+  }
+  ck_assert_int_gt(ends, 5);
+}
+END_TEST
+
 START_TEST(a_driver_in_the_servo_is_lent_and_given_back) {
   WaitingDevice device("lent", FS_DRIVER_IN_SERVO);
   device.on_state = aside;
@@ -129,7 +154,7 @@ START_TEST(slow_and_fast_states) {
 }
 END_TEST
 
-START_TEST(a_force_ends_20_ms_after_the_last_tick) {
+START_TEST(a_force_ends_soon_after_the_last_tick) {
   WaitingDevice device("fading");
   device.on_state = aside;
   Loop loop(device, FS_SERVO_CALLER);
@@ -540,9 +565,10 @@ int main() {
   tcase_set_timeout(tests, 120);
   tcase_add_test(tests, a_state_paces_the_servo);
   tcase_add_test(tests, the_servos_thread_calls_the_driver);
+  tcase_add_test(tests, no_pause_makes_a_step);
   tcase_add_test(tests, a_driver_in_the_servo_is_lent_and_given_back);
   tcase_add_test(tests, slow_and_fast_states);
-  tcase_add_test(tests, a_force_ends_20_ms_after_the_last_tick);
+  tcase_add_test(tests, a_force_ends_soon_after_the_last_tick);
   tcase_add_test(tests, what_is_written_without_a_servo_stays);
   tcase_add_test(tests, a_hang_holds_up_nobody);
   tcase_add_test(tests, a_broken_promise_holds_up_no_stop);
