@@ -91,7 +91,7 @@ fs_status on_device(fs_device* device, F&& f) {
     std::string sentence;
     const fs_status status = call_driver(f, sentence);
     if (status == FS_OK) return;
-    if (sentence.empty()) sentence = device->trouble().of(status);
+    if (sentence.empty()) sentence = device->newest_trouble().of(status);
     if (sentence.empty()) sentence = fs_status_name(status);
     fail(status, "the device %s: %s", device->info().name, sentence.c_str());
   });

@@ -254,14 +254,14 @@ void fs_device::control(const char* request, fs_answer& out) {
   if (has_ended_) fs::fail(FS_ERROR_STATE, "the process is ending, and the device with it");
   const std::shared_ptr<fs::Opened> opened = thread_ ? thread_->device() : opened_;
   if (!opened) {
-    const std::string why = trouble().of(FS_ERROR_DISCONNECTED);
+    const std::string why = newest_trouble().of(FS_ERROR_DISCONNECTED);
     fs::fail(FS_ERROR_DISCONNECTED, "the device is not connected%s%s", why.empty() ? "" : ": ", why.c_str());
   }
   fs::ask_driver(driver_, "control", [&] { return driver_.control(opened->self(), request, out.text, sizeof out.text); });
   out.text[sizeof out.text - 1] = 0;
 }
 
-fs::Trouble fs_device::trouble() const { return thread_ ? thread_->trouble() : fs::Trouble{}; }
+fs::Trouble fs_device::trouble(uint32_t number) const { return thread_ ? thread_->trouble(number) : fs::Trouble{}; }
 
 double fs_device::await_tick(double next, double period) noexcept {
   if (thread_) return thread_->await_state(next - period / 8, next, next + period / 2);

@@ -69,7 +69,9 @@ struct fs_device : fs::Counted<fs_device> {
 
   // Throws UNSUPPORTED, or what the driver says. out: all zeros.
   void control(const char* request, fs_answer& out);
-  fs::Trouble trouble() const;  // why the driver failed last, or a lost device does not come back
+  fs::Trouble trouble(uint32_t number) const;  // of DriverThread
+  fs::Trouble newest_trouble() const { return trouble(troubles()); }
+  uint32_t troubles() const noexcept { return thread_ ? thread_->troubles() : 0; }  // [rt]
 
   // What the driver measures of its link, unchecked; UNSUPPORTED: nothing new, or the device is silent. Called by one thread beside
   // the one that has the turn.

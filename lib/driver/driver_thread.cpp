@@ -189,7 +189,7 @@ void DriverThread::reconnect() noexcept {
   }
   {
     const std::lock_guard lock(mutex_);
-    trouble_ = trouble;
+    tell(std::move(trouble));
   }
 }
 
@@ -213,7 +213,7 @@ fs_status DriverThread::call(F&& f, fs_status usual) noexcept {
   if (status == FS_OK || status == usual) return status;
   try {
     Trouble trouble{status, last_error()};
-    if (const std::unique_lock lock(mutex_, std::try_to_lock); lock) std::swap(trouble_, trouble);
+    if (const std::unique_lock lock(mutex_, std::try_to_lock); lock) tell(std::move(trouble));
   } catch (...) {  // there is no memory
   }
   return status;
@@ -368,9 +368,18 @@ void DriverThread::give_back(bool is_for_good) noexcept {
   change(owner_, thread_has);
 }
 
-Trouble DriverThread::trouble() const {
+void DriverThread::tell(Trouble trouble) noexcept {
+  const uint32_t told = troubles_told_.load(std::memory_order_relaxed);
+  troubles_[told % troubles_.size()] = std::move(trouble);
+  troubles_told_.store(told + 1, std::memory_order_release);
+}
+
+Trouble DriverThread::trouble(uint32_t number) const {
   const std::lock_guard lock(mutex_);
-  return trouble_;
+  const uint32_t told = troubles();
+  if (told == 0 || number == 0) return {};
+  if (told - number >= troubles_.size()) number = told;
+  return troubles_[(number - 1) % troubles_.size()];
 }
 
 }  // namespace fs

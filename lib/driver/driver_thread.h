@@ -10,6 +10,7 @@
 //   servo's thread:   receive -> newest_ -> tick: read newest_, write command_ -> send -> receive -> ..
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <memory>
 #include <mutex>
@@ -63,7 +64,10 @@ class DriverThread final : public Counted<DriverThread> {
   fs_status get_link(fs_link& out) noexcept;
 
   std::shared_ptr<Opened> device() const noexcept;  // null: it is not connected
-  Trouble trouble() const;  // why the driver failed last, or the device does not come back
+  // Why the driver has failed, or the device does not come back. The troubles are counted from 1; of one that is long past the newest is
+  // given in its place.
+  Trouble trouble(uint32_t number) const;
+  uint32_t troubles() const noexcept { return troubles_told_.load(std::memory_order_acquire); }  // [rt] how many there were
 
  private:
   struct State {
@@ -88,6 +92,7 @@ class DriverThread final : public Counted<DriverThread> {
   void reconnect() noexcept;
   void finish() noexcept;
   void measure(void* self) noexcept;
+  void tell(Trouble trouble) noexcept;  // with the mutex
   template <class F>
   fs_status call(F&& f, fs_status usual) noexcept;  // usual: beside OK, what is no trouble
   fs_status receive(void* self, uint32_t& before) noexcept;  // before: commands_ when the state came
@@ -102,7 +107,8 @@ class DriverThread final : public Counted<DriverThread> {
 
   mutable std::mutex mutex_;  // of the next two
   std::shared_ptr<Opened> device_;
-  Trouble trouble_;
+  std::array<Trouble, 8> troubles_;  // the newest
+  std::atomic<uint32_t> troubles_told_{0};
 
   Latest<State> newest_;  // written by who has the driver
   std::atomic<uint32_t> states_{0};  // how many have come

@@ -45,7 +45,7 @@ void DeviceEvents::note(const Tick& tick) noexcept {
   const bool is_gone = failed == FS_ERROR_DISCONNECTED;
   const auto add = [&](fs_status status, uint32_t faults) {
     leave({written_.load(std::memory_order_relaxed), tick.time, status, faults, latched, reason, static_cast<uint16_t>(why),
-           tick.age});
+           tick.age, tick.troubles});
   };
   if (is_ready && !is_ready_) add(FS_OK, 0);
   const bool begins_too_old = !has_begun_ && reason == too_old;  // it has given states, but none for this servo
@@ -78,14 +78,16 @@ bool DeviceEvents::take(uint64_t& next, const Known& known, fs_event& out) const
   out.status = event.status;
   out.time = event.time;
   out.value = event.faults;
-  std::memcpy(out.name, known.device.name, sizeof known.device.name);
+  const fs_device_info& info = known.device.info();
+  std::memcpy(out.name, info.name, sizeof info.name);
   std::string text = "ready";
   if (event.faults & device_fault) {
     if (event.reason == unread || event.reason == unsent) {
       text = event.status == FS_ERROR_DISCONNECTED ? "lost: it is not connected"
              : event.reason == unread              ? "lost: its state could not be read"
                                                    : "lost: it did not take the force";
-      if (const std::string why = known.trouble.of(event.status); !why.empty()) text += " (" + why + ")";
+      const std::string why = known.device.trouble(static_cast<uint32_t>(event.trouble)).of(event.status);
+      if (!why.empty()) text += " (" + why + ")";
     } else if (event.reason == not_ready) {
       text = "not ready";
       if (event.flags) text += std::string(": ") + state_reason(event.flags);

@@ -9,7 +9,7 @@
 #include <forceserver/servo.h>
 
 #include "base/seqlock.h"
-#include "driver/driver_thread.h"
+#include "driver/device.h"
 
 namespace fs {
 
@@ -22,6 +22,7 @@ class DeviceEvents {
     uint32_t flags;    // FS_STATE_ bits of the device
     double age;        // s, of its pose
     uint32_t faults;   // the guard's
+    uint32_t troubles; // of the device, how many there have been
   };
 
   // [rt] Called once a tick. Adds an event when the device becomes ready or is lost, when it has another reason for not being
@@ -35,9 +36,8 @@ class DeviceEvents {
   uint64_t count() const noexcept { return written_.load(std::memory_order_acquire); }
   // What is said beside what the tick has noted.
   struct Known {
-    const fs_device_info& device;
+    const fs_device& device;
     double pose_age, speed_limit;  // s, m/s, of the servo
-    Trouble trouble;               // why the device fails, or does not come back
   };
   // Gives the event with number `next`, or if it was overwritten an overflow event that counts the lost ones and has the time of
   // the oldest that is kept, and advances `next`. Returns false when there is no such event yet.
@@ -54,6 +54,7 @@ class DeviceEvents {
     uint16_t reason;   // of FS_FAULT_DEVICE
     uint16_t flags;    // FS_STATE_ bits that say why the device is not ready
     double age;        // s, of the pose
+    uint64_t trouble;  // the number of the device's newest
   };
   static constexpr uint64_t capacity = 1024;
 

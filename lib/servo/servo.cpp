@@ -278,7 +278,7 @@ void fs_servo::tick(double now, double late) noexcept {
                       : device_->write(sent);
 
   channels_.publish(sent, guarded, tick_);
-  events_.note({now, read_status, write_status_, hand.flags, age, guard_.faults()});
+  events_.note({now, read_status, write_status_, hand.flags, age, guard_.faults(), device_->troubles()});
   const fs_status status = read_status != FS_OK ? read_status : write_status_;
 
   const double compute = steady_now() - begin;
@@ -296,7 +296,7 @@ void fs_servo::add_record(uint64_t after, size_t most, std::vector<fs_recorded_t
 
 bool fs_servo::take_event(uint64_t& next, fs_event& out) const {
   if (next == events_.count()) return false;
-  return events_.take(next, {device_->info(), loop_.values().pose_age, settings_.limits.speed, device_->trouble()}, out);
+  return events_.take(next, {*device_, loop_.values().pose_age, settings_.limits.speed}, out);
 }
 
 void fs_servo::set_enabled(bool enabled) noexcept {

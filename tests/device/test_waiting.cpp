@@ -490,6 +490,19 @@ START_TEST(the_reason_is_told) {
     device.receive_status = FS_OK;
   }
   ck_assert(until([&] { return pushes(device); }));
+  {  // An event that is fetched late tells its own reason.
+    const std::lock_guard lock(device.mutex);
+    device.receive_status = FS_ERROR_DISCONNECTED;
+    device.words = "the cable is out";
+    device.open_status = FS_ERROR_NOT_FOUND;
+  }
+  std::this_thread::sleep_for(std::chrono::seconds(1));  // meanwhile it is looked for
+  ck_assert(!event_with(loop.scene.get(), "lost: it is not connected (the cable is out)").empty());
+  {
+    const std::lock_guard lock(device.mutex);
+    device.receive_status = device.open_status = FS_OK;
+  }
+  ck_assert(until([&] { return event_with(loop.scene.get(), "ready") == "ready"; }));
   {  // What was said then is not the reason of this.
     const std::lock_guard lock(device.mutex);
     device.on_state = [](fs_state& s, uint64_t) { s.time = NAN; };
