@@ -175,17 +175,17 @@ END_TEST
 START_TEST(device_has_one_owner) {
   const Ref<Device> device = open_device("fake:0");
   ck_assert(!device->is_owned());
-  device->acquire(-1, false);
+  device->acquire(-1, false, 1e-3);
   ck_assert(device->is_owned());
-  expect_error(FS_ERROR_STATE, "has a servo already", [&] { device->acquire(-1, false); });
+  expect_error(FS_ERROR_STATE, "has a servo already", [&] { device->acquire(-1, false, 1e-3); });
   device->release_ownership();
-  device->acquire(-1, false);
+  device->acquire(-1, false, 1e-3);
 }
 END_TEST
 
 START_TEST(device_is_silent) {  // until its owner closes it
   const Ref<Device> device = open_device("fake:0");
-  device->acquire(-1, false);
+  device->acquire(-1, false, 1e-3);
   ck_assert(device->take_turn());
   ck_assert(!device->take_turn());
   device->end_turn();
