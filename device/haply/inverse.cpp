@@ -15,6 +15,7 @@ constexpr double open_within = 2;      // s, for each of the first two messages
 constexpr double answer_within = 0.018;  // s: receive returns within 20 ms
 constexpr double take_within = 0.003;    // s: send returns within 5 ms
 constexpr double quiet_after = 0.2;      // s without a state: status says so
+constexpr double say_again_after = 0.2;  // s, so that what a slow service must take does not queue
 constexpr double silent_after = 1;       // s without a state that can be used: the device is lost, and opened again
 constexpr double end_within = 0.05;      // s, for the answer to the last force, which is 0
 constexpr double farthest = 1, fastest = 20;  // m, m/s: what is beyond is not believed
@@ -163,6 +164,7 @@ void Inverse::note_filters(const Arm& arm) {
 
 Inverse::~Inverse() {
   const double until = steady_now() + end_within;
+  sent_at_ = 0;  // so that 0 is sent whatever was before
   if (ask({}) == FS_ERROR_DISCONNECTED) return;
   std::string_view text;
   await_answers(until, text);
@@ -184,11 +186,13 @@ void Inverse::get_info(fs_device_info& out) const {
 
 // --------------------------------------------------------------------------------------------------------- states and forces
 
-// While an answer is late nothing more is sent but the end of a force, so that no messages queue.
+// While an answer is late nothing more is sent but the end of a force, so that no messages queue. That is said again now and then, as
+// nobody knows whether a service that does not answer has passed it on.
 fs_status Inverse::ask(fs_vec3 force) {
-  if (outstanding_ > 0 && (!is_none(force) || is_none(sent_force_))) return FS_ERROR_TIMEOUT;
-  write_force(command_, dialect_, id_, force);
   const double now = steady_now();
+  const bool is_said = is_none(sent_force_) && now - sent_at_ < say_again_after;
+  if (outstanding_ > 0 && (!is_none(force) || is_said)) return FS_ERROR_TIMEOUT;
+  write_force(command_, dialect_, id_, force);
   const fs_status status = service_->send(command_, take_within);
   if (status != FS_OK) return status;
   ++outstanding_;
@@ -232,6 +236,7 @@ fs_status Inverse::receive(fs_state& out) {
   next_ = std::max(next_, now - period_) + period_;
   if (status != FS_OK) return without_answer(status, now);
   round_trip_ = now - sent_at_;
+  meter_.note_state(now - round_trip_ / 2, period_);
   meter_.note_delay(round_trip_);
   const char* const trouble = read_state(text, out);
   if (trouble) return fs_fail(now - good_at_ > silent_after ? FS_ERROR_DISCONNECTED : FS_ERROR_IO, trouble);
