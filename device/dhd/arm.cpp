@@ -17,7 +17,6 @@ constexpr unsigned char watchdog_units = 160;  // in units of 125 us: 20 ms
 constexpr double pose_within = 0.008;         // s, for a pose that is new
 constexpr double ask_again_after = 2e-4;      // s, when the SDK gave a pose a second time
 constexpr double longest_call = 0.003;        // s, for a pose whose time is known well enough to tell a speed by
-constexpr double longest_age = 0.02;          // s, of a pose, by which it counts as late
 constexpr double look_every = 0.02;           // s, at the status
 constexpr double rest_after_brake = 1;        // s, until a device that was too fast gets its force again
 constexpr double silent_after = 0.2;          // s without a look at the status: the SDK does not answer
@@ -263,8 +262,8 @@ fs_status Arm::read(fs_state& out) noexcept {
   failing_since_ = 0;
   ++poses_;
   const double time = 0.5 * (before + steady_now());
-  extra_age_ = pose_time_ > 0 ? std::clamp(0.5 * (time - pose_time_ - period_), 0.0, longest_age) : 0;
-  out.time = measured_ = pose_time_ = time;
+  meter_.note_state(time, period_);
+  out.time = measured_ = time;
   out.pose.position = to_device(x, y, z);
   out.pose.orientation = to_device(turned);
   out.buttons = api_.dhdGetButtonMask(id_);
@@ -284,7 +283,7 @@ fs_status Arm::send(const fs_wrench& wrench) noexcept {
   if (answer < 0) return failed("the force cannot be sent");
   ++commands_;
   if (answer == is_saturated) ++saturated_;
-  if (measured_ > 0) meter_.note_delay(steady_now() - measured_ + extra_age_);
+  if (measured_ > 0) meter_.note_delay(steady_now() - measured_);
   measured_ = 0;
   return FS_OK;
 }

@@ -59,9 +59,6 @@ class Arm {
   double braked_at_ = 0;  // s: when the device was first seen to have braked; 0: it has not
   double next_ = 0;  // s: when the next pose is due
   double measured_ = 0;  // s: the time of the newest pose; 0: a force has answered it
-  double pose_time_ = 0;  // s: the time of the newest pose
-  double extra_age_ =
-      0;  // s: half of the time by which poses come more seldom than each period: the servo counts half a period itself
   bool is_slow_ = false;  // the newest call for a pose took long
   double failing_since_ = 0;  // s: since when every call fails; 0: the last one has succeeded
   uint32_t poses_ = 0, commands_ = 0, saturated_ = 0;

@@ -16,6 +16,7 @@ namespace fs::openhaptics {
 namespace {
 
 constexpr uint16_t usb_vendor = 0x2988;
+constexpr double period = 1e-3;        // s, of the callback
 constexpr double command_age = 0.02;   // s, after which a force counts no more
 constexpr double state_within = 0.015; // s, that receive waits
 constexpr double silent_after = 0.5;   // s without a cycle: the thread of OpenHaptics has stopped
@@ -115,7 +116,7 @@ void Touch::get_info(fs_device_info& out) const {
   out.workspace_angle = 1;
   out.force_max = force_max_;
   out.torque_max = has_torque_ ? torque_max : 0;
-  out.rate = 1000;
+  out.rate = 1 / period;
   out.delay = 0.001;
 }
 
@@ -248,6 +249,7 @@ fs_status Touch::receive(fs_state& out) noexcept {
   }
   out = state.state;
   pose_time_ = out.time;
+  meter_.note_state(out.time, period);
   return FS_OK;
 }
 

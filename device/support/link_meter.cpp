@@ -6,11 +6,19 @@ namespace fs {
 namespace {
 
 constexpr size_t fewest_delays = 20;
+constexpr double longest_age = 0.02;  // s, that is added to a delay
 constexpr double longest_pause = 0.5;  // s between two calls of tell: what was before counts no more
 
 }  // namespace
 
-void LinkMeter::note_delay(double delay) noexcept { delays_[delay_count_++ % delays_.size()] = static_cast<float>(delay); }
+void LinkMeter::note_state(double time, double period) noexcept {
+  extra_age_ = state_time_ > 0 ? std::clamp(0.5 * (time - state_time_ - period), 0.0, longest_age) : 0;
+  state_time_ = time;
+}
+
+void LinkMeter::note_delay(double delay) noexcept {
+  delays_[delay_count_++ % delays_.size()] = static_cast<float>(delay + extra_age_);
+}
 
 fs_status LinkMeter::tell(double now, const Totals& totals, fs_link& out) noexcept {
   const size_t kept = std::min(delay_count_, delays_.size());

@@ -18,6 +18,9 @@ class LinkMeter {
     uint32_t sent = 0, came = 0;  // states and commands: how many were sent, and how many of those have come
   };
 
+  // A state was measured at `time`, s. One that comes more than `period` (s) after the one before is old when it is used: half of the
+  // time by which it comes later is added to the delays that are noted from then on. Half of the period the servo counts itself.
+  void note_state(double time, double period) noexcept;
   void note_delay(double delay) noexcept;  // s, from a state to the force that answers it, or a round trip
 
   // What get_link answers, called 25 times a second. now: s. UNSUPPORTED: too little has been measured yet.
@@ -31,6 +34,7 @@ class LinkMeter {
 
   std::array<float, 1024> delays_{}, sorted_{};  // s
   size_t delay_count_ = 0;
+  double state_time_ = 0, extra_age_ = 0;  // s
   std::array<Past, 25> past_{};  // a second
   size_t past_count_ = 0;
 };

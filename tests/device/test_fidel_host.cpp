@@ -215,6 +215,25 @@ START_TEST(the_link_is_measured) {
 }
 END_TEST
 
+// Half of the time by which states come later than a period counts as delay.
+START_TEST(states_that_come_seldom) {
+  const auto delay_at = [](double interval) {
+    LinkMeter meter;
+    fs_link link{};
+    for (uint32_t i = 1; i <= 1000; ++i) {
+      meter.note_state(100 + interval * i, 1e-3);
+      meter.note_delay(2e-3);
+      if (i % 4 == 0) meter.tell(100 + interval * i, {i, i, i}, link);
+    }
+    return link.delay;
+  };
+  EXPECT_NEAR(delay_at(5e-4), 2e-3, 1e-5);
+  EXPECT_NEAR(delay_at(1e-3), 2e-3, 1e-5);
+  EXPECT_NEAR(delay_at(5e-3), 4e-3, 1e-5);
+  EXPECT_NEAR(delay_at(0.1), 22e-3, 1e-5);  // 20 ms are added at most
+}
+END_TEST
+
 START_TEST(the_device_clock_is_mapped) {
   // The device's clock runs 100 us/s fast and wraps; reports come 0.1 to 2 ms late.
   DeviceClock clock;
@@ -239,7 +258,7 @@ END_TEST
 int main() {
   Suite* suite = suite_create("fidel_host");
   add_case(suite, "host",
-           {forces_are_what_was_wanted, encoders_are_watched, calibrations_are_found_and_kept, the_link_is_measured,
+           {forces_are_what_was_wanted, encoders_are_watched, calibrations_are_found_and_kept, the_link_is_measured, states_that_come_seldom,
             the_device_clock_is_mapped});
   return run_suite(suite);
 }
