@@ -62,6 +62,7 @@ const std::string* Address::find(std::string_view key) const noexcept {
 
 std::optional<std::string> Address::text(std::string_view key) const {
   const std::string* const value = find(key);
+  if (value && value->empty()) refuse(FS_ERROR_INVALID, "option '%s' is empty", std::string(key).c_str());
   return value ? std::optional(*value) : std::nullopt;
 }
 

@@ -24,7 +24,8 @@ enum {
   FS_STATE_FIRMWARE_MISSING = 8,/* it must be given its firmware first */
   FS_STATE_NOT_HOMED = 16,      /* it does not know where its handle is */
   FS_STATE_IN_HOLDER = 32,      /* its handle is in its holder or inkwell */
-  FS_STATE_STOPPED = 64,        /* an emergency stop, a force switch or a dead man's switch holds its motors */
+  FS_STATE_STOPPED = 64,        /* its motors are off: an emergency stop, a force switch, a dead man's switch, no
+                                   power, or they are too warm */
   FS_STATE_TOO_FAST = 128       /* it has switched its motors off, because the handle was too fast */
 };
 

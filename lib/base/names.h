@@ -34,7 +34,7 @@ constexpr const char* state_reasons[] = {
     "it must be given its firmware first",
     "it is not homed, so it does not know where its handle is",
     "its handle is in the holder: take it out",
-    "its motors are held: by the emergency stop, the force switch or the dead man's switch",
+    "its motors are off: the emergency stop, the force switch or the dead man's switch, no power, or they are too warm",
     "it has switched its motors off, because the handle was too fast",
 };
 constexpr uint32_t state_reason_bits = ((1u << std::size(state_reasons)) - 1) * FS_STATE_CONNECTING;

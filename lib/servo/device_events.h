@@ -26,7 +26,7 @@ class DeviceEvents {
   };
 
   // [rt] Called once a tick. Adds an event when the device becomes ready or is lost, when it has another reason for not being
-  // ready, or when a fault begins.
+  // ready or for not being there, or when a fault begins.
   void note(const Tick& tick) noexcept;
   // [rt] The latched faults were cleared. A fault that comes again makes a new event, even in the same tick.
   void forget_faults() noexcept { latched_ = 0; }
@@ -63,6 +63,7 @@ class DeviceEvents {
   // Only the tick uses these.
   bool has_begun_ = false, is_ready_ = false, is_gone_ = false;  // is_gone_: DISCONNECTED
   uint32_t latched_ = 0, told_ = 0;  // told_: why the device is not ready, FS_STATE_ bits
+  uint32_t told_trouble_ = 0;
 
   std::array<Seqlock<Event>, capacity> events_;
   std::atomic<uint64_t> written_{0};

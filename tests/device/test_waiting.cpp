@@ -498,6 +498,7 @@ START_TEST(the_reason_is_told) {
   }
   std::this_thread::sleep_for(std::chrono::seconds(1));  // meanwhile it is looked for
   ck_assert(!event_with(loop.scene.get(), "lost: it is not connected (the cable is out)").empty());
+  ck_assert(!event_with(loop.scene.get(), "lost: it is not connected (").empty());  // that it cannot be found
   {
     const std::lock_guard lock(device.mutex);
     device.receive_status = device.open_status = FS_OK;
