@@ -258,7 +258,8 @@ fs_status DriverThread::send(void* self, const Command& command) noexcept {
 DriverThread::Command DriverThread::present() const noexcept {
   Command command;
   if (!command_.read(command)) return {};
-  const bool is_present = command.is_lasting || (command.bad_seen == bad_ && steady_now() - command.time <= command_age + servos_period_);
+  const bool is_present =
+      command.is_lasting || (command.bad_seen == bad_ && steady_now() - command.time <= command_age + servos_period_);
   if (is_present && command.number != forgotten_) return command;
   Command none;
   none.number = command.number;
