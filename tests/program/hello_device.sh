@@ -91,8 +91,8 @@ hold_up() {
   exec 9<> output
   (printf 's\ns\n'; yes x | head -n 4000) | timeout 60 "$program" hello-device --driver "$driver" hello:right > output 2>&1 9>&- &
   becomes rlatud && becomes n && touch ended
-  cat output > read 9>&- &
-  exec 9>&-
+  exec 8< output 9>&-  # in this order: opened after all who write have ended, it would wait for ever
+  cat <&8 > read
   wait
 }
 
