@@ -12,6 +12,8 @@ using SizeMember = uint32_t wire::Sizes::*;
 constexpr SizeMember all_of_them[] = {&wire::Sizes::object, &wire::Sizes::stats, &wire::Sizes::device};
 constexpr uint32_t largest = 4096;  // no record of any version is larger
 
+}  // namespace
+
 RecordSizes first_sizes() noexcept {
   RecordSizes out{};
   out.object = wire::record_bytes(sizes_of<fs_object>().first);
@@ -19,8 +21,6 @@ RecordSizes first_sizes() noexcept {
   out.device = sizes_of<fs_device_info>().first;
   return out;
 }
-
-}  // namespace
 
 RecordSizes own_sizes() noexcept {
   RecordSizes out{};

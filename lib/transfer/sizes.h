@@ -15,6 +15,7 @@ namespace fs {
 using RecordSizes = wire::Sizes;  // in bytes
 
 RecordSizes own_sizes() noexcept;
+RecordSizes first_sizes() noexcept;  // of the first version; no version has smaller ones
 // What both know. Nothing: these are not the sizes of any version.
 std::optional<RecordSizes> common_sizes(const RecordSizes& theirs) noexcept;
 

@@ -353,7 +353,7 @@ START_TEST(exit_beside_one_that_hangs) {
   }));
   ck_assert(well.is_zero);
   ck_assert_uint_eq(well.again, 0);
-  ck_assert_uint_lt(hung.again, 500);  // if it had been waited for, there would be 1000 and more
+  ck_assert_uint_lt(hung.again, 950);  // if it had been waited for, there would be 1000 and more; a busy machine takes long, too
 }
 END_TEST
 

@@ -98,7 +98,8 @@ START_TEST(no_pause_makes_a_step) {
   Loop loop(device, FS_SERVO_CALLER, 0);
   const auto step = [&](double after) {
     std::this_thread::sleep_for(std::chrono::duration<double>(after));
-    require(fs_servo_step(loop.servo.get(), 1), "fs_servo_step");
+    const fs_status status = fs_servo_step(loop.servo.get(), 1);  // DISCONNECTED: the machine was busy, and its state is old
+    ck_assert_msg(status == FS_OK || status == FS_ERROR_DISCONNECTED, "%s", fs_last_error());
   };
   for (double pause = 0.018; pause < 0.034; pause += 4e-4) {
     for (Patience patience; patience.lasts() && !pushes(device);) step(5e-4);

@@ -49,9 +49,9 @@ END_TEST
 // The sizes of the records that grow: what no version has is not taken.
 START_TEST(hostile_sizes) {
   Rig rig;
-  const fs::wire::Sizes own = fs::own_sizes();
+  const fs::wire::Sizes own = fs::own_sizes(), first = fs::first_sizes();
   for (uint32_t fs::wire::Sizes::*member : {&fs::wire::Sizes::object, &fs::wire::Sizes::stats, &fs::wire::Sizes::device}) {
-    for (const uint32_t size : {0u, 1u, 8u, own.*member - 8, own.*member + 1, own.*member + 4, 4104u, 1u << 31, ~7u, ~0u}) {
+    for (const uint32_t size : {0u, 1u, 8u, first.*member - 8, own.*member + 1, own.*member + 4, 4104u, 1u << 31, ~7u, ~0u}) {
       RawClient client = rig.stranger();
       fs::wire::Hello hello = RawClient::hello("other");
       hello.sizes.*member = size;

@@ -195,7 +195,10 @@ START_TEST(records_have_the_common_size) {
   theirs.later[12] = 77;  // a record of a later version
   ck_assert(common_sizes(theirs) && common_sizes(theirs)->object == sizeof(wire::Object));
   for (uint32_t wire::Sizes::*member : {&wire::Sizes::object, &wire::Sizes::stats, &wire::Sizes::device}) {
-    for (const uint32_t size : {0u, 8u, own_sizes().*member - 8, own_sizes().*member + 4, 4104u, ~0u}) {
+    wire::Sizes older = own_sizes();
+    older.*member = first_sizes().*member;
+    ck_assert(common_sizes(older) && (*common_sizes(older)).*member == first_sizes().*member);
+    for (const uint32_t size : {0u, 8u, first_sizes().*member - 8, own_sizes().*member + 4, 4104u, ~0u}) {
       wire::Sizes bad = own_sizes();
       bad.*member = size;
       ck_assert(!common_sizes(bad));
