@@ -48,7 +48,7 @@ static void expect_same(const Trace& a, const Trace& b) {
   for (const auto& [what, x] : a.numbers) scale = std::fmax(scale, std::isfinite(x) ? std::fabs(x) : 0);
   for (size_t i = 0; i < a.numbers.size(); ++i) {
     const double x = a.numbers[i].value, y = b.numbers[i].value;
-    ck_assert_msg(x == y || std::fabs(x - y) <= 1e-12 * scale, "%s is %.17g here and %.17g at the server",
+    ck_assert_msg(x == y || std::fabs(x - y) <= 1e-10 * scale, "%s is %.17g here and %.17g at the server",
                   a.numbers[i].what.c_str(), x, y);
   }
 }
@@ -165,7 +165,7 @@ static Trace random_script(int variant, uint64_t seed) {
     w.fake.state.twist = {};
     w.fake.state.pose = random.pose(0.1);
     w.settle();
-    w.step(200);
+    w.step(1000);  // the frames and tools of a round may fade one after the other, where the servo ticks between their calls
     tell(trace, w.scene, true);
     for (int i = 0; i < 10; ++i) {
       w.fake.state.twist = {random.in_box(0.5), random.in_box(4)};
