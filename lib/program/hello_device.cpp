@@ -23,6 +23,7 @@ constexpr double hold = 3;  // s, in which a push stays when nobody answers
 constexpr double servo_time = 60;  // s, the longest step with a servo
 constexpr double ball_radius = 0.03;  // m
 constexpr double run_away = 0.04;  // m, the handle in a push, which ends then
+constexpr double longest_pause = 0.5;  // s without a state, after which a step is over
 
 // The rest of a step cannot be done.
 struct StepOver {
@@ -149,9 +150,11 @@ class Hello {
   }
 
   fs_vec3 position(const char* during) const {
-    const Place place = fresh_place(device_, info_);
-    if (!place.position) throw StepOver{format("%s: %s", during, place.why.c_str())};
-    return *place.position;
+    for (const double begin = now();; sleep_for(1e-3)) {
+      const Place place = fresh_place(device_, info_);
+      if (place.position) return *place.position;
+      if (now() - begin > longest_pause) throw StepOver{format("%s: %s", during, place.why.c_str())};
+    }
   }
 
   void test_pose() {
@@ -248,27 +251,30 @@ class Hello {
     fs_vec3 moved;  // m, until the force began to end
   };
 
-  // The force grows, stays until the person has answered, for 3 s at most, and ends.
+  // The force grows, stays until the person has answered, for 3 s at most, and ends. While no state comes there is no force; then it grows
+  // again.
   Push push_once(const Direction& direction, const ForceEnding& ending) {
     const PushEnd end(device_);
     const fs_vec3 start = position("not pushed");
     fs_vec3 moved{};
-    const auto give = [&](double part) {
-      moved = minus(position("the push was ended"), start);
+    double seen = now(), part = 0;
+    const auto give = [&](double wanted) {
+      const Place place = fresh_place(device_, info_);
+      if (place.position) seen = now(), moved = minus(*place.position, start), part = wanted;
+      else part = 0;
+      if (now() - seen > longest_pause) throw StepOver{"the push was ended: " + place.why};
       device_.write({vector_of(direction, force_ * part), {}});
       ending.pause(1e-3);
     };
     const char* const help = "r right, l left, a away, t towards you, u up, d down, n nothing, p push again";
     const double begin = now();
-    double part = 0;
     std::optional<char> answer = person_.ask_letter("Which way does it push?", help, "rlatudnp", [&] {
-      part = std::min({1.0, (now() - begin) / ramp, part + largest_step});
-      give(part);
+      give(std::min({1.0, (now() - begin) / ramp, part + largest_step}));
       return length(moved) < run_away && now() - begin < ramp + hold;
     });
     const fs_vec3 went = moved;
     if (length(went) >= run_away) part = 0;  // it ends at once
-    for (double over = now(), t = 0; t < ramp; t = now() - over) give(part * (1 - t / ramp));
+    for (double over = now(), t = 0; t < ramp; t = now() - over) give(std::min(part, 1 - t / ramp));
     device_.write({});
     if (!answer) {
       const std::string why =

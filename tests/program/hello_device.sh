@@ -106,7 +106,7 @@ expect() {
   done
 }
 
-for name in right exchanged mirrored backwards turned deaf unready lost forceless; do
+for name in right exchanged mirrored backwards turned deaf pausing unready lost forceless; do
   touch_device $name truthful hello:$name &
 done
 for character in sloppy ruler guesser silent quitter hasty timid interrupter; do
@@ -138,6 +138,7 @@ expect backwards 1 '^FAILED  a force along \+y should push away from you: it pus
 expect turned 1 '^odd     it has no watchdog: a force stays when the program is killed' '^Poses and forces are turned or mirrored alike \(poses: the signs of x, y are wrong\)' '^passed  the ball is there'
 expect scaled 1 'its scale is wrong by a factor of (9\.|10)' '^The poses are .* are millimetres taken for centimetres\?$'
 expect deaf 1 '^The forces are wrong: nothing comes out along \+x, \+y, \+z, -x, -y, -z.'
+expect pausing 0 '^14 passed, 0 odd, 0 failed$'
 expect unready 1 '^odd     it is not ready: it is not homed' '^odd     the steps at the handle were not tried'
 expect lost 1 '^FAILED  the device failed here: .*the cable is out$'
 expect forceless 0 '^    not tried   the device has no force$' ' 0 failed; steps that were left out: 1$'
