@@ -15,7 +15,7 @@ constexpr double open_within = 2;      // s, for each of the first two messages
 constexpr double answer_within = 0.018;  // s: receive returns within 20 ms
 constexpr double take_within = 0.003;    // s: send returns within 5 ms
 constexpr double quiet_after = 0.2;      // s without a state: status says so
-constexpr double say_again_after = 0.2;  // s, so that what a slow service must take does not queue
+constexpr double send_zero_again_after = 0.2;  // s: long enough for a slow service to take one message
 constexpr double silent_after = 1;       // s without a state that can be used: the device is lost, and opened again
 constexpr double end_within = 0.05;      // s, for the answer to the last force, which is 0
 constexpr double farthest = 1, fastest = 20;  // m, m/s: what is beyond is not believed
@@ -164,7 +164,7 @@ void Inverse::note_filters(const Arm& arm) {
 
 Inverse::~Inverse() {
   const double until = steady_now() + end_within;
-  sent_at_ = 0;  // so that 0 is sent whatever was before
+  sent_at_ = 0;  // so that 0 is sent even if it was sent a moment ago
   if (ask({}) == FS_ERROR_DISCONNECTED) return;
   std::string_view text;
   await_answers(until, text);
@@ -186,12 +186,12 @@ void Inverse::get_info(fs_device_info& out) const {
 
 // --------------------------------------------------------------------------------------------------------- states and forces
 
-// While an answer is late nothing more is sent but the end of a force, so that no messages queue. That is said again now and then, as
-// nobody knows whether a service that does not answer has passed it on.
+// While an answer is late nothing is sent but force 0, where a force must end, so that no messages queue. As nobody knows whether a
+// service that does not answer has taken the 0, it is sent again from time to time.
 fs_status Inverse::ask(fs_vec3 force) {
   const double now = steady_now();
-  const bool is_said = is_none(sent_force_) && now - sent_at_ < say_again_after;
-  if (outstanding_ > 0 && (!is_none(force) || is_said)) return FS_ERROR_TIMEOUT;
+  const bool is_zero_sent = is_none(sent_force_) && now - sent_at_ < send_zero_again_after;
+  if (outstanding_ > 0 && (!is_none(force) || is_zero_sent)) return FS_ERROR_TIMEOUT;
   write_force(command_, dialect_, id_, force);
   const fs_status status = service_->send(command_, take_within);
   if (status != FS_OK) return status;

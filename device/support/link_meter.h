@@ -18,8 +18,8 @@ class LinkMeter {
     uint32_t sent = 0, came = 0;  // states and commands: how many were sent, and how many of those have come
   };
 
-  // A state was measured at `time`, s. One that comes more than `period` (s) after the one before is old when it is used: half of the
-  // time by which it comes later is added to the delays that are noted from then on. Half of the period the servo counts itself.
+  // A state was measured at `time`, s; wanted is one each `period`, s. The servo counts half a period for the mean age of a state. Where
+  // states come further apart, half of the difference is added to the delays that are noted from then on.
   void note_state(double time, double period) noexcept;
   void note_delay(double delay) noexcept;  // s, from a state to the force that answers it, or a round trip
 

@@ -377,7 +377,8 @@ typedef enum fs_event_kind {
                                    edits by one client before the object is looked at give one event */
   FS_EVENT_EXPIRED = 5,         /* an object's lifetime is over: it stays, at weight 0, until set, changed or moved */
   FS_EVENT_DEVICE = 6,          /* the device (name) is ready (FS_OK), lost or stopped by a fault: status, text; value:
-                                   the new fs_fault bits as a number; 0: ready. A fault that occurs again after
+                                   the new fs_fault bits as a number; 0: ready. A device that stays lost gives another
+                                   event for each new reason. A fault that occurs again after
                                    fs_servo_set_enabled gives another event. INVALID: its driver measures nonsense (driver.h,
                                    get_link), which does not count; value: 0 */
   FS_EVENT_DISCONNECTED = 7,    /* the server is gone; this is the last event: make a new scene */

@@ -371,8 +371,10 @@ void DriverThread::give_back(bool is_for_good) noexcept {
 
 void DriverThread::tell(Trouble trouble) noexcept {
   const uint32_t told = troubles_told_.load(std::memory_order_relaxed);
-  const Trouble& newest = troubles_[(told - 1) % troubles_.size()];
-  if (told > 0 && newest.status == trouble.status && newest.words == trouble.words) return;
+  if (told > 0) {
+    const Trouble& newest = troubles_[(told - 1) % troubles_.size()];
+    if (newest.status == trouble.status && newest.words == trouble.words) return;
+  }
   troubles_[told % troubles_.size()] = std::move(trouble);
   troubles_told_.store(told + 1, std::memory_order_release);
 }

@@ -64,10 +64,10 @@ class DriverThread final : public Counted<DriverThread> {
   fs_status get_link(fs_link& out) noexcept;
 
   std::shared_ptr<Opened> device() const noexcept;  // null: it is not connected
-  // Why the driver has failed, or the device does not come back. The troubles are counted from 1, the same again is the same; of one that is
-  // long past the newest is given in its place.
+  // Why the driver has failed, or the device does not come back. number: from 1 to troubles(). Only the newest are kept: for an older one
+  // the newest is given.
   Trouble trouble(uint32_t number) const;
-  uint32_t troubles() const noexcept { return troubles_told_.load(std::memory_order_acquire); }  // [rt] how many there were
+  uint32_t troubles() const noexcept { return troubles_told_.load(std::memory_order_acquire); }  // [rt] how many; repeated ones count once
 
  private:
   struct State {

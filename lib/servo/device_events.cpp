@@ -48,14 +48,14 @@ void DeviceEvents::note(const Tick& tick) noexcept {
            tick.age, tick.troubles});
   };
   if (is_ready && !is_ready_) add(FS_OK, 0);
-  const bool stays_gone = is_gone && is_gone_ && tick.troubles != told_trouble_;  // there is another reason for it
+  const bool stays_gone = is_gone && is_gone_ && tick.troubles != seen_trouble_;  // there is another reason for it
   const bool begins_too_old = !has_begun_ && reason == too_old;  // it has given states, but none for this servo
   if (!is_ready && (is_ready_ || (why && why != told_) || (is_gone && !is_gone_) || stays_gone || begins_too_old))
     add(failed != FS_OK ? failed : FS_ERROR_STATE, device_fault);
   if (const uint32_t fresh = latched & ~latched_) add(FS_ERROR_STATE, fresh);
   has_begun_ = true;
   told_ = why;
-  told_trouble_ = tick.troubles;
+  seen_trouble_ = tick.troubles;
   is_ready_ = is_ready;
   is_gone_ = is_gone;
   latched_ = latched;

@@ -63,7 +63,7 @@ class DeviceEvents {
   // Only the tick uses these.
   bool has_begun_ = false, is_ready_ = false, is_gone_ = false;  // is_gone_: DISCONNECTED
   uint32_t latched_ = 0, told_ = 0;  // told_: why the device is not ready, FS_STATE_ bits
-  uint32_t told_trouble_ = 0;
+  uint32_t seen_trouble_ = 0;  // the number of the trouble at the last tick
 
   std::array<Seqlock<Event>, capacity> events_;
   std::atomic<uint64_t> written_{0};

@@ -105,7 +105,7 @@ START_TEST(another_one_is_refused) {
   const uint64_t opens = rig.bus.counts(1).opens;
   const auto other = FalconRig::made("B2");
   rig.bus.plug(1, other);
-  // It was opened and closed; an event tells the reason each time when there is another one.
+  // It was opened and closed; each new reason why the device does not come back gives an event.
   ck_assert(until([&] { return rig.bus.counts(1).opens > opens && rig.bus.counts(1).open_now == 0; }));
   ck_assert(until([&] { return rig.bus.counts(1).opens > opens + 1; }));
   ck_assert(pushing.event_with("another device is there: Novint Falcon, serial number 'B2'"));
